@@ -8,8 +8,9 @@
 namespace needlelab {
 namespace {
 
-/// Maximum number of cached statements per connection; all stores together use fewer.
-constexpr std::size_t kMaxIdle = 128;
+/// Maximum number of cached statements per connection; all stores together use fewer, and so does a copy of
+/// all tables (store_copy.h).
+constexpr std::size_t kMaxIdle = 256;
 
 }  // namespace
 

@@ -117,6 +117,11 @@ DbWriter::Counters DbWriter::counters() const {
   return counters;
 }
 
+DbWriter::Standing DbWriter::standing() const {
+  const std::lock_guard lock(mutex_);
+  return standing_;
+}
+
 void DbWriter::loop() {
   for (;;) {
     std::vector<Item> group = takeGroup();
@@ -298,13 +303,21 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
   // nothing is in doubt, nothing was stored
   const auto refuse = [&](const Error& error) {
     noteDurability();
+    {
+      const std::lock_guard lock(mutex_);
+      counters_.refused += group.size();
+      standing_.began_ns = 0;
+      standing_.refused = error.message;
+    }
     for (const Item& item : group) {
       if (item.done) item.done(error);
     }
-    const std::lock_guard lock(mutex_);
-    counters_.refused += group.size();
     return true;
   };
+  {
+    const std::lock_guard lock(mutex_);
+    standing_.began_ns = began_ns;
+  }
   // chunks have no effect but what they write: they can go with BEGIN, and have its errors
   const bool begins_soon = std::holds_alternative<ArrivedChunk>(group.front().work);
   auto transaction = Transaction::begin(
@@ -378,6 +391,7 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
     counters_.work_ns.add(before_ns - began_ns);
     counters_.group_items.add(static_cast<std::int64_t>(group.size()));
     counters_.wal_bytes = log_bytes_;
+    standing_ = {.committed_ns = before_ns + took};
   }
   // only now is the data on disk
   if (!planted(PlantedBug::kAckBeforeCommit)) report();
@@ -421,6 +435,8 @@ void DbWriter::fail(const Error& error, std::vector<Item>& group) {
   {
     const std::lock_guard lock(mutex_);
     failed_ = error;
+    standing_.began_ns = 0;
+    standing_.refused = error.message;
     waiting.swap(queue_);
     looked_at_ = 0;
   }

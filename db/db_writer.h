@@ -127,6 +127,13 @@ class DbWriter {
   /// items may have found room. Empty: nothing.
   [[nodiscard]] std::string full(std::chrono::nanoseconds within) const;
   [[nodiscard]] Counters counters() const;
+  /// How the last transactions went. Times are of Options::time.
+  struct Standing {
+    std::int64_t began_ns = 0;      ///< of the transaction that is under way; 0: none is
+    std::int64_t committed_ns = 0;  ///< when one was committed last; 0: never
+    std::string refused = {};       ///< why the last one was not committed; empty: it was, or none ended
+  };
+  [[nodiscard]] Standing standing() const;
   /// What an ack survives, as of the last transaction's begin.
   [[nodiscard]] Durability durability() const { return durability_.load(std::memory_order_relaxed); }
 
@@ -181,6 +188,7 @@ class DbWriter {
   Counters counters_;            ///< guarded by mutex_
   std::string lack_, full_;      ///< guarded by mutex_
   std::int64_t full_ns_ = 0;     ///< when it said so; guarded by mutex_
+  Standing standing_;            ///< guarded by mutex_
   std::condition_variable emptied_;
   std::uint64_t emptying_asked_ = 0;     ///< calls of emptyLog(); guarded by mutex_
   std::uint64_t emptying_tried_ = 0;     ///< of these, those with a try after them; guarded by mutex_

@@ -13,7 +13,6 @@
 namespace needlelab {
 namespace {
 
-constexpr const char* kLabKey = "lab_id";
 constexpr std::size_t kMostStoreFileBytes = 16'384;
 
 Error wrongStoreFile(const std::filesystem::path& path, std::size_t line, const char* what) {
@@ -69,11 +68,13 @@ Result<std::optional<StoreFile>> readStoreFile(const std::filesystem::path& fold
     at = end + 1;
     ++number;
     if (line.empty() || line.starts_with('#')) continue;
-    constexpr std::string_view kUrl = "url = ", kLab = "lab = ";
+    constexpr std::string_view kUrl = "url = ", kLab = "lab = ", kKept = "kept = ";
     if (line.starts_with(kUrl) && file.url.empty()) {
       file.url = line.substr(kUrl.size());
     } else if (line.starts_with(kLab) && file.lab.empty()) {
       file.lab = line.substr(kLab.size());
+    } else if (line.starts_with(kKept) && file.kept.empty()) {
+      file.kept = line.substr(kKept.size());
     } else {
       return wrongStoreFile(path, number, "is not understood");
     }
@@ -86,8 +87,8 @@ Result<std::optional<StoreFile>> readStoreFile(const std::filesystem::path& fold
 Status writeStoreFile(const std::filesystem::path& folder, const StoreFile& file) {
   const std::string text = fmt::format(
       "# The database of this folder is not in it. needlelab-server --store wrote this.\n"
-      "url = {}\nlab = {}\n",
-      file.url, file.lab);
+      "url = {}\nlab = {}\n{}",
+      file.url, file.lab, file.kept.empty() ? "" : "kept = " + file.kept + "\n");
   return replaceFileAtomically(folder / kStoreFile, viewOf(text));
 }
 

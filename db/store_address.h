@@ -39,8 +39,12 @@ Result<Connection> openToServe(const StoreAddress& address, Durability least);
 struct StoreFile {
   std::string url;
   std::string lab;  ///< the id of the lab whose database is there
+  /// The name that DIR/needlelab.db gets, whose copy is there (service/store_switch.h); empty: none.
+  std::string kept = {};
 };
 inline constexpr const char* kStoreFile = "store";
+/// The lab's id, in `meta` of a database on PostgreSQL.
+inline constexpr const char* kLabKey = "lab_id";
 
 /// Nothing: the folder has no such file. kInvalidInput: it has something else; names the line.
 Result<std::optional<StoreFile>> readStoreFile(const std::filesystem::path& folder);

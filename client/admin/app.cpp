@@ -116,6 +116,7 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
   addTeachingCommands(app, chosen);
   addScoreCommands(app, chosen);
   addPersonCommands(app, chosen);
+  addStoreCommands(app, global, chosen);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

@@ -51,6 +51,7 @@ void runs(CLI::App* command, ChosenCommand& chosen, std::function<Status(Command
 
 void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& chosen);
 void addStationCommands(CLI::App& app, ChosenCommand& chosen);
+void addStoreCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& chosen);
 void addProfileCommands(CLI::App& app, ChosenCommand& chosen);
 void addCurriculumCommands(CLI::App& app, ChosenCommand& chosen);
 void addSessionCommands(CLI::App& app, ChosenCommand& chosen);

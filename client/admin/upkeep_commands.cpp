@@ -68,6 +68,31 @@ Status backup(CommandContext& context, const std::string& path, std::uint32_t ke
   return {};
 }
 
+/// A backup on PostgreSQL: its own tools made it and restored it at `url`.
+Status backupVerified(CommandContext& context, const std::string& url, bool counts_as_safe) {
+  pb::Request request;
+  request.mutable_backup()->set_path(url);
+  request.mutable_backup()->set_counts_as_safe(counts_as_safe);
+  ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
+  const auto& done = reply.backup_done();
+  RETURN_IF_ERROR(context.output.one(
+      {{"restored", "restored"}, {"chunks_verified", "chunks verified in it"}, {"safe", "Safe"}},
+      {{"restored", done.path()},
+       {"chunks_verified", done.chunks_verified()},
+       {"undecodable_chunks", done.undecodable_chunks()},
+       {"safe", done.safe()}}));
+  if (done.undecodable_chunks() > 0)
+    context.output.remark(
+        fmt::format("{} chunks cannot be decoded: the backup has them as they came, but "
+                    "they are not Safe, and their stations keep them",
+                    done.undecodable_chunks()));
+  if (!done.safe())
+    context.output.remark(
+        "nothing became Safe: the server does not see where the backup lies. If it is on another disk than "
+        "the database: --counts-as-safe");
+  return {};
+}
+
 Status newBackupKey(Output& output, const std::string& file) {
   ASSIGN_OR_RETURN(const auto key, BackupKey::make(file));
   RETURN_IF_ERROR(
@@ -159,7 +184,7 @@ Status showLab(CommandContext& context, const pb::Request& request) {
 
 void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& chosen) {
   struct Values {
-    std::string path, folder, from, codes, key, encrypt_with;
+    std::string path, folder, from, codes, key, encrypt_with, restored;
     std::uint32_t keep = 14;
     bool counts_as_safe = false, take_old_list = false;
   };
@@ -190,7 +215,22 @@ void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand
           "the file of a key (backup-key new); with --data only, a server has its own: --backup-key. "
           "Without it: $CREDENTIALS_DIRECTORY/backup.key, if there is one")
       ->type_name("KEYFILE");
-  backup_command->callback([&chosen, &global, values] {
+  auto* verified = backup_command->add_subcommand(
+      "verified", "a database on PostgreSQL: compare a backup that was restored with the lab's database");
+  verified
+      ->add_option("--restored", values->restored,
+                   "the address of the database that it was restored into; with --server as that machine "
+                   "reaches it")
+      ->required()
+      ->type_name("URL");
+  verified->add_flag(
+      "--counts-as-safe", values->counts_as_safe,
+      "the backup lies on another disk than the database: stations let go of what it contains");
+  runs(verified, chosen, [values](CommandContext& context) {
+    return backupVerified(context, values->restored, values->counts_as_safe);
+  });
+  backup_command->callback([&chosen, &global, values, verified] {
+    if (verified->parsed()) return;
     chosen.check = [&chosen, &global, values]() -> Status {
       if (values->path.empty() && values->folder.empty())
         return Error{ErrorCode::kInvalidInput, "backup: give FILE, or --dir DIR [--keep N]"};

@@ -14,6 +14,7 @@
 #include "common/base/text.h"
 #include "db/audit_head.h"
 #include "db/connection.h"
+#include "db/copy_marks.h"
 #include "db/erasure.h"
 #include "db/free_parts.h"
 #include "db/schema.h"
@@ -23,6 +24,7 @@
 #include "db/service/lesson_texts.h"
 #include "db/service/record_tables.h"
 #include "db/service/restore.h"
+#include "db/service/store_switch.h"
 #include "db/service/unseen_files.h"
 #include "db/store_address.h"
 
@@ -81,13 +83,27 @@ Status fillNewDatabase(Connection& connection) {
   return transaction.commit();
 }
 
+/// kNotFound where there is no database, and none may be made.
+Status requireDatabase(const std::filesystem::path& folder, const Store::Options& options) {
+  std::error_code ignored;
+  if (options.create || !options.store_url.empty() ||
+      std::filesystem::exists(folder / "needlelab.db", ignored) ||
+      std::filesystem::exists(folder / kStoreFile, ignored))
+    return {};
+  return Error{ErrorCode::kNotFound, folder.string() +
+                                         ": there is no needlelab.db here; start needlelab-server on it, or "
+                                         "add the first user or station, to make one"};
+}
+
 /// The writer's connection, with the newest schema.
 Result<Connection> openToWrite(const StoreAddress& address, Durability least) {
   ASSIGN_OR_RETURN(auto connection, openToServe(address, least));
   // a change that was killed may have left a log that holds the room for what comes now
   (void)connection.emptyLog(0);
+  RETURN_IF_ERROR(refuseUnfinishedCopy(connection));
   RETURN_IF_ERROR(migrate(connection));
   if (address.isPostgres()) RETURN_IF_ERROR(claimStore(connection, address));
+  RETURN_IF_ERROR(leaveCopyMarks(connection));
   RETURN_IF_ERROR(fillNewDatabase(connection));
   // a key that is no key is refused here, and not by the first change
   RETURN_IF_ERROR(beginAuditHead(connection, wallNowNs()));
@@ -203,15 +219,10 @@ Status Store::keepAuditHead() {
 
 Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, const Options& options) {
   const auto path = folder / "needlelab.db";
-  if (!options.create && options.store_url.empty()) {
-    std::error_code ignored;
-    if (!std::filesystem::exists(path, ignored) && !std::filesystem::exists(folder / kStoreFile, ignored)) {
-      return Error{ErrorCode::kNotFound,
-                   folder.string() +
-                       ": there is no needlelab.db here; start needlelab-server on it, or "
-                       "add the first user or station, to make one"};
-    }
-  }
+  std::error_code ignored;
+  // a copy may be about to get into the database's place
+  if (!std::filesystem::exists(folder / kCopyingDatabase, ignored))
+    RETURN_IF_ERROR(requireDatabase(folder, options));
   // an erasure would not find names in capitals
   RETURN_IF_ERROR(foldingWorks());
   std::optional<BackupKey> backup_key;
@@ -221,6 +232,8 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
   RETURN_IF_ERROR(makeFolder(folder));
   RETURN_IF_ERROR(checkOwnFiles(folder));
   ASSIGN_OR_RETURN(auto lock, FolderLock::take(folder, options.holder));
+  RETURN_IF_ERROR(finishStoreSwitch(folder));
+  RETURN_IF_ERROR(requireDatabase(folder, options));
   ASSIGN_OR_RETURN(const auto address, addressOf(folder, options.store_url));
   // before the database is opened: a half-replaced database would be opened with the old one's log
   if (!address.isPostgres()) RETURN_IF_ERROR(finishRestore(folder));

@@ -15,6 +15,7 @@
 #include "db/erasure_list.h"
 #include "db/old_backups.h"
 #include "db/service/restore.h"
+#include "db/service/store_switch.h"
 #include "db/store_address.h"
 
 namespace needlelab {
@@ -83,7 +84,8 @@ bool isOwnFile(const fs::path& folder, const fs::path& path) {
   const auto has = [&](const auto& names) {
     return std::find(std::begin(names), std::end(names), name) != std::end(names);
   };
-  return in == folder && (has(kOwnFiles) || has(kOthersOwnFiles) || isTemporary(name));
+  return in == folder && (has(kOwnFiles) || has(kOthersOwnFiles) || isTemporary(name) ||
+                          name.starts_with(kReplacedStoreFile));
 }
 
 }  // namespace needlelab

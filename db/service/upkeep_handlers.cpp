@@ -8,11 +8,13 @@
 #include "db/erasure.h"
 #include "db/old_backups.h"
 #include "db/people.h"
+#include "db/restored_backup.h"
 #include "db/seen_time.h"
 #include "db/service/export_ledger.h"
 #include "db/service/handlers.h"
 #include "db/service/service.h"
 #include "db/service/unseen_files.h"
+#include "db/store_address.h"
 
 namespace needlelab::handlers {
 namespace {
@@ -66,6 +68,39 @@ Status writeListBeside(const Context& context, const std::filesystem::path& back
   ASSIGN_OR_RETURN(const auto note, addErasuresBeside(backup.parent_path(), erasures, key ? &*key : nullptr));
   if (note.empty()) return {};
   return write(context, backup.string(), note, [](Connection&) { return Status(); });
+}
+
+/// On PostgreSQL: `path` is the address of a database into which its own tools restored a backup. Where that
+/// backup lies, this server cannot see.
+Result<pb::Reply> verifyRestored(const Context& context, const pb::Backup& call) {
+  const bool is_address = call.path().starts_with("postgresql://") || call.path().starts_with("postgres://");
+  if (!is_address || call.keep() > 0)
+    return Error{ErrorCode::kInvalidInput,
+                 "this lab's database is on PostgreSQL, whose own tools make its backups: deploy/faculty/"
+                 "backup, or pg_basebackup or pg_dump by hand. Restore one elsewhere, and give the address "
+                 "of that database, postgresql://USER@HOST/DATABASE, to needlelab-admin backup verified "
+                 "(deploy/OPERATIONS.md, PostgreSQL)"};
+  ASSIGN_OR_RETURN(auto restored,
+                   openAt(StoreAddress(context.reader.path(), call.path()), Connection::Mode::kReader));
+  ASSIGN_OR_RETURN(auto backup, compareRestored(context.reader, restored, context.cancelled));
+  if (!call.counts_as_safe()) backup.result.covered.clear();
+  const std::string detail = fmt::format(
+      "restored and verified, {} chunks, {}{}", backup.result.chunks_verified,
+      call.counts_as_safe() ? "Safe because it was asked for" : "on a disk that is not known: not Safe",
+      backup.result.undecodable_chunks == 0 ? ""
+                                            : fmt::format(", and {} that cannot be decoded and are not Safe",
+                                                          backup.result.undecodable_chunks));
+  RETURN_IF_ERROR(write(context, call.path(), detail, [&](Connection& writer) {
+    return recordRestored(writer, backup, context.now_unix_ns);
+  }));
+  pb::Reply reply;
+  auto* done = reply.mutable_backup_done();
+  done->set_disk(pb::BackupDone::DISK_UNKNOWN);
+  done->set_safe(call.counts_as_safe());
+  done->set_path(call.path());
+  done->set_chunks_verified(backup.result.chunks_verified);
+  done->set_undecodable_chunks(backup.result.undecodable_chunks);
+  return reply;
 }
 
 }  // namespace
@@ -145,10 +180,7 @@ pb::Reply doneReply() {
 }
 
 Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
-  if (context.reader.sqlite() == nullptr)
-    return Error{ErrorCode::kInvalidInput,
-                 "this lab's database is on PostgreSQL, whose own tools make its backups: pg_dump, or "
-                 "pg_basebackup with the archive of its log (deploy/OPERATIONS.md, PostgreSQL)"};
+  if (context.reader.sqlite() == nullptr) return verifyRestored(context, call);
   const BackupKey* const key = context.backup_key;
   ASSIGN_OR_RETURN(const auto target, backupTarget(context, call));
   ASSIGN_OR_RETURN(auto result, key != nullptr

@@ -301,7 +301,12 @@ class Description {
       "full_name": {"type": "string"}, "role": {"$ref": "#/components/schemas/Role"}, "csrf_token": {"type": "string"},
       "expires_unix_ms": {"type": "number"}, "disk_room": {"type": "object", "description": "for administrators",
         "properties": {"level": {"type": "string", "enum": ["plenty", "no_new_sessions", "no_chunks", "read_only"]},
-          "left_bytes": {"type": "integer"}}, "required": ["level"], "additionalProperties": false}},
+          "left_bytes": {"type": "integer"}}, "required": ["level"], "additionalProperties": false},
+      "store": {"type": "object", "description": "for administrators", "properties": {
+          "ack_survives": {"type": "string", "enum": ["nothing", "the end of a program", "a power cut", "the loss of a disk"]},
+          "refused": {"type": "string", "description": "why the last change was not stored"},
+          "waits_s": {"type": "number", "description": "how long a change has waited to be confirmed"}},
+        "required": ["ack_survives"], "additionalProperties": false}},
       "required": ["name", "full_name", "role", "csrf_token", "expires_unix_ms"], "additionalProperties": false})json");
     components_["Role"] = enumSchema(*pb::Role_descriptor());
     // a remark at its time in the recording

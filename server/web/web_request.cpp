@@ -6,7 +6,9 @@
 #include "common/base/secret.h"
 #include "common/profile/strict_json.h"
 #include "common/wire/protocol.h"
+#include "db/schema.h"
 #include "db/service/requests.h"
+#include "server/live/disk_room.h"
 #include "server/live/person_login.h"
 #include "server/live/request_effects.h"
 #include "server/web/live_socket.h"
@@ -76,6 +78,31 @@ WebJson diskRoom(const ServerContext& context) {
   return room;
 }
 
+constexpr std::int64_t kAskDatabaseAfter_ns = 10'000'000'000;
+constexpr std::int64_t kLongCommit_ns = 2'000'000'000;
+
+/// What an ack survives, and whether what arrives is stored, for administrators. While nothing is committed,
+/// it asks the database to store something, and the next call says what came of it.
+WebJson storeState(ServerContext& context) {
+  DbWriter& writer = context.store.writer();
+  const DbWriter::Standing standing = writer.standing();
+  const std::int64_t now = steadyNowNs();
+  WebJson state = {{"ack_survives", std::string(durabilityText(writer.durability()))}};
+  if (!standing.refused.empty()) state["refused"] = standing.refused;
+  if (standing.began_ns != 0 && now - standing.began_ns > kLongCommit_ns)
+    state["waits_s"] = static_cast<double>(now - standing.began_ns) / 1e9;
+  const bool idle = standing.began_ns == 0 && now - standing.committed_ns > kAskDatabaseAfter_ns &&
+                    writer.counters().waiting == 0;
+  // a write that fails for want of room would end the writer
+  if (idle && !context.store.readOnly() && context.disk_room.level() == RoomLevel::kPlenty)
+    (void)writer.post(
+        [](Connection& connection) {
+          return MetaStore(connection).set("health_unix_ns", std::to_string(wallNowNs()));
+        },
+        {});
+  return state;
+}
+
 HttpAnswer noPlace() {
   HttpAnswer answer = errorAnswer(503, "unavailable",
                                   "other people take all connections of this server: try again in a minute");
@@ -98,7 +125,10 @@ Task<WebJson> sessionState(Shared server, Principal who, std::string token) {
                    {"role", pb::Role_Name(who.role)},
                    {"csrf_token", server->sessions().csrfOf(token)},
                    {"expires_unix_ms", static_cast<double>(wallNowNs() + left) / 1e6}};
-  if (who.role == pb::ADMINISTRATOR) state["disk_room"] = diskRoom(server->context());
+  if (who.role == pb::ADMINISTRATOR) {
+    state["disk_room"] = diskRoom(server->context());
+    state["store"] = storeState(server->context());
+  }
   co_return state;
 }
 

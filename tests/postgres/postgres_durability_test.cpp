@@ -115,9 +115,9 @@ TEST_F(PostgresDurability, aServerThatComesBackWithAllThatWasAcknowledgedLacksNo
   must(
       control_->script("SELECT pg_terminate_backend(pid) FROM pg_stat_activity"
                        " WHERE backend_type = 'client backend' AND pid <> pg_backend_pid()"));
-  EXPECT_FALSE(put(*db, "INSERT INTO kept VALUES (2)").ok());
+  EXPECT_FALSE(put(*db, "INSERT INTO public.kept VALUES (2)").ok());
   db->rollback();
-  const Status again = put(*db, "INSERT INTO kept VALUES (2)");
+  const Status again = put(*db, "INSERT INTO public.kept VALUES (2)");
   ASSERT_TRUE(again.ok()) << again.error().message;
   EXPECT_EQ(db->lack(), "");
 }

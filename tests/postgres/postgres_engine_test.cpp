@@ -457,6 +457,14 @@ TEST_F(PostgresEngine, aViewDoesNotChangeAndAReaderChangesNothing) {
 }
 
 // each adds one to the number that it has read: without the lock one of two is lost
+// The finding: with the address of a faculty, whose primary is one of two hosts, nobody could read.
+TEST_F(PostgresEngine, aReaderFindsThePrimaryByTheSameAddressAsTheWriter) {
+  auto opened = openPostgres({.url = urlOf(name_) + " target_session_attrs=read-write", .read_only = true});
+  ASSERT_TRUE(opened.ok()) << opened.error().message;
+  EXPECT_TRUE((*opened)->script("SELECT count(*) FROM kinds").ok());
+  EXPECT_FALSE((*opened)->script("INSERT INTO kinds (id) VALUES (1)").ok());
+}
+
 TEST_F(PostgresEngine, writersComeOneAfterAnother) {
   must(add(1));
   must(run(*db, "UPDATE kinds SET real = 0"));

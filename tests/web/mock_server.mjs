@@ -73,9 +73,14 @@ function logIn(lab, { name, password }) {
   return token;
 }
 
-/** Only administrators are told; a test may set `lab.disk_room`. */
+/** Only administrators are told; a test may set `lab.disk_room` and `lab.store`. */
 const roomFor = (lab, { role }) =>
-  role === 'ADMINISTRATOR' ? { disk_room: lab.disk_room ?? { level: 'plenty', left_bytes: 250e9 } } : {};
+  role === 'ADMINISTRATOR'
+    ? {
+        disk_room: lab.disk_room ?? { level: 'plenty', left_bytes: 250e9 },
+        store: lab.store ?? { ack_survives: 'a power cut' },
+      }
+    : {};
 
 function find(method, parts) {
   let other = false;

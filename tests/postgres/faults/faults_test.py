@@ -37,7 +37,7 @@ SCENARIOS = {
     "standby-lost": (scenarios.standby_lost, 0, 3, 3),
     "weak-settings": (scenarios.weak_settings, 0, 3, 2),
     "lagging": (scenarios.lagging, 1, 3, 2),
-    "power-cut": (power_cuts.power_cut, 2, 6, 8),
+    "power-cut": (power_cuts.power_cut, 1, 6, 8),
 }
 SHORT_PLANTED = ("ack-before-commit",)
 LONG_SEEDS_PLANTED = 2

@@ -41,6 +41,23 @@ TEST(DbWriter, reportsSuccessOnlyWhenAnotherConnectionSeesTheRow) {
   }
 }
 
+TEST(DbWriter, saysSinceWhenATransactionIsUnderWayAndWhenOneWasCommitted) {
+  test::TestDb db;
+  DbWriter writer(std::move(db.writer), {.window = 0ms}, {});
+  EXPECT_EQ(writer.standing().began_ns, 0);
+  EXPECT_EQ(writer.standing().committed_ns, 0);
+  DbWriter::Standing during;
+  ASSERT_OK(writer.run([&](Connection&) {
+    during = writer.standing();
+    return Status();
+  }));
+  EXPECT_GT(during.began_ns, 0);
+  const auto after = writer.standing();
+  EXPECT_EQ(after.began_ns, 0);
+  EXPECT_GE(after.committed_ns, during.began_ns);
+  EXPECT_EQ(after.refused, "");
+}
+
 TEST(DbWriter, aFailingItemIsUndoneAndReportedAlone) {
   test::TestDb db;
   auto reader = db.reader();
@@ -339,8 +356,11 @@ TEST(DbWriter, aLockHeldByAnotherProgramIsNoDiskFailure) {
   const auto busy = writer.run(addStation("a"));
   ASSERT_FALSE(busy.ok());
   EXPECT_EQ(busy.error().code, ErrorCode::kUnavailable);
+  EXPECT_EQ(writer.standing().refused, busy.error().message);
+  EXPECT_EQ(writer.standing().began_ns, 0);
   ASSERT_OK(shell.script("ROLLBACK"));
   EXPECT_OK(writer.run(addStation("a")));
+  EXPECT_EQ(writer.standing().refused, "");
 }
 
 /// A disk that fails in one way from a given moment on.

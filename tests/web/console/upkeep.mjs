@@ -287,6 +287,7 @@ export function upkeep(t) {
     const page = await t.browser.as('ada');
     await open(page, t.lab, '#/upkeep', 'Upkeep');
     await page.getByText(/Room left on the disk of the database: \d/).waitFor();
+    await page.getByText(/the server has confirmed survives a power cut\. .*Stations keep each recording/).waitFor();
     const copy = t.lab.path('copy.db');
     await page.getByLabel(/^File on the server/).fill(copy);
     await page.getByRole('button', { name: 'Back up now' }).click();

@@ -151,6 +151,8 @@ export const upkeep = {
   check: () => post(['check'], {}),
   /** The room on the disk of the server's database; it does not prolong the log-in. */
   room: async (signal) => (await get(['session'], { signal })).disk_room,
+  /** What an acknowledgement survives, and whether changes are stored; it does not prolong the log-in. */
+  store: async (signal) => (await get(['session'], { signal })).store,
   rescore: (exercise_id, dry_run) => post(['scores', 'rescore'], { exercise_id, dry_run }),
   audit: (query, signal) => get(['audit'], { signal, query }),
 };

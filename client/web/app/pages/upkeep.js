@@ -1,5 +1,6 @@
-// Room on the disk, a backup now, whether everything can be read, scores anew, and what holds for the whole lab.
+// Room on the disk, what recordings survive, a backup now, whether everything can be read, scores anew, and what holds for the whole lab.
 import { roomLevel } from '../lib/disk_room.js';
+import { durability, storingTrouble } from '../lib/durability.js';
 import { moment } from '../lib/time.js';
 import { bytes, counted } from '../lib/units.js';
 import { exercises, upkeep } from '../net/requests.js';
@@ -44,6 +45,26 @@ function Room() {
   return html`<fieldset>
     <legend>Room on the disk</legend>
     <${Loaded} load=${room}>${(data) => html`<div role="status"><${RoomText} room=${data} /></div>`}<//>
+  </fieldset>`;
+}
+
+/** What an acknowledgement survives, whether changes are stored now, and what to do. */
+export function StoreText({ store }) {
+  const { kind, means, next } = durability(store.ack_survives);
+  const trouble = storingTrouble(store);
+  return html`${
+    trouble && html`<p><${Mark} kind=${trouble.kind}>${trouble.name}<//> ${trouble.means}</p><p>${trouble.next}</p>`
+  }
+    <p><${Mark} kind=${kind}>${store.ack_survives}<//> ${`A recording that the server has confirmed survives ${store.ack_survives}. ${means}`}</p>
+    <p>${next}</p>`;
+}
+
+function Storing() {
+  const store = useLoad((signal) => upkeep.store(signal), []);
+  useEvery(kRoomAgain_ms, store.reload);
+  return html`<fieldset>
+    <legend>What a recording survives</legend>
+    <${Loaded} load=${store}>${(data) => html`<div role="status"><${StoreText} store=${data} /></div>`}<//>
   </fieldset>`;
 }
 
@@ -198,5 +219,5 @@ function Rescore() {
 }
 
 export function UpkeepPage() {
-  return html`<${Heading} title="Upkeep" /><${Room} /><${Backup} /><${Check} /><${Rescore} /><${CodesRequired} />`;
+  return html`<${Heading} title="Upkeep" /><${Room} /><${Storing} /><${Backup} /><${Check} /><${Rescore} /><${CodesRequired} />`;
 }

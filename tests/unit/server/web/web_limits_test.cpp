@@ -461,6 +461,16 @@ TEST(WebLogIn, tellsAdministratorsTheRoomOnTheDisk) {
   EXPECT_FALSE(askChecked(mara, "GET", "/api/v1/session").json().contains("disk_room"));
 }
 
+TEST(WebLogIn, tellsAdministratorsWhatAnAckSurvives) {
+  WebLab lab;
+  Browser ada = lab.browserOf("ada"), mara = lab.browserOf("mara");
+  const json store = askChecked(ada, "GET", "/api/v1/session").json()["store"];
+  EXPECT_EQ(store["ack_survives"], "a power cut") << store.dump();
+  EXPECT_FALSE(store.contains("refused")) << store.dump();
+  EXPECT_FALSE(store.contains("waits_s")) << store.dump();
+  EXPECT_FALSE(askChecked(mara, "GET", "/api/v1/session").json().contains("store"));
+}
+
 // The finding: remarks by this port took no share of a day and no room, so one instructor filled the disk
 // until the server ended.
 TEST(WebLimits, aRemarkTakesItsPersonsShareAndIsRefusedOnAFullDisk) {

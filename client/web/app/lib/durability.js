@@ -1,0 +1,57 @@
+// What an acknowledgement survives (db/engine/durability.h), what that means, and what to do.
+
+/** @typedef {{kind: 'good'|'info'|'warn'|'bad', means: string, next: string}} Durability */
+/** @type {Object<string, Durability>} By the server's words, the weakest first. */
+export const kDurabilities = {
+  nothing: {
+    kind: 'bad',
+    means: 'The database confirms before it has written: its last moments are lost when its program ends.',
+    next: 'Set synchronous_commit = on in PostgreSQL.',
+  },
+  'the end of a program': {
+    kind: 'bad',
+    means: 'A power cut can lose what the server has confirmed, or damage the database.',
+    next: 'Set fsync = on and full_page_writes = on in PostgreSQL.',
+  },
+  'a power cut': {
+    kind: 'info',
+    means:
+      'What the server has confirmed is on one disk and is lost with it. Stations keep each recording until a verified backup on another disk has it.',
+    next: 'Make such backups every night. On PostgreSQL a named standby confirms, too: synchronous_standby_names.',
+  },
+  'the loss of a disk': {
+    kind: 'good',
+    means: 'What the server has confirmed is on two disks: that of the database and that of a standby.',
+    next: 'Nothing is to be done.',
+  },
+};
+
+/** The words' row; one that this console does not know is no good news. */
+export function durability(ack_survives) {
+  return (
+    kDurabilities[ack_survives] ?? {
+      kind: 'bad',
+      means: 'This console does not know what that means.',
+      next: 'Ask the server: its log says it (durability).',
+    }
+  );
+}
+
+/** Nothing: changes are stored. Else what is wrong, and what to do. */
+export function storingTrouble({ refused, waits_s }) {
+  if (refused !== undefined)
+    return {
+      kind: 'bad',
+      name: 'not stored',
+      means: `The database did not store the last change: ${refused}. The stations keep what they record.`,
+      next: 'Look whether PostgreSQL and its standby run, or the disk has room; the server goes on by itself then.',
+    };
+  if (waits_s !== undefined)
+    return {
+      kind: 'warn',
+      name: 'waits',
+      means: `The database has not confirmed a change for ${Math.round(waits_s)} s. The stations keep what they record.`,
+      next: 'Look whether the standby runs and reaches the database: until it confirms, nothing counts as stored.',
+    };
+  return undefined;
+}

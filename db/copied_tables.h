@@ -1,0 +1,69 @@
+/// The tables of a store as rows that a copy to another engine reads, adds and compares. Private to
+/// store_copy.cpp.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "common/base/result.h"
+#include "db/connection.h"
+
+namespace needlelab {
+
+struct CopiedTable {
+  enum class Type { kInteger, kReal, kText, kBytes };
+  struct Column {
+    std::string name;
+    Type type = Type::kText;
+  };
+  std::string name;
+  std::vector<Column> columns;
+  std::vector<std::size_t> key;  ///< the primary key's places in `columns`, in its order; never empty
+  /// Whether it has chunks: session, seq, samples, crc, bytes.
+  [[nodiscard]] bool hasChunks() const { return name == "chunks" || name == "derived_chunks"; }
+};
+
+/// NULL, a whole number, a number, or a text or bytes: which of these two, the column says.
+using CopiedValue = std::variant<std::monostate, std::int64_t, double, std::string>;
+using CopiedRow = std::vector<CopiedValue>;
+
+inline constexpr std::size_t kMostRowsOfPage = 512, kMostBytesOfPage = std::size_t{4} << 20;
+
+/// All tables but SQLite's own, `meta` last, each behind those that its foreign keys name. kFailed: the
+/// schema has a table that this program's list lacks, or lacks one: rows would be lost. `sqlite`: a
+/// connection to the SQLite side, with the newest schema.
+Result<std::vector<CopiedTable>> copiedTables(Connection& sqlite);
+
+/// The rows behind the key `after` (empty: from the first) in the order of the key: at least one if there is
+/// one, at most `most_rows` and kMostRowsOfPage, and no more than some kMostBytesOfPage.
+Result<std::vector<CopiedRow>> rowsBehind(Connection& connection, const CopiedTable& table,
+                                          const CopiedRow& after, std::size_t most_rows);
+
+/// The greatest key; empty: the table has no row.
+Result<CopiedRow> lastKeyOf(Connection& connection, const CopiedTable& table);
+
+/// Errors name table and key of the row that the database does not take; where they are added by one
+/// statement, of the first, and how many there are.
+Status addRows(Connection& connection, const CopiedTable& table, std::span<const CopiedRow> rows);
+
+CopiedRow keyOf(const CopiedTable& table, const CopiedRow& row);
+/// "sessions, number 17", "chunks, session 3, seq 5": for messages. Texts are cut after 64 bytes.
+std::string rowText(const CopiedTable& table, const CopiedRow& key);
+/// The first column that differs, by value; nothing: none does.
+std::optional<std::string> differingColumn(const CopiedTable& table, const CopiedRow& left,
+                                           const CopiedRow& right);
+
+/// The greatest number that each numbered table (AUTOINCREMENT) ever had.
+using LastNumbers = std::map<std::string, std::int64_t>;
+Result<LastNumbers> lastNumbersOf(Connection& connection);
+/// In the place of all that are there. Within a transaction.
+Status setLastNumbers(Connection& connection, const LastNumbers& numbers);
+
+}  // namespace needlelab

@@ -1,0 +1,279 @@
+#include "db/service/store_move.h"
+
+#include <fcntl.h>
+#include <fmt/core.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <optional>
+#include <utility>
+
+#include "common/base/files.h"
+#include "common/base/uuid.h"
+#include "db/connection.h"
+#include "db/copy_marks.h"
+#include "db/schema.h"
+#include "db/service/bootstrap.h"
+#include "db/service/data_folder.h"
+#include "db/service/restore.h"
+#include "db/service/store_switch.h"
+#include "db/store_address.h"
+
+namespace needlelab {
+namespace {
+
+constexpr const char* kMoveHolder = "needlelab-admin store copy";
+
+/// Makes the file with the rights of a database.
+Status makeCopyFile(const std::filesystem::path& path) {
+  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+  if (fd < 0 && errno != EEXIST) return systemError(path, "make the copy");
+  if (fd >= 0) ::close(fd);
+  return {};
+}
+
+Status removeWithLogs(const std::filesystem::path& path, std::initializer_list<const char*> suffixes) {
+  for (const char* suffix : suffixes) {
+    const std::string file = path.string() + suffix;
+    if (::unlink(file.c_str()) != 0 && errno != ENOENT) return systemError(file, "remove");
+  }
+  return {};
+}
+
+Status syncFileOf(const std::filesystem::path& path) {
+  const int fd = ::open(path.c_str(), O_RDWR | O_CLOEXEC);
+  if (fd < 0) return systemError(path, "open");
+  const bool synced = ::fsync(fd) == 0;
+  Error error = synced ? Error{} : systemError(path, "fsync");
+  ::close(fd);
+  return synced ? Status() : Status(std::move(error));
+}
+
+/// The lab's id; empty: none yet.
+Result<std::string> labIdOf(Connection& connection) {
+  ASSIGN_OR_RETURN(const int version, schemaVersion(connection));
+  if (version == 0) return std::string();
+  ASSIGN_OR_RETURN(auto id, MetaStore(connection).get(kLabKey));
+  return std::move(id).value_or("");
+}
+
+class StoreMover {
+ public:
+  explicit StoreMover(const StoreMove& move)
+      : move_(move),
+        database_(move.folder / "needlelab.db"),
+        copying_(move.folder / kCopyingDatabase),
+        on_postgres_(database_, move.url) {}
+
+  Result<StoreMoved> run() {
+    RETURN_IF_ERROR(takeFolder());
+    if (moved_.was_done) return moved_;
+    RETURN_IF_ERROR(openCopy());
+    RETURN_IF_ERROR(openSource());
+    ASSIGN_OR_RETURN(moved_.copied, copyRows(*from_, *to_, move_.copy));
+    ASSIGN_OR_RETURN(moved_.compared, compareRows(*from_, *to_, move_.copy));
+    if (moved_.compared.damaged_chunks > 0 && !move_.with_damaged) return moved_;
+    RETURN_IF_ERROR(endCopy(*to_, *mark_));
+    RETURN_IF_ERROR(move_.to_postgres ? endOnPostgres() : endOnSqlite());
+    moved_.switched = true;
+    return moved_;
+  }
+
+ private:
+  [[nodiscard]] std::string sourceText() const { return move_.to_postgres ? database_.string() : move_.url; }
+  [[nodiscard]] std::string copyText() const { return move_.to_postgres ? move_.url : copying_.string(); }
+
+  Status lockFolder() {
+    ASSIGN_OR_RETURN(auto lock, FolderLock::take(move_.folder, kMoveHolder));
+    lock_.emplace(std::move(lock));
+    return {};
+  }
+
+  /// Locks it, completes what was decided before, and sees what its database is.
+  Status takeFolder() {
+    std::error_code error;
+    if (!std::filesystem::is_directory(move_.folder, error))
+      return Error{ErrorCode::kInvalidInput, move_.folder.string() + ": is no folder"};
+    RETURN_IF_ERROR(checkOwnFiles(move_.folder));
+    RETURN_IF_ERROR(lockFolder());
+    RETURN_IF_ERROR(finishRestore(move_.folder));
+    RETURN_IF_ERROR(finishStoreSwitch(move_.folder));
+    ASSIGN_OR_RETURN(const auto file, readStoreFile(move_.folder));
+    const bool has_database = std::filesystem::exists(database_, error);
+    return move_.to_postgres ? wantSqlite(has_database, file) : wantPostgres(has_database, file);
+  }
+
+  Status wantSqlite(bool has_database, const std::optional<StoreFile>& file) {
+    moved_.was_done = !has_database && file && file->url == move_.url;
+    if (moved_.was_done) return {};
+    if (file)
+      return Error{ErrorCode::kInvalidInput,
+                   fmt::format("--from {0}: its database is on PostgreSQL ({0}/{1}), from where PostgreSQL's "
+                               "own tools take it to another database (pg_dump)",
+                               move_.folder.string(), kStoreFile)};
+    if (!has_database)
+      return Error{ErrorCode::kInvalidInput,
+                   fmt::format("--from {}: there is no needlelab.db here", move_.folder.string())};
+    return {};
+  }
+
+  Status wantPostgres(bool has_database, const std::optional<StoreFile>& file) {
+    if (has_database) {
+      ASSIGN_OR_RETURN(auto here, Connection::open(database_, {.mode = Connection::Mode::kReader}));
+      ASSIGN_OR_RETURN(auto there, openAt(on_postgres_, Connection::Mode::kReader));
+      ASSIGN_OR_RETURN(const auto here_id, labIdOf(here));
+      ASSIGN_OR_RETURN(const auto there_id, labIdOf(there));
+      moved_.was_done = !file && !here_id.empty() && here_id == there_id;
+      if (moved_.was_done) return {};
+      return Error{
+          ErrorCode::kInvalidInput,
+          fmt::format("--to {}: has a database of its own, needlelab.db: give the data folder of the "
+                      "lab whose database is on PostgreSQL",
+                      move_.folder.string())};
+    }
+    if (!file)
+      return Error{
+          ErrorCode::kInvalidInput,
+          fmt::format("--to {}: is not the data folder of the lab whose database is at --from: it has "
+                      "no file {}. The lab's keys lie in that folder, and nobody can check the audit "
+                      "log without them: give that folder, or a copy of it",
+                      move_.folder.string(), kStoreFile)};
+    lab_ = file->lab;
+    return {};
+  }
+
+  /// Opens the copy's place, and reads what an earlier call left there.
+  Status openCopy() {
+    if (move_.to_postgres) {
+      ASSIGN_OR_RETURN(auto opened, openToServe(on_postgres_, Durability::kNothing));
+      to_.emplace(std::move(opened));
+    } else {
+      if (move_.begin_again) RETURN_IF_ERROR(removeWithLogs(copying_, {"-wal", "-shm", "-journal", ""}));
+      RETURN_IF_ERROR(makeCopyFile(copying_));
+      ASSIGN_OR_RETURN(auto opened,
+                       Connection::open(copying_, {.mode = Connection::Mode::kWriter, .create = true}));
+      to_.emplace(std::move(opened));
+    }
+    ASSIGN_OR_RETURN(const int version, schemaVersion(*to_));
+    ASSIGN_OR_RETURN(mark_, readCopyMark(*to_));
+    const bool is_old = version != 0 && version < newestSchemaVersion();
+    if (is_old && (!mark_ || !move_.begin_again))
+      return Error{
+          ErrorCode::kInvalidInput,
+          fmt::format("--to {}: {} of version {} of the schema, and this program's is {}{}", copyText(),
+                      mark_ ? "is an unfinished copy" : "is in use, by a lab", version, newestSchemaVersion(),
+                      mark_ ? ": --begin-again empties it, and copies everything" : "")};
+    RETURN_IF_ERROR(migrate(*to_));
+    if (mark_ && move_.begin_again) {
+      RETURN_IF_ERROR(emptyCopy(*to_));
+      mark_.reset();
+    }
+    if (mark_) return {};
+    ASSIGN_OR_RETURN(const bool empty, isEmptyStore(*to_));
+    if (empty) return {};
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("--to {}: is not empty, and no unfinished copy: {}", copyText(),
+                             move_.to_postgres ? "make an empty database for the copy (createdb)"
+                                               : "move that file away")};
+  }
+
+  Status openSource() {
+    moved_.went_on = mark_.has_value();
+    if (!moved_.went_on) RETURN_IF_ERROR(startSource());
+    const StoreAddress address = move_.to_postgres ? StoreAddress(database_) : on_postgres_;
+    ASSIGN_OR_RETURN(auto opened, openToServe(address, Durability::kNothing));
+    from_.emplace(std::move(opened));
+    RETURN_IF_ERROR(requireNewestSchema(*from_));
+    ASSIGN_OR_RETURN(const auto found, labIdOf(*from_));
+    if (!move_.to_postgres && found != lab_)
+      return Error{ErrorCode::kInvalidInput,
+                   fmt::format("--from: {} belongs to the lab {}, and this database to {}: check the address",
+                               move_.folder.string(), lab_, found.empty() ? "none" : found)};
+    lab_ = found;
+    return moved_.went_on ? requireSourceAsItWas() : beginFrom();
+  }
+
+  /// Does what each start of a server does: so the copy has nothing left to do that is the source's.
+  Status startSource() {
+    lock_.reset();
+    {
+      Store::Options options;
+      options.holder = kMoveHolder;
+      options.create = false;
+      if (!move_.to_postgres) options.store_url = move_.url;
+      ASSIGN_OR_RETURN(const auto store, Store::open(move_.folder, options));
+      RETURN_IF_ERROR(store->service().note(
+          move_.by, "store copy", move_.to_postgres ? move_.url : move_.folder.string(),
+          move_.to_postgres ? "from SQLite to PostgreSQL" : "from PostgreSQL to SQLite"));
+    }
+    return lockFolder();
+  }
+
+  Status requireSourceAsItWas() {
+    ASSIGN_OR_RETURN(const auto begun, copyBegunOf(*from_));
+    if (begun == mark_->id && mark_->schema == newestSchemaVersion()) {
+      // what was compared before the switch failed is compared once more
+      mark_->compared = false;
+      return beginCopy(*to_, *mark_);
+    }
+    return Error{
+        ErrorCode::kInvalidInput,
+        fmt::format("--to {}: is an unfinished copy, but not of {} as it is now: somebody has worked "
+                    "with that since (a server was started), or it is another lab's. --begin-again "
+                    "empties the copy, and copies everything",
+                    copyText(), sourceText())};
+  }
+
+  Status beginFrom() {
+    mark_ = CopyMark{uuidText(makeUuidV7()), newestSchemaVersion(), false};
+    {
+      ASSIGN_OR_RETURN(auto transaction, Transaction::begin(*from_, Transaction::Kind::kWrite));
+      MetaStore meta(*from_);
+      if (lab_.empty()) {
+        lab_ = uuidText(makeUuidV7());
+        RETURN_IF_ERROR(meta.set(kLabKey, lab_));
+      }
+      RETURN_IF_ERROR(meta.set(kCopiedToKey, mark_->id));
+      RETURN_IF_ERROR(transaction.commit());
+    }
+    return beginCopy(*to_, *mark_);
+  }
+
+  Status endOnPostgres() {
+    const auto emptied = from_->emptyLog(0);
+    if (!emptied) return emptied.error();
+    from_.reset();
+    ASSIGN_OR_RETURN(moved_.kept, switchToPostgres(move_.folder, move_.url, lab_, move_.now_unix_ns));
+    return leaveCopyMarks(*to_);
+  }
+
+  Status endOnSqlite() {
+    // everything into the one file that is renamed
+    const auto emptied = to_->emptyLog(0);
+    if (!emptied) return emptied.error();
+    RETURN_IF_ERROR(to_->script("PRAGMA journal_mode=DELETE"));
+    to_.reset();
+    RETURN_IF_ERROR(syncFileOf(copying_));
+    RETURN_IF_ERROR(removeWithLogs(copying_, {"-wal", "-shm", "-journal"}));
+    ASSIGN_OR_RETURN(moved_.kept, switchToSqlite(move_.folder, move_.now_unix_ns));
+    ASSIGN_OR_RETURN(auto opened, Connection::open(database_, {.mode = Connection::Mode::kWriter}));
+    return leaveCopyMarks(opened);
+  }
+
+  const StoreMove& move_;
+  const std::filesystem::path database_, copying_;
+  const StoreAddress on_postgres_;
+  std::optional<FolderLock> lock_;  // destroyed last
+  std::optional<Connection> from_, to_;
+  std::optional<CopyMark> mark_;
+  std::string lab_;
+  StoreMoved moved_;
+};
+
+}  // namespace
+
+Result<StoreMoved> moveStore(const StoreMove& move) {
+  return StoreMover(move).run();
+}
+
+}  // namespace needlelab

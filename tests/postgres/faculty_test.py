@@ -1,0 +1,366 @@
+#!/usr/bin/env python3
+"""A faculty made of the files in deploy/faculty: two machines of PostgreSQL, a server that wants two disks, a verified backup, a promotion.
+
+usage: faculty_test.py BIN
+
+Only addresses, ports, paths and sizes of deploy/faculty's files are replaced (localised()); each replacement must find something to replace.
+needlelab-load is the judge: its exit code is 0 only if nothing that it sent is lost, doubled or different, also across the promotion.
+Without PostgreSQL 15 it says so and exits with 77.
+"""
+import argparse
+import json
+import os
+import pathlib
+import random
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.error
+import urllib.request
+
+FACULTY = pathlib.Path(__file__).resolve().parents[2] / "deploy/faculty"
+PG = "/usr/lib/postgresql/15/bin"
+PASSWORDS = {"needlelab": "of the server 1", "needlelab_standby": "of the standbys 2"}
+AS_POSTGRES = ["setpriv", "--reuid", "postgres", "--regid", "postgres", "--clear-groups"] if os.getuid() == 0 else []
+
+
+def run(*arguments, environment=None, code=0, text_in=None):
+    """The command's output; ends the test when its exit code is another."""
+    done = subprocess.run([str(a) for a in arguments], capture_output=True, text=True, timeout=120, input=text_in, cwd="/",
+                          env={**os.environ, **(environment or {})})
+    if done.returncode != code:
+        sys.exit(f"faculty_test: {' '.join(map(str, arguments))}: exit code {done.returncode}, wanted {code}\n{done.stdout}{done.stderr}")
+    return done.stdout + done.stderr if code else done.stdout
+
+
+def as_postgres(*arguments, environment=None):
+    # not root's home: libpq looks for certificates there
+    return run(*AS_POSTGRES, *arguments, environment={"HOME": "/", **(environment or {})})
+
+
+def free_port():
+    """Not one that the system gives to a connection before PostgreSQL listens there (32768 and above)."""
+    while True:
+        with socket.socket() as probe:
+            try:
+                probe.bind(("127.0.0.1", random.randrange(20_000, 32_000)))
+            except OSError:
+                continue
+            return probe.getsockname()[1]
+
+
+def localised(file, *replaced):
+    """The text of a file of deploy/faculty, for this machine."""
+    text = (FACULTY / file).read_text()
+    for pattern, value in replaced:
+        text, found = re.subn(pattern, value, text, flags=re.MULTILINE)
+        assert found, f"{file} has nothing like {pattern}"
+    return text
+
+
+class Machine:
+    """One of the faculty's machines with PostgreSQL."""
+
+    def __init__(self, name, scratch):
+        self.name, self.scratch, self.port = name, scratch, free_port()
+        self.data = scratch / name / "data"
+        (scratch / name).mkdir()
+        self.give(scratch / name)
+
+    @staticmethod
+    def give(path, mode=None):
+        if mode is not None:
+            path.chmod(mode)
+        if os.getuid() == 0:
+            shutil.chown(path, "postgres", "postgres")
+
+    def write(self, name, text):
+        file = self.data / name
+        file.parent.mkdir(exist_ok=True)
+        file.write_text(text)
+        self.give(file.parent)
+        self.give(file, 0o600)
+
+    def configure(self):
+        """What every machine has: needlelab.conf and pg_hba.conf."""
+        self.write("postgresql.conf", f"""include_dir = 'conf.d'
+port = {self.port}
+unix_socket_directories = '{self.scratch}'
+ssl_cert_file = '{self.scratch}/db.crt'
+ssl_key_file = '{self.scratch}/db.key'
+shared_buffers = '32MB'
+""")
+        self.write("conf.d/a-needlelab.conf", localised(
+            "primary.conf", (r"^listen_addresses = .*", "listen_addresses = '127.0.0.1'"), (r"^shared_buffers.*", ""),
+            ("/var/backups/needlelab-postgres", f"{self.scratch}/backups")))
+        # the socket has no user of the system's for each role here
+        self.write("pg_hba.conf", localised("pg_hba.conf", (r"192\.0\.2\.\d+/32", "127.0.0.1/32"), (r"^local +all +postgres +peer", "local all postgres trust")))
+
+    def follow(self, other):
+        self.write("conf.d/b-standby.conf", localised(
+            "standby.conf", ("host=db-a.example,db-c.example port=5432", f"host=127.0.0.1 port={other.port}"), ("application_name=b", f"application_name={self.name}"),
+            (r"^primary_slot_name = 'b'", f"primary_slot_name = '{self.name}'"), ("/etc/postgresql/needlelab-ca.crt", f"{self.scratch}/db.crt"),
+            ("/var/lib/postgresql/needlelab-standby.pass", f"{self.scratch}/standby.pass")))
+        self.write("standby.signal", "")
+
+    def start(self):
+        as_postgres(f"{PG}/pg_ctl", "-D", self.data, "-w", "-l", self.scratch / f"{self.name}.log", "start")
+
+    def stop(self, mode="fast"):
+        if (self.data / "postmaster.pid").exists():
+            as_postgres(f"{PG}/pg_ctl", "-D", self.data, "-w", "-m", mode, "stop")
+
+    def sql(self, text):
+        """As the administrator; waits for no standby, as deploy/OPERATIONS.md says."""
+        return run(f"{PG}/psql", "-XAtq", "-h", self.scratch, "-p", self.port, "-U", "postgres", "-v", "ON_ERROR_STOP=1", "-f", "-", text_in=text,
+                   environment={"PGOPTIONS": "-c synchronous_commit=local"}).strip()
+
+    def standby_conninfo(self):
+        return (f"host=127.0.0.1 port={self.port} user=needlelab_standby sslmode=verify-full sslrootcert={self.scratch}/db.crt"
+                f" passfile={self.scratch}/standby.pass")
+
+    def wait_for_standby(self, name):
+        until(lambda: self.sql(f"SELECT sync_state FROM pg_stat_replication WHERE application_name = '{name}' AND state = 'streaming'") == "quorum",
+              f"{name} follows {self.name}")
+
+
+def until(holds, what, seconds=60):
+    end = time.monotonic() + seconds
+    while not holds():
+        if time.monotonic() > end:
+            sys.exit(f"faculty_test: in vain: {what}")
+        time.sleep(0.1)
+
+
+class Lab:
+    """needlelab-server with the options of deploy/faculty's drop-in."""
+
+    def __init__(self, bin_folder, scratch, machines):
+        self.bin, self.scratch, self.data = bin_folder, scratch, scratch / "lab"
+        unit = (FACULTY / "needlelab-server.conf").read_text().replace("\\\n", " ")
+        command = re.findall(r"^ExecStart=(\S.*)$", unit, re.MULTILINE)[-1]
+        ports = ",".join(str(m.port) for m in machines)
+        self.url = re.search(r'--store "([^"]*)"', command)[1].replace(
+            "db-a.example,db-b.example", ",".join(f"127.0.0.1:{m.port}" for m in machines))
+        assert ports.count(",") == 1 and str(machines[1].port) in self.url, self.url
+        self.durability = re.search(r"--durability (\S+)", command)[1]
+        assert "Environment=PGPASSFILE=" in unit and "Environment=PGSSLROOTCERT=" in unit
+        self.environment = {"PGPASSFILE": str(scratch / "db.pass"), "PGSSLROOTCERT": str(scratch / "db.crt")}
+        self.password = scratch / "admin.password"
+        self.password.write_text("correct horse battery 15\n")
+        self.password.chmod(0o644)
+        run(bin_folder / "needlelab-admin", "--data", self.data, "--store", self.url, "user", "add", "ada", "--role", "administrator",
+            "--password-file", self.password, environment=self.environment)
+        self.server = None
+
+    def start(self):
+        scratch = self.scratch
+        self.log = open(scratch / "server.log", "w", encoding="utf-8")
+        self.server = subprocess.Popen(
+            [self.bin / "needlelab-server", "--data", self.data, "--store", self.url, "--durability", self.durability, "--listen", "127.0.0.1:0",
+             "--port-file", scratch / "port", "--metrics", "0", "--metrics-port-file", scratch / "metrics", "--web", "off"],
+            stdout=self.log, stderr=self.log, env={**os.environ, **self.environment})
+        until(lambda: all((scratch / name).exists() for name in ("port", "metrics")) or self.server.poll() is not None, "the server starts")
+        assert self.server.poll() is None, (scratch / "server.log").read_text()
+        self.port, self.metrics = (scratch / "port").read_text().strip(), (scratch / "metrics").read_text().strip()
+        shutil.copy(self.data / "tls/ca.crt", scratch / "ca.crt")
+        (scratch / "ca.crt").chmod(0o644)
+
+    def health(self):
+        try:
+            with urllib.request.urlopen(f"http://127.0.0.1:{self.metrics}/healthz", timeout=20) as answer:
+                return json.load(answer)
+        except urllib.error.HTTPError as refused:
+            return json.load(refused)
+
+    def metric(self, name):
+        with urllib.request.urlopen(f"http://127.0.0.1:{self.metrics}/metrics", timeout=20) as answer:
+            return float(re.search(rf"^{name} (\S+)$", answer.read().decode(), re.MULTILINE)[1])
+
+    def login(self):
+        return ["--server", f"127.0.0.1:{self.port}", "--ca", str(self.scratch / "ca.crt"), "--user", "ada", "--password-file", str(self.password)]
+
+    def load(self, seconds):
+        return subprocess.Popen([self.bin / "needlelab-load", "--stations", "6", "--seconds", str(seconds), "--viewers", "0", "--quiet", "--json",
+                                 *self.login()], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+    @staticmethod
+    def judge(load):
+        out, err = load.communicate(timeout=200)
+        assert load.returncode == 0, f"needlelab-load: {load.returncode}\n{out[-2000:]}\n{err[-2000:]}"
+
+    def admin(self, *arguments, code=0):
+        return run(self.bin / "needlelab-admin", *self.login(), *arguments, code=code)
+
+
+def make_backup(lab, machine, scratch, *options):
+    """deploy/faculty/backup, as its timer runs it; the restored cluster is reached by the server through TCP."""
+    port = free_port()
+    settings = scratch / "restored.conf"
+    settings.write_text(f"listen_addresses = '127.0.0.1'\nport = {port}\n")
+    settings.chmod(0o644)
+    admin = " ".join([str(lab.bin / "needlelab-admin"), *lab.login()])
+    return as_postgres(FACULTY / "backup", "--to", scratch / "backups", "--archive", scratch / "backups/wal", "--from", machine.standby_conninfo(),
+                       "--scratch", scratch / "restored", "--admin", admin, "--settings", settings, *options, "--url",
+                       f"postgresql://needlelab@127.0.0.1:{port}/needlelab", environment={"NEEDLELAB_BIN": str(lab.bin), "NEEDLELAB_PG_BIN": PG})
+
+
+def prepare(scratch):
+    """Certificate, passwords, and the folders of backups."""
+    run("openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "2", "-subj", "/CN=db",
+        "-addext", "subjectAltName=IP:127.0.0.1", "-keyout", scratch / "db.key", "-out", scratch / "db.crt")
+    (scratch / "standby.pass").write_text(f"*:*:*:needlelab_standby:{PASSWORDS['needlelab_standby']}\n")
+    (scratch / "db.pass").write_text(f"*:*:*:needlelab:{PASSWORDS['needlelab']}\n")
+    (scratch / "db.pass").chmod(0o600)
+    for name in ("backups", "backups/wal", "restored"):
+        (scratch / name).mkdir()
+        Machine.give(scratch / name, 0o700)
+    for name in ("db.key", "standby.pass"):
+        Machine.give(scratch / name, 0o600)
+    (scratch / "db.crt").chmod(0o644)
+
+
+def start_both(a, b):
+    as_postgres(f"{PG}/initdb", "-D", a.data, "-U", "postgres", "-A", "trust", "-E", "UTF8", "--locale=C", "--data-checksums", "--no-sync")
+    a.configure()
+    a.start()
+    a.sql((FACULTY / "database.sql").read_text() + "".join(f"ALTER ROLE {role} PASSWORD '{word}';\n" for role, word in PASSWORDS.items()))
+    as_postgres(f"{PG}/pg_basebackup", "--dbname", a.standby_conninfo(), "--pgdata", b.data, "--slot", "b", "--checkpoint=fast")
+    b.configure()
+    b.follow(a)
+    b.start()
+    a.wait_for_standby("b")
+
+
+def lesson(lab, scratch, a, b):
+    # a busy machine may take longer for the first trial write than /healthz waits
+    until(lambda: lab.health()["healthy"], "/healthz is content")
+    found = lab.health()
+    assert found["ack_survives"] == "the loss of a disk", found
+    assert lab.metric("needlelab_ack_survives") == 3
+    # neither without a password nor without TLS, and the server's role is not more than it must be
+    for conninfo in (f"host=127.0.0.1 port={a.port} user=needlelab dbname=needlelab sslmode=disable",
+                     f"host=127.0.0.1 port={a.port} user=needlelab dbname=needlelab sslmode=require"):
+        run(f"{PG}/psql", "-w", "-XAtqc", "SELECT 1", conninfo, code=2, environment={"PGPASSFILE": "/dev/null"})
+    assert a.sql("SELECT rolsuper OR rolcreaterole OR rolcreatedb OR rolreplication FROM pg_roles WHERE rolname = 'needlelab'") == "f"
+
+    load = lab.load(4)
+    until(lambda: lab.metric("needlelab_sessions_open") == 6, "all stations send")
+    # while stations send; the folder lies on the cluster's disk, or on one that is not known
+    said = make_backup(lab, a, scratch)
+    assert "made and verified" in said and re.search(r"^Safe +no$", said, re.MULTILINE), said
+    lab.judge(load)
+    assert lab.health()["backup_age_s"] is not None
+    assert lab.metric("needlelab_unsafe_chunks") > 0
+    # of the standby: the primary is not held up. Every session was closed before
+    until(lambda: a.sql("SELECT replay_lsn >= pg_current_wal_lsn() FROM pg_stat_replication") == "t", "b has replayed all")
+    said = make_backup(lab, b, scratch, "--keep", "1", "--counts-as-safe")
+    assert lab.metric("needlelab_unsafe_chunks") == 0, said
+    assert said.count("removed the old backup") == 1, said
+    kept, = (scratch / "backups").glob("base-*")
+    first = re.search(r"^START WAL LOCATION: .*\(file (\w+)\)", (kept / "backup_label").read_text(), re.MULTILINE)[1]
+    older = [p.name for p in (scratch / "backups/wal").iterdir() if re.fullmatch(r"\w{24}", p.name) and p.name < first]
+    assert not older, f"{older} in the archive, needed is {first}"
+    # the lab's own database proves nothing
+    assert "own database" in lab.admin("backup", "verified", "--restored", f"postgresql://needlelab@127.0.0.1:{a.port}/needlelab", "--counts-as-safe", code=2)
+
+
+def standby_lost(lab, a, b):
+    b.stop("immediate")
+    until(lambda: not lab.health()["healthy"], "/healthz says that nothing is stored", 40)
+    found = lab.health()
+    assert "a trial write was not committed in time" in found["problems"], found
+    b.start()
+    a.wait_for_standby("b")
+    until(lambda: lab.health()["healthy"], "the server goes on with the standby", 40)
+
+
+def promoted(lab, a, b):
+    """deploy/OPERATIONS.md, "The primary is lost", step by step, while stations send."""
+    load = lab.load(8)
+    until(lambda: lab.metric("needlelab_sessions_open") == 6, "all stations send")
+    a.stop("immediate")
+    as_postgres(f"{PG}/pg_ctl", "-D", b.data, "-w", "promote")
+    # before its first checkpoint pg_rewind finds nothing to do
+    b.sql("CHECKPOINT; SELECT pg_create_physical_replication_slot('a')")
+    # the old primary may have what nobody acknowledged
+    said = as_postgres(f"{PG}/pg_rewind", "--target-pgdata", a.data, "--source-server", b.standby_conninfo() + " dbname=postgres")
+    assert "no rewind required" not in said, said
+    a.configure()
+    a.follow(b)
+    a.start()
+    b.wait_for_standby("a")
+    lab.judge(load)
+    until(lambda: lab.health()["healthy"], "the server is healthy after the promotion", 40)
+    assert lab.health()["ack_survives"] == "the loss of a disk"
+    lab.admin("check")
+
+
+def restored(b, scratch):
+    """deploy/OPERATIONS.md, "Restore": the base backup from before the promotion, and the archive across it."""
+    wal = b.sql("SELECT pg_walfile_name(pg_switch_wal())")
+    until(lambda: b.sql(f"SELECT coalesce(max(last_archived_wal), '') >= '{wal}' FROM pg_stat_archiver") == "t", "the log is archived")
+    r = Machine("r", scratch)
+    base, = (scratch / "backups").glob("base-*")
+    as_postgres("cp", "-a", base, r.data)
+    r.configure()
+    (r.data / "conf.d/b-standby.conf").unlink(missing_ok=True)
+    (r.data / "standby.signal").unlink(missing_ok=True)
+    r.write("conf.d/restore.conf", f"restore_command = 'cp {scratch}/backups/wal/%f %p'\narchive_mode = off\n")
+    r.write("recovery.signal", "")
+    try:
+        r.start()
+        until(lambda: r.sql("SELECT pg_is_in_recovery()") == "f", "the restored machine has read the archive")
+        everything = "\\connect needlelab\nSELECT count(*), sum(length(bytes)), sum(crc) FROM needlelab.chunks"
+        found = r.sql(everything)
+        assert found == b.sql(everything) and not found.startswith("0|"), found
+    finally:
+        r.stop("immediate")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("bin", type=pathlib.Path)
+    given = parser.parse_args()
+    if not os.access(f"{PG}/initdb", os.X_OK):
+        print("PostgreSQL 15 is not installed; deploy/setup installs it")
+        return 77
+    # a socket's path has at most 107 bytes
+    scratch = pathlib.Path(tempfile.mkdtemp(prefix="nl-fac-", dir="/tmp"))
+    scratch.chmod(0o755)
+    Machine.give(scratch)
+    lab, machines = None, ()
+    try:
+        prepare(scratch)
+        machines = Machine("a", scratch), Machine("b", scratch)
+        start_both(*machines)
+        lab = Lab(given.bin.resolve(), scratch, machines)
+        lab.start()
+        for step in (lambda: lesson(lab, scratch, *machines), lambda: standby_lost(lab, *machines), lambda: promoted(lab, *machines),
+                     lambda: restored(machines[1], scratch)):
+            begun = time.monotonic()
+            step()
+            print(f"{time.monotonic() - begun:.1f} s")
+        lab.server.send_signal(signal.SIGTERM)
+        assert lab.server.wait(timeout=60) == 0, "the server did not end in order"
+        return 0
+    except BaseException:
+        for log in sorted(scratch.glob("*.log")):
+            print(f"--- {log.name}\n" + log.read_text()[-3000:], file=sys.stderr)
+        raise
+    finally:
+        if lab is not None and lab.server is not None and lab.server.poll() is None:
+            lab.server.kill()
+            lab.server.wait()
+        for machine in machines:
+            machine.stop("immediate")
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
