@@ -211,6 +211,10 @@ class Connection {
   /// What an ack survives, as far as is known (engine.h), and the settings that it follows from.
   [[nodiscard]] Durability durability() const { return engine_->durability(); }
   [[nodiscard]] std::string durabilityReason() const { return engine_->durabilityReason(); }
+  /// What the engine's server no longer has of what was committed here (EngineConnection::lack).
+  [[nodiscard]] std::string lack() const { return engine_->lack(); }
+  /// The last error that says that the engine's server has no room (EngineConnection::takeFull).
+  std::string takeFull() { return engine_->takeFull(); }
 
   /// What this thread does while it waits for the engine's server (EngineConnection::setWhileWaiting).
   void setWhileWaiting(std::function<bool()> piece) { engine_->setWhileWaiting(std::move(piece)); }

@@ -398,7 +398,32 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
   return true;
 }
 
+void DbWriter::noteLack() {
+  std::string found = connection_.lack(), full = connection_.takeFull();
+  {
+    const std::lock_guard lock(mutex_);
+    if (!full.empty()) {
+      full_ = std::move(full);
+      full_ns_ = time_.nowNs();
+    }
+    if (found == lack_) return;
+    lack_ = found;
+  }
+  if (options_.on_lack) options_.on_lack(found);
+}
+
+std::string DbWriter::lack() const {
+  const std::lock_guard lock(mutex_);
+  return lack_;
+}
+
+std::string DbWriter::full(std::chrono::nanoseconds within) const {
+  const std::lock_guard lock(mutex_);
+  return full_.empty() || time_.nowNs() - full_ns_ > within.count() ? std::string() : full_;
+}
+
 void DbWriter::noteDurability() {
+  noteLack();
   const Durability now = connection_.durability();
   if (std::exchange(told_durability_, true) && now == durability_.load(std::memory_order_relaxed)) return;
   durability_.store(now, std::memory_order_relaxed);

@@ -55,6 +55,9 @@ class DbWriter {
     /// At the first transaction, and whenever an ack survives more or less than before; may be empty. Thread:
     /// the writer's.
     std::function<void(Durability, const std::string& reason)> on_durability{};
+    /// Whenever the engine's server turns out to lack what was acknowledged (lack()); may be empty. Thread:
+    /// the writer's.
+    std::function<void(const std::string& text)> on_lack{};
     TimeSource* time = &machineTime();  ///< must outlive the writer
   };
 
@@ -116,6 +119,13 @@ class DbWriter {
 
   /// The error that stopped the writer for good, if any.
   [[nodiscard]] std::optional<Error> failed() const;
+
+  /// What the engine's server lacks of what was acknowledged (EngineConnection::lack), for a person.
+  [[nodiscard]] std::string lack() const;
+
+  /// What the engine's server said when it had no room for something, not longer ago than `within`: other
+  /// items may have found room. Empty: nothing.
+  [[nodiscard]] std::string full(std::chrono::nanoseconds within) const;
   [[nodiscard]] Counters counters() const;
   /// How the last transactions went. Times are of Options::time.
   struct Standing {
@@ -160,8 +170,9 @@ class DbWriter {
   /// Runs one transaction. False: the writer must stop.
   bool commitGroup(std::vector<Item>& group);
   void fail(const Error& error, std::vector<Item>& group);
-  /// Tells what an ack survives, if that is new.
+  /// Tells what an ack survives, and what the engine's server lacks, if that is new; notes when it is full.
   void noteDurability();
+  void noteLack();
 
   Connection connection_;  ///< the writer's thread only
   const Options options_;
@@ -175,6 +186,8 @@ class DbWriter {
   bool stopping_ = false;        ///< guarded by mutex_
   std::optional<Error> failed_;  ///< guarded by mutex_
   Counters counters_;            ///< guarded by mutex_
+  std::string lack_, full_;      ///< guarded by mutex_
+  std::int64_t full_ns_ = 0;     ///< when it said so; guarded by mutex_
   Standing standing_;            ///< guarded by mutex_
   std::condition_variable emptied_;
   std::uint64_t emptying_asked_ = 0;     ///< calls of emptyLog(); guarded by mutex_

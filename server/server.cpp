@@ -70,6 +70,14 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   store_options.writer = p.options.writer;
   store_options.writer.on_thrown = logThrown;
   store_options.writer.on_durability = logDurability;
+  store_options.writer.on_lack = [raw = parts.get()](const std::string& text) {
+    logEvent(LogLevel::kError, "acknowledged_missing", {{"text", text}});
+    // a station asks on a new connection what the server has, and sends the rest
+    asio::post(raw->io, [raw] {
+      const auto all = raw->context->connections;
+      for (const auto& [id, connection] : all) connection->cut("the database lacks what was acknowledged");
+    });
+  };
   store_options.backup_key = p.options.backup_key;
   store_options.on_fatal = [raw = parts.get()](const Error& error) {
     logEvent(LogLevel::kError, "store_failed", {{"text", error.message}});

@@ -1,4 +1,6 @@
 // The uplink's own thread: sends messages, handles the server's messages, and runs the live plane.
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -128,7 +130,8 @@ UplinkSession::AtServer Uplink::atServer(const UplinkSession& session) const {
 
 void Uplink::reportSentAgain(const UplinkSession& session) const {
   report("session " + session.spool()->idText() +
-         ": the server has not all of it any more, an older backup was restored there; it is sent again");
+         ": the server has not all of it any more (an older backup was restored there, or a standby was "
+         "promoted that lagged); it is sent again");
 }
 
 // sends status lines and probes, and saves receipts, for the life of this connection
@@ -247,6 +250,11 @@ void Uplink::handle(const pb::Envelope& envelope) {
         const bool was_closed = session->closed();
         session->onOpened(envelope.session_opened().next_seq());
         if (was_closed && !session->closed()) reportSentAgain(*session);
+        if (const std::uint64_t lacking = session->takeLacking(); lacking > 0)
+          report(
+              fmt::format("session {}: the server lacks what it had acknowledged ({} of its chunks); the "
+                          "spool has them, and they are sent again",
+                          session->spool()->idText(), lacking));
         if (session->refused()) report("session " + session->spool()->idText() + ": " + session->trouble());
         if (session == current_) clock_sent_ns_ = 0;
         sendClockOffset();

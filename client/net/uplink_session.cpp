@@ -44,7 +44,7 @@ std::optional<pb::Envelope> UplinkSession::next(bool may_send_chunk) {
     return openMessage();
   }
   if (state_ == State::kClosed && std::exchange(end_due_, false)) return closeMessage(spool_->contents());
-  if (state_ == State::kClosed && !asked_ && (end_unknown_ || safe_ < spool_->contents().chunks)) {
+  if (state_ == State::kClosed && !asked_ && (end_unknown_ || spool_->contents().chunks > 0)) {
     if (time_.nowNs() < not_before_ns_) return std::nullopt;
     asked_ = asking_ = true;
     return openMessage();
@@ -127,6 +127,7 @@ void UplinkSession::onOpened(std::uint64_t next_seq) {
     return;
   }
   // the database decides: after a restore it may have fewer chunks than it once acknowledged
+  if (next_seq < committed_) lacking_ = committed_ - next_seq;
   committed_ = sent_ = next_seq;
   waits_for_.clear();
   state_ = State::kOpen;

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "client/net/spool.h"
 #include "common/base/time_source.h"
@@ -14,8 +15,9 @@
 namespace needlelab {
 
 /// States on a connection: not opened → opening → open → closing → closed; or refused for the rest of this
-/// run. The session asks once per connection for a closed session that no verified backup covers: a server
-/// that was restored from an older backup has lost it and gets it again. A Welcome names at most 1,000 open
+/// run. The session asks once per connection for a closed session that the spool still has, Safe or not: a
+/// server that was restored from an older backup, or whose standby was promoted too early, has lost it and
+/// gets it again. A Welcome names at most 1,000 open
 /// sessions (kFullWelcome); if a station has more, each closed session asks and sends its end again, which
 /// changes nothing at a server that has it. Contains no network code: the uplink fetches messages and passes
 /// in answers. Thread: one.
@@ -53,6 +55,9 @@ class UplinkSession {
   [[nodiscard]] bool refused() const { return state_ == State::kRefused; }
   /// The session is closed, and we wait for the server to confirm that it still has it.
   [[nodiscard]] bool asking() const { return closed() && asking_; }
+  /// How many chunks the server had acknowledged and lacked at its last answer to OpenSession; 0 from then
+  /// on.
+  [[nodiscard]] std::uint64_t takeLacking() { return std::exchange(lacking_, 0); }
   /// Nothing is left to do in this run.
   [[nodiscard]] bool finished() const { return closed() || refused(); }
   /// Why the server refused the session, for a person.
@@ -78,6 +83,7 @@ class UplinkSession {
   std::uint64_t sent_ = 0;       // chunks 0 … sent−1 were sent on this connection, or are committed
   std::uint64_t committed_ = 0;  // acknowledged by the server
   std::uint64_t safe_ = 0;
+  std::uint64_t lacking_ = 0;   // acknowledged, and not there at the last answer
   bool asked_ = false;          // on this connection, whether the server still has the closed session
   bool asking_ = false;         // … and it has not answered yet
   bool end_unknown_ = false;    // the Welcome did not say whether the server has its end

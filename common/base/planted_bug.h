@@ -27,8 +27,9 @@ enum class PlantedBug {
   kOldConnectionKept,         ///< a Virtuose is opened anew without closing the old connection
   kRepeatedChunkOverwrites,   ///< a chunk that is stored already takes the stored one's place
   kWritersTogether,           ///< on PostgreSQL write transactions hold no lock of the store
+  kWarningIgnored,            ///< what PostgreSQL has stored at the primary only counts as stored
 };
-inline constexpr int kPlantedBugs = 20;
+inline constexpr int kPlantedBugs = 21;
 
 /// The bug's name in NEEDLELAB_PLANT, e.g. "ack-before-commit".
 constexpr std::string_view nameOf(PlantedBug bug) noexcept {
@@ -39,7 +40,7 @@ constexpr std::string_view nameOf(PlantedBug bug) noexcept {
       "sample-lost-at-reconnection", "device-watchdog-twice", "torque-without-zero",
       "request-outlives-link",       "no-last-command",       "look-again-twice",
       "retry-never-doubles",         "no-keep-alive",         "old-connection-kept",
-      "repeated-chunk-overwrites",   "writers-together",
+      "repeated-chunk-overwrites",   "writers-together",      "warning-ignored",
   };
   return kNames[static_cast<int>(bug)];
 }

@@ -108,6 +108,11 @@ class EngineConnection {
   [[nodiscard]] virtual Durability durability() const = 0;
   /// The settings that it follows from.
   [[nodiscard]] virtual std::string durabilityReason() const = 0;
+  /// What the engine's server no longer has although a commit() of this connection returned success, as found
+  /// when it connected again, for a person; empty: nothing. It stays until more is found.
+  [[nodiscard]] virtual std::string lack() const { return {}; }
+  /// The last error since the last call that says that the engine's server has no room; empty: none.
+  virtual std::string takeFull() { return {}; }
 
   /// Statements end with kUnavailable soon after `cancelled`, which may be null, became true. Returns the one
   /// of before.

@@ -277,6 +277,11 @@ Status PostgresConnection::connect() {
   }
   if (options_.alone) RETURN_IF_ERROR(becomeAlone());
   if (options_.read_only) return becomeReadOnly();
+  RETURN_IF_ERROR(readSettings());
+  return lookBack();
+}
+
+Status PostgresConnection::readSettings() {
   constexpr const char* kAsk = "read its settings";
   if (PQsendQuery(connection_.get(), fmt::format("SELECT {}", kSettingsQuery).c_str()) == 0)
     return lost(kAsk);
@@ -352,11 +357,14 @@ Error PostgresConnection::errorOf(const PGresult* result, std::string_view what)
   const ErrorCode code = state != nullptr ? codeOfState(state) : ErrorCode::kFailed;
   if (code == ErrorCode::kCorrupt) damaged_ = true;
   constexpr std::size_t kShown = 120;
-  return {code, fmt::format("{}: cannot {}{}: {} (PostgreSQL {})", shown_url_, what.substr(0, kShown),
-                            what.size() > kShown ? "…" : "",
-                            firstLine(result != nullptr ? PQresultErrorField(result, PG_DIAG_MESSAGE_PRIMARY)
-                                                        : PQerrorMessage(connection_.get())),
-                            state != nullptr ? state : "?")};
+  Error error{code,
+              fmt::format("{}: cannot {}{}: {} (PostgreSQL {})", shown_url_, what.substr(0, kShown),
+                          what.size() > kShown ? "…" : "",
+                          firstLine(result != nullptr ? PQresultErrorField(result, PG_DIAG_MESSAGE_PRIMARY)
+                                                      : PQerrorMessage(connection_.get())),
+                          state != nullptr ? state : "?")};
+  if (code == ErrorCode::kNoRoom) full_ = error.message;
+  return error;
 }
 
 Result<PostgresConnection::ResultPtr> PostgresConnection::nextResult(Waiting& waiting,

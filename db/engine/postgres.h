@@ -55,9 +55,10 @@ class PostgresConnection final : public EngineConnection {
   /// (postgres_transactions.cpp).
   Status begin(Begin kind) override;
   /// kUnavailable when PostgreSQL reports success with a warning: a wait for the standby was cancelled, and
-  /// the data is at the primary only. When the connection is lost meanwhile, the outcome is asked for
-  /// (pg_xact_status) at the next connection, within answer_timeout; if that cannot be had, the message says
-  /// that it is unknown.
+  /// the data is at the primary only. So it is when synchronous_standby_names was emptied meanwhile, which
+  /// ends the wait without a warning: under PostgresOptions::least = kDiskLoss the settings are read again.
+  /// When the connection is lost meanwhile, the outcome is asked for (pg_xact_status) at the next connection,
+  /// within answer_timeout; if that cannot be had, the message says that it is unknown.
   Status commit() override;
   void rollback() override;
   // Savepoints are made and released together with the next statement, in one round trip
@@ -68,6 +69,11 @@ class PostgresConnection final : public EngineConnection {
   Status undoSavepoint() override;
   [[nodiscard]] Durability durability() const override { return durabilityOf(settings_); }
   [[nodiscard]] std::string durabilityReason() const override { return settings_.text(); }
+  /// After each reconnection the last transaction that commit() returned success for is looked up
+  /// (pg_xact_status): a standby that lagged and was promoted, or an older backup, does not have it. Not
+  /// found where somebody else's transactions have taken its number meanwhile.
+  [[nodiscard]] std::string lack() const override { return lack_; }
+  std::string takeFull() override { return std::exchange(full_, {}); }
   const std::atomic<bool>* setCancelled(const std::atomic<bool>* cancelled) override;
   void setWhileWaiting(std::function<bool()> piece) override;
   [[nodiscard]] std::uint64_t roundTrips() const override { return round_trips_; }
@@ -109,6 +115,7 @@ class PostgresConnection final : public EngineConnection {
   /// Takes kAloneLock.
   Status becomeAlone();
   Status becomeReadOnly();
+  Status readSettings();
   /// Notes the settings in a row's columns, from `column` on (kSettingsQuery).
   void noteSettings(const PGresult* row, int column);
   /// kUnavailable when an ack would survive less than it must.
@@ -141,6 +148,10 @@ class PostgresConnection final : public EngineConnection {
   Error errorOf(const PGresult* result, std::string_view what);
   Error lost(std::string_view what);
   static void noteNotice(void* self, const PGresult* notice);
+  /// "committed", "aborted", "in progress", "" (too long ago), or "unknown": this server never had it.
+  Result<std::string> statusOf(const std::string& xid);
+  /// Notes in lack_ whether this server has the last transaction that was acknowledged.
+  Status lookBack();
   /// What became of the transaction `xid`, whose COMMIT had no answer.
   Status askOutcome(const std::string& xid);
 
@@ -155,11 +166,13 @@ class PostgresConnection final : public EngineConnection {
   std::uint64_t round_trips_ = 0;  ///< without those of connecting
   std::uint64_t lock_epoch_ = 0;   ///< the statement that takes the lock is prepared there
   bool damaged_ = false;
-  bool in_lost_transaction_ = false;    ///< the connection was lost within one that has not been rolled back
-  bool in_transaction_ = false;         ///< begin() succeeded, and neither commit() nor rollback() came
-  bool begin_due_ = false;              ///< BEGIN goes with the next statement
-  std::optional<Error> not_begun_;      ///< of a BEGIN that went so, until rollback()
-  std::string write_xid_;               ///< of the write transaction under way
+  bool in_lost_transaction_ = false;  ///< the connection was lost within one that has not been rolled back
+  bool in_transaction_ = false;       ///< begin() succeeded, and neither commit() nor rollback() came
+  bool begin_due_ = false;            ///< BEGIN goes with the next statement
+  std::optional<Error> not_begun_;    ///< of a BEGIN that went so, until rollback()
+  std::string write_xid_;             ///< of the write transaction under way
+  std::string acknowledged_xid_;      ///< the last one that commit() returned success for
+  std::string lack_, full_;
   std::optional<std::string> warning_;  ///< since the last commit began
   enum class AtSavepoint { kNone, kDue, kMade, kBegin };
   AtSavepoint savepoint_ = AtSavepoint::kNone;

@@ -93,10 +93,21 @@ Status PostgresConnection::commit() {
     const auto done = wait("commit");
     if (done && std::strcmp(PQcmdStatus(done->get()), "COMMIT") != 0)
       return Error{ErrorCode::kFailed, shown_url_ + ": the transaction had failed, and was rolled back"};
-    if (done && warning_)
+    if (done && warning_ && !planted(PlantedBug::kWarningIgnored))
       return Error{ErrorCode::kUnavailable,
                    fmt::format("{}: stored at the primary only: {}", shown_url_, *warning_)};
-    if (done) return {};
+    // the settings of before the COMMIT may not be those under which it ended its wait. PostgreSQL tells its
+    // connections of new ones before it ends their waits
+    if (done && !xid.empty() && options_.least == Durability::kDiskLoss) {
+      if (const Status read = readSettings(); !read) return read;
+      if (durability() < options_.least)
+        return Error{ErrorCode::kUnavailable, fmt::format("{}: stored, but perhaps at the primary only: {}",
+                                                          shown_url_, settings_.text())};
+    }
+    if (done) {
+      if (!xid.empty()) acknowledged_xid_ = xid;
+      return {};
+    }
     if (isConnected()) return done.error();
   } else {
     (void)lost("commit");
@@ -105,29 +116,53 @@ Status PostgresConnection::commit() {
   return askOutcome(xid);
 }
 
+Result<std::string> PostgresConnection::statusOf(const std::string& xid) {
+  constexpr const char* kWhat = "ask what became of a transaction";
+  const std::string ask = fmt::format("SELECT pg_xact_status('{}'::xid8)", xid);
+  if (PQsendQuery(connection_.get(), ask.c_str()) == 0) return lost(kWhat);
+  const auto answer = wait(kWhat);
+  // its number is in this server's future: a standby that was promoted without it
+  if (!answer && answer.error().code == ErrorCode::kInvalidInput) return std::string("unknown");
+  if (!answer) return answer.error();
+  return std::string(PQgetvalue(answer->get(), 0, 0));
+}
+
+Status PostgresConnection::lookBack() {
+  if (acknowledged_xid_.empty()) return {};
+  const auto status = statusOf(acknowledged_xid_);
+  if (!status) {
+    connection_.reset();  // the next one looks again
+    return status.error();
+  }
+  if (*status == "committed" || status->empty()) return {};
+  lack_ = fmt::format(
+      "{}: this server of PostgreSQL does not have all that was acknowledged (transaction {}, the last one, "
+      "is "
+      "{} here): a standby that lagged was promoted, or an older backup restored. Stations send again what "
+      "their spools have. If a server of PostgreSQL that has all is left, end needlelab-server and go back "
+      "to it",
+      shown_url_, std::exchange(acknowledged_xid_, {}), *status);
+  return {};
+}
+
 Status PostgresConnection::askOutcome(const std::string& xid) {
   const auto until = std::chrono::steady_clock::now() + options_.answer_timeout;
-  const std::string ask = fmt::format("SELECT pg_xact_status('{}'::xid8)", xid);
   std::string why;
   while (std::chrono::steady_clock::now() < until && (cancelled_ == nullptr || !cancelled_->load())) {
     if (const auto connected = connect(); !connected) {
       why = connected.error().message;
-    } else if (PQsendQuery(connection_.get(), ask.c_str()) != 0) {
-      const auto answer = wait("ask what became of a transaction");
-      if (!answer) {
-        why = answer.error().message;
-      } else {
-        const std::string_view status = PQgetvalue(answer->get(), 0, 0);
-        // of a transaction that waited for a standby nobody can tell whether the standby has it
-        if (status == "committed")
-          return Error{ErrorCode::kUnavailable,
-                       shown_url_ +
-                           ": the connection was lost while it was stored; it is stored at this server "
-                           "of PostgreSQL, and nobody can tell whether at its standby, too"};
-        if (status == "aborted")
-          return Error{ErrorCode::kUnavailable, shown_url_ + ": the connection was lost; nothing was stored"};
-        why = "it is still under way";
-      }
+    } else if (const auto status = statusOf(xid); !status) {
+      why = status.error().message;
+    } else {
+      // of a transaction that waited for a standby nobody can tell whether the standby has it
+      if (*status == "committed")
+        return Error{ErrorCode::kUnavailable,
+                     shown_url_ +
+                         ": the connection was lost while it was stored; it is stored at this server "
+                         "of PostgreSQL, and nobody can tell whether at its standby, too"};
+      if (*status == "aborted" || *status == "unknown")
+        return Error{ErrorCode::kUnavailable, shown_url_ + ": the connection was lost; nothing was stored"};
+      why = "it is still under way";
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }

@@ -283,6 +283,12 @@ Task<Health> Monitor::health(const StoreFacts& facts) {
   } else if (!health.writable) {
     health.problems.emplace_back("a trial write was not committed in time");
   }
+  // stations ask every 15 s whether there is room; small writes such as the trial may find some
+  if (std::string full = writer.full(std::chrono::seconds(30)); !full.empty()) {
+    health.writable = false;
+    health.problems.push_back("no room: " + full);
+  }
+  if (std::string lack = writer.lack(); !lack.empty()) health.problems.push_back(std::move(lack));
   if (!facts.fault.empty()) health.problems.push_back("the database cannot be read: " + facts.fault);
   if (facts.certificate_end_unix_s != 0 && facts.certificate_end_unix_s < now_ns / kSecond)
     health.problems.emplace_back(

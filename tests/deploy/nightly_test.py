@@ -55,6 +55,7 @@ class Committed(unittest.TestCase):
         lists = "\n".join(path.read_text(encoding="utf-8") for path in ROOT.glob("**/CMakeLists.txt") if "build" not in path.parts)
         # the tests of tests/integration are named in a loop
         targets = set(re.findall(r"(?:needlelab_test|needlelab_program|bench_program|add_executable)\((\S+)", lists))
+        targets |= set(re.findall(r"add_library\((\S+) MODULE", lists))  # preloaded by a test
         targets |= {f"{name}_test" for name in " ".join(re.findall(r"foreach\(name ([^)]+)\)", lists)).split()}
         sources = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("*_test.cpp"))
         tests = {f"{suite}.{name}" for suite, name in re.findall(r"\bTEST(?:_F|_P)?\((\w+),\s*(\w+)\)", sources)}

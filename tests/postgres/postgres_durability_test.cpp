@@ -91,6 +91,37 @@ TEST_F(PostgresDurability, aWaitForTheStandbyThatSomebodyCancelsIsNoSuccess) {
   EXPECT_EQ(textOf1(*control_, "SELECT id::text FROM kept"), "1") << "it is there all the same";
 }
 
+// The finding: this ends the wait without a warning, and the ack was a promise that nobody kept.
+TEST_F(PostgresDurability, aWaitThatEndsBecauseNobodyIsToBeWaitedForIsNoSuccess) {
+  setStandbys("ANY 1 (b)");
+  const auto db = open(Durability::kDiskLoss);
+  std::thread administrator([this] {
+    while (textOf1(*control_, "SELECT count(*)::text FROM pg_stat_activity WHERE wait_event = 'SyncRep'") ==
+           "0")
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    setStandbys("");
+  });
+  const Status stored = put(*db, "INSERT INTO kept VALUES (1)");
+  administrator.join();
+  ASSERT_FALSE(stored.ok());
+  EXPECT_EQ(stored.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(stored.error().message, HasSubstr("at the primary only"));
+  EXPECT_EQ(textOf1(*control_, "SELECT id::text FROM kept"), "1") << "it is there all the same";
+}
+
+TEST_F(PostgresDurability, aServerThatComesBackWithAllThatWasAcknowledgedLacksNothing) {
+  const auto db = open();
+  ASSERT_TRUE(put(*db, "INSERT INTO kept VALUES (1)").ok());
+  must(
+      control_->script("SELECT pg_terminate_backend(pid) FROM pg_stat_activity"
+                       " WHERE backend_type = 'client backend' AND pid <> pg_backend_pid()"));
+  EXPECT_FALSE(put(*db, "INSERT INTO public.kept VALUES (2)").ok());
+  db->rollback();
+  const Status again = put(*db, "INSERT INTO public.kept VALUES (2)");
+  ASSERT_TRUE(again.ok()) << again.error().message;
+  EXPECT_EQ(db->lack(), "");
+}
+
 TEST_F(PostgresDurability, aTransactionThatChangesNothingWaitsForWhatIsAtThePrimaryOnly) {
   const auto db = open();
   setStandbys("ANY 1 (b)");

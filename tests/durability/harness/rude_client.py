@@ -35,10 +35,10 @@ def field(number, value):
     return varint(number << 3 | 2) + varint(len(data)) + data
 
 
-def chunk_bytes(seq):
-    """SAMPLES samples at rest: after the first row no column changes. With it, their values for the ledger."""
+def chunk_bytes(seq, shift=0):
+    """SAMPLES samples at rest: after the first row no column changes. With it, their values for the ledger. `shift`: steps from that place."""
     first = seq * SAMPLES
-    steps_x = 7 * seq + 1
+    steps_x = 7 * seq + 1 + shift
     data = b"NLGC" + struct.pack("<BBHQQqqI", 1, 1, SAMPLES - 1, first, first + SAMPLES - 1, first * 10**6, 10**6, 0)
     row = [0] * COLUMNS
     row[2], row[8], row[27] = steps_x, 2**15, -1
@@ -104,9 +104,9 @@ class RudeClient:
             for v in values:
                 self.note(e="s", t=time.monotonic_ns(), v=v)
 
-    def chunk(self, seq, acknowledged=None):
-        """Gives REFUSAL, or ACK once so many are acknowledged: all up to this one, when not said otherwise."""
-        self.send(CHUNK, field(1, self.id) + field(2, seq) + field(3, chunk_bytes(seq)[0]))
+    def chunk(self, seq, acknowledged=None, shift=0):
+        """Gives REFUSAL, or ACK once so many are acknowledged: all up to this one, when not said otherwise. `shift`: with other bytes than recorded."""
+        self.send(CHUNK, field(1, self.id) + field(2, seq) + field(3, chunk_bytes(seq, shift)[0]))
         while True:
             number, body = self.wait_for(ACK, REFUSAL)
             if number == REFUSAL or body.get(2, 0) >= (seq + 1 if acknowledged is None else acknowledged):

@@ -1,0 +1,175 @@
+"""Clusters of PostgreSQL that keep their promises (fsync), with standbys, and what can happen to them."""
+import os
+import pathlib
+import shutil
+import signal
+import socket
+import struct
+import subprocess
+import time
+
+PG = pathlib.Path("/usr/lib/postgresql/15/bin")
+AS_POSTGRES = ["setpriv", "--reuid", "postgres", "--regid", "postgres", "--clear-groups"] if os.getuid() == 0 else []
+MOST_CONNECTIONS = 24
+
+
+class Failed(Exception):
+    """A scenario could not be played: something did not start, end or answer."""
+
+
+def run(*arguments, text_in=None, environment=None):
+    """The command's output. Raises Failed with what it said when its exit code is not 0."""
+    done = subprocess.run([str(a) for a in arguments], capture_output=True, text=True, timeout=120, input=text_in, cwd="/", check=False,
+                          env={**os.environ, "HOME": "/", **(environment or {})})
+    if done.returncode != 0:
+        raise Failed(f"{' '.join(map(str, arguments))}: exit code {done.returncode}\n{done.stdout}{done.stderr}")
+    return done.stdout
+
+
+def until(holds, what, seconds=60, pause=0.02):
+    end = time.monotonic() + seconds
+    while not holds():
+        if time.monotonic() > end:
+            raise Failed(f"{what}: not within {seconds} s")
+        time.sleep(pause)
+
+
+def give(path):
+    if os.getuid() == 0:
+        shutil.chown(path, "postgres", "postgres")
+
+
+class Cluster:
+    """One server of PostgreSQL; FOLDER/data, reached through a socket in FOLDER, whose name a standby has, too. `environment`: of its processes."""
+
+    def __init__(self, folder):
+        self.folder, self.data = pathlib.Path(folder), pathlib.Path(folder) / "data"
+        self.folder.mkdir(mode=0o755)
+        give(self.folder)
+        self.environment = {}
+
+    def make(self):
+        """An empty one with the lab's database."""
+        run(*AS_POSTGRES, PG / "initdb", "-D", self.data, "-U", "needlelab", "-A", "trust", "-E", "UTF8", "--locale=C", "--no-sync", "--wal-segsize=1")
+        with open(self.data / "postgresql.conf", "a", encoding="ascii") as settings:
+            # all that may differ between two of them is given at the start
+            settings.write(f"listen_addresses = ''\nmax_connections = {MOST_CONNECTIONS}\nshared_buffers = 16MB\nmin_wal_size = 2MB\n"
+                           "max_wal_size = 8MB\nwal_keep_size = 16MB\nwal_receiver_status_interval = 1s\nwal_retrieve_retry_interval = 100ms\n")
+        self.start()
+        self.sql("CREATE DATABASE lab TEMPLATE template0 ENCODING 'UTF8' LC_COLLATE 'C' LC_CTYPE 'C'", "postgres")
+
+    def copy_of(self, other):
+        """Takes the data of one that does not run, for the same role."""
+        run("cp", "-a", other.data, self.folder)
+        return self
+
+    def follow(self, primary):
+        """Becomes a standby of `primary`, whose synchronous one it is by the name of its folder. Both run afterwards."""
+        shutil.rmtree(self.data, ignore_errors=True)
+        run(*AS_POSTGRES, PG / "pg_basebackup", "-h", primary.folder, "-U", "needlelab", "-D", self.data, "-R", "--checkpoint=fast", "--no-sync")
+        with open(self.data / "postgresql.auto.conf", "a", encoding="ascii") as settings:
+            settings.write(f"primary_conninfo = 'host={primary.folder} user=needlelab application_name={self.folder.name}'\n")
+        self.start()
+        primary.setting("synchronous_standby_names", f"ANY 1 ({self.folder.name})")
+        until(lambda: primary.sql("SELECT count(*) FROM pg_stat_replication WHERE sync_state = 'quorum'", "postgres") == "1",
+              f"{self.folder.name} follows {primary.folder.name}")
+
+    def start(self):
+        # it may have been killed a moment ago, and its children see that
+        until(lambda: not self.everybody(), "the processes of before end")
+        # for PostgreSQL alone: not for a program that is root's still
+        added = [f"{name}={value}" for name, value in self.environment.items()]
+        run(*AS_POSTGRES, "env", *added, PG / "pg_ctl", "-D", self.data, "-w", "-l", self.folder / "log", "-o", f"-k {self.folder}", "start")
+
+    def stop(self, mode="fast"):
+        if (self.data / "postmaster.pid").exists():
+            run(*AS_POSTGRES, PG / "pg_ctl", "-D", self.data, "-w", "-m", mode, "stop")
+
+    def everybody(self):
+        """The processes that have this data folder as their own: the postmaster and its children."""
+        found = []
+        for process in pathlib.Path("/proc").iterdir():
+            try:
+                if process.name.isdigit() and os.readlink(process / "cwd") == str(self.data) and (process / "comm").read_text() == "postgres\n":
+                    found.append(int(process.name))
+            except OSError:
+                pass
+        return found
+
+    def signal_all(self, number):
+        for pid in self.everybody():
+            try:
+                os.kill(pid, number)
+            except ProcessLookupError:
+                pass
+
+    def kill(self):
+        """All of it at once, as when the machine is lost."""
+        self.signal_all(signal.SIGSTOP)  # so that no child sees another one's end
+        gone = self.everybody()
+        self.signal_all(signal.SIGKILL)
+        # also who waits for his parent: PostgreSQL does not start where the old postmaster's number is taken
+        until(lambda: not any(pathlib.Path(f"/proc/{pid}").exists() for pid in gone), "all processes end")
+
+    def promote(self):
+        run(*AS_POSTGRES, PG / "pg_ctl", "-D", self.data, "-w", "promote")
+
+    def sql(self, text, database="lab"):
+        """As the administrator, who waits for no standby."""
+        return run(PG / "psql", "-XAtq", "-h", self.folder, "-U", "needlelab", "-d", database, "-v", "ON_ERROR_STOP=1", "-f", "-", text_in=text,
+                   environment={"PGOPTIONS": "-c synchronous_commit=local"}).strip()
+
+    def setting(self, name, value):
+        """For the whole cluster, at once."""
+        self.sql(f"ALTER SYSTEM SET {name} = '{value}'", "postgres")
+        self.sql("SELECT pg_reload_conf()", "postgres")
+        until(lambda: self.sql(f"SELECT current_setting('{name}')", "postgres") == value, f"{name} = {value}")
+
+    def caught_up(self, primary):
+        """Has replayed all that the primary has."""
+        at = primary.sql("SELECT pg_current_wal_lsn()")
+        until(lambda: self.sql(f"SELECT pg_last_wal_replay_lsn() >= '{at}'") == "t", "the standby has replayed all")
+
+
+class Session:
+    """One connection to a cluster, by the protocol alone: it takes a place, and asks."""
+
+    def __init__(self, cluster):
+        self.socket = socket.socket(socket.AF_UNIX)
+        self.socket.settimeout(20)
+        try:
+            self.socket.connect(str(cluster.folder / ".s.PGSQL.5432"))
+            body = struct.pack(">I", 196608) + b"user\0needlelab\0database\0postgres\0application_name\0hog\0\0"
+            self.socket.sendall(struct.pack(">I", len(body) + 4) + body)
+            self.refused = self._until_ready()
+        except OSError as error:
+            self.refused = str(error)
+
+    def _take(self, count):
+        data = b""
+        while len(data) < count:
+            more = self.socket.recv(count - len(data))
+            if not more:
+                raise ConnectionError("closed")
+            data += more
+        return data
+
+    def _until_ready(self):
+        error = ""
+        while True:
+            kind, length = struct.unpack(">cI", self._take(5))
+            body = self._take(length - 4)
+            if kind == b"E":
+                error = body.decode(errors="replace").replace("\0", " ")
+                if " FATAL " in f" {error}":
+                    return error
+            if kind == b"Z":
+                return error
+
+    def ask(self, sql):
+        body = sql.encode() + b"\0"
+        self.socket.sendall(b"Q" + struct.pack(">I", len(body) + 4) + body)
+        self._until_ready()
+
+    def close(self):
+        self.socket.close()

@@ -1,0 +1,275 @@
+"""What happens to PostgreSQL while stations send. Each scenario plays in a lab of its own and returns the judge's last judgement; the judge has found
+nothing until then. A number from `dice` decides whatever a seed is to repeat."""
+import json
+import os
+import shutil
+import signal
+import time
+
+from clusters import MOST_CONNECTIONS, Failed, Session, until
+from commit_proxy import CommitProxy
+from fault_lab import STATIONS, Judgement
+
+MISSING = "acknowledged-but-missing"
+
+
+class CannotPlay(Exception):
+    """Why a scenario cannot be played on this machine."""
+
+
+def sound(judgement):
+    """The judgement; raises Failed when it has a fault."""
+    if judgement.faults:
+        raise Failed(f"{len(judgement.faults)} faults: " + "; ".join(f"{name}: {text}" for name, text in judgement.faults[:3]))
+    return judgement
+
+
+def streaming(lab, dice, url, durability="power-cut", samples=2000):
+    lab.start_server(url, durability)
+    lab.start_stations(dice.randrange(1, 1000), samples=samples)
+    lab.wait_for_more("ack", 10)
+
+
+def two_disks(lab, dice, samples=2000):
+    """A primary, its synchronous standby, and a server that wants both."""
+    a = lab.cluster("a")
+    b = lab.standby_of(a, "b")
+    streaming(lab, dice, lab.url(a, b), "two-disks", samples)
+    if (found := lab.health())["ack_survives"] != "the loss of a disk":
+        raise Failed(f"{found}")
+    return a, b
+
+
+# --- one server of PostgreSQL
+
+def again_and_again(lab, dice, rounds, fault):
+    a = lab.cluster("a")
+    streaming(lab, dice, lab.url(a))
+    for _ in range(rounds):
+        fault(a)
+        lab.wait_for_more("ack", dice.randrange(3, 20))
+    return lab.finish(a)
+
+
+def restart(lab, dice, rounds):
+    def fault(a):
+        a.stop()
+        a.start()
+    return again_and_again(lab, dice, rounds, fault)
+
+
+def kill(lab, dice, rounds):
+    def fault(a):
+        a.kill()
+        if lab.health()["healthy"]:
+            raise Failed("the server says that it is healthy without PostgreSQL")
+        a.start()
+    return again_and_again(lab, dice, rounds, fault)
+
+
+def pause(lab, dice, rounds):
+    def fault(a):
+        a.signal_all(signal.SIGSTOP)
+        time.sleep(dice.uniform(0.3, 2))
+        a.signal_all(signal.SIGCONT)
+    return again_and_again(lab, dice, rounds, fault)
+
+
+def connections(lab, dice, rounds):
+    """Others take every connection that PostgreSQL has, those of the server included."""
+    def fault(a):
+        hogs, end = [Session(a)], time.monotonic() + dice.uniform(1, 2)
+        while time.monotonic() < end:
+            hogs[0].ask("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE application_name = 'needlelab'")
+            while not (more := Session(a)).refused:
+                hogs.append(more)
+            more.close()
+            time.sleep(0.02)
+        if len(hogs) != MOST_CONNECTIONS:
+            raise Failed(f"{len(hogs)} connections of {MOST_CONNECTIONS} were taken")
+        if lab.health()["healthy"]:
+            raise Failed("the server says that it is healthy without a connection")
+        for hog in hogs:
+            hog.close()
+    return again_and_again(lab, dice, rounds, fault)
+
+
+def disk_full(lab, dice, rounds):
+    """The disk of PostgreSQL has no byte left: it refuses, or ends and starts again once there is room."""
+    if os.getuid() != 0:
+        raise CannotPlay("a small disk can only be mounted by root")
+    a = lab.room_for("a", 160)
+    streaming(lab, dice, lab.url(a))
+    ballast = a.folder / "ballast"
+    for _ in range(rounds):
+        free = os.statvfs(a.folder)
+        with open(ballast, "wb") as file:
+            os.posix_fallocate(file.fileno(), 0, free.f_bavail * free.f_bsize)
+        # 1 MiB segments of its log and pages of its tables are full soon
+        until(lambda: not lab.health()["healthy"], "the server says that nothing is stored", 90, 0.2)
+        time.sleep(dice.uniform(0, 1))
+        ballast.unlink()
+        if not a.everybody():
+            a.start()
+        # a station whose server had no room asks again after 15 s
+        lab.wait_for_more("ack", dice.randrange(3, 20))
+    return lab.finish(a)
+
+
+def load(lab, dice, rounds):
+    """needlelab-load is the judge: it reads all samples back through the server, and ends with 0 when they are those that it has made."""
+    a = lab.cluster("a")
+    lab.start_server(lab.url(a))
+    made = lab.start_load(12, 8 * rounds)
+    until(lambda: made.poll() is not None or lab.metric('needlelab_chunks_total{result="stored"}') > 0, "the load sends")
+    for round_number in range(rounds):
+        if made.poll() is not None:
+            break
+        time.sleep(dice.uniform(0.3, 2))
+        if round_number % 3 == 2:
+            a.signal_all(signal.SIGSTOP)
+            time.sleep(dice.uniform(0.5, 2))
+            a.signal_all(signal.SIGCONT)
+            continue
+        a.kill() if round_number % 3 == 0 else a.stop()  # pylint: disable=expression-not-assigned
+        a.start()
+    out, err = made.communicate(timeout=300)
+    if made.returncode != 0:
+        raise Failed(f"needlelab-load: exit code {made.returncode}\n{out[-2000:]}\n{err[-2000:]}")
+    judgement, said = Judgement(), json.loads(out)
+    judgement.samples, judgement.sessions = said["samples_made"], said["sessions_closed"]
+    lab.stop_server()
+    return judgement
+
+
+# --- the network between
+
+def cut_commits(lab, dice, rounds, modes):
+    """In the middle of a COMMIT; the outcome is unknown until PostgreSQL can be asked, and not acknowledged before."""
+    a = lab.cluster("a")
+    proxy = CommitProxy(a)
+    try:
+        streaming(lab, dice, f"postgresql://needlelab@127.0.0.1:{proxy.port}/lab?sslmode=disable")
+        for round_number in range(rounds):
+            cuts = proxy.cuts
+            proxy.arm(modes[round_number % len(modes)])
+            until(lambda: proxy.cuts > cuts, "a COMMIT is cut")  # pylint: disable=cell-var-from-loop
+            lab.silent_for(dice.uniform(0.2, 1))
+            sound(lab.judge(a, False))
+            proxy.heal()
+            lab.wait_for_more("ack", dice.randrange(3, 20), 90)
+        return lab.finish(a)
+    finally:
+        proxy.close()
+
+
+def commit_lost(lab, dice, rounds):
+    return cut_commits(lab, dice, rounds, ["answer", "request"])
+
+
+def commit_silent(lab, dice, rounds):
+    """The connection is half open: the server gives it up after 30 s."""
+    return cut_commits(lab, dice, rounds, ["silent"])
+
+
+# --- two servers of PostgreSQL
+
+def kill_and_promote(a, b):
+    a.kill()
+    b.promote()
+
+
+def new_standby(old, primary):
+    """The lost machine becomes a standby of the one that was promoted; until then nothing is acknowledged."""
+    shutil.rmtree(old.data)
+    old.follow(primary)
+
+
+def promotion(lab, dice, rounds):
+    """The primary is lost, and its synchronous standby promoted: it has all that was acknowledged."""
+    a, b = two_disks(lab, dice)
+    for _ in range(rounds):
+        time.sleep(dice.uniform(0, 0.5))
+        kill_and_promote(a, b)
+        sound(lab.judge(b, False, [b]))
+        new_standby(a, b)
+        lab.wait_for_more("ack", dice.randrange(3, 20))
+        a, b = b, a
+    return lab.finish(a, b)
+
+
+def standby_lost(lab, dice, rounds):
+    """Nothing is acknowledged without the standby, nor when somebody cancels the waits for it; the primary alone is not enough."""
+    a, b = two_disks(lab, dice)
+    for _ in range(rounds):
+        b.kill()
+        time.sleep(0.3)  # acks that were under way
+        before = lab.count("ack")
+        end = time.monotonic() + dice.uniform(0.7, 1.5)
+        cancelled = 0
+        while time.monotonic() < end:
+            cancelled += int(a.sql("SELECT count(*) FROM (SELECT pg_cancel_backend(pid) FROM pg_stat_activity WHERE wait_event = 'SyncRep') AS waits"))
+            time.sleep(0.02)
+        if cancelled == 0 or (more := lab.count("ack") - before) > 0:
+            raise Failed(f"{cancelled} waits cancelled" if cancelled == 0 else f"{more} acks without the standby")
+        b.start()
+        lab.wait_for_more("ack", dice.randrange(3, 20))
+    a.kill()
+    b.promote()
+    sound(lab.judge(b, False, [b]))
+    new_standby(a, b)
+    return lab.finish(b, a)
+
+
+def weak_settings(lab, dice, rounds):
+    """Somebody takes the second disk away by a setting: nothing is stored until he puts it back."""
+    a, b = two_disks(lab, dice)
+    for _ in range(rounds):
+        for weak, strong in (("ALTER ROLE needlelab SET synchronous_commit = local", "ALTER ROLE needlelab RESET synchronous_commit"),
+                             ("ALTER DATABASE lab SET synchronous_commit = off", "ALTER DATABASE lab RESET synchronous_commit")):
+            a.sql(weak)
+            a.sql("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE application_name = 'needlelab'")
+            time.sleep(0.3)
+            lab.silent_for(dice.uniform(0.3, 1))
+            a.sql(strong)
+            a.sql("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE application_name = 'needlelab'")
+            lab.wait_for_more("ack", dice.randrange(3, 20))
+        a.setting("synchronous_standby_names", "")
+        time.sleep(0.3)
+        lab.silent_for(dice.uniform(0.3, 1))
+        a.setting("synchronous_standby_names", "ANY 1 (b)")
+        lab.wait_for_more("ack", dice.randrange(3, 20))
+    return lab.finish(a, b)
+
+
+def lagging(lab, dice, rounds):
+    """A standby that lags is promoted by mistake. The server says that it has less than it acknowledged, stores nothing while
+    synchronous_standby_names is empty, and gets from the spools what it lacks: sessions that were closed and Safe, too."""
+    a, b = two_disks(lab, dice, samples=600)
+    lab.expect_lacks = True
+    for round_number in range(rounds):
+        b.stop()
+        c = lab.copy_of_stopped(b, f"c{round_number}")
+        b.start()
+        lab.wait_for_more("ack", dice.randrange(20, 40))
+        # one station at least has begun and closed a session that the lagging one never had: no Welcome names it
+        lab.wait_for_more("closed", 3 * STATIONS + 1)
+        lab.kill_clusters(a, b)
+        # what answers at b's address from now on
+        b.data, old = c.data, b.data
+        b.start()
+        b.promote()
+        b.setting("synchronous_standby_names", "")
+        lab.note(e="restore", t=time.time_ns())
+        missing = lab.judge(b, True).faults
+        if not any(name == MISSING for name, _ in missing):
+            raise Failed("the standby lacked nothing")
+        until(lambda: lab.lines("acknowledged_missing") == round_number + 1, "the server says what PostgreSQL lacks")  # pylint: disable=cell-var-from-loop
+        lab.silent_for(dice.uniform(0.3, 1))
+        shutil.rmtree(old)
+        new_standby(a, b)
+        lab.wait_for_more("ack", dice.randrange(10, 20))
+        if not any("does not have all that was acknowledged" in problem for problem in lab.health()["problems"]):
+            raise Failed(f"/healthz does not say it: {lab.health()}")
+        a, b = b, a
+    return lab.finish(a, b)
