@@ -2,6 +2,8 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <iterator>
 #include <optional>
@@ -13,6 +15,8 @@
 
 namespace needlelab {
 namespace {
+
+constexpr std::size_t kMostDatesKept = 1 << 20;  // of groups; 16 bytes each
 
 constexpr std::string_view kAssignment =
     "SELECT id, course_id, exercise_id, group_id, trainee, due_unix_ns, by_whom,"
@@ -170,38 +174,88 @@ Result<std::vector<pb::Assignment>> AssignmentStore::list(const Filter& filter) 
       .all(assignmentOf);
 }
 
-Result<std::vector<DueRule>> AssignmentStore::dueRules(std::string_view trainee) {
-  return connection_
-      .query(
-          "SELECT course_id, exercise_id, CASE WHEN trainee IS NULL THEN 1 ELSE 0 END, due_unix_ns"
-          " FROM assignments WHERE due_unix_ns IS NOT NULL AND (trainee = ?1"
-          " OR group_id IN (SELECT group_id FROM group_members WHERE person = ?1))",
-          trainee)
-      .all([](const Statement& row) {
-        return DueRule{row.text(0), row.text(1), row.integer(2) != 0, row.integer(3)};
-      });
-}
-
 Result<std::int64_t> AssignmentStore::dueOf(std::string_view trainee, std::string_view exercise_id,
                                             std::string_view course_id, std::int64_t otherwise) {
-  ASSIGN_OR_RETURN(const auto rules, dueRules(trainee));
-  return dueBy(rules, exercise_id, course_id, otherwise);
+  // the terms of assignments_once, so that no other assignment is looked at
+  ASSIGN_OR_RETURN(
+      const auto due,
+      connection_
+          .query("SELECT due_unix_ns FROM assignments WHERE coalesce(course_id, '') IN ('', ?3)"
+                 " AND coalesce(exercise_id, '') IN ('', ?2) AND due_unix_ns IS NOT NULL"
+                 " AND (trainee = ?1 OR group_id IN (SELECT group_id FROM group_members WHERE person = ?1))"
+                 " ORDER BY CASE WHEN trainee IS NULL THEN 1 ELSE 0 END,"
+                 " CASE WHEN exercise_id IS NULL THEN 1 ELSE 0 END, due_unix_ns DESC LIMIT 1",
+                 trainee, exercise_id, course_id)
+          .first([](const Statement& row) { return row.integer(0); }));
+  return due.value_or(otherwise);
 }
 
-std::int64_t dueBy(std::span<const DueRule> rules, std::string_view exercise_id, std::string_view course_id,
-                   std::int64_t otherwise) {
-  const DueRule* best = nullptr;
-  // the order of precedence as a number: the least counts, of equal ones the latest date
-  const auto rank = [](const DueRule& rule) {
-    return (rule.of_group ? 2 : 0) + (rule.exercise_id.empty() ? 1 : 0);
-  };
-  for (const DueRule& rule : rules) {
-    if (rule.exercise_id.empty() ? rule.course_id != course_id : rule.exercise_id != exercise_id) continue;
-    if (best == nullptr || rank(rule) < rank(*best) ||
-        (rank(rule) == rank(*best) && rule.due_unix_ns > best->due_unix_ns))
-      best = &rule;
+CourseDates::CourseDates(Connection& connection, std::string course_id,
+                         const std::vector<std::string>& exercise_ids)
+    : connection_(connection), course_id_(std::move(course_id)) {
+  for (std::size_t i = 0; i < exercise_ids.size(); ++i) places_.emplace(exercise_ids[i], i);
+}
+
+Result<CourseDates::Dates> CourseDates::datesWhere(std::string_view whose, std::string_view name) {
+  auto row = connection_.query(
+      fmt::format("SELECT exercise_id, due_unix_ns FROM assignments WHERE {} = ?1 AND due_unix_ns IS NOT NULL"
+                  " AND (course_id = ?2 OR EXISTS (SELECT 1 FROM exercises e WHERE e.id = exercise_id"
+                  " AND e.curriculum_id = ?2))",
+                  whose),
+      name, course_id_);
+  Dates dates;
+  for (;;) {
+    ASSIGN_OR_RETURN(const bool more, row.step());
+    if (!more) return dates;
+    ++read_;
+    if (row.isNull(0)) {
+      dates.course_ns = std::max(dates.course_ns, row.integer(1));
+    } else if (const auto place = places_.find(row.text(0)); place != places_.end()) {
+      dates.exercises_ns.emplace_back(place->second, row.integer(1));
+    }
   }
-  return best == nullptr ? otherwise : best->due_unix_ns;
+}
+
+Result<const CourseDates::Dates*> CourseDates::datesOfGroup(const std::string& group_id) {
+  auto found = groups_.find(group_id);
+  if (found == groups_.end()) {
+    if (kept_ > kMostDatesKept) {
+      groups_.clear();
+      kept_ = 0;
+    }
+    ASSIGN_OR_RETURN(auto dates, datesWhere("group_id", group_id));
+    kept_ += dates.exercises_ns.size();
+    found = groups_.emplace(group_id, std::move(dates)).first;
+  }
+  return &found->second;
+}
+
+Result<std::vector<std::int64_t>> CourseDates::of(std::string_view trainee) {
+  ASSIGN_OR_RETURN(const auto own, datesWhere("trainee", trainee));
+  ASSIGN_OR_RETURN(const auto groups,
+                   connection_.query("SELECT group_id FROM group_members WHERE person = ?", trainee)
+                       .all([](const Statement& row) { return row.text(0); }));
+  std::vector<std::int64_t> dates(places_.size());
+  const auto addLatest = [&](const Dates& some) {
+    for (const auto& [place, due_ns] : some.exercises_ns) dates[place] = std::max(dates[place], due_ns);
+  };
+  // what goes before comes last
+  std::int64_t of_course_ns = 0;
+  for (const std::string& group : groups) {
+    ASSIGN_OR_RETURN(const Dates* some, datesOfGroup(group));
+    of_course_ns = std::max(of_course_ns, some->course_ns);
+    addLatest(*some);
+  }
+  for (std::int64_t& date : dates) {
+    if (own.course_ns != 0) {
+      date = own.course_ns;
+    } else if (date == 0) {
+      date = of_course_ns;
+    }
+  }
+  for (const auto& [place, due_ns] : own.exercises_ns) dates[place] = 0;
+  addLatest(own);
+  return dates;
 }
 
 Result<std::vector<pb::Attempt>> AttemptStore::list(std::string_view trainee, std::string_view exercise_id,

@@ -1,12 +1,13 @@
 /// Assignments with their due dates, and trainees' attempts.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <optional>
-#include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "common/base/result.h"
@@ -16,17 +17,6 @@
 #include "needlelab/teaching.pb.h"
 
 namespace needlelab {
-
-/// A date that an assignment sets: of a course or an exercise, for the trainee alone or a group.
-struct DueRule {
-  std::string course_id, exercise_id;  ///< one of them
-  bool of_group = false;
-  std::int64_t due_unix_ns = 0;
-};
-
-/// The date that counts for an exercise (AssignmentStore::dueOf()); `otherwise` when no rule is for it.
-std::int64_t dueBy(std::span<const DueRule> rules, std::string_view exercise_id, std::string_view course_id,
-                   std::int64_t otherwise);
 
 /// Does not own the connection. Thread: as its Connection; changes need the writer's.
 class AssignmentStore {
@@ -49,17 +39,47 @@ class AssignmentStore {
   /// Newest first; empty filters mean all.
   Result<std::vector<pb::Assignment>> list(const Filter& filter);
 
-  /// Dates that apply to a trainee, own and of groups, of any course.
-  Result<std::vector<DueRule>> dueRules(std::string_view trainee);
   /// Returns the due date of an exercise for a trainee; 0: never due. Order of precedence: the exercise
   /// assigned to the trainee, the course assigned to the trainee, the exercise assigned to a group, the
   /// course assigned to a group, `otherwise`. With several groups the latest date counts. A date for one
-  /// person is an exception from the group's date.
+  /// person is an exception from the group's date. Looks at the assignments of this exercise and this course
+  /// alone.
   Result<std::int64_t> dueOf(std::string_view trainee, std::string_view exercise_id,
                              std::string_view course_id, std::int64_t otherwise);
 
  private:
   Connection& connection_;
+};
+
+/// The dates that assignments set for the exercises of one course, for one trainee after another. Keeps the
+/// dates of a group, so that the next member costs no read of them. Does not own the connection. Thread: as
+/// its Connection; all calls within one view.
+class CourseDates {
+ public:
+  /// `exercise_ids`: of the course.
+  CourseDates(Connection& connection, std::string course_id, const std::vector<std::string>& exercise_ids);
+
+  /// By exercise, in the order of `exercise_ids`, as AssignmentStore::dueOf() says; 0: no assignment sets a
+  /// date.
+  Result<std::vector<std::int64_t>> of(std::string_view trainee);
+  /// How many dates were read of the database so far.
+  [[nodiscard]] std::uint64_t read() const { return read_; }
+
+ private:
+  /// Of a group or of a trainee alone. 0: none.
+  struct Dates {
+    std::int64_t course_ns = 0;
+    std::vector<std::pair<std::size_t, std::int64_t>> exercises_ns;  ///< by place in `exercise_ids`
+  };
+  Result<Dates> datesWhere(std::string_view whose, std::string_view name);
+  Result<const Dates*> datesOfGroup(const std::string& group_id);
+
+  Connection& connection_;
+  const std::string course_id_;
+  std::map<std::string, std::size_t> places_;  ///< of the exercises, by id
+  std::map<std::string, Dates> groups_;        ///< by id
+  std::size_t kept_ = 0;                       ///< dates in `groups_`
+  std::uint64_t read_ = 0;
 };
 
 /// A trainee's result in an exercise. Attempts are the trainee's sessions in it, numbered by start time.

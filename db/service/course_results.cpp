@@ -1,5 +1,6 @@
 // A course's matrix of trainees and exercises, a page at a time.
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <string>
@@ -44,18 +45,20 @@ pb::ResultCell cellOf(const ReadExercise& exercise, const ExerciseStanding& stan
   return cell;
 }
 
-/// The cells of a trainee: a fixed number of reads, however many exercises and attempts there are.
+/// The cells of a trainee: a fixed number of reads, and one for each group that nobody before was in, however
+/// many exercises and attempts there are.
 Status addCells(const Context& context, const std::vector<ReadExercise>& exercises,
-                const std::string& course_id, bool with_best, pb::ResultRow& row) {
+                const std::string& course_id, bool with_best, CourseDates& dates, pb::ResultRow& row) {
   AttemptStore store(context.reader);
   ASSIGN_OR_RETURN(const auto attempts, store.standings(row.trainee()));
-  ASSIGN_OR_RETURN(const auto dues, AssignmentStore(context.reader).dueRules(row.trainee()));
+  ASSIGN_OR_RETURN(const auto dues_ns, dates.of(row.trainee()));
   std::map<std::string, pb::Attempt> best;
   if (with_best) {
     ASSIGN_OR_RETURN(best, store.best(row.trainee(), course_id));
   }
-  for (const ReadExercise& exercise : exercises) {
-    const ExerciseStanding standing = standingBy(exercise, attempts, dues);
+  for (std::size_t i = 0; i < exercises.size(); ++i) {
+    const ReadExercise& exercise = exercises[i];
+    const ExerciseStanding standing = standingBy(exercise, attempts, dues_ns[i]);
     pb::ResultCell cell = cellOf(exercise, standing, context.now_unix_ns);
     if (const auto found = best.find(exercise.stored.id); found != best.end()) {
       *cell.mutable_best() = std::move(found->second);
@@ -109,6 +112,8 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
     ASSIGN_OR_RETURN(names, trainees.page(call.page(), most + 1));
     if (!by_station && call.page().empty()) RETURN_IF_ERROR(addTotals(trainees, *results));
   }
+  CourseDates dates(context.reader, call.course_id(),
+                    {results->exercise_ids().begin(), results->exercise_ids().end()});
   PageRoom room;
   room.take(results->ByteSizeLong() + 1);
   std::string last = call.page();
@@ -129,7 +134,7 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
       }
     }
     if (person) row.set_full_name(person->full_name);
-    if (!names_only) RETURN_IF_ERROR(addCells(context, exercises, call.course_id(), !by_station, row));
+    if (!names_only) RETURN_IF_ERROR(addCells(context, exercises, call.course_id(), !by_station, dates, row));
     if (!room.take(row.ByteSizeLong())) {
       if (results->rows().empty())
         return Error{ErrorCode::kInvalidInput,

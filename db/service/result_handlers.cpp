@@ -264,7 +264,7 @@ Result<ReadExercise> readExercise(Connection& connection, const StoredExercise& 
 }
 
 ExerciseStanding standingBy(const ReadExercise& read, const std::map<std::string, AttemptStanding>& attempts,
-                            std::span<const DueRule> dues) {
+                            std::int64_t assigned_due_unix_ns) {
   const auto attemptsAt = [&](const std::string& id) {
     const auto found = attempts.find(id);
     return found == attempts.end() ? AttemptStanding{} : found->second;
@@ -279,7 +279,7 @@ ExerciseStanding standingBy(const ReadExercise& read, const std::map<std::string
   for (const ReadExercise::Before& before : read.prerequisites) {
     if (!isDoneBy(attemptsAt(before.id), before.asks_nothing)) standing.locked_by.push_back(before.id);
   }
-  standing.due_unix_ns = dueBy(dues, read.stored.id, read.stored.curriculum_id, ownDue(read.exercise));
+  standing.due_unix_ns = assigned_due_unix_ns != 0 ? assigned_due_unix_ns : ownDue(read.exercise);
   return standing;
 }
 
@@ -288,8 +288,9 @@ Result<ExerciseStanding> standingOf(Connection& connection, const std::string& t
   KnownPrerequisites known;
   ASSIGN_OR_RETURN(const auto read, readExercise(connection, stored, exercise, known));
   ASSIGN_OR_RETURN(const auto attempts, AttemptStore(connection).standings(trainee));
-  ASSIGN_OR_RETURN(const auto dues, AssignmentStore(connection).dueRules(trainee));
-  return standingBy(read, attempts, dues);
+  ASSIGN_OR_RETURN(const auto due_ns,
+                   AssignmentStore(connection).dueOf(trainee, stored.id, stored.curriculum_id, 0));
+  return standingBy(read, attempts, due_ns);
 }
 
 Result<std::optional<std::string>> whyNot(Connection& connection, const pb::Exercise& exercise,

@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <map>
 #include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -45,10 +44,11 @@ using KnownPrerequisites = std::map<std::string, bool>;
 /// text.
 Result<ReadExercise> readExercise(Connection& connection, const StoredExercise& stored,
                                   const pb::Exercise& exercise, KnownPrerequisites& known);
-/// The trainee's standing by its sums (AttemptStore::standings()) and dates (AssignmentStore::dueRules()).
+/// The trainee's standing by its sums (AttemptStore::standings()) and the date that assignments set for it
+/// (CourseDates; 0: the exercise's own counts).
 ExerciseStanding standingBy(const ReadExercise& exercise,
                             const std::map<std::string, AttemptStanding>& attempts,
-                            std::span<const DueRule> dues);
+                            std::int64_t assigned_due_unix_ns);
 
 /// Parses an exercise's text. kCorrupt: this program cannot read the stored text.
 Result<pb::Exercise> exerciseOf(const StoredExercise& stored);

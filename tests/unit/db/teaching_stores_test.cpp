@@ -179,6 +179,40 @@ TEST_F(TeachingStores, aDateForOnePersonGoesBeforeItsGroups) {
   EXPECT_EQ(*assignments.dueOf("zoe", "a", "basics", 7), 7);
 }
 
+TEST_F(TeachingStores, theDatesOfACourseAreThoseOfItsExercisesAndAGroupsAreReadOnceForAllMembers) {
+  AssignmentStore assignments(db.writer);
+  ASSERT_OK(GroupStore(db.writer).put(group("g", {"anna", "ben"}), 0, "mia", 1));
+  ASSERT_OK(GroupStore(db.writer).put(group("h", {"anna", "ben"}), 0, "mia", 1));
+  // of another course: not looked at
+  ASSERT_OK(
+      db.writer.run("INSERT INTO assignments (exercise_id, group_id, due_unix_ns, by_whom, created_unix_ns)"
+                    " VALUES ('of another', 'g', 999, 'x', 1)"));
+  const auto expectSame = [&] {
+    CourseDates dates(db.writer, "basics", {"b", "a"});
+    for (const char* name : {"anna", "ben", "zoe"}) {
+      const auto found = dates.of(name);
+      ASSERT_OK(found);
+      EXPECT_EQ(*found, (std::vector<std::int64_t>{*assignments.dueOf(name, "b", "basics", 0),
+                                                   *assignments.dueOf(name, "a", "basics", 0)}))
+          << name;
+    }
+  };
+  for (const auto& next : {assignment("basics", "", "g", "", 100), assignment("basics", "", "h", "", 150),
+                           assignment("", "a", "g", "", 120), assignment("", "a", "h", "", 110),
+                           assignment("basics", "", "", "anna", 90), assignment("", "a", "", "anna", 80)}) {
+    expectSame();
+    ASSERT_OK(assignments.put(next));
+  }
+  expectSame();
+  CourseDates dates(db.writer, "basics", {"a", "b"});
+  EXPECT_EQ(*dates.of("ben"), (std::vector<std::int64_t>{120, 150}));
+  EXPECT_EQ(dates.read(), 4u);
+  EXPECT_EQ(*dates.of("anna"), (std::vector<std::int64_t>{80, 90}));
+  EXPECT_EQ(dates.read(), 4u + 2) << "anna's own";
+  for (int i = 0; i < 10; ++i) ASSERT_OK(dates.of("ben"));
+  EXPECT_EQ(dates.read(), 4u + 2);
+}
+
 TEST_F(TeachingStores, attemptsAreNumberedByWhenTheyWereBegunEachExerciseForItself) {
   const Uuid second = session("anna", "a", 200), other = session("anna", "b", 150),
              first = session("anna", "a", 100);
