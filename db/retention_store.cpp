@@ -327,9 +327,10 @@ Result<std::vector<Uuid>> RetentionStore::leftovers() {
   }
 }
 
-Status RetentionStore::checkSome(const Uuid& session, std::uint32_t rows) {
+Result<RetentionStore::LookedAt> RetentionStore::checkSome(const Uuid& session, std::uint32_t rows) {
   ASSIGN_OR_RETURN(const auto row, closedSession(connection_, session));
   const std::string name = "session " + uuidText(session) + ", what is left of a recording that was removed";
+  LookedAt looked;
   // in removeSome()'s order
   for (const auto kind : {StoredRecording::Kind::kOriginal, StoredRecording::Kind::kThinned}) {
     if (kind == row.recording) continue;
@@ -340,16 +341,21 @@ Status RetentionStore::checkSome(const Uuid& session, std::uint32_t rows) {
                                                      std::string(left.table()) + " WHERE session = ?",
                                                  row.number)));
     if (count == 0) continue;
+    if (looked.rows > 0) {
+      looked.more = true;
+      break;
+    }
     left.chunks = static_cast<std::uint64_t>(count);
-    ChunkScan scan(connection_, name, left, left.chunks - std::min<std::uint64_t>(left.chunks, rows),
-                   UINT64_MAX);
+    looked.rows = static_cast<std::uint32_t>(std::min<std::uint64_t>(left.chunks, rows));
+    looked.more = looked.rows < left.chunks;
+    ChunkScan scan(connection_, name, left, left.chunks - looked.rows, UINT64_MAX);
     for (;;) {
       ASSIGN_OR_RETURN(const auto item, scan.next());
-      if (!item) return {};
+      if (!item) break;
       if (item->damaged()) return *item->fault;
     }
   }
-  return {};
+  return looked;
 }
 
 Result<bool> RetentionStore::removeSome(const Uuid& session, std::uint32_t rows) {

@@ -90,10 +90,14 @@ class RetentionStore {
   /// Sessions with rows still to remove: of replaced or deleted recordings, and of thinnings that a crash
   /// interrupted.
   Result<std::vector<Uuid>> leftovers();
+  struct LookedAt {
+    std::uint32_t rows = 0;  ///< how many removeSome() may remove
+    bool more = false;       ///< the session has further rows to remove
+  };
   /// Reads the rows that removeSome() would remove next, each with its overflow pages: deleting a row on
   /// damaged pages would stop the writer or free another row's page. kCorrupt names the first damaged row.
   /// Runs on a reader.
-  Status checkSome(const Uuid& session, std::uint32_t rows);
+  Result<LookedAt> checkSome(const Uuid& session, std::uint32_t rows);
   /// Removes at most `rows` rows, last ones first. False: all rows are gone, and so is the note of them.
   Result<bool> removeSome(const Uuid& session, std::uint32_t rows);
 

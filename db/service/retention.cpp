@@ -61,15 +61,11 @@ class Run {
 
   Status removeLeftovers(std::size_t pieces, LeftoversSoFar& so_far) {
     ASSIGN_OR_RETURN(const auto sessions, read([](Connection& c) { return RetentionStore(c).leftovers(); }));
-    for (const Uuid& session : sessions) {
-      if (so_far.damaged.contains(session)) continue;
+    for (std::size_t next = 0; next < sessions.size(); --pieces) {
       if (pieces == 0 || stopped()) return {};
-      const Status removed = removeUnreadRows(session, pieces);
-      if (removed) continue;
-      if (tools_.writer.failed()) return removed;
-      so_far.damaged.emplace(session, removed.error().message);
+      RETURN_IF_ERROR(removeUnreadRows(sessions, next, so_far));
     }
-    so_far.more = pieces == 0 || stopped();
+    so_far.more = false;
     return {};
   }
 
@@ -314,13 +310,47 @@ class Run {
     return {};
   }
 
-  /// The same for rows that were not read in this run: the writer must not be the first to meet a damaged
-  /// page. At most `pieces`, of which it takes away those that it did.
-  Status removeUnreadRows(const Uuid& session, std::size_t& pieces) {
-    for (bool more = true; more && pieces > 0 && !stopped(); --pieces) {
-      RETURN_IF_ERROR(
-          read([&](Connection& c) { return RetentionStore(c).checkSome(session, tools_.pace.rows); }));
-      RETURN_IF_ERROR(removePiece(session, more));
+  /// Removes one piece of rows that were not read in this run, of the sessions from `next` on: the writer
+  /// must not be the first to meet a damaged page. Moves `next` behind those that are done.
+  Status removeUnreadRows(const std::vector<Uuid>& sessions, std::size_t& next, LeftoversSoFar& so_far) {
+    struct Part {
+      std::size_t session = 0;  // its place in `sessions`
+      RetentionStore::LookedAt looked;
+    };
+    std::vector<Part> parts;
+    std::size_t end = next;
+    // a session costs a row at least, also a damaged one
+    for (std::uint32_t rows = 0; end < sessions.size() && rows < tools_.pace.rows; ++end) {
+      if (so_far.damaged.contains(sessions[end])) continue;
+      const auto looked = read(
+          [&](Connection& c) { return RetentionStore(c).checkSome(sessions[end], tools_.pace.rows - rows); });
+      rows += looked ? std::max(looked->rows, 1u) : 1;
+      if (looked) {
+        parts.push_back({end, *looked});
+      } else if (tools_.writer.failed()) {
+        return looked.error();
+      } else {
+        so_far.damaged.emplace(sessions[end], looked.error().message);
+      }
+    }
+    std::size_t at = 0;  // in `parts`: the first that is not done
+    const Status removed = parts.empty() ? Status() : piece([&](Connection& c) -> Status {
+      RetentionStore store(c);
+      for (at = 0; at < parts.size(); ++at) {
+        const auto& [session, looked] = parts[at];
+        if (looked.rows > 0) RETURN_IF_ERROR(store.removeSome(sessions[session], looked.rows));
+        if (looked.more) return {};
+        ASSIGN_OR_RETURN(const bool more, store.removeSome(sessions[session], 1));
+        if (more) return {};
+      }
+      return {};
+    });
+    if (!removed && (tools_.writer.failed() || at == parts.size())) return removed;
+    // none of the piece is removed: the next one leaves this session out
+    if (!removed) {
+      so_far.damaged.emplace(sessions[parts[at].session], removed.error().message);
+    } else {
+      next = at < parts.size() ? parts[at].session : end;
     }
     return {};
   }

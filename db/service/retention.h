@@ -68,8 +68,9 @@ struct LeftoversSoFar {
   bool more = true;                     ///< false: all other rows are gone
 };
 
-/// One step of it: at most `most_pieces` pieces, a look at a session included. Ends early, with `more`, when
-/// it is stopped. Errors: the database's.
+/// One step of it: at most `most_pieces` pieces. A piece has `pace.rows` rows of as many sessions as it
+/// takes, each of which counts as a row at least. Ends early, with `more`, when it is stopped. Errors: the
+/// database's.
 Status removeSomeLeftovers(const RetentionTools& tools, std::size_t most_pieces, LeftoversSoFar& so_far);
 
 }  // namespace needlelab

@@ -1,4 +1,6 @@
-// Tests retention policies, and a disk without enough space for them.
+// Tests retention policies, a disk without enough space for them, and the pieces in which remains go.
+#include <atomic>
+#include <vector>
 
 #include "common/base/clock.h"
 #include "db/session_rows.h"
@@ -92,6 +94,44 @@ TEST_F(RetentionTest, deletionsComeFirstAndWhatTheDiskHasNoRoomForIsLeftAlone) {
   runs_out_after = UINT64_MAX;
   EXPECT_EQ(run().thinned(), 1u);
   EXPECT_TRUE(sound());
+}
+
+TEST_F(RetentionTest, whatIsLeftOfShortRecordingsGoesManySessionsAPiece) {
+  (void)addClosed(20);
+  std::vector<Uuid> shorts;
+  while (shorts.size() < 40) shorts.push_back(addClosed(1));
+  ASSERT_OK(change([](Connection& c) {
+    return c.script(
+        "INSERT INTO removed_originals (session, removed_unix_ns, deleted_unix_ns, reason, by_whom, leftover,"
+        " crcs) SELECT number, 1, 1, 'x', 'x', 1, zeroblob(4) FROM sessions;"
+        "UPDATE sessions SET recording = 3;"
+        "UPDATE chunks SET bytes = zeroblob(length(bytes)) WHERE session = 4");
+  }));
+  const std::atomic<bool> stop = false;
+  const RetentionTools tools{store->writer(),
+                             store->readers(),
+                             [](const Uuid&) { return Status(); },
+                             [] { return false; },
+                             stop,
+                             {.rows = 16, .pause = std::chrono::milliseconds(0)}};
+  LeftoversSoFar so_far;
+  struct Left {
+    std::int64_t chunks;
+    std::size_t sessions;
+  };
+  // 16 of the long one; its other 4 and 12 short ones, one of them damaged; 16; 12
+  for (const Left& left : {Left{44, 41}, Left{29, 29}, Left{13, 13}, Left{1, 1}}) {
+    ASSERT_TRUE(so_far.more);
+    ASSERT_OK(removeSomeLeftovers(tools, 1, so_far));
+    auto reader = store->readers().borrow();
+    auto chunks = (*reader)->prepare("SELECT count(*) FROM chunks");
+    ASSERT_OK(chunks.step());
+    EXPECT_EQ(chunks.integer(0), left.chunks);
+    EXPECT_EQ(RetentionStore(**reader).leftovers()->size(), left.sessions);
+  }
+  EXPECT_FALSE(so_far.more);
+  ASSERT_EQ(so_far.damaged.size(), 1u);
+  EXPECT_EQ(so_far.damaged.begin()->first, shorts[2]);
 }
 
 }  // namespace
