@@ -52,6 +52,37 @@ Status checkRoomToErase(Connection& connection, const std::string& name) {
                   folder.string(), space.available >> 20, name, (needed >> 20) + 1)};
 }
 
+Result<std::string> settleErasure(DbWriter& writer, const std::filesystem::path& folder,
+                                  const ErasureLine& line, const std::vector<ErasureLine>& before,
+                                  const Error& why) {
+  bool is_erased = false;
+  // by the writer: it begins when the transaction before it has ended
+  const Status asked = writer.run([&](Connection& connection) -> Status {
+    // an erasure that was repeated has its pseudonym from before
+    ASSIGN_OR_RETURN(const auto row,
+                     connection
+                         .query("SELECT pseudonym FROM erasures WHERE pseudonym = ?1 AND erased_unix_ns = ?2",
+                                line.pseudonym, line.unix_ns)
+                         .first(firstText));
+    is_erased = row.has_value();
+    return {};
+  });
+  if (!asked)
+    return Error{why.code,
+                 fmt::format("{}; nobody can tell whether '{}' was erased ({}). The list of erasures keeps "
+                             "the line, and the next start of the server erases the person if the database "
+                             "does not have the erasure",
+                             why.message, line.pseudonym, asked.error().message)};
+  if (is_erased)
+    return "The person is erased, but the answer to the last commit was: " + why.message +
+           ". The list of erasures has the line, so a start repeats the erasure where the database lacks "
+           "it. ";
+  // the person was not erased, so the file must not say so
+  if (const Status written = writeErasures(folder, before); !written)
+    return Error{why.code, why.message + "; " + written.error().message};
+  return why;
+}
+
 }  // namespace needlelab
 
 namespace needlelab::handlers {
@@ -71,6 +102,12 @@ std::string textOnLater(const std::string& name) {
       "ones: erase '{0}' again once all stations have delivered theirs. ",
       name);
 }
+
+/// What no erasure reaches in PostgreSQL's files.
+constexpr const char* kTextOnPostgres =
+    "PostgreSQL keeps what was erased in free parts of its pages, its log, the archive of the log, standbys, "
+    "base backups and dumps until these are overwritten or removed: see deploy/OPERATIONS.md, \"Erasure on "
+    "PostgreSQL\". ";
 
 /// The list beside the backups lacks this erasure.
 std::string textOnListBeside(const std::filesystem::path& backups, const std::filesystem::path& folder,
@@ -206,7 +243,8 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
                                                                     call.with_waiting_sessions(), found));
       return {};
     });
-  if (status.ok())
+  const bool is_at_end = status.ok();
+  if (is_at_end)
     status = context.writer.run([&](Connection& writer) -> Status {
       ASSIGN_OR_RETURN(
           done, ErasureStore(writer).eraseRows(call.name(), line, context.who.name, call.reason(),
@@ -222,17 +260,26 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
       return AuditStore(writer).add(
           {0, context.now_unix_ns, context.who.name, std::string(context.action), line.pseudonym, detail});
     });
+  std::string text_on_commit;
   if (!status) {
-    // the person was not erased, so the file must not say so
-    RETURN_IF_ERROR(writeErasures(folder, before));
-    // what was undone keeps its room in the log
-    if (status.error().code == ErrorCode::kNoRoom)
-      (void)context.writer.emptyLog(std::chrono::milliseconds::zero());
-    return Error{status.error().code, status.error().message + textOnDone(found, line.pseudonym)};
+    Result<std::string> settled = status.error();
+    if (is_at_end)
+      settled = settleErasure(context.writer, folder, line, before, status.error());
+    else
+      RETURN_IF_ERROR(writeErasures(folder, before));
+    if (!settled) {
+      // what was undone keeps its room in the log
+      if (settled.error().code == ErrorCode::kNoRoom)
+        (void)context.writer.emptyLog(std::chrono::milliseconds::zero());
+      return Error{settled.error().code, settled.error().message + textOnDone(found, line.pseudonym)};
+    }
+    text_on_commit = *settled;
   }
   pb::Reply reply;
   *reply.mutable_erasure() = done.erasure;
-  reply.mutable_erasure()->set_text((keeps_later ? textOnLater(call.name()) : "") +
+  reply.mutable_erasure()->set_text(text_on_commit +
+                                    (context.reader.sqlite() == nullptr ? kTextOnPostgres : "") +
+                                    (keeps_later ? textOnLater(call.name()) : "") +
                                     textOnWaiting(call.name(), done.erasure.waiting_sessions()));
   return reply;
 }

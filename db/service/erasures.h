@@ -7,10 +7,13 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "common/base/result.h"
 #include "db/connection.h"
+#include "db/db_writer.h"
 #include "db/erasure.h"
+#include "db/erasure_list.h"
 #include "db/service/files_of_erased.h"
 #include "db/service/retention.h"
 #include "needlelab/control.pb.h"
@@ -32,6 +35,15 @@ struct ErasureUnderWay {
 /// kNoRoom unless the disk has room for what the erasure's transaction writes to the person's sessions. For
 /// what others wrote of the person ErasureStore asks as it goes on.
 Status checkRoomToErase(Connection& connection, const std::string& name);
+
+/// The writer gave `why` for the transaction that ends the erasure `line`. Where only the answer to its
+/// COMMIT was lost, the person is erased all the same: asks the table of erasures in a new transaction.
+/// Returns what the reply says then. Errors, `why` in each: the person is not erased, and DIR/erasures is as
+/// `before`; or nobody can tell, and the line stays there, so that a start compares. Not from the writer's
+/// thread.
+Result<std::string> settleErasure(DbWriter& writer, const std::filesystem::path& folder,
+                                  const ErasureLine& line, const std::vector<ErasureLine>& before,
+                                  const Error& why);
 
 /// Before anybody is served: repeats the erasures of DIR/erasures that this database, a restored backup, does
 /// not know, and takes out what an earlier version left of erased people. Returns how many were repeated.

@@ -164,7 +164,6 @@ LookAtFiles::LookAtFiles(const std::filesystem::path& folder, const std::filesys
   if (!backups.empty() && !std::filesystem::equivalent(backups, own, ignored) &&
       !std::filesystem::equivalent(backups, folder, ignored))
     roots_.push_back({backups, 0});
-  places_.assign(roots_.begin(), roots_.end());
 }
 
 LookAtFiles::~LookAtFiles() = default;
@@ -192,20 +191,22 @@ FilesFound LookAtFiles::found() const {
 }
 
 bool LookAtFiles::listOn(std::int64_t until_ns) {
-  for (; !places_.empty(); places_.pop_front(), walk_.reset()) {
-    if (!walk_) walk_.emplace(places_.front().path, places_.front().deepest);
-    for (;;) {
-      if (time_.nowNs() >= until_ns) return false;
-      const auto entry = walk_->next();
-      if (!entry) break;
-      const File file{entry->owner != ::geteuid(), entry->path};
-      if (entry->kind == FolderWalk::Kind::kFile) sortIn(file);
-      // the server's own are written and renamed all the time
-      if (entry->kind == FolderWalk::Kind::kVanished && !isOwnFile(in_use_.parent_path(), entry->path))
-        walk_->noteVanished();
-      if (entry->kind == FolderWalk::Kind::kUnread && !isForOldOnes()) name(Kind::kUnread, file);
-    }
+  if (is_listed_) return true;
+  // one walk, because files may move between the places, too
+  if (!walk_) walk_.emplace(roots_);
+  for (;;) {
+    if (time_.nowNs() >= until_ns) return false;
+    const auto entry = walk_->next();
+    if (!entry) break;
+    const File file{entry->owner != ::geteuid(), entry->path};
+    if (entry->kind == FolderWalk::Kind::kFile) sortIn(file);
+    // the server's own are written and renamed all the time
+    if (entry->kind == FolderWalk::Kind::kVanished && !isOwnFile(in_use_.parent_path(), entry->path))
+      walk_->noteVanished();
+    if (entry->kind == FolderWalk::Kind::kUnread && !isForOldOnes()) name(Kind::kUnread, file);
   }
+  walk_.reset();
+  is_listed_ = true;
   return true;
 }
 
@@ -261,7 +262,7 @@ void LookAtFiles::countOther(const std::filesystem::path& path) {
     ++others_[folder];
     return;
   }
-  const auto root = std::find_if(roots_.rbegin(), roots_.rend(), [&](const Place& place) {
+  const auto root = std::find_if(roots_.rbegin(), roots_.rend(), [&](const FolderWalk::Root& place) {
     return path.string().starts_with(place.path.string());
   });
   ++others_[root == roots_.rend() ? roots_.front().path : root->path];

@@ -7,7 +7,6 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -84,15 +83,10 @@ class LookAtFiles {
   static std::optional<Identity> identityOf(const std::filesystem::path& path);
   /// In the order in which they are named.
   enum class Kind { kHasPerson, kUntold, kLog, kUnfinished, kUnread, kOther, kWithout };
-  /// What a FolderWalk begins with.
-  struct Place {
-    std::filesystem::path path;
-    int deepest = 0;
-  };
   /// Whether another user owns it, who may have made any number of them; its path.
   using File = std::pair<bool, std::filesystem::path>;
 
-  /// Goes through the places. False: there is more, and it is past `until_ns`.
+  /// Goes through the folders. False: there is more, and it is past `until_ns`.
   bool listOn(std::int64_t until_ns);
   /// Whether only what is from before some time is wanted.
   [[nodiscard]] bool isForOldOnes() const { return newest_unix_ns_ != INT64_MAX; }
@@ -108,9 +102,9 @@ class LookAtFiles {
   TimeSource& time_;
   std::filesystem::path in_use_;
   std::int64_t newest_unix_ns_;
-  std::vector<Place> roots_;
-  std::deque<Place> places_;          ///< of roots_: those that are not gone through
-  std::optional<FolderWalk> walk_;    ///< through the first of them
+  std::vector<FolderWalk::Root> roots_;
+  std::optional<FolderWalk> walk_;    ///< through all of them
+  bool is_listed_ = false;            ///< it has ended
   std::set<File> files_;              ///< databases of which nothing is known yet
   std::unique_ptr<RowsOfFile> rows_;  ///< of the first of them; null: it is not opened
   std::optional<Identity> identity_;  ///< of that one

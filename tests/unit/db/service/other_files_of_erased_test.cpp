@@ -97,6 +97,26 @@ TEST_F(OtherFilesOfErased, areFoundThoughTheyAreRenamedMeanwhile) {
   }
 }
 
+// Somebody moved backups into a folder that the erasure had read: it named none of them.
+TEST_F(OtherFilesOfErased, areFoundThoughTheyMoveToAnotherFolderMeanwhile) {
+  addNamed("tom", "");
+  const fs::path one = backup("one.db"), backups = folder.path() / "data" / "backups";
+  for (int reading = 1; reading <= 30; ++reading) {
+    fs::remove_all(backups);
+    for (int i = 0; i < 6; ++i) fs::create_directories(backups / ("f" + std::to_string(i)));
+    fs::create_directory(backups / "f5" / "x");
+    fs::create_hard_link(one, backups / "f5" / "x" / "copy.db");
+    // to each folder, one of which was read first
+    const fs::path to = backups / ("f" + std::to_string(reading % 5)) / "x";
+    MeanwhileTime time(reading, [&] { fs::rename(backups / "f5" / "x", to); });
+    const auto found = look(rowsOf("tom"), kMostTimeOfFiles, time);
+    EXPECT_TRUE(std::count(found.begin(), found.end(), (to / "copy.db").string()) +
+                    std::count(found.begin(), found.end(), (backups / "f5" / "x" / "copy.db").string()) >
+                0)
+        << "moved at reading " << reading;
+  }
+}
+
 TEST_F(OtherFilesOfErased, areFoundWhereNoPathReaches) {
   addNamed("tom", "");
   const std::string copy = *readWholeFile(backup("one.db"));
