@@ -36,11 +36,17 @@ bool hasAesInstructions() {
 #endif
 }
 
-/// What a connection has carried, and how often its peer has changed keys.
+/// What a connection has carried, how often its peer has changed keys, and what the peer's handshake had.
 struct KeyUse {
   std::uint64_t bytes = 0;  // of records, in both directions
   std::uint64_t updates = 0;
-  [[nodiscard]] bool tooMany() const { return updates > kMostKeyUpdates + bytes / kBytesOfKeys; }
+  std::uint64_t handshake_bytes = 0;  // of the peer's records until the handshake is done, with their headers
+  /// Why TLS reads nothing more from the peer; nullptr: it does.
+  [[nodiscard]] const char* fault() const {
+    if (handshake_bytes > kMostHandshakeBytes) return "the peer's handshake is too long";
+    if (updates > kMostKeyUpdates + bytes / kBytesOfKeys) return "the peer changes its keys too often";
+    return nullptr;
+  }
 };
 
 /// Where each SSL that is made after the first call has its KeyUse. One for the program.
@@ -60,18 +66,23 @@ KeyUse* keyUseOf(const SSL* ssl) {
 }
 
 /// OpenSSL calls this for each record's header and for each message of a handshake. A KeyUpdate has 27 bytes
-/// and costs new keys, and one SSL_read takes all that are there. As if the peer had ended its data, TLS
-/// reads nothing after one too many.
+/// and costs new keys, and one SSL_read takes all that are there; a handshake may come in records of one
+/// byte. As if the peer had ended its data, TLS reads nothing after what is too much.
 void countKeyUse(int is_sent, int /*version*/, int type, const void* bytes, std::size_t size, SSL* ssl,
                  void* /*argument*/) {
   KeyUse* const use = keyUseOf(ssl);
   const auto* const seen = static_cast<const std::uint8_t*>(bytes);
   if (use == nullptr) return;
-  if (type == SSL3_RT_HEADER && size == SSL3_RT_HEADER_LENGTH)
-    use->bytes += static_cast<std::uint64_t>(seen[3] << 8 | seen[4]);
-  if (is_sent != 0 || type != SSL3_RT_HANDSHAKE || size == 0 || seen[0] != SSL3_MT_KEY_UPDATE) return;
-  ++use->updates;
-  if (use->tooMany()) SSL_set_shutdown(ssl, SSL_get_shutdown(ssl) | SSL_RECEIVED_SHUTDOWN);
+  if (type == SSL3_RT_HEADER && size == SSL3_RT_HEADER_LENGTH) {
+    const auto record_bytes = static_cast<std::uint64_t>(seen[3] << 8 | seen[4]);
+    use->bytes += record_bytes;
+    if (SSL_is_init_finished(ssl) == 1)
+      use->handshake_bytes = 0;
+    else if (is_sent == 0)
+      use->handshake_bytes += size + record_bytes;
+  }
+  if (is_sent == 0 && type == SSL3_RT_HANDSHAKE && size > 0 && seen[0] == SSL3_MT_KEY_UPDATE) ++use->updates;
+  if (use->fault() != nullptr) SSL_set_shutdown(ssl, SSL_get_shutdown(ssl) | SSL_RECEIVED_SHUTDOWN);
 }
 
 Result<TlsContext> newContext(asio::ssl::context::method method) {
@@ -247,8 +258,8 @@ TlsStep TlsEngine::stepOf(int result) {
       return TlsStep::kWantsInput;
     case SSL_ERROR_ZERO_RETURN: {
       const KeyUse* const use = keyUseOf(ssl_.get());
-      if (use == nullptr || !use->tooMany()) return TlsStep::kEnded;
-      failure_ = "the peer changes its keys too often";
+      if (use == nullptr || use->fault() == nullptr) return TlsStep::kEnded;
+      failure_ = use->fault();
       return TlsStep::kFailed;
     }
     default: {

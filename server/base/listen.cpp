@@ -94,6 +94,7 @@ Result<Tcp::acceptor> listenOn(asio::io_context& io, const Tcp::endpoint& endpoi
   // lets a new server start while old connections of the previous one linger; a second server is still
   // refused
   if (!error) acceptor.set_option(asio::socket_base::reuse_address(true), error);
+  if (!error) boundKernelBytes(acceptor.native_handle());
   if (!error) acceptor.bind(endpoint, error);
   if (!error) acceptor.listen(asio::socket_base::max_listen_connections, error);
   if (!error) return acceptor;
@@ -120,19 +121,36 @@ Result<Tcp::acceptor> listenOnHandedOver(asio::io_context& io, int fd) {
   acceptor.assign(address.ss_family == AF_INET ? Tcp::v4() : Tcp::v6(), fd, error);
   if (error)
     return Error{ErrorCode::kUnavailable, "cannot use the socket that was handed over: " + error.message()};
+  boundKernelBytes(fd);
   return acceptor;
 }
 
+void boundKernelBytes(int fd) {
+  const auto set = [fd](int level, int option, const auto& value) {
+    ::setsockopt(fd, level, option, &value, sizeof value);
+  };
+  set(SOL_SOCKET, SO_RCVBUF, kKernelBufferBytes);
+  set(SOL_SOCKET, SO_SNDBUF, kKernelBufferBytes);
+  set(IPPROTO_TCP, TCP_NOTSENT_LOWAT, kMostUnsentBytes);
+  set(IPPROTO_TCP, TCP_USER_TIMEOUT, kMostUnacknowledgedMs);
+}
+
 Task<> acceptLoop(Tcp::acceptor& acceptor, std::string event, std::function<void(Tcp::socket)> accepted) {
+  // without these a connection that has gone, or none, would keep accept() waiting
+  boost::system::error_code error;
+  acceptor.non_blocking(true, error);
+  acceptor.set_option(asio::socket_base::enable_connection_aborted(true), error);
   while (acceptor.is_open()) {
-    auto [error, socket] = co_await acceptor.async_accept(kUseTuple);
-    if (!acceptor.is_open()) co_return;
-    if (!error) {
-      ::setsockopt(socket.native_handle(), IPPROTO_TCP, TCP_NOTSENT_LOWAT, &kMostUnsentBytes,
-                   sizeof kMostUnsentBytes);
+    auto [failed] = co_await acceptor.async_wait(Tcp::acceptor::wait_read, kUseTuple);
+    error = failed;
+    for (int count = 0; !error && count < kAcceptsATurn && acceptor.is_open(); ++count) {
+      Tcp::socket socket = acceptor.accept(error);
+      if (error) break;
+      boundKernelBytes(socket.native_handle());  // one that came before a handed-over socket was bounded
       accepted(std::move(socket));
-      continue;
     }
+    if (!acceptor.is_open()) co_return;
+    if (!error || error == asio::error::would_block || error == asio::error::connection_aborted) continue;
     // e.g. no file descriptors left: temporary, and existing connections are unaffected
     logEvent(LogLevel::kError, event, {{"text", error.message()}});
     asio::steady_timer pause(acceptor.get_executor(), std::chrono::milliseconds(100));

@@ -1,10 +1,16 @@
-// TLS at the end of a program.
+// TLS at the end of a program, and what a peer's handshake may have.
 #include "common/wire/tls.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
 #include <cstdlib>
+
+#include "tests/unit/common/wire/loopback.h"
 
 namespace needlelab {
 namespace {
@@ -30,6 +36,64 @@ bool tlsWorks() {
 TEST(TlsDeathTest, isThereForAThreadThatSendsWhileTheProgramExits) {
   GTEST_FLAG_SET(death_test_style, "threadsafe");
   EXPECT_EXIT(exitWhileALessonIsSent(), testing::ExitedWithCode(kStillWorks), "");
+}
+
+/// The first `records` records of a ClientHello of 65,536 bytes, one byte in each: 6 bytes of TLS.
+Bytes helloInRecordsOfOneByte(std::size_t records) {
+  const Bytes message_header{1, 1, 0, 0};  // ClientHello, its length
+  Bytes all;
+  for (std::size_t i = 0; i < records; ++i) {
+    const std::uint8_t content = i < message_header.size() ? message_header[i] : std::uint8_t{0};
+    for (const std::uint8_t byte :
+         {std::uint8_t{22}, std::uint8_t{3}, std::uint8_t{1}, std::uint8_t{0}, std::uint8_t{1}, content})
+      all.push_back(byte);
+  }
+  return all;
+}
+
+TEST(TlsHandshake, endsAtTheBoundOfItsBytesBeforeThePeersMessageIsComplete) {
+  constexpr std::size_t kRecordsInBound = kMostHandshakeBytes / 6;
+  SSL* const ssl = SSL_new(test::TestTls::get().server->native_handle());
+  TlsEngine engine(ssl);
+  SSL_free(ssl);
+  const Bytes within = helloInRecordsOfOneByte(kRecordsInBound);
+  engine.feed(within);
+  EXPECT_EQ(engine.handshake(true), TlsStep::kWantsInput);
+  const Bytes beyond = helloInRecordsOfOneByte(1000);
+  engine.feed(beyond);
+  EXPECT_EQ(engine.handshake(true), TlsStep::kFailed);
+  EXPECT_THAT(engine.failure(), testing::HasSubstr("handshake is too long"));
+  EXPECT_TRUE(engine.hasInput()) << "the rest was not read";
+}
+
+Bytes bytesOfOutput(const TlsEngine& engine) {
+  return {engine.output().begin(), engine.output().end()};
+}
+
+TEST(TlsHandshake, ofOurProgramsHasAThirdOfTheBoundAtMost) {
+  std::size_t from_client = 0, from_server = 0;
+  SSL* const near = SSL_new(test::TestTls::get().client->native_handle());
+  SSL* const far = SSL_new(test::TestTls::get().server->native_handle());
+  TlsEngine client(near), server(far);
+  SSL_free(near);
+  SSL_free(far);
+  TlsStep client_step = TlsStep::kWantsInput, server_step = TlsStep::kWantsInput;
+  Bytes hello, answer;
+  for (int flight = 0; flight < 4; ++flight) {
+    client_step = client.handshake(false);
+    hello = bytesOfOutput(client);
+    client.sent(hello.size());
+    from_client += hello.size();
+    server.feed(hello);
+    server_step = server.handshake(true);
+    answer = bytesOfOutput(server);
+    server.sent(answer.size());
+    from_server += answer.size();
+    client.feed(answer);
+  }
+  EXPECT_EQ(client_step, TlsStep::kDone);
+  EXPECT_EQ(server_step, TlsStep::kDone);
+  EXPECT_LE(std::max(from_client, from_server), kMostHandshakeBytes / 3);
 }
 
 }  // namespace

@@ -2,7 +2,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <linux/filter.h>
 #include <linux/sockios.h>
+#include <netinet/tcp.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
 
@@ -12,6 +14,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 namespace needlelab {
 namespace {
@@ -62,6 +65,134 @@ TEST(Listen, theKernelTakesLittleOfWhatAPeerDoesNotRead) {
   ASSERT_EQ(::ioctl(accepted->native_handle(), SIOCOUTQNSD, &unsent), 0);
   EXPECT_LE(unsent, 3 * kMostUnsentBytes);
   EXPECT_LE(taken, 8u * kMostUnsentBytes) << "with what the peer's kernel took";
+  acceptor->close();
+  io.run_for(std::chrono::milliseconds(20));
+}
+
+/// The server's end of a connection that an acceptLoop has accepted, and its peer.
+struct AcceptedPair {
+  asio::io_context io;
+  Result<Tcp::acceptor> acceptor = listenOn(io, *resolveListen("127.0.0.1:0"), "127.0.0.1:0");
+  std::optional<Tcp::socket> accepted;
+  Tcp::socket peer{io};
+
+  AcceptedPair() {
+    asio::co_spawn(io,
+                   acceptLoop(*acceptor, "accept_failed",
+                              [this](Tcp::socket socket) { accepted.emplace(std::move(socket)); }),
+                   rethrow);
+    peer.open(Tcp::v4());
+    peer.set_option(asio::socket_base::receive_buffer_size(4 << 20));
+    peer.connect(acceptor->local_endpoint());
+    while (!accepted) io.run_one_for(std::chrono::milliseconds(20));
+  }
+  ~AcceptedPair() {
+    acceptor->close();
+    io.run_for(std::chrono::milliseconds(20));
+  }
+};
+
+/// What the kernel takes at once, bytes.
+std::size_t takenFrom(Tcp::socket& socket) {
+  const std::string piece(std::size_t{64} << 10, 'x');
+  for (std::size_t taken = 0;;) {
+    const ssize_t count =
+        ::send(socket.native_handle(), piece.data(), piece.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
+    if (count <= 0) return taken;
+    taken += static_cast<std::size_t>(count);
+  }
+}
+
+/// Reads what is there. Returns how much, bytes.
+std::size_t drainedFrom(Tcp::socket& socket) {
+  std::string room(std::size_t{64} << 10, '\0');
+  for (std::size_t all = 0;;) {
+    const ssize_t count = ::recv(socket.native_handle(), room.data(), room.size(), MSG_DONTWAIT);
+    if (count <= 0) return all;
+    all += static_cast<std::size_t>(count);
+  }
+}
+
+int optionOf(Tcp::socket& socket, int level, int option) {
+  int value = 0;
+  socklen_t size = sizeof value;
+  EXPECT_EQ(::getsockopt(socket.native_handle(), level, option, &value, &size), 0);
+  return value;
+}
+
+TEST(Listen, theKernelsMemoryOfAConnectionHasBoundsThatDoNotGrow) {
+  AcceptedPair pair;
+  Tcp::socket& socket = *pair.accepted;
+  EXPECT_EQ(optionOf(socket, SOL_SOCKET, SO_RCVBUF), 2 * kKernelBufferBytes);
+  EXPECT_EQ(optionOf(socket, SOL_SOCKET, SO_SNDBUF), 2 * kKernelBufferBytes);
+  EXPECT_EQ(optionOf(socket, IPPROTO_TCP, TCP_NOTSENT_LOWAT), kMostUnsentBytes);
+  EXPECT_EQ(optionOf(socket, IPPROTO_TCP, TCP_USER_TIMEOUT), static_cast<int>(kMostUnacknowledgedMs));
+  for (int i = 0; i < 200; ++i) {
+    (void)takenFrom(pair.peer);
+    (void)drainedFrom(socket);
+    (void)takenFrom(socket);
+    (void)drainedFrom(pair.peer);
+  }
+  EXPECT_EQ(optionOf(socket, SOL_SOCKET, SO_RCVBUF), 2 * kKernelBufferBytes);
+  EXPECT_EQ(optionOf(socket, SOL_SOCKET, SO_SNDBUF), 2 * kKernelBufferBytes);
+}
+
+// The finding: 120 connections of a trainee, whose windows had grown, held 240 MB of requests that the server
+// did not read.
+TEST(Listen, theKernelTakesLittleOfWhatTheServerDoesNotRead) {
+  AcceptedPair pair;
+  std::size_t read = 0;  // while the server reads, the kernel lets the window grow
+  while (read < 40u << 20) {
+    (void)takenFrom(pair.peer);
+    read += drainedFrom(*pair.accepted);
+  }
+  (void)takenFrom(pair.peer);
+  int unread = 0;
+  ASSERT_EQ(::ioctl(pair.accepted->native_handle(), FIONREAD, &unread), 0);
+  EXPECT_GT(unread, 0);
+  EXPECT_LE(unread, 2 * kKernelBufferBytes);
+}
+
+// The finding: 150 connections of a trainee that acknowledged nothing held 148 MB.
+TEST(Listen, theKernelTakesLittleOfWhatAPeerDoesNotAcknowledge) {
+  AcceptedPair pair;
+  std::size_t read = 0;
+  while (read < 40u << 20) {
+    (void)takenFrom(*pair.accepted);
+    read += drainedFrom(pair.peer);
+  }
+  // from now on the peer's kernel drops all that comes
+  sock_filter drop_all{BPF_RET | BPF_K, 0, 0, 0};
+  const sock_fprog filter{1, &drop_all};
+  ASSERT_EQ(::setsockopt(pair.peer.native_handle(), SOL_SOCKET, SO_ATTACH_FILTER, &filter, sizeof filter), 0);
+  (void)takenFrom(*pair.accepted);
+  int unacknowledged = 0;
+  ASSERT_EQ(::ioctl(pair.accepted->native_handle(), SIOCOUTQ, &unacknowledged), 0);
+  EXPECT_GT(unacknowledged, 0);
+  EXPECT_LE(unacknowledged, 3 * kKernelBufferBytes) << "with a segment of the loopback (64 KiB) too much";
+}
+
+TEST(Listen, allWhoWaitAreAcceptedInTurnsOfABoundedNumber) {
+  constexpr std::size_t kWaiting = kAcceptsATurn + 10;
+  asio::io_context io;
+  auto acceptor = listenOn(io, *resolveListen("127.0.0.1:0"), "127.0.0.1:0");
+  ASSERT_TRUE(acceptor.ok());
+  std::vector<Tcp::socket> peers, accepted;
+  for (std::size_t i = 0; i < kWaiting; ++i) {
+    peers.emplace_back(io);
+    peers.back().connect(acceptor->local_endpoint());
+  }
+  asio::co_spawn(io,
+                 acceptLoop(*acceptor, "accept_failed",
+                            [&](Tcp::socket socket) { accepted.push_back(std::move(socket)); }),
+                 rethrow);
+  while (accepted.empty()) io.run_one_for(std::chrono::milliseconds(20));
+  EXPECT_EQ(accepted.size(), static_cast<std::size_t>(kAcceptsATurn));
+  while (accepted.size() < kWaiting) io.run_one_for(std::chrono::milliseconds(20));
+  // the next is accepted when it comes
+  peers.emplace_back(io);
+  peers.back().connect(acceptor->local_endpoint());
+  while (accepted.size() < kWaiting + 1) io.run_one_for(std::chrono::milliseconds(20));
   acceptor->close();
   io.run_for(std::chrono::milliseconds(20));
 }

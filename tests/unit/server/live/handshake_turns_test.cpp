@@ -2,9 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <cstdint>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "server/base/listen.h"
 #include "tests/unit/server/live/milliseconds.h"
 
 namespace needlelab {
@@ -135,6 +140,34 @@ TEST(HandshakeTurns, memoryIsThatOfTheConnectionsThatAreHere) {
   turns.left(7);
   turns.answered(7, 0);
   EXPECT_EQ(turns.turns(), 0u);
+}
+
+// The finding: connections were accepted one in a turn of the network's thread, so 256 of a stranger kept
+// everybody else in the kernel's queue, where their addresses are not seen.
+TEST(HandshakeTurns, aKnownAddressGoesFirstThoughStrangersCameBeforeIt) {
+  constexpr std::size_t kStrangers = 40;
+  asio::io_context io;
+  auto acceptor = listenOn(io, *resolveListen("127.0.0.1:0"), "127.0.0.1:0");
+  ASSERT_TRUE(acceptor.ok());
+  std::vector<Tcp::socket> peers, accepted;
+  for (std::size_t i = 0; i <= kStrangers; ++i) {
+    peers.emplace_back(io, Tcp::v4());
+    peers.back().bind({asio::ip::make_address(i < kStrangers ? "127.9.8.7" : "127.0.0.1"), 0});
+    peers.back().connect(acceptor->local_endpoint());
+  }
+  HandshakeTurns turns(turnSettings());
+  asio::co_spawn(io,
+                 acceptLoop(*acceptor, "accept_failed",
+                            [&](Tcp::socket socket) {
+                              const std::string from = socket.remote_endpoint().address().to_string();
+                              accepted.push_back(std::move(socket));
+                              turns.came(accepted.size(), from, from == "127.0.0.1");
+                            }),
+                 rethrow);
+  while (accepted.empty()) io.run_one_for(std::chrono::milliseconds(20));
+  EXPECT_EQ(turns.next(0), std::optional<std::uint64_t>(kStrangers + 1));
+  acceptor->close();
+  io.run_for(std::chrono::milliseconds(20));
 }
 
 }  // namespace

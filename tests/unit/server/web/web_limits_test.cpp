@@ -215,6 +215,18 @@ TEST(WebLimits, whoChangesKeysOfTlsAFewTimesIsServedAndIsEndedAtTheNext) {
   EXPECT_EQ(lab.browser().get("/").status, 200) << "the server goes on";
 }
 
+TEST(WebLimits, aTlsHandshakeForWhichThePeerSendsMoreThanTheBoundEnds) {
+  WebLab lab;
+  // the beginning of a ClientHello of 65,536 bytes, in records of one byte (6 bytes each)
+  std::string hello;
+  for (const char content : {1, 1, 0, 0}) hello += std::string("\x16\x03\x01\x00\x01", 5) + content;
+  while (hello.size() <= kMostHandshakeBytes + 6) hello += std::string("\x16\x03\x01\x00\x01\x00", 6);
+  WebWire wire(lab.port(), false);
+  ASSERT_TRUE(wire.sendPlain(hello));
+  EXPECT_TRUE(wire.endsWithin(milliseconds(5000))) << "before the handshake's time is over (10 s)";
+  EXPECT_EQ(lab.browser().get("/").status, 200) << "the server goes on";
+}
+
 TEST(WebLimits, aBodyThatIsCodedInAnotherWayIsNotTakenForTheNextRequest) {
   WebLab lab;
   const std::string body = R"({"name": "ada", "password": "wrong"})";
