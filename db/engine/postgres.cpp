@@ -221,13 +221,17 @@ bool PostgresConnection::isConnected() const {
   return connection_ != nullptr && PQstatus(connection_.get()) == CONNECTION_OK;
 }
 
-Status PostgresConnection::connect() {
+Status PostgresConnection::connect(bool takes_alone) {
   const std::string timeout =
       std::to_string(std::max<std::int64_t>(1, options_.connect_timeout.count() / 1000));
   // What the URL says comes first in the list, so that these stand. Statements are short: to compile one
   // (jit), which PostgreSQL does by its estimate, takes longer than to run it.
+  // PostgreSQL, too, notices within some 15 s that the network has lost a connection, and lets go of its
+  // locks.
   const std::string search = fmt::format(
-      "-c search_path={} -c client_min_messages=warning -c idle_in_transaction_session_timeout={} -c jit=off",
+      "-c search_path={} -c client_min_messages=warning -c idle_in_transaction_session_timeout={} -c jit=off"
+      " -c tcp_keepalives_idle=5 -c tcp_keepalives_interval=2 -c tcp_keepalives_count=3"
+      " -c tcp_user_timeout=10000 -c client_connection_check_interval=2000",
       kPostgresSchema, kMostIdle_ms);
   const char* const names[] = {"dbname",
                                "connect_timeout",
@@ -275,7 +279,7 @@ Status PostgresConnection::connect() {
     return Error{ErrorCode::kVersion, fmt::format("{}: is PostgreSQL {}, needlelab needs 15 or later",
                                                   shown_url_, version / 10'000)};
   }
-  if (options_.alone) RETURN_IF_ERROR(becomeAlone());
+  if (options_.alone && takes_alone) RETURN_IF_ERROR(becomeAlone());
   if (options_.read_only) return becomeReadOnly();
   RETURN_IF_ERROR(readSettings());
   return lookBack();
