@@ -31,7 +31,7 @@ struct InfoCloser {
   void operator()(PQconninfoOption* options) const { PQconninfoFree(options); }
 };
 
-/// host, port, database and user of a URL; kInvalidInput.
+/// host, port, database and user of a URL; kInvalidInput, of one with a password, too.
 Result<std::string> withoutPassword(const std::string& url) {
   char* wrong = nullptr;
   const std::unique_ptr<PQconninfoOption, InfoCloser> parsed(PQconninfoParse(url.c_str(), &wrong));
@@ -42,13 +42,24 @@ Result<std::string> withoutPassword(const std::string& url) {
                  "password into a file (passfile, PGPASSFILE)"};
   }
   std::map<std::string, std::string> values;
-  for (const PQconninfoOption* option = parsed.get(); option->keyword != nullptr; ++option)
-    if (option->val != nullptr) values[option->keyword] = option->val;
-  if (values.contains("password"))
-    return Error{
-        ErrorCode::kInvalidInput,
-        "--store: has a password, which every user of this machine can see in the list of processes: "
-        "put it into a file of mode 0600 and write passfile=FILE, or set PGPASSFILE"};
+  for (const PQconninfoOption* option = parsed.get(); option->keyword != nullptr; ++option) {
+    if (option->val == nullptr) continue;
+    values[option->keyword] = option->val;
+    if (std::string_view(option->dispchar) == "*")  // what libpq itself does not show
+      return Error{
+          ErrorCode::kInvalidInput,
+          fmt::format("--store: has a password ({}), which every user of this machine can see in the list of "
+                      "processes: put it into a file of mode 0600 and write passfile=FILE, or set PGPASSFILE",
+                      option->keyword)};
+  }
+  // a password with a sign that ends it, or without a host behind it, is read as one of these
+  if (values["host"].find('@', 1) != std::string::npos || values["dbname"].find('@') != std::string::npos ||
+      values["port"].find_first_not_of("0123456789,") != std::string::npos)
+    return Error{ErrorCode::kInvalidInput,
+                 "--store: its host, port or database has a sign that none has: write "
+                 "postgresql://USER@HOST:5432/DATABASE, "
+                 "with %2F for a / and %40 for an @ in a name, and the password into a file (passfile, "
+                 "PGPASSFILE)"};
   const auto value = [&](const char* name, const char* otherwise) {
     const auto found = values.find(name);
     return found != values.end() && !found->second.empty() ? found->second : std::string(otherwise);

@@ -640,6 +640,13 @@ TEST_F(PostgresEngine, addressesAreCheckedAndShowNoPassword) {
   EXPECT_EQ(code("postgresql://anna:secret@127.0.0.1:1/db", &message), ErrorCode::kInvalidInput);
   EXPECT_THAT(message, HasSubstr("passfile"));
   EXPECT_THAT(message, Not(HasSubstr("secret")));
+  for (const char* const url :
+       {"postgresql://anna:se/secret@127.0.0.1:1/db", "postgresql://anna:secret/db",
+        "postgresql://anna:5432/secret@127.0.0.1:1/db", "postgresql://anna@127.0.0.1:1/db?sslpassword=secret",
+        "host=127.0.0.1 port=1 user=anna sslpassword=secret", "postgresql://anna@se@secret:1/db"}) {
+    EXPECT_EQ(code(url, &message), ErrorCode::kInvalidInput) << url;
+    EXPECT_THAT(message, Not(HasSubstr("secret")));
+  }
   EXPECT_EQ(code("postgresql://anna@127.0.0.1:1/db", &message), ErrorCode::kUnavailable);
   EXPECT_THAT(message, HasSubstr("postgresql://anna@127.0.0.1:1/db"));
   EXPECT_EQ(code(urlOf("no_such_database"), &message), ErrorCode::kInvalidInput);
