@@ -37,10 +37,14 @@ Status apply(Connection& connection, const EmbeddedFile& file, int version) {
   // another server may have done it while this one waited
   ASSIGN_OR_RETURN(const int found, postgresSchemaVersion(connection));
   if (found >= version) return {};
-  if (found == 0)
-    RETURN_IF_ERROR(
-        connection.script("CREATE SCHEMA IF NOT EXISTS needlelab;"
-                          "CREATE TABLE schema_version (version BIGINT NOT NULL)"));
+  if (found == 0) {
+    // not IF NOT EXISTS, which wants the right to make one also where it is there
+    ASSIGN_OR_RETURN(const auto there,
+                     connection.prepare("SELECT count(*) FROM pg_namespace WHERE nspname = 'needlelab'")
+                         .first([](const Statement& row) { return row.integer(0) != 0; }));
+    if (!there.value_or(false)) RETURN_IF_ERROR(connection.script("CREATE SCHEMA needlelab"));
+    RETURN_IF_ERROR(connection.script("CREATE TABLE schema_version (version BIGINT NOT NULL)"));
+  }
   RETURN_IF_ERROR(connection.script(std::string(file.text)));
   RETURN_IF_ERROR(connection.script("DELETE FROM schema_version"));
   RETURN_IF_ERROR(connection.run("INSERT INTO schema_version (version) VALUES (?)", version));
@@ -63,6 +67,7 @@ Result<int> postgresSchemaVersion(Connection& connection) {
 
 Status migratePostgres(Connection& connection, int found, int newest) {
   RETURN_IF_ERROR(requirePlainTexts(connection));
+  RETURN_IF_ERROR(requireOwnSchema(connection));
   for (const EmbeddedFile& file : embeddedPostgresMigrations()) {
     const int version = versionOf(file.name);
     if (version <= found || version > newest) continue;

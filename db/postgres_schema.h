@@ -3,6 +3,8 @@
 #pragma once
 
 #include <span>
+#include <string>
+#include <vector>
 
 #include "common/base/program.h"
 #include "common/base/result.h"
@@ -19,5 +21,12 @@ Result<int> postgresSchemaVersion(Connection& connection);
 /// Makes the schema, or brings it to `newest`; one transaction a migration. kDenied: the user may not; the
 /// message has what an administrator of PostgreSQL types.
 Status migratePostgres(Connection& connection, int found, int newest);
+
+/// As schemaFaults(), of a schema of the newest version: its triggers, functions, views, rules and row
+/// policies. Of a view only whether it is there.
+Result<std::vector<std::string>> postgresSchemaFaults(Connection& connection);
+
+/// kDenied: the schema, or a table in it, is there and belongs to another role.
+Status requireOwnSchema(Connection& connection);
 
 }  // namespace needlelab

@@ -35,6 +35,15 @@ Error newerError(const Connection& connection, int found, int known) {
                       connection.origin().string(), found, known)};
 }
 
+Error foreignSchemaError(Connection& connection, const std::vector<std::string>& faults) {
+  return {ErrorCode::kCorrupt,
+          fmt::format("{}: {} ({} such faults). It could change or hide what is stored from then on, "
+                      "lines of the audit log, too. If you did it, undo it the same way; else keep a copy "
+                      "of the {}, find out who did it, and restore a backup from before",
+                      connection.origin().string(), faults.front(), faults.size(),
+                      connection.sqlite() != nullptr ? "file" : "database")};
+}
+
 /// Marks a new file as a needlelab database; refuses another program's file.
 Status claim(Connection& connection, int version) {
   ASSIGN_OR_RETURN(const auto id, oneInteger(connection, "PRAGMA application_id"));
@@ -128,8 +137,8 @@ Result<int> schemaVersion(Connection& connection) {
 Result<std::vector<std::string>> schemaFaults(Connection& connection) {
   ASSIGN_OR_RETURN(const auto found, schemaVersion(connection));
   if (found > newestSchemaVersion()) return newerError(connection, found, newestSchemaVersion());
-  // whoever may change a schema of PostgreSQL is its administrator, whom nothing here binds
-  if (connection.sqlite() == nullptr) return std::vector<std::string>();
+  if (connection.sqlite() == nullptr)  // older ones are compared when they are migrated
+    return found == newestSchemaVersion() ? postgresSchemaFaults(connection) : std::vector<std::string>();
   return faultsBeside(connection, embeddedMigrations().first(static_cast<std::size_t>(found)));
 }
 
@@ -137,7 +146,9 @@ Status migrate(Connection& connection) {
   if (connection.sqlite() != nullptr) return migrate(connection, embeddedMigrations());
   ASSIGN_OR_RETURN(const auto found, schemaVersion(connection));
   if (found > newestSchemaVersion()) return newerError(connection, found, newestSchemaVersion());
-  return migratePostgres(connection, found, newestSchemaVersion());
+  RETURN_IF_ERROR(migratePostgres(connection, found, newestSchemaVersion()));
+  ASSIGN_OR_RETURN(const auto faults, postgresSchemaFaults(connection));
+  return faults.empty() ? Status() : Status(foreignSchemaError(connection, faults));
 }
 
 Status migrate(Connection& connection, std::span<const EmbeddedFile> migrations) {
@@ -147,13 +158,7 @@ Status migrate(Connection& connection, std::span<const EmbeddedFile> migrations)
   if (found > known) return newerError(connection, found, known);
   ASSIGN_OR_RETURN(const auto faults,
                    faultsBeside(connection, migrations.first(static_cast<std::size_t>(found))));
-  if (!faults.empty())
-    return Error{
-        ErrorCode::kCorrupt,
-        fmt::format("{}: {} ({} such faults). It could change or hide what is stored from then on, "
-                    "lines of the audit log, too. If you did it, undo it the same way; else keep a copy "
-                    "of the file, find out who did it, and restore a backup from before",
-                    connection.origin().string(), faults.front(), faults.size())};
+  if (!faults.empty()) return foreignSchemaError(connection, faults);
 
   for (int version = found + 1; version <= known; ++version) {
     const EmbeddedFile& file = migrations[static_cast<std::size_t>(version - 1)];

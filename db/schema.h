@@ -23,12 +23,12 @@ int newestSchemaVersion();
 /// The file's version (PRAGMA user_version), 0 or more; 0 = empty file. kCorrupt: a damaged header.
 Result<int> schemaVersion(Connection& connection);
 
-/// What of the file's schema (tables, indexes, triggers, views) is not as the migrations up to the file's
-/// version make it, at most kMaxSchemaFaults sentences; empty: nothing. The tables of an ANALYZE
-/// (sqlite_stat1, sqlite_stat4) are none, if they are as SQLite makes them. Somebody who can write the file
-/// once could leave a trigger that changes or swallows what is stored later, with a right proof of a wrong
-/// audit line. A time of milliseconds. Errors: kVersion (the file is newer than this program), kCorrupt.
-/// Thread: as the connection.
+/// What of the schema (tables, indexes, triggers, views; on PostgreSQL as postgresSchemaFaults() tells) is
+/// not as the migrations up to its version make it, at most kMaxSchemaFaults sentences; empty: nothing. The
+/// tables of an ANALYZE (sqlite_stat1, sqlite_stat4) are none, if they are as SQLite makes them. Somebody who
+/// can write the file once could leave a trigger that changes or swallows what is stored later, with a right
+/// proof of a wrong audit line. A time of milliseconds. Errors: kVersion (the file is newer than this
+/// program), kCorrupt. Thread: as the connection.
 Result<std::vector<std::string>> schemaFaults(Connection& connection);
 inline constexpr std::size_t kMaxSchemaFaults = 20;
 

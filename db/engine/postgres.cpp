@@ -31,7 +31,7 @@ struct InfoCloser {
   void operator()(PQconninfoOption* options) const { PQconninfoFree(options); }
 };
 
-/// host, port, database and user of a URL; kInvalidInput.
+/// host, port, database and user of a URL; kInvalidInput, of one with a password, too.
 Result<std::string> withoutPassword(const std::string& url) {
   char* wrong = nullptr;
   const std::unique_ptr<PQconninfoOption, InfoCloser> parsed(PQconninfoParse(url.c_str(), &wrong));
@@ -42,13 +42,24 @@ Result<std::string> withoutPassword(const std::string& url) {
                  "password into a file (passfile, PGPASSFILE)"};
   }
   std::map<std::string, std::string> values;
-  for (const PQconninfoOption* option = parsed.get(); option->keyword != nullptr; ++option)
-    if (option->val != nullptr) values[option->keyword] = option->val;
-  if (values.contains("password"))
-    return Error{
-        ErrorCode::kInvalidInput,
-        "--store: has a password, which every user of this machine can see in the list of processes: "
-        "put it into a file of mode 0600 and write passfile=FILE, or set PGPASSFILE"};
+  for (const PQconninfoOption* option = parsed.get(); option->keyword != nullptr; ++option) {
+    if (option->val == nullptr) continue;
+    values[option->keyword] = option->val;
+    if (std::string_view(option->dispchar) == "*")  // what libpq itself does not show
+      return Error{
+          ErrorCode::kInvalidInput,
+          fmt::format("--store: has a password ({}), which every user of this machine can see in the list of "
+                      "processes: put it into a file of mode 0600 and write passfile=FILE, or set PGPASSFILE",
+                      option->keyword)};
+  }
+  // a password with a sign that ends it, or without a host behind it, is read as one of these
+  if (values["host"].find('@', 1) != std::string::npos || values["dbname"].find('@') != std::string::npos ||
+      values["port"].find_first_not_of("0123456789,") != std::string::npos)
+    return Error{ErrorCode::kInvalidInput,
+                 "--store: its host, port or database has a sign that none has: write "
+                 "postgresql://USER@HOST:5432/DATABASE, "
+                 "with %2F for a / and %40 for an @ in a name, and the password into a file (passfile, "
+                 "PGPASSFILE)"};
   const auto value = [&](const char* name, const char* otherwise) {
     const auto found = values.find(name);
     return found != values.end() && !found->second.empty() ? found->second : std::string(otherwise);
@@ -221,13 +232,17 @@ bool PostgresConnection::isConnected() const {
   return connection_ != nullptr && PQstatus(connection_.get()) == CONNECTION_OK;
 }
 
-Status PostgresConnection::connect() {
+Status PostgresConnection::connect(bool takes_alone) {
   const std::string timeout =
       std::to_string(std::max<std::int64_t>(1, options_.connect_timeout.count() / 1000));
   // What the URL says comes first in the list, so that these stand. Statements are short: to compile one
   // (jit), which PostgreSQL does by its estimate, takes longer than to run it.
+  // PostgreSQL, too, notices within some 15 s that the network has lost a connection, and lets go of its
+  // locks.
   const std::string search = fmt::format(
-      "-c search_path={} -c client_min_messages=warning -c idle_in_transaction_session_timeout={} -c jit=off",
+      "-c search_path={} -c client_min_messages=warning -c idle_in_transaction_session_timeout={} -c jit=off"
+      " -c tcp_keepalives_idle=5 -c tcp_keepalives_interval=2 -c tcp_keepalives_count=3"
+      " -c tcp_user_timeout=10000 -c client_connection_check_interval=2000",
       kPostgresSchema, kMostIdle_ms);
   const char* const names[] = {"dbname",
                                "connect_timeout",
@@ -275,7 +290,7 @@ Status PostgresConnection::connect() {
     return Error{ErrorCode::kVersion, fmt::format("{}: is PostgreSQL {}, needlelab needs 15 or later",
                                                   shown_url_, version / 10'000)};
   }
-  if (options_.alone) RETURN_IF_ERROR(becomeAlone());
+  if (options_.alone && takes_alone) RETURN_IF_ERROR(becomeAlone());
   if (options_.read_only) return becomeReadOnly();
   RETURN_IF_ERROR(readSettings());
   return lookBack();

@@ -28,10 +28,14 @@ inline constexpr const char* kSettingsQuery =
     "current_setting('fsync'), current_setting('full_page_writes'), current_setting('synchronous_commit'),"
     " current_setting('synchronous_standby_names')";
 
-/// A lock of PostgreSQL's (pg_advisory_xact_lock) that each write transaction holds to its end, so that
-/// whatever it looks at before it writes stays so, whichever server writes: as with SQLite's single writer.
+/// The table that each write transaction locks to its end, so that whatever it looks at before it writes
+/// stays so, whichever server writes: as with SQLite's single writer. To lock it, a role needs rights that
+/// needlelab gives to nobody else.
+inline constexpr const char* kWriterTable = "needlelab.schema_version";
+/// The lock in its place while that table is not there (pg_advisory_xact_lock).
 inline constexpr std::int64_t kWriterLock = 0x6e6c6162;
-/// The lock of PostgresOptions::alone (pg_try_advisory_lock).
+/// The lock of PostgresOptions::alone (pg_try_advisory_lock). Every role that may connect to the database can
+/// take it, and keep a server from starting.
 inline constexpr std::int64_t kAloneLock = 0x6e6c6163;
 
 /// One connection. A result is read whole before the first row is given, so several statements may be under
@@ -108,7 +112,8 @@ class PostgresConnection final : public EngineConnection {
     void operator()(PGconn* connection) const { PQfinish(connection); }
   };
   explicit PostgresConnection(PostgresOptions options) : options_(std::move(options)) {}
-  Status connect();
+  /// `takes_alone`: with kAloneLock, where the options say so.
+  Status connect(bool takes_alone = true);
   void tellBefore(std::string_view sql) const {
     if (options_.before_statement) options_.before_statement(sql);
   }
@@ -137,8 +142,8 @@ class PostgresConnection final : public EngineConnection {
   Status sendDue();
   void dropDue();
   Status requireSound(const char* what);
-  /// Sends BEGIN and the statement that takes the lock, in pipeline mode. Returns how many results these
-  /// have; 0: it could not.
+  /// Sends BEGIN, what takes the lock, and the statement behind it, in pipeline mode. Returns how many
+  /// results these have; 0: it could not.
   int sendBegin();
   /// Takes the result of one of these, which succeeded.
   void noteBegin(std::size_t step, std::size_t steps, const PGresult* result);
@@ -163,8 +168,8 @@ class PostgresConnection final : public EngineConnection {
   std::int64_t changes_ = 0;
   std::function<bool()> while_waiting_;
   std::uint64_t epoch_ = 0, prepared_ = 0;
-  std::uint64_t round_trips_ = 0;  ///< without those of connecting
-  std::uint64_t lock_epoch_ = 0;   ///< the statement that takes the lock is prepared there
+  std::uint64_t round_trips_ = 0;     ///< without those of connecting
+  std::uint64_t settings_epoch_ = 0;  ///< the statement behind the lock is prepared there
   bool damaged_ = false;
   bool in_lost_transaction_ = false;  ///< the connection was lost within one that has not been rolled back
   bool in_transaction_ = false;       ///< begin() succeeded, and neither commit() nor rollback() came

@@ -12,8 +12,16 @@
 namespace needlelab {
 namespace {
 
-/// The name of the prepared statement that takes the lock.
-constexpr const char* kLockStatement = "lock";
+/// The name of the prepared statement behind the lock.
+constexpr const char* kSettingsStatement = "settings";
+
+/// Takes the writer's lock. Readers and pg_dump do not wait for it.
+std::string lockText() {
+  return fmt::format(
+      "DO $$BEGIN IF to_regclass('{0}') IS NULL THEN PERFORM pg_advisory_xact_lock({1});"
+      " ELSE LOCK TABLE {0} IN EXCLUSIVE MODE; END IF; END$$",
+      kWriterTable, kWriterLock);
+}
 
 }  // namespace
 
@@ -52,24 +60,25 @@ int PostgresConnection::sendBegin() {
   if (PQsendQueryParams(connection, "BEGIN ISOLATION LEVEL READ COMMITTED", 0, nullptr, nullptr, nullptr,
                         nullptr, 0) == 0)
     return 0;
-  const bool prepares = lock_epoch_ != epoch_;
+  const bool prepares = settings_epoch_ != epoch_;
   // The message makes COMMIT wait for disk and standby also where nothing is changed: else it would
   // acknowledge what an earlier transaction left at the primary only (RecordTransactionCommit, wrote_xlog).
-  const std::string lock = fmt::format(
-      "SELECT {}, pg_current_xact_id()::text, {}, pg_logical_emit_message(true, 'needlelab', '')",
-      planted(PlantedBug::kWritersTogether) ? "NULL" : fmt::format("pg_advisory_xact_lock({})", kWriterLock),
-      kSettingsQuery);
-  if (prepares && PQsendPrepare(connection, kLockStatement, lock.c_str(), 0, nullptr) == 0) return 0;
-  if (PQsendQueryPrepared(connection, kLockStatement, 0, nullptr, nullptr, nullptr, 0) == 0) return 0;
-  return prepares ? 3 : 2;
+  const std::string settings =
+      fmt::format("SELECT pg_current_xact_id()::text, {}, pg_logical_emit_message(true, 'needlelab', '')",
+                  kSettingsQuery);
+  if (prepares && PQsendPrepare(connection, kSettingsStatement, settings.c_str(), 0, nullptr) == 0) return 0;
+  const std::string lock = planted(PlantedBug::kWritersTogether) ? "DO $$BEGIN END$$" : lockText();
+  if (PQsendQueryParams(connection, lock.c_str(), 0, nullptr, nullptr, nullptr, nullptr, 0) == 0) return 0;
+  if (PQsendQueryPrepared(connection, kSettingsStatement, 0, nullptr, nullptr, nullptr, 0) == 0) return 0;
+  return prepares ? 4 : 3;
 }
 
 void PostgresConnection::noteBegin(std::size_t step, std::size_t steps, const PGresult* result) {
   if (step + 1 == steps) {
-    noteSettings(result, 2);
-    write_xid_ = PQgetvalue(result, 0, 1);
-  } else if (step > 0) {
-    lock_epoch_ = epoch_;
+    noteSettings(result, 1);
+    write_xid_ = PQgetvalue(result, 0, 0);
+  } else if (step == 1) {
+    settings_epoch_ = epoch_;  // prepared now, or before
   }
 }
 
@@ -113,7 +122,9 @@ Status PostgresConnection::commit() {
     (void)lost("commit");
   }
   if (xid.empty()) return {};  // it only read
-  return askOutcome(xid);
+  const Status outcome = askOutcome(xid);
+  if (options_.alone) connection_.reset();  // the next one takes that lock
+  return outcome;
 }
 
 Result<std::string> PostgresConnection::statusOf(const std::string& xid) {
@@ -149,7 +160,8 @@ Status PostgresConnection::askOutcome(const std::string& xid) {
   const auto until = std::chrono::steady_clock::now() + options_.answer_timeout;
   std::string why;
   while (std::chrono::steady_clock::now() < until && (cancelled_ == nullptr || !cancelled_->load())) {
-    if (const auto connected = connect(); !connected) {
+    // not alone: PostgreSQL may keep the connection that was lost, and with it that lock
+    if (const auto connected = connect(false); !connected) {
       why = connected.error().message;
     } else if (const auto status = statusOf(xid); !status) {
       why = status.error().message;

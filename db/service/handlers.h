@@ -72,7 +72,8 @@ Status edit(const Context& context, const std::string& subject, const std::strin
 /// reading goes on without a line.
 Status noteRead(const Context& context, const std::string& subject, const std::string& detail);
 
-/// After the commit: the request ended an access, or what it was opened with (Outcome::access_changed).
+/// The request ends an access, or what it was opened with (Outcome::access_changed). Called within the
+/// transaction: a COMMIT whose answer is lost may have been carried out.
 void noteAccessChanged(const Context& context);
 
 /// A reply that only confirms success.

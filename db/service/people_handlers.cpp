@@ -171,10 +171,11 @@ Result<pb::Reply> setPassword(const Context& context, const pb::SetPassword& cal
   const Status written = write(context, call.name(), "", [&](Connection& writer) -> Status {
     // check again: hashing took a while
     RETURN_IF_ERROR(maySetPassword(context, writer, call.name()));
-    return PeopleStore(writer).setPasswordHash(call.name(), hash);
+    RETURN_IF_ERROR(PeopleStore(writer).setPasswordHash(call.name(), hash));
+    noteAccessChanged(context);
+    return {};
   });
   if (!written) return written.error();
-  noteAccessChanged(context);
   return doneReply();
 }
 
@@ -182,22 +183,24 @@ Result<pb::Reply> disableUser(const Context& context, const pb::DisableUser& cal
   {
     ASSIGN_OR_RETURN(const auto person, knownPerson(context.reader, call.name()));
     RETURN_IF_ERROR(mayEndAccess(context, person));
-    if (person.disabled != call.enable()) return doneReply();  // as it is already
+    if (person.disabled != call.enable()) {  // as it is already, perhaps by a request whose end nobody saw
+      if (!call.enable()) noteAccessChanged(context);
+      return doneReply();
+    }
   }
-  bool changed = false;
   const Status written =
       writeIfChanged(context, call.name(), call.enable() ? "enabled again" : "disabled",
                      [&](Connection& writer) -> Result<bool> {
                        ASSIGN_OR_RETURN(const auto person, knownPerson(writer, call.name()));
                        RETURN_IF_ERROR(mayEndAccess(context, person));
-                       changed = person.disabled == call.enable();
-                       if (!changed) return false;
-                       RETURN_IF_ERROR(PeopleStore(writer).setDisabled(
-                           call.name(), !call.enable(), context.who.name, context.now_unix_ns));
-                       return true;
+                       const bool changes = person.disabled == call.enable();
+                       if (changes)
+                         RETURN_IF_ERROR(PeopleStore(writer).setDisabled(
+                             call.name(), !call.enable(), context.who.name, context.now_unix_ns));
+                       if (!call.enable()) noteAccessChanged(context);
+                       return changes;
                      });
   if (!written) return written.error();
-  if (changed && !call.enable()) noteAccessChanged(context);
   return doneReply();
 }
 
@@ -210,18 +213,20 @@ Result<pb::Reply> changeUser(const Context& context, const pb::ChangeUser& call)
   {
     ASSIGN_OR_RETURN(const auto person, knownPerson(context.reader, call.name()));
     RETURN_IF_ERROR(mayManage(context, person.role));
-    if (call.base_revision() == person.revision && changesNothing(person, call))
+    if (call.base_revision() == person.revision && changesNothing(person, call)) {
+      if (call.disabled()) noteAccessChanged(context);
       return userReply(context.reader, call.name());
+    }
   }
   pb::Reply reply;
   std::string detail;
-  bool access_changed = false;
   const auto addDetail = [&](const std::string& text) { detail += (detail.empty() ? "" : "; ") + text; };
   // all in the writer's transaction, so that the checks use the current role and rights
   const Status written = edit(context, call.name(), detail, [&](Connection& writer) -> Status {
     ASSIGN_OR_RETURN(const auto person, knownPerson(writer, call.name()));
     RETURN_IF_ERROR(mayManage(context, person.role));
     PersonChange change;
+    bool access_changed = false;
     if (call.has_role() && call.role() != person.role) {
       RETURN_IF_ERROR(mayChangeRole(context, person.role, call.role()));
       if (call.role() != pb::TRAINEE && person.password_hash.empty())
@@ -246,10 +251,10 @@ Result<pb::Reply> changeUser(const Context& context, const pb::ChangeUser& call)
     RETURN_IF_ERROR(PeopleStore(writer).change(call.name(), call.base_revision(), change, context.who.name,
                                                context.now_unix_ns));
     ASSIGN_OR_RETURN(reply, userReply(writer, call.name()));
+    if (access_changed) noteAccessChanged(context);
     return {};
   });
   if (!written) return written.error();
-  if (access_changed) noteAccessChanged(context);
   return reply;
 }
 

@@ -51,9 +51,10 @@ struct Outcome {
   std::optional<Error> error;  ///< set: the request was refused (refusalOf in common/wire/protocol.h
                                ///< translates), `reply` holds only the id
   ServerPart server_part = ServerPart::kNone;
-  /// The account or station that the request names was disabled or revoked, or got another role or password,
-  /// by this request: false where it was so already. Not set by an erasure and an import, whose replies say
-  /// it.
+  /// The account or station that the request names is disabled or revoked, be it so already, or got another
+  /// role or password by this request. With `error`, too, where it was changed in a transaction that failed
+  /// afterwards: nobody may know whether that was carried out. Not set by an erasure and an import, whose
+  /// replies say it.
   bool access_changed = false;
 };
 

@@ -81,16 +81,18 @@ Result<pb::Reply> addStation(const Context& context, const pb::AddStation& call)
 
 Result<pb::Reply> revokeStation(const Context& context, const pb::RevokeStation& call) {
   ASSIGN_OR_RETURN(const auto station, StationStore(context.reader).find(call.name()));
-  if (station && station->revoked) return doneReply();  // as it is already
-  bool changed = false;
+  if (station && station->revoked) {  // as it is already, perhaps by a request whose end nobody saw
+    noteAccessChanged(context);
+    return doneReply();
+  }
   const Status written = writeIfChanged(context, call.name(), "", [&](Connection& writer) -> Result<bool> {
     ASSIGN_OR_RETURN(const auto now, StationStore(writer).find(call.name()));
-    changed = !now || !now->revoked;
-    if (changed) RETURN_IF_ERROR(StationStore(writer).revoke(call.name()));
-    return changed;
+    const bool changes = !now || !now->revoked;
+    if (changes) RETURN_IF_ERROR(StationStore(writer).revoke(call.name()));
+    noteAccessChanged(context);
+    return changes;
   });
   if (!written) return written.error();
-  if (changed) noteAccessChanged(context);
   return doneReply();
 }
 

@@ -32,6 +32,7 @@ Task<> PeerConnection::answer(const pb::Request& request, Outcome outcome, ByteB
   auto refusal = co_await complete(context_, request, by, outcome);
   if (refusal) {
     if (!gone()) refuse(std::move(*refusal), request.id());
+    followUp(context_, request, outcome.reply, outcome.access_changed, by, this);
     co_return;
   }
   pb::Envelope envelope;

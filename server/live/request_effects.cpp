@@ -256,7 +256,7 @@ void followUp(ServerContext& context, const pb::Request& request, const pb::Repl
   const char* const changed = "the account was changed: log in again";
   for (const std::string& name : reply.people_import().roles_changed())
     endAccess(context, name, false, by, nullptr, changed);
-  // a request that changes nothing must not disturb anybody's log-in
+  // a request that ends nothing must not disturb anybody's log-in
   if (!access_changed) return;
   if (request.has_revoke_station())
     endAccess(context, request.revoke_station().name(), true, by, nullptr, "the station's key was revoked");

@@ -64,9 +64,9 @@ Task<std::shared_ptr<Outcome>> executeRequest(ServerContext& context, Principal 
 Task<std::optional<pb::Refusal>> complete(ServerContext& context, const pb::Request& request, Doer by,
                                           Outcome& outcome);
 
-/// After a successful request: ends the access of disabled accounts, ends log-ins with a changed password,
-/// announces backups. `access_changed`: of the Outcome. `asker` (may be null) is the requester's connection,
-/// which stays open when it changes its own password. Thread: the network's.
+/// After a request, a refused one, too: ends the access of disabled accounts, ends log-ins with a changed
+/// password, announces backups. `access_changed`: of the Outcome. `asker` (may be null) is the requester's
+/// connection, which stays open when it changes its own password. Thread: the network's.
 void followUp(ServerContext& context, const pb::Request& request, const pb::Reply& reply, bool access_changed,
               const Doer& by, const PeerConnection* asker);
 

@@ -161,9 +161,9 @@ Task<HttpAnswer> throughService(Shared server, Request asked, const WebRoute& ro
   const auto outcome = co_await executeRequest(context, call->who, request, std::move(gone));
   if (outcome->error) noteNoRoom(context, *call, *outcome->error);
   const Doer by = call->who.doer();
-  if (const auto refusal = co_await complete(context, *request, by, *outcome))
-    co_return refusedAnswer(*outcome, *refusal);
+  const auto refusal = co_await complete(context, *request, by, *outcome);
   followUp(context, *request, outcome->reply, outcome->access_changed, by, nullptr);
+  if (refusal) co_return refusedAnswer(*outcome, *refusal);
   std::function<HttpAnswer()> write = [&route, call, outcome] {
     return jsonAnswer(route.how.shape(*call, outcome->reply), route.how.status);
   };

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <chrono>
 #include <cstdlib>
 #include <functional>
 #include <limits>
@@ -568,6 +569,64 @@ TEST_F(PostgresEngine, aCommitWithoutAnAnswerIsAskedForAndNeverGuessed) {
   EXPECT_EQ(count(), 0);
 }
 
+// PostgreSQL may keep a connection that the network has lost, and its locks, for minutes
+TEST_F(PostgresEngine, theOutcomeOfACommitIsKnownWhileALostConnectionHoldsTheLockOfTheStore) {
+  std::unique_ptr<EngineConnection> holder;
+  const auto opened = openPostgres(
+      {.url = urlOf(otherName()),
+       .alone = true,
+       .answer_timeout = std::chrono::seconds(2),
+       .before_statement = [&](std::string_view sql) {
+         if (sql != "COMMIT") return;
+         must(run(*control_, "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = '" +
+                                 otherName() + "'"));
+         holder = connect(otherName());
+         must(holder->script("SELECT pg_advisory_lock(" + std::to_string(kAloneLock) + ")"));
+       }});
+  ASSERT_TRUE(opened.ok()) << opened.error().message;
+  EngineConnection& alone = **opened;
+  must(alone.begin(EngineConnection::Begin::kWrite));
+  must(run(alone, "INSERT INTO kinds (id) VALUES (1)"));
+  const Status ended = alone.commit();
+  ASSERT_FALSE(ended.ok());
+  EXPECT_THAT(ended.error().message, HasSubstr("nothing was stored"));
+  const Status next = alone.begin(EngineConnection::Begin::kWrite);
+  ASSERT_FALSE(next.ok()) << "somebody else has the store";
+  EXPECT_THAT(next.error().message, HasSubstr("works on this database"));
+}
+
+TEST_F(PostgresEngine, postgresqlIsToldToLookWhetherTheConnectionIsThere) {
+  EXPECT_EQ(number(*db,
+                   "SELECT count(*) FROM pg_settings WHERE (name, reset_val) IN"
+                   " (('tcp_keepalives_idle', '5'), ('tcp_keepalives_interval', '2'),"
+                   " ('tcp_keepalives_count', '3'), ('tcp_user_timeout', '10000'),"
+                   " ('client_connection_check_interval', '2000'))"),
+            5);
+}
+
+TEST_F(PostgresEngine, noOtherRoleOfTheClusterKeepsAWriterWaiting) {
+  must(db->script("CREATE TABLE schema_version (version BIGINT NOT NULL)"));
+  const std::string role = otherName() + "_role";
+  must(control_->script("DROP ROLE IF EXISTS " + role + "; CREATE ROLE " + role + " LOGIN"));
+  {
+    auto opened = openPostgres({.url = urlOf(otherName()) + " user=" + role});
+    ASSERT_TRUE(opened.ok()) << opened.error().message;
+    EngineConnection& other = **opened;
+    must(other.script("SELECT pg_advisory_lock(" + std::to_string(kWriterLock) + ")"));
+    EXPECT_FALSE(other.script("LOCK TABLE needlelab.schema_version IN ACCESS SHARE MODE").ok());
+    const std::string locked =
+        "SELECT count(*) FROM pg_locks WHERE relation = 'needlelab.schema_version'::regclass"
+        " AND mode = 'ExclusiveLock'";
+    must(db->begin(EngineConnection::Begin::kWrite));
+    EXPECT_EQ(number(*db, locked), 1);
+    must(add(1));
+    must(db->commit());
+    EXPECT_EQ(number(*db, locked), 0);
+  }
+  EXPECT_EQ(count(), 1);
+  must(control_->script("DROP ROLE " + role));
+}
+
 TEST_F(PostgresEngine, addressesAreCheckedAndShowNoPassword) {
   const auto code = [](const std::string& url, std::string* message) {
     const auto opened = openPostgres({.url = url});
@@ -581,6 +640,13 @@ TEST_F(PostgresEngine, addressesAreCheckedAndShowNoPassword) {
   EXPECT_EQ(code("postgresql://anna:secret@127.0.0.1:1/db", &message), ErrorCode::kInvalidInput);
   EXPECT_THAT(message, HasSubstr("passfile"));
   EXPECT_THAT(message, Not(HasSubstr("secret")));
+  for (const char* const url :
+       {"postgresql://anna:se/secret@127.0.0.1:1/db", "postgresql://anna:secret/db",
+        "postgresql://anna:5432/secret@127.0.0.1:1/db", "postgresql://anna@127.0.0.1:1/db?sslpassword=secret",
+        "host=127.0.0.1 port=1 user=anna sslpassword=secret", "postgresql://anna@se@secret:1/db"}) {
+    EXPECT_EQ(code(url, &message), ErrorCode::kInvalidInput) << url;
+    EXPECT_THAT(message, Not(HasSubstr("secret")));
+  }
   EXPECT_EQ(code("postgresql://anna@127.0.0.1:1/db", &message), ErrorCode::kUnavailable);
   EXPECT_THAT(message, HasSubstr("postgresql://anna@127.0.0.1:1/db"));
   EXPECT_EQ(code(urlOf("no_such_database"), &message), ErrorCode::kInvalidInput);

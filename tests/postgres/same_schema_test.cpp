@@ -7,6 +7,7 @@
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "db/connection.h"
 #include "db/engine/open_postgres.h"
@@ -118,6 +119,63 @@ TEST_F(SameSchema, columnsTypesAndKeys) {
     EXPECT_EQ(facts[column], of_sqlite) << column;
   }
   EXPECT_EQ(facts.size(), wanted.size());
+}
+
+TEST_F(SameSchema, whatSomebodyPutIntoItOrChangedIsNamed) {
+  Connection connection(connect(name_), "lab");
+  const auto faults = [&] {
+    auto found = postgresSchemaFaults(connection);
+    if (!found) throw std::runtime_error(found.error().message);
+    return *found;
+  };
+  EXPECT_EQ(faults(), std::vector<std::string>()) << "db/postgres_objects.cpp has what the migrations make";
+  struct Change {
+    const char *sql, *named, *undo;
+  };
+  const Change changes[] = {
+      {"CREATE TRIGGER higher BEFORE INSERT ON people FOR EACH ROW EXECUTE FUNCTION people_sum()",
+       "trigger 'higher' of 'people' is not needlelab's", "DROP TRIGGER higher ON people"},
+      {"CREATE FUNCTION lowered(part TEXT) RETURNS TEXT LANGUAGE sql AS 'SELECT part'",
+       "function 'lowered(part text)' is not needlelab's", "DROP FUNCTION lowered(TEXT)"},
+      {"CREATE VIEW shown AS SELECT 1", "view 'shown' is not needlelab's", "DROP VIEW shown"},
+      {"CREATE RULE silent AS ON INSERT TO audit DO INSTEAD NOTHING",
+       "rule 'silent' of 'audit' is not needlelab's", "DROP RULE silent ON audit"},
+      {"CREATE POLICY hidden ON audit USING (false)", "row policy 'hidden' of 'audit' is not needlelab's",
+       "DROP POLICY hidden ON audit"},
+      {"ALTER TABLE sessions DISABLE TRIGGER sessions_ended",
+       "trigger 'sessions_ended' of 'sessions' is not as",
+       "ALTER TABLE sessions ENABLE TRIGGER sessions_ended"},
+      {"ALTER TRIGGER audit_number ON audit RENAME TO other", "trigger 'audit_number' of 'audit' is missing",
+       "ALTER TRIGGER other ON audit RENAME TO audit_number"},
+      {"CREATE OR REPLACE FUNCTION hex(bytes BYTEA) RETURNS TEXT LANGUAGE sql IMMUTABLE AS $$SELECT '00'$$",
+       "function 'hex(bytes bytea)' is not as", nullptr},
+  };
+  for (const Change& change : changes) {
+    must(db->script(change.sql));
+    std::string all;
+    for (const std::string& fault : faults()) all += fault + "\n";
+    EXPECT_NE(all.find(change.named), std::string::npos) << change.named << " is not in: " << all;
+    if (change.undo == nullptr) break;
+    must(db->script(change.undo));
+    EXPECT_EQ(faults(), std::vector<std::string>()) << change.undo;
+  }
+}
+
+TEST_F(SameSchema, aSchemaOrTableOfAnotherRoleIsRefused) {
+  Connection connection(connect(name_), "lab");
+  const std::string role = name_ + "_role";
+  must(control_->script("DROP ROLE IF EXISTS " + role + "; CREATE ROLE " + role));
+  must(requireOwnSchema(connection));
+  for (const std::string what : {"SCHEMA needlelab", "TABLE needlelab.people"}) {
+    must(db->script("ALTER " + what + " OWNER TO " + role));
+    const Status refused = requireOwnSchema(connection);
+    ASSERT_FALSE(refused.ok()) << what;
+    EXPECT_EQ(refused.error().code, ErrorCode::kDenied);
+    EXPECT_NE(refused.error().message.find(role), std::string::npos);
+    must(db->script("ALTER " + what + " OWNER TO CURRENT_USER"));
+  }
+  must(requireOwnSchema(connection));
+  must(control_->script("DROP ROLE " + role));
 }
 
 TEST_F(SameSchema, textsSortByteByByte) {
