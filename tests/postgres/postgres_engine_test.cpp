@@ -305,7 +305,9 @@ TEST_F(PostgresEngine, aTransactionThatBeginsSoonBeginsWithItsFirstStatementInOn
   must(db->begin(soon));
   must(addSoon(4));
   const std::string held =
-      "SELECT count(*) FROM pg_locks WHERE locktype = 'advisory' AND objid = " + std::to_string(kWriterLock);
+      "SELECT count(*) FROM pg_locks l JOIN pg_database d ON d.oid = l.database"
+      " WHERE d.datname = '" +
+      name_ + "' AND l.locktype = 'advisory' AND l.objid = " + std::to_string(kWriterLock);
   EXPECT_EQ(number(*control_, held), 1);
   db->rollback();
   EXPECT_EQ(number(*control_, held), 0);
