@@ -120,8 +120,7 @@ TEST_F(StoreMoveTest, aUserWhoDoesNotOwnTheTablesIsRefusedBeforeAnythingIsCopied
   const PlainUser user(false);
   const Run refused = run({"store", "copy", "--from", data(), "--to", user.url()});
   EXPECT_EQ(refused.code, 1);
-  EXPECT_THAT(refused.err, HasSubstr("must be owner of table"));
-  EXPECT_THAT(refused.err, HasSubstr("needs the user who owns the tables"));
+  EXPECT_THAT(refused.err, HasSubstr("of the schema needlelab belongs to 'needlelab'"));
   expectSound(false, 1);
 }
 
