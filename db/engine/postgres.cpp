@@ -329,10 +329,16 @@ Status PostgresConnection::becomeReadOnly() {
 
 Status PostgresConnection::becomeAlone() {
   const std::string lock = fmt::format("SELECT pg_try_advisory_lock({})", kAloneLock);
-  if (PQsendQuery(connection_.get(), lock.c_str()) == 0) return lost("take the lock of the store");
-  const auto taken = wait("take the lock of the store");
-  if (!taken) return taken.error();
-  if (std::string_view(PQgetvalue(taken->get(), 0, 0)) == "t") return {};
+  // PostgreSQL takes the lock back a moment after the connection that held it has ended
+  constexpr auto kMostWait = std::chrono::seconds(2);
+  for (const auto until = Steady::now() + kMostWait;;) {
+    if (PQsendQuery(connection_.get(), lock.c_str()) == 0) return lost("take the lock of the store");
+    const auto taken = wait("take the lock of the store");
+    if (!taken) return taken.error();
+    if (std::string_view(PQgetvalue(taken->get(), 0, 0)) == "t") return {};
+    if (Steady::now() >= until) break;
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
   connection_.reset();
   return Error{ErrorCode::kUnavailable,
                shown_url_ +

@@ -117,7 +117,7 @@ class PostgresConnection final : public EngineConnection {
   void tellBefore(std::string_view sql) const {
     if (options_.before_statement) options_.before_statement(sql);
   }
-  /// Takes kAloneLock.
+  /// Takes kAloneLock; waits for it for 2 s at most.
   Status becomeAlone();
   Status becomeReadOnly();
   Status readSettings();
