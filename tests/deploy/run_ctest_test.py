@@ -1,5 +1,7 @@
 #!/usr/bin/env python3
 """What deploy/run_ctest prints of tests that pass, fail, crash, hang, are skipped, and its exit code."""
+import importlib.machinery
+import importlib.util
 import os
 import pathlib
 import subprocess
@@ -165,6 +167,28 @@ class RunCtest(unittest.TestCase):
         code, lines = run(*BY_CODE, skips="shy @build\n")
         self.assertEqual(code, 1, lines)
         self.assertIn("'shy' has no reason", lines[-1])
+
+    def test_a_line_may_hold_only_where_there_is_one_core(self):
+        every = os.sched_getaffinity(0)
+        try:
+            for cores in (every, {min(every)}):
+                os.sched_setaffinity(0, cores)  # the child inherits it
+                code, lines = run(*BY_CODE, skips="shy @one-core  reason\n")
+                self.assertEqual(code, 0 if len(cores) == 1 else 1, (cores, lines))
+        finally:
+            os.sched_setaffinity(0, every)
+
+    def test_a_line_may_hold_only_on_other_systems_than_debian_12(self):
+        module = importlib.util.module_from_spec(importlib.util.spec_from_loader(
+            "run_ctest", importlib.machinery.SourceFileLoader("run_ctest", RUN_CTEST)))
+        module.__loader__.exec_module(module)
+        with tempfile.TemporaryDirectory() as folder:
+            module.OS_RELEASE = pathlib.Path(folder, "os-release")
+            self.assertIn("other-system", module.places(pathlib.Path("build")), "without that file")
+            for text, other in (('ID=debian\nVERSION_ID="12"\n', False), ('ID=debian\nVERSION_ID="13"\n', True),
+                                ('ID=ubuntu\nVERSION_ID="12"\n', True)):
+                module.OS_RELEASE.write_text(text, encoding="utf-8")
+                self.assertEqual("other-system" in module.places(pathlib.Path("build")), other, text)
 
     def test_a_list_that_cannot_be_read_or_a_line_without_reason_is_an_error(self):
         code, lines = run(*passing(3), skips="good1\n")
