@@ -68,6 +68,20 @@ class Committed(unittest.TestCase):
             for path in re.findall(r"\{source\}/(\S+)", " ".join(piece.commands)):
                 self.assertTrue((ROOT / path).exists(), path)
 
+    def test_every_file_with_a_long_form_is_of_a_program_that_some_piece_runs(self):
+        run = {program for piece in self.nightly.PIECES for program in piece.needs()}
+        lists = {path: path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("CMakeLists.txt")}
+        programs = {}  # by source file
+        for path, text in lists.items():
+            for name, rest in re.findall(r"needlelab_test\((\S+)(.*?)\bDEPS\b", text, re.DOTALL):
+                names = re.findall(r"foreach\(name ([^)]+)\)", text) if "${name}" in name else [""]
+                for each in " ".join(names).split() or [""]:
+                    for source in re.findall(r"\S+\.cpp", rest):
+                        programs.setdefault((path.parent / source.replace("${name}", each)).resolve(), set()).add(name.replace("${name}", each))
+        for source in (ROOT / "tests").rglob("*_test.cpp"):
+            if re.search(r"\blongForm\(\)", source.read_text(encoding="utf-8")):
+                self.assertTrue(programs.get(source.resolve(), set()) & run, f"{source.relative_to(ROOT)} runs in no piece")
+
     def test_every_fuzzer_runs_in_some_piece(self):
         text = (ROOT / "tests" / "fuzz" / "run").read_text(encoding="utf-8")
         named = re.findall(r"--only (\w+)", " ".join(" ".join(piece.commands) for piece in self.nightly.PIECES))
@@ -170,6 +184,21 @@ class Running(unittest.TestCase):
         self.nightly.commit = lambda build=None: "def5678"
         self.run_pieces(good, bad)
         self.assertEqual(runs(), 5)
+
+    def test_a_piece_of_the_fuzzers_has_the_commit_of_their_build(self):
+        fuzzers = self.folder / "fuzzers"
+        (fuzzers / "bin").mkdir(parents=True)
+        count, fuzzer = self.folder / "count", fuzzers / "bin" / "fuzz_chunk"
+        fuzzer.write_text(f"#!/bin/sh\necho x >>{count}\n", encoding="utf-8")
+        fuzzer.chmod(0o755)
+        commits = {self.folder: "abc1234", fuzzers: "def5678"}
+        self.nightly.commit = lambda build=None: commits[build]
+        pieces = (self.nightly.Piece("fuzz", 1, "what fuzz shows", ("{fuzz}/bin/fuzz_chunk --only chunk",)), self.piece("good", "true"))
+        code, said, results = self.run_pieces(*pieces, arguments=["--fuzz-build", str(fuzzers)])
+        self.assertEqual((code, results["fuzz"]["commit"], results["good"]["commit"]), (0, "def5678", "abc1234"), said)
+        commits[self.folder] = "123abcd"
+        self.run_pieces(*pieces, arguments=["--fuzz-build", str(fuzzers)])
+        self.assertEqual(len(count.read_text(encoding="ascii").split()), 1, "its sources are the same")
 
     def test_a_piece_that_cannot_run_leaves_the_earlier_result(self):
         self.run_pieces(self.piece("systemd", "true"))
