@@ -18,6 +18,8 @@
 #include <utility>
 #include <vector>
 
+#include "tests/support/patience.h"
+
 namespace needlelab::test {
 
 /// Its destructor kills and reaps the process.
@@ -78,16 +80,5 @@ class Process {
   pid_t pid_ = -1;
   std::optional<int> status_;
 };
-
-/// Waits until `condition` holds; false after `limit`.
-template <typename Condition>
-bool eventually(Condition condition, std::chrono::milliseconds limit = std::chrono::seconds(20)) {
-  const auto end = std::chrono::steady_clock::now() + limit;
-  while (!condition()) {
-    if (std::chrono::steady_clock::now() >= end) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
-  return true;
-}
 
 }  // namespace needlelab::test

@@ -5,6 +5,7 @@
 #include <array>
 #include <mutex>
 
+#include "tests/support/patience.h"
 #include "tests/support/proxy/fault_proxy.h"
 
 namespace needlelab::test {
@@ -116,15 +117,6 @@ class Peer {
   boost::system::error_code error_;
 };
 
-template <typename Condition>
-bool soon(Condition condition) {
-  for (int i = 0; i < 1000; ++i) {
-    if (condition()) return true;
-    std::this_thread::sleep_for(5ms);
-  }
-  return false;
-}
-
 FaultProxy::Scripts always(const ConnectionScript& script) {
   return [script](std::uint64_t, Random&) { return script; };
 }
@@ -146,8 +138,8 @@ TEST(FaultProxyTest, withoutAScriptAllBytesPassInBothDirections) {
   sender.join();
   EXPECT_EQ(proxy.counts().bytes_up, bytes.size());
   peer.close();
-  EXPECT_TRUE(soon([&] { return server.seen(0).end == "eof"; }));
-  EXPECT_TRUE(soon([&] { return proxy.counts().open == 0; }));
+  EXPECT_TRUE(eventually([&] { return server.seen(0).end == "eof"; }));
+  EXPECT_TRUE(eventually([&] { return proxy.counts().open == 0; }));
 }
 
 TEST(FaultProxyTest, delayPiecesAndBandwidthTakeTheirTimeAndKeepTheOrder) {
@@ -178,7 +170,7 @@ TEST(FaultProxyTest, aCutComesAfterExactlySoManyBytes) {
     peer.send(pattern(2000));
     peer.read(2000);
     EXPECT_TRUE(cut == Cut::kFin ? peer.sawEof() || peer.sawReset() : peer.sawReset());
-    EXPECT_TRUE(soon([&] { return !server.seen(0).end.empty(); }));
+    EXPECT_TRUE(eventually([&] { return !server.seen(0).end.empty(); }));
     EXPECT_EQ(server.seen(0).end, cut == Cut::kFin ? "eof" : "reset");
     EXPECT_LE(server.seen(0).bytes.size(), 777u);
     if (cut == Cut::kFin) {
@@ -217,7 +209,7 @@ TEST(FaultProxyTest, lateBytesOfAnOlderConnectionComeBehindTheNewerOnes) {
   });
   auto older = std::make_unique<Peer>(proxy.port());
   older->send("first and late");
-  EXPECT_TRUE(soon([&] { return server.seen(0).bytes == "first"; }));
+  EXPECT_TRUE(eventually([&] { return server.seen(0).bytes == "first"; }));
   older->close();
   std::this_thread::sleep_for(50ms);
   EXPECT_EQ(server.seen(0).bytes, "first");
@@ -225,8 +217,8 @@ TEST(FaultProxyTest, lateBytesOfAnOlderConnectionComeBehindTheNewerOnes) {
   Peer newer(proxy.port());
   newer.send("newer");
   EXPECT_EQ(newer.read(5), "newer");
-  EXPECT_TRUE(soon([&] { return server.seen(0).bytes == "first and late"; }));
-  EXPECT_TRUE(soon([&] { return !server.seen(0).end.empty(); }));
+  EXPECT_TRUE(eventually([&] { return server.seen(0).bytes == "first and late"; }));
+  EXPECT_TRUE(eventually([&] { return !server.seen(0).end.empty(); }));
   EXPECT_EQ(proxy.counts().late, 1u);
 }
 
@@ -260,7 +252,7 @@ TEST(FaultProxyTest, corruptsOneBitStallsRefusesAndRepeats) {
   Peer repeated(proxy.port());
   repeated.send(bytes);
   EXPECT_EQ(repeated.read(200), bytes);
-  EXPECT_TRUE(soon([&] {
+  EXPECT_TRUE(eventually([&] {
     const auto seen = server.seen();
     return seen.size() == 5 && seen[3].bytes == bytes && seen[4].bytes == bytes;
   })) << "the original and two repetitions, beside the two before";

@@ -16,6 +16,7 @@
 #include "tests/netfaults/viewers.h"
 #include "tests/operations/prometheus_text.h"
 #include "tests/soak/process_sample.h"
+#include "tests/support/patience.h"
 #include "tests/support/sanitized.h"
 
 namespace needlelab::test {
@@ -23,14 +24,6 @@ namespace {
 
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
-
-constexpr auto kPatience = 60s;
-
-bool eventually(const std::function<bool()>& condition) {
-  for (const auto end = Clock::now() + kPatience; Clock::now() < end; std::this_thread::sleep_for(5ms))
-    if (condition()) return true;
-  return condition();
-}
 
 /// Compares a viewer's frame gaps with the reported drops. The next frame of any station reports a drop; the
 /// next frame of the same station shows the gap. So the gaps never exceed the reported drops, and are at

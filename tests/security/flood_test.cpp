@@ -13,6 +13,8 @@
 #include "tests/load/own_server.h"
 #include "tests/load/station_crowd.h"
 #include "tests/security/attackers.h"
+#include "tests/support/password_cost.h"
+#include "tests/support/patience.h"
 #include "tests/support/run_form.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/temp_folder.h"
@@ -21,8 +23,6 @@ namespace needlelab::test {
 namespace {
 
 using namespace std::chrono_literals;
-
-constexpr std::chrono::seconds kPatience{120};  ///< ends a hang; nothing is measured against it
 
 double ms(std::int64_t ns) {
   return static_cast<double>(ns) * 1e-6;
@@ -46,6 +46,7 @@ std::optional<std::int64_t> logInTime(const LoadShared& shared, const pb::Login&
 }
 
 TEST(Flood, stationsAndViewersNoticeNothing) {
+  const ProductPasswordCost product;  // of the administrator, whose log-in stands beside the guesses
   const bool long_form = longForm();
   constexpr std::size_t kStations = 50, kViewers = 2;
   const double phase_s = long_form ? 20 : 2.5;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/wire/protocol.h"
+#include "tests/support/patience.h"
 #include "tests/unit/server/live/raw_peer.h"
 #include "tests/unit/server/live/running_server.h"
 
@@ -250,10 +251,7 @@ TEST(Requests, whatDidNotReachAStationIsSaidAndNoted) {
   EXPECT_EQ(refused.error().code, ErrorCode::kNotFound);
   // The second line is written at the same time as the answer.
   std::vector<pb::AuditEntry> lines;
-  for (int i = 0; i < 1000 && lines.empty(); ++i) {
-    lines = auditLines(lab.server, "not delivered");
-    if (lines.empty()) std::this_thread::sleep_for(milliseconds(10));
-  }
+  (void)eventually([&] { return !(lines = auditLines(lab.server, "not delivered")).empty(); });
   ASSERT_EQ(lines.size(), 1u);
   EXPECT_EQ(lines[0].who(), "anna");
   EXPECT_EQ(lines[0].subject(), "bench-2");
@@ -287,10 +285,7 @@ TEST(Requests, whatDidNotReachAStationBecomesALineUnderThePseudonymOfWhoIsErased
   const std::string pseudonym = server.asAdmin(erase).erasure().pseudonym();
   station.reset();
   std::vector<pb::AuditEntry> lines;
-  for (int i = 0; i < 1000 && lines.empty(); ++i) {
-    lines = auditLines(server, "not delivered");
-    if (lines.empty()) std::this_thread::sleep_for(milliseconds(10));
-  }
+  (void)eventually([&] { return !(lines = auditLines(server, "not delivered")).empty(); });
   ASSERT_EQ(lines.size(), 1u);
   EXPECT_EQ(lines[0].who(), pseudonym);
   for (const auto& line : auditLines(server, ""))

@@ -19,6 +19,7 @@
 #include "common/gesture/session_hash.h"
 #include "server/base/log.h"
 #include "server/server.h"
+#include "tests/support/patience.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
@@ -110,7 +111,7 @@ class RunningServer {
 
 /// Returns the next message that `wanted` accepts and skips others. Fails the test if none arrives.
 template <typename Wanted>
-pb::Envelope waitFor(BlockingClient& client, Wanted wanted, milliseconds limit = milliseconds(10'000)) {
+pb::Envelope waitFor(BlockingClient& client, Wanted wanted, milliseconds limit = kPatience) {
   const auto end = std::chrono::steady_clock::now() + limit;
   for (;;) {
     const auto left = std::chrono::duration_cast<milliseconds>(end - std::chrono::steady_clock::now());

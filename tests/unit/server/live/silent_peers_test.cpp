@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "tests/support/patience.h"
 #include "tests/support/silent_peer.h"
 #include "tests/unit/server/live/running_server.h"
 
@@ -39,7 +40,7 @@ std::vector<std::unique_ptr<SilentPeer>> silentPeers(RunningServer& server, std:
     return static_cast<std::size_t>(std::count_if(
         peers.begin(), peers.end(), [](const auto& peer) { return peer->isAnswered(milliseconds(1)); }));
   };
-  const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(1);
+  const auto end = std::chrono::steady_clock::now() + kPatience;
   while (answered() < answered_ones && std::chrono::steady_clock::now() < end) {
   }
   EXPECT_EQ(answered(), answered_ones);
@@ -51,8 +52,6 @@ Result<BlockingClient> logIn(RunningServer& server, const std::string& key, mill
   config.connect_timeout = patience;
   return BlockingClient::connect(config);
 }
-
-constexpr auto kPatience = milliseconds(60'000);
 
 TEST(SilentPeers, aRecordThatIsNotThereAsAWholeTakesNoPlace) {
   RunningServer server(places(1, 1));

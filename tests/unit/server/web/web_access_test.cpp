@@ -1,7 +1,9 @@
 // Tests access over HTTPS: log-in, sessions, forged requests, roles.
+#include <algorithm>
 #include <set>
 #include <sstream>
 
+#include "tests/support/patience.h"
 #include "tests/unit/server/web/web_lab.h"
 
 namespace needlelab {
@@ -50,15 +52,15 @@ TEST(WebLogIn, sharesLockOutsAndAuditWithTheOtherPort) {
   const auto wire = lab.server().connect(login);
   ASSERT_FALSE(wire.ok());
   EXPECT_THAT(wire.error().message, HasSubstr("RATE_LIMITED"));
-  bool noted = false;
-  for (int i = 0; i < 200 && !noted; ++i) {
-    std::this_thread::sleep_for(milliseconds(10));
+  // another thread writes the line
+  EXPECT_TRUE(eventually([&] {
     pb::Request request;
     request.mutable_list_audit();
     const pb::Reply reply = lab.server().asAdmin(request);
-    for (const auto& entry : reply.audit().entries()) noted = noted || entry.action() == "log-in locked";
-  }
-  EXPECT_TRUE(noted);
+    const auto& entries = reply.audit().entries();
+    return std::any_of(entries.begin(), entries.end(),
+                       [](const auto& entry) { return entry.action() == "log-in locked"; });
+  }));
 }
 
 TEST(WebLogIn, whatIsNoLogInIsRefused) {
@@ -121,14 +123,12 @@ TEST(WebSession, anErasedNameDoesNotComeBackIntoTheAuditLog) {
   ASSERT_EQ(erased.status, 200) << erased.body;
   const std::string pseudonym = erased.json()["pseudonym"];
   EXPECT_EQ(askChecked(tina, "GET", "/api/v1/profiles").status, 401);
-  bool noted = false;
-  for (int i = 0; i < 200 && !noted; ++i) {
-    std::this_thread::sleep_for(milliseconds(10));
+  // another thread writes the line
+  EXPECT_TRUE(eventually([&] {
     const std::string audit = askChecked(ada, "GET", "/api/v1/audit").body;
     EXPECT_THAT(audit, testing::Not(HasSubstr("tina")));
-    noted = audit.find("access ended") != std::string::npos && audit.find(pseudonym) != std::string::npos;
-  }
-  EXPECT_TRUE(noted);
+    return audit.find("access ended") != std::string::npos && audit.find(pseudonym) != std::string::npos;
+  }));
 }
 
 TEST(WebSession, aChangeNeedsTheTokenOfItsOwnSession) {

@@ -12,11 +12,9 @@
 #include "client/device/falcon/falcon_device.h"
 #include "common/haptics/force_gate.h"
 #include "tests/support/falcon_emulator/falcon_emulator.h"
+#include "tests/support/patience.h"
 
 namespace needlelab::test {
-
-/// Ends a hang; no test measures it.
-constexpr std::chrono::seconds kPatience{120};
 
 /// A gate with a tip at rest: the requested force comes out after the start ramp, as fast as the slew
 /// limit allows.

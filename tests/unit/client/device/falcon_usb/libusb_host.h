@@ -11,15 +11,13 @@
 #include <vector>
 
 #include "tests/support/falcon_emulator/falcon_emulator.h"
+#include "tests/support/patience.h"
 
 namespace needlelab::test {
 
 /// Ends a test that does not run on the emulated USB. Must be the first line of a fixture's SetUp.
 #define NEEDLELAB_NEEDS_EMULATED_USB(testbed) \
   if (const std::string why = (testbed).trouble(); !why.empty()) GTEST_SKIP() << why
-
-/// Ends a hang; no test measures it.
-constexpr std::chrono::seconds kPatience{60};
 
 /// An open Falcon with a claimed interface.
 class LibusbHost {

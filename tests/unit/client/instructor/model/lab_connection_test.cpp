@@ -6,6 +6,7 @@
 #include <atomic>
 #include <optional>
 
+#include "tests/support/patience.h"
 #include "tests/unit/server/live/running_server.h"
 
 namespace needlelab {
@@ -38,9 +39,9 @@ class LabConnectionTest : public testing::Test {
     settings.most_retry = milliseconds(200);
     return settings;
   }
-  /// Polls until the condition holds, for at most 20 s. Collects the events.
+  /// Polls until the condition holds. Collects the events.
   bool until(LabConnection& lab, const std::function<bool()>& so) {
-    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+    const auto end = std::chrono::steady_clock::now() + kPatience;
     while (!so()) {
       if (std::chrono::steady_clock::now() > end) return false;
       auto news = lab.poll();

@@ -14,6 +14,7 @@
 
 #include "client/instructor/screens/instructor_window.h"
 #include "client/instructor/screens/script_runner.h"
+#include "tests/support/patience.h"
 #include "tests/support/time_zone.h"
 #include "tests/unit/client/instructor/screens/bench_station.h"
 
@@ -75,9 +76,9 @@ class WindowLab : public testing::Test {
   void frames(int n) {
     for (int i = 0; i < n; ++i) frame();
   }
-  /// Draws frames until the condition holds, for at most 40 s.
+  /// Draws frames until the condition holds.
   bool until(const std::function<bool()>& so) {
-    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(40);
+    const auto end = std::chrono::steady_clock::now() + kPatience;
     while (!so()) {
       if (std::chrono::steady_clock::now() > end) return false;
       frame();

@@ -15,6 +15,7 @@
 #include "client/station/run/live_line.h"
 #include "client/station/run/signals.h"
 #include "client/station/run/terminal.h"
+#include "tests/support/patience.h"
 #include "tests/support/scenes.h"
 #include "tests/unit/client/station/run/fake_loop.h"
 
@@ -104,10 +105,7 @@ class FullPipe {
 int ended(pid_t child) {
   if (child < 0) throw std::runtime_error("cannot fork");  // a signal to -1 would reach every process
   int status = -1;
-  for (int i = 0; i < 6000; ++i) {
-    if (::waitpid(child, &status, WNOHANG) == child) return status;
-    std::this_thread::sleep_for(10ms);
-  }
+  if (eventually([&] { return ::waitpid(child, &status, WNOHANG) == child; })) return status;
   ::kill(child, SIGKILL);
   ::waitpid(child, &status, 0);
   return -1;

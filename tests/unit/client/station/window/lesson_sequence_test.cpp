@@ -17,6 +17,7 @@
 #include "common/base/files.h"
 #include "common/base/program.h"
 #include "tests/support/fake_time.h"
+#include "tests/support/patience.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/net/fake_server.h"
 
@@ -69,12 +70,10 @@ class ConductorTest : public testing::Test {
   }
   // Returns false if this never happened.
   bool until(const std::function<bool(const BoardState&)>& condition) {
-    for (int i = 0; i < 3000; ++i) {
+    return eventually([&] {
       board_.look(state_, seen_);
-      if (condition(state_)) return true;
-      std::this_thread::sleep_for(10ms);
-    }
-    return false;
+      return condition(state_);
+    });
   }
   bool until(Stage stage) {
     return until([stage](const BoardState& state) { return state.stage == stage; });
@@ -267,14 +266,11 @@ TEST_F(ConductorTest, aSteeredHandGoesWhereItIsWished) {
   const Pose start = beginning->hand_start.X_WT;
   beginning->steering->setTarget({{start.p + Vec3{0, -0.005, 0}, start.q}, 0.5});
   std::vector<GestureSample> samples;
-  bool there = false;
-  for (int i = 0; i < 1000 && !there; ++i) {
-    std::this_thread::sleep_for(10ms);
+  EXPECT_TRUE(eventually([&] {
     board_.takeSamples(1, samples);
-    there = !samples.empty() && std::abs(samples.back().p_WT_m[1] - (start.p.y - 0.005)) < 2e-4 &&
-            std::abs(samples.back().plunger - 0.5) < 0.01;
-  }
-  EXPECT_TRUE(there);
+    return !samples.empty() && std::abs(samples.back().p_WT_m[1] - (start.p.y - 0.005)) < 2e-4 &&
+           std::abs(samples.back().plunger - 0.5) < 0.01;
+  }));
   EXPECT_EQ(quit(), kExitDone);
 }
 

@@ -1,0 +1,22 @@
+/// How long a test waits for what must happen. It measures nothing: a wait that ends so is a hang.
+#pragma once
+
+#include <chrono>
+#include <thread>
+
+namespace needlelab::test {
+
+inline constexpr std::chrono::seconds kPatience{120};
+
+/// Waits until `condition` holds, which it asks every few milliseconds. Returns false after `limit`.
+template <typename Condition>
+bool eventually(Condition condition, std::chrono::milliseconds limit = kPatience) {
+  const auto end = std::chrono::steady_clock::now() + limit;
+  while (!condition()) {
+    if (std::chrono::steady_clock::now() >= end) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  return true;
+}
+
+}  // namespace needlelab::test
