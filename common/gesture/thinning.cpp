@@ -111,24 +111,30 @@ void Thinner::settle(std::vector<GestureSample>& out, bool all) {
   const double needed =
       (centers_.empty() ? due_ : ticksBetween(centers_.front().sample.tick, first_tick_)) - step_ticks_;
   // binary search: at a low rate the window holds thousands of samples, and this runs for every sample
-  const auto keep_from = std::partition_point(
-      window_.begin(), window_.end() - 1,
-      [&](const GestureSample& s) { return ticksBetween(s.tick, first_tick_) <= needed; });
+  const auto keep_from =
+      std::partition_point(window_.begin(), window_.end() - 1, [&](const GestureSample& s) {
+        ++steps_;
+        return ticksBetween(s.tick, first_tick_) <= needed;
+      });
   // moved in large batches, so that the cost per sample is negligible
-  if (static_cast<double>(keep_from - window_.begin()) >= step_ticks_)
+  if (static_cast<double>(keep_from - window_.begin()) >= step_ticks_) {
+    steps_ += static_cast<std::uint64_t>(window_.end() - keep_from);
     window_.erase(window_.begin(), keep_from);
+  }
 }
 
-GestureSample Thinner::meanAround(const Center& center) const {
+GestureSample Thinner::meanAround(const Center& center) {
   GestureSample mean = center.sample;
   if (center.exact || step_ticks_ <= 1) return mean;
   const auto own = valuesOf(center.sample);
   std::array<double, kMeans> sums{}, weights{};
   std::array<double, 4> q{};
   const auto from = std::partition_point(window_.begin(), window_.end(), [&](const GestureSample& s) {
+    ++steps_;
     return ticksBetween(center.sample.tick, s.tick) >= step_ticks_;
   });
   for (auto s = from; s != window_.end(); ++s) {
+    ++steps_;
     const double weight = 1 - std::abs(ticksBetween(s->tick, center.sample.tick)) / step_ticks_;
     if (weight <= 0) break;
     const auto values = valuesOf(*s);

@@ -31,6 +31,8 @@ class Thinner {
   void add(const GestureSample& sample, std::vector<GestureSample>& out);
   /// Appends the remaining samples. Afterwards the thinner can be used for another gesture.
   void finish(std::vector<GestureSample>& out);
+  /// How often a sample of the window was looked at, added to a mean, or moved. For tests of the work.
+  [[nodiscard]] std::uint64_t steps() const { return steps_; }
 
  private:
   struct Center {
@@ -40,7 +42,7 @@ class Thinner {
   void startGrid(const GestureSample& first);
   void keep(const GestureSample& sample, bool exact);
   void settle(std::vector<GestureSample>& out, bool all);
-  [[nodiscard]] GestureSample meanAround(const Center& center) const;
+  [[nodiscard]] GestureSample meanAround(const Center& center);
 
   const double step_ticks_;
   double due_ = 0;  ///< next point of the grid, ticks since its first
@@ -48,6 +50,7 @@ class Thinner {
   std::vector<GestureSample> window_;
   std::vector<Center> centers_;         ///< kept samples that still wait for their neighbours
   std::optional<GestureSample> group_;  ///< collected since the last kept sample
+  std::uint64_t steps_ = 0;
 };
 
 /// Returns steps that are `factor` times as coarse; a lossless kind stays lossless, and no step exceeds 1.

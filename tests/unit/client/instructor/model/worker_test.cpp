@@ -5,6 +5,8 @@
 #include <latch>
 #include <vector>
 
+#include "tests/support/patience.h"
+
 namespace needlelab {
 namespace {
 
@@ -61,12 +63,12 @@ TEST(Worker, saysWhatItDoesAndIsBusyUntilItsResultWasTaken) {
 
 TEST(Worker, itsEndStopsTheJobAndForgetsTheOthers) {
   std::latch began(1);
-  bool second = false;
+  bool second = false, told = false;
   {
     Worker worker;
     worker.start("for ever", [&](const auto& stopped) -> Worker::Finish {
       began.count_down();
-      while (!stopped()) std::this_thread::yield();
+      told = test::eventually(stopped);
       return {};
     });
     worker.start("never", [&](const auto&) -> Worker::Finish {
@@ -75,6 +77,7 @@ TEST(Worker, itsEndStopsTheJobAndForgetsTheOthers) {
     });
     began.wait();
   }
+  EXPECT_TRUE(told);
   EXPECT_FALSE(second);
 }
 
