@@ -140,6 +140,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
                                   .hub = Hub(p.options.hub),
                                   .guard = LoginGuard(p.options.guard),
                                   .tokens = Tokens(p.options.token_lifetime),
+                                  .token_time = *p.options.token_time,
                                   .counters = {},
                                   .admission = Admission(p.options.admission),
                                   .disk_room = DiskRoom(p.options.min_free_bytes),

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/base/time_source.h"
 #include "common/wire/channel.h"
 #include "server/live/context.h"
 #include "server/live/monitor.h"
@@ -52,6 +53,7 @@ struct ServerOptions {
   Admission::Settings admission;  ///< its max_connections is the one above
   HandshakeTurns::Settings handshakes;
   std::chrono::milliseconds token_lifetime = std::chrono::minutes(15);
+  TimeSource* token_time = &machineTime();  ///< by which tokens end; outlives the server
   DbWriter::Options writer;
   std::chrono::milliseconds heap_every{60'000};   ///< interval at which free memory is returned to the system
   std::chrono::minutes retention_first{10};       ///< from the start to the first run of retention

@@ -35,7 +35,7 @@ std::shared_ptr<const pb::Login> secretOf(pb::Login login) {
 }
 
 Task<Result<Tokens::Holder>> checkToken(ServerContext& context, std::shared_ptr<const pb::Login> login) {
-  auto holder = context.tokens.find(login->token(), steadyNowNs());
+  auto holder = context.tokens.find(login->token(), context.token_time.nowNs());
   if (!holder) co_return Error{ErrorCode::kDenied, "log-in refused"};
   std::function<Result<bool>()> check = [&service = context.store.service(), who = holder->who] {
     return service.stillAllowed(who);
@@ -122,7 +122,7 @@ Task<Result<Tokens::Holder>> PeerConnection::checkLogin(std::shared_ptr<const pb
     if (!who.ok()) co_return who.error();
     co_return Tokens::Holder{std::move(*who), 0};
   }
-  const auto holder = context_.tokens.find(login->token(), steadyNowNs());
+  const auto holder = context_.tokens.find(login->token(), context_.token_time.nowNs());
   if (!login->has_token() || !holder) co_return Error{ErrorCode::kDenied, "log-in refused"};
   std::function<Task<Result<Tokens::Holder>>()> check = [&context = context_, login] {
     return checkToken(context, login);
@@ -204,7 +204,7 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
   if (!takePlace()) co_return;
   if (who_.role != pb::STATION) {
     // also after a log-in by token, so that a running program need not ask for the password again
-    const std::int64_t now = steadyNowNs();
+    const std::int64_t now = context_.token_time.nowNs();
     const auto issued = context_.tokens.issue({who_, password_ns}, now);
     welcome.set_token(issued.token);
     welcome.set_token_expires_unix_ns(wallNowNs() + (issued.expires_ns - now));

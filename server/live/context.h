@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/time_source.h"
 #include "common/wire/asio.h"
 #include "db/service/bootstrap.h"
 #include "server/live/access_changes.h"
@@ -150,6 +151,7 @@ struct ServerContext {
   Hub hub;
   LoginGuard guard;
   Tokens tokens;
+  TimeSource& token_time = machineTime();  ///< of all calls of `tokens`
   ServerCounters counters;
   WebCounters web{};
   Admission admission{};

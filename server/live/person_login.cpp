@@ -91,7 +91,7 @@ Task<PersonLogin> checkInTurn(ServerContext& context, std::shared_ptr<const Pers
   auto who = co_await checkUnchanged(context.access, secret->user, false, std::move(check));
   if (who.ok()) {
     login.answer = Answer::kWelcome;
-    login.holder = {std::move(*who), steadyNowNs()};
+    login.holder = {std::move(*who), context.token_time.nowNs()};
     co_return login;
   }
   if (who.error().code == ErrorCode::kConflict) {

@@ -6,7 +6,6 @@
 #include <optional>
 #include <utility>
 
-#include "common/base/clock.h"
 #include "server/base/http_stream.h"
 #include "server/web/live_board.h"
 #include "server/web/web_server.h"
@@ -67,6 +66,7 @@ class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> 
   }
 
  private:
+  [[nodiscard]] std::int64_t tokenNow() const { return server_->context().token_time.nowNs(); }
   PlainHttpStream& plain() { return socket_->next_layer().next_layer(); }
 
   /// Reads, which handles pings, pongs and the close. Any message means that a person is looking at the page:
@@ -78,7 +78,7 @@ class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> 
       auto [error, count] = co_await socket_->async_read(buffer, kUseTuple);
       (void)count;
       if (error) break;
-      (void)server_->context().tokens.renew(token_, steadyNowNs());
+      (void)server_->context().tokens.renew(token_, tokenNow());
     }
     over_ = true;
     reading_ = false;
@@ -91,7 +91,7 @@ class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> 
     websocket::close_reason reason(websocket::close_code::going_away, "the server is shutting down");
     socket_->text(true);
     while (!stopping_ && !over_) {
-      if (!server_->context().tokens.endOf(token_, steadyNowNs())) {
+      if (!server_->context().tokens.endOf(token_, tokenNow())) {
         reason = websocket::close_reason(websocket::close_code::policy_error, "the session has ended");
         break;
       }

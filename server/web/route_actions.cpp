@@ -68,7 +68,7 @@ void wipeSecrets(nlohmann::json& body) {
 /// Whether the session has been ended: its account was disabled or has another role or password. A session
 /// that only expires while its download runs does not end it.
 bool accessEnded(ServerContext& context, const AskedBy& by) {
-  return by.account.changed() && !context.tokens.endOf(by.token, steadyNowNs());
+  return by.account.changed() && !context.tokens.endOf(by.token, context.token_time.nowNs());
 }
 
 Error accessHasEnded() {

@@ -118,7 +118,7 @@ Task<WebJson> sessionState(Shared server, Principal who, std::string token) {
   };
   const Outcome person =
       co_await offload(*server->context().workers_of_people, turnNameOf(who), std::move(read));
-  const std::int64_t now = steadyNowNs();
+  const std::int64_t now = server->context().token_time.nowNs();
   const std::int64_t left = server->context().tokens.endOf(token, now).value_or(now) - now;
   WebJson state = {{"name", who.name},
                    {"full_name", person.reply.user().full_name()},
@@ -153,9 +153,9 @@ Task<HttpAnswer> logIn(Shared server, Request request, nlohmann::json body) {
   if (login.answer != Answer::kWelcome) co_return errorAnswer(500, "failed", textOf(login));
   if (!server->showedSession(request->connection, login.holder.who.name)) co_return noPlace();
   // replaces the browser's earlier session
-  if (const auto before = server->sessions().find(request->cookie, steadyNowNs()))
+  if (const auto before = server->sessions().find(request->cookie, context.token_time.nowNs()))
     context.tokens.end(before->token);
-  const auto issued = context.tokens.issue(login.holder, steadyNowNs());
+  const auto issued = context.tokens.issue(login.holder, context.token_time.nowNs());
   ++context.counters.logins;
   const std::string& name = login.holder.who.name;
   server->note(name, PeerLine::kWebLogin,
@@ -239,7 +239,7 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   }
 
   // all following routes require a session
-  const auto session = server->sessions().find(request->cookie, steadyNowNs());
+  const auto session = server->sessions().find(request->cookie, context.token_time.nowNs());
   if (!session) co_return notLoggedIn();
   const AccessWatch account = context.access.watch(session->holder.who.name, false);
   request->who = session->holder.who.name;
@@ -259,7 +259,7 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   if (!server->showedSession(request->connection, session->holder.who.name)) co_return noPlace();
   // asking for the session's expiry does not extend it, nor does a page that is left open
   if (route.how.action != WebAction::kWhoAmI && route.how.action != WebAction::kLive)
-    (void)context.tokens.renew(session->token, steadyNowNs());
+    (void)context.tokens.renew(session->token, context.token_time.nowNs());
 
   if (route.how.action == WebAction::kWhoAmI)
     co_return jsonAnswer(co_await sessionState(server, call->who, session->token));

@@ -118,7 +118,7 @@ std::optional<HttpAnswer> WebServer::unreadable(const boost::system::error_code&
 
 std::size_t WebServer::bodyLimit(std::string_view method, std::string_view target,
                                  const std::string& cookie) const {
-  const bool wanted = mayHaveBody(method, target) && sessions_.find(cookie, steadyNowNs());
+  const bool wanted = mayHaveBody(method, target) && sessions_.find(cookie, context_.token_time.nowNs());
   return wanted ? settings_.body_bytes : settings_.small_body_bytes;
 }
 

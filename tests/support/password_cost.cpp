@@ -1,17 +1,40 @@
-// For test programs: the least cost that libsodium takes. It is in the program's own sources, so that it
-// overrides the library's version (db/password_cost.cpp).
+// For test programs: the least cost that libsodium takes, and a look at each check. It is in the program's
+// own sources, so that it overrides the library's version (db/password_cost.cpp) and libsodium's
+// crypto_pwhash.
 #include "tests/support/password_cost.h"
 
 #include <sodium.h>
 
 #include <atomic>
+#include <condition_variable>
+#include <mutex>
+#include <utility>
 
-#include "db/password_cost.h"
+#include "tests/support/patience.h"
 
 namespace needlelab {
 namespace {
 
 std::atomic<bool> as_in_the_product{false};
+
+struct Checks {
+  std::mutex mutex;
+  std::condition_variable changed;
+  bool watched = false, gate_closed = false;
+  std::vector<PasswordCost> all;
+};
+Checks& checks() {
+  static Checks made;
+  return made;
+}
+
+void noteCheck(const PasswordCost& work) {
+  std::unique_lock lock(checks().mutex);
+  if (!checks().watched) return;
+  checks().all.push_back(work);
+  checks().changed.notify_all();
+  checks().changed.wait(lock, [] { return !checks().gate_closed; });
+}
 
 }  // namespace
 
@@ -30,5 +53,44 @@ ProductPasswordCost::~ProductPasswordCost() {
   as_in_the_product = false;
 }
 
+PasswordChecks::PasswordChecks(Gate gate) {
+  const std::scoped_lock lock(checks().mutex);
+  checks().watched = true;
+  checks().gate_closed = gate == Gate::kClosed;
+  checks().all.clear();
+}
+
+PasswordChecks::~PasswordChecks() {
+  openGate();
+  const std::scoped_lock lock(checks().mutex);
+  checks().watched = false;
+}
+
+std::vector<PasswordCost> PasswordChecks::all() const {
+  const std::scoped_lock lock(checks().mutex);
+  return checks().all;
+}
+
+bool PasswordChecks::waitForOne() const {
+  std::unique_lock lock(checks().mutex);
+  return checks().changed.wait_for(lock, kPatience, [] { return !checks().all.empty(); });
+}
+
+void PasswordChecks::openGate() {
+  const std::scoped_lock lock(checks().mutex);
+  checks().gate_closed = false;
+  checks().changed.notify_all();
+}
+
 }  // namespace test
 }  // namespace needlelab
+
+/// db/credentials.cpp calls it to check a password or code, and for nothing else.
+extern "C" int crypto_pwhash(unsigned char* const out, unsigned long long out_bytes, const char* const secret,
+                             unsigned long long secret_bytes, const unsigned char* const salt,
+                             unsigned long long operations, std::size_t memory_bytes, int algorithm) {
+  needlelab::noteCheck({operations, memory_bytes});
+  // what libsodium's own does for argon2id
+  return crypto_pwhash_argon2id(out, out_bytes, secret, secret_bytes, salt, operations, memory_bytes,
+                                algorithm);
+}

@@ -1,5 +1,10 @@
-/// For test programs that link password_cost.cpp: hashing a password costs next to nothing there.
+/// For test programs that link password_cost.cpp: hashing a password costs next to nothing there, and a test
+/// sees its checks.
 #pragma once
+
+#include <vector>
+
+#include "db/password_cost.h"
 
 namespace needlelab::test {
 
@@ -10,6 +15,26 @@ class ProductPasswordCost {
   ~ProductPasswordCost();
   ProductPasswordCost(const ProductPasswordCost&) = delete;
   ProductPasswordCost& operator=(const ProductPasswordCost&) = delete;
+};
+
+/// The checks of passwords and codes in this program, from its construction on. At most one at a time.
+/// Thread: any.
+class PasswordChecks {
+ public:
+  enum class Gate { kOpen, kClosed };
+
+  /// With a closed gate each check waits before it begins its work.
+  explicit PasswordChecks(Gate gate = Gate::kOpen);
+  /// Opens the gate.
+  ~PasswordChecks();
+  PasswordChecks(const PasswordChecks&) = delete;
+  PasswordChecks& operator=(const PasswordChecks&) = delete;
+
+  /// The work of each check that has come so far.
+  [[nodiscard]] std::vector<PasswordCost> all() const;
+  /// Waits until one has come. Returns false after kPatience.
+  [[nodiscard]] bool waitForOne() const;
+  void openGate();
 };
 
 }  // namespace needlelab::test
