@@ -229,13 +229,13 @@ TEST_F(OfflineTest, aSilentServerHoldsUpAProfileFromAFileForThreeSecondsOnly) {
 
 TEST_F(OfflineTest, aServerThatIsAwayIsNotWaitedForAtTheEnd) {
   fillCacheAndStopServer();
-  const auto began = std::chrono::steady_clock::now();
   auto station =
       lab_.startStation("away", {"--exercise", "ball-free-practice", "--seconds", "0.5", "--drain", "60"});
   ASSERT_EQ(station->wait(90s), kExitDone) << station->said();
-  EXPECT_LT(std::chrono::steady_clock::now() - began, 30s) << station->said();
+  // else it says what could not be sent within --drain (DrainEnd::kTimeOver)
   EXPECT_THAT(station->said(), HasSubstr("not connected"));
   EXPECT_THAT(station->said(), HasSubstr("the spool keeps everything"));
+  EXPECT_THAT(station->said(), testing::Not(HasSubstr("within --drain")));
   EXPECT_GE(lab_.summary("away")["spool_left"], 1);
 }
 
