@@ -8,7 +8,6 @@
 
 #include <boost/asio/ip/address.hpp>
 
-#include "common/base/clock.h"
 #include "common/wire/protocol.h"
 
 namespace needlelab {
@@ -17,41 +16,51 @@ namespace {
 /// Closes the socket (and ends the look-up) when connecting takes too long. The destructor disarms it.
 class ConnectDeadline {
  public:
-  ConnectDeadline(Tcp::socket& socket, Tcp::resolver& resolver, std::chrono::milliseconds limit)
-      : state_(std::make_shared<State>(State{&socket, &resolver, false})),
-        timer_(socket.get_executor(), limit) {
-    timer_.async_wait([state = state_](const boost::system::error_code& error) {
-      if (error || state->socket == nullptr) return;
-      state->expired = true;
-      boost::system::error_code ignored;
-      state->socket->close(ignored);
-      state->resolver->cancel();
-    });
+  ConnectDeadline(Tcp::socket& socket, Tcp::resolver& resolver, std::shared_ptr<LinkClock> clock,
+                  std::chrono::milliseconds limit)
+      : state_(
+            std::make_shared<State>(State{&socket, &resolver, asio::steady_timer(socket.get_executor())})) {
+    asio::co_spawn(socket.get_executor(), watch(state_, std::move(clock), limit), rethrow);
   }
-  ~ConnectDeadline() { state_->socket = nullptr; }
+  ~ConnectDeadline() {
+    state_->socket = nullptr;
+    state_->timer.cancel();
+  }
   ConnectDeadline(const ConnectDeadline&) = delete;
   ConnectDeadline& operator=(const ConnectDeadline&) = delete;
   [[nodiscard]] bool expired() const { return state_->expired; }
 
  private:
   struct State {
-    Tcp::socket* socket;
+    Tcp::socket* socket;  // none once it is disarmed
     Tcp::resolver* resolver;
-    bool expired;
+    asio::steady_timer timer;
+    bool expired = false;
   };
+  static Task<> watch(std::shared_ptr<State> state, std::shared_ptr<LinkClock> clock,
+                      std::chrono::milliseconds limit) {
+    if (state->socket == nullptr) co_return;
+    co_await clock->wait(state->timer, limit, LinkWait::kConnect);
+    if (state->socket == nullptr) co_return;
+    state->expired = true;
+    boost::system::error_code ignored;
+    state->socket->close(ignored);
+    state->resolver->cancel();
+  }
+
   std::shared_ptr<State> state_;
-  asio::steady_timer timer_;
 };
 
 Error unavailable(const Endpoint& server, const std::string& why) {
   return {ErrorCode::kUnavailable, "cannot connect to " + endpointText(server) + ": " + why};
 }
 
-Task<Result<Tcp::socket>> connectTcp(Endpoint server, std::chrono::milliseconds limit) {
+Task<Result<Tcp::socket>> connectTcp(Endpoint server, std::shared_ptr<LinkClock> clock,
+                                     std::chrono::milliseconds limit) {
   const auto executor = co_await asio::this_coro::executor;
   Tcp::socket socket(executor);
   Tcp::resolver resolver(executor);
-  ConnectDeadline deadline(socket, resolver, limit);
+  ConnectDeadline deadline(socket, resolver, std::move(clock), limit);
   const std::string too_long =
       fmt::format("no answer within {} ms; is the server running there?", limit.count());
 
@@ -82,7 +91,7 @@ Task<Result<Tcp::socket>> connectTcp(Endpoint server, std::chrono::milliseconds 
 }
 
 /// Returns the next message that is not a Ping; a Refusal or Bye returns its error.
-Task<Result<pb::Envelope>> receiveAnswer(std::shared_ptr<Channel> channel) {
+Task<Result<pb::Envelope>> receiveAnswer(std::shared_ptr<Channel> channel, const LinkClock& clock) {
   for (;;) {
     auto got = co_await channel->receive();
     if (!got.ok()) co_return got.error();
@@ -90,7 +99,7 @@ Task<Result<pb::Envelope>> receiveAnswer(std::shared_ptr<Channel> channel) {
     if (got->has_bye())
       co_return Error{ErrorCode::kUnavailable, "the server said bye: " + got->bye().reason()};
     if (!got->has_ping()) co_return got;
-    channel->send(pongTo(got->ping()));
+    channel->send(pongTo(got->ping(), clock.steadyNs()));
   }
 }
 
@@ -115,13 +124,14 @@ Error certificateRefused(long verdict, const Endpoint& server, const Error& why)
   }
 }
 
-Task<Result<ClientConnection>> greetAndLogIn(std::shared_ptr<Channel> channel, ClientConfig config) {
+Task<Result<ClientConnection>> greetAndLogIn(std::shared_ptr<Channel> channel, ClientConfig config,
+                                             const LinkClock& clock) {
   // greeting
   pb::Envelope hello;
   *hello.mutable_hello()->mutable_version() = config.version;
   hello.mutable_hello()->set_program(config.program);
   channel->send(hello);
-  auto greeted = co_await receiveAnswer(channel);
+  auto greeted = co_await receiveAnswer(channel, clock);
   if (!greeted.ok()) co_return greeted.error();
   if (!greeted->has_hello())
     co_return Error{ErrorCode::kCorrupt, "the peer did not greet; is it a needlelab-server?"};
@@ -132,7 +142,7 @@ Task<Result<ClientConnection>> greetAndLogIn(std::shared_ptr<Channel> channel, C
   pb::Envelope login;
   *login.mutable_login() = config.login;
   channel->send(login);
-  auto welcomed = co_await receiveAnswer(channel);
+  auto welcomed = co_await receiveAnswer(channel, clock);
   if (!welcomed.ok()) co_return welcomed.error();
   if (!welcomed->has_welcome())
     co_return Error{ErrorCode::kCorrupt, "the server answered the log-in with something else"};
@@ -156,30 +166,32 @@ pb::Login personLogin(const std::string& user, const std::string& password) {
   return login;
 }
 
-pb::Envelope pongTo(const pb::Ping& ping) {
+pb::Envelope pongTo(const pb::Ping& ping, std::int64_t now_ns) {
   pb::Envelope envelope;
   pb::Pong& pong = *envelope.mutable_pong();
   pong.set_id(ping.id());
   pong.set_sender_steady_ns(ping.sender_steady_ns());
-  pong.set_receiver_steady_ns(steadyNowNs());
+  pong.set_receiver_steady_ns(now_ns);
   return envelope;
 }
 
-Task<Result<ClientConnection>> connectClient(ClientConfig config, bool* reached) {
+Task<Result<ClientConnection>> connectClient(ClientConfig config, std::shared_ptr<LinkClock> clock,
+                                             bool* reached) {
   if (!config.tls) {
     auto tls = makeClientTls(config.ca_file);
     if (!tls.ok()) co_return tls.error();
     config.tls = *tls;
   }
-  const std::int64_t started = steadyNowNs();
-  auto socket = co_await connectTcp(config.server, std::min(config.connect_timeout, config.reach_timeout));
+  const std::int64_t started = clock->steadyNs();
+  auto socket =
+      co_await connectTcp(config.server, clock, std::min(config.connect_timeout, config.reach_timeout));
   if (!socket.ok()) co_return socket.error();
   if (reached != nullptr) *reached = true;
 
   TlsStream stream(std::move(*socket), *config.tls);
   if (auto named = requireHost(stream, config.server.host); !named.ok()) co_return named.error();
   // the rest of the time is for TLS and log-in; the server is verified, so it may send long messages at once
-  const std::chrono::nanoseconds spent(steadyNowNs() - started);
+  const std::chrono::nanoseconds spent(clock->steadyNs() - started);
   const auto left = config.connect_timeout - std::chrono::duration_cast<std::chrono::milliseconds>(spent);
   config.limits.handshake_timeout = std::max(left, std::chrono::milliseconds(1));
   config.limits.frame_bytes = kMaxFrameBytes;
@@ -191,7 +203,7 @@ Task<Result<ClientConnection>> connectClient(ClientConfig config, bool* reached)
     co_return shaken.error();
   }
 
-  auto connection = co_await greetAndLogIn(channel, config);
+  auto connection = co_await greetAndLogIn(channel, config, *clock);
   if (!connection.ok()) channel->finish(CloseReason::kLocal, connection.error().message);
   co_return connection;
 }

@@ -7,6 +7,7 @@
 #include <memory>
 #include <string>
 
+#include "client/net/link_clock.h"
 #include "common/base/result.h"
 #include "common/wire/channel.h"
 #include "common/wire/endpoint.h"
@@ -47,13 +48,16 @@ struct ClientConnection {
 /// Part of kDenied's message when the server's certificate does not cover the name that we connected to.
 inline constexpr const char* kNotForThisName = "its certificate is not for the name";
 
-/// Connects on the executor of the calling coroutine, which must be one thread. Sets `*reached`, if given,
-/// once TCP has connected; it must outlive the call.
-/// Errors: kInvalidInput (the CA file), kUnavailable (no answer, time-out: try again), kDenied (certificate,
-/// log-in), kVersion (both versions in the message), others as errorOf(Refusal).
-Task<Result<ClientConnection>> connectClient(ClientConfig config, bool* reached = nullptr);
+/// Connects on the executor of the calling coroutine, which must be one thread. `clock` has the time until
+/// TCP has connected; what is left of connect_timeout then is the channel's. Sets `*reached`, if given, once
+/// TCP has connected; it must outlive the call. Errors: kInvalidInput (the CA file), kUnavailable (no answer,
+/// time-out: try again), kDenied (certificate, log-in), kVersion (both versions in the message), others as
+/// errorOf(Refusal).
+Task<Result<ClientConnection>> connectClient(ClientConfig config,
+                                             std::shared_ptr<LinkClock> clock = std::make_shared<LinkClock>(),
+                                             bool* reached = nullptr);
 
-/// Returns the Pong to a peer's Ping, with our steady clock.
-pb::Envelope pongTo(const pb::Ping& ping);
+/// Returns the Pong to a peer's Ping. `now_ns`: our steady clock.
+pb::Envelope pongTo(const pb::Ping& ping, std::int64_t now_ns);
 
 }  // namespace needlelab

@@ -15,7 +15,6 @@ namespace needlelab {
 namespace {
 
 constexpr std::chrono::milliseconds kLookAtDeadlines{250};
-constexpr std::chrono::milliseconds kLookAtClosing{10};
 
 std::uint64_t seedNow() {
   return static_cast<std::uint64_t>(wallNowNs()) ^ static_cast<std::uint64_t>(steadyNowNs()) << 20;
@@ -52,20 +51,6 @@ std::chrono::milliseconds Backoff::nextProbe() {
   const auto longest = static_cast<double>(std::min(settings_.probe, settings_.most).count());
   if (grown() >= longest) return jittered(longest);
   return next();
-}
-
-std::int64_t LinkClock::unixNs() const {
-  return wallNowNs();
-}
-
-Task<> LinkClock::wait(asio::steady_timer& timer, std::chrono::milliseconds time) {
-  timer.expires_after(time);
-  co_await timer.async_wait(kUseTuple);
-}
-
-void LinkClock::runOne(asio::io_context& io, std::int64_t due_ns) {
-  constexpr std::int64_t kLongest_ns = 1'000'000'000;  // a time beyond all times must not overflow
-  io.run_one_for(std::chrono::nanoseconds(std::min(due_ns - steadyNs(), kLongest_ns)));
 }
 
 /// The coroutines share the state, so that it lives until they have ended, even after the link.
@@ -133,7 +118,7 @@ Task<> ServerLink::State::run(std::shared_ptr<State> self) {
   State& me = *self;
   while (!me.stopping) {
     if (!me.config) {
-      co_await me.settings.clock->wait(me.nap, kForever);
+      co_await me.settings.clock->wait(me.nap, kForever, LinkWait::kRetry);
       continue;
     }
     const std::uint64_t number = me.login_number;
@@ -155,10 +140,7 @@ Task<> ServerLink::State::run(std::shared_ptr<State> self) {
       const std::int64_t connected_ns = me.settings.clock->steadyNs();
       co_await me.serve(std::move(*connection));
       // the queued messages (our Bye) must still go out; the channel bounds the time
-      for (asio::steady_timer timer(me.io); !me.channel->closed();) {
-        timer.expires_after(kLookAtClosing);
-        co_await timer.async_wait(kUseTuple);
-      }
+      co_await me.channel->untilClosed();
       end.was_connected = true;
       end.said_by_server = me.server_said.has_value();
       end.error = me.server_said.value_or(*me.ended);
@@ -182,7 +164,7 @@ Task<Result<ClientConnection>> ServerLink::State::connect(ClientConfig chosen, b
   if (by_token) chosen.login.set_token(token);
   // a probe's SYN that got no answer says enough: the next probe follows
   if (probing) chosen.reach_timeout = std::min(chosen.reach_timeout, settings.retry.probe);
-  auto connection = co_await connectClient(std::move(chosen), &reached);
+  auto connection = co_await connectClient(std::move(chosen), settings.clock, &reached);
   if (connection.ok() && handlers.accept && !abandoned) {
     if (const Status accepted = handlers.accept(connection->welcome); !accepted.ok()) {
       connection->channel->finish(CloseReason::kLocal, accepted.error().message);
@@ -205,7 +187,8 @@ Task<> ServerLink::State::serve(ClientConnection connection) {
   for (;;) {
     if (read_pause.count() > 0) {
       asio::steady_timer timer(io);
-      co_await settings.clock->wait(timer, std::exchange(read_pause, std::chrono::milliseconds(0)));
+      co_await settings.clock->wait(timer, std::exchange(read_pause, std::chrono::milliseconds(0)),
+                                    LinkWait::kRequest);
     }
     auto got = co_await channel->receive();
     if (!got.ok()) {
@@ -233,10 +216,10 @@ Task<> ServerLink::State::waitForNextTry(LinkEnd& end, std::uint64_t number) {
   if (handlers.away && !abandoned) handlers.away(end);
   if (stopping || number != login_number) co_return;
   const bool parked = !reconnects;
-  co_await settings.clock->wait(nap, time);
+  co_await settings.clock->wait(nap, time, LinkWait::kRetry);
   // woken by reconnect(true): do the skipped wait now
   if (parked && reconnects && !stopping && number == login_number)
-    co_await settings.clock->wait(nap, backoff.next());
+    co_await settings.clock->wait(nap, backoff.next(), LinkWait::kRetry);
 }
 
 // fails requests that have waited too long
@@ -244,7 +227,7 @@ Task<> ServerLink::State::watchDeadlines(std::shared_ptr<State> self) {
   State& me = *self;
   asio::steady_timer timer(me.io);
   while (!me.waiting.empty() && !me.stopping) {
-    co_await me.settings.clock->wait(timer, kLookAtDeadlines);
+    co_await me.settings.clock->wait(timer, kLookAtDeadlines, LinkWait::kRequest);
     const std::int64_t now_ns = me.settings.clock->steadyNs();
     me.fail(lostBeforeAnswer("the server did not answer in time"),
             [now_ns](const Waiting& one) { return one.until_ns <= now_ns; });
@@ -255,7 +238,7 @@ Task<> ServerLink::State::watchDeadlines(std::shared_ptr<State> self) {
 void ServerLink::State::take(pb::Envelope envelope) {
   if (abandoned) return;
   if (envelope.has_ping()) {
-    channel->send(pongTo(envelope.ping()));
+    channel->send(pongTo(envelope.ping(), settings.clock->steadyNs()));
     return;
   }
   if (envelope.has_reply() && waiting.contains(envelope.reply().id())) {

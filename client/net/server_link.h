@@ -13,8 +13,8 @@
 #include <string>
 
 #include "client/net/connect.h"
+#include "client/net/link_clock.h"
 #include "common/base/result.h"
-#include "common/base/time_source.h"
 #include "needlelab/control.pb.h"
 #include "needlelab/envelope.pb.h"
 
@@ -85,25 +85,6 @@ class ClockProbe {
 
  private:
   std::optional<Estimate> best_;
-};
-
-/// The time of a link, and its waits among asio's other work. Tests derive from it.
-class LinkClock {
- public:
-  /// `time` must outlive it.
-  explicit LinkClock(TimeSource& time = machineTime()) : time_(time) {}
-  virtual ~LinkClock() = default;
-  [[nodiscard]] TimeSource& time() const { return time_; }
-  [[nodiscard]] std::int64_t steadyNs() const { return time_.nowNs(); }
-  [[nodiscard]] virtual std::int64_t unixNs() const;
-  /// Waits for `time`, or until `timer` is cancelled.
-  virtual Task<> wait(asio::steady_timer& timer, std::chrono::milliseconds time);
-  /// Runs one handler of `io`, which no thread runs: waits for it at most until steadyNs() is `due_ns`. May
-  /// return early.
-  virtual void runOne(asio::io_context& io, std::int64_t due_ns);
-
- private:
-  TimeSource& time_;
 };
 
 struct LinkSettings {

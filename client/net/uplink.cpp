@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "common/base/clock.h"
 #include "common/base/text.h"
 
 namespace needlelab {
@@ -35,8 +34,12 @@ void Uplink::stop() {
   if (!thread_.joinable()) return;
   asio::post(io_, [this] {
     link_.stop("the station ends", [this] { io_.stop(); });
-    auto timer = std::make_shared<asio::steady_timer>(io_, kStopGrace);
-    timer->async_wait([this, timer](const boost::system::error_code&) { io_.stop(); });
+    const auto stopLate = [](Uplink& self) -> Task<> {
+      asio::steady_timer timer(self.io_);
+      co_await self.config_.clock->wait(timer, kStopGrace, LinkWait::kEnd);
+      self.io_.stop();
+    };
+    asio::co_spawn(io_, stopLate(*this), rethrow);
   });
   thread_.join();
   takeAdded();
@@ -69,7 +72,7 @@ void Uplink::wake() {
 void Uplink::offer(const SamplePiece& piece) {
   {
     const std::scoped_lock lock(mutex_);
-    newest_ = Live{piece, wallNowNs() - (time().nowNs() - piece.last.time_ns)};
+    newest_ = Live{piece, config_.clock->unixNs() - (time().nowNs() - piece.last.time_ns)};
     flags_since_status_ |= piece.flags;
     newest_sent_ = watched_.load(std::memory_order_relaxed);
     if (!newest_sent_) return;

@@ -143,8 +143,7 @@ Task<> Uplink::keepTime() {
     sendStatus();
     pump();
     for (const auto& session : sessions_) session->saveReceipt(false);
-    timer.expires_after(kStatusEvery);
-    co_await timer.async_wait(kUseTuple);
+    co_await config_.clock->wait(timer, kStatusEvery, LinkWait::kStatus);
   }
 }
 

@@ -88,7 +88,8 @@ Channel::Channel(TlsStream& stream, ChannelLimits limits)
       splitter_(limits.frame_bytes),
       live_(nsOf(limits.live_age), limits.live_queue_bytes),
       gather_(socket_.get_executor()),
-      watch_(socket_.get_executor()) {
+      watch_(socket_.get_executor()),
+      open_(socket_.get_executor(), asio::steady_timer::time_point::max()) {
   times_.made_ns = times_.last_received_ns = times_.last_sent_ns = steadyNowNs();
   // send small messages at once; unsent bytes wait in our queues, where they can be dropped, and not in the
   // kernel
@@ -189,6 +190,11 @@ void Channel::close(CloseReason reason, std::string text) {
   live_.clear();
   gather_.cancel();
   watch_.cancel();
+  open_.cancel();
+}
+
+Task<> Channel::untilClosed() {
+  while (!closed_) co_await open_.async_wait(kUseTuple);
 }
 
 void Channel::setReason(CloseReason reason, std::string text) {

@@ -117,6 +117,8 @@ class Channel : public std::enable_shared_from_this<Channel> {
   /// Sends the queued messages (and `last`, if any), then closes; cuts the connection after close_grace.
   /// Idempotent: the first reason stays.
   void finish(CloseReason reason, std::string text, const pb::Envelope* last = nullptr);
+  /// Returns once the channel is closed. The owner keeps the channel meanwhile.
+  Task<> untilClosed();
   /// Cuts the connection now.
   void close(CloseReason reason, std::string text);
 
@@ -172,6 +174,7 @@ class Channel : public std::enable_shared_from_this<Channel> {
   std::string batch_;  // the bytes of the current write: many small frames in one TLS record
   std::vector<std::shared_ptr<const void>> being_sent_;  // of the messages in that write
   asio::steady_timer gather_, watch_;
+  asio::steady_timer open_;  // never expires; cancelled by close()
   bool watching_ = false, closed_ = false;
   bool flush_posted_ = false, gathering_ = false;  // a flush is scheduled
   bool write_blocked_ = false;                     // the flush waits until the socket accepts more

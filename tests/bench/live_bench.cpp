@@ -162,7 +162,7 @@ Task<> readOn(std::shared_ptr<Channel> channel) {
   for (;;) {
     auto got = co_await channel->receive();
     if (!got.ok()) co_return;
-    if (got->has_ping()) channel->send(pongTo(got->ping()));
+    if (got->has_ping()) channel->send(pongTo(got->ping(), steadyNowNs()));
     if (got->has_refusal()) die("refused: " + got->refusal().text());
   }
 }
@@ -310,7 +310,7 @@ Task<> view(ClientConfig config, std::vector<std::string> stations, const Span* 
   for (;;) {
     auto got = co_await channel->receive();
     if (!got.ok()) co_return;
-    if (got->has_ping()) channel->send(pongTo(got->ping()));
+    if (got->has_ping()) channel->send(pongTo(got->ping(), steadyNowNs()));
     if (got->has_subscribed() && ++subscribed == stations.size()) ++*connected;
     if (!got->has_live_frame()) continue;
     const std::int64_t now = wallNowNs();

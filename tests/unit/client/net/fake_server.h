@@ -66,8 +66,12 @@ class FakeServer : public LoopbackServer {
     return sessions_;
   }
   std::uint64_t liveFrames() { return live_frames_; }
+  /// When the newest live frame was captured, as it says.
+  std::int64_t newestCapture_unix_ns() { return newest_capture_unix_ns_; }
   /// Live frames with the memory of the cut.
   std::uint64_t liveMemories() { return live_memories_; }
+  /// Pings, with which a station asks for our clock.
+  std::uint64_t probes() { return probes_; }
   std::uint64_t statusLines() { return status_lines_; }
   pb::StationStatus newestStatus() {
     const std::scoped_lock lock(status_mutex_);
@@ -173,11 +177,13 @@ class FakeServer : public LoopbackServer {
       answer.mutable_session_closed()->set_score_json("[]");
       channel->send(answer);
     } else if (envelope.has_ping()) {
-      channel->send(pongTo(envelope.ping()));
+      ++probes_;
+      channel->send(pongTo(envelope.ping(), steadyNowNs()));
     } else if (envelope.has_clock_offset()) {
       sessions_[envelope.clock_offset().session_id()].clock_round_trip_ns =
           envelope.clock_offset().round_trip_ns();
     } else if (envelope.has_live_frame()) {
+      newest_capture_unix_ns_ = envelope.live_frame().capture_unix_ns();
       ++live_frames_;
       if (!envelope.live_frame().cut_memory().empty()) ++live_memories_;
     } else if (envelope.has_station_status()) {
@@ -295,7 +301,9 @@ class FakeServer : public LoopbackServer {
   std::map<std::string, std::string> codes_;  // by trainee
   std::map<std::string, int> wrong_codes_;
   std::vector<std::string> given_codes_;
-  std::atomic<std::uint64_t> live_frames_{0}, live_memories_{0}, status_lines_{0}, most_chunks_{0};
+  std::atomic<std::uint64_t> live_frames_{0}, live_memories_{0}, status_lines_{0}, most_chunks_{0},
+      probes_{0};
+  std::atomic<std::int64_t> newest_capture_unix_ns_{0};
   std::mutex status_mutex_;
   pb::StationStatus newest_status_;
 };

@@ -115,14 +115,14 @@ class TestClock : public LinkClock {
  public:
   TestClock() : LinkClock(time_) {}
   [[nodiscard]] std::int64_t unixNs() const override { return steadyNs(); }
-  Task<> wait(asio::steady_timer& timer, std::chrono::milliseconds time) override {
+  Task<> wait(asio::steady_timer& timer, std::chrono::milliseconds time, LinkWait what) override {
     const std::int64_t due_ns =
         time >= ServerLink::kForever ? INT64_MAX : steadyNs() + std::chrono::nanoseconds(time).count();
-    if (time < ServerLink::kForever) asked.push_back(time);
-    waits_.emplace_back(due_ns, &timer);
+    if (time < ServerLink::kForever && what != LinkWait::kConnect) asked.push_back(time);
+    waits_.push_back({due_ns, &timer, what});
     timer.expires_at(asio::steady_timer::time_point::max());
     co_await timer.async_wait(kUseTuple);
-    std::erase_if(waits_, [&](const auto& each) { return each.second == &timer; });
+    std::erase_if(waits_, [&](const Wait& each) { return each.timer == &timer; });
   }
   /// What the peer sends takes none of this time. When nothing is to be done and `passes` says so, the time
   /// moves on to the next due time.
@@ -132,8 +132,8 @@ class TestClock : public LinkClock {
       io.run_one_for(std::chrono::milliseconds(2));
       return;
     }
-    for (const auto& each : waits_)
-      if (each.first > steadyNs()) due_ns = std::min(due_ns, each.first);
+    for (const Wait& each : waits_)
+      if (each.what != LinkWait::kConnect && each.due_ns > steadyNs()) due_ns = std::min(due_ns, each.due_ns);
     advanceTo(due_ns);
   }
   void advance(std::chrono::milliseconds time) {
@@ -141,21 +141,27 @@ class TestClock : public LinkClock {
   }
   void advanceTo(std::int64_t to_ns) {
     time_.advanceTo(to_ns);
-    for (const auto& [due_ns, timer] : waits_)
-      if (due_ns <= steadyNs()) timer->cancel();
+    for (const Wait& each : waits_)
+      if (each.due_ns <= steadyNs()) each.timer->cancel();
   }
   /// The link waits for a time, of its back-off or of a request's limit.
   [[nodiscard]] bool linkWaits() const {
-    return std::any_of(waits_.begin(), waits_.end(), [this](const auto& each) {
-      return each.first > steadyNs() && each.first < INT64_MAX;
+    return std::any_of(waits_.begin(), waits_.end(), [this](const Wait& each) {
+      return each.what != LinkWait::kConnect && each.due_ns > steadyNs() && each.due_ns < INT64_MAX;
     });
   }
+  /// Of the back-off and of requests' limits.
   std::vector<std::chrono::milliseconds> asked;
   std::function<bool()> passes = [] { return false; };
 
  private:
+  struct Wait {
+    std::int64_t due_ns;
+    asio::steady_timer* timer;
+    LinkWait what;
+  };
   FakeTime time_;
-  std::vector<std::pair<std::int64_t, asio::steady_timer*>> waits_;
+  std::vector<Wait> waits_;
 };
 
 }  // namespace needlelab::test

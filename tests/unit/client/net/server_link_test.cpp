@@ -1,11 +1,14 @@
 #include "client/net/server_link.h"
 
 #include <gmock/gmock.h>
+#include <sys/socket.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <optional>
 
+#include "tests/support/patience.h"
 #include "tests/unit/client/net/scripted_server.h"
 
 namespace needlelab {
@@ -42,7 +45,7 @@ class ServerLinkTest : public testing::Test {
   /// Runs the link until the condition holds. TLS and sockets need real time; the link's own clock stands
   /// still.
   bool until(const std::function<bool()>& so) {
-    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+    const auto end = std::chrono::steady_clock::now() + kPatience;
     while (!so()) {
       if (std::chrono::steady_clock::now() > end) return false;
       io_.restart();
@@ -132,18 +135,72 @@ TEST_F(ServerLinkTest, aProbedServerIsTriedAgainWithinTheLimitAndFoundOnceItAcce
   EXPECT_TRUE(ends_.back().reached);
 }
 
-TEST_F(ServerLinkTest, aServerThatAcceptsAndSaysNothingWasReached) {
+TEST_F(ServerLinkTest, aServerThatAcceptsAndSaysNothingWasReachedAndIsTriedEverMoreSeldom) {
   asio::io_context other;
   Tcp::acceptor silent(other, Tcp::endpoint(asio::ip::address_v4::loopback(), 0));
   ScriptedServer server(friendly);
   auto config = server.config();
   config.server.port = silent.local_endpoint().port();
-  config.connect_timeout = milliseconds(100);
+  config.connect_timeout = milliseconds(50);  // of the channel's time: real
   makeLink();
   link_->logIn(config);
-  ASSERT_TRUE(away(1));
-  EXPECT_FALSE(ends_.back().was_connected);
-  EXPECT_TRUE(ends_.back().reached);
+  Backoff same(7, {milliseconds(200), milliseconds(10'000), 2.0});
+  std::vector<milliseconds> waits;
+  for (std::size_t n = 1; n <= 7; ++n) {
+    ASSERT_TRUE(away(n));
+    EXPECT_FALSE(ends_.back().was_connected);
+    EXPECT_TRUE(ends_.back().reached);
+    EXPECT_THAT(ends_.back().error.message, HasSubstr("no log-in within"));
+    settle();
+    waits.push_back(same.next());
+    ASSERT_EQ(clock_->asked, waits);
+    clock_->advance(waits.back());
+  }
+}
+
+/// Its queue of connections is full: the kernel leaves the next SYN without an answer.
+class DeafPort {
+ public:
+  DeafPort() : acceptor_(io_, Tcp::v4()) {
+    acceptor_.bind({asio::ip::address_v4::loopback(), 0});
+    acceptor_.listen(0);
+    for (Tcp::socket& each : waiting_) {
+      each.open(Tcp::v4());
+      each.native_non_blocking(true);
+      const Tcp::endpoint here = acceptor_.local_endpoint();
+      (void)::connect(each.native_handle(), here.data(), static_cast<socklen_t>(here.size()));
+    }
+  }
+  [[nodiscard]] std::uint16_t port() const { return acceptor_.local_endpoint().port(); }
+
+ private:
+  asio::io_context io_;
+  Tcp::acceptor acceptor_;
+  std::array<Tcp::socket, 4> waiting_{Tcp::socket(io_), Tcp::socket(io_), Tcp::socket(io_), Tcp::socket(io_)};
+};
+
+TEST_F(ServerLinkTest, anAddressThatDoesNotAnswerIsGivenUpAtTheLimitAndAProbeSooner) {
+  ScriptedServer server(friendly);
+  const DeafPort deaf;
+  auto config = server.config();
+  config.server.port = deaf.port();
+  config.connect_timeout = config.reach_timeout = milliseconds(5000);
+  makeLink();
+  retry_ = Retry::kProbe;
+  link_->logIn(config);
+  for (const milliseconds limit : {milliseconds(5000), Backoff::Settings{}.probe}) {
+    const std::size_t before = ends_.size();
+    settle();
+    clock_->advance(limit - milliseconds(1));
+    settle();
+    EXPECT_EQ(ends_.size(), before) << "too early";
+    clock_->advance(milliseconds(1));
+    ASSERT_TRUE(away(before + 1));
+    EXPECT_FALSE(ends_.back().reached);
+    EXPECT_THAT(ends_.back().error.message, HasSubstr("no answer within " + std::to_string(limit.count())));
+    settle();
+    clock_->advance(clock_->asked.back());
+  }
 }
 
 TEST_F(ServerLinkTest, onlyAConnectionThatLastedResetsTheBackOff) {
@@ -348,7 +405,10 @@ TEST_F(ServerLinkTest, pingsAreAnsweredAndOtherMessagesHandedOver) {
   late.mutable_reply()->set_id(77);  // no caller waits for it any longer
   for (const auto& each : {ping, message, late}) server.broadcast(each);
   ASSERT_TRUE(until([&] { return messages_.size() == 2; }));
-  ASSERT_TRUE(until([&] { return server.count([](const auto& e) { return e.has_pong(); }) == 1; }));
+  const auto isOurTime = [this](const pb::Envelope& e) {
+    return e.has_pong() && e.pong().receiver_steady_ns() == clock_->steadyNs();
+  };
+  ASSERT_TRUE(until([&] { return server.count(isOurTime) == 1; }));
   EXPECT_THAT(messages_[0], HasSubstr("slower"));
 }
 

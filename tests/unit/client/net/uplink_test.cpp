@@ -7,6 +7,7 @@
 
 #include "common/gesture/chunk.h"
 #include "tests/support/fake_time.h"
+#include "tests/support/patience.h"
 #include "tests/unit/client/net/fake_server.h"
 #include "tests/unit/client/net/spool_samples.h"
 
@@ -67,14 +68,6 @@ class UplinkTest : public testing::Test {
     const std::scoped_lock lock(mutex_);
     return said_;
   }
-  template <typename Condition>
-  static bool eventually(Condition condition) {
-    for (int i = 0; i < 1000; ++i) {
-      if (condition()) return true;
-      std::this_thread::sleep_for(5ms);
-    }
-    return false;
-  }
   // The server has the same chunks as the spool, and they match the hash that it received.
   static void expectWhole(const KeptSession& kept, const SpoolSession& session) {
     const SpoolContents contents = session.contents();
@@ -112,7 +105,7 @@ TEST_F(UplinkTest, aSessionThatGrowsIsUploadedAndClosed) {
   EXPECT_FALSE(uplink->waitUntilDone(50ms)) << "it has not ended";
   ASSERT_TRUE(session->end(false).ok());
   uplink->wake();
-  ASSERT_TRUE(uplink->waitUntilDone(5s));
+  ASSERT_TRUE(uplink->waitUntilDone(kPatience));
   expectWhole(keptOf(server, *session), *session);
   const UplinkState state = uplink->state();
   EXPECT_EQ(state.chunks_left, 0u);
@@ -139,7 +132,7 @@ TEST_F(UplinkTest, theWindowHoldsAtMost64Chunks) {
   EXPECT_EQ(uplink->state().chunks_left, 200u);
   server.faults.never_ack = false;
   server.ackNow();
-  ASSERT_TRUE(uplink->waitUntilDone(5s));
+  ASSERT_TRUE(uplink->waitUntilDone(kPatience));
   expectWhole(keptOf(server, *session), *session);
 }
 
@@ -149,7 +142,7 @@ TEST_F(UplinkTest, lostConnectionsAndLostAcksLoseAndDoubleNothing) {
   server.faults.drop_after_chunks = 40;  // accepted but never acknowledged
   auto uplink = connected(server.clientConfig());
   uplink->add(session, true);
-  ASSERT_TRUE(uplink->waitUntilDone(10s));
+  ASSERT_TRUE(uplink->waitUntilDone(kPatience));
   const KeptSession kept = keptOf(server, *session);
   expectWhole(kept, *session);
   EXPECT_EQ(kept.opened, 2u);
@@ -158,11 +151,12 @@ TEST_F(UplinkTest, lostConnectionsAndLostAcksLoseAndDoubleNothing) {
   EXPECT_THAT(said(), testing::Contains(HasSubstr("is lost")));
 }
 
-// Notes the link's waits instead of waiting; time stands still.
+// Notes the back-off's waits instead of waiting; time stands still.
 class NotedWaits : public LinkClock {
  public:
   NotedWaits() : LinkClock(time_) {}
-  Task<> wait(asio::steady_timer& timer, std::chrono::milliseconds time) override {
+  Task<> wait(asio::steady_timer& timer, std::chrono::milliseconds time, LinkWait what) override {
+    if (what != LinkWait::kRetry) co_return co_await LinkClock::wait(timer, time, what);
     if (time < ServerLink::kForever) {
       const std::size_t before = waits().size();
       if (on_wait) on_wait(before + 1);
@@ -231,7 +225,7 @@ TEST_F(UplinkTest, aGapIsSentAgainFromWhereTheServerStands) {
   ASSERT_TRUE(eventually([&] { return keptOf(server, *session).chunks.size() >= 140; }));
   server.faults.forget_every_chunk = 0;
   if (!uplink->waitUntilDone(1s)) server.dropConnections();
-  ASSERT_TRUE(uplink->waitUntilDone(5s));
+  ASSERT_TRUE(uplink->waitUntilDone(kPatience));
   expectWhole(keptOf(server, *session), *session);
 }
 
@@ -241,7 +235,7 @@ TEST_F(UplinkTest, aSessionThatTheServerForgotIsOpenedAgain) {
   auto session = makeSession(5, true);
   auto uplink = connected(server.clientConfig());
   uplink->add(session, true);
-  ASSERT_TRUE(uplink->waitUntilDone(5s));
+  ASSERT_TRUE(uplink->waitUntilDone(kPatience));
   EXPECT_EQ(keptOf(server, *session).opened, 2u);
   expectWhole(keptOf(server, *session), *session);
 }
@@ -255,7 +249,7 @@ TEST_F(UplinkTest, aContradictionParksThatSessionAndTheOthersGoOnOverANewConnect
   ASSERT_TRUE(eventually([&] { return !uplink->state().current_trouble.empty(); }));
   server.faults.contradict = false;
   uplink->add(good, false);
-  ASSERT_TRUE(uplink->waitUntilDone(5s));
+  ASSERT_TRUE(uplink->waitUntilDone(kPatience));
   EXPECT_THAT(uplink->state().current_trouble, HasSubstr("CONTRADICTION"));
   expectWhole(keptOf(server, *good), *good);
   EXPECT_EQ(uplink->state().chunks_left, 3u) << "what was refused still waits in the spool";
@@ -346,7 +340,7 @@ TEST_F(UplinkTest, aServerThatComesLaterGetsEverything) {
   ASSERT_TRUE(eventually([&] { return !uplink->state().error.empty(); }));
   EXPECT_FALSE(uplink->state().connected);
   FakeServer server(port);
-  ASSERT_TRUE(uplink->waitUntilDone(10s));
+  ASSERT_TRUE(uplink->waitUntilDone(kPatience));
   expectWhole(keptOf(server, *session), *session);
   const auto texts = said();
   EXPECT_EQ(std::count_if(texts.begin(), texts.end(),
@@ -359,12 +353,12 @@ TEST_F(UplinkTest, aRefusedLogInIsToldAtOnce) {
   FakeServer server;
   server.faults.deny_login = true;
   auto uplink = connected(server.clientConfig());
-  auto lesson = uplink->getLesson("shoulder", "tom", 10s, false);
+  auto lesson = uplink->getLesson("shoulder", "tom", kPatience, false);
   ASSERT_FALSE(lesson.ok());
   EXPECT_EQ(lesson.error().code, ErrorCode::kDenied);
   EXPECT_TRUE(uplink->state().denied);
   uplink->add(makeSession(1, true), true);
-  EXPECT_FALSE(uplink->waitUntilDone(10s)) << "does not wait for a server that says no";
+  EXPECT_FALSE(uplink->waitUntilDone(kPatience)) << "does not wait for a server that says no";
 }
 
 TEST_F(UplinkTest, lessonsComeFromTheServerWithItsNoOrNotAtAll) {
@@ -566,8 +560,7 @@ class DrainTest : public testing::Test {
     return drain(uplink, patience, [stop] { return stop; });
   }
   static bool connects(const Uplink& uplink) {
-    for (int i = 0; i < 500 && !uplink.state().connected; ++i) std::this_thread::sleep_for(10ms);
-    return uplink.state().connected;
+    return eventually([&] { return uplink.state().connected; });
   }
 
   TempFolder folder_;
