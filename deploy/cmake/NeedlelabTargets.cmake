@@ -87,12 +87,18 @@ function(needlelab_test name)
   if(NEEDLELAB_SANITIZE)
     math(EXPR ARG_TIMEOUT "10 * ${ARG_TIMEOUT}")
   endif()
+  # OpenBLAS's threads spin while they wait for each other: beside the other tests they take more of the processor than
+  # the test (DECISIONS.md). Whole programs (net) run as users run them.
+  set(environment)
+  if(NOT "net" IN_LIST ARG_LABEL)
+    set(environment ENVIRONMENT OPENBLAS_NUM_THREADS=1)
+  endif()
   if(ARG_TOGETHER OR NEEDLELAB_SANITIZE)
     add_test(NAME ${name} COMMAND ${name})
-    set_tests_properties(${name} PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT})
+    set_tests_properties(${name} PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT} ${environment})
     return()
   endif()
   # What may take longest begins first, or it would run alone at the end.
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
-    PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT} COST ${ARG_TIMEOUT})
+    PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT} COST ${ARG_TIMEOUT} ${environment})
 endfunction()

@@ -23,14 +23,6 @@ namespace bhttp = beast::http;
 
 namespace {
 
-/// The TCP stream, below TLS if there is TLS.
-PlainHttpStream& lowestOf(PlainHttpStream& stream) {
-  return stream;
-}
-PlainHttpStream& lowestOf(SecureHttpStream& stream) {
-  return stream.next_layer();
-}
-
 std::string headerOf(const HttpParser& parser, bhttp::field name) {
   const auto value = parser.get()[name];
   return {value.data(), value.size()};
@@ -61,19 +53,15 @@ bool isCodedOtherwise(const HttpParser& parser) {
          !beast::iequals(message[bhttp::field::transfer_encoding], "chunked");
 }
 
-template <typename Stream>
 class StreamConnection : public HttpConnection {
-  static constexpr bool kSecure = std::is_same_v<Stream, SecureHttpStream>;
-
  public:
-  template <typename... StreamParts>
   StreamConnection(std::shared_ptr<HttpServer> server, std::uint64_t id, std::string address,
-                   StreamParts&&... parts)
+                   HttpStream stream)
       : server_(std::move(server)),
         id_(id),
         address_(std::move(address)),
-        stream_(std::forward<StreamParts>(parts)...),
-        buffer_(server_->limits().header_bytes + (kSecure ? 16u << 10 : 0u)) {}
+        stream_(std::move(stream)),
+        buffer_(server_->limits().header_bytes + (stream_.secure() ? 16u << 10 : 0u)) {}
 
   void stop() override {
     stopping_ = true;
@@ -108,7 +96,7 @@ class StreamConnection : public HttpConnection {
   }
 
  private:
-  PlainHttpStream& plain() { return lowestOf(stream_); }
+  PlainHttpStream& plain() { return stream_.next_layer(); }
   /// Sets the deadline for the current step to `time` from now, unless one deadline covers the whole
   /// connection.
   void limit(std::chrono::milliseconds time) {
@@ -119,14 +107,11 @@ class StreamConnection : public HttpConnection {
   }
 
   Task<bool> shakeHands() {
-    if constexpr (kSecure) {
-      boost::system::error_code ignored;
-      plain().socket().set_option(Tcp::no_delay(true), ignored);
-      limit(server_->limits().handshake_timeout);
-      auto [failed] = co_await stream_.async_handshake(asio::ssl::stream_base::server, kUseTuple);
-      co_return !failed;
-    }
-    co_return true;
+    if (!stream_.secure()) co_return true;
+    boost::system::error_code ignored;
+    plain().socket().set_option(Tcp::no_delay(true), ignored);
+    limit(server_->limits().handshake_timeout);
+    co_return co_await stream_.shakeHands();
   }
 
   /// False: the connection ends.
@@ -177,14 +162,12 @@ class StreamConnection : public HttpConnection {
   }
 
   Task<> giveOver(HttpParser& parser, HttpAnswer& answer, const HttpRequest& request, std::int64_t begun_ns) {
-    if constexpr (kSecure) {
-      note(101, request, true, begun_ns);
-      auto upgrade = std::make_shared<const HttpTakeover::Upgrade>(parser.release());
-      takeover_ = std::move(answer.takeover);
-      if (stopping_) takeover_->stop();
-      co_await takeover_->serve(std::move(stream_), std::move(upgrade));
-    }
-    co_return;
+    if (!stream_.secure()) co_return;
+    note(101, request, true, begun_ns);
+    auto upgrade = std::make_shared<const HttpTakeover::Upgrade>(parser.release());
+    takeover_ = std::move(answer.takeover);
+    if (stopping_) takeover_->stop();
+    co_await takeover_->serve(std::move(stream_), std::move(upgrade));
   }
 
   /// Waits for the first bytes of a request.
@@ -304,19 +287,14 @@ class StreamConnection : public HttpConnection {
 
   Task<> close() {
     if (cut_ || takeover_) co_return;
-    if constexpr (kSecure) {
-      limit(std::chrono::seconds(1));
-      (void)co_await stream_.async_shutdown(kUseTuple);
-    } else {
-      boost::system::error_code ignored;
-      plain().socket().shutdown(Tcp::socket::shutdown_send, ignored);
-    }
+    if (stream_.secure()) limit(std::chrono::seconds(1));
+    co_await stream_.shutDown();
   }
 
   const std::shared_ptr<HttpServer> server_;
   const std::uint64_t id_;
   const std::string address_;
-  Stream stream_;
+  HttpStream stream_;
   std::shared_ptr<HttpTakeover> takeover_;  // now owns the stream
   beast::flat_buffer buffer_;
   bool waiting_ = false;    // for the next request
@@ -400,13 +378,9 @@ void HttpServer::accepted(Tcp::socket socket) {
   if (gone) return;
   const std::uint64_t id = next_id_++;
   if (!admit(id, peer)) return;  // closes the socket
-  std::shared_ptr<HttpConnection> connection;
-  if (tls_)
-    connection = std::make_shared<StreamConnection<SecureHttpStream>>(
-        shared_from_this(), id, textOf(peer), PlainHttpStream(std::move(socket)), **tls_);
-  else
-    connection = std::make_shared<StreamConnection<PlainHttpStream>>(shared_from_this(), id, textOf(peer),
-                                                                     std::move(socket));
+  auto connection = std::make_shared<StreamConnection>(
+      shared_from_this(), id, textOf(peer),
+      tls_ ? HttpStream(std::move(socket), **tls_) : HttpStream(std::move(socket)));
   connections_.emplace(id, connection);
   asio::co_spawn(io_, serve(std::move(connection)), rethrow);
 }

@@ -2,13 +2,18 @@
 /// compile Beast.
 #pragma once
 
+#include <array>
+#include <boost/asio/any_completion_handler.hpp>
 #include <boost/asio/ssl/stream.hpp>
 #include <boost/beast/core/basic_stream.hpp>
+#include <boost/beast/core/role.hpp>
 #include <boost/beast/http/message.hpp>
 #include <boost/beast/http/parser.hpp>
 #include <boost/beast/http/string_body.hpp>
 #include <memory>
 #include <string>
+#include <utility>
+#include <variant>
 
 #include "common/wire/asio.h"
 #include "server/base/http_message.h"
@@ -17,7 +22,77 @@ namespace needlelab {
 
 // the executor that kUseTuple resumes on
 using PlainHttpStream = boost::beast::basic_stream<Tcp, asio::any_io_executor>;
-using SecureHttpStream = asio::ssl::stream<PlainHttpStream>;
+
+/// TCP with TLS or without, as Beast wants a stream. Whoever waits for bytes is behind one type, so TLS and
+/// TCP are compiled once (http_stream.cpp) and not for each of Beast's operations: half of the compile time.
+/// The price is an allocation a read or write. Thread: the network's. Not to be moved while an operation is
+/// under way.
+class HttpStream {
+ public:
+  using executor_type = PlainHttpStream::executor_type;
+  using next_layer_type = PlainHttpStream;  // Beast finds the deadline's stream by it
+  using Done = asio::any_completion_handler<void(boost::system::error_code, std::size_t)>;
+  using Ended = asio::any_completion_handler<void(boost::system::error_code)>;
+
+  explicit HttpStream(Tcp::socket socket);
+  HttpStream(Tcp::socket socket, asio::ssl::context& tls);
+
+  bool secure() const { return std::holds_alternative<Secure>(stream_); }
+  PlainHttpStream& next_layer();
+
+  executor_type get_executor() { return next_layer().get_executor(); }
+
+  /// Reads into the first buffer that has room.
+  template <typename Buffers, typename Token>
+  auto async_read_some(const Buffers& buffers, Token&& token) {
+    asio::mutable_buffer first;
+    const auto end = asio::buffer_sequence_end(buffers);
+    for (auto at = asio::buffer_sequence_begin(buffers); at != end && first.size() == 0; ++at) first = *at;
+    return asio::async_initiate<Token, void(boost::system::error_code, std::size_t)>(
+        [this, first](auto done) { read(first, Done(std::move(done))); }, token);
+  }
+  /// Writes some of the first buffers.
+  template <typename Buffers, typename Token>
+  auto async_write_some(const Buffers& buffers, Token&& token) {
+    Pieces pieces;
+    const auto end = asio::buffer_sequence_end(buffers);
+    for (auto at = asio::buffer_sequence_begin(buffers); at != end && pieces.count < pieces.all.size();
+         ++at) {
+      const asio::const_buffer piece = *at;
+      if (piece.size() > 0) pieces.all[pieces.count++] = piece;
+    }
+    return asio::async_initiate<Token, void(boost::system::error_code, std::size_t)>(
+        [this, pieces](auto done) { write(pieces, Done(std::move(done))); }, token);
+  }
+  /// TLS only: the handshake, as the server. False: it failed.
+  Task<bool> shakeHands();
+  /// With TLS says that nothing more comes, and waits for the peer to say so; without it ends the sending.
+  Task<> shutDown();
+  /// How Beast ends a WebSocket's stream.
+  void tearDown(boost::beast::role_type role, Ended ended);
+
+ private:
+  using Secure = asio::ssl::stream<PlainHttpStream>;
+  struct Pieces {
+    std::array<asio::const_buffer, 16> all;
+    std::size_t count = 0;
+
+    using value_type = asio::const_buffer;
+    using const_iterator = const asio::const_buffer*;
+    const_iterator begin() const { return all.data(); }
+    const_iterator end() const { return all.data() + count; }
+  };
+  void read(asio::mutable_buffer buffer, Done done);
+  void write(const Pieces& pieces, Done done);
+
+  std::variant<PlainHttpStream, Secure> stream_;
+};
+
+/// Beast finds it by argument-dependent lookup.
+template <typename Handler>
+void async_teardown(boost::beast::role_type role, HttpStream& stream, Handler&& handler) {
+  stream.tearDown(role, HttpStream::Ended(std::forward<Handler>(handler)));
+}
 
 using HttpParser = boost::beast::http::request_parser<boost::beast::http::string_body>;
 
@@ -35,7 +110,7 @@ class HttpTakeover {
 
   using Upgrade = boost::beast::http::request<boost::beast::http::string_body>;
   /// Runs until the connection ends.
-  virtual Task<> serve(SecureHttpStream stream, std::shared_ptr<const Upgrade> request) = 0;
+  virtual Task<> serve(HttpStream stream, std::shared_ptr<const Upgrade> request) = 0;
   /// Tells the peer that the server is stopping, and ends. May be called before serve().
   virtual void stop() = 0;
   virtual void cut() = 0;

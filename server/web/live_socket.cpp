@@ -2,7 +2,6 @@
 
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/websocket.hpp>
-#include <boost/beast/websocket/ssl.hpp>
 #include <optional>
 #include <utility>
 
@@ -39,7 +38,7 @@ class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> 
     server_->board().wakeAll();
   }
 
-  Task<> serve(SecureHttpStream stream, std::shared_ptr<const Upgrade> request) override {
+  Task<> serve(HttpStream stream, std::shared_ptr<const Upgrade> request) override {
     socket_.emplace(std::move(stream));
     plain().expires_never();
     websocket::stream_base::timeout times =
@@ -134,7 +133,7 @@ class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> 
 
   const std::shared_ptr<WebServer> server_;
   const std::string token_, who_;
-  std::optional<websocket::stream<SecureHttpStream>> socket_;  // from serve() on
+  std::optional<websocket::stream<HttpStream>> socket_;  // from serve() on
   asio::steady_timer deadline_;
   std::shared_ptr<int> here_ = std::make_shared<int>(0);
   std::weak_ptr<int> weak_ = here_;

@@ -201,7 +201,17 @@ const AccuracyRow& rowOf(const std::vector<AccuracyRow>& rows, const std::string
   return rows.front();
 }
 
-TEST(RecordedRows, baselinesAreRowsOfTheirOwnInEachGroup) {
+void whatIsJudgedOnItsOwnCurveHasNoVote(const AccuracyRows& rows) {
+  for (const RowGroup& group : groupsOf(rows)) {
+    EXPECT_FALSE(adviceFor(group).is_choice) << group.reference;
+    EXPECT_NE(adviceFor(group).text.find("no choice follows"), std::string::npos) << group.reference;
+  }
+  for (const std::string& paragraph : recommendation(rows))
+    EXPECT_EQ(paragraph.find("take "), std::string::npos) << paragraph;
+}
+
+// One test, because the rows take seconds.
+TEST(RecordedRows, ofACurveHaveBaselinesInEachGroupNoVoteAndAVerdictOnTheBand) {
   for (const test::Recordings& recordings : test::allRecordings()) {
     SCOPED_TRACE(recordings.name());
     AccuracyOptions options;
@@ -239,32 +249,12 @@ TEST(RecordedRows, baselinesAreRowsOfTheirOwnInEachGroup) {
       EXPECT_NEAR(*rowOf(ahead, "HOLD_THE_LAST").rms_error_n, 0.844, 0.001);
       EXPECT_NEAR(*rowOf(equal, "FIRST_ORDER").rms_error_n, 0.178, 0.01);
     }
-  }
-}
 
-TEST(RecordedRows, whatIsJudgedOnItsOwnCurveHasNoVote) {
-  AccuracyOptions options;
-  options.data = test::preferredRecordings().folder;
-  std::vector<std::string> notes;
-  const auto rows = recordedCurveRows(options, {}, notes);
-  ASSERT_TRUE(rows.ok()) << rows.error().message;
-  for (const RowGroup& group : groupsOf(*rows)) {
-    EXPECT_FALSE(adviceFor(group).is_choice) << group.reference;
-    EXPECT_NE(adviceFor(group).text.find("no choice follows"), std::string::npos) << group.reference;
+    whatIsJudgedOnItsOwnCurveHasNoVote(*all);
+    // 75 to 76 % on the real curve
+    EXPECT_NE(rowOf(*all, "STATISTICAL").variant.find("95 % band MISSED: too narrow"), std::string::npos)
+        << rowOf(*all, "STATISTICAL").variant;
   }
-  for (const std::string& paragraph : recommendation(*rows))
-    EXPECT_EQ(paragraph.find("take "), std::string::npos) << paragraph;
-}
-
-TEST(RecordedRows, theStatisticalBandGetsAVerdict) {
-  AccuracyOptions options;
-  options.data = test::preferredRecordings().folder;
-  std::vector<std::string> notes;
-  const auto rows = recordedCurveRows(options, {}, notes);
-  ASSERT_TRUE(rows.ok()) << rows.error().message;
-  // 75 to 76 % on the real curve
-  EXPECT_NE(rowOf(*rows, "STATISTICAL").variant.find("95 % band MISSED: too narrow"), std::string::npos)
-      << rowOf(*rows, "STATISTICAL").variant;
 }
 
 TEST(RecordedRows, withoutRecordingsSayWhatToDoAndGoOn) {
