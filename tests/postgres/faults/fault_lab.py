@@ -97,6 +97,7 @@ class FaultLab:
         self.clusters, self.server, self.stations, self.port = [], None, {}, 0
         self.expect_lacks = False  # of the server, of what it had acknowledged
         self.weakened = False
+        self.faults_played = 0
         self.mounted = None
         self._log = open(folder / "log", "ab")  # pylint: disable=consider-using-with
         self._environment = dict(os.environ)
