@@ -104,7 +104,8 @@ def connections(lab, dice, rounds, durability):
     @contextlib.contextmanager
     def fault(a):
         hogs, end = [Session(a)], time.monotonic() + dice.uniform(1, 2)
-        while time.monotonic() < end:
+        # at its end all are taken: what was terminated last leaves its place a moment later
+        while time.monotonic() < end or (len(hogs) < MOST_CONNECTIONS and time.monotonic() < end + 60):
             hogs[0].ask("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE application_name = 'needlelab'")
             while not (more := Session(a)).refused:
                 hogs.append(more)
@@ -193,8 +194,11 @@ def cut_commits(lab, dice, rounds, durability, modes):
             until(lambda: proxy.cuts > cuts, "a COMMIT is cut")  # pylint: disable=cell-var-from-loop
             lab.faults_played += 1
             lab.silent_for(dice.uniform(0.2, 1))
-            alone_have_all(lab, standbys)
+            for b in standbys:
+                b.replayed()
             sound(lab.judge(a, False, standbys))
+            if round_number == rounds - 1:
+                alone_have_all(lab, standbys)
             proxy.heal()
             lab.wait_for_more("ack", dice.randrange(3, 20), 90)
         return lab.finish(a, *standbys)
