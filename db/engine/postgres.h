@@ -60,7 +60,8 @@ class PostgresConnection final : public EngineConnection {
   Status begin(Begin kind) override;
   /// kUnavailable when PostgreSQL reports success with a warning: a wait for the standby was cancelled, and
   /// the data is at the primary only. So it is when synchronous_standby_names was emptied meanwhile, which
-  /// ends the wait without a warning: under PostgresOptions::least = kDiskLoss the settings are read again.
+  /// ends the wait without a warning: under PostgresOptions::least = kDiskLoss the settings are read
+  /// again, in the same round trip.
   /// When the connection is lost meanwhile, the outcome is asked for (pg_xact_status) at the next connection,
   /// within answer_timeout; if that cannot be had, the message says that it is unknown.
   Status commit() override;
@@ -139,6 +140,9 @@ class PostgresConnection final : public EngineConnection {
   /// Sends what is due, and behind it what `send` sends (a call of libpq that is 0 when it fails); returns
   /// that one's result.
   Result<ResultPtr> behindDue(const std::function<int()>& send, std::string_view what);
+  /// Ends what was sent in pipeline mode, waits for its results, and leaves that mode. `take` gets each one's
+  /// result, but none of those that were not run because one before them failed.
+  Status endPipeline(std::string_view what, const std::function<void(ResultPtr)>& take);
   Status sendDue();
   void dropDue();
   Status requireSound(const char* what);
@@ -153,6 +157,10 @@ class PostgresConnection final : public EngineConnection {
   Error errorOf(const PGresult* result, std::string_view what);
   Error lost(std::string_view what);
   static void noteNotice(void* self, const PGresult* notice);
+  /// COMMIT's result.
+  Result<ResultPtr> runCommit();
+  /// The same; the settings are read behind it, in the same round trip.
+  Result<ResultPtr> commitAndReadSettings();
   /// "committed", "aborted", "in progress", "" (too long ago), or "unknown": this server never had it.
   Result<std::string> statusOf(const std::string& xid);
   /// Notes in lack_ whether this server has the last transaction that was acknowledged.
@@ -175,6 +183,7 @@ class PostgresConnection final : public EngineConnection {
   bool in_transaction_ = false;       ///< begin() succeeded, and neither commit() nor rollback() came
   bool begin_due_ = false;            ///< BEGIN goes with the next statement
   std::optional<Error> not_begun_;    ///< of a BEGIN that went so, until rollback()
+  bool saw_writer_table_ = false;     ///< kWriterTable, in the last write transaction
   std::string write_xid_;             ///< of the write transaction under way
   std::string acknowledged_xid_;      ///< the last one that commit() returned success for
   std::string lack_, full_;

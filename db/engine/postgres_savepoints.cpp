@@ -64,6 +64,26 @@ Status PostgresConnection::sendDue() {
   return sent ? Status() : Status(sent.error());
 }
 
+Status PostgresConnection::endPipeline(std::string_view what, const std::function<void(ResultPtr)>& take) {
+  PGconn* const connection = connection_.get();
+  if (PQpipelineSync(connection) == 0) return lost(what);
+  // of each one its result and an end; behind one that fails the others are not run
+  Waiting waiting{std::chrono::steady_clock::now() + options_.answer_timeout};
+  ++round_trips_;
+  for (;;) {
+    ASSIGN_OR_RETURN(ResultPtr next, nextResult(waiting, what));
+    if (next == nullptr) {
+      if (!isConnected()) return lost(what);
+      continue;
+    }
+    const ExecStatusType status = PQresultStatus(next.get());
+    if (status == PGRES_PIPELINE_SYNC) break;
+    if (status != PGRES_PIPELINE_ABORTED) take(std::move(next));
+  }
+  if (PQexitPipelineMode(connection) == 0) return lost(what);
+  return {};
+}
+
 Result<PostgresConnection::ResultPtr> PostgresConnection::behindDue(const std::function<int()>& send,
                                                                     std::string_view what) {
   PGconn* const connection = connection_.get();
@@ -81,29 +101,17 @@ Result<PostgresConnection::ResultPtr> PostgresConnection::behindDue(const std::f
   for (const char* const sql : due_)
     if (PQsendQueryParams(connection, sql, 0, nullptr, nullptr, nullptr, nullptr, 0) == 0) return lost(what);
   due_.clear();
-  if ((send && send() == 0) || PQpipelineSync(connection) == 0) return lost(what);
-
-  // of each one its result and an end; behind one that fails the others are not run
-  Waiting waiting{std::chrono::steady_clock::now() + options_.answer_timeout};
-  ++round_trips_;
+  if (send && send() == 0) return lost(what);
   ResultPtr last;
   std::size_t done = 0;
-  for (;;) {
-    ASSIGN_OR_RETURN(ResultPtr next, nextResult(waiting, what));
-    if (next == nullptr) {
-      if (!isConnected()) return lost(what);
-      continue;
-    }
+  RETURN_IF_ERROR(endPipeline(what, [&](ResultPtr next) {
     const ExecStatusType status = PQresultStatus(next.get());
-    if (status == PGRES_PIPELINE_SYNC) break;
-    if (status == PGRES_PIPELINE_ABORTED) continue;
     if (status == PGRES_COMMAND_OK || status == PGRES_TUPLES_OK) {
       if (done < begins) noteBegin(done, begins, next.get());
       ++done;
     }
     last = std::move(next);
-  }
-  if (PQexitPipelineMode(connection) == 0) return lost(what);
+  }));
   if (done < begins) return notBegun(errorOf(last.get(), "begin a transaction"));
   if (begins > 0)
     if (const Status durable = requireDurable(); !durable) return notBegun(durable.error());

@@ -202,6 +202,10 @@ void durablePlane(PrometheusText& out, const ServerContext& context, const Store
             "Items that wait for the database's writer.");
   out.counter("needlelab_writer_items_total", real(writer.items), "Items committed.");
   out.counter("needlelab_writer_items_refused_total", real(writer.refused), "Items that failed alone.");
+  out.counter("needlelab_writer_chunks_together_total", real(writer.together),
+              "Chunks that were stored with others in one statement (PostgreSQL).");
+  out.counter("needlelab_writer_chunks_checked_ahead_total", real(writer.checked_ahead),
+              "Chunks that were checked while the writer waited for the engine's server (PostgreSQL).");
   histogram(out, "needlelab_commit_seconds", writer.commit_ns, 1e-9, "COMMIT of a group, fsync included.");
   histogram(out, "needlelab_group_work_seconds", writer.work_ns, 1e-9,
             "A group's work from BEGIN to COMMIT.");

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """deploy/nightly: its table of pieces, what it says of pieces that pass, fail, hang or cannot run, and the committed results."""
 import contextlib
+import dataclasses
 import importlib.machinery
 import importlib.util
 import io
@@ -134,6 +135,13 @@ class Running(unittest.TestCase):
         with contextlib.redirect_stdout(io.StringIO()) as said:
             code = self.nightly.main(["--build", str(self.folder), "--fuzz-build", str(self.folder), *arguments])
         return code, said.getvalue(), {piece.name: self.nightly.result_of(piece) for piece in pieces}
+
+    def test_the_rows_of_a_table_that_a_piece_prints_are_kept(self):
+        piece = self.piece("rows", "printf '| scenario | labs | seeds |\\n| --- | ---: | --- |\\n| kill | 2 | 7 8 |\\n| other-way | 10 | 9 |\\n2 labs played\\n'")
+        piece = dataclasses.replace(piece, rows="scenario")
+        code, said, results = self.run_pieces(piece)
+        self.assertEqual(code, 0, said)
+        self.assertEqual(results["rows"]["rows"], [{"scenario": "kill", "labs": 2, "seeds": "7 8"}, {"scenario": "other-way", "labs": 10, "seeds": "9"}])
 
     def test_a_piece_that_passes_leaves_its_numbers_and_a_row(self):
         number = self.nightly.Number

@@ -81,6 +81,12 @@ TEST(Metrics, addUpAfterALesson) {
   EXPECT_EQ(after["needlelab_commit_group_items_sum"], after["needlelab_writer_items_total"]);
   EXPECT_EQ(after["needlelab_commit_group_items_count"], after["needlelab_commit_seconds_count"]);
   EXPECT_GE(after["needlelab_writer_items_total"], chunks + 2) << "chunks, open, close";
+  // On SQLite chunks are stored one by one, and the writer waits for no server.
+  for (const char* const name :
+       {"needlelab_writer_chunks_together_total", "needlelab_writer_chunks_checked_ahead_total"}) {
+    EXPECT_TRUE(after.samples.contains(name)) << name;
+    EXPECT_EQ(after[name], 0) << name;
+  }
   EXPECT_GT(after["needlelab_commit_seconds_sum"], 0);
   // All connections have ended, except the one of this request.
   EXPECT_EQ(after["needlelab_logins_total"] + after["needlelab_logins_refused_total"] +

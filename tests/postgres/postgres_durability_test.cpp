@@ -50,11 +50,12 @@ class PostgresDurability : public testing::Test {
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
   /// Once a commit waits for the standby: lets it wait no more, as an administrator may.
-  void cancelTheWait() {
+  void cancelTheWait() { atTheWait("pg_cancel_backend"); }
+  /// Once a commit waits for the standby: calls the function of PostgreSQL with its connection's process.
+  void atTheWait(const std::string& function) {
     for (;;) {
-      if (textOf1(*control_,
-                  "SELECT count(*)::text FROM (SELECT pg_cancel_backend(pid) FROM pg_stat_activity"
-                  " WHERE wait_event = 'SyncRep') AS waits") != "0")
+      if (textOf1(*control_, "SELECT count(*)::text FROM (SELECT " + function +
+                                 "(pid) FROM pg_stat_activity WHERE wait_event = 'SyncRep') AS waits") != "0")
         return;
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
@@ -101,12 +102,49 @@ TEST_F(PostgresDurability, aWaitThatEndsBecauseNobodyIsToBeWaitedForIsNoSuccess)
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     setStandbys("");
   });
+  const std::uint64_t before = db->roundTrips();
   const Status stored = put(*db, "INSERT INTO kept VALUES (1)");
   administrator.join();
+  EXPECT_EQ(db->roundTrips() - before, 3u) << "BEGIN, INSERT, COMMIT; the settings come with that";
   ASSERT_FALSE(stored.ok());
   EXPECT_EQ(stored.error().code, ErrorCode::kUnavailable);
   EXPECT_THAT(stored.error().message, HasSubstr("at the primary only"));
   EXPECT_EQ(textOf1(*control_, "SELECT id::text FROM kept"), "1") << "it is there all the same";
+}
+
+TEST_F(PostgresDurability, aCommitThatReadsTheSettingsKeepsItsErrors) {
+  must(
+      control_->script("DROP TABLE IF EXISTS later; CREATE TABLE later"
+                       " (id BIGINT UNIQUE DEFERRABLE INITIALLY DEFERRED)"));
+  setStandbys("ANY 1 (b)");
+  const auto db = open(Durability::kDiskLoss);
+  const Status twice = put(*db, "INSERT INTO later VALUES (1), (1)");
+  ASSERT_FALSE(twice.ok()) << "COMMIT itself refuses it";
+  EXPECT_EQ(twice.error().code, ErrorCode::kAlreadyExists);
+  EXPECT_FALSE(db->inTransaction());
+
+  must(db->begin(EngineConnection::Begin::kWrite));
+  EXPECT_FALSE(db->script("INSERT INTO kept VALUES (1), (1)").ok());
+  const Status failed = db->commit();
+  ASSERT_FALSE(failed.ok());
+  EXPECT_EQ(failed.error().code, ErrorCode::kFailed);
+  EXPECT_THAT(failed.error().message, HasSubstr("had failed, and was rolled back"));
+
+  std::thread canceller([this] { cancelTheWait(); });
+  const Status cancelled = put(*db, "INSERT INTO kept VALUES (2)");
+  canceller.join();
+  ASSERT_FALSE(cancelled.ok());
+  EXPECT_THAT(cancelled.error().message, HasSubstr("stored at the primary only: "));
+
+  std::thread terminator([this] { atTheWait("pg_terminate_backend"); });
+  const Status lost = put(*db, "INSERT INTO kept VALUES (3)");
+  terminator.join();
+  ASSERT_FALSE(lost.ok());
+  EXPECT_EQ(lost.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(lost.error().message, HasSubstr("nobody can tell whether at its standby, too"))
+      << "it was asked for";
+  EXPECT_EQ(textOf1(*control_, "SELECT string_agg(id::text, ' ' ORDER BY id) FROM kept"), "2 3");
+  EXPECT_EQ(textOf1(*control_, "SELECT count(*)::text FROM later"), "0");
 }
 
 TEST_F(PostgresDurability, aServerThatComesBackWithAllThatWasAcknowledgedLacksNothing) {

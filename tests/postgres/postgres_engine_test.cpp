@@ -321,6 +321,36 @@ TEST_F(PostgresEngine, aTransactionThatBeginsSoonBeginsWithItsFirstStatementInOn
   EXPECT_FALSE(db->inTransaction());
 }
 
+TEST_F(PostgresEngine, theWritersLockIsTheTableWhereThereIsOne) {
+  const auto held = [&] {
+    auto rows =
+        prepared(*control_,
+                 "SELECT coalesce(string_agg(l.locktype || ' ' || l.mode, ', '), '') FROM pg_locks l"
+                 " JOIN pg_database d ON d.oid = l.database WHERE d.datname = '" +
+                     name_ + "' AND l.mode = 'ExclusiveLock' AND l.locktype IN ('advisory', 'relation')");
+    const auto stepped = rows->step();
+    if (!stepped) throw std::runtime_error(stepped.error().message);
+    return std::string(textOf(rows->bytes(0)));
+  };
+  const auto heldWithin = [&] {
+    must(db->begin(EngineConnection::Begin::kWrite));
+    const std::string locks = held();
+    must(db->commit());
+    return locks;
+  };
+  EXPECT_EQ(heldWithin(), "advisory ExclusiveLock");
+  must(db->script(std::string("CREATE TABLE ") + kWriterTable + " (version BIGINT)"));
+  // from the second one on it is known to be there
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(heldWithin(), "relation ExclusiveLock");
+  // somebody else takes it away
+  must(connect(name_)->script(std::string("DROP TABLE ") + kWriterTable));
+  const Status refused = db->begin(EngineConnection::Begin::kWrite);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_THAT(refused.error().message, HasSubstr("does not exist"));
+  EXPECT_FALSE(db->inTransaction());
+  EXPECT_EQ(heldWithin(), "advisory ExclusiveLock");
+}
+
 TEST_F(PostgresEngine, theSavepointAtItsBeginningTakesBackTheTransactionAndItGoesOn) {
   must(db->begin(EngineConnection::Begin::kWriteSoon));
   must(db->savepoint());  // without a statement

@@ -11,6 +11,7 @@ FAULTS = ("acknowledged-but-missing", "recorded-but-missing", "doubled", "change
 class Judgement:
     def __init__(self):
         self.faults, self.sessions, self.chunks, self.samples, self.acknowledged = [], 0, 0, 0, 0
+        self.lost = 0  # chunks that were acknowledged, and are not there
 
     def fault(self, name, text):
         assert name in FAULTS, name
@@ -128,8 +129,10 @@ def _check_close(stored, recorded, judge, name):
 def _check_session(recorded, database, ledgers, at_end, judge):
     name = f"session {recorded.id} of {recorded.station}"
     acknowledged = ledgers.acknowledged(recorded, at_end)
+    judge.acknowledged += acknowledged
     stored = database.sessions.get(recorded.id)
     if stored is None:
+        judge.lost += acknowledged
         if acknowledged:
             judge.fault("acknowledged-but-missing", f"{name}: {acknowledged} chunks were acknowledged, it is not there")
         elif at_end and (recorded.required or (recorded.required is None and recorded.samples)):
@@ -137,12 +140,12 @@ def _check_session(recorded, database, ledgers, at_end, judge):
         return
     judge.sessions += 1
     judge.chunks += len(stored.chunks)
-    judge.acknowledged += acknowledged
     if stored.recording != 1:
         return
     if not _check_row(stored, judge, name):
         return
     if len(stored.chunks) < acknowledged:
+        judge.lost += acknowledged - len(stored.chunks)
         judge.fault("acknowledged-but-missing", f"{name}: {acknowledged} chunks were acknowledged, {len(stored.chunks)} are there")
     before = len(judge.faults)
     arrived = _check_samples(stored, recorded, judge, name)

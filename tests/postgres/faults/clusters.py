@@ -130,6 +130,10 @@ class Cluster:
         at = primary.sql("SELECT pg_current_wal_lsn()")
         until(lambda: self.sql(f"SELECT pg_last_wal_replay_lsn() >= '{at}'") == "t", "the standby has replayed all")
 
+    def replayed(self):
+        """Of a standby: all that is on its disk can be read."""
+        until(lambda: self.sql("SELECT pg_last_wal_replay_lsn() >= pg_last_wal_receive_lsn()") == "t", "the standby has replayed what it has")
+
 
 class Session:
     """One connection to a cluster, by the protocol alone: it takes a place, and asks."""

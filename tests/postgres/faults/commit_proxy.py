@@ -11,10 +11,10 @@ HOLD_S = 0.3
 
 
 class Frontend:
-    """The messages of a client, as far as a COMMIT of the writer's is to be seen."""
+    """The messages of a client, as far as a COMMIT of the writer's is to be seen; one in a pipeline comes with all up to its end."""
 
     def __init__(self):
-        self.data, self.started, self.writes, self.bytes = b"", False, False, 0
+        self.data, self.started, self.writes, self.bytes, self.held = b"", False, False, 0, b""
 
     def messages(self, data):
         """Splits what came into whole messages; whether each is a COMMIT of a transaction that stores much."""
@@ -27,7 +27,14 @@ class Frontend:
             if len(self.data) < length:
                 return
             message, self.data = self.data[:length], self.data[length:]
-            yield message, self._is_commit(message)
+            is_commit = self._is_commit(message)
+            if self.held or (is_commit and message[:1] == b"P"):
+                self.held += message
+                if message[:1] == b"S":
+                    yield self.held, True
+                    self.held = b""
+                continue
+            yield message, is_commit
 
     def _is_commit(self, message):
         if not self.started:
@@ -36,7 +43,7 @@ class Frontend:
         if b"BEGIN ISOLATION LEVEL READ COMMITTED" in message:
             self.writes, self.bytes = True, 0
         self.bytes += len(message)
-        if message[:1] != b"Q" or message[5:] != b"COMMIT\0":
+        if message[:1] + message[5:] != b"QCOMMIT\0" and not (message[:1] == b"P" and message[5:].startswith(b"\0COMMIT\0")):
             return False
         much = self.writes and self.bytes >= MANY_BYTES
         self.writes = False

@@ -97,6 +97,7 @@ class FaultLab:
         self.clusters, self.server, self.stations, self.port = [], None, {}, 0
         self.expect_lacks = False  # of the server, of what it had acknowledged
         self.weakened = False
+        self.faults_played = 0
         self.mounted = None
         self._log = open(folder / "log", "ab")  # pylint: disable=consider-using-with
         self._environment = dict(os.environ)
@@ -212,11 +213,11 @@ class FaultLab:
         self.stations[name] = subprocess.Popen(  # pylint: disable=consider-using-with
             [self.template_of.bin / "needlelab-durability-station", "--server", f"127.0.0.1:{self.port}", "--ca", self.folder / "data/tls/ca.crt",
              "--key", self.template / f"{name}.key", "--spool", self.folder / f"spool-{name}", "--ledger", self.folder / "ledger" / f"{name}.jsonl",
-             "--seed", str(seed), "--sessions", str(sessions), "--samples", str(samples), "--drain", "90"],
+             "--seed", str(seed), "--sessions", str(sessions), "--samples", str(samples), "--drain", "240"],
             env=self._environment, stdin=subprocess.DEVNULL, stdout=self._log, stderr=self._log)
 
     def end_stations(self):
-        """They stop recording, and the server gets all that their spools have."""
+        """They stop recording, and the server gets all that their spools have: some minutes' work on a busy machine."""
         for process in self.stations.values():
             process.terminate()
         for again in (False, True):
@@ -224,7 +225,7 @@ class FaultLab:
                 if again:  # also what a station gave up at its end
                     self._start_station(name, 0, 0, 1)
             for name, process in self.stations.items():
-                if (code := process.wait(120)) not in (0, -signal.SIGTERM):
+                if (code := process.wait(300)) not in (0, -signal.SIGTERM):
                     raise Failed(f"{name} ended with {code}")
 
     def start_load(self, stations, seconds):

@@ -89,6 +89,7 @@ def play(lab, dice, name, weakened):
     """Returns the judgement; raises Failed when the judge does not say what it must."""
     history, _, names = PLANTED[name]
     lab.weakened = weakened
+    lab.faults_played += 1
     judgement = history(lab, dice)
     if not weakened:
         return sound(judgement)

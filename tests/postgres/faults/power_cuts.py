@@ -86,6 +86,7 @@ def cuts(lab, dice, rounds, durability, outcomes, weaken=None):
         if round_number % 3 == 2:
             a.sql("CHECKPOINT")  # begins again what is torn, and makes the next change of each page whole in the log
         lab.kill_server()
+        lab.faults_played += 1
         touched += cut(a, dice, outcomes[round_number % len(outcomes)])
         a.start()
         judgement = lab.judge(a, False)
@@ -95,7 +96,8 @@ def cuts(lab, dice, rounds, durability, outcomes, weaken=None):
         lab.wait_for_more("ack", 3)
     if touched == 0:
         raise Failed("no cut met a byte that was not synced")
-    print(f"{rounds} power cuts below PostgreSQL, {touched} files with bytes that were not synced", flush=True)
+    # in one piece: other labs are played at the same time
+    print(f"{rounds} power cuts below PostgreSQL, {touched} files with bytes that were not synced\n", end="", flush=True)
     return lab.finish(a)
 
 

@@ -1,5 +1,6 @@
 """What happens to PostgreSQL while stations send. Each scenario plays in a lab of its own and returns the judge's last judgement; the judge has found
 nothing until then. A number from `dice` decides whatever a seed is to repeat."""
+import contextlib
 import json
 import os
 import shutil
@@ -11,6 +12,7 @@ from commit_proxy import CommitProxy
 from fault_lab import STATIONS, Judgement
 
 MISSING = "acknowledged-but-missing"
+POWER_CUT, TWO_DISKS = "power-cut", "two-disks"  # what an ack must survive, as needlelab-server has it
 
 
 class CannotPlay(Exception):
@@ -24,62 +26,86 @@ def sound(judgement):
     return judgement
 
 
-def streaming(lab, dice, url, durability="power-cut", samples=2000):
+def streaming(lab, dice, url, durability=POWER_CUT, samples=2000):
     lab.start_server(url, durability)
     lab.start_stations(dice.randrange(1, 1000), samples=samples)
     lab.wait_for_more("ack", 10)
+    if durability == TWO_DISKS and (found := lab.health())["ack_survives"] != "the loss of a disk":
+        raise Failed(f"{found}")
 
 
 def two_disks(lab, dice, samples=2000):
     """A primary, its synchronous standby, and a server that wants both."""
     a = lab.cluster("a")
     b = lab.standby_of(a, "b")
-    streaming(lab, dice, lab.url(a, b), "two-disks", samples)
-    if (found := lab.health())["ack_survives"] != "the loss of a disk":
-        raise Failed(f"{found}")
+    streaming(lab, dice, lab.url(a, b), TWO_DISKS, samples)
     return a, b
 
 
-# --- one server of PostgreSQL
+# --- one server of PostgreSQL, within two-disks with its standby
 
-def again_and_again(lab, dice, rounds, fault):
+def standbys_of(lab, a, durability):
+    return [lab.standby_of(a, "b")] if durability == TWO_DISKS else []
+
+
+def alone_have_all(lab, standbys):
+    """While nothing can be acknowledged: what was is at each standby, whatever becomes of the primary."""
+    for b in standbys:
+        b.replayed()
+        sound(lab.judge(b, False, [b]))
+
+
+def again_and_again(lab, dice, rounds, durability, fault):
+    """`fault` is a context in which PostgreSQL is away."""
     a = lab.cluster("a")
-    streaming(lab, dice, lab.url(a))
-    for _ in range(rounds):
-        fault(a)
+    standbys = standbys_of(lab, a, durability)
+    streaming(lab, dice, lab.url(a, *standbys), durability)
+    for round_number in range(rounds):
+        with fault(a):
+            lab.faults_played += 1
+            if round_number == rounds - 1:
+                alone_have_all(lab, standbys)
         lab.wait_for_more("ack", dice.randrange(3, 20))
-    return lab.finish(a)
+    return lab.finish(a, *standbys)
 
 
-def restart(lab, dice, rounds):
+def restart(lab, dice, rounds, durability):
+    @contextlib.contextmanager
     def fault(a):
         a.stop()
+        yield
         a.start()
-    return again_and_again(lab, dice, rounds, fault)
+    return again_and_again(lab, dice, rounds, durability, fault)
 
 
-def kill(lab, dice, rounds):
+def kill(lab, dice, rounds, durability):
+    @contextlib.contextmanager
     def fault(a):
         a.kill()
         if lab.health()["healthy"]:
             raise Failed("the server says that it is healthy without PostgreSQL")
+        yield
         a.start()
-    return again_and_again(lab, dice, rounds, fault)
+    return again_and_again(lab, dice, rounds, durability, fault)
 
 
-def pause(lab, dice, rounds):
+def pause(lab, dice, rounds, durability):
+    @contextlib.contextmanager
     def fault(a):
         a.signal_all(signal.SIGSTOP)
         time.sleep(dice.uniform(0.3, 2))
+        yield
         a.signal_all(signal.SIGCONT)
-    return again_and_again(lab, dice, rounds, fault)
+    return again_and_again(lab, dice, rounds, durability, fault)
 
 
-def connections(lab, dice, rounds):
+def connections(lab, dice, rounds, durability):
     """Others take every connection that PostgreSQL has, those of the server included."""
+    @contextlib.contextmanager
     def fault(a):
         hogs, end = [Session(a)], time.monotonic() + dice.uniform(1, 2)
-        while time.monotonic() < end:
+        # at its end all are taken: what was terminated last leaves its place a moment later
+        while time.monotonic() < end or (len(hogs) < MOST_CONNECTIONS and time.monotonic() < end + 60):
             hogs[0].ask("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE application_name = 'needlelab'")
             while not (more := Session(a)).refused:
                 hogs.append(more)
@@ -89,42 +115,53 @@ def connections(lab, dice, rounds):
             raise Failed(f"{len(hogs)} connections of {MOST_CONNECTIONS} were taken")
         if lab.health()["healthy"]:
             raise Failed("the server says that it is healthy without a connection")
+        yield
         for hog in hogs:
             hog.close()
-    return again_and_again(lab, dice, rounds, fault)
+    return again_and_again(lab, dice, rounds, durability, fault)
 
 
-def disk_full(lab, dice, rounds):
+def fill(folder, ballast):
+    """Takes every byte that is free, also where PostgreSQL takes some meanwhile."""
+    with open(ballast, "wb") as file:
+        while (free := os.statvfs(folder)).f_bavail > 0:
+            with contextlib.suppress(OSError):
+                os.posix_fallocate(file.fileno(), 0, free.f_bavail * free.f_bsize)
+                return
+
+
+def disk_full(lab, dice, rounds, durability):
     """The disk of PostgreSQL has no byte left: it refuses, or ends and starts again once there is room."""
     if os.getuid() != 0:
         raise CannotPlay("a small disk can only be mounted by root")
     a = lab.room_for("a", 160)
-    streaming(lab, dice, lab.url(a))
+    standbys = standbys_of(lab, a, durability)
+    streaming(lab, dice, lab.url(a, *standbys), durability)
     ballast = a.folder / "ballast"
     for _ in range(rounds):
-        free = os.statvfs(a.folder)
-        with open(ballast, "wb") as file:
-            os.posix_fallocate(file.fileno(), 0, free.f_bavail * free.f_bsize)
+        fill(a.folder, ballast)
         # 1 MiB segments of its log and pages of its tables are full soon
         until(lambda: not lab.health()["healthy"], "the server says that nothing is stored", 90, 0.2)
+        lab.faults_played += 1
         time.sleep(dice.uniform(0, 1))
         ballast.unlink()
         if not a.everybody():
             a.start()
         # a station whose server had no room asks again after 15 s
         lab.wait_for_more("ack", dice.randrange(3, 20))
-    return lab.finish(a)
+    return lab.finish(a, *standbys)
 
 
-def load(lab, dice, rounds):
+def load(lab, dice, rounds, durability):
     """needlelab-load is the judge: it reads all samples back through the server, and ends with 0 when they are those that it has made."""
     a = lab.cluster("a")
-    lab.start_server(lab.url(a))
+    lab.start_server(lab.url(a, *standbys_of(lab, a, durability)), durability)
     made = lab.start_load(12, 8 * rounds)
     until(lambda: made.poll() is not None or lab.metric('needlelab_chunks_total{result="stored"}') > 0, "the load sends")
     for round_number in range(rounds):
         if made.poll() is not None:
             break
+        lab.faults_played += 1
         time.sleep(dice.uniform(0.3, 2))
         if round_number % 3 == 2:
             a.signal_all(signal.SIGSTOP)
@@ -144,32 +181,38 @@ def load(lab, dice, rounds):
 
 # --- the network between
 
-def cut_commits(lab, dice, rounds, modes):
+def cut_commits(lab, dice, rounds, durability, modes):
     """In the middle of a COMMIT; the outcome is unknown until PostgreSQL can be asked, and not acknowledged before."""
     a = lab.cluster("a")
+    standbys = standbys_of(lab, a, durability)
     proxy = CommitProxy(a)
     try:
-        streaming(lab, dice, f"postgresql://needlelab@127.0.0.1:{proxy.port}/lab?sslmode=disable")
+        streaming(lab, dice, f"postgresql://needlelab@127.0.0.1:{proxy.port}/lab?sslmode=disable", durability)
         for round_number in range(rounds):
             cuts = proxy.cuts
             proxy.arm(modes[round_number % len(modes)])
             until(lambda: proxy.cuts > cuts, "a COMMIT is cut")  # pylint: disable=cell-var-from-loop
+            lab.faults_played += 1
             lab.silent_for(dice.uniform(0.2, 1))
-            sound(lab.judge(a, False))
+            for b in standbys:
+                b.replayed()
+            sound(lab.judge(a, False, standbys))
+            if round_number == rounds - 1:
+                alone_have_all(lab, standbys)
             proxy.heal()
             lab.wait_for_more("ack", dice.randrange(3, 20), 90)
-        return lab.finish(a)
+        return lab.finish(a, *standbys)
     finally:
         proxy.close()
 
 
-def commit_lost(lab, dice, rounds):
-    return cut_commits(lab, dice, rounds, ["answer", "request"])
+def commit_lost(lab, dice, rounds, durability):
+    return cut_commits(lab, dice, rounds, durability, ["answer", "request"])
 
 
-def commit_silent(lab, dice, rounds):
+def commit_silent(lab, dice, rounds, durability):
     """The connection is half open: the server gives it up after 30 s."""
-    return cut_commits(lab, dice, rounds, ["silent"])
+    return cut_commits(lab, dice, rounds, durability, ["silent"])
 
 
 # --- two servers of PostgreSQL
@@ -191,6 +234,7 @@ def promotion(lab, dice, rounds):
     for _ in range(rounds):
         time.sleep(dice.uniform(0, 0.5))
         kill_and_promote(a, b)
+        lab.faults_played += 1
         sound(lab.judge(b, False, [b]))
         new_standby(a, b)
         lab.wait_for_more("ack", dice.randrange(3, 20))
@@ -203,6 +247,7 @@ def standby_lost(lab, dice, rounds):
     a, b = two_disks(lab, dice)
     for _ in range(rounds):
         b.kill()
+        lab.faults_played += 1
         time.sleep(0.3)  # acks that were under way
         before = lab.count("ack")
         end = time.monotonic() + dice.uniform(0.7, 1.5)
@@ -228,6 +273,7 @@ def weak_settings(lab, dice, rounds):
         for weak, strong in (("ALTER ROLE needlelab SET synchronous_commit = local", "ALTER ROLE needlelab RESET synchronous_commit"),
                              ("ALTER DATABASE lab SET synchronous_commit = off", "ALTER DATABASE lab RESET synchronous_commit")):
             a.sql(weak)
+            lab.faults_played += 1
             a.sql("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE application_name = 'needlelab'")
             time.sleep(0.3)
             lab.silent_for(dice.uniform(0.3, 1))
@@ -235,6 +281,7 @@ def weak_settings(lab, dice, rounds):
             a.sql("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE application_name = 'needlelab'")
             lab.wait_for_more("ack", dice.randrange(3, 20))
         a.setting("synchronous_standby_names", "")
+        lab.faults_played += 1
         time.sleep(0.3)
         lab.silent_for(dice.uniform(0.3, 1))
         a.setting("synchronous_standby_names", "ANY 1 (b)")
@@ -255,6 +302,7 @@ def lagging(lab, dice, rounds):
         # one station at least has begun and closed a session that the lagging one never had: no Welcome names it
         lab.wait_for_more("closed", 3 * STATIONS + 1)
         lab.kill_clusters(a, b)
+        lab.faults_played += 1
         # what answers at b's address from now on
         b.data, old = c.data, b.data
         b.start()
