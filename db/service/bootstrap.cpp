@@ -98,6 +98,7 @@ Status requireDatabase(const std::filesystem::path& folder, const Store::Options
 /// The writer's connection, with the newest schema.
 Result<Connection> openToWrite(const StoreAddress& address, Durability least) {
   ASSIGN_OR_RETURN(auto connection, openToServe(address, least));
+  RETURN_IF_ERROR(requireRights(connection));
   // a change that was killed may have left a log that holds the room for what comes now
   (void)connection.emptyLog(0);
   RETURN_IF_ERROR(refuseUnfinishedCopy(connection));
@@ -218,6 +219,13 @@ Status Store::keepAuditHead() {
 }
 
 Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, const Options& options) {
+  auto opened = openUnlessWrong(folder, options);
+  if (!opened) return wrongStore(opened.error());
+  return opened;
+}
+
+Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::path& folder,
+                                                      const Options& options) {
   const auto path = folder / "needlelab.db";
   std::error_code ignored;
   // a copy may be about to get into the database's place

@@ -55,9 +55,10 @@ class Store {
   /// profiles and curriculum into a new database, completes and repeats erasures, empties the log. Removes
   /// what a killed program left in DIR. An existing database whose disk is full, or which must not be written
   /// to, is opened read-only: its log is read, and nothing is written, neither into it nor beside it. Errors:
-  /// kUnavailable (locked), kVersion (newer schema), kNoRoom (the disk is full, and the database is new or
-  /// has an older schema), kInvalidInput (backup_key; a pipe, device, socket or folder in a file's place;
-  /// addressOf() and claimStore()), kCorrupt, kFailed, and those of openPostgres().
+  /// kUnavailable (locked), kNoRoom (the disk is full, and the database is new or has an older schema),
+  /// kInvalidInput (backup_key; a pipe, device, socket or folder in a file's place; a newer schema;
+  /// addressOf() and claimStore(); what of PostgreSQL does not get right by itself, as wrongStore() says),
+  /// kCorrupt, kFailed, and the others of openPostgres().
   static Result<std::unique_ptr<Store>> open(const std::filesystem::path& folder, const Options& options);
 
   Store(const Store&) = delete;
@@ -86,6 +87,9 @@ class Store {
 
  private:
   explicit Store(FolderLock lock) : lock_(std::move(lock)) {}
+  /// open(), with the errors as the parts have them.
+  static Result<std::unique_ptr<Store>> openUnlessWrong(const std::filesystem::path& folder,
+                                                        const Options& options);
   FolderLock lock_;  // destroyed last
   std::optional<Error> read_only_;
   std::unique_ptr<ReaderPool> readers_;
