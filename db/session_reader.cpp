@@ -301,7 +301,7 @@ Result<std::uint64_t> SessionStore::mostSafeSeqs(const Uuid& session) {
 Result<std::uint64_t> SessionStore::unsafeChunks(bool acks_are_safe) {
   auto row = connection_.prepare(
       acks_are_safe
-          ? "SELECT coalesce(sum(max(coalesce(p.chunks, s.chunks) - max(s.safe_chunks, q.first), 0)), 0)"
+          ? "SELECT coalesce(sum(max(coalesce(p.chunks, s.chunks) - max(s.safe_chunks, q.first_seq), 0)), 0)"
             " FROM (SELECT session, min(seq) AS first_seq FROM quarantined_chunks GROUP BY session) q"
             " JOIN sessions s ON s.number = q.session LEFT JOIN session_progress p ON p.session = s.number"
           : "SELECT coalesce(sum(max(coalesce(p.chunks, s.chunks) - s.safe_chunks, 0)), 0) FROM sessions s"
