@@ -208,8 +208,21 @@ FolderLock::~FolderLock() {
 
 Store::~Store() {
   if (!writer_) return;
-  writer_->stop();
+  stopWriting();
   (void)keepAuditHead();
+}
+
+Status Store::keepAcknowledged() {
+  if (!acknowledged_) return {};
+  acknowledged_->post(*writer_);
+  return acknowledged_->keep();
+}
+
+void Store::stopWriting() {
+  if (acknowledged_) acknowledged_->post(*writer_);
+  writer_->stop();
+  // what cannot be written says that less was acknowledged, and nothing wrong
+  if (acknowledged_) (void)acknowledged_->keep();
 }
 
 Status Store::keepAuditHead() {
@@ -276,8 +289,17 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
     ASSIGN_OR_RETURN(const auto pending, MetaStore(*connection).get(kFreePartsKey));
     unfinished = pending.has_value();
     store->erasures_repeated_ = *repeated;
+    DbWriter::Options writer = options.writer;
+    if (address.isPostgres()) {
+      ASSIGN_OR_RETURN(auto mark, AcknowledgedMark::atStart(*connection));
+      store->acknowledged_.emplace(std::move(mark));
+      writer.lack_at_start = store->acknowledged_->lack();
+    } else {
+      // of a database elsewhere, whose copy this one may be: the next one there begins anew
+      std::filesystem::remove(folder / kAcknowledgedFile, ignored);
+    }
     store->readers_ = std::make_unique<ReaderPool>(address);
-    store->writer_ = std::make_unique<DbWriter>(std::move(*connection), options.writer, options.on_fatal);
+    store->writer_ = std::make_unique<DbWriter>(std::move(*connection), writer, options.on_fatal);
   } else {
     if (connection.error().code != ErrorCode::kNoRoom || address.isPostgres()) return connection.error();
     store->read_only_ = connection.error();

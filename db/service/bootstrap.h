@@ -11,6 +11,7 @@
 
 #include "common/base/result.h"
 #include "common/base/time_source.h"
+#include "db/acknowledged.h"
 #include "db/db_writer.h"
 #include "db/reader_pool.h"
 #include "db/service/service.h"
@@ -69,6 +70,15 @@ class Store {
   /// held until the next call, or the store's end. One thread at a time.
   Status keepAuditHead();
 
+  /// Keeps in DIR/acknowledged how far the acknowledgements have come (db/acknowledged.h), up to some of the
+  /// last call: call it about once a second. Waits for the disk, and for nothing else. One thread at a time.
+  Status keepAcknowledged();
+  /// What the database lacks of what was acknowledged before this store was opened; empty: nothing.
+  [[nodiscard]] std::string acknowledgedMissing() const { return acknowledged_ ? acknowledged_->lack() : ""; }
+
+  /// Ends the writer, when nobody calls the two above any more. What it commits is kept, too.
+  void stopWriting();
+
   /// Why nothing can be written, until the folder is opened again; nothing: the writer works.
   [[nodiscard]] const std::optional<Error>& readOnly() const { return read_only_; }
 
@@ -98,6 +108,7 @@ class Store {
   std::size_t erasures_repeated_ = 0;
   std::string clock_behind_, clock_ahead_;
   std::vector<std::filesystem::path> leftovers_;
+  std::optional<AcknowledgedMark> acknowledged_;  ///< of a database on PostgreSQL
 };
 
 }  // namespace needlelab
