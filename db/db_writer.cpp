@@ -31,6 +31,7 @@ DbWriter::DbWriter(Connection connection, const Options& options, OnFatal on_fat
       options_(options),
       time_(*options.time),
       on_fatal_(std::move(on_fatal)),
+      lack_(options_.lack_at_start),
       durability_(connection_.durability()) {
   next_checkpoint_ns_ = time_.nowNs() + nanoseconds(options_.checkpoint_every);
   connection_.setWhileWaiting([this] { return checkWaiting(); });
@@ -400,6 +401,7 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
 
 void DbWriter::noteLack() {
   std::string found = connection_.lack(), full = connection_.takeFull();
+  if (found.empty()) found = options_.lack_at_start;
   {
     const std::lock_guard lock(mutex_);
     if (!full.empty()) {

@@ -58,6 +58,8 @@ class DbWriter {
     /// Whenever the engine's server turns out to lack what was acknowledged (lack()); may be empty. Thread:
     /// the writer's.
     std::function<void(const std::string& text)> on_lack{};
+    /// What lack() is from the beginning (db/acknowledged.h).
+    std::string lack_at_start{};
     TimeSource* time = &machineTime();  ///< must outlive the writer
   };
 

@@ -177,8 +177,8 @@ class ErasureStore {
   /// listFaults() tells are passed over. In a transaction. kCorrupt: as key().
   Status rememberList(const std::filesystem::path& folder, const std::set<std::string>& stay,
                       std::int64_t now_unix_ns);
-  /// Lines of DIR/erasures that another key made, or that were changed, for display; empty when all is well.
-  /// kCorrupt: as key().
+  /// Lines of DIR/erasures that another key made, or that were changed, and erasures of this database's own
+  /// log that it lacks, for display; empty when all is well. kCorrupt: as key().
   Result<std::vector<std::string>> listFaults(const std::filesystem::path& folder);
 
  private:

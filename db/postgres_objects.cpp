@@ -126,4 +126,40 @@ Status requireOwnSchema(Connection& connection) {
                            row.text(0), row.text(1), row.text(2))};
 }
 
+Status requirePostgresRights(Connection& connection) {
+  RETURN_IF_ERROR(requireOwnSchema(connection));
+  auto row = connection.prepare(
+      "SELECT n.oid IS NULL, has_database_privilege(d.oid, 'CREATE'),"
+      " coalesce(has_schema_privilege(n.oid, 'USAGE') AND has_schema_privilege(n.oid, 'CREATE'), false),"
+      " coalesce((SELECT min(c.relname::text) FROM pg_class c WHERE c.relnamespace = n.oid AND c.relkind = "
+      "'r'"
+      "  AND NOT (has_table_privilege(c.oid, 'SELECT') AND has_table_privilege(c.oid, 'INSERT')"
+      "   AND has_table_privilege(c.oid, 'UPDATE') AND has_table_privilege(c.oid, 'DELETE'))), ''),"
+      " quote_ident(current_user), quote_ident(d.datname)"
+      " FROM pg_database d LEFT JOIN pg_namespace n ON n.nspname = 'needlelab'"
+      " WHERE d.datname = current_database()");
+  ASSIGN_OR_RETURN(const bool there, row.step());
+  if (!there) return {};
+  const bool has_none = row.integer(0) != 0, may_make = row.integer(1) != 0, may_use = row.integer(2) != 0;
+  const std::string table = row.text(3), role = row.text(4), database = row.text(5);
+  const auto denied = [&](const std::string& what, const std::string& typed) {
+    return Error{
+        ErrorCode::kDenied,
+        fmt::format("--store: the user {} {}. As an administrator of PostgreSQL: {}", role, what, typed)};
+  };
+  if (has_none && !may_make)
+    return denied(
+        "may not make the schema needlelab in the database " + database,
+        fmt::format("GRANT CREATE ON DATABASE {} TO {}, or CREATE SCHEMA needlelab AUTHORIZATION {} in "
+                    "that database",
+                    database, role, role));
+  if (!has_none && !may_use)
+    return denied("may not use the schema needlelab, which it owns",
+                  "GRANT ALL ON SCHEMA needlelab TO " + role);
+  if (!table.empty())
+    return denied(fmt::format("may not read and change the table needlelab.{}, which it owns", table),
+                  "GRANT ALL ON ALL TABLES IN SCHEMA needlelab TO " + role);
+  return {};
+}
+
 }  // namespace needlelab

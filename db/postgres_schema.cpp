@@ -3,12 +3,15 @@
 #include <fmt/core.h>
 
 #include <charconv>
+#include <cstdint>
 #include <string>
 
 #include "db/schema.h"
 
 namespace needlelab {
 namespace {
+
+constexpr std::int64_t kMostVersion = 9'999;  // as many as names of files have numbers
 
 /// The number at the start of a migration's name.
 int versionOf(std::string_view name) {
@@ -58,26 +61,34 @@ Result<int> postgresSchemaVersion(Connection& connection) {
                    connection.prepare("SELECT to_regclass('needlelab.schema_version') IS NOT NULL")
                        .first([](const Statement& row) { return row.integer(0) != 0; }));
   if (!there.value_or(false)) return 0;
-  ASSIGN_OR_RETURN(const auto version,
-                   connection.prepare("SELECT version FROM schema_version").first([](const Statement& row) {
-                     return row.integer(0);
-                   }));
-  return static_cast<int>(version.value_or(0));
+  ASSIGN_OR_RETURN(const auto versions, connection.prepare("SELECT version FROM schema_version LIMIT 2")
+                                            .all([](const Statement& row) { return row.integer(0); }));
+  if (versions.size() == 1 && versions.front() > 0 && versions.front() <= kMostVersion)
+    return static_cast<int>(versions.front());
+  return Error{ErrorCode::kCorrupt,
+               fmt::format("--store: the table schema_version of the schema needlelab has {}, and not one "
+                           "version: somebody changed it. Find out who, and restore a backup",
+                           versions.empty()       ? "no row"
+                           : versions.size() == 1 ? std::to_string(versions.front())
+                                                  : "several rows")};
 }
 
 Status migratePostgres(Connection& connection, int found, int newest) {
   RETURN_IF_ERROR(requirePlainTexts(connection));
   RETURN_IF_ERROR(requireOwnSchema(connection));
+  const int first = versionOf(embeddedPostgresMigrations().front().name);
+  if (found > 0 && found < first)
+    return Error{ErrorCode::kVersion,
+                 fmt::format("--store: its schema has version {}, and the first one on PostgreSQL was {}: no "
+                             "needlelab can have made it. Find out who did, or give another database",
+                             found, first)};
   for (const EmbeddedFile& file : embeddedPostgresMigrations()) {
     const int version = versionOf(file.name);
     if (version <= found || version > newest) continue;
     if (const Status applied = apply(connection, file, version); !applied)
-      return Error{
-          applied.error().code,
-          fmt::format("migration {} failed, the database stays at version {}: {}. The user of --store "
-                      "needs the right to make a schema: GRANT CREATE ON DATABASE … TO …, or an empty "
-                      "schema of its own: CREATE SCHEMA needlelab AUTHORIZATION …",
-                      file.name, found, applied.error().message)};
+      return Error{applied.error().code,
+                   fmt::format("migration {} failed, the database stays at version {}: {}", file.name, found,
+                               applied.error().message)};
     found = version;
   }
   return {};

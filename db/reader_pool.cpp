@@ -1,5 +1,7 @@
 #include "db/reader_pool.h"
 
+#include <utility>
+
 #include "common/base/planted_bug.h"
 
 namespace needlelab {
@@ -22,7 +24,9 @@ Result<ReaderPool::Lease> ReaderPool::borrow() {
       return Lease(*this, std::move(connection));
     }
   }
-  ASSIGN_OR_RETURN(auto opened, openAt(address_, mode_));
+  auto connected = openAt(address_, mode_);
+  if (!connected) return address_.isPostgres() ? storeAway(connected.error()) : connected.error();
+  Connection opened = std::move(connected).value();
   if (planted(PlantedBug::kSecondCheckpointer)) (void)opened.checkpointPassive();
   return Lease(*this, std::make_unique<Connection>(std::move(opened)));
 }

@@ -28,11 +28,16 @@ int numberOf(std::string_view name) {
   return error == std::errc() && end == name.data() + 4 ? number : -1;
 }
 
-Error newerError(const Connection& connection, int found, int known) {
+/// What messages call the database.
+std::string nameOf(Connection& connection) {
+  return connection.sqlite() != nullptr ? connection.origin().string() : "--store";
+}
+
+Error newerError(Connection& connection, int found, int known) {
   return {ErrorCode::kVersion,
           fmt::format("{}: its schema has version {}, this program (needlelab " NEEDLELAB_VERSION
                       ") knows versions up to {}: use the newer program, or restore a backup",
-                      connection.origin().string(), found, known)};
+                      nameOf(connection), found, known)};
 }
 
 Error foreignSchemaError(Connection& connection, const std::vector<std::string>& faults) {
@@ -40,7 +45,7 @@ Error foreignSchemaError(Connection& connection, const std::vector<std::string>&
           fmt::format("{}: {} ({} such faults). It could change or hide what is stored from then on, "
                       "lines of the audit log, too. If you did it, undo it the same way; else keep a copy "
                       "of the {}, find out who did it, and restore a backup from before",
-                      connection.origin().string(), faults.front(), faults.size(),
+                      nameOf(connection), faults.front(), faults.size(),
                       connection.sqlite() != nullptr ? "file" : "database")};
 }
 
@@ -180,14 +185,17 @@ Status migrate(Connection& connection, std::span<const EmbeddedFile> migrations)
   return {};
 }
 
+Status requireRights(Connection& connection) {
+  return connection.sqlite() != nullptr ? Status() : requirePostgresRights(connection);
+}
+
 Status requireNewestSchema(Connection& connection) {
   ASSIGN_OR_RETURN(const auto found, schemaVersion(connection));
   if (found > newestSchemaVersion()) return newerError(connection, found, newestSchemaVersion());
   if (found < newestSchemaVersion()) {
-    return Error{ErrorCode::kVersion,
-                 fmt::format("{}: its schema has version {}, wanted is {}: start "
-                             "needlelab-server on it once, which migrates it",
-                             connection.origin().string(), found, newestSchemaVersion())};
+    return Error{ErrorCode::kVersion, fmt::format("{}: its schema has version {}, wanted is {}: start "
+                                                  "needlelab-server on it once, which migrates it",
+                                                  nameOf(connection), found, newestSchemaVersion())};
   }
   return {};
 }

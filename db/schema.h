@@ -32,6 +32,10 @@ Result<int> schemaVersion(Connection& connection);
 Result<std::vector<std::string>> schemaFaults(Connection& connection);
 inline constexpr std::size_t kMaxSchemaFaults = 20;
 
+/// kDenied, before anything of the schema is read: the role of PostgreSQL may not make it, or not use what is
+/// there; the message has what an administrator of PostgreSQL types. SQLite: nothing. A writer's connection.
+Status requireRights(Connection& connection);
+
 /// Migrates the database to the newest version, one transaction per migration: a failure leaves the previous
 /// version. Errors: kVersion (the file is newer than this program), kCorrupt (another program's database, or
 /// schemaFaults() finds something), kFailed. Writer's connection.

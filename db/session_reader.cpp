@@ -298,6 +298,18 @@ Result<std::uint64_t> SessionStore::mostSafeSeqs(const Uuid& session) {
   return first.value_or(UINT64_MAX);
 }
 
+Result<std::uint64_t> SessionStore::unsafeChunks(bool acks_are_safe) {
+  auto row = connection_.prepare(
+      acks_are_safe
+          ? "SELECT coalesce(sum(max(coalesce(p.chunks, s.chunks) - max(s.safe_chunks, q.first_seq), 0)), 0)"
+            " FROM (SELECT session, min(seq) AS first_seq FROM quarantined_chunks GROUP BY session) q"
+            " JOIN sessions s ON s.number = q.session LEFT JOIN session_progress p ON p.session = s.number"
+          : "SELECT coalesce(sum(max(coalesce(p.chunks, s.chunks) - s.safe_chunks, 0)), 0) FROM sessions s"
+            " LEFT JOIN session_progress p ON p.session = s.number");
+  ASSIGN_OR_RETURN(const bool there, row.step());
+  return there ? row.natural(0) : 0;
+}
+
 Result<std::vector<pb::Welcome::OpenSession>> SessionStore::openSessions(std::string_view station) {
   const auto sessionOf = [](const Statement& row) {
     pb::Welcome::OpenSession session;

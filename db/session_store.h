@@ -203,6 +203,9 @@ class SessionStore {
   /// How many of its chunks are Safe where an ack survives the loss of a disk: those before the first that
   /// cannot be decoded, which stays with its station. UINT64_MAX: there is none.
   Result<std::uint64_t> mostSafeSeqs(const Uuid& session);
+  /// Of all sessions, the committed chunks that are not Safe: in no backup that counts or, where
+  /// `acks_are_safe`, behind mostSafeSeqs(), too.
+  Result<std::uint64_t> unsafeChunks(bool acks_are_safe);
   /// A station's newest kMaxWelcomed open sessions, oldest of them first. The station asks for others by
   /// OpenSession.
   Result<std::vector<pb::Welcome::OpenSession>> openSessions(std::string_view station);

@@ -22,7 +22,22 @@ Error wrongStoreFile(const std::filesystem::path& path, std::size_t line, const 
                       path.string(), line, what)};
 }
 
+bool isOfVersionOrRights(const Error& error) {
+  return error.code == ErrorCode::kDenied || error.code == ErrorCode::kVersion;
+}
+
 }  // namespace
+
+Error wrongStore(Error error) {
+  if (isOfVersionOrRights(error)) error.code = ErrorCode::kInvalidInput;
+  return error;
+}
+
+Error storeAway(Error error) {
+  if (isOfVersionOrRights(error) || error.code == ErrorCode::kInvalidInput)
+    error.code = ErrorCode::kUnavailable;
+  return error;
+}
 
 Result<Connection> openAt(const StoreAddress& address, Connection::Mode mode, bool create) {
   if (!address.isPostgres()) return Connection::open(address.path, {.mode = mode, .create = create});

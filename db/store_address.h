@@ -26,6 +26,14 @@ struct StoreAddress {
   [[nodiscard]] bool isPostgres() const { return !url.empty(); }
 };
 
+/// For whoever starts a program, or names an address: what stays wrong however often it is tried - user,
+/// password, rights (kDenied), a version of schema or server (kVersion) - as kInvalidInput, whose exit code
+/// makes systemd try no more. Others as they are.
+Error wrongStore(Error error);
+/// For whoever asks a program that serves: the same, and kInvalidInput, as kUnavailable. kDenied would be a
+/// log-in's wrong password.
+Error storeAway(Error error);
+
 /// Opens it. Modes other than kWriter only read. `create`: of an SQLite file. Errors: as Connection::open()
 /// and openPostgres().
 Result<Connection> openAt(const StoreAddress& address, Connection::Mode mode, bool create = false);

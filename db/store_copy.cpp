@@ -8,6 +8,7 @@
 #include <span>
 #include <utility>
 
+#include "db/acknowledged.h"
 #include "db/copied_tables.h"
 #include "db/schema.h"
 #include "db/session_rows.h"
@@ -67,7 +68,7 @@ Result<std::vector<CopiedTable>> tablesOfProgram() {
 bool isMark(const CopiedTable& table, const CopiedRow& row) {
   if (table.name != "meta") return false;
   const auto* key = std::get_if<std::string>(&row.front());
-  return key != nullptr && (*key == kCopyMarkKey || *key == kCopiedToKey);
+  return key != nullptr && (*key == kCopyMarkKey || *key == kCopiedToKey || *key == kAcknowledgedKey);
 }
 
 /// The rows of a table in the order of its keys, one after another, without marks.

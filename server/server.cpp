@@ -102,6 +102,8 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
              {{"path", path.string()}, {"text", "a program that was killed left it"}});
   if (const std::size_t repeated = p.store->erasuresRepeated(); repeated > 0)
     logEvent(LogLevel::kWarning, "erasures_repeated", {{"people", repeated}});
+  if (const std::string text = p.store->acknowledgedMissing(); !text.empty())
+    logEvent(LogLevel::kError, "acknowledged_missing", {{"text", text}});
   if (const std::string& text = p.store->clockBehind(); !text.empty())
     logEvent(LogLevel::kWarning, "clock_behind", {{"text", text}});
   if (const std::string& text = p.store->clockAhead(); !text.empty())
@@ -233,7 +235,7 @@ int Server::run() {
   p.context->lines.sayLeftOut(INT64_MAX);
   p.context->clock_offsets.sayLeftOut(INT64_MAX);
   // all connections have ended; the writer commits its queue before it ends
-  p.store->writer().stop();
+  p.store->stopWriting();
   if (const auto failed = p.store->writer().failed(); failed && !p.store->readOnly()) {
     p.exit_code = kExitFailed;
     logEvent(LogLevel::kError, "stopped", {{"exit", p.exit_code}, {"text", failed->message}});

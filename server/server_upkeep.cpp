@@ -129,6 +129,7 @@ Task<> Server::Parts::roomLoop() {
     using Seen = std::optional<DiskRoom::Look>;
     std::function<Result<Seen>()> look = [this]() -> Result<Seen> {
       (void)store->keepAuditHead();
+      (void)store->keepAcknowledged();
       return lookAtRoom();
     };
     const auto looked = co_await offload(room_worker, std::move(look));

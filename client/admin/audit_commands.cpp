@@ -144,7 +144,9 @@ Status verifyLog(const std::filesystem::path& folder, Output& output,
     return found.error();
   }
   ASSIGN_OR_RETURN(const auto address, addressOf(folder, ""));
-  ASSIGN_OR_RETURN(auto reader, openAt(address, Connection::Mode::kReader));
+  auto opened = openAt(address, Connection::Mode::kReader);
+  if (!opened) return wrongStore(opened.error());
+  Connection& reader = *opened;
   std::string no_backup;
   if (anchor_files.empty()) {
     ASSIGN_OR_RETURN(no_backup, addNewestBackup(reader, anchors));

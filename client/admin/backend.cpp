@@ -15,6 +15,7 @@
 #include "client/net/blocking_client.h"
 #include "common/wire/certificates.h"
 #include "common/wire/protocol.h"
+#include "db/acknowledged.h"
 #include "db/audit_head.h"
 #include "db/service/bootstrap.h"
 #include "db/store_address.h"
@@ -45,7 +46,7 @@ class NewFolder {
                              std::filesystem::path(database_.string() + "-shm"),
                              std::filesystem::path(database_.string() + "-journal"), tls.ca_certificate,
                              tls.ca_key, tls.certificate, tls.key, folder / "tls", folder / kAuditKeyFile,
-                             folder / kAuditHeadFile, folder / kStoreFile, lock_})
+                             folder / kAuditHeadFile, folder / kStoreFile, folder / kAcknowledgedFile, lock_})
       if (!std::filesystem::exists(file, error)) files_.push_back(file);
   }
   [[nodiscard]] bool hasData() const { return has_data_; }

@@ -28,9 +28,10 @@ struct PostgresOptions {
   std::function<void(std::string_view sql)> before_statement = {};
 };
 
-/// Errors: kInvalidInput (not a URL of PostgreSQL; it has a password; no such database), kVersion
-/// (an engine before version 15), kDenied (user or password), kUnavailable (nobody answers, or refuses for
-/// now; `alone`: another one has it). No message has a password.
+/// Errors: kInvalidInput (not a URL of PostgreSQL; it has a password; no such database, user or host),
+/// kVersion (an engine before version 15), kDenied (user or password, pg_hba.conf), kUnavailable (nobody
+/// answers, or refuses for now; `alone`: another one has it). A connection that is lost later and cannot be
+/// made again is always kUnavailable. No message has a password.
 Result<std::unique_ptr<EngineConnection>> openPostgres(const PostgresOptions& options);
 
 }  // namespace needlelab

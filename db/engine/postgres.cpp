@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "common/base/bytes.h"
+#include "db/engine/postgres_address.h"
 #include "db/engine/postgres_sql.h"
 #include "db/engine/postgres_values.h"
 
@@ -26,47 +27,6 @@ constexpr int kBinary = 1;
 constexpr std::size_t kMostSigns = 8;  // of types of one statement's values, see PostgresStatement
 
 using Steady = std::chrono::steady_clock;
-
-struct InfoCloser {
-  void operator()(PQconninfoOption* options) const { PQconninfoFree(options); }
-};
-
-/// host, port, database and user of a URL; kInvalidInput, of one with a password, too.
-Result<std::string> withoutPassword(const std::string& url) {
-  char* wrong = nullptr;
-  const std::unique_ptr<PQconninfoOption, InfoCloser> parsed(PQconninfoParse(url.c_str(), &wrong));
-  if (parsed == nullptr) {
-    PQfreemem(wrong);  // it may quote the URL, and with it the password
-    return Error{ErrorCode::kInvalidInput,
-                 "--store: is no address of PostgreSQL; write postgresql://USER@HOST:5432/DATABASE, and the "
-                 "password into a file (passfile, PGPASSFILE)"};
-  }
-  std::map<std::string, std::string> values;
-  for (const PQconninfoOption* option = parsed.get(); option->keyword != nullptr; ++option) {
-    if (option->val == nullptr) continue;
-    values[option->keyword] = option->val;
-    if (std::string_view(option->dispchar) == "*")  // what libpq itself does not show
-      return Error{
-          ErrorCode::kInvalidInput,
-          fmt::format("--store: has a password ({}), which every user of this machine can see in the list of "
-                      "processes: put it into a file of mode 0600 and write passfile=FILE, or set PGPASSFILE",
-                      option->keyword)};
-  }
-  // a password with a sign that ends it, or without a host behind it, is read as one of these
-  if (values["host"].find('@', 1) != std::string::npos || values["dbname"].find('@') != std::string::npos ||
-      values["port"].find_first_not_of("0123456789,") != std::string::npos)
-    return Error{ErrorCode::kInvalidInput,
-                 "--store: its host, port or database has a sign that none has: write "
-                 "postgresql://USER@HOST:5432/DATABASE, "
-                 "with %2F for a / and %40 for an @ in a name, and the password into a file (passfile, "
-                 "PGPASSFILE)"};
-  const auto value = [&](const char* name, const char* otherwise) {
-    const auto found = values.find(name);
-    return found != values.end() && !found->second.empty() ? found->second : std::string(otherwise);
-  };
-  return fmt::format("postgresql://{}@{}:{}/{}", value("user", "(you)"), value("host", "(local)"),
-                     value("port", "5432"), value("dbname", value("user", "(you)").c_str()));
-}
 
 ErrorCode codeOfState(std::string_view state) {
   if (state == "23505") return ErrorCode::kAlreadyExists;
@@ -272,23 +232,17 @@ Status PostgresConnection::connect(bool takes_alone) {
   if (connection_ == nullptr)
     return Error{ErrorCode::kUnavailable, shown_url_ + ": not enough memory to connect"};
   if (!isConnected()) {
-    const std::string why = firstLine(PQerrorMessage(connection_.get()));
-    const bool refused = PQconnectionNeedsPassword(connection_.get()) != 0 ||
-                         PQconnectionUsedPassword(connection_.get()) != 0 ||
-                         why.find("authentication failed") != std::string::npos ||
-                         why.find("no pg_hba.conf entry") != std::string::npos;
-    const bool wrong = why.find("does not exist") != std::string::npos;
+    Error error = cannotConnect(shown_url_, PQerrorMessage(connection_.get()));
     connection_.reset();
-    return Error{refused ? ErrorCode::kDenied
-                 : wrong ? ErrorCode::kInvalidInput
-                         : ErrorCode::kUnavailable,
-                 fmt::format("{}: cannot connect: {}", shown_url_, why)};
+    return error;
   }
   PQsetNoticeReceiver(connection_.get(), &PostgresConnection::noteNotice, this);
   if (const int version = PQserverVersion(connection_.get()); version < kOldestVersion) {
     connection_.reset();
-    return Error{ErrorCode::kVersion, fmt::format("{}: is PostgreSQL {}, needlelab needs 15 or later",
-                                                  shown_url_, version / 10'000)};
+    return Error{ErrorCode::kVersion,
+                 fmt::format("{}: is PostgreSQL {}, needlelab needs 15 or later: upgrade that server, or "
+                             "give the address of a newer one",
+                             shown_url_, version / 10'000)};
   }
   if (options_.alone && takes_alone) RETURN_IF_ERROR(becomeAlone());
   if (options_.read_only) return becomeReadOnly();
@@ -352,7 +306,18 @@ Status PostgresConnection::requireConnected() {
     return Error{ErrorCode::kUnavailable,
                  shown_url_ + ": the connection was lost, and the transaction with it"};
   if (isConnected()) return {};
-  return connect();
+  Status connected = connect();
+  if (connected) return {};
+  // Whoever asks now did nothing wrong, and the server can be mended while this runs. As kDenied it would be
+  // a log-in's wrong password.
+  switch (const Error& error = connected.error(); error.code) {
+    case ErrorCode::kDenied:
+    case ErrorCode::kVersion:
+    case ErrorCode::kInvalidInput:
+      return Error{ErrorCode::kUnavailable, error.message};
+    default:
+      return connected;
+  }
 }
 
 void PostgresConnection::noteNotice(void* self, const PGresult* notice) {

@@ -1,8 +1,18 @@
-/// What differs between the SQL of SQLite, in which the stores are written, and PostgreSQL's. All of it is
-/// here and in db/migrations/postgres:
-/// - parameters: `?` and `?3` become `$1`, `$3`; NOT INDEXED goes (forPostgres());
-/// - min(a, b), max(a, b), instr, hex and zeroblob are functions of the schema there;
+/// What differs between the SQL of SQLite, in which the stores are written, and PostgreSQL's:
+/// - parameters: `?` and `?3` become `$1`, `$3`; NOT INDEXED goes (forPostgres(), here);
+/// - the schema, and min(a, b), max(a, b), instr, hex and zeroblob, which are functions of it
+///   (db/migrations/postgres);
 /// - BEGIN, SAVEPOINT and COMMIT are the engines' own (engine.h).
+/// Where the two do not do the same, a file asks which one it has (Connection::sqlite()). A test holds this
+/// list. Other SQL have
+/// - schema, copy_marks, check, connection: catalogues, versions, PRAGMA, the greatest number of a table;
+/// - session_rows: a chunk is compared with its index entry by rowid, which PostgreSQL does itself;
+/// - retention_store, erasure: the database's size and room, statistics that hold values;
+/// - restored_backup: which server it is, and whether it is a standby;
+/// - copied_tables, store_copy: last numbers, lists as parameters, triggers, plans.
+/// Without SQL differ db_writer and session_appends (chunks in one statement, who keeps what a failed COMMIT
+/// had), free_parts, repeated_erasures, erasures and upkeep_handlers (files, pages and backups are
+/// PostgreSQL's own), monitor (where the size comes from).
 /// What stores may not use, because only SQLite has it: a bare number as a condition (write `flag <> 0`),
 /// bare columns beside an aggregate, a subquery in FROM without a name, GLOB, PRAGMA, rowid,
 /// CAST(… AS INTEGER) (write BIGINT), last_insert_rowid (write RETURNING).

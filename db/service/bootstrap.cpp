@@ -98,6 +98,7 @@ Status requireDatabase(const std::filesystem::path& folder, const Store::Options
 /// The writer's connection, with the newest schema.
 Result<Connection> openToWrite(const StoreAddress& address, Durability least) {
   ASSIGN_OR_RETURN(auto connection, openToServe(address, least));
+  RETURN_IF_ERROR(requireRights(connection));
   // a change that was killed may have left a log that holds the room for what comes now
   (void)connection.emptyLog(0);
   RETURN_IF_ERROR(refuseUnfinishedCopy(connection));
@@ -207,8 +208,21 @@ FolderLock::~FolderLock() {
 
 Store::~Store() {
   if (!writer_) return;
-  writer_->stop();
+  stopWriting();
   (void)keepAuditHead();
+}
+
+Status Store::keepAcknowledged() {
+  if (!acknowledged_) return {};
+  acknowledged_->post(*writer_);
+  return acknowledged_->keep();
+}
+
+void Store::stopWriting() {
+  if (acknowledged_) acknowledged_->post(*writer_);
+  writer_->stop();
+  // what cannot be written says that less was acknowledged, and nothing wrong
+  if (acknowledged_) (void)acknowledged_->keep();
 }
 
 Status Store::keepAuditHead() {
@@ -218,6 +232,13 @@ Status Store::keepAuditHead() {
 }
 
 Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, const Options& options) {
+  auto opened = openUnlessWrong(folder, options);
+  if (!opened) return wrongStore(opened.error());
+  return opened;
+}
+
+Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::path& folder,
+                                                      const Options& options) {
   const auto path = folder / "needlelab.db";
   std::error_code ignored;
   // a copy may be about to get into the database's place
@@ -268,8 +289,17 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
     ASSIGN_OR_RETURN(const auto pending, MetaStore(*connection).get(kFreePartsKey));
     unfinished = pending.has_value();
     store->erasures_repeated_ = *repeated;
+    DbWriter::Options writer = options.writer;
+    if (address.isPostgres()) {
+      ASSIGN_OR_RETURN(auto mark, AcknowledgedMark::atStart(*connection));
+      store->acknowledged_.emplace(std::move(mark));
+      writer.lack_at_start = store->acknowledged_->lack();
+    } else {
+      // of a database elsewhere, whose copy this one may be: the next one there begins anew
+      std::filesystem::remove(folder / kAcknowledgedFile, ignored);
+    }
     store->readers_ = std::make_unique<ReaderPool>(address);
-    store->writer_ = std::make_unique<DbWriter>(std::move(*connection), options.writer, options.on_fatal);
+    store->writer_ = std::make_unique<DbWriter>(std::move(*connection), writer, options.on_fatal);
   } else {
     if (connection.error().code != ErrorCode::kNoRoom || address.isPostgres()) return connection.error();
     store->read_only_ = connection.error();

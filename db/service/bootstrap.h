@@ -11,6 +11,7 @@
 
 #include "common/base/result.h"
 #include "common/base/time_source.h"
+#include "db/acknowledged.h"
 #include "db/db_writer.h"
 #include "db/reader_pool.h"
 #include "db/service/service.h"
@@ -55,9 +56,10 @@ class Store {
   /// profiles and curriculum into a new database, completes and repeats erasures, empties the log. Removes
   /// what a killed program left in DIR. An existing database whose disk is full, or which must not be written
   /// to, is opened read-only: its log is read, and nothing is written, neither into it nor beside it. Errors:
-  /// kUnavailable (locked), kVersion (newer schema), kNoRoom (the disk is full, and the database is new or
-  /// has an older schema), kInvalidInput (backup_key; a pipe, device, socket or folder in a file's place;
-  /// addressOf() and claimStore()), kCorrupt, kFailed, and those of openPostgres().
+  /// kUnavailable (locked), kNoRoom (the disk is full, and the database is new or has an older schema),
+  /// kInvalidInput (backup_key; a pipe, device, socket or folder in a file's place; a newer schema;
+  /// addressOf() and claimStore(); what of PostgreSQL does not get right by itself, as wrongStore() says),
+  /// kCorrupt, kFailed, and the others of openPostgres().
   static Result<std::unique_ptr<Store>> open(const std::filesystem::path& folder, const Options& options);
 
   Store(const Store&) = delete;
@@ -67,6 +69,15 @@ class Store {
   /// Keeps in DIR/audit.head how far the audit log has come (db/audit_head.h); what is written later is not
   /// held until the next call, or the store's end. One thread at a time.
   Status keepAuditHead();
+
+  /// Keeps in DIR/acknowledged how far the acknowledgements have come (db/acknowledged.h), up to some of the
+  /// last call: call it about once a second. Waits for the disk, and for nothing else. One thread at a time.
+  Status keepAcknowledged();
+  /// What the database lacks of what was acknowledged before this store was opened; empty: nothing.
+  [[nodiscard]] std::string acknowledgedMissing() const { return acknowledged_ ? acknowledged_->lack() : ""; }
+
+  /// Ends the writer, when nobody calls the two above any more. What it commits is kept, too.
+  void stopWriting();
 
   /// Why nothing can be written, until the folder is opened again; nothing: the writer works.
   [[nodiscard]] const std::optional<Error>& readOnly() const { return read_only_; }
@@ -86,6 +97,9 @@ class Store {
 
  private:
   explicit Store(FolderLock lock) : lock_(std::move(lock)) {}
+  /// open(), with the errors as the parts have them.
+  static Result<std::unique_ptr<Store>> openUnlessWrong(const std::filesystem::path& folder,
+                                                        const Options& options);
   FolderLock lock_;  // destroyed last
   std::optional<Error> read_only_;
   std::unique_ptr<ReaderPool> readers_;
@@ -94,6 +108,7 @@ class Store {
   std::size_t erasures_repeated_ = 0;
   std::string clock_behind_, clock_ahead_;
   std::vector<std::filesystem::path> leftovers_;
+  std::optional<AcknowledgedMark> acknowledged_;  ///< of a database on PostgreSQL
 };
 
 }  // namespace needlelab

@@ -9,6 +9,7 @@
 #include <system_error>
 
 #include "common/base/files.h"
+#include "db/acknowledged.h"
 #include "db/audit_chain.h"
 #include "db/audit_head.h"
 #include "db/backup.h"
@@ -25,8 +26,8 @@ namespace fs = std::filesystem;
 
 /// Files beside the database that a start reads or writes.
 constexpr std::string_view kOwnFiles[] = {
-    "lock",         "pseudonym.key", kErasuresFile,          kAuditKeyFile,
-    kAuditHeadFile, kRestorePending, kReplacedAuditHeadFile, kStoreFile};
+    "lock",          "pseudonym.key",        kErasuresFile, kAuditKeyFile,    kAuditHeadFile,
+    kRestorePending, kReplacedAuditHeadFile, kStoreFile,    kAcknowledgedFile};
 
 /// What else lies there: SQLite's, and what an undone restore leaves (deploy/OPERATIONS.md).
 constexpr std::string_view kOthersOwnFiles[] = {"needlelab.db-wal", "needlelab.db-shm",

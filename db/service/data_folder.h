@@ -20,9 +20,9 @@ Status checkOwnFiles(const std::filesystem::path& folder);
 std::vector<std::filesystem::path> removeFolderLeftovers(const std::filesystem::path& folder);
 
 /// Whether the programs keep a file of this name there, or its temporary file: in the data folder `folder`
-/// the lock, keys, the list of erasures, heads of the audit log and what SQLite puts beside the database, in
-/// its `tls` keys and certificates. Only SQLite's have names of people. Databases and their copies are none
-/// of them. `path` begins with `folder` as it is written.
+/// the lock, keys, the list of erasures, heads of the audit log, how far acks have come, and what SQLite puts
+/// beside the database, in its `tls` keys and certificates. Only SQLite's have names of people. Databases and
+/// their copies are none of them. `path` begins with `folder` as it is written.
 bool isOwnFile(const std::filesystem::path& folder, const std::filesystem::path& path);
 
 }  // namespace needlelab

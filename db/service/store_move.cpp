@@ -147,6 +147,7 @@ class StoreMover {
     if (move_.to_postgres) {
       ASSIGN_OR_RETURN(auto opened, openToServe(on_postgres_, Durability::kNothing));
       to_.emplace(std::move(opened));
+      RETURN_IF_ERROR(requireRights(*to_));
     } else {
       if (move_.begin_again) RETURN_IF_ERROR(removeWithLogs(copying_, {"-wal", "-shm", "-journal", ""}));
       RETURN_IF_ERROR(makeCopyFile(copying_));
@@ -273,7 +274,9 @@ class StoreMover {
 }  // namespace
 
 Result<StoreMoved> moveStore(const StoreMove& move) {
-  return StoreMover(move).run();
+  auto moved = StoreMover(move).run();
+  if (!moved) return wrongStore(moved.error());
+  return moved;
 }
 
 }  // namespace needlelab

@@ -80,9 +80,11 @@ Result<pb::Reply> verifyRestored(const Context& context, const pb::Backup& call)
                  "backup, or pg_basebackup or pg_dump by hand. Restore one elsewhere, and give the address "
                  "of that database, postgresql://USER@HOST/DATABASE, to needlelab-admin backup verified "
                  "(deploy/OPERATIONS.md, PostgreSQL)"};
-  ASSIGN_OR_RETURN(auto restored,
-                   openAt(StoreAddress(context.reader.path(), call.path()), Connection::Mode::kReader));
-  ASSIGN_OR_RETURN(auto backup, compareRestored(context.reader, restored, context.cancelled));
+  auto restored = openAt(StoreAddress(context.reader.path(), call.path()), Connection::Mode::kReader);
+  if (!restored) return wrongStore(restored.error());
+  auto compared = compareRestored(context.reader, *restored, context.cancelled);
+  if (!compared) return wrongStore(compared.error());
+  RestoredBackup& backup = *compared;
   if (!call.counts_as_safe()) backup.result.covered.clear();
   const std::string detail = fmt::format(
       "restored and verified, {} chunks, {}{}", backup.result.chunks_verified,

@@ -258,7 +258,9 @@ void storage(PrometheusText& out, const ServerContext& context, const StoreFacts
              "Age of the last verified backup; absent when there is none.");
   if (facts.backup_unix_ns) out.sample(static_cast<double>(wallNowNs() - *facts.backup_unix_ns) / 1e9);
   out.gauge("needlelab_unsafe_chunks", real(facts.unsafe_chunks),
-            "Chunks committed that no verified backup holds.");
+            "Chunks committed that are not Safe: in no verified backup on another disk nor, with "
+            "--durability two-disks, "
+            "on two disks by their ack.");
   out.counter("needlelab_backups_total", real(context.counters.backups), "Verified backups made.");
   if (facts.certificate_end_unix_s != 0)
     out.gauge("needlelab_certificate_not_after_seconds", static_cast<double>(facts.certificate_end_unix_s),

@@ -20,6 +20,7 @@
 #include "db/retention_store.h"
 #include "db/schema.h"
 #include "db/seen_time.h"
+#include "db/session_store.h"
 #include "server/base/log.h"
 
 namespace needlelab {
@@ -90,7 +91,7 @@ std::uint64_t oneNumber(Connection& reader, std::string_view sql, std::string& f
 
 }  // namespace
 
-StoreFacts readStoreFacts(Store& store, const std::filesystem::path& certificate) {
+StoreFacts readStoreFacts(Store& store, const std::filesystem::path& certificate, bool acks_are_safe) {
   StoreFacts facts;
   const std::filesystem::path path = store.databasePath();
   std::error_code error;
@@ -123,11 +124,9 @@ StoreFacts readStoreFacts(Store& store, const std::filesystem::path& certificate
     if (!room.ok()) facts.fault = room.error().message;
   }
   facts.sessions_open = oneNumber(**reader, "SELECT count(*) FROM sessions WHERE state = 1", facts.fault);
-  facts.unsafe_chunks = oneNumber(
-      **reader,
-      "SELECT coalesce(sum(max(coalesce(p.chunks, s.chunks) - s.safe_chunks, 0)), 0) FROM sessions s"
-      " LEFT JOIN session_progress p ON p.session = s.number",
-      facts.fault);
+  const auto unsafe = SessionStore(**reader).unsafeChunks(acks_are_safe);
+  if (unsafe.ok()) facts.unsafe_chunks = *unsafe;
+  if (!unsafe.ok()) facts.fault = unsafe.error().message;
   if (const auto when = MetaStore(**reader).get("backup_unix_ns"); !when.ok()) {
     facts.fault = when.error().message;
   } else if (*when) {
@@ -192,9 +191,9 @@ Task<HttpAnswer> Monitor::answer(std::string path) {
 }
 
 Task<> Monitor::read(Monitor& self) {
-  std::function<Result<StoreFacts>()> work = [&store = self.context_.store,
-                                              file = self.certificate_]() -> Result<StoreFacts> {
-    return readStoreFacts(store, file);
+  std::function<Result<StoreFacts>()> work = [&store = self.context_.store, file = self.certificate_,
+                                              safe = self.context_.acks_are_safe]() -> Result<StoreFacts> {
+    return readStoreFacts(store, file, safe);
   };
   auto read = co_await offload(self.worker_, std::move(work));
   if (read.ok()) {

@@ -43,7 +43,7 @@ struct StoreFacts {
   std::uint64_t database_bytes = 0, wal_bytes = 0;
   std::uint64_t free_bytes = 0, disk_bytes = 0;
   std::uint64_t sessions_open = 0;
-  std::uint64_t unsafe_chunks = 0;               ///< committed but in no verified backup
+  std::uint64_t unsafe_chunks = 0;               ///< committed but not Safe
   std::optional<std::int64_t> backup_unix_ns;    ///< of the last verified backup
   Durability durability = Durability::kNothing;  ///< what an ack survives
   bool clock_ahead = false;                      ///< of the latest time that is known (db/seen_time.h)
@@ -53,8 +53,8 @@ struct StoreFacts {
   bool answered = true;  ///< false: the disk does not answer; the other values are from the last answer
 };
 
-/// Opens a reader's connection. Thread: one thread of `readers`.
-StoreFacts readStoreFacts(Store& store, const std::filesystem::path& certificate);
+/// Opens a reader's connection. `acks_are_safe`: as in the context. Thread: one thread of `readers`.
+StoreFacts readStoreFacts(Store& store, const std::filesystem::path& certificate, bool acks_are_safe);
 
 /// All metrics as Prometheus text. Thread: the network's.
 std::string metricsText(const ServerContext& context, const StoreFacts& facts);

@@ -64,11 +64,13 @@ class Setup(unittest.TestCase):
         self.assertIn("clang", packages())
         self.assertNotIn("clang", listed())
 
-    def test_the_demo_needs_no_browser_no_node_and_no_test_library(self):
+    def test_the_demo_needs_no_browser_no_node_no_postgresql_and_no_test_library(self):
         heavy = {"chromium", "nodejs", "npm", "valgrind", "xvfb", "libgtest-dev", "libbenchmark-dev"}
-        self.assertLessEqual(heavy, set(packages()))
-        self.assertFalse(heavy & set(listed("--demo")))
+        postgresql = {"libpq-dev", "postgresql-15"}
+        self.assertLessEqual(heavy | postgresql, set(packages()))
+        self.assertFalse((heavy | postgresql) & set(listed("--demo")))
         self.assertFalse(heavy & set(listed("--faculty")))
+        self.assertLessEqual(postgresql, set(listed("--faculty")))
 
     def test_on_another_system_it_installs_nothing_and_the_check_names_what_is_missing(self):
         bare = OtherSystem(self)

@@ -158,11 +158,13 @@ class Lab:
             "--password-file", self.password, environment=self.environment)
         self.server = None
 
-    def start(self):
+    def start(self, durability=None):
         scratch = self.scratch
-        self.log = open(scratch / "server.log", "w", encoding="utf-8")
+        for name in ("port", "metrics"):
+            (scratch / name).unlink(missing_ok=True)
+        self.log = open(scratch / "server.log", "a", encoding="utf-8")
         self.server = subprocess.Popen(
-            [self.bin / "needlelab-server", "--data", self.data, "--store", self.url, "--durability", self.durability, "--listen", "127.0.0.1:0",
+            [self.bin / "needlelab-server", "--data", self.data, "--store", self.url, "--durability", durability or self.durability, "--listen", "127.0.0.1:0",
              "--port-file", scratch / "port", "--metrics", "0", "--metrics-port-file", scratch / "metrics", "--web", "off"],
             stdout=self.log, stderr=self.log, env={**os.environ, **self.environment})
         until(lambda: all((scratch / name).exists() for name in ("port", "metrics")) or self.server.poll() is not None, "the server starts")
@@ -170,6 +172,19 @@ class Lab:
         self.port, self.metrics = (scratch / "port").read_text().strip(), (scratch / "metrics").read_text().strip()
         shutil.copy(self.data / "tls/ca.crt", scratch / "ca.crt")
         (scratch / "ca.crt").chmod(0o644)
+
+    def stop(self):
+        self.server.send_signal(signal.SIGTERM)
+        assert self.server.wait(timeout=60) == 0, "the server did not end in order"
+
+    def acks_of_a_station(self, name):
+        """A station of this name records two short sessions and delivers them: what each ack said, (committed, Safe)."""
+        key, ledger = self.scratch / f"{name}.key", self.scratch / f"{name}.jsonl"
+        self.admin("station", "add", name, "--out", key)
+        run(self.bin / "needlelab-durability-station", "--server", f"127.0.0.1:{self.port}", "--ca", self.scratch / "ca.crt", "--key", key, "--spool",
+            self.scratch / f"spool-{name}", "--ledger", ledger, "--seed", "7", "--sessions", "2", "--rate", "100", "--push", "2000", "--samples", "1600")
+        events = [json.loads(line) for line in ledger.read_text(encoding="ascii").splitlines() if '"e":"ack"' in line]
+        return [(event["committed"], event["safe"]) for event in events]
 
     def health(self):
         try:
@@ -237,6 +252,25 @@ def start_both(a, b):
     a.wait_for_standby("b")
 
 
+def acks_without_two_disks(lab, machines):
+    """The same machines, but the lab did not ask for two disks: an ack makes nothing Safe, and there is no backup."""
+    lab.start("power-cut")
+    acks = lab.acks_of_a_station("one-disk")
+    assert max(committed for committed, _ in acks) > 1 and all(safe == 0 for _, safe in acks), acks
+    stored = int(machines[0].sql("\\connect needlelab\nSELECT count(*) FROM needlelab.chunks"))
+    until(lambda: lab.metric("needlelab_unsafe_chunks") == stored, "all chunks are unsafe")
+    lab.stop()
+
+
+def acks_of_two_disks(lab):
+    """Safe = ack, without a backup: of what is stored now, and of what was before."""
+    until(lambda: lab.metric("needlelab_unsafe_chunks") == 0, "no chunk is unsafe")
+    acks = lab.acks_of_a_station("two-disks")
+    assert max(committed for committed, _ in acks) > 1 and all(safe == committed for committed, safe in acks), acks
+    assert lab.health()["backup_age_s"] is None
+    assert lab.metric("needlelab_unsafe_chunks") == 0
+
+
 def lesson(lab, scratch, a, b):
     # a busy machine may take longer for the first trial write than /healthz waits
     until(lambda: lab.health()["healthy"], "/healthz is content")
@@ -249,6 +283,7 @@ def lesson(lab, scratch, a, b):
         run(f"{PG}/psql", "-w", "-XAtqc", "SELECT 1", conninfo, code=2, environment={"PGPASSFILE": "/dev/null"})
     assert a.sql("SELECT rolsuper OR rolcreaterole OR rolcreatedb OR rolreplication FROM pg_roles WHERE rolname = 'needlelab'") == "f"
 
+    acks_of_two_disks(lab)
     load = lab.load(4)
     until(lambda: lab.metric("needlelab_sessions_open") == 6, "all stations send")
     # while stations send; the folder lies on the cluster's disk, or on one that is not known
@@ -256,11 +291,12 @@ def lesson(lab, scratch, a, b):
     assert "made and verified" in said and re.search(r"^Safe +no$", said, re.MULTILINE), said
     lab.judge(load)
     assert lab.health()["backup_age_s"] is not None
-    assert lab.metric("needlelab_unsafe_chunks") > 0
+    in_no_backup = "\\connect needlelab\nSELECT count(*) FROM needlelab.sessions WHERE safe_chunks < chunks"
+    assert int(a.sql(in_no_backup)) > 0 and lab.metric("needlelab_unsafe_chunks") == 0
     # of the standby: the primary is not held up. Every session was closed before
     until(lambda: a.sql("SELECT replay_lsn >= pg_current_wal_lsn() FROM pg_stat_replication") == "t", "b has replayed all")
     said = make_backup(lab, b, scratch, "--keep", "1", "--counts-as-safe")
-    assert lab.metric("needlelab_unsafe_chunks") == 0, said
+    assert a.sql(in_no_backup) == "0", said
     assert said.count("removed the old backup") == 1, said
     kept, = (scratch / "backups").glob("base-*")
     first = re.search(r"^START WAL LOCATION: .*\(file (\w+)\)", (kept / "backup_label").read_text(), re.MULTILINE)[1]
@@ -340,14 +376,14 @@ def main():
         machines = Machine("a", scratch), Machine("b", scratch)
         start_both(*machines)
         lab = Lab(given.bin.resolve(), scratch, machines)
+        acks_without_two_disks(lab, machines)
         lab.start()
         for step in (lambda: lesson(lab, scratch, *machines), lambda: standby_lost(lab, *machines), lambda: promoted(lab, *machines),
                      lambda: restored(machines[1], scratch)):
             begun = time.monotonic()
             step()
             print(f"{time.monotonic() - begun:.1f} s")
-        lab.server.send_signal(signal.SIGTERM)
-        assert lab.server.wait(timeout=60) == 0, "the server did not end in order"
+        lab.stop()
         return 0
     except BaseException:
         for log in sorted(scratch.glob("*.log")):

@@ -659,6 +659,30 @@ TEST_F(PostgresEngine, noOtherRoleOfTheClusterKeepsAWriterWaiting) {
   must(control_->script("DROP ROLE " + role));
 }
 
+// As kDenied it would be a wrong password of whoever logs in meanwhile.
+TEST_F(PostgresEngine, aUserWhoMayNoLongerConnectIsAnOutageOfAConnectionThatWas) {
+  const std::string role = otherName() + "_role";
+  must(control_->script("DROP ROLE IF EXISTS " + role + "; CREATE ROLE " + role + " LOGIN"));
+  {
+    auto opened = openPostgres({.url = urlOf(otherName()) + " user=" + role});
+    ASSERT_TRUE(opened.ok()) << opened.error().message;
+    must(control_->script("ALTER ROLE " + role + " NOLOGIN"));
+    must(run(*control_,
+             "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE usename = '" + role + "'"));
+    while (number(*control_, "SELECT count(*) FROM pg_stat_activity WHERE usename = '" + role + "'") > 0)
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    EXPECT_FALSE((*opened)->script("SELECT 1").ok());
+    const Status again = (*opened)->script("SELECT 1");
+    ASSERT_FALSE(again.ok());
+    EXPECT_EQ(again.error().code, ErrorCode::kUnavailable);
+    EXPECT_THAT(again.error().message, HasSubstr("is not permitted to log in"));
+    const auto anew = openPostgres({.url = urlOf(otherName()) + " user=" + role});
+    ASSERT_FALSE(anew.ok());
+    EXPECT_EQ(anew.error().code, ErrorCode::kDenied);
+  }
+  must(control_->script("DROP ROLE " + role));
+}
+
 TEST_F(PostgresEngine, addressesAreCheckedAndShowNoPassword) {
   const auto code = [](const std::string& url, std::string* message) {
     const auto opened = openPostgres({.url = url});

@@ -119,7 +119,7 @@ TEST_F(StoreMoveTest, aUserWhoDoesNotOwnTheTablesIsRefusedBeforeAnythingIsCopied
   addSession(3);
   const PlainUser user(false);
   const Run refused = run({"store", "copy", "--from", data(), "--to", user.url()});
-  EXPECT_EQ(refused.code, 1);
+  EXPECT_EQ(refused.code, 2);
   EXPECT_THAT(refused.err, HasSubstr("of the schema needlelab belongs to 'needlelab'"));
   expectSound(false, 1);
 }

@@ -130,6 +130,25 @@ TEST_F(Quarantine, aBackupHasSuchChunksButMakesNeitherThemNorLaterOnesSafe) {
   EXPECT_EQ(check->undecodable.size(), 2u);
 }
 
+TEST_F(Quarantine, whereAcksAreSafeOnlySuchChunksAndLaterOnesAreUnsafe) {
+  const Bytes bad = impossibleChunks().front().second;
+  EXPECT_EQ(*store.unsafeChunks(false), 0u);
+  EXPECT_EQ(*store.unsafeChunks(true), 0u);
+  const Uuid sound = closedSession({chunkOf(0), chunkOf(1)});
+  const Uuid open = makeUuidV7();
+  ASSERT_OK(store.open(describe(open), 5));
+  ASSERT_OK(store.append(open, 0, chunkOf(0)));
+  EXPECT_EQ(*store.unsafeChunks(false), 3u) << "there is no backup";
+  EXPECT_EQ(*store.unsafeChunks(true), 0u);
+  ASSERT_OK(store.append(open, 1, bad));
+  closedSession({bad, chunkOf(1), bad});
+  EXPECT_EQ(*store.unsafeChunks(false), 7u);
+  EXPECT_EQ(*store.unsafeChunks(true), 4u) << "one of the open session, three of the last";
+  ASSERT_OK(store.markSafe(sound, 2));
+  EXPECT_EQ(*store.unsafeChunks(false), 5u);
+  EXPECT_EQ(*store.unsafeChunks(true), 4u);
+}
+
 /// A database of before has such chunks without a mark: verification decodes, and finds them.
 TEST_F(Quarantine, chunksThatAnOlderServerCalledSoundAreFoundWithoutAMark) {
   const Uuid id = closedSession({chunkOf(0), impossibleChunks().back().second, chunkOf(2)});

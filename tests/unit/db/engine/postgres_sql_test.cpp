@@ -2,6 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <fstream>
+#include <regex>
+#include <set>
+#include <sstream>
+#include <string>
+
 namespace needlelab {
 namespace {
 
@@ -40,6 +47,35 @@ TEST(PostgresSql, leavesTextsNamesAndCommentsAsTheyAre) {
       {"SELECT a - ?", "SELECT a - $1"},
   };
   for (const auto& row : rows) EXPECT_EQ(forPostgres(row.sqlite).text, row.postgres) << row.sqlite;
+}
+
+TEST(PostgresSql, theFilesThatAskForTheEngineAreThoseThatTheHeaderNames) {
+  const std::filesystem::path source = NEEDLELAB_SOURCE;
+  const auto text_of = [](const std::filesystem::path& path) {
+    std::ostringstream text;
+    text << std::ifstream(path).rdbuf();
+    return text.str();
+  };
+  std::string header = text_of(source / "db/engine/postgres_sql.h");
+  const std::size_t at = header.find("Where the two do not do the same");
+  ASSERT_NE(at, std::string::npos);
+  header = header.substr(at, header.find("What stores may not use") - at);
+  std::set<std::string> asking;
+  for (const char* folder : {"db", "client", "common", "server"})
+    for (const auto& file : std::filesystem::recursive_directory_iterator(source / folder)) {
+      if (file.path().extension() != ".cpp" || file.path().parent_path() == source / "db/engine") continue;
+      const std::string text = text_of(file.path());
+      if (text.find("sqlite() == nullptr") != std::string::npos ||
+          text.find("sqlite() != nullptr") != std::string::npos)
+        asking.insert(file.path().stem());
+    }
+  EXPECT_GE(asking.size(), 15u);
+  for (const std::string& name : asking)
+    EXPECT_TRUE(std::regex_search(header, std::regex("\\b" + name + "\\b"))) << name << " is not in the list";
+  // and no name that asks no more
+  const std::regex names("\\b[a-z]+(_[a-z]+)+\\b");
+  for (std::sregex_iterator name(header.begin(), header.end(), names), end; name != end; ++name)
+    EXPECT_TRUE(asking.contains(name->str())) << name->str();
 }
 
 }  // namespace

@@ -1,0 +1,122 @@
+#include "db/acknowledged.h"
+
+#include <fcntl.h>
+#include <fmt/core.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <charconv>
+#include <optional>
+#include <string_view>
+#include <utility>
+
+#include "common/base/files.h"
+#include "db/schema.h"
+#include "db/store_address.h"
+
+namespace needlelab {
+namespace {
+
+constexpr std::string_view kLabLine = "lab = ", kNumberLine = "\nnumber = ";
+
+std::optional<std::uint64_t> numberIn(std::string_view text) {
+  std::uint64_t number = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error != std::errc() || end != text.data() + text.size() || number > INT64_MAX - 1) return std::nullopt;
+  return number;
+}
+
+/// What the folder's file says of this lab; 0: nothing.
+Result<std::uint64_t> numberInFile(const std::filesystem::path& path, std::string_view lab) {
+  std::error_code error;
+  if (!std::filesystem::exists(path, error)) return std::uint64_t{0};
+  ASSIGN_OR_RETURN(const std::string text, readWholeFile(path, 1000));
+  const std::string_view all = text;
+  const std::size_t second = all.find(kNumberLine);
+  std::optional<std::uint64_t> number;
+  if (all.starts_with(kLabLine) && second != std::string_view::npos && all.ends_with('\n')) {
+    const std::size_t at = second + kNumberLine.size();
+    number = numberIn(all.substr(at, std::max(all.size() - 1, at) - at));
+  }
+  if (!number)
+    return Error{
+        ErrorCode::kInvalidInput,
+        fmt::format("{}: is not as needlelab-server writes it (the lines lab = ID and number = N), so "
+                    "nobody can tell whether the database has all that was acknowledged: put the right "
+                    "one back, or remove it",
+                    path.string())};
+  const bool of_this_lab = all.substr(kLabLine.size(), second - kLabLine.size()) == lab;
+  return of_this_lab ? *number : std::uint64_t{0};
+}
+
+}  // namespace
+
+Result<AcknowledgedMark> AcknowledgedMark::atStart(Connection& writer) {
+  MetaStore meta(writer);
+  ASSIGN_OR_RETURN(const auto lab, meta.get(kLabKey));
+  ASSIGN_OR_RETURN(const auto text, meta.get(kAcknowledgedKey));
+  const std::uint64_t stored = numberIn(text.value_or("0")).value_or(0);
+  const auto file = writer.path().parent_path() / kAcknowledgedFile;
+  ASSIGN_OR_RETURN(const std::uint64_t known, numberInFile(file, lab.value_or("")));
+  AcknowledgedMark mark(file, lab.value_or(""), std::max(stored, known));
+  if (stored < known)
+    mark.lack_ = fmt::format(
+        "--store: this database does not have all that was acknowledged (it has come to number {}, and {} "
+        "says "
+        "{}): a standby that lagged was promoted, or an older backup restored, while no server ran. Stations "
+        "send "
+        "again what their spools have; sessions that no station has any more cannot be named. If a server of "
+        "PostgreSQL that has all is left, end needlelab-server and go back to it",
+        stored, file.string(), known);
+  return mark;
+}
+
+void AcknowledgedMark::post(DbWriter& writer) {
+  if (under_way_->waits) return;
+  const std::uint64_t items = writer.counters().items;
+  // what was refused covers nothing
+  const bool again = under_way_->refused.exchange(false);
+  if (items == covered_ && !again) return;
+  under_way_->waits = true;
+  const std::uint64_t number = ++number_;
+  const auto under_way = under_way_;
+  const Status posted = writer.post(
+      [number](Connection& connection) {
+        return MetaStore(connection).set(kAcknowledgedKey, std::to_string(number));
+      },
+      [number, under_way](const Status& stored) {
+        if (stored.ok()) under_way->committed = number;
+        under_way->refused = !stored.ok();
+        under_way->waits = false;
+      });
+  if (!posted) {
+    under_way->refused = true;
+    under_way->waits = false;
+  }
+  covered_ = items + 1;  // its own item wants no other one
+}
+
+Status AcknowledgedMark::keep() {
+  const std::uint64_t committed = under_way_->committed;
+  if (committed <= kept_) return {};
+  // always as long: written over in place, so that a folder that is looked through does not go on changing
+  const std::string text = fmt::format("{}{}{}{:020}\n", kLabLine, lab_, kNumberLine, committed);
+  if (!in_place_) {
+    RETURN_IF_ERROR(writeFileAtomically(file_, viewOf(text), 0600));
+    in_place_ = std::make_shared<OpenFile>(::open(file_.c_str(), O_WRONLY | O_NOFOLLOW | O_CLOEXEC));
+    if (!in_place_->isOpen()) {
+      const Error error = systemError(file_, "open");
+      in_place_.reset();
+      return error;
+    }
+  } else if (::pwrite(in_place_->fd(), text.data(), text.size(), 0) != static_cast<ssize_t>(text.size()) ||
+             ::fdatasync(in_place_->fd()) != 0) {
+    const Error error = systemError(file_, "write");
+    in_place_.reset();
+    return error;
+  }
+  kept_ = committed;
+  return {};
+}
+
+}  // namespace needlelab

@@ -1,0 +1,129 @@
+#include "db/engine/postgres_address.h"
+
+#include <fmt/core.h>
+#include <libpq-fe.h>
+#include <netdb.h>
+
+#include <algorithm>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "common/base/text.h"
+
+namespace needlelab {
+namespace {
+
+struct InfoCloser {
+  void operator()(PQconninfoOption* options) const { PQconninfoFree(options); }
+};
+
+/// What libpq says of a connection that it could not make: a line for each host that it tried, and notes.
+std::vector<std::string> linesOf(const char* text) {
+  std::vector<std::string> lines;
+  std::string_view rest = text != nullptr ? text : "";
+  while (!rest.empty()) {
+    const std::size_t end = std::min(rest.find('\n'), rest.size());
+    std::string line = printable(rest.substr(0, end));
+    // a tab begins advice for whoever runs PostgreSQL
+    const bool counts = end > 0 && rest.front() != '\t';
+    if (counts && std::find(lines.begin(), lines.end(), line) == lines.end())
+      lines.push_back(std::move(line));
+    rest.remove_prefix(std::min(end + 1, rest.size()));
+  }
+  return lines;
+}
+
+/// Of one of these lines, in English: libpq tells no SQLSTATE of a connection that was not made. Nothing: it
+/// is a note to the line before.
+std::optional<ErrorCode> codeOfLine(std::string_view line) {
+  struct Words {
+    std::string_view words;
+    ErrorCode code;
+  };
+  const std::string nobodys_name = gai_strerror(EAI_NONAME), no_address = gai_strerror(EAI_NODATA);
+  const Words known[] = {{"authentication failed", ErrorCode::kDenied},
+                         {"no pg_hba.conf entry", ErrorCode::kDenied},
+                         {"pg_hba.conf rejects", ErrorCode::kDenied},
+                         {"no password supplied", ErrorCode::kDenied},
+                         {"is not permitted to log in", ErrorCode::kDenied},
+                         {"permission denied for database", ErrorCode::kDenied},
+                         {"requires a valid client certificate", ErrorCode::kDenied},
+                         {"certificate verify failed", ErrorCode::kInvalidInput},
+                         {"does not match host name", ErrorCode::kInvalidInput},
+                         {"server does not support SSL", ErrorCode::kInvalidInput},
+                         {"does not exist", ErrorCode::kInvalidInput},
+                         {"could not match", ErrorCode::kInvalidInput},  // hosts and ports
+                         {nobodys_name, ErrorCode::kInvalidInput},
+                         {no_address, ErrorCode::kInvalidInput}};
+  if (line.starts_with("password retrieved") || line.starts_with("DETAIL") || line.starts_with("HINT"))
+    return std::nullopt;
+  if (line.starts_with("invalid ")) return ErrorCode::kInvalidInput;  // a parameter's value
+  for (const Words& one : known)
+    if (line.find(one.words) != std::string_view::npos) return one.code;
+  return ErrorCode::kUnavailable;
+}
+
+}  // namespace
+
+Result<std::string> withoutPassword(const std::string& url) {
+  char* wrong = nullptr;
+  const std::unique_ptr<PQconninfoOption, InfoCloser> parsed(PQconninfoParse(url.c_str(), &wrong));
+  if (parsed == nullptr) {
+    PQfreemem(wrong);  // it may quote the URL, and with it the password
+    return Error{ErrorCode::kInvalidInput,
+                 "--store: is no address of PostgreSQL; write postgresql://USER@HOST:5432/DATABASE, and the "
+                 "password into a file (passfile, PGPASSFILE)"};
+  }
+  std::map<std::string, std::string> values;
+  for (const PQconninfoOption* option = parsed.get(); option->keyword != nullptr; ++option) {
+    if (option->val == nullptr) continue;
+    values[option->keyword] = option->val;
+    if (std::string_view(option->dispchar) == "*")  // what libpq itself does not show
+      return Error{
+          ErrorCode::kInvalidInput,
+          fmt::format("--store: has a password ({}), which every user of this machine can see in the list of "
+                      "processes: put it into a file of mode 0600 and write passfile=FILE, or set PGPASSFILE",
+                      option->keyword)};
+  }
+  // a password with a sign that ends it, or without a host behind it, is read as one of these
+  if (values["host"].find('@', 1) != std::string::npos || values["dbname"].find('@') != std::string::npos ||
+      values["port"].find_first_not_of("0123456789,") != std::string::npos)
+    return Error{ErrorCode::kInvalidInput,
+                 "--store: its host, port or database has a sign that none has: write "
+                 "postgresql://USER@HOST:5432/DATABASE, "
+                 "with %2F for a / and %40 for an @ in a name, and the password into a file (passfile, "
+                 "PGPASSFILE)"};
+  const auto value = [&](const char* name, const char* otherwise) {
+    const auto found = values.find(name);
+    return found != values.end() && !found->second.empty() ? found->second : std::string(otherwise);
+  };
+  return fmt::format("postgresql://{}@{}:{}/{}", value("user", "(you)"), value("host", "(local)"),
+                     value("port", "5432"), value("dbname", value("user", "(you)").c_str()));
+}
+
+Error cannotConnect(const std::string& shown_url, const char* said) {
+  const auto lines = linesOf(said);
+  ErrorCode code = ErrorCode::kInvalidInput;
+  std::string all;
+  for (const std::string& line : lines) {
+    all += (all.empty() ? "" : "; ") + line;
+    const auto found = codeOfLine(line);
+    if (found && code != ErrorCode::kUnavailable && *found != ErrorCode::kInvalidInput) code = *found;
+  }
+  if (lines.empty()) code = ErrorCode::kUnavailable;
+  if (all.ends_with('.')) all.pop_back();
+  const char* advice = "";
+  if (code == ErrorCode::kDenied)
+    advice =
+        ". Look at the user in the address, at its line HOST:PORT:DATABASE:USER:PASSWORD in the password "
+        "file "
+        "(passfile, PGPASSFILE; mode 0600), and at pg_hba.conf on that machine";
+  if (code == ErrorCode::kInvalidInput) advice = ". Look at the address";
+  return {code, fmt::format("{}: cannot connect: {}{}", shown_url, all, advice)};
+}
+
+}  // namespace needlelab

@@ -1,0 +1,237 @@
+#!/usr/bin/env python3
+"""What is wrong with --store: one line that says what and what to do, exit code 2, nothing served; an outage is 1, so that systemd tries again.
+
+usage: bad_input_test.py BIN
+
+Starts needlelab-server and needlelab-admin on a cluster of PostgreSQL, and on a program that speaks the beginning of its protocol and says
+that it is version 14. No password is in what they say and write, nor in the list of processes. Without PostgreSQL 15 it exits with 77.
+"""
+import argparse
+import contextlib
+import os
+import pathlib
+import shutil
+import socket
+import struct
+import subprocess
+import sys
+import tempfile
+import threading
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "faults"))
+from clusters import PG, Cluster, give, until  # noqa: E402
+
+RIGHT, WRONG = "open sesame 17", "let me in 18"
+ROLES = ("owner", "keeper", "plain", "banned", "unlisted")
+ACCESS = """local  all   needlelab  trust
+local  kept  keeper     scram-sha-256
+local  all   banned     reject
+local  all   owner      trust
+local  all   plain      trust
+"""
+
+
+class OldServer:
+    """Says that it is PostgreSQL 14, to whoever connects."""
+
+    def __init__(self):
+        self.listening = socket.create_server(("127.0.0.1", 0))
+        self.port = self.listening.getsockname()[1]
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self):
+        while True:
+            try:
+                peer, _ = self.listening.accept()
+            except OSError:
+                return
+            with peer, contextlib.suppress(OSError, struct.error):
+                self._greet(peer)
+
+    @staticmethod
+    def _greet(peer):
+        def message(kind, body):
+            return kind + struct.pack(">I", len(body) + 4) + body
+
+        while True:
+            length, code = struct.unpack(">II", peer.recv(8, socket.MSG_WAITALL))
+            if code not in (80877103, 80877104):  # wants TLS, or GSSAPI
+                break
+            peer.sendall(b"N")
+        peer.recv(length - 8, socket.MSG_WAITALL)
+        peer.sendall(message(b"R", struct.pack(">I", 0)) + message(b"S", b"server_version\0" + b"14.9\0") +
+                     message(b"S", b"client_encoding\0UTF8\0") + message(b"K", struct.pack(">II", 1, 1)) + message(b"Z", b"I"))
+        while peer.recv(4096):
+            pass
+
+
+class Programs:
+    """needlelab-server and needlelab-admin, and what they may not do."""
+
+    def __init__(self, bin_folder, scratch):
+        self.bin, self.scratch = bin_folder, scratch
+        self.environment = {name: value for name, value in os.environ.items() if not name.startswith("PG")}
+        (scratch / "password").write_text("correct horse battery 15\n")
+        (scratch / "password").chmod(0o600)
+
+    def server(self, data, url):
+        return [self.bin / "needlelab-server", "--data", data, "--store", url, "--listen", "127.0.0.1:0", "--port-file", self.scratch / "port", "--metrics", "0",
+                "--metrics-port-file", self.scratch / "metrics", "--web", "off"]
+
+    def add_user(self, data, url):
+        return [self.bin / "needlelab-admin", "--data", data, "--store", url, "user", "add", "ada", "--role", "administrator", "--password-file",
+                self.scratch / "password"]
+
+    def run(self, command, environment=None):
+        return subprocess.run([str(a) for a in command], capture_output=True, text=True, timeout=90, check=False, env={**self.environment, **(environment or {})})
+
+    def refused(self, what, data, url, words, code=2, environment=None):
+        """Both programs end with this code and one line that has these words."""
+        for command in (self.server(data, url), self.add_user(data, url)):
+            done = self.run(command, environment)
+            said = done.stdout + done.stderr
+            name = pathlib.Path(command[0]).name
+            assert done.returncode == code, f"{what}: {name} ended with {done.returncode}, wanted {code}: {said}"
+            assert said.startswith(f"{name}: ") and said.count("\n") == 1 and said.endswith("\n"), f"{what}: not one line: {said}"
+            for word in words:
+                assert word in said, f"{what}: {name} does not say '{word}': {said}"
+            for secret in (RIGHT, WRONG):
+                assert secret not in said, f"{what}: a password is in: {said}"
+            for port in ("port", "metrics"):
+                assert not (self.scratch / port).exists(), f"{what}: it served"
+        print(f"{what}: {code}, {said.strip()}")
+
+    def works(self, data, url, environment=None):
+        """The server starts and ends in order; no password is where others can look, nor in a file of the data folder."""
+        log = self.scratch / "server.log"
+        with open(log, "w", encoding="utf-8") as out, subprocess.Popen([str(a) for a in self.server(data, url)], stdout=out, stderr=out,
+                                                                       env={**self.environment, **(environment or {})}) as server:
+            try:
+                until(lambda: (self.scratch / "port").exists() or server.poll() is not None, "the server starts")
+                assert server.poll() is None, log.read_text()
+                places = {name: (pathlib.Path("/proc") / str(server.pid) / name).read_bytes() for name in ("cmdline", "environ")}
+            finally:
+                server.terminate()
+            assert server.wait(60) == 0, log.read_text()
+        places[log] = log.read_bytes()
+        places.update((path, path.read_bytes()) for path in data.rglob("*") if path.is_file())
+        for place, content in places.items():
+            assert RIGHT.encode() not in content, f"{place} has the password"
+        for port in ("port", "metrics"):
+            (self.scratch / port).unlink()
+
+
+def prepare(cluster):
+    """A database for each role that may have one: `own` of `owner`, `kept` of `keeper`, who has a password; `closed` of nobody of these."""
+    cluster.make()
+    cluster.sql("".join(f"CREATE ROLE {role} LOGIN;" for role in ROLES) + f"ALTER ROLE keeper PASSWORD '{RIGHT}'", "postgres")
+    like = "TEMPLATE template0 ENCODING 'UTF8' LC_COLLATE 'C' LC_CTYPE 'C'"
+    for name, owner in (("own", "owner"), ("other", "owner"), ("kept", "keeper"), ("closed", "needlelab")):
+        cluster.sql(f"CREATE DATABASE {name} OWNER {owner} {like}", "postgres")
+    cluster.sql("CREATE DATABASE bytes OWNER owner TEMPLATE template0 ENCODING 'SQL_ASCII' LC_COLLATE 'C' LC_CTYPE 'C'", "postgres")
+    access = cluster.data / "pg_hba.conf"
+    access.write_text(ACCESS)
+    give(access)
+    cluster.sql("SELECT pg_reload_conf()", "postgres")
+
+
+def addresses(programs, scratch):
+    new = scratch / "new"
+    for url, words in (("mysql://lab", ["is no address of PostgreSQL", "postgresql://USER@HOST:5432/DATABASE"]),
+                       (f"postgresql://anna:{WRONG.replace(' ', '%20')}@127.0.0.1:1/lab", ["has a password", "passfile=FILE"]),
+                       ("postgresql://anna@127.0.0.1:1/lab?sslmode=very", ["invalid sslmode value", "Look at the address"])):
+        programs.refused("a wrong URL", new, url, words)
+    # no resolver can be asked everywhere; by the C library's own answer
+    name = "no-such-host.invalid"
+    try:
+        socket.getaddrinfo(name, 5432)
+        raise AssertionError(f"{name} exists")
+    except socket.gaierror as error:
+        code = 1 if error.errno == socket.EAI_AGAIN else 2
+    programs.refused("a host that does not exist", new, f"postgresql://anna@{name}/lab", [name], code)
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        closed = probe.getsockname()[1]
+    programs.refused("a host that is down", new, f"postgresql://anna@127.0.0.1:{closed}/lab", ["Connection refused"], 1)
+    programs.refused("one of two hosts may come back", new, f"postgresql://anna@127.0.0.1:{closed},{name}:5432/lab", ["Connection refused"], 1)
+    old = OldServer()
+    programs.refused("an old server", new, f"postgresql://anna@127.0.0.1:{old.port}/lab", ["is PostgreSQL 14", "needs 15 or later", "upgrade"])
+
+
+def access_and_rights(programs, scratch, cluster):
+    def url(role, database, more=""):
+        return f"postgresql://{role}@/{database}?host={cluster.folder}{more}"
+
+    new = scratch / "new"
+    programs.refused("no such database", new, url("owner", "none"), ["database \"none\" does not exist", "Look at the address"])
+    programs.refused("no such user", new, url("nobody", "own"), ["nobody", "pg_hba.conf"])
+    programs.refused("a rule that rejects", new, url("banned", "own"), ["pg_hba.conf rejects connection"])
+    programs.refused("no rule", new, url("unlisted", "own"), ["no pg_hba.conf entry"])
+    programs.refused("no right to the database", new, url("plain", "closed"),
+                     ["may not make the schema needlelab", "GRANT CREATE ON DATABASE closed TO plain"])
+    cluster.sql("REVOKE CONNECT ON DATABASE closed FROM PUBLIC", "postgres")
+    programs.refused("no right to connect", new, url("plain", "closed"), ["permission denied for database \"closed\""])
+    programs.refused("an encoding without order", new, url("owner", "bytes"), ["SQL_ASCII", "make it anew"])
+
+    right, wrong = scratch / "right", scratch / "wrong"
+    for file, word in ((right, RIGHT), (wrong, WRONG)):
+        file.write_text(f"*:*:*:keeper:{word}\n")
+        file.chmod(0o600)
+    kept = scratch / "kept"
+    programs.refused("no password", new, url("keeper", "kept"), ["no password supplied", "PGPASSFILE; mode 0600"])
+    programs.refused("a wrong password", new, url("keeper", "kept", f"&passfile={wrong}"), ["password authentication failed", "PGPASSFILE; mode 0600"])
+    programs.works(kept, url("keeper", "kept", f"&passfile={right}"))
+    programs.works(kept, url("keeper", "kept"), {"PGPASSFILE": str(right)})
+    programs.refused("a wrong password of a lab in use", kept, url("keeper", "kept"), ["password authentication failed"], environment={"PGPASSFILE": str(wrong)})
+    # the server's own place is taken, for now
+    cluster.sql("ALTER ROLE keeper CONNECTION LIMIT 0", "postgres")
+    programs.refused("too many connections", kept, url("keeper", "kept"), ["too many connections for role"], 1, {"PGPASSFILE": str(right)})
+    cluster.sql("ALTER ROLE keeper CONNECTION LIMIT -1", "postgres")
+
+
+def schemas(programs, scratch, cluster):
+    own, url = scratch / "own", f"postgresql://owner@/own?host={cluster.folder}"
+    programs.works(own, url)
+    version = cluster.sql("SELECT version FROM needlelab.schema_version", "own")
+    for changed, words in (("99", ["its schema has version 99", "use the newer program"]), ("5", ["its schema has version 5", "needlelab can have made it"])):
+        cluster.sql(f"UPDATE needlelab.schema_version SET version = {changed}", "own")
+        programs.refused(f"schema {changed}", own, url, words)
+    cluster.sql(f"UPDATE needlelab.schema_version SET version = {version}", "own")
+    cluster.sql("REVOKE ALL ON SCHEMA needlelab FROM owner", "own")
+    programs.refused("no right to the schema", own, url, ["may not use the schema needlelab", "GRANT ALL ON SCHEMA needlelab TO owner"])
+    cluster.sql("GRANT ALL ON SCHEMA needlelab TO owner; REVOKE INSERT ON needlelab.chunks FROM owner", "own")
+    programs.refused("no right to a table", own, url, ["needlelab.chunks", "GRANT ALL ON ALL TABLES IN SCHEMA needlelab TO owner"])
+    cluster.sql("GRANT ALL ON needlelab.chunks TO owner; GRANT ALL ON SCHEMA needlelab TO plain; GRANT ALL ON ALL TABLES IN SCHEMA needlelab TO plain", "own")
+    programs.refused("somebody else's schema", own, url.replace("owner@", "plain@"), ["belongs to 'owner'", "OWNER TO"])
+    programs.refused("a lab's database for a new folder", scratch / "new", url, ["in use by a lab whose keys are in another folder"])
+    other, other_url = scratch / "other", f"postgresql://owner@/other?host={cluster.folder}"
+    programs.works(other, other_url)
+    programs.refused("another lab's store", own, other_url, ["belongs to the lab", "check the address"])
+    programs.works(own, url)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("bin", type=pathlib.Path)
+    given = parser.parse_args()
+    if not os.access(PG / "initdb", os.X_OK):
+        print("PostgreSQL 15 is not installed; deploy/setup installs it")
+        return 77
+    scratch = pathlib.Path(tempfile.mkdtemp(prefix="nl-bad-", dir="/tmp"))  # a socket's path has at most 107 bytes
+    scratch.chmod(0o755)
+    cluster = Cluster(scratch / "pg")
+    try:
+        programs = Programs(given.bin.resolve(), scratch)
+        addresses(programs, scratch)
+        prepare(cluster)
+        access_and_rights(programs, scratch, cluster)
+        schemas(programs, scratch, cluster)
+        said = "".join(path.read_text(errors="replace") for path in scratch.glob("*.log"))
+        assert RIGHT not in said and WRONG not in said, "a password is in a log"
+        return 0
+    finally:
+        cluster.kill()
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,329 @@
+// Both engines have the same schema, as far as PostgreSQL can tell: what SQLite's catalogue says is made
+// there, too, and PostgreSQL writes both down. And each CHECK refuses on both engines what it is there for.
+#include <gmock/gmock.h>
+
+#include <map>
+#include <regex>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "common/base/files.h"
+#include "db/copied_tables.h"
+#include "db/postgres_schema.h"
+#include "db/schema.h"
+#include "db/store_copy.h"
+#include "tests/support/postgres_database.h"
+#include "tests/unit/db/test_db.h"
+
+namespace needlelab::test {
+namespace {
+
+/// What PostgreSQL has in a schema, in its own words: columns with type, NULL, default and order of texts,
+/// constraints, indexes.
+constexpr const char* kCatalogue = R"sql(
+WITH tables AS (SELECT c.oid, c.relname FROM pg_class c JOIN pg_namespace n ON n.oid = c.relnamespace
+ WHERE n.nspname = ?1 AND c.relkind = 'r' AND c.relname NOT IN ('last_numbers', 'schema_version'))
+SELECT concat_ws(' ', 'column', t.relname, a.attname, format_type(a.atttypid, a.atttypmod),
+  CASE WHEN a.attnotnull THEN 'NOT NULL' END, 'DEFAULT ' || pg_get_expr(d.adbin, d.adrelid), 'COLLATE ' || o.collname)
+ FROM tables t JOIN pg_attribute a ON a.attrelid = t.oid AND a.attnum > 0 AND NOT a.attisdropped
+ LEFT JOIN pg_attrdef d ON d.adrelid = t.oid AND d.adnum = a.attnum LEFT JOIN pg_collation o ON o.oid = a.attcollation
+UNION ALL SELECT concat_ws(' ', 'constraint', t.relname, pg_get_constraintdef(k.oid),
+  CASE WHEN k.contype = 'f' THEN concat(k.confupdtype, k.confdeltype, k.confmatchtype) END, CASE WHEN k.condeferrable THEN 'DEFERRABLE' END,
+  CASE WHEN NOT k.convalidated THEN 'NOT VALID' END)
+ FROM tables t JOIN pg_constraint k ON k.conrelid = t.oid
+UNION ALL SELECT replace(pg_get_indexdef(i.indexrelid), ?1 || '.', '') FROM tables t JOIN pg_index i ON i.indrelid = t.oid
+)sql";
+
+/// A definition of SQLite's catalogue as PostgreSQL takes it. The last two are sessions_by_verdict, whose
+/// expression wants parentheses of its own there, and which ends, as each index of SQLite does by itself,
+/// with the row's number.
+std::string forPostgresCatalogue(std::string sql) {
+  const std::pair<const char*, const char*> replaced[] = {
+      {"--[^\n]*", ""},
+      {"\\bINTEGER\\b", "BIGINT"},
+      {"\\bREAL\\b", "DOUBLE PRECISION"},
+      {"\\bBLOB\\b", "BYTEA"},
+      {"\\bTEXT\\b", "TEXT COLLATE \"C\""},
+      {"\\bAUTOINCREMENT\\b", ""},
+      {"\\) STRICT(, WITHOUT ROWID)?$", ")"},
+      {"\n  \\(length\\(", "\n  ((length("},
+      {" / 13, started_unix_ns\\)", " / 13), started_unix_ns, number)"}};
+  for (const auto& [what, by] : replaced) sql = std::regex_replace(sql, std::regex(what), by);
+  return sql;
+}
+
+class SameCatalogue : public testing::Test {
+ protected:
+  SameCatalogue() {
+    EXPECT_OK(sqlite.script("PRAGMA query_only=OFF; PRAGMA foreign_keys=ON"));
+    for (const EmbeddedFile& file : embeddedMigrations()) EXPECT_OK(sqlite.script(std::string(file.text)));
+  }
+  /// Makes what SQLite's catalogue says, in the schema `like_sqlite`.
+  void makeLikeSqlite() {
+    ASSERT_OK(postgres.script("CREATE SCHEMA like_sqlite; SET search_path TO like_sqlite"));
+    auto waiting = TestDb::must(
+        sqlite
+            .prepare("SELECT sql FROM sqlite_schema WHERE type IN ('table', 'index') AND sql IS NOT NULL"
+                     " AND name NOT LIKE 'sqlite%'")
+            .all(firstText));
+    // each behind what it refers to
+    for (std::size_t before = 0; !waiting.empty() && before != waiting.size();) {
+      before = waiting.size();
+      std::erase_if(waiting,
+                    [&](const std::string& sql) { return postgres.script(forPostgresCatalogue(sql)).ok(); });
+    }
+    ASSERT_TRUE(waiting.empty()) << waiting.front() << "\n"
+                                 << postgres.script(forPostgresCatalogue(waiting.front())).error().message;
+  }
+  static std::multiset<std::string> catalogueOf(Connection& connection, const std::string& schema) {
+    // what is in this schema is written without its name
+    EXPECT_OK(connection.script("SET search_path TO " + schema));
+    const auto lines = TestDb::must(connection.query(kCatalogue, schema).all(firstText));
+    EXPECT_OK(connection.script("SET search_path TO needlelab"));
+    return {lines.begin(), lines.end()};
+  }
+
+  TempFolder folder;
+  PostgresBelow dropped_at_end{folder.path()};
+  Connection sqlite =
+      TestDb::must(Connection::open(":memory:", {.mode = Connection::Mode::kReader, .create = true}));
+  Connection postgres = TestDb::must(openAt(
+      StoreAddress(folder.path() / "x", postgresUrlOf(folder.path() / "one")), Connection::Mode::kWriter));
+};
+
+TEST_F(SameCatalogue, columnsDefaultsConstraintsAndIndexesAreTheSame) {
+  makeLikeSqlite();
+  const auto wanted = catalogueOf(postgres, "like_sqlite"), found = catalogueOf(postgres, "needlelab");
+  std::map<std::string, int> kinds;
+  for (const std::string& line : wanted) {
+    ++kinds[line.substr(0, line.find(' '))];
+    kinds["CHECK"] += line.find(" CHECK (") != std::string::npos ? 1 : 0;
+    kinds["FOREIGN"] += line.find(" FOREIGN KEY (") != std::string::npos ? 1 : 0;
+    kinds["UNIQUE"] += line.find("UNIQUE") != std::string::npos ? 1 : 0;
+    kinds["DEFAULT"] += line.find(" DEFAULT ") != std::string::npos ? 1 : 0;
+  }
+  EXPECT_GE(kinds["column"], 200);
+  EXPECT_GE(kinds["CHECK"], 60);
+  EXPECT_GE(kinds["FOREIGN"], 15);
+  EXPECT_GE(kinds["UNIQUE"], 3);
+  EXPECT_GE(kinds["DEFAULT"], 20);
+  EXPECT_GE(kinds["CREATE"], 40) << "indexes, with those of primary keys";
+  for (const std::string& line : wanted)
+    EXPECT_EQ(found.count(line), wanted.count(line)) << "SQLite has: " << line;
+  for (const std::string& line : found)
+    EXPECT_EQ(found.count(line), wanted.count(line)) << "PostgreSQL has: " << line;
+}
+
+// --- one row for each CHECK
+
+/// A column's value in rows that nothing refuses, where it is not 1, 1.0, 'x' or 32 bytes.
+const std::map<std::string, std::string> kRightValues = {{"sessions.number", "9"},
+                                                         {"sessions.id", "zeroblob(16)"},
+                                                         {"sessions.station", "'s'"},
+                                                         {"assignments.course_id", "'c'"},
+                                                         {"assignments.trainee", "'t'"},
+                                                         {"audit_chain.key_id", "zeroblob(8)"},
+                                                         {"derived_recordings.hash", "zeroblob(32)"},
+                                                         {"derived_chunks.session", "2"},
+                                                         {"consents.person", "'p'"}};
+
+struct WrongRow {
+  const char* table;
+  std::map<std::string, std::string> values;  ///< of these columns, by which one CHECK refuses it
+};
+const std::vector<WrongRow> kWrongRows = {
+    {"people", {{"name", "''"}}},
+    {"people", {{"role", "5"}}},
+    {"people", {{"disabled", "2"}}},
+    {"people", {{"revision", "0"}}},
+    {"stations", {{"name", "''"}}},
+    {"stations", {{"key_hash", "zeroblob(31)"}}},
+    {"stations", {{"revoked", "2"}}},
+    {"profiles", {{"revision", "0"}}},
+    {"curricula", {{"revision", "0"}}},
+    {"sessions", {{"id", "zeroblob(15)"}}},
+    {"sessions", {{"state", "4"}}},
+    {"sessions", {{"hash", "zeroblob(31)"}}},
+    {"sessions", {{"events", "-1"}}},
+    {"sessions", {{"recording", "0"}}},
+    {"sessions", {{"passed", "2"}}},
+    {"sessions", {{"excused", "2"}}},
+    {"sessions", {{"erased", "2"}}},
+    {"chunks", {{"seq", "-1"}}},
+    {"chunks", {{"samples", "0"}}},
+    {"session_events", {{"position", "-1"}}},
+    {"session_events", {{"kind", "3"}}},
+    {"session_events", {{"end_tick", "0"}}},
+    {"session_events", {{"begin_layer", "-2"}}},
+    {"session_events", {{"end_layer", "-2"}}},
+    {"retention_policies", {{"thin_after_days", "36501"}, {"thin_rate_hz", "1"}}},
+    {"retention_policies", {{"thin_after_days", "1"}, {"thin_rate_hz", "0"}}},
+    {"retention_policies", {{"thin_coarser", "1001"}}},
+    {"retention_policies", {{"delete_after_days", "-1"}}},
+    {"retention_policies", {{"without_backup", "2"}}},
+    {"retention_policies", {{"thin_after_days", "1"}}},
+    {"derived_recordings", {{"complete", "2"}}},
+    {"derived_recordings", {{"original_hash", "zeroblob(31)"}}},
+    {"derived_recordings", {{"hash", "zeroblob(31)"}}},
+    {"derived_recordings", {{"hash", "NULL"}}},
+    {"derived_chunks", {{"seq", "-1"}}},
+    {"derived_chunks", {{"samples", "0"}}},
+    {"removed_originals", {{"leftover", "2"}}},
+    {"removed_originals", {{"crcs", "zeroblob(31)"}}},
+    {"assignments", {{"exercise_id", "'e'"}}},
+    {"assignments", {{"group_id", "'g'"}}},
+    {"groups", {{"id", "''"}}},
+    {"groups", {{"revision", "0"}}},
+    {"groups", {{"removed", "2"}}},
+    {"consents", {{"given", "2"}}},
+    {"scores", {{"definition_version", "0"}}},
+    {"scores", {{"passed", "2"}}},
+    {"scores", {{"first", "2"}}},
+    {"exercise_references", {{"revision", "0"}}},
+    {"erasures", {{"name_hash", "zeroblob(31)"}}},
+    {"session_progress", {{"chunks", "-1"}}},
+    {"session_progress", {{"samples", "-1"}}},
+    {"session_progress", {{"stored_bytes", "-1"}}},
+    {"audit_chain", {{"position", "0"}}},
+    {"audit_chain", {{"salt", "zeroblob(31)"}}},
+    {"audit_chain", {{"commitment", "zeroblob(31)"}}},
+    {"audit_chain", {{"key_id", "zeroblob(7)"}}},
+    {"audit_chain", {{"mac", "zeroblob(31)"}}},
+    {"quarantined_chunks", {{"seq", "-1"}}},
+    {"unknown_trainees", {{"code_unchecked", "2"}}},
+    {"unknown_trainees", {{"by_whom", "'m'"}}},
+};
+
+class SameChecks : public SameCatalogue {
+ protected:
+  SameChecks() {
+    // what the rows refer to
+    for (Connection* db : {&sqlite, &postgres}) {
+      EXPECT_OK(db->script(
+          "INSERT INTO people (name, role, created_unix_ns, changed_unix_ns) VALUES ('p', 1, 1, 1);"
+          "INSERT INTO stations (name, key_hash, created_unix_ns) VALUES ('s', zeroblob(32), 1);"
+          "INSERT INTO audit (id, unix_ns, who, action, subject, detail) VALUES (1, 1, '', '', '', '')"));
+      for (std::uint8_t number : {1, 2})
+        EXPECT_OK(db->run(
+            "INSERT INTO sessions (number, id, station, trainee, exercise_id, profile_id, profile_revision,"
+            " profile_json, engine_version, rate_hz, started_unix_ns, description, state, received_unix_ns)"
+            " VALUES (?, ?, 's', '', '', '', 1, '', '', 1000, 1, zeroblob(0), 2, 1)",
+            static_cast<int>(number), ByteView(Bytes(16, number))));
+      EXPECT_OK(
+          db->script("INSERT INTO derived_recordings (session, complete, original_hash, method, rate_hz, "
+                     "created_unix_ns)"
+                     " VALUES (2, 0, zeroblob(32), '', 1, 1)"));
+    }
+  }
+  /// An INSERT of a row with right values, but for these.
+  std::string insertOf(const std::string& table, const std::map<std::string, std::string>& but) {
+    std::map<std::string, std::string> values;
+    auto columns = sqlite.query(
+        "SELECT name, type, (\"notnull\" <> 0 OR pk > 0) AND dflt_value IS NULL FROM pragma_table_info(?)",
+        table);
+    while (*columns.step()) {
+      const std::string name = columns.text(0), type = columns.text(1);
+      if (columns.integer(2) == 0) continue;
+      values[name] = type == "TEXT" ? "'x'" : type == "BLOB" ? "zeroblob(32)" : "1";
+    }
+    for (const auto& [column, value] : kRightValues)
+      if (column.starts_with(table + ".")) values[column.substr(table.size() + 1)] = value;
+    for (const auto& [column, value] : but) values[column] = value;
+    std::string names, all;
+    for (const auto& [name, value] : values) {
+      names += (names.empty() ? "" : ", ") + name;
+      all += (all.empty() ? "" : ", ") + value;
+    }
+    return "INSERT INTO " + table + " (" + names + ") VALUES (" + all + ")";
+  }
+  /// What stands behind `before` in a refusal, up to `end`.
+  static std::string part(const std::string& message, const std::string& before, const std::string& end) {
+    const std::size_t at = message.find(before);
+    if (at == std::string::npos) return "";
+    const std::size_t from = at + before.size();
+    return message.substr(from, message.find(end, from) - from);
+  }
+};
+
+TEST_F(SameChecks, refuseTheSameRows) {
+  std::set<std::string> refused_by, of_sqlite;
+  for (const WrongRow& row : kWrongRows) {
+    const std::string right = insertOf(row.table, {}), wrong = insertOf(row.table, row.values);
+    for (Connection* db : {&sqlite, &postgres}) {
+      SCOPED_TRACE(wrong);
+      {
+        const auto undone = Transaction::begin(*db, Transaction::Kind::kWrite);
+        ASSERT_OK(undone);
+        EXPECT_OK(db->run(right));
+      }
+      const Status refused = db->run(wrong);
+      ASSERT_FALSE(refused.ok());
+      EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput) << refused.error().message;
+      if (db == &postgres)
+        refused_by.insert(part(refused.error().message, "violates check constraint \"", "\""));
+      else
+        of_sqlite.insert(std::string(row.table) + ": " +
+                         part(refused.error().message, "CHECK constraint failed: ", " ("));
+    }
+  }
+  const auto all = TestDb::must(
+      postgres
+          .prepare("SELECT k.conname::text FROM pg_constraint k JOIN pg_namespace n ON n.oid = k.connamespace"
+                   " WHERE n.nspname = 'needlelab' AND k.contype = 'c'")
+          .all(firstText));
+  EXPECT_EQ(refused_by, std::set<std::string>(all.begin(), all.end()))
+      << "a new CHECK wants a row in kWrongRows";
+  EXPECT_EQ(kWrongRows.size(), all.size());
+  EXPECT_EQ(of_sqlite.size(), all.size());
+}
+
+// --- migrations
+
+/// Rows in all tables, as tests/data/db has them, of each version that there was on PostgreSQL.
+TEST_F(SameCatalogue, aDatabaseThatIsMigratedIsAsAFreshOneAndHasItsRows) {
+  const auto fresh = catalogueOf(postgres, "needlelab");
+  for (int version = 8; version < newestSchemaVersion(); ++version) {
+    SCOPED_TRACE(version);
+    const std::string name = "v" + std::to_string(version);
+    const auto sql =
+        TestDb::must(readWholeFile(std::filesystem::path(NEEDLELAB_TEST_DATA) / (name + ".sql")));
+    const auto from_file = [&](const std::string& file) {
+      auto made = TestDb::must(
+          Connection::open(folder.path() / file, {.mode = Connection::Mode::kWriter, .create = true}));
+      EXPECT_OK(made.script("PRAGMA synchronous=OFF"));
+      EXPECT_OK(made.script(sql));
+      EXPECT_EQ(TestDb::must(schemaVersion(made)), version);
+      return made;
+    };
+    Connection old = from_file(name), on_sqlite = from_file(name + "-migrated");
+    ASSERT_OK(migrate(on_sqlite));
+
+    Connection migrated = TestDb::must(openAt(
+        StoreAddress(folder.path() / "x", postgresUrlOf(folder.path() / name)), Connection::Mode::kWriter));
+    ASSERT_OK(migrated.script("DROP SCHEMA needlelab CASCADE"));
+    ASSERT_OK(migratePostgres(migrated, 0, version));
+    ASSERT_EQ(TestDb::must(schemaVersion(migrated)), version);
+    ASSERT_OK(migrated.script("SET session_replication_role = replica"));  // no triggers: rows as they are
+    ASSERT_OK(migrated.script("DELETE FROM meta"));                        // what a new database has
+    for (const CopiedTable& table : TestDb::must(copiedTables(on_sqlite))) {
+      auto there = old.query("SELECT 1 FROM sqlite_schema WHERE type = 'table' AND name = ?", table.name);
+      if (!TestDb::must(there.step())) continue;  // a later version's
+      const auto rows = TestDb::must(rowsBehind(old, table, {}, kMostRowsOfPage));
+      EXPECT_FALSE(rows.empty()) << table.name << " has no row in tests/data/db";
+      ASSERT_OK(addRows(migrated, table, rows));
+    }
+    ASSERT_OK(setLastNumbers(migrated, TestDb::must(lastNumbersOf(old))));
+    ASSERT_OK(migrated.script("SET session_replication_role = origin"));
+
+    ASSERT_OK(migrate(migrated));
+    const auto compared = compareRows(on_sqlite, migrated, {});
+    ASSERT_OK(compared);
+    EXPECT_GE(compared->rows, 50u);
+    EXPECT_EQ(TestDb::must(lastNumbersOf(migrated)), TestDb::must(lastNumbersOf(on_sqlite)));
+    EXPECT_EQ(catalogueOf(migrated, "needlelab"), fresh);
+  }
+}
+
+}  // namespace
+}  // namespace needlelab::test
