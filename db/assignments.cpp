@@ -69,7 +69,7 @@ constexpr std::string_view kBest =
     " AND e.exercise_id = s.exercise_id AND (e.started_unix_ns, e.number) <= (s.started_unix_ns, s.number)"
     " AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = e.number)),"
     " s.started_unix_ns, s.passed, s.state, s.excused, s.profile_revision, s.engine_version"
-    " FROM attempt_sums a JOIN sessions s ON s.number = (SELECT b.number FROM sessions b"
+    " FROM attempt_counts a JOIN sessions s ON s.number = (SELECT b.number FROM sessions b"
     " WHERE b.trainee = a.trainee AND b.exercise_id = a.exercise_id AND b.excused = 0 AND b.state <> 1"
     " AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = b.number)"
     " ORDER BY coalesce(b.passed, 0) DESC, (length(replace(coalesce(b.score_json, ''), ' ', '')) -"
@@ -79,7 +79,7 @@ constexpr std::string_view kBest =
     " AND a.exercise_id IN (SELECT id FROM exercises WHERE curriculum_id = ?2)";
 
 constexpr std::string_view kStanding =
-    "SELECT exercise_id, attempts, counted, judged, passed FROM attempt_sums ";
+    "SELECT exercise_id, attempts, counted, judged, passed FROM attempt_counts ";
 
 std::pair<std::string, AttemptStanding> standingOfRow(const Statement& row) {
   AttemptStanding standing;

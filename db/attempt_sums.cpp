@@ -18,11 +18,17 @@ constexpr std::string_view kOfCourse =
 /// differs.
 constexpr std::string_view kDifferences =
     "SELECT exercise_id, trainee, CAST(sum(sessions) AS BIGINT), CAST(sum(attempts) AS BIGINT),"
-    " CAST(sum(counted) AS BIGINT), CAST(sum(judged) AS BIGINT), CAST(sum(passed) AS BIGINT) FROM"
-    " (SELECT exercise_id, trainee, sessions, attempts, counted, judged, passed FROM attempt_sums"
-    " UNION ALL SELECT exercise_id, trainee, -1, -attempts, -counted, -judged, -passed FROM attempt_shares)"
+    " CAST(sum(counted) AS BIGINT), CAST(sum(judged) AS BIGINT), CAST(sum(passed) AS BIGINT),"
+    " CAST(sum(waiting_attempts) AS BIGINT), CAST(sum(waiting_counted) AS BIGINT),"
+    " CAST(sum(waiting_judged) AS BIGINT), CAST(sum(waiting_passed) AS BIGINT) FROM"
+    " (SELECT exercise_id, trainee, sessions, attempts, counted, judged, passed, waiting_attempts,"
+    " waiting_counted, waiting_judged, waiting_passed FROM attempt_sums"
+    " UNION ALL SELECT exercise_id, trainee, -1, -attempts, -counted, -judged, -passed, -waiting_attempts,"
+    " -waiting_counted, -waiting_judged, -waiting_passed FROM attempt_shares)"
     " AS both_counts GROUP BY exercise_id, trainee HAVING sum(sessions) <> 0 OR sum(attempts) <> 0 OR"
-    " sum(counted) <> 0 OR sum(judged) <> 0 OR sum(passed) <> 0 ORDER BY exercise_id, trainee LIMIT ?";
+    " sum(counted) <> 0 OR sum(judged) <> 0 OR sum(passed) <> 0 OR sum(waiting_attempts) <> 0 OR"
+    " sum(waiting_counted) <> 0 OR sum(waiting_judged) <> 0 OR sum(waiting_passed) <> 0"
+    " ORDER BY exercise_id, trainee LIMIT ?";
 
 std::pair<std::string, std::uint32_t> countOfExercise(const Statement& row) {
   return {row.text(0), row.natural32(1)};
@@ -97,7 +103,7 @@ Result<std::uint32_t> CourseTrainees::count() {
 
 Result<std::map<std::string, std::uint32_t>> CourseTrainees::passed() {
   constexpr std::string_view kPassed =
-      "SELECT a.exercise_id, count(*) FROM attempt_sums a {} a.exercise_id IN"
+      "SELECT a.exercise_id, count(*) FROM attempt_counts a {} a.exercise_id IN"
       " (SELECT id FROM exercises WHERE curriculum_id = ?1) AND a.passed > 0 GROUP BY a.exercise_id";
   auto rows = group_id_.empty()
                   ? connection_.query(fmt::format(kPassed, "WHERE"), course_id_)
@@ -116,10 +122,10 @@ Result<std::vector<SumFault>> AttemptSums::faults(std::size_t most) {
         row.text(0), row.text(1),
         fmt::format(
             "the sums of '{}' at exercise '{}' differ from the sessions: by {:+} sessions, {:+} attempts, "
-            "{:+} that count, {:+} with a verdict, {:+} passed; `needlelab-admin scores rescore` counts "
-            "them anew",
+            "{:+} that count, {:+} with a verdict, {:+} passed, of those that wait for their trainee {:+}, "
+            "{:+}, {:+}, {:+}; `needlelab-admin scores rescore` makes them new",
             printable(row.text(1)), printable(row.text(0)), row.integer(2), row.integer(3), row.integer(4),
-            row.integer(5), row.integer(6))};
+            row.integer(5), row.integer(6), row.integer(7), row.integer(8), row.integer(9), row.integer(10))};
   });
 }
 
@@ -127,8 +133,10 @@ Status AttemptSums::recount(std::string_view exercise_id, std::string_view train
   RETURN_IF_ERROR(connection_.run("DELETE FROM attempt_sums WHERE exercise_id = ? AND trainee = ?",
                                   exercise_id, trainee));
   return connection_.run(
-      "INSERT INTO attempt_sums (exercise_id, trainee, sessions, attempts, counted, judged, passed)"
-      " SELECT exercise_id, trainee, count(*), sum(attempts), sum(counted), sum(judged), sum(passed)"
+      "INSERT INTO attempt_sums (exercise_id, trainee, sessions, attempts, counted, judged, passed,"
+      " waiting_attempts, waiting_counted, waiting_judged, waiting_passed)"
+      " SELECT exercise_id, trainee, count(*), sum(attempts), sum(counted), sum(judged), sum(passed),"
+      " sum(waiting_attempts), sum(waiting_counted), sum(waiting_judged), sum(waiting_passed)"
       " FROM attempt_shares WHERE exercise_id = ? AND trainee = ? GROUP BY exercise_id, trainee",
       exercise_id, trainee);
 }

@@ -28,6 +28,7 @@
 #include "db/service/requests.h"
 #include "db/service/retention.h"
 #include "db/service/running_hashes.h"
+#include "db/service/session_samples.h"
 #include "db/service/session_score.h"
 #include "db/session_store.h"
 #include "needlelab/control.pb.h"
@@ -76,7 +77,8 @@ struct RequestUnderWay {
   bool more = false;                         ///< set by a handler: this was a step, and its reply is none yet
   std::optional<SessionCheckSoFar> check{};  ///< of VerifySession
   std::shared_ptr<SessionScore> score{};     ///< of RescoreSession
-  bool is_long = false;                      ///< of RescoreSession: its next step waits for a place
+  std::shared_ptr<SessionEvents> events{};   ///< of ListEvents, where none are stored
+  bool is_long = false;                      ///< of these two: the next step waits for a place
   /// Of ErasePerson: the person is erased.
   std::shared_ptr<ErasureUnderWay> erasure{};
   std::string erased_as{};  ///< of ErasePerson, once it is: the pseudonym

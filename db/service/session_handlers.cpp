@@ -277,9 +277,18 @@ Result<pb::Reply> listEvents(const Context& context, const pb::ListEvents& call)
       ASSIGN_OR_RETURN(const auto never, whyNeverScored(context.reader, *id));
       if (never) return Error{ErrorCode::kInvalidInput, *never};
     }
-    ASSIGN_OR_RETURN(const auto read, samplesOf(context.reader, *id));
-    *stored = eventsOf(read);
-    RETURN_IF_ERROR(read.samples.fault());
+    // as a score: a long one in steps, which wait for their place
+    RequestUnderWay& under_way = *context.under_way;
+    if (!under_way.is_long && info.samples() > kShortScoreSamples) {
+      under_way.is_long = under_way.more = true;
+      return reply;
+    }
+    if (!under_way.events) under_way.events = std::make_shared<SessionEvents>(*id);
+    StepWork work = under_way.is_long ? StepWork(kScoredAtOnce) : StepWork::all();
+    ASSIGN_OR_RETURN(const bool is_done, under_way.events->step(context.reader, work));
+    under_way.more = !is_done;
+    if (!is_done) return reply;
+    *stored = under_way.events->take();
   } else if (const auto profile = parseProfile(info.description().profile_json(), "profile")) {
     nameLayers(*profile, **stored);
   }

@@ -10,6 +10,7 @@
 
 #include "common/base/clock.h"
 #include "common/gesture/chunk.h"
+#include "common/haptics/limits.h"
 #include "common/profile/profile.h"
 #include "common/scoring/motion_cost.h"
 #include "common/scoring/syringe_events.h"
@@ -116,6 +117,25 @@ bool isLasting(const Error& error) {
 std::vector<pb::SyringeEvent> eventsOf(const SessionSamples& session) {
   if (session.info.samples() == 0) return {};
   return syringeEvents(session.samples, session.info.description().rate_hz(), session.profile, session.X_WL);
+}
+
+Result<bool> SessionEvents::step(Connection& reader, StepWork& work) {
+  SessionSamples& session = reading_.samples();
+  if (!is_read_) {
+    ASSIGN_OR_RETURN(is_read_, reading_.step(reader, work));
+    if (!is_read_) return false;
+    const double rate_hz = session.info.description().rate_hz();
+    if (session.info.samples() == 0 || !(rate_hz >= kMinRateHz && rate_hz <= kMaxRateHz)) return true;
+    events_ = syringeEventsInSteps(session.samples, rate_hz, session.profile, session.X_WL);
+  }
+  reading_.readBy(reader);
+  for (; next_ < session.samples.size() && !work.isOver(); ++next_) {
+    work.spend(1);
+    events_->add(next_);
+  }
+  const bool is_done = next_ == session.samples.size() && events_->finish(work);
+  RETURN_IF_ERROR(session.samples.fault());
+  return is_done;
 }
 
 Result<std::optional<std::string>> whyNeverScored(Connection& reader, const Uuid& session) {

@@ -14,6 +14,7 @@
 #include "common/scoring/motion_cost.h"
 #include "common/scoring/recorded_samples.h"
 #include "common/scoring/step_work.h"
+#include "common/scoring/syringe_events.h"
 #include "db/connection.h"
 #include "needlelab/event.pb.h"
 #include "needlelab/profile.pb.h"
@@ -80,6 +81,24 @@ bool isLasting(const Error& error);
 
 /// The session's aspirations and injections (scoring/syringe_events.h).
 std::vector<pb::SyringeEvent> eventsOf(const SessionSamples& session);
+
+/// samplesOf() and eventsOf() in steps, each with a connection of its own. Between them it holds what
+/// SessionReading holds. Thread: one at a time.
+class SessionEvents {
+ public:
+  explicit SessionEvents(const Uuid& session) : reading_(session) {}
+
+  /// Does some more. True: done. Errors: as samplesOf(), and those of reading the samples once more.
+  Result<bool> step(Connection& reader, StepWork& work);
+  /// Once it is done.
+  std::vector<pb::SyringeEvent> take() { return events_ ? events_->take() : std::vector<pb::SyringeEvent>(); }
+
+ private:
+  SessionReading reading_;
+  bool is_read_ = false;
+  std::size_t next_ = 0;                          // sample
+  std::unique_ptr<SyringeEventsInSteps> events_;  // null: there are none
+};
 
 /// The remark on a session that is stored and replayed but never scored, for people. `meta` has its number,
 /// so that nothing reads all of the session again only to find the same: a remark can be written by anybody,

@@ -133,7 +133,7 @@ TEST_F(SameSchema, whatSomebodyPutIntoItOrChangedIsNamed) {
     const char *sql, *named, *undo;
   };
   const Change changes[] = {
-      {"CREATE TRIGGER higher BEFORE INSERT ON people FOR EACH ROW EXECUTE FUNCTION people_sum()",
+      {"CREATE TRIGGER higher BEFORE INSERT ON people FOR EACH ROW EXECUTE FUNCTION sessions_sum()",
        "trigger 'higher' of 'people' is not needlelab's", "DROP TRIGGER higher ON people"},
       {"CREATE FUNCTION lowered(part TEXT) RETURNS TEXT LANGUAGE sql AS 'SELECT part'",
        "function 'lowered(part text)' is not needlelab's", "DROP FUNCTION lowered(TEXT)"},
@@ -223,7 +223,7 @@ TEST_F(SameSchema, theSumsOfAttemptsFollowTheSessions) {
   const auto sums = [&] {
     return number(
         "SELECT coalesce(sum(1000 * sessions + 100 * attempts + 10 * counted + passed), 0)::bigint"
-        " FROM attempt_sums");
+        " FROM attempt_counts");
   };
   EXPECT_EQ(sums(), 1111) << "nobody has the name";
   must(db->script(

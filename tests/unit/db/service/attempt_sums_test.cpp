@@ -116,7 +116,7 @@ class AttemptSumsTest : public test::TeachingTest {
     std::map<Pair, Sums> sums;
     EXPECT_OK(change([&](Connection& c) -> Status {
       auto row = c.prepare(
-          "SELECT exercise_id, trainee, sessions, attempts, counted, judged, passed FROM attempt_sums");
+          "SELECT exercise_id, trainee, sessions, attempts, counted, judged, passed FROM attempt_counts");
       while (*row.step())
         sums[{row.text(0), row.text(1)}] = {row.integer(2), row.integer(3), row.integer(4), row.integer(5),
                                             row.integer(6)};
@@ -320,6 +320,36 @@ TEST_F(AttemptSumsTest, areWhatAFullCountGivesAfterAnyChanges) {
   EXPECT_GT(done[15], 0);
 }
 
+TEST_F(AttemptSumsTest, ofSessionsThatWaitAreLeftAsTheyAreByAnAccount) {
+  constexpr std::int64_t kWaiting = 60;
+  for (std::int64_t i = 0; i < kWaiting; ++i)
+    session("zoe", "first", 1'700'000'000'000'000'000 + i, true, scoreMeeting(2, 2, 1), true);
+  const auto rows = [&](const char* table) {
+    std::vector<std::vector<std::int64_t>> found;
+    EXPECT_OK(change([&](Connection& c) -> Status {
+      auto row = c.prepare(std::string("SELECT * FROM ") + table + " WHERE trainee = 'zoe'");
+      while (*row.step()) {
+        found.emplace_back();
+        for (int column = 2; column < (std::string_view(table) == "attempt_sums" ? 11 : 7); ++column)
+          found.back().push_back(row.integer(column));
+      }
+      return {};
+    }));
+    return found;
+  };
+  const auto stored_before = rows("attempt_sums");
+  EXPECT_EQ(rows("attempt_counts"),
+            (std::vector<std::vector<std::int64_t>>{{kWaiting, kWaiting, kWaiting, kWaiting, kWaiting}}))
+      << "nobody has the name";
+  addPerson("zoe", pb::TRAINEE);
+  EXPECT_EQ(rows("attempt_sums"), stored_before) << "no row is written for the account";
+  EXPECT_EQ(rows("attempt_counts"), (std::vector<std::vector<std::int64_t>>{{kWaiting, 0, 0, 0, 0}}));
+  ASSERT_OK(change([](Connection& c) { return c.run("DELETE FROM people WHERE name = 'zoe'"); }));
+  EXPECT_EQ(rows("attempt_sums"), stored_before);
+  EXPECT_EQ(rows("attempt_counts"),
+            (std::vector<std::vector<std::int64_t>>{{kWaiting, kWaiting, kWaiting, kWaiting, kWaiting}}));
+}
+
 TEST_F(AttemptSumsTest, thatDifferAreNamedByACheckAndCountedAnewByRescoring) {
   addPerson("anna", pb::TRAINEE);
   attempt("anna", "first", true);
@@ -327,7 +357,7 @@ TEST_F(AttemptSumsTest, thatDifferAreNamedByACheckAndCountedAnewByRescoring) {
   ASSERT_OK(change([](Connection& c) -> Status {
     RETURN_IF_ERROR(c.run("UPDATE attempt_sums SET passed = 7 WHERE trainee = 'anna'"));
     RETURN_IF_ERROR(c.run("DELETE FROM attempt_sums WHERE trainee = 'ben'"));
-    return c.run("INSERT INTO attempt_sums VALUES ('first', 'nobody', 1, 1, 1, 0, 0)");
+    return c.run("INSERT INTO attempt_sums VALUES ('first', 'nobody', 1, 1, 1, 0, 0, 0, 0, 0, 0)");
   }));
   pb::Request check;
   check.mutable_check();

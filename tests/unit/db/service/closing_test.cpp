@@ -297,6 +297,52 @@ TEST_F(Closing, aPlungerThatNeverRestsCostsTheStoreSomeMegabytesAndARemarkSaysWh
   EXPECT_EQ(remarks().annotations_size(), 1);
 }
 
+// whoever closes it may cut the connection before its score and events are stored: each who asks works them
+// out
+TEST_F(Closing, longEventsThatAreNotStoredAreWorkedOutInSteps) {
+  const Uuid id = makeUuidV7();
+  addPerson("anna", pb::TRAINEE);
+  auto samples = test::someSamples(0, kShortScoreSamples + 300'000);
+  for (auto& sample : samples)  // a stroke of 3 s each way, always
+    sample.plunger = std::abs(static_cast<double>(sample.tick % 6000) - 3000) / 3000;
+  std::vector<Bytes> chunks;
+  for (std::size_t from = 0; from < samples.size(); from += 50'000)
+    chunks.push_back(encodeChunk(Resolution::standard(), std::span(samples).subspan(from, 50'000)));
+  auto d = test::describe(id);
+  d.set_trainee("anna");
+  d.set_profile_json(kneeProfile());
+  ASSERT_OK(change([&](Connection& c) -> Status {
+    SessionStore sessions(c);
+    if (auto opened = sessions.open(d, 1); !opened) return opened.error();
+    for (std::uint64_t seq = 0; seq < chunks.size(); ++seq)
+      if (auto stored = sessions.append(id, seq, chunks[seq]); !stored) return stored.error();
+    return c.script("UPDATE sessions SET state = 2");  // closed, without score and events
+  }));
+  pb::Request request;
+  request.mutable_list_events()->set_session_id(test::bytesOfId(id));
+  RequestUnderWay under_way;
+  int steps = 0;
+  std::optional<Outcome> outcome;
+  while (!(outcome = store->service().executeStep(instructor, request, under_way))) {
+    ASSERT_TRUE(under_way.is_long) << "it waits for a place";
+    ASSERT_LT(++steps, 1000);
+  }
+  ASSERT_FALSE(outcome->error) << outcome->error->message;
+  // it is read once to be checked and once for the strokes, whose samples are looked at once more
+  EXPECT_GE(steps, static_cast<int>(2 * samples.size() / kScoredAtOnce)) << "as much as a step of a score";
+  std::vector<std::string> made;
+  for (const pb::SyringeEvent& event : outcome->reply.events().events())
+    made.push_back(event.SerializeAsString());
+  ASSERT_OK(change([&](Connection& c) -> Status {
+    ASSIGN_OR_RETURN(const auto whole, samplesOf(c, id));
+    std::vector<std::string> wanted;
+    for (const pb::SyringeEvent& event : eventsOf(whole)) wanted.push_back(event.SerializeAsString());
+    EXPECT_EQ(made, wanted);
+    EXPECT_GT(wanted.size(), 100u);
+    return {};
+  }));
+}
+
 TEST_F(Closing, aSessionThatCannotBeScoredHasNoEventsButSaysWhy) {
   const Uuid id = addSession("anna", 1, 20, "{\"nonsense\":1}");
   ASSERT_OK(store->service().closeSession(test::closeOf(id, 1), "station-1"));
