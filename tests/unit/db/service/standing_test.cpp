@@ -320,7 +320,7 @@ TEST_F(ManyAttempts, resultsCostTheSameHoweverManySessionsWait) {
   EXPECT_EQ(steps(), few);
 }
 
-TEST_F(ManyAttempts, aListOfScoresNumbersATraineesAttemptsOnce) {
+TEST_F(ManyAttempts, aListOfScoresReadsManyAttemptsAtOnce) {
   addStation();
   putCourse();
   pb::Request request;
@@ -329,7 +329,7 @@ TEST_F(ManyAttempts, aListOfScoresNumbersATraineesAttemptsOnce) {
   attempts("ben", {"first", "second"}, 4);
   const int of_six = statementsOf(instructor, request);
   attempts("anna", {"first"}, 100);
-  EXPECT_EQ(statementsOf(instructor, request) - of_six, 100) << "each of the new ones has its score read";
+  EXPECT_LE(statementsOf(instructor, request) - of_six, 2) << "64 attempts a statement";
   std::map<std::string, std::uint32_t> last;
   const auto scores = get(instructor, request).scores();
   ASSERT_EQ(scores.scores_size(), 106);
