@@ -54,11 +54,8 @@ constexpr std::string_view kPlaces =
 
 /// The attempts of these places; `rest` goes behind. A score that is not wanted is not read.
 std::string attemptsAt(std::string_view places, std::string_view rest, bool with_score) {
-  return fmt::format(
-      "SELECT s.id, s.trainee, s.exercise_id, p.place, s.started_unix_ns, s.passed, s.state,"
-      " s.excused, s.profile_revision, s.engine_version, {}"
-      " FROM ({}) p JOIN sessions s ON s.number = p.number {}",
-      with_score ? "s.score_json" : "NULL", places, rest);
+  return fmt::format("SELECT {}, {} FROM ({}) p JOIN sessions s ON s.number = p.number {}", kAttemptColumns,
+                     with_score ? "s.score_json" : "NULL", places, rest);
 }
 constexpr std::string_view kInOrder = "ORDER BY s.started_unix_ns, s.number";
 
@@ -87,22 +84,6 @@ std::pair<std::string, AttemptStanding> standingOfRow(const Statement& row) {
   standing.counted = row.natural32(2);
   if (row.integer(3) > 0) standing.passed = row.integer(4) > 0;
   return {row.text(0), standing};
-}
-
-pb::Attempt attemptOf(const Statement& row, bool with_score) {
-  pb::Attempt attempt;
-  attempt.set_session_id(row.text(0));
-  attempt.set_trainee(row.text(1));
-  attempt.set_exercise_id(row.text(2));
-  attempt.set_number(row.natural32(3));
-  attempt.set_started_unix_ns(row.integer(4));
-  if (!row.isNull(5)) attempt.set_passed(row.integer(5) != 0);
-  attempt.set_state(static_cast<pb::SessionState>(row.integer(6)));
-  attempt.set_excused(row.integer(7) != 0);
-  attempt.set_profile_revision(row.natural32(8));
-  attempt.set_engine_version(row.text(9));
-  if (with_score) attempt.set_score_json(row.text(10));
-  return attempt;
 }
 
 }  // namespace
@@ -278,6 +259,18 @@ Result<std::vector<pb::Attempt>> AttemptStore::page(std::string_view trainee, st
     started_ns = row.integer(0);
     number = row.integer(1);
   }
+  const auto withScore = [](const Statement& row) { return attemptOf(row, true); };
+  const auto most_rows = static_cast<std::uint64_t>(most);
+  if (!exercise_id.empty()) {
+    std::uint32_t before = 0;
+    if (after) {
+      ASSIGN_OR_RETURN(before, attemptsUpTo(connection_, trainee, exercise_id, started_ns, number));
+    }
+    return connection_
+        .query(attemptsAt(kPlacesBehind, kInOrder, true), trainee, exercise_id, started_ns, number,
+               std::uint64_t{before}, most_rows)
+        .all(withScore);
+  }
   const std::string places = fmt::format(
       "SELECT * FROM ({}) AS places WHERE (started_unix_ns, number) > (?4, ?5)"
       " ORDER BY started_unix_ns, number LIMIT ?6",
@@ -285,8 +278,28 @@ Result<std::vector<pb::Attempt>> AttemptStore::page(std::string_view trainee, st
   // the third value: nothing is wanted all the same
   return connection_
       .query(attemptsAt(places, kInOrder, true), trainee, exercise_id, ByteView(), started_ns, number,
-             static_cast<std::uint64_t>(most))
-      .all([](const Statement& row) { return attemptOf(row, true); });
+             most_rows)
+      .all(withScore);
+}
+
+Result<std::vector<NewestScore>> AttemptStore::newestScores(std::string_view trainee,
+                                                            std::string_view exercise_id, std::size_t most) {
+  ASSIGN_OR_RETURN(const auto all, standing(trainee, exercise_id));
+  return connection_
+      .query(
+          "SELECT ?4 - p.newer, c.definition_version, c.measures FROM"
+          " (SELECT number, row_number() OVER (ORDER BY started_unix_ns DESC, number DESC) AS newer FROM"
+          " (SELECT number, started_unix_ns FROM sessions WHERE trainee = ?1 AND exercise_id = ?2"
+          " AND trainee <> '' AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = number)"
+          " ORDER BY started_unix_ns DESC, number DESC LIMIT ?3) AS these) p"
+          " JOIN sessions s ON s.number = p.number JOIN scores c ON c.session = p.number"
+          " WHERE s.excused = 0 AND s.state <> 1 AND c.definition_version ="
+          " (SELECT max(v.definition_version) FROM scores v WHERE v.session = p.number)"
+          " ORDER BY p.newer DESC",
+          trainee, exercise_id, static_cast<std::uint64_t>(most), std::uint64_t{all.all} + 1)
+      .all([](const Statement& row) {
+        return NewestScore{row.natural32(0), row.natural32(1), row.text(2)};
+      });
 }
 
 Result<pb::Attempt> AttemptStore::get(const Uuid& session) {

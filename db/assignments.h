@@ -90,6 +90,13 @@ struct AttemptStanding {
   std::optional<bool> passed;  ///< any attempt that is not excused; nothing: no attempt has a verdict
 };
 
+/// An attempt's score by its newest definitions.
+struct NewestScore {
+  std::uint32_t number = 0;  ///< of the attempt
+  std::uint32_t version = 0;
+  std::string measures_json;
+};
+
 /// Does not own the connection. Thread: as its Connection; changes need the writer's.
 class AttemptStore {
  public:
@@ -100,9 +107,14 @@ class AttemptStore {
   Result<std::vector<pb::Attempt>> list(std::string_view trainee, std::string_view exercise_id,
                                         bool with_scores);
   /// The same from behind the attempt `after` on (empty: from the first one), `most` of them at most. Reads
-  /// the scores of these alone. kNotFound: `after` is not among the attempts.
+  /// the scores of these alone, and looks at the keys of those before to number them; of all exercises: at
+  /// the keys of all. kNotFound: `after` is not among the attempts.
   Result<std::vector<pb::Attempt>> page(std::string_view trainee, std::string_view exercise_id,
                                         const std::optional<Uuid>& after, std::size_t most);
+  /// Of those of the newest `most` attempts at one exercise that are closed and not excused, in order of
+  /// their numbers, which come of the sums; the others have none.
+  Result<std::vector<NewestScore>> newestScores(std::string_view trainee, std::string_view exercise_id,
+                                                std::size_t most);
   /// Returns a session's attempt with its number. kNotFound.
   Result<pb::Attempt> get(const Uuid& session);
   /// Reads sums (attempt_sums.h), however many attempts there are; and so do the next ones.

@@ -77,6 +77,34 @@ Result<StoredRecording> readableRecording(Connection& connection, const Uuid& se
   return recordingOf(connection, name, row);
 }
 
+pb::Attempt attemptOf(const Statement& row, bool with_score) {
+  pb::Attempt attempt;
+  attempt.set_session_id(row.text(0));
+  attempt.set_trainee(row.text(1));
+  attempt.set_exercise_id(row.text(2));
+  attempt.set_number(row.natural32(3));
+  attempt.set_started_unix_ns(row.integer(4));
+  if (!row.isNull(5)) attempt.set_passed(row.integer(5) != 0);
+  attempt.set_state(static_cast<pb::SessionState>(row.integer(6)));
+  attempt.set_excused(row.integer(7) != 0);
+  attempt.set_profile_revision(row.natural32(8));
+  attempt.set_engine_version(row.text(9));
+  if (with_score) attempt.set_score_json(row.text(10));
+  return attempt;
+}
+
+Result<std::uint32_t> attemptsUpTo(Connection& connection, std::string_view trainee,
+                                   std::string_view exercise_id, std::int64_t started_unix_ns,
+                                   std::int64_t number) {
+  auto row = connection.query(
+      "SELECT count(*) FROM sessions WHERE trainee = ? AND exercise_id = ?"
+      " AND (started_unix_ns, number) <= (?, ?)"
+      " AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = number)",
+      trainee, exercise_id, started_unix_ns, number);
+  ASSIGN_OR_RETURN(const bool there, row.step());
+  return there ? row.natural32(0) : 0;
+}
+
 std::optional<Digest> digestOf(ByteView bytes) {
   if (bytes.size() != std::tuple_size_v<Digest>) return std::nullopt;
   Digest digest{};

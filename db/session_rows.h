@@ -11,6 +11,7 @@
 #include "common/base/uuid.h"
 #include "common/gesture/session_hash.h"
 #include "db/connection.h"
+#include "needlelab/teaching.pb.h"
 #include "needlelab/types.pb.h"
 
 namespace needlelab {
@@ -102,6 +103,25 @@ Error recordingDeleted(Connection& connection, const std::string& name, const Se
 /// recordingOf() by session id. kNotFound: the session is unknown, or its recording was deleted (with time
 /// and reason). Within one view (Transaction::view), chunks read afterwards belong to this recording.
 Result<StoredRecording> readableRecording(Connection& connection, const Uuid& session);
+
+/// What attemptOf() reads, of `sessions s` and a place `p`.
+inline constexpr std::string_view kAttemptColumns =
+    "s.id, s.trainee, s.exercise_id, p.place, s.started_unix_ns, s.passed, s.state, s.excused,"
+    " s.profile_revision, s.engine_version";
+/// An attempt of these columns; `with_score`: its text is the next column.
+pb::Attempt attemptOf(const Statement& row, bool with_score);
+/// Numbers and places of the attempts of trainee ?1 at exercise ?2 that begin behind (?3, ?4), where there
+/// are ?5 attempts before; at most ?6. Looks at the keys of these alone.
+inline constexpr std::string_view kPlacesBehind =
+    "SELECT number, ?5 + row_number() OVER (ORDER BY started_unix_ns, number) AS place FROM"
+    " (SELECT number, started_unix_ns FROM sessions WHERE trainee = ?1 AND exercise_id = ?2 AND trainee <> ''"
+    " AND (started_unix_ns, number) > (?3, ?4)"
+    " AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = number)"
+    " ORDER BY started_unix_ns, number LIMIT ?6) AS these";
+/// How many attempts the trainee has at the exercise up to this key: counts them by their keys.
+Result<std::uint32_t> attemptsUpTo(Connection& connection, std::string_view trainee,
+                                   std::string_view exercise_id, std::int64_t started_unix_ns,
+                                   std::int64_t number);
 
 /// A hash from a column; nothing unless it has 32 bytes.
 std::optional<Digest> digestOf(ByteView bytes);

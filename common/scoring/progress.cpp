@@ -175,7 +175,7 @@ std::optional<LearningCurve> learningCurveOf(std::span<const double> values, std
   return LearningCurve{fit.a, fit.b, attempts, 1 - fit.rest / all};
 }
 
-std::vector<MeasureProgress> progressOf(std::span<const std::vector<Measure>> attempts) {
+std::vector<MeasureProgress> progressOf(std::span<const std::vector<Measure>> attempts, std::size_t before) {
   std::map<std::string, MeasureProgress> by_name;
   for (std::size_t i = 0; i < attempts.size(); ++i) {
     for (const Measure& measure : attempts[i]) {
@@ -183,7 +183,7 @@ std::vector<MeasureProgress> progressOf(std::span<const std::vector<Measure>> at
       MeasureProgress& row = by_name[measure.name];
       row.name = measure.name;
       row.unit = measure.unit;
-      row.attempts.push_back(i);
+      row.attempts.push_back(before + i);
       row.values.push_back(measure.value);
     }
   }

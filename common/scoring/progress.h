@@ -52,8 +52,9 @@ std::optional<Trend> trendOf(std::span<const double> values);
 std::optional<LearningCurve> learningCurveOf(std::span<const double> values, std::string* why = nullptr);
 
 /// Returns one entry for each measure that an attempt has, in the order of measureKinds(). `attempts` are in
-/// order of time.
-std::vector<MeasureProgress> progressOf(std::span<const std::vector<Measure>> attempts);
+/// order of time; there are `before` others before them.
+std::vector<MeasureProgress> progressOf(std::span<const std::vector<Measure>> attempts,
+                                        std::size_t before = 0);
 
 /// A list of {"measure", "unit", "better", "attempts", "values", "trend", "curve", "words"}; trend and curve
 /// may be null.

@@ -16,33 +16,26 @@
 #include "db/people.h"
 #include "db/service/handlers.h"
 #include "db/service/standing.h"
-#include "db/session_results.h"
 
 namespace needlelab::handlers {
 namespace {
 
-/// The measures of one exercise over these attempts, as JSON. Gaps for attempts that do not count, or lack a
-/// score of the newest version among them.
-Result<std::string> measuresOver(Connection& reader, const std::vector<pb::Attempt>& attempts) {
+/// The measures of one exercise over the newest attempts, as JSON. Gaps for attempts that do not count, or
+/// lack a score of the newest version among them.
+Result<std::string> measuresOver(Connection& reader, const std::string& trainee,
+                                 const std::string& exercise_id) {
   constexpr std::size_t kMost = 300;
-  std::vector<std::optional<pb::Score>> scores(attempts.size());
+  ASSIGN_OR_RETURN(const auto scores, AttemptStore(reader).newestScores(trainee, exercise_id, kMost));
   std::uint32_t newest = 0;
-  for (std::size_t i = attempts.size() - std::min(attempts.size(), kMost); i < attempts.size(); ++i) {
-    if (attempts[i].excused() || attempts[i].state() == pb::SESSION_OPEN) continue;
-    ASSIGN_OR_RETURN(const auto id, sessionId(attempts[i].session_id()));
-    auto score = ScoreStore(reader).get(id, 0);
-    if (!score && score.error().code == ErrorCode::kNotFound) continue;
-    if (!score) return score.error();
-    newest = std::max(newest, score->definition_version());
-    scores[i] = std::move(*score);
+  for (const NewestScore& score : scores) newest = std::max(newest, score.version);
+  const std::uint32_t first = scores.empty() ? 1 : std::max(1u, scores.front().number);
+  std::vector<std::vector<Measure>> measures(kMost);
+  for (const NewestScore& score : scores) {
+    const std::size_t place = score.number - first;
+    if (score.version != newest || place >= kMost) continue;
+    ASSIGN_OR_RETURN(measures[place], parseScore(score.measures_json));
   }
-  std::vector<std::vector<Measure>> measures(attempts.size());
-  for (std::size_t i = 0; i < scores.size(); ++i) {
-    if (!scores[i] || scores[i]->definition_version() != newest) continue;
-    ASSIGN_OR_RETURN(auto rows, parseScore(scores[i]->measures_json()));
-    measures[i] = std::move(rows);
-  }
-  return newest == 0 ? std::string() : progressJson(progressOf(measures));
+  return newest == 0 ? std::string() : progressJson(progressOf(measures, first - 1));
 }
 
 /// More come with the next page: each is read with its score.
@@ -83,9 +76,7 @@ Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& cal
   auto* list = reply.mutable_progress();
   PageRoom room;
   if (is_first && !call.exercise_id().empty()) {
-    ASSIGN_OR_RETURN(const auto all,
-                     AttemptStore(context.reader).list(call.trainee(), call.exercise_id(), false));
-    ASSIGN_OR_RETURN(auto measures, measuresOver(context.reader, all));
+    ASSIGN_OR_RETURN(auto measures, measuresOver(context.reader, call.trainee(), call.exercise_id()));
     room.take(measures.size() + 1);
     list->set_measures_json(std::move(measures));
   }

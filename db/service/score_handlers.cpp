@@ -21,6 +21,7 @@
 #include "db/connection.h"
 #include "db/documents.h"
 #include "db/people.h"
+#include "db/score_list.h"
 #include "db/service/handlers.h"
 #include "db/service/reference_paths.h"
 #include "db/service/score_rows.h"
@@ -62,16 +63,9 @@ Result<pb::Reply> referenceReply(const Context& context, pb::Reference reference
   return reply;
 }
 
-/// A row's key in the list of scores, which is sorted by it.
-struct ScoreKey {
-  std::string trainee, exercise;
-  std::int64_t started_ns = INT64_MIN, number = 0;
-  std::uint32_t version = 0;
-};
-
 std::string pageOf(const ScoreKey& key) {
-  return fmt::format("{} {} {} {} {}{}", key.started_ns, key.number, key.version, key.trainee.size(),
-                     key.trainee, key.exercise);
+  return fmt::format("{} {} {} {} {}{}", key.started_unix_ns, key.number, key.version, key.trainee.size(),
+                     key.trainee, key.exercise_id);
 }
 
 Result<ScoreKey> scoreKeyOf(const std::string& page) {
@@ -79,42 +73,14 @@ Result<ScoreKey> scoreKeyOf(const std::string& page) {
   if (page.empty()) return key;
   std::istringstream in(page);
   std::size_t trainee = 0;
-  in >> key.started_ns >> key.number >> key.version >> trainee;
+  in >> key.started_unix_ns >> key.number >> key.version >> trainee;
   const std::streamoff at = in ? static_cast<std::streamoff>(in.tellg()) + 1 : -1;
-  if (at < 0 || static_cast<std::size_t>(at) + trainee > page.size())
+  if (at < 0 || static_cast<std::size_t>(at) + trainee > page.size() || key.number < 1)
     return Error{ErrorCode::kInvalidInput, "page: give back the next_page of the reply before"};
   key.trainee = page.substr(static_cast<std::size_t>(at), trainee);
-  key.exercise = page.substr(static_cast<std::size_t>(at) + trainee);
+  key.exercise_id = page.substr(static_cast<std::size_t>(at) + trainee);
   return key;
 }
-
-/// A trainee's attempts at one exercise, which are numbered together: read once for all scores of them, which
-/// follow each other in the list.
-class KnownAttempts {
- public:
-  explicit KnownAttempts(Connection& reader) : reader_(reader) {}
-  /// Without the score. kNotFound: the session is nobody's attempt.
-  Result<pb::Attempt> of(const std::string& trainee, const std::string& exercise_id,
-                         const std::string& session_id) {
-    if (trainee != trainee_ || exercise_id != exercise_id_) {
-      ASSIGN_OR_RETURN(auto list, AttemptStore(reader_).list(trainee, exercise_id, false));
-      trainee_ = trainee;
-      exercise_id_ = exercise_id;
-      by_session_.clear();
-      for (pb::Attempt& attempt : list) {
-        std::string id = attempt.session_id();
-        by_session_.emplace(std::move(id), std::move(attempt));
-      }
-    }
-    if (const auto found = by_session_.find(session_id); found != by_session_.end()) return found->second;
-    return Error{ErrorCode::kNotFound, "a session of '" + printable(trainee) + "' is nobody's attempt"};
-  }
-
- private:
-  Connection& reader_;
-  std::string trainee_, exercise_id_;  // no attempt is without a trainee
-  std::map<std::string, pb::Attempt> by_session_;
-};
 
 /// Errors: kNotFound, with the courses that there are. Empty: all courses.
 Status checkCourse(Connection& reader, const std::string& id) {
@@ -150,39 +116,19 @@ Result<pb::Reply> listScores(const Context& context, const pb::ListScores& call)
   RETURN_IF_ERROR(
       noteRead(context, call.course_id(), call.group_id().empty() ? "" : "of group " + call.group_id()));
   // pages by key: rows added or removed meanwhile do not shift others
-  auto rows = context.reader.query(
-      "SELECT s.id, c.definition_version, s.number, s.trainee, s.exercise_id FROM scores c JOIN sessions s "
-      "ON s.number = c.session "
-      "WHERE "
-      "s.trainee <> '' AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = s.number) AND"
-      " (?1 = '' OR s.exercise_id IN (SELECT id FROM exercises WHERE curriculum_id = ?1)) AND"
-      " (?2 = '' OR s.trainee IN (SELECT person FROM group_members WHERE group_id = ?2)) AND"
-      " (s.trainee, s.exercise_id, s.started_unix_ns, s.number, c.definition_version) > (?3, ?4, ?5, ?6, ?7)"
-      " ORDER BY s.trainee, s.exercise_id, s.started_unix_ns, s.number, c.definition_version",
-      call.course_id(), call.group_id(), from.trainee, from.exercise, from.started_ns, from.number,
-      from.version);
+  ScoreList scores(context.reader, from, call.course_id(), call.group_id());
   pb::Reply reply;
   auto* list = reply.mutable_scores();
   PageRoom room;
-  KnownAttempts attempts(context.reader);
-  ScoreKey last = from;
   for (;;) {
-    ASSIGN_OR_RETURN(const auto row, rows.step());
+    const ScoreKey last = scores.key();
+    ASSIGN_OR_RETURN(auto row, scores.next());
     if (!row) return reply;
-    ASSIGN_OR_RETURN(const auto id, sessionId(rows.text(0)));
-    pb::ScoreRow entry;
-    ASSIGN_OR_RETURN(auto attempt, attempts.of(rows.text(3), rows.text(4), rows.text(0)));
-    *entry.mutable_attempt() = std::move(attempt);
-    ASSIGN_OR_RETURN(auto score,
-                     ScoreStore(context.reader).get(id, static_cast<std::uint32_t>(rows.natural(1))));
-    *entry.mutable_score() = std::move(score);
-    if (!room.take(entry.ByteSizeLong())) {
+    if (!room.take(row->ByteSizeLong())) {
       list->set_next_page(pageOf(last));
       return reply;
     }
-    last = {entry.attempt().trainee(), entry.attempt().exercise_id(), entry.attempt().started_unix_ns(),
-            rows.integer(2), entry.score().definition_version()};
-    *list->add_scores() = std::move(entry);
+    *list->add_scores() = *std::move(row);
   }
 }
 

@@ -60,9 +60,10 @@ class Program {
 }
 
 export class Lab {
-  constructor() {
+  /** @param {string} [data] a data folder that is there, which stays */
+  constructor(data) {
     this.folder = mkdtempSync(join(tmpdir(), 'needlelab-console-'));
-    this.data = join(this.folder, 'data');
+    this.data = data ?? join(this.folder, 'data');
     this.ports = { stations: 0, web: 0 };
     this.programs = [];
     this.server = null;

@@ -1,0 +1,64 @@
+/// All scores of trainees' attempts, in order and in pieces: work that grows with what is read, not with what
+/// is stored.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/base/result.h"
+#include "db/connection.h"
+#include "needlelab/teaching.pb.h"
+
+namespace needlelab {
+
+/// The place of a score in the list, which is sorted by it.
+struct ScoreKey {
+  std::string trainee, exercise_id;
+  std::int64_t started_unix_ns = INT64_MIN;
+  std::int64_t number = 0;    ///< of the session
+  std::uint32_t version = 0;  ///< of the definitions
+};
+
+/// Scores of attempts that count for somebody, by trainee, exercise, attempt and version. Goes from trainee
+/// to trainee and exercise to exercise by the sums (attempt_sums.h), and reads the attempts of one pair at a
+/// time by their keys. Does not own the connection. Thread: as its Connection; all calls within one view.
+class ScoreList {
+ public:
+  /// Behind `after`; of the exercises of `course_id` and the members of `group_id`, empty: of all.
+  ScoreList(Connection& connection, ScoreKey after, std::string course_id, std::string group_id);
+
+  /// The next score with its attempt, without the attempt's own score text; nothing at the end.
+  Result<std::optional<pb::ScoreRow>> next();
+  /// Where the score is that next() gave last; before it `after`.
+  [[nodiscard]] const ScoreKey& key() const { return key_; }
+
+ private:
+  struct Row {
+    pb::ScoreRow row;
+    std::int64_t number = 0;
+  };
+  /// A trainee's attempts at an exercise, and the last of them that was read.
+  struct Pair {
+    std::string exercise_id;
+    std::int64_t started_unix_ns = INT64_MIN, number = 0;
+    std::uint32_t place = 0;
+  };
+  Status begin();
+  Status exercisesFrom(const std::string& first);
+  Result<std::string> traineeBehind(const std::string& name);
+  Result<bool> nextPair();
+  Status readAttempts();
+
+  Connection& connection_;
+  const std::string course_id_, group_id_;
+  ScoreKey key_;
+  bool begun_ = false;
+  std::string trainee_;                 ///< whose exercises these are; empty: nobody's yet
+  std::vector<std::string> exercises_;  ///< of the trainee, those that come, the next one last
+  std::optional<Pair> pair_;            ///< nothing: it has ended
+  std::vector<Row> rows_;               ///< read, not given yet, the next one last
+};
+
+}  // namespace needlelab

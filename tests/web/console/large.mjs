@@ -1,0 +1,141 @@
+// Walks the console's main pages with a faculty's database (tests/bench/lists_bench.cpp): what they show is compared with what
+// the database says, and each page's time to content is printed.
+// usage: node tests/web/console/large.mjs FOLDER   FOLDER/lists: a data folder of lists_bench --folder FOLDER, of either engine
+// environment: as run.mjs
+import assert from 'node:assert/strict';
+import { spawnSync } from 'node:child_process';
+import { existsSync, readFileSync } from 'node:fs';
+import { join, resolve } from 'node:path';
+import { Browser, done, open } from './browser.mjs';
+import { Lab } from './lab.mjs';
+
+const kTrainee = 'trainee0017',
+  kGroup = 'class-07';
+
+/** The first column of what the database itself answers, without needlelab's programs; no server runs yet. */
+function asked(data, sql) {
+  const store = join(data, 'store');
+  const url = existsSync(store) && /^url = (.*)$/m.exec(readFileSync(store, 'utf8'))?.[1];
+  const [program, args] = url
+    ? ['psql', [url, '-X', '-A', '-t', '-v', 'ON_ERROR_STOP=1', '-c', `SET search_path = needlelab; ${sql}`]]
+    : [
+        'python3',
+        [
+          '-c',
+          'import sqlite3, sys\nfor row in sqlite3.connect("file:" + sys.argv[1] + "?mode=ro", uri=True).execute(sys.argv[2]): print(row[0])',
+          join(data, 'needlelab.db'),
+          sql,
+        ],
+      ];
+  const { status, stdout, stderr } = spawnSync(program, args, { encoding: 'utf8' });
+  assert.equal(status, 0, stderr);
+  return stdout.split('\n').filter((line) => line && line !== 'SET');
+}
+
+const lab = new Lab(join(resolve(process.argv[2] ?? '.'), 'lists'));
+const browser = new Browser(lab);
+try {
+  assert.ok(existsSync(lab.data), `${lab.data} is not there: lists_bench --folder makes it`);
+  const count = (sql) => Number(asked(lab.data, sql)[0]);
+  // a person with a password of this test
+  if (count("SELECT count(*) FROM people WHERE name = 'mara'") === 0)
+    await lab.admin('user', 'add', 'mara', '--role', 'curriculum-manager', '--password-file', lab.password_file);
+  const said = {
+    people: count('SELECT count(*) FROM people'),
+    found: count(
+      "SELECT count(*) FROM people WHERE lower(full_name) LIKE '%number 17%' OR lower(name) LIKE '%number 17%'",
+    ),
+    sessions: count('SELECT count(*) FROM sessions'),
+    groups: count('SELECT count(*) FROM groups WHERE removed = 0'),
+    members: count(`SELECT count(*) FROM group_members WHERE group_id = '${kGroup}'`),
+    takers: count(
+      "SELECT count(*) FROM (SELECT trainee FROM sessions WHERE exercise_id LIKE 'exercise-%' UNION SELECT person FROM group_members) t",
+    ),
+    passed: count(
+      "SELECT count(DISTINCT trainee) FROM sessions WHERE exercise_id = 'exercise-0' AND passed = 1 AND excused = 0",
+    ),
+    own: count(`SELECT count(*) FROM sessions WHERE trainee = '${kTrainee}'`),
+    own_at: asked(
+      lab.data,
+      `SELECT count(*) FROM sessions WHERE trainee = '${kTrainee}' GROUP BY exercise_id ORDER BY max(started_unix_ns) DESC`,
+    ).map(Number),
+    guest: count("SELECT count(*) FROM sessions WHERE trainee = 'guest' AND exercise_id = 'exercise-3'"),
+    scores: count(
+      `SELECT count(*) FROM scores c JOIN sessions s ON s.number = c.session JOIN group_members m ON m.person = s.trainee AND m.group_id = '${kGroup}'`,
+    ),
+  };
+  console.log(JSON.stringify(said));
+  await lab.startServer();
+  await browser.begin();
+  const page = await browser.as('mara');
+  const walked = [];
+  /** @param {() => Promise<void>} content resolves when the page shows what the database says */
+  const walk = async (name, hash, title, content) => {
+    await open(page, lab, '#/account');
+    const from = performance.now();
+    await page.goto(lab.base + hash);
+    await page.getByRole('heading', { level: 1, name: title }).waitFor();
+    await content();
+    const ms = performance.now() - from;
+    walked.push(name);
+    console.log(`${name}: content after ${ms.toFixed(0)} ms`);
+    if (process.env.NEEDLELAB_SHOTS)
+      await page.screenshot({ path: `${process.env.NEEDLELAB_SHOTS}/large-${name}.png` });
+  };
+  const caption = (text) => page.locator('caption').getByText(text).first().waitFor();
+
+  await walk('people', '#/people', 'People', () => caption(`100 of ${said.people} people`));
+  await walk('people-found', '#/people?find=number+17', 'People', () =>
+    caption(said.found > 100 ? `100 of ${said.found} people` : `${said.found} people`),
+  );
+  await walk('groups', '#/groups', 'Groups', async () => {
+    await caption('Groups');
+    await page
+      .locator('tbody tr')
+      .nth(said.groups - 1)
+      .waitFor();
+    assert.equal(await page.locator('tbody tr').count(), said.groups);
+  });
+  await walk('group', `#/groups/${kGroup}`, 'A class', () => page.getByText(`Members: ${said.members}`).waitFor());
+  await walk('results', '#/results?course=everybody', 'Results', async () => {
+    await caption(`100 of ${said.takers} trainees, 8 exercises`);
+    await page.getByText(`${said.passed} of ${said.takers} passed`).first().waitFor();
+  });
+  await walk('results-of-group', `#/results?course=everybody&group=${kGroup}`, 'Results', () =>
+    caption(`${said.members} trainees, 8 exercises`),
+  );
+  await walk('sessions', '#/sessions', 'Sessions', () => caption(/^The newest 100 sessions|100/));
+  await walk('progress', `#/progress/${kTrainee}`, /./, () => caption(`${said.own_at[0]} attempt`));
+  await walk('progress-of-guest', '#/progress/guest?exercise=exercise-3', /./, () => caption(`attempts, oldest first`));
+  await walk('assignments', '#/assignments', 'Assignments', () => caption('Assignments'));
+
+  const csv = await page.evaluate(async (address) => {
+    const from = performance.now();
+    const reply = await fetch(address);
+    const text = await reply.text();
+    if (!reply.ok) throw new Error(`${reply.status} ${text}`);
+    return {
+      ms: performance.now() - from,
+      rows: new Set(
+        text
+          .trim()
+          .split('\r\n')
+          .slice(1)
+          .map((l) => l.split(',')[3]),
+      ).size,
+    };
+  }, `/api/v1/scores.csv?course=everybody&group=${kGroup}`);
+  assert.equal(csv.rows, said.scores, 'scores of the group');
+  console.log(`scores of a group as CSV: ${csv.rows} sessions in ${csv.ms.toFixed(0)} ms`);
+  await done(page);
+  const status = readFileSync(`/proc/${lab.server.child.pid}/status`, 'utf8');
+  console.log(`pages walked: ${walked.length}, sessions in the database: ${said.sessions}`);
+  console.log(`resident memory of the server: ${Math.round(Number(/VmRSS:\s+(\d+)/.exec(status)[1]) / 1024)} MiB`);
+  assert.equal(await lab.stopServer(), 0);
+} catch (error) {
+  await browser.testify('large').catch(() => {});
+  throw error;
+} finally {
+  await browser.end();
+  await lab.end();
+}
