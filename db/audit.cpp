@@ -15,10 +15,14 @@ namespace {
 constexpr std::uint32_t kMostLines = 1000;
 constexpr std::size_t kMaxBytes = 1000;
 
-/// Truncates the text at a character boundary. Replaces bytes that are not UTF-8 by a note, because the audit
-/// log must always be written.
+/// Replaces bytes that are not UTF-8 by a note, because the audit log must always be written: PostgreSQL does
+/// not even compare them with a name.
+void noteWhatIsNoText(std::string& text) {
+  if (!isUtf8(text)) text = fmt::format("({} bytes that are no text)", text.size());
+}
+
+/// Truncates the text at a character boundary.
 std::string shown(const std::string& text) {
-  if (!isUtf8(text)) return fmt::format("({} bytes that are no text)", text.size());
   if (text.size() <= kMaxBytes) return text;
   std::size_t end = kMaxBytes;
   while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xc0) == 0x80) --end;
@@ -29,7 +33,9 @@ std::string shown(const std::string& text) {
 
 Status AuditStore::add(const AuditRow& line) {
   RETURN_IF_ERROR(checkNumbersLeft(connection_, "audit"));
-  ASSIGN_OR_RETURN(const AuditRow row, ErasureStore(connection_).withoutErased(line));
+  AuditRow text = line;
+  for (std::string* field : {&text.who, &text.action, &text.subject, &text.detail}) noteWhatIsNoText(*field);
+  ASSIGN_OR_RETURN(const AuditRow row, ErasureStore(connection_).withoutErased(text));
   ASSIGN_OR_RETURN(
       const auto id,
       connection_.insert(

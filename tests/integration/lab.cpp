@@ -33,12 +33,14 @@ int ownPort() {
 
 }  // namespace
 
-Lab::Lab() {
+Lab::Lab(const std::string& store) {
   folder_.write("password", "correct horse\n");
-  const bool made =
-      admin({"user", "add", "ines", "--role", "instructor", "--password-file", path("password")}) == 0 &&
-      admin({"user", "add", "tom", "--role", "trainee"}) == 0 &&
-      admin({"station", "add", "station-1", "--out", path("station.key")}) == 0;
+  // the folder remembers its store
+  std::vector<std::string> first = {"user",          "add", "ines", "--role", "instructor", "--password-file",
+                                    path("password")};
+  if (!store.empty()) first.insert(first.begin(), {"--store", store});
+  const bool made = admin(first) == 0 && admin({"user", "add", "tom", "--role", "trainee"}) == 0 &&
+                    admin({"station", "add", "station-1", "--out", path("station.key")}) == 0;
   if (!made) throw std::runtime_error("needlelab-admin could not set up the lab");
 }
 

@@ -26,7 +26,8 @@ struct StoredSession {
 
 class Lab {
  public:
-  Lab();
+  /// `store`: where its database is, as --store takes it; empty: in its folder.
+  explicit Lab(const std::string& store = {});
   ~Lab() = default;
 
   /// More arguments for the next start of the server.

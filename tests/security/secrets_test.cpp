@@ -6,9 +6,17 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "common/base/files.h"
+#include "db/connection.h"
+#include "db/engine/open_postgres.h"
 #include "tests/integration/lab.h"
+#include "tests/support/postgres_database.h"
 
 namespace needlelab::test {
 namespace {
@@ -52,6 +60,61 @@ bool writesNoCore(pid_t pid) {
          std::string::npos;
 }
 
+/// A database on PostgreSQL that wants a password (tests/postgres/cluster), and the file that has it.
+class StoreWithPassword {
+ public:
+  static constexpr const char* kPassword = "Planted-8-Lebkuchen";
+
+  StoreWithPassword() {
+    folder_.write("db.password", std::string("*:*:*:by_password:") + kPassword + "\n");
+    const std::string file = folder_.path() / "db.password";
+    if (::chmod(file.c_str(), 0600) != 0) throw std::runtime_error("chmod");
+    run("DROP DATABASE IF EXISTS by_password WITH (FORCE)");
+    run("DROP ROLE IF EXISTS by_password");
+    run(std::string("CREATE ROLE by_password LOGIN PASSWORD '") + kPassword + "'");
+    run("CREATE DATABASE by_password OWNER by_password");
+    ::setenv("PGPASSFILE", file.c_str(), 1);
+  }
+  ~StoreWithPassword() {
+    ::unsetenv("PGPASSFILE");
+    run("DROP DATABASE by_password WITH (FORCE)");
+    run("DROP ROLE by_password");
+  }
+  StoreWithPassword(const StoreWithPassword&) = delete;
+  StoreWithPassword& operator=(const StoreWithPassword&) = delete;
+
+  // of several values of one word libpq takes the last
+  /// From now on programs have another password, which PostgreSQL refuses.
+  void usePassword(const std::string& other) const {
+    folder_.write("db.password", "*:*:*:by_password:" + other + "\n");
+  }
+  [[nodiscard]] std::string url() const { return url_ + " user=by_password dbname=by_password"; }
+  [[nodiscard]] static std::string logOfPostgres() {
+    const std::string at = std::getenv("NEEDLELAB_TEST_POSTGRES");
+    const std::size_t begin = at.find("host=") + 5;
+    const auto text = readWholeFile(fs::path(at.substr(begin, at.find(' ', begin) - begin)) / "log");
+    if (!text) throw std::runtime_error(text.error().message);
+    return *text;
+  }
+  /// Everything that the database has, as text, into `file`.
+  void dump(const fs::path& file) const {
+    Process dumped("/usr/lib/postgresql/15/bin/pg_dump", {"--dbname", url(), "--no-password"}, file);
+    ASSERT_EQ(dumped.wait(60s), 0) << dumped.said();
+  }
+
+ private:
+  void run(const std::string& sql) {
+    auto engine = openPostgres({.url = url_});
+    if (!engine) throw std::runtime_error(engine.error().message);
+    Connection connection(std::move(*engine), "");
+    if (auto done = connection.script(sql); !done) throw std::runtime_error(done.error().message);
+  }
+
+  TempFolder folder_;
+  PostgresBelow dropped_at_end_{folder_.path()};
+  const std::string url_ = postgresUrlOf(folder_.path());
+};
+
 class Secrets : public testing::Test {
  protected:
   void look(const std::string& where, const std::string& text) {
@@ -68,12 +131,18 @@ class Secrets : public testing::Test {
     EXPECT_TRUE(writesNoCore(pid)) << name;
   }
 
+  /// The database on PostgreSQL, where the test is of one.
+  std::optional<StoreWithPassword> store_;
   std::map<std::string, std::string> secrets_;
   int looked_ = 0;
 };
 
 TEST_F(Secrets, areInNoLogNoArgumentNoEnvironmentAndNoFileOfOthers) {
-  Lab lab;
+  if (onPostgres()) {
+    store_.emplace();
+    secrets_["password of PostgreSQL"] = StoreWithPassword::kPassword;
+  }
+  Lab lab(store_ ? store_->url() : "");
   const auto planted = [&](const std::string& name, const std::string& text) {
     const auto file = lab.path(name + ".password");
     EXPECT_TRUE(writeFileAtomically(file, viewOf(text + "\n"), 0600).ok());
@@ -94,11 +163,11 @@ TEST_F(Secrets, areInNoLogNoArgumentNoEnvironmentAndNoFileOfOthers) {
 
   // The server logs at the most detailed level.
   const auto startServer = [&](int port) {
-    return std::make_unique<Process>(
-        "needlelab-server",
-        std::vector<std::string>{"--data", lab.path("data"), "--listen", "127.0.0.1:" + std::to_string(port),
-                                 "--port-file", lab.path("port"), "--log-level", "debug"},
-        lab.path("server.log"));
+    std::vector<std::string> arguments = {
+        "--data",      lab.path("data"), "--listen",    "127.0.0.1:" + std::to_string(port),
+        "--port-file", lab.path("port"), "--log-level", "debug"};
+    if (store_) arguments.insert(arguments.end(), {"--store", store_->url()});
+    return std::make_unique<Process>("needlelab-server", arguments, lab.path("server.log"));
   };
   auto server = startServer(0);
   std::string port;
@@ -204,6 +273,19 @@ TEST_F(Secrets, areInNoLogNoArgumentNoEnvironmentAndNoFileOfOthers) {
   EXPECT_EQ(server->wait(60s), 0);
   EXPECT_THAT(server->said(), testing::HasSubstr("login_refused")) << "there was something to let slip";
 
+  if (store_) {
+    store_->dump(lab.path("database.sql"));
+    const auto dumped = readWholeFile(lab.path("database.sql"));
+    ASSERT_TRUE(dumped.ok());
+    EXPECT_THAT(*dumped, testing::HasSubstr("user passwd")) << "the database was looked at";
+    EXPECT_FALSE(fs::exists(lab.path("data") / "needlelab.db"));
+    secrets_["wrong password of PostgreSQL"] = "Planted-9-Pfeffernuss";
+    store_->usePassword(secrets_["wrong password of PostgreSQL"]);
+    server = startServer(0);
+    EXPECT_GT(server->wait(60s).value_or(0), 0) << server->said();
+    EXPECT_THAT(server->said(), testing::HasSubstr("password authentication failed"));
+    look("the log of PostgreSQL", StoreWithPassword::logOfPostgres());
+  }
   // all files, except those that supply the secrets
   for (const auto& entry : fs::recursive_directory_iterator(lab.path(""))) {
     struct stat info {};

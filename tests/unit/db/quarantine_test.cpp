@@ -164,8 +164,7 @@ TEST_F(Quarantine, chunksThatAnOlderServerCalledSoundAreFoundWithoutAMark) {
 TEST_F(Quarantine, aFlippedBitInAQuarantinedChunkIsDamage) {
   const Uuid id = closedSession({chunkOf(0), impossibleChunks().back().second});
   ASSERT_OK(
-      db.writer.script("UPDATE chunks SET bytes = CAST(substr(bytes, 1, 20) || x'a7' || substr(bytes, 22) AS "
-                       "BLOB) WHERE seq = 1"));
+      db.writer.script("UPDATE chunks SET bytes = " + test::byteReplacedSql(21, "a7") + " WHERE seq = 1"));
   const auto check = store.verify(id);
   ASSERT_OK(check);
   EXPECT_EQ(check->faults.size(), 1u);

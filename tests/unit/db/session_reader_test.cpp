@@ -98,15 +98,14 @@ TEST_F(SessionReaderTest, verifyFindsASoundSessionSound) {
 
 TEST_F(SessionReaderTest, everyKindOfDamageIsFoundByVerify) {
   const std::string damages[] = {
-      "UPDATE chunks SET bytes = CAST(substr(bytes, 1, 30) || x'a7' || substr(bytes, 32) AS BLOB) WHERE seq "
-      "= 2",
+      "UPDATE chunks SET bytes = " + test::byteReplacedSql(31, "a7") + " WHERE seq = 2",
       "UPDATE chunks SET crc = crc + 1 WHERE seq = 2",
       "UPDATE chunks SET samples = 19 WHERE seq = 2",
       "DELETE FROM chunks WHERE seq = 2",
       "DELETE FROM chunks WHERE seq = 4",
       "UPDATE sessions SET samples = 99",
       "UPDATE sessions SET chunks = 4, samples = 80",
-      "UPDATE sessions SET hash = zeroblob(32)",
+      "UPDATE sessions SET hash = " + test::zerosSql(32),
       // Two whole chunks swapped: each one is valid, the hash is not.
       "UPDATE chunks SET seq = CASE seq WHEN 1 THEN 1001 WHEN 2 THEN 1002 ELSE seq END;"
       "UPDATE chunks SET seq = CASE seq WHEN 1001 THEN 2 WHEN 1002 THEN 1 ELSE seq END",
@@ -167,8 +166,7 @@ TEST_F(SessionReaderTest, theStationsCrcIsKeptAndDiffersFromChunkToChunk) {
 TEST_F(SessionReaderTest, aDamagedChunkIsNeverHandedOut) {
   const Uuid id = add("anna", 100, 3);
   ASSERT_OK(
-      db.writer.script("UPDATE chunks SET bytes = CAST(substr(bytes, 1, 30) || x'ff' || substr(bytes, 32) AS "
-                       "BLOB) WHERE seq = 1"));
+      db.writer.script("UPDATE chunks SET bytes = " + test::byteReplacedSql(31, "ff") + " WHERE seq = 1"));
   EXPECT_OK(store.readChunks(id, 0, 1, 1 << 20));
   const auto refused = store.readChunks(id, 0, 3, 1 << 20);
   ASSERT_FALSE(refused.ok());

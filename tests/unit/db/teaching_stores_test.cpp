@@ -350,6 +350,7 @@ TEST_F(TeachingStores, ofALongHistoryOfConsentOnlyWhatIsTakenIsRead) {
   EXPECT_EQ(three->back().unix_ns(), 1996);
   EXPECT_EQ(seen, (std::vector<std::int64_t>{2000, 1998, 1996, 1994})) << "none behind the first refused";
   EXPECT_EQ((*consents.newest("ben"))->unix_ns(), 1999);
+  if (test::onPostgres()) return;  // what follows is SQLite's plan
   // in the order of an index: nothing is sorted, so nothing else is read first
   auto plan = db.writer.query(
       "EXPLAIN QUERY PLAN SELECT given FROM consents WHERE person = ? ORDER BY id DESC", "anna");

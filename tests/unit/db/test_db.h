@@ -64,6 +64,27 @@ class TestDb {
   Connection writer;
 };
 
+/// SQL of somebody who has the database itself: neither triggers nor foreign keys hold it up, on SQLite no
+/// CHECKs either. On PostgreSQL for a superuser.
+inline std::string lawless(const std::string& sql) {
+  if (!onPostgres()) return "PRAGMA foreign_keys=OFF; PRAGMA ignore_check_constraints=ON;" + sql;
+  return "SET session_replication_role = replica;" + sql + ";RESET session_replication_role";
+}
+/// The bytes with these hexadecimal digits, in SQL.
+inline std::string bytesSql(const std::string& hex) {
+  return onPostgres() ? "decode('" + hex + "', 'hex')" : "x'" + hex + "'";
+}
+inline std::string zerosSql(std::size_t count) {
+  return bytesSql(std::string(2 * count, '0'));
+}
+/// The column `bytes` with another byte in the place of the one at `at`, counted from 1, in SQL.
+inline std::string byteReplacedSql(int at, const std::string& hex) {
+  if (onPostgres())
+    return "overlay(bytes PLACING " + bytesSql(hex) + " FROM " + std::to_string(at) + " FOR 1)";
+  return "CAST(substr(bytes, 1, " + std::to_string(at - 1) + ") || " + bytesSql(hex) + " || substr(bytes, " +
+         std::to_string(at + 1) + ") AS BLOB)";
+}
+
 /// What the connection's statements have done since the last call, in instructions of SQLite's virtual
 /// machine.
 inline int stepsOfStatements(Connection& connection) {

@@ -32,6 +32,9 @@ class AuditHeadTest : public testing::Test {
  protected:
   [[nodiscard]] fs::path data() const { return folder.path() / "data"; }
   [[nodiscard]] fs::path database() const { return data() / "needlelab.db"; }
+  [[nodiscard]] StoreAddress address() const {
+    return {database(), test::onPostgres() ? test::postgresUrlOf(data()) : ""};
+  }
   /// Starts a server, which writes so many lines, and ends it.
   void serve(int lines = 0) const {
     const auto store = test::openStore(data());
@@ -52,8 +55,8 @@ class AuditHeadTest : public testing::Test {
                    " (2, 1, 'ada', 'user add', 'anna', ''), (3, 2, 'ada', 'user add', 'ben', '')"));
   }
   void tamper(const std::string& sql) const {
-    auto writer = TestDb::must(Connection::open(database(), {.mode = Connection::Mode::kWriter}));
-    ASSERT_OK(writer.script("PRAGMA foreign_keys=OFF; PRAGMA ignore_check_constraints=ON;" + sql));
+    auto writer = TestDb::must(openAt(address(), Connection::Mode::kWriter));
+    ASSERT_OK(writer.script(test::lawless(sql)));
   }
   [[nodiscard]] std::vector<AuditKey> keys() const {
     return {TestDb::must(AuditKey::ofFile(data() / kAuditKeyFile))};
@@ -63,11 +66,12 @@ class AuditHeadTest : public testing::Test {
   }
   /// As `audit verify` without anchors.
   [[nodiscard]] AuditVerdict verify() const {
-    auto reader = TestDb::must(Connection::open(database(), {.mode = Connection::Mode::kReader}));
+    auto reader = TestDb::must(openAt(address(), Connection::Mode::kReader));
     const std::vector<AuditAnchor> own = {{kAuditHeadFile, kept().head}};
     return TestDb::must(verifyAudit(reader, keys(), own));
   }
   test::TempFolder folder;
+  test::PostgresBelow dropped_at_end{folder.path()};
 };
 
 TEST_F(AuditHeadTest, theHeadIsKeptAtTheStartAtTheEndAndWhenAsked) {

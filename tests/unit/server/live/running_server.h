@@ -20,6 +20,7 @@
 #include "server/base/log.h"
 #include "server/server.h"
 #include "tests/support/patience.h"
+#include "tests/support/postgres_database.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
@@ -41,6 +42,7 @@ class RunningServer {
     options.writer.window = milliseconds(5);
     options.limits.close_grace = milliseconds(200);
     if (tweak_) tweak_(options);
+    if (onPostgres() && options.store_url.empty()) options.store_url = postgresUrlOf(options.data);
     auto started = Server::start(std::move(options));
     if (!started.ok()) throw std::runtime_error(started.error().message);
     server_ = std::move(*started);
@@ -102,6 +104,7 @@ class RunningServer {
 
  private:
   TempFolder folder_;
+  PostgresBelow dropped_at_end_{folder_.path()};
   std::function<void(ServerOptions&)> tweak_;
   std::unique_ptr<Server> server_;
   std::thread thread_;

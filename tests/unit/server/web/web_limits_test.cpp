@@ -477,7 +477,8 @@ TEST(WebLogIn, tellsAdministratorsWhatAnAckSurvives) {
   WebLab lab;
   Browser ada = lab.browserOf("ada"), mara = lab.browserOf("mara");
   const json store = askChecked(ada, "GET", "/api/v1/session").json()["store"];
-  EXPECT_EQ(store["ack_survives"], "a power cut") << store.dump();
+  // the tests' cluster keeps no promise
+  EXPECT_EQ(store["ack_survives"], onPostgres() ? "nothing" : "a power cut") << store.dump();
   EXPECT_FALSE(store.contains("refused")) << store.dump();
   EXPECT_FALSE(store.contains("waits_s")) << store.dump();
   EXPECT_FALSE(askChecked(mara, "GET", "/api/v1/session").json().contains("store"));
