@@ -15,10 +15,11 @@ namespace {
 constexpr std::uint32_t kMostLines = 1000;
 constexpr std::size_t kMaxBytes = 1000;
 
-/// Truncates the text at a character boundary. Replaces bytes that are not UTF-8 by a note, because the audit
-/// log must always be written.
+/// Truncates the text at a character boundary. Replaces bytes that are not UTF-8, or have a 0, which
+/// PostgreSQL does not store, by a note, because the audit log must always be written.
 std::string shown(const std::string& text) {
-  if (!isUtf8(text)) return fmt::format("({} bytes that are no text)", text.size());
+  if (!isUtf8(text) || text.find('\0') != std::string::npos)
+    return fmt::format("({} bytes that are no text)", text.size());
   if (text.size() <= kMaxBytes) return text;
   std::size_t end = kMaxBytes;
   while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xc0) == 0x80) --end;
