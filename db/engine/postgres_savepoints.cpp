@@ -1,5 +1,6 @@
 // Savepoints of PostgreSQL: SAVEPOINT and RELEASE have no result that anybody waits for, so they are sent in
 // one go with the statement behind them (libpq's pipeline mode).
+#include <algorithm>
 #include <cstddef>
 #include <utility>
 
@@ -67,6 +68,7 @@ Status PostgresConnection::sendDue() {
 Result<PostgresConnection::ResultPtr> PostgresConnection::behindDue(const std::function<int()>& send,
                                                                     std::string_view what) {
   PGconn* const connection = connection_.get();
+  due_done_ = 0;
   if (due_.empty() && !begin_due_) {
     if (send() == 0) return lost(what);
     return wait(what);
@@ -104,6 +106,7 @@ Result<PostgresConnection::ResultPtr> PostgresConnection::behindDue(const std::f
     last = std::move(next);
   }
   if (PQexitPipelineMode(connection) == 0) return lost(what);
+  due_done_ = std::min(done - std::min(done, begins), due - begins);
   if (done < begins) return notBegun(errorOf(last.get(), "begin a transaction"));
   if (begins > 0)
     if (const Status durable = requireDurable(); !durable) return notBegun(durable.error());
