@@ -30,7 +30,11 @@ std::string shown(const std::string& text) {
 
 Status AuditStore::add(const AuditRow& line) {
   RETURN_IF_ERROR(checkNumbersLeft(connection_, "audit"));
-  ASSIGN_OR_RETURN(const AuditRow row, ErasureStore(connection_).withoutErased(line));
+  AuditRow storable = line;
+  // before the names are looked up: PostgreSQL takes no byte 0 there either
+  for (std::string* const text : {&storable.who, &storable.action, &storable.subject, &storable.detail})
+    if (text->find('\0') != std::string::npos) *text = shown(*text);
+  ASSIGN_OR_RETURN(const AuditRow row, ErasureStore(connection_).withoutErased(storable));
   ASSIGN_OR_RETURN(
       const auto id,
       connection_.insert(

@@ -466,6 +466,8 @@ TEST_F(Teaching, aLineThatCannotBeStoredTakesNoOthersWithIt) {
   store->service().noteWatching(instructor, "station-1", "", hears);
   go.set_value();
   while (store->writer().counters().waiting > 0) std::this_thread::yield();
+  // the lines' item may end with the first one; what is tried alone is before the second one
+  ASSERT_OK(change([](Connection&) { return Status(); }));
   ASSERT_OK(change([](Connection&) { return Status(); }));
   pb::Request list;
   list.mutable_list_audit()->set_action("watch live");
