@@ -15,10 +15,11 @@ namespace {
 constexpr std::uint32_t kMostLines = 1000;
 constexpr std::size_t kMaxBytes = 1000;
 
-/// Replaces bytes that are not UTF-8 by a note, because the audit log must always be written: PostgreSQL does
-/// not even compare them with a name.
+/// Replaces bytes that are not UTF-8, or have a 0, by a note, because the audit log must always be written:
+/// PostgreSQL does not even compare them with a name.
 void noteWhatIsNoText(std::string& text) {
-  if (!isUtf8(text)) text = fmt::format("({} bytes that are no text)", text.size());
+  if (!isUtf8(text) || text.find('\0') != std::string::npos)
+    text = fmt::format("({} bytes that are no text)", text.size());
 }
 
 /// Truncates the text at a character boundary.

@@ -411,6 +411,25 @@ class ChainWalk {
   AuditVerdict verdict_;
 };
 
+/// Calls `take` with each row, by the number in its first column, `by`; `sql` ends with the condition that
+/// the number is at least ?. In pieces: an engine may read a result whole.
+template <typename Take>
+Status eachFrom(Connection& connection, const std::string& sql, std::string_view by, const Take& take) {
+  constexpr int kAtOnce = 1024;
+  const std::string some = fmt::format("{} ORDER BY {} LIMIT ?", sql, by);
+  for (std::int64_t from = INT64_MIN;;) {
+    auto rows = connection.query(some, from, kAtOnce);
+    for (int taken = 0; taken < kAtOnce; ++taken) {
+      ASSIGN_OR_RETURN(const bool more, rows.step());
+      if (!more) return {};
+      take(std::as_const(rows));
+      const std::int64_t number = rows.integer(0);
+      if (number == INT64_MAX) return {};
+      from = number + 1;
+    }
+  }
+}
+
 }  // namespace
 
 Result<AuditVerdict> verifyAudit(Connection& connection, std::span<const AuditKey> keys,
@@ -424,27 +443,21 @@ Result<AuditVerdict> verifyAudit(Connection& connection, std::span<const AuditKe
   walk.takeSchema(std::move(foreign));
   // from the tables alone: an index may have entries that somebody put in or took out
   std::unordered_map<std::int64_t, std::int64_t> last_entries;  // by line
-  auto positions = connection.prepare("SELECT line, position FROM audit_chain NOT INDEXED ORDER BY position");
-  for (;;) {
-    ASSIGN_OR_RETURN(const bool more, positions.step());
-    if (!more) break;
-    last_entries[positions.integer(0)] = positions.integer(1);
-  }
-  auto entries = connection.prepare(
-      fmt::format("SELECT c.position, c.salt, c.commitment, c.key_id, c.mac, c.line, {}"
-                  " FROM audit_chain c NOT INDEXED LEFT JOIN audit a ON a.id = c.line ORDER BY c.position",
-                  kLineColumns));
-  for (;;) {
-    ASSIGN_OR_RETURN(const bool more, entries.step());
-    if (!more) break;
-    walk.take(entries, last_entries[entries.integer(5)] > entries.integer(0));
-  }
-  auto lines = connection.prepare("SELECT id FROM audit NOT INDEXED ORDER BY id");
-  for (;;) {
-    ASSIGN_OR_RETURN(const bool more, lines.step());
-    if (!more) break;
-    if (!last_entries.contains(lines.integer(0))) walk.withoutEntry(lines.integer(0));
-  }
+  RETURN_IF_ERROR(
+      eachFrom(connection, "SELECT position, line FROM audit_chain NOT INDEXED WHERE position >= ?",
+               "position", [&](const Statement& row) { last_entries[row.integer(1)] = row.integer(0); }));
+  RETURN_IF_ERROR(eachFrom(connection,
+                           fmt::format("SELECT c.position, c.salt, c.commitment, c.key_id, c.mac, c.line, {}"
+                                       " FROM audit_chain c NOT INDEXED LEFT JOIN audit a ON a.id = c.line"
+                                       " WHERE c.position >= ?",
+                                       kLineColumns),
+                           "c.position", [&](const Statement& row) {
+                             walk.take(row, last_entries[row.integer(5)] > row.integer(0));
+                           }));
+  RETURN_IF_ERROR(
+      eachFrom(connection, "SELECT id FROM audit NOT INDEXED WHERE id >= ?", "id", [&](const Statement& row) {
+        if (!last_entries.contains(row.integer(0))) walk.withoutEntry(row.integer(0));
+      }));
   return walk.end();
 }
 

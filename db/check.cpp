@@ -168,7 +168,7 @@ Result<std::optional<SessionCheck>> SessionStore::verifyOn(const Uuid& session, 
   if (!noted && !finding(noted.error())) return noted.error();
   if (!noted) return finished();
 
-  ChunkScan scan(connection_, name, noted->recording, so_far.next_seq, UINT64_MAX);
+  ChunkScan scan(connection_, name, noted->recording, so_far.next_seq, UINT64_MAX, most_bytes);
   for (std::uint64_t read = 0; check.faults.size() < kMaxFaults;) {
     if (read >= most_bytes) return std::optional<SessionCheck>();
     ASSIGN_OR_RETURN(const auto item, scan.next());

@@ -2,14 +2,15 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <limits>
 #include <utility>
 
 namespace needlelab {
 namespace {
 
-/// Maximum number of cached statements per connection; all stores together use fewer, and so does a copy of
-/// all tables (store_copy.h).
+/// Maximum number of cached statements per connection. All stores together use fewer, and so does a copy of
+/// all tables (store_copy.h); but a list's text depends on what is asked, and people ask for all sorts.
 constexpr std::size_t kMaxIdle = 256;
 
 }  // namespace
@@ -23,7 +24,10 @@ Connection::Connection(std::unique_ptr<EngineConnection> engine, std::filesystem
     : path_(std::move(folder_file)), engine_(std::move(engine)) {}
 
 Connection::Connection(Connection&& other) noexcept
-    : path_(std::move(other.path_)), engine_(std::move(other.engine_)), idle_(std::move(other.idle_)) {}
+    : path_(std::move(other.path_)),
+      engine_(std::move(other.engine_)),
+      idle_(std::move(other.idle_)),
+      uses_(other.uses_) {}
 
 Connection& Connection::operator=(Connection&& other) noexcept {
   if (this != &other) {
@@ -31,6 +35,7 @@ Connection& Connection::operator=(Connection&& other) noexcept {
     path_ = std::move(other.path_);
     engine_ = std::move(other.engine_);
     idle_ = std::move(other.idle_);
+    uses_ = other.uses_;
   }
   return *this;
 }
@@ -48,8 +53,8 @@ Statement Connection::prepare(std::string_view sql) {
   // called five times for each incoming chunk: avoids allocating key and entry again
   thread_local std::string key;
   key.assign(sql);
-  if (const auto found = idle_.find(key); found != idle_.end() && found->second != nullptr)
-    return {this, std::move(found->second)};
+  if (const auto found = idle_.find(key); found != idle_.end() && found->second.statement != nullptr)
+    return {this, std::move(found->second.statement)};
   auto prepared = engine_->prepare(key);
   if (!prepared) return {this, prepared.error()};
   return {this, std::move(prepared).value()};
@@ -60,12 +65,19 @@ void Connection::giveBack(std::unique_ptr<EngineStatement> statement) {
   thread_local std::string key;
   key.assign(statement->sql());
   const auto found = idle_.find(key);
-  if (found != idle_.end()) {
-    // another statement with the same text may have been in use at the same time: keep only one
-    if (found->second == nullptr) found->second = std::move(statement);
-  } else if (idle_.size() < kMaxIdle) {
-    idle_.emplace(key, std::move(statement));
-  }
+  if (found == idle_.end() && idle_.size() >= kMaxIdle) forgetOldest();
+  Kept& kept = found != idle_.end() ? found->second : idle_[key];
+  kept.used = ++uses_;
+  // another statement with the same text may have been in use at the same time: keep only one
+  if (kept.statement == nullptr) kept.statement = std::move(statement);
+}
+
+void Connection::forgetOldest() {
+  // one that is in use has the use before; it comes back as a new one
+  const auto oldest = std::min_element(idle_.begin(), idle_.end(), [](const auto& one, const auto& other) {
+    return one.second.used < other.second.used;
+  });
+  idle_.erase(oldest);
 }
 
 Status Connection::script(const std::string& sql) {

@@ -221,6 +221,10 @@ class Connection {
 
   /// How often it has waited for the engine's server; 0 with SQLite.
   [[nodiscard]] std::uint64_t roundTrips() const { return engine_->roundTrips(); }
+  /// What came from the engine's server (EngineConnection::results).
+  [[nodiscard]] ResultsSoFar results() const { return engine_->results(); }
+  /// Whether a pool may keep it (EngineConnection::mayBeKept).
+  [[nodiscard]] bool mayBeKept() const { return engine_->mayBeKept(); }
 
   /// The database's file. Of another engine: a file of that name in the lab's folder, where its keys are.
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
@@ -241,8 +245,15 @@ class Connection {
 
   std::filesystem::path path_;
   std::unique_ptr<EngineConnection> engine_;  ///< null after a move
-  /// Prepared statements not in use, by their SQL; null: it is in use.
-  std::unordered_map<std::string, std::unique_ptr<EngineStatement>> idle_;
+  struct Kept {
+    std::unique_ptr<EngineStatement> statement;  ///< null: it is in use
+    std::uint64_t used = 0;                      ///< uses_ when it was given back
+  };
+  /// Makes room for one more: the one that was not used for the longest time goes.
+  void forgetOldest();
+  /// Prepared statements, by their SQL.
+  std::unordered_map<std::string, Kept> idle_;
+  std::uint64_t uses_ = 0;
 };
 
 /// BEGIN … COMMIT. Rolls back on destruction unless commit() returned success.

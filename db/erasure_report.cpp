@@ -125,12 +125,27 @@ Result<std::string> ErasureStore::leftOver(const ErasedNames& names,
     text += (text.empty() ? "" : "; ") + ("the id of the group '" + id + "' (make the group anew)");
   const ErasedNames whole = wholeNames(names);
   std::set<std::string> named;
-  auto documents = connection_.prepare(
-      "SELECT 'profile', id, json FROM profiles UNION ALL SELECT 'course', id, json FROM curricula");
-  for (;;) {
-    ASSIGN_OR_RETURN(const bool more, documents.step());
-    if (!more) break;
-    if (hasName(documents.text(2), whole)) named.insert(documents.text(0) + " '" + documents.text(1) + "'");
+  struct Document {
+    std::string id;
+    std::int64_t revision = 0;
+  };
+  // one text at a time
+  for (const auto& [kind, table] : {std::pair("profile", "profiles"), std::pair("course", "curricula")}) {
+    ASSIGN_OR_RETURN(
+        const auto documents,
+        connection_.prepare(fmt::format("SELECT id, revision FROM {}", table)).all([](const Statement& row) {
+          return Document{row.text(0), row.integer(1)};
+        }));
+    for (const Document& document : documents) {
+      const std::string which = fmt::format("{} '{}'", kind, document.id);
+      if (named.contains(which)) continue;
+      ASSIGN_OR_RETURN(const auto json,
+                       connection_
+                           .query(fmt::format("SELECT json FROM {} WHERE id = ? AND revision = ?", table),
+                                  document.id, document.revision)
+                           .first(firstText));
+      if (json && hasName(*json, whole)) named.insert(which);
+    }
   }
   for (const std::string& which : named)
     text += (text.empty() ? "" : "; ") + ("revisions of the " + which + " (nobody can remove them)");

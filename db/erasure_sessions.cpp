@@ -142,7 +142,7 @@ Result<ErasureStore::OwnSessions> ErasureStore::sessionsToErase(const std::strin
                                                                 const ErasureLine& line, bool with_waiting,
                                                                 std::uint64_t most_bytes) {
   OwnSessions own;
-  auto rows = connection_.query(
+  const std::string some =
       "SELECT s.number, s.state, s.recording, coalesce(p.chunks, s.chunks), s.description,"
       " length(s.profile_json) + length(s.description) + coalesce(length(s.score_json), 0)"
       " + 4 * coalesce(p.chunks, s.chunks)"
@@ -150,18 +150,24 @@ Result<ErasureStore::OwnSessions> ErasureStore::sessionsToErase(const std::strin
       " + (SELECT coalesce(sum(256 + length(begin_tissue) + length(end_tissue) + length(hazards)), 0)"
       " FROM session_events WHERE session = s.number)"
       " FROM sessions s LEFT JOIN session_progress p ON p.session = s.number WHERE " +
-          isTaken() + " ORDER BY s.number",
-      name, with_waiting, untilOf(line));
-  for (std::uint64_t bytes = 0;;) {
-    ASSIGN_OR_RETURN(const bool there, rows.step());
-    if (!there) return own;
-    if (bytes >= most_bytes) {
-      own.more = true;
-      return own;
+      isTaken() + " AND s.number > ?4 ORDER BY s.number LIMIT ?5";
+  RowsAtOnce at_once(most_bytes);
+  std::uint64_t bytes = 0;
+  for (std::int64_t after = -1;;) {
+    auto rows = connection_.query(some, name, with_waiting, untilOf(line), after, at_once.count());
+    for (bool all = false; !all;) {
+      ASSIGN_OR_RETURN(const bool there, rows.step());
+      if (!there) return own;
+      if (bytes >= most_bytes) {
+        own.more = true;
+        return own;
+      }
+      own.sessions.push_back({rows.integer(0), static_cast<pb::SessionState>(rows.integer(1)),
+                              static_cast<int>(rows.integer(2)), rows.natural(3), rows.text(4)});
+      after = rows.integer(0);
+      bytes += rows.natural(5);
+      all = at_once.took(rows.natural(5));
     }
-    own.sessions.push_back({rows.integer(0), static_cast<pb::SessionState>(rows.integer(1)),
-                            static_cast<int>(rows.integer(2)), rows.natural(3), rows.text(4)});
-    bytes += rows.natural(5);
   }
 }
 

@@ -3,10 +3,13 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <iterator>
+#include <span>
 
 #include "common/base/text.h"
 #include "db/documents.h"
 #include "db/pseudonyms.h"
+#include "db/text_pages.h"
 
 namespace needlelab {
 namespace {
@@ -81,6 +84,17 @@ pb::Consent consentOf(const Statement& row) {
   consent.set_recorded_by(row.text(2));
   consent.set_note(row.text(3));
   return consent;
+}
+
+Error noMember(const std::string& group_id, const std::string& member) {
+  return {ErrorCode::kNotFound,
+          "group '" + group_id + "', members: there is no person named '" + printable(member) + "'"};
+}
+
+Error inTooManyGroups(const std::string& group_id, const std::string& member) {
+  return {ErrorCode::kInvalidInput,
+          fmt::format("group '{}', members: '{}' is in {} groups, a person is in at most as many", group_id,
+                      printable(member), kMaxGroupsOfPerson)};
 }
 
 }  // namespace
@@ -234,11 +248,13 @@ Result<pb::Group> GroupStore::put(const pb::Group& group, std::optional<std::uin
                       group.id(), group.name(), last + 1, by, now_unix_ns));
   RETURN_IF_ERROR(connection_.run("DELETE FROM group_members WHERE group_id = ?", group.id()));
   const pb::Group present = before ? *before : pb::Group();
+  if (connection_.sqlite() == nullptr) {
+    RETURN_IF_ERROR(addMembersAtOnce(group.id(), wanted, present));
+    return get(group.id());
+  }
   for (const std::string& member : wanted) {
     ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(member));
-    if (!person)
-      return Error{ErrorCode::kNotFound, "group '" + group.id() + "', members: there is no person named '" +
-                                             printable(member) + "'"};
+    if (!person) return noMember(group.id(), member);
     if (!std::binary_search(present.members().begin(), present.members().end(), member))
       RETURN_IF_ERROR(checkMayJoin(group.id(), member));
     RETURN_IF_ERROR(
@@ -284,6 +300,30 @@ Result<std::vector<std::string>> GroupStore::groupsOf(std::string_view person) {
       .all(firstText);
 }
 
+Status GroupStore::addMembersAtOnce(const std::string& id, const std::vector<std::string>& wanted,
+                                    const pb::Group& present) {
+  std::vector<std::string_view> all(wanted.begin(), wanted.end()), join;
+  std::copy_if(all.begin(), all.end(), std::back_inserter(join), [&](std::string_view member) {
+    return !std::binary_search(present.members().begin(), present.members().end(), member);
+  });
+  auto others = connection_.prepare(
+      "SELECT m.person FROM unnest(?1) AS m (person)"
+      " WHERE NOT EXISTS (SELECT 1 FROM people p WHERE p.name = m.person) ORDER BY m.person LIMIT 1");
+  others.bindList(std::span<const std::string_view>(all));
+  ASSIGN_OR_RETURN(const auto unknown, others.first(firstText));
+  if (unknown) return noMember(id, *unknown);
+  auto of_many = connection_.prepare(
+      "SELECT m.person FROM group_members m WHERE m.person = ANY (?1) AND m.group_id <> ?2"
+      " GROUP BY m.person HAVING count(*) >= ?3 ORDER BY m.person LIMIT 1");
+  of_many.bindList(std::span<const std::string_view>(join)).bind(id).bind(std::uint64_t{kMaxGroupsOfPerson});
+  ASSIGN_OR_RETURN(const auto full, of_many.first(firstText));
+  if (full) return inTooManyGroups(id, *full);
+  auto insert = connection_.prepare(
+      "INSERT INTO group_members (group_id, person) SELECT ?1, m.person FROM unnest(?2) AS m (person)");
+  insert.bind(id).bindList(std::span<const std::string_view>(all));
+  return insert.run();
+}
+
 Status GroupStore::checkMayJoin(const std::string& id, const std::string& person) {
   auto others = connection_.query(
       "SELECT count(*) FROM (SELECT 1 FROM group_members WHERE person = ?1 AND group_id <> ?2 LIMIT ?3) AS "
@@ -291,9 +331,7 @@ Status GroupStore::checkMayJoin(const std::string& id, const std::string& person
       person, id, std::uint64_t{kMaxGroupsOfPerson});
   RETURN_IF_ERROR(others.step());
   if (others.natural(0) < kMaxGroupsOfPerson) return {};
-  return Error{ErrorCode::kInvalidInput,
-               fmt::format("group '{}', members: '{}' is in {} groups, a person is in at most as many", id,
-                           printable(person), kMaxGroupsOfPerson)};
+  return inTooManyGroups(id, person);
 }
 
 Result<std::vector<std::string>> GroupStore::members(std::string_view id) {
@@ -312,13 +350,20 @@ Status ConsentStore::add(const std::string& person, const pb::Consent& consent) 
 
 Result<std::vector<pb::Consent>> ConsentStore::newestOnes(
     std::string_view person, const std::function<bool(const pb::Consent&)>& take) {
-  auto rows = connection_.query(
-      "SELECT given, unix_ns, recorded_by, note FROM consents WHERE person = ? ORDER BY id DESC", person);
   std::vector<pb::Consent> consents;
-  for (;;) {
-    ASSIGN_OR_RETURN(auto consent, rows.first(consentOf));
-    if (!consent || !take(*consent)) return consents;
-    consents.push_back(*std::move(consent));
+  RowsAtOnce at_once(kBytesOfPage);
+  for (std::int64_t before = INT64_MAX;;) {
+    auto rows = connection_.query(
+        "SELECT given, unix_ns, recorded_by, note, id FROM consents WHERE person = ? AND id < ?"
+        " ORDER BY id DESC LIMIT ?",
+        person, before, at_once.count());
+    for (bool all = false; !all;) {
+      ASSIGN_OR_RETURN(auto consent, rows.first(consentOf));
+      if (!consent || !take(*consent)) return consents;
+      before = rows.integer(4);
+      all = at_once.took(consent->ByteSizeLong());
+      consents.push_back(*std::move(consent));
+    }
   }
 }
 

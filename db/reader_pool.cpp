@@ -7,8 +7,8 @@
 namespace needlelab {
 
 ReaderPool::Lease::~Lease() {
-  // do not reuse a connection after a disk error
-  if (connection_ == nullptr || connection_->damaged()) return;
+  // not after a disk error, nor when its server lacks memory: it gets that back at the connection's end
+  if (connection_ == nullptr || !connection_->mayBeKept()) return;
   const std::lock_guard lock(pool_->mutex_);
   if (pool_->idle_.size() < pool_->max_idle_) pool_->idle_.push_back(std::move(connection_));
 }

@@ -262,7 +262,9 @@ Status SessionStore::hashOn(const Uuid& session, std::uint64_t count, std::uint6
     return Error{ErrorCode::kNotFound,
                  fmt::format("{} has {} chunks, asked were {}", name, row.chunks, count)};
   }
-  ChunkScan scan(connection_, name, {row.recording, row.number, row.chunks}, so_far.chunks, count);
+  static_assert(kHashedChunkBytes == ChunkScan::kChunkCost);
+  ChunkScan scan(connection_, name, {row.recording, row.number, row.chunks}, so_far.chunks, count,
+                 most_bytes);
   for (std::uint64_t read = 0; read < most_bytes;) {
     ASSIGN_OR_RETURN(const auto item, scan.next());
     if (!item) break;
@@ -353,7 +355,8 @@ Result<ChunksAround> SessionStore::readAround(const Uuid& session, std::uint64_t
   ChunksAround read;
   read.next_seq = from_seq;
   std::size_t total = 0;
-  ChunkScan scan(connection_, name, recording, from_seq, UINT64_MAX);
+  const std::uint64_t to = from_seq + std::min<std::uint64_t>(max_chunks, UINT64_MAX - from_seq);
+  ChunkScan scan(connection_, name, recording, from_seq, to, max_bytes);
   for (std::uint32_t taken = 0; taken < max_chunks; ++taken) {
     ASSIGN_OR_RETURN(auto item, scan.next());
     if (!item) return read;

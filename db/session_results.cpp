@@ -3,9 +3,13 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <array>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <span>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "common/base/text.h"
 #include "db/documents.h"
@@ -51,29 +55,134 @@ std::vector<Uuid> idsInJson(const std::string& text) {
   return ids;
 }
 
-constexpr std::string_view kInsert =
-    "INSERT INTO session_events (session, position, kind, begin_tick, end_tick,"
-    " begin_s, end_s, plunger_from, plunger_to, in_tissue_share, in_target_share,"
-    " begin_x_m, begin_y_m, begin_z_m, begin_layer, begin_tissue, begin_insertion_m,"
-    " begin_depth_m, begin_target, begin_target_distance_m, begin_hazard, end_x_m,"
-    " end_y_m, end_z_m, end_layer, end_tissue, end_insertion_m, end_depth_m,"
-    " end_target, end_target_distance_m, end_hazard, hazards)"
-    " VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)";
-constexpr std::string_view kSelectEvents =
-    "SELECT kind, begin_tick, end_tick, begin_s, end_s, plunger_from, plunger_to,"
-    " in_tissue_share, in_target_share, begin_x_m, begin_y_m, begin_z_m,"
-    " begin_layer, begin_tissue, begin_insertion_m, begin_depth_m, begin_target,"
-    " begin_target_distance_m, begin_hazard, end_x_m, end_y_m, end_z_m, end_layer,"
-    " end_tissue, end_insertion_m, end_depth_m, end_target, end_target_distance_m,"
-    " end_hazard, hazards FROM session_events WHERE session = ? ORDER BY position";
+constexpr std::array kEventColumns = {"kind",
+                                      "begin_tick",
+                                      "end_tick",
+                                      "begin_s",
+                                      "end_s",
+                                      "plunger_from",
+                                      "plunger_to",
+                                      "in_tissue_share",
+                                      "in_target_share",
+                                      "begin_x_m",
+                                      "begin_y_m",
+                                      "begin_z_m",
+                                      "begin_layer",
+                                      "begin_tissue",
+                                      "begin_insertion_m",
+                                      "begin_depth_m",
+                                      "begin_target",
+                                      "begin_target_distance_m",
+                                      "begin_hazard",
+                                      "end_x_m",
+                                      "end_y_m",
+                                      "end_z_m",
+                                      "end_layer",
+                                      "end_tissue",
+                                      "end_insertion_m",
+                                      "end_depth_m",
+                                      "end_target",
+                                      "end_target_distance_m",
+                                      "end_hazard",
+                                      "hazards"};
 constexpr int kPlaceColumns = 10;
 
-void bindPlace(Statement& statement, const pb::SyringePlace& place) {
-  statement.bind(place.x_m()).bind(place.y_m()).bind(place.z_m());
-  statement.bind(place.in_tissue() ? place.layer() : -1).bind(place.tissue());
-  statement.bind(place.insertion_m()).bind(place.depth_m());
-  statement.bind(place.target()).bind(place.target_distance_m()).bind(place.hazard());
+/// `to`: a Statement, or EventLists.
+template <typename To>
+void bindPlace(To& to, const pb::SyringePlace& place) {
+  to.bind(place.x_m()).bind(place.y_m()).bind(place.z_m());
+  to.bind(place.in_tissue() ? place.layer() : -1).bind(place.tissue());
+  to.bind(place.insertion_m()).bind(place.depth_m());
+  to.bind(place.target()).bind(place.target_distance_m()).bind(place.hazard());
 }
+
+/// Binds kEventColumns.
+template <typename To>
+void bindEvent(To& to, const pb::SyringeEvent& event) {
+  std::string hazards;
+  for (const std::string& hazard : event.hazards()) hazards += (hazards.empty() ? "" : "\n") + hazard;
+  to.bind(static_cast<int>(event.kind()));
+  to.bind(event.begin_tick()).bind(event.end_tick()).bind(event.begin_s()).bind(event.end_s());
+  to.bind(event.plunger_from()).bind(event.plunger_to());
+  to.bind(event.in_tissue_share()).bind(event.in_target_share());
+  bindPlace(to, event.begin());
+  bindPlace(to, event.end());
+  to.bind(hazards);
+}
+
+std::string eventColumn(std::size_t column) {
+  return kEventColumns[column];
+}
+
+/// "a, b, …" of kEventColumns, each made by `make`.
+template <typename Make>
+std::string eventColumns(const Make& make) {
+  std::string text;
+  for (std::size_t i = 0; i < kEventColumns.size(); ++i) text += (i == 0 ? "" : ", ") + make(i);
+  return text;
+}
+
+/// All events as one list a column, for one statement: PostgreSQL has a round trip for each.
+class EventLists {
+ public:
+  void add(const pb::SyringeEvent& event) {
+    at_ = 0;
+    bindEvent(*this, event);
+  }
+  EventLists& bind(double value) {
+    Column& column = columns_[at_++];
+    column.is_real = true;
+    column.texts.push_back(fmt::format("{}", value));  // as short as gives the same number again
+    return *this;
+  }
+  EventLists& bind(const std::string& value) {
+    columns_[at_++].texts.push_back(value);
+    return *this;
+  }
+  EventLists& bind(std::int64_t value) {
+    Column& column = columns_[at_++];
+    column.is_integer = true;
+    column.integers.push_back(value);
+    return *this;
+  }
+  EventLists& bind(std::int32_t value) { return bind(static_cast<std::int64_t>(value)); }
+  EventLists& bind(std::uint64_t value) {
+    fits_ = fits_ && value <= static_cast<std::uint64_t>(INT64_MAX);
+    return bind(static_cast<std::int64_t>(value));
+  }
+
+  Status insert(Connection& connection, std::int64_t session) const {
+    const std::string sql = fmt::format(
+        "INSERT INTO session_events (session, position, {}) SELECT ?1, e.place - 1, {} FROM unnest({})"
+        " WITH ORDINALITY AS e ({}, place)",
+        eventColumns(eventColumn), eventColumns([&](std::size_t i) {
+          return columns_[i].is_real ? fmt::format("CAST(e.{} AS DOUBLE PRECISION)", eventColumn(i))
+                                     : "e." + eventColumn(i);
+        }),
+        eventColumns([](std::size_t i) { return fmt::format("?{}", i + 2); }), eventColumns(eventColumn));
+    if (!fits_) return Error{ErrorCode::kInvalidInput, "an event has a tick of 2^63 or more"};
+    Statement statement = connection.query(sql, session);
+    for (const Column& column : columns_) {
+      if (column.is_integer) {
+        statement.bindList(std::span<const std::int64_t>(column.integers));
+        continue;
+      }
+      const std::vector<std::string_view> texts(column.texts.begin(), column.texts.end());
+      statement.bindList(std::span<const std::string_view>(texts));
+    }
+    return statement.run();
+  }
+
+ private:
+  struct Column {
+    bool is_real = false, is_integer = false;
+    std::vector<std::int64_t> integers;
+    std::vector<std::string> texts;  ///< of numbers, too: there is no list of those
+  };
+  std::array<Column, kEventColumns.size()> columns_;
+  std::size_t at_ = 0;
+  bool fits_ = true;
+};
 
 void readPlace(const Statement& row, int column, pb::SyringePlace& place) {
   place.set_x_m(row.real(column));
@@ -224,18 +333,19 @@ Status EventStore::put(const Uuid& session, std::span<const pb::SyringeEvent> ev
   RETURN_IF_ERROR(connection_.run("UPDATE sessions SET events = ? WHERE number = ? AND events IS NULL",
                                   static_cast<std::uint64_t>(events.size()), row.number));
   if (connection_.changes() == 0) return {};
+  if (events.empty()) return {};
+  if (connection_.sqlite() == nullptr) {
+    EventLists lists;
+    for (const pb::SyringeEvent& event : events) lists.add(event);
+    return lists.insert(connection_, row.number);
+  }
+  static const std::string insert_one =
+      fmt::format("INSERT INTO session_events (session, position, {}) VALUES (?, ?, {})",
+                  eventColumns(eventColumn), eventColumns([](std::size_t) { return std::string("?"); }));
   for (std::size_t i = 0; i < events.size(); ++i) {
-    const pb::SyringeEvent& event = events[i];
-    std::string hazards;
-    for (const std::string& hazard : event.hazards()) hazards += (hazards.empty() ? "" : "\n") + hazard;
-    Statement insert = connection_.prepare(kInsert);
-    insert.bind(row.number).bind(static_cast<std::uint64_t>(i)).bind(static_cast<int>(event.kind()));
-    insert.bind(event.begin_tick()).bind(event.end_tick()).bind(event.begin_s()).bind(event.end_s());
-    insert.bind(event.plunger_from()).bind(event.plunger_to());
-    insert.bind(event.in_tissue_share()).bind(event.in_target_share());
-    bindPlace(insert, event.begin());
-    bindPlace(insert, event.end());
-    RETURN_IF_ERROR(insert.bind(hazards).run());
+    Statement insert = connection_.query(insert_one, row.number, static_cast<std::uint64_t>(i));
+    bindEvent(insert, events[i]);
+    RETURN_IF_ERROR(insert.run());
   }
   return {};
 }
@@ -245,7 +355,9 @@ Result<std::optional<std::vector<pb::SyringeEvent>>> EventStore::list(const Uuid
   ASSIGN_OR_RETURN(const bool found, known.step());
   if (!found) return unknownSession(session);
   if (known.isNull(1)) return std::optional<std::vector<pb::SyringeEvent>>();
-  ASSIGN_OR_RETURN(auto events, connection_.query(kSelectEvents, known.integer(0)).all(eventOf));
+  static const std::string select = fmt::format(
+      "SELECT {} FROM session_events WHERE session = ? ORDER BY position", eventColumns(eventColumn));
+  ASSIGN_OR_RETURN(auto events, connection_.query(select, known.integer(0)).all(eventOf));
   return std::optional(std::move(events));
 }
 

@@ -150,15 +150,45 @@ Result<std::optional<Error>> checkStoredChunk(const std::string& name, std::uint
 }
 
 ChunkScan::ChunkScan(Connection& connection, std::string name, const StoredRecording& recording,
-                     std::uint64_t from, std::uint64_t to)
+                     std::uint64_t from, std::uint64_t to, std::uint64_t most_bytes)
     : connection_(connection),
       name_(std::move(name)),
       recording_(recording),
       next_(from),
-      to_(std::min(to, recording.chunks)) {}
+      to_(std::min(to, recording.chunks)),
+      most_bytes_(most_bytes) {}
 
 Error ChunkScan::faultOf(const std::string& what) const {
   return {ErrorCode::kCorrupt, fmt::format("{}, chunk {}: {}", name_, next_, what)};
+}
+
+void ChunkScan::ask() {
+  const std::string table(recording_.table());
+  row_there_ = at_end_ = false;
+  if (connection_.sqlite() != nullptr) {
+    // SQLite gives row by row. Compare with the row itself: a damaged index could return another chunk's row
+    piece_to_ = to_;
+    piece_bytes_ = UINT64_MAX;
+    rows_.emplace(
+        connection_.query("SELECT k.seq, c.samples, c.crc, c.bytes, c.session = k.session AND c.seq = k.seq"
+                          " FROM " +
+                              table + " AS k CROSS JOIN " + table +
+                              " AS c ON c.rowid = k.rowid WHERE k.session = ? AND k.seq >= ? AND k.seq < ?"
+                              " ORDER BY k.seq",
+                          recording_.session, next_, to_));
+    return;
+  }
+  // up to the row that reaches the piece's bytes. The lengths alone do not read the bytes
+  piece_to_ = std::min(to_, next_ + kPieceChunks);
+  piece_bytes_ = std::clamp<std::uint64_t>(most_bytes_, 1, kPieceBytes);
+  in_piece_ = 0;
+  rows_.emplace(
+      connection_.query("SELECT k.seq, k.samples, k.crc, k.bytes, 1 FROM (SELECT seq, samples, crc, bytes,"
+                        " sum(length(bytes) + ?5) OVER (ORDER BY seq) - length(bytes) - ?5 AS before FROM " +
+                            table +
+                            " WHERE session = ?1 AND seq >= ?2 AND seq < ?3) AS k WHERE k.before < ?4"
+                            " ORDER BY k.seq",
+                        recording_.session, next_, piece_to_, piece_bytes_, kChunkCost));
 }
 
 Result<std::optional<ChunkScan::Item>> ChunkScan::next() {
@@ -171,20 +201,10 @@ Result<std::optional<ChunkScan::Item>> ChunkScan::next() {
     return std::optional(std::move(item));
   };
 
-  if (!rows_) {
-    // compare with the row itself: a damaged index of SQLite could return another chunk's row
-    const std::string table(recording_.table());
-    const std::string columns = connection_.sqlite() != nullptr
-                                    ? "k.seq, c.samples, c.crc, c.bytes, c.session = k.session AND"
-                                      " c.seq = k.seq FROM " +
-                                          table + " AS k CROSS JOIN " + table + " AS c ON c.rowid = k.rowid"
-                                    : "k.seq, k.samples, k.crc, k.bytes, 1 FROM " + table + " AS k";
-    rows_.emplace(connection_.query(
-        "SELECT " + columns + " WHERE k.session = ? AND k.seq >= ? AND k.seq < ? ORDER BY k.seq",
-        recording_.session, next_, to_));
-    row_there_ = at_end_ = false;
-  }
-  if (!row_there_ && !at_end_) {
+  if (rows_ && isCut()) rows_.reset();
+  while (!row_there_) {
+    if (!rows_) ask();
+    if (at_end_) break;
     const auto row = rows_->step();
     if (!row) {
       if (row.error().code != ErrorCode::kCorrupt) return row.error();
@@ -194,6 +214,13 @@ Result<std::optional<ChunkScan::Item>> ChunkScan::next() {
     }
     row_there_ = *row;
     at_end_ = !*row;
+    if (row_there_) {
+      const std::uint64_t cost = rows_->bytes(3).size() + kChunkCost;
+      in_piece_ += cost;
+      most_bytes_ -= std::min(most_bytes_, cost);
+    } else if (isCut()) {
+      rows_.reset();
+    }
   }
   if (at_end_ || rows_->natural(0) != next_) return faulty(faultOf("is missing"));
   row_there_ = false;

@@ -37,9 +37,14 @@ struct StoredRecording {
 /// one. Thread: as the connection, which must outlive it.
 class ChunkScan {
  public:
+  /// What a chunk counts besides its bytes in `most_bytes`.
+  static constexpr std::uint64_t kChunkCost = 1024;
   /// `name`: "session …", for messages. Scans chunks `from` to `to` − 1, limited to the stored count.
+  /// `most_bytes`: after so many (with kChunkCost) the caller ends at the latest; it may go on all the same.
+  /// Where an engine reads a result whole, each piece that is asked for ends with the chunk that reaches
+  /// them, or kPieceBytes.
   ChunkScan(Connection& connection, std::string name, const StoredRecording& recording, std::uint64_t from,
-            std::uint64_t to);
+            std::uint64_t to, std::uint64_t most_bytes = UINT64_MAX);
 
   struct Item {
     std::uint64_t seq = 0;
@@ -54,13 +59,19 @@ class ChunkScan {
   Result<std::optional<Item>> next();
 
  private:
+  static constexpr std::uint64_t kPieceBytes = std::uint64_t{4} << 20, kPieceChunks = 256;
   Error faultOf(const std::string& what) const;
+  void ask();
+  /// Whether the rows ended although more may be there.
+  [[nodiscard]] bool isCut() const { return at_end_ && (next_ >= piece_to_ || in_piece_ >= piece_bytes_); }
 
   Connection& connection_;
   const std::string name_;
   const StoredRecording recording_;
   std::uint64_t next_;
   const std::uint64_t to_;
+  std::uint64_t most_bytes_;  ///< what is left of them
+  std::uint64_t piece_to_ = 0, piece_bytes_ = 0, in_piece_ = 0;
   std::optional<Statement> rows_;
   bool row_there_ = false;  ///< rows_ is at a row that was not delivered yet
   bool at_end_ = false;     ///< rows_ has no more rows

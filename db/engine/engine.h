@@ -19,6 +19,13 @@ namespace needlelab {
 
 class SqliteConnection;
 
+/// Results that came whole from the engine's server, since the connection was made.
+struct ResultsSoFar {
+  std::uint64_t rows = 0;
+  std::uint64_t bytes = 0;    ///< of memory, as the driver holds them
+  std::uint64_t largest = 0;  ///< the bytes of the largest one
+};
+
 /// One prepared statement, for one execution at a time. Parameters count from 1, columns from 0. Thread: as
 /// its connection, which must outlive it.
 class EngineStatement {
@@ -125,6 +132,11 @@ class EngineConnection {
 
   /// How often it has waited for the engine's server.
   [[nodiscard]] virtual std::uint64_t roundTrips() const { return 0; }
+  /// What it has read from the engine's server; nothing with SQLite, which gives row by row.
+  [[nodiscard]] virtual ResultsSoFar results() const { return {}; }
+  /// False: its end may free what the engine's server lacks (memory), or it is not as a new one is; a pool
+  /// must not keep it.
+  [[nodiscard]] virtual bool mayBeKept() const { return !damaged(); }
 
   /// What only SQLite has; null: this is another engine.
   [[nodiscard]] virtual SqliteConnection* sqlite() { return nullptr; }

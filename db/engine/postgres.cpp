@@ -7,6 +7,7 @@
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
+#include <iterator>
 #include <map>
 #include <span>
 #include <thread>
@@ -52,6 +53,11 @@ class PostgresStatement final : public EngineStatement {
  public:
   PostgresStatement(PostgresConnection& connection, const std::string& sql)
       : connection_(connection), sql_(sql), own_(forPostgres(sql)) {}
+  ~PostgresStatement() override {
+    std::vector<std::string> names;
+    for (auto& [types, name] : names_) names.push_back(std::move(name));
+    connection_.giveUp(std::move(names), epoch_);
+  }
 
   [[nodiscard]] std::string_view sql() const override { return sql_; }
   Status bind(int parameter, std::int64_t value) override {
@@ -160,7 +166,7 @@ class PostgresStatement final : public EngineStatement {
     types.reserve(values_.size());
     for (const auto& value : values_) types.push_back(value.type);
     if (const auto found = names_.find(types); found != names_.end()) return found->second;
-    const bool kept = names_.size() < kMostSigns;
+    const bool kept = names_.empty() || (names_.size() < kMostSigns && connection_.mayNameMore());
     ASSIGN_OR_RETURN(std::string name, connection_.prepareNow(own_.text, values_, kept));
     if (kept) names_.emplace(std::move(types), name);
     return name;
@@ -228,6 +234,9 @@ Status PostgresConnection::connect(bool takes_alone) {
                                 nullptr};
   connection_.reset(PQconnectdbParams(names, values, 1));
   ++epoch_;
+  named_ = 0;
+  given_up_.clear();
+  lacks_resources_ = false;
   in_lost_transaction_ = false;
   if (connection_ == nullptr)
     return Error{ErrorCode::kUnavailable, shown_url_ + ": not enough memory to connect"};
@@ -342,6 +351,7 @@ Error PostgresConnection::errorOf(const PGresult* result, std::string_view what)
   const char* state = result != nullptr ? PQresultErrorField(result, PG_DIAG_SQLSTATE) : nullptr;
   const ErrorCode code = state != nullptr ? codeOfState(state) : ErrorCode::kFailed;
   if (code == ErrorCode::kCorrupt) damaged_ = true;
+  if (state != nullptr && std::string_view(state).starts_with("53")) lacks_resources_ = true;
   constexpr std::size_t kShown = 120;
   Error error{code,
               fmt::format("{}: cannot {}{}: {} (PostgreSQL {})", shown_url_, what.substr(0, kShown),
@@ -398,6 +408,10 @@ Result<PostgresConnection::ResultPtr> PostgresConnection::checked(ResultPtr last
     default:
       return errorOf(last.get(), what);
   }
+  results_.rows += static_cast<std::uint64_t>(PQntuples(last.get()));
+  const std::uint64_t bytes = PQresultMemorySize(last.get());
+  results_.bytes += bytes;
+  results_.largest = std::max(results_.largest, bytes);
   if (const char* rows = PQcmdTuples(last.get()); rows != nullptr && *rows != '\0')
     changes_ = std::strtoll(rows, nullptr, 10);
   return last;
@@ -409,13 +423,35 @@ Result<std::string> PostgresConnection::prepareNow(const std::string& sql, const
   std::vector<Oid> types;
   types.reserve(values.size());
   for (const Value& value : values) types.push_back(value.type);
-  RETURN_IF_ERROR(behindDue(
+  // in the same round trip, and so in the same transaction: one that has failed would refuse both
+  std::vector<std::string> forgets;
+  for (const std::string& one : given_up_) forgets.push_back("DEALLOCATE " + one);
+  std::vector<const char*> first;  // the savepoint is the last of what is due
+  for (const std::string& one : forgets) first.push_back(one.c_str());
+  due_.insert(due_.begin(), first.begin(), first.end());
+  const auto prepared = behindDue(
       [&] {
         return PQsendPrepare(connection_.get(), name.c_str(), sql.c_str(), static_cast<int>(types.size()),
                              types.data());
       },
-      sql));
+      sql);
+  if (!prepared && !isConnected()) return prepared.error();  // the next connection knows no names
+  const std::size_t forgotten = std::min(due_done_, forgets.size());
+  given_up_.erase(given_up_.begin(), given_up_.begin() + static_cast<std::ptrdiff_t>(forgotten));
+  named_ -= forgotten;
+  if (!prepared) return prepared.error();
+  if (kept) ++named_;
   return name;
+}
+
+void PostgresConnection::giveUp(std::vector<std::string> names, std::uint64_t epoch) {
+  if (epoch != epoch_) return;  // they went with that connection
+  std::move(names.begin(), names.end(), std::back_inserter(given_up_));
+}
+
+bool PostgresConnection::mayBeKept() const {
+  return !damaged_ && !lacks_resources_ && !in_lost_transaction_ && isConnected() &&
+         PQtransactionStatus(connection_.get()) == PQTRANS_IDLE;
 }
 
 Result<PostgresConnection::ResultPtr> PostgresConnection::execute(const std::string& prepared,

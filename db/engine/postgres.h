@@ -82,6 +82,8 @@ class PostgresConnection final : public EngineConnection {
   const std::atomic<bool>* setCancelled(const std::atomic<bool>* cancelled) override;
   void setWhileWaiting(std::function<bool()> piece) override;
   [[nodiscard]] std::uint64_t roundTrips() const override { return round_trips_; }
+  [[nodiscard]] ResultsSoFar results() const override { return results_; }
+  [[nodiscard]] bool mayBeKept() const override;
 
   /// The URL without a password, for messages.
   [[nodiscard]] const std::string& shownUrl() const { return shown_url_; }
@@ -103,6 +105,12 @@ class PostgresConnection final : public EngineConnection {
   [[nodiscard]] std::uint64_t epoch() const { return epoch_; }
   /// Prepares `sql`, in PostgreSQL's form; returns the name. Not `kept`: until the next one that is not.
   Result<std::string> prepareNow(const std::string& sql, const std::vector<Value>& values, bool kept);
+  /// Whether PostgreSQL, which keeps each name's plan in the memory of the connection's process, gets one
+  /// more: not beyond kMostNamed, but each statement may have one.
+  [[nodiscard]] bool mayNameMore() const { return named_ < kMostNamed; }
+  /// Names that prepareNow() made at this `epoch` are used no more: PostgreSQL forgets them together with the
+  /// next statement that is prepared.
+  void giveUp(std::vector<std::string> names, std::uint64_t epoch);
   Result<ResultPtr> execute(const std::string& prepared, const std::vector<Value>& values,
                             std::string_view what);
   /// Connects again where the connection is lost, and there is no transaction that went with it.
@@ -191,6 +199,12 @@ class PostgresConnection final : public EngineConnection {
   enum class AtSavepoint { kNone, kDue, kMade, kBegin };
   AtSavepoint savepoint_ = AtSavepoint::kNone;
   std::vector<const char*> due_;  ///< statements without results that go with the next one
+  static constexpr std::size_t kMostNamed = 512;
+  std::size_t named_ = 0;  ///< names that PostgreSQL knows, those of given_up_ too
+  std::vector<std::string> given_up_;
+  std::size_t due_done_ = 0;  ///< how many of due_ behindDue() has done
+  ResultsSoFar results_;
+  bool lacks_resources_ = false;  ///< an error of class 53 came: memory, room, places for connections
 };
 
 }  // namespace needlelab

@@ -1,5 +1,6 @@
 // Savepoints of PostgreSQL: SAVEPOINT and RELEASE have no result that anybody waits for, so they are sent in
 // one go with the statement behind them (libpq's pipeline mode).
+#include <algorithm>
 #include <cstddef>
 #include <utility>
 
@@ -87,6 +88,7 @@ Status PostgresConnection::endPipeline(std::string_view what, const std::functio
 Result<PostgresConnection::ResultPtr> PostgresConnection::behindDue(const std::function<int()>& send,
                                                                     std::string_view what) {
   PGconn* const connection = connection_.get();
+  due_done_ = 0;
   if (due_.empty() && !begin_due_) {
     if (send() == 0) return lost(what);
     return wait(what);
@@ -112,6 +114,7 @@ Result<PostgresConnection::ResultPtr> PostgresConnection::behindDue(const std::f
     }
     last = std::move(next);
   }));
+  due_done_ = std::min(done - std::min(done, begins), due - begins);
   if (done < begins) return notBegun(errorOf(last.get(), "begin a transaction"));
   if (begins > 0)
     if (const Status durable = requireDurable(); !durable) return notBegun(durable.error());

@@ -18,6 +18,7 @@
 #include "db/service/import_rules.h"
 #include "db/service/lesson_texts.h"
 #include "db/service/record_tables.h"
+#include "db/text_pages.h"
 #include "db/unknown_trainees.h"
 
 namespace needlelab::handlers {
@@ -108,25 +109,28 @@ Result<pb::Reply> recordsReply(const Context& context, const std::string& what, 
   pb::Reply reply;
   auto* list = reply.mutable_records();
   PageRoom room;
+  RowsAtOnce at_once(kMaxReplyBytes);
   const auto tables = recordTables();
   for (; page.table < tables.size(); ++page.table, page.keys = nullptr) {
     const RecordTable& table = tables[page.table];
     if (person != nullptr && table.of_person.empty()) continue;
-    ASSIGN_OR_RETURN(auto rows,
-                     recordsAfter(context.reader, table,
-                                  person != nullptr ? std::string(table.of_person) : conditionOf(table, page),
-                                  person, page.keys, secrets));
-    for (;;) {
-      ASSIGN_OR_RETURN(const auto row, rows.step());
-      if (!row) break;
-      const RecordJson record = recordOf(table, rows, secrets);
-      std::string text = record.dump();
-      if (!room.take(text.size() + 8)) {
-        list->set_next_page(context.exports.seal(context.who, what, placeOf(page)));
-        return reply;
+    const std::string where = person != nullptr ? std::string(table.of_person) : conditionOf(table, page);
+    for (bool more = true; more;) {
+      ASSIGN_OR_RETURN(
+          auto rows, recordsAfter(context.reader, table, where, person, page.keys, secrets, at_once.count()));
+      for (more = false; !more;) {
+        ASSIGN_OR_RETURN(const auto row, rows.step());
+        if (!row) break;
+        const RecordJson record = recordOf(table, rows, secrets);
+        std::string text = record.dump();
+        if (!room.take(text.size() + 8)) {
+          list->set_next_page(context.exports.seal(context.who, what, placeOf(page)));
+          return reply;
+        }
+        page.keys = keysOf(table, record);
+        more = at_once.took(text.size());
+        list->add_records(std::move(text));
       }
-      page.keys = keysOf(table, record);
-      list->add_records(std::move(text));
     }
   }
   return reply;
@@ -274,12 +278,21 @@ class Import {
   Status readLines(const RecordTable& table) {
     if (lines_) return {};
     lines_.emplace();
-    auto rows = writer_.prepare(selectRecords(table, "", false));
-    for (;;) {
-      ASSIGN_OR_RETURN(const auto row, rows.step());
-      if (!row) return {};
-      lines_->insert(lineText(recordOf(table, rows, false)));
+    RowsAtOnce at_once(kBytesOfPage);
+    RecordJson keys;  // of the last line
+    for (bool more = true; more;) {
+      ASSIGN_OR_RETURN(auto rows, recordsAfter(writer_, table, "", nullptr, keys, false, at_once.count()));
+      for (more = false; !more;) {
+        ASSIGN_OR_RETURN(const auto row, rows.step());
+        if (!row) break;
+        RecordJson record = recordOf(table, rows, false);
+        keys = keysOf(table, record);
+        std::string text = lineText(std::move(record));
+        more = at_once.took(text.size());
+        lines_->insert(std::move(text));
+      }
     }
+    return {};
   }
 
   /// An export of schema 6 or later has a record for each session of an unknown trainee. For one of before,
@@ -342,12 +355,23 @@ class Import {
 /// Calls `take` with each record of all pieces in order, one record per line.
 Status eachRecord(Connection& writer, const std::string& import_id,
                   const std::function<Status(const std::string&)>& take) {
-  auto pieces =
-      writer.query("SELECT records FROM import_pieces WHERE import_id = ? ORDER BY position", import_id);
-  for (;;) {
-    ASSIGN_OR_RETURN(const auto row, pieces.step());
-    if (!row) return {};
-    const std::string records = pieces.text(0);
+  struct Piece {
+    std::int64_t position = 0;
+    std::string records;
+  };
+  // one at a time: all together may have 512 MB
+  for (std::int64_t after = INT64_MIN;;) {
+    ASSIGN_OR_RETURN(const auto piece,
+                     writer
+                         .query("SELECT position, records FROM import_pieces WHERE import_id = ? AND"
+                                " position > ? ORDER BY position LIMIT 1",
+                                import_id, after)
+                         .first([](const Statement& row) {
+                           return Piece{row.integer(0), row.text(1)};
+                         }));
+    if (!piece) return {};
+    after = piece->position;
+    const std::string& records = piece->records;
     for (std::size_t at = 0; at < records.size();) {
       const std::size_t end = std::min(records.find('\n', at), records.size());
       if (end > at) {

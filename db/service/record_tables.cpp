@@ -349,7 +349,8 @@ std::string selectRecords(const RecordTable& table, std::string_view where, bool
 }
 
 Result<Statement> recordsAfter(Connection& connection, const RecordTable& table, const std::string& where,
-                               const std::string* person, const RecordJson& keys, bool secrets) {
+                               const std::string* person, const RecordJson& keys, bool secrets,
+                               std::int64_t most) {
   std::string condition = where.empty() ? std::string() : "(" + where + ")";
   if (!keys.is_null()) {
     std::string names, places;
@@ -360,11 +361,12 @@ Result<Statement> recordsAfter(Connection& connection, const RecordTable& table,
     }
     condition += (condition.empty() ? "(" : " AND (") + names + ") > (" + places + ")";
   }
-  auto rows = connection.prepare(selectRecords(table, condition, secrets));
+  auto rows = connection.prepare(selectRecords(table, condition, secrets) + " LIMIT ?");
   if (person != nullptr) rows.bind(*person);
   if (!keys.is_null()) {
     RETURN_IF_ERROR(bindKeys(connection, rows, table, keys));
   }
+  rows.bind(most);
   return rows;
 }
 

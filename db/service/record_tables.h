@@ -62,9 +62,10 @@ const RecordTable* recordTable(std::string_view kind);
 /// "SELECT … FROM … WHERE … ORDER BY …" for a table's records; `where` may be empty.
 std::string selectRecords(const RecordTable& table, std::string_view where, bool secrets);
 /// The same, with bound values: of `person` (may be null) where the condition has a ?1, and only rows after
-/// `keys` (null: all), in the form of keysOf(). kInvalidInput.
+/// `keys` (null: all), in the form of keysOf(), `most` of them. kInvalidInput.
 Result<Statement> recordsAfter(Connection& connection, const RecordTable& table, const std::string& where,
-                               const std::string* person, const RecordJson& keys, bool secrets);
+                               const std::string* person, const RecordJson& keys, bool secrets,
+                               std::int64_t most);
 /// Adds the columns that exports of older programs did not have. A record with a secret must have the table's
 /// other secrets too: `secrets`.
 void fillOlder(const RecordTable& table, RecordJson& record, bool secrets);

@@ -437,24 +437,7 @@ void Service::addSoon(SoonNoted::Line line) {
     const std::lock_guard lock(soon_noted_->mutex);
     if (!soon_noted_->open) {
       const auto item = std::make_shared<SoonNoted::Item>();
-      const Status posted = writer_.post(
-          [noted = soon_noted_, item](Connection& writer) -> Status {
-            noted->end(item);
-            for (const SoonNoted::Line& each : *item) {
-              if (each.wanted) {
-                ASSIGN_OR_RETURN(const bool wanted, each.wanted(writer));
-                if (!wanted) continue;
-              }
-              RETURN_IF_ERROR(AuditStore(writer).add(each.row));
-            }
-            return {};
-          },
-          [noted = soon_noted_, item](const Status& stored) {
-            noted->end(item);  // also where the work did not begin
-            if (stored.ok()) return;
-            for (const SoonNoted::Line& each : *item) each.failed(stored.error());
-          },
-          DbWriter::Places::kKept);
+      const Status posted = SoonNoted::post(writer_, soon_noted_, item);
       if (posted.ok()) {
         soon_noted_->open = item;
       } else {
@@ -464,6 +447,41 @@ void Service::addSoon(SoonNoted::Line line) {
     if (!refused) soon_noted_->open->push_back(std::move(line));
   }
   if (refused) line.failed(*refused);
+}
+
+Status Service::SoonNoted::post(DbWriter& writer, const std::shared_ptr<SoonNoted>& noted,
+                                const std::shared_ptr<Item>& item) {
+  const auto line_failed = std::make_shared<bool>(false);
+  return writer.post(
+      [noted, item, line_failed](Connection& connection) -> Status {
+        noted->end(item);
+        const auto store = [&]() -> Status {
+          for (const Line& each : *item) {
+            if (each.wanted) {
+              ASSIGN_OR_RETURN(const bool wanted, each.wanted(connection));
+              if (!wanted) continue;
+            }
+            RETURN_IF_ERROR(AuditStore(connection).add(each.row));
+          }
+          return {};
+        };
+        const Status stored = store();
+        *line_failed = !stored.ok();
+        return stored;
+      },
+      [&writer, noted, item, line_failed](const Status& stored) {
+        noted->end(item);  // also where the work did not begin
+        if (stored.ok()) return;
+        for (Line& each : *item) {
+          // one person's line must not take another's with it
+          if (*line_failed && item->size() > 1) {
+            const auto alone = std::make_shared<Item>(1, each);
+            if (post(writer, noted, alone).ok()) continue;
+          }
+          each.failed(stored.error());
+        }
+      },
+      DbWriter::Places::kKept);
 }
 
 void Service::SoonNoted::end(const std::shared_ptr<Item>& item) {

@@ -251,6 +251,9 @@ class Service {
       std::function<Result<bool>(Connection&)> wanted{};  ///< whether it is stored; empty: it is
     };
     using Item = std::vector<Line>;
+    /// One item of the writer. Where one of its lines cannot be stored, each is tried alone.
+    static Status post(DbWriter& writer, const std::shared_ptr<SoonNoted>& noted,
+                       const std::shared_ptr<Item>& item);
     /// No further line belongs to this item.
     void end(const std::shared_ptr<Item>& item);
     std::mutex mutex;

@@ -28,6 +28,8 @@ std::optional<pb::Refusal> Hub::subscribe(HubPeer& viewer, const pb::Subscribe& 
   if (wanted.station().size() > 256 || (!wanted.session_id().empty() && wanted.session_id().size() != 16)) {
     return refuse(pb::Refusal::INVALID, "subscribe.station is at most 256 bytes, session_id 16 or none");
   }
+  if (wanted.station().find('\0') != std::string::npos)
+    return refuse(pb::Refusal::INVALID, "subscribe.station has a byte 0, which no station's name has");
   if (!wanted.station().empty() && !wanted.session_id().empty()) {
     return refuse(pb::Refusal::INVALID, "subscribe: either a station or a session, not both");
   }

@@ -445,6 +445,41 @@ TEST_F(Teaching, whoWatchesLiveIsInTheAuditLogOnceAnHour) {
   EXPECT_EQ(lines, expected);
 }
 
+// The finding: "x\0y" beside a session, in the same packet, and on PostgreSQL neither had a line.
+TEST_F(Teaching, aLineThatCannotBeStoredTakesNoOthersWithIt) {
+  addStation();
+  const Uuid open = addSession("anna", 1);
+  std::vector<std::string> failed;  // the writer's thread's
+  const auto hears = [&failed](const Error& error) { failed.push_back(error.message); };
+  std::promise<void> begun, go;
+  ASSERT_OK(store->writer().post(
+      [&begun, held = go.get_future().share()](Connection&) -> Status {
+        begun.set_value();
+        held.wait();
+        return {};
+      },
+      {}));
+  begun.get_future().wait();
+  store->service().noteWatching(instructor, "", test::bytesOfId(open), hears);
+  store->service().noteWatching(instructor, std::string("x\0y", 3), "", hears);
+  store->service().noteSoon({instructor.name}, "access ended", std::string("a\0b", 3), "", hears);
+  store->service().noteWatching(instructor, "station-1", "", hears);
+  go.set_value();
+  while (store->writer().counters().waiting > 0) std::this_thread::yield();
+  // the lines' item may end with the first one; what is tried alone is before the second one
+  ASSERT_OK(change([](Connection&) { return Status(); }));
+  ASSERT_OK(change([](Connection&) { return Status(); }));
+  pb::Request list;
+  list.mutable_list_audit()->set_action("watch live");
+  EXPECT_EQ(get(admin, list).audit().entries_size(), 2);
+  list.mutable_list_audit()->set_action("access ended");
+  const auto ended = get(admin, list).audit();
+  ASSERT_EQ(ended.entries_size(), 1);
+  EXPECT_EQ(ended.entries(0).subject(), "(3 bytes that are no text)");
+  // SQLite finds no such station; PostgreSQL takes no such text
+  EXPECT_EQ(failed.size(), test::onPostgres() ? 1u : 0u);
+}
+
 /// Holds the writer and fills its queue until release().
 class FullWriter {
  public:

@@ -93,6 +93,15 @@ TEST(HubSubscriptions, inventedNamesAndSessionsCostNobodyAnything) {
   EXPECT_EQ(hub.subscriptions(), 0u);
 }
 
+TEST(HubSubscriptions, aNameWithAByteThatNoNameHasIsRefused) {
+  Hub hub;
+  Watcher viewer("ines");
+  const auto refusal = hub.subscribe(viewer, watchStation(1, std::string("x\0y", 3)), 0);
+  ASSERT_TRUE(refusal);
+  EXPECT_EQ(refusal->reason(), pb::Refusal::INVALID);
+  EXPECT_EQ(hub.subscriptions(), 0u);
+}
+
 TEST(HubSubscriptions, aSessionCostsTheStationsThatRunIt) {
   Hub hub;
   std::deque<Watcher> stations(300);
