@@ -80,8 +80,12 @@ Result<pb::Reply> verifyRestored(const Context& context, const pb::Backup& call)
                  "backup, or pg_basebackup or pg_dump by hand. Restore one elsewhere, and give the address "
                  "of that database, postgresql://USER@HOST/DATABASE, to needlelab-admin backup verified "
                  "(deploy/OPERATIONS.md, PostgreSQL)"};
-  ASSIGN_OR_RETURN(auto restored,
-                   openAt(StoreAddress(context.reader.path(), call.path()), Connection::Mode::kReader));
+  // the log has it whatever answers there
+  const auto note = [&] {
+    return write(context, call.path(), "to be compared with this database",
+                 [](Connection&) { return Status(); });
+  };
+  ASSIGN_OR_RETURN(auto restored, openFromOutside(context.reader.path(), call.path(), note));
   ASSIGN_OR_RETURN(auto backup, compareRestored(context.reader, restored, context.cancelled));
   if (!call.counts_as_safe()) backup.result.covered.clear();
   const std::string detail = fmt::format(
