@@ -12,6 +12,7 @@
 #include "db/seen_time.h"
 #include "db/service/export_ledger.h"
 #include "db/service/handlers.h"
+#include "db/service/other_stores.h"
 #include "db/service/service.h"
 #include "db/service/unseen_files.h"
 #include "db/store_address.h"
@@ -265,6 +266,10 @@ Result<pb::Reply> check(const Context& context, const pb::Check&) {
   if (!unseen.empty()) {
     report->set_ok(false);
     report->add_faults(unseen);
+  }
+  if (const auto others = otherStoresOfErasedText(context.reader.path().parent_path()); !others.empty()) {
+    report->set_ok(false);
+    report->add_faults(others);
   }
   ASSIGN_OR_RETURN(const auto ahead, SeenTimeStore(context.reader).aheadText(context.now_unix_ns));
   if (!ahead.empty()) {
