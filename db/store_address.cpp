@@ -47,6 +47,13 @@ Result<Connection> openAt(const StoreAddress& address, Connection::Mode mode, bo
   return Connection(std::move(engine), address.path);
 }
 
+Result<Connection> openFromOutside(const std::filesystem::path& path, const std::string& url,
+                                   const std::function<Status()>& before) {
+  RETURN_IF_ERROR(checkAddressFromOutside(url));
+  RETURN_IF_ERROR(before());
+  return openAt(StoreAddress(path, url), Connection::Mode::kReader);
+}
+
 Result<Connection> openToServe(const StoreAddress& address, Durability least) {
   const auto enough = [&](const Connection& opened) {
     if (opened.durability() >= least) return Status();
@@ -70,8 +77,8 @@ Result<Connection> openToServe(const StoreAddress& address, Durability least) {
   return opened;
 }
 
-Result<std::optional<StoreFile>> readStoreFile(const std::filesystem::path& folder) {
-  const auto path = folder / kStoreFile;
+Result<std::optional<StoreFile>> readStoreFile(const std::filesystem::path& folder, const char* name) {
+  const auto path = folder / name;
   std::error_code error;
   if (!std::filesystem::exists(path, error)) return std::optional<StoreFile>();
   ASSIGN_OR_RETURN(const std::string text, readWholeFile(path, kMostStoreFileBytes));

@@ -38,6 +38,12 @@ Error storeAway(Error error);
 /// and openPostgres().
 Result<Connection> openAt(const StoreAddress& address, Connection::Mode mode, bool create = false);
 
+/// Opens `url`, which somebody gives to a running server, only to read. `path`: as Connection::path().
+/// `before`: called when the address is one that is taken, before anything connects; its error is returned.
+/// Errors: kInvalidInput (checkAddressFromOutside() in engine/open_postgres.h), those of openPostgres().
+Result<Connection> openFromOutside(const std::filesystem::path& path, const std::string& url,
+                                   const std::function<Status()>& before);
+
 /// Opens it for the only program that writes: makes an SQLite file; nobody else opens a database of
 /// PostgreSQL so. `least`: what an ack must survive. Errors: as openAt(); kInvalidInput when it survives
 /// less.
@@ -55,7 +61,8 @@ inline constexpr const char* kStoreFile = "store";
 inline constexpr const char* kLabKey = "lab_id";
 
 /// Nothing: the folder has no such file. kInvalidInput: it has something else; names the line.
-Result<std::optional<StoreFile>> readStoreFile(const std::filesystem::path& folder);
+Result<std::optional<StoreFile>> readStoreFile(const std::filesystem::path& folder,
+                                               const char* name = kStoreFile);
 Status writeStoreFile(const std::filesystem::path& folder, const StoreFile& file);
 
 /// Where the database of `folder` is. `url`: what --store says; empty: what DIR/store says, or the folder

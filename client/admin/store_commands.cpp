@@ -11,6 +11,8 @@
 #include "client/admin/backend.h"
 #include "client/admin/command.h"
 #include "common/base/clock.h"
+#include "db/service/bootstrap.h"
+#include "db/service/other_stores.h"
 #include "db/service/store_move.h"
 
 namespace needlelab {
@@ -86,8 +88,11 @@ Status showMoved(Output& output, const StoreMove& move, const StoreMoved& moved)
   } else {
     output.text("Now: needlelab-admin --data " + data + " check; then start the server on " + data +
                 ", without --store, and enable its backups (deploy/OPERATIONS.md, Backup).");
-    output.text("The database on PostgreSQL is as it was: remove it once there is a backup of the new one. " +
-                moved.kept.string() + " has its address.");
+    output.text(
+        "The database on PostgreSQL is as it was: remove it once there is a backup of the new one, then "
+        "say so: needlelab-admin --data " +
+        data + " store forget URL. Until then each erasure names it. " + moved.kept.string() +
+        " has its address.");
   }
   return {};
 }
@@ -106,11 +111,39 @@ Status copyStore(Output& output, StoreMove move) {
   return showMoved(output, move, moved);
 }
 
+Status listOtherStores(const std::filesystem::path& folder, Output& output) {
+  ASSIGN_OR_RETURN(const auto stores, readOtherStores(folder));
+  Json rows = Json::array();
+  for (const OtherStore& store : stores) {
+    const bool left = store.kind != OtherStore::Kind::kCopy;
+    rows.push_back({{"url", store.url},
+                    {"unix_ns", store.unix_ns},
+                    {"what", left ? "the lab left it" : "a copy was begun there"}});
+  }
+  return output.list({{"url", "OTHER DATABASE"}, {"what", "WHAT"}, {"unix_ns", "WHEN", Column::Kind::kTime}},
+                     rows);
+}
+
+/// With a line of the audit log: somebody answers for it.
+Status forgetStore(const std::filesystem::path& folder, const std::string& url, Output& output) {
+  Store::Options options;
+  options.holder = "needlelab-admin store forget";
+  options.create = false;
+  ASSIGN_OR_RETURN(const auto store, Store::open(folder, options));
+  ASSIGN_OR_RETURN(const bool known, forgetOtherStore(folder, url));
+  if (!known)
+    return Error{ErrorCode::kInvalidInput,
+                 "store forget: nothing is remembered of " + url + ": needlelab-admin store list"};
+  RETURN_IF_ERROR(store->service().note(localName(), "store forget", url, "said to be gone"));
+  output.done("forgotten: " + url);
+  return {};
+}
+
 }  // namespace
 
 void addStoreCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& chosen) {
   struct Values {
-    std::string from, to;
+    std::string from, to, gone;
     bool begin_again = false, with_damaged = false;
   };
   const auto values = std::make_shared<Values>();
@@ -134,6 +167,19 @@ void addStoreCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand&
                  "since");
   copy->add_flag("--with-damaged", values->with_damaged,
                  "also where chunks are damaged in --from: the copy has them as they are");
+  store
+      ->add_subcommand("list",
+                       "other databases on PostgreSQL that may have this lab's people: a copy was begun "
+                       "there, or the lab left it (--data)")
+      ->callback([&chosen] { chosen.run_on_files = listOtherStores; });
+  auto* forget = store->add_subcommand(
+      "forget", "a person says that such a database is gone (--data of the stopped server)");
+  forget->add_option("url", values->gone, "as store list names it")->required()->type_name("URL");
+  forget->callback([&chosen, values] {
+    chosen.run_on_files = [values](const std::filesystem::path& folder, Output& output) {
+      return forgetStore(folder, values->gone, output);
+    };
+  });
   copy->callback([&chosen, &global, values] {
     chosen.check = [&global, values]() -> Status {
       if (!global.data.empty() || !global.server.empty() || !global.store.empty())

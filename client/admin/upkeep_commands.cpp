@@ -9,9 +9,12 @@
 
 #include "client/admin/command.h"
 #include "common/base/clock.h"
+#include "db/check.h"
 #include "db/encrypted_backup.h"
+#include "db/schema.h"
 #include "db/service/bootstrap.h"
 #include "db/service/restore.h"
+#include "db/store_address.h"
 
 namespace needlelab {
 namespace {
@@ -173,6 +176,34 @@ Status check(CommandContext& context) {
   return {};
 }
 
+/// Whether the database is sound as a copy, and nothing else: only what is damaged in it is a fault. What a
+/// lab's own database may have as well is named (chunks that cannot be decoded, wrong sums), and what lies
+/// beside it is not looked at. Changes nothing, not even the latest time that it knows.
+Status checkOfCopy(const std::filesystem::path& folder, Output& output) {
+  ASSIGN_OR_RETURN(const auto address, addressOf(folder, ""));
+  std::error_code error;
+  if (!address.isPostgres() && !std::filesystem::exists(address.path, error))
+    return Error{ErrorCode::kInvalidInput, folder.string() + ": there is no needlelab.db here, and no file " +
+                                               kStoreFile + " that says where the database is"};
+  ASSIGN_OR_RETURN(auto copy, openAt(address, Connection::Mode::kReader));
+  RETURN_IF_ERROR(requireNewestSchema(copy));
+  ASSIGN_OR_RETURN(const auto checked, checkDatabase(copy));
+  std::vector<std::string> notes = checked.undecodable;
+  notes.insert(notes.end(), checked.sums.begin(), checked.sums.end());
+  RETURN_IF_ERROR(output.one({{"ok", "sound as a copy"}, {"sessions", "sessions"}, {"chunks", "chunks"}},
+                             {{"ok", checked.ok()},
+                              {"sessions", checked.sessions},
+                              {"chunks", checked.chunks},
+                              {"undecodable_chunks", checked.undecodable_chunks},
+                              {"faults", checked.faults},
+                              {"notes", notes}}));
+  for (const std::string& fault : checked.faults) output.text("fault: " + oneLine(fault));
+  for (const std::string& one : notes) output.text("as in its original: " + oneLine(one));
+  if (checked.ok()) return {};
+  return Error{ErrorCode::kCorrupt, fmt::format("the copy has faults ({} are listed): it is worth nothing",
+                                                checked.faults.size())};
+}
+
 /// The settings after `request`, which reads or changes them.
 Status showLab(CommandContext& context, const pb::Request& request) {
   ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
@@ -292,8 +323,19 @@ void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand
     return showLab(context, request);
   });
 
-  app.add_subcommand("check", "read the whole database again: structure, every chunk, every hash")
-      ->callback([&chosen] { chosen.run = check; });
+  auto* check_command =
+      app.add_subcommand("check", "read the whole database again: structure, every chunk, every hash");
+  const auto of_copy = std::make_shared<bool>(false);
+  check_command->add_flag("--of-copy", *of_copy,
+                          "only whether the database of --data is sound as a copy, such as a restored base "
+                          "backup: chunks that cannot be decoded and wrong sums are named and are no fault, "
+                          "and what lies beside it is not looked at; changes nothing");
+  check_command->callback([&chosen, of_copy] {
+    if (*of_copy)
+      chosen.run_on_files = checkOfCopy;
+    else
+      chosen.run = check;
+  });
 }
 
 }  // namespace needlelab

@@ -3,11 +3,22 @@
 
 namespace needlelab {
 
+namespace {
+
+Error notBuilt() {
+  return {ErrorCode::kInvalidInput,
+          "--store: these programs were built without PostgreSQL: install it with deploy/setup --faculty, "
+          "then build again"};
+}
+
+}  // namespace
+
+Status checkAddressFromOutside(const std::string& /*url*/) {
+  return notBuilt();
+}
+
 Result<std::unique_ptr<EngineConnection>> openPostgres(const PostgresOptions& /*options*/) {
-  return Error{
-      ErrorCode::kInvalidInput,
-      "--store: these programs were built without PostgreSQL: install it with deploy/setup --faculty, "
-      "then build again"};
+  return notBuilt();
 }
 
 }  // namespace needlelab

@@ -28,6 +28,12 @@ struct PostgresOptions {
   std::function<void(std::string_view sql)> before_statement = {};
 };
 
+/// Of an address that somebody gives to a running server: connecting uses this machine's files and
+/// environment, also passwords. kInvalidInput: it has more than user, host, port, dbname and sslmode (such as
+/// hostaddr, to which libpq would send the password of `host`); a host that is not this machine, without
+/// sslmode=verify-full; and as openPostgres(). Connects to nothing.
+Status checkAddressFromOutside(const std::string& url);
+
 /// Errors: kInvalidInput (not a URL of PostgreSQL; it has a password; no such database, user or host),
 /// kVersion (an engine before version 15), kDenied (user or password, pg_hba.conf), kUnavailable (nobody
 /// answers, or refuses for now; `alone`: another one has it). A connection that is lost later and cannot be

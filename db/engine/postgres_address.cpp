@@ -5,6 +5,7 @@
 #include <netdb.h>
 
 #include <algorithm>
+#include <array>
 #include <map>
 #include <memory>
 #include <optional>
@@ -13,6 +14,7 @@
 #include <vector>
 
 #include "common/base/text.h"
+#include "db/engine/open_postgres.h"
 
 namespace needlelab {
 namespace {
@@ -67,9 +69,8 @@ std::optional<ErrorCode> codeOfLine(std::string_view line) {
   return ErrorCode::kUnavailable;
 }
 
-}  // namespace
-
-Result<std::string> withoutPassword(const std::string& url) {
+/// What a URL says, by libpq's names; kInvalidInput, of one with a password, too.
+Result<std::map<std::string, std::string>> valuesOf(const std::string& url) {
   char* wrong = nullptr;
   const std::unique_ptr<PQconninfoOption, InfoCloser> parsed(PQconninfoParse(url.c_str(), &wrong));
   if (parsed == nullptr) {
@@ -97,12 +98,53 @@ Result<std::string> withoutPassword(const std::string& url) {
                  "postgresql://USER@HOST:5432/DATABASE, "
                  "with %2F for a / and %40 for an @ in a name, and the password into a file (passfile, "
                  "PGPASSFILE)"};
+  return values;
+}
+
+/// Whether `host` of an address is a socket or the loopback device.
+bool isHere(std::string_view host) {
+  return host.empty() || host.front() == '/' || host.front() == '@' || host == "localhost" ||
+         host == "127.0.0.1" || host == "::1";
+}
+
+}  // namespace
+
+Result<std::string> withoutPassword(const std::string& url) {
+  ASSIGN_OR_RETURN(const auto values, valuesOf(url));
   const auto value = [&](const char* name, const char* otherwise) {
     const auto found = values.find(name);
     return found != values.end() && !found->second.empty() ? found->second : std::string(otherwise);
   };
   return fmt::format("postgresql://{}@{}:{}/{}", value("user", "(you)"), value("host", "(local)"),
                      value("port", "5432"), value("dbname", value("user", "(you)").c_str()));
+}
+
+Status checkAddressFromOutside(const std::string& url) {
+  ASSIGN_OR_RETURN(const auto values, valuesOf(url));
+  constexpr std::array<std::string_view, 5> kTaken = {"user", "host", "port", "dbname", "sslmode"};
+  for (const auto& [name, value] : values)
+    if (!value.empty() && std::find(kTaken.begin(), kTaken.end(), name) == kTaken.end())
+      return Error{ErrorCode::kInvalidInput,
+                   fmt::format("the address has {}, and of an address that a request gives only user, host, "
+                               "port, dbname and sslmode are taken: postgresql://USER@HOST:PORT/DATABASE"
+                               "?sslmode=verify-full",
+                               name)};
+  const auto value = [&](const char* name) {
+    const auto found = values.find(name);
+    return found != values.end() ? std::string_view(found->second) : std::string_view();
+  };
+  if (value("sslmode") == "verify-full") return {};
+  const std::string_view hosts = value("host");
+  for (std::size_t at = 0; at <= hosts.size();) {
+    const std::size_t end = std::min(hosts.find(',', at), hosts.size());
+    if (!isHere(hosts.substr(at, end - at)))
+      return Error{ErrorCode::kInvalidInput,
+                   fmt::format("the address names the host {}: write sslmode=verify-full behind it, or "
+                               "somebody else may answer there, and get the password",
+                               hosts.substr(at, end - at))};
+    at = end + 1;
+  }
+  return {};
 }
 
 Error cannotConnect(const std::string& shown_url, const char* said) {

@@ -22,6 +22,7 @@
 #include "db/service/data_folder.h"
 #include "db/service/erasures.h"
 #include "db/service/lesson_texts.h"
+#include "db/service/other_stores.h"
 #include "db/service/record_tables.h"
 #include "db/service/restore.h"
 #include "db/service/store_switch.h"
@@ -103,7 +104,11 @@ Result<Connection> openToWrite(const StoreAddress& address, Durability least) {
   (void)connection.emptyLog(0);
   RETURN_IF_ERROR(refuseUnfinishedCopy(connection));
   RETURN_IF_ERROR(migrate(connection));
-  if (address.isPostgres()) RETURN_IF_ERROR(claimStore(connection, address));
+  if (address.isPostgres()) {
+    RETURN_IF_ERROR(claimStore(connection, address));
+    // `check` says that the file cannot be read
+    (void)noteStoreInUse(address.path.parent_path(), address.url);
+  }
   RETURN_IF_ERROR(leaveCopyMarks(connection));
   RETURN_IF_ERROR(fillNewDatabase(connection));
   // a key that is no key is refused here, and not by the first change

@@ -15,8 +15,8 @@
 #include "db/backup.h"
 #include "db/erasure_list.h"
 #include "db/old_backups.h"
+#include "db/service/other_stores.h"
 #include "db/service/restore.h"
-#include "db/service/store_switch.h"
 #include "db/store_address.h"
 
 namespace needlelab {
@@ -26,8 +26,8 @@ namespace fs = std::filesystem;
 
 /// Files beside the database that a start reads or writes.
 constexpr std::string_view kOwnFiles[] = {
-    "lock",          "pseudonym.key",        kErasuresFile, kAuditKeyFile,    kAuditHeadFile,
-    kRestorePending, kReplacedAuditHeadFile, kStoreFile,    kAcknowledgedFile};
+    "lock",          "pseudonym.key",        kErasuresFile, kAuditKeyFile,     kAuditHeadFile,
+    kRestorePending, kReplacedAuditHeadFile, kStoreFile,    kAcknowledgedFile, kOtherStoresFile};
 
 /// What else lies there: SQLite's, and what an undone restore leaves (deploy/OPERATIONS.md).
 constexpr std::string_view kOthersOwnFiles[] = {"needlelab.db-wal", "needlelab.db-shm",
@@ -85,8 +85,7 @@ bool isOwnFile(const fs::path& folder, const fs::path& path) {
   const auto has = [&](const auto& names) {
     return std::find(std::begin(names), std::end(names), name) != std::end(names);
   };
-  return in == folder && (has(kOwnFiles) || has(kOthersOwnFiles) || isTemporary(name) ||
-                          name.starts_with(kReplacedStoreFile));
+  return in == folder && (has(kOwnFiles) || has(kOthersOwnFiles) || isTemporary(name));
 }
 
 }  // namespace needlelab

@@ -25,6 +25,7 @@
 #include "db/pseudonyms.h"
 #include "db/schema.h"
 #include "db/service/handlers.h"
+#include "db/service/other_stores.h"
 
 namespace needlelab {
 
@@ -310,25 +311,42 @@ void addWhatIsLeft(Connection& reader, const std::atomic<bool>* cancelled, const
                                "): look for it by hand. "));
 }
 
-std::string nameFilesOfErased(const FilesFound& found, const ErasedRows& erased, pb::Erasure& erasure) {
+std::string nameFilesOfErased(const FilesFound& found, const std::filesystem::path& folder,
+                              const ErasedRows& erased, pb::Erasure& erasure) {
   constexpr std::size_t kOfReply_bytes = 64 << 10, kOfLine_bytes = 400;  // of kMaxFrameBytes; of AuditStore's
   const FilesInText in = filesInText(found, kOfReply_bytes);
   for (const std::string& file : in.files) erasure.add_files(file);
+  const auto others = readOtherStores(folder);
+  const auto textOfOthers = [&](std::size_t most_bytes) {
+    return others ? otherStoresInText(*others, most_bytes) : others.error().message;
+  };
+  const std::string databases = textOfOthers(kOfReply_bytes);
+  if (others)
+    for (const OtherStore& store : *others) erasure.add_files(printable(store.url));
   erasure.set_text(
       erasure.text() +
       (in.text.empty()
-           ? std::string("No backup and no replaced database that this machine knows of names this "
+           ? std::string("No backup and no replaced database in a file that this machine knows of names this "
                          "person. ")
            : fmt::format("These still hold this person's data, or nobody can tell: {}. Remove databases "
                          "and their logs; look into the others yourself, and remove what has the person. A "
                          "backup among them that is restored here is erased anew before it serves, but only "
                          "what stands there under the name '{}', not under one that stations gave. ",
                          in.text, erased.names.name)) +
+      (databases.empty()
+           ? std::string()
+           : fmt::format("This erasure does not reach other databases on PostgreSQL, which may hold this "
+                         "person's data: {}. Remove each (dropdb), then say so: needlelab-admin --data {} "
+                         "store forget URL. ",
+                         databases, printable(folder.string()))) +
       "Backups elsewhere hold it until they are removed; the server's own log files go by their rotation.");
-  if (in.text.empty()) return {};
-  return withoutNames(
-      "hold this person's data, or nobody can tell: " + filesInText(found, kOfLine_bytes).text, erased.names,
-      true);
+  std::string line;
+  if (!databases.empty())
+    line = "other databases may hold this person's data: " + textOfOthers(kOfLine_bytes);
+  if (!in.text.empty())
+    line += (line.empty() ? "" : "; ") +
+            ("hold this person's data, or nobody can tell: " + filesInText(found, kOfLine_bytes).text);
+  return line.empty() ? line : withoutNames(line, erased.names, true);
 }
 
 }  // namespace needlelab::handlers

@@ -181,8 +181,10 @@ struct FilesInText {
 FilesInText filesInText(const FilesFound& found, std::size_t most_bytes, bool with_times = false);
 /// Adds to the reply which files still hold the person: as many as it has room for, and how many others. Last
 /// of all: others may have written these files, and looking into them may take a minute (LookAtFiles).
+/// Other databases on PostgreSQL that the data folder `folder` remembers (other_stores.h) are named, too.
 /// Returns the same for the audit log, shorter and without the person's names; empty: there is no such file.
-std::string nameFilesOfErased(const FilesFound& found, const ErasedRows& erased, pb::Erasure& erasure);
+std::string nameFilesOfErased(const FilesFound& found, const std::filesystem::path& folder,
+                              const ErasedRows& erased, pb::Erasure& erasure);
 Result<pb::Reply> exportStudy(const Context& context, const pb::ExportStudy& call);
 Result<pb::Reply> readStudyRecording(const Context& context, const pb::ReadStudyRecording& call);
 Result<pb::Reply> exportPerson(const Context& context, const pb::ExportPerson& call);

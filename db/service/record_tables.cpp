@@ -1,5 +1,7 @@
 #include "db/service/record_tables.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <optional>
@@ -304,6 +306,33 @@ Status bindMissing(Statement& statement, const RecordColumn& column) {
   return {};
 }
 
+/// kInvalidInput where a text names a row that is not there. It is looked for before the insert: PostgreSQL
+/// would write the name, which may be a person's, into its own log.
+Status requireReferred(Connection& writer, const RecordTable& table, const RecordJson& record) {
+  struct Reference {
+    std::string_view kind, field, to, key, what;
+  };
+  constexpr std::array kReferences = {Reference{"group_member", "group_id", "groups", "id", "group"},
+                                      Reference{"group_member", "person", "people", "name", "person"},
+                                      Reference{"consent", "person", "people", "name", "person"},
+                                      Reference{"session", "station", "stations", "name", "station"}};
+  for (const Reference& reference : kReferences) {
+    const auto value = record.find(reference.field);
+    if (reference.kind != table.kind || value == record.end() || !value->is_string()) continue;
+    const std::string name = value->get<std::string>();
+    // as text that no engine takes, bindValue() refuses it
+    if (name.find('\0') != std::string::npos) continue;
+    auto row = writer.query(
+        "SELECT 1 FROM " + std::string(reference.to) + " WHERE " + std::string(reference.key) + " = ?", name);
+    ASSIGN_OR_RETURN(const bool there, row.step());
+    if (!there)
+      return Error{ErrorCode::kInvalidInput,
+                   fmt::format("{}: there is no {} '{}', neither here nor before it in these records",
+                               reference.field, reference.what, name)};
+  }
+  return {};
+}
+
 }  // namespace
 
 std::string textIn(const RecordJson& record, const char* name) {
@@ -412,6 +441,7 @@ Result<std::int64_t> insertRecord(Connection& writer, const RecordTable& table, 
     if (!known) return Error{ErrorCode::kInvalidInput, "unknown field '" + name + "'"};
   }
   RETURN_IF_ERROR(checkNumbersLeft(writer, table.table));
+  RETURN_IF_ERROR(requireReferred(writer, table, record));
   std::string columns, places;
   for (const RecordColumn& column : table.columns) {
     if (column.kind == K::kMark) continue;

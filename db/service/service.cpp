@@ -180,7 +180,8 @@ Result<pb::Reply> Service::eraseOn(const Principal& who, RequestUnderWay& under_
   }
   under_way.more = !done.files->goOn();
   if (under_way.more) return done.reply;
-  const std::string line = handlers::nameFilesOfErased(done.files->found(), done.erased, erasure);
+  const std::string line =
+      handlers::nameFilesOfErased(done.files->found(), done.folder, done.erased, erasure);
   const Status noted = writer_.run([&](Connection& writer) -> Status {
     RETURN_IF_ERROR(noteFilesSeen(writer, erasure.pseudonym()));
     if (line.empty()) return {};

@@ -15,6 +15,7 @@
 #include "db/schema.h"
 #include "db/service/bootstrap.h"
 #include "db/service/data_folder.h"
+#include "db/service/other_stores.h"
 #include "db/service/restore.h"
 #include "db/service/store_switch.h"
 #include "db/store_address.h"
@@ -70,6 +71,10 @@ class StoreMover {
     if (moved_.was_done) return moved_;
     RETURN_IF_ERROR(openCopy());
     RETURN_IF_ERROR(openSource());
+    // before it has anybody: whoever gives the copy up knows where people are
+    if (move_.to_postgres)
+      RETURN_IF_ERROR(
+          rememberOtherStore(move_.folder, {move_.url, move_.now_unix_ns, OtherStore::Kind::kCopy}));
     ASSIGN_OR_RETURN(moved_.copied, copyRows(*from_, *to_, move_.copy));
     ASSIGN_OR_RETURN(moved_.compared, compareRows(*from_, *to_, move_.copy));
     if (moved_.compared.damaged_chunks > 0 && !move_.with_damaged) return moved_;
@@ -139,6 +144,7 @@ class StoreMover {
                       "log without them: give that folder, or a copy of it",
                       move_.folder.string(), kStoreFile)};
     lab_ = file->lab;
+    url_of_folder_ = file->url;
     return {};
   }
 
@@ -245,6 +251,7 @@ class StoreMover {
     if (!emptied) return emptied.error();
     from_.reset();
     ASSIGN_OR_RETURN(moved_.kept, switchToPostgres(move_.folder, move_.url, lab_, move_.now_unix_ns));
+    RETURN_IF_ERROR(noteStoreInUse(move_.folder, move_.url));
     return leaveCopyMarks(*to_);
   }
 
@@ -256,6 +263,9 @@ class StoreMover {
     to_.reset();
     RETURN_IF_ERROR(syncFileOf(copying_));
     RETURN_IF_ERROR(removeWithLogs(copying_, {"-wal", "-shm", "-journal"}));
+    // --from may be another address of it, or another database of this lab
+    for (const std::string& url : {url_of_folder_, move_.url})
+      RETURN_IF_ERROR(rememberOtherStore(move_.folder, {url, move_.now_unix_ns, OtherStore::Kind::kLeft}));
     ASSIGN_OR_RETURN(moved_.kept, switchToSqlite(move_.folder, move_.now_unix_ns));
     ASSIGN_OR_RETURN(auto opened, Connection::open(database_, {.mode = Connection::Mode::kWriter}));
     return leaveCopyMarks(opened);
@@ -268,6 +278,7 @@ class StoreMover {
   std::optional<Connection> from_, to_;
   std::optional<CopyMark> mark_;
   std::string lab_;
+  std::string url_of_folder_;  ///< that DIR/store says, before a move back
   StoreMoved moved_;
 };
 

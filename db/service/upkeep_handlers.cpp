@@ -12,6 +12,7 @@
 #include "db/seen_time.h"
 #include "db/service/export_ledger.h"
 #include "db/service/handlers.h"
+#include "db/service/other_stores.h"
 #include "db/service/service.h"
 #include "db/service/unseen_files.h"
 #include "db/store_address.h"
@@ -80,7 +81,12 @@ Result<pb::Reply> verifyRestored(const Context& context, const pb::Backup& call)
                  "backup, or pg_basebackup or pg_dump by hand. Restore one elsewhere, and give the address "
                  "of that database, postgresql://USER@HOST/DATABASE, to needlelab-admin backup verified "
                  "(deploy/OPERATIONS.md, PostgreSQL)"};
-  auto restored = openAt(StoreAddress(context.reader.path(), call.path()), Connection::Mode::kReader);
+  // the log has it whatever answers there
+  const auto note = [&] {
+    return write(context, call.path(), "to be compared with this database",
+                 [](Connection&) { return Status(); });
+  };
+  auto restored = openFromOutside(context.reader.path(), call.path(), note);
   if (!restored) return wrongStore(restored.error());
   auto compared = compareRestored(context.reader, *restored, context.cancelled);
   if (!compared) return wrongStore(compared.error());
@@ -263,6 +269,10 @@ Result<pb::Reply> check(const Context& context, const pb::Check&) {
   if (!unseen.empty()) {
     report->set_ok(false);
     report->add_faults(unseen);
+  }
+  if (const auto others = otherStoresOfErasedText(context.reader.path().parent_path()); !others.empty()) {
+    report->set_ok(false);
+    report->add_faults(others);
   }
   ASSIGN_OR_RETURN(const auto ahead, SeenTimeStore(context.reader).aheadText(context.now_unix_ns));
   if (!ahead.empty()) {

@@ -20,6 +20,8 @@ GRANT EXECUTE ON FUNCTION pg_catalog.pg_read_binary_file(text, bigint, bigint, b
 
 -- Texts sort by their bytes, as on SQLite.
 CREATE DATABASE needlelab OWNER needlelab TEMPLATE template0 ENCODING 'UTF8' LC_COLLATE 'C' LC_CTYPE 'C';
+-- As primary.conf says, also where one machine has only this file: no values of rows in the message log.
+ALTER DATABASE needlelab SET log_error_verbosity = terse;
 REVOKE CONNECT, TEMPORARY ON DATABASE needlelab FROM PUBLIC;
 GRANT CONNECT ON DATABASE needlelab TO needlelab;
 

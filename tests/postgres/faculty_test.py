@@ -16,6 +16,7 @@ import re
 import shutil
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import tempfile
@@ -38,9 +39,9 @@ def run(*arguments, environment=None, code=0, text_in=None):
     return done.stdout + done.stderr if code else done.stdout
 
 
-def as_postgres(*arguments, environment=None):
+def as_postgres(*arguments, environment=None, code=0):
     # not root's home: libpq looks for certificates there
-    return run(*AS_POSTGRES, *arguments, environment={"HOME": "/", **(environment or {})})
+    return run(*AS_POSTGRES, *arguments, environment={"HOME": "/", **(environment or {})}, code=code)
 
 
 def free_port():
@@ -96,7 +97,7 @@ ssl_key_file = '{self.scratch}/db.key'
 shared_buffers = '32MB'
 """)
         self.write("conf.d/a-needlelab.conf", localised(
-            "primary.conf", (r"^listen_addresses = .*", "listen_addresses = '127.0.0.1'"), (r"^shared_buffers.*", ""),
+            "primary.conf", (r"^listen_addresses = .*", "listen_addresses = '127.0.0.1,127.0.1.1'"), (r"^shared_buffers.*", ""),
             ("/var/backups/needlelab-postgres", f"{self.scratch}/backups")))
         # the socket has no user of the system's for each role here
         self.write("pg_hba.conf", localised("pg_hba.conf", (r"192\.0\.2\.\d+/32", "127.0.0.1/32"), (r"^local +all +postgres +peer", "local all postgres trust")))
@@ -120,8 +121,8 @@ shared_buffers = '32MB'
         return run(f"{PG}/psql", "-XAtq", "-h", self.scratch, "-p", self.port, "-U", "postgres", "-v", "ON_ERROR_STOP=1", "-f", "-", text_in=text,
                    environment={"PGOPTIONS": "-c synchronous_commit=local"}).strip()
 
-    def standby_conninfo(self):
-        return (f"host=127.0.0.1 port={self.port} user=needlelab_standby sslmode=verify-full sslrootcert={self.scratch}/db.crt"
+    def standby_conninfo(self, host="127.0.0.1"):
+        return (f"host={host} port={self.port} user=needlelab_standby sslmode=verify-full sslrootcert={self.scratch}/db.crt"
                 f" passfile={self.scratch}/standby.pass")
 
     def wait_for_standby(self, name):
@@ -213,22 +214,22 @@ class Lab:
         return run(self.bin / "needlelab-admin", *self.login(), *arguments, code=code)
 
 
-def make_backup(lab, machine, scratch, *options):
+def make_backup(lab, machine, scratch, *options, host="127.0.0.1", bin_folder=None, code=0):
     """deploy/faculty/backup, as its timer runs it; the restored cluster is reached by the server through TCP."""
     port = free_port()
     settings = scratch / "restored.conf"
     settings.write_text(f"listen_addresses = '127.0.0.1'\nport = {port}\n")
     settings.chmod(0o644)
     admin = " ".join([str(lab.bin / "needlelab-admin"), *lab.login()])
-    return as_postgres(FACULTY / "backup", "--to", scratch / "backups", "--archive", scratch / "backups/wal", "--from", machine.standby_conninfo(),
+    return as_postgres(FACULTY / "backup", "--to", scratch / "backups", "--archive", scratch / "backups/wal", "--from", machine.standby_conninfo(host),
                        "--scratch", scratch / "restored", "--admin", admin, "--settings", settings, *options, "--url",
-                       f"postgresql://needlelab@127.0.0.1:{port}/needlelab", environment={"NEEDLELAB_BIN": str(lab.bin), "NEEDLELAB_PG_BIN": PG})
+                       f"postgresql://needlelab@127.0.0.1:{port}/needlelab", environment={"NEEDLELAB_BIN": str(bin_folder or lab.bin), "NEEDLELAB_PG_BIN": PG}, code=code)
 
 
 def prepare(scratch):
     """Certificate, passwords, and the folders of backups."""
     run("openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "2", "-subj", "/CN=db",
-        "-addext", "subjectAltName=IP:127.0.0.1", "-keyout", scratch / "db.key", "-out", scratch / "db.crt")
+        "-addext", "subjectAltName=IP:127.0.0.1,IP:127.0.1.1", "-keyout", scratch / "db.key", "-out", scratch / "db.crt")
     (scratch / "standby.pass").write_text(f"*:*:*:needlelab_standby:{PASSWORDS['needlelab_standby']}\n")
     (scratch / "db.pass").write_text(f"*:*:*:needlelab:{PASSWORDS['needlelab']}\n")
     (scratch / "db.pass").chmod(0o600)
@@ -286,8 +287,8 @@ def lesson(lab, scratch, a, b):
     acks_of_two_disks(lab)
     load = lab.load(4)
     until(lambda: lab.metric("needlelab_sessions_open") == 6, "all stations send")
-    # while stations send; the folder lies on the cluster's disk, or on one that is not known
-    said = make_backup(lab, a, scratch)
+    # while stations send; the folder lies on the cluster's disk, or on one that is not known, also where the machine's name leads to 127.0.1.1
+    said = make_backup(lab, a, scratch, host="127.0.1.1")
     assert "made and verified" in said and re.search(r"^Safe +no$", said, re.MULTILINE), said
     lab.judge(load)
     assert lab.health()["backup_age_s"] is not None
@@ -295,15 +296,75 @@ def lesson(lab, scratch, a, b):
     assert int(a.sql(in_no_backup)) > 0 and lab.metric("needlelab_unsafe_chunks") == 0
     # of the standby: the primary is not held up. Every session was closed before
     until(lambda: a.sql("SELECT replay_lsn >= pg_current_wal_lsn() FROM pg_stat_replication") == "t", "b has replayed all")
+    # the clock was ahead for a moment: its backup is the older one all the same
+    ahead = scratch / "backups/base-20991231T235959Z"
+    next((scratch / "backups").glob("base-*")).rename(ahead)
     said = make_backup(lab, b, scratch, "--keep", "1", "--counts-as-safe")
     assert a.sql(in_no_backup) == "0", said
     assert said.count("removed the old backup") == 1, said
     kept, = (scratch / "backups").glob("base-*")
+    assert kept != ahead, said
     first = re.search(r"^START WAL LOCATION: .*\(file (\w+)\)", (kept / "backup_label").read_text(), re.MULTILINE)[1]
     older = [p.name for p in (scratch / "backups/wal").iterdir() if re.fullmatch(r"\w{24}", p.name) and p.name < first]
     assert not older, f"{older} in the archive, needed is {first}"
     # the lab's own database proves nothing
     assert "own database" in lab.admin("backup", "verified", "--restored", f"postgresql://needlelab@127.0.0.1:{a.port}/needlelab", "--counts-as-safe", code=2)
+
+
+def crc32c(data):
+    value = 0xFFFFFFFF
+    for byte in data:
+        value ^= byte
+        for _ in range(8):
+            value = value >> 1 ^ (0x82F63B78 if value & 1 else 0)
+    return value ^ 0xFFFFFFFF
+
+
+def damaged_chunk(a):
+    """An open session of which a station sealed a chunk that nobody can decode (common/gesture/FORMAT.md), as the server stores it."""
+    sealed = b"NLGC" + bytes([1, 2]) + struct.pack("<HQQqqI", 9, 0, 9, 0, 1_000_000, 0) + bytes(range(200))
+    sealed += struct.pack("<I", crc32c(sealed))
+    columns = a.sql("\\connect needlelab\nSELECT string_agg(column_name, ', ') FROM information_schema.columns WHERE table_schema = 'needlelab'"
+                    " AND table_name = 'sessions' AND column_name NOT IN ('number', 'id', 'state', 'hash', 'closed_unix_ns', 'score_json', 'events', 'passed',"
+                    " 'chunks', 'samples', 'stored_bytes', 'safe_chunks')")
+    a.sql(f"""\\connect needlelab
+SET search_path = needlelab;
+INSERT INTO sessions (id, state, {columns}) SELECT decode(md5('damaged'), 'hex'), 1, {columns} FROM sessions ORDER BY number LIMIT 1;
+INSERT INTO chunks SELECT number, 0, 10, {crc32c(sealed[:-4])}, '\\x{sealed.hex()}' FROM sessions WHERE state = 1;
+UPDATE session_progress SET chunks = 1, samples = 10, stored_bytes = {len(sealed)};
+INSERT INTO quarantined_chunks SELECT number, 0, 'test' FROM sessions WHERE state = 1;""")
+
+
+def backups_go_on(lab, scratch, a):
+    """A station's damaged chunk and an erasure are no reason to keep no backup; what a killed backup leaves goes with the next one."""
+    damaged_chunk(a)
+    lab.admin("user", "add", "otto", "--role", "trainee")
+    lab.admin("person", "erase", "otto", "--confirm", "otto")
+    killer = scratch / "killer"
+    killer.mkdir()
+    (killer / "needlelab-admin").write_text("#!/bin/sh\nexec kill -KILL $PPID\n")
+    (killer / "needlelab-admin").chmod(0o755)
+    killer.chmod(0o755)
+    make_backup(lab, a, scratch, bin_folder=killer, code=-signal.SIGKILL)
+    left, = (scratch / "restored").iterdir()
+    server = int((left / "data/postmaster.pid").read_text().split()[0])
+    assert os.path.exists(f"/proc/{server}"), "the restored cluster runs"
+    said = make_backup(lab, a, scratch, "--keep", "1", "--counts-as-safe")
+    assert "made and verified" in said and re.search(r"^as in its original: .*chunk 0", said, re.MULTILINE), said
+    assert not os.path.exists(f"/proc/{server}") and not list((scratch / "restored").iterdir())
+    assert "otto" not in a.sql("\\connect needlelab\nSELECT string_agg(name, ' ') FROM needlelab.people")
+    a.sql("""\\connect needlelab
+SET search_path = needlelab;
+DELETE FROM quarantined_chunks;
+DELETE FROM chunks WHERE session IN (SELECT number FROM sessions WHERE state = 1);
+DELETE FROM session_progress;
+DELETE FROM sessions WHERE state = 1;""")
+    # nobody's name gets into PostgreSQL's own log by what an import refuses
+    (scratch / "records").write_text('{"kind":"group","id":"g","name":"G","revision":1,"changed_by":"ada","changed_unix_ns":1,"removed":0}\n'
+                                     '{"kind":"group_member","group_id":"g","person":"wilhelmine-otter"}\n')
+    lab.admin("import-all", scratch / "records", code=2)
+    assert a.sql("SHOW log_error_verbosity") == "terse"
+    assert "wilhelmine-otter" not in (scratch / "a.log").read_text()
 
 
 def standby_lost(lab, a, b):
@@ -378,7 +439,7 @@ def main():
         lab = Lab(given.bin.resolve(), scratch, machines)
         acks_without_two_disks(lab, machines)
         lab.start()
-        for step in (lambda: lesson(lab, scratch, *machines), lambda: standby_lost(lab, *machines), lambda: promoted(lab, *machines),
+        for step in (lambda: lesson(lab, scratch, *machines), lambda: backups_go_on(lab, scratch, machines[0]), lambda: standby_lost(lab, *machines), lambda: promoted(lab, *machines),
                      lambda: restored(machines[1], scratch)):
             begun = time.monotonic()
             step()

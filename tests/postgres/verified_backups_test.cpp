@@ -1,5 +1,17 @@
 // A lab on PostgreSQL records what a restored backup proves (needlelab-admin backup verified).
+#include <arpa/inet.h>
+#include <fmt/core.h>
 #include <gmock/gmock.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <mutex>
+#include <stdexcept>
+#include <thread>
+#include <utility>
 
 #include "db/audit.h"
 #include "db/schema.h"
@@ -10,6 +22,81 @@ namespace needlelab {
 namespace {
 
 using testing::HasSubstr;
+
+/// A "PostgreSQL" that asks each connection for its password in clear, and a passfile with that of
+/// db-a.example.
+class CleartextListener {
+ public:
+  CleartextListener() : socket_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    sockaddr_in at{};
+    at.sin_family = AF_INET;
+    at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    socklen_t length = sizeof at;
+    if (::bind(socket_, reinterpret_cast<sockaddr*>(&at), length) != 0 || ::listen(socket_, 8) != 0 ||
+        ::getsockname(socket_, reinterpret_cast<sockaddr*>(&at), &length) != 0)
+      throw std::runtime_error("cannot listen");
+    port_ = ntohs(at.sin_port);
+    const std::string file = passfile();
+    std::ofstream(file) << "db-a.example:*:*:needlelab:of-the-database\n";
+    ::chmod(file.c_str(), 0600);
+    thread_ = std::thread([this] { serve(); });
+  }
+  ~CleartextListener() {
+    ::shutdown(socket_, SHUT_RDWR);
+    thread_.join();
+    ::close(socket_);
+  }
+  CleartextListener(const CleartextListener&) = delete;
+  CleartextListener& operator=(const CleartextListener&) = delete;
+  [[nodiscard]] int port() const { return port_; }
+  [[nodiscard]] std::string passfile() const { return folder_.path() / "db.pass"; }
+  /// Everything that came since the last call but requests for TLS.
+  std::string received() {
+    const std::scoped_lock lock(mutex_);
+    return std::exchange(received_, {});
+  }
+
+ private:
+  static bool read(int from, std::string& into, std::size_t bytes) {
+    into.resize(bytes);
+    return ::recv(from, into.data(), bytes, MSG_WAITALL) == static_cast<ssize_t>(bytes);
+  }
+  static std::uint32_t number(const std::string& text) {
+    std::uint32_t value = 0;
+    for (std::size_t i = 0; i < 4; ++i) value = value << 8 | static_cast<unsigned char>(text[i]);
+    return value;
+  }
+  /// Messages without a type byte, then with one.
+  void serve() {
+    for (int peer = -1; (peer = ::accept4(socket_, nullptr, nullptr, SOCK_CLOEXEC)) >= 0; ::close(peer)) {
+      const timeval patience{5, 0};
+      ::setsockopt(peer, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+      constexpr std::uint32_t kWantsTls = 80877103, kWantsGss = 80877104;
+      constexpr char kInClear[] = {'R', 0, 0, 0, 8, 0, 0, 0, 3};
+      std::string head, body;
+      bool asked = false;
+      while (read(peer, head, asked ? 5 : 4) &&
+             read(peer, body, (number(head.substr(asked ? 1 : 0)) - 4) & 0xffff)) {
+        if (!asked && (number(body) == kWantsTls || number(body) == kWantsGss)) {
+          (void)::send(peer, "N", 1, MSG_NOSIGNAL);
+          continue;
+        }
+        const std::scoped_lock lock(mutex_);
+        received_ += body + "\n";
+        if (asked) break;
+        asked = true;
+        (void)::send(peer, kInClear, sizeof kInClear, MSG_NOSIGNAL);
+      }
+    }
+  }
+
+  test::TempFolder folder_;
+  const int socket_;
+  int port_ = 0;
+  std::mutex mutex_;
+  std::string received_;
+  std::thread thread_;
+};
 
 class VerifiedBackups : public test::ServiceTest {
  protected:
@@ -63,9 +150,10 @@ TEST_F(VerifiedBackups, aRestoredBackupMakesChunksSafeWhereThatIsAskedFor) {
   pb::Request audit;
   audit.mutable_list_audit()->set_action("backup");
   const auto lines = get(admin, audit).audit();
-  ASSERT_EQ(lines.entries_size(), 2);
+  ASSERT_EQ(lines.entries_size(), 4);
   EXPECT_THAT(lines.entries(0).detail(), HasSubstr("4 chunks, Safe because it was asked for"));
-  EXPECT_THAT(lines.entries(1).detail(), HasSubstr("not Safe"));
+  EXPECT_THAT(lines.entries(1).detail(), HasSubstr("to be compared"));
+  EXPECT_THAT(lines.entries(2).detail(), HasSubstr("not Safe"));
 }
 
 TEST_F(VerifiedBackups, whatIsNoRestoredDatabaseIsRefusedWithTheRemedy) {
@@ -83,6 +171,49 @@ TEST_F(VerifiedBackups, whatIsNoRestoredDatabaseIsRefusedWithTheRemedy) {
   EXPECT_THAT(said(verified(restoredUrl() + "-nowhere", true)), HasSubstr("postgres"));
   EXPECT_EQ(safe(), 0u);
   EXPECT_EQ(refusal(manager, verified(restoredUrl(), true)), ErrorCode::kDenied);
+}
+
+TEST_F(VerifiedBackups, anAddressThatWouldTakeAPasswordElsewhereIsRefusedBeforeAnythingConnects) {
+  CleartextListener attacker;
+  ::setenv("PGPASSFILE", attacker.passfile().c_str(), 1);
+  const std::string trap = fmt::format("hostaddr=127.0.0.1&port={}", attacker.port());
+  // what the listener gets where nothing checks the address
+  EXPECT_FALSE(openAt(StoreAddress("needlelab.db", "postgresql://needlelab@db-a.example/needlelab?" + trap),
+                      Connection::Mode::kReader)
+                   .ok());
+  EXPECT_THAT(attacker.received(), HasSubstr("of-the-database"));
+  const std::pair<std::string, const char*> addresses[] = {
+      {"postgresql://needlelab@db-a.example/needlelab?" + trap, "the address has hostaddr"},
+      {"postgresql://needlelab@db-a.example/needlelab?sslmode=verify-full&" + trap, "hostaddr"},
+      {"postgresql://needlelab@/needlelab?host=/tmp&" + trap, "hostaddr"},
+      {"postgresql://needlelab@db-a.example/needlelab?host%61ddr=127.0.0.1", "hostaddr"},
+      {"postgresql://needlelab@/needlelab?host=/tmp&passfile=/etc/hostname", "passfile"},
+      {"postgresql:///needlelab?service=other", "service"},
+      {"postgresql:///needlelab?sslkey=/etc/hostname", "sslkey"},
+      {"postgresql:///needlelab?sslrootcert=/tmp/mine", "sslrootcert"},
+      {"postgresql:///needlelab?options=-cstatement_timeout%3D1", "options"},
+      {"postgresql://needlelab@db-a.example/needlelab", "names the host db-a.example"},
+      {"postgresql://needlelab@db-a.example/needlelab?sslmode=require", "sslmode=verify-full"},
+      {"postgresql://needlelab@127.0.0.1,db-a.example/needlelab?sslmode=disable",
+       "names the host db-a.example"}};
+  for (const auto& [address, words] : addresses) {
+    const Outcome outcome = ask(admin, verified(address, true));
+    ASSERT_TRUE(outcome.error.has_value()) << address;
+    EXPECT_EQ(outcome.error->code, ErrorCode::kInvalidInput) << address;
+    EXPECT_THAT(outcome.error->message, HasSubstr(words)) << address;
+  }
+  EXPECT_EQ(attacker.received(), "") << "nothing more has connected";
+  // what does connect has its line before
+  const std::string nobody = fmt::format("postgresql://ada@127.0.0.1:{}/needlelab", attacker.port());
+  ASSERT_TRUE(ask(admin, verified(nobody, true)).error.has_value());
+  pb::Request audit;
+  audit.mutable_list_audit()->set_action("backup");
+  const auto lines = get(admin, audit).audit();
+  ASSERT_EQ(lines.entries_size(), 1);
+  EXPECT_EQ(lines.entries(0).subject(), nobody);
+  EXPECT_THAT(attacker.received(), testing::Not(HasSubstr("of-the-database")))
+      << "the passfile has no such host";
+  ::unsetenv("PGPASSFILE");
 }
 
 }  // namespace

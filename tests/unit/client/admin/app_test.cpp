@@ -416,6 +416,7 @@ TEST_F(Admin, damageMakesVerifyCheckAndBackupFail) {
   const Run check = onData({"check", "--json"});
   EXPECT_EQ(check.code, 1);
   EXPECT_EQ(check.rows()[0].at("ok"), false);
+  EXPECT_EQ(onData({"check", "--of-copy"}).code, 1);
   EXPECT_EQ(onData({"backup", file("copy.db")}).code, 1);
   EXPECT_FALSE(std::filesystem::exists(file("copy.db")));
 }
@@ -440,10 +441,29 @@ TEST_F(Admin, aChunkThatCannotBeDecodedIsShownAndABackupIsKeptAndSaysSo) {
   EXPECT_EQ(verify.code, 1);
   EXPECT_NE(verify.err.find("chunk 2"), std::string::npos) << verify.err;
   EXPECT_EQ(onData({"check"}).code, 1);
+  const Run of_copy = good({"check", "--of-copy", "--json"});
+  EXPECT_EQ(of_copy.rows()[0].at("ok"), true);
+  ASSERT_EQ(of_copy.rows()[0].at("notes").size(), 1u);
+  EXPECT_NE(of_copy.rows()[0].at("notes")[0].get<std::string>().find("chunk 2"), std::string::npos);
   const Run backup = good({"backup", file("copy.db"), "--json"});
   EXPECT_EQ(backup.rows()[0].at("undecodable_chunks"), 1);
   EXPECT_NE(backup.err.find("cannot be decoded"), std::string::npos) << backup.err;
   EXPECT_TRUE(std::filesystem::exists(file("copy.db")));
+}
+
+TEST_F(Admin, aCheckOfACopyChangesNothingAndLooksAtNothingBeside) {
+  addSession(3);
+  good({"user", "add", "tom", "--role", "trainee"});
+  good({"person", "erase", "tom", "--confirm", "tom"});
+  std::filesystem::remove(folder.path() / "data/pseudonym.key");
+  const auto path = folder.path() / "data/needlelab.db";
+  const auto before = *readWholeFile(path);
+  EXPECT_EQ(good({"check", "--of-copy", "--json"}).rows()[0].at("chunks"), 3);
+  EXPECT_EQ(*readWholeFile(path), before);
+  EXPECT_EQ(onData({"check"}).code, 1) << "a lab must have the key";
+  const Run none = run({"--data", file("none"), "check", "--of-copy"});
+  EXPECT_EQ(none.code, 2);
+  EXPECT_NE(none.err.find("there is no needlelab.db"), std::string::npos) << none.err;
 }
 
 TEST_F(Admin, backupAndAudit) {

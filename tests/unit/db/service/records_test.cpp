@@ -114,6 +114,8 @@ TEST_F(Records, anImportThatDoesNotFitChangesNothingAndNamesTheRecords) {
   ASSERT_EQ(report.faults_size(), 9);
   EXPECT_EQ(report.faults(0).path(), "record 2 (person)");
   EXPECT_NE(report.faults(0).message().find("differs"), std::string::npos);
+  EXPECT_EQ(report.faults(4).message(),
+            "group_id: there is no group 'nowhere', neither here nor before it in these records");
   EXPECT_EQ(exportAll(*store).size(), before.size() + 1) << "but the line about the export";
 }
 
