@@ -9,7 +9,8 @@
 /// - session_rows: a chunk is compared with its index entry by rowid, which PostgreSQL does itself;
 /// - retention_store, erasure: the database's size and room, statistics that hold values;
 /// - restored_backup: which server it is, and whether it is a standby;
-/// - copied_tables, store_copy: last numbers, lists as parameters, triggers, plans.
+/// - copied_tables, store_copy: last numbers, lists as parameters, triggers, plans;
+/// - people, session_results: many rows in one statement, by lists as parameters.
 /// Without SQL differ db_writer and session_appends (chunks in one statement, who keeps what a failed COMMIT
 /// had), free_parts, repeated_erasures, erasures and upkeep_handlers (files, pages and backups are
 /// PostgreSQL's own), monitor (where the size comes from).
