@@ -1,6 +1,7 @@
 // Both engines have the same schema, as far as PostgreSQL can tell: what SQLite's catalogue says is made
 // there, too, and PostgreSQL writes both down. And each CHECK refuses on both engines what it is there for.
 #include <gmock/gmock.h>
+#include <algorithm>
 
 #include <map>
 #include <regex>
@@ -306,9 +307,15 @@ TEST_F(SameCatalogue, aDatabaseThatIsMigratedIsAsAFreshOneAndHasItsRows) {
     ASSERT_EQ(TestDb::must(schemaVersion(migrated)), version);
     ASSERT_OK(migrated.script("SET session_replication_role = replica"));  // no triggers: rows as they are
     ASSERT_OK(migrated.script("DELETE FROM meta"));                        // what a new database has
-    for (const CopiedTable& table : TestDb::must(copiedTables(on_sqlite))) {
-      auto there = old.query("SELECT 1 FROM sqlite_schema WHERE type = 'table' AND name = ?", table.name);
-      if (!TestDb::must(there.step())) continue;  // a later version's
+    auto tables = TestDb::must(copiedTables(on_sqlite));
+    for (CopiedTable& table : tables) {
+      const auto there =
+          TestDb::must(old.query("SELECT name FROM pragma_table_info(?)", table.name).all(firstText));
+      if (there.empty()) continue;  // a later version's
+      // a later version's columns stand behind those of the key
+      std::erase_if(table.columns, [&](const auto& column) {
+        return std::find(there.begin(), there.end(), column.name) == there.end();
+      });
       const auto rows = TestDb::must(rowsBehind(old, table, {}, kMostRowsOfPage));
       EXPECT_FALSE(rows.empty()) << table.name << " has no row in tests/data/db";
       ASSERT_OK(addRows(migrated, table, rows));
