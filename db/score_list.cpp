@@ -30,13 +30,14 @@ ScoreList::ScoreList(Connection& connection, ScoreKey after, std::string course_
       key_(std::move(after)) {}
 
 Status ScoreList::exercisesFrom(const std::string& first) {
-  ASSIGN_OR_RETURN(exercises_, connection_
-                                   .query(fmt::format("SELECT exercise_id FROM attempt_sums WHERE trainee = ?2"
-                                                      " AND exercise_id >= ?3 AND {}"
-                                                      " ORDER BY exercise_id DESC",
-                                                      kInCourse),
-                                          course_id_, trainee_, first)
-                                   .all(firstText));
+  ASSIGN_OR_RETURN(exercises_,
+                   connection_
+                       .query(fmt::format("SELECT exercise_id FROM attempt_sums WHERE trainee = ?2"
+                                          " AND exercise_id >= ?3 AND {}"
+                                          " ORDER BY exercise_id DESC",
+                                          kInCourse),
+                              course_id_, trainee_, first)
+                       .all(firstText));
   return {};
 }
 
@@ -44,10 +45,11 @@ Result<std::string> ScoreList::traineeBehind(const std::string& name) {
   // each takes the first entry of an index behind the name, and no more
   if (!group_id_.empty()) {
     auto rows = connection_.query(
-        fmt::format("SELECT person FROM group_members WHERE group_id = ?3 AND person > ?2 AND"
-                    " (SELECT exercise_id FROM attempt_sums WHERE trainee = person AND {} LIMIT 1) IS NOT NULL"
-                    " ORDER BY person LIMIT 1",
-                    kInCourse),
+        fmt::format(
+            "SELECT person FROM group_members WHERE group_id = ?3 AND person > ?2 AND"
+            " (SELECT exercise_id FROM attempt_sums WHERE trainee = person AND {} LIMIT 1) IS NOT NULL"
+            " ORDER BY person LIMIT 1",
+            kInCourse),
         course_id_, name, group_id_);
     ASSIGN_OR_RETURN(const auto found, rows.first(firstText));
     return found.value_or("");
@@ -102,9 +104,9 @@ Result<bool> ScoreList::nextPair() {
 
 /// The pair's next attempts into rows_.
 Status ScoreList::readAttempts() {
-  auto rows = connection_.query(fmt::format(kScored, kAttemptColumns, kPlacesBehind), trainee_,
-                                pair_->exercise_id, pair_->started_unix_ns, pair_->number,
-                                std::uint64_t{pair_->place}, kAttemptsAtOnce);
+  auto rows =
+      connection_.query(fmt::format(kScored, kAttemptColumns, kPlacesBehind), trainee_, pair_->exercise_id,
+                        pair_->started_unix_ns, pair_->number, std::uint64_t{pair_->place}, kAttemptsAtOnce);
   std::uint64_t attempts = 0;
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, rows.step());

@@ -18,7 +18,8 @@ enum class LinkWait : std::uint8_t {
   kEnd,      ///< the limit of the last messages
 };
 
-/// Tests derive from it. The limits of an established connection are the channel's own (common/wire/channel.h).
+/// Tests derive from it. The limits of an established connection are the channel's own
+/// (common/wire/channel.h).
 class LinkClock {
  public:
   /// `time` must outlive it.

@@ -1,4 +1,5 @@
-// The uplink's own times: its status lines, its probes of the server's clock, and when a live frame was captured.
+// The uplink's own times: its status lines, its probes of the server's clock, and when a live frame was
+// captured.
 #include <gmock/gmock.h>
 
 #include <map>
