@@ -163,8 +163,11 @@ class Import {
     const auto done = store(*table, record);
     if (done) return {};
     if (writer_.damaged()) return done;
-    fault(kind, done.error().message);
-    return {};
+    // a row that PostgreSQL refuses ends what can be asked within the transaction
+    const bool goes_on = writer_.sqlite() != nullptr || writer_.query("SELECT 1").step().ok();
+    fault(kind, done.error().message +
+                    (goes_on ? "" : ". The records behind it were not looked at: mend it and import again"));
+    return goes_on ? Status() : done;
   }
 
   Status begin() {

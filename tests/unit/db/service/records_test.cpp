@@ -111,9 +111,18 @@ TEST_F(Records, anImportThatDoesNotFitChangesNothingAndNamesTheRecords) {
       "[]"};
   const auto report = importAll(*store, wrong, 3);
   EXPECT_FALSE(report.done());
-  ASSERT_EQ(report.faults_size(), 9);
+  ASSERT_GE(report.faults_size(), 2);
   EXPECT_EQ(report.faults(0).path(), "record 2 (person)");
   EXPECT_NE(report.faults(0).message().find("differs"), std::string::npos);
+  if (test::onPostgres()) {
+    // its transaction ends with the first row that the schema refuses
+    ASSERT_EQ(report.faults_size(), 2) << report.ShortDebugString();
+    EXPECT_NE(report.faults(1).message().find("people_role_check"), std::string::npos);
+    EXPECT_NE(report.faults(1).message().find("behind it were not looked at"), std::string::npos);
+    EXPECT_EQ(exportAll(*store).size(), before.size() + 1);
+    return;
+  }
+  ASSERT_EQ(report.faults_size(), 9) << report.ShortDebugString();
   EXPECT_EQ(report.faults(4).message(),
             "group_id: there is no group 'nowhere', neither here nor before it in these records");
   EXPECT_EQ(exportAll(*store).size(), before.size() + 1) << "but the line about the export";
