@@ -90,7 +90,7 @@ Result<std::optional<Appended>> takeNext(Connection& connection, const OpenRow& 
 
   stored.quarantined = true;
   stored.text = fmt::format("session {}, chunk {}: {}", uuidText(session), seq, info.error().message);
-  auto others = connection.query("SELECT 1 FROM quarantined_chunks WHERE session = ?", row.number);
+  auto others = connection.query("SELECT 1 FROM quarantined_chunks WHERE session = ? LIMIT 1", row.number);
   ASSIGN_OR_RETURN(const bool first_was_before, others.step());
   RETURN_IF_ERROR(connection.run("INSERT INTO quarantined_chunks (session, seq, reason) VALUES (?,?,?)",
                                  row.number, seq, info.error().message));

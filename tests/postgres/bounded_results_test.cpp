@@ -18,6 +18,7 @@
 #include "db/reader_pool.h"
 #include "db/service/session_samples.h"
 #include "db/session_results.h"
+#include "tests/support/chunk_files.h"
 #include "tests/unit/db/test_db.h"
 
 namespace needlelab {
@@ -67,6 +68,26 @@ class BoundedResults : public testing::Test {
       test::TestDb::must(readWholeFile(std::string(NEEDLELAB_SOURCE) + "/db/samples/knee-adult.json"));
   std::uint64_t largest_chunk = 0, all_bytes = 0;
 };
+
+// as the thief of a key sends them: each is stored on the writer
+TEST_F(BoundedResults, ofTheChunksThatCannotBeDecodedNoneIsReadForTheNext) {
+  const auto refused =
+      test::namedChunks(std::filesystem::path(NEEDLELAB_TEST_DATA).parent_path() / "gesture/refused.tsv");
+  ASSERT_FALSE(refused.empty());
+  const Bytes& bad = refused.front().second;
+  ASSERT_OK(SessionStore(db.writer).open(test::describe(id), 1));
+  constexpr std::uint64_t kBad = 100;
+  std::uint64_t last = 0;
+  for (std::uint64_t seq = 0; seq < kBad; ++seq) {
+    const auto came = cameDuring(db.writer, [&] {
+      const auto appended = SessionStore(db.writer).append(id, seq, bad, "station-1");
+      ASSERT_OK(appended);
+      EXPECT_TRUE(appended->quarantined);
+    });
+    last = came.rows;
+  }
+  EXPECT_LE(last, kRowsBesides);
+}
 
 TEST_F(BoundedResults, ofARecordingComesWhatWasAskedFor) {
   record(kChunks, 2000);
