@@ -14,9 +14,11 @@
 /// Without SQL differ db_writer and session_appends (chunks in one statement, who keeps what a failed COMMIT
 /// had), record_handlers (an import ends with the first row that the schema refuses), free_parts,
 /// repeated_erasures, erasures and upkeep_handlers (files, pages and backups are PostgreSQL's own), monitor
-/// (where the size comes from). What stores may not use, because only SQLite has it: a bare number as a
-/// condition (write `flag <> 0`), bare columns beside an aggregate, a subquery in FROM without a name, GLOB,
-/// PRAGMA, rowid, CAST(… AS INTEGER) (write BIGINT), last_insert_rowid (write RETURNING).
+/// (where the size comes from).
+///
+/// What stores may not use, because only SQLite has it: a bare number as a condition (write `flag <> 0`),
+/// bare columns beside an aggregate, a subquery in FROM without a name, GLOB, PRAGMA, rowid,
+/// CAST(… AS INTEGER) (write BIGINT), last_insert_rowid (write RETURNING).
 #pragma once
 
 #include <string>
