@@ -284,6 +284,7 @@ class Import {
     RowsAtOnce at_once(kBytesOfPage);
     RecordJson keys;  // of the last line
     for (bool more = true; more;) {
+      at_once.goOn();
       ASSIGN_OR_RETURN(auto rows, recordsAfter(writer_, table, "", nullptr, keys, false, at_once.count()));
       for (more = false; !more;) {
         ASSIGN_OR_RETURN(const auto row, rows.step());
