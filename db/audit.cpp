@@ -62,4 +62,30 @@ Result<std::vector<AuditRow>> AuditStore::list(std::uint32_t limit, std::uint64_
       });
 }
 
+Result<std::optional<std::int64_t>> NumbersOfManyLines::next(std::optional<std::int64_t> wanted) {
+  if (writer_.sqlite() != nullptr) return wanted;
+  if (!last_) {
+    RETURN_IF_ERROR(writer_.script("ALTER TABLE audit DISABLE TRIGGER audit_number"));
+    ASSIGN_OR_RETURN(const auto last,
+                     writer_
+                         .prepare("SELECT max(coalesce((SELECT max(id) FROM audit), 0),"
+                                  " coalesce((SELECT number FROM last_numbers WHERE name = 'audit'), 0))")
+                         .first([](const Statement& row) { return row.integer(0); }));
+    last_ = last.value_or(0);
+  }
+  const std::int64_t number = wanted ? *wanted : *last_ + 1;
+  last_ = std::max(*last_, number);
+  return std::optional(number);
+}
+
+Status NumbersOfManyLines::finish() {
+  if (!last_) return {};
+  RETURN_IF_ERROR(
+      writer_.run("INSERT INTO last_numbers AS l (name, number) VALUES ('audit', ?)"
+                  " ON CONFLICT (name) DO UPDATE SET number = max(l.number, excluded.number)",
+                  *last_));
+  last_.reset();
+  return writer_.script("ALTER TABLE audit ENABLE TRIGGER audit_number");
+}
+
 }  // namespace needlelab

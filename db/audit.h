@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -47,6 +48,24 @@ class AuditStore {
 
  private:
   Connection& connection_;
+};
+
+/// Numbers many lines of one transaction. On PostgreSQL a trigger notes the log's last number in one row with
+/// each line, and each note walks through what those before left (as SumsOfManySessions says): it rests, and
+/// the number is noted once. On SQLite the table numbers its lines. Without finish() the transaction, or the
+/// savepoint around all of it, must be rolled back. Does not own the connection. Thread: the writer's.
+class NumbersOfManyLines {
+ public:
+  explicit NumbersOfManyLines(Connection& writer) : writer_(writer) {}
+
+  /// The number to store the next line with: `wanted`, or the next one; nothing: the table gives it.
+  Result<std::optional<std::int64_t>> next(std::optional<std::int64_t> wanted);
+  /// The trigger numbers lines from now on.
+  Status finish();
+
+ private:
+  Connection& writer_;
+  std::optional<std::int64_t> last_;  ///< the greatest that the log ever had; nothing: the trigger works
 };
 
 }  // namespace needlelab

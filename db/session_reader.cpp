@@ -2,7 +2,9 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <functional>
 #include <optional>
+#include <utility>
 #include <variant>
 
 #include "common/base/text.h"
@@ -10,27 +12,33 @@
 #include "db/connection.h"
 #include "db/session_rows.h"
 #include "db/session_store.h"
+#include "db/text_pages.h"
 #include "db/unknown_trainees.h"
 
 namespace needlelab {
 namespace {
 
 /// Columns 7 to 10 belong to the original, 11 to 15 to a thinned recording.
+/// {}: the profile, or NULL where nobody wants it: it may have a MiB.
 constexpr std::string_view kInfoColumns =
     "SELECT s.description, s.state, s.received_unix_ns, s.closed_unix_ns,"
     " s.clock_offset_ns, s.clock_round_trip_ns, s.recording, coalesce(p.chunks,"
     " s.chunks), coalesce(p.samples, s.samples), coalesce(p.stored_bytes,"
     " s.stored_bytes), s.hash, d.chunks, d.samples, d.stored_bytes, d.hash,"
     " d.rate_hz, o.removed_unix_ns, o.deleted_unix_ns, o.reason, s.number,"
-    " s.profile_json, s.score_json, s.passed, u.given, u.by_whom,"
+    " {}, s.score_json, s.passed, u.given, u.by_whom,"
     " u.code_unchecked = 1 AND EXISTS (SELECT 1 FROM people WHERE name = s.trainee),"
-    " (SELECT count(*) FROM quarantined_chunks WHERE session = s.number) FROM sessions s"
+    " (SELECT count(*) FROM quarantined_chunks WHERE session = s.number), s.id FROM sessions s"
     " LEFT JOIN session_progress p ON p.session = s.number"
     " LEFT JOIN unknown_trainees u ON u.session = s.number"
     " LEFT JOIN derived_recordings d ON d.session = s.number AND d.complete = 1"
     " LEFT JOIN removed_originals o ON o.session = s.number ";
 
-/// Converts a row of kInfoColumns.
+std::string infoColumns(bool with_profile) {
+  return fmt::format(kInfoColumns, with_profile ? "s.profile_json" : "NULL");
+}
+
+/// Converts a row of infoColumns().
 Result<pb::SessionInfo> infoOf(const Statement& row, bool with_profile) {
   pb::SessionInfo info;
   const ByteView description = row.bytes(0);
@@ -328,21 +336,39 @@ Result<std::vector<pb::Welcome::OpenSession>> SessionStore::openSessions(std::st
 }
 
 Result<pb::SessionInfo> SessionStore::info(const Uuid& session) {
-  auto row = connection_.query(std::string(kInfoColumns) + "WHERE s.id = ?", ByteView(session));
+  auto row = connection_.query(infoColumns(true) + "WHERE s.id = ?", ByteView(session));
   ASSIGN_OR_RETURN(const bool found, row.step());
   if (!found) return unknownSession(session);
   return infoOf(row, true);
 }
 
 Result<std::vector<pb::SessionInfo>> SessionStore::list(const pb::ListSessions& wanted,
-                                                        const std::optional<Uuid>& after, bool only_counted) {
-  ASSIGN_OR_RETURN(const auto conditions, conditionsOf(wanted, after, only_counted));
-  const std::uint32_t most = wanted.limit() == 0 ? kMaxListed : std::min(wanted.limit(), kMaxListed);
-  auto rows = connection_.query(std::string(kInfoColumns) + conditions.text() +
-                                " ORDER BY s.started_unix_ns DESC, s.number DESC LIMIT ?");
-  conditions.bindTo(rows);
-  rows.bind(most);
-  return rows.all([](const Statement& row) { return infoOf(row, false); });
+                                                        const std::optional<Uuid>& after, bool only_counted,
+                                                        const std::function<bool(pb::SessionInfo&)>& take) {
+  const std::size_t most = wanted.limit() == 0 ? kMaxListed : std::min(wanted.limit(), kMaxListed);
+  // SQLite gives row by row, and might sort them again for each statement
+  const bool in_pieces = connection_.sqlite() == nullptr;
+  std::vector<pb::SessionInfo> sessions;
+  std::optional<Uuid> last = after;
+  for (RowsAtOnce at_once(kBytesOfPage); sessions.size() < most;) {
+    at_once.goOn();
+    ASSIGN_OR_RETURN(const auto conditions, conditionsOf(wanted, last, only_counted));
+    auto rows = connection_.query(infoColumns(false) + conditions.text() +
+                                  " ORDER BY s.started_unix_ns DESC, s.number DESC LIMIT ?");
+    conditions.bindTo(rows);
+    const auto left = static_cast<std::int64_t>(most - sessions.size());
+    rows.bind(in_pieces ? std::min(left, at_once.count()) : left);
+    for (bool all = false; !all && sessions.size() < most;) {
+      ASSIGN_OR_RETURN(auto session, rows.first([](const Statement& row) { return infoOf(row, false); }));
+      if (!session) return sessions;
+      last = uuidOf(rows.text(27));
+      if (!last) return Error{ErrorCode::kCorrupt, "a stored session has no id of 16 bytes"};
+      all = at_once.took(session->ByteSizeLong()) && in_pieces;
+      if (take && !take(*session)) return sessions;
+      sessions.push_back(*std::move(session));
+    }
+  }
+  return sessions;
 }
 
 Result<ChunksAround> SessionStore::readAround(const Uuid& session, std::uint64_t from_seq,

@@ -14,6 +14,7 @@
 #include "common/base/text.h"
 #include "db/documents.h"
 #include "db/session_rows.h"
+#include "db/text_pages.h"
 
 namespace needlelab {
 namespace {
@@ -374,17 +375,50 @@ Result<std::uint64_t> AnnotationStore::add(const StoredAnnotation& annotation) {
   return static_cast<std::uint64_t>(id);
 }
 
-Result<std::vector<StoredAnnotation>> AnnotationStore::list(const Uuid& session) {
+Result<std::vector<StoredAnnotation>> AnnotationStore::list(
+    const Uuid& session, const std::optional<AnnotationPlace>& after,
+    const std::function<bool(const StoredAnnotation&)>& take) {
+  ASSIGN_OR_RETURN(const SessionRow found, requireSession(connection_, session));
+  const auto annotationOf = [&](const Statement& row) {
+    return StoredAnnotation{row.natural(0), session,     row.natural(1),
+                            row.text(2),    row.text(3), row.integer(4)};
+  };
+  std::vector<StoredAnnotation> annotations;
+  // behind nothing: before the first tick
+  std::int64_t tick = after ? static_cast<std::int64_t>(after->tick) : -1;
+  std::uint64_t id = after ? after->id : 0;
+  for (RowsAtOnce at_once(kBytesOfPage);;) {
+    at_once.goOn();
+    auto rows = connection_.query(
+        "SELECT id, tick, text, author, created_unix_ns FROM annotations"
+        " WHERE session = ? AND (tick, id) > (?, ?) ORDER BY tick, id LIMIT ?",
+        found.number, tick, id, at_once.count());
+    for (bool all = false; !all;) {
+      ASSIGN_OR_RETURN(auto annotation, rows.first(annotationOf));
+      if (!annotation || (take && !take(*annotation))) return annotations;
+      tick = rows.integer(1);
+      id = annotation->id;
+      all = at_once.took(annotation->text.size());
+      annotations.push_back(*std::move(annotation));
+    }
+  }
+}
+
+Result<std::optional<std::string>> AnnotationStore::textOf(const Uuid& session, std::uint64_t id) {
+  ASSIGN_OR_RETURN(const SessionRow found, requireSession(connection_, session));
+  return connection_.query("SELECT text FROM annotations WHERE id = ? AND session = ?", id, found.number)
+      .first(firstText);
+}
+
+Result<std::optional<std::uint64_t>> AnnotationStore::find(const Uuid& session, std::string_view author,
+                                                           std::string_view text) {
   ASSIGN_OR_RETURN(const SessionRow found, requireSession(connection_, session));
   return connection_
       .query(
-          "SELECT id, tick, text, author, created_unix_ns FROM annotations"
-          " WHERE session = ? ORDER BY tick, id",
-          found.number)
-      .all([&](const Statement& row) {
-        return StoredAnnotation{row.natural(0), session,     row.natural(1),
-                                row.text(2),    row.text(3), row.integer(4)};
-      });
+          "SELECT id FROM annotations WHERE session = ? AND author = ? AND text = ?"
+          " ORDER BY tick, id LIMIT 1",
+          found.number, author, text)
+      .first([](const Statement& row) { return row.natural(0); });
 }
 
 }  // namespace needlelab

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -80,6 +81,11 @@ struct StoredAnnotation {
   std::int64_t created_unix_ns = 0;
 };
 
+/// A remark's place among those of its session. Both end at 2^63 - 1.
+struct AnnotationPlace {
+  std::uint64_t tick = 0, id = 0;
+};
+
 /// Does not own the connection. Thread: as its Connection; changes need the writer's.
 class AnnotationStore {
  public:
@@ -87,8 +93,16 @@ class AnnotationStore {
 
   /// Returns the new id; ignores `annotation.id`. Errors: kInvalidInput (text), kNotFound (session).
   Result<std::uint64_t> add(const StoredAnnotation& annotation);
-  /// Sorted by tick. kNotFound: unknown session.
-  Result<std::vector<StoredAnnotation>> list(const Uuid& session);
+  /// Sorted by tick and id; all, or those behind `after`. `take` false: this one and those behind it are not
+  /// wanted, and hardly read. kNotFound: unknown session.
+  Result<std::vector<StoredAnnotation>> list(const Uuid& session,
+                                             const std::optional<AnnotationPlace>& after = {},
+                                             const std::function<bool(const StoredAnnotation&)>& take = {});
+  /// The text of a session's remark; nothing: the session has none with this id.
+  Result<std::optional<std::string>> textOf(const Uuid& session, std::uint64_t id);
+  /// The session's first remark with this author and text; nothing: there is none.
+  Result<std::optional<std::uint64_t>> find(const Uuid& session, std::string_view author,
+                                            std::string_view text);
 
  private:
   Connection& connection_;

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -214,10 +215,12 @@ class SessionStore {
   Result<pb::SessionInfo> info(const Uuid& session);
   /// Newest first, without profile JSON but with score and verdict. Ignores `wanted.page`; `after`: returns
   /// the sessions behind this one, for the next page. At most `limit` and kMaxListed; 0 means kMaxListed.
-  /// `only_counted`: without sessions that count for nobody (unknown_trainees.h). kInvalidInput: an unknown
-  /// verdict, a search text that is not UTF-8.
+  /// `only_counted`: without sessions that count for nobody (unknown_trainees.h). `take` may change each
+  /// before it is kept; false: this one and those behind it are not wanted, and hardly read. kInvalidInput:
+  /// an unknown verdict, a search text that is not UTF-8.
   Result<std::vector<pb::SessionInfo>> list(const pb::ListSessions& wanted,
-                                            const std::optional<Uuid>& after = {}, bool only_counted = false);
+                                            const std::optional<Uuid>& after = {}, bool only_counted = false,
+                                            const std::function<bool(pb::SessionInfo&)>& take = {});
 
   /// Chunks from `from_seq` on, at most `max_chunks` and about `max_bytes` (at least one). Checks every CRC:
   /// kCorrupt names the first damaged chunk. Reads the stored recording, original or thinned; kNotFound gives

@@ -26,6 +26,13 @@ class RowsAtOnce {
  public:
   explicit RowsAtOnce(std::size_t most_bytes) : most_bytes_(most_bytes) {}
   [[nodiscard]] std::int64_t count() const { return static_cast<std::int64_t>(count_); }
+  /// Before each statement of a reader that goes on when it has `most_bytes`: as much again. Else it would
+  /// ask for its next rows one by one.
+  void goOn() {
+    if (bytes_ < most_bytes_) return;
+    bytes_ = rows_ = 0;
+    count_ = kFewRows;
+  }
   /// Takes note of a row. True: it was the last of those asked for, ask for count() more.
   bool took(std::size_t bytes) {
     bytes_ += bytes;
@@ -38,8 +45,9 @@ class RowsAtOnce {
   }
 
  private:
+  static constexpr std::size_t kFewRows = 16;
   const std::size_t most_bytes_;
-  std::size_t count_ = 16, of_count_ = 0, rows_ = 0, bytes_ = 0;
+  std::size_t count_ = kFewRows, of_count_ = 0, rows_ = 0, bytes_ = 0;
 };
 
 /// The next page of the rows whose numbers are above `after` and up to `last`; empty: there are no more.

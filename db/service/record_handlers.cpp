@@ -8,6 +8,8 @@
 
 #include "common/base/text.h"
 #include "common/profile/strict_json.h"
+#include "db/attempt_sums.h"
+#include "db/audit.h"
 #include "db/audit_chain.h"
 #include "db/connection.h"
 #include "db/documents.h"
@@ -146,6 +148,8 @@ class Import {
         now_unix_ns_(now_unix_ns),
         importer_(std::move(importer)),
         import_id_(call.import_id()),
+        sums_(writer),
+        numbers_(writer),
         rules_(writer, call.with_policies(), now_unix_ns) {}
 
   /// kFailed ends the import: the database failed. Faults of a record go into the report.
@@ -179,10 +183,13 @@ class Import {
   /// For every record, before the first is taken.
   Status foresee(const std::string& text) { return erasures_->foresee(readShallowJson<RecordJson>(text)); }
 
-  /// Stores the exercises of the courses' newest revisions; flags sessions of trainees whom nobody knew.
+  /// Stores the exercises of the courses' newest revisions; flags sessions of trainees whom nobody knew, and
+  /// counts the attempts. Call it once all records are taken.
   Status finish() {
     for (const std::string& note : rules_.notes()) report_.add_notes(note);
     RETURN_IF_ERROR(flagUnknownTrainees());
+    RETURN_IF_ERROR(sums_.count());
+    RETURN_IF_ERROR(numbers_.finish());
     for (const std::string& id : courses_) {
       const auto course = CurriculumStore(writer_).get(id);
       if (!course) return course.error();
@@ -241,6 +248,7 @@ class Import {
     }
     RETURN_IF_ERROR(checkRecord(table, record));
     const bool session = table.kind == "session";
+    if (session) RETURN_IF_ERROR(sums_.willAdd(textIn(record, "exercise_id"), textIn(record, "trainee")));
     ASSIGN_OR_RETURN(const auto number, insertRecord(writer_, table, record, session ? "number" : ""));
     RETURN_IF_ERROR(rules_.noteStored(table, record));
     if (session) {
@@ -264,7 +272,11 @@ class Import {
     ASSIGN_OR_RETURN(const auto there, storedRecord(writer_, table, record, false));
     record["imported_by"] = importer_;
     record["imported_from"] = import_id_ + ", line " + record["id"].dump();
-    if (!there.is_null()) record["id"] = nullptr;  // it gets the next one
+    // one that has another line's number gets the next one
+    ASSIGN_OR_RETURN(
+        const auto number,
+        numbers_.next(there.is_null() ? std::optional(record["id"].get<std::int64_t>()) : std::nullopt));
+    record["id"] = number ? RecordJson(*number) : RecordJson();
     ASSIGN_OR_RETURN(const auto id, insertRecord(writer_, table, record, "id"));
     RETURN_IF_ERROR(AuditChain(writer_).append(id));
     lines_->insert(text);
@@ -284,6 +296,7 @@ class Import {
     RowsAtOnce at_once(kBytesOfPage);
     RecordJson keys;  // of the last line
     for (bool more = true; more;) {
+      at_once.goOn();
       ASSIGN_OR_RETURN(auto rows, recordsAfter(writer_, table, "", nullptr, keys, false, at_once.count()));
       for (more = false; !more;) {
         ASSIGN_OR_RETURN(const auto row, rows.step());
@@ -349,6 +362,8 @@ class Import {
   std::uint64_t number_ = 0;
   std::set<std::string> courses_, people_;  ///< by id and by name: in these records
   std::vector<NewSession> new_sessions_;
+  SumsOfManySessions sums_;
+  NumbersOfManyLines numbers_;
   ImportRules rules_;
   std::optional<ImportErasures> erasures_;  ///< set by begin()
   /// Of the audit log; read for the first imported line.

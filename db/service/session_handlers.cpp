@@ -1,6 +1,8 @@
 #include <fmt/core.h>
 #include <algorithm>
+#include <charconv>
 #include <cmath>
+#include <cstdint>
 #include <optional>
 
 #include "common/base/text.h"
@@ -26,6 +28,21 @@ void fill(pb::Annotation& annotation, const StoredAnnotation& stored) {
   annotation.set_text(stored.text);
   annotation.set_author(stored.author);
   annotation.set_created_unix_ns(stored.created_unix_ns);
+}
+
+/// The place of the last remark of the page before: "TICK.ID". Nothing: the first page. kInvalidInput.
+Result<std::optional<AnnotationPlace>> placeOfPage(const std::string& page) {
+  std::optional<AnnotationPlace> place;
+  if (page.empty()) return place;
+  place.emplace();
+  const char* const end = page.data() + page.size();
+  const auto tick = std::from_chars(page.data(), end, place->tick);
+  if (tick.ec == std::errc() && tick.ptr != end && *tick.ptr == '.') {
+    const auto id = std::from_chars(tick.ptr + 1, end, place->id);
+    if (id.ec == std::errc() && id.ptr == end && place->tick <= INT64_MAX && place->id <= INT64_MAX)
+      return place;
+  }
+  return Error{ErrorCode::kInvalidInput, "page: give back the next_page of the reply before"};
 }
 
 /// The main measures instead of the whole score of several kilobytes. An unreadable score gives no measures,
@@ -89,20 +106,21 @@ Result<pb::Reply> listSessions(const Context& context, const pb::ListSessions& c
   }
   pb::ListSessions wanted = call;
   if (own) wanted.set_trainee(context.who.name);
-  ASSIGN_OR_RETURN(auto sessions, SessionStore(context.reader).list(wanted, after, own));
+  PageRoom room;
+  bool full = false;
+  ASSIGN_OR_RETURN(auto sessions,
+                   SessionStore(context.reader).list(wanted, after, own, [&](pb::SessionInfo& session) {
+                     figuresForScore(session);
+                     full = !room.take(session.ByteSizeLong());
+                     return !full;
+                   }));
+  // a page that is not full is the last
+  const std::uint32_t most = call.limit() == 0 ? kMaxListed : std::min(call.limit(), kMaxListed);
   pb::Reply reply;
   auto* list = reply.mutable_sessions();
-  PageRoom room;
-  for (pb::SessionInfo& session : sessions) {
-    figuresForScore(session);
-    if (!room.take(session.ByteSizeLong())) break;
-    list->set_next_page(session.description().session_id());
-    *list->add_sessions() = std::move(session);
-  }
-  // rows are read one at a time: a page that is not full is the last
-  const std::uint32_t most = call.limit() == 0 ? kMaxListed : std::min(call.limit(), kMaxListed);
-  if (static_cast<std::uint32_t>(list->sessions_size()) == sessions.size() && sessions.size() < most)
-    list->clear_next_page();
+  if (!sessions.empty() && (full || sessions.size() == most))
+    list->set_next_page(sessions.back().description().session_id());
+  for (pb::SessionInfo& session : sessions) *list->add_sessions() = std::move(session);
   return reply;
 }
 
@@ -242,19 +260,19 @@ Result<pb::Reply> annotate(const Context& context, const pb::Annotate& call) {
 Result<pb::Reply> listAnnotations(const Context& context, const pb::ListAnnotations& call) {
   RETURN_IF_ERROR(visibleSession(context, call.session_id()));
   const auto id = sessionId(call.session_id());
-  ASSIGN_OR_RETURN(const auto from, numberOfPage(call.page()));
-  ASSIGN_OR_RETURN(const auto annotations, AnnotationStore(context.reader).list(*id));
+  ASSIGN_OR_RETURN(const auto after, placeOfPage(call.page()));
+  PageRoom room;
+  bool full = false;
+  ASSIGN_OR_RETURN(const auto annotations,
+                   AnnotationStore(context.reader).list(*id, after, [&](const StoredAnnotation& annotation) {
+                     full = !room.take(annotation.text.size() + 256);
+                     return !full;
+                   }));
   pb::Reply reply;
   auto* list = reply.mutable_annotations();
-  PageRoom room;
-  // remarks are never deleted or moved: a position is a valid page token
-  for (std::uint64_t i = from; i < annotations.size(); ++i) {
-    if (!room.take(annotations[i].text.size() + 256)) {
-      list->set_next_page(std::to_string(i));
-      break;
-    }
-    fill(*list->add_annotations(), annotations[i]);
-  }
+  for (const StoredAnnotation& annotation : annotations) fill(*list->add_annotations(), annotation);
+  if (full && !annotations.empty())
+    list->set_next_page(fmt::format("{}.{}", annotations.back().tick, annotations.back().id));
   return reply;
 }
 

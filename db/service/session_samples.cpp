@@ -2,7 +2,8 @@
 
 #include <fmt/core.h>
 
-#include <algorithm>
+#include <charconv>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -52,6 +53,13 @@ Result<std::vector<GestureSample>> samplesOfChunk(Connection& reader, const Uuid
   return decodeChunk(chunks.front().bytes);
 }
 
+/// One view for all chunks of a step: on PostgreSQL one for each has two round trips more. A view of SQLite
+/// costs nothing, and a long one keeps its log from being emptied.
+Result<std::optional<Transaction>> viewOfStep(Connection& reader) {
+  if (reader.sqlite() != nullptr) return std::optional<Transaction>();
+  return Transaction::view(reader);
+}
+
 }  // namespace
 
 Status SessionReading::begin(Connection& reader) {
@@ -80,6 +88,7 @@ Status SessionReading::begin(Connection& reader) {
 
 Result<bool> SessionReading::step(Connection& reader, StepWork& work) {
   readBy(reader);
+  ASSIGN_OR_RETURN(const auto view, viewOfStep(reader));
   if (!has_begun_) RETURN_IF_ERROR(begin(reader));
   has_begun_ = true;
   if (all_.info.samples() == 0) return true;
@@ -141,12 +150,12 @@ Result<bool> SessionEvents::step(Connection& reader, StepWork& work) {
 Result<std::optional<std::string>> whyNeverScored(Connection& reader, const Uuid& session) {
   ASSIGN_OR_RETURN(const auto number, MetaStore(reader).get(unscoredKey(session)));
   if (!number) return std::optional<std::string>();
-  ASSIGN_OR_RETURN(const auto remarks, AnnotationStore(reader).list(session));
-  for (const StoredAnnotation& remark : remarks) {
-    if (std::to_string(remark.id) == *number && remark.text.starts_with(kUnscoredText))
-      return std::optional(remark.text.substr(kUnscoredText.size()));
-  }
-  return std::optional<std::string>();
+  std::uint64_t id = 0;
+  if (std::from_chars(number->data(), number->data() + number->size(), id).ec != std::errc())
+    return std::optional<std::string>();
+  ASSIGN_OR_RETURN(const auto text, AnnotationStore(reader).textOf(session, id));
+  if (!text || !text->starts_with(kUnscoredText)) return std::optional<std::string>();
+  return std::optional(text->substr(kUnscoredText.size()));
 }
 
 Status noteNeverScored(Connection& writer, const Uuid& session, const std::string& why) {
@@ -155,13 +164,10 @@ Status noteNeverScored(Connection& writer, const Uuid& session, const std::strin
   remark.author = kServerName;
   remark.text = kUnscoredText + why;
   remark.created_unix_ns = wallNowNs();
-  ASSIGN_OR_RETURN(const auto remarks, AnnotationStore(writer).list(session));
   // an older program wrote the same, and no number
-  const auto same = std::find_if(remarks.begin(), remarks.end(), [&](const StoredAnnotation& one) {
-    return one.author == remark.author && one.text == remark.text;
-  });
-  if (same != remarks.end()) {
-    remark.id = same->id;
+  ASSIGN_OR_RETURN(const auto same, AnnotationStore(writer).find(session, remark.author, remark.text));
+  if (same) {
+    remark.id = *same;
   } else {
     ASSIGN_OR_RETURN(remark.id, AnnotationStore(writer).add(remark));
   }

@@ -5,8 +5,10 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <optional>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/base/files.h"
@@ -64,7 +66,7 @@ class BoundedResults : public testing::Test {
 
   test::TestDb db;
   const Uuid id = makeUuidV7();
-  const std::string profile =
+  std::string profile =
       test::TestDb::must(readWholeFile(std::string(NEEDLELAB_SOURCE) + "/db/samples/knee-adult.json"));
   std::uint64_t largest_chunk = 0, all_bytes = 0;
 };
@@ -145,6 +147,12 @@ TEST_F(BoundedResults, ofARecordingComesWhatWasAskedFor) {
     EXPECT_FALSE(*all);
   });
   expectAtMost("a step of a score", step, 1, profile.size());
+  // the session's row and the chunk's, for each chunk; the view is the step's
+  const std::uint64_t trips = reader.roundTrips();
+  StepWork some(20'000);
+  ASSERT_OK(reading.step(reader, some));
+  const std::uint64_t chunks_read = 20'000 / (2000 + 100) + 1;
+  EXPECT_LE(reader.roundTrips() - trips, 2 * chunks_read + 4);
 }
 
 TEST_F(BoundedResults, whatIsMissingIsFoundAtTheEndsOfPiecesToo) {
@@ -160,6 +168,92 @@ TEST_F(BoundedResults, whatIsMissingIsFoundAtTheEndsOfPiecesToo) {
   EXPECT_EQ(damaged, missing);
   EXPECT_EQ(read->chunks.size(), kAll - missing.size());
   for (const auto& chunk : read->chunks) EXPECT_EQ(chunk.bytes, noisyChunk(chunk.seq, 5));
+}
+
+TEST_F(BoundedResults, aListOfSessionsHasNoProfilesAndWhatItIsAskedFor) {
+  constexpr int kSessions = 75;
+  constexpr std::size_t kScore = 40'000;
+  profile.insert(1, std::string(100'000, ' '));
+  for (int i = 0; i < kSessions; ++i) {
+    pb::SessionDescription description = test::describe(makeUuidV7());
+    description.set_profile_json(profile);
+    description.set_started_unix_ns(1000 + i);
+    ASSERT_OK(SessionStore(db.writer).open(description, 1));
+  }
+  ASSERT_OK(
+      db.writer.run("UPDATE sessions SET score_json = '[\"' || repeat('x', CAST(? AS INTEGER)) || '\"]'",
+                    static_cast<std::int64_t>(kScore)));
+  auto reader = db.reader();
+  std::vector<pb::SessionInfo> all;
+  const std::uint64_t trips = reader.roundTrips();
+  const auto came = cameDuring(reader, [&] {
+    auto listed = SessionStore(reader).list({});
+    ASSERT_OK(listed);
+    all = *std::move(listed);
+  });
+  ASSERT_EQ(all.size(), kSessions);
+  std::uint64_t last = 1000 + kSessions;
+  for (const pb::SessionInfo& one : all) EXPECT_EQ(one.description().started_unix_ns(), --last);
+  EXPECT_LE(came.bytes, kSessions * (kScore + 2000) + kBytesBesides) << "no profile";
+  EXPECT_LE(came.rows, kSessions + kRowsBesides);
+  EXPECT_LE(came.largest, (1u << 20) + 2 * kScore);
+  EXPECT_LE(reader.roundTrips() - trips, 12u) << "not row by row";
+
+  // whoever has enough after some has not read the others
+  constexpr std::size_t kTaken = 5;
+  const auto some = cameDuring(reader, [&] {
+    std::size_t taken = 0;
+    const auto listed =
+        SessionStore(reader).list({}, {}, false, [&](pb::SessionInfo&) { return ++taken <= kTaken; });
+    ASSERT_OK(listed);
+    EXPECT_EQ(listed->size(), kTaken);
+  });
+  EXPECT_LE(some.rows, kRowsBesides + 1);
+  pb::ListSessions few;
+  few.set_limit(3);
+  const auto three = cameDuring(reader, [&] { EXPECT_EQ(SessionStore(reader).list(few)->size(), 3u); });
+  EXPECT_LE(three.rows, 4u);
+}
+
+TEST_F(BoundedResults, ofASessionsRemarksComeThoseOfThePageOrTheOneThatIsSought) {
+  constexpr std::uint64_t kRemarks = 3000, kText = 4000;
+  ASSERT_OK(SessionStore(db.writer).open(test::describe(id), 1));
+  ASSERT_OK(
+      db.writer.run("INSERT INTO annotations (session, tick, text, author, created_unix_ns)"
+                    " SELECT s.number, 7, repeat('x', CAST(?2 AS INTEGER)), 'mia', 1 FROM sessions s, "
+                    "generate_series(1, ?1)",
+                    kRemarks, kText));
+  auto reader = db.reader();
+  AnnotationStore remarks(reader);
+  constexpr std::size_t kPage = 200;
+  std::optional<AnnotationPlace> after;
+  std::uint64_t seen = 0;
+  for (int pages = 0; pages < 3; ++pages) {
+    const auto came = cameDuring(reader, [&] {
+      std::size_t taken = 0;
+      const auto page = remarks.list(id, after, [&](const StoredAnnotation&) { return ++taken <= kPage; });
+      ASSERT_OK(page);
+      ASSERT_EQ(page->size(), kPage);
+      for (const StoredAnnotation& one : *page) EXPECT_GT(one.id, std::exchange(seen, one.id));
+      after = AnnotationPlace{page->back().tick, page->back().id};
+    });
+    // what is asked for next is at most twice what was asked for before
+    EXPECT_LE(came.rows, 2 * kPage + kRowsBesides);
+    EXPECT_LE(came.largest, (1u << 20) + 4 * kText);
+  }
+  const std::uint64_t trips = reader.roundTrips();
+  const auto whole = cameDuring(reader, [&] { EXPECT_EQ(remarks.list(id)->size(), kRemarks); });
+  EXPECT_LE(whole.largest, (2u << 20));
+  EXPECT_LE(reader.roundTrips() - trips, 100u) << "not row by row";
+  const auto one = cameDuring(reader, [&] {
+    const auto text = remarks.textOf(id, seen);
+    ASSERT_OK(text);
+    EXPECT_EQ(text->value_or("").size(), kText);
+    EXPECT_FALSE(remarks.textOf(id, kRemarks + 100)->has_value());
+    EXPECT_FALSE(remarks.find(id, "server", "cannot be scored: it is too long")->has_value());
+  });
+  EXPECT_LE(one.rows, kRowsBesides);
+  EXPECT_LE(one.bytes, kText + 2 * kBytesBesides);
 }
 
 TEST_F(BoundedResults, remarksFullOfANameAreReadOnce) {

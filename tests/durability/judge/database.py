@@ -45,7 +45,7 @@ def message(data):
 
 
 class Session:
-    """A row of `sessions` with its chunks in order of seq: (seq, samples, crc, bytes, Chunk or the reason why not)."""
+    """A row of `sessions` with its chunks in order of seq: (seq, samples, crc, bytes). A decoded one takes some 30 times its bytes."""
 
     def __init__(self, row, chunks, progress, quarantined=frozenset()):
         self.id = row["id"].hex()
@@ -68,6 +68,10 @@ class Session:
             digest.update(entry[3])
         self.true_hash = digest.hexdigest()
 
+    def decoded(self):
+        """Each chunk in order, once more with what is in its bytes: (seq, samples, crc, bytes, Chunk or None, why not or None)."""
+        return ((*entry, *_decoded(entry[3])) for entry in self.chunks)
+
     def _describe(self, data):
         try:
             fields = message(data)  # SessionDescription: 1 session_id, 2 station, 10 resolution
@@ -81,7 +85,7 @@ class Session:
 
 def _decoded(data):
     try:
-        return Chunk(bytes(data)), None
+        return Chunk(data), None
     except (Unreadable, struct.error, IndexError) as error:
         return None, str(error)
 
@@ -118,7 +122,7 @@ class Database:
                 for mark in connection.execute("SELECT session, seq FROM quarantined_chunks"):
                     quarantined.setdefault(mark["session"], set()).add(mark["seq"])
             for row in connection.execute("SELECT * FROM sessions"):
-                chunks = [(c["seq"], c["samples"], c["crc"], bytes(c["bytes"]), *_decoded(c["bytes"]))
+                chunks = [(c["seq"], c["samples"], c["crc"], bytes(c["bytes"]))
                           for c in connection.execute("SELECT * FROM chunks WHERE session = ? ORDER BY seq", (row["number"],))]
                 session = Session(row, chunks, progress.pop(row["number"], None) if "session_progress" in tables else False,
                                   quarantined.get(row["number"], set()))
@@ -134,5 +138,5 @@ class Database:
 
 def chunks_in(path):
     """For a backup: session -> number of chunks without a gap."""
-    return {s.id: next((i for i, c in enumerate(s.chunks) if c[0] != i or c[4] is None), len(s.chunks))
+    return {s.id: next((i for i, c in enumerate(s.decoded()) if c[0] != i or c[4] is None), len(s.chunks))
             for s in Database(path).sessions.values()}

@@ -8,6 +8,7 @@ import sqlite3
 import struct
 import sys
 import tempfile
+import tracemalloc
 import unittest
 
 HERE = pathlib.Path(__file__).resolve().parent
@@ -15,7 +16,7 @@ ROOT = HERE.parent.parent.parent
 sys.path[:0] = [str(HERE), str(HERE.parent / "harness")]
 from database import Database  # noqa: E402
 from gesture_chunk import Chunk, Unreadable, crc32c  # noqa: E402
-from ledger import Ledgers  # noqa: E402
+from ledger import SAMPLE, Ledgers  # noqa: E402
 from rude_client import SAMPLES, chunk_bytes, field  # noqa: E402
 from verdict import judge_all  # noqa: E402
 
@@ -101,27 +102,37 @@ class Spoilt(unittest.TestCase):
         for migration in sorted((ROOT / "db/migrations").glob("*.sql")):
             self.db.executescript(migration.read_text())
         self.db.execute("INSERT INTO stations VALUES ('s', ?, 0, 0)", (bytes(32),))
-        resolution = b"".join(field(i + 1, step) for i, step in enumerate(STEPS))
-        self.db.execute(
-            "INSERT INTO sessions (number, id, station, trainee, exercise_id, profile_id, profile_revision, profile_json, "
-            "engine_version, rate_hz, started_unix_ns, description, state, chunks, samples, stored_bytes, hash, received_unix_ns) "
-            "VALUES (1, ?, 's', 't', 'e', 'p', 0, '{}', 'v', 1000, 0, ?, 2, 3, 30, ?, ?, 0)",
-            (ID, field(1, ID) + field(2, "s") + field(10, resolution), sum(map(len, self.chunks)), self.hash.digest()))
-        for seq, data in enumerate(self.chunks):
-            self.put(seq, data)
+        self.put_session(1, ID, self.chunks, self.hash)
 
     def note(self, **event):
         self.events.append(event)
 
-    def put(self, seq, data, samples=SAMPLES):
-        self.db.execute("INSERT OR REPLACE INTO chunks VALUES (1, ?, ?, ?, ?)", (seq, samples, struct.unpack("<I", data[-4:])[0], data))
+    def put_session(self, number, session, chunks, digest):
+        resolution = b"".join(field(i + 1, step) for i, step in enumerate(STEPS))
+        self.db.execute(
+            "INSERT INTO sessions (number, id, station, trainee, exercise_id, profile_id, profile_revision, profile_json, "
+            "engine_version, rate_hz, started_unix_ns, description, state, chunks, samples, stored_bytes, hash, received_unix_ns) "
+            "VALUES (?, ?, 's', 't', 'e', 'p', 0, '{}', 'v', 1000, 0, ?, 2, ?, ?, ?, ?, 0)",
+            (number, session, field(1, session) + field(2, "s") + field(10, resolution), len(chunks), len(chunks) * SAMPLES, sum(map(len, chunks)),
+             digest.digest()))
+        for seq, data in enumerate(chunks):
+            self.put(seq, data, number=number)
+
+    def put(self, seq, data, samples=SAMPLES, number=1):
+        self.db.execute("INSERT OR REPLACE INTO chunks VALUES (?, ?, ?, ?, ?)",
+                        (number, seq, samples, struct.unpack("<I", data[-4:])[0], data))
 
     def names(self, at_end=True):
+        self.write()
+        return {name for name, _ in self.judged(at_end).faults}
+
+    def write(self):
         self.db.commit()
         (self.folder / "ledger").mkdir(exist_ok=True)
         (self.folder / "ledger" / "s.jsonl").write_text("".join(json.dumps(e) + "\n" for e in self.events))
-        faults = judge_all(Database(self.path), Ledgers(self.folder / "ledger", 20e6), self.backups, at_end).faults
-        return {name for name, _ in faults}
+
+    def judged(self, at_end=True):
+        return judge_all(Database(self.path), Ledgers(self.folder / "ledger", 20e6), self.backups, at_end)
 
     def count(self, chunks):
         self.db.execute("UPDATE sessions SET chunks = ?, samples = ?, stored_bytes = (SELECT sum(length(bytes)) FROM chunks)",
@@ -283,6 +294,47 @@ class Spoilt(unittest.TestCase):
         self.note(e="kill", station="s", t=28 * 10**6)
         self.note(e="kill", station="s", t=5000 * 10**6)
         self.assertEqual(self.names(), set(), "the second kill was of another session")
+
+    def test_of_other_sessions_the_judge_holds_what_is_stored_and_a_time_for_each_sample(self):
+        made = [chunk_bytes(seq) for seq in range(50)]
+        chunks = [data for data, _ in made]
+        digest = hashlib.blake2b(b"".join(chunks), digest_size=32)
+
+        def peak(numbers):
+            for number in numbers:
+                session = bytes([number]) * 16
+                self.put_session(number, session, chunks, digest)
+                self.note(e="session", id=session.hex(), station="s", resolution=STEPS)
+                for _, values in made:
+                    for v in values:
+                        self.note(e="s", t=v[0] * 10**6, v=v)
+            self.write()
+            tracemalloc.start()
+            judgement = self.judged(at_end=False)
+            bytes_used = tracemalloc.get_traced_memory()[1]
+            tracemalloc.stop()
+            self.assertEqual({name for name, _ in judgement.faults}, {"wrong-hash"}, "complete, and no station ended them")
+            self.assertEqual(judgement.samples, (3 + 50 * (numbers[-1] - 1)) * SAMPLES)
+            return bytes_used
+
+        few, many = peak(range(2, 4)), peak(range(4, 10))
+        # Python's objects of a chunk that is not decoded, and of a session
+        besides = 300 * len(chunks) + 5000
+        self.assertLess((many - few) / 6, sum(map(len, chunks)) + 8 * SAMPLES * len(chunks) + besides)
+
+    def test_what_a_station_writes_is_read_like_any_json(self):
+        """A sample's line in the station's own form is looked at for its time first, and read when its session is judged."""
+        self.write()
+        ledger = self.folder / "ledger" / "s.jsonl"
+        as_stations = "".join(json.dumps(json.loads(line), sort_keys=True, separators=(",", ":")) + "\n" for line in ledger.read_text().splitlines())
+        before = Ledgers(self.folder / "ledger", 20e6).sessions[ID.hex()]
+        values = before.samples()
+        self.assertEqual([tuple(v) for v in values], [tuple(v) for seq in range(3) for v in chunk_bytes(seq)[1]])
+        self.assertIn(SAMPLE.decode(), as_stations)
+        ledger.write_text(as_stations + as_stations[:30])
+        after = Ledgers(self.folder / "ledger", 20e6).sessions[ID.hex()]
+        self.assertEqual((after.samples(), after.times), (values, before.times))
+        self.assertEqual(self.judged().faults, [])
 
     def test_after_a_restore_only_what_was_acknowledged_since_counts_midway(self):
         self.db.execute("DELETE FROM chunks WHERE seq = 2")

@@ -44,13 +44,13 @@ def _differing_column(chunk, row, recorded):
     return None
 
 
-def _check_row(stored, judge, name):
+def _check_row(stored, decoded, judge, name):
     """Checks the session's row against its chunks, and the chunks themselves."""
     if stored.fault:
         judge.fault("unreadable", f"{name}: {stored.fault}")
     if stored.progress_fault:
         judge.fault("gap", f"{name}: {stored.progress_fault}")
-    for position, (seq, samples, crc, data, chunk, why) in enumerate(stored.chunks):
+    for position, (seq, samples, crc, _, chunk, why) in enumerate(decoded):
         if seq != position:
             judge.fault("gap", f"{name}: chunk {position} is not there, {seq} comes next")
             return False
@@ -71,11 +71,12 @@ def _check_row(stored, judge, name):
     return True
 
 
-def _check_samples(stored, recorded, judge, name):
+def _check_samples(decoded, recorded, judge, name):
     """Checks that every stored sample is the next recorded one. Returns their number."""
-    place = {values[0]: i for i, values in enumerate(recorded.samples)}
+    recorded_samples = recorded.samples()
+    place = {values[0]: i for i, values in enumerate(recorded_samples)}
     expected = 0
-    for seq, samples, _, _, chunk, _ in stored.chunks:
+    for seq, samples, _, _, chunk, _ in decoded:
         if chunk is None:  # quarantined: how many samples it has stands in its header alone
             expected += samples
             continue
@@ -89,14 +90,14 @@ def _check_samples(stored, recorded, judge, name):
                 judge.fault("doubled", f"{where}: it is there already")
                 return expected
             if at > expected:
-                later = any(recorded.samples[expected][0] in c[4].columns[0] for c in stored.chunks[seq:] if c[4])
+                later = any(recorded_samples[expected][0] in c[4].columns[0] for c in decoded[seq:] if c[4])
                 judge.fault("out-of-order" if later else "gap",
-                            f"{where}: tick {recorded.samples[expected][0]} was recorded before it")
+                            f"{where}: tick {recorded_samples[expected][0]} was recorded before it")
                 return expected
-            column = _differing_column(chunk, row, recorded.samples[at])
+            column = _differing_column(chunk, row, recorded_samples[at])
             if column is not None:
                 judge.fault("changed", f"{where}: column {column} is {chunk.columns[column][row]}, recorded was "
-                            f"{recorded.samples[at][column]}")
+                            f"{recorded_samples[at][column]}")
                 return expected
             expected += 1
     return expected
@@ -104,7 +105,7 @@ def _check_samples(stored, recorded, judge, name):
 
 def _check_end(stored, recorded, arrived, judge, name):
     """Checks after all stations have drained."""
-    required = len(recorded.samples) if recorded.required is None else recorded.required
+    required = len(recorded.times) if recorded.required is None else recorded.required
     if arrived < required:
         judge.fault("recorded-but-missing", f"{name}: {required} samples had to arrive, {arrived} did")
     if stored.state == OPEN:
@@ -135,20 +136,21 @@ def _check_session(recorded, database, ledgers, at_end, judge):
         judge.lost += acknowledged
         if acknowledged:
             judge.fault("acknowledged-but-missing", f"{name}: {acknowledged} chunks were acknowledged, it is not there")
-        elif at_end and (recorded.required or (recorded.required is None and recorded.samples)):
+        elif at_end and (recorded.required or (recorded.required is None and recorded.times)):
             judge.fault("recorded-but-missing", f"{name}: it is not there")
         return
     judge.sessions += 1
     judge.chunks += len(stored.chunks)
     if stored.recording != 1:
         return
-    if not _check_row(stored, judge, name):
+    decoded = list(stored.decoded())
+    if not _check_row(stored, decoded, judge, name):
         return
     if len(stored.chunks) < acknowledged:
         judge.lost += acknowledged - len(stored.chunks)
         judge.fault("acknowledged-but-missing", f"{name}: {acknowledged} chunks were acknowledged, {len(stored.chunks)} are there")
     before = len(judge.faults)
-    arrived = _check_samples(stored, recorded, judge, name)
+    arrived = _check_samples(decoded, recorded, judge, name)
     judge.samples += arrived
     _check_close(stored, recorded, judge, name)
     since = 0 if at_end or not ledgers.restores else max(r["t"] for r in ledgers.restores)

@@ -1,4 +1,5 @@
 """A lab on PostgreSQL under test: server, stations with ledgers, and the judge of tests/durability over what PostgreSQL has."""
+import collections
 import json
 import os
 import pathlib
@@ -43,26 +44,29 @@ def rows_in(cluster, path):
         return f"encode({name}, 'hex')" if name in BYTES else f"{name}::text"
 
     marks = [f"SELECT '{table}'; SELECT {', '.join(map(of, columns(table)))} FROM needlelab.{table};" for table in TABLES]
-    said = run(PG / "psql", "-XAtq", "-F", "\t", "-h", cluster.folder, "-U", "needlelab", "-d", "lab", "-v", "ON_ERROR_STOP=1", "-f", "-",
-               text_in="BEGIN ISOLATION LEVEL REPEATABLE READ;" + "".join(marks))
+    said = path.with_suffix(".tsv")
+    run(PG / "psql", "-XAtq", "-F", "\t", "-h", cluster.folder, "-U", "needlelab", "-d", "lab", "-v", "ON_ERROR_STOP=1", "-o", said, "-f", "-",
+        text_in="BEGIN ISOLATION LEVEL REPEATABLE READ;" + "".join(marks))
     path.unlink(missing_ok=True)
     copy = sqlite3.connect(path)
     for table in TABLES:
         copy.execute(f"CREATE TABLE {table} ({TABLES[table]})")
     table = None
-    for line in said.splitlines():
-        if line in TABLES:
-            table = line
-            continue
-        values = []
-        for name, value in zip(columns(table), line.split("\t"), strict=True):
-            if name in BYTES:
-                values.append(bytes.fromhex(value) if value or name != "hash" else None)
-            else:
-                values.append(value if name == "station" else int(value))
-        copy.execute(f"INSERT INTO {table} VALUES ({','.join('?' * len(values))})", values)
+    with open(said, encoding="utf-8") as lines:
+        for line in map(lambda whole: whole.removesuffix("\n"), lines):
+            if line in TABLES:
+                table = line
+                continue
+            values = []
+            for name, value in zip(columns(table), line.split("\t"), strict=True):
+                if name in BYTES:
+                    values.append(bytes.fromhex(value) if value or name != "hash" else None)
+                else:
+                    values.append(value if name == "station" else int(value))
+            copy.execute(f"INSERT INTO {table} VALUES ({','.join('?' * len(values))})", values)
     copy.commit()
     copy.close()
+    said.unlink()
     return Database(path)
 
 
@@ -99,6 +103,7 @@ class FaultLab:
         self.weakened = False
         self.faults_played = 0
         self.mounted = None
+        self._read, self._counts = {}, collections.Counter()  # of the ledgers: bytes by file, events by kind
         self._log = open(folder / "log", "ab")  # pylint: disable=consider-using-with
         self._environment = dict(os.environ)
         self._environment.pop("NEEDLELAB_PLANT", None)
@@ -240,7 +245,16 @@ class FaultLab:
             file.write(json.dumps(event) + "\n")
 
     def count(self, kind):
-        return sum(path.read_bytes().count(b'"e":"' + kind.encode() + b'"') for path in (self.folder / "ledger").glob("station-*.jsonl"))
+        """The events of this kind in all stations' ledgers so far."""
+        for path in (self.folder / "ledger").glob("station-*.jsonl"):
+            with open(path, "rb") as file:
+                file.seek(self._read.get(path, 0))
+                data = file.read()
+            data = data[:data.rfind(b"\n") + 1]
+            self._read[path] = self._read.get(path, 0) + len(data)
+            for name in ("ack", "closed"):
+                self._counts[name] += data.count(f'"e":"{name}"'.encode())
+        return self._counts[kind]
 
     def wait_for_more(self, kind, count, seconds=60):
         goal = self.count(kind) + count

@@ -11,17 +11,16 @@ SECTOR = 512
 
 def unsynced(log):
     """inode → what was replaced since its last sync: (offset, size of the file, old bytes), in order."""
-    data, at, files = log.read_bytes(), 0, {}
-    while at + RECORD.size <= len(data):
-        kind, inode, offset, size, length = RECORD.unpack_from(data, at)
-        at += RECORD.size
-        if at + length > len(data):
-            break  # its writer was killed before it wrote
-        if chr(kind) == "W":
-            files.setdefault(inode, []).append((offset, size, data[at:at + length]))
-        else:
-            files.pop(inode, None)
-        at += length
+    files = {}
+    with open(log, "rb") as records:
+        while len(head := records.read(RECORD.size)) == RECORD.size:
+            kind, inode, offset, size, length = RECORD.unpack(head)
+            if len(data := records.read(length)) < length:
+                break  # its writer was killed before it wrote
+            if chr(kind) == "W":
+                files.setdefault(inode, []).append((offset, size, data))
+            else:
+                files.pop(inode, None)
     return files
 
 

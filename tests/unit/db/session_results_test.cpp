@@ -2,6 +2,12 @@
 
 #include <google/protobuf/util/message_differencer.h>
 
+#include <algorithm>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
 #include "tests/unit/db/test_db.h"
 
 namespace needlelab {
@@ -125,6 +131,48 @@ TEST(AnnotationStore, keepsThemByTick) {
   EXPECT_EQ((*list)[0].tick, 20u);
   EXPECT_EQ((*list)[1].id, *first);
   EXPECT_EQ((*list)[1].text, "too fast\nhere");
+}
+
+TEST(AnnotationStore, givesThoseBehindAPlaceAndOneByItsId) {
+  test::TestDb db;
+  const Uuid id = makeUuidV7(), other = makeUuidV7();
+  ASSERT_OK(SessionStore(db.writer).open(test::describe(id), 1));
+  ASSERT_OK(SessionStore(db.writer).open(test::describe(other), 1));
+  AnnotationStore notes(db.writer);
+  std::vector<std::pair<std::uint64_t, std::uint64_t>> places;  // tick, id
+  for (std::uint64_t i = 0; i < 90; ++i) {
+    const std::uint64_t tick = i % 3 == 0 ? 0 : i % 7;
+    const auto added = notes.add({0, id, tick, "remark " + std::to_string(i), "ina", 1});
+    ASSERT_OK(added);
+    places.emplace_back(tick, *added);
+    ASSERT_OK(notes.add({0, other, tick, "of the other", "ina", 1}));
+  }
+  std::sort(places.begin(), places.end());
+  const auto placesIn = [&](const std::optional<AnnotationPlace>& after, std::size_t most) {
+    std::vector<std::pair<std::uint64_t, std::uint64_t>> listed;
+    const auto page =
+        notes.list(id, after, [&, left = most](const StoredAnnotation&) mutable { return left-- > 0; });
+    EXPECT_OK(page);
+    for (const StoredAnnotation& one : *page) listed.emplace_back(one.tick, one.id);
+    return listed;
+  };
+  EXPECT_EQ(placesIn({}, 1000), places);
+  for (const std::size_t size : {1u, 7u, 89u}) {
+    std::vector<std::pair<std::uint64_t, std::uint64_t>> all;
+    std::optional<AnnotationPlace> after;
+    for (;;) {
+      const auto page = placesIn(after, size);
+      if (page.empty()) break;
+      all.insert(all.end(), page.begin(), page.end());
+      after = AnnotationPlace{page.back().first, page.back().second};
+    }
+    EXPECT_EQ(all, places) << size;
+  }
+  EXPECT_EQ(notes.textOf(id, places[0].second)->value_or(""), "remark 0");
+  EXPECT_FALSE(notes.textOf(other, places[0].second)->has_value()) << "another session's";
+  EXPECT_EQ(notes.find(id, "ina", "remark 0")->value_or(0), places[0].second);
+  EXPECT_FALSE(notes.find(id, "mia", "remark 0")->has_value());
+  EXPECT_FALSE(notes.find(id, "ina", "of the other")->has_value());
 }
 
 TEST(AnnotationStore, refusesEmptyHugeAndHomelessOnes) {

@@ -1,6 +1,11 @@
 // Records of any shape are imported or refused without a crash; each log line is imported once.
 #include <fmt/core.h>
 
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
 #include "common/base/files.h"
 #include "common/scoring/measures.h"
 #include "db/audit_chain.h"
@@ -582,6 +587,84 @@ TEST_F(Import, takesNoNumbersThatLeaveNoneForNewRows) {
   greatest["id"] = kGreatest;
   EXPECT_TRUE(importAll(*store, {greatest.dump()}, 1).done());
   EXPECT_OK(store->service().note("ina", "log-in", "", ""));  // the next number is free
+}
+
+TEST_F(Import, numbersLinesOfTheLogOnFromTheGreatestAndNotesThatOnce) {
+  const auto count = [&](const char* sql) {
+    std::int64_t found = -1;
+    EXPECT_OK(change([&](Connection& c) -> Status {
+      auto row = c.prepare(sql);
+      if (*row.step()) found = row.integer(0);
+      return {};
+    }));
+    return found;
+  };
+  for (int i = 0; i < 3; ++i) ASSERT_OK(store->service().note("x", "backup", std::to_string(i), ""));
+  const auto own_lines = static_cast<std::uint64_t>(count("SELECT max(id) FROM audit"));
+  // some have numbers of lines that are here by then, and one a great one
+  constexpr std::uint64_t kLines = 40, kGreat = 1000;
+  std::vector<std::string> records;
+  std::map<std::string, std::uint64_t> wanted;  // by subject
+  std::uint64_t last = own_lines + 1;           // with the line between both imports
+  for (std::uint64_t i = 1; i <= kLines; ++i) {
+    const std::uint64_t id = i == 10 ? kGreat : i;
+    const std::string subject = "line " + std::to_string(i);
+    records.push_back(RecordJson{
+        {"kind", "audit"},
+        {"id", id},
+        {"unix_ns", 1},
+        {"who", "y"},
+        {"action", "backup"},
+        {"subject", subject},
+        {"detail", ""}}.dump());
+  }
+  if (test::onPostgres()) {
+    ASSERT_OK(change([](Connection& c) {
+      return c.script(
+          "CREATE TABLE notes (number BIGINT);"
+          "CREATE FUNCTION note_write() RETURNS trigger LANGUAGE plpgsql AS $$"
+          " BEGIN INSERT INTO notes VALUES (NEW.number); RETURN NULL; END $$;"
+          "CREATE TRIGGER note_write AFTER INSERT OR UPDATE ON last_numbers"
+          " FOR EACH ROW WHEN (NEW.name = 'audit') EXECUTE FUNCTION note_write()");
+    }));
+  }
+  // a refused one leaves the trigger that numbers
+  auto bad = records;
+  bad.push_back(R"({"kind":"score"})");
+  EXPECT_FALSE(importAll(*store, bad, 100).done());
+  ASSERT_OK(store->service().note("x", "backup", "between", ""));
+  EXPECT_EQ(static_cast<std::uint64_t>(count("SELECT max(id) FROM audit")), last);
+
+  const std::int64_t notes_before = test::onPostgres() ? count("SELECT count(*) FROM notes") : 0;
+  ASSERT_TRUE(importAll(*store, records, 100).done());
+  std::set<std::uint64_t> taken;
+  for (std::uint64_t id = 1; id <= last; ++id) taken.insert(id);
+  for (std::uint64_t i = 1; i <= kLines; ++i) {
+    std::uint64_t id = i == 10 ? kGreat : i;
+    if (taken.contains(id)) id = last + 1;
+    last = std::max(last, id);
+    taken.insert(id);
+    wanted["line " + std::to_string(i)] = id;
+  }
+  std::map<std::string, std::uint64_t> found;
+  ASSERT_OK(change([&](Connection& c) -> Status {
+    auto row = c.prepare("SELECT subject, id FROM audit WHERE who = 'y'");
+    while (*row.step()) found[row.text(0)] = row.natural(1);
+    return {};
+  }));
+  EXPECT_EQ(found, wanted);
+  if (test::onPostgres()) {
+    EXPECT_LE(count("SELECT count(*) FROM notes") - notes_before, 2) << "and its own line";
+  }
+  // its own line came behind them, and the next one does
+  EXPECT_EQ(static_cast<std::uint64_t>(count("SELECT max(id) FROM audit")), last + 1);
+  ASSERT_OK(store->service().note("x", "backup", "afterwards", ""));
+  EXPECT_EQ(static_cast<std::uint64_t>(count("SELECT max(id) FROM audit")), last + 2);
+  EXPECT_EQ(static_cast<std::uint64_t>(count(test::onPostgres()
+                                                 ? "SELECT number FROM last_numbers WHERE name = 'audit'"
+                                                 : "SELECT seq FROM sqlite_sequence WHERE name = 'audit'")),
+            last + 2)
+      << "no line gets a number that was used, whoever removes the last ones";
 }
 
 TEST_F(Import, marksLinesOfTheLogWithWhoBroughtThemAndFromWhere) {

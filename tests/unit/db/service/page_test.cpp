@@ -185,6 +185,12 @@ TEST_F(Pages, auditAndRemarks) {
                 }),
             1);
   EXPECT_EQ(remarks.size(), 2500u);
+  for (const char* page : {"17", "17.", ".3", "1.2.3", "-1.3", "18446744073709551615.1", "1.x"}) {
+    pb::Request request;
+    request.mutable_list_annotations()->set_session_id(test::bytesOfId(id));
+    request.mutable_list_annotations()->set_page(page);
+    EXPECT_EQ(refusal(instructor, request), ErrorCode::kInvalidInput) << page;
+  }
 }
 
 TEST_F(Pages, aWelcomeListsTheNewestOpenSessionsOnly) {
