@@ -427,7 +427,10 @@ std::string DbWriter::full(std::chrono::nanoseconds within) const {
 void DbWriter::noteDurability() {
   noteLack();
   const Durability now = connection_.durability();
-  if (std::exchange(told_durability_, true) && now == durability_.load(std::memory_order_relaxed)) return;
+  const std::uint64_t connection = connection_.timesConnected();
+  if (std::exchange(told_connection_, connection) == connection &&
+      now == durability_.load(std::memory_order_relaxed))
+    return;
   durability_.store(now, std::memory_order_relaxed);
   if (options_.on_durability) options_.on_durability(now, connection_.durabilityReason());
 }

@@ -52,8 +52,8 @@ class DbWriter {
     /// Receives the text of an exception from an item, after the item was rolled back and refused like any
     /// other failure; may be empty. Thread: the writer's.
     std::function<void(const std::string&)> on_thrown{};
-    /// At the first transaction, and whenever an ack survives more or less than before; may be empty. Thread:
-    /// the writer's.
+    /// At the first transaction, after each time that the engine's server was connected to again, and
+    /// whenever an ack survives more or less than before; may be empty. Thread: the writer's.
     std::function<void(Durability, const std::string& reason)> on_durability{};
     /// Whenever the engine's server turns out to lack what was acknowledged (lack()); may be empty. Thread:
     /// the writer's.
@@ -201,7 +201,7 @@ class DbWriter {
   std::int64_t next_checkpoint_ns_ = 0;  ///< the writer's thread only
   std::int64_t next_emptying_ns_ = 0;    ///< the writer's thread only
   std::uint64_t log_bytes_ = 0;          ///< the writer's thread only
-  bool told_durability_ = false;         ///< the writer's thread only
+  std::uint64_t told_connection_ = 0;    ///< timesConnected(), when told last; the writer's thread only
   std::atomic<Durability> durability_;   ///< written by the writer's thread
   FreeParts free_parts_;                 ///< the writer's thread only
   std::uint64_t clearing_for_ = 0;       ///< calls of emptyLog() before free_parts_ began; its thread only
