@@ -125,9 +125,15 @@ class DbWriter {
   /// What the engine's server lacks of what was acknowledged (EngineConnection::lack), for a person.
   [[nodiscard]] std::string lack() const;
 
+  /// For how long health and console say what failed alone: stations ask again every 15 s, or sooner.
+  static constexpr std::chrono::seconds kSaidFor{30};
   /// What the engine's server said when it had no room for something, not longer ago than `within`: other
   /// items may have found room. Empty: nothing.
   [[nodiscard]] std::string full(std::chrono::nanoseconds within) const;
+  /// Why an item was not stored though its contents were right (kFailed: a table, a right to it, the disk of
+  /// the engine's server, a fault of this program), not longer ago than `within`: other items may have been
+  /// stored, and their group was. Empty: there was none.
+  [[nodiscard]] std::string failedItem(std::chrono::nanoseconds within) const;
   [[nodiscard]] Counters counters() const;
   /// How the last transactions went. Times are of Options::time.
   struct Standing {
@@ -172,6 +178,12 @@ class DbWriter {
   /// Runs one transaction. False: the writer must stop.
   bool commitGroup(std::vector<Item>& group);
   void fail(const Error& error, std::vector<Item>& group);
+  struct Noted {
+    std::string text = {};
+    std::int64_t at_ns = 0;
+  };
+  /// The text, unless it is older.
+  [[nodiscard]] std::string notedWithin(const Noted& noted, std::chrono::nanoseconds within) const;
   /// Tells what an ack survives, and what the engine's server lacks, if that is new; notes when it is full.
   void noteDurability();
   void noteLack();
@@ -188,8 +200,8 @@ class DbWriter {
   bool stopping_ = false;        ///< guarded by mutex_
   std::optional<Error> failed_;  ///< guarded by mutex_
   Counters counters_;            ///< guarded by mutex_
-  std::string lack_, full_;      ///< guarded by mutex_
-  std::int64_t full_ns_ = 0;     ///< when it said so; guarded by mutex_
+  std::string lack_;             ///< guarded by mutex_
+  Noted full_, failed_item_;     ///< guarded by mutex_
   Standing standing_;            ///< guarded by mutex_
   std::condition_variable emptied_;
   std::uint64_t emptying_asked_ = 0;     ///< calls of emptyLog(); guarded by mutex_
