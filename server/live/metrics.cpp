@@ -241,6 +241,8 @@ void storage(PrometheusText& out, const ServerContext& context, const StoreFacts
   out.gauge(
       "needlelab_ack_survives", static_cast<double>(facts.durability),
       "What an ack survives. 0: nothing; 1: the end of a program; 2: a power cut; 3: the loss of a disk.");
+  out.gauge("needlelab_acknowledged_missing", context.store.writer().lack().empty() ? 0 : 1,
+            "1 when PostgreSQL turned out to lack what was acknowledged, until the server's end.");
   out.gauge("needlelab_disk_free_bytes", real(facts.free_bytes), "Free on the database's disk.");
   out.gauge("needlelab_disk_room_level", static_cast<double>(context.disk_room.level()),
             "0: there is room; 1: no new session is taken; 2: nothing recorded is stored.");

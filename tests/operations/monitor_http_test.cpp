@@ -177,6 +177,22 @@ TEST(Health, aDatabaseThatRefusesIsSaidAtOnceWithItsReasonAndTriedAgain) {
   EXPECT_EQ(httpGet(port, "/healthz").status, 200) << "the trial write ends it";
 }
 
+TEST(Health, whatIsMissingOfWhatWasAcknowledgedIsSaidAndAMetric) {
+  const auto missing = [](const char* lack) {
+    RunningServer server([&](ServerOptions& options) {
+      withMetrics(options);
+      options.writer.lack_at_start = lack;
+    });
+    const std::uint16_t port = server.server().metricsPort();
+    const HttpReply health = httpGet(port, "/healthz");
+    EXPECT_EQ(health.status, *lack == '\0' ? 200 : 503);
+    EXPECT_THAT(health.body, testing::HasSubstr(lack));
+    return parsePrometheus(httpGet(port, "/metrics").body)["needlelab_acknowledged_missing"];
+  };
+  EXPECT_EQ(missing(""), 0);
+  EXPECT_EQ(missing("transaction 7 is unknown here"), 1);
+}
+
 TEST(Health, aDiskThatHangsIsSaidAndNotWaitedFor) {
   RunningServer server([](ServerOptions& options) {
     withMetrics(options);

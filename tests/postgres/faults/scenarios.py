@@ -327,5 +327,7 @@ def lagging(lab, dice, rounds):
         lab.wait_for_more("ack", dice.randrange(10, 20))
         if not any("does not have all that was acknowledged" in problem for problem in lab.health()["problems"]):
             raise Failed(f"/healthz does not say it: {lab.health()}")
+        if lab.metric("needlelab_acknowledged_missing") != 1:
+            raise Failed("the metric does not say it")
         a, b = b, a
     return lab.finish(a, b)
