@@ -278,7 +278,7 @@ Task<Health> Monitor::health(const StoreFacts& facts) {
   } else if (const std::string full = context_.disk_room.text(); !full.empty()) {
     health.problems.push_back(full);
   } else if (!room) {
-    health.problems.push_back(fmt::format("the database's disk has {} MiB left, wanted are {}",
+    health.problems.push_back(fmt::format("the disk of the data folder has {} MiB left, wanted are {}",
                                           facts.free_bytes >> 20, settings_.min_free_bytes >> 20));
   } else if (!health.writable) {
     health.problems.emplace_back("a trial write was not committed in time");
