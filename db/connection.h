@@ -211,6 +211,10 @@ class Connection {
   /// What an ack survives, as far as is known (engine.h), and the settings that it follows from.
   [[nodiscard]] Durability durability() const { return engine_->durability(); }
   [[nodiscard]] std::string durabilityReason() const { return engine_->durabilityReason(); }
+  /// How often it has connected (EngineConnection::timesConnected); 1 with SQLite.
+  [[nodiscard]] std::uint64_t timesConnected() const { return engine_->timesConnected(); }
+  /// It connects again to this lab's database only (EngineConnection::stayWith).
+  void stayWith(LabIdentity lab) { engine_->stayWith(std::move(lab)); }
   /// What the engine's server no longer has of what was committed here (EngineConnection::lack).
   [[nodiscard]] std::string lack() const { return engine_->lack(); }
   /// The last error that says that the engine's server has no room (EngineConnection::takeFull).

@@ -359,7 +359,14 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
           result.ok() ? Error{ErrorCode::kFailed, "the transaction ended unasked"} : result.error();
       return fail(cause, group), false;
     }
-    if (!result.ok()) ++refused;
+    if (!result.ok()) {
+      ++refused;
+      // the group goes on without it, and the next one may store all that it has: nobody else would notice
+      if (result.error().code == ErrorCode::kFailed) {
+        const std::lock_guard lock(mutex_);
+        failed_item_ = {result.error().message, time_.nowNs()};
+      }
+    }
     results[i] = std::move(result);
   }
 
@@ -404,10 +411,7 @@ void DbWriter::noteLack() {
   if (found.empty()) found = options_.lack_at_start;
   {
     const std::lock_guard lock(mutex_);
-    if (!full.empty()) {
-      full_ = std::move(full);
-      full_ns_ = time_.nowNs();
-    }
+    if (!full.empty()) full_ = {std::move(full), time_.nowNs()};
     if (found == lack_) return;
     lack_ = found;
   }
@@ -419,15 +423,26 @@ std::string DbWriter::lack() const {
   return lack_;
 }
 
-std::string DbWriter::full(std::chrono::nanoseconds within) const {
+std::string DbWriter::notedWithin(const Noted& noted, std::chrono::nanoseconds within) const {
   const std::lock_guard lock(mutex_);
-  return full_.empty() || time_.nowNs() - full_ns_ > within.count() ? std::string() : full_;
+  return time_.nowNs() - noted.at_ns > within.count() ? std::string() : noted.text;
+}
+
+std::string DbWriter::full(std::chrono::nanoseconds within) const {
+  return notedWithin(full_, within);
+}
+
+std::string DbWriter::failedItem(std::chrono::nanoseconds within) const {
+  return notedWithin(failed_item_, within);
 }
 
 void DbWriter::noteDurability() {
   noteLack();
   const Durability now = connection_.durability();
-  if (std::exchange(told_durability_, true) && now == durability_.load(std::memory_order_relaxed)) return;
+  const std::uint64_t connection = connection_.timesConnected();
+  if (std::exchange(told_connection_, connection) == connection &&
+      now == durability_.load(std::memory_order_relaxed))
+    return;
   durability_.store(now, std::memory_order_relaxed);
   if (options_.on_durability) options_.on_durability(now, connection_.durabilityReason());
 }

@@ -52,8 +52,8 @@ class DbWriter {
     /// Receives the text of an exception from an item, after the item was rolled back and refused like any
     /// other failure; may be empty. Thread: the writer's.
     std::function<void(const std::string&)> on_thrown{};
-    /// At the first transaction, and whenever an ack survives more or less than before; may be empty. Thread:
-    /// the writer's.
+    /// At the first transaction, after each time that the engine's server was connected to again, and
+    /// whenever an ack survives more or less than before; may be empty. Thread: the writer's.
     std::function<void(Durability, const std::string& reason)> on_durability{};
     /// Whenever the engine's server turns out to lack what was acknowledged (lack()); may be empty. Thread:
     /// the writer's.
@@ -125,9 +125,15 @@ class DbWriter {
   /// What the engine's server lacks of what was acknowledged (EngineConnection::lack), for a person.
   [[nodiscard]] std::string lack() const;
 
+  /// For how long health and console say what failed alone: stations ask again every 15 s, or sooner.
+  static constexpr std::chrono::seconds kSaidFor{30};
   /// What the engine's server said when it had no room for something, not longer ago than `within`: other
   /// items may have found room. Empty: nothing.
   [[nodiscard]] std::string full(std::chrono::nanoseconds within) const;
+  /// Why an item was not stored though its contents were right (kFailed: a table, a right to it, the disk of
+  /// the engine's server, a fault of this program), not longer ago than `within`: other items may have been
+  /// stored, and their group was. Empty: there was none.
+  [[nodiscard]] std::string failedItem(std::chrono::nanoseconds within) const;
   [[nodiscard]] Counters counters() const;
   /// How the last transactions went. Times are of Options::time.
   struct Standing {
@@ -172,6 +178,12 @@ class DbWriter {
   /// Runs one transaction. False: the writer must stop.
   bool commitGroup(std::vector<Item>& group);
   void fail(const Error& error, std::vector<Item>& group);
+  struct Noted {
+    std::string text = {};
+    std::int64_t at_ns = 0;
+  };
+  /// The text, unless it is older.
+  [[nodiscard]] std::string notedWithin(const Noted& noted, std::chrono::nanoseconds within) const;
   /// Tells what an ack survives, and what the engine's server lacks, if that is new; notes when it is full.
   void noteDurability();
   void noteLack();
@@ -188,8 +200,8 @@ class DbWriter {
   bool stopping_ = false;        ///< guarded by mutex_
   std::optional<Error> failed_;  ///< guarded by mutex_
   Counters counters_;            ///< guarded by mutex_
-  std::string lack_, full_;      ///< guarded by mutex_
-  std::int64_t full_ns_ = 0;     ///< when it said so; guarded by mutex_
+  std::string lack_;             ///< guarded by mutex_
+  Noted full_, failed_item_;     ///< guarded by mutex_
   Standing standing_;            ///< guarded by mutex_
   std::condition_variable emptied_;
   std::uint64_t emptying_asked_ = 0;     ///< calls of emptyLog(); guarded by mutex_
@@ -201,7 +213,7 @@ class DbWriter {
   std::int64_t next_checkpoint_ns_ = 0;  ///< the writer's thread only
   std::int64_t next_emptying_ns_ = 0;    ///< the writer's thread only
   std::uint64_t log_bytes_ = 0;          ///< the writer's thread only
-  bool told_durability_ = false;         ///< the writer's thread only
+  std::uint64_t told_connection_ = 0;    ///< timesConnected(), when told last; the writer's thread only
   std::atomic<Durability> durability_;   ///< written by the writer's thread
   FreeParts free_parts_;                 ///< the writer's thread only
   std::uint64_t clearing_for_ = 0;       ///< calls of emptyLog() before free_parts_ began; its thread only

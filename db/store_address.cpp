@@ -43,6 +43,7 @@ Result<Connection> openAt(const StoreAddress& address, Connection::Mode mode, bo
   if (!address.isPostgres()) return Connection::open(address.path, {.mode = mode, .create = create});
   ASSIGN_OR_RETURN(auto engine, openPostgres({.url = address.url,
                                               .read_only = mode != Connection::Mode::kWriter,
+                                              .lab = address.lab,
                                               .before_statement = address.before_statement}));
   return Connection(std::move(engine), address.path);
 }
@@ -130,7 +131,7 @@ Result<StoreAddress> addressOf(const std::filesystem::path& folder, const std::s
   return StoreAddress(path, chosen);
 }
 
-Status claimStore(Connection& connection, const StoreAddress& address) {
+Result<std::string> claimStore(Connection& connection, const StoreAddress& address) {
   const auto folder = address.path.parent_path();
   ASSIGN_OR_RETURN(const auto file, readStoreFile(folder));
   std::string lab;
@@ -156,8 +157,8 @@ Status claimStore(Connection& connection, const StoreAddress& address) {
     }
     RETURN_IF_ERROR(transaction.commit());
   }
-  if (file && file->url == address.url) return {};
-  return writeStoreFile(folder, {address.url, lab});
+  if (!file || file->url != address.url) RETURN_IF_ERROR(writeStoreFile(folder, {address.url, lab}));
+  return lab;
 }
 
 }  // namespace needlelab

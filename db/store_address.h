@@ -9,6 +9,7 @@
 
 #include "common/base/result.h"
 #include "db/connection.h"
+#include "db/engine/lab_identity.h"
 
 namespace needlelab {
 
@@ -16,6 +17,8 @@ struct StoreAddress {
   /// DIR/needlelab.db. Beside it are the lab's keys and lists, also where the database is elsewhere.
   std::filesystem::path path;
   std::string url = {};  ///< of PostgreSQL; empty: the database is the SQLite file `path`
+  /// As PostgresOptions::lab. Not of the connection that makes or migrates the database.
+  std::optional<LabIdentity> lab = {};
   /// As PostgresOptions::before_statement. Thread: any connection's, several at a time.
   std::function<void(std::string_view sql)> before_statement = {};
 
@@ -57,8 +60,6 @@ struct StoreFile {
   std::string kept = {};
 };
 inline constexpr const char* kStoreFile = "store";
-/// The lab's id, in `meta` of a database on PostgreSQL.
-inline constexpr const char* kLabKey = "lab_id";
 
 /// Nothing: the folder has no such file. kInvalidInput: it has something else; names the line.
 Result<std::optional<StoreFile>> readStoreFile(const std::filesystem::path& folder,
@@ -71,7 +72,7 @@ Result<StoreAddress> addressOf(const std::filesystem::path& folder, const std::s
 
 /// Each lab has an id in its database, which DIR/store repeats: compares the two, and writes DIR/store where
 /// it is not there and the database is new, or has another URL now. For a connection that may write, to a
-/// database on PostgreSQL. kInvalidInput: it is another lab's.
-Status claimStore(Connection& connection, const StoreAddress& address);
+/// database on PostgreSQL. Returns the id. kInvalidInput: it is another lab's.
+Result<std::string> claimStore(Connection& connection, const StoreAddress& address);
 
 }  // namespace needlelab

@@ -14,6 +14,7 @@
 #include "common/base/bytes.h"
 #include "common/base/result.h"
 #include "db/engine/durability.h"
+#include "db/engine/lab_identity.h"
 
 namespace needlelab {
 
@@ -115,6 +116,11 @@ class EngineConnection {
   [[nodiscard]] virtual Durability durability() const = 0;
   /// The settings that it follows from.
   [[nodiscard]] virtual std::string durabilityReason() const = 0;
+  /// How often it has connected to the engine's server: another one may answer each time.
+  [[nodiscard]] virtual std::uint64_t timesConnected() const { return 1; }
+  /// From now on it connects again to this lab's database only: another one, or one of another schema, may
+  /// answer at its address then, and is refused with kUnavailable.
+  virtual void stayWith(LabIdentity /*lab*/) {}
   /// What the engine's server no longer has although a commit() of this connection returned success, as found
   /// when it connected again, for a person; empty: nothing. It stays until more is found.
   [[nodiscard]] virtual std::string lack() const { return {}; }

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -23,6 +24,8 @@ struct PostgresOptions {
   std::chrono::milliseconds answer_timeout{30'000};
   /// Write transactions are refused with kUnavailable while an ack would survive less than this.
   Durability least = Durability::kNothing;
+  /// As EngineConnection::stayWith(), from the first connection on.
+  std::optional<LabIdentity> lab = {};
   /// Called with its text before each statement is sent, BEGIN and COMMIT too; may block; may be empty. For
   /// tests that decide in which order two connections go on. Thread: the connection's.
   std::function<void(std::string_view sql)> before_statement = {};
@@ -36,8 +39,8 @@ Status checkAddressFromOutside(const std::string& url);
 
 /// Errors: kInvalidInput (not a URL of PostgreSQL; it has a password; no such database, user or host),
 /// kVersion (an engine before version 15), kDenied (user or password, pg_hba.conf), kUnavailable (nobody
-/// answers, or refuses for now; `alone`: another one has it). A connection that is lost later and cannot be
-/// made again is always kUnavailable. No message has a password.
+/// answers, or refuses for now; `alone`: another one has it; it is not the database of `lab`). A connection
+/// that is lost later and cannot be made again is always kUnavailable. No message has a password.
 Result<std::unique_ptr<EngineConnection>> openPostgres(const PostgresOptions& options);
 
 }  // namespace needlelab

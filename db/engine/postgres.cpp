@@ -42,6 +42,16 @@ ErrorCode codeOfState(std::string_view state) {
   return ErrorCode::kFailed;
 }
 
+constexpr int kSettingsColumns = 4;  // of kSettingsQuery
+
+/// What LabIdentity has, in its order, in columns of SQL.
+std::string labQuery() {
+  return fmt::format(
+      "(SELECT value FROM {0}.meta WHERE key = '{1}'),"
+      " (SELECT string_agg(version::text, ', ' ORDER BY version) FROM {0}.schema_version)",
+      kPostgresSchema, kLabKey);
+}
+
 /// The first line, without its end.
 std::string firstLine(const char* text) {
   std::string_view line = text != nullptr ? text : "";
@@ -254,17 +264,49 @@ Status PostgresConnection::connect(bool takes_alone) {
                              shown_url_, version / 10'000)};
   }
   if (options_.alone && takes_alone) RETURN_IF_ERROR(becomeAlone());
-  if (options_.read_only) return becomeReadOnly();
-  RETURN_IF_ERROR(readSettings());
-  return lookBack();
+  RETURN_IF_ERROR(settle());
+  if (!options_.read_only) RETURN_IF_ERROR(lookBack());
+  // a connection for a question only ends before that lock is wanted
+  if (takes_alone || !options_.alone) ++times_connected_;
+  return {};
 }
 
-Status PostgresConnection::readSettings() {
-  constexpr const char* kAsk = "read its settings";
-  if (PQsendQuery(connection_.get(), fmt::format("SELECT {}", kSettingsQuery).c_str()) == 0)
-    return lost(kAsk);
-  ASSIGN_OR_RETURN(const auto row, wait(kAsk));
-  noteSettings(row.get(), 0);
+Status PostgresConnection::settle() {
+  const char* const what = lab_ ? "see whether it is this lab's database" : "read its settings";
+  // not among the options: libpq would take each server for a standby, by target_session_attrs=read-write
+  const std::string ask =
+      fmt::format("{}SELECT {}{}", options_.read_only ? "SET default_transaction_read_only = on;" : "",
+                  kSettingsQuery, lab_ ? fmt::format(", {}", labQuery()) : std::string());
+  if (PQsendQuery(connection_.get(), ask.c_str()) == 0) return lost(what);
+  const auto row = wait(what);
+  Status settled = row ? Status() : Status(row.error());
+  if (row) {
+    noteSettings(row->get(), 0);
+    if (lab_) settled = requireLab(row->get(), kSettingsColumns);
+  } else if (lab_ && row.error().code != ErrorCode::kCorrupt) {
+    // no such table, or no right to it: it may be mended while this runs
+    settled = Error{ErrorCode::kUnavailable, row.error().message};
+  }
+  if (!settled) connection_.reset();  // the next one looks again
+  return settled;
+}
+
+Status PostgresConnection::requireLab(const PGresult* row, int column) const {
+  const std::string_view lab = PQgetvalue(row, 0, column), version = PQgetvalue(row, 0, column + 1);
+  if (lab != lab_->lab)
+    return Error{
+        ErrorCode::kUnavailable,
+        fmt::format("{}: the database that answers here now {}{}, and this server's belongs to the lab {}: "
+                    "nothing is read or stored there. Look at the address, and at what was promoted or "
+                    "restored",
+                    shown_url_, lab.empty() ? "has no lab's id" : "belongs to the lab ", lab, lab_->lab)};
+  if (version != std::to_string(lab_->schema_version))
+    return Error{
+        ErrorCode::kUnavailable,
+        fmt::format("{}: the schema of the database that answers here now has the version '{}', and this "
+                    "server's has {}: nothing is read or stored there. An older backup was restored, or a "
+                    "newer needlelab was at work: end this server, and start the right one",
+                    shown_url_, version, lab_->schema_version)};
   return {};
 }
 
@@ -280,14 +322,6 @@ Status PostgresConnection::requireDurable() const {
       fmt::format("{}: nothing is stored: an ack must survive {} (--durability), and would survive {}: {}",
                   shown_url_, durabilityText(options_.least), durabilityText(durability()),
                   settings_.text())};
-}
-
-Status PostgresConnection::becomeReadOnly() {
-  constexpr const char* kReadOnly = "SET default_transaction_read_only = on";
-  // not among the options: libpq would take each server for a standby, by target_session_attrs=read-write
-  if (PQsendQuery(connection_.get(), kReadOnly) == 0) return lost(kReadOnly);
-  const auto set = wait(kReadOnly);
-  return set ? Status() : Status(set.error());
 }
 
 Status PostgresConnection::becomeAlone() {

@@ -74,6 +74,8 @@ class PostgresConnection final : public EngineConnection {
   Status undoSavepoint() override;
   [[nodiscard]] Durability durability() const override { return durabilityOf(settings_); }
   [[nodiscard]] std::string durabilityReason() const override { return settings_.text(); }
+  [[nodiscard]] std::uint64_t timesConnected() const override { return times_connected_; }
+  void stayWith(LabIdentity lab) override { lab_ = std::move(lab); }
   /// After each reconnection the last transaction that commit() returned success for is looked up
   /// (pg_xact_status): a standby that lagged and was promoted, or an older backup, does not have it. Not
   /// found where somebody else's transactions have taken its number meanwhile.
@@ -120,7 +122,7 @@ class PostgresConnection final : public EngineConnection {
   struct ConnectionCloser {
     void operator()(PGconn* connection) const { PQfinish(connection); }
   };
-  explicit PostgresConnection(PostgresOptions options) : options_(std::move(options)) {}
+  explicit PostgresConnection(PostgresOptions options) : options_(std::move(options)), lab_(options_.lab) {}
   /// `takes_alone`: with kAloneLock, where the options say so.
   Status connect(bool takes_alone = true);
   void tellBefore(std::string_view sql) const {
@@ -128,8 +130,11 @@ class PostgresConnection final : public EngineConnection {
   }
   /// Takes kAloneLock; waits for it for 2 s at most.
   Status becomeAlone();
-  Status becomeReadOnly();
-  Status readSettings();
+  /// Has the connection read only where the options say so, and reads the settings and, where lab_ says which
+  /// one it must be, what the database is; in one round trip.
+  Status settle();
+  /// kUnavailable unless a row's columns, from `column` on, say that it is lab_'s database.
+  Status requireLab(const PGresult* row, int column) const;
   /// Notes the settings in a row's columns, from `column` on (kSettingsQuery).
   void noteSettings(const PGresult* row, int column);
   /// kUnavailable when an ack would survive less than it must.
@@ -178,14 +183,16 @@ class PostgresConnection final : public EngineConnection {
 
   const PostgresOptions options_;
   std::string shown_url_;
-  PostgresSettings settings_;  ///< of the last write transaction, or connection
+  std::optional<LabIdentity> lab_;  ///< of each connection from now on
+  PostgresSettings settings_;       ///< of the last write transaction, or connection
   std::unique_ptr<PGconn, ConnectionCloser> connection_;
   const std::atomic<bool>* cancelled_ = nullptr;
   std::int64_t changes_ = 0;
   std::function<bool()> while_waiting_;
   std::uint64_t epoch_ = 0, prepared_ = 0;
-  std::uint64_t round_trips_ = 0;     ///< without those of connecting
-  std::uint64_t settings_epoch_ = 0;  ///< the statement behind the lock is prepared there
+  std::uint64_t times_connected_ = 0;  ///< of epoch_ those that succeeded, and were no question only
+  std::uint64_t round_trips_ = 0;      ///< without those of connecting
+  std::uint64_t settings_epoch_ = 0;   ///< the statement behind the lock is prepared there
   bool damaged_ = false;
   bool in_lost_transaction_ = false;  ///< the connection was lost within one that has not been rolled back
   bool in_transaction_ = false;       ///< begin() succeeded, and neither commit() nor rollback() came

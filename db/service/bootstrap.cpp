@@ -96,8 +96,8 @@ Status requireDatabase(const std::filesystem::path& folder, const Store::Options
                                          "add the first user or station, to make one"};
 }
 
-/// The writer's connection, with the newest schema.
-Result<Connection> openToWrite(const StoreAddress& address, Durability least) {
+/// The writer's connection, with the newest schema. Sets `address.lab`.
+Result<Connection> openToWrite(StoreAddress& address, Durability least) {
   ASSIGN_OR_RETURN(auto connection, openToServe(address, least));
   RETURN_IF_ERROR(requireRights(connection));
   // a change that was killed may have left a log that holds the room for what comes now
@@ -105,7 +105,9 @@ Result<Connection> openToWrite(const StoreAddress& address, Durability least) {
   RETURN_IF_ERROR(refuseUnfinishedCopy(connection));
   RETURN_IF_ERROR(migrate(connection));
   if (address.isPostgres()) {
-    RETURN_IF_ERROR(claimStore(connection, address));
+    ASSIGN_OR_RETURN(std::string lab, claimStore(connection, address));
+    address.lab = {.lab = std::move(lab), .schema_version = newestSchemaVersion()};
+    connection.stayWith(*address.lab);
     // `check` says that the file cannot be read
     (void)noteStoreInUse(address.path.parent_path(), address.url);
   }
@@ -260,7 +262,7 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
   ASSIGN_OR_RETURN(auto lock, FolderLock::take(folder, options.holder));
   RETURN_IF_ERROR(finishStoreSwitch(folder));
   RETURN_IF_ERROR(requireDatabase(folder, options));
-  ASSIGN_OR_RETURN(const auto address, addressOf(folder, options.store_url));
+  ASSIGN_OR_RETURN(auto address, addressOf(folder, options.store_url));
   // before the database is opened: a half-replaced database would be opened with the old one's log
   if (!address.isPostgres()) RETURN_IF_ERROR(finishRestore(folder));
   // also before a database is opened that is only read: it gives room back

@@ -241,16 +241,22 @@ void storage(PrometheusText& out, const ServerContext& context, const StoreFacts
   out.gauge(
       "needlelab_ack_survives", static_cast<double>(facts.durability),
       "What an ack survives. 0: nothing; 1: the end of a program; 2: a power cut; 3: the loss of a disk.");
-  out.gauge("needlelab_disk_free_bytes", real(facts.free_bytes), "Free on the database's disk.");
+  out.gauge("needlelab_acknowledged_missing", context.store.writer().lack().empty() ? 0 : 1,
+            "1 when PostgreSQL turned out to lack what was acknowledged, until the server's end.");
+  out.gauge("needlelab_disk_free_bytes", real(facts.free_bytes),
+            "Free on the disk of the data folder (on SQLite with the database, on PostgreSQL with keys and "
+            "lists).");
   out.gauge("needlelab_disk_room_level", static_cast<double>(context.disk_room.level()),
-            "0: there is room; 1: no new session is taken; 2: nothing recorded is stored.");
+            "Room on the disk of the data folder. 0: enough; 1: no new session is taken; 2: nothing recorded "
+            "is stored.");
   out.gauge("needlelab_read_only", context.store.readOnly() ? 1 : 0,
-            "1 when the disk was too full at the start to open the database for writing.");
+            "1 when the disk of the data folder was too full at the start to open the database in it for "
+            "writing.");
   out.counter(
       "needlelab_refused_for_room_total", real(context.counters.refused_for_room),
       "Sessions, chunks and requests refused because the disk, or a station's or a person's share, is "
       "used up.");
-  out.gauge("needlelab_disk_size_bytes", real(facts.disk_bytes), "Size of the database's disk.");
+  out.gauge("needlelab_disk_size_bytes", real(facts.disk_bytes), "Size of the disk of the data folder.");
   out.gauge("needlelab_database_readable", facts.fault.empty() ? 1 : 0,
             "0 when the database could not be read.");
   // without a backup the metric is absent; the alarm fires for that as well

@@ -232,7 +232,7 @@ Task<StoreFacts> Monitor::facts() {
   co_return *facts_;
 }
 
-/// Tests that the database accepts writes, unless a recent commit has shown it.
+/// Tests that the database accepts writes, unless a recent commit has shown it and none was refused since.
 Task<> Monitor::tryWrite(Monitor& self) {
   DbWriter::Work work = [](Connection& writer) {
     return MetaStore(writer).set("health_unix_ns", std::to_string(wallNowNs()));
@@ -250,7 +250,8 @@ Task<Health> Monitor::health(const StoreFacts& facts) {
       seen_commits_ = commits;
       last_commit_ns_ = steadyNowNs();
     }
-    return last_commit_ns_ != 0 && steadyNowNs() - last_commit_ns_ < kTryWriteAfter;
+    return last_commit_ns_ != 0 && steadyNowNs() - last_commit_ns_ < kTryWriteAfter &&
+           writer.standing().refused.empty();
   };
   Health health;
   const bool room = facts.free_bytes >= settings_.min_free_bytes;
@@ -277,15 +278,21 @@ Task<Health> Monitor::health(const StoreFacts& facts) {
   } else if (const std::string full = context_.disk_room.text(); !full.empty()) {
     health.problems.push_back(full);
   } else if (!room) {
-    health.problems.push_back(fmt::format("the database's disk has {} MiB left, wanted are {}",
+    health.problems.push_back(fmt::format("the disk of the data folder has {} MiB left, wanted are {}",
                                           facts.free_bytes >> 20, settings_.min_free_bytes >> 20));
   } else if (!health.writable) {
     health.problems.emplace_back("a trial write was not committed in time");
+    if (const std::string refused = writer.standing().refused; !refused.empty())
+      health.problems.push_back("the last change was refused: " + refused);
   }
-  // stations ask every 15 s whether there is room; small writes such as the trial may find some
-  if (std::string full = writer.full(std::chrono::seconds(30)); !full.empty()) {
+  // what is as small as the trial may find room, and what goes to its table may be stored
+  if (const std::string full = writer.full(DbWriter::kSaidFor); !full.empty()) {
     health.writable = false;
     health.problems.push_back("no room: " + full);
+  }
+  if (const std::string failed = writer.failedItem(DbWriter::kSaidFor); !failed.empty()) {
+    health.writable = false;
+    health.problems.push_back("not all is stored: " + failed);
   }
   if (std::string lack = writer.lack(); !lack.empty()) health.problems.push_back(std::move(lack));
   if (!facts.fault.empty()) health.problems.push_back("the database cannot be read: " + facts.fault);

@@ -29,8 +29,8 @@ struct ProcessFacts {
 ProcessFacts processFacts();
 
 struct MonitorSettings {
-  std::uint64_t min_free_bytes = 256u
-                                 << 20;  ///< free on the database's disk: with less the server is not healthy
+  std::uint64_t min_free_bytes =
+      256u << 20;  ///< free on the data folder's disk: with less the server is not healthy
   std::chrono::seconds max_backup_age{0};             ///< 0: the last backup's age is shown but not checked
   std::chrono::milliseconds write_patience{2'000};    ///< time limit of a health check's test write
   std::chrono::milliseconds read_patience{2'000};     ///< time limit of reads from the disk

@@ -304,7 +304,8 @@ class Description {
           "left_bytes": {"type": "integer"}}, "required": ["level"], "additionalProperties": false},
       "store": {"type": "object", "description": "for administrators", "properties": {
           "ack_survives": {"type": "string", "enum": ["nothing", "the end of a program", "a power cut", "the loss of a disk"]},
-          "refused": {"type": "string", "description": "why the last change was not stored"},
+          "refused": {"type": "string", "description": "why the last change, or one of the last 30 s, was not stored"},
+          "lack": {"type": "string", "description": "what the database lacks of what was acknowledged"},
           "waits_s": {"type": "number", "description": "how long a change has waited to be confirmed"}},
         "required": ["ack_survives"], "additionalProperties": false}},
       "required": ["name", "full_name", "role", "csrf_token", "expires_unix_ms"], "additionalProperties": false})json");

@@ -81,14 +81,19 @@ WebJson diskRoom(const ServerContext& context) {
 constexpr std::int64_t kAskDatabaseAfter_ns = 10'000'000'000;
 constexpr std::int64_t kLongCommit_ns = 2'000'000'000;
 
-/// What an ack survives, and whether what arrives is stored, for administrators. While nothing is committed,
+/// What an ack survives, what is missing of what had one, and whether what arrives is stored, for
+/// administrators. While nothing is committed,
 /// it asks the database to store something, and the next call says what came of it.
 WebJson storeState(ServerContext& context) {
   DbWriter& writer = context.store.writer();
   const DbWriter::Standing standing = writer.standing();
   const std::int64_t now = steadyNowNs();
   WebJson state = {{"ack_survives", std::string(durabilityText(writer.durability()))}};
-  if (!standing.refused.empty()) state["refused"] = standing.refused;
+  std::string refused = standing.refused;
+  if (refused.empty()) refused = writer.failedItem(DbWriter::kSaidFor);
+  if (refused.empty()) refused = writer.full(DbWriter::kSaidFor);
+  if (!refused.empty()) state["refused"] = refused;
+  if (const std::string lack = writer.lack(); !lack.empty()) state["lack"] = lack;
   if (standing.began_ns != 0 && now - standing.began_ns > kLongCommit_ns)
     state["waits_s"] = static_cast<double>(now - standing.began_ns) / 1e9;
   const bool idle = standing.began_ns == 0 && now - standing.committed_ns > kAskDatabaseAfter_ns &&

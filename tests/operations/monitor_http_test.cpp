@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 
 #include <dlfcn.h>
+#include <sqlite3.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
 
@@ -134,6 +135,62 @@ TEST(Health, aFullDiskAndAMissingBackupAre503AndSaidInWords) {
                              testing::HasSubstr("\"healthy\":false")));
   EXPECT_EQ(server.server().store().writer().counters().commits, 0u)
       << "no trial write where there is no room";
+}
+
+// The finding: without a right to one table every chunk was refused, and a trial write to another one
+// succeeded.
+TEST(Health, whatCannotBeStoredIs503ThoughATrialWriteSucceeds) {
+  RunningServer server(withMetrics);
+  const std::uint16_t port = server.server().metricsPort();
+  ASSERT_EQ(httpGet(port, "/healthz").status, 200);
+  const Status failed = server.server().store().writer().run(
+      [](Connection& connection) { return connection.run("INSERT INTO nowhere VALUES (1)"); });
+  ASSERT_FALSE(failed.ok());
+  const HttpReply reply = httpGet(port, "/healthz");
+  EXPECT_EQ(reply.status, 503);
+  const auto json = nlohmann::json::parse(reply.body);
+  EXPECT_EQ(json["database_writable"], false);
+  EXPECT_EQ(json["problems"], nlohmann::json::array({"not all is stored: " + failed.error().message}));
+}
+
+TEST(Health, aDatabaseThatRefusesIsSaidAtOnceWithItsReasonAndTriedAgain) {
+  RunningServer server(withMetrics);
+  const std::uint16_t port = server.server().metricsPort();
+  DbWriter& writer = server.server().store().writer();
+  ASSERT_TRUE(writer
+                  .run([](Connection& connection) {
+                    sqlite3_busy_timeout(connection.handle(), 10);
+                    return Status();
+                  })
+                  .ok());
+  ASSERT_EQ(httpGet(port, "/healthz").status, 200);
+  auto shell = Connection::open(server.server().store().databasePath(), {.mode = Connection::Mode::kWriter});
+  ASSERT_TRUE(shell.ok() && shell->script("BEGIN IMMEDIATE").ok());
+  const Status refused = writer.run([](Connection&) { return Status(); });
+  ASSERT_FALSE(refused.ok());
+  const HttpReply reply = httpGet(port, "/healthz");
+  EXPECT_EQ(reply.status, 503) << "a commit succeeded within the last 10 s, but none since";
+  EXPECT_EQ(nlohmann::json::parse(reply.body)["problems"],
+            nlohmann::json::array({"a trial write was not committed in time",
+                                   "the last change was refused: " + refused.error().message}));
+  ASSERT_TRUE(shell->script("ROLLBACK").ok());
+  EXPECT_EQ(httpGet(port, "/healthz").status, 200) << "the trial write ends it";
+}
+
+TEST(Health, whatIsMissingOfWhatWasAcknowledgedIsSaidAndAMetric) {
+  const auto missing = [](const char* lack) {
+    RunningServer server([&](ServerOptions& options) {
+      withMetrics(options);
+      options.writer.lack_at_start = lack;
+    });
+    const std::uint16_t port = server.server().metricsPort();
+    const HttpReply health = httpGet(port, "/healthz");
+    EXPECT_EQ(health.status, *lack == '\0' ? 200 : 503);
+    EXPECT_THAT(health.body, testing::HasSubstr(lack));
+    return parsePrometheus(httpGet(port, "/metrics").body)["needlelab_acknowledged_missing"];
+  };
+  EXPECT_EQ(missing(""), 0);
+  EXPECT_EQ(missing("transaction 7 is unknown here"), 1);
 }
 
 TEST(Health, aDiskThatHangsIsSaidAndNotWaitedFor) {

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """What is wrong with --store: one line that says what and what to do, exit code 2, nothing served; an outage is 1, so that systemd tries again.
+While the server runs /healthz says the line, and the server goes on by itself when it is mended.
 
 usage: bad_input_test.py BIN
 
@@ -8,6 +9,7 @@ that it is version 14. No password is in what they say and write, nor in the lis
 """
 import argparse
 import contextlib
+import json
 import os
 import pathlib
 import shutil
@@ -17,6 +19,8 @@ import subprocess
 import sys
 import tempfile
 import threading
+import urllib.error
+import urllib.request
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "faults"))
 from clusters import PG, Cluster, give, until  # noqa: E402
@@ -101,24 +105,67 @@ class Programs:
                 assert not (self.scratch / port).exists(), f"{what}: it served"
         print(f"{what}: {code}, {said.strip()}")
 
-    def works(self, data, url, environment=None):
-        """The server starts and ends in order; no password is where others can look, nor in a file of the data folder."""
+    @contextlib.contextmanager
+    def serving(self, data, url, environment=None):
+        """The server starts, and ends in order."""
         log = self.scratch / "server.log"
         with open(log, "w", encoding="utf-8") as out, subprocess.Popen([str(a) for a in self.server(data, url)], stdout=out, stderr=out,
                                                                        env={**self.environment, **(environment or {})}) as server:
             try:
-                until(lambda: (self.scratch / "port").exists() or server.poll() is not None, "the server starts")
+                until(lambda: all((self.scratch / port).exists() for port in ("port", "metrics")) or server.poll() is not None, "the server starts")
                 assert server.poll() is None, log.read_text()
-                places = {name: (pathlib.Path("/proc") / str(server.pid) / name).read_bytes() for name in ("cmdline", "environ")}
+                yield server
             finally:
                 server.terminate()
             assert server.wait(60) == 0, log.read_text()
+        for port in ("port", "metrics"):
+            (self.scratch / port).unlink()
+
+    def works(self, data, url, environment=None):
+        """The server starts and ends in order; no password is where others can look, nor in a file of the data folder."""
+        with self.serving(data, url, environment) as server:
+            places = {name: (pathlib.Path("/proc") / str(server.pid) / name).read_bytes() for name in ("cmdline", "environ")}
+        log = self.scratch / "server.log"
         places[log] = log.read_bytes()
         places.update((path, path.read_bytes()) for path in data.rglob("*") if path.is_file())
         for place, content in places.items():
             assert RIGHT.encode() not in content, f"{place} has the password"
-        for port in ("port", "metrics"):
-            (self.scratch / port).unlink()
+
+    def health(self):
+        """Code and problems of the server that runs."""
+        try:
+            with urllib.request.urlopen(f"http://127.0.0.1:{(self.scratch / 'metrics').read_text().strip()}/healthz", timeout=60) as answer:
+                return answer.status, json.load(answer)["problems"]
+        except urllib.error.HTTPError as refused:
+            return refused.code, json.load(refused)["problems"]
+
+    def is_told(self, what, words):
+        """/healthz is 503 with a problem that has these words, soon."""
+        found = []
+
+        def told():
+            code, problems = self.health()
+            found[:] = [problem for problem in problems if code == 503 and all(word in problem for word in words)]
+            return found
+
+        until(told, f"{what}: /healthz says {words}")
+        print(f"{what}: while it runs, {found[0]}")
+
+    def goes_on(self, what):
+        until(lambda: self.health() == (200, []), f"{what}: /healthz is 200 again", 120)
+
+    @contextlib.contextmanager
+    def station_at_work(self, data):
+        """A station records, and tries again what is refused."""
+        command = [self.bin / "needlelab-load", "--stations", "1", "--seconds", "600", "--viewers", "0", "--server",
+                   f"127.0.0.1:{(self.scratch / 'port').read_text().strip()}", "--ca", data / "tls/ca.crt", "--user", "ada", "--password-file",
+                   self.scratch / "password", "--quiet"]
+        with open(self.scratch / "load.log", "w", encoding="utf-8") as out, subprocess.Popen([str(a) for a in command], stdout=out, stderr=out,
+                                                                                             env=self.environment) as load:
+            try:
+                yield load
+            finally:
+                load.kill()
 
 
 def prepare(cluster):
@@ -209,6 +256,53 @@ def schemas(programs, scratch, cluster):
     programs.works(own, url)
 
 
+def exchange(cluster, name, other):
+    """Each of the two databases gets the other's name, and whoever is connected to one connects again."""
+    both = f"('{name}', '{other}')"
+    cluster.sql(f"ALTER DATABASE {name} ALLOW_CONNECTIONS false; ALTER DATABASE {other} ALLOW_CONNECTIONS false", "postgres")
+    end(cluster, both)
+    for old, new in ((name, "between"), (other, name), ("between", other)):
+        cluster.sql(f"ALTER DATABASE {old} RENAME TO {new}", "postgres")
+    cluster.sql(f"ALTER DATABASE {name} ALLOW_CONNECTIONS true; ALTER DATABASE {other} ALLOW_CONNECTIONS true", "postgres")
+
+
+def end(cluster, databases):
+    cluster.sql(f"SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname IN {databases}", "postgres")
+    until(lambda: cluster.sql(f"SELECT count(*) FROM pg_stat_activity WHERE datname IN {databases}", "postgres") == "0", "nobody is connected")
+
+
+def while_it_runs(programs, scratch, cluster):
+    """What becomes wrong under a server that runs: it ends nothing, and stores and reads nothing that is not the lab's."""
+    own, url = scratch / "own", f"postgresql://owner@/own?host={cluster.folder}"
+    done = programs.run(programs.add_user(own, url))
+    assert done.returncode == 0, done.stderr
+    with programs.serving(own, url):
+        programs.goes_on("a lab in use")
+        with programs.station_at_work(own) as load:
+            def chunks():
+                assert load.poll() is None, (scratch / "load.log").read_text()
+                return int(cluster.sql("SELECT count(*) FROM needlelab.chunks", "own"))
+
+            until(lambda: chunks() > 0, "a station sends chunks")
+            cluster.sql("REVOKE INSERT ON needlelab.chunks FROM owner", "own")
+            programs.is_told("no right to a table any more", ["not all is stored: ", "permission denied for table chunks", "42501"])
+            before = chunks()
+            cluster.sql("GRANT INSERT ON needlelab.chunks TO owner", "own")
+            until(lambda: chunks() > before, "the station sends them again")
+        programs.goes_on("the right is back")
+
+        exchange(cluster, "own", "other")
+        programs.is_told("another lab's database", ["the last change was refused: ", "the database that answers here now belongs to the lab "])
+        programs.is_told("another lab's database", ["the database cannot be read: ", "the database that answers here now belongs to the lab "])
+        exchange(cluster, "own", "other")
+        programs.goes_on("the lab's database is back")
+        cluster.sql("UPDATE needlelab.schema_version SET version = version - 1", "own")
+        end(cluster, "('own')")
+        programs.is_told("an older schema", ["the schema of the database that answers here now has the version "])
+        cluster.sql("UPDATE needlelab.schema_version SET version = version + 1", "own")
+        programs.goes_on("the schema is back")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("bin", type=pathlib.Path)
@@ -225,6 +319,7 @@ def main():
         prepare(cluster)
         access_and_rights(programs, scratch, cluster)
         schemas(programs, scratch, cluster)
+        while_it_runs(programs, scratch, cluster)
         said = "".join(path.read_text(errors="replace") for path in scratch.glob("*.log"))
         assert RIGHT not in said and WRONG not in said, "a password is in a log"
         return 0

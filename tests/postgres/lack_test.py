@@ -101,9 +101,12 @@ class Lab:
         assert self.server.wait(60) == 0, self.log.read_text()
 
     def says(self, wanted, what):
-        """That of /healthz, too."""
+        """That of /healthz and the metrics, too."""
         problems = [text for text in self.health()["problems"] if LACKS in text]
         assert bool(problems) == wanted, f"{what}: {problems}"
+        with urllib.request.urlopen(f"http://127.0.0.1:{(self.scratch / 'metrics').read_text().strip()}/metrics", timeout=60) as answer:
+            said = re.search(r"^needlelab_acknowledged_missing (\d)$", answer.read().decode(), re.MULTILINE)
+        assert said and bool(int(said[1])) == wanted, f"{what}: the metric says {said}"
 
 
 def older_copy(lab, a):

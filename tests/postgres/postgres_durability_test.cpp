@@ -7,7 +7,11 @@
 #include <stdexcept>
 #include <string>
 #include <thread>
+#include <utility>
+#include <vector>
 
+#include "db/connection.h"
+#include "db/db_writer.h"
 #include "db/engine/open_postgres.h"
 
 namespace needlelab {
@@ -158,6 +162,41 @@ TEST_F(PostgresDurability, aServerThatComesBackWithAllThatWasAcknowledgedLacksNo
   const Status again = put(*db, "INSERT INTO public.kept VALUES (2)");
   ASSERT_TRUE(again.ok()) << again.error().message;
   EXPECT_EQ(db->lack(), "");
+}
+
+// The finding: a new primary with the settings of the old one left no line in the log.
+TEST_F(PostgresDurability, isToldAtTheStartAtEachReconnectionAndWhenItChanges) {
+  std::vector<Durability> told;  // by the writer's thread, before run() returns
+  DbWriter::Options options;
+  options.window = std::chrono::milliseconds(0);
+  options.on_durability = [&](Durability now, const std::string& /*reason*/) { told.push_back(now); };
+  DbWriter writer(Connection(open(), "needlelab.db"), options, {});
+  std::int64_t id = 0;
+  const auto store = [&] {
+    return writer.run(
+        [&](Connection& connection) { return connection.run("INSERT INTO public.kept VALUES (?)", ++id); });
+  };
+  EXPECT_TRUE(store().ok() && store().ok());
+  std::vector<Durability> wanted = {Durability::kPowerCut};
+  EXPECT_EQ(told, wanted) << "at the start, once";
+  for (int round = 0; round < 2; ++round) {
+    must(
+        control_->script("SELECT pg_terminate_backend(pid) FROM pg_stat_activity"
+                         " WHERE backend_type = 'client backend' AND pid <> pg_backend_pid()"));
+    EXPECT_FALSE(store().ok());
+    EXPECT_EQ(told, wanted) << "nobody answers yet";
+    EXPECT_TRUE(store().ok() && store().ok());
+    wanted.push_back(Durability::kPowerCut);
+    EXPECT_EQ(told, wanted) << "at a reconnection, once";
+  }
+  must(control_->script("ALTER SYSTEM SET full_page_writes = off"));
+  must(control_->script("SELECT pg_reload_conf()"));
+  while (told.size() == wanted.size() && store().ok()) continue;
+  wanted.push_back(Durability::kProcess);
+  EXPECT_TRUE(store().ok());
+  EXPECT_EQ(told, wanted) << "when it changes, once";
+  must(control_->script("ALTER SYSTEM RESET full_page_writes"));
+  must(control_->script("SELECT pg_reload_conf()"));
 }
 
 TEST_F(PostgresDurability, aTransactionThatChangesNothingWaitsForWhatIsAtThePrimaryOnly) {

@@ -601,6 +601,62 @@ TEST_F(PostgresEngine, aCommitWithoutAnAnswerIsAskedForAndNeverGuessed) {
   EXPECT_EQ(count(), 0);
 }
 
+// The finding: a second host of the address with another lab, or an older backup, was taken as it came.
+TEST_F(PostgresEngine, connectsAgainToTheDatabaseOfItsLabOnly) {
+  must(
+      db->script("CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);"
+                 "CREATE TABLE schema_version (version BIGINT NOT NULL);"
+                 "INSERT INTO meta VALUES ('lab_id', 'lab-1'); INSERT INTO schema_version VALUES (7)"));
+  struct Change {
+    const char *there, *words, *back;
+  };
+  constexpr Change kChanges[] = {
+      {"UPDATE meta SET value = 'lab-2'",
+       "belongs to the lab lab-2, and this server's belongs to the lab lab-1",
+       "UPDATE meta SET value = 'lab-1'"},
+      {"UPDATE meta SET key = 'other'", "has no lab's id", "UPDATE meta SET key = 'lab_id'"},
+      {"UPDATE schema_version SET version = 6", "has the version '6', and this server's has 7",
+       "UPDATE schema_version SET version = 7"},
+      {"INSERT INTO schema_version VALUES (8)", "has the version '7, 8'",
+       "DELETE FROM schema_version WHERE version = 8"},
+      {"ALTER TABLE meta RENAME TO elsewhere", "relation \"needlelab.meta\" does not exist",
+       "ALTER TABLE elsewhere RENAME TO meta"},
+  };
+  for (const bool read_only : {false, true}) {
+    auto opened = openPostgres({.url = urlOf(otherName()), .read_only = read_only});
+    ASSERT_TRUE(opened.ok()) << opened.error().message;
+    EngineConnection& own = **opened;
+    own.stayWith({.lab = "lab-1", .schema_version = 7});
+    std::uint64_t connected = 1;
+    for (const Change& change : kChanges) {
+      const std::string pid = std::to_string(number(own, "SELECT pg_backend_pid()"));
+      must(db->script(change.there));
+      must(run(*control_, "SELECT pg_terminate_backend(" + pid + ")"));
+      while (number(*control_, "SELECT count(*) FROM pg_stat_activity WHERE pid = " + pid) > 0)
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+      EXPECT_FALSE(run(own, "SELECT 1").ok()) << "the connection is lost";
+      for (int again = 0; again < 2; ++again) {
+        const Status other = own.begin(EngineConnection::Begin::kView);
+        ASSERT_FALSE(other.ok()) << change.there;
+        EXPECT_EQ(other.error().code, ErrorCode::kUnavailable);
+        EXPECT_THAT(other.error().message, HasSubstr(change.words));
+      }
+      const auto first =
+          openPostgres({.url = urlOf(otherName()), .read_only = read_only, .lab = LabIdentity{"lab-1", 7}});
+      ASSERT_FALSE(first.ok()) << change.there;
+      EXPECT_EQ(first.error().code, ErrorCode::kUnavailable);
+      EXPECT_THAT(first.error().message, HasSubstr(change.words));
+      EXPECT_EQ(own.timesConnected(), connected);
+      must(db->script(change.back));
+      must(run(own, "SELECT 1"));
+      EXPECT_EQ(own.timesConnected(), ++connected);
+      EXPECT_EQ(number(own, "SELECT (current_setting('default_transaction_read_only') = 'on')::int"),
+                read_only ? 1 : 0);
+    }
+    EXPECT_FALSE(own.damaged());
+  }
+}
+
 // PostgreSQL may keep a connection that the network has lost, and its locks, for minutes
 TEST_F(PostgresEngine, theOutcomeOfACommitIsKnownWhileALostConnectionHoldsTheLockOfTheStore) {
   std::unique_ptr<EngineConnection> holder;

@@ -65,6 +65,17 @@ test('a standby that is lost is told, and that it is back', async () => {
   assert.doesNotMatch(await shown({ ack_survives: 'the loss of a disk' }), /waits|not stored/);
 });
 
+test('what the database lacks of what was confirmed is told beside the rest', async () => {
+  await logIn('root', 'correct horse');
+  const lacks = await shown({
+    ack_survives: 'a power cut',
+    refused: 'no right',
+    lack: 'transaction 7 is unknown here',
+  });
+  assert.match(lacks, /not stored.*no right.*✗\s*confirmed recordings are missing.*transaction 7.*steps.*a power cut/s);
+  assert.doesNotMatch(await shown({ ack_survives: 'a power cut' }), /missing/);
+});
+
 test('nobody else is told', async () => {
   await logIn('mara', 'correct horse');
   assert.equal(await upkeep.store(), undefined);

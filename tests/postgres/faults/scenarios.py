@@ -266,9 +266,15 @@ def standby_lost(lab, dice, rounds):
     return lab.finish(b, a)
 
 
+def says_why(lab, words):
+    """/healthz has a problem with these words, soon."""
+    until(lambda: any(words in problem for problem in lab.health()["problems"]), f"/healthz says '{words}'")
+
+
 def weak_settings(lab, dice, rounds):
-    """Somebody takes the second disk away by a setting: nothing is stored until he puts it back."""
+    """Somebody takes the second disk away by a setting: nothing is stored until he puts it back, and /healthz says why."""
     a, b = two_disks(lab, dice)
+    why = "an ack must survive the loss of a disk (--durability), and would survive "
     for _ in range(rounds):
         for weak, strong in (("ALTER ROLE needlelab SET synchronous_commit = local", "ALTER ROLE needlelab RESET synchronous_commit"),
                              ("ALTER DATABASE lab SET synchronous_commit = off", "ALTER DATABASE lab RESET synchronous_commit")):
@@ -277,6 +283,7 @@ def weak_settings(lab, dice, rounds):
             a.sql("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE application_name = 'needlelab'")
             time.sleep(0.3)
             lab.silent_for(dice.uniform(0.3, 1))
+            says_why(lab, why + ("nothing" if "off" in weak else "a power cut"))
             a.sql(strong)
             a.sql("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE application_name = 'needlelab'")
             lab.wait_for_more("ack", dice.randrange(3, 20))
@@ -284,6 +291,7 @@ def weak_settings(lab, dice, rounds):
         lab.faults_played += 1
         time.sleep(0.3)
         lab.silent_for(dice.uniform(0.3, 1))
+        says_why(lab, why + "a power cut")
         a.setting("synchronous_standby_names", "ANY 1 (b)")
         lab.wait_for_more("ack", dice.randrange(3, 20))
     return lab.finish(a, b)
@@ -319,5 +327,7 @@ def lagging(lab, dice, rounds):
         lab.wait_for_more("ack", dice.randrange(10, 20))
         if not any("does not have all that was acknowledged" in problem for problem in lab.health()["problems"]):
             raise Failed(f"/healthz does not say it: {lab.health()}")
+        if lab.metric("needlelab_acknowledged_missing") != 1:
+            raise Failed("the metric does not say it")
         a, b = b, a
     return lab.finish(a, b)

@@ -347,6 +347,28 @@ TEST(DbWriter, checkpointsByItselfEvery20ms) {
   EXPECT_LE(checkpoints, (time.nowNs() - began_ns) / 20'000'000);
 }
 
+// The finding: without a right to one table every chunk was refused, and /healthz said 200.
+TEST(DbWriter, anItemThatTheDatabaseFailsIsSaidFor30sThoughItsGroupIsCommitted) {
+  test::FakeTime time;
+  test::TestDb db;
+  DbWriter writer(std::move(db.writer), {.window = 1ms, .time = &time}, {});
+  EXPECT_EQ(writer.failedItem(DbWriter::kSaidFor), "");
+  EXPECT_FALSE(writer.run(addStation("station-1")).ok());
+  EXPECT_EQ(writer.failedItem(DbWriter::kSaidFor), "") << "it was asked for what cannot be";
+  const Status failed =
+      writer.run([](Connection& connection) { return connection.run("INSERT INTO nowhere VALUES (1)"); });
+  ASSERT_FALSE(failed.ok());
+  EXPECT_EQ(failed.error().code, ErrorCode::kFailed);
+  ASSERT_OK(writer.run(addStation("another")));
+  EXPECT_EQ(writer.standing().refused, "");
+  EXPECT_EQ(writer.failedItem(DbWriter::kSaidFor), failed.error().message);
+  // the writer's own waits are some 0.1 s in all
+  time.advance(std::chrono::nanoseconds(29s).count());
+  EXPECT_EQ(writer.failedItem(DbWriter::kSaidFor), failed.error().message);
+  time.advance(std::chrono::nanoseconds(1s).count());
+  EXPECT_EQ(writer.failedItem(DbWriter::kSaidFor), "");
+}
+
 TEST(DbWriter, aLockHeldByAnotherProgramIsNoDiskFailure) {
   test::TestDb db;
   auto shell = test::TestDb::must(Connection::open(db.path, {.mode = Connection::Mode::kWriter}));

@@ -37,14 +37,25 @@ export function durability(ack_survives) {
   );
 }
 
+/** Nothing: the database has all that was confirmed. Else what is missing, and what to do. */
+export function missing({ lack }) {
+  if (lack === undefined) return undefined;
+  return {
+    kind: 'bad',
+    name: 'confirmed recordings are missing',
+    means: lack,
+    next: 'deploy/OPERATIONS.md has the steps ("The wrong standby was promoted"). It stays said until the server is started again.',
+  };
+}
+
 /** Nothing: changes are stored. Else what is wrong, and what to do. */
 export function storingTrouble({ refused, waits_s }) {
   if (refused !== undefined)
     return {
       kind: 'bad',
       name: 'not stored',
-      means: `The database did not store the last change: ${refused}. The stations keep what they record.`,
-      next: 'Look whether PostgreSQL and its standby run, or the disk has room; the server goes on by itself then.',
+      means: `The database did not store a change: ${refused}. The stations keep what they record.`,
+      next: 'Look whether PostgreSQL and its standby run, the disk has room and the role of the server its rights; the server goes on by itself then.',
     };
   if (waits_s !== undefined)
     return {

@@ -1,6 +1,6 @@
 // Room on the disk, what recordings survive, a backup now, whether everything can be read, scores anew, and what holds for the whole lab.
 import { roomLevel } from '../lib/disk_room.js';
-import { durability, storingTrouble } from '../lib/durability.js';
+import { durability, missing, storingTrouble } from '../lib/durability.js';
 import { moment } from '../lib/time.js';
 import { bytes, counted } from '../lib/units.js';
 import { exercises, upkeep } from '../net/requests.js';
@@ -51,10 +51,10 @@ function Room() {
 /** What an acknowledgement survives, whether changes are stored now, and what to do. */
 export function StoreText({ store }) {
   const { kind, means, next } = durability(store.ack_survives);
-  const trouble = storingTrouble(store);
-  return html`${
-    trouble && html`<p><${Mark} kind=${trouble.kind}>${trouble.name}<//> ${trouble.means}</p><p>${trouble.next}</p>`
-  }
+  const troubles = [storingTrouble(store), missing(store)].filter((trouble) => trouble !== undefined);
+  return html`${troubles.map(
+    (trouble) => html`<p><${Mark} kind=${trouble.kind}>${trouble.name}<//> ${trouble.means}</p><p>${trouble.next}</p>`,
+  )}
     <p><${Mark} kind=${kind}>${store.ack_survives}<//> ${`A recording that the server has confirmed survives ${store.ack_survives}. ${means}`}</p>
     <p>${next}</p>`;
 }

@@ -484,6 +484,19 @@ TEST(WebLogIn, tellsAdministratorsWhatAnAckSurvives) {
   EXPECT_FALSE(askChecked(mara, "GET", "/api/v1/session").json().contains("store"));
 }
 
+TEST(WebStore, tellsAdministratorsWhatIsMissingAndWhatIsNotStored) {
+  WebLab lab([](ServerOptions& options) { options.writer.lack_at_start = "transaction 7 is unknown here"; });
+  Browser ada = lab.browserOf("ada");
+  const auto store = [&] { return askChecked(ada, "GET", "/api/v1/session").json()["store"]; };
+  EXPECT_EQ(store()["lack"], "transaction 7 is unknown here");
+  EXPECT_FALSE(store().contains("refused")) << store().dump();
+  DbWriter& writer = lab.server().server().store().writer();
+  const Status failed =
+      writer.run([](Connection& connection) { return connection.run("INSERT INTO nowhere VALUES (1)"); });
+  ASSERT_FALSE(failed.ok());
+  EXPECT_EQ(store()["refused"], failed.error().message) << "others are stored meanwhile";
+}
+
 // The finding: remarks by this port took no share of a day and no room, so one instructor filled the disk
 // until the server ended.
 TEST(WebLimits, aRemarkTakesItsPersonsShareAndIsRefusedOnAFullDisk) {
