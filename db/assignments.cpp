@@ -7,11 +7,13 @@
 #include <cstdint>
 #include <iterator>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "db/documents.h"
 #include "db/people.h"
 #include "db/session_rows.h"
+#include "db/text_lists.h"
 
 namespace needlelab {
 namespace {
@@ -20,7 +22,7 @@ constexpr std::size_t kMostDatesKept = 1 << 20;  // of groups; 16 bytes each
 
 constexpr std::string_view kAssignment =
     "SELECT id, course_id, exercise_id, group_id, trainee, due_unix_ns, by_whom,"
-    " created_unix_ns FROM assignments ";
+    " created_unix_ns, coalesce((SELECT g.name FROM groups g WHERE g.id = group_id), '') FROM assignments ";
 
 pb::Assignment assignmentOf(const Statement& row) {
   pb::Assignment found;
@@ -32,6 +34,7 @@ pb::Assignment assignmentOf(const Statement& row) {
   found.set_due_unix_ns(row.integer(5));
   found.set_by(row.text(6));
   found.set_created_unix_ns(row.integer(7));
+  found.set_group_name(row.text(8));
   return found;
 }
 
@@ -59,8 +62,8 @@ std::string attemptsAt(std::string_view places, std::string_view rest, bool with
 }
 constexpr std::string_view kInOrder = "ORDER BY s.started_unix_ns, s.number";
 
-/// The best attempt of trainee ?1 at each exercise of course ?2: the last entry of sessions_by_verdict, whose
-/// terms these are (migrations/0009_attempt_sums.sql).
+/// The best attempt at each exercise of course ?1 of the trainees ?2, whose list goes behind: the last entry
+/// of sessions_by_verdict, whose terms these are (migrations/0009_attempt_sums.sql).
 constexpr std::string_view kBest =
     "SELECT s.id, s.trainee, s.exercise_id, (SELECT count(*) FROM sessions e WHERE e.trainee = s.trainee"
     " AND e.exercise_id = s.exercise_id AND (e.started_unix_ns, e.number) <= (s.started_unix_ns, s.number)"
@@ -72,8 +75,27 @@ constexpr std::string_view kBest =
     " ORDER BY coalesce(b.passed, 0) DESC, (length(replace(coalesce(b.score_json, ''), ' ', '')) -"
     " length(replace(replace(coalesce(b.score_json, ''), ' ', ''), '\"passed\":true', ''))) / 13 DESC,"
     " b.started_unix_ns DESC, b.number DESC LIMIT 1)"
-    " WHERE a.trainee = ?1 AND a.counted > 0"
-    " AND a.exercise_id IN (SELECT id FROM exercises WHERE curriculum_id = ?2)";
+    " WHERE a.counted > 0 AND a.exercise_id IN (SELECT id FROM exercises WHERE curriculum_id = ?1)"
+    " AND a.trainee";
+
+/// Where an attempt stands in the order of time.
+struct Key {
+  std::int64_t started_ns = 0, number = 0;
+};
+/// Of an attempt of this trainee, at this exercise if one is given. kNotFound.
+Result<Key> keyOf(Connection& connection, std::string_view trainee, std::string_view exercise_id,
+                  const Uuid& session) {
+  ASSIGN_OR_RETURN(const auto key,
+                   connection
+                       .query("SELECT started_unix_ns, number FROM sessions WHERE id = ?3 AND trainee = ?1"
+                              " AND (?2 = '' OR exercise_id = ?2)"
+                              " AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = number)",
+                              trainee, exercise_id, ByteView(session))
+                       .first([](const Statement& row) {
+                         return Key{row.integer(0), row.integer(1)};
+                       }));
+  return key ? Result<Key>(*key) : unknownSession(session);
+}
 
 constexpr std::string_view kStanding =
     "SELECT exercise_id, attempts, counted, judged, passed FROM attempt_counts ";
@@ -150,8 +172,10 @@ Result<std::vector<pb::Assignment>> AssignmentStore::list(const Filter& filter) 
                  " FROM group_members WHERE person = ?1)) AND (?2 = ''"
                  " OR course_id = ?2 OR exercise_id IN (SELECT id FROM exercises"
                  " WHERE curriculum_id = ?2)) AND (?3 = '' OR group_id = ?3)"
-                 " ORDER BY id DESC",
-             filter.trainee, filter.course_id, filter.group_id)
+                 " AND id < ?4 ORDER BY id DESC LIMIT ?5",
+             filter.trainee, filter.course_id, filter.group_id,
+             filter.below == 0 ? std::uint64_t{INT64_MAX} : filter.below,
+             filter.most == 0 ? std::uint64_t{INT64_MAX} : filter.most)
       .all(assignmentOf);
 }
 
@@ -177,18 +201,22 @@ CourseDates::CourseDates(Connection& connection, std::string course_id,
   for (std::size_t i = 0; i < exercise_ids.size(); ++i) places_.emplace(exercise_ids[i], i);
 }
 
-Result<CourseDates::Dates> CourseDates::datesWhere(std::string_view whose, std::string_view name) {
-  auto row = connection_.query(
-      fmt::format("SELECT exercise_id, due_unix_ns FROM assignments WHERE {} = ?1 AND due_unix_ns IS NOT NULL"
-                  " AND (course_id = ?2 OR EXISTS (SELECT 1 FROM exercises e WHERE e.id = exercise_id"
-                  " AND e.curriculum_id = ?2))",
-                  whose),
-      name, course_id_);
-  Dates dates;
+Result<std::map<std::string, CourseDates::Dates>> CourseDates::datesWhere(
+    std::string_view whose, std::span<const std::string> names) {
+  std::map<std::string, Dates> all;
+  for (const std::string& name : names) all.emplace(name, Dates());
+  Statement row = connection_.query(
+      fmt::format("SELECT exercise_id, due_unix_ns, {0} FROM assignments WHERE due_unix_ns IS NOT NULL"
+                  " AND (course_id = ?1 OR EXISTS (SELECT 1 FROM exercises e WHERE e.id = exercise_id"
+                  " AND e.curriculum_id = ?1)) AND {0}{1}",
+                  whose, amongTexts(connection_, 2)),
+      course_id_);
+  bindTexts(connection_, row, names);
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, row.step());
-    if (!more) return dates;
+    if (!more) return all;
     ++read_;
+    Dates& dates = all[row.text(2)];
     if (row.isNull(0)) {
       dates.course_ns = std::max(dates.course_ns, row.integer(1));
     } else if (const auto place = places_.find(row.text(0)); place != places_.end()) {
@@ -197,35 +225,38 @@ Result<CourseDates::Dates> CourseDates::datesWhere(std::string_view whose, std::
   }
 }
 
-Result<const CourseDates::Dates*> CourseDates::datesOfGroup(const std::string& group_id) {
-  auto found = groups_.find(group_id);
-  if (found == groups_.end()) {
-    if (kept_ > kMostDatesKept) {
-      groups_.clear();
-      kept_ = 0;
-    }
-    ASSIGN_OR_RETURN(auto dates, datesWhere("group_id", group_id));
-    kept_ += dates.exercises_ns.size();
-    found = groups_.emplace(group_id, std::move(dates)).first;
+Status CourseDates::readFor(std::span<const std::string> trainees) {
+  ASSIGN_OR_RETURN(own_, datesWhere("trainee", trainees));
+  ASSIGN_OR_RETURN(groups_of_, GroupStore(connection_).groupsOfMany(trainees));
+  if (kept_ > kMostDatesKept) {
+    groups_.clear();
+    kept_ = 0;
   }
-  return &found->second;
+  std::set<std::string> unread;
+  for (const auto& [trainee, groups] : groups_of_)
+    for (const std::string& group : groups)
+      if (!groups_.contains(group)) unread.insert(group);
+  if (unread.empty()) return {};
+  const std::vector<std::string> ids(unread.begin(), unread.end());
+  ASSIGN_OR_RETURN(auto dates, datesWhere("group_id", ids));
+  for (const auto& [group, some] : dates) kept_ += some.exercises_ns.size();
+  groups_.merge(dates);
+  return {};
 }
 
-Result<std::vector<std::int64_t>> CourseDates::of(std::string_view trainee) {
-  ASSIGN_OR_RETURN(const auto own, datesWhere("trainee", trainee));
-  ASSIGN_OR_RETURN(const auto groups,
-                   connection_.query("SELECT group_id FROM group_members WHERE person = ?", trainee)
-                       .all([](const Statement& row) { return row.text(0); }));
+Result<std::vector<std::int64_t>> CourseDates::of(const std::string& trainee) {
+  if (!own_.contains(trainee)) RETURN_IF_ERROR(readFor(std::span(&trainee, 1)));
+  const Dates& own = own_[trainee];
   std::vector<std::int64_t> dates(places_.size());
   const auto addLatest = [&](const Dates& some) {
     for (const auto& [place, due_ns] : some.exercises_ns) dates[place] = std::max(dates[place], due_ns);
   };
   // what goes before comes last
   std::int64_t of_course_ns = 0;
-  for (const std::string& group : groups) {
-    ASSIGN_OR_RETURN(const Dates* some, datesOfGroup(group));
-    of_course_ns = std::max(of_course_ns, some->course_ns);
-    addLatest(*some);
+  for (const std::string& group : groups_of_[trainee]) {
+    const Dates& some = groups_[group];
+    of_course_ns = std::max(of_course_ns, some.course_ns);
+    addLatest(some);
   }
   for (std::int64_t& date : dates) {
     if (own.course_ns != 0) {
@@ -247,27 +278,19 @@ Result<std::vector<pb::Attempt>> AttemptStore::list(std::string_view trainee, st
 
 Result<std::vector<pb::Attempt>> AttemptStore::page(std::string_view trainee, std::string_view exercise_id,
                                                     const std::optional<Uuid>& after, std::size_t most) {
-  std::int64_t started_ns = INT64_MIN, number = 0;
+  Key key{INT64_MIN, 0};
   if (after) {
-    auto row = connection_.query(
-        "SELECT started_unix_ns, number FROM sessions WHERE id = ?3 AND trainee = ?1"
-        " AND (?2 = '' OR exercise_id = ?2) AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = "
-        "number)",
-        trainee, exercise_id, ByteView(*after));
-    ASSIGN_OR_RETURN(const bool found, row.step());
-    if (!found) return unknownSession(*after);
-    started_ns = row.integer(0);
-    number = row.integer(1);
+    ASSIGN_OR_RETURN(key, keyOf(connection_, trainee, exercise_id, *after));
   }
   const auto withScore = [](const Statement& row) { return attemptOf(row, true); };
   const auto most_rows = static_cast<std::uint64_t>(most);
   if (!exercise_id.empty()) {
     std::uint32_t before = 0;
     if (after) {
-      ASSIGN_OR_RETURN(before, attemptsUpTo(connection_, trainee, exercise_id, started_ns, number));
+      ASSIGN_OR_RETURN(before, attemptsUpTo(connection_, trainee, exercise_id, key.started_ns, key.number));
     }
     return connection_
-        .query(attemptsAt(kPlacesBehind, kInOrder, true), trainee, exercise_id, started_ns, number,
+        .query(attemptsAt(kPlacesBehind, kInOrder, true), trainee, exercise_id, key.started_ns, key.number,
                std::uint64_t{before}, most_rows)
         .all(withScore);
   }
@@ -277,9 +300,51 @@ Result<std::vector<pb::Attempt>> AttemptStore::page(std::string_view trainee, st
       kPlaces);
   // the third value: nothing is wanted all the same
   return connection_
-      .query(attemptsAt(places, kInOrder, true), trainee, exercise_id, ByteView(), started_ns, number,
+      .query(attemptsAt(places, kInOrder, true), trainee, exercise_id, ByteView(), key.started_ns, key.number,
              most_rows)
       .all(withScore);
+}
+
+Result<std::vector<pb::Attempt>> AttemptStore::newestPage(std::string_view trainee,
+                                                          std::string_view exercise_id,
+                                                          const std::optional<Uuid>& before,
+                                                          std::size_t most) {
+  Key key{INT64_MAX, INT64_MAX};
+  std::uint32_t behind = 0;  // attempts from the page's first one down to the oldest
+  if (before) {
+    ASSIGN_OR_RETURN(key, keyOf(connection_, trainee, exercise_id, *before));
+    ASSIGN_OR_RETURN(behind, attemptsUpTo(connection_, trainee, exercise_id, key.started_ns, key.number));
+    --behind;
+  } else {
+    ASSIGN_OR_RETURN(const auto all, standing(trainee, exercise_id));
+    behind = all.all;
+  }
+  return connection_
+      .query(attemptsAt("SELECT number, ?5 + 1 - row_number() OVER (ORDER BY started_unix_ns DESC, number"
+                        " DESC) AS place FROM (SELECT number, started_unix_ns FROM sessions"
+                        " WHERE trainee = ?1 AND exercise_id = ?2 AND trainee <> ''"
+                        " AND (started_unix_ns, number) < (?3, ?4)"
+                        " AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = number)"
+                        " ORDER BY started_unix_ns DESC, number DESC LIMIT ?6) AS these",
+                        "ORDER BY s.started_unix_ns DESC, s.number DESC", true),
+             trainee, exercise_id, key.started_ns, key.number, std::uint64_t{behind},
+             static_cast<std::uint64_t>(most))
+      .all([](const Statement& row) { return attemptOf(row, true); });
+}
+
+Result<std::vector<TriedExercise>> AttemptStore::tried(std::string_view trainee, std::size_t most) {
+  return connection_
+      .query(
+          "SELECT exercise_id, attempts, (SELECT s.started_unix_ns FROM sessions s WHERE s.trainee = "
+          "a.trainee"
+          " AND s.exercise_id = a.exercise_id"
+          " AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = s.number)"
+          " ORDER BY s.started_unix_ns DESC, s.number DESC LIMIT 1) AS newest FROM attempt_counts a"
+          " WHERE trainee = ? AND attempts > 0 ORDER BY newest DESC, exercise_id LIMIT ?",
+          trainee, static_cast<std::uint64_t>(most))
+      .all([](const Statement& row) {
+        return TriedExercise{row.text(0), row.natural32(1), row.integer(2)};
+      });
 }
 
 Result<std::vector<NewestScore>> AttemptStore::newestScores(std::string_view trainee,
@@ -318,6 +383,16 @@ Result<pb::Attempt> AttemptStore::get(const Uuid& session) {
   return attemptOf(row, true);
 }
 
+Result<bool> AttemptStore::isUncounted(const Uuid& session) {
+  ASSIGN_OR_RETURN(const auto found,
+                   connection_
+                       .query("SELECT 1 FROM uncounted_sessions u JOIN sessions s ON s.number = u.session"
+                              " WHERE s.id = ?",
+                              ByteView(session))
+                       .first([](const Statement& row) { return row.integer(0); }));
+  return found.has_value();
+}
+
 Result<AttemptStanding> AttemptStore::standing(std::string_view trainee, std::string_view exercise_id) {
   ASSIGN_OR_RETURN(
       const auto found,
@@ -334,17 +409,34 @@ Result<std::map<std::string, AttemptStanding>> AttemptStore::standings(std::stri
                                                 std::make_move_iterator(rows.end()));
 }
 
-Result<std::map<std::string, pb::Attempt>> AttemptStore::best(std::string_view trainee,
-                                                              std::string_view course_id) {
-  ASSIGN_OR_RETURN(auto attempts, connection_.query(kBest, trainee, course_id).all([](const Statement& row) {
-    return attemptOf(row, false);
-  }));
-  std::map<std::string, pb::Attempt> best;
-  for (pb::Attempt& attempt : attempts) {
-    std::string exercise = attempt.exercise_id();
-    best.emplace(std::move(exercise), std::move(attempt));
+Result<AttemptStore::Standings> AttemptStore::standingsOf(std::span<const std::string> trainees,
+                                                          std::span<const std::string> exercises) {
+  Statement rows = connection_.prepare(
+      "SELECT exercise_id, attempts, counted, judged, passed, trainee"
+      " FROM attempt_counts WHERE trainee" +
+      amongTexts(connection_, 1) + " AND exercise_id" + amongTexts(connection_, 2));
+  bindTexts(connection_, rows, trainees);
+  bindTexts(connection_, rows, exercises);
+  Standings standings;
+  for (;;) {
+    ASSIGN_OR_RETURN(const bool more, rows.step());
+    if (!more) return standings;
+    standings[rows.text(5)].insert(standingOfRow(rows));
   }
-  return best;
+}
+
+Result<AttemptStore::BestAttempts> AttemptStore::best(std::span<const std::string> trainees,
+                                                      std::string_view course_id) {
+  Statement rows = connection_.query(std::string(kBest) + amongTexts(connection_, 2), course_id);
+  bindTexts(connection_, rows, trainees);
+  BestAttempts best;
+  for (;;) {
+    ASSIGN_OR_RETURN(const bool more, rows.step());
+    if (!more) return best;
+    pb::Attempt attempt = attemptOf(rows, false);
+    std::string exercise = attempt.exercise_id();
+    best[attempt.trainee()].emplace(std::move(exercise), std::move(attempt));
+  }
 }
 
 Result<bool> AttemptStore::excuse(const Uuid& session, bool excused) {

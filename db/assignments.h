@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -32,11 +33,13 @@ class AssignmentStore {
   Result<pb::Assignment> remove(std::uint64_t id);
 
   struct Filter {
-    std::string trainee;    ///< also returns assignments of the trainee's groups
-    std::string course_id;  ///< also returns assignments of the course's exercises
-    std::string group_id;
+    std::string trainee = {};    ///< also returns assignments of the trainee's groups
+    std::string course_id = {};  ///< also returns assignments of the course's exercises
+    std::string group_id = {};
+    std::uint64_t below = 0;  ///< an id: those older than this one; 0: from the newest on
+    std::uint64_t most = 0;   ///< 0: all
   };
-  /// Newest first; empty filters mean all.
+  /// Newest first, groups with their names; empty filters mean all.
   Result<std::vector<pb::Assignment>> list(const Filter& filter);
 
   /// Returns the due date of an exercise for a trainee; 0: never due. Order of precedence: the exercise
@@ -51,17 +54,20 @@ class AssignmentStore {
   Connection& connection_;
 };
 
-/// The dates that assignments set for the exercises of one course, for one trainee after another. Keeps the
-/// dates of a group, so that the next member costs no read of them. Does not own the connection. Thread: as
+/// The dates that assignments set for the exercises of one course, for some trainees after others. Keeps the
+/// dates of a group, so that the next members cost no read of them. Does not own the connection. Thread: as
 /// its Connection; all calls within one view.
 class CourseDates {
  public:
   /// `exercise_ids`: of the course.
   CourseDates(Connection& connection, std::string course_id, const std::vector<std::string>& exercise_ids);
 
+  /// Reads what of() needs for these trainees, in two statements, and one for all groups that nobody before
+  /// was in. What was read for others goes, but for their groups.
+  Status readFor(std::span<const std::string> trainees);
   /// By exercise, in the order of `exercise_ids`, as AssignmentStore::dueOf() says; 0: no assignment sets a
-  /// date.
-  Result<std::vector<std::int64_t>> of(std::string_view trainee);
+  /// date. Of a trainee of the last readFor(), or of any other, after a readFor() of that one.
+  Result<std::vector<std::int64_t>> of(const std::string& trainee);
   /// How many dates were read of the database so far.
   [[nodiscard]] std::uint64_t read() const { return read_; }
 
@@ -71,14 +77,16 @@ class CourseDates {
     std::int64_t course_ns = 0;
     std::vector<std::pair<std::size_t, std::int64_t>> exercises_ns;  ///< by place in `exercise_ids`
   };
-  Result<Dates> datesWhere(std::string_view whose, std::string_view name);
-  Result<const Dates*> datesOfGroup(const std::string& group_id);
+  /// Of each of the names, by name. `whose`: the column of the names.
+  Result<std::map<std::string, Dates>> datesWhere(std::string_view whose, std::span<const std::string> names);
 
   Connection& connection_;
   const std::string course_id_;
-  std::map<std::string, std::size_t> places_;  ///< of the exercises, by id
-  std::map<std::string, Dates> groups_;        ///< by id
-  std::size_t kept_ = 0;                       ///< dates in `groups_`
+  std::map<std::string, std::size_t> places_;                  ///< of the exercises, by id
+  std::map<std::string, Dates> groups_;                        ///< by id
+  std::map<std::string, Dates> own_;                           ///< of the trainees of readFor(), by name
+  std::map<std::string, std::vector<std::string>> groups_of_;  ///< ids of their groups
+  std::size_t kept_ = 0;                                       ///< dates in `groups_`
   std::uint64_t read_ = 0;
 };
 
@@ -97,6 +105,13 @@ struct NewestScore {
   std::string measures_json;
 };
 
+/// An exercise at which a trainee has attempts.
+struct TriedExercise {
+  std::string exercise_id;
+  std::uint32_t attempts = 0;  ///< excused ones, too
+  std::int64_t newest_unix_ns = 0;
+};
+
 /// Does not own the connection. Thread: as its Connection; changes need the writer's.
 class AttemptStore {
  public:
@@ -111,20 +126,35 @@ class AttemptStore {
   /// the keys of all. kNotFound: `after` is not among the attempts.
   Result<std::vector<pb::Attempt>> page(std::string_view trainee, std::string_view exercise_id,
                                         const std::optional<Uuid>& after, std::size_t most);
+  /// At one exercise, newest first, from the one before `before` on (empty: from the newest one). The numbers
+  /// come of the sums, or, behind an attempt, of the keys of those up to it. kNotFound: as page().
+  Result<std::vector<pb::Attempt>> newestPage(std::string_view trainee, std::string_view exercise_id,
+                                              const std::optional<Uuid>& before, std::size_t most);
+  /// The exercise that was tried last first, `most` at most. Reads the sums, and one entry of an index for
+  /// each.
+  Result<std::vector<TriedExercise>> tried(std::string_view trainee, std::size_t most);
   /// Of those of the newest `most` attempts at one exercise that are closed and not excused, in order of
   /// their numbers, which come of the sums; the others have none.
   Result<std::vector<NewestScore>> newestScores(std::string_view trainee, std::string_view exercise_id,
                                                 std::size_t most);
-  /// Returns a session's attempt with its number. kNotFound.
+  /// Returns a session's attempt with its number; of one that waits for its trainee the number that it would
+  /// have. kNotFound.
   Result<pb::Attempt> get(const Uuid& session);
+  /// Whether the session counts for nobody: it waits for its trainee, or is of somebody who was erased.
+  Result<bool> isUncounted(const Uuid& session);
   /// Reads sums (attempt_sums.h), however many attempts there are; and so do the next ones.
   Result<AttemptStanding> standing(std::string_view trainee, std::string_view exercise_id);
   /// In all exercises with a session under this name; in others: none.
   Result<std::map<std::string, AttemptStanding>> standings(std::string_view trainee);
-  /// The best attempt that counts at each exercise of the course: passed before not passed, then the most
-  /// requirements met, then the newest; closed ones, without their scores. Its number counts the attempts
-  /// before it; all else looks at one entry of an index an exercise.
-  Result<std::map<std::string, pb::Attempt>> best(std::string_view trainee, std::string_view course_id);
+  /// By trainee, then exercise: of these trainees in these exercises, in one statement.
+  using Standings = std::map<std::string, std::map<std::string, AttemptStanding>>;
+  Result<Standings> standingsOf(std::span<const std::string> trainees,
+                                std::span<const std::string> exercises);
+  /// The best attempt that counts at each exercise of the course, by trainee, then exercise; one statement:
+  /// passed before not passed, then the most requirements met, then the newest; closed ones, without their
+  /// scores. Its number counts the attempts before it; all else looks at one entry of an index an exercise.
+  using BestAttempts = std::map<std::string, std::map<std::string, pb::Attempt>>;
+  Result<BestAttempts> best(std::span<const std::string> trainees, std::string_view course_id);
   /// Returns true when this changed something. kNotFound.
   Result<bool> excuse(const Uuid& session, bool excused);
 

@@ -9,6 +9,7 @@
 #include "common/base/text.h"
 #include "db/documents.h"
 #include "db/pseudonyms.h"
+#include "db/text_lists.h"
 #include "db/text_pages.h"
 
 namespace needlelab {
@@ -192,6 +193,19 @@ Result<std::optional<Person>> PeopleStore::find(std::string_view name) {
   return connection_.query(std::string(kSelectPeople) + "WHERE name = ?", name).first(personOf);
 }
 
+Result<std::map<std::string, Person>> PeopleStore::findAll(std::span<const std::string> names) {
+  Statement rows =
+      connection_.prepare(std::string(kSelectPeople) + "WHERE name" + amongTexts(connection_, 1));
+  bindTexts(connection_, rows, names);
+  ASSIGN_OR_RETURN(auto people, rows.all(personOf));
+  std::map<std::string, Person> found;
+  for (Person& person : people) {
+    std::string name = person.name;
+    found.emplace(std::move(name), std::move(person));
+  }
+  return found;
+}
+
 Result<std::vector<Person>> PeopleStore::list() {
   return connection_.prepare(std::string(kSelectPeople) + "ORDER BY name").all(personOf);
 }
@@ -284,9 +298,39 @@ Result<pb::Group> GroupStore::get(std::string_view id) {
   return withMembers(*std::move(group));
 }
 
-Result<std::vector<pb::Group>> GroupStore::list() {
-  return connection_.prepare(std::string(kGroup) + "WHERE removed = 0 ORDER BY id")
-      .all([&](const Statement& row) { return withMembers(groupOf(row)); });
+Result<std::vector<pb::Group>> GroupStore::page(const std::string& search, std::string_view after,
+                                                std::uint64_t most) {
+  return connection_
+      .query(
+          "SELECT id, name, revision, changed_by, changed_unix_ns,"
+          " (SELECT count(*) FROM group_members m WHERE m.group_id = groups.id) FROM groups"
+          " WHERE removed = 0 AND id > ?2 AND (?1 = '' OR instr(lower(id), lower(?1)) > 0"
+          " OR instr(lower(name), lower(?1)) > 0) ORDER BY id LIMIT ?3",
+          search, after, most)
+      .all([](const Statement& row) {
+        pb::Group group = groupOf(row);
+        group.set_member_count(row.natural32(5));
+        return group;
+      });
+}
+
+Status GroupStore::addMembers(std::span<pb::Group> groups) {
+  std::map<std::string, pb::Group*> by_id;
+  std::vector<std::string> ids;
+  for (pb::Group& group : groups) {
+    group.clear_member_count();
+    by_id.emplace(group.id(), &group);
+    ids.push_back(group.id());
+  }
+  Statement rows = connection_.prepare("SELECT group_id, person FROM group_members WHERE group_id" +
+                                       amongTexts(connection_, 1) + " ORDER BY group_id, person");
+  bindTexts(connection_, rows, ids);
+  for (;;) {
+    ASSIGN_OR_RETURN(const bool more, rows.step());
+    if (!more) return {};
+    if (const auto group = by_id.find(rows.text(0)); group != by_id.end())
+      group->second->add_members(rows.text(1));
+  }
 }
 
 Result<pb::Group> GroupStore::withMembers(pb::Group group) {
@@ -298,6 +342,19 @@ Result<pb::Group> GroupStore::withMembers(pb::Group group) {
 Result<std::vector<std::string>> GroupStore::groupsOf(std::string_view person) {
   return connection_.query("SELECT group_id FROM group_members WHERE person = ? ORDER BY group_id", person)
       .all(firstText);
+}
+
+Result<std::map<std::string, std::vector<std::string>>> GroupStore::groupsOfMany(
+    std::span<const std::string> people) {
+  Statement rows = connection_.prepare("SELECT person, group_id FROM group_members WHERE person" +
+                                       amongTexts(connection_, 1) + " ORDER BY person, group_id");
+  bindTexts(connection_, rows, people);
+  std::map<std::string, std::vector<std::string>> groups;
+  for (;;) {
+    ASSIGN_OR_RETURN(const bool more, rows.step());
+    if (!more) return groups;
+    groups[rows.text(0)].push_back(rows.text(1));
+  }
 }
 
 Status GroupStore::addMembersAtOnce(const std::string& id, const std::vector<std::string>& wanted,
@@ -373,6 +430,20 @@ Result<std::optional<pb::Consent>> ConsentStore::newest(std::string_view person)
           "SELECT given, unix_ns, recorded_by, note FROM consents WHERE person = ? ORDER BY id DESC LIMIT 1",
           person)
       .first(consentOf);
+}
+
+Result<std::map<std::string, pb::Consent>> ConsentStore::newestOfMany(std::span<const std::string> people) {
+  Statement rows = connection_.prepare(
+      "SELECT c.given, c.unix_ns, c.recorded_by, c.note, p.name FROM people p JOIN consents c ON c.id ="
+      " (SELECT n.id FROM consents n WHERE n.person = p.name ORDER BY n.id DESC LIMIT 1) WHERE p.name" +
+      amongTexts(connection_, 1));
+  bindTexts(connection_, rows, people);
+  std::map<std::string, pb::Consent> consents;
+  for (;;) {
+    ASSIGN_OR_RETURN(const bool more, rows.step());
+    if (!more) return consents;
+    consents.emplace(rows.text(4), consentOf(rows));
+  }
 }
 
 Result<std::vector<std::string>> ConsentStore::consenting() {

@@ -3,7 +3,9 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -66,6 +68,8 @@ class PeopleStore {
                      std::int64_t now_unix_ns = 0);
   /// Nothing when there is no such person.
   Result<std::optional<Person>> find(std::string_view name);
+  /// Those of the names that are there, by name; one statement.
+  Result<std::map<std::string, Person>> findAll(std::span<const std::string> names);
   /// Sorted by name.
   Result<std::vector<Person>> list();
   /// Empty or absent fields do not filter.
@@ -106,10 +110,15 @@ class GroupStore {
                 std::int64_t now_unix_ns);
   /// kNotFound.
   Result<pb::Group> get(std::string_view id);
-  /// Sorted by id, with members.
-  Result<std::vector<pb::Group>> list();
+  /// Those behind `after`, by id, `most` at most, without members but with their number. `search`: a part of
+  /// the id or the name (case of ASCII letters is ignored); empty: all.
+  Result<std::vector<pb::Group>> page(const std::string& search, std::string_view after, std::uint64_t most);
+  /// Puts members in the place of their number; one statement.
+  Status addMembers(std::span<pb::Group> groups);
   /// Ids of a person's groups, sorted.
   Result<std::vector<std::string>> groupsOf(std::string_view person);
+  /// The same for many, by person; one statement. Who is in none is left out.
+  Result<std::map<std::string, std::vector<std::string>>> groupsOfMany(std::span<const std::string> people);
 
  private:
   Result<pb::Group> withMembers(pb::Group group);
@@ -136,6 +145,8 @@ class ConsentStore {
                                               const std::function<bool(const pb::Consent&)>& take);
   /// Nothing: the person has made no statement.
   Result<std::optional<pb::Consent>> newest(std::string_view person);
+  /// The same for many, by person; one statement, and one entry of an index for each of them.
+  Result<std::map<std::string, pb::Consent>> newestOfMany(std::span<const std::string> people);
   /// Names of the people in the database whose latest statement is consent, sorted.
   Result<std::vector<std::string>> consenting();
 

@@ -3,6 +3,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <set>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -19,6 +21,7 @@ namespace needlelab::handlers {
 namespace {
 
 constexpr std::uint32_t kResultsOfPage = 100, kMostResultsOfPage = 250, kNamesOfPage = 1000;
+constexpr std::size_t kCellsAtOnce = 2000;
 
 Result<std::vector<ReadExercise>> exercisesOf(Connection& reader, const StoredCurriculum& course) {
   std::vector<ReadExercise> exercises;
@@ -45,30 +48,68 @@ pb::ResultCell cellOf(const ReadExercise& exercise, const ExerciseStanding& stan
   return cell;
 }
 
-/// The cells of a trainee: a fixed number of reads, and one for each group that nobody before was in, however
-/// many exercises and attempts there are.
-Status addCells(const Context& context, const std::vector<ReadExercise>& exercises,
-                const std::string& course_id, bool with_best, CourseDates& dates, pb::ResultRow& row) {
-  AttemptStore store(context.reader);
-  ASSIGN_OR_RETURN(const auto attempts, store.standings(row.trainee()));
-  ASSIGN_OR_RETURN(const auto dues_ns, dates.of(row.trainee()));
-  std::map<std::string, pb::Attempt> best;
-  if (with_best) {
-    ASSIGN_OR_RETURN(best, store.best(row.trainee(), course_id));
-  }
-  for (std::size_t i = 0; i < exercises.size(); ++i) {
-    const ReadExercise& exercise = exercises[i];
-    const ExerciseStanding standing = standingBy(exercise, attempts, dues_ns[i]);
-    pb::ResultCell cell = cellOf(exercise, standing, context.now_unix_ns);
-    if (const auto found = best.find(exercise.stored.id); found != best.end()) {
-      *cell.mutable_best() = std::move(found->second);
-      cell.mutable_best()->set_late(standing.due_unix_ns != 0 &&
-                                    cell.best().started_unix_ns() > standing.due_unix_ns);
+/// The cells of some trainees after others: a fixed number of reads for as many as have kCellsAtOnce cells,
+/// and one more where there are groups that nobody before was in, however many attempts there are.
+class Cells {
+ public:
+  Cells(const Context& context, std::vector<ReadExercise> exercises, std::string course_id, bool with_best)
+      : context_(context),
+        exercises_(std::move(exercises)),
+        course_id_(std::move(course_id)),
+        with_best_(with_best),
+        dates_(context.reader, course_id_, idsOf(exercises_)) {
+    std::set<std::string> ids;
+    for (const ReadExercise& exercise : exercises_) {
+      ids.insert(exercise.stored.id);
+      for (const auto& before : exercise.prerequisites) ids.insert(before.id);
     }
-    *row.add_cells() = std::move(cell);
+    looked_at_.assign(ids.begin(), ids.end());
   }
-  return {};
-}
+  static std::vector<std::string> idsOf(const std::vector<ReadExercise>& exercises) {
+    std::vector<std::string> ids;
+    for (const ReadExercise& exercise : exercises) ids.push_back(exercise.stored.id);
+    return ids;
+  }
+  /// Of how many trainees read() reads at once.
+  [[nodiscard]] std::size_t traineesAtOnce() const {
+    return std::max<std::size_t>(1, kCellsAtOnce / std::max<std::size_t>(1, looked_at_.size()));
+  }
+  Status read(std::span<const std::string> trainees) {
+    AttemptStore store(context_.reader);
+    ASSIGN_OR_RETURN(standings_, store.standingsOf(trainees, looked_at_));
+    RETURN_IF_ERROR(dates_.readFor(trainees));
+    if (!with_best_) return {};
+    ASSIGN_OR_RETURN(best_, store.best(trainees, course_id_));
+    return {};
+  }
+  /// `row`: of one of the trainees that were read.
+  Status addTo(pb::ResultRow& row) {
+    ASSIGN_OR_RETURN(const auto dues_ns, dates_.of(row.trainee()));
+    auto& best = best_[row.trainee()];
+    for (std::size_t i = 0; i < exercises_.size(); ++i) {
+      const ReadExercise& exercise = exercises_[i];
+      const ExerciseStanding standing = standingBy(exercise, standings_[row.trainee()], dues_ns[i]);
+      pb::ResultCell cell = cellOf(exercise, standing, context_.now_unix_ns);
+      if (const auto found = best.find(exercise.stored.id); found != best.end()) {
+        *cell.mutable_best() = std::move(found->second);
+        cell.mutable_best()->set_late(standing.due_unix_ns != 0 &&
+                                      cell.best().started_unix_ns() > standing.due_unix_ns);
+      }
+      *row.add_cells() = std::move(cell);
+    }
+    return {};
+  }
+
+ private:
+  const Context& context_;
+  const std::vector<ReadExercise> exercises_;
+  const std::string course_id_;
+  const bool with_best_;
+  std::vector<std::string> looked_at_;  ///< ids of the exercises and of what comes before them
+  CourseDates dates_;
+  AttemptStore::Standings standings_;
+  AttemptStore::BestAttempts best_;
+};
 
 /// How many trainees there are on all pages, and how many of them passed.
 Status addTotals(CourseTrainees& trainees, pb::Results& results) {
@@ -92,7 +133,7 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
   ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
   const auto course = CurriculumStore(context.reader).get(call.course_id());
   if (!course) return course.error();
-  ASSIGN_OR_RETURN(const auto exercises, exercisesOf(context.reader, *course));
+  ASSIGN_OR_RETURN(auto exercises, exercisesOf(context.reader, *course));
   pb::Reply reply;
   auto* results = reply.mutable_results();
   for (const ReadExercise& exercise : exercises) {
@@ -112,8 +153,9 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
     ASSIGN_OR_RETURN(names, trainees.page(call.page(), most + 1));
     if (!by_station && call.page().empty()) RETURN_IF_ERROR(addTotals(trainees, *results));
   }
-  CourseDates dates(context.reader, call.course_id(),
-                    {results->exercise_ids().begin(), results->exercise_ids().end()});
+  Cells cells(context, std::move(exercises), call.course_id(), !by_station);
+  const std::span shown(names.data(), std::min(names.size(), most));
+  ASSIGN_OR_RETURN(const auto people, PeopleStore(context.reader).findAll(shown));
   PageRoom room;
   room.take(results->ByteSizeLong() + 1);
   std::string last = call.page();
@@ -123,9 +165,12 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
       results->set_next_page(last);
       break;
     }
+    if (!names_only && i % cells.traineesAtOnce() == 0)
+      RETURN_IF_ERROR(cells.read(shown.subspan(i, std::min(cells.traineesAtOnce(), shown.size() - i))));
     pb::ResultRow row;
     row.set_trainee(name);
-    ASSIGN_OR_RETURN(const auto person, PeopleStore(context.reader).find(name));
+    const auto found = people.find(name);
+    const auto person = found == people.end() ? std::optional<Person>() : std::optional(found->second);
     if (by_station) {
       ASSIGN_OR_RETURN(const bool known, stationMayKnow(context.reader, person, name));
       if (!known) {
@@ -134,7 +179,7 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
       }
     }
     if (person) row.set_full_name(person->full_name);
-    if (!names_only) RETURN_IF_ERROR(addCells(context, exercises, call.course_id(), !by_station, dates, row));
+    if (!names_only) RETURN_IF_ERROR(cells.addTo(row));
     if (!room.take(row.ByteSizeLong())) {
       if (results->rows().empty())
         return Error{ErrorCode::kInvalidInput,

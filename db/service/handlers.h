@@ -140,6 +140,8 @@ Result<pb::Reply> removeAssignment(const Context& context, const pb::RemoveAssig
 Result<pb::Reply> listAssignments(const Context& context, const pb::ListAssignments& call);
 Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call);  ///< course_results.cpp
 Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& call);
+Result<pb::Reply> listTried(const Context& context, const pb::ListTried& call);
+Result<pb::Reply> getAttempt(const Context& context, const pb::GetAttempt& call);
 Result<pb::Reply> excuseAttempt(const Context& context, const pb::ExcuseAttempt& call);
 
 Result<pb::Reply> checkTrainee(const Context& context,

@@ -1,6 +1,10 @@
 #include <fmt/core.h>
 #include <algorithm>
 #include <iterator>
+#include <map>
+#include <span>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "common/base/text.h"
@@ -49,8 +53,21 @@ constexpr std::size_t kMostGroupsListed = 1000;
 static_assert(kMostGroupsListed >= kMaxGroupsOfPerson &&
               kMostGroupsListed * (kMaxNameBytes + 2) < kMaxReplyBytes / 8);
 
-/// The person with groups and consent; one read for each.
-Result<pb::User> userOf(Connection& connection, const Person& person) {
+/// Groups and consents of some people, by name: two reads, however many people they are.
+struct Besides {
+  std::map<std::string, std::vector<std::string>> groups;
+  std::map<std::string, pb::Consent> consents;
+};
+Result<Besides> besidesOf(Connection& connection, std::span<const Person> people) {
+  std::vector<std::string> names;
+  for (const Person& person : people) names.push_back(person.name);
+  Besides besides;
+  ASSIGN_OR_RETURN(besides.groups, GroupStore(connection).groupsOfMany(names));
+  ASSIGN_OR_RETURN(besides.consents, ConsentStore(connection).newestOfMany(names));
+  return besides;
+}
+
+pb::User userOf(const Person& person, Besides& besides) {
   pb::User user;
   user.set_name(person.name);
   user.set_role(person.role);
@@ -62,12 +79,12 @@ Result<pb::User> userOf(Connection& connection, const Person& person) {
   user.set_revision(person.revision);
   user.set_changed_unix_ns(person.changed_unix_ns);
   user.set_changed_by(person.changed_by);
-  ASSIGN_OR_RETURN(const auto groups, GroupStore(connection).groupsOf(person.name));
+  const auto& groups = besides.groups[person.name];
   const std::size_t listed = std::min(groups.size(), kMostGroupsListed);
   for (std::size_t i = 0; i < listed; ++i) user.add_groups(groups[i]);
   user.set_more_groups(static_cast<std::uint32_t>(groups.size() - listed));
-  ASSIGN_OR_RETURN(const auto consent, ConsentStore(connection).newest(person.name));
-  if (consent) *user.mutable_consent() = *consent;
+  if (const auto consent = besides.consents.find(person.name); consent != besides.consents.end())
+    *user.mutable_consent() = std::move(consent->second);
   return user;
 }
 
@@ -81,9 +98,9 @@ Result<Person> knownPerson(Connection& connection, const std::string& name) {
 /// After a change: on the writer, so that the reply has that change and no later one.
 Result<pb::Reply> userReply(Connection& connection, const std::string& name) {
   ASSIGN_OR_RETURN(const auto person, knownPerson(connection, name));
-  ASSIGN_OR_RETURN(auto user, userOf(connection, person));
+  ASSIGN_OR_RETURN(auto besides, besidesOf(connection, std::span(&person, 1)));
   pb::Reply reply;
-  *reply.mutable_user() = std::move(user);
+  *reply.mutable_user() = userOf(person, besides);
   return reply;
 }
 
@@ -307,7 +324,8 @@ Result<pb::Reply> listConsents(const Context& context, const pb::ListConsents& c
 }
 
 Result<pb::Reply> listUsers(const Context& context, const pb::ListUsers& call) {
-  constexpr std::uint64_t kMost = 500, kReadAtOnce = 500;
+  // of some more at once PostgreSQL's driver would hold the groups of all, up to kMaxGroupsOfPerson each
+  constexpr std::uint64_t kMost = 500, kReadAtOnce = 100;
   if (!call.search().empty()) RETURN_IF_ERROR(checkText("search", call.search(), 1, kMaxNameBytes));
   PeopleStore::Filter filter{call.search(), std::nullopt};
   if (call.role() != pb::ROLE_UNSPECIFIED) filter.role = call.role();
@@ -326,8 +344,9 @@ Result<pb::Reply> listUsers(const Context& context, const pb::ListUsers& call) {
     const auto left = most - static_cast<std::uint64_t>(users->users_size());
     const std::uint64_t wanted = std::min(left + 1, kReadAtOnce);
     ASSIGN_OR_RETURN(const auto people, store.page(filter, after, wanted));
+    ASSIGN_OR_RETURN(auto besides, besidesOf(context.reader, people));
     for (const Person& person : people) {
-      ASSIGN_OR_RETURN(auto user, userOf(context.reader, person));
+      pb::User user = userOf(person, besides);
       const bool is_full = static_cast<std::uint64_t>(users->users_size()) == most;
       if (is_full || !room.take(user.ByteSizeLong())) {
         users->set_next_page(after);
@@ -392,20 +411,50 @@ Result<pb::Reply> getGroup(const Context& context, const pb::GetGroup& call) {
   return groupReply(std::move(group));
 }
 
+namespace {
+
+/// As many of the groups from `begin` on as have so many members together that one read of them is enough.
+std::span<pb::Group> fewMembers(std::vector<pb::Group>& groups, std::size_t begin) {
+  constexpr std::uint64_t kMembersAtOnce = 2 * kMaxGroupMembers;
+  std::size_t end = begin;
+  for (std::uint64_t members = 0; end < groups.size() && (end == begin || members < kMembersAtOnce); ++end)
+    members += groups[end].member_count();
+  return std::span(groups).subspan(begin, end - begin);
+}
+
+}  // namespace
+
 Result<pb::Reply> listGroups(const Context& context, const pb::ListGroups& call) {
-  ASSIGN_OR_RETURN(auto groups, GroupStore(context.reader).list());
+  constexpr std::uint64_t kMost = 500, kReadAtOnce = 100;
+  if (!call.search().empty()) RETURN_IF_ERROR(checkText("search", call.search(), 1, kMaxNameBytes));
+  ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
+  GroupStore store(context.reader);
+  const std::uint64_t most = call.limit() == 0 ? UINT32_MAX : std::min<std::uint64_t>(call.limit(), kMost);
   pb::Reply reply;
   auto* list = reply.mutable_groups();
   PageRoom room;
-  for (pb::Group& group : groups) {
-    if (group.id() <= call.page()) continue;
-    if (!room.take(group.ByteSizeLong())) {
-      list->set_next_page(list->groups().rbegin()->id());
-      break;
+  std::string after = call.page();
+  for (;;) {
+    // one more than the page takes tells whether there is a next one
+    const auto left = most - static_cast<std::uint64_t>(list->groups_size());
+    const std::uint64_t wanted = std::min(left + 1, kReadAtOnce);
+    ASSIGN_OR_RETURN(auto groups, store.page(call.search(), after, wanted));
+    for (std::size_t begin = 0; begin < groups.size();) {
+      const auto some = call.brief() ? std::span(groups) : fewMembers(groups, begin);
+      if (!call.brief()) RETURN_IF_ERROR(store.addMembers(some));
+      for (pb::Group& group : some) {
+        const bool is_full = static_cast<std::uint64_t>(list->groups_size()) == most;
+        if (is_full || !room.take(group.ByteSizeLong())) {
+          list->set_next_page(after);
+          return reply;
+        }
+        after = group.id();
+        *list->add_groups() = std::move(group);
+      }
+      begin += some.size();
     }
-    *list->add_groups() = std::move(group);
+    if (groups.size() < wanted) return reply;
   }
-  return reply;
 }
 
 Result<pb::Reply> removeGroup(const Context& context, const pb::RemoveGroup& call) {

@@ -126,7 +126,7 @@ constexpr RequestRow kRows[] = {
 
   // --- groups
   {Call::kListGroups,              "group list",           kStaff,                to<listGroups>,                Reply::kGroups, kWorkers,
-   {{"GET /groups?page", "Groups"}}},
+   {{"GET /groups?search&limit&brief&page", "Groups, by id; brief=yes: with the number of members only"}}},
   {Call::kGetGroup,                "group show",           kStaff,                to<getGroup>,                  Reply::kGroup, kWorkers,
    {{"GET /groups/{id}", "One group"}}},
   {Call::kPutGroup,                "group set",            kManagers,             to<putGroup, kStores>,         Reply::kGroup, kWorkers,
@@ -179,7 +179,7 @@ constexpr RequestRow kRows[] = {
 
   // --- assignments, lessons, results
   {Call::kListAssignments,         "assign list",          kAll,                  to<listAssignments>,           Reply::kAssignments, kWorkers,
-   {{"GET /assignments?trainee&course&group&page", "Assignments: who does what, until when"}}},
+   {{"GET /assignments?trainee&course&group&limit&page", "Assignments: who does what, until when"}}},
   {Call::kAssign,                  "assign",               kStaff,                to<assign, kStores>,           Reply::kAssignments, kWorkers,
    {{"POST /assignments", "An exercise or a course for a trainee or a group"}}},
   {Call::kRemoveAssignment,        "assign remove",        kStaff,                to<removeAssignment, kStores>, Reply::kDone, kWorkers,
@@ -190,7 +190,11 @@ constexpr RequestRow kRows[] = {
   {Call::kGetResults,              "results",              kAll,                  to<getResults>,                Reply::kResults, kViews,
    {{"GET /results?course&group&limit&page", "Trainee by exercise, by name"}}},
   {Call::kGetProgress,             "progress",             kPeople,               to<getProgress>,               Reply::kProgress, kViews,
-   {{"GET /people/{name}/progress?exercise&page", "Attempts in order of time"}}},
+   {{"GET /people/{name}/progress?exercise&newest_first&page", "Attempts in order of time; newest_first=yes: of one exercise"}}},
+  {Call::kListTried,               "tried",                kPeople,               to<listTried>,                 Reply::kTriedExercises, kWorkers,
+   {{"GET /people/{name}/exercises", "Exercises at which there are attempts, the one tried last first"}}},
+  {Call::kGetAttempt,              "attempt show",         kPeople,               to<getAttempt>,                Reply::kAttempt, kViews,
+   {{"GET /sessions/{id}/attempt", "The session as an attempt: its number, whether it counts"}}},
   {Call::kExcuseAttempt,           "attempt excuse",       kStaff,                to<excuseAttempt, kStores>,    Reply::kAttempt, kWorkers,
    {{"POST /sessions/{id}/excuse", "Excuses an attempt: it does not count"}}},
 

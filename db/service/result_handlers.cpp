@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -69,8 +70,13 @@ Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& cal
     if (!id) return badProgressPage();
     after = *id;
   }
-  auto attempts =
-      AttemptStore(context.reader).page(call.trainee(), call.exercise_id(), after, kMostAttemptsOfPage + 1);
+  if (call.newest_first() && call.exercise_id().empty())
+    return Error{ErrorCode::kInvalidInput,
+                 "exercise_id: is missing: attempts of all exercises come oldest first"};
+  AttemptStore store(context.reader);
+  auto attempts = call.newest_first()
+                      ? store.newestPage(call.trainee(), call.exercise_id(), after, kMostAttemptsOfPage + 1)
+                      : store.page(call.trainee(), call.exercise_id(), after, kMostAttemptsOfPage + 1);
   if (!attempts) return attempts.error().code == ErrorCode::kNotFound ? badProgressPage() : attempts.error();
   pb::Reply reply;
   auto* list = reply.mutable_progress();
@@ -95,6 +101,39 @@ Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& cal
     }
     *list->add_attempts() = std::move(attempt);
   }
+  return reply;
+}
+
+Result<pb::Reply> listTried(const Context& context, const pb::ListTried& call) {
+  constexpr std::size_t kMost = 1000;
+  RETURN_IF_ERROR(ownOnly(context, call.trainee(), "progress"));
+  ASSIGN_OR_RETURN(const auto tried, AttemptStore(context.reader).tried(call.trainee(), kMost));
+  pb::Reply reply;
+  auto* list = reply.mutable_tried_exercises();
+  for (const TriedExercise& one : tried) {
+    auto* row = list->add_exercises();
+    row->set_exercise_id(one.exercise_id);
+    row->set_attempts(one.attempts);
+    row->set_newest_unix_ns(one.newest_unix_ns);
+  }
+  return reply;
+}
+
+Result<pb::Reply> getAttempt(const Context& context, const pb::GetAttempt& call) {
+  ASSIGN_OR_RETURN(const auto id, sessionId(call.session_id()));
+  ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
+  AttemptStore store(context.reader);
+  ASSIGN_OR_RETURN(auto attempt, store.get(id));
+  RETURN_IF_ERROR(ownOnly(context, attempt.trainee(), "attempts"));
+  ASSIGN_OR_RETURN(const bool waits, store.isUncounted(id));
+  if (waits)
+    return Error{ErrorCode::kNotFound,
+                 "session " + uuidText(id) + " waits for its trainee: it is no attempt"};
+  ASSIGN_OR_RETURN(const auto due_ns, dueOf(context.reader, attempt.trainee(), attempt.exercise_id()));
+  attempt.set_late(due_ns != 0 && attempt.started_unix_ns() > due_ns);
+  attempt.clear_score_json();
+  pb::Reply reply;
+  *reply.mutable_attempt() = std::move(attempt);
   return reply;
 }
 
@@ -123,6 +162,14 @@ std::string assignmentText(const pb::Assignment& a) {
 
 std::string assignmentSubject(const pb::Assignment& a) {
   return a.group_id().empty() ? a.trainee() : a.group_id();
+}
+
+/// Those to whom some of the assignments are given alone.
+std::vector<std::string> traineesOf(const std::vector<pb::Assignment>& assignments) {
+  std::set<std::string> names;
+  for (const pb::Assignment& one : assignments)
+    if (!one.trainee().empty()) names.insert(one.trainee());
+  return {names.begin(), names.end()};
 }
 
 }  // namespace
@@ -177,25 +224,42 @@ Result<pb::Reply> listAssignments(const Context& context, const pb::ListAssignme
     ASSIGN_OR_RETURN(const bool known, stationMayKnow(context.reader, person, call.trainee()));
     if (!known) return reply;
   }
-  ASSIGN_OR_RETURN(const auto assignments,
-                   AssignmentStore(context.reader)
-                       .list({own ? context.who.name : call.trainee(), call.course_id(), call.group_id()}));
+  constexpr std::uint64_t kMost = 500, kReadAtOnce = 500;
+  const std::uint64_t most = call.limit() == 0 ? UINT32_MAX : std::min<std::uint64_t>(call.limit(), kMost);
+  AssignmentStore store(context.reader);
+  AssignmentStore::Filter filter{own ? context.who.name : call.trainee(), call.course_id(), call.group_id()};
+  // newest ids first; the page token is the last id, so additions and removals do not shift rows
+  filter.below = from;
   PageRoom room;
-  for (const pb::Assignment& assignment : assignments) {
-    // newest ids first; the page token is the last id, so additions and removals do not shift rows
-    if (from != 0 && assignment.id() >= from) continue;
-    if (by_station && !assignment.trainee().empty()) {
-      ASSIGN_OR_RETURN(const auto person, PeopleStore(context.reader).find(assignment.trainee()));
-      ASSIGN_OR_RETURN(const bool known, stationMayKnow(context.reader, person, assignment.trainee()));
-      if (!known) continue;
+  for (;;) {
+    // one more than the page takes tells whether there is a next one
+    const auto left = most - static_cast<std::uint64_t>(list->assignments_size());
+    filter.most = std::min(left + 1, kReadAtOnce);
+    ASSIGN_OR_RETURN(auto assignments, store.list(filter));
+    std::map<std::string, Person> people;
+    if (by_station) {
+      ASSIGN_OR_RETURN(people, PeopleStore(context.reader).findAll(traineesOf(assignments)));
     }
-    if (!room.take(assignment.ByteSizeLong())) {
-      list->set_next_page(std::to_string(list->assignments().rbegin()->id()));
-      break;
+    for (pb::Assignment& assignment : assignments) {
+      if (by_station && !assignment.trainee().empty()) {
+        const auto found = people.find(assignment.trainee());
+        const auto person = found == people.end() ? std::optional<Person>() : std::optional(found->second);
+        ASSIGN_OR_RETURN(const bool known, stationMayKnow(context.reader, person, assignment.trainee()));
+        if (!known) {
+          filter.below = assignment.id();
+          continue;
+        }
+      }
+      const bool is_full = static_cast<std::uint64_t>(list->assignments_size()) == most;
+      if (is_full || !room.take(assignment.ByteSizeLong())) {
+        list->set_next_page(std::to_string(filter.below));
+        return reply;
+      }
+      filter.below = assignment.id();
+      *list->add_assignments() = std::move(assignment);
     }
-    *list->add_assignments() = assignment;
+    if (assignments.size() < filter.most) return reply;
   }
-  return reply;
 }
 
 }  // namespace needlelab::handlers

@@ -29,11 +29,11 @@ Result<std::vector<KnownName>> listedPeople(Connection& reader) {
     names.insert(found.begin(), found.end());
   }
   std::vector<KnownName> people;
-  for (const std::string& name : names) {
-    ASSIGN_OR_RETURN(const auto person, PeopleStore(reader).find(name));
-    if (!person) continue;
+  const std::vector<std::string> list(names.begin(), names.end());
+  ASSIGN_OR_RETURN(auto all, PeopleStore(reader).findAll(list));
+  for (auto& [name, person] : all) {
     ASSIGN_OR_RETURN(const bool known, stationMayKnow(reader, person, name));
-    if (known) people.push_back({name, person->full_name});
+    if (known) people.push_back({name, std::move(person.full_name)});
   }
   return people;
 }
@@ -56,7 +56,7 @@ Result<bool> stationMayKnow(Connection& reader, const std::optional<Person>& per
   if (!person) return name == kGuestName;
   if (person->disabled) return false;
   if (person->role == pb::TRAINEE) return true;
-  ASSIGN_OR_RETURN(const auto assigned, AssignmentStore(reader).list({name, "", ""}));
+  ASSIGN_OR_RETURN(const auto assigned, AssignmentStore(reader).list({.trainee = name, .most = 1}));
   return !assigned.empty();
 }
 

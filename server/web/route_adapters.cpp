@@ -120,7 +120,7 @@ Result<WebStream> personRecords(Service& service, const WebCall& call) {
 Result<pb::Request> addGroup(const WebRoute&, const WebCall& call) {
   pb::Request request;
   auto& put = *request.mutable_put_group();
-  RETURN_IF_ERROR(readBodyInto(call, *put.mutable_group(), {"revision", "changed_by"}));
+  RETURN_IF_ERROR(readBodyInto(call, *put.mutable_group(), {"revision", "changed_by", "member_count"}));
   return request;
 }
 

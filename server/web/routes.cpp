@@ -106,6 +106,13 @@ Status setField(Message& message, const FieldDescriptor* field, const std::strin
     reflection.SetUInt32(&message, field, static_cast<std::uint32_t>(number));
     return {};
   }
+  if (field != nullptr && field->type() == FieldDescriptor::TYPE_BOOL) {
+    if (text != "yes" && text != "no")
+      return Error{ErrorCode::kInvalidInput,
+                   fmt::format("{}: '{}', allowed are yes, no", name, printable(text))};
+    reflection.SetBool(&message, field, text == "yes");
+    return {};
+  }
   return Error{ErrorCode::kFailed, fmt::format("{}: the route needs an adapter for it", name)};
 }
 

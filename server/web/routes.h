@@ -4,7 +4,8 @@
 /// A plain route needs only its row:
 /// - `{id}` of the address fills the call's field `id`, or `session_id` below /sessions, `exercise_id` below
 ///   /exercises and so on; `{name}` fills `name`, or `trainee`;
-/// - `?course` of the query fills `course` or `course_id`; numbers must be whole and at least 1;
+/// - `?course` of the query fills `course` or `course_id`; numbers must be whole and at least 1,
+///   what is true or not is yes or no;
 /// - the body (JSON) fills the other fields; `base_revision` comes from If-Match;
 /// - the reply's result is written unchanged; a list becomes {"items": […], "next_page": …}.
 /// Any other route has an adapter (route_adapters.cpp).

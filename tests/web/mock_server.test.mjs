@@ -82,6 +82,7 @@ test('every page of every list, and what is below it', async () => {
   const below = {
     '/people/{name}': '/people/anna.bauer',
     '/people/{name}/progress': '/people/anna.bauer/progress',
+    '/people/{name}/exercises': '/people/anna.bauer/exercises',
     '/groups/{id}': '/groups/autumn-a',
     '/profiles/{id}': '/profiles/shoulder-adult',
     '/profiles/{id}/revisions': '/profiles/shoulder-adult/revisions',
@@ -93,12 +94,22 @@ test('every page of every list, and what is below it', async () => {
   };
   for (const [pattern, path] of Object.entries(below))
     assert.equal((await ask('ines', 'GET', pattern, { path })).status, 200, path);
-  for (const part of ['', '/score', '/events', '/samples', '/samples.csv', '/annotations']) {
+  for (const part of ['', '/attempt', '/score', '/events', '/samples', '/samples.csv', '/annotations']) {
     assert.equal(
       (await ask('ines', 'GET', `/sessions/{id}${part}`, { path: `/sessions/${id}${part}` })).status,
       200,
       part,
     );
+  }
+  const first = await ask('ines', 'GET', '/groups', { path: '/groups?brief=yes&limit=1' });
+  assert.deepEqual(first.body.items[0].members, []);
+  assert.ok(first.body.items[0].member_count > 0);
+  assert.equal((await ask('ines', 'GET', '/groups', { path: '/groups?search=none+has+this' })).body.items.length, 0);
+  const tried = (await ask('ines', 'GET', '/people/{name}/exercises', { path: '/people/anna.bauer/exercises' })).body;
+  for (const { exercise_id, attempts, newest_unix_ms } of tried.items) {
+    const path = `/people/anna.bauer/progress?exercise=${exercise_id}&newest_first=yes`;
+    const { items } = (await ask('ines', 'GET', '/people/{name}/progress', { path })).body;
+    assert.deepEqual([items.length, items[0].started_unix_ms], [attempts, newest_unix_ms]);
   }
   assert.equal((await ask('mara', 'GET', '/people/{name}/export', { path: '/people/anna.bauer/export' })).status, 200);
   assert.equal((await ask('root', 'GET', '/audit')).status, 200);

@@ -30,7 +30,8 @@ const withoutPassword = (lab, { password, code, ...person }) => ({
 
 const changedBy = (who) => ({ changed_unix_ms: Date.now(), changed_by: who });
 
-function paged(items, query, size = 50) {
+function paged(items, query, usual = 50) {
+  const size = Number(query.limit) || usual;
   const begin = Number(query.page ?? 0) || 0;
   return {
     items: items.slice(begin, begin + size),
@@ -440,14 +441,29 @@ export const kTable = [
       files: ['/var/backups/needlelab/2026-11-19T09-00-00Z.db'],
     };
   }),
-  get('people/:name/progress', kPeople, ({ lab, params, query }) => ({
-    items: lab.sessions
+  get('people/:name/progress', kPeople, ({ lab, params, query }) => {
+    if (query.newest_first === 'yes' && !query.exercise)
+      throw new Refusal(400, 'invalid_input', 'exercise_id: is missing: attempts of all exercises come oldest first');
+    const items = lab.sessions
       .filter((s) => s.trainee === params.name && (!query.exercise || s.exercise_id === query.exercise))
-      .map((s) => attemptOf(lab, s)),
-    next_page: '',
-    measures: null,
-  })),
-  get('groups', kStaff, ({ lab, query }) => paged([...lab.groups.values()], query)),
+      .map((s) => attemptOf(lab, s));
+    return { ...paged(query.newest_first === 'yes' ? items.reverse() : items, query, 200), measures: null };
+  }),
+  get('people/:name/exercises', kPeople, ({ lab, params }) => {
+    const rows = new Map();
+    for (const s of lab.sessions.filter((one) => one.trainee === params.name)) {
+      const row = rows.get(s.exercise_id) ?? { exercise_id: s.exercise_id, attempts: 0, newest_unix_ms: 0 };
+      const newest_unix_ms = Math.max(row.newest_unix_ms, s.started_unix_ms);
+      rows.set(s.exercise_id, { ...row, attempts: row.attempts + 1, newest_unix_ms });
+    }
+    return { items: [...rows.values()].sort((a, b) => b.newest_unix_ms - a.newest_unix_ms), next_page: '' };
+  }),
+  get('groups', kStaff, ({ lab, query }) => {
+    const part = (query.search ?? '').toLowerCase();
+    const fitting = [...lab.groups.values()].filter((g) => `${g.id}\n${g.name}`.toLowerCase().includes(part));
+    const brief = (g) => ({ ...g, members: [], member_count: g.members.length });
+    return paged(query.brief === 'yes' ? fitting.map(brief) : fitting, query);
+  }),
   create('groups', kManagers, ({ lab, body, who }) => {
     if (lab.groups.has(body.id))
       throw new Refusal(409, 'conflict', `group '${body.id}' is there already`, {
@@ -545,7 +561,12 @@ export const kTable = [
     next_page: '',
   })),
   get('measures', kAll, () => ({ items: measures, definition_version: 1, next_page: '' })),
-  get('assignments', kPeople, ({ lab, query }) => paged(lab.assignments, query)),
+  get('assignments', kPeople, ({ lab, query }) =>
+    paged(
+      lab.assignments.map((a) => ({ ...a, group_name: lab.groups.get(a.group_id)?.name ?? '' })),
+      query,
+    ),
+  ),
   create('assignments', kStaff, ({ lab, body, who }) => {
     const assignment = {
       id: Math.max(0, ...lab.assignments.map((a) => a.id)) + 1,
@@ -554,6 +575,7 @@ export const kTable = [
       group_id: '',
       trainee: '',
       due_unix_ms: null,
+      group_name: '',
       ...body,
       by: who.name,
       created_unix_ms: Date.now(),
@@ -600,6 +622,11 @@ export const kTable = [
     return infoOf(lab, s);
   }),
   get('sessions/:id', kPeople, ({ lab, params, who }) => infoOf(lab, sessionOf(lab, params.id, who))),
+  get('sessions/:id/attempt', kPeople, ({ lab, params, who }) => {
+    const s = sessionOf(lab, params.id, who);
+    if (s.unknown_trainee) throw missing(`attempt '${params.id}'`);
+    return { ...attemptOf(lab, s), score: null };
+  }),
   get('sessions/:id/score', kPeople, ({ lab, params, who }) => scoreReply(lab, sessionOf(lab, params.id, who), true)),
   post('sessions/:id/rescore', kStaff, ({ lab, params, who }) =>
     scoreReply(lab, sessionOf(lab, params.id, who), false),

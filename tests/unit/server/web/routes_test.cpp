@@ -100,9 +100,9 @@ TEST(Routes, aPlainOneFindsAFieldForEachPartAndNameOfTheQuery) {
     for (const auto& list : {fields.parts, fields.query})
       for (const FieldDescriptor* field : list) {
         ASSERT_NE(field, nullptr) << route.method << " " << route.pattern;
-        EXPECT_TRUE(field->type() == FieldDescriptor::TYPE_STRING ||
-                    field->type() == FieldDescriptor::TYPE_BYTES ||
-                    field->type() == FieldDescriptor::TYPE_UINT32)
+        EXPECT_TRUE(
+            field->type() == FieldDescriptor::TYPE_STRING || field->type() == FieldDescriptor::TYPE_BYTES ||
+            field->type() == FieldDescriptor::TYPE_UINT32 || field->type() == FieldDescriptor::TYPE_BOOL)
             << route.method << " " << route.pattern << ": " << field->name();
       }
   }
@@ -121,6 +121,16 @@ TEST(Routes, plainOnesFillTheirCallFromAddressQueryBodyAndIfMatch) {
   EXPECT_EQ(progress->get_progress().trainee(), "tina");
   EXPECT_EQ(progress->get_progress().exercise_id(), "e1");
   EXPECT_EQ(progress->get_progress().page(), "\x01\x02");
+
+  call = {};
+  call.target.query = {{"brief", "yes"}, {"limit", "7"}, {"search", "a"}};
+  EXPECT_TRUE(built("GET", "/groups", call)->list_groups().brief());
+  EXPECT_EQ(built("GET", "/groups", call)->list_groups().limit(), 7u);
+  EXPECT_EQ(built("GET", "/groups", call)->list_groups().search(), "a");
+  call.target.query["brief"] = "no";
+  EXPECT_FALSE(built("GET", "/groups", call)->list_groups().brief());
+  call.target.query["brief"] = "true";
+  EXPECT_EQ(built("GET", "/groups", call).error().code, ErrorCode::kInvalidInput);
 
   call = {};
   call.target.query = {{"definition_version", "3"}};
