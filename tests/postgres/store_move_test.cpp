@@ -2,8 +2,11 @@
 #include <signal.h>
 #include <sys/wait.h>
 
+#include <algorithm>
+#include <iterator>
 #include <map>
 #include <utility>
+#include <vector>
 
 #include "db/service/other_stores.h"
 #include "tests/postgres/store_move_fixture.h"
@@ -47,7 +50,7 @@ TEST_F(StoreMoveTest, aLabGoesToPostgresAndBackWithItsKeysAndItsLog) {
   EXPECT_THAT(copyBack().out, HasSubstr("nothing to do"));
 }
 
-/// The rows of each table in a dump, but of those in which the starts in between write.
+/// The rows of each table in a dump.
 std::map<std::string, std::string> tablesOf(const std::string& dump) {
   std::map<std::string, std::string> tables;
   for (std::size_t at = dump.find("== "); at != std::string::npos;) {
@@ -56,8 +59,23 @@ std::map<std::string, std::string> tablesOf(const std::string& dump) {
     tables[part.substr(3, part.find(':') - 3)] = part;
     at = next == std::string::npos ? next : next + 1;
   }
-  for (const char* log : {"audit", "audit_chain", "meta"}) EXPECT_EQ(tables.erase(log), 1u) << log;
   return tables;
+}
+
+/// The rows of a table that it has, and `other` has not.
+std::vector<std::string> rowsBeyond(const std::string& table, const std::string& other) {
+  const auto rowsOf = [](const std::string& text) {
+    std::vector<std::string> rows;
+    for (std::size_t at = text.find('\n') + 1, end = 0; (end = text.find('\n', at)) != std::string::npos;
+         at = end + 1)
+      rows.push_back(text.substr(at, end - at));
+    std::sort(rows.begin(), rows.end());
+    return rows;
+  };
+  const auto rows = rowsOf(table), others = rowsOf(other);
+  std::vector<std::string> beyond;
+  std::set_difference(rows.begin(), rows.end(), others.begin(), others.end(), std::back_inserter(beyond));
+  return beyond;
 }
 
 TEST_F(StoreMoveTest, aFolderOfAnOldVersionGoesToPostgresAndBackAsItIsAfterItsMigration) {
@@ -78,9 +96,21 @@ TEST_F(StoreMoveTest, aFolderOfAnOldVersionGoesToPostgresAndBackAsItIsAfterItsMi
     ASSERT_EQ(back.code, 0) << back.err;
     auto before = TestDb::must(Connection::open(moved->kept, {}));
     auto after = TestDb::must(Connection::open(folder.path() / name / "needlelab.db", {}));
-    const auto tables = tablesOf(dump(before));
+    auto tables = tablesOf(dump(before)), moved_tables = tablesOf(dump(after));
+    // the way back has a line of its own, and its proof; all others are as they were
+    for (const char* log : {"audit", "audit_chain"}) {
+      EXPECT_THAT(rowsBeyond(tables[log], moved_tables[log]), testing::IsEmpty()) << log;
+      EXPECT_EQ(rowsBeyond(moved_tables[log], tables[log]).size(), 1u) << log;
+    }
+    EXPECT_THAT(rowsBeyond(moved_tables["audit"], tables["audit"]),
+                testing::ElementsAre(HasSubstr("from PostgreSQL to SQLite")));
+    EXPECT_THAT(rowsBeyond(moved_tables["meta"], tables["meta"]), testing::IsEmpty());
+    EXPECT_THAT(rowsBeyond(tables["meta"], moved_tables["meta"]),
+                testing::ElementsAre(testing::StartsWith("'copied_to'")));
+    for (const char* grown : {"audit", "audit_chain", "meta"})
+      for (auto* all : {&tables, &moved_tables}) EXPECT_EQ(all->erase(grown), 1u) << grown;
     EXPECT_EQ(tables.size(), 25u);
-    EXPECT_EQ(tablesOf(dump(after)), tables);
+    EXPECT_EQ(moved_tables, tables);
   }
 }
 

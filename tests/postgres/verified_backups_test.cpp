@@ -16,6 +16,7 @@
 #include "db/audit.h"
 #include "db/schema.h"
 #include "db/store_address.h"
+#include "tests/support/postgres_url.h"
 #include "tests/unit/db/service/test_service.h"
 
 namespace needlelab {
@@ -121,15 +122,7 @@ class VerifiedBackups : public test::ServiceTest {
     request.mutable_backup()->set_counts_as_safe(counts_as_safe);
     return request;
   }
-  /// The test databases' address as a URL, which the request wants.
-  [[nodiscard]] std::string restoredUrl() const {
-    const std::string& text = restored.address.url;
-    const auto value = [&](const std::string& name) {
-      const auto at = text.find(name + "=") + name.size() + 1;
-      return text.substr(at, text.find(' ', at) - at);
-    };
-    return "postgresql://" + value("user") + "@/" + value("dbname") + "?host=" + value("host");
-  }
+  [[nodiscard]] std::string restoredUrl() const { return test::urlFormOf(restored.address.url); }
   std::uint64_t safe() {
     auto reader = store->readers().borrow();
     return *SessionStore(**reader).safeSeqs(id);

@@ -142,19 +142,25 @@ class FaultLab:
         made.copy_of(self.template_of.cluster).start()
         return made
 
-    def standby_of(self, primary, name):
+    def standby_of(self, primary, name, environment=None):
         made = Cluster(self.folder / name)
         self.clusters.append(made)
+        made.environment = environment or {}
         made.follow(primary)
         return made
 
-    def room_for(self, name, mebibytes):
-        """A small disk for the cluster of that name, which is made there."""
+    def small_disk(self, name, mebibytes):
+        """A cluster that is still to be made, on a disk of its own."""
         made = Cluster(self.folder / name)
         self.clusters.append(made)
         run("mount", "-t", "tmpfs", "-o", f"size={mebibytes}m,mode=0755", "tmpfs", made.folder)
         self.mounted = made.folder
         run("chown", "--reference", self.template_of.cluster.data, made.folder)
+        return made
+
+    def room_for(self, name, mebibytes):
+        """A running primary on a small disk."""
+        made = self.small_disk(name, mebibytes)
         made.copy_of(self.template_of.cluster).start()
         return made
 

@@ -38,6 +38,7 @@ SCENARIOS = {
     **dict(under_both("restart", scenarios.restart, 0, 2, 5)),
     **dict(under_both("kill", scenarios.kill, 0, 2, 8)),
     **dict(under_both("pause", scenarios.pause, 0, 2, 6)),
+    **dict(under_both("pause-long", scenarios.pause_long, 0, 1, 1)),
     **dict(under_both("connections", scenarios.connections, 0, 2, 3)),
     **dict(under_both("load", scenarios.load, 0, 1, 6)),
     **dict(under_both("disk-full", scenarios.disk_full, 0, 1, 3)),
@@ -46,8 +47,11 @@ SCENARIOS = {
     "promotion": (scenarios.promotion, 1, 4, 4),
     "standby-lost": (scenarios.standby_lost, 0, 3, 3),
     "weak-settings": (scenarios.weak_settings, 0, 3, 2),
+    "commit-late": (scenarios.commit_late, 0, 1, 1),
+    "standby-disk-full": (scenarios.standby_disk_full, 0, 1, 2),
     "lagging": (scenarios.lagging, 1, 3, 2),
     "power-cut": (power_cuts.power_cut, 1, 6, 8),
+    "power-cut-two-disks": (power_cuts.power_cut_promotion, 0, 2, 4),
 }
 AT_ONCE = 3  # labs; most of them wait
 LONG_SEEDS_PLANTED = 2

@@ -3,7 +3,7 @@ them, any part of what was written since a file's last sync is taken back. Names
 import struct
 
 from clusters import Failed
-from scenarios import MISSING, CannotPlay, sound, streaming
+from scenarios import MISSING, TWO_DISKS, CannotPlay, new_standby, sound, streaming
 
 RECORD = struct.Struct("<5Q")
 SECTOR = 512
@@ -66,16 +66,17 @@ def cut(cluster, dice, outcome):
     return touched
 
 
-def cluster_on_such_a_disk(lab):
+def such_a_disk(lab, name):
+    """What the processes of the cluster of that name are started with."""
     shim = lab.template_of.bin / "needlelab_cut_shim"
     if not shim.exists():
         raise CannotPlay(f"{shim} is not built")
-    return lab.cluster("a", {"LD_PRELOAD": str(shim), "NEEDLELAB_CUT_LOG": str(lab.folder / "a" / "cut.log")})
+    return {"LD_PRELOAD": str(shim), "NEEDLELAB_CUT_LOG": str(lab.folder / name / "cut.log")}
 
 
 def cuts(lab, dice, rounds, durability, outcomes, weaken=None):
     """The judgement after the last cut, or after the first that has faults."""
-    a = cluster_on_such_a_disk(lab)
+    a = lab.cluster("a", such_a_disk(lab, "a"))
     if weaken is not None:
         weaken(a)
     streaming(lab, dice, lab.url(a), durability)
@@ -102,6 +103,31 @@ def cuts(lab, dice, rounds, durability, outcomes, weaken=None):
 
 def power_cut(lab, dice, rounds):
     return cuts(lab, dice, rounds, "power-cut", dice.sample(["sectors", "nothing", "per file", "everything"], 4))
+
+
+def power_cut_promotion(lab, dice, rounds):
+    """The primary's power is cut, in every second round its standby's, too; the standby is promoted and has all that was acknowledged."""
+    a = lab.cluster("a", such_a_disk(lab, "a"))
+    b = lab.standby_of(a, "b", such_a_disk(lab, "b"))
+    streaming(lab, dice, lab.url(a, b), TWO_DISKS)
+    outcomes, touched = dice.sample(["sectors", "nothing", "per file"], 3), 0
+    for round_number in range(rounds):
+        lab.wait_for_more("ack", dice.randrange(3, 20))
+        outcome = outcomes[round_number % len(outcomes)]
+        touched += cut(a, dice, outcome)
+        lab.faults_played += 1
+        if round_number % 2 == 1:
+            touched += cut(b, dice, outcome)
+            b.start()
+        b.promote()
+        sound(lab.judge(b, False, [b]))
+        new_standby(a, b)
+        lab.wait_for_more("ack", dice.randrange(3, 20))
+        a, b = b, a
+    if touched == 0:
+        raise Failed("no cut met a byte that was not synced")
+    print(f"{rounds} power cuts below PostgreSQL, {touched} files with bytes that were not synced\n", end="", flush=True)
+    return lab.finish(a, b)
 
 
 def commits_off(a):

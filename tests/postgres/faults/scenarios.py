@@ -12,6 +12,7 @@ from commit_proxy import CommitProxy
 from fault_lab import STATIONS, Judgement
 
 MISSING = "acknowledged-but-missing"
+ANSWER_TIMEOUT_S = 30  # PostgresOptions::answer_timeout
 POWER_CUT, TWO_DISKS = "power-cut", "two-disks"  # what an ack must survive, as needlelab-server has it
 
 
@@ -97,6 +98,23 @@ def pause(lab, dice, rounds, durability):
         yield
         a.signal_all(signal.SIGCONT)
     return again_and_again(lab, dice, rounds, durability, fault)
+
+
+def pause_long(lab, dice, rounds, durability):
+    """Longer than the server waits for an answer: it gives the connection up, and asks afterwards what became of a COMMIT."""
+    a = lab.cluster("a")
+    standbys = standbys_of(lab, a, durability)
+    streaming(lab, dice, lab.url(a, *standbys), durability)
+    for _ in range(rounds):
+        a.signal_all(signal.SIGSTOP)
+        lab.faults_played += 1
+        time.sleep(0.3)  # acks that were under way
+        lab.silent_for(ANSWER_TIMEOUT_S + dice.uniform(1, 5))
+        if lab.health()["healthy"]:
+            raise Failed("the server says that it is healthy while PostgreSQL stands still")
+        a.signal_all(signal.SIGCONT)
+        lab.wait_for_more("ack", dice.randrange(3, 20), 90)
+    return lab.finish(a, *standbys)
 
 
 def connections(lab, dice, rounds, durability):
@@ -271,6 +289,30 @@ def says_why(lab, words):
     until(lambda: any(words in problem for problem in lab.health()["problems"]), f"/healthz says '{words}'")
 
 
+def commits_waiting(a):
+    """COMMITs that are done on the primary's disk, and wait for the standby."""
+    return int(a.sql("SELECT count(*) FROM pg_stat_activity WHERE wait_event = 'SyncRep'"))
+
+
+def commit_late(lab, dice, rounds):
+    """The standby stands still: a COMMIT is answered later than the server waits for. It is not acknowledged, and asked for again."""
+    a, b = two_disks(lab, dice)
+    for _ in range(rounds):
+        b.signal_all(signal.SIGSTOP)
+        until(lambda: commits_waiting(a) > 0, "a COMMIT waits for the standby")
+        lab.faults_played += 1
+        time.sleep(0.3)  # acks that were under way
+        chunks = "SELECT count(*) FROM needlelab.chunks"
+        before = int(a.sql(chunks))
+        lab.silent_for(ANSWER_TIMEOUT_S + dice.uniform(1, 5))
+        if commits_waiting(a) == 0 or int(a.sql(chunks)) != before:
+            raise Failed("the COMMIT did not wait that long")
+        b.signal_all(signal.SIGCONT)
+        until(lambda: int(a.sql(chunks)) > before, "PostgreSQL commits")  # pylint: disable=cell-var-from-loop
+        lab.wait_for_more("ack", dice.randrange(3, 20), 90)
+    return lab.finish(a, b)
+
+
 def weak_settings(lab, dice, rounds):
     """Somebody takes the second disk away by a setting: nothing is stored until he puts it back, and /healthz says why."""
     a, b = two_disks(lab, dice)
@@ -295,6 +337,44 @@ def weak_settings(lab, dice, rounds):
         a.setting("synchronous_standby_names", "ANY 1 (b)")
         lab.wait_for_more("ack", dice.randrange(3, 20))
     return lab.finish(a, b)
+
+
+def standby_disk_full(lab, dice, rounds):
+    """The standby's disk has no byte left: it gets nothing more, so nothing is acknowledged. Then the primary is lost."""
+    if os.getuid() != 0:
+        raise CannotPlay("a small disk can only be mounted by root")
+    a = lab.cluster("a")
+    b = lab.small_disk("b", 160)
+    b.follow(a)
+    streaming(lab, dice, lab.url(a, b), TWO_DISKS)
+    ballast = b.folder / "ballast"
+
+    def a_commit_waits():
+        before = lab.count("ack")
+        time.sleep(1)
+        return commits_waiting(a) > 0 and lab.count("ack") == before
+
+    for _ in range(rounds):
+        fill(b.folder, ballast)
+        # segments that are there already are filled first
+        until(a_commit_waits, "a COMMIT waits for the standby", 90)
+        lab.faults_played += 1
+        lab.silent_for(dice.uniform(0.5, 2))
+        ballast.unlink()
+        if not b.everybody():
+            b.start()
+        lab.wait_for_more("ack", dice.randrange(3, 20), 90)
+    fill(b.folder, ballast)
+    until(a_commit_waits, "a COMMIT waits for the standby", 90)
+    lab.faults_played += 1
+    a.kill()
+    ballast.unlink()
+    if not b.everybody():
+        b.start()
+    b.promote()
+    sound(lab.judge(b, False, [b]))
+    new_standby(a, b)
+    return lab.finish(b, a)
 
 
 def lagging(lab, dice, rounds):

@@ -88,13 +88,14 @@ void OneServer::startAnew() {
 }
 
 TwoAnswers runInTurn(OneServer& first_on, const ServerWork& first, OneServer& second_on,
-                     const ServerWork& second) {
+                     const ServerWork& second, const std::function<void()>& between) {
   TwoAnswers answers;
   for (OneServer* server : {&first_on, &second_on}) {
     server->startAnew();
     server->gate().arm({});
   }
   answers.first = first(first_on);
+  between();
   answers.second = second(second_on);
   return answers;
 }

@@ -82,9 +82,9 @@ struct TwoAnswers {
   bool second_waited = false;
 };
 
-/// `first` to its end, then `second`. Both gates have counted their statements afterwards.
+/// `first` to its end, `between`, then `second`. Both gates have counted their statements afterwards.
 TwoAnswers runInTurn(OneServer& first_on, const ServerWork& first, OneServer& second_on,
-                     const ServerWork& second);
+                     const ServerWork& second, const std::function<void()>& between);
 
 /// `first` up to its statement `held_before`; then `second` to its end, or until it waits for a lock, as
 /// `control`, another connection to the database, sees it; then both to their ends. Throws when either does

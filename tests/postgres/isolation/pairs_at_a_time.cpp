@@ -2,18 +2,13 @@
 
 #include <google/protobuf/text_format.h>
 
-#include <functional>
-#include <future>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <utility>
 
-#include "common/base/clock.h"
-#include "db/seen_time.h"
+#include "db/audit_chain.h"
 #include "db/service/requests.h"
-#include "db/session_rows.h"
-#include "tests/unit/db/test_db.h"
 
 namespace needlelab::test {
 namespace {
@@ -91,7 +86,9 @@ constexpr TwoRequests kSameRequests[] = {
   {"ada", "import_all { import_id: 'i1' records: {zoe one} }", "abe", "import_all { import_id: 'i1' records: {yan one} last: true }"},
   {"ada", "change_lab_settings { codes_required: true }", "abe", "change_lab_settings { codes_required: true }"},
   {"ada", "change_lab_settings { codes_required: true }", "abe", "change_lab_settings { codes_required: false }"},
-  {"ada", "backup {}", "abe", "backup {}"},
+  {"ada", "backup { path: {restored} counts_as_safe: true }", "abe", "backup { path: {restored} counts_as_safe: true }"},
+  {"ada", "backup { path: {restored} counts_as_safe: true }", "abe", "backup { path: {older} counts_as_safe: true }"},
+  {"ada", "backup { path: {older} counts_as_safe: true }", "abe", "backup { path: {restored} counts_as_safe: true }"},
   {"ada", "set_retention { policy { exercise_id: 'first' delete_after_days: 30 } }",
    "mia", "set_retention { policy { exercise_id: 'first' delete_after_days: 60 } }"},
   {"ada", "set_retention { policy { exercise_id: 'second' } as_default: true }",
@@ -123,6 +120,8 @@ constexpr TwoRequests kOtherRequests[] = {
   {"ina", "rescore_session { session_id: 'closed-session-1' }", "ada", "rescore_all {}"},
   {"mia", "export_person { name: 'anna' }", "ada", "change_user { name: 'anna' base_revision: 1 full_name: 'Anna One' }"},
   {"ada", "add_user { name: 'nobody' role: TRAINEE }", "mia", "assign_session { session_id: 'waits--session-4' trainee: 'anna' }"},
+  {"ada", "backup { path: {restored} counts_as_safe: true }", "mia", "run_retention {}"},
+  {"ada", "backup { path: {older} counts_as_safe: true }", "mia", "run_retention {}"},
   // an erasure; in one program only one at a time (erasures.cpp)
   {"ada", "erase_person { name: 'carl' confirm: 'carl' with_open_sessions: true }", "mia", "change_user { name: 'carl' base_revision: 1 full_name: 'Carl Two' }"},
   {"ada", "erase_person { name: 'carl' confirm: 'carl' with_open_sessions: true }", "mia", "add_user { name: 'carl' role: TRAINEE }", kWhoElseHasTheName},
@@ -130,6 +129,7 @@ constexpr TwoRequests kOtherRequests[] = {
   {"ada", "erase_person { name: 'carl' confirm: 'carl' with_open_sessions: true }", "ina", "assign { trainee: 'carl' exercise_id: 'first' }"},
   {"ada", "erase_person { name: 'carl' confirm: 'carl' with_open_sessions: true }", "mia", "assign_session { session_id: 'waits--session-4' trainee: 'carl' }"},
   {"ada", "erase_person { name: 'carl' confirm: 'carl' with_open_sessions: true }", "mia", "put_group { group { id: 'g1' name: 'Two' members: 'carl' } base_revision: 1 }"},
+  {"ada", "erase_person { name: 'carl' confirm: 'carl' with_open_sessions: true }", "abe", "backup { path: {restored} counts_as_safe: true }"},
   {"ada", "erase_person { name: 'abe' confirm: 'abe' }", "abe", "add_user { name: 'tom' role: TRAINEE }"},
 };
 // clang-format on
@@ -156,6 +156,8 @@ std::map<std::string, std::string> textsOf(const SharedWorld& world) {
       texts[std::string("{") + name + " " + number + "}"] = quoted(person.dump());
     }
   }
+  texts["{restored}"] = quoted(world.restoredUrl());
+  texts["{older}"] = quoted(world.olderUrl());
   constexpr const char* kFirst = R"({"id":"first","name":"The first one","profile_id":"knee-adult"})";
   texts["{course one}"] = quoted(std::string(R"({"id":"course","name":"Course one","exercises":[)") + kFirst +
                                  R"(,{"id":"second","name":"The second","profile_id":"knee-adult"}]})");
@@ -163,23 +165,6 @@ std::map<std::string, std::string> textsOf(const SharedWorld& world) {
   texts["{course two}"] =
       quoted(std::string(R"({"id":"course","name":"Course two","exercises":[)") + kFirst + "]}");
   return texts;
-}
-
-Principal principalOf(const std::string& name) {
-  static const std::map<std::string, pb::Role> kRoles{{"ada", pb::ADMINISTRATOR},
-                                                      {"abe", pb::ADMINISTRATOR},
-                                                      {"mia", pb::CURRICULUM_MANAGER},
-                                                      {"ina", pb::INSTRUCTOR},
-                                                      {"rea", pb::RESEARCHER}};
-  return {name, kRoles.at(name), true, 1};
-}
-
-std::string answerText(const Outcome& outcome) {
-  const std::string access = outcome.access_changed ? " (access changed)" : "";
-  if (outcome.error)
-    return "refused " + std::to_string(static_cast<int>(outcome.error->code)) + ": " +
-           outcome.error->message + access;
-  return outcome.reply.ShortDebugString() + access;
 }
 
 struct MadeRequest {
@@ -200,80 +185,6 @@ MadeRequest requestOf(const std::string& by, std::string text,
           request.call_case()};
 }
 
-/// What stations send, through the writer as server/live does it.
-ServerWork onWriter(std::function<Result<std::string>(Connection&)> work) {
-  return [work = std::move(work)](OneServer& server) {
-    std::string text;
-    const Status done = server.writer().run([&](Connection& c) -> Status {
-      ASSIGN_OR_RETURN(text, work(c));
-      return {};
-    });
-    return done ? text
-                : "refused " + std::to_string(static_cast<int>(done.error().code)) + ": " +
-                      done.error().message;
-  };
-}
-
-ServerWork opening(const std::string& id, const std::string& trainee, const std::string& device) {
-  return onWriter([=](Connection& c) -> Result<std::string> {
-    auto d = describe(*uuidOf(id));
-    d.set_trainee(trainee);
-    d.set_exercise_id("first");
-    d.set_device(device);
-    ASSIGN_OR_RETURN(const auto next, SessionStore(c).open(d, 1));
-    return "next " + std::to_string(next);
-  });
-}
-
-/// Chunk `seq` of the open session. `samples`: another number makes another chunk.
-ServerWork appending(std::uint64_t seq, std::size_t samples) {
-  return [=](OneServer& server) {
-    const Bytes bytes = chunkOf(seq, samples);
-    Appended appended;
-    std::promise<Status> done;
-    const Status posted =
-        server.writer().postChunk({*uuidOf(kOpenSession), seq, bytes, "station-1", &appended},
-                                  [&](const Status& status) { done.set_value(status); });
-    const Status status = posted ? done.get_future().get() : posted;
-    if (!status) return "refused: " + status.error().message;
-    return "appended " + std::to_string(static_cast<int>(appended.kind)) + ", next " +
-           std::to_string(appended.next_seq) + " " + appended.text;
-  };
-}
-
-pb::CloseSession closeOfOpen(std::uint64_t chunks) {
-  constexpr std::size_t kSamples = 60;
-  return closeOf(*uuidOf(kOpenSession), chunks, kSamples);
-}
-
-std::string closedText(const Closed& closed) {
-  return "closed " + std::to_string(static_cast<int>(closed.kind)) + ", next " +
-         std::to_string(closed.next_seq) + ", state " + std::to_string(static_cast<int>(closed.state)) +
-         ", " + closed.text + ", ";
-}
-
-ServerWork closing(std::uint64_t chunks) {
-  return [=](OneServer& server) {
-    const auto closed = server.service().closeSession(closeOfOpen(chunks), "station-1");
-    if (!closed) return "refused: " + closed.error().message;
-    return closedText(closed->closed) + closed->score_json + closed->score_fault;
-  };
-}
-
-/// The score of a long session takes a while, in which its person may be erased.
-InTwoCommits closingInTwoCommits(std::uint64_t chunks) {
-  const auto close = onWriter([=](Connection& c) -> Result<std::string> {
-    const std::int64_t now_unix_ns = wallNowNs();
-    ASSIGN_OR_RETURN(const auto closed, SessionStore(c).close(closeOfOpen(chunks), now_unix_ns, "station-1"));
-    RETURN_IF_ERROR(SeenTimeStore(c).noteClose(*uuidOf(kOpenSession), now_unix_ns));
-    return closedText(closed);
-  });
-  return {close, [=](OneServer& server) -> std::string {
-            const auto again = server.service().closeSession(closeOfOpen(chunks), "station-1");
-            return again ? again->score_json + again->score_fault : "refused: " + again.error().message;
-          }};
-}
-
 }  // namespace
 
 Indivisible indivisibleOf(pb::Request::CallCase call) {
@@ -282,6 +193,7 @@ Indivisible indivisibleOf(pb::Request::CallCase call) {
     case pb::Request::kExportAll:
     case pb::Request::kExportStudy:
       return Indivisible::kStored;
+    case pb::Request::kBackup:  // its line comes before it connects
     case pb::Request::kRescoreAll:
     case pb::Request::kRunRetention:
       return Indivisible::kSteps;
@@ -305,41 +217,63 @@ std::vector<PairAtATime> pairsAtATime(const SharedWorld& world) {
   constexpr std::size_t kSame = 60, kAnother = 30;
   const auto request = [&](const char* by, const char* text) { return requestOf(by, text, texts); };
   const auto erase = request("ada", "erase_person { name: 'carl' confirm: 'carl' with_open_sessions: true }");
-  const auto addOfStation = [&](const char* name, ServerWork first, ServerWork second,
-                                pb::Request::CallCase call = pb::Request::CALL_NOT_SET) {
+  const auto addWork = [&](const char* name, ServerWork first, ServerWork second,
+                           pb::Request::CallCase call = pb::Request::CALL_NOT_SET) {
     pairs.push_back({name, std::move(first), std::move(second), pb::Request::CALL_NOT_SET, call});
   };
-  addOfStation("a session is opened | and once more", opening("new----session-9", "anna", "one"),
-               opening("new----session-9", "anna", "one"));
-  addOfStation("a session is opened | and otherwise", opening("new----session-9", "anna", "one"),
-               opening("new----session-9", "anna", "two"));
-  addOfStation("two sessions are opened", opening("new----session-8", "anna", "one"),
-               opening("new----session-9", "anna", "one"));
-  addOfStation("a chunk | and once more", appending(2, kSame), appending(2, kSame));
-  addOfStation("a chunk | and another one in its place", appending(2, kSame), appending(2, kAnother));
-  addOfStation("a chunk | and the one behind it", appending(2, kSame), appending(3, kSame));
-  addOfStation("a chunk | and the close with it", appending(2, kSame), closing(3));
-  addOfStation("a chunk | and the close without it", appending(2, kSame), closing(2));
-  addOfStation("a close | and once more", closing(2), closing(2));
-  addOfStation("a close | and one with more chunks", closing(2), closing(3));
-  addOfStation("a chunk | and the erasure of its trainee", appending(2, kSame), erase.work, erase.call);
-  addOfStation("a close | and the erasure of its trainee", closing(2), erase.work, erase.call);
+  addWork("a session is opened | and once more", opening("new----session-9", "anna", "one"),
+          opening("new----session-9", "anna", "one"));
+  addWork("a session is opened | and otherwise", opening("new----session-9", "anna", "one"),
+          opening("new----session-9", "anna", "two"));
+  addWork("two sessions are opened", opening("new----session-8", "anna", "one"),
+          opening("new----session-9", "anna", "one"));
+  addWork("a chunk | and once more", appending(2, kSame), appending(2, kSame));
+  addWork("a chunk | and another one in its place", appending(2, kSame), appending(2, kAnother));
+  addWork("a chunk | and the one behind it", appending(2, kSame), appending(3, kSame));
+  addWork("a chunk | and the close with it", appending(2, kSame), closing(3));
+  addWork("a chunk | and the close without it", appending(2, kSame), closing(2));
+  addWork("a close | and once more", closing(2), closing(2));
+  addWork("a close | and one with more chunks", closing(2), closing(3));
+  addWork("a chunk | and the erasure of its trainee", appending(2, kSame), erase.work, erase.call);
+  addWork("a close | and the erasure of its trainee", closing(2), erase.work, erase.call);
   pairs.back().first_commits = closingInTwoCommits(2);
-  addOfStation("a session is opened | and its trainee is erased", opening("new----session-9", "carl", "one"),
-               erase.work, erase.call);
+  addWork("a session is opened | and its trainee is erased", opening("new----session-9", "carl", "one"),
+          erase.work, erase.call);
+  addWork("a chunk that cannot be decoded | and once more", appendingUndecodable(2), appendingUndecodable(2));
+  addWork("a chunk that cannot be decoded | and a sound one in its place", appendingUndecodable(2),
+          appending(2, kSame));
+  addWork("a chunk that cannot be decoded | and the one behind it, neither", appendingUndecodable(2),
+          appendingUndecodable(3));
+  addWork("a chunk that cannot be decoded | and the erasure of its trainee", appendingUndecodable(2),
+          erase.work, erase.call);
+  const auto backup = request("ada", "backup { path: {restored} counts_as_safe: true }");
+  addWork("a chunk | and a backup", appending(2, kSame), backup.work, backup.call);
+  addWork("a close | and a backup", closing(2), backup.work, backup.call);
+  addWork("a log-in | and once more", loggingIn("ina"), loggingIn("ina"));
+  addWork("a code is locked | and once more", typingWrongCodes(), typingWrongCodes());
+  addWork("a code is locked | and is another one", typingWrongCodes(),
+          request("mia", "set_code { name: 'cora' code: '081516' }").work, pb::Request::kSetCode);
+  const auto read = request("ina", "list_scores { course_id: 'course' }");
+  const auto readOften = [read](OneServer& server) {
+    const std::string once = read.work(server);
+    return once + read.work(server);
+  };
+  addWork("scores are read, often | and by the other server", readOften, readOften);
+  addWork("audit acknowledge | store forget", noting(kAuditAcknowledge, "line 1", "1:2"),
+          noting("store forget", "postgresql://tess@/left", "said to be gone"));
   const auto added = request("mia", "add_user { name: 'zoe' role: TRAINEE }");
-  addOfStation("a session of nobody is opened | and the trainee is added",
-               opening("new----session-9", "zoe", "one"), added.work, added.call);
+  addWork("a session of nobody is opened | and the trainee is added",
+          opening("new----session-9", "zoe", "one"), added.work, added.call);
   const auto code = request("mia", "set_code { name: 'anna' code: '081516' }");
-  addOfStation("a session is opened | and its trainee gets a code",
-               opening("new----session-9", "anna", "one"), code.work, code.call);
+  addWork("a session is opened | and its trainee gets a code", opening("new----session-9", "anna", "one"),
+          code.work, code.call);
   const auto revoked = request("ada", "revoke_station { name: 'station-1' }");
-  addOfStation("a session is opened | and its station is revoked", opening("new----session-9", "anna", "one"),
-               revoked.work, revoked.call);
+  addWork("a session is opened | and its station is revoked", opening("new----session-9", "anna", "one"),
+          revoked.work, revoked.call);
   const auto given = request("mia", "assign_session { session_id: 'open---session-3' trainee: 'anna' }");
-  addOfStation("a close | and the session is given to another person", closing(2), given.work, given.call);
+  addWork("a close | and the session is given to another person", closing(2), given.work, given.call);
   const auto annotated = request("ina", "annotate { session_id: 'open---session-3' tick: 1 text: 'one' }");
-  addOfStation("a close | and a remark", closing(2), annotated.work, annotated.call);
+  addWork("a close | and a remark", closing(2), annotated.work, annotated.call);
   return pairs;
 }
 

@@ -7,6 +7,7 @@
 
 #include "needlelab/control.pb.h"
 #include "tests/postgres/isolation/interleaving.h"
+#include "tests/postgres/isolation/server_works.h"
 #include "tests/postgres/isolation/shared_world.h"
 
 namespace needlelab::test {
@@ -19,15 +20,10 @@ enum class Indivisible {
 };
 Indivisible indivisibleOf(pb::Request::CallCase call);
 
-/// The two commits of a piece of work that promises no more than that each is as if nobody had come between.
-struct InTwoCommits {
-  ServerWork begins, ends;  ///< their answers, one behind the other, are the whole one's
-};
-
 struct PairAtATime {
   std::string name;  ///< "user add, user add"
   ServerWork first, second;
-  /// Of requests; CALL_NOT_SET: what a station sends.
+  /// Of requests that have something stored; CALL_NOT_SET: what stores, too, as what a station sends.
   pb::Request::CallCase first_call = pb::Request::CALL_NOT_SET;
   pb::Request::CallCase second_call = pb::Request::CALL_NOT_SET;
   /// A sentence of an answer that begins so is a look at a moment behind what was stored, and not compared.
@@ -35,8 +31,8 @@ struct PairAtATime {
   std::optional<InTwoCommits> first_commits = {}, second_commits = {};
 };
 
-/// Each request that has something stored, from two people; and different ones, and stations' chunks, that
-/// touch the same rows. Throws where a request cannot be read.
+/// Each request that has something stored, from two people; and different ones, stations' chunks, and lines
+/// of the audit log, that touch the same rows. Throws where a request cannot be read.
 std::vector<PairAtATime> pairsAtATime(const SharedWorld& world);
 
 }  // namespace needlelab::test

@@ -18,6 +18,7 @@
 #include "db/engine/open_postgres.h"
 #include "db/people.h"
 #include "db/session_rows.h"
+#include "tests/support/postgres_url.h"
 #include "tests/unit/db/service/test_service.h"
 
 namespace needlelab::test {
@@ -71,6 +72,12 @@ Uuid idOf(const char* text) {
 
 constexpr std::uint64_t kChunksOfSession = 3;
 constexpr std::size_t kSamplesOfChunk = 60;
+constexpr std::int64_t kOlderMade_unix_ns = 1'600'000'000'000'000'000;
+constexpr std::int64_t kNewerMade_unix_ns = 1'700'000'000'000'000'000;
+
+std::string databaseOf(const std::string& address) {
+  return address.substr(address.rfind('=') + 1);
+}
 
 }  // namespace
 
@@ -110,6 +117,7 @@ SharedWorld::SharedWorld()
     throw std::runtime_error("libsodium keeps its random numbers");
   (void)withoutTimes("");
   fill();
+  restored_url_ = restoredNow("restored", kNewerMade_unix_ns);
   control_ = std::make_unique<Connection>(orThrow(openPostgres({.url = address_.url})), address_.path);
   const auto tables = orThrow(control_
                                   ->prepare("SELECT tablename::text FROM pg_tables"
@@ -141,8 +149,27 @@ void SharedWorld::connectAnew() {
   other_ = std::make_unique<OneServer>(address_);
 }
 
+std::string SharedWorld::restoredNow(const char* folder, std::int64_t made_unix_ns) {
+  // so it is removed at the end
+  const std::string address = postgresUrlOf(folder_.path() / folder);
+  const std::string name = databaseOf(address);
+  {
+    const std::string everywhere = address.substr(0, address.rfind('=') + 1) + "postgres";
+    Connection control(orThrow(openPostgres({.url = everywhere})), address_.path);
+    orThrow(control.script("DROP DATABASE " + name));
+    orThrow(control.script("CREATE DATABASE " + name + " TEMPLATE " + databaseOf(address_.url)));
+  }
+  Connection restored(orThrow(openPostgres({.url = address})), address_.path);
+  const std::string made = std::to_string(made_unix_ns);
+  // without the triggers that keep the log as it is
+  orThrow(restored.script("SET session_replication_role = replica; UPDATE audit SET unix_ns = " + made +
+                          "; INSERT INTO meta (key, value) VALUES ('latest_unix_ns', '" + made +
+                          "') ON CONFLICT (key) DO UPDATE SET value = excluded.value"));
+  return urlFormOf(address);
+}
+
 void SharedWorld::fill() {
-  const auto store = openStore(folder_.path() / "data");
+  auto store = openStore(folder_.path() / "data");
   const auto ask = [&](const Principal& who, const pb::Request& request) {
     const Outcome outcome = store->service().execute(who, request);
     if (outcome.error) throw std::runtime_error(outcome.error->message);
@@ -194,9 +221,14 @@ void SharedWorld::fill() {
     RETURN_IF_ERROR(open(c, kOpenSession, "carl", "first", 2));
     RETURN_IF_ERROR(open(c, kWaitingSession, "nobody", "first", kChunksOfSession));
     RETURN_IF_ERROR(open(c, kOldSession, "bob", "second", kChunksOfSession));
-    return open(c, kErasedSession, "carl", "first", kChunksOfSession);
+    RETURN_IF_ERROR(open(c, kErasedSession, "carl", "first", kChunksOfSession));
+    return open(c, kUnsafeSession, "bob", "second", kChunksOfSession);
   }));
-  for (const char* id : {kScoredSession, kOtherSession, kWaitingSession, kOldSession, kErasedSession})
+  store.reset();
+  older_url_ = restoredNow("older", kOlderMade_unix_ns);
+  store = openStore(folder_.path() / "data");
+  for (const char* id :
+       {kScoredSession, kOtherSession, kWaitingSession, kOldSession, kErasedSession, kUnsafeSession})
     orThrow(store->service().closeSession(closeOf(idOf(id), kChunksOfSession, kSamplesOfChunk), "station-1"));
   {
     pb::Request request;
@@ -234,8 +266,8 @@ void SharedWorld::fill() {
   orThrow(store->writer().run([&](Connection& c) -> Status {
     RETURN_IF_ERROR(SessionStore(c).markSafe(idOf(kOldSession), kChunksOfSession));
     // long ago
-    RETURN_IF_ERROR(
-        c.run("UPDATE sessions SET closed_unix_ns = 2 WHERE id = ?", ByteView(idOf(kOldSession))));
+    for (const char* id : {kOldSession, kUnsafeSession})
+      RETURN_IF_ERROR(c.run("UPDATE sessions SET closed_unix_ns = 2 WHERE id = ?", ByteView(idOf(id))));
     RETURN_IF_ERROR(c.run("UPDATE meta SET value = '1' WHERE key = 'created_unix_ns'"));
     // samples that nothing here uses: each run reads everything
     for (const char* remove :
