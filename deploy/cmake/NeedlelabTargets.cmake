@@ -5,6 +5,8 @@
 # needlelab_test(NAME LABEL unit [threads] SOURCES ... DEPS ...)  -> GoogleTest binary; its tests are registered with ctest
 #   TOGETHER: all tests of the binary are one ctest test, because their common set-up is expensive
 #   OPTIMISED: its own code computes for long, so it is compiled like a library
+#   COST: in place of TIMEOUT, where a long form needs the limit: what may take longest begins first
+#   Tests of an area with the same labels share a program (DECISIONS.md has the figures).
 #   labels: unit, net, determinism give the kind of test; threads: runs under ThreadSanitizer in .ci/run; memory: runs under
 #   AddressSanitizer and UBSan there (code that reads or keeps bytes from outside, or works on the haptic thread)
 # needlelab_missing(NAME REASON)  -> a test that is skipped for REASON, in place of tests that cannot be built or run here
@@ -59,9 +61,12 @@ add_custom_target(needlelab_threaded_tests)
 add_custom_target(needlelab_memory_tests)
 add_custom_target(needlelab_determinism_tests)
 function(needlelab_test name)
-  cmake_parse_arguments(ARG "TOGETHER;OPTIMISED" "TIMEOUT" "LABEL;SOURCES;DEPS" ${ARGN})
+  cmake_parse_arguments(ARG "TOGETHER;OPTIMISED" "TIMEOUT;COST" "LABEL;SOURCES;DEPS" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
+  endif()
+  if(NOT ARG_COST)
+    set(ARG_COST ${ARG_TIMEOUT})
   endif()
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE needlelab_flags needlelab_warnings ${ARG_DEPS} GTest::gmock GTest::gtest_main)
@@ -100,5 +105,5 @@ function(needlelab_test name)
   endif()
   # What may take longest begins first, or it would run alone at the end.
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
-    PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT} COST ${ARG_TIMEOUT} ${environment})
+    PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT} COST ${ARG_COST} ${environment})
 endfunction()

@@ -179,4 +179,10 @@ std::vector<std::string> Lab::spooledChunks(const std::filesystem::path& spool,
   return chunks;
 }
 
+double scoreOf(const nlohmann::json& row, const std::string& measure) {
+  for (const auto& one : row["score"])
+    if (one["measure"] == measure) return one["value"];
+  return -1;
+}
+
 }  // namespace needlelab::test

@@ -70,4 +70,7 @@ class Lab {
   int port_ = 0;
 };
 
+/// A measure in a summary's or a results file's row; -1 without it.
+[[nodiscard]] double scoreOf(const nlohmann::json& row, const std::string& measure);
+
 }  // namespace needlelab::test

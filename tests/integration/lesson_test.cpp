@@ -93,7 +93,7 @@ class LessonTest : public testing::Test {
   Lab lab_;
 };
 
-std::string textOf(const std::string& id) {
+std::string idText(const std::string& id) {
   Uuid uuid{};
   std::copy(id.begin(), id.end(), uuid.begin());
   return uuidText(uuid);
@@ -183,7 +183,7 @@ TEST_F(LessonTest, theStationIsKilledInMidLessonAndItsNextStartBringsTheRest) {
   std::this_thread::sleep_for(630ms);  // in the middle of a chunk
   first->signal(SIGKILL);
   ASSERT_EQ(first->wait(5s), -SIGKILL);
-  const std::string id = textOf(onlySession());
+  const std::string id = idText(onlySession());
 
   // the spool as the crash left it: a copy shows what recovery must return
   std::filesystem::copy(lab_.path("spool"), lab_.path("copy"), std::filesystem::copy_options::recursive);
@@ -234,7 +234,7 @@ TEST_F(LessonTest, theStationIsKilledManyTimesAndNothingIsLostOrDoubled) {
   const auto sessions = lab_.sessions();
   EXPECT_GE(sessions.size(), 2u);
   for (const pb::SessionInfo& info : sessions) {
-    const std::string id = textOf(info.description().session_id());
+    const std::string id = idText(info.description().session_id());
     const StoredSession stored = lab_.stored(id);
     EXPECT_NE(stored.info.state(), pb::SESSION_OPEN) << id;
     EXPECT_EQ(stored.chunks, Lab::spooledChunks(lab_.path("spool"), id));

@@ -7,6 +7,7 @@
 #include "common/base/files.h"
 #include "common/base/program.h"
 #include "common/haptics/axial_model.h"
+#include "tests/integration/lab.h"
 #include "tests/integration/process.h"
 #include "tests/support/temp_folder.h"
 
@@ -14,12 +15,6 @@ namespace needlelab::test {
 namespace {
 
 using namespace std::chrono_literals;
-
-double scoreOf(const nlohmann::json& row, const std::string& measure) {
-  for (const auto& one : row["score"])
-    if (one["measure"] == measure) return one["value"];
-  return -1;
-}
 
 TEST(LiveModels, everyModelRendersAnInsertionInTheStation) {
   const TempFolder folder;

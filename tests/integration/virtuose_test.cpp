@@ -9,6 +9,7 @@
 #include "client/device/virtuose/virtuose_api.h"
 #include "common/base/files.h"
 #include "common/base/program.h"
+#include "tests/integration/lab.h"
 #include "tests/integration/process.h"
 #include "tests/support/temp_folder.h"
 
@@ -23,12 +24,6 @@ const char* const kStroke =
     "0.0 place 0 0 0.02 1 0 0 0\n"
     "0.2 hand 0 0 -0.02 1 0 0 0 0.6\n"
     "1.2 hand 0 0 0.03 1 0 0 0 0.6\n";
-
-double scoreOf(const nlohmann::json& row, const std::string& measure) {
-  for (const auto& one : row["score"])
-    if (one["measure"] == measure) return one["value"];
-  return -1;
-}
 
 class VirtuoseStation : public testing::Test {
  protected:

@@ -57,7 +57,7 @@ std::vector<std::string> wordsOf(const std::string& line) {
   return words;
 }
 
-std::vector<std::string> linesOf(const std::string& text) {
+std::vector<std::string> tableLines(const std::string& text) {
   std::istringstream all(text);
   std::vector<std::string> lines;
   for (std::string line; std::getline(all, line);) lines.push_back(line);
@@ -84,7 +84,7 @@ TEST(EffectsTable, hasTheSetsFromTheCheapestOnAndWhatEachEffectAdds) {
   sets[0].timing.p99_ns = 20;
   sets[0].timing.batches = 400;
   sets[0].timing.per_batch = 64;
-  const auto lines = linesOf(effectsTable(sets));
+  const auto lines = tableLines(effectsTable(sets));
   ASSERT_EQ(lines.size(), 11u);
   EXPECT_EQ(wordsOf(lines[1]), joined(marksOf(0), {"7.0", "0.0", "0.0", "100.0"}));
   EXPECT_EQ(wordsOf(lines[2]), joined(marksOf(kCut), {"9.0", "0.0", "2.0", "130.0"}));

@@ -194,7 +194,7 @@ std::vector<AccuracyRow> rowsAgainst(const AccuracyRows& rows, const std::string
   return found;
 }
 
-const AccuracyRow& rowOf(const std::vector<AccuracyRow>& rows, const std::string& model) {
+const AccuracyRow& rowOfModel(const std::vector<AccuracyRow>& rows, const std::string& model) {
   for (const AccuracyRow& row : rows)
     if (row.model == model) return row;
   ADD_FAILURE() << "no row of " << model;
@@ -225,7 +225,7 @@ TEST(RecordedRows, ofACurveHaveBaselinesInEachGroupNoVoteAndAVerdictOnTheBand) {
     ASSERT_FALSE(equal.empty());
     for (const auto& group : {bent, ahead, equal})
       for (const char* baseline : {"CONNECT_THE_DOTS", "HOLD_THE_LAST"})
-        EXPECT_GT(*rowOf(group, baseline).rms_error_n, 0) << baseline;
+        EXPECT_GT(*rowOfModel(group, baseline).rms_error_n, 0) << baseline;
 
     // numbers are printed, and equal where that is asked
     for (const AccuracyRow& row : *all) {
@@ -234,26 +234,27 @@ TEST(RecordedRows, ofACurveHaveBaselinesInEachGroupNoVoteAndAVerdictOnTheBand) {
       EXPECT_EQ(jsonOf(row)["parameters"], *row.parameters);
     }
     for (const AccuracyRow& row : equal) EXPECT_LE(*row.parameters, 20) << row.model << ", " << row.variant;
-    EXPECT_EQ(*rowOf(equal, "TRACKING_WALL").parameters, 19) << "ten layers: forces, and tops but the first";
-    EXPECT_EQ(*rowOf(equal, "CONNECT_THE_DOTS").parameters, 20);
+    EXPECT_EQ(*rowOfModel(equal, "TRACKING_WALL").parameters, 19)
+        << "ten layers: forces, and tops but the first";
+    EXPECT_EQ(*rowOfModel(equal, "CONNECT_THE_DOTS").parameters, 20);
 
     // joining the dots beats every model that only interpolates the real curve; the made one has noise, which
     // a table takes out
-    const double dots_N = *rowOf(bent, "CONNECT_THE_DOTS").rms_error_n;
+    const double dots_N = *rowOfModel(bent, "CONNECT_THE_DOTS").rms_error_n;
     if (recordings.real) {
       for (const AccuracyRow& row : bent)
         if (row.model != "CONNECT_THE_DOTS") {
           EXPECT_GT(*row.rms_error_n, dots_N) << row.model << ", " << row.variant;
         }
       EXPECT_NEAR(dots_N, 0.081, 0.001);
-      EXPECT_NEAR(*rowOf(ahead, "HOLD_THE_LAST").rms_error_n, 0.844, 0.001);
-      EXPECT_NEAR(*rowOf(equal, "FIRST_ORDER").rms_error_n, 0.178, 0.01);
+      EXPECT_NEAR(*rowOfModel(ahead, "HOLD_THE_LAST").rms_error_n, 0.844, 0.001);
+      EXPECT_NEAR(*rowOfModel(equal, "FIRST_ORDER").rms_error_n, 0.178, 0.01);
     }
 
     whatIsJudgedOnItsOwnCurveHasNoVote(*all);
     // 75 to 76 % on the real curve
-    EXPECT_NE(rowOf(*all, "STATISTICAL").variant.find("95 % band MISSED: too narrow"), std::string::npos)
-        << rowOf(*all, "STATISTICAL").variant;
+    EXPECT_NE(rowOfModel(*all, "STATISTICAL").variant.find("95 % band MISSED: too narrow"), std::string::npos)
+        << rowOfModel(*all, "STATISTICAL").variant;
   }
 }
 

@@ -10,7 +10,7 @@ namespace needlelab {
 namespace {
 
 /// A line of `slope` N/m to 10 mm, ten rows a millimetre.
-ForceCurve line(const std::string& specimen, const std::string& needle, double speed_mps, double slope) {
+ForceCurve lineOf(const std::string& specimen, const std::string& needle, double speed_mps, double slope) {
   ForceCurve curve;
   curve.name = specimen + needle;
   curve.specimen = specimen;
@@ -27,7 +27,8 @@ ForceCurve line(const std::string& specimen, const std::string& needle, double s
 
 CurveSet threeSpecimens() {
   CurveSet set;
-  set.curves = {line("a", "18G", 0.001, 100), line("b", "18G", 0.002, 200), line("c", "18G", 0.002, 600)};
+  set.curves = {lineOf("a", "18G", 0.001, 100), lineOf("b", "18G", 0.002, 200),
+                lineOf("c", "18G", 0.002, 600)};
   return set;
 }
 
@@ -66,7 +67,7 @@ TEST(Folds, thereIsNoneWhereATissueHasOnlyOne) {
 TEST(Folds, aTissueIsPredictedFromItsOwnCurvesOnly) {
   CurveSet set = threeSpecimens();
   for (const char* specimen : {"d", "e"}) {
-    set.curves.push_back(line(specimen, "18G", 0.001, 1000));
+    set.curves.push_back(lineOf(specimen, "18G", 0.001, 1000));
     set.curves.back().tissue = "liver";
   }
   const auto curves = binnedCurves(set);
