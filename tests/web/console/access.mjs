@@ -108,6 +108,7 @@ export function access(t) {
     await page.getByRole('heading', { level: 1, name: 'Keyboard' }).waitFor();
     await tabTo(page, 'Find a trainee');
     await keyboard.type('tina');
+    await page.getByText('1 trainee', { exact: true }).waitFor();
     await tabTo(page, /\(tina\)$/);
     await keyboard.press('Space');
     await tabTo(page, 'Save');
@@ -120,7 +121,9 @@ export function access(t) {
     await tabTo(page, /^What/);
     await keyboard.type('Course: Rheum');
     await tabTo(page, /^To whom/);
-    await keyboard.type('Group: Keyb');
+    await keyboard.type('keyb');
+    await page.getByRole('option', { name: 'Group: Keyboard (keys)' }).waitFor();
+    await keyboard.press('Enter');
     await tabTo(page, 'Assign');
     await keyboard.press('Enter');
     await page.getByText('rheumatology-basics was assigned to keys.').waitFor();

@@ -142,6 +142,12 @@ export async function settled(page) {
   await page.waitForFunction(() => !document.querySelector('.loading'));
 }
 
+/** Types into a field that searches, and chooses what is offered with that text. */
+export async function chooseFrom(field, text, offered) {
+  await field.fill(text);
+  await field.page().getByRole('option', { name: offered, exact: true }).click();
+}
+
 export async function done(page) {
   const { faults } = page;
   await page.context().close();

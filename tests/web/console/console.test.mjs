@@ -4,6 +4,7 @@ import { after, before, describe, it } from 'node:test';
 import { access } from './access.mjs';
 import { Browser } from './browser.mjs';
 import { Lab } from './lab.mjs';
+import { longLists } from './lists.mjs';
 import { malformed } from './malformed.mjs';
 import { roles } from './roles.mjs';
 import { trouble } from './trouble.mjs';
@@ -38,5 +39,6 @@ describe('the web console', { concurrency: false }, () => {
   describe('upkeep', () => upkeep(t));
   describe('roles', () => roles(t));
   describe('access', () => access(t));
+  describe('long lists', () => longLists(t));
   it('the server stops in order', async () => assert.equal(await t.lab.stopServer(), 0, t.lab.server.said));
 });

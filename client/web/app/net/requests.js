@@ -2,12 +2,26 @@
 import { get, getAll, patch, post, put, remove } from './api.js';
 import { roleName } from '../lib/roles.js';
 
+/** How many a search offers to choose from. */
+const kOffered = 20;
+
+/** The first of those that fit, to choose from (ui/search_field.js). */
+async function offered(parts, text, query, option, signal) {
+  const reply = await get(parts, { signal, query: { ...query, search: text.trim(), limit: kOffered } });
+  return { options: reply.items.map(option), more: !!reply.next_page };
+}
+
 const person = (p) => ({ ...p, role: roleName(p.role), full_name: p.full_name ?? '', groups: p.groups ?? [] });
+const personOption = (p) => ({
+  key: p.name,
+  text: (p.full_name ? `${p.full_name} (${p.name})` : p.name) + (p.disabled ? ', disabled' : ''),
+});
 const group = (g) => ({ ...g, members: g.members ?? [] });
+const groupOption = (g) => ({ key: g.id, text: g.name === g.id ? g.id : `${g.name} (${g.id})` });
 
 export const people = {
-  /** Everybody to choose from, in few pages. */
-  all: async (signal) => (await getAll(['people'], { signal, query: { limit: 500 } })).map(person),
+  /** Those whose name, full name or group has the text. @param {{role?: string}} query */
+  find: (text, query, signal) => offered(['people'], text, query, personOption, signal),
   /** `query`: search, role, page. @returns {Promise<{items: any[], next_page: string, total?: number}>} `total` with the first page */
   page: async (query, signal) => {
     const reply = await get(['people'], { signal, query });
@@ -29,10 +43,11 @@ export const people = {
     remove(['people', name, 'data'], { body: { confirm: name, reason, with_waiting_sessions } }),
   /** All stored data of one person, all pages. */
   everything: (name) => getAll(['people', name, 'export'], {}, Infinity),
-  /** The course of each measure of an exercise over the attempts; null where there are too few. */
-  trends: async (name, exercise, signal) =>
-    (await get(['people', name, 'progress'], { signal, query: { exercise } })).measures,
-  progress: (name, exercise, signal) => getAll(['people', name, 'progress'], { signal, query: { exercise } }),
+  /** At which exercises there are attempts, the one tried last first. @returns {Promise<{exercise_id: string, attempts: number}[]>} */
+  tried: async (name, signal) => (await get(['people', name, 'exercises'], { signal })).items,
+  /** Attempts at an exercise, newest first; with the first page the course of each measure over the attempts, null where there are too few. */
+  attempts: (name, exercise, page, signal) =>
+    get(['people', name, 'progress'], { signal, query: { exercise, newest_first: 'yes', page } }),
 };
 
 /** What holds for the whole lab. */
@@ -42,7 +57,10 @@ export const lab = {
 };
 
 export const groups = {
-  all: async (signal) => (await getAll(['groups'], { signal })).map(group),
+  /** Those whose id or name has the text. */
+  find: (text, signal) => offered(['groups'], text, { brief: 'yes' }, groupOption, signal),
+  /** With the number of members in place of their names. */
+  page: (query, signal) => get(['groups'], { signal, query: { ...query, brief: 'yes', limit: 100 } }),
   one: async (id, signal) => group(await get(['groups', id], { signal })),
   add: (body) => post(['groups'], body),
   put: (g) => put(['groups', g.id], { id: g.id, name: g.name, members: g.members }, { base_revision: g.revision }),
@@ -80,7 +98,8 @@ export const exercises = async (signal) =>
   (await getAll(['exercises'], { signal })).map(({ json, ...row }) => ({ ...json, ...row }));
 
 export const assignments = {
-  all: (signal, trainee) => getAll(['assignments'], { signal, query: { trainee } }),
+  page: (page, signal) => get(['assignments'], { signal, query: { limit: 100, page } }),
+  of: (trainee, signal) => getAll(['assignments'], { signal, query: { trainee } }),
   add: (body) => post(['assignments'], body),
   remove: (id) => remove(['assignments', String(id)]),
 };
@@ -111,6 +130,15 @@ export const sessions = {
   assign: (id, trainee, reason, was) => post(['sessions', id, 'trainee'], { trainee, reason, was }),
   one: (id, signal) => get(['sessions', id], { signal }),
   score: (id, signal) => get(['sessions', id, 'score'], { signal }),
+  /** The session as an attempt; null: it is none. */
+  attempt: async (id, signal) => {
+    try {
+      return await get(['sessions', id, 'attempt'], { signal });
+    } catch (error) {
+      if (error.kind === 'not_found') return null;
+      throw error;
+    }
+  },
   rescore: (id) => post(['sessions', id, 'rescore'], {}),
   excuse: (id, excused, reason) => post(['sessions', id, 'excuse'], { excused, reason }),
   events: (id, signal) => getAll(['sessions', id, 'events'], { signal }),

@@ -2,8 +2,9 @@
 import { href } from '../lib/routes.js';
 import { fromInput, moment } from '../lib/time.js';
 import { assignments, documents, exercises, groups, people } from '../net/requests.js';
-import { announce, Confirm, Empty, Heading, Loaded, Mark, Problem, Table } from '../ui/widgets.js';
+import { announce, Confirm, Empty, Heading, Loaded, Mark, Problem, Table, usePages } from '../ui/widgets.js';
 import { SelectField, TextField } from '../ui/fields.js';
+import { SearchField } from '../ui/search_field.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 
@@ -11,15 +12,30 @@ import { html, useState } from '../ui/html.js';
 const chosen = (choice) => [choice.slice(0, choice.indexOf(':')), choice.slice(choice.indexOf(':') + 1)];
 const kKeys = { course: 'course_id', exercise: 'exercise_id', group: 'group_id', person: 'trainee' };
 
+/** Groups first: most assignments are theirs. */
+async function findWhom(text, signal) {
+  const [some_groups, trainees] = await Promise.all([
+    groups.find(text, signal),
+    people.find(text, { role: 'trainee' }, signal),
+  ]);
+  return {
+    options: [
+      ...some_groups.options.map((o) => ({ key: `group:${o.key}`, text: `Group: ${o.text}` })),
+      ...trainees.options.map((o) => ({ key: `person:${o.key}`, text: o.text })),
+    ],
+    more: some_groups.more || trainees.more,
+  };
+}
+
 function AddAssignment({ all, done }) {
-  const kEmpty = { what: '', whom: '', due: '' };
+  const kEmpty = { what: '', whom: null, due: '' };
   const [entry, setEntry] = useState(kEmpty);
   const action = useAction();
   const set = (key) => (value) => setEntry({ ...entry, [key]: value });
   const save = async (event) => {
     event.preventDefault();
     const [what, what_id] = chosen(entry.what),
-      [whom, whom_id] = chosen(entry.whom);
+      [whom, whom_id] = chosen(entry.whom.key);
     const due_unix_ms = fromInput(entry.due);
     const body = { [kKeys[what]]: what_id, [kKeys[whom]]: whom_id, ...(due_unix_ms ? { due_unix_ms } : {}) };
     if (!(await action.run(() => assignments.add(body)))) return;
@@ -32,17 +48,19 @@ function AddAssignment({ all, done }) {
     ...all.courses.map((c) => [`course:${c.id}`, `Course: ${c.name}`]),
     ...all.exercises.map((e) => [`exercise:${e.id}`, `Exercise: ${e.name}`]),
   ];
-  const whoms = [
-    ['', 'Choose …'],
-    ...all.groups.map((g) => [`group:${g.id}`, `Group: ${g.name}`]),
-    ...all.people.filter((p) => p.role === 'trainee').map((p) => [`person:${p.name}`, p.full_name || p.name]),
-  ];
   return html`<form onSubmit=${save}>
     <fieldset>
       <legend>Assign</legend>
       <div class="fields">
         <${SelectField} label="What" required value=${entry.what} options=${whats} onValue=${set('what')} />
-        <${SelectField} label="To whom" required value=${entry.whom} options=${whoms} onValue=${set('whom')} />
+        <${SearchField}
+          label="To whom"
+          required
+          chosen=${entry.whom}
+          find=${findWhom}
+          onChoose=${set('whom')}
+          help="type a part of the name of a group or a trainee"
+        />
         <${TextField}
           label="Due"
           type="datetime-local"
@@ -59,22 +77,17 @@ function AddAssignment({ all, done }) {
 
 export function AssignmentsPage() {
   const load = useLoad(async (signal) => {
-    const [items, courses, all_exercises, all_groups, all_people] = await Promise.all([
-      assignments.all(signal),
-      documents('courses').all(signal),
-      exercises(signal),
-      groups.all(signal),
-      people.all(signal),
-    ]);
-    return { items, courses, exercises: all_exercises, groups: all_groups, people: all_people };
+    const [courses, all_exercises] = await Promise.all([documents('courses').all(signal), exercises(signal)]);
+    return { courses, exercises: all_exercises };
   }, []);
+  const pages = usePages((page, signal) => assignments.page(page, signal), []);
   const [removing, setRemoving] = useState(null);
   const action = useAction();
   const drop = async () => {
     if (!(await action.run(() => assignments.remove(removing.id)))) return;
     announce('The assignment was taken back.');
     setRemoving(null);
-    load.reload();
+    pages.load.reload();
   };
   return html`
     <${Heading} title="Assignments" />
@@ -86,17 +99,17 @@ export function AssignmentsPage() {
           : nameOf(all.exercises, a.exercise_id);
       const whom = (a) =>
         a.group_id
-          ? html`<a href=${href(['groups', a.group_id])}>${nameOf(all.groups, a.group_id)}</a>`
+          ? html`<a href=${href(['groups', a.group_id])}>${a.group_name || a.group_id}</a>`
           : html`<a href=${href(['people', a.trainee])}>${a.trainee}</a>`;
       return html`
-        <${AddAssignment} all=${all} done=${load.reload} />
-        ${
-          all.items.length === 0
+        <${AddAssignment} all=${all} done=${pages.load.reload} />
+        <${Loaded} load=${pages.load}>${() =>
+          pages.items.length === 0
             ? html`<${Empty} title="Nothing is assigned yet">Choose a course and a group above.<//>`
             : html`<${Table}
-                caption="Assignments"
+                caption=${pages.caption('assignment')}
                 head=${['What', 'To whom', 'Due', 'Assigned', 'By', html`<span class="visually-hidden">Actions</span>`]}
-              >${all.items.map(
+              >${pages.items.map(
                 (a) => html`<tr key=${a.id}>
                   <th scope="row">${what(a)}</th>
                   <td>${whom(a)}</td>
@@ -120,8 +133,7 @@ export function AssignmentsPage() {
                     </button>
                   </td>
                 </tr>`,
-              )}<//>`
-        }
+              )}<//>${pages.button}`}<//>
       `;
     }}<//>
     ${

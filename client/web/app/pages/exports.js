@@ -5,6 +5,7 @@ import { address } from '../net/api.js';
 import { documents, exercises, groups, studyRecords } from '../net/requests.js';
 import { Heading, Loaded, Problem, saveAs } from '../ui/widgets.js';
 import { CheckField, SelectField, TextField } from '../ui/fields.js';
+import { SearchField } from '../ui/search_field.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 
@@ -18,7 +19,7 @@ const kScoreFormats = [
 ];
 
 function Scores({ all }) {
-  const [choice, setChoice] = useState({ course: '', group: '' });
+  const [choice, setChoice] = useState({ course: '', group: null });
   return html`<fieldset>
     <legend>Scores</legend>
     <div class="fields">
@@ -28,17 +29,18 @@ function Scores({ all }) {
         onValue=${(course) => setChoice({ ...choice, course })}
         options=${[['', 'All courses'], ...all.courses.map((c) => [c.id, c.name])]}
       />
-      <${SelectField}
+      <${SearchField}
         label="Group"
-        value=${choice.group}
-        onValue=${(group) => setChoice({ ...choice, group })}
-        options=${[['', 'All groups'], ...all.groups.map((g) => [g.id, g.name])]}
+        chosen=${choice.group}
+        find=${groups.find}
+        placeholder="All groups"
+        onChoose=${(group) => setChoice({ ...choice, group })}
       />
     </div>
     <ul class="plain">${kScoreFormats.map(
       (f) =>
         html`<li>
-          <a class="button main" href=${f.link(choice)} download>Download scores as ${f.name}</a> <span
+          <a class="button main" href=${f.link({ course: choice.course, group: choice.group?.key ?? '' })} download>Download scores as ${f.name}</a> <span
             class="help"
           >${f.words}</span>
         </li>`,
@@ -111,17 +113,10 @@ function Study({ all }) {
 
 export function ExportsPage({ person }) {
   const staff = may(person.role, 'see results');
-  const load = useLoad(
-    async (signal) => {
-      const [courses, all_groups, all_exercises] = await Promise.all([
-        documents('courses').all(signal),
-        staff ? groups.all(signal) : [],
-        exercises(signal),
-      ]);
-      return { courses, groups: all_groups, exercises: all_exercises };
-    },
-    [staff],
-  );
+  const load = useLoad(async (signal) => {
+    const [courses, all_exercises] = await Promise.all([documents('courses').all(signal), exercises(signal)]);
+    return { courses, exercises: all_exercises };
+  }, []);
   return html`
     <${Heading} title="Exports" />
     <${Loaded} load=${load}>${(all) => html`

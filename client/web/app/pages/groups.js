@@ -2,13 +2,16 @@
 import { merge, resolved } from '../lib/diff.js';
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
-import { counted } from '../lib/units.js';
+import { counted, shownOf } from '../lib/units.js';
 import { groups, people } from '../net/requests.js';
-import { announce, Confirm, Dialog, Empty, Heading, Loaded, number, Problem, Table } from '../ui/widgets.js';
+import { announce, Confirm, Dialog, Empty, Heading, Loaded, number, Problem, Table, usePages } from '../ui/widgets.js';
 import { ConflictDialog } from '../ui/conflict.js';
 import { CheckField, TextField } from '../ui/fields.js';
-import { useAction, useLoad } from '../ui/hooks.js';
+import { useAction, useDebounced, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
+
+/** How many members are drawn before somebody asks for more. */
+const kShownMembers = 100;
 
 function AddGroup({ close }) {
   const [entry, setEntry] = useState({ id: '', name: '' });
@@ -48,32 +51,90 @@ function AddGroup({ close }) {
 }
 
 export function GroupsPage({ person }) {
-  const load = useLoad((signal) => groups.all(signal), []);
+  const [text, setText] = useState('');
+  const search = useDebounced(text.trim(), 300);
+  const pages = usePages((page, signal) => groups.page({ search, page }, signal), [search]);
   const [adding, setAdding] = useState(false);
   const edit = may(person.role, 'edit people');
   return html`
     <${Heading} title="Groups">${
       edit && html`<button type="button" class="main" onClick=${() => setAdding(true)}>Add a group</button>`
     }<//>
-    <${Loaded} load=${load}>${(all) =>
-      all.length === 0
-        ? html`<${Empty} title="There are no groups yet">Add one, or import people with a column “group”.<//>`
-        : html`<${Table} caption="Groups" head=${['Group', 'Id', number('Members'), 'Results']}>${all.map(
+    <form class="filters" role="search" aria-label="Groups" onSubmit=${(event) => event.preventDefault()}>
+      <${TextField} label="Find" type="search" value=${text} onValue=${setText} maxlength="64" />
+    </form>
+    <${Loaded} load=${pages.load}>${() =>
+      pages.items.length === 0
+        ? search
+          ? html`<${Empty} title="No group fits">Change what is looked for above.<//>`
+          : html`<${Empty} title="There are no groups yet">Add one, or import people with a column “group”.<//>`
+        : html`<${Table} caption="Groups" head=${['Group', 'Id', number('Members'), 'Results']}>${pages.items.map(
             (g) => html`<tr key=${g.id}>
               <th scope="row"><a href=${href(['groups', g.id])}>${g.name}</a></th>
               <td>${g.id}</td>
-              <td class="number">${g.members.length}</td>
+              <td class="number">${g.member_count}</td>
               <td><a href=${href(['results'], { group: g.id })}>Results of ${g.name}</a></td>
             </tr>`,
-          )}<//>`}<//>
+          )}<//>${pages.button}`}<//>
     ${adding && html`<${AddGroup} close=${() => setAdding(false)} />`}
   `;
 }
 
-function Members({ group, all, load, edit }) {
+/** The trainees that fit what is typed, a page at a time: each is a member or not. */
+function Candidates({ members, toggle }) {
+  const [text, setText] = useState('');
+  const search = useDebounced(text.trim(), 300);
+  const pages = usePages((page, signal) => people.page({ search, role: 'trainee', limit: 50, page }, signal), [search]);
+  return html`
+    <${TextField}
+      label="Find a trainee"
+      type="search"
+      value=${text}
+      onValue=${setText}
+      maxlength="64"
+      help="a part of a name or of a group"
+    />
+    <${Loaded} load=${pages.load}>${() => html`
+      <p class="help" role="status">${
+        pages.items.length ? shownOf(pages.items.length, pages.first?.total, 'trainee') : 'No trainee fits'
+      }</p>
+      <div class="choices" role="group" aria-label="Trainees">${pages.items.map(
+        (p) =>
+          html`<${CheckField}
+            key=${p.name}
+            label=${`${p.full_name || p.name} (${p.name})`}
+            checked=${members.includes(p.name)}
+            onValue=${toggle(p.name)}
+          />`,
+      )}</div>
+      ${pages.button}
+    `}<//>
+  `;
+}
+
+/** Those who are members, or were when the page was loaded. */
+function Present({ names, members, toggle }) {
+  const [shown, setShown] = useState(kShownMembers);
+  if (names.length === 0) return html`<p class="help">Nobody yet: choose trainees below.</p>`;
+  return html`
+    <div class="choices" role="group" aria-label="Present members">${names
+      .slice(0, shown)
+      .map(
+        (name) =>
+          html`<${CheckField} key=${name} label=${name} checked=${members.includes(name)} onValue=${toggle(name)} />`,
+      )}</div>
+    ${
+      names.length > shown &&
+      html`<p>
+        <button type="button" onClick=${() => setShown(shown + kShownMembers)}>Show more members</button>
+      </p>`
+    }
+  `;
+}
+
+function Members({ group, load, edit }) {
   const [name, setName] = useState(group.name);
   const [members, setMembers] = useState(group.members);
-  const [text, setText] = useState('');
   const [removing, setRemoving] = useState(false);
   const [base, setBase] = useState(group);
   const [conflict, setConflict] = useState(null);
@@ -108,10 +169,11 @@ function Members({ group, all, load, edit }) {
     }
   };
   const toggle = (who) => (on) => setMembers(on ? [...members, who].sort() : members.filter((m) => m !== who));
-  const shown = all
-    .filter((p) => p.role === 'trainee' || members.includes(p.name))
-    .filter((p) => `${p.name} ${p.full_name}`.toLowerCase().includes(text.trim().toLowerCase()));
-  if (!edit) return html`<ul>${group.members.map((m) => html`<li><a href=${href(['people', m])}>${m}</a></li>`)}</ul>`;
+  if (!edit)
+    return html`
+      <p>${counted(group.members.length, 'member')}</p>
+      <ul>${group.members.map((m) => html`<li><a href=${href(['people', m])}>${m}</a></li>`)}</ul>
+    `;
   return html`<form
     onSubmit=${(event) => {
       event.preventDefault();
@@ -121,16 +183,8 @@ function Members({ group, all, load, edit }) {
     <${TextField} label="Name" value=${name} onValue=${setName} required />
     <fieldset>
       <legend>Members: ${members.length}</legend>
-      <${TextField} label="Find a trainee" type="search" value=${text} onValue=${setText} />
-      <div class="choices">${shown.map(
-        (p) =>
-          html`<${CheckField}
-            key=${p.name}
-            label=${`${p.full_name || p.name} (${p.name})`}
-            checked=${members.includes(p.name)}
-            onValue=${toggle(p.name)}
-          />`,
-      )}</div>
+      <${Present} names=${[...new Set([...base.members, ...members])].sort()} members=${members} toggle=${toggle} />
+      <${Candidates} members=${members} toggle=${toggle} />
     </fieldset>
     <${Problem} error=${action.error} />
     ${conflict && html`<${ConflictDialog} conflict=${conflict} settle=${settle} close=${() => setConflict(null)} />`}
@@ -155,21 +209,14 @@ function Members({ group, all, load, edit }) {
 }
 
 export function GroupPage({ params, person }) {
-  const load = useLoad(
-    async (signal) => {
-      const [group, all] = await Promise.all([groups.one(params.id, signal), people.all(signal)]);
-      return { group, all };
-    },
-    [params.id],
-  );
+  const load = useLoad((signal) => groups.one(params.id, signal), [params.id]);
   return html`
-    <${Heading} title=${load.data?.group.name ?? params.id} above=${html`<a href="#/groups">Groups</a>`} />
-    <${Loaded} load=${load}>${({ group, all }) => html`
+    <${Heading} title=${load.data?.name ?? params.id} above=${html`<a href="#/groups">Groups</a>`} />
+    <${Loaded} load=${load}>${(group) => html`
       <p><a href=${href(['results'], { group: group.id })}>Results of this group</a></p>
       <${Members}
         key=${group.revision}
         group=${group}
-        all=${all}
         load=${load}
         edit=${may(person.role, 'edit people')}
       />

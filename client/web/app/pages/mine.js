@@ -12,7 +12,7 @@ import { Cell } from './results.js';
 /** Course by course, this person's own row. */
 async function ownCourses(person, signal) {
   const [given, courses, all] = await Promise.all([
-    assignments.all(signal, person.name),
+    assignments.of(person.name, signal),
     documents('courses').all(signal),
     exercises(signal),
   ]);

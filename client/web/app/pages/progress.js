@@ -2,7 +2,7 @@
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { quantityOfUnit } from '../lib/axis.js';
-import { counted, measureTitle, measureUnit, quantity } from '../lib/units.js';
+import { measureTitle, measureUnit, quantity, shownOf } from '../lib/units.js';
 import { moment } from '../lib/time.js';
 import { kCurves } from '../lib/tissue.js';
 import { exercises, people } from '../net/requests.js';
@@ -10,13 +10,14 @@ import { Chart } from '../ui/chart.js';
 import { SelectField } from '../ui/fields.js';
 import { useLoad } from '../ui/hooks.js';
 import { html, useMemo } from '../ui/html.js';
-import { Empty, Heading, Loaded, Mark, Table } from '../ui/widgets.js';
+import { Empty, Heading, Loaded, Mark, Table, usePages } from '../ui/widgets.js';
 import { Excuse } from '../session/excuse.js';
 import { Forbidden } from './forbidden.js';
 import { Verdict } from './sessions.js';
 
 const scoreOf = (attempt) => attempt.score ?? attempt.measures ?? [];
 
+/** `attempts`: oldest first. */
 function Curve({ attempts, measure }) {
   const drawn = useMemo(() => {
     const rows = attempts.map((a) => scoreOf(a).find((r) => r.measure === measure));
@@ -34,27 +35,44 @@ function Curve({ attempts, measure }) {
       if (bound !== undefined)
         series.push({ label: `required: ${word}`, values: rows.map(() => shown(bound)), ...curve });
     }
-    const said = rows.map((r, i) => `attempt ${i + 1}: ${quantity(r?.value, r?.unit ?? '')}`).join(', ');
+    const said = rows.map((r, i) => `attempt ${attempts[i].number}: ${quantity(r?.value, r?.unit ?? '')}`).join(', ');
     return {
       title: `${title} over attempts`,
       y_label: label,
       quantity: quantityOfUnit(unit),
       series,
       summary: `${title}, ${said}`,
-      x: { label: 'Attempt', values: rows.map((_, i) => i + 1) },
+      x: { label: 'Attempt', values: attempts.map((a) => a.number) },
     };
   }, [attempts, measure]);
   return html`<${Chart} ...${drawn} points />`;
 }
 
 /** The server's sentence on the course of a measure. */
-function Trend({ name, exercise, measure }) {
-  const load = useLoad((signal) => people.trends(name, exercise, signal), [name, exercise]);
-  const row = load.data?.find((r) => r.measure === measure);
+function Trend({ trends, measure }) {
+  const row = trends?.find((r) => r.measure === measure);
   return row ? html`<p class="explained">${row.words}</p>` : null;
 }
 
-function Attempts({ name, attempts, exercise, measure, go, me, reload }) {
+function Attempts({ name, exercise, total, measure, go, me }) {
+  const pages = usePages((page, signal) => people.attempts(name, exercise, page, signal), [name, exercise]);
+  return html`<${Loaded} load=${pages.load}>${() => html`
+    <${Shown}
+      attempts=${pages.items}
+      total=${total}
+      trends=${pages.first?.measures}
+      exercise=${exercise}
+      measure=${measure}
+      go=${go}
+      me=${me}
+      reload=${pages.load.reload}
+    />
+    ${pages.button}
+  `}<//>`;
+}
+
+/** `attempts`: the newest ones of `total`, newest first. */
+function Shown({ attempts, total, trends, exercise, measure, go, me, reload }) {
   const measures = useMemo(() => {
     const all = new Map();
     for (const attempt of attempts)
@@ -73,12 +91,12 @@ function Attempts({ name, attempts, exercise, measure, go, me, reload }) {
         <div class="filters">
           <${SelectField} label="Measure" value=${chosen} options=${measures} onValue=${(m) => go(exercise, m)} />
         </div>
-        <${Curve} attempts=${attempts} measure=${chosen} />
-        <${Trend} name=${name} exercise=${exercise} measure=${chosen} />
+        <${Curve} attempts=${[...attempts].reverse()} measure=${chosen} />
+        <${Trend} trends=${trends} measure=${chosen} />
       `
     }
     <${Table}
-      caption=${`${counted(attempts.length, 'attempt')}, oldest first`}
+      caption=${`${shownOf(attempts.length, total, 'attempt')}, newest first`}
       head=${[
         'Attempt',
         'Begun',
@@ -109,34 +127,33 @@ function Attempts({ name, attempts, exercise, measure, go, me, reload }) {
 }
 
 export function Progress({ name, query, base, me }) {
-  const load = useLoad((signal) => people.progress(name, undefined, signal), [name]);
+  const load = useLoad((signal) => people.tried(name, signal), [name]);
   const known = useLoad((signal) => exercises(signal), []);
   const go = (exercise, measure) => {
     location.hash = href(base, { exercise, measure });
   };
   return html`<${Loaded} load=${load}>${(all) => {
-    const tried = [...new Set(all.map((a) => a.exercise_id))],
-      nameOf = (id) => known.data?.find((e) => e.id === id)?.name ?? id;
-    if (tried.length === 0)
+    const nameOf = (id) => known.data?.find((e) => e.id === id)?.name ?? id;
+    if (all.length === 0)
       return html`<${Empty} title="No attempts yet">They appear here after the first practice at a station.<//>`;
-    const exercise = tried.includes(query.exercise) ? query.exercise : tried.at(-1);
+    const { exercise_id: exercise, attempts } = all.find((t) => t.exercise_id === query.exercise) ?? all[0];
     return html`
       <div class="filters">
         <${SelectField}
           label="Exercise"
           value=${exercise}
-          options=${tried.map((id) => [id, nameOf(id)])}
+          options=${all.map((t) => [t.exercise_id, nameOf(t.exercise_id)])}
           onValue=${(e) => go(e, query.measure)}
         />
       </div>
       <${Attempts}
         name=${name}
-        attempts=${all.filter((a) => a.exercise_id === exercise)}
+        key=${exercise}
         exercise=${exercise}
+        total=${attempts}
         measure=${query.measure}
         go=${go}
         me=${me}
-        reload=${load.reload}
       />
     `;
   }}<//>`;

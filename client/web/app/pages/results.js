@@ -7,8 +7,9 @@ import { counted, shownOf } from '../lib/units.js';
 import { address } from '../net/api.js';
 import { documents, groups, results } from '../net/requests.js';
 import { SelectField } from '../ui/fields.js';
+import { SearchField } from '../ui/search_field.js';
 import { useLoad } from '../ui/hooks.js';
-import { html } from '../ui/html.js';
+import { html, useState } from '../ui/html.js';
 import { Empty, Heading, Loaded, Mark, usePages } from '../ui/widgets.js';
 
 /** The mark of a cell: [kind of mark, word]. */
@@ -111,11 +112,9 @@ function Matrix({ course, group }) {
 }
 
 export function ResultsPage({ query }) {
-  const load = useLoad(async (signal) => {
-    const [courses, all_groups] = await Promise.all([documents('courses').all(signal), groups.all(signal)]);
-    return { courses, groups: all_groups };
-  }, []);
-  const course = query.course ?? load.data?.courses[0]?.id,
+  const load = useLoad((signal) => documents('courses').all(signal), []);
+  const [named, setNamed] = useState(null);
+  const course = query.course ?? load.data?.[0]?.id,
     group = query.group ?? '';
   const go = (key) => (value) => {
     location.hash = href(['results'], { course, group, [key]: value });
@@ -124,22 +123,26 @@ export function ResultsPage({ query }) {
     <${Heading} title="Results">${
       course && html`<a class="button" href=${address(['scores.csv'], { course, group })} download>Scores as CSV</a>`
     }<//>
-    <${Loaded} load=${load}>${(all) =>
-      all.courses.length === 0
+    <${Loaded} load=${load}>${(courses) =>
+      courses.length === 0
         ? html`<${Empty} title="There are no courses yet"><a href="#/courses">Make one</a>, then assign it.<//>`
         : html`
             <div class="filters">
               <${SelectField}
                 label="Course"
                 value=${course}
-                options=${all.courses.map((c) => [c.id, c.name])}
+                options=${courses.map((c) => [c.id, c.name])}
                 onValue=${go('course')}
               />
-              <${SelectField}
+              <${SearchField}
                 label="Group"
-                value=${group}
-                options=${[['', 'All trainees'], ...all.groups.map((g) => [g.id, g.name])]}
-                onValue=${go('group')}
+                chosen=${group && named?.key === group ? named : group ? { key: group, text: group } : null}
+                find=${groups.find}
+                placeholder="All trainees"
+                onChoose=${(chosen) => {
+                  setNamed(chosen);
+                  go('group')(chosen?.key ?? '');
+                }}
               />
             </div>
             <${Matrix} course=${course} group=${group} />

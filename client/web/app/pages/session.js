@@ -4,7 +4,7 @@ import { href } from '../lib/routes.js';
 import { clock, moment } from '../lib/time.js';
 import { counted, words } from '../lib/units.js';
 import { address } from '../net/api.js';
-import { people, sessions } from '../net/requests.js';
+import { sessions } from '../net/requests.js';
 import { may } from '../lib/roles.js';
 import { useLoad } from '../ui/hooks.js';
 import { html, useEffect, useMemo, useState } from '../ui/html.js';
@@ -121,13 +121,7 @@ function Judged({ id, session, person }) {
 
 /** The attempt's number, and whether it counts. */
 function AttemptFact({ description, person }) {
-  const load = useLoad(
-    async (signal) =>
-      (await people.progress(description.trainee, description.exercise_id, signal)).find(
-        (a) => a.session_id === description.session_id,
-      ) ?? null,
-    [description.session_id],
-  );
+  const load = useLoad((signal) => sessions.attempt(description.session_id, signal), [description.session_id]);
   return html`<${Loaded} load=${load}>${(attempt) =>
     !attempt
       ? html`<span>is none</span>`

@@ -2,38 +2,46 @@
 import { href } from '../lib/routes.js';
 import { clock, moment } from '../lib/time.js';
 import { people, sessions } from '../net/requests.js';
-import { SelectField, TextField } from '../ui/fields.js';
-import { useAction, useLoad } from '../ui/hooks.js';
+import { TextField } from '../ui/fields.js';
+import { SearchField } from '../ui/search_field.js';
+import { useAction } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 import { announce, Dialog, Empty, Heading, Loaded, number, Problem, Table, usePages } from '../ui/widgets.js';
 import { Verdict } from './sessions.js';
 
-/** As the server names it: sessions of nobody in particular. */
-const kGuest = 'guest';
+/** Sessions of nobody in particular; the key is the server's name for them. */
+const kGuest = { key: 'guest', text: 'Nobody in particular (guest)' };
 
-function Assign({ session, everybody, close, done }) {
+/** Anybody, and the guest. */
+async function findPerson(text, signal) {
+  const { options, more } = await people.find(text, {}, signal);
+  const part = text.trim().toLowerCase();
+  return { options: kGuest.text.toLowerCase().includes(part) ? [...options, kGuest] : options, more };
+}
+
+function Assign({ session, close, done }) {
   const { session_id, trainee } = session.description;
-  const [to, setTo] = useState('');
+  const [to, setTo] = useState(null);
   const [reason, setReason] = useState('');
   const action = useAction();
   const save = async (event) => {
     event.preventDefault();
-    if (!(await action.run(() => sessions.assign(session_id, to, reason.trim(), trainee)))) return;
-    announce(`The session of ${trainee} was given to ${to}.`);
+    if (!(await action.run(() => sessions.assign(session_id, to.key, reason.trim(), trainee)))) return;
+    announce(`The session of ${trainee} was given to ${to.key}.`);
     done();
   };
-  const whom = [
-    ['', 'Choose …'],
-    ...everybody.map((p) => [
-      p.name,
-      (p.full_name ? `${p.full_name} (${p.name})` : p.name) + (p.disabled ? ', disabled' : ''),
-    ]),
-    [kGuest, 'Nobody in particular (guest)'],
-  ];
   return html`<${Dialog} title=${`Who is ${trainee}?`} close=${close}>
     <form onSubmit=${save}>
       <p>The session counts as an attempt of the person that you choose: verdict, attempts and progress follow.</p>
-      <${SelectField} label="Person" required value=${to} options=${whom} onValue=${setTo} />
+      <${SearchField}
+        label="Person"
+        required
+        chosen=${to}
+        find=${findPerson}
+        onChoose=${setTo}
+        help="type a part of a name or of a group"
+        failed="Nobody can be chosen: the people could not be loaded"
+      />
       <${TextField}
         label="Reason"
         value=${reason}
@@ -52,7 +60,6 @@ function Assign({ session, everybody, close, done }) {
 
 export function UnknownTraineesPage() {
   const pages = usePages((page, signal) => sessions.unknown({ page }, signal), []);
-  const everybody = useLoad((signal) => people.all(signal), []);
   const [asked, setAsked] = useState(null);
   const confirming = useAction();
   const confirm = async ({ session_id, trainee }) => {
@@ -67,11 +74,6 @@ export function UnknownTraineesPage() {
       A station without the server takes any name and asks for no code. These sessions count for nobody: give each to the
       right person, or confirm that it is of whom it says.
     </p>
-    <${Problem}
-      error=${everybody.error}
-      retry=${everybody.reload}
-      title="Nobody can be chosen: the people could not be loaded"
-    />
     <${Problem} error=${confirming.error} />
     <${Loaded} load=${pages.load}>${() =>
       pages.items.length === 0
@@ -120,7 +122,6 @@ export function UnknownTraineesPage() {
                           <button
                             type="button"
                             class="small"
-                            disabled=${!everybody.data}
                             aria-label=${`Give to … the session of ${s.description.trainee}`}
                             onClick=${() => setAsked(s)}
                           >
@@ -137,7 +138,6 @@ export function UnknownTraineesPage() {
       asked &&
       html`<${Assign}
         session=${asked}
-        everybody=${everybody.data}
         close=${() => setAsked(null)}
         done=${() => {
           setAsked(null);

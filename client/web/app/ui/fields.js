@@ -10,7 +10,8 @@ import { shownOf } from '../lib/shape.js';
 /** @param {FieldProblem[]|undefined} problems @param {string} path */
 export const problemsAt = (problems, path) => (problems ?? []).filter((p) => p.path === path);
 
-function Frame({ id, label, unit, help, problems, wide, children }) {
+/** A label, what belongs to it, its help and its problems. */
+export function Frame({ id, label, unit, help, problems, wide, children }) {
   const errors = problems.filter((p) => p.severity !== 'WARNING');
   return html`<div class=${`field ${wide ? 'field-wide' : ''} ${errors.length ? 'field-bad' : ''}`}>
     <label for=${id}>${label}${unit && html` <span class="unit">(${unit})</span>`}</label>
@@ -27,7 +28,7 @@ function Frame({ id, label, unit, help, problems, wide, children }) {
   </div>`;
 }
 
-const described = (id, help, problems) =>
+export const described = (id, help, problems) =>
   [help && id + '-help', problems.length > 0 && id + '-problem'].filter(Boolean).join(' ') || undefined;
 
 /** @param {{label: string, value: string, onValue: (text: string) => void, path?: string, problems?: FieldProblem[], [more: string]: any}} props */
