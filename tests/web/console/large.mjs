@@ -1,16 +1,19 @@
 // Walks the console's main pages with a faculty's database (tests/bench/lists_bench.cpp): what they show is compared with what
 // the database says, and each page's time to content is printed.
-// usage: node tests/web/console/large.mjs FOLDER   FOLDER/lists: a data folder of lists_bench --folder FOLDER, of either engine
+// usage: node tests/web/console/large.mjs FOLDER   FOLDER/lists: a data folder of lists_bench --folder FOLDER, of either engine;
+// walk_large makes one of each. What each page may ask of the server has bounds: no page loads everybody.
 // environment: as run.mjs
 import assert from 'node:assert/strict';
 import { spawnSync } from 'node:child_process';
 import { existsSync, readFileSync } from 'node:fs';
 import { join, resolve } from 'node:path';
-import { Browser, done, open } from './browser.mjs';
+import { Browser, chooseFrom, done, open } from './browser.mjs';
 import { Lab } from './lab.mjs';
 
-const kTrainee = 'trainee0017',
-  kGroup = 'class-07';
+// a page of 100 trainees' results has 500 kB, one of 200 scores 700 kB; all people would be 900 kB in seven replies
+const kMostReplies = 6,
+  kMostBytes = 1 << 20;
+const kGroup = 'class-07';
 
 /** The first column of what the database itself answers, without needlelab's programs; no server runs yet. */
 function asked(data, sql) {
@@ -40,8 +43,15 @@ try {
   // a person with a password of this test
   if (count("SELECT count(*) FROM people WHERE name = 'mara'") === 0)
     await lab.admin('user', 'add', 'mara', '--role', 'curriculum-manager', '--password-file', lab.password_file);
+  // the trainee who practised first; all are called as lists_bench does
+  const [trainee] = asked(
+    lab.data,
+    "SELECT trainee FROM sessions WHERE trainee LIKE 'trainee%' ORDER BY started_unix_ns LIMIT 1",
+  );
+  const full_name = `Person Number ${Number(trainee.replace(/\D+/, ''))}`;
   const said = {
     people: count('SELECT count(*) FROM people'),
+    trainees: count('SELECT count(*) FROM people WHERE role = 1'),
     found: count(
       "SELECT count(*) FROM people WHERE lower(full_name) LIKE '%number 17%' OR lower(name) LIKE '%number 17%'",
     ),
@@ -54,12 +64,13 @@ try {
     passed: count(
       "SELECT count(DISTINCT trainee) FROM sessions WHERE exercise_id = 'exercise-0' AND passed = 1 AND excused = 0",
     ),
-    own: count(`SELECT count(*) FROM sessions WHERE trainee = '${kTrainee}'`),
+    own: count(`SELECT count(*) FROM sessions WHERE trainee = '${trainee}'`),
     own_at: asked(
       lab.data,
-      `SELECT count(*) FROM sessions WHERE trainee = '${kTrainee}' GROUP BY exercise_id ORDER BY max(started_unix_ns) DESC`,
+      `SELECT count(*) FROM sessions WHERE trainee = '${trainee}' GROUP BY exercise_id ORDER BY max(started_unix_ns) DESC`,
     ).map(Number),
     guest: count("SELECT count(*) FROM sessions WHERE trainee = 'guest' AND exercise_id = 'exercise-3'"),
+    assigned: count('SELECT count(*) FROM assignments'),
     scores: count(
       `SELECT count(*) FROM scores c JOIN sessions s ON s.number = c.session JOIN group_members m ON m.person = s.trainee AND m.group_id = '${kGroup}'`,
     ),
@@ -68,17 +79,24 @@ try {
   await lab.startServer();
   await browser.begin();
   const page = await browser.as('mara');
-  const walked = [];
+  const walked = [],
+    asked_of = [];
+  page.on('response', (r) => r.url().includes('/api/v1/') && asked_of.push(r));
   /** @param {() => Promise<void>} content resolves when the page shows what the database says */
   const walk = async (name, hash, title, content) => {
     await open(page, lab, '#/account');
+    asked_of.length = 0;
     const from = performance.now();
     await page.goto(lab.base + hash);
     await page.getByRole('heading', { level: 1, name: title }).waitFor();
     await content();
     const ms = performance.now() - from;
     walked.push(name);
-    console.log(`${name}: content after ${ms.toFixed(0)} ms`);
+    const sizes = await Promise.all(asked_of.map(async (r) => (await r.body()).length));
+    const bytes = sizes.reduce((sum, one) => sum + one, 0);
+    console.log(`${name}: content after ${ms.toFixed(0)} ms, of ${sizes.length} replies with ${bytes} bytes`);
+    assert.ok(sizes.length <= kMostReplies, `${name} asked ${sizes.length} times: ${asked_of.map((r) => r.url())}`);
+    assert.ok(bytes <= kMostBytes, `${name} loaded ${bytes} bytes`);
     if (process.env.NEEDLELAB_SHOTS)
       await page.screenshot({ path: `${process.env.NEEDLELAB_SHOTS}/large-${name}.png` });
   };
@@ -96,7 +114,12 @@ try {
       .waitFor();
     assert.equal(await page.locator('tbody tr').count(), said.groups);
   });
-  await walk('group', `#/groups/${kGroup}`, 'A class', () => page.getByText(`Members: ${said.members}`).waitFor());
+  await walk('group', `#/groups/${kGroup}`, 'A class', async () => {
+    await page.getByText(`Members: ${said.members}`).waitFor();
+    const shown = Math.min(said.members, 100);
+    assert.equal(await page.getByRole('group', { name: 'Present members' }).getByRole('checkbox').count(), shown);
+    await page.getByText(`50 of ${said.trainees} trainees`).waitFor();
+  });
   await walk('results', '#/results?course=everybody', 'Results', async () => {
     await caption(`100 of ${said.takers} trainees, 8 exercises`);
     await page.getByText(`${said.passed} of ${said.takers} passed`).first().waitFor();
@@ -105,9 +128,25 @@ try {
     caption(`${said.members} trainees, 8 exercises`),
   );
   await walk('sessions', '#/sessions', 'Sessions', () => caption(/^The newest 100 sessions|100/));
-  await walk('progress', `#/progress/${kTrainee}`, /./, () => caption(`${said.own_at[0]} attempt`));
-  await walk('progress-of-guest', '#/progress/guest?exercise=exercise-3', /./, () => caption(`attempts, oldest first`));
-  await walk('assignments', '#/assignments', 'Assignments', () => caption('Assignments'));
+  await walk('progress', `#/progress/${trainee}`, /./, () => caption(`${said.own_at[0]} attempt`));
+  await walk('progress-of-guest', '#/progress/guest?exercise=exercise-3', /./, async () => {
+    const shown = Math.min(said.guest, 200);
+    await caption(`${shown < said.guest ? '200 of ' : ''}${said.guest} attempts, newest first`);
+    await page.getByRole('link', { name: `Attempt ${said.guest}`, exact: true }).waitFor();
+    assert.equal(await page.locator('.table-frame tbody tr').count(), shown);
+  });
+  await walk('assignments', '#/assignments', 'Assignments', async () => {
+    await caption(`${said.assigned} assignments`);
+    assert.equal(await page.locator('tbody tr').count(), said.assigned);
+  });
+  // somebody of 3,000, to whom nothing is assigned yet
+  await chooseFrom(page.getByLabel('To whom'), full_name, `${full_name} (${trainee})`);
+  await page.getByLabel('What').selectOption('exercise:exercise-3');
+  await page.getByRole('button', { name: 'Assign', exact: true }).click();
+  await page.getByText(`exercise-3 was assigned to ${trainee}.`).waitFor();
+  await page.getByRole('button', { name: `Take back exercise-3 from ${trainee}` }).click();
+  await page.getByRole('dialog').getByRole('button', { name: 'Take back' }).click();
+  await page.getByText('The assignment was taken back.').waitFor();
 
   const csv = await page.evaluate(async (address) => {
     const from = performance.now();

@@ -1,6 +1,7 @@
 // Runs the console's tests for ctest by node's own runner. Exits with 77 (skipped) and prints what is missing if they
 // cannot run.
-// usage: node tests/web/console/run.mjs   environment: NEEDLELAB_BIN, NEEDLELAB_WEB_ROOT, NEEDLELAB_CHROMIUM, NEEDLELAB_SHOTS=DIR, NEEDLELAB_KEEP=1
+// usage: node tests/web/console/run.mjs [--large FOLDER]   --large: large.mjs with that folder in place of them
+// environment: NEEDLELAB_BIN, NEEDLELAB_WEB_ROOT, NEEDLELAB_CHROMIUM, NEEDLELAB_SHOTS=DIR, NEEDLELAB_KEEP=1
 import { spawnSync } from 'node:child_process';
 import { accessSync, constants } from 'node:fs';
 import { join } from 'node:path';
@@ -39,6 +40,8 @@ if (reason) {
   console.log(`skipped: ${reason}`);
   process.exitCode = 77;
 } else {
-  const { status } = spawnSync(process.execPath, ['--test', join(here, 'console.test.mjs')], { stdio: 'inherit' });
+  const [way, folder] = process.argv.slice(2);
+  const what = way === '--large' ? [join(here, 'large.mjs'), folder] : ['--test', join(here, 'console.test.mjs')];
+  const { status } = spawnSync(process.execPath, what, { stdio: 'inherit' });
   process.exitCode = status ?? 1;
 }
