@@ -11,7 +11,7 @@ const kWait_ms = 200;
 
 /** What the list says of itself, for the eye and for a screen reader. */
 function said(load, text, is_current) {
-  if (!is_current || load.data === undefined) return load.error ? '' : 'Looking …';
+  if (!is_current || load.data === undefined) return is_current && load.error ? '' : 'Looking …';
   const { options, more } = load.data;
   if (options.length === 0) return text.trim() ? `Nothing fits “${text.trim()}”` : 'There is nothing to choose from';
   return more ? `The first ${options.length} that fit: type more of the name` : `${options.length} to choose from`;
@@ -36,7 +36,7 @@ function Offers({ id, options, load, is_current, again, at, setAt, choose, text,
       </li>`,
     )}</ul>
     <p class="help" role="status">${said(load, text, is_current)}</p>
-    <${Problem} error=${load.error} retry=${again} title=${failed} />
+    <${Problem} error=${is_current && load.error} retry=${again} title=${failed} />
   </div>`;
 }
 
@@ -67,11 +67,12 @@ export function SearchField({
   const [open, setOpen] = useState(false);
   const [at, setAt] = useState(0);
   const asked = useDebounced(typed, kWait_ms);
-  const load = useLoad((signal) => (open ? find(asked, signal) : Promise.resolve(undefined)), [asked, open]);
+  const wanted = open && asked === typed;
+  const load = useLoad((signal) => (wanted ? find(asked, signal) : Promise.resolve(undefined)), [asked, wanted]);
   const text = chosen && !editing ? chosen.text : typed;
   // what was found for another text is not offered: an Enter before the answer comes chooses nothing
-  const is_current = asked === typed && !load.loading;
-  const offers = open && is_current ? (load.data?.options ?? []) : [];
+  const is_current = wanted && !load.loading;
+  const offers = is_current ? (load.data?.options ?? []) : [];
   useEffect(() => setAt(0), [load.data]);
   useEffect(() => {
     input.current.setCustomValidity(required && !chosen ? 'Choose one of those that are offered.' : '');
