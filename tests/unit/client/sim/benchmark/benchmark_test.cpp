@@ -10,6 +10,7 @@
 
 #include "client/sim/benchmark/benchmark_report.h"
 #include "tests/support/recordings/recordings.h"
+#include "tests/support/run_form.h"
 #include "tests/unit/client/sim/benchmark/made_curves.h"
 
 namespace needlelab {
@@ -41,7 +42,7 @@ const BenchmarkRow& rowOf(const QuestionResult& question, const std::string& mod
 }
 
 TEST(Benchmark, findsTheRateDependentFractureThatMadeTheCurvesAtASpeedThatItHasNotSeen) {
-  for (const std::uint64_t seed : {1u, 2u}) {
+  for (std::uint64_t seed = 1; seed <= (test::longForm() ? 2u : 1u); ++seed) {
     MadeSet made;
     made.specimens = 2;
     made.speeds_mps = {0.001, 0.0015, 0.002, 0.003, 0.005, 0.008, 0.012, 0.02};
@@ -58,7 +59,7 @@ TEST(Benchmark, findsTheRateDependentFractureThatMadeTheCurvesAtASpeedThatItHasN
 }
 
 TEST(Benchmark, findsTheExponentialThatMadeTheCurvesInASpecimenThatItHasNotSeen) {
-  for (const std::uint64_t seed : {1u, 2u}) {
+  for (std::uint64_t seed = 1; seed <= (test::longForm() ? 2u : 1u); ++seed) {
     MadeSet made;
     made.specimens = 5;
     made.noise_N = 0.05;
