@@ -10,11 +10,12 @@
 /// - retention_store, erasure: the database's size and room, statistics that hold values;
 /// - restored_backup: which server it is, and whether it is a standby;
 /// - copied_tables, store_copy: last numbers, lists as parameters, triggers, plans;
-/// - people, session_results: many rows in one statement, by lists as parameters.
+/// - people, session_results, text_lists: many rows in one statement, by lists as parameters;
+/// - attempt_sums, audit: triggers that rest while an import counts, and what is written once at its end.
 /// Without SQL differ db_writer and session_appends (chunks in one statement, who keeps what a failed COMMIT
-/// had), record_handlers (an import ends with the first row that the schema refuses), free_parts,
-/// repeated_erasures, erasures and upkeep_handlers (files, pages and backups are PostgreSQL's own), monitor
-/// (where the size comes from).
+/// had), record_handlers (an import ends with the first row that the schema refuses), session_reader and
+/// session_samples (a score's step reads by one view), free_parts, repeated_erasures, erasures and
+/// upkeep_handlers (files, pages and backups are PostgreSQL's own), monitor (where the size comes from).
 ///
 /// What stores may not use, because only SQLite has it: a bare number as a condition (write `flag <> 0`),
 /// bare columns beside an aggregate, a subquery in FROM without a name, GLOB, PRAGMA, rowid,

@@ -156,8 +156,12 @@ std::string SharedWorld::restoredNow(const char* folder, std::int64_t made_unix_
   {
     const std::string everywhere = address.substr(0, address.rfind('=') + 1) + "postgres";
     Connection control(orThrow(openPostgres({.url = everywhere})), address_.path);
-    orThrow(control.script("DROP DATABASE " + name));
-    orThrow(control.script("CREATE DATABASE " + name + " TEMPLATE " + databaseOf(address_.url)));
+    // those who keep databases for tests are connected to both, and drop what has lost its connection
+    const std::string source = databaseOf(address_.url);
+    orThrow(control.script("DROP DATABASE " + name + " WITH (FORCE)"));
+    orThrow(control.script("SELECT pg_terminate_backend(pid, 30000) FROM pg_stat_activity WHERE datname = '" +
+                           source + "'"));
+    orThrow(control.script("CREATE DATABASE " + name + " TEMPLATE " + source));
   }
   Connection restored(orThrow(openPostgres({.url = address})), address_.path);
   const std::string made = std::to_string(made_unix_ns);
