@@ -48,15 +48,23 @@ std::string doneText(const Status& done) {
   return done ? "done" : "refused: " + done.error().message;
 }
 
-pb::CloseSession closeOfOpen(std::uint64_t chunks) {
+pb::CloseSession closeOfOpen(std::uint64_t chunks, const char* session = kOpenSession) {
   constexpr std::size_t kSamples = 60;
-  return closeOf(*uuidOf(kOpenSession), chunks, kSamples);
+  return closeOf(*uuidOf(session), chunks, kSamples);
 }
 
 std::string closedText(const Closed& closed) {
   return "closed " + std::to_string(static_cast<int>(closed.kind)) + ", next " +
          std::to_string(closed.next_seq) + ", state " + std::to_string(static_cast<int>(closed.state)) +
          ", " + closed.text + ", ";
+}
+
+ServerWork closingOf(const char* session, std::uint64_t chunks) {
+  return [=](OneServer& server) {
+    const auto closed = server.service().closeSession(closeOfOpen(chunks, session), "station-1");
+    if (!closed) return "refused: " + closed.error().message;
+    return closedText(closed->closed) + closed->score_json + closed->score_fault;
+  };
 }
 
 }  // namespace
@@ -124,11 +132,11 @@ ServerWork noting(const char* action, const char* subject, const char* detail) {
 }
 
 ServerWork closing(std::uint64_t chunks) {
-  return [=](OneServer& server) {
-    const auto closed = server.service().closeSession(closeOfOpen(chunks), "station-1");
-    if (!closed) return "refused: " + closed.error().message;
-    return closedText(closed->closed) + closed->score_json + closed->score_fault;
-  };
+  return closingOf(kOpenSession, chunks);
+}
+
+ServerWork closingUnknown(std::uint64_t chunks) {
+  return closingOf(kUnknownOpenSession, chunks);
 }
 
 InTwoCommits closingInTwoCommits(std::uint64_t chunks) {

@@ -18,8 +18,9 @@ ServerWork opening(const std::string& id, const std::string& trainee, const std:
 ServerWork appending(std::uint64_t seq, std::size_t samples);
 /// One that its station sealed, and nobody can decode.
 ServerWork appendingUndecodable(std::uint64_t seq);
-/// Closes the open session.
+/// Closes the open session, or the open one that waits.
 ServerWork closing(std::uint64_t chunks);
+ServerWork closingUnknown(std::uint64_t chunks);
 
 /// The two commits of a piece of work that promises no more than that each is as if nobody had come between.
 struct InTwoCommits {

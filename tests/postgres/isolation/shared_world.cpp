@@ -223,6 +223,7 @@ void SharedWorld::fill() {
     RETURN_IF_ERROR(open(c, kScoredSession, "anna", "first", kChunksOfSession));
     RETURN_IF_ERROR(open(c, kOtherSession, "bob", "first", kChunksOfSession));
     RETURN_IF_ERROR(open(c, kOpenSession, "carl", "first", 2));
+    RETURN_IF_ERROR(open(c, kUnknownOpenSession, "somebody", "first", 2));
     RETURN_IF_ERROR(open(c, kWaitingSession, "nobody", "first", kChunksOfSession));
     RETURN_IF_ERROR(open(c, kOldSession, "bob", "second", kChunksOfSession));
     RETURN_IF_ERROR(open(c, kErasedSession, "carl", "first", kChunksOfSession));

@@ -20,10 +20,11 @@
 namespace needlelab::test {
 
 // Sessions of the world, by their ids of 16 bytes.
-inline constexpr const char* kScoredSession = "closed-session-1";   ///< of anna, closed
-inline constexpr const char* kOtherSession = "closed-session-2";    ///< of bob, closed
-inline constexpr const char* kOpenSession = "open---session-3";     ///< of carl, with two chunks
-inline constexpr const char* kWaitingSession = "waits--session-4";  ///< of "nobody", closed
+inline constexpr const char* kScoredSession = "closed-session-1";       ///< of anna, closed
+inline constexpr const char* kOtherSession = "closed-session-2";        ///< of bob, closed
+inline constexpr const char* kOpenSession = "open---session-3";         ///< of carl, with two chunks
+inline constexpr const char* kUnknownOpenSession = "opened-session-8";  ///< of "somebody", with two chunks
+inline constexpr const char* kWaitingSession = "waits--session-4";      ///< of "nobody", closed
 inline constexpr const char* kOldSession = "old----session-5";     ///< of bob; a policy deletes its recording
 inline constexpr const char* kErasedSession = "closed-session-6";  ///< of carl, closed
 inline constexpr const char* kUnsafeSession = "unsafe-session-7";  ///< as kOldSession, but not Safe
