@@ -271,7 +271,9 @@ std::vector<PairAtATime> pairsAtATime(const SharedWorld& world) {
   addWork("a session is opened | and its station is revoked", opening("new----session-9", "anna", "one"),
           revoked.work, revoked.call);
   const auto given = request("mia", "assign_session { session_id: 'opened-session-8' trainee: 'anna' }");
-  addWork("a close | and the session is given to a person", closingUnknown(2), given.work, given.call);
+  addWork("a close | and the session is given to a person", closing(2, kUnknownOpenSession), given.work,
+          given.call);
+  pairs.back().first_commits = closingInTwoCommits(2, kUnknownOpenSession);
   const auto annotated = request("ina", "annotate { session_id: 'open---session-3' tick: 1 text: 'one' }");
   addWork("a close | and a remark", closing(2), annotated.work, annotated.call);
   return pairs;

@@ -48,7 +48,7 @@ std::string doneText(const Status& done) {
   return done ? "done" : "refused: " + done.error().message;
 }
 
-pb::CloseSession closeOfOpen(std::uint64_t chunks, const char* session = kOpenSession) {
+pb::CloseSession closeOfOpen(std::uint64_t chunks, const char* session) {
   constexpr std::size_t kSamples = 60;
   return closeOf(*uuidOf(session), chunks, kSamples);
 }
@@ -57,14 +57,6 @@ std::string closedText(const Closed& closed) {
   return "closed " + std::to_string(static_cast<int>(closed.kind)) + ", next " +
          std::to_string(closed.next_seq) + ", state " + std::to_string(static_cast<int>(closed.state)) +
          ", " + closed.text + ", ";
-}
-
-ServerWork closingOf(const char* session, std::uint64_t chunks) {
-  return [=](OneServer& server) {
-    const auto closed = server.service().closeSession(closeOfOpen(chunks, session), "station-1");
-    if (!closed) return "refused: " + closed.error().message;
-    return closedText(closed->closed) + closed->score_json + closed->score_fault;
-  };
 }
 
 }  // namespace
@@ -131,23 +123,24 @@ ServerWork noting(const char* action, const char* subject, const char* detail) {
   };
 }
 
-ServerWork closing(std::uint64_t chunks) {
-  return closingOf(kOpenSession, chunks);
+ServerWork closing(std::uint64_t chunks, const char* session) {
+  return [=](OneServer& server) {
+    const auto closed = server.service().closeSession(closeOfOpen(chunks, session), "station-1");
+    if (!closed) return "refused: " + closed.error().message;
+    return closedText(closed->closed) + closed->score_json + closed->score_fault;
+  };
 }
 
-ServerWork closingUnknown(std::uint64_t chunks) {
-  return closingOf(kUnknownOpenSession, chunks);
-}
-
-InTwoCommits closingInTwoCommits(std::uint64_t chunks) {
+InTwoCommits closingInTwoCommits(std::uint64_t chunks, const char* session) {
   const auto close = onWriter([=](Connection& c) -> Result<std::string> {
     const std::int64_t now_unix_ns = wallNowNs();
-    ASSIGN_OR_RETURN(const auto closed, SessionStore(c).close(closeOfOpen(chunks), now_unix_ns, "station-1"));
-    RETURN_IF_ERROR(SeenTimeStore(c).noteClose(*uuidOf(kOpenSession), now_unix_ns));
+    ASSIGN_OR_RETURN(const auto closed,
+                     SessionStore(c).close(closeOfOpen(chunks, session), now_unix_ns, "station-1"));
+    RETURN_IF_ERROR(SeenTimeStore(c).noteClose(*uuidOf(session), now_unix_ns));
     return closedText(closed);
   });
   return {close, [=](OneServer& server) -> std::string {
-            const auto again = server.service().closeSession(closeOfOpen(chunks), "station-1");
+            const auto again = server.service().closeSession(closeOfOpen(chunks, session), "station-1");
             return again ? again->score_json + again->score_fault : "refused: " + again.error().message;
           }};
 }

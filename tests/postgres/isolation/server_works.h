@@ -6,6 +6,7 @@
 
 #include "db/service/service.h"
 #include "tests/postgres/isolation/interleaving.h"
+#include "tests/postgres/isolation/shared_world.h"
 
 namespace needlelab::test {
 
@@ -18,16 +19,15 @@ ServerWork opening(const std::string& id, const std::string& trainee, const std:
 ServerWork appending(std::uint64_t seq, std::size_t samples);
 /// One that its station sealed, and nobody can decode.
 ServerWork appendingUndecodable(std::uint64_t seq);
-/// Closes the open session, or the open one that waits.
-ServerWork closing(std::uint64_t chunks);
-ServerWork closingUnknown(std::uint64_t chunks);
+/// Closes the open session, or another open one.
+ServerWork closing(std::uint64_t chunks, const char* session = kOpenSession);
 
 /// The two commits of a piece of work that promises no more than that each is as if nobody had come between.
 struct InTwoCommits {
   ServerWork begins, ends;  ///< their answers, one behind the other, are the whole one's
 };
 /// The score of a long session takes a while, in which its person may be erased.
-InTwoCommits closingInTwoCommits(std::uint64_t chunks);
+InTwoCommits closingInTwoCommits(std::uint64_t chunks, const char* session = kOpenSession);
 
 /// Twice: once an hour a person and host have a line, as each server remembers it.
 ServerWork loggingIn(const char* who);
