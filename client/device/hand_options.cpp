@@ -210,7 +210,9 @@ HandPlan attemptPlan(const HandSkill& skill, const Limb& limb_W, Vec3 target_W_m
   const Vec3 side = normalized(cross(back, std::abs(back.x) < 0.9 ? Vec3{1, 0, 0} : Vec3{0, 1, 0}));
   const Vec3 other = cross(back, side);
   const auto astray = [&] {
-    return (skill.aim_m * nearlyNormal(random)) * side + (skill.aim_m * nearlyNormal(random)) * other;
+    // the order of two calls in one expression is the compiler's
+    const double along_other = nearlyNormal(random), along_side = nearlyNormal(random);
+    return (skill.aim_m * along_side) * side + (skill.aim_m * along_other) * other;
   };
   // the hand's way: from its entry to its estimate of the target
   const Vec3 entry = meant + astray();
