@@ -65,7 +65,7 @@ class Setup(unittest.TestCase):
         self.assertNotIn("clang", listed())
 
     def test_the_demo_needs_no_browser_no_node_no_postgresql_and_no_test_library(self):
-        heavy = {"chromium", "nodejs", "npm", "valgrind", "xvfb", "libgtest-dev", "libbenchmark-dev"}
+        heavy = {"chromium-headless-shell", "nodejs", "npm", "valgrind", "xvfb", "libgtest-dev", "libbenchmark-dev"}
         postgresql = {"libpq-dev", "postgresql-15"}
         self.assertLessEqual(heavy | postgresql, set(packages()))
         self.assertFalse((heavy | postgresql) & set(listed("--demo")))

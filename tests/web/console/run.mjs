@@ -9,7 +9,6 @@ import { fileURLToPath } from 'node:url';
 
 const here = fileURLToPath(new URL('.', import.meta.url));
 const bin = process.env.NEEDLELAB_BIN ?? join(here, '../../../build/release/bin');
-const chromium = process.env.NEEDLELAB_CHROMIUM ?? '/usr/bin/chromium';
 
 function runs(file) {
   try {
@@ -23,7 +22,6 @@ function runs(file) {
 async function missing() {
   if (Number(process.versions.node.split('.')[0]) < 18)
     return `node ${process.version} is too old: 18 or later is needed`;
-  if (!runs(chromium)) return `there is no ${chromium} (Debian's package chromium): run deploy/setup`;
   for (const name of ['playwright-core', 'axe-core']) {
     try {
       await import(name);
@@ -31,6 +29,8 @@ async function missing() {
       return `the npm package ${name} is not in tests/web/node_modules (${error.code ?? error.message}): run deploy/setup where the npm registry can be reached`;
     }
   }
+  const { kChromium } = await import('./browser.mjs');
+  if (!runs(kChromium)) return `there is no ${kChromium} (Debian's package chromium-headless-shell): run deploy/setup`;
   const lost = ['needlelab-server', 'needlelab-admin', 'needlelab-station'].find((name) => !runs(join(bin, name)));
   return lost && `${join(bin, lost)} is not built`;
 }

@@ -4,6 +4,7 @@ import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { chromium } from 'playwright-core';
+import { kChromium } from '../console/browser.mjs';
 
 const here = fileURLToPath(new URL('.', import.meta.url));
 const folder = process.argv[2];
@@ -12,7 +13,7 @@ const read = (name) => readFileSync(join(folder, name), 'utf8').trim();
 const base = `https://127.0.0.1:${read('web-port')}/`;
 
 const browser = await chromium.launch({
-  executablePath: process.env.NEEDLELAB_CHROMIUM ?? '/usr/bin/chromium',
+  executablePath: kChromium,
   args: ['--no-sandbox', '--disable-gpu'],
 });
 const page = await (
