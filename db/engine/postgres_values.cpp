@@ -168,7 +168,7 @@ double realOfPostgres(PostgresType type, ByteView bytes) {
     case PostgresType::kFloat8:
       return std::bit_cast<double>(bigEndian<std::uint64_t>(bytes));
     case PostgresType::kFloat4:
-      return std::bit_cast<float>(bigEndian<std::uint32_t>(bytes));
+      return static_cast<double>(std::bit_cast<float>(bigEndian<std::uint32_t>(bytes)));
     case PostgresType::kNumeric:
       return realOf(numericOf(bytes));
     case PostgresType::kText:

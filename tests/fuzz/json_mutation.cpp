@@ -11,9 +11,9 @@ namespace needlelab::fuzz {
 namespace {
 
 using Json = nlohmann::json;
-using Random = std::minstd_rand;
+using Draws = std::minstd_rand;
 
-std::size_t below(Random& random, std::size_t count) {
+std::size_t below(Draws& random, std::size_t count) {
   return random() % count;
 }
 
@@ -23,7 +23,7 @@ void gather(Json& node, std::vector<Json*>& all) {
     for (Json& child : node) gather(child, all);
 }
 
-void changeText(std::string& text, Random& random) {
+void changeText(std::string& text, Draws& random) {
   switch (below(random, 4)) {
     case 0:
       text.insert(below(random, text.size() + 1), 1 + below(random, 100),
@@ -40,7 +40,7 @@ void changeText(std::string& text, Random& random) {
   }
 }
 
-void changeNumber(Json& node, Random& random) {
+void changeNumber(Json& node, Draws& random) {
   const double was = node.get<double>();
   const double becomes[] = {0,       -1,     1,     -was,         2 * was,   was / 2,
                             was + 1, 1e-300, 1e300, 4294967296.0, was * 1000};
@@ -51,7 +51,7 @@ void changeNumber(Json& node, Random& random) {
     node = which % 2 == 0 ? Json(static_cast<std::int64_t>(below(random, 200)) - 100) : Json(INT64_MAX);
 }
 
-void changeArray(Json& node, Random& random) {
+void changeArray(Json& node, Draws& random) {
   if (node.empty()) return;
   const std::size_t i = below(random, node.size());
   const Json element = node[i];
@@ -71,7 +71,7 @@ void changeArray(Json& node, Random& random) {
   }
 }
 
-void changeObject(Json& node, const Json& other, Random& random) {
+void changeObject(Json& node, const Json& other, Draws& random) {
   if (node.empty()) return;
   const auto at = std::next(node.begin(), static_cast<std::ptrdiff_t>(below(random, node.size())));
   const std::string key = at.key();
@@ -88,7 +88,7 @@ void changeObject(Json& node, const Json& other, Random& random) {
 std::size_t mutateJson(std::span<std::uint8_t> room, std::size_t size, unsigned seed) {
   Json whole = Json::parse(room.begin(), room.begin() + static_cast<std::ptrdiff_t>(size), nullptr, false);
   if (whole.is_discarded()) return 0;
-  Random random(seed);
+  Draws random(seed);
   for (std::size_t changes = 1 + below(random, 3); changes > 0; --changes) {
     std::vector<Json*> all;
     gather(whole, all);

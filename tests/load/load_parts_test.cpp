@@ -163,7 +163,7 @@ TEST_F(Compared, findsAChangeInEveryField) {
       {"speed_mps", [](GestureSample& s) { s.speed_mps += 1.1e-4; }},
       {"force_W_N", [](GestureSample& s) { s.force_W_N[2] -= 1.1e-3; }},
       {"torque_W_Nm", [](GestureSample& s) { s.torque_W_Nm[0] += 1.1e-4; }},
-      {"wall_W_m", [](GestureSample& s) { s.wall_W_m[0] = std::isnan(s.wall_W_m[0]) ? 0 : NAN; }},
+      {"wall_W_m", [](GestureSample& s) { s.wall_W_m[0] = std::isnan(s.wall_W_m[0]) ? 0 : std::nan(""); }},
       {"insertion_m", [](GestureSample& s) { s.insertion_m += 1.1e-6; }},
       {"lateral_error_m", [](GestureSample& s) { s.lateral_error_m += 1.1e-6; }},
       {"plunger", [](GestureSample& s) { s.plunger += 0x1.2p-15; }},

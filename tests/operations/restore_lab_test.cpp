@@ -71,7 +71,7 @@ TEST(RestoreLab, stationsSendAgainWhatTheBackupLacks) {
   ASSERT_TRUE(eventually([&] { return lab.sessions().size() == 4; }));
   ASSERT_EQ(recorded.size(), 4u);
   for (const auto& [id, chunks] : recorded) {
-    EXPECT_TRUE(eventually([&] { return lab.verifies(id); })) << id;
+    EXPECT_TRUE(eventually([&lab, &session = id] { return lab.verifies(session); })) << id;
     const StoredSession stored = lab.stored(id);
     EXPECT_EQ(stored.info.state(), pb::SESSION_COMPLETE) << id;
     EXPECT_EQ(stored.chunks, chunks) << id << ": every byte as it was recorded";

@@ -309,11 +309,12 @@ Status CurveFile::addRow(std::vector<Growing>& curves) {
     curves.push_back({std::move(one), {}, lines_.number});
   } else {
     const ForceCurve& first = curves[found->second].curve;
+    const auto line = curves[found->second].first_line;
     const auto differs = [&](CurveCell column, double was, double is) {
       return lineError(fmt::format(
           "column '{}': {}, but {} in line {} of the same curve; give each insertion its own name in a "
           "column 'curve', and one speed",
-          kCellNames[column], numberText(is), numberText(was), curves[found->second].first_line));
+          kCellNames[column], numberText(is), numberText(was), line));
     };
     if (first.speed_mps != one.speed_mps) return differs(kSpeedCell, first.speed_mps, one.speed_mps);
     if (first.diameter_m != one.diameter_m) return differs(kDiameterCell, first.diameter_m, one.diameter_m);

@@ -1,6 +1,6 @@
 #include "client/station/run/black_box.h"
 
-#include <fmt/core.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <chrono>
@@ -31,10 +31,12 @@ class Row {
   Row(std::string& out, bool names) : out_(out), names_(names) {}
   void whole(std::string_view name, auto value) {
     begin();
-    if (names_)
+    if (names_) {
       out_ += name;
-    else
-      fmt::format_to(std::back_inserter(out_), "{}", value);
+    } else {
+      const fmt::format_int text(value);
+      out_.append(text.data(), text.size());
+    }
   }
   void real(double value, auto... name) {
     begin();

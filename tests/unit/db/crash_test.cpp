@@ -142,13 +142,14 @@ void cutThePower(std::uint64_t seed, bool full, const std::function<void(Connect
     return SQLITE_OK;
   });
   // as DbWriter does: commits, with occasional checkpoints between them
-  for (std::uint64_t round = 0; !cut; ++round) {
+  std::uint64_t round = 0;
+  while (!cut) {
     auto transaction = Transaction::begin(db.writer, Transaction::Kind::kWrite);
     EXPECT_OK(transaction);
     commit(db.writer);
     EXPECT_OK(transaction->commit());
     if (!cut) committed();
-    if (!cut && round % 7 == 6) EXPECT_OK(db.writer.checkpointPassive());
+    if (!cut && round++ % 7 == 6) EXPECT_OK(db.writer.checkpointPassive());
   }
   vfs.setHook({});
 

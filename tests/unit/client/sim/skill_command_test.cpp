@@ -35,7 +35,7 @@ TEST(SkillCommand, aRowsNumbersFollowFromItsMeansAndSpreads) {
   const auto& rows = json.at("rows");
   ASSERT_GT(rows.size(), 10u);
   std::vector<std::string> apart, differ;
-  double greatest = INFINITY;
+  double greatest = std::numeric_limits<double>::infinity();
   for (const auto& row : rows) {
     const std::string measure = row.at("measure");
     const auto number = [&](const char* key) { return row.at(key).get<double>(); };

@@ -94,7 +94,7 @@ TEST(Dtw, refusesWhatItCannotCompare) {
   EXPECT_FALSE(dtwDistance({}, along({1})).has_value());
   EXPECT_FALSE(dtwDistance(along({1}), {}).has_value());
   EXPECT_FALSE(dtwDistance(TipPath(kMostPathPoints + 1), along({1})).has_value());
-  EXPECT_FALSE(dtwDistance(along({NAN}), along({1})).has_value());
+  EXPECT_FALSE(dtwDistance(along({std::nan("")}), along({1})).has_value());
 }
 
 TEST(Dtw, costsTheLongerPathTimesItsBand) {

@@ -268,8 +268,8 @@ TEST_F(StoredGestureTest, hasTheRequirementsOfItsScore) {
   ASSERT_TRUE(gesture.ok());
   for (const auto& [measure, max] : expected) {
     const auto& all = (*gesture)->requirements;
-    const auto found =
-        std::find_if(all.begin(), all.end(), [&](const auto& each) { return each.measure == measure; });
+    const auto found = std::find_if(all.begin(), all.end(),
+                                    [&name = measure](const auto& each) { return each.measure == name; });
     ASSERT_NE(found, all.end()) << measure;
     EXPECT_EQ(found->max, max) << measure;
   }

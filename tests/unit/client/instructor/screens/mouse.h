@@ -23,7 +23,7 @@ class WithMouse : public WindowLab {
 
   /// Clicks at a place in pixels.
   void clickAt(ImVec2 place) {
-    surface_->moveMouse(place.x, place.y);
+    surface_->moveMouse(static_cast<double>(place.x), static_cast<double>(place.y));
     frame();
     surface_->setMouseButton(0, true);
     frame();

@@ -35,7 +35,7 @@ TEST(StationLesson, aProfileFromAFileIsPlacedAndCompiled) {
   const auto targets = targetsOf(lesson->profile, options.X_WL);
   ASSERT_FALSE(targets.empty());
   const auto& c = lesson->profile.targets(0).center_m();
-  EXPECT_EQ(targets[0].center_W_m, options.X_WL * Vec3(c.x(), c.y(), c.z()));
+  EXPECT_EQ(targets[0].center_W_m, (options.X_WL * Vec3{c.x(), c.y(), c.z()}));
 }
 
 TEST(StationLesson, theServersAnswerIsCheckedLikeAFile) {
