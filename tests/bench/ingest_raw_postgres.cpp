@@ -27,13 +27,16 @@ class RawPostgres final : public IngestContender {
   RawPostgres(const IngestSettings& settings, const std::string& cluster, std::size_t group,
               RawPostgresForm form)
       : database_(settings, cluster,
-                  form == RawPostgresForm::kPipeline ? "ingest_raw_rows" : "ingest_raw_arrays"),
+                  form == RawPostgresForm::kPipeline ? "ingest_raw_rows"
+                  : form == RawPostgresForm::kArrays ? "ingest_raw_arrays"
+                                                     : "ingest_raw_no_keys"),
         form_(form),
         group_(group),
         connection_(PQconnectdb(database_.address().url.c_str())) {
     if (PQstatus(connection_) != CONNECTION_OK) dieOfIngest(PQerrorMessage(connection_));
-    // no foreign keys
-    command(std::string("SET search_path = ") + kPostgresSchema + "; SET session_replication_role = replica");
+    command(std::string("SET search_path = ") + kPostgresSchema);
+    // PostgreSQL checks foreign keys by triggers, which a replica does not run
+    if (form == RawPostgresForm::kArraysWithoutKeys) command("SET session_replication_role = replica");
   }
   ~RawPostgres() override { PQfinish(connection_); }
 

@@ -106,7 +106,7 @@ std::unique_ptr<IngestContender> ingestRawSqlite(const IngestSettings& settings,
 /// How libpq alone sends the rows of a transaction, prepared and binary: an INSERT … ON CONFLICT DO NOTHING
 /// each in pipeline mode, or one INSERT of arrays. Either way BEGIN, rows and COMMIT go out together and one
 /// answer is waited for; the same table, no checks, no counters, no foreign keys.
-enum class RawPostgresForm { kPipeline, kArrays };
+enum class RawPostgresForm { kPipeline, kArrays, kArraysWithoutKeys };
 std::unique_ptr<IngestContender> ingestRawPostgres(const IngestSettings& settings, const std::string& cluster,
                                                    std::size_t group, RawPostgresForm form);
 /// What a table says of the cluster: its settings that matter here. Dies where a standby is wanted, and none
