@@ -60,9 +60,9 @@ class Setup(unittest.TestCase):
         self.assertEqual(listed("--demo"), [name for name, group in wanted.items() if group == "demo"])
         self.assertEqual(listed("--faculty"), [name for name, group in wanted.items() if group in ("demo", "faculty")])
 
-    def test_the_tests_need_no_compiler_of_the_fuzzers(self):
-        self.assertIn("clang", packages())
-        self.assertNotIn("clang", listed())
+    def test_the_tests_do_without_what_shows_the_fuzzers_reach(self):
+        self.assertIn("llvm-14", packages())
+        self.assertNotIn("llvm-14", listed())
 
     def test_the_demo_needs_no_browser_no_node_no_postgresql_and_no_test_library(self):
         heavy = {"chromium-headless-shell", "nodejs", "npm", "valgrind", "xvfb", "libgtest-dev", "libbenchmark-dev"}
@@ -82,7 +82,7 @@ class Setup(unittest.TestCase):
         self.assertIn("not found: g++", text)
         self.assertNotIn("chromium", text)
         self.assertIn("not found: chromium", bare.run("--check")[1])
-        complete = OtherSystem(self, "g++", "cmake", "ninja", "pkg-config", "protoc", "gnuplot")
+        complete = OtherSystem(self, "clang++", "g++", "cmake", "ninja", "pkg-config", "protoc", "gnuplot")
         self.assertEqual(complete.run("--demo", "--check"), (0, ""))
 
     def test_no_setup_goes_on_to_the_build_and_names_what_is_missing(self):

@@ -92,15 +92,22 @@ def own_includes(source):
 def compiled(source, build):
     """(object, folders of the project's sources in it, folders read, libraries read), for each object of the product"""
     listing = subprocess.run(["ninja", "-C", build, "-t", "deps"], check=True, capture_output=True, text=True).stdout
+    read = {}
     for block in listing.split("\n\n"):
         lines = block.strip().split("\n")
-        target = lines[0].split(":")[0]
+        read[lines[0].split(":")[0]] = [line.strip() for line in lines[1:]]
+    # Clang lists what it took from precompiled headers, too
+    precompiled = {target.removesuffix(".pch"): set(paths) for target, paths in read.items() if target.endswith(".hxx.pch")}
+    for target, paths in read.items():
         if not target.startswith(PRODUCT) or not target.endswith(".o"):
             continue
         sources, folders, libraries = set(), set(), set()
         generated = False
-        for line in lines[1:]:
-            path = os.path.realpath(os.path.join(build, line.strip()))
+        apart = set().union(*(found for header, found in precompiled.items() if os.path.join(build, header) in paths))
+        for line in paths:
+            if line in apart:
+                continue
+            path = os.path.realpath(os.path.join(build, line))
             libraries |= {name for name, start in LIBRARIES.items() if path.startswith(start)}
             if not path.startswith(source + os.sep):
                 continue

@@ -25,11 +25,12 @@ FILES = {
     "client/net/link.cpp": '#include "common/wire/channel.h"\n#include "common/base/text.h"\n',
     "db/store.cpp": '#include "common/base/text.h"\n',
 }
+PRECOMPILED = "common/headers.dir/cmake_pch.hxx"
 ALL_READ = ["client/net/link.cpp", "common/wire/channel.h", "common/base/text.h", "/usr/include/boost/asio.hpp"]
 
 
 class Dependencies(unittest.TestCase):
-    def faults(self, table=TABLE, files=None, read=None, compiled=60):
+    def faults(self, table=TABLE, files=None, read=None, compiled=60, precompiled=()):
         with tempfile.TemporaryDirectory() as root:
             root = os.path.realpath(root)
             for path, text in {**FILES, **(files or {})}.items():
@@ -46,6 +47,8 @@ class Dependencies(unittest.TestCase):
             for number in range(compiled):
                 paths = "\n".join("    " + os.path.join(root, path) for path in (read or ALL_READ))
                 blocks.append(f"client/net/link{number}.cpp.o: #deps 4, deps mtime 1 (VALID)\n{paths}\n")
+            headers = "\n".join("    " + os.path.join(root, path) for path in precompiled)
+            blocks.append(f"{PRECOMPILED}.pch: #deps 1, deps mtime 1 (VALID)\n{headers}\n")
             listing = mock.Mock(stdout="\n".join(blocks))
             with mock.patch.object(dependencies.subprocess, "run", return_value=listing):
                 return dependencies.check(root, os.path.join(root, "build"))[0]
@@ -81,6 +84,12 @@ class Dependencies(unittest.TestCase):
     def test_a_header_that_the_compiler_read_beyond_the_rows(self):
         found = self.faults(files={"db/store.h": ""}, read=ALL_READ + ["db/store.h"])
         self.assertTrue(any("read a header of db" in fault for fault in found), found)
+
+    def test_what_came_with_the_precompiled_headers_is_nobodys_own(self):
+        with_them = ALL_READ + [f"build/{PRECOMPILED}", "db/store.h"]
+        self.assertEqual(self.faults(files={"db/store.h": ""}, read=with_them, precompiled=["db/store.h"]), [])
+        without = ALL_READ + ["db/store.h"]
+        self.assertNotEqual(self.faults(files={"db/store.h": ""}, read=without, precompiled=["db/store.h"]), [])
 
     def test_a_library_that_no_row_names(self):
         found = self.faults(read=ALL_READ + ["/usr/include/eigen3/Eigen/Core"])
