@@ -88,8 +88,11 @@ class Machine:
         self.give(file, 0o600)
 
     def configure(self):
-        """What every machine has: needlelab.conf and pg_hba.conf."""
+        """What every machine has: needlelab.conf and pg_hba.conf. initdb has tried which shared memory there is."""
+        config = self.data / "postgresql.conf"
+        found = re.search(r"^dynamic_shared_memory_type = \w+", config.read_text() if config.exists() else "", re.M)
         self.write("postgresql.conf", f"""include_dir = 'conf.d'
+{found[0] if found else ''}
 port = {self.port}
 unix_socket_directories = '{self.scratch}'
 ssl_cert_file = '{self.scratch}/db.crt'
