@@ -19,7 +19,9 @@ build() {
   fi
   local log=$root/build/$folder.log
   mkdir -p "$root/build"
-  (cd "$root" && cmake --preset "$preset" >"$log" 2>&1) || { tail -30 "$log"; die "cmake --preset $preset failed; the whole log is $log"; }
+  # with another compiler than before CMake forgets the preset's other variables
+  (cd "$root" && cmake --preset "$preset" >"$log" 2>&1 &&
+    { ! grep -q 'require your cache to be deleted' "$log" || cmake --preset "$preset" >"$log" 2>&1; }) || { tail -30 "$log"; die "cmake --preset $preset failed; the whole log is $log"; }
   local targets=()
   [ $# -eq 0 ] || targets=(--target "$@")
   if [ -t 1 ]; then
