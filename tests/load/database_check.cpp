@@ -10,7 +10,6 @@
 #include <utility>
 
 #include "common/gesture/chunk.h"
-#include "db/connection.h"
 
 namespace needlelab::test {
 namespace {
@@ -197,15 +196,15 @@ Difference SessionComparison::finish() {
   return difference_;
 }
 
-Result<DatabaseCheck> checkDatabaseFile(const std::filesystem::path& database, const LoadShared& shared,
-                                        const MadeTicks& ticks, const CheckProgress& progress) {
+Result<DatabaseCheck> checkDatabase(const StoreAddress& database, const LoadShared& shared,
+                                    const MadeTicks& ticks, const CheckProgress& progress) {
   DatabaseCheck all;
   std::mutex mutex;
   std::optional<Error> error;
   std::atomic<std::size_t> next{0};
   std::size_t done = 0;
   const auto work = [&] {
-    auto connection = Connection::open(database, {});
+    auto connection = openAt(database, Connection::Mode::kReader);
     for (std::size_t i = next++; i < shared.stations.size(); i = next++) {
       auto one = connection.ok() ? readSession(*connection, shared, i, ticks[i])
                                  : Result<DatabaseCheck>(connection.error());
@@ -224,7 +223,7 @@ Result<DatabaseCheck> checkDatabaseFile(const std::filesystem::path& database, c
   if (error) return *error;
 
   // rows that belong to no station of this run: the database was new
-  auto connection = Connection::open(database, {});
+  auto connection = openAt(database, Connection::Mode::kReader);
   if (!connection.ok()) return connection.error();
   ASSIGN_OR_RETURN(auto sessions, countOf(*connection, "SELECT count(*) FROM sessions"));
   auto orphans =

@@ -9,6 +9,7 @@
 
 #include "client/net/blocking_client.h"
 #include "common/gesture/sample.h"
+#include "db/store_address.h"
 #include "tests/load/gesture_pool.h"
 #include "tests/load/load_shared.h"
 
@@ -70,10 +71,10 @@ using MadeTicks = std::vector<std::uint64_t>;
 /// Called with the number of finished sessions.
 using CheckProgress = std::function<void(std::size_t)>;
 
-/// Reads the rows of the database file and checks each chunk's CRC. No process may use the database. Two
-/// threads. Errors: those of the database.
-Result<DatabaseCheck> checkDatabaseFile(const std::filesystem::path& database, const LoadShared& shared,
-                                        const MadeTicks& ticks, const CheckProgress& progress);
+/// Reads the rows of the database and checks each chunk's CRC. No server may use the database. Two threads.
+/// Errors: those of the database.
+Result<DatabaseCheck> checkDatabase(const StoreAddress& database, const LoadShared& shared,
+                                    const MadeTicks& ticks, const CheckProgress& progress);
 
 /// Through a running server's answers to GetSession and ReadChunks. Errors: kUnavailable.
 Result<DatabaseCheck> checkThroughServer(BlockingClient& client, const LoadShared& shared,

@@ -40,6 +40,8 @@ Status checkOptions(const LoadOptions& options) {
         "enrolled and the database is read by him");
   if (options.server && !options.data.empty())
     return invalid("--data is the folder of an own server: it does not go with --server");
+  if (options.server && !options.store.empty())
+    return invalid("--store is the database of an own server: it does not go with --server");
   if (options.server && options.faults)
     return invalid("--faults kills and restarts an own server: it does not go with --server");
   if (!options.server && (!options.ca_file.empty() || !options.password_file.empty()))

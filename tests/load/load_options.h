@@ -32,6 +32,7 @@ struct LoadOptions {
   // an own server
   std::filesystem::path bin;   ///< where needlelab-server is
   std::filesystem::path data;  ///< its folder, new, kept; empty: a temporary one
+  std::string store;           ///< its database on PostgreSQL, an empty one; empty: SQLite
 
   bool faults = false;        ///< random faults (FaultPlan); needs an own server
   double fault_every_s = 10;  ///< on average, [0.5, 3600]

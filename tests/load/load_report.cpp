@@ -132,6 +132,11 @@ std::string limitText(const Growth& growth) {
   return text;
 }
 
+// null: unknown, or SQLite
+Json postgresCpu_s(const LoadResult& r) {
+  return r.postgres && r.postgres->cpu_s ? Json(*r.postgres->cpu_s) : Json();
+}
+
 }  // namespace
 
 Json loadJson(const LoadResult& r) {
@@ -181,6 +186,8 @@ Json loadJson(const LoadResult& r) {
       {"server_rss_kib", r.server_rss_KiB},
       {"server_handles", r.server_handles},
       {"database_bytes", r.database_bytes},
+      {"postgres_cpu_s", postgresCpu_s(r)},
+      {"postgres_log_bytes", r.postgres ? Json(r.postgres->log_bytes) : Json()},
       {"database_disk", r.database_disk},
       {"connections", r.stations.connections},
       {"reconnects",
@@ -232,6 +239,13 @@ std::string loadText(const LoadResult& r) {
       static_cast<double>(r.server_rss_KiB) / 1024, n(r.server_handles),
       static_cast<double>(r.database_bytes) * 1e-6,
       d.stored > 0 ? static_cast<double>(r.stored.chunk_bytes) / static_cast<double>(d.stored) : 0);
+  if (r.postgres) {
+    const double cpu_s = r.postgres->cpu_s.value_or(0);
+    text += fmt::format("store     PostgreSQL {}; {:.1f} MB of log in the streaming\n",
+                        r.postgres->cpu_s ? fmt::format("{:.2f} s ({:.2f} cores)", cpu_s, cpu_s / span)
+                                          : "on another computer",
+                        static_cast<double>(r.postgres->log_bytes) * 1e-6);
+  }
   if (r.cuts + r.kills + r.pauses > 0)
     text +=
         fmt::format("faults    {} cuts, {} kill -9 of the server, {} slow viewers; {} chunks sent again\n",

@@ -115,18 +115,36 @@ class LoadRun {
                    "--data " + folder.string() + ": " +
                        (error ? error.message() : "holds an earlier run's data; name a new folder")};
     }
-    result_.database_disk = diskOf(folder);
-    ASSIGN_OR_RETURN(auto enrolled, enrol(folder / "data", options_.stations));
+    result_.database_disk = options_.store.empty() ? diskOf(folder) : "PostgreSQL";
+    ASSIGN_OR_RETURN(auto enrolled, enrol(folder / "data", options_.stations, options_.store));
     for (std::size_t i = 0; i < options_.stations; ++i) {
       shared_.stations[i].name = enrolled.stations[i].first;
       shared_.stations[i].key = enrolled.stations[i].second;
     }
     login_ = personLogin(enrolled.user, enrolled.password);
+    if (!options_.store.empty()) {
+      ASSIGN_OR_RETURN(auto postgres, openAt(database(folder / "data"), Connection::Mode::kReader));
+      RETURN_IF_ERROR(mustHaveNoSessions(postgres));
+      postgres_.emplace(std::move(postgres));
+    }
     server_.emplace(options_.bin / "needlelab-server", folder);
     RETURN_IF_ERROR(server_->start());
     ++starts_;
     shared_.client.server.port = server_->port();
     return {};
+  }
+
+  [[nodiscard]] StoreAddress database(const std::filesystem::path& data) const {
+    return {data / "needlelab.db", options_.store};
+  }
+  // every session that is stored at the end must be of this run
+  static Status mustHaveNoSessions(Connection& connection) {
+    auto query = connection.prepare("SELECT count(*) FROM sessions");
+    RETURN_IF_ERROR(query.step());
+    if (query.integer(0) == 0) return {};
+    return Error{
+        ErrorCode::kInvalidInput,
+        fmt::format("--store: the database has {} sessions already; name an empty one", query.integer(0))};
   }
 
   // names unused by earlier runs: they identify a session's station
@@ -185,6 +203,10 @@ class LoadRun {
           begin_ns + static_cast<std::int64_t>(1e9 * options_.spread_s * static_cast<double>(i) /
                                                static_cast<double>(shared_.stations.size()));
     const double server_cpu_s = serverCpu_s(), generator_cpu_s = ownCpu_s();
+    std::optional<PostgresCost> postgres;
+    if (postgres_) {
+      ASSIGN_OR_RETURN(postgres, postgresCost(*postgres_));
+    }
     FaultPlan faults(options_);
     crowd_->stream();
     std::int64_t next_row_ns = begin_ns;
@@ -210,6 +232,12 @@ class LoadRun {
     result_.streamed_s = seconds(steadyNowNs() - begin_ns);
     result_.server_cpu_s = serverCpu_s() - server_cpu_s;
     result_.generator_cpu_s = ownCpu_s() - generator_cpu_s;
+    if (postgres) {
+      ASSIGN_OR_RETURN(PostgresCost now, postgresCost(*postgres_));
+      if (now.cpu_s && postgres->cpu_s) *now.cpu_s -= *postgres->cpu_s;
+      now.log_bytes -= postgres->log_bytes;
+      result_.postgres = now;
+    }
     return {};
   }
 
@@ -279,10 +307,13 @@ class LoadRun {
     };
     if (server_) {
       if (Status status = server_->stop(); !status.ok()) result_.troubles.push_back(status.error().message);
-      ASSIGN_OR_RETURN(auto check,
-                       checkDatabaseFile(server_->data() / "needlelab.db", shared_, ticks_, progress));
+      ASSIGN_OR_RETURN(auto check, checkDatabase(database(server_->data()), shared_, ticks_, progress));
       result_.stored = std::move(check);
       result_.database_bytes = bytesBelow(server_->data());
+      if (postgres_) {
+        ASSIGN_OR_RETURN(const PostgresCost end, postgresCost(*postgres_));
+        result_.database_bytes = end.database_bytes;
+      }
     } else {
       ASSIGN_OR_RETURN(auto client, asAdministrator());
       ASSIGN_OR_RETURN(auto check, checkThroughServer(client, shared_, ticks_, progress));
@@ -336,6 +367,7 @@ class LoadRun {
   pb::Login login_;
   std::optional<TempFolder> temporary_;
   std::optional<OwnServer> server_;
+  std::optional<Connection> postgres_;  // with --store: for its sizes
   std::uint64_t starts_ = 0;
   std::pair<std::uint64_t, std::uint64_t> live_;  // which server, KiB
   double live_due_s_ = 0;

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "tests/load/load_options.h"
 #include "tests/load/load_station.h"
 #include "tests/load/load_viewer.h"
+#include "tests/load/postgres_cost.h"
 #include "tests/soak/process_sample.h"
 #include "tests/soak/soak_judge.h"
 
@@ -38,10 +40,11 @@ struct LoadResult {
   DatabaseCheck stored;
   // over the streaming
   double server_cpu_s = 0, generator_cpu_s = 0;
-  std::uint64_t server_rss_KiB = 0;  ///< greatest seen
-  std::uint64_t server_handles = 0;  ///< greatest seen
-  std::uint64_t database_bytes = 0;  ///< after the end
-  std::vector<ServerRow> rows;       ///< one per second; empty with a foreign server
+  std::uint64_t server_rss_KiB = 0;      ///< greatest seen
+  std::uint64_t server_handles = 0;      ///< greatest seen
+  std::uint64_t database_bytes = 0;      ///< after the end
+  std::optional<PostgresCost> postgres;  ///< cpu_s and log_bytes over the streaming; with LoadOptions::store
+  std::vector<ServerRow> rows;           ///< one per second; empty with a foreign server
   std::uint64_t cuts = 0, kills = 0, pauses = 0;
   bool interrupted = false;           ///< somebody ended it before its time
   std::vector<std::string> troubles;  ///< why stations did not get through, or the server ended

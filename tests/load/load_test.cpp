@@ -14,6 +14,7 @@
 #include "tests/load/database_check.h"
 #include "tests/load/load_run.h"
 #include "tests/load/own_server.h"
+#include "tests/support/postgres_database.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
@@ -103,6 +104,8 @@ TEST_F(LoadProgram, wrongUsageIsNamed) {
       {{"--server", "127.0.0.1:1"}, "--ca"},
       {{"--json", folder_.path() / "no" / "such" / "folder.json"}, "--json"},
       {{"--data", "/proc/nothing"}, "--data"},
+      {{"--store", "postgresql:///x", "--server", "127.0.0.1:1", "--ca", "a", "--password-file", "b"},
+       "--store"},
       {{"--no-such-option"}, "--no-such-option"},
   };
   for (const auto& [arguments, words] : cases) {
@@ -124,8 +127,12 @@ LoadOptions smallRun(std::size_t stations, double seconds) {
   return options;
 }
 
+// on PostgreSQL, too
 TEST(LoadRun, faultsLoseNothing) {
+  const TempFolder folder;
+  const PostgresBelow given_back{folder.path()};
   LoadOptions options = smallRun(10, 7);
+  if (onPostgres()) options.store = postgresUrlOf(folder.path());
   options.faults = true;
   options.fault_every_s = 1.5;
   if (const char* seed = std::getenv("NEEDLELAB_SEED")) options.seed = std::strtoull(seed, nullptr, 10);
@@ -141,6 +148,15 @@ TEST(LoadRun, faultsLoseNothing) {
   EXPECT_GT(result->cuts, 0u);
   EXPECT_GT(result->kills, 0u);
   EXPECT_GT(result->stations.connections, 10u);
+  ASSERT_EQ(result->postgres.has_value(), onPostgres());
+  if (!onPostgres()) return;
+  EXPECT_GT(result->postgres->cpu_s.value_or(0), 0);
+  // all chunks go through its log
+  EXPECT_GT(result->postgres->log_bytes, result->stored.chunk_bytes);
+  EXPECT_GT(result->database_bytes, result->stored.chunk_bytes);
+  const auto again = runLoad(options, interrupt);
+  ASSERT_FALSE(again.ok());
+  EXPECT_EQ(again.error().code, ErrorCode::kInvalidInput) << again.error().message;
 }
 
 // a server not started by the run: the run enrols stations and reads samples through it
@@ -217,7 +233,7 @@ class PlantedDatabase : public testing::Test {
     const Status done = connection_->script(text);
     ASSERT_TRUE(done.ok()) << done.error().message;
   }
-  [[nodiscard]] DatabaseCheck check() { return checkDatabaseFile(file(), shared_, {2000, 2000}, {}).value(); }
+  [[nodiscard]] DatabaseCheck check() { return checkDatabase(file(), shared_, {2000, 2000}, {}).value(); }
 
   GesturePool pool_ = makeGesturePool(1, 2).value();
   TempFolder folder_;

@@ -62,6 +62,8 @@ int main(int argc, char** argv) try {
   app.add_option("--bin", options.bin, "where needlelab-server is")->capture_default_str();
   app.add_option("--data", options.data,
                  "a new folder for the own server's data, kept; else a temporary one");
+  app.add_option("--store", options.store,
+                 "the own server's database on PostgreSQL, which must be empty; else SQLite");
   app.add_flag("--faults", options.faults,
                "random lost connections, kill -9 and restart of the own server, slow viewers");
   app.add_option("--fault-every", options.fault_every_s, "seconds between faults, on average")

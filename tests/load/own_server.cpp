@@ -52,9 +52,11 @@ std::string kernelWork(const std::vector<std::string>& frames) {
 
 }  // namespace
 
-Result<Enrolled> enrol(const std::filesystem::path& data, std::size_t stations) {
+Result<Enrolled> enrol(const std::filesystem::path& data, std::size_t stations,
+                       const std::string& store_url) {
   Store::Options options;
   options.holder = "needlelab-load";
+  options.store_url = store_url;
   ASSIGN_OR_RETURN(auto store, Store::open(data, options));
 
   Enrolled enrolled;

@@ -172,7 +172,7 @@ TEST(Flood, stationsAndViewersNoticeNothing) {
   EXPECT_EQ(viewers.totals().corrupt, 0u);
   ASSERT_TRUE(server.stop().ok());
   const auto stored =
-      checkDatabaseFile(server.data() / "needlelab.db", shared, crowd.ticks(), [](std::size_t) {});
+      checkDatabase(server.data() / "needlelab.db", shared, crowd.ticks(), [](std::size_t) {});
   ASSERT_TRUE(stored.ok()) << stored.error().message;
   EXPECT_TRUE(stored->clean()) << stored->samples.first;
   EXPECT_EQ(stored->samples.stored, kStations * shared.ticks);
