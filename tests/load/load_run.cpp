@@ -124,7 +124,6 @@ class LoadRun {
     login_ = personLogin(enrolled.user, enrolled.password);
     if (!options_.store.empty()) {
       ASSIGN_OR_RETURN(auto postgres, openAt(database(folder / "data"), Connection::Mode::kReader));
-      RETURN_IF_ERROR(mustHaveNoSessions(postgres));
       postgres_.emplace(std::move(postgres));
     }
     server_.emplace(options_.bin / "needlelab-server", folder);
@@ -136,15 +135,6 @@ class LoadRun {
 
   [[nodiscard]] StoreAddress database(const std::filesystem::path& data) const {
     return {data / "needlelab.db", options_.store};
-  }
-  // every session that is stored at the end must be of this run
-  static Status mustHaveNoSessions(Connection& connection) {
-    auto query = connection.prepare("SELECT count(*) FROM sessions");
-    RETURN_IF_ERROR(query.step());
-    if (query.integer(0) == 0) return {};
-    return Error{
-        ErrorCode::kInvalidInput,
-        fmt::format("--store: the database has {} sessions already; name an empty one", query.integer(0))};
   }
 
   // names unused by earlier runs: they identify a session's station

@@ -24,8 +24,8 @@ struct Enrolled {
 };
 
 /// Creates the folder's database with the stations and one administrator. No server may run on it. Names are
-/// load-0001 …. `store`: as Store::Options::store_url; the folder remembers it. Errors: those of the store;
-/// kInvalidInput when its database has sessions already.
+/// load-0001 …. `store`: as Store::Options::store_url; the folder remembers it. Errors: those of the store,
+/// which refuses the database of a lab whose keys are in another folder.
 Result<Enrolled> enrol(const std::filesystem::path& data, std::size_t stations,
                        const std::string& store = {});
 

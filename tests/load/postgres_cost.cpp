@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <fstream>
+#include <iterator>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -35,7 +36,9 @@ std::optional<double> cpuOf(std::int64_t backend) {
   const auto stat = statOf(backend);
   if (stat.size() < 15) return std::nullopt;
   const std::string parent = stat[kParent - 3];
-  double cpu_s = seconds(statOf(std::stoll(parent)), kUser, kSystemOfEnded);
+  const auto first = statOf(std::stoll(parent));
+  if (first.empty()) return std::nullopt;
+  double cpu_s = seconds(first, kUser, kSystemOfEnded);
   std::ifstream children("/proc/" + parent + "/task/" + parent + "/children");
   for (std::int64_t child = 0; children >> child;) cpu_s += seconds(statOf(child), kUser, kSystem);
   return cpu_s;

@@ -92,7 +92,7 @@ TEST(AccessFiles, noSecretLiesInTheFolderAndNobodyElseMayLook) {
     for (const auto& entry : std::filesystem::recursive_directory_iterator(server.folder() / "data")) {
       struct stat info {};
       if (::stat(entry.path().c_str(), &info) != 0) {
-        EXPECT_EQ(errno, ENOENT) << entry.path() << ": not even a file that its writer has removed since";
+        EXPECT_EQ(errno, ENOENT) << entry.path() << " was neither read nor removed meanwhile";
         continue;
       }
       if (entry.is_directory()) {
