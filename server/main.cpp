@@ -67,7 +67,8 @@ int main(int argc, char** argv) try {
       ->capture_default_str();
   app.add_option("--port-file", options.port_file, "Write the port to this file once the server listens");
   app.add_option("--host-name", options.host_names,
-                 "Further name or address for the server's certificate; may be repeated");
+                 "Further name or address for the server's certificate; may be repeated, or A,B")
+      ->delimiter(',');
   app.add_option(
       "--ca-domain", options.ca_domains,
       "At the first start: the certificate authority may sign names in this domain, and no others; "

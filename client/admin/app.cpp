@@ -39,11 +39,11 @@ Result<std::unique_ptr<Backend>> openBackend(const GlobalOptions& global, const 
         "--backup-key FILE), so that the key never crosses the network");
   if (global.ca.empty()) return usage("--server needs --ca FILE, the server's tls/ca.crt");
   if (global.user.empty()) return usage("--server needs --user NAME");
-  ASSIGN_OR_RETURN(const auto endpoint, parseEndpoint(global.server));
+  ASSIGN_OR_RETURN(const auto servers, parseEndpoints(global.server));
   ASSIGN_OR_RETURN(const auto password, global.password_file.empty()
                                             ? askPassword("password of " + global.user, "--password-file")
                                             : passwordFromFile(global.password_file));
-  return connectServer({endpoint, global.ca, global.user, password});
+  return connectServer({servers, global.ca, global.user, password});
 }
 
 /// Removes a new data folder after a command that failed, with an error or an exception.
@@ -91,7 +91,8 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
                  "with --data, at the first use of DIR: its database is on PostgreSQL, at "
                  "postgresql://USER@HOST/DATABASE (DIR/store remembers it)")
       ->type_name("URL");
-  app.add_option("--server", global.server, "a running server")->type_name("HOST:PORT");
+  app.add_option("--server", global.server, "a running server; of several the first that answers")
+      ->type_name("HOST:PORT[,…]");
   app.add_option("--ca", global.ca, "the server's certificate authority, its tls/ca.crt")->type_name("FILE");
   app.add_option("--user", global.user, "who logs in")->type_name("NAME");
   app.add_option("--password-file", global.password_file, "first line: the password; else it is asked for")

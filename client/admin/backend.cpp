@@ -168,7 +168,7 @@ Result<std::unique_ptr<Backend>> openFolder(const std::filesystem::path& folder,
 
 Result<std::unique_ptr<Backend>> connectServer(const ServerAddress& address) {
   ClientConfig config;
-  config.server = address.endpoint;
+  config.setServers(address.servers);
   config.ca_file = address.ca_file;
   config.program = programText("admin");
   config.login = personLogin(address.user, address.password);

@@ -44,12 +44,12 @@ Result<std::unique_ptr<Backend>> openFolder(const std::filesystem::path& folder,
                                             const std::string& store_url = {});
 
 struct ServerAddress {
-  Endpoint endpoint;
+  Endpoints servers;  ///< at least one
   std::filesystem::path ca_file;
   std::string user;
   std::string password;
 };
-/// Connects and logs in. Errors: as connectClient.
+/// Connects and logs in, at the first server that answers. Errors: as connectClient.
 Result<std::unique_ptr<Backend>> connectServer(const ServerAddress& address);
 
 }  // namespace needlelab

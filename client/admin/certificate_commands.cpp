@@ -124,7 +124,8 @@ void addCertificateCommands(CLI::App& app, ChosenCommand& chosen) {
   auto* renew_command = certificate->add_subcommand(
       "renew",
       "make the server a new one by the same authority, for the old names and these; needs tls/ca.key");
-  renew_command->add_option("--host-name", *hosts, "a further name or address; may be repeated")
+  renew_command->add_option("--host-name", *hosts, "a further name or address; may be repeated, or A,B")
+      ->delimiter(',')
       ->type_name("HOST");
   renew_command->callback([&chosen, hosts] {
     chosen.run_on_files = [hosts](const std::filesystem::path& folder, Output& output) {

@@ -74,14 +74,27 @@ Result<StationState> stateOf(CommandContext& context, const std::string& name) {
   return state;
 }
 
+/// The names that the certificate of this folder must cover: where the stations know several servers, one of
+/// them is enough, because each server has a certificate of its own.
+std::vector<std::string> ownHosts(const TlsFiles& files, const Endpoints& servers) {
+  std::vector<std::string> hosts;
+  for (const Endpoint& server : servers) hosts.push_back(server.host);
+  const auto certificate = readCertificate(files.certificate);
+  if (!certificate.ok()) return hosts;
+  for (const std::string& host : hosts)
+    for (const std::string& known : certificate->hosts)
+      if (lowerCase(known) == lowerCase(host)) return {host};
+  return hosts;
+}
+
 /// Returns the certificate authority for the station to trust: the folder's, made with the server's
 /// certificate if missing; or the one given to this program to reach the server.
-Result<std::string> authorityFor(const CommandContext& context, const Endpoint& server) {
+Result<std::string> authorityFor(const CommandContext& context, const Endpoints& servers) {
   std::filesystem::path file = context.global.ca;
   if (context.backend.local()) {
     const TlsFiles files = tlsFilesIn(std::filesystem::path(context.global.data) / "tls");
     // the certificate must cover the name that the station will connect to
-    if (auto made = ensureTlsFiles(files, {{server.host}}); !made) return made.error();
+    if (auto made = ensureTlsFiles(files, {ownHosts(files, servers)}); !made) return made.error();
     file = files.ca_certificate;
   }
   return readWholeFile(file, 1u << 20);
@@ -91,7 +104,7 @@ Status enrolStation(CommandContext& context, const std::string& name, const std:
                     const std::string& file) {
   Enrolment enrolment;
   enrolment.station = name;
-  enrolment.server = *parseEndpoint(server);
+  enrolment.servers = *parseEndpoints(server);
   // do everything that can fail before making the key, because it is shown only once; a refused name makes no
   // TLS files
   ASSIGN_OR_RETURN(const auto state, stateOf(context, name));
@@ -100,7 +113,7 @@ Status enrolStation(CommandContext& context, const std::string& name, const std:
     // the refusal is AddStation's own; it gives a key if somebody has just revoked the station
     ASSIGN_OR_RETURN(enrolment.key, makeKey(context, name));
   }
-  auto ca_pem = authorityFor(context, enrolment.server);
+  auto ca_pem = authorityFor(context, enrolment.servers);
   if (!ca_pem) return enrolment.key.empty() ? ca_pem.error() : keyLost(ca_pem.error(), name, "enrol");
   enrolment.ca_pem = *std::move(ca_pem);
   if (enrolment.key.empty()) {
@@ -180,11 +193,11 @@ void addStationCommands(CLI::App& app, ChosenCommand& chosen) {
       "enrol", "add a station, and write all that it needs into one file for needlelab-station --enrol");
   enrol->add_option("name", values->name)->required();
   enrol
-      ->add_option(
-          "--server-name", values->server,
-          "HOST or HOST:PORT by which the station reaches the server; the certificate must be for HOST")
+      ->add_option("--server-name", values->server,
+                   "HOST or HOST:PORT by which the station reaches the server; the certificate must be for "
+                   "HOST. Several servers, of which any will do: A:7750,B:7750")
       ->required()
-      ->type_name("HOST[:PORT]");
+      ->type_name("HOST[:PORT][,…]");
   enrol->add_option("--out", values->out, "the file to write (readable by you only: it holds the key)")
       ->required()
       ->type_name("FILE");
@@ -192,7 +205,7 @@ void addStationCommands(CLI::App& app, ChosenCommand& chosen) {
     chosen.may_create = true;
     chosen.check = [values]() -> Status {
       RETURN_IF_ERROR(checkName("station name", values->name));
-      if (auto valid = parseEndpoint(values->server); !valid)
+      if (auto valid = parseEndpoints(values->server); !valid)
         return Error{ErrorCode::kInvalidInput, "--server-name " + valid.error().message};
       return checkWritable(values->out);
     };

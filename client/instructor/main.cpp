@@ -38,7 +38,8 @@ int main(int argc, char** argv) {
   InstructorOptions options;
   CLI::App app("needlelab-instructor: watch stations live, replay stored sessions.");
   app.set_version_flag("--version", programText("instructor"));
-  app.add_option("--server", options.server, "HOST:PORT of the server");
+  app.add_option("--server", options.server,
+                 "HOST:PORT of the server, or of several, of which any will do: A:7750,B:7750");
   app.add_option("--ca", options.ca, "The server's tls/ca.crt");
   app.add_option("--user", options.user, "Name of an instructor");
   app.add_option("--password-file", options.password_file,

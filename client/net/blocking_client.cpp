@@ -165,6 +165,9 @@ void BlockingClient::finish(const std::string& reason) {
 const pb::Welcome& BlockingClient::welcome() const {
   return state_->link.welcome();
 }
+const Endpoint& BlockingClient::server() const {
+  return state_->link.server();
+}
 bool BlockingClient::connected() const {
   return state_->link.online();
 }

@@ -19,7 +19,8 @@ namespace needlelab {
 /// which a refused connection closes. Thread: one.
 class BlockingClient {
  public:
-  /// Makes one attempt to connect. Of `settings` all but `reconnects` counts. Errors: as connectClient.
+  /// Makes one attempt to connect, at each of the servers until one takes us. Of `settings` all but
+  /// `reconnects` counts. Errors: as connectClient.
   static Result<BlockingClient> connect(const ClientConfig& config, LinkSettings settings = {});
   BlockingClient(BlockingClient&&) noexcept;
   BlockingClient& operator=(BlockingClient&&) noexcept;
@@ -47,6 +48,7 @@ class BlockingClient {
   void finish(const std::string& reason = "done");
 
   [[nodiscard]] const pb::Welcome& welcome() const;
+  [[nodiscard]] const Endpoint& server() const;  ///< that took us last
   [[nodiscard]] bool connected() const;
   /// The time of the link's clock.
   [[nodiscard]] std::int64_t nowNs() const;

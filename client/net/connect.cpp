@@ -55,35 +55,53 @@ Error unavailable(const Endpoint& server, const std::string& why) {
   return {ErrorCode::kUnavailable, "cannot connect to " + endpointText(server) + ": " + why};
 }
 
-Task<Result<Tcp::socket>> connectTcp(Endpoint server, std::shared_ptr<LinkClock> clock,
-                                     std::chrono::milliseconds limit) {
-  const auto executor = co_await asio::this_coro::executor;
-  Tcp::socket socket(executor);
-  Tcp::resolver resolver(executor);
-  ConnectDeadline deadline(socket, resolver, std::move(clock), limit);
-  const std::string too_long =
-      fmt::format("no answer within {} ms; is the server running there?", limit.count());
-
-  // an address is used as given, a name goes through the resolver
-  std::vector<Tcp::endpoint> endpoints;
+/// An address is used as given, a name goes through the resolver. None: `limit` has passed.
+Task<Result<std::vector<asio::ip::address>>> lookUp(Endpoint server, std::shared_ptr<LinkClock> clock,
+                                                    std::chrono::milliseconds limit) {
+  using Addresses = std::vector<asio::ip::address>;
   boost::system::error_code no_address;
   const auto address = asio::ip::make_address(server.host, no_address);
-  if (!no_address) {
-    endpoints.emplace_back(address, server.port);
-  } else {
-    auto [error, found] =
-        co_await resolver.async_resolve(server.host, std::to_string(server.port), kUseTuple);
-    if (deadline.expired()) co_return unavailable(server, too_long);
-    if (error) co_return unavailable(server, "the name is not known (" + error.message() + ")");
-    for (const auto& entry : found) endpoints.push_back(entry.endpoint());
-  }
+  if (!no_address) co_return Addresses{address};
+  const auto executor = co_await asio::this_coro::executor;
+  Tcp::socket none(executor);
+  Tcp::resolver resolver(executor);
+  ConnectDeadline deadline(none, resolver, std::move(clock), limit);
+  auto [error, found] = co_await resolver.async_resolve(server.host, std::to_string(server.port), kUseTuple);
+  if (deadline.expired()) co_return Addresses{};
+  if (error) co_return unavailable(server, "the name is not known (" + error.message() + ")");
+  Addresses addresses;
+  for (const auto& entry : found) addresses.push_back(entry.endpoint().address());
+  if (addresses.empty()) co_return unavailable(server, "the name has no address");
+  co_return addresses;
+}
 
-  std::string why = "the name has no address";
-  for (const Tcp::endpoint& endpoint : endpoints) {
+/// `limit`: of look-up and TCP together.
+Task<Result<Tcp::socket>> connectTcp(Endpoint server, std::shared_ptr<LinkClock> clock,
+                                     std::chrono::milliseconds limit, ConnectTry& attempt) {
+  const auto executor = co_await asio::this_coro::executor;
+  const auto tooLong = [&server](std::chrono::milliseconds time) {
+    return unavailable(server,
+                       fmt::format("no answer within {} ms; is the server running there?", time.count()));
+  };
+  const std::int64_t started = clock->steadyNs();
+  const auto look_up_limit = attempt.others ? std::min(limit, kReachOneOfSeveral) : limit;
+  auto found = co_await lookUp(server, clock, look_up_limit);
+  if (!found.ok()) co_return found.error();
+  if (found->empty()) co_return tooLong(look_up_limit);
+  const std::chrono::nanoseconds spent(clock->steadyNs() - started);
+  auto left = limit - std::chrono::duration_cast<std::chrono::milliseconds>(spent);
+  if (attempt.choose) *found = {attempt.choose(*found)};
+  if (attempt.others && left > kReachOneOfSeveral) left = limit = kReachOneOfSeveral;
+
+  Tcp::socket socket(executor);
+  Tcp::resolver none(executor);
+  ConnectDeadline deadline(socket, none, std::move(clock), std::max(left, std::chrono::milliseconds(1)));
+  std::string why;
+  for (const asio::ip::address& address : *found) {
     boost::system::error_code ignored;
     socket.close(ignored);
-    auto [error] = co_await socket.async_connect(endpoint, kUseTuple);
-    if (deadline.expired()) co_return unavailable(server, too_long);
+    auto [error] = co_await socket.async_connect(Tcp::endpoint(address, server.port), kUseTuple);
+    if (deadline.expired()) co_return tooLong(limit);
     if (!error) co_return socket;
     why = error.message();
   }
@@ -91,11 +109,15 @@ Task<Result<Tcp::socket>> connectTcp(Endpoint server, std::shared_ptr<LinkClock>
 }
 
 /// Returns the next message that is not a Ping; a Refusal or Bye returns its error.
-Task<Result<pb::Envelope>> receiveAnswer(std::shared_ptr<Channel> channel, const LinkClock& clock) {
+Task<Result<pb::Envelope>> receiveAnswer(std::shared_ptr<Channel> channel, const LinkClock& clock,
+                                         pb::Refusal::Reason& refused) {
   for (;;) {
     auto got = co_await channel->receive();
     if (!got.ok()) co_return got.error();
-    if (got->has_refusal()) co_return errorOf(got->refusal());
+    if (got->has_refusal()) {
+      refused = got->refusal().reason();
+      co_return errorOf(got->refusal());
+    }
     if (got->has_bye())
       co_return Error{ErrorCode::kUnavailable, "the server said bye: " + got->bye().reason()};
     if (!got->has_ping()) co_return got;
@@ -125,13 +147,14 @@ Error certificateRefused(long verdict, const Endpoint& server, const Error& why)
 }
 
 Task<Result<ClientConnection>> greetAndLogIn(std::shared_ptr<Channel> channel, ClientConfig config,
-                                             const LinkClock& clock) {
+                                             const LinkClock& clock,
+                                             pb::Refusal::Reason& refused) {
   // greeting
   pb::Envelope hello;
   *hello.mutable_hello()->mutable_version() = config.version;
   hello.mutable_hello()->set_program(config.program);
   channel->send(hello);
-  auto greeted = co_await receiveAnswer(channel, clock);
+  auto greeted = co_await receiveAnswer(channel, clock, refused);
   if (!greeted.ok()) co_return greeted.error();
   if (!greeted->has_hello())
     co_return Error{ErrorCode::kCorrupt, "the peer did not greet; is it a needlelab-server?"};
@@ -142,7 +165,7 @@ Task<Result<ClientConnection>> greetAndLogIn(std::shared_ptr<Channel> channel, C
   pb::Envelope login;
   *login.mutable_login() = config.login;
   channel->send(login);
-  auto welcomed = co_await receiveAnswer(channel, clock);
+  auto welcomed = co_await receiveAnswer(channel, clock, refused);
   if (!welcomed.ok()) co_return welcomed.error();
   if (!welcomed->has_welcome())
     co_return Error{ErrorCode::kCorrupt, "the server answered the log-in with something else"};
@@ -175,18 +198,32 @@ pb::Envelope pongTo(const pb::Ping& ping, std::int64_t now_ns) {
   return envelope;
 }
 
+void ClientConfig::setServers(const Endpoints& all) {
+  server = all.front();
+  others.assign(all.begin() + 1, all.end());
+}
+
+Endpoints ClientConfig::servers() const {
+  Endpoints all{server};
+  all.insert(all.end(), others.begin(), others.end());
+  return all;
+}
+
 Task<Result<ClientConnection>> connectClient(ClientConfig config, std::shared_ptr<LinkClock> clock,
-                                             bool* reached) {
+                                             ConnectTry* attempt) {
   if (!config.tls) {
     auto tls = makeClientTls(config.ca_file);
     if (!tls.ok()) co_return tls.error();
     config.tls = *tls;
   }
+  ConnectTry unseen;
+  ConnectTry& seen = attempt != nullptr ? *attempt : unseen;
   const std::int64_t started = clock->steadyNs();
   auto socket =
-      co_await connectTcp(config.server, clock, std::min(config.connect_timeout, config.reach_timeout));
+      co_await connectTcp(config.server, clock, std::min(config.connect_timeout, config.reach_timeout), seen);
   if (!socket.ok()) co_return socket.error();
-  if (reached != nullptr) *reached = true;
+  seen.reached = true;
+  if (seen.others) config.connect_timeout = std::min(config.connect_timeout, kConnectOneOfSeveral);
 
   TlsStream stream(std::move(*socket), *config.tls);
   if (auto named = requireHost(stream, config.server.host); !named.ok()) co_return named.error();
@@ -203,7 +240,7 @@ Task<Result<ClientConnection>> connectClient(ClientConfig config, std::shared_pt
     co_return shaken.error();
   }
 
-  auto connection = co_await greetAndLogIn(channel, config, *clock);
+  auto connection = co_await greetAndLogIn(channel, config, *clock, seen.refused);
   if (!connection.ok()) channel->finish(CloseReason::kLocal, connection.error().message);
   co_return connection;
 }

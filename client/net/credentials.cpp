@@ -133,7 +133,7 @@ std::string hexText(std::string_view bytes) {
 }
 
 std::string bundleText(const Enrolment& enrolment) {
-  return std::string(kHead) + "\nserver " + endpointText(enrolment.server) + "\nstation " +
+  return std::string(kHead) + "\nserver " + endpointsText(enrolment.servers) + "\nstation " +
          enrolment.station + "\nkey " + hexText(enrolment.key) + "\n" + enrolment.ca_pem;
 }
 
@@ -155,9 +155,9 @@ Result<Enrolment> parseBundle(std::string_view text, const std::string& source) 
     return std::string(found.substr(name.size() + 1));
   };
   Enrolment enrolment;
-  const auto server = parseEndpoint(value("server"));
-  if (!server.ok()) return bad("line 2 is no 'server HOST:PORT'");
-  enrolment.server = *server;
+  auto servers = parseEndpoints(value("server"));
+  if (!servers.ok()) return bad("line 2 is no 'server HOST:PORT'");
+  enrolment.servers = *std::move(servers);
   enrolment.station = value("station");
   if (auto valid = checkName("station", enrolment.station); !valid.ok())
     return bad("line 3 is no 'station NAME'");
@@ -187,17 +187,17 @@ Status saveEnrolment(const Enrolment& enrolment, const std::filesystem::path& fo
   if (error) return Error{ErrorCode::kFailed, "cannot make " + folder.string() + ": " + error.message()};
   const EnrolmentFiles files = enrolmentFilesIn(folder);
   const std::string key = enrolment.station + ":" + hexText(enrolment.key) + "\n";
-  const std::string server = endpointText(enrolment.server) + "\n";
+  const std::string server = endpointsText(enrolment.servers) + "\n";
   RETURN_IF_ERROR(writeFileAtomically(files.key, viewOf(key), 0600));
   RETURN_IF_ERROR(writeFileAtomically(files.ca, viewOf(enrolment.ca_pem), 0644));
   return writeFileAtomically(files.server, viewOf(server), 0644);
 }
 
-Result<std::string> proveEnrolment(const Enrolment& enrolment, const std::filesystem::path& scratch) {
+Result<ProvenEnrolment> proveEnrolment(const Enrolment& enrolment, const std::filesystem::path& scratch) {
   const auto ca = scratch / fmt::format(".enrol-{}.crt", ::getpid());
   RETURN_IF_ERROR(writeFileAtomically(ca, viewOf(enrolment.ca_pem), 0600));
   ClientConfig config;
-  config.server = enrolment.server;
+  config.setServers(enrolment.servers);
   config.ca_file = ca;
   config.program = programText("station");
   config.login = stationLogin(enrolment.station, enrolment.key);
@@ -205,7 +205,7 @@ Result<std::string> proveEnrolment(const Enrolment& enrolment, const std::filesy
   auto client = BlockingClient::connect(config);
   ::unlink(ca.c_str());
   if (!client.ok()) return client.error();
-  return client->welcome().name();
+  return ProvenEnrolment{client->welcome().name(), client->server()};
 }
 
 }  // namespace needlelab

@@ -29,13 +29,14 @@ Result<std::string> passwordFromTerminal(const std::string& prompt, std::size_t 
                                          const std::function<bool()>& stopped = {});
 
 struct Enrolment {
-  Endpoint server;
+  Endpoints servers;    ///< at least one
   std::string station;  ///< name
   std::string key;      ///< 32 bytes
   std::string ca_pem;   ///< the server's certificate authority
 };
 
-/// The bundle's text: a line "needlelab-enrolment 1", then "server HOST:PORT", "station NAME", "key HEX", and
+/// The bundle's text: a line "needlelab-enrolment 1", then "server HOST:PORT" (of several
+/// servers "server HOST:PORT,HOST:PORT"), "station NAME", "key HEX", and
 /// the CA's certificate as PEM. It contains the key: keep it at mode 0600, and remove it once the station is
 /// enrolled.
 std::string bundleText(const Enrolment& enrolment);
@@ -54,9 +55,14 @@ std::filesystem::path defaultEnrolmentFolder();
 /// kFailed.
 Status saveEnrolment(const Enrolment& enrolment, const std::filesystem::path& folder);
 
-/// Connects and logs in as the station with only this enrolment; returns the station's name at the server.
+/// Where an enrolment was proven.
+struct ProvenEnrolment {
+  std::string station;  ///< its name at the server
+  Endpoint server;
+};
+/// Connects and logs in as the station with only this enrolment, at the first of its servers that takes it.
 /// `scratch`: a folder for the temporary CA file. Errors: as connectClient.
-Result<std::string> proveEnrolment(const Enrolment& enrolment, const std::filesystem::path& scratch);
+Result<ProvenEnrolment> proveEnrolment(const Enrolment& enrolment, const std::filesystem::path& scratch);
 
 std::string hexText(std::string_view bytes);
 

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "client/net/server_choice.h"
 #include "common/base/clock.h"
 #include "common/wire/protocol.h"
 
@@ -22,6 +23,41 @@ std::uint64_t seedNow() {
 
 std::int64_t nanoseconds(std::chrono::milliseconds time) {
   return std::chrono::nanoseconds(time).count();
+}
+
+/// Servers of one lab judge a log-in alike. RATE_LIMITED says to people that they guessed too often or have
+/// too many connections, to a station that the server has no place.
+bool isSaidByAll(pb::Refusal::Reason reason, bool to_person) {
+  switch (reason) {
+    case pb::Refusal::LOGIN:
+    case pb::Refusal::ROLE:
+    case pb::Refusal::INVALID:
+    case pb::Refusal::TOO_LARGE:
+    case pb::Refusal::NOT_FOUND:
+      return true;
+    case pb::Refusal::RATE_LIMITED:
+      return to_person;
+    default:
+      return false;
+  }
+}
+
+/// How a round ended at one server: its number in the list, and why.
+using RoundErrors = std::map<std::size_t, Error>;
+
+std::string textOf(const RoundErrors& errors) {
+  std::string text;
+  for (const auto& [number, error] : errors) text += (text.empty() ? "" : "; ") + error.message;
+  return text;
+}
+
+/// What no server of several did: they are away, unless all of them fail in the same way.
+Error errorOf(const RoundErrors& errors) {
+  if (errors.size() == 1) return errors.begin()->second;
+  ErrorCode code = errors.begin()->second.code;
+  for (const auto& [number, error] : errors)
+    if (error.code != code) code = ErrorCode::kUnavailable;
+  return {code, "no server takes us: " + textOf(errors)};
 }
 
 Error lostBeforeAnswer(const std::string& why) {
@@ -72,12 +108,14 @@ struct ServerLink::State {
       : io(context),
         settings(std::move(chosen)),
         handlers(std::move(given)),
-        backoff(settings.seed != 0 ? settings.seed : seedNow(), settings.retry),
+        seed(settings.seed != 0 ? settings.seed : seedNow()),
+        backoff(seed, settings.retry),
         reconnects(settings.reconnects) {}
 
   static Task<> run(std::shared_ptr<State> self);
   static Task<> watchDeadlines(std::shared_ptr<State> self);
-  Task<Result<ClientConnection>> connect(ClientConfig chosen, bool by_token, bool& reached);
+  Task<Result<ClientConnection>> connectToAny(LinkEnd& end, std::uint64_t number);
+  Task<Result<ClientConnection>> connect(ClientConfig chosen, std::uint64_t number, ConnectTry& attempt);
   Task<> serve(ClientConnection connection);
   Task<> waitForNextTry(LinkEnd& end, std::uint64_t number);
   void take(pb::Envelope envelope);
@@ -90,11 +128,15 @@ struct ServerLink::State {
   asio::io_context& io;
   LinkSettings settings;
   LinkHandlers handlers;
+  const std::uint64_t seed;
   Backoff backoff;
   bool reconnects;
   bool probing = false;        // the next attempt follows a Retry::kProbe
   asio::steady_timer nap{io};  // run() waits on it; cancelled on each change
   std::optional<ClientConfig> config;
+  std::shared_ptr<ServerChoice> choice;  // of `config`
+  Endpoint server;                       // of the last connection
+  std::string passed_over;
   std::uint64_t login_number = 0;  // counts log-ins and log-outs
   std::string token;
   std::int64_t token_until_unix_ns = 0;
@@ -122,26 +164,24 @@ Task<> ServerLink::State::run(std::shared_ptr<State> self) {
       continue;
     }
     const std::uint64_t number = me.login_number;
-    const bool by_token = !me.token.empty() && me.token_until_unix_ns > me.settings.clock->unixNs();
     LinkEnd end;
-    auto connection = co_await me.connect(*me.config, by_token, end.reached);
+    auto connection = co_await me.connectToAny(end, number);
     if (me.stopping || number != me.login_number) {
       if (connection.ok()) connection->channel->finish(CloseReason::kLocal, "another log-in");
       continue;
     }
     if (!connection.ok()) {
-      if (by_token && connection.error().code == ErrorCode::kDenied) {
-        // the server has restarted and does not know its old tokens: use the password at once
-        me.token.clear();
-        continue;
-      }
       end.error = connection.error();
     } else {
       const std::int64_t connected_ns = me.settings.clock->steadyNs();
+      const std::shared_ptr<ServerChoice> places = me.choice;
       co_await me.serve(std::move(*connection));
       // the queued messages (our Bye) must still go out; the channel bounds the time
       co_await me.channel->untilClosed();
+      places->lost();
       end.was_connected = true;
+      end.others = places->hasOther();
+      end.server = endpointText(me.server);
       end.said_by_server = me.server_said.has_value();
       end.error = me.server_said.value_or(*me.ended);
       end.channel_text = me.channel->closeText();
@@ -151,7 +191,11 @@ Task<> ServerLink::State::run(std::shared_ptr<State> self) {
       me.fail(lostBeforeAnswer(end.said_by_server ? end.error.message
                                                   : "the connection is lost: " + end.channel_text),
               [](const Waiting& one) { return one.on_loss == OnLoss::kGiveUp; });
-      if (me.settings.clock->steadyNs() - connected_ns > nanoseconds(me.settings.lasting)) me.backoff.reset();
+      const std::int64_t lasted_ns = me.settings.clock->steadyNs() - connected_ns;
+      const bool is_short = end.others && !end.said_by_server;
+      const auto lasting =
+          is_short ? std::min(me.settings.lasting, me.settings.lasting_of_several) : me.settings.lasting;
+      if (lasted_ns > nanoseconds(lasting)) me.backoff.reset();
       if (number != me.login_number && !me.stopping) continue;
     }
     co_await me.waitForNextTry(end, number);
@@ -160,14 +204,77 @@ Task<> ServerLink::State::run(std::shared_ptr<State> self) {
   if (me.stopped && !me.abandoned) me.stopped();
 }
 
-Task<Result<ClientConnection>> ServerLink::State::connect(ClientConfig chosen, bool by_token, bool& reached) {
-  if (by_token) chosen.login.set_token(token);
+// one round
+Task<Result<ClientConnection>> ServerLink::State::connectToAny(LinkEnd& end, std::uint64_t number) {
+  const std::shared_ptr<ServerChoice> places = choice;
+  const Endpoints servers = config->servers();
+  end.server = endpointsText(servers);
+  TlsContext tls = config->tls;
+  if (!tls) {
+    auto made = makeClientTls(config->ca_file);
+    if (!made.ok()) co_return made.error();
+    tls = std::move(*made);
+  }
+  RoundErrors errors;
+  places->beginRound();
+  while (const Endpoint* const next = places->next()) {
+    ClientConfig chosen = *config;
+    chosen.server = *next;
+    chosen.tls = tls;
+    ConnectTry attempt;
+    attempt.others = places->several();
+    attempt.choose = [&attempt, &places](const std::vector<asio::ip::address>& found) {
+      const auto address = places->take(found);
+      attempt.others = places->several();
+      return address;
+    };
+    auto connection = co_await connect(std::move(chosen), number, attempt);
+    end.reached = end.reached || attempt.reached;
+    if (stopping || number != login_number) co_return connection;
+    const auto is_next = [next](const Endpoint& each) { return sameEndpoint(each, *next); };
+    const auto which =
+        static_cast<std::size_t>(std::find_if(servers.begin(), servers.end(), is_next) - servers.begin());
+    if (connection.ok()) {
+      places->welcomed();
+      server = *next;
+      errors.erase(which);
+      passed_over = servers.size() > 1 ? textOf(errors) : std::string();
+      co_return connection;
+    }
+    Error error = connection.error();
+    const std::string name = endpointText(*next);
+    if (servers.size() > 1 && error.message.find(name) == std::string::npos)
+      error.message = name + ": " + error.message;
+    if (isSaidByAll(attempt.refused, config->login.has_person())) {
+      places->refused();
+      end.server = name;
+      co_return error;
+    }
+    places->failed();
+    errors.insert_or_assign(which, std::move(error));
+  }
+  co_return errorOf(errors);
+}
+
+// at one place
+Task<Result<ClientConnection>> ServerLink::State::connect(ClientConfig chosen, std::uint64_t number,
+                                                          ConnectTry& attempt) {
   // a probe's SYN that got no answer says enough: the next probe follows
   if (probing) chosen.reach_timeout = std::min(chosen.reach_timeout, settings.retry.probe);
-  auto connection = co_await connectClient(std::move(chosen), settings.clock, &reached);
+  const bool by_token = !token.empty() && token_until_unix_ns > settings.clock->unixNs();
+  ClientConfig first = chosen;
+  if (by_token) first.login.set_token(token);
+  auto connection = co_await connectClient(std::move(first), settings.clock, &attempt);
+  if (by_token && attempt.refused == pb::Refusal::LOGIN && !stopping && number == login_number) {
+    // the server has restarted and does not know its old tokens: use the password at once
+    token.clear();
+    attempt.refused = pb::Refusal::REASON_UNSPECIFIED;
+    connection = co_await connectClient(std::move(chosen), settings.clock, &attempt);
+  }
   if (connection.ok() && handlers.accept && !abandoned) {
     if (const Status accepted = handlers.accept(connection->welcome); !accepted.ok()) {
       connection->channel->finish(CloseReason::kLocal, accepted.error().message);
+      attempt.refused = pb::Refusal::ROLE;
       co_return accepted.error();
     }
   }
@@ -182,6 +289,10 @@ Task<> ServerLink::State::serve(ClientConnection connection) {
   token = welcome.token();
   token_until_unix_ns = welcome.token_expires_unix_ns();
   ++connections;
+  // a server that is paused, or behind a cut network, is left for another one while that one can still help
+  const std::chrono::milliseconds silence = 3 * std::chrono::milliseconds(welcome.keepalive_ms());
+  if (silence.count() > 0 && silence < channel->limits().idle_timeout && choice->hasOther())
+    channel->setIdleTimeout(silence);
   for (const auto& [id, one] : waiting) sendRequest(id, one);
   if (handlers.connected && !abandoned) handlers.connected(welcome);
   for (;;) {
@@ -306,6 +417,9 @@ ServerLink::~ServerLink() {
 
 void ServerLink::logIn(ClientConfig config) {
   State& state = *state_;
+  state.choice = std::make_shared<ServerChoice>(config.servers(), ~state.seed, state.settings.clock->time());
+  state.server = config.server;
+  state.passed_over.clear();
   state.config = std::move(config);
   ++state.login_number;
   state.token.clear();
@@ -397,6 +511,15 @@ void ServerLink::cut(const std::string& text) {
   if (state_->channel) state_->channel->close(CloseReason::kLocal, text);
 }
 
+bool ServerLink::moveOn(const std::string& why) {
+  State& state = *state_;
+  if (!state.online() || !state.choice->hasBetter()) return false;
+  pb::Envelope bye;
+  bye.mutable_bye()->set_reason(why);
+  state.channel->finish(CloseReason::kLocal, why, &bye);
+  return true;
+}
+
 void ServerLink::pauseReading(std::chrono::milliseconds time) {
   state_->read_pause = time;
 }
@@ -407,6 +530,14 @@ bool ServerLink::online() const {
 
 const pb::Welcome& ServerLink::welcome() const {
   return state_->welcome;
+}
+
+const Endpoint& ServerLink::server() const {
+  return state_->server;
+}
+
+const std::string& ServerLink::passedOver() const {
+  return state_->passed_over;
 }
 
 std::uint64_t ServerLink::connections() const {

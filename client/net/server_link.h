@@ -1,6 +1,6 @@
-/// The link of a client program to its server: connects, logs in, reconnects after a loss, and matches
-/// replies to requests. The station's uplink, the instructor, the commands (BlockingClient) and the load and
-/// herd programs are all built on it.
+/// The link of a client program to its server, or to any of several: connects, logs in, reconnects after a
+/// loss, and matches replies to requests. The station's uplink, the instructor, the commands (BlockingClient)
+/// and the load and herd programs are all built on it.
 #pragma once
 
 #include <chrono>
@@ -92,20 +92,25 @@ struct LinkSettings {
   /// Only a connection that lasted longer than this counts as a success and resets the waits to the shortest
   /// one. Otherwise two stations with the same key would disconnect each other five times a second.
   std::chrono::milliseconds lasting = retry.most;
+  /// With several servers this is long enough where no server said why it ended: when servers die one after
+  /// the other, the next one is not to wait. Two stations with the same key hear why.
+  std::chrono::milliseconds lasting_of_several{2'000};
   std::size_t most_waiting = 256;  ///< requests without a reply
-  std::uint64_t seed = 0;          ///< of the jitter; 0: from the clocks
+  std::uint64_t seed = 0;          ///< of jitter and lot; 0: from the clocks
   bool reconnects = true;          ///< false: only when reconnect(true) says so
   std::shared_ptr<LinkClock> clock = std::make_shared<LinkClock>();
 };
 
 /// Why the link has no connection.
 struct LinkEnd {
-  bool was_connected = false;   ///< a connection was lost; false: the attempt to connect failed
-  bool reached = false;         ///< TCP connected; false: nobody accepts connections at the address
+  bool was_connected = false;   ///< a connection was lost; false: no server took us, in one round through all
+  bool reached = false;         ///< TCP connected; false: nobody accepts connections at any address
   bool said_by_server = false;  ///< `error` is the server's own reason: a fatal Refusal, or a Bye
   bool stopping = false;        ///< by stop(): the link does not reconnect
-  Error error;
-  std::string channel_text;      ///< how the channel of a lost connection was closed
+  bool others = false;          ///< of a lost connection: another server may take us
+  Error error;                  ///< of several servers: what each of them said, unless one refused us
+  std::string server;           ///< HOST:PORT that was lost or refused us; else the whole list
+  std::string channel_text;     ///< how the channel of a lost connection was closed
   std::int64_t next_try_ns = 0;  ///< steady clock; 0: the link does not retry by itself
 };
 
@@ -117,7 +122,7 @@ enum class OnLoss : std::uint8_t {
 
 /// Handlers run on the link's thread; each may be empty.
 struct LinkHandlers {
-  /// Checks this server and role for the owner; an error counts as a refused log-in.
+  /// Checks this server and role for the owner; an error counts as a refused log-in, at every server.
   std::function<Status(const pb::Welcome&)> accept;
   std::function<void(const pb::Welcome&)> connected;
   /// Receives every message except Pings and the replies to `ask`. A Bye arrives here before the link closes.
@@ -127,6 +132,11 @@ struct LinkHandlers {
   std::function<void(const LinkEnd&)> away;
 };
 
+/// With several servers (ClientConfig::others, or a name with several addresses) ServerChoice says which is
+/// tried. A round goes through all of them without a wait in between, and only a round in which none took us
+/// is a LinkEnd. What another server would say the same (wrong key or password, unknown, too many tries of a
+/// person) ends the round: no key and no password is tried at all servers in turn.
+///
 /// Thread: the io_context's single thread, for all functions. The owner may destroy the link at any time
 /// outside its handlers: the link then cuts its connection and calls no more handlers.
 class ServerLink {
@@ -168,14 +178,21 @@ class ServerLink {
   void drop(CloseReason reason, const std::string& text);
   /// Cuts the connection now; the link reconnects.
   void cut(const std::string& text);
+  /// Drops this connection if another server may do better (ServerChoice::hasBetter), and goes there. Returns
+  /// false if there is none, or no connection.
+  bool moveOn(const std::string& why);
   /// Pauses reading for `time`, beginning with the next message.
   void pauseReading(std::chrono::milliseconds time);
 
   [[nodiscard]] bool online() const;
   [[nodiscard]] const pb::Welcome& welcome() const;  ///< of the last connection
-  [[nodiscard]] std::uint64_t connections() const;   ///< made so far
-  [[nodiscard]] std::size_t waiting() const;         ///< requests without a reply
-  [[nodiscard]] std::size_t queuedBytes() const;     ///< unsent control messages
+  [[nodiscard]] const Endpoint& server() const;      ///< of the last connection; before: the first
+  /// Why other servers did not take us in the round that made the last connection; empty: none was asked, or
+  /// there is only one.
+  [[nodiscard]] const std::string& passedOver() const;
+  [[nodiscard]] std::uint64_t connections() const;  ///< made so far
+  [[nodiscard]] std::size_t waiting() const;        ///< requests without a reply
+  [[nodiscard]] std::size_t queuedBytes() const;    ///< unsent control messages
   /// Returns why the connection ended or is ending, as far as known; only while not online().
   [[nodiscard]] Error endError() const;
 

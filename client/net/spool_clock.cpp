@@ -24,14 +24,18 @@ SpoolClock::SpoolClock(std::filesystem::path file) : file_(std::move(file)) {
   server_unix_ns_ = timeAt(*json, "server_unix_ns", INT64_MAX);
 }
 
-void SpoolClock::note(std::int64_t server_unix_ns) {
+void SpoolClock::note(std::int64_t server_unix_ns, std::int64_t steady_ns) {
   if (server_unix_ns <= 0) return;
   const std::scoped_lock lock(mutex_);
   const std::int64_t step_ns = server_unix_ns_ == 0 ? 0 : server_unix_ns - server_unix_ns_;
   // a short step waits for the next log-in
   if (server_unix_ns_ != 0 && step_ns > -kWriteEvery_ns && step_ns < kWriteEvery_ns) return;
-  seen_ns_ = std::min(seen_ns_ + std::clamp<std::int64_t>(step_ns, 0, kMostStep_ns), kMostSeen_ns);
+  const std::int64_t passed_here_ns = steady_ns - steady_ns_;
+  const bool known = steady_ns_ != 0 && passed_here_ns >= 0;
+  const std::int64_t most_ns = known ? std::min(passed_here_ns, kMostStep_ns) : kMostStep_ns;
+  seen_ns_ = std::min(seen_ns_ + std::clamp<std::int64_t>(step_ns, 0, most_ns), kMostSeen_ns);
   server_unix_ns_ = server_unix_ns;
+  steady_ns_ = steady_ns;
   static_cast<void>(writeSpoolJson(file_, {{"seen_ns", static_cast<std::uint64_t>(seen_ns_)},
                                            {"server_unix_ns", static_cast<std::uint64_t>(server_unix_ns_)}}));
 }

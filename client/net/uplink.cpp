@@ -129,9 +129,7 @@ Result<pb::Reply> Uplink::ask(pb::Request request, std::chrono::milliseconds pat
     call->id = link_.ask(std::move(request), answer, OnLoss::kAskAgain, ServerLink::kForever);
   });
   std::unique_lock lock(mutex_);
-  const auto answered = [&] {
-    return call->result.has_value() || state_.denied || (once && !state_.connected && !state_.error.empty());
-  };
+  const auto answered = [&] { return call->result.has_value() || state_.denied || (once && all_away_); };
   // in short waits, so that Ctrl-C takes effect while the server is silent
   const std::int64_t end_ns = time().nowNs() + std::chrono::nanoseconds(patience).count();
   bool stop = false;

@@ -60,6 +60,7 @@ struct UplinkState {
   std::int64_t away_since_ns = 0;       ///< steady clock; time of the loss or of our start; 0: connected
   bool denied = false;                  ///< the server refused the log-in, its certificate or our version
   std::string error;                    ///< the last connection's end or failure, as text
+  std::string server;                   ///< HOST:PORT of the last connection; empty: none so far
   std::uint64_t connections = 0;        ///< made so far
   std::uint64_t chunks_left = 0;        ///< in the spool and not acknowledged, over all sessions
   std::uint64_t sessions_open = 0;      ///< sessions that the server has neither closed nor refused
@@ -104,9 +105,9 @@ class Uplink {
   void noteTrouble(const std::string& source, const std::string& text);
 
   /// Asks the server for a lesson. Waits up to `patience`; with `once`, only until the first attempt to
-  /// connect fails. Polls `stopped` about 20 times a second. `code`: the trainee's, if the server asked for
-  /// it. Errors: kUnavailable (no server in time), kFailed (stopped), kDenied, kVersion, kNotFound,
-  /// kInvalidInput, kCode as the server says.
+  /// connect fails (of several servers: at all of them). Polls `stopped` about 20 times a second. `code`: the
+  /// trainee's, if the server asked for it. Errors: kUnavailable (no server in time), kFailed (stopped),
+  /// kDenied, kVersion, kNotFound, kInvalidInput, kCode as the server says.
   Result<pb::Lesson> getLesson(const std::string& exercise_id, const std::string& trainee,
                                std::chrono::milliseconds patience, bool once,
                                const std::function<bool()>& stopped = {}, const std::string& code = {});
@@ -158,6 +159,7 @@ class Uplink {
   std::int64_t clock_sent_ns_ = 0;  // round trip of the estimate that the server was told
   std::uint64_t probes_ = 0, frame_seq_ = 0;
   std::string reported_;  // why the last attempt to connect failed
+  std::int64_t welcomed_ns_ = 0;
 
   mutable std::mutex mutex_;  // guards all that follows
   std::condition_variable changed_;
@@ -172,6 +174,7 @@ class Uplink {
   std::optional<Live> newest_;      // for the status line and for new viewers
   bool newest_sent_ = false;        // … or waits in live_
   std::uint32_t flags_since_status_ = 0;
+  bool all_away_ = false;             // who asks once need not wait: no server is there
   bool current_added_ = false;        // to `added_`: the state still describes the previous session
   LessonFacts facts_;                 // of the current session
   std::uint64_t dropped_before_ = 0;  // live frames, when the current session was added

@@ -69,10 +69,12 @@ LinkHandlers Uplink::handlers() {
 
 void Uplink::onConnected(const pb::Welcome& welcome) {
   reported_.clear();
+  welcomed_ns_ = time().nowNs();
+  const std::string server = endpointText(link_.server());
   std::vector<const UplinkSession*> again;
   for (const auto& session : sessions_) {
     const bool was_closed = session->closed();
-    session->spool()->clock().note(welcome.server_unix_ns());
+    session->spool()->clock().note(welcome.server_unix_ns(), welcomed_ns_);
     session->onConnected(atServer(*session));
     if (was_closed && !session->closed()) again.push_back(session.get());
   }
@@ -81,10 +83,13 @@ void Uplink::onConnected(const pb::Welcome& welcome) {
     const std::scoped_lock lock(mutex_);
     state_.connected = true;
     state_.away_since_ns = 0;
-    state_.denied = false;
+    state_.denied = all_away_ = false;
+    state_.server = server;
     ++state_.connections;
   }
-  report("connected to " + endpointText(config_.client.server) + " as " + welcome.name());
+  const std::string& passed_over = link_.passedOver();
+  report("connected to " + server + " as " + welcome.name() +
+         (passed_over.empty() ? "" : "; another server did not take us: " + passed_over));
   for (const UplinkSession* session : again) reportSentAgain(*session);
   clock_ = ClockProbe{};
   clock_sent_ns_ = 0;
@@ -100,8 +105,8 @@ void Uplink::onAway(const LinkEnd& end) {
     watched_.store(false, std::memory_order_relaxed);
     for (const auto& session : sessions_) session->onConnectionLost();
     if (!end.stopping)
-      report("the connection to " + endpointText(config_.client.server) + " is lost (" + why +
-             "); the spool keeps everything, trying again");
+      report("the connection to " + end.server + " is lost (" + why +
+             "); the spool keeps everything, trying " + (end.others ? "another server" : "again"));
   } else {
     // report it once, not at every attempt
     if (why != reported_) report(why + (denied ? "" : "; the spool keeps everything, trying again"));
@@ -113,6 +118,8 @@ void Uplink::onAway(const LinkEnd& end) {
     state_.connected = false;
     state_.denied = denied;
     state_.error = why;
+    // a connection that is lost says nothing of the other servers
+    all_away_ = !end.others;
     live_.clear();
   }
   changed_.notify_all();
@@ -158,7 +165,7 @@ void Uplink::takeAdded() {
     auto session =
         std::make_unique<UplinkSession>(std::move(spool), config_.client.login.station().station(), time());
     if (link_.online()) {
-      session->spool()->clock().note(link_.welcome().server_unix_ns());
+      session->spool()->clock().note(link_.welcome().server_unix_ns(), welcomed_ns_);
       session->onConnected(atServer(*session));
     }
     if (current) {
@@ -308,6 +315,8 @@ void Uplink::handleRefusal(const pb::Envelope& envelope) {
     if (!waited && !session->waitsFor().empty())
       report("session " + session->spool()->idText() + " waits in the spool: " + session->waitsFor());
     if (session->refused()) report("session " + session->spool()->idText() + ": " + session->trouble());
+    // where another server has room, or does not say yet that it has none, the session goes there
+    if (refusal.reason() == pb::Refusal::NO_ROOM) link_.moveOn("this server has no room: trying another");
     return;
   }
   report("the server refuses (" + reasonName(refusal.reason()) + "): " + refusal.text());

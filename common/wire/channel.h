@@ -124,6 +124,9 @@ class Channel : public std::enable_shared_from_this<Channel> {
 
   /// Log-in is done: frames up to kMaxFrameBytes are accepted, and handshake_timeout no longer counts.
   void established();
+  /// Replaces ChannelLimits::idle_timeout.
+  void setIdleTimeout(std::chrono::milliseconds time) { limits_.idle_timeout = time; }
+  [[nodiscard]] const ChannelLimits& limits() const { return limits_; }
 
   [[nodiscard]] bool closed() const { return closed_; }  ///< the socket is gone
   [[nodiscard]] bool closing() const { return times_.finishing || closed_; }

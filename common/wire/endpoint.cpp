@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <charconv>
 
 #include "common/base/text.h"
@@ -52,6 +53,42 @@ Result<Endpoint> parseEndpoint(std::string_view text) {
 std::string endpointText(const Endpoint& endpoint) {
   const bool v6 = endpoint.host.find(':') != std::string::npos;
   return fmt::format("{}:{}", (v6 ? "[" + endpoint.host + "]" : endpoint.host), endpoint.port);
+}
+
+bool sameEndpoint(const Endpoint& a, const Endpoint& b) {
+  return a.port == b.port && lowerCase(a.host) == lowerCase(b.host);
+}
+
+Result<Endpoints> parseEndpoints(std::string_view text) {
+  const auto bad = [&](const std::string& why) {
+    return Error{ErrorCode::kInvalidInput, "'" + std::string(text) + "' is no list of servers (" + why +
+                                               "), e.g. a.example:7750,b.example:7750"};
+  };
+  const bool is_list = text.find(',') != std::string_view::npos;
+  Endpoints all;
+  for (std::string_view rest = text;;) {
+    const auto comma = rest.find(',');
+    std::string_view entry = rest.substr(0, comma);
+    if (is_list) {
+      while (!entry.empty() && entry.front() == ' ') entry.remove_prefix(1);
+      while (!entry.empty() && entry.back() == ' ') entry.remove_suffix(1);
+      if (entry.empty()) return bad("an entry is empty");
+    }
+    ASSIGN_OR_RETURN(auto endpoint, parseEndpoint(entry));
+    if (std::any_of(all.begin(), all.end(),
+                    [&](const Endpoint& known) { return sameEndpoint(known, endpoint); }))
+      return bad(endpointText(endpoint) + " stands there twice");
+    if (all.size() == kMostEndpoints) return bad(fmt::format("it has more than {}", kMostEndpoints));
+    all.push_back(std::move(endpoint));
+    if (comma == std::string_view::npos) return all;
+    rest.remove_prefix(comma + 1);
+  }
+}
+
+std::string endpointsText(const Endpoints& endpoints) {
+  std::string text;
+  for (const Endpoint& endpoint : endpoints) text += (text.empty() ? "" : ",") + endpointText(endpoint);
+  return text;
 }
 
 }  // namespace needlelab

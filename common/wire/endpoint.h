@@ -1,9 +1,11 @@
-/// HOST:PORT as written on command lines.
+/// HOST:PORT as written on command lines, alone or several of them.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "common/base/result.h"
 
@@ -18,5 +20,17 @@ struct Endpoint {
 Result<Endpoint> parseEndpoint(std::string_view text);
 /// The inverse; encloses an IPv6 address in brackets.
 std::string endpointText(const Endpoint& endpoint);
+/// Whether both are the same as written: a name's case does not count.
+bool sameEndpoint(const Endpoint& a, const Endpoint& b);
+
+/// The servers of one lab, any of which will do, in the order in which they were written; at least one.
+using Endpoints = std::vector<Endpoint>;
+inline constexpr std::size_t kMostEndpoints = 16;
+
+/// Parses "a:7750,b:7750", or one alone; blanks may stand around a comma. Errors: kInvalidInput: as
+/// parseEndpoint, an empty entry, one that is named twice, more than kMostEndpoints.
+Result<Endpoints> parseEndpoints(std::string_view text);
+/// The inverse.
+std::string endpointsText(const Endpoints& endpoints);
 
 }  // namespace needlelab

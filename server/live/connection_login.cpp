@@ -213,6 +213,7 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
   welcome.set_role(who_.role);
   welcome.set_server_unix_ns(wallNowNs());
   welcome.set_server_version(NEEDLELAB_VERSION);
+  welcome.set_keepalive_ms(static_cast<std::uint32_t>(channel_->limits().keepalive.count()));
 
   channel_->established();
   setState(ConnectionState::kAuthenticated);

@@ -141,10 +141,10 @@ int run(const Options& options) {
 
   StationLedger ledger(options.ledger);
   auto spool = Spool::open(options.spool);
-  auto endpoint = parseEndpoint(options.server);
+  auto servers = parseEndpoints(options.server);
   auto tls = makeClientTls(options.ca);
-  if (!spool.ok() || !endpoint.ok() || !tls.ok()) {
-    const Error& error = !spool.ok() ? spool.error() : !endpoint.ok() ? endpoint.error() : tls.error();
+  if (!spool.ok() || !servers.ok() || !tls.ok()) {
+    const Error& error = !spool.ok() ? spool.error() : !servers.ok() ? servers.error() : tls.error();
     return std::fprintf(stderr, "%s\n", error.message.c_str()), 2;
   }
   for (const std::string& note : (*spool)->notes()) std::fprintf(stderr, "%s\n", note.c_str());
@@ -160,7 +160,7 @@ int run(const Options& options) {
 
   UplinkConfig config;
   config.client.tls = *tls;
-  config.client.server = *endpoint;
+  config.client.setServers(*servers);
   config.client.program = "needlelab-durability-station";
   config.client.login = stationLogin(station, key);
   config.first_retry = 20ms;

@@ -1,4 +1,4 @@
-// Fuzzes text written by people: recorded trajectories (CSV), HOST:PORT.
+// Fuzzes text written by people: recorded trajectories (CSV), HOST:PORT and lists of it.
 #include <array>
 
 #include "client/device/recording_device.h"
@@ -26,6 +26,11 @@ void trajectory(ByteView data) {
 }
 
 void address(ByteView data) {
+  if (const auto all = parseEndpoints(textOf(data)); all.ok()) {
+    require(!all->empty() && all->size() <= kMostEndpoints, "a list has servers");
+    const auto again = parseEndpoints(endpointsText(*all));
+    require(again.ok() && endpointsText(*again) == endpointsText(*all), "a list comes back");
+  }
   const auto parsed = parseEndpoint(textOf(data));
   if (!parsed.ok()) return;
   if (kPlanted) {

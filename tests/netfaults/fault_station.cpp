@@ -34,6 +34,8 @@ FaultStation::FaultStation(RunningServer& server, const std::string& name, std::
   UplinkConfig config;
   config.client = server.config(stationLogin(name, server.addStation(name)));
   config.client.server.port = port;
+  for (const std::uint16_t other : settings.other_ports)
+    config.client.others.push_back({config.client.server.host, other});
   config.client.limits = settings.limits;
   config.client.connect_timeout = settings.connect_timeout;
   config.first_retry = 20ms;

@@ -30,6 +30,7 @@ struct StationSettings {
   std::chrono::milliseconds period{0};  ///< between chunks; 0: all are there from the beginning
   ChannelLimits limits = shortLimits();
   std::chrono::milliseconds connect_timeout{1500};
+  std::vector<std::uint16_t> other_ports = {};  ///< of further servers that it knows
 };
 
 /// One session, recorded by a thread of its own while the uplink sends. Thread: the test's.

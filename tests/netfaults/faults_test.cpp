@@ -1,6 +1,7 @@
 // Each network fault alone: no sample is lost or duplicated, and acknowledgements never go back.
 #include <fmt/core.h>
 #include <gtest/gtest.h>
+#include <algorithm>
 #include <iostream>
 
 #include "tests/netfaults/fault_station.h"
@@ -107,6 +108,54 @@ TEST(FaultsTest, eachFaultAloneLosesAndDoublesNothing) {
       EXPECT_EQ(station.state().connections, 1u) << station.state().error;
     }
   }
+}
+
+// A station that knows two servers, here two ways to the same store. The way in use is lost again and again,
+// by a reset, by an end, and without a word, and comes back while the station is on the other one.
+TEST(FaultsTest, eitherOfTwoServersWillDoAndNothingIsLostOrDoubled) {
+  RunningServer server(withShortLimits);
+  FaultProxy first(server.server().port(), 1), second(server.server().port(), 2);
+  FaultStation station(server, "of-two", first.port(),
+                       {.chunks = 400, .samples = 50, .period = 10ms, .other_ports = {second.port()}});
+  ASSERT_TRUE(eventually([&] { return station.state().current_committed > 0; }));
+  const auto nameOf = [](const FaultProxy& proxy) { return fmt::format("127.0.0.1:{}", proxy.port()); };
+  std::uint64_t connections = 1;
+  for (const Cut how : {Cut::kReset, Cut::kFin, Cut::kSilent, Cut::kReset}) {
+    const bool at_first = station.state().server == nameOf(first);
+    FaultProxy &here = at_first ? first : second, &there = at_first ? second : first;
+    EXPECT_EQ(station.state().server, nameOf(here));
+    here.refuseAll(true);
+    here.cutAll(how);
+    ASSERT_TRUE(eventually([&] { return station.state().connections == connections + 1; }))
+        << station.state().error;
+    ++connections;
+    EXPECT_EQ(station.state().server, nameOf(there));
+    here.refuseAll(false);
+    const std::uint64_t committed = station.state().current_committed;
+    ASSERT_TRUE(eventually([&] { return station.state().current_committed > committed; }));
+  }
+  ASSERT_TRUE(station.waitUntilDone(60s)) << station.state().error << station.state().current_trouble;
+  station.expectWhole(server);
+  EXPECT_EQ(station.state().connections, connections) << "it stays where it is well";
+}
+
+// Nothing passes any more, and nobody says so: the server's promise of a word every 0.3 s is what tells.
+TEST(FaultsTest, aWayThatFallsSilentIsLeftForTheOtherAfterThreeMissingWords) {
+  RunningServer server(withShortLimits);  // keepalive: 300 ms
+  FaultProxy first(server.server().port(), 1), second(server.server().port(), 2);
+  StationSettings settings{.chunks = 300, .samples = 50, .period = 10ms, .other_ports = {second.port()}};
+  settings.limits = ChannelLimits{};  // 30 s of silence, were it the only server
+  FaultStation station(server, "of-two", first.port(), settings);
+  ASSERT_TRUE(eventually([&] { return station.state().current_committed > 0; }));
+  first.stallAll(true);
+  ASSERT_TRUE(eventually([&] { return station.state().connections == 2; })) << station.state().error;
+  const auto said = station.said();
+  EXPECT_TRUE(std::any_of(said.begin(), said.end(), [](const std::string& line) {
+    return line.find("nothing received for 900 ms") != line.npos;
+  })) << "not after the 30 s of a single server";
+  ASSERT_TRUE(station.waitUntilDone(60s)) << station.state().error << station.state().current_trouble;
+  first.stallAll(false);
+  station.expectWhole(server);
 }
 
 using namespace std::chrono_literals;

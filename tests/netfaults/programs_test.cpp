@@ -53,6 +53,59 @@ TEST(StalledStationTest, practisesItsWholeLessonAndLosesNoSample) {
   EXPECT_TRUE(lab.verifies(bad.at("session_id").get<std::string>()));
 }
 
+// A station and an instructor that know two servers, here two ways to one, of which the first is cut in the
+// middle of the lesson.
+TEST(TwoServersTest, lessonAndViewGoOnAtTheOtherOne) {
+  Lab lab;
+  lab.startServer();
+  const auto port = static_cast<std::uint16_t>(lab.port());
+  FaultProxy first(port), second(port);
+  const std::string to_first = fmt::format("127.0.0.1:{}", first.port());
+  const std::string to_second = fmt::format("127.0.0.1:{}", second.port());
+  const std::string both = to_first + "," + to_second;
+  auto arguments = lab.stationArguments({"--exercise", "ball-free-practice", "--seconds", "8"});
+  *(std::find(arguments.begin(), arguments.end(), "--server") + 1) = both;
+  arguments.insert(arguments.end(), {"--json", lab.path("two.json")});
+  Process instructor(
+      "needlelab-instructor",
+      {"--server", both, "--ca", lab.path("data") / "tls" / "ca.crt", "--user", "ines", "--password-file",
+       lab.path("password"), "--headless", "--station", "station-1", "--seconds", "60"},
+      lab.path("watch.log"));
+  const auto said = [](const std::string& text, const std::string& words) {
+    return text.find(words) != std::string::npos;
+  };
+  ASSERT_TRUE(eventually([&] { return said(instructor.said(), "connected to " + to_first); }))
+      << instructor.said();
+  Process station("needlelab-station", arguments, lab.path("two.log"));
+  ASSERT_TRUE(eventually([&] { return !lab.sessions().empty(); })) << station.said();
+  ASSERT_TRUE(eventually([&] { return said(instructor.said(), "station-1 is online"); }))
+      << instructor.said();
+  first.refuseAll(true);
+  first.cutAll(Cut::kReset);
+  EXPECT_EQ(station.wait(60s), kExitDone) << station.said();
+  EXPECT_TRUE(said(station.said(), "trying another server")) << station.said();
+  EXPECT_TRUE(said(station.said(), "connected to " + to_second + " as station-1")) << station.said();
+  EXPECT_TRUE(said(instructor.said(), "connected again, to " + to_second)) << instructor.said();
+  // live lines after the change of server
+  const std::string words = instructor.said();
+  std::size_t lines = 0;
+  for (auto at = words.find("connected again, to " + to_second); at != words.npos;
+       at = words.find("station-1", at + 1))
+    ++lines;
+  EXPECT_GT(lines, 10u) << words;
+  instructor.signal(SIGINT);
+  EXPECT_EQ(instructor.wait(10s), kExitDone) << instructor.said();
+
+  const auto summary = lab.summary("two");
+  const auto count = [&](const char* what) { return summary.at(what).get<std::uint64_t>(); };
+  EXPECT_EQ(count("samples") + count("missed_ticks"), 8000u) << "each tick that ran is recorded";
+  EXPECT_EQ(count("spool_left"), 0u) << station.said();
+  const auto sessions = lab.sessions();
+  ASSERT_EQ(sessions.size(), 1u);
+  EXPECT_EQ(sessions[0].state(), pb::SESSION_COMPLETE);
+  EXPECT_TRUE(lab.verifies(summary.at("session_id").get<std::string>()));
+}
+
 using namespace std::chrono_literals;
 
 std::unique_ptr<Process> watch(const Lab& lab, const std::string& station, const std::string& log) {

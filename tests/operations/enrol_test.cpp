@@ -17,14 +17,14 @@ using testing::HasSubstr;
 
 TEST(Bundle, isReadAsItWasWritten) {
   Enrolment enrolment;
-  enrolment.server = {"lab.example.org", 7751};
+  enrolment.servers = {{"lab.example.org", 7751}, {"two.example.org", 7750}};
   enrolment.station = "station 5";
   enrolment.key = std::string(31, '\x9b') + "k";
   enrolment.ca_pem = "-----BEGIN CERTIFICATE-----\nAAAA\n-----END CERTIFICATE-----\n";
   const std::string text = bundleText(enrolment);
   const auto read = parseBundle(text, "it");
   ASSERT_TRUE(read.ok()) << read.error().message;
-  EXPECT_EQ(endpointText(read->server), "lab.example.org:7751");
+  EXPECT_EQ(endpointsText(read->servers), "lab.example.org:7751,two.example.org:7750");
   EXPECT_EQ(read->station, enrolment.station);
   EXPECT_EQ(read->key, enrolment.key);
   EXPECT_EQ(read->ca_pem, enrolment.ca_pem);

@@ -166,6 +166,7 @@ TEST_F(StartupTest, aBadCertificateIsMadeAnewOrSaid) {
     EXPECT_THAT(said, AllOf(HasSubstr(words), HasSubstr("ca.key"), HasSubstr("put it back")));
   };
   refused("server.crt is not for 'other.example', only for ", {"--host-name", "other.example"});
+  refused("server.crt is not for 'third.example', only for ", {"--host-name", "localhost,third.example"});
   std::ofstream(tls().key) << key;  // of the one before
   refused("do not fit each other");
   std::ofstream(tls().certificate) << "spoilt";

@@ -175,10 +175,9 @@ LinkHandlers LabConnection::Net::handlers() {
           .connected = [this](const pb::Welcome& welcome) { onConnected(welcome); },
           .message = [this](pb::Envelope& envelope) { onMessage(envelope); },
           .judge =
-              [this](const LinkEnd& end) {
-                const std::scoped_lock lock(mutex);
+              [](const LinkEnd& end) {
                 const bool needs_person = end.was_connected ? reasonOf(end).code == ErrorCode::kDenied
-                                                            : troubleOf(end.error, state.server).needs_person;
+                                                            : troubleOf(end.error, end.server).needs_person;
                 return needs_person ? Retry::kNever : Retry::kBackOff;
               },
           .away = [this](const LinkEnd& end) { onAway(end); }};
@@ -190,6 +189,7 @@ void LabConnection::Net::onConnected(const pb::Welcome& welcome) {
     state.phase = LinkPhase::kOnline;
     state.trouble = {};
     state.away_since_ns = state.next_try_ns = 0;
+    state.server = endpointText(link.server());
     state.role = welcome.role();
     state.server_version = welcome.server_version();
     ++state.connections;
@@ -204,7 +204,7 @@ void LabConnection::Net::onAway(const LinkEnd& end) {
   const std::scoped_lock lock(mutex);
   if (state.away_since_ns == 0) state.away_since_ns = settings.clock->steadyNs();
   state.phase = end.next_try_ns == 0 ? LinkPhase::kRefused : LinkPhase::kAway;
-  state.trouble = troubleOf(reasonOf(end), state.server);
+  state.trouble = troubleOf(reasonOf(end), end.server);
   state.next_try_ns = end.next_try_ns;
 }
 
@@ -264,13 +264,13 @@ void LabConnection::logIn(LabLogin login) {
   {
     const std::scoped_lock lock(net_->mutex);
     net_->state.phase = LinkPhase::kConnecting;
-    net_->state.server = endpointText(login.server);
+    net_->state.server = endpointsText(login.servers);
     net_->state.user = login.user;
     net_->state.trouble = {};
     net_->state.away_since_ns = net_->state.next_try_ns = 0;
   }
   ClientConfig config;
-  config.server = login.server;
+  config.setServers(login.servers);
   config.ca_file = login.ca_file;
   config.program = programText(net_->settings.program);
   // frames should wait in the server's queue, which drops the oldest, and not in the kernel

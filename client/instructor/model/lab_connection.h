@@ -24,7 +24,7 @@ struct LinkTrouble {
   std::string detail;  ///< the error itself, for the lab's administrator
 };
 
-/// `server`: HOST:PORT as typed. `error`: from connectClient.
+/// `server`: LinkEnd::server. `error`: from connectClient.
 LinkTrouble troubleOf(const Error& error, const std::string& server);
 
 enum class LinkPhase : std::uint8_t {
@@ -36,7 +36,7 @@ enum class LinkPhase : std::uint8_t {
 };
 
 struct LabLogin {
-  Endpoint server;
+  Endpoints servers;  ///< at least one; any will do
   std::filesystem::path ca_file;
   std::string user, password;
 };
@@ -44,7 +44,8 @@ struct LabLogin {
 /// A copy of the connection's state.
 struct LinkState {
   LinkPhase phase = LinkPhase::kLoggedOut;
-  std::string server, user;    ///< from the log-in
+  std::string server;          ///< HOST:PORT of the last connection; before it the servers of the log-in
+  std::string user;            ///< from the log-in
   std::string server_version;  ///< from the last connection
   pb::Role role = pb::ROLE_UNSPECIFIED;
   LinkTrouble trouble;               ///< for kAway and kRefused

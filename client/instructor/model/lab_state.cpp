@@ -62,9 +62,9 @@ LabState::~LabState() = default;
 
 void LabState::logIn() {
   form_trouble.clear();
-  const auto server = parseEndpoint(form.server);
-  if (!server.ok())
-    form_trouble = "Server: " + server.error().message;
+  const auto servers = parseEndpoints(form.server);
+  if (!servers.ok())
+    form_trouble = "Server: " + servers.error().message;
   else if (form.ca_file.empty())
     form_trouble =
         "The CA file is missing: the tls/ca.crt of the server's folder. Who runs the server has it.";
@@ -73,7 +73,7 @@ void LabState::logIn() {
   else if (form.password.empty())
     form_trouble = "Type your password.";
   if (!form_trouble.empty()) return;
-  connection_.logIn({*server, form.ca_file, form.user, form.password});
+  connection_.logIn({*servers, form.ca_file, form.user, form.password});
   connection_.watchAll(10);
   link_ = connection_.state();
 }
@@ -98,6 +98,9 @@ void LabState::update(double now_s) {
   if (link_.phase == LinkPhase::kOnline && phase_before_ != LinkPhase::kOnline) {
     // the first log-in shows the lab; after a lost connection the view stays unchanged
     if (!inside_) screen = WindowScreen::kLab;
+    if (inside_ && link_.server != server_before_)
+      notices.good("Connected to the server " + link_.server + ", no longer to " + server_before_);
+    server_before_ = link_.server;
     inside_ = true;
     readLists();
   }

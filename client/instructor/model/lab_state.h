@@ -24,7 +24,7 @@ namespace needlelab {
 /// The window's current screen.
 enum class WindowScreen : std::uint8_t { kLogin, kLab, kLive, kSessions, kReplay, kCompare, kRerun, kScores };
 
-/// The fields of the log-in screen, as typed.
+/// The fields of the log-in screen, as typed. `server` may name several (common/wire/endpoint.h).
 struct LoginForm {
   std::string server = "127.0.0.1:7750", ca_file, user, password;
 };
@@ -129,6 +129,7 @@ class LabState {
   LinkState link_;
   bool inside_ = false;
   LinkPhase phase_before_ = LinkPhase::kLoggedOut;
+  std::string server_before_;  // of the last connection
   double now_s_ = 0, last_s_ = 0;
   std::unique_ptr<LiveStation> live_;
   std::vector<ExerciseChoice> exercises_;

@@ -75,14 +75,20 @@ void HeadlessRun::note(const std::string& text) const {
   line(noteLine(text, options.json));
 }
 
+bool HeadlessRun::several() const {
+  return options.server.find(',') != std::string::npos;
+}
+
 Status HeadlessRun::recover(const Error& why) const {
   note(why.message + "; connecting again");
   auto status = client.reconnect(end_ns, stop);
-  if (status.ok()) note("connected again");
+  if (status.ok())
+    note("connected again" + (several() ? ", to " + endpointText(client.server()) : std::string()));
   return status;
 }
 
 Status runHeadless(const HeadlessRun& run) {
+  if (run.several()) run.note("connected to " + endpointText(run.client.server()));
   if (run.options.replay) return replaySession(run);
   if (!run.options.station.empty() || !run.options.session.empty()) return watchLive(run);
   return overview(run);

@@ -23,9 +23,11 @@ struct HeadlessRun {
   TimeSource& time = machineTime();  ///< of a replay
 
   [[nodiscard]] bool over() const { return stop() || client.nowNs() >= end_ns; }
+  /// --server names several servers: notes then say which one it is.
+  [[nodiscard]] bool several() const;
   void line(const std::string& text) const;
   void note(const std::string& text) const;
-  /// Reconnects; prints a note before and after.
+  /// Reconnects, to any of the servers; prints a note before and after.
   Status recover(const Error& why) const;
 };
 

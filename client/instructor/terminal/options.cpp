@@ -32,8 +32,8 @@ Status checkOptions(const InstructorOptions& options) {
       if (missing) return refuse(std::string(name) + " is required");
   }
   if (!options.server.empty() || !options.window()) {
-    if (const auto server = parseEndpoint(options.server); !server.ok())
-      return refuse("--server " + server.error().message);
+    if (const auto servers = parseEndpoints(options.server); !servers.ok())
+      return refuse("--server " + servers.error().message);
   }
   if (!options.report.empty() && (options.session.empty() || options.headless || options.replay))
     return refuse("--report FILE needs --session ID, and neither --headless nor --replay");
@@ -100,7 +100,7 @@ Result<WindowSize> windowSizeOf(const InstructorOptions& options) {
 
 ClientConfig clientConfig(const InstructorOptions& options) {
   ClientConfig config;
-  config.server = *parseEndpoint(options.server);
+  config.setServers(*parseEndpoints(options.server));
   config.ca_file = options.ca;
   config.program = programText("instructor");
   // frames should wait in the server's queue, which drops the oldest, and not in the kernel

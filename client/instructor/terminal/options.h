@@ -15,7 +15,7 @@ namespace needlelab {
 inline constexpr const char* kResetAids = "reset";
 
 struct InstructorOptions {
-  std::string server;
+  std::string server;  ///< HOST:PORT, or several of which any will do
   std::filesystem::path ca;
   std::string user;
   std::filesystem::path password_file;
@@ -59,7 +59,7 @@ struct WindowSize {
 };
 Result<WindowSize> windowSizeOf(const InstructorOptions& options);
 
-/// Returns server, CA and limits, without the log-in. `options` must be checked.
+/// Returns servers, CA and limits, without the log-in. `options` must be checked.
 ClientConfig clientConfig(const InstructorOptions& options);
 
 /// Returns the session's 16 bytes; empty without a session. `options` must be checked.

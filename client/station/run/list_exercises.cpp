@@ -43,7 +43,7 @@ void addStep(Json& row, const Ladder& ladder) {
 Status askServerForCurriculum(Curriculum& curriculum, const StationOptions& options) {
   ASSIGN_OR_RETURN(auto key, loadStationKey(options.key_file));
   ClientConfig config;
-  config.server = *options.server;
+  config.setServers(options.servers);
   config.ca_file = options.ca_file;
   config.program = programText("station");
   config.login = stationLogin(options.station.empty() ? key.station : options.station, key.key);
@@ -127,7 +127,7 @@ int runListExercises(const StationOptions& options) {
   const CurriculumCache kept(options.spool);
   Curriculum curriculum = kept.find();
   bool answered = false;
-  if (options.server) {
+  if (!options.servers.empty()) {
     const Status status = askServerForCurriculum(curriculum, options);
     answered = status.ok();
     if (!answered && status.error().code != ErrorCode::kUnavailable) {

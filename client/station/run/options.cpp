@@ -49,7 +49,9 @@ constexpr const char* kSummary = "Summary";
 constexpr const char* kModes = "Instead of a lesson (the device gets no force)";
 
 void addServer(CLI::App& app, StationOptions& o, RawOptions& raw) {
-  app.add_option("--server", raw.server, "HOST:PORT of the server; without it everything stays in the spool")
+  app.add_option("--server", raw.server,
+                 "HOST:PORT of the server, or of several, of which any will do: A:7750,B:7750; without it "
+                 "everything stays in the spool")
       ->group(kServer);
   app.add_option("--ca", o.ca_file, "the server's certificate authority (its tls/ca.crt)")->group(kServer);
   app.add_option("--key", o.key_file, "this station's key file, made by needlelab-admin station add")
@@ -249,7 +251,7 @@ Status takeEnrolment(StationOptions& options, RawOptions& raw) {
     return Error{ErrorCode::kInvalidInput,
                  "--enrolled takes the place of --server, --ca and --key: leave these away"};
   const EnrolmentFiles files = enrolmentFilesIn(options.enrolled);
-  const auto server = readWholeFile(files.server, 1000);
+  const auto server = readWholeFile(files.server, 8000);
   if (!server.ok())
     return Error{ErrorCode::kInvalidInput, "--enrolled: " + options.enrolled.string() +
                                                " holds no enrolment (" + server.error().message +
@@ -312,7 +314,7 @@ Status complete(StationOptions& options, const RawOptions& raw) {
   // a window can ask a person, except if it starts by itself or has no display
   const bool asked_now = options.mode == StationMode::kLesson && (options.headless || options.window.start);
   if (!server.empty()) {
-    ASSIGN_OR_RETURN(options.server, parseEndpoint(server));
+    ASSIGN_OR_RETURN(options.servers, parseEndpoints(server));
     if (options.ca_file.empty()) return usage("--server needs --ca FILE, the server's tls/ca.crt");
     if (options.key_file.empty())
       return usage("--server needs --key FILE, made by needlelab-admin station add");

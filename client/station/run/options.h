@@ -48,8 +48,7 @@ struct WindowOptions {
 
 struct StationOptions {
   StationMode mode = StationMode::kLesson;
-  // the server; none without --server
-  std::optional<Endpoint> server;
+  Endpoints servers;  ///< any of them will do; none without --server
   std::filesystem::path ca_file, key_file;
   std::filesystem::path bundle, enrolled;  ///< --enrol FILE; the folder of --enrolled
   std::string station;                     ///< --station, or the name in the key file, or the machine's

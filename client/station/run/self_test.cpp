@@ -264,18 +264,16 @@ Status probe(BlockingClient& client, ClockProbe& clock) {
 
 }  // namespace
 
-ServerFacts measureServer(const StationOptions& options) {
+ServerFacts measureServer(const StationOptions& options, const Endpoint& server) {
   ServerFacts facts;
-  if (!options.server) return facts;
-  facts.asked = true;
-  facts.address = fmt::format("{}:{}", options.server->host, options.server->port);
+  facts.address = fmt::format("{}:{}", server.host, server.port);
   const auto key = loadStationKey(options.key_file);
   if (!key.ok()) {
     facts.trouble = key.error().message;
     return facts;
   }
   ClientConfig config;
-  config.server = *options.server;
+  config.server = server;
   config.ca_file = options.ca_file;
   config.program = programText("station");
   config.login = stationLogin(options.station.empty() ? key->station : options.station, key->key);
@@ -421,7 +419,7 @@ int runSelfTest(const StationOptions& options, const sigset_t& stop_signals) {
   facts.machine = measureMachine();
   facts.engine = measureEngine(options.rate_hz);
   facts.disk = measureDisk(options.spool);
-  facts.server = measureServer(options);
+  for (const Endpoint& server : options.servers) facts.servers.push_back(measureServer(options, server));
 
   const auto checks = judge(facts);
   const bool failed =

@@ -61,7 +61,6 @@ struct EngineFacts {
 };
 
 struct ServerFacts {
-  bool asked = false;  ///< --server was given
   std::string address, trouble;
   std::string program, name;  ///< the server's program; this station's name on the server
   double connect_s = 0;       ///< for TCP, TLS 1.3 with certificate check, and log-in with the key
@@ -74,7 +73,7 @@ struct SelfTestFacts {
   MachineFacts machine;
   DiskFacts disk;
   EngineFacts engine;
-  ServerFacts server;
+  std::vector<ServerFacts> servers;  ///< each of --server; empty without it
 };
 
 /// Returns the position noise of a device at rest: the root mean square distance from the fitted straight
@@ -103,7 +102,7 @@ DiskFacts measureDisk(const std::filesystem::path& folder);
 std::span<const EmbeddedFile> sampleProfiles();
 /// Runs each sample profile for about 20 ms.
 EngineFacts measureEngine(double rate_hz);
-ServerFacts measureServer(const StationOptions& options);
+ServerFacts measureServer(const StationOptions& options, const Endpoint& server);
 
 // --- judgement ---
 

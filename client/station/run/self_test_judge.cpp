@@ -250,30 +250,39 @@ void judgeEngine(const EngineFacts& f, double rate_hz, std::vector<Check>& check
              "at most 5 %", "give a lower --rate, or use a faster computer"));
 }
 
-void judgeServer(const ServerFacts& f, std::vector<Check>& checks) {
-  if (!f.asked) {
-    checks.push_back(
-        {"server", Verdict::kNotChecked, "give --server, --ca and --key to have it checked", "", ""});
-    return;
-  }
+/// `of`: for the checks' names; empty for the only server. `verdict`: when it does not take the station.
+void judgeServer(const ServerFacts& f, const std::string& of, Verdict verdict, std::vector<Check>& checks) {
   if (!f.trouble.empty()) {
     checks.push_back(
-        {"server", Verdict::kFailed, f.address + ": " + f.trouble, "",
+        {"server" + of, verdict, f.address + ": " + f.trouble, "",
          "lessons run without it and wait in the spool; check address, network, --ca and --key"});
     return;
   }
-  checks.push_back(number("server", f.connect_s, "s", upTo(f.connect_s, 1, 5),
+  checks.push_back(number("server" + of, f.connect_s, "s", upTo(f.connect_s, 1, 5),
                           fmt::format("{}, {}: TLS and key accepted in {:.0f} ms as {}", f.address, f.program,
                                       1e3 * f.connect_s, f.name),
                           "within 1 s", "the network or the server is slow"));
-  checks.push_back(number("network", f.round_trip_s, "s", upTo(f.round_trip_s, 0.1, 1),
+  checks.push_back(number("network" + of, f.round_trip_s, "s", upTo(f.round_trip_s, 0.1, 1),
                           fmt::format("{:.1f} ms there and back", 1e3 * f.round_trip_s), "at most 100 ms",
                           "what the instructor sees comes late; the lesson itself does not suffer"));
-  checks.push_back(number("time of day", f.clock_offset_s, "s",
+  checks.push_back(number("time of day" + of, f.clock_offset_s, "s",
                           upTo(std::abs(f.clock_offset_s), 2, 86'400.0 * 365),
                           fmt::format("{:.2f} s {} the server's", std::abs(f.clock_offset_s),
                                       f.clock_offset_s >= 0 ? "behind" : "ahead of"),
                           "within 2 s", "set up NTP (systemd-timesyncd) on this computer and on the server"));
+}
+
+void judgeServers(const std::vector<ServerFacts>& servers, std::vector<Check>& checks) {
+  if (servers.empty()) {
+    checks.push_back(
+        {"server", Verdict::kNotChecked, "give --server, --ca and --key to have it checked", "", ""});
+    return;
+  }
+  const bool one_takes_us =
+      std::any_of(servers.begin(), servers.end(), [](const ServerFacts& f) { return f.trouble.empty(); });
+  for (const ServerFacts& f : servers)
+    judgeServer(f, servers.size() == 1 ? std::string() : " " + f.address,
+                one_takes_us ? Verdict::kWarning : Verdict::kFailed, checks);
 }
 
 }  // namespace
@@ -288,7 +297,7 @@ std::vector<Check> judge(const SelfTestFacts& facts) {
   judgeComputer(facts.machine, checks);
   judgeEngine(facts.engine, facts.device.rate_hz, checks);
   judgeDisk(facts.disk, facts.device.rate_hz, checks);
-  judgeServer(facts.server, checks);
+  judgeServers(facts.servers, checks);
   return checks;
 }
 

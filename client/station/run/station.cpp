@@ -51,7 +51,7 @@ Status StationHome::connect() {
     // also without a server: a later upload uses this name
     if (station_.empty()) station_ = key->station;
   }
-  if (!options_.server) {
+  if (options_.servers.empty()) {
     if (const auto waiting = spool_->unfinished().size(); waiting > 0)
       logMessage(fmt::format(
           "{} session(s) of before wait in the spool for a server; without --server they go on waiting",
@@ -61,7 +61,7 @@ Status StationHome::connect() {
   UplinkConfig config;
   ASSIGN_OR_RETURN(config.client.tls, makeClientTls(options_.ca_file));
   config.clock = std::make_shared<LinkClock>(time_);
-  config.client.server = *options_.server;
+  config.client.setServers(options_.servers);
   config.client.program = programText("station");
   config.client.login = stationLogin(station_, key->key);
   const auto waiting = spool_->unfinished(), not_safe = spool_->closedButNotSafe();

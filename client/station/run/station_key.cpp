@@ -17,10 +17,13 @@ namespace {
 
 // advice if the server refused or did not answer
 std::string adviceFor(const Error& error, const Enrolment& enrolment) {
-  if (error.message.find(kNotForThisName) != std::string::npos)
-    return "; the server's certificate is not for " + enrolment.server.host +
+  if (error.message.find(kNotForThisName) != std::string::npos) {
+    const bool one = enrolment.servers.size() == 1;
+    const std::string host = one ? enrolment.servers.front().host : "its name here";
+    return "; the server's certificate is not for " + host +
            ": on the server, needlelab-admin --data DIR certificate renew --host-name " +
-           enrolment.server.host + ", then restart it";
+           (one ? host : "NAME") + ", then restart it";
+  }
   if (error.code == ErrorCode::kUnavailable)
     return "; see that the server runs and listens on an address that this computer reaches";
   return {};
@@ -82,13 +85,13 @@ int runEnrol(const StationOptions& options) {
                                          "; choose another folder with --enrolled DIR"});
 
   // stores the key only after a successful log-in
-  const auto name = proveEnrolment(*enrolment, options.enrolled);
-  if (!name.ok())
-    return fail({name.error().code, "not enrolled: " + name.error().message},
-                adviceFor(name.error(), *enrolment));
+  const auto proven = proveEnrolment(*enrolment, options.enrolled);
+  if (!proven.ok())
+    return fail({proven.error().code, "not enrolled: " + proven.error().message},
+                adviceFor(proven.error(), *enrolment));
   if (auto saved = saveEnrolment(*enrolment, options.enrolled); !saved.ok()) return fail(saved.error());
-  std::cout << "enrolled: logged in to " << endpointText(enrolment->server) << " as " << *name << "; kept in "
-            << options.enrolled.string() << ". Remove " << options.bundle.string()
+  std::cout << "enrolled: logged in to " << endpointText(proven->server) << " as " << proven->station
+            << "; kept in " << options.enrolled.string() << ". Remove " << options.bundle.string()
             << " now, and practise with: needlelab-station --enrolled"
             << (options.enrolled == defaultEnrolmentFolder() ? "" : " " + options.enrolled.string())
             << " --trainee NAME --exercise ID\n";

@@ -44,6 +44,20 @@ TEST_F(AdminOnServer, theSameCommandsWork) {
   EXPECT_EQ(std::count(std::istreambuf_iterator<char>(in), {}, '\n'), 40 * 20 + 1);
 }
 
+TEST_F(AdminOnServer, ofSeveralServersTheFirstThatAnswersIsAsked) {
+  const std::string there = address_;
+  address_ = "127.0.0.1:1," + there;
+  const Run users = as("ada", {"user", "list", "--json"});
+  EXPECT_EQ(users.code, 0) << users.err;
+  EXPECT_EQ(users.rows().size(), 3u);
+  address_ = "127.0.0.1:1,127.0.0.1:2";
+  const Run away = as("ada", {"user", "list"});
+  EXPECT_EQ(away.code, 1);
+  EXPECT_NE(away.err.find("127.0.0.1:2: "), std::string::npos) << away.err;
+  address_ = there + "," + there;
+  EXPECT_EQ(as("ada", {"user", "list"}).code, 2);
+}
+
 TEST_F(AdminOnServer, partsAreExportedAndRetentionRuns) {
   const auto id = uuidText(session_);
   const Run part =

@@ -68,6 +68,25 @@ TEST_F(StationCommands, wrongNamesAddressesAndFilesAreNamedAndMakeNoKey) {
   EXPECT_TRUE(good({"station", "list", "--json"}).rows().empty());
 }
 
+TEST_F(StationCommands, aStationMayKnowSeveralServersOfWhichThisFoldersIsOne) {
+  const auto hosts = [this] {
+    return good({"certificate", "show", "--json"}).rows()[1].at("hosts").get<std::string>();
+  };
+  // the folder has no certificate yet: it gets all of them
+  good({"station", "enrol", "one", "--server-name", "a.example,b.example:7751", "--out", file("one")});
+  const auto bundle = parseBundle(*readWholeFile(file("one")), "one");
+  ASSERT_TRUE(bundle.ok()) << bundle.error().message;
+  EXPECT_EQ(endpointsText(bundle->servers), "a.example:7750,b.example:7751");
+  EXPECT_EQ(hosts(), "a.example, b.example");
+  // later one of them is enough, and the others' names are theirs
+  good({"station", "enrol", "two", "--server-name", "c.example,A.example", "--out", file("two")});
+  EXPECT_EQ(hosts(), "a.example, b.example");
+  const Run bad =
+      onData({"station", "enrol", "three", "--server-name", "a.example,,b", "--out", file("three")});
+  EXPECT_EQ(bad.code, 2);
+  EXPECT_THAT(bad.err, HasSubstr("--server-name 'a.example,,b' is no list of servers (an entry is empty)"));
+}
+
 /// Has one station, "lab-1"; counts the keys that it makes, and makes none with a `refusal`.
 class OneStation : public Backend {
  public:

@@ -26,7 +26,7 @@ class TeachingCommands : public test::AdminServerTest {
   }
   std::unique_ptr<Backend> client(const std::string& user) const {
     return test::TestDb::must(
-        connectServer({{"127.0.0.1", server_->port()}, server_->caFile(), user, "correct horse"}));
+        connectServer({{{"127.0.0.1", server_->port()}}, server_->caFile(), user, "correct horse"}));
   }
   /// Checks that both ways give the same output.
   Run either(bool on_server, const std::string& user, const std::vector<std::string>& arguments) const {

@@ -174,12 +174,15 @@ TEST_F(UpkeepCommands, aRenewedCertificateKeepsItsNamesAndABadNameChangesNothing
   EXPECT_NE(second[1].at("sha256"), first[1].at("sha256"));
   EXPECT_THAT(second[1].at("hosts").get<std::string>(), HasSubstr("lab.example.org"));
   EXPECT_THAT(second[1].at("hosts").get<std::string>(), HasSubstr("10.0.0.7"));
+  good({"certificate", "renew", "--host-name", "one.lab.example.org,10.0.0.8"});
+  EXPECT_THAT(good({"certificate", "show", "--json"}).rows()[1].at("hosts").get<std::string>(),
+              testing::AllOf(HasSubstr("one.lab.example.org"), HasSubstr("10.0.0.8")));
   // each name once, whatever its form
   good({"certificate", "renew", "--host-name", "10.0.0.7", "--host-name", "LAB.example.org", "--host-name",
         "::1", "--host-name", "0:0:0:0:0:0:0:1", "--host-name", "two.lab.example.org", "--host-name",
         "two.lab.example.org"});
   const std::string hosts = good({"certificate", "show", "--json"}).rows()[1].at("hosts");
-  EXPECT_EQ(hosts, "10.0.0.7, LAB.example.org, ::1, two.lab.example.org");
+  EXPECT_EQ(hosts, "10.0.0.7, LAB.example.org, ::1, two.lab.example.org, one.lab.example.org, 10.0.0.8");
   const Run foreign = onData({"certificate", "renew", "--host-name", "bank.example"});
   EXPECT_EQ(foreign.code, 2);
   EXPECT_THAT(foreign.err,

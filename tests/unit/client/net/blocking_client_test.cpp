@@ -125,6 +125,35 @@ TEST(BlockingClient, theReasonOfAnEndIsKept) {
   EXPECT_FALSE(client->connected());
 }
 
+TEST(BlockingClient, theFirstServerThatAnswersIsTaken) {
+  ScriptedServer server(friendly);
+  auto config = server.config();
+  const Endpoint there = config.server;
+  config.setServers({{"127.0.0.1", 1}, {"no.such.host.invalid", 1}, there});
+  const auto client = BlockingClient::connect(config);
+  ASSERT_TRUE(client.ok()) << client.error().message;
+  EXPECT_EQ(endpointText(client->server()), endpointText(there));
+  config.setServers({{"127.0.0.1", 1}, {"no.such.host.invalid", 1}});
+  const auto nobody = BlockingClient::connect(config);
+  ASSERT_FALSE(nobody.ok());
+  EXPECT_EQ(nobody.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(nobody.error().message,
+              testing::AllOf(HasSubstr("127.0.0.1:1: "), HasSubstr("no.such.host.invalid:1: ")));
+}
+
+TEST(BlockingClient, aWrongPasswordIsSaidByTheFirstAndTriedAtNoOther) {
+  const std::atomic<bool> deny{true};
+  ScriptedServer first(friendlyUnless(deny));
+  ScriptedServer second(friendly, first.files);
+  auto config = first.config();
+  config.others = {{"127.0.0.1", second.port()}};
+  const auto client = BlockingClient::connect(config);
+  ASSERT_FALSE(client.ok());
+  EXPECT_EQ(client.error().code, ErrorCode::kDenied);
+  EXPECT_THAT(client.error().message, HasSubstr(endpointText(config.server)));
+  EXPECT_EQ(second.logins(), 0u);
+}
+
 // --- on a simulated clock
 
 class BlockingClientTime : public testing::Test {

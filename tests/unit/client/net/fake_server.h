@@ -31,6 +31,7 @@ struct ServerFaults {
   std::atomic<bool> contradict{false};      ///< reject every chunk as contradictory
   std::atomic<bool> busy_for_codes{false};  ///< refuse a lesson with a code: the queue is full
   std::atomic<bool> fail_codes{false};      ///< refuse a lesson with a code as INTERNAL
+  std::atomic<bool> no_room{false};         ///< refuse to open a session: the disk is full
   std::atomic<bool> forget_session{false};  ///< once: reject a chunk with "unknown session"
 };
 
@@ -159,6 +160,12 @@ class FakeServer : public LoopbackServer {
     pb::Envelope answer;
     if (envelope.has_open_session()) {
       const auto& description = envelope.open_session().description();
+      if (faults.no_room) {
+        *answer.mutable_refusal() = makeRefusal(pb::Refusal::NO_ROOM, "the disk is full");
+        answer.mutable_refusal()->set_session_id(description.session_id());
+        channel->send(answer);
+        return;
+      }
       KeptSession& session = sessions_[description.session_id()];
       session.description = description;
       ++session.opened;

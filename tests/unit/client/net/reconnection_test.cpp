@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "client/net/server_choice.h"
 #include "client/net/server_link.h"
 #include "client/net/uplink.h"
 
@@ -144,6 +145,81 @@ TEST(Reconnection, onlyAnAddressWithoutAServerIsProbedAndOnlyDuringALesson) {
   EXPECT_EQ(retryOfStation(end, true), Retry::kSlowly);
   end.was_connected = true;
   EXPECT_EQ(retryOfStation(end, true), Retry::kBackOff) << "two stations with one key must not fight";
+}
+
+// --- two servers, of which the first has just died
+
+/// Stations with a lesson, all of them at server a until time 0. Server b listens from `listens_ms` on.
+Herd simulateTwo(double listens_ms, double handshakes_per_s) {
+  const Endpoints servers = *parseEndpoints("a:1,b:1");
+  const std::vector<asio::ip::address> address = {asio::ip::make_address("10.0.0.1")};
+  std::vector<Backoff> waits;
+  std::vector<ServerChoice> choices;
+  using Try = std::pair<double, std::size_t>;
+  std::priority_queue<Try, std::vector<Try>, std::greater<>> due;
+  for (std::size_t station = 0; station < kStations; ++station) {
+    waits.emplace_back(station + 1, UplinkConfig{}.retry());
+    choices.emplace_back(servers, station + 1);
+    choices.back().beginRound();
+    EXPECT_EQ(choices.back().next()->host, "a");
+    (void)choices.back().take(address);
+    choices.back().welcomed();
+    choices.back().lost();
+    due.emplace(static_cast<double>(waits.back().next().count()), station);
+  }
+  Herd herd;
+  double free_ms = 0;
+  while (!due.empty()) {
+    const auto [now_ms, station] = due.top();
+    due.pop();
+    ServerChoice& choice = choices[station];
+    bool is_back = false;
+    choice.beginRound();
+    while (const Endpoint* const next = choice.next()) {
+      herd.tries_ms.push_back(now_ms);
+      (void)choice.take(address);
+      if (next->host == "a" || now_ms < listens_ms) {
+        choice.failed();  // refused at once
+        continue;
+      }
+      choice.welcomed();
+      herd.arrived_ms.push_back(now_ms);
+      free_ms = std::max(free_ms, now_ms) + 1000 / handshakes_per_s;
+      herd.back_ms.push_back(free_ms - listens_ms);
+      is_back = true;
+      break;
+    }
+    if (is_back) continue;
+    LinkEnd refused;
+    refused.error = {ErrorCode::kUnavailable, ""};
+    EXPECT_EQ(retryOfStation(refused, true), Retry::kProbe);
+    due.emplace(now_ms + static_cast<double>(waits[station].nextProbe().count()), station);
+  }
+  return herd;
+}
+
+TEST(ReconnectionOfTwo, whoLosesAServerIsAtTheOtherAfterTheFirstWait) {
+  const Herd herd = simulateTwo(0, 500);
+  ASSERT_EQ(herd.back_ms.size(), kStations);
+  EXPECT_EQ(herd.tries_ms.size(), kStations) << "nobody asks the dead one";
+  // all come within their first waits, 100 to 200 ms, and are served one after the other
+  EXPECT_GE(herd.arrived_ms.front(), 100);
+  EXPECT_LE(herd.arrived_ms.back(), 200);
+  for (std::size_t k = 0; k < kStations; ++k)
+    ASSERT_LE(herd.back_ms[k], 200 + 2.0 * static_cast<double>(k + 1)) << k;
+  // evenly: each 10 ms of these 100 gets a tenth of them, 100 ± 9.5; four deviations
+  std::vector<int> buckets(11, 0);
+  for (const double at_ms : herd.arrived_ms) ++buckets[static_cast<std::size_t>((at_ms - 100) / 10)];
+  for (std::size_t i = 0; i < 10; ++i) EXPECT_NEAR(buckets[i], 100, 40) << i;
+}
+
+TEST(ReconnectionOfTwo, whileBothAreAwayARoundBacksOffAsOneServerDoes) {
+  const Herd herd = simulateTwo(60'000, 500);
+  ASSERT_EQ(herd.back_ms.size(), kStations);
+  EXPECT_LE(herd.back_ms[kStations * 9 / 10], 2000 + 200);
+  // two tries a round; b, which comes back, gets no more handshakes a second than one server alone
+  EXPECT_LE(static_cast<double>(mostInASecond(herd.tries_ms, 15'000)), 2 * 1.2 * kProbesPerSecond);
+  EXPECT_LE(static_cast<double>(mostInASecond(herd.arrived_ms)), 1.2 * kProbesPerSecond);
 }
 
 TEST(Backoff, aProbeWaitsAtMostItsLimitAndLeavesTheBackOffWhereItBegan) {

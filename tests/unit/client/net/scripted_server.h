@@ -31,6 +31,10 @@ class ScriptedServer : public LoopbackServer {
       throw std::runtime_error("no certificates");
     begin(*makeServerTls(files.certificate, files.key));
   }
+  /// With the certificate of these files.
+  ScriptedServer(Script script, TlsFiles given) : files(std::move(given)), script_(std::move(script)) {
+    begin(*makeServerTls(files.certificate, files.key));
+  }
   ~ScriptedServer() override { end(); }
   [[nodiscard]] ClientConfig config() const {
     ClientConfig config;

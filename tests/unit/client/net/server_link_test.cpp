@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <filesystem>
+#include <mutex>
 #include <optional>
 
 #include "tests/support/patience.h"
@@ -451,6 +453,314 @@ TEST_F(ServerLinkTest, anotherLogInTakesThePlaceOfTheFirst) {
   ASSERT_TRUE(until([&] { return !link_->online(); }));
   settle();
   EXPECT_EQ(server.logins(), 2u);
+}
+
+// --- several servers
+
+/// Two servers of one lab; the link's list begins with the first.
+class ServerLinkOfTwo : public ServerLinkTest {
+ protected:
+  void connectTo(const Endpoints& servers) {
+    auto config = first_.config();
+    config.setServers(servers);
+    makeLink();
+    link_->logIn(config);
+  }
+  [[nodiscard]] Endpoint first() const { return {"127.0.0.1", first_.port()}; }
+  [[nodiscard]] Endpoint second() const { return {"127.0.0.1", second_.port()}; }
+  [[nodiscard]] bool isAt(const Endpoint& server) {
+    return online() && sameEndpoint(link_->server(), server);
+  }
+  static Endpoint nobody() {
+    asio::io_context other;
+    Tcp::acceptor gone(other, Tcp::endpoint(asio::ip::address_v4::loopback(), 0));
+    return {"127.0.0.1", gone.local_endpoint().port()};
+  }
+
+  /// A script that a test may change while the server runs.
+  class Says {
+   public:
+    void operator=(ScriptedServer::Script script) {
+      const std::scoped_lock lock(mutex_);
+      script_ = std::move(script);
+    }
+    std::vector<pb::Envelope> answer(const pb::Envelope& got) {
+      const std::scoped_lock lock(mutex_);
+      return script_(got);
+    }
+
+   private:
+    std::mutex mutex_;
+    ScriptedServer::Script script_ = friendly;
+  };
+  Says first_says_, second_says_;
+  ScriptedServer first_{[this](const pb::Envelope& got) { return first_says_.answer(got); }};
+  ScriptedServer second_{[this](const pb::Envelope& got) { return second_says_.answer(got); }, first_.files};
+};
+
+ScriptedServer::Script refusing(pb::Refusal::Reason reason) {
+  return [reason](const pb::Envelope& got) {
+    pb::Envelope no;
+    *no.mutable_refusal() = makeRefusal(reason, "so says the test", true);
+    return got.has_login() ? std::vector{no} : friendly(got);
+  };
+}
+
+TEST_F(ServerLinkOfTwo, aDeadServerIsPassedOverWithoutAWait) {
+  const Endpoint dead = nobody();
+  connectTo({dead, second()});
+  ASSERT_TRUE(isAt(second()));
+  EXPECT_TRUE(ends_.empty());
+  EXPECT_TRUE(clock_->asked.empty());
+  EXPECT_THAT(link_->passedOver(), HasSubstr(endpointText(dead)));
+}
+
+TEST_F(ServerLinkOfTwo, afterALossTheOtherIsTriedAfterTheFirstWait) {
+  connectTo({first(), second()});
+  Backoff same(7, {milliseconds(200), milliseconds(10'000), 2.0});
+  ASSERT_TRUE(isAt(first()));
+  EXPECT_TRUE(link_->passedOver().empty());
+  first_.dropConnections();
+  ASSERT_TRUE(away(1));
+  EXPECT_TRUE(ends_.back().others);
+  EXPECT_EQ(ends_.back().server, endpointText(first()));
+  settle();
+  const milliseconds wait = same.next();
+  EXPECT_EQ(clock_->asked, std::vector{wait});
+  clock_->advance(wait);
+  ASSERT_TRUE(isAt(second())) << "the first is there, but the second has not failed";
+  EXPECT_EQ(first_.logins(), 1u);
+  // and back again
+  second_.dropConnections();
+  ASSERT_TRUE(away(2));
+  settle();
+  clock_->advance(same.next());
+  EXPECT_TRUE(isAt(first()));
+}
+
+TEST_F(ServerLinkOfTwo, aRoundThroughAllBacksOffAndSaysWhatEachDid) {
+  const Endpoint dead = nobody(), gone = nobody();
+  connectTo({dead, gone});
+  Backoff same(7, {milliseconds(200), milliseconds(10'000), 2.0});
+  for (std::size_t n = 1; n <= 8; ++n) {
+    ASSERT_TRUE(away(n));
+    EXPECT_EQ(ends_.back().error.code, ErrorCode::kUnavailable);
+    EXPECT_FALSE(ends_.back().reached);
+    EXPECT_THAT(ends_.back().error.message,
+                HasSubstr("no server takes us: cannot connect to " + endpointText(dead)));
+    EXPECT_THAT(ends_.back().error.message, HasSubstr("; cannot connect to " + endpointText(gone)));
+    EXPECT_EQ(ends_.back().server, endpointsText({dead, gone}));
+    settle();
+    const milliseconds wait = same.next();
+    ASSERT_EQ(clock_->asked.size(), n) << "one wait a round";
+    EXPECT_EQ(clock_->asked.back(), wait);
+    clock_->advance(wait);
+  }
+}
+
+TEST_F(ServerLinkOfTwo, aSwallowedSynKeepsItFromTheOtherForSoLongOnly) {
+  const DeafPort deaf;
+  connectTo({{"127.0.0.1", deaf.port()}, second()});
+  settle();
+  clock_->advance(kReachOneOfSeveral - milliseconds(1));
+  settle();
+  EXPECT_FALSE(link_->online());
+  EXPECT_EQ(second_.logins(), 0u);
+  clock_->advance(milliseconds(1));
+  ASSERT_TRUE(isAt(second()));
+  EXPECT_THAT(link_->passedOver(), HasSubstr("no answer within 1500 ms"));
+}
+
+TEST_F(ServerLinkOfTwo, aServerThatAcceptsAndSaysNothingIsPassedOver) {
+  asio::io_context other;
+  Tcp::acceptor silent(other, Tcp::endpoint(asio::ip::address_v4::loopback(), 0));
+  auto config = first_.config();
+  config.setServers({{"127.0.0.1", silent.local_endpoint().port()}, second()});
+  config.connect_timeout = milliseconds(300);  // of the channel's time: real
+  makeLink();
+  link_->logIn(config);
+  ASSERT_TRUE(isAt(second()));
+  EXPECT_TRUE(ends_.empty());
+}
+
+TEST_F(ServerLinkOfTwo, aWrongPasswordIsNotTriedAtTheOther) {
+  first_says_ = refusing(pb::Refusal::LOGIN);
+  connectTo({first(), second()});
+  retry_ = Retry::kSlowly;
+  for (std::size_t n = 1; n <= 3; ++n) {
+    ASSERT_TRUE(away(n));
+    EXPECT_EQ(ends_.back().error.code, ErrorCode::kDenied);
+    EXPECT_EQ(ends_.back().server, endpointText(first()));
+    EXPECT_THAT(ends_.back().error.message, HasSubstr(endpointText(first()) + ": the peer refused (LOGIN)"));
+    settle();
+    clock_->advance(milliseconds(10'000));
+  }
+  EXPECT_EQ(second_.logins(), 0u);
+}
+
+TEST_F(ServerLinkOfTwo, whatIsAboutOneServerGoesToTheOther) {
+  std::size_t refused = 0;
+  for (const auto reason :
+       {pb::Refusal::SHUTTING_DOWN, pb::Refusal::NO_ROOM, pb::Refusal::INTERNAL, pb::Refusal::CONFLICT,
+        pb::Refusal::TIMEOUT, pb::Refusal::VERSION}) {
+    first_says_ = refusing(reason);
+    connectTo({first(), second()});
+    ASSERT_TRUE(isAt(second())) << pb::Refusal::Reason_Name(reason);
+    EXPECT_EQ(first_.logins(), ++refused);
+    EXPECT_THAT(link_->passedOver(), HasSubstr(endpointText(first()) + ": "));
+    link_.reset();
+  }
+  EXPECT_TRUE(ends_.empty());
+}
+
+TEST_F(ServerLinkOfTwo, aPersonWhoGuessedTooOftenWaitsAndAStationWithoutAPlaceGoesOn) {
+  first_says_ = refusing(pb::Refusal::RATE_LIMITED);
+  connectTo({first(), second()});
+  for (std::size_t n = 1; n <= 3; ++n) {
+    ASSERT_TRUE(away(n));
+    EXPECT_EQ(ends_.back().error.code, ErrorCode::kUnavailable);
+    settle();
+    clock_->advance(clock_->asked.back());
+  }
+  EXPECT_EQ(second_.logins(), 0u);
+  auto config = first_.config();
+  config.setServers({first(), second()});
+  config.login = stationLogin("bench-1", std::string(32, 'k'));
+  link_->logIn(config);
+  EXPECT_TRUE(isAt(second()));
+}
+
+TEST_F(ServerLinkOfTwo, aServerWithAnotherCertificateIsPassedOverAndHearsNoPassword) {
+  ScriptedServer stranger(friendly);
+  connectTo({{"127.0.0.1", stranger.port()}, second()});
+  ASSERT_TRUE(isAt(second()));
+  EXPECT_TRUE(stranger.received().empty());
+  EXPECT_THAT(link_->passedOver(), HasSubstr("not signed by the CA"));
+}
+
+// one authority, a certificate for each server: each name that is asked is held against what is shown there
+TEST_F(ServerLinkOfTwo, theCertificateMustBeForTheNameThatWasAsked) {
+  const TempFolder folder;
+  const TlsFiles files = tlsFilesIn(folder.path());
+  std::filesystem::copy_file(first_.files.ca_certificate, files.ca_certificate);
+  std::filesystem::copy_file(first_.files.ca_key, files.ca_key);
+  ASSERT_TRUE(ensureTlsFiles(files, {{"localhost"}}).ok());
+  ScriptedServer third(friendly, files);
+  connectTo({{"127.0.0.1", third.port()}, {"localhost", third.port()}});
+  ASSERT_TRUE(isAt({"localhost", third.port()}));
+  EXPECT_THAT(link_->passedOver(), HasSubstr(std::string(kNotForThisName) + " '127.0.0.1'"));
+  EXPECT_EQ(third.logins(), 1u);
+}
+
+TEST_F(ServerLinkOfTwo, aTokenGoesAlongAndThePasswordFollowsAtTheSameServer) {
+  const std::int64_t until_ns = clock_->unixNs() + 60'000'000'000;
+  first_says_ = [until_ns](const pb::Envelope& got) {
+    auto answers = friendly(got);
+    if (got.has_login()) {
+      answers[0].mutable_welcome()->set_token("t1");
+      answers[0].mutable_welcome()->set_token_expires_unix_ns(until_ns);
+    }
+    return answers;
+  };
+  second_says_ = [](const pb::Envelope& got) {
+    return got.has_login() && got.login().has_token() ? refusing(pb::Refusal::LOGIN)(got) : friendly(got);
+  };
+  connectTo({first(), second()});
+  ASSERT_TRUE(isAt(first()));
+  first_.dropConnections();
+  ASSERT_TRUE(away(1));
+  settle();
+  clock_->advance(milliseconds(200));
+  ASSERT_TRUE(isAt(second()));
+  EXPECT_EQ(second_.logins(), 2u) << "the token, and at once the password";
+  EXPECT_EQ(first_.logins(), 1u);
+  EXPECT_EQ(ends_.size(), 1u);
+}
+
+// When servers die one after the other, the next one is not to wait. A server that says why it ends a
+// connection (CONFLICT: two stations with one key) makes the waits grow.
+TEST_F(ServerLinkOfTwo, aConnectionOfTwoSecondsResetsTheBackOffUnlessTheServerSaidWhyItEnded) {
+  connectTo({first(), second()});
+  Backoff same(7, {milliseconds(200), milliseconds(10'000), 2.0});
+  std::size_t losses = 0;
+  const auto lose = [&](ScriptedServer& server, milliseconds lasted, bool says_why) {
+    if (!online()) return false;
+    clock_->advance(lasted);
+    pb::Envelope no;
+    *no.mutable_refusal() = makeRefusal(pb::Refusal::CONFLICT, "logged in again", true);
+    if (says_why) {
+      server.broadcast(no);
+      if (!until([&] { return !link_->online(); })) return false;
+    }
+    server.dropConnections();
+    if (!away(++losses)) return false;
+    settle();
+    return true;
+  };
+  std::vector<milliseconds> waits;
+  const auto expectWait = [&] {
+    waits.push_back(same.next());
+    EXPECT_EQ(clock_->asked, waits);
+    clock_->advance(waits.back());
+  };
+  ASSERT_TRUE(lose(first_, milliseconds(2000), false));
+  expectWait();
+  ASSERT_TRUE(lose(second_, milliseconds(2001), false));
+  same.reset();
+  expectWait();
+  ASSERT_TRUE(lose(first_, milliseconds(2001), true));
+  expectWait();
+  ASSERT_TRUE(lose(second_, milliseconds(10'000), true));
+  expectWait();
+  ASSERT_TRUE(lose(first_, milliseconds(10'001), true));
+  same.reset();
+  expectWait();
+}
+
+// it promises a word every 100 ms and says nothing: paused, or the network is cut
+TEST_F(ServerLinkOfTwo, aServerThatFallsSilentIsLeftForTheOtherAndTheOnlyOneIsNot) {
+  first_says_ = [](const pb::Envelope& got) {
+    auto answers = friendly(got);
+    if (got.has_login()) answers[0].mutable_welcome()->set_keepalive_ms(100);
+    return answers;
+  };
+  connectTo({first()});
+  ASSERT_TRUE(isAt(first()));
+  const auto end = std::chrono::steady_clock::now() + milliseconds(800);
+  ASSERT_TRUE(until([&] { return !ends_.empty() || std::chrono::steady_clock::now() > end; }));
+  EXPECT_TRUE(ends_.empty()) << "there is nowhere else to go: 30 s";
+  connectTo({first(), second()});
+  ASSERT_TRUE(isAt(first()));
+  ASSERT_TRUE(away(1));
+  EXPECT_THAT(ends_.back().channel_text, HasSubstr("nothing received for 300 ms"));
+  settle();
+  clock_->advance(milliseconds(200));
+  EXPECT_TRUE(isAt(second()));
+}
+
+TEST_F(ServerLinkOfTwo, itMovesOnOnceAndNotBackWithinAMinute) {
+  connectTo({first(), second()});
+  ASSERT_TRUE(isAt(first()));
+  ASSERT_TRUE(link_->moveOn("no room"));
+  ASSERT_TRUE(away(1));
+  EXPECT_THAT(ends_.back().channel_text, HasSubstr("no room"));
+  ASSERT_TRUE(until([&] {
+    return first_.count([](const auto& e) { return e.has_bye() && e.bye().reason() == "no room"; }) == 1;
+  }));
+  settle();
+  clock_->advance(milliseconds(200));
+  ASSERT_TRUE(isAt(second()));
+  EXPECT_FALSE(link_->moveOn("no room")) << "the first was left just now";
+  clock_->advance(milliseconds(60'000));
+  EXPECT_TRUE(link_->moveOn("no room"));
+}
+
+TEST_F(ServerLinkTest, theOnlyServerIsNeverLeft) {
+  ScriptedServer server(friendly);
+  ASSERT_TRUE(connects(server));
+  EXPECT_FALSE(link_->moveOn("no room"));
+  EXPECT_TRUE(link_->online());
+  EXPECT_TRUE(link_->passedOver().empty());
 }
 
 // --- its waits

@@ -50,6 +50,29 @@ TEST(SpoolClock, aJumpCountsADayAtMostAndNeverBack) {
   EXPECT_EQ(clock.nowNs(), 2 * kDay_ns + kHour_ns);
 }
 
+// Servers whose clocks are hours apart: going to and fro between them must not age what the spool keeps.
+TEST(SpoolClock, twoServersOfDifferentClocksCountNoMoreThanHasPassedHere) {
+  constexpr std::int64_t kMinute_ns = 60'000'000'000;
+  const TempFolder folder;
+  const fs::path file = folder.path() / "clock.json";
+  {
+    SpoolClock clock(file);
+    for (int minute = 0; minute <= 100; ++minute) {
+      const std::int64_t ahead_ns = minute % 2 == 0 ? 0 : 3 * kHour_ns;
+      clock.note(kNow_ns + minute * kMinute_ns + ahead_ns, kHour_ns + minute * kMinute_ns);
+      EXPECT_LE(clock.nowNs(), minute * kMinute_ns);
+    }
+    // a step to the clock that is behind counts nothing, a step to the other one what has passed
+    EXPECT_EQ(clock.nowNs(), 50 * kMinute_ns);
+  }
+  // one server counts all of it, also where this program did not run in between
+  SpoolClock again(file);
+  again.note(kNow_ns + 160 * kMinute_ns, 5 * kMinute_ns);
+  EXPECT_EQ(again.nowNs(), 110 * kMinute_ns);
+  again.note(kNow_ns + 190 * kMinute_ns, 35 * kMinute_ns);
+  EXPECT_EQ(again.nowNs(), 140 * kMinute_ns);
+}
+
 TEST(SpoolClock, manyLogInsWithinAMinuteWriteOnceAndLoseNoTime) {
   const TempFolder folder;
   const fs::path file = folder.path() / "clock.json";

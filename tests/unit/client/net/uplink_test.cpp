@@ -349,6 +349,86 @@ TEST_F(UplinkTest, aServerThatComesLaterGetsEverything) {
       << "said once, not at every try";
 }
 
+// --- two servers
+
+ClientConfig configOf(const FakeServer& first, std::uint16_t second) {
+  ClientConfig config = first.clientConfig();
+  config.others = {{"127.0.0.1", second}};
+  return config;
+}
+
+TEST_F(UplinkTest, theSessionGoesOnAtTheServerThatIsThereAndPeopleHearWhere) {
+  std::optional<FakeServer> first(std::in_place);
+  FakeServer second;
+  auto session = makeSession(3, false);
+  auto uplink = connected(configOf(*first, second.port()));
+  uplink->add(session, true);
+  ASSERT_TRUE(eventually([&] { return uplink->state().current_committed == 3; }));
+  const std::string at_first = endpointText(first->clientConfig().server);
+  EXPECT_EQ(uplink->state().server, at_first);
+  first.reset();
+  // an answer is worth the way to the other server
+  const auto lesson = uplink->getLesson("shoulder", "tom", kPatience, true);
+  ASSERT_TRUE(lesson.ok()) << lesson.error().message;
+  addChunks(*session, 3, 4);
+  ASSERT_TRUE(session->end(false).ok());
+  uplink->wake();
+  ASSERT_TRUE(uplink->waitUntilDone(kPatience));
+  // this one has a store of its own: the spool sends all of it again
+  expectWhole(keptOf(second, *session), *session);
+  EXPECT_EQ(keptOf(second, *session).repeated, 0u);
+  const std::string at_second = endpointText(second.clientConfig().server);
+  EXPECT_EQ(uplink->state().server, at_second);
+  const std::string all = testing::PrintToString(said());
+  EXPECT_THAT(all, HasSubstr("the connection to " + at_first + " is lost"));
+  EXPECT_THAT(all, HasSubstr("trying another server"));
+  EXPECT_THAT(all, HasSubstr("connected to " + at_second + " as station-1"));
+}
+
+TEST_F(UplinkTest, aDeadServerIsPassedOverAndNamed) {
+  FakeServer server;
+  ClientConfig config = FakeServer::clientConfig(1);
+  config.others = {{"127.0.0.1", server.port()}};
+  auto uplink = connected(config);
+  const auto lesson = uplink->getLesson("shoulder", "tom", kPatience, true);
+  ASSERT_TRUE(lesson.ok()) << "asked once: a round is one time";
+  ASSERT_EQ(said().size(), 1u);
+  EXPECT_THAT(said()[0], HasSubstr("another server did not take us: cannot connect to 127.0.0.1:1: "));
+}
+
+TEST_F(UplinkTest, aKeyThatOneServerRefusesIsNotTriedAtTheOther) {
+  FakeServer first, second;
+  first.faults.deny_login = true;
+  auto uplink = connected(configOf(first, second.port()));
+  EXPECT_EQ(uplink->getLesson("shoulder", "tom", kPatience, false).error().code, ErrorCode::kDenied);
+  EXPECT_TRUE(uplink->state().denied);
+  EXPECT_EQ(second.statusLines(), 0u);
+}
+
+TEST_F(UplinkTest, aSessionForWhichOneServerHasNoRoomGoesToTheOther) {
+  FakeServer first, second;
+  first.faults.no_room = true;
+  auto session = makeSession(5, true);
+  auto uplink = connected(configOf(first, second.port()));
+  uplink->add(session, true);
+  ASSERT_TRUE(uplink->waitUntilDone(kPatience));
+  expectWhole(keptOf(second, *session), *session);
+  EXPECT_EQ(uplink->state().connections, 2u);
+  EXPECT_EQ(uplink->state().server_full, "");
+}
+
+TEST_F(UplinkTest, whereNoServerHasRoomItStaysAndSaysSo) {
+  FakeServer first, second;
+  first.faults.no_room = second.faults.no_room = true;
+  auto uplink = connected(configOf(first, second.port()));
+  uplink->add(makeSession(5, true), true);
+  ASSERT_TRUE(eventually([&] { return second.newestStatus().trouble() == "the disk is full"; }));
+  const std::uint64_t lines = second.statusLines();
+  ASSERT_TRUE(eventually([&] { return second.statusLines() >= lines + 5; }));
+  EXPECT_EQ(uplink->state().connections, 2u) << "not to and fro";
+  EXPECT_EQ(uplink->state().server_full, "the disk is full");
+}
+
 TEST_F(UplinkTest, aRefusedLogInIsToldAtOnce) {
   FakeServer server;
   server.faults.deny_login = true;

@@ -33,5 +33,42 @@ TEST(Endpoint, whatIsNoneIsRefusedByName) {
   }
 }
 
+// --- several
+
+TEST(Endpoints, oneAloneIsReadAsBefore) {
+  const auto one = parseEndpoints("lab.example:7751");
+  ASSERT_TRUE(one.ok()) << one.error().message;
+  ASSERT_EQ(one->size(), 1u);
+  EXPECT_EQ(endpointsText(*one), "lab.example:7751");
+  for (const char* text : {"", " a:1", "h:x", "a b:80"})
+    EXPECT_EQ(parseEndpoints(text).error().message, parseEndpoint(text).error().message) << text;
+}
+
+TEST(Endpoints, severalKeepTheirOrderAndComeBack) {
+  const auto all = parseEndpoints("b.example, [::1]:7760 ,127.0.0.1:7750,b.example:7751");
+  ASSERT_TRUE(all.ok()) << all.error().message;
+  EXPECT_EQ(endpointsText(*all), "b.example:7750,[::1]:7760,127.0.0.1:7750,b.example:7751");
+  EXPECT_EQ(endpointsText(*parseEndpoints(endpointsText(*all))), endpointsText(*all));
+}
+
+TEST(Endpoints, anEmptyADoubleOrABadEntryIsNamed) {
+  const auto why = [](const std::string& text) {
+    const auto all = parseEndpoints(text);
+    EXPECT_FALSE(all.ok()) << text;
+    if (all.ok()) return std::string();
+    EXPECT_EQ(all.error().code, ErrorCode::kInvalidInput);
+    return all.error().message;
+  };
+  for (const char* text : {",", "a:1,", ",a:1", "a:1,,b:1", "a:1, ,b:1"})
+    EXPECT_THAT(why(text), testing::HasSubstr("an entry is empty")) << text;
+  EXPECT_THAT(why("a,b,A:7750"), testing::HasSubstr("A:7750 stands there twice"));
+  EXPECT_THAT(why("a:1,b:x"), testing::HasSubstr("'b:x' is no HOST:PORT"));
+  EXPECT_THAT(why("a:1;b:2"), testing::HasSubstr("'a:1;b:2' is no HOST:PORT"));
+  std::string many = "h0";
+  for (std::size_t i = 1; i < kMostEndpoints; ++i) many += ",h" + std::to_string(i);
+  EXPECT_EQ(parseEndpoints(many)->size(), kMostEndpoints);
+  EXPECT_THAT(why(many + ",one-more"), testing::HasSubstr("more than 16"));
+}
+
 }  // namespace
 }  // namespace needlelab

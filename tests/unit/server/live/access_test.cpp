@@ -179,6 +179,14 @@ TEST(Access, guessesThatComeTogetherAreNoMoreThanThoseThatComeInTurn) {
   EXPECT_TRUE(server.connect(personLogin("bert", kPassword)).ok());
 }
 
+TEST(Access, theWelcomePromisesHowOftenTheServerSaysSomething) {
+  RunningServer server([](ServerOptions& options) { options.limits.keepalive = milliseconds(1250); });
+  const std::string key = server.addStation("bench-1");
+  const auto client = server.connect(stationLogin("bench-1", key));
+  ASSERT_TRUE(client.ok()) << client.error().message;
+  EXPECT_EQ(client->welcome().keepalive_ms(), 1250u);
+}
+
 TEST(Access, rightPasswordsThatComeTogetherAllLogIn) {
   RunningServer server(
       [](ServerOptions& options) { options.limits.handshake_timeout = std::chrono::minutes(10); });

@@ -6,7 +6,9 @@
 #include <atomic>
 #include <optional>
 
+#include "client/instructor/model/lab_state.h"
 #include "tests/support/patience.h"
+#include "tests/support/proxy/fault_proxy.h"
 #include "tests/unit/server/live/running_server.h"
 
 namespace needlelab {
@@ -31,7 +33,7 @@ class LabConnectionTest : public testing::Test {
   }
   LabLogin login(const std::string& user = "anna", const std::string& password = "correct horse battery") {
     const auto config = server_.config({});
-    return {config.server, config.ca_file, user, password};
+    return {config.servers(), config.ca_file, user, password};
   }
   static LabConnectionSettings quick() {
     LabConnectionSettings settings;
@@ -134,6 +136,56 @@ TEST_F(LabConnectionTest, aRestartOfTheServerLosesNeitherWatchesNorQuestions) {
   (void)waitFor(*station, [](const auto& e) { return e.has_watch_state() && e.watch_state().watched(); });
 }
 
+// two ways to the server, one of which is cut
+TEST_F(LabConnectionTest, anotherServerTakesOverTheWatchesAndIsNamed) {
+  const auto port = static_cast<std::uint16_t>(port_);
+  FaultProxy first(port), second(port);
+  auto by_two = login();
+  by_two.servers = {{"127.0.0.1", first.port()}, {"127.0.0.1", second.port()}};
+  LabConnection lab(quick());
+  lab.watchAll(0);
+  lab.watch("bench-1");
+  lab.logIn(by_two);
+  EXPECT_EQ(lab.state().server, endpointsText(by_two.servers));
+  ASSERT_TRUE(untilPhase(lab, LinkPhase::kOnline)) << lab.state().trouble.detail;
+  EXPECT_EQ(lab.state().server, endpointText(by_two.servers[0]));
+  first.refuseAll(true);
+  first.cutAll(Cut::kReset);
+  ASSERT_TRUE(until(lab, [&] { return lab.state().connections == 2; })) << lab.state().trouble.detail;
+  EXPECT_EQ(lab.state().server, endpointText(by_two.servers[1]));
+  auto station = server_.connect(stationLogin("bench-1", key_));
+  ASSERT_TRUE(station.ok());
+  (void)waitFor(*station, [](const auto& e) { return e.has_watch_state() && e.watch_state().watched(); });
+  ASSERT_TRUE(until(lab, [&] { return !statuses_.empty(); }));
+  // no way is left: both are named
+  second.refuseAll(true);
+  second.cutAll(Cut::kReset);
+  ASSERT_TRUE(until(lab, [&] {
+    return lab.state().trouble.what.find(endpointsText(by_two.servers)) != std::string::npos;
+  })) << lab.state().trouble.what;
+  EXPECT_THAT(lab.state().trouble.detail, HasSubstr("; "));
+}
+
+TEST_F(LabConnectionTest, theWindowSaysThatAnotherServerIsThere) {
+  const auto port = static_cast<std::uint16_t>(port_);
+  FaultProxy first(port), second(port);
+  LabState lab({}, quick());
+  lab.form = {"127.0.0.1:" + std::to_string(first.port()) + ",127.0.0.1:" + std::to_string(second.port()),
+              server_.server().caFile().string(), "anna", "correct horse battery"};
+  lab.logIn();
+  double now_s = 0;
+  const auto updated = [&](const std::function<bool()>& so) {
+    return eventually([&] { return lab.update(now_s += 0.01), so(); });
+  };
+  ASSERT_TRUE(updated([&] { return lab.inside(); })) << lab.form_trouble << lab.link().trouble.detail;
+  EXPECT_TRUE(lab.notices.all().empty());
+  first.refuseAll(true);
+  first.cutAll(Cut::kReset);
+  ASSERT_TRUE(updated([&] { return !lab.notices.all().empty(); }));
+  EXPECT_EQ(lab.notices.all()[0].text, "Connected to the server 127.0.0.1:" + std::to_string(second.port()) +
+                                           ", no longer to 127.0.0.1:" + std::to_string(first.port()));
+}
+
 TEST_F(LabConnectionTest, saysInPlainWordsWhatAPersonMustDo) {
   struct Row {
     const char* name;
@@ -162,7 +214,7 @@ TEST_F(LabConnectionTest, saysInPlainWordsWhatAPersonMustDo) {
       {"nobody there",
        [&] {
          auto one = login();
-         one.server.port = 1;
+         one.servers[0].port = 1;
          return one;
        },
        LinkPhase::kAway, "No needlelab-server answers"},

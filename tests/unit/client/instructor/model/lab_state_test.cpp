@@ -90,7 +90,7 @@ TEST(LabActions, theBannerOfTheConnectionTakesNoKeyFromTheScreen) {
 TEST(LoginMemory, everythingButThePasswordComesBack) {
   const test::TempFolder folder;
   const auto file = folder.path() / "login.json";
-  LoginForm form{"lab:7750", "/keys/ca.crt", "anna", "secret"};
+  LoginForm form{"lab:7750, two:7750", "/keys/ca.crt", "anna", "secret"};
   ASSERT_TRUE(rememberLogin(file, form).ok());
   EXPECT_EQ(readWholeFile(file)->find("secret"), std::string::npos);
   struct stat facts {};
@@ -98,7 +98,7 @@ TEST(LoginMemory, everythingButThePasswordComesBack) {
   EXPECT_EQ(facts.st_mode & 0777, 0600u);
   LoginForm again;
   recallLogin(file, again);
-  EXPECT_EQ(again.server, "lab:7750");
+  EXPECT_EQ(again.server, "lab:7750, two:7750");
   EXPECT_EQ(again.ca_file, "/keys/ca.crt");
   EXPECT_EQ(again.user, "anna");
   EXPECT_TRUE(again.password.empty());

@@ -435,7 +435,7 @@ TEST_F(StoredGestureTest, whatIsNotThereIsSaid) {
 TEST_F(StoredGestureTest, isLoadedByAWorkerThroughTheLabsConnection) {
   LabConnection lab;
   const auto config = server_.config({});
-  lab.logIn({config.server, config.ca_file, "anna", "correct horse battery"});
+  lab.logIn({config.servers(), config.ca_file, "anna", "correct horse battery"});
   std::optional<Result<std::shared_ptr<const StoredGesture>>> gesture;
   std::thread worker([&] {
     gesture.emplace(loadGesture([&](const pb::Request& request) { return lab.call(request); },

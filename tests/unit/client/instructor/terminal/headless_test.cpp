@@ -47,6 +47,7 @@ class Headless : public testing::Test {
   RunningServer server_;
   std::string key_ = server_.addStation("bench-1");
   InstructorOptions options_;
+  Endpoints others_;  ///< servers beside ours
 
   void SetUp() override {
     server_.addUser("anna", pb::INSTRUCTOR, "correct horse battery");
@@ -61,7 +62,8 @@ class Headless : public testing::Test {
   };
   Output run(double seconds, TimeSource& time = machineTime()) {
     auto config = server_.config({});
-    options_.server = "127.0.0.1:" + std::to_string(config.server.port);
+    if (!others_.empty()) config.others = others_;
+    options_.server = endpointsText(config.servers());
     config.login = personLogin("anna", "correct horse battery");
     auto client = BlockingClient::connect(config);
     if (!client.ok()) return {client.error(), {}, {}, {}};
@@ -259,6 +261,16 @@ TEST_F(Headless, theRateIsLinesPerSecond) {
   EXPECT_GE(output.updates.size(), 5u);
   EXPECT_LE(output.updates.size(), 17u);
   EXPECT_EQ(output.summary["samples"], output.updates.size());
+}
+
+TEST_F(Headless, ofSeveralServersItSaysWhichOneAnswered) {
+  others_ = {{"127.0.0.1", 1}};
+  const auto output = run(0.1);
+  ASSERT_TRUE(output.status.ok()) << output.status.error().message;
+  ASSERT_EQ(output.notes.size(), 1u);
+  EXPECT_EQ(output.notes[0]["text"], "connected to 127.0.0.1:" + std::to_string(server_.server().port()));
+  others_.clear();
+  EXPECT_TRUE(run(0.1).notes.empty()) << "the only one needs no name";
 }
 
 TEST_F(Headless, theOverviewShowsAllStations) {

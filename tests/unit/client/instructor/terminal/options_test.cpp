@@ -63,6 +63,7 @@ TEST(InstructorOptions, theWindowAsksForWhatIsMissing) {
 TEST(InstructorOptions, whatDoesNotIsRefusedByName) {
   const std::pair<const char*, std::function<void(InstructorOptions&)>> cases[] = {
       {"--server", [](auto& o) { o.server = "host:port"; }},
+      {"--server", [](auto& o) { o.server = "lab,lab"; }},
       {"--session", [](auto& o) { o.session = "17"; }},
       {"--station", [](auto& o) { o.session = kSession, o.station = "bench-1"; }},
       {"--replay", [](auto& o) { o.replay = true; }},

@@ -2,6 +2,7 @@
 
 #include "client/station/run/options.h"
 #include "common/base/program.h"
+#include "tests/support/temp_folder.h"
 
 namespace needlelab {
 namespace {
@@ -77,8 +78,7 @@ TEST(StationOptions, aWholeCommandLine) {
                               "9"});
   ASSERT_FALSE(outcome.parsed.exit_code) << outcome.err;
   const StationOptions& o = outcome.parsed.options;
-  EXPECT_EQ(o.server->host, "lab");
-  EXPECT_EQ(o.server->port, 7751);
+  EXPECT_EQ(endpointsText(o.servers), "lab:7751");
   EXPECT_EQ(o.trainee, "tom");
   EXPECT_EQ(o.exercise, "knee");
   EXPECT_EQ(o.device, "recording:x.csv");
@@ -97,12 +97,26 @@ TEST(StationOptions, aWholeCommandLine) {
   EXPECT_EQ(o.station, "") << "the key file's name counts";
 }
 
+TEST(StationOptions, severalServersComeFromTheCommandLineOrFromTheEnrolment) {
+  const auto outcome = parse({"--server", "b,a:7751", "--ca", "c", "--key", "k"});
+  ASSERT_FALSE(outcome.parsed.exit_code) << outcome.err;
+  EXPECT_EQ(endpointsText(outcome.parsed.options.servers), "b:7750,a:7751");
+  EXPECT_THAT(parse({"--server", "a,b:x", "--ca", "c", "--key", "k"}).err,
+              HasSubstr("'b:x' is no HOST:PORT"));
+  const test::TempFolder folder;
+  folder.write("server", "a.example:7750,b.example:7750\n");
+  const std::string kept = folder.path();
+  const auto enrolled = parse({"--enrolled", kept.c_str()});
+  ASSERT_FALSE(enrolled.parsed.exit_code) << enrolled.err;
+  EXPECT_EQ(endpointsText(enrolled.parsed.options.servers), "a.example:7750,b.example:7750");
+}
+
 TEST(StationOptions, practiceWithoutAServerNeedsOnlyAProfile) {
   const auto outcome = parse({"--profile", "p.json", "--json"});
   ASSERT_FALSE(outcome.parsed.exit_code) << outcome.err;
   EXPECT_TRUE(outcome.parsed.options.json);
   EXPECT_TRUE(outcome.parsed.options.json_file.empty());
-  EXPECT_FALSE(outcome.parsed.options.server);
+  EXPECT_TRUE(outcome.parsed.options.servers.empty());
   EXPECT_EQ(outcome.parsed.options.station, "") << "the upload names it";
   EXPECT_EQ(outcome.parsed.options.trainee, "guest");
   EXPECT_FALSE(outcome.parsed.options.spool.empty());

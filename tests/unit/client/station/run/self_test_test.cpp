@@ -45,7 +45,7 @@ SelfTestFacts goodFacts() {
   f.machine = {"computer", 4, "tsc", 1, 20};
   f.disk = {"/spool", "", 50e9, 0.004, 0.02};
   f.engine = {"", 12, "knee", 30};
-  f.server = {true, "lab:7750", "", "server 0.1.0", "station-1", 0.02, 0.001, 0.1};
+  f.servers = {{"lab:7750", "", "server 0.1.0", "station-1", 0.02, 0.001, 0.1}};
   return f;
 }
 
@@ -115,10 +115,10 @@ TEST(SelfTest, eachFactAloneChangesItsOwnRow) {
       {"disk", Verdict::kFailed, [](auto& f) { f.disk.sync_max_s = 3; }},
       {"engine", Verdict::kWarning, [](auto& f) { f.engine.tick_median_ns = 100e3; }},
       {"engine", Verdict::kFailed, [](auto& f) { f.engine.trouble = "profile broken"; }},
-      {"server", Verdict::kFailed, [](auto& f) { f.server.trouble = "no answer"; }},
-      {"server", Verdict::kWarning, [](auto& f) { f.server.connect_s = 3; }},
-      {"network", Verdict::kWarning, [](auto& f) { f.server.round_trip_s = 0.4; }},
-      {"time of day", Verdict::kWarning, [](auto& f) { f.server.clock_offset_s = -7200; }},
+      {"server", Verdict::kFailed, [](auto& f) { f.servers[0].trouble = "no answer"; }},
+      {"server", Verdict::kWarning, [](auto& f) { f.servers[0].connect_s = 3; }},
+      {"network", Verdict::kWarning, [](auto& f) { f.servers[0].round_trip_s = 0.4; }},
+      {"time of day", Verdict::kWarning, [](auto& f) { f.servers[0].clock_offset_s = -7200; }},
       {"device", Verdict::kFailed, [](auto& f) { f.device.trouble = "no library"; }},
   };
   for (const Row& row : rows) {
@@ -175,8 +175,22 @@ TEST(SelfTest, thePlaceIsThatOfTheTip) {
 
 TEST(SelfTest, aServerThatWasNotGivenIsNoFailure) {
   SelfTestFacts facts = goodFacts();
-  facts.server = {};
+  facts.servers.clear();
   EXPECT_EQ(find(judge(facts), "server")->verdict, Verdict::kNotChecked);
+}
+
+TEST(SelfTest, eachOfSeveralServersIsJudgedAndOneThatTakesUsIsEnough) {
+  SelfTestFacts facts = goodFacts();
+  facts.servers.push_back(facts.servers[0]);
+  facts.servers[1].address = "other:7750";
+  facts.servers[1].clock_offset_s = 7200;
+  EXPECT_EQ(find(judge(facts), "server lab:7750")->verdict, Verdict::kOk);
+  EXPECT_EQ(find(judge(facts), "time of day lab:7750")->verdict, Verdict::kOk);
+  EXPECT_EQ(find(judge(facts), "time of day other:7750")->verdict, Verdict::kWarning);
+  facts.servers[0].trouble = "no answer";
+  EXPECT_EQ(find(judge(facts), "server lab:7750")->verdict, Verdict::kWarning);
+  facts.servers[1].trouble = "no answer";
+  EXPECT_EQ(find(judge(facts), "server other:7750")->verdict, Verdict::kFailed);
 }
 
 TEST(SelfTest, aDeviceThatNeverReportsFails) {
@@ -336,11 +350,10 @@ TEST(SelfTestMachine, theDiskIsMeasuredAndLeftClean) {
 TEST(SelfTestMachine, aServerThatIsAwayIsSaid) {
   test::TempFolder folder;
   StationOptions options;
-  options.server = Endpoint{"127.0.0.1", 1};
   options.key_file = folder.path() / "none.key";
-  EXPECT_THAT(measureServer(options).trouble, HasSubstr("none.key"));
-  options.server.reset();
-  EXPECT_FALSE(measureServer(options).asked);
+  const ServerFacts facts = measureServer(options, {"127.0.0.1", 1});
+  EXPECT_EQ(facts.address, "127.0.0.1:1");
+  EXPECT_THAT(facts.trouble, HasSubstr("none.key"));
 }
 
 TEST(SelfTestCommand, theSimulatedDevicePasses) {

@@ -37,7 +37,7 @@ class LessonWithCode : public testing::Test {
   LessonWithCode() {
     sigemptyset(&signals_);
     options_.headless = true;
-    options_.server = Endpoint{"127.0.0.1", server_.port()};
+    options_.servers = {{"127.0.0.1", server_.port()}};
     options_.ca_file = FakeServer::caFile();
     options_.key_file = folder_.write("station.key", "station-1:" + std::string(64, '0') + "\n");
     fs::permissions(options_.key_file, fs::perms::owner_read);
@@ -80,7 +80,7 @@ class LessonWithCode : public testing::Test {
   [[nodiscard]] pb::SessionDescription begun() const {
     return home_->spool().unfinished().back()->description();
   }
-  void takeServerAway() { options_.server = Endpoint{"127.0.0.1", 1}; }
+  void takeServerAway() { options_.servers = {{"127.0.0.1", 1}}; }
   // Every file that the station has written.
   [[nodiscard]] std::string written() const {
     std::string all;

@@ -281,7 +281,7 @@ class CodeSequenceTest : public ConductorTest {
   CodeSequenceTest() {
     options_.profile_file.clear();
     options_.station = "station-1";
-    options_.server = Endpoint{"127.0.0.1", server_->port()};
+    options_.servers = {{"127.0.0.1", server_->port()}};
     options_.ca_file = FakeServer::caFile();
     options_.key_file = folder_.write("station.key", "station-1:" + std::string(64, '0') + "\n");
     std::filesystem::permissions(options_.key_file, std::filesystem::perms::owner_read);
