@@ -49,25 +49,39 @@ Result<std::uint64_t> numberInFile(const std::filesystem::path& path, std::strin
   return of_this_lab ? *number : std::uint64_t{0};
 }
 
+/// `known`: where a greater number stands.
+std::string lackText(std::uint64_t stored, const std::string& known) {
+  return fmt::format(
+      "--store: this database does not have all that was acknowledged (it has come to number {}, and {}): a "
+      "standby that lagged was promoted, or an older backup restored. Stations send again what their spools "
+      "have; sessions that no station has any more cannot be named. If a server of PostgreSQL that has all "
+      "is "
+      "left, end needlelab-server and go back to it",
+      stored, known);
+}
+
+Result<std::uint64_t> numberInMeta(Connection& connection, std::string_view key) {
+  ASSIGN_OR_RETURN(const auto text, MetaStore(connection).get(key));
+  return numberIn(text.value_or("0")).value_or(0);
+}
+
 }  // namespace
 
+bool isAcknowledgedKey(std::string_view key) {
+  return key == kAcknowledgedKey || key.starts_with(std::string(kAcknowledgedKey) + " ");
+}
+
 Result<AcknowledgedMark> AcknowledgedMark::atStart(Connection& writer) {
-  MetaStore meta(writer);
-  ASSIGN_OR_RETURN(const auto lab, meta.get(kLabKey));
-  ASSIGN_OR_RETURN(const auto text, meta.get(kAcknowledgedKey));
-  const std::uint64_t stored = numberIn(text.value_or("0")).value_or(0);
-  const auto file = writer.path().parent_path() / kAcknowledgedFile;
+  const auto folder = writer.path().parent_path();
+  ASSIGN_OR_RETURN(const std::string server, serverNameOf(folder));
+  const std::string key =
+      std::string(kAcknowledgedKey) + (server == kFirstServer ? std::string() : " " + server);
+  ASSIGN_OR_RETURN(const auto lab, MetaStore(writer).get(kLabKey));
+  ASSIGN_OR_RETURN(const std::uint64_t stored, numberInMeta(writer, key));
+  const auto file = folder / kAcknowledgedFile;
   ASSIGN_OR_RETURN(const std::uint64_t known, numberInFile(file, lab.value_or("")));
-  AcknowledgedMark mark(file, lab.value_or(""), std::max(stored, known));
-  if (stored < known)
-    mark.lack_ = fmt::format(
-        "--store: this database does not have all that was acknowledged (it has come to number {}, and {} "
-        "says "
-        "{}): a standby that lagged was promoted, or an older backup restored, while no server ran. Stations "
-        "send "
-        "again what their spools have; sessions that no station has any more cannot be named. If a server of "
-        "PostgreSQL that has all is left, end needlelab-server and go back to it",
-        stored, file.string(), known);
+  AcknowledgedMark mark(file, key, lab.value_or(""), std::max(stored, known));
+  if (stored < known) mark.lack_ = lackText(stored, fmt::format("{} says {}", file.string(), known));
   return mark;
 }
 
@@ -81,8 +95,12 @@ void AcknowledgedMark::post(DbWriter& writer) {
   const std::uint64_t number = ++number_;
   const auto under_way = under_way_;
   const Status posted = writer.post(
-      [number](Connection& connection) {
-        return MetaStore(connection).set(kAcknowledgedKey, std::to_string(number));
+      [number, under_way, key = key_, &writer](Connection& connection) -> Status {
+        // the engine looks for its last transaction, whose number another server's may have taken
+        ASSIGN_OR_RETURN(const std::uint64_t stored, numberInMeta(connection, key));
+        if (const std::uint64_t committed = under_way->committed; stored < committed)
+          writer.sayLack(lackText(stored, fmt::format("{} was acknowledged", committed)));
+        return MetaStore(connection).set(key, std::to_string(number));
       },
       [number, under_way](const Status& stored) {
         if (stored.ok()) under_way->committed = number;

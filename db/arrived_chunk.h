@@ -10,6 +10,7 @@
 #include "common/base/bytes.h"
 #include "common/base/result.h"
 #include "common/base/uuid.h"
+#include "db/station_claims.h"
 
 namespace needlelab {
 
@@ -45,6 +46,9 @@ struct ArrivedChunk {
   std::function<Status(const Appended&)> admit{};
   /// The samples of `bytes`, where they were checked already (checkChunk), and are sound.
   std::optional<std::uint32_t> samples{};
+  /// The log-in by which it came, which must be its station's newest (StationClaims::require): else kDeposed.
+  /// Null: no other server works on the database. It stays as the three above.
+  const StationClaim* claim = nullptr;
 };
 
 }  // namespace needlelab

@@ -215,6 +215,9 @@ class Connection {
   [[nodiscard]] std::uint64_t timesConnected() const { return engine_->timesConnected(); }
   /// It connects again to this lab's database only (EngineConnection::stayWith).
   void stayWith(LabIdentity lab) { engine_->stayWith(std::move(lab)); }
+  /// Nobody else works on the database (EngineConnection::isAlone, letOthersIn).
+  [[nodiscard]] bool isAlone() const { return engine_->isAlone(); }
+  Status letOthersIn() { return engine_->letOthersIn(); }
   /// What the engine's server no longer has of what was committed here (EngineConnection::lack).
   [[nodiscard]] std::string lack() const { return engine_->lack(); }
   /// The last error that says that the engine's server has no room (EngineConnection::takeFull).

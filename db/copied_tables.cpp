@@ -13,6 +13,7 @@ namespace {
 /// Each behind those that it refers to. A new table of a migration gets its place here.
 constexpr std::string_view kOrderOfCopy[] = {"people",
                                              "stations",
+                                             "station_claims",
                                              "profiles",
                                              "curricula",
                                              "exercises",

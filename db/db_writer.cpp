@@ -32,6 +32,7 @@ DbWriter::DbWriter(Connection connection, const Options& options, OnFatal on_fat
       time_(*options.time),
       on_fatal_(std::move(on_fatal)),
       lack_(options_.lack_at_start),
+      lack_said_(options_.lack_at_start),
       durability_(connection_.durability()) {
   next_checkpoint_ns_ = time_.nowNs() + nanoseconds(options_.checkpoint_every);
   connection_.setWhileWaiting([this] { return checkWaiting(); });
@@ -408,7 +409,7 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
 
 void DbWriter::noteLack() {
   std::string found = connection_.lack(), full = connection_.takeFull();
-  if (found.empty()) found = options_.lack_at_start;
+  if (found.empty()) found = lack_said_;
   {
     const std::lock_guard lock(mutex_);
     if (!full.empty()) full_ = {std::move(full), time_.nowNs()};
@@ -416,6 +417,10 @@ void DbWriter::noteLack() {
     lack_ = found;
   }
   if (options_.on_lack) options_.on_lack(found);
+}
+
+void DbWriter::sayLack(std::string text) {
+  lack_said_ = std::move(text);
 }
 
 std::string DbWriter::lack() const {

@@ -122,8 +122,10 @@ class DbWriter {
   /// The error that stopped the writer for good, if any.
   [[nodiscard]] std::optional<Error> failed() const;
 
-  /// What the engine's server lacks of what was acknowledged (EngineConnection::lack), for a person.
+  /// What the engine's server lacks of what was acknowledged (EngineConnection::lack, sayLack), for a person.
   [[nodiscard]] std::string lack() const;
+  /// An item has found that it lacks something: lack() says so until the writer's end. On its thread.
+  void sayLack(std::string text);
 
   /// For how long health and console say what failed alone: stations ask again every 15 s, or sooner.
   static constexpr std::chrono::seconds kSaidFor{30};
@@ -201,6 +203,7 @@ class DbWriter {
   std::optional<Error> failed_;  ///< guarded by mutex_
   Counters counters_;            ///< guarded by mutex_
   std::string lack_;             ///< guarded by mutex_
+  std::string lack_said_;        ///< of sayLack(), or at the start; the writer's thread only
   Noted full_, failed_item_;     ///< guarded by mutex_
   Standing standing_;            ///< guarded by mutex_
   std::condition_variable emptied_;

@@ -17,6 +17,11 @@
 namespace needlelab {
 namespace {
 
+/// Erasures of this database's own log. Those of imported records are another lab's, or of another key, and
+/// are in the table only: no line of this log is theirs.
+constexpr const char* kOwnErasures =
+    "pseudonym IN (SELECT subject FROM audit WHERE action = 'person erase' AND imported_by IS NULL)";
+
 /// Those of the lines' pseudonyms that are names of accounts.
 Result<std::set<std::string>> pseudonymsOfAccounts(Connection& connection,
                                                    const std::vector<ErasureLine>& lines) {
@@ -241,10 +246,39 @@ Status ErasureStore::remember(const ErasureLine& line, const std::string& by, co
                       " VALUES (?,?,?,?,?) ON CONFLICT (pseudonym) DO UPDATE"
                       " SET erased_unix_ns = excluded.erased_unix_ns",
                       line.pseudonym, ByteView(line.name_hash), line.unix_ns, by, reason));
-  return connection_.run(line.without_account
-                             ? "INSERT INTO meta (key, value) VALUES (?, '') ON CONFLICT (key) DO NOTHING"
-                             : "DELETE FROM meta WHERE key = ?",
-                         std::string(kWithoutAccountKey) + line.pseudonym);
+  for (const auto& [key, is_so] :
+       {std::pair{kWithoutAccountKey, line.without_account}, std::pair{kWithWaitingKey, line.with_waiting}})
+    RETURN_IF_ERROR(
+        connection_.run(is_so ? "INSERT INTO meta (key, value) VALUES (?, '') ON CONFLICT (key) DO NOTHING"
+                              : "DELETE FROM meta WHERE key = ?",
+                        std::string(key) + line.pseudonym));
+  return {};
+}
+
+Status ErasureStore::completeList(const std::filesystem::path& folder) {
+  ASSIGN_OR_RETURN(
+      auto lines,
+      connection_
+          .query(
+              fmt::format("SELECT pseudonym, name_hash, erased_unix_ns, ?1 || pseudonym IN (SELECT key FROM"
+                          " meta), ?2 || pseudonym IN (SELECT key FROM meta) FROM erasures WHERE {}",
+                          kOwnErasures),
+              kWithoutAccountKey, kWithWaitingKey)
+          .all([](const Statement& row) {
+            ErasureLine line{row.text(0), {}, row.integer(2), row.integer(4) != 0};
+            const auto hash = row.bytes(1);
+            std::copy_n(hash.begin(), std::min(hash.size(), line.name_hash.size()), line.name_hash.begin());
+            line.without_account = row.integer(3) != 0;
+            return line;
+          }));
+  ASSIGN_OR_RETURN(const auto listed, readErasures(folder));
+  std::set<std::string_view> known;
+  for (const ErasureLine& line : listed) known.insert(line.pseudonym);
+  std::erase_if(lines, [&](const ErasureLine& line) { return known.contains(line.pseudonym); });
+  if (lines.empty()) return {};
+  ASSIGN_OR_RETURN(const auto key, this->key());
+  for (ErasureLine& line : lines) line = sealed(std::move(line), key);
+  return addErasures(folder, lines, kErasuresFile, &key);
 }
 
 Status ErasureStore::rememberList(const std::filesystem::path& folder, const std::set<std::string>& stay,
@@ -276,13 +310,12 @@ Status ErasureStore::rememberList(const std::filesystem::path& folder, const std
 }
 
 Result<std::vector<std::string>> ErasureStore::listFaults(const std::filesystem::path& folder) {
-  // Before the list, into which an erasure writes first. Erasures of imported records are another lab's, or
-  // of another key, and are in the table only: no line of this log is theirs.
-  ASSIGN_OR_RETURN(auto lacked,
-                   connection_
-                       .prepare("SELECT pseudonym FROM erasures WHERE pseudonym IN (SELECT subject FROM audit"
-                                " WHERE action = 'person erase' AND imported_by IS NULL) ORDER BY pseudonym")
-                       .all(firstText));
+  // before the list, into which an erasure writes first
+  ASSIGN_OR_RETURN(
+      auto lacked,
+      connection_
+          .prepare(fmt::format("SELECT pseudonym FROM erasures WHERE {} ORDER BY pseudonym", kOwnErasures))
+          .all(firstText));
   ASSIGN_OR_RETURN(const auto lines, readErasures(folder));
   std::set<std::string_view> listed;
   for (const ErasureLine& line : lines) listed.insert(line.pseudonym);

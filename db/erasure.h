@@ -177,6 +177,9 @@ class ErasureStore {
   /// listFaults() tells are passed over. In a transaction. kCorrupt: as key().
   Status rememberList(const std::filesystem::path& folder, const std::set<std::string>& stay,
                       std::int64_t now_unix_ns);
+  /// Adds to DIR/erasures the erasures of this database's own log that it lacks: another server erased them,
+  /// with a list in its own folder. Their hashes must be of the folder's key. kCorrupt: as key().
+  Status completeList(const std::filesystem::path& folder);
   /// Lines of DIR/erasures that another key made, or that were changed, and erasures of this database's own
   /// log that it lacks, for display; empty when all is well. kCorrupt: as key().
   Result<std::vector<std::string>> listFaults(const std::filesystem::path& folder);
@@ -281,6 +284,8 @@ inline constexpr std::int64_t kDroppedPieces = -1;
 
 /// Key of `meta`, and behind it the pseudonym: the erasure was of a name that nobody had.
 inline constexpr std::string_view kWithoutAccountKey = "erased_without_account ";
+/// The same for one that took the sessions that waited for a manager, too.
+inline constexpr std::string_view kWithWaitingKey = "erased_with_waiting ";
 
 /// Key of `meta`, and behind it the pseudonym: nobody has looked yet which files still hold the person. Set
 /// in the erasure's transaction to ErasureLine::unix_ns, in digits (db/service/unseen_files.h).

@@ -15,19 +15,22 @@ namespace needlelab {
 namespace {
 
 /// Of each session: id, station, first seq, number of chunks, samples, bytes; of each chunk: the session's
-/// place among these (from 1), seq, samples, CRC, bytes. Chunks are taken of those sessions whose next one is
-/// the first of them. Returns the places of these sessions. Sessions are looked up one by one: of a join
-/// PostgreSQL would read the whole table, while it is small (0.16 ms for a thousand). Of the
-/// counters, too: the bounds of first, chunks, samples and bytes, which all have, let it expect one session,
-/// and look counters up by their key.
+/// place among these (from 1), seq, samples, CRC, bytes; of each session the claim by which they came: server
+/// and epoch (0: none is asked for). Chunks are taken of those sessions whose next one is the first of them,
+/// and whose claim is the station's newest. Returns the places of these sessions. Sessions are looked up one
+/// by one: of a join PostgreSQL would read the whole table, while it is small (0.16 ms for a thousand). Of
+/// the counters, too: the bounds of first, chunks, samples and bytes, which all have, let it expect one
+/// session, and look counters up by their key.
 constexpr const char* kAppendMany =
     "WITH heads AS ("
     "  UPDATE session_progress AS p SET chunks = p.chunks + h.chunks, samples = p.samples + h.samples,"
     "   stored_bytes = p.stored_bytes + h.bytes"
     "  FROM (SELECT g.*, (SELECT s.number FROM sessions s"
-    "     WHERE s.id = g.id AND (g.station = '' OR s.station = g.station)) AS session"
-    "    FROM unnest(?1, ?2, ?3, ?4, ?5, ?6) WITH ORDINALITY"
-    "     AS g (id, station, first, chunks, samples, bytes, place)"
+    "     WHERE s.id = g.id AND (g.station = '' OR s.station = g.station)"
+    "      AND (g.epoch = 0 OR (g.server, g.epoch) = (SELECT l.server, l.epoch FROM station_claims l"
+    "       WHERE l.station = g.station))) AS session"
+    "    FROM unnest(?1, ?2, ?3, ?4, ?5, ?6, ?12, ?13) WITH ORDINALITY"
+    "     AS g (id, station, first, chunks, samples, bytes, server, epoch, place)"
     "    WHERE g.first >= 0 AND g.chunks > 0 AND g.samples > 0 AND g.bytes > 0 OFFSET 0) AS h"
     "  WHERE p.session = h.session AND p.chunks = h.first"
     "  RETURNING p.session, h.place"
@@ -37,6 +40,11 @@ constexpr const char* kAppendMany =
     "  FROM unnest(?7, ?8, ?9, ?10, ?11) AS c (place, seq, samples, crc, bytes)"
     "  JOIN heads h ON h.place = c.place"
     ") SELECT place FROM heads";
+
+/// 0: no claim is asked for.
+std::int64_t epochOf(const ArrivedChunk& chunk) {
+  return chunk.claim == nullptr || planted(PlantedBug::kTakeoverUnfenced) ? 0 : chunk.claim->epoch;
+}
 
 /// The chunks of a session that may be its next ones, by their places among those given.
 struct Head {
@@ -96,6 +104,7 @@ class Heads {
     if (!head.chunks.empty()) {
       const ArrivedChunk& before = *chunks_[head.chunks.back()];
       if (chunk.seq != before.seq + 1 || chunk.station != before.station) return false;
+      if (epochOf(chunk) != epochOf(before)) return false;
     }
     if (chunk.samples) {
       samples_[i] = *chunk.samples;
@@ -114,7 +123,8 @@ class Heads {
 
 Result<std::vector<bool>> Heads::take(Connection& connection) const {
   std::vector<ByteView> ids, bytes;
-  std::vector<std::string_view> stations;
+  std::vector<std::string_view> stations, servers;
+  std::vector<std::int64_t> epochs;
   std::array<std::vector<std::int64_t>, 4> of_heads;   // first seq, chunks, samples, bytes
   std::array<std::vector<std::int64_t>, 4> of_chunks;  // session's place, seq, samples, CRC
   std::vector<std::size_t> sent;
@@ -129,6 +139,8 @@ Result<std::vector<bool>> Heads::take(Connection& connection) const {
     sent.push_back(h);
     ids.emplace_back(first.session);
     stations.push_back(first.station);
+    servers.push_back(first.claim != nullptr ? std::string_view(first.claim->server) : std::string_view());
+    epochs.push_back(epochOf(first));
     put(of_heads, first.seq, head.chunks.size(), head.samples, head.bytes);
     for (const std::size_t i : head.chunks) {
       put(of_chunks, sent.size(), chunks_[i]->seq, samples_[i], stationCrcOf(chunks_[i]->bytes));
@@ -150,6 +162,8 @@ Result<std::vector<bool>> Heads::take(Connection& connection) const {
   for (const auto& list : of_heads) statement.bindList(std::span<const std::int64_t>(list));
   for (const auto& list : of_chunks) statement.bindList(std::span<const std::int64_t>(list));
   statement.bindList(std::span<const ByteView>(bytes));
+  statement.bindList(std::span<const std::string_view>(servers))
+      .bindList(std::span<const std::int64_t>(epochs));
   for (;;) {
     ASSIGN_OR_RETURN(const bool there, statement.step());
     if (!there) return taken;

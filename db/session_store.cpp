@@ -295,6 +295,7 @@ Result<Appended> SessionStore::append(const Uuid& session, std::uint64_t seq, By
 }
 
 Status SessionStore::append(const ArrivedChunk& chunk) {
+  RETURN_IF_ERROR(StationClaims(connection_).require(chunk.claim));
   ASSIGN_OR_RETURN(auto appended, append(chunk.session, chunk.seq, chunk.bytes, chunk.station));
   // last: one that was not stored costs its station nothing
   if (appended.kind == Appended::Kind::kStored && chunk.admit) RETURN_IF_ERROR(chunk.admit(appended));

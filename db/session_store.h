@@ -164,8 +164,8 @@ class SessionStore {
   Result<Appended> append(const Uuid& session, std::uint64_t seq, ByteView bytes,
                           std::string_view station = {});
 
-  /// The same, with the chunk's admit() behind it; puts the result to its `appended`. An error takes the
-  /// chunk back, if the caller undoes its savepoint.
+  /// The same, with a look at the chunk's claim before it and its admit() behind it; puts the result to its
+  /// `appended`. An error takes the chunk back, if the caller undoes its savepoint. kDeposed.
   Status append(const ArrivedChunk& chunk);
 
   /// Stores many chunks at once, where a statement costs a round trip (PostgreSQL; on SQLite it takes none).
@@ -173,9 +173,9 @@ class SessionStore {
   /// all: as many as it returns. For each: nothing - append() is to take or refuse it, with the others that
   /// are left, in their order; success - it is stored, and its `appended` is what append() would have said;
   /// an error - of its admit(), it is not stored. Takes a chunk when it is sound and the next one of an open
-  /// session, and so is each one of that session before it: so nothing comes out otherwise than one by one.
-  /// admit() is called once a chunk, in their order. Within a savepoint of its own. Errors: nothing is
-  /// stored, and no `appended` counts.
+  /// session, came by its station's newest claim, and so is each one of that session before it: so nothing
+  /// comes out otherwise than one by one. admit() is called once a chunk, in their order. Within a savepoint
+  /// of its own. Errors: nothing is stored, and no `appended` counts.
   Result<std::vector<std::optional<Status>>> appendMany(std::span<const ArrivedChunk* const> chunks);
   static constexpr std::size_t kMostTogether = 512;
   static constexpr std::size_t kMostTogetherBytes = std::size_t{4} << 20;

@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <chrono>
 #include <utility>
 
 #include "common/base/files.h"
@@ -14,6 +15,10 @@ namespace needlelab {
 namespace {
 
 constexpr std::size_t kMostStoreFileBytes = 16'384;
+constexpr std::string_view kServerLine = "name = ";
+constexpr std::size_t kMostServerName = 64;
+/// A server that was stopped within a transaction keeps the others waiting for so long.
+constexpr std::chrono::milliseconds kMostIdleTogether{3000};
 
 Error wrongStoreFile(const std::filesystem::path& path, std::size_t line, const char* what) {
   return {ErrorCode::kInvalidInput,
@@ -55,7 +60,8 @@ Result<Connection> openFromOutside(const std::filesystem::path& path, const std:
   return openAt(StoreAddress(path, url), Connection::Mode::kReader);
 }
 
-Result<Connection> openToServe(const StoreAddress& address, Durability least) {
+Result<Connection> openToServe(const StoreAddress& address, Durability least,
+                               const std::string& together_as) {
   const auto enough = [&](const Connection& opened) {
     if (opened.durability() >= least) return Status();
     return Status(Error{
@@ -69,10 +75,14 @@ Result<Connection> openToServe(const StoreAddress& address, Durability least) {
     RETURN_IF_ERROR(enough(opened));
     return opened;
   }
-  ASSIGN_OR_RETURN(
-      auto engine,
-      openPostgres(
-          {.url = address.url, .alone = true, .least = least, .before_statement = address.before_statement}));
+  PostgresOptions options{.url = address.url, .least = least, .before_statement = address.before_statement};
+  options.others = PostgresOptions::Others::kNone;
+  if (!together_as.empty()) {
+    options.others = PostgresOptions::Others::kTogether;
+    options.only_one_named = together_as;
+    options.most_idle = kMostIdleTogether;
+  }
+  ASSIGN_OR_RETURN(auto engine, openPostgres(options));
   Connection opened(std::move(engine), address.path);
   RETURN_IF_ERROR(enough(opened));
   return opened;
@@ -113,6 +123,30 @@ Status writeStoreFile(const std::filesystem::path& folder, const StoreFile& file
       "url = {}\nlab = {}\n{}",
       file.url, file.lab, file.kept.empty() ? "" : "kept = " + file.kept + "\n");
   return replaceFileAtomically(folder / kStoreFile, viewOf(text));
+}
+
+Result<std::string> serverNameOf(const std::filesystem::path& folder) {
+  const auto path = folder / kServerFile;
+  std::error_code error;
+  if (!std::filesystem::exists(path, error)) return std::string(kFirstServer);
+  ASSIGN_OR_RETURN(const std::string text, readWholeFile(path, kMostStoreFileBytes));
+  std::string name;
+  if (text.starts_with(kServerLine) && text.ends_with('\n'))
+    name = text.substr(kServerLine.size(), text.size() - kServerLine.size() - 1);
+  const bool is_name =
+      !name.empty() && name.size() <= kMostServerName && std::all_of(name.begin(), name.end(), [](char c) {
+        return (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || c == '-';
+      });
+  if (is_name) return name;
+  return Error{
+      ErrorCode::kInvalidInput,
+      fmt::format("{}: is not as needlelab-admin server join writes it (the line \"{}NAME\"): put the "
+                  "right one back",
+                  path.string(), kServerLine)};
+}
+
+std::string serverFileText(const std::string& name) {
+  return fmt::format("{}{}\n", kServerLine, name);
 }
 
 Result<StoreAddress> addressOf(const std::filesystem::path& folder, const std::string& url) {

@@ -47,10 +47,12 @@ Result<Connection> openAt(const StoreAddress& address, Connection::Mode mode, bo
 Result<Connection> openFromOutside(const std::filesystem::path& path, const std::string& url,
                                    const std::function<Status()>& before);
 
-/// Opens it for the only program that writes: makes an SQLite file; nobody else opens a database of
-/// PostgreSQL so. `least`: what an ack must survive. Errors: as openAt(); kInvalidInput when it survives
-/// less.
-Result<Connection> openToServe(const StoreAddress& address, Durability least);
+/// Opens it for a program that writes: makes an SQLite file. Nobody else opens a database of PostgreSQL so,
+/// but with `together_as`, the name of a server (serverNameOf), those that give a name, too
+/// (Connection::isAlone). `least`: what an ack must survive. Errors: as openAt(); kInvalidInput when it
+/// survives less.
+Result<Connection> openToServe(const StoreAddress& address, Durability least,
+                               const std::string& together_as = {});
 
 /// What DIR/store says.
 struct StoreFile {
@@ -65,6 +67,15 @@ inline constexpr const char* kStoreFile = "store";
 Result<std::optional<StoreFile>> readStoreFile(const std::filesystem::path& folder,
                                                const char* name = kStoreFile);
 Status writeStoreFile(const std::filesystem::path& folder, const StoreFile& file);
+
+/// By what servers on one database are told apart: DIR/server, which `needlelab-admin server join` writes.
+inline constexpr const char* kServerFile = "server";
+/// Of the folder that made the database, which has no such file.
+inline constexpr const char* kFirstServer = "first";
+/// kInvalidInput: the file has something else.
+Result<std::string> serverNameOf(const std::filesystem::path& folder);
+/// What the file says of a server of this name: letters, digits, '-', at most 64.
+std::string serverFileText(const std::string& name);
 
 /// Where the database of `folder` is. `url`: what --store says; empty: what DIR/store says, or the folder
 /// itself. Errors: kInvalidInput (--store, and the folder has a database of its own; DIR/store).

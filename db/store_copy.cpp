@@ -68,7 +68,7 @@ Result<std::vector<CopiedTable>> tablesOfProgram() {
 bool isMark(const CopiedTable& table, const CopiedRow& row) {
   if (table.name != "meta") return false;
   const auto* key = std::get_if<std::string>(&row.front());
-  return key != nullptr && (*key == kCopyMarkKey || *key == kCopiedToKey || *key == kAcknowledgedKey);
+  return key != nullptr && (*key == kCopyMarkKey || *key == kCopiedToKey || isAcknowledgedKey(*key));
 }
 
 /// The rows of a table in the order of its keys, one after another, without marks.

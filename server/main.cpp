@@ -53,6 +53,9 @@ int main(int argc, char** argv) try {
          "At the first start: the database is on PostgreSQL, at postgresql://USER@HOST/DATABASE, and DIR "
          "has keys and lists only (DIR/store remembers it). Without it: DIR/needlelab.db")
       ->type_name("URL");
+  app.add_flag("--together", options.together,
+               "Other servers, each with a DIR of its own (needlelab-admin server join) and started with "
+               "--together, work on the same database on PostgreSQL");
   const std::map<std::string, needlelab::Durability> levels = {
       {"any", needlelab::Durability::kNothing},
       {"power-cut", needlelab::Durability::kPowerCut},

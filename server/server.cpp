@@ -66,6 +66,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
 
   Store::Options store_options;
   store_options.store_url = p.options.store_url;
+  store_options.together = p.options.together;
   store_options.least_durability = p.options.least_durability;
   store_options.writer = p.options.writer;
   store_options.writer.on_thrown = logThrown;
@@ -149,6 +150,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
                                   .quotas = StationQuotas(p.options.quotas),
                                   .shares = PeopleShares(p.options.shares),
                                   .handshakes = HandshakeTurns(p.options.handshakes),
+                                  .claims_as = p.store->togetherAs(),
                                   .acks_are_safe = p.options.least_durability >= Durability::kDiskLoss,
                                   .connections = {}});
   p.noteRoom(p.lookAtRoom());
@@ -231,6 +233,7 @@ int Server::run() {
   asio::co_spawn(p.io, p.roomLoop(), rethrow);
   asio::co_spawn(p.io, p.hangUpLoop(), rethrow);
   asio::co_spawn(p.io, p.linesLoop(), rethrow);
+  if (p.options.together) asio::co_spawn(p.io, p.erasuresLoop(), rethrow);
   p.io.run();
   p.context->lines.sayLeftOut(INT64_MAX);
   p.context->clock_offsets.sayLeftOut(INT64_MAX);
@@ -306,6 +309,7 @@ void Server::Parts::beginStop(const std::string& reason) {
   room_timer.cancel();
   hang_up_timer.cancel();
   lines_timer.cancel();
+  erasures_timer.cancel();
   store->service().stopRetention();
   const auto all = context->connections;
   for (const auto& [id, connection] : all) {

@@ -21,6 +21,7 @@ namespace needlelab {
 struct ServerOptions {
   std::filesystem::path data;  ///< DIR: database, tls/, lock
   std::string store_url;       ///< as Store::Options
+  bool together = false;       ///< as Store::Options
   /// What an ack must survive. kDiskLoss: an ack makes a chunk Safe, too.
   Durability least_durability = Durability::kNothing;
   std::string listen = "127.0.0.1:7750";  ///< HOST:PORT; port 0 picks one
@@ -55,6 +56,7 @@ struct ServerOptions {
   std::chrono::milliseconds token_lifetime = std::chrono::minutes(15);
   TimeSource* token_time = &machineTime();  ///< by which tokens end; outlives the server
   DbWriter::Options writer;
+  std::chrono::milliseconds erasures_every{60'000};  ///< between two looks for others' erasures (together)
   std::chrono::milliseconds heap_every{60'000};   ///< interval at which free memory is returned to the system
   std::chrono::minutes retention_first{10};       ///< from the start to the first run of retention
   std::chrono::minutes retention_every{24 * 60};  ///< between two runs; 0: only on request

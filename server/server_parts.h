@@ -64,6 +64,7 @@ struct Server::Parts {
   asio::steady_timer room_timer{io};
   asio::steady_timer hang_up_timer{io};
   asio::steady_timer lines_timer{io};
+  asio::steady_timer erasures_timer{io};
   std::uint16_t port = 0;
   std::uint64_t next_id = 1;
   bool stopping = false;
@@ -84,6 +85,7 @@ struct Server::Parts {
   Task<> roomLoop();
   Task<> hangUpLoop();
   Task<> linesLoop();
+  Task<> erasuresLoop();
   void accepted(Tcp::socket socket);
   void refuseConnection(const std::string& host);
   void beginStop(const std::string& reason);

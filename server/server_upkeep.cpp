@@ -1,5 +1,5 @@
 // What a server does by the clock: retention, free memory, its certificate, the disk's room, peers who have
-// gone, log lines that were left out, systemd's watchdog.
+// gone, log lines that were left out, erasures at other servers, systemd's watchdog.
 #include <malloc.h>
 
 #include <boost/asio/post.hpp>
@@ -43,13 +43,18 @@ Task<> Server::Parts::retentionLoop() {
     retention_timer.expires_after(std::exchange(wait, options.retention_every));
     co_await retention_timer.async_wait(kUseTuple);
     if (stopping) co_return;
-    std::function<Result<pb::RetentionReport>()> work = [this] {
+    std::function<Result<std::optional<pb::RetentionReport>>()> work = [this] {
       yieldToOthers();
       return store->service().dailyRetention();
     };
-    const auto report = co_await offload(retention_workers, std::move(work));
-    if (!report.ok()) {
-      logEvent(LogLevel::kWarning, "retention_not_run", {{"text", report.error().message}});
+    const auto ran = co_await offload(retention_workers, std::move(work));
+    if (!ran.ok()) {
+      logEvent(LogLevel::kWarning, "retention_not_run", {{"text", ran.error().message}});
+      continue;
+    }
+    const std::optional<pb::RetentionReport>& report = *ran;
+    if (!report) {
+      logEvent(LogLevel::kInfo, "retention_elsewhere", {{"text", "another server does the daily work"}});
       continue;
     }
     logEvent(LogLevel::kInfo, "retention",
@@ -170,6 +175,18 @@ Task<> Server::Parts::linesLoop() {
     const std::int64_t now_ns = steadyNowNs();
     context->lines.sayLeftOut(now_ns);
     context->clock_offsets.sayLeftOut(now_ns);
+  }
+}
+
+/// Of servers that work together each keeps a list of all erasures beside its keys.
+Task<> Server::Parts::erasuresLoop() {
+  while (!stopping) {
+    erasures_timer.expires_after(options.erasures_every);
+    co_await erasures_timer.async_wait(kUseTuple);
+    if (stopping) co_return;
+    std::function<Status()> work = [this] { return store->service().completeErasureList(); };
+    if (const Status done = co_await offload(slow_workers, std::move(work)); !done.ok())
+      logEvent(LogLevel::kWarning, "erasures_not_listed", {{"text", done.error().message}});
   }
 }
 

@@ -118,6 +118,7 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
   addScoreCommands(app, chosen);
   addPersonCommands(app, chosen);
   addStoreCommands(app, global, chosen);
+  addServerCommands(app, chosen);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

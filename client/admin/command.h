@@ -62,6 +62,7 @@ void addRetentionCommands(CLI::App& app, ChosenCommand& chosen);
 void addTeachingCommands(CLI::App& app, ChosenCommand& chosen);
 void addScoreCommands(CLI::App& app, ChosenCommand& chosen);
 void addPersonCommands(CLI::App& app, ChosenCommand& chosen);
+void addServerCommands(CLI::App& app, ChosenCommand& chosen);
 
 /// Requests a list page by page (control.proto): `ask` sets a page's name in the request; `take` stores a
 /// reply's rows and returns the next page's name, or an empty one to stop.

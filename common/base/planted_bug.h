@@ -28,8 +28,9 @@ enum class PlantedBug {
   kRepeatedChunkOverwrites,   ///< a chunk that is stored already takes the stored one's place
   kWritersTogether,           ///< on PostgreSQL write transactions hold no lock of the store
   kWarningIgnored,            ///< what PostgreSQL has stored at the primary only counts as stored
+  kTakeoverUnfenced,          ///< a server goes on storing what a station sent before it logged in elsewhere
 };
-inline constexpr int kPlantedBugs = 21;
+inline constexpr int kPlantedBugs = 22;
 
 /// The bug's name in NEEDLELAB_PLANT, e.g. "ack-before-commit".
 constexpr std::string_view nameOf(PlantedBug bug) noexcept {
@@ -41,6 +42,7 @@ constexpr std::string_view nameOf(PlantedBug bug) noexcept {
       "request-outlives-link",       "no-last-command",       "look-again-twice",
       "retry-never-doubles",         "no-keep-alive",         "old-connection-kept",
       "repeated-chunk-overwrites",   "writers-together",      "warning-ignored",
+      "takeover-unfenced",
   };
   return kNames[static_cast<int>(bug)];
 }

@@ -19,6 +19,7 @@ enum class ErrorCode {
   kDenied,         ///< not allowed: role, key, password
   kCode,           ///< a trainee's code is missing or wrong, or has to wait after wrong ones (exit code 1)
   kUnavailable,    ///< a peer, device or file system does not answer now; trying again may help
+  kDeposed,        ///< the station has logged in again since, perhaps at another server: connect again
   kNoRoom,         ///< the disk is full, or a share of it is used up: trying later may help (exit code 1)
   kCorrupt,        ///< stored or received bytes fail their check
   kVersion,        ///< a format, schema or protocol version that this program does not know

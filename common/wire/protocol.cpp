@@ -154,6 +154,8 @@ pb::Refusal refusalOf(const Error& error) {
         return pb::Refusal::VERSION;
       case ErrorCode::kNoRoom:
         return pb::Refusal::NO_ROOM;
+      case ErrorCode::kDeposed:
+        return pb::Refusal::DEPOSED;
       case ErrorCode::kUnavailable:
       case ErrorCode::kCorrupt:
       case ErrorCode::kFailed:
@@ -189,6 +191,8 @@ Error errorOf(const pb::Refusal& refusal) {
         return ErrorCode::kConflict;
       case pb::Refusal::NO_ROOM:
         return ErrorCode::kNoRoom;
+      case pb::Refusal::DEPOSED:
+        return ErrorCode::kDeposed;
       case pb::Refusal::RATE_LIMITED:
       case pb::Refusal::QUEUE_OVERFLOW:
       case pb::Refusal::TIMEOUT:

@@ -121,6 +121,10 @@ class EngineConnection {
   /// From now on it connects again to this lab's database only: another one, or one of another schema, may
   /// answer at its address then, and is refused with kUnavailable.
   virtual void stayWith(LabIdentity /*lab*/) {}
+  /// Nobody else works on the database: of a connection that keeps others out. SQLite's folder has a lock.
+  [[nodiscard]] virtual bool isAlone() const { return true; }
+  /// Ends isAlone(), where others may work beside it (PostgresOptions::Others::kTogether).
+  virtual Status letOthersIn() { return {}; }
   /// What the engine's server no longer has although a commit() of this connection returned success, as found
   /// when it connected again, for a person; empty: nothing. It stays until more is found.
   [[nodiscard]] virtual std::string lack() const { return {}; }

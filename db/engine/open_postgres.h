@@ -16,12 +16,23 @@ namespace needlelab {
 struct PostgresOptions {
   std::string url;         ///< postgresql://user@host:port/database?parameters, or "host=… user=…"
   bool read_only = false;  ///< refuses changes
-  /// Nobody else opens the database so until this connection ends; held again after each reconnection.
-  bool alone = false;
+  /// Who else may work on the database until this connection ends; held again after each reconnection.
+  enum class Others {
+    kAll,       ///< this connection keeps nobody out
+    kTogether,  ///< those that say so, too; the first to come is alone until letOthersIn()
+    kNone,
+  };
+  Others others = Others::kAll;
+  /// A name that one connection at a time has, of those that give one: letters, digits, '-'. Empty: none.
+  std::string only_one_named = {};
   std::chrono::milliseconds connect_timeout{5000};
   /// A statement whose answer does not come within this time loses the connection: the server may be stopped,
   /// or the network gone.
   std::chrono::milliseconds answer_timeout{30'000};
+  /// PostgreSQL ends a connection that asks nothing for this long within a transaction: its program may be
+  /// stopped, and others wait for its locks. Shorter: they wait less; longer: a slow step between two
+  /// statements loses no transaction.
+  std::chrono::milliseconds most_idle{30'000};
   /// Write transactions are refused with kUnavailable while an ack would survive less than this.
   Durability least = Durability::kNothing;
   /// As EngineConnection::stayWith(), from the first connection on.
@@ -39,8 +50,9 @@ Status checkAddressFromOutside(const std::string& url);
 
 /// Errors: kInvalidInput (not a URL of PostgreSQL; it has a password; no such database, user or host),
 /// kVersion (an engine before version 15), kDenied (user or password, pg_hba.conf), kUnavailable (nobody
-/// answers, or refuses for now; `alone`: another one has it; it is not the database of `lab`). A connection
-/// that is lost later and cannot be made again is always kUnavailable. No message has a password.
+/// answers, or refuses for now; somebody works there who `others` or `only_one_named` do not let work beside
+/// it; it is not the database of `lab`). A connection that is lost later and cannot be made again is always
+/// kUnavailable. No message has a password.
 Result<std::unique_ptr<EngineConnection>> openPostgres(const PostgresOptions& options);
 
 }  // namespace needlelab

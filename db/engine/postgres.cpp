@@ -21,8 +21,6 @@
 namespace needlelab {
 namespace {
 
-/// A program that stopped within a transaction loses it, and with it the lock of the writer.
-constexpr int kMostIdle_ms = 30'000;
 constexpr int kOldestVersion = 150'000;  // PQserverVersion
 constexpr int kBinary = 1;
 constexpr std::size_t kMostSigns = 8;  // of types of one statement's values, see PostgresStatement
@@ -208,7 +206,7 @@ bool PostgresConnection::isConnected() const {
   return connection_ != nullptr && PQstatus(connection_.get()) == CONNECTION_OK;
 }
 
-Status PostgresConnection::connect(bool takes_alone) {
+Status PostgresConnection::connect(bool takes_locks) {
   const std::string timeout =
       std::to_string(std::max<std::int64_t>(1, options_.connect_timeout.count() / 1000));
   // What the URL says comes first in the list, so that these stand. Statements are short: to compile one
@@ -219,7 +217,7 @@ Status PostgresConnection::connect(bool takes_alone) {
       "-c search_path={} -c client_min_messages=warning -c idle_in_transaction_session_timeout={} -c jit=off"
       " -c tcp_keepalives_idle=5 -c tcp_keepalives_interval=2 -c tcp_keepalives_count=3"
       " -c tcp_user_timeout=10000 -c client_connection_check_interval=2000",
-      kPostgresSchema, kMostIdle_ms);
+      kPostgresSchema, options_.most_idle.count());
   const char* const names[] = {"dbname",
                                "connect_timeout",
                                "options",
@@ -263,11 +261,11 @@ Status PostgresConnection::connect(bool takes_alone) {
                              "give the address of a newer one",
                              shown_url_, version / 10'000)};
   }
-  if (options_.alone && takes_alone) RETURN_IF_ERROR(becomeAlone());
+  if (takes_locks && hasLocks()) RETURN_IF_ERROR(takeLocks());
   RETURN_IF_ERROR(settle());
   if (!options_.read_only) RETURN_IF_ERROR(lookBack());
-  // a connection for a question only ends before that lock is wanted
-  if (takes_alone || !options_.alone) ++times_connected_;
+  // a connection for a question only ends before those locks are wanted
+  if (takes_locks || !hasLocks()) ++times_connected_;
   return {};
 }
 
@@ -324,23 +322,61 @@ Status PostgresConnection::requireDurable() const {
                   settings_.text())};
 }
 
-Status PostgresConnection::becomeAlone() {
-  const std::string lock = fmt::format("SELECT pg_try_advisory_lock({})", kAloneLock);
-  // PostgreSQL takes the lock back a moment after the connection that held it has ended
+Result<bool> PostgresConnection::tryLock(const std::string& sql) {
+  constexpr const char* kWhat = "take the lock of the store";
+  if (PQsendQuery(connection_.get(), sql.c_str()) == 0) return lost(kWhat);
+  const auto taken = wait(kWhat);
+  if (!taken) return taken.error();
+  return std::string_view(PQgetvalue(taken->get(), 0, 0)) == "t";
+}
+
+Status PostgresConnection::takeLocks() {
+  const bool together = options_.others == PostgresOptions::Others::kTogether;
+  // whoever is alone does what wants it, and goes on alone or not at all
+  const bool may_be_alone = !together || is_alone_ || times_connected_ == 0;
+  const bool may_be_shared = together && !is_alone_;
+  bool has_store = false, has_name = options_.only_one_named.empty();
+  // PostgreSQL takes a lock back a moment after the connection that held it has ended
   constexpr auto kMostWait = std::chrono::seconds(2);
   for (const auto until = Steady::now() + kMostWait;;) {
-    if (PQsendQuery(connection_.get(), lock.c_str()) == 0) return lost("take the lock of the store");
-    const auto taken = wait("take the lock of the store");
-    if (!taken) return taken.error();
-    if (std::string_view(PQgetvalue(taken->get(), 0, 0)) == "t") return {};
+    if (!has_store && may_be_alone) {
+      ASSIGN_OR_RETURN(has_store, tryLock(fmt::format("SELECT pg_try_advisory_lock({})", kAloneLock)));
+      is_alone_ = is_alone_ || has_store;
+    }
+    if (!has_store && may_be_shared) {
+      ASSIGN_OR_RETURN(has_store, tryLock(fmt::format("SELECT pg_try_advisory_lock_shared({})", kAloneLock)));
+    }
+    if (has_store && !has_name) {
+      ASSIGN_OR_RETURN(has_name, tryLock(fmt::format("SELECT pg_try_advisory_lock({}, hashtext('{}'))",
+                                                     kNamedLock, options_.only_one_named)));
+    }
+    if (has_store && has_name) return {};
     if (Steady::now() >= until) break;
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
   connection_.reset();
-  return Error{ErrorCode::kUnavailable,
-               shown_url_ +
-                   ": another needlelab-server or needlelab-admin works on this database: end it, or "
-                   "use needlelab-admin --server"};
+  if (has_store)
+    return Error{ErrorCode::kUnavailable,
+                 fmt::format("{}: a server '{}' works on this database already: two data folders have this "
+                             "name. Make the folder of each further server with needlelab-admin server join, "
+                             "not by a copy",
+                             shown_url_, options_.only_one_named)};
+  return Error{
+      ErrorCode::kUnavailable,
+      shown_url_ + (together ? ": a needlelab-server without --together, or a needlelab-admin, works "
+                               "on this database alone: end it, or start that server with --together"
+                             : ": another needlelab-server or needlelab-admin works on this database: "
+                               "end it (each, where servers work together), or use needlelab-admin "
+                               "--server")};
+}
+
+Status PostgresConnection::letOthersIn() {
+  if (!is_alone_ || options_.others != PostgresOptions::Others::kTogether) return {};
+  // a connection may hold it in both ways: nobody comes in between who wants to be alone
+  RETURN_IF_ERROR(
+      script(fmt::format("SELECT pg_advisory_lock_shared({0}); SELECT pg_advisory_unlock({0})", kAloneLock)));
+  is_alone_ = false;
+  return {};
 }
 
 Status PostgresConnection::requireConnected() {

@@ -34,9 +34,12 @@ inline constexpr const char* kSettingsQuery =
 inline constexpr const char* kWriterTable = "needlelab.schema_version";
 /// The lock in its place while that table is not there (pg_advisory_xact_lock).
 inline constexpr std::int64_t kWriterLock = 0x6e6c6162;
-/// The lock of PostgresOptions::alone (pg_try_advisory_lock). Every role that may connect to the database can
-/// take it, and keep a server from starting.
+/// The lock of PostgresOptions::others: exclusive for kNone, shared for kTogether (pg_try_advisory_lock,
+/// pg_try_advisory_lock_shared). Every role that may connect to the database can take it, and keep a server
+/// from starting.
 inline constexpr std::int64_t kAloneLock = 0x6e6c6163;
+/// With the hash of a name behind it, the lock of PostgresOptions::only_one_named.
+inline constexpr std::int32_t kNamedLock = 0x6e6c6164;
 
 /// One connection. A result is read whole before the first row is given, so several statements may be under
 /// way at a time. What is lost with its server is connected again at the next begin of a transaction, or
@@ -80,6 +83,8 @@ class PostgresConnection final : public EngineConnection {
   /// (pg_xact_status): a standby that lagged and was promoted, or an older backup, does not have it. Not
   /// found where somebody else's transactions have taken its number meanwhile.
   [[nodiscard]] std::string lack() const override { return lack_; }
+  [[nodiscard]] bool isAlone() const override { return is_alone_; }
+  Status letOthersIn() override;
   std::string takeFull() override { return std::exchange(full_, {}); }
   const std::atomic<bool>* setCancelled(const std::atomic<bool>* cancelled) override;
   void setWhileWaiting(std::function<bool()> piece) override;
@@ -123,13 +128,15 @@ class PostgresConnection final : public EngineConnection {
     void operator()(PGconn* connection) const { PQfinish(connection); }
   };
   explicit PostgresConnection(PostgresOptions options) : options_(std::move(options)), lab_(options_.lab) {}
-  /// `takes_alone`: with kAloneLock, where the options say so.
-  Status connect(bool takes_alone = true);
+  /// `takes_locks`: those of `others` and `only_one_named`, where the options say so.
+  Status connect(bool takes_locks = true);
+  [[nodiscard]] bool hasLocks() const { return options_.others != PostgresOptions::Others::kAll; }
   void tellBefore(std::string_view sql) const {
     if (options_.before_statement) options_.before_statement(sql);
   }
-  /// Takes kAloneLock; waits for it for 2 s at most.
-  Status becomeAlone();
+  /// Takes kAloneLock, and the one of its name; waits for them for 2 s at most.
+  Status takeLocks();
+  Result<bool> tryLock(const std::string& sql);
   /// Has the connection read only where the options say so, and reads the settings and, where lab_ says which
   /// one it must be, what the database is; in one round trip.
   Status settle();
@@ -199,6 +206,7 @@ class PostgresConnection final : public EngineConnection {
   bool begin_due_ = false;            ///< BEGIN goes with the next statement
   std::optional<Error> not_begun_;    ///< of a BEGIN that went so, until rollback()
   bool saw_writer_table_ = false;     ///< kWriterTable, in the last write transaction
+  bool is_alone_ = false;             ///< has kAloneLock exclusively, and again after a reconnection
   std::string write_xid_;             ///< of the write transaction under way
   std::string acknowledged_xid_;      ///< the last one that commit() returned success for
   std::string lack_, full_;

@@ -123,7 +123,7 @@ Status PostgresConnection::commit() {
   if (isConnected()) return done.error();
   if (xid.empty()) return {};  // it only read
   const Status outcome = askOutcome(xid);
-  if (options_.alone) connection_.reset();  // the next one takes that lock
+  if (hasLocks()) connection_.reset();  // the next one takes them
   return outcome;
 }
 
@@ -183,7 +183,7 @@ Status PostgresConnection::askOutcome(const std::string& xid) {
   const auto until = std::chrono::steady_clock::now() + options_.answer_timeout;
   std::string why;
   while (std::chrono::steady_clock::now() < until && (cancelled_ == nullptr || !cancelled_->load())) {
-    // not alone: PostgreSQL may keep the connection that was lost, and with it that lock
+    // without locks: PostgreSQL may keep the connection that was lost, and with it those
     if (const auto connected = connect(false); !connected) {
       why = connected.error().message;
     } else if (const auto status = statusOf(xid); !status) {

@@ -15,6 +15,7 @@
 #include "db/audit_head.h"
 #include "db/connection.h"
 #include "db/copy_marks.h"
+#include "db/duties.h"
 #include "db/erasure.h"
 #include "db/free_parts.h"
 #include "db/schema.h"
@@ -96,13 +97,26 @@ Status requireDatabase(const std::filesystem::path& folder, const Store::Options
                                          "add the first user or station, to make one"};
 }
 
+/// kUnavailable: others work on the database, and its schema is not theirs and this program's.
+Status requireNothingToMigrate(Connection& connection) {
+  ASSIGN_OR_RETURN(const int found, schemaVersion(connection));
+  if (found >= newestSchemaVersion()) return {};
+  return Error{
+      ErrorCode::kUnavailable,
+      fmt::format("--together: the schema of this database has version {}, and this program makes it {}, "
+                  "which wants the database for itself: end the other servers, start this one, then "
+                  "start the others in this version",
+                  found, newestSchemaVersion())};
+}
+
 /// The writer's connection, with the newest schema. Sets `address.lab`.
-Result<Connection> openToWrite(StoreAddress& address, Durability least) {
-  ASSIGN_OR_RETURN(auto connection, openToServe(address, least));
+Result<Connection> openToWrite(StoreAddress& address, Durability least, const std::string& together_as) {
+  ASSIGN_OR_RETURN(auto connection, openToServe(address, least, together_as));
   RETURN_IF_ERROR(requireRights(connection));
   // a change that was killed may have left a log that holds the room for what comes now
   (void)connection.emptyLog(0);
   RETURN_IF_ERROR(refuseUnfinishedCopy(connection));
+  if (!connection.isAlone()) RETURN_IF_ERROR(requireNothingToMigrate(connection));
   RETURN_IF_ERROR(migrate(connection));
   if (address.isPostgres()) {
     ASSIGN_OR_RETURN(std::string lab, claimStore(connection, address));
@@ -265,6 +279,16 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
   ASSIGN_OR_RETURN(auto address, addressOf(folder, options.store_url));
   // before the database is opened: a half-replaced database would be opened with the old one's log
   if (!address.isPostgres()) RETURN_IF_ERROR(finishRestore(folder));
+  std::string together_as;
+  if (options.together) {
+    if (!address.isPostgres())
+      return Error{
+          ErrorCode::kInvalidInput,
+          fmt::format("--together: the database of {} is an SQLite file, which one server has for "
+                      "itself: leave --together out, or move to PostgreSQL (needlelab-admin store copy)",
+                      folder.string())};
+    ASSIGN_OR_RETURN(together_as, serverNameOf(folder));
+  }
   // also before a database is opened that is only read: it gives room back
   auto leftovers = removeFolderLeftovers(folder);
   if (!address.isPostgres()) RETURN_IF_ERROR(makeDatabaseFile(path));
@@ -276,17 +300,35 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
     ASSIGN_OR_RETURN(read_only_because, whyReadOnly(path, options));
   }
   auto connection = read_only_because.empty()
-                        ? openToWrite(address, options.least_durability)
+                        ? openToWrite(address, options.least_durability, together_as)
                         : Result<Connection>(Error{ErrorCode::kNoRoom, read_only_because});
   bool unfinished = false;
   if (connection) {
     // before anybody is served: a restored backup does not know who was erased since, and a log from before
     // the last end may still have what was erased
     const std::int64_t now_unix_ns = wallNowNs();
+    const bool is_alone = connection->isAlone();
+    std::optional<DutyLock> duty;
+    if (!is_alone) {
+      // others serve meanwhile, and wait for each erasure as for any
+      ASSIGN_OR_RETURN(duty, Duties(address).take(Duty::kErasure));
+      if (!duty)
+        return Error{
+            ErrorCode::kUnavailable,
+            "--together: an erasure is under way at another server, and a start completes those of its "
+            "own folder first: start again when it is done"};
+    }
     const auto repeated = eraseBeforeServing(*connection, now_unix_ns);
     if (!repeated) return erasuresNotRepeated(*connection, repeated.error());
-    // what fails leaves it to the next start; `check` says it in any case
-    (void)tellUnseenFiles(*connection, now_unix_ns);
+    // What fails leaves it to the next start; `check` says it in any case. Another server may be about to
+    // look at the files.
+    if (is_alone) (void)tellUnseenFiles(*connection, now_unix_ns);
+    if (options.together) {
+      // a folder that joins takes the key along; what cannot be read, `check` says
+      (void)ErasureStore(*connection).key();
+      (void)ErasureStore(*connection).completeList(folder);
+    }
+    duty.reset();
     ASSIGN_OR_RETURN(store->clock_behind_, SeenTimeStore(*connection).behindText(now_unix_ns));
     ASSIGN_OR_RETURN(store->clock_ahead_, SeenTimeStore(*connection).aheadText(now_unix_ns));
     RETURN_IF_ERROR(SeenTimeStore(*connection).note(now_unix_ns));
@@ -301,6 +343,8 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
       ASSIGN_OR_RETURN(auto mark, AcknowledgedMark::atStart(*connection));
       store->acknowledged_.emplace(std::move(mark));
       writer.lack_at_start = store->acknowledged_->lack();
+      // what wants the database for itself is done
+      RETURN_IF_ERROR(connection->letOthersIn());
     } else {
       // of a database elsewhere, whose copy this one may be: the next one there begins anew
       std::filesystem::remove(folder / kAcknowledgedFile, ignored);
@@ -318,6 +362,8 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
   }
   store->service_ = std::make_unique<Service>(*store->writer_, *store->readers_, *options.time);
   if (backup_key) store->service_->setBackupKey(std::move(*backup_key));
+  store->together_as_ = together_as;
+  if (options.together) store->service_->shareDuties(address);
   if (unfinished) (void)store->service_->finishErasure();
   return store;
 }

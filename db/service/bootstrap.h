@@ -44,6 +44,9 @@ class Store {
     /// DIR/store says, else DIR/needlelab.db.
     std::string store_url = {};
     Durability least_durability = Durability::kNothing;  ///< what an ack must survive; else nothing is stored
+    /// Other programs that say so, too, may work on the database at the same time, each with a folder of its
+    /// own: on PostgreSQL only.
+    bool together = false;
     DbWriter::Options writer = {};
     DbWriter::OnFatal on_fatal = {};
     /// Says why the database must not be written to; empty: it may be. Called on the thread that opens, also
@@ -56,10 +59,11 @@ class Store {
   /// profiles and curriculum into a new database, completes and repeats erasures, empties the log. Removes
   /// what a killed program left in DIR. An existing database whose disk is full, or which must not be written
   /// to, is opened read-only: its log is read, and nothing is written, neither into it nor beside it. Errors:
-  /// kUnavailable (locked), kNoRoom (the disk is full, and the database is new or has an older schema),
-  /// kInvalidInput (backup_key; a pipe, device, socket or folder in a file's place; a newer schema;
-  /// addressOf() and claimStore(); what of PostgreSQL does not get right by itself, as wrongStore() says),
-  /// kCorrupt, kFailed, and the others of openPostgres().
+  /// kUnavailable (locked; others work on the database, and it is not `together`, or its schema is older),
+  /// kNoRoom (the disk is full, and the database is new or has an older schema), kInvalidInput (backup_key;
+  /// together on SQLite; a pipe, device, socket or folder in a file's place; a newer schema; addressOf() and
+  /// claimStore(); what of PostgreSQL does not get right by itself, as wrongStore() says), kCorrupt, kFailed,
+  /// and the others of openPostgres().
   static Result<std::unique_ptr<Store>> open(const std::filesystem::path& folder, const Options& options);
 
   Store(const Store&) = delete;
@@ -78,6 +82,9 @@ class Store {
 
   /// Ends the writer, when nobody calls the two above any more. What it commits is kept, too.
   void stopWriting();
+
+  /// The name of this folder's server among those that work together (serverNameOf); empty: it is alone.
+  [[nodiscard]] const std::string& togetherAs() const { return together_as_; }
 
   /// Why nothing can be written, until the folder is opened again; nothing: the writer works.
   [[nodiscard]] const std::optional<Error>& readOnly() const { return read_only_; }
@@ -106,7 +113,7 @@ class Store {
   std::unique_ptr<DbWriter> writer_;
   std::unique_ptr<Service> service_;
   std::size_t erasures_repeated_ = 0;
-  std::string clock_behind_, clock_ahead_;
+  std::string clock_behind_, clock_ahead_, together_as_;
   std::vector<std::filesystem::path> leftovers_;
   std::optional<AcknowledgedMark> acknowledged_;  ///< of a database on PostgreSQL
 };

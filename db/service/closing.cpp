@@ -159,7 +159,8 @@ Result<std::optional<CloseOutcome>> Service::closeStep(CloseUnderWay& close) {
   }
   std::optional<CloseOutcome> done(std::in_place);
   CloseOutcome& outcome = *done;
-  RETURN_IF_ERROR(writer_.run([&](Connection& writer) {
+  RETURN_IF_ERROR(writer_.run([&](Connection& writer) -> Status {
+    RETURN_IF_ERROR(StationClaims(writer).require(close.claim.get()));
     const std::int64_t now_unix_ns = wallNowNs();
     auto closed = SessionStore(writer).closeHashed(request, now_unix_ns, close.station, known);
     if (!closed) return Status(closed.error());
@@ -200,8 +201,9 @@ Result<std::optional<CloseOutcome>> Service::scoreStep(Connection& reader, const
     if (close.is_long) return std::optional<CloseOutcome>();
   }
   if (!close.score) close.score = std::make_shared<SessionScore>(session);
-  ASSIGN_OR_RETURN(auto settled, settle(reader, session, *close.score,
-                                        close.is_long ? StepWork(kScoredAtOnce) : StepWork::all()));
+  ASSIGN_OR_RETURN(auto settled,
+                   settle(reader, session, *close.score,
+                          close.is_long ? StepWork(kScoredAtOnce) : StepWork::all(), close.claim.get()));
   if (settled.is_pending) return std::optional<CloseOutcome>();
   std::optional<CloseOutcome> done = close.unscored;
   CloseOutcome& outcome = *done;
@@ -217,10 +219,10 @@ Result<std::optional<CloseOutcome>> Service::scoreStep(Connection& reader, const
 }
 
 Result<Service::Settled> Service::settle(Connection& reader, const Uuid& session, SessionScore& score,
-                                         StepWork work) {
+                                         StepWork work, const StationClaim* claim) {
   // what it throws (no memory) is a fault of this session alone
   try {
-    auto settled = settleOrThrow(reader, session, score, work);
+    auto settled = settleOrThrow(reader, session, score, work, claim);
     if (settled && (!settled->fault || settled->final)) return settled;
     // an erasure may have taken it meanwhile: as if that had come before
     const auto now = SessionStore(reader).info(session);
@@ -237,7 +239,7 @@ Result<Service::Settled> Service::settle(Connection& reader, const Uuid& session
 }
 
 Result<Service::Settled> Service::settleOrThrow(Connection& reader, const Uuid& session, SessionScore& score,
-                                                StepWork work) {
+                                                StepWork work, const StationClaim* claim) {
   Settled settled;
   if (!score.hasBegun()) {
     ASSIGN_OR_RETURN(const auto never, whyNeverScored(reader, session));
@@ -255,8 +257,10 @@ Result<Service::Settled> Service::settleOrThrow(Connection& reader, const Uuid& 
     ASSIGN_OR_RETURN(const auto info, SessionStore(reader).info(session));
     // a profile that is not valid is found before anything is decoded
     if (!info.has_removed_original() && parseProfile(info.description().profile_json(), "profile"))
-      RETURN_IF_ERROR(writer_.run(
-          [&](Connection& writer) { return noteNeverScored(writer, session, settled.fault->message); }));
+      RETURN_IF_ERROR(writer_.run([&](Connection& writer) -> Status {
+        RETURN_IF_ERROR(StationClaims(writer).require(claim));
+        return noteNeverScored(writer, session, settled.fault->message);
+      }));
     return settled;
   }
   settled.is_pending = !*done;
@@ -265,6 +269,7 @@ Result<Service::Settled> Service::settleOrThrow(Connection& reader, const Uuid& 
   if (!json) settled.fault = json.error();
   const std::vector<pb::SyringeEvent>& events = score.events();
   const Status written = writer_.run([&](Connection& writer) -> Status {
+    RETURN_IF_ERROR(StationClaims(writer).require(claim));
     RETURN_IF_ERROR(storeEvents(writer, session, events));
     return json && !json->empty() ? ScoreStore(writer).put(newScore(session, *json)) : Status();
   });

@@ -27,7 +27,8 @@ namespace fs = std::filesystem;
 /// Files beside the database that a start reads or writes.
 constexpr std::string_view kOwnFiles[] = {
     "lock",          "pseudonym.key",        kErasuresFile, kAuditKeyFile,     kAuditHeadFile,
-    kRestorePending, kReplacedAuditHeadFile, kStoreFile,    kAcknowledgedFile, kOtherStoresFile};
+    kRestorePending, kReplacedAuditHeadFile, kStoreFile,    kAcknowledgedFile, kOtherStoresFile,
+    kServerFile};
 
 /// What else lies there: SQLite's, and what an undone restore leaves (deploy/OPERATIONS.md).
 constexpr std::string_view kOthersOwnFiles[] = {"needlelab.db-wal", "needlelab.db-shm",

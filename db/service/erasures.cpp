@@ -84,9 +84,6 @@ Result<std::string> settleErasure(DbWriter& writer, const std::filesystem::path&
   return why;
 }
 
-}  // namespace needlelab
-
-namespace needlelab::handlers {
 namespace {
 
 /// One erasure at a time, because the lists are read and written as a whole.
@@ -94,6 +91,20 @@ std::mutex& erasureLists() {
   static std::mutex one_at_a_time;
   return one_at_a_time;
 }
+
+}  // namespace
+
+Result<bool> completeErasures(Connection& connection) {
+  const std::unique_lock lock(erasureLists(), std::try_to_lock);
+  if (!lock) return false;
+  RETURN_IF_ERROR(ErasureStore(connection).completeList(connection.path().parent_path()));
+  return true;
+}
+
+}  // namespace needlelab
+
+namespace needlelab::handlers {
+namespace {
 
 /// What the erasure of a name that nobody had does not reach.
 std::string textOnLater(const std::string& name) {
@@ -203,6 +214,13 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
   ASSIGN_OR_RETURN(const auto key, ErasureStore(context.reader).key());
 
   const std::scoped_lock lock(erasureLists());
+  std::optional<DutyLock> duty;
+  if (context.duties != nullptr) {
+    ASSIGN_OR_RETURN(duty, context.duties->take(Duty::kErasure));
+    if (!duty)
+      return Error{ErrorCode::kUnavailable,
+                   "an erasure is under way at another server: try again when it is done"};
+  }
   // the asker may have been erased while this one waited; from here on nobody is
   RETURN_IF_ERROR(checkAccess(context.reader, context.who));
   ASSIGN_OR_RETURN(auto lines, readErasures(folder));

@@ -45,6 +45,10 @@ Result<std::string> settleErasure(DbWriter& writer, const std::filesystem::path&
                                   const ErasureLine& line, const std::vector<ErasureLine>& before,
                                   const Error& why);
 
+/// ErasureStore::completeList. False: an erasure is under way in this program, and nothing was done. Any
+/// connection.
+Result<bool> completeErasures(Connection& connection);
+
 /// Before anybody is served: repeats the erasures of DIR/erasures that this database, a restored backup, does
 /// not know, and takes out what an earlier version left of erased people. Returns how many were repeated.
 /// Errors: the database's; kNoRoom; kFailed when something is thrown, for want of memory: nothing is

@@ -25,6 +25,7 @@
 
 namespace needlelab {
 class CodeGuard;
+class Duties;
 class ExportLedger;
 struct ErasedRows;
 struct FilesFound;
@@ -47,6 +48,7 @@ struct Context {
   const BlockDevices* disks = nullptr;           ///< null: this machine's
   const BackupKey* backup_key = nullptr;         ///< null: backups are not encrypted
   RequestUnderWay* under_way = nullptr;          ///< null: a function of the service asks
+  const Duties* duties = nullptr;                ///< null: nobody else works on the database
 };
 
 /// Whether the person is there, by the account that it logged in with, is not disabled and has this role; or

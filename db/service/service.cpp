@@ -123,7 +123,7 @@ Result<pb::Reply> Service::withReader(
     const std::function<Result<pb::Reply>(const handlers::Context&)>& work) {
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
   return work({who, writer_, *reader, wallNowNs(), action, *exports_, codes_, &cancelled_, &reference_paths_,
-               &disks_, backup_key_ ? &*backup_key_ : nullptr});
+               &disks_, backup_key_ ? &*backup_key_ : nullptr, nullptr, duties_.get()});
 }
 
 Result<pb::Reply> Service::backup(const Principal& who, const pb::Backup& call) {
@@ -236,7 +236,21 @@ Result<pb::RetentionReport> Service::retention(const Doer& by_whom, bool dry_run
                                localTime(other->begun_unix_ns, TimeForm::kZoned), name)};
     }
   }
-  auto report = runRetention(retentionTools(), by_whom, now, dry_run);
+  std::optional<DutyLock> duty;
+  RetentionTools tools = retentionTools();
+  if (!dry_run) {
+    ASSIGN_OR_RETURN(duty, duties_->take(Duty::kRetention));
+    if (!duty)
+      return Error{ErrorCode::kUnavailable,
+                   "a run of retention is under way at another server: try again when it is done; a dry run "
+                   "says what is left"};
+    // another server that got the duty, because this one's connection was lost, does its run first
+    tools.hold = [&duty, hold = std::move(tools.hold)] {
+      const auto held = duty->isHeld();
+      return hold() || (held && !*held);
+    };
+  }
+  auto report = runRetention(tools, by_whom, now, dry_run);
   // an original that is gone has no path, as after a restart; whoever starts runs that remove nothing must
   // not undo others' comparisons
   if (!dry_run && (!report || report->thinned() + report->deleted() > 0)) forgetRecordings();
@@ -247,6 +261,13 @@ Result<pb::RescoreReport> Service::rescoreAll(const Doer& by_whom, const pb::Res
   std::unique_lock one_run(rescore_mutex_, std::try_to_lock);
   if (!one_run)
     return Error{ErrorCode::kUnavailable, "another run of rescoring is under way: try again when it is done"};
+  std::optional<DutyLock> duty;
+  if (!call.dry_run()) {
+    ASSIGN_OR_RETURN(duty, duties_->take(Duty::kRescoring));
+    if (!duty)
+      return Error{ErrorCode::kUnavailable,
+                   "a run of rescoring is under way at another server: try again when it is done"};
+  }
   const RescoreTools tools{writer_,
                            readers_,
                            [this](Connection& reader, const Uuid& id) { return scoreSession(reader, id); },
@@ -278,6 +299,13 @@ std::string Service::removeErased(const RetentionPace& pace, std::size_t most_pi
     so_far.more = false;
     return "A run of retention is under way: the chunks go with the next one, at the latest tomorrow "
            "(at once by needlelab-admin retention run when this one has ended). ";
+  }
+  const auto duty = duties_->take(Duty::kRetention);
+  if (duty && !*duty) {
+    so_far.more = false;
+    return "A run of retention is under way at another server: the chunks go with the next one, at the "
+           "latest "
+           "tomorrow (at once by needlelab-admin retention run when that one has ended). ";
   }
   RetentionTools tools = retentionTools();
   tools.pace = pace;
@@ -343,7 +371,13 @@ RetentionTools Service::retentionTools() {
           }};
 }
 
-Result<pb::RetentionReport> Service::dailyRetention() {
+Result<std::optional<pb::RetentionReport>> Service::dailyRetention() {
+  ASSIGN_OR_RETURN(const bool is_ours, duties_->isOurs());
+  if (!is_ours) {
+    // once a day recordings are read again: that server may have removed some
+    forgetRecordings();
+    return std::optional<pb::RetentionReport>();
+  }
   const std::int64_t now = wallNowNs();
   std::int64_t last = 0;
   std::string ahead;
@@ -366,7 +400,8 @@ Result<pb::RetentionReport> Service::dailyRetention() {
   auto report = retention({"retention"}, false);
   // once a day recordings are read again, whatever has become of them
   forgetRecordings();
-  return report;
+  if (!report) return report.error();
+  return std::optional(std::move(*report));
 }
 
 Result<Principal> Service::loginPerson(const std::string& user, const std::string& password) {
@@ -403,6 +438,17 @@ Result<bool> Service::isKnownName(const std::string& name, bool station) {
 Result<bool> Service::stillAllowed(const Principal& principal) {
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
   return handlers::accessHolds(*reader, principal);
+}
+
+Status Service::completeErasureList() {
+  ASSIGN_OR_RETURN(auto reader, readers_.borrow());
+  ASSIGN_OR_RETURN(const auto now,
+                   reader->prepare("SELECT count(*), coalesce(max(erased_unix_ns), 0) FROM erasures")
+                       .first([](const Statement& row) { return row.text(0) + " " + row.text(1); }));
+  if (now == erasures_listed_) return {};
+  ASSIGN_OR_RETURN(const bool done, completeErasures(*reader));
+  if (done) erasures_listed_ = now.value_or("");
+  return {};
 }
 
 Result<std::vector<std::string>> Service::erasuresToRepeat() {

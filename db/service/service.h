@@ -20,6 +20,7 @@
 #include "common/base/uuid.h"
 #include "db/audit.h"
 #include "db/db_writer.h"
+#include "db/duties.h"
 #include "db/encrypted_backup.h"
 #include "db/reader_pool.h"
 #include "db/service/code_guard.h"
@@ -109,6 +110,8 @@ struct CloseUnderWay {
   std::shared_ptr<SessionScore> score{};  ///< as far as it is made
   /// What is left is the score of a session of more than kShortScoreSamples.
   bool is_long = false;
+  /// By which it came, as ArrivedChunk::claim; nothing of it is stored once the station has logged in again.
+  std::shared_ptr<const StationClaim> claim{};
 };
 
 /// Thread: every function is thread-safe and blocks (reads: milliseconds; writes: until the commit;
@@ -151,7 +154,7 @@ class Service {
   /// score anew. Returns the outcome after the commit. Chunks
   /// that were hashed once are not read again for another close, whatever became of the first. A session that
   /// could not be scored gets the same answer when it is closed again, and is not read again for it.
-  /// kUnavailable: chunks came again and again meanwhile.
+  /// kUnavailable: chunks came again and again meanwhile; kDeposed: as CloseUnderWay::claim.
   Result<std::optional<CloseOutcome>> closeStep(CloseUnderWay& close);
   /// All steps.
   Result<CloseOutcome> closeSession(const pb::CloseSession& request, const std::string& station);
@@ -163,13 +166,22 @@ class Service {
   /// removed.
   Result<std::string> scoreSession(Connection& reader, const Uuid& session);
 
+  /// Other servers work on the database, too: what one of them does at a time is had from `duties`. Call it
+  /// before the first request.
+  void shareDuties(StoreAddress address) { duties_ = std::make_unique<Duties>(std::move(address)); }
+  /// Puts into DIR/erasures what erasures at other servers left in the database (ErasureStore::completeList).
+  /// Waits for no erasure that is under way here: the next call does it. Cheap where there is nothing new.
+  /// One thread at a time.
+  Status completeErasureList();
+
   /// One run of retention (retention.h): minutes to hours. Fails at once with kUnavailable while another run
-  /// is in progress; the message gives its start and user. A dry run only reads and never waits.
+  /// is in progress, here or at another server; the message gives its start and user, if it is here. A dry
+  /// run only reads and never waits.
   Result<pb::RetentionReport> retention(const Doer& by_whom, bool dry_run);
-  /// The server's daily run, under the name "retention". Also kUnavailable when the last run, or the latest
-  /// time that is known (seen_time.h), was more than 31 days ago: a clock that has jumped must not delete
-  /// anything. A user who starts a run confirms that the clock is right.
-  Result<pb::RetentionReport> dailyRetention();
+  /// The server's daily run, under the name "retention"; nothing: it is another server's. Also kUnavailable
+  /// when the last run, or the latest time that is known (seen_time.h), was more than 31 days ago: a clock
+  /// that has jumped must not delete anything. A user who starts a run confirms that the clock is right.
+  Result<std::optional<pb::RetentionReport>> dailyRetention();
   /// Scores the sessions without a score of the current definitions (rescoring.h): minutes to hours.
   /// kUnavailable: another run is in progress.
   Result<pb::RescoreReport> rescoreAll(const Doer& by_whom, const pb::RescoreAll& call);
@@ -264,8 +276,11 @@ class Service {
                                                 CloseUnderWay& close);
   /// Makes some more of a closed session's score and events, and stores them at its end. Errors: the
   /// database's.
-  Result<Settled> settle(Connection& reader, const Uuid& session, SessionScore& score, StepWork work);
-  Result<Settled> settleOrThrow(Connection& reader, const Uuid& session, SessionScore& score, StepWork work);
+  /// `claim`: as CloseUnderWay::claim; null: nobody's.
+  Result<Settled> settle(Connection& reader, const Uuid& session, SessionScore& score, StepWork work,
+                         const StationClaim* claim = nullptr);
+  Result<Settled> settleOrThrow(Connection& reader, const Uuid& session, SessionScore& score, StepWork work,
+                                const StationClaim* claim);
   /// The same before its recording is thinned or deleted, when score or events are missing. Returns an error
   /// for a temporary fault (memory, an exercise that may be imported again …): the original must stay until
   /// it passes.
@@ -304,6 +319,8 @@ class Service {
   ReferencePaths reference_paths_;
   RunningHashes running_hashes_;
   std::mutex rescore_mutex_;  ///< one run at a time
+  std::unique_ptr<Duties> duties_ = std::make_unique<Duties>();
+  std::string erasures_listed_;  ///< how many, and the newest, when completeErasureList() was done
   std::atomic<bool> stop_retention_ = false;
   RetentionPace retention_pace_;
   BlockDevices disks_;

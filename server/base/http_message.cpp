@@ -40,6 +40,7 @@ HttpAnswer errorAnswer(const Error& error) {
       return errorAnswer(403, "denied", error.message);
     case ErrorCode::kCode:
       return errorAnswer(403, "code", error.message);
+    case ErrorCode::kDeposed:
     case ErrorCode::kUnavailable: {
       HttpAnswer answer = errorAnswer(503, "unavailable", error.message);
       answer.headers.emplace_back("Retry-After", "5");

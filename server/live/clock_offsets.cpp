@@ -6,7 +6,7 @@
 namespace needlelab {
 
 void ClockOffsets::put(DbWriter& writer, const Uuid& session, std::int64_t offset_ns,
-                       std::int64_t round_trip_ns) {
+                       std::int64_t round_trip_ns, std::shared_ptr<const StationClaim> claim) {
   Status posted;
   {
     const std::lock_guard lock(state_->mutex);
@@ -17,11 +17,13 @@ void ClockOffsets::put(DbWriter& writer, const Uuid& session, std::int64_t offse
       DbWriter::Work work = [state = state_, item](Connection& connection) -> Status {
         state->end(item);
         for (const auto& [id, best] : *item) {
-          // one that was erased meanwhile keeps no other from its offset
-          const Status stored =
-              SessionStore(connection).setClockOffset(id, best.offset_ns, best.round_trip_ns);
+          Status stored = StationClaims(connection).require(best.claim.get());
+          if (stored.ok())
+            stored = SessionStore(connection).setClockOffset(id, best.offset_ns, best.round_trip_ns);
           if (stored.ok()) continue;
-          if (stored.error().code != ErrorCode::kNotFound) return stored;
+          // one that was erased meanwhile, or whose station is elsewhere, keeps no other from its offset
+          const ErrorCode code = stored.error().code;
+          if (code != ErrorCode::kNotFound && code != ErrorCode::kDeposed) return stored;
           state->sayNotStored(stored.error());
         }
         return {};
@@ -33,8 +35,10 @@ void ClockOffsets::put(DbWriter& writer, const Uuid& session, std::int64_t offse
       if (posted.ok()) open = item;
     }
     if (posted.ok()) {
-      Offset& best = open->try_emplace(session, Offset{offset_ns, round_trip_ns}).first->second;
-      if (round_trip_ns < best.round_trip_ns) best = {offset_ns, round_trip_ns};
+      Offset& best = open->try_emplace(session, Offset{offset_ns, round_trip_ns, claim}).first->second;
+      // of a log-in before this one nothing is stored
+      if (round_trip_ns < best.round_trip_ns || best.claim != claim)
+        best = {offset_ns, round_trip_ns, std::move(claim)};
     }
   }
   if (!posted.ok()) state_->sayNotStored(posted.error());

@@ -10,6 +10,7 @@
 #include "common/base/result.h"
 #include "common/base/uuid.h"
 #include "db/db_writer.h"
+#include "db/station_claims.h"
 #include "server/base/log.h"
 
 namespace needlelab {
@@ -22,8 +23,10 @@ class ClockOffsets {
  public:
   static constexpr std::size_t kMostSessions = 1024;
 
-  /// What `put` comes before is stored before it. `round_trip_ns`: above 0. Does not wait. Thread: any.
-  void put(DbWriter& writer, const Uuid& session, std::int64_t offset_ns, std::int64_t round_trip_ns);
+  /// What `put` comes before is stored before it. `round_trip_ns`: above 0. `claim`: by which it came, as
+  /// ArrivedChunk::claim; one that is not its station's newest is not stored. Does not wait. Thread: any.
+  void put(DbWriter& writer, const Uuid& session, std::int64_t offset_ns, std::int64_t round_trip_ns,
+           std::shared_ptr<const StationClaim> claim = {});
   /// Says how many log lines were left out in minutes that are over. Call it by the clock, and at the end
   /// (INT64_MAX). Thread: any.
   void sayLeftOut(std::int64_t now_ns) { state_->sayLeftOut(now_ns); }
@@ -31,6 +34,7 @@ class ClockOffsets {
  private:
   struct Offset {
     std::int64_t offset_ns = 0, round_trip_ns = 0;
+    std::shared_ptr<const StationClaim> claim;
   };
   using Item = std::map<Uuid, Offset>;
   /// Shared with the items, which may outlive this object in the writer's queue.

@@ -124,7 +124,11 @@ void PeerConnection::giveTurns(ServerContext& context) {
 
 void PeerConnection::leave() {
   if (state_ == ConnectionState::kClosed) return;
-  if (who_.role == pb::STATION) context_.hub.detachStation(who_.name, *this);
+  if (who_.role == pb::STATION) {
+    context_.hub.detachStation(who_.name, *this);
+    const auto newest = context_.newest_logins.find(who_.name);
+    if (newest != context_.newest_logins.end() && newest->second == id_) context_.newest_logins.erase(newest);
+  }
   context_.hub.detachViewer(*this);
   context_.admission.left(id_);
   context_.counters.live_dropped += channel_->live().dropped();

@@ -15,6 +15,7 @@
 #include "common/wire/channel.h"
 #include "common/wire/envelope_scan.h"
 #include "db/session_store.h"
+#include "db/station_claims.h"
 #include "needlelab/envelope.pb.h"
 #include "server/live/context.h"
 #include "server/live/hub.h"
@@ -136,6 +137,8 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   Task<Result<Tokens::Holder>> checkLogin(std::shared_ptr<const pb::Login> login);
   bool takePlace();
   Task<> welcome(std::int64_t password_ns);
+  bool isLateLogin();
+  Task<bool> claimStation();
 
   // --- connection_session.cpp: the durable plane
   Task<> openSession(pb::OpenSession request);
@@ -150,6 +153,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   static Task<> closeSession(std::shared_ptr<PeerConnection> self, pb::CloseSession request,
                              StationCloses::Place place);
   void takeClockOffset(const pb::ClockOffset& offset);
+  bool endedAsDeposed(const Status& status);
   Watermarks& watermarks(const std::string& session_id);
 
   ServerContext& context_;
@@ -157,9 +161,10 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   const std::shared_ptr<Channel> channel_;
   ConnectionState state_ = ConnectionState::kConnecting;
   Principal who_;
-  std::string program_;  // from its Hello, at most kMostProgramBytes
-  pb::Version version_;  // from its Hello
-  Signal pong_;          // a Pong has arrived, or this connection ends
+  std::shared_ptr<const StationClaim> claim_;  // of a station; null: no other server works on the database
+  std::string program_;                        // from its Hello, at most kMostProgramBytes
+  pb::Version version_;                        // from its Hello
+  Signal pong_;                                // a Pong has arrived, or this connection ends
   // ids of this connection's own Pings; the channel's Pings have no ids
   std::uint64_t pings_asked_ = 0, pings_answered_ = 0;
   Signal freed_;  // pending work has ended: there may be capacity to read on

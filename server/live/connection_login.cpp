@@ -154,12 +154,61 @@ bool PeerConnection::takePlace() {
   return true;
 }
 
+/// A slow log-in may finish late: the station has given this connection up and uses a newer one, which must
+/// not be replaced. Refuses it then.
+bool PeerConnection::isLateLogin() {
+  auto* const there = dynamic_cast<PeerConnection*>(context_.hub.stationPeer(who_.name));
+  std::uint64_t newest = there != nullptr ? there->id() : 0;
+  if (const auto found = context_.newest_logins.find(who_.name); found != context_.newest_logins.end())
+    newest = std::max(newest, found->second);
+  if (newest <= id_) return false;
+  note(PeerLine::kLateLogin, {{"conn", id_}, {"newer", newest}, {"station", who_.name}});
+  refuseAndClose(makeRefusal(pb::Refusal::CONFLICT,
+                             "station " + who_.name + " is logged in by a later connection" +
+                                 (there != nullptr ? ", from " + there->address() : std::string())));
+  return true;
+}
+
+/// Of servers that work together this one has the station from the commit on, and no older connection stores
+/// anything of it. False: it could not be had, and the connection ends.
+Task<bool> PeerConnection::claimStation() {
+  if (context_.claims_as.empty()) co_return true;
+  auto self = shared_from_this();
+  // a station that has hung up may be at another server already, which must not lose it
+  if (isLateLogin() || channel_->peerHungUp()) {
+    if (!over()) cut("the station has gone before its log-in was done");
+    co_return false;
+  }
+  context_.newest_logins[who_.name] = id_;
+  auto claim = std::make_shared<StationClaim>();
+  DbWriter::Work work = [claim, station = who_.name,
+                         server = context_.claims_as](Connection& writer) -> Status {
+    ASSIGN_OR_RETURN(*claim, StationClaims(writer).raise(station, server, wallNowNs()));
+    return {};
+  };
+  const Status claimed = co_await commit(context_.store.writer(), std::move(work));
+  if (over() || channel_->closing()) co_return false;
+  if (claimed.ok()) {
+    claim_ = std::move(claim);
+    co_return true;
+  }
+  logEvent(LogLevel::kError, "station_not_claimed",
+           {{"conn", id_}, {"station", who_.name}, {"text", claimed.error().message}});
+  const bool no_room = claimed.error().code == ErrorCode::kNoRoom;
+  refuseAndClose(makeRefusal(no_room ? pb::Refusal::NO_ROOM : pb::Refusal::INTERNAL,
+                             "the log-in could not be stored, as nothing can be now; see the server's log"));
+  co_return false;
+}
+
 Task<> PeerConnection::welcome(std::int64_t password_ns) {
   auto self = shared_from_this();
   small_messages_ = context_.small_messages.of(turnNameOf(who_), steadyNowNs());
   pb::Envelope envelope;
   pb::Welcome& welcome = *envelope.mutable_welcome();
   if (who_.role == pb::STATION) {
+    // before its sessions are read: from here on no other connection adds to them
+    const bool claimed = co_await claimStation();
+    if (!claimed) co_return;
     // from the database, not from memory, because a station's spool relies on it
     auto open = co_await openSessionsOf(context_, who_.name);
     if (over() || channel_->closing()) co_return;
@@ -190,17 +239,7 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
       co_return;
     }
   }
-  // A slow log-in may finish late: the station has given this connection up and uses a newer one, which must
-  // not be replaced.
-  if (auto* const there = dynamic_cast<PeerConnection*>(
-          who_.role == pb::STATION ? context_.hub.stationPeer(who_.name) : nullptr);
-      there != nullptr && there->id() > id_) {
-    note(PeerLine::kLateLogin, {{"conn", id_}, {"newer", there->id()}, {"station", who_.name}});
-    refuseAndClose(makeRefusal(
-        pb::Refusal::CONFLICT,
-        "station " + who_.name + " is logged in by a later connection, from " + there->address()));
-    co_return;
-  }
+  if (who_.role == pb::STATION && isLateLogin()) co_return;
   if (!takePlace()) co_return;
   if (who_.role != pb::STATION) {
     // also after a log-in by token, so that a running program need not ask for the password again

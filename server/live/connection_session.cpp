@@ -71,9 +71,10 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   };
   auto opened = std::make_shared<Opened>();
   DiskRoom::Share disk_room = context_.disk_room.share(description.ByteSizeLong());
-  DbWriter::Work work = [opened, description, id = *id, &quotas = context_.quotas,
+  DbWriter::Work work = [opened, description, id = *id, claim = claim_, &quotas = context_.quotas,
                          room = context_.disk_room.level(),
                          no_room = context_.disk_room.text()](Connection& writer) -> Status {
+    RETURN_IF_ERROR(StationClaims(writer).require(claim.get()));
     SessionStore store(writer);
     ASSIGN_OR_RETURN(const auto arrival, store.arrivalOf(description));
     opened->is_new = arrival.state == SessionArrival::State::kNew;
@@ -104,7 +105,7 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   };
   const Status status = co_await commit(context_.store.writer(), std::move(work));
   if (status.ok() && opened->is_new) disk_room.stored();
-  if (channel_->closing()) co_return;
+  if (channel_->closing() || endedAsDeposed(status)) co_return;
   if (!status.ok()) {
     pb::Refusal refusal = refusalOf(status.error());
     nameSession(refusal, session_id);
@@ -164,6 +165,7 @@ void PeerConnection::takeChunk(pb::Chunk chunk) {
   struct Waiting {
     pb::Chunk chunk;
     std::string station;
+    std::shared_ptr<const StationClaim> claim;
     Appended appended;
   };
   // without what else stood in it, which nothing counts while it waits
@@ -172,8 +174,10 @@ void PeerConnection::takeChunk(pb::Chunk chunk) {
   waiting->chunk.set_seq(chunk.seq());
   waiting->chunk.set_data(std::move(*chunk.mutable_data()));
   waiting->station = who_.name;
+  waiting->claim = claim_;
   const pb::Chunk& known = waiting->chunk;
   ArrivedChunk arrived{*id, known.seq(), viewOf(known.data()), waiting->station, &waiting->appended};
+  arrived.claim = waiting->claim.get();
   arrived.admit = [kept = waiting.get(), &quotas = context_.quotas](const Appended& appended) {
     return quotas.admitChunk(kept->station,
                              {.bytes = kept->chunk.data().size(), .undecodable = appended.quarantined},
@@ -198,6 +202,7 @@ void PeerConnection::chunkDone(const pb::Chunk& chunk, const Status& status, con
   // the station may have logged in again, and its newer connection may wait for this chunk's place
   if (HubPeer* const newer = context_.hub.stationPeer(who_.name); newer != nullptr && newer != this)
     dynamic_cast<PeerConnection&>(*newer).freed_.notify();
+  if (endedAsDeposed(status)) return;
   if (!status.ok() && status.error().code == ErrorCode::kNoRoom) {
     // its station's share is used up; as without room on the disk
     ++context_.counters.refused_for_room;
@@ -336,6 +341,7 @@ Task<> PeerConnection::closeSession(std::shared_ptr<PeerConnection> self, pb::Cl
   const Status committed = co_await commit(peer.context_.store.writer(), std::move(nothing));
   Service& service = peer.context_.store.service();
   const auto close = std::make_shared<CloseUnderWay>(CloseUnderWay{std::move(request), peer.who_.name});
+  close->claim = peer.claim_;
   CloseWork work;
   work.step = [&service, close] { return service.closeStep(*close); };
   work.gone = [gone = peer.gone_] { return gone->load(); };
@@ -352,6 +358,7 @@ Task<> PeerConnection::closeSession(std::shared_ptr<PeerConnection> self, pb::Cl
 
   if (!outcome.ok()) {
     if (peer.gone()) co_return;  // its station asks again on the next connection
+    if (peer.endedAsDeposed(outcome.error())) co_return;
     pb::Refusal refusal = refusalOf(outcome.error());
     nameSession(refusal, session_id);
     peer.refuse(std::move(refusal));
@@ -409,7 +416,19 @@ void PeerConnection::takeClockOffset(const pb::ClockOffset& offset) {
         offset.session_id()));
     return;
   }
-  context_.clock_offsets.put(context_.store.writer(), *id, offset.offset_ns(), offset.round_trip_ns());
+  context_.clock_offsets.put(context_.store.writer(), *id, offset.offset_ns(), offset.round_trip_ns(),
+                             claim_);
+}
+
+/// Where the station has logged in again since, nothing that came here is stored: ends the connection, so
+/// that it sends what is not acknowledged to the server that has it now.
+bool PeerConnection::endedAsDeposed(const Status& status) {
+  if (status.ok() || status.error().code != ErrorCode::kDeposed) return false;
+  if (over()) return true;
+  ++context_.counters.stations_deposed;
+  note(PeerLine::kStationDeposed, {{"conn", id_}, {"station", who_.name}, {"text", status.error().message}});
+  refuseAndClose(makeRefusal(pb::Refusal::DEPOSED, status.error().message));
+  return true;
 }
 
 Task<> PeerConnection::tellSafe(std::shared_ptr<PeerConnection> self) {

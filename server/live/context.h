@@ -96,6 +96,7 @@ struct ServerCounters {
   std::uint64_t chunks_quarantined = 0;    ///< of the stored ones
   std::uint64_t chunks_contradicting = 0;  ///< of the refused ones
   std::uint64_t sessions_closed = 0;
+  std::uint64_t stations_deposed = 0;  ///< connections that ended because the station logged in elsewhere
   std::uint64_t messages_refused = 0;
   std::uint64_t messages_refused_unparsed = 0;       ///< of those: by their first bytes
   std::uint64_t messages_parsed = 0;                 ///< all but live frames, which are forwarded as bytes
@@ -192,7 +193,12 @@ struct ServerContext {
   PeopleShares shares{};
   HandshakeTurns handshakes{};
   asio::steady_timer handshakes_due{io};  ///< the next place of a handshake becomes free by itself
-  const bool acks_are_safe = false;       ///< they survive the loss of a disk (--durability two-disks)
+  /// This server's name among those that work together (Store::togetherAs); empty: it is alone, and stations
+  /// have no claims (db/station_claims.h).
+  const std::string claims_as = {};
+  /// The newest connection of each station that is here, or logs in: an older one claims nothing.
+  std::unordered_map<std::string, std::uint64_t> newest_logins{};
+  const bool acks_are_safe = false;  ///< they survive the loss of a disk (--durability two-disks)
   bool stopping = false;
   std::unordered_map<std::uint64_t, PeerConnection*> connections;  ///< by id; each removes itself at its end
 };

@@ -191,6 +191,8 @@ void durablePlane(PrometheusText& out, const ServerContext& context, const Store
             "Bytes of these chunks.");
   out.counter("needlelab_acks_total", real(counters.acks),
               "Acknowledgements sent; one may cover many chunks.");
+  out.counter("needlelab_stations_deposed_total", real(counters.stations_deposed),
+              "Connections that ended because their station had logged in again, perhaps at another server.");
   out.counter("needlelab_sessions_closed_total", real(counters.sessions_closed), "Sessions closed.");
   out.gauge("needlelab_sessions_open", real(facts.sessions_open),
             "Sessions in the database that are not closed.");

@@ -30,6 +30,7 @@ constexpr std::array kRows = {
     Row{PeerLine::kLogin, kInfo, "login_ok"},
     Row{PeerLine::kLateLogin, kWarning, "late_login"},
     Row{PeerLine::kStationReplaced, kWarning, "station_replaced"},
+    Row{PeerLine::kStationDeposed, kWarning, "station_deposed"},
     Row{PeerLine::kSessionOpened, kInfo, "session_opened"},
     Row{PeerLine::kSessionConfirmed, kDebug, "session_confirmed"},
     Row{PeerLine::kSessionClosed, kInfo, "session_closed"},

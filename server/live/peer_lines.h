@@ -24,6 +24,7 @@ enum class PeerLine {
   kLogin,
   kLateLogin,
   kStationReplaced,
+  kStationDeposed,
   kSessionOpened,
   kSessionConfirmed,
   kSessionClosed,

@@ -258,6 +258,8 @@ int main(int argc, char** argv) {
       settings.sessions = std::max<std::size_t>(1, number);
     else if (name == "--profile-bytes")
       settings.profile_bytes = number;
+    else if (name == "--together")
+      settings.together = number != 0;
     else
       return std::fprintf(stderr, "ingest_bench: unknown option %s\n", name.c_str()), 2;
   }

@@ -28,6 +28,7 @@ struct IngestSettings {
   std::string commit;
   std::size_t rounds = 12, groups = 20;
   std::size_t sessions = 1000, profile_bytes = 4000;
+  bool together = false;  ///< with a claim of the station, as servers that work together (PostgreSQL)
 };
 
 [[noreturn]] inline void dieOfIngest(const std::string& text) {

@@ -662,7 +662,7 @@ TEST_F(PostgresEngine, theOutcomeOfACommitIsKnownWhileALostConnectionHoldsTheLoc
   std::unique_ptr<EngineConnection> holder;
   const auto opened = openPostgres(
       {.url = urlOf(otherName()),
-       .alone = true,
+       .others = PostgresOptions::Others::kNone,
        .answer_timeout = std::chrono::seconds(2),
        .before_statement = [&](std::string_view sql) {
          if (sql != "COMMIT") return;
@@ -681,6 +681,116 @@ TEST_F(PostgresEngine, theOutcomeOfACommitIsKnownWhileALostConnectionHoldsTheLoc
   const Status next = alone.begin(EngineConnection::Begin::kWrite);
   ASSERT_FALSE(next.ok()) << "somebody else has the store";
   EXPECT_THAT(next.error().message, HasSubstr("works on this database"));
+}
+
+PostgresOptions beside(std::string url, PostgresOptions::Others others, std::string name = {}) {
+  PostgresOptions options{.url = std::move(url)};
+  options.others = others;
+  options.only_one_named = std::move(name);
+  return options;
+}
+
+TEST_F(PostgresEngine, whoWorksAloneAndWhoWorksTogetherKeepEachOtherOut) {
+  using Others = PostgresOptions::Others;
+  const std::string url = urlOf(otherName());
+  auto first = openPostgres(beside(url, Others::kTogether, "a"));
+  ASSERT_TRUE(first.ok()) << first.error().message;
+  EXPECT_TRUE((*first)->isAlone()) << "until it lets others in";
+  const auto early = openPostgres(beside(url, Others::kTogether, "b"));
+  ASSERT_FALSE(early.ok());
+  EXPECT_EQ(early.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(early.error().message, HasSubstr("start that server with --together"));
+  must((*first)->letOthersIn());
+  EXPECT_FALSE((*first)->isAlone());
+
+  auto second = openPostgres(beside(url, Others::kTogether, "b"));
+  ASSERT_TRUE(second.ok()) << second.error().message;
+  EXPECT_FALSE((*second)->isAlone());
+  const auto same = openPostgres(beside(url, Others::kTogether, "b"));
+  ASSERT_FALSE(same.ok());
+  EXPECT_THAT(same.error().message, HasSubstr("a server 'b' works on this database already"));
+  const auto alone = openPostgres(beside(url, Others::kNone));
+  ASSERT_FALSE(alone.ok());
+  EXPECT_EQ(alone.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(alone.error().message, HasSubstr("end it (each, where servers work together)"));
+
+  // as long as any of them is there
+  first->reset();
+  EXPECT_FALSE(openPostgres(beside(url, Others::kNone)).ok());
+  second->reset();
+  auto after = openPostgres(beside(url, Others::kNone));
+  ASSERT_TRUE(after.ok()) << after.error().message;
+  EXPECT_TRUE((*after)->isAlone());
+}
+
+TEST_F(PostgresEngine, afterAReconnectionAServerIsAloneOrTogetherAsBefore) {
+  using Others = PostgresOptions::Others;
+  const std::string url = urlOf(otherName());
+  const auto cut = [&](EngineConnection& connection) {
+    const std::string pid = std::to_string(number(connection, "SELECT pg_backend_pid()"));
+    must(run(*control_, "SELECT pg_terminate_backend(" + pid + ", 10000)"));
+    EXPECT_FALSE(run(connection, "SELECT 1").ok());
+  };
+  auto first = openPostgres(beside(url, Others::kTogether, "a"));
+  ASSERT_TRUE(first.ok()) << first.error().message;
+  // while it does what wants the database for itself, it gets it back for itself only
+  cut(**first);
+  {
+    const auto intruder = openPostgres(beside(url, Others::kTogether, "b"));
+    ASSERT_TRUE(intruder.ok()) << intruder.error().message;
+    must((*intruder)->letOthersIn());
+    const Status refused = run(**first, "SELECT 1");
+    ASSERT_FALSE(refused.ok());
+    EXPECT_EQ(refused.error().code, ErrorCode::kUnavailable);
+  }
+  must(run(**first, "SELECT 1"));
+  EXPECT_TRUE((*first)->isAlone());
+  must((*first)->letOthersIn());
+  auto second = openPostgres(beside(url, Others::kTogether, "b"));
+  ASSERT_TRUE(second.ok()) << second.error().message;
+  cut(**first);
+  must(run(**first, "SELECT 1"));
+  EXPECT_FALSE((*first)->isAlone());
+  EXPECT_FALSE(openPostgres(beside(url, Others::kNone)).ok());
+}
+
+// a server that is stopped (SIGSTOP) within a transaction must not keep the others waiting
+TEST_F(PostgresEngine, aTransactionOfAProgramThatIsStoppedEndsAndStoresNothing) {
+  must(db->script("CREATE TABLE schema_version (version BIGINT NOT NULL)"));
+  const auto open = [&](std::chrono::milliseconds most_idle) {
+    PostgresOptions options = beside(urlOf(otherName()), PostgresOptions::Others::kAll);
+    options.most_idle = most_idle;
+    auto opened = openPostgres(options);
+    if (!opened) throw std::runtime_error(opened.error().message);
+    return std::move(*opened);
+  };
+  const auto stopped = open(std::chrono::milliseconds(300)), other = open(std::chrono::seconds(30));
+  must(stopped->begin(EngineConnection::Begin::kWrite));
+  must(run(*stopped, "INSERT INTO kinds (id) VALUES (1)"));
+  // waits for the lock of the store until PostgreSQL has ended the other transaction
+  must(other->begin(EngineConnection::Begin::kWrite));
+  must(run(*other, "INSERT INTO kinds (id) VALUES (2)"));
+  must(other->commit());
+  const Status late = stopped->commit();
+  ASSERT_FALSE(late.ok());
+  EXPECT_EQ(late.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(late.error().message, HasSubstr("nothing was stored"));
+  EXPECT_EQ(number(*db, "SELECT count(*) FROM kinds WHERE id = 1"), 0);
+  EXPECT_EQ(number(*db, "SELECT count(*) FROM kinds WHERE id = 2"), 1);
+  // and goes on
+  must(stopped->begin(EngineConnection::Begin::kWrite));
+  must(run(*stopped, "INSERT INTO kinds (id) VALUES (3)"));
+  must(stopped->commit());
+  // the same between two statements: the transaction went with the connection
+  must(stopped->begin(EngineConnection::Begin::kWrite));
+  must(run(*stopped, "INSERT INTO kinds (id) VALUES (4)"));
+  must(other->begin(EngineConnection::Begin::kWrite));
+  other->rollback();
+  EXPECT_FALSE(run(*stopped, "INSERT INTO kinds (id) VALUES (5)").ok());
+  EXPECT_TRUE(stopped->isLost());
+  EXPECT_FALSE(stopped->commit().ok());
+  stopped->rollback();
+  EXPECT_EQ(number(*db, "SELECT count(*) FROM kinds"), 2);
 }
 
 TEST_F(PostgresEngine, postgresqlIsToldToLookWhetherTheConnectionIsThere) {

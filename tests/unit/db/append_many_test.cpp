@@ -27,6 +27,7 @@ struct Arrival {
   Bytes bytes;
   std::string station = "station-1";
   bool admitted = true;
+  std::optional<StationClaim> claim{};  ///< by which it came
 
   Appended appended;
   Status status = Error{ErrorCode::kFailed, "not done"};
@@ -39,7 +40,9 @@ struct Arrival {
       if (admitted) return {};
       return Error{ErrorCode::kNoRoom, "its share is used up"};
     };
-    return {session, seq, bytes, station, &appended, admit};
+    ArrivedChunk chunk{session, seq, bytes, station, &appended, admit};
+    if (claim) chunk.claim = &*claim;
+    return chunk;
   }
   /// What its station is told, and what was counted.
   [[nodiscard]] std::string outcome() const {
@@ -181,6 +184,13 @@ class TwoDatabases {
           arrival.seq = ~std::uint64_t{0} - drawn(2);
           stored = false;
           break;
+        case 10:  // by a log-in before the newest one
+          arrival.claim = StationClaim{arrival.station, "first", 1};
+          stored = false;
+          break;
+        case 11:
+          arrival.claim = StationClaim{arrival.station, "b", 2};
+          break;
         default:
           break;
       }
@@ -202,6 +212,9 @@ class TwoDatabases {
     for (const char* const name : {"anna", "ben"})
       ASSERT_OK(PeopleStore(db.writer).add({name, pb::TRAINEE, "", false, 1}));
     for (const Known& known : sessions_) open(db.writer, known.id, known.station, known.trainee);
+    for (const char* const server : {"first", "b"})
+      for (const char* const station : {"station-1", "station-2"})
+        ASSERT_OK(StationClaims(db.writer).raise(station, server, 1));
     SessionStore store(db.writer);
     for (std::uint64_t seq = 0; seq < 2; ++seq)
       ASSERT_OK(store.append(sessions_[closed_].id, seq, chunkOf(seq, 5)));

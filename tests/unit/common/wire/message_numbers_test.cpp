@@ -192,6 +192,7 @@ constexpr NumberedName kRefusalReasons[] = {
     {17, "REVISION_CONFLICT"},
     {18, "CODE"},
     {19, "NO_ROOM"},
+    {20, "DEPOSED"},
 };
 
 using Names = std::map<int, std::string>;

@@ -75,6 +75,44 @@ TEST_F(Closing, aCompleteSessionIsClosedAndScored) {
   EXPECT_EQ(again->score_json, outcome->score_json);
 }
 
+// of servers that work together: the station has logged in at another one since
+TEST_F(Closing, aCloseByAnOlderLogInStoresNothing) {
+  const Uuid id = addSession("anna", 2, 100, kneeProfile());
+  StationClaim old, now;
+  ASSERT_OK(change([&](Connection& c) -> Status {
+    ASSIGN_OR_RETURN(old, StationClaims(c).raise("station-1", "first", 1));
+    ASSIGN_OR_RETURN(now, StationClaims(c).raise("station-1", "b", 2));
+    return {};
+  }));
+  const auto by = [&](const StationClaim& claim) {
+    CloseUnderWay close{test::closeOf(id, 2, 100), "station-1"};
+    close.claim = std::make_shared<const StationClaim>(claim);
+    return close;
+  };
+  CloseUnderWay late = by(old);
+  EXPECT_EQ(store->service().closeStep(late).error().code, ErrorCode::kDeposed);
+  EXPECT_EQ(info(id).state(), pb::SESSION_OPEN);
+
+  // closed there; its score was still to be made here
+  ASSERT_OK(change([&](Connection& c) -> Status {
+    const auto closed = SessionStore(c).close(test::closeOf(id, 2, 100), 3, "station-1");
+    return closed ? Status() : Status(closed.error());
+  }));
+  CloseUnderWay unscored = by(old);
+  unscored.unscored.emplace();
+  unscored.unscored->closed.kind = Closed::Kind::kClosed;
+  EXPECT_EQ(store->service().closeStep(unscored).error().code, ErrorCode::kDeposed);
+  EXPECT_EQ(info(id).score_json(), "");
+
+  CloseUnderWay newest = by(now);
+  const auto done = store->service().closeStep(newest);
+  ASSERT_OK(done);
+  ASSERT_TRUE(done->has_value());
+  EXPECT_EQ((*done)->closed.kind, Closed::Kind::kRepeated);
+  EXPECT_EQ(info(id).score_json(), (*done)->score_json);
+  EXPECT_NE((*done)->score_json, "");
+}
+
 TEST_F(Closing, aScoreThatCannotBeMadeDoesNotKeepASessionOpen) {
   const Uuid id = addSession("anna", 1, 20, "{\"nonsense\":1}");
   const auto outcome = store->service().closeSession(test::closeOf(id, 1), "station-1");

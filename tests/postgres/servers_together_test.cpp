@@ -1,0 +1,191 @@
+// Two servers on one database, over TLS: a station that logs in at one of them is the other one's no more.
+#include <gmock/gmock.h>
+#include <unistd.h>
+
+#include <array>
+#include <iterator>
+#include <optional>
+#include <sstream>
+#include <stdexcept>
+
+#include "client/admin/app.h"
+#include "db/station_claims.h"
+#include "tests/unit/server/live/running_server.h"
+
+namespace needlelab::test {
+namespace {
+
+using testing::HasSubstr;
+
+void together(ServerOptions& options) {
+  options.together = true;
+}
+
+/// Server `a`, which made the database, and `b`, whose folder was made from a's while that ran.
+class TwoServers : public testing::Test {
+ protected:
+  TwoServers() {
+    // what a server's start wants its certificate for: the same machine is both servers'
+    std::array<char, 256> machine{};
+    (void)gethostname(machine.data(), machine.size() - 1);
+    const std::string folder = dataOfB().string(), from = (a.folder() / "data").string();
+    const char* const typed[] = {"needlelab-admin", "--data",      folder.c_str(), "server",
+                                 "join",            "--from",      from.c_str(),   "--name",
+                                 "b",               "--host-name", "127.0.0.1",    "--host-name",
+                                 machine.data()};
+    std::ostringstream out, err;
+    if (runAdmin(static_cast<int>(std::size(typed)), typed, out, err) != 0)
+      throw std::runtime_error(err.str());
+    b.emplace([this](ServerOptions& options) {
+      together(options);
+      options.data = dataOfB();
+      // the folder says where the database is
+      options.store_url = readStoreFile(options.data)->value().url;
+    });
+    key = a.addStation("bench-1");
+  }
+  [[nodiscard]] std::filesystem::path dataOfB() const { return folder_b.path() / "data"; }
+
+  BlockingClient logIn(RunningServer& server) {
+    auto client = server.connect(stationLogin("bench-1", key));
+    if (!client) throw std::runtime_error(client.error().message);
+    return std::move(*client);
+  }
+  static void open(BlockingClient& client, const FakeSession& session) {
+    ASSERT_TRUE(client.send(session.open()).ok());
+    (void)waitFor(client, [](const pb::Envelope& e) { return e.has_session_opened(); });
+  }
+  /// Everything until the server closes.
+  static std::vector<pb::Envelope> untilClosed(BlockingClient& client) {
+    std::vector<pb::Envelope> all;
+    for (;;) {
+      auto got = client.receive(kPatience);
+      if (!got.ok()) return all;
+      all.push_back(std::move(*got));
+    }
+  }
+  std::int64_t rows(const std::string& sql) {
+    auto reader = a.server().store().readers().borrow();
+    if (!reader) throw std::runtime_error(reader.error().message);
+    auto row = (*reader)->prepare(sql);
+    const auto there = row.step();
+    return there && *there ? row.integer(0) : -1;
+  }
+  /// What comes by this connection is refused for good, and nothing of it is acknowledged.
+  static void expectDeposed(BlockingClient& client) {
+    std::size_t deposed = 0;
+    for (const pb::Envelope& envelope : untilClosed(client)) {
+      EXPECT_FALSE(envelope.has_ack() || envelope.has_session_opened() || envelope.has_session_closed());
+      if (!envelope.has_refusal()) continue;
+      ++deposed;
+      EXPECT_EQ(envelope.refusal().reason(), pb::Refusal::DEPOSED) << envelope.refusal().text();
+      EXPECT_TRUE(envelope.refusal().fatal());
+      EXPECT_THAT(envelope.refusal().text(), HasSubstr("at the server 'b'"));
+    }
+    EXPECT_EQ(deposed, 1u);
+  }
+
+  TempFolder folder_b;
+  RunningServer a{together};
+  std::optional<RunningServer> b;
+  std::string key;
+};
+
+TEST_F(TwoServers, aStationThatLogsInElsewhereGoesOnThere) {
+  FakeSession session("bench-1");
+  BlockingClient old = logIn(a);
+  open(old, session);
+  ASSERT_TRUE(old.send(session.chunk(0)).ok());
+  session.waitForAck(old, 1);
+
+  BlockingClient now = logIn(*b);
+  ASSERT_EQ(now.welcome().open_sessions_size(), 1);
+  EXPECT_EQ(now.welcome().open_sessions(0).next_seq(), 1u);
+  ASSERT_TRUE(now.send(session.chunk(1)).ok());
+  session.waitForAck(now, 2);
+
+  // what was on its way to the first one: known there already, and the next one
+  ASSERT_TRUE(old.send(session.chunk(1)).ok());
+  ASSERT_TRUE(old.send(session.chunk(2)).ok());
+  expectDeposed(old);
+  EXPECT_EQ(rows("SELECT count(*) FROM chunks"), 2);
+
+  ASSERT_TRUE(now.send(session.chunk(2)).ok());
+  session.waitForAck(now, 3);
+  ASSERT_TRUE(now.send(session.close(3)).ok());
+  const auto closed = waitFor(now, [](const pb::Envelope& e) { return e.has_session_closed(); });
+  EXPECT_EQ(closed.session_closed().state(), pb::SESSION_COMPLETE);
+  EXPECT_EQ(rows("SELECT count(*) FROM chunks"), 3);
+  EXPECT_EQ(rows("SELECT epoch FROM station_claims WHERE station = 'bench-1' AND server = 'b'"), 2);
+
+  // and comes back
+  BlockingClient back = logIn(a);
+  FakeSession next("bench-1");
+  open(back, next);
+}
+
+TEST_F(TwoServers, aCloseAndABeginningByTheOlderLogInAreRefused) {
+  FakeSession session("bench-1"), other("bench-1");
+  for (const bool is_close : {true, false}) {
+    BlockingClient old = logIn(a);
+    open(old, session);
+    ASSERT_TRUE(old.send(session.chunk(0)).ok());
+    session.waitForAck(old, 1);
+    BlockingClient now = logIn(*b);
+    ASSERT_TRUE(old.send(is_close ? session.close(1) : other.open()).ok());
+    expectDeposed(old);
+    EXPECT_EQ(rows("SELECT count(*) FROM sessions"), 1);
+    EXPECT_EQ(rows("SELECT count(*) FROM sessions WHERE state = 1"), 1) << "open";
+  }
+}
+
+TEST_F(TwoServers, aClockOffsetByTheOlderLogInIsNotStored) {
+  FakeSession session("bench-1");
+  BlockingClient old = logIn(a);
+  open(old, session);
+  BlockingClient now = logIn(*b);
+  const auto offsetOf = [&](BlockingClient& client, std::int64_t offset_ns) {
+    pb::Envelope envelope;
+    envelope.mutable_clock_offset()->set_session_id(session.id());
+    envelope.mutable_clock_offset()->set_offset_ns(offset_ns);
+    envelope.mutable_clock_offset()->set_round_trip_ns(10);
+    ASSERT_TRUE(client.send(envelope).ok());
+  };
+  offsetOf(old, 7);
+  // behind it in the same queue
+  ASSERT_TRUE(old.send(session.chunk(0)).ok());
+  expectDeposed(old);
+  EXPECT_EQ(rows("SELECT count(*) FROM sessions WHERE clock_offset_ns IS NOT NULL"), 0);
+  offsetOf(now, 8);
+  ASSERT_TRUE(now.send(session.chunk(0)).ok());
+  session.waitForAck(now, 1);
+  EXPECT_EQ(rows("SELECT clock_offset_ns FROM sessions"), 8);
+}
+
+TEST_F(TwoServers, atTheSameServerTheOlderConnectionIsClosedAsByOneThatIsAlone) {
+  BlockingClient older = logIn(a), newer = logIn(a);
+  const auto refusal = waitForRefusal(older);
+  EXPECT_EQ(refusal.reason(), pb::Refusal::CONFLICT);
+  EXPECT_TRUE(refusal.fatal());
+  FakeSession session("bench-1");
+  open(newer, session);
+  ASSERT_TRUE(newer.send(session.chunk(0)).ok());
+  session.waitForAck(newer, 1);
+  EXPECT_EQ(rows("SELECT epoch FROM station_claims WHERE server = 'first'"), 2);
+}
+
+TEST_F(TwoServers, aServerThatIsAloneClaimsNothing) {
+  (void)a.stop();
+  (void)b->stop();
+  RunningServer alone;
+  auto client = alone.connect(stationLogin("bench-1", alone.addStation("bench-1")));
+  ASSERT_TRUE(client.ok()) << client.error().message;
+  auto reader = alone.server().store().readers().borrow();
+  ASSERT_TRUE(reader.ok());
+  auto row = (*reader)->prepare("SELECT count(*) FROM station_claims");
+  ASSERT_TRUE(*row.step());
+  EXPECT_EQ(row.integer(0), 0);
+}
+
+}  // namespace
+}  // namespace needlelab::test

@@ -1,0 +1,215 @@
+#!/usr/bin/env python3
+"""Two servers on one database: stations go from one that stands still (SIGSTOP) to the other, and come back.
+
+usage: takeover_test.py BIN
+
+The first server has received what it has not stored when it stands still. When it goes on (SIGCONT), the stations are the other server's: it
+stores and acknowledges nothing of it, nothing is lost, and nothing is stored twice. Judged by what the database has, beside the ledgers of what was
+recorded and acknowledged. With the planted bug takeover-unfenced it acknowledges what the other server has stored, which is seen. Without
+PostgreSQL 15 it says so and exits with 77.
+"""
+import argparse
+import os
+import pathlib
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import urllib.request
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "faults"))
+import clusters  # noqa: E402
+from clusters import PG, Failed, run, until  # noqa: E402
+from fault_lab import FaultLab, Template  # noqa: E402
+
+clusters.MOST_CONNECTIONS = 60  # of two servers
+
+
+class Proxy:
+    """Leads each connection to the server of the moment. move() lets go of the stations, and keeps what leads to the server of before open: whatever
+    it has received stays there."""
+
+    def __init__(self):
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.port, self.target, self.stations, self.kept = self.listener.getsockname()[1], None, [], []
+        self.lock = threading.Lock()
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self):
+        while True:
+            try:
+                station, _ = self.listener.accept()
+                server = socket.create_connection(("127.0.0.1", self.target))
+            except OSError:
+                return
+            with self.lock:
+                self.stations.append(station)
+                self.kept.append(server)
+            for source, sink, is_up in ((station, server, True), (server, station, False)):
+                threading.Thread(target=self._pump, args=(source, sink, is_up), daemon=True).start()
+
+    @staticmethod
+    def _pump(source, sink, is_up):
+        try:
+            while data := source.recv(65536):
+                sink.sendall(data)
+            if not is_up:
+                sink.shutdown(socket.SHUT_WR)
+        except OSError:
+            pass
+
+    def move(self, target):
+        with self.lock:
+            self.target = target
+            for station in self.stations:
+                try:
+                    station.shutdown(socket.SHUT_RDWR)
+                except OSError:
+                    pass
+            self.stations.clear()
+
+    def close(self):
+        self.listener.close()
+        for one in self.stations + self.kept:
+            one.close()
+
+
+class TwoServers(FaultLab):
+    """Servers `a` and `b` on one database, and stations that reach them by a proxy."""
+
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        self.servers, self.proxy = {}, Proxy()
+
+    def __exit__(self, *error):
+        for server in self.servers.values():
+            if server.poll() is None:
+                server.send_signal(signal.SIGCONT)
+                server.kill()
+                server.wait()
+        self.proxy.close()
+        return super().__exit__(*error)
+
+    def data(self, name):
+        return self.folder / ("data" if name == "a" else f"data-{name}")
+
+    def start(self, name):
+        files = [self.folder / f"{what}-{name}" for what in ("port", "metrics")]
+        for file in files:
+            file.unlink(missing_ok=True)
+        server = self.servers[name] = subprocess.Popen(  # pylint: disable=consider-using-with
+            [self.template_of.bin / "needlelab-durability-server", "--data", self.data(name), "--together", "--listen", "127.0.0.1:0", "--port-file",
+             files[0], "--metrics", "0", "--metrics-port-file", files[1], "--web", "off"],
+            env=self._environment, stdin=subprocess.DEVNULL, stdout=self._log, stderr=self._log)
+        until(lambda: all(file.exists() for file in files) or server.poll() is not None, f"the server {name} starts")
+        if server.poll() is not None:
+            raise Failed(f"the server {name} ended with {server.returncode}")
+
+    def join(self, name):
+        run(self.template_of.bin / "needlelab-admin", "--data", self.data(name), "server", "join", "--from", self.data("a"), "--name", name,
+            "--host-name", "127.0.0.1", "--host-name", socket.gethostname())
+
+    def move_to(self, name):
+        self.proxy.move(int((self.folder / f"port-{name}").read_text()))
+        self.port = self.proxy.port
+
+    def metric_of(self, name, metric):
+        port = (self.folder / f"metrics-{name}").read_text().strip()
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=60) as answer:
+            return int(float(re.search(rf"^{re.escape(metric)} (\S+)$", answer.read().decode(), re.MULTILINE)[1]))
+
+    def chunks_of(self, name, result):
+        return self.metric_of(name, f'needlelab_chunks_total{{result="{result}"}}')
+
+    def stop(self, name):
+        self.servers[name].terminate()
+        if self.servers[name].wait(60) != 0:
+            raise Failed(f"the server {name} ended with {self.servers[name].returncode} at SIGTERM")
+
+
+def play(lab):
+    """Returns how many chunks the server that stood still acknowledged although the other one had stored them."""
+    cluster = lab.cluster("p")
+    store = lab.data("a") / "store"
+    store.write_text(re.sub(r"^url = .*$", f"url = {lab.url(cluster)}", store.read_text(), flags=re.MULTILINE))
+    lab.start("a")
+    lab.join("b")
+    lab.start("b")
+    lab.move_to("a")
+    lab.start_stations(7)
+    lab.wait_for_more("ack", 30)
+
+    a, stations = lab.servers["a"], len(lab.stations)
+    a.send_signal(signal.SIGSTOP)
+    # goes to the sockets of a server that reads nothing; what was committed a moment ago may still be acknowledged
+    time.sleep(1.5)
+    lab.move_to("b")
+    until(lambda: cluster.sql("SELECT count(*) FROM needlelab.station_claims WHERE server = 'b'") == str(stations), "all stations are at b")
+    lab.wait_for_more("ack", 30)
+    before = int(cluster.sql("SELECT count(*) FROM needlelab.chunks"))
+    a.send_signal(signal.SIGCONT)
+    fenced = lab.plant is None
+    until(lambda: lab.metric_of("a", "needlelab_stations_deposed_total") == stations if fenced else lab.chunks_of("a", "repeated") > 0,
+          "the server that stood still sees what it had received")
+    lab.wait_for_more("ack", 30)
+    assert int(cluster.sql("SELECT count(*) FROM needlelab.chunks")) > before
+    repeated = lab.chunks_of("a", "repeated")
+    if not fenced:
+        return repeated
+    # each row is of one server's, and both say how many they stored
+    lab.end_stations()
+    stored = [lab.chunks_of(name, "stored") for name in "ab"]
+    rows = int(cluster.sql("SELECT count(*) FROM needlelab.chunks"))
+    assert sum(stored) == rows and min(stored) > 0, (stored, rows)
+
+    # and back: the server that stood still takes them again
+    lab.move_to("a")
+    lab.start_stations(8)
+    lab.wait_for_more("ack", 30)
+    assert cluster.sql("SELECT count(*) FROM needlelab.station_claims WHERE server = 'first'") == str(stations)
+    # a server that is killed takes no other with it, and its daily duties are free
+    lab.servers["a"].kill()
+    lab.servers["a"].wait()
+    lab.move_to("b")
+    lab.wait_for_more("ack", 30)
+    lab.end_stations()
+    judgement = lab.judge(cluster, True)
+    assert not judgement.faults, judgement.faults[:5]
+    print(f"{judgement.acknowledged} chunks acknowledged, {judgement.samples} samples, 0 lost, 0 doubled; {repeated} acknowledged by the server that stood still")
+    lab.stop("b")
+    return repeated
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("bin", type=pathlib.Path)
+    given = parser.parse_args()
+    if not os.access(PG / "initdb", os.X_OK):
+        print("PostgreSQL 15 is not installed; deploy/setup installs it")
+        return 77
+    scratch = pathlib.Path(tempfile.mkdtemp(prefix="nl-tko-", dir="/tmp"))  # a socket's path has at most 107 bytes
+    scratch.chmod(0o755)
+    lab = None
+    try:
+        template = Template(given.bin, scratch)
+        with TwoServers(template, scratch / "sound") as lab:
+            assert play(lab) == 0
+        with TwoServers(template, scratch / "bug", "takeover-unfenced") as lab:
+            assert play(lab) > 0, "the planted bug is not seen"
+        print("takeover-unfenced: seen")
+        return 0
+    except BaseException:
+        if lab is not None:
+            print(lab.said(), file=sys.stderr)
+        raise
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
