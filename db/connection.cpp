@@ -241,9 +241,10 @@ bool Statement::isNull(int column) const {
 
 Result<Transaction> Transaction::begin(Connection& connection, Kind kind) {
   using Begin = EngineConnection::Begin;
-  RETURN_IF_ERROR(connection.engine_->begin(kind == Kind::kRead    ? Begin::kView
-                                            : kind == Kind::kWrite ? Begin::kWrite
-                                                                   : Begin::kWriteSoon));
+  RETURN_IF_ERROR(connection.engine_->begin(kind == Kind::kRead     ? Begin::kView
+                                            : kind == Kind::kWrite  ? Begin::kWrite
+                                            : kind == Kind::kBeside ? Begin::kBeside
+                                                                    : Begin::kWriteSoon));
   return Transaction(connection);
 }
 

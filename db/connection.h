@@ -4,6 +4,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -226,6 +227,12 @@ class Connection {
   /// What this thread does while it waits for the engine's server (EngineConnection::setWhileWaiting).
   void setWhileWaiting(std::function<bool()> piece) { engine_->setWhileWaiting(std::move(piece)); }
 
+  /// What others NOTIFY (EngineConnection::listen, waitForNotices); PostgreSQL only.
+  Status listen(const std::string& channel) { return engine_->listen(channel); }
+  Result<std::vector<std::string>> waitForNotices(std::chrono::milliseconds patience) {
+    return engine_->waitForNotices(patience);
+  }
+
   /// How often it has waited for the engine's server; 0 with SQLite.
   [[nodiscard]] std::uint64_t roundTrips() const { return engine_->roundTrips(); }
   /// What came from the engine's server (EngineConnection::results).
@@ -274,6 +281,8 @@ class Transaction {
     /// As kWrite, but on PostgreSQL together with the first statement (EngineConnection::Begin::kWriteSoon):
     /// that one's errors are begin()'s, then.
     kWriteSoon,
+    /// Waits for no writer, and none for it (EngineConnection::Begin::kBeside); on a connection of its own.
+    kBeside,
   };
   static Result<Transaction> begin(Connection& connection, Kind kind);
   /// Begins a kRead transaction, or returns nothing inside an existing transaction, which already gives a

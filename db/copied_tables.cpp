@@ -39,6 +39,10 @@ constexpr std::string_view kOrderOfCopy[] = {"people",
                                              "derived_chunks",
                                              "exercise_references",
                                              "removed_originals",
+                                             "access_numbers",
+                                             "login_tokens",
+                                             "login_attempts",
+                                             "noted_reads",
                                              "meta"};
 
 constexpr std::size_t kShownKeyBytes = 64;

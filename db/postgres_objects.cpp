@@ -51,18 +51,25 @@ const std::map<std::string, std::string>& madeByMigrations() {
     {"function 'max(a bigint, b bigint)'", "5e59bc2273ba105638db71e4894b88ed"},
     {"function 'min(a bigint, b bigint)'", "c63492640b81bd0ff260e77440962465"},
     {"function 'next_number()'", "c2f7f147bf5f44531f3dcff14482eab4"},
+    {"function 'people_access()'", "6048d85b798b42cf92bcf015015b4192"},
     {"function 'quarantine_ends()'", "59d1bc2ec8f2102b8d7a677faccb9187"},
+    {"function 'raise_access(of_what bigint, of_name text, in_a_word text)'", "98eaaf4876b539ef9655be228bad518d"},
     {"function 'sessions_ended()'", "7777e3704c883533a828757dd7ade7cf"},
     {"function 'sessions_opened()'", "944fb8aa9decd7fd04a9f7d77185a636"},
     {"function 'sessions_sum()'", "21bf5840d8c01790d78bdcd90c9acadf"},
+    {"function 'stations_access()'", "d405a7d6edc120bfcc30e96c8229aa89"},
     {"function 'step_attempts(of_session bigint, sign bigint)'", "4b117de5a8f58d15e42780afc93cc685"},
+    {"function 'tell_access()'", "7fed34f4deb8a6c447f6b6992359bf54"},
     {"function 'unknown_trainees_sum()'", "db83e5246d654639526a2538038b2dd5"},
     {"function 'zeroblob(count bigint)'", "7357ec0045b2a5bfbd1e079afdfac1aa"},
+    {"trigger 'access_told' of 'access_numbers'", "ac383f22b24e2fc1513a9cb6ba5f08e0"},
     {"trigger 'annotations_number' of 'annotations'", "984088ce16a6d768b6ed33d85f337f9c"},
     {"trigger 'assignments_number' of 'assignments'", "3c173b76a32878440f6c96bf58b70557"},
     {"trigger 'audit_chain_number' of 'audit_chain'", "4007f35ec90a9b01efcd41a63f1a9485"},
     {"trigger 'audit_number' of 'audit'", "3c173b76a32878440f6c96bf58b70557"},
     {"trigger 'consents_number' of 'consents'", "984088ce16a6d768b6ed33d85f337f9c"},
+    {"trigger 'people_access' of 'people'", "fd2f37f702045c0ef5863121cf5a8106"},
+    {"trigger 'people_access_ends' of 'people'", "16a9c2366b4b61f0d7859886b2baa4ed"},
     {"trigger 'quarantine_ends' of 'chunks'", "934b6fe1a41557e69e1a6bea220e1a6d"},
     {"trigger 'sessions_ended' of 'sessions'", "d676ac186fd6ebf63c28874690708c0d"},
     {"trigger 'sessions_number' of 'sessions'", "0717319a7b6c24868096a18b16994d16"},
@@ -71,6 +78,7 @@ const std::map<std::string, std::string>& madeByMigrations() {
     {"trigger 'sessions_sum_after_update' of 'sessions'", "257d098ec0c20e171c3397174a6656f6"},
     {"trigger 'sessions_sum_before_delete' of 'sessions'", "dfc1f39c5b10b7649610c462c5d3b811"},
     {"trigger 'sessions_sum_before_update' of 'sessions'", "7c8cb372e397b3ab3f69c1ed431b9fd4"},
+    {"trigger 'stations_access' of 'stations'", "6c11c642b4b618f416b3068c93536388"},
     {"trigger 'unknown_trainees_sum_after_change' of 'unknown_trainees'", "fbab27996510b3c457867d5bcf0bed48"},
     {"trigger 'unknown_trainees_sum_before_change' of 'unknown_trainees'", "65df99a4ad5166836d12ad7107cb8d76"},
     {"view 'attempt_counts'", ""},
@@ -132,12 +140,14 @@ Status requirePostgresRights(Connection& connection) {
       "'r'"
       "  AND NOT (has_table_privilege(c.oid, 'SELECT') AND has_table_privilege(c.oid, 'INSERT')"
       "   AND has_table_privilege(c.oid, 'UPDATE') AND has_table_privilege(c.oid, 'DELETE'))), ''),"
-      " quote_ident(current_user), quote_ident(d.datname)"
+      " quote_ident(current_user), quote_ident(d.datname),"
+      " has_function_privilege('pg_catalog.pg_notify(text, text)', 'EXECUTE')"
       " FROM pg_database d LEFT JOIN pg_namespace n ON n.nspname = 'needlelab'"
       " WHERE d.datname = current_database()");
   ASSIGN_OR_RETURN(const bool there, row.step());
   if (!there) return {};
   const bool has_none = row.integer(0) != 0, may_make = row.integer(1) != 0, may_use = row.integer(2) != 0;
+  const bool may_tell = row.integer(6) != 0;
   const std::string table = row.text(3), role = row.text(4), database = row.text(5);
   const auto denied = [&](const std::string& what, const std::string& typed) {
     return Error{
@@ -156,6 +166,9 @@ Status requirePostgresRights(Connection& connection) {
   if (!table.empty())
     return denied(fmt::format("may not read and change the table needlelab.{}, which it owns", table),
                   "GRANT ALL ON ALL TABLES IN SCHEMA needlelab TO " + role);
+  if (!may_tell)
+    return denied("may not call pg_notify, which each change of an access does",
+                  "GRANT EXECUTE ON FUNCTION pg_catalog.pg_notify(text, text) TO " + role);
   return {};
 }
 

@@ -408,6 +408,10 @@ std::string PseudonymKey::id() const {
   return hexStart(keyedHash(key_, "needlelab pseudonym key"), 8);
 }
 
+PseudonymKey::Hash PseudonymKey::derived(std::string_view purpose) const {
+  return keyedHash(key_, "needlelab derived key", purpose);
+}
+
 std::string PseudonymKey::macOf(std::string_view line) const {
   return hexStart(keyedHash(key_, "needlelab list of erasures", line), 16);
 }

@@ -35,6 +35,8 @@ class PseudonymKey {
   [[nodiscard]] Hash nameHash(std::string_view name) const;
   /// 16 hexadecimal digits that tell this key from others, and nothing of it.
   [[nodiscard]] std::string id() const;
+  /// A key for another purpose, from which this one cannot be found.
+  [[nodiscard]] Hash derived(std::string_view purpose) const;
   /// 32 hexadecimal digits: a MAC over a line of the list of erasures.
   [[nodiscard]] std::string macOf(std::string_view line) const;
   /// "p-" and 16 hexadecimal digits, the same for a person throughout a study. Includes the person's

@@ -19,6 +19,8 @@ constexpr std::string_view kServerLine = "name = ";
 constexpr std::size_t kMostServerName = 64;
 /// A server that was stopped within a transaction keeps the others waiting for so long.
 constexpr std::chrono::milliseconds kMostIdleTogether{3000};
+/// A log-in that waits for longer is given up by whoever waits for it.
+constexpr std::chrono::milliseconds kConnectBeside{3'000}, kAnswerBeside{5'000};
 
 Error wrongStoreFile(const std::filesystem::path& path, std::size_t line, const char* what) {
   return {ErrorCode::kInvalidInput,
@@ -46,10 +48,17 @@ Error storeAway(Error error) {
 
 Result<Connection> openAt(const StoreAddress& address, Connection::Mode mode, bool create) {
   if (!address.isPostgres()) return Connection::open(address.path, {.mode = mode, .create = create});
-  ASSIGN_OR_RETURN(auto engine, openPostgres({.url = address.url,
-                                              .read_only = mode != Connection::Mode::kWriter,
-                                              .lab = address.lab,
-                                              .before_statement = address.before_statement}));
+  PostgresOptions options{.url = address.url,
+                          .read_only = mode != Connection::Mode::kWriter,
+                          .local_commits = address.beside_writer,
+                          .server = address.server,
+                          .lab = address.lab,
+                          .before_statement = address.before_statement};
+  if (address.beside_writer) {
+    options.connect_timeout = kConnectBeside;
+    options.answer_timeout = kAnswerBeside;
+  }
+  ASSIGN_OR_RETURN(auto engine, openPostgres(options));
   return Connection(std::move(engine), address.path);
 }
 
@@ -60,8 +69,7 @@ Result<Connection> openFromOutside(const std::filesystem::path& path, const std:
   return openAt(StoreAddress(path, url), Connection::Mode::kReader);
 }
 
-Result<Connection> openToServe(const StoreAddress& address, Durability least,
-                               const std::string& together_as) {
+Result<Connection> openToServe(const StoreAddress& address, Durability least) {
   const auto enough = [&](const Connection& opened) {
     if (opened.durability() >= least) return Status();
     return Status(Error{
@@ -75,11 +83,14 @@ Result<Connection> openToServe(const StoreAddress& address, Durability least,
     RETURN_IF_ERROR(enough(opened));
     return opened;
   }
-  PostgresOptions options{.url = address.url, .least = least, .before_statement = address.before_statement};
+  PostgresOptions options{.url = address.url,
+                          .least = least,
+                          .server = address.server,
+                          .before_statement = address.before_statement};
   options.others = PostgresOptions::Others::kNone;
-  if (!together_as.empty()) {
+  if (!address.server.empty()) {
     options.others = PostgresOptions::Others::kTogether;
-    options.only_one_named = together_as;
+    options.only_one_named = address.server;
     options.most_idle = kMostIdleTogether;
   }
   ASSIGN_OR_RETURN(auto engine, openPostgres(options));

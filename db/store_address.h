@@ -19,6 +19,11 @@ struct StoreAddress {
   std::string url = {};  ///< of PostgreSQL; empty: the database is the SQLite file `path`
   /// As PostgresOptions::lab. Not of the connection that makes or migrates the database.
   std::optional<LabIdentity> lab = {};
+  /// Connections for log-in state (shared_logins.h): they wait for no standby, and not long for anything.
+  bool beside_writer = false;
+  /// Of a server that works together with others on the database: its name (serverNameOf); of connections that
+  /// write, PostgresOptions::server.
+  std::string server = {};
   /// As PostgresOptions::before_statement. Thread: any connection's, several at a time.
   std::function<void(std::string_view sql)> before_statement = {};
 
@@ -51,8 +56,7 @@ Result<Connection> openFromOutside(const std::filesystem::path& path, const std:
 /// but with `together_as`, the name of a server (serverNameOf), those that give a name, too
 /// (Connection::isAlone). `least`: what an ack must survive. Errors: as openAt(); kInvalidInput when it
 /// survives less.
-Result<Connection> openToServe(const StoreAddress& address, Durability least,
-                               const std::string& together_as = {});
+Result<Connection> openToServe(const StoreAddress& address, Durability least);
 
 /// What DIR/store says.
 struct StoreFile {

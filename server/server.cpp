@@ -15,6 +15,8 @@
 #include "server/base/listen.h"
 #include "server/base/log.h"
 #include "server/live/connection.h"
+#include "server/live/logins_in_store.h"
+#include "server/live/remote_access.h"
 #include "server/live/startup.h"
 #include "server/server_parts.h"
 #include "server/service_manager.h"
@@ -141,9 +143,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
                                   .retention_workers = p.retention_workers,
                                   .bounds = p.options.bounds,
                                   .hub = Hub(p.options.hub),
-                                  .guard = LoginGuard(p.options.guard),
-                                  .tokens = Tokens(p.options.token_lifetime),
-                                  .token_time = *p.options.token_time,
+                                  .login = {},
                                   .counters = {},
                                   .admission = Admission(p.options.admission),
                                   .disk_room = DiskRoom(p.options.min_free_bytes),
@@ -153,6 +153,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
                                   .claims_as = p.store->togetherAs(),
                                   .acks_are_safe = p.options.least_durability >= Durability::kDiskLoss,
                                   .connections = {}});
+  p.beginLogins();
   p.noteRoom(p.lookAtRoom());
   RETURN_IF_ERROR(p.startMonitor());
   if (const std::string& web = p.options.web.listen; !web.empty() && web != "off") {
@@ -182,6 +183,36 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   return std::unique_ptr<Server>(new Server(std::move(parts)));
 }
 
+void Server::Parts::beginLogins() {
+  SharedLogins* const shared = store->logins();
+  if (shared == nullptr) {
+    const auto holds = [&service = store->service()](const Principal& who) {
+      return service.stillAllowed(who);
+    };
+    context->login = std::make_unique<LoginsInMemory>(holds, LoginGuard(options.guard),
+                                                      Tokens(options.token_lifetime), *options.token_time);
+    return;
+  }
+  context->login = std::make_unique<LoginsInStore>(
+      LoginsInStore::Uses{io, *context->logins_in_turn, store->readers(), *shared},
+      LoginsInStore::Settings{.guard = options.guard, .lifetime = options.token_lifetime},
+      *options.token_time);
+  AccessListener::Tell tell;
+  tell.changes = [this](std::vector<AccessChange> changes) {
+    asio::post(io, [this, changes = std::move(changes)] { accessChangedElsewhere(*context, changes); });
+  };
+  tell.look_at_all = [this] { asio::post(io, [this] { lookAtAllAccess(*context); }); };
+  tell.fault = [](const std::string& fault) {
+    if (fault.empty())
+      logEvent(LogLevel::kInfo, "access_heard", {{"text", "changes of access at other servers are heard"}});
+    else
+      logEvent(LogLevel::kWarning, "access_not_heard", {{"text", fault}});
+  };
+  context->access_listener = std::make_unique<AccessListener>(store->accessFeed(), shared->server(),
+                                                              options.access, std::move(tell));
+  context->access_listener->start();
+}
+
 Status Server::Parts::startMonitor() {
   if (options.metrics.empty()) return {};
   // a port without a host means localhost, because the metrics are not public
@@ -209,6 +240,7 @@ Server::Server(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
 
 Server::~Server() {
   Parts& p = *parts_;
+  if (p.context && p.context->access_listener) p.context->access_listener->stop();
   // running work posts its results to io, which no longer runs
   for (asio::thread_pool* pool : {&p.passwords, &p.logins, &p.parsers, &p.workers, &p.closers, &p.views,
                                   &p.slow_workers, &p.retention_workers, &p.room_worker})
@@ -234,6 +266,7 @@ int Server::run() {
   asio::co_spawn(p.io, p.hangUpLoop(), rethrow);
   asio::co_spawn(p.io, p.linesLoop(), rethrow);
   if (p.options.together) asio::co_spawn(p.io, p.erasuresLoop(), rethrow);
+  if (p.context->access_listener) asio::co_spawn(p.io, p.accessLoop(), rethrow);
   p.io.run();
   p.context->lines.sayLeftOut(INT64_MAX);
   p.context->clock_offsets.sayLeftOut(INT64_MAX);
@@ -310,6 +343,7 @@ void Server::Parts::beginStop(const std::string& reason) {
   hang_up_timer.cancel();
   lines_timer.cancel();
   erasures_timer.cancel();
+  access_timer.cancel();
   store->service().stopRetention();
   const auto all = context->connections;
   for (const auto& [id, connection] : all) {

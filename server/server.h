@@ -24,6 +24,7 @@ struct ServerOptions {
   bool together = false;       ///< as Store::Options
   /// What an ack must survive. kDiskLoss: an ack makes a chunk Safe, too.
   Durability least_durability = Durability::kNothing;
+  AccessListener::Settings access;        ///< of such a server
   std::string listen = "127.0.0.1:7750";  ///< HOST:PORT; port 0 picks one
   int listen_fd = -1;                     ///< use this listening socket instead of `listen`; takes ownership
   std::string metrics;                    ///< HOST:PORT for GET /metrics and /healthz; empty: none
@@ -54,7 +55,7 @@ struct ServerOptions {
   Admission::Settings admission;  ///< its max_connections is the one above
   HandshakeTurns::Settings handshakes;
   std::chrono::milliseconds token_lifetime = std::chrono::minutes(15);
-  TimeSource* token_time = &machineTime();  ///< by which tokens end; outlives the server
+  TimeSource* token_time = &machineTime();  ///< by which tokens end that are here; outlives the server
   DbWriter::Options writer;
   std::chrono::milliseconds erasures_every{60'000};  ///< between two looks for others' erasures (together)
   std::chrono::milliseconds heap_every{60'000};   ///< interval at which free memory is returned to the system

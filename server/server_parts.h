@@ -65,6 +65,7 @@ struct Server::Parts {
   asio::steady_timer hang_up_timer{io};
   asio::steady_timer lines_timer{io};
   asio::steady_timer erasures_timer{io};
+  asio::steady_timer access_timer{io};
   std::uint16_t port = 0;
   std::uint64_t next_id = 1;
   bool stopping = false;
@@ -76,6 +77,7 @@ struct Server::Parts {
   Task<> signalLoop();
   Task<> drainLoop();
   Task<> watchdogLoop(std::chrono::microseconds period);
+  void beginLogins();
   Status startMonitor();
   Task<> retentionLoop();
   Task<> heapLoop();
@@ -86,6 +88,7 @@ struct Server::Parts {
   Task<> hangUpLoop();
   Task<> linesLoop();
   Task<> erasuresLoop();
+  Task<> accessLoop();
   void accepted(Tcp::socket socket);
   void refuseConnection(const std::string& host);
   void beginStop(const std::string& reason);

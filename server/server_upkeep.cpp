@@ -11,6 +11,7 @@
 #include "db/retention_store.h"
 #include "server/base/log.h"
 #include "server/live/connection.h"
+#include "server/live/remote_access.h"
 #include "server/server_parts.h"
 #include "server/service_manager.h"
 
@@ -22,6 +23,7 @@ constexpr std::uint64_t kMadeRoom = 8u << 20;
 
 constexpr std::chrono::milliseconds kHangUpPeriod{250};
 constexpr std::chrono::seconds kLinesPeriod{5};
+constexpr std::chrono::seconds kAccessPeriod{1}, kTidyPeriod{60};
 
 }  // namespace
 
@@ -187,6 +189,21 @@ Task<> Server::Parts::erasuresLoop() {
     std::function<Status()> work = [this] { return store->service().completeErasureList(); };
     if (const Status done = co_await offload(slow_workers, std::move(work)); !done.ok())
       logEvent(LogLevel::kWarning, "erasures_not_listed", {{"text", done.error().message}});
+  }
+}
+
+/// Of a server of several on one database: looks at all accounts in use while nobody tells of changes, and
+/// removes log-in state that is over.
+Task<> Server::Parts::accessLoop() {
+  std::int64_t tidied_ns = steadyNowNs();
+  while (!stopping) {
+    access_timer.expires_after(kAccessPeriod);
+    co_await access_timer.async_wait(kUseTuple);
+    if (stopping) co_return;
+    if (context->access_listener->hearing().is_deaf) lookAtAllAccess(*context);
+    if (steadyNowNs() - tidied_ns < std::chrono::nanoseconds(kTidyPeriod).count()) continue;
+    tidied_ns = steadyNowNs();
+    context->login->tidy();
   }
 }
 

@@ -29,8 +29,9 @@ enum class PlantedBug {
   kWritersTogether,           ///< on PostgreSQL write transactions hold no lock of the store
   kWarningIgnored,            ///< what PostgreSQL has stored at the primary only counts as stored
   kTakeoverUnfenced,          ///< a server goes on storing what a station sent before it logged in elsewhere
+  kRevokedTokenHonoured,      ///< a server honours a token that it knows after another one has ended it
 };
-inline constexpr int kPlantedBugs = 22;
+inline constexpr int kPlantedBugs = 23;
 
 /// The bug's name in NEEDLELAB_PLANT, e.g. "ack-before-commit".
 constexpr std::string_view nameOf(PlantedBug bug) noexcept {
@@ -42,7 +43,7 @@ constexpr std::string_view nameOf(PlantedBug bug) noexcept {
       "request-outlives-link",       "no-last-command",       "look-again-twice",
       "retry-never-doubles",         "no-keep-alive",         "old-connection-kept",
       "repeated-chunk-overwrites",   "writers-together",      "warning-ignored",
-      "takeover-unfenced",
+      "takeover-unfenced",           "revoked-token-honoured",
   };
   return kNames[static_cast<int>(bug)];
 }

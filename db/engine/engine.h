@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -10,6 +11,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "common/base/bytes.h"
 #include "common/base/result.h"
@@ -100,6 +102,9 @@ class EngineConnection {
     /// commit()), and in one round trip with it: that one has begin()'s errors, and so has all that comes
     /// behind it until rollback(); durability() is as before until then.
     kWriteSoon,
+    /// Others go on writing: for tables that stores leave alone, whose rows or locks say who is first. On
+    /// SQLite as kWrite.
+    kBeside,
   };
   virtual Status begin(Begin kind) = 0;
   /// Returns once what was written is as safe as the engine makes it.
@@ -139,6 +144,17 @@ class EngineConnection {
   /// when there is nothing (more) to do in this wait. It may not use the connection, nor throw. Never called
   /// by an engine without a server. Empty: nothing.
   virtual void setWhileWaiting(std::function<bool()> /*piece*/) {}
+
+  /// From now on, until it is connected again, waitForNotices() hears what is committed with a NOTIFY of
+  /// `channel`. kFailed: the engine has no server that tells.
+  virtual Status listen(const std::string& channel) {
+    return Error{ErrorCode::kFailed, channel + ": this engine tells nobody of changes"};
+  }
+  /// Waits until something is heard, at most for `patience`; returns the payloads, which are none when
+  /// nothing was. kUnavailable: the connection is lost; this does not connect again.
+  virtual Result<std::vector<std::string>> waitForNotices(std::chrono::milliseconds /*patience*/) {
+    return Error{ErrorCode::kFailed, "this engine tells nobody of changes"};
+  }
 
   /// How often it has waited for the engine's server.
   [[nodiscard]] virtual std::uint64_t roundTrips() const { return 0; }

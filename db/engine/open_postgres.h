@@ -35,6 +35,11 @@ struct PostgresOptions {
   std::chrono::milliseconds most_idle{30'000};
   /// Write transactions are refused with kUnavailable while an ack would survive less than this.
   Durability least = Durability::kNothing;
+  /// A COMMIT waits for the disk of the server of PostgreSQL that took it and for no standby: for what may be
+  /// lost when a standby is promoted, and must not wait for one that is away.
+  bool local_commits = false;
+  /// What `needlelab.server` is in this connection (current_setting), for triggers: letters, digits and '-'.
+  std::string server = {};
   /// As EngineConnection::stayWith(), from the first connection on.
   std::optional<LabIdentity> lab = {};
   /// Called with its text before each statement is sent, BEGIN and COMMIT too; may block; may be empty. For

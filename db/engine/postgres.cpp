@@ -216,8 +216,9 @@ Status PostgresConnection::connect(bool takes_locks) {
   const std::string search = fmt::format(
       "-c search_path={} -c client_min_messages=warning -c idle_in_transaction_session_timeout={} -c jit=off"
       " -c tcp_keepalives_idle=5 -c tcp_keepalives_interval=2 -c tcp_keepalives_count=3"
-      " -c tcp_user_timeout=10000 -c client_connection_check_interval=2000",
-      kPostgresSchema, options_.most_idle.count());
+      " -c tcp_user_timeout=10000 -c client_connection_check_interval=2000{}{}",
+      kPostgresSchema, options_.most_idle.count(), options_.local_commits ? " -c synchronous_commit=local" : "",
+      options_.server.empty() ? "" : " -c needlelab.server=" + options_.server);
   const char* const names[] = {"dbname",
                                "connect_timeout",
                                "options",
@@ -559,6 +560,29 @@ Status PostgresConnection::script(const std::string& sql) {
   tellBefore(sql);
   RETURN_IF_ERROR(sendDue());
   return runText(sql.c_str());
+}
+
+Status PostgresConnection::listen(const std::string& channel) {
+  return script("LISTEN " + channel);
+}
+
+Result<std::vector<std::string>> PostgresConnection::waitForNotices(std::chrono::milliseconds patience) {
+  constexpr const char* kWhat = "wait for notices";
+  const auto until = Steady::now() + patience;
+  std::vector<std::string> heard;
+  for (;;) {
+    if (!isConnected()) return lost(kWhat);
+    while (PGnotify* const notice = PQnotifies(connection_.get())) {
+      heard.emplace_back(notice->extra);
+      PQfreemem(notice);
+    }
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - Steady::now()).count();
+    if (!heard.empty() || left <= 0) return heard;
+    pollfd ready{PQsocket(connection_.get()), POLLIN, 0};
+    const int found = ::poll(&ready, 1, static_cast<int>(left));
+    if (found < 0 && errno != EINTR) return lost(kWhat);
+    if (found > 0 && PQconsumeInput(connection_.get()) == 0) return lost(kWhat);
+  }
 }
 
 void PostgresConnection::setWhileWaiting(std::function<bool()> piece) {

@@ -88,6 +88,8 @@ class PostgresConnection final : public EngineConnection {
   std::string takeFull() override { return std::exchange(full_, {}); }
   const std::atomic<bool>* setCancelled(const std::atomic<bool>* cancelled) override;
   void setWhileWaiting(std::function<bool()> piece) override;
+  Status listen(const std::string& channel) override;
+  Result<std::vector<std::string>> waitForNotices(std::chrono::milliseconds patience) override;
   [[nodiscard]] std::uint64_t roundTrips() const override { return round_trips_; }
   [[nodiscard]] ResultsSoFar results() const override { return results_; }
   [[nodiscard]] bool mayBeKept() const override;
@@ -203,6 +205,7 @@ class PostgresConnection final : public EngineConnection {
   bool damaged_ = false;
   bool in_lost_transaction_ = false;  ///< the connection was lost within one that has not been rolled back
   bool in_transaction_ = false;       ///< begin() succeeded, and neither commit() nor rollback() came
+  bool is_beside_ = false;            ///< of kBeside: it may have written, though it has no write_xid_
   bool begin_due_ = false;            ///< BEGIN goes with the next statement
   std::optional<Error> not_begun_;    ///< of a BEGIN that went so, until rollback()
   bool saw_writer_table_ = false;     ///< kWriterTable, in the last write transaction

@@ -37,6 +37,7 @@ bool PostgresConnection::inTransaction() const {
 
 Status PostgresConnection::begin(Begin kind) {
   not_begun_.reset();
+  is_beside_ = kind == Begin::kBeside;
   RETURN_IF_ERROR(requireConnected());
   tellBefore("BEGIN");
   if (kind == Begin::kView) {
@@ -46,6 +47,11 @@ Status PostgresConnection::begin(Begin kind) {
     if (!fixed) rollback();
     in_transaction_ = fixed.ok();
     return fixed;
+  }
+  if (is_beside_) {
+    const Status begun = runText("BEGIN ISOLATION LEVEL READ COMMITTED");
+    in_transaction_ = begun.ok();
+    return begun;
   }
   begin_due_ = true;
   if (kind == Begin::kWrite) {
@@ -121,7 +127,8 @@ Status PostgresConnection::commit() {
     return {};
   }
   if (isConnected()) return done.error();
-  if (xid.empty()) return {};  // it only read
+  if (is_beside_) return done.error();  // whoever counts again counts once too often
+  if (xid.empty()) return {};           // it only read
   const Status outcome = askOutcome(xid);
   if (hasLocks()) connection_.reset();  // the next one takes them
   return outcome;

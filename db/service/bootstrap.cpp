@@ -18,6 +18,7 @@
 #include "db/duties.h"
 #include "db/erasure.h"
 #include "db/free_parts.h"
+#include "db/pseudonyms.h"
 #include "db/schema.h"
 #include "db/seen_time.h"
 #include "db/service/data_folder.h"
@@ -110,8 +111,8 @@ Status requireNothingToMigrate(Connection& connection) {
 }
 
 /// The writer's connection, with the newest schema. Sets `address.lab`.
-Result<Connection> openToWrite(StoreAddress& address, Durability least, const std::string& together_as) {
-  ASSIGN_OR_RETURN(auto connection, openToServe(address, least, together_as));
+Result<Connection> openToWrite(StoreAddress& address, Durability least) {
+  ASSIGN_OR_RETURN(auto connection, openToServe(address, least));
   RETURN_IF_ERROR(requireRights(connection));
   // a change that was killed may have left a log that holds the room for what comes now
   (void)connection.emptyLog(0);
@@ -246,6 +247,19 @@ void Store::stopWriting() {
   if (acknowledged_) (void)acknowledged_->keep();
 }
 
+Status Store::shareLogins(Connection& writer, const StoreAddress& address) {
+  ASSIGN_OR_RETURN(const auto lab, PseudonymKey::ofFolder(writer.path().parent_path()));
+  const LoginKey key(lab);
+  RETURN_IF_ERROR(claimLoginKey(writer, key));
+  logins_ = std::make_unique<SharedLogins>(address, key, address.server);
+  address_ = address;
+  return {};
+}
+
+std::unique_ptr<AccessFeed> Store::accessFeed() const {
+  return address_ ? makeAccessFeed(*address_) : nullptr;
+}
+
 Status Store::keepAuditHead() {
   if (read_only_) return {};
   ASSIGN_OR_RETURN(auto reader, readers_->borrow());
@@ -279,7 +293,6 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
   ASSIGN_OR_RETURN(auto address, addressOf(folder, options.store_url));
   // before the database is opened: a half-replaced database would be opened with the old one's log
   if (!address.isPostgres()) RETURN_IF_ERROR(finishRestore(folder));
-  std::string together_as;
   if (options.together) {
     if (!address.isPostgres())
       return Error{
@@ -287,7 +300,7 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
           fmt::format("--together: the database of {} is an SQLite file, which one server has for "
                       "itself: leave --together out, or move to PostgreSQL (needlelab-admin store copy)",
                       folder.string())};
-    ASSIGN_OR_RETURN(together_as, serverNameOf(folder));
+    ASSIGN_OR_RETURN(address.server, serverNameOf(folder));
   }
   // also before a database is opened that is only read: it gives room back
   auto leftovers = removeFolderLeftovers(folder);
@@ -300,7 +313,7 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
     ASSIGN_OR_RETURN(read_only_because, whyReadOnly(path, options));
   }
   auto connection = read_only_because.empty()
-                        ? openToWrite(address, options.least_durability, together_as)
+                        ? openToWrite(address, options.least_durability)
                         : Result<Connection>(Error{ErrorCode::kNoRoom, read_only_because});
   bool unfinished = false;
   if (connection) {
@@ -349,6 +362,8 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
       // of a database elsewhere, whose copy this one may be: the next one there begins anew
       std::filesystem::remove(folder / kAcknowledgedFile, ignored);
     }
+    RETURN_IF_ERROR(options.together ? store->shareLogins(*connection, address)
+                                     : removeSharedLogins(*connection));
     store->readers_ = std::make_unique<ReaderPool>(address);
     store->writer_ = std::make_unique<DbWriter>(std::move(*connection), writer, options.on_fatal);
   } else {
@@ -360,9 +375,11 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
     store->readers_ = std::make_unique<ReaderPool>(path, kMostIdle, Connection::Mode::kFrozen);
     store->writer_ = std::make_unique<DbWriter>(std::move(frozen), connection.error());
   }
-  store->service_ = std::make_unique<Service>(*store->writer_, *store->readers_, *options.time);
+  store->service_ = store->logins_
+                        ? std::make_unique<Service>(*store->writer_, *store->readers_, *store->logins_)
+                        : std::make_unique<Service>(*store->writer_, *store->readers_, *options.time);
   if (backup_key) store->service_->setBackupKey(std::move(*backup_key));
-  store->together_as_ = together_as;
+  store->together_as_ = address.server;
   if (options.together) store->service_->shareDuties(address);
   if (unfinished) (void)store->service_->finishErasure();
   return store;

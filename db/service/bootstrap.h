@@ -11,10 +11,13 @@
 
 #include "common/base/result.h"
 #include "common/base/time_source.h"
+#include "db/access_feed.h"
 #include "db/acknowledged.h"
 #include "db/db_writer.h"
 #include "db/reader_pool.h"
 #include "db/service/service.h"
+#include "db/shared_logins.h"
+#include "db/store_address.h"
 
 namespace needlelab {
 
@@ -44,8 +47,8 @@ class Store {
     /// DIR/store says, else DIR/needlelab.db.
     std::string store_url = {};
     Durability least_durability = Durability::kNothing;  ///< what an ack must survive; else nothing is stored
-    /// Other programs that say so, too, may work on the database at the same time, each with a folder of its
-    /// own: on PostgreSQL only.
+    /// Other servers that say so, too, may work on the database at the same time, each with a folder of its own;
+    /// what they know of log-ins is in it. On PostgreSQL only.
     bool together = false;
     DbWriter::Options writer = {};
     DbWriter::OnFatal on_fatal = {};
@@ -92,6 +95,10 @@ class Store {
   [[nodiscard]] DbWriter& writer() { return *writer_; }
   [[nodiscard]] ReaderPool& readers() { return *readers_; }
   [[nodiscard]] Service& service() { return *service_; }
+  /// What servers on this database know of each other's log-ins; null: this one is alone.
+  [[nodiscard]] SharedLogins* logins() { return logins_.get(); }
+  /// Of such a store: what hears of the others' changes of access (access_feed.h).
+  [[nodiscard]] std::unique_ptr<AccessFeed> accessFeed() const;
   [[nodiscard]] const std::filesystem::path& databasePath() const { return readers_->path(); }
   /// What a killed program had left, and opening this store removed (removeFolderLeftovers).
   [[nodiscard]] const std::vector<std::filesystem::path>& leftoversRemoved() const { return leftovers_; }
@@ -104,11 +111,14 @@ class Store {
 
  private:
   explicit Store(FolderLock lock) : lock_(std::move(lock)) {}
+  Status shareLogins(Connection& writer, const StoreAddress& address);
   /// open(), with the errors as the parts have them.
   static Result<std::unique_ptr<Store>> openUnlessWrong(const std::filesystem::path& folder,
                                                         const Options& options);
   FolderLock lock_;  // destroyed last
   std::optional<Error> read_only_;
+  std::optional<StoreAddress> address_;   ///< of a store that works together with others
+  std::unique_ptr<SharedLogins> logins_;  ///< the writer's items have its key
   std::unique_ptr<ReaderPool> readers_;
   std::unique_ptr<DbWriter> writer_;
   std::unique_ptr<Service> service_;

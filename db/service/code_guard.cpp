@@ -52,6 +52,17 @@ void CodeGuard::giveBack(const std::string& name) {
   entry->second.wait_until_ns = 0;  // no wait was left when the try was allowed
 }
 
+std::optional<CodeGuard::Entry> CodeGuard::entry(const std::string& name) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = entries_.find(name);
+  return found == entries_.end() ? std::nullopt : std::optional(found->second);
+}
+
+void CodeGuard::setEntry(const std::string& name, const Entry& entry) {
+  const std::lock_guard lock(mutex_);
+  entries_[name] = entry;
+}
+
 std::size_t CodeGuard::entries() const {
   const std::lock_guard lock(mutex_);
   return entries_.size();

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <unordered_map>
 
@@ -16,7 +17,8 @@ namespace needlelab {
 /// wait, at first for `first_wait`, twice as long after each further wrong one, at most for `longest_wait`.
 /// So a guesser has some 100 tries a day. The price: whoever stands at a station can make a trainee wait. A
 /// try counts as wrong from its beginning until forget() or giveBack(), so that many at once have no more
-/// than `allowed`. In memory: a restart forgets. Thread: any.
+/// than `allowed`. In memory: a restart forgets; servers that work together keep its entries in the database
+/// (code_tries.h). Thread: any.
 class CodeGuard {
  public:
   struct Settings {
@@ -43,12 +45,15 @@ class CodeGuard {
   void giveBack(const std::string& name);
   [[nodiscard]] std::size_t entries() const;
 
- private:
   struct Entry {
     unsigned wrong = 0;
     std::int64_t at_ns = 0, wait_until_ns = 0;
   };
+  /// What it knows of a person, to be kept elsewhere; nothing: nothing.
+  [[nodiscard]] std::optional<Entry> entry(const std::string& name) const;
+  void setEntry(const std::string& name, const Entry& entry);
 
+ private:
   TimeSource& time_;
   const Settings settings_;
   mutable std::mutex mutex_;

@@ -11,6 +11,7 @@
 #include "db/lab_settings.h"
 #include "db/people.h"
 #include "db/service/code_guard.h"
+#include "db/service/code_tries.h"
 #include "db/service/handlers.h"
 
 namespace needlelab::handlers {
@@ -72,7 +73,7 @@ Result<pb::Reply> setCode(const Context& context, const pb::SetCode& call) {
         return true;
       });
   if (!written) return written.error();
-  context.codes.forget(call.name());
+  (void)context.codes.forget(call.name());  // the code is stored: whoever waits goes on waiting
   if (call.make()) reply.mutable_new_code()->set_code(code);
   return reply;
 }
@@ -106,18 +107,20 @@ Result<bool> checkCodeOf(const Context& context, const std::string& name, const 
   }
   if (code.empty())
     return Error{ErrorCode::kCode, name + " has a code: type the PIN or hold the badge to the reader"};
-  const CodeGuard::Try begun = context.codes.begin(name);
+  const auto tried = context.codes.begin(name);
+  if (!tried) return Error{ErrorCode::kCode, "the code cannot be checked now: " + tried.error().message};
+  const CodeGuard::Try& begun = *tried;
   // kCode, too: on kUnavailable a station would begin the lesson from its cache
   if (begun.must_wait.count() > 0)
     return Error{ErrorCode::kCode,
                  fmt::format("too many wrong codes of {}: try again in {}", name, waitText(begun.must_wait))};
   const auto right = verifyPassword(person->code_hash, code);
   if (!right.ok()) {
-    context.codes.giveBack(name);
+    (void)context.codes.giveBack(name);
     return right.error();
   }
   if (*right) {
-    context.codes.forget(name);
+    (void)context.codes.forget(name);  // the code is right, whoever counts
     return true;
   }
   const std::string wrong = "this is not the code of " + name + "; ";

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -24,7 +25,7 @@
 #include "needlelab/types.pb.h"
 
 namespace needlelab {
-class CodeGuard;
+class CodeTries;
 class Duties;
 class ExportLedger;
 struct ErasedRows;
@@ -42,7 +43,7 @@ struct Context {
   std::int64_t now_unix_ns;
   std::string_view action;  ///< for the audit log
   ExportLedger& exports;
-  CodeGuard& codes;
+  CodeTries& codes;
   const std::atomic<bool>* cancelled = nullptr;  ///< set when the program ends: cancels long reads
   ReferencePaths* paths = nullptr;               ///< of reference sessions
   const BlockDevices* disks = nullptr;           ///< null: this machine's
@@ -54,6 +55,8 @@ struct Context {
 /// Whether the person is there, by the account that it logged in with, is not disabled and has this role; or
 /// the station is there and is not revoked.
 Result<bool> accessHolds(Connection& connection, const Principal& who);
+/// The same of many, in some statements for all of them: of a server's connections.
+Result<std::vector<bool>> accessHoldsOf(Connection& connection, std::span<const Principal> all);
 /// kDenied when `who` came by a log-in and its access does not hold any more.
 Status checkAccess(Connection& connection, const Principal& who);
 
@@ -77,6 +80,10 @@ Status noteRead(const Context& context, const std::string& subject, const std::s
 /// The request ends an access, or what it was opened with (Outcome::access_changed). Called within the
 /// transaction: a COMMIT whose answer is lost may have been carried out.
 void noteAccessChanged(const Context& context);
+
+/// Where the asker has changed its own access, and keeps it on the connection on which it asks
+/// (Outcome::access_number): within the transaction, after the change.
+Status keepOwnAccess(const Context& context, Connection& writer, const std::string& name);
 
 /// A reply that only confirms success.
 pb::Reply doneReply();

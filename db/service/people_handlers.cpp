@@ -12,6 +12,7 @@
 #include "db/erasure.h"
 #include "db/people.h"
 #include "db/service/code_guard.h"
+#include "db/service/code_tries.h"
 #include "db/service/handlers.h"
 #include "db/service/requests.h"
 
@@ -35,17 +36,17 @@ Status checkOldPassword(const Context& context, const pb::SetPassword& call) {
     return Error{ErrorCode::kInvalidInput,
                  "old_password: is missing: to change your own password, give the present one, too"};
   const std::string counted = "password\n" + call.name();  // no code's name has a line feed
-  if (const auto attempt = context.codes.begin(counted); attempt.must_wait.count() > 0)
+  ASSIGN_OR_RETURN(const auto attempt, context.codes.begin(counted));
+  if (attempt.must_wait.count() > 0)
     return Error{ErrorCode::kDenied,
                  "old_password: too many wrong ones; try again in " + waitText(attempt.must_wait)};
   const auto right = verifyPassword(person->password_hash, call.old_password());
   if (!right.ok()) {
-    context.codes.giveBack(counted);
+    (void)context.codes.giveBack(counted);
     return right.error();
   }
   if (!*right) return Error{ErrorCode::kDenied, "old_password: is not the password of '" + call.name() + "'"};
-  context.codes.forget(counted);
-  return {};
+  return context.codes.forget(counted);
 }
 
 /// Before kMaxGroupsOfPerson a person could be in any number: the reply must have room for a page of people.
@@ -190,7 +191,7 @@ Result<pb::Reply> setPassword(const Context& context, const pb::SetPassword& cal
     RETURN_IF_ERROR(maySetPassword(context, writer, call.name()));
     RETURN_IF_ERROR(PeopleStore(writer).setPasswordHash(call.name(), hash));
     noteAccessChanged(context);
-    return {};
+    return keepOwnAccess(context, writer, call.name());
   });
   if (!written) return written.error();
   return doneReply();

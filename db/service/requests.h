@@ -4,6 +4,7 @@
 #include <google/protobuf/descriptor.h>
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -28,6 +29,9 @@ struct Principal {
   /// As Doer has it: of a person who came by a log-in. An account of the same name that was made later does
   /// not hold for it.
   std::int64_t account_unix_ns = 0;
+  /// Of servers that work together: the number of the account's last change of access (access_numbers.h) when
+  /// it logged in. With another number now its access does not hold. Nothing: not compared.
+  std::optional<std::int64_t> access_number{};
   [[nodiscard]] Doer doer() const { return {name, account_unix_ns}; }
 };
 

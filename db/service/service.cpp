@@ -13,6 +13,7 @@
 
 #include "common/base/clock.h"
 #include "common/base/local_time.h"
+#include "db/access_numbers.h"
 #include "db/audit.h"
 #include "db/credentials.h"
 #include "db/erasure.h"
@@ -107,6 +108,7 @@ std::optional<Outcome> Service::executeStep(const Principal& principal, const pb
   auto reply = guarded();
   if (reply && under_way.more) return std::nullopt;
   outcome.access_changed = under_way.access_changed;
+  outcome.access_number = under_way.access_number;
   if (reply) {
     assert(reply->result_case() == row->reply);
     outcome.reply = std::move(*reply);
@@ -122,7 +124,7 @@ Result<pb::Reply> Service::withReader(
     const Principal& who, std::string_view action,
     const std::function<Result<pb::Reply>(const handlers::Context&)>& work) {
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
-  return work({who, writer_, *reader, wallNowNs(), action, *exports_, codes_, &cancelled_, &reference_paths_,
+  return work({who, writer_, *reader, wallNowNs(), action, *exports_, *codes_, &cancelled_, &reference_paths_,
                &disks_, backup_key_ ? &*backup_key_ : nullptr, nullptr, duties_.get()});
 }
 
@@ -144,6 +146,7 @@ Result<pb::Reply> Service::erasePerson(const Principal& who, const pb::ErasePers
                       const auto done = std::make_shared<ErasureUnderWay>();
                       ASSIGN_OR_RETURN(done->reply, handlers::erasePerson(context, call, done->erased));
                       forgetRecordings();
+                      forgetLoginsOf(call.name());
                       done->folder = context.reader.path().parent_path();
                       done->backups = handlers::backupsFolder(context.reader);
                       under_way.erasure = done;
@@ -196,6 +199,16 @@ Result<pb::Reply> Service::eraseOn(const Principal& who, RequestUnderWay& under_
     erasure.set_text(erasure.text() + " The audit log does not have these files (" + noted.error().message +
                      "): keep this text.");
   return done.reply;
+}
+
+// What is left where this fails are keyed hashes, which go by themselves (LoginStore::Bounds).
+void Service::forgetLoginsOf(const std::string& name) {
+  if (shared_ == nullptr) return;
+  const std::vector<std::string> counted{"person " + name, name, "password\n" + name};
+  (void)shared_->run<bool>([&](LoginStore& store, std::int64_t) -> Result<bool> {
+    RETURN_IF_ERROR(store.forgetNames(counted));
+    return true;
+  });
 }
 
 void Service::forgetRecordings() {
@@ -406,8 +419,10 @@ Result<std::optional<pb::RetentionReport>> Service::dailyRetention() {
 
 Result<Principal> Service::loginPerson(const std::string& user, const std::string& password) {
   std::optional<Person> person;
+  std::optional<std::int64_t> number;
   {
     ASSIGN_OR_RETURN(auto reader, readers_.borrow());
+    ASSIGN_OR_RETURN(number, numberNow(*reader, AccessWhat::kPerson, user));
     ASSIGN_OR_RETURN(auto found, PeopleStore(*reader).find(user));
     person = std::move(found);
   }
@@ -415,14 +430,23 @@ Result<Principal> Service::loginPerson(const std::string& user, const std::strin
   ASSIGN_OR_RETURN(const bool right,
                    verifyPassword(person ? person->password_hash : std::string(), password));
   if (!right || !person || person->disabled) return loginRefused();
-  return Principal{person->name, person->role, true, person->created_unix_ns};
+  return Principal{person->name, person->role, true, person->created_unix_ns, number};
 }
 
 Result<Principal> Service::loginStation(const std::string& station, const std::string& key) {
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
+  ASSIGN_OR_RETURN(const auto number, numberNow(*reader, AccessWhat::kStation, station));
   ASSIGN_OR_RETURN(const auto right, StationStore(*reader).checkKey(station, key));
   if (!right) return loginRefused();
-  return Principal{station, pb::STATION, true};
+  return Principal{station, pb::STATION, true, 0, number};
+}
+
+// Read before the account: with what came in between the number is too old, and not the account.
+Result<std::optional<std::int64_t>> Service::numberNow(Connection& reader, AccessWhat what,
+                                                       const std::string& name) const {
+  if (shared_ == nullptr) return std::optional<std::int64_t>();
+  ASSIGN_OR_RETURN(const std::int64_t number, AccessNumberStore(reader).of(what, name));
+  return std::optional(number);
 }
 
 Result<bool> Service::isKnownName(const std::string& name, bool station) {
@@ -449,6 +473,11 @@ Status Service::completeErasureList() {
   ASSIGN_OR_RETURN(const bool done, completeErasures(*reader));
   if (done) erasures_listed_ = now.value_or("");
   return {};
+}
+
+Result<std::vector<bool>> Service::stillAllowed(const std::vector<Principal>& all) {
+  ASSIGN_OR_RETURN(auto reader, readers_.borrow());
+  return handlers::accessHoldsOf(*reader, all);
 }
 
 Result<std::vector<std::string>> Service::erasuresToRepeat() {
@@ -541,7 +570,10 @@ Status Service::noteLogin(const Principal& who, const std::string& host) {
   if (who.role == pb::TRAINEE || !exports_->isNew(who, what, wallNowNs())) return {};
   AuditRow line{0, wallNowNs(), who.name, "log-in", "", std::string(roleName(who.role)) + " from " + host};
   line.account_unix_ns = who.account_unix_ns;
-  Status noted = writer_.run([&](Connection& writer) { return AuditStore(writer).add(line); });
+  Status noted = writer_.run([&](Connection& writer) -> Status {
+    ASSIGN_OR_RETURN(const bool is_new, exports_->isNewElsewhere(writer, who, what));
+    return is_new ? AuditStore(writer).add(line) : Status();
+  });
   if (!noted.ok()) exports_->takeBack(who, what);
   return noted;
 }
@@ -565,12 +597,13 @@ void Service::noteWatching(const Principal& who, const std::string& station, con
     exports->takeBack(who, what);
     failed(error);
   };
-  line.wanted = [station, session](Connection& writer) -> Result<bool> {
+  line.wanted = [exports = exports_, who, what, station, session](Connection& writer) -> Result<bool> {
     auto known = session.empty() ? writer.query("SELECT 1 FROM stations WHERE name = ?", station)
                                  : writer.query("SELECT 1 FROM sessions WHERE id = ? AND state = ?",
                                                 viewOf(session), static_cast<int>(pb::SESSION_OPEN));
     ASSIGN_OR_RETURN(const bool found, known.step());
-    return found;
+    if (!found) return false;
+    return exports->isNewElsewhere(writer, who, what);
   };
   addSoon(std::move(line));
 }

@@ -18,12 +18,13 @@
 #include "common/base/result.h"
 #include "common/base/time_source.h"
 #include "common/base/uuid.h"
+#include "db/access_numbers.h"
 #include "db/audit.h"
 #include "db/db_writer.h"
 #include "db/duties.h"
 #include "db/encrypted_backup.h"
 #include "db/reader_pool.h"
-#include "db/service/code_guard.h"
+#include "db/service/code_tries.h"
 #include "db/service/export_ledger.h"
 #include "db/service/reference_paths.h"
 #include "db/service/requests.h"
@@ -32,6 +33,7 @@
 #include "db/service/session_samples.h"
 #include "db/service/session_score.h"
 #include "db/session_store.h"
+#include "db/shared_logins.h"
 #include "needlelab/control.pb.h"
 #include "needlelab/session.pb.h"
 
@@ -58,6 +60,8 @@ struct Outcome {
   /// afterwards: nobody may know whether that was carried out. Not set by an erasure and an import, whose
   /// replies say it.
   bool access_changed = false;
+  /// The asker has changed its own access, and goes on with this one (Principal::access_number).
+  std::optional<std::int64_t> access_number{};
 };
 
 /// What one step of VerifySession reads, as SessionStore::hashOn() counts: some 80 ms, in which an import or
@@ -74,7 +78,8 @@ inline constexpr std::size_t kErasedPiecesAtOnce = 8;
 
 /// A request between the steps of its work.
 struct RequestUnderWay {
-  bool access_changed = false;               ///< as in Outcome
+  bool access_changed = false;                  ///< as in Outcome
+  std::optional<std::int64_t> access_number{};  ///< as in Outcome
   bool more = false;                         ///< set by a handler: this was a step, and its reply is none yet
   std::optional<SessionCheckSoFar> check{};  ///< of VerifySession
   std::shared_ptr<SessionScore> score{};     ///< of RescoreSession
@@ -121,7 +126,15 @@ class Service {
  public:
   /// `time`: by which wrong codes wait; it must outlive the service.
   Service(DbWriter& writer, ReaderPool& readers, TimeSource& time = machineTime())
-      : writer_(writer), readers_(readers), codes_(time) {}
+      : writer_(writer), readers_(readers), codes_(std::make_unique<CodesInMemory>(time)) {}
+  /// Of a server of several on one database: wrong codes and noted reads are in `shared`, which must outlive
+  /// it, and whoever logs in gets an access number.
+  Service(DbWriter& writer, ReaderPool& readers, SharedLogins& shared)
+      : writer_(writer),
+        readers_(readers),
+        shared_(&shared),
+        exports_(std::make_shared<ExportLedger>(shared)),
+        codes_(std::make_unique<CodesInStore>(shared)) {}
 
   /// Checks the role (requests.h) and, of who logged in, that the account still has it; executes the request
   /// and writes the audit log.
@@ -145,6 +158,8 @@ class Service {
   /// For tokens: false when, since log-in, a person was disabled or changed its role, or a station was
   /// revoked.
   Result<bool> stillAllowed(const Principal& principal);
+  /// The same of many, in their order.
+  Result<std::vector<bool>> stillAllowed(const std::vector<Principal>& all);
 
   /// Does one step of a close: hashes some more of the stored chunks (RunningHashes) on a reader; closes the
   /// session on the writer; computes some more of its distances from references (ReferencePaths) and, once
@@ -288,6 +303,11 @@ class Service {
   [[nodiscard]] RetentionTools retentionTools();
   /// Forgets what is known of recordings, because some were removed.
   void forgetRecordings();
+  /// Forgets an erased person's failures and addresses that several servers share.
+  void forgetLoginsOf(const std::string& name);
+  /// Principal::access_number of whoever logs in now.
+  Result<std::optional<std::int64_t>> numberNow(Connection& reader, AccessWhat what,
+                                                const std::string& name) const;
   /// Removes some of an erasure's chunks. When `so_far` has no more: returns a sentence about remaining
   /// chunks and the reason; empty: none remain.
   std::string removeErased(const RetentionPace& pace, std::size_t most_pieces, LeftoversSoFar& so_far);
@@ -301,9 +321,10 @@ class Service {
                                                StepWork work);
   DbWriter& writer_;
   ReaderPool& readers_;
+  SharedLogins* const shared_ = nullptr;  ///< null: this server is alone
   const std::shared_ptr<ExportLedger> exports_ =
       std::make_shared<ExportLedger>();  ///< the writer's items have it
-  CodeGuard codes_;
+  const std::unique_ptr<CodeTries> codes_;
   std::atomic<bool> cancelled_{false};
   std::mutex backup_mutex_;  ///< one backup at a time
   std::atomic<bool> backup_running_ = false;

@@ -333,7 +333,9 @@ Result<pb::Reply> readStudyRecording(const Context& context, const pb::ReadStudy
     // before any data is returned
     const std::string what = call.study() + "\n" + call.session();
     if (context.exports.isNew(context.who, what, context.now_unix_ns)) {
-      const Status noted = write(context, call.study(), call.session(), [](Connection&) { return Status(); });
+      const Status noted = writeIfChanged(context, call.study(), call.session(), [&](Connection& writer) {
+        return context.exports.isNewElsewhere(writer, context.who, what);
+      });
       if (!noted.ok()) {
         context.exports.takeBack(context.who, what);
         return noted.error();

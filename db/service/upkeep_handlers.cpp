@@ -1,5 +1,9 @@
 #include <fmt/core.h>
 
+#include <map>
+#include <utility>
+
+#include "db/access_numbers.h"
 #include "db/audit.h"
 #include "db/backup.h"
 #include "db/check.h"
@@ -111,16 +115,64 @@ Result<pb::Reply> verifyRestored(const Context& context, const pb::Backup& call)
   return reply;
 }
 
+/// Whether the account's access is the one that `who` logged in with, as far as that is compared.
+Result<bool> hasNumber(Connection& connection, AccessWhat what, const Principal& who) {
+  if (!who.access_number) return true;
+  ASSIGN_OR_RETURN(const std::int64_t number, AccessNumberStore(connection).of(what, who.name));
+  return number == *who.access_number;
+}
+
 }  // namespace
 
 Result<bool> accessHolds(Connection& connection, const Principal& who) {
   if (who.role == pb::STATION) {
     ASSIGN_OR_RETURN(const auto station, StationStore(connection).find(who.name));
-    return station && !station->revoked;
+    if (!station || station->revoked) return false;
+    return hasNumber(connection, AccessWhat::kStation, who);
   }
+  ASSIGN_OR_RETURN(const bool is_unchanged, hasNumber(connection, AccessWhat::kPerson, who));
+  if (!is_unchanged) return false;
   ASSIGN_OR_RETURN(const auto person, PeopleStore(connection).find(who.name));
   const bool is_same = person && (who.account_unix_ns == 0 || person->created_unix_ns == who.account_unix_ns);
   return is_same && !person->disabled && person->role == who.role;
+}
+
+Result<std::vector<bool>> accessHoldsOf(Connection& connection, std::span<const Principal> all) {
+  std::vector<std::string> people, stations;
+  for (const Principal& who : all) (who.role == pb::STATION ? stations : people).push_back(who.name);
+  ASSIGN_OR_RETURN(const auto view, Transaction::view(connection));
+  ASSIGN_OR_RETURN(const auto accounts, PeopleStore(connection).findAll(people));
+  ASSIGN_OR_RETURN(const auto of_people, AccessNumberStore(connection).ofMany(AccessWhat::kPerson, people));
+  ASSIGN_OR_RETURN(const auto of_stations,
+                   AccessNumberStore(connection).ofMany(AccessWhat::kStation, stations));
+  std::map<std::string, bool> in_use;
+  if (!stations.empty()) {
+    ASSIGN_OR_RETURN(const auto known, StationStore(connection).list());
+    for (const Station& station : known) in_use[station.name] = !station.revoked;
+  }
+  std::vector<bool> hold;
+  for (const Principal& who : all) {
+    const bool is_station = who.role == pb::STATION;
+    const auto& numbers = is_station ? of_stations : of_people;
+    const auto number = numbers.find(who.name);
+    const bool is_unchanged =
+        !who.access_number || *who.access_number == (number == numbers.end() ? 0 : number->second);
+    const auto person = accounts.find(who.name);
+    const auto station = in_use.find(who.name);
+    hold.push_back(
+        is_unchanged &&
+        (is_station
+             ? station != in_use.end() && station->second
+             : person != accounts.end() && !person->second.disabled && person->second.role == who.role &&
+                   (who.account_unix_ns == 0 || person->second.created_unix_ns == who.account_unix_ns)));
+  }
+  return hold;
+}
+
+Status keepOwnAccess(const Context& context, Connection& writer, const std::string& name) {
+  if (context.under_way == nullptr || context.who.name != name || !context.who.access_number) return {};
+  ASSIGN_OR_RETURN(context.under_way->access_number, AccessNumberStore(writer).of(AccessWhat::kPerson, name));
+  return {};
 }
 
 Status checkAccess(Connection& connection, const Principal& who) {
@@ -171,7 +223,9 @@ Status edit(const Context& context, const std::string& subject, const std::strin
 Status noteRead(const Context& context, const std::string& subject, const std::string& detail) {
   const std::string what = std::string(context.action) + "\n" + subject + "\n" + detail;
   if (!context.exports.isNew(context.who, what, context.now_unix_ns)) return {};
-  const Status noted = write(context, subject, detail, [](Connection&) { return Status(); });
+  const Status noted = writeIfChanged(context, subject, detail, [&](Connection& writer) {
+    return context.exports.isNewElsewhere(writer, context.who, what);
+  });
   if (context.writer.failed()) return {};
   if (!noted.ok()) context.exports.takeBack(context.who, what);
   return noted;

@@ -34,16 +34,21 @@ std::shared_ptr<const pb::Login> secretOf(pb::Login login) {
           }};
 }
 
-Task<Result<Tokens::Holder>> checkToken(ServerContext& context, std::shared_ptr<const pb::Login> login) {
-  auto holder = context.tokens.find(login->token(), context.token_time.nowNs());
-  if (!holder) co_return Error{ErrorCode::kDenied, "log-in refused"};
-  std::function<Result<bool>()> check = [&service = context.store.service(), who = holder->who] {
-    return service.stillAllowed(who);
-  };
-  const auto allowed = co_await offload(*context.logins_in_turn, turnNameOf(holder->who), std::move(check));
+Error tokenRefused() {
+  return {ErrorCode::kDenied, "log-in refused"};
+}
+
+Task<Result<Tokens::Holder>> checkToken(ServerContext& context, std::shared_ptr<const pb::Login> login,
+                                        std::string address) {
+  auto holder = co_await context.login->find(login->token(), std::move(address));
+  if (!holder.ok()) co_return holder.error();
+  if (!*holder) co_return tokenRefused();
+  const Principal& who = (*holder)->who;
+  std::function<Result<bool>()> check = context.login->check(login->token(), who);
+  const auto allowed = co_await offload(*context.logins_in_turn, turnNameOf(who), std::move(check));
   if (!allowed.ok()) co_return allowed.error();
-  if (!*allowed) co_return Error{ErrorCode::kDenied, "log-in refused"};
-  co_return std::move(*holder);
+  if (!*allowed) co_return tokenRefused();
+  co_return std::move(**holder);
 }
 
 }  // namespace
@@ -122,13 +127,15 @@ Task<Result<Tokens::Holder>> PeerConnection::checkLogin(std::shared_ptr<const pb
     if (!who.ok()) co_return who.error();
     co_return Tokens::Holder{std::move(*who), 0};
   }
-  const auto holder = context_.tokens.find(login->token(), context_.token_time.nowNs());
-  if (!login->has_token() || !holder) co_return Error{ErrorCode::kDenied, "log-in refused"};
-  std::function<Task<Result<Tokens::Holder>>()> check = [&context = context_, login] {
-    return checkToken(context, login);
+  if (!login->has_token()) co_return tokenRefused();
+  const auto holder = co_await context_.login->find(login->token(), address_key_);
+  if (!holder.ok()) co_return holder.error();
+  if (!*holder) co_return tokenRefused();
+  std::function<Task<Result<Tokens::Holder>>()> check = [&context = context_, login, address = address_key_] {
+    return checkToken(context, login, address);
   };
-  co_return co_await checkUnchanged(context_.access, holder->who.name, holder->who.role == pb::STATION,
-                                    std::move(check));
+  const Principal& who = (*holder)->who;
+  co_return co_await checkUnchanged(context_.access, who.name, who.role == pb::STATION, std::move(check));
 }
 
 /// Takes a place among those who have logged in, perhaps another connection's. False: there is none.
@@ -243,10 +250,20 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
   if (!takePlace()) co_return;
   if (who_.role != pb::STATION) {
     // also after a log-in by token, so that a running program need not ask for the password again
-    const std::int64_t now = context_.token_time.nowNs();
-    const auto issued = context_.tokens.issue({who_, password_ns}, now);
-    welcome.set_token(issued.token);
-    welcome.set_token_expires_unix_ns(wallNowNs() + (issued.expires_ns - now));
+    const auto issued = co_await context_.login->issue({who_, password_ns});
+    if (over() || channel_->closing()) co_return;
+    if (!issued.ok()) {
+      const bool changed = issued.error().code == ErrorCode::kConflict;
+      if (!changed)
+        logEvent(LogLevel::kError, "token_not_stored", {{"conn", id_}, {"text", issued.error().message}});
+      PersonLogin refused;
+      refused.answer = changed ? PersonLogin::Answer::kTooMany : PersonLogin::Answer::kFailed;
+      refuseAndClose(
+          makeRefusal(changed ? pb::Refusal::RATE_LIMITED : pb::Refusal::INTERNAL, textOf(refused)));
+      co_return;
+    }
+    welcome.set_token(issued->token);
+    welcome.set_token_expires_unix_ns(wallNowNs() + issued->left.count());
   }
   welcome.set_name(who_.name);
   welcome.set_role(who_.role);

@@ -20,6 +20,8 @@ Task<> PeerConnection::execute(std::shared_ptr<PeerConnection> self, pb::Request
   ++peer.requests_at_work_;
   std::function<bool()> gone = [gone = peer.gone_] { return gone->load(); };
   const auto outcome = co_await executeRequest(peer.context_, peer.who_, shared, std::move(gone));
+  // it changed its own access, and keeps this connection
+  if (outcome->access_number) peer.who_.access_number = outcome->access_number;
   co_await peer.answer(*shared, std::move(*outcome), std::move(*shares.reply));
   --peer.requests_at_work_;
   peer.freed_.notify();

@@ -18,6 +18,7 @@
 #include "common/wire/asio.h"
 #include "db/service/bootstrap.h"
 #include "server/live/access_changes.h"
+#include "server/live/access_listener.h"
 #include "server/live/admission.h"
 #include "server/live/byte_budget.h"
 #include "server/live/chunk_budget.h"
@@ -26,8 +27,8 @@
 #include "server/live/fair_pool.h"
 #include "server/live/handshake_turns.h"
 #include "server/live/hub.h"
-#include "server/live/login_guard.h"
 #include "server/live/login_queue.h"
+#include "server/live/login_state.h"
 #include "server/live/message_rates.h"
 #include "server/live/offload.h"
 #include "server/live/password_pool.h"
@@ -36,7 +37,6 @@
 #include "server/live/places_in_turn.h"
 #include "server/live/station_closes.h"
 #include "server/live/station_quotas.h"
-#include "server/live/tokens.h"
 
 namespace needlelab {
 
@@ -136,6 +136,12 @@ inline constexpr std::size_t kLongScoresAtOnce = 4, kRescoringsAtOnce = 1;
 inline constexpr std::size_t kPeopleViewThreads = 2, kStationViewThreads = 1;
 inline constexpr std::size_t kViewThreads = kPeopleViewThreads + kStationViewThreads;
 
+/// A look at all accounts in use (remote_access.h).
+struct AccessLook {
+  bool is_under_way = false;
+  bool is_due = false;  ///< once more
+};
+
 struct ServerContext {
   asio::io_context& io;
   Store& store;                     ///< its parts are thread-safe
@@ -150,9 +156,7 @@ struct ServerContext {
   asio::thread_pool& retention_workers;
   ConnectionBounds bounds;
   Hub hub;
-  LoginGuard guard;
-  Tokens tokens;
-  TimeSource& token_time = machineTime();  ///< of all calls of `tokens`
+  std::unique_ptr<LoginState> login;  ///< lock-outs and tokens
   ServerCounters counters;
   WebCounters web{};
   Admission admission{};
@@ -184,6 +188,9 @@ struct ServerContext {
   std::shared_ptr<Signal> reply_room = std::make_shared<Signal>(io.get_executor());
   ByteBudget replies{bounds.replies, [room = reply_room] { room->notify(); }};
   AccessChanges access{};  ///< accounts disabled, keys revoked, passwords changed
+  AccessLook access_look{};
+  /// Of what other servers on the database change; null: this one is alone.
+  std::unique_ptr<AccessListener> access_listener{};
   ChunkBudget chunks_in_flight{bounds.all_chunks_in_flight};  ///< of all connections
   std::unique_ptr<Inbox> committed =
       std::make_unique<Inbox>(io.get_executor());  ///< chunks that the writer has finished

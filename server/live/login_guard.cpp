@@ -16,8 +16,7 @@ constexpr std::size_t kMostBytes = kMaxNameBytes + 16;
 
 /// Nobody has a longer name; kept as it is, each would hold what somebody sent.
 const std::string& nameKey(const std::string& name) {
-  static const std::string too_long(kMostBytes + 1, '?');
-  return name.size() > kMostBytes ? too_long : name;
+  return LoginGuard::countedName(name);
 }
 
 /// Includes the lengths, so that different pairs of name and address always have different keys.
@@ -27,6 +26,45 @@ std::string pairKey(const std::string& name, const std::string& address) {
 }
 
 }  // namespace
+
+const std::string& LoginGuard::countedName(const std::string& name) {
+  static const std::string too_long(kMostBytes + 1, '?');
+  return name.size() > kMostBytes ? too_long : name;
+}
+
+LoginGuard::Entries LoginGuard::*LoginGuard::tableOf(Kind kind) {
+  switch (kind) {
+    case Kind::kKnown:
+      return &LoginGuard::known_;
+    case Kind::kKnownAddress:
+      return &LoginGuard::known_addresses_;
+    case Kind::kName:
+      return &LoginGuard::names_;
+    case Kind::kAddress:
+      return &LoginGuard::addresses_;
+    case Kind::kPair:
+    case Kind::kCode:
+      break;
+  }
+  return &LoginGuard::pairs_;
+}
+
+std::string LoginGuard::keyOf(Kind kind, const std::string& name, const std::string& address) {
+  if (kind == Kind::kName) return nameKey(name);
+  return kind == Kind::kAddress || kind == Kind::kKnownAddress ? address : pairKey(name, address);
+}
+
+std::optional<LoginGuard::Entry> LoginGuard::entry(Kind kind, const std::string& name,
+                                                   const std::string& address) const {
+  const Entries& table = this->*tableOf(kind);
+  const auto found = table.find(keyOf(kind, name, address));
+  return found == table.end() ? std::nullopt : std::optional(found->second);
+}
+
+void LoginGuard::setEntry(Kind kind, const std::string& name, const std::string& address,
+                          const Entry& entry) {
+  (this->*tableOf(kind))[keyOf(kind, name, address)] = entry;
+}
 
 double LoginGuard::leftAfter(const Entry& entry, Milliseconds refill, std::int64_t now_ns) {
   const double leaked =

@@ -2,10 +2,14 @@
 /// never locked out, and admission.h limits wrong ones.
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <unordered_map>
+
+#include "db/login_store.h"
 
 namespace needlelab {
 
@@ -50,16 +54,31 @@ class LoginGuard {
   /// Whether anybody has logged in from this address.
   [[nodiscard]] bool knowsAddress(const std::string& address) const;
 
+  struct Entry {
+    double failures = 0;
+    std::int64_t at_ns = 0;
+    bool operator==(const Entry&) const = default;
+  };
+  /// Its tables; what they are by, LoginRow::Kind says. Not kCode.
+  using Kind = LoginRow::Kind;
+  static constexpr std::array<Kind, 5> kKinds = {Kind::kPair, Kind::kKnown, Kind::kKnownAddress, Kind::kName,
+                                                 Kind::kAddress};
+  /// All that it knows of this name at this address are its entries of the five kinds: to be kept elsewhere,
+  /// and to be put into another guard.
+  [[nodiscard]] std::optional<Entry> entry(Kind kind, const std::string& name,
+                                           const std::string& address) const;
+  void setEntry(Kind kind, const std::string& name, const std::string& address, const Entry& entry);
+  /// Names that nobody can have are one.
+  static const std::string& countedName(const std::string& name);
+
   [[nodiscard]] std::size_t entries() const {
     return pairs_.size() + known_.size() + known_addresses_.size() + names_.size() + addresses_.size();
   }
 
  private:
-  struct Entry {
-    double failures = 0;
-    std::int64_t at_ns = 0;
-  };
   using Entries = std::unordered_map<std::string, Entry>;
+  static Entries LoginGuard::*tableOf(Kind kind);
+  static std::string keyOf(Kind kind, const std::string& name, const std::string& address);
   using Milliseconds = std::chrono::milliseconds;
   static double leftAfter(const Entry& entry, Milliseconds refill, std::int64_t now_ns);
   static Milliseconds waitOf(const Entries& entries, const std::string& key, double allowed,

@@ -245,6 +245,17 @@ void storage(PrometheusText& out, const ServerContext& context, const StoreFacts
       "What an ack survives. 0: nothing; 1: the end of a program; 2: a power cut; 3: the loss of a disk.");
   out.gauge("needlelab_acknowledged_missing", context.store.writer().lack().empty() ? 0 : 1,
             "1 when PostgreSQL turned out to lack what was acknowledged, until the server's end.");
+  if (context.access_listener) {
+    const auto hearing = context.access_listener->hearing();
+    out.gauge("needlelab_access_heard", hearing.is_deaf || !hearing.fault.empty() ? 0 : 1,
+              "Of a server of several on one database: 1 when it hears what the others change of accesses.");
+    out.gauge("needlelab_access_silence_seconds", hearing.silence_s,
+              "Since it last knew what the others had changed of accesses; below 0: it never did.");
+    out.counter("needlelab_access_changes_total", real(hearing.changes),
+                "Changes of accesses at other servers that it was told of.");
+    out.counter("needlelab_access_connections_total", real(hearing.connections),
+                "Times that the connection was made on which it is told.");
+  }
   out.gauge("needlelab_disk_free_bytes", real(facts.free_bytes),
             "Free on the disk of the data folder (on SQLite with the database, on PostgreSQL with keys and "
             "lists).");

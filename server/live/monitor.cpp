@@ -147,6 +147,7 @@ HttpAnswer healthAnswer(const Health& health, const StoreFacts& facts, std::int6
   json["last_commit_age_s"] = nullptr;
   if (health.last_commit_age_s >= 0) json["last_commit_age_s"] = tenths(health.last_commit_age_s);
   json["ack_survives"] = durabilityText(facts.durability);
+  if (health.access_heard_s) json["access_heard_s"] = tenths(*health.access_heard_s);
   json["disk_free_bytes"] = facts.free_bytes;
   json["backup_age_s"] = nullptr;
   if (facts.backup_unix_ns)
@@ -295,6 +296,13 @@ Task<Health> Monitor::health(const StoreFacts& facts) {
     health.problems.push_back("not all is stored: " + failed);
   }
   if (std::string lack = writer.lack(); !lack.empty()) health.problems.push_back(std::move(lack));
+  if (context_.access_listener) {
+    const auto hearing = context_.access_listener->hearing();
+    health.access_heard_s = hearing.silence_s;
+    if (!hearing.fault.empty()) health.problems.push_back(hearing.fault);
+    if (hearing.is_deaf && hearing.fault.empty())
+      health.problems.emplace_back("the database has not said for some seconds what other servers changed");
+  }
   if (!facts.fault.empty()) health.problems.push_back("the database cannot be read: " + facts.fault);
   if (facts.certificate_end_unix_s != 0 && facts.certificate_end_unix_s < now_ns / kSecond)
     health.problems.emplace_back(

@@ -62,7 +62,10 @@ std::string metricsText(const ServerContext& context, const StoreFacts& facts);
 /// The result of the health check.
 struct Health {
   bool writable = false;  ///< the database accepts writes; whether recordings are stored, `problems` says
-  double last_commit_age_s = -1;      ///< below 0: no commit yet
+  double last_commit_age_s = -1;  ///< below 0: no commit yet
+  /// Of a server of several on one database: since it last knew what the others had changed of accesses;
+  /// below 0: it never did.
+  std::optional<double> access_heard_s{};
   std::vector<std::string> problems;  ///< empty: healthy
 };
 /// One line of JSON, with status 200 or 503. `now_unix_ns`: to compute ages.

@@ -19,11 +19,10 @@ using Answer = PersonLogin::Answer;
 
 constexpr std::string_view kUnknownName = "person (unknown)";
 
-PersonLogin waitOf(ServerContext& context, const std::string& name, const std::string& host,
-                   const LoginPeer& peer) {
+/// A log-in that must wait.
+PersonLogin waitOf(ServerContext& context, std::chrono::milliseconds wait, const LoginPeer& peer) {
   PersonLogin login;
-  login.wait = context.guard.mustWait(name, host, steadyNowNs());
-  if (login.wait.count() <= 0) return login;
+  login.wait = wait;
   login.answer = Answer::kMustWait;
   ++context.counters.logins_refused;
   // without the name: the lines of the failures before have it, if it is somebody's
@@ -32,15 +31,25 @@ PersonLogin waitOf(ServerContext& context, const std::string& name, const std::s
   return login;
 }
 
-LoginQueue::Line lineOf(const LoginGuard& guard, const std::string& name, const std::string& host) {
-  if (guard.knows(name, host)) return LoginQueue::Line::kKnownPerson;
-  return guard.knowsAddress(host) ? LoginQueue::Line::kKnownAddress : LoginQueue::Line::kStranger;
+/// A log-in that could not be checked. `shown`: the name, for the log.
+PersonLogin notChecked(ServerContext& context, const std::string& shown, const Error& why,
+                       const LoginPeer& peer) {
+  PersonLogin login;
+  login.answer = Answer::kFailed;
+  ++context.counters.logins_refused;
+  logEvent(LogLevel::kError, "login_not_checked",
+           {{"conn", peer.connection}, {"name", shown}, {"peer", peer.address}, {"text", why.message}});
+  return login;
+}
+
+LoginQueue::Line lineOf(const LoginState::Standing& standing) {
+  if (standing.knows_person) return LoginQueue::Line::kKnownPerson;
+  return standing.knows_address ? LoginQueue::Line::kKnownAddress : LoginQueue::Line::kStranger;
 }
 
 /// `shown`: the name, for the logs.
-void noteLocked(ServerContext& context, const std::string& name, const std::string& shown,
-                const std::string& host, const LoginPeer& peer) {
-  const auto wait = context.guard.mustWait(name, host, steadyNowNs());
+void noteLocked(ServerContext& context, std::chrono::milliseconds wait, const std::string& shown,
+                const LoginPeer& peer) {
   const std::string text = fmt::format("too many failed log-ins from {}: waits {} s",
                                        hostOfAddress(peer.address), wait.count() / 1000 + 1);
   logEvent(LogLevel::kWarning, "login_locked", {{"conn", peer.connection}, {"name", shown}, {"text", text}});
@@ -65,13 +74,47 @@ Task<Result<Principal>> checkPassword(ServerContext& context, std::shared_ptr<co
                              std::move(check));
 }
 
+/// What becomes of a try whose password was not right, or could not be checked.
+Task<PersonLogin> refuseTry(ServerContext& context, std::shared_ptr<const PersonSecret> secret,
+                            LoginState::Try tried, Error why, LoginPeer peer) {
+  if (why.code == ErrorCode::kConflict) {
+    // as if others had been first: nobody hears that the password was right
+    (void)co_await context.login->gaveUp(std::move(tried));
+    ++context.counters.logins_refused;
+    PersonLogin login;
+    login.answer = Answer::kTooMany;
+    co_return login;
+  }
+  // a password that was typed as the name must not be read in the log
+  std::function<Result<bool>()> look = [&service = context.store.service(), secret] {
+    return service.isKnownName(secret->user, false);
+  };
+  const auto is_known = co_await offload(context.logins, std::move(look));
+  const std::string shown = is_known.ok() && *is_known ? tried.name : std::string(kUnknownName);
+  // only a wrong password counts as a guess, not a check that could not be made
+  if (why.code != ErrorCode::kDenied) {
+    (void)co_await context.login->gaveUp(std::move(tried));
+    co_return notChecked(context, shown, why, peer);
+  }
+  ++context.counters.logins_refused;
+  context.lines.write(
+      PeerLines::kStrangers, PeerLine::kLoginRefused, steadyNowNs(),
+      {{"conn", peer.connection}, {"name", shown}, {"peer", peer.address}, {"text", why.message}});
+  const auto locked = co_await context.login->failed(std::move(tried));
+  if (locked.ok() && *locked) noteLocked(context, **locked, shown, peer);
+  PersonLogin login;
+  login.answer = Answer::kRefused;
+  co_return login;
+}
+
 /// Checks when the turn comes; once more in the same turn, when the account changed meanwhile.
 Task<PersonLogin> checkInTurn(ServerContext& context, std::shared_ptr<const PersonSecret> secret,
-                              std::string name, std::string host, LoginPeer peer) {
+                              std::string name, std::string host, LoginState::Standing standing,
+                              LoginPeer peer) {
   PersonLogin login;
   // One at a time, and each checks the lock-out again: of many simultaneous guesses, those beyond the limit
   // are never tried. The place gives the turn on at its end, whatever happens here.
-  const auto place = context.logins_waiting.join(lineOf(context.guard, name, host), host, name);
+  const auto place = context.logins_waiting.join(lineOf(standing), host, name);
   const auto turns = context.login_turns;
   while (place && !place->hasTurn() && !place->gaveWay() && !peer.gone()) co_await turns->wait();
   if (peer.gone()) {
@@ -83,41 +126,17 @@ Task<PersonLogin> checkInTurn(ServerContext& context, std::shared_ptr<const Pers
     login.answer = Answer::kTooMany;
     co_return login;
   }
-  login = waitOf(context, name, host, peer);
-  if (login.answer == Answer::kMustWait) co_return login;
+  auto tried = co_await context.login->begin(name, host);
+  if (!tried.ok()) co_return notChecked(context, std::string(kUnknownName), tried.error(), peer);
+  if (tried->wait.count() > 0) co_return waitOf(context, tried->wait, peer);
   std::function<Task<Result<Principal>>()> check = [&context, secret] {
     return checkPassword(context, secret);
   };
   auto who = co_await checkUnchanged(context.access, secret->user, false, std::move(check));
-  if (who.ok()) {
-    login.answer = Answer::kWelcome;
-    login.holder = {std::move(*who), context.token_time.nowNs()};
-    co_return login;
-  }
-  if (who.error().code == ErrorCode::kConflict) {
-    // as if others had been first: nobody hears that the password was right
-    ++context.counters.logins_refused;
-    login.answer = Answer::kTooMany;
-    co_return login;
-  }
-  // only a wrong password counts as a guess, not a check that could not be made
-  const bool denied = who.error().code == ErrorCode::kDenied;
-  login.answer = denied ? Answer::kRefused : Answer::kFailed;
-  ++context.counters.logins_refused;
-  // a password that was typed as the name must not be read in the log
-  std::function<Result<bool>()> look = [&service = context.store.service(), secret] {
-    return service.isKnownName(secret->user, false);
-  };
-  const auto is_known = co_await offload(context.logins, std::move(look));
-  const std::string shown = is_known.ok() && *is_known ? name : std::string(kUnknownName);
-  const std::string& why = who.error().message;
-  if (denied)
-    context.lines.write(PeerLines::kStrangers, PeerLine::kLoginRefused, steadyNowNs(),
-                        {{"conn", peer.connection}, {"name", shown}, {"peer", peer.address}, {"text", why}});
-  else
-    logEvent(LogLevel::kError, "login_not_checked",
-             {{"conn", peer.connection}, {"name", shown}, {"peer", peer.address}, {"text", why}});
-  if (denied && context.guard.failed(name, host, steadyNowNs())) noteLocked(context, name, shown, host, peer);
+  if (!who.ok()) co_return co_await refuseTry(context, secret, std::move(*tried), who.error(), peer);
+  login.answer = Answer::kWelcome;
+  login.holder = {std::move(*who), 0};
+  login.tried = std::move(*tried);
   co_return login;
 }
 
@@ -152,10 +171,13 @@ std::string textOf(const PersonLogin& login) {
 Task<PersonLogin> logInPerson(ServerContext& context, std::shared_ptr<const PersonSecret> secret,
                               LoginPeer peer) {
   const std::string host = Admission::keyOf(hostOfAddress(peer.address)), name = "person " + secret->user;
-  if (auto wait = waitOf(context, name, host, peer); wait.answer == Answer::kMustWait) co_return wait;
-  PersonLogin login = co_await checkInTurn(context, secret, name, host, peer);
+  const auto standing = co_await context.login->standing(name, host);
+  if (!standing.ok()) co_return notChecked(context, std::string(kUnknownName), standing.error(), peer);
+  if (standing->wait.count() > 0) co_return waitOf(context, standing->wait, peer);
+  PersonLogin login = co_await checkInTurn(context, secret, name, host, *standing, peer);
   if (login.answer != Answer::kWelcome) co_return login;
-  context.guard.succeeded(name, host, steadyNowNs());
+  // where this cannot be stored the person is in all the same, and the try counts as a failure
+  (void)co_await context.login->succeeded(std::move(login.tried));
   noteWelcome(context, login.holder.who, hostOfAddress(peer.address));
   co_return login;
 }

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "server/live/context.h"
-#include "server/live/tokens.h"
+#include "server/live/login_state.h"
 
 namespace needlelab {
 
@@ -22,7 +22,8 @@ struct PersonLogin {
   };
   Answer answer = Answer::kRefused;
   std::chrono::milliseconds wait{0};
-  Tokens::Holder holder;
+  Tokens::Holder holder;  ///< password_ns 0: just now
+  LoginState::Try tried{};
 };
 
 /// Name and password, wiped when the last owner releases them.

@@ -166,7 +166,8 @@ Task<Executed> executeRequest(ServerContext& context, Principal who,
     if (under_way->isDone() && !std::exchange(is_ended, true)) {
       const std::string& name = request->erase_person().name();
       context.hub.forgetTrainee(name);
-      endAccess(context, name, false, who.doer(), nullptr, "the account is no more", under_way->erased_as);
+      endAccess(context, {.name = name, .text = "the account is no more", .logged_as = under_way->erased_as},
+                who.doer());
     }
     if (!done) {
       if (under_way->is_long && !place) place = co_await context.rescorings.take(turnNameOf(who));
@@ -255,44 +256,75 @@ void followUp(ServerContext& context, const pb::Request& request, const pb::Repl
   }
   const char* const changed = "the account was changed: log in again";
   for (const std::string& name : reply.people_import().roles_changed())
-    endAccess(context, name, false, by, nullptr, changed);
+    endAccess(context, {.name = name, .text = changed}, by);
   // a request that ends nothing must not disturb anybody's log-in
   if (!access_changed) return;
   if (request.has_revoke_station())
-    endAccess(context, request.revoke_station().name(), true, by, nullptr, "the station's key was revoked");
+    endAccess(context,
+              {.name = request.revoke_station().name(),
+               .is_station = true,
+               .text = "the station's key was revoked"},
+              by);
   if (request.has_disable_user())
-    endAccess(context, request.disable_user().name(), false, by, nullptr, "the account was disabled");
+    endAccess(context, {.name = request.disable_user().name(), .text = "the account was disabled"}, by);
   // all connections of a person with a new role, including the requester's own
   if (request.has_change_user())
-    endAccess(context, request.change_user().name(), false, by, nullptr, changed);
+    endAccess(context, {.name = request.change_user().name(), .text = changed}, by);
   // keep the connection on which a person sets its own password; users of the others may only know the old
   // password
   if (request.has_set_password())
-    endAccess(context, request.set_password().name(), false, by, asker,
-              "the password was changed: log in again");
+    endAccess(context,
+              {.name = request.set_password().name(),
+               .except = asker,
+               .text = "the password was changed: log in again"},
+              by);
 }
 
-void endAccess(ServerContext& context, const std::string& name, bool station, const Doer& by,
-               const PeerConnection* except, const std::string& text, const std::string& logged_as) {
+void endAccess(ServerContext& context, const EndedAccess& ended, const Doer& by) {
   // its log-ins in progress are checked again
-  context.access.changed(name, station);
-  const std::size_t tokens = station ? 0 : context.tokens.forget(name);
-  std::size_t ended = 0;
+  context.access.changed(ended.name, ended.is_station);
+  const auto tokens = ended.is_station ? std::size_t{0} : context.login->forget(ended.name);
+  std::size_t connections = 0;
   // copy: closing a connection removes it from the map
   const auto all = context.connections;
   for (const auto& [id, peer] : all) {
-    if (peer->who().name != name || (peer->who().role == pb::STATION) != station || peer->over()) continue;
-    if (peer == except) continue;
-    peer->refuseAndClose(makeRefusal(pb::Refusal::LOGIN, text));
-    ++ended;
+    const Principal& who = peer->who();
+    if (who.name != ended.name || (who.role == pb::STATION) != ended.is_station || peer->over()) continue;
+    if (peer == ended.except || who.access_number.value_or(-1) >= ended.before_number) continue;
+    peer->refuseAndClose(makeRefusal(pb::Refusal::LOGIN, ended.text));
+    ++connections;
   }
   // what is as it was already may be asked for without end: no line for each
-  if (ended + tokens == 0) return;
-  const std::string subject = logged_as.empty() ? name : logged_as;
-  logEvent(LogLevel::kInfo, "access_ended",
-           {{"name", subject}, {"by", by.name}, {"connections", ended}, {"tokens", tokens}, {"text", text}});
-  const std::string detail = fmt::format("{}; ended: {} connections, {} tokens", text, ended, tokens);
+  if (connections + tokens.value_or(0) == 0) return;
+  const std::string subject = ended.logged_as.empty() ? ended.name : ended.logged_as;
+  const LogField of_tokens = tokens ? LogField("tokens", *tokens) : LogField("tokens", "all");
+  logEvent(
+      LogLevel::kInfo, "access_ended",
+      {{"name", subject}, {"by", by.name}, {"connections", connections}, of_tokens, {"text", ended.text}});
+  const std::string detail =
+      tokens ? fmt::format("{}; ended: {} connections, {} tokens", ended.text, connections, *tokens)
+             : fmt::format("{}; ended: {} connections to this server, all tokens", ended.text, connections);
   addToAuditLog(context, by, "access ended", subject, detail);
+}
+
+void endAccessOf(ServerContext& context, const Principal& who) {
+  const bool is_station = who.role == pb::STATION;
+  context.access.changed(who.name, is_station);
+  if (!is_station) (void)context.login->forget(who.name);
+  std::size_t connections = 0;
+  const auto all = context.connections;
+  for (const auto& [id, peer] : all) {
+    const Principal& there = peer->who();
+    if (peer->over() || there.name != who.name || there.role != who.role ||
+        there.account_unix_ns != who.account_unix_ns || there.access_number != who.access_number)
+      continue;
+    peer->refuseAndClose(makeRefusal(pb::Refusal::LOGIN, "the account was changed: log in again"));
+    ++connections;
+  }
+  // without the name, which may be that of a person who was erased
+  if (connections > 0)
+    logEvent(LogLevel::kInfo, "access_ended",
+             {{"connections", connections}, {"text", "the account was changed at another server"}});
 }
 
 }  // namespace needlelab

@@ -70,9 +70,23 @@ Task<std::optional<pb::Refusal>> complete(ServerContext& context, const pb::Requ
 void followUp(ServerContext& context, const pb::Request& request, const pb::Reply& reply, bool access_changed,
               const Doer& by, const PeerConnection* asker);
 
-/// Ends all connections and tokens of a name. `logged_as`: text for the logs in place of the name; empty: the
-/// name. Thread: the network's.
-void endAccess(ServerContext& context, const std::string& name, bool station, const Doer& by,
-               const PeerConnection* except, const std::string& text, const std::string& logged_as = {});
+/// Whose access has ended, and why.
+struct EndedAccess {
+  std::string name{};
+  bool is_station = false;
+  const PeerConnection* except = nullptr;  ///< stays open
+  std::string text{};                      ///< for the peer and the logs
+  std::string logged_as{};                 ///< in the logs, in place of the name; empty: the name
+  /// What was opened since the change with this number stays: with a number as high (Principal). What has
+  /// none ends.
+  std::int64_t before_number = INT64_MAX;
+};
+
+/// Ends all connections and tokens of a name. Thread: the network's.
+void endAccess(ServerContext& context, const EndedAccess& ended, const Doer& by);
+
+/// Ends what was opened by exactly this log-in's account, role and number, because it does not hold in the
+/// database any more. Thread: the network's.
+void endAccessOf(ServerContext& context, const Principal& who);
 
 }  // namespace needlelab

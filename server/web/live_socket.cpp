@@ -65,7 +65,6 @@ class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> 
   }
 
  private:
-  [[nodiscard]] std::int64_t tokenNow() const { return server_->context().token_time.nowNs(); }
   PlainHttpStream& plain() { return socket_->next_layer().next_layer(); }
 
   /// Reads, which handles pings, pongs and the close. Any message means that a person is looking at the page:
@@ -77,7 +76,7 @@ class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> 
       auto [error, count] = co_await socket_->async_read(buffer, kUseTuple);
       (void)count;
       if (error) break;
-      (void)server_->context().tokens.renew(token_, tokenNow());
+      server_->context().login->renew(token_);
     }
     over_ = true;
     reading_ = false;
@@ -90,7 +89,9 @@ class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> 
     websocket::close_reason reason(websocket::close_code::going_away, "the server is shutting down");
     socket_->text(true);
     while (!stopping_ && !over_) {
-      if (!server_->context().tokens.endOf(token_, tokenNow())) {
+      const std::chrono::nanoseconds left = co_await server_->context().login->left(token_);
+      if (stopping_ || over_) break;
+      if (left.count() <= 0) {
         reason = websocket::close_reason(websocket::close_code::policy_error, "the session has ended");
         break;
       }

@@ -67,8 +67,10 @@ void wipeSecrets(nlohmann::json& body) {
 
 /// Whether the session has been ended: its account was disabled or has another role or password. A session
 /// that only expires while its download runs does not end it.
-bool accessEnded(ServerContext& context, const AskedBy& by) {
-  return by.account.changed() && !context.tokens.endOf(by.token, context.token_time.nowNs());
+Task<bool> accessEnded(ServerContext& context, AskedBy by) {
+  if (!by.account.changed()) co_return false;
+  const std::chrono::nanoseconds left = co_await context.login->left(by.token);
+  co_return left.count() <= 0;
 }
 
 Error accessHasEnded() {
@@ -102,14 +104,14 @@ Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<SessionStream
     if (!room) co_return browserHasGone();
     stream->room = std::move(*room);
   }
-  if (accessEnded(server->context(), stream->by)) co_return accessHasEnded();
+  if (co_await accessEnded(server->context(), stream->by)) co_return accessHasEnded();
   for (;;) {
     // without `stream`: the room must end on this thread
     std::function<Result<WebPiece>()> work = stream->stream.next;
     work = unlessGone<Result<WebPiece>>(stream->request, browserHasGone(), std::move(work));
     auto piece = co_await offload(*server->context().views_of_people, stream->by.turn_name, std::move(work));
     if (!piece) co_return piece.error();
-    if (accessEnded(server->context(), stream->by)) co_return accessHasEnded();
+    if (co_await accessEnded(server->context(), stream->by)) co_return accessHasEnded();
     if (!*piece) continue;
     stream->room.lower((*piece)->size() + kMostHeldByStream);
     co_return std::move(**piece);
@@ -195,7 +197,7 @@ Task<HttpAnswer> throughSteps(Shared server, Request request, const WebRoute& ro
   const auto steps = co_await offload(*context.views_of_people, by.turn_name, std::move(begin));
   if (!steps) co_return errorAnswer(steps.error());
   while (!request->gone()) {
-    if (accessEnded(context, by)) co_return errorAnswer(accessHasEnded());
+    if (co_await accessEnded(context, by)) co_return errorAnswer(accessHasEnded());
     std::function<std::optional<HttpAnswer>()> work = [&route, step = steps->step] {
       const auto json = step();
       if (!json) return std::optional(errorAnswer(json.error()));

@@ -229,18 +229,36 @@ std::string WebCall::query(const std::string& name) const {
 
 // --- WebSessions
 
-WebSessions::WebSessions(Tokens& tokens) : tokens_(tokens) {
-  randombytes_buf(key_.data(), key_.size());
-}
+namespace {
 
-std::optional<WebSession> WebSessions::find(std::string_view cookie_header, std::int64_t now_ns) const {
+std::optional<std::string> tokenOfCookie(std::string_view cookie_header) {
   const auto value = cookieNamed(cookie_header, kSessionCookie);
   if (!value || value->size() > 64) return std::nullopt;
-  auto token = bytesOfBase64Url(*value);
-  if (!token) return std::nullopt;
-  auto holder = tokens_.find(*token, now_ns);
-  if (!holder) return std::nullopt;
-  return WebSession{std::move(*token), std::move(*holder)};
+  return bytesOfBase64Url(*value);
+}
+
+}  // namespace
+
+WebSessions::WebSessions(LoginState& logins) : logins_(logins) {
+  if (const auto shared = logins.formKey())
+    key_ = *shared;
+  else
+    randombytes_buf(key_.data(), key_.size());
+}
+
+Task<Result<std::optional<WebSession>>> WebSessions::find(std::string cookie_header,
+                                                          std::string asker) const {
+  auto token = tokenOfCookie(cookie_header);
+  if (!token) co_return std::optional<WebSession>();
+  auto holder = co_await logins_.find(*token, std::move(asker));
+  if (!holder.ok()) co_return holder.error();
+  if (!*holder) co_return std::optional<WebSession>();
+  co_return std::optional(WebSession{std::move(*token), std::move(**holder)});
+}
+
+bool WebSessions::mayBeSession(std::string_view cookie_header) const {
+  const auto token = tokenOfCookie(cookie_header);
+  return token && logins_.mayBeToken(*token);
 }
 
 std::string WebSessions::cookieFor(std::string_view token) {

@@ -15,7 +15,7 @@
 #include "common/base/result.h"
 #include "db/service/requests.h"
 #include "server/base/http_message.h"
-#include "server/live/tokens.h"
+#include "server/live/login_state.h"
 
 namespace needlelab {
 
@@ -110,13 +110,16 @@ struct WebSession {
   Tokens::Holder holder;
 };
 
-/// Thread: the network's. The store must outlive it.
+/// Thread: the network's. `logins` must outlive it.
 class WebSessions {
  public:
-  explicit WebSessions(Tokens& tokens);
+  explicit WebSessions(LoginState& logins);
 
-  /// Finds the session of a Cookie header; nothing when there is no valid session.
-  std::optional<WebSession> find(std::string_view cookie_header, std::int64_t now_ns) const;
+  /// Finds the session of a Cookie header; nothing when there is no valid session. `asker`: as
+  /// LoginState::find(). kUnavailable: nobody can tell now.
+  Task<Result<std::optional<WebSession>>> find(std::string cookie_header, std::string asker) const;
+  /// Whether a Cookie header may be one of a session, without looking into the database.
+  [[nodiscard]] bool mayBeSession(std::string_view cookie_header) const;
   /// The Set-Cookie value for a new session, or, for an empty token, one that deletes the cookie.
   static std::string cookieFor(std::string_view token);
   /// The text that a page must send in X-CSRF-Token. Only a page that can read the log-in's reply knows it.
@@ -124,8 +127,8 @@ class WebSessions {
   [[nodiscard]] bool csrfFits(std::string_view token, std::string_view given) const;
 
  private:
-  Tokens& tokens_;
-  std::array<unsigned char, 32> key_{};  // of this process
+  LoginState& logins_;
+  std::array<unsigned char, 32> key_{};  // of this process, or of all servers that work together
 };
 
 }  // namespace needlelab

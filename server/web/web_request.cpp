@@ -33,6 +33,11 @@ std::size_t jsonBytes(std::string_view body) {
   return bytes;
 }
 
+/// Whose turn a look for a session takes.
+std::string askerOf(const HttpRequest& request) {
+  return Admission::keyOf(hostOfAddress(request.address));
+}
+
 HttpAnswer notLoggedIn() {
   HttpAnswer answer = errorAnswer(401, "not_logged_in", "log in first: there is no session, or it has ended");
   return answer;
@@ -123,13 +128,12 @@ Task<WebJson> sessionState(Shared server, Principal who, std::string token) {
   };
   const Outcome person =
       co_await offload(*server->context().workers_of_people, turnNameOf(who), std::move(read));
-  const std::int64_t now = server->context().token_time.nowNs();
-  const std::int64_t left = server->context().tokens.endOf(token, now).value_or(now) - now;
+  const std::chrono::nanoseconds left = co_await server->context().login->left(token);
   WebJson state = {{"name", who.name},
                    {"full_name", person.reply.user().full_name()},
                    {"role", pb::Role_Name(who.role)},
                    {"csrf_token", server->sessions().csrfOf(token)},
-                   {"expires_unix_ms", static_cast<double>(wallNowNs() + left) / 1e6}};
+                   {"expires_unix_ms", static_cast<double>(wallNowNs() + left.count()) / 1e6}};
   if (who.role == pb::ADMINISTRATOR) {
     state["disk_room"] = diskRoom(server->context());
     state["store"] = storeState(server->context());
@@ -158,9 +162,15 @@ Task<HttpAnswer> logIn(Shared server, Request request, nlohmann::json body) {
   if (login.answer != Answer::kWelcome) co_return errorAnswer(500, "failed", textOf(login));
   if (!server->showedSession(request->connection, login.holder.who.name)) co_return noPlace();
   // replaces the browser's earlier session
-  if (const auto before = server->sessions().find(request->cookie, context.token_time.nowNs()))
-    context.tokens.end(before->token);
-  const auto issued = context.tokens.issue(login.holder, context.token_time.nowNs());
+  const auto before = co_await server->sessions().find(request->cookie, askerOf(*request));
+  if (before.ok() && *before) (void)co_await context.login->end((*before)->token);
+  const auto issued = co_await context.login->issue(login.holder);
+  if (!issued.ok() && issued.error().code == ErrorCode::kConflict) {
+    PersonLogin changed;
+    changed.answer = Answer::kTooMany;
+    co_return errorAnswer(429, "rate_limited", textOf(changed));
+  }
+  if (!issued.ok()) co_return errorAnswer(issued.error());
   ++context.counters.logins;
   const std::string& name = login.holder.who.name;
   server->note(name, PeerLine::kWebLogin,
@@ -168,9 +178,9 @@ Task<HttpAnswer> logIn(Shared server, Request request, nlohmann::json body) {
                 {"who", name},
                 {"role", pb::Role_Name(login.holder.who.role)},
                 {"peer", request->address}});
-  const WebJson state = co_await sessionState(server, login.holder.who, issued.token);
+  const WebJson state = co_await sessionState(server, login.holder.who, issued->token);
   HttpAnswer answer = jsonAnswer(state);
-  answer.headers.emplace_back("Set-Cookie", WebSessions::cookieFor(issued.token));
+  answer.headers.emplace_back("Set-Cookie", WebSessions::cookieFor(issued->token));
   co_return answer;
 }
 
@@ -244,7 +254,9 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   }
 
   // all following routes require a session
-  const auto session = server->sessions().find(request->cookie, context.token_time.nowNs());
+  const auto found = co_await server->sessions().find(request->cookie, askerOf(*request));
+  if (!found.ok()) co_return errorAnswer(found.error());
+  const std::optional<WebSession>& session = *found;
   if (!session) co_return notLoggedIn();
   const AccessWatch account = context.access.watch(session->holder.who.name, false);
   request->who = session->holder.who.name;
@@ -252,24 +264,23 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   const bool safe = request->method == "GET" || request->method == "HEAD";
   if (!safe && !server->sessions().csrfFits(session->token, request->csrf))
     co_return errorAnswer(403, "csrf", "send the session's csrf_token in the header X-CSRF-Token");
-  std::function<Result<bool>()> check = [&service = context.store.service(), who = call->who] {
-    return service.stillAllowed(who);
-  };
+  std::function<Result<bool>()> check = context.login->check(session->token, call->who);
   const auto allowed = co_await offload(*context.workers_of_people, turnNameOf(call->who), std::move(check));
   if (!allowed.ok()) co_return errorAnswer(allowed.error());
   if (!*allowed) {
-    context.tokens.end(session->token);
+    (void)co_await context.login->end(session->token);
     co_return notLoggedIn();
   }
   if (!server->showedSession(request->connection, session->holder.who.name)) co_return noPlace();
   // asking for the session's expiry does not extend it, nor does a page that is left open
   if (route.how.action != WebAction::kWhoAmI && route.how.action != WebAction::kLive)
-    (void)context.tokens.renew(session->token, context.token_time.nowNs());
+    context.login->renew(session->token);
 
   if (route.how.action == WebAction::kWhoAmI)
     co_return jsonAnswer(co_await sessionState(server, call->who, session->token));
   if (route.how.action == WebAction::kLogOut) {
-    context.tokens.end(session->token);
+    if (const Status ended = co_await context.login->end(session->token); !ended)
+      co_return errorAnswer(ended.error());
     server->note(call->who.name, PeerLine::kWebLogout,
                  {{"conn", request->connection}, {"who", call->who.name}});
     HttpAnswer answer = jsonAnswer(WebJson::object());

@@ -84,7 +84,7 @@ WebServer::WebServer(ServerContext& context, TlsContext tls, WebSettings setting
       settings_(std::move(settings)),
       proxies_(std::move(proxies)),
       files_(std::move(files)),
-      sessions_(context.tokens),
+      sessions_(*context.login),
       admission_(settings_.admission),
       board_(std::make_shared<LiveBoard>(context, settings_.live_period)) {}
 
@@ -118,7 +118,7 @@ std::optional<HttpAnswer> WebServer::unreadable(const boost::system::error_code&
 
 std::size_t WebServer::bodyLimit(std::string_view method, std::string_view target,
                                  const std::string& cookie) const {
-  const bool wanted = mayHaveBody(method, target) && sessions_.find(cookie, context_.token_time.nowNs());
+  const bool wanted = mayHaveBody(method, target) && sessions_.mayBeSession(cookie);
   return wanted ? settings_.body_bytes : settings_.small_body_bytes;
 }
 

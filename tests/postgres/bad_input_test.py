@@ -247,6 +247,10 @@ def schemas(programs, scratch, cluster):
     programs.refused("no right to the schema", own, url, ["may not use the schema needlelab", "GRANT ALL ON SCHEMA needlelab TO owner"])
     cluster.sql("GRANT ALL ON SCHEMA needlelab TO owner; REVOKE INSERT ON needlelab.chunks FROM owner", "own")
     programs.refused("no right to a table", own, url, ["needlelab.chunks", "GRANT ALL ON ALL TABLES IN SCHEMA needlelab TO owner"])
+    notify = "EXECUTE ON FUNCTION pg_catalog.pg_notify(text, text)"
+    cluster.sql(f"GRANT ALL ON needlelab.chunks TO owner; REVOKE {notify} FROM PUBLIC", "own")
+    programs.refused("no right to tell of changes of access", own, url, ["may not call pg_notify", f"GRANT {notify} TO owner"])
+    cluster.sql(f"GRANT {notify} TO PUBLIC", "own")
     cluster.sql("GRANT ALL ON needlelab.chunks TO owner; GRANT ALL ON SCHEMA needlelab TO plain; GRANT ALL ON ALL TABLES IN SCHEMA needlelab TO plain", "own")
     programs.refused("somebody else's schema", own, url.replace("owner@", "plain@"), ["belongs to 'owner'", "OWNER TO"])
     programs.refused("a lab's database for a new folder", scratch / "new", url, ["in use by a lab whose keys are in another folder"])

@@ -793,6 +793,86 @@ TEST_F(PostgresEngine, aTransactionOfAProgramThatIsStoppedEndsAndStoresNothing) 
   EXPECT_EQ(number(*db, "SELECT count(*) FROM kinds"), 2);
 }
 
+// --- notices, and what is written beside the writer
+
+TEST_F(PostgresEngine, aNoticeIsHeardOnceItIsCommittedAndOnlyOnItsChannel) {
+  const auto listener = connect(otherName(), true);
+  must(listener->listen("told"));
+  const auto heard = [&](int patience_ms) {
+    const auto notices = listener->waitForNotices(std::chrono::milliseconds(patience_ms));
+    if (!notices) throw std::runtime_error(notices.error().message);
+    return *notices;
+  };
+  EXPECT_THAT(heard(0), ElementsAre());
+  must(db->begin(EngineConnection::Begin::kWrite));
+  must(run(*db, "SELECT pg_notify('told', 'undone')"));
+  db->rollback();
+  must(run(*db, "SELECT pg_notify('other', 'elsewhere')"));
+  must(db->begin(EngineConnection::Begin::kWrite));
+  must(run(*db, "SELECT pg_notify('told', 'one')"));
+  must(run(*db, "SELECT pg_notify('told', 'two')"));
+  EXPECT_THAT(heard(50), ElementsAre()) << "not before the COMMIT";
+  must(db->commit());
+  EXPECT_THAT(heard(60'000), ElementsAre("one", "two"));
+  // one that comes with the answer to a statement is kept
+  must(run(*db, "SELECT pg_notify('told', 'three')"));
+  EXPECT_EQ(number(*listener, "SELECT 7"), 7);
+  EXPECT_THAT(heard(60'000), ElementsAre("three"));
+}
+
+TEST_F(PostgresEngine, whoWaitsForNoticesIsToldThatTheConnectionIsLost) {
+  const auto listener = connect(otherName(), true);
+  must(listener->listen("told"));
+  const std::string pid = std::to_string(number(*listener, "SELECT pg_backend_pid()"));
+  must(run(*control_, "SELECT pg_terminate_backend(" + pid + ")"));
+  const auto ended = listener->waitForNotices(std::chrono::minutes(1));
+  ASSERT_FALSE(ended.ok());
+  EXPECT_EQ(ended.error().code, ErrorCode::kUnavailable);
+  EXPECT_FALSE(listener->waitForNotices(std::chrono::milliseconds(0)).ok()) << "it does not connect again";
+  const std::uint64_t connected = listener->timesConnected();
+  EXPECT_EQ(number(*listener, "SELECT 7"), 7);
+  EXPECT_EQ(listener->timesConnected(), connected + 1) << "a statement does, and nobody listens then";
+}
+
+TEST_F(PostgresEngine, whatIsWrittenBesideTheWriterWaitsForNoWriter) {
+  must(db->begin(EngineConnection::Begin::kWrite));
+  must(add(1));
+  auto opened = openPostgres({.url = urlOf(otherName()),
+                              .answer_timeout = std::chrono::seconds(20),
+                              .local_commits = true,
+                              .server = "server-a"});
+  ASSERT_TRUE(opened.ok()) << opened.error().message;
+  EngineConnection& beside = **opened;
+  must(beside.begin(EngineConnection::Begin::kBeside));
+  EXPECT_TRUE(beside.inTransaction());
+  must(run(beside, "INSERT INTO kinds (id) VALUES (2)"));
+  must(beside.commit());
+  must(beside.begin(EngineConnection::Begin::kBeside));
+  must(run(beside, "INSERT INTO kinds (id) VALUES (3)"));
+  beside.rollback();
+  must(db->commit());
+  EXPECT_EQ(count(), 2);
+  EXPECT_EQ(number(beside, "SELECT (current_setting('synchronous_commit') = 'local')::int"), 1);
+  EXPECT_EQ(number(beside, "SELECT (current_setting('needlelab.server') = 'server-a')::int"), 1);
+  EXPECT_EQ(number(*db, "SELECT (coalesce(current_setting('needlelab.server', true), '') = '')::int"), 1);
+}
+
+TEST_F(PostgresEngine, aCommitBesideTheWriterThatIsLostIsNoSuccess) {
+  const auto beside = connect(otherName());
+  must(beside->begin(EngineConnection::Begin::kBeside));
+  must(run(*beside, "INSERT INTO kinds (id) VALUES (2)"));
+  const std::string pid = std::to_string(number(*beside, "SELECT pg_backend_pid()"));
+  must(run(*control_, "SELECT pg_terminate_backend(" + pid + ")"));
+  const Status ended = beside->commit();
+  ASSERT_FALSE(ended.ok());
+  EXPECT_EQ(ended.error().code, ErrorCode::kUnavailable);
+  EXPECT_EQ(count(), 0);
+  must(beside->begin(EngineConnection::Begin::kBeside));
+  must(run(*beside, "INSERT INTO kinds (id) VALUES (2)"));
+  must(beside->commit());
+  EXPECT_EQ(count(), 1);
+}
+
 TEST_F(PostgresEngine, postgresqlIsToldToLookWhetherTheConnectionIsThere) {
   EXPECT_EQ(number(*db,
                    "SELECT count(*) FROM pg_settings WHERE (name, reset_val) IN"

@@ -244,7 +244,9 @@ TEST_F(ErasedWordsTest, theReplyNamesOtherFormsOfTheNameInWhoDidSomething) {
 
 /// Columns in which nobody writes a name: hashes and keys, ids that are made by chance, and the server's own
 /// words. Recordings (`bytes`) of the person are removed.
-const std::set<std::string> kColumnsWithoutNames{"audit.action",
+const std::set<std::string> kColumnsWithoutNames{"access_numbers.how",
+                                                 "access_numbers.server",
+                                                 "audit.action",
                                                  "audit_chain.commitment",
                                                  "audit_chain.key_id",
                                                  "audit_chain.mac",
@@ -257,7 +259,10 @@ const std::set<std::string> kColumnsWithoutNames{"audit.action",
                                                  "erasures.name_hash",
                                                  "erasures.pseudonym",
                                                  "exercise_references.sessions",
+                                                 "login_attempts.key",
+                                                 "login_tokens.hash",
                                                  "meta.key",
+                                                 "noted_reads.key",
                                                  "people.code_hash",
                                                  "people.password_hash",
                                                  "quarantined_chunks.reason",
@@ -277,7 +282,8 @@ TEST_F(ErasedWordsTest, eachColumnOfTheSchemaLosesTheNameOrTheReplyNamesItsPlace
   ASSERT_OK(SessionStore(db.writer).open(own, 1));
   ASSERT_OK(SessionStore(db.writer).close(test::closeOf(*uuidOf(own.session_id()), 0), 2));
   ASSERT_OK(AuditStore(db.writer).add({0, 1, gone, "consent", gone, "given by " + gone}));
-  runAll({"UPDATE audit SET imported_by = 'NAME'", "UPDATE people SET changed_by = 'NAME' WHERE name = 'ben'",
+  runAll({"UPDATE audit SET imported_by = 'NAME'",
+          "UPDATE people SET changed_by = 'NAME' WHERE name = 'ben'",
           "UPDATE sessions SET score_json = '[\"NAME\"]' WHERE trainee = 'NAME'",
           "INSERT INTO scores (session, definition_version, measures, first, engine_version, made_unix_ns)"
           " SELECT number, 1, '[\"NAME\"]', 1, '0.1.0', 1 FROM sessions WHERE trainee = 'NAME'",
@@ -304,6 +310,8 @@ TEST_F(ErasedWordsTest, eachColumnOfTheSchemaLosesTheNameOrTheReplyNamesItsPlace
           "INSERT INTO unknown_trainees (session, given, by_whom, assigned_unix_ns)"
           " SELECT number, 'NAME', 'NAME', 3 FROM sessions WHERE trainee = 'ben'",
           "INSERT INTO import_pieces VALUES ('NAME-1', 0, 'NAME', 'NAME', 1)",
+          "UPDATE people SET password_hash = 'hash' WHERE name = 'NAME'",
+          "INSERT INTO login_tokens VALUES (zeroblob(32), 'NAME', 1, 1, 1, 1, 1)",
           "INSERT INTO meta (key, value) VALUES ('access_valid_again', 'user NAME: was disabled')"},
          gone);
   std::set<std::string> planted = columnsWith(gone);

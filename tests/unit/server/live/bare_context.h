@@ -28,8 +28,9 @@ inline ServerContext bareContext(asio::io_context& io, Store& store, const BareP
           .retention_workers = pools.others,
           .bounds = {},
           .hub = Hub(),
-          .guard = LoginGuard(),
-          .tokens = Tokens(),
+          .login = std::make_unique<LoginsInMemory>(
+              [&store](const Principal& who) { return store.service().stillAllowed(who); }, LoginGuard(),
+              Tokens()),
           .counters = {},
           .handshakes = HandshakeTurns(HandshakeTurns::Settings{.at_once = 1}),
           .connections = {}};

@@ -31,6 +31,7 @@ namespace {
 
 /// A server's pools and store, without its ports.
 struct RequestThreadsTest : testing::Test {
+  Tokens& tokens() { return dynamic_cast<LoginsInMemory&>(*context.login).tokens; }
   ~RequestThreadsTest() override {
     release();
     for (asio::thread_pool* pool : {&others, &workers, &closers, &views}) pool->join();
@@ -558,7 +559,7 @@ TEST_F(RequestThreadsTest, whoIsErasedHasNoAccessFromThenOnHoweverLongTheRestOfI
                     })
                     .ok());
   for (const char* name : {"tom", "ina"})
-    context.tokens.issue({{name, pb::INSTRUCTOR}, steadyNowNs()}, steadyNowNs());
+    tokens().issue({{name, pb::INSTRUCTOR}, steadyNowNs()}, steadyNowNs());
   pb::Request erase;
   erase.mutable_erase_person()->set_name("tom");
   erase.mutable_erase_person()->set_confirm("tom");
@@ -583,7 +584,7 @@ TEST_F(RequestThreadsTest, whoIsErasedHasNoAccessFromThenOnHoweverLongTheRestOfI
   poll();
   occupy(*context.slow_workers_of_people, "mara");
   begin.set_value();
-  EXPECT_TRUE(loop.runUntil([&] { return context.tokens.size() == 1; }));
+  EXPECT_TRUE(loop.runUntil([&] { return tokens().size() == 1; }));
   EXPECT_EQ(shown(), "");
   context.hub.detachStation("bench-1", bench);
   EXPECT_EQ(outcome, nullptr) << "its next step waits";

@@ -12,6 +12,7 @@
 #include "server/base/http_message.h"
 #include "server/web/reply_json.h"
 #include "server/web/static_files.h"
+#include "tests/support/fake_time.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab {
@@ -208,9 +209,23 @@ TEST(StaticFiles, onlyThoseOfTheFolderThatAreOfAPage) {
   EXPECT_EQ(StaticFiles::load(folder.path() / "none")->size(), 0u);
 }
 
+std::optional<WebSession> found(const WebSessions& sessions, const std::string& cookie) {
+  asio::io_context io{1};
+  Result<std::optional<WebSession>> result = Error{ErrorCode::kFailed, "did not end"};
+  const auto find = [&]() -> Task<> {
+    auto got = co_await sessions.find(cookie, "here");
+    result = std::move(got);
+  };
+  asio::co_spawn(io, find(), rethrow);
+  io.run();
+  return result.ok() ? *result : std::nullopt;
+}
+
 TEST(WebSessions, aTokenAgainstForgedRequestsIsOfItsSessionOnly) {
-  Tokens tokens(std::chrono::milliseconds(1000));
-  const WebSessions sessions(tokens), other_server(tokens);
+  test::FakeTime time(0);
+  LoginsInMemory logins({}, LoginGuard(), Tokens(std::chrono::milliseconds(1000)), time);
+  Tokens& tokens = logins.tokens;
+  const WebSessions sessions(logins), other_server(logins);
   const auto anna = tokens.issue({{"anna", pb::INSTRUCTOR}, 0}, 0),
              bert = tokens.issue({{"bert", pb::INSTRUCTOR}, 0}, 0);
   const std::string csrf = sessions.csrfOf(anna.token);
@@ -225,9 +240,13 @@ TEST(WebSessions, aTokenAgainstForgedRequestsIsOfItsSessionOnly) {
     EXPECT_NE(cookie.find(part), std::string::npos) << part;
   EXPECT_EQ(cookie.find("Domain"), std::string::npos);
   const std::string sent = cookie.substr(0, cookie.find(';'));
-  ASSERT_TRUE(sessions.find(sent, 999'000'000).has_value());
-  EXPECT_EQ(sessions.find(sent, 999'000'000)->holder.who.name, "anna");
-  EXPECT_FALSE(sessions.find(sent, 1'000'000'000).has_value());
+  time.advanceTo(999'000'000);
+  ASSERT_TRUE(found(sessions, sent).has_value());
+  EXPECT_EQ(found(sessions, sent)->holder.who.name, "anna");
+  EXPECT_TRUE(sessions.mayBeSession(sent));
+  time.advanceTo(1'000'000'000);
+  EXPECT_FALSE(found(sessions, sent).has_value());
+  EXPECT_FALSE(sessions.mayBeSession(sent));
 }
 
 TEST(Tokens, lastLongerByUseAndEndWhenTold) {

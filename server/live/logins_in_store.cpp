@@ -1,0 +1,354 @@
+#include "server/live/logins_in_store.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "common/base/planted_bug.h"
+#include "server/base/log.h"
+#include "server/live/request_effects.h"
+
+namespace needlelab {
+namespace {
+
+using Kind = LoginGuard::Kind;
+using Nanoseconds = std::chrono::nanoseconds;
+
+std::string turnOfAddress(const std::string& address) {
+  return "log-in from " + address;
+}
+
+/// What the database knows of a name at an address, to be counted as in memory.
+class LoadedGuard {
+ public:
+  static Result<LoadedGuard> load(LoginStore& store, const LoginGuard::Settings& settings,
+                                  const std::string& name, const std::string& address, std::int64_t now_ns) {
+    LoadedGuard loaded(settings, name, address);
+    ASSIGN_OR_RETURN(const auto rows, store.attempts(LoginGuard::countedName(name), address));
+    for (const auto& [kind, row] : rows) {
+      // a standby whose clock is hours behind was promoted: nobody waits for these
+      const LoginGuard::Entry entry{row.failures, std::min(row.at_ns, now_ns)};
+      loaded.guard.setEntry(kind, name, address, entry);
+      loaded.before_[static_cast<std::size_t>(kind)] = entry;
+    }
+    return loaded;
+  }
+
+  /// Stores what has changed since.
+  Status store(LoginStore& store) const {
+    for (const Kind kind : LoginGuard::kKinds) {
+      const auto now = guard.entry(kind, name_, address_);
+      if (now == before_[static_cast<std::size_t>(kind)]) continue;
+      std::optional<LoginRow> row;
+      if (now) row = LoginRow{now->failures, now->at_ns, 0};
+      RETURN_IF_ERROR(store.putAttempt(kind, LoginGuard::countedName(name_), address_, row));
+    }
+    return {};
+  }
+
+  using Entries = std::array<std::optional<LoginGuard::Entry>, 8>;  // by Kind
+  [[nodiscard]] const Entries& before() const { return before_; }
+
+  LoginGuard guard;
+
+ private:
+  LoadedGuard(const LoginGuard::Settings& settings, const std::string& name, const std::string& address)
+      : guard(settings), name_(name), address_(address) {}
+  std::string name_, address_;
+  Entries before_{};
+};
+
+/// What a try has counted: before and after.
+struct Counted {
+  LoadedGuard::Entries before{}, after{};
+};
+
+Principal principalOf(const TokenRow& row) {
+  return {row.name, static_cast<pb::Role>(row.role), true, row.account_unix_ns, row.access_number};
+}
+
+}  // namespace
+
+LoginsInStore::LoginsInStore(Uses uses, Settings settings, TimeSource& time)
+    : io_(uses.io),
+      turns_(uses.turns),
+      readers_(uses.readers),
+      shared_(uses.shared),
+      settings_(settings),
+      time_(time) {}
+
+template <typename T>
+Task<Result<T>> LoginsInStore::inTurn(std::string turn,
+                                      std::function<Result<T>(LoginStore&, std::int64_t)> work) {
+  std::function<Result<T>()> run = [&shared = shared_, work = std::move(work)] {
+    return shared.run<T>(work);
+  };
+  return offload(turns_, std::move(turn), std::move(run));
+}
+
+Task<Result<LoginState::Standing>> LoginsInStore::standing(std::string name, std::string address) {
+  std::string turn = turnOfAddress(address);
+  return inTurn<Standing>(
+      std::move(turn),
+      [settings = settings_.guard, name = std::move(name), address = std::move(address)](
+          LoginStore& store, std::int64_t now_ns) -> Result<Standing> {
+        ASSIGN_OR_RETURN(const auto loaded, LoadedGuard::load(store, settings, name, address, now_ns));
+        return Standing{loaded.guard.mustWait(name, address, now_ns), loaded.guard.knows(name, address),
+                        loaded.guard.knowsAddress(address)};
+      });
+}
+
+Task<Result<LoginState::Try>> LoginsInStore::begin(std::string name, std::string address) {
+  std::string turn = turnOfAddress(address);
+  return inTurn<Try>(
+      std::move(turn),
+      [settings = settings_.guard, name = std::move(name), address = std::move(address)](
+          LoginStore& store, std::int64_t now_ns) -> Result<Try> {
+        RETURN_IF_ERROR(store.lockAttempts());
+        ASSIGN_OR_RETURN(auto loaded, LoadedGuard::load(store, settings, name, address, now_ns));
+        Try tried{name, address};
+        tried.wait = loaded.guard.mustWait(name, address, now_ns);
+        if (tried.wait.count() > 0) return tried;
+        auto counted = std::make_shared<Counted>();
+        counted->before = loaded.before();
+        // another server's try of the same name meanwhile finds it counted
+        if (loaded.guard.failed(name, address, now_ns))
+          tried.then_wait = loaded.guard.mustWait(name, address, now_ns);
+        RETURN_IF_ERROR(loaded.store(store));
+        for (const Kind kind : LoginGuard::kKinds)
+          counted->after[static_cast<std::size_t>(kind)] = loaded.guard.entry(kind, name, address);
+        tried.before = std::move(counted);
+        return tried;
+      });
+}
+
+// It is counted already.
+Task<Result<std::optional<LoginState::Milliseconds>>> LoginsInStore::failed(Try tried) {
+  if (tried.then_wait.count() == 0) co_return std::optional<Milliseconds>();
+  co_return std::optional(tried.then_wait);
+}
+
+Task<Status> LoginsInStore::gaveUp(Try tried) {
+  return undo(std::move(tried), false);
+}
+
+Task<Status> LoginsInStore::succeeded(Try tried) {
+  return undo(std::move(tried), true);
+}
+
+Task<Status> LoginsInStore::undo(Try tried, bool is_success) {
+  std::string turn = turnOfAddress(tried.address);
+  std::function<Result<bool>(LoginStore&, std::int64_t)> work =
+      [settings = settings_.guard, tried, is_success](LoginStore& store,
+                                                      std::int64_t now_ns) -> Result<bool> {
+    RETURN_IF_ERROR(store.lockAttempts());
+    const auto& counted = *std::static_pointer_cast<const Counted>(tried.before);
+    ASSIGN_OR_RETURN(auto loaded, LoadedGuard::load(store, settings, tried.name, tried.address, now_ns));
+    for (const Kind kind : {Kind::kPair, Kind::kName, Kind::kAddress}) {
+      const auto at = static_cast<std::size_t>(kind);
+      const std::string& name = LoginGuard::countedName(tried.name);
+      const auto now = loaded.before()[at];
+      if (!counted.after[at] || counted.after[at] == counted.before[at] || !now) continue;
+      // as it was, unless others have counted since
+      std::optional<LoginRow> row;
+      if (now != counted.after[at])
+        row = LoginRow{std::max(0.0, now->failures - 1), now->at_ns, 0};
+      else if (const auto& before = counted.before[at])
+        row = LoginRow{before->failures, before->at_ns, 0};
+      RETURN_IF_ERROR(store.putAttempt(kind, name, tried.address, row));
+    }
+    if (!is_success) return true;
+    ASSIGN_OR_RETURN(auto settled, LoadedGuard::load(store, settings, tried.name, tried.address, now_ns));
+    settled.guard.succeeded(tried.name, tried.address, now_ns);
+    RETURN_IF_ERROR(settled.store(store));
+    return true;
+  };
+  const auto done = co_await inTurn<bool>(std::move(turn), std::move(work));
+  if (!done.ok()) co_return done.error();
+  co_return Status();
+}
+
+Task<Result<LoginState::Issued>> LoginsInStore::issue(Holder holder) {
+  Issued issued;
+  issued.token = shared_.key().makeToken();
+  struct Stored {
+    Nanoseconds left{0};
+    std::int64_t password_ns = 0;
+  };
+  std::function<Result<Stored>(LoginStore&, std::int64_t)> work =
+      [settings = settings_, holder, token = issued.token](LoginStore& store,
+                                                           std::int64_t now_ns) -> Result<Stored> {
+    TokenRow row{holder.who.name, static_cast<int>(holder.who.role), holder.who.account_unix_ns,
+                 holder.who.access_number.value_or(0)};
+    // a clock that is behind, of a promoted standby, gives nobody more time
+    row.password_ns = holder.password_ns == 0 ? now_ns : std::min(holder.password_ns, now_ns);
+    row.expires_ns = std::min(now_ns + settings.lifetime.count(), row.password_ns + settings.longest.count());
+    ASSIGN_OR_RETURN(const bool is_stored, store.addToken(token, row, Tokens::kMostOfPerson));
+    if (!is_stored)
+      return Error{ErrorCode::kConflict, holder.who.name + ": the account was changed during its log-in"};
+    return Stored{Nanoseconds(row.expires_ns - now_ns), row.password_ns};
+  };
+  const std::uint64_t before = forgotten_;
+  std::string turn = turnNameOf(holder.who);
+  const auto stored = co_await inTurn<Stored>(std::move(turn), std::move(work));
+  if (!stored.ok()) co_return stored.error();
+  issued.left = stored->left;
+  holder.password_ns = stored->password_ns;
+  if (!forgottenSince(before, holder.who.name))
+    keep(LoginKey::hashOfToken(issued.token), holder, issued.left);
+  co_return issued;
+}
+
+Task<Result<std::optional<LoginState::Holder>>> LoginsInStore::find(std::string token, std::string asker) {
+  if (!shared_.key().madeToken(token)) co_return std::optional<Holder>();
+  const Key key = LoginKey::hashOfToken(token);
+  if (const Kept* const kept = keptOf(key)) co_return std::optional(kept->holder);
+  const auto found = co_await read(std::move(token), std::move(asker));
+  if (!found.ok()) co_return found.error();
+  if (!found->holder) co_return std::optional<Holder>();
+  if (found->is_current) keep(key, *found->holder, found->left);
+  co_return found->holder;
+}
+
+Task<Result<LoginsInStore::Found>> LoginsInStore::read(std::string token, std::string asker) {
+  std::function<Result<Found>(LoginStore&, std::int64_t)> work =
+      [lifetime = settings_.lifetime, token = std::move(token)](LoginStore& store,
+                                                                std::int64_t now_ns) -> Result<Found> {
+    ASSIGN_OR_RETURN(const auto row, store.token(token, now_ns));
+    if (!row) return Found{};
+    return Found{Holder{principalOf(*row), row->password_ns},
+                 std::min(Nanoseconds(row->expires_ns - now_ns), lifetime)};
+  };
+  const std::uint64_t before = forgotten_;
+  std::string turn = turnOfAddress(asker);
+  auto found = co_await inTurn<Found>(std::move(turn), std::move(work));
+  if (found.ok() && found->holder) found->is_current = !forgottenSince(before, found->holder->who.name);
+  co_return found;
+}
+
+std::function<Result<bool>()> LoginsInStore::check(const std::string& token, const Principal& /*who*/) {
+  if (planted(PlantedBug::kRevokedTokenHonoured) && keptOf(LoginKey::hashOfToken(token)) != nullptr)
+    return [] { return true; };
+  return [&readers = readers_, &key = shared_.key(), token]() -> Result<bool> {
+    ASSIGN_OR_RETURN(auto reader, readers.borrow());
+    return LoginStore(*reader, key).tokenHolds(token);
+  };
+}
+
+Task<Nanoseconds> LoginsInStore::left(std::string token) {
+  const Key key = LoginKey::hashOfToken(token);
+  if (const Kept* const kept = keptOf(key)) co_return Nanoseconds(kept->expires_ns - time_.nowNs());
+  // read again where the account changed meanwhile: what was read may be from before
+  constexpr int kMostReads = 3;
+  for (int n = 0; n < kMostReads; ++n) {
+    const auto found = co_await read(token, "a live page");
+    if (!found.ok() || !found->holder) break;
+    if (!found->is_current) continue;
+    keep(key, *found->holder, found->left);
+    co_return found->left;
+  }
+  co_return Nanoseconds(0);
+}
+
+void LoginsInStore::renew(const std::string& token) {
+  Kept* const kept = keptOf(LoginKey::hashOfToken(token));
+  if (kept == nullptr || kept->is_being_renewed) return;
+  // a token that is used all the time is written some times a quarter of an hour
+  constexpr int kWritesOfLifetime = 15;
+  const std::int64_t gained_ns = time_.nowNs() + settings_.lifetime.count() - kept->expires_ns;
+  if (gained_ns < settings_.lifetime.count() / kWritesOfLifetime) return;
+  kept->is_being_renewed = true;
+  asio::co_spawn(io_, renewNow(*this, token, turnNameOf(kept->holder.who)), rethrow);
+}
+
+Task<> LoginsInStore::renewNow(LoginsInStore& self, std::string token, std::string turn) {
+  std::function<Result<Nanoseconds>(LoginStore&, std::int64_t)> work =
+      [settings = self.settings_, token](LoginStore& store, std::int64_t now_ns) -> Result<Nanoseconds> {
+    ASSIGN_OR_RETURN(const auto end_ns, store.renewToken(token, now_ns, settings.lifetime, settings.longest));
+    return end_ns ? Nanoseconds(*end_ns - now_ns) : Nanoseconds(0);
+  };
+  const auto left = co_await self.inTurn<Nanoseconds>(std::move(turn), std::move(work));
+  // where the database is away it ends as it would have
+  Kept* const kept = self.keptOf(LoginKey::hashOfToken(token));
+  if (kept == nullptr) co_return;
+  kept->is_being_renewed = false;
+  if (left.ok()) kept->expires_ns = self.time_.nowNs() + left->count();
+}
+
+Task<Status> LoginsInStore::end(std::string token) {
+  kept_.erase(LoginKey::hashOfToken(token));
+  std::function<Result<bool>(LoginStore&, std::int64_t)> work =
+      [&shared = shared_, token](LoginStore& store, std::int64_t) -> Result<bool> {
+    RETURN_IF_ERROR(store.endToken(token, shared.server()));
+    return true;
+  };
+  std::string turn = "log-outs";
+  const auto done = co_await inTurn<bool>(std::move(turn), std::move(work));
+  if (!done.ok()) co_return done.error();
+  co_return Status();
+}
+
+std::optional<std::size_t> LoginsInStore::forget(const std::string& name) {
+  if (planted(PlantedBug::kRevokedTokenHonoured)) return std::nullopt;
+  ++forgotten_;
+  forgotten_names_.push_back(name);
+  if (forgotten_names_.size() > kMostForgotten) forgotten_names_.pop_front();
+  std::erase_if(kept_, [&](const auto& entry) { return entry.second.holder.who.name == name; });
+  return std::nullopt;
+}
+
+bool LoginsInStore::forgottenSince(std::uint64_t before, const std::string& name) const {
+  const std::uint64_t calls = forgotten_ - before;
+  if (calls > forgotten_names_.size()) return true;  // nobody knows any more
+  return std::find(forgotten_names_.end() - static_cast<std::ptrdiff_t>(calls), forgotten_names_.end(),
+                   name) != forgotten_names_.end();
+}
+
+bool LoginsInStore::mayBeToken(std::string_view token) const {
+  return shared_.key().madeToken(token);
+}
+
+std::optional<std::array<unsigned char, 32>> LoginsInStore::formKey() const {
+  return shared_.key().of("forms", "");
+}
+
+void LoginsInStore::tidy() {
+  std::erase_if(kept_,
+                [now_ns = time_.nowNs()](const auto& entry) { return entry.second.expires_ns <= now_ns; });
+  if (std::exchange(is_tidying_, true)) return;
+  const auto tidied = [](LoginsInStore& self) -> Task<> {
+    std::function<Result<bool>(LoginStore&, std::int64_t)> work =
+        [bounds = self.settings_.bounds](LoginStore& store, std::int64_t now_ns) -> Result<bool> {
+      RETURN_IF_ERROR(store.tidy(now_ns, bounds));
+      return true;
+    };
+    std::string turn = "tidying";
+    const auto done = co_await self.inTurn<bool>(std::move(turn), std::move(work));
+    self.is_tidying_ = false;
+    if (!done.ok()) logEvent(LogLevel::kWarning, "logins_not_tidied", {{"text", done.error().message}});
+  };
+  asio::co_spawn(io_, tidied(*this), rethrow);
+}
+
+std::vector<Principal> LoginsInStore::holders() const {
+  std::vector<Principal> all;
+  for (const auto& [key, kept] : kept_) all.push_back(kept.holder.who);
+  return all;
+}
+
+void LoginsInStore::keep(const Key& key, const Holder& holder, Nanoseconds left) {
+  if (kept_.size() >= settings_.most_kept)
+    kept_.erase(std::min_element(kept_.begin(), kept_.end(), [](const auto& a, const auto& b) {
+      return a.second.expires_ns < b.second.expires_ns;
+    }));
+  kept_[key] = {holder, time_.nowNs() + left.count()};
+}
+
+LoginsInStore::Kept* LoginsInStore::keptOf(const Key& key) {
+  const auto found = kept_.find(key);
+  if (found == kept_.end()) return nullptr;
+  if (found->second.expires_ns > time_.nowNs()) return &found->second;
+  kept_.erase(found);
+  return nullptr;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,100 @@
+/// Log-in state of several servers on one database: in it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "common/base/time_source.h"
+#include "common/wire/asio.h"
+#include "db/reader_pool.h"
+#include "db/shared_logins.h"
+#include "server/live/fair_pool.h"
+#include "server/live/login_state.h"
+
+namespace needlelab {
+
+/// A lock-out at one server holds at each, all together let pass as many tries as one, and a token of one is
+/// valid at the others. Compared are times of the database's clock; so servers' own may be hours apart.
+///
+/// Tokens that were found are kept here for live pages and downloads, which go on without a look into the
+/// database: up to their ends, and until their account's access changes or one of its tokens is ended,
+/// anywhere (forget(), which AccessListener has called). Each request looks there itself (check()).
+class LoginsInStore final : public LoginState {
+ public:
+  struct Settings {
+    LoginGuard::Settings guard{};
+    std::chrono::nanoseconds lifetime = std::chrono::minutes(15);
+    std::chrono::nanoseconds longest = std::chrono::hours(12);
+    LoginStore::Bounds bounds{};
+    std::size_t most_kept = 10'000;  ///< tokens, here
+  };
+  struct Uses {
+    asio::io_context& io;
+    FairPool& turns;      ///< on the log-ins' thread
+    ReaderPool& readers;  ///< for check()
+    SharedLogins& shared;
+  };
+  /// What it uses must outlive it. `time`: of what is kept here.
+  LoginsInStore(Uses uses, Settings settings, TimeSource& time = machineTime());
+
+  Task<Result<Standing>> standing(std::string name, std::string address) override;
+  Task<Result<Try>> begin(std::string name, std::string address) override;
+  Task<Result<std::optional<Milliseconds>>> failed(Try tried) override;
+  Task<Status> gaveUp(Try tried) override;
+  Task<Status> succeeded(Try tried) override;
+  Task<Result<Issued>> issue(Holder holder) override;
+  Task<Result<std::optional<Holder>>> find(std::string token, std::string asker) override;
+  [[nodiscard]] std::function<Result<bool>()> check(const std::string& token, const Principal& who) override;
+  Task<std::chrono::nanoseconds> left(std::string token) override;
+  void renew(const std::string& token) override;
+  Task<Status> end(std::string token) override;
+  std::optional<std::size_t> forget(const std::string& name) override;
+  [[nodiscard]] bool mayBeToken(std::string_view token) const override;
+  [[nodiscard]] std::optional<std::array<unsigned char, 32>> formKey() const override;
+  void tidy() override;
+
+  [[nodiscard]] std::vector<Principal> holders() const override;
+
+ private:
+  struct Kept {
+    Holder holder;
+    std::int64_t expires_ns = 0;  ///< of time_
+    bool is_being_renewed = false;
+  };
+  using Key = LoginKey::Hash;
+  struct Found {
+    std::optional<Holder> holder;
+    std::chrono::nanoseconds left{0};
+    bool is_current = false;  ///< the holder's access has not changed since
+  };
+
+  template <typename T>
+  Task<Result<T>> inTurn(std::string turn, std::function<Result<T>(LoginStore&, std::int64_t now_ns)> work);
+  /// Asks the database.
+  Task<Result<Found>> read(std::string token, std::string asker);
+  /// Whether forget() was called with this name since it had been called `before` times: what was read then
+  /// may be as it was before.
+  [[nodiscard]] bool forgottenSince(std::uint64_t before, const std::string& name) const;
+  void keep(const Key& key, const Holder& holder, std::chrono::nanoseconds left);
+  Kept* keptOf(const Key& key);
+  static Task<> renewNow(LoginsInStore& self, std::string token, std::string turn);
+  Task<Status> undo(Try tried, bool is_success);
+
+  asio::io_context& io_;
+  FairPool& turns_;
+  ReaderPool& readers_;
+  SharedLogins& shared_;
+  const Settings settings_;
+  TimeSource& time_;
+  std::map<Key, Kept> kept_;
+  static constexpr std::size_t kMostForgotten = 256;
+  std::uint64_t forgotten_ = 0;                ///< calls of forget()
+  std::deque<std::string> forgotten_names_{};  ///< of the last ones
+  bool is_tidying_ = false;
+};
+
+}  // namespace needlelab

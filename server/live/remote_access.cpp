@@ -1,0 +1,137 @@
+#include "server/live/remote_access.h"
+
+#include <algorithm>
+#include <functional>
+#include <map>
+#include <string>
+#include <tuple>
+#include <utility>
+
+#include "common/base/bytes.h"
+#include "common/base/text.h"
+#include "db/people.h"
+#include "server/base/log.h"
+#include "server/live/connection.h"
+#include "server/live/request_effects.h"
+
+namespace needlelab {
+namespace {
+
+/// Of one statement's list.
+constexpr std::size_t kMostAtOnce = 256;
+
+std::string textOfChange(const AccessChange& change) {
+  if (change.how == "disabled") return "the account was disabled";
+  if (change.how == "revoked" || change.how == "key") return "the station's key was revoked";
+  if (change.how == "password") return "the password was changed: log in again";
+  return "the account was changed: log in again";
+}
+
+using AccountKey = std::tuple<std::string, int, std::int64_t, std::int64_t>;
+AccountKey keyOfAccount(const Principal& who) {
+  return {who.name, static_cast<int>(who.role), who.account_unix_ns, who.access_number.value_or(-1)};
+}
+
+/// Accounts that are in use here, each once.
+std::vector<Principal> accountsHere(ServerContext& context) {
+  std::map<AccountKey, Principal> all;
+  for (const auto& [id, peer] : context.connections)
+    if (const Principal& who = peer->who(); who.logged_in && !peer->over()) all[keyOfAccount(who)] = who;
+  for (Principal& who : context.login->holders()) all[keyOfAccount(who)] = std::move(who);
+  std::vector<Principal> accounts;
+  for (auto& [key, who] : all) accounts.push_back(std::move(who));
+  return accounts;
+}
+
+Task<> lookAtAll(ServerContext& context) {
+  do {
+    context.access_look.is_due = false;
+    const std::vector<Principal> accounts = accountsHere(context);
+    for (std::size_t from = 0; from < accounts.size() && !context.stopping; from += kMostAtOnce) {
+      const std::size_t end = std::min(from + kMostAtOnce, accounts.size());
+      const std::vector<Principal> some(accounts.begin() + static_cast<std::ptrdiff_t>(from),
+                                        accounts.begin() + static_cast<std::ptrdiff_t>(end));
+      std::function<Result<std::vector<bool>>()> look = [&service = context.store.service(), some] {
+        return service.stillAllowed(some);
+      };
+      const auto hold = co_await offload(*context.logins_in_turn, "access of all", std::move(look));
+      if (!hold.ok()) break;  // the database is away: nobody can have changed it; the next look comes
+      for (std::size_t i = 0; i < some.size(); ++i)
+        if (!(*hold)[i]) endAccessOf(context, some[i]);
+    }
+  } while (context.access_look.is_due && !context.stopping);
+  context.access_look.is_under_way = false;
+}
+
+/// A station's status and whose session it names.
+struct ShownName {
+  std::string session_id, trainee;
+};
+
+/// Of those, the names in which the database does not keep the session.
+Result<std::vector<std::string>> namesThatWent(Store& store, const std::vector<ShownName>& shown) {
+  ASSIGN_OR_RETURN(auto reader, store.readers().borrow());
+  std::vector<std::string> gone;
+  for (const ShownName& one : shown) {
+    ASSIGN_OR_RETURN(
+        const auto kept,
+        reader->query("SELECT trainee FROM sessions WHERE id = ?", viewOf(one.session_id)).first(firstText));
+    if (kept != one.trainee) gone.push_back(one.trainee);
+  }
+  return gone;
+}
+
+/// Somebody was erased at another server, and stations of this one go on naming the person: an erasure leaves
+/// the person's sessions under a pseudonym.
+Task<> forgetErasedNames(ServerContext& context) {
+  pb::Stations stations;
+  for (const auto& [id, peer] : context.connections)
+    if (peer->who().role == pb::STATION) stations.add_stations()->set_name(peer->who().name);
+  context.hub.fillStations(stations);
+  std::vector<ShownName> shown;
+  for (const pb::StationInfo& station : stations.stations())
+    if (const auto& status = station.status(); !status.trainee().empty() && status.trainee() != kGuestName)
+      shown.push_back({status.session_id(), status.trainee()});
+  if (shown.empty()) co_return;
+  std::function<Result<std::vector<std::string>>()> read =
+      [&store = context.store, shown = std::move(shown)] { return namesThatWent(store, shown); };
+  const auto gone = co_await offload(context.workers, std::move(read));
+  if (!gone.ok()) {
+    logEvent(LogLevel::kWarning, "erased_names_not_looked_up", {{"text", gone.error().message}});
+    co_return;
+  }
+  for (const std::string& name : *gone) context.hub.forgetTrainee(name);
+}
+
+}  // namespace
+
+void accessChangedElsewhere(ServerContext& context, const std::vector<AccessChange>& changes) {
+  for (const AccessChange& change : changes) {
+    switch (change.what) {
+      case AccessWhat::kPerson:
+      case AccessWhat::kStation: {
+        EndedAccess ended{.name = change.name, .is_station = change.what == AccessWhat::kStation};
+        ended.text = textOfChange(change);
+        ended.before_number = change.number;
+        endAccess(context, ended, {std::string(kServerName)});
+        break;
+      }
+      case AccessWhat::kLogOut:
+        (void)context.login->forget(change.name);
+        break;
+      case AccessWhat::kErased:
+        // nobody may know the name any more
+        lookAtAllAccess(context);
+        asio::co_spawn(context.io, forgetErasedNames(context), rethrow);
+        break;
+    }
+  }
+}
+
+void lookAtAllAccess(ServerContext& context) {
+  context.access_look.is_due = true;
+  if (context.stopping || std::exchange(context.access_look.is_under_way, true)) return;
+  asio::co_spawn(context.io, lookAtAll(context), rethrow);
+}
+
+}  // namespace needlelab

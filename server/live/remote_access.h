@@ -1,0 +1,20 @@
+/// What a server does when another one on its database has changed an access.
+#pragma once
+
+#include <vector>
+
+#include "db/access_numbers.h"
+#include "server/live/context.h"
+
+namespace needlelab {
+
+/// Ends connections, tokens that are kept here and log-ins under way, as for a change of this server's own:
+/// those that were opened before the change. Thread: the network's.
+void accessChangedElsewhere(ServerContext& context, const std::vector<AccessChange>& changes);
+
+/// Looks at the accounts of all connections and kept tokens in the database, and ends those whose access does
+/// not hold any more. One such look at a time: a call during one has it done once more. Thread: the
+/// network's; the context must outlive it.
+void lookAtAllAccess(ServerContext& context);
+
+}  // namespace needlelab
