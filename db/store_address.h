@@ -21,8 +21,8 @@ struct StoreAddress {
   std::optional<LabIdentity> lab = {};
   /// Connections for log-in state (shared_logins.h): they wait for no standby, and not long for anything.
   bool beside_writer = false;
-  /// Of a server that works together with others on the database: its name (serverNameOf); of connections that
-  /// write, PostgresOptions::server.
+  /// Of a server that works together with others on the database: its name (serverNameOf); of connections
+  /// that write, PostgresOptions::server.
   std::string server = {};
   /// As PostgresOptions::before_statement. Thread: any connection's, several at a time.
   std::function<void(std::string_view sql)> before_statement = {};

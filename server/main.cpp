@@ -16,6 +16,7 @@
 #include "common/wire/protocol.h"
 #include "db/encrypted_backup.h"
 #include "server/base/log.h"
+#include "server/nats/nats_address.h"
 #include "server/server.h"
 #include "server/service_manager.h"
 #include "server/web/openapi.h"
@@ -118,6 +119,22 @@ int main(int argc, char** argv) try {
          "MiB of DIR's disk below which nothing recorded is stored, and a new folder is not made; below four "
          "times as much no session is begun; 0: nothing is refused")
       ->capture_default_str();
+  app.add_option("--live", options.live.nats.address,
+                 "The NATS that connects the lab's servers for live views: nats://HOST:PORT or "
+                 "tls://HOST:PORT, several separated by commas. Without it: the lab has one server")
+      ->type_name("URL");
+  app.add_option(
+         "--live-ca", options.live.nats.ca,
+         "Who may sign the NATS servers' certificates, with tls://; without it: whom the system trusts")
+      ->type_name("FILE");
+  app.add_option("--live-user", options.live.nats.user,
+                 "File of this server's user at NATS: lines 'user = NAME' and 'password = TEXT', or NATS's "
+                 "own (.creds). Without it: $CREDENTIALS_DIRECTORY/nats.user, if there is one")
+      ->type_name("FILE");
+  app.add_option("--live-name", options.live.name,
+                 "This server's name among the lab's servers, for people; default: the machine's");
+  app.add_option("--live-lab", options.live.lab,
+                 "The lab's name in NATS's subjects; default: the id of the database (PostgreSQL)");
   app.add_option("--log-format", log_format, "text or json, one object a line")->capture_default_str();
   app.add_option("--log-level", log_level, "debug, info, warning, error or off")->capture_default_str();
   app.add_flag_callback(
@@ -146,6 +163,8 @@ int main(int argc, char** argv) try {
   needlelab::setLogFormat(*format);
   options.min_free_bytes = min_free_mib << 20;
   options.backup_key = needlelab::backupKeyFile(options.backup_key);
+  if (!options.live.nats.address.empty())
+    options.live.nats.user = needlelab::natsUserFile(options.live.nats.user);
   // with the default web port, a second server on the machine runs without it and needs no option
   options.web_optional = web->count() == 0;
   options.retention_every = std::chrono::hours(retention_every_h);

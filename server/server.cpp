@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <boost/asio/ip/address.hpp>
+#include <boost/asio/ip/host_name.hpp>
 #include <boost/asio/post.hpp>
 #include <csignal>
 #include <optional>
@@ -11,12 +12,15 @@
 
 #include "common/base/clock.h"
 #include "common/base/files.h"
+#include "common/base/text.h"
+#include "common/base/uuid.h"
 #include "db/schema.h"
 #include "server/base/listen.h"
 #include "server/base/log.h"
 #include "server/live/connection.h"
 #include "server/live/logins_in_store.h"
 #include "server/live/remote_access.h"
+#include "server/live/request_effects.h"
 #include "server/live/startup.h"
 #include "server/server_parts.h"
 #include "server/service_manager.h"
@@ -52,6 +56,12 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   ASSIGN_OR_RETURN(auto endpoint, resolveListen(options.listen));
   auto parts = std::make_unique<Parts>(std::move(options));
   Parts& p = *parts;
+  if (LiveServersOptions& live = p.options.live; !live.nats.address.empty()) {
+    if (live.name.empty()) live.name = asio::ip::host_name();
+    RETURN_IF_ERROR(checkNewName("--live-name", live.name));
+    ASSIGN_OR_RETURN(p.carrier, NatsCarrier::make(p.io.get_executor(), live.nats));
+    p.options.hub.server_name = live.name;
+  }
 
   // the port first: when it is taken, nothing on disk has changed
   ASSIGN_OR_RETURN(auto acceptor, p.options.listen_fd >= 0 ? listenOnHandedOver(p.io, p.options.listen_fd)
@@ -155,6 +165,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
                                   .connections = {}});
   p.beginLogins();
   p.noteRoom(p.lookAtRoom());
+  if (p.carrier) RETURN_IF_ERROR(p.startRemote());
   RETURN_IF_ERROR(p.startMonitor());
   if (const std::string& web = p.options.web.listen; !web.empty() && web != "off") {
     auto started = WebServer::start(*p.context, p.tls, p.options.web);
@@ -213,6 +224,34 @@ void Server::Parts::beginLogins() {
   context->access_listener->start();
 }
 
+Status Server::Parts::startRemote() {
+  const LiveServersOptions& live = options.live;
+  std::string id;
+  {
+    ASSIGN_OR_RETURN(auto reader, store->readers().borrow());
+    ASSIGN_OR_RETURN(auto found, MetaStore(*reader).get(kLabKey));
+    id = std::move(found).value_or("");
+  }
+  const std::string lab = live.lab.empty() ? id : live.lab;
+  if (lab.empty())
+    return Error{ErrorCode::kInvalidInput,
+                 "--live: a database on SQLite has no id of its lab: give the lab's servers one name, "
+                 "--live-lab NAME"};
+  RETURN_IF_ERROR(checkNewName("--live-lab", lab));
+  RemoteLiveSettings settings;
+  settings.lab = id.empty() ? lab : id;
+  settings.server = live.name;
+  const Uuid drawn = makeUuidV7();
+  for (std::size_t i = 0; i < sizeof settings.instance; ++i)
+    settings.instance = settings.instance << 8 | drawn[drawn.size() - 1 - i];
+  remote = std::make_unique<RemoteLive>(context->hub, *carrier, std::move(settings));
+  remote->deliverBy(deliverForOthers(*context));
+  context->remote = remote.get();
+  carrier->start(*remote, lab, live.name);
+  logEvent(LogLevel::kInfo, "live", {{"nats", live.nats.address}, {"lab", lab}, {"name", live.name}});
+  return {};
+}
+
 Status Server::Parts::startMonitor() {
   if (options.metrics.empty()) return {};
   // a port without a host means localhost, because the metrics are not public
@@ -241,6 +280,7 @@ Server::Server(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
 Server::~Server() {
   Parts& p = *parts_;
   if (p.context && p.context->access_listener) p.context->access_listener->stop();
+  if (p.carrier) p.carrier->stop();
   // running work posts its results to io, which no longer runs
   for (asio::thread_pool* pool : {&p.passwords, &p.logins, &p.parsers, &p.workers, &p.closers, &p.views,
                                   &p.slow_workers, &p.retention_workers, &p.room_worker})
@@ -267,7 +307,9 @@ int Server::run() {
   asio::co_spawn(p.io, p.linesLoop(), rethrow);
   if (p.options.together) asio::co_spawn(p.io, p.erasuresLoop(), rethrow);
   if (p.context->access_listener) asio::co_spawn(p.io, p.accessLoop(), rethrow);
+  if (p.remote) asio::co_spawn(p.io, p.remoteLoop(), rethrow);
   p.io.run();
+  if (p.carrier) p.carrier->stop();
   p.context->lines.sayLeftOut(INT64_MAX);
   p.context->clock_offsets.sayLeftOut(INT64_MAX);
   // all connections have ended; the writer commits its queue before it ends
@@ -344,6 +386,8 @@ void Server::Parts::beginStop(const std::string& reason) {
   lines_timer.cancel();
   erasures_timer.cancel();
   access_timer.cancel();
+  remote_timer.cancel();
+  if (remote) remote->leave();
   store->service().stopRetention();
   const auto all = context->connections;
   for (const auto& [id, connection] : all) {

@@ -14,9 +14,17 @@
 #include "common/wire/channel.h"
 #include "server/live/context.h"
 #include "server/live/monitor.h"
+#include "server/nats/nats_carrier.h"
 #include "server/web/web_server.h"
 
 namespace needlelab {
+
+/// Live data between the servers of a lab (server/live/remote_live.h).
+struct LiveServersOptions {
+  NatsSettings nats;  ///< an empty address: the lab has one server
+  std::string lab;    ///< the lab's name in subjects; empty: the database's id (PostgreSQL)
+  std::string name;   ///< this server's among the lab's; empty: the machine's name
+};
 
 struct ServerOptions {
   std::filesystem::path data;  ///< DIR: database, tls/, lock
@@ -58,6 +66,7 @@ struct ServerOptions {
   TimeSource* token_time = &machineTime();  ///< by which tokens end that are here; outlives the server
   DbWriter::Options writer;
   std::chrono::milliseconds erasures_every{60'000};  ///< between two looks for others' erasures (together)
+  LiveServersOptions live;                           ///< the lab's other servers; without an address: none
   std::chrono::milliseconds heap_every{60'000};   ///< interval at which free memory is returned to the system
   std::chrono::minutes retention_first{10};       ///< from the start to the first run of retention
   std::chrono::minutes retention_every{24 * 60};  ///< between two runs; 0: only on request

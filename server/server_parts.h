@@ -20,6 +20,8 @@
 #include "server/live/context.h"
 #include "server/live/disk_room.h"
 #include "server/live/monitor.h"
+#include "server/live/remote_live.h"
+#include "server/nats/nats_carrier.h"
 #include "server/server.h"
 
 namespace needlelab {
@@ -51,6 +53,8 @@ struct Server::Parts {
       closers{kCloserThreads}, views{kViewThreads}, slow_workers{kSlowThreads}, retention_workers{2};
   asio::thread_pool room_worker{1};  // looks at the disk, which may hang
   std::optional<ServerContext> context;
+  std::unique_ptr<NatsCarrier> carrier;  // with --live
+  std::unique_ptr<RemoteLive> remote;    // with --live
   std::optional<Tcp::acceptor> acceptor;
   std::unique_ptr<Monitor> monitor;
   std::shared_ptr<MonitorPort> monitor_port;
@@ -66,6 +70,7 @@ struct Server::Parts {
   asio::steady_timer lines_timer{io};
   asio::steady_timer erasures_timer{io};
   asio::steady_timer access_timer{io};
+  asio::steady_timer remote_timer{io};
   std::uint16_t port = 0;
   std::uint64_t next_id = 1;
   bool stopping = false;
@@ -89,6 +94,8 @@ struct Server::Parts {
   Task<> linesLoop();
   Task<> erasuresLoop();
   Task<> accessLoop();
+  Task<> remoteLoop();
+  Status startRemote();
   void accepted(Tcp::socket socket);
   void refuseConnection(const std::string& host);
   void beginStop(const std::string& reason);

@@ -24,6 +24,7 @@ constexpr std::uint64_t kMadeRoom = 8u << 20;
 constexpr std::chrono::milliseconds kHangUpPeriod{250};
 constexpr std::chrono::seconds kLinesPeriod{5};
 constexpr std::chrono::seconds kAccessPeriod{1}, kTidyPeriod{60};
+constexpr std::chrono::milliseconds kRemotePeriod{50};
 
 }  // namespace
 
@@ -204,6 +205,16 @@ Task<> Server::Parts::accessLoop() {
     if (steadyNowNs() - tidied_ns < std::chrono::nanoseconds(kTidyPeriod).count()) continue;
     tidied_ns = steadyNowNs();
     context->login->tidy();
+  }
+}
+
+/// What is due between this server and the lab's others.
+Task<> Server::Parts::remoteLoop() {
+  while (!stopping) {
+    remote_timer.expires_after(kRemotePeriod);
+    co_await remote_timer.async_wait(kUseTuple);
+    if (stopping) co_return;
+    remote->step();
   }
 }
 

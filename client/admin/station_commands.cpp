@@ -129,6 +129,7 @@ Status enrolStation(CommandContext& context, const std::string& name, const std:
 
 Status listStations(CommandContext& context) {
   Json rows = Json::array();
+  bool has_servers = false;
   const auto add = [&](const pb::StationInfo& station) {
     Json row = {{"name", station.name()},
                 {"revoked", station.revoked()},
@@ -144,6 +145,10 @@ Status listStations(CommandContext& context) {
         row["trainee"] = station.status().trainee();
         row["exercise_id"] = station.status().exercise_id();
         row["spool_left"] = station.status().spool_left();
+        if (const std::string& server = station.status().server(); !server.empty()) {
+          row["server"] = server;
+          has_servers = true;
+        }
       }
     }
     rows.push_back(std::move(row));
@@ -156,13 +161,12 @@ Status listStations(CommandContext& context) {
         return reply.stations().next_page();
       });
   if (!done) return done;
-  return context.output.list({{"name", "NAME"},
-                              {"revoked", "REVOKED"},
-                              {"online", "ONLINE"},
-                              {"trainee", "TRAINEE"},
-                              {"exercise_id", "EXERCISE"},
-                              {"created_unix_ns", "SINCE", Column::Kind::kTime}},
-                             rows, "no stations yet");
+  std::vector<Column> columns = {
+      {"name", "NAME"},       {"revoked", "REVOKED"},      {"online", "ONLINE"},
+      {"trainee", "TRAINEE"}, {"exercise_id", "EXERCISE"}, {"created_unix_ns", "SINCE", Column::Kind::kTime}};
+  // of a lab with several servers
+  if (has_servers) columns.insert(columns.begin() + 3, {"server", "SERVER"});
+  return context.output.list(columns, rows, "no stations yet");
 }
 
 }  // namespace

@@ -147,8 +147,7 @@ Error certificateRefused(long verdict, const Endpoint& server, const Error& why)
 }
 
 Task<Result<ClientConnection>> greetAndLogIn(std::shared_ptr<Channel> channel, ClientConfig config,
-                                             const LinkClock& clock,
-                                             pb::Refusal::Reason& refused) {
+                                             const LinkClock& clock, pb::Refusal::Reason& refused) {
   // greeting
   pb::Envelope hello;
   *hello.mutable_hello()->mutable_version() = config.version;

@@ -1,5 +1,5 @@
-/// Bugs planted on purpose: with them the durability tests (tests/durability/README.md) and the simulated
-/// device runs (tests/unit/client/device/world) prove that they would catch such a bug.
+/// Bugs planted on purpose: with them the durability tests (tests/durability/README.md), the simulated device
+/// runs (tests/unit/client/device/world) and others prove that they would catch such a bug.
 #pragma once
 
 #include <string_view>
@@ -30,20 +30,39 @@ enum class PlantedBug {
   kWarningIgnored,            ///< what PostgreSQL has stored at the primary only counts as stored
   kTakeoverUnfenced,          ///< a server goes on storing what a station sent before it logged in elsewhere
   kRevokedTokenHonoured,      ///< a server honours a token that it knows after another one has ended it
+  kPresenceForEver,           ///< stations of a server that has fallen silent stay online
+  kEpochIgnored,              ///< a station's old connection gets what is meant for the one that took over
 };
-inline constexpr int kPlantedBugs = 23;
+inline constexpr int kPlantedBugs = 25;
 
 /// The bug's name in NEEDLELAB_PLANT, e.g. "ack-before-commit".
 constexpr std::string_view nameOf(PlantedBug bug) noexcept {
   constexpr std::string_view kNames[kPlantedBugs] = {
-      "ack-before-commit",           "synchronous-normal",    "no-spool-folder-sync",
-      "repeated-chunk-stored-twice", "fsync-error-ignored",   "second-checkpointer",
-      "spool-purged-at-ack",         "gap-accepted",          "hash-not-checked",
-      "sample-lost-at-reconnection", "device-watchdog-twice", "torque-without-zero",
-      "request-outlives-link",       "no-last-command",       "look-again-twice",
-      "retry-never-doubles",         "no-keep-alive",         "old-connection-kept",
-      "repeated-chunk-overwrites",   "writers-together",      "warning-ignored",
-      "takeover-unfenced",           "revoked-token-honoured",
+      "ack-before-commit",
+      "synchronous-normal",
+      "no-spool-folder-sync",
+      "repeated-chunk-stored-twice",
+      "fsync-error-ignored",
+      "second-checkpointer",
+      "spool-purged-at-ack",
+      "gap-accepted",
+      "hash-not-checked",
+      "sample-lost-at-reconnection",
+      "device-watchdog-twice",
+      "torque-without-zero",
+      "request-outlives-link",
+      "no-last-command",
+      "look-again-twice",
+      "retry-never-doubles",
+      "no-keep-alive",
+      "old-connection-kept",
+      "repeated-chunk-overwrites",
+      "writers-together",
+      "warning-ignored",
+      "takeover-unfenced",
+      "revoked-token-honoured",
+      "presence-for-ever",
+      "epoch-ignored",
   };
   return kNames[static_cast<int>(bug)];
 }

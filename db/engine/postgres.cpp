@@ -217,7 +217,8 @@ Status PostgresConnection::connect(bool takes_locks) {
       "-c search_path={} -c client_min_messages=warning -c idle_in_transaction_session_timeout={} -c jit=off"
       " -c tcp_keepalives_idle=5 -c tcp_keepalives_interval=2 -c tcp_keepalives_count=3"
       " -c tcp_user_timeout=10000 -c client_connection_check_interval=2000{}{}",
-      kPostgresSchema, options_.most_idle.count(), options_.local_commits ? " -c synchronous_commit=local" : "",
+      kPostgresSchema, options_.most_idle.count(),
+      options_.local_commits ? " -c synchronous_commit=local" : "",
       options_.server.empty() ? "" : " -c needlelab.server=" + options_.server);
   const char* const names[] = {"dbname",
                                "connect_timeout",

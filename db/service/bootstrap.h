@@ -47,8 +47,8 @@ class Store {
     /// DIR/store says, else DIR/needlelab.db.
     std::string store_url = {};
     Durability least_durability = Durability::kNothing;  ///< what an ack must survive; else nothing is stored
-    /// Other servers that say so, too, may work on the database at the same time, each with a folder of its own;
-    /// what they know of log-ins is in it. On PostgreSQL only.
+    /// Other servers that say so, too, may work on the database at the same time, each with a folder of its
+    /// own; what they know of log-ins is in it. On PostgreSQL only.
     bool together = false;
     DbWriter::Options writer = {};
     DbWriter::OnFatal on_fatal = {};

@@ -142,6 +142,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
 
   // --- connection_session.cpp: the durable plane
   Task<> openSession(pb::OpenSession request);
+  [[nodiscard]] bool isStationsPeer() const;
   /// Forgets the name in a status unless the server keeps its session open in this name.
   std::optional<pb::Refusal> takeStatus(pb::StationStatus status);
   void takeChunk(pb::Chunk chunk);

@@ -284,10 +284,14 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
 
   if (who_.role != pb::STATION) co_return;
   // one connection per station, the newest: the older one is often dead without having noticed
-  if (HubPeer* const older = context_.hub.attachStation(who_.name, *this); older != nullptr) {
-    auto& connection = dynamic_cast<PeerConnection&>(*older);
-    note(PeerLine::kStationReplaced, {{"conn", connection.id()}, {"by", id_}, {"station", who_.name}});
-    connection.refuseAndClose(
+  if (HubPeer* const older = context_.hub.attachStation(
+          who_.name, *this, claim_ ? static_cast<std::uint64_t>(claim_->epoch) : 0);
+      older != nullptr) {
+    // null: it stood for a connection to another server
+    auto* const connection = dynamic_cast<PeerConnection*>(older);
+    if (connection == nullptr) co_return;
+    note(PeerLine::kStationReplaced, {{"conn", connection->id()}, {"by", id_}, {"station", who_.name}});
+    connection->refuseAndClose(
         makeRefusal(pb::Refusal::CONFLICT, "station " + who_.name + " logged in again from " + address()));
   }
 }

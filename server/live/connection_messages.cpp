@@ -175,7 +175,7 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope, Shares shares) {
       break;
     }
     case pb::Envelope::kLiveFrame: {
-      auto refusal = context_.hub.onLiveFrame(who_.name, envelope.live_frame(), steadyNowNs());
+      auto refusal = context_.hub.onLiveFrame(*this, viewOf(envelope.live_frame()), steadyNowNs());
       if (refusal) refuse(std::move(*refusal));
       break;
     }

@@ -122,7 +122,8 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   marks.trainee = opened->closed ? std::string() : description.trainee();
   if (state_ == ConnectionState::kAuthenticated) setState(ConnectionState::kInSession);
   // for a closed session, as all of erased people are, the station only asks whether the server still has it
-  if (!opened->closed) context_.hub.onSession(who_.name, session_id, description.trainee());
+  if (!opened->closed && isStationsPeer())
+    context_.hub.onSession(who_.name, session_id, description.trainee());
   note(opened->closed ? PeerLine::kSessionConfirmed : PeerLine::kSessionOpened,
        {{"conn", id_},
         {"session", sessionText(session_id)},
@@ -138,11 +139,16 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   sendAcks();
 }
 
+/// Whether the hub knows this connection as the station's: another server may have taken the station over.
+bool PeerConnection::isStationsPeer() const {
+  return context_.hub.stationPeer(who_.name) == this;
+}
+
 std::optional<pb::Refusal> PeerConnection::takeStatus(pb::StationStatus status) {
   // an erased person's session is closed, also after a restart, when nobody else knows the name any more
   const auto session = sessions_.find(status.session_id());
   if (session == sessions_.end() || session->second.trainee != status.trainee()) status.clear_trainee();
-  return context_.hub.onStatus(who_.name, status, steadyNowNs());
+  return isStationsPeer() ? context_.hub.onStatus(who_.name, status, steadyNowNs()) : std::nullopt;
 }
 
 void PeerConnection::takeChunk(pb::Chunk chunk) {
@@ -200,8 +206,8 @@ void PeerConnection::chunkDone(const pb::Chunk& chunk, const Status& status, con
   if (context_.chunks_in_flight.remove(who_.name, chunk.data().size())) context_.chunk_room.notify();
   freed_.notify();
   // the station may have logged in again, and its newer connection may wait for this chunk's place
-  if (HubPeer* const newer = context_.hub.stationPeer(who_.name); newer != nullptr && newer != this)
-    dynamic_cast<PeerConnection&>(*newer).freed_.notify();
+  auto* const newer = dynamic_cast<PeerConnection*>(context_.hub.stationPeer(who_.name));
+  if (newer != nullptr && newer != this) newer->freed_.notify();
   if (endedAsDeposed(status)) return;
   if (!status.ok() && status.error().code == ErrorCode::kNoRoom) {
     // its station's share is used up; as without room on the disk

@@ -41,6 +41,7 @@
 namespace needlelab {
 
 class PeerConnection;
+class RemoteLive;
 
 /// Limits on the load from one connection.
 struct ConnectionBounds {
@@ -206,6 +207,7 @@ struct ServerContext {
   /// The newest connection of each station that is here, or logs in: an older one claims nothing.
   std::unordered_map<std::string, std::uint64_t> newest_logins{};
   const bool acks_are_safe = false;  ///< they survive the loss of a disk (--durability two-disks)
+  RemoteLive* remote = nullptr;      ///< the lab's other servers; null: it has one server
   bool stopping = false;
   std::unordered_map<std::uint64_t, PeerConnection*> connections;  ///< by id; each removes itself at its end
 };

@@ -32,6 +32,12 @@ double finite(double value) {
 
 }  // namespace
 
+void HubPeer::onWatched(bool watched, double /*rate_hz*/) {
+  pb::Envelope envelope;
+  envelope.mutable_watch_state()->set_watched(watched);
+  sendControl(envelope);
+}
+
 void Hub::sendStatus(HubPeer& viewer, const pb::StationStatus& status) {
   if (status.ByteSizeLong() <= kMostStatusBytes) viewer.sendControl(statusEnvelope(status));
 }
@@ -67,17 +73,33 @@ void Hub::setSession(Station& station, std::string_view session_id) {
   status.clear_started_unix_ns();
 }
 
-HubPeer* Hub::attachStation(const std::string& name, HubPeer& peer) {
-  Station& station = known(name);
-  HubPeer* const older = std::exchange(station.peer, &peer);
-  if (older != nullptr) older->station_ = nullptr;
-  peer.station_ = &station;
-  if (older == nullptr) ++online_;
+/// Counts the station, and forgets what its last connection was told.
+void Hub::setPeer(Station& station, HubPeer* peer) {
+  if (HubPeer* const before = station.peer; before != nullptr) {
+    before->station_ = nullptr;
+    --online_;
+    if (before->isElsewhere()) --elsewhere_;
+  }
+  station.peer = peer;
+  station.epoch = 0;
   station.told_watched = false;
+  station.told_rate_hz = station.thinned_hz = 0;
+  if (peer == nullptr) return;
+  peer->station_ = &station;
+  ++online_;
+  if (peer->isElsewhere()) ++elsewhere_;
+}
+
+HubPeer* Hub::attachStation(const std::string& name, HubPeer& peer, std::uint64_t epoch) {
+  Station& station = known(name);
+  HubPeer* const older = station.peer;
+  setPeer(station, &peer);
+  station.epoch = epoch;
   setSession(station, {});
   station.status.Clear();
   station.status.set_station(name);
   station.status.set_online(true);
+  station.status.set_server(settings_.server_name);
   announce(station);
   refreshWatch(station);
   return older;
@@ -88,15 +110,19 @@ HubPeer* Hub::stationPeer(const std::string& name) const {
   return found != stations_.end() ? found->second.peer : nullptr;
 }
 
+std::uint64_t Hub::epochOf(const std::string& name) const {
+  const auto found = stations_.find(name);
+  return found != stations_.end() ? found->second.epoch : 0;
+}
+
 void Hub::detachStation(const std::string& name, const HubPeer& peer) {
   const auto found = stations_.find(name);
   if (found == stations_.end() || found->second.peer != &peer) return;
   Station& station = found->second;
-  station.peer->station_ = nullptr;
-  station.peer = nullptr;
-  --online_;
-  station.told_watched = false;
+  setPeer(station, nullptr);
   station.status.set_online(false);
+  // it may be connected to a server that is not heard
+  if (!live_trouble_.empty()) station.status.set_trouble(live_trouble_);
   announce(station);
   forgetIfUnused(name);
 }
@@ -131,16 +157,43 @@ std::optional<pb::Refusal> Hub::onStatus(const std::string& name, const pb::Stat
   }
   station.status.set_station(name);
   station.status.set_online(true);
+  station.status.set_server(settings_.server_name);
   station.status_ns = now_ns;
   if (other_session) refreshWatch(station);
-  // also tell this station's viewers when no samples arrive
+  tellViewers(station, now_ns);
+  return std::nullopt;
+}
+
+std::optional<pb::Refusal> Hub::onStatusElsewhere(const HubPeer& from, const pb::StationStatus& status,
+                                                  std::int64_t now_ns, bool news) {
+  if (auto wrong = checkSessionId("station_status", status.session_id())) return wrong;
+  if (from.station_ == nullptr) return std::nullopt;
+  Station& station = *static_cast<Station*>(from.station_);
+  const std::string name = station.status.station();
+  const bool other_session = status.session_id() != station.status.session_id();
+  setSession(station, status.session_id());
+  // its server has filled in all but what is known here only
+  station.status = status;
+  station.status.set_station(name);
+  station.status.set_online(true);
+  if (isForgotten(station)) station.status.clear_trainee();
+  station.status_ns = now_ns;
+  if (other_session) refreshWatch(station);
+  if (news)
+    announce(station);
+  else
+    tellViewers(station, now_ns);
+  return std::nullopt;
+}
+
+/// A status line, also for this station's viewers: perhaps no samples arrive.
+void Hub::tellViewers(const Station& station, std::int64_t now_ns) {
   if (const auto watchers = watchersOf(station); !watchers.empty()) {
     if (const auto frame = encodeFrame(statusEnvelope(station.status)); frame.ok()) {
       for (Subscription* watcher : watchers) watcher->viewer->sendLive(*frame, false);
     }
   }
   sendOverview(station, now_ns);
-  return std::nullopt;
 }
 
 std::optional<pb::Refusal> Hub::onLiveFrame(const std::string& name, const LiveFrameView& frame,
@@ -151,7 +204,7 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const std::string& name, const LiveF
 }
 
 std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrameView& frame,
-                                            std::int64_t now_ns) {
+                                            std::int64_t now_ns, double thinned_hz) {
   if (frame.data.size() > settings_.max_frame_bytes) {
     return makeRefusal(pb::Refusal::TOO_LARGE, fmt::format("a live frame of {} bytes: the limit is {}",
                                                            frame.data.size(), settings_.max_frame_bytes));
@@ -179,6 +232,10 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrame
     refreshWatch(station);
   }
 
+  // another server begins to thin, or ends it: the numbers are others from here on
+  if (std::exchange(station.thinned_hz, thinned_hz) != thinned_hz)
+    for (auto& [rate_hz, frames] : station.thinned) frames.otherNumbers();
+
   // all full-rate viewers share one encoded frame, and so do all viewers of each lower rate
   LiveSamples samples(frame.data);
   Frame full;
@@ -187,9 +244,10 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrame
     Frame* to_send = &full;
     if (watcher.rate_hz > 0) {
       const auto [made, is_new] = thinned.try_emplace(watcher.rate_hz);
-      if (is_new) made->second = thin(station, watcher.rate_hz, frame, samples);
+      if (is_new)
+        made->second = thin(station, watcher.rate_hz, frame, samples, watcher.rate_hz == thinned_hz);
       to_send = &made->second;
-    } else if (!full) {
+    } else if (!full && thinned_hz == 0) {
       full = encodeLiveFrame(frame, name);
     }
     if (!*to_send) return;
@@ -200,7 +258,7 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrame
   std::erase_if(station.thinned, [&](const auto& entry) { return !thinned.contains(entry.first); });
 
   // a station that sends frames need not send status lines: build the overview's lines from the samples
-  if (!overviews_.empty() &&
+  if ((!overviews_.empty() || keep_fresh_) && !from.isElsewhere() &&
       now_ns - station.status_ns >= std::chrono::nanoseconds(settings_.status_period).count()) {
     if (const auto all = samples.all(); !all.empty()) {
       statusFromSamples(station, all.back());
@@ -257,6 +315,31 @@ void Hub::fillStations(pb::Stations& stations) const {
     bytes += found->second.status.ByteSizeLong() + 16;
     if (bytes <= kMostStatusBytes) *info.mutable_status() = found->second.status;
   }
+  stations.set_live_trouble(live_trouble_);
+}
+
+void Hub::setLiveTrouble(const std::string& why) {
+  if (std::exchange(live_trouble_, why) == why) return;
+  for (auto& [peer, viewer] : viewers_) {
+    for (const auto& [name, number] : viewer.by_station) {
+      const auto found = stations_.find(name);
+      if (name.empty() || (found != stations_.end() && found->second.peer != nullptr)) continue;
+      sendStatus(*viewer.by_number.at(number)->viewer, offlineStatus(name));
+    }
+  }
+}
+
+/// Of a station that nobody has connected to this server, as far as it knows.
+pb::StationStatus Hub::offlineStatus(const std::string& name) {
+  pb::StationStatus status;
+  const auto found = stations_.find(name);
+  if (found != stations_.end()) {
+    found->second.status.set_trouble(live_trouble_);
+    status = found->second.status;
+  }
+  status.set_station(name);
+  status.set_trouble(live_trouble_);
+  return status;
 }
 
 bool Hub::isWatched(const std::string& name) const {
@@ -289,11 +372,18 @@ void Hub::forEachWatcher(const Station& station, Act act) const {
 void Hub::refreshWatch(Station& station) {
   if (station.peer == nullptr) return;
   const bool watched = !station.watchers.empty() || by_session_.contains(station.status.session_id());
-  if (watched == station.told_watched) return;
+  const double rate_hz = watched && station.peer->isElsewhere() ? commonRate(station) : 0;
+  if (watched == station.told_watched && rate_hz == station.told_rate_hz) return;
   station.told_watched = watched;
-  pb::Envelope envelope;
-  envelope.mutable_watch_state()->set_watched(watched);
-  station.peer->sendControl(envelope);
+  station.told_rate_hz = rate_hz;
+  station.peer->onWatched(watched, rate_hz);
+}
+
+/// The lower rate at which all watch the station; 0: there is none.
+double Hub::commonRate(const Station& station) const {
+  const std::vector<Subscription*> all = watchersOf(station);
+  const auto other = [&](const Subscription* each) { return each->rate_hz != all.front()->rate_hz; };
+  return all.empty() || std::any_of(all.begin(), all.end(), other) ? 0 : all.front()->rate_hz;
 }
 
 void Hub::forgetIfUnused(const std::string& name) {
@@ -332,9 +422,12 @@ void Hub::sendOverview(const Station& station, std::int64_t now_ns) {
   }
 }
 
-Frame Hub::thin(Station& station, double rate_hz, const LiveFrameView& frame, LiveSamples& samples) {
-  const auto entry = station.thinned.try_emplace(rate_hz, rate_hz).first;
-  Frame made = entry->second.next(frame, samples, station.status.station());
+/// `is_thinned`: to this rate, by another server.
+Frame Hub::thin(Station& station, double rate_hz, const LiveFrameView& frame, LiveSamples& samples,
+                bool is_thinned) {
+  ThinnedFrames& frames = station.thinned.try_emplace(rate_hz, rate_hz).first->second;
+  Frame made = is_thinned ? frames.asItIs(frame, station.status.station())
+                          : frames.next(frame, samples, station.status.station());
   if (made) ++frames_thinned_;
   return made;
 }

@@ -34,6 +34,11 @@ class HubPeer {
   virtual void sendLive(Frame frame, bool counted) = 0;
   /// Whose subscriptions these are; empty: the peer's alone. Does not change once the peer subscribes.
   [[nodiscard]] virtual std::string account() const { return {}; }
+  /// Of a station: whether it is connected to another server, for which this peer stands.
+  [[nodiscard]] virtual bool isElsewhere() const { return false; }
+  /// Of a station: whether somebody watches it. `rate_hz`: at which all who watch it do (a thinned rate); 0:
+  /// they differ, or want all samples; said to a station elsewhere only. Sends a WatchState.
+  virtual void onWatched(bool watched, double rate_hz);
 
  private:
   friend class Hub;
@@ -51,6 +56,7 @@ struct HubSettings {
   std::size_t max_status_bytes = 2048;      ///< of a station's status line
   /// The time of day, ns since 1970, for StationStatus.peak_since_unix_ns.
   std::int64_t (*unix_now)() noexcept = wallNowNs;
+  std::string server_name{};  ///< for StationStatus.server; empty: the lab has one server
 };
 
 /// Peers must detach before their destruction. Times: steady clock, ns, from the caller. Thread: one; no
@@ -61,10 +67,12 @@ class Hub {
 
   // --- stations
   /// Marks the station as online through `peer`. Returns the station's older connection, if any, now
-  /// detached.
-  HubPeer* attachStation(const std::string& name, HubPeer& peer);
-  /// The station's connection; null when it is offline.
+  /// detached. `epoch`: of its claim; 0: unknown.
+  HubPeer* attachStation(const std::string& name, HubPeer& peer, std::uint64_t epoch = 0);
+  /// The station's connection, or what stands for it when it is elsewhere; null when it is offline.
   [[nodiscard]] HubPeer* stationPeer(const std::string& name) const;
+  /// Of the connection that the station has; 0: unknown, or none.
+  [[nodiscard]] std::uint64_t epochOf(const std::string& name) const;
   /// Does nothing when another connection of the station has taken over.
   void detachStation(const std::string& name, const HubPeer& peer);
   /// The refusal of a status line of `bytes` bytes; nothing: it is not too long.
@@ -75,8 +83,9 @@ class Hub {
   std::optional<pb::Refusal> onStatus(const std::string& name, const pb::StationStatus& status,
                                       std::int64_t now_ns);
   /// Returns a refusal when the frame is too large, claims too many samples or its session_id is not valid.
-  std::optional<pb::Refusal> onLiveFrame(const HubPeer& from, const LiveFrameView& frame,
-                                         std::int64_t now_ns);
+  /// `thinned_hz`: the rate that another server has thinned it to; 0: it has all samples.
+  std::optional<pb::Refusal> onLiveFrame(const HubPeer& from, const LiveFrameView& frame, std::int64_t now_ns,
+                                         double thinned_hz = 0);
   std::optional<pb::Refusal> onLiveFrame(const std::string& name, const LiveFrameView& frame,
                                          std::int64_t now_ns);
   std::optional<pb::Refusal> onLiveFrame(const std::string& name, const pb::LiveFrame& frame,
@@ -89,6 +98,22 @@ class Hub {
   /// This person was erased: no status has the name from now on, whatever stations go on to say, but in a
   /// session that the server keeps in this name from now on (onSession). Tells the viewers.
   void forgetTrainee(const std::string& trainee);
+  /// What another server says of a station that `from` stands for; does nothing if it does not any more.
+  /// `news`: all who see the station are told, however often they want lines. Returns a refusal, and discards
+  /// the status, as onStatus.
+  std::optional<pb::Refusal> onStatusElsewhere(const HubPeer& from, const pb::StationStatus& status,
+                                               std::int64_t now_ns, bool news);
+  /// Calls `act(name, status, epoch)` for each station that is connected to this server.
+  template <typename Act>
+  void forEachHere(Act act) const {
+    for (const auto& [name, station] : stations_)
+      if (station.peer != nullptr && !station.peer->isElsewhere()) act(name, station.status, station.epoch);
+  }
+  /// Statuses are kept fresh from frames, too, though nobody has an overview here: other servers may.
+  void keepStatusesFresh(bool wanted) { keep_fresh_ = wanted; }
+  /// Why nothing is known of stations elsewhere; empty: it is known. Tells those who watch a station that is
+  /// offline here.
+  void setLiveTrouble(const std::string& why);
   /// False when the station is not online.
   bool sendToStation(const std::string& name, const pb::Envelope& envelope);
 
@@ -103,7 +128,9 @@ class Hub {
   /// the list would exceed a message.
   void fillStations(pb::Stations& stations) const;
 
+  /// At this server, and elsewhere.
   [[nodiscard]] std::size_t stationsOnline() const { return online_; }
+  [[nodiscard]] std::size_t stationsElsewhere() const { return elsewhere_; }
   [[nodiscard]] bool isWatched(const std::string& station) const;
   /// Stations that are online, and those that went offline while somebody watches them.
   [[nodiscard]] std::size_t stationsKnown() const { return stations_.size(); }
@@ -135,7 +162,10 @@ class Hub {
   };
   struct Station {
     HubPeer* peer = nullptr;  // null: offline, but a viewer watches it
+    std::uint64_t epoch = 0;
     bool told_watched = false;
+    double told_rate_hz = 0;  // with told_watched, of a station elsewhere
+    double thinned_hz = 0;    // of the last frame
     pb::StationStatus status;
     std::int64_t status_ns = 0;
     std::string kept_session, kept_trainee;  // the last session that the server keeps, and in whose name
@@ -156,7 +186,12 @@ class Hub {
   void forgetIfUnused(const std::string& name);
   void announce(const Station& station) const;
   void sendOverview(const Station& station, std::int64_t now_ns);
-  Frame thin(Station& station, double rate_hz, const LiveFrameView& frame, LiveSamples& samples);
+  Frame thin(Station& station, double rate_hz, const LiveFrameView& frame, LiveSamples& samples,
+             bool is_thinned);
+  void setPeer(Station& station, HubPeer* peer);
+  void tellViewers(const Station& station, std::int64_t now_ns);
+  [[nodiscard]] pb::StationStatus offlineStatus(const std::string& name);
+  [[nodiscard]] double commonRate(const Station& station) const;
   static void statusFromSamples(Station& station, const GestureSample& last);
   void remove(const Viewer& of, std::unique_ptr<Subscription> subscription);
   [[nodiscard]] std::vector<Subscription*> watchersOf(const Station& station) const;
@@ -173,7 +208,9 @@ class Hub {
   std::unordered_map<std::string, std::size_t> subscriptions_of_;  // by account; without zeros
   std::vector<Subscription*> overviews_;
   std::set<std::string> erased_;  // names, of forgetTrainee()
-  std::size_t online_ = 0;
+  std::string live_trouble_;      // of setLiveTrouble()
+  bool keep_fresh_ = false;
+  std::size_t online_ = 0, elsewhere_ = 0;  // online_: with those elsewhere
   std::uint64_t looked_at_ = 0;
   std::uint64_t frames_in_ = 0, frames_out_ = 0, frames_decoded_ = 0, frames_thinned_ = 0;
 };

@@ -102,9 +102,7 @@ std::optional<pb::Refusal> Hub::subscribe(HubPeer& viewer, const pb::Subscribe& 
   }
   const auto found = stations_.find(subscription.station);
   if (found == stations_.end()) {
-    pb::StationStatus offline;
-    offline.set_station(subscription.station);
-    sendStatus(viewer, offline);
+    sendStatus(viewer, offlineStatus(subscription.station));
     return std::nullopt;
   }
   Station& station = found->second;

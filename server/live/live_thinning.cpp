@@ -49,11 +49,21 @@ std::span<const GestureSample> LiveSamples::all() {
   return samples_;
 }
 
+/// Shows frames that the station's queue dropped as a gap in these numbers.
+void ThinnedFrames::keepGap(std::uint64_t frame_seq) {
+  if (last_of_station_ && frame_seq > *last_of_station_ + 1) number_ += frame_seq - *last_of_station_ - 1;
+  last_of_station_ = frame_seq;
+}
+
+Frame ThinnedFrames::asItIs(const LiveFrameView& frame, std::string_view station) {
+  keepGap(frame.frame_seq);
+  LiveFrameView numbered = frame;
+  numbered.frame_seq = number_++;
+  return encodeLiveFrame(numbered, station);
+}
+
 Frame ThinnedFrames::next(const LiveFrameView& frame, LiveSamples& samples, std::string_view station) {
-  // show frames that the station's queue dropped as a gap in these numbers
-  if (last_of_station_ && frame.frame_seq > *last_of_station_ + 1)
-    number_ += frame.frame_seq - *last_of_station_ - 1;
-  last_of_station_ = frame.frame_seq;
+  keepGap(frame.frame_seq);
   const auto all = samples.all();
   const auto kept = decimator_.keep(all);
   if (kept.empty()) return nullptr;

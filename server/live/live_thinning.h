@@ -66,8 +66,13 @@ class ThinnedFrames {
 
   /// The frame to send for the station's next one; null: it has no sample of the grid. `station`: its name.
   Frame next(const LiveFrameView& frame, LiveSamples& samples, std::string_view station);
+  /// A frame that was thinned to this rate already; only its number is another one.
+  Frame asItIs(const LiveFrameView& frame, std::string_view station);
+  /// The next frame's number says nothing about what lies between it and the last one.
+  void otherNumbers() { last_of_station_.reset(); }
 
  private:
+  void keepGap(std::uint64_t frame_seq);
   Decimator decimator_;
   std::uint64_t number_ = 0;  // of the next frame: keeps the gaps of the station's numbers
   std::optional<std::uint64_t> last_of_station_;

@@ -13,6 +13,7 @@
 #include "server/live/connection.h"
 #include "server/live/metrics.h"
 #include "server/live/monitor.h"
+#include "server/live/remote_live.h"
 
 namespace needlelab {
 
@@ -223,12 +224,57 @@ void livePlane(PrometheusText& out, const ServerContext& context, const Open& op
               "Live frames given to viewers.");
   out.counter("needlelab_live_frames_dropped_total", real(context.counters.live_dropped + open.live_dropped),
               "Live frames dropped because a viewer was too slow.");
-  out.gauge("needlelab_stations_online", real(context.hub.stationsOnline()), "Stations that are connected.");
+  out.gauge("needlelab_stations_online", real(context.hub.stationsOnline() - context.hub.stationsElsewhere()),
+            "Stations that are connected to this server.");
   out.gauge("needlelab_control_queue_bytes", real(open.control_bytes),
             "Unsent control messages, all connections.");
   out.gauge("needlelab_control_queue_bytes_largest", real(open.most_control_bytes),
             "Unsent control messages of the connection that has most.");
   out.gauge("needlelab_live_queue_bytes", real(open.live_bytes), "Unsent live frames, all connections.");
+}
+
+/// Between the servers of a lab; nothing of a lab that has one server.
+void otherServers(PrometheusText& out, const ServerContext& context) {
+  if (context.remote == nullptr) return;
+  const RemoteLive& remote = *context.remote;
+  const RemoteLive::Counters& counters = remote.counters();
+  const LiveCarrier::Counters carried = remote.carried();
+  out.gauge("needlelab_live_link_up", remote.isUp() ? 1 : 0,
+            "1 while the live connection between the lab's servers is up.");
+  out.counter("needlelab_live_link_connections_total", real(carried.connections),
+              "Connections to NATS that were made.");
+  out.gauge("needlelab_live_servers", real(remote.servers().size()),
+            "Other servers of the lab that are heard.");
+  out.gauge("needlelab_live_name_taken", remote.nameTaken().empty() ? 0 : 1,
+            "1 while another server of the lab has this one's name.");
+  out.gauge("needlelab_stations_elsewhere", real(context.hub.stationsElsewhere()),
+            "Stations that are connected to other servers of the lab.");
+  out.gauge("needlelab_stations_watched_elsewhere", real(remote.watchedElsewhere()),
+            "Stations of this server that are watched at others.");
+  out.metric("needlelab_live_link_messages_total", "counter", "Messages between the lab's servers.");
+  out.sample(real(carried.messages_in), {{"direction", "in"}});
+  out.sample(real(carried.messages_out), {{"direction", "out"}});
+  out.metric("needlelab_live_link_bytes_total", "counter", "Bytes of these messages.");
+  out.sample(real(carried.bytes_in), {{"direction", "in"}});
+  out.sample(real(carried.bytes_out), {{"direction", "out"}});
+  out.metric(
+      "needlelab_live_link_dropped_total", "counter",
+      "Messages between the lab's servers that were dropped: the queue was full, or the link was down.");
+  out.sample(real(carried.dropped_in), {{"direction", "in"}});
+  out.sample(real(carried.dropped_out), {{"direction", "out"}});
+  out.metric(
+      "needlelab_live_link_refused_total", "counter",
+      "Messages between the lab's servers that were not used: malformed or of another lab, too late or "
+      "of a server that has not the station, not permitted by NATS.");
+  out.sample(real(counters.malformed + carried.malformed), {{"why", "malformed"}});
+  out.sample(real(counters.stale), {{"why", "stale"}});
+  out.sample(real(carried.refused), {{"why", "not_permitted"}});
+  out.metric("needlelab_live_asked_total", "counter",
+             "Messages of people to stations at other servers: sent, and what became of them.");
+  out.sample(real(counters.asked), {{"what", "sent"}});
+  out.sample(real(counters.answered), {{"what", "answered"}});
+  out.sample(real(counters.not_here), {{"what", "not_here"}});
+  out.sample(real(counters.unanswered), {{"what", "unanswered"}});
 }
 
 void storage(PrometheusText& out, const ServerContext& context, const StoreFacts& facts) {
@@ -341,6 +387,7 @@ std::string metricsText(const ServerContext& context, const StoreFacts& facts) {
   connections(out, context, open);
   durablePlane(out, context, facts);
   livePlane(out, context, open);
+  otherServers(out, context);
   storage(out, context, facts);
   browsers(out, context);
   process(out, facts.process);

@@ -22,6 +22,7 @@
 #include "db/seen_time.h"
 #include "db/session_store.h"
 #include "server/base/log.h"
+#include "server/live/remote_live.h"
 
 namespace needlelab {
 
@@ -155,6 +156,10 @@ HttpAnswer healthAnswer(const Health& health, const StoreFacts& facts, std::int6
   const double days =
       (static_cast<double>(facts.certificate_end_unix_s) - static_cast<double>(now_unix_ns) / 1e9) / 86'400;
   json["certificate_days_left"] = tenths(days);
+  if (health.live) {
+    json["live_between_servers"] = health.live->trouble.empty() ? "up" : health.live->trouble;
+    json["live_servers"] = health.live->servers;
+  }
   json["problems"] = health.problems;
   // a path that is not UTF-8 must not throw
   const std::string text = json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
@@ -182,6 +187,7 @@ Task<HttpAnswer> Monitor::answer(std::string path) {
   if (!facts.answered) {
     // no test write: it would wait as well, and the report would use an old reading
     Health health;
+    health.live = live();
     health.last_commit_age_s =
         last_commit_ns_ == 0 ? -1 : static_cast<double>(steadyNowNs() - last_commit_ns_) / 1e9;
     health.problems.push_back(facts.fault);
@@ -244,6 +250,15 @@ Task<> Monitor::tryWrite(Monitor& self) {
   self.written_.notify();
 }
 
+std::optional<Health::Live> Monitor::live() const {
+  const RemoteLive* const remote = context_.remote;
+  if (remote == nullptr) return std::nullopt;
+  std::string trouble = remote->trouble();
+  if (const std::string taken = remote->nameTaken(); !taken.empty())
+    trouble += (trouble.empty() ? "" : "; ") + taken;
+  return Health::Live{std::move(trouble), remote->servers()};
+}
+
 Task<Health> Monitor::health(const StoreFacts& facts) {
   DbWriter& writer = context_.store.writer();
   const auto look = [&] {
@@ -255,6 +270,7 @@ Task<Health> Monitor::health(const StoreFacts& facts) {
            writer.standing().refused.empty();
   };
   Health health;
+  health.live = live();
   const bool room = facts.free_bytes >= settings_.min_free_bytes;
   health.writable = look();
   // skip the test write when space is low: a failed write would stop the writer for good

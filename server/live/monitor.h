@@ -67,6 +67,13 @@ struct Health {
   /// below 0: it never did.
   std::optional<double> access_heard_s{};
   std::vector<std::string> problems;  ///< empty: healthy
+  /// Of the live connection to the lab's other servers, which nothing that is stored needs; nothing: the lab
+  /// has one server.
+  struct Live {
+    std::string trouble;               ///< empty: it is up
+    std::vector<std::string> servers;  ///< that are heard
+  };
+  std::optional<Live> live{};
 };
 /// One line of JSON, with status 200 or 503. `now_unix_ns`: to compute ages.
 HttpAnswer healthAnswer(const Health& health, const StoreFacts& facts, std::int64_t now_unix_ns);
@@ -87,6 +94,7 @@ class Monitor {
  private:
   Task<StoreFacts> facts();
   Task<Health> health(const StoreFacts& facts);
+  [[nodiscard]] std::optional<Health::Live> live() const;
   static Task<> tryWrite(Monitor& self);
   static Task<> read(Monitor& self);
 

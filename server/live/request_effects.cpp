@@ -15,12 +15,10 @@
 namespace needlelab {
 namespace {
 
-/// A request's message to a station, and the first minor protocol version that supports it.
+/// A request's message to a station.
 struct StationMessage {
   std::string station;
-  std::string session_id;  // the intended lesson; empty: any
   pb::Envelope message;
-  std::uint32_t since_minor = 0;
 };
 
 StationMessage stationMessageOf(const pb::Request& request, const std::string& by) {
@@ -33,26 +31,29 @@ StationMessage stationMessageOf(const pb::Request& request, const std::string& b
   if (request.has_trainee_message())
     copyOf(request.trainee_message(), *wanted.message.mutable_trainee_message());
   if (request.has_next_exercise()) copyOf(request.next_exercise(), *wanted.message.mutable_next_exercise());
-  if (request.has_set_aids()) {
-    copyOf(request.set_aids(), *wanted.message.mutable_set_aids());
-    wanted.session_id = request.set_aids().session_id();
-    wanted.since_minor = 2;
-  }
-  if (request.has_stop_lesson()) {
-    copyOf(request.stop_lesson(), *wanted.message.mutable_stop_lesson());
-    wanted.session_id = request.stop_lesson().session_id();
-    wanted.since_minor = 2;
-  }
+  if (request.has_set_aids()) copyOf(request.set_aids(), *wanted.message.mutable_set_aids());
+  if (request.has_stop_lesson()) copyOf(request.stop_lesson(), *wanted.message.mutable_stop_lesson());
   return wanted;
 }
 
+/// The first minor protocol version that supports a message to a station.
+std::uint32_t sinceMinor(const pb::Envelope& message) {
+  return message.has_set_aids() || message.has_stop_lesson() ? 2 : 0;
+}
+
 /// Returns a refusal when the message did not, or perhaps did not, reach the station.
-Task<std::optional<pb::Refusal>> deliver(ServerContext& context, const pb::Request& request, std::string by) {
-  StationMessage wanted = stationMessageOf(request, by);
-  auto* const peer = dynamic_cast<PeerConnection*>(context.hub.stationPeer(wanted.station));
-  const std::string name = "station '" + wanted.station + "'";
-  if (peer == nullptr) co_return makeRefusal(pb::Refusal::NOT_FOUND, name + " is not online");
-  if (peer->version().minor() < wanted.since_minor) {
+Task<std::optional<pb::Refusal>> deliverHere(ServerContext& context, std::string station,
+                                             pb::Envelope message) {
+  auto* const peer = dynamic_cast<PeerConnection*>(context.hub.stationPeer(station));
+  const std::string name = "station '" + station + "'";
+  if (peer == nullptr) {
+    const std::string trouble = context.remote != nullptr ? context.remote->trouble() : std::string();
+    co_return makeRefusal(pb::Refusal::NOT_FOUND,
+                          trouble.empty() ? name + " is not online"
+                                          : name + " is not connected to this server, and " + trouble +
+                                                ": if it is at another server, try again when that is over");
+  }
+  if (peer->version().minor() < sinceMinor(message)) {
     // an older station would answer the ping but skip the unknown message: that is not a delivery
     pb::Refusal refusal = makeRefusal(
         pb::Refusal::VERSION, name + " runs " + printable(peer->program()) + " (protocol " +
@@ -62,12 +63,48 @@ Task<std::optional<pb::Refusal>> deliver(ServerContext& context, const pb::Reque
     *refusal.mutable_theirs() = peer->version();
     co_return refusal;
   }
-  if (co_await PeerConnection::sendConfirmed(peer->shared_from_this(), std::move(wanted.message)))
+  if (co_await PeerConnection::sendConfirmed(peer->shared_from_this(), std::move(message)))
     co_return std::nullopt;
   co_return makeRefusal(pb::Refusal::TIMEOUT,
                         fmt::format("{} did not confirm it within {} ms, or its connection ended: it may not "
                                     "have arrived; send it again when the station is back",
                                     name, context.bounds.confirm_timeout.count()));
+}
+
+/// To a station at another server. Nothing: it is connected here by now.
+Task<std::optional<RemoteLive::Asked>> deliverElsewhere(ServerContext& context,
+                                                        const StationMessage& wanted) {
+  struct Answer {
+    explicit Answer(asio::any_io_executor executor) : come(std::move(executor)) {}
+    Signal come;
+    std::optional<RemoteLive::Asked> asked;
+  };
+  const auto answer = std::make_shared<Answer>(context.io.get_executor());
+  RemoteLive::AskedDone done = [answer](RemoteLive::Asked asked) {
+    answer->asked = std::move(asked);
+    answer->come.notify();
+  };
+  context.remote->ask(wanted.station, wanted.message, std::move(done));
+  while (!answer->asked) co_await answer->come.wait();
+  if (answer->asked->kind == RemoteLive::Asked::Kind::kHere) co_return std::nullopt;
+  co_return std::move(answer->asked);
+}
+
+Task<std::optional<pb::Refusal>> deliver(ServerContext& context, const pb::Request& request, std::string by) {
+  StationMessage wanted = stationMessageOf(request, by);
+  if (context.remote != nullptr && context.remote->isElsewhere(wanted.station)) {
+    if (auto asked = co_await deliverElsewhere(context, wanted)) {
+      if (asked->kind == RemoteLive::Asked::Kind::kDelivered) co_return std::nullopt;
+      co_return std::move(asked->refusal);
+    }
+  }
+  co_return co_await deliverHere(context, std::move(wanted.station), std::move(wanted.message));
+}
+
+Task<> deliverThenSay(ServerContext& context, std::string station, pb::Envelope message,
+                      RemoteLive::DeliverDone done) {
+  auto refusal = co_await deliverHere(context, std::move(station), std::move(message));
+  done(std::move(refusal));
 }
 
 /// Adds to the audit log, after the line with the intended delivery.
@@ -196,6 +233,12 @@ Task<Result<CloseOutcome>> closeInTurn(ServerContext& context, std::string stati
     if (!done.ok()) co_return done.error();
     if (done->has_value()) co_return std::move(**done);
   }
+}
+
+RemoteLive::Deliver deliverForOthers(ServerContext& context) {
+  return [&context](const std::string& station, const pb::Envelope& message, RemoteLive::DeliverDone done) {
+    asio::co_spawn(context.io, deliverThenSay(context, station, message, std::move(done)), rethrow);
+  };
 }
 
 FairPool* poolForWriting(const ServerContext& context, std::size_t reply_bytes) {

@@ -9,6 +9,7 @@
 
 #include "needlelab/session.pb.h"
 #include "server/live/context.h"
+#include "server/live/remote_live.h"
 
 namespace needlelab {
 
@@ -88,5 +89,8 @@ void endAccess(ServerContext& context, const EndedAccess& ended, const Doer& by)
 /// Ends what was opened by exactly this log-in's account, role and number, because it does not hold in the
 /// database any more. Thread: the network's.
 void endAccessOf(ServerContext& context, const Principal& who);
+
+/// What another server's `remote` brings to the stations of this one. The context outlives it.
+RemoteLive::Deliver deliverForOthers(ServerContext& context);
 
 }  // namespace needlelab

@@ -135,6 +135,7 @@ std::string LiveBoard::make() {
       layer = names->second[static_cast<std::size_t>(status.layer())];
     const bool trouble = status.trouble().empty() && status.fault() != 0;
     tiles.push_back({{"station", station.name()},
+                     {"server", station.online() ? status.server() : std::string()},
                      {"online", station.online()},
                      {"session_id", boardSessionText(status.session_id())},
                      {"trainee", idle ? std::string() : status.trainee()},
@@ -152,7 +153,8 @@ std::string LiveBoard::make() {
     station.clear_status();
     station.set_online(false);
   }
-  return WebJson{{"tiles", std::move(tiles)}}.dump(-1, ' ', false, WebJson::error_handler_t::replace);
+  return WebJson{{"live_trouble", stations_.live_trouble()}, {"tiles", std::move(tiles)}}.dump(
+      -1, ' ', false, WebJson::error_handler_t::replace);
 }
 
 }  // namespace needlelab

@@ -64,13 +64,13 @@ class Setup(unittest.TestCase):
         self.assertIn("llvm-14", packages())
         self.assertNotIn("llvm-14", listed())
 
-    def test_the_demo_needs_no_browser_no_node_no_postgresql_and_no_test_library(self):
+    def test_the_demo_needs_no_browser_no_node_no_postgresql_no_nats_and_no_test_library(self):
         heavy = {"chromium-headless-shell", "nodejs", "npm", "valgrind", "xvfb", "libgtest-dev", "libbenchmark-dev"}
-        postgresql = {"libpq-dev", "postgresql-15"}
-        self.assertLessEqual(heavy | postgresql, set(packages()))
-        self.assertFalse((heavy | postgresql) & set(listed("--demo")))
+        faculty = {"libpq-dev", "postgresql-15", "libnats-dev", "nats-server"}
+        self.assertLessEqual(heavy | faculty, set(packages()))
+        self.assertFalse((heavy | faculty) & set(listed("--demo")))
         self.assertFalse(heavy & set(listed("--faculty")))
-        self.assertLessEqual(postgresql, set(listed("--faculty")))
+        self.assertLessEqual(faculty, set(listed("--faculty")))
 
     def test_on_another_system_it_installs_nothing_and_the_check_names_what_is_missing(self):
         bare = OtherSystem(self)

@@ -29,10 +29,9 @@ class TwoServers : public testing::Test {
     std::array<char, 256> machine{};
     (void)gethostname(machine.data(), machine.size() - 1);
     const std::string folder = dataOfB().string(), from = (a.folder() / "data").string();
-    const char* const typed[] = {"needlelab-admin", "--data",      folder.c_str(), "server",
-                                 "join",            "--from",      from.c_str(),   "--name",
-                                 "b",               "--host-name", "127.0.0.1",    "--host-name",
-                                 machine.data()};
+    const char* const typed[] = {"needlelab-admin", "--data",      folder.c_str(), "server", "join",
+                                 "--from",          from.c_str(),  "--name",       "b",      "--host-name",
+                                 "127.0.0.1",       "--host-name", machine.data()};
     std::ostringstream out, err;
     if (runAdmin(static_cast<int>(std::size(typed)), typed, out, err) != 0)
       throw std::runtime_error(err.str());

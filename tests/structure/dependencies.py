@@ -30,6 +30,7 @@ LIBRARIES = {
     "OpenGL": "/usr/include/epoxy/",
     "OpenSSL": "/usr/include/openssl/",
     "Protobuf": "/usr/include/google/protobuf/",
+    "NATS": "/usr/include/nats",
     "PostgreSQL": "/usr/include/postgresql/",
     "SQLite": "/usr/include/sqlite3",
     "fmt": "/usr/include/fmt/",

@@ -111,6 +111,7 @@ void LabOverview::onStatus(const pb::StationStatus& status, double now_s) {
   tile.force_N = sane(status.force_n());
   tile.fault = status.fault();
   tile.trouble = printable(status.trouble());
+  tile.server = printable(status.server());
   tile.missed_ticks = status.missed_ticks();
   tile.samples = status.samples();
   tile.spool_left = status.spool_left();

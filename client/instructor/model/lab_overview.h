@@ -62,6 +62,7 @@ struct StationTile {
   std::uint32_t fault = 0;
   std::vector<std::string> hazards;  ///< touched in this lesson; "bone contact" where the tip came into bone
   std::string trouble;
+  std::string server;  ///< that has the station; empty: the lab has one server
   std::uint64_t missed_ticks = 0, samples = 0, spool_left = 0;
   std::uint32_t wakeup_p99_us = 0;
   Need need = Need::kOffline;

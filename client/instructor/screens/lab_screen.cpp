@@ -33,6 +33,7 @@ std::string healthWords(const StationTile& tile) {
   std::string words = fmt::format("loop p99 {} µs", tile.wakeup_p99_us);
   if (tile.missed_ticks > 0) words += fmt::format(", {} missed", tile.missed_ticks);
   if (tile.spool_left > 0) words += fmt::format(", spool {}", tile.spool_left);
+  if (!tile.server.empty()) words += ", server " + tile.server;
   return words;
 }
 

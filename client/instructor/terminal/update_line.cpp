@@ -72,6 +72,7 @@ Update updateOf(const pb::StationStatus& status) {
   update.fault = status.fault();
   update.online = status.online();
   update.trouble = status.trouble().substr(0, kMostTrouble);
+  update.server = status.server().substr(0, kMaxNameBytes);
   return update;
 }
 
@@ -79,7 +80,8 @@ std::string textLine(const Update& update) {
   std::string line = fmt::format("{:9.3f} s  ", update.time_s) + printable(update.station, 12) + "  " +
                      printable(update.trainee, 10);
   if (update.online && !*update.online) return line + "  offline";
-  const std::string trouble = update.trouble.empty() ? "" : "  TROUBLE: " + printable(update.trouble, 0);
+  const std::string trouble = (update.server.empty() ? "" : "  server " + printable(update.server, 0)) +
+                              (update.trouble.empty() ? "" : "  TROUBLE: " + printable(update.trouble, 0));
   if (update.online && update.session.empty()) return line + "  idle" + trouble;
   line += "  " + printable(update.phase, 11);
   if (update.layer < 0)
@@ -118,6 +120,7 @@ std::string jsonLine(const Update& update) {
   if (update.latency_ms) json["latency_ms"] = *update.latency_ms;
   if (update.drops) json["drops"] = *update.drops;
   if (!update.trouble.empty()) json["trouble"] = update.trouble;
+  if (!update.server.empty()) json["server"] = update.server;
   return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 

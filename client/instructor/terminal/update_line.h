@@ -28,6 +28,7 @@ struct Update {
   std::optional<std::uint64_t> drops;  ///< frames lost so far
   std::optional<bool> online;          ///< overviews only
   std::string trouble;                 ///< the station's message if it needs attention
+  std::string server;                  ///< that has the station; empty: the lab has one server
 };
 
 /// `layer_names`: of the session's profile (common/profile/layer_names.h), if it is known.

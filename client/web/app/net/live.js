@@ -10,7 +10,7 @@ const kLook_ms = 4 * 60 * 1000;
 
 /**
  * @typedef {{state: 'connecting'|'live'|'waiting', next_try_ms: number}} LineState
- * @param {(tiles: any[]) => void} on_tiles
+ * @param {(tiles: any[], live_trouble: string) => void} on_tiles `live_trouble`: why stations of other servers may be missing
  * @param {(state: LineState) => void} on_state
  * @returns {{stop: () => void, retry: () => void}}
  */
@@ -38,7 +38,7 @@ export function followLab(on_tiles, on_state) {
       }
       attempt = 0;
       on_state({ state: 'live', next_try_ms: 0 });
-      on_tiles(message.tiles ?? []);
+      on_tiles(message.tiles ?? [], message.live_trouble ?? '');
       listen();
     };
     socket.onclose = again;

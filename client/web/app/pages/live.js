@@ -37,6 +37,7 @@ function Tile({ tile, person }) {
         : html`<${Mark} kind="info">idle<//>`;
   return html`<li class=${'tile live-tile' + (tile.fault ? ' live-fault' : '')} aria-label=${`Station ${tile.station}`}>
     <div class="card-head"><h2>${tile.station}</h2>${state}</div>
+    ${tile.server && html`<p class="help">Server ${tile.server}</p>`}
     ${tile.fault && html`<p class="error">✗ ${tile.fault}</p>`}
     ${
       tile.online && tile.trainee
@@ -90,11 +91,13 @@ export function LivePage({ person }) {
   const [tiles, setTiles] = useState(null);
   const [line, setLine] = useState({ state: 'connecting', next_try_ms: 0 });
   const [trouble, setTrouble] = useState('');
+  const [missing, setMissing] = useState('');
   const follower = useRef(null);
   useEffect(() => {
     follower.current = followLab(
-      (next) => {
+      (next, live_trouble) => {
         setTiles(next);
+        setMissing(live_trouble);
         // announced once when it changes, not five times a second
         setTrouble(
           next
@@ -113,6 +116,9 @@ export function LivePage({ person }) {
     <${Heading} title="Live lab" />
     <${Line} line=${line} retry=${() => follower.current.retry()} />
     <div role="alert" class="visually-hidden">${trouble}</div>
+    <div role="status">${
+      missing && html`<p><${Mark} kind="bad">incomplete<//> ${missing}: stations of other servers may be missing.</p>`
+    }</div>
     ${
       tiles === null
         ? html`<p class="loading">Waiting for the first picture …</p>`

@@ -600,9 +600,8 @@ TEST_F(ServerLinkOfTwo, aWrongPasswordIsNotTriedAtTheOther) {
 
 TEST_F(ServerLinkOfTwo, whatIsAboutOneServerGoesToTheOther) {
   std::size_t refused = 0;
-  for (const auto reason :
-       {pb::Refusal::SHUTTING_DOWN, pb::Refusal::NO_ROOM, pb::Refusal::INTERNAL, pb::Refusal::CONFLICT,
-        pb::Refusal::TIMEOUT, pb::Refusal::VERSION}) {
+  for (const auto reason : {pb::Refusal::SHUTTING_DOWN, pb::Refusal::NO_ROOM, pb::Refusal::INTERNAL,
+                            pb::Refusal::CONFLICT, pb::Refusal::TIMEOUT, pb::Refusal::VERSION}) {
     first_says_ = refusing(reason);
     connectTo({first(), second()});
     ASSERT_TRUE(isAt(second())) << pb::Refusal::Reason_Name(reason);

@@ -6,8 +6,10 @@
 #include <map>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "needlelab/envelope.pb.h"
+#include "needlelab/faculty.pb.h"
 
 namespace needlelab {
 namespace {
@@ -195,6 +197,46 @@ constexpr NumberedName kRefusalReasons[] = {
     {20, "DEPOSED"},
 };
 
+/// Of each message between servers.
+constexpr std::pair<std::string_view, int> kFacultyFields[] = {
+    {"Origin.lab", 1},
+    {"Origin.server", 2},
+    {"Origin.instance", 3},
+    {"Origin.number", 4},
+    {"Presence.origin", 1},
+    {"Presence.stations", 2},
+    {"Presence.ends", 3},
+    {"PresentStation.station", 1},
+    {"PresentStation.epoch", 2},
+    {"PresentStation.status", 3},
+    {"PresentStation.gone", 4},
+    {"RemoteWatch.origin", 1},
+    {"RemoteWatch.station", 2},
+    {"RemoteWatch.watched", 3},
+    {"RemoteWatch.rate_hz", 4},
+    {"RemoteFrame.live_frame", 3},
+    {"RemoteFrame.origin", 20},
+    {"RemoteFrame.epoch", 21},
+    {"RemoteFrame.rate_hz", 22},
+    {"StationAsk.origin", 1},
+    {"StationAsk.server", 2},
+    {"StationAsk.station", 3},
+    {"StationAsk.epoch", 4},
+    {"StationAsk.trainee_message", 10},
+    {"StationAsk.next_exercise", 11},
+    {"StationAsk.set_aids", 12},
+    {"StationAsk.stop_lesson", 13},
+    {"StationAnswer.origin", 1},
+    {"StationAnswer.server", 2},
+    {"StationAnswer.instance", 3},
+    {"StationAnswer.number", 4},
+    {"StationAnswer.delivered", 10},
+    {"StationAnswer.refused", 11},
+    {"StationAnswer.not_here", 12},
+    {"NotHere.server", 1},
+    {"NotHere.epoch", 2},
+};
+
 using Names = std::map<int, std::string>;
 
 template <std::size_t N>
@@ -222,6 +264,20 @@ TEST(MessageNumbers, requestNumbersAreAsPublished) {
 }
 TEST(MessageNumbers, replyNumbersAreAsPublished) {
   EXPECT_EQ(fieldsOf(pb::Reply::descriptor()->FindOneofByName("result")), tableOf(kReplyResults));
+}
+TEST(MessageNumbers, numbersBetweenServersAreAsPublished) {
+  std::map<std::string, int> fields;
+  const auto* const file = pb::Origin::descriptor()->file();
+  for (int i = 0; i < file->message_type_count(); ++i) {
+    const auto* const message = file->message_type(i);
+    for (int j = 0; j < message->field_count(); ++j)
+      fields.emplace(message->name() + "." + message->field(j)->name(), message->field(j)->number());
+  }
+  std::map<std::string, int> published;
+  for (const auto& [name, number] : kFacultyFields) published.emplace(name, number);
+  EXPECT_EQ(fields, published);
+  EXPECT_EQ(int{pb::RemoteFrame::kLiveFrameFieldNumber}, int{pb::Envelope::kLiveFrameFieldNumber})
+      << "an envelope's bytes are a part of it";
 }
 TEST(MessageNumbers, refusalReasonsAreAsPublished) {
   Names reasons;

@@ -57,6 +57,7 @@ TEST(WebLive, twoViewersSeeWhatAStationDoesAndOneThatNeverReadsHoldsUpNobody) {
       for (int i = 0; i < 50 && (tile.is_null() || tile["force_n"] != force); ++i) {
         const auto text = (*viewer)->readText();
         ASSERT_TRUE(text.has_value());
+        EXPECT_EQ(json::parse(*text)["live_trouble"], "") << "the lab has one server";
         tile = tileOf(*text, "bench");
       }
       EXPECT_EQ(tile["force_n"], force);

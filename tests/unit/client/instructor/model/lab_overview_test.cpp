@@ -279,6 +279,16 @@ TEST(LabOverview, theReasonIsSaidWithItsNumbersAndNames) {
   }
 }
 
+TEST(LabOverview, aTileNamesTheServerThatHasTheStation) {
+  LabOverview lab;
+  auto status = practising("one");
+  lab.onStatus(status, 0);
+  EXPECT_EQ(lab.find("one")->server, "");
+  status.set_server("b\n");
+  lab.onStatus(status, 0);
+  EXPECT_EQ(lab.find("one")->server, "b?");
+}
+
 TEST(LabOverview, fiftyStationsStandInTheOrderOfTheirNeedsAndEachIsCountedOnce) {
   LabOverview lab;
   std::array<std::size_t, kNeedCount> expected{};

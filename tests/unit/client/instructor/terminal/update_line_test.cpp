@@ -157,6 +157,19 @@ TEST(UpdateLine, whatAStationIsInTroubleWithIsSaid) {
   EXPECT_LT(textLine(updateOf(status)).size(), 2000u);
 }
 
+TEST(UpdateLine, theServerThatHasTheStationIsSaidWhereALabHasSeveral) {
+  pb::StationStatus status;
+  status.set_station("s1");
+  status.set_online(true);
+  EXPECT_THAT(textLine(updateOf(status)), Not(HasSubstr("server")));
+  EXPECT_THAT(jsonLine(updateOf(status)), Not(HasSubstr("server")));
+  status.set_server("b\x1b[2J");
+  EXPECT_THAT(textLine(updateOf(status)), HasSubstr("idle  server b?[2J"));
+  EXPECT_EQ(nlohmann::json::parse(jsonLine(updateOf(status)))["server"], "b\x1b[2J");
+  status.set_server(std::string(1'000'000, 'x'));
+  EXPECT_LT(textLine(updateOf(status)).size(), 300u);
+}
+
 TEST(UpdateLine, overviewsTellOfflineAndIdle) {
   pb::StationStatus status;
   status.set_station("bench-1");

@@ -1,0 +1,53 @@
+/// A bounded queue that drops its oldest items.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <utility>
+
+namespace needlelab {
+
+/// Of what comes faster than it is taken the newest stays: live data. `Item` has `bytes()`. Thread: one at a
+/// time.
+template <typename Item>
+class DropQueue {
+ public:
+  DropQueue(std::size_t most_items, std::size_t most_bytes)
+      : most_items_(most_items), most_bytes_(most_bytes) {}
+
+  /// Returns how many were dropped for it.
+  std::uint64_t push(Item item) {
+    bytes_ += item.bytes();
+    items_.push_back(std::move(item));
+    std::uint64_t dropped = 0;
+    // the newest stays, even if it alone is too much
+    for (; items_.size() > 1 && (items_.size() > most_items_ || bytes_ > most_bytes_); ++dropped) (void)pop();
+    return dropped;
+  }
+  std::optional<Item> pop() {
+    if (items_.empty()) return std::nullopt;
+    std::optional<Item> item(std::move(items_.front()));
+    items_.pop_front();
+    bytes_ -= item->bytes();
+    return item;
+  }
+  /// Returns how many there were.
+  std::uint64_t clear() {
+    const std::uint64_t count = items_.size();
+    items_.clear();
+    bytes_ = 0;
+    return count;
+  }
+  [[nodiscard]] bool empty() const { return items_.empty(); }
+  [[nodiscard]] std::size_t size() const { return items_.size(); }
+  [[nodiscard]] std::size_t bytes() const { return bytes_; }
+
+ private:
+  const std::size_t most_items_, most_bytes_;
+  std::deque<Item> items_;
+  std::size_t bytes_ = 0;
+};
+
+}  // namespace needlelab
