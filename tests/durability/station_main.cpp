@@ -28,6 +28,8 @@ struct Options {
   double rate_hz = 100;   ///< as declared: a chunk is one second of it
   double push_hz = 1000;  ///< as pushed
   int drain_s = 20;
+  int silent_ms = 0;        ///< after which a server counts as dead; 0: as a station has it
+  bool as_station = false;  ///< shows its samples to viewers, and waits before it tries again, as a station
 };
 
 std::atomic<bool> stop{false};
@@ -105,6 +107,7 @@ bool record(const Options& options, Spool& spool, Uplink& uplink, StationLedger&
   SpoolWriter::Callbacks callbacks;
   callbacks.durable = [&uplink] { uplink.wake(); };
   callbacks.trouble = [](const std::string& text) { std::fprintf(stderr, "%s\n", text.c_str()); };
+  if (options.as_station) callbacks.piece = [&uplink](const SamplePiece& piece) { uplink.offer(piece); };
   SpoolWriterOptions writer_options;
   writer_options.rate_hz = options.rate_hz;
   SpoolWriter writer(*ring, *session, writer_options, callbacks);
@@ -163,8 +166,14 @@ int run(const Options& options) {
   config.client.setServers(*servers);
   config.client.program = "needlelab-durability-station";
   config.client.login = stationLogin(station, key);
-  config.first_retry = 20ms;
-  config.most_retry = 100ms;
+  if (options.silent_ms > 0) {
+    config.client.limits.idle_timeout = std::chrono::milliseconds(options.silent_ms);
+    config.client.limits.keepalive = config.client.limits.idle_timeout / 3;
+  }
+  if (!options.as_station) {
+    config.first_retry = 20ms;
+    config.most_retry = 100ms;
+  }
   UplinkEvents events;
   events.report = [](const std::string& words) { std::fprintf(stderr, "%s\n", words.c_str()); };
   Heard heard;
@@ -213,6 +222,10 @@ int main(int argc, char** argv) try {
   app.add_option("--rate", options.rate_hz, "as declared: a chunk is one second of it");
   app.add_option("--push", options.push_hz, "samples a second");
   app.add_option("--drain", options.drain_s, "seconds");
+  app.add_option("--silent-ms", options.silent_ms,
+                 "after which a server counts as dead; 0: as a station has it");
+  app.add_flag("--as-station", options.as_station,
+               "shows its samples to viewers, and waits before it tries again, as a station");
   CLI11_PARSE(app, argc, argv);
   ::signal(SIGTERM, [](int) { needlelab::test::stop = true; });
   return needlelab::test::run(options);

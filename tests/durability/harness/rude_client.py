@@ -52,25 +52,18 @@ def chunk_bytes(seq, shift=0):
     return data, values
 
 
-class RudeClient:
-    def __init__(self, lab, station="station-1"):
-        name, key = (lab.programs.template / f"{station}.key").read_text().strip().split(":")
-        self.ledger, self.id, self.station = lab.folder / "ledger" / "rude.jsonl", uuid.uuid4().bytes, name
-        context = ssl.create_default_context(cafile=lab.folder / "data" / "tls" / "ca.crt")
-        self.socket = context.wrap_socket(socket.create_connection(("127.0.0.1", lab.port), 20), server_hostname="127.0.0.1")
-        self.send(HELLO, field(1, field(1, 1)) + field(2, "rude client"))
-        self.send(LOGIN, field(1, field(1, name) + field(2, bytes.fromhex(key))))
-        self.wait_for(WELCOME)
-        self.hash = hashlib.blake2b(digest_size=32)
-        self.note(e="session", id=self.id.hex(), station=name, resolution=STANDARD)
-        resolution = b"".join(field(i + 1, step) for i, step in enumerate(STANDARD))
-        self.send(OPEN_SESSION, field(1, field(1, self.id) + field(2, name) + field(3, "tina") + field(4, "practice") + field(5, "practice")
-                                      + field(7, "{}") + field(8, "rude") + field(9, 1000.0) + field(10, resolution) + field(11, 10**18)))
-        self.wait_for(SESSION_OPENED)
+class Peer:
+    """A connection to a server, by the protocol alone. It says Hello; the log-in is the caller's."""
 
-    def note(self, **event):
-        with open(self.ledger, "a", encoding="ascii") as file:
-            file.write(json.dumps(event) + "\n")
+    def __init__(self, address, port, ca, minor=0, receive_bytes=None):
+        context = ssl.create_default_context(cafile=ca)
+        plain = socket.socket()
+        if receive_bytes is not None:
+            plain.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_bytes)  # before the window is said
+        plain.settimeout(20)
+        plain.connect((address, port))
+        self.socket = context.wrap_socket(plain, server_hostname=address)
+        self.send(HELLO, field(1, field(1, 1) + (field(2, minor) if minor else b"")) + field(2, "rude client"))
 
     def send(self, number, body):
         envelope = field(number, body)
@@ -85,11 +78,33 @@ class RudeClient:
             data += more
         return data
 
+    def next(self):
+        """The fields of the next envelope."""
+        return message(self._take(struct.unpack(">I", self._take(4))[0]))
+
+
+class RudeClient(Peer):
+    def __init__(self, lab, station="station-1"):
+        name, key = (lab.programs.template / f"{station}.key").read_text().strip().split(":")
+        self.ledger, self.id, self.station = lab.folder / "ledger" / "rude.jsonl", uuid.uuid4().bytes, name
+        super().__init__("127.0.0.1", lab.port, lab.folder / "data" / "tls" / "ca.crt")
+        self.send(LOGIN, field(1, field(1, name) + field(2, bytes.fromhex(key))))
+        self.wait_for(WELCOME)
+        self.hash = hashlib.blake2b(digest_size=32)
+        self.note(e="session", id=self.id.hex(), station=name, resolution=STANDARD)
+        resolution = b"".join(field(i + 1, step) for i, step in enumerate(STANDARD))
+        self.send(OPEN_SESSION, field(1, field(1, self.id) + field(2, name) + field(3, "tina") + field(4, "practice") + field(5, "practice")
+                                      + field(7, "{}") + field(8, "rude") + field(9, 1000.0) + field(10, resolution) + field(11, 10**18)))
+        self.wait_for(SESSION_OPENED)
+
+    def note(self, **event):
+        with open(self.ledger, "a", encoding="ascii") as file:
+            file.write(json.dumps(event) + "\n")
+
     def wait_for(self, *wanted):
         """The next such message: (number, its fields). Acks go into the ledger."""
         while True:
-            fields = message(self._take(struct.unpack(">I", self._take(4))[0]))
-            for number, body in fields.items():
+            for number, body in self.next().items():
                 if number == ACK:
                     ack = message(body)
                     self.note(e="ack", id=self.id.hex(), t=time.time_ns(), committed=ack.get(2, 0), safe=ack.get(3, 0))

@@ -40,13 +40,14 @@ def give(path):
 
 
 class Cluster:
-    """One server of PostgreSQL; FOLDER/data, reached through a socket in FOLDER, whose name a standby has, too. `environment`: of its processes."""
+    """One server of PostgreSQL; FOLDER/data, reached through a socket in FOLDER, whose name a standby has, too. `environment`: of its processes.
+    With `address` it listens there, too, in the network that `enter` (a command in front of its own) leads to."""
 
     def __init__(self, folder):
         self.folder, self.data = pathlib.Path(folder), pathlib.Path(folder) / "data"
         self.folder.mkdir(mode=0o755)
         give(self.folder)
-        self.environment = {}
+        self.environment, self.enter, self.address = {}, [], ""
 
     def make(self):
         """An empty one with the lab's database."""
@@ -79,7 +80,8 @@ class Cluster:
         until(lambda: not self.everybody(), "the processes of before end")
         # for PostgreSQL alone: not for a program that is root's still
         added = [f"{name}={value}" for name, value in self.environment.items()]
-        run(*AS_POSTGRES, "env", *added, PG / "pg_ctl", "-D", self.data, "-w", "-l", self.folder / "log", "-o", f"-k {self.folder}", "start")
+        listens = f"-k {self.folder}" + (f" -h {self.address}" if self.address else "")
+        run(*self.enter, *AS_POSTGRES, "env", *added, PG / "pg_ctl", "-D", self.data, "-w", "-l", self.folder / "log", "-o", listens, "start")
 
     def stop(self, mode="fast"):
         if (self.data / "postmaster.pid").exists():

@@ -73,7 +73,7 @@ def rows_in(cluster, path):
 class Template:
     """A cluster and a data folder with people and keys, which every lab copies."""
 
-    def __init__(self, bin_folder, folder):
+    def __init__(self, bin_folder, folder, stations=STATIONS):
         self.bin, self.folder = pathlib.Path(bin_folder).resolve(), folder
         self.cluster = Cluster(folder / "t")
         self.cluster.make()
@@ -83,7 +83,7 @@ class Template:
         data = folder / "lab"
         run(self.bin / "needlelab-admin", "--data", data, "--store", f"postgresql://needlelab@/lab?host={self.cluster.folder}", "user", "add", "ada",
             "--role", "administrator", "--password-file", password)
-        self.stations = [f"station-{i}" for i in range(1, STATIONS + 1)]
+        self.stations = [f"station-{i}" for i in range(1, stations + 1)]
         for name in self.stations:
             run(self.bin / "needlelab-admin", "--data", data, "station", "add", name, "--out", folder / f"{name}.key")
         self.cluster.stop()
@@ -134,25 +134,27 @@ class FaultLab:
         return "\n".join(texts)
 
     # --- PostgreSQL ---
-    def cluster(self, name, environment=None):
-        """A running primary with the lab's empty database."""
+    def new_cluster(self, name, environment=None):
+        """A cluster that is still to be made."""
         made = Cluster(self.folder / name)
         self.clusters.append(made)
         made.environment = environment or {}
+        return made
+
+    def cluster(self, name, environment=None):
+        """A running primary with the lab's empty database."""
+        made = self.new_cluster(name, environment)
         made.copy_of(self.template_of.cluster).start()
         return made
 
     def standby_of(self, primary, name, environment=None):
-        made = Cluster(self.folder / name)
-        self.clusters.append(made)
-        made.environment = environment or {}
+        made = self.new_cluster(name, environment)
         made.follow(primary)
         return made
 
     def small_disk(self, name, mebibytes):
         """A cluster that is still to be made, on a disk of its own."""
-        made = Cluster(self.folder / name)
-        self.clusters.append(made)
+        made = self.new_cluster(name)
         run("mount", "-t", "tmpfs", "-o", f"size={mebibytes}m,mode=0755", "tmpfs", made.folder)
         self.mounted = made.folder
         run("chown", "--reference", self.template_of.cluster.data, made.folder)
