@@ -32,7 +32,7 @@ struct ServerOptions {
   bool together = false;       ///< as Store::Options
   /// What an ack must survive. kDiskLoss: an ack makes a chunk Safe, too.
   Durability least_durability = Durability::kNothing;
-  AccessListener::Settings access;        ///< of such a server
+  AccessListener::Settings access;        ///< of a server that works together with others
   std::string listen = "127.0.0.1:7750";  ///< HOST:PORT; port 0 picks one
   int listen_fd = -1;                     ///< use this listening socket instead of `listen`; takes ownership
   std::string metrics;                    ///< HOST:PORT for GET /metrics and /healthz; empty: none

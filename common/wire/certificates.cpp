@@ -225,6 +225,9 @@ Result<bool> ensureTlsFiles(const TlsFiles& files, const CertificateNames& names
     return false;
   const std::string fault = serverFault(files, authorities, hosts);
   if (fault.empty()) return false;
+  // where the CA's key is elsewhere, a server goes on without a name of its machine that nobody asked for
+  if (!std::filesystem::exists(files.ca_key, failed) && serverFault(files, authorities, names.hosts).empty())
+    return false;
   // the CA's key is needed only now; if it is kept elsewhere, it must be restored for this
   const auto authority = loadAuthority(files);
   if (!authority.ok()) return Error{authority.error().code, fault + "; " + authority.error().message};

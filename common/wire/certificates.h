@@ -27,7 +27,8 @@ TlsFiles tlsFilesIn(const std::filesystem::path& folder);
 /// What a server's certificate is for: names and IP addresses.
 struct CertificateNames {
   std::vector<std::string> hosts = {};  ///< it must have these
-  std::vector<std::string> own = {};    ///< of this machine: left out where the authority may not sign them
+  /// Of this machine: left out where the authority may not sign them, or its key is elsewhere.
+  std::vector<std::string> own = {};
   std::vector<std::string> domains =
       {};  ///< for an authority that is made now: it may sign these and names below
 };

@@ -5,9 +5,9 @@
 #include <sys/syscall.h>
 #include <sys/time.h>
 #include <unistd.h>
+#include <initializer_list>
 
 #include <cstdlib>
-#include <initializer_list>
 #include <ctime>
 
 namespace {

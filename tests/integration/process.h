@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <optional>
@@ -25,9 +26,12 @@ namespace needlelab::test {
 /// Its destructor kills and reaps the process.
 class Process {
  public:
+  /// What of the test's open files the program has, beside its standard output and error.
+  enum class Inherits : std::uint8_t { kNothing, kAll };
   /// `program` is a name in the build's bin folder, or an absolute path; its standard output and error go to
   /// `log`.
-  Process(const std::string& program, const std::vector<std::string>& arguments, std::filesystem::path log)
+  Process(const std::string& program, const std::vector<std::string>& arguments, std::filesystem::path log,
+          Inherits inherits = Inherits::kNothing)
       : log_(std::move(log)) {
     const std::string path = program.starts_with('/') ? program : std::string(NEEDLELAB_BIN) + "/" + program;
     std::vector<char*> argv{const_cast<char*>(path.c_str())};
@@ -39,7 +43,7 @@ class Process {
     posix_spawn_file_actions_addopen(&files, 1, log_.c_str(), O_WRONLY | O_CREAT | O_APPEND, 0600);
     posix_spawn_file_actions_adddup2(&files, 1, 2);
     // a socket of the test's own, which the test then cuts, must not live on in the program
-    posix_spawn_file_actions_addclosefrom_np(&files, 3);
+    if (inherits == Inherits::kNothing) posix_spawn_file_actions_addclosefrom_np(&files, 3);
     const int error = ::posix_spawn(&pid_, path.c_str(), &files, nullptr, argv.data(), environ);
     posix_spawn_file_actions_destroy(&files);
     if (error != 0) throw std::runtime_error("cannot start " + path);

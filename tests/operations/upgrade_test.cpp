@@ -56,7 +56,8 @@ class Manager {
                        "/needlelab-server'";
     for (const std::string& argument : arguments) line += " '" + argument + "'";
     line += " 3<&" + std::to_string(listening_);
-    return std::make_unique<Process>("/bin/sh", std::vector<std::string>{"-c", line}, log);
+    return std::make_unique<Process>("/bin/sh", std::vector<std::string>{"-c", line}, log,
+                                     Process::Inherits::kAll);
   }
   /// Waits for the next message with this line. Returns false if none arrives.
   [[nodiscard]] bool hears(const std::string& wanted, std::chrono::milliseconds limit = 30s) const {

@@ -122,6 +122,7 @@ TEST_F(SameCatalogue, columnsDefaultsConstraintsAndIndexesAreTheSame) {
 const std::map<std::string, std::string> kRightValues = {{"sessions.number", "9"},
                                                          {"sessions.id", "zeroblob(16)"},
                                                          {"sessions.station", "'s'"},
+                                                         {"station_claims.station", "'s'"},
                                                          {"assignments.course_id", "'c'"},
                                                          {"assignments.trainee", "'t'"},
                                                          {"audit_chain.key_id", "zeroblob(8)"},
@@ -196,6 +197,7 @@ const std::vector<WrongRow> kWrongRows = {
     {"unknown_trainees", {{"by_whom", "'m'"}}},
     {"access_numbers", {{"what", "5"}}},
     {"login_tokens", {{"hash", "zeroblob(31)"}}},
+    {"station_claims", {{"epoch", "0"}}},
     {"login_attempts", {{"key", "zeroblob(31)"}}},
     {"noted_reads", {{"key", "zeroblob(31)"}}},
 };

@@ -270,6 +270,7 @@ const std::set<std::string> kColumnsWithoutNames{"access_numbers.how",
                                                  "scores.engine_version",
                                                  "sessions.hash",
                                                  "sessions.id",
+                                                 "station_claims.server",
                                                  "stations.key_hash"};
 
 // A column that somebody adds to the schema fails this test until it is planted here or listed above.
@@ -340,6 +341,7 @@ TEST_F(ErasedWordsTest, eachColumnOfTheSchemaLosesTheNameOrTheReplyNamesItsPlace
        " WHERE session = (SELECT min(number) FROM sessions WHERE trainee = 'ben')",
        "INSERT INTO retention_policies (exercise_id, by_whom, changed_unix_ns) VALUES ('NAME-1', 'ada', 1)",
        "INSERT INTO exercise_references VALUES ('NAME-1', 1, '[]', 'ada', 1)",
+       "INSERT INTO station_claims VALUES ('NAME-pc', 1, 'first', 1)",
        "INSERT INTO erasures VALUES ('erased-1', zeroblob(32), 1, 'ada', 'NAMEs wish')",
        "INSERT INTO profiles VALUES ('NAME-p', 1, 'NAME', '{\"name\":\"NAME\"}', 'ada', 1)",
        "INSERT INTO curricula VALUES ('NAME-c', 1, 'NAME', '{\"name\":\"NAME\"}', 'ada', 1)",
@@ -409,6 +411,7 @@ TEST_F(ErasedWordsTest, eachColumnOfTheSchemaLosesTheNameOrTheReplyNamesItsPlace
       {"sessions.profile_json", of_words},
       {"sessions.station", of_station},
       {"sessions.trainee", "like this person's stay with their recordings: 'qzxcarls friend' (1)"},
+      {"station_claims.station", of_station},
       {"stations.name", of_station},
       {"unknown_trainees.given", "names that stations gave for sessions of others, such as qzxcarls"},
   };

@@ -784,6 +784,7 @@ export const kTable = [
   }),
   get('stations', kStaff, () => ({
     items: [1, 2, 3, 4].map((i) => ({ name: `bench-${i}`, revoked: false, created_unix_ms: kNow_ms, online: i < 4 })),
+    live_trouble: '',
     next_page: '',
   })),
   get('audit', kAdmin, ({ lab, query }) =>

@@ -66,7 +66,7 @@ pb::Request erasureOf(const std::string& name) {
   return request;
 }
 
-class TwoServers : public testing::Test {
+class AccessAtTwoServers : public testing::Test {
  protected:
   /// Servers A and B; `tweak` changes the options of both.
   void start(std::function<void(ServerOptions&)> tweak = {}) {
@@ -90,6 +90,7 @@ class TwoServers : public testing::Test {
       for (const char* file : {"store", "audit.key", "pseudonym.key"})
         std::filesystem::copy_file(data / file, options.data / file,
                                    std::filesystem::copy_options::overwrite_existing);
+      std::ofstream(options.data / kServerFile) << serverFileText("b");
     });
     for (const char* name : {"ines", "ben"}) a_->addUser(name, pb::INSTRUCTOR, kPassword);
     a_->addUser("ada", pb::ADMINISTRATOR, kPassword);
@@ -168,7 +169,7 @@ struct Ending {
   const char* says;
 };
 
-TEST_F(TwoServers, whatEndsAnAccessAtOneEndsConnectionsAndSessionsAtTheOther) {
+TEST_F(AccessAtTwoServers, whatEndsAnAccessAtOneEndsConnectionsAndSessionsAtTheOther) {
   start(onlyNotices);
   const Ending endings[] = {{"password", passwordOf("ines", "another horse battery"), "password was changed"},
                             {"role", roleOf("ben", pb::RESEARCHER), "log in again"},
@@ -198,7 +199,7 @@ TEST_F(TwoServers, whatEndsAnAccessAtOneEndsConnectionsAndSessionsAtTheOther) {
   }
 }
 
-TEST_F(TwoServers, anErasedPersonsAndARevokedStationsConnectionsEndAtBoth) {
+TEST_F(AccessAtTwoServers, anErasedPersonsAndARevokedStationsConnectionsEndAtBoth) {
   start(onlyNotices);
   const std::string key = a().addStation("bench");
   auto station = clientOf(b(), stationLogin("bench", key));
@@ -217,7 +218,7 @@ TEST_F(TwoServers, anErasedPersonsAndARevokedStationsConnectionsEndAtBoth) {
     EXPECT_EQ(sqlOf(std::string("SELECT count(*) FROM needlelab.") + table + " WHERE name = 'ines'"), "0");
 }
 
-TEST_F(TwoServers, aLogOutAtOneEndsTheSessionAtTheOther) {
+TEST_F(AccessAtTwoServers, aLogOutAtOneEndsTheSessionAtTheOther) {
   start(onlyNotices);
   Browser browser = browserOf(a(), "ines"), at_b = movedTo(b(), browser);
   EXPECT_EQ(at_b.get("/api/v1/session").status, 200);
@@ -237,7 +238,7 @@ struct Honoured {
   bool session = false, token = false;
 };
 
-class RevokedTokens : public TwoServers {
+class RevokedTokens : public AccessAtTwoServers {
  protected:
   Honoured honoured() {
     Browser browser = browserOf(a(), "ines"), at_b = movedTo(b(), browser);
@@ -265,7 +266,7 @@ TEST_F(RevokedTokens, areFoundToBeHonouredWhereThatIsPlanted) {
   EXPECT_TRUE(is.token);
 }
 
-TEST_F(TwoServers, aTokenOfOneLogsInAtTheOther) {
+TEST_F(AccessAtTwoServers, aTokenOfOneLogsInAtTheOther) {
   start();
   const auto first = clientOf(a(), personLogin("ines", kPassword));
   const auto second = clientOf(b(), byToken(first.welcome().token()));
@@ -277,7 +278,7 @@ TEST_F(TwoServers, aTokenOfOneLogsInAtTheOther) {
   EXPECT_FALSE(b().connect(byToken(other)).ok());
 }
 
-TEST_F(TwoServers, whatAPageShowsAndSendsGoesToEitherServer) {
+TEST_F(AccessAtTwoServers, whatAPageShowsAndSendsGoesToEitherServer) {
   start();
   Browser browser = browserOf(a(), "mara"), at_b = movedTo(b(), browser);
   EXPECT_EQ(at_b.get("/api/v1/session").json()["csrf_token"], browser.csrf);
@@ -289,7 +290,7 @@ TEST_F(TwoServers, whatAPageShowsAndSendsGoesToEitherServer) {
   EXPECT_NE(movedTo(b(), browserOf(a(), "ada")).ask("POST", "/api/v1/people/import", body).status, 413);
 }
 
-TEST_F(TwoServers, aLockOutAtOneHoldsAtTheOther) {
+TEST_F(AccessAtTwoServers, aLockOutAtOneHoldsAtTheOther) {
   start([](ServerOptions& options) {
     options.guard.allowed_per_name = 2;
     options.guard.first_wait = std::chrono::minutes(10);
@@ -305,7 +306,7 @@ TEST_F(TwoServers, aLockOutAtOneHoldsAtTheOther) {
   EXPECT_TRUE(b().connect(personLogin("ben", kPassword)).ok());
 }
 
-TEST_F(TwoServers, guessesAtBothTogetherAreNoMoreThanAtOne) {
+TEST_F(AccessAtTwoServers, guessesAtBothTogetherAreNoMoreThanAtOne) {
   start([](ServerOptions& options) {
     options.guard.first_wait = std::chrono::minutes(10);
     options.limits.handshake_timeout = std::chrono::minutes(10);
@@ -326,7 +327,7 @@ TEST_F(TwoServers, guessesAtBothTogetherAreNoMoreThanAtOne) {
   EXPECT_EQ(limited.load(), 19);
 }
 
-TEST_F(TwoServers, wrongCodesAtBothTogetherAreNoMoreThanAtOne) {
+TEST_F(AccessAtTwoServers, wrongCodesAtBothTogetherAreNoMoreThanAtOne) {
   start();
   a().addUser("tom", pb::TRAINEE, "");
   pb::Request code;
@@ -349,7 +350,7 @@ TEST_F(TwoServers, wrongCodesAtBothTogetherAreNoMoreThanAtOne) {
 }
 
 // The listeners' connections are ended, and the account is disabled before there are new ones.
-TEST_F(TwoServers, aChangeWhoseNoticeWasMissedIsSeenAfterTheReconnection) {
+TEST_F(AccessAtTwoServers, aChangeWhoseNoticeWasMissedIsSeenAfterTheReconnection) {
   start([](ServerOptions& options) {
     onlyNotices(options);
     options.access.first_pause = seconds(2);
@@ -367,7 +368,7 @@ TEST_F(TwoServers, aChangeWhoseNoticeWasMissedIsSeenAfterTheReconnection) {
 }
 
 // A password that was changed leaves role and account as they are: the number says it.
-TEST_F(TwoServers, whileNobodyHearsOfChangesEachUseAsksTheDatabase) {
+TEST_F(AccessAtTwoServers, whileNobodyHearsOfChangesEachUseAsksTheDatabase) {
   start([](ServerOptions& options) {
     onlyNotices(options);
     options.access.first_pause = std::chrono::hours(1);
@@ -393,7 +394,7 @@ TEST_F(TwoServers, whileNobodyHearsOfChangesEachUseAsksTheDatabase) {
   EXPECT_FALSE(isOpen(station));
 }
 
-TEST_F(TwoServers, aServerThatCannotListenLooksAtAllAccountsEachSecond) {
+TEST_F(AccessAtTwoServers, aServerThatCannotListenLooksAtAllAccountsEachSecond) {
   start([](ServerOptions& options) {
     options.access.first_pause = std::chrono::hours(1);
     options.access.deaf_after = milliseconds(500);
@@ -406,7 +407,7 @@ TEST_F(TwoServers, aServerThatCannotListenLooksAtAllAccountsEachSecond) {
   EXPECT_TRUE(isOpen(ben));
 }
 
-TEST_F(TwoServers, whoeverChangesItsOwnPasswordKeepsThatConnectionAlone) {
+TEST_F(AccessAtTwoServers, whoeverChangesItsOwnPasswordKeepsThatConnectionAlone) {
   start(onlyNotices);
   auto asks = clientOf(a(), personLogin("ines", kPassword));
   auto second = clientOf(a(), personLogin("ines", kPassword));
@@ -427,7 +428,7 @@ TEST_F(TwoServers, whoeverChangesItsOwnPasswordKeepsThatConnectionAlone) {
   EXPECT_TRUE(b().connect(personLogin("ines", "another horse battery")).ok());
 }
 
-TEST_F(TwoServers, aLogInFromOnePlaceHasOneLineAnHourAtWhicheverServer) {
+TEST_F(AccessAtTwoServers, aLogInFromOnePlaceHasOneLineAnHourAtWhicheverServer) {
   start();
   const Principal ada{"ada", pb::ADMINISTRATOR, true, 7};
   for (RunningServer* server : {&a(), &b(), &a()})
@@ -437,7 +438,7 @@ TEST_F(TwoServers, aLogInFromOnePlaceHasOneLineAnHourAtWhicheverServer) {
 }
 
 // An erasure leaves a person's session under a pseudonym, and the row of the change has no name.
-TEST_F(TwoServers, theNameOfWhoIsErasedAtOneIsInNoLiveStatusOfTheOther) {
+TEST_F(AccessAtTwoServers, theNameOfWhoIsErasedAtOneIsInNoLiveStatusOfTheOther) {
   start();
   a().addUser("tina", pb::TRAINEE, "");
   a().addUser("tom", pb::TRAINEE, "");
@@ -455,6 +456,7 @@ TEST_F(TwoServers, theNameOfWhoIsErasedAtOneIsInNoLiveStatusOfTheOther) {
     status.mutable_station_status()->set_session_id(session.id());
     status.mutable_station_status()->set_trainee(trainee);
     ASSERT_TRUE(client.send(status).ok());
+    (void)client.receive(milliseconds(100));  // it sends while it waits
   };
   begin(station, "bench", "tina");
   begin(other, "other", "tom");
@@ -464,14 +466,14 @@ TEST_F(TwoServers, theNameOfWhoIsErasedAtOneIsInNoLiveStatusOfTheOther) {
     const auto reply = ines.call(list);
     return reply.ok() ? reply->stations().stations(at).status().trainee() : reply.error().message;
   };
-  ASSERT_TRUE(eventually([&] { return shown(0) == "tina" && shown(1) == "tom"; })) << shown(0) << shown(1);
+  ASSERT_TRUE(eventually([&] { return shown(0) == "tina" && shown(1) == "tom"; })) << shown(0) << "," << shown(1);
   (void)a().asAdmin(erasureOf("tina"));
   EXPECT_TRUE(eventually([&] { return shown(0).empty(); })) << shown(0);
   EXPECT_EQ(shown(1), "tom");
 }
 
 // Somebody has changed the schema while the servers run.
-TEST_F(TwoServers, aTriggerThatIsOffIsSaidAndAllAccountsAreLookedAtMeanwhile) {
+TEST_F(AccessAtTwoServers, aTriggerThatIsOffIsSaidAndAllAccountsAreLookedAtMeanwhile) {
   start([](ServerOptions& options) {
     options.metrics = "127.0.0.1:0";
     options.access.look_every = milliseconds(200);
@@ -495,7 +497,7 @@ TEST_F(TwoServers, aTriggerThatIsOffIsSaidAndAllAccountsAreLookedAtMeanwhile) {
   EXPECT_TRUE(eventually([&] { return health().find("a trigger of") == std::string::npos; }));
 }
 
-TEST_F(TwoServers, healthSaysWhetherChangesAreHeard) {
+TEST_F(AccessAtTwoServers, healthSaysWhetherChangesAreHeard) {
   start([](ServerOptions& options) {
     options.metrics = "127.0.0.1:0";
     options.access.first_pause = seconds(30);
