@@ -17,6 +17,17 @@ Result<StationClaim> StationClaims::raise(const std::string& station, const std:
   return StationClaim{station, server, epoch};
 }
 
+Result<StationClaim> StationClaims::raiseSince(const std::optional<StationClaim>& seen,
+                                               const std::string& station, const std::string& server,
+                                               std::int64_t now_unix_ns) {
+  ASSIGN_OR_RETURN(const auto newest, this->newest(station));
+  if (newest && newest != seen && newest->server != server)
+    return Error{ErrorCode::kDeposed,
+                 fmt::format("station '{}' has logged in at the server '{}' while this log-in waited",
+                             station, newest->server)};
+  return raise(station, server, now_unix_ns);
+}
+
 Status StationClaims::require(const StationClaim* claim) {
   if (claim == nullptr || planted(PlantedBug::kTakeoverUnfenced)) return {};
   ASSIGN_OR_RETURN(const auto newest, this->newest(claim->station));

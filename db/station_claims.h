@@ -28,6 +28,10 @@ class StationClaims {
 
   /// The station has logged in at `server`: from the commit on, what comes by older claims is refused.
   Result<StationClaim> raise(const std::string& station, const std::string& server, std::int64_t now_unix_ns);
+  /// The same of a log-in that has waited since `seen` was the newest claim: kDeposed where another server
+  /// has raised it meanwhile, because that log-in is the newer one.
+  Result<StationClaim> raiseSince(const std::optional<StationClaim>& seen, const std::string& station,
+                                  const std::string& server, std::int64_t now_unix_ns);
   /// kDeposed unless the station has not logged in since, here or elsewhere. In the transaction that stores
   /// something of its sessions. Null: no other server works on the database, and nothing is asked.
   Status require(const StationClaim* claim);

@@ -57,6 +57,7 @@ Result<Connection> openAt(const StoreAddress& address, Connection::Mode mode, bo
   if (address.beside_writer) {
     options.connect_timeout = kConnectBeside;
     options.answer_timeout = kAnswerBeside;
+    options.most_idle = kMostIdleTogether;
   }
   ASSIGN_OR_RETURN(auto engine, openPostgres(options));
   return Connection(std::move(engine), address.path);

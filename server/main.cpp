@@ -131,8 +131,10 @@ int main(int argc, char** argv) try {
                  "File of this server's user at NATS: lines 'user = NAME' and 'password = TEXT', or NATS's "
                  "own (.creds). Without it: $CREDENTIALS_DIRECTORY/nats.user, if there is one")
       ->type_name("FILE");
-  app.add_option("--live-name", options.live.name,
-                 "This server's name among the lab's servers, for people; default: the machine's");
+  app.add_option(
+      "--live-name", options.live.name,
+      "This server's name among the lab's servers, for people; default: as needlelab-admin server join "
+      "named it, without --together the machine's");
   app.add_option("--live-lab", options.live.lab,
                  "The lab's name in NATS's subjects; default: the id of the database (PostgreSQL)");
   app.add_option("--log-format", log_format, "text or json, one object a line")->capture_default_str();

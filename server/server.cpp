@@ -28,6 +28,8 @@
 namespace needlelab {
 namespace {
 
+constexpr std::chrono::milliseconds kKeepaliveTogether{1'000};
+
 /// Logs once, after a restore, the accesses that had been withdrawn and are valid again (service/restore.h).
 Status logValidAgain(Store& store) {
   {
@@ -57,11 +59,18 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   auto parts = std::make_unique<Parts>(std::move(options));
   Parts& p = *parts;
   if (LiveServersOptions& live = p.options.live; !live.nats.address.empty()) {
+    if (live.name.empty() && p.options.together) {
+      ASSIGN_OR_RETURN(live.name, serverNameOf(p.options.data));
+    }
     if (live.name.empty()) live.name = asio::ip::host_name();
     RETURN_IF_ERROR(checkNewName("--live-name", live.name));
     ASSIGN_OR_RETURN(p.carrier, NatsCarrier::make(p.io.get_executor(), live.nats));
     p.options.hub.server_name = live.name;
   }
+
+  // a peer leaves a server that is silent for three times this, where it knows another one
+  if (p.options.together)
+    p.options.limits.keepalive = std::min(p.options.limits.keepalive, kKeepaliveTogether);
 
   // the port first: when it is taken, nothing on disk has changed
   ASSIGN_OR_RETURN(auto acceptor, p.options.listen_fd >= 0 ? listenOnHandedOver(p.io, p.options.listen_fd)

@@ -9,9 +9,11 @@
 
 #include "common/base/clock.h"
 #include "db/retention_store.h"
+#include "db/schema.h"
 #include "server/base/log.h"
 #include "server/live/connection.h"
 #include "server/live/remote_access.h"
+#include "server/live/request_effects.h"
 #include "server/server_parts.h"
 #include "server/service_manager.h"
 
@@ -160,7 +162,7 @@ Task<> Server::Parts::hangUpLoop() {
     co_await hang_up_timer.async_wait(kUseTuple);
     if (stopping) co_return;
     for (const auto& [id, connection] : context->connections) {
-      if (connection->hasRequests()) connection->lookForHangUp();
+      if (connection->hasRequests() || connection->isLoggingIn()) connection->lookForHangUp();
     }
     if (web) web->lookForHangUps();
     // whoever waits for room looks whether the asker is still there
@@ -181,8 +183,11 @@ Task<> Server::Parts::linesLoop() {
   }
 }
 
-/// Of servers that work together each keeps a list of all erasures beside its keys.
+/// Of servers that work together each keeps a list of all erasures beside its keys, and tells its stations of
+/// backups that were made at another one.
 Task<> Server::Parts::erasuresLoop() {
+  using Backup = std::optional<std::string>;
+  std::optional<Backup> known;
   while (!stopping) {
     erasures_timer.expires_after(options.erasures_every);
     co_await erasures_timer.async_wait(kUseTuple);
@@ -190,6 +195,15 @@ Task<> Server::Parts::erasuresLoop() {
     std::function<Status()> work = [this] { return store->service().completeErasureList(); };
     if (const Status done = co_await offload(slow_workers, std::move(work)); !done.ok())
       logEvent(LogLevel::kWarning, "erasures_not_listed", {{"text", done.error().message}});
+    std::function<Result<Backup>()> newest = [this]() -> Result<Backup> {
+      ASSIGN_OR_RETURN(auto reader, store->readers().borrow());
+      return MetaStore(*reader).get("backup_unix_ns");
+    };
+    const auto backup = co_await offload(workers, std::move(newest));
+    if (stopping) co_return;
+    if (!backup.ok()) continue;
+    if (known && *known != *backup) tellSafe(*context);
+    known = *backup;
   }
 }
 
@@ -201,7 +215,7 @@ Task<> Server::Parts::accessLoop() {
     access_timer.expires_after(kAccessPeriod);
     co_await access_timer.async_wait(kUseTuple);
     if (stopping) co_return;
-    if (context->access_listener->hearing().is_deaf) lookAtAllAccess(*context);
+    stepUnheardAccess(*context, options.token_lifetime);
     if (steadyNowNs() - tidied_ns < std::chrono::nanoseconds(kTidyPeriod).count()) continue;
     tidied_ns = steadyNowNs();
     context->login->tidy();

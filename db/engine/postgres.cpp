@@ -358,11 +358,13 @@ Status PostgresConnection::takeLocks() {
   }
   connection_.reset();
   if (has_store)
-    return Error{ErrorCode::kUnavailable,
-                 fmt::format("{}: a server '{}' works on this database already: two data folders have this "
-                             "name. Make the folder of each further server with needlelab-admin server join, "
-                             "not by a copy",
-                             shown_url_, options_.only_one_named)};
+    return Error{
+        ErrorCode::kUnavailable,
+        fmt::format("{}: a server '{}' works on this database already, or PostgreSQL has not noticed "
+                    "yet that it ended (pg_stat_activity): start again in a moment. If it stays so, "
+                    "two data folders have this name: make the folder of each further server with "
+                    "needlelab-admin server join, not by a copy",
+                    shown_url_, options_.only_one_named)};
   return Error{
       ErrorCode::kUnavailable,
       shown_url_ + (together ? ": a needlelab-server without --together, or a needlelab-admin, works "

@@ -7,6 +7,8 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
+#include <thread>
 #include <utility>
 
 #include "common/base/clock.h"
@@ -97,6 +99,9 @@ Status requireDatabase(const std::filesystem::path& folder, const Store::Options
                                          ": there is no needlelab.db here; start needlelab-server on it, or "
                                          "add the first user or station, to make one"};
 }
+
+/// Of a start whose servers work together.
+constexpr std::chrono::seconds kWaitForDuty{5};
 
 /// kUnavailable: others work on the database, and its schema is not theirs and this program's.
 Status requireNothingToMigrate(Connection& connection) {
@@ -323,8 +328,12 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
     const bool is_alone = connection->isAlone();
     std::optional<DutyLock> duty;
     if (!is_alone) {
-      // others serve meanwhile, and wait for each erasure as for any
-      ASSIGN_OR_RETURN(duty, Duties(address).take(Duty::kErasure));
+      // others serve meanwhile, and wait for each erasure as for any; one that starts, too, is done soon
+      for (const auto until = std::chrono::steady_clock::now() + kWaitForDuty;;) {
+        ASSIGN_OR_RETURN(duty, Duties(address).take(Duty::kErasure));
+        if (duty || std::chrono::steady_clock::now() >= until) break;
+        std::this_thread::sleep_for(std::chrono::milliseconds(50));
+      }
       if (!duty)
         return Error{
             ErrorCode::kUnavailable,

@@ -210,6 +210,9 @@ class Service {
   /// Makes backups encrypted. Call before the first backup.
   void setBackupKey(BackupKey key) { backup_key_ = std::move(key); }
 
+  /// Forgets what is known of recordings, because some were removed; also by another server.
+  void forgetRecordings();
+
   /// Erased people who are in this database again after a restore from an older backup: one sentence each,
   /// with the action to take.
   Result<std::vector<std::string>> erasuresToRepeat();
@@ -301,8 +304,6 @@ class Service {
   /// it passes.
   Status settleRecording(const Uuid& session);
   [[nodiscard]] RetentionTools retentionTools();
-  /// Forgets what is known of recordings, because some were removed.
-  void forgetRecordings();
   /// Forgets an erased person's failures and addresses that several servers share.
   void forgetLoginsOf(const std::string& name);
   /// Principal::access_number of whoever logs in now.

@@ -76,6 +76,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   /// the clock while hasRequests().
   void lookForHangUp();
   [[nodiscard]] bool hasRequests() const { return requests_at_work_ > 0; }
+  [[nodiscard]] bool isLoggingIn() const { return state_ == ConnectionState::kLoggingIn; }
   [[nodiscard]] bool over() const { return state_ >= ConnectionState::kClosing; }
 
  private:
@@ -139,6 +140,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   Task<> welcome(std::int64_t password_ns);
   bool isLateLogin();
   Task<bool> claimStation();
+  void refuseClaim(const Error& why);
 
   // --- connection_session.cpp: the durable plane
   Task<> openSession(pb::OpenSession request);

@@ -181,6 +181,18 @@ bool PeerConnection::isLateLogin() {
 Task<bool> PeerConnection::claimStation() {
   if (context_.claims_as.empty()) co_return true;
   auto self = shared_from_this();
+  // what stands still from here on, this program or the database, takes the station from no other server
+  using Seen = std::optional<StationClaim>;
+  std::function<Result<Seen>()> look = [&store = context_.store, station = who_.name]() -> Result<Seen> {
+    ASSIGN_OR_RETURN(auto reader, store.readers().borrow());
+    return StationClaims(*reader).newest(station);
+  };
+  const auto seen = co_await offload(*context_.logins_in_turn, turnNameOf(who_), std::move(look));
+  if (over() || channel_->closing()) co_return false;
+  if (!seen.ok()) {
+    refuseClaim(seen.error());
+    co_return false;
+  }
   // a station that has hung up may be at another server already, which must not lose it
   if (isLateLogin() || channel_->peerHungUp()) {
     if (!over()) cut("the station has gone before its log-in was done");
@@ -188,9 +200,10 @@ Task<bool> PeerConnection::claimStation() {
   }
   context_.newest_logins[who_.name] = id_;
   auto claim = std::make_shared<StationClaim>();
-  DbWriter::Work work = [claim, station = who_.name,
+  DbWriter::Work work = [claim, gone = gone_, seen = *seen, station = who_.name,
                          server = context_.claims_as](Connection& writer) -> Status {
-    ASSIGN_OR_RETURN(*claim, StationClaims(writer).raise(station, server, wallNowNs()));
+    if (gone->load()) return Error{ErrorCode::kUnavailable, "the station has gone"};
+    ASSIGN_OR_RETURN(*claim, StationClaims(writer).raiseSince(seen, station, server, wallNowNs()));
     return {};
   };
   const Status claimed = co_await commit(context_.store.writer(), std::move(work));
@@ -199,12 +212,20 @@ Task<bool> PeerConnection::claimStation() {
     claim_ = std::move(claim);
     co_return true;
   }
-  logEvent(LogLevel::kError, "station_not_claimed",
-           {{"conn", id_}, {"station", who_.name}, {"text", claimed.error().message}});
-  const bool no_room = claimed.error().code == ErrorCode::kNoRoom;
-  refuseAndClose(makeRefusal(no_room ? pb::Refusal::NO_ROOM : pb::Refusal::INTERNAL,
-                             "the log-in could not be stored, as nothing can be now; see the server's log"));
+  refuseClaim(claimed.error());
   co_return false;
+}
+
+void PeerConnection::refuseClaim(const Error& why) {
+  const bool is_late = why.code == ErrorCode::kDeposed;
+  logEvent(is_late ? LogLevel::kInfo : LogLevel::kError, "station_not_claimed",
+           {{"conn", id_}, {"station", who_.name}, {"text", why.message}});
+  const auto reason = is_late                          ? pb::Refusal::DEPOSED
+                      : why.code == ErrorCode::kNoRoom ? pb::Refusal::NO_ROOM
+                                                       : pb::Refusal::INTERNAL;
+  refuseAndClose(makeRefusal(
+      reason,
+      is_late ? why.message : "the log-in could not be stored, as nothing can be now; see the server's log"));
 }
 
 Task<> PeerConnection::welcome(std::int64_t password_ns) {

@@ -9,6 +9,7 @@
 #include "db/service/requests.h"
 #include "server/base/log.h"
 #include "server/live/connection.h"
+#include "server/live/remote_access.h"
 #include "server/live/request_effects.h"
 
 namespace needlelab {
@@ -191,7 +192,8 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope, Shares shares) {
     case pb::Envelope::kSubscribe: {
       context_.admission.used(id_);
       const pb::Subscribe& wanted = envelope.subscribe();
-      auto refusal = context_.hub.subscribe(*this, wanted, steadyNowNs());
+      auto refusal = accessUnknown(context_);
+      if (!refusal) refusal = context_.hub.subscribe(*this, wanted, steadyNowNs());
       if (refusal)
         refuse(std::move(*refusal));
       else

@@ -140,7 +140,8 @@ inline constexpr std::size_t kViewThreads = kPeopleViewThreads + kStationViewThr
 /// A look at all accounts in use (remote_access.h).
 struct AccessLook {
   bool is_under_way = false;
-  bool is_due = false;  ///< once more
+  bool is_due = false;                   ///< once more
+  std::int64_t unanswered_since_ns = 0;  ///< by steadyNowNs(); 0: the database answered the last one
 };
 
 struct ServerContext {

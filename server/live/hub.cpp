@@ -93,6 +93,12 @@ void Hub::setPeer(Station& station, HubPeer* peer) {
 HubPeer* Hub::attachStation(const std::string& name, HubPeer& peer, std::uint64_t epoch) {
   Station& station = known(name);
   HubPeer* const older = station.peer;
+  if (!peer.isElsewhere()) {
+    station.displaced = nullptr;
+  } else if (older != nullptr && !older->isElsewhere()) {
+    station.displaced = older;
+    station.displaced_epoch = station.epoch;
+  }
   setPeer(station, &peer);
   station.epoch = epoch;
   setSession(station, {});
@@ -117,8 +123,15 @@ std::uint64_t Hub::epochOf(const std::string& name) const {
 
 void Hub::detachStation(const std::string& name, const HubPeer& peer) {
   const auto found = stations_.find(name);
-  if (found == stations_.end() || found->second.peer != &peer) return;
+  if (found == stations_.end()) return;
   Station& station = found->second;
+  if (station.displaced == &peer) station.displaced = nullptr;
+  if (station.peer != &peer) return;
+  if (HubPeer* const back = std::exchange(station.displaced, nullptr); back != nullptr) {
+    const std::uint64_t epoch = station.displaced_epoch;
+    (void)attachStation(name, *back, epoch);
+    return;
+  }
   setPeer(station, nullptr);
   station.status.set_online(false);
   // it may be connected to a server that is not heard
@@ -296,13 +309,6 @@ bool Hub::isForgotten(const Station& station) const {
   const std::string& trainee = station.status.trainee();
   return erased_.contains(trainee) &&
          (station.kept_trainee != trainee || station.kept_session != station.status.session_id());
-}
-
-bool Hub::sendToStation(const std::string& name, const pb::Envelope& envelope) {
-  const auto found = stations_.find(name);
-  if (found == stations_.end() || found->second.peer == nullptr) return false;
-  found->second.peer->sendControl(envelope);
-  return true;
 }
 
 void Hub::fillStations(pb::Stations& stations) const {

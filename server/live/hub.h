@@ -114,8 +114,6 @@ class Hub {
   /// Why nothing is known of stations elsewhere; empty: it is known. Tells those who watch a station that is
   /// offline here.
   void setLiveTrouble(const std::string& why);
-  /// False when the station is not online.
-  bool sendToStation(const std::string& name, const pb::Envelope& envelope);
 
   // --- viewers
   /// Sends Subscribed and the station's newest status (online or not), or returns the refusal. The samples of
@@ -163,6 +161,9 @@ class Hub {
   struct Station {
     HubPeer* peer = nullptr;  // null: offline, but a viewer watches it
     std::uint64_t epoch = 0;
+    // a connection here that one elsewhere has displaced, until that ends: the database decides, not the hub
+    HubPeer* displaced = nullptr;
+    std::uint64_t displaced_epoch = 0;
     bool told_watched = false;
     double told_rate_hz = 0;  // with told_watched, of a station elsewhere
     double thinned_hz = 0;    // of the last frame

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/base/bytes.h"
+#include "common/base/clock.h"
 #include "common/base/text.h"
 #include "db/people.h"
 #include "server/base/log.h"
@@ -55,7 +56,12 @@ Task<> lookAtAll(ServerContext& context) {
         return service.stillAllowed(some);
       };
       const auto hold = co_await offload(*context.logins_in_turn, "access of all", std::move(look));
-      if (!hold.ok()) break;  // the database is away: nobody can have changed it; the next look comes
+      std::int64_t& unanswered_ns = context.access_look.unanswered_since_ns;
+      if (!hold.ok()) {
+        if (unanswered_ns == 0) unanswered_ns = steadyNowNs();
+        break;  // the next look comes
+      }
+      unanswered_ns = 0;
       for (std::size_t i = 0; i < some.size(); ++i)
         if (!(*hold)[i]) endAccessOf(context, some[i]);
     }
@@ -120,7 +126,8 @@ void accessChangedElsewhere(ServerContext& context, const std::vector<AccessChan
         (void)context.login->forget(change.name);
         break;
       case AccessWhat::kErased:
-        // nobody may know the name any more
+        // nobody may know the name any more, nor what was learned from the recordings
+        context.store.service().forgetRecordings();
         lookAtAllAccess(context);
         asio::co_spawn(context.io, forgetErasedNames(context), rethrow);
         break;
@@ -132,6 +139,30 @@ void lookAtAllAccess(ServerContext& context) {
   context.access_look.is_due = true;
   if (context.stopping || std::exchange(context.access_look.is_under_way, true)) return;
   asio::co_spawn(context.io, lookAtAll(context), rethrow);
+}
+
+std::optional<pb::Refusal> accessUnknown(const ServerContext& context) {
+  if (context.access_look.unanswered_since_ns == 0) return std::nullopt;
+  return makeRefusal(pb::Refusal::INTERNAL,
+                     "this server does not reach its database, so nobody can say here whether your account "
+                     "still holds: try another server, or again in a moment");
+}
+
+void stepUnheardAccess(ServerContext& context, std::chrono::nanoseconds most) {
+  const bool is_deaf = context.access_listener->hearing().is_deaf;
+  const std::int64_t since_ns = context.access_look.unanswered_since_ns;
+  if (!is_deaf)
+    context.access_look.unanswered_since_ns = 0;
+  else
+    lookAtAllAccess(context);
+  if (!is_deaf || since_ns == 0 || steadyNowNs() - since_ns < most.count()) return;
+  const auto all = context.connections;
+  for (const auto& [id, connection] : all) {
+    if (!connection->who().logged_in || connection->who().role == pb::STATION || connection->over()) continue;
+    connection->refuseAndClose(
+        makeRefusal(pb::Refusal::LOGIN,
+                    "this server has not reached its database for longer than a log-in lasts: log in again"));
+  }
 }
 
 }  // namespace needlelab

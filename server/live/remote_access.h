@@ -1,6 +1,8 @@
 /// What a server does when another one on its database has changed an access.
 #pragma once
 
+#include <chrono>
+#include <optional>
 #include <vector>
 
 #include "db/access_numbers.h"
@@ -16,5 +18,14 @@ void accessChangedElsewhere(ServerContext& context, const std::vector<AccessChan
 /// not hold any more. One such look at a time: a call during one has it done once more. Thread: the
 /// network's; the context must outlive it.
 void lookAtAllAccess(ServerContext& context);
+
+/// A refusal while nobody tells of changes and the database does not answer a look either: a person who was
+/// disabled elsewhere begins to watch nobody. Nothing: changes are heard, or this server is alone.
+std::optional<pb::Refusal> accessUnknown(const ServerContext& context);
+
+/// Once a second, at a server of several: looks at all accounts while nobody tells of changes, and ends
+/// people's connections when that was in vain for longer than `most`. Stations stay: their samples are stored
+/// when the database is back, and asked for then. Thread: the network's.
+void stepUnheardAccess(ServerContext& context, std::chrono::nanoseconds most);
 
 }  // namespace needlelab

@@ -204,9 +204,16 @@ void RemoteLive::expire(std::int64_t now_ns) {
   if (!planted(PlantedBug::kPresenceForEver)) {
     for (auto entry = remotes_.begin(); entry != remotes_.end();) {
       Remote& remote = *entry->second;
-      if (std::erase_if(remote.claims, [&](const auto& claim) { return claim.second.last_ns < oldest_ns; }) >
-          0)
-        settle(remote);
+      bool changed = std::erase_if(remote.claims,
+                                   [&](const auto& claim) { return claim.second.last_ns < oldest_ns; }) > 0;
+      // a database that went back to an older state has lower epochs for good
+      if (remote.newest_ns < now_ns - ns(settings_.overtaken_lasts)) {
+        const std::uint64_t before = std::exchange(remote.newest_epoch, 0);
+        for (const auto& [server, claim] : remote.claims)
+          remote.newest_epoch = std::max(remote.newest_epoch, claim.epoch);
+        changed = changed || remote.newest_epoch != before;
+      }
+      if (changed) settle(remote);
       entry = remote.claims.empty() ? remotes_.erase(entry) : std::next(entry);
     }
   }

@@ -31,6 +31,9 @@ struct RemoteLiveSettings {
   std::chrono::milliseconds whole_every{1000};    ///< each station at least so often
   std::chrono::milliseconds alone_every{1000};    ///< while no other server is heard
   std::chrono::milliseconds presence_lasts{3000};
+  /// For so long a claim that was overtaken does not count, though the newer one has ended: longer than a
+  /// server that stood still goes on saying that it has the station.
+  std::chrono::milliseconds overtaken_lasts{60'000};
   std::chrono::milliseconds watch_every{1000};
   std::chrono::milliseconds watch_lasts{3500};
   /// More than a server takes to hear from its station (ConnectionBounds::confirm_timeout).

@@ -26,7 +26,8 @@ class RemoteLive::Remote : public HubPeer {
 
   const std::string station;
   std::map<std::string, Claim> claims;  // by server
-  std::uint64_t newest_epoch = 0;       // of all claims so far
+  std::uint64_t newest_epoch = 0;       // of all claims within Settings::overtaken_lasts
+  std::int64_t newest_ns = 0;           // when it was last said
   std::string holder;                   // the server that has it; empty: it is not attached
   std::uint64_t epoch = 0;              // of the holder's claim
   bool watched = false;

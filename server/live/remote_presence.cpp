@@ -132,7 +132,10 @@ void RemoteLive::onPresent(const std::string& server, const pb::PresentStation& 
   claim.status = status;
   claim.status.set_server(server);
   makeFinite(claim.status);
-  remote.newest_epoch = std::max(remote.newest_epoch, claim.epoch);
+  if (claim.epoch >= remote.newest_epoch) {
+    remote.newest_epoch = claim.epoch;
+    remote.newest_ns = now_ns;
+  }
   settle(remote);
 }
 

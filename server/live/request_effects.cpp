@@ -285,17 +285,21 @@ Task<std::optional<pb::Refusal>> complete(ServerContext& context, const pb::Requ
   co_return refusal;
 }
 
+void tellSafe(ServerContext& context) {
+  // copy: what ends a connection removes it from the map
+  const auto all = context.connections;
+  for (const auto& [id, peer] : all) {
+    if (peer->who().role == pb::STATION)
+      asio::co_spawn(context.io, PeerConnection::tellSafe(peer->shared_from_this()),
+                     PeerConnection::endsAlone(peer->shared_from_this()));
+  }
+}
+
 void followUp(ServerContext& context, const pb::Request& request, const pb::Reply& reply, bool access_changed,
               const Doer& by, const PeerConnection* asker) {
   if (reply.has_backup_done()) {
     ++context.counters.backups;
-    // copy: what ends a connection removes it from the map
-    const auto all = context.connections;
-    for (const auto& [id, peer] : all) {
-      if (peer->who().role == pb::STATION)
-        asio::co_spawn(context.io, PeerConnection::tellSafe(peer->shared_from_this()),
-                       PeerConnection::endsAlone(peer->shared_from_this()));
-    }
+    tellSafe(context);
   }
   const char* const changed = "the account was changed: log in again";
   for (const std::string& name : reply.people_import().roles_changed())

@@ -71,6 +71,9 @@ Task<std::optional<pb::Refusal>> complete(ServerContext& context, const pb::Requ
 void followUp(ServerContext& context, const pb::Request& request, const pb::Reply& reply, bool access_changed,
               const Doer& by, const PeerConnection* asker);
 
+/// Tells all stations here what the verified backups cover by now. Thread: the network's.
+void tellSafe(ServerContext& context);
+
 /// Whose access has ended, and why.
 struct EndedAccess {
   std::string name{};

@@ -39,7 +39,7 @@ constexpr milliseconds kStops{3'000};
 constexpr milliseconds kLasted{10'000};  // a connection of less is no reason to come back sooner
 /// What libnats holds for one subscription; the callback takes it at once.
 constexpr int kPendingItems = 16'384, kPendingBytes = 16 << 20;
-constexpr std::size_t kPublishedAtOnce = 64, kTakenAtOnce = 256;
+constexpr std::size_t kPublishedAtOnce = 64, kTakenAtOnce = 256, kTakenBytes = 1u << 20;
 constexpr std::uint64_t kRefusedLinesAMinute = 5;
 
 struct Outgoing {
@@ -100,10 +100,12 @@ void takeWhatCame(Exchange& exchange) {
   {
     const std::lock_guard lock(exchange.mutex);
     news.swap(exchange.news);
-    while (items.size() < kTakenAtOnce) {
+    std::size_t bytes = 0;
+    while (items.size() < kTakenAtOnce && bytes < kTakenBytes) {
       auto item = exchange.rest_in.pop();
       if (!item) item = exchange.frames_in.pop();
       if (!item) break;
+      bytes += item->message.size();
       items.push_back(*std::move(item));
     }
     exchange.posted = !(exchange.rest_in.empty() && exchange.frames_in.empty());

@@ -66,6 +66,29 @@ pb::Request erasureOf(const std::string& name) {
   return request;
 }
 
+/// Nobody reaches the database, as long as this lives.
+class DatabaseAway {
+ public:
+  explicit DatabaseAway(std::string url) {
+    const std::size_t from = url.find("dbname=") + std::string_view("dbname=").size();
+    name_ = url.substr(from);
+    auto opened = openPostgres({.url = url.replace(from, std::string::npos, "postgres")});
+    if (!opened) throw std::runtime_error(opened.error().message);
+    control_.emplace(std::move(*opened), "x");
+    const Status away = control_->script(
+        "ALTER DATABASE \"" + name_ + "\" ALLOW_CONNECTIONS false;" +
+        " SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = '" + name_ + "'");
+    if (!away.ok()) throw std::runtime_error(away.error().message);
+  }
+  ~DatabaseAway() { (void)control_->script("ALTER DATABASE \"" + name_ + "\" ALLOW_CONNECTIONS true"); }
+  DatabaseAway(const DatabaseAway&) = delete;
+  DatabaseAway& operator=(const DatabaseAway&) = delete;
+
+ private:
+  std::string name_;
+  std::optional<Connection> control_;
+};
+
 class AccessAtTwoServers : public testing::Test {
  protected:
   /// Servers A and B; `tweak` changes the options of both.
@@ -407,6 +430,40 @@ TEST_F(AccessAtTwoServers, aServerThatCannotListenLooksAtAllAccountsEachSecond) 
   EXPECT_TRUE(isOpen(ben));
 }
 
+// Somebody may have been disabled meanwhile: at a server that is cut off nobody begins to watch, and nobody
+// stays for longer than a log-in lasts. A station does.
+TEST_F(AccessAtTwoServers, aServerThatDoesNotReachTheDatabaseLetsNobodyBeginToWatch) {
+  start([](ServerOptions& options) {
+    options.access.deaf_after = milliseconds(300);
+    options.token_lifetime = seconds(4);
+  });
+  const std::string key = a().addStation("bench");
+  auto station = clientOf(b(), stationLogin("bench", key));
+  auto ines = clientOf(b(), personLogin("ines", kPassword));
+  const auto watch = [&](std::uint64_t number) {
+    pb::Envelope subscribe;
+    subscribe.mutable_subscribe()->set_subscription(number);
+    subscribe.mutable_subscribe()->set_station("bench");
+    EXPECT_TRUE(ines.send(subscribe).ok());
+  };
+  const auto isRefused = [&] {
+    static std::uint64_t number = 0;
+    watch(++number);
+    const auto got = ines.receive(milliseconds(100));
+    return got.ok() && got->has_refusal() &&
+           got->refusal().text().find("does not reach its database") != std::string::npos;
+  };
+  EXPECT_FALSE(isRefused());
+  const DatabaseAway away(postgresUrlOf(a().folder() / "data"));
+  EXPECT_TRUE(eventually(isRefused));
+  EXPECT_THAT(textAtEnd(ines), HasSubstr("longer than a log-in lasts"));
+  pb::Envelope status;
+  status.mutable_station_status();
+  EXPECT_TRUE(station.send(status).ok());
+  (void)station.receive(milliseconds(100));
+  EXPECT_TRUE(station.connected());
+}
+
 TEST_F(AccessAtTwoServers, whoeverChangesItsOwnPasswordKeepsThatConnectionAlone) {
   start(onlyNotices);
   auto asks = clientOf(a(), personLogin("ines", kPassword));
@@ -466,8 +523,11 @@ TEST_F(AccessAtTwoServers, theNameOfWhoIsErasedAtOneIsInNoLiveStatusOfTheOther) 
     const auto reply = ines.call(list);
     return reply.ok() ? reply->stations().stations(at).status().trainee() : reply.error().message;
   };
-  ASSERT_TRUE(eventually([&] { return shown(0) == "tina" && shown(1) == "tom"; })) << shown(0) << "," << shown(1);
-  (void)a().asAdmin(erasureOf("tina"));
+  ASSERT_TRUE(eventually([&] { return shown(0) == "tina" && shown(1) == "tom"; }))
+      << shown(0) << "," << shown(1);
+  pb::Request erasure = erasureOf("tina");
+  erasure.mutable_erase_person()->set_with_open_sessions(true);
+  (void)a().asAdmin(erasure);
   EXPECT_TRUE(eventually([&] { return shown(0).empty(); })) << shown(0);
   EXPECT_EQ(shown(1), "tom");
 }

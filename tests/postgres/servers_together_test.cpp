@@ -100,6 +100,7 @@ TEST_F(TwoServers, aStationThatLogsInElsewhereGoesOnThere) {
   session.waitForAck(old, 1);
 
   BlockingClient now = logIn(*b);
+  EXPECT_EQ(now.welcome().keepalive_ms(), 1'000u) << "who hears nothing for three times as long leaves";
   ASSERT_EQ(now.welcome().open_sessions_size(), 1);
   EXPECT_EQ(now.welcome().open_sessions(0).next_seq(), 1u);
   ASSERT_TRUE(now.send(session.chunk(1)).ok());

@@ -46,6 +46,29 @@ TEST(StationClaims, eachLogInIsNewerThanAllBeforeIt) {
   EXPECT_THAT(claims.require(&elsewhere).error().message, HasSubstr("at this server"));
 }
 
+TEST(StationClaims, aLogInThatWaitedTakesTheStationFromNoServerThatHadItMeanwhile) {
+  test::TestDb db;
+  StationClaims claims(db.writer);
+  const auto raiseSince = [&](const std::optional<StationClaim>& seen, const std::string& server) {
+    auto transaction = test::TestDb::must(Transaction::begin(db.writer, Transaction::Kind::kWrite));
+    auto raised = claims.raiseSince(seen, "station-1", server, 1);
+    if (raised.ok()) EXPECT_OK(transaction.commit());
+    return raised;
+  };
+  const auto first = test::TestDb::must(raiseSince(std::nullopt, "first"));
+  EXPECT_EQ(first.epoch, 1);
+  // nobody came meanwhile
+  const auto elsewhere = test::TestDb::must(raiseSince(first, "b"));
+  EXPECT_EQ(elsewhere.epoch, 2);
+  const auto late = raiseSince(first, "first");
+  ASSERT_FALSE(late.ok());
+  EXPECT_EQ(late.error().code, ErrorCode::kDeposed);
+  EXPECT_THAT(late.error().message, HasSubstr("at the server 'b' while this log-in waited"));
+  EXPECT_FALSE(raiseSince(std::nullopt, "first").ok());
+  // of one server's log-ins the newest counts, as that server sees to
+  EXPECT_EQ(test::TestDb::must(raiseSince(first, "b")).epoch, 3);
+}
+
 TEST(StationClaims, stationsHaveTheirOwn) {
   test::TestDb db;
   ASSERT_OK(StationStore(db.writer).add("station-2", StationKeyBytes{}, 1));

@@ -66,18 +66,18 @@ TEST(Certificates, theAuthoritysKeyMayLieElsewhereUntilItIsNeeded) {
 TEST(Certificates, withoutTheAuthoritysKeyOnlyTheNamesThatAreAskedForMustBeThere) {
   const TempFolder folder;
   const TlsFiles files = tlsFilesIn(folder.path() / "tls");
-  ASSERT_TRUE(ensureTlsFiles(files, {.hosts = {"b.example.org"}, .domains = {"example.org", "box"}}).ok());
+  ASSERT_TRUE(ensureTlsFiles(files, {.hosts = {"b.example.org"}, .domains = {"example.org"}}).ok());
   const auto key = folder.path() / "ca.key";
   std::filesystem::rename(files.ca_key, key);
-  const auto kept = ensureTlsFiles(files, {.hosts = {"b.example.org"}, .own = {"box"}});
+  const auto kept = ensureTlsFiles(files, {.hosts = {"b.example.org"}, .own = {"box.example.org"}});
   ASSERT_TRUE(kept.ok()) << kept.error().message;
   EXPECT_FALSE(*kept);
-  const auto refused = ensureTlsFiles(files, {.hosts = {"c.example.org"}, .own = {"box"}});
+  const auto refused = ensureTlsFiles(files, {.hosts = {"c.example.org"}, .own = {"box.example.org"}});
   ASSERT_FALSE(refused.ok());
   EXPECT_THAT(refused.error().message, testing::HasSubstr("is not for"));
   // with the key it gets the machine's, too
   std::filesystem::rename(key, files.ca_key);
-  EXPECT_TRUE(*ensureTlsFiles(files, {.hosts = {"b.example.org"}, .own = {"box"}}));
+  EXPECT_TRUE(*ensureTlsFiles(files, {.hosts = {"b.example.org"}, .own = {"box.example.org"}}));
 }
 
 TEST(Certificates, aHostThatIsNoneIsRefused) {

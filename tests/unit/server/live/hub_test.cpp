@@ -16,6 +16,8 @@ namespace {
 struct FakePeer : HubPeer {
   std::vector<pb::Envelope> control, live;
   std::vector<Frame> frames;
+  bool elsewhere = false;
+  [[nodiscard]] bool isElsewhere() const override { return elsewhere; }
   void sendControl(const pb::Envelope& envelope) override { control.push_back(envelope); }
   void sendLive(Frame frame, bool) override {
     live.push_back(*decodeFrame(viewOf(*frame)));
@@ -575,8 +577,35 @@ TEST(Hub, theNewestConnectionOfAStationCounts) {
   EXPECT_TRUE(lastWatchState(newer));
   hub.detachStation("bench-1", older);  // the older one ends late: nothing changes
   EXPECT_EQ(hub.stationsOnline(), 1u);
-  EXPECT_TRUE(hub.sendToStation("bench-1", pb::Envelope{}));
-  EXPECT_EQ(older.control.size(), 1u);
+  EXPECT_EQ(hub.stationPeer("bench-1"), &newer);
+}
+
+// What another server says of a station may be wrong; the database ends a connection that was really
+// overtaken.
+TEST(Hub, aConnectionThatOneElsewhereHasDisplacedIsBackWhenThatEnds) {
+  Hub hub;
+  FakePeer here, newer, ines;
+  FakePeer elsewhere;
+  elsewhere.elsewhere = true;
+  hub.attachStation("bench-1", here, 3);
+  ASSERT_FALSE(hub.subscribe(ines, toStation(1, "bench-1"), 0));
+  EXPECT_EQ(hub.attachStation("bench-1", elsewhere, 9), &here);
+  hub.detachStation("bench-1", elsewhere);
+  EXPECT_EQ(hub.stationPeer("bench-1"), &here);
+  EXPECT_EQ(hub.epochOf("bench-1"), 3u);
+  EXPECT_TRUE(lastWatchState(here));
+  // not when it has ended meanwhile, or a newer one of this server took its place
+  hub.attachStation("bench-1", elsewhere, 9);
+  hub.detachStation("bench-1", here);
+  hub.detachStation("bench-1", elsewhere);
+  EXPECT_EQ(hub.stationPeer("bench-1"), nullptr);
+  hub.attachStation("bench-1", here, 3);
+  hub.attachStation("bench-1", elsewhere, 9);
+  hub.attachStation("bench-1", newer, 10);
+  hub.attachStation("bench-1", elsewhere, 11);
+  hub.detachStation("bench-1", elsewhere);
+  EXPECT_EQ(hub.stationPeer("bench-1"), &newer);
+  EXPECT_EQ(hub.stationsOnline(), 1u);
 }
 
 TEST(Hub, wrongSubscriptionsAreRefusedByName) {
