@@ -1,9 +1,13 @@
 #include "tests/load/load_options.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "common/base/range.h"
+#include "db/store_address.h"
 
 namespace needlelab::test {
 namespace {
@@ -18,7 +22,30 @@ Error invalid(const std::string& text) {
   return {ErrorCode::kInvalidInput, text};
 }
 
+// they go to `server join --name`, to --live-name, and to folders
+Status checkNames(const std::vector<std::string>& names) {
+  const std::string wanted = fmt::format("--servers: names of 2 to {} servers, such as a,b", kMostServers);
+  if (names.size() < 2 || names.size() > kMostServers)
+    return invalid(fmt::format("{}; here are {}", wanted, names.size()));
+  for (const std::string& name : names) {
+    const bool is_name = !name.empty() && name.size() <= 20 &&
+                         std::all_of(name.begin(), name.end(),
+                                     [](char c) { return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9'); });
+    if (!is_name || name == kFirstServer)
+      return invalid(fmt::format("{}: small letters and digits, at most 20, and not '{}'; here is '{}'",
+                                 wanted, kFirstServer, name));
+  }
+  if (std::set<std::string>(names.begin(), names.end()).size() < names.size())
+    return invalid(wanted + ": each has a name of its own");
+  return {};
+}
+
 }  // namespace
+
+std::size_t firstServerOf(std::size_t station, std::size_t viewers, std::size_t servers) {
+  const std::size_t turns = std::max<std::size_t>(viewers, 1);
+  return (station / turns + station % turns) % std::max<std::size_t>(servers, 1);
+}
 
 Status checkOptions(const LoadOptions& options) {
   Status checks[] = {
@@ -32,19 +59,30 @@ Status checkOptions(const LoadOptions& options) {
   };
   for (Status& check : checks)
     if (!check.ok()) return std::move(check);
-  if (options.server && options.ca_file.empty())
+  if (!options.server.empty() && options.ca_file.empty())
     return invalid("--server needs --ca FILE: the server's tls/ca.crt");
-  if (options.server && options.password_file.empty())
+  if (!options.server.empty() && options.password_file.empty())
     return invalid(
         "--server needs --password-file FILE, the password of the administrator --user: the stations are "
         "enrolled and the database is read by him");
-  if (options.server && !options.data.empty())
+  if (!options.server.empty() && !options.data.empty())
     return invalid("--data is the folder of an own server: it does not go with --server");
-  if (options.server && !options.store.empty())
+  if (!options.server.empty() && !options.store.empty())
     return invalid("--store is the database of an own server: it does not go with --server");
-  if (options.server && options.faults)
+  if (!options.servers.empty()) {
+    RETURN_IF_ERROR(checkNames(options.servers));
+    if (!options.server.empty())
+      return invalid("--servers are started here: they do not go with --server, which names some that run");
+    if (options.store.empty())
+      return invalid("--servers work together on a database on PostgreSQL: give it by --store URL");
+    if (options.faults)
+      return invalid("--faults has one server: several are attacked by tests/faculty, leave --servers out");
+  }
+  if (!options.standby.empty() && options.store.empty())
+    return invalid("--standby is that of the database of --store: give both");
+  if (!options.server.empty() && options.faults)
     return invalid("--faults kills and restarts an own server: it does not go with --server");
-  if (!options.server && (!options.ca_file.empty() || !options.password_file.empty()))
+  if (!!options.server.empty() && (!options.ca_file.empty() || !options.password_file.empty()))
     return invalid("--ca and --password-file go with --server HOST:PORT");
   return {};
 }

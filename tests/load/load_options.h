@@ -23,21 +23,32 @@ struct LoadOptions {
   std::size_t gestures = 24;   ///< in the pool, [1, 500]
   double connect_per_s = 400;  ///< log-ins of stations before the streaming, [1, 10000]
 
-  // a server that runs already; else one is started
-  std::optional<Endpoint> server;
+  // servers of one lab that run already; else own ones are started
+  Endpoints server;
   std::filesystem::path ca_file;        ///< with `server`
   std::string user = "load";            ///< with `server`: an administrator
   std::filesystem::path password_file;  ///< with `server`
 
-  // an own server
+  // own servers
+  /// Names of own servers that work together on `store`, connected by an own NATS: 2 to kMostServers. Empty:
+  /// one server, alone.
+  std::vector<std::string> servers;
   std::filesystem::path bin;   ///< where needlelab-server is
   std::filesystem::path data;  ///< its folder, new, kept; empty: a temporary one
   std::string store;           ///< its database on PostgreSQL, an empty one; empty: SQLite
+  /// The postmaster.pid of the database's standby on this computer, for what it costs; empty: there is none.
+  std::filesystem::path standby;
 
   bool faults = false;        ///< random faults (FaultPlan); needs an own server
   double fault_every_s = 10;  ///< on average, [0.5, 3600]
   bool quiet = false;         ///< no progress on standard error
 };
+
+inline constexpr std::size_t kMostServers = 8;
+
+/// Which server a station asks first, of so many: a viewer that asks server `viewer % servers` first watches
+/// stations of every server (LoadViewer). Without viewers the stations take turns.
+std::size_t firstServerOf(std::size_t station, std::size_t viewers, std::size_t servers);
 
 /// kInvalidInput names the option, its value and the allowed range.
 Status checkOptions(const LoadOptions& options);

@@ -1,6 +1,8 @@
 // Tests without a server: gestures, comparison, schedule, faults, profile.
 #include <gtest/gtest.h>
 
+#include <unistd.h>
+
 #include <cmath>
 #include <set>
 
@@ -14,6 +16,8 @@
 #include "tests/load/load_run.h"
 #include "tests/load/load_station.h"
 #include "tests/load/own_server.h"
+#include "tests/load/postgres_cost.h"
+#include "tests/load/process_use.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
@@ -278,14 +282,173 @@ TEST(LoadOptions, whatIsOutOfRangeIsNamed) {
   EXPECT_EQ(refused([](O o) { o.stations = 0; }), "--stations: 0 is out of range [1, 4000]");
   EXPECT_EQ(refused([](O o) { o.seconds = 0; }), "--seconds: 0 is out of range [0.1, 7200]");
   EXPECT_EQ(refused([](O o) { o.viewers = 101; }), "--viewers: 101 is out of range [0, 100]");
-  EXPECT_NE(refused([](O o) { o.server = Endpoint{}; }).find("--ca"), std::string::npos);
-  EXPECT_NE(refused([](O o) { o.server = Endpoint{}, o.ca_file = "x"; }).find("--password-file"),
+  EXPECT_NE(refused([](O o) { o.server = {Endpoint{}}; }).find("--ca"), std::string::npos);
+  EXPECT_NE(refused([](O o) { o.server = {Endpoint{}}, o.ca_file = "x"; }).find("--password-file"),
             std::string::npos);
   EXPECT_NE(refused([](O o) {
-              o.server = Endpoint{}, o.ca_file = "x", o.password_file = "y", o.faults = true;
+              o.server = {Endpoint{}}, o.ca_file = "x", o.password_file = "y", o.faults = true;
             }).find("--faults"),
             std::string::npos);
   EXPECT_NE(refused([](O o) { o.ca_file = "x"; }).find("--server"), std::string::npos);
+}
+
+TEST(LoadOptions, severalServersHaveNamesAndADatabaseForAll) {
+  const auto refused = [](std::vector<std::string> names, auto change) {
+    LoadOptions options;
+    options.servers = std::move(names);
+    options.store = "postgresql:///x";
+    change(options);
+    const Status status = checkOptions(options);
+    return status.ok() ? std::string("accepted") : status.error().message;
+  };
+  const auto as_it_is = [](LoadOptions&) {};
+  EXPECT_EQ(refused({"a", "b"}, as_it_is), "accepted");
+  EXPECT_EQ(refused({"a", "b", "c3"}, as_it_is), "accepted");
+  for (const std::vector<std::string>& names :
+       {std::vector<std::string>{"a"}, {"a", "a"}, {"a", ""}, {"a", "../b"}, {"a", "first"}, {"a", "B"}})
+    EXPECT_NE(refused(names, as_it_is).find("--servers"), std::string::npos) << names.back();
+  EXPECT_NE(refused(std::vector<std::string>(9, "a"), as_it_is).find("here are 9"), std::string::npos);
+  EXPECT_NE(refused({"a", "b"}, [](LoadOptions& o) { o.store.clear(); }).find("--store"), std::string::npos);
+  EXPECT_NE(refused({"a", "b"}, [](LoadOptions& o) { o.faults = true; }).find("--faults"), std::string::npos);
+  EXPECT_NE(
+      refused({"a", "b"}, [](LoadOptions& o) { o.server = {Endpoint{}}, o.ca_file = o.password_file = "x"; })
+          .find("--server"),
+      std::string::npos);
+  EXPECT_NE(refused({}, [](LoadOptions& o) { o.store.clear(), o.standby = "x"; }).find("--standby"),
+            std::string::npos);
+}
+
+TEST(LoadOptions, viewersOfEachServerWatchStationsOfAll) {
+  for (const std::size_t servers : {2u, 3u})
+    for (const std::size_t viewers : {0u, 1u, 2u, 3u, 4u, 10u}) {
+      std::vector<std::size_t> at(servers);
+      // as LoadViewer shares them out
+      std::set<std::pair<std::size_t, std::size_t>> watched;
+      for (std::size_t station = 0; station < 60; ++station) {
+        const std::size_t server = firstServerOf(station, viewers, servers);
+        ASSERT_LT(server, servers);
+        ++at[server];
+        if (viewers > 0) watched.insert({station % viewers, server});
+      }
+      for (const std::size_t count : at) EXPECT_EQ(count, 60 / servers) << viewers << " viewers";
+      EXPECT_EQ(watched.size(), viewers * servers) << "each viewer has stations at each server";
+    }
+  EXPECT_EQ(firstServerOf(7, 10, 1), 0u);
+}
+
+TEST(LoadShared, aStationAsksItsOwnServerFirstAndThenAllOthers) {
+  LoadShared shared;
+  shared.client.setServers({{"a", 1}, {"b", 2}, {"c", 3}});
+  EXPECT_EQ(endpointsText(shared.clientOf(0).servers()), "a:1,b:2,c:3");
+  EXPECT_EQ(endpointsText(shared.clientOf(2).servers()), "c:3,a:1,b:2");
+  EXPECT_EQ(endpointsText(shared.clientOf(4).servers()), "b:2,c:3,a:1") << "a viewer's number";
+  EXPECT_EQ(shared.numberOf({"c", 3}), 2u);
+}
+
+TEST(ProcessUse, isTheDifferenceAndUnknownWhereAProcessBeganAnew) {
+  ProcessUse begin, end;
+  end.name = "NATS";
+  begin.cpu_s = 1.5;
+  end.cpu_s = 4;
+  begin.disk_bytes = 7;
+  end.disk_bytes = 7;
+  begin.sent_bytes = 100;
+  end.sent_bytes = 90;
+  end.received_bytes = 5;
+  begin.messages_in = 3;
+  const ProcessUse use = useBetween(begin, end);
+  EXPECT_EQ(use.name, "NATS");
+  EXPECT_EQ(use.cpu_s, 2.5);
+  EXPECT_EQ(use.disk_bytes, 0u);
+  EXPECT_FALSE(use.sent_bytes || use.received_bytes || use.messages_in || use.messages_out || use.log_bytes);
+}
+
+TEST(ProcessUse, isReadFromMetricsAndFromNats) {
+  const std::string alone =
+      "needlelab_sent_bytes_total 100\nneedlelab_received_bytes_total 50\nneedlelab_acks_total 3\n"
+      "needlelab_live_frames_sent_total 20\nneedlelab_live_frames_received_total 30\n"
+      "needlelab_messages_parsed_total{thread=\"network\"} 4\n"
+      "needlelab_messages_parsed_total{thread=\"parsers\"} 1\n";
+  ProcessUse use;
+  addScrape(use, parsePrometheus(alone));
+  EXPECT_EQ(use.sent_bytes, 100u);
+  EXPECT_EQ(use.received_bytes, 50u);
+  EXPECT_EQ(use.messages_out, 23u);
+  EXPECT_EQ(use.messages_in, 35u);
+  addScrape(use, parsePrometheus(alone + "needlelab_live_link_bytes_total{direction=\"in\"} 7\n"
+                                         "needlelab_live_link_bytes_total{direction=\"out\"} 9\n"));
+  EXPECT_EQ(use.sent_bytes, 109u);
+  EXPECT_EQ(use.received_bytes, 57u);
+  addScrape(use, parsePrometheus(""));
+  EXPECT_FALSE(use.sent_bytes || use.received_bytes || use.messages_out || use.messages_in);
+
+  addVarz(use, R"({"in_msgs": 1, "out_msgs": 2, "in_bytes": 30, "out_bytes": 40})");
+  EXPECT_EQ(use.messages_in, 1u);
+  EXPECT_EQ(use.messages_out, 2u);
+  EXPECT_EQ(use.received_bytes, 30u);
+  EXPECT_EQ(use.sent_bytes, 40u);
+  addVarz(use, "no JSON");
+  EXPECT_FALSE(use.messages_in || use.sent_bytes);
+}
+
+TEST(ProcessUse, hasAProcessAndItsChildren) {
+  const TempFolder folder;
+  const auto busy = [&](const std::string& file) {
+    return "i=0; while [ $i -lt 60000 ]; do i=$((i + 1)); done; head -c 400000 /dev/zero >" +
+           (folder.path() / file).string();
+  };
+  // a child that has ended, one that lives, and the parent, which waits for it
+  Process parent("/bin/sh",
+                 {"-c", "(" + busy("one") + "); (" + busy("two") + "; touch " +
+                            (folder.path() / "done").string() + "; sleep 100) & wait"},
+                 folder.path() / "said");
+  ASSERT_TRUE(eventually([&] { return exists(folder.path() / "done"); })) << parent.said();
+  const ProcessUse alone = useOf(parent.pid()), all = useWithChildren(parent.pid());
+  ASSERT_TRUE(alone.cpu_s && all.cpu_s);
+  EXPECT_GT(*all.cpu_s, *alone.cpu_s + 0.02);
+  // nothing where the kernel does not count, or the folder is in memory
+  if (all.disk_bytes.value_or(0) > 0) EXPECT_GE(*all.disk_bytes, 800'000u);
+  EXPECT_FALSE(useOf(0).cpu_s || useWithChildren(0).disk_bytes);
+}
+
+TEST(ProcessUse, ofPostgresWantsThePidOfOne) {
+  const TempFolder folder;
+  const auto refused = [&](const std::string& text) {
+    const auto use = postgresUse(folder.write("postmaster.pid", text));
+    return use.ok() ? std::string("accepted") : use.error().message;
+  };
+  EXPECT_NE(refused(std::to_string(::getpid()) + "\n/data\n").find("no process of PostgreSQL"),
+            std::string::npos);
+  EXPECT_NE(refused("nonsense").find("no process of PostgreSQL"), std::string::npos);
+  EXPECT_FALSE(postgresUse(folder.path() / "missing").ok());
+}
+
+TEST(LoadReport, saysWhatASecondOfAStationCostsInEachProcess) {
+  LoadResult result;
+  result.options.stations = 100;
+  result.options.servers = {"a", "b"};
+  result.stations_at = {60, 40};
+  result.streamed_s = 10;
+  result.samples_made = 1'000'000;
+  ProcessUse server, nats, generator;
+  server.name = "server a";
+  server.cpu_s = 0.5;
+  nats.name = "NATS";
+  nats.messages_in = 1234;
+  nats.sent_bytes = 2'500'000;
+  generator.name = "generator";
+  result.processes = {server, nats, generator};
+  EXPECT_EQ(result.stationSeconds(), 1000);
+  const std::string text = loadText(result);
+  // 0.5 s of 10 s; 500 microseconds for each of 1,000 seconds of a station
+  EXPECT_NE(text.find("server a        0.50    0.05      500"), std::string::npos) << text;
+  EXPECT_NE(text.find("servers   60 stations at a, 40 stations at b"), std::string::npos) << text;
+  const auto json = loadJson(result);
+  EXPECT_EQ(json["station_s"], 1000);
+  EXPECT_EQ(json["processes"][1]["messages_in"], 1234);
+  EXPECT_EQ(json["processes"][1]["sent_bytes"], 2'500'000);
+  EXPECT_TRUE(json["processes"][1]["cpu_s"].is_null());
+  EXPECT_EQ(json["stations_at"], (std::vector<std::size_t>{60, 40}));
 }
 
 // a good run with the given memory and handles

@@ -137,11 +137,52 @@ Json postgresCpu_s(const LoadResult& r) {
   return r.postgres && r.postgres->cpu_s ? Json(*r.postgres->cpu_s) : Json();
 }
 
+template <typename T>
+Json orNull(const std::optional<T>& value) {
+  return value ? Json(*value) : Json();
+}
+
+Json processesJson(const LoadResult& r) {
+  Json list = Json::array();
+  for (const ProcessUse& use : r.processes)
+    list.push_back({{"name", use.name},
+                    {"cpu_s", orNull(use.cpu_s)},
+                    {"disk_bytes", orNull(use.disk_bytes)},
+                    {"log_bytes", orNull(use.log_bytes)},
+                    {"sent_bytes", orNull(use.sent_bytes)},
+                    {"received_bytes", orNull(use.received_bytes)},
+                    {"messages_out", orNull(use.messages_out)},
+                    {"messages_in", orNull(use.messages_in)}});
+  return list;
+}
+
+std::string cell(const std::optional<std::uint64_t>& value, double scale, int digits) {
+  return value ? fmt::format("{:.{}f}", static_cast<double>(*value) * scale, digits) : "-";
+}
+
+// each process: its share, and what a second of one station costs there
+std::string processesText(const LoadResult& r) {
+  std::string text =
+      fmt::format("{:<12}{:>8}{:>8}{:>9}{:>9}{:>9}{:>9}{:>9}{:>11}{:>11}\n", "process", "CPU s", "cores",
+                  "us/st-s", "disk MB", "log MB", "sent MB", "rcvd MB", "msgs out", "msgs in");
+  const double span_s = std::max(0.001, r.streamed_s), work = std::max(0.001, r.stationSeconds());
+  for (const ProcessUse& use : r.processes) {
+    const std::string cpu = use.cpu_s ? fmt::format("{:>8.2f}{:>8.2f}{:>9.0f}", *use.cpu_s,
+                                                    *use.cpu_s / span_s, 1e6 * *use.cpu_s / work)
+                                      : fmt::format("{:>8}{:>8}{:>9}", "-", "-", "-");
+    text += fmt::format("{:<12}{}{:>9}{:>9}{:>9}{:>9}{:>11}{:>11}\n", use.name, cpu,
+                        cell(use.disk_bytes, 1e-6, 1), cell(use.log_bytes, 1e-6, 1),
+                        cell(use.sent_bytes, 1e-6, 1), cell(use.received_bytes, 1e-6, 1),
+                        cell(use.messages_out, 1, 0), cell(use.messages_in, 1, 0));
+  }
+  return text;
+}
+
 }  // namespace
 
 Json loadJson(const LoadResult& r) {
   const LatencyQuantiles live = r.viewers.live.quantiles(), ack = r.stations.ack.quantiles(),
-                         late = r.stations.late.quantiles();
+                         late = r.stations.late.quantiles(), elsewhere = r.viewers.elsewhere.quantiles();
   const Difference& d = r.stored.samples;
   return {
       {"stations", r.options.stations},
@@ -169,6 +210,9 @@ Json loadJson(const LoadResult& r) {
       {"sessions_stray", r.stored.stray},
       {"live_p999_ms", ms(live.p999_ns)},
       {"live_max_ms", ms(live.max_ns)},
+      {"live_elsewhere_p50_ms", ms(elsewhere.p50_ns)},
+      {"live_elsewhere_p99_ms", ms(elsewhere.p99_ns)},
+      {"live_frames_elsewhere", r.viewers.elsewhere.total()},
       {"live_frames_sent", r.stations.live_frames},
       {"live_frames_seen", r.viewers.frames},
       {"live_gaps", r.viewers.gaps},
@@ -180,6 +224,7 @@ Json loadJson(const LoadResult& r) {
       {"late_p99_ms", ms(late.p99_ns)},
       {"late_max_ms", ms(late.max_ns)},
       {"streamed_s", r.streamed_s},
+      {"station_s", r.stationSeconds()},
       {"connect_s", r.connect_s},
       {"drain_s", r.drain_s},
       {"check_s", r.check_s},
@@ -189,6 +234,9 @@ Json loadJson(const LoadResult& r) {
       {"postgres_cpu_s", postgresCpu_s(r)},
       {"postgres_log_bytes", r.postgres ? Json(r.postgres->log_bytes) : Json()},
       {"database_disk", r.database_disk},
+      {"servers", r.options.servers},
+      {"stations_at", r.stations_at},
+      {"processes", processesJson(r)},
       {"connections", r.stations.connections},
       {"reconnects",
        r.stations.connections - std::min<std::uint64_t>(r.stations.connections, r.options.stations)},
@@ -225,6 +273,11 @@ std::string loadText(const LoadResult& r) {
       "live      p50 {:.1f} ms, p99 {:.1f} ms, p99.9 {:.1f} ms, max {:.1f} ms; {} frames, {} not seen\n",
       ms(live.p50_ns), ms(live.p99_ns), ms(live.p999_ns), ms(live.max_ns), n(r.stations.live_frames),
       n(r.stations.live_frames - std::min(r.stations.live_frames, r.viewers.frames)));
+  if (r.viewers.elsewhere.total() > 0) {
+    const LatencyQuantiles elsewhere = r.viewers.elsewhere.quantiles();
+    text += fmt::format("elsewhere p50 {:.1f} ms, p99 {:.1f} ms; {} frames of stations at another server\n",
+                        ms(elsewhere.p50_ns), ms(elsewhere.p99_ns), n(r.viewers.elsewhere.total()));
+  }
   text += fmt::format("ack       p50 {:.1f} ms, p99 {:.1f} ms, max {:.1f} ms\n", ms(ack.p50_ns),
                       ms(ack.p99_ns), ms(ack.max_ns));
   text += fmt::format(
@@ -246,6 +299,14 @@ std::string loadText(const LoadResult& r) {
                                           : "on another computer",
                         static_cast<double>(r.postgres->log_bytes) * 1e-6);
   }
+  if (r.stations_at.size() > 1) {
+    text += "servers  ";
+    for (std::size_t i = 0; i < r.stations_at.size(); ++i)
+      text += fmt::format("{} {} stations at {}", i == 0 ? "" : ",", r.stations_at[i],
+                          i < r.options.servers.size() ? r.options.servers[i] : std::to_string(i + 1));
+    text += "\n";
+  }
+  if (r.processes.size() > 2) text += processesText(r);
   if (r.cuts + r.kills + r.pauses > 0)
     text +=
         fmt::format("faults    {} cuts, {} kill -9 of the server, {} slow viewers; {} chunks sent again\n",

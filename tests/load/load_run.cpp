@@ -15,6 +15,7 @@
 #include "tests/bench/result_folder.h"
 #include "tests/load/load_options.h"
 #include "tests/load/load_viewer.h"
+#include "tests/load/own_nats.h"
 #include "tests/load/own_server.h"
 #include "tests/load/station_crowd.h"
 #include "tests/support/temp_folder.h"
@@ -96,11 +97,15 @@ class LoadRun {
     shared_.client.program = programText("load");
     shared_.client.connect_timeout = 30s;
     shared_.stations = std::vector<StationPlan>(options_.stations);
-    const Status enrolled = options_.server ? enrolThere() : enrolHere();
+    const Status enrolled = options_.server.empty() ? enrolHere() : enrolThere();
     if (!enrolled.ok()) return enrolled;
-    ASSIGN_OR_RETURN(auto tls, makeClientTls(options_.server ? options_.ca_file : server_->caFile()));
+    ASSIGN_OR_RETURN(auto tls,
+                     makeClientTls(servers_.empty() ? options_.ca_file : servers_.front().caFile()));
     shared_.client.tls = tls;
-    for (StationPlan& plan : shared_.stations) plan.session = makeUuidV7();
+    for (std::size_t i = 0; i < options_.stations; ++i) {
+      shared_.stations[i].session = makeUuidV7();
+      shared_.stations[i].first_server = firstServerOf(i, options_.viewers, shared_.client.servers().size());
+    }
     return {};
   }
 
@@ -109,27 +114,54 @@ class LoadRun {
     std::error_code error;
     if (folder.empty()) {
       folder = temporary_.emplace().path();
-    } else if (std::filesystem::exists(folder / "data") ||
+    } else if (std::filesystem::exists(ownFolder(folder, 0) / "data") ||
                (std::filesystem::create_directories(folder, error), error)) {
       return Error{ErrorCode::kInvalidInput,
                    "--data " + folder.string() + ": " +
                        (error ? error.message() : "holds an earlier run's data; name a new folder")};
     }
     result_.database_disk = options_.store.empty() ? diskOf(folder) : "PostgreSQL";
-    ASSIGN_OR_RETURN(auto enrolled, enrol(folder / "data", options_.stations, options_.store));
+    std::filesystem::create_directories(ownFolder(folder, 0), error);
+    const std::filesystem::path data = ownFolder(folder, 0) / "data";
+    ASSIGN_OR_RETURN(auto enrolled, enrol(data, options_.stations, options_.store));
     for (std::size_t i = 0; i < options_.stations; ++i) {
       shared_.stations[i].name = enrolled.stations[i].first;
       shared_.stations[i].key = enrolled.stations[i].second;
     }
     login_ = personLogin(enrolled.user, enrolled.password);
     if (!options_.store.empty()) {
-      ASSIGN_OR_RETURN(auto postgres, openAt(database(folder / "data"), Connection::Mode::kReader));
+      ASSIGN_OR_RETURN(auto postgres, openAt(database(data), Connection::Mode::kReader));
       postgres_.emplace(std::move(postgres));
     }
-    server_.emplace(options_.bin / "needlelab-server", folder);
-    RETURN_IF_ERROR(server_->start());
+    return startServers(folder);
+  }
+
+  // where data and log of one of the own servers are
+  [[nodiscard]] std::filesystem::path ownFolder(const std::filesystem::path& folder, std::size_t i) const {
+    return options_.servers.empty() ? folder : folder / options_.servers[i];
+  }
+
+  Status startServers(const std::filesystem::path& folder) {
+    if (!options_.servers.empty()) RETURN_IF_ERROR(nats_.emplace().start());
+    const std::size_t count = std::max<std::size_t>(1, options_.servers.size());
+    Endpoints all;
+    for (std::size_t i = 0; i < count; ++i) {
+      const std::filesystem::path own = ownFolder(folder, i);
+      std::vector<std::string> arguments;
+      if (!options_.servers.empty())
+        arguments = {"--together",       "--web", "off", "--live", nats_->url(), "--live-name",
+                     options_.servers[i]};
+      if (i > 0) {
+        std::error_code error;
+        std::filesystem::create_directories(own, error);
+        RETURN_IF_ERROR(joinServer(options_.bin, servers_.front().data(), own / "data", options_.servers[i]));
+      }
+      servers_.emplace_back(options_.bin / "needlelab-server", own, std::move(arguments));
+      RETURN_IF_ERROR(servers_.back().start());
+      all.push_back({.host = "127.0.0.1", .port = servers_.back().port()});
+    }
     ++starts_;
-    shared_.client.server.port = server_->port();
+    shared_.client.setServers(all);
     return {};
   }
 
@@ -141,7 +173,7 @@ class LoadRun {
   Status enrolThere() {
     ASSIGN_OR_RETURN(auto password, readPassword(options_.password_file, ""));
     login_ = personLogin(options_.user, password);
-    shared_.client.server = *options_.server;
+    shared_.client.setServers(options_.server);
     shared_.client.ca_file = options_.ca_file;
     ASSIGN_OR_RETURN(auto client, asAdministrator());
     const auto run = static_cast<unsigned long long>(wallNowNs() / 1'000'000'000);
@@ -171,13 +203,18 @@ class LoadRun {
     for (;;) {
       const CrowdState state = crowd_->state();
       const std::size_t watching = viewers_->watching();
-      if (state.opened == options_.stations && watching == options_.viewers) break;
+      // who watches at another server asks for it through NATS
+      const std::size_t watched = options_.viewers > 0 ? options_.stations : 0;
+      if (state.opened == options_.stations && watching == options_.viewers && state.watched >= watched)
+        break;
       if (stopAsked()) return Error{ErrorCode::kFailed, "interrupted before the streaming began"};
       if (seconds(steadyNowNs() - begin_ns) > limit_s)
-        return Error{ErrorCode::kUnavailable,
-                     fmt::format("only {} of {} stations and {} of {} viewers are connected after {:.0f} s; ",
-                                 state.opened, options_.stations, watching, options_.viewers, limit_s) +
-                         state.trouble + " " + viewers_->lastError()};
+        return Error{
+            ErrorCode::kUnavailable,
+            fmt::format("only {} of {} stations and {} of {} viewers are connected after {:.0f} s, "
+                        "{} stations are watched; ",
+                        state.opened, options_.stations, watching, options_.viewers, limit_s, state.watched) +
+                state.trouble + " " + viewers_->lastError()};
       std::this_thread::sleep_for(50ms);
     }
     result_.connect_s = seconds(steadyNowNs() - begin_ns);
@@ -192,11 +229,7 @@ class LoadRun {
       shared_.stations[i].start_ns =
           begin_ns + static_cast<std::int64_t>(1e9 * options_.spread_s * static_cast<double>(i) /
                                                static_cast<double>(shared_.stations.size()));
-    const double server_cpu_s = serverCpu_s(), generator_cpu_s = ownCpu_s();
-    std::optional<PostgresCost> postgres;
-    if (postgres_) {
-      ASSIGN_OR_RETURN(postgres, postgresCost(*postgres_));
-    }
+    ASSIGN_OR_RETURN(const std::vector<ProcessUse> before, uses());
     FaultPlan faults(options_);
     crowd_->stream();
     std::int64_t next_row_ns = begin_ns;
@@ -211,24 +244,64 @@ class LoadRun {
       }
       if (steadyNowNs() >= next_row_ns) {
         next_row_ns += 1'000'000'000;
-        sampleServer(time_s);
+        sampleServers(time_s);
         progress(time_s, state);
-        if (server_ && !server_->running())
-          return Error{ErrorCode::kFailed, "the server has ended by itself; its log: " + endOfLog()};
+        for (OwnServer& server : servers_)
+          if (!server.running())
+            return Error{ErrorCode::kFailed,
+                         "the server has ended by itself; its log: " + endOf(server.log())};
       }
       if (options_.faults && time_s < options_.seconds) RETURN_IF_ERROR(fault(faults.at(time_s)));
       std::this_thread::sleep_for(20ms);
     }
     result_.streamed_s = seconds(steadyNowNs() - begin_ns);
-    result_.server_cpu_s = serverCpu_s() - server_cpu_s;
-    result_.generator_cpu_s = ownCpu_s() - generator_cpu_s;
-    if (postgres) {
-      ASSIGN_OR_RETURN(PostgresCost now, postgresCost(*postgres_));
-      if (now.cpu_s && postgres->cpu_s) *now.cpu_s -= *postgres->cpu_s;
-      now.log_bytes -= postgres->log_bytes;
-      result_.postgres = now;
+    result_.stations_at.resize(shared_.client.servers().size());
+    for (const StationPlan& plan : shared_.stations) ++result_.stations_at[plan.server];
+    ASSIGN_OR_RETURN(const std::vector<ProcessUse> after, uses());
+    for (std::size_t i = 0; i < after.size(); ++i)
+      result_.processes.push_back(useBetween(before[i], after[i]));
+    for (std::size_t i = 0; i < servers_.size(); ++i)
+      result_.server_cpu_s += result_.processes[i].cpu_s.value_or(0);
+    result_.generator_cpu_s = result_.processes.back().cpu_s.value_or(0);
+    if (postgres_) {
+      const ProcessUse& use = result_.processes[servers_.size()];
+      result_.postgres.emplace();
+      result_.postgres->cpu_s = use.cpu_s;
+      result_.postgres->disk_bytes = use.disk_bytes;
+      result_.postgres->log_bytes = use.log_bytes.value_or(0);
+      result_.postgres->sent_bytes = use.sent_bytes;
     }
     return {};
+  }
+
+  // since each began: the own servers, then PostgreSQL; the generator last
+  Result<std::vector<ProcessUse>> uses() {
+    std::vector<ProcessUse> all;
+    for (std::size_t i = 0; i < servers_.size(); ++i) {
+      const OwnServer& server = servers_[i];
+      // a server that is killed begins anew with all but this
+      ProcessUse use = options_.faults ? ProcessUse() : useOf(server.pid());
+      if (!options_.faults) addScrape(use, server.scrape());
+      const auto now = server.sample();
+      use.cpu_s = server.earlierCpu_s() + (now ? now->cpu_s : 0);
+      use.name = options_.servers.empty() ? "server" : "server " + options_.servers[i];
+      all.push_back(std::move(use));
+    }
+    if (postgres_) {
+      ASSIGN_OR_RETURN(const PostgresCost cost, postgresCost(*postgres_));
+      all.push_back(cost.use());
+    }
+    if (!options_.standby.empty()) {
+      ASSIGN_OR_RETURN(ProcessUse use, postgresUse(options_.standby));
+      use.name = "standby";
+      all.push_back(std::move(use));
+    }
+    if (nats_) all.push_back(nats_->use());
+    ProcessUse own;
+    own.name = "generator";
+    own.cpu_s = ownCpu_s();
+    all.push_back(std::move(own));
+    return all;
   }
 
   Status fault(const std::optional<PlannedFault>& planned) {
@@ -244,10 +317,10 @@ class LoadRun {
         return {};
       case PlannedFault::Kind::kKillServer:
         log("kill -9 of the server");
-        server_->kill();
+        servers_.front().kill();
         ++result_.kills;
         std::this_thread::sleep_for(planned->time);
-        RETURN_IF_ERROR(server_->start());
+        RETURN_IF_ERROR(servers_.front().start());
         ++starts_;
         return {};
     }
@@ -295,11 +368,13 @@ class LoadRun {
       said_ns = steadyNowNs();
       log(fmt::format("{} of {} sessions compared", done, options_.stations));
     };
-    if (server_) {
-      if (Status status = server_->stop(); !status.ok()) result_.troubles.push_back(status.error().message);
-      ASSIGN_OR_RETURN(auto check, checkDatabase(database(server_->data()), shared_, ticks_, progress));
+    if (!servers_.empty()) {
+      for (OwnServer& server : servers_)
+        if (Status status = server.stop(); !status.ok()) result_.troubles.push_back(status.error().message);
+      const std::filesystem::path data = servers_.front().data();
+      ASSIGN_OR_RETURN(auto check, checkDatabase(database(data), shared_, ticks_, progress));
       result_.stored = std::move(check);
-      result_.database_bytes = bytesBelow(server_->data());
+      result_.database_bytes = bytesBelow(data);
       if (postgres_) {
         ASSIGN_OR_RETURN(const PostgresCost end, postgresCost(*postgres_));
         result_.database_bytes = end.database_bytes;
@@ -315,25 +390,24 @@ class LoadRun {
     return {};
   }
 
-  [[nodiscard]] double serverCpu_s() const {
-    if (!server_) return 0;
-    const auto now = server_->sample();
-    return server_->earlierCpu_s() + (now ? now->cpu_s : 0);
-  }
-
-  void sampleServer(double time_s) {
-    if (!server_) return;
-    const auto sample = server_->sample();
+  void sampleServers(double time_s) {
+    if (servers_.empty()) return;
+    for (const OwnServer& server : servers_) {
+      const auto seen = server.sample();
+      if (!seen) continue;
+      result_.server_rss_KiB = std::max(result_.server_rss_KiB, seen->rss_KiB);
+      result_.server_handles = std::max(result_.server_handles, seen->handles);
+    }
+    const OwnServer& first = servers_.front();
+    const auto sample = first.sample();
     if (!sample) return;
-    result_.server_rss_KiB = std::max(result_.server_rss_KiB, sample->rss_KiB);
-    result_.server_handles = std::max(result_.server_handles, sample->handles);
     // the metrics cost the server a look into its database
     if (options_.faults && time_s >= live_due_s_) {
       live_due_s_ = time_s + kLiveEvery_s;
-      if (const auto live = server_->liveHeapBytes()) live_ = {starts_, *live / 1024};
+      if (const auto live = first.liveHeapBytes()) live_ = {starts_, *live / 1024};
     }
     const std::uint64_t live_KiB = live_.first == starts_ ? live_.second : 0;
-    result_.rows.push_back({time_s, *sample, starts_, bytesBelow(server_->data()), live_KiB});
+    result_.rows.push_back({time_s, *sample, starts_, bytesBelow(first.data()), live_KiB});
   }
 
   void progress(double time_s, const CrowdState& state) const {
@@ -343,9 +417,9 @@ class LoadRun {
                     static_cast<double>(state.samples_acked) * 1e-6));
   }
 
-  std::string endOfLog() const {
-    auto text = readWholeFile(server_->log());
-    if (!text.ok()) return server_->log();
+  static std::string endOf(const std::filesystem::path& log) {
+    auto text = readWholeFile(log);
+    if (!text.ok()) return log;
     return text->size() > 1000 ? text->substr(text->size() - 1000) : *text;
   }
 
@@ -356,7 +430,8 @@ class LoadRun {
   LoadShared shared_;
   pb::Login login_;
   std::optional<TempFolder> temporary_;
-  std::optional<OwnServer> server_;
+  std::optional<OwnNats> nats_;         // with several servers
+  std::vector<OwnServer> servers_;      // none: they run already
   std::optional<Connection> postgres_;  // with --store: for its sizes
   std::uint64_t starts_ = 0;
   std::pair<std::uint64_t, std::uint64_t> live_;  // which server, KiB

@@ -14,6 +14,7 @@
 #include "tests/load/load_station.h"
 #include "tests/load/load_viewer.h"
 #include "tests/load/postgres_cost.h"
+#include "tests/load/process_use.h"
 #include "tests/soak/process_sample.h"
 #include "tests/soak/soak_judge.h"
 
@@ -38,17 +39,22 @@ struct LoadResult {
   StationTotals stations;
   ViewerTotals viewers;
   DatabaseCheck stored;
-  // over the streaming
+  // over the streaming; of all servers together
   double server_cpu_s = 0, generator_cpu_s = 0;
-  std::uint64_t server_rss_KiB = 0;      ///< greatest seen
-  std::uint64_t server_handles = 0;      ///< greatest seen
+  std::uint64_t server_rss_KiB = 0;      ///< greatest seen, of one server
+  std::uint64_t server_handles = 0;      ///< greatest seen, of one server
   std::uint64_t database_bytes = 0;      ///< after the end
   std::optional<PostgresCost> postgres;  ///< cpu_s and log_bytes over the streaming; with LoadOptions::store
-  std::vector<ServerRow> rows;           ///< one per second; empty with a foreign server
+  /// Over the streaming: each server of its own, PostgreSQL, its standby, NATS, the generator; as far as the
+  /// run has them.
+  std::vector<ProcessUse> processes;
+  std::vector<std::size_t> stations_at;  ///< each server, at the end of the streaming
+  std::vector<ServerRow> rows;           ///< one per second, of the first server; empty with a foreign one
   std::uint64_t cuts = 0, kills = 0, pauses = 0;
   bool interrupted = false;           ///< somebody ended it before its time
   std::vector<std::string> troubles;  ///< why stations did not get through, or the server ended
 
+  [[nodiscard]] double stationSeconds() const { return static_cast<double>(samples_made) / 1000; }
   /// True if no sample is lost, duplicated, different or foreign, and all sessions are closed as complete.
   [[nodiscard]] bool good() const;
 };

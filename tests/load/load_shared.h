@@ -1,6 +1,7 @@
 /// Shared data of the stations and viewers of one run, and a thread for the network.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/post.hpp>
@@ -23,6 +24,8 @@ namespace needlelab::test {
 struct StationPlan {
   std::string name, key;
   Uuid session{};
+  std::size_t first_server = 0;        ///< the station asks it first (LoadShared::clientOf)
+  std::atomic<std::size_t> server{0};  ///< at which it is, or was last
   /// This machine's steady clock; 0: not known yet. Set once, before the station's first frame.
   std::atomic<std::int64_t> start_ns{0};
 };
@@ -32,10 +35,26 @@ struct LoadShared {
   const GesturePool* pool = nullptr;
   std::uint64_t seed = 1;
   std::uint64_t ticks = 0;  ///< of each station
-  ClientConfig client;      ///< without log-in
+  ClientConfig client;      ///< without log-in; knows all servers
   std::vector<StationPlan> stations;
   /// Samples of a live frame, and of a chunk.
   static constexpr std::uint64_t kFrameTicks = 20, kChunkTicks = 1000;
+
+  /// `client`, with the servers from this one on, and then those before it.
+  [[nodiscard]] ClientConfig clientOf(std::size_t server) const {
+    Endpoints all = client.servers();
+    std::rotate(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(server % all.size()), all.end());
+    ClientConfig config = client;
+    config.setServers(all);
+    return config;
+  }
+  /// Which of the client's servers it is.
+  [[nodiscard]] std::size_t numberOf(const Endpoint& server) const {
+    const Endpoints all = client.servers();
+    const auto found =
+        std::find_if(all.begin(), all.end(), [&](const Endpoint& one) { return sameEndpoint(one, server); });
+    return found == all.end() ? 0 : static_cast<std::size_t>(found - all.begin());
+  }
 };
 
 // An io_context with its own thread, and calls into that thread.

@@ -170,7 +170,7 @@ void LoadStation::committed(std::uint64_t seqs) {
 // --- the connection: the station's first messages, and handling of the server's answers
 
 void LoadStation::connect() {
-  ClientConfig config = shared_.client;
+  ClientConfig config = shared_.clientOf(plan_.first_server);
   config.login = stationLogin(plan_.name, plan_.key);
   link_.logIn(std::move(config));
 }
@@ -189,6 +189,7 @@ LinkHandlers LoadStation::handlers() {
 
 void LoadStation::onConnected() {
   ++totals_.connections;
+  plan_.server = shared_.numberOf(link_.server());
   state_ = State::kOpening;
   clock_ = ClockProbe{};
   link_.send(openMessage());

@@ -53,6 +53,7 @@ class LoadStation {
   void cut();
 
   [[nodiscard]] bool opened() const { return state_ == State::kOpen || state_ == State::kClosing; }
+  [[nodiscard]] bool watched() const { return watched_; }
   [[nodiscard]] bool closed() const { return state_ == State::kClosed; }
   [[nodiscard]] bool finished() const { return closed() || !trouble_.empty(); }
   [[nodiscard]] std::uint64_t ticks() const { return next_tick_; }  ///< made so far

@@ -12,6 +12,7 @@
 #include "db/session_store.h"
 #include "tests/integration/process.h"
 #include "tests/load/database_check.h"
+#include "tests/load/load_report.h"
 #include "tests/load/load_run.h"
 #include "tests/load/own_server.h"
 #include "tests/support/postgres_database.h"
@@ -106,6 +107,7 @@ TEST_F(LoadProgram, wrongUsageIsNamed) {
       {{"--data", "/proc/nothing"}, "--data"},
       {{"--store", "postgresql:///x", "--server", "127.0.0.1:1", "--ca", "a", "--password-file", "b"},
        "--store"},
+      {{"--servers", "a,b", "--store", "postgresql:///x", "--out", folder_.path() / "soak"}, "--out"},
       {{"--no-such-option"}, "--no-such-option"},
   };
   for (const auto& [arguments, words] : cases) {
@@ -161,6 +163,53 @@ TEST(LoadRun, faultsLoseNothing) {
   EXPECT_NE(again.error().message.find("in use by a lab"), std::string::npos) << again.error().message;
 }
 
+// on PostgreSQL only: two servers, and NATS, with half of the stations each; who watches at one of them sees
+// those of both
+TEST(LoadRun, twoServersLoseNothing) {
+  const TempFolder folder;
+  const PostgresBelow given_back{folder.path()};
+  LoadOptions options = smallRun(8, 4);
+  options.servers = {"a", "b"};
+  const std::atomic<bool> interrupt{false};
+  if (!onPostgres()) {
+    const auto refused = runLoad(options, interrupt);
+    ASSERT_FALSE(refused.ok());
+    EXPECT_NE(refused.error().message.find("--store"), std::string::npos) << refused.error().message;
+    return;
+  }
+  options.store = postgresUrlOf(folder.path());
+  const auto result = runLoad(options, interrupt);
+  ASSERT_TRUE(result.ok()) << result.error().message;
+  EXPECT_TRUE(result->good()) << loadText(*result);
+  EXPECT_EQ(result->stored.samples.stored, 32'000u);
+  EXPECT_EQ(result->stations_at, (std::vector<std::size_t>{4, 4}));
+  EXPECT_EQ(result->viewers.connections, 2u);
+  // 50 a second of each; those of four stations come from the other server, through NATS
+  EXPECT_EQ(result->stations.live_frames, 1600u);
+  EXPECT_EQ(result->viewers.frames, 1600u);
+  EXPECT_EQ(result->viewers.elsewhere.total(), 800u);
+
+  std::vector<std::string> names;
+  for (const ProcessUse& use : result->processes) {
+    names.push_back(use.name);
+    EXPECT_TRUE(use.cpu_s) << use.name;
+  }
+  ASSERT_EQ(names, (std::vector<std::string>{"server a", "server b", "PostgreSQL", "NATS", "generator"}));
+  for (std::size_t i = 0; i < 2; ++i) {
+    const ProcessUse& server = result->processes[i];
+    // chunks and frames of four stations; frames of two more over NATS
+    EXPECT_GE(server.messages_in.value_or(0), 4 * 4 + 4 * 200 + 2 * 200u) << server.name;
+    EXPECT_GE(server.messages_out.value_or(0), 4 + 6 * 200u) << server.name;
+    EXPECT_GT(server.received_bytes.value_or(0), result->stations.chunk_bytes / 2) << server.name;
+  }
+  EXPECT_GT(result->processes[2].log_bytes.value_or(0), result->stored.chunk_bytes);
+  // the frames of four stations, and what the servers say of all eight
+  const ProcessUse& nats = result->processes[3];
+  EXPECT_GT(nats.messages_in.value_or(0), 800u);
+  EXPECT_GT(nats.messages_out.value_or(0), 800u);
+  EXPECT_GT(nats.sent_bytes.value_or(0), 0u);
+}
+
 // a server not started by the run: the run enrols stations and reads samples through it
 TEST(LoadRun, worksOnAServerThatRunsAlready) {
   const TempFolder folder;
@@ -170,7 +219,7 @@ TEST(LoadRun, worksOnAServerThatRunsAlready) {
   OwnServer server(std::string(NEEDLELAB_BIN) + "/needlelab-server", folder.path());
   ASSERT_TRUE(server.start().ok());
   LoadOptions options = smallRun(3, 1.5);
-  options.server = Endpoint{"127.0.0.1", server.port()};
+  options.server = {Endpoint{"127.0.0.1", server.port()}};
   options.ca_file = server.caFile();
   options.password_file = folder.path() / "password";
   const std::atomic<bool> interrupt{false};

@@ -24,7 +24,7 @@ LoadViewer::LoadViewer(LoadShared& shared, pb::Login login, std::size_t index, s
 }
 
 void LoadViewer::connect() {
-  ClientConfig config = shared_.client;
+  ClientConfig config = shared_.clientOf(index_);
   config.login = login_;
   link_.logIn(std::move(config));
 }
@@ -44,6 +44,7 @@ LinkHandlers LoadViewer::handlers() {
 
 void LoadViewer::onConnected() {
   ++totals_.connections;
+  server_ = shared_.numberOf(link_.server());
   std::uint32_t number = 0;
   for (std::size_t i = index_; i < shared_.stations.size(); i += of_) {
     pb::Envelope envelope;
@@ -86,9 +87,12 @@ void LoadViewer::onFrame(const pb::LiveFrame& frame) {
   watched.next_frame = frame.frame_seq() + 1;
   ++totals_.frames;
   totals_.samples += samples->size();
-  const std::int64_t due_ns = shared_.stations[watched.station].start_ns.load(std::memory_order_relaxed) +
-                              static_cast<std::int64_t>(oldest.tick) * kTick_ns;
-  totals_.live.add(steadyNowNs() - due_ns);
+  const StationPlan& plan = shared_.stations[watched.station];
+  const std::int64_t due_ns =
+      plan.start_ns.load(std::memory_order_relaxed) + static_cast<std::int64_t>(oldest.tick) * kTick_ns;
+  const std::int64_t late_ns = steadyNowNs() - due_ns;
+  totals_.live.add(late_ns);
+  if (plan.server.load(std::memory_order_relaxed) != server_) totals_.elsewhere.add(late_ns);
 }
 
 void LoadViewer::stop() {

@@ -16,7 +16,8 @@ namespace needlelab::test {
 
 /// Totals of the viewers. Thread: one writes.
 struct ViewerTotals {
-  LatencyHistogram live;  ///< from when a frame's oldest sample was due to its arrival here, decoded
+  LatencyHistogram live;       ///< from when a frame's oldest sample was due to its arrival here, decoded
+  LatencyHistogram elsewhere;  ///< … of those of stations that are at another server than the viewer
   std::uint64_t frames = 0, samples = 0, bytes = 0;
   std::uint64_t gaps = 0;     ///< frames of a station's connection that never came, by their numbers
   std::uint64_t told = 0;     ///< … of them, by the server's count for this viewer
@@ -27,7 +28,7 @@ struct ViewerTotals {
 /// Thread: its io_context's.
 class LoadViewer {
  public:
-  /// Watches the stations index, index + of, index + 2·of, …
+  /// Watches the stations index, index + of, index + 2·of, … and asks the server of its index first.
   LoadViewer(LoadShared& shared, pb::Login login, std::size_t index, std::size_t of, ViewerTotals& totals,
              asio::io_context& io);
 
@@ -54,7 +55,7 @@ class LoadViewer {
 
   LoadShared& shared_;
   pb::Login login_;
-  std::size_t index_, of_, watched_ = 0, subscribed_ = 0;
+  std::size_t index_, of_, watched_ = 0, subscribed_ = 0, server_ = 0;
   ViewerTotals& totals_;
   ServerLink link_;
   std::unordered_map<std::string, Watched> by_name_;

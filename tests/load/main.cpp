@@ -55,15 +55,24 @@ int main(int argc, char** argv) try {
   app.add_option("--connect-rate", options.connect_per_s,
                  "log-ins of stations a second, before the streaming")
       ->capture_default_str();
-  app.add_option("--server", server, "HOST:PORT of a server that runs; else one is started");
+  app.add_option("--server", server,
+                 "HOST:PORT of a server that runs, or several of one lab, with commas; else one is started");
   app.add_option("--ca", options.ca_file, "with --server: its tls/ca.crt");
   app.add_option("--user", options.user, "with --server: an administrator")->capture_default_str();
   app.add_option("--password-file", options.password_file, "with --server: his password, first line");
-  app.add_option("--bin", options.bin, "where needlelab-server is")->capture_default_str();
+  app.add_option("--servers", options.servers,
+                 "names of own servers, such as a,b: they work together on --store and are connected by an "
+                 "own nats-server; stations and viewers spread over them, and each viewer also watches "
+                 "stations of the others")
+      ->delimiter(',');
+  app.add_option("--bin", options.bin, "where needlelab-server is (with --servers needlelab-admin, too)")
+      ->capture_default_str();
   app.add_option("--data", options.data,
                  "a new folder for the own server's data, kept; else a temporary one");
   app.add_option("--store", options.store,
                  "the own server's database on PostgreSQL, which must be empty; else SQLite");
+  app.add_option("--standby", options.standby,
+                 "with --store: postmaster.pid of its standby on this computer, for what it costs");
   app.add_flag("--faults", options.faults,
                "random lost connections, kill -9 and restart of the own server, slow viewers");
   app.add_option("--fault-every", options.fault_every_s, "seconds between faults, on average")
@@ -77,11 +86,15 @@ int main(int argc, char** argv) try {
     return app.exit(error) == 0 ? kExitDone : kExitInvalid;
   }
   if (!server.empty()) {
-    auto endpoint = parseEndpoint(server);
-    if (!endpoint.ok()) return fail(endpoint.error());
-    options.server = *endpoint;
+    auto endpoints = parseEndpoints(server);
+    if (!endpoints.ok()) return fail(endpoints.error());
+    options.server = *endpoints;
   }
-  if (const Status ok = checkOutputs({{"--ca", options.ca_file}, {"--password-file", options.password_file}},
+  if (!options.servers.empty() && !out.empty())
+    return fail({ErrorCode::kInvalidInput, "--out judges the memory of one server: leave --servers out"});
+  if (const Status ok = checkOutputs({{"--ca", options.ca_file},
+                                      {"--password-file", options.password_file},
+                                      {"--standby", options.standby}},
                                      {{"--json", json.file}});
       !ok.ok())
     return fail(ok.error());

@@ -12,7 +12,6 @@
 #include "db/credentials.h"
 #include "db/people.h"
 #include "db/service/bootstrap.h"
-#include "tests/operations/prometheus_text.h"
 
 namespace needlelab::test {
 namespace {
@@ -87,8 +86,20 @@ Result<Enrolled> enrol(const std::filesystem::path& data, std::size_t stations,
   return enrolled;
 }
 
-OwnServer::OwnServer(std::filesystem::path server, std::filesystem::path folder)
-    : server_(std::filesystem::absolute(server)), folder_(std::filesystem::absolute(folder)) {}
+Status joinServer(const std::filesystem::path& bin, const std::filesystem::path& from,
+                  const std::filesystem::path& data, const std::string& name) {
+  Process admin(std::filesystem::absolute(bin) / "needlelab-admin",
+                {"--data", data, "server", "join", "--from", from, "--name", name, "--with-authority"},
+                data.parent_path() / "join.log");
+  if (admin.wait(60s) == 0) return {};
+  return Error{ErrorCode::kFailed, "the server '" + name + "' could not join: " + admin.said()};
+}
+
+OwnServer::OwnServer(std::filesystem::path server, std::filesystem::path folder,
+                     std::vector<std::string> arguments)
+    : server_(std::filesystem::absolute(server)),
+      folder_(std::filesystem::absolute(folder)),
+      arguments_(std::move(arguments)) {}
 
 Error OwnServer::failed(const std::string& what) const {
   std::string said = process_ ? process_->said() : "";
@@ -101,12 +112,20 @@ Status OwnServer::start() {
   const auto metrics_port_file = folder_ / "metrics-port";
   std::error_code ignored;
   std::filesystem::remove(port_file, ignored);
-  process_ = std::make_unique<Process>(
-      server_,
-      std::vector<std::string>{"--data", data(), "--listen", fmt::format("127.0.0.1:{}", port_),
-                               "--port-file", port_file, "--metrics", "0", "--metrics-port-file",
-                               metrics_port_file, "--log-level", "warning"},
-      log());
+  std::vector<std::string> arguments = {"--data",
+                                        data(),
+                                        "--listen",
+                                        fmt::format("127.0.0.1:{}", port_),
+                                        "--port-file",
+                                        port_file,
+                                        "--metrics",
+                                        "0",
+                                        "--metrics-port-file",
+                                        metrics_port_file,
+                                        "--log-level",
+                                        "warning"};
+  arguments.insert(arguments.end(), arguments_.begin(), arguments_.end());
+  process_ = std::make_unique<Process>(server_, arguments, log());
   std::string text;
   const bool up = eventually(
       [&] {
@@ -123,11 +142,15 @@ Status OwnServer::start() {
   return {};
 }
 
+Scrape OwnServer::scrape(std::chrono::milliseconds limit) const {
+  if (!process_) return {};
+  return parsePrometheus(
+      httpSend(metrics_port_, "GET /metrics HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n", limit)
+          .body);
+}
+
 std::optional<std::uint64_t> OwnServer::liveHeapBytes() const {
-  if (!process_) return std::nullopt;
-  const HttpReply reply =
-      httpSend(metrics_port_, "GET /metrics HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n", 1s);
-  const double bytes = parsePrometheus(reply.body)["needlelab_heap_live_bytes"];
+  const double bytes = scrape(1s)["needlelab_heap_live_bytes"];
   return bytes > 0 ? std::optional(static_cast<std::uint64_t>(bytes)) : std::nullopt;
 }
 

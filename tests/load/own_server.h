@@ -3,6 +3,7 @@
 
 #include <sys/types.h>
 
+#include <chrono>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -13,6 +14,7 @@
 
 #include "common/base/result.h"
 #include "tests/integration/process.h"
+#include "tests/operations/prometheus_text.h"
 #include "tests/soak/process_sample.h"
 
 namespace needlelab::test {
@@ -32,8 +34,9 @@ Result<Enrolled> enrol(const std::filesystem::path& data, std::size_t stations,
 /// Thread: one at a time.
 class OwnServer {
  public:
-  /// `server`: the program. `folder` holds data/ and the server's log.
-  OwnServer(std::filesystem::path server, std::filesystem::path folder);
+  /// `server`: the program. `folder` holds data/ and the server's log. `arguments`: further ones.
+  OwnServer(std::filesystem::path server, std::filesystem::path folder,
+            std::vector<std::string> arguments = {});
 
   /// Starts it on a free port the first time, later on the same one. Errors: kFailed with the last lines of
   /// its log.
@@ -51,6 +54,8 @@ class OwnServer {
   /// CPU time of the servers that were killed or stopped, up to the last sample of each; `sample` gives that
   /// of the running one.
   [[nodiscard]] std::optional<ProcessSample> sample() const;
+  /// What its metrics say; nothing is in it when it does not answer within seconds.
+  [[nodiscard]] Scrape scrape(std::chrono::milliseconds limit = std::chrono::seconds(5)) const;
   /// Live bytes of its heap, from its metrics; none when it does not answer at once.
   [[nodiscard]] std::optional<std::uint64_t> liveHeapBytes() const;
   [[nodiscard]] double earlierCpu_s() const { return earlier_cpu_s_; }
@@ -58,10 +63,16 @@ class OwnServer {
  private:
   Error failed(const std::string& what) const;
   std::filesystem::path server_, folder_;
+  std::vector<std::string> arguments_;
   std::unique_ptr<Process> process_;
   std::uint16_t port_ = 0, metrics_port_ = 0;
   double earlier_cpu_s_ = 0;
 };
+
+/// Makes the data folder of a further server on the database of the one whose folder is `from`, which has run
+/// with --together: `needlelab-admin server join`, the program in `bin`. Errors: kFailed with its words.
+Status joinServer(const std::filesystem::path& bin, const std::filesystem::path& from,
+                  const std::filesystem::path& data, const std::string& name);
 
 // A profile of a running program's processor time, by Linux perf (software clock, no counters needed).
 

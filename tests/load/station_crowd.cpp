@@ -87,6 +87,7 @@ void StationThread::tell(CrowdState& state) {
     for (std::size_t i = 0; i < stations_.size(); ++i) {
       const LoadStation& station = *stations_[i];
       state.opened += station.opened() ? 1 : 0;
+      state.watched += station.watched() ? 1 : 0;
       state.ended += ended_[i] ? 1 : 0;
       state.closed += station.closed() ? 1 : 0;
       state.finished += station.finished() ? 1 : 0;

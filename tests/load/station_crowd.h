@@ -12,7 +12,7 @@ namespace needlelab::test {
 
 /// The crowd's current state.
 struct CrowdState {
-  std::size_t opened = 0, ended = 0, closed = 0, finished = 0;
+  std::size_t opened = 0, watched = 0, ended = 0, closed = 0, finished = 0;
   std::uint64_t samples_made = 0, samples_sent = 0, samples_acked = 0;
   std::string trouble;  ///< of one that has any
 };

@@ -1,8 +1,6 @@
 /// A nats-server of the test's own on a free loopback port: started, killed, started again.
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include <csignal>
 #include <filesystem>
 #include <memory>
@@ -43,14 +41,16 @@ class NatsServerProcess {
       return ports.is_object() && ports.contains("nats");
     });
     if (!up) throw std::runtime_error("nats-server did not start: " + said());
-    const std::string url = ports["nats"][0];
-    port_ = std::stoi(url.substr(url.rfind(':') + 1));
+    port_ = portOf(ports["nats"][0]);
+    if (ports.contains("monitoring")) monitoring_port_ = portOf(ports["monitoring"][0]);
   }
   /// SIGKILL.
   void kill() { process_.reset(); }
   void signal(int number) { process_->signal(number); }
 
+  [[nodiscard]] pid_t pid() const { return process_->pid(); }
   [[nodiscard]] int port() const { return port_; }
+  [[nodiscard]] int monitoringPort() const { return monitoring_port_; }  ///< 0: `config` has none
   [[nodiscard]] std::string url(const std::string& scheme = "nats") const {
     return scheme + "://127.0.0.1:" + std::to_string(port_);
   }
@@ -59,9 +59,10 @@ class NatsServerProcess {
   TempFolder& files() { return folder_; }
 
  private:
+  static int portOf(const std::string& url) { return std::stoi(url.substr(url.rfind(':') + 1)); }
   TempFolder folder_;
   std::unique_ptr<Process> process_;
-  int port_ = 0;
+  int port_ = 0, monitoring_port_ = 0;
 };
 
 }  // namespace needlelab::test

@@ -1,0 +1,167 @@
+#!/usr/bin/env python3
+"""The arithmetic of tests/load/stores and tests/load/scale, with runs that are made up."""
+import importlib.machinery
+import importlib.util
+import pathlib
+import sys
+import tempfile
+import unittest
+
+HERE = pathlib.Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE))
+import store_costs  # noqa: E402
+from store_costs import ONE_SERVER, ROWS, TWO_SERVERS, UNWATCHED  # noqa: E402
+
+
+def program(name):
+    loader = importlib.machinery.SourceFileLoader(name, str(HERE / name))
+    module = importlib.util.module_from_spec(importlib.util.spec_from_loader(name, loader))
+    sys.modules[name] = module  # its dataclasses look there
+    loader.exec_module(module)
+    return module
+
+
+stores, scale = program("stores"), program("scale")
+
+
+def process(name, **used):
+    return {"name": name, **{key: used.get(key) for key, _, _ in store_costs.COSTS}}
+
+
+def made_up(row, lost=0, factor=1):
+    """A run of 1,000 stations for 20 s, or of 500 for 40: 20,000 seconds of a station."""
+    names = [f"server {name}" for name in row.servers.split(",")] if row.servers else ["server"]
+    watched = 1 if row.watched else 0
+    processes = [process(name, cpu_s=(8 + 4 * watched) * factor / len(names), sent_bytes=10**6, messages_in=1000) for name in names]
+    if row.cluster:
+        processes.append(process("PostgreSQL", cpu_s=1.0, log_bytes=80_000_000, disk_bytes=200_000_000))
+    if row.cluster == "primary":
+        processes.append(process("standby", cpu_s=0.5))
+    if row.servers:
+        # presence: 1,000 bytes of each station and second; a watched one 50 frames of 100 bytes, of half of them
+        processes.append(process("NATS", cpu_s=1.0, received_bytes=20_000_000 + watched * 10_000 * 5000, messages_in=400 + watched * 10_000 * 51,
+                                 messages_out=400 + watched * 10_000 * 51))
+    processes.append(process("generator", cpu_s=15.0))
+    return {"stations": 500 if row.half else 1000, "seconds": 20, "streamed_s": 20.0, "station_s": 20_000.0, "machine": "Made up, 2 cores", "server_cpu_s": 12.0 * factor,
+            "postgres_cpu_s": 1.0 if row.cluster else None, "postgres_log_bytes": 80_000_000 if row.cluster else None, "generator_cpu_s": 15.0, "server_rss_kib": 102_400,
+            "ack_p50_ms": 20.0, "ack_p99_ms": 40.0, "live_p99_ms": 26.0, "live_elsewhere_p99_ms": 30.0, "live_frames_seen": 1_000_000 * watched, "live_frames_sent": 1_000_000 * watched,
+            "live_frames_elsewhere": 500_000 * watched if row.servers else 0, "live_dropped_frames": 0, "late_p99_ms": 2.0, "database_bytes": 100_000_000,
+            "lost": lost, "duplicated": 0, "different": 0, "foreign": 0, "processes": processes}
+
+
+ABOUT = {"commit": "abc", "when": "today"}
+INGEST = """## PostgreSQL
+| 64 | 29779 | 1 |
+## PostgreSQL with a synchronous standby on the same machine
+| group | ours rows/s | MB/s |
+|---:|---:|---:|
+| 16 | 12728 | 67.1 |
+| 32 | 18379 | 96.8 |
+| 64 | 18957 | 99.9 |
+"""
+
+
+class StationSecond(unittest.TestCase):
+    def test_is_what_a_process_took_by_stations_and_seconds(self):
+        runs = [made_up(TWO_SERVERS, factor=factor) for factor in (1, 3, 2)]
+        self.assertEqual(store_costs.cost(runs, "server a", "cpu_s"), 600)  # the median: 12 s of 20,000
+        self.assertEqual(store_costs.cost(runs, "servers", "cpu_s"), 1200)
+        self.assertEqual(store_costs.cost(runs, "servers", "sent_bytes"), 100)
+        self.assertEqual(store_costs.cost(runs, "PostgreSQL", "log_bytes"), 4000)
+        self.assertIsNone(store_costs.cost(runs, "standby", "sent_bytes"))
+        self.assertIsNone(store_costs.cost(runs, "no such process", "cpu_s"))
+
+    def test_of_several_is_unknown_where_one_is(self):
+        run = made_up(TWO_SERVERS)
+        run["processes"][1]["cpu_s"] = None
+        self.assertIsNone(store_costs.cost([run], "servers", "cpu_s"))
+        self.assertIsNone(store_costs.cost([made_up(TWO_SERVERS), run], "server b", "cpu_s"))
+
+    def test_what_was_written_is_read_again(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder) / "runs.json"
+            runs_of = {row: [made_up(row), made_up(row)] for row in ROWS}
+            store_costs.write(path, ABOUT, runs_of)
+            about, again = store_costs.read(path)
+        self.assertEqual(again, runs_of)
+        self.assertEqual(about["commit"], "abc")
+
+
+class Page(unittest.TestCase):
+    def test_has_each_row_medians_and_the_most_that_is_wrong(self):
+        runs_of = {row: [made_up(row), made_up(row, lost=7, factor=2), made_up(row, factor=3)] for row in ROWS}
+        text = stores.page(runs_of, ABOUT)
+        lines = [line for line in text.splitlines() if line.startswith("| SQLite |")]
+        self.assertEqual([cell.strip() for cell in lines[0].split("|")[2:4]], ["1,000", "1.20"])  # cores of the server
+        self.assertEqual(lines[0].split("|")[4:7], ["  "] * 3)  # neither PostgreSQL nor standby nor NATS
+        self.assertEqual(lines[0].split("|")[-4:-1], [" 7 ", " 0 ", " 7 "])
+        for row in ROWS:
+            self.assertIn(f"| {row.name} |", text)
+        self.assertIn("|  | server b |", text)
+        self.assertIn("|  | NATS | 50 |", text)
+        self.assertIn("two cores cannot show", text)
+        nobody = next(line for line in text.splitlines() if line.startswith(f"| {UNWATCHED.name} |"))
+        self.assertEqual(nobody.split("|")[2:3] + nobody.split("|")[12:15], [" 500 "] + ["  "] * 3, nobody)  # no frames
+
+
+class Scale(unittest.TestCase):
+    def setUp(self):
+        self.runs_of = {row: [made_up(row)] for row in ROWS}
+        self.costs = scale.costs_of(self.runs_of)
+
+    def test_the_writers_ceiling_is_that_with_a_standby(self):
+        self.assertEqual(scale.ceiling_of(INGEST), 18379)
+
+    def test_costs(self):
+        self.assertEqual((self.costs.stations, self.costs.together), (1000, 500))
+        self.assertEqual((self.costs.server_us, self.costs.server_watched_us), (400, 200))
+        self.assertEqual((self.costs.postgres_us, self.costs.standby_us, self.costs.log, self.costs.disk, self.costs.database), (50, 25, 4000, 10_000, 5000))
+        self.assertEqual(self.costs.presence, 1000)
+        self.assertAlmostEqual(self.costs.frame_messages, 51)
+        self.assertAlmostEqual(self.costs.frame_bytes, 5000)
+
+    def test_a_lab(self):
+        lab = scale.Lab(10_000, self.costs, 20_000)
+        self.assertEqual(lab.servers, 11)
+        self.assertAlmostEqual(lab.server_us, 4.2e6)  # 400 µs, and 200 more of a tenth
+        self.assertEqual(lab.writer, 0.5)
+        self.assertAlmostEqual(lab.elsewhere, 10_000 * 0.1 * 10 / 11)
+        messages, bytes_ = lab.nats_in
+        presence = 10_000 * 1000 / scale.PRESENCE_BYTES  # ten a second of each server would be fewer
+        self.assertAlmostEqual(messages, presence + lab.elsewhere * 51)
+        self.assertAlmostEqual(bytes_, 10_000_000 + lab.elsewhere * 5000)
+        # presence to ten others, and who watches, once a second of each; 50 frames to one
+        self.assertAlmostEqual(lab.nats_out[0], 10 * presence + lab.elsewhere * (50 + 10))
+        self.assertAlmostEqual(lab.nats_out[1], 100_000_000 + lab.elsewhere * 5000)
+        self.assertEqual(lab.log_day, 10_000 * 4000 * 4 * 3600)
+        self.assertEqual(lab.database_year, 10_000 * 5000 * 4 * 3600 * 150)
+        self.assertEqual(lab.too_much(), {"writer": False, "log": False, "presence": True, "elsewhere": False, "servers": False})
+
+    def test_limits(self):
+        self.assertAlmostEqual(scale.largest(self.costs, 20_000, "writer") / 10_000, 1, delta=0.03)
+        self.assertAlmostEqual(scale.largest(self.costs, 20_000, "log") / (62.5e6 / 4000), 1, delta=0.03)
+        most = scale.largest(self.costs, 20_000, "presence")
+        self.assertTrue(scale.Lab(most, self.costs, 20_000).too_much()["presence"])
+        self.assertFalse(scale.Lab(int(most / 1.03), self.costs, 20_000).too_much()["presence"])
+
+    def test_sizes_and_digits(self):
+        self.assertEqual([scale.size(value) for value in (0, 999, 4000, 39_600_000, 2.16e15, 2.2e18)], ["0 B", "999 B", "4.0 kB", "40 MB", "2.2 PB", "2,200.0 PB"])
+        self.assertEqual([scale.rounded(value) for value in (0, 7.4, 84, 9478, 123_456)], ["0", "7", "84", "9,500", "120,000"])
+        self.assertEqual([scale.cores(value) for value in (50_000, 4_200_000)], ["0.05", "4.2"])
+
+    def test_page(self):
+        text = scale.page(ABOUT, self.runs_of, 18379)
+        for words in ("100,000 stations", "**100,000, 544 %**", "shards by site", "partitioned tables", "a subject tree", "What was not measured", "Nothing here was run at these sizes"):
+            self.assertIn(words, text)
+        self.assertNotIn("None", text)
+
+    def test_what_is_unknown_ends_it(self):
+        self.runs_of[TWO_SERVERS][0]["processes"][3]["cpu_s"] = None
+        with self.assertRaises(SystemExit) as ended:
+            scale.costs_of(self.runs_of)
+        self.assertIn("cpu_s of standby", str(ended.exception))
+        self.assertEqual(ONE_SERVER.cluster, "primary")
+
+
+if __name__ == "__main__":
+    unittest.main()
