@@ -223,11 +223,10 @@ Result<bool> ensureTlsFiles(const TlsFiles& files, const CertificateNames& names
   if (X509* const signer = signerOf(files, authorities);
       signer != nullptr && !checkAuthority(files, signer).ok())
     return false;
-  const std::string fault = serverFault(files, authorities, hosts);
-  if (fault.empty()) return false;
   // where the CA's key is elsewhere, a server goes on without a name of its machine that nobody asked for
-  if (!std::filesystem::exists(files.ca_key, failed) && serverFault(files, authorities, names.hosts).empty())
-    return false;
+  const bool has_key = std::filesystem::exists(files.ca_key, failed);
+  const std::string fault = serverFault(files, authorities, has_key ? hosts : names.hosts);
+  if (fault.empty()) return false;
   // the CA's key is needed only now; if it is kept elsewhere, it must be restored for this
   const auto authority = loadAuthority(files);
   if (!authority.ok()) return Error{authority.error().code, fault + "; " + authority.error().message};

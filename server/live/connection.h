@@ -141,6 +141,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   bool isLateLogin();
   Task<bool> claimStation();
   void refuseClaim(const Error& why);
+  static Task<> lookAtClaim(std::shared_ptr<PeerConnection> self);
 
   // --- connection_session.cpp: the durable plane
   Task<> openSession(pb::OpenSession request);
@@ -157,6 +158,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
                              StationCloses::Place place);
   void takeClockOffset(const pb::ClockOffset& offset);
   bool endedAsDeposed(const Status& status);
+  void onDisplaced() override;
   Watermarks& watermarks(const std::string& session_id);
 
   ServerContext& context_;

@@ -437,6 +437,26 @@ bool PeerConnection::endedAsDeposed(const Status& status) {
   return true;
 }
 
+/// Ends if the database says so, too: what comes from other servers is believed for views only.
+Task<> PeerConnection::lookAtClaim(std::shared_ptr<PeerConnection> self) {
+  PeerConnection& peer = *self;
+  std::function<Result<std::string>()> look = [&store = peer.context_.store,
+                                               claim = peer.claim_]() -> Result<std::string> {
+    ASSIGN_OR_RETURN(auto reader, store.readers().borrow());
+    const Status holds = StationClaims(*reader).require(claim.get());
+    if (holds.ok()) return std::string();
+    if (holds.error().code == ErrorCode::kDeposed) return holds.error().message;
+    return holds.error();
+  };
+  const auto lost = co_await offload(*peer.context_.logins_in_turn, turnNameOf(peer.who_), std::move(look));
+  if (lost.ok() && !lost->empty() && !peer.over())
+    (void)peer.endedAsDeposed(Error{ErrorCode::kDeposed, *lost});
+}
+
+void PeerConnection::onDisplaced() {
+  asio::co_spawn(context_.io, lookAtClaim(shared_from_this()), endsAlone(shared_from_this()));
+}
+
 Task<> PeerConnection::tellSafe(std::shared_ptr<PeerConnection> self) {
   PeerConnection& peer = *self;
   std::vector<std::string> ids;

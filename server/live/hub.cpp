@@ -98,6 +98,7 @@ HubPeer* Hub::attachStation(const std::string& name, HubPeer& peer, std::uint64_
   } else if (older != nullptr && !older->isElsewhere()) {
     station.displaced = older;
     station.displaced_epoch = station.epoch;
+    older->onDisplaced();
   }
   setPeer(station, &peer);
   station.epoch = epoch;

@@ -36,6 +36,8 @@ class HubPeer {
   [[nodiscard]] virtual std::string account() const { return {}; }
   /// Of a station: whether it is connected to another server, for which this peer stands.
   [[nodiscard]] virtual bool isElsewhere() const { return false; }
+  /// Another server says that it has the station by a newer log-in, and the hub believes that until it ends.
+  virtual void onDisplaced() {}
   /// Of a station: whether somebody watches it. `rate_hz`: at which all who watch it do (a thinned rate); 0:
   /// they differ, or want all samples; said to a station elsewhere only. Sends a WatchState.
   virtual void onWatched(bool watched, double rate_hz);

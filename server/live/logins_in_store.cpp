@@ -183,7 +183,7 @@ Task<Result<LoginState::Issued>> LoginsInStore::issue(Holder holder) {
     row.password_ns = holder.password_ns == 0 ? now_ns : std::min(holder.password_ns, now_ns);
     row.expires_ns = std::min(now_ns + settings.lifetime.count(), row.password_ns + settings.longest.count());
     ASSIGN_OR_RETURN(const bool is_stored, store.addToken(token, row, Tokens::kMostOfPerson));
-    if (!is_stored)
+    if (!is_stored && !planted(PlantedBug::kRevokedTokenHonoured))
       return Error{ErrorCode::kConflict, holder.who.name + ": the account was changed during its log-in"};
     return Stored{Nanoseconds(row.expires_ns - now_ns), row.password_ns};
   };

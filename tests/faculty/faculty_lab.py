@@ -239,7 +239,7 @@ class FacultyLab(FaultLab):
             shutil.rmtree(self.data("a") / "tls", ignore_errors=True)  # the authority is to be made by the wrong clock, too
         self.start_nats()
         self.start("a")
-        named = ["--host-name", self.place("b").address]
+        named = [word for one in SERVERS for word in ("--host-name", self.place(one).address)]
         run(self.template_of.bin / "needlelab-admin", "--data", self.data("b"), "server", "join", "--from", self.data("a"), "--name", SERVERS["b"], *named,
             environment=self.environment_of("a"))
         self.start("b")

@@ -456,7 +456,10 @@ TEST_F(AccessAtTwoServers, aServerThatDoesNotReachTheDatabaseLetsNobodyBeginToWa
   EXPECT_FALSE(isRefused());
   const DatabaseAway away(postgresUrlOf(a().folder() / "data"));
   EXPECT_TRUE(eventually(isRefused));
-  EXPECT_THAT(textAtEnd(ines), HasSubstr("longer than a log-in lasts"));
+  EXPECT_THAT(waitFor(ines, [](const pb::Envelope& e) { return e.has_refusal() && e.refusal().fatal(); })
+                  .refusal()
+                  .text(),
+              HasSubstr("longer than a log-in lasts"));
   pb::Envelope status;
   status.mutable_station_status();
   EXPECT_TRUE(station.send(status).ok());

@@ -20,6 +20,8 @@ namespace needlelab::test {
 /// Stores everything that it receives.
 struct RecordingPeer : HubPeer {
   std::vector<pb::Envelope> control, live;
+  int displaced = 0;
+  void onDisplaced() override { ++displaced; }
   void sendControl(const pb::Envelope& envelope) override { control.push_back(envelope); }
   void sendLive(Frame frame, bool) override { live.push_back(*decodeFrame(viewOf(*frame))); }
   [[nodiscard]] std::vector<pb::LiveFrame> frames() const {

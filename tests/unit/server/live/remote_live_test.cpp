@@ -429,14 +429,13 @@ TEST_F(RemoteLiveTest, theServerWithTheGreaterEpochHasTheStation) {
   EXPECT_EQ(anna.frames().size(), 4u);
   EXPECT_EQ(bert.frames().size(), 4u) << "also where it was";
 
-  // b has it no more: the old connection does not count again
+  // the old connection looks into the database, and ends
+  EXPECT_EQ(bench.displaced, 1);
+  a.hub.detachStation("bench-1", bench);
   b.hub.detachStation("bench-1", other_bench);
   lab.run(3500);
   EXPECT_FALSE(c.listed("bench-1").online());
-  // unless it is still there long after a dead one would have ended: the database went back to an older state
-  lab.run(60'000);
-  EXPECT_EQ(c.listed("bench-1").status().server(), "a");
-  // and a newer one does
+  // a newer one counts
   RecordingPeer again;
   a.hub.attachStation("bench-1", again, 7);
   lab.run(150);
@@ -459,6 +458,35 @@ TEST_F(RemoteLiveTest, whatComesLateFromTheServerThatHadTheStationChangesNothing
     if (i > 1) ASSERT_EQ(c.listed("bench-1").status().server(), "b") << i;
   }
   EXPECT_EQ(a.listed("bench-1").status().server(), "a") << "it does not know better";
+}
+
+// what another server says may be wrong: a connection that the database does not end is back with it
+TEST_F(RemoteLiveTest, aDisplacedConnectionIsBackWhenNobodyElseHasTheStation) {
+  a.hub.attachStation("bench-1", bench, 5);
+  b.hub.attachStation("bench-1", other_bench, 6);
+  lab.run(200);
+  ASSERT_EQ(a.listed("bench-1").status().server(), "b");
+  b.hub.detachStation("bench-1", other_bench);
+  lab.run(200);
+  for (LiveServer* const server : {&a, &b}) EXPECT_EQ(server->listed("bench-1").status().server(), "a");
+}
+
+// a server that stood still goes on saying that it has the station; a database that went back has lower
+// epochs
+TEST_F(RemoteLiveTest, aGreaterEpochThatNobodySaysAnyMoreCountsForAMinute) {
+  LiveServer& c = lab.add("c");
+  lab.bus.loses = [](const LiveMessage& message, const std::string& to) {
+    return message.from == "b" && to == "a";
+  };
+  a.hub.attachStation("bench-1", bench, 5);
+  b.hub.attachStation("bench-1", other_bench, 9);
+  lab.run(300);
+  ASSERT_EQ(c.listed("bench-1").status().server(), "b");
+  b.hub.detachStation("bench-1", other_bench);
+  lab.run(55'000);
+  EXPECT_FALSE(c.listed("bench-1").online());
+  lab.run(10'000);
+  EXPECT_EQ(c.listed("bench-1").status().server(), "a");
 }
 
 TEST_F(RemoteLiveTest, withoutEpochsTheServerThatSaidSoLastHasIt) {
