@@ -186,8 +186,7 @@ Task<> Server::Parts::linesLoop() {
 /// Of servers that work together each keeps a list of all erasures beside its keys, and tells its stations of
 /// backups that were made at another one.
 Task<> Server::Parts::erasuresLoop() {
-  using Backup = std::optional<std::string>;
-  std::optional<Backup> known;
+  std::string known;  // when the newest verified backup was made; empty: there is none
   while (!stopping) {
     erasures_timer.expires_after(options.erasures_every);
     co_await erasures_timer.async_wait(kUseTuple);
@@ -195,14 +194,15 @@ Task<> Server::Parts::erasuresLoop() {
     std::function<Status()> work = [this] { return store->service().completeErasureList(); };
     if (const Status done = co_await offload(slow_workers, std::move(work)); !done.ok())
       logEvent(LogLevel::kWarning, "erasures_not_listed", {{"text", done.error().message}});
-    std::function<Result<Backup>()> newest = [this]() -> Result<Backup> {
+    std::function<Result<std::string>()> newest = [this]() -> Result<std::string> {
       ASSIGN_OR_RETURN(auto reader, store->readers().borrow());
-      return MetaStore(*reader).get("backup_unix_ns");
+      ASSIGN_OR_RETURN(const auto made, MetaStore(*reader).get("backup_unix_ns"));
+      return made.value_or("");
     };
     const auto backup = co_await offload(workers, std::move(newest));
     if (stopping) co_return;
     if (!backup.ok()) continue;
-    if (known && *known != *backup) tellSafe(*context);
+    if (known != *backup) tellSafe(*context);
     known = *backup;
   }
 }

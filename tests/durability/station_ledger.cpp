@@ -34,12 +34,24 @@ Json number(double value) {
 }  // namespace
 
 StationLedger::StationLedger(const std::string& path)
-    : fd_(::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600)) {
+    : fd_(::open(path.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0600)) {
   if (fd_ < 0) throw std::runtime_error("cannot open the ledger " + path);
+  removeCutLine(path);
 }
 
 StationLedger::~StationLedger() {
   ::close(fd_);
+}
+
+/// The kernel ends a write at a page's end when the program is killed there: the next line must not be joined
+/// to such a part of one.
+void StationLedger::removeCutLine(const std::string& path) {
+  const off_t end = ::lseek(fd_, 0, SEEK_END);
+  off_t whole = end;
+  char last = 0;
+  while (whole > 0 && ::pread(fd_, &last, 1, whole - 1) == 1 && last != '\n') --whole;
+  if (end < 0 || (whole != end && ::ftruncate(fd_, whole) != 0))
+    throw std::runtime_error("cannot look at the end of the ledger " + path);
 }
 
 void StationLedger::line(const std::string& text) {

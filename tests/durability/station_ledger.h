@@ -1,5 +1,6 @@
 /// The ledger that a station under test writes for the judge: one line of JSON per event, each appended with
-/// a single write, so that a kill of this program cuts off its last line at most. Fields: README.md.
+/// a single write, so that a kill of this program cuts off its last line at most; the next start removes
+/// that. Fields: README.md.
 #pragma once
 
 #include <mutex>
@@ -29,6 +30,7 @@ class StationLedger {
   void end(const SpoolSession& session);
 
  private:
+  void removeCutLine(const std::string& path);
   void line(const std::string& text);
   int fd_ = -1;
 };

@@ -28,7 +28,6 @@ struct Options {
   double rate_hz = 100;   ///< as declared: a chunk is one second of it
   double push_hz = 1000;  ///< as pushed
   int drain_s = 20;
-  int silent_ms = 0;        ///< after which a server counts as dead; 0: as a station has it
   bool as_station = false;  ///< shows its samples to viewers, and waits before it tries again, as a station
 };
 
@@ -166,10 +165,6 @@ int run(const Options& options) {
   config.client.setServers(*servers);
   config.client.program = "needlelab-durability-station";
   config.client.login = stationLogin(station, key);
-  if (options.silent_ms > 0) {
-    config.client.limits.idle_timeout = std::chrono::milliseconds(options.silent_ms);
-    config.client.limits.keepalive = config.client.limits.idle_timeout / 3;
-  }
   if (!options.as_station) {
     config.first_retry = 20ms;
     config.most_retry = 100ms;
@@ -222,8 +217,6 @@ int main(int argc, char** argv) try {
   app.add_option("--rate", options.rate_hz, "as declared: a chunk is one second of it");
   app.add_option("--push", options.push_hz, "samples a second");
   app.add_option("--drain", options.drain_s, "seconds");
-  app.add_option("--silent-ms", options.silent_ms,
-                 "after which a server counts as dead; 0: as a station has it");
   app.add_flag("--as-station", options.as_station,
                "shows its samples to viewers, and waits before it tries again, as a station");
   CLI11_PARSE(app, argc, argv);

@@ -86,7 +86,7 @@ class FacultyLab(FaultLab):
         self.notes = []  # what a scenario measured besides
         self.servers, self.ports, self.viewers, self.nats = {}, {}, [], None
         self.primary = self.standby = self.spare = None
-        self.silent_ms, self.servers_of_stations, self.durability = 0, None, TWO_DISKS
+        self.servers_of_stations, self.durability = None, TWO_DISKS
         self.ca = folder / "data/tls/ca.crt"
         self.viewers_log = open(folder / "viewers.log", "ab")  # pylint: disable=consider-using-with
         shared = pathlib.Path("/dev/shm")
@@ -263,12 +263,11 @@ class FacultyLab(FaultLab):
     def _start_station(self, name, seed, sessions, samples):
         group = self.group_of(name)
         servers = self.servers_of_stations or ("ab" if group == GROUPS[0] else "ba")
-        silent = ["--silent-ms", str(self.silent_ms)] if self.silent_ms else []
         self.stations[name] = subprocess.Popen(  # pylint: disable=consider-using-with
             [*self.place(group).enter, self.template_of.bin / "needlelab-durability-station", "--server", self.servers_text(servers), "--ca", self.ca,
              "--key", self.template / f"{name}.key", "--spool", self.spools / name, "--ledger", self.folder / "ledger" / f"{name}.jsonl",
              "--seed", str(seed), "--sessions", str(sessions), "--samples", str(samples), "--rate", str(RATE_HZ), "--push", str(PUSH_HZ), "--drain", "240",
-             "--as-station", *silent],
+             "--as-station"],
             env=self.environment_of(name), stdin=subprocess.DEVNULL, stdout=self._log, stderr=self._log)
 
     def stream(self, dice):

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <iterator>
 #include <optional>
@@ -9,6 +10,9 @@
 #include <stdexcept>
 
 #include "client/admin/app.h"
+#include "common/base/uuid.h"
+#include "db/schema.h"
+#include "db/session_store.h"
 #include "db/station_claims.h"
 #include "tests/unit/server/live/running_server.h"
 
@@ -19,6 +23,7 @@ using testing::HasSubstr;
 
 void together(ServerOptions& options) {
   options.together = true;
+  options.erasures_every = std::chrono::milliseconds(100);
 }
 
 /// Server `a`, which made the database, and `b`, whose folder was made from a's while that ran.
@@ -162,6 +167,27 @@ TEST_F(TwoServers, aClockOffsetByTheOlderLogInIsNotStored) {
   ASSERT_TRUE(now.send(session.chunk(0)).ok());
   session.waitForAck(now, 1);
   EXPECT_EQ(rows("SELECT clock_offset_ns FROM sessions"), 8);
+}
+
+TEST_F(TwoServers, aStationHearsOfABackupThatWasVerifiedByWayOfAnotherServer) {
+  FakeSession session("bench-1");
+  BlockingClient station = logIn(*b);
+  open(station, session);
+  ASSERT_TRUE(station.send(session.chunk(0)).ok());
+  session.waitForAck(station, 1);
+  Uuid id;
+  std::copy_n(session.id().begin(), id.size(), id.begin());
+  ASSERT_TRUE(a.server()
+                  .store()
+                  .writer()
+                  .run([&](Connection& c) -> Status {
+                    RETURN_IF_ERROR(SessionStore(c).markSafe(id, 1));
+                    return MetaStore(c).set("backup_unix_ns", "7");
+                  })
+                  .ok());
+  const auto safe =
+      waitFor(station, [](const pb::Envelope& e) { return e.has_ack() && e.ack().safe_seqs() > 0; });
+  EXPECT_EQ(safe.ack().safe_seqs(), 1u);
 }
 
 TEST_F(TwoServers, atTheSameServerTheOlderConnectionIsClosedAsByOneThatIsAlone) {
