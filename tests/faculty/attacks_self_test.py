@@ -130,6 +130,11 @@ class Ledgers(unittest.TestCase):
 
 
 class Plans(unittest.TestCase):
+    def test_scenarios_are_named_before_or_behind_the_options(self):
+        for words in (["bin", "stop", "access", "--long"], ["bin", "--long", "--seed", "21", "stop", "access"]):
+            given = attacks_test.arguments(words)
+            self.assertEqual((str(given.bin), given.names, given.long), ("bin", ["stop", "access"], True))
+
     def test_the_long_form_has_all_scenarios_and_each_bug(self):
         labs = list(plan([], True, 7))
         for name, scenario in SCENARIOS.items():

@@ -166,7 +166,7 @@ def line_of(planned, judgement, lab, seconds):
             f"{judgement.acknowledged} chunks acknowledged, {judgement.samples} samples compared; {again}{notes}{seconds:.1f} s")
 
 
-def main():
+def arguments(words=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("bin", nargs="?", type=pathlib.Path)
     parser.add_argument("names", nargs="*", metavar="SCENARIO")
@@ -175,14 +175,21 @@ def main():
     parser.add_argument("--stations", type=int)
     parser.add_argument("--folder", type=pathlib.Path, default="/tmp", help="for all files, a short path; /dev/shm spares a slow disk (no power is cut here)")
     parser.add_argument("--seed", type=int, default=int(os.environ.get("NEEDLELAB_SEED", time.time())))
-    given = parser.parse_args()
+    given = parser.parse_intermixed_args(words)
     if given.list:
-        print("\n".join(KNOWN))
-        return 0
+        return given
     if given.bin is None:
         parser.error("BIN is the folder of the programs")
     if unknown := [name for name in given.names if name not in KNOWN]:
         parser.error(f"there is no scenario {unknown[0]}; there are: {', '.join(KNOWN)}")
+    return given
+
+
+def main():
+    given = arguments()
+    if given.list:
+        print("\n".join(KNOWN))
+        return 0
     if not os.access(PG / "initdb", os.X_OK):
         print("PostgreSQL 15 is not installed; deploy/setup installs it")
         return 77
