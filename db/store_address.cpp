@@ -19,6 +19,8 @@ constexpr std::string_view kServerLine = "name = ";
 constexpr std::size_t kMostServerName = 64;
 /// A server that was stopped within a transaction keeps the others waiting for so long.
 constexpr std::chrono::milliseconds kMostIdleTogether{3000};
+/// Stations of a server whose network was cut wait for it no longer than for another one.
+constexpr std::chrono::milliseconds kTcpPatienceTogether{4000};
 /// A log-in that waits for longer is given up by whoever waits for it.
 constexpr std::chrono::milliseconds kConnectBeside{3'000}, kAnswerBeside{5'000};
 
@@ -59,6 +61,7 @@ Result<Connection> openAt(const StoreAddress& address, Connection::Mode mode, bo
     options.answer_timeout = kAnswerBeside;
     options.most_idle = kMostIdleTogether;
   }
+  if (!address.server.empty()) options.tcp_patience = kTcpPatienceTogether;
   ASSIGN_OR_RETURN(auto engine, openPostgres(options));
   return Connection(std::move(engine), address.path);
 }
@@ -92,6 +95,7 @@ Result<Connection> openToServe(const StoreAddress& address, Durability least) {
   if (!address.server.empty()) {
     options.others = PostgresOptions::Others::kTogether;
     options.only_one_named = address.server;
+    options.tcp_patience = kTcpPatienceTogether;
     options.most_idle = kMostIdleTogether;
   }
   ASSIGN_OR_RETURN(auto engine, openPostgres(options));

@@ -33,6 +33,10 @@ struct PostgresOptions {
   /// stopped, and others wait for its locks. Shorter: they wait less; longer: a slow step between two
   /// statements loses no transaction.
   std::chrono::milliseconds most_idle{30'000};
+  /// What the other machine's TCP has not confirmed for this long loses the connection (tcp_user_timeout):
+  /// the network is gone. A server that only stands still confirms. TCP by itself tries again ever more
+  /// rarely, so that what was sent into a cut comes some seconds after its end.
+  std::chrono::milliseconds tcp_patience{10'000};
   /// Write transactions are refused with kUnavailable while an ack would survive less than this.
   Durability least = Durability::kNothing;
   /// A COMMIT waits for the disk of the server of PostgreSQL that took it and for no standby: for what may be

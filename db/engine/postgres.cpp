@@ -220,6 +220,7 @@ Status PostgresConnection::connect(bool takes_locks) {
       kPostgresSchema, options_.most_idle.count(),
       options_.local_commits ? " -c synchronous_commit=local" : "",
       options_.server.empty() ? "" : " -c needlelab.server=" + options_.server);
+  const std::string unheard = std::to_string(options_.tcp_patience.count());
   const char* const names[] = {"dbname",
                                "connect_timeout",
                                "options",
@@ -231,17 +232,9 @@ Status PostgresConnection::connect(bool takes_locks) {
                                "tcp_user_timeout",
                                "client_encoding",
                                nullptr};
-  const char* const values[] = {options_.url.c_str(),
-                                timeout.c_str(),
-                                search.c_str(),
-                                "needlelab",
-                                "1",
-                                "5",
-                                "2",
-                                "3",
-                                "10000",
-                                "UTF8",
-                                nullptr};
+  const char* const values[] = {
+      options_.url.c_str(), timeout.c_str(), search.c_str(), "needlelab", "1", "5", "2", "3",
+      unheard.c_str(),      "UTF8",          nullptr};
   connection_.reset(PQconnectdbParams(names, values, 1));
   ++epoch_;
   named_ = 0;
@@ -383,12 +376,23 @@ Status PostgresConnection::letOthersIn() {
   return {};
 }
 
+bool PostgresConnection::endedWhileIdle() {
+  // its last words, and then the end
+  constexpr int kMostLooks = 4;
+  for (int n = 0; n < kMostLooks; ++n) {
+    pollfd ready{PQsocket(connection_.get()), POLLIN, 0};
+    if (::poll(&ready, 1, 0) <= 0) return false;
+    if (PQconsumeInput(connection_.get()) == 0) return true;
+  }
+  return false;
+}
+
 Status PostgresConnection::requireConnected() {
   if (not_begun_) return *not_begun_;
   if (in_lost_transaction_)
     return Error{ErrorCode::kUnavailable,
                  shown_url_ + ": the connection was lost, and the transaction with it"};
-  if (isConnected()) return {};
+  if (isConnected() && (in_transaction_ || !endedWhileIdle())) return {};
   Status connected = connect();
   if (connected) return {};
   // Whoever asks now did nothing wrong, and the server can be mended while this runs. As kDenied it would be

@@ -124,6 +124,9 @@ class PostgresConnection final : public EngineConnection {
                             std::string_view what);
   /// Connects again where the connection is lost, and there is no transaction that went with it.
   Status requireConnected();
+  /// Whether PostgreSQL has closed the connection since its last statement: so one of a pool whose server was
+  /// replaced costs nobody an error. Outside of a transaction.
+  bool endedWhileIdle();
 
  private:
   struct ConnectionCloser {
