@@ -174,6 +174,19 @@ class FacultyLab(FaultLab):
     def data(self, name):
         return self.folder / ("data" if name == "a" else f"data-{name}")
 
+    def host_names(self, _name):
+        """What a server's certificate has."""
+        return [word for one in SERVERS for word in ("--host-name", self.place(one).address)]
+
+    def served(self, name):
+        """Options of a server: what it serves beside the protocol's port."""
+        # the first one's authority may sign the names that it knows at its first start, and no others
+        return [*([] if self.cables is None else self.host_names(name)), "--metrics", "0", "--web", "off"]
+
+    def monitored_at(self, _name):
+        """The address of a server's --metrics."""
+        return "127.0.0.1"
+
     def start(self, name):
         """Starts a server, and waits until it serves."""
         files = [self.folder / f"{what}-{name}" for what in ("port", "metrics")]
@@ -181,13 +194,11 @@ class FacultyLab(FaultLab):
             file.unlink(missing_ok=True)
         place = self.place(name)
         port = self.ports.setdefault(name, PORT if self.cables is not None else free_port())
-        # the first one's authority may sign the names that it knows at its first start, and no others
-        named = [] if self.cables is None else [word for one in SERVERS for word in ("--host-name", self.place(one).address)]
         with open(self.folder / f"log-{name}", "ab") as log:
             server = self.servers[name] = subprocess.Popen(  # pylint: disable=consider-using-with
                 [*place.enter, self.template_of.bin / "needlelab-durability-server", "--data", self.data(name), "--together", "--durability", self.durability,
-                 "--live", f"nats://{self.place('nats').address}:{self.ports['nats']}", "--live-name", SERVERS[name], *named,
-                 "--listen", f"{place.address}:{port}", "--port-file", files[0], "--metrics", "0", "--metrics-port-file", files[1], "--web", "off"],
+                 "--live", f"nats://{self.place('nats').address}:{self.ports['nats']}", "--live-name", SERVERS[name], *self.served(name),
+                 "--listen", f"{place.address}:{port}", "--port-file", files[0], "--metrics-port-file", files[1]],
                 env=self.environment_of(name), stdin=subprocess.DEVNULL, stdout=log, stderr=log)
         until(lambda: all(file.exists() and file.read_text().strip() for file in files) or server.poll() is not None, f"server {name} starts")
         if server.poll() is not None:
@@ -197,7 +208,7 @@ class FacultyLab(FaultLab):
         port = (self.folder / f"metrics-{name}").read_text().strip()
 
         def get():
-            with urllib.request.urlopen(f"http://127.0.0.1:{port}{path}", timeout=60) as answer:
+            with urllib.request.urlopen(f"http://{self.monitored_at(name)}:{port}{path}", timeout=60) as answer:
                 return answer.read().decode()
         return self.place(name).call(get)
 
@@ -239,9 +250,8 @@ class FacultyLab(FaultLab):
             shutil.rmtree(self.data("a") / "tls", ignore_errors=True)  # the authority is to be made by the wrong clock, too
         self.start_nats()
         self.start("a")
-        named = [word for one in SERVERS for word in ("--host-name", self.place(one).address)]
-        run(self.template_of.bin / "needlelab-admin", "--data", self.data("b"), "server", "join", "--from", self.data("a"), "--name", SERVERS["b"], *named,
-            environment=self.environment_of("a"))
+        run(self.template_of.bin / "needlelab-admin", "--data", self.data("b"), "server", "join", "--from", self.data("a"), "--name", SERVERS["b"],
+            *self.host_names("b"), environment=self.environment_of("a"))
         self.start("b")
         self.hear_each_other()
         found = self.health("b")
