@@ -75,7 +75,8 @@ class ProxiedLab(FacultyLab):
 
     def served(self, name):
         address, believed = self.place(name).address, [word for one in self.believes for word in ("--web-proxy", one)]
-        return [*self.host_names(name), "--ca-domain", "example.org", "--metrics", f"{address}:{self.check_port}", "--web", f"{address}:{self.web_port}", *believed]
+        return [*self.host_names(name), "--ca-domain", "example.org", "--metrics", f"{address}:{self.check_port}", "--web", f"{address}:{self.web_port}",
+                *believed]
 
     def monitored_at(self, name):
         return self.place(name).address
@@ -90,8 +91,8 @@ class ProxiedLab(FacultyLab):
     def who_answers(self, certificate):
         """The server that has this certificate."""
         for name in SERVERS:
-            own = ssl.PEM_cert_to_DER_cert(re.search(r"-----BEGIN.*?-----END CERTIFICATE-----\n", (self.data(name) / "tls/server.crt").read_text(), re.DOTALL)[0])
-            if own == certificate:
+            text = (self.data(name) / "tls/server.crt").read_text()
+            if ssl.PEM_cert_to_DER_cert(re.search(r"-----BEGIN.*?-----END CERTIFICATE-----\n", text, re.DOTALL)[0]) == certificate:
                 return name
         raise Failed("a certificate of neither server")
 
@@ -105,7 +106,8 @@ class HaProxy:
         run(HAPROXY, "-c", "-dW", "-f", self.file)  # a warning is a fault
         self._from = self.log.stat().st_size if self.log.exists() else 0
         with open(self.log, "ab") as log:
-            self.process = subprocess.Popen([HAPROXY, "-db", "-f", self.file], stdin=subprocess.DEVNULL, stdout=log, stderr=log)  # pylint: disable=consider-using-with
+            self.process = subprocess.Popen(  # pylint: disable=consider-using-with
+                [HAPROXY, "-db", "-f", self.file], stdin=subprocess.DEVNULL, stdout=log, stderr=log)
         until(self._listens, "HAProxy listens", MOST_S)
 
     def _here(self, text):
@@ -201,8 +203,9 @@ class Browser(http.client.HTTPSConnection):
     def live(self):
         """Opens the live page's WebSocket on a connection of its own."""
         self.close()
-        self.request("GET", "/api/v1/live", None, {"Cookie": self.cookie, "Origin": f"https://{NAME}:{self.port}", "Upgrade": "websocket", "Connection": "Upgrade",
-                                                   "Sec-WebSocket-Version": "13", "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ=="})
+        self.request("GET", "/api/v1/live", None, {
+            "Cookie": self.cookie, "Origin": f"https://{NAME}:{self.port}", "Upgrade": "websocket", "Connection": "Upgrade",
+            "Sec-WebSocket-Version": "13", "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ=="})
         head = b""
         while not head.endswith(b"\r\n\r\n"):
             if not (one := self.sock.recv(1)):
@@ -290,7 +293,8 @@ def browsers_stay(lab):
         raise Failed("all browsers are at one server")
     browser.live()
     texts = browser.watch(1)
-    print(f"browsers: {servers.count('a')} of {len(servers)} addresses at a; one is logged in at {servers[0]} and stays there; its live page has {texts} texts in 1 s", flush=True)
+    print(f"browsers: {servers.count('a')} of {len(servers)} addresses at a; one is logged in at {servers[0]} and stays there; its live page has {texts} texts "
+          "in 1 s", flush=True)
     return browser, servers[0]
 
 
@@ -372,7 +376,7 @@ def console(lab, proxy):
     except (ConnectionError, ssl.SSLError):
         pass
     took = seconds_until(browser.is_known, "the browser's session goes on")
-    lab.start(name)
+    lab.start(name)  # so that the lab ends in order
     lab.hear_each_other()
     print(f"console: logged in at {name}, which knows the browser's address; the live page is open for {LIVE_S + DATABASE_STILL_S + 2} s with {texts} texts, also while "
           f"PostgreSQL stands still (/healthz says 503) and while another address has too many connections; server {name} killed: "
@@ -450,8 +454,8 @@ def main():
             except Exception as error:  # pylint: disable=broad-except
                 print(f"{lab.said()}\nFAILED: {type(error).__name__}: {error}\nrepeat: {sys.argv[0]} {given.bin} --seed {given.seed}")
                 return 1
-        print(f"{judgement.sessions} sessions, {judgement.acknowledged} chunks acknowledged, {judgement.samples} samples compared, none lost; seed {given.seed}; "
-              f"{time.monotonic() - begun:.1f} s")
+        print(f"{judgement.sessions} sessions, {judgement.acknowledged} chunks acknowledged, {judgement.samples} samples compared, none lost; "
+              f"seed {given.seed}; {time.monotonic() - begun:.1f} s")
     finally:
         if template is not None:
             template.cluster.stop("immediate")
