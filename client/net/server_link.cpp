@@ -77,8 +77,8 @@ std::chrono::milliseconds Backoff::jittered(double wait_ms) {
   return std::chrono::milliseconds(static_cast<std::int64_t>(wait_ms * (0.5 + 0.5 * u)));
 }
 
-std::chrono::milliseconds Backoff::next() {
-  const double wait_ms = std::min(static_cast<double>(settings_.most.count()), grown());
+std::chrono::milliseconds Backoff::next(std::chrono::milliseconds most) {
+  const double wait_ms = std::min(static_cast<double>(std::min(most, settings_.most).count()), grown());
   ++tries_;
   return jittered(wait_ms);
 }
@@ -318,7 +318,8 @@ Task<> ServerLink::State::waitForNextTry(LinkEnd& end, std::uint64_t number) {
   const Retry retry = handlers.judge && !abandoned ? handlers.judge(end) : Retry::kBackOff;
   std::chrono::milliseconds time = kForever;
   if (retry == Retry::kSlowly) time = settings.retry.most;
-  if (retry == Retry::kBackOff && reconnects) time = backoff.next();
+  if (retry == Retry::kBackOff && reconnects)
+    time = choice && choice->several() ? backoff.next(settings.most_of_several) : backoff.next();
   probing = retry == Retry::kProbe;
   if (probing && reconnects) time = backoff.nextProbe();
   if (!reconnects) time = kForever;

@@ -46,7 +46,8 @@ class Backoff {
   explicit Backoff(std::uint64_t seed) : Backoff(seed, Settings{}) {}
 
   /// Uniform in [d/2, d], d = min(most, first·factor^n) for the n-th call since the last reset.
-  std::chrono::milliseconds next();
+  std::chrono::milliseconds next() { return next(settings_.most); }
+  std::chrono::milliseconds next(std::chrono::milliseconds most);
   /// The same with `probe` in place of `most`. A probe that waits `probe` does not count as a call: a server
   /// that is found after a long outage, and is busy, is tried again soon.
   std::chrono::milliseconds nextProbe();
@@ -95,6 +96,9 @@ struct LinkSettings {
   /// With several servers this is long enough where no server said why it ended: when servers die one after
   /// the other, the next one is not to wait. Two stations with the same key hear why.
   std::chrono::milliseconds lasting_of_several{2'000};
+  /// And the longest wait in place of retry.most: that none of several serves is most often their database's
+  /// fault, and over for all at once. N stations bring N / (0.75 · this) log-ins meanwhile.
+  std::chrono::milliseconds most_of_several{4'000};
   std::size_t most_waiting = 256;  ///< requests without a reply
   std::uint64_t seed = 0;          ///< of jitter and lot; 0: from the clocks
   bool reconnects = true;          ///< false: only when reconnect(true) says so
