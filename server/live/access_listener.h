@@ -52,7 +52,7 @@ class AccessListener {
     std::string fault;  ///< why changes are not heard, or late; empty: they are heard
   };
 
-  /// `server`: whose changes are its own. `time` must outlive it.
+  /// `server`: the name of this one, which tells its own changes. `time` must outlive it.
   AccessListener(std::unique_ptr<AccessFeed> feed, std::string server, Settings settings, Tell tell,
                  TimeSource& time = machineTime());
   ~AccessListener();

@@ -88,7 +88,7 @@ class LoginState {
   [[nodiscard]] virtual bool mayBeToken(std::string_view token) const = 0;
   /// The key of the texts against forged requests (WebSessions); nothing: any that no other server has.
   [[nodiscard]] virtual std::optional<std::array<unsigned char, 32>> formKey() const { return std::nullopt; }
-  /// Whose tokens are kept here though they are the database's; each perhaps several times.
+  /// Accounts with tokens that are kept here though they are the database's; each perhaps several times.
   [[nodiscard]] virtual std::vector<Principal> holders() const { return {}; }
   /// Call it about once a minute.
   virtual void tidy() {}

@@ -74,7 +74,7 @@ void followUp(ServerContext& context, const pb::Request& request, const pb::Repl
 /// Tells all stations here what the verified backups cover by now. Thread: the network's.
 void tellSafe(ServerContext& context);
 
-/// Whose access has ended, and why.
+/// An access that has ended, and why.
 struct EndedAccess {
   std::string name{};
   bool is_station = false;

@@ -33,7 +33,7 @@ std::size_t jsonBytes(std::string_view body) {
   return bytes;
 }
 
-/// Whose turn a look for a session takes.
+/// The asker in whose turn a look for a session is made.
 std::string askerOf(const HttpRequest& request) {
   return Admission::keyOf(hostOfAddress(request.address));
 }

@@ -279,7 +279,7 @@ class LoadRun {
     std::vector<ProcessUse> all;
     for (std::size_t i = 0; i < servers_.size(); ++i) {
       const OwnServer& server = servers_[i];
-      // a server that is killed begins anew with all but this
+      // a server that is killed forgets all but this
       ProcessUse use = options_.faults ? ProcessUse() : useOf(server.pid());
       if (!options_.faults) addScrape(use, server.scrape());
       const auto now = server.sample();

@@ -28,8 +28,8 @@ struct ProcessUse {
   std::optional<std::uint64_t> messages_out, messages_in;
 };
 
-/// The difference; a number that is unknown at either time, or is less at the end (its process began anew),
-/// is nothing.
+/// The difference; a number that is unknown at either time, or is less at the end (its process was started
+/// again), is nothing.
 ProcessUse useBetween(const ProcessUse& begin, const ProcessUse& end);
 
 /// CPU and disk_bytes since it began; nothing of a process that is not there.
