@@ -9,7 +9,7 @@ namespace needlelab {
 /// Doubles from try to try, and varies, so that servers which lost NATS together do not come back together.
 class BackOff {
  public:
-  static constexpr std::chrono::milliseconds kFirst{100}, kLast{5'000};
+  static constexpr std::chrono::milliseconds kFirst{100}, kLast{2'000};
 
   /// `drawn`: in [0, 1).
   std::chrono::milliseconds next(double drawn) {

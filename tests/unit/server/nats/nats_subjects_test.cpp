@@ -64,7 +64,7 @@ TEST(BackOff, doublesUpToABoundAndVaries) {
   EXPECT_EQ(off.next(0).count(), 100);
   EXPECT_EQ(off.next(0.5).count(), 300);
   for (int i = 0; i < 20; ++i) (void)off.next(0);
-  EXPECT_EQ(off.next(0).count(), 2500);
+  EXPECT_EQ(off.next(0).count(), 1000);
   EXPECT_EQ(off.next(1), BackOff::kLast);
   off.reset();
   EXPECT_EQ(off.next(0).count(), 50);
