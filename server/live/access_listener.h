@@ -35,6 +35,9 @@ class AccessListener {
     std::chrono::milliseconds own_after{1'000};
     /// Whether triggers are there costs more than a look at the number.
     std::chrono::milliseconds faults_every{10'000};
+    /// Nobody begins to watch where the database has not answered a look for so long (remote_access.h): a
+    /// server that is put in another's place, or whose network was cut, is back sooner.
+    std::chrono::milliseconds watch_refused_after{30'000};
     std::chrono::milliseconds slice{100};  ///< of waiting, after which it looks whether to stop
   };
   struct Tell {
@@ -66,6 +69,7 @@ class AccessListener {
   void turn();
   /// Thread: any.
   [[nodiscard]] Hearing hearing() const;
+  [[nodiscard]] const Settings& settings() const { return settings_; }
 
  private:
   void connect();

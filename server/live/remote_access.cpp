@@ -142,7 +142,10 @@ void lookAtAllAccess(ServerContext& context) {
 }
 
 std::optional<pb::Refusal> accessUnknown(const ServerContext& context) {
-  if (context.access_look.unanswered_since_ns == 0) return std::nullopt;
+  const std::int64_t since_ns = context.access_look.unanswered_since_ns;
+  if (since_ns == 0 || !context.access_listener) return std::nullopt;
+  const std::chrono::nanoseconds bearable = context.access_listener->settings().watch_refused_after;
+  if (steadyNowNs() - since_ns < bearable.count()) return std::nullopt;
   return makeRefusal(pb::Refusal::INTERNAL,
                      "this server does not reach its database, so nobody can say here whether your account "
                      "still holds: try another server, or again in a moment");

@@ -19,8 +19,9 @@ void accessChangedElsewhere(ServerContext& context, const std::vector<AccessChan
 /// network's; the context must outlive it.
 void lookAtAllAccess(ServerContext& context);
 
-/// A refusal while nobody tells of changes and the database does not answer a look either: a person who was
-/// disabled elsewhere begins to watch nobody. Nothing: changes are heard, or this server is alone.
+/// A refusal when nobody has told of changes, nor the database answered a look, for
+/// AccessListener::Settings::watch_refused_after: a person who was disabled elsewhere begins to watch nobody.
+/// Nothing: changes are heard, or this server is alone.
 std::optional<pb::Refusal> accessUnknown(const ServerContext& context);
 
 /// Once a second, at a server of several: looks at all accounts while nobody tells of changes, and ends

@@ -3,8 +3,6 @@
 #include <sys/types.h>
 
 #include <cstdlib>
-#include <fstream>
-#include <iterator>
 #include <optional>
 #include <sstream>
 #include <string>
@@ -16,8 +14,7 @@ namespace {
 
 // nothing: there is no such process, or it is none of PostgreSQL
 std::optional<pid_t> parentOf(std::int64_t pid) {
-  std::ifstream file("/proc/" + std::to_string(pid) + "/stat");
-  const std::string text((std::istreambuf_iterator<char>(file)), {});
+  const std::string text = statLineOf(static_cast<pid_t>(pid));
   const auto end = text.rfind(')');
   if (end == std::string::npos || text.find("(postgres)") == std::string::npos) return std::nullopt;
   std::istringstream fields(text.substr(end + 1));

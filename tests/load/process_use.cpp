@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <vector>
@@ -26,10 +25,21 @@ std::string procFolder(pid_t pid) {
   return "/proc/" + std::to_string(pid);
 }
 
+}  // namespace
+
+std::string statLineOf(pid_t pid) {
+  std::ifstream file(procFolder(pid) + "/stat");
+  // a process that ends meanwhile is a fault of reading, which an iterator would throw
+  std::ostringstream whole;
+  whole << file.rdbuf();
+  return whole.str();
+}
+
+namespace {
+
 // proc(5), /proc/PID/stat: 14 and 15 are its own user and system time, 16 and 17 those of children that ended
 std::optional<double> cpuOf(pid_t pid, int last) {
-  std::ifstream file(procFolder(pid) + "/stat");
-  const std::string text((std::istreambuf_iterator<char>(file)), {});
+  const std::string text = statLineOf(pid);
   // the name is in brackets and may contain anything: count fields from the last bracket
   const auto end = text.rfind(')');
   if (end == std::string::npos) return std::nullopt;

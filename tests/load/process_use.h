@@ -32,6 +32,9 @@ struct ProcessUse {
 /// again), is nothing.
 ProcessUse useBetween(const ProcessUse& begin, const ProcessUse& end);
 
+/// What /proc/PID/stat says; empty: there is no such process, or it has just ended.
+std::string statLineOf(pid_t pid);
+
 /// CPU and disk_bytes since it began; nothing of a process that is not there.
 ProcessUse useOf(pid_t pid);
 /// … of it, of its children, and of those that have ended.

@@ -435,6 +435,7 @@ TEST_F(AccessAtTwoServers, aServerThatCannotListenLooksAtAllAccountsEachSecond) 
 TEST_F(AccessAtTwoServers, aServerThatDoesNotReachTheDatabaseLetsNobodyBeginToWatch) {
   start([](ServerOptions& options) {
     options.access.deaf_after = milliseconds(300);
+    options.access.watch_refused_after = milliseconds(500);
     options.token_lifetime = seconds(4);
   });
   const std::string key = a().addStation("bench");
