@@ -180,8 +180,10 @@ def cut_server_from_postgres(lab, dice, _):
     time.sleep(1)
     quiet = now_ns()
     time.sleep(dice.uniform(3, 9))
+    # what was heard first, and then who is there: whoever has left by then may have acks of the other server
+    heard = lab.acks.read()
     still = [one for one in there if one in lab.stations_at(name)]
-    if (acks := lab.silent_since(still, quiet)) > 0:
+    if (acks := heard.since(still, quiet)) > 0:
         lab.findings.append(("acknowledged-without-a-store", f"server {name} sent {acks} acks while cut off ({way}) from PostgreSQL"))
     lab.cables.heal()
     return Fault(begin, now_ns(), there)
@@ -226,8 +228,8 @@ def depose_primary(lab, dice, _):
     if others:
         lab.notes.append(f"the other server's stations stream {(now_ns() - followed) / 1e9:.1f} s after the promoted one has a standby")
     time.sleep(dice.uniform(2, 6))
-    gone = lab.stations_at(OTHER[name])
-    if (acks := lab.silent_since([one for one in there if one not in gone], promoted + 3 * GUARD_NS)) > 0:
+    heard, gone = lab.acks.read(), lab.stations_at(OTHER[name])
+    if (acks := heard.since([one for one in there if one not in gone], promoted + 3 * GUARD_NS)) > 0:
         lab.findings.append(("acknowledged-by-a-deposed-primary", f"server {name} sent {acks} acks with a primary that another one has replaced"))
     lab.nothing_missing(b)
     a.kill()
