@@ -310,10 +310,6 @@ class FacultyLab(FaultLab):
                 raise Failed(f"{len(late)} stations hear no ack within {seconds} s, {late[0]} is one")
             time.sleep(0.05)
 
-    def silent_since(self, stations, since_ns):
-        """How many acks these heard after that moment."""
-        return self.acks.read().since(stations, since_ns)
-
     # --- viewers ---
     def place_viewers(self, dice):
         """At each server one who watches a station, of the other one if it has any, and one who has an overview."""
