@@ -150,6 +150,9 @@ class Plans(unittest.TestCase):
         labs = list(plan([], False, 7))
         self.assertEqual({lab.rounds for lab in labs}, {1})
         self.assertEqual({lab.bug for lab in labs} - {None}, set(PLANTED))
+        # what never comes is found in a bounded time; what must come may take its time beside other tests
+        self.assertTrue(all(lab.is_timed == (lab.bug is not None) for lab in labs))
+        self.assertTrue(all(lab.is_timed for lab in plan([], True, 7)))
         self.assertLess(len([lab for lab in labs if not lab.bug]), len(SCENARIOS))
 
     def test_a_scenario_alone_has_the_seeds_that_it_has_among_all(self):

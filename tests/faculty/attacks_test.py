@@ -79,6 +79,7 @@ class Planned:
     seed: int
     rounds: int
     stations: int
+    is_timed: bool = True  # FacultyLab.within()
 
     @property
     def bug(self):
@@ -101,13 +102,14 @@ def plan(names, is_long, seed, stations=None):
         most = STATIONS if is_long else SHORT_STATIONS
         count = stations or (min(FEW, most) if scenario.few or bug else most)
         for one in seeds if is_long and not bug else seeds[:1]:
-            yield Planned(name, one, scenario.rounds if is_long and not bug else 1, count)
+            yield Planned(name, one, scenario.rounds if is_long and not bug else 1, count, is_long or bug is not None)
 
 
 def play(template, folder, planned):
     """One scenario in a lab of its own; its judgement, and the lab."""
     scenario = planned.scenario
     with FacultyLab(template, folder, planned.stations, planned.bug, scenario.separate) as lab:
+        lab.is_timed = planned.is_timed
         try:
             judgement = scenario.play(lab, random.Random(planned.seed), planned.rounds)
             if not planned.bug:

@@ -28,6 +28,7 @@ from viewers import Viewer  # noqa: E402
 clusters.MOST_CONNECTIONS = 80  # of two servers
 NATS = "nats-server"
 # name -> how the servers are told apart: in station_claims (serverNameOf: the folder that made the database is "first"), and by --live-name
+PATIENCE_S = 60
 SERVERS = {"a": "first", "b": "b"}
 OTHER = {"a": "b", "b": "a"}
 GROUPS = ("stations-1", "stations-2")  # every second station; the first ask server a first
@@ -82,6 +83,7 @@ class FacultyLab(FaultLab):
         self.ahead_s = ahead_s or {}
         self.acks = measures.AckTimes(folder / "ledger", {name: seconds * 10**9 for name, seconds in self.ahead_s.items()})
         self.stations_away, self.viewers_away = measures.Away(), measures.Away()
+        self.is_timed = True  # within()
         self.findings = []  # (name, text), as the judge's
         self.notes = []  # what a scenario measured besides
         self.servers, self.ports, self.viewers, self.nats = {}, {}, [], None
@@ -116,6 +118,10 @@ class FacultyLab(FaultLab):
             if self.cables is not None:
                 self.cables.close()
             self._clean_up()
+
+    def within(self, seconds):
+        """For how long something must have happened. In a short form, beside all other tests, it must happen; how soon is the long form's."""
+        return seconds if self.is_timed else PATIENCE_S
 
     def said(self):
         logs = [self.folder / "log", self.folder / "viewers.log", self.folder / "nats.log", *(self.folder / f"log-{name}" for name in SERVERS)]

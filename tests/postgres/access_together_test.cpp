@@ -23,6 +23,7 @@
 #include "tests/support/patience.h"
 #include "tests/support/postgres_database.h"
 #include "tests/unit/db/planted_here.h"
+#include "tests/unit/server/live/access_requests.h"
 #include "tests/unit/server/live/running_server.h"
 #include "tests/unit/server/web/browser.h"
 
@@ -36,22 +37,6 @@ using testing::HasSubstr;
 
 constexpr const char* kPassword = "correct horse battery";
 
-pb::Login byToken(const std::string& token) {
-  pb::Login login;
-  login.set_token(token);
-  return login;
-}
-pb::Request disable(const std::string& name) {
-  pb::Request request;
-  request.mutable_disable_user()->set_name(name);
-  return request;
-}
-pb::Request passwordOf(const std::string& name, const std::string& password) {
-  pb::Request request;
-  request.mutable_set_password()->set_name(name);
-  request.mutable_set_password()->set_password(password);
-  return request;
-}
 pb::Request roleOf(const std::string& name, pb::Role role) {
   pb::Request request;
   request.mutable_change_user()->set_name(name);

@@ -8,6 +8,7 @@
 
 #include "tests/support/password_cost.h"
 #include "tests/support/patience.h"
+#include "tests/unit/server/live/access_requests.h"
 #include "tests/unit/server/live/log_lines.h"
 #include "tests/unit/server/live/raw_peer.h"
 
@@ -18,25 +19,6 @@ using namespace test;
 using testing::HasSubstr;
 
 constexpr const char* kPassword = "correct horse battery";
-
-pb::Login byToken(const std::string& token) {
-  pb::Login login;
-  login.set_token(token);
-  return login;
-}
-
-pb::Request disable(const std::string& name) {
-  pb::Request request;
-  request.mutable_disable_user()->set_name(name);
-  return request;
-}
-
-pb::Request passwordOf(const std::string& name, const std::string& password) {
-  pb::Request request;
-  request.mutable_set_password()->set_name(name);
-  request.mutable_set_password()->set_password(password);
-  return request;
-}
 
 /// Checks that the connection was closed for good with a message about the log-in.
 void expectEnded(BlockingClient& client) {
