@@ -188,7 +188,8 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
 
     const double v = speed(in, g.x);
     const double x_c = meetMembranes(in, g, depth, entry, out);
-    axial(in, g, x_c, v, out);
+    in.stop.step(g.x, x_c - in.wall, v);
+    axial(in, g, x_c, out);
     friction(in, g, x_c, out);
     puncture(in, g, out);
     tilt(in, g, axis, out);
@@ -205,7 +206,7 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
     }
     out.wrench_W.force_N = force;
 
-    out.phase = in.phase;
+    out.phase = in.stop.phase();
     out.layer = in.layer;
     out.insertion_m = g.d_t;
     out.speed_mps = v;
@@ -223,7 +224,7 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
 
 // §3.1 Entry, and the states that §3.2-3.5 begin with
 void ReferenceEngine::enter(Vec3 p, double depth, Vec3 axis) {
-  Insertion in;
+  Insertion in{.stop = {scene_.tracking_wall, rate_hz_, wallRelaxes(), planted_}};
   in.p_entry = p_past_ + (p - p_past_) * (depth_past_ / (depth_past_ - depth));
   if (planted_ == Defect::kEntryAtTip) in.p_entry = p;  // planted
   in.normal = normalAt(in.p_entry);
@@ -234,6 +235,7 @@ void ReferenceEngine::enter(Vec3 p, double depth, Vec3 axis) {
       std::max(kPi / 4, angleBetween(axis, in.u));  // §3.4: "max(45°, θ) at entry, before any turn"
   if (planted_ == Defect::kTiltLimitFrom45) in.tilt_limit = kPi / 4;  // planted
   in.membranes.resize(scene_.layers.size());
+  in.spring = scene_.layers[0].wall_stiffness_N_per_m.value_or(scene_.tracking_wall.stiffness_N_per_m);
   insertion_ = std::move(in);
 }
 
@@ -284,6 +286,7 @@ bool ReferenceEngine::turn(Insertion& in, Geometry& g, Vec3 p, double depth, Vec
   in.friction_wall += moved;
   for (auto& membrane : in.membranes) membrane.place_m += moved;
   for (double& x : in.x_past) x += moved;
+  in.stop.move(moved);
   in.tilt_limit +=
       std::max(0.0, angleBetween(axis, in.u) - theta_before);  // §3.4: "when a turn of u raises θ …"
   return true;
@@ -359,81 +362,47 @@ double ReferenceEngine::meetMembranes(Insertion& in, const Geometry& g, double d
   return x_c;
 }
 
-// §3.2; x_c stands for x in z, the drag and the force
-void ReferenceEngine::axial(Insertion& in, const Geometry& g, double x_c, double v, StepReport& out) const {
-  const TrackingWallSpec& spec = scene_.tracking_wall;
+// "Models without a wall that relaxes …, and scenes in which neither CUTTING nor ATTRACTED is live"
+bool ReferenceEngine::wallRelaxes() const {
+  switch (scene_.axial_model) {
+    case AxialModel::kEnhancedTrackingWall:
+    case AxialModel::kTrackingWall:
+    case AxialModel::kStatistical:
+    case AxialModel::kPrecomputed:
+      return live(Effect::kCutting) || live(Effect::kAttracted);
+    default:
+      return false;
+  }
+}
+
+double ReferenceEngine::springOf(const Insertion& in) const {
+  return scene_.layers[static_cast<std::size_t>(in.layer)].wall_stiffness_N_per_m.value_or(
+      scene_.tracking_wall.stiffness_N_per_m);
+}
+
+// "Tracking wall", 1 to 4; x_c stands for x
+void ReferenceEngine::axial(Insertion& in, const Geometry& g, double x_c, StepReport& out) const {
   const LayerSpec& layer = scene_.layers[static_cast<std::size_t>(in.layer)];
-  const double stiffness = spec.stiffness_N_per_m;
+  const double stiffness = springOf(in);
   const double cut = live(Effect::kCutting) ? layer.cutting_force_N / stiffness : 0.0;
   double attracted = live(Effect::kAttracted) ? std::min(layer.attracted_force_N / stiffness, g.d_t) : 0.0;
   if (planted_ == Defect::kAttractedNotFaded && live(Effect::kAttracted))
     attracted = layer.attracted_force_N / stiffness;  // planted
 
-  // 1. Stop: ticks with |v| < v_stop are counted, the entry tick included
-  const double slow = spec.stop_speed_mps;
-  const double still = planted_ == Defect::kNoStopHysteresis ? slow : 2 * slow;  // planted: the first
-  if (std::abs(v) >=
-      (in.stopped ? still : slow)) {  // "… or, once stopped, when |v| ≥ 2·v_stop, which also ends the stop"
-    in.slow_ticks = 0;
-    in.stopped = false;
-  } else if (std::abs(v) < slow) {
-    ++in.slow_ticks;
-  }
-  if (!in.stopped &&
-      in.slow_ticks ==
-          inTicks(spec.stop_dwell_s)) {  // "when it reaches stop_dwell_s, the stop begins with m = 0"
-    in.stopped = true;
-    in.stop_m = 0;
-    in.stop_i = 0;
-    in.stop_z0 =
-        std::abs(x_c - in.wall);  // "z0 = |z| at the tick that begins the stop, before the wall moves"
-  }
-  if (in.stopped) {
-    const double z = x_c - in.wall;
-    const double rejection = layer.rejection_force_N / stiffness;
-    const double most = 1.5 * slow * period_s_;
-    if (spec.stop_mode == StopMode::kRamp) {
-      ramp(in, z, rejection);
-    } else {
-      const double gap = std::max(0.0, std::abs(z) - std::max(rejection, spec.relax_residual * in.stop_z0));
-      in.wall += signOf(z) * std::min(gap * (1 - std::exp(-period_s_ / spec.relax_time_s)), most);
-    }
-  }
+  // 1. Spring
+  if (stiffness > in.spring) in.wall = x_c - in.spring / stiffness * (x_c - in.wall);
+  in.spring = stiffness;
 
-  // 2. Movement: w ← min(max(w, x − Δ_cut), x + Δ_att)
+  // 2. Stop
+  in.wall += in.stop.wallMove(x_c - in.wall, layer.rejection_force_N / stiffness);
+
+  // 3. Movement: w ← min(max(w, x − Δ_cut), x + Δ_att)
   in.wall = std::min(std::max(in.wall, x_c - cut), x_c + attracted);
 
-  // 3. Force: f = −K_t·(x − w); "Positive stretch is cutting, negative is attracted"
+  // 4. Force: f = −K_t·(x − w); "A stretched spring is cutting, a compressed one attracted"
   const double stretch = x_c - in.wall;
   if (stretch > 0 && live(Effect::kCutting)) out.cutting_N = -stiffness * stretch;
   if (stretch < 0 && live(Effect::kAttracted)) out.attracted_N = -stiffness * stretch;
-
-  // phase: STOPPED in a stop; INSERTING for v ≥ v_stop, WITHDRAWING for v ≤ −v_stop; otherwise it keeps its
-  // value
-  if (in.stopped)
-    in.phase = Phase::kStopped;
-  else if (v >= slow)
-    in.phase = Phase::kInserting;
-  else if (v <= -slow)
-    in.phase = Phase::kWithdrawing;
-}
-
-// §3.2 RAMP: g = max(0, |z| − f_rej/K_t), m ← max(m, g/n), w ← w + sign(z)·min(m, g, 1.5·v_stop·T)
-void ReferenceEngine::ramp(Insertion& in, double z, double rejection_m) const {
-  const TrackingWallSpec& spec = scene_.tracking_wall;
-  const double n = static_cast<double>(inTicks(spec.stop_duration_s));
-  const double gap = std::max(0.0, std::abs(z) - rejection_m);
-  double most = 1.5 * spec.stop_speed_mps * period_s_;
-  if (planted_ == Defect::kLiteralEq4 || planted_ == Defect::kRampIgnoresZ) {  // planted
-    if (in.stop_i == 0) in.stop_m = signOf(z) * gap / n;
-    ++in.stop_i;
-    if (in.stop_i <= inTicks(spec.stop_duration_s))
-      in.wall += in.stop_m * (planted_ == Defect::kLiteralEq4 ? static_cast<double>(in.stop_i) : 1.0);
-    return;
-  }
-  if (planted_ == Defect::kRampWithoutCap) most = gap;  // planted
-  in.stop_m = std::max(in.stop_m, gap / n);
-  in.wall += signOf(z) * std::min({in.stop_m, gap, most});
 }
 
 // §3.5 Shaft friction: "a second tracking wall with K_f and Δ_f = (∫₀^{d_t} friction ds)/K_f both ways; no

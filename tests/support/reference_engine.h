@@ -8,28 +8,9 @@
 
 #include "common/haptics/engine.h"
 #include "common/haptics/scene_spec.h"
+#include "tests/support/reference_stop.h"
 
 namespace needlelab::test {
-
-/// A fault put into the reference on purpose, one at a time: a hard case that such an engine passes proves
-/// nothing. In the source each is marked `planted`.
-enum class Defect : std::uint8_t {
-  kNone,
-  kLiteralEq4,             ///< stop: m·i is added to the previous wall, m = (x − ω)/n kept
-  kRampIgnoresZ,           ///< stop: m stays what it was at the begin, whatever z has become
-  kRampWithoutCap,         ///< stop: the wall may move faster than 1.5·v_stop
-  kShortSpeedWindow,       ///< v over 20 ms in place of 100 ms
-  kNoStopHysteresis,       ///< a stop ends at v_stop in place of 2·v_stop
-  kAttractedNotFaded,      ///< Δ_att = f_att/K_t up to the exit
-  kEntryAtTip,             ///< P0 = the first sample inside, not the point where the surface was crossed
-  kEntersFromInside,       ///< a first sample inside begins an insertion
-  kInsertionIgnoresDepth,  ///< d_t = max(0, x), without δ/c
-  kTurnLeavesWalls,        ///< a turn moves neither walls, membranes nor past x
-  kTurnAtOnce,             ///< a turn is not held to 2 rad/s
-  kFrictionBySign,         ///< shaft friction of full size against the last move, no spring
-  kAlphaWithoutState,      ///< torque above α(d_t), without θ_l
-  kTiltLimitFrom45,        ///< θ_l begins at 45° although the needle is tilted more
-};
 
 /// Steps the same ticks as `needlelab::step`, without its precomputed tables, caches and cheap trigonometry.
 /// Uses the heap and libm freely. The spec must be valid (it is not validated here).
@@ -67,17 +48,13 @@ class ReferenceEngine {
     Vec3 p_entry;  ///< P0
     Vec3 normal;   ///< n
     Vec3 u, u0;    ///< trajectory direction now and at entry
-    Phase phase = Phase::kInserting;
     int layer = -1;
     std::vector<double> x_past;  ///< x at ticks k_entry − 1 (zero), k_entry, …; moved by each turn
     double depth_past = 0;       ///< δ at the tick before; 0 at P0 for the entry tick
     // tracking wall
     double wall = 0;  ///< w
-    std::int64_t slow_ticks = 0;
-    bool stopped = false;
-    double stop_m = 0;        ///< m of eq. 5
-    double stop_z0 = 0;       ///< z0 of EXPONENTIAL
-    std::int64_t stop_i = 0;  ///< ticks of the stop so far, for kLiteralEq4
+    double spring = 0;  ///< K_t of the tick before
+    ReferenceStop stop;
     // shaft friction
     double friction_wall = 0;  ///< w_f
     double x_c_past = 0;       ///< x_c at the tick before, for kFrictionBySign
@@ -105,14 +82,15 @@ class ReferenceEngine {
   [[nodiscard]] double cone(double d_t) const;
   [[nodiscard]] Geometry geometry(const Insertion& in, Vec3 u, Vec3 p, double depth) const;
 
-  void ramp(Insertion& in, double z, double rejection_m) const;
+  [[nodiscard]] bool wallRelaxes() const;
+  [[nodiscard]] double springOf(const Insertion& in) const;
   static double undecidedBelow(const Insertion& in);
   void enter(Vec3 p, double depth, Vec3 axis);
   bool turn(Insertion& in, Geometry& g, Vec3 p, double depth, Vec3 axis);
   Vec3 clamp(Insertion& in, const Geometry& g, StepReport& out);
   double speed(Insertion& in, double x) const;
   double meetMembranes(Insertion& in, const Geometry& g, double depth, bool entry, StepReport& out) const;
-  void axial(Insertion& in, const Geometry& g, double x_c, double v, StepReport& out) const;
+  void axial(Insertion& in, const Geometry& g, double x_c, StepReport& out) const;
   void friction(Insertion& in, const Geometry& g, double x_c, StepReport& out) const;
   void puncture(const Insertion& in, const Geometry& g, StepReport& out) const;
   void tilt(Insertion& in, const Geometry& g, Vec3 axis, StepReport& out);

@@ -199,8 +199,8 @@ double limitTissue(const SceneModel& model, const TipSample& felt, SimState& sta
   if (model.isLive(Effect::kPuncture)) along_N += limitMembranes(model, x_m, state, report);
   const double x_cut_m = cuttingPosition(state, x_m);
   if (model.cut_reach != nullptr && model.isLive(Effect::kCutting))
-    along_N +=
-        limitWall(model.wall.stiffness_N_per_m, x_cut_m, bone.cutting_N, state.wall_m, report.cutting_N);
+    along_N += limitWall(model.layers[state.layer].wall_stiffness_N_per_m, x_cut_m, bone.cutting_N,
+                         state.wall_m, report.cutting_N);
   // "no wall" stays "no wall"
   if (!std::isnan(report.p_wall_W_m.x)) report.p_wall_W_m = state.p_entry_W_m + state.u_W * state.wall_m;
   if (model.isLive(Effect::kShaftFriction))

@@ -143,7 +143,7 @@ double followCut(const SceneModel& model, SimState& state, double x_m, double x_
   if (move_m > std::max(0.0, x_m - x_before_m) + kRounding_m) report.flags |= kFlagLayerChange;
   state.wall_m = to_m;
   const double before_N = report.cutting_N + report.attracted_N;
-  report.cutting_N = -model.wall.stiffness_N_per_m * (x_cut_m - to_m);
+  report.cutting_N = -model.layers[state.layer].wall_stiffness_N_per_m * (x_cut_m - to_m);
   report.attracted_N = 0.0;
   return report.cutting_N - before_N;
 }
