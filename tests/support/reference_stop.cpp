@@ -22,7 +22,8 @@ void ReferenceStop::move(double by_m) {
 bool ReferenceStop::ends(double x_m, double z_m, double speed_mps, bool left_band) const {
   const double speeds = planted_ == Defect::kNoStopHysteresis ? 1 : 2;  // planted: the first
   if (std::abs(speed_mps) >= speeds * spec_.stop_speed_mps) return true;
-  if (planted_ == Defect::kCreepThrough) return false;                              // planted
+  if (planted_ == Defect::kLiteralEq4 || planted_ == Defect::kRampIgnoresZ || planted_ == Defect::kCreepThrough)
+    return false;  // planted
   if (planted_ == Defect::kEndsByWay) return std::abs(x_m - begin_m_) >= 0.4e-3;  // planted
   return wall_relaxes_ ? std::abs(z_m) >= z_min_ + 0.6e-3 : left_band;
 }
@@ -83,7 +84,7 @@ double ReferenceStop::ramp(double z_m, double rejection_m) {
   if (i_ == 0) {
     m_ = g / n;
     left_ = 6 * g;
-    ramp_ = true;
+    closes_ = inTicks(spec_.stop_dwell_s);
   }
   double most = 1.5 * spec_.stop_speed_mps * period_s_;
   if (planted_ == Defect::kRampWithoutCap) m_ = most = g;  // planted
@@ -92,10 +93,11 @@ double ReferenceStop::ramp(double z_m, double rejection_m) {
     return std::copysign(std::min({m_, g, most}), z_m);
   }
   double d = std::min(g, 0.12e-3 * period_s_);
-  if (ramp_) {
+  if (closes_ > 0) {
     d = std::min({m_, g, most});
     left_ -= d;
-    ramp_ = d < g && left_ > 0;
+    if (d == g) --closes_;
+    if (left_ <= 0) closes_ = 0;
   }
   return std::copysign(d, z_m);
 }

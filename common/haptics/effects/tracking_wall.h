@@ -81,18 +81,20 @@ template <bool kRelaxes>
 }
 
 /// How far the wall of a RAMP moves in a tick of a stop, toward a needle that is `gap_m` beyond the rest. The
-/// ramp closes the gap once; then the wall only follows a drift.
+/// ramp closes the gap, for a dwell's ticks because a hand yields a little longer; then the wall only follows a
+/// drift.
 [[gnu::always_inline]] inline double rampStep(const SceneModel& model, SimState& state, double gap_m,
                                               bool begins) {
   if (begins) {
-    state.ramping = true;
+    state.ramp_ticks = model.dwell_ticks;
     state.stop_step_m = gap_m / model.stop_ticks;
     state.stop_way_m = kRampWays * gap_m;
   }
-  if (!state.ramping) return std::min(gap_m, model.drift_step_m);
+  if (state.ramp_ticks == 0) return std::min(gap_m, model.drift_step_m);
   const double step_m = std::min({state.stop_step_m, gap_m, model.max_stop_step_m});
   state.stop_way_m -= step_m;
-  state.ramping = step_m < gap_m && state.stop_way_m > 0.0;
+  if (step_m == gap_m) --state.ramp_ticks;
+  if (state.stop_way_m <= 0.0) state.ramp_ticks = 0;
   return step_m;
 }
 
