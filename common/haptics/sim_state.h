@@ -113,7 +113,7 @@ struct SimState {
   bool moves_in = true;                    ///< the direction in which it last left a band
   bool armed = false;                      ///< it has moved fast since the last stop
   bool stopped = false;
-  std::int64_t ramp_ticks = 0;  ///< RAMP: in so many ticks the wall still closes the gap; 0: it follows a drift
+  std::int64_t ramp_ticks = 0;  ///< RAMP: what is left of the ramp once it has closed the gap; 0: the wall follows a drift
   double stop_least_m = 0;      ///< the least |z| of this stop
   double stop_step_m = 0;     ///< m of eq. 5
   double stop_way_m = 0;      ///< RAMP: the way that is left to the wall

@@ -84,7 +84,8 @@ double ReferenceStop::ramp(double z_m, double rejection_m) {
   if (i_ == 0) {
     m_ = g / n;
     left_ = 6 * g;
-    closes_ = inTicks(spec_.stop_dwell_s);
+    ramp_ = true;
+    since_closed_ = 0;
   }
   double most = 1.5 * spec_.stop_speed_mps * period_s_;
   if (planted_ == Defect::kRampWithoutCap) m_ = most = g;  // planted
@@ -93,11 +94,11 @@ double ReferenceStop::ramp(double z_m, double rejection_m) {
     return std::copysign(std::min({m_, g, most}), z_m);
   }
   double d = std::min(g, 0.12e-3 * period_s_);
-  if (closes_ > 0) {
+  if (ramp_) {
     d = std::min({m_, g, most});
     left_ -= d;
-    if (d == g) --closes_;
-    if (left_ <= 0) closes_ = 0;
+    if (d == g || since_closed_ > 0) ++since_closed_;
+    ramp_ = left_ > 0 && since_closed_ < inTicks(spec_.stop_dwell_s);
   }
   return std::copysign(d, z_m);
 }

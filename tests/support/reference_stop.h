@@ -61,7 +61,8 @@ class ReferenceStop {
   bool inward_ = true, armed_ = false, stopped_ = false;
   double i_ = 0;       ///< ticks of the stop before this one
   double begin_m_ = 0;  ///< x where the stop began, for kEndsByWay
-  double closes_ = 0;  ///< ticks in which the ramp still closes the gap
+  bool ramp_ = false;
+  double since_closed_ = 0;  ///< ticks since the ramp first closed the gap, that one included
   double m_ = 0;     ///< m of eq. 5
   double left_ = 0;  ///< the ramp's way that is left
   double z0_ = 0;    ///< z0 of EXPONENTIAL

@@ -81,8 +81,8 @@ template <bool kRelaxes>
 }
 
 /// How far the wall of a RAMP moves in a tick of a stop, toward a needle that is `gap_m` beyond the rest. The
-/// ramp closes the gap, for a dwell's ticks because a hand yields a little longer; then the wall only follows a
-/// drift.
+/// ramp closes the gap and lasts a dwell longer, because a hand yields a little longer; then the wall only
+/// follows a drift.
 [[gnu::always_inline]] inline double rampStep(const SceneModel& model, SimState& state, double gap_m,
                                               bool begins) {
   if (begins) {
@@ -93,7 +93,7 @@ template <bool kRelaxes>
   if (state.ramp_ticks == 0) return std::min(gap_m, model.drift_step_m);
   const double step_m = std::min({state.stop_step_m, gap_m, model.max_stop_step_m});
   state.stop_way_m -= step_m;
-  if (step_m == gap_m) --state.ramp_ticks;
+  if (step_m == gap_m || state.ramp_ticks < model.dwell_ticks) --state.ramp_ticks;
   if (state.stop_way_m <= 0.0) state.ramp_ticks = 0;
   return step_m;
 }

@@ -189,8 +189,8 @@ double shareAllowed(double speed_mps) {
 }
 
 // work and force at `speed_mps` are those at 10 mm/s
-void expectTheSame(const Sample& sample, const Outcome& of, const Outcome& at_10, double speed_mps) {
-  const std::string where = fmt::format("{} at {:g} mm/s: ", sample.name, speed_mps * 1e3);
+void expectTheSame(const Sample& sample, const Outcome& of, const Outcome& at_10, double speed_mps, double tremor_hz = 0) {
+  const std::string where = fmt::format("{} at {:g} mm/s, tremor of {:g} Hz: ", sample.name, speed_mps * 1e3, tremor_hz);
   const double share = shareAllowed(speed_mps);
   EXPECT_NEAR(of.work_J, at_10.work_J, share * at_10.work_J + 1e-6) << where << "work";
   for (std::size_t i = 0; i < of.after_N.size(); ++i) {
@@ -216,7 +216,7 @@ TEST(StopsOfSamples, tremorHidesNoTissue) {
     const Outcome at_10 = strokesAt(sample, 0.01, true);
     for (const double frequency_hz : {4.0, 7.0, 12.0})
       for (const double speed : {0.0005, 0.001, 0.002, 0.004})
-        expectTheSame(sample, strokesAt(sample, speed, true, {1e-4, frequency_hz}), at_10, speed);
+        expectTheSame(sample, strokesAt(sample, speed, true, {1e-4, frequency_hz}), at_10, speed, frequency_hz);
   }
 }
 
