@@ -32,7 +32,9 @@ Vec3 turned(Vec3 u, Vec3 e, double angle) {
 }  // namespace
 
 ReferenceEngine::ReferenceEngine(SceneSpec scene, double rate_hz, Defect planted)
-    : scene_(std::move(scene)), rate_hz_(rate_hz), period_s_(1.0 / rate_hz), planted_(planted) {}
+    : scene_(std::move(scene)), rate_hz_(rate_hz), period_s_(1.0 / rate_hz), planted_(planted),
+      cuts_(scene_.stage_numbers[stageOf(Effect::kCutMemory)][0],
+            scene_.stage_numbers[stageOf(Effect::kCutMemory)][1], planted) {}
 
 std::optional<Vec3> ReferenceEngine::direction() const {
   return insertion_ ? std::optional(insertion_->u) : std::nullopt;
@@ -72,9 +74,12 @@ bool ReferenceEngine::live(Effect effect) const {
       return anyLayer([](const LayerSpec& l) { return l.friction_N_per_m != 0; });
     case Effect::kPuncture:
       return anyLayer([](const LayerSpec& l) { return l.membrane.has_value(); });
-    case Effect::kCutMemory:
+    case Effect::kCutMemory: {
+      const StageNumbers& numbers = scene_.stage_numbers[stageOf(effect)];
+      return numbers[0] != 0 || numbers[1] != 0;
+    }
     case Effect::kBone:
-      return false;  // the reference forgets at each exit, and knows no bone
+      return false;  // the reference knows no bone
   }
   return false;
 }
@@ -160,6 +165,7 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
   if (depth <= 0) {  // "Exit: δ_k ≤ 0: everything is reset, all outputs are zero."
     if (insertion_) out.flags |= kFlagExit;
     insertion_.reset();
+    cuts_.exit();
     outside_once_ = true;
   } else if (!insertion_ && has_past_ && depth_past_ <= 0) {  // "Entry: δ_k > 0 after δ_{k−1} ≤ 0."
     enter(p, depth, axis);
@@ -183,13 +189,16 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
     in.layer = layer;
 
     // trajectory and clamping (§3.3)
+    const double x_unturned = g.x;
     if (turn(in, g, p, depth, axis)) out.flags |= kFlagTurn;
+    in.turned_by = g.x - x_unturned;
     const Vec3 clamping = clamp(in, g, out);
 
     const double v = speed(in, g.x);
     const double x_c = meetMembranes(in, g, depth, entry, out);
     axial(in, g, x_c, v, out);
     friction(in, g, x_c, out);
+    if (live(Effect::kCutMemory)) remember(in, g, x_c, entry, out);
     puncture(in, g, out);
     tilt(in, g, axis, out);
 
@@ -460,6 +469,35 @@ void ReferenceEngine::puncture(const Insertion& in, const Geometry& g, StepRepor
     const MembraneSpec& spec = *scene_.layers[i].membrane;
     out.puncture_N -= spec.linear_N_per_m * z + spec.quadratic_N_per_m2 * z * z;
   }
+}
+
+// "Memory of the cut": after the tick it changes cutting and puncture
+void ReferenceEngine::remember(Insertion& in, const Geometry& g, double x_c, bool entry, StepReport& out) {
+  CutTick tick;
+  tick.entry = entry;
+  tick.p_entry_W_m = in.p_entry;
+  tick.u_W = in.u;
+  tick.turned_by = in.turned_by;
+  tick.x_before = in.x_past[in.x_past.size() - 2];
+  tick.x = g.x;
+  tick.x_c = x_c;
+  tick.wall = in.wall;
+  tick.friction_wall = in.friction_wall;
+  const double stiffness = scene_.tracking_wall.stiffness_N_per_m;
+  if (live(Effect::kCutting))
+    tick.cut_reach = scene_.layers[static_cast<std::size_t>(in.layer)].cutting_force_N / stiffness;
+  tick.ruptured = (out.flags & kFlagRupture) != 0;
+  for (const Membrane& membrane : in.membranes)
+    tick.membranes.push_back({membrane.met, membrane.ruptured, membrane.place_m});
+  const ReferenceCutMemory::Released released = cuts_.step(tick);
+  in.wall = tick.wall;
+  in.friction_wall = tick.friction_wall;
+  for (std::size_t i = 0; i < in.membranes.size(); ++i) in.membranes[i].ruptured = tick.membranes[i].open;
+  if (released.membrane) out.flags |= kFlagRupture;
+  if (released.wall) out.flags |= kFlagLayerChange;
+  if (released.undecided) undecided_ |= kFlagLayerChange;
+  const double stretch = tick.x_c - in.wall;
+  if (stretch > 0 && live(Effect::kCutting)) out.cutting_N = -stiffness * stretch;
 }
 
 // §3.4: θ_l ← max(α(d_t), min(θ_l, θ)); torque min(k_θ (θ − θ_l), τ_max) about the unit vector of axis × u

@@ -8,6 +8,7 @@
 
 #include "common/haptics/engine.h"
 #include "common/haptics/scene_spec.h"
+#include "tests/support/reference_cut_memory.h"
 
 namespace needlelab::test {
 
@@ -87,6 +88,7 @@ class ReferenceEngine {
     double tilt_limit = 0;  ///< θ_l
     int cone_bound_ticks = 0;
     std::vector<Membrane> membranes;
+    double turned_by = 0;  ///< change of x by the turn of this tick
   };
 
   /// Values derived from the pose, p and u; computed again after a turn.
@@ -115,6 +117,7 @@ class ReferenceEngine {
   void axial(Insertion& in, const Geometry& g, double x_c, double v, StepReport& out) const;
   void friction(Insertion& in, const Geometry& g, double x_c, StepReport& out) const;
   void puncture(const Insertion& in, const Geometry& g, StepReport& out) const;
+  void remember(Insertion& in, const Geometry& g, double x_c, bool entry, StepReport& out);
   void tilt(Insertion& in, const Geometry& g, Vec3 axis, StepReport& out);
 
   SceneSpec scene_;
@@ -125,6 +128,7 @@ class ReferenceEngine {
   Vec3 p_past_;
   double depth_past_ = 0;
   std::optional<Insertion> insertion_;
+  ReferenceCutMemory cuts_;
   std::uint32_t undecided_ = 0;
 };
 
