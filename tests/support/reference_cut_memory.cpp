@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "tests/support/reference_engine.h"
 
@@ -10,7 +9,7 @@ namespace needlelab::test {
 namespace {
 
 constexpr std::size_t kTracks = 16;
-constexpr double kBeyond_m = 1e-6;
+constexpr double kNewCut_m = 1e-6;
 
 Vec3 q(const CutTick& tick, double s) {
   return tick.p_entry_W_m + tick.u_W * s;  // Q(s) = P0 + u·s
@@ -30,109 +29,120 @@ double cutPosition(const CutTick& tick) {
 
 }  // namespace
 
-double ReferenceCutMemory::distanceTo(const Track& track, Vec3 point) const {
-  return norm(acrossOf(point - track.p_entry_W_m, track.u_W));
+double ReferenceCutMemory::distanceTo(const Track& track, Vec3 p_W_m) {
+  return norm(acrossOf(p_W_m - track.p_entry_W_m, track.v_W));
 }
 
-// "the way along u to that track's end, or to where u leaves it"
-double ReferenceCutMemory::wayWithin(const Track& track, Vec3 point, Vec3 u) const {
-  const Vec3 arm = point - track.p_entry_W_m;
-  const double to_end = (track.length - dot(arm, track.u_W)) / dot(u, track.u_W);
-  const Vec3 a = acrossOf(arm, track.u_W), b = acrossOf(u, track.u_W);
+double ReferenceCutMemory::alongTo(const Track& track, Vec3 p_W_m) {
+  return dot(p_W_m - track.p_entry_W_m, track.v_W);
+}
+
+bool ReferenceCutMemory::near(const Track& track, Vec3 p_W_m) const {
+  return distanceTo(track, p_W_m) <= radius_m_;
+}
+
+// "the way along u to that track's end, or, if that is shorter, to where u leaves it"
+double ReferenceCutMemory::wayWithin(const Track& track, Vec3 p_W_m, Vec3 u_W) const {
+  const double cosine = dot(u_W, track.v_W);
+  if (cosine <= 0) return 0;
+  const double to_end = (track.length - alongTo(track, p_W_m)) / cosine;
+  if (planted_ == Defect::kCutWithoutSides) return to_end;  // planted
+  const Vec3 a = acrossOf(p_W_m - track.p_entry_W_m, track.v_W), b = acrossOf(u_W, track.v_W);
+  if (normSquared(b) <= 1e-12) return to_end;
   // |a + b·t| = r
-  double to_side = std::numeric_limits<double>::infinity();
-  if (normSquared(b) > 0) {
-    const double half = dot(a, b) / normSquared(b);
-    const double rest = (normSquared(a) - radius_m_ * radius_m_) / normSquared(b);
-    to_side = -half + std::sqrt(std::max(0.0, half * half - rest));
-  }
-  return std::min(to_end, to_side);
+  const double half = dot(a, b) / normSquared(b);
+  const double rest = (normSquared(a) - radius_m_ * radius_m_) / normSquared(b);
+  return std::min(to_end, -half + std::sqrt(std::max(0.0, half * half - rest)));
 }
 
-// the greatest of the ends of other tracks within r of Q(w)
-std::optional<double> ReferenceCutMemory::endOfOthers(const CutTick& tick) const {
-  std::optional<double> end;
+// 1. Turn
+void ReferenceCutMemory::turn(const CutTick& tick) {
+  if (!own_) return;
+  tracks_[*own_].v_W = tick.u_W;
+  if (planted_ != Defect::kCutKeptInTurn) tracks_[*own_].length += tick.turned_by;  // else planted
+}
+
+// 2. Membranes
+bool ReferenceCutMemory::openMembranes(CutTick& tick) const {
+  const double x_c_before = cutPosition(tick);
+  bool released = false;
+  for (std::size_t i = 0; i < tick.membranes.size(); ++i) {
+    CutTick::Membrane& membrane = tick.membranes[i];
+    if (!membrane.met || membrane.open) continue;
+    for (const Track& track : tracks_) {
+      const Vec3 hole = planted_ == Defect::kHoleAtTip ? q(tick, tick.x) : q(tick, membrane.place);  // planted
+      if (track.open[i] && near(track, hole)) membrane.open = true;
+    }
+    if (membrane.open && tick.x_before > membrane.place) released = true;
+  }
+  const double follows = cutPosition(tick) - x_c_before;
+  if (planted_ == Defect::kHoleLeavesWalls) return released;  // planted
+  tick.wall += follows;
+  tick.friction_wall += follows;
+  return released;
+}
+
+// 3. End of the cut
+double ReferenceCutMemory::endOfCut(const CutTick& tick) const {
   const Vec3 at = q(tick, tick.wall);
+  double end = own_ ? std::max(0.0, tracks_[*own_].length) : 0.0;
   for (std::size_t i = 0; i < tracks_.size(); ++i) {
-    if (own_ == i || distanceTo(tracks_[i], at) > radius_m_) continue;
-    const double this_end = tick.wall + wayWithin(tracks_[i], at, tick.u_W);
-    if (!end || this_end > *end) end = this_end;
+    if (own_ == i || !near(tracks_[i], at) || alongTo(tracks_[i], at) < -radius_m_) continue;
+    end = std::max(end, tick.wall + wayWithin(tracks_[i], at, tick.u_W));
   }
   return end;
 }
 
-ReferenceCutMemory::Track& ReferenceCutMemory::makeTrack(const CutTick& tick) {
-  // "it takes the place of a track that it makes longer (that track's line passes within r of P0 and of Q(w),
-  // and ends before it), else the oldest's"
+// 5. Tracks: the place of a new one
+std::size_t ReferenceCutMemory::placeFor(const CutTick& tick) {
   const Vec3 at = q(tick, tick.wall);
-  for (std::size_t i = 0; i < tracks_.size(); ++i) {
-    const Track& track = tracks_[i];
-    if (distanceTo(track, tick.p_entry_W_m) > radius_m_ || distanceTo(track, at) > radius_m_) continue;
-    if (track.length >= dot(at - track.p_entry_W_m, track.u_W)) continue;
-    own_ = i;
-    return tracks_[i] = {};
-  }
-  if (tracks_.size() == kTracks) tracks_.erase(tracks_.begin());
-  own_ = tracks_.size();
-  return tracks_.emplace_back();
+  for (std::size_t i = 0; i < tracks_.size(); ++i)
+    if (near(tracks_[i], tick.p_entry_W_m) && near(tracks_[i], at) &&
+        tracks_[i].length <= alongTo(tracks_[i], at) && planted_ != Defect::kCutsKeptApart)  // planted
+      return i;
+  const std::size_t place = next_;
+  next_ = (next_ + 1) % kTracks;
+  if (place == tracks_.size()) tracks_.emplace_back();
+  tracks_[place] = {};
+  tracks_[place].open.assign(tick.membranes.size(), false);
+  return place;
 }
 
-// 1. Tracks
-void ReferenceCutMemory::keepTrack(const CutTick& tick) {
+// 5. Tracks
+void ReferenceCutMemory::record(const CutTick& tick, double end) {
   if (!own_) {
-    const double cut_to = std::max(0.0, endOfOthers(tick).value_or(0.0));
-    if (!(tick.wall > cut_to + kBeyond_m) && !tick.ruptured) return;
-    makeTrack(tick);
-  } else {
-    tracks_[*own_].length += tick.turned_by;  // "turns with it"
+    const bool new_cut = tick.cuts && tick.wall > end + kNewCut_m;
+    if (!new_cut && !tick.ruptured) return;
+    own_ = placeFor(tick);
+    tracks_[*own_].p_entry_W_m = tick.p_entry_W_m;
+    tracks_[*own_].v_W = tick.u_W;
   }
   Track& own = tracks_[*own_];
-  own.p_entry_W_m = tick.p_entry_W_m;
-  own.u_W = tick.u_W;
-  own.length = std::max(own.length, tick.wall);
-  own.open.assign(tick.membranes.size(), false);
-  for (std::size_t i = 0; i < tick.membranes.size(); ++i) own.open[i] = tick.membranes[i].open;
+  const double cut_to = planted_ == Defect::kCutToTip ? tick.x : tick.wall;  // planted: the first
+  if (tick.cuts) own.length = std::max(own.length, cut_to);
+  for (std::size_t i = 0; i < tick.membranes.size(); ++i)
+    if (tick.membranes[i].open) own.open[i] = true;
 }
 
 ReferenceCutMemory::Released ReferenceCutMemory::step(CutTick& tick) {
   Released released;
-  if (tick.entry) held_.assign(tick.membranes.size(), false);
-  keepTrack(tick);
-
-  // 2. Membranes
-  for (std::size_t i = 0; i < tick.membranes.size(); ++i) {
-    auto& membrane = tick.membranes[i];
-    if (!membrane.met || membrane.open) continue;
-    for (const Track& track : tracks_)
-      if (track.open[i] && distanceTo(track, q(tick, membrane.place)) <= radius_m_) membrane.open = true;
-    if (membrane.open && held_[i]) released.membrane = true;
+  if (tick.entry) own_.reset();
+  turn(tick);
+  released.membrane = openMembranes(tick);
+  double end = 0;
+  if (tick.cuts) {
+    end = endOfCut(tick);
+    // 4. Wall
+    const double to = std::min(cutPosition(tick) - share_ * tick.cut_reach, end);
+    const double move = std::max(0.0, to - tick.wall);
+    const double further = move - std::max(0.0, tick.x - tick.x_before);
+    tick.wall = std::max(tick.wall, to);
+    released.wall = move > 0 && further > 1e-12;
+    released.undecided = std::abs(further) < 1e-11;
   }
-  const double x_c = cutPosition(tick);  // "w and w_f follow x_c"
-  tick.wall += x_c - tick.x_c;
-  tick.friction_wall += x_c - tick.x_c;
-  tick.x_c = x_c;
-
-  // 3. End of the cut
-  std::optional<double> end = endOfOthers(tick);
-  if (own_) end = std::max(end.value_or(tracks_[*own_].length), tracks_[*own_].length);
-
-  // 4. Wall
-  if (end) {
-    const double moved = std::max(tick.wall, std::min(x_c - share_ * tick.cut_reach, *end)) - tick.wall;
-    tick.wall += moved;
-    const double further = moved - (tick.x - tick.x_before);
-    released.wall = moved > 0 && further > 0;
-    released.undecided = std::abs(further) < 1e-12;
-  }
-
-  for (std::size_t i = 0; i < tick.membranes.size(); ++i)
-    held_[i] = tick.membranes[i].met && !tick.membranes[i].open && tick.x > tick.membranes[i].place;
+  tick.x_c = cutPosition(tick);
+  record(tick, end);
   return released;
-}
-
-void ReferenceCutMemory::exit() {
-  own_.reset();
-  held_.clear();
 }
 
 }  // namespace needlelab::test

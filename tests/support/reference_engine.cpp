@@ -75,8 +75,8 @@ bool ReferenceEngine::live(Effect effect) const {
     case Effect::kPuncture:
       return anyLayer([](const LayerSpec& l) { return l.membrane.has_value(); });
     case Effect::kCutMemory: {
-      const StageNumbers& numbers = scene_.stage_numbers[stageOf(effect)];
-      return numbers[0] != 0 || numbers[1] != 0;
+      // what it could change is there: a membrane, or the wall, which this model always has
+      return scene_.stage_numbers[stageOf(effect)][1] > 0;
     }
     case Effect::kBone:
       return false;  // the reference knows no bone
@@ -165,7 +165,6 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
   if (depth <= 0) {  // "Exit: δ_k ≤ 0: everything is reset, all outputs are zero."
     if (insertion_) out.flags |= kFlagExit;
     insertion_.reset();
-    cuts_.exit();
     outside_once_ = true;
   } else if (!insertion_ && has_past_ && depth_past_ <= 0) {  // "Entry: δ_k > 0 after δ_{k−1} ≤ 0."
     enter(p, depth, axis);
@@ -196,9 +195,11 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
 
     const double v = speed(in, g.x);
     const double x_c = meetMembranes(in, g, depth, entry, out);
+    const double wall_unstepped = in.wall;
     axial(in, g, x_c, v, out);
+    // "Memory of the cut": "Where neither CUTTING nor ATTRACTED is live, no wall is stepped"
+    if (!live(Effect::kCutting) && !live(Effect::kAttracted)) in.wall = wall_unstepped;
     friction(in, g, x_c, out);
-    if (live(Effect::kCutMemory)) remember(in, g, x_c, entry, out);
     puncture(in, g, out);
     tilt(in, g, axis, out);
 
@@ -207,6 +208,7 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
     force += in.u * out.friction_N;
     force += in.u * out.puncture_N;
     force += clamping;
+    if (live(Effect::kCutMemory)) force += in.u * remember(in, g, x_c, entry, out);
     // §3.5: "the sum is capped at max_force_n, keeping its direction"
     if (norm(force) > scene_.max_force_N) {
       force = force * (scene_.max_force_N / norm(force));
@@ -471,8 +473,9 @@ void ReferenceEngine::puncture(const Insertion& in, const Geometry& g, StepRepor
   }
 }
 
-// "Memory of the cut": after the tick it changes cutting and puncture
-void ReferenceEngine::remember(Insertion& in, const Geometry& g, double x_c, bool entry, StepReport& out) {
+// "Memory of the cut": "after the tick it changes cutting and puncture"; the change of the force along u
+double ReferenceEngine::remember(Insertion& in, const Geometry& g, double x_c, bool entry, StepReport& out) {
+  const double stiffness = scene_.tracking_wall.stiffness_N_per_m;
   CutTick tick;
   tick.entry = entry;
   tick.p_entry_W_m = in.p_entry;
@@ -483,12 +486,12 @@ void ReferenceEngine::remember(Insertion& in, const Geometry& g, double x_c, boo
   tick.x_c = x_c;
   tick.wall = in.wall;
   tick.friction_wall = in.friction_wall;
-  const double stiffness = scene_.tracking_wall.stiffness_N_per_m;
-  if (live(Effect::kCutting))
-    tick.cut_reach = scene_.layers[static_cast<std::size_t>(in.layer)].cutting_force_N / stiffness;
+  tick.cuts = live(Effect::kCutting);
+  tick.cut_reach = scene_.layers[static_cast<std::size_t>(in.layer)].cutting_force_N / stiffness;
   tick.ruptured = (out.flags & kFlagRupture) != 0;
   for (const Membrane& membrane : in.membranes)
     tick.membranes.push_back({membrane.met, membrane.ruptured, membrane.place_m});
+
   const ReferenceCutMemory::Released released = cuts_.step(tick);
   in.wall = tick.wall;
   in.friction_wall = tick.friction_wall;
@@ -496,8 +499,13 @@ void ReferenceEngine::remember(Insertion& in, const Geometry& g, double x_c, boo
   if (released.membrane) out.flags |= kFlagRupture;
   if (released.wall) out.flags |= kFlagLayerChange;
   if (released.undecided) undecided_ |= kFlagLayerChange;
-  const double stretch = tick.x_c - in.wall;
-  if (stretch > 0 && live(Effect::kCutting)) out.cutting_N = -stiffness * stretch;
+
+  const double before = out.cutting_N + out.puncture_N;
+  if (const double stretch = tick.x_c - in.wall; live(Effect::kCutting) && stretch > 0)
+    out.cutting_N = -stiffness * stretch;
+  out.puncture_N = 0;
+  puncture(in, g, out);
+  return out.cutting_N + out.puncture_N - before;
 }
 
 // §3.4: θ_l ← max(α(d_t), min(θ_l, θ)); torque min(k_θ (θ − θ_l), τ_max) about the unit vector of axis × u

@@ -30,6 +30,12 @@ enum class Defect : std::uint8_t {
   kFrictionBySign,         ///< shaft friction of full size against the last move, no spring
   kAlphaWithoutState,      ///< torque above α(d_t), without θ_l
   kTiltLimitFrom45,        ///< θ_l begins at 45° although the needle is tilted more
+  kCutToTip,               ///< memory: a track is as long as x has been, not w
+  kCutWithoutSides,        ///< memory: a needle that leaves a track aside stays in it
+  kCutKeptInTurn,          ///< memory: a turn does not change the own track's length
+  kCutsKeptApart,          ///< memory: an insertion that makes a track longer gets another
+  kHoleAtTip,              ///< memory: a membrane opens where the tip is near a hole, not its place
+  kHoleLeavesWalls,        ///< memory: the walls do not follow where a membrane opens
 };
 
 /// Steps the same ticks as `needlelab::step`, without its precomputed tables, caches and cheap trigonometry.
@@ -117,7 +123,7 @@ class ReferenceEngine {
   void axial(Insertion& in, const Geometry& g, double x_c, double v, StepReport& out) const;
   void friction(Insertion& in, const Geometry& g, double x_c, StepReport& out) const;
   void puncture(const Insertion& in, const Geometry& g, StepReport& out) const;
-  void remember(Insertion& in, const Geometry& g, double x_c, bool entry, StepReport& out);
+  double remember(Insertion& in, const Geometry& g, double x_c, bool entry, StepReport& out);
   void tilt(Insertion& in, const Geometry& g, Vec3 axis, StepReport& out);
 
   SceneSpec scene_;
