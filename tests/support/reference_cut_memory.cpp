@@ -9,7 +9,7 @@ namespace needlelab::test {
 namespace {
 
 constexpr std::size_t kTracks = 16;
-constexpr double kNewCut_m = 1e-6;
+constexpr double kNewCut_m = 1e-6, kRounding_m = 1e-12;
 
 Vec3 q(const CutTick& tick, double s) {
   return tick.p_entry_W_m + tick.u_W * s;  // Q(s) = P0 + u·s
@@ -37,8 +37,8 @@ double ReferenceCutMemory::alongTo(const Track& track, Vec3 p_W_m) {
   return dot(p_W_m - track.p_entry_W_m, track.v_W);
 }
 
-bool ReferenceCutMemory::near(const Track& track, Vec3 p_W_m) const {
-  return distanceTo(track, p_W_m) <= radius_m_;
+bool ReferenceCutMemory::passes(const Track& track, Vec3 p_W_m, double more_m) const {
+  return distanceTo(track, p_W_m) <= radius_m_ + more_m;
 }
 
 // "the way along u to that track's end, or, if that is shorter, to where u leaves it"
@@ -71,7 +71,7 @@ bool ReferenceCutMemory::openMembranes(CutTick& tick) const {
     if (!membrane.met || membrane.open) continue;
     for (const Track& track : tracks_) {
       const Vec3 hole = planted_ == Defect::kHoleAtTip ? q(tick, tick.x) : q(tick, membrane.place);  // planted
-      if (track.open[i] && near(track, hole)) membrane.open = true;
+      if (track.open[i] && passes(track, hole)) membrane.open = true;
     }
     if (membrane.open && tick.x_before > membrane.place) released = true;
   }
@@ -83,11 +83,11 @@ bool ReferenceCutMemory::openMembranes(CutTick& tick) const {
 }
 
 // 3. End of the cut
-double ReferenceCutMemory::endOfCut(const CutTick& tick) const {
+double ReferenceCutMemory::endOfCut(const CutTick& tick, double more_m) const {
   const Vec3 at = q(tick, tick.wall);
   double end = own_ ? std::max(0.0, tracks_[*own_].length) : 0.0;
   for (std::size_t i = 0; i < tracks_.size(); ++i) {
-    if (own_ == i || !near(tracks_[i], at) || alongTo(tracks_[i], at) < -radius_m_) continue;
+    if (own_ == i || !passes(tracks_[i], at, more_m) || alongTo(tracks_[i], at) < -radius_m_) continue;
     end = std::max(end, tick.wall + wayWithin(tracks_[i], at, tick.u_W));
   }
   return end;
@@ -97,7 +97,7 @@ double ReferenceCutMemory::endOfCut(const CutTick& tick) const {
 std::size_t ReferenceCutMemory::placeFor(const CutTick& tick) {
   const Vec3 at = q(tick, tick.wall);
   for (std::size_t i = 0; i < tracks_.size(); ++i)
-    if (near(tracks_[i], tick.p_entry_W_m) && near(tracks_[i], at) &&
+    if (passes(tracks_[i], tick.p_entry_W_m) && passes(tracks_[i], at) &&
         tracks_[i].length <= alongTo(tracks_[i], at) && planted_ != Defect::kCutsKeptApart)  // planted
       return i;
   const std::size_t place = next_;
@@ -132,13 +132,16 @@ ReferenceCutMemory::Released ReferenceCutMemory::step(CutTick& tick) {
   double end = 0;
   if (tick.cuts) {
     end = endOfCut(tick);
+    const bool new_cut = !own_ && tick.wall > end + kNewCut_m;
+    for (const double more_m : {-kRounding_m, kRounding_m})
+      if (!own_ && (tick.wall > endOfCut(tick, more_m) + kNewCut_m) != new_cut) undecided_ = true;
     // 4. Wall
     const double to = std::min(cutPosition(tick) - share_ * tick.cut_reach, end);
     const double move = std::max(0.0, to - tick.wall);
     const double further = move - std::max(0.0, tick.x - tick.x_before);
     tick.wall = std::max(tick.wall, to);
-    released.wall = move > 0 && further > 1e-12;
-    released.undecided = std::abs(further) < 1e-11;
+    released.wall = move > 0 && further > kRounding_m;
+    released.undecided = std::abs(further) < 10 * kRounding_m;
   }
   tick.x_c = cutPosition(tick);
   record(tick, end);

@@ -48,6 +48,8 @@ class ReferenceCutMemory {
     bool undecided = false;  ///< rounding decides about `wall`
   };
   Released step(CutTick& tick);
+  /// In a tick so far rounding decided whether the insertion gets a track of its own.
+  [[nodiscard]] bool undecided() const { return undecided_; }
 
  private:
   struct Track {
@@ -59,11 +61,11 @@ class ReferenceCutMemory {
 
   static double distanceTo(const Track& track, Vec3 p_W_m);
   static double alongTo(const Track& track, Vec3 p_W_m);
-  [[nodiscard]] bool near(const Track& track, Vec3 p_W_m) const;
+  [[nodiscard]] bool passes(const Track& track, Vec3 p_W_m, double more_m = 0) const;
   [[nodiscard]] double wayWithin(const Track& track, Vec3 p_W_m, Vec3 u_W) const;
   void turn(const CutTick& tick);
   bool openMembranes(CutTick& tick) const;
-  [[nodiscard]] double endOfCut(const CutTick& tick) const;
+  [[nodiscard]] double endOfCut(const CutTick& tick, double more_m = 0) const;
   std::size_t placeFor(const CutTick& tick);
   void record(const CutTick& tick, double end);
 
@@ -72,6 +74,7 @@ class ReferenceCutMemory {
   std::vector<Track> tracks_;  ///< by place, at most 16
   std::size_t next_ = 0;       ///< the place that a new track gets
   std::optional<std::size_t> own_;
+  bool undecided_ = false;
 };
 
 }  // namespace needlelab::test

@@ -164,6 +164,8 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
   // contact (§3.1)
   if (depth <= 0) {  // "Exit: δ_k ≤ 0: everything is reset, all outputs are zero."
     if (insertion_) out.flags |= kFlagExit;
+    // an old cut of such an insertion is off as its trajectory was
+    if (insertion_ && live(Effect::kCutMemory)) cone_bound_ticks_before_ += insertion_->cone_bound_ticks;
     insertion_.reset();
     outside_once_ = true;
   } else if (!insertion_ && has_past_ && depth_past_ <= 0) {  // "Entry: δ_k > 0 after δ_{k−1} ≤ 0."
@@ -197,7 +199,7 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
     const double x_c = meetMembranes(in, g, depth, entry, out);
     const double wall_unstepped = in.wall;
     axial(in, g, x_c, v, out);
-    // "Memory of the cut": "Where neither CUTTING nor ATTRACTED is live, no wall is stepped"
+    // "Memory of the cut": "Where neither CUTTING nor ATTRACTED is live no wall is dragged"
     if (!live(Effect::kCutting) && !live(Effect::kAttracted)) in.wall = wall_unstepped;
     friction(in, g, x_c, out);
     puncture(in, g, out);
@@ -210,6 +212,7 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
     force += clamping;
     if (live(Effect::kCutMemory)) force += in.u * remember(in, g, x_c, entry, out);
     // §3.5: "the sum is capped at max_force_n, keeping its direction"
+    if (std::abs(norm(force) - scene_.max_force_N) < 1e-9) undecided_ |= kFlagForceCapped;
     if (norm(force) > scene_.max_force_N) {
       force = force * (scene_.max_force_N / norm(force));
       out.flags |= kFlagForceCapped;
