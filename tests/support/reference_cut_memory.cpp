@@ -70,8 +70,8 @@ bool ReferenceCutMemory::openMembranes(CutTick& tick) const {
     CutTick::Membrane& membrane = tick.membranes[i];
     if (!membrane.met || membrane.open) continue;
     for (const Track& track : tracks_) {
-      const Vec3 hole = planted_ == Defect::kHoleAtTip ? q(tick, tick.x) : q(tick, membrane.place);  // planted
-      if (track.open[i] && passes(track, hole)) membrane.open = true;
+      const double more_m = planted_ == Defect::kHoleEverywhere ? 1.0 : 0.0;  // planted: the first
+      if (track.open[i] && passes(track, q(tick, membrane.place), more_m)) membrane.open = true;
     }
     if (membrane.open && tick.x_before > membrane.place) released = true;
   }

@@ -32,7 +32,10 @@ Vec3 turned(Vec3 u, Vec3 e, double angle) {
 }  // namespace
 
 ReferenceEngine::ReferenceEngine(SceneSpec scene, double rate_hz, Defect planted)
-    : scene_(std::move(scene)), rate_hz_(rate_hz), period_s_(1.0 / rate_hz), planted_(planted),
+    : scene_(std::move(scene)),
+      rate_hz_(rate_hz),
+      period_s_(1.0 / rate_hz),
+      planted_(planted),
       cuts_(scene_.stage_numbers[stageOf(Effect::kCutMemory)][0],
             scene_.stage_numbers[stageOf(Effect::kCutMemory)][1], planted) {}
 

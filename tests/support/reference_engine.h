@@ -34,7 +34,7 @@ enum class Defect : std::uint8_t {
   kCutWithoutSides,        ///< memory: a needle that leaves a track aside stays in it
   kCutKeptInTurn,          ///< memory: a turn does not change the own track's length
   kCutsKeptApart,          ///< memory: an insertion that makes a track longer gets another
-  kHoleAtTip,              ///< memory: a membrane opens where the tip is near a hole, not its place
+  kHoleEverywhere,         ///< memory: a membrane with a hole is open wherever it is met
   kHoleLeavesWalls,        ///< memory: the walls do not follow where a membrane opens
 };
 
@@ -55,8 +55,8 @@ class ReferenceEngine {
   /// θ_l, while inside.
   [[nodiscard]] std::optional<double> tiltLimit() const;
   /// The flags of the last tick that depend on a comparison decided by rounding (k(|e| − ρ) against f_max,
-  /// for the turn and for the cap; the sum against max_force_n; room left on the cone; θ against θ_l): another rounding of the same
-  /// numbers may set them otherwise, with the same forces.
+  /// for the turn and for the cap; the sum against max_force_n; room left on the cone; θ against θ_l):
+  /// another rounding of the same numbers may set them otherwise, with the same forces.
   [[nodiscard]] std::uint32_t undecidedFlags() const { return undecided_; }
   /// Ticks of this insertion whose turn the cone held back: FORCE_MODEL.md ("Change of trajectory") lets each
   /// of them be off by 1e-12 rad.
@@ -64,8 +64,8 @@ class ReferenceEngine {
   [[nodiscard]] int coneBoundTicks() const {
     return cone_bound_ticks_before_ + (insertion_ ? insertion_->cone_bound_ticks : 0);
   }
-  /// CUT_MEMORY: in a tick so far the wall stood on the side of an old cut, where rounding decides whether the
-  /// insertion gets a track of its own (FORCE_MODEL.md, "Memory of the cut").
+  /// CUT_MEMORY: in a tick so far the wall stood on the side of an old cut, where rounding decides whether
+  /// the insertion gets a track of its own (FORCE_MODEL.md, "Memory of the cut").
   [[nodiscard]] bool tracksUndecided() const { return cuts_.undecided(); }
 
  private:
