@@ -15,13 +15,14 @@ enum class BoneDefect : std::uint8_t {
   kNone,
   kSticks,       ///< no friction's cone: the proxy never slips
   kSlipsToFoot,  ///< a proxy that slips goes below the tip, not to the cone's edge
-  kNoCrossing,   ///< contact begins at the tip's place on the bone, not where the way meets it
+  kBeginsAtTip,  ///< contact begins at the tip's place on the bone, not where the way meets it
   kOneSlip,      ///< on a round bone the proxy slips once a tick
   kTipInBone,    ///< the tissue feels the measured tip
 };
 
-/// What the tissue remembers of the tick before.
+/// What the tissue remembers of the tick before; in an entry's tick only `p_entry_W_m` counts.
 struct BoneTissue {
+  bool entry = false;
   Vec3 p_entry_W_m;  ///< P0
   Vec3 u_W;
   double wall = 0;           ///< w; along u, in m
@@ -40,15 +41,16 @@ class ReferenceBone {
     double held_m = 0;  ///< h
     Vec3 p_felt_W_m;    ///< p − u·h
   };
-  /// One tick of a tip at `p_W_m`. `tissue`: absent outside.
+  /// One tick of a tip at `p_W_m`. `tissue`: absent where the tip is outside.
   Stand step(Vec3 p_W_m, const std::optional<BoneTissue>& tissue);
 
  private:
   [[nodiscard]] double depthInLimb(Vec3 p_W_m) const;
+  [[nodiscard]] double belowPlane(Vec3 p_W_m) const;
   [[nodiscard]] double depthInBone(Vec3 p_W_m) const;
   [[nodiscard]] Vec3 normalAt(Vec3 p_W_m) const;
   [[nodiscard]] Vec3 ontoBone(Vec3 p_W_m) const;
-  [[nodiscard]] std::optional<Vec3> crossing(Vec3 from_W_m, Vec3 to_W_m) const;
+  [[nodiscard]] std::optional<Vec3> meeting(Vec3 from_W_m, Vec3 to_W_m) const;
   void contact(Vec3 p_W_m);
   void slip(Vec3 p_W_m);
 

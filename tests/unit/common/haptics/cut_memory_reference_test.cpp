@@ -13,7 +13,7 @@ namespace needlelab::test {
 namespace {
 
 // a line into the tissue at a site
-struct Line {
+struct CutLine {
   double aside_1_m = 0, aside_2_m = 0;  // where it starts, 4 mm above the site's tangent plane
   Vec3 axis;
 };
@@ -24,8 +24,8 @@ Vec3 randomAcross(Random& random, const Site& site) {
   return normSquared(across) > 1e-6 ? normalized(across) : site.across_1;
 }
 
-Line anywhere(Random& random, const Site& site) {
-  Line line;
+CutLine anyLine(Random& random, const Site& site) {
+  CutLine line;
   line.aside_1_m = random.in(-0.012, 0.012);
   line.aside_2_m = random.in(-0.012, 0.012);
   const double tangent = random.chance(0.15) ? random.in(0.6, 1.4) : random.in(0, 0.6);
@@ -34,7 +34,7 @@ Line anywhere(Random& random, const Site& site) {
 }
 
 // exactly along an old line, a little beside it, or across it at an angle
-Line near(Line old, Random& random, const Site& site) {
+CutLine nearLine(CutLine old, Random& random, const Site& site) {
   if (random.chance(0.2)) return old;
   const double aside_m = random.chance(0.5) ? 0.0005 : 0.003;
   old.aside_1_m += random.in(-aside_m, aside_m);
@@ -48,10 +48,11 @@ Line near(Line old, Random& random, const Site& site) {
 // insertions with turns back, holds and sideways moves; most of them near an older one
 Motion insertions(Random& random, double rate_hz, const Site& site, int count, double near_chance) {
   MotionBuilder builder(rate_hz, site.p_surface_m - site.inward * 0.006, site.inward);
-  std::vector<Line> lines;
+  std::vector<CutLine> lines;
   for (int i = 0; i < count; ++i) {
     const bool again = !lines.empty() && random.chance(near_chance);
-    const Line line = again ? near(lines[random.below(lines.size())], random, site) : anywhere(random, site);
+    const CutLine line =
+        again ? nearLine(lines[random.below(lines.size())], random, site) : anyLine(random, site);
     lines.push_back(line);
     const Vec3 p_start = site.p_surface_m - site.inward * 0.004 + site.across_1 * line.aside_1_m +
                          site.across_2 * line.aside_2_m;
@@ -72,16 +73,16 @@ Motion insertions(Random& random, double rate_hz, const Site& site, int count, d
   return builder.take();
 }
 
-struct Session {
+struct CutSession {
   SceneSpec scene;
   double rate_hz = 1000;
   Motion motion;
 };
 
-Session session(std::uint64_t seed, LimbKind limb, int count = 6, double near_chance = 0.7) {
+CutSession cutSession(std::uint64_t seed, LimbKind limb, int count = 6, double near_chance = 0.7) {
   static constexpr std::array<double, 6> kRates_hz = {1000, 1000, 250, 500, 333, 2000};
   Random random(seed);
-  Session made;
+  CutSession made;
   SceneSpec& scene = made.scene = withLimb(allEffects(), limb);
   if (random.chance(0.4)) scene.effects = static_cast<EffectMask>(random.below(kPlacedEffects + 1));
   scene.effects |= bitOf(Effect::kCutMemory);
@@ -101,14 +102,14 @@ Session session(std::uint64_t seed, LimbKind limb, int count = 6, double near_ch
 }
 
 // what the memory did in a session: that it acted, and how
-struct Acted {
+struct CutsActed {
   std::uint32_t most_tracks = 0;
   int in_old_cuts = 0;  // ticks of insertions without a track of their own
   int holes = 0;        // insertions that met a membrane at a hole
   int longer = 0;       // tracks that took the place of another than the oldest
 };
 
-void watch(const Session& one, Acted& acted) {
+void watch(const CutSession& one, CutsActed& acted) {
   EngineRun run(one.scene, one.rate_hz);
   CutMemory before;
   for (const TipSample& sample : one.motion) {
@@ -130,10 +131,10 @@ struct CutMemoryPerLimb : ::testing::TestWithParam<LimbKind> {};
 TEST_P(CutMemoryPerLimb, agreesOverInsertionsNearAndFarFromOldOnes) {
   const std::uint64_t sessions = longForm() ? 2000 : 40;
   Seen seen;
-  Acted acted;
+  CutsActed acted;
   std::uint64_t failures = 0, undecided = 0;
   for (std::uint64_t i = 0; i < sessions && failures < 3; ++i) {
-    const Session one = session(i + 1000, GetParam(), i % 8 == 0 ? 16 : 6);
+    const CutSession one = cutSession(i + 1000, GetParam(), i % 8 == 0 ? 16 : 6);
     watch(one, acted);
     const auto difference = firstDifference(one.scene, one.rate_hz, one.motion, &seen);
     // the page leaves to rounding whether a track passes a wall on its side
@@ -159,10 +160,10 @@ TEST_P(CutMemoryPerLimb, agreesOverInsertionsNearAndFarFromOldOnes) {
 
 TEST_P(CutMemoryPerLimb, agreesWhereOldTracksGiveTheirPlaces) {
   const std::uint64_t sessions = longForm() ? 200 : 4;
-  Acted acted;
+  CutsActed acted;
   std::uint64_t undecided = 0;
   for (std::uint64_t i = 0; i < sessions; ++i) {
-    const Session one = session(i + 500, GetParam(), 45, 0.4);
+    const CutSession one = cutSession(i + 500, GetParam(), 45, 0.4);
     watch(one, acted);
     Seen seen;
     const auto difference = firstDifference(one.scene, one.rate_hz, one.motion, &seen);
@@ -187,7 +188,7 @@ TEST(CutMemoryReference, everyPlantedFaultIsFound) {
                                Defect::kCutsKeptApart, Defect::kHoleEverywhere, Defect::kHoleLeavesWalls}) {
     int found = 0;
     for (std::uint64_t i = 0; i < 40 && found < 2; ++i) {
-      const Session one = session(i + 1000, kLimbKinds[i % kLimbKinds.size()], 20);
+      const CutSession one = cutSession(i + 1000, kLimbKinds[i % kLimbKinds.size()], 20);
       if (firstDifference(one.scene, one.rate_hz, one.motion, nullptr, planted)) ++found;
     }
     EXPECT_GE(found, 2) << "planted fault " << static_cast<int>(planted);
