@@ -85,6 +85,9 @@ CutSession cutSession(std::uint64_t seed, LimbKind limb, int count = 6, double n
   CutSession made;
   SceneSpec& scene = made.scene = withLimb(allEffects(), limb);
   if (random.chance(0.4)) scene.effects = static_cast<EffectMask>(random.below(kPlacedEffects + 1));
+  // without attracted force both walls are the same
+  if ((scene.effects & bitOf(Effect::kAttracted)) == 0 && seed % 2 == 0)
+    scene.axial_model = AxialModel::kTrackingWall;
   scene.effects |= bitOf(Effect::kCutMemory);
   StageNumbers& numbers = scene.stage_numbers[stageOf(Effect::kCutMemory)];
   numbers[0] = random.chance(0.3) ? 0.23 : random.unit();
