@@ -32,7 +32,12 @@ Vec3 turned(Vec3 u, Vec3 e, double angle) {
 }  // namespace
 
 ReferenceEngine::ReferenceEngine(SceneSpec scene, double rate_hz, Defect planted)
-    : scene_(std::move(scene)), rate_hz_(rate_hz), period_s_(1.0 / rate_hz), planted_(planted) {}
+    : scene_(std::move(scene)),
+      rate_hz_(rate_hz),
+      period_s_(1.0 / rate_hz),
+      planted_(planted),
+      cuts_(scene_.stage_numbers[stageOf(Effect::kCutMemory)][0],
+            scene_.stage_numbers[stageOf(Effect::kCutMemory)][1], planted) {}
 
 std::optional<Vec3> ReferenceEngine::direction() const {
   return insertion_ ? std::optional(insertion_->u) : std::nullopt;
@@ -72,9 +77,12 @@ bool ReferenceEngine::live(Effect effect) const {
       return anyLayer([](const LayerSpec& l) { return l.friction_N_per_m != 0; });
     case Effect::kPuncture:
       return anyLayer([](const LayerSpec& l) { return l.membrane.has_value(); });
-    case Effect::kCutMemory:
+    case Effect::kCutMemory: {
+      // what it could change is there: a membrane, or the wall, which this model always has
+      return scene_.stage_numbers[stageOf(effect)][1] > 0;
+    }
     case Effect::kBone:
-      return false;  // the reference forgets at each exit, and knows no bone
+      return false;  // the reference knows no bone
   }
   return false;
 }
@@ -159,6 +167,8 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
   // contact (§3.1)
   if (depth <= 0) {  // "Exit: δ_k ≤ 0: everything is reset, all outputs are zero."
     if (insertion_) out.flags |= kFlagExit;
+    // an old cut of such an insertion is off as its trajectory was
+    if (insertion_ && live(Effect::kCutMemory)) cone_bound_ticks_before_ += insertion_->cone_bound_ticks;
     insertion_.reset();
     outside_once_ = true;
   } else if (!insertion_ && has_past_ && depth_past_ <= 0) {  // "Entry: δ_k > 0 after δ_{k−1} ≤ 0."
@@ -183,13 +193,18 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
     in.layer = layer;
 
     // trajectory and clamping (§3.3)
+    const double x_unturned = g.x;
     if (turn(in, g, p, depth, axis)) out.flags |= kFlagTurn;
+    in.turned_by = g.x - x_unturned;
     const Vec3 clamping = clamp(in, g, out);
 
     const double v = speed(in, g.x);
     const double x_c = meetMembranes(in, g, depth, entry, out);
     in.stop.step(g.x, x_c - in.wall, v);
+    const double wall_unstepped = in.wall;
     axial(in, g, x_c, out);
+    // "Memory of the cut": "Where neither CUTTING nor ATTRACTED is live no wall is dragged"
+    if (!live(Effect::kCutting) && !live(Effect::kAttracted)) in.wall = wall_unstepped;
     friction(in, g, x_c, out);
     puncture(in, g, out);
     tilt(in, g, axis, out);
@@ -199,7 +214,9 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
     force += in.u * out.friction_N;
     force += in.u * out.puncture_N;
     force += clamping;
+    if (live(Effect::kCutMemory)) force += in.u * remember(in, g, x_c, entry, out);
     // §3.5: "the sum is capped at max_force_n, keeping its direction"
+    if (std::abs(norm(force) - scene_.max_force_N) < 1e-9) undecided_ |= kFlagForceCapped;
     if (norm(force) > scene_.max_force_N) {
       force = force * (scene_.max_force_N / norm(force));
       out.flags |= kFlagForceCapped;
@@ -429,6 +446,41 @@ void ReferenceEngine::puncture(const Insertion& in, const Geometry& g, StepRepor
     const MembraneSpec& spec = *scene_.layers[i].membrane;
     out.puncture_N -= spec.linear_N_per_m * z + spec.quadratic_N_per_m2 * z * z;
   }
+}
+
+// "Memory of the cut": "after the tick it changes cutting and puncture"; the change of the force along u
+double ReferenceEngine::remember(Insertion& in, const Geometry& g, double x_c, bool entry, StepReport& out) {
+  const double stiffness = springOf(in);
+  CutTick tick;
+  tick.entry = entry;
+  tick.p_entry_W_m = in.p_entry;
+  tick.u_W = in.u;
+  tick.turned_by = in.turned_by;
+  tick.x_before = in.x_past[in.x_past.size() - 2];
+  tick.x = g.x;
+  tick.x_c = x_c;
+  tick.wall = in.wall;
+  tick.friction_wall = in.friction_wall;
+  tick.cuts = live(Effect::kCutting);
+  tick.cut_reach = scene_.layers[static_cast<std::size_t>(in.layer)].cutting_force_N / stiffness;
+  tick.ruptured = (out.flags & kFlagRupture) != 0;
+  for (const Membrane& membrane : in.membranes)
+    tick.membranes.push_back({membrane.met, membrane.ruptured, membrane.place_m});
+
+  const ReferenceCutMemory::Released released = cuts_.step(tick);
+  in.wall = tick.wall;
+  in.friction_wall = tick.friction_wall;
+  for (std::size_t i = 0; i < in.membranes.size(); ++i) in.membranes[i].ruptured = tick.membranes[i].open;
+  if (released.membrane) out.flags |= kFlagRupture;
+  if (released.wall) out.flags |= kFlagLayerChange;
+  if (released.undecided) undecided_ |= kFlagLayerChange;
+
+  const double before = out.cutting_N + out.puncture_N;
+  if (const double stretch = tick.x_c - in.wall; live(Effect::kCutting) && stretch > 0)
+    out.cutting_N = -stiffness * stretch;
+  out.puncture_N = 0;
+  puncture(in, g, out);
+  return out.cutting_N + out.puncture_N - before;
 }
 
 // §3.4: θ_l ← max(α(d_t), min(θ_l, θ)); torque min(k_θ (θ − θ_l), τ_max) about the unit vector of axis × u

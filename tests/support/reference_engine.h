@@ -8,6 +8,7 @@
 
 #include "common/haptics/engine.h"
 #include "common/haptics/scene_spec.h"
+#include "tests/support/reference_cut_memory.h"
 #include "tests/support/reference_stop.h"
 
 namespace needlelab::test {
@@ -29,12 +30,18 @@ class ReferenceEngine {
   /// θ_l, while inside.
   [[nodiscard]] std::optional<double> tiltLimit() const;
   /// The flags of the last tick that depend on a comparison decided by rounding (k(|e| − ρ) against f_max,
-  /// for the turn and for the cap; room left on the cone; θ against θ_l): another rounding of the same
-  /// numbers may set them otherwise, with the same forces.
+  /// for the turn and for the cap; the sum against max_force_n; room left on the cone; θ against θ_l):
+  /// another rounding of the same numbers may set them otherwise, with the same forces.
   [[nodiscard]] std::uint32_t undecidedFlags() const { return undecided_; }
   /// Ticks of this insertion whose turn the cone held back: FORCE_MODEL.md ("Change of trajectory") lets each
   /// of them be off by 1e-12 rad.
-  [[nodiscard]] int coneBoundTicks() const { return insertion_ ? insertion_->cone_bound_ticks : 0; }
+  /// With CUT_MEMORY also those of earlier insertions.
+  [[nodiscard]] int coneBoundTicks() const {
+    return cone_bound_ticks_before_ + (insertion_ ? insertion_->cone_bound_ticks : 0);
+  }
+  /// CUT_MEMORY: in a tick so far the wall stood on the side of an old cut, where rounding decides whether
+  /// the insertion gets a track of its own (FORCE_MODEL.md, "Memory of the cut").
+  [[nodiscard]] bool tracksUndecided() const { return cuts_.undecided(); }
 
  private:
   /// A membrane that was met in this insertion.
@@ -64,6 +71,7 @@ class ReferenceEngine {
     double tilt_limit = 0;  ///< θ_l
     int cone_bound_ticks = 0;
     std::vector<Membrane> membranes;
+    double turned_by = 0;  ///< change of x by the turn of this tick
   };
 
   /// Values derived from the pose, p and u; computed again after a turn.
@@ -93,6 +101,7 @@ class ReferenceEngine {
   void axial(Insertion& in, const Geometry& g, double x_c, StepReport& out) const;
   void friction(Insertion& in, const Geometry& g, double x_c, StepReport& out) const;
   void puncture(const Insertion& in, const Geometry& g, StepReport& out) const;
+  double remember(Insertion& in, const Geometry& g, double x_c, bool entry, StepReport& out);
   void tilt(Insertion& in, const Geometry& g, Vec3 axis, StepReport& out);
 
   SceneSpec scene_;
@@ -103,6 +112,8 @@ class ReferenceEngine {
   Vec3 p_past_;
   double depth_past_ = 0;
   std::optional<Insertion> insertion_;
+  ReferenceCutMemory cuts_;
+  int cone_bound_ticks_before_ = 0;
   std::uint32_t undecided_ = 0;
 };
 

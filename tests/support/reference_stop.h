@@ -29,6 +29,12 @@ enum class Defect : std::uint8_t {
   kFrictionBySign,         ///< shaft friction of full size against the last move, no spring
   kAlphaWithoutState,      ///< torque above α(d_t), without θ_l
   kTiltLimitFrom45,        ///< θ_l begins at 45° although the needle is tilted more
+  kCutToTip,               ///< memory: a track is as long as x has been, not w
+  kCutWithoutSides,        ///< memory: a needle that leaves a track aside stays in it
+  kCutKeptInTurn,          ///< memory: a turn does not change the own track's length
+  kCutsKeptApart,          ///< memory: an insertion that makes a track longer gets another
+  kHoleEverywhere,         ///< memory: a membrane with a hole is open wherever it is met
+  kHoleLeavesWalls,        ///< memory: the walls do not follow where a membrane opens
 };
 
 /// One insertion's stops. Call `step`, then `wallMove`, once a tick.
