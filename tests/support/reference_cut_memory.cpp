@@ -44,7 +44,7 @@ bool ReferenceCutMemory::passes(const Track& track, Vec3 p_W_m, double more_m) c
 // "the way along u to that track's end, or, if that is shorter, to where u leaves it"
 double ReferenceCutMemory::wayWithin(const Track& track, Vec3 p_W_m, Vec3 u_W) const {
   const double cosine = dot(u_W, track.v_W);
-  if (cosine <= 0) return 0;
+  if (cosine <= 0) return alongTo(track, p_W_m) <= track.length ? 0 : -1;
   const double to_end = (track.length - alongTo(track, p_W_m)) / cosine;
   if (planted_ == Defect::kCutWithoutSides) return to_end;  // planted
   const Vec3 a = acrossOf(p_W_m - track.p_entry_W_m, track.v_W), b = acrossOf(u_W, track.v_W);
@@ -87,7 +87,7 @@ double ReferenceCutMemory::endOfCut(const CutTick& tick, double more_m) const {
   const Vec3 at = q(tick, tick.wall);
   double end = own_ ? std::max(0.0, tracks_[*own_].length) : 0.0;
   for (std::size_t i = 0; i < tracks_.size(); ++i) {
-    if (own_ == i || !passes(tracks_[i], at, more_m) || alongTo(tracks_[i], at) < -radius_m_) continue;
+    if (own_ == i || !passes(tracks_[i], at, 1e-9 + more_m) || alongTo(tracks_[i], at) < -radius_m_) continue;
     end = std::max(end, tick.wall + wayWithin(tracks_[i], at, tick.u_W));
   }
   return end;
@@ -97,7 +97,7 @@ double ReferenceCutMemory::endOfCut(const CutTick& tick, double more_m) const {
 std::size_t ReferenceCutMemory::placeFor(const CutTick& tick) {
   const Vec3 at = q(tick, tick.wall);
   for (std::size_t i = 0; i < tracks_.size(); ++i)
-    if (passes(tracks_[i], tick.p_entry_W_m) && passes(tracks_[i], at) &&
+    if (passes(tracks_[i], tick.p_entry_W_m) && passes(tracks_[i], at) && tick.cuts &&
         tracks_[i].length <= alongTo(tracks_[i], at) && planted_ != Defect::kCutsKeptApart)  // planted
       return i;
   const std::size_t place = next_;
@@ -114,6 +114,7 @@ void ReferenceCutMemory::record(const CutTick& tick, double end) {
     const bool new_cut = tick.cuts && tick.wall > end + kNewCut_m;
     if (!new_cut && !tick.ruptured) return;
     own_ = placeFor(tick);
+    tracks_[*own_].length = 0;
     tracks_[*own_].p_entry_W_m = tick.p_entry_W_m;
     tracks_[*own_].v_W = tick.u_W;
   }
