@@ -46,7 +46,7 @@ struct CompiledLayer {
   double friction_N_per_m = 0;
   double friction_offset_N = 0;
   double wall_stiffness_N_per_m = 0;  ///< K_t
-  std::array<double, 4> fill{};  ///< up to two cache lines: a layer is found by a shift of its index
+  std::array<double, 4> fill{};       ///< up to two cache lines: a layer is found by a shift of its index
 };
 
 /// A membrane, ready for the tick; sorted by depth of its layer's top.

@@ -59,7 +59,7 @@ class ReferenceEngine {
     std::vector<double> x_past;  ///< x at ticks k_entry − 1 (zero), k_entry, …; moved by each turn
     double depth_past = 0;       ///< δ at the tick before; 0 at P0 for the entry tick
     // tracking wall
-    double wall = 0;  ///< w
+    double wall = 0;    ///< w
     double spring = 0;  ///< K_t of the tick before
     ReferenceStop stop;
     // shaft friction

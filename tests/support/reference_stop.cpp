@@ -6,7 +6,11 @@
 namespace needlelab::test {
 
 ReferenceStop::ReferenceStop(const TrackingWallSpec& spec, double rate_hz, bool wall_relaxes, Defect planted)
-    : spec_(spec), rate_hz_(rate_hz), period_s_(1.0 / rate_hz), wall_relaxes_(wall_relaxes), planted_(planted) {}
+    : spec_(spec),
+      rate_hz_(rate_hz),
+      period_s_(1.0 / rate_hz),
+      wall_relaxes_(wall_relaxes),
+      planted_(planted) {}
 
 // "A duration of s seconds is max(1, floor(s·rate + 0.5)) ticks."
 double ReferenceStop::inTicks(double duration_s) const {
@@ -22,8 +26,9 @@ void ReferenceStop::move(double by_m) {
 bool ReferenceStop::ends(double x_m, double z_m, double speed_mps, bool left_band) const {
   const double speeds = planted_ == Defect::kNoStopHysteresis ? 1 : 2;  // planted: the first
   if (std::abs(speed_mps) >= speeds * spec_.stop_speed_mps) return true;
-  if (planted_ == Defect::kLiteralEq4 || planted_ == Defect::kRampIgnoresZ || planted_ == Defect::kCreepThrough)
-    return false;  // planted
+  if (planted_ == Defect::kLiteralEq4 || planted_ == Defect::kRampIgnoresZ ||
+      planted_ == Defect::kCreepThrough)
+    return false;                                                                 // planted
   if (planted_ == Defect::kEndsByWay) return std::abs(x_m - begin_m_) >= 0.4e-3;  // planted
   return wall_relaxes_ ? std::abs(z_m) >= z_min_ + 0.6e-3 : left_band;
 }
@@ -70,7 +75,8 @@ double ReferenceStop::wallMove(double z_m, double rejection_m) {
   if (i_ == 0) z0_ = std::abs(z_m);
   const double gap = std::max(0.0, std::abs(z_m) - std::max(rejection_m, spec_.relax_residual * z0_));
   return std::copysign(
-      std::min(gap * (1 - std::exp(-period_s_ / spec_.relax_time_s)), 1.5 * spec_.stop_speed_mps * period_s_), z_m);
+      std::min(gap * (1 - std::exp(-period_s_ / spec_.relax_time_s)), 1.5 * spec_.stop_speed_mps * period_s_),
+      z_m);
 }
 
 double ReferenceStop::ramp(double z_m, double rejection_m) {

@@ -1,5 +1,5 @@
-/// Stops of the reference engine and the reference models: a literal transcription of FORCE_MODEL.md, "Stop" and
-/// step 2 of "Tracking wall", written from the text alone. Uses libm.
+/// Stops of the reference engine and the reference models: a literal transcription of FORCE_MODEL.md, "Stop"
+/// and step 2 of "Tracking wall", written from the text alone. Uses libm.
 #pragma once
 
 #include <cstdint>
@@ -13,13 +13,13 @@ namespace needlelab::test {
 /// nothing. In the source each is marked `planted`.
 enum class Defect : std::uint8_t {
   kNone,
-  kLiteralEq4,             ///< stop: m·i is added to the previous wall, m = (x − ω)/n kept
-  kRampIgnoresZ,           ///< stop: the ramp moves by m for n ticks, whatever z has become
-  kRampWithoutCap,         ///< stop: the wall may move faster than 1.5·v_stop
-  kShortSpeedWindow,       ///< v over 20 ms in place of 100 ms
-  kNoStopHysteresis,       ///< a stop ends at v_stop in place of 2·v_stop
-  kCreepThrough,           ///< the wall follows a slow needle through the whole stop, which its stretch does not end
-  kEndsByWay,              ///< a stop ends after 0.4 mm of way
+  kLiteralEq4,        ///< stop: m·i is added to the previous wall, m = (x − ω)/n kept
+  kRampIgnoresZ,      ///< stop: the ramp moves by m for n ticks, whatever z has become
+  kRampWithoutCap,    ///< stop: the wall may move faster than 1.5·v_stop
+  kShortSpeedWindow,  ///< v over 20 ms in place of 100 ms
+  kNoStopHysteresis,  ///< a stop ends at v_stop in place of 2·v_stop
+  kCreepThrough,  ///< the wall follows a slow needle through the whole stop, which its stretch does not end
+  kEndsByWay,     ///< a stop ends after 0.4 mm of way
   kAttractedNotFaded,      ///< Δ_att = f_att/K_t up to the exit
   kEntryAtTip,             ///< P0 = the first sample inside, not the point where the surface was crossed
   kEntersFromInside,       ///< a first sample inside begins an insertion
@@ -41,7 +41,8 @@ enum class Defect : std::uint8_t {
 class ReferenceStop {
  public:
   /// `wall_relaxes`: of the four models, with CUTTING or ATTRACTED live.
-  ReferenceStop(const TrackingWallSpec& spec, double rate_hz, bool wall_relaxes, Defect planted = Defect::kNone);
+  ReferenceStop(const TrackingWallSpec& spec, double rate_hz, bool wall_relaxes,
+                Defect planted = Defect::kNone);
 
   /// A turn of u moves all remembered x.
   void move(double by_m);
@@ -65,13 +66,13 @@ class ReferenceStop {
   double lo_ = 0, hi_ = 0, z_min_ = 0;
   double quiet_ = 0, slow_ = 0;
   bool inward_ = true, armed_ = false, stopped_ = false;
-  double i_ = 0;       ///< ticks of the stop before this one
+  double i_ = 0;        ///< ticks of the stop before this one
   double begin_m_ = 0;  ///< x where the stop began, for kEndsByWay
   bool ramp_ = false;
   double since_closed_ = 0;  ///< ticks since the ramp first closed the gap, that one included
-  double m_ = 0;     ///< m of eq. 5
-  double left_ = 0;  ///< the ramp's way that is left
-  double z0_ = 0;    ///< z0 of EXPONENTIAL
+  double m_ = 0;             ///< m of eq. 5
+  double left_ = 0;          ///< the ramp's way that is left
+  double z0_ = 0;            ///< z0 of EXPONENTIAL
 };
 
 }  // namespace needlelab::test

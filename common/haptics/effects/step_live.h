@@ -128,7 +128,7 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
   [[maybe_unused]] const double membranes_N = membranes.apply(model, state, tick, entry, report);
 
   // stop and phase: after ruptures have moved the wall
-  [[maybe_unused]] const bool stop_begins = updatePhase<kActs && relaxes<Axial>()>(model, state, tick);
+  [[maybe_unused]] const bool stop_begins = updatePhase < kActs && relaxes<Axial>() > (model, state, tick);
 
   // along u: axial, friction, puncture
   double along_N = 0.0;

@@ -183,11 +183,10 @@ struct LayeredWall {
     const CompiledLayer& layer = *tick.layer;
     if (layer.wall_stiffness_N_per_m != state.wall_stiffness_N_per_m) [[unlikely]]
       changeStiffness(state, tick.x_cut_m, layer.wall_stiffness_N_per_m);
-    return applyTrackingWall<Cutting, Attracted>(
-        model, state, tick, stop_begins,
-        {layer.cut_stretch_m, layer.attracted_stretch_m, layer.rejection_stretch_m,
-         layer.wall_stiffness_N_per_m},
-        report);
+    return applyTrackingWall<Cutting, Attracted>(model, state, tick, stop_begins,
+                                                 {layer.cut_stretch_m, layer.attracted_stretch_m,
+                                                  layer.rejection_stretch_m, layer.wall_stiffness_N_per_m},
+                                                 report);
   }
 };
 

@@ -27,11 +27,10 @@ struct Statistical {
                       StepReport& report) {
     const double target_N =
         model.statistical->at(state.insertions - 1, tick.depth_m, state.score, state.table_row);
-    return applyTrackingWall(
-        model, state, tick, stop_begins,
-        {target_N / model.wall.stiffness_N_per_m, 0.0, model.layers[state.layer].rejection_stretch_m,
-         model.wall.stiffness_N_per_m},
-        report);
+    return applyTrackingWall(model, state, tick, stop_begins,
+                             {target_N / model.wall.stiffness_N_per_m, 0.0,
+                              model.layers[state.layer].rejection_stretch_m, model.wall.stiffness_N_per_m},
+                             report);
   }
 };
 constexpr StepTable kStatisticalSteps = stepTable<Statistical>();

@@ -47,8 +47,7 @@ void compileLayers(const SceneSpec& spec, SceneModel& model) {
     if (!is_bone) tissue = &layer;
     const LayerSpec& from = *tissue;
     CompiledLayer& to = model.layers[model.layer_count++];
-    const double wall_stiffness =
-        from.wall_stiffness_N_per_m.value_or(spec.tracking_wall.stiffness_N_per_m);
+    const double wall_stiffness = from.wall_stiffness_N_per_m.value_or(spec.tracking_wall.stiffness_N_per_m);
     to.wall_stiffness_N_per_m = wall_stiffness;
     to.top_m = to.least_depth_m = top;
     to.cutting_force_N = model.isLive(Effect::kCutting) ? from.cutting_force_N : 0.0;

@@ -1,5 +1,5 @@
-// Stops (FORCE_MODEL.md, "Stop"): when one begins and ends, what is left of the force, and hands that yield to
-// it. The hands are integrated here, apart from the product's plant.
+// Stops (FORCE_MODEL.md, "Stop"): when one begins and ends, what is left of the force, and hands that yield
+// to it. The hands are integrated here, apart from the product's plant.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -120,7 +120,8 @@ TEST(Stop, tremorLeavesInTheMeanTheRejectionForceAndTheSpringTimesItsPeak) {
 // a mass on a hand's spring and damper, against the wall, whose force comes a tick late
 class LooseHand {
  public:
-  LooseHand(const SceneSpec& scene, double stiffness_N_per_m) : probe_(scene, 1000), stiffness_(stiffness_N_per_m) {
+  LooseHand(const SceneSpec& scene, double stiffness_N_per_m)
+      : probe_(scene, 1000), stiffness_(stiffness_N_per_m) {
     probe_.at(-0.005);
   }
   StepReport tick(double aim_m, double aim_mps, double push_N = 0) {
@@ -153,13 +154,16 @@ TEST(Stop, aHandThatYieldsToTheFallingForceStopsOnceAndKeepsTheRejectionForce) {
       double aim_m = -0.005;
       const double end_m = 0.02 + cutting_N / stiffness;
       for (; aim_m < end_m - 2e-3; aim_m += 2e-5) hand.tick(aim_m, 0.02);
-      for (double speed_mps = 0.02; speed_mps > 0; speed_mps -= 1e-4) hand.tick(aim_m += speed_mps * 1e-3, speed_mps);
+      for (double speed_mps = 0.02; speed_mps > 0; speed_mps -= 1e-4)
+        hand.tick(aim_m += speed_mps * 1e-3, speed_mps);
       std::vector<StepReport> hold;
-      for (int k = 0; k < 14'000; ++k) hold.push_back(hand.tick(aim_m + 5e-5 * std::sin(0.0565 * k), 0));  // 9 Hz
+      for (int k = 0; k < 14'000; ++k)
+        hold.push_back(hand.tick(aim_m + 5e-5 * std::sin(0.0565 * k), 0));  // 9 Hz
       EXPECT_EQ(stopsIn(hold), 1) << cutting_N << " N, " << stiffness << " N/m";
       // the wall has followed the hand's tremor to its outermost place
       double greatest_N = 0;
-      for (std::size_t k = 13'000; k < hold.size(); ++k) greatest_N = std::max(greatest_N, -alongWall_N(hold[k]));
+      for (std::size_t k = 13'000; k < hold.size(); ++k)
+        greatest_N = std::max(greatest_N, -alongWall_N(hold[k]));
       EXPECT_NEAR(greatest_N, 0.1, 0.02) << cutting_N << " N, " << stiffness << " N/m";
     }
 }
@@ -173,7 +177,8 @@ TEST(Stop, aConstantPushOfHalfTheCuttingForceMovesTheNeedleLittle) {
   EXPECT_LE(hand.place_m() - from_m, 0.01);
 }
 
-// K_t of a layer: stiffer, the force goes on without a step; softer, it falls by the springs' ratio and is named
+// K_t of a layer: stiffer, the force goes on without a step; softer, it falls by the springs' ratio and is
+// named
 TEST(WallStiffnessOfALayer, aStifferLayerTakesTheForceOverAndASofterOneReleasesIt) {
   for (const double ratio : {2.0, 0.5}) {
     SceneSpec scene = stopScene(2.0);

@@ -132,8 +132,8 @@ TEST(Samples, fourHaveBoneThatNoNeedleEntersAndTwoRememberACut) {
   }
 }
 
-// the wrist's: 11.2 mm below the skin, 0.2 mm behind the target; with the fixture's 300 N/m within the Desktop's
-// 1000
+// the wrist's: 11.2 mm below the skin, 0.2 mm behind the target; with the fixture's 300 N/m within the
+// Desktop's 1000
 TEST(Samples, theWristsBoneHoldsTheNeedle) {
   const auto model = compile(*sceneSpecOf(sample("wrist-adult")), 1000);
   ASSERT_TRUE(model.ok()) << model.error().message;

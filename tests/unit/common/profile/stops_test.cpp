@@ -1,5 +1,5 @@
-// A stop eases the force once, and a needle that goes on meets the tissue again, at any speed: over the samples
-// whose model drags a wall (FORCE_MODEL.md, "Stop").
+// A stop eases the force once, and a needle that goes on meets the tissue again, at any speed: over the
+// samples whose model drags a wall (FORCE_MODEL.md, "Stop").
 #include <fmt/core.h>
 #include <gtest/gtest.h>
 
@@ -85,7 +85,8 @@ class Stroke {
   template <class Watch>
   void go(double to_m, double speed_mps, Watch&& watch) {
     const double from_m = depth_m_;
-    const int ticks = std::max(1, static_cast<int>(std::lround(std::abs(to_m - from_m) / (speed_mps * kTick_s))));
+    const int ticks =
+        std::max(1, static_cast<int>(std::lround(std::abs(to_m - from_m) / (speed_mps * kTick_s))));
     for (int i = 1; i <= ticks; ++i) {
       at(from_m + (to_m - from_m) * i / ticks);
       watch();
@@ -117,8 +118,8 @@ class Stroke {
   Phase before_ = Phase::kFree;
 };
 
-// the wall's greatest force just beyond the way on which its spring is stretched again: within 0.5 mm a tremor
-// stretches it whole
+// the wall's greatest force just beyond the way on which its spring is stretched again: within 0.5 mm a
+// tremor stretches it whole
 class ProbeBeyond {
  public:
   void begin(double at_m, double reach_m, double sign) {
@@ -174,7 +175,8 @@ Outcome strokesAt(const Sample& sample, double speed_mps, bool rests, Tremor tre
   stroke.go(sample.depth_m, speed_mps, watch);
   stroke.rest(kRest_s);
   const LayerSpec& layer = sample.spec.layers[stroke.state().layer];
-  const double out_m = (layer.rejection_force_N + layer.attracted_force_N) / sample.spec.tracking_wall.stiffness_N_per_m;
+  const double out_m =
+      (layer.rejection_force_N + layer.attracted_force_N) / sample.spec.tracking_wall.stiffness_N_per_m;
   probes.at(next).begin(stroke.depth_m(), out_m + 0.2e-3, -1);
   stroke.go(-kOut_m, speed_mps, watch);
   Outcome of{stroke.work_J, stroke.peak_N, {}, stroke.stops};
@@ -189,8 +191,10 @@ double shareAllowed(double speed_mps) {
 }
 
 // work and force at `speed_mps` are those at 10 mm/s
-void expectTheSame(const Sample& sample, const Outcome& of, const Outcome& at_10, double speed_mps, double tremor_hz = 0) {
-  const std::string where = fmt::format("{} at {:g} mm/s, tremor of {:g} Hz: ", sample.name, speed_mps * 1e3, tremor_hz);
+void expectTheSame(const Sample& sample, const Outcome& of, const Outcome& at_10, double speed_mps,
+                   double tremor_hz = 0) {
+  const std::string where =
+      fmt::format("{} at {:g} mm/s, tremor of {:g} Hz: ", sample.name, speed_mps * 1e3, tremor_hz);
   const double share = shareAllowed(speed_mps);
   EXPECT_NEAR(of.work_J, at_10.work_J, share * at_10.work_J + 1e-6) << where << "work";
   for (std::size_t i = 0; i < of.after_N.size(); ++i) {
@@ -204,7 +208,8 @@ TEST(StopsOfSamples, aStrokeCostsTheSameAtAnySpeedWithAndWithoutRests) {
   for (const Sample& sample : samplesWithAWall())
     for (const bool rests : {false, true}) {
       const Outcome at_10 = strokesAt(sample, 0.01, rests);
-      for (const double speed : kSpeeds_mps) expectTheSame(sample, strokesAt(sample, speed, rests), at_10, speed);
+      for (const double speed : kSpeeds_mps)
+        expectTheSame(sample, strokesAt(sample, speed, rests), at_10, speed);
       probed += static_cast<std::size_t>(std::count_if(at_10.after_N.begin(), at_10.after_N.end(),
                                                        [](const auto& force) { return force.has_value(); }));
     }
@@ -216,7 +221,8 @@ TEST(StopsOfSamples, tremorHidesNoTissue) {
     const Outcome at_10 = strokesAt(sample, 0.01, true);
     for (const double frequency_hz : {4.0, 7.0, 12.0})
       for (const double speed : {0.0005, 0.001, 0.002, 0.004})
-        expectTheSame(sample, strokesAt(sample, speed, true, {1e-4, frequency_hz}), at_10, speed, frequency_hz);
+        expectTheSame(sample, strokesAt(sample, speed, true, {1e-4, frequency_hz}), at_10, speed,
+                      frequency_hz);
   }
 }
 
