@@ -29,9 +29,12 @@ void beginInsertion(const SceneModel& model, SimState& state, const TipSample& s
   state.history_mask = model.history_mask;
   state.x_history_m[0] = 0.0;
   state.wall_m = state.friction_wall_m = 0.0;
-  state.stopped = false;
-  state.slow_ticks = 0;
-  state.stop_step_m = state.stop_stretch_m = 0.0;
+  state.wall_stiffness_N_per_m = model.layers[0].wall_stiffness_N_per_m;
+  state.band_low_m = state.band_high_m = 0.0;
+  state.quiet_ticks = state.slow_ticks = state.ramp_ticks = 0;
+  state.moves_in = true;
+  state.armed = state.stopped = false;
+  state.stop_least_m = state.stop_step_m = state.stop_way_m = state.stop_stretch_m = 0.0;
   state.dead_radius_m = state.k_prev_N_per_m = state.e_prev_m = 0.0;
   state.membranes_met = state.membranes_ruptured = 0;
   ++state.insertions;

@@ -45,7 +45,8 @@ struct CompiledLayer {
   double lateral_offset_N_per_m = 0;  ///< ∫₀^d = offset/c + slope·d while d·c is in this layer
   double friction_N_per_m = 0;
   double friction_offset_N = 0;
-  std::array<double, 5> fill{};  ///< up to two cache lines: a layer is found by a shift of its index
+  double wall_stiffness_N_per_m = 0;  ///< K_t
+  std::array<double, 4> fill{};       ///< up to two cache lines: a layer is found by a shift of its index
 };
 
 /// A membrane, ready for the tick; sorted by depth of its layer's top.
@@ -63,11 +64,13 @@ class SceneModel {
   double rate_hz = 0;
   double period_s = 0;  ///< T
   std::int64_t dwell_ticks = 0;
+  std::int64_t rest_ticks = 0;     ///< kRest_s in ticks
   double stop_ticks = 0;           ///< n of eq. 5
   std::uint64_t speed_window = 0;  ///< 100 ms in ticks
   double speed_window_s = 0;       ///< … and in s
   std::uint64_t history_mask = 0;  ///< a ring of 2^n positions, as short as the window allows, stays in cache
   double max_stop_step_m = 0;      ///< 1.5·v_stop·T
+  double drift_step_m = 0;         ///< kDriftSpeed_mps·T
   double relax_share = 0;          ///< 1 − e^(−T/relax_time)
   double max_turn_rad = 0;         ///< 2 rad/s·T
   TrackingWallSpec wall;

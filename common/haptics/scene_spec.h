@@ -92,6 +92,8 @@ struct LayerSpec {
   std::optional<FirstOrderSpec> first_order;  ///< required in every layer if the model is FIRST_ORDER
   std::optional<OkamuraSpec> okamura;         ///< required in every layer if the model is OKAMURA or DAHL
   bool is_bone = false;                       ///< BONE: no needle enters it
+  /// K_t in this layer, (0, 10000]; absent: the scene's. Only of ENHANCED_TRACKING_WALL and TRACKING_WALL.
+  std::optional<double> wall_stiffness_N_per_m;
 };
 
 enum class StopMode : std::uint8_t { kRamp, kExponential };

@@ -103,10 +103,22 @@ struct SimState {
   double x_shift_m = 0;
 
   // tracking wall
-  double wall_m = 0;  ///< w
+  double wall_m = 0;                  ///< w
+  double wall_stiffness_N_per_m = 0;  ///< K_t of the last tick's layer
+
+  // stops
+  double band_low_m = 0,
+         band_high_m = 0;        ///< where the needle has been since it last moved, less `x_shift_m`
+  std::int64_t quiet_ticks = 0;  ///< ticks in that band
+  std::int64_t slow_ticks = 0;   ///< ticks below v_stop
+  bool moves_in = true;          ///< the direction in which it last left a band
+  bool armed = false;            ///< it has moved fast since the last stop
   bool stopped = false;
-  std::int64_t slow_ticks = 0;
+  std::int64_t ramp_ticks =
+      0;  ///< RAMP: what is left of the ramp once it has closed the gap; 0: the wall follows a drift
+  double stop_least_m = 0;    ///< the least |z| of this stop
   double stop_step_m = 0;     ///< m of eq. 5
+  double stop_way_m = 0;      ///< RAMP: the way that is left to the wall
   double stop_stretch_m = 0;  ///< z0 of EXPONENTIAL
 
   // shaft friction

@@ -323,7 +323,6 @@ void warnAboutRupture(const pb::Profile& profile, int i, std::vector<std::string
 /// Only the models with a wall follow the layers' cutting forces with a spring of K_t.
 void warnAboutLayers(const pb::Profile& profile, std::vector<std::string>& warnings) {
   const bool is_wall = profile.axial_model() <= pb::Profile::TRACKING_WALL;
-  const double stiffness = profile.tracking_wall().stiffness_n_per_m();
   double force_before_N = 0;
   for (int i = 0; i < profile.layers_size(); ++i) {
     const pb::Layer& layer = profile.layers(i);
@@ -331,6 +330,9 @@ void warnAboutLayers(const pb::Profile& profile, std::vector<std::string>& warni
     // the tissue above goes on where no needle enters the bone
     if (layer.tissue() == pb::Layer::BONE && lists(profile, pb::Profile::BONE)) continue;
     if (is_wall && lists(profile, pb::Profile::CUTTING)) {
+      const double stiffness = layer.has_wall_stiffness_n_per_m()
+                                   ? layer.wall_stiffness_n_per_m()
+                                   : profile.tracking_wall().stiffness_n_per_m();
       const double phi = fidelity(force_before_N, layer.cutting_force_n(), stiffness, layer.thickness_m());
       if (phi < kLeastFidelity) {
         warnings.push_back(describedLayer(profile, i) + ": too thin to be felt, fidelity " +

@@ -46,6 +46,7 @@ LayerSpec layerOf(const pb::Layer& layer) {
   spec.lateral_stiffness_N_per_m2 = layer.lateral_stiffness_n_per_m2();
   spec.friction_N_per_m = layer.friction_n_per_m();
   spec.is_bone = layer.tissue() == pb::Layer::BONE;
+  if (layer.has_wall_stiffness_n_per_m()) spec.wall_stiffness_N_per_m = layer.wall_stiffness_n_per_m();
   if (layer.has_puncture()) {
     spec.membrane = MembraneSpec{layer.puncture().linear_n_per_m(), layer.puncture().quadratic_n_per_m2(),
                                  layer.puncture().force_n()};

@@ -28,7 +28,9 @@ TEST(PassivityControlCases, theLateLoopGivesNothing) {
 TEST(PassivityControlCases, aDeratedLoadGivesNothingAndIsHardlyTouched) {
   const CaseRow row = rowOf("passivity_derated");
   EXPECT_EQ(row.verdict, Verdict::kStable) << rowText(row);
-  EXPECT_LE(*row.distortion_N, kNoticeableStep_N);
+  // a hundredth of the load: the loop is not passive, and the free needle swings about a wall that stands
+  // still
+  EXPECT_LE(*row.distortion_N, 0.045);
 }
 
 TEST(PassivityControlCases, ordinaryGesturesAreLeftAsTheyAre) {

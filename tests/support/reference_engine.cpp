@@ -32,7 +32,12 @@ Vec3 turned(Vec3 u, Vec3 e, double angle) {
 }  // namespace
 
 ReferenceEngine::ReferenceEngine(SceneSpec scene, double rate_hz, Defect planted)
-    : scene_(std::move(scene)), rate_hz_(rate_hz), period_s_(1.0 / rate_hz), planted_(planted) {}
+    : scene_(std::move(scene)),
+      rate_hz_(rate_hz),
+      period_s_(1.0 / rate_hz),
+      planted_(planted),
+      cuts_(scene_.stage_numbers[stageOf(Effect::kCutMemory)][0],
+            scene_.stage_numbers[stageOf(Effect::kCutMemory)][1], planted) {}
 
 std::optional<Vec3> ReferenceEngine::direction() const {
   return insertion_ ? std::optional(insertion_->u) : std::nullopt;
@@ -72,9 +77,12 @@ bool ReferenceEngine::live(Effect effect) const {
       return anyLayer([](const LayerSpec& l) { return l.friction_N_per_m != 0; });
     case Effect::kPuncture:
       return anyLayer([](const LayerSpec& l) { return l.membrane.has_value(); });
-    case Effect::kCutMemory:
+    case Effect::kCutMemory: {
+      // what it could change is there: a membrane, or the wall, which this model always has
+      return scene_.stage_numbers[stageOf(effect)][1] > 0;
+    }
     case Effect::kBone:
-      return false;  // the reference forgets at each exit, and knows no bone
+      return false;  // the reference knows no bone
   }
   return false;
 }
@@ -159,6 +167,8 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
   // contact (§3.1)
   if (depth <= 0) {  // "Exit: δ_k ≤ 0: everything is reset, all outputs are zero."
     if (insertion_) out.flags |= kFlagExit;
+    // an old cut of such an insertion is off as its trajectory was
+    if (insertion_ && live(Effect::kCutMemory)) cone_bound_ticks_before_ += insertion_->cone_bound_ticks;
     insertion_.reset();
     outside_once_ = true;
   } else if (!insertion_ && has_past_ && depth_past_ <= 0) {  // "Entry: δ_k > 0 after δ_{k−1} ≤ 0."
@@ -183,12 +193,18 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
     in.layer = layer;
 
     // trajectory and clamping (§3.3)
+    const double x_unturned = g.x;
     if (turn(in, g, p, depth, axis)) out.flags |= kFlagTurn;
+    in.turned_by = g.x - x_unturned;
     const Vec3 clamping = clamp(in, g, out);
 
     const double v = speed(in, g.x);
     const double x_c = meetMembranes(in, g, depth, entry, out);
-    axial(in, g, x_c, v, out);
+    in.stop.step(g.x, x_c - in.wall, v);
+    const double wall_unstepped = in.wall;
+    axial(in, g, x_c, out);
+    // "Memory of the cut": "Where neither CUTTING nor ATTRACTED is live no wall is dragged"
+    if (!live(Effect::kCutting) && !live(Effect::kAttracted)) in.wall = wall_unstepped;
     friction(in, g, x_c, out);
     puncture(in, g, out);
     tilt(in, g, axis, out);
@@ -198,14 +214,16 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
     force += in.u * out.friction_N;
     force += in.u * out.puncture_N;
     force += clamping;
+    if (live(Effect::kCutMemory)) force += in.u * remember(in, g, x_c, entry, out);
     // §3.5: "the sum is capped at max_force_n, keeping its direction"
+    if (std::abs(norm(force) - scene_.max_force_N) < 1e-9) undecided_ |= kFlagForceCapped;
     if (norm(force) > scene_.max_force_N) {
       force = force * (scene_.max_force_N / norm(force));
       out.flags |= kFlagForceCapped;
     }
     out.wrench_W.force_N = force;
 
-    out.phase = in.phase;
+    out.phase = in.stop.phase();
     out.layer = in.layer;
     out.insertion_m = g.d_t;
     out.speed_mps = v;
@@ -223,7 +241,7 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
 
 // §3.1 Entry, and the states that §3.2-3.5 begin with
 void ReferenceEngine::enter(Vec3 p, double depth, Vec3 axis) {
-  Insertion in;
+  Insertion in{.stop = {scene_.tracking_wall, rate_hz_, wallRelaxes(), planted_}};
   in.p_entry = p_past_ + (p - p_past_) * (depth_past_ / (depth_past_ - depth));
   if (planted_ == Defect::kEntryAtTip) in.p_entry = p;  // planted
   in.normal = normalAt(in.p_entry);
@@ -234,6 +252,7 @@ void ReferenceEngine::enter(Vec3 p, double depth, Vec3 axis) {
       std::max(kPi / 4, angleBetween(axis, in.u));  // §3.4: "max(45°, θ) at entry, before any turn"
   if (planted_ == Defect::kTiltLimitFrom45) in.tilt_limit = kPi / 4;  // planted
   in.membranes.resize(scene_.layers.size());
+  in.spring = scene_.layers[0].wall_stiffness_N_per_m.value_or(scene_.tracking_wall.stiffness_N_per_m);
   insertion_ = std::move(in);
 }
 
@@ -284,6 +303,7 @@ bool ReferenceEngine::turn(Insertion& in, Geometry& g, Vec3 p, double depth, Vec
   in.friction_wall += moved;
   for (auto& membrane : in.membranes) membrane.place_m += moved;
   for (double& x : in.x_past) x += moved;
+  in.stop.move(moved);
   in.tilt_limit +=
       std::max(0.0, angleBetween(axis, in.u) - theta_before);  // §3.4: "when a turn of u raises θ …"
   return true;
@@ -359,81 +379,47 @@ double ReferenceEngine::meetMembranes(Insertion& in, const Geometry& g, double d
   return x_c;
 }
 
-// §3.2; x_c stands for x in z, the drag and the force
-void ReferenceEngine::axial(Insertion& in, const Geometry& g, double x_c, double v, StepReport& out) const {
-  const TrackingWallSpec& spec = scene_.tracking_wall;
+// "Models without a wall that relaxes …, and scenes in which neither CUTTING nor ATTRACTED is live"
+bool ReferenceEngine::wallRelaxes() const {
+  switch (scene_.axial_model) {
+    case AxialModel::kEnhancedTrackingWall:
+    case AxialModel::kTrackingWall:
+    case AxialModel::kStatistical:
+    case AxialModel::kPrecomputed:
+      return live(Effect::kCutting) || live(Effect::kAttracted);
+    default:
+      return false;
+  }
+}
+
+double ReferenceEngine::springOf(const Insertion& in) const {
+  return scene_.layers[static_cast<std::size_t>(in.layer)].wall_stiffness_N_per_m.value_or(
+      scene_.tracking_wall.stiffness_N_per_m);
+}
+
+// "Tracking wall", 1 to 4; x_c stands for x
+void ReferenceEngine::axial(Insertion& in, const Geometry& g, double x_c, StepReport& out) const {
   const LayerSpec& layer = scene_.layers[static_cast<std::size_t>(in.layer)];
-  const double stiffness = spec.stiffness_N_per_m;
+  const double stiffness = springOf(in);
   const double cut = live(Effect::kCutting) ? layer.cutting_force_N / stiffness : 0.0;
   double attracted = live(Effect::kAttracted) ? std::min(layer.attracted_force_N / stiffness, g.d_t) : 0.0;
   if (planted_ == Defect::kAttractedNotFaded && live(Effect::kAttracted))
     attracted = layer.attracted_force_N / stiffness;  // planted
 
-  // 1. Stop: ticks with |v| < v_stop are counted, the entry tick included
-  const double slow = spec.stop_speed_mps;
-  const double still = planted_ == Defect::kNoStopHysteresis ? slow : 2 * slow;  // planted: the first
-  if (std::abs(v) >=
-      (in.stopped ? still : slow)) {  // "… or, once stopped, when |v| ≥ 2·v_stop, which also ends the stop"
-    in.slow_ticks = 0;
-    in.stopped = false;
-  } else if (std::abs(v) < slow) {
-    ++in.slow_ticks;
-  }
-  if (!in.stopped &&
-      in.slow_ticks ==
-          inTicks(spec.stop_dwell_s)) {  // "when it reaches stop_dwell_s, the stop begins with m = 0"
-    in.stopped = true;
-    in.stop_m = 0;
-    in.stop_i = 0;
-    in.stop_z0 =
-        std::abs(x_c - in.wall);  // "z0 = |z| at the tick that begins the stop, before the wall moves"
-  }
-  if (in.stopped) {
-    const double z = x_c - in.wall;
-    const double rejection = layer.rejection_force_N / stiffness;
-    const double most = 1.5 * slow * period_s_;
-    if (spec.stop_mode == StopMode::kRamp) {
-      ramp(in, z, rejection);
-    } else {
-      const double gap = std::max(0.0, std::abs(z) - std::max(rejection, spec.relax_residual * in.stop_z0));
-      in.wall += signOf(z) * std::min(gap * (1 - std::exp(-period_s_ / spec.relax_time_s)), most);
-    }
-  }
+  // 1. Spring
+  if (stiffness > in.spring) in.wall = x_c - in.spring / stiffness * (x_c - in.wall);
+  in.spring = stiffness;
 
-  // 2. Movement: w ← min(max(w, x − Δ_cut), x + Δ_att)
+  // 2. Stop
+  in.wall += in.stop.wallMove(x_c - in.wall, layer.rejection_force_N / stiffness);
+
+  // 3. Movement: w ← min(max(w, x − Δ_cut), x + Δ_att)
   in.wall = std::min(std::max(in.wall, x_c - cut), x_c + attracted);
 
-  // 3. Force: f = −K_t·(x − w); "Positive stretch is cutting, negative is attracted"
+  // 4. Force: f = −K_t·(x − w); "A stretched spring is cutting, a compressed one attracted"
   const double stretch = x_c - in.wall;
   if (stretch > 0 && live(Effect::kCutting)) out.cutting_N = -stiffness * stretch;
   if (stretch < 0 && live(Effect::kAttracted)) out.attracted_N = -stiffness * stretch;
-
-  // phase: STOPPED in a stop; INSERTING for v ≥ v_stop, WITHDRAWING for v ≤ −v_stop; otherwise it keeps its
-  // value
-  if (in.stopped)
-    in.phase = Phase::kStopped;
-  else if (v >= slow)
-    in.phase = Phase::kInserting;
-  else if (v <= -slow)
-    in.phase = Phase::kWithdrawing;
-}
-
-// §3.2 RAMP: g = max(0, |z| − f_rej/K_t), m ← max(m, g/n), w ← w + sign(z)·min(m, g, 1.5·v_stop·T)
-void ReferenceEngine::ramp(Insertion& in, double z, double rejection_m) const {
-  const TrackingWallSpec& spec = scene_.tracking_wall;
-  const double n = static_cast<double>(inTicks(spec.stop_duration_s));
-  const double gap = std::max(0.0, std::abs(z) - rejection_m);
-  double most = 1.5 * spec.stop_speed_mps * period_s_;
-  if (planted_ == Defect::kLiteralEq4 || planted_ == Defect::kRampIgnoresZ) {  // planted
-    if (in.stop_i == 0) in.stop_m = signOf(z) * gap / n;
-    ++in.stop_i;
-    if (in.stop_i <= inTicks(spec.stop_duration_s))
-      in.wall += in.stop_m * (planted_ == Defect::kLiteralEq4 ? static_cast<double>(in.stop_i) : 1.0);
-    return;
-  }
-  if (planted_ == Defect::kRampWithoutCap) most = gap;  // planted
-  in.stop_m = std::max(in.stop_m, gap / n);
-  in.wall += signOf(z) * std::min({in.stop_m, gap, most});
 }
 
 // §3.5 Shaft friction: "a second tracking wall with K_f and Δ_f = (∫₀^{d_t} friction ds)/K_f both ways; no
@@ -460,6 +446,41 @@ void ReferenceEngine::puncture(const Insertion& in, const Geometry& g, StepRepor
     const MembraneSpec& spec = *scene_.layers[i].membrane;
     out.puncture_N -= spec.linear_N_per_m * z + spec.quadratic_N_per_m2 * z * z;
   }
+}
+
+// "Memory of the cut": "after the tick it changes cutting and puncture"; the change of the force along u
+double ReferenceEngine::remember(Insertion& in, const Geometry& g, double x_c, bool entry, StepReport& out) {
+  const double stiffness = springOf(in);
+  CutTick tick;
+  tick.entry = entry;
+  tick.p_entry_W_m = in.p_entry;
+  tick.u_W = in.u;
+  tick.turned_by = in.turned_by;
+  tick.x_before = in.x_past[in.x_past.size() - 2];
+  tick.x = g.x;
+  tick.x_c = x_c;
+  tick.wall = in.wall;
+  tick.friction_wall = in.friction_wall;
+  tick.cuts = live(Effect::kCutting);
+  tick.cut_reach = scene_.layers[static_cast<std::size_t>(in.layer)].cutting_force_N / stiffness;
+  tick.ruptured = (out.flags & kFlagRupture) != 0;
+  for (const Membrane& membrane : in.membranes)
+    tick.membranes.push_back({membrane.met, membrane.ruptured, membrane.place_m});
+
+  const ReferenceCutMemory::Released released = cuts_.step(tick);
+  in.wall = tick.wall;
+  in.friction_wall = tick.friction_wall;
+  for (std::size_t i = 0; i < in.membranes.size(); ++i) in.membranes[i].ruptured = tick.membranes[i].open;
+  if (released.membrane) out.flags |= kFlagRupture;
+  if (released.wall) out.flags |= kFlagLayerChange;
+  if (released.undecided) undecided_ |= kFlagLayerChange;
+
+  const double before = out.cutting_N + out.puncture_N;
+  if (const double stretch = tick.x_c - in.wall; live(Effect::kCutting) && stretch > 0)
+    out.cutting_N = -stiffness * stretch;
+  out.puncture_N = 0;
+  puncture(in, g, out);
+  return out.cutting_N + out.puncture_N - before;
 }
 
 // §3.4: θ_l ← max(α(d_t), min(θ_l, θ)); torque min(k_θ (θ − θ_l), τ_max) about the unit vector of axis × u

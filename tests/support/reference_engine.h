@@ -8,28 +8,10 @@
 
 #include "common/haptics/engine.h"
 #include "common/haptics/scene_spec.h"
+#include "tests/support/reference_cut_memory.h"
+#include "tests/support/reference_stop.h"
 
 namespace needlelab::test {
-
-/// A fault put into the reference on purpose, one at a time: a hard case that such an engine passes proves
-/// nothing. In the source each is marked `planted`.
-enum class Defect : std::uint8_t {
-  kNone,
-  kLiteralEq4,             ///< stop: m·i is added to the previous wall, m = (x − ω)/n kept
-  kRampIgnoresZ,           ///< stop: m stays what it was at the begin, whatever z has become
-  kRampWithoutCap,         ///< stop: the wall may move faster than 1.5·v_stop
-  kShortSpeedWindow,       ///< v over 20 ms in place of 100 ms
-  kNoStopHysteresis,       ///< a stop ends at v_stop in place of 2·v_stop
-  kAttractedNotFaded,      ///< Δ_att = f_att/K_t up to the exit
-  kEntryAtTip,             ///< P0 = the first sample inside, not the point where the surface was crossed
-  kEntersFromInside,       ///< a first sample inside begins an insertion
-  kInsertionIgnoresDepth,  ///< d_t = max(0, x), without δ/c
-  kTurnLeavesWalls,        ///< a turn moves neither walls, membranes nor past x
-  kTurnAtOnce,             ///< a turn is not held to 2 rad/s
-  kFrictionBySign,         ///< shaft friction of full size against the last move, no spring
-  kAlphaWithoutState,      ///< torque above α(d_t), without θ_l
-  kTiltLimitFrom45,        ///< θ_l begins at 45° although the needle is tilted more
-};
 
 /// Steps the same ticks as `needlelab::step`, without its precomputed tables, caches and cheap trigonometry.
 /// Uses the heap and libm freely. The spec must be valid (it is not validated here).
@@ -48,12 +30,18 @@ class ReferenceEngine {
   /// θ_l, while inside.
   [[nodiscard]] std::optional<double> tiltLimit() const;
   /// The flags of the last tick that depend on a comparison decided by rounding (k(|e| − ρ) against f_max,
-  /// for the turn and for the cap; room left on the cone; θ against θ_l): another rounding of the same
-  /// numbers may set them otherwise, with the same forces.
+  /// for the turn and for the cap; the sum against max_force_n; room left on the cone; θ against θ_l):
+  /// another rounding of the same numbers may set them otherwise, with the same forces.
   [[nodiscard]] std::uint32_t undecidedFlags() const { return undecided_; }
   /// Ticks of this insertion whose turn the cone held back: FORCE_MODEL.md ("Change of trajectory") lets each
   /// of them be off by 1e-12 rad.
-  [[nodiscard]] int coneBoundTicks() const { return insertion_ ? insertion_->cone_bound_ticks : 0; }
+  /// With CUT_MEMORY also those of earlier insertions.
+  [[nodiscard]] int coneBoundTicks() const {
+    return cone_bound_ticks_before_ + (insertion_ ? insertion_->cone_bound_ticks : 0);
+  }
+  /// CUT_MEMORY: in a tick so far the wall stood on the side of an old cut, where rounding decides whether
+  /// the insertion gets a track of its own (FORCE_MODEL.md, "Memory of the cut").
+  [[nodiscard]] bool tracksUndecided() const { return cuts_.undecided(); }
 
  private:
   /// A membrane that was met in this insertion.
@@ -67,17 +55,13 @@ class ReferenceEngine {
     Vec3 p_entry;  ///< P0
     Vec3 normal;   ///< n
     Vec3 u, u0;    ///< trajectory direction now and at entry
-    Phase phase = Phase::kInserting;
     int layer = -1;
     std::vector<double> x_past;  ///< x at ticks k_entry − 1 (zero), k_entry, …; moved by each turn
     double depth_past = 0;       ///< δ at the tick before; 0 at P0 for the entry tick
     // tracking wall
-    double wall = 0;  ///< w
-    std::int64_t slow_ticks = 0;
-    bool stopped = false;
-    double stop_m = 0;        ///< m of eq. 5
-    double stop_z0 = 0;       ///< z0 of EXPONENTIAL
-    std::int64_t stop_i = 0;  ///< ticks of the stop so far, for kLiteralEq4
+    double wall = 0;    ///< w
+    double spring = 0;  ///< K_t of the tick before
+    ReferenceStop stop;
     // shaft friction
     double friction_wall = 0;  ///< w_f
     double x_c_past = 0;       ///< x_c at the tick before, for kFrictionBySign
@@ -87,6 +71,7 @@ class ReferenceEngine {
     double tilt_limit = 0;  ///< θ_l
     int cone_bound_ticks = 0;
     std::vector<Membrane> membranes;
+    double turned_by = 0;  ///< change of x by the turn of this tick
   };
 
   /// Values derived from the pose, p and u; computed again after a turn.
@@ -105,16 +90,18 @@ class ReferenceEngine {
   [[nodiscard]] double cone(double d_t) const;
   [[nodiscard]] Geometry geometry(const Insertion& in, Vec3 u, Vec3 p, double depth) const;
 
-  void ramp(Insertion& in, double z, double rejection_m) const;
+  [[nodiscard]] bool wallRelaxes() const;
+  [[nodiscard]] double springOf(const Insertion& in) const;
   static double undecidedBelow(const Insertion& in);
   void enter(Vec3 p, double depth, Vec3 axis);
   bool turn(Insertion& in, Geometry& g, Vec3 p, double depth, Vec3 axis);
   Vec3 clamp(Insertion& in, const Geometry& g, StepReport& out);
   double speed(Insertion& in, double x) const;
   double meetMembranes(Insertion& in, const Geometry& g, double depth, bool entry, StepReport& out) const;
-  void axial(Insertion& in, const Geometry& g, double x_c, double v, StepReport& out) const;
+  void axial(Insertion& in, const Geometry& g, double x_c, StepReport& out) const;
   void friction(Insertion& in, const Geometry& g, double x_c, StepReport& out) const;
   void puncture(const Insertion& in, const Geometry& g, StepReport& out) const;
+  double remember(Insertion& in, const Geometry& g, double x_c, bool entry, StepReport& out);
   void tilt(Insertion& in, const Geometry& g, Vec3 axis, StepReport& out);
 
   SceneSpec scene_;
@@ -125,6 +112,8 @@ class ReferenceEngine {
   Vec3 p_past_;
   double depth_past_ = 0;
   std::optional<Insertion> insertion_;
+  ReferenceCutMemory cuts_;
+  int cone_bound_ticks_before_ = 0;
   std::uint32_t undecided_ = 0;
 };
 

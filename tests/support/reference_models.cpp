@@ -62,34 +62,12 @@ double ReferenceModel::statisticalTarget(double depth_m) const {
 
 // §3.2 with the model's own stretches
 ModelForce ReferenceModel::wall(const ModelTick& tick, double cut_m, double attracted_m) {
-  const TrackingWallSpec& spec = scene_.tracking_wall;
-  const auto inTicks = [&](double s) { return std::max(1.0, std::floor(s * rate_hz_ + 0.5)); };
-  const double slow = spec.stop_speed_mps, size = std::abs(tick.speed_mps), period = 1 / rate_hz_;
-  if (size >= (stopped_ ? 2 * slow : slow)) {
-    stopped_ = false;
-    slow_ticks_ = 0;
-  } else if (size < slow) {
-    ++slow_ticks_;
-  }
-  const double rejection = scene_.layers[layerAt(tick.depth_m)].rejection_force_N / spec.stiffness_N_per_m;
-  if (!stopped_ && slow_ticks_ > 0 && static_cast<double>(slow_ticks_) == inTicks(spec.stop_dwell_s)) {
-    stopped_ = true;
-    ramp_ = 0;
-    z0_ = std::abs(tick.x_m - wall_);
-  }
-  if (stopped_) {
-    const double z = tick.x_m - wall_, sign = z < 0 ? -1 : 1, most = 1.5 * slow * period;
-    if (spec.stop_mode == StopMode::kRamp) {
-      const double gap = std::max(0.0, std::abs(z) - rejection);
-      ramp_ = std::max(ramp_, gap / inTicks(spec.stop_duration_s));
-      wall_ += sign * std::min({ramp_, gap, most});
-    } else {
-      const double gap = std::max(0.0, std::abs(z) - std::max(rejection, spec.relax_residual * z0_));
-      wall_ += sign * std::min(gap * (1 - std::exp(-period / spec.relax_time_s)), most);
-    }
-  }
+  const double stiffness = scene_.tracking_wall.stiffness_N_per_m;
+  const double rejection_m = scene_.layers[layerAt(tick.depth_m)].rejection_force_N / stiffness;
+  stop_->step(tick.x_m, tick.x_m - wall_, tick.speed_mps);
+  wall_ += stop_->wallMove(tick.x_m - wall_, rejection_m);
   wall_ = std::min(std::max(wall_, tick.x_m - cut_m), tick.x_m + std::min(attracted_m, tick.insertion_m));
-  const double force = -spec.stiffness_N_per_m * (tick.x_m - wall_);
+  const double force = -stiffness * (tick.x_m - wall_);
   ModelForce out;
   (force < 0 ? out.cutting_N : out.attracted_N) = force;
   return out;
@@ -282,13 +260,13 @@ ModelForce ReferenceModel::step(const ModelTick& tick) {
     ++insertion_;
     x_past_ = wall_ = friction_wall_ = 0;
     spring_ = slid_ = 0;
-    slow_ticks_ = 0;
-    stopped_ = false;
+    stop_.emplace(scene_.tracking_wall, rate_hz_, lists(Effect::kCutting) || lists(Effect::kAttracted));
     tops_.clear();
   }
   // "w, the friction wall, the membranes' places and the kept past values of x move by x_new − x_old"
   wall_ += tick.moved_m;
   friction_wall_ += tick.moved_m;
+  stop_->move(tick.moved_m);
   for (Top& top : tops_) top.place_m += tick.moved_m;
 
   const double K_t = scene_.tracking_wall.stiffness_N_per_m;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/haptics/scene_spec.h"
+#include "tests/support/reference_stop.h"
 
 namespace needlelab::test {
 
@@ -69,9 +70,7 @@ class ReferenceModel {
   double x_past_ = 0, depth_past_ = 0;
   // walls and stop
   double wall_ = 0, friction_wall_ = 0;
-  long slow_ticks_ = 0;
-  bool stopped_ = false;
-  double ramp_ = 0, z0_ = 0;
+  std::optional<ReferenceStop> stop_;
   // tops of layers that were met, and where the god object's proxy lies
   std::vector<Top> tops_;
   std::optional<std::size_t> proxy_on_;

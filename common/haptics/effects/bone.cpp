@@ -4,6 +4,10 @@
 /// Coulomb's cone (Harwin and Melder 2002). Meanwhile the tissue feels the tip where it met the bone, so that
 /// its springs do not add to the bone's.
 ///
+/// No steps: in a tick the stretch changes by little more than the tip's way. What the proxy would move
+/// further, over an edge of the bone, it does in the next ticks; and near the skin the spring shortens with
+/// the depth, so that nothing is left of it where the tip comes out.
+///
 /// Energy: the proxy moves only where that shortens the spring, as the wall. The tissue's force along u acts
 /// on the hand over a way h that the tissue does not feel; h begins and ends at 0, and while it is not 0 this
 /// force only falls and never pulls in, so ∫ f dh ≤ 0.
@@ -32,6 +36,10 @@ constexpr int kMostSteps = 64;
 constexpr int kMostSlips = 8;
 /// The tissue feels the tip at a tenth of its depth at least: it stays in the tissue.
 constexpr double kMostHeld = 0.9;
+/// Nearer than this to the bone's surface is on it.
+constexpr double kOnSurface_m = 1e-9;
+/// The proxy falls over an edge of the bone so much faster than the tip's way moves it: 4 mm in 0.2 s.
+constexpr double kFallSpeed_mps = 0.020;
 /// A direction shorter than this has no meaning after rounding.
 constexpr double kShortestNormal = 1e-6;
 constexpr double kNoLimit = std::numeric_limits<double>::infinity();
@@ -66,6 +74,12 @@ Vec3 ontoBone(const SceneModel& model, Vec3 p_W_m, Vec3 normal_W) {
   return p_W_m + normal_W * depthInBone(model, p_W_m);
 }
 
+// a place outside the bone comes onto its surface, one in it (let go near the skin) stays
+Vec3 outOfBone(const SceneModel& model, Vec3 p_W_m, Vec3 motion) {
+  if (depthInBone(model, p_W_m) > kOnSurface_m) return p_W_m;
+  return ontoBone(model, p_W_m, boneNormal(model, p_W_m, motion));
+}
+
 // whether the way in the tissue from one tick's tip to the next meets the bone; sets where
 bool meetsBone(const SceneModel& model, Vec3 from_W_m, Vec3 to_W_m, Vec3& at_W_m) {
   const Vec3 way = to_W_m - from_W_m;
@@ -90,28 +104,80 @@ bool meetsBone(const SceneModel& model, Vec3 from_W_m, Vec3 to_W_m, Vec3& at_W_m
   return end_gap_m < 0.0;
 }
 
-// moves the proxy along the bone toward the tip until friction holds it; false: the tip has left the bone.
-// The surface is convex: where the tip is beyond the plane that touches it at the proxy, no bone is between.
-bool followTip(const SceneModel& model, Vec3 tip_W_m, Vec3& proxy_W_m) {
+// √(1 + μ²): a spring at the edge of the cone of friction is so much longer than it is pressed
+double coneLength(const SceneModel& model) {
   const double friction = model.stage_numbers[kBoneOwn][kBoneFriction];
+  return std::sqrt(1.0 + friction * friction);
+}
+
+// how far the stretch may change in a tick. Along a flat bone, and where the skin shortens it, the tip's way
+// never changes it by more than the first term; what a proxy does that falls over an edge waits for the next
+// ticks
+double mostChange(const SceneModel& model, double way_m) {
+  const double friction = model.stage_numbers[kBoneOwn][kBoneFriction];
+  return std::sqrt(2.0 + friction * friction) * way_m + kFallSpeed_mps * model.period_s;
+}
+
+// the greatest share, at most 1, of `move` with |change + share·move| <= most_m
+double shareWithin(Vec3 change, Vec3 move, double most_m) {
+  const double room = std::max(0.0, most_m * most_m - normSquared(change));
+  const double along = dot(change, move), size = normSquared(move);
+  if (!(size + 2.0 * along > room)) return 1.0;
+  return std::clamp((std::sqrt(along * along + size * room) - along) / size, 0.0, 1.0);
+}
+
+// Near the skin, and past the middle of a round bone, the spring is no longer than that: its force ends where
+// the tip leaves the limb. On a bone that is parallel to a flat skin it never is
+void bindToSkin(const SceneModel& model, Vec3 tip_W_m, double depth_m, double most_change_m,
+                BoneContact& bone) {
+  const double most_m = coneLength(model) * depth_m;
+  const Vec3 stretch = bone.p_proxy_W_m - tip_W_m;
+  const double stretch_m = norm(stretch);
+  if (!(stretch_m > most_m)) return;
+  const Vec3 move = stretch * (most_m / stretch_m - 1.0);
+  const double share = shareWithin(stretch - bone.stretch_W_m, move, most_change_m);
+  bone.p_proxy_W_m = bone.p_proxy_W_m + move * share;
+}
+
+// a proxy that came after a tip outside the bone comes back with it: onto the surface, as the slip
+void backOntoBone(const SceneModel& model, Vec3 tip_W_m, double most_m, BoneContact& bone) {
+  const Vec3 proxy_W_m = bone.p_proxy_W_m, stretch = proxy_W_m - tip_W_m;
+  if (!(depthInBone(model, proxy_W_m) < -kOnSurface_m)) return;
+  const Vec3 move = ontoBone(model, proxy_W_m, boneNormal(model, proxy_W_m, stretch)) - proxy_W_m;
+  if (!(normSquared(stretch + move) < normSquared(stretch))) return;
+  bone.p_proxy_W_m = proxy_W_m + move * shareWithin(stretch - bone.stretch_W_m, move, most_m);
+}
+
+// Moves the proxy along the bone toward the tip until friction holds it, or the stretch has changed by
+// most_m. Returns false where the tip has left the bone and the proxy has reached it. The surface is convex:
+// where the tip is beyond the plane that touches it at the proxy, no bone is between.
+bool followTip(const SceneModel& model, Vec3 tip_W_m, double most_m, BoneContact& bone) {
+  const double friction = model.stage_numbers[kBoneOwn][kBoneFriction];
+  Vec3& proxy_W_m = bone.p_proxy_W_m;
+  backOntoBone(model, tip_W_m, most_m, bone);
   for (int slip = 0; slip <= kMostSlips; ++slip) {
     const Vec3 to_tip = tip_W_m - proxy_W_m;
+    const Vec3 change = -to_tip - bone.stretch_W_m;
     const Vec3 normal = boneNormal(model, proxy_W_m, to_tip);
     const double pressed_m = -dot(normal, to_tip);
-    if (!(pressed_m > 0.0)) return false;
+    if (!(pressed_m > 0.0)) {
+      const double share = shareWithin(change, to_tip, most_m);
+      proxy_W_m = proxy_W_m + to_tip * share;
+      return share < 1.0;
+    }
     const Vec3 along = to_tip + normal * pressed_m;
     const double along_m = norm(along), sticks_m = friction * pressed_m;
     if (along_m <= sticks_m || slip == kMostSlips) return true;
     const Vec3 move = along * (1.0 - sticks_m / along_m);
     // on a curved bone a long slip could lengthen the spring: then a shorter one
+    const double most_share = shareWithin(change, move, most_m);
     bool moved = false;
-    for (double share = 1.0; !moved && share > 0.05; share *= 0.5) {
-      const Vec3 beside = proxy_W_m + move * share;
-      const Vec3 next = ontoBone(model, beside, boneNormal(model, beside, to_tip));
+    for (double share = most_share; !moved && share > 0.05 * most_share; share *= 0.5) {
+      const Vec3 next = outOfBone(model, proxy_W_m + move * share, to_tip);
       moved = normSquared(tip_W_m - next) < normSquared(to_tip);
       if (moved) proxy_W_m = next;
     }
-    if (!moved) return true;
+    if (!moved || most_share < 1.0) return true;
   }
   return true;
 }
@@ -121,15 +187,28 @@ void forgetTissue(BoneContact& bone) {
   bone.cutting_N = bone.friction_N = bone.place_m = kNoLimit;
 }
 
-// brings the contact to this tick's tip
-void updateContact(const SceneModel& model, Vec3 from_W_m, Vec3 tip_W_m, BoneContact& bone) {
-  if (!bone.touching) {
+// where the needle first stands on the bone: on its surface. A tip that is in the bone already was let go
+// near the skin: the bone holds it from there
+Vec3 firstProxy(const SceneModel& model, Vec3 from_W_m, Vec3 at_W_m, Vec3 way) {
+  if (depthInBone(model, from_W_m) > kOnSurface_m) return from_W_m;
+  return ontoBone(model, at_W_m, boneNormal(model, at_W_m, way));
+}
+
+// brings the contact to this tick's tip, which is `depth_m` under the skin. `from_W_m`: the last tip, where
+// that did not touch the bone
+void updateContact(const SceneModel& model, Vec3 from_W_m, Vec3 tip_W_m, double depth_m, BoneContact& bone) {
+  if (bone.touching) {
+    const Vec3 before_W_m = bone.p_proxy_W_m - bone.stretch_W_m;
+    const double most_change_m = mostChange(model, norm(tip_W_m - before_W_m));
+    bindToSkin(model, tip_W_m, depth_m, most_change_m, bone);
+    bone.touching = followTip(model, tip_W_m, most_change_m, bone);
+  } else {
     Vec3 at_W_m;
     if (!meetsBone(model, from_W_m, tip_W_m, at_W_m)) return;
-    bone.p_proxy_W_m = ontoBone(model, at_W_m, boneNormal(model, at_W_m, tip_W_m - from_W_m));
+    bone.p_proxy_W_m = firstProxy(model, from_W_m, at_W_m, tip_W_m - from_W_m);
     forgetTissue(bone);
+    bone.touching = followTip(model, tip_W_m, mostChange(model, norm(tip_W_m - from_W_m)), bone);
   }
-  bone.touching = followTip(model, tip_W_m, bone.p_proxy_W_m);
   if (bone.touching)
     bone.stretch_W_m = bone.p_proxy_W_m - tip_W_m;
   else
@@ -147,7 +226,7 @@ TipSample holdTip(const SceneModel& model, const TipSample& sample, SimState& st
     bone = {};
     return felt;
   }
-  updateContact(model, state.p_prev_W_m, sample.p_WT_m, bone);
+  updateContact(model, state.p_prev_W_m, sample.p_WT_m, depth_m, bone);
   if (!bone.touching) return felt;
   const double tip_m = dot(state.u_W, sample.p_WT_m - state.p_entry_W_m);
   const double proxy_m = dot(state.u_W, bone.p_proxy_W_m - state.p_entry_W_m);
@@ -199,8 +278,8 @@ double limitTissue(const SceneModel& model, const TipSample& felt, SimState& sta
   if (model.isLive(Effect::kPuncture)) along_N += limitMembranes(model, x_m, state, report);
   const double x_cut_m = cuttingPosition(state, x_m);
   if (model.cut_reach != nullptr && model.isLive(Effect::kCutting))
-    along_N +=
-        limitWall(model.wall.stiffness_N_per_m, x_cut_m, bone.cutting_N, state.wall_m, report.cutting_N);
+    along_N += limitWall(model.layers[state.layer].wall_stiffness_N_per_m, x_cut_m, bone.cutting_N,
+                         state.wall_m, report.cutting_N);
   // "no wall" stays "no wall"
   if (!std::isnan(report.p_wall_W_m.x)) report.p_wall_W_m = state.p_entry_W_m + state.u_W * state.wall_m;
   if (model.isLive(Effect::kShaftFriction))
@@ -212,7 +291,8 @@ double limitTissue(const SceneModel& model, const TipSample& felt, SimState& sta
 Vec3 pressBone(const SceneModel& model, const TipSample& felt, SimState& state, StepReport& report) noexcept {
   BoneContact& bone = state.bone;
   // before its first tick an insertion has no u: the tissue feels this tip as it is
-  if ((report.flags & kFlagEntry) != 0) updateContact(model, state.p_entry_W_m, felt.p_WT_m, bone);
+  if ((report.flags & kFlagEntry) != 0)
+    updateContact(model, state.p_entry_W_m, felt.p_WT_m, report.depth_m, bone);
   // the needle is on the bone or in the tissue, whatever layer its depth says
   const auto layer = static_cast<std::int32_t>(model.bone_layer);
   report.layer = bone.touching ? layer : std::min(report.layer, layer - 1);
@@ -220,7 +300,6 @@ Vec3 pressBone(const SceneModel& model, const TipSample& felt, SimState& state, 
   const double tissue_N = limitTissue(model, felt, state, report);
   const Vec3 force_W_N = bone.stretch_W_m * model.stage_numbers[kBoneOwn][kBoneStiffness_N_per_m];
   report.stage_N[kBoneOwn] = norm(force_W_N);
-  report.flags &= ~static_cast<std::uint32_t>(kFlagLayerChange);
   return force_W_N + state.u_W * tissue_N;
 }
 

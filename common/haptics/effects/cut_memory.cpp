@@ -10,6 +10,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <limits>
 
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/effects/puncture.h"
@@ -27,6 +28,8 @@ constexpr double kRounding_m = 1e-12;
 constexpr double kNewCut_m = 1e-6;
 /// The squared sine below which two lines leave each other by less than a micrometre a metre.
 constexpr double kParallel = 1e-12;
+/// A wall that stands on the side of a track stays in it, whatever rounding says.
+constexpr double kSide_m = 1e-9;
 
 template <std::size_t kIndex>
 double& cutNumber(SceneSpec& spec) {
@@ -36,6 +39,8 @@ double& cutNumber(SceneSpec& spec) {
 constexpr std::array<EffectField, 2> kCutFields = {
     {{"cutting_share", "Share of the cutting force along a cut", {0, 1}, 0.23, cutNumber<kCutShare>},
      {"radius_m", "Radius of a cut", {0, 0.01, true}, 0.001, cutNumber<kCutRadius_m>}}};
+
+constexpr double kNoWay = std::numeric_limits<double>::infinity();
 
 Vec3 pointAt(const SimState& state, double x_m) {
   return state.p_entry_W_m + state.u_W * x_m;
@@ -58,7 +63,7 @@ OnTrack onTrack(const CutTrack& track, Vec3 p_W_m, double radius_m) {
 // how far the tissue is cut along u from a point in a track: to the track's end, or to where u leaves it
 double cutFrom(const CutTrack& track, const OnTrack& at, Vec3 u_W, double radius_m) {
   const double cosine = dot(u_W, track.u_W);
-  if (!(cosine > 0.0)) return 0.0;
+  if (!(cosine > 0.0)) return at.along_m <= track.length_m ? 0.0 : -kNoWay;
   double cut_m = (track.length_m - at.along_m) / cosine;
   const Vec3 across = u_W - track.u_W * cosine;
   if (const double slope = normSquared(across); slope > kParallel) {
@@ -123,7 +128,7 @@ double endOfCut(const SceneModel& model, const SimState& state) {
   for (std::uint32_t i = 0; i < cuts.count; ++i) {
     if (i == cuts.own) continue;
     const CutTrack& track = cuts.tracks[i];
-    const OnTrack at = onTrack(track, wall_W_m, radius_m);
+    const OnTrack at = onTrack(track, wall_W_m, radius_m + kSide_m);
     if (at.near && at.along_m >= -radius_m)
       end_m = std::max(end_m, state.wall_m + cutFrom(track, at, state.u_W, radius_m));
   }
@@ -143,16 +148,16 @@ double followCut(const SceneModel& model, SimState& state, double x_m, double x_
   if (move_m > std::max(0.0, x_m - x_before_m) + kRounding_m) report.flags |= kFlagLayerChange;
   state.wall_m = to_m;
   const double before_N = report.cutting_N + report.attracted_N;
-  report.cutting_N = -model.wall.stiffness_N_per_m * (x_cut_m - to_m);
+  report.cutting_N = -model.layers[state.layer].wall_stiffness_N_per_m * (x_cut_m - to_m);
   report.attracted_N = 0.0;
   return report.cutting_N - before_N;
 }
 
 // the place of a track for this insertion: that of one which it makes longer along the same line, else the
 // next
-std::uint32_t placeOfTrack(CutMemory& cuts, const SimState& state, double radius_m) {
+std::uint32_t placeOfTrack(CutMemory& cuts, const SimState& state, double radius_m, bool wall_cuts) {
   const Vec3 wall_W_m = pointAt(state, state.wall_m);
-  for (std::uint32_t i = 0; i < cuts.count; ++i) {
+  for (std::uint32_t i = 0; wall_cuts && i < cuts.count; ++i) {
     const CutTrack& track = cuts.tracks[i];
     const OnTrack wall = onTrack(track, wall_W_m, radius_m);
     if (wall.near && wall.along_m >= track.length_m && onTrack(track, state.p_entry_W_m, radius_m).near)
@@ -172,7 +177,8 @@ void record(const SceneModel& model, SimState& state, double end_m, bool wall_cu
     const bool cut_new = wall_cuts && state.wall_m > end_m + kNewCut_m;
     const bool ruptured_new = (state.membranes_ruptured & ~cuts.opened) != 0;
     if (!cut_new && !ruptured_new) return;
-    cuts.own = placeOfTrack(cuts, state, model.stage_numbers[kCutOwn][kCutRadius_m]);
+    cuts.own = placeOfTrack(cuts, state, model.stage_numbers[kCutOwn][kCutRadius_m], wall_cuts);
+    cuts.tracks[cuts.own].length_m = 0;
     cuts.tracks[cuts.own].p_entry_W_m = state.p_entry_W_m;
     cuts.tracks[cuts.own].u_W = state.u_W;
   }

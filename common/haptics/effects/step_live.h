@@ -58,11 +58,21 @@ constexpr EffectMask replacedBy() {
     return 0;
 }
 
+/// True for an axial model whose wall relaxes in a stop.
+template <class Axial>
+constexpr bool relaxes() {
+  if constexpr (requires { Axial::kRelaxes; })
+    return Axial::kRelaxes;
+  else
+    return false;
+}
+
 /// One tick with the effects of `Live` compiled in and the others absent: unused effects cost nothing.
 /// `Axial` gives the force along u:
 ///   static constexpr EffectMask kRenders;   // the effects of CUTTING and ATTRACTED that it can render
 ///   static constexpr EffectMask kReplaces;  // optional: the effects that it replaces by its own
 ///   static constexpr bool kHasWall;  // state.wall_m is a place on the trajectory, to be reported
+///   static constexpr bool kRelaxes;  // optional: that wall relaxes in a stop
 ///   static double apply(model, state, tick, stop_begins, report);
 ///     // fills report.cutting_N or attracted_N, which are 0 before (so are friction_N and puncture_N when
 ///     // that effect is not live). If it is a template over the EffectMask, it writes both
@@ -112,11 +122,13 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
   // speed
   membranes.rememberPlace(model, state, entry);
   tick.speed_mps = updateSpeed(model, state, tick.x_m);
-  [[maybe_unused]] const bool stop_begins = updatePhase(model, state, tick.speed_mps);
 
   // membranes and ruptures
   tick.x_cut_m = tick.x_m;
   [[maybe_unused]] const double membranes_N = membranes.apply(model, state, tick, entry, report);
+
+  // stop and phase: after ruptures have moved the wall
+  [[maybe_unused]] const bool stop_begins = updatePhase < kActs && relaxes<Axial>() > (model, state, tick);
 
   // along u: axial, friction, puncture
   double along_N = 0.0;

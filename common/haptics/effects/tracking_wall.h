@@ -1,7 +1,7 @@
 /// Cutting and attracted force: the enhanced tracking wall (paper eq. 1–6; FORCE_MODEL.md, "Tracking wall").
 /// The needle drags one wall w behind it on the way in and ahead of it on the way out; in a stop the wall
-/// creeps up to the needle. Every move of the wall shrinks |x − w|: the element only dissipates, so it needs
-/// no damper.
+/// comes up to the needle once and then waits, so that the next move meets it again. Every move of the wall
+/// shrinks |x − w|: the element only dissipates, so it needs no damper.
 #pragma once
 
 #include <algorithm>
@@ -11,24 +11,91 @@
 
 namespace needlelab {
 
-/// Counts slow ticks, begins and ends stops, sets the phase. Runs with or without a live wall.
-/// Returns true at the tick that begins a stop.
-[[gnu::always_inline]] inline bool updatePhase(const SceneModel& model, SimState& state, double speed_mps) {
-  const double stop_speed = model.wall.stop_speed_mps;
-  const double size = std::fabs(speed_mps);
-  if (size >= stop_speed) {
-    if (state.stopped) {
-      if (size < 2.0 * stop_speed) return false;
-      state.stopped = false;
-    }
-    state.slow_ticks = 0;
-    state.phase = speed_mps > 0.0 ? Phase::kInserting : Phase::kWithdrawing;
+/// A hand that stays within this band for kRest_s rests, however it trembles: tremor of 4–12 Hz has at most
+/// 0.1 mm peak in a supported hand. It is a mean speed of 0.43 mm/s.
+inline constexpr double kRestBand_m = 0.34e-3;
+inline constexpr double kRest_s = 0.8;
+/// A stop at v_stop needs a movement of this many v_stop before it: a slow advance has none.
+inline constexpr double kArmingSpeeds = 2.5;
+/// A stretch that has grown by this tells a hand that cuts from one that yields to the falling force.
+inline constexpr double kStopGrowth_m = 0.6e-3;
+/// A compliant hand follows the wall of the ramp: it has this many times the way of a hand at rest.
+inline constexpr double kRampWays = 6.0;
+/// After the ramp the wall follows a hand that drifts, and no faster.
+inline constexpr double kDriftSpeed_mps = 0.12e-3;
+
+/// Keeps the band of places in which the needle has been; returns true in the tick in which it leaves it, and
+/// a new one begins there. Places are kept less `x_shift_m`: a turn of u is no movement.
+[[gnu::always_inline]] inline bool leavesBand(SimState& state, double x_m) {
+  const double place_m = x_m - state.x_shift_m;
+  state.band_low_m = std::min(state.band_low_m, place_m);
+  state.band_high_m = std::max(state.band_high_m, place_m);
+  ++state.quiet_ticks;
+  if (state.band_high_m - state.band_low_m < kRestBand_m) [[likely]]
     return false;
-  }
-  if (state.stopped || ++state.slow_ticks < model.dwell_ticks) return false;
-  state.stopped = true;
-  state.phase = Phase::kStopped;
+  state.moves_in = place_m == state.band_high_m;
+  state.band_low_m = state.band_high_m = place_m;
+  state.quiet_ticks = 0;
   return true;
+}
+
+/// Whether a stop that is under way ends. Where the wall relaxes, the stretch tells it; elsewhere the band.
+template <bool kRelaxes>
+[[gnu::always_inline]] inline bool stopEnds(const SceneModel& model, SimState& state, const Tick& tick,
+                                            bool moved) {
+  if (std::fabs(tick.speed_mps) >= 2.0 * model.wall.stop_speed_mps) return true;
+  if constexpr (!kRelaxes) return moved;
+  const double stretch_m = std::fabs(tick.x_cut_m - state.wall_m);
+  if (stretch_m >= state.stop_least_m + kStopGrowth_m) return true;
+  state.stop_least_m = std::min(state.stop_least_m, stretch_m);
+  return false;
+}
+
+/// Begins and ends stops and sets the phase. Runs with or without a live wall; `kRelaxes`: the axial model's
+/// wall relaxes in a stop. Returns true at the tick that begins a stop.
+template <bool kRelaxes>
+[[gnu::always_inline]] inline bool updatePhase(const SceneModel& model, SimState& state, const Tick& tick) {
+  const double stop_speed = model.wall.stop_speed_mps;
+  const double size = std::fabs(tick.speed_mps);
+  const bool moved = leavesBand(state, tick.x_m);
+  if (size >= kArmingSpeeds * stop_speed && state.ticks_inside >= model.speed_window) state.armed = true;
+  if (state.stopped) {
+    if (!stopEnds<kRelaxes>(model, state, tick, moved)) return false;
+    state.stopped = false;
+    state.slow_ticks = state.quiet_ticks = 0;
+    state.band_low_m = state.band_high_m = tick.x_m - state.x_shift_m;
+  } else {
+    state.slow_ticks = size < stop_speed ? state.slow_ticks + 1 : 0;
+    if ((state.armed && state.slow_ticks >= model.dwell_ticks) || state.quiet_ticks >= model.rest_ticks)
+        [[unlikely]] {
+      state.stopped = true;
+      state.armed = false;
+      state.stop_least_m = std::fabs(tick.x_cut_m - state.wall_m);
+      state.phase = Phase::kStopped;
+      return true;
+    }
+  }
+  const bool inward = size >= stop_speed ? tick.speed_mps > 0.0 : state.moves_in;
+  state.phase = inward ? Phase::kInserting : Phase::kWithdrawing;
+  return false;
+}
+
+/// How far the wall of a RAMP moves in a tick of a stop, toward a needle that is `gap_m` beyond the rest. The
+/// ramp closes the gap and lasts a dwell longer, because a hand yields a little longer; then the wall only
+/// follows a drift.
+[[gnu::always_inline]] inline double rampStep(const SceneModel& model, SimState& state, double gap_m,
+                                              bool begins) {
+  if (begins) {
+    state.ramp_ticks = model.dwell_ticks;
+    state.stop_step_m = gap_m / model.stop_ticks;
+    state.stop_way_m = kRampWays * gap_m;
+  }
+  if (state.ramp_ticks == 0) return std::min(gap_m, model.drift_step_m);
+  const double step_m = std::min({state.stop_step_m, gap_m, model.max_stop_step_m});
+  state.stop_way_m -= step_m;
+  if (step_m == gap_m || state.ramp_ticks < model.dwell_ticks) --state.ramp_ticks;
+  if (state.stop_way_m <= 0.0) state.ramp_ticks = 0;
+  return step_m;
 }
 
 /// Returns the wall after the update in a stop (eq. 4 and 5, as a ramp that depends on the needle's place).
@@ -38,24 +105,30 @@ namespace needlelab {
   const double size = std::fabs(stretch);
   double move;
   if (model.wall.stop_mode == StopMode::kRamp) {
-    const double gap = std::max(0.0, size - rejection_m);
-    if (begins) state.stop_step_m = 0.0;
-    state.stop_step_m = std::max(state.stop_step_m, gap / model.stop_ticks);
-    move = std::min(state.stop_step_m, gap);
+    move = rampStep(model, state, std::max(0.0, size - rejection_m), begins);
   } else {
     if (begins) state.stop_stretch_m = size;
     const double rest = std::max(rejection_m, model.wall.relax_residual * state.stop_stretch_m);
-    move = std::max(0.0, size - rest) * model.relax_share;
+    move = std::min(std::max(0.0, size - rest) * model.relax_share, model.max_stop_step_m);
   }
-  return state.wall_m + std::copysign(std::min(move, model.max_stop_step_m), stretch);
+  return state.wall_m + std::copysign(move, stretch);
+}
+
+/// Sets the spring K_t of this tick's layer. Into a stiffer layer the stretch shrinks, so that the force goes
+/// on without a step; into a softer one it stays, and the force falls: a release.
+inline void changeStiffness(SimState& state, double x_m, double stiffness_N_per_m) {
+  const double share = state.wall_stiffness_N_per_m / stiffness_N_per_m;
+  if (share < 1.0) state.wall_m = x_m - share * (x_m - state.wall_m);
+  state.wall_stiffness_N_per_m = stiffness_N_per_m;
 }
 
 /// The greatest distances of the wall from the needle in this tick: Δ_cut, Δ_att before it fades at the
-/// surface, and the rest after a stop.
+/// surface, and the rest after a stop; and the spring.
 struct WallStretch {
   double cut_m = 0;
   double attracted_m = 0;
   double rejection_m = 0;
+  double stiffness_N_per_m = 0;  ///< K_t
 };
 
 /// CUTTING's place in a tick: the wall's position when the needle drags it behind.
@@ -89,7 +162,7 @@ template <class Cutting = CuttingStep<true>, class Attracted = AttractedStep<tru
   const double behind = cutting.behind(x, stretch);
   wall = std::min(std::max(wall, behind), ahead);
   state.wall_m = wall;
-  const double force = -model.wall.stiffness_N_per_m * (x - wall);
+  const double force = -stretch.stiffness_N_per_m * (x - wall);
   report.cutting_N = force < 0.0 ? force : 0.0;
   report.attracted_N = force < 0.0 ? 0.0 : force;
   return force;
@@ -100,6 +173,7 @@ template <class Cutting = CuttingStep<true>, class Attracted = AttractedStep<tru
 struct LayeredWall {
   static constexpr EffectMask kRenders = bitOf(Effect::kCutting) | bitOf(Effect::kAttracted);
   static constexpr bool kHasWall = true;
+  static constexpr bool kRelaxes = true;
 
   template <EffectMask Live, class Steps>
   [[gnu::always_inline]] static double apply(const SceneModel& model, SimState& state, const Tick& tick,
@@ -107,9 +181,12 @@ struct LayeredWall {
     using Cutting = typename Steps::template Cutting<(Live & bitOf(Effect::kCutting)) != 0>;
     using Attracted = typename Steps::template Attracted<(Live & bitOf(Effect::kAttracted)) != 0>;
     const CompiledLayer& layer = *tick.layer;
-    return applyTrackingWall<Cutting, Attracted>(
-        model, state, tick, stop_begins,
-        {layer.cut_stretch_m, layer.attracted_stretch_m, layer.rejection_stretch_m}, report);
+    if (layer.wall_stiffness_N_per_m != state.wall_stiffness_N_per_m) [[unlikely]]
+      changeStiffness(state, tick.x_cut_m, layer.wall_stiffness_N_per_m);
+    return applyTrackingWall<Cutting, Attracted>(model, state, tick, stop_begins,
+                                                 {layer.cut_stretch_m, layer.attracted_stretch_m,
+                                                  layer.rejection_stretch_m, layer.wall_stiffness_N_per_m},
+                                                 report);
   }
 };
 

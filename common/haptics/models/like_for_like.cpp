@@ -32,6 +32,10 @@ double secantStiffness(const MembraneSpec& m) {
          2;
 }
 
+double wallStiffness(const SceneSpec& scene, const LayerSpec& layer) {
+  return layer.wall_stiffness_N_per_m.value_or(scene.tracking_wall.stiffness_N_per_m);
+}
+
 void deriveFirstOrder(SceneSpec& scene) {
   double cutting_before_N = 0;
   for (LayerSpec& layer : scene.layers) {
@@ -45,7 +49,7 @@ void deriveFirstOrder(SceneSpec& scene) {
         own.stiffness_N_per_m = std::clamp(secantStiffness(*layer.membrane), 1e-6, 1e4);
       } else {
         own.puncture_force_N = std::max(kLeastPuncture_N, cutting_N - cutting_before_N);
-        own.stiffness_N_per_m = scene.tracking_wall.stiffness_N_per_m;
+        own.stiffness_N_per_m = wallStiffness(scene, layer);
       }
     }
     cutting_before_N = cutting_N;
@@ -74,7 +78,7 @@ void deriveOkamura(SceneSpec& scene) {
         own.quadratic_N_per_m2 = layer.membrane->quadratic_N_per_m2;
       } else {
         own.puncture_force_N = std::max(kLeastPuncture_N, cutting_N - cutting_before_N);
-        own.linear_N_per_m = scene.tracking_wall.stiffness_N_per_m;
+        own.linear_N_per_m = wallStiffness(scene, layer);
       }
     }
     cutting_before_N = cutting_N;
@@ -193,6 +197,8 @@ SceneSpec likeForLike(const SceneSpec& scene, AxialModel model) {
       deriveOkamura(other);
       break;
   }
+  if (model != AxialModel::kEnhancedTrackingWall && model != AxialModel::kTrackingWall)
+    for (LayerSpec& layer : other.layers) layer.wall_stiffness_N_per_m.reset();
   other.effects &= ~axialEntry(model).replaces;
   return other;
 }

@@ -19,12 +19,15 @@ constexpr std::size_t kMaxTableRows = 1024;
 struct Precomputed {
   static constexpr EffectMask kRenders = bitOf(Effect::kCutting) | bitOf(Effect::kAttracted);
   static constexpr bool kHasWall = true;
+  static constexpr bool kRelaxes = true;
 
   static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool stop_begins,
                       StepReport& report) {
     const auto [cut_m, attracted_m] = model.depth_table->at(tick.depth_m, state.table_row);
-    return applyTrackingWall(model, state, tick, stop_begins,
-                             {cut_m, attracted_m, model.layers[state.layer].rejection_stretch_m}, report);
+    return applyTrackingWall(
+        model, state, tick, stop_begins,
+        {cut_m, attracted_m, model.layers[state.layer].rejection_stretch_m, model.wall.stiffness_N_per_m},
+        report);
   }
 };
 constexpr StepTable kPrecomputedSteps = stepTable<Precomputed>();

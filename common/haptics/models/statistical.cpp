@@ -21,15 +21,16 @@ constexpr double kMostSdShare = 10;
 struct Statistical {
   static constexpr EffectMask kRenders = bitOf(Effect::kCutting);
   static constexpr bool kHasWall = true;
+  static constexpr bool kRelaxes = true;
 
   static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool stop_begins,
                       StepReport& report) {
     const double target_N =
         model.statistical->at(state.insertions - 1, tick.depth_m, state.score, state.table_row);
-    return applyTrackingWall(
-        model, state, tick, stop_begins,
-        {target_N / model.wall.stiffness_N_per_m, 0.0, model.layers[state.layer].rejection_stretch_m},
-        report);
+    return applyTrackingWall(model, state, tick, stop_begins,
+                             {target_N / model.wall.stiffness_N_per_m, 0.0,
+                              model.layers[state.layer].rejection_stretch_m, model.wall.stiffness_N_per_m},
+                             report);
   }
 };
 constexpr StepTable kStatisticalSteps = stepTable<Statistical>();

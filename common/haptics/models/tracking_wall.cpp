@@ -13,8 +13,10 @@ constexpr StepTable kWallSteps = stepTable<LayeredWall>();
 // every scene has this section, and `validate` checks it
 void nothingToCheck(const SceneSpec&, SpecChecker&) {}
 
-void useWall(const SceneSpec& spec, SceneModel& model) {
-  model.axial_stiffness_N_per_m = spec.tracking_wall.stiffness_N_per_m;
+void useWall(const SceneSpec&, SceneModel& model) {
+  for (std::uint32_t i = 0; i < model.layer_count; ++i)
+    model.axial_stiffness_N_per_m =
+        std::max(model.axial_stiffness_N_per_m, model.layers[i].wall_stiffness_N_per_m);
   model.cut_reach = [](const SceneModel& scene, SimState& state, double) noexcept {
     return scene.layers[state.layer].cut_stretch_m;
   };

@@ -8,6 +8,7 @@
 
 #include "common/haptics/det_math.h"
 #include "common/haptics/effects/effect_entry.h"
+#include "common/haptics/effects/tracking_wall.h"
 #include "common/haptics/models/axial_entry.h"
 #include "common/haptics/scene_model.h"
 
@@ -34,7 +35,6 @@ double slopeAtRupture(const MembraneSpec& m) {
 
 // layer boundaries, stretches and the two running integrals (FORCE_MODEL.md, "Tracking wall")
 void compileLayers(const SceneSpec& spec, SceneModel& model) {
-  const double wall_stiffness = spec.tracking_wall.stiffness_N_per_m;
   double top = 0, lateral = 0, friction = 0;  // ∫ from the skin to the layer's top, along the normal
   const LayerSpec* tissue = nullptr;
   for (const LayerSpec& layer : spec.layers) {
@@ -47,6 +47,8 @@ void compileLayers(const SceneSpec& spec, SceneModel& model) {
     if (!is_bone) tissue = &layer;
     const LayerSpec& from = *tissue;
     CompiledLayer& to = model.layers[model.layer_count++];
+    const double wall_stiffness = from.wall_stiffness_N_per_m.value_or(spec.tracking_wall.stiffness_N_per_m);
+    to.wall_stiffness_N_per_m = wall_stiffness;
     to.top_m = to.least_depth_m = top;
     to.cutting_force_N = model.isLive(Effect::kCutting) ? from.cutting_force_N : 0.0;
     to.cut_stretch_m = to.cutting_force_N / wall_stiffness;
@@ -126,11 +128,13 @@ Result<SceneModel> compile(const SceneSpec& spec, double rate_hz) {
   }
   model.live = liveEffects(spec);
   model.dwell_ticks = static_cast<std::int64_t>(ticksOf(model.wall.stop_dwell_s, rate_hz));
+  model.rest_ticks = static_cast<std::int64_t>(ticksOf(kRest_s, rate_hz));
   model.stop_ticks = ticksOf(model.wall.stop_duration_s, rate_hz);
   model.speed_window = static_cast<std::uint64_t>(ticksOf(0.1, rate_hz));
   model.speed_window_s = static_cast<double>(model.speed_window) * model.period_s;
   model.history_mask = std::bit_ceil(model.speed_window + 1) - 1;
   model.max_stop_step_m = 1.5 * model.wall.stop_speed_mps * model.period_s;
+  model.drift_step_m = kDriftSpeed_mps * model.period_s;
   if (model.wall.stop_mode == StopMode::kExponential)
     model.relax_share = 1.0 - detExp(-model.period_s / model.wall.relax_time_s);
   model.max_turn_rad = 2.0 * model.period_s;

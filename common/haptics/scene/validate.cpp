@@ -38,11 +38,18 @@ void checkLimb(const Limb& limb, SpecChecker& check) {
   }
 }
 
-void checkLayer(const LayerSpec& layer, bool attracted_live, SpecChecker& check) {
+void checkLayer(const LayerSpec& layer, AxialModel model, bool attracted_live, SpecChecker& check) {
   check.number("thickness_m", layer.thickness_m, kLength);
   for (const EffectEntry* entry : effectEntries())
     if (entry->checkLayer != nullptr) entry->checkLayer(layer, check);
   check.number("rejection_force_n", layer.rejection_force_N, kForce);
+  if (layer.wall_stiffness_N_per_m) {
+    check.number("wall_stiffness_n_per_m", *layer.wall_stiffness_N_per_m, kStiffness);
+    check.require(model == AxialModel::kEnhancedTrackingWall || model == AxialModel::kTrackingWall,
+                  "wall_stiffness_n_per_m",
+                  fmt::format("is of ENHANCED_TRACKING_WALL and TRACKING_WALL, not of {}: leave it out",
+                              axialModelName(model)));
+  }
 
   // the force that remains in a stop cannot exceed the wall's limit in either direction
   const double greatest =
@@ -62,7 +69,7 @@ void checkLayers(const SceneSpec& spec, SpecChecker& check) {
                                           [](const LayerSpec& l) { return l.attracted_force_N > 0; });
   for (std::size_t i = 0; i < spec.layers.size(); ++i) {
     check.enter(fmt::format("layers[{}].", i));
-    checkLayer(spec.layers[i], attracted_live, check);
+    checkLayer(spec.layers[i], spec.axial_model, attracted_live, check);
   }
 }
 

@@ -15,6 +15,7 @@ const kNew = {
   lateral_stiffness_n_per_m2: 9000,
   friction_n_per_m: 20,
 };
+const kWallModels = ['ENHANCED_TRACKING_WALL', 'TRACKING_WALL'];
 const kPuncture = { linear_n_per_m: 200, quadratic_n_per_m2: 20000, force_n: 0.6 };
 
 function Swatch({ tissue }) {
@@ -39,6 +40,10 @@ function LayerFields({ f, i, layer, name }) {
       ${f.number(`layers[${i}].rejection_force_n`, 'Rejection force')}
       ${f.number(`layers[${i}].lateral_stiffness_n_per_m2`, 'Lateral stiffness')}
       ${f.number(`layers[${i}].friction_n_per_m`, 'Shaft friction')}
+      ${
+        kWallModels.includes(f.doc.axial_model) &&
+        f.number(`layers[${i}].wall_stiffness_n_per_m`, 'Wall stiffness, if its own')
+      }
     </div>
     <${CheckField}
       label="Membrane that gives way"

@@ -209,7 +209,8 @@ TEST(Bone, theProxyIsNeverInTheBoneAndItsForceNeverOutsideTheCone) {
         const Vec3 normal = surfaceNormal(run.model().limb, bone.p_proxy_W_m, {});
         const double pressed_m = dot(bone.stretch_W_m, normal);
         ASSERT_GT(pressed_m, 0);
-        // on a round bone that is pressed as deep as it is wide, the cone turns while the proxy follows
+        // where a round bone is pressed half-way to its middle, the proxy may come after in the next ticks
+        if (limb == LimbKind::kCapsule && pressed_m > 0.009) continue;
         ASSERT_LE(norm(bone.stretch_W_m - normal * pressed_m), kRubs * pressed_m * 1.01 + 1e-9)
             << limbName(limb);
       }
@@ -257,7 +258,7 @@ TEST(Bone, aLongWayIntoTheFarHalfMeetsTheNearSide) {
 }
 
 // wherever the tip jumps
-TEST(Bone, jumpsGiveAFiniteForceAndAProxyOnTheSurface) {
+TEST(Bone, jumpsGiveAFiniteForceAndNoProxyBesideTheBone) {
   for (const LimbKind limb : kLimbKinds) {
     EngineRun run(sixLayersOnBone(limb), 1000);
     const Site site = siteOf(limb);
@@ -274,7 +275,10 @@ TEST(Bone, jumpsGiveAFiniteForceAndAProxyOnTheSurface) {
       ASSERT_LE(norm(report.wrench_W.force_N), 50 * (1 + 1e-9));
       if (!run.state().bone.touching) continue;
       ++touched;
-      ASSERT_NEAR(signedDepth(run.model().limb, run.state().bone.p_proxy_W_m), 0.026, 1e-12);
+      // in the bone where the skin on the far side is nearer than the spring is long, and outside where it
+      // comes after a tip that has left: on the way between bone and tip
+      const double proxy_m = signedDepth(run.model().limb, run.state().bone.p_proxy_W_m);
+      ASSERT_GE(proxy_m, std::min(0.026, signedDepth(run.model().limb, tip)) - 1e-12);
     }
     EXPECT_GT(touched, 1000) << limbName(limb);
   }
@@ -310,19 +314,38 @@ TEST(Bone, letsGoWithoutAStep) {
       scene.effects = kBoneBit;
       EngineRun run(scene, 1000);
       const Motion motion = randomGesture(seed, 1000, siteOf(limb));
-      const double most = run.model().is_plane ? 1 + kRubs : 3;
       Vec3 before_N, before_m = motion.front().p_WT_m;
       for (const TipSample& sample : motion) {
         const Vec3 force_N = run.step(sample).wrench_W.force_N;
-        // The proxy is the tip's projection but for friction. On a round bone its way is longer than the
-        // tip's by the share of their radii: twice, half-way to the middle of 19 mm of bone
-        if (run.model().is_plane || norm(force_N) < 600 * 0.009) {
-          ASSERT_LE(norm(force_N - before_N), 600 * most * norm(sample.p_WT_m - before_m) + 1e-6) << seed;
-        }
+        // the cone's share of the way, and 20 mm/s by which a proxy falls over an edge
+        const double most_m = std::sqrt(2 + kRubs * kRubs) * norm(sample.p_WT_m - before_m) + 2e-5;
+        ASSERT_LE(norm(force_N - before_N), 600 * most_m + 1e-4) << limbName(limb) << " " << seed;
         before_N = force_N;
         before_m = sample.p_WT_m;
       }
     }
+}
+
+// where the bone comes to the skin the spring is shortened, and the proxy falls over the edge
+TEST(Bone, givesNothingAtItsEdge) {
+  const Site site = defaultSite();
+  GestureRange range;
+  range.above_m = 0.003;
+  range.below_m = 0.010;
+  range.least_leg_s = 0.1;
+  range.most_leg_s = 0.6;
+  range.legs = 12;
+  for (const double degrees : {30.0, 45.0, 60.0})
+    for (const double friction : {0.0, kRubs, 1.0, 2.0})
+      for (const EffectMask effects : {EffectMask{0}, kAxial})
+        for (std::uint64_t seed = 1; seed <= (longForm() ? 100u : 5u); ++seed) {
+          SceneSpec scene = onBone(effects, friction);
+          scene.layers[0].thickness_m = 0.002;
+          scene.bone_normal = site.across_1 * std::tan(degrees * kDegree) - site.inward;
+          const Motion motion = randomGesture(seed, 2000, site, range);
+          EngineRun run(scene, 2000);
+          EXPECT_LE(energyToHand(motion, run.run(motion)), 5e-5) << degrees << " " << friction << " " << seed;
+        }
 }
 
 TEST(Bone, givesTheHandNothingAndUsesNoHeap) {

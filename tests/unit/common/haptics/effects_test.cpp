@@ -121,7 +121,9 @@ TEST(Effects, whereTheNeedleIsIsToldWhateverIsLive) {
   const Motion motion = theMotion();
   const auto without = runWith(0, motion), with = runWith(kAllEffects, motion);
   for (std::size_t k = 0; k < motion.size(); ++k) {
-    ASSERT_EQ(without[k].phase, with[k].phase);
+    // a stop ends by the stretch of a spring where there is one
+    if (without[k].phase != Phase::kStopped && with[k].phase != Phase::kStopped)
+      ASSERT_EQ(without[k].phase, with[k].phase);
     ASSERT_EQ(without[k].layer, with[k].layer);
     ASSERT_EQ(without[k].depth_m, with[k].depth_m);
     ASSERT_EQ(without[k].insertion_m, with[k].insertion_m);

@@ -86,14 +86,16 @@ SceneModel compiled(const SceneSpec& spec, double rate_hz) {
 }
 
 std::optional<std::string> firstDifference(const SceneSpec& spec, double rate_hz, const Motion& motion,
-                                           Seen* seen) {
+                                           Seen* seen, Defect planted) {
   EngineRun engine(spec, rate_hz);
-  ReferenceEngine reference(spec, rate_hz);
+  ReferenceEngine reference(spec, rate_hz, planted);
   for (std::size_t k = 0; k < motion.size(); ++k) {
     const StepReport a = engine.step(motion[k]), b = reference.step(motion[k]);
     if (seen != nullptr) {
       seen->flags |= a.flags;
       seen->phases |= 1u << static_cast<unsigned>(a.phase);
+      seen->ticks += a.phase == Phase::kFree ? 0 : 1;
+      seen->tracks_undecided = reference.tracksUndecided();
     }
     if (const std::string text = differences(a, b, reference); !text.empty())
       return "tick " + std::to_string(k) + " of " + std::to_string(motion.size()) + ":\n" + text;

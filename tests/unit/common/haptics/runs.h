@@ -13,6 +13,8 @@
 
 namespace needlelab::test {
 
+enum class Defect : std::uint8_t;
+
 /// Compiles a spec that must be valid; throws with the message otherwise.
 SceneModel compiled(const SceneSpec& spec, double rate_hz);
 
@@ -42,14 +44,16 @@ class EngineRun {
 
 /// The states that comparisons covered, so that a test can check the coverage.
 struct Seen {
-  std::uint32_t flags = 0;   ///< StepFlag, of any tick
-  std::uint32_t phases = 0;  ///< bit (1 << phase)
+  std::uint32_t flags = 0;        ///< StepFlag, of any tick
+  std::uint32_t phases = 0;       ///< bit (1 << phase)
+  std::size_t ticks = 0;          ///< in the tissue
+  bool tracks_undecided = false;  ///< `ReferenceEngine::tracksUndecided` of the last comparison
 };
 
 /// Describes the first tick at which engine and reference differ. Returns nothing if they agree to 1e-9 N and
-/// 1e-9 N·m.
+/// 1e-9 N·m. `planted`: the reference's fault, as a control; none by default.
 std::optional<std::string> firstDifference(const SceneSpec& spec, double rate_hz, const Motion& motion,
-                                           Seen* seen = nullptr);
+                                           Seen* seen = nullptr, Defect planted = Defect{});
 
 /// Returns the work of the force and torque on the hand over a prescribed motion, in J, by the trapezoidal
 /// rule.

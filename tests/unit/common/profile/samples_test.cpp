@@ -119,10 +119,22 @@ TEST(Samples, patientsHaveEveryEffectPassively) {
   }
 }
 
-// 11.2 mm below the skin, 0.2 mm behind the target; with the fixture's 300 N/m within the Desktop's 1000
-TEST(Samples, onlyTheWristHasBoneThatNoNeedleEnters) {
-  for (const std::string& id : all())
-    EXPECT_EQ((sceneSpecOf(sample(id))->effects & bitOf(Effect::kBone)) != 0, id == "wrist-adult") << id;
+bool samplesList(const std::string& id, Effect effect) {
+  return (sceneSpecOf(sample(id))->effects & bitOf(effect)) != 0;
+}
+
+TEST(Samples, fourHaveBoneThatNoNeedleEntersAndTwoRememberACut) {
+  const std::set<std::string> bone = {"knee-adult", "lumbar-adult", "shoulder-adult", "wrist-adult"};
+  const std::set<std::string> memory = {"knee-adult", "lumbar-adult"};
+  for (const std::string& id : all()) {
+    EXPECT_EQ(samplesList(id, Effect::kBone), bone.contains(id)) << id;
+    EXPECT_EQ(samplesList(id, Effect::kCutMemory), memory.contains(id)) << id;
+  }
+}
+
+// the wrist's: 11.2 mm below the skin, 0.2 mm behind the target; with the fixture's 300 N/m within the
+// Desktop's 1000
+TEST(Samples, theWristsBoneHoldsTheNeedle) {
   const auto model = compile(*sceneSpecOf(sample("wrist-adult")), 1000);
   ASSERT_TRUE(model.ok()) << model.error().message;
   const auto state = std::make_unique<SimState>();

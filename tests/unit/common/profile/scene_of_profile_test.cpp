@@ -156,6 +156,7 @@ TEST(SceneOfProfile, theEnginesRangesAreThoseOfTheProto) {
     pb::Profile profile = profileWith("/limb", limb);
     profile.clear_targets();  // the engine uses neither
     profile.clear_hazards();
+    for (pb::Layer& layer : *profile.mutable_layers()) layer.set_wall_stiffness_n_per_m(450);
     int visited = 0;
     const auto check = [&](google::protobuf::Message& part, const google::protobuf::FieldDescriptor& field,
                            const std::string& path) {

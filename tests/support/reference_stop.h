@@ -1,0 +1,78 @@
+/// Stops of the reference engine and the reference models: a literal transcription of FORCE_MODEL.md, "Stop"
+/// and step 2 of "Tracking wall", written from the text alone. Uses libm.
+#pragma once
+
+#include <cstdint>
+
+#include "common/haptics/scene_spec.h"
+#include "common/haptics/sim_state.h"
+
+namespace needlelab::test {
+
+/// A fault put into the reference on purpose, one at a time: a hard case that such an engine passes proves
+/// nothing. In the source each is marked `planted`.
+enum class Defect : std::uint8_t {
+  kNone,
+  kLiteralEq4,        ///< stop: m·i is added to the previous wall, m = (x − ω)/n kept
+  kRampIgnoresZ,      ///< stop: the ramp moves by m for n ticks, whatever z has become
+  kRampWithoutCap,    ///< stop: the wall may move faster than 1.5·v_stop
+  kShortSpeedWindow,  ///< v over 20 ms in place of 100 ms
+  kNoStopHysteresis,  ///< a stop ends at v_stop in place of 2·v_stop
+  kCreepThrough,  ///< the wall follows a slow needle through the whole stop, which its stretch does not end
+  kEndsByWay,     ///< a stop ends after 0.4 mm of way
+  kAttractedNotFaded,      ///< Δ_att = f_att/K_t up to the exit
+  kEntryAtTip,             ///< P0 = the first sample inside, not the point where the surface was crossed
+  kEntersFromInside,       ///< a first sample inside begins an insertion
+  kInsertionIgnoresDepth,  ///< d_t = max(0, x), without δ/c
+  kTurnLeavesWalls,        ///< a turn moves neither walls, membranes nor past x
+  kTurnAtOnce,             ///< a turn is not held to 2 rad/s
+  kFrictionBySign,         ///< shaft friction of full size against the last move, no spring
+  kAlphaWithoutState,      ///< torque above α(d_t), without θ_l
+  kTiltLimitFrom45,        ///< θ_l begins at 45° although the needle is tilted more
+  kCutToTip,               ///< memory: a track is as long as x has been, not w
+  kCutWithoutSides,        ///< memory: a needle that leaves a track aside stays in it
+  kCutKeptInTurn,          ///< memory: a turn does not change the own track's length
+  kCutsKeptApart,          ///< memory: an insertion that makes a track longer gets another
+  kHoleEverywhere,         ///< memory: a membrane with a hole is open wherever it is met
+  kHoleLeavesWalls,        ///< memory: the walls do not follow where a membrane opens
+};
+
+/// One insertion's stops. Call `step`, then `wallMove`, once a tick.
+class ReferenceStop {
+ public:
+  /// `wall_relaxes`: of the four models, with CUTTING or ATTRACTED live.
+  ReferenceStop(const TrackingWallSpec& spec, double rate_hz, bool wall_relaxes,
+                Defect planted = Defect::kNone);
+
+  /// A turn of u moves all remembered x.
+  void move(double by_m);
+  void step(double x_m, double z_m, double speed_mps);
+  /// How far the wall moves, along u; 0 in no stop.
+  double wallMove(double z_m, double rejection_m);
+
+  [[nodiscard]] Phase phase() const { return phase_; }
+
+ private:
+  [[nodiscard]] double inTicks(double duration_s) const;
+  [[nodiscard]] bool ends(double x_m, double z_m, double speed_mps, bool left_band) const;
+  double ramp(double z_m, double rejection_m);
+
+  TrackingWallSpec spec_;
+  double rate_hz_, period_s_;
+  bool wall_relaxes_;
+  Defect planted_;
+  Phase phase_ = Phase::kInserting;
+  double ticks_ = 0;  ///< k − k_entry + 1
+  double lo_ = 0, hi_ = 0, z_min_ = 0;
+  double quiet_ = 0, slow_ = 0;
+  bool inward_ = true, armed_ = false, stopped_ = false;
+  double i_ = 0;        ///< ticks of the stop before this one
+  double begin_m_ = 0;  ///< x where the stop began, for kEndsByWay
+  bool ramp_ = false;
+  double since_closed_ = 0;  ///< ticks since the ramp first closed the gap, that one included
+  double m_ = 0;             ///< m of eq. 5
+  double left_ = 0;          ///< the ramp's way that is left
+  double z0_ = 0;            ///< z0 of EXPONENTIAL
+};
+
+}  // namespace needlelab::test
