@@ -54,8 +54,8 @@ constexpr std::size_t stageOf(Effect effect) {
   return static_cast<std::size_t>(effect) - kPlacedEffectCount;
 }
 
-/// The place of BONE's stiffness among its numbers.
-inline constexpr std::size_t kBoneStiffness_N_per_m = 0;
+/// The places of BONE's stiffness and coefficient of friction among its numbers.
+inline constexpr std::size_t kBoneStiffness_N_per_m = 0, kBoneFriction = 1;
 
 /// The half-space on the far side of `normal`; `normal` (any length > 0) points out of the tissue.
 struct PlaneLimb {

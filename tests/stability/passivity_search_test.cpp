@@ -26,6 +26,33 @@ TEST(RandomEnergy, theWallGivesTheHandNothing) {
   for (const CaseAttachment& found : outcome->files) ADD_FAILURE() << found.name << "\n" << found.text;
 }
 
+// a seed's motion and its scene without the stages do not change with them, so that kept seeds keep their
+// meaning; and each stage is drawn
+TEST(RandomEnergy, theStagesAreDrawnBesideASeedsOwnDraws) {
+  GestureRange with;
+  with.stages = true;
+  int cut = 0, bones = 0, slanting = 0;
+  for (std::uint64_t seed = 1; seed <= 60; ++seed) {
+    const PassivityGesture plain = randomGesture(seed, shapeOf(seed), {});
+    const PassivityGesture staged = randomGesture(seed, shapeOf(seed), with);
+    for (const int effect : staged.profile.effects()) {
+      cut += effect == pb::Profile::CUT_MEMORY;
+      bones += effect == pb::Profile::BONE;
+    }
+    slanting += staged.profile.bone().has_normal();
+    const auto samples = samplesOf(plain), same = samplesOf(staged);
+    ASSERT_EQ(samples.size(), same.size()) << seed;
+    EXPECT_EQ(samples.back().p_WT_m, same.back().p_WT_m) << seed;
+    EXPECT_EQ(plain.profile.tracking_wall().SerializeAsString(),
+              staged.profile.tracking_wall().SerializeAsString());
+    for (const int effect : plain.profile.effects())
+      EXPECT_LE(effect, static_cast<int>(kPlacedEffectCount)) << "no stage unless asked for";
+  }
+  EXPECT_GT(cut, 20);
+  EXPECT_GT(bones, 30);
+  EXPECT_GT(slanting, 8);
+}
+
 // halving the tick halves a slope but not a jump: a step that shrinks at 4 kHz is not a jump
 TEST(RandomEnergy, stepsShrinkWithTheTick) {
   PassivitySearch search;

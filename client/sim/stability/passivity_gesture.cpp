@@ -189,7 +189,8 @@ double sizeOf(const PassivityGesture& gesture) {
 
 namespace {
 
-constexpr double kMinJerkPeak = 1.875;  // greatest over mean speed of a minimum-jerk move
+constexpr std::uint64_t kStagesSeed = 1'000'000'007;  // far from the seeds of scenes
+constexpr double kMinJerkPeak = 1.875;                // greatest over mean speed of a minimum-jerk move
 
 // a draw a statement: the order in which arguments are evaluated is the compiler's choice
 class Draw {
@@ -248,7 +249,7 @@ void drawLayer(Draw& draw, pb::Layer& layer) {
 // all of them; or any set; or one alone, so that no other effect hides its energy
 void drawEffects(Draw& draw, double all_share, pb::Profile& profile) {
   const bool all = draw.chance(all_share), alone = draw.chance(0.5);
-  constexpr int kFirst = 1, kLast = static_cast<int>(kPlacedEffectCount);  // stages are not drawn
+  constexpr int kFirst = 1, kLast = static_cast<int>(kPlacedEffectCount);  // stages: see below
   const int only = draw.whole(kFirst, kLast);
   for (int effect = kFirst; effect <= kLast; ++effect)
     if (const bool drawn = draw.chance(0.5); all || effect == only || (drawn && !alone))
@@ -280,6 +281,35 @@ void drawScene(Draw& draw, LimbShape shape, const GestureRange& range, pb::Profi
   profile.mutable_shaft_friction()->set_stiffness_n_per_m(draw.in(60, 200));
   profile.set_max_force_n(10);
   drawEffects(draw, range.all_effects_share, profile);
+}
+
+// a bone under the first layer or deeper; under a plane it slants, at times to the skin
+void drawBone(Draw& draw, pb::Profile& profile) {
+  if (profile.layers_size() < 2) drawLayer(draw, *profile.add_layers());
+  auto& layer = *profile.mutable_layers(draw.whole(1, profile.layers_size() - 1));
+  layer.set_tissue(pb::Layer::BONE);
+  auto& bone = *profile.mutable_bone();
+  bone.set_stiffness_n_per_m(draw.in(200, 1000));
+  bone.set_friction_coefficient(draw.chance(0.3) ? 0.0 : draw.in(0, 1));
+  if (!profile.limb().has_plane() || draw.chance(0.3)) return;
+  const double slope_x = draw.in(-1, 1), slope_y = draw.in(-1, 1);
+  put(*bone.mutable_normal(), slope_x, slope_y, 1);
+}
+
+// The stages, from draws of their own: a seed's scene and strokes stay what they are without them. A
+// prescribed motion presses a bone by up to 40 mm: the cap, which may turn a sum of forces, is out of the
+// way.
+void drawStages(std::uint64_t seed, pb::Profile& profile) {
+  Draw draw(seed + kStagesSeed);
+  if (draw.chance(0.6)) {
+    profile.add_effects(pb::Profile::CUT_MEMORY);
+    profile.mutable_cut_memory()->set_cutting_share(draw.in(0, 1));
+    profile.mutable_cut_memory()->set_radius_m(draw.in(0.0003, 0.003));
+  }
+  if (!draw.chance(0.8)) return;
+  profile.add_effects(pb::Profile::BONE);
+  profile.set_max_force_n(50);
+  drawBone(draw, profile);
 }
 
 // Draws strokes one after the other; each begins where the last one ended.
@@ -400,6 +430,7 @@ PassivityGesture randomGesture(std::uint64_t seed, LimbShape shape, const Gestur
   gesture.profile.set_id(fmt::format("random-{}", seed));
   gesture.profile.set_name(fmt::format("Random scene {}", seed));
   drawScene(draw, shape, range, gesture.profile);
+  if (range.stages) drawStages(seed, gesture.profile);
   gesture.tremor_m = draw.chance(0.5) ? draw.in(10e-6, 150e-6) : 0.0;
   gesture.tremor_seed = 1 + draw.bits() % 1000;
   gesture.encoder_step_m = draw.chance(0.5) ? 10e-6 : 0.0;

@@ -51,11 +51,24 @@ void PassivityObserver::add(const TipSample& tip, const StepReport& report, doub
   last_ = Seen{tip, report};
 }
 
+namespace {
+
+// A proxy that slips along the bone moves the tissue's springs too: they act beside the bone's, which gives
+// √(2 + μ²) of its stiffness at most (FORCE_MODEL.md, "Bone").
+double slopeOfBone_N_per_m(const SceneSpec& scene) {
+  if ((scene.effects & bitOf(Effect::kBone)) == 0) return 0;
+  const StageNumbers& bone = scene.stage_numbers[stageOf(Effect::kBone)];
+  const double friction = bone[kBoneFriction];
+  return bone[kBoneStiffness_N_per_m] * std::sqrt(2 + friction * friction);
+}
+
+}  // namespace
+
 Result<PassivityRecord> runGesture(const PassivityGesture& gesture, AxialModel model,
                                    const ForceSourceFactory& make_source) {
   ASSIGN_OR_RETURN(auto scene, sceneSpecOf(gesture.profile));
   ASSIGN_OR_RETURN(auto source, make_source(likeForLike(scene, model), gesture.rate_hz));
-  PassivityObserver observer(source->axialStiffness_N_per_m());
+  PassivityObserver observer(source->axialStiffness_N_per_m() + slopeOfBone_N_per_m(scene));
   StepReport report;
   for (const TipSample& tip : samplesOf(gesture)) {
     source->step(tip, report);

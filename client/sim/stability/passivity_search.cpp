@@ -55,8 +55,11 @@ Result<PassivityFindings> searchGestures(const PassivitySearch& search, AxialMod
                                          const ForceSourceFactory& source) {
   PassivityFindings findings;
   findings.worst.net_J = -1e9;  // nets of gestures are negative as a rule
-  for (std::uint64_t seed = search.first_seed; seed < search.first_seed + search.gestures; ++seed) {
-    PassivityGesture gesture = randomGesture(seed, shapeOf(seed), search.range);
+  const std::uint64_t stages_from = search.first_seed + search.gestures;
+  for (std::uint64_t seed = search.first_seed; seed < stages_from + search.with_stages; ++seed) {
+    GestureRange range = search.range;
+    range.stages = range.stages || seed >= stages_from;
+    PassivityGesture gesture = randomGesture(seed, shapeOf(seed), range);
     gesture.rate_hz = search.rate_hz;
     ASSIGN_OR_RETURN(const auto record, runGesture(gesture, model, source));
     ++findings.gestures;

@@ -51,6 +51,7 @@ ShrinkResult shrunk(const PassivityGesture& gesture,
 
 struct PassivitySearch {
   std::uint64_t gestures = 400, first_seed = 1;  ///< seeds in a row; the limbs take turns
+  std::uint64_t with_stages = 0;  ///< … and so many more, on the seeds that follow, with `range.stages`
   double rate_hz = 1000;
   GestureRange range;
   PassivityLimits limits;

@@ -107,6 +107,7 @@ Result<RandomGestures> randomGestures(const CaseSettings& settings, AxialModel m
   PassivitySearch& search = of.search;
   const bool wall = model == AxialModel::kEnhancedTrackingWall;
   search.gestures = entry.whole(wall ? "gestures" : "gestures_of_other_models", 1);
+  search.with_stages = entry.whole(wall ? "with_stages" : "with_stages_of_other_models");
   of.with_hand = entry.whole(wall ? "with_hand" : "with_hand_of_other_models");
   search.first_seed = entry.whole("first_seed");
   search.rate_hz = entry.number("rate_hz", 50, 40'000);

@@ -28,7 +28,6 @@ namespace needlelab {
 namespace {
 
 constexpr std::size_t kBoneOwn = stageOf(Effect::kBone);
-constexpr std::size_t kBoneFriction = 1;
 /// A tick's way is looked at in at most so many steps: what passes is a cut through a round bone's edge
 /// shorter than one of them.
 constexpr int kMostSteps = 64;
