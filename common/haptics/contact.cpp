@@ -31,7 +31,7 @@ void beginInsertion(const SceneModel& model, SimState& state, const TipSample& s
   state.wall_m = state.friction_wall_m = 0.0;
   state.wall_stiffness_N_per_m = model.layers[0].wall_stiffness_N_per_m;
   state.band_low_m = state.band_high_m = 0.0;
-  state.quiet_ticks = state.slow_ticks = state.ramp_ticks = 0;
+  state.band_tick = state.fast_tick = state.ramp_ticks = 0;
   state.moves_in = true;
   state.armed = state.stopped = false;
   state.stop_least_m = state.stop_step_m = state.stop_way_m = state.stop_stretch_m = 0.0;

@@ -63,12 +63,13 @@ class SceneModel {
  public:
   double rate_hz = 0;
   double period_s = 0;  ///< T
-  std::int64_t dwell_ticks = 0;
-  std::int64_t rest_ticks = 0;     ///< kRest_s in ticks
+  std::uint64_t dwell_ticks = 0;
+  std::uint64_t rest_ticks = 0;    ///< kRest_s in ticks
   double stop_ticks = 0;           ///< n of eq. 5
   std::uint64_t speed_window = 0;  ///< 100 ms in ticks
   double speed_window_s = 0;       ///< … and in s
   std::uint64_t history_mask = 0;  ///< a ring of 2^n positions, as short as the window allows, stays in cache
+  double arming_speed_mps = 0;     ///< kArmingSpeeds·v_stop
   double max_stop_step_m = 0;      ///< 1.5·v_stop·T
   double drift_step_m = 0;         ///< kDriftSpeed_mps·T
   double relax_share = 0;          ///< 1 − e^(−T/relax_time)

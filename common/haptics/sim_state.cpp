@@ -86,9 +86,8 @@ std::uint64_t hashOf(const SimState& state) {
     hash.add(state.x_history_m[(state.ticks_inside - i) & state.history_mask]);
   hash.add(state.wall_m);
   hash.add(std::uint64_t{state.stopped} | std::uint64_t{state.armed} << 1 |
-           std::uint64_t{state.moves_in} << 2 | static_cast<std::uint64_t>(state.slow_ticks) << 3);
-  hash.add(static_cast<std::uint64_t>(state.quiet_ticks));
-  hash.add(static_cast<std::uint64_t>(state.ramp_ticks));
+           std::uint64_t{state.moves_in} << 2);
+  for (const std::uint64_t tick : {state.fast_tick, state.band_tick, state.ramp_ticks}) hash.add(tick);
   for (const double d : {state.wall_stiffness_N_per_m, state.band_low_m, state.band_high_m,
                          state.stop_least_m, state.stop_step_m, state.stop_way_m, state.stop_stretch_m,
                          state.friction_wall_m, state.dead_radius_m, state.k_prev_N_per_m, state.e_prev_m})

@@ -108,13 +108,13 @@ struct SimState {
 
   // stops
   double band_low_m = 0,
-         band_high_m = 0;        ///< where the needle has been since it last moved, less `x_shift_m`
-  std::int64_t quiet_ticks = 0;  ///< ticks in that band
-  std::int64_t slow_ticks = 0;   ///< ticks below v_stop
-  bool moves_in = true;          ///< the direction in which it last left a band
-  bool armed = false;            ///< it has moved fast since the last stop
+         band_high_m = 0;       ///< where the needle has been since it last moved, less `x_shift_m`
+  std::uint64_t band_tick = 0;  ///< `ticks_inside` when that band began
+  std::uint64_t fast_tick = 0;  ///< `ticks_inside` when it was last as fast as v_stop, or a stop ended
+  bool moves_in = true;         ///< the direction in which it last left a band
+  bool armed = false;           ///< it has moved fast since the last stop
   bool stopped = false;
-  std::int64_t ramp_ticks =
+  std::uint64_t ramp_ticks =
       0;  ///< RAMP: what is left of the ramp once it has closed the gap; 0: the wall follows a drift
   double stop_least_m = 0;    ///< the least |z| of this stop
   double stop_step_m = 0;     ///< m of eq. 5

@@ -56,7 +56,7 @@ void ReferenceStop::step(double x_m, double z_m, double speed_mps) {
     z_min_ = std::min(z_min_, std::abs(z_m));
   } else {
     slow_ = size < spec_.stop_speed_mps ? slow_ + 1 : 0;
-    if ((armed_ && slow_ >= inTicks(spec_.stop_dwell_s)) || quiet_ >= inTicks(0.8)) {
+    if (slow_ > 0 && ((armed_ && slow_ >= inTicks(spec_.stop_dwell_s)) || quiet_ >= inTicks(0.8))) {
       stopped_ = true;
       armed_ = false;
       z_min_ = std::abs(z_m);

@@ -28,26 +28,60 @@ inline constexpr double kDriftSpeed_mps = 0.12e-3;
 /// a new one begins there. Places are kept less `x_shift_m`: a turn of u is no movement.
 [[gnu::always_inline]] inline bool leavesBand(SimState& state, double x_m) {
   const double place_m = x_m - state.x_shift_m;
-  state.band_low_m = std::min(state.band_low_m, place_m);
-  state.band_high_m = std::max(state.band_high_m, place_m);
-  ++state.quiet_ticks;
+  if (place_m > state.band_high_m)
+    state.band_high_m = place_m;
+  else if (place_m < state.band_low_m)
+    state.band_low_m = place_m;
+  else
+    return false;
   if (state.band_high_m - state.band_low_m < kRestBand_m) [[likely]]
     return false;
   state.moves_in = place_m == state.band_high_m;
   state.band_low_m = state.band_high_m = place_m;
-  state.quiet_ticks = 0;
+  state.band_tick = state.ticks_inside;
   return true;
 }
 
 /// Whether a stop that is under way ends. Where the wall relaxes, the stretch tells it; elsewhere the band.
 template <bool kRelaxes>
-[[gnu::always_inline]] inline bool stopEnds(const SceneModel& model, SimState& state, const Tick& tick,
-                                            bool moved) {
-  if (std::fabs(tick.speed_mps) >= 2.0 * model.wall.stop_speed_mps) return true;
+[[gnu::always_inline]] inline bool stopEnds(const SceneModel& model, SimState& state, double x_cut_m,
+                                            double speed_mps, bool moved) {
+  if (std::fabs(speed_mps) >= 2.0 * model.wall.stop_speed_mps) return true;
   if constexpr (!kRelaxes) return moved;
-  const double stretch_m = std::fabs(tick.x_cut_m - state.wall_m);
+  const double stretch_m = std::fabs(x_cut_m - state.wall_m);
   if (stretch_m >= state.stop_least_m + kStopGrowth_m) return true;
   state.stop_least_m = std::min(state.stop_least_m, stretch_m);
+  return false;
+}
+
+/// Whether a stop begins with this tick, which is slower than v_stop.
+inline bool stopBegins(const SceneModel& model, const SimState& state) {
+  const std::uint64_t now = state.ticks_inside;
+  return (state.armed && now - state.fast_tick >= model.dwell_ticks) ||
+         now - state.band_tick >= model.rest_ticks;
+}
+
+/// The phase of a needle that is slow or stopped. Inline: a call here would cost the common tick its
+/// registers.
+template <bool kRelaxes>
+[[gnu::always_inline]] inline bool updateSlowPhase(const SceneModel& model, SimState& state, double x_m,
+                                                   double x_cut_m, double speed_mps, bool moved) {
+  const double speed = std::fabs(speed_mps);
+  if (state.stopped) {
+    if (!stopEnds<kRelaxes>(model, state, x_cut_m, speed_mps, moved)) return false;
+    state.stopped = false;
+    state.armed = speed >= model.arming_speed_mps && state.ticks_inside >= model.speed_window;
+    state.fast_tick = state.band_tick = state.ticks_inside;
+    state.band_low_m = state.band_high_m = x_m - state.x_shift_m;
+  } else if (stopBegins(model, state)) {
+    state.stopped = true;
+    state.armed = false;
+    state.stop_least_m = std::fabs(x_cut_m - state.wall_m);
+    state.phase = Phase::kStopped;
+    return true;
+  }
+  const bool inward = speed >= model.wall.stop_speed_mps ? speed_mps > 0.0 : state.moves_in;
+  state.phase = inward ? Phase::kInserting : Phase::kWithdrawing;
   return false;
 }
 
@@ -55,28 +89,13 @@ template <bool kRelaxes>
 /// wall relaxes in a stop. Returns true at the tick that begins a stop.
 template <bool kRelaxes>
 [[gnu::always_inline]] inline bool updatePhase(const SceneModel& model, SimState& state, const Tick& tick) {
-  const double stop_speed = model.wall.stop_speed_mps;
-  const double size = std::fabs(tick.speed_mps);
   const bool moved = leavesBand(state, tick.x_m);
-  if (size >= kArmingSpeeds * stop_speed && state.ticks_inside >= model.speed_window) state.armed = true;
-  if (state.stopped) {
-    if (!stopEnds<kRelaxes>(model, state, tick, moved)) return false;
-    state.stopped = false;
-    state.slow_ticks = state.quiet_ticks = 0;
-    state.band_low_m = state.band_high_m = tick.x_m - state.x_shift_m;
-  } else {
-    state.slow_ticks = size < stop_speed ? state.slow_ticks + 1 : 0;
-    if ((state.armed && state.slow_ticks >= model.dwell_ticks) || state.quiet_ticks >= model.rest_ticks)
-        [[unlikely]] {
-      state.stopped = true;
-      state.armed = false;
-      state.stop_least_m = std::fabs(tick.x_cut_m - state.wall_m);
-      state.phase = Phase::kStopped;
-      return true;
-    }
-  }
-  const bool inward = size >= stop_speed ? tick.speed_mps > 0.0 : state.moves_in;
-  state.phase = inward ? Phase::kInserting : Phase::kWithdrawing;
+  const double speed = std::fabs(tick.speed_mps);
+  if (state.stopped || speed < model.wall.stop_speed_mps) [[unlikely]]
+    return updateSlowPhase<kRelaxes>(model, state, tick.x_m, tick.x_cut_m, tick.speed_mps, moved);
+  state.fast_tick = state.ticks_inside;
+  if (speed >= model.arming_speed_mps && state.ticks_inside >= model.speed_window) state.armed = true;
+  state.phase = tick.speed_mps > 0.0 ? Phase::kInserting : Phase::kWithdrawing;
   return false;
 }
 

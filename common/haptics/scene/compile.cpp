@@ -127,12 +127,13 @@ Result<SceneModel> compile(const SceneSpec& spec, double rate_hz) {
     model.plane_normal = plane->normal;
   }
   model.live = liveEffects(spec);
-  model.dwell_ticks = static_cast<std::int64_t>(ticksOf(model.wall.stop_dwell_s, rate_hz));
-  model.rest_ticks = static_cast<std::int64_t>(ticksOf(kRest_s, rate_hz));
+  model.dwell_ticks = static_cast<std::uint64_t>(ticksOf(model.wall.stop_dwell_s, rate_hz));
+  model.rest_ticks = static_cast<std::uint64_t>(ticksOf(kRest_s, rate_hz));
   model.stop_ticks = ticksOf(model.wall.stop_duration_s, rate_hz);
   model.speed_window = static_cast<std::uint64_t>(ticksOf(0.1, rate_hz));
   model.speed_window_s = static_cast<double>(model.speed_window) * model.period_s;
   model.history_mask = std::bit_ceil(model.speed_window + 1) - 1;
+  model.arming_speed_mps = kArmingSpeeds * model.wall.stop_speed_mps;
   model.max_stop_step_m = 1.5 * model.wall.stop_speed_mps * model.period_s;
   model.drift_step_m = kDriftSpeed_mps * model.period_s;
   if (model.wall.stop_mode == StopMode::kExponential)
