@@ -3,6 +3,7 @@
 // reference is told what the tissue remembers: its walls and its line have their own tests.
 #include <algorithm>
 #include <array>
+#include <iostream>
 #include <sstream>
 
 #include <gtest/gtest.h>
@@ -57,11 +58,12 @@ BoneSession boneSession(std::uint64_t seed, LimbKind limb) {
 struct BoneAgreement {
   std::string difference;  // of the first tick that differs
   int touching = 0, begins = 0, slips = 0, held = 0;
+  int skin = 0, back = 0, cut = 0, stayed = 0;  // what the reference did
 };
 
 BoneAgreement compareBone(const BoneSession& one, BoneDefect planted = BoneDefect::kNone) {
   EngineRun engine(one.scene, one.rate_hz);
-  ReferenceBone reference(one.scene, planted);
+  ReferenceBone reference(one.scene, one.rate_hz, planted);
   BoneAgreement all;
   for (std::size_t k = 0; k < one.motion.size(); ++k) {
     std::optional<BoneTissue> tissue;
@@ -73,6 +75,10 @@ BoneAgreement compareBone(const BoneSession& one, BoneDefect planted = BoneDefec
     if ((a.flags & kFlagEntry) != 0) tissue = BoneTissue{true, state.p_entry_W_m, {}, 0, 0};
     const ReferenceBone::Stand b = reference.step(one.motion[k].p_WT_m, tissue);
     const BoneContact& bone = state.bone;
+    all.skin += b.skin;
+    all.back += b.back;
+    all.cut += b.cut;
+    all.stayed += b.stayed;
     if (bone.touching) {
       ++all.touching;
       if (!before.touching) ++all.begins;
@@ -89,6 +95,8 @@ BoneAgreement compareBone(const BoneSession& one, BoneDefect planted = BoneDefec
     if (bone.touching != b.touching) return differ("touching", bone.touching, b.touching);
     if (std::abs(a.stage_N[kBoneReported] - norm(b.force_W_N)) > kForceTolerance_N)
       return differ("force", a.stage_N[kBoneReported], norm(b.force_W_N));
+    if (std::abs(a.depth_m - b.felt_depth_m) > kPlaceTolerance_m)
+      return differ("depth that the tissue feels", a.depth_m, b.felt_depth_m);
     if (!b.touching) continue;
     if (norm(bone.p_proxy_W_m - b.p_proxy_W_m) > kPlaceTolerance_m)
       return differ("distance of the proxies", norm(bone.p_proxy_W_m - b.p_proxy_W_m), 0);
@@ -102,6 +110,7 @@ struct BonePerLimb : ::testing::TestWithParam<LimbKind> {};
 TEST_P(BonePerLimb, standsAsTheReferenceOverRandomGestures) {
   const std::uint64_t sessions = longForm() ? 1000 : 60;
   int touching = 0, begins = 0, slips = 0, held = 0, failures = 0;
+  int skin = 0, back = 0, cut = 0, stayed = 0;
   for (std::uint64_t i = 0; i < sessions && failures < 3; ++i) {
     const BoneAgreement all = compareBone(boneSession(i + 50, GetParam()));
     EXPECT_EQ(all.difference, "") << "session " << i;
@@ -110,11 +119,17 @@ TEST_P(BonePerLimb, standsAsTheReferenceOverRandomGestures) {
     begins += all.begins;
     slips += all.slips;
     held += all.held;
+    skin += all.skin;
+    back += all.back;
+    cut += all.cut;
+    stayed += all.stayed;
   }
   EXPECT_GT(touching, 20'000);
   EXPECT_GT(begins, 100);
   EXPECT_GT(slips, 10'000);
   EXPECT_GT(held, 10'000);
+  std::cerr << touching << " " << begins << " " << slips << " " << held << " skin " << skin << " back "
+            << back << " cut " << cut << " stayed " << stayed << "\n";
 }
 
 INSTANTIATE_TEST_SUITE_P(Limbs, BonePerLimb, ::testing::ValuesIn(kLimbKinds), [](const auto& chosen) {
@@ -125,8 +140,11 @@ INSTANTIATE_TEST_SUITE_P(Limbs, BonePerLimb, ::testing::ValuesIn(kLimbKinds), []
 
 // the control
 TEST(BoneReference, everyPlantedFaultIsFound) {
-  for (const BoneDefect planted : {BoneDefect::kSticks, BoneDefect::kSlipsToFoot, BoneDefect::kBeginsAtTip,
-                                   BoneDefect::kOneSlip, BoneDefect::kTipInBone}) {
+  for (const BoneDefect planted :
+       {BoneDefect::kSticks, BoneDefect::kSlipsToFoot, BoneDefect::kBeginsAtTip, BoneDefect::kOneSlip,
+        BoneDefect::kTipInBone, BoneDefect::kNoRoom, BoneDefect::kNarrowRoom, BoneDefect::kSkinForgotten,
+        BoneDefect::kSkinAtBegin, BoneDefect::kStaysOut, BoneDefect::kEndsAtOnce,
+        BoneDefect::kNotHeldToSkin}) {
     int found = 0;
     for (std::uint64_t i = 0; i < 40 && found < 2; ++i)
       if (!compareBone(boneSession(i + 50, kLimbKinds[i % kLimbKinds.size()]), planted).difference.empty())
