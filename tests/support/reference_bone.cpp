@@ -77,8 +77,8 @@ std::optional<Vec3> ReferenceBone::meeting(Vec3 from_W_m, Vec3 to_W_m) const {
     return from_W_m + way * (g / (g + b));
   }
   const double length = norm(way);
-  double gone = 0;
-  for (int i = 0; i <= kWaySteps && gone < length; ++i) {
+  double gone = std::max(0.0, -depthInBone(from_W_m));
+  for (int i = 0; i < kWaySteps && gone < length; ++i) {
     const Vec3 at = from_W_m + way * (gone / length);
     if (depthInBone(at) > 0) return at;
     gone += std::max(-depthInBone(at), length / kWaySteps);
@@ -187,6 +187,50 @@ double ReferenceBone::heldBack(Vec3 p_W_m, const BoneTissue& tissue) const {
   return std::min(held, 0.9 * depthInLimb(p_W_m));
 }
 
+// 5. "what the tissue pushes out with only falls"; "the first tick with h > 0 … has no bound"
+BonePushes ReferenceBone::onlyFall(BonePushes now) {
+  const auto live = [&](Effect effect) { return (scene_.effects & bitOf(effect)) != 0; };
+  const std::optional<BonePushes> last = pushes_before_;
+  const auto feltByWalls = [&] {
+    double x_c = now.x_m;
+    for (const BonePushes::Membrane& one : now.membranes) x_c = std::min(x_c, one.place_m);
+    return x_c;
+  };
+  // Membranes: "each … moves by max(0, min(z, Δ)); w and w_f by what x_c changes"
+  const double grown = last ? now.x_m - (last->x_m + now.turned_m) : 0;
+  if (live(Effect::kPuncture) && grown > 0 && planted_ != BoneDefect::kMembranesGrow) {  // planted: the last
+    const double x_c_before = feltByWalls();
+    for (BonePushes::Membrane& one : now.membranes)
+      one.place_m += std::max(0.0, std::min(now.x_m - one.place_m, grown));
+    now.wall_m += feltByWalls() - x_c_before;
+    now.friction_wall_m += feltByWalls() - x_c_before;
+  }
+  for (const BonePushes::Membrane& one : now.membranes) {
+    const double z = std::max(0.0, now.x_m - one.place_m);
+    now.puncture_N += one.k1_N_per_m * z + one.k2_N_per_m2 * z * z;
+  }
+  // Cutting, then friction: "A force above that of the last such tick is lowered to it, and its wall moved to
+  // fit"
+  const double x_c = feltByWalls();
+  if (live(Effect::kCutting)) {
+    now.cutting_N = std::max(0.0, now.wall_N_per_m * (x_c - now.wall_m));
+    if (last && now.cutting_N > last->cutting_N &&
+        planted_ != BoneDefect::kCuttingGrows) {  // planted: the last
+      now.cutting_N = last->cutting_N;
+      now.wall_m = x_c - now.cutting_N / now.wall_N_per_m;
+    }
+  }
+  if (live(Effect::kShaftFriction)) {
+    now.friction_N = std::max(0.0, now.friction_N_per_m * (x_c - now.friction_wall_m));
+    if (last && now.friction_N > last->friction_N && planted_ != BoneDefect::kFrictionGrows) {  // … the last
+      now.friction_N = last->friction_N;
+      now.friction_wall_m = x_c - now.friction_N / now.friction_N_per_m;
+    }
+  }
+  pushes_before_ = now;
+  return now;
+}
+
 ReferenceBone::Stand ReferenceBone::step(Vec3 p_W_m, const std::optional<BoneTissue>& tissue) {
   // "A sample that is not finite changes nothing"
   if (!std::isfinite(p_W_m.x) || !std::isfinite(p_W_m.y) || !std::isfinite(p_W_m.z)) return stand_;
@@ -196,6 +240,7 @@ ReferenceBone::Stand ReferenceBone::step(Vec3 p_W_m, const std::optional<BoneTis
   if (!tissue || tissue->entry || !(depthInLimb(p_W_m) > 0)) p_proxy_W_m_.reset();
   if (!tissue || !(depthInLimb(p_W_m) > 0)) {
     p_before_W_m_ = p_W_m;
+    pushes_before_.reset();
     return stand_;
   }
   // in the entry tick the way begins at P0
@@ -215,8 +260,10 @@ ReferenceBone::Stand ReferenceBone::step(Vec3 p_W_m, const std::optional<BoneTis
     stand_.touching = true;
     stand_.p_proxy_W_m = *p_proxy_W_m_;
     stand_.force_W_N = stretch_before_W_m_ * stiffness_N_per_m_;  // 5. Force
-    stand_.felt_depth_m = depthInLimb(p_W_m - tissue->u_W * stand_.held_m);
+    stand_.p_felt_W_m = p_W_m - tissue->u_W * stand_.held_m;
+    stand_.felt_depth_m = depthInLimb(stand_.p_felt_W_m);
   }
+  if (!(stand_.held_m > 0)) pushes_before_.reset();
   p_before_W_m_ = p_W_m;
   return stand_;
 }

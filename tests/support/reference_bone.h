@@ -26,6 +26,9 @@ enum class BoneDefect : std::uint8_t {
   kStaysOut,       ///< a proxy outside the bone does not come back onto its surface
   kEndsAtOnce,     ///< contact ends where the tip is outside, whatever is left of the stretch
   kNotHeldToSkin,  ///< the way that the tissue is held back has no limit near the skin
+  kMembranesGrow,  ///< while h > 0 membranes are stretched further
+  kCuttingGrows,   ///< while h > 0 the cutting force grows
+  kFrictionGrows,  ///< while h > 0 the friction grows
 };
 
 /// What the tissue remembers of the tick before; in an entry's tick only `p_entry_W_m` counts.
@@ -35,6 +38,21 @@ struct BoneTissue {
   Vec3 u_W;
   double wall = 0;           ///< w; along u, in m
   double friction_wall = 0;  ///< w_f
+};
+
+/// What the tissue of a tick that felt the tip at p − u·h pushes out with, before BONE lowers it. Places and
+/// forces along u; a force that pushes out is positive.
+struct BonePushes {
+  double x_m = 0;       ///< of the place that it feels
+  double turned_m = 0;  ///< what this tick's turn moved all remembered x by
+  double wall_m = 0, wall_N_per_m = 0;
+  double friction_wall_m = 0, friction_N_per_m = 0;
+  struct Membrane {
+    double place_m, k1_N_per_m, k2_N_per_m2;
+  };
+  std::vector<Membrane> membranes;  ///< intact, and met
+  // as `ReferenceBone::onlyFall` leaves them
+  double cutting_N = 0, friction_N = 0, puncture_N = 0;
 };
 
 class ReferenceBone {
@@ -47,12 +65,15 @@ class ReferenceBone {
     Vec3 p_proxy_W_m;         ///< q
     Vec3 force_W_N;           ///< K_b·s
     double held_m = 0;        ///< h
-    double felt_depth_m = 0;  ///< δ of p − u·h
+    Vec3 p_felt_W_m;          ///< p − u·h
+    double felt_depth_m = 0;  ///< its δ
     // what the tick did, for the counts
     bool skin = false, back = false, cut = false, stayed = false;
   };
   /// One tick of a tip at `p_W_m`. `tissue`: absent where the tip is outside.
   Stand step(Vec3 p_W_m, const std::optional<BoneTissue>& tissue);
+  /// Step 5's second part, after a `step` with h > 0.
+  BonePushes onlyFall(BonePushes now);
 
  private:
   [[nodiscard]] double depthInLimb(Vec3 p_W_m) const;
@@ -82,6 +103,7 @@ class ReferenceBone {
   Vec3 stretch_before_W_m_;           ///< s'
   double room_m_ = 0;                 ///< M
   Stand stand_;
+  std::optional<BonePushes> pushes_before_;  ///< of the last tick, if that had h > 0
 };
 
 }  // namespace needlelab::test
