@@ -8,7 +8,8 @@
 namespace needlelab::test {
 namespace {
 
-constexpr int kMostSlips = 8, kWaySteps = 64;
+constexpr int kMostSlips = 8, kMostHalvings = 4, kWaySteps = 64;
+constexpr double kOnSurface_m = 1e-9, kFallSpeed_mps = 0.02;
 
 Vec3 nearestOnAxis(const CapsuleLimb& limb, Vec3 p_W_m) {
   const Vec3 along = limb.b_m - limb.a_m;
@@ -18,8 +19,9 @@ Vec3 nearestOnAxis(const CapsuleLimb& limb, Vec3 p_W_m) {
 
 }  // namespace
 
-ReferenceBone::ReferenceBone(SceneSpec scene, BoneDefect planted)
+ReferenceBone::ReferenceBone(SceneSpec scene, double rate_hz, BoneDefect planted)
     : scene_(std::move(scene)),
+      period_s_(1 / rate_hz),
       planted_(planted),
       stiffness_N_per_m_(scene_.stage_numbers[stageOf(Effect::kBone)][0]),
       friction_(scene_.stage_numbers[stageOf(Effect::kBone)][1]) {
@@ -64,14 +66,15 @@ Vec3 ReferenceBone::ontoBone(Vec3 p_W_m) const {
   return p_W_m + normalAt(p_W_m) * depthInBone(p_W_m);
 }
 
-// The place where the way meets the bone. The page says "where the way meets δ_b = 0"; on a round bone the
-// engine walks: each time by the distance to the bone, and by a 64th of the way at least, until it is in it
+// 1. Under a plane "at the share g/(g + b) with g = max(0, −b')". Under a round skin "at the first place with
+// δ_b > 0, looked for from the start by steps of the distance to the bone, at least 1/64 of the way and at
+// most 64 of them, and at the end of the way"
 std::optional<Vec3> ReferenceBone::meeting(Vec3 from_W_m, Vec3 to_W_m) const {
   const Vec3 way = to_W_m - from_W_m;
   if (std::holds_alternative<PlaneLimb>(scene_.limb)) {
-    const double from = std::min(0.0, belowPlane(from_W_m)), to = belowPlane(to_W_m);
-    if (!(to > 0)) return std::nullopt;
-    return from_W_m + way * (from / (from - to));
+    const double g = std::max(0.0, -belowPlane(from_W_m)), b = belowPlane(to_W_m);
+    if (!(b > 0)) return std::nullopt;
+    return from_W_m + way * (g / (g + b));
   }
   const double length = norm(way);
   double gone = std::max(0.0, -depthInBone(from_W_m));
@@ -83,63 +86,186 @@ std::optional<Vec3> ReferenceBone::meeting(Vec3 from_W_m, Vec3 to_W_m) const {
   return depthInBone(to_W_m) > 0 ? std::optional(to_W_m) : std::nullopt;
 }
 
-// 1. Proxy; a proxy that was there stays to be looked at by `slip`
-void ReferenceBone::contact(Vec3 p_W_m) {
-  if (p_proxy_W_m_ || !p_before_W_m_) return;
-  p_proxy_W_m_ = meeting(*p_before_W_m_, p_W_m);
-  if (planted_ == BoneDefect::kBeginsAtTip && p_proxy_W_m_) p_proxy_W_m_ = p_W_m;  // planted
-  if (p_proxy_W_m_) p_proxy_W_m_ = ontoBone(*p_proxy_W_m_);
+// 1. Contact begins: at that place, onto the surface, or at p' "if that was more than 1 nm in the bone"
+bool ReferenceBone::contactBegins(Vec3 p_W_m) {
+  if (p_proxy_W_m_ || !p_before_W_m_) return false;
+  const std::optional<Vec3> met = meeting(*p_before_W_m_, p_W_m);
+  if (!met) return false;
+  if (planted_ == BoneDefect::kBeginsAtTip)  // planted
+    p_proxy_W_m_ = ontoBone(p_W_m);
+  else if (depthInBone(*p_before_W_m_) > kOnSurface_m)
+    p_proxy_W_m_ = p_before_W_m_;
+  else
+    p_proxy_W_m_ = ontoBone(*met);
+  stretch_before_W_m_ = Vec3{};
+  return true;
 }
 
-// 2. Stick and slip; ends the contact where the tip is outside the plane that touches the bone at q
+// 2. Room: "the greatest share ≤ 1 with |s − s'| ≤ M" of a move of q
+double ReferenceBone::shareInRoom(Vec3 move_W_m, Vec3 p_W_m) const {
+  if (planted_ == BoneDefect::kNoRoom) return 1;                       // planted
+  const Vec3 changed = (*p_proxy_W_m_ - p_W_m) - stretch_before_W_m_;  // s − s' before the move
+  if (norm(changed + move_W_m) <= room_m_) return 1;
+  // the greater root of |changed + share·move|² = M²
+  const double a = dot(move_W_m, move_W_m), b = dot(changed, move_W_m);
+  const double c = dot(changed, changed) - room_m_ * room_m_;
+  return std::clamp((-b + std::sqrt(std::max(0.0, b * b - a * c))) / a, 0.0, 1.0);
+}
+
+// … and the move. Returns whether it was whole
+bool ReferenceBone::moveBy(Vec3 move_W_m, Vec3 p_W_m) {
+  const double share = shareInRoom(move_W_m, p_W_m);
+  p_proxy_W_m_ = *p_proxy_W_m_ + move_W_m * share;
+  if (share < 1) stand_.cut = true;
+  return share == 1;
+}
+
+double ReferenceBone::stretchAtSkin(Vec3 p_W_m) const {
+  return std::sqrt(1 + friction_ * friction_) * depthInLimb(p_W_m);
+}
+
+// 2. Skin: "For |s| > √(1 + μ²)·δ, q moves straight toward p until it is equal"
+void ReferenceBone::skin(Vec3 p_W_m) {
+  const Vec3 s = *p_proxy_W_m_ - p_W_m;
+  const double most = stretchAtSkin(p_W_m);
+  if (!(norm(s) > most)) return;
+  stand_.skin = true;
+  moveBy(s * (most / norm(s) - 1), p_W_m);
+}
+
+// 2. Back: "If q is more than 1 nm outside the bone it moves onto the surface, if that shortens |s|"
+void ReferenceBone::back(Vec3 p_W_m) {
+  const Vec3 q = *p_proxy_W_m_;
+  if (!(depthInBone(q) < -kOnSurface_m)) return;
+  if (!(norm(ontoBone(q) - p_W_m) < norm(q - p_W_m))) return;
+  stand_.back = true;
+  moveBy(ontoBone(q) - q, p_W_m);
+}
+
+// 2. Slip: one look. Returns whether another one follows
+bool ReferenceBone::slipOnce(Vec3 p_W_m, bool last_look) {
+  const Vec3 q = *p_proxy_W_m_, n = normalAt(q);
+  const double g = -dot(n, p_W_m - q);
+  if (!(g > 0)) {
+    // "q moves to p: the contact ends if it gets there"
+    if (moveBy(p_W_m - q, p_W_m) || planted_ == BoneDefect::kEndsAtOnce)  // planted: the second
+      p_proxy_W_m_.reset();
+    else
+      stand_.stayed = true;
+    return false;
+  }
+  const Vec3 aside = (p_W_m - q) + n * g;
+  const double t = norm(aside);
+  if (t <= friction_ * g || last_look || planted_ == BoneDefect::kSticks) return false;  // planted: the last
+  const double way = planted_ == BoneDefect::kSlipsToFoot ? t : t - friction_ * g;       // planted: the first
+  const double room = shareInRoom(aside * (way / t), p_W_m);
+  if (room < 1) stand_.cut = true;
+  // "Where that does not shorten |s| the move is halved, up to four times, then left out"
+  double share = room;
+  for (int i = 0; i <= kMostHalvings; ++i, share /= 2) {
+    Vec3 to = q + aside * (share * way / t);
+    if (!(depthInBone(to) > kOnSurface_m)) to = ontoBone(to);
+    if (!(norm(to - p_W_m) < norm(q - p_W_m))) continue;
+    p_proxy_W_m_ = to;
+    return room == 1;
+  }
+  return false;
+}
+
 void ReferenceBone::slip(Vec3 p_W_m) {
   const int most = planted_ == BoneDefect::kOneSlip ? 1 : kMostSlips;  // planted: the first
-  for (int i = 0;; ++i) {
-    const Vec3 q = *p_proxy_W_m_, n = normalAt(q);
-    const double g = -dot(n, p_W_m - q);
-    if (!(g > 0)) return p_proxy_W_m_.reset();
-    const Vec3 aside = (p_W_m - q) + n * g;
-    const double t = norm(aside);
-    if (t <= friction_ * g || i == most || planted_ == BoneDefect::kSticks) return;    // planted: the last
-    const double move = planted_ == BoneDefect::kSlipsToFoot ? t : t - friction_ * g;  // planted: the first
-    // "A move that would lengthen |q − p| is halved or left out": halved up to four times
-    std::optional<Vec3> next;
-    for (double share = 1; share >= 1.0 / 16 && !next; share /= 2) {
-      const Vec3 to = ontoBone(q + aside * (share * move / t));
-      if (norm(to - p_W_m) < norm(q - p_W_m)) next = to;
-    }
-    if (!next) return;
-    p_proxy_W_m_ = next;
+  for (int i = 0; i <= most; ++i)
+    if (!slipOnce(p_W_m, i == most)) return;
+}
+
+// 4. "h = max(0, u·(p − P0) − max(u·(q − P0), w, w_f)), at most 0.9·δ"
+double ReferenceBone::heldBack(Vec3 p_W_m, const BoneTissue& tissue) const {
+  const double x = dot(tissue.u_W, p_W_m - tissue.p_entry_W_m);
+  const double of_proxy = dot(tissue.u_W, *p_proxy_W_m_ - tissue.p_entry_W_m);
+  const double held = std::max(0.0, x - std::max({of_proxy, tissue.wall, tissue.friction_wall}));
+  if (planted_ == BoneDefect::kNotHeldToSkin) return held;  // planted
+  return std::min(held, 0.9 * depthInLimb(p_W_m));
+}
+
+// 5. "what the tissue pushes out with only falls"; "the first tick with h > 0 … has no bound"
+BonePushes ReferenceBone::onlyFall(BonePushes now) {
+  const auto live = [&](Effect effect) { return (scene_.effects & bitOf(effect)) != 0; };
+  const std::optional<BonePushes> last = pushes_before_;
+  const auto feltByWalls = [&] {
+    double x_c = now.x_m;
+    for (const BonePushes::Membrane& one : now.membranes) x_c = std::min(x_c, one.place_m);
+    return x_c;
+  };
+  // Membranes: "each … moves by max(0, min(z, Δ)); w and w_f by what x_c changes"
+  const double grown = last ? now.x_m - (last->x_m + now.turned_m) : 0;
+  if (live(Effect::kPuncture) && grown > 0 && planted_ != BoneDefect::kMembranesGrow) {  // planted: the last
+    const double x_c_before = feltByWalls();
+    for (BonePushes::Membrane& one : now.membranes)
+      one.place_m += std::max(0.0, std::min(now.x_m - one.place_m, grown));
+    now.wall_m += feltByWalls() - x_c_before;
+    now.friction_wall_m += feltByWalls() - x_c_before;
   }
+  for (const BonePushes::Membrane& one : now.membranes) {
+    const double z = std::max(0.0, now.x_m - one.place_m);
+    now.puncture_N += one.k1_N_per_m * z + one.k2_N_per_m2 * z * z;
+  }
+  // Cutting, then friction: "A force above that of the last such tick is lowered to it, and its wall moved to
+  // fit"
+  const double x_c = feltByWalls();
+  if (live(Effect::kCutting)) {
+    now.cutting_N = std::max(0.0, now.wall_N_per_m * (x_c - now.wall_m));
+    if (last && now.cutting_N > last->cutting_N &&
+        planted_ != BoneDefect::kCuttingGrows) {  // planted: the last
+      now.cutting_N = last->cutting_N;
+      now.wall_m = x_c - now.cutting_N / now.wall_N_per_m;
+    }
+  }
+  if (live(Effect::kShaftFriction)) {
+    now.friction_N = std::max(0.0, now.friction_N_per_m * (x_c - now.friction_wall_m));
+    if (last && now.friction_N > last->friction_N && planted_ != BoneDefect::kFrictionGrows) {  // … the last
+      now.friction_N = last->friction_N;
+      now.friction_wall_m = x_c - now.friction_N / now.friction_N_per_m;
+    }
+  }
+  pushes_before_ = now;
+  return now;
 }
 
 ReferenceBone::Stand ReferenceBone::step(Vec3 p_W_m, const std::optional<BoneTissue>& tissue) {
-  Stand stand;
-  stand.p_felt_W_m = p_W_m;
+  // "A sample that is not finite changes nothing"
+  if (!std::isfinite(p_W_m.x) || !std::isfinite(p_W_m.y) || !std::isfinite(p_W_m.z)) return stand_;
+  stand_ = Stand{};
+  stand_.felt_depth_m = depthInLimb(p_W_m);
+  // "A tick with δ ≤ 0 forgets the contact: so does every tick without an insertion before it"
+  if (!tissue || tissue->entry || !(depthInLimb(p_W_m) > 0)) p_proxy_W_m_.reset();
   if (!tissue || !(depthInLimb(p_W_m) > 0)) {
-    p_proxy_W_m_.reset();
     p_before_W_m_ = p_W_m;
-    return stand;
+    pushes_before_.reset();
+    return stand_;
   }
-  // in the entry's tick the way in the tissue begins at P0
+  // in the entry tick the way begins at P0
   if (tissue->entry) p_before_W_m_ = tissue->p_entry_W_m;
-  contact(p_W_m);
+
+  const bool begins = contactBegins(p_W_m);
+  const double friction = planted_ == BoneDefect::kNarrowRoom ? 0.0 : friction_;  // planted: the first
+  room_m_ = std::sqrt(2 + friction * friction) * norm(p_W_m - *p_before_W_m_) + kFallSpeed_mps * period_s_;
+  const bool with_skin = (!begins || planted_ == BoneDefect::kSkinAtBegin) &&
+                         planted_ != BoneDefect::kSkinForgotten;  // planted: the second and third
+  if (p_proxy_W_m_ && with_skin) skin(p_W_m);
+  if (p_proxy_W_m_ && planted_ != BoneDefect::kStaysOut) back(p_W_m);  // planted: the second
   if (p_proxy_W_m_) slip(p_W_m);
   if (p_proxy_W_m_) {
-    const Vec3 q = *p_proxy_W_m_;
-    stand.touching = true;
-    stand.p_proxy_W_m = q;
-    stand.force_W_N = (q - p_W_m) * stiffness_N_per_m_;          // 3. Force
-    if (!tissue->entry && planted_ != BoneDefect::kTipInBone) {  // 4. Tissue
-      const double held_at =
-          std::max({dot(tissue->u_W, q - tissue->p_entry_W_m), tissue->wall, tissue->friction_wall});
-      stand.held_m = std::max(0.0, dot(tissue->u_W, p_W_m - tissue->p_entry_W_m) - held_at);
-      stand.held_m = std::min(stand.held_m, 0.9 * depthInLimb(p_W_m));
-      stand.p_felt_W_m = p_W_m - tissue->u_W * stand.held_m;
-    }
+    stretch_before_W_m_ = *p_proxy_W_m_ - p_W_m;  // 3. Stretch
+    if (!tissue->entry && planted_ != BoneDefect::kTipInBone) stand_.held_m = heldBack(p_W_m, *tissue);
+    stand_.touching = true;
+    stand_.p_proxy_W_m = *p_proxy_W_m_;
+    stand_.force_W_N = stretch_before_W_m_ * stiffness_N_per_m_;  // 5. Force
+    stand_.p_felt_W_m = p_W_m - tissue->u_W * stand_.held_m;
+    stand_.felt_depth_m = depthInLimb(stand_.p_felt_W_m);
   }
+  if (!(stand_.held_m > 0)) pushes_before_.reset();
   p_before_W_m_ = p_W_m;
-  return stand;
+  return stand_;
 }
 
 }  // namespace needlelab::test
