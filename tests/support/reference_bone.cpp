@@ -101,14 +101,15 @@ bool ReferenceBone::contactBegins(Vec3 p_W_m) {
   return true;
 }
 
-// 2. Room: "the greatest share ≤ 1 with |s − s'| ≤ M" of a move of q
+// 2. Room: "the greatest share ≤ 1 with |s − s'| ≤ M, or ≤ what it was before the move where that is more"
 double ReferenceBone::shareInRoom(Vec3 move_W_m, Vec3 p_W_m) const {
   if (planted_ == BoneDefect::kNoRoom) return 1;                       // planted
   const Vec3 changed = (*p_proxy_W_m_ - p_W_m) - stretch_before_W_m_;  // s − s' before the move
-  if (norm(changed + move_W_m) <= room_m_) return 1;
-  // the greater root of |changed + share·move|² = M²
+  const double most = std::max(room_m_, norm(changed));
+  if (norm(changed + move_W_m) <= most) return 1;
+  // the greater root of |changed + share·move|² = most²
   const double a = dot(move_W_m, move_W_m), b = dot(changed, move_W_m);
-  const double c = dot(changed, changed) - room_m_ * room_m_;
+  const double c = dot(changed, changed) - most * most;
   return std::clamp((-b + std::sqrt(std::max(0.0, b * b - a * c))) / a, 0.0, 1.0);
 }
 
@@ -161,13 +162,17 @@ bool ReferenceBone::slipOnce(Vec3 p_W_m, bool last_look) {
   const double room = shareInRoom(aside * (way / t), p_W_m);
   if (room < 1) stand_.cut = true;
   // "Where that does not shorten |s| the move is halved, up to four times, then left out"
+  const bool outside = depthInBone(q) < -kOnSurface_m;
   double share = room;
   for (int i = 0; i <= kMostHalvings; ++i, share /= 2) {
     Vec3 to = q + aside * (share * way / t);
     if (!(depthInBone(to) > kOnSurface_m)) to = ontoBone(to);
+    // "where q was more than 1 nm outside, the whole slip is cut"
+    const double whole = outside ? shareInRoom(to - q, p_W_m) : 1;
+    to = q + (to - q) * whole;
     if (!(norm(to - p_W_m) < norm(q - p_W_m))) continue;
     p_proxy_W_m_ = to;
-    return room == 1;
+    return room == 1 && whole == 1;
   }
   return false;
 }

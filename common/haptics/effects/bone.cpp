@@ -170,13 +170,19 @@ bool followTip(const SceneModel& model, Vec3 tip_W_m, double most_m, BoneContact
     const Vec3 move = along * (1.0 - sticks_m / along_m);
     // on a curved bone a long slip could lengthen the spring: then a shorter one
     const double most_share = shareWithin(change, move, most_m);
-    bool moved = false;
+    const bool outside = depthInBone(model, proxy_W_m) < -kOnSurface_m;
+    bool moved = false, cut = most_share < 1.0;
     for (double share = most_share; !moved && share > 0.05 * most_share; share *= 0.5) {
-      const Vec3 next = outOfBone(model, proxy_W_m + move * share, to_tip);
-      moved = normSquared(tip_W_m - next) < normSquared(to_tip);
-      if (moved) proxy_W_m = next;
+      Vec3 step = outOfBone(model, proxy_W_m + move * share, to_tip) - proxy_W_m;
+      if (outside) {
+        const double step_share = shareWithin(change, step, most_m);
+        step = step * step_share;
+        cut = cut || step_share < 1.0;
+      }
+      moved = normSquared(to_tip - step) < normSquared(to_tip);
+      if (moved) proxy_W_m = proxy_W_m + step;
     }
-    if (!moved || most_share < 1.0) return true;
+    if (!moved || cut) return true;
   }
   return true;
 }
