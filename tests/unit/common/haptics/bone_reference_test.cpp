@@ -127,8 +127,17 @@ class BoneComparison {
     if ((report.flags & kFlagEntry) != 0) tissue = BoneTissue{true, state.p_entry_W_m, {}, 0, 0};
     if (!inside) stand = reference_.step(sample.p_WT_m, tissue);
     count(before, stand);
+    if (before.touching && engine_.state().bone.touching) expectWithinRoom(before, sample);
     compare(report, stand);
     if (stand.held_m > 0) comparePushes(sample, report);
+  }
+
+  // "the stretch changes by no more than M in a tick", on a round surface by a tenth of it more
+  void expectWithinRoom(const BoneContact& before, const TipSample& sample) const {
+    const double friction = one_.scene.stage_numbers[stageOf(Effect::kBone)][kBoneFriction];
+    const double way_m = norm(sample.p_WT_m - (before.p_proxy_W_m - before.stretch_W_m));
+    const double room_m = std::sqrt(2 + friction * friction) * way_m + 0.02 / one_.rate_hz;
+    EXPECT_LE(norm(engine_.state().bone.stretch_W_m - before.stretch_W_m), 1.1 * room_m + 1e-9) << tick_;
   }
 
   void count(const BoneContact& before, const ReferenceBone::Stand& stand) {
