@@ -129,7 +129,7 @@ class ProbeBeyond {
   }
   void watch(const Stroke& stroke) {
     if (sign_ == 0 || done_) return;
-    // what a softer layer or a rupture releases is no matter of the rest
+    // a softer layer or a rupture releases force on its own: such a probe says nothing about the rest
     crossed_ = crossed_ || (stroke.report().flags & (kFlagLayerChange | kFlagRupture)) != 0;
     const double beyond_m = sign_ * (stroke.depth_m() - from_m_);
     if (beyond_m >= 0) force_N_ = std::max(force_N_, std::abs(stroke.alongWall_N()));
