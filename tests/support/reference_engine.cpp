@@ -241,7 +241,7 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
 
 // §3.1 Entry, and the states that §3.2-3.5 begin with
 void ReferenceEngine::enter(Vec3 p, double depth, Vec3 axis) {
-  Insertion in{.stop = {scene_.tracking_wall, rate_hz_, wallRelaxes(), planted_}};
+  Insertion in({scene_.tracking_wall, rate_hz_, wallRelaxes(), planted_});
   in.p_entry = p_past_ + (p - p_past_) * (depth_past_ / (depth_past_ - depth));
   if (planted_ == Defect::kEntryAtTip) in.p_entry = p;  // planted
   in.normal = normalAt(in.p_entry);

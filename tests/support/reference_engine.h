@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "common/haptics/engine.h"
@@ -52,6 +53,7 @@ class ReferenceEngine {
 
   /// The state that an exit resets.
   struct Insertion {
+    explicit Insertion(ReferenceStop rule) : stop(std::move(rule)) {}
     Vec3 p_entry;  ///< P0
     Vec3 normal;   ///< n
     Vec3 u, u0;    ///< trajectory direction now and at entry
