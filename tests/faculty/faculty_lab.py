@@ -323,8 +323,10 @@ class FacultyLab(FaultLab):
         for name in SERVERS:
             elsewhere = self.stations_at(OTHER[name]) or self.names
             servers = name + OTHER[name]
-            self.viewers += [Viewer(self, servers, dice.choice(elsewhere), VIEW_HZ), Viewer(self, servers, None, OVERVIEW_HZ)]
-        self.all_seen(time.time_ns())
+            # one after the other: a password takes a core for a while, and a server of two has 5 s for a log-in
+            for station, rate_hz in ((dice.choice(elsewhere), VIEW_HZ), (None, OVERVIEW_HZ)):
+                self.viewers.append(Viewer(self, servers, station, rate_hz))
+                self.all_seen(time.time_ns())
 
     def seen_by(self, viewer):
         return self.names if viewer.station is None else [viewer.station]
