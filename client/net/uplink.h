@@ -49,7 +49,7 @@ struct UplinkEvents {
 /// Facts of a lesson for the status lines, from the station's LessonWatch.
 struct LessonFacts {
   double peak_force_N = 0;                   ///< since the session began
-  std::vector<std::string> hazards_touched;  ///< names, in order; "bone contact" where the tip came into bone
+  std::vector<std::string> hazards_touched;  ///< LessonWatch::warnings()
   double force_limit_N = 0;                  ///< the exercise's limit of the peak force; 0: none
   std::string layer_name;                    ///< what people call the tip's layer; empty outside
 };

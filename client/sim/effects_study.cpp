@@ -63,7 +63,7 @@ Result<SceneSpec> effectsScene(const std::filesystem::path& profile) {
   scene.layers.at(2).membrane = MembraneSpec{100, 60'000, 0.8};
   scene.layers.at(4).membrane = MembraneSpec{300, 0, 0.5};
   for (const EffectEntry* effect : effectEntries())
-    if (effect->stage != nullptr) useUsualNumbers(*effect, scene);
+    if (!isPlaced(effect->effect)) useUsualNumbers(*effect, scene);
   scene.effects = kAllEffects;
   return scene;
 }

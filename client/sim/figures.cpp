@@ -161,12 +161,14 @@ struct Places {
 Places placesOf(const FigureRun& run) {
   Places places;
   double deepest1 = 0, nearest = 1e9;
+  bool gave_up = false;
   for (std::size_t i = 0; i < run.ticks.size(); ++i) {
     const StepReport& report = run.ticks[i].report;
     if (!places.entry && (report.flags & kFlagEntry) != 0) places.entry = i;
-    if (!places.point2 && (report.flags & kFlagTurn) != 0) places.point2 = i;
-    // point 1: the deepest before the trajectory turned
-    if (!places.point2 && report.insertion_m > deepest1) deepest1 = report.insertion_m, places.point1 = i;
+    // near the skin u always comes after the hand; the change is the turn after the user gave up, at point 1
+    if (!gave_up && report.insertion_m > deepest1) deepest1 = report.insertion_m, places.point1 = i;
+    gave_up = gave_up || (deepest1 > 0.02 && report.insertion_m < 0.6 * deepest1);
+    if (gave_up && !places.point2 && (report.flags & kFlagTurn) != 0) places.point2 = i;
     if (const double away = norm(run.ticks[i].X_WT.p - kTarget_W_m); away < nearest)
       nearest = away, places.target = i;
   }

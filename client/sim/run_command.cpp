@@ -1,4 +1,4 @@
-/// `needlelab-sim run`: a trajectory through the engine, tick by tick.
+/// `needlelab-sim run`: a trajectory, or what a device recorded, through the engine, tick by tick.
 #include <fmt/core.h>
 #include <CLI/CLI.hpp>
 
@@ -6,19 +6,25 @@
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <utility>
+#include <vector>
 
+#include "client/device/whole_recording.h"
 #include "client/sim/command.h"
 #include "client/sim/tools/json_output.h"
 #include "client/sim/tools/offline_scene.h"
+#include "client/sim/tools/recorded_run.h"
 #include "client/sim/tools/run_table.h"
 #include "common/base/files.h"
 #include "common/base/program.h"
+#include "common/gesture/sample_csv.h"
 
 namespace needlelab {
 namespace {
 
 struct RunOptions {
   OfflineOptions input;
+  std::filesystem::path recorded;  // in place of a trajectory
   std::filesystem::path out;
   bool hash = false;
   JsonOption json;
@@ -38,43 +44,106 @@ struct RunTotals {
   }
 };
 
+// the table of a run, row by row
+struct RunTable {
+  std::string text = runHeader();
+  RunTotals totals;
+
+  explicit RunTable(std::size_t rows) {
+    constexpr std::size_t kTypicalRow = 400;
+    text.reserve(text.size() + kTypicalRow * rows);
+  }
+  void add(double t_s, const StepReport& report, const SceneModel& model) {
+    totals.add(report);
+    appendRunRow(text, t_s, report, model.needle_length_m);
+  }
+};
+
+RunTable runTrajectory(const OfflineScene& scene) {
+  RunTable table(scene.track.t_s.size());
+  const auto state = std::make_unique<SimState>();
+  StepReport report;
+  for (std::size_t i = 0; i < scene.track.t_s.size(); ++i) {
+    step(scene.model, scene.tip(i), *state, report);
+    table.add(scene.track.t_s[i], report, scene.model);
+  }
+  return table;
+}
+
+// the samples of a recording, or of their CSV
+Result<std::vector<GestureSample>> samplesOf(const std::filesystem::path& path) {
+  if (path.extension() == ".csv") return readSampleCsv(path, WallColumns::kRead);
+  ASSIGN_OR_RETURN(auto read, readRecording(path));
+  if (read.samples.empty()) return Error{ErrorCode::kInvalidInput, path.string() + ": has no samples to run"};
+  return std::move(read.samples);
+}
+
+RunTable runRecorded(const SceneModel& model, const std::vector<GestureSample>& samples,
+                     RecordedDifference& difference) {
+  RunTable table(samples.size());
+  RecordedRun run(model);
+  const auto first_ns = static_cast<std::uint64_t>(samples.front().time_ns);
+  for (const GestureSample& sample : samples) {
+    const auto since_ns = static_cast<std::int64_t>(static_cast<std::uint64_t>(sample.time_ns) - first_ns);
+    table.add(static_cast<double>(since_ns) / 1e9, run.step(sample), model);
+  }
+  difference = run.difference();
+  return table;
+}
+
 int run(const RunOptions& options) {
+  const bool recorded = !options.recorded.empty();
+  if (recorded == !options.input.trajectory.empty())
+    return failed("run", {ErrorCode::kInvalidInput,
+                          "give --trajectory, or --recorded for what a device recorded: one of them"});
+  if (recorded && !options.input.tool.empty())
+    return failed("run", {ErrorCode::kInvalidInput,
+                          "--tool: not with --recorded, whose poses are the tip's; leave it out"});
   if (options.out.empty())
     return failed("run", {ErrorCode::kInvalidInput, "--out: is empty; give the name of a file"});
-  if (const Status status =
-          checkOutputs({{"--profile", options.input.profile}, {"--trajectory", options.input.trajectory}},
-                       {{"--out", options.out}, {"--json", options.json.file}});
+  if (const Status status = checkOutputs({{"--profile", options.input.profile},
+                                          {"--trajectory", options.input.trajectory},
+                                          {"--recorded", options.recorded}},
+                                         {{"--out", options.out}, {"--json", options.json.file}});
       !status.ok())
     return failed("run", status.error());
   const auto scene = loadOffline(options.input);
   if (!scene.ok()) return failed("run", scene.error());
   printWarnings(*scene);
 
-  constexpr std::size_t kTypicalRow = 400;
-  std::string table(runHeader());
-  table.reserve(table.size() + kTypicalRow * scene->track.t_s.size());
-  auto state = std::make_unique<SimState>();
-  StepReport report;
-  RunTotals totals;
-  for (std::size_t i = 0; i < scene->track.t_s.size(); ++i) {
-    step(scene->model, scene->tip(i), *state, report);
-    totals.add(report);
-    appendRunRow(table, scene->track.t_s[i], report, scene->model.needle_length_m);
+  std::vector<GestureSample> samples;
+  if (recorded) {
+    auto read = samplesOf(options.recorded);
+    if (!read.ok()) return failed("run", read.error());
+    samples = *std::move(read);
   }
-  if (const Status status = writeFileAtomically(options.out, viewOf(table)); !status.ok())
+  RecordedDifference difference;
+  const RunTable table = recorded ? runRecorded(scene->model, samples, difference) : runTrajectory(*scene);
+  const RunTotals& totals = table.totals;
+  if (const Status status = writeFileAtomically(options.out, viewOf(table.text)); !status.ok())
     return failed("run", status.error());
-  const std::string hash = fmt::format("{:016x}", fnv1a(table));
-  if (options.hash && !options.json.wanted) std::printf("%s\n", hash.c_str());
-  if (!options.json.wanted) return kExitDone;
-  const nlohmann::ordered_json row = {{"profile", scene->profile.id()},
-                                      {"out", options.out.string()},
-                                      {"rate_hz", scene->rate_hz},
-                                      {"ticks", totals.ticks},
-                                      {"insertions", totals.insertions},
-                                      {"max_force_n", totals.max_force_N},
-                                      {"max_torque_nm", totals.max_torque_Nm},
-                                      {"max_depth_m", totals.max_depth_m},
-                                      {"hash", hash}};
+  const std::string hash = fmt::format("{:016x}", fnv1a(table.text));
+  if (!options.json.wanted) {
+    if (recorded) std::fputs(differenceText(difference).c_str(), stdout);
+    if (options.hash) std::printf("%s\n", hash.c_str());
+    return kExitDone;
+  }
+  nlohmann::ordered_json row = {{"profile", scene->profile.id()},
+                                {"out", options.out.string()},
+                                {"rate_hz", scene->rate_hz},
+                                {"ticks", totals.ticks},
+                                {"insertions", totals.insertions},
+                                {"max_force_n", totals.max_force_N},
+                                {"max_torque_nm", totals.max_torque_Nm},
+                                {"max_depth_m", totals.max_depth_m},
+                                {"hash", hash}};
+  if (recorded)
+    row.update({{"compared_ticks", difference.compared_ticks},
+                {"differing_ticks", difference.differing_ticks},
+                {"gate_ticks", difference.gate_ticks},
+                {"median_difference_n", difference.median_N},
+                {"p99_difference_n", difference.p99_N},
+                {"max_difference_n", difference.greatest_N}});
   if (const Status status = writeJson(options.json, nlohmann::ordered_json::array({row})); !status.ok())
     return failed("run", status.error());
   return kExitDone;
@@ -87,6 +156,12 @@ void addRunCommand(CLI::App& app, SimCommand& chosen) {
   CLI::App* command =
       app.add_subcommand("run", "Runs a trajectory through the engine, without a device or gate");
   addOfflineOptions(*command, options->input);
+  command->get_option("--trajectory")->required(false);
+  command->add_option(
+      "--recorded", options->recorded,
+      "instead of a trajectory: a session's recording, or its samples as CSV (session export). Each second "
+      "of samples begins with the recorded state (wall, phase, layer, ruptures), then the engine runs by "
+      "itself; says how many ticks differ from the recorded force, and by how much");
   command->add_option("--out", options->out, "the table that is written: forces, wall, phase, … of each tick")
       ->required();
   command->add_flag("--hash", options->hash, "print FNV-1a of the table, to compare builds and machines");

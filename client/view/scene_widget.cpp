@@ -350,7 +350,8 @@ SceneWidgetResult sceneWidget(const char* id, SceneRenderer& renderer, SceneFram
   if (options.labels) drawScaleBar(list, picture);
   if (frame.show_needle && frame.moment.approximate) {
     WithFont font(Letters::kSmall);
-    constexpr const char* kWords = "≈ samples are missing: entry and line may be off until the needle is out";
+    constexpr const char* kWords =
+        "≈ computed here, not recorded: entry, line and forces by effect may be off";
     const float width_px = ImGui::CalcTextSize(kWords).x;
     const ImVec2 at{result.corner_px.x + (size_px.x - width_px) * 0.5F, result.corner_px.y + space() * 0.6F};
     list.AddRectFilled({at.x - 6, at.y - 2}, {at.x + width_px + 6, at.y + ImGui::GetFontSize() + 4},

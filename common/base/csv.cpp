@@ -45,7 +45,8 @@ int CsvTable::find(std::string_view name) const {
 }
 
 Result<CsvTable> readCsv(const std::filesystem::path& path, const std::vector<std::string>& required,
-                         const std::vector<std::string>& optional, std::size_t max_rows) {
+                         const std::vector<std::string>& optional, std::size_t max_rows,
+                         const std::vector<std::string>& not_finite) {
   ASSIGN_OR_RETURN(auto file, readWholeFile(path, std::size_t{4} << 30));
   std::string_view text = file;
   std::size_t line_number = 0;
@@ -72,12 +73,12 @@ Result<CsvTable> readCsv(const std::filesystem::path& path, const std::vector<st
   CsvTable table;
   std::vector<int> target;
   std::string doubled;
-  const auto wanted = [&](std::string_view name) {
-    return std::find(required.begin(), required.end(), name) != required.end() ||
-           std::find(optional.begin(), optional.end(), name) != optional.end();
+  const auto isOf = [](const std::vector<std::string>& names, std::string_view name) {
+    return std::find(names.begin(), names.end(), name) != names.end();
   };
+  std::vector<bool> finite;  // whether a column's numbers must be
   const std::size_t cells = splitCells(line, [&](std::size_t, std::string_view name) {
-    if (!wanted(name)) {
+    if (!isOf(required, name) && !isOf(optional, name)) {
       target.push_back(-1);
     } else if (table.find(name) >= 0) {
       doubled = name;
@@ -85,6 +86,7 @@ Result<CsvTable> readCsv(const std::filesystem::path& path, const std::vector<st
     } else {
       target.push_back(static_cast<int>(table.names.size()));
       table.names.emplace_back(name);
+      finite.push_back(!isOf(not_finite, name));
     }
   });
   if (!doubled.empty()) return fail("column " + inQuotes(doubled) + " stands twice in the header");
@@ -101,8 +103,10 @@ Result<CsvTable> readCsv(const std::filesystem::path& path, const std::vector<st
       const auto column = static_cast<std::size_t>(target[index]);
       double value = 0;
       const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-      if (error != std::errc() || end != cell.data() + cell.size() || !std::isfinite(value))
-        why = "column " + inQuotes(table.names[column]) + ": " + inQuotes(cell) + " is not a finite number";
+      if (error != std::errc() || end != cell.data() + cell.size() ||
+          (finite[column] && !std::isfinite(value)))
+        why = "column " + inQuotes(table.names[column]) + ": " + inQuotes(cell) +
+              (finite[column] ? " is not a finite number" : " is not a number");
       else
         table.columns[column].push_back(value);
     });

@@ -20,12 +20,15 @@ struct CsvTable {
   [[nodiscard]] int find(std::string_view name) const;
 };
 
+inline constexpr std::size_t kMostCsvRows = 50'000'000;
+
 /// Reads the `required` columns and the `optional` columns that the file has, in any order; it skips other
 /// columns. Lines end in LF or CRLF. Errors (kInvalidInput) name file, line, column, value: a missing or
-/// doubled column, too few or many cells, a cell that is not a finite number, no rows, more than `max_rows`
-/// rows.
+/// doubled column, too few or many cells, a cell that is not a finite number (`nan` and infinities are read
+/// in columns of `not_finite`), no rows, more than `max_rows` rows.
 Result<CsvTable> readCsv(const std::filesystem::path& path, const std::vector<std::string>& required,
-                         const std::vector<std::string>& optional = {}, std::size_t max_rows = 50'000'000);
+                         const std::vector<std::string>& optional = {}, std::size_t max_rows = kMostCsvRows,
+                         const std::vector<std::string>& not_finite = {});
 
 /// Appends a number so that reading it back gives the same double: 17 significant digits, `nan` for
 /// not-a-number.

@@ -62,6 +62,7 @@ const std::vector<std::string> kSampleCsvColumns = {
     "fx_n",    "fy_n", "fz_n",    "tx_nm", "ty_nm", "tz_nm",   "insertion_m", "lateral_error_m",
     "plunger", "tick", "time_ns", "phase", "layer", "buttons", "device_ns",   "engine_ns",
     "flags",   "fault"};
+const std::vector<std::string> kWallCsvColumns = {"wx_m", "wy_m", "wz_m"};
 
 /// A whole number within a field's range.
 template <typename Integer>
@@ -120,10 +121,12 @@ void appendSampleJson(std::string& out, const GestureSample& sample, std::int64_
   out += '}';
 }
 
-Result<std::vector<GestureSample>> readSampleCsv(const std::filesystem::path& path) {
-  ASSIGN_OR_RETURN(const auto table, readCsv(path, kSampleCsvColumns));
+Result<std::vector<GestureSample>> readSampleCsv(const std::filesystem::path& path, WallColumns wall) {
+  std::vector<std::string> names = kSampleCsvColumns;
+  if (wall == WallColumns::kRead) names.insert(names.end(), kWallCsvColumns.begin(), kWallCsvColumns.end());
+  ASSIGN_OR_RETURN(const auto table, readCsv(path, names, {}, kMostCsvRows, kWallCsvColumns));
   std::vector<int> places;
-  for (const std::string& name : kSampleCsvColumns) places.push_back(table.find(name));
+  for (const std::string& name : names) places.push_back(table.find(name));
   std::vector<GestureSample> samples(table.rows());
   for (std::size_t row = 0; row < samples.size(); ++row) {
     GestureSample& s = samples[row];
@@ -138,11 +141,13 @@ Result<std::vector<GestureSample>> readSampleCsv(const std::filesystem::path& pa
     s.lateral_error_m = cell();
     s.plunger = cell();
     const auto put = [&](auto& field) { return putInteger(cell(), field); };
-    if (put(s.tick) && put(s.time_ns) && put(s.phase) && put(s.layer) && put(s.buttons) && put(s.device_ns) &&
-        put(s.engine_ns) && put(s.flags) && put(s.fault))
-      continue;
-    return Error{ErrorCode::kInvalidInput, fmt::format("{}, line {}, column {}: no whole number in its range",
-                                                       path.string(), row + 2, kSampleCsvColumns[next - 1])};
+    if (!(put(s.tick) && put(s.time_ns) && put(s.phase) && put(s.layer) && put(s.buttons) &&
+          put(s.device_ns) && put(s.engine_ns) && put(s.flags) && put(s.fault)))
+      return Error{ErrorCode::kInvalidInput,
+                   fmt::format("{}, line {}, column {}: no whole number in its range", path.string(), row + 2,
+                               names[next - 1])};
+    if (wall == WallColumns::kRead)
+      for (double& v : s.wall_W_m) v = cell();
   }
   return samples;
 }

@@ -24,9 +24,12 @@ void appendSampleCsvRow(std::string& out, const GestureSample& sample, std::int6
 /// because JSON does not have them.
 void appendSampleJson(std::string& out, const GestureSample& sample, std::int64_t first_time_ns);
 
-/// Reads the samples of an exported CSV, as far as scores need them: the wall's columns are left out (NaN),
-/// and time_ns is exact up to 2^53 ns. Errors: those of readCsv; kInvalidInput naming line and column where a
-/// cell does not fit its column.
-Result<std::vector<GestureSample>> readSampleCsv(const std::filesystem::path& path);
+/// Whether the wall's columns are read, and must be there. Scores do not need them.
+enum class WallColumns : std::uint8_t { kLeftOut, kRead };
+
+/// Reads the samples of an exported CSV. Where the wall is left out it is NaN; time_ns is exact up to 2^53
+/// ns. Errors: those of readCsv; kInvalidInput naming line and column where a cell does not fit its column.
+Result<std::vector<GestureSample>> readSampleCsv(const std::filesystem::path& path,
+                                                 WallColumns wall = WallColumns::kLeftOut);
 
 }  // namespace needlelab

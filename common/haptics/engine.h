@@ -30,6 +30,7 @@ enum StepFlag : std::uint32_t {
   kFlagNotStepped = 1u << 8,     ///< the sample was not finite: state unchanged, no force
   kFlagStartedInside = 1u << 9,  ///< the tip is in the tissue but was never outside: no force
   kFlagBeyondNeedle = 1u << 10,  ///< inserted further than the needle is long
+  kFlagFlatEntry = 1u << 11,     ///< with kFlagEntry: the needle lies on the skin, within 10 degrees
 };
 
 /// Output of one tick. Forces act on the user's hand; `*_N` along u are signed (cutting is negative,
@@ -45,7 +46,8 @@ struct StepReport {
   double lateral_error_m = 0;  ///< |e|; 0 when free
   double cutting_N = 0, attracted_N = 0, friction_N = 0, puncture_N = 0;  ///< along u, signed
   double clamping_N = 0;                                                  ///< magnitude
-  double clamping_stiffness_N_per_m = 0;                                  ///< k of this tick
+  double hub_N = 0;                       ///< magnitude; only with kFlagBeyondNeedle
+  double clamping_stiffness_N_per_m = 0;  ///< k of this tick
   std::array<double, kMaxStages>
       stage_N{};            ///< terms of the stages, by `stageOf`; written only for live stages
   std::uint32_t flags = 0;  ///< StepFlag

@@ -12,22 +12,19 @@ constexpr double kFadeIn_s = 0.2;    // start-up
 constexpr double kFadeOut_s = 0.02;  // a fault removes the force within this time
 constexpr double kSlewForce_N_per_s = 2000;
 constexpr double kSlewTorque_Nm_per_s = 100;
+constexpr double kLimitRise_per_s = 5;
+// a hand that lets the share rise here gets at most half of force times way: 0.1 mJ of 10 mm or 0.1 rad
+constexpr double kNearZero_N = 0.02, kNearZero_Nm = 0.002;
 constexpr double kMaxTipSpeed_mps = 5;
 constexpr std::int64_t kHoldTicks = 5;  // number of rejected samples for which the last force is held
 constexpr double kWatchdog_s = 0.02;    // silence of the device after which the force is removed
 
-bool limitMagnitude(Vec3& v, double most) noexcept {
-  const double size = norm(v);
-  if (size <= most) return false;
-  v = v * (most / size);
-  return true;
-}
-
-bool limitChange(Vec3& v, Vec3 from, double most) noexcept {
-  Vec3 change = v - from;
-  if (!limitMagnitude(change, most)) return false;
-  v = from + change;
-  return true;
+// the share of a wrench that keeps both parts within their limits
+double shareWithin(const Wrench& w, double most_N, double most_Nm) noexcept {
+  double share = 1;
+  if (const double size = norm(w.force_N); size > most_N) share = most_N / size;
+  if (const double size = norm(w.torque_Nm); size > most_Nm) share = std::min(share, most_Nm / size);
+  return share;
 }
 
 bool isFinite(const Wrench& w) noexcept {
@@ -54,6 +51,7 @@ ForceGate::ForceGate(const DeviceLimits& limits, double rate_hz)
       period_s_(1.0 / rate_hz),
       fade_in_step_(std::min(1.0, period_s_ / kFadeIn_s)),
       fade_out_step_(1.0 / std::max(1.0, std::floor(kFadeOut_s * rate_hz))),
+      limit_rise_step_(std::min(1.0, kLimitRise_per_s * period_s_)),
       slew_force_N_(kSlewForce_N_per_s * period_s_),
       slew_torque_Nm_(kSlewTorque_Nm_per_s * period_s_),
       silent_limit_ticks_(
@@ -72,6 +70,8 @@ Fault ForceGate::judge(const TipSample& tip) const noexcept {
 void ForceGate::raise(Fault fault) noexcept {
   fault_ = fault;
   at_fault_ = out_;
+  limit_share_ = 1;  // what was taken before is missing in `at_fault_` already
+  limited_by_ = 0;
   fade_ = 1.0;
   elapsed_ticks_ = 1;  // ticks missed before do not count for the ramp
   acknowledged_ = false;
@@ -193,6 +193,31 @@ void ForceGate::changeShare() noexcept {
   }
 }
 
+void ForceGate::lowerLimitShare(double share, std::uint32_t why) noexcept {
+  if (share >= 1) return;
+  limit_share_ *= share;
+  limited_by_ |= why;
+}
+
+// peak and thermal budget: one share for force and torque. With V the energy of the springs that the hand
+// leans on, a cycle of the hand gets ∫ V ds of a share s; so s rises only where V is next to nothing.
+Wrench ForceGate::withinLimits(Wrench wanted) noexcept {
+  if (std::min(limits_.peak_force_N, limits_.continuous_force_N) <= 0) wanted.force_N = {};
+  if (std::min(limits_.peak_torque_Nm, limits_.continuous_torque_Nm) <= 0) wanted.torque_Nm = {};
+  if (norm(wanted.force_N) <= kNearZero_N && norm(wanted.torque_Nm) <= kNearZero_Nm) {
+    limit_share_ = std::min(1.0, limit_share_ + limit_rise_step_);
+    if (limit_share_ == 1.0) limited_by_ = 0;
+  }
+  lowerLimitShare(shareWithin(scaled(wanted, limit_share_), limits_.peak_force_N, limits_.peak_torque_Nm),
+                  kGatePeakLimited);
+  const Wrench within_peak = scaled(wanted, limit_share_);
+  const double allowed_N = force_budget_.allowed(norm(within_peak.force_N));
+  const double allowed_Nm = torque_budget_.allowed(norm(within_peak.torque_Nm));
+  lowerLimitShare(shareWithin(within_peak, allowed_N, allowed_Nm), kGateThermalLimited);
+  flags_ |= limited_by_;
+  return scaled(wanted, limit_share_);
+}
+
 GuardedWrench ForceGate::guard(const Wrench& wanted) noexcept {
   if (admitted_) {
     if (isFinite(wanted))
@@ -213,25 +238,16 @@ GuardedWrench ForceGate::guard(const Wrench& wanted) noexcept {
     next = scaled(held_, fade_);
   }
 
-  // peak, thermal budget, slew
-  const bool peak_force = limitMagnitude(next.force_N, limits_.peak_force_N);
-  const bool peak_torque = limitMagnitude(next.torque_Nm, limits_.peak_torque_Nm);
-  if (peak_force || peak_torque) flags_ |= kGatePeakLimited;
-  const double force_before = norm(next.force_N), torque_before = norm(next.torque_Nm);
-  const bool hot_force = limitMagnitude(next.force_N, force_budget_.allowed(force_before));
-  const bool hot_torque = limitMagnitude(next.torque_Nm, torque_budget_.allowed(torque_before));
-  thermal_scale_ = 1.0;
-  if (hot_force || hot_torque) {
-    flags_ |= kGateThermalLimited;
-    if (hot_force) thermal_scale_ = norm(next.force_N) / force_before;
-    if (hot_torque) thermal_scale_ = std::min(thermal_scale_, norm(next.torque_Nm) / torque_before);
-  }
+  next = withinLimits(next);
+
   // where missed ticks count for a ramp, the share takes its force with it; slew limits what else changes
   const bool falls_late = fade_ < share_before && elapsed_ticks_ > 1;
   const Wrench from = falls_late ? scaled(out_, fade_ / share_before) : out_;
-  const bool slew_force = limitChange(next.force_N, from.force_N, slew_force_N_);
-  const bool slew_torque = limitChange(next.torque_Nm, from.torque_Nm, slew_torque_Nm_);
-  if (slew_force || slew_torque) flags_ |= kGateSlewLimited;
+  const Wrench change{next.force_N - from.force_N, next.torque_Nm - from.torque_Nm};
+  if (const double way = shareWithin(change, slew_force_N_, slew_torque_Nm_); way < 1) {
+    flags_ |= kGateSlewLimited;
+    next = {from.force_N + change.force_N * way, from.torque_Nm + change.torque_Nm * way};
+  }
 
   out_ = next;
   force_budget_.spend(norm(out_.force_N));

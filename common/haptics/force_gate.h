@@ -64,8 +64,8 @@ const char* faultText(Fault fault);
 /// Bits that the gate sets per tick; counted by the station and stored with the sample.
 enum GateFlag : std::uint32_t {
   kGateSampleRejected = 1u << 16,
-  kGatePeakLimited = 1u << 17,
-  kGateThermalLimited = 1u << 18,
+  kGatePeakLimited = 1u << 17,     ///< lowered by the peak limit, in this tick or since the share was 1
+  kGateThermalLimited = 1u << 18,  ///< likewise by the thermal budget
   kGateSlewLimited = 1u << 19,
   kGateStartRamp = 1u << 20,
   kGateFaulted = 1u << 21,
@@ -85,6 +85,14 @@ class GuardedWrench {
   Wrench wrench_;
 };
 
+/// Force and torque are one force at the needle's tip, so every limit shortens both by one share:
+///
+/// - Peak and thermal budget lower one share, which the gate remembers. It falls at once, and rises by 5 a
+///   second only while the wanted wrench is within 0.02 N and 2 mN·m. In contact it stays as low as it was:
+///   a spring whose share rises while a hand leans on it pays the hand.
+/// - Slew: force and torque go the same fraction of the way from the last wrench to the next one.
+/// - A part with a limit of zero (the torque of a device without torque) is left out, and takes no share.
+///
 /// Besides the limits, the force is lost in two ways:
 ///
 /// - A FAULT: the force falls linearly to zero within 20 ms. It fades in again over 200 ms only when the
@@ -134,7 +142,9 @@ class ForceGate {
   /// In FAULT: the fault is acknowledged, and the gate waits for the tip to be outside.
   [[nodiscard]] bool acknowledged() const noexcept { return acknowledged_; }
   [[nodiscard]] std::uint32_t flags() const noexcept { return flags_; }  ///< GateFlag bits of the last tick
-  [[nodiscard]] double thermalScale() const noexcept { return thermal_scale_; }
+  /// The share that peak limit and thermal budget leave of the wanted wrench, [0, 1]. Below 1 the flags say
+  /// which of them lowered it.
+  [[nodiscard]] double limitShare() const noexcept { return limit_share_; }
 
  private:
   void raise(Fault fault) noexcept;
@@ -144,11 +154,14 @@ class ForceGate {
   void noteSilence(bool fresh, std::int64_t elapsed_ticks, std::uint32_t condition) noexcept;
   void spendMissed(std::int64_t ticks) noexcept;
   void changeShare() noexcept;
+  [[nodiscard]] Wrench withinLimits(Wrench wanted) noexcept;
+  void lowerLimitShare(double share, std::uint32_t why) noexcept;
   [[nodiscard]] double lowered(double share) const noexcept;
 
   DeviceLimits limits_;
   double period_s_;
   double fade_in_step_, fade_out_step_;   ///< share of the force gained or lost in a tick
+  double limit_rise_step_;                ///< greatest rise of `limit_share_` in a tick
   double slew_force_N_, slew_torque_Nm_;  ///< largest change in a tick
   std::int64_t silent_limit_ticks_;
   ThermalBudget force_budget_, torque_budget_;
@@ -165,7 +178,8 @@ class ForceGate {
   std::uint64_t faults_raised_ = 0;
   double fade_ = 0;  ///< 0-1
   Wrench held_, out_, at_fault_;
-  double thermal_scale_ = 1;
+  double limit_share_ = 1;
+  std::uint32_t limited_by_ = 0;  ///< GateFlag bits of what lowered `limit_share_`; 0 while it is 1
   std::uint32_t flags_ = 0;
 };
 

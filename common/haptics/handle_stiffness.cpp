@@ -8,16 +8,6 @@
 namespace needlelab {
 namespace {
 
-// k is the integral of the lateral stiffness over the inserted length, which nothing bounds: a tip may go
-// deeper than the needle is long, and the last layer has no end
-double steepestFixture_N_per_m(const SceneSpec& spec) {
-  const bool is_live = (spec.effects & bitOf(Effect::kClamping)) != 0 &&
-                       std::any_of(spec.layers.begin(), spec.layers.end(), [](const LayerSpec& layer) {
-                         return layer.lateral_stiffness_N_per_m2 > 0;
-                       });
-  return is_live ? spec.virtual_fixture.max_stiffness_N_per_m : 0;
-}
-
 double steepestOrientation_Nm_per_rad(const SceneSpec& spec) {
   const OrientationLimitSpec& limit = spec.orientation_limit;
   const bool is_live = (spec.effects & bitOf(Effect::kOrientationLimit)) != 0 && limit.max_torque_Nm > 0;
@@ -47,7 +37,7 @@ Lever leverOf(const Pose& X_HT) {
 // along the needle is l_across and its part across it l_along; about the axis perpendicular to the lever in
 // their plane all of it is across. These are the principal axes.
 HandleStiffness handleStiffness(const SceneSpec& spec, double axial_N_per_m, const Pose& X_HT) {
-  HandleStiffness of{steepestFixture_N_per_m(spec), steepestBone_N_per_m(spec),
+  HandleStiffness of{fixtureSteepness(spec).across_N_per_m, steepestBone_N_per_m(spec),
                      steepestOrientation_Nm_per_rad(spec), 0};
   const Lever lever = leverOf(X_HT);
   const double across = of.across_N_per_m();
@@ -77,7 +67,9 @@ double heldStiffnessShare(const SceneSpec& spec, double axial_N_per_m, const Dev
 
 void lowerStiffness(SceneSpec& spec, double share) {
   if (share >= 1) return;
+  for (LayerSpec& layer : spec.layers) layer.lateral_stiffness_N_per_m2 *= share;
   spec.virtual_fixture.max_stiffness_N_per_m *= share;
+  spec.virtual_fixture.max_force_N *= share;
   spec.stage_numbers[stageOf(Effect::kBone)][kBoneStiffness_N_per_m] *= share;
   spec.orientation_limit.stiffness_Nm_per_rad *= share;
 }

@@ -35,8 +35,8 @@ inline constexpr double kLeastStiffnessShare = 0.5;
 double heldStiffnessShare(const SceneSpec& spec, double axial_N_per_m, const DeviceLimits& limits,
                           const Pose& X_HT);
 
-/// Lowers the fixture's greatest stiffness and the stiffnesses of bone and orientation limit to `share` of
-/// (0, 1]. Forces and torques up to the lowered stiffness keep their limits.
+/// Lowers the fixture with all its numbers, and the stiffnesses of bone and orientation limit, to `share` of
+/// (0, 1].
 void lowerStiffness(SceneSpec& spec, double share);
 
 /// For a person, beside a score; empty where `share` is 1 and bone was not left out.

@@ -30,23 +30,20 @@ using StageFunction = Vec3 (*)(const SceneModel&, const TipSample&, SimState&, S
 /// Returns the tip that the tissue feels, before a tick: BONE holds it where the needle stands on the bone.
 using HoldFunction = TipSample (*)(const SceneModel&, const TipSample&, SimState&) noexcept;
 
-/// One layer, ready for the tick. Depths δ run along the surface normal, lengths along the trajectory are
-/// δ/c.
+/// One layer, ready for the tick. Depths δ run along the surface normal.
 struct CompiledLayer {
   double least_depth_m =
       0;  ///< the layer's top; for the first layer the least positive number, because δ = 0 is outside
-  double bottom_m = 0;                ///< the next layer's top; infinite for the last
-  double top_m = 0;                   ///< half-open [top, bottom)
-  double cutting_force_N = 0;         ///< f_cut; 0 where CUTTING is not live
-  double cut_stretch_m = 0;           ///< Δ_cut = f_cut/K_t; 0 where CUTTING is not live
-  double attracted_stretch_m = 0;     ///< f_att/K_t; 0 where ATTRACTED is not live
-  double rejection_stretch_m = 0;     ///< f_rej/K_t
-  double lateral_N_per_m2 = 0;        ///< slope of the integral of lateral stiffness
-  double lateral_offset_N_per_m = 0;  ///< ∫₀^d = offset/c + slope·d while d·c is in this layer
+  double bottom_m = 0;             ///< the next layer's top; infinite for the last
+  double top_m = 0;                ///< half-open [top, bottom)
+  double cutting_force_N = 0;      ///< f_cut; 0 where CUTTING is not live
+  double cut_stretch_m = 0;        ///< Δ_cut = f_cut/K_t; 0 where CUTTING is not live
+  double attracted_stretch_m = 0;  ///< f_att/K_t; 0 where ATTRACTED is not live
+  double rejection_stretch_m = 0;  ///< f_rej/K_t
+  double lateral_N_per_m2 = 0;
   double friction_N_per_m = 0;
-  double friction_offset_N = 0;
   double wall_stiffness_N_per_m = 0;  ///< K_t
-  std::array<double, 4> fill{};       ///< up to two cache lines: a layer is found by a shift of its index
+  std::array<double, 6> fill{};       ///< up to two cache lines: a layer is found by a shift of its index
 };
 
 /// A membrane, ready for the tick; sorted by depth of its layer's top.
@@ -56,6 +53,13 @@ struct CompiledMembrane {
   double force_N = 0;
   double slope_at_rupture_N_per_m = 0;  ///< k1 + 2 k2 z at rupture: the steepest slope
 };
+
+/// The steepest that a scene's fixture can be, where u does not turn.
+struct FixtureSteepness {
+  double across_N_per_m = 0;  ///< in any direction: the greatest eigenvalue of the second derivatives of U
+  double along_N_per_m = 0;   ///< ½ k″ e², away from P0
+};
+FixtureSteepness fixtureSteepness(const SceneSpec& spec);
 
 /// Only `compile` makes one. Const after that; copying is cheap enough outside the haptic thread. Thread: any
 /// may read.
@@ -74,6 +78,10 @@ class SceneModel {
   double drift_step_m = 0;         ///< kDriftSpeed_mps·T
   double relax_share = 0;          ///< 1 − e^(−T/relax_time)
   double max_turn_rad = 0;         ///< 2 rad/s·T
+  FixtureSteepness fixture_steepness;
+  double fixture_push = 0;        ///< ½ for a CONSERVATIVE fixture, 0 for a PROPORTIONAL one
+  double turn_begins_m = 0;       ///< d_t up to which u follows the hand …
+  double turn_slope_N_per_m = 0;  ///< … and how fast the force that turns it rises from there
   TrackingWallSpec wall;
   VirtualFixtureSpec fixture;
   OrientationLimitSpec orientation;
@@ -87,6 +95,8 @@ class SceneModel {
   Limb limb;                         ///< plane normal made a unit vector
   std::array<CompiledLayer, kMaxLayers> layers;
   std::uint32_t layer_count = 0;
+  CompiledLayer
+      beyond;  ///< where the tip has come out on the other side of the limb: the skin's K_t, no force
   std::array<CompiledMembrane, kMaxLayers> membranes;
   std::uint32_t membrane_count = 0;
   EffectMask live = 0;  ///< listed by the scene, and its numbers not all zero

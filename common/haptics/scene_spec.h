@@ -25,7 +25,8 @@ enum class Effect : std::uint8_t {
   kShaftFriction,
   kPuncture,
   kCutMemory,
-  kBone
+  kBone,
+  kHub
 };
 /// Always 0, but in tests/instructions: the engine compiled with some more effects, to count what they cost.
 #ifdef NEEDLELAB_DUMMY_EFFECTS
@@ -33,9 +34,9 @@ inline constexpr std::size_t kDummyEffectCount = NEEDLELAB_DUMMY_EFFECTS;
 #else
 inline constexpr std::size_t kDummyEffectCount = 0;
 #endif
-inline constexpr std::size_t kEffectCount = 8 + kDummyEffectCount;
-/// The number of effects with a fixed place within the tick; the others are stages: their forces are added at
-/// the end.
+inline constexpr std::size_t kEffectCount = 9 + kDummyEffectCount;
+/// The number of effects with a fixed place within the tick; the others are stages (their forces are added at
+/// the end), but for HUB: it has its place where the needle is in to its hub.
 inline constexpr std::size_t kPlacedEffectCount = 6;
 
 using EffectMask = std::uint32_t;
@@ -44,6 +45,9 @@ constexpr EffectMask bitOf(Effect effect) {
 }
 inline constexpr EffectMask kAllEffects = (EffectMask{1} << kEffectCount) - 1;
 inline constexpr EffectMask kPlacedEffects = (EffectMask{1} << kPlacedEffectCount) - 1;
+constexpr bool isPlaced(Effect effect) {
+  return (bitOf(effect) & kPlacedEffects) != 0;
+}
 
 /// Capacity for stages. Each stage has this many numbers from the author, numbers for the tick, and numbers
 /// that it remembers; the stage defines their meaning.
@@ -56,6 +60,8 @@ constexpr std::size_t stageOf(Effect effect) {
 
 /// The places of BONE's stiffness and coefficient of friction among its numbers.
 inline constexpr std::size_t kBoneStiffness_N_per_m = 0, kBoneFriction = 1;
+/// The place of HUB's stiffness among its numbers.
+inline constexpr std::size_t kHubStiffness_N_per_m = 0;
 
 /// The half-space on the far side of `normal`; `normal` (any length > 0) points out of the tissue.
 struct PlaneLimb {
@@ -97,7 +103,7 @@ struct LayerSpec {
 };
 
 enum class StopMode : std::uint8_t { kRamp, kExponential };
-enum class ClampingMode : std::uint8_t { kProportional, kPassive };
+enum class ClampingMode : std::uint8_t { kProportional, kConservative };
 
 struct TrackingWallSpec {
   double stiffness_N_per_m = 500;  ///< K_t, (0, 10000]

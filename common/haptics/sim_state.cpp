@@ -78,7 +78,7 @@ std::uint64_t hashOf(const SimState& state) {
   hash.add(static_cast<std::uint64_t>(state.phase));
   for (const Vec3 v : {state.p_entry_W_m, state.normal_W, state.u_W, state.u0_W}) hash.add(v);
   hash.add(state.slant);
-  hash.add(std::uint64_t{state.layer} | std::uint64_t{state.layer_by_length} << 32);
+  hash.add(std::uint64_t{state.layer});
   hash.add(state.ticks_inside);
   hash.add(state.x_shift_m);
   const std::uint64_t kept = std::min(state.ticks_inside, state.history_mask) + 1;
@@ -88,9 +88,9 @@ std::uint64_t hashOf(const SimState& state) {
   hash.add(std::uint64_t{state.stopped} | std::uint64_t{state.armed} << 1 |
            std::uint64_t{state.moves_in} << 2);
   for (const std::uint64_t tick : {state.fast_tick, state.band_tick, state.ramp_ticks}) hash.add(tick);
-  for (const double d : {state.wall_stiffness_N_per_m, state.band_low_m, state.band_high_m,
-                         state.stop_least_m, state.stop_step_m, state.stop_way_m, state.stop_stretch_m,
-                         state.friction_wall_m, state.dead_radius_m, state.k_prev_N_per_m, state.e_prev_m})
+  for (const double d :
+       {state.wall_stiffness_N_per_m, state.band_low_m, state.band_high_m, state.stop_least_m,
+        state.stop_step_m, state.stop_way_m, state.stop_stretch_m, state.friction_wall_m})
     hash.add(d);
   hash.add(std::uint64_t{state.tilt_limit_is_cone});
   hash.add(state.tilt_limit_rad);

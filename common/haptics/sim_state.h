@@ -79,6 +79,33 @@ struct BoneContact {
   double place_m = 0;                    ///< what the tissue felt in the last tick, along u less `x_shift_m`
 };
 
+/// A stretch of the line from P0 along u that lies in one layer.
+struct LayerSpan {
+  double begin_m = 0, end_m = 0;                       ///< the first begins at −∞, the last ends at ∞
+  double friction_N_per_m = 0, friction_offset_N = 0;  ///< ∫₀^s friction = offset + slope·s
+  std::int64_t layer = 0;                              ///< −1: beyond the limb
+};
+
+/// A stretch of the fixture's stiffness over the inserted length: with t from its begin,
+/// k = k + t·(slope + t·half_bend).
+struct StiffnessSpan {
+  double begin_m = 0, end_m = 0;  ///< the first begins at 0, the last ends at ∞
+  double k_N_per_m = 0, slope_N_per_m2 = 0, half_bend_N_per_m3 = 0;
+};
+
+/// The layers along u, in the order in which the needle meets them: in a round limb it comes out through the
+/// same layers as it went in through.
+struct LayersAlong {
+  std::array<LayerSpan, 2 * kMaxLayers> spans;
+  std::uint32_t count = 0;  ///< of valid spans
+  std::uint32_t at = 0;     ///< the span that was used last
+  std::array<StiffnessSpan, 4 * kMaxLayers + 1> stiffness;
+  std::uint32_t stiffness_count = 0;
+  StiffnessSpan stiffness_here;  ///< the one that was used last
+  double deepest_m = 0;          ///< where the line is deepest in the limb; infinite under a plane
+  double hold_m = 0;             ///< f_max/k at half the needle's length: u turns at the latest so far aside
+};
+
 /// Value-initialised: before the first tick. Only `step` changes it.
 struct SimState {
   // contact
@@ -87,15 +114,16 @@ struct SimState {
   bool has_prev = false;      ///< a tick was stepped before
   bool outside_once = false;  ///< the tip has been outside: an entry is possible only then
   bool inside = false;        ///< an insertion is under way; everything below belongs to it
+  bool in_limb = false;       ///< … and the tip is in the limb: not through it
   Phase phase = Phase::kFree;
-  Vec3 p_entry_W_m;                   ///< P0
-  Vec3 normal_W;                      ///< n at P0, out of the tissue
-  Vec3 u_W;                           ///< the trajectory's direction, a unit vector
-  Vec3 u0_W;                          ///< u at entry
-  double slant = 1;                   ///< c = max(0.05, −n·u)
-  double inverse_slant = 1;           ///< 1/c
-  std::uint32_t layer = 0;            ///< by δ
-  std::uint32_t layer_by_length = 0;  ///< by inserted length, for the integrals
+  Vec3 p_entry_W_m;          ///< P0
+  Vec3 normal_W;             ///< n at P0, out of the tissue
+  Vec3 u_W;                  ///< the trajectory's direction, a unit vector
+  Vec3 u0_W;                 ///< u at entry
+  double slant = 1;          ///< c = max(0.05, −n·u)
+  double inverse_slant = 1;  ///< 1/c
+  std::uint32_t layer = 0;   ///< by δ
+  LayersAlong along;         ///< the layers along u, for the integrals over the inserted length
 
   // speed: positions along u since the tick before entry are kept in `x_history_m` less `x_shift_m`, so that
   // a turn moves all of them at once
@@ -123,11 +151,6 @@ struct SimState {
 
   // shaft friction
   double friction_wall_m = 0;  ///< w_f
-
-  // clamping, PASSIVE
-  double dead_radius_m = 0;  ///< ρ
-  double k_prev_N_per_m = 0;
-  double e_prev_m = 0;
 
   // orientation limit: θ_l is `tilt_limit_rad`, or α(tilt_limit_insertion_m) as long as that avoids
   // trigonometry; θ_l is at least α(tilt_limit_insertion_m) in both cases

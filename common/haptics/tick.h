@@ -11,9 +11,11 @@ namespace needlelab {
 
 struct Tick {
   double depth_m = 0;                    ///< δ
-  const CompiledLayer* layer = nullptr;  ///< the tip's layer: model.layers[state.layer]
+  const CompiledLayer* layer = nullptr;  ///< the tip's layer; model.beyond on the other side of the limb
   double x_m = 0;                        ///< u·(p − P0)
-  double insertion_m = 0;                ///< d_t
+  Vec3 arm_W_m;                          ///< p − P0
+  double insertion_m = 0;                ///< d_t = |p − P0|
+  double inverse_insertion_per_m = 0;    ///< 1/d_t; NaN at P0
   Vec3 lateral_W_m;                      ///< e
   double lateral_m = 0;                  ///< |e|
   double speed_mps = 0;                  ///< v
@@ -35,35 +37,33 @@ inline bool isFinite(const TipSample& sample) {
   return depthInLimb(model, p_W_m);
 }
 
-/// min(max(0, x), δ/c)
-inline double insertionOf(double x_m, double depth_m, double inverse_slant) {
-  const double along = x_m > 0.0 ? x_m : 0.0;
-  const double through = depth_m * inverse_slant;
-  return along < through ? along : through;
+/// Computes x, d_t and e from the current P0 and u.
+[[gnu::always_inline]] inline void project(const SimState& state, Vec3 p_W_m, Tick& tick) {
+  tick.arm_W_m = p_W_m - state.p_entry_W_m;
+  tick.x_m = dot(state.u_W, tick.arm_W_m);
+  const double squared_m2 = normSquared(tick.arm_W_m);
+  tick.insertion_m = std::sqrt(squared_m2);
+  // root and division side by side, not one after the other
+  tick.inverse_insertion_per_m = tick.insertion_m * (1.0 / squared_m2);
+  tick.lateral_W_m = tick.arm_W_m - state.u_W * tick.x_m;
+  tick.lateral_m = norm(tick.lateral_W_m);
 }
 
-/// Computes x, d_t and e from the current u; `tick.depth_m` must be set.
-[[gnu::always_inline]] inline void project(const SimState& state, Vec3 p_W_m, Tick& tick) {
-  const Vec3 arm_W_m = p_W_m - state.p_entry_W_m;
-  tick.x_m = dot(state.u_W, arm_W_m);
-  tick.insertion_m = insertionOf(tick.x_m, tick.depth_m, state.inverse_slant);
-  tick.lateral_W_m = arm_W_m - state.u_W * tick.x_m;
-  tick.lateral_m = norm(tick.lateral_W_m);
+/// h: how far the tip is below the plane that touches the skin at P0.
+[[gnu::always_inline]] inline double heightOf(const SceneModel& model, const SimState& state,
+                                              const Tick& tick) {
+  return model.is_plane ? tick.depth_m : -dot(state.normal_W, tick.arm_W_m);
 }
 
 /// Returns the layer at a depth along the normal; `index` is the start of the search.
 std::uint32_t findLayer(const SceneModel& model, double depth_m, std::uint32_t index) noexcept;
 
-/// Returns the layer at an inserted length, for the integrals; kept from tick to tick.
-[[gnu::always_inline]] inline const CompiledLayer& layerByLength(const SceneModel& model, SimState& state,
-                                                                 double insertion_m) {
-  const double depth_m = insertion_m * state.slant;
-  const CompiledLayer& layer = model.layers[state.layer_by_length];
-  if (depth_m >= layer.bottom_m || depth_m < layer.top_m) [[unlikely]] {
-    state.layer_by_length = findLayer(model, depth_m, state.layer_by_length);
-    return model.layers[state.layer_by_length];
-  }
-  return layer;
+/// Returns the span of the layers along u at an inserted length; kept from tick to tick.
+[[gnu::always_inline]] inline const LayerSpan& spanAt(SimState& state, double insertion_m) {
+  LayersAlong& along = state.along;
+  while (insertion_m >= along.spans[along.at].end_m) [[unlikely]]++ along.at;
+  while (insertion_m < along.spans[along.at].begin_m) [[unlikely]]-- along.at;
+  return along.spans[along.at];
 }
 
 /// Angle between two unit vectors, by atan2. In [0, π].

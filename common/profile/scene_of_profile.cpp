@@ -84,7 +84,7 @@ void readSection(const EffectEntry& effect, const pb::Profile& profile, SceneSpe
     effect.choice.set(spec, reflection.GetEnumValue(*section, fieldOf(effect.choice.name)));
 }
 static_assert(static_cast<ClampingMode>(pb::VirtualFixture::PROPORTIONAL) == ClampingMode::kProportional);
-static_assert(static_cast<ClampingMode>(pb::VirtualFixture::PASSIVE) == ClampingMode::kPassive);
+static_assert(static_cast<ClampingMode>(pb::VirtualFixture::CONSERVATIVE) == ClampingMode::kConservative);
 
 /// A placement must be finite and its quaternion a unit quaternion within the tolerance of files.
 Result<Pose> checkedPlacement(const Pose& X_WL) {

@@ -18,21 +18,4 @@ bool BoneContacts::isIn(int layer, Vec3 tip_W_m) const {
                      [&](const Region& bone) { return distanceTo(bone, tip_W_m) <= 0; });
 }
 
-bool BoneContacts::add(double time_s, int layer, Vec3 tip_W_m) {
-  if (!isIn(layer, tip_W_m)) {
-    if (in_contact_ && !away_since_s_) away_since_s_ = time_s;
-    return false;
-  }
-  // a hair less, so that the last digit of a time does not decide
-  const bool begins = !in_contact_ || (away_since_s_ && time_s - *away_since_s_ >= kBoneAway_s * (1 - 1e-9));
-  in_contact_ = true;
-  away_since_s_.reset();
-  return begins;
-}
-
-void BoneContacts::restart() {
-  in_contact_ = false;
-  away_since_s_.reset();
-}
-
 }  // namespace needlelab

@@ -2,20 +2,17 @@
 /// station's warning, and the marks of plots and reports.
 #pragma once
 
-#include <optional>
 #include <string_view>
 #include <vector>
 
 #include "common/scoring/anatomy.h"
+#include "common/scoring/contacts.h"
 #include "needlelab/profile.pb.h"
 
 namespace needlelab {
 
 /// The event's name for people.
 inline constexpr std::string_view kBoneContactWords = "bone contact";
-/// The tip has to be out of bone for this long before it can make another contact: tremor (8-12 Hz) at a
-/// bone's surface is one contact. A longer time would join two touches of a hand that feels its way.
-inline constexpr double kBoneAway_s = 0.2;
 
 /// Bone is a layer whose tissue is BONE, or a hazard of the kind BONE. Where they overlap (a humeral head in
 /// a layer of bone), they are one bone. Only the tip counts: a shaft that lies along a bone touches a hazard.
@@ -28,17 +25,15 @@ class BoneContacts {
 
   /// Whether a tip in tissue is in bone. `layer`: the engine's, −1 outside.
   [[nodiscard]] bool isIn(int layer, Vec3 tip_W_m) const;
-  /// Takes the next moment; times ascend. Returns whether a contact begins in it. Nothing is assumed about
-  /// the time between two moments.
-  bool add(double time_s, int layer, Vec3 tip_W_m);
+  /// Takes the next moment, as Contacts::add().
+  bool add(double time_s, int layer, Vec3 tip_W_m) { return contacts_.add(time_s, isIn(layer, tip_W_m)); }
   /// Begins another gesture with the same bones.
-  void restart();
+  void restart() { contacts_ = {}; }
 
  private:
   std::vector<bool> is_bone_;  // by layer
   std::vector<Region> bones_;
-  bool in_contact_ = false;
-  std::optional<double> away_since_s_;  // during a contact: since when the tip is out of bone
+  Contacts contacts_;
 };
 
 }  // namespace needlelab

@@ -7,6 +7,7 @@
 #include "common/profile/layer_names.h"
 #include "common/scoring/anatomy.h"
 #include "common/scoring/bone_contacts.h"
+#include "common/scoring/contacts.h"
 #include "common/scoring/track.h"
 
 namespace needlelab {
@@ -14,7 +15,7 @@ namespace needlelab {
 struct LessonWatch::Scene {
   Anatomy anatomy;
   BoneContacts bones;
-  bool bone_touched = false;
+  bool bone_touched = false, hub_touched = false;
   std::vector<bool> touched;             // by hazard
   std::vector<std::string> layer_names;  // by layer
 };
@@ -56,6 +57,10 @@ void LessonWatch::check(const GestureSample& sample) {
   if (!scene_->bone_touched && scene_->bones.isIn(sample.layer, tip_W_m)) {
     scene_->bone_touched = true;
     warnings_.emplace_back(kBoneContactWords);
+  }
+  if (!scene_->hub_touched && (sample.flags & kFlagBeyondNeedle) != 0) {
+    scene_->hub_touched = true;
+    warnings_.emplace_back(kHubContactWords);
   }
   const Vec3 skin_W_m = tip_W_m - sample.insertion_m * zAxis(normalized(q_WT));
   for (std::size_t h = 0; h < scene_->touched.size(); ++h) {

@@ -1,5 +1,5 @@
-/// Watches a gesture during the lesson: greatest force, touched hazards and bone, layer; with the
-/// definitions of `scoreGesture`.
+/// Watches a gesture during the lesson: greatest force, touched hazards and bone, the hub on the skin, layer;
+/// with the definitions of `scoreGesture`.
 #pragma once
 
 #include <memory>
@@ -31,8 +31,8 @@ class LessonWatch {
   [[nodiscard]] double forceLimit_N() const { return force_limit_N_; }
   /// Names of the touched hazards, in the order of first touch by the tip or by the shaft in tissue.
   [[nodiscard]] const std::vector<std::string>& hazardsTouched() const { return touched_; }
-  /// What an instructor should look at: the same names, and kBoneContactWords where the tip first came into
-  /// bone.
+  /// What an instructor should look at: the same names, kBoneContactWords where the tip first came into bone,
+  /// and kHubContactWords where the hub first came onto the skin.
   [[nodiscard]] const std::vector<std::string>& warnings() const { return warnings_; }
   /// What people call the tip's current layer: "deltoid muscle"; empty outside.
   [[nodiscard]] const std::string& layerName() const { return layer_name_; }

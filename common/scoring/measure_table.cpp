@@ -50,7 +50,7 @@ constexpr LeastDifference kAngleDifference{0.0167, 0};
 /// Yes or no.
 constexpr LeastDifference kNoDifference{};
 
-constexpr std::array<MeasureKind, 39> kMeasureKinds = {{
+constexpr std::array<MeasureKind, 40> kMeasureKinds = {{
     {"elapsed_s", "s", "Elapsed time", kLessIsBetter, kTimeDifference, "from the first tick to the last"},
     {"path_length_m", "m", "Path of the tip", kLessIsBetter, kLengthDifference,
      "sum of the tip's steps on the smoothed track"},
@@ -107,6 +107,8 @@ constexpr std::array<MeasureKind, 39> kMeasureKinds = {{
     {"bone_contacts", "", "Bone contacts", kLessIsBetter, kCountDifference,
      "times that the tip came into a layer or a hazard of bone; less than 0.2 s out of bone does not begin "
      "another"},
+    {"hub_contacts", "", "Contacts of the hub with the skin", kLessIsBetter, kCountDifference,
+     "times that the needle came in to its hub; less than 0.2 s off the skin does not begin another"},
     {"target_reached", "", "Target reached", kMoreIsBetter, kNoDifference,
      "1: the tip was in a target, else 0"},
     {"time_at_target_s", "s", "Time at the target", kNeitherIs, kTimeDifference,

@@ -13,6 +13,7 @@
 #include "common/haptics/sim_state.h"
 #include "common/profile/layer_names.h"
 #include "common/scoring/bone_contacts.h"
+#include "common/scoring/contacts.h"
 #include "common/scoring/measure_groups.h"
 #include "common/scoring/measure_table.h"
 #include "common/scoring/syringe_events.h"
@@ -293,7 +294,8 @@ class TissueGroup : public SampleGroup {
 /// - `target_distance_m`: distance of the tip from the nearest target's centre at the furthest point of the
 ///   last insertion; `target_nearest_m`: the least distance at any time.
 /// - `hazards_touched`: number of hazards touched by the tip or by the shaft in tissue (straight back along
-///   the needle). `bone_contacts`: times that the tip came into bone (bone_contacts.h).
+///   the needle). `bone_contacts`: times that the tip came into bone (bone_contacts.h). `hub_contacts`: times
+///   that the hub came onto the skin (contacts.h).
 class AimGroup : public SampleGroup {
  public:
   explicit AimGroup(const Gesture& gesture)
@@ -305,8 +307,9 @@ class AimGroup : public SampleGroup {
     const std::vector<Region>& hazards = gesture_.anatomy.hazards;
     const GestureSample& sample = gesture_.samples[i];
     const Vec3 tip = tipOf(sample);
-    if (bones_.add(secondsBetween(gesture_.samples.front(), sample, gesture_.rate_hz), sample.layer, tip))
-      ++bone_contacts_;
+    const double time_s = secondsBetween(gesture_.samples.front(), sample, gesture_.rate_hz);
+    if (bones_.add(time_s, sample.layer, tip)) ++bone_contacts_;
+    if (hub_.add(time_s, sample.flags)) ++hub_contacts_;
     final_.add(sample, i);
     if (!isInside(sample)) return;
     const Vec3 skin = skinPointOf(sample);
@@ -329,6 +332,7 @@ class AimGroup : public SampleGroup {
     rows.add("hazards_touched", static_cast<double>(std::count(touched_.begin(), touched_.end(), true)),
              "Hazards touched" + (names.empty() ? names : names + ")"));
     rows.add("bone_contacts", bone_contacts_);
+    rows.add("hub_contacts", hub_contacts_);
     if (gesture_.anatomy.targets.empty()) return;
     rows.add("target_reached", reached_ ? 1 : 0);
     rows.add("time_at_target_s", time_s_);
@@ -341,7 +345,8 @@ class AimGroup : public SampleGroup {
   const Gesture& gesture_;
   std::vector<bool> touched_;  // by hazard
   BoneContacts bones_;
-  int bone_contacts_ = 0;
+  HubContacts hub_;
+  int bone_contacts_ = 0, hub_contacts_ = 0;
   FinalPoint final_;
   double nearest_m_ = std::numeric_limits<double>::infinity(), time_s_ = 0;  // of targets
   bool reached_ = false;

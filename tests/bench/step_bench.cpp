@@ -149,7 +149,7 @@ void registerAll() {
   tick("hot/wall_only",
        layersLoop(withEffects(paperSixLayers(), bitOf(Effect::kCutting) | bitOf(Effect::kAttracted))));
   tick("hot/paper_four", layersLoop(paperSixLayers()));
-  tick("hot/paper_four_passive", layersLoop(withClamping(paperSixLayers(), ClampingMode::kPassive)));
+  tick("hot/paper_four_passive", layersLoop(withClamping(paperSixLayers(), ClampingMode::kConservative)));
   tick("hot/paper_four_10khz", layersLoop(paperSixLayers(), 10'000));
   tick("hot/all_six", layersLoop(allEffects()));
   tick("hot/with_torque", torqueLoop());

@@ -127,13 +127,13 @@ std::vector<Case> preparedScenes() {
        }},
       {"random_sphere_passive_turning",
        [] {
-         return hashOfRun(turning(withLimb(allEffects(), LimbKind::kSphere), ClampingMode::kPassive), 1000,
-                          randomGesture(102, 1000, siteOf(LimbKind::kSphere)));
+         return hashOfRun(turning(withLimb(allEffects(), LimbKind::kSphere), ClampingMode::kConservative),
+                          1000, randomGesture(102, 1000, siteOf(LimbKind::kSphere)));
        }},
       {"random_capsule_passive_turning_4khz",
        [] {
-         return hashOfRun(turning(withLimb(allEffects(), LimbKind::kCapsule), ClampingMode::kPassive), 4000,
-                          randomGesture(103, 4000, siteOf(LimbKind::kCapsule)));
+         return hashOfRun(turning(withLimb(allEffects(), LimbKind::kCapsule), ClampingMode::kConservative),
+                          4000, randomGesture(103, 4000, siteOf(LimbKind::kCapsule)));
        }},
       {"grazing_capsule",
        [] {
@@ -170,7 +170,7 @@ std::vector<Case> casesWithCuts() {
   return {
       {"cut_memory_plane_passive_turning",
        [=] {
-         return hashOfRun(remembering(turning(allEffects(), ClampingMode::kPassive)), 1000,
+         return hashOfRun(remembering(turning(allEffects(), ClampingMode::kConservative)), 1000,
                           randomGesture(107, 1000, siteOf(LimbKind::kPlane), near));
        }},
       {"cut_memory_sphere_statistical",
@@ -194,7 +194,7 @@ std::vector<Case> casesWithBone() {
       {"bone_tilted_plane_passive_turning",
        [] {
          const SceneSpec scene = withLimb(allEffects(), LimbKind::kTiltedPlane);
-         return hashOfRun(onBone(turning(scene, ClampingMode::kPassive)), 1000,
+         return hashOfRun(onBone(turning(scene, ClampingMode::kConservative)), 1000,
                           randomGesture(109, 1000, siteOf(LimbKind::kTiltedPlane)));
        }},
       {"bone_capsule_cut_memory",
@@ -215,8 +215,9 @@ std::vector<Case> preparedCases() {
   std::vector<Case> cases = preparedScenes();
   for (const AxialModel model : kAllModels)
     cases.push_back({"model_" + std::string(axialModelName(model)), [model] {
-                       return hashOfRun(turning(modelScene(model, LimbKind::kSphere), ClampingMode::kPassive),
-                                        1000, randomGesture(106, 1000, siteOf(LimbKind::kSphere)));
+                       return hashOfRun(
+                           turning(modelScene(model, LimbKind::kSphere), ClampingMode::kConservative), 1000,
+                           randomGesture(106, 1000, siteOf(LimbKind::kSphere)));
                      }});
   for (Case& with_cuts : casesWithCuts()) cases.push_back(std::move(with_cuts));
   for (Case& with_bone : casesWithBone()) cases.push_back(std::move(with_bone));
@@ -241,7 +242,7 @@ std::uint64_t hashOfRecording(const std::filesystem::path& file) {
   Vec3 farthest = last;
   for (const auto& sample : motion)
     if (norm(sample.p_WT_m - first) > norm(farthest - first)) farthest = sample.p_WT_m;
-  SceneSpec scene = withClamping(allEffects(), ClampingMode::kPassive);
+  SceneSpec scene = withClamping(allEffects(), ClampingMode::kConservative);
   scene.limb = PlaneLimb{first + (farthest - first) * 0.5, first - farthest};
   return hashOfRun(scene, 1000, motion);
 }

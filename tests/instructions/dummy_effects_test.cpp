@@ -35,7 +35,7 @@ SceneSpec sceneWith(EffectMask effects) {
   SceneSpec scene = withEffects(allEffects(), effects);
   scene.layers.back().is_bone = true;
   for (const EffectEntry* entry : effectEntries())
-    if (entry->stage != nullptr) useUsualNumbers(*entry, scene);
+    if (!isPlaced(entry->effect)) useUsualNumbers(*entry, scene);
   return scene;
 }
 

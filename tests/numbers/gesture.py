@@ -13,7 +13,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "durabil
 from database import message  # noqa: E402, F401  a reader of Protobuf's fields
 from gesture_chunk import Chunk  # noqa: E402  a reader made from FORMAT.md alone
 
-ENTRY, TURN = 1 << 0, 1 << 4
+ENTRY, TURN, NOT_STEPPED, BEYOND_NEEDLE = 1 << 0, 1 << 4, 1 << 8, 1 << 10
 INSERTING, WITHDRAWING = 1, 3
 BRIDGE_S = 0.1
 # a movement of the tip begins above 3 mm/s, ends when it stays below 1.5 mm/s, and is 2 mm long
@@ -468,20 +468,29 @@ def touches(g, within, a, b, radius):
     return False
 
 
+def contacts(moments):
+    """How many contacts begin at (time, whether it touches): less than 0.2 s away does not begin another."""
+    count, left = 0, None  # left: since when it is away
+    for at_s, touching in moments:
+        if touching:
+            count += left is None and count == 0 or left is not None and at_s - left >= 0.2 * (1 - 1e-9)
+            left = None
+        elif count and left is None:
+            left = at_s
+    return count
+
+
 def aim(g, result):
     within = [i for i in range(g.count) if g.inside[i]]
     touched = sum(touches(g, within, a, b, radius) for _, _, a, b, radius in g.hazards)
     result["hazards_touched"] = touched
     bones = [h for h in g.hazards if h[1] == "BONE"]
-    contacts, left = 0, None  # left: since when out of bone
-    for i in range(g.count):
-        bone = g.inside[i] and (g.tissues[g.layer[i]] == "BONE" or any(to_segment(g.tip[i], a, b) <= r for _, _, a, b, r in bones))
-        if bone:
-            contacts += left is None and contacts == 0 or left is not None and g.at_s[i] - left >= 0.2 * (1 - 1e-9)
-            left = None
-        elif contacts and left is None:
-            left = g.at_s[i]
-    result["bone_contacts"] = contacts
+    result["bone_contacts"] = contacts(
+        (g.at_s[i], g.inside[i] and (g.tissues[g.layer[i]] == "BONE" or any(to_segment(g.tip[i], a, b) <= r for _, _, a, b, r in bones)))
+        for i in range(g.count))
+    # a tick that was not stepped does not say where the hub is
+    result["hub_contacts"] = contacts(
+        (at_s, flags & BEYOND_NEEDLE) for at_s, flags in zip(g.at_s, g.flags) if flags & BEYOND_NEEDLE or not flags & NOT_STEPPED)
     if not g.targets:
         return
     distance = {i: min(norm(sub(g.tip[i], c)) for _, c, _ in g.targets) for i in within}

@@ -64,36 +64,9 @@ TEST_P(DefectFails, theSameCheck) {
 INSTANTIATE_TEST_SUITE_P(Motion, DefectFails,
                          testing::Values(Control{"retreat_in_ramp", Defect::kRampIgnoresZ, 20},
                                          Control{"tilt_pump", Defect::kAlphaWithoutState, 1000},
-                                         Control{"turn_wide", Defect::kTurnAtOnce, 20},
-                                         Control{"grazing_85deg", Defect::kTiltLimitFrom45, 20},
                                          Control{"exit_normal", Defect::kAttractedNotFaded, 10},
-                                         Control{"sphere_far_side", Defect::kInsertionIgnoresDepth, 1.3},
                                          Control{"starts_inside", Defect::kEntersFromInside, 1}),
                          [](const auto& test) { return std::string(test.param.name); });
-
-// §3.3 says of PROPORTIONAL: "15-20 mJ a cycle"
-TEST(ClampPump, proportionalGivesWhatIsSaidOfItAndFails) {
-  const auto proportional = [](SceneSpec scene, double rate_hz) {
-    scene.virtual_fixture.mode = ClampingMode::kProportional;
-    return engineSource()(scene, rate_hz);
-  };
-  const CaseRow row = wallRow("clamp_pump", proportional);
-  EXPECT_FALSE(row.passed);
-  EXPECT_GE(*row.measured, 15e-3);
-  EXPECT_LE(*row.measured, 20e-3);
-  EXPECT_NE(wallRow("clamp_pump").note.find("PROPORTIONAL gives 19"), std::string::npos);
-}
-
-// an eq. 8 whose force is a function of the place alone pays back at another depth what it took
-TEST(ReversalCapped, proportionalGivesEnergyAndFails) {
-  const auto proportional = [](SceneSpec scene, double rate_hz) {
-    scene.virtual_fixture.mode = ClampingMode::kProportional;
-    return engineSource()(scene, rate_hz);
-  };
-  const CaseRow row = wallRow("reversal_capped", proportional);
-  EXPECT_FALSE(row.passed) << rowText(row);
-  EXPECT_GE(*row.measured, 20 * *row.limit) << rowText(row);
-}
 
 // a tip that is let on by one layer of 0.2 mm in a tick of 1 ms and no further
 TEST(LayersInOneTick, anEngineThatTakesThemOneByOneFails) {
@@ -134,11 +107,6 @@ TEST(BeyondTheNeedle, cuttingTheForceOffThereFails) {
                               }));
   EXPECT_FALSE(row.passed);
   EXPECT_GE(*row.measured, 1.0);
-}
-
-TEST(SphereFarSide, theForceDoesDropThere) {
-  const CaseRow row = wallRow("sphere_far_side");
-  EXPECT_NEAR(*row.measured, 1.0, 0.05);  // f_cut, the declared release
 }
 
 // fuzzing finds a defect in far fewer ticks than it needs to show that there is none
@@ -235,12 +203,6 @@ TEST(OtherModels, runTheAxialCasesOnly) {
     EXPECT_EQ(row.applicable, one.axial && !about_stops) << one.name;
     EXPECT_EQ(row.verdict == Verdict::kNotApplicable, !row.applicable) << one.name;
   }
-}
-
-TEST(OtherModels, aDamperPushesTheNeedleOutOfTheFarSide) {
-  const CaseRow row = rowOf("sphere_far_side", AxialModel::kVoigt);
-  EXPECT_FALSE(row.passed);
-  EXPECT_EQ(row.verdict, Verdict::kChatters);
 }
 
 }  // namespace

@@ -74,7 +74,7 @@ TEST(Observer, aStepIsWhatNoSpringExplains) {
   };
   EXPECT_NEAR(step(0, 0.3, 1, 0, 0), 0.3, 1e-12);
   EXPECT_NEAR(step(1e-3, 0.3, 1, 0, 0), 0.2, 1e-12);
-  EXPECT_NEAR(step(1e-3, 0.3, 1, 50, 0), 0.15, 1e-12);
+  EXPECT_NEAR(step(1e-3, 0.3, 1, 50, 0), 0.1, 1e-12);
   EXPECT_NEAR(step(1e-3, 0.3, 0.5, 0, 0), 0.1, 1e-12);
   for (const std::uint32_t release : {kFlagExit, kFlagLayerChange, kFlagRupture}) {
     EXPECT_NEAR(step(1e-3, 0.3, 1, 0, release), 0.2, 1e-12) << "no release explains a rise";

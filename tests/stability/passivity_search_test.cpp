@@ -124,12 +124,12 @@ void expectSmall(const CounterExample& example, const Small& most) {
   EXPECT_LE(gesture.profile.layers_size(), most.layers) << text;
   EXPECT_EQ(gesture.tremor_m, 0) << text;
   EXPECT_EQ(gesture.encoder_step_m, 0) << text;
-  // round numbers: two digits or fewer, nearly everywhere
+  // round numbers: two digits or fewer, but for a few places
   int long_numbers = 0;
   for (const PassivityStroke& stroke : gesture.strokes)
     for (const double value : {stroke.x_m, stroke.y_m, stroke.depth_m, stroke.tilt_x, stroke.tilt_y})
       long_numbers += significantDigits(value) > 2;
-  EXPECT_LE(long_numbers, 2) << text;
+  EXPECT_LE(long_numbers, 4) << text;
 }
 
 PassivityFindings found(AxialModel model, const ForceSourceFactory& source, std::string name,

@@ -12,12 +12,11 @@
 namespace needlelab::test {
 
 /// Defects that random gestures find, by the name in a counter-example's `source`.
-inline constexpr std::array<std::pair<std::string_view, Defect>, 5> kFindableDefects = {
+inline constexpr std::array<std::pair<std::string_view, Defect>, 4> kFindableDefects = {
     {{"literal eq 4", Defect::kLiteralEq4},
      {"turn leaves walls", Defect::kTurnLeavesWalls},
      {"friction by sign", Defect::kFrictionBySign},
-     {"alpha without state", Defect::kAlphaWithoutState},
-     {"tilt limit from 45 degrees", Defect::kTiltLimitFrom45}}};
+     {"alpha without state", Defect::kAlphaWithoutState}}};
 
 inline std::string sourceName(std::string_view defect) {
   return "reference engine, planted: " + std::string(defect);

@@ -58,6 +58,7 @@ double ReferenceCutMemory::wayWithin(const Track& track, Vec3 p_W_m, Vec3 u_W) c
 // 1. Turn
 void ReferenceCutMemory::turn(const CutTick& tick) {
   if (!own_) return;
+  tracks_[*own_].p_entry_W_m = tick.p_entry_W_m;
   tracks_[*own_].v_W = tick.u_W;
   if (planted_ != Defect::kCutKeptInTurn) tracks_[*own_].length += tick.turned_by;  // else planted
 }
@@ -115,6 +116,7 @@ void ReferenceCutMemory::record(const CutTick& tick, double end) {
     if (!new_cut && !tick.ruptured) return;
     own_ = placeFor(tick);
     tracks_[*own_].length = 0;
+    tracks_[*own_].p_entry_W_m = tick.p_entry_W_m;
     tracks_[*own_].p_entry_W_m = tick.p_entry_W_m;
     tracks_[*own_].v_W = tick.u_W;
   }

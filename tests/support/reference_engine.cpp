@@ -24,6 +24,10 @@ Vec3 nearestOnSegment(const CapsuleLimb& limb, Vec3 p) {
   return limb.a_m + along * t;
 }
 
+double slantOf(Vec3 normal, Vec3 u) {
+  return std::max(0.05, -dot(normal, u));  // "Contact": c = max(0.05, −n·u)
+}
+
 // u turned by `angle` toward the point p, about P0 (§3.3)
 Vec3 turned(Vec3 u, Vec3 e, double angle) {
   return normalized(u * std::cos(angle) + normalized(e) * std::sin(angle));
@@ -44,8 +48,7 @@ std::optional<Vec3> ReferenceEngine::direction() const {
 }
 
 std::optional<double> ReferenceEngine::slant() const {
-  if (!insertion_) return std::nullopt;
-  return std::max(0.05, -dot(insertion_->normal, insertion_->u));  // §3.1: c = max(0.05, −n·u)
+  return insertion_ ? std::optional(slantOf(insertion_->normal, insertion_->u)) : std::nullopt;
 }
 
 std::optional<double> ReferenceEngine::tiltLimit() const {
@@ -83,6 +86,8 @@ bool ReferenceEngine::live(Effect effect) const {
     }
     case Effect::kBone:
       return false;  // the reference knows no bone
+    case Effect::kHub:
+      return scene_.stage_numbers[stageOf(effect)][0] > 0;
   }
   return false;
 }
@@ -118,17 +123,24 @@ int ReferenceEngine::layerAt(double depth) const {
   return layer;
 }
 
-// ∫₀^{d_t} value ds; §3.1: "For the integrals over inserted length a layer is thickness/c long along u"
-double ReferenceEngine::alongShaft(double LayerSpec::*value, double d_t, double c) const {
-  double sum = 0, top = 0;
-  for (std::size_t i = 0; i < scene_.layers.size(); ++i) {
-    const bool last = i + 1 == scene_.layers.size();
-    const double bottom =
-        last ? std::numeric_limits<double>::infinity() : top + scene_.layers[i].thickness_m / c;
-    if (d_t > top) sum += scene_.layers[i].*value * (std::min(d_t, bottom) - top);
-    top = bottom;
-  }
-  return sum;
+ReferenceLayers ReferenceEngine::layersAlong(Vec3 p_entry, Vec3 normal, Vec3 u) const {
+  return {scene_, [this](Vec3 p) { return depthAt(p); }, p_entry, u, slantOf(normal, u)};
+}
+
+// "Clamping": ∫₀^{d_t} lateral_stiffness ds, at most max_stiffness, averaged over ±4 mm
+double ReferenceEngine::lateralStiffness(const ReferenceLayers& layers, double d_t) const {
+  const auto upTo = [&](double d) {
+    return layers.integralOfIntegral(
+        d, [](const LayerSpec& l) { return l.lateral_stiffness_N_per_m2; },
+        scene_.virtual_fixture.max_stiffness_N_per_m);
+  };
+  return (upTo(d_t + 4e-3) - upTo(d_t - 4e-3)) / 8e-3;
+}
+
+// "Clamping": U = ½ k e², linear in e beyond f_max
+double ReferenceEngine::energy(double k, double e) const {
+  const double f_max = scene_.virtual_fixture.max_force_N;
+  return k * e > f_max ? f_max * (e - f_max / (2 * k)) : 0.5 * k * e * e;
 }
 
 // §3.4: α(d_t) = atan((L − d_t)/(L + d_t)), d_t held to [0, L]
@@ -137,15 +149,14 @@ double ReferenceEngine::cone(double d_t) const {
   return std::atan((length - d) / (length + d));
 }
 
-ReferenceEngine::Geometry ReferenceEngine::geometry(const Insertion& in, Vec3 u, Vec3 p, double depth) const {
+ReferenceEngine::Geometry ReferenceEngine::geometry(const Insertion& in, Vec3 u, Vec3 p) const {
   Geometry g;
-  g.c = std::max(0.05, -dot(in.normal, u));           // §3.1: c = max(0.05, −n·u)
-  g.x = dot(u, p - in.p_entry);                       // §3.1: x = u·(p − P0)
-  g.d_t = std::min(std::max(0.0, g.x), depth / g.c);  // §3.1: d_t = min(max(0, x), δ/c)
-  if (planted_ == Defect::kInsertionIgnoresDepth) g.d_t = std::max(0.0, g.x);  // planted
-  g.e = (p - in.p_entry) - u * dot(u, p - in.p_entry);  // §3.3: e = (p − P0) − u (u·(p − P0))
-  g.k = std::min(alongShaft(&LayerSpec::lateral_stiffness_N_per_m2, g.d_t, g.c),
-                 scene_.virtual_fixture.max_stiffness_N_per_m);  // §3.3: k = min(∫₀^{d_t} …, max_stiffness)
+  g.x = dot(u, p - in.p_entry);           // "Contact": x = u·(p − P0)
+  g.d_t = norm(p - in.p_entry);           // d_t = |p − P0|
+  if (planted_ == Defect::kLengthAlongU)  // planted
+    g.d_t = std::min(std::max(0.0, g.x), depthAt(p) / slantOf(in.normal, u));
+  g.e = (p - in.p_entry) - u * g.x;
+  g.k = lateralStiffness(in.layers, g.d_t);
   return g;
 }
 
@@ -165,7 +176,15 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
   out.depth_m = depth;
 
   // contact (§3.1)
-  if (depth <= 0) {  // "Exit: δ_k ≤ 0: everything is reset, all outputs are zero."
+  // "Through"
+  bool through = false;
+  if (insertion_ && depth <= 0 && !std::holds_alternative<PlaneLimb>(scene_.limb)) {
+    const Vec3 arm = p - insertion_->p_entry;
+    through = dot(insertion_->normal, arm) < 0 &&
+              (insertion_->through || dot(insertion_->u, arm) >= insertion_->layers.deepest());
+  }
+  if (planted_ == Defect::kExitAnywhere) through = false;  // planted
+  if (depth <= 0 && !through) {
     if (insertion_) out.flags |= kFlagExit;
     // an old cut of such an insertion is off as its trajectory was
     if (insertion_ && live(Effect::kCutMemory)) cone_bound_ticks_before_ += insertion_->cone_bound_ticks;
@@ -174,6 +193,9 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
   } else if (!insertion_ && has_past_ && depth_past_ <= 0) {  // "Entry: δ_k > 0 after δ_{k−1} ≤ 0."
     enter(p, depth, axis);
     out.flags |= kFlagEntry;
+    if (angleBetween(axis, insertion_->normal) > 80 * kPi / 180 &&
+        angleBetween(axis, insertion_->normal) < 100 * kPi / 180)
+      out.flags |= kFlagFlatEntry;
   } else if (!insertion_ && planted_ == Defect::kEntersFromInside) {  // planted
     p_past_ = p, depth_past_ = 0;
     enter(p, depth, axis);
@@ -185,24 +207,26 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
   if (insertion_) {
     Insertion& in = *insertion_;
     const bool entry = (out.flags & kFlagEntry) != 0;
-    Geometry g = geometry(in, in.u, p, depth);
+    Geometry g = geometry(in, in.u, p);
 
     // layer by δ
     const int layer = layerAt(depth);
-    if (!entry && layer != in.layer) out.flags |= kFlagLayerChange;
+    if (through ? !in.through : !entry && layer != in.layer) out.flags |= kFlagLayerChange;
     in.layer = layer;
+    in.through = through;
 
     // trajectory and clamping (§3.3)
-    const double x_unturned = g.x;
-    if (turn(in, g, p, depth, axis)) out.flags |= kFlagTurn;
-    in.turned_by = g.x - x_unturned;
+    in.turned_by = 0;
+    if (followNearSkin(in, g, p, depth, axis)) out.flags |= kFlagTurn;
+    if (turn(in, g, p, axis)) out.flags |= kFlagTurn;
+    if (entry) in.wall = in.friction_wall = std::min(0.0, g.x);
     const Vec3 clamping = clamp(in, g, out);
 
     const double v = speed(in, g.x);
     const double x_c = meetMembranes(in, g, depth, entry, out);
     in.stop.step(g.x, x_c - in.wall, v);
     const double wall_unstepped = in.wall;
-    axial(in, g, x_c, out);
+    axial(in, depth, x_c, out);
     // "Memory of the cut": "Where neither CUTTING nor ATTRACTED is live no wall is dragged"
     if (!live(Effect::kCutting) && !live(Effect::kAttracted)) in.wall = wall_unstepped;
     friction(in, g, x_c, out);
@@ -214,6 +238,11 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
     force += in.u * out.friction_N;
     force += in.u * out.puncture_N;
     force += clamping;
+    // "Hub": "K_h(d_t − L) along P0 − p"
+    if (live(Effect::kHub) && g.d_t > scene_.needle_length_m) {
+      out.hub_N = scene_.stage_numbers[stageOf(Effect::kHub)][0] * (g.d_t - scene_.needle_length_m);
+      force += normalized(in.p_entry - p) * out.hub_N;
+    }
     if (live(Effect::kCutMemory)) force += in.u * remember(in, g, x_c, entry, out);
     // §3.5: "the sum is capped at max_force_n, keeping its direction"
     if (std::abs(norm(force) - scene_.max_force_N) < 1e-9) undecided_ |= kFlagForceCapped;
@@ -245,13 +274,14 @@ void ReferenceEngine::enter(Vec3 p, double depth, Vec3 axis) {
   in.p_entry = p_past_ + (p - p_past_) * (depth_past_ / (depth_past_ - depth));
   if (planted_ == Defect::kEntryAtTip) in.p_entry = p;  // planted
   in.normal = normalAt(in.p_entry);
-  in.u = dot(axis, -in.normal) > std::sin(10.0 * kPi / 180.0) ? axis : -in.normal;
+  in.u = entryDirection(axis, in.normal);
+  in.layers = layersAlong(in.p_entry, in.normal, in.u);
   in.u0 = in.u;
   in.x_past = {0.0};  // "with x = 0 at tick k_entry − 1"
   in.tilt_limit =
       std::max(kPi / 4, angleBetween(axis, in.u));  // §3.4: "max(45°, θ) at entry, before any turn"
-  if (planted_ == Defect::kTiltLimitFrom45) in.tilt_limit = kPi / 4;  // planted
   in.membranes.resize(scene_.layers.size());
+  in.wall = in.friction_wall = std::min(0.0, dot(in.u, p - in.p_entry));
   in.spring = scene_.layers[0].wall_stiffness_N_per_m.value_or(scene_.tracking_wall.stiffness_N_per_m);
   insertion_ = std::move(in);
 }
@@ -262,24 +292,92 @@ double ReferenceEngine::undecidedBelow(const Insertion& in) {
   return in.cone_bound_ticks > 0 ? 1e-6 : 1e-9;
 }
 
-// §3.3, "Change of trajectory"; true when u turned
-bool ReferenceEngine::turn(Insertion& in, Geometry& g, Vec3 p, double depth, Vec3 axis) {
-  if (!live(Effect::kClamping)) return false;  // "Where CLAMPING is not live, u never turns."
-  const double f_max = scene_.virtual_fixture.max_force_N, e = norm(g.e);
-  const double rho = scene_.virtual_fixture.mode == ClampingMode::kPassive ? in.rho : 0.0;
-  if (std::abs(g.k * (e - rho) - f_max) < undecidedBelow(in)) undecided_ |= kFlagTurn;
-  if (!(g.k * (e - rho) > f_max && g.x > e)) return false;
+// "Contact": "the direction of entry of the needle's axis"
+Vec3 ReferenceEngine::entryDirection(Vec3 axis, Vec3 normal) const {
+  const double inward = -dot(normal, axis), cos80 = std::cos(80 * kPi / 180);
+  if (planted_ == Defect::kEntryJumpsAt80 && inward < cos80) return -normal;  // planted
+  const Vec3 skin = axis + normal * inward;                                   // the axis' part along the skin
+  if (inward >= cos80) return axis;
+  if (inward <= -cos80) return normalized(skin - normal * -inward);
+  return normalized(skin) * std::sin(80 * kPi / 180) - normal * cos80;
+}
 
-  // the least of: the angle that brings |e| to ρ + f_max/k for the present k; 2 rad/s·T; the cone's
-  const double r = norm(p - in.p_entry);
-  double angle = std::asin(std::min(1.0, e / r)) - std::asin(std::min(1.0, (rho + f_max / g.k) / r));
-  if (planted_ != Defect::kTurnAtOnce) angle = std::min(angle, 2.0 * period_s_);  // else planted
-  const double before = angleBetween(in.u, in.u0);
-  const auto allowed = [&](double a) {
-    const Vec3 u = turned(in.u, g.e, a);
-    return angleBetween(u, in.u0) <= std::max(cone(geometry(in, u, p, depth).d_t), before);
-  };
-  if (!allowed(angle)) {  // "bisection to 1e-12 rad will do, taking the end that satisfies it"
+// "all lengths along u move as in a turn, so that no force along u jumps"
+void ReferenceEngine::moveLine(Insertion& in, Geometry& g, Vec3 p_entry, Vec3 normal, Vec3 u, Vec3 p,
+                               Vec3 axis) const {
+  const double theta_before = angleBetween(axis, in.u), x_old = g.x;
+  in.p_entry = p_entry;
+  in.normal = normal;
+  in.u = u;
+  g = geometry(in, in.u, p);
+  if (planted_ == Defect::kTurnLeavesWalls) return;  // planted
+  const double moved = g.x - x_old;
+  in.turned_by += moved;
+  in.wall += moved;
+  in.friction_wall += moved;
+  for (auto& membrane : in.membranes) membrane.place_m += moved;
+  for (double& x : in.x_past) x += moved;
+  in.stop.move(moved);
+  in.tilt_limit +=
+      std::max(0.0, angleBetween(axis, in.u) - theta_before);  // "A turn of u that increases θ …"
+}
+
+// "Near the skin"; true where P0 moved deeper than 0.6 mm
+bool ReferenceEngine::followNearSkin(Insertion& in, Geometry& g, Vec3 p, double depth, Vec3 axis) {
+  const bool plane = std::holds_alternative<PlaneLimb>(scene_.limb);
+  const double h = plane ? depth : -dot(in.normal, p - in.p_entry);
+  const double H = !plane && (in.through || g.x >= in.layers.deepest()) ? h : depth;
+  Vec3 u = in.u;
+  if (H <= 0.6e-3) {
+    const Vec3 to = entryDirection(axis, in.normal);
+    const Vec3 side = to - u * dot(u, to);
+    const double angle = std::min(angleBetween(u, to), 2.0 * period_s_);
+    if (norm(side) > 1e-9) u = normalized(u * std::cos(angle) + normalized(side) * std::sin(angle));
+    in.u0 = u;
+  }
+  const Vec3 o = (p - in.p_entry) - u * (h / slantOf(in.normal, u));
+  const double S = 0.05e-3 + 5 * std::max(0.0, H - 0.6e-3);
+  if (std::abs(norm(o) - S) < 1e-9 || std::abs(H - 0.6e-3) < 1e-9) undecided_ |= kFlagTurn;
+  Vec3 p_entry = in.p_entry, normal = in.normal;
+  bool moves = norm(o) > S;
+  if (moves) {
+    p_entry += o * (1 - S / norm(o));
+    const Vec3 arm = p - p_entry;
+    if (H > 0.6e-3 && energy(lateralStiffness(in.layers, norm(arm)), norm(arm - u * dot(u, arm))) >
+                          energy(g.k, norm(g.e))) {
+      p_entry = in.p_entry;
+      moves = false;
+    } else if (!plane && !in.through) {
+      normal = normalAt(p_entry);
+      p_entry += normal * depthAt(p_entry);
+    }
+  }
+  if (!moves && u == in.u) return false;
+  if (H <= 0.6e-3 && !(plane && u == in.u)) in.layers = layersAlong(p_entry, normal, u);
+  moveLine(in, g, p_entry, normal, u, p, axis);
+  return H > 0.6e-3;
+}
+
+// "Change of trajectory"; true when u turned
+bool ReferenceEngine::turn(Insertion& in, Geometry& g, Vec3 p, Vec3 axis) {
+  if (!live(Effect::kClamping)) return false;  // "Only where CLAMPING is live"
+  const double f_max = scene_.virtual_fixture.max_force_N, e = norm(g.e), L = scene_.needle_length_m;
+  const double free = std::min(0.005, L / 4);
+  // "no more than k times f_max/k(L/2)"
+  const double half = lateralStiffness(in.layers, L / 2);
+  const double held = half > 0 ? g.k * f_max / half : f_max;
+  double f_turn = std::min(std::max(1e-3, std::min(f_max * (g.d_t - free) / (L / 2 - free), held)), f_max);
+  if (planted_ == Defect::kTurnsOnlyDeep) f_turn = f_max;  // planted
+  if (planted_ == Defect::kTurnsFreely) f_turn = 1e-3;     // planted
+  if (std::abs(g.k * e - f_turn) < undecidedBelow(in)) undecided_ |= kFlagTurn;
+  if (!(g.k * e > f_turn && g.x > 0)) return false;
+
+  // the least of: the angle after which k|e| = f_turn; 2 rad/s·T; the cone's
+  double angle = std::asin(std::min(1.0, e / g.d_t)) - std::asin(std::min(1.0, f_turn / (g.k * g.d_t)));
+  angle = std::min(angle, 2.0 * period_s_);
+  const double limit = std::max(cone(g.d_t), angleBetween(in.u, in.u0));
+  const auto allowed = [&](double a) { return angleBetween(turned(in.u, g.e, a), in.u0) <= limit; };
+  if (!allowed(angle)) {
     double low = 0, high = angle;
     while (high - low > 1e-12) {
       const double middle = 0.5 * (low + high);
@@ -287,48 +385,51 @@ bool ReferenceEngine::turn(Insertion& in, Geometry& g, Vec3 p, double depth, Vec
     }
     angle = low;
     ++in.cone_bound_ticks;
-    if (angle < 1e-7)
+    if (angle < 1e-6)
       undecided_ |= kFlagTurn;  // next to no room left; along the cone rounding counts by its root
   }
   if (!(angle > 0)) return false;
-
-  const double theta_before = angleBetween(axis, in.u);
-  in.u = turned(in.u, g.e, angle);
-  const double x_old = g.x;
-  g = geometry(in, in.u, p, depth);                       // "Then c, x, d_t, k, e are taken anew"
-  if (planted_ == Defect::kTurnLeavesWalls) return true;  // planted
-  const double moved =
-      g.x - x_old;  // "w, the friction wall, the membranes' places and the kept past values of x move"
-  in.wall += moved;
-  in.friction_wall += moved;
-  for (auto& membrane : in.membranes) membrane.place_m += moved;
-  for (double& x : in.x_past) x += moved;
-  in.stop.move(moved);
-  in.tilt_limit +=
-      std::max(0.0, angleBetween(axis, in.u) - theta_before);  // §3.4: "when a turn of u raises θ …"
+  const Vec3 u = turned(in.u, g.e, angle);
+  if (g.d_t <= free) {
+    const ReferenceLayers layers = layersAlong(in.p_entry, in.normal, u);
+    const Vec3 arm = p - in.p_entry;
+    if (energy(lateralStiffness(layers, g.d_t), norm(arm - u * dot(u, arm))) > energy(g.k, e)) return false;
+    in.layers = layers;
+  }
+  moveLine(in, g, in.p_entry, in.normal, u, p, axis);
   return true;
 }
 
-// §3.3, the force; in the order "(PASSIVE) growth of ρ, ρ ← min(ρ, |e|), force, cap, keep k and |e|"
+// "Clamping", the force
 Vec3 ReferenceEngine::clamp(Insertion& in, const Geometry& g, StepReport& out) {
   if (!live(Effect::kClamping)) return {};
-  const double f_max = scene_.virtual_fixture.max_force_N, e = norm(g.e);
-  if (scene_.virtual_fixture.mode == ClampingMode::kPassive) {
-    if (g.k > in.k_prev && in.e_prev > in.rho) in.rho = in.e_prev - (in.k_prev / g.k) * (in.e_prev - in.rho);
-    in.rho = std::min(in.rho, e);
+  const double f_max = scene_.virtual_fixture.max_force_N;
+  double e = norm(g.e);
+  if (planted_ == Defect::kFixtureForgets) {  // planted
+    if (g.k > in.k_past) in.dead += std::max(0.0, in.e_past - in.dead) * (1 - in.k_past / g.k);
+    in.dead = std::min(in.dead, e);
+    in.k_past = g.k, in.e_past = e;
+    e -= in.dead;
   }
-  double force = g.k * (e - in.rho);
-  if (std::abs(force - f_max) < undecidedBelow(in)) undecided_ |= kFlagClampCapped;
-  if (force > f_max) {
-    force = f_max;
-    if (scene_.virtual_fixture.mode == ClampingMode::kPassive) in.rho = e - f_max / g.k;
-    out.flags |= kFlagClampCapped;
-  }
-  in.k_prev = g.k;
-  in.e_prev = e;
-  out.clamping_N = force;
   out.clamping_stiffness_N_per_m = g.k;
-  return e > 0 ? g.e * (-force / e) : Vec3{};
+  if (std::abs(g.k * e - f_max) < undecidedBelow(in)) undecided_ |= kFlagClampCapped;
+  if (g.k * e > f_max) out.flags |= kFlagClampCapped;
+  const double force = std::min(g.k * e, f_max);
+  if (!(force > 0)) return {};
+  Vec3 total = g.e * (-force / norm(g.e));
+  if (scene_.virtual_fixture.mode == ClampingMode::kConservative) {
+    // k′: "averaged over ±4 mm"
+    const auto sharp = [&](double d) {
+      const double k = in.layers.integral(d, [](const LayerSpec& l) { return l.lateral_stiffness_N_per_m2; });
+      return std::min(k, scene_.virtual_fixture.max_stiffness_N_per_m);
+    };
+    const double slope = (sharp(g.d_t + 4e-3) - sharp(g.d_t - 4e-3)) / 8e-3;
+    const double stretch = std::min(e, f_max / g.k);
+    const Vec3 away = g.e + in.u * g.x;  // p − P0
+    total += away * (-0.5 * slope * stretch * stretch / norm(away));
+  }
+  out.clamping_N = norm(total);
+  return total;
 }
 
 // §3.1: v = (x_k − x_{k−j})/(jT), j = min(100 ms in ticks, k − k_entry + 1)
@@ -398,11 +499,15 @@ double ReferenceEngine::springOf(const Insertion& in) const {
 }
 
 // "Tracking wall", 1 to 4; x_c stands for x
-void ReferenceEngine::axial(Insertion& in, const Geometry& g, double x_c, StepReport& out) const {
+void ReferenceEngine::axial(Insertion& in, double depth, double x_c, StepReport& out) const {
   const LayerSpec& layer = scene_.layers[static_cast<std::size_t>(in.layer)];
   const double stiffness = springOf(in);
-  const double cut = live(Effect::kCutting) ? layer.cutting_force_N / stiffness : 0.0;
-  double attracted = live(Effect::kAttracted) ? std::min(layer.attracted_force_N / stiffness, g.d_t) : 0.0;
+  // "Through": the tip cuts nothing and nothing attracts it
+  const double cut = live(Effect::kCutting) && !in.through ? layer.cutting_force_N / stiffness : 0.0;
+  double attracted =
+      live(Effect::kAttracted) && !in.through
+          ? std::min(layer.attracted_force_N / stiffness, std::max(0.0, depth) / slantOf(in.normal, in.u))
+          : 0.0;
   if (planted_ == Defect::kAttractedNotFaded && live(Effect::kAttracted))
     attracted = layer.attracted_force_N / stiffness;  // planted
 
@@ -411,7 +516,7 @@ void ReferenceEngine::axial(Insertion& in, const Geometry& g, double x_c, StepRe
   in.spring = stiffness;
 
   // 2. Stop
-  in.wall += in.stop.wallMove(x_c - in.wall, layer.rejection_force_N / stiffness);
+  in.wall += in.stop.wallMove(x_c - in.wall, in.through ? 0.0 : layer.rejection_force_N / stiffness);
 
   // 3. Movement: w ← min(max(w, x − Δ_cut), x + Δ_att)
   in.wall = std::min(std::max(in.wall, x_c - cut), x_c + attracted);
@@ -427,7 +532,8 @@ void ReferenceEngine::axial(Insertion& in, const Geometry& g, double x_c, StepRe
 void ReferenceEngine::friction(Insertion& in, const Geometry& g, double x_c, StepReport& out) const {
   if (!live(Effect::kShaftFriction)) return;
   const double stiffness = scene_.friction_stiffness_N_per_m;
-  const double reach = alongShaft(&LayerSpec::friction_N_per_m, g.d_t, g.c) / stiffness;
+  const double reach =
+      in.layers.integral(g.d_t, [](const LayerSpec& l) { return l.friction_N_per_m; }) / stiffness;
   if (planted_ == Defect::kFrictionBySign) {  // planted
     out.friction_N = -stiffness * reach * signOf(x_c - in.x_c_past);
     in.x_c_past = x_c;
@@ -456,7 +562,7 @@ double ReferenceEngine::remember(Insertion& in, const Geometry& g, double x_c, b
   tick.p_entry_W_m = in.p_entry;
   tick.u_W = in.u;
   tick.turned_by = in.turned_by;
-  tick.x_before = in.x_past[in.x_past.size() - 2];
+  tick.x_before = entry ? 0.0 : in.x_past[in.x_past.size() - 2];
   tick.x = g.x;
   tick.x_c = x_c;
   tick.wall = in.wall;

@@ -10,6 +10,7 @@
 #include "common/haptics/engine.h"
 #include "common/haptics/scene_spec.h"
 #include "tests/support/reference_cut_memory.h"
+#include "tests/support/reference_layers.h"
 #include "tests/support/reference_stop.h"
 
 namespace needlelab::test {
@@ -30,9 +31,10 @@ class ReferenceEngine {
   [[nodiscard]] std::optional<double> slant() const;
   /// θ_l, while inside.
   [[nodiscard]] std::optional<double> tiltLimit() const;
-  /// The flags of the last tick that depend on a comparison decided by rounding (k(|e| − ρ) against f_max,
-  /// for the turn and for the cap; the sum against max_force_n; room left on the cone; θ against θ_l):
-  /// another rounding of the same numbers may set them otherwise, with the same forces.
+  /// The flags of the last tick that depend on a comparison decided by rounding (k|e| against f_turn and
+  /// f_max, P0's way near the skin, for the turn and for the cap; the sum against max_force_n; room left on
+  /// the cone; θ against θ_l): another rounding of the same numbers may set them otherwise, with the same
+  /// forces.
   [[nodiscard]] std::uint32_t undecidedFlags() const { return undecided_; }
   /// Ticks of this insertion whose turn the cone held back: FORCE_MODEL.md ("Change of trajectory") lets each
   /// of them be off by 1e-12 rad.
@@ -54,9 +56,11 @@ class ReferenceEngine {
   /// The state that an exit resets.
   struct Insertion {
     explicit Insertion(ReferenceStop rule) : stop(std::move(rule)) {}
-    Vec3 p_entry;  ///< P0
-    Vec3 normal;   ///< n
-    Vec3 u, u0;    ///< trajectory direction now and at entry
+    Vec3 p_entry;            ///< P0
+    Vec3 normal;             ///< n
+    Vec3 u, u0;              ///< trajectory direction now and at entry
+    ReferenceLayers layers;  ///< along u
+    bool through = false;
     int layer = -1;
     std::vector<double> x_past;  ///< x at ticks k_entry − 1 (zero), k_entry, …; moved by each turn
     double depth_past = 0;       ///< δ at the tick before; 0 at P0 for the entry tick
@@ -65,20 +69,19 @@ class ReferenceEngine {
     double spring = 0;  ///< K_t of the tick before
     ReferenceStop stop;
     // shaft friction
-    double friction_wall = 0;  ///< w_f
-    double x_c_past = 0;       ///< x_c at the tick before, for kFrictionBySign
-    // clamping, PASSIVE
-    double rho = 0, k_prev = 0, e_prev = 0;
+    double friction_wall = 0;                 ///< w_f
+    double x_c_past = 0;                      ///< x_c at the tick before, for kFrictionBySign
+    double dead = 0, k_past = 0, e_past = 0;  ///< for kFixtureForgets
     // orientation limit
     double tilt_limit = 0;  ///< θ_l
     int cone_bound_ticks = 0;
     std::vector<Membrane> membranes;
-    double turned_by = 0;  ///< change of x by the turn of this tick
+    double turned_by = 0;  ///< change of x by what moved P0 and u in this tick
   };
 
   /// Values derived from the pose, p and u; computed again after a turn.
   struct Geometry {
-    double c = 0, x = 0, d_t = 0, k = 0;
+    double x = 0, d_t = 0, k = 0;
     Vec3 e;
   };
 
@@ -88,19 +91,24 @@ class ReferenceEngine {
   [[nodiscard]] Vec3 normalAt(Vec3 p) const;
   [[nodiscard]] double topOf(std::size_t layer) const;
   [[nodiscard]] int layerAt(double depth) const;
-  [[nodiscard]] double alongShaft(double LayerSpec::*value, double d_t, double c) const;
+  [[nodiscard]] double lateralStiffness(const ReferenceLayers& layers, double d_t) const;
+  [[nodiscard]] double energy(double k, double e) const;
+  [[nodiscard]] ReferenceLayers layersAlong(Vec3 p_entry, Vec3 normal, Vec3 u) const;
   [[nodiscard]] double cone(double d_t) const;
-  [[nodiscard]] Geometry geometry(const Insertion& in, Vec3 u, Vec3 p, double depth) const;
+  [[nodiscard]] Geometry geometry(const Insertion& in, Vec3 u, Vec3 p) const;
+  [[nodiscard]] Vec3 entryDirection(Vec3 axis, Vec3 normal) const;
 
   [[nodiscard]] bool wallRelaxes() const;
   [[nodiscard]] double springOf(const Insertion& in) const;
   static double undecidedBelow(const Insertion& in);
   void enter(Vec3 p, double depth, Vec3 axis);
-  bool turn(Insertion& in, Geometry& g, Vec3 p, double depth, Vec3 axis);
+  void moveLine(Insertion& in, Geometry& g, Vec3 p_entry, Vec3 normal, Vec3 u, Vec3 p, Vec3 axis) const;
+  bool followNearSkin(Insertion& in, Geometry& g, Vec3 p, double depth, Vec3 axis);
+  bool turn(Insertion& in, Geometry& g, Vec3 p, Vec3 axis);
   Vec3 clamp(Insertion& in, const Geometry& g, StepReport& out);
   double speed(Insertion& in, double x) const;
   double meetMembranes(Insertion& in, const Geometry& g, double depth, bool entry, StepReport& out) const;
-  void axial(Insertion& in, const Geometry& g, double x_c, StepReport& out) const;
+  void axial(Insertion& in, double depth, double x_c, StepReport& out) const;
   void friction(Insertion& in, const Geometry& g, double x_c, StepReport& out) const;
   void puncture(const Insertion& in, const Geometry& g, StepReport& out) const;
   double remember(Insertion& in, const Geometry& g, double x_c, bool entry, StepReport& out);

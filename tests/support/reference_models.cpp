@@ -35,17 +35,6 @@ std::size_t ReferenceModel::layerAt(double depth_m) const {
   return layer;
 }
 
-template <class Number>
-double ReferenceModel::integralOver(double insertion_m, double slant, const Number& number) const {
-  double sum = 0;
-  for (std::size_t i = 0; i < scene_.layers.size(); ++i) {
-    const double from = topOf(i) / slant;
-    const double to = i + 1 == scene_.layers.size() ? insertion_m : topOf(i + 1) / slant;
-    sum += number(scene_.layers[i]) * std::max(0.0, std::min(to, insertion_m) - std::min(from, insertion_m));
-  }
-  return sum;
-}
-
 // §3.6 STATISTICAL: log-normal with the table's mean and sd at this depth
 double ReferenceModel::statisticalTarget(double depth_m) const {
   const StatisticalSpec& spec = scene_.statistical;
@@ -66,7 +55,8 @@ ModelForce ReferenceModel::wall(const ModelTick& tick, double cut_m, double attr
   const double rejection_m = scene_.layers[layerAt(tick.depth_m)].rejection_force_N / stiffness;
   stop_->step(tick.x_m, tick.x_m - wall_, tick.speed_mps);
   wall_ += stop_->wallMove(tick.x_m - wall_, rejection_m);
-  wall_ = std::min(std::max(wall_, tick.x_m - cut_m), tick.x_m + std::min(attracted_m, tick.insertion_m));
+  wall_ = std::min(std::max(wall_, tick.x_m - cut_m),
+                   tick.x_m + std::min(attracted_m, std::max(0.0, tick.depth_m) / tick.slant));
   const double force = -stiffness * (tick.x_m - wall_);
   ModelForce out;
   (force < 0 ? out.cutting_N : out.attracted_N) = force;
@@ -175,10 +165,9 @@ ModelForce ReferenceModel::firstOrder(const ModelTick& tick) {
       cutTo(x_c, tick.depth_m, [](const LayerSpec& layer) { return layer.first_order->cutting_force_N; });
   const double K_f = scene_.friction_stiffness_N_per_m;
   const double length = std::min(tick.insertion_m, std::max(0.0, x_c));
-  const double reach =
-      integralOver(length, tick.slant,
-                   [](const LayerSpec& layer) { return layer.first_order->friction_N_per_m; }) /
-      K_f;
+  const double reach = tick.layers->integral(length, [](const LayerSpec& layer) {
+    return layer.first_order->friction_N_per_m;
+  }) / K_f;
   friction_wall_ = std::min(std::max(friction_wall_, x_c - reach), x_c + reach);
   out.friction_N = -K_f * (x_c - friction_wall_);
   return out;
@@ -216,8 +205,8 @@ ModelForce ReferenceModel::threeForces(const ModelTick& tick) {
   const double K_f = scene_.friction_stiffness_N_per_m;
   const double length = std::min(tick.insertion_m, std::max(0.0, x_c));
   const auto over = [&](ShaftFrictionSpec OkamuraSpec::*side, double ShaftFrictionSpec::*number) {
-    return integralOver(length, tick.slant,
-                        [&](const LayerSpec& layer) { return (*layer.okamura).*side.*number; });
+    return tick.layers->integral(length,
+                                 [&](const LayerSpec& layer) { return (*layer.okamura).*side.*number; });
   };
   using Side = ShaftFrictionSpec;
   const double speed = std::abs(tick.speed_mps);
@@ -266,6 +255,7 @@ ModelForce ReferenceModel::step(const ModelTick& tick) {
   // "w, the friction wall, the membranes' places and the kept past values of x move by x_new − x_old"
   wall_ += tick.moved_m;
   friction_wall_ += tick.moved_m;
+  if (tick.entry) wall_ = friction_wall_ = std::min(0.0, tick.x_m);
   stop_->move(tick.moved_m);
   for (Top& top : tops_) top.place_m += tick.moved_m;
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/haptics/scene_spec.h"
+#include "tests/support/reference_layers.h"
 #include "tests/support/reference_stop.h"
 
 namespace needlelab::test {
@@ -13,12 +14,13 @@ namespace needlelab::test {
 /// A model's inputs for one tick inside the tissue (FORCE_MODEL.md, "Contact").
 struct ModelTick {
   bool entry = false;
-  double x_m = 0;          ///< u·(p − P0), after a turn of this tick
-  double moved_m = 0;      ///< change of x by that turn
-  double depth_m = 0;      ///< δ
-  double insertion_m = 0;  ///< d_t
-  double slant = 1;        ///< c
-  double speed_mps = 0;    ///< v
+  double x_m = 0;                           ///< u·(p − P0), after a turn of this tick
+  double moved_m = 0;                       ///< change of x by that turn
+  double depth_m = 0;                       ///< δ
+  double slant = 1;                         ///< c
+  double insertion_m = 0;                   ///< d_t
+  const ReferenceLayers* layers = nullptr;  ///< along u
+  double speed_mps = 0;                     ///< v
 };
 
 /// Along u, signed.
@@ -42,9 +44,6 @@ class ReferenceModel {
   [[nodiscard]] bool lists(Effect effect) const { return (scene_.effects & bitOf(effect)) != 0; }
   [[nodiscard]] double topOf(std::size_t layer) const;
   [[nodiscard]] std::size_t layerAt(double depth_m) const;
-  /// ∫₀^d of a layer's number ds, a layer being thickness/c long, the last without end.
-  template <class Number>
-  [[nodiscard]] double integralOver(double insertion_m, double slant, const Number& number) const;
   [[nodiscard]] double statisticalTarget(double depth_m) const;
   ModelForce wall(const ModelTick& tick, double cut_m, double attracted_m);
   ModelForce direct(const ModelTick& tick) const;

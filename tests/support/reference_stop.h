@@ -20,21 +20,24 @@ enum class Defect : std::uint8_t {
   kNoStopHysteresis,  ///< a stop ends at v_stop in place of 2·v_stop
   kCreepThrough,  ///< the wall follows a slow needle through the whole stop, which its stretch does not end
   kEndsByWay,     ///< a stop ends after 0.4 mm of way
-  kAttractedNotFaded,      ///< Δ_att = f_att/K_t up to the exit
-  kEntryAtTip,             ///< P0 = the first sample inside, not the point where the surface was crossed
-  kEntersFromInside,       ///< a first sample inside begins an insertion
-  kInsertionIgnoresDepth,  ///< d_t = max(0, x), without δ/c
-  kTurnLeavesWalls,        ///< a turn moves neither walls, membranes nor past x
-  kTurnAtOnce,             ///< a turn is not held to 2 rad/s
-  kFrictionBySign,         ///< shaft friction of full size against the last move, no spring
-  kAlphaWithoutState,      ///< torque above α(d_t), without θ_l
-  kTiltLimitFrom45,        ///< θ_l begins at 45° although the needle is tilted more
-  kCutToTip,               ///< memory: a track is as long as x has been, not w
-  kCutWithoutSides,        ///< memory: a needle that leaves a track aside stays in it
-  kCutKeptInTurn,          ///< memory: a turn does not change the own track's length
-  kCutsKeptApart,          ///< memory: an insertion that makes a track longer gets another
-  kHoleEverywhere,         ///< memory: a membrane with a hole is open wherever it is met
-  kHoleLeavesWalls,        ///< memory: the walls do not follow where a membrane opens
+  kAttractedNotFaded,  ///< Δ_att = f_att/K_t up to the exit
+  kEntryAtTip,         ///< P0 = the first sample inside, not the point where the surface was crossed
+  kEntersFromInside,   ///< a first sample inside begins an insertion
+  kLengthAlongU,       ///< d_t = max(0, x), at most δ/c
+  kFixtureForgets,     ///< a dead radius grows with k, so that a deviation made while shallow is not felt
+  kTurnsOnlyDeep,      ///< u turns at f_max, however shallow
+  kTurnsFreely,        ///< u turns at 1 mN, however deep
+  kEntryJumpsAt80,     ///< a needle that is tilted by more than 80° enters along −n
+  kExitAnywhere,       ///< a needle that leaves a round limb on the far side has left it
+  kTurnLeavesWalls,    ///< a turn moves neither walls, membranes nor past x
+  kFrictionBySign,     ///< shaft friction of full size against the last move, no spring
+  kAlphaWithoutState,  ///< torque above α(d_t), without θ_l
+  kCutToTip,           ///< memory: a track is as long as x has been, not w
+  kCutWithoutSides,    ///< memory: a needle that leaves a track aside stays in it
+  kCutKeptInTurn,      ///< memory: a turn does not change the own track's length
+  kCutsKeptApart,      ///< memory: an insertion that makes a track longer gets another
+  kHoleEverywhere,     ///< memory: a membrane with a hole is open wherever it is met
+  kHoleLeavesWalls,    ///< memory: the walls do not follow where a membrane opens
 };
 
 /// One insertion's stops. Call `step`, then `wallMove`, once a tick.

@@ -1,13 +1,6 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import {
-  boneContacts,
-  boneContactWords,
-  forceOf,
-  intoLimb,
-  layerSpans,
-  wayOf,
-} from '../../client/web/app/lib/recording.js';
+import { contactsOf, contactWords, forceOf, intoLimb, layerSpans, wayOf } from '../../client/web/app/lib/recording.js';
 import {
   axisOf,
   clearLabels,
@@ -401,7 +394,11 @@ test('the next due date of a course is the earliest among what is not passed', (
   assert.ok(!isDone({}, { attempts: 2, passed: false }), 'the server knows of a requirement');
 });
 
+const momentsOf = (columns, profile, placement) =>
+  Object.fromEntries(contactsOf(columns, profile, placement).map((c) => [c.measure, c.moments_s]));
+
 test('contacts with bone are those of the measure', () => {
+  const boneContacts = (...given) => momentsOf(...given).bone_contacts;
   const profile = {
     layers: [{ tissue: 'SKIN' }, { tissue: 'BONE' }],
     hazards: [
@@ -436,34 +433,52 @@ test('contacts with bone are those of the measure', () => {
   assert.deepEqual(boneContacts({}, profile), []);
 });
 
+test('contacts of the hub with the skin are those of the measure', () => {
+  const columns = { t_s: [0, 1, 1.1, 1.2, 2, 2.2, 3], insertion_m: [0, 0.0601, 0.06, 0.0601, 0.05, 0.07, null] };
+  const hubContacts = (profile) => momentsOf(columns, profile).hub_contacts;
+  assert.deepEqual(
+    hubContacts({ needle: { length_m: 0.06 } }),
+    [1, 2.2],
+    'tremor for 0.1 s is one, 0.2 s away another',
+  );
+  assert.deepEqual(hubContacts({ needle: { length_m: 0.09 } }), [], 'never in to its hub');
+  assert.deepEqual(hubContacts({}), []);
+  assert.deepEqual(hubContacts(null), []);
+});
+
 test('the number of contacts with bone is that of the score, not that of the points', () => {
   // 5 s at 1 kHz; bone for 0.5 s from 1 s on, and for 3 ms from 3.001 s on
   const profile = { layers: [{ tissue: 'SKIN' }, { tissue: 'BONE' }] };
   const ticks = Array.from({ length: 5000 }, (_, i) => i);
   const inBone = (i) => (i >= 1000 && i < 1500) || (i >= 3001 && i < 3004);
   const columns = (kept) => ({ t_s: kept.map((i) => i / 1000), layer: kept.map((i) => (inBone(i) ? 1 : 0)) });
-  const all = boneContacts(columns(ticks), profile),
-    few = boneContacts(columns(ticks.filter((i) => i % 10 === 0)), profile);
-  assert.deepEqual(all, [1, 3.001]);
-  assert.deepEqual(few, [1]);
+  const [all] = contactsOf(columns(ticks), profile),
+    [few] = contactsOf(columns(ticks.filter((i) => i % 10 === 0)), profile);
+  assert.deepEqual(all.moments_s, [1, 3.001]);
+  assert.deepEqual(few.moments_s, [1]);
+  const none = { ...all, moments_s: [] };
   const scored = (value) => [
     { measure: 'peak_force_n', value: 7 },
     { measure: 'bone_contacts', value },
   ];
-  assert.deepEqual(boneContactWords(scored(2), few.length), {
+  assert.deepEqual(contactWords(scored(2), few), {
     many: '2 contacts with bone',
     moments: 'moments that are shown, 1 too short for the plot',
   });
-  assert.deepEqual(boneContactWords(scored(2), all.length), {
+  assert.deepEqual(contactWords(scored(2), all), {
     many: '2 contacts with bone',
     moments: 'moments that are shown',
   });
-  assert.deepEqual(boneContactWords(scored(1), 0), { many: '1 bone contact', moments: 'too short for the plot' });
+  assert.deepEqual(contactWords(scored(1), none), { many: '1 bone contact', moments: 'too short for the plot' });
   // the way back between two points is not seen: the score's number stays
-  assert.equal(boneContactWords(scored(1), 2).many, '1 bone contact');
+  assert.equal(contactWords(scored(1), all).many, '1 bone contact');
   // without a score no number is said
   for (const unscored of [undefined, [], scored(null)])
-    assert.deepEqual(boneContactWords(unscored, 1), { many: '', moments: 'moments of bone contact that are shown' });
-  assert.equal(boneContactWords(scored(0), 0), null);
-  assert.equal(boneContactWords(undefined, 0), null);
+    assert.deepEqual(contactWords(unscored, few), { many: 'bone contact', moments: 'moments that are shown' });
+  assert.equal(contactWords(scored(0), none), null);
+  assert.equal(contactWords(undefined, none), null);
+  // the hub's words
+  const hub = contactsOf({ t_s: [1], insertion_m: [0.07] }, { needle: { length_m: 0.06 } })[1];
+  const hubs = (value) => contactWords([{ measure: 'hub_contacts', value }], hub).many;
+  assert.deepEqual([hubs(1), hubs(2)], ['1 contact of the hub with the skin', '2 contacts of the hub with the skin']);
 });

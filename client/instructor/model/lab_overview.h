@@ -20,7 +20,7 @@ namespace needlelab {
 enum class Need : std::uint8_t {
   kFault,           ///< the gate removed the force
   kExcessiveForce,  ///< now, or within the last kNeedLasts_s
-  kHazard,          ///< a hazard or bone was touched in this lesson
+  kHazard,          ///< a hazard, bone or the skin under the hub was touched in this lesson
   kTrouble,         ///< the station reports trouble: disk, device, loop
   kLost,            ///< went offline in mid-lesson
   kWaiting,         ///< online, without a lesson
@@ -60,7 +60,7 @@ struct StationTile {
   std::optional<std::int64_t> peak_since_unix_ns = 0;
   double lesson_s = 0;  ///< since the session's start if known, otherwise its first received status line
   std::uint32_t fault = 0;
-  std::vector<std::string> hazards;  ///< touched in this lesson; "bone contact" where the tip came into bone
+  std::vector<std::string> hazards;  ///< touched in this lesson; also "bone contact" and "hub on the skin"
   std::string trouble;
   std::string server;  ///< that has the station; empty: the lab has one server
   std::uint64_t missed_ticks = 0, samples = 0, spool_left = 0;

@@ -107,8 +107,8 @@ class LiveStation {
   [[nodiscard]] std::uint64_t newestTick() const { return newest_tick_; }
   [[nodiscard]] double rate_hz() const { return rate_hz_; }
   [[nodiscard]] std::uint64_t unreadable() const { return unreadable_; }  ///< number of undecodable frames
-  /// Returns whether part of the stream is missing: until the tip is outside again, forces by effect may be
-  /// inaccurate.
+  /// Returns whether forces by effect may be off in the newest sample (`Moment::approximate`): part of the
+  /// stream is missing and the tip was not outside since, or the engine's force is not the recorded one.
   [[nodiscard]] bool approximate() const { return !trace_.empty() && trace_.last().approximate; }
 
   // --- the view of it

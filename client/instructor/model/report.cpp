@@ -244,7 +244,7 @@ std::string eventsOf(const ReportData& data) {
   for (const TraceEvent& event : gesture.trace.events()) {
     if (event.kind != TraceEvent::Kind::kFault && event.kind != TraceEvent::Kind::kEntry &&
         event.kind != TraceEvent::Kind::kExit && event.kind != TraceEvent::Kind::kBoneContact &&
-        event.kind != TraceEvent::Kind::kGap)
+        event.kind != TraceEvent::Kind::kHubContact && event.kind != TraceEvent::Kind::kGap)
       continue;
     lines.push_back({event.time_s, wordsOf(event)});
   }

@@ -32,7 +32,8 @@ std::vector<LineMark> marksOf(const StoredGesture& gesture, const std::vector<pb
         event.kind == TraceEvent::Kind::kTurn || event.kind == TraceEvent::Kind::kStop)
       continue;
     const bool bad = event.kind == TraceEvent::Kind::kFault || event.kind == TraceEvent::Kind::kGap ||
-                     event.kind == TraceEvent::Kind::kBoneContact;
+                     event.kind == TraceEvent::Kind::kBoneContact ||
+                     event.kind == TraceEvent::Kind::kHubContact;
     marks.push_back(
         {event.time_s, std::string(signOf(event.kind)), wordsOf(event), bad ? kVermillion : kDimText});
   }

@@ -38,7 +38,7 @@ void RerunScreen::showForces(LabState& lab) {
     const auto isLive = [&](const SessionScene& scene) {
       return scene.model && scene.model->isLive(effect.effect);
     };
-    return effect.stage == nullptr || isLive(gesture.scene) || isLive(run.scene);
+    return isPlaced(effect.effect) || isLive(gesture.scene) || isLive(run.scene);
   };
   std::vector<Plot> plots;
   plots.push_back(plotOf(TraceChannel::kForce, "force on the hand"));

@@ -22,7 +22,7 @@ set ylabel 'one tick, ns'
 set yrange [0:*]
 set xrange [0:sets + 1]
 set grid y
-set key bottom right Left reverse
+set key top left Left reverse
 plot csv skip 1 using 1:4 with points pt 2 ps 0.7 lc rgb '#7d8790' title 'p99 of batches', \
      '' skip 1 using 1:3 with points pt 7 ps 1.1 lc rgb '#1f5fa8' title 'median'
 # right: what each adds

@@ -29,7 +29,8 @@ std::string_view verdictText(Verdict verdict) {
 
 std::vector<StabilityCase> allCases() {
   std::vector<StabilityCase> all;
-  for (auto&& part : {holdCases(), motionCases(), scanCases(), loadCases(), deviceCases(), passivityCases()})
+  for (auto&& part :
+       {holdCases(), motionCases(), scanCases(), loadCases(), deviceCases(), passivityCases(), lineCases()})
     for (const StabilityCase& one : part) all.push_back(one);
   return all;
 }

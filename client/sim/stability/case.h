@@ -97,8 +97,9 @@ std::vector<StabilityCase> scanCases();
 std::vector<StabilityCase> loadCases();
 std::vector<StabilityCase> deviceCases();
 std::vector<StabilityCase> passivityCases();
+std::vector<StabilityCase> lineCases();
 /// All of them: holds, prescribed motions, stiffness and missing ticks, then releases under load and the
-/// lever, what a device or its clock does wrong, and the passivity control.
+/// lever, what a device or its clock does wrong, the passivity control, and the needle's line.
 std::vector<StabilityCase> allCases();
 
 /// Runs a case; a row that is not applicable where the case says nothing about `model`.

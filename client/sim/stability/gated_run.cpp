@@ -164,7 +164,7 @@ Result<FuzzFindings> fuzzSource(const ForceSourceFactory& make_source, AxialMode
   const double peak_N = DeviceLimits{}.peak_force_N;
   for (std::uint64_t seed = 1; findings.ticks < ticks; ++seed) {
     GestureRange range;
-    range.clamping = seed % 2 == 0 ? ClampingMode::kPassive : ClampingMode::kProportional;
+    range.clamping = seed % 2 == 0 ? ClampingMode::kConservative : ClampingMode::kProportional;
     const PassivityGesture gesture = randomGesture(seed, shapeOf(seed), range);
     ASSIGN_OR_RETURN(auto scene, sceneSpecOf(gesture.profile));
     scene.max_force_N = seed % 3 == 0 ? 1.0 : 10.0;

@@ -172,7 +172,7 @@ double greatestRms_N(const PlantRun& run) {
 
 }  // namespace
 
-// The gate lowers the force smoothly and lets it rise by the peak in a second at most: 0.01 N a tick of 1 ms.
+// The gate lowers the force smoothly, and lets its share rise only where next to nothing is wanted.
 Result<CaseOutcome> deratedRelease(const CaseSettings& settings, AxialModel model,
                                    const ForceSourceFactory& source) {
   CaseEntry entry(settings.file, "derated_release", settings.long_form);

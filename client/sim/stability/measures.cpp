@@ -125,8 +125,9 @@ double declaredFall_N(const StepReport& before, const StepReport& now) {
 
 double unexplainedStep_N(Vec3 p_before_m, const StepReport& before, Vec3 p_m, const StepReport& report,
                          double axial_stiffness_N_per_m, double slant) {
-  const double stiffness = axial_stiffness_N_per_m +
-                           std::max(before.clamping_stiffness_N_per_m, report.clamping_stiffness_N_per_m);
+  const int times = (report.flags & kFlagTurn) != 0 ? 3 : 2;
+  const double stiffness = axial_stiffness_N_per_m + times * std::max(before.clamping_stiffness_N_per_m,
+                                                                      report.clamping_stiffness_N_per_m);
   const double step_N = norm(report.wrench_W.force_N - before.wrench_W.force_N);
   return std::max(0.0, step_N - stiffness * norm(p_m - p_before_m) / slant - declaredFall_N(before, report));
 }

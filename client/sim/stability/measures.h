@@ -39,15 +39,17 @@ double chatterOf(const PlantRun& run, Vec3 direction, TimeWindow window, const B
 bool allFinite(const PlantRun& run);
 double maxForce_N(const PlantRun& run);
 
-/// The declared releases: at a tick with one of these flags a fall of the force is explained.
-inline constexpr std::uint32_t kDeclaredReleases = kFlagExit | kFlagLayerChange | kFlagRupture;
+/// The declared releases: at a tick with one of these flags a fall of the force is explained. A move of the
+/// trajectory only lowers what the fixture holds.
+inline constexpr std::uint32_t kDeclaredReleases = kFlagExit | kFlagLayerChange | kFlagRupture | kFlagTurn;
 
 /// By how much the forces that make up a report fell at a declared release: cutting, attracted, friction,
 /// puncture and clamping, each as far as zero. 0 where `now` has none. A rise of one of them is no release.
 double declaredFall_N(const StepReport& before, const StepReport& now);
 
 /// The part of the force step between two consecutive ticks that nothing explains: |Δf| − ΣK·|Δp|/slant −
-/// declaredFall_N, at least 0. ΣK = `axial_stiffness` + the greater clamping stiffness; `slant` = c.
+/// declaredFall_N, at least 0. ΣK = `axial_stiffness` + twice the greater clamping stiffness, for k′e beside
+/// k; `slant` = c.
 double unexplainedStep_N(Vec3 p_before_m, const StepReport& before, Vec3 p_m, const StepReport& report,
                          double axial_stiffness_N_per_m, double slant = 1);
 /// The greatest of a run (straight insertions, slant 1).

@@ -26,16 +26,9 @@ std::vector<StabilityCase> motionCases() {
   return {
       {"retreat_in_ramp", "the needle is drawn back while the force of a stop fades", true, true,
        retreatInRamp},
-      {"clamp_pump", "aside while shallow, in, back, out: the fixture must not pay", false, true, clampPump},
-      {"reversal_capped",
-       "pushed aside beyond the fixture's greatest force and back, while the depth changes", false, true,
-       reversalCapped},
       {"tilt_pump", "tilted while shallow, in, upright, out: the tilt limit must not pay", false, true,
        tiltPump},
-      {"turn_wide", "30 mm aside at 12 mm deep: the trajectory turns without a step", false, true, turnWide},
-      {"grazing_85deg", "a needle nearly flat on the skin, in and out", false, true, grazing85},
       {"exit_normal", "the pull on the way out fades to nothing at the skin", true, true, exitNormal},
-      {"sphere_far_side", "in on one side of a limb and out on the other", true, true, sphereFarSide},
       {"beyond_the_needle", "deeper than the needle is long, and out", true, true, beyondTheNeedle},
       {"layers_in_one_tick", "0.5 m/s through layers of which two or three lie within a tick's way", true,
        true, layersInOneTick},
@@ -225,21 +218,6 @@ Result<CaseOutcome> exitNormal(const CaseSettings& settings, AxialModel model,
   return outcome;
 }
 
-Result<CaseOutcome> sphereFarSide(const CaseSettings& settings, AxialModel model,
-                                  const ForceSourceFactory& source) {
-  CaseEntry entry(settings.file, "sphere_far_side", settings.long_form);
-  const SceneSpec scene = entry.scene(model);
-  const TimedPlan path = entry.path();
-  const double rate = entry.number("rate_hz", 50, 40'000), above = entry.number("limit_above_cutting_n", 0);
-  if (!entry.status().ok()) return entry.status().error();
-  ASSIGN_OR_RETURN(const auto run, runMotion(source, scene, samplesOf(path.plan, rate), rate));
-  CaseOutcome outcome{rowOf(observed(run)), {forceTrace(run, std::string(axialModelName(model)))}};
-  judgeMotion(outcome.row, "greatest force step, the far side included [N]",
-              greatestStep(run, 1, run.ticks.size()), scene.layers.front().cutting_force_N + above);
-  if (!(run.ticks.back().report.depth_m < 0)) outcome.row.passed = false;
-  return outcome;
-}
-
 Result<CaseOutcome> beyondTheNeedle(const CaseSettings& settings, AxialModel model,
                                     const ForceSourceFactory& source) {
   CaseEntry entry(settings.file, "beyond_the_needle", settings.long_form);
@@ -330,34 +308,7 @@ Result<Prescribed> prescribed(const CaseSettings& settings, std::string_view nam
   return out;
 }
 
-std::string millijoules(double energy_J) {
-  return fmt::format("{:.3g} mJ", energy_J * 1e3);
-}
-
 }  // namespace
-
-Result<CaseOutcome> clampPump(const CaseSettings& settings, AxialModel model,
-                              const ForceSourceFactory& source) {
-  ASSIGN_OR_RETURN(auto given, prescribed(settings, "clamp_pump", model));
-  const auto samples = samplesOf(given.motion);
-  CaseOutcome outcome;
-  std::array<double, 2> net_J{};  // of the scene's own mode, and of the other
-  for (const ClampingMode mode : {ClampingMode::kProportional, ClampingMode::kPassive}) {
-    const bool own = mode == given.scene.virtual_fixture.mode;
-    SceneSpec scene = given.scene;
-    scene.virtual_fixture.mode = mode;
-    ASSIGN_OR_RETURN(const auto run, runMotion(source, scene, samples, given.motion.rate_hz));
-    const PassivityRecord record = observed(run);
-    net_J[own ? 0 : 1] = record.net_J;
-    outcome.traces.push_back(forceTrace(run, mode == ClampingMode::kPassive ? "PASSIVE" : "PROPORTIONAL"));
-    if (own) outcome.row = rowOf(record);
-  }
-  outcome.row.energy_J = net_J[0];
-  judgeMotion(outcome.row, "net energy given in a cycle aside, in, back, out [J]", net_J[0], given.limit);
-  if (given.scene.virtual_fixture.mode == ClampingMode::kPassive)
-    outcome.row.note = "PROPORTIONAL gives " + millijoules(net_J[1]);
-  return outcome;
-}
 
 Result<CaseOutcome> tiltPump(const CaseSettings& settings, AxialModel model,
                              const ForceSourceFactory& source) {
@@ -369,68 +320,6 @@ Result<CaseOutcome> tiltPump(const CaseSettings& settings, AxialModel model,
   outcome.row.energy_J = record.net_J;
   judgeMotion(outcome.row, "net energy given in a cycle tilt, in, upright, out [J]", record.net_J,
               given.limit);
-  return outcome;
-}
-
-// the needle is pushed beyond the fixture's greatest force, and back, again and again while the depth changes
-Result<CaseOutcome> reversalCapped(const CaseSettings& settings, AxialModel model,
-                                   const ForceSourceFactory& source) {
-  ASSIGN_OR_RETURN(auto given, prescribed(settings, "reversal_capped", model));
-  CaseEntry entry(settings.file, "reversal_capped", settings.long_form);
-  const double step_limit_N = entry.number("step_limit_n", 0);
-  if (!entry.status().ok()) return entry.status().error();
-  ASSIGN_OR_RETURN(const auto run,
-                   runMotion(source, given.scene, samplesOf(given.motion), given.motion.rate_hz));
-  const PassivityRecord record = observed(run);
-  CaseOutcome outcome{rowOf(record), {forceTrace(run, std::string(axialModelName(model)))}};
-  judgeMotion(outcome.row, "greatest energy given to the hand so far [J]", judgedEnergy_J(record),
-              given.limit);
-  // the run must have been at the cap; there the force is the fixture's greatest, and it never jumps
-  const double excess_N = record.max_force_N - given.scene.virtual_fixture.max_force_N;
-  if (!(record.flags & kFlagClampCapped) || excess_N > 1e-9 || record.worst_step_N > step_limit_N) {
-    outcome.row.passed = false;
-    if (outcome.row.verdict == Verdict::kStable) outcome.row.verdict = Verdict::kChatters;
-  }
-  outcome.row.note = fmt::format("force {:.3g} N at most, step beyond the springs {:.2g} N",
-                                 record.max_force_N, record.worst_step_N);
-  return outcome;
-}
-
-Result<CaseOutcome> turnWide(const CaseSettings& settings, AxialModel model,
-                             const ForceSourceFactory& source) {
-  ASSIGN_OR_RETURN(auto given, prescribed(settings, "turn_wide", model));
-  CaseOutcome outcome;
-  PassivityRecord worst;
-  for (const ClampingMode mode : {ClampingMode::kProportional, ClampingMode::kPassive}) {
-    given.scene.virtual_fixture.mode = mode;
-    ASSIGN_OR_RETURN(const auto run,
-                     runMotion(source, given.scene, samplesOf(given.motion), given.motion.rate_hz));
-    const PassivityRecord record = observed(run, false);
-    worst.finite = worst.finite && record.finite && (record.flags & kFlagTurn);
-    worst.max_force_N = std::max(worst.max_force_N, record.max_force_N);
-    worst.worst_step_N = std::max(worst.worst_step_N, record.worst_step_N);
-    worst.worst_running_J = std::max(worst.worst_running_J, record.worst_running_J);
-    outcome.traces.push_back(forceTrace(run, mode == ClampingMode::kPassive ? "PASSIVE" : "PROPORTIONAL"));
-  }
-  outcome.row = rowOf(worst);
-  judgeMotion(outcome.row, "greatest force step beyond ΣK·|Δp| [N]", worst.worst_step_N, given.limit);
-  return outcome;
-}
-
-Result<CaseOutcome> grazing85(const CaseSettings& settings, AxialModel model,
-                              const ForceSourceFactory& source) {
-  ASSIGN_OR_RETURN(auto given, prescribed(settings, "grazing_85deg", model));
-  ASSIGN_OR_RETURN(const auto run,
-                   runMotion(source, given.scene, samplesOf(given.motion), given.motion.rate_hz));
-  const PassivityRecord record = observed(run);
-  // the case is about entries and exits
-  double step = 0;
-  for (std::size_t k = 1; k < run.ticks.size(); ++k)
-    step = std::max(
-        step, norm(run.ticks[k].report.wrench_W.torque_Nm - run.ticks[k - 1].report.wrench_W.torque_Nm));
-  CaseOutcome outcome{rowOf(record), {}};
-  judgeMotion(outcome.row, "greatest torque step [N·m]", step, given.limit);
-  outcome.row.note = fmt::format("{} entries", record.insertions);
   return outcome;
 }
 

@@ -2,6 +2,7 @@
 /// case's path, independent of the force.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -54,16 +55,11 @@ CaseTrace forceTrace(const MotionRun& run, std::string label);
 // along u
 Result<CaseOutcome> retreatInRamp(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 Result<CaseOutcome> exitNormal(const CaseSettings&, AxialModel, const ForceSourceFactory&);
-Result<CaseOutcome> sphereFarSide(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 Result<CaseOutcome> beyondTheNeedle(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 Result<CaseOutcome> layersInOneTick(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 
 // fixture and orientation limit
-Result<CaseOutcome> clampPump(const CaseSettings&, AxialModel, const ForceSourceFactory&);
-Result<CaseOutcome> reversalCapped(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 Result<CaseOutcome> tiltPump(const CaseSettings&, AxialModel, const ForceSourceFactory&);
-Result<CaseOutcome> turnWide(const CaseSettings&, AxialModel, const ForceSourceFactory&);
-Result<CaseOutcome> grazing85(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 
 /// Bad samples, with the gate in its place; without it they are the negative control.
 enum class Gate : bool { kAbsent, kPresent };
@@ -105,5 +101,13 @@ Result<CaseOutcome> frozenAxis(const CaseSettings&, AxialModel, const ForceSourc
 Result<CaseOutcome> quaternionSign(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 Result<CaseOutcome> clockSteps(const CaseSettings&, AxialModel, const ForceSourceFactory&,
                                Gate gate = Gate::kPresent);
+
+// line_cases.cpp: a hand leans on a tool's handle; `limiter` stands for the gate between engine and device
+/// One tick: the wrench at the handle that is rendered for the wanted one.
+using WrenchLimiter = std::function<Wrench(const TipSample& tip, const Wrench& wanted)>;
+/// A new one, as before the first tick.
+using WrenchLimiterFactory = std::function<WrenchLimiter(double rate_hz)>;
+Result<CaseOutcome> leaningOnTool(const CaseSettings&, AxialModel, const ForceSourceFactory&,
+                                  const WrenchLimiterFactory& limiter);
 
 }  // namespace needlelab

@@ -198,6 +198,10 @@ Quat reversed(Quat q) {
 Quat nearlyReversed(Quat q) {
   return normalized(Quat{1, 0, 0, 0.1}) * q;
 }
+// what nearlyReversed points to, mirrored at the skin
+Quat nearlyUpright(Quat q) {
+  return normalized(Quat{0.1, 0, 0, 1}) * q;
+}
 // the same rotation
 Quat negative(Quat q) {
   return {-q.x, -q.y, -q.z, -q.w};
@@ -215,8 +219,8 @@ std::vector<DeviceSample> insertion(Turn turn, bool always) {
   return samples;
 }
 
-// The trajectory is fixed at entry, along the normal for a needle that points out: the needle's orientation
-// does not change the force. Torque builds up slowly.
+// The trajectory is fixed at entry, mirrored at the skin for a needle that points out: then the needle's
+// orientation does not change the force. Torque builds up slowly.
 double departure(const std::vector<GatedTick>& turned, const std::vector<GatedTick>& upright) {
   double worst = 0;
   for (std::size_t k = 1; k < turned.size(); ++k) {
@@ -247,13 +251,14 @@ Result<CaseOutcome> flippedAxis(const CaseSettings& settings, AxialModel model,
     return runGated(source, scene, samples, DeviceScript::kRate_hz, with_gate);
   };
   double worst = 0;
-  const auto upright = run(insertion([](Quat q) { return q; }, true));
-  if (!upright.ok()) return upright.error();
+  ASSIGN_OR_RETURN(const auto upright, run(insertion([](Quat q) { return q; }, true)));
+  ASSIGN_OR_RETURN(const auto nearly_upright, run(insertion(nearlyUpright, true)));
   for (const Turn turn : {&reversed, &nearlyReversed, &negative})
     for (const bool always : {false, true}) {
       ASSIGN_OR_RETURN(const auto turned, run(insertion(turn, always)));
       worsen(row, rowOf(turned));
-      worst = std::max(worst, departure(turned, *upright));
+      worst =
+          std::max(worst, departure(turned, always && turn == &nearlyReversed ? nearly_upright : upright));
     }
 
   ASSIGN_OR_RETURN(const auto fuzz, fuzzSource(source, model, fuzzed, with_gate));

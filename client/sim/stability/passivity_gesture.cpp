@@ -274,8 +274,8 @@ void drawScene(Draw& draw, LimbShape shape, const GestureRange& range, pb::Profi
   auto& fixture = *profile.mutable_virtual_fixture();
   fixture.set_max_stiffness_n_per_m(draw.in(50, 400));
   fixture.set_max_force_n(draw.in(0.5, 4));
-  fixture.set_mode(range.clamping == ClampingMode::kPassive ? pb::VirtualFixture::PASSIVE
-                                                            : pb::VirtualFixture::PROPORTIONAL);
+  fixture.set_mode(range.clamping == ClampingMode::kConservative ? pb::VirtualFixture::CONSERVATIVE
+                                                                 : pb::VirtualFixture::PROPORTIONAL);
   profile.mutable_orientation_limit()->set_stiffness_nm_per_rad(draw.in(0.1, 2));
   profile.mutable_orientation_limit()->set_max_torque_nm(draw.in(0.05, 0.2));
   profile.mutable_shaft_friction()->set_stiffness_n_per_m(draw.in(60, 200));

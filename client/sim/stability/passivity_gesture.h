@@ -91,7 +91,7 @@ struct GestureRange {
   double most_tilt = 0.9;          ///< tangent; grazing strokes lie at 80-86° whatever this says
   double all_effects_share = 0.7;  ///< the others have a random set of effects
   bool stages = false;             ///< draws CUT_MEMORY and BONE too; all else of a seed stays
-  ClampingMode clamping = ClampingMode::kPassive;
+  ClampingMode clamping = ClampingMode::kConservative;
   int fewest_strokes = 3, most_strokes = 12;
 };
 

@@ -53,9 +53,11 @@ Result<OfflineScene> loadOffline(const OfflineOptions& options) {
   if (!model.ok()) return Error{model.error().code, options.profile.string() + ": " + model.error().message};
   scene.model = *std::move(model);
 
-  // rows are ticks; their times are ignored
-  ASSIGN_OR_RETURN(auto track, readPoseTrack(options.trajectory, TrackTimes::kAnyOrder));
-  scene.track = std::move(track);
+  if (!options.trajectory.empty()) {
+    // rows are ticks; their times are ignored
+    ASSIGN_OR_RETURN(auto track, readPoseTrack(options.trajectory, TrackTimes::kAnyOrder));
+    scene.track = std::move(track);
+  }
   return scene;
 }
 

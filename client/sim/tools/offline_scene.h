@@ -1,4 +1,4 @@
-/// A profile and a recorded trajectory, ready for the engine; input of `run` and `score`.
+/// A profile and a trajectory, ready for the engine; input of `run` and `score`.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +20,8 @@ namespace needlelab {
 
 /// As on the command line.
 struct OfflineOptions {
-  std::filesystem::path profile, trajectory;
+  std::filesystem::path profile;
+  std::filesystem::path trajectory;  ///< empty = no track
   double rate_hz = 1000;
   std::string model;      ///< instead of the profile's `axial_model`; empty = the profile's
   std::string placement;  ///< the limb in W, see parsePoseOption; empty = at W's origin

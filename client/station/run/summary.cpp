@@ -72,6 +72,7 @@ constexpr FlagText kFlagTexts[] = {
     {kFlagNotStepped, true, "tick not computed (bad sample, or after a fault)"},
     {kFlagStartedInside, true, "in the tissue from the start: no force until the needle was outside once"},
     {kFlagBeyondNeedle, true, "inserted deeper than the needle is long"},
+    {kFlagFlatEntry, true, "entries with the needle flat on the skin"},
     {kGateSampleRejected, true, "sample of the device rejected"},
     {kGatePeakLimited, true, "force cut to what the device can render"},
     {kGateThermalLimited, true, "force lowered so that the motors stay cool"},

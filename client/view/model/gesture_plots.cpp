@@ -39,6 +39,7 @@ Rgb eventColour(TraceEvent::Kind kind) {
   switch (kind) {
     case TraceEvent::Kind::kFault:
     case TraceEvent::Kind::kBoneContact:
+    case TraceEvent::Kind::kHubContact:
       return styleOf(Condition::kTrouble).colour;
     case TraceEvent::Kind::kGap:
       return styleOf(Condition::kAttention).colour;

@@ -1,13 +1,16 @@
 #include "client/view/model/gesture_replica.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include "common/haptics/effects/clamping.h"
+#include "common/haptics/effects/resume.h"
 
 namespace needlelab {
 namespace {
 
-// a stored pose has an error of half a micrometre: near the skin, replica and recording may differ for this
-// many ticks
+// a live frame may begin with the tip on the skin: replica and recording may differ for this many ticks
 constexpr int kPatience_ticks = 5;
 /// Nobody goes into the tissue and out again in a shorter time: a first sample so early is the session's
 /// beginning, although the loop missed some ticks.
@@ -20,6 +23,17 @@ Vec3 vectorOf(const double (&v)[3]) {
 bool canBeStepped(const GestureSample& sample) {
   return (sample.flags & kFlagNotStepped) == 0 && isFinite(vectorOf(sample.p_WT_m)) &&
          isFinite(Quat{sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]});
+}
+
+// where the fixture pushes the tip of the last step
+Vec3 clampingDirection(const SceneModel& model, SimState& engine) {
+  Tick tick;
+  project(engine, engine.p_prev_W_m, tick);
+  const LateralStiffness of = lateralStiffness(engine.along, tick.insertion_m);
+  const double held_N = std::min(of.k_N_per_m * tick.lateral_m, model.fixture.max_force_N);
+  const FixturePull pull =
+      fixturePull(model, tick, held_N / tick.lateral_m, of.slope_N_per_m2, held_N / of.k_N_per_m);
+  return normalized(tick.lateral_W_m * -pull.line_N_per_m - tick.arm_W_m * pull.entry_N_per_m);
 }
 
 }  // namespace
@@ -56,6 +70,7 @@ struct GestureReplica::State {
   StepReport report;
   Moment now;
   std::uint64_t fed = 0;
+  bool differs = false;       // in this tick the engine does not give what the sample says
   bool lost = false;          // samples are missing since the tip was last outside
   int disagreements = 0;      // consecutive ticks in which replica and recording differ on being inside
   bool cuts_unknown = false;  // CUT_MEMORY: insertions before this one were not seen
@@ -63,7 +78,7 @@ struct GestureReplica::State {
   Vec3 guessed_entry_W_m, guessed_u_W;
 
   void forgetCuts();
-  void stepAlong();
+  void stepAlong(const GestureSample& sample);
   void compareWith(const GestureSample& sample);
   void tellInsertion();
 };
@@ -89,7 +104,7 @@ void GestureReplica::restart() {
   state_->now.wall_W_m = {nan, nan, nan};
   state_->now.alpha_rad = orientationLimitAngle(state_->model->needle_length_m, 0);
   state_->fed = 0;
-  state_->lost = state_->guessed = state_->cuts_unknown = false;
+  state_->differs = state_->lost = state_->guessed = state_->cuts_unknown = false;
   state_->disagreements = 0;
 }
 
@@ -115,8 +130,9 @@ const Moment& GestureReplica::feed(const GestureSample& sample) {
     state.forgetCuts();
   ++state.fed;
   copySample(sample, state.loop_rate_hz, state.now);
+  state.differs = false;
   if (canBeStepped(sample)) {
-    state.stepAlong();
+    state.stepAlong(sample);
     state.compareWith(sample);
   }
   state.tellInsertion();
@@ -132,8 +148,8 @@ void GestureReplica::State::forgetCuts() {
   cuts_unknown = model->isLive(Effect::kCutMemory);
 }
 
-void GestureReplica::State::stepAlong() {
-  step(*model, {now.p_WT_m, now.q_WT}, engine, report);
+void GestureReplica::State::stepAlong(const GestureSample& sample) {
+  differs = stepAsStored(*model, {now.p_WT_m, now.q_WT}, storedTickOf(sample), engine, report).isReal();
 }
 
 // the recording decides whether there is an insertion; the replica follows it
@@ -161,7 +177,7 @@ void GestureReplica::State::compareWith(const GestureSample& sample) {
 void GestureReplica::State::tellInsertion() {
   now.depth_m = report.depth_m;
   now.inside = engine.inside || guessed;
-  now.approximate = now.inside && (lost || thinned || cuts_unknown);
+  now.approximate = differs || (now.inside && (lost || thinned || cuts_unknown));
   now.alpha_rad = orientationLimitAngle(model->needle_length_m, now.inside ? now.insertion_m : 0);
   now.tilt_rad = 0;
   now.clamping_W = {};
@@ -173,9 +189,7 @@ void GestureReplica::State::tellInsertion() {
   now.u_W = engine.inside ? engine.u_W : guessed_u_W;
   const Vec3 axis_W = zAxis(now.q_WT);
   now.tilt_rad = std::atan2(norm(cross(axis_W, now.u_W)), dot(axis_W, now.u_W));
-  const Vec3 from_entry = now.p_WT_m - now.p_entry_W_m;
-  const Vec3 aside = from_entry - now.u_W * dot(now.u_W, from_entry);
-  if (now.term(Effect::kClamping) > 0 && normSquared(aside) > 0) now.clamping_W = -normalized(aside);
+  if (now.term(Effect::kClamping) > 0) now.clamping_W = clampingDirection(*model, engine);
 }
 
 const Moment& GestureReplica::now() const {

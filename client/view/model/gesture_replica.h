@@ -1,5 +1,7 @@
 /// Computes the values that samples do not contain (entry, trajectory, α, forces by effect): runs the engine
-/// again along the samples' poses, on the view's side.
+/// again along the samples' poses, on the view's side. What samples contain (contact, layer, phase, ruptures,
+/// the wall's place) it takes from them in each tick, because rounded poses would decide some of it otherwise
+/// (common/haptics/effects/resume.h).
 #pragma once
 
 #include <array>
@@ -38,10 +40,11 @@ struct Moment {
   double alpha_rad = 0;                      ///< α(d_t); π/4 outside
   double tilt_rad = 0;                       ///< θ, between the needle's axis and u
   std::array<double, kEffectCount> terms{};  ///< force terms by Effect: along u and signed, or a magnitude
-  Vec3 clamping_W;  ///< unit vector of the clamping force (toward the line); zero without one
+  Vec3 clamping_W;                           ///< unit vector of the clamping force; zero without one
   /// Ticks are missing, or samples were thinned, since the tip was last outside, or the scene has CUT_MEMORY
-  /// and what was cut before is not known: the replica's values may be inexact (the sample's own are not
-  /// affected).
+  /// and what was cut before is not known, or in this tick the engine's force, layer or contact differs from
+  /// the sample's by more than rounding explains (`kRoundingExplains_N`): the replica's values may be inexact
+  /// (the sample's own are not affected).
   bool approximate = false;
 
   double& term(Effect effect) { return terms[static_cast<std::size_t>(effect)]; }
@@ -53,6 +56,7 @@ struct Moment {
 void copySample(const GestureSample& sample, double loop_rate_hz, Moment& moment);
 
 /// Thread: one at a time. Memory: about 40 KiB. `feed` costs about a tick of the engine (well under 1 µs).
+/// Same samples, same bits; samples that are not rounded give the bits of the station's engine.
 class GestureReplica {
  public:
   /// `model`: the session's scene, compiled for the rate of the *stream*. If only every n-th sample arrives

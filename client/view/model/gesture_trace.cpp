@@ -129,6 +129,8 @@ std::string_view nameOf(TraceEvent::Kind kind) {
       return "remark";
     case TraceEvent::Kind::kBoneContact:
       return kBoneContactWords;
+    case TraceEvent::Kind::kHubContact:
+      return kHubContactWords;
   }
   return "";
 }
@@ -162,6 +164,7 @@ std::string_view signOf(TraceEvent::Kind kind) {
     case TraceEvent::Kind::kRemark:
       return "✎";
     case TraceEvent::Kind::kBoneContact:
+    case TraceEvent::Kind::kHubContact:
       return "✗";
   }
   return "";
@@ -188,6 +191,7 @@ struct GestureTrace::Store {
   bool any = false;
   double last_turn_s = 0, gap_until_s = 0;
   BoneContacts bones;
+  HubContacts hub;
 
   void findGap(const Moment& moment);
   void findEvents(const Moment& moment);
@@ -304,6 +308,7 @@ void GestureTrace::Store::findEvents(const Moment& moment) {
   if (moment.layer < 0 && layer_before >= 0) note(Kind::kExit);
   if (moment.layer >= 0 && layer_before >= 0 && moment.layer != layer_before) note(Kind::kLayerChange);
   if (bones.add(moment.time_s, moment.layer, moment.p_WT_m)) note(Kind::kBoneContact);
+  if (hub.add(moment.time_s, moment.flags)) note(Kind::kHubContact);
   if ((moment.flags & kFlagRupture) != 0) note(Kind::kRupture);
   if ((moment.flags & kFlagTurn) != 0) {
     if (last_turn_s == 0 || moment.time_s > last_turn_s + kSameTurn_s) note(Kind::kTurn);

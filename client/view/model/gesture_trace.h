@@ -68,7 +68,8 @@ struct TraceEvent {
     kFault,
     kGap,
     kRemark,
-    kBoneContact
+    kBoneContact,
+    kHubContact
   };
   Kind kind = Kind::kEntry;
   double time_s = 0;

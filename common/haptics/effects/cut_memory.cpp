@@ -23,7 +23,7 @@ constexpr std::size_t kCutOwn = stageOf(Effect::kCutMemory);
 // the author's numbers
 constexpr std::size_t kCutShare = 0, kCutRadius_m = 1;
 /// Above the rounding of places, far below a step that can be felt.
-constexpr double kRounding_m = 1e-12;
+constexpr double kPassRounding_m = 1e-12;
 /// Less than this beyond a cut is no new cut.
 constexpr double kNewCut_m = 1e-6;
 /// The squared sine below which two lines leave each other by less than a micrometre a metre.
@@ -74,11 +74,12 @@ double cutFrom(const CutTrack& track, const OnTrack& at, Vec3 u_W, double radius
   return cut_m;
 }
 
-// a turn of u takes the insertion's own track with it, as all lengths along u
+// the insertion's own track goes with P0 and u, as all lengths along u
 void turnOwnTrack(SimState& state) {
   CutMemory& cuts = state.cuts;
   if (cuts.own < kMaxCutTracks) {
     CutTrack& own = cuts.tracks[cuts.own];
+    own.p_entry_W_m = state.p_entry_W_m;
     own.u_W = state.u_W;
     own.length_m += state.x_shift_m - cuts.shift_m;
   }
@@ -145,7 +146,7 @@ double followCut(const SceneModel& model, SimState& state, double x_m, double x_
   const double move_m = to_m - state.wall_m;
   if (!(move_m > 0.0)) return 0.0;
   // the needle came into an old cut from the side: a release, as into a softer layer
-  if (move_m > std::max(0.0, x_m - x_before_m) + kRounding_m) report.flags |= kFlagLayerChange;
+  if (move_m > std::max(0.0, x_m - x_before_m) + kPassRounding_m) report.flags |= kFlagLayerChange;
   state.wall_m = to_m;
   const double before_N = report.cutting_N + report.attracted_N;
   report.cutting_N = -model.layers[state.layer].wall_stiffness_N_per_m * (x_cut_m - to_m);

@@ -28,8 +28,8 @@ struct EffectField {
 /// A choice in that section. Option i stands for the enumerator i of the message.
 struct EffectChoice {
   struct Option {
-    std::string_view name;   ///< "PASSIVE"
-    std::string_view label;  ///< "Passive: never pushes the hand"
+    std::string_view name;   ///< "CONSERVATIVE"
+    std::string_view label;  ///< "Conservative: gives back what it took"
   };
   std::string_view name;  ///< "mode"; empty: the section has none
   std::string_view label;

@@ -11,9 +11,8 @@ namespace needlelab {
 /// Force along u, against the motion: at most ∫₀^{d_t} friction ds.
 [[gnu::always_inline]] inline double applyShaftFriction(const SceneModel& model, SimState& state,
                                                         const Tick& tick, StepReport& report) {
-  const CompiledLayer& layer = layerByLength(model, state, tick.insertion_m);
-  const double most_N = std::max(
-      0.0, layer.friction_offset_N * state.inverse_slant + layer.friction_N_per_m * tick.insertion_m);
+  const LayerSpan& span = spanAt(state, tick.insertion_m);
+  const double most_N = span.friction_offset_N + span.friction_N_per_m * tick.insertion_m;
   const double stretch = most_N / model.friction_stiffness_N_per_m;
   state.friction_wall_m =
       std::min(std::max(state.friction_wall_m, tick.x_cut_m - stretch), tick.x_cut_m + stretch);

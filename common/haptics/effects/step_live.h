@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "common/haptics/effects/clamping.h"
+#include "common/haptics/effects/hub.h"
 #include "common/haptics/effects/orientation_limit.h"
 #include "common/haptics/effects/puncture.h"
 #include "common/haptics/effects/shaft_friction.h"
@@ -101,18 +102,24 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
   bool entry = false;
   tick.layer = &model.layers[state.layer];
   report.flags = 0;
-  if (!(state.inside && tick.depth_m < tick.layer->bottom_m && tick.depth_m >= tick.layer->least_depth_m &&
+  if (!(state.in_limb && tick.depth_m < tick.layer->bottom_m && tick.depth_m >= tick.layer->least_depth_m &&
         pose_size <= std::numeric_limits<double>::max())) [[unlikely]] {
     if (!changeContact(model, sample, tick.depth_m, state, report)) return;
     entry = (report.flags & kFlagEntry) != 0;
-    tick.layer = &model.layers[state.layer];
+    tick.layer = state.in_limb ? &model.layers[state.layer] : &model.beyond;
   }
 
   // trajectory and clamping
   project(state, sample.p_WT_m, tick);
-  Vec3 clamping_W;
+  // P0's distance from the line, along the skin, is at most e/c
+  if (!(tick.lateral_m * state.inverse_slant <= kSlack * (tick.depth_m - kFollow_m))) [[unlikely]] {
+    const Follow follow = followNearSkin(model, sample, tick, state);
+    if (follow == Follow::kDeeper) report.flags |= kFlagTurn;
+    if (follow != Follow::kStays) project(state, sample.p_WT_m, tick);
+  }
+  FixturePull pull;
   if constexpr (live(Effect::kClamping))
-    clamping_W = clamping.apply(model, sample, state, tick, report);
+    pull = clamping.apply(model, sample, state, tick, report);
   else
     clamping.clear(report);
 
@@ -150,22 +157,31 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
 
   // sum, capped
   // the cap needs no vector length while the sum of the magnitudes is below it
-  Vec3 force = state.u_W * along_N + clamping_W;
-  const double magnitudes_N =
-      live(Effect::kClamping) ? std::fabs(along_N) + report.clamping_N : std::fabs(along_N);
-  if (!(magnitudes_N <= model.surely_below_cap_N)) [[unlikely]]
+  Vec3 force;
+  double most_N = std::fabs(along_N);
+  if constexpr (live(Effect::kClamping)) {
+    force = state.u_W * (along_N + pull.line_N_per_m * tick.x_m) -
+            tick.arm_W_m * (pull.line_N_per_m + pull.entry_N_per_m);
+    most_N += mostOf(pull, tick);
+  } else {
+    force = state.u_W * along_N;
+  }
+  if (tick.insertion_m > model.needle_length_m) [[unlikely]] {
+    force = force + pressHub(model, tick.arm_W_m, tick.insertion_m, report);
+    most_N += report.hub_N;
+  }
+  if (!(most_N <= model.surely_below_cap_N)) [[unlikely]]
     capForce(model, force, report);
   report.wrench_W.force_N = force;
 
-  // report
+  // report: a root that nothing else needs comes first and holds up nothing
+  if constexpr (live(Effect::kClamping)) report.clamping_N = magnitudeOf(pull, tick);
   report.phase = state.phase;
   report.layer = static_cast<std::int32_t>(state.layer);
   report.depth_m = tick.depth_m;
   report.insertion_m = tick.insertion_m;
   report.speed_mps = tick.speed_mps;
   report.lateral_error_m = tick.lateral_m;
-  if (tick.insertion_m > model.needle_length_m) [[unlikely]]
-    report.flags |= kFlagBeyondNeedle;
   state.p_prev_W_m = sample.p_WT_m;
   state.depth_prev_m = tick.depth_m;
 }

@@ -161,8 +161,8 @@ struct CuttingStep {
 /// ATTRACTED's place in a tick: the wall's position when the needle drags it ahead.
 template <bool kLive>
 struct AttractedStep {
-  [[gnu::always_inline]] static double ahead(double x_m, double insertion_m, const WallStretch& stretch) {
-    return kLive ? x_m + std::min(stretch.attracted_m, insertion_m) : x_m;
+  [[gnu::always_inline]] static double ahead(double x_m, double fading_m, const WallStretch& stretch) {
+    return kLive ? x_m + std::min(stretch.attracted_m, fading_m) : x_m;
   }
 };
 
@@ -177,7 +177,7 @@ template <class Cutting = CuttingStep<true>, class Attracted = AttractedStep<tru
   const double x = tick.x_cut_m;
   double wall = state.wall_m;
   if (state.stopped) wall = relaxedWall(model, state, x, stretch.rejection_m, stop_begins);
-  const double ahead = attracted.ahead(x, tick.insertion_m, stretch);
+  const double ahead = attracted.ahead(x, std::max(0.0, tick.depth_m) * state.inverse_slant, stretch);
   const double behind = cutting.behind(x, stretch);
   wall = std::min(std::max(wall, behind), ahead);
   state.wall_m = wall;

@@ -50,15 +50,13 @@ void checkFirstOrder(const SceneSpec& spec, SpecChecker& check) {
 }
 
 void compileFirstOrder(const SceneSpec& spec, SceneModel& model) {
-  double friction_N = 0, steepest_N_per_m = 0;
+  double steepest_N_per_m = 0;
   bool rubs = false;
   for (std::uint32_t i = 0; i < model.layer_count; ++i) {
     const FirstOrderSpec& own = *spec.layers[i].first_order;
     CompiledLayer& layer = model.layers[i];
     layer.cut_stretch_m = own.cutting_force_N / spec.tracking_wall.stiffness_N_per_m;
     layer.friction_N_per_m = own.friction_N_per_m;
-    layer.friction_offset_N = friction_N - own.friction_N_per_m * layer.top_m;
-    friction_N += own.friction_N_per_m * spec.layers[i].thickness_m;
     model.membranes[i] = {layer.top_m, own.stiffness_N_per_m, 0.0, own.puncture_force_N,
                           own.stiffness_N_per_m};
     steepest_N_per_m = std::max(steepest_N_per_m, own.stiffness_N_per_m);

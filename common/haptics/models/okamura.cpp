@@ -24,20 +24,10 @@
 
 namespace needlelab {
 
-/// Friction of the inserted length, by layer: ∫₀^d = offset/c + slope·d while d·c is in that layer.
+/// Friction of each layer, per inserted length.
 struct ShaftLimits {
-  struct Line {
-    double offset = 0, slope = 0;
-
-    [[nodiscard]] double at(double inverse_slant, double length_m) const {
-      return std::max(0.0, offset * inverse_slant + slope * length_m);
-    }
-  };
-  struct Side {
-    Line kinetic_N, static_N, viscous_Ns_per_m;
-  };
   struct Layer {
-    Side in, out;
+    ShaftFrictionSpec in, out;
   };
   std::array<Layer, kMaxLayers> layers;
 };
@@ -49,9 +39,10 @@ struct SideLimit {
   double kinetic_N = 0, static_N = 0, viscous_Ns_per_m = 0;
 };
 
-SideLimit limitOf(const ShaftLimits::Side& side, double inverse_slant, double length_m) {
-  return {side.kinetic_N.at(inverse_slant, length_m), side.static_N.at(inverse_slant, length_m),
-          side.viscous_Ns_per_m.at(inverse_slant, length_m)};
+void add(SideLimit& limit, const ShaftFrictionSpec& side, double length_m) {
+  limit.kinetic_N += side.kinetic_N_per_m * length_m;
+  limit.static_N += side.static_N_per_m * length_m;
+  limit.viscous_Ns_per_m += side.viscous_Ns_per_m2 * length_m;
 }
 
 /// The reach of the spring in a direction: at rest up to static friction; in motion kinetic and viscous, and
@@ -117,10 +108,16 @@ struct ThreeForces : LayerTops {
     const double cutting_N = cutBeyondTops(model, state, own, report);
 
     const double length_m = lengthBeyondTops(own);
-    layerByLength(model, state, length_m);
-    const ShaftLimits::Layer& layer = model.shaft_limits->layers[state.layer_by_length];
-    Friction::drag(model, state, own, slid_m, limitOf(layer.in, state.inverse_slant, length_m),
-                   limitOf(layer.out, state.inverse_slant, length_m));
+    SideLimit in, out;
+    for (std::uint32_t i = 0; i < state.along.count; ++i) {
+      const LayerSpan& span = state.along.spans[i];
+      const double part_m = std::min(span.end_m, length_m) - std::max(span.begin_m, 0.0);
+      if (!(part_m > 0.0) || span.layer < 0) break;
+      const ShaftLimits::Layer& layer = model.shaft_limits->layers[static_cast<std::size_t>(span.layer)];
+      add(in, layer.in, part_m);
+      add(out, layer.out, part_m);
+    }
+    Friction::drag(model, state, own, slid_m, in, out);
     report.friction_N = -model.friction_stiffness_N_per_m * (own.x_cut_m - state.friction_wall_m);
     return cutting_N + report.friction_N + held_N;
   }
@@ -158,41 +155,16 @@ void checkThreeForces(const SceneSpec& spec, SpecChecker& check) {
   }
 }
 
-/// Adds a layer to an integral over the layers.
-class RunningLine {
- public:
-  ShaftLimits::Line next(double per_m, const CompiledLayer& layer, double thickness_m) {
-    const ShaftLimits::Line line{sum_ - per_m * layer.top_m, per_m};
-    sum_ += per_m * thickness_m;
-    return line;
-  }
-
- private:
-  double sum_ = 0;
-};
-
-struct RunningSide {
-  RunningLine kinetic, at_rest, viscous;
-
-  ShaftLimits::Side next(const ShaftFrictionSpec& side, const CompiledLayer& layer, double thickness_m) {
-    return {kinetic.next(side.kinetic_N_per_m, layer, thickness_m),
-            at_rest.next(side.static_N_per_m, layer, thickness_m),
-            viscous.next(side.viscous_Ns_per_m2, layer, thickness_m)};
-  }
-};
-
 /// `steepest_friction`: the steepest slope of friction over x, as a multiple of K_f.
 void compileThreeForces(const SceneSpec& spec, SceneModel& model, double steepest_friction) {
   auto limits = std::make_shared<ShaftLimits>();
-  RunningSide in, out;
   double steepest_N_per_m = 0;
   bool rubs = false;
   for (std::uint32_t i = 0; i < model.layer_count; ++i) {
     const OkamuraSpec& own = *spec.layers[i].okamura;
     CompiledLayer& layer = model.layers[i];
     layer.cut_stretch_m = own.cutting_force_N / spec.tracking_wall.stiffness_N_per_m;
-    limits->layers[i] = {in.next(own.in, layer, spec.layers[i].thickness_m),
-                         out.next(own.out, layer, spec.layers[i].thickness_m)};
+    limits->layers[i] = {own.in, own.out};
     // d/dz (a1 z + a2 z²) where it reaches the puncture force
     const double slope_N_per_m = std::sqrt(own.linear_N_per_m * own.linear_N_per_m +
                                            4 * own.quadratic_N_per_m2 * own.puncture_force_N);

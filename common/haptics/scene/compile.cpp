@@ -9,6 +9,7 @@
 #include "common/haptics/det_math.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/effects/tracking_wall.h"
+#include "common/haptics/effects/trajectory.h"
 #include "common/haptics/models/axial_entry.h"
 #include "common/haptics/scene_model.h"
 
@@ -33,9 +34,9 @@ double slopeAtRupture(const MembraneSpec& m) {
   return std::sqrt(m.linear_N_per_m * m.linear_N_per_m + 4 * m.quadratic_N_per_m2 * m.force_N);
 }
 
-// layer boundaries, stretches and the two running integrals (FORCE_MODEL.md, "Tracking wall")
+// layer boundaries and stretches (FORCE_MODEL.md, "Tracking wall")
 void compileLayers(const SceneSpec& spec, SceneModel& model) {
-  double top = 0, lateral = 0, friction = 0;  // ∫ from the skin to the layer's top, along the normal
+  double top = 0;
   const LayerSpec* tissue = nullptr;
   for (const LayerSpec& layer : spec.layers) {
     // BONE: the tissue above goes on, no needle enters the bone
@@ -55,20 +56,45 @@ void compileLayers(const SceneSpec& spec, SceneModel& model) {
     to.attracted_stretch_m = model.isLive(Effect::kAttracted) ? from.attracted_force_N / wall_stiffness : 0.0;
     to.rejection_stretch_m = from.rejection_force_N / wall_stiffness;
     to.lateral_N_per_m2 = from.lateral_stiffness_N_per_m2;
-    to.lateral_offset_N_per_m = lateral - from.lateral_stiffness_N_per_m2 * top;
     to.friction_N_per_m = from.friction_N_per_m;
-    to.friction_offset_N = friction - from.friction_N_per_m * top;
     if (layer.membrane)
       model.membranes[model.membrane_count++] = {top, layer.membrane->linear_N_per_m,
                                                  layer.membrane->quadratic_N_per_m2, layer.membrane->force_N,
                                                  slopeAtRupture(*layer.membrane)};
-    lateral += from.lateral_stiffness_N_per_m2 * layer.thickness_m;
-    friction += from.friction_N_per_m * layer.thickness_m;
     top += layer.thickness_m;
     to.bottom_m = top;
   }
   model.layers[0].least_depth_m = std::numeric_limits<double>::denorm_min();
   model.layers[model.layer_count - 1].bottom_m = std::numeric_limits<double>::infinity();
+  model.beyond.wall_stiffness_N_per_m = model.layers[0].wall_stiffness_N_per_m;
+}
+
+void compileTurn(SceneModel& model) {
+  model.fixture_push = model.fixture.mode == ClampingMode::kConservative ? 0.5 : 0.0;
+  model.turn_begins_m = std::min(kFreeTurn_m, 0.25 * model.needle_length_m);
+  model.turn_slope_N_per_m = model.fixture.max_force_N / (0.5 * model.needle_length_m - model.turn_begins_m);
+}
+
+// U = ½ k(d) e² for a needle straight in: its second derivatives are k across, k′e mixed, ½ k″e² along
+FixtureSteepness steepnessOf(const SceneModel& model) {
+  if (!model.isLive(Effect::kClamping)) return {};
+  FixtureSteepness steepest{model.fixture.max_stiffness_N_per_m, 0.0};
+  if (model.fixture_push == 0.0) return steepest;
+  LayersAlong along;
+  layStraight(model, along);
+  constexpr double kScan_m = 1e-4;
+  for (double d_m = kScan_m; d_m < model.needle_length_m; d_m += kScan_m) {
+    const auto [k, slope] = lateralStiffness(along, d_m);
+    if (!(k > 0.0)) continue;
+    const double bend = 2.0 * along.stiffness_here.half_bend_N_per_m3;
+    const double aside_m = std::min(turningForce(model, along, k, d_m) / k, d_m);
+    const double along_N_per_m = 0.5 * std::max(0.0, bend) * aside_m * aside_m;
+    const double apart = 0.5 * (k - along_N_per_m), mixed = slope * aside_m;
+    steepest.along_N_per_m = std::max(steepest.along_N_per_m, along_N_per_m);
+    steepest.across_N_per_m = std::max(steepest.across_N_per_m,
+                                       0.5 * (k + along_N_per_m) + std::sqrt(apart * apart + mixed * mixed));
+  }
+  return steepest;
 }
 
 // where the limb is a plane: the plane through the bone's top below the limb's point
@@ -139,14 +165,26 @@ Result<SceneModel> compile(const SceneSpec& spec, double rate_hz) {
   if (model.wall.stop_mode == StopMode::kExponential)
     model.relax_share = 1.0 - detExp(-model.period_s / model.wall.relax_time_s);
   model.max_turn_rad = 2.0 * model.period_s;
+  compileTurn(model);
   compileLayers(spec, model);
   compileBone(spec, model);
+  model.fixture_steepness = steepnessOf(model);
   const AxialEntry& axial = axialEntry(spec.axial_model);
   model.axial_model = spec.axial_model;
   model.step_function = model.placed_step = (*axial.steps)[model.live & kPlacedEffects];
   axial.compile(spec, model);
   compileStages(spec, model);
   return model;
+}
+
+FixtureSteepness fixtureSteepness(const SceneSpec& spec) {
+  SceneModel model;
+  model.fixture = spec.virtual_fixture;
+  model.needle_length_m = spec.needle_length_m;
+  model.live = liveEffects(spec);
+  compileTurn(model);
+  compileLayers(spec, model);
+  return steepnessOf(model);
 }
 
 double SceneModel::axialStiffness_N_per_m() const {

@@ -97,8 +97,8 @@ void checkSections(const SceneSpec& spec, SpecChecker& check) {
 
   for (const EffectEntry* entry : effectEntries()) {
     check.enter(std::string(entry->section) + (entry->section.empty() ? "" : "."));
-    // without a stage's section its numbers are zero: the stage is not live
-    if (entry->stage != nullptr && !hasAnyNumber(*entry, spec)) continue;
+    // without the section of a later effect its numbers are zero: it is not live
+    if (!isPlaced(entry->effect) && !hasAnyNumber(*entry, spec)) continue;
     for (const EffectField& field : entry->fields)
       check.number(field.name, numberOf(field, spec), field.range);
     if (entry->check != nullptr) entry->check(spec, check);

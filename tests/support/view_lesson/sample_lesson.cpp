@@ -8,17 +8,12 @@
 #include "client/view/model/camera.h"
 #include "common/haptics/engine.h"
 #include "common/profile/profile.h"
+#include "tests/support/stored_sample.h"
 
 namespace needlelab::test {
 namespace {
 
 constexpr double kRateHz = 1000;
-
-void put3(double (&to)[3], Vec3 v) {
-  to[0] = v.x;
-  to[1] = v.y;
-  to[2] = v.z;
-}
 
 template <typename T>
 T orEnd(Result<T> result) {
@@ -31,27 +26,6 @@ T orEnd(Result<T> result) {
 double gently(double share) {
   const double t = std::clamp(share, 0.0, 1.0);
   return t * t * t * (10 - 15 * t + 6 * t * t);
-}
-
-GestureSample lessonSample(std::uint64_t tick, const TipSample& tip, const StepReport& report) {
-  GestureSample sample;
-  sample.tick = tick;
-  sample.time_ns = static_cast<std::int64_t>(tick) * 1'000'000;
-  put3(sample.p_WT_m, tip.p_WT_m);
-  sample.q_WT[0] = tip.q_WT.x;
-  sample.q_WT[1] = tip.q_WT.y;
-  sample.q_WT[2] = tip.q_WT.z;
-  sample.q_WT[3] = tip.q_WT.w;
-  sample.speed_mps = report.speed_mps;
-  put3(sample.force_W_N, report.wrench_W.force_N);
-  put3(sample.torque_W_Nm, report.wrench_W.torque_Nm);
-  put3(sample.wall_W_m, report.p_wall_W_m);
-  sample.insertion_m = report.insertion_m;
-  sample.lateral_error_m = report.lateral_error_m;
-  sample.flags = report.flags;
-  sample.layer = static_cast<std::int8_t>(report.layer);
-  sample.phase = static_cast<std::uint8_t>(report.phase);
-  return sample;
 }
 
 }  // namespace
@@ -93,7 +67,7 @@ SampleLesson sampleLesson(const std::string& name, const LessonShape& shape) {
                      std::cos(sway / 2)};
     const TipSample tip{aim - axis * (way_m * left) + tremor, normalized(swing * facing)};
     step(*lesson.model, tip, *state, report);
-    GestureSample sample = lessonSample(tick, tip, report);
+    GestureSample sample = storedSample(tick, tip, report);
     sample.plunger = 0.15 + 0.6 * gently((t - shape.approach_s - shape.insert_s) / shape.rest_s);
     lesson.samples.push_back(sample);
     lesson.reports.push_back(report);

@@ -88,10 +88,8 @@ export function wayOf(columns, profile, placement) {
   };
 }
 
-/** The event's name for people. */
-export const kBoneContact = 'bone contact';
-/** Out of bone for so long, the tip can make another contact: common/scoring/bone_contacts.h. */
-const kBoneAway_s = 0.2;
+/** What touches has to be away for this long before it can make another contact: common/scoring/contacts.h. */
+const kContactAway_s = 0.2;
 
 /** Distance of p from the segment a-b, which may be a point. */
 function segmentDistance(p, a, b) {
@@ -102,55 +100,80 @@ function segmentDistance(p, a, b) {
   return Math.hypot(p.x - a.x - s * d.x, p.y - a.y - s * d.y, p.z - a.z - s * d.z);
 }
 
-/**
- * When the tip came into bone, a layer or a hazard, by the rule of the measure bone_contacts. Between two points of a
- * decimated recording nothing is known: the score's row has the number of contacts.
- * @param {Record<string, number[]>} columns
- * @param {any} profile
- * @param {number[]} [placement]
- * @returns {number[]} s
- */
-export function boneContacts(columns, profile, placement) {
+/** When contacts begin, in s, by the rule of the measures. @param {number[]} t_s @param {(i: number) => boolean} touches */
+function beginnings(t_s, touches) {
+  const found = [];
+  let touching = false,
+    away_since_s = null;
+  t_s.forEach((t, i) => {
+    if (!touches(i)) {
+      if (touching) away_since_s ??= t;
+      return;
+    }
+    if (!touching || (away_since_s !== null && t - away_since_s >= kContactAway_s * (1 - 1e-9))) found.push(t);
+    touching = true;
+    away_since_s = null;
+  });
+  return found;
+}
+
+/** Whether the tip is in bone, a layer or a hazard, at a sample. */
+function inBone(columns, profile, placement) {
   const limb = intoLimb(placement),
-    bones = (profile?.hazards ?? []).filter((h) => h.kind === 'BONE');
-  const isIn = (i) => {
-    const layer = columns.layer[i];
+    bones = (profile.hazards ?? []).filter((h) => h.kind === 'BONE');
+  return (i) => {
+    const layer = columns.layer?.[i];
     if (!(layer >= 0)) return false;
     if (profile.layers?.[layer]?.tissue === 'BONE') return true;
     const p = limb({ x: columns.px_m?.[i], y: columns.py_m?.[i], z: columns.pz_m?.[i] });
     return bones.some((h) => segmentDistance(p, h.a_m ?? h.center_m, h.b_m ?? h.center_m) <= h.radius_m);
   };
-  const found = [];
-  let touching = false,
-    away_since_s = null;
-  for (let i = 0; profile && columns.layer && i < (columns.t_s?.length ?? 0); i++) {
-    const t = columns.t_s[i];
-    if (!isIn(i)) {
-      if (touching) away_since_s ??= t;
-      continue;
-    }
-    if (!touching || (away_since_s !== null && t - away_since_s >= kBoneAway_s * (1 - 1e-9))) found.push(t);
-    touching = true;
-    away_since_s = null;
-  }
-  return found;
+}
+
+/** The kinds of contacts: the measure that counts them, the event's name, their number in words; a new one is one row. */
+const kContacts = [
+  { measure: 'bone_contacts', name: 'bone contact', one: '1 bone contact', more: 'contacts with bone', at: inBone },
+  {
+    measure: 'hub_contacts',
+    name: 'hub on the skin',
+    one: '1 contact of the hub with the skin',
+    more: 'contacts of the hub with the skin',
+    at: (columns, profile) => (i) => columns.insertion_m?.[i] > profile.needle?.length_m,
+  },
+];
+
+/** @typedef {{measure: string, name: string, one: string, more: string, moments_s: number[]}} ContactsOfKind */
+
+/**
+ * When the tip came into bone and the hub onto the skin, by the rule of the measures. Between two points of a decimated
+ * recording nothing is known: the score's rows have the numbers of contacts.
+ * @param {Record<string, number[]>} columns
+ * @param {any} profile
+ * @param {number[]} [placement]
+ * @returns {ContactsOfKind[]}
+ */
+export function contactsOf(columns, profile, placement) {
+  return kContacts.map(({ at, ...kind }) => ({
+    ...kind,
+    moments_s: profile ? beginnings(columns.t_s ?? [], at(columns, profile, placement)) : [],
+  }));
 }
 
 /**
- * What is said of the contacts with bone. The score counts them over all samples; moments are known only where the
- * points of the plot show them, which can be fewer.
+ * What is said of one kind of contacts. The score counts them over all samples; moments are known only where the points
+ * of the plot show them, which can be fewer.
  * @param {any[]|undefined} measures of the score, if there is one
- * @param {number} shown how many moments the points show
- * @returns {{many: string, moments: string}|null} `many`: how many there were, empty without a score; null: none
+ * @param {ContactsOfKind} contacts
+ * @returns {{many: string, moments: string}|null} `many`: how many there were, or their name without a score; null: none
  */
-export function boneContactWords(measures, shown) {
-  const counted = measures?.find((row) => row.measure === 'bone_contacts')?.value;
+export function contactWords(measures, { measure, name, one, more, moments_s: { length: shown } }) {
+  const counted = measures?.find((row) => row.measure === measure)?.value;
   const known = Number.isFinite(counted);
   if (shown === 0 && !(known && counted > 0)) return null;
-  const many = known ? (counted === 1 ? `1 ${kBoneContact}` : `${counted} contacts with bone`) : '';
+  const many = !known ? name : counted === 1 ? one : `${counted} ${more}`;
   if (known && shown === 0) return { many, moments: 'too short for the plot' };
   const short = known && counted > shown ? `, ${counted - shown} too short for the plot` : '';
-  return { many, moments: `${known ? 'moments' : `moments of ${kBoneContact}`} that are shown${short}` };
+  return { many, moments: `moments that are shown${short}` };
 }
 
 /** Index of the sample at a moment. */

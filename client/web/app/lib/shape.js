@@ -29,6 +29,7 @@ export const kProfileShape = {
   shaft_friction: {},
   cut_memory: {},
   bone: {},
+  hub: {},
   direct: {},
   voigt: {},
   god_object: {},

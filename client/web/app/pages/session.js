@@ -1,5 +1,5 @@
 // One session: plots, replay, score, remarks, syringe.
-import { advance, atRest, boneContacts, columnsOf, kBoneContact, loaded, seek, toggle } from '../lib/recording.js';
+import { advance, atRest, columnsOf, contactsOf, loaded, seek, toggle } from '../lib/recording.js';
 import { href } from '../lib/routes.js';
 import { clock, moment } from '../lib/time.js';
 import { counted, words } from '../lib/units.js';
@@ -61,10 +61,10 @@ function Recording({ id, session, measures, person }) {
   const t = columns.t_s ?? [];
   const [playback, act] = usePlayback(t[0] ?? 0, t.at(-1) ?? 0);
   const { profile, placement } = session.description;
-  const contacts = useMemo(() => boneContacts(columns, profile, placement), [columns, profile, placement]);
+  const contacts = useMemo(() => contactsOf(columns, profile, placement), [columns, profile, placement]);
   const marks = useMemo(
     () => [
-      ...contacts.map((x) => ({ x, label: kBoneContact })),
+      ...contacts.flatMap(({ name, moments_s }) => moments_s.map((x) => ({ x, label: name }))),
       ...(notes.data ?? []).map((a) => ({ x: a.t_s, label: a.text })),
     ],
     [contacts, notes.data],

@@ -6,8 +6,8 @@ export const kEffects = [
   { name: 'ATTRACTED', label: 'Attraction: what holds the needle on its way out', title: 'Attracted' },
   { name: 'CLAMPING', label: 'Clamping: what keeps the needle on its line', title: 'Clamping',
     section: 'virtual_fixture', fields: [['max_stiffness_n_per_m', 'Greatest stiffness'], ['max_force_n', 'Greatest clamping force']],
-    choice: { name: 'mode', label: 'Mode', options: [['PASSIVE', 'Passive: never pushes the hand'], ['PROPORTIONAL', 'Proportional: as in the paper']] },
-    begin: { max_stiffness_n_per_m: 400, max_force_n: 4, mode: 'PASSIVE' } },
+    choice: { name: 'mode', label: 'Mode', options: [['CONSERVATIVE', 'Conservative: gives back what it took, and no more'], ['PROPORTIONAL', 'Proportional: as in the paper']] },
+    begin: { max_stiffness_n_per_m: 400, max_force_n: 4, mode: 'CONSERVATIVE' } },
   { name: 'ORIENTATION_LIMIT', label: 'Orientation limit: what resists tilting', title: 'Orientation limit',
     section: 'orientation_limit', fields: [['stiffness_nm_per_rad', 'Rotational stiffness'], ['max_torque_nm', 'Greatest torque']],
     begin: { stiffness_nm_per_rad: 0.5, max_torque_nm: 0.2 } },
@@ -21,4 +21,7 @@ export const kEffects = [
   { name: 'BONE', label: 'Bone: a stiff surface that no needle enters', title: 'Bone',
     section: 'bone', fields: [['stiffness_n_per_m', 'Stiffness of the bone'], ['friction_coefficient', 'Friction along the bone']],
     begin: { stiffness_n_per_m: 600, friction_coefficient: 0.3 } },
+  { name: 'HUB', label: 'Hub: stops a needle that is in to its hub', title: 'Hub',
+    section: 'hub', fields: [['stiffness_n_per_m', 'Stiffness of the skin under the hub']],
+    begin: { stiffness_n_per_m: 300 } },
 ];

@@ -1,6 +1,6 @@
 // The replay of the tip in two views: from the side, in the plane of the insertion, and from above.
 import { minMax } from '../lib/decimate.js';
-import { boneContactWords, forceOf, kBoneContact, kSpeeds, sampleAt, wayOf } from '../lib/recording.js';
+import { contactWords, forceOf, kSpeeds, sampleAt, wayOf } from '../lib/recording.js';
 import { clock } from '../lib/time.js';
 import { layerNames } from '../lib/tissue.js';
 import { quantity } from '../lib/units.js';
@@ -32,7 +32,27 @@ function Tip({ way, at_s, x, y, second, length_m }) {
   `;
 }
 
-/** @param {{columns: any, session: any, contacts: number[], measures: any[]|undefined, playback: import('../lib/recording.js').Playback, act: {toggle: () => void, seek: (s: number) => void, speed: (n: number) => void}}} props */
+/** The contacts of one kind, with a button for each moment that is shown. */
+function Contacts({ kind, measures, seek }) {
+  const said = contactWords(measures, kind);
+  if (!said) return null;
+  return html`<div class="actions">
+    <span>✗ ${said.many}; ${said.moments}${kind.moments_s.length > 0 && ':'}</span>
+    ${kind.moments_s.map(
+      (t) =>
+        html`<button
+          type="button"
+          class="small"
+          aria-label=${`Go to the ${kind.name} at ${clock(t)}`}
+          onClick=${() => seek(t)}
+        >
+          ${clock(t)}
+        </button>`,
+    )}
+  </div>`;
+}
+
+/** @param {{columns: any, session: any, contacts: import('../lib/recording.js').ContactsOfKind[], measures: any[]|undefined, playback: import('../lib/recording.js').Playback, act: {toggle: () => void, seek: (s: number) => void, speed: (n: number) => void}}} props */
 export function Replay({ columns, session, contacts, measures, playback, act }) {
   const id = useId();
   const { profile, placement } = session.description;
@@ -64,7 +84,6 @@ export function Replay({ columns, session, contacts, measures, playback, act }) 
   const name = layerNames(profile)[layer] ?? `layer ${layer + 1}`;
   const where = layer >= 0 ? `in ${name}, ${quantity(columns.insertion_m?.[i], 'm')} deep` : 'outside';
   const place = `${clock(playback.at_s)}: ${where}, ${quantity(force[i], 'N')}`;
-  const said = boneContactWords(measures, contacts.length);
   const tip =
     (second) =>
     ({ x, y }) =>
@@ -108,7 +127,7 @@ export function Replay({ columns, session, contacts, measures, playback, act }) 
         list=${`${id}-marks`}
         onInput=${(event) => act.seek(Number(event.target.value))}
       />
-      <datalist id=${`${id}-marks`}>${contacts.map((t) => html`<option value=${t.toFixed(2)}>${kBoneContact}</option>`)}</datalist>
+      <datalist id=${`${id}-marks`}>${contacts.map(({ name, moments_s }) => moments_s.map((t) => html`<option value=${t.toFixed(2)}>${name}</option>`))}</datalist>
       <${SelectField}
         label="Speed"
         value=${String(playback.speed)}
@@ -117,22 +136,6 @@ export function Replay({ columns, session, contacts, measures, playback, act }) 
       />
     </div>
     <p class="replay-now">${place}</p>
-    ${
-      said &&
-      html`<div class="actions">
-        <span>✗ ${[said.many, said.moments].filter(Boolean).join('; ')}${contacts.length > 0 && ':'}</span>
-        ${contacts.map(
-          (t) =>
-            html`<button
-              type="button"
-              class="small"
-              aria-label=${`Go to the ${kBoneContact} at ${clock(t)}`}
-              onClick=${() => act.seek(t)}
-            >
-              ${clock(t)}
-            </button>`,
-        )}
-      </div>`
-    }
+    ${contacts.map((kind) => html`<${Contacts} kind=${kind} measures=${measures} seek=${act.seek} />`)}
   </div>`;
 }

@@ -68,6 +68,21 @@ TEST_F(Csv, badInputNamesLineColumnAndValue) {
   EXPECT_THAT(refusal("t_s,px_m\n0,\x1b[31m1\n"), HasSubstr("'?[31m1'")) << "a terminal is not steered";
 }
 
+TEST_F(Csv, columnsThatMayBeNotFinite) {
+  const auto file = folder.write("w.csv", "t_s,wx_m\n0,nan\n1,-inf\n2,3\n");
+  const auto table = readCsv(file, {"t_s", "wx_m"}, {}, kMostCsvRows, {"wx_m"});
+  ASSERT_TRUE(table.ok()) << table.error().message;
+  EXPECT_TRUE(std::isnan(table->columns[1][0]));
+  EXPECT_EQ(table->columns[1][1], -std::numeric_limits<double>::infinity());
+  EXPECT_EQ(table->columns[1][2], 3);
+  const auto word = folder.write("word.csv", "t_s,wx_m\n0,none\n");
+  EXPECT_THAT(readCsv(word, {"t_s", "wx_m"}, {}, kMostCsvRows, {"wx_m"}).error().message,
+              AllOf(HasSubstr("line 2"), HasSubstr("'none' is not a number")));
+  const auto time = folder.write("time.csv", "t_s,wx_m\nnan,0\n");
+  EXPECT_THAT(readCsv(time, {"t_s", "wx_m"}, {}, kMostCsvRows, {"wx_m"}).error().message,
+              HasSubstr("'nan' is not a finite number"));
+}
+
 TEST_F(Csv, missingFileAndFolderAreInvalidInput) {
   EXPECT_EQ(readCsv(folder.path() / "none.csv", {"a"}).error().code, ErrorCode::kInvalidInput);
   EXPECT_EQ(readCsv(folder.path(), {"a"}).error().code, ErrorCode::kInvalidInput);

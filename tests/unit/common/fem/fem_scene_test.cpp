@@ -17,7 +17,7 @@ namespace {
 // stiff that a needle cuts soon and does not only indent the skin.
 SceneSpec sixLayers(LimbKind limb = LimbKind::kPlane) {
   SceneSpec scene =
-      likeForLike(withClamping(withLimb(allEffects(), limb), ClampingMode::kPassive), AxialModel::kFem);
+      likeForLike(withClamping(withLimb(allEffects(), limb), ClampingMode::kConservative), AxialModel::kFem);
   for (FemLayerSpec& layer : scene.fem.layers) layer.young_Pa = 200e3;
   static const std::shared_ptr<const NeedleCompliance> compliance =
       complianceOf(scene, 1000, kDefaultStations);

@@ -66,19 +66,33 @@ TEST(FormatPage, namesTheFaults) {
 }
 
 TEST(FormatPage, namesTheBitsOfFlags) {
-  const std::set<std::string> code = {NEEDLELAB_BIT(kFlagEntry),        NEEDLELAB_BIT(kFlagExit),
-                                      NEEDLELAB_BIT(kFlagLayerChange),  NEEDLELAB_BIT(kFlagRupture),
-                                      NEEDLELAB_BIT(kFlagTurn),         NEEDLELAB_BIT(kFlagClampCapped),
-                                      NEEDLELAB_BIT(kFlagForceCapped),  NEEDLELAB_BIT(kFlagTorque),
-                                      NEEDLELAB_BIT(kFlagNotStepped),   NEEDLELAB_BIT(kFlagStartedInside),
-                                      NEEDLELAB_BIT(kFlagBeyondNeedle), NEEDLELAB_BIT(kGateSampleRejected),
-                                      NEEDLELAB_BIT(kGatePeakLimited),  NEEDLELAB_BIT(kGateThermalLimited),
-                                      NEEDLELAB_BIT(kGateSlewLimited),  NEEDLELAB_BIT(kGateStartRamp),
-                                      NEEDLELAB_BIT(kGateFaulted),      NEEDLELAB_BIT(kDeviceEmergencyStop),
-                                      NEEDLELAB_BIT(kDeviceReleased),   NEEDLELAB_BIT(kDevicePowerOff),
-                                      NEEDLELAB_BIT(kDeviceOverheated), NEEDLELAB_BIT(kDeviceSaturated),
-                                      NEEDLELAB_BIT(kDeviceOverrun),    NEEDLELAB_BIT(kDeviceLost),
-                                      NEEDLELAB_BIT(kDeviceTrouble),    NEEDLELAB_BIT(kDeviceNotReady)};
+  const std::set<std::string> code = {NEEDLELAB_BIT(kFlagEntry),
+                                      NEEDLELAB_BIT(kFlagExit),
+                                      NEEDLELAB_BIT(kFlagLayerChange),
+                                      NEEDLELAB_BIT(kFlagRupture),
+                                      NEEDLELAB_BIT(kFlagTurn),
+                                      NEEDLELAB_BIT(kFlagClampCapped),
+                                      NEEDLELAB_BIT(kFlagForceCapped),
+                                      NEEDLELAB_BIT(kFlagTorque),
+                                      NEEDLELAB_BIT(kFlagNotStepped),
+                                      NEEDLELAB_BIT(kFlagStartedInside),
+                                      NEEDLELAB_BIT(kFlagBeyondNeedle),
+                                      NEEDLELAB_BIT(kFlagFlatEntry),
+                                      NEEDLELAB_BIT(kGateSampleRejected),
+                                      NEEDLELAB_BIT(kGatePeakLimited),
+                                      NEEDLELAB_BIT(kGateThermalLimited),
+                                      NEEDLELAB_BIT(kGateSlewLimited),
+                                      NEEDLELAB_BIT(kGateStartRamp),
+                                      NEEDLELAB_BIT(kGateFaulted),
+                                      NEEDLELAB_BIT(kDeviceEmergencyStop),
+                                      NEEDLELAB_BIT(kDeviceReleased),
+                                      NEEDLELAB_BIT(kDevicePowerOff),
+                                      NEEDLELAB_BIT(kDeviceOverheated),
+                                      NEEDLELAB_BIT(kDeviceSaturated),
+                                      NEEDLELAB_BIT(kDeviceOverrun),
+                                      NEEDLELAB_BIT(kDeviceLost),
+                                      NEEDLELAB_BIT(kDeviceTrouble),
+                                      NEEDLELAB_BIT(kDeviceNotReady)};
   EXPECT_EQ(rowsOf("flag's bit"), code);
   // all of the device's bits, and the tables of the page, have a name here
   std::uint32_t device_bits = 0;

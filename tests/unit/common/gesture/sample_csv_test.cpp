@@ -101,7 +101,14 @@ TEST(SampleCsv, whatIsNoNumberLeavesAsFormatMdSaysAndIsRefusedWhereScoresNeedIt)
   appendSampleCsvHeader(text);
   appendSampleCsvRow(text, s, s.time_ns);
   std::ofstream(path) << text;
-  EXPECT_TRUE(readSampleCsv(path).ok()) << "scores need no wall";
+  const auto scored = readSampleCsv(path);
+  ASSERT_TRUE(scored.ok()) << "scores need no wall";
+  EXPECT_TRUE(std::isnan(scored->front().wall_W_m[0]));
+  const auto walled = readSampleCsv(path, WallColumns::kRead);
+  ASSERT_TRUE(walled.ok()) << walled.error().message;
+  EXPECT_EQ(walled->front().wall_W_m[0], kInfinity);
+  EXPECT_EQ(walled->front().wall_W_m[1], -kInfinity);
+  EXPECT_TRUE(std::isnan(walled->front().wall_W_m[2]));
   s.force_W_N[0] = kInfinity;
   text.clear();
   appendSampleCsvHeader(text);

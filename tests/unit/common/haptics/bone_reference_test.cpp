@@ -41,7 +41,7 @@ BoneSession boneSession(std::uint64_t seed, LimbKind limb) {
   static constexpr std::array<double, 4> kRates_hz = {1000, 1000, 250, 333};
   Random random(seed);
   BoneSession made;
-  SceneSpec& scene = made.scene = withClamping(withLimb(allEffects(), limb), ClampingMode::kPassive);
+  SceneSpec& scene = made.scene = withClamping(withLimb(allEffects(), limb), ClampingMode::kConservative);
   scene.effects = static_cast<EffectMask>(random.below(kPlacedEffects + 1)) | bitOf(Effect::kBone);
   scene.layers[2 + random.below(4)].is_bone = true;
   scene.layers.back().is_bone = true;

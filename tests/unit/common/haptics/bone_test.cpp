@@ -43,7 +43,7 @@ SceneSpec onBone(EffectMask effects = kAxial, double friction = kRubs) {
 
 /// The six layers with all effects; the last one, below 26 mm, is bone.
 SceneSpec sixLayersOnBone(LimbKind limb, double friction = kRubs) {
-  SceneSpec scene = withClamping(withLimb(allEffects(), limb), ClampingMode::kPassive);
+  SceneSpec scene = withClamping(withLimb(allEffects(), limb), ClampingMode::kConservative);
   scene.layers.back().is_bone = true;
   return withBone(scene, kPlacedEffects, 600, friction);
 }

@@ -298,7 +298,7 @@ TEST(CutMemory, goingInAndOutOfOneHoleTakesOnePlace) {
 }
 
 TEST(CutMemory, aTurnOfTheTrajectoryTakesTheTrackAlong) {
-  SceneSpec scene = withClamping(allEffects(), ClampingMode::kPassive);
+  SceneSpec scene = withClamping(allEffects(), ClampingMode::kConservative);
   scene.virtual_fixture.max_force_N = 0.5;
   scene = remembering(scene, kPlacedEffects);
   EngineRun run(scene, 1000);
@@ -326,7 +326,7 @@ TEST(CutMemory, aTurnOfTheTrajectoryTakesTheTrackAlong) {
 }
 
 TEST(CutMemory, aTurnWhileTheNeedleIsDrawnBackMovesTheEndOfTheCutAsAllLengths) {
-  SceneSpec scene = withClamping(allEffects(), ClampingMode::kPassive);
+  SceneSpec scene = withClamping(allEffects(), ClampingMode::kConservative);
   scene.virtual_fixture.max_force_N = 0.5;
   Probe probe(remembering(scene, kPlacedEffects), 1000);
   probe.at(-0.001);
@@ -386,7 +386,8 @@ TEST(CutMemory, givesTheHandNothingAndUsesNoHeap) {
   range.most_leg_s = 1.2;
   range.aside_m = 0.002;  // again and again into the same holes
   for (std::uint64_t seed = 1; seed <= (longForm() ? 500u : 20u); ++seed) {
-    const SceneSpec scene = remembering(withClamping(allEffects(), ClampingMode::kPassive), kPlacedEffects);
+    const SceneSpec scene =
+        remembering(withClamping(allEffects(), ClampingMode::kConservative), kPlacedEffects);
     const auto model = std::make_unique<SceneModel>(compiled(scene, 2000));
     const auto state = std::make_unique<SimState>();
     const Motion motion = randomGesture(seed, 2000, defaultSite(), range);

@@ -1,9 +1,10 @@
 // Properties over random gestures (tests/stability/README.md, `random_energy`, with prescribed motion): with
-// PASSIVE clamping the scene gives the hand no energy, and outside declared releases no force jumps.
+// CONSERVATIVE clamping the scene gives the hand no energy, and outside declared releases no force jumps.
 #include <gtest/gtest.h>
 
 #include <cmath>
 
+#include "common/haptics/effects/trajectory.h"
 #include "tests/unit/common/haptics/probe.h"
 
 namespace needlelab::test {
@@ -36,14 +37,14 @@ double worstEnergy(LimbKind limb, ClampingMode mode, int gestures) {
 TEST(RandomEnergy, passiveSceneGivesTheHandNothing) {
   const int gestures = longForm() ? 1000 : 50;  // on each of four limbs
   for (const LimbKind limb : kLimbKinds)
-    EXPECT_LE(worstEnergy(limb, ClampingMode::kPassive, gestures), 5e-5) << limbName(limb);
+    EXPECT_LE(worstEnergy(limb, ClampingMode::kConservative, gestures), 5e-5) << limbName(limb);
 }
 
 TEST(RandomEnergy, clampingAloneIsPassiveToo) {
   const int gestures = longForm() ? 1000 : 25;
   for (const double f_max_N : {0.5, 4.0}) {
     SceneSpec scene =
-        withEffects(withClamping(allEffects(), ClampingMode::kPassive), bitOf(Effect::kClamping));
+        withEffects(withClamping(allEffects(), ClampingMode::kConservative), bitOf(Effect::kClamping));
     scene.virtual_fixture.max_force_N = f_max_N;
     for (int i = 0; i < gestures; ++i) {
       const Motion motion =
@@ -64,11 +65,11 @@ TEST(RandomEnergy, orientationLimitAloneIsPassive) {
   }
 }
 
-// §10: outside declared releases force step beyond ΣK·|Δp|/c ≤ 0.05 N, ΣK = K_t + K_f + k + k1 + 2·k2·z
+// outside declared releases no force step beyond ΣK·|Δp|/c, ΣK = K_t + K_f + k + k1 + 2·k2·z
 TEST(RandomEnergy, noForceStepWithoutADeclaredRelease) {
   const int gestures = longForm() ? 500 : 15;
   for (const LimbKind limb : {LimbKind::kPlane, LimbKind::kSphere}) {
-    const SceneSpec scene = withClamping(withLimb(allEffects(), limb), ClampingMode::kPassive);
+    const SceneSpec scene = withClamping(withLimb(allEffects(), limb), ClampingMode::kConservative);
     double steepest = 0;
     for (const auto& layer : scene.layers)
       if (layer.membrane)
@@ -83,7 +84,12 @@ TEST(RandomEnergy, noForceStepWithoutADeclaredRelease) {
         const StepReport now = run.step(motion[k]);
         constexpr std::uint32_t kReleases = kFlagExit | kFlagLayerChange | kFlagRupture;
         if (!(now.flags & kReleases)) {
-          const double sum_K = 500 + 140 + now.clamping_stiffness_N_per_m + steepest;
+          double sum_K = 500 + 140 + now.clamping_stiffness_N_per_m + steepest;
+          // a hole that is dragged along under the skin goes up to five times as far as the tip
+          LayersAlong along = run.state().along;
+          if ((now.flags & kFlagTurn) != 0)
+            sum_K += kSlack * (now.clamping_stiffness_N_per_m +
+                               lateralStiffness(along, now.insertion_m).slope_N_per_m2 * now.lateral_error_m);
           const double way = norm(motion[k].p_WT_m - motion[k - 1].p_WT_m);
           const double c = now.layer < 0 ? 1.0 : run.state().slant;
           const double step = norm(now.wrench_W.force_N - before.wrench_W.force_N);

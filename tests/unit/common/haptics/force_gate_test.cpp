@@ -97,7 +97,8 @@ TEST(ForceGate, magnitudeIsLimitedKeepingItsDirection) {
   EXPECT_TRUE(limited);
   EXPECT_NEAR(norm(normalized(out.force_N) - direction), 0, 1e-12);
   EXPECT_NEAR(norm(normalized(out.torque_Nm) - about), 0, 1e-12);
-  EXPECT_GT(norm(out.force_N), 9.0) << "20 ms of peak force are within the thermal budget";
+  EXPECT_NEAR(norm(out.force_N), norm(out.torque_Nm) * 25 / 3, 1e-9) << "one share, here the torque's";
+  EXPECT_GT(norm(out.torque_Nm), 0.75) << "20 ms of peak torque are within the thermal budget";
 }
 
 TEST(ForceGate, slewIsTwoNewtonsAndATenthNewtonMetreAMillisecond) {
@@ -160,8 +161,8 @@ TEST(ForceGate, thermalLimitComesSmoothlyIsSaidAndGoesAgain) {
     if (now < 6 - 1e-9) {
       said = said || (r.gate.flags() & kGateThermalLimited);
       ASSERT_TRUE(r.gate.flags() & kGateThermalLimited);
-      ASSERT_LT(r.gate.thermalScale(), 1.0);
-      least = std::min(least, r.gate.thermalScale());
+      ASSERT_LT(r.gate.limitShare(), 1.0);
+      least = std::min(least, r.gate.limitShare());
     }
   }
   EXPECT_TRUE(said);

@@ -94,7 +94,7 @@ SceneSpec overBone(double top_m, double friction, EffectMask effects) {
   scene.max_force_N = 50;
   scene.effects = effects | kOnBone;
   useUsualNumbers(effectEntry(Effect::kCutMemory), scene);
-  scene.virtual_fixture.mode = ClampingMode::kPassive;
+  scene.virtual_fixture.mode = ClampingMode::kConservative;
   effectEntry(Effect::kBone).fields[0].of(scene) = kEdge_N_per_m;
   effectEntry(Effect::kBone).fields[1].of(scene) = friction;
   return scene;

@@ -2,6 +2,7 @@
 // snapshot, no heap.
 #include <gtest/gtest.h>
 
+#include "common/haptics/effects/trajectory.h"
 #include "common/haptics/models/axial_entry.h"
 #include "tests/support/model_scenes.h"
 #include "tests/support/no_alloc.h"
@@ -67,6 +68,11 @@ TEST_P(EveryModel, aTurnMakesNoJump) {
         double allowed_N = stiffness * (on_surface ? moved_m + std::abs(x_m - x_before_m) : moved_m) + 0.05;
         if (GetParam() == AxialModel::kVoigt) allowed_N += 2 * 5 * 0.3;  // ẋ may change by 0.3 m/s either way
         if (GetParam() == AxialModel::kFem) allowed_N += 0.2;            // cuts in its own steps
+        // their tables fall steeply over depth where a layer ends
+        if (GetParam() == AxialModel::kStatistical || GetParam() == AxialModel::kPrecomputed)
+          allowed_N += 0.1;
+        // at the skin what attracts fades with d_t, and the hole comes after the tip
+        if (r.insertion_m < 0.003) allowed_N += kSlack * stiffness * moved_m;
         ASSERT_LE(std::abs(axial_N - before_N), allowed_N) << seed;
       }
       before_N = axial_N;

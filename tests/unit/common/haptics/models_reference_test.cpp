@@ -1,6 +1,7 @@
 // Each axial model against a literal transcription of FORCE_MODEL.md, "Axial models"
 // (support/reference_models.h).
 #include <gtest/gtest.h>
+#include <utility>
 
 #include "tests/support/model_scenes.h"
 #include "tests/support/random.h"
@@ -21,24 +22,37 @@ struct Worst {
 Worst compare(const SceneSpec& scene, double rate_hz, const Motion& motion) {
   EngineRun run(scene, rate_hz);
   ReferenceModel reference(scene, rate_hz);
+  ReferenceLayers layers;
   Worst worst;
-  Vec3 u_before{};
+  Vec3 u_before{}, entry_before{}, p_before{};
+  double depth_before = 0;
   for (const TipSample& sample : motion) {
     const StepReport r = run.step(sample);
+    const Vec3 p_past = std::exchange(p_before, sample.p_WT_m);
+    const double depth_past = std::exchange(depth_before, r.depth_m);
     worst.flags |= r.flags;
     if (r.phase == Phase::kFree) continue;
     const SimState& state = run.state();
     const Vec3 arm = sample.p_WT_m - state.p_entry_W_m;
     ModelTick tick;
     tick.entry = (r.flags & kFlagEntry) != 0;
-    const Vec3 u_old = tick.entry ? state.u0_W : u_before;
+    if (tick.entry) {
+      u_before = state.u0_W;
+      entry_before = p_past + (sample.p_WT_m - p_past) * (depth_past / (depth_past - r.depth_m));
+    }
     tick.x_m = dot(state.u_W, arm);
-    tick.moved_m = (r.flags & kFlagTurn) != 0 ? tick.x_m - dot(u_old, arm) : 0.0;
+    tick.moved_m = tick.x_m - dot(u_before, sample.p_WT_m - entry_before);
     tick.depth_m = r.depth_m;
-    tick.insertion_m = r.insertion_m;
     tick.slant = state.slant;
+    tick.insertion_m = r.insertion_m;
+    // as the engine laid them, of the line at entry
+    if (tick.entry || r.depth_m < 0.7e-3 || r.insertion_m < 5.1e-3)
+      layers = {scene, [&](Vec3 p) { return signedDepth(run.model().limb, p); }, state.p_entry_W_m, state.u_W,
+                state.slant};
+    tick.layers = &layers;
     tick.speed_mps = r.speed_mps;
     u_before = state.u_W;
+    entry_before = state.p_entry_W_m;
     const ModelForce expected = reference.step(tick);
     for (const double difference : {r.cutting_N - expected.cutting_N, r.attracted_N - expected.attracted_N,
                                     r.friction_N - expected.friction_N, r.puncture_N - expected.puncture_N})

@@ -36,7 +36,7 @@ TEST(NoAllocScope, seesNewAndDeleteAndMalloc) {
 
 TEST(NoAlloc, stepUsesNoHeapWhateverHappens) {
   for (const LimbKind limb : kLimbKinds)
-    for (const auto mode : {ClampingMode::kProportional, ClampingMode::kPassive}) {
+    for (const auto mode : {ClampingMode::kProportional, ClampingMode::kConservative}) {
       SceneSpec scene = withClamping(withLimb(allEffects(), limb), mode);
       scene.virtual_fixture.max_force_N = 0.5;  // so that u turns
       const auto model = std::make_unique<SceneModel>(compiled(scene, 1000));

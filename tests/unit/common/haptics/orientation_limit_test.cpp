@@ -92,13 +92,14 @@ TEST(OrientationLimit, theTiltPumpGivesNoEnergy) {
 }
 
 TEST(OrientationLimit, tiltedEntryBeyondTheConeStartsWithoutTorque) {
-  // the axis is 85° off the inward direction: u = −n, θ_l = θ
+  // the axis points out, 120° off the inward direction: u is mirrored at the skin, θ_l = θ = 60°
   Probe probe(tiltScene(), 1000);
-  probe.tilt(85 * kDegree);
+  probe.tilt(120 * kDegree);
   probe.at(-0.001);
   for (const auto& report : probe.go(300, 0.02)) ASSERT_EQ(norm(report.wrench_W.torque_Nm), 0.0);
-  EXPECT_EQ(probe.state().u_W, probe.site().inward);
-  probe.tilt(86 * kDegree);
+  const Vec3 mirrored = tilted(probe.site().inward, std::tan(60 * kDegree), probe.site().across_1);
+  EXPECT_NEAR(norm(probe.state().u_W - mirrored), 0, 1e-12);
+  probe.tilt(121 * kDegree);
   EXPECT_NEAR(norm(probe.at(0.02).wrench_W.torque_Nm), 0.5 * kDegree, 1e-9);
 }
 

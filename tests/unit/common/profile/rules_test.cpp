@@ -116,7 +116,7 @@ const WrongField kWrongProfiles[] = {
     {"/hazards/0/kind", "\"MUSCLE\"", "hazards[0].kind: \"MUSCLE\" is not one of BONE, NERVE, VESSEL, OTHER"},
     {"/axial_model", "\"MAGIC\"", "axial_model: \"MAGIC\" is not one of ENHANCED_TRACKING_WALL"},
     {"/tracking_wall/stop_mode", "\"LINEAR\"", "tracking_wall.stop_mode: \"LINEAR\" is not one of RAMP, EXPONENTIAL"},
-    {"/virtual_fixture/mode", "\"ACTIVE\"", "virtual_fixture.mode: \"ACTIVE\" is not one of PROPORTIONAL, PASSIVE"},
+    {"/virtual_fixture/mode", "\"ACTIVE\"", "virtual_fixture.mode: \"ACTIVE\" is not one of PROPORTIONAL, CONSERVATIVE"},
     {"/effects/2", "\"GRAVITY\"", "effects[2]: \"GRAVITY\" is not one of CUTTING, ATTRACTED, CLAMPING"},
     {"/effects/1", "\"CUTTING\"", "effects[1]: CUTTING is listed twice"},
     {"/id", "\"\"", "id: has 0 bytes, allowed are 1 to 64"},
@@ -140,7 +140,7 @@ const WrongField kWrongProfiles[] = {
      "targets[1].name: \"joint space\" is used twice"},
     // how many
     {"/layers", "[]", "layers: has 0 items, allowed are 1 to 32"},
-    {"/effects/8", "\"CUTTING\"", "effects: has 9 items, allowed are 0 to 8"},
+    {"/effects", "[\"CUTTING\", \"ATTRACTED\", \"CLAMPING\", \"ORIENTATION_LIMIT\", \"SHAFT_FRICTION\", \"PUNCTURE\", \"CUT_MEMORY\", \"BONE\", \"HUB\", \"CUTTING\"]", "effects: has 10 items, allowed are 0 to 9"},
     // shapes
     {"/limb", "{}", "limb: give exactly one of plane, sphere, capsule; found none"},
     {"/limb/sphere", R"({"center_m": {"x": 0, "y": 0, "z": 0}, "radius_m": 0.05})",

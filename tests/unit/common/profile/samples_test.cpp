@@ -114,7 +114,7 @@ TEST(Samples, patientsHaveEveryEffectPassively) {
     SCOPED_TRACE(id);
     const pb::Profile profile = sample(id);
     EXPECT_EQ(sceneSpecOf(profile)->effects & kPlacedEffects, kPlacedEffects);
-    EXPECT_EQ(profile.virtual_fixture().mode(), pb::VirtualFixture::PASSIVE);
+    EXPECT_EQ(profile.virtual_fixture().mode(), pb::VirtualFixture::CONSERVATIVE);
     EXPECT_FALSE(profile.hazards().empty());
   }
 }
@@ -150,18 +150,9 @@ TEST(Samples, theWristsBoneHoldsTheNeedle) {
 
 TEST(Samples, stiffnessesAddUpToWhatTheDesktopCanRender) {
   for (const std::string& id : all()) {
-    const pb::Profile profile = sample(id);
-    double membrane = 0;
-    for (const auto& layer : profile.layers()) {
-      if (!layer.has_puncture()) continue;
-      const auto& m = layer.puncture();
-      // the slope k1 + 2 k2 z where k1 z + k2 z² is the force of rupture
-      membrane = std::max(
-          membrane, std::sqrt(std::pow(m.linear_n_per_m(), 2) + 4 * m.quadratic_n_per_m2() * m.force_n()));
-    }
-    const double sum =
-        profile.tracking_wall().stiffness_n_per_m() + profile.shaft_friction().stiffness_n_per_m() + membrane;
-    EXPECT_LE(sum, 1000) << id;
+    const auto model = compile(*sceneSpecOf(sample(id)), 1000);
+    ASSERT_TRUE(model.ok()) << model.error().message;
+    EXPECT_LE(model->axialStiffness_N_per_m(), 1000) << id;
   }
 }
 
@@ -233,7 +224,7 @@ TEST(Samples, theMeasuredOneHasItsForceInATableAlone) {
   EXPECT_GT(profile.precomputed().table_size(), 50);
   EXPECT_THAT(profile.precomputed().source(), HasSubstr("arXiv 2301.11036"));
   for (const auto& layer : profile.layers()) EXPECT_EQ(layer.cutting_force_n(), 0);
-  EXPECT_EQ(profile.virtual_fixture().mode(), pb::VirtualFixture::PASSIVE);
+  EXPECT_EQ(profile.virtual_fixture().mode(), pb::VirtualFixture::CONSERVATIVE);
 }
 
 TEST(Samples, theCoursesUseTheirPatientsAndAreCanonical) {

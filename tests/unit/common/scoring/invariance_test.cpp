@@ -45,6 +45,7 @@ const std::map<std::string, Tolerance> kTolerances = {
     {"path_inefficiency", {5e-3, 0}},
     {"hazards_touched", {0, 0}},
     {"bone_contacts", {0, 0}},
+    {"hub_contacts", {0, 0}},
     {"target_reached", {0, 0}},
     {"time_at_target_s", {0, 8e-3}},
     {"target_distance_m", {0, 5e-5}},

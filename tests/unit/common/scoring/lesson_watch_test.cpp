@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <optional>
 
 #include "tests/unit/common/scoring/gestures.h"
 
@@ -69,6 +70,26 @@ TEST(LessonWatch, warnsOfBoneOnceWhereTheTipComesIntoIt) {
   EXPECT_NEAR(static_cast<double>(when[1]), 1000 * 25.0 / 32.0, 1);
   EXPECT_NEAR(static_cast<double>(when[2]), 1000 * 29.0 / 32.0, 1);
   EXPECT_EQ(watch.hazardsTouched(), (std::vector<std::string>{"nerve", "vessel"})) << "bone is told apart";
+}
+
+TEST(LessonWatch, warnsOnceWhereTheHubComesOntoTheSkin) {
+  // a needle of 18 mm that goes 19.9 mm deep, twice
+  pb::Profile profile = halfSpace();
+  addBallHazard(profile, "nerve", {0, 0, -0.015}, 0.001);
+  auto samples = downAndUp(0.0199);
+  const auto again = samples;
+  samples.insert(samples.end(), again.begin(), again.end());
+  LessonWatch watch(profile, {});
+  std::optional<std::size_t> when;  // sample of the second warning
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    if (samples[i].insertion_m > 0.018) samples[i].flags |= kFlagBeyondNeedle;
+    watch.add({&samples[i], 1});
+    if (!when && watch.warnings().size() == 2) when = i;
+  }
+  EXPECT_EQ(watch.warnings(), (std::vector<std::string>{"nerve", "hub on the skin"}));
+  EXPECT_EQ(watch.hazardsTouched(), std::vector<std::string>{"nerve"}) << "the hub is told apart";
+  ASSERT_TRUE(when);
+  EXPECT_NEAR(static_cast<double>(*when), 1000 * 23.0 / 24.9, 1);
 }
 
 TEST(LessonWatch, theShaftTouchesToo) {

@@ -307,6 +307,38 @@ TEST(Aim, eachEntryOfTheTipIntoBoneIsAContact) {
   EXPECT_EQ(valueOf(score, "bone_contacts"), 1) << "the tip's";
 }
 
+TEST(Aim, eachTimeThatTheNeedleIsInToItsHubIsAContact) {
+  // a needle of 20 mm that goes 25 mm deep, 5 s after another such
+  const auto score = [](const std::vector<GestureSample>& samples) {
+    return valueOf(scoreGesture(samples, 1000, halfSpace(), {}), "hub_contacts");
+  };
+  auto once = inAndOut(1000);
+  EXPECT_EQ(score(once), 0) << "never in to the hub";
+  for (GestureSample& sample : once)
+    if (sample.insertion_m > 0.02) sample.flags |= kFlagBeyondNeedle;
+  EXPECT_EQ(score(once), 1);
+  auto twice = once;
+  for (GestureSample sample : once) {
+    sample.tick += 5001;
+    twice.push_back(sample);
+  }
+  EXPECT_EQ(score(twice), 2);
+}
+
+TEST(Aim, tremorOfTheHubOnTheSkinIsOneContact) {
+  // at rest for 3 s where the hub is on the skin, with a tremor of 50 µm and 10 Hz
+  constexpr double kNeedle_m = 0.02;
+  auto samples = gesture(1000, 5, [](double t, GestureSample& s) {
+    const double tremor_m = 5e-5 * std::sin(2 * std::numbers::pi * 10 * t);
+    setDepth(s, -0.01 + (0.01 + kNeedle_m) * (ease(t, 1) - ease(t - 4, 1)) + tremor_m);
+    if (s.insertion_m > kNeedle_m) s.flags |= kFlagBeyondNeedle;
+  });
+  EXPECT_EQ(valueOf(scoreGesture(samples, 1000, halfSpace(), {}), "hub_contacts"), 1);
+  // ticks that were not stepped for 0.5 s do not say that it left
+  for (std::size_t i = 2025; i < 2525; ++i) samples[i].flags = kFlagNotStepped;
+  EXPECT_EQ(valueOf(scoreGesture(samples, 1000, halfSpace(), {}), "hub_contacts"), 1);
+}
+
 TEST(Score, doesNotDependOnTheLoopsRate) {
   pb::Profile profile = halfSpace();
   addTarget(profile, {0.001, 0, -0.024}, 0.002);

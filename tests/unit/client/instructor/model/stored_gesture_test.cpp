@@ -20,6 +20,7 @@
 #include "common/gesture/chunk.h"
 #include "common/haptics/cut_snapshot.h"
 #include "common/profile/profile.h"
+#include "tests/support/stored_sample.h"
 #include "tests/support/time_zone.h"
 #include "tests/unit/client/instructor/model/change_course.h"
 #include "tests/unit/client/instructor/model/lesson_gestures.h"
@@ -220,9 +221,9 @@ TEST_F(StoredGestureTest, knowsOldCutsBehindADamagedChunkFromTheNextChunksMemory
       samples_.back().tick = k;
       samples_.back().time_ns += static_cast<std::int64_t>(once) * 1'000'000;
     }
-    const GestureSample& s = samples_[k];
-    step(*model, {{s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]}, {s.q_WT[0], s.q_WT[1], s.q_WT[2], s.q_WT[3]}},
-         *state, report);
+    const TipSample tip = test::tipOf(samples_[k]);
+    step(*model, tip, *state, report);
+    samples_[k] = test::storedSample(k, tip, report);
     cutting_N.push_back(report.cutting_N);
     if (k == once) memory = encodeCuts({k, state->cuts, state->insertions});
   }

@@ -180,7 +180,7 @@ TEST(StationSummary, moreFaultsThanAreListedAreStillCounted) {
 
 TEST(StationSummary, everyFlagOfEngineAndGateHasWordsOfItsOwn) {
   std::set<std::string_view> seen;
-  for (unsigned bit = 0; bit <= 10; ++bit) {
+  for (unsigned bit = 0; bit <= 11; ++bit) {
     EXPECT_FALSE(flagText(bit).empty()) << bit;
     EXPECT_TRUE(seen.insert(flagText(bit)).second);
   }

@@ -198,6 +198,7 @@ TEST(GesturePlots, eachEventIsAMarkWithASignAndWords) {
       {Kind::kFault, 1, "", styleOf(Condition::kTrouble).colour, "FAULT"},
       {Kind::kGap, 1, "", styleOf(Condition::kAttention).colour, "samples missing"},
       {Kind::kBoneContact, 1, "", styleOf(Condition::kTrouble).colour, "bone contact"},
+      {Kind::kHubContact, 1, "", styleOf(Condition::kTrouble).colour, "hub on the skin"},
       {Kind::kRemark, -1, "anna: slower", kSkyBlue, "anna: slower"}};
   GestureTrace trace;
   for (std::size_t i = 0; i < rows.size(); ++i) {

@@ -9,6 +9,7 @@
 
 #include "common/gesture/chunk.h"
 #include "common/profile/profile.h"
+#include "tests/support/stored_sample.h"
 #include "tests/support/view_lesson/sample_lesson.h"
 
 namespace needlelab {
@@ -16,6 +17,8 @@ namespace {
 
 using test::SampleLesson;
 using test::sampleLesson;
+using test::storedSample;
+using test::tipOf;
 
 // every number of the report, bit by bit, without the padding
 std::vector<std::uint64_t> bitsOf(const StepReport& r) {
@@ -109,11 +112,8 @@ TEST(GestureReplica, ticksThatTheStationMissedAreNoGap) {
   for (std::size_t i = 0; i < whole.samples.size(); ++i) {
     if (i % 7 == 3 || (i > 1500 && i < 1530)) continue;
     GestureSample sample = whole.samples[i];
-    step(*whole.model,
-         {{sample.p_WT_m[0], sample.p_WT_m[1], sample.p_WT_m[2]},
-          {sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]}},
-         *engine, report);
-    sample.layer = static_cast<std::int8_t>(report.layer);
+    step(*whole.model, tipOf(sample), *engine, report);
+    sample = storedSample(sample.tick, tipOf(sample), report);
     const Moment& now = replica.feed(sample);
     ASSERT_EQ(bitsOf(replica.report()), bitsOf(report));
     ASSERT_FALSE(now.approximate);
@@ -267,18 +267,13 @@ RememberingLesson rememberingLesson() {
   RememberingLesson lesson{std::make_shared<const SceneModel>(*model), {}, {}, {}};
   const auto state = std::make_unique<SimState>();
   for (int pass = 0; pass < 3; ++pass)
-    for (GestureSample sample : once.samples) {
-      sample.tick = lesson.samples.size();
-      sample.time_ns = static_cast<std::int64_t>(sample.tick) * 1'000'000;
+    for (const GestureSample& sample : once.samples) {
+      const std::uint64_t tick = lesson.samples.size();
       StepReport report;
-      step(*lesson.model,
-           {{sample.p_WT_m[0], sample.p_WT_m[1], sample.p_WT_m[2]},
-            {sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]}},
-           *state, report);
-      sample.layer = static_cast<std::int8_t>(report.layer);
-      lesson.samples.push_back(sample);
+      step(*lesson.model, tipOf(sample), *state, report);
+      lesson.samples.push_back(storedSample(tick, tipOf(sample), report));
       lesson.reports.push_back(report);
-      lesson.cuts.push_back({sample.tick, state->cuts, state->insertions});
+      lesson.cuts.push_back({tick, state->cuts, state->insertions});
     }
   return lesson;
 }

@@ -196,6 +196,21 @@ TEST(GestureTrace, findsContactsWithBone) {
   EXPECT_EQ(contactsOf(std::move(trace)), (std::vector<double>{0.5, 1.5}));
 }
 
+TEST(GestureTrace, findsContactsOfTheHubWithTheSkin) {
+  // in to its hub with tremor, drawn back, and in to its hub again
+  GestureTrace trace;
+  for (int i = 0; i < 2000; ++i) {
+    Moment moment = momentAt(0.001 * i, 0, 0);
+    if ((i >= 500 && i < 1000 && i % 100 < 70) || i >= 1500) moment.flags = kFlagBeyondNeedle;
+    trace.push(moment);
+  }
+  std::vector<double> found_s;
+  for (const TraceEvent& event : trace.events()) {
+    if (event.kind == TraceEvent::Kind::kHubContact) found_s.push_back(event.time_s);
+  }
+  EXPECT_EQ(found_s, (std::vector<double>{0.5, 1.5}));
+}
+
 TEST(GestureTrace, aRemarkStandsWhereItBelongsAndAnEarlierTimeBeginsAnew) {
   GestureTrace trace;
   trace.push(momentAt(1.999, 0));

@@ -1,41 +1,43 @@
 #include "common/haptics/tick.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "common/haptics/det_math.h"
+#include "common/haptics/effects/trajectory.h"
 #include "common/haptics/surface.h"
 
 namespace needlelab {
 namespace {
 
-constexpr double kSin10Degrees = 0.17364817766693034885;
-
-// sets P0, n, u and the state of the insertion to their initial values; `state` still holds the previous tick
-void beginInsertion(const SceneModel& model, SimState& state, const TipSample& sample, double depth_m) {
+// sets P0, n, u and the state of the insertion to their initial values; `state` still holds the previous
+// tick. Returns the entry's flags
+std::uint32_t beginInsertion(const SceneModel& model, SimState& state, const TipSample& sample,
+                             double depth_m) {
   const Vec3 axis = unitAxis(sample);
   const Vec3 motion = sample.p_WT_m - state.p_prev_W_m;
   state.inside = true;
   state.p_entry_W_m = entryPoint(state, sample.p_WT_m, depth_m);
   state.normal_W = surfaceNormal(model.limb, state.p_entry_W_m, motion);
-  const bool points_in = dot(axis, -state.normal_W) > kSin10Degrees;
-  state.u_W = state.u0_W = points_in ? axis : -state.normal_W;
+  state.u_W = state.u0_W = entryDirection(axis, state.normal_W);
   state.slant = std::max(0.05, -dot(state.normal_W, state.u_W));
   state.inverse_slant = 1.0 / state.slant;
-  state.layer = state.layer_by_length = 0;
+  layLayers(model, state.p_entry_W_m, state.u_W, state.slant, state.along);
+  state.layer = 0;
   state.phase = Phase::kInserting;
 
   state.ticks_inside = 0;
   state.x_shift_m = 0.0;
   state.history_mask = model.history_mask;
   state.x_history_m[0] = 0.0;
-  state.wall_m = state.friction_wall_m = 0.0;
+  // a tip that comes in backward along u is not pulled on
+  state.wall_m = state.friction_wall_m = std::min(0.0, dot(state.u_W, sample.p_WT_m - state.p_entry_W_m));
   state.wall_stiffness_N_per_m = model.layers[0].wall_stiffness_N_per_m;
   state.band_low_m = state.band_high_m = 0.0;
   state.band_tick = state.fast_tick = state.ramp_ticks = 0;
   state.moves_in = true;
   state.armed = state.stopped = false;
   state.stop_least_m = state.stop_step_m = state.stop_way_m = state.stop_stretch_m = 0.0;
-  state.dead_radius_m = state.k_prev_N_per_m = state.e_prev_m = 0.0;
   state.membranes_met = state.membranes_ruptured = 0;
   ++state.insertions;
   state.table_row = 0;
@@ -47,6 +49,15 @@ void beginInsertion(const SceneModel& model, SimState& state, const TipSample& s
   state.tilt_limit_insertion_m = 0.0;
   if (model.isLive(Effect::kOrientationLimit))
     state.tilt_limit_rad = std::max(kPi / 4, angleBetween(axis, state.u_W));
+  return std::fabs(dot(axis, state.normal_W)) < kCos80Degrees ? kFlagEntry | kFlagFlatEntry : kFlagEntry;
+}
+
+// out of a round limb beyond the line's deepest place: the needle is through, and what is in the limb stays
+// until the tip is back in it, or on P0's side of the plane that touches the skin there
+bool isThrough(const SimState& state, const TipSample& sample, double depth_m, bool was_in_limb) {
+  const Vec3 arm = sample.p_WT_m - state.p_entry_W_m;
+  return state.inside && !(depth_m > 0.0) && dot(state.normal_W, arm) < 0.0 &&
+         (!was_in_limb || dot(state.u_W, arm) >= state.along.deepest_m);
 }
 
 }  // namespace
@@ -70,17 +81,23 @@ bool changeContact(const SceneModel& model, const TipSample& sample, double dept
     return false;
   }
   bool in_tissue = false;
-  if (!(depth_m > 0.0)) {
+  const bool was_in_limb = state.in_limb;
+  state.in_limb = depth_m > 0.0;
+  if (isThrough(state, sample, depth_m, was_in_limb)) {
+    in_tissue = true;
+    report.flags = was_in_limb ? kFlagLayerChange : 0u;
+    state.layer = 0;
+  } else if (!(depth_m > 0.0)) {
     clearReport(report, depth_m, state.inside ? kFlagExit : 0u);
     state.inside = false;
     state.phase = Phase::kFree;
     state.outside_once = true;
   } else if (!state.outside_once) {
+    state.in_limb = false;
     clearReport(report, depth_m, kFlagStartedInside);
   } else {
     in_tissue = true;
-    report.flags = state.inside ? 0u : kFlagEntry;
-    if (!state.inside) beginInsertion(model, state, sample, depth_m);
+    report.flags = state.inside ? 0u : beginInsertion(model, state, sample, depth_m);
     const std::uint32_t layer = findLayer(model, depth_m, state.layer);
     if (layer != state.layer && report.flags == 0) report.flags = kFlagLayerChange;
     state.layer = layer;

@@ -1,0 +1,337 @@
+#include "common/haptics/effects/trajectory.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <variant>
+
+#include "common/haptics/det_math.h"
+#include "common/haptics/effects/orientation_limit.h"
+#include "common/haptics/surface.h"
+
+namespace needlelab {
+namespace {
+
+constexpr double kSin80Degrees = 0.98480775301220805937;
+constexpr double kLeastSlant = 0.05;
+constexpr double kBisection_rad = 1e-12;
+constexpr double kNoEnd = std::numeric_limits<double>::infinity();
+
+double slantOf(Vec3 normal_W, Vec3 u_W) {
+  return std::max(kLeastSlant, -dot(normal_W, u_W));
+}
+
+// all lengths along u move with P0 and u
+void moveLine(const SceneModel& model, const TipSample& sample, SimState& state, Vec3 p_entry_W_m,
+              Vec3 normal_W, Vec3 u_W, Tick& tick) {
+  const double x_before_m = tick.x_m;
+  const Vec3 u_before_W = state.u_W;
+  const bool turns = !(u_W == u_before_W);
+  state.p_entry_W_m = p_entry_W_m;
+  if (turns || !model.is_plane) {
+    state.normal_W = normal_W;
+    state.u_W = u_W;
+    state.slant = slantOf(normal_W, u_W);
+    state.inverse_slant = 1.0 / state.slant;
+  }
+  project(state, sample.p_WT_m, tick);
+  const double shift_m = tick.x_m - x_before_m;
+  state.wall_m += shift_m;
+  state.friction_wall_m += shift_m;
+  // at an entry membranes have no places yet: the walls begin where the line is now
+  if (state.ticks_inside == 0) state.wall_m = state.friction_wall_m = std::min(0.0, tick.x_m);
+  state.x_shift_m += shift_m;
+  for (std::uint32_t i = 0; i < state.membranes_met; ++i) state.membrane_place_m[i] += shift_m;
+  if (turns && model.isLive(Effect::kOrientationLimit))
+    followTurn(model, state, unitAxis(sample), u_before_W);
+}
+
+// ---- where a line is in the limb shrunk by a depth ----
+
+struct Reach {
+  double begin_m = kNoEnd, end_m = -kNoEnd;  // nowhere
+};
+
+void widen(Reach& reach, double begin_m, double end_m) {
+  if (!(begin_m <= end_m)) return;
+  reach.begin_m = std::min(reach.begin_m, begin_m);
+  reach.end_m = std::max(reach.end_m, end_m);
+}
+
+void widenBySphere(Vec3 center_W_m, double radius_m, Vec3 from_W_m, Vec3 u_W, Reach& reach) {
+  const Vec3 arm = from_W_m - center_W_m;
+  const double middle_m = -dot(arm, u_W);
+  const double room_m2 = radius_m * radius_m - normSquared(arm + u_W * middle_m);
+  if (!(room_m2 >= 0.0)) return;
+  const double half_m = std::sqrt(room_m2);
+  widen(reach, middle_m - half_m, middle_m + half_m);
+}
+
+// the part of the cylinder between the capsule's ends
+void widenByCylinder(const CapsuleLimb& capsule, double radius_m, Vec3 from_W_m, Vec3 u_W, Reach& reach) {
+  const Vec3 axis = capsule.b_m - capsule.a_m;
+  const double length_m = norm(axis);
+  const Vec3 along = axis / length_m, arm = from_W_m - capsule.a_m;
+  const double arm_along_m = dot(arm, along), u_along = dot(u_W, along);
+  const Vec3 arm_across = arm - along * arm_along_m, u_across = u_W - along * u_along;
+  const double slope = normSquared(u_across);
+  double begin_m = -kNoEnd, end_m = kNoEnd;
+  if (slope > 0.0) {
+    const double half = dot(arm_across, u_across);
+    const double root2 = half * half - slope * (normSquared(arm_across) - radius_m * radius_m);
+    if (!(root2 >= 0.0)) return;
+    const double root = std::sqrt(root2);
+    begin_m = (-half - root) / slope;
+    end_m = (-half + root) / slope;
+  } else if (normSquared(arm_across) > radius_m * radius_m) {
+    return;
+  }
+  if (u_along != 0.0) {
+    const double to_a_m = -arm_along_m / u_along, to_b_m = (length_m - arm_along_m) / u_along;
+    begin_m = std::max(begin_m, std::min(to_a_m, to_b_m));
+    end_m = std::min(end_m, std::max(to_a_m, to_b_m));
+  } else if (arm_along_m < 0.0 || arm_along_m > length_m) {
+    return;
+  }
+  widen(reach, begin_m, end_m);
+}
+
+// where along the line the tip is at least `top_m` deep
+Reach reachBelow(const SceneModel& model, double top_m, Vec3 from_W_m, Vec3 u_W, double slant) {
+  Reach reach;
+  if (model.is_plane) {
+    reach = {top_m / slant, kNoEnd};
+  } else if (const auto* sphere = std::get_if<SphereLimb>(&model.limb)) {
+    if (top_m < sphere->radius_m)
+      widenBySphere(sphere->center_m, sphere->radius_m - top_m, from_W_m, u_W, reach);
+  } else if (const auto* capsule = std::get_if<CapsuleLimb>(&model.limb)) {
+    if (const double radius_m = capsule->radius_m - top_m; radius_m > 0.0) {
+      widenBySphere(capsule->a_m, radius_m, from_W_m, u_W, reach);
+      widenBySphere(capsule->b_m, radius_m, from_W_m, u_W, reach);
+      widenByCylinder(*capsule, radius_m, from_W_m, u_W, reach);
+    }
+  }
+  return reach;
+}
+
+// appends spans, with the integral of friction running on
+class Layering {
+ public:
+  explicit Layering(LayersAlong& along) : along_(along) { along_.count = along_.at = 0; }
+
+  void add(double begin_m, double end_m, const CompiledLayer& layer, std::int64_t index) {
+    if (!(begin_m < end_m)) return;
+    const double friction = layer.friction_N_per_m;
+    along_.spans[along_.count++] = {begin_m, end_m, friction, friction_N_ - friction * begin_m, index};
+    friction_N_ += friction * (end_m - begin_m);
+  }
+  void close() {
+    along_.spans[0].begin_m = -kNoEnd;
+    along_.spans[along_.count - 1].end_m = kNoEnd;
+  }
+
+ private:
+  LayersAlong& along_;
+  double friction_N_ = 0;
+};
+
+// the fixture's k: ∫ lateral stiffness up to its greatest, averaged. A bend of the integral at `kinks`
+// spreads over ±kBlend_m
+void blendStiffness(const SceneModel& model, LayersAlong& along) {
+  const auto lateral = [&](const LayerSpan& span) {
+    return span.layer < 0 ? 0.0 : model.layers[static_cast<std::size_t>(span.layer)].lateral_N_per_m2;
+  };
+  struct Kink {
+    double at_m, change_N_per_m2;
+  };
+  std::array<Kink, 2 * kMaxLayers> kinks;
+  std::uint32_t count = 0;
+  const double first = lateral(along.spans[0]);
+  double k = 0.0, slope = first, from_m = 0.0;
+  for (std::uint32_t i = 0; i < along.count; ++i) {
+    const double here = lateral(along.spans[i]);
+    if (i > 0) {
+      k += slope * (along.spans[i].begin_m - from_m);
+      from_m = along.spans[i].begin_m;
+      if (here != slope) kinks[count++] = {from_m, here - slope};
+      slope = here;
+    }
+    const double full_m = slope > 0.0 ? from_m + (model.fixture.max_stiffness_N_per_m - k) / slope : kNoEnd;
+    if (!(full_m < along.spans[i].end_m)) continue;
+    kinks[count++] = {full_m, -slope};
+    break;
+  }
+
+  // each kink turns a bend on and off again
+  StiffnessSpan span{0.0, kNoEnd, 0.0, first, 0.0};
+  along.stiffness_count = 0;
+  for (std::uint32_t on = 0, off = 0; off < count;) {
+    const bool begins = on < count && kinks[on].at_m - kBlend_m <= kinks[off].at_m + kBlend_m;
+    const Kink& kink = begins ? kinks[on++] : kinks[off++];
+    const double at_m = begins ? kink.at_m - kBlend_m : kink.at_m + kBlend_m;
+    const double bend = (begins ? kink.change_N_per_m2 : -kink.change_N_per_m2) / (4.0 * kBlend_m);
+    span.end_m = at_m;
+    along.stiffness[along.stiffness_count++] = span;
+    const double t = at_m - span.begin_m;
+    span = {at_m, kNoEnd, span.k_N_per_m + t * (span.slope_N_per_m2 + t * span.half_bend_N_per_m3),
+            span.slope_N_per_m2 + 2.0 * t * span.half_bend_N_per_m3, span.half_bend_N_per_m3 + bend};
+    // nothing of it is left by rounding
+    if (off == count) span.slope_N_per_m2 = span.half_bend_N_per_m3 = 0.0;
+  }
+  along.stiffness[along.stiffness_count++] = span;
+  along.stiffness_here = along.stiffness[0];
+  const double half = lateralStiffness(along, 0.5 * model.needle_length_m).k_N_per_m;
+  along.hold_m = half > 0.0 ? model.fixture.max_force_N / half : kNoEnd;
+}
+
+}  // namespace
+
+Vec3 entryDirection(Vec3 axis_W, Vec3 normal_W) noexcept {
+  const double inward = -dot(axis_W, normal_W);
+  if (inward >= kCos80Degrees) return axis_W;
+  const Vec3 aside = axis_W + normal_W * inward;
+  if (inward <= -kCos80Degrees) return normalized(aside + normal_W * inward);
+  return normalized(normalized(aside) * kSin80Degrees - normal_W * kCos80Degrees);
+}
+
+void findStiffness(LayersAlong& along, double insertion_m) noexcept {
+  std::uint32_t at = 0;
+  while (insertion_m >= along.stiffness[at].end_m) ++at;
+  along.stiffness_here = along.stiffness[at];
+}
+
+void layStraight(const SceneModel& model, LayersAlong& along) noexcept {
+  Layering layers(along);
+  for (std::uint32_t i = 0; i < model.layer_count; ++i)
+    layers.add(model.layers[i].top_m, model.layers[i].bottom_m, model.layers[i], i);
+  layers.close();
+  along.deepest_m = kNoEnd;
+  blendStiffness(model, along);
+}
+
+void layLayers(const SceneModel& model, Vec3 p_entry_W_m, Vec3 u_W, double slant,
+               LayersAlong& along) noexcept {
+  std::array<Reach, kMaxLayers> reach;
+  std::uint32_t met = 0;
+  along.deepest_m = kNoEnd;
+  for (; slant > kLeastSlant && met < model.layer_count; ++met) {
+    reach[met] = reachBelow(model, model.layers[met].top_m, p_entry_W_m, u_W, slant);
+    const double middle_m = 0.5 * (reach[met].begin_m + reach[met].end_m);
+    reach[met].begin_m = met == 0 ? 0.0 : std::max(0.0, reach[met].begin_m);
+    if (!(reach[met].begin_m < reach[met].end_m)) break;
+    along.deepest_m = middle_m;
+  }
+  Layering layers(along);
+  if (met == 0) {  // the line leaves the limb at once
+    layers.add(0.0, kNoEnd, model.layers[0], 0);
+    layers.close();
+    return blendStiffness(model, along);
+  }
+  for (std::uint32_t i = 0; i + 1 < met; ++i)
+    layers.add(reach[i].begin_m, reach[i + 1].begin_m, model.layers[i], i);
+  layers.add(reach[met - 1].begin_m, reach[met - 1].end_m, model.layers[met - 1], met - 1);
+  for (std::uint32_t i = met - 1; i > 0; --i)
+    layers.add(reach[i].end_m, reach[i - 1].end_m, model.layers[i - 1], i - 1);
+  layers.add(reach[0].end_m, kNoEnd, model.beyond, -1);
+  layers.close();
+  blendStiffness(model, along);
+}
+
+double fixtureEnergy(const SceneModel& model, double k_N_per_m, double lateral_m) noexcept {
+  const double most_N = model.fixture.max_force_N;
+  if (k_N_per_m * lateral_m <= most_N) return 0.5 * k_N_per_m * lateral_m * lateral_m;
+  return most_N * (lateral_m - 0.5 * most_N / k_N_per_m);
+}
+
+Follow followNearSkin(const SceneModel& model, const TipSample& sample, Tick tick, SimState& state) noexcept {
+  // on the way out at the side of P0 the skin counts, else the plane that touches it at P0
+  const double below_m = heightOf(model, state, tick);
+  const double height_m = tick.x_m < state.along.deepest_m && state.in_limb ? tick.depth_m : below_m;
+  Vec3 u = state.u_W;
+  if (height_m <= kFollow_m) {
+    const Vec3 to = entryDirection(unitAxis(sample), state.normal_W);
+    const Vec3 aside = to - u * dot(u, to);
+    if (normSquared(aside) > 1e-18) {
+      const double size = norm(aside);
+      const double angle = std::min(detAtan2(size, dot(u, to)), model.max_turn_rad);
+      u = normalized(u * detCos(angle) + aside * (detSin(angle) / size));
+    }
+    state.u0_W = u;
+  }
+  const double slack_m = kHole_m + kSlack * std::max(0.0, height_m - kFollow_m);
+  const Vec3 off = tick.arm_W_m -
+                   u * (below_m * (u == state.u_W ? state.inverse_slant : 1.0 / slantOf(state.normal_W, u)));
+  const double off_m2 = normSquared(off);
+  const bool deep = height_m > kFollow_m;
+  const bool far = off_m2 > slack_m * slack_m;
+  if (!far && u == state.u_W) return Follow::kStays;
+
+  Vec3 p_entry = state.p_entry_W_m, normal = state.normal_W;
+  if (far) {
+    p_entry = p_entry + off * (1.0 - slack_m / std::sqrt(off_m2));
+    if (deep) {
+      // the fixture's energy only falls: where it would rise, P0 waits
+      const Vec3 arm = sample.p_WT_m - p_entry;
+      const double before_J =
+          fixtureEnergy(model, lateralStiffness(state.along, tick.insertion_m).k_N_per_m, tick.lateral_m);
+      const double k = lateralStiffness(state.along, norm(arm)).k_N_per_m;
+      if (fixtureEnergy(model, k, norm(arm - u * dot(u, arm))) > before_J) return Follow::kStays;
+    }
+    if (!model.is_plane && state.in_limb) {
+      normal = surfaceNormal(model.limb, p_entry, u);
+      p_entry = p_entry + normal * signedDepth(model.limb, p_entry);
+    }
+  }
+  // deeper, the needle keeps the layers that it went in through
+  const bool same_layers = deep || (model.is_plane && u == state.u_W);
+  moveLine(model, sample, state, p_entry, normal, u, tick);
+  if (!same_layers) layLayers(model, state.p_entry_W_m, state.u_W, state.slant, state.along);
+  return deep ? Follow::kDeeper : Follow::kNearSkin;
+}
+
+bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& state) noexcept {
+  Tick tick;
+  project(state, sample.p_WT_m, tick);
+  const double k_N_per_m = lateralStiffness(state.along, tick.insertion_m).k_N_per_m;
+  const double keep_N = turningForce(model, state.along, k_N_per_m, tick.insertion_m);
+  if (!(k_N_per_m * tick.lateral_m > keep_N && tick.x_m > 0.0)) return false;
+  const Vec3 side = tick.lateral_W_m / tick.lateral_m;
+  const double radius_m = tick.insertion_m;
+  const double kept_m = keep_N / k_N_per_m;
+  double angle =
+      std::min(detAsin(std::min(1.0, tick.lateral_m / radius_m)) - detAsin(std::min(1.0, kept_m / radius_m)),
+               model.max_turn_rad);
+  // the cone of the paper's Fig. 4: ∠(u, u0) ≤ max(α(d_t), ∠(u, u0) before)
+  const double before_rad = angleBetween(state.u_W, state.u0_W);
+  const double limit_rad =
+      std::max(orientationLimitAngle(model.needle_length_m, tick.insertion_m), before_rad);
+  const auto turnedBy = [&](double by_rad) {
+    return normalized(state.u_W * detCos(by_rad) + side * detSin(by_rad));
+  };
+  if (angleBetween(turnedBy(angle), state.u0_W) > limit_rad) {
+    double allowed = 0.0;
+    for (double refused = angle; refused - allowed > kBisection_rad;) {
+      const double middle = 0.5 * (allowed + refused);
+      (angleBetween(turnedBy(middle), state.u0_W) <= limit_rad ? allowed : refused) = middle;
+    }
+    angle = allowed;
+  }
+  if (!(angle > 0.0)) return false;
+  const Vec3 u = turnedBy(angle);
+  if (radius_m > model.turn_begins_m) {
+    moveLine(model, sample, state, state.p_entry_W_m, state.normal_W, u, tick);
+    return true;
+  }
+  // the layers turn, too, where u follows the hand; the fixture's energy only falls
+  LayersAlong turned;
+  const Vec3 lateral = tick.arm_W_m - u * dot(u, tick.arm_W_m);
+  layLayers(model, state.p_entry_W_m, u, slantOf(state.normal_W, u), turned);
+  if (fixtureEnergy(model, lateralStiffness(turned, radius_m).k_N_per_m, norm(lateral)) >
+      fixtureEnergy(model, k_N_per_m, tick.lateral_m))
+    return false;
+  moveLine(model, sample, state, state.p_entry_W_m, state.normal_W, u, tick);
+  state.along = turned;
+  return true;
+}
+
+}  // namespace needlelab
