@@ -94,11 +94,13 @@ GuardedWrench HapticChain::tick(const DeviceReading& reading, bool fresh, std::i
                                 double share, ChainTick& out) noexcept {
   const Pose X_WT = tipOf(reading.X_WH);
   Wrench wanted_at_handle;
-  // a restart after a FAULT begins outside, so that the engine forgets the earlier insertion
-  if (gate_.fault() != Fault::kNone && fresh && isFinite(X_WT.p))
-    gate_.noteOutside(signedDepth(model_.limb, X_WT.p) <= 0);
+  // a restart after a FAULT begins outside, and the engine forgets the earlier insertion: a needle that is
+  // through the limb would pull at once
+  const bool in_fault = gate_.fault() != Fault::kNone;
+  if (in_fault && fresh && isFinite(X_WT.p)) gate_.noteOutside(signedDepth(model_.limb, X_WT.p) <= 0);
   const bool admitted =
       gate_.admit({X_WT.p, X_WT.q}, fresh, reading.speed_mps, elapsed_ticks, reading.condition);
+  if (in_fault && gate_.fault() == Fault::kNone) state_.inside = state_.in_limb = false;
   if (admitted)
     wanted_at_handle = stepped(reading.X_WH, X_WT, share);
   else

@@ -103,7 +103,7 @@ struct LayersAlong {
   std::uint32_t stiffness_count = 0;
   StiffnessSpan stiffness_here;  ///< the one that was used last
   double deepest_m = 0;          ///< where the line is deepest in the limb; infinite under a plane
-  double hold_m = 0;             ///< f_max/k at half the needle's length: u turns at the latest so far aside
+  double hold_m = 0;  ///< f_max/k at half the needle's length: u turns at this deviation at the latest
 };
 
 /// Value-initialised: before the first tick. Only `step` changes it.
@@ -119,7 +119,7 @@ struct SimState {
   Vec3 p_entry_W_m;          ///< P0
   Vec3 normal_W;             ///< n at P0, out of the tissue
   Vec3 u_W;                  ///< the trajectory's direction, a unit vector
-  Vec3 u0_W;                 ///< u at entry
+  Vec3 u0_W;                 ///< u at entry, or where it last followed the axis near the skin
   double slant = 1;          ///< c = max(0.05, −n·u)
   double inverse_slant = 1;  ///< 1/c
   std::uint32_t layer = 0;   ///< by δ

@@ -174,7 +174,7 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
     capForce(model, force, report);
   report.wrench_W.force_N = force;
 
-  // report: a root that nothing else needs comes first and holds up nothing
+  // report: a root that nothing else needs; here it delays nothing
   if constexpr (live(Effect::kClamping)) report.clamping_N = magnitudeOf(pull, tick);
   report.phase = state.phase;
   report.layer = static_cast<std::int32_t>(state.layer);

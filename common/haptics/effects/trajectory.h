@@ -1,6 +1,6 @@
 /// The trajectory: the line from P0 along u, the layers on it, and how it moves (FORCE_MODEL.md, "Contact",
-/// "Near the skin", "Change of trajectory"). All but the layers' lookup (`spanAt`) is rare, hence out of
-/// line. Real-time safe.
+/// "Near the skin", "Change of trajectory"). What each tick needs is inline, the rest rare and out of line.
+/// Real-time safe.
 #pragma once
 
 #include <algorithm>
@@ -18,7 +18,7 @@ inline constexpr double kFollow_m = 0.6e-3;
 inline constexpr double kHole_m = 0.05e-3;
 /// Deeper, P0 may be so many times further from the line than the tip is below that.
 inline constexpr double kSlack = 5;
-/// The fixture's k is averaged over so much to both sides: it pushes with k′, which a boundary would jump.
+/// The fixture's k is averaged over so much to both sides: it pushes with k′, which would jump at a boundary.
 inline constexpr double kBlend_m = 4e-3;
 /// Up to this d_t (a quarter of the needle's length, if that is less) u follows the hand.
 inline constexpr double kFreeTurn_m = 5e-3;
@@ -46,13 +46,12 @@ inline constexpr double kTurnsFrom_N = 1e-3;
 /// from −n.
 Vec3 entryDirection(Vec3 axis_W, Vec3 normal_W) noexcept;
 
-/// The same for a line straight in, under a plane.
-void layStraight(const SceneModel& model, LayersAlong& along) noexcept;
-
 /// The layers along a line that enters at `p_entry_W_m` along `u_W`. The fixture's k ends at its greatest
 /// stiffness.
 void layLayers(const SceneModel& model, Vec3 p_entry_W_m, Vec3 u_W, double slant,
                LayersAlong& along) noexcept;
+/// The same for a line straight in, under a plane.
+void layStraight(const SceneModel& model, LayersAlong& along) noexcept;
 
 /// Stiffness of the fixture at an inserted length.
 struct LateralStiffness {

@@ -115,6 +115,38 @@ TEST_F(HapticChainTest, aFaultStaysUntilItIsAcknowledged) {
   EXPECT_EQ(tick_.fault, Fault::kSampleNotFinite);
 }
 
+// On the far side of a limb the fixture holds a needle that is through; after a FAULT it is a free one.
+TEST(HapticChainFault, aNeedleThroughALimbPullsNoMoreAfterAFault) {
+  SceneSpec scene = allEffects();
+  scene.limb = SphereLimb{{0, 0, -0.013}, 0.013};
+  const SceneModel model = *compile(scene, 1000);
+  HapticChain chain(model, DeviceLimits{}, Pose{});
+  ChainTick tick;
+  const auto go = [&](Vec3 p_W_m, std::uint32_t condition = 0) {
+    DeviceReading reading;
+    reading.X_WH = {p_W_m, orientationAlong({0, 0, -1})};
+    reading.condition = condition;
+    chain.tick(reading, true, 1, 1.0, tick);
+  };
+  for (int k = 0; k <= 800; ++k) go({0, 0, 0.005 - 5e-5 * k});
+  const Vec3 beyond{0.005, 0, -0.035};
+  for (int k = 0; k <= 100; ++k) go({5e-5 * k, 0, beyond.z});
+  ASSERT_LT(tick.report.depth_m, 0);
+  ASSERT_GT(norm(tick.rendered_W.force_N), 0.3) << "it is through";
+  for (int k = 0; k < 50; ++k) go(beyond, kDeviceEmergencyStop);
+  go(beyond);
+  chain.acknowledge();
+  for (int k = 0; k < 400; ++k) {
+    go(beyond);
+    ASSERT_EQ(norm(tick.rendered_W.force_N), 0) << k;
+  }
+  EXPECT_EQ(tick.fault, Fault::kNone);
+  EXPECT_EQ(tick.report.layer, -1);
+  // from there it goes in as from any side
+  for (int k = 0; k <= 300; ++k) go(beyond + Vec3{0, 0, 5e-5 * k});
+  EXPECT_GT(tick.report.insertion_m, 0.002);
+}
+
 TEST_F(HapticChainTest, plungerIsHeldToItsRange) {
   DeviceReading reading = at(0.01);
   reading.plunger = 3;
