@@ -1,4 +1,4 @@
-# usage: gnuplot -e "out='wall.png'" wall.gp  (in the folder of wall-both.csv; see draw)
+# usage: gnuplot -e "out='wall.png'" wall.gp  (in the folder of wall.csv and wall-out.csv; see draw)
 set terminal pngcairo size 1200,980 font 'DejaVu Sans,11'
 set output out
 load system("dirname ".ARG0)."/style.gp"
@@ -48,8 +48,8 @@ set label 2 'stop' at 2.8,-3.4 center tc rgb quiet
 set label 3 'out' at 4.8,-3.4 center tc rgb quiet
 set arrow 1 from 1.6,-5 to 1.6,22 nohead dt 3 lc rgb quiet
 set arrow 2 from 4.0,-5 to 4.0,22 nohead dt 3 lc rgb quiet
-plot 'wall-both.csv' skip 1 using 1:(-$22*1e3) with lines lw 2.5 lc rgb needle title 'tip x', \
-     '' skip 1 using 1:(-$10*1e3) with lines lw 2.5 lc rgb wall title 'wall w'
+plot 'wall.csv' skip 1 using 1:(-$4*1e3) with lines lw 2.5 lc rgb needle title 'tip x', \
+     'wall-out.csv' skip 1 using 1:(-$10*1e3) with lines lw 2.5 lc rgb wall title 'wall w'
 unset label; unset arrow
 set size 1,0.33
 set origin 0,0
@@ -61,5 +61,5 @@ set arrow 2 from 4.0,-2.4 to 4.0,1.2 nohead dt 3 lc rgb quiet
 set label 1 '−f_{cut}' at 1.0,-2.15 center
 set label 2 '−f_{rej}' at 3.3,-0.55 center
 set label 3 '+f_{att}' at 5.0,1.0 center
-plot 'wall-both.csv' skip 1 using 1:($17+$18) with lines lw 2.5 lc rgb '#2e4057'
+plot 'wall-out.csv' skip 1 using 1:($17+$18) with lines lw 2.5 lc rgb '#2e4057'
 unset multiplot

@@ -162,6 +162,8 @@ TEST(SkillStudy, measuresTellHandsApartAndShuffledLabelsDoNot) {
   EXPECT_LE(row("withdrawals").rate_difference, 1);
   const double turns_more = row("trajectory_changes").rate_difference;
   EXPECT_LE(turns_more, 1);
+  EXPECT_LE(row("clamping_work_j").rate_difference,
+            turns_more == 0 ? rateTolerance("clamping_work_j", "J") : 1e-4);
   for (const SkillRow& r : report->rows) {
     const bool counts_movements = r.measure == "sparc" || r.measure == "translational_actions";
     const bool counts_turns = r.measure == "trajectory_changes" || r.measure == "clamping_work_j";
