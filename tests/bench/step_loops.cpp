@@ -44,6 +44,7 @@ StepLoop circling(double depth_m, double radius_m) {
 }  // namespace
 
 StepLoop layersLoop(const SceneSpec& scene, double rate_hz) {
+  constexpr double kFrom_m = 0.006;
   const Site site = defaultSite();
   const auto at = [&](double depth_m) {
     return site.p_surface_m + site.inward * depth_m + site.across_1 * 0.0005;
@@ -52,10 +53,11 @@ StepLoop layersLoop(const SceneSpec& scene, double rate_hz) {
   made.scene = scene;
   made.rate_hz = rate_hz;
   MotionBuilder in(rate_hz, site.p_surface_m - site.inward * 0.005, site.inward);
-  in.moveTo(at(0.001), 0.5);
+  // up to 5 mm u follows the hand
+  in.moveTo(site.p_surface_m + site.inward * kFrom_m, 0.5).moveTo(at(kFrom_m), 0.2);
   made.way_in = in.take();
-  MotionBuilder loop(rate_hz, at(0.001), site.inward);
-  loop.moveTo(at(0.035), 1.5).hold(0.5).moveTo(at(0.001), 1.5);
+  MotionBuilder loop(rate_hz, at(kFrom_m), site.inward);
+  loop.moveTo(at(0.035), 1.5).hold(0.5).moveTo(at(kFrom_m), 1.5);
   made.loop = withTremor(loop.take(), rate_hz, 20e-6, 1);
   made.none_of = kFlagEntry | kFlagExit | kFlagTurn | kFlagTorque | kFlagForceCapped;
   return made;

@@ -20,8 +20,8 @@ struct StepLoop {
   std::uint32_t none_of = 0;  ///< … and that none does
 };
 
-/// Through all six layers and back, with a hold, tremor of 20 µm, 0.5 mm beside the line: torque and turn
-/// idle.
+/// From 6 mm deep through the layers and back, with a hold, tremor of 20 µm, 0.5 mm beside the line: torque
+/// and turn idle.
 StepLoop layersLoop(const SceneSpec& scene, double rate_hz = 1000);
 /// The needle tilted beyond the cone at every tick.
 StepLoop torqueLoop();
