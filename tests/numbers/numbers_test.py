@@ -221,9 +221,9 @@ def main():
     except Broken as error:
         print(f"numbers_test: {error}", file=sys.stderr)
         return 2
-    print(held.table())
     for screen, number, where, expected, seen in held.differences[:100]:
         print(f"DIFFERS  {screen}: {number} ({where}): the database says {expected!r}, shown is {seen!r}")
+    print(held.table())
     print(f"{sum(held.counts.values())} comparisons of {len(held.counts)} kinds of numbers: {len(held.differences)} differ")
     return 1 if held.differences or missed else 0
 

@@ -403,10 +403,10 @@ def live(held, facts_after, lab, gesture_of):
     screen = "instructor --station --json (live)"
     updates = [u for u in lines if u["type"] == "update" and u["session"] == s["uuid"]]
     held.same(screen, "frames come", s["uuid"], True, len(updates) > 20)
-    place = {round(t * 1e3): i for i, t in enumerate(g.at_s)}
+    place = {tick: i for i, tick in enumerate(g.tick)}
     for u in updates:
-        i = place.get(round(u["time_s"] * 1e3))
-        held.same(screen, "time_s: since the first sample", s["uuid"], True, i is not None)
+        i = place.get(round(u["time_s"] * s["rate_hz"]))
+        held.same(screen, "time_s: since the lesson's first tick", s["uuid"], True, i is not None)
         if i is not None:
             update(held, screen, f"{s['uuid']} {u['time_s']} s", g, i, u)
     return s

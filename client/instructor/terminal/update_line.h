@@ -14,7 +14,8 @@ namespace needlelab {
 
 /// The newest sample of a frame, or a status line.
 struct Update {
-  double time_s = 0;  ///< since the session's first sample; in an overview since it began
+  double time_s =
+      0;  ///< live: since the lesson's first tick; replay: since its first sample; overview: since it began
   std::string station, trainee, session;
   std::string phase;
   int layer = -1;          ///< from 0; −1 outside

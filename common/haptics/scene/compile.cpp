@@ -75,24 +75,30 @@ void compileTurn(SceneModel& model) {
   model.turn_slope_N_per_m = model.fixture.max_force_N / (0.5 * model.needle_length_m - model.turn_begins_m);
 }
 
-// U = ½ k(d) e² for a needle straight in: its second derivatives are k across, k′e mixed, ½ k″e² along
+// the second derivatives of U = ½ k(d) e², with d = |p − P0|, of a needle that is held as far aside as u does
+// not turn. s = e/d and c are the sine and cosine of the angle between p − P0 and u
 FixtureSteepness steepnessOf(const SceneModel& model) {
   if (!model.isLive(Effect::kClamping)) return {};
   FixtureSteepness steepest{model.fixture.max_stiffness_N_per_m, 0.0};
   if (model.fixture_push == 0.0) return steepest;
-  LayersAlong along;
-  layStraight(model, along);
+  LayersAlong layers;
+  layStraight(model, layers);
   constexpr double kScan_m = 1e-4;
   for (double d_m = kScan_m; d_m < model.needle_length_m; d_m += kScan_m) {
-    const auto [k, slope] = lateralStiffness(along, d_m);
+    const auto [k, slope] = lateralStiffness(layers, d_m);
     if (!(k > 0.0)) continue;
-    const double bend = 2.0 * along.stiffness_here.half_bend_N_per_m3;
-    const double aside_m = std::min(turningForce(model, along, k, d_m) / k, d_m);
-    const double along_N_per_m = 0.5 * std::max(0.0, bend) * aside_m * aside_m;
-    const double apart = 0.5 * (k - along_N_per_m), mixed = slope * aside_m;
-    steepest.along_N_per_m = std::max(steepest.along_N_per_m, along_N_per_m);
-    steepest.across_N_per_m = std::max(steepest.across_N_per_m,
-                                       0.5 * (k + along_N_per_m) + std::sqrt(apart * apart + mixed * mixed));
+    const double e_m = std::min(turningForce(model, layers, k, d_m) / k, d_m);
+    const double s = e_m / d_m, c = std::sqrt(1.0 - s * s);
+    const double bent = layers.stiffness_here.half_bend_N_per_m3 * e_m * e_m;  // ½ k″e²
+    const double round = 0.5 * slope * e_m * s;                                // ½ k′e²/d
+    const double along = bent * c * c + round * s * s;
+    const double outward = k + 2.0 * slope * e_m * s + bent * s * s + round * c * c;
+    const double mixed = slope * e_m * c + (bent - round) * c * s;
+    const double about_u = k + round;
+    steepest.along_N_per_m = std::max(steepest.along_N_per_m, along);
+    steepest.across_N_per_m =
+        std::max({steepest.across_N_per_m, about_u,
+                  0.5 * (along + outward) + std::hypot(0.5 * (outward - along), mixed)});
   }
   return steepest;
 }
