@@ -57,7 +57,7 @@ struct CompiledMembrane {
 /// The steepest that a scene's fixture can be, where u does not turn.
 struct FixtureSteepness {
   double across_N_per_m = 0;  ///< in any direction: the greatest eigenvalue of the second derivatives of U
-  double along_N_per_m = 0;   ///< ½ k″ e², away from P0
+  double along_N_per_m = 0;   ///< the second derivative of U along u
 };
 FixtureSteepness fixtureSteepness(const SceneSpec& spec);
 

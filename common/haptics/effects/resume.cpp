@@ -87,8 +87,11 @@ double takeRupture(const SceneModel& model, const StoredTick& stored, std::uint3
   if (!dragsWall(model) || model.membrane_count == 0 || wanted == (report.flags & kFlagRupture)) return 0.0;
   if (wanted == 0) {
     report.flags &= ~kFlagRupture;
-    // what opened at a hole of CUT_MEMORY stays open
-    return followed(model, state, report, ruptured_before | state.cuts.opened);
+    // what opened at a hole of CUT_MEMORY stays open, what this needle opened is not remembered
+    const std::uint32_t ruptured = ruptured_before | state.cuts.opened;
+    if (state.cuts.own < kMaxCutTracks)
+      state.cuts.tracks[state.cuts.own].membranes &= ~(state.membranes_ruptured & ~ruptured);
+    return followed(model, state, report, ruptured);
   }
   const std::uint32_t membrane = nearestToRupture(model, state);
   if (membrane == model.membrane_count) return 0.0;

@@ -93,6 +93,46 @@ TEST(Clamping, forceIsTheGradientOfTheEnergy) {
   }
 }
 
+// the steepest that the device must hold, from differences of the rendered force
+TEST(Clamping, steepnessIsTheGreatestThatAHandFinds) {
+  SceneSpec scene = clampingScene(10'000, ClampingMode::kConservative, 4);
+  scene.layers[0].thickness_m = 0.012;
+  scene.layers.push_back(scene.layers[0]);
+  scene.layers[1].lateral_stiffness_N_per_m2 = 16'000;
+  scene.virtual_fixture.max_stiffness_N_per_m = 300;
+  scene.needle_length_m = 0.06;
+  double across = 0, along = 0;
+  for (double d_m = 6e-3; d_m < 0.04; d_m += 0.25e-3) {
+    Probe probe(scene, 1000);
+    probe.at(-1e-4);
+    probe.go(400, d_m);
+    // as far aside as u is held, less the differences' way
+    const double k = probe.last().clamping_stiffness_N_per_m;
+    const double half = blended(scene, 0.03, 1);
+    const double hold_N = std::min({4 * (d_m - 5e-3) / 0.025, k * 4 / half, 4.0});
+    const double e_m = std::min(hold_N / k, d_m) - 2e-5, x_m = std::sqrt(d_m * d_m - e_m * e_m);
+    probe.go(2000, x_m, e_m);
+    const Vec3 u_before = probe.state().u_W;
+    constexpr double kStep_m = 5e-6;
+    const auto slope = [&](double in, double aside_1, double aside_2) {
+      const Vec3 more = probe.at(x_m + in, e_m + aside_1, aside_2).wrench_W.force_N;
+      return (more - probe.at(x_m - in, e_m - aside_1, -aside_2).wrench_W.force_N) / (-2 * kStep_m);
+    };
+    const Site& site = probe.site();
+    const Vec3 inward = slope(kStep_m, 0, 0), outward = slope(0, kStep_m, 0), about = slope(0, 0, kStep_m);
+    ASSERT_EQ(probe.state().u_W, u_before) << d_m;
+    const double xx = dot(inward, site.inward), ee = dot(outward, site.across_1);
+    const double xe = 0.5 * (dot(inward, site.across_1) + dot(outward, site.inward));
+    along = std::max(along, xx);
+    across = std::max({across, dot(about, site.across_2),
+                       0.5 * (xx + ee) + std::sqrt(0.25 * (xx - ee) * (xx - ee) + xe * xe)});
+  }
+  const FixtureSteepness steepness = fixtureSteepness(scene);
+  EXPECT_NEAR(across, steepness.across_N_per_m, 0.01 * across);
+  EXPECT_GT(across, 400);
+  EXPECT_NEAR(along, steepness.along_N_per_m, 0.01 * across);
+}
+
 // a held pose keeps its force, whatever the hand trembles and the encoder rounds
 TEST(Clamping, aHeldPoseKeepsItsForce) {
   for (const double rate_hz : {500.0, 1000.0, 2000.0})

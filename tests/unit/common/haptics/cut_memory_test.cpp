@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "common/haptics/effects/effect_entry.h"
+#include "common/haptics/effects/resume.h"
 #include "tests/support/no_alloc.h"
 #include "tests/unit/common/haptics/probe.h"
 
@@ -233,6 +234,29 @@ TEST(CutMemory, aRuptureBesideAnOldHoleMakesAHoleOfItsOwn) {
   EXPECT_EQ(mostAt(0), 0);
   EXPECT_GT(mostAt(0.004), 0.38);
   EXPECT_EQ(mostAt(0.004), 0);
+}
+
+// a replay: the recording's membrane holds where the rounded place would rupture it
+TEST(CutMemory, remembersNoRuptureThatTheStationDidNotSee) {
+  SceneSpec scene = oneLayer(0, 0, 0);
+  scene.layers[0].membrane = MembraneSpec{200, 0, 0.4};
+  const SceneModel model = compiled(remembering(scene, kPierce), 1000);
+  const Quat inward = pointing({0, 0, -1});
+  SimState state;
+  StepReport report;
+  for (int i = -10; i <= 190; ++i) step(model, {{0, 0, -1e-5 * i}, inward}, state, report);
+  StoredTick stored;
+  stored.layer = 0;
+  stored.phase = Phase::kInserting;
+  stored.p_wall_W_m.x = std::nan("");
+  for (int i = 0; i < 5; ++i) {
+    stepAsStored(model, {{0, 0, -2.0005e-3}, inward}, stored, state, report);
+    ASSERT_NEAR(report.puncture_N, -0.4001, 1e-9) << i;
+    ASSERT_EQ(report.flags & kFlagRupture, 0u) << i;
+  }
+  stored.flags = kFlagRupture;
+  stepAsStored(model, {{0, 0, -2.0005e-3}, inward}, stored, state, report);
+  EXPECT_EQ(report.puncture_N, 0);
 }
 
 TEST(CutMemory, actsWithTheWallsOfATableToo) {
