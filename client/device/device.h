@@ -34,6 +34,8 @@ struct DeviceInfo {
   double max_rate_hz = 10'000;  ///< highest exchange rate; `open` refuses higher ones
   bool has_dead_man = false;    ///< the device senses whether a hand holds it
   PlungerSource plunger = PlungerSource::kNone;
+  /// From a reading to its force, in ticks, where it is known by construction; none: a station measures it.
+  std::optional<double> delay_ticks = {};
 };
 
 /// One reading. Poses are of the handle H in W; the tool transform gives the tip.

@@ -114,6 +114,9 @@ struct HandOptions {
   /// The hand releases the handle at this time, whatever the plan; 0 = never. In s, [0, 1e6]. For studies;
   /// not on a command line.
   double let_go_s = 0;
+  /// From this time on the grip's stiffnesses and dampings are `grip_share` times as large; 0 = never. In s,
+  /// [0, 1e6], and [0, 100]. For studies; not on a command line.
+  double grip_changes_s = 0, grip_share = 1;
   double tremor_m = 50e-6;  ///< peak per axis in 8-12 Hz, [0, 0.005]
   double speed_mps = 0.02;  ///< of insertion and withdrawal, (0, 0.5]
   double hold_s = 2;        ///< at the target, (0, 600]

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "common/base/range.h"
+#include "common/haptics/det_math.h"
 #include "common/haptics/limits.h"
 
 namespace needlelab {
@@ -35,6 +36,8 @@ Status checked(const SimulatedDeviceOptions& o, double rate_hz) {
       {"hand rotational damping in N·m·s/rad", h.rotational_damping_Nms_per_rad, {0, 5}},
       {"hand correction per s", h.correction_per_s, {0, 20}},
       {"hand's letting go in s", h.let_go_s, {0, 1e6}},
+      {"time of a change of grip in s", h.grip_changes_s, {0, 1e6}},
+      {"share of a changed grip", h.grip_share, {0, 100}},
       {"hand tremor in m", h.tremor_m, {0, 0.005}},
       {"mass in kg", o.limits.apparent_mass_kg, {0.01, 100}},
       {"damping in N·s/m", o.limits.damping_Ns_per_m, {0, 100}},
@@ -44,6 +47,8 @@ Status checked(const SimulatedDeviceOptions& o, double rate_hz) {
       {"encoder step in m", o.encoder_step_m, {0, 0.01}},
       {"encoder step in rad", o.encoder_step_rad, {0, 0.1}},
       {"delay in ticks", static_cast<double>(o.delay_ticks), {0, SimulatedDevice::kMaxDelayTicks}},
+      {"lag in s", o.lag_s, {0, 0.1}},
+      {"backlash in m", o.backlash_m, {0, 0.01}},
       {"integration rate in Hz", o.integration_hz, {1000, 1e6}},
   };
   for (const Row& row : rows)
@@ -74,6 +79,7 @@ SimulatedDevice::SimulatedDevice(const SimulatedDeviceOptions& options, HandPlan
   info_.name = fmt::format("simulated Virtuose 6D Desktop, hand {:g} N/m and {:g} N·s/m",
                            options.hand.stiffness_N_per_m, options.hand.damping_Ns_per_m);
   info_.limits = options.limits;
+  if (options.lag_s == 0) info_.delay_ticks = options.delay_ticks;
   info_.plunger = PlungerSource::kAnalog;  // the hand supplies the position
 }
 
@@ -86,12 +92,35 @@ Status SimulatedDevice::open(double rate_hz) {
   handle_ = {hand_->startPose(), {}, {}};
   tick_ = 0;
   pending_.fill({});
+  lag_left_ = options_.lag_s > 0 ? detExp(-step_s_ / options_.lag_s) : 0;
+  lagging_ = {};
+  play_m_ = {};
+  force_work_J_ = torque_work_J_ = 0;
   return {};
 }
 
-void SimulatedDevice::integrate(const Wrench& wrench) noexcept {
+// Between the stops of the play the motors run by themselves, against the device's damping; the force reaches
+// the handle where they stand at the stop that they push on. The handle takes them along at the other one.
+Vec3 SimulatedDevice::throughPlay(Vec3 force_N) noexcept {
+  const double most_m = options_.backlash_m / 2;
+  if (most_m == 0) return force_N;
+  const double damping = std::max(options_.limits.damping_Ns_per_m, 0.1);
+  Vec3 through;
+  for (double Vec3::* axis : {&Vec3::x, &Vec3::y, &Vec3::z}) {
+    const double force = force_N.*axis;
+    double& play = play_m_.*axis;
+    play = std::clamp(play + (force / damping - handle_.v_W_mps.*axis) * step_s_, -most_m, most_m);
+    if (force != 0 && play == std::copysign(most_m, force)) through.*axis = force;
+  }
+  return through;
+}
+
+void SimulatedDevice::integrate(const Wrench& given) noexcept {
   const double mass = options_.limits.apparent_mass_kg;
   const Wrench hand = hand_->pull(handle_);
+  lagging_ = {given.force_N + (lagging_.force_N - given.force_N) * lag_left_,
+              given.torque_Nm + (lagging_.torque_Nm - given.torque_Nm) * lag_left_};
+  const Wrench wrench{throughPlay(lagging_.force_N), lagging_.torque_Nm};
 
   // translation: semi-implicit Euler; dry friction removes at most the remaining speed
   Vec3& v = handle_.v_W_mps;
@@ -101,11 +130,13 @@ void SimulatedDevice::integrate(const Wrench& wrench) noexcept {
     v = speed > loss ? v * (1 - loss / speed) : Vec3{};
   }
   handle_.X_WH.p += v * step_s_;
+  force_work_J_ += dot(wrench.force_N, v) * step_s_;
 
   // rotation of a ball
   Vec3& w = handle_.w_W_radps;
   w += (hand.torque_Nm + wrench.torque_Nm - w * options_.rotational_damping_Nms_per_rad) *
        (step_s_ / options_.inertia_kgm2);
+  torque_work_J_ += dot(wrench.torque_Nm, w) * step_s_;
   const Vec3 half = w * (step_s_ / 2);
   handle_.X_WH.q = normalized(Quat{half.x, half.y, half.z, 1} * handle_.X_WH.q);
 }
@@ -123,7 +154,8 @@ DeviceRead SimulatedDevice::read(DeviceReading& reading) noexcept {
   if (hand_->finished()) return DeviceRead::kFinished;
   if (tick_ > 0) advance();
   ++tick_;
-  reading.X_WH = asEncoded(handle_.X_WH, options_.encoder_step_m, options_.encoder_step_rad);
+  reading.X_WH = asEncoded({handle_.X_WH.p + play_m_, handle_.X_WH.q}, options_.encoder_step_m,
+                           options_.encoder_step_rad);
   reading.speed_mps = norm(handle_.v_W_mps);
   reading.plunger = hand_->plunger();
   reading.buttons = 0;

@@ -24,6 +24,10 @@ struct SimulatedDeviceOptions {
   double encoder_step_rad = 100e-6;  ///< 0 = exact
   std::uint32_t delay_ticks =
       1;  ///< the wrench of tick k acts from tick k + delay on; at most kMaxDelayTicks
+  double lag_s = 0;  ///< first-order lag of the motors, behind the delay; [0, 0.1]
+  /// Play of the transmission: motors and encoders lie together, the handle moves freely by this much against
+  /// them along every axis before the force reaches it. [0, 0.01] m
+  double backlash_m = 0;
   double integration_hz = 20'000;
 };
 
@@ -46,6 +50,9 @@ class SimulatedDevice final : public Device {
   std::uint64_t skip(std::uint64_t ticks) noexcept override;
   void close() noexcept override;
 
+  /// The work that force and torque have done on the handle since `open`: behind lag and play. For studies.
+  [[nodiscard]] double forceWork_J() const noexcept { return force_work_J_; }
+  [[nodiscard]] double torqueWork_J() const noexcept { return torque_work_J_; }
   /// Returns the handle's true state, not the encoders'. For tests and studies.
   [[nodiscard]] const HandleState& handle() const noexcept { return handle_; }
   /// The hand on the handle. Valid only after `open`.
@@ -54,12 +61,17 @@ class SimulatedDevice final : public Device {
  private:
   void advance() noexcept;
   void integrate(const Wrench& wrench) noexcept;
+  [[nodiscard]] Vec3 throughPlay(Vec3 force_N) noexcept;
   SimulatedDeviceOptions options_;
   HandPlan plan_;
   DeviceInfo info_;
   std::optional<Hand> hand_;
   HandleState handle_;
   double step_s_ = 0;
+  double lag_left_ = 0;  // of a step of the wrench, after one step of integration
+  Wrench lagging_;
+  Vec3 play_m_;  // how far motors and encoders lie ahead of the handle
+  double force_work_J_ = 0, torque_work_J_ = 0;
   std::int64_t steps_per_tick_ = 0;
   std::uint64_t tick_ = 0;  // the next read's tick
   std::array<Wrench, kMaxDelayTicks + 1> pending_;

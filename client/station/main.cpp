@@ -7,6 +7,7 @@
 #include "client/station/run/calibrate.h"
 #include "client/station/run/list_devices.h"
 #include "client/station/run/list_exercises.h"
+#include "client/station/run/measure_delay.h"
 #include "client/station/run/options.h"
 #include "client/station/run/self_test.h"
 #include "client/station/run/signals.h"
@@ -38,6 +39,8 @@ int main(int argc, char** argv) {
         return needlelab::runSelfTest(parsed.options, stop_signals);
       case needlelab::StationMode::kCalibrate:
         return needlelab::runCalibrate(parsed.options, stop_signals);
+      case needlelab::StationMode::kMeasureDelay:
+        return needlelab::runMeasureDelay(parsed.options, stop_signals);
       case needlelab::StationMode::kLesson:
         break;
     }

@@ -4,6 +4,8 @@
 #include <bit>
 #include <cmath>
 
+#include "common/haptics/det_math.h"
+
 namespace needlelab {
 namespace {
 
@@ -57,6 +59,10 @@ std::uint64_t hashOf(const PassivityState& state) {
     hash.add(wrench.force_N);
     hash.add(wrench.torque_Nm);
   }
+  for (const Wrench& wrench : {state.acting, state.given}) {
+    hash.add(wrench.force_N);
+    hash.add(wrench.torque_Nm);
+  }
   hash.add(std::uint64_t{state.next_pose} | std::uint64_t{state.known_poses} << 32);
   hash.add(std::uint64_t{state.next_wrench} | std::uint64_t{state.unseen_ticks} << 32);
   return hash.value();
@@ -69,7 +75,13 @@ PassivityControl::PassivityControl(const PassivitySettings& settings, double rat
   settings_.rotational_damping_Nms_per_rad = std::max(0.0, settings.rotational_damping_Nms_per_rad);
   settings_.reserve_J = std::max(0.0, settings.reserve_J);
   settings_.capacity_J = std::max(settings_.reserve_J, settings.capacity_J);
-  horizon_s_ = (static_cast<double>(settings_.delay_ticks) + kHorizonTicks) * period_s_;
+  settings_.lag_s = std::max(0.0, settings.lag_s);
+  horizon_s_ = (static_cast<double>(settings_.delay_ticks) + kHorizonTicks) * period_s_ + settings_.lag_s;
+  if (settings_.lag_s > 0) {
+    const double ticks = period_s_ / settings_.lag_s;
+    left_ = detExp(-ticks);
+    mean_left_ = (1 - left_) / ticks;
+  }
   state_.level_J = settings_.reserve_J;
 }
 
@@ -104,6 +116,18 @@ void PassivityControl::observe(const Pose& X_WH) noexcept {
   state_.unseen_ticks = 0;
 }
 
+// The impulse of what was given and has not acted yet: d ticks of wrenches, and the decay behind the lag.
+Wrench PassivityControl::underWay() const noexcept {
+  constexpr std::size_t kWrenches = PassivityState::kWrenches;
+  Wrench sum{state_.acting.force_N * settings_.lag_s, state_.acting.torque_Nm * settings_.lag_s};
+  for (std::size_t back = 1; back <= settings_.delay_ticks; ++back) {
+    const Wrench& one = state_.rendered[(state_.next_wrench + kWrenches - back) % kWrenches];
+    sum.force_N += one.force_N * period_s_;
+    sum.torque_Nm += one.torque_Nm * period_s_;
+  }
+  return sum;
+}
+
 double PassivityControl::wantedShare(const Wrench& wanted) const noexcept {
   constexpr std::size_t kPoses = PassivityState::kPoses;
   if (state_.known_poses < 2) return state_.share;
@@ -114,7 +138,10 @@ double PassivityControl::wantedShare(const Wrench& wanted) const noexcept {
   const double debt = debtOf(state_, settings_.reserve_J);
   const double gives = std::clamp(power_W / kSmallPower_W + debt, 0.0, 1.0);
   if (gives <= 0) return 1;
-  const double level_J = std::max(0.0, state_.level_J);
+  // what is under way comes whatever is rendered now: it is paid first
+  const double under_way_J =
+      workOf(underWay(), oldest, newest) / (static_cast<double>(state_.known_poses - 1) * period_s_);
+  const double level_J = std::max(0.0, state_.level_J - std::max(0.0, under_way_J));
   const double affordable = power_W > 0 ? std::min(1.0, level_J / (power_W * horizon_s_))
                             : debt > 0  ? 0.0
                                         : 1.0;
@@ -125,8 +152,7 @@ Wrench PassivityControl::limited(const Pose& X_WH, bool fresh, const Wrench& wan
                                  std::int64_t elapsed_ticks) noexcept {
   // the device went on rendering the last wrench while the loop missed ticks
   const auto missed = std::clamp<std::int64_t>(elapsed_ticks - 1, 0, PassivityState::kWrenches);
-  const Wrench last =
-      state_.rendered[(state_.next_wrench + PassivityState::kWrenches - 1) % PassivityState::kWrenches];
+  const Wrench last = state_.given;
   for (std::int64_t i = 0; i < missed; ++i) rendered(last);
   // what is no number is the gate's to refuse
   if (fresh && isFinite(wanted.force_N) && isFinite(wanted.torque_Nm)) {
@@ -141,7 +167,12 @@ Wrench PassivityControl::limited(const Pose& X_WH, bool fresh, const Wrench& wan
 }
 
 void PassivityControl::rendered(const Wrench& at_handle_W) noexcept {
-  state_.rendered[state_.next_wrench] = at_handle_W;
+  const Vec3 force = state_.acting.force_N - at_handle_W.force_N;
+  const Vec3 torque = state_.acting.torque_Nm - at_handle_W.torque_Nm;
+  state_.rendered[state_.next_wrench] = {at_handle_W.force_N + force * mean_left_,
+                                         at_handle_W.torque_Nm + torque * mean_left_};
+  state_.given = at_handle_W;
+  state_.acting = {at_handle_W.force_N + force * left_, at_handle_W.torque_Nm + torque * left_};
   state_.next_wrench = (state_.next_wrench + 1) % PassivityState::kWrenches;
   state_.unseen_ticks = std::min<std::uint32_t>(PassivityState::kWrenches, state_.unseen_ticks + 1);
 }

@@ -14,6 +14,7 @@ namespace needlelab {
 
 struct PassivitySettings {
   std::uint32_t delay_ticks = 1;  ///< the wrench of tick k acts from tick k + delay on; at most kMostDelay
+  double lag_s = 0;               ///< … behind a first-order lag of the actuators
   /// Of the device alone, which loses energy whatever the hand does. Less than it has is safe; 0: not
   /// counted.
   double damping_Ns_per_m = 0, rotational_damping_Nms_per_rad = 0;
@@ -31,7 +32,9 @@ struct PassivityState {
   double level_J = 0;  ///< of the tank: what the hand and the device's damping gave, less what the hand got
   double share = 1;    ///< of the wrench that is rendered, [0, 1]
   std::array<Pose, kPoses> poses{};  ///< of the handle at the last fresh ticks, a ring
-  std::array<Wrench, kWrenches> rendered{};
+  std::array<Wrench, kWrenches> rendered{};  ///< as it acts, on average over its tick
+  Wrench acting{};                           ///< behind the lag, at the end of the newest of those ticks
+  Wrench given{};                            ///< to the device, at the newest of those ticks
   std::uint32_t next_pose = 0, known_poses = 0, next_wrench = 0;
   std::uint32_t unseen_ticks = 0;  ///< since the newest pose
 };
@@ -42,7 +45,8 @@ std::uint64_t hashOf(const PassivityState& state);
 
 /// Time-domain passivity (Hannaford and Ryu 2002) with an energy tank (Franken et al. 2011). The observer is
 /// exact where a wrench is held for a tick and comes a known number of ticks late: its work is wrench × way.
-/// It counts what the gate let through, so a force that fades in or is derated is counted as it was.
+/// It counts what the gate let through, so a force that fades in or is derated is counted as it was. Behind a
+/// first-order lag a wrench that is held for a tick acts with its exact mean over the tick.
 /// The controller takes a share off a wrench that gives energy, so that the tank empties at most
 /// exponentially within some ticks. What a sudden turn overdraws is a debt; until it is paid, only a wrench
 /// that takes is rendered. This dissipator is never stronger than the force itself and never pushes on its
@@ -67,10 +71,12 @@ class PassivityControl {
 
  private:
   void observe(const Pose& X_WH) noexcept;
+  [[nodiscard]] Wrench underWay() const noexcept;
   [[nodiscard]] double wantedShare(const Wrench& wanted) const noexcept;
 
   PassivitySettings settings_;
   double period_s_, horizon_s_;
+  double left_ = 0, mean_left_ = 0;  // of a step of the wrench behind the lag: after a tick, and over it
   PassivityState state_;
 };
 

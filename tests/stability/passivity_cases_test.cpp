@@ -18,13 +18,6 @@ TEST(PassivityControlCases, theFadeInGivesNothing) {
   EXPECT_GT(*row.distortion_N, kNoticeableStep_N) << "and this is its price";
 }
 
-TEST(PassivityControlCases, theLateLoopGivesNothing) {
-  const CaseRow row = rowOf("passivity_late_loop");
-  EXPECT_EQ(row.verdict, Verdict::kStable) << rowText(row);
-  EXPECT_GT(*row.grip_energy_J, 3e-4) << "control: the same gesture without it";
-  EXPECT_LE(*row.controlled_energy_J, 5e-5);
-}
-
 TEST(PassivityControlCases, aDeratedLoadGivesNothingAndIsHardlyTouched) {
   const CaseRow row = rowOf("passivity_derated");
   EXPECT_EQ(row.verdict, Verdict::kStable) << rowText(row);

@@ -30,7 +30,8 @@ std::string_view verdictText(Verdict verdict) {
 std::vector<StabilityCase> allCases() {
   std::vector<StabilityCase> all;
   for (auto&& part :
-       {holdCases(), motionCases(), scanCases(), loadCases(), deviceCases(), passivityCases(), lineCases()})
+       {holdCases(), motionCases(), scanCases(), loadCases(), deviceCases(), passivityCases(), lineCases(),
+        lateCases()})
     for (const StabilityCase& one : part) all.push_back(one);
   return all;
 }
@@ -45,8 +46,6 @@ Result<CaseOutcome> runCase(const StabilityCase& hard_case, const CaseSettings& 
   CaseRow& row = outcome.row;
   row.case_name = hard_case.name;
   row.model = model;
-  if (!hard_case.known.empty() && model == AxialModel::kEnhancedTrackingWall && !row.passed)
-    row.note += (row.note.empty() ? "known: " : "; known: ") + std::string(hard_case.known);
   return outcome;
 }
 

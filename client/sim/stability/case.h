@@ -86,9 +86,6 @@ struct StabilityCase {
   bool axial = false;       ///< says something about every axial model; else about the wall only
   bool prescribed = false;  ///< motion prescribed (° in tests/stability/README.md), not a closed loop
   CaseRun run;
-  /// Why the enhanced tracking wall is known to fail; empty for all others. Added to its note. The program
-  /// then does not end with an error; CONTRIBUTING.md ("Left over") names the case.
-  std::string_view known = {};
 };
 
 std::vector<StabilityCase> holdCases();
@@ -98,8 +95,9 @@ std::vector<StabilityCase> loadCases();
 std::vector<StabilityCase> deviceCases();
 std::vector<StabilityCase> passivityCases();
 std::vector<StabilityCase> lineCases();
+std::vector<StabilityCase> lateCases();
 /// All of them: holds, prescribed motions, stiffness and missing ticks, then releases under load and the
-/// lever, what a device or its clock does wrong, the passivity control, and the needle's line.
+/// lever, what a device or its clock does wrong, the passivity control, the needle's line, and late forces.
 std::vector<StabilityCase> allCases();
 
 /// Runs a case; a row that is not applicable where the case says nothing about `model`.

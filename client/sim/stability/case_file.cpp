@@ -174,7 +174,7 @@ PlantOptions CaseEntry::plant() {
   if (const auto* own = find("plant")) merged.merge_patch(*own);
   PlantOptions options;
   SimulatedDeviceOptions& device = options.device;
-  double delay = 1, seed = 1;
+  double delay = 1, spread = 0, seed = 1;
   struct Row {
     const char* field;
     double* value;
@@ -199,7 +199,10 @@ PlantOptions CaseEntry::plant() {
       {"hand_rotational_stiffness_nm_per_rad", &device.hand.rotational_stiffness_Nm_per_rad},
       {"hand_rotational_damping_nms_per_rad", &device.hand.rotational_damping_Nms_per_rad},
       {"tremor_m", &device.hand.tremor_m},
+      {"lag_s", &device.lag_s},
+      {"backlash_m", &device.backlash_m},
       {"delay_ticks", &delay},
+      {"delay_spread_ticks", &spread},
       {"seed", &seed},
   };
   for (const auto& item : merged.items()) {
@@ -218,6 +221,10 @@ PlantOptions CaseEntry::plant() {
     fail("plant.delay_ticks", "must be a whole number, 0 to 15");
   else
     device.delay_ticks = static_cast<std::uint32_t>(delay);
+  if (!(spread >= 0 && delay + spread <= SimulatedDevice::kMaxDelayTicks && spread == std::floor(spread)))
+    fail("plant.delay_spread_ticks", "must be a whole number, with delay_ticks at most 15");
+  else
+    options.delay_spread_ticks = static_cast<std::uint32_t>(spread);
   if (!(seed >= 0 && seed <= 1e9 && seed == std::floor(seed)))
     fail("plant.seed", "must be a whole number, 0 to 1e9");
   else

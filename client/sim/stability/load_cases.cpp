@@ -39,10 +39,7 @@ std::vector<StabilityCase> loadCases() {
       {"tool_gestures", "random gestures with a hand, at the end of a mounted tool", true, false,
        toolGestures},
       {"random_energy_500981", "the random gesture of a nearly free hand that a late loop gives energy", true,
-       false, randomEnergySeed,
-       "stays known to fail with passivity control off (passivity_late_loop has it on): a spring that is "
-       "held for a tick and comes a tick late is not passive, whatever its model, and this hand hardly "
-       "damps it"},
+       false, randomEnergySeed},
   };
 }
 

@@ -73,13 +73,12 @@ Result<CaseOutcome> frozenDevice(const CaseSettings&, AxialModel, const ForceSou
 Result<CaseOutcome> flippedAxis(const CaseSettings&, AxialModel, const ForceSourceFactory&,
                                 Gate gate = Gate::kPresent);
 
-// random_energy.cpp: random gestures, and the one that is known to get energy from a late loop
+// random_energy.cpp: random gestures, and the one that gets energy from a late loop without the passivity control
 Result<CaseOutcome> randomEnergy(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 Result<CaseOutcome> randomEnergySeed(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 
 // … and gestures at the end of a mounted tool; and the passivity control
 Result<CaseOutcome> toolGestures(const CaseSettings&, AxialModel, const ForceSourceFactory&);
-Result<CaseOutcome> passivityLateLoop(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 Result<CaseOutcome> passivityTransparent(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 
 // passivity_cases.cpp: a run with the passivity control, beside the same without
@@ -109,5 +108,11 @@ using WrenchLimiter = std::function<Wrench(const TipSample& tip, const Wrench& w
 using WrenchLimiterFactory = std::function<WrenchLimiter(double rate_hz)>;
 Result<CaseOutcome> leaningOnTool(const CaseSettings&, AxialModel, const ForceSourceFactory&,
                                   const WrenchLimiterFactory& limiter);
+
+// late and loose devices
+enum class Told { kAsMeasured, kOneTick };  ///< the delay and lag that the passivity control is told
+/// With the passivity control where passivity is not proven, as in a station.
+Result<CaseOutcome> lateContact(const std::string& name, const CaseSettings& settings, AxialModel model,
+                                const ForceSourceFactory& source, Told told);
 
 }  // namespace needlelab

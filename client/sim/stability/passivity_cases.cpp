@@ -25,8 +25,6 @@ std::vector<StabilityCase> passivityCases() {
       {"passivity_fade_in", "passivity control: pressed in the gate's fade-in, and drawn back after it", true,
        false, passivityFadeIn},
       {"passivity_derated", "passivity control: the load of derated_release", true, false, passivityDerated},
-      {"passivity_late_loop", "passivity control: the gesture of random_energy_500981", true, false,
-       passivityLateLoop},
       {"passivity_transparent", "passivity control: what it takes off ordinary gestures", true, false,
        passivityTransparent},
   };

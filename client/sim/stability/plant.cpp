@@ -71,12 +71,6 @@ ForceSourceFactory engineSource() {
 
 namespace {
 
-// rotation vector of a small turn, in W
-Vec3 turnVectorOf(Quat from, Quat to) {
-  const Quat turn = to * conjugate(from);
-  return Vec3{turn.x, turn.y, turn.z} * (turn.w < 0 ? -2.0 : 2.0);
-}
-
 // the device runs on its own fine steps, so that ticks can be late and delays are handled outside the device
 class FinePlant {
  public:
@@ -90,8 +84,8 @@ class FinePlant {
   [[nodiscard]] double fineHz() const { return rate_hz_ * static_cast<double>(steps_per_tick_); }
   [[nodiscard]] std::int64_t stepsPerTick() const { return steps_per_tick_; }
   [[nodiscard]] std::int64_t now() const { return now_; }
-  [[nodiscard]] double energy_J() const { return energy_J_; }
-  [[nodiscard]] double turnEnergy_J() const { return turn_energy_J_; }
+  [[nodiscard]] double energy_J() const { return device_.forceWork_J(); }
+  [[nodiscard]] double turnEnergy_J() const { return device_.torqueWork_J(); }
   [[nodiscard]] const SimulatedDevice& device() const { return device_; }
 
   Status open() { return device_.open(fineHz()); }
@@ -105,20 +99,19 @@ class FinePlant {
         pending_.pop_front();
       }
       const std::int64_t until = pending_.empty() ? step : std::min(step, pending_.front().due);
-      const Pose before = device_.handle().X_WH;
       device_.write(acting_);
       device_.skip(static_cast<std::uint64_t>(until - now_ - 1));
       if (device_.read(reading) != DeviceRead::kFresh) return false;
-      // the wrench was constant: the work of its force is exact, that of its torque to second order
-      const Pose& after = device_.handle().X_WH;
-      energy_J_ += dot(acting_.wrench().force_N, after.p - before.p);
-      turn_energy_J_ += dot(acting_.wrench().torque_Nm, turnVectorOf(before.q, after.q));
       now_ = until;
     }
     return true;
   }
 
-  void command(const GuardedWrench& wrench) { pending_.push_back({now_ + delay_steps_, wrench}); }
+  void command(const GuardedWrench& wrench, std::uint32_t more_ticks) {
+    std::int64_t due = now_ + delay_steps_ + static_cast<std::int64_t>(more_ticks) * steps_per_tick_;
+    if (!pending_.empty()) due = std::max(due, pending_.back().due);
+    pending_.push_back({due, wrench});
+  }
 
  private:
   static SimulatedDeviceOptions fine(SimulatedDeviceOptions options, double fine_hz) {
@@ -134,7 +127,6 @@ class FinePlant {
   std::int64_t steps_per_tick_, delay_steps_;
   SimulatedDevice device_;
   std::int64_t now_ = 0;
-  double energy_J_ = 0, turn_energy_J_ = 0;
   GuardedWrench acting_;
   std::deque<Pending> pending_;
 };
@@ -188,7 +180,9 @@ Result<PlantRun> runPlant(ForceSource& source, const HandPlan& plan, const Plant
     if (passivity) wanted = passivity->limited(reading.X_WH, tick.stepped, wanted);
     const GuardedWrench guarded = gate.guard(wanted);
     if (passivity) passivity->rendered(guarded.wrench());
-    plant.command(guarded);
+    plant.command(guarded, options.delay_spread_ticks > 0
+                               ? static_cast<std::uint32_t>(random.next() % (options.delay_spread_ticks + 1))
+                               : 0);
 
     const HandleState& handle = plant.device().handle();
     tick.p_W_m = tipFromHandle(handle.X_WH, X_HT).p;
@@ -211,7 +205,8 @@ Result<PlantRun> runPlant(ForceSource& source, const HandPlan& plan, const Plant
 
 PassivitySettings passivityOf(const PlantOptions& options) {
   PassivitySettings settings;
-  settings.delay_ticks = options.device.delay_ticks;
+  settings.delay_ticks = options.device.delay_ticks + options.delay_spread_ticks;
+  settings.lag_s = options.device.lag_s;
   settings.damping_Ns_per_m = options.device.limits.damping_Ns_per_m;
   settings.rotational_damping_Nms_per_rad = options.device.rotational_damping_Nms_per_rad;
   return settings;
@@ -235,7 +230,8 @@ LoopMargins marginsOf(const PlantRun& run, const PlantOptions& options) {
   double clamping_N_per_m = 0;
   for (const PlantTick& tick : run.ticks)
     clamping_N_per_m = std::max(clamping_N_per_m, tick.report.clamping_stiffness_N_per_m);
-  const double delay = static_cast<double>(device.delay_ticks);
+  const double delay = static_cast<double>(device.delay_ticks + options.delay_spread_ticks) +
+                       device.lag_s * options.rate_hz;
   const auto over = [&](double damping_Ns_per_m, double stiffness_N_per_m) {
     if (!(stiffness_N_per_m > 0)) return std::numeric_limits<double>::infinity();
     return passiveStiffnessLimit(damping_Ns_per_m, 1 / options.rate_hz, delay) / stiffness_N_per_m;

@@ -41,11 +41,6 @@ std::string utcText(std::int64_t unix_ns) {
 
 constexpr double kCalibrationDefault_s = 30, kCalibrationLongest_s = 600;
 
-int refuse(const Error& error) {
-  std::cerr << "needlelab-station: " << error.message << "\n";
-  return exitCodeOf(error);
-}
-
 // "simulated" is a pivoting hand; a recording is read as fast as possible
 Result<std::unique_ptr<Device>> deviceFor(const StationOptions& options) {
   if (options.device != "simulated") return makeDevice(options.device, {{}, {}, options.X_HT, options.hand});
@@ -182,7 +177,7 @@ int conclude(const StationOptions& options, const NeedleAxis& axis, const std::s
                           fit.spread};
     if (auto written = writeFileAtomically(options.tool_out, viewOf(toolFileText(tool, notes)));
         !written.ok())
-      return refuse(written.error());
+      return refused(written.error());
     text += "written         " + options.tool_out.string() + "; start lessons with --tool " +
             options.tool_out.string() + "\n";
     code = kExitDone;
@@ -305,20 +300,20 @@ std::string toolFileText(const Pose& X_HT, const ToolNotes& notes) {
 
 int runCalibrate(const StationOptions& options, const sigset_t& stop_signals) {
   if (options.seconds > kCalibrationLongest_s)
-    return refuse(outOfRange("--seconds of a calibration", options.seconds, {0.001, kCalibrationLongest_s}));
+    return refused(outOfRange("--seconds of a calibration", options.seconds, {0.001, kCalibrationLongest_s}));
   const auto axis = parseNeedleAxis(options.axis);
-  if (!axis.ok()) return refuse(axis.error());
+  if (!axis.ok()) return refused(axis.error());
   auto made = deviceFor(options);
-  if (!made.ok()) return refuse(made.error());
+  if (!made.ok()) return refused(made.error());
   Device& device = **made;
   if (!device.info().has_orientation)
-    return refuse(
+    return refused(
         {ErrorCode::kInvalidInput,
          device.info().name +
              " does not report how its handle is turned, so there is nothing to calibrate: its grip "
              "is the tip. Where the tip stands off from the grip, give the offset in metres: --tool "
              "x,y,z,0,0,0,1"});
-  if (auto status = device.open(options.rate_hz); !status.ok()) return refuse(status.error());
+  if (auto status = device.open(options.rate_hz); !status.ok()) return refused(status.error());
 
   // devices that advance by ticks need no waiting
   const bool recording = options.device.starts_with("recording:");
@@ -347,7 +342,7 @@ int runCalibrate(const StationOptions& options, const sigset_t& stop_signals) {
   const auto found = calibrateTip(device, clock, settings, stop_signals, std::ref(line));
   line.end();
   device.close();
-  if (!found.ok()) return refuse(found.error());
+  if (!found.ok()) return refused(found.error());
   return conclude(options, *axis, device.info().name, *found);
 }
 

@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "client/device/hand_options.h"
@@ -13,8 +14,6 @@
 
 namespace needlelab {
 namespace {
-
-constexpr double kDelayTicks = 1;  // between a reading and its force
 
 Result<StationLesson> lessonOf(pb::Profile profile, const StationOptions& options) {
   StationLesson lesson;
@@ -92,22 +91,23 @@ Status checkStiffness(const SceneModel& model, const DeviceInfo& device) {
 }
 
 std::optional<std::string> stabilityWarning(const SceneModel& model, const DeviceInfo& device,
-                                            double hand_damping_Ns_per_m) {
+                                            const LoopDelay& delay, double hand_damping_Ns_per_m) {
   if (!device.renders_force) return std::nullopt;
   const double damping = device.limits.damping_Ns_per_m + hand_damping_Ns_per_m;
   // a computed damper adds energy like a spring: subtract its B from the damping of device and hand
   // (Colgate and Schenkel: b > KT/2 + B)
   const double own = model.isLive(Effect::kCutting) ? model.axial_damping_Ns_per_m : 0.0;
-  const double bound = std::max(0.0, damping - own) / (model.period_s * (0.5 + kDelayTicks));
+  const double ticks = delay.totalTicks(model.rate_hz);
+  const double bound = std::max(0.0, damping - own) / (model.period_s * (0.5 + ticks));
   const double axial = model.axialStiffness_N_per_m();
   if (axial <= bound) return std::nullopt;
   const std::string minus = own > 0 ? fmt::format(" − {:.3g} of the model", own) : std::string();
   return fmt::format(
       "{:.4g} N/m along the needle is above the {:.4g} N/m that are stable with this hand (coupled "
-      "stability: ({:.3g} of the device + {:.3g} of the hand{} N·s/m)/({:.3g} ms · (½ + {:.0f}))): it may "
+      "stability: ({:.3g} of the device + {:.3g} of the hand{} N·s/m)/({:.3g} ms · (½ + {:.2g}))): it may "
       "oscillate in a loose hand",
       axial, bound, device.limits.damping_Ns_per_m, hand_damping_Ns_per_m, minus, model.period_s * 1e3,
-      kDelayTicks);
+      ticks);
 }
 
 SceneSpec forDevice(SceneSpec scene, const DeviceInfo& device, std::vector<std::string>& notes) {
@@ -176,9 +176,34 @@ Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const Pos
   return {};
 }
 
-PassivitySettings passivityOf(const DeviceInfo& device) {
+std::optional<std::string> unprovenPassivity(const StationLesson& lesson, const DeviceInfo& device,
+                                             const LoopDelay& delay, const Pose& X_HT) {
+  if (!device.renders_force) return std::nullopt;
+  const SceneModel& model = lesson.model;
+  const bool has_lever = device.renders_torque && device.has_orientation;
+  const double axial = model.axialStiffness_N_per_m();
+  const HandleStiffness handle = handleStiffness(lesson.scene, axial, has_lever ? X_HT : Pose{});
+  const double half_more = 0.5 + delay.totalTicks(model.rate_hz);
+  const double own = model.isLive(Effect::kCutting) ? model.axial_damping_Ns_per_m : 0.0;
+  const double most = std::max(0.0, device.limits.damping_Ns_per_m - own) / (model.period_s * half_more);
+  const double most_turn = device.limits.max_rotational_stiffness_Nm_per_rad * std::min(1.0, 1.5 / half_more);
+  const double steepest = std::max(axial, handle.across_N_per_m());
+  const bool turns = device.renders_torque && handle.handle_Nm_per_rad > most_turn * (1 + 1e-9);
+  if (steepest <= most * (1 + 1e-9) && !turns) return std::nullopt;
+  return fmt::format(
+      "{} and the device, which damps {:.3g} N·s/m and renders a force {:.2g} ticks late{}, is passive up to {}",
+      !turns ? fmt::format("the scene is {:.4g} N/m steep", steepest)
+                      : fmt::format("the scene is {:.3g} N·m/rad steep about the handle", handle.handle_Nm_per_rad),
+      device.limits.damping_Ns_per_m, delay.totalTicks(model.rate_hz),
+      delay.is_known ? "" : " (assumed; --measure-delay finds it)",
+      !turns ? fmt::format("{:.4g} N/m", most) : fmt::format("{:.3g} N·m/rad", most_turn));
+}
+
+PassivitySettings passivityOf(const DeviceInfo& device, const LoopDelay& delay) {
   PassivitySettings settings;
-  settings.delay_ticks = static_cast<std::uint32_t>(kDelayTicks);
+  // of a part of a tick all of it counts: a later force is counted as later
+  settings.delay_ticks = static_cast<std::uint32_t>(std::ceil(std::max(0.0, delay.ticks - 0.05)));
+  settings.lag_s = delay.lag_s;
   settings.damping_Ns_per_m = device.limits.damping_Ns_per_m;
   return settings;
 }
@@ -196,22 +221,26 @@ void noteTool(const Pose& X_HT, const DeviceInfo& device, std::vector<std::strin
         "moves the tip and is not resisted.");
 }
 
-Status fitLesson(StationLesson& lesson, const DeviceInfo& device, const StationOptions& options,
-                 std::vector<std::string>& notes) {
+Status fitLesson(StationLesson& lesson, const DeviceInfo& device, const LoopDelay& delay,
+                 const StationOptions& options, std::vector<std::string>& notes) {
   const EffectMask before = lesson.scene.effects;
   lesson.scene = forDevice(std::move(lesson.scene), device, notes);
   noteTool(options.X_HT, device, notes);
   RETURN_IF_ERROR(lowerForDevice(lesson, device, options.X_HT, notes));
-  if (options.passivity_control && device.renders_force)
-    notes.push_back(
-        "Passivity control is on: where a force would give the hand more energy than the hand gave, "
-        "less of it is rendered than the model says.");
-  if (lesson.scene.effects == before && lesson.stiffness_share == 1) return {};
-  auto model = compile(lesson.scene, options.rate_hz);
-  if (!model.ok())
-    return Error{model.error().code,
-                 "profile " + lesson.profile.id() + " on the " + device.name + ": " + model.error().message};
-  lesson.model = std::move(*model);
+  if (lesson.scene.effects != before || lesson.stiffness_share != 1) {
+    auto model = compile(lesson.scene, options.rate_hz);
+    if (!model.ok())
+      return Error{model.error().code, "profile " + lesson.profile.id() + " on the " + device.name + ": " +
+                                           model.error().message};
+    lesson.model = std::move(*model);
+  }
+  const auto unproven = unprovenPassivity(lesson, device, delay, options.X_HT);
+  if ((options.passivity_control || unproven) && device.renders_force) {
+    lesson.passivity = passivityOf(device, delay);
+    notes.push_back("Passivity control is on" + (unproven ? " (" + *unproven + ")" : std::string()) +
+                    ": where a force would give the hand more energy than the hand gave, less of it is "
+                    "rendered than the model says.");
+  }
   return {};
 }
 

@@ -19,6 +19,18 @@
 
 namespace needlelab {
 
+/// Lessons count so many ticks where no delay was measured: one to read, compute and write, one in the device.
+inline constexpr double kAssumedDelayTicks = 2;
+
+/// The delay that a lesson counts (measure_delay.h).
+struct LoopDelay {
+  double ticks = kAssumedDelayTicks;  ///< from a reading to its force …
+  double lag_s = 0;                   ///< … behind a lag
+  bool is_known = false;              ///< measured, or known by construction; else assumed
+  /// What a limit of stiffness counts.
+  [[nodiscard]] double totalTicks(double rate_hz) const { return ticks + lag_s * rate_hz; }
+};
+
 /// All data of a lesson that the station needs, ready to run.
 struct StationLesson {
   pb::Profile profile;
@@ -28,6 +40,7 @@ struct StationLesson {
   SceneModel model;
   std::vector<std::string> warnings;           ///< warnings about the profile, for a person
   double stiffness_share = 1;                  ///< as in SessionDescription
+  std::optional<PassivitySettings> passivity;  ///< none: no passivity control
   bool bone_left_out = false;                  ///< the profile lists BONE, and device and tool do not hold it
   std::uint32_t attempt = 0;                   ///< the trainee's attempt number; 0: unknown
   std::optional<std::uint32_t> attempts_left;  ///< including this one; none: unlimited
@@ -56,7 +69,13 @@ Status checkStiffness(const SceneModel& model, const DeviceInfo& device);
 /// Above (b + b_hand)/(T(½ + delay)) a stiffness can oscillate with this hand (coupled stability; passivity,
 /// whatever the hand, would count the device's b alone): returns a warning with the numbers, or nothing.
 std::optional<std::string> stabilityWarning(const SceneModel& model, const DeviceInfo& device,
-                                            double hand_damping_Ns_per_m);
+                                            const LoopDelay& delay, double hand_damping_Ns_per_m);
+
+/// Why passivity is not proven, with the numbers; nothing where it is: along and across the needle the scene
+/// is at most b/(T(½ + delay)), which no hand can make unstable, and about the handle the device's limit in
+/// the proportion of that delay to one tick's.
+std::optional<std::string> unprovenPassivity(const StationLesson& lesson, const DeviceInfo& device,
+                                             const LoopDelay& delay, const Pose& X_HT);
 
 /// Returns the scene as `device` can render it. Turns the orientation limit off if the device renders no
 /// torque or measures no orientation. A device that renders nothing at all, such as a recording, keeps the
@@ -71,14 +90,15 @@ SceneSpec forDevice(SceneSpec scene, const DeviceInfo& device, std::vector<std::
 Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const Pose& X_HT,
                       std::vector<std::string>& notes);
 
-/// What --passivity-control counts of a device.
-PassivitySettings passivityOf(const DeviceInfo& device);
+/// What a passivity control counts of a device.
+PassivitySettings passivityOf(const DeviceInfo& device, const LoopDelay& delay);
 
 /// Adds to `notes` how this device uses the tool.
 void noteTool(const Pose& X_HT, const DeviceInfo& device, std::vector<std::string>& notes);
 
-/// Adapts `lesson`'s scene and model to the device, with all notes. Errors: kInvalidInput.
-Status fitLesson(StationLesson& lesson, const DeviceInfo& device, const StationOptions& options,
-                 std::vector<std::string>& notes);
+/// Adapts `lesson`'s scene and model to the device, with all notes. Turns passivity control on where passivity
+/// is not proven, or --passivity-control asks for it. Errors: kInvalidInput.
+Status fitLesson(StationLesson& lesson, const DeviceInfo& device, const LoopDelay& delay,
+                 const StationOptions& options, std::vector<std::string>& notes);
 
 }  // namespace needlelab

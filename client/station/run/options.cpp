@@ -36,7 +36,8 @@ struct RawOptions {
   std::optional<std::string> enrolled;
   std::vector<std::string> screenshots, screenshot_times;
   std::string window_size;
-  bool list_devices = false, self_test = false, calibrate = false, list_exercises = false;
+  bool list_devices = false, self_test = false, calibrate = false, measure_delay = false;
+  bool list_exercises = false;
 };
 
 constexpr const char* kServer = "Server";
@@ -46,7 +47,7 @@ constexpr const char* kDevice = "Device";
 constexpr const char* kRealTime = "Real time";
 constexpr const char* kSpool = "Spool";
 constexpr const char* kSummary = "Summary";
-constexpr const char* kModes = "Instead of a lesson (the device gets no force)";
+constexpr const char* kModes = "Instead of a lesson (the device gets no force, but by --measure-delay)";
 
 void addServer(CLI::App& app, StationOptions& o, RawOptions& raw) {
   app.add_option("--server", raw.server,
@@ -125,7 +126,8 @@ void addDevice(CLI::App& app, StationOptions& o, RawOptions& raw) {
          "buttons that press the plunger and draw it back, where the device has buttons; default: 0,1")
       ->group(kDevice);
   app.add_flag("--passivity-control", o.passivity_control,
-               "renders less of a force that would give the hand more energy than the hand gave")
+               "renders less of a force that would give the hand more energy than the hand gave, also where "
+               "device and scene are proven to give none: elsewhere it is always on")
       ->group(kDevice);
   app.add_option("--tool", raw.tool, "the tip in the handle's frame: x,y,z,qx,qy,qz,qw (m), or a JSON file")
       ->group(kDevice);
@@ -198,6 +200,9 @@ void addModes(CLI::App& app, StationOptions& o, RawOptions& raw) {
   auto* pivot = app.add_flag("--calibrate", raw.calibrate,
                              "find the needle's tip in the handle's frame by pivoting in a dimple; "
                              "--seconds: default 30");
+  auto* delay = app.add_flag("--measure-delay", raw.measure_delay,
+                             "find how late the device renders a force, and keep it for its lessons: it pushes "
+                             "the held handle by at most 0.5 N for 10 s");
   app.add_option(
          "--enrol", o.bundle,
          "make this computer a station: log in by the file that needlelab-admin station enrol made, and keep "
@@ -206,8 +211,10 @@ void addModes(CLI::App& app, StationOptions& o, RawOptions& raw) {
       ->excludes(list)
       ->excludes(test)
       ->excludes(pivot)
+      ->excludes(delay)
       ->group(kModes);
-  list->excludes(test)->excludes(pivot)->group(kModes);
+  list->excludes(test)->excludes(pivot)->excludes(delay)->group(kModes);
+  delay->excludes(test)->excludes(pivot)->group(kModes);
   test->excludes(pivot)->group(kModes);
   pivot->group(kModes);
   app.add_flag("--list-exercises", raw.list_exercises,
@@ -390,6 +397,7 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
   if (raw.list_devices) o.mode = StationMode::kListDevices;
   if (raw.self_test) o.mode = StationMode::kSelfTest;
   if (raw.calibrate) o.mode = StationMode::kCalibrate;
+  if (raw.measure_delay) o.mode = StationMode::kMeasureDelay;
   if (raw.list_exercises) o.mode = StationMode::kListExercises;
   if (!o.bundle.empty()) o.mode = StationMode::kEnrol;
   o.json = app.count("--json") > 0;

@@ -17,12 +17,13 @@
 
 namespace needlelab {
 
-/// The program's task. Only the lesson sends force to the device.
+/// The program's task. Only a lesson and the measurement of the delay send force to the device.
 enum class StationMode : std::uint8_t {
   kLesson,
   kListDevices,
   kSelfTest,
   kCalibrate,
+  kMeasureDelay,
   kListExercises,
   kEnrol
 };

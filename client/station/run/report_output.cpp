@@ -46,6 +46,11 @@ std::string reportJson(const nlohmann::ordered_json& rows) {
   return report.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
+int refused(const Error& error) {
+  std::cerr << "needlelab-station: " << error.message << "\n";
+  return exitCodeOf(error);
+}
+
 int printReport(const StationOptions& options, const std::string& text, const std::string& json, int code) {
   const bool json_on_stdout = options.json && options.json_file.empty();
   (json_on_stdout ? std::cerr : std::cout) << text << std::flush;

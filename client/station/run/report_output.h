@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "client/station/run/options.h"
+#include "common/base/result.h"
 
 namespace needlelab {
 
@@ -20,6 +21,9 @@ std::string wrapped(std::string_view text, std::size_t indent, std::size_t width
 
 /// Returns {"version", "machine", "rows": rows} and a newline.
 std::string reportJson(const nlohmann::ordered_json& rows);
+
+/// Prints the error to standard error; returns its exit code.
+int refused(const Error& error);
 
 /// Prints `text` to standard output. With --json, prints `json` there and `text` to standard error, or writes
 /// `json` to its file (atomically). Returns `code`, or kExitFailed after a write error, which it reports on

@@ -23,6 +23,7 @@
 #include "client/station/run/lesson_fetch.h"
 #include "client/station/run/local_score.h"
 #include "client/station/run/loop_watch.h"
+#include "client/station/run/measure_delay.h"
 #include "client/station/run/real_time.h"
 #include "client/station/run/signals.h"
 #include "client/station/run/terminal.h"
@@ -86,7 +87,8 @@ Status StationRun::chooseDevice() {
   DeviceOptions device_options{lesson_.scene, targetsOf(lesson_.profile, options_.X_WL), options_.X_HT,
                                options_.hand, steering_};
   ASSIGN_OR_RETURN(device_, makeDevice(options_.device, device_options));
-  RETURN_IF_ERROR(fitLesson(lesson_, device_->info(), options_, device_notes_));
+  ASSIGN_OR_RETURN(delay_, loopDelayOf(options_, device_->info()));
+  RETURN_IF_ERROR(fitLesson(lesson_, device_->info(), delay_, options_, device_notes_));
   for (const std::string& note : device_notes_) logMessage(note);
   return {};
 }
@@ -107,7 +109,7 @@ Status StationRun::measureEffects() {
 Status StationRun::openDevice() {
   RETURN_IF_ERROR(checkStiffness(lesson_.model, device_->info()));
   const double hand = options_.device == "simulated" ? options_.hand.damping_Ns_per_m : kHandDamping_Ns_per_m;
-  if (const auto warning = stabilityWarning(lesson_.model, device_->info(), hand)) logMessage(*warning);
+  if (const auto warning = stabilityWarning(lesson_.model, device_->info(), delay_, hand)) logMessage(*warning);
   RETURN_IF_ERROR(device_->open(options_.rate_hz));
 
   time_limit_s_ = options_.seconds;
@@ -213,8 +215,7 @@ Status StationRun::practise() {
   settings.on_fault = options_.on_fault.value_or(somebody_there ? FaultPolicy::kWait : FaultPolicy::kEnd);
   settings.black_box = &black_box;
   settings.plunger = options_.plunger;
-  if (options_.passivity_control && device_->info().renders_force)
-    settings.passivity = passivityOf(device_->info());
+  settings.passivity = lesson_.passivity;
   loop_ = std::make_unique<ServoLoop>(lesson_.model, *device_, clock, ring_, settings);
   logMessage("session " + session_->idText() + ": " + lesson_.profile.name() + ", " + device_->info().name);
 

@@ -70,6 +70,7 @@ class StationRun {
   std::shared_ptr<HandSteering> steering_;              // input of the simulated hand steered in the window
   SampleRing ring_;
   StationLesson lesson_;
+  LoopDelay delay_;
   std::vector<std::string> device_notes_;
   std::optional<EffectCosts> effect_costs_;
   std::unique_ptr<Device> device_;

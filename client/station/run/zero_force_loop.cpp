@@ -101,8 +101,7 @@ void ZeroForceLoop::tick(std::uint64_t number) noexcept {
     stats_.device_finished = true;
     return;
   }
-  // most devices need a write after each read; always zero force
-  device_.write(GuardedWrench{});
+  device_.write(answer(number, read, reading_));  // most devices need a write after each read
   stats_.exchange.add(clock_.nowNs() - from_ns);
 
   ++stats_.ran;

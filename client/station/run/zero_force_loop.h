@@ -1,5 +1,6 @@
 /// A loop for `--self-test` and `--calibrate` that reads the device at its rate and writes zero force. It has
-/// no engine and no gate: the only wrench that it can make is zero (force_gate.h, GuardedWrench).
+/// no engine and no gate: the only wrench that it can make is zero (force_gate.h, GuardedWrench). ProbeLoop
+/// (measure_delay.h) gives small forces instead, through a gate of its own.
 #pragma once
 
 #include <array>
@@ -55,7 +56,7 @@ struct ZeroForceStats {
 
 /// Thread: `run`, or `turn` and `rest`, on the haptic thread; `stop`, `samples` from any. A tick uses no
 /// heap, lock or exception.
-class ZeroForceLoop final : public Turns {
+class ZeroForceLoop : public Turns {
  public:
   /// Both must outlive the loop; the device is open.
   ZeroForceLoop(Device& device, TimeSource& clock, const ZeroForceSettings& settings);
@@ -79,6 +80,10 @@ class ZeroForceLoop final : public Turns {
     return condition_.load(std::memory_order_relaxed);
   }
   [[nodiscard]] const ZeroForceStats& stats() const noexcept { return stats_; }
+
+ protected:
+  /// The wrench of this tick; `number` counts missed ticks, too.
+  virtual GuardedWrench answer(std::uint64_t, DeviceRead, const DeviceReading&) noexcept { return {}; }
 
  private:
   [[nodiscard]] std::int64_t dueNs() const noexcept;  // of the tick `number_`

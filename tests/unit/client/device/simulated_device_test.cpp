@@ -152,6 +152,69 @@ TEST(SimulatedDevice, aWrenchActsAfterTheDelayAndHolds) {
   }
 }
 
+// 1 N behind a first-order lag on a mass: v = F/m·(t − τ(1 − e^(−t/τ)))
+TEST(SimulatedDevice, aLagBringsTheForceInByAnExponential) {
+  for (const double lag_s : {1e-3, 8e-3}) {
+    SimulatedDeviceOptions o = plainOptions();
+    o.lag_s = lag_s;
+    o.delay_ticks = 0;
+    o.hand.stiffness_N_per_m = o.hand.damping_Ns_per_m = o.limits.damping_Ns_per_m = 0;
+    SimulatedDevice device(o, HandPlan(Pose{}).hold(1));
+    ASSERT_TRUE(device.open(kRate).ok());
+    ForceGate gate(device.info().limits, kRate);
+    GuardedWrench push;
+    for (int i = 0; i < 300; ++i) {
+      ASSERT_TRUE(gate.admit({}, true, 0));
+      push = gate.guard({{1, 0, 0}, {}});
+    }
+    DeviceReading r;
+    for (int k = 0; k <= 10; ++k) {
+      ASSERT_EQ(device.read(r), DeviceRead::kFresh);
+      device.write(push);
+    }
+    const double t = 0.01, v = (t - lag_s * (1 - std::exp(-t / lag_s))) / 0.35;
+    EXPECT_NEAR(r.speed_mps, v, 0.02 * v) << lag_s;
+    EXPECT_NEAR(device.forceWork_J(), 0.5 * 0.35 * v * v, 0.05 * 0.5 * 0.35 * v * v) << "kinetic energy";
+  }
+}
+
+TEST(SimulatedDevice, inThePlayTheForceReachesNoHandleAndTheEncodersLead) {
+  SimulatedDeviceOptions o = plainOptions();
+  o.backlash_m = 0.4e-3;
+  SimulatedDevice device(o, HandPlan(Pose{}).hold(5));
+  ASSERT_TRUE(device.open(kRate).ok());
+  ForceGate gate(device.info().limits, kRate);
+  DeviceReading r;
+  double turned_s = 0;
+  for (int k = 0; k < 4000; ++k) {
+    ASSERT_EQ(device.read(r), DeviceRead::kFresh);
+    const double ahead_m = r.X_WH.p.x - device.handle().X_WH.p.x;
+    if (k == 1999) EXPECT_NEAR(ahead_m, 0.2e-3, 1e-12);
+    if (k >= 2000 && turned_s == 0 && ahead_m < -0.2e-3 + 1e-12) turned_s = 1e-3 * (k - 2000);
+    ASSERT_TRUE(gate.admit({}, true, 0));
+    device.write(gate.guard({{k < 2000 ? 0.03 : -0.03, 0, 0}, {}}));
+  }
+  // 0.03 N moves motors that damp 1.7 N·s/m at 18 mm/s
+  EXPECT_NEAR(turned_s, 0.4e-3 / (0.03 / 1.7), 0.008);
+  EXPECT_NEAR(device.handle().X_WH.p.x, -0.03 / 300, 1e-6) << "then all of it holds the hand's spring";
+}
+
+TEST(SimulatedDevice, aChangedGripHoldsByItsShareFromItsTimeOn) {
+  SimulatedDeviceOptions o = plainOptions();
+  o.hand.grip_changes_s = 1.5;
+  o.hand.grip_share = 0.25;
+  SimulatedDevice device(o, HandPlan(Pose{}).hold(4));
+  ASSERT_TRUE(device.open(kRate).ok());
+  ForceGate gate(device.info().limits, kRate);
+  DeviceReading r;
+  for (int k = 0; device.read(r) == DeviceRead::kFresh; ++k) {
+    if (k == 1499) EXPECT_NEAR(r.X_WH.p.x, 0.6 / 300, 10e-6);
+    ASSERT_TRUE(gate.admit({}, true, 0));
+    device.write(gate.guard({{0.6, 0, 0}, {}}));
+  }
+  EXPECT_NEAR(r.X_WH.p.x, 0.6 / 75, 10e-6);
+}
+
 TEST(SimulatedDevice, encodersRoundToTheNearestStep) {
   SimulatedDeviceOptions o;
   o.encoder_step_m = 30e-6;

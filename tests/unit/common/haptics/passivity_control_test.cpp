@@ -69,6 +69,27 @@ TEST(PassivityControl, countsTheWorkOfAHeldAndLateWrenchExactly) {
   }
 }
 
+// Over 2,000 fine steps a tick, the lag integrated; the handle moves evenly within a tick.
+TEST(PassivityControl, countsTheWorkOfAWrenchBehindALag) {
+  for (const double lag_s : {0.5e-3, 2e-3, 8e-3}) {
+    PassivitySettings settings = withTank(1, 2, 2);
+    settings.lag_s = lag_s;
+    PassivityControl control(settings, kControlRate_hz);
+    const Course of = driven(control, 1000, swing, [](double z, double) { return -500 * z; });
+    constexpr int kFine = 2000;
+    double given_J = 0, acting_N = 0;
+    for (std::size_t k = 1; k < of.z_m.size(); ++k) {
+      const double wanted_N = k >= 3 ? of.force_N[k - 3] : 0;
+      for (int i = 0; i < kFine; ++i) {
+        acting_N += (wanted_N - acting_N) * kControlPeriod_s / kFine / lag_s;
+        given_J += acting_N * (of.z_m[k] - of.z_m[k - 1]) / kFine;
+      }
+    }
+    EXPECT_NEAR(control.state().level_J, 1 - given_J, 2e-3 * std::abs(given_J)) << lag_s;
+    EXPECT_GT(std::abs(given_J), 1e-4);
+  }
+}
+
 TEST(PassivityControl, countsTorqueTimesTurn) {
   PassivityControl control(withTank(1, 2, 0), kControlRate_hz);
   for (int k = 0; k <= 100; ++k) {

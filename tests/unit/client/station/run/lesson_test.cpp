@@ -89,6 +89,8 @@ TEST(StationLesson, everyAxialModelBecomesALessonThatTheDesktopCanRender) {
               testing::AllOf(HasSubstr("precomputed: is missing"), HasSubstr("needlelab-sim precompute")));
 }
 
+constexpr LoopDelay kOneTick{1, 0, true};
+
 DeviceInfo deviceWith(double max_stiffness, double damping = 1.7) {
   DeviceInfo info{"test device", {}, true, true, true};
   info.limits.max_stiffness_N_per_m = max_stiffness;
@@ -144,7 +146,7 @@ TEST(DeviceFit, theToolsLeverIsHeldByTheDevice) {
   lesson = lessonOf(400, 0);
   StationOptions options;
   options.X_HT = tool;
-  ASSERT_TRUE(fitLesson(lesson, deviceWith(1000), options, notes).ok());
+  ASSERT_TRUE(fitLesson(lesson, deviceWith(1000), kOneTick, options, notes).ok());
   EXPECT_NEAR(lesson.model.fixture.max_stiffness_N_per_m, 400 * 4 / 6.76, 1e-9);
 }
 
@@ -160,17 +162,44 @@ TEST(DeviceFit, aLessonOfLessThanHalfItsStiffnessIsRefused) {
 }
 
 TEST(DeviceFit, passivityControlCountsTheDevicesOwnDampingAndIsSaid) {
-  const PassivitySettings settings = passivityOf(deviceWith(1000, 1.7));
-  EXPECT_EQ(settings.delay_ticks, 1u);
+  const PassivitySettings settings = passivityOf(deviceWith(1000, 1.7), {3.2, 0.004, true});
+  EXPECT_EQ(settings.delay_ticks, 4u) << "a part of a tick counts as one";
+  EXPECT_EQ(settings.lag_s, 0.004);
   EXPECT_EQ(settings.damping_Ns_per_m, 1.7);
   std::vector<std::string> notes;
   StationLesson lesson = lessonOf(400, 0.5);
   StationOptions options;
-  ASSERT_TRUE(fitLesson(lesson, deviceWith(1000), options, notes).ok());
-  EXPECT_TRUE(notes.empty()) << "off by default";
+  ASSERT_TRUE(fitLesson(lesson, deviceWith(1000), kOneTick, options, notes).ok());
+  EXPECT_TRUE(notes.empty()) << "1089 N/m; 1.7/(1 ms · 1.5) = 1133 N/m are passive";
+  EXPECT_FALSE(lesson.passivity);
   options.passivity_control = true;
-  ASSERT_TRUE(fitLesson(lesson, deviceWith(1000), options, notes).ok());
+  ASSERT_TRUE(fitLesson(lesson, deviceWith(1000), kOneTick, options, notes).ok());
   EXPECT_THAT(notes, testing::ElementsAre(HasSubstr("Passivity control is on")));
+  EXPECT_TRUE(lesson.passivity);
+}
+
+TEST(DeviceFit, passivityControlIsOnWhereALateForceIsNotProvenPassive) {
+  const auto fitted = [](const DeviceInfo& device, const LoopDelay& delay) {
+    StationLesson lesson = lessonOf(400, 0.5);
+    std::vector<std::string> notes;
+    EXPECT_TRUE(fitLesson(lesson, device, delay, {}, notes).ok());
+    EXPECT_EQ(lesson.passivity.has_value(), !notes.empty());
+    return notes.empty() ? std::string() : notes.front();
+  };
+  const double sum = lessonOf(400, 0.5).model.axialStiffness_N_per_m();
+  // b/(T (½ + d)) against the sum along the needle, to either side
+  const double just = 1.7 / (1e-3 * sum) - 0.5;
+  EXPECT_EQ(fitted(deviceWith(2000, 1.7), {just - 1e-6, 0, true}), "");
+  EXPECT_THAT(fitted(deviceWith(2000, 1.7), {just + 1e-6, 0, true}), HasSubstr("N/m steep"));
+  // a lag counts as a delay of the same time
+  EXPECT_EQ(fitted(deviceWith(2000, 1.7), {0, (just - 1e-6) * 1e-3, true}), "");
+  EXPECT_NE(fitted(deviceWith(2000, 1.7), {0, (just + 1e-6) * 1e-3, true}), "");
+  // without a measurement two ticks count, and it says so
+  EXPECT_THAT(fitted(deviceWith(2000, 1.7), LoopDelay{}),
+              testing::AllOf(HasSubstr("2 ticks late"), HasSubstr("--measure-delay")));
+  DeviceInfo recording = deviceWith(2000, 0);
+  recording.renders_force = false;
+  EXPECT_EQ(fitted(recording, LoopDelay{}), "");
 }
 
 TEST(DeviceFit, whoFeelsNoLeverLosesNothingToIt) {
@@ -219,14 +248,14 @@ TEST(DeviceFit, boneThatWouldBeLessThanHalfIsLeftOutAndSaid) {
   options.X_HT = {{0, 0, 0.08}, {}};
   std::vector<std::string> notes;
   StationLesson lesson = onBone(300);
-  ASSERT_TRUE(fitLesson(lesson, deviceWith(1200), options, notes).ok());
+  ASSERT_TRUE(fitLesson(lesson, deviceWith(1200), kOneTick, options, notes).ok());
   EXPECT_NEAR(lesson.stiffness_share, 4 / 6.26, 1e-12);
   EXPECT_TRUE(lesson.model.isLive(Effect::kBone));
   // 18.8, and without bone 300 N/m · 0.1427² + 0.5 = 6.6
   options.X_HT = {{0, 0, 0.1427}, {}};
   notes.clear();
   lesson = onBone(300);
-  ASSERT_TRUE(fitLesson(lesson, deviceWith(1200), options, notes).ok());
+  ASSERT_TRUE(fitLesson(lesson, deviceWith(1200), kOneTick, options, notes).ok());
   EXPECT_NEAR(lesson.stiffness_share, 4 / (300 * 0.1427 * 0.1427 + 0.5), 1e-12);
   EXPECT_FALSE(lesson.model.isLive(Effect::kBone));
   EXPECT_TRUE(lesson.bone_left_out);
@@ -236,21 +265,21 @@ TEST(DeviceFit, boneThatWouldBeLessThanHalfIsLeftOutAndSaid) {
                                           HasSubstr("rendered at 61 %")));
   // what is too stiff without bone is refused
   lesson = onBone(800);
-  EXPECT_FALSE(fitLesson(lesson, deviceWith(2000), options, notes).ok());
+  EXPECT_FALSE(fitLesson(lesson, deviceWith(2000), kOneTick, options, notes).ok());
 }
 
 TEST(DeviceFit, theLimitOfCoupledStabilityIsWarnedOfWithItsNumbers) {
   // (b + b_hand)/(T(½ + 1)): 0.3 + 0.3 N·s/m at 1 kHz allow 400 N/m
   const SceneModel model = *compile(paperOneDof(), 1000);  // 500 N/m
-  const auto warning = stabilityWarning(model, deviceWith(1000, 0.3), 0.3);
+  const auto warning = stabilityWarning(model, deviceWith(1000, 0.3), kOneTick, 0.3);
   ASSERT_TRUE(warning);
   EXPECT_THAT(*warning, testing::AllOf(HasSubstr("500 N/m"), HasSubstr("400 N/m"),
                                        HasSubstr("0.3 of the device + 0.3 of the hand")));
   // the device's damping alone is passive up to 200 N/m only
   EXPECT_THAT(*warning, testing::AllOf(HasSubstr("coupled stability"), testing::Not(HasSubstr("assiv"))));
-  EXPECT_FALSE(stabilityWarning(model, deviceWith(1000, 0.3), 0.46));
+  EXPECT_FALSE(stabilityWarning(model, deviceWith(1000, 0.3), kOneTick, 0.46));
   // A slower loop allows less.
-  EXPECT_TRUE(stabilityWarning(*compile(paperOneDof(), 250), deviceWith(1000, 1.7), 0.3));
+  EXPECT_TRUE(stabilityWarning(*compile(paperOneDof(), 250), deviceWith(1000, 1.7), kOneTick, 0.3));
 }
 
 TEST(DeviceFit, aModelsOwnDampingIsTakenFromWhatDeviceAndHandDamp) {
@@ -258,9 +287,9 @@ TEST(DeviceFit, aModelsOwnDampingIsTakenFromWhatDeviceAndHandDamp) {
   scene.axial_model = AxialModel::kVoigt;  // 500 N/m
   scene.voigt.damping_Ns_per_m = 0.5;
   // (1.7 + 0.3 − 0.5)/(1 ms · 1.5) = 1000 N/m allow it; with B = 1.5 the limit is 333 N/m
-  EXPECT_FALSE(stabilityWarning(*compile(scene, 1000), deviceWith(1000), 0.3));
+  EXPECT_FALSE(stabilityWarning(*compile(scene, 1000), deviceWith(1000), kOneTick, 0.3));
   scene.voigt.damping_Ns_per_m = 1.5;
-  const auto warning = stabilityWarning(*compile(scene, 1000), deviceWith(1000), 0.3);
+  const auto warning = stabilityWarning(*compile(scene, 1000), deviceWith(1000), kOneTick, 0.3);
   ASSERT_TRUE(warning);
   EXPECT_THAT(*warning, testing::AllOf(HasSubstr("333.3 N/m"), HasSubstr("1.5 of the model")));
 }
@@ -331,7 +360,7 @@ TEST(FitLesson, sceneAndModelAgreeAfterwards) {
   lesson.model = *compile(lesson.scene, 1000);
   StationOptions options;
   std::vector<std::string> notes;
-  ASSERT_TRUE(fitLesson(lesson, device(true, false, false), options, notes).ok());
+  ASSERT_TRUE(fitLesson(lesson, device(true, false, false), kOneTick, options, notes).ok());
   EXPECT_FALSE(lesson.model.isLive(Effect::kOrientationLimit));
   EXPECT_TRUE(lesson.model.isLive(Effect::kClamping));
   EXPECT_EQ(lesson.model.rate_hz, options.rate_hz);

@@ -259,7 +259,8 @@ TEST(ModeOptions, noModeButTheLessonNeedsAnExercise) {
   EXPECT_EQ(parse({"--headless"}).parsed.exit_code, kExitInvalid);
   const std::pair<const char*, StationMode> modes[] = {{"--list-devices", StationMode::kListDevices},
                                                        {"--self-test", StationMode::kSelfTest},
-                                                       {"--calibrate", StationMode::kCalibrate}};
+                                                       {"--calibrate", StationMode::kCalibrate},
+                                                       {"--measure-delay", StationMode::kMeasureDelay}};
   for (const auto& [name, mode] : modes) {
     const auto outcome = parse({name});
     EXPECT_FALSE(outcome.parsed.exit_code) << outcome.err;

@@ -1,0 +1,154 @@
+#include "client/device/delay_fit.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <complex>
+#include <numbers>
+
+namespace needlelab {
+namespace {
+
+using Complex = std::complex<double>;
+
+constexpr double kPeriod_s = 0.5;
+constexpr std::array<double, 8> kSines_hz = {14, 18, 24, 30, 38, 46, 56, 68};
+constexpr std::size_t kLeastPeriods = 6;
+constexpr double kMost_s = 15e-3, kCoarse_s = 0.5e-3, kFine_s = 0.01e-3;
+constexpr double kMostWeight = 300;      // a model of a hand is not better than that
+constexpr double kMostUnexplained = 0.2;
+
+std::size_t periodTicks(double rate_hz) {
+  return static_cast<std::size_t>(std::lround(kPeriod_s * rate_hz));
+}
+
+// what a measurement says at one frequency
+struct Line {
+  double omega = 0;
+  Complex held;      // a force that is held for a tick
+  Complex response;  // place over force, m/N
+  double weight = 0;
+};
+
+// the component at `hz`, under a Hann window, so that a drifting hand and its tremor stay out of it
+Complex componentOf(std::span<const ResponseSample> samples, double rate_hz, double hz, double ResponseSample::* of) {
+  const double count = static_cast<double>(samples.size());
+  Complex sum = 0;
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    const double at = static_cast<double>(i);
+    const double window = 0.5 - 0.5 * std::cos(2 * std::numbers::pi * at / count);
+    sum += samples[i].*of * window * std::polar(1.0, -2 * std::numbers::pi * hz * at / rate_hz);
+  }
+  return sum / count;
+}
+
+std::vector<Line> linesOf(std::span<const ResponseSample> samples, double rate_hz) {
+  std::vector<Line> lines;
+  // four bins of the window away there is only noise
+  const double apart_hz = 4 * rate_hz / static_cast<double>(samples.size());
+  for (const double hz : kSines_hz) {
+    const Complex force = componentOf(samples, rate_hz, hz, &ResponseSample::force_N);
+    const Complex place = componentOf(samples, rate_hz, hz, &ResponseSample::place_m);
+    if (std::abs(force) == 0) continue;
+    double noise = 0;
+    for (const double aside : {-1.5, -1.0, 1.0, 1.5})
+      noise += std::norm(componentOf(samples, rate_hz, hz + aside * apart_hz, &ResponseSample::place_m)) / 4;
+    const double turn = hz / rate_hz, x = std::numbers::pi * turn;
+    Line line{2 * std::numbers::pi * hz, std::polar(std::sin(x) / x, -x), place / force, kMostWeight};
+    if (noise > 0) line.weight = std::min(kMostWeight, std::abs(place) / std::sqrt(noise));
+    lines.push_back(line);
+  }
+  return lines;
+}
+
+// weighted least squares of (k, b, m) in k + iωb − ω²m = held·e^(−iωθ)/((1 + iωτ)·response), each line over
+// its own size
+struct Fitted {
+  double error = HUGE_VAL;
+  double stiffness = 0, damping = 0, mass = 0;
+};
+Fitted fitted(std::span<const Line> lines, double delay_s, double lag_s) {
+  // real part: k − ω²m; imaginary part: ωb. They are independent
+  double one = 0, w2 = 0, w4 = 0, r = 0, rw2 = 0, ww = 0, iw = 0, all = 0, weights = 0;
+  for (const Line& line : lines) {
+    const Complex wanted = line.held * std::polar(1.0, -line.omega * delay_s) /
+                           (Complex(1, line.omega * lag_s) * line.response);
+    const double w = line.weight * line.weight / std::norm(wanted), o2 = line.omega * line.omega;
+    one += w, w2 += w * o2, w4 += w * o2 * o2;
+    r += w * wanted.real(), rw2 += w * o2 * wanted.real();
+    ww += w * o2, iw += w * line.omega * wanted.imag();
+    all += w * std::norm(wanted), weights += line.weight * line.weight;
+  }
+  const double det = one * w4 - w2 * w2;
+  if (!(det > 0) || !(ww > 0)) return {};
+  Fitted f;
+  f.stiffness = (r * w4 - rw2 * w2) / det;
+  f.mass = (r * w2 - rw2 * one) / det;
+  f.damping = iw / ww;
+  // the squares that are left
+  f.error = std::max(0.0, all - (f.stiffness * r - f.mass * rw2) - f.damping * iw) / weights;
+  return f;
+}
+
+struct Found {
+  double delay_s = 0, lag_s = 0;
+  Fitted model;
+};
+Found search(std::span<const Line> lines) {
+  Found best;
+  const auto scan = [&](double delay_from, double delay_to, double lag_from, double lag_to, double step) {
+    for (double lag = std::max(0.0, lag_from); lag <= lag_to; lag += step)
+      for (double delay = std::max(0.0, delay_from); delay <= delay_to; delay += step)
+        if (const Fitted model = fitted(lines, delay, lag); model.error < best.model.error)
+          best = {delay, lag, model};
+  };
+  scan(0, kMost_s, 0, kMost_s, kCoarse_s);
+  for (double step = kCoarse_s / 5; step >= kFine_s; step /= 5) {
+    const Found at = best;
+    scan(at.delay_s - 8 * step, at.delay_s + 8 * step, at.lag_s - 8 * step, at.lag_s + 8 * step, step);
+  }
+  return best;
+}
+
+}  // namespace
+
+std::vector<double> probeForce(double rate_hz, double seconds, double most_N) {
+  const std::size_t period = periodTicks(rate_hz);
+  std::vector<double> force(period, 0.0);
+  double most = 0;
+  for (std::size_t i = 0; i < period; ++i) {
+    for (std::size_t k = 0; k < kSines_hz.size(); ++k) {
+      // Schroeder's phases keep the peak low
+      const double n = static_cast<double>(k), phase = -std::numbers::pi * n * (n + 1) / static_cast<double>(kSines_hz.size());
+      force[i] += std::sin(2 * std::numbers::pi * kSines_hz[k] * static_cast<double>(i) / rate_hz + phase);
+    }
+    most = std::max(most, std::abs(force[i]));
+  }
+  const auto periods = static_cast<std::size_t>(seconds / kPeriod_s + 1e-9);
+  std::vector<double> all;
+  all.reserve(periods * period);
+  for (std::size_t i = 0; i < periods * period; ++i) all.push_back(force[i % period] * most_N / most);
+  return all;
+}
+
+Result<DelayFit> fitDelay(std::span<const ResponseSample> samples, double rate_hz) {
+  const std::size_t period = periodTicks(rate_hz), periods = samples.size() / period;
+  if (periods < kLeastPeriods)
+    return Error{ErrorCode::kInvalidInput, fmt::format("{:.1f} s were measured; {:.1f} s are needed", static_cast<double>(samples.size()) / rate_hz, kLeastPeriods * kPeriod_s)};
+  const auto used = samples.subspan(period, (periods - 1) * period);
+  const auto lines = linesOf(used, rate_hz);
+  if (lines.empty()) return Error{ErrorCode::kFailed, "the device was given no force"};
+  const Found found = search(lines);
+  DelayFit fit{found.delay_s, found.lag_s, found.model.mass, found.model.damping, found.model.stiffness,
+               std::sqrt(found.model.error), 0};
+  if (!(fit.unexplained < kMostUnexplained) || !(fit.mass_kg > 0))
+    return Error{ErrorCode::kFailed, fmt::format("the handle did not answer the force: {:.0f} % of its movement is something else", 100 * std::min(1.0, fit.unexplained))};
+  const std::size_t half = (periods - 1) / 2 * period;
+  const Found first = search(linesOf(used.first(half), rate_hz)), second = search(linesOf(used.last(half), rate_hz));
+  fit.halves_apart_s = std::abs(first.delay_s + first.lag_s - second.delay_s - second.lag_s);
+  return fit;
+}
+
+}  // namespace needlelab
