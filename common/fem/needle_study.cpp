@@ -234,8 +234,9 @@ MeshLimit limitOfThree(const int* nodes, double first, double second) {
 }
 
 void addLimits(const std::vector<std::vector<double>>& forces, std::vector<MeshRow>& rows) {
+  const bool same_mesh = rows.size() > 1 && rows.front().nodes == rows.back().nodes;
   std::vector<int> nodes;
-  for (const MeshRow& row : rows) nodes.push_back(row.nodes);
+  for (const MeshRow& row : rows) nodes.push_back(same_mesh ? row.stations : row.nodes);
   std::vector<double> force_N, work_J, stiffness_N_per_m;
   for (std::size_t r = 0; r + 1 < rows.size(); ++r) {
     force_N.push_back(rmsDifference(forces[r], forces[r + 1]));
@@ -300,16 +301,16 @@ std::string cutRemark(const MeshRow& mesh) {
       1e3 * *mesh.first_cut_m, 1e3 * mesh.stroke_m);
 }
 
-Result<std::vector<MeshRow>> meshStudy(const SceneSpec& spec, const std::vector<int>& ladder, int stations,
+Result<std::vector<MeshRow>> meshStudy(const SceneSpec& spec, const std::vector<MeshSize>& ladder,
                                        const std::function<void(const MeshRow&)>& done) {
   if (ladder.empty()) return Error{ErrorCode::kInvalidInput, "mesh study: no mesh sizes given"};
   const std::vector<double> stroke = strokeOf(studyDepth(spec));
   std::vector<MeshRow> rows;
   std::vector<std::vector<double>> forces;
-  for (const int nodes : ladder) {
+  for (const MeshSize& size : ladder) {
     NeedleMeshOptions options;
-    options.nodes = nodes;
-    options.stations = stations;
+    options.nodes = size.nodes;
+    options.stations = size.stations;
     SolveTimes solves;
     options.time_solves = &solves;
     Stopwatch watch;
@@ -320,7 +321,7 @@ Result<std::vector<MeshRow>> meshStudy(const SceneSpec& spec, const std::vector<
     row.precompute_s = watch.lap() - solves.all_s;
     row.nodes = mesh.nodes;
     row.elements = mesh.elements;
-    row.stations = stations;
+    row.stations = size.stations;
     row.assemble_s = mesh.assemble_s;
     row.factor_s = mesh.factor_s;
     row.solve_s = mesh.solve_s;
@@ -334,6 +335,8 @@ Result<std::vector<MeshRow>> meshStudy(const SceneSpec& spec, const std::vector<
     row.stiffness_N_per_m = needle.stiffness_N_per_m;
     row.tip_give_m_per_N = tipGive_m_per_N(needle, 0.5 * spec.needle_length_m);
     forces.push_back(timedStroke(needle, stroke, row));
+    const auto at_1mm = std::lower_bound(stroke.begin(), std::max_element(stroke.begin(), stroke.end()), 1e-3);
+    row.at_1mm_N = forces.back()[static_cast<std::size_t>(at_1mm - stroke.begin())];
     if (done) done(row);
     rows.push_back(row);
   }

@@ -62,7 +62,7 @@ struct FemScene {
 Result<FemScene> femLikeForLike(const SceneSpec& scene, int nodes = kDefaultFemNodes);
 
 /// How a quantity goes on from a mesh to ever finer ones: Richardson's estimate from that mesh and the two
-/// before, for changes that fall as a power of the number of nodes. The meshes need not grow by equal
+/// before, for changes that fall as a power of the number of nodes (or stations). They need not grow by equal
 /// factors.
 struct MeshLimit {
   bool converges = false;  ///< false: the changes do not fall so; the rest is unknown then
@@ -84,6 +84,7 @@ struct MeshRow {
   double precompute_s = 0;                                               ///< all of it, mesh to compliance
   SolveTimes one_solve;                                                  ///< without the compliance
   double live_step_p50_s = 0, live_step_p99_s = 0, live_step_max_s = 0;  ///< over `strokeOf`
+  double at_1mm_N = 0;           ///< force on the needle 1 mm deep, on the way in
   double stiffness_N_per_m = 0;  ///< of the needle stuck in the tissue over its whole length
   double stiffness_error = 0;    ///< relative to the finest mesh; positive is stiffer
   double tip_give_m_per_N = 0;   ///< of the tip half way down
@@ -102,11 +103,16 @@ struct MeshRow {
 /// twentieth of the stroke, so that a few per cent of compliance decide whether it cuts at all. Else empty.
 std::string cutRemark(const MeshRow& mesh);
 
-/// The same scene on meshes of about `ladder` nodes, coarse to fine. Calls `done` (may be empty) with each
-/// mesh before its errors are known. Errors: as `precomputeCompliance`; kInvalidInput when the ladder is
-/// empty.
-Result<std::vector<MeshRow>> meshStudy(const SceneSpec& spec, const std::vector<int>& ladder,
-                                       int stations = kDefaultStations,
+/// A rung of a ladder.
+struct MeshSize {
+  int nodes = 0;  ///< approximate
+  int stations = kDefaultStations;
+};
+
+/// The same scene, at the same E, on each of these meshes, coarse to fine; limits are those of growing nodes,
+/// or of growing stations where all rungs have the same nodes. Calls `done` (may be empty) with each mesh
+/// before its errors are known. Errors: as `precomputeCompliance`; kInvalidInput when the ladder is empty.
+Result<std::vector<MeshRow>> meshStudy(const SceneSpec& spec, const std::vector<MeshSize>& ladder,
                                        const std::function<void(const MeshRow&)>& done = {});
 
 }  // namespace needlelab

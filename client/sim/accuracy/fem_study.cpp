@@ -248,7 +248,9 @@ Result<AccuracyRows> meshRows(const AccuracyOptions& options, const AccuracyProg
   progress(fmt::format("mesh: up to {} nodes", ladder.back()), 0);
   ASSIGN_OR_RETURN(const auto scene, femScene());
   std::size_t done = 0;
-  const auto meshes = meshStudy(scene.spec, ladder, kDefaultStations, [&](const MeshRow& mesh) {
+  std::vector<MeshSize> sizes;
+  for (const int nodes : ladder) sizes.push_back({nodes});
+  const auto meshes = meshStudy(scene.spec, sizes, [&](const MeshRow& mesh) {
     ++done;
     progress(fmt::format("mesh: {} nodes done", mesh.nodes),
              static_cast<double>(done) / static_cast<double>(ladder.size()));

@@ -13,28 +13,53 @@ constexpr double kForceNear_N = 1e-10, kPlaceNear_m = 1e-13;
 constexpr double kCutAhead = 0.25;
 constexpr std::size_t kMaxUnknowns = kMaxNeedleStations + 1;  // shaft and tip
 
-// Spreads the tip's force over stations by a cubic B-spline about the tip. The force moves from one station
-// to the next so smoothly that it does not ripple with the stations (a hat function would give 17 %).
+// The tip's force on the stations: a cubic B-spline of the contact's length about the tip, integrated over each
+// station and reflected at the skin and at the path's end. A length, so that more stations refine it; a spline,
+// so that the force does not ripple as the tip crosses stations (a hat of one station would give 17 %).
 struct TipSpread {
-  std::array<std::size_t, 4> station{};
-  std::array<double, 4> weight{};
+  std::size_t first = 0, count = 0;
+  std::array<double, kMaxNeedleStations> weight;
 };
 
-TipSpread spreadAt(double depth_m, const NeedleCompliance& compliance) {
-  const auto last = static_cast<double>(compliance.stations() - 1);
-  const double place = std::clamp(depth_m / compliance.spacing_m - 0.5, -0.5, last);
-  const double whole = std::floor(place), t = place - whole, r = 1.0 - t;
+// ∫ of the cubic B-spline with knots at −2, −1, 0, 1, 2, up to u
+double splineUpTo(double u) {
+  if (u > 0.0) return 1.0 - splineUpTo(-u);
+  if (u <= -2.0) return 0.0;
+  if (u >= -1.0) return 0.5 + u * (4.0 - u * u * (2.0 + 0.75 * u)) / 6.0;
+  const double t = (u + 2.0) * (u + 2.0);
+  return t * t / 24.0;
+}
+
+TipSpread spreadAt(double depth_m, double contact_m, const NeedleCompliance& compliance) {
+  const std::size_t stations = compliance.stations();
+  const double end_m = compliance.spacing_m * static_cast<double>(stations), knot_m = 0.25 * contact_m;
+  const double at_m = std::clamp(depth_m, 0.0, end_m), half_m = 0.5 * contact_m;
+  const double last = static_cast<double>(stations - 1);
   TipSpread spread;
-  for (std::size_t n = 0; n < 4; ++n)
-    spread.station[n] = static_cast<std::size_t>(std::clamp(whole + static_cast<double>(n) - 1.0, 0.0, last));
-  spread.weight = {r * r * r / 6.0, (3.0 * t * t * t - 6.0 * t * t + 4.0) / 6.0,
-                   (3.0 * r * r * r - 6.0 * r * r + 4.0) / 6.0, t * t * t / 6.0};
+  spread.first =
+      static_cast<std::size_t>(std::min(last, std::max(0.0, at_m - half_m) / compliance.spacing_m));
+  spread.count = static_cast<std::size_t>(std::min(last, (at_m + half_m) / compliance.spacing_m)) + 1 - spread.first;
+  const bool near_skin = at_m < half_m, near_end = at_m > end_m - half_m;
+  const auto massUpTo = [&](double z_m) {
+    double mass = splineUpTo((z_m - at_m) / knot_m);
+    if (near_skin) mass += splineUpTo((z_m + at_m) / knot_m) - 1.0;
+    if (near_end) mass += splineUpTo((z_m + at_m - 2.0 * end_m) / knot_m);
+    return mass;
+  };
+  double above = 0.0;
+  for (std::size_t n = 0; n < spread.count; ++n) {
+    const bool is_last = n + 1 == spread.count;
+    const double below =
+        is_last ? 1.0 : massUpTo(static_cast<double>(spread.first + n + 1) * compliance.spacing_m);
+    spread.weight[n] = below - above;
+    above = below;
+  }
   return spread;
 }
 
 double meanOver(const TipSpread& spread, const double* values) {
   double sum = 0;
-  for (std::size_t n = 0; n < 4; ++n) sum += spread.weight[n] * values[spread.station[n]];
+  for (std::size_t n = 0; n < spread.count; ++n) sum += spread.weight[n] * values[spread.first + n];
   return sum;
 }
 
@@ -132,10 +157,10 @@ void Contact::boundShaft(double length_m) {
 }
 
 void Contact::spreadTip(double depth_m) {
-  spread_ = spreadAt(depth_m, compliance_);
+  spread_ = spreadAt(depth_m, needle_.contact_m, compliance_);
   std::fill_n(tip_column_.begin(), stations_, 0.0);
-  for (std::size_t n = 0; n < 4; ++n)
-    addScaled(tip_column_.data(), &compliance_.give_m_per_N[spread_.station[n] * stations_],
+  for (std::size_t n = 0; n < spread_.count; ++n)
+    addScaled(tip_column_.data(), &compliance_.give_m_per_N[(spread_.first + n) * stations_],
               spread_.weight[n], stations_);
 }
 
@@ -305,6 +330,7 @@ FemNeedle compileNeedle(const SceneSpec& spec) {
     mean_give += compliance.give(i, i) / static_cast<double>(stations);
   }
   needle.bevel_m = 2 * compliance.radius_m;
+  needle.contact_m = kBevelPerDiameter * 2 * compliance.radius_m;
   // keeps the tip's equation independent of the shaft's equations where all of it sticks
   needle.tip_give_m_per_N = 0.01 * mean_give;
 
@@ -322,11 +348,11 @@ NeedleForce stepNeedle(const FemNeedle& needle, const NeedlePose& pose, NeedleSt
 
 double tipGive_m_per_N(const FemNeedle& needle, double depth_m) noexcept {
   const NeedleCompliance& compliance = *needle.compliance;
-  const TipSpread spread = spreadAt(depth_m, compliance);
+  const TipSpread spread = spreadAt(depth_m, needle.contact_m, compliance);
   double give = needle.tip_give_m_per_N;
-  for (std::size_t a = 0; a < 4; ++a)
-    for (std::size_t b = 0; b < 4; ++b)
-      give += spread.weight[a] * spread.weight[b] * compliance.give(spread.station[a], spread.station[b]);
+  for (std::size_t a = 0; a < spread.count; ++a)
+    for (std::size_t b = 0; b < spread.count; ++b)
+      give += spread.weight[a] * spread.weight[b] * compliance.give(spread.first + a, spread.first + b);
   return give;
 }
 

@@ -61,6 +61,9 @@ class LayerIntegral {
   std::uint32_t count_ = 0;
 };
 
+/// Length of a bevel per outer diameter: 1/tan 11°, the long bevel of ISO 7864.
+inline constexpr double kBevelPerDiameter = 5.1445540159703102;
+
 /// A needle prepared for the tick. Const after `compileNeedle`; any thread may read.
 struct FemNeedle {
   std::shared_ptr<const NeedleCompliance> compliance;
@@ -68,6 +71,7 @@ struct FemNeedle {
   std::array<double, kMaxNeedleStations>
       station_friction_N{};      ///< of a whole station, for a straight insertion
   double bevel_m = 0;            ///< the cutting force is the mean over this length behind the tip
+  double contact_m = 0;          ///< the tip's force is spread over this length about it: the needle's bevel
   double tip_give_m_per_N = 0;   ///< of the tip itself, in series with the tissue's
   double stiffness_N_per_m = 0;  ///< of a needle that sticks over its whole length: the greatest value
 };

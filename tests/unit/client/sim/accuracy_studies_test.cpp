@@ -124,7 +124,7 @@ TEST(FemScene, meetsTheStiffnessOfTheScenesWallsAndCutsEarly) {
   const auto scene = femScene();
   ASSERT_TRUE(scene.ok()) << scene.error().message;
   EXPECT_NEAR(scene->young_factor, 28, 3);
-  const auto meshes = meshStudy(scene->spec, {2000});
+  const auto meshes = meshStudy(scene->spec, {{2000}});
   ASSERT_TRUE(meshes.ok());
   const MeshRow& mesh = meshes->front();
   ASSERT_TRUE(mesh.first_cut_m);

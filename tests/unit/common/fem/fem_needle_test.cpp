@@ -6,6 +6,7 @@
 
 #include <Eigen/Dense>
 #include <cmath>
+#include <numbers>
 
 #include "tests/support/no_alloc.h"
 #include "tests/support/random.h"
@@ -44,11 +45,21 @@ double spline(double at, int degree = 3) {
   const double half = 0.5 * (degree + 1);
   return ((at + half) * spline(at + 0.5, degree - 1) + (half - at) * spline(at - 0.5, degree - 1)) / degree;
 }
+// ∫ of the cubic spline up to there, which the splines of degree 4 add up to
+double splineUpTo(double at) {
+  double sum = 0;
+  for (int k = 0; k < 6; ++k) sum += spline(at - 0.5 - k, 4);
+  return sum;
+}
+// over a bevel of 0.8 mm at 11°, reflected at the skin
 Eigen::VectorXd tipWeights(double depth_m) {
-  Eigen::VectorXd weights = Eigen::VectorXd::Zero(kStations);
-  const double place = depth_m / kSpacing_m - 0.5;
-  for (int i = -4; i < static_cast<int>(kStations) + 4; ++i)
-    weights[std::clamp(i, 0, static_cast<int>(kStations) - 1)] += spline(place - i);
+  const double knot_m = 0.25 * 0.8e-3 / std::tan(11 * std::numbers::pi / 180);
+  Eigen::VectorXd weights(kStations);
+  for (int i = 0; i < static_cast<int>(kStations); ++i) {
+    const double top = i * kSpacing_m, bottom = top + kSpacing_m;
+    weights[i] = splineUpTo((bottom - depth_m) / knot_m) - splineUpTo((top - depth_m) / knot_m) +
+                 splineUpTo((bottom + depth_m) / knot_m) - splineUpTo((top + depth_m) / knot_m);
+  }
   return weights;
 }
 

@@ -47,6 +47,55 @@ TEST(NeedleCompliance, shaftIsAsStiffAsRandolphAndWrothSay) {
   EXPECT_NEAR(stiffness / (randolphWroth() + base), 1.0, 0.05);
 }
 
+// Mindlin 1936: vertical displacement at radius r and depth z, for 1 N at depth c in a half-space
+double mindlin(double r, double z, double c) {
+  const double nu = kBlockPoisson, below = z - c, above = z + c;
+  const double r1 = std::hypot(r, below), r2 = std::hypot(r, above);
+  return ((3 - 4 * nu) / r1 + (8 * (1 - nu) * (1 - nu) - (3 - 4 * nu)) / r2 +
+          below * below / (r1 * r1 * r1) + ((3 - 4 * nu) * above * above - 2 * c * z) / (r2 * r2 * r2) +
+          6 * c * z * above * above / std::pow(r2, 5)) /
+         (16 * std::numbers::pi * kBlockShear_Pa * (1 - nu));
+}
+
+// A load along the path that is 0 at both ends, spread around r₀, in a half-space: its displacement is an
+// integral of Mindlin's. Returns how far the mesh is off, as rms of its mean displacements by station.
+double offFromMindlin(int nodes) {
+  constexpr int kStations = 20, kPieces = 800, kAngles = 48;
+  const auto load = [](double depth_m) {
+    const double s = std::sin(std::numbers::pi * depth_m / kLength_m);
+    return 10 * s * s;
+  };
+  const auto compliance = complianceOf(factsScene(), nodes, kStations);
+  const double own_give = compliance->give(3, 3) * 0.01 / 1.01;  // of `kOwnGive`, near enough
+  double off = 0, all = 0;
+  for (int i = 0; i < kStations; ++i) {
+    const double spacing = kLength_m / kStations, z = (i + 0.5) * spacing;
+    double expected = 0, found = 0;
+    for (int j = 0; j < kStations; ++j) {
+      double force = 0;
+      for (int n = 0; n < 40; ++n) force += load((j + (n + 0.5) / 40) * spacing) * spacing / 40;
+      const double own = i == j ? own_give : 0;
+      found += (compliance->give(static_cast<std::size_t>(i), static_cast<std::size_t>(j)) - own) * force;
+    }
+    for (int a = 0; a < kAngles; ++a) {
+      const double apart = 2 * kNeedleRadius_m * std::sin(std::numbers::pi * (a + 0.5) / (2 * kAngles));
+      for (int n = 0; n < kPieces; ++n) {
+        const double c = (n + 0.5) * kLength_m / kPieces;
+        expected += mindlin(apart, z, c) * load(c) * kLength_m / kPieces / kAngles;
+      }
+    }
+    off += (found - expected) * (found - expected);
+    all += expected * expected;
+  }
+  return std::sqrt(off / all);
+}
+
+TEST(NeedleCompliance, aLineLoadMovesTheHalfSpaceAsMindlinSays) {
+  const double coarse = offFromMindlin(2000), fine = offFromMindlin(12'000);
+  EXPECT_LT(fine, 0.02);
+  EXPECT_LT(fine, 0.5 * coarse);
+}
+
 TEST(NeedleCompliance, changesLittleBetweenTheTwoFinestMeshes) {
   const SceneSpec scene = factsScene();
   const int fine = longForm() ? 30'000 : 12'000, coarser = longForm() ? 10'000 : 5000;

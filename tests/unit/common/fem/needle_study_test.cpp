@@ -1,4 +1,5 @@
 // Tests offline FEM as a table, and the loss of accuracy.
+#include <fmt/core.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -7,6 +8,7 @@
 
 #include "common/fem/needle_study.h"
 #include "common/haptics/models/like_for_like.h"
+#include "tests/support/scenes.h"
 #include "tests/unit/common/fem/soft_tissue.h"
 
 namespace needlelab::test {
@@ -80,7 +82,7 @@ TEST(ForceTable, needsAMeshAndRows) {
 TEST(MeshStudy, errorsAreToTheFinestMeshAndFall) {
   const SceneSpec scene = twoLayers();
   int told = 0;
-  const auto rows = meshStudy(scene, {500, 1500, 4000}, 30, [&](const MeshRow&) { ++told; });
+  const auto rows = meshStudy(scene, {{500, 30}, {1500, 30}, {4000, 30}}, [&](const MeshRow&) { ++told; });
   ASSERT_TRUE(rows.ok()) << rows.error().message;
   ASSERT_EQ(rows->size(), 3u);
   EXPECT_EQ(told, 3);
@@ -93,6 +95,21 @@ TEST(MeshStudy, errorsAreToTheFinestMeshAndFall) {
     EXPECT_GT(row.precompute_s, row.factor_s);
   }
   EXPECT_FALSE(meshStudy(scene, {}).ok());
+}
+
+// the load is spread over a length, so that stations refine it: the paper's layers, as stiff as its walls
+TEST(MeshStudy, moreStationsConvergeAtTheSameStiffness) {
+  const auto fem = femLikeForLike(paperSixLayers());
+  ASSERT_TRUE(fem.ok()) << fem.error().message;
+  const auto rows = meshStudy(fem->spec, {{4000, 15}, {4000, 30}, {4000, 60}, {4000, 90}, {4000, 128}});
+  ASSERT_TRUE(rows.ok()) << rows.error().message;
+  for (const MeshRow& row : *rows)
+    RecordProperty(fmt::format("stations_{}", row.stations),
+                   fmt::format("{:.4f} N at 1 mm, rms {:.4f} N from the finest, max {:.4f} N", row.at_1mm_N,
+                               row.force_rms_error_N, row.force_max_error_N));
+  EXPECT_LT((*rows)[3].force_rms_error_N, 0.02);
+  for (std::size_t r = 0; r + 2 < rows->size(); ++r)
+    EXPECT_GT((*rows)[r].force_rms_error_N, (*rows)[r + 1].force_rms_error_N) << r;
 }
 
 // Q(n) = Q∞ + A n^−q
@@ -148,7 +165,7 @@ TEST(MeshLimits, changesThatDoNotFallHaveNoLimit) {
 }
 
 TEST(MeshStudy, aFinerMeshLiesWhereTheLimitSays) {
-  const auto rows = meshStudy(twoLayers(), {1000, 2000, 4000, 8000}, 30);
+  const auto rows = meshStudy(twoLayers(), {{1000, 30}, {2000, 30}, {4000, 30}, {8000, 30}});
   ASSERT_TRUE(rows.ok()) << rows.error().message;
   for (std::size_t m = 0; m < 2; ++m) EXPECT_FALSE((*rows)[m].force_limit_N);
   const MeshRow& last = rows->back();
@@ -179,7 +196,7 @@ SceneSpec cutsAt(double share) {
   return scene;
 }
 MeshRow onOneMesh(const SceneSpec& scene) {
-  return meshStudy(scene, {scene.fem.nodes}, kDefaultStations)->front();
+  return meshStudy(scene, {{scene.fem.nodes}})->front();
 }
 
 TEST(ScaleToTipStiffness, theTipMeetsItAtTheSkinAndTheLayersKeepTheirRatio) {
