@@ -17,7 +17,7 @@ constexpr double kPeriod_s = 0.5;
 constexpr std::array<double, 8> kSines_hz = {14, 18, 24, 30, 38, 46, 56, 68};
 constexpr std::size_t kLeastPeriods = 6;
 constexpr double kMost_s = 15e-3, kCoarse_s = 0.5e-3, kFine_s = 0.01e-3;
-constexpr double kMostWeight = 300;      // a model of a hand is not better than that
+constexpr double kMostWeight = 300;  // a model of a hand is not better than that
 constexpr double kMostUnexplained = 0.2;
 
 std::size_t periodTicks(double rate_hz) {
@@ -33,7 +33,8 @@ struct Line {
 };
 
 // the component at `hz`, under a Hann window, so that a drifting hand and its tremor stay out of it
-Complex componentOf(std::span<const ResponseSample> samples, double rate_hz, double hz, double ResponseSample::* of) {
+Complex componentOf(std::span<const ResponseSample> samples, double rate_hz, double hz,
+                    double ResponseSample::*of) {
   const double count = static_cast<double>(samples.size());
   Complex sum = 0;
   for (std::size_t i = 0; i < samples.size(); ++i) {
@@ -73,8 +74,8 @@ Fitted fitted(std::span<const Line> lines, double delay_s, double lag_s) {
   // real part: k − ω²m; imaginary part: ωb. They are independent
   double one = 0, w2 = 0, w4 = 0, r = 0, rw2 = 0, ww = 0, iw = 0, all = 0, weights = 0;
   for (const Line& line : lines) {
-    const Complex wanted = line.held * std::polar(1.0, -line.omega * delay_s) /
-                           (Complex(1, line.omega * lag_s) * line.response);
+    const Complex wanted =
+        line.held * std::polar(1.0, -line.omega * delay_s) / (Complex(1, line.omega * lag_s) * line.response);
     const double w = line.weight * line.weight / std::norm(wanted), o2 = line.omega * line.omega;
     one += w, w2 += w * o2, w4 += w * o2 * o2;
     r += w * wanted.real(), rw2 += w * o2 * wanted.real();
@@ -121,7 +122,8 @@ std::vector<double> probeForce(double rate_hz, double seconds, double most_N) {
   for (std::size_t i = 0; i < period; ++i) {
     for (std::size_t k = 0; k < kSines_hz.size(); ++k) {
       // Schroeder's phases keep the peak low
-      const double n = static_cast<double>(k), phase = -std::numbers::pi * n * (n + 1) / static_cast<double>(kSines_hz.size());
+      const double n = static_cast<double>(k),
+                   phase = -std::numbers::pi * n * (n + 1) / static_cast<double>(kSines_hz.size());
       force[i] += std::sin(2 * std::numbers::pi * kSines_hz[k] * static_cast<double>(i) / rate_hz + phase);
     }
     most = std::max(most, std::abs(force[i]));
@@ -136,17 +138,28 @@ std::vector<double> probeForce(double rate_hz, double seconds, double most_N) {
 Result<DelayFit> fitDelay(std::span<const ResponseSample> samples, double rate_hz) {
   const std::size_t period = periodTicks(rate_hz), periods = samples.size() / period;
   if (periods < kLeastPeriods)
-    return Error{ErrorCode::kInvalidInput, fmt::format("{:.1f} s were measured; {:.1f} s are needed", static_cast<double>(samples.size()) / rate_hz, kLeastPeriods * kPeriod_s)};
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("{:.1f} s were measured; {:.1f} s are needed",
+                             static_cast<double>(samples.size()) / rate_hz, kLeastPeriods * kPeriod_s)};
   const auto used = samples.subspan(period, (periods - 1) * period);
   const auto lines = linesOf(used, rate_hz);
   if (lines.empty()) return Error{ErrorCode::kFailed, "the device was given no force"};
   const Found found = search(lines);
-  DelayFit fit{found.delay_s, found.lag_s, found.model.mass, found.model.damping, found.model.stiffness,
-               std::sqrt(found.model.error), 0};
+  DelayFit fit{found.delay_s,
+               found.lag_s,
+               found.model.mass,
+               found.model.damping,
+               found.model.stiffness,
+               std::sqrt(found.model.error),
+               0};
   if (!(fit.unexplained < kMostUnexplained) || !(fit.mass_kg > 0))
-    return Error{ErrorCode::kFailed, fmt::format("the handle did not answer the force: {:.0f} % of its movement is something else", 100 * std::min(1.0, fit.unexplained))};
+    return Error{
+        ErrorCode::kFailed,
+        fmt::format("the handle did not answer the force: {:.0f} % of its movement is something else",
+                    100 * std::min(1.0, fit.unexplained))};
   const std::size_t half = (periods - 1) / 2 * period;
-  const Found first = search(linesOf(used.first(half), rate_hz)), second = search(linesOf(used.last(half), rate_hz));
+  const Found first = search(linesOf(used.first(half), rate_hz)),
+              second = search(linesOf(used.last(half), rate_hz));
   fit.halves_apart_s = std::abs(first.delay_s + first.lag_s - second.delay_s - second.lag_s);
   return fit;
 }

@@ -21,7 +21,7 @@ struct ResponseSample {
 struct DelayFit {
   double delay_s = 0, lag_s = 0;
   double mass_kg = 0, damping_Ns_per_m = 0, stiffness_N_per_m = 0;  ///< of handle and hand
-  double unexplained = 0;  ///< share of the response that the model does not explain, rms
+  double unexplained = 0;     ///< share of the response that the model does not explain, rms
   double halves_apart_s = 0;  ///< between the totals of the measurement's first and second half
   /// What a limit of stiffness counts: up to some 30 Hz a lag is a delay of the same time.
   [[nodiscard]] double total_s() const { return delay_s + lag_s; }

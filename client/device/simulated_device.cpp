@@ -106,7 +106,7 @@ Vec3 SimulatedDevice::throughPlay(Vec3 force_N) noexcept {
   if (most_m == 0) return force_N;
   const double damping = std::max(options_.limits.damping_Ns_per_m, 0.1);
   Vec3 through;
-  for (double Vec3::* axis : {&Vec3::x, &Vec3::y, &Vec3::z}) {
+  for (double Vec3::*axis : {&Vec3::x, &Vec3::y, &Vec3::z}) {
     const double force = force_N.*axis;
     double& play = play_m_.*axis;
     play = std::clamp(play + (force / damping - handle_.v_W_mps.*axis) * step_s_, -most_m, most_m);

@@ -23,7 +23,7 @@ struct SimulatedDeviceOptions {
   double encoder_step_m = 10e-6;     ///< 0 = exact
   double encoder_step_rad = 100e-6;  ///< 0 = exact
   std::uint32_t delay_ticks =
-      1;  ///< the wrench of tick k acts from tick k + delay on; at most kMaxDelayTicks
+      1;             ///< the wrench of tick k acts from tick k + delay on; at most kMaxDelayTicks
   double lag_s = 0;  ///< first-order lag of the motors, behind the delay; [0, 0.1]
   /// Play of the transmission: motors and encoders lie together, the handle moves freely by this much against
   /// them along every axis before the force reaches it. [0, 0.01] m

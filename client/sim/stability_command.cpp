@@ -261,7 +261,8 @@ int stability(const StabilityOptions& options) {
 
   // the shipped model must be stable; the others need not be
   const auto unstable = std::find_if(rows.begin(), rows.end(), [](const CaseRow& row) {
-    return row.model == AxialModel::kEnhancedTrackingWall && row.applicable && row.verdict != Verdict::kStable;
+    return row.model == AxialModel::kEnhancedTrackingWall && row.applicable &&
+           row.verdict != Verdict::kStable;
   });
   if (unstable == rows.end()) return kExitDone;
   return failed("stability",
@@ -272,10 +273,10 @@ int stability(const StabilityOptions& options) {
 
 void addStabilityCommand(CLI::App& app, SimCommand& chosen) {
   auto options = std::make_shared<StabilityOptions>();
-  CLI::App* command = app.add_subcommand(
-      "stability",
-      "Runs the hard cases in closed loop over all axial models: chatter, force steps, "
-      "energy. Exit code 1 when the enhanced tracking wall is not stable");
+  CLI::App* command =
+      app.add_subcommand("stability",
+                         "Runs the hard cases in closed loop over all axial models: chatter, force steps, "
+                         "energy. Exit code 1 when the enhanced tracking wall is not stable");
   addJsonOption(*command, options->json);
   command->add_option(
       "--out", options->out,

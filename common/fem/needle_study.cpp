@@ -335,7 +335,8 @@ Result<std::vector<MeshRow>> meshStudy(const SceneSpec& spec, const std::vector<
     row.stiffness_N_per_m = needle.stiffness_N_per_m;
     row.tip_give_m_per_N = tipGive_m_per_N(needle, 0.5 * spec.needle_length_m);
     forces.push_back(timedStroke(needle, stroke, row));
-    const auto at_1mm = std::lower_bound(stroke.begin(), std::max_element(stroke.begin(), stroke.end()), 1e-3);
+    const auto at_1mm =
+        std::lower_bound(stroke.begin(), std::max_element(stroke.begin(), stroke.end()), 1e-3);
     row.at_1mm_N = forces.back()[static_cast<std::size_t>(at_1mm - stroke.begin())];
     if (done) done(row);
     rows.push_back(row);

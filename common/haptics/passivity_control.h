@@ -31,7 +31,7 @@ struct PassivityState {
   static constexpr std::size_t kWrenches = 32;  ///< of the last ticks, the newest before `next_wrench`
   double level_J = 0;  ///< of the tank: what the hand and the device's damping gave, less what the hand got
   double share = 1;    ///< of the wrench that is rendered, [0, 1]
-  std::array<Pose, kPoses> poses{};  ///< of the handle at the last fresh ticks, a ring
+  std::array<Pose, kPoses> poses{};          ///< of the handle at the last fresh ticks, a ring
   std::array<Wrench, kWrenches> rendered{};  ///< as it acts, on average over its tick
   Wrench acting{};                           ///< behind the lag, at the end of the newest of those ticks
   Wrench given{};                            ///< to the device, at the newest of those ticks

@@ -1,5 +1,5 @@
-// Late and loose devices: the passivity control that is told what was measured leaves the hand no energy; told
-// a delay of one tick and no lag, as stations were before they measured, it does not.
+// Late and loose devices: the passivity control that is told what was measured leaves the hand no energy;
+// told a delay of one tick and no lag, as stations were before they measured, it does not.
 #include <gtest/gtest.h>
 
 #include <string>

@@ -29,9 +29,8 @@ std::string_view verdictText(Verdict verdict) {
 
 std::vector<StabilityCase> allCases() {
   std::vector<StabilityCase> all;
-  for (auto&& part :
-       {holdCases(), motionCases(), scanCases(), loadCases(), deviceCases(), passivityCases(), lineCases(),
-        lateCases()})
+  for (auto&& part : {holdCases(), motionCases(), scanCases(), loadCases(), deviceCases(), passivityCases(),
+                      lineCases(), lateCases()})
     for (const StabilityCase& one : part) all.push_back(one);
   return all;
 }

@@ -36,11 +36,11 @@ Result<CaseOutcome> asMeasured(const char* name, const CaseSettings& settings, A
 std::vector<StabilityCase> lateCases() {
   std::vector<StabilityCase> cases;
   for (const LateCase& one : kLateCases)
-    cases.push_back({one.name, one.summary, true, false,
-                     [name = one.name](const CaseSettings& settings, AxialModel model,
-                                       const ForceSourceFactory& source) {
-                       return asMeasured(name, settings, model, source);
-                     }});
+    cases.push_back(
+        {one.name, one.summary, true, false,
+         [name = one.name](const CaseSettings& settings, AxialModel model, const ForceSourceFactory& source) {
+           return asMeasured(name, settings, model, source);
+         }});
   return cases;
 }
 

@@ -73,7 +73,8 @@ Result<CaseOutcome> frozenDevice(const CaseSettings&, AxialModel, const ForceSou
 Result<CaseOutcome> flippedAxis(const CaseSettings&, AxialModel, const ForceSourceFactory&,
                                 Gate gate = Gate::kPresent);
 
-// random_energy.cpp: random gestures, and the one that gets energy from a late loop without the passivity control
+// random_energy.cpp: random gestures, and the one that gets energy from a late loop without the passivity
+// control
 Result<CaseOutcome> randomEnergy(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 Result<CaseOutcome> randomEnergySeed(const CaseSettings&, AxialModel, const ForceSourceFactory&);
 

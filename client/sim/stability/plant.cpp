@@ -230,8 +230,8 @@ LoopMargins marginsOf(const PlantRun& run, const PlantOptions& options) {
   double clamping_N_per_m = 0;
   for (const PlantTick& tick : run.ticks)
     clamping_N_per_m = std::max(clamping_N_per_m, tick.report.clamping_stiffness_N_per_m);
-  const double delay = static_cast<double>(device.delay_ticks + options.delay_spread_ticks) +
-                       device.lag_s * options.rate_hz;
+  const double delay =
+      static_cast<double>(device.delay_ticks + options.delay_spread_ticks) + device.lag_s * options.rate_hz;
   const auto over = [&](double damping_Ns_per_m, double stiffness_N_per_m) {
     if (!(stiffness_N_per_m > 0)) return std::numeric_limits<double>::infinity();
     return passiveStiffnessLimit(damping_Ns_per_m, 1 / options.rate_hz, delay) / stiffness_N_per_m;

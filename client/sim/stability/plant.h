@@ -40,7 +40,7 @@ ForceSourceFactory engineSource();
 struct PlantOptions {
   SimulatedDeviceOptions device;  ///< delay in whole ticks of `rate_hz`; the plan is for the tip of its tool
   double rate_hz = 1000;
-  double jitter_share = 0;   ///< a tick comes late by up to this share of a period, [0, 1)
+  double jitter_share = 0;  ///< a tick comes late by up to this share of a period, [0, 1)
   /// Each wrench comes so many whole ticks later, drawn evenly from 0 to this; none overtakes another.
   std::uint32_t delay_spread_ticks = 0;
   double missing_share = 0;  ///< share of ticks in which the device gives no update, [0, 1)

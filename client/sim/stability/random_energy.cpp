@@ -201,8 +201,9 @@ Result<CaseOutcome> randomEnergySeed(const CaseSettings& settings, AxialModel mo
   row.controlled_energy_J = late.grip_J;
   judgeMotion(row, "energy given to the hand in the gesture [J]", late.grip_J, limit);
   const auto inMillijoules = [](double energy_J) { return fmt::format("{:.2g} mJ", energy_J * 1e3); };
-  row.note = fmt::format("without the control {}; and without delay {}, at {:g} Hz {}", inMillijoules(without_J),
-                         inMillijoules(in_time.grip_J), faster.rate_hz, inMillijoules(fast.grip_J));
+  row.note =
+      fmt::format("without the control {}; and without delay {}, at {:g} Hz {}", inMillijoules(without_J),
+                  inMillijoules(in_time.grip_J), faster.rate_hz, inMillijoules(fast.grip_J));
   return outcome;
 }
 

@@ -19,7 +19,8 @@
 
 namespace needlelab {
 
-/// Lessons count so many ticks where no delay was measured: one to read, compute and write, one in the device.
+/// Lessons count so many ticks where no delay was measured: one to read, compute and write, one in the
+/// device.
 inline constexpr double kAssumedDelayTicks = 2;
 
 /// The delay that a lesson counts (measure_delay.h).
@@ -96,8 +97,8 @@ PassivitySettings passivityOf(const DeviceInfo& device, const LoopDelay& delay);
 /// Adds to `notes` how this device uses the tool.
 void noteTool(const Pose& X_HT, const DeviceInfo& device, std::vector<std::string>& notes);
 
-/// Adapts `lesson`'s scene and model to the device, with all notes. Turns passivity control on where passivity
-/// is not proven, or --passivity-control asks for it. Errors: kInvalidInput.
+/// Adapts `lesson`'s scene and model to the device, with all notes. Turns passivity control on where
+/// passivity is not proven, or --passivity-control asks for it. Errors: kInvalidInput.
 Status fitLesson(StationLesson& lesson, const DeviceInfo& device, const LoopDelay& delay,
                  const StationOptions& options, std::vector<std::string>& notes);
 

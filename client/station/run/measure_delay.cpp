@@ -51,11 +51,13 @@ Result<ordered_json> readDelays(const std::filesystem::path& file) {
 
 std::string resultText(const DelayFit& fit, double rate_hz) {
   return fmt::format(
-      "delay           {:.2f} ms from a reading to its force, {:.1f} ticks: {:.2f} ms late, behind a lag of {:.2f} ms\n"
+      "delay           {:.2f} ms from a reading to its force, {:.1f} ticks: {:.2f} ms late, behind a lag of "
+      "{:.2f} ms\n"
       "check           the first and the second half of the measurement are {:.2f} ms apart\n"
       "handle and hand {:.2f} kg, {:.1f} N·s/m, {:.0f} N/m; {:.0f} % of the movement is something else\n",
-      1e3 * fit.total_s(), fit.total_s() * rate_hz, 1e3 * fit.delay_s, 1e3 * fit.lag_s, 1e3 * fit.halves_apart_s,
-      fit.mass_kg, fit.damping_Ns_per_m, fit.stiffness_N_per_m, 100 * fit.unexplained);
+      1e3 * fit.total_s(), fit.total_s() * rate_hz, 1e3 * fit.delay_s, 1e3 * fit.lag_s,
+      1e3 * fit.halves_apart_s, fit.mass_kg, fit.damping_Ns_per_m, fit.stiffness_N_per_m,
+      100 * fit.unexplained);
 }
 
 ordered_json resultRow(const std::string& device, const DelayFit& fit) {
@@ -73,9 +75,10 @@ ordered_json resultRow(const std::string& device, const DelayFit& fit) {
 bool isAgreed(const DeviceInfo& device, const sigset_t& stop_signals) {
   EnterKey enter(STDIN_FILENO);
   std::cerr << wrapped(
-      fmt::format("The {} will push to and fro for {:g} s, with {:g} N at most. Hold the handle as in a lesson, "
-                  "in the middle of its space{}, and keep it still. Press Enter to begin; Ctrl-C gives up.",
-                  device.name, kProbe_s, kProbe_N, device.has_dead_man ? ", with your hand on its sensor" : ""),
+      fmt::format(
+          "The {} will push to and fro for {:g} s, with {:g} N at most. Hold the handle as in a lesson, "
+          "in the middle of its space{}, and keep it still. Press Enter to begin; Ctrl-C gives up.",
+          device.name, kProbe_s, kProbe_N, device.has_dead_man ? ", with your hand on its sensor" : ""),
       0);
   while (!enter.pressed())
     if (signalWithin(stop_signals, std::chrono::milliseconds(50), machineTime()) != 0) return false;
@@ -94,7 +97,8 @@ ProbeLoop::ProbeLoop(Device& device, TimeSource& clock, double rate_hz, std::vec
       along_W_(along_W),
       response_(force_N_.size()) {}
 
-GuardedWrench ProbeLoop::answer(std::uint64_t number, DeviceRead read, const DeviceReading& reading) noexcept {
+GuardedWrench ProbeLoop::answer(std::uint64_t number, DeviceRead read,
+                                const DeviceReading& reading) noexcept {
   const bool fresh = read == DeviceRead::kFresh;
   const auto elapsed = static_cast<std::int64_t>(number - next_) + 1;
   // no scene: the handle's origin is the tip
@@ -125,24 +129,26 @@ Result<DelayFit> measureDelay(Device& device, TimeSource& clock, double rate_hz,
   if (run.stopped) return Error{ErrorCode::kFailed, "stopped; nothing was kept"};
   const ZeroForceStats& stats = loop.stats();
   if (loop.fault() != Fault::kNone)
-    return Error{ErrorCode::kUnavailable,
-                 std::string("the device lost its force: ") + faultText(loop.fault()) +
-                     "; needlelab-station --self-test says more"};
+    return Error{ErrorCode::kUnavailable, std::string("the device lost its force: ") +
+                                              faultText(loop.fault()) +
+                                              "; needlelab-station --self-test says more"};
   if (loop.lostForce())
     return Error{ErrorCode::kUnavailable,
-                 "the device had no force for a while: hold the handle until the measurement ends, with the motors on"};
+                 "the device had no force for a while: hold the handle until the measurement ends, with the "
+                 "motors on"};
   if (stats.fresh == 0)
     return Error{ErrorCode::kUnavailable, "the device gave no pose; needlelab-station --self-test says more"};
   if (static_cast<double>(stats.missed) > kMostMissed * static_cast<double>(stats.ticks))
     return Error{ErrorCode::kUnavailable,
-                 fmt::format("{} of {} ticks were missed: end other programs, then measure again", stats.missed,
-                             stats.ticks)};
+                 fmt::format("{} of {} ticks were missed: end other programs, then measure again",
+                             stats.missed, stats.ticks)};
   ASSIGN_OR_RETURN(const DelayFit fit, fitDelay(loop.response(), rate_hz));
   if (fit.halves_apart_s > kMostApart_s)
-    return Error{ErrorCode::kFailed,
-                 fmt::format("two halves of the measurement give delays {:.1f} ms apart: hold the handle still "
-                             "and measure again",
-                             1e3 * fit.halves_apart_s)};
+    return Error{
+        ErrorCode::kFailed,
+        fmt::format("two halves of the measurement give delays {:.1f} ms apart: hold the handle still "
+                    "and measure again",
+                    1e3 * fit.halves_apart_s)};
   return fit;
 }
 
@@ -159,7 +165,8 @@ Status keepDelay(const std::filesystem::path& file, const std::string& device, c
   row.erase("device");
   row["measured_unix_ns"] = now_unix_ns;
   json[device] = std::move(row);
-  return writeFileAtomically(file, viewOf(json.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n"));
+  return writeFileAtomically(file,
+                             viewOf(json.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n"));
 }
 
 Result<LoopDelay> loopDelayOf(const StationOptions& options, const DeviceInfo& device) {
@@ -191,7 +198,8 @@ int runMeasureDelay(const StationOptions& options, const sigset_t& stop_signals)
   if (!device.info().renders_force)
     return refused({ErrorCode::kInvalidInput, device.info().name + " renders no force: it has no delay"});
   const bool real = options.device != "simulated";
-  if (real && !isAgreed(device.info(), stop_signals)) return refused({ErrorCode::kFailed, "stopped; nothing was kept"});
+  if (real && !isAgreed(device.info(), stop_signals))
+    return refused({ErrorCode::kFailed, "stopped; nothing was kept"});
   if (auto status = device.open(options.rate_hz); !status.ok()) return refused(status.error());
   LoopTime steady;
   ImpatientClock impatient;
@@ -203,8 +211,9 @@ int runMeasureDelay(const StationOptions& options, const sigset_t& stop_signals)
     return refused(kept.error());
   auto rows = ordered_json::array();
   rows.push_back(resultRow(options.device, *fit));
-  return printReport(options, resultText(*fit, options.rate_hz) + "kept            in " + delayFile(options).string() +
-                                  "; lessons with --device " + options.device + " read it\n",
+  return printReport(options,
+                     resultText(*fit, options.rate_hz) + "kept            in " + delayFile(options).string() +
+                         "; lessons with --device " + options.device + " read it\n",
                      reportJson(rows), kExitDone);
 }
 

@@ -65,8 +65,8 @@ std::filesystem::path delayFile(const StationOptions& options);
 Status keepDelay(const std::filesystem::path& file, const std::string& device, const DelayFit& fit,
                  std::int64_t now_unix_ns);
 
-/// Runs `--measure-delay`. Asks a person before the device pushes. Exit code: 0 if a delay was found and kept,
-/// 1 if not, 2 for wrong input.
+/// Runs `--measure-delay`. Asks a person before the device pushes. Exit code: 0 if a delay was found and
+/// kept, 1 if not, 2 for wrong input.
 int runMeasureDelay(const StationOptions& options, const sigset_t& stop_signals);
 
 }  // namespace needlelab

@@ -200,9 +200,10 @@ void addModes(CLI::App& app, StationOptions& o, RawOptions& raw) {
   auto* pivot = app.add_flag("--calibrate", raw.calibrate,
                              "find the needle's tip in the handle's frame by pivoting in a dimple; "
                              "--seconds: default 30");
-  auto* delay = app.add_flag("--measure-delay", raw.measure_delay,
-                             "find how late the device renders a force, and keep it for its lessons: it pushes "
-                             "the held handle by at most 0.5 N for 10 s");
+  auto* delay =
+      app.add_flag("--measure-delay", raw.measure_delay,
+                   "find how late the device renders a force, and keep it for its lessons: it pushes "
+                   "the held handle by at most 0.5 N for 10 s");
   app.add_option(
          "--enrol", o.bundle,
          "make this computer a station: log in by the file that needlelab-admin station enrol made, and keep "

@@ -109,7 +109,8 @@ Status StationRun::measureEffects() {
 Status StationRun::openDevice() {
   RETURN_IF_ERROR(checkStiffness(lesson_.model, device_->info()));
   const double hand = options_.device == "simulated" ? options_.hand.damping_Ns_per_m : kHandDamping_Ns_per_m;
-  if (const auto warning = stabilityWarning(lesson_.model, device_->info(), delay_, hand)) logMessage(*warning);
+  if (const auto warning = stabilityWarning(lesson_.model, device_->info(), delay_, hand))
+    logMessage(*warning);
   RETURN_IF_ERROR(device_->open(options_.rate_hz));
 
   time_limit_s_ = options_.seconds;

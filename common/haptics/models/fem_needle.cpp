@@ -13,9 +13,10 @@ constexpr double kForceNear_N = 1e-10, kPlaceNear_m = 1e-13;
 constexpr double kCutAhead = 0.25;
 constexpr std::size_t kMaxUnknowns = kMaxNeedleStations + 1;  // shaft and tip
 
-// The tip's force on the stations: a cubic B-spline of the contact's length about the tip, integrated over each
-// station and reflected at the skin and at the path's end. A length, so that more stations refine it; a spline,
-// so that the force does not ripple as the tip crosses stations (a hat of one station would give 17 %).
+// The tip's force on the stations: a cubic B-spline of the contact's length about the tip, integrated over
+// each station and reflected at the skin and at the path's end. A length, so that more stations refine it; a
+// spline, so that the force does not ripple as the tip crosses stations (a hat of one station would give 17
+// %).
 struct TipSpread {
   std::size_t first = 0, count = 0;
   std::array<double, kMaxNeedleStations> weight;
@@ -38,8 +39,9 @@ TipSpread spreadAt(double depth_m, double contact_m, const NeedleCompliance& com
   TipSpread spread;
   spread.first =
       static_cast<std::size_t>(std::min(last, std::max(0.0, at_m - half_m) / compliance.spacing_m));
-  spread.count = static_cast<std::size_t>(std::min(last, (at_m + half_m) / compliance.spacing_m)) + 1 - spread.first;
-  const bool near_skin = at_m < half_m, near_end = at_m > end_m - half_m;
+  spread.count =
+      static_cast<std::size_t>(std::min(last, (at_m + half_m) / compliance.spacing_m)) + 1 - spread.first;
+  const bool near_skin = at_m<half_m, near_end = at_m> end_m - half_m;
   const auto massUpTo = [&](double z_m) {
     double mass = splineUpTo((z_m - at_m) / knot_m);
     if (near_skin) mass += splineUpTo((z_m + at_m) / knot_m) - 1.0;

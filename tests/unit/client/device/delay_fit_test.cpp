@@ -38,9 +38,11 @@ std::vector<ResponseSample> measured(const Bench& bench, double seconds = 10) {
     const double given = due >= 0 ? force[static_cast<std::size_t>(due)] : 0;
     for (int k = 0; k < kSteps; ++k, t += step_s) {
       double aim = bench.drift_m * std::sin(2.5 * t);
-      for (int n = 0; n < 3; ++n) aim += bench.tremor_m / 3 * std::sin(2 * std::numbers::pi * hz[n] * t + phase[n]);
+      for (int n = 0; n < 3; ++n)
+        aim += bench.tremor_m / 3 * std::sin(2 * std::numbers::pi * hz[n] * t + phase[n]);
       acting = bench.lag_s > 0 ? acting + (given - acting) * step_s / bench.lag_s : given;
-      v += (acting - bench.damping_Ns_per_m * v - bench.stiffness_N_per_m * (x - aim)) / bench.mass_kg * step_s;
+      v += (acting - bench.damping_Ns_per_m * v - bench.stiffness_N_per_m * (x - aim)) / bench.mass_kg *
+           step_s;
       const double loss = bench.dry_friction_N * step_s / bench.mass_kg;
       v = std::abs(v) > loss ? v - std::copysign(loss, v) : 0;
       x += v * step_s;
@@ -50,13 +52,16 @@ std::vector<ResponseSample> measured(const Bench& bench, double seconds = 10) {
 }
 
 TEST(DelayFit, findsDelayLagAndMassBehindTremorDriftAndEncoder) {
-  for (const Bench& bench : {Bench{}, Bench{0}, Bench{2, 2e-3, 0.35, 2.6, 90}, Bench{5, 0, 0.35, 9.7, 1000},
-                             Bench{3, 1e-3, 1.0, 8, 500}, Bench{1, 8e-3}, Bench{1, 0, 0.6, 4, 200, 200e-6, 2e-3, 20e-6, 0.05}}) {
-    SCOPED_TRACE(testing::Message() << bench.delay_ticks << " ticks, " << bench.lag_s << " s, " << bench.mass_kg << " kg");
+  for (const Bench& bench :
+       {Bench{}, Bench{0}, Bench{2, 2e-3, 0.35, 2.6, 90}, Bench{5, 0, 0.35, 9.7, 1000},
+        Bench{3, 1e-3, 1.0, 8, 500}, Bench{1, 8e-3}, Bench{1, 0, 0.6, 4, 200, 200e-6, 2e-3, 20e-6, 0.05}}) {
+    SCOPED_TRACE(testing::Message() << bench.delay_ticks << " ticks, " << bench.lag_s << " s, "
+                                    << bench.mass_kg << " kg");
     const auto fit = fitDelay(measured(bench), bench.rate_hz);
     ASSERT_TRUE(fit.ok()) << fit.error().message;
     // of twelve seeds the worst was 0.26 ms off; with 8 ms of lag 0.9 ms
-    EXPECT_NEAR(fit->total_s(), bench.delay_ticks / bench.rate_hz + bench.lag_s, bench.lag_s > 5e-3 ? 1e-3 : 0.5e-3);
+    EXPECT_NEAR(fit->total_s(), bench.delay_ticks / bench.rate_hz + bench.lag_s,
+                bench.lag_s > 5e-3 ? 1e-3 : 0.5e-3);
     EXPECT_NEAR(fit->mass_kg, bench.mass_kg, 0.15 * bench.mass_kg);
     EXPECT_LT(fit->halves_apart_s, 1e-3);
   }

@@ -48,7 +48,7 @@ double spline(double at, int degree = 3) {
 // ∫ of the cubic spline up to there, which the splines of degree 4 add up to
 double splineUpTo(double at) {
   double sum = 0;
-  for (int k = 0; k < 6; ++k) sum += spline(at - 0.5 - k, 4);
+  for (int k = 0; k < 5; ++k) sum += spline(std::min(at, 2.0) - 0.5 - k, 4);
   return sum;
 }
 // over a bevel of 0.8 mm at 11°, reflected at the skin

@@ -41,7 +41,7 @@ TEST(ForceTable, isTheLiveNeedlesForceOnTheWayInAndOut) {
   for (std::size_t r = 1; r < table->size(); ++r) {
     const auto at = static_cast<std::size_t>(std::lround((*table)[r].depth_m / 2e-6)) - 1;
     const double off_m = std::fabs(depths[at] - (*table)[r].depth_m);
-    const double near = 0.005 + 500 * off_m;
+    const double near = 0.006 + 500 * off_m;
     EXPECT_NEAR((*table)[r].cutting_N, std::max(0.0, -forces[at]), near) << (*table)[r].depth_m;
     EXPECT_NEAR((*table)[r].attracted_N, std::max(0.0, forces[forces.size() - 1 - at]), near)
         << (*table)[r].depth_m;

@@ -126,7 +126,8 @@ TEST_F(KeptDelay, isThatOfTheDevicesOwnRow) {
   ASSERT_TRUE(keepDelay(delayFile(options("")), "virtuose:a", fit, 1).ok());
   fit.delay_s = 5e-3;
   ASSERT_TRUE(keepDelay(delayFile(options("")), "virtuose:b", fit, 2).ok());
-  const auto a = loopDelayOf(options("virtuose:a"), unknown_), b = loopDelayOf(options("virtuose:b"), unknown_);
+  const auto a = loopDelayOf(options("virtuose:a"), unknown_),
+             b = loopDelayOf(options("virtuose:b"), unknown_);
   ASSERT_TRUE(a.ok() && b.ok());
   EXPECT_DOUBLE_EQ(a->ticks, 2.25);
   EXPECT_DOUBLE_EQ(a->lag_s, 1.5e-3);
@@ -149,8 +150,10 @@ TEST_F(KeptDelay, isTwoTicksWithoutAMeasurementAndADevicesOwnWhereItIsKnown) {
 TEST_F(KeptDelay, ofADamagedFileIsRefusedWithWhatToDo) {
   const auto file = delayFile(options(""));
   ASSERT_TRUE(writeFileAtomically(file, viewOf(std::string("[1, 2"))).ok());
-  EXPECT_THAT(loopDelayOf(options("falcon:0"), unknown_).error().message, HasSubstr("measure the delay again"));
-  ASSERT_TRUE(writeFileAtomically(file, viewOf(std::string(R"({"falcon:0": {"delay_s": "x", "lag_s": 0}})"))).ok());
+  EXPECT_THAT(loopDelayOf(options("falcon:0"), unknown_).error().message,
+              HasSubstr("measure the delay again"));
+  ASSERT_TRUE(
+      writeFileAtomically(file, viewOf(std::string(R"({"falcon:0": {"delay_s": "x", "lag_s": 0}})"))).ok());
   EXPECT_THAT(loopDelayOf(options("falcon:0"), unknown_).error().message,
               testing::AllOf(HasSubstr("falcon:0.delay_s: must be a number"), HasSubstr("--measure-delay")));
 }
