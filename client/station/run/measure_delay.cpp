@@ -165,6 +165,8 @@ Status keepDelay(const std::filesystem::path& file, const std::string& device, c
   row.erase("device");
   row["measured_unix_ns"] = now_unix_ns;
   json[device] = std::move(row);
+  std::error_code error;
+  std::filesystem::create_directories(file.parent_path(), error);  // writing says what is wrong
   return writeFileAtomically(file,
                              viewOf(json.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n"));
 }
