@@ -25,6 +25,7 @@ namespace {
 struct BenchmarkCommand {
   std::filesystem::path data, description, out;
   BenchmarkOptions options;
+  double margin_percent = 10, calibration_mm = 5;
   bool no_times = false;
   std::vector<std::string> questions;  // empty = all
   JsonOption json;
@@ -78,6 +79,8 @@ int benchmark(const BenchmarkCommand& command) {
     };
   BenchmarkOptions options = command.options;
   options.times = !command.no_times;
+  options.margin = command.margin_percent / 100;
+  options.calibration_m = command.calibration_mm / 1e3;
   for (const HoldOut what : kHoldOuts)
     if (std::find(command.questions.begin(), command.questions.end(), nameOf(what)) !=
         command.questions.end())
@@ -115,6 +118,16 @@ void addBenchmarkCommand(CLI::App& app, SimCommand& chosen) {
           "--numbers", options->options.most_numbers,
           fmt::format("that a model may have at most, {} to {}", kLeastNumbers, kMostBenchmarkNumbers))
       ->check(CLI::NonNegativeNumber)  // -1 would be read as the greatest number
+      ->capture_default_str();
+  command
+      ->add_option("--margin", options->margin_percent,
+                   "what is as good, in percent of the held-out rms force, 1 to 50")
+      ->check(CLI::Range(100 * kMargin.min, 100 * kMargin.max))
+      ->capture_default_str();
+  command
+      ->add_option("--calibrate", options->calibration_mm,
+                   "depth to which specimen-start calibrates, in mm, 1 to 50")
+      ->check(CLI::Range(1e3 * kCalibration_m.min, 1e3 * kCalibration_m.max))
       ->capture_default_str();
   std::vector<std::string> names;
   for (const HoldOut what : kHoldOuts) names.emplace_back(nameOf(what));

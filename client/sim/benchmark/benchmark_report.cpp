@@ -27,6 +27,15 @@ std::string number(const std::optional<double>& value, const char* format = "{:.
   return value && std::isfinite(*value) ? fmt::format(fmt::runtime(format), *value) : std::string();
 }
 
+std::string paired(const std::optional<PairedDifference>& difference) {
+  if (!difference) return {};
+  std::string text = fixedText(difference->mean_N, 3, Sign::kBoth);
+  if (difference->low_N)
+    text += fmt::format(" ({} to {})", fixedText(*difference->low_N, 3, Sign::kBoth),
+                        fixedText(*difference->high_N, 3, Sign::kBoth));
+  return text;
+}
+
 struct ReportColumn {
   const char* title;
   std::string (*cell)(const BenchmarkRow&);
@@ -42,11 +51,8 @@ constexpr std::array<ReportColumn, 13> kReportColumns = {{
      }},
     {"max [N]", [](const BenchmarkRow& r) { return number(r.max_error_N); }},
     {"fitted [N]", [](const BenchmarkRow& r) { return number(r.fit_error_N); }},
-    {"better by [N]",
-     [](const BenchmarkRow& r) {
-       return r.better_N ? fixedText(*r.better_N, 3, Sign::kBoth) : std::string();
-     }},
-    {"p (Holm)", [](const BenchmarkRow& r) { return number(r.p, "{:.2g}"); }},
+    {"beats trivial by [N]", [](const BenchmarkRow& r) { return paired(r.beats); }},
+    {"behind the best by [N]", [](const BenchmarkRow& r) { return paired(r.behind); }},
     {"verdict", [](const BenchmarkRow& r) { return std::string(nameOf(r.verdict)); }, true},
     {"tick [ns]", [](const BenchmarkRow& r) { return number(r.median_ns, "{:.0f}"); }},
     {"given [µJ]",
@@ -90,6 +96,8 @@ std::string dataText(const BenchmarkReport& report) {
 }
 
 Json rowJson(const BenchmarkRow& row) {
+  const PairedDifference none{std::nan(""), {}, {}};
+  const PairedDifference beats = row.beats.value_or(none), behind = row.behind.value_or(none);
   return {{"held_out", nameOf(row.what)},
           {"model", row.model},
           {"kind", nameOf(row.kind)},
@@ -101,12 +109,14 @@ Json rowJson(const BenchmarkRow& row) {
           {"error_high_n", orNull(row.error_high_N)},
           {"max_error_n", row.max_error_N},
           {"fit_error_n", row.fit_error_N},
-          {"better_n", orNull(row.better_N)},
-          {"better_low_n", orNull(row.better_low_N)},
-          {"better_high_n", orNull(row.better_high_N)},
-          {"p", orNull(row.p)},
+          {"beats_n", orNull(beats.mean_N)},
+          {"beats_low_n", orNull(beats.low_N)},
+          {"beats_high_n", orNull(beats.high_N)},
+          {"behind_n", orNull(behind.mean_N)},
+          {"behind_low_n", orNull(behind.low_N)},
+          {"behind_high_n", orNull(behind.high_N)},
           {"verdict", nameOf(row.verdict)},
-          {"share_in_band", row.in_band},
+          {"share_in_band", orNull(row.in_band)},
           {"band", row.band},
           {"median_ns", orNull(row.median_ns)},
           {"energy_given_j", orNull(row.energy_given_J)}};
@@ -116,11 +126,13 @@ Json rowJson(const BenchmarkRow& row) {
 
 std::string benchmarkText(const BenchmarkReport& report) {
   std::string out = wrapped(dataText(report), kWidth, "");
-  out +=
-      wrapped(fmt::format("models have at most {} numbers each; a row's error is the mean over what was held "
-                          "out, its interval Student's t; \"better by\" is against the better baseline",
-                          report.most_numbers),
-              kWidth, "");
+  out += wrapped(
+      fmt::format(
+          "models have at most {} numbers each; a row's error is the mean over units, its interval "
+          "Student's t. Margin: {} % of the held-out rms force. specimen-start calibrates on the first "
+          "{} mm",
+          report.most_numbers, numberText(100 * report.margin), numberText(1e3 * report.calibration_m)),
+      kWidth, "");
   for (const QuestionResult& question : report.questions) {
     out += fmt::format("\nheld out: {}\n", nameOf(question.what)) + tableOf(question.rows);
     out += wrapped(question.text, kWidth, "  ");
@@ -172,11 +184,15 @@ Json benchmarkRest(const BenchmarkReport& report) {
   Json questions = Json::array();
   for (const QuestionResult& question : report.questions) {
     const BenchmarkRow* best = question.best();
+    Json named = Json::array();
+    for (const BenchmarkRow* row : question.named()) named.push_back(row->model);
     questions.push_back({{"held_out", nameOf(question.what)},
                          {"asks", questionOf(question.what)},
-                         {"predicts", asksForPrediction(question.what)},
+                         {"predicts", !predictedIn(question.what).empty()},
                          {"units", question.units},
                          {"best", best != nullptr ? Json(best->model) : Json(nullptr)},
+                         {"margin_n", question.margin_N},
+                         {"named", named},
                          {"text", question.text}});
   }
   return {{"data",
@@ -189,6 +205,8 @@ Json benchmarkRest(const BenchmarkReport& report) {
             {"needles", report.needles},
             {"speeds", report.speeds}}},
           {"most_numbers", report.most_numbers},
+          {"margin", report.margin},
+          {"calibration_m", report.calibration_m},
           {"questions", questions},
           {"notes", report.notes},
           {"conclusion", report.conclusion}};
@@ -198,13 +216,23 @@ BenchmarkPicture benchmarkPicture(const BenchmarkReport& report) {
   BenchmarkPicture picture;
   PlotBlocks data;
   std::vector<std::string> questions;
-  std::size_t most = 0;
+  std::vector<double> floors_N, bests_N, margins_N;
+  std::size_t places = 0;
+  for (const QuestionResult& question : report.questions)
+    for (const BenchmarkRow& row : question.rows) places = std::max(places, row.place);
   for (std::size_t q = 0; q < report.questions.size(); ++q) {
     const QuestionResult& question = report.questions[q];
-    questions.push_back(fmt::format("{} held out", nameOf(question.what)));
-    most = std::max(most, question.rows.size());
-    for (std::size_t i = 0; i < question.rows.size(); ++i) {
-      const BenchmarkRow& row = question.rows[i];
+    questions.push_back(std::string(nameOf(question.what)));
+    floors_N.push_back(-1);
+    bests_N.push_back(-1);
+    margins_N.push_back(question.margin_N);
+    for (const BenchmarkRow& row : question.rows) {
+      if (row.kind == ModelKind::kFloor) {
+        if (!asksForPhase(question.what)) floors_N.back() = row.error_N;
+        continue;
+      }
+      if (isModel(row.kind) && (bests_N.back() < 0 || row.error_N < bests_N.back()))
+        bests_N.back() = row.error_N;
       std::string label = row.model;
       const auto same = std::count_if(question.rows.begin(), question.rows.end(),
                                       [&](const BenchmarkRow& other) { return other.model == row.model; });
@@ -215,9 +243,11 @@ BenchmarkPicture benchmarkPicture(const BenchmarkReport& report) {
       const double high_N = row.error_high_N.value_or(row.error_N);
       const bool gives = row.energy_given_J.value_or(0) > PassivityLimits{}.energy_J;
       data.row(fmt::format("question {}", q),
-               {static_cast<double>(question.rows.size() - i), row.error_N, low_N, high_N,
-                static_cast<double>(row.kind), gives ? 1.0 : 0.0,
-                row.verdict == BenchmarkVerdict::kPredicts ? 1.0 : 0.0},
+               {static_cast<double>(places + 1 - row.place), row.error_N, low_N, high_N,
+                static_cast<double>(row.kind == ModelKind::kFormula  ? 1
+                                    : row.kind == ModelKind::kEngine ? 2
+                                                                     : 0),
+                gives ? 1.0 : 0.0, row.verdict == BenchmarkVerdict::kNamed ? 1.0 : 0.0},
                {label, fmt::format("{}", row.parameters)});
     }
   }
@@ -232,7 +262,10 @@ BenchmarkPicture benchmarkPicture(const BenchmarkReport& report) {
   picture.variables = {{"finding", finding},
                        {"set", report.data},
                        {"questions", questions},
-                       {"rows", static_cast<double>(most)}};
+                       {"floors", floors_N},
+                       {"bests", bests_N},
+                       {"margins", margins_N},
+                       {"rows", static_cast<double>(places)}};
   return picture;
 }
 

@@ -4,18 +4,18 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <numeric>
-#include <optional>
 #include <span>
 #include <string_view>
 #include <system_error>
 #include <tuple>
 #include <utility>
 
+#include "client/sim/benchmark/curve_file.h"
+#include "client/sim/benchmark/curve_phases.h"
 #include "common/base/files.h"
 #include "common/base/program.h"
 #include "common/base/text.h"
@@ -32,30 +32,17 @@ namespace fs = std::filesystem;
 constexpr const char* kDescriptionName = "data_set.json";
 constexpr std::size_t kMostDescriptionBytes = 1u << 20;
 constexpr std::size_t kMostWords = 500;  // of licence and source
-constexpr std::size_t kMostCells = 256;  // of a line
-
-Error wrong(const std::string& where, const std::string& why) {
-  return {ErrorCode::kInvalidInput, where + ": " + why};
-}
-
-// what is known of a file's curves beside its columns; empty or 0: not said
-struct Facts {
-  std::string file, specimen, needle, tissue;
-  double speed_mps = 0, diameter_m = 0;
-};
 
 struct Description {
   std::string name, licence, source;
-  std::vector<Facts> files;
+  std::vector<CurveFacts> files;
 };
-
-// --- the description
 
 Status readText(const nlohmann::json& object, const char* field, const std::string& where, std::size_t most,
                 std::string& into) {
   const auto found = object.find(field);
   if (found == object.end()) return {};
-  if (!found->is_string()) return wrong(where + "." + field, "must be a text");
+  if (!found->is_string()) return wrongInput(where + "." + field, "must be a text");
   into = found->get<std::string>();
   return checkNewText(where + "." + field, into, 1, most);
 }
@@ -64,7 +51,7 @@ Status readNumber(const nlohmann::json& object, const char* field, const std::st
                   const NumberRange& range, double& into) {
   const auto found = object.find(field);
   if (found == object.end()) return {};
-  if (!found->is_number()) return wrong(where + "." + field, "must be a number");
+  if (!found->is_number()) return wrongInput(where + "." + field, "must be a number");
   into = found->get<double>();
   if (!range.contains(into)) return outOfRange(where + "." + field, into, range);
   return {};
@@ -72,14 +59,15 @@ Status readNumber(const nlohmann::json& object, const char* field, const std::st
 
 Status onlyFields(const nlohmann::json& object, std::span<const char* const> known,
                   const std::string& where) {
-  if (!object.is_object()) return wrong(where, "must be an object");
+  if (!object.is_object()) return wrongInput(where, "must be an object");
   for (const auto& item : object.items())
     if (std::none_of(known.begin(), known.end(), [&](const char* name) { return item.key() == name; }))
-      return wrong(where, fmt::format("{} is no field; known are {}", quotedText(item.key()),
-                                      std::accumulate(known.begin() + 1, known.end(), std::string(known[0]),
-                                                      [](const std::string& all, const char* name) {
-                                                        return all + ", " + name;
-                                                      })));
+      return wrongInput(where,
+                        fmt::format("{} is no field; known are {}", quotedText(item.key()),
+                                    std::accumulate(known.begin() + 1, known.end(), std::string(known[0]),
+                                                    [](const std::string& all, const char* name) {
+                                                      return all + ", " + name;
+                                                    })));
   return {};
 }
 
@@ -95,12 +83,12 @@ Result<Description> parseDescription(std::string_view text, const std::string& s
   RETURN_IF_ERROR(readText(json, "source", source, kMostWords, description.source));
   const auto curves = json.find("curves");
   if (curves == json.end() || !curves->is_array() || curves->empty() || curves->size() > kMostCurveFiles)
-    return wrong(source + ".curves", fmt::format("must be a list of 1 to {} files", kMostCurveFiles));
+    return wrongInput(source + ".curves", fmt::format("must be a list of 1 to {} files", kMostCurveFiles));
   for (std::size_t i = 0; i < curves->size(); ++i) {
     const nlohmann::json& entry = (*curves)[i];
     const std::string where = fmt::format("{}.curves[{}]", source, i);
     RETURN_IF_ERROR(onlyFields(entry, kCurveFields, where));
-    Facts facts;
+    CurveFacts facts;
     RETURN_IF_ERROR(readText(entry, "file", where, kMaxNameBytes, facts.file));
     // a name within the folder, never a path out of it
     if (const Status status = checkNewName(where + ".file", facts.file); !status.ok()) return status.error();
@@ -109,290 +97,13 @@ Result<Description> parseDescription(std::string_view text, const std::string& s
     RETURN_IF_ERROR(readText(entry, "tissue", where, kMaxNameBytes, facts.tissue));
     RETURN_IF_ERROR(readNumber(entry, "speed_m_s", where, kCurveSpeed_mps, facts.speed_mps));
     RETURN_IF_ERROR(readNumber(entry, "needle_diameter_m", where, kCurveDiameter_m, facts.diameter_m));
-    for (const Facts& other : description.files)
+    for (const CurveFacts& other : description.files)
       if (other.file == facts.file)
-        return wrong(where + ".file", quotedText(facts.file) + " stands twice in the list");
+        return wrongInput(where + ".file", quotedText(facts.file) + " stands twice in the list");
     description.files.push_back(std::move(facts));
   }
   return description;
 }
-
-// --- a file
-
-enum CurveCell : std::size_t {
-  kForceCell,
-  kDepthCell,
-  kTimeCell,
-  kSpeedCell,
-  kDiameterCell,
-  kCurveCell,
-  kSpecimenCell,
-  kNeedleCell,
-  kTissueCell,
-  kCellKinds
-};
-constexpr std::array<std::string_view, kCellKinds> kCellNames = {
-    "force_n", "depth_m", "t_s", "speed_m_s", "needle_diameter_m", "curve", "specimen", "needle", "tissue"};
-constexpr std::array<NumberRange, 5> kCellRanges = {kCurveForce_N, kCurveDepth_m, kCurveTime_s,
-                                                    kCurveSpeed_mps, kCurveDiameter_m};
-
-std::string_view trimmed(std::string_view text) {
-  while (!text.empty() && (text.front() == ' ' || text.front() == '\t')) text.remove_prefix(1);
-  while (!text.empty() && (text.back() == ' ' || text.back() == '\t')) text.remove_suffix(1);
-  return text;
-}
-
-std::string shown(std::string_view cell) {
-  return "'" + printable(cell.substr(0, 40)) + "'";
-}
-
-// the lines of a text one after the other, without their ends
-struct Lines {
-  std::string_view rest;
-  std::size_t number = 0;
-  bool next(std::string_view& line) {
-    if (rest.empty()) return false;
-    const std::size_t end = rest.find('\n');
-    line = rest.substr(0, end);
-    rest.remove_prefix(end == std::string_view::npos ? rest.size() : end + 1);
-    if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
-    ++number;
-    return true;
-  }
-};
-
-// false: more cells than a file may have
-bool splitInto(std::string_view line, std::vector<std::string_view>& cells) {
-  cells.clear();
-  for (;;) {
-    if (cells.size() == kMostCells) return false;
-    const std::size_t comma = line.find(',');
-    cells.push_back(trimmed(line.substr(0, comma)));
-    if (comma == std::string_view::npos) return true;
-    line.remove_prefix(comma + 1);
-  }
-}
-
-// a curve while its rows are read, in the order of the file
-struct Growing {
-  ForceCurve curve;
-  std::vector<double> t_s;
-  std::size_t first_line = 0;
-};
-
-class CurveFile {
- public:
-  CurveFile(fs::path path, Facts facts) : path_(std::move(path)), facts_(std::move(facts)) {}
-
-  /// Reads the header. `missing`: what neither columns nor facts say, as text; empty: nothing.
-  Status open(std::string& missing);
-  /// All curves of the file. `rows_left` is lowered by the rows read.
-  Result<std::vector<ForceCurve>> read(std::size_t& rows_left);
-
- private:
-  [[nodiscard]] bool has(CurveCell column) const { return at_[column].has_value(); }
-  [[nodiscard]] Error lineError(const std::string& why) const {
-    return wrong(fmt::format("{} line {}", path_.string(), lines_.number), why);
-  }
-  Status header();
-  Result<double> numberIn(CurveCell column) const;
-  Status textIn(CurveCell column, const std::string& known, std::string& into) const;
-  Status addRow(std::vector<Growing>& curves);
-  Result<ForceCurve> finished(Growing grown) const;
-
-  fs::path path_;
-  Facts facts_;
-  std::string text_;
-  Lines lines_;
-  std::size_t cell_count_ = 0;
-  std::array<std::optional<std::size_t>, kCellKinds> at_;
-  std::vector<std::string_view> cells_;
-  std::map<std::tuple<std::string, std::string, std::string, std::string>, std::size_t> index_;
-};
-
-Status CurveFile::header() {
-  std::string_view line;
-  if (!lines_.next(line)) {
-    lines_.number = 1;
-    return lineError("the file is empty; a header with force_n and depth_m or t_s is expected");
-  }
-  if (line.substr(0, 3) == "\xEF\xBB\xBF") line.remove_prefix(3);
-  if (!splitInto(line, cells_)) return lineError(fmt::format("more than {} columns", kMostCells));
-  cell_count_ = cells_.size();
-  for (std::size_t i = 0; i < cells_.size(); ++i)
-    for (std::size_t c = 0; c < kCellKinds; ++c)
-      if (cells_[i] == kCellNames[c]) {
-        if (at_[c]) return lineError("column " + shown(cells_[i]) + " stands twice in the header");
-        at_[c] = i;
-      }
-  // a fact that is said twice may be said differently
-  const std::pair<CurveCell, bool> said[] = {{kSpecimenCell, !facts_.specimen.empty()},
-                                             {kNeedleCell, !facts_.needle.empty()},
-                                             {kTissueCell, !facts_.tissue.empty()},
-                                             {kSpeedCell, facts_.speed_mps > 0},
-                                             {kDiameterCell, facts_.diameter_m > 0}};
-  for (const auto& [column, in_facts] : said)
-    if (in_facts && has(column))
-      return lineError(fmt::format("column '{}': the description says it, too; take it out of one of them",
-                                   kCellNames[column]));
-  return {};
-}
-
-Status CurveFile::open(std::string& missing) {
-  ASSIGN_OR_RETURN(text_, readWholeFile(path_, kMostCurveBytes));
-  lines_.rest = text_;
-  RETURN_IF_ERROR(header());
-  const auto lacks = [&](bool is_missing, std::string_view name) {
-    if (is_missing) missing += (missing.empty() ? "" : ", ") + std::string(name);
-  };
-  lacks(!has(kForceCell), "force_n");
-  lacks(!has(kDepthCell) && !has(kTimeCell), "depth_m (or t_s)");
-  lacks(!has(kSpeedCell) && facts_.speed_mps == 0 && !(has(kDepthCell) && has(kTimeCell)), "speed_m_s");
-  lacks(!has(kSpecimenCell) && facts_.specimen.empty(), "specimen");
-  lacks(!has(kNeedleCell) && facts_.needle.empty(), "needle");
-  lacks(!has(kTissueCell) && facts_.tissue.empty(), "tissue");
-  return {};
-}
-
-Result<double> CurveFile::numberIn(CurveCell column) const {
-  const std::string_view cell = cells_[*at_[column]];
-  double value = 0;
-  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-  if (error != std::errc() || end != cell.data() + cell.size())
-    return lineError(fmt::format("column '{}': {} is not a number", kCellNames[column], shown(cell)));
-  const NumberRange& range = kCellRanges[column];
-  if (!range.contains(value))
-    return lineError(fmt::format("column '{}': {} is out of range {}; {}", kCellNames[column], shown(cell),
-                                 rangeText(range),
-                                 column == kForceCell   ? "newtons are expected"
-                                 : column == kTimeCell  ? "seconds are expected"
-                                 : column == kSpeedCell ? "metres a second are expected, not millimetres"
-                                                        : "metres are expected, not millimetres"));
-  return value;
-}
-
-Status CurveFile::textIn(CurveCell column, const std::string& known, std::string& into) const {
-  into = has(column) ? std::string(cells_[*at_[column]]) : known;
-  if (!has(column)) return {};
-  if (const Status status = checkNewText(std::string(kCellNames[column]), into, 1, kMaxNameBytes);
-      !status.ok())
-    return lineError("column " + status.error().message);
-  return {};
-}
-
-Status CurveFile::addRow(std::vector<Growing>& curves) {
-  ForceCurve one;
-  RETURN_IF_ERROR(textIn(kCurveCell, {}, one.name));
-  RETURN_IF_ERROR(textIn(kSpecimenCell, facts_.specimen, one.specimen));
-  RETURN_IF_ERROR(textIn(kNeedleCell, facts_.needle, one.needle));
-  RETURN_IF_ERROR(textIn(kTissueCell, facts_.tissue, one.tissue));
-  one.speed_mps = facts_.speed_mps;
-  one.diameter_m = facts_.diameter_m;
-  double depth_m = 0, t_s = 0;
-  ASSIGN_OR_RETURN(const double force_N, numberIn(kForceCell));
-  if (has(kDepthCell)) {
-    ASSIGN_OR_RETURN(depth_m, numberIn(kDepthCell));
-  }
-  if (has(kTimeCell)) {
-    ASSIGN_OR_RETURN(t_s, numberIn(kTimeCell));
-  }
-  if (has(kSpeedCell)) {
-    ASSIGN_OR_RETURN(one.speed_mps, numberIn(kSpeedCell));
-  }
-  if (has(kDiameterCell)) {
-    ASSIGN_OR_RETURN(one.diameter_m, numberIn(kDiameterCell));
-  }
-  const auto [found, is_new] =
-      index_.try_emplace({one.name, one.specimen, one.needle, one.tissue}, curves.size());
-  if (is_new) {
-    if (curves.size() == kMostCurves) return lineError(fmt::format("more than {} curves", kMostCurves));
-    curves.push_back({std::move(one), {}, lines_.number});
-  } else {
-    const ForceCurve& first = curves[found->second].curve;
-    const auto line = curves[found->second].first_line;
-    const auto differs = [&](CurveCell column, double was, double is) {
-      return lineError(fmt::format(
-          "column '{}': {}, but {} in line {} of the same curve; give each insertion its own name in a "
-          "column 'curve', and one speed",
-          kCellNames[column], numberText(is), numberText(was), line));
-    };
-    if (first.speed_mps != one.speed_mps) return differs(kSpeedCell, first.speed_mps, one.speed_mps);
-    if (first.diameter_m != one.diameter_m) return differs(kDiameterCell, first.diameter_m, one.diameter_m);
-  }
-  Growing& grown = curves[found->second];
-  if (!grown.t_s.empty() && has(kTimeCell) && !has(kDepthCell) && t_s < grown.t_s.back())
-    return lineError(fmt::format("column 't_s': {} comes after {}; time must not go back within a curve",
-                                 numberText(t_s), numberText(grown.t_s.back())));
-  grown.curve.force_N.push_back(force_N);
-  grown.curve.depth_m.push_back(depth_m);
-  if (has(kTimeCell)) grown.t_s.push_back(t_s);
-  return {};
-}
-
-Result<ForceCurve> CurveFile::finished(Growing grown) const {
-  ForceCurve curve = std::move(grown.curve);
-  const std::string inside = curve.name.empty() ? std::string() : ":" + curve.name;
-  curve.name = path_.filename().string() + inside;
-  const std::string where = fmt::format("{} line {}, curve {}", path_.string(), grown.first_line, curve.name);
-  if (curve.force_N.size() < kLeastCurveRows)
-    return wrong(where,
-                 fmt::format("has {} rows; at least {} are needed", curve.force_N.size(), kLeastCurveRows));
-  if (curve.speed_mps == 0) {
-    // depth and time are there
-    const double seconds = grown.t_s.back() - grown.t_s.front();
-    curve.speed_mps = seconds > 0 ? (curve.depth_m.back() - curve.depth_m.front()) / seconds : 0;
-    if (!kCurveSpeed_mps.contains(curve.speed_mps))
-      return wrong(where,
-                   fmt::format("its depths and times give a speed of {} m/s, out of range {}; give the "
-                               "insertion alone, or a column 'speed_m_s'",
-                               numberText(curve.speed_mps), rangeText(kCurveSpeed_mps)));
-  }
-  if (!has(kDepthCell))
-    for (std::size_t i = 0; i < grown.t_s.size(); ++i) {
-      curve.depth_m[i] = (grown.t_s[i] - grown.t_s.front()) * curve.speed_mps;
-      if (!kCurveDepth_m.contains(curve.depth_m[i]))
-        return wrong(where, fmt::format("its times and speed give a depth of {} m, out of range {}; give the "
-                                        "insertion alone, or a column 'depth_m'",
-                                        numberText(curve.depth_m[i]), rangeText(kCurveDepth_m)));
-    }
-  // digitised curves go back here and there
-  std::vector<std::size_t> order(curve.depth_m.size());
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t a, std::size_t b) { return curve.depth_m[a] < curve.depth_m[b]; });
-  ForceCurve sorted = curve;
-  for (std::size_t i = 0; i < order.size(); ++i) {
-    sorted.depth_m[i] = curve.depth_m[order[i]];
-    sorted.force_N[i] = curve.force_N[order[i]];
-  }
-  const double length_m = sorted.depth_m.back() - sorted.depth_m.front();
-  if (length_m < kLeastCurveDepth_m)
-    return wrong(where, fmt::format("goes over {} m; at least {} m are needed", numberText(length_m),
-                                    numberText(kLeastCurveDepth_m)));
-  return sorted;
-}
-
-Result<std::vector<ForceCurve>> CurveFile::read(std::size_t& rows_left) {
-  std::vector<Growing> grown;
-  std::string_view line;
-  while (lines_.next(line)) {
-    if (trimmed(line).empty()) continue;
-    if (rows_left == 0) return lineError(fmt::format("more than {} rows in all files", kMostCurveRows));
-    --rows_left;
-    if (!splitInto(line, cells_) || cells_.size() != cell_count_)
-      return lineError(fmt::format("{} cells, the header has {}", cells_.size(), cell_count_));
-    RETURN_IF_ERROR(addRow(grown));
-  }
-  if (grown.empty()) return lineError("no rows after the header");
-  std::vector<ForceCurve> curves;
-  for (Growing& one : grown) {
-    ASSIGN_OR_RETURN(auto curve, finished(std::move(one)));
-    curves.push_back(std::move(curve));
-  }
-  return curves;
-}
-
-// --- the folder
 
 // names of the folder's *.csv, sorted: a folder's own order is chance
 Result<std::vector<std::string>> csvFilesOf(const fs::path& folder) {
@@ -402,10 +113,10 @@ Result<std::vector<std::string>> csvFilesOf(const fs::path& folder) {
        it.increment(failed)) {
     if (it->path().extension() != ".csv") continue;
     if (names.size() == kMostCurveFiles)
-      return wrong(folder.string(), fmt::format("more than {} CSV files", kMostCurveFiles));
+      return wrongInput(folder.string(), fmt::format("more than {} CSV files", kMostCurveFiles));
     names.push_back(it->path().filename().string());
   }
-  if (failed) return wrong(folder.string(), "cannot be read: " + failed.message());
+  if (failed) return wrongInput(folder.string(), "cannot be read: " + failed.message());
   std::sort(names.begin(), names.end());
   return names;
 }
@@ -427,7 +138,7 @@ Result<Description> descriptionOf(const fs::path& folder, const fs::path& given,
   for (const EmbeddedFile& file : embeddedDataSets()) {
     ASSIGN_OR_RETURN(auto known, parseDescription(file.text, std::string(file.name)));
     if (!std::all_of(known.files.begin(), known.files.end(),
-                     [&](const Facts& facts) { return hasFile(folder / facts.file); }))
+                     [&](const CurveFacts& facts) { return hasFile(folder / facts.file); }))
       continue;
     set.notes.push_back(
         fmt::format("described by {}, which is built in: its files are all there", file.name));
@@ -442,11 +153,12 @@ Status checkNeedles(const CurveSet& set) {
   for (const ForceCurve& curve : set.curves) {
     const auto [found, is_new] = first.try_emplace(curve.needle, &curve);
     if (!is_new && found->second->diameter_m != curve.diameter_m)
-      return wrong("curve " + curve.name,
-                   fmt::format("needle {} has a diameter of {} m, and {} m in curve {} (0: not said); give "
-                               "different needles different names",
-                               shown(curve.needle), numberText(curve.diameter_m),
-                               numberText(found->second->diameter_m), found->second->name));
+      return wrongInput(
+          "curve " + curve.name,
+          fmt::format("needle {} has a diameter of {} m, and {} m in curve {} (0: not said); give "
+                      "different needles different names",
+                      quotedText(curve.needle), numberText(curve.diameter_m),
+                      numberText(found->second->diameter_m), found->second->name));
   }
   return {};
 }
@@ -460,35 +172,35 @@ Result<CurveSet> readCurveSet(const fs::path& folder, const fs::path& descriptio
   set.name = described.name.empty() ? folder.filename().string() : described.name;
   set.licence = described.licence.empty() ? "not said" : described.licence;
   set.source = described.source.empty() ? "not said" : described.source;
-  for (const Facts& facts : described.files)
+  for (const CurveFacts& facts : described.files)
     if (std::find(names.begin(), names.end(), facts.file) == names.end())
-      return wrong((folder / facts.file).string(), "is described, and not there (a name that ends in .csv)");
+      return wrongInput((folder / facts.file).string(),
+                        "is described, and not there (a name that ends in .csv)");
 
   std::size_t rows_left = kMostCurveRows;
   for (const std::string& name : names) {
     const auto facts = std::find_if(described.files.begin(), described.files.end(),
-                                    [&](const Facts& one) { return one.file == name; });
+                                    [&](const CurveFacts& one) { return one.file == name; });
     const bool is_described = facts != described.files.end();
     set.files.push_back(folder / name);
-    CurveFile file(folder / name, is_described ? *facts : Facts{});
-    std::string missing;
-    RETURN_IF_ERROR(file.open(missing));
-    if (!missing.empty()) {
-      const std::string why = "says nothing of " + missing;
-      if (is_described) return wrong((folder / name).string(), why + ", and its description neither");
+    ASSIGN_OR_RETURN(auto content,
+                     readCurveFile(folder / name, is_described ? *facts : CurveFacts{}, rows_left));
+    if (!content.missing.empty()) {
+      const std::string why = "says nothing of " + content.missing;
+      if (is_described) return wrongInput((folder / name).string(), why + ", and its description neither");
       set.notes.push_back(printable(name) + " is left out: it " + why);
       continue;
     }
-    ASSIGN_OR_RETURN(auto curves, file.read(rows_left));
-    if (set.curves.size() + curves.size() > kMostCurves)
-      return wrong(folder.string(), fmt::format("more than {} curves", kMostCurves));
-    std::move(curves.begin(), curves.end(), std::back_inserter(set.curves));
+    if (set.curves.size() + content.curves.size() > kMostCurves)
+      return wrongInput(folder.string(), fmt::format("more than {} curves", kMostCurves));
+    std::move(content.curves.begin(), content.curves.end(), std::back_inserter(set.curves));
   }
   if (set.curves.empty())
-    return wrong(folder.string(),
-                 "no force curve in it; a CSV needs force_n, depth_m or t_s, speed_m_s, specimen, needle and "
-                 "tissue, as columns or in data_set.json" +
-                     (set.notes.empty() ? std::string() : " (" + set.notes.back() + ")"));
+    return wrongInput(
+        folder.string(),
+        "no force curve in it; a CSV needs force_n, depth_m or t_s, speed_m_s, specimen, needle and "
+        "tissue, as columns or in data_set.json" +
+            (set.notes.empty() ? std::string() : " (" + set.notes.back() + ")"));
   std::stable_sort(set.curves.begin(), set.curves.end(), [](const ForceCurve& a, const ForceCurve& b) {
     return std::tie(a.tissue, a.specimen, a.needle, a.speed_mps, a.name) <
            std::tie(b.tissue, b.specimen, b.needle, b.speed_mps, b.name);

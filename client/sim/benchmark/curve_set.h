@@ -12,13 +12,28 @@
 
 namespace needlelab {
 
-/// One insertion of one needle.
+/// The needle at rest where its insertion ended; no times: there was none.
+struct CurveHold {
+  double depth_m = 0;
+  std::vector<double> t_s, force_N;  ///< time since its beginning
+};
+
+/// The way out; no depths: there was none.
+struct CurveWithdrawal {
+  double speed_mps = 0;  ///< above 0
+  std::vector<double> depth_m,
+      force_N;  ///< in order of depth; a needle that is held back has negative forces
+};
+
+/// One insertion of one needle, and what came behind.
 struct ForceCurve {
   std::string name;  ///< the file, and behind a colon the curve's name in it
   std::string specimen, needle, tissue;
   double speed_mps = 0;
   double diameter_m = 0;                 ///< of the needle, outer; 0: not known
   std::vector<double> depth_m, force_N;  ///< in order of depth; positive pushes the needle out
+  CurveHold hold;
+  CurveWithdrawal withdrawal;
 };
 
 struct CurveSet {
@@ -36,8 +51,9 @@ inline constexpr NumberRange kCurveSpeed_mps{1e-4, 1};
 inline constexpr NumberRange kCurveDiameter_m{0, 0.01, true};
 inline constexpr std::size_t kMostCurveBytes = 64u << 20, kMostCurveFiles = 500, kMostCurves = 1000;
 inline constexpr std::size_t kMostCurveRows = 2'000'000;  ///< of all files together
-inline constexpr std::size_t kLeastCurveRows = 8;         ///< of a curve
-inline constexpr double kLeastCurveDepth_m = 0.002;       ///< from its first row to its last
+inline constexpr std::size_t kLeastCurveRows = 8;         ///< of a phase
+inline constexpr double kLeastCurveDepth_m = 0.002;       ///< of a way in or out
+inline constexpr double kLeastHold_s = 0.2, kMostHold_s = 600, kMostHoldWay_m = 0.001;
 
 /// Reads the folder's *.csv. What is known of them stands in their columns, in `description` (a file), or, if
 /// that is empty, in the folder's data_set.json, or in a description that is built in (known/). A file that

@@ -77,20 +77,36 @@ Status addFitError(const TrainingSet& training, FittedModel& model) {
   return {};
 }
 
-FittedModel baselineModel(Baseline baseline, const TrainingSet& training) {
+// straight lines through bins; without bins no force
+FittedModel dotsModel(const char* name, ModelKind kind, const char* variant, std::vector<CurveBin> through) {
   FittedModel model;
-  model.name = nameOf(baseline);
-  model.kind = ModelKind::kBaseline;
-  model.variant = baseline == Baseline::kConnectTheDots ? "straight lines through the means of the curves"
-                                                        : "the mean of the curves, held to the next";
-  model.parameters = training.all.bins.size();
-  model.forces = [baseline, bins = training.all.bins](const InsertionKind&,
-                                                      const std::vector<double>& depth_m) -> Result<Forces> {
+  model.name = name;
+  model.kind = kind;
+  model.variant = variant;
+  model.parameters = through.size();
+  const auto at = [bins = std::move(through)](const std::vector<double>& depth_m) {
     Forces force_N;
-    for (const double d : depth_m) force_N.push_back(baselineAt(baseline, bins, d));
+    for (const double d : depth_m)
+      force_N.push_back(bins.empty() ? 0 : baselineAt(Baseline::kConnectTheDots, bins, d));
     return force_N;
   };
+  model.forces = [at](const InsertionKind&, const std::vector<double>& depth_m) -> Result<Forces> {
+    return at(depth_m);
+  };
+  // knows nothing of phases: at rest as where it came to rest, on the way out as on the way in
+  model.afterwards = [at](const ForceCurve& curve) -> Result<Afterwards> {
+    return Afterwards{at(Forces(curve.hold.t_s.size(), curve.hold.depth_m)), at(curve.withdrawal.depth_m)};
+  };
   return model;
+}
+
+std::vector<FittedModel> baselines(const TrainingSet& training) {
+  const auto& bins = training.all.bins;
+  return {dotsModel("CONNECT_THE_DOTS", ModelKind::kFloor, "straight lines through the means of the curves",
+                    bins),
+          dotsModel("HOLD_THE_LAST", ModelKind::kTrivial, "the last force, everywhere", {bins.back()}),
+          dotsModel("MEAN_FORCE", ModelKind::kTrivial, "the mean force, everywhere", thinned(bins, 1)),
+          dotsModel("NO_FORCE", ModelKind::kTrivial, "0 N", {})};
 }
 
 FittedModel formulaModel(const Formula& formula, const TrainingSet& training) {
@@ -123,6 +139,36 @@ Result<Forces> engineForces(const CurveScene& scene, double speed_mps, double st
                             const std::vector<double>& depth_m) {
   ASSIGN_OR_RETURN(const auto run, runCurve(scene, depth_m.back(), rateFor(speed_mps, step_m), speed_mps));
   return forceAtDepths(run, scene.surface_m, depth_m);
+}
+
+// in at one speed, at rest as long as recorded, out at another: a gesture of the tip below the surface
+Result<Afterwards> engineAfterwards(const CurveScene& scene, const ForceCurve& curve, double in_mps,
+                                    double out_mps, double step_m) {
+  constexpr double kMostTicks = 1e6;  // behind the way in
+  const CurveHold& hold = curve.hold;
+  const CurveWithdrawal& out = curve.withdrawal;
+  double deepest_m = std::max(curve.depth_m.back(), hold.depth_m);
+  if (!out.depth_m.empty()) deepest_m = std::max(deepest_m, out.depth_m.back());
+  const double hold_s = hold.t_s.empty() ? 0 : hold.t_s.back();
+  const double after_s = hold_s + (out.depth_m.empty() ? 0 : (deepest_m - scene.surface_m) / out_mps);
+  const double rate_hz =
+      std::clamp(std::min(in_mps / step_m, kMostTicks / std::max(1.0, after_s)), kMinRateHz, kMaxRateHz);
+  StraightGesture gesture = constantSpeed(
+      -0.5 * in_mps / rate_hz, std::max(deepest_m - scene.surface_m, in_mps / rate_hz), in_mps, rate_hz);
+  const auto in_ticks = static_cast<double>(gesture.depth_m.size() - 1);
+  const double end_m = gesture.depth_m.back(), out_m = out_mps / rate_hz;
+  const double hold_ticks = std::ceil(hold_s * rate_hz);
+  gesture.depth_m.insert(gesture.depth_m.end(), static_cast<std::size_t>(hold_ticks), end_m);
+  if (!out.depth_m.empty())
+    for (double depth_m = end_m - out_m; depth_m > -out_m; depth_m -= out_m)
+      gesture.depth_m.push_back(depth_m);
+  ASSIGN_OR_RETURN(const auto run, runStraight(scene.spec, gesture));
+  Afterwards said;
+  for (const double t_s : hold.t_s) said.hold_N.push_back(forceAtTick(run, in_ticks + t_s * rate_hz));
+  for (const double depth_m : out.depth_m)
+    said.out_N.push_back(
+        forceAtTick(run, in_ticks + hold_ticks + (end_m + scene.surface_m - depth_m) / out_m));
+  return said;
 }
 
 FittedModel engineModel(const CurveModel& curve_model, const TrainingSet& training) {
@@ -158,6 +204,10 @@ FittedModel engineModel(const CurveModel& curve_model, const TrainingSet& traini
   model.forces = [scene = *model.scene, speedOf, step_m](const InsertionKind& kind,
                                                          const std::vector<double>& depth_m) {
     return engineForces(scene, speedOf(kind), 0.1 * step_m, depth_m);
+  };
+  model.afterwards = [scene = *model.scene, speedOf, step_m](const ForceCurve& curve) {
+    return engineAfterwards(scene, curve, speedOf({curve.speed_mps, 0}),
+                            speedOf({curve.withdrawal.speed_mps, 0}), 0.1 * step_m);
   };
   return model;
 }
@@ -225,7 +275,7 @@ FittedModel statisticalModel(const TrainingSet& training, std::size_t most_numbe
 }  // namespace
 
 std::string_view nameOf(ModelKind kind) {
-  constexpr std::array<std::string_view, 3> kNames = {"baseline", "formula", "engine"};
+  constexpr std::array<std::string_view, 4> kNames = {"noise floor", "trivial", "formula", "engine"};
   return kNames[static_cast<std::size_t>(kind)];
 }
 
@@ -236,7 +286,7 @@ Result<std::vector<FittedModel>> fitModels(const TrainingSet& training, std::siz
     if (progress) progress(model);
   };
   std::vector<FittedModel> models;
-  for (const Baseline baseline : kBaselines) models.push_back(baselineModel(baseline, training));
+  for (FittedModel& model : baselines(training)) models.push_back(std::move(model));
   for (const Formula& formula :
        {rateDependentFracture(training, most_numbers), gordonExponential(training, most_numbers)}) {
     say(formula.name);

@@ -15,12 +15,22 @@
 namespace needlelab {
 
 enum class ModelKind : std::uint8_t {
-  kBaseline,  ///< no model: the data themselves
-  kFormula,   ///< a fitted law that the engine does not have
-  kEngine,    ///< a model of the engine, run through it
+  kFloor,    ///< the data themselves, every bin of them: the noise floor, no competitor
+  kTrivial,  ///< one number or none: what a law must beat
+  kFormula,  ///< a fitted law that the engine does not have
+  kEngine,   ///< a model of the engine, run through it
 };
-/// "baseline", "formula", "engine".
+/// "noise floor", "trivial", "formula", "engine".
 std::string_view nameOf(ModelKind kind);
+constexpr bool isModel(ModelKind kind) {
+  return kind == ModelKind::kFormula || kind == ModelKind::kEngine;
+}
+
+/// What a model says of the phases behind an insertion.
+struct Afterwards {
+  std::vector<double> hold_N;  ///< at each time of the curve's hold
+  std::vector<double> out_N;   ///< at each depth of its withdrawal
+};
 
 /// The limits within which a model expects 95 % of the bins.
 struct ForceLimits {
@@ -39,6 +49,8 @@ struct FittedModel {
   /// At each depth, ascending. Errors: those of `compile`.
   std::function<Result<std::vector<double>>(const InsertionKind& kind, const std::vector<double>& depth_m)>
       forces;
+  /// Of a whole curve, whose forces it does not look at; null: the model knows the way in only.
+  std::function<Result<Afterwards>(const ForceCurve& curve)> afterwards;
   std::function<ForceLimits(double depth_m, double force_N)> limits;  ///< of a force that it said
   std::optional<CurveScene> scene;                                    ///< of the engine's
   std::string fault;  ///< why it could not be fitted; empty: it was. Then nothing above but the name counts
@@ -46,9 +58,10 @@ struct FittedModel {
 
 using FitProgress = std::function<void(std::string_view model)>;
 
-/// All models, each with at most `most_numbers` (at least kLeastNumbers) but for the baselines: both
-/// baselines, both formulas, the engine's models in the order of curveModels, STATISTICAL. The engine's know
-/// no diameter, and only VOIGT, OKAMURA and DAHL a speed. Always the same models in the same order.
+/// All models, each with at most `most_numbers` (at least kLeastNumbers) but for CONNECT_THE_DOTS, which
+/// joins all bins: CONNECT_THE_DOTS, HOLD_THE_LAST (the last bin's force everywhere), MEAN_FORCE, NO_FORCE,
+/// both formulas, the engine's models in the order of curveModels, STATISTICAL. The engine's know no
+/// diameter, and only VOIGT, OKAMURA and DAHL a speed. Always the same models in the same order.
 /// Deterministic. Errors: kInvalidInput for an empty set.
 Result<std::vector<FittedModel>> fitModels(const TrainingSet& training, std::size_t most_numbers,
                                            const FitProgress& progress);

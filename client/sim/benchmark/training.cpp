@@ -50,6 +50,31 @@ class Pool {
   std::map<int, Cell> cells_;
 };
 
+struct Words {
+  std::string_view name, asks, predicted;
+};
+const Words& wordsOf(HoldOut what) {
+  static constexpr std::array<Words, kHoldOuts.size()> kWords = {{
+      {"specimen", "each specimen held out: the force in a specimen that no model has seen",
+       "an unseen specimen"},
+      {"specimen-start",
+       "each specimen held out: a factor from the first millimetres of each of its insertions, judged on the "
+       "rest of "
+       "that insertion",
+       "the rest of an insertion in a new specimen"},
+      {"specimen-insertion", "each specimen held out: a factor from one of its insertions, judged on another",
+       "a new specimen with one insertion known"},
+      {"needle", "each needle held out: the force on a needle that no model has seen", "an unseen needle"},
+      {"speed", "each speed held out: the force at a speed that no model has seen", "an unseen speed"},
+      {"hold", "fitted on insertions: the force at rest behind them", "the hold"},
+      {"withdrawal", "fitted on insertions: the force on the way out", "the withdrawal"},
+      {"end", "the deeper half held out: what lies ahead where no needle has been (extrapolation)", ""},
+      {"blocks", "every second 0.5 mm held out: how closely a model can be bent to a curve (interpolation)",
+       ""},
+  }};
+  return kWords[static_cast<std::size_t>(what)];
+}
+
 double medianOf(std::vector<double> values) {
   std::sort(values.begin(), values.end());
   return values[(values.size() - 1) / 2];
@@ -59,6 +84,8 @@ double medianOf(std::vector<double> values) {
 std::string valueOf(HoldOut what, const BinnedCurve& curve) {
   switch (what) {
     case HoldOut::kSpecimen:
+    case HoldOut::kSpecimenStart:
+    case HoldOut::kSpecimenInsertion:
       return curve.source->specimen;
     case HoldOut::kNeedle:
       return curve.source->needle;
@@ -89,6 +116,10 @@ std::vector<Fold> foldsOfTissue(HoldOut what, const std::string& tissue, const s
                      [split_m](std::size_t, const CurveBin& bin) { return bin.at < split_m; }});
     return folds;
   }
+  if (asksForPhase(what)) {
+    folds.push_back({tissue + ", all insertions", own, [](std::size_t, const CurveBin&) { return true; }});
+    return folds;
+  }
   std::set<std::string> values;
   for (const std::size_t i : own) values.insert(valueOf(what, curves[i]));
   if (values.size() < 2) return folds;
@@ -96,8 +127,9 @@ std::vector<Fold> foldsOfTissue(HoldOut what, const std::string& tissue, const s
     std::set<std::size_t> held_out;
     for (const std::size_t i : own)
       if (valueOf(what, curves[i]) == value) held_out.insert(i);
-    folds.push_back({fmt::format("{}, {} {}", tissue, nameOf(what), value), own,
-                     [held_out](std::size_t curve, const CurveBin&) { return held_out.count(curve) == 0; }});
+    folds.push_back(
+        {fmt::format("{}, {} {}", tissue, holdsSpecimensOut(what) ? "specimen" : nameOf(what), value), own,
+         [held_out](std::size_t curve, const CurveBin&) { return held_out.count(curve) == 0; }});
   }
   return folds;
 }
@@ -115,18 +147,15 @@ std::vector<BinnedCurve> binnedCurves(const CurveSet& set) {
 }
 
 std::string_view nameOf(HoldOut what) {
-  constexpr std::array<std::string_view, 5> kNames = {"blocks", "end", "specimen", "needle", "speed"};
-  return kNames[static_cast<std::size_t>(what)];
+  return wordsOf(what).name;
 }
 
 std::string_view questionOf(HoldOut what) {
-  constexpr std::array<std::string_view, 5> kQuestions = {
-      "every second 0.5 mm held out: how closely a model can be bent to a curve (interpolation)",
-      "the deeper half held out: what lies ahead where no needle has been (extrapolation)",
-      "each specimen held out: the force in a specimen that no model has seen",
-      "each needle held out: the force on a needle that no model has seen",
-      "each speed held out: the force at a speed that no model has seen"};
-  return kQuestions[static_cast<std::size_t>(what)];
+  return wordsOf(what).asks;
+}
+
+std::string_view predictedIn(HoldOut what) {
+  return wordsOf(what).predicted;
 }
 
 std::vector<Fold> foldsOf(HoldOut what, const std::vector<BinnedCurve>& curves) {

@@ -53,24 +53,43 @@ struct Fold {
   std::function<bool(std::size_t curve, const CurveBin& bin)> fit_on;
 };
 
-/// A question to the data: what is held out.
-enum class HoldOut : std::uint8_t { kBlocks, kEnd, kSpecimen, kNeedle, kSpeed };
-inline constexpr std::array<HoldOut, 5> kHoldOuts = {HoldOut::kSpecimen, HoldOut::kNeedle, HoldOut::kSpeed,
-                                                     HoldOut::kEnd, HoldOut::kBlocks};
-/// "specimen", "needle", "speed", "end", "blocks".
+/// A question to the data: what is held out, and what may be calibrated.
+enum class HoldOut : std::uint8_t {
+  kSpecimen,           ///< a specimen: zero-shot
+  kSpecimenStart,      ///< the same, but its first millimetres give the model a common factor
+  kSpecimenInsertion,  ///< the same, but another of its insertions gives the factor
+  kNeedle,
+  kSpeed,
+  kHold,        ///< the force at rest behind an insertion
+  kWithdrawal,  ///< and on the way out
+  kEnd,
+  kBlocks,
+};
+inline constexpr std::array<HoldOut, 9> kHoldOuts = {
+    HoldOut::kSpecimen,   HoldOut::kSpecimenStart, HoldOut::kSpecimenInsertion,
+    HoldOut::kNeedle,     HoldOut::kSpeed,         HoldOut::kHold,
+    HoldOut::kWithdrawal, HoldOut::kEnd,           HoldOut::kBlocks};
+/// "specimen", "specimen-start", "specimen-insertion", "needle", "speed", "hold", "withdrawal", "end",
+/// "blocks".
 std::string_view nameOf(HoldOut what);
 /// What it asks, for a person.
 std::string_view questionOf(HoldOut what);
-/// True: the held-out insertions differ from all that were fitted on, so that a model must predict.
-constexpr bool asksForPrediction(HoldOut what) {
-  return what == HoldOut::kSpecimen || what == HoldOut::kNeedle || what == HoldOut::kSpeed;
+/// "an unseen specimen", …: what a model that is named there predicts. Empty for end and blocks, where the
+/// held-out rows are of insertions that were fitted on.
+std::string_view predictedIn(HoldOut what);
+constexpr bool holdsSpecimensOut(HoldOut what) {
+  return what == HoldOut::kSpecimen || what == HoldOut::kSpecimenStart || what == HoldOut::kSpecimenInsertion;
+}
+constexpr bool asksForPhase(HoldOut what) {
+  return what == HoldOut::kHold || what == HoldOut::kWithdrawal;
 }
 
 /// The folds of a question, tissue by tissue: a tissue's own curves are fitted on and held out. A tissue that
 /// has only one specimen (needle, speed) has none for it.
 /// - blocks: every second 0.5 mm of all curves, both halves in turn;
 /// - end: all beyond half of the depth that any curve of the tissue reaches;
-/// - specimen, needle, speed: all curves of one of them, each in turn.
+/// - specimen (each of the three), needle, speed: all curves of one of them, each in turn;
+/// - hold, withdrawal: all insertions are fitted on, what comes behind them is held out.
 std::vector<Fold> foldsOf(HoldOut what, const std::vector<BinnedCurve>& curves);
 
 /// Pools what the fold is fitted on. Must not be empty.

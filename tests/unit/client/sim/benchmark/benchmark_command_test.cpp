@@ -74,7 +74,8 @@ TEST(BenchmarkCommand, aFolderOfSpecimensIsAskedAboutAnUnseenOne) {
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const auto json = nlohmann::json::parse(outcome.out);
   EXPECT_EQ(json.at("data").at("licence"), "CC0");
-  EXPECT_EQ(json.at("questions").at(0).at("units"), (std::vector<std::string>{"gel, 0", "gel, 1", "gel, 2"}));
+  EXPECT_EQ(json.at("questions").at(0).at("units"),
+            (std::vector<std::string>{"gel, 0, 0.003 m/s", "gel, 1, 0.003 m/s", "gel, 2, 0.003 m/s"}));
   const auto& dots = json.at("rows").at(0);
   EXPECT_EQ(dots.at("model"), "CONNECT_THE_DOTS");
   const auto errors = dots.at("unit_errors_n").get<std::vector<double>>();
@@ -106,6 +107,8 @@ TEST(BenchmarkCommand, refusesWrongInputBeforeTheWork) {
       {{"--data", folder.path().string()}, {"no force curve"}},
       {{"--data", madeData(), "--numbers", "6"}, {"--numbers", "7 to 100"}},
       {{"--data", madeData(), "--numbers", "-4"}, {"--numbers"}},
+      {{"--data", madeData(), "--margin", "0"}, {"--margin", "1"}},
+      {{"--data", madeData(), "--calibrate", "51"}, {"--calibrate", "50"}},
       {{"--data", madeData(), "--held-out", "weather"}, {"--held-out"}},
       {{"--data", madeData(), "--describe", description}, {"about.json", "curves"}},
       {{"--data", madeData(), "--describe", "/no/such/file"}, {"/no/such/file"}},

@@ -1,4 +1,4 @@
-// Force curves from files that nobody has to trust.
+// Force curves from files that are not trusted.
 #include "client/sim/benchmark/curve_set.h"
 
 #include <gmock/gmock.h>
@@ -27,6 +27,16 @@ std::string rows(int count, const std::string& behind = "", double step_m = 5e-4
 
 const std::string kHeader = "depth_m,force_n,specimen,needle,tissue,speed_m_s\n";
 const std::string kWords = ",s1,18G,liver,0.003";
+
+/// Rows of one phase, 10 ms apart, from 5 mm on by `step_m` (an insertion: to 5 mm, from the surface on).
+std::string phaseRows(const std::string& phase, int from, int count, double step_m = 0) {
+  std::string text;
+  for (int i = 0; i < count; ++i)
+    text += phase + "," + std::to_string((from + i) * 0.01) + "," +
+            std::to_string(phase == "insert" ? i * 0.005 / (count - 1) : 0.005 + i * step_m) + "," +
+            std::to_string(from + i) + kWords + "\n";
+  return text;
+}
 
 std::string faultOf(const TempFolder& folder) {
   const auto set = readCurveSet(folder.path());
@@ -80,6 +90,62 @@ TEST(CurveSet, depthAndTimeTogetherGiveTheSpeed) {
   EXPECT_NEAR(set->curves[0].speed_mps, 0.005, 1e-9);
 }
 
+TEST(CurveSet, phasesAreReadFromTheirColumn) {
+  const TempFolder folder;
+  folder.write("one.csv", "phase,t_s," + kHeader + phaseRows("insert", 0, 11) + phaseRows("hold", 11, 50) +
+                              phaseRows("withdraw", 61, 10, -5e-4));
+  const auto set = readCurveSet(folder.path());
+  ASSERT_TRUE(set.ok()) << set.error().message;
+  const ForceCurve& curve = set->curves.at(0);
+  EXPECT_EQ(curve.force_N.size(), 11u);
+  EXPECT_EQ(curve.speed_mps, 0.003) << "as the column says";
+  EXPECT_EQ(curve.hold.depth_m, 0.005);
+  ASSERT_EQ(curve.hold.t_s.size(), 50u);
+  EXPECT_EQ(curve.hold.t_s.front(), 0);
+  EXPECT_NEAR(curve.hold.t_s.back(), 0.49, 1e-9);
+  EXPECT_EQ(curve.hold.force_N.front(), 11);
+  // in order of depth: the last row first
+  ASSERT_EQ(curve.withdrawal.depth_m.size(), 10u);
+  EXPECT_NEAR(curve.withdrawal.depth_m.front(), 0.0005, 1e-12);
+  EXPECT_EQ(curve.withdrawal.force_N.front(), 70);
+  EXPECT_NEAR(curve.withdrawal.speed_mps, 0.05, 1e-9);
+}
+
+TEST(CurveSet, phasesAreRecognisedFromDepthOverTime) {
+  const TempFolder folder;
+  // 10 mm in 2 s, 3 s of rest that shakes by 20 µm, 10 mm out in 1 s; a row each 20 ms
+  std::string text = "t_s,depth_m,force_n,specimen,needle,tissue\n";
+  for (int i = 0; i <= 300; ++i) {
+    const double t = 0.02 * i;
+    const double depth = t <= 2 ? 0.005 * t : t <= 5 ? 0.01 - (i % 2) * 2e-5 : 0.01 - 0.01 * (t - 5);
+    text +=
+        std::to_string(t) + "," + std::to_string(depth) + "," + std::to_string(0.1 * i) + ",s1,18G,liver\n";
+  }
+  folder.write("all.csv", text);
+  const auto set = readCurveSet(folder.path());
+  ASSERT_TRUE(set.ok()) << set.error().message;
+  const ForceCurve& curve = set->curves.at(0);
+  EXPECT_NEAR(curve.speed_mps, 0.005, 1e-4);
+  EXPECT_NEAR(curve.hold.t_s.back(), 3, 0.05);
+  EXPECT_NEAR(curve.hold.depth_m, 0.01, 1e-4);
+  EXPECT_NEAR(curve.withdrawal.speed_mps, 0.01, 1e-4);
+  EXPECT_NEAR(static_cast<double>(curve.withdrawal.depth_m.size()), 50, 2);
+  EXPECT_NEAR(static_cast<double>(curve.depth_m.size()), 100, 2);
+}
+
+TEST(CurveSet, aTurningPointIsNoHoldAndAFewRowsBackAreNoWithdrawal) {
+  const TempFolder folder;
+  std::string text = "t_s,depth_m,force_n,specimen,needle,tissue\n";
+  for (int i = 0; i <= 100; ++i)
+    text += std::to_string(0.02 * i) + "," + std::to_string(1e-4 * (i == 100 ? 97 : i)) + ",1,s1,18G,liver\n";
+  folder.write("in.csv", text);
+  const auto set = readCurveSet(folder.path());
+  ASSERT_TRUE(set.ok()) << set.error().message;
+  EXPECT_EQ(set->curves.at(0).depth_m.size(), 101u);
+  EXPECT_TRUE(set->curves[0].hold.t_s.empty());
+  EXPECT_TRUE(set->curves[0].withdrawal.depth_m.empty());
+}
+
 TEST(CurveSet, aDescriptionSaysWhatColumnsDoNot) {
   const TempFolder folder;
   folder.write("one.csv", "depth_m,force_n\n" + rows(10));
@@ -129,6 +195,21 @@ TEST(CurveSet, whatIsWrongIsNamedWithFileLineFieldAndValue) {
       {kHeader + "0,1," + std::string(300, 's') + ",18G,liver,0.003\n", {"line 2", "specimen"}},
       {"depth_m,depth_m,force_n\n0,0,0\n", {"line 1", "'depth_m'", "twice"}},
       {kHeader + rows(7, kWords), {"line 2", "7 rows", "at least 8"}},
+      {"phase,t_s," + kHeader + "pull,0,0,0" + kWords + "\n",
+       {"line 2", "'phase'", "'pull'", "insert, hold, withdraw"}},
+      {"phase,t_s," + kHeader + "hold,0,0,0" + kWords + "\ninsert,1,0,0" + kWords + "\n",
+       {"line 3", "'phase'", "'insert' comes after 'hold'"}},
+      {"phase," + kHeader + "hold,0,0" + kWords + "\n", {"line 2", "'phase'", "'t_s'"}},
+      {"phase,t_s,force_n,specimen,needle,tissue,speed_m_s\nwithdraw,0,0" + kWords + "\n",
+       {"line 2", "'phase'", "'depth_m'"}},
+      {"phase,t_s," + kHeader + phaseRows("insert", 0, 10) + phaseRows("hold", 10, 9, 0),
+       {"line 2", "hold lasts 0.0", "[0.2, 600]"}},
+      {"phase,t_s," + kHeader + phaseRows("insert", 0, 10) + phaseRows("hold", 10, 30, 2e-4),
+       {"hold goes from", "at most 0.001 m"}},
+      {"phase,t_s," + kHeader + phaseRows("insert", 0, 10) + phaseRows("withdraw", 10, 10, 5e-4),
+       {"times of withdraw", "out of range [1e-04, 1]"}},
+      {"phase,t_s," + kHeader + phaseRows("insert", 0, 10) + phaseRows("withdraw", 10, 3, -5e-4),
+       {"withdraw has 3 rows"}},
       {kHeader + rows(10, kWords, 1e-5), {"line 2", "at least 0.002"}},
       {kHeader + rows(8, kWords) + "0.004,1,s1,18G,liver,0.005\n",
        {"line 10", "'speed_m_s'", "0.005", "0.003", "line 2", "'curve'"}},

@@ -1,9 +1,11 @@
-// Sets of curves whose truth is known: made by laws that are written here anew, with noise from a seed.
+// Sets of curves whose truth is known: made by laws that are written here again, with noise from a seed.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -74,15 +76,57 @@ inline MadeLaw madeVoigt() {
   };
 }
 
+/// Three layers, each cut with a force of its own, behind 2 mm of air; within 0.5 mm from one to the next.
+inline MadeLaw madeLayers() {
+  return [](const std::vector<double>& depth_m, double) {
+    std::vector<double> force_N;
+    for (const double d : depth_m) {
+      const auto reached = [d](double from_m) { return std::min(1.0, std::max(0.0, (d - from_m) / 5e-4)); };
+      force_N.push_back(0.5 * reached(0.002) + 1.0 * reached(0.008) - 0.7 * reached(0.014));
+    }
+    return force_N;
+  };
+}
+
+/// After Okamura, Simone and O'Leary 2004: 60 z + 12,000 z² N from 2 mm on up to a puncture at 0.9 N, then
+/// cutting with 0.3 N and friction of 20 N for each metre of the shaft inside.
+inline MadeLaw madeOkamura() {
+  return [](const std::vector<double>& depth_m, double) {
+    std::vector<double> force_N;
+    for (const double d : depth_m) {
+      const double z_m = std::max(0.0, d - 0.002), stiff_N = 60 * z_m + 12'000 * z_m * z_m;
+      force_N.push_back(stiff_N < 0.9 ? stiff_N : 0.3 + 20 * z_m);
+    }
+    return force_N;
+  };
+}
+
+/// No law: 0.5 N, and noise of up to 0.3 N that forgets itself within a millimetre, another at each
+/// insertion.
+inline MadeLaw madeNoise(std::uint64_t seed) {
+  return [random = std::make_shared<HandRandom>(seed)](const std::vector<double>& depth_m, double) {
+    std::vector<double> force_N;
+    double off_N = 0;
+    for (std::size_t i = 0; i < depth_m.size(); ++i) {
+      off_N += 0.1 * (0.9 * (2 * random->uniform() - 1) - off_N);
+      force_N.push_back(0.5 + off_N);
+    }
+    return force_N;
+  };
+}
+
 struct MadeSet {
   int specimens = 4;
   std::vector<double> speeds_mps = {0.003};
   double noise_N = 0.02;     ///< uniform, at most so much, of each row
   double specimens_off = 0;  ///< a specimen's force is up to this share more or less
+  double hold_s = 0;         ///< at the end at rest, and then out at the same speed: see `madeSet`
   double to_m = 0.02;
   std::uint64_t seed = 1;
 };
 
+/// Where there is a hold, force behind the way in is the law's at a speed of 0, and on the way out at minus
+/// the speed, but no pull.
 inline CurveSet madeSet(const MadeLaw& law, const MadeSet& made) {
   HandRandom random(made.seed);
   CurveSet set;
@@ -100,6 +144,20 @@ inline CurveSet madeSet(const MadeLaw& law, const MadeSet& made) {
       for (double d = 0; d < made.to_m; d += 1e-4) curve.depth_m.push_back(d);
       curve.force_N = law(curve.depth_m, speed);
       for (double& force : curve.force_N) force = scale * force + made.noise_N * (2 * random.uniform() - 1);
+      if (made.hold_s > 0) {
+        const auto& depth_m = curve.depth_m;
+        curve.hold.depth_m = depth_m.back();
+        const double rest_N = scale * law(depth_m, 0).back();
+        for (int i = 0; i < 100; ++i) {
+          curve.hold.t_s.push_back(made.hold_s * i / 99);
+          curve.hold.force_N.push_back(rest_N + made.noise_N * (2 * random.uniform() - 1));
+        }
+        curve.withdrawal.speed_mps = speed;
+        curve.withdrawal.depth_m = depth_m;
+        for (const double force : law(depth_m, -speed))
+          curve.withdrawal.force_N.push_back(scale * std::max(0.0, force) +
+                                             made.noise_N * (2 * random.uniform() - 1));
+      }
       set.curves.push_back(std::move(curve));
     }
   }

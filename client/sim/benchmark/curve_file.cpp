@@ -1,0 +1,296 @@
+#include "client/sim/benchmark/curve_file.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <map>
+#include <optional>
+#include <string_view>
+#include <system_error>
+#include <tuple>
+#include <utility>
+
+#include "client/sim/benchmark/curve_phases.h"
+#include "common/base/files.h"
+#include "common/base/range.h"
+#include "common/base/text.h"
+
+namespace needlelab {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kMostCells = 256;  // of a line
+
+enum CurveCell : std::size_t {
+  kForceCell,
+  kDepthCell,
+  kTimeCell,
+  kSpeedCell,
+  kDiameterCell,
+  kCurveCell,
+  kSpecimenCell,
+  kNeedleCell,
+  kTissueCell,
+  kPhaseCell,
+  kCellKinds
+};
+constexpr std::array<std::string_view, kCellKinds> kCellNames = {
+    "force_n", "depth_m",  "t_s",    "speed_m_s", "needle_diameter_m",
+    "curve",   "specimen", "needle", "tissue",    "phase"};
+constexpr std::array<NumberRange, 5> kCellRanges = {kCurveForce_N, kCurveDepth_m, kCurveTime_s,
+                                                    kCurveSpeed_mps, kCurveDiameter_m};
+
+std::string_view trimmed(std::string_view text) {
+  while (!text.empty() && (text.front() == ' ' || text.front() == '\t')) text.remove_prefix(1);
+  while (!text.empty() && (text.back() == ' ' || text.back() == '\t')) text.remove_suffix(1);
+  return text;
+}
+
+std::string shown(std::string_view cell) {
+  return "'" + printable(cell.substr(0, 40)) + "'";
+}
+
+// the lines of a text one after the other, without their ends
+struct Lines {
+  std::string_view rest;
+  std::size_t number = 0;
+  bool next(std::string_view& line) {
+    if (rest.empty()) return false;
+    const std::size_t end = rest.find('\n');
+    line = rest.substr(0, end);
+    rest.remove_prefix(end == std::string_view::npos ? rest.size() : end + 1);
+    if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
+    ++number;
+    return true;
+  }
+};
+
+// false: more cells than a file may have
+bool splitInto(std::string_view line, std::vector<std::string_view>& cells) {
+  cells.clear();
+  for (;;) {
+    if (cells.size() == kMostCells) return false;
+    const std::size_t comma = line.find(',');
+    cells.push_back(trimmed(line.substr(0, comma)));
+    if (comma == std::string_view::npos) return true;
+    line.remove_prefix(comma + 1);
+  }
+}
+
+class CurveFile {
+ public:
+  CurveFile(fs::path path, CurveFacts facts) : path_(std::move(path)), facts_(std::move(facts)) {}
+
+  /// Reads the header. `missing`: what neither columns nor facts say, as text; empty: nothing.
+  Status open(std::string& missing);
+  /// All curves of the file. `rows_left` is lowered by the rows read.
+  Result<std::vector<ForceCurve>> read(std::size_t& rows_left);
+
+ private:
+  [[nodiscard]] bool has(CurveCell column) const { return at_[column].has_value(); }
+  [[nodiscard]] Error lineError(const std::string& why) const {
+    return wrongInput(fmt::format("{} line {}", path_.string(), lines_.number), why);
+  }
+  Status header();
+  Result<double> numberIn(CurveCell column) const;
+  Status textIn(CurveCell column, const std::string& known, std::string& into) const;
+  Result<CurvePhase> phaseIn() const;
+  Status addRow(std::vector<CurveRows>& curves);
+  Result<ForceCurve> finished(CurveRows rows) const;
+
+  fs::path path_;
+  CurveFacts facts_;
+  std::string text_;
+  Lines lines_;
+  std::size_t cell_count_ = 0;
+  std::array<std::optional<std::size_t>, kCellKinds> at_;
+  std::vector<std::string_view> cells_;
+  std::map<std::tuple<std::string, std::string, std::string, std::string>, std::size_t> index_;
+};
+
+Status CurveFile::header() {
+  std::string_view line;
+  if (!lines_.next(line)) {
+    lines_.number = 1;
+    return lineError("the file is empty; a header with force_n and depth_m or t_s is expected");
+  }
+  if (line.substr(0, 3) == "\xEF\xBB\xBF") line.remove_prefix(3);
+  if (!splitInto(line, cells_)) return lineError(fmt::format("more than {} columns", kMostCells));
+  cell_count_ = cells_.size();
+  for (std::size_t i = 0; i < cells_.size(); ++i)
+    for (std::size_t c = 0; c < kCellKinds; ++c)
+      if (cells_[i] == kCellNames[c]) {
+        if (at_[c]) return lineError("column " + shown(cells_[i]) + " stands twice in the header");
+        at_[c] = i;
+      }
+  // a fact that is said twice may be said differently
+  const std::pair<CurveCell, bool> said[] = {{kSpecimenCell, !facts_.specimen.empty()},
+                                             {kNeedleCell, !facts_.needle.empty()},
+                                             {kTissueCell, !facts_.tissue.empty()},
+                                             {kSpeedCell, facts_.speed_mps > 0},
+                                             {kDiameterCell, facts_.diameter_m > 0}};
+  for (const auto& [column, in_facts] : said)
+    if (in_facts && has(column))
+      return lineError(fmt::format("column '{}': the description says it, too; take it out of one of them",
+                                   kCellNames[column]));
+  return {};
+}
+
+Status CurveFile::open(std::string& missing) {
+  ASSIGN_OR_RETURN(text_, readWholeFile(path_, kMostCurveBytes));
+  lines_.rest = text_;
+  RETURN_IF_ERROR(header());
+  const auto lacks = [&](bool is_missing, std::string_view name) {
+    if (is_missing) missing += (missing.empty() ? "" : ", ") + std::string(name);
+  };
+  lacks(!has(kForceCell), "force_n");
+  lacks(!has(kDepthCell) && !has(kTimeCell), "depth_m (or t_s)");
+  lacks(!has(kSpeedCell) && facts_.speed_mps == 0 && !(has(kDepthCell) && has(kTimeCell)), "speed_m_s");
+  lacks(!has(kSpecimenCell) && facts_.specimen.empty(), "specimen");
+  lacks(!has(kNeedleCell) && facts_.needle.empty(), "needle");
+  lacks(!has(kTissueCell) && facts_.tissue.empty(), "tissue");
+  return {};
+}
+
+Result<double> CurveFile::numberIn(CurveCell column) const {
+  const std::string_view cell = cells_[*at_[column]];
+  double value = 0;
+  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
+  if (error != std::errc() || end != cell.data() + cell.size())
+    return lineError(fmt::format("column '{}': {} is not a number", kCellNames[column], shown(cell)));
+  const NumberRange& range = kCellRanges[column];
+  if (!range.contains(value))
+    return lineError(fmt::format("column '{}': {} is out of range {}; {}", kCellNames[column], shown(cell),
+                                 rangeText(range),
+                                 column == kForceCell   ? "newtons are expected"
+                                 : column == kTimeCell  ? "seconds are expected"
+                                 : column == kSpeedCell ? "metres a second are expected, not millimetres"
+                                                        : "metres are expected, not millimetres"));
+  return value;
+}
+
+Status CurveFile::textIn(CurveCell column, const std::string& known, std::string& into) const {
+  into = has(column) ? std::string(cells_[*at_[column]]) : known;
+  if (!has(column)) return {};
+  if (const Status status = checkNewText(std::string(kCellNames[column]), into, 1, kMaxNameBytes);
+      !status.ok())
+    return lineError("column " + status.error().message);
+  return {};
+}
+
+Result<CurvePhase> CurveFile::phaseIn() const {
+  if (!has(kPhaseCell)) return CurvePhase::kInsert;
+  const std::string_view cell = cells_[*at_[kPhaseCell]];
+  const auto* const found = std::find_if(kCurvePhases.begin(), kCurvePhases.end(),
+                                         [&](CurvePhase one) { return nameOf(one) == cell; });
+  if (found == kCurvePhases.end())
+    return lineError(fmt::format("column 'phase': {} is none of insert, hold, withdraw", shown(cell)));
+  const CurvePhase phase = *found;
+  if (phase == CurvePhase::kHold && !has(kTimeCell))
+    return lineError("column 'phase': a hold needs a column 't_s', as its force changes with time");
+  if (phase == CurvePhase::kWithdraw && !has(kDepthCell))
+    return lineError("column 'phase': a withdrawal needs a column 'depth_m'");
+  return phase;
+}
+
+Status CurveFile::addRow(std::vector<CurveRows>& curves) {
+  ForceCurve one;
+  RETURN_IF_ERROR(textIn(kCurveCell, {}, one.name));
+  RETURN_IF_ERROR(textIn(kSpecimenCell, facts_.specimen, one.specimen));
+  RETURN_IF_ERROR(textIn(kNeedleCell, facts_.needle, one.needle));
+  RETURN_IF_ERROR(textIn(kTissueCell, facts_.tissue, one.tissue));
+  one.speed_mps = facts_.speed_mps;
+  one.diameter_m = facts_.diameter_m;
+  double depth_m = 0, t_s = 0;
+  ASSIGN_OR_RETURN(const CurvePhase phase, phaseIn());
+  ASSIGN_OR_RETURN(const double force_N, numberIn(kForceCell));
+  if (has(kDepthCell)) {
+    ASSIGN_OR_RETURN(depth_m, numberIn(kDepthCell));
+  }
+  if (has(kTimeCell)) {
+    ASSIGN_OR_RETURN(t_s, numberIn(kTimeCell));
+  }
+  if (has(kSpeedCell)) {
+    ASSIGN_OR_RETURN(one.speed_mps, numberIn(kSpeedCell));
+  }
+  if (has(kDiameterCell)) {
+    ASSIGN_OR_RETURN(one.diameter_m, numberIn(kDiameterCell));
+  }
+  const auto [found, is_new] =
+      index_.try_emplace({one.name, one.specimen, one.needle, one.tissue}, curves.size());
+  if (is_new) {
+    if (curves.size() == kMostCurves) return lineError(fmt::format("more than {} curves", kMostCurves));
+    curves.emplace_back();
+    curves.back().curve = std::move(one);
+    curves.back().first_line = lines_.number;
+  } else {
+    const ForceCurve& first = curves[found->second].curve;
+    const auto line = curves[found->second].first_line;
+    const auto differs = [&](CurveCell column, double was, double is) {
+      return lineError(fmt::format(
+          "column '{}': {}, but {} in line {} of the same curve; give each insertion its own name in a "
+          "column 'curve', and one speed",
+          kCellNames[column], numberText(is), numberText(was), line));
+    };
+    if (first.speed_mps != one.speed_mps) return differs(kSpeedCell, first.speed_mps, one.speed_mps);
+    if (first.diameter_m != one.diameter_m) return differs(kDiameterCell, first.diameter_m, one.diameter_m);
+  }
+  CurveRows& grown = curves[found->second];
+  if (!grown.t_s.empty() && has(kTimeCell) && t_s < grown.t_s.back())
+    return lineError(fmt::format("column 't_s': {} comes after {}; time must not go back within a curve",
+                                 numberText(t_s), numberText(grown.t_s.back())));
+  if (!grown.phases.empty() && phase < grown.phases.back())
+    return lineError(fmt::format("column 'phase': '{}' comes after '{}'; the order is insert, hold, withdraw",
+                                 nameOf(phase), nameOf(grown.phases.back())));
+  grown.phases.push_back(phase);
+  grown.curve.force_N.push_back(force_N);
+  grown.curve.depth_m.push_back(depth_m);
+  if (has(kTimeCell)) grown.t_s.push_back(t_s);
+  return {};
+}
+
+Result<ForceCurve> CurveFile::finished(CurveRows rows) const {
+  const std::string inside = rows.curve.name.empty() ? std::string() : ":" + rows.curve.name;
+  rows.curve.name = path_.filename().string() + inside;
+  rows.where = fmt::format("{} line {}, curve {}", path_.string(), rows.first_line, rows.curve.name);
+  rows.has_depth = has(kDepthCell);
+  rows.says_phases = has(kPhaseCell);
+  return curveOf(std::move(rows));
+}
+
+Result<std::vector<ForceCurve>> CurveFile::read(std::size_t& rows_left) {
+  std::vector<CurveRows> grown;
+  std::string_view line;
+  while (lines_.next(line)) {
+    if (trimmed(line).empty()) continue;
+    if (rows_left == 0) return lineError(fmt::format("more than {} rows in all files", kMostCurveRows));
+    --rows_left;
+    if (!splitInto(line, cells_) || cells_.size() != cell_count_)
+      return lineError(fmt::format("{} cells, the header has {}", cells_.size(), cell_count_));
+    RETURN_IF_ERROR(addRow(grown));
+  }
+  if (grown.empty()) return lineError("no rows after the header");
+  std::vector<ForceCurve> curves;
+  for (CurveRows& one : grown) {
+    ASSIGN_OR_RETURN(auto curve, finished(std::move(one)));
+    curves.push_back(std::move(curve));
+  }
+  return curves;
+}
+
+}  // namespace
+
+Result<CurveFileContent> readCurveFile(const fs::path& path, const CurveFacts& facts,
+                                       std::size_t& rows_left) {
+  CurveFile file(path, facts);
+  CurveFileContent content;
+  RETURN_IF_ERROR(file.open(content.missing));
+  if (!content.missing.empty()) return content;
+  ASSIGN_OR_RETURN(content.curves, file.read(rows_left));
+  return content;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,75 @@
+// Whether the benchmark names the law that made the curves, or one that is as good; and none for noise.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "client/sim/benchmark/benchmark.h"
+#include "client/sim/benchmark/benchmark_report.h"
+#include "tests/unit/client/sim/benchmark/made_curves.h"
+
+namespace needlelab {
+namespace {
+
+using test::MadeLaw;
+using test::MadeSet;
+
+struct KnownTruth {
+  const char* name;
+  MadeLaw law;
+  std::vector<std::string> right;  ///< any of these must be named; empty: none may be
+  double specimens_off;
+};
+std::ostream& operator<<(std::ostream& out, const KnownTruth& truth) {
+  return out << truth.name << " " << truth.specimens_off;
+}
+
+class BenchmarkTruth : public testing::TestWithParam<KnownTruth> {};
+
+TEST_P(BenchmarkTruth, theRightLawIsNamedZeroShotAndFewShot) {
+  const KnownTruth& truth = GetParam();
+  MadeSet made;
+  made.speeds_mps = {0.002, 0.02};
+  made.specimens_off = truth.specimens_off;
+  BenchmarkOptions options;
+  options.times = false;
+  options.questions = {HoldOut::kSpecimen, HoldOut::kSpecimenStart, HoldOut::kSpecimenInsertion};
+  const auto report = runBenchmark(test::madeSet(truth.law, made), options);
+  ASSERT_TRUE(report.ok()) << report.error().message;
+  ASSERT_EQ(report->questions.size(), 3u);
+  for (const QuestionResult& question : report->questions) {
+    EXPECT_EQ(question.units.size(), 8u) << "specimen × speed";
+    std::string names;
+    bool found = false;
+    for (const BenchmarkRow* row : question.named()) {
+      names += " " + row->model;
+      found = found || std::find(truth.right.begin(), truth.right.end(), row->model) != truth.right.end();
+    }
+    if (truth.right.empty())
+      EXPECT_EQ(names, "") << question.text;
+    else
+      EXPECT_TRUE(found) << benchmarkText(*report);
+  }
+  if (truth.right.empty()) {
+    EXPECT_NE(report->conclusion.find("No law is named"), std::string::npos) << report->conclusion;
+  }
+}
+
+std::vector<KnownTruth> truths() {
+  std::vector<KnownTruth> all;
+  for (const double off : {0.0, 0.25}) {
+    all.push_back({"spring-damper", test::madeVoigt(), {"VOIGT"}, off});
+    // walls and DIRECT with a force for each layer are one law on the way in
+    all.push_back({"layers", test::madeLayers(), {"ENHANCED_TRACKING_WALL", "TRACKING_WALL", "DIRECT"}, off});
+    // on the way in DAHL is OKAMURA with another friction
+    all.push_back({"Okamura", test::madeOkamura(), {"OKAMURA", "DAHL"}, off});
+    all.push_back({"noise", test::madeNoise(7), {}, off});
+  }
+  return all;
+}
+INSTANTIATE_TEST_SUITE_P(Known, BenchmarkTruth, testing::ValuesIn(truths()));
+
+}  // namespace
+}  // namespace needlelab
