@@ -206,7 +206,12 @@ int runMeasureDelay(const StationOptions& options, const sigset_t& stop_signals)
   LoopTime steady;
   ImpatientClock impatient;
   TimeSource& clock = real ? static_cast<TimeSource&>(steady) : impatient;
-  const auto fit = measureDelay(device, clock, options.rate_hz, real, stop_signals, [](double) {});
+  const auto progress = [real, next_s = 2.0](double t_s) mutable {
+    if (!real || t_s < next_s) return;
+    std::cerr << fmt::format("{:.0f} of {:g} s\n", t_s, kProbe_s);
+    next_s += 2;
+  };
+  const auto fit = measureDelay(device, clock, options.rate_hz, real, stop_signals, progress);
   device.close();
   if (!fit.ok()) return refused(fit.error());
   if (auto kept = keepDelay(delayFile(options), options.device, *fit, wallNowNs()); !kept.ok())
