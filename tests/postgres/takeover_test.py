@@ -44,9 +44,13 @@ class Proxy:
         while True:
             try:
                 station, _ = self.listener.accept()
-                server = socket.create_connection(("127.0.0.1", self.target))
             except OSError:
                 return
+            try:
+                server = socket.create_connection(("127.0.0.1", self.target))
+            except OSError:  # of a server that was killed, until move()
+                station.close()
+                continue
             with self.lock:
                 self.stations.append(station)
                 self.kept.append(server)
@@ -132,6 +136,19 @@ class TwoServers(FaultLab):
             raise Failed(f"the server {name} ended with {self.servers[name].returncode} at SIGTERM")
 
 
+def stop_between_transactions(server, cluster):
+    """SIGSTOP at a moment without an open transaction: PostgreSQL ends the connection of one after 3 s, and the server then lets go of its stations
+    before it looks at what they sent."""
+    def has_stopped():
+        server.send_signal(signal.SIGSTOP)
+        time.sleep(0.1)  # statements on their way come to their end
+        if cluster.sql("SELECT count(*) FROM pg_stat_activity WHERE state LIKE 'idle in transaction%'") == "0":
+            return True
+        server.send_signal(signal.SIGCONT)
+        return False
+    until(has_stopped, "the server stands still between two transactions")
+
+
 def play(lab):
     """Returns how many chunks the server that stood still acknowledged although the other one had stored them."""
     cluster = lab.cluster("p")
@@ -141,11 +158,12 @@ def play(lab):
     lab.join("b")
     lab.start("b")
     lab.move_to("a")
-    lab.start_stations(7)
+    # sessions that outlast it, so that chunks are on their way at every moment: a station sends none while it waits for its session's opening
+    lab.start_stations(7, samples=1_000_000)
     lab.wait_for_more("ack", 30)
 
     a, stations = lab.servers["a"], len(lab.stations)
-    a.send_signal(signal.SIGSTOP)
+    stop_between_transactions(a, cluster)
     # goes to the sockets of a server that reads nothing; what was committed a moment ago may still be acknowledged
     time.sleep(1.5)
     lab.move_to("b")
