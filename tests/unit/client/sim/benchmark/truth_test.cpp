@@ -2,8 +2,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <ostream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "client/sim/benchmark/benchmark.h"
@@ -20,10 +22,12 @@ struct KnownTruth {
   const char* name;
   MadeLaw law;
   std::vector<std::string> right;  ///< any of these must be named; empty: none may be
+  std::vector<std::string> wrong;  ///< none of these may be named: they lack what the law depends on
   double specimens_off;
+  std::uint64_t seed = 1;
 };
 std::ostream& operator<<(std::ostream& out, const KnownTruth& truth) {
-  return out << truth.name << " " << truth.specimens_off;
+  return out << truth.name << " " << truth.specimens_off << " seed " << truth.seed;
 }
 
 class BenchmarkTruth : public testing::TestWithParam<KnownTruth> {};
@@ -33,6 +37,7 @@ TEST_P(BenchmarkTruth, theRightLawIsNamedZeroShotAndFewShot) {
   MadeSet made;
   made.speeds_mps = {0.002, 0.02};
   made.specimens_off = truth.specimens_off;
+  made.seed = truth.seed;
   BenchmarkOptions options;
   options.times = false;
   options.questions = {HoldOut::kSpecimen, HoldOut::kSpecimenStart, HoldOut::kSpecimenInsertion};
@@ -45,6 +50,8 @@ TEST_P(BenchmarkTruth, theRightLawIsNamedZeroShotAndFewShot) {
     bool found = false;
     for (const BenchmarkRow* row : question.named()) {
       names += " " + row->model;
+      EXPECT_EQ(std::find(truth.wrong.begin(), truth.wrong.end(), row->model), truth.wrong.end())
+          << question.text << ": " << row->model;
       found = found || std::find(truth.right.begin(), truth.right.end(), row->model) != truth.right.end();
     }
     if (truth.right.empty())
@@ -59,13 +66,25 @@ TEST_P(BenchmarkTruth, theRightLawIsNamedZeroShotAndFewShot) {
 
 std::vector<KnownTruth> truths() {
   std::vector<KnownTruth> all;
-  for (const double off : {0.0, 0.25}) {
-    all.push_back({"spring-damper", test::madeVoigt(), {"VOIGT"}, off});
+  for (const auto& [off, seed] : {std::pair<double, std::uint64_t>{0, 1}, {0.25, 1}, {0.25, 2}}) {
+    all.push_back({"spring-damper",
+                   test::madeVoigt(),
+                   {"VOIGT"},
+                   {"DIRECT", "TRACKING_WALL", "ENHANCED_TRACKING_WALL", "PRECOMPUTED", "GOD_OBJECT",
+                    "FIRST_ORDER", "OKAMURA", "DAHL", "STATISTICAL", "GORDON_EXPONENTIAL"},
+                   off,
+                   seed});
     // walls and DIRECT with a force for each layer are one law on the way in
-    all.push_back({"layers", test::madeLayers(), {"ENHANCED_TRACKING_WALL", "TRACKING_WALL", "DIRECT"}, off});
+    all.push_back({"layers",
+                   test::madeLayers(),
+                   {"ENHANCED_TRACKING_WALL", "TRACKING_WALL", "DIRECT"},
+                   {"VOIGT", "GOD_OBJECT", "FIRST_ORDER", "OKAMURA", "DAHL", "RATE_DEPENDENT_FRACTURE",
+                    "GORDON_EXPONENTIAL"},
+                   off,
+                   seed});
     // on the way in DAHL is OKAMURA with another friction
-    all.push_back({"Okamura", test::madeOkamura(), {"OKAMURA", "DAHL"}, off});
-    all.push_back({"noise", test::madeNoise(7), {}, off});
+    all.push_back({"Okamura", test::madeOkamura(), {"OKAMURA", "DAHL"}, {"VOIGT", "GOD_OBJECT"}, off, seed});
+    all.push_back({"noise", test::madeNoise(6 + seed), {}, {}, off, seed});
   }
   return all;
 }
