@@ -1,4 +1,4 @@
-/// `needlelab-sim accuracy`: the cost of accuracy in time, as tables, JSON, CSV and pictures.
+/// `needlelab-sim accuracy`: four comparators and what a tick costs, as table, JSON, CSV and picture.
 #include <unistd.h>
 #include <CLI/CLI.hpp>
 
@@ -11,8 +11,6 @@
 #include <system_error>
 
 #include "client/effect_cost/instruction_count.h"
-#include "client/sim/accuracy/recommendation.h"
-#include "client/sim/accuracy/recorded.h"
 #include "client/sim/accuracy/report.h"
 #include "client/sim/accuracy/study.h"
 #include "client/sim/accuracy/study_models.h"
@@ -30,7 +28,7 @@ struct AccuracyCommand {
   JsonOption json;
   std::filesystem::path out;
   std::vector<std::string> studies;  // empty = all
-  bool long_form = false, full = false;
+  bool long_form = false;
   bool no_instructions = false, count_only = false;
   std::string data;
 };
@@ -47,11 +45,9 @@ Result<std::filesystem::path> dataFolder(const AccuracyCommand& command) {
   return std::filesystem::is_directory(folder, unreadable) ? folder : std::filesystem::path();
 }
 
-bool wanted(const AccuracyCommand& command, AccuracyStudy study) {
-  if (command.studies.empty()) return true;
-  for (const std::string& name : command.studies)
-    if (name == nameOf(study)) return true;
-  return false;
+bool wanted(const AccuracyCommand& command, Comparator comparator) {
+  return command.studies.empty() || std::find(command.studies.begin(), command.studies.end(),
+                                              textOf(comparator).name) != command.studies.end();
 }
 
 // One line on a terminal: the part, its share, the time since the start. Elsewhere a line as each part
@@ -88,17 +84,16 @@ class ProgressLine {
   std::string name_;
 };
 
-// instructions break ties of time; without valgrind the ties stay
-std::vector<CountedTick> countedTicks(const AccuracyCommand& command, std::vector<std::string>& notes) {
-  if (command.no_instructions || !wanted(command, AccuracyStudy::kModel)) return {};
+// without valgrind the column of instructions stays empty
+void addInstructions(const AccuracyCommand& command, std::vector<ModelCost>& costs,
+                     std::vector<std::string>& notes) {
+  if (command.no_instructions) return;
   if (!hasValgrind()) {
-    notes.emplace_back("model: no instruction counts: valgrind is not on the PATH (Debian: valgrind)");
-    return {};
+    notes.emplace_back("no instruction counts: valgrind is not on the PATH (Debian: valgrind)");
+    return;
   }
-  auto counted = countStudyTicks({ownProgram(), "accuracy", "--count-only"});
-  if (counted.ok()) return *std::move(counted);
-  notes.push_back("model: no instruction counts: " + counted.error().message);
-  return {};
+  const Status counted = countInstructions({ownProgram(), "accuracy", "--count-only"}, costs);
+  if (!counted.ok()) notes.push_back("no instruction counts: " + counted.error().message);
 }
 
 // before the work, so that an unusable folder fails at once and not after minutes
@@ -110,29 +105,23 @@ Status makeFolder(const std::filesystem::path& folder) {
                "--out " + folder.string() + ": cannot make the folder: " + made.message()};
 }
 
-Status writePictures(const AccuracyCommand& command, const AccuracyOptions& options, const AccuracyRows& rows,
-                     ProgressLine& line) {
-  RETURN_IF_ERROR(writeFileAtomically(command.out / "accuracy.csv", viewOf(accuracyCsv(rows))));
+Status writeFiles(const std::filesystem::path& folder, const AccuracyRows& rows) {
+  RETURN_IF_ERROR(writeFileAtomically(folder / "accuracy.csv", viewOf(accuracyCsv(rows))));
   if (!hasGnuplot()) {
     std::fprintf(stderr,
-                 "needlelab-sim accuracy: gnuplot is not on the PATH: the table only, no pictures (Debian: "
+                 "needlelab-sim accuracy: gnuplot is not on the PATH: the table only, no picture (Debian: "
                  "gnuplot-nox)\n");
     return {};
   }
-  for (const AccuracyPicture& picture : accuracyPictures(rows)) {
-    const auto data = command.out / (picture.name + ".dat");
-    RETURN_IF_ERROR(writeFileAtomically(data, viewOf(picture.data)));
-    auto variables = picture.variables;
-    variables.emplace_back("data", data.string());
-    RETURN_IF_ERROR(drawPlot("accuracy", command.out / (picture.name + ".png"), variables));
-  }
-  // the recorded curves with the models drawn into them
-  if (!wanted(command, AccuracyStudy::kModel)) return {};
-  line.begin("pictures");
-  const auto recorded = recordedPictures(options, line.callback());
-  line.clear();
-  if (!recorded.ok()) return recorded.error();
-  return drawRecordedPictures(*recorded, command.out);
+  AccuracyPicture picture = accuracyPicture(rows);
+  const auto data = folder / "accuracy.dat";
+  RETURN_IF_ERROR(writeFileAtomically(data, viewOf(picture.data)));
+  picture.variables.emplace_back("data", data.string());
+  return drawPlot("accuracy", folder / "accuracy.png", picture.variables);
+}
+
+void print(const AccuracyRows& rows) {
+  std::printf("accuracy and its cost, on %s\n\n%s", machineText().c_str(), accuracyTable(rows).c_str());
 }
 
 int accuracy(const AccuracyCommand& command) {
@@ -150,39 +139,33 @@ int accuracy(const AccuracyCommand& command) {
                             {"--json", command.json.file}});
       !status.ok())
     return failed("accuracy", status.error());
-  const auto parts = std::count_if(accuracyParts().begin(), accuracyParts().end(),
-                                   [&](const AccuracyPart& part) { return wanted(command, part.study); });
-  const bool counts = wanted(command, AccuracyStudy::kModel) && !command.no_instructions;
-  const bool draws = wanted(command, AccuracyStudy::kModel) && !command.out.empty() && hasGnuplot();
-  ProgressLine line(static_cast<std::size_t>(parts) + (counts ? 1u : 0u) + (draws ? 1u : 0u));
+  const auto parts =
+      std::count_if(accuracyStudies().begin(), accuracyStudies().end(),
+                    [&](const AccuracyStudy& study) { return wanted(command, study.comparator); });
+  ProgressLine line(static_cast<std::size_t>(parts) + 1);
   AccuracyRows rows;
   std::vector<std::string> notes;
-  AccuracyOptions options{command.long_form || command.full, *data, command.full, {}, {}};
-  if (counts) {
-    line.begin("instructions of a tick");
-    options.counted = countedTicks(command, notes);
-  }
-  for (const AccuracyPart& part : accuracyParts()) {
-    if (!wanted(command, part.study)) continue;
-    line.begin(part.name);
-    auto more = part.run(options, line.callback(), notes);
+  const AccuracyOptions options{command.long_form, *data};
+  for (const AccuracyStudy& study : accuracyStudies()) {
+    if (!wanted(command, study.comparator)) continue;
+    line.begin(textOf(study.comparator).name);
+    auto more = study.run(options, line.callback(), notes);
     line.clear();
     if (!more.ok())
-      return failed("accuracy",
-                    {more.error().code, "study " + std::string(nameOf(part.study)) + ", " +
-                                            std::string(part.name) + ": " + more.error().message});
+      return failed("accuracy", {more.error().code,
+                                 std::string(textOf(study.comparator).name) + ": " + more.error().message});
     rows.insert(rows.end(), more->begin(), more->end());
   }
+  line.begin("what a tick costs");
+  auto costs = measureCosts(command.long_form ? 20 : 1.5, line.callback());
+  if (!costs.ok()) return failed("accuracy", costs.error());
+  addInstructions(command, *costs, notes);
+  line.clear();
+  addCosts(*costs, rows);
   for (const std::string& note : notes) std::fprintf(stderr, "needlelab-sim accuracy: %s\n", note.c_str());
 
   // the report on standard output, unless the JSON goes there
-  if (!command.json.wanted || !command.json.file.empty()) {
-    std::printf("what accuracy costs in time, on %s\n\n%s", machineText().c_str(),
-                accuracyTables(rows).c_str());
-    std::printf("recommendation, computed from these rows\n");
-    for (const std::string& paragraph : recommendation(rows))
-      std::fputs(wrapped(paragraph, 118, "  ").c_str(), stdout);
-  }
+  if (!command.json.wanted || !command.json.file.empty()) print(rows);
   if (command.json.wanted) {
     auto array = nlohmann::ordered_json::array();
     for (const AccuracyRow& row : rows) array.push_back(jsonOf(row));
@@ -190,7 +173,7 @@ int accuracy(const AccuracyCommand& command) {
       return failed("accuracy", status.error());
   }
   if (!command.out.empty())
-    if (const Status status = writePictures(command, options, rows, line); !status.ok())
+    if (const Status status = writeFiles(command.out, rows); !status.ok())
       return failed("accuracy", status.error());
   return kExitDone;
 }
@@ -199,21 +182,18 @@ int accuracy(const AccuracyCommand& command) {
 
 void addAccuracyCommand(CLI::App& app, SimCommand& chosen) {
   auto options = std::make_shared<AccuracyCommand>();
+  std::vector<std::string> names;
+  for (const AccuracyStudy& study : accuracyStudies()) names.emplace_back(textOf(study.comparator).name);
   CLI::App* command = app.add_subcommand(
-      "accuracy",
-      "Says what accuracy costs in time: models, FEM meshes, rates, stored resolution, live frames");
+      "accuracy", "How accurate each model is, by four comparators, and what its tick costs the station");
   addJsonOption(*command, options->json);
   command->add_option("--out", options->out,
-                      "folder for accuracy.csv and the pictures; made when it is not there");
-  command->add_option("--study", options->studies, "only this study; may be given several times")
-      ->check(
-          CLI::IsMember(std::vector<std::string>(kAccuracyStudyNames.begin(), kAccuracyStudyNames.end())));
-  command->add_flag("--long", options->long_form, "more gestures, more repeats, larger meshes: minutes");
-  command->add_flag(
-      "--full", options->full,
-      "--long with the loop of milliseconds and the finest meshes, without a limit of time: hours");
+                      "folder for accuracy.csv and accuracy.png; made when it is not there");
+  command->add_option("--study", options->studies, "only this comparator; may be given several times")
+      ->check(CLI::IsMember(names));
+  command->add_flag("--long", options->long_form, "more gestures, a finer mesh, longer loops: minutes");
   command->add_flag("--no-instructions", options->no_instructions,
-                    "do not count instructions under valgrind, which break ties of time");
+                    "do not count instructions under valgrind");
   command->add_flag("--count-only", options->count_only)->group("");
   command->add_option("--data", options->data,
                       "folder of the recordings; default: NEEDLELAB_DATA, else ../shared/data");

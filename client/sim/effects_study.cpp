@@ -132,8 +132,7 @@ std::vector<MarginalCost> marginalCosts(const std::vector<EffectSetCost>& sets) 
     MarginalCost cost;
     cost.effect = static_cast<Effect>(i);
     std::vector<double> more_ns;
-    double more_instructions = 0;
-    bool counted = true;
+    std::vector<double> more_instructions;
     for (const EffectSetCost& with : sets) {
       if ((with.effects & bitOf(cost.effect)) == 0) continue;
       const auto without = std::find_if(sets.begin(), sets.end(), [&](const EffectSetCost& other) {
@@ -141,15 +140,20 @@ std::vector<MarginalCost> marginalCosts(const std::vector<EffectSetCost>& sets) 
       });
       if (without == sets.end()) continue;
       more_ns.push_back(with.timing.median_ns - without->timing.median_ns);
-      counted = counted && with.instructions && without->instructions;
-      if (counted) more_instructions += *with.instructions - *without->instructions;
+      if (with.instructions && without->instructions)
+        more_instructions.push_back(*with.instructions - *without->instructions);
     }
     if (more_ns.empty()) continue;
     const auto pairs = static_cast<double>(more_ns.size());
     for (const double ns : more_ns) cost.mean_ns += ns / pairs;
     cost.least_ns = *std::min_element(more_ns.begin(), more_ns.end());
     cost.most_ns = *std::max_element(more_ns.begin(), more_ns.end());
-    if (counted) cost.instructions = more_instructions / pairs;
+    if (more_instructions.size() == more_ns.size()) {
+      cost.instructions = 0;
+      for (const double more : more_instructions) *cost.instructions += more / pairs;
+      cost.least_instructions = *std::min_element(more_instructions.begin(), more_instructions.end());
+      cost.most_instructions = *std::max_element(more_instructions.begin(), more_instructions.end());
+    }
     costs.push_back(cost);
   }
   return costs;
@@ -203,34 +207,52 @@ std::string effectsTable(const std::vector<EffectSetCost>& sets) {
 }
 
 Status drawEffects(const std::vector<EffectSetCost>& sets, const std::filesystem::path& folder) {
+  const bool counted = std::all_of(sets.begin(), sets.end(),
+                                   [](const EffectSetCost& set) { return set.instructions.has_value(); });
+  const std::string unit = counted ? "instructions" : "ns";
+  const auto costOf = [counted](const EffectSetCost& set) {
+    return counted ? *set.instructions : set.timing.median_ns;
+  };
   // the sets from the cheapest on; the columns say which effects are in
-  const auto sorted = fromTheCheapest(sets);
-  std::string header = "place,count,median_ns,p99_ns";
+  auto sorted = fromTheCheapest(sets);
+  std::stable_sort(sorted.begin(), sorted.end(),
+                   [&](const EffectSetCost& a, const EffectSetCost& b) { return costOf(a) < costOf(b); });
+  std::string header = "place,count,cost_" + unit + ",median_ns,p99_ns";
   for (const EffectEntry* effect : effectEntries()) header += ',' + effectWords(*effect, '_');
   PlotTable table(header);
   for (std::size_t i = 0; i < sorted.size(); ++i) {
     std::vector<double> row = {static_cast<double>(i + 1),
-                               static_cast<double>(std::popcount(sorted[i].effects)),
+                               static_cast<double>(std::popcount(sorted[i].effects)), costOf(sorted[i]),
                                sorted[i].timing.median_ns, sorted[i].timing.p99_ns};
     for (const EffectEntry* effect : effectEntries())
       row.push_back((sorted[i].effects & bitOf(effect->effect)) != 0 ? 1.0 : 0.0);
     table.row(row);
   }
-  PlotTable marginal("place,mean_ns,least_ns,most_ns,effect");
+  PlotTable marginal("place,mean_" + unit + ",least_" + unit + ",most_" + unit + ",effect");
   const auto costs = marginalCosts(sets);
-  for (std::size_t i = 0; i < costs.size(); ++i)
-    marginal.row({static_cast<double>(i), costs[i].mean_ns, costs[i].least_ns, costs[i].most_ns},
-                 {effectWords(effectEntry(costs[i].effect))});
+  for (std::size_t i = 0; i < costs.size(); ++i) {
+    const MarginalCost& cost = costs[i];
+    const std::string words = effectWords(effectEntry(cost.effect));
+    if (counted)
+      marginal.row(
+          {static_cast<double>(i), *cost.instructions, cost.least_instructions, cost.most_instructions},
+          {words});
+    else
+      marginal.row({static_cast<double>(i), cost.mean_ns, cost.least_ns, cost.most_ns}, {words});
+  }
   const auto sets_csv = folder / "effects.csv", marginal_csv = folder / "effects_marginal.csv";
   for (auto& [path, text] : {std::pair{sets_csv, table.take()}, std::pair{marginal_csv, marginal.take()}})
     RETURN_IF_ERROR(writeFileAtomically(path, viewOf(text)));
   if (!hasGnuplot() || sorted.empty()) return {};
 
+  const auto none =
+      std::find_if(sets.begin(), sets.end(), [](const EffectSetCost& set) { return set.effects == 0; });
   return drawPlot("effects", folder / "effects.png",
                   {{"csv", sets_csv.string()},
                    {"marginal", marginal_csv.string()},
-                   {"none_ns", costOfNone(sets)},
-                   {"all_ns", sorted.back().timing.median_ns}});
+                   {"unit", unit},
+                   {"of_none", none == sets.end() ? 0.0 : costOf(*none)},
+                   {"of_all", costOf(sorted.back())}});
 }
 
 }  // namespace needlelab

@@ -25,8 +25,9 @@ struct EffectSetCost {
 /// What an effect adds to a tick, over all pairs of sets that differ in it only.
 struct MarginalCost {
   Effect effect = Effect::kCutting;
-  double mean_ns = 0, least_ns = 0, most_ns = 0;  ///< of the pairs' medians
-  std::optional<double> instructions;             ///< mean
+  double mean_ns = 0, least_ns = 0, most_ns = 0;         ///< of the pairs' medians
+  std::optional<double> instructions;                    ///< mean; none where they were not counted
+  double least_instructions = 0, most_instructions = 0;  ///< of the pairs, where counted
 };
 
 /// The scene of the study: the profile's, or without one the paper's six layers with shaft friction and three
@@ -56,7 +57,9 @@ std::vector<MarginalCost> marginalCosts(const std::vector<EffectSetCost>& sets);
 
 /// For a terminal: sets from the cheapest on, then what each effect adds.
 std::string effectsTable(const std::vector<EffectSetCost>& sets);
-/// Writes effects.csv and effects.png into the existing `folder`. Errors: of the file system and of gnuplot.
+/// Writes effects.csv, effects_marginal.csv and effects.png into the existing `folder`. The picture shows
+/// instructions, which repeat exactly; nanoseconds only where they were not counted. Errors: of the file
+/// system and of gnuplot.
 Status drawEffects(const std::vector<EffectSetCost>& sets, const std::filesystem::path& folder);
 
 }  // namespace needlelab

@@ -1,8 +1,7 @@
-/// The accuracy report as text: aligned tables for a person, CSV for other programs.
+/// The accuracy report: one table, a sentence for each comparator, CSV, and the data of its picture.
 #pragma once
 
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "client/sim/accuracy/row.h"
@@ -10,25 +9,18 @@
 
 namespace needlelab {
 
-/// A table for each group of comparable rows, with units, its comparator above and its limits below;
-/// columns that no row of the group fills are left out. `front` marks the Pareto front.
-std::string accuracyTables(const AccuracyRows& rows);
+/// The table, a block for each comparator and scene, with the sentence below. Of the verification the rows at
+/// 1 kHz and 10 µm: the others are in CSV and picture.
+std::string accuracyTable(const AccuracyRows& rows);
 
 /// All rows with the JSON's columns, in the same order. Texts in double quotes; empty where absent.
 std::string accuracyCsv(const AccuracyRows& rows);
 
-/// `text` in lines of at most `width` letters (UTF-8), each begun with `indent`.
-std::string wrapped(std::string_view text, std::size_t width, std::string_view indent);
-
-/// A picture that accuracy.gp draws.
+/// What plots/accuracy.gp reads: blocks, and the variables beside `data`.
 struct AccuracyPicture {
-  std::string name;                     ///< "accuracy_model"; the overview is "accuracy"
-  std::string data;                     ///< blocks; the plot file finds their path in `data`
-  std::vector<PlotVariable> variables;  ///< beside `data`
+  std::string data;
+  std::vector<PlotVariable> variables;
 };
-
-/// One for each study that has rows with cost and error (error over time per tick, the Pareto front drawn,
-/// and where it says more a second diagram), and with more than one study an overview.
-std::vector<AccuracyPicture> accuracyPictures(const AccuracyRows& rows);
+AccuracyPicture accuracyPicture(const AccuracyRows& rows);
 
 }  // namespace needlelab

@@ -3,105 +3,166 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <array>
-#include <cstddef>
+#include <memory>
+#include <thread>
 #include <utility>
 
+#include "client/device/hand_plan.h"
+#include "client/device/simulated_device.h"
 #include "client/effect_cost/instruction_count.h"
-#include "client/sim/accuracy/gesture.h"
+#include "client/sim/tools/closed_loop.h"
+#include "client/station/run/real_time.h"
+#include "client/station/run/servo_loop.h"
+#include "common/base/clock.h"
 #include "common/fem/needle_mesh.h"
 #include "common/fem/needle_study.h"
 
 namespace needlelab {
 namespace {
 
-constexpr double kEncoder_m = 1e-5;  // of the simulated device: what the adaptive window bridges
-constexpr double kCountedRate_hz = 1000;
-constexpr int kCoarseNodes = 500;
+constexpr double kDelayTicks = 1;  // of the simulated device
+constexpr int kCountedNodes = 500;
+constexpr double kDeepest_m = 0.03, kSpeed_mps = 0.03;
+
+// in, a rest, out, as often as `seconds` ask for
+HandPlan planOf(const SceneSpec& scene, double seconds) {
+  const auto& limb = std::get<PlaneLimb>(scene.limb);
+  const Vec3 outward = normalized(limb.normal);
+  const Quat down = orientationAlong(outward * -1);
+  const auto at = [&](double depth_m) { return Pose{limb.point_m - outward * depth_m, down}; };
+  HandPlan plan(at(-0.002));
+  plan.hold(0.05);
+  while (plan.duration_s() < seconds)
+    plan.moveTo(at(kDeepest_m), kSpeed_mps, Motion::kTrapezoid)
+        .hold(0.2)
+        .moveTo(at(-0.002), kSpeed_mps, Motion::kTrapezoid);
+  return plan;
+}
+
+std::vector<TipSample> countedGesture(const SceneSpec& scene) {
+  const HandPlan plan = planOf(scene, 2);
+  std::vector<TipSample> tips;
+  for (double t_s = 0; t_s < plan.duration_s(); t_s += 1 / kStationRate_hz)
+    tips.push_back({plan.at(t_s).X_WT.p, plan.at(t_s).X_WT.q});
+  return tips;
+}
+
+Result<LoopTimes> loopTimes(const SceneModel& model, const SceneSpec& scene, double seconds) {
+  SimulatedDeviceOptions options;
+  options.hand.seed = 1;
+  SimulatedDevice device(options, planOf(scene, seconds));
+  RETURN_IF_ERROR(device.open(kStationRate_hz));
+  LoopTime clock;
+  const auto ring = std::make_unique<SampleRing>();
+  ServoSettings settings;
+  settings.on_fault = FaultPolicy::kWait;
+  settings.max_ticks = static_cast<std::uint64_t>(seconds * kStationRate_hz);
+  const auto loop = std::make_unique<ServoLoop>(model, device, clock, *ring, settings);
+  std::thread thread([&] { loop->run(); });
+  thread.join();
+  device.close();
+  const LatencyQuantiles of = loop->stats().engine.quantiles();
+  if (of.total < settings.max_ticks / 2)
+    return Error{ErrorCode::kFailed, fmt::format("the loop stepped {} of {} ticks: the machine is too busy",
+                                                 of.total, settings.max_ticks)};
+  return LoopTimes{static_cast<double>(of.p50_ns), static_cast<double>(of.p99_ns),
+                   static_cast<double>(of.p999_ns)};
+}
 
 }  // namespace
 
-std::vector<StudyModel> studyModels(const SceneSpec& scene) {
+Result<SceneSpec> studyScene() {
+  return paperSceneSpec("paper-six-layers", {});
+}
+
+Result<std::vector<StudyModel>> studyModels(const SceneSpec& scene, int fem_nodes) {
   std::vector<StudyModel> models;
   for (std::size_t m = 0; m < kAxialModelCount; ++m) {
     const auto model = static_cast<AxialModel>(m);
+    if (model == AxialModel::kFem) {
+      ASSIGN_OR_RETURN(const auto fem, femLikeForLike(scene, fem_nodes));
+      for (const int stations : kStationCounts) {
+        models.push_back({model, fmt::format("{} stations", stations), fem.spec, stations});
+        NeedleMeshOptions mesh;
+        mesh.nodes = fem_nodes;
+        mesh.stations = stations;
+        ASSIGN_OR_RETURN(const auto compliance, precomputeCompliance(fem.spec, mesh));
+        models.back().spec.fem.compliance = compliance;
+      }
+      continue;
+    }
     models.push_back({model, {}, likeForLike(scene, model)});
     if (model != AxialModel::kVoigt) continue;
     models.push_back({model, "velocity over an adaptive window", models.back().spec});
-    models.back().spec.voigt.velocity_noise_m = kEncoder_m;
+    models.back().spec.voigt.velocity_noise_m = kStationEncoder_m;
   }
   return models;
 }
 
-Status addMesh(StudyModel& study, const SceneSpec& scene, int nodes) {
-  if (study.model != AxialModel::kFem) return {};
-  ASSIGN_OR_RETURN(auto fem, femLikeForLike(scene, nodes));
-  study.spec = std::move(fem.spec);
-  study.young_factor = fem.young_factor;
-  return addCompliance(study.spec);
+double axialForce_N(const StepReport& report) {
+  return report.cutting_N + report.attracted_N + report.friction_N + report.puncture_N;
 }
 
-std::string assumptionRemark(const StudyModel& study, const SceneSpec& scene) {
-  const std::string text = frictionAssumption(scene, study.model);
-  return text.empty() ? text : ". " + text;
+Result<std::vector<ModelCost>> measureCosts(double seconds, const AccuracyProgress& progress) {
+  ASSIGN_OR_RETURN(const auto scene, studyScene());
+  ASSIGN_OR_RETURN(const auto models, studyModels(scene, kCountedNodes));
+  std::vector<ModelCost> costs;
+  for (const StudyModel& study : models) {
+    progress("the station's loop, " + std::string(axialModelName(study.model)),
+             static_cast<double>(costs.size()) / static_cast<double>(models.size()));
+    ASSIGN_OR_RETURN(const auto model, compile(study.spec, kStationRate_hz));
+    ModelCost cost{std::string(axialModelName(study.model)), study.variant, study.stations, {}, {}, 0};
+    ASSIGN_OR_RETURN(const auto times, loopTimes(model, study.spec, seconds));
+    cost.time = times;
+    const double limit_N_per_m = DeviceLimits{}.damping_Ns_per_m * kStationRate_hz / (0.5 + kDelayTicks);
+    cost.margin = limit_N_per_m / model.axial_stiffness_N_per_m;
+    costs.push_back(std::move(cost));
+  }
+  return costs;
 }
 
-std::string elasticityText(double young_factor) {
-  return fmt::format(
-      "an elasticity that was set, not measured: the scene's lateral stiffness gives E, times {:.3g} in all "
-      "layers, so that the tip meets the stiffness of the scene's walls at the skin",
-      young_factor);
-}
-
-bool profileHasLawOf(AxialModel model) {
-  constexpr std::array kByTheWall = {AxialModel::kEnhancedTrackingWall, AxialModel::kTrackingWall,
-                                     AxialModel::kStatistical, AxialModel::kPrecomputed};
-  return std::find(kByTheWall.begin(), kByTheWall.end(), model) != kByTheWall.end();
-}
-
-std::string choiceOf(const StudyModel& model) {
-  const std::string name(axialModelName(model.model));
-  return model.variant.empty() ? name : name + ", " + model.variant;
-}
-
-Result<std::vector<CountedTick>> countStudyTicks(const std::vector<std::string>& command) {
-  ASSIGN_OR_RETURN(const auto scenes, studyScenes());
-  std::vector<CountedTick> counted;
-  std::vector<std::size_t> ticks;
-  for (const StudyScene& scene : scenes)
-    for (const StudyModel& model : studyModels(scene.spec)) {
-      counted.push_back({scene.name, choiceOf(model)});
-      ticks.push_back(studyGesture(scene.spec, 1, kCountedRate_hz).tips.size());
-    }
-  ASSIGN_OR_RETURN(const auto counts, countStepInstructions(command, counted.size()));
-  for (std::size_t i = 0; i < counted.size(); ++i)
-    counted[i].instructions = static_cast<double>(counts[i]) / static_cast<double>(ticks[i]);
-  return counted;
+Status countInstructions(const std::vector<std::string>& command, std::vector<ModelCost>& costs) {
+  ASSIGN_OR_RETURN(const auto scene, studyScene());
+  const auto ticks = static_cast<double>(countedGesture(scene).size());
+  ASSIGN_OR_RETURN(const auto counts, countStepInstructions(command, costs.size()));
+  for (std::size_t i = 0; i < costs.size(); ++i)
+    costs[i].instructions = static_cast<double>(counts[i]) / ticks;
+  return {};
 }
 
 Status stepForCounting() {
-  ASSIGN_OR_RETURN(const auto scenes, studyScenes());
-  for (const StudyScene& scene : scenes) {
-    const StudyGesture gesture = studyGesture(scene.spec, 1, kCountedRate_hz);
-    for (StudyModel& model : studyModels(scene.spec)) {
-      RETURN_IF_ERROR(addMesh(model, scene.spec, kCoarseNodes));
-      ASSIGN_OR_RETURN(const auto compiled, compile(model.spec, kCountedRate_hz));
-      const TimedTick timed = timedSteps(compiled, gesture);
-      for (std::size_t i = 0; i < gesture.tips.size(); ++i) timed.tick();
-      endCountedPart();
+  ASSIGN_OR_RETURN(const auto scene, studyScene());
+  ASSIGN_OR_RETURN(const auto models, studyModels(scene, kCountedNodes));
+  const std::vector<TipSample> tips = countedGesture(scene);
+  for (const StudyModel& study : models) {
+    ASSIGN_OR_RETURN(const auto model, compile(study.spec, kStationRate_hz));
+    SimState state{};
+    StepReport report;
+    for (const TipSample& tip : tips) {
+      step(model, tip, state, report);
+      keep(report);
     }
+    endCountedPart();
   }
   return {};
 }
 
-std::optional<double> instructionsOf(const AccuracyOptions& options, std::string_view scene,
-                                     const StudyModel& model) {
-  const auto at =
-      std::find_if(options.counted.begin(), options.counted.end(), [&](const CountedTick& counted) {
-        return counted.scene == scene && counted.choice == choiceOf(model);
-      });
-  if (at == options.counted.end()) return std::nullopt;
-  return at->instructions;
+void addCosts(const std::vector<ModelCost>& costs, AccuracyRows& rows) {
+  for (AccuracyRow& row : rows) {
+    if (row.line || (row.rate_hz && *row.rate_hz != kStationRate_hz)) continue;
+    // FEM by its stations, where it has any; a fitted model's variant is its scene, not another tick
+    const auto fits = [&](const ModelCost& cost) {
+      if (cost.model != row.model) return false;
+      if (cost.stations > 0) return row.stations && *row.stations == cost.stations;
+      return cost.variant == row.variant ||
+             (row.comparator == Comparator::kValidation && cost.variant.empty());
+    };
+    const auto at = std::find_if(costs.begin(), costs.end(), fits);
+    if (at == costs.end()) continue;
+    row.time = at->time;
+    row.instructions = at->instructions;
+    row.margin = at->margin;
+  }
 }
 
 }  // namespace needlelab

@@ -1,58 +1,65 @@
-/// The models that the studies compare, and the instructions that a tick of each takes.
+/// The models that are compared, at equal stiffness, and what a tick of each costs.
 #pragma once
 
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
+#include "client/sim/accuracy/row.h"
 #include "client/sim/accuracy/study.h"
 #include "common/base/result.h"
+#include "common/haptics/engine.h"
 #include "common/haptics/models/like_for_like.h"
 #include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 
+inline constexpr double kStationRate_hz = 1000, kStationEncoder_m = 1e-5;
+/// Stations of FEM that are compared: the tick's cost depends on them, not on the mesh.
+inline constexpr int kStationCounts[] = {15, 30, 60};
+
 /// A scene rendered by one of the models.
 struct StudyModel {
   AxialModel model = AxialModel::kEnhancedTrackingWall;
-  std::string variant;      ///< empty for the model as it ships
-  SceneSpec spec;           ///< like for like; FEM before addMesh
-  double young_factor = 1;  ///< of FEM (FemScene)
+  std::string variant;  ///< empty for the model as it ships
+  SceneSpec spec;       ///< like for like; FEM: with its compliance
+  int stations = 0;     ///< of FEM
 };
 
-/// Every axial model, and VOIGT a second time with a velocity over an adaptive window.
-std::vector<StudyModel> studyModels(const SceneSpec& scene);
+/// The paper's six layers.
+Result<SceneSpec> studyScene();
 
-/// Makes FEM as stiff as the scene's walls (femLikeForLike) on a mesh of about `nodes`, with its compliance;
-/// other models stay as they are. `scene`: that of `studyModels`. Errors: as femLikeForLike, addCompliance.
-Status addMesh(StudyModel& study, const SceneSpec& scene, int nodes = kDefaultFemNodes);
+/// Every axial model at the stiffness of the scene's walls (likeForLike, femLikeForLike), VOIGT a second time
+/// with a velocity over an adaptive window, FEM with each number of kStationCounts on a mesh of about
+/// `fem_nodes`. Errors: as femLikeForLike.
+Result<std::vector<StudyModel>> studyModels(const SceneSpec& scene, int fem_nodes = 3000);
 
-/// What of a row's model was assumed, for `cannot_show`: ". Static friction of …", or empty.
-std::string assumptionRemark(const StudyModel& study, const SceneSpec& scene);
+/// Force along the trajectory: cutting, attracted, friction and puncture together.
+double axialForce_N(const StepReport& report);
 
-/// Where FEM's elasticity comes from, as a part of a sentence of `cannot_show`: "an elasticity that was set
-/// …".
-std::string elasticityText(double young_factor);
+/// What a model costs, wherever it is compared.
+struct ModelCost {
+  std::string model, variant;
+  int stations = 0;
+  std::optional<LoopTimes> time;
+  std::optional<double> instructions;
+  double margin = 0;
+};
 
-/// True if the scene's own force profile contains the model's law: those that the tracking wall renders share
-/// its stop, its attracted force, or a table made of it.
-bool profileHasLawOf(AxialModel model);
+/// The time of a tick in the station's own loop (ServoLoop with the simulated device and hand, at 1 kHz and
+/// ordinary priority), for `seconds` each: p50 to p99.9 of its histogram of tool, gate and engine. The
+/// margin: `b/(T(½ + delay))/K`, with the device's own damping and the model's stiffness along the needle
+/// (FORCE_MODEL.md, "Sum and cap"). Thread: starts one. Errors: those of `compile`; kFailed when the loop
+/// ended early.
+Result<std::vector<ModelCost>> measureCosts(double seconds, const AccuracyProgress& progress);
 
-/// ENHANCED_TRACKING_WALL, or "VOIGT, velocity over an adaptive window": the key of `CountedTick::choice`.
-std::string choiceOf(const StudyModel& model);
-
-/// Counts the instructions of a tick of each model over the study's first gesture in each scene: `command`
-/// must be a program that calls `stepForCounting`. FEM has a coarse mesh there, because its tick depends on
-/// the needle's stations alone. Takes about half a minute. Errors: as countStepInstructions.
-Result<std::vector<CountedTick>> countStudyTicks(const std::vector<std::string>& command);
-
-/// Steps every model through its gesture, with a mark behind each (instruction_count.h). Errors: as
-/// `compile`.
+/// Counts the instructions of a tick of each model over one gesture: `command` must be a program that calls
+/// `stepForCounting`. Errors: as countStepInstructions.
+Status countInstructions(const std::vector<std::string>& command, std::vector<ModelCost>& costs);
+/// Steps every model through the gesture, with a mark behind each (instruction_count.h).
 Status stepForCounting();
 
-/// The count of a model in a scene; empty when it was not counted.
-std::optional<double> instructionsOf(const AccuracyOptions& options, std::string_view scene,
-                                     const StudyModel& model);
+/// Gives each row the cost of its model: of those that are no baseline, at the station's rate.
+void addCosts(const std::vector<ModelCost>& costs, AccuracyRows& rows);
 
 }  // namespace needlelab

@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "client/sim/accuracy/report.h"
 #include "client/sim/stability/passivity_observer.h"
+#include "client/sim/tools/wrapped_text.h"
 #include "common/base/text.h"
 
 namespace needlelab {

@@ -9,8 +9,8 @@
 #include <memory>
 #include <utility>
 
-#include "client/sim/accuracy/recorded_statistical.h"
 #include "client/sim/benchmark/formula.h"
+#include "client/sim/curves/force_band.h"
 #include "client/sim/stability/passivity_observer.h"
 #include "common/haptics/limits.h"
 
@@ -340,9 +340,7 @@ Result<double> tickTime_ns(const CurveScene& scene, double to_m) {
   constexpr double kRate_hz = 1000;
   ASSIGN_OR_RETURN(const auto model, compile(scene.spec, kRate_hz));
   ASSIGN_OR_RETURN(const auto run, runCurve(scene, to_m, kRate_hz));
-  AccuracyRow row;
-  addTickTime(model, run.gesture, row);
-  return *row.median_ns;
+  return hotTickTime_ns(model, run.gesture);
 }
 
 }  // namespace needlelab

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "client/sim/accuracy/recorded_statistical.h"
+#include "client/sim/curves/force_band.h"
 #include "client/sim/tools/small_sample.h"
 
 namespace needlelab {

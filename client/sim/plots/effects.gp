@@ -1,16 +1,17 @@
 # What a tick costs with each set of live effects, and what each effect adds. `csv`: effects.csv; `marginal`:
-# effects_marginal.csv; `none_ns`, `all_ns`: without effects, and with the costliest set.
+# effects_marginal.csv; `unit`: instructions, or ns where they were not counted; `of_none`, `of_all`: without effects, and
+# with the costliest set.
 width = 1400; height = 640
 load 'style.gp'
 set datafile separator ','
 stats csv using 1 skip 1 nooutput
 sets = STATS_records
 stats marginal using 3 skip 1 nooutput
-least_ns = STATS_min < 0 ? 1.15*STATS_min : 0
+least_more = STATS_min < 0 ? 1.15*STATS_min : 0
 stats marginal using 4 skip 1 nooutput
-most_ns = 1.15*STATS_max
+most_more = 1.15*STATS_max
 effects = STATS_records
-set multiplot layout 1,2 title sprintf('Only live effects cost: a tick takes %.1f ns with none and %.1f ns with the costliest set', none_ns, all_ns) font ',15'
+set multiplot layout 1,2 title sprintf('Only live effects cost: a tick takes %.0f %s with none and %.0f with the costliest set', of_none, unit, of_all) font ',15'
 # left: every set
 set lmargin 9
 set rmargin 3
@@ -18,21 +19,20 @@ set bmargin 5
 set tmargin 5
 set title 'all sets, from the cheapest on' font ',13'
 set xlabel 'sets of live effects'
-set ylabel 'one tick, ns'
+set ylabel 'one tick, '.unit
 set yrange [0:*]
 set xrange [0:sets + 1]
 set grid y
 set key top left Left reverse
-plot csv skip 1 using 1:4 with points pt 2 ps 0.7 lc rgb '#7d8790' title 'p99 of batches', \
-     '' skip 1 using 1:3 with points pt 7 ps 1.1 lc rgb '#1f5fa8' title 'median'
+plot csv skip 1 using 1:3 with points pt 7 ps 1.1 lc rgb '#1f5fa8' title (unit eq 'ns' ? 'median' : 'mean over a gesture: the same in each run')
 # right: what each adds
 set title 'what each effect adds: mean, range over its pairs' font ',13'
-set xlabel 'added to a tick, ns'
+set xlabel 'added to a tick, '.unit
 unset ylabel
 set lmargin 20
 unset key
 set grid x
-set xrange [least_ns:most_ns]
+set xrange [least_more:most_more]
 set yrange [effects - 0.4:-0.6]
 set ytics ()
 set boxwidth 0.55

@@ -116,6 +116,26 @@ TEST(EffectsTable, itsFilesHaveTheSameNumbers) {
   EXPECT_EQ(text.str(), "place,mean_ns,least_ns,most_ns,effect\n0,1.75,1.75,1.75,cutting\n");
 }
 
+// times order these sets the other way: the picture follows what repeats
+TEST(EffectsPicture, showsInstructionsWhereTheyWereCounted) {
+  constexpr EffectMask kCut = bitOf(Effect::kCutting), kClamp = bitOf(Effect::kClamping);
+  const TempFolder folder;
+  const Status drawn =
+      drawEffects({cost(0, 9, 100), cost(kCut, 8, 130), cost(kClamp, 7, 150), cost(kCut | kClamp, 6, 190)},
+                  folder.path());
+  ASSERT_TRUE(drawn.ok()) << drawn.error().message;
+  const auto sets = readCsv(folder.path() / "effects.csv", {"place", "cost_instructions", "median_ns"});
+  ASSERT_TRUE(sets.ok()) << sets.error().message;
+  EXPECT_EQ(sets->columns,
+            (std::vector<std::vector<double>>{{1, 2, 3, 4}, {100, 130, 150, 190}, {9, 8, 7, 6}}));
+  std::ifstream file(folder.path() / "effects_marginal.csv");
+  std::stringstream text;
+  text << file.rdbuf();
+  EXPECT_EQ(text.str(),
+            "place,mean_instructions,least_instructions,most_instructions,effect\n0,35,30,40,cutting\n"
+            "1,55,50,60,clamping\n");
+}
+
 TEST(EffectsCommand, givesOneRowForEachSet) {
   const TempFolder folder;
   const auto file = (folder.path() / "effects.json").string();

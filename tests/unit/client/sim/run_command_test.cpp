@@ -392,7 +392,7 @@ TEST(EveryCommand, refusesAJsonFileThatIsOneOfItsTablesOrPictures) {
       {{"stability", "--case", "boundary_hold", "--model", "DIRECT", "--out"},
        {"stability.dat", "stability.png", "stability-holds.csv", "stiffness_limits.json",
         "stiffness_beyond.png"}},
-      {{"accuracy", "--study", "live", "--out"}, {"accuracy.csv"}}};
+      {{"accuracy", "--study", "verification", "--out"}, {"accuracy.csv"}}};
   for (const auto& command : commands)
     for (const std::string& name : command.names) {
       const test::TempFolder folder;
@@ -413,7 +413,7 @@ TEST(EveryCommand, refusesAJsonFileInNoFolderBeforeTheWork) {
       {"effects", "--no-instructions", "--out"},
       {"skill", "--trainees", "4", "--attempts", "1", "--exercises", "1", "--pictures"},
       {"stability", "--case", "boundary_hold", "--model", "DIRECT", "--out"},
-      {"accuracy", "--study", "live", "--out"}};
+      {"accuracy", "--study", "verification", "--out"}};
   for (auto line : lines) {
     const test::TempFolder folder;
     const std::string tables = (folder.path() / "none" / "rows.json").string();

@@ -1,0 +1,28 @@
+#include "client/sim/tools/wrapped_text.h"
+
+#include <algorithm>
+
+#include "common/base/text.h"
+
+namespace needlelab {
+
+std::string wrapped(std::string_view text, std::size_t width, std::string_view indent) {
+  std::string out, line(indent);
+  bool empty = true;
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find(' '), text.size());
+    const std::string_view word = text.substr(0, end);
+    text.remove_prefix(std::min(end + 1, text.size()));
+    if (word.empty()) continue;
+    if (!empty && countCharacters(line) + 1 + countCharacters(word) > width) {
+      out += line + "\n";
+      line = indent;
+      empty = true;
+    }
+    line += (empty ? "" : " ") + std::string(word);
+    empty = false;
+  }
+  return empty ? out : out + line + "\n";
+}
+
+}  // namespace needlelab

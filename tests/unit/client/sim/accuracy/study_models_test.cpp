@@ -1,0 +1,89 @@
+// The models at equal stiffness, and what their ticks cost.
+#include "client/sim/accuracy/study_models.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <set>
+#include <thread>
+
+namespace needlelab {
+namespace {
+
+void quiet(std::string_view, double) {}
+
+TEST(StudyModels, haveTheStiffnessOfTheScenesWalls) {
+  const auto scene = studyScene();
+  ASSERT_TRUE(scene.ok());
+  const auto models = studyModels(*scene, 500);
+  ASSERT_TRUE(models.ok()) << models.error().message;
+  EXPECT_EQ(models->size(), kAxialModelCount + 1 + std::size(kStationCounts) - 1);
+  std::set<int> stations;
+  for (const StudyModel& study : *models) {
+    if (study.stations > 0) {
+      stations.insert(study.stations);
+      continue;  // as stiff as the walls at the skin: refinement_test
+    }
+    const auto model = compile(study.spec, kStationRate_hz);
+    ASSERT_TRUE(model.ok()) << model.error().message;
+    EXPECT_DOUBLE_EQ(model->axial_stiffness_N_per_m, 500) << axialModelName(study.model);
+  }
+  EXPECT_EQ(stations, std::set<int>(std::begin(kStationCounts), std::end(kStationCounts)));
+}
+
+// whether the printed intervals of two ticks, p50 to p99.9, leave their order open
+bool surelyLess(const LoopTimes& a, const LoopTimes& b) {
+  return a.p999_ns < b.p50_ns;
+}
+
+// Idle and beside two busy threads: outside the printed intervals no pair of models changes its order. The
+// margins are formulas and the same.
+TEST(MeasureCosts, twoRunsIdleAndBesideLoadGiveTheSameOrderOutsideTheirIntervals) {
+  const auto idle = measureCosts(0.3, quiet);
+  std::atomic<bool> done{false};
+  std::thread busy([&] {
+    while (!done.load()) {
+    }
+  });
+  const auto loaded = measureCosts(0.3, quiet);
+  done = true;
+  busy.join();
+  if (!idle.ok() || !loaded.ok()) GTEST_FAIL() << (idle.ok() ? loaded : idle).error().message;
+  ASSERT_EQ(idle->size(), loaded->size());
+  for (std::size_t a = 0; a < idle->size(); ++a) {
+    const LoopTimes& time = *(*idle)[a].time;
+    EXPECT_GT(time.p50_ns, 0);
+    EXPECT_LE(time.p50_ns, time.p99_ns);
+    EXPECT_LE(time.p99_ns, time.p999_ns);
+    EXPECT_EQ((*idle)[a].margin, (*loaded)[a].margin);
+    for (std::size_t b = 0; b < idle->size(); ++b)
+      EXPECT_FALSE(surelyLess(*(*idle)[a].time, *(*idle)[b].time) &&
+                   surelyLess(*(*loaded)[b].time, *(*loaded)[a].time))
+          << (*idle)[a].model << " and " << (*idle)[b].model;
+  }
+  // b/(T (1/2 + delay))/K: 1.7 N·s/m, a tick of delay, 500 N/m
+  EXPECT_NEAR(idle->front().margin, 1.7 * 1000 / 1.5 / 500, 1e-9);
+}
+
+TEST(AddCosts, givesEachRowItsModelsTickAtTheStationsRateOnly) {
+  const std::vector<ModelCost> costs = {{"VOIGT", "", 0, LoopTimes{1, 2, 3}, 100.0, 2},
+                                        {"FEM", "15 stations", 15, LoopTimes{4, 5, 6}, 200.0, 1},
+                                        {"FEM", "60 stations", 60, LoopTimes{7, 8, 9}, 300.0, 1}};
+  AccuracyRows rows(5);
+  for (AccuracyRow& row : rows) row.model = "VOIGT";
+  rows[1].rate_hz = 4000;
+  rows[2].line = true;
+  rows[3].comparator = Comparator::kValidation;
+  rows[3].variant = "3 numbers";
+  rows[4].model = "FEM";
+  rows[4].stations = 60;
+  addCosts(costs, rows);
+  EXPECT_EQ(rows[0].time->p999_ns, 3);
+  EXPECT_FALSE(rows[1].time) << "another rate";
+  EXPECT_FALSE(rows[2].time) << "a baseline has no tick";
+  EXPECT_EQ(rows[3].instructions, 100.0) << "a fitted scene's tick is its model's";
+  EXPECT_EQ(rows[4].instructions, 300.0);
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,131 @@
+// The engine beside closed forms: each law as it is written is accepted, a wrong one is rejected.
+#include "client/sim/accuracy/verification.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "client/sim/accuracy/study.h"
+#include "client/sim/accuracy/study_models.h"
+
+namespace needlelab {
+namespace {
+
+const ClosedForm& formOf(AxialModel model) {
+  return *std::find_if(closedForms().begin(), closedForms().end(),
+                       [model](const ClosedForm& form) { return form.model == model; });
+}
+
+TEST(ClosedForms, areThereForEveryModelButThoseWithoutAFormula) {
+  std::set<AxialModel> models;
+  for (const ClosedForm& form : closedForms()) models.insert(form.model);
+  EXPECT_EQ(models.size(), kAxialModelCount - 2);
+  EXPECT_EQ(models.count(AxialModel::kStatistical) + models.count(AxialModel::kFem), 0u);
+}
+
+// by hand: layers of 10 mm with 2, 3 and 4 N, walls of 500 N/m; in, the spring is full after 4 mm
+TEST(ClosedForms, theWallsForceIsThatOfTheScene) {
+  const ClosedForm& wall = formOf(AxialModel::kEnhancedTrackingWall);
+  const TurnGesture gesture{0.001, 0.025, 0.01};
+  EXPECT_DOUBLE_EQ(wall.force_N(gesture, 0.002, false), -1);
+  EXPECT_DOUBLE_EQ(wall.force_N(gesture, 0.008, false), -2);
+  EXPECT_DOUBLE_EQ(wall.force_N(gesture, 0.011, false), -2.5);
+  EXPECT_DOUBLE_EQ(wall.force_N(gesture, 0.02, false), -3);
+  // out: it gives 4 N back over 8 mm, then pulls with up to 1 N, which fades out over the last 2 mm
+  EXPECT_DOUBLE_EQ(wall.force_N(gesture, 0.021, true), -2);
+  EXPECT_NEAR(wall.force_N(gesture, 0.017, true), 0, 1e-12);
+  EXPECT_DOUBLE_EQ(wall.force_N(gesture, 0.01, true), 1);
+  EXPECT_DOUBLE_EQ(wall.force_N(gesture, 0.001, true), 0.5);
+}
+
+// without steps of encoder and at a high rate the engine gives the formula: what is left falls with the rate
+TEST(Verification, everyModelGoesToItsClosedFormWithTheRate) {
+  const TurnGesture gesture = turnGestures(1).front();
+  for (const ClosedForm& form : closedForms()) {
+    SCOPED_TRACE(std::string(axialModelName(form.model)) + " " + form.variant);
+    const auto slow = errorOf(form, form, gesture, 1000, 0), fast = errorOf(form, form, gesture, 16'000, 0);
+    ASSERT_TRUE(slow.ok() && fast.ok());
+    EXPECT_GT(slow->count(), 1000u);
+    EXPECT_LT(fast->rms_N(), 0.012);
+    EXPECT_LT(fast->rms_N(), 0.5 * slow->rms_N());
+    EXPECT_LT(fast->beyond(), 0.01);
+  }
+}
+
+// A scene that we make: the model's own law is accepted. The same law with 10 % more stiffness, the law of
+// before (2018, without attraction), and another model's law are rejected. The instrument of before, a force
+// that jumps at layers, rejected the true law, too.
+TEST(ManufacturedScene, acceptsTheTrueLawAndRejectsWrongOnes) {
+  const ClosedForm& wall = formOf(AxialModel::kEnhancedTrackingWall);
+  ClosedForm stiffer = wall, more_cutting = wall;
+  stiffer.scene.tracking_wall.stiffness_N_per_m *= 1.1;
+  for (LayerSpec& layer : more_cutting.scene.layers) layer.cutting_force_N *= 1.1;
+  const auto rowOf = [&](const ClosedForm& rendered) {
+    std::vector<ForceError> errors;
+    for (const TurnGesture& gesture : turnGestures(8)) {
+      const auto error = errorOf(rendered, wall, gesture, kStationRate_hz, kStationEncoder_m);
+      EXPECT_TRUE(error.ok());
+      errors.push_back(*error);
+    }
+    AccuracyRow row;
+    setError(row, errors);
+    return row;
+  };
+  const AccuracyRow right = rowOf(wall);
+  EXPECT_LT(*right.beyond, 0.01);
+  EXPECT_LT(right.error_N->high, 0.02);
+  const std::map<std::string, ClosedForm> wrong = {{"stiffer", stiffer},
+                                                   {"more cutting", more_cutting},
+                                                   {"no attraction", formOf(AxialModel::kTrackingWall)},
+                                                   {"another model", formOf(AxialModel::kFirstOrder)},
+                                                   {"a spring", formOf(AxialModel::kVoigt)}};
+  for (const auto& [name, form] : wrong) {
+    const AccuracyRow row = rowOf(form);
+    EXPECT_GT(*row.beyond, 0.05) << name;
+    EXPECT_GT(row.error_N->low, 3 * right.error_N->high) << name << ": outside the printed intervals";
+  }
+}
+
+TEST(ManufacturedScene, eachModelIsNearestToItsOwnLaw) {
+  const TurnGesture gesture = turnGestures(1).front();
+  for (const ClosedForm& truth : closedForms()) {
+    if (!truth.variant.empty()) continue;
+    const auto own = errorOf(truth, truth, gesture, kStationRate_hz, kStationEncoder_m);
+    ASSERT_TRUE(own.ok());
+    for (const ClosedForm& other : closedForms()) {
+      if (other.model == truth.model) continue;
+      const auto error = errorOf(other, truth, gesture, kStationRate_hz, kStationEncoder_m);
+      ASSERT_TRUE(error.ok());
+      EXPECT_GT(error->rms_N(), 2 * own->rms_N())
+          << axialModelName(other.model) << " as " << axialModelName(truth.model);
+    }
+  }
+}
+
+TEST(VerificationRows, haveEveryRateAndEncoderAndRepeatExactly) {
+  std::vector<std::string> notes;
+  const auto rows = verificationRows(
+      {}, [](std::string_view, double) {}, notes);
+  ASSERT_TRUE(rows.ok()) << rows.error().message;
+  EXPECT_EQ(rows->size(), closedForms().size() * 15 + 1) << "STATISTICAL has its mean only";
+  const auto again = verificationRows(
+      {}, [](std::string_view, double) {}, notes);
+  ASSERT_TRUE(again.ok());
+  for (std::size_t i = 0; i < rows->size(); ++i) {
+    const AccuracyRow& row = (*rows)[i];
+    SCOPED_TRACE(row.model + " " + row.variant);
+    EXPECT_EQ(row.error_N->mean, (*again)[i].error_N->mean);
+    EXPECT_LE(row.error_N->low, row.error_N->mean);
+    EXPECT_GE(row.error_N->high, row.error_N->mean);
+    EXPECT_FALSE(row.against.empty() || row.cannot_show.empty());
+    if (row.model != "STATISTICAL") continue;
+    // its table's mean is within four standard errors (0.4 N over 200 insertions)
+    EXPECT_LT(row.error_N->mean, 4 * 0.4 / std::sqrt(200.0));
+  }
+}
+
+}  // namespace
+}  // namespace needlelab
