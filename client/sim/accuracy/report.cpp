@@ -98,7 +98,9 @@ constexpr char kCostShows[] =
     "shows tool, gate and engine in the station's loop at 1 kHz, from its own histogram; on the right the\n"
     "instructions of a tick, which repeat exactly";
 constexpr char kFemShows[] =
-    "shows the tick with a compliance that was made before the lesson; beside the points the mesh's nodes";
+    "shows the tick with a compliance that was made before the lesson; beside the points the mesh's nodes, "
+    "below the\n"
+    "median tick in the station's loop";
 
 std::string beyondCell(const AccuracyRow& row) {
   return row.beyond ? fmt::format("{:.1f} %", 100 * *row.beyond) : std::string();
@@ -218,11 +220,11 @@ void addMeshes(const AccuracyRows& rows, Panels& panels, std::vector<std::string
       if (row.comparator != Comparator::kRefinement || row.stations != static_cast<double>(count)) continue;
       if (name.empty()) {
         name = fmt::format("{} stations", count);
-        if (row.instructions) name += fmt::format(", {:.0f} instr.", *row.instructions);
+        if (row.time) name += fmt::format(", {:.1f} µs", 1e-3 * row.time->p50_ns);
         stations.push_back(name);
       }
       panels.point(kRefined, stations.size(), *row.nodes, row);
-      if (row.time) panels.point(kFemTimed, stations.size(), 1e-3 * row.time->p50_ns, row);
+      if (row.instructions) panels.point(kFemTimed, stations.size(), *row.instructions, row);
     }
   }
 }
@@ -338,7 +340,7 @@ AccuracyPicture accuracyPicture(const AccuracyRows& rows) {
       {{"titles",
         std::vector<std::string>{title(C::kVerification), title(C::kReplay), title(C::kValidation),
                                  title(C::kRefinement), "Cost: what a tick takes of the station's time",
-                                 "Cost: FEM's error over the time of its tick"}},
+                                 "Cost: FEM's error over what its tick takes"}},
        {"shows", std::vector<std::string>{shown(C::kVerification), shown(C::kReplay), shown(C::kValidation),
                                           shown(C::kRefinement), kCostShows, kFemShows}},
        {"sentences",

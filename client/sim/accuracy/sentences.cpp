@@ -183,19 +183,27 @@ std::string sentenceOf(Comparator comparator, const AccuracyRows& rows) {
 std::string femSentence(const AccuracyRows& rows) {
   const std::vector<double> stations = stationsOf(rows);
   if (stations.empty()) return {};
+  // on the finest mesh that both have
   const Rows few = meshesOf(rows, stations.front()), many = meshesOf(rows, stations.back());
-  if (few.empty() || many.empty() || !few.back()->time || !many.back()->time) return {};
-  const AccuracyRow &a = *few.back(), &b = *many.back();
+  if (few.empty() || many.empty()) return {};
+  const double nodes = std::min(*few.back()->nodes, *many.back()->nodes);
+  const auto on = [nodes](const AccuracyRow* row) { return *row->nodes == nodes; };
+  const auto found_few = std::find_if(few.begin(), few.end(), on),
+             found_many = std::find_if(many.begin(), many.end(), on);
+  if (found_few == few.end() || found_many == many.end()) return {};
+  const AccuracyRow &a = **found_few, &b = **found_many;
+  if (!a.time || !b.time) return {};
   const auto tick = [](const AccuracyRow& row) {
     return row.instructions
                ? fmt::format("{:.0f} instructions ({:.1f} µs)", *row.instructions, 1e-3 * row.time->p50_ns)
                : fmt::format("{:.1f} µs", 1e-3 * row.time->p50_ns);
   };
   return fmt::format(
-      "A tick of FEM pays for stations, not for nodes: {:.0f} stations take {} and miss {:.0f} mN, {:.0f} "
-      "take {} and "
-      "miss {:.0f} mN. A finer mesh costs seconds before the lesson and nothing in it.",
-      *a.stations, tick(a), error_mN(a), *b.stations, tick(b), error_mN(b));
+      "A tick of FEM pays for stations, not for nodes: on {:.0f} nodes {:.0f} stations take {} and miss "
+      "{:.0f} mN, {:.0f} take {} and miss {:.0f} mN. A finer mesh costs seconds before the lesson and "
+      "nothing "
+      "in it.",
+      nodes, *a.stations, tick(a), error_mN(a), *b.stations, tick(b), error_mN(b));
 }
 
 std::string costSentence(const AccuracyRows& rows) {
@@ -227,9 +235,7 @@ std::string costSentence(const AccuracyRows& rows) {
     text += fmt::format(" Instructions: {:.0f} ({}) to {:.0f} ({}).", *counted.front()->instructions,
                         label(*counted.front()), *counted.back()->instructions, label(*counted.back()));
   }
-  if (stiffest->margin)
-    text += fmt::format(" K margin: {:.2g} ({}).", *stiffest->margin,
-                        label(*stiffest));
+  if (stiffest->margin) text += fmt::format(" K margin: {:.2g} ({}).", *stiffest->margin, label(*stiffest));
   return text;
 }
 

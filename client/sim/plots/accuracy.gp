@@ -12,9 +12,9 @@ array colour[6] = ['#0072B2', '#D55E00', '#009E73', '#CC79A7', '#7A5C00', '#2026
 array series[6]
 series[1] = "1 kHz, 10 µm|250 Hz|4 kHz|50 µm|1 µm"
 series[2] = "1 kHz, 10 µm"
-series[3] = "every second 0.5 mm|beyond half of the depth|hold|withdrawal"
+series[3] = "every second 0.5 mm|beyond half of it|hold|withdrawal"
 series[5] = "median, and up to p99.9"
-array axis[6] = ['rms error [mN]', 'rms error [mN]', 'rms error on what was held out [mN]; dashed: the better baseline', 'nodes of the mesh', "a tick in the station's loop [µs]", "median tick in the station's loop [µs]"]
+array axis[6] = ['rms error [mN]', 'rms error [mN]', 'rms error on what was held out [mN]; dashed: the better baseline', 'nodes of the mesh', "a tick in the station's loop [µs]", 'instructions of a tick, which repeat exactly']
 set multiplot
 part(text, n) = n > 1 ? part(text[strstrt(text, '|') + 1:*], n - 1) : strstrt(text, '|') > 0 ? text[1:strstrt(text, '|') - 1] : text
 parts(text) = strstrt(text, '|') > 0 ? 1 + parts(text[strstrt(text, '|') + 1:*]) : 1
