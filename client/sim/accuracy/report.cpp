@@ -98,9 +98,7 @@ constexpr char kCostShows[] =
     "shows tool, gate and engine in the station's loop at 1 kHz, from its own histogram; on the right the\n"
     "instructions of a tick, which repeat exactly";
 constexpr char kFemShows[] =
-    "shows the tick with a compliance that was made before the lesson; beside the points the mesh's nodes, "
-    "below the\n"
-    "median tick in the station's loop";
+    "shows the tick with a compliance that was made before the lesson; beside the points the mesh's nodes";
 
 std::string beyondCell(const AccuracyRow& row) {
   return row.beyond ? fmt::format("{:.1f} %", 100 * *row.beyond) : std::string();
@@ -220,7 +218,6 @@ void addMeshes(const AccuracyRows& rows, Panels& panels, std::vector<std::string
       if (row.comparator != Comparator::kRefinement || row.stations != static_cast<double>(count)) continue;
       if (name.empty()) {
         name = fmt::format("{} stations", count);
-        if (row.time) name += fmt::format(", {:.1f} µs", 1e-3 * row.time->p50_ns);
         stations.push_back(name);
       }
       panels.point(kRefined, stations.size(), *row.nodes, row);

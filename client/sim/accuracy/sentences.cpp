@@ -194,15 +194,13 @@ std::string femSentence(const AccuracyRows& rows) {
   const AccuracyRow &a = **found_few, &b = **found_many;
   if (!a.time || !b.time) return {};
   const auto tick = [](const AccuracyRow& row) {
-    return row.instructions
-               ? fmt::format("{:.0f} instructions ({:.1f} µs)", *row.instructions, 1e-3 * row.time->p50_ns)
-               : fmt::format("{:.1f} µs", 1e-3 * row.time->p50_ns);
+    return row.instructions ? fmt::format("{:.0f} instructions", *row.instructions)
+                            : fmt::format("{:.1f} µs", 1e-3 * row.time->p50_ns);
   };
   return fmt::format(
       "A tick of FEM pays for stations, not for nodes: on {:.0f} nodes {:.0f} stations take {} and miss "
       "{:.0f} mN, {:.0f} take {} and miss {:.0f} mN. A finer mesh costs seconds before the lesson and "
-      "nothing "
-      "in it.",
+      "nothing in it.",
       nodes, *a.stations, tick(a), error_mN(a), *b.stations, tick(b), error_mN(b));
 }
 

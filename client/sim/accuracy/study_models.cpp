@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <array>
 #include <memory>
 #include <thread>
 #include <utility>
@@ -22,6 +23,7 @@ namespace {
 
 constexpr double kDelayTicks = 1;  // of the simulated device
 constexpr int kCountedNodes = 500;
+constexpr std::size_t kRounds = 3;
 constexpr double kDeepest_m = 0.03, kSpeed_mps = 0.03;
 
 // in, a rest, out, as often as `seconds` ask for
@@ -105,18 +107,33 @@ double axialForce_N(const StepReport& report) {
 
 Result<std::vector<ModelCost>> measureCosts(double seconds, const AccuracyProgress& progress) {
   ASSIGN_OR_RETURN(const auto scene, studyScene());
-  ASSIGN_OR_RETURN(const auto models, studyModels(scene, kCountedNodes));
+  ASSIGN_OR_RETURN(const auto studied, studyModels(scene, kCountedNodes));
   std::vector<ModelCost> costs;
-  for (const StudyModel& study : models) {
-    progress("the station's loop, " + std::string(axialModelName(study.model)),
-             static_cast<double>(costs.size()) / static_cast<double>(models.size()));
+  std::vector<SceneModel> models;
+  for (const StudyModel& study : studied) {
     ASSIGN_OR_RETURN(const auto model, compile(study.spec, kStationRate_hz));
-    ModelCost cost{std::string(axialModelName(study.model)), study.variant, study.stations, {}, {}, 0};
-    ASSIGN_OR_RETURN(const auto times, loopTimes(model, study.spec, seconds));
-    cost.time = times;
+    models.push_back(model);
+    costs.push_back({std::string(axialModelName(study.model)), study.variant, study.stations, {}, {}, 0});
     const double limit_N_per_m = DeviceLimits{}.damping_Ns_per_m * kStationRate_hz / (0.5 + kDelayTicks);
-    cost.margin = limit_N_per_m / model.axial_stiffness_N_per_m;
-    costs.push_back(std::move(cost));
+    costs.back().margin = limit_N_per_m / model.axial_stiffness_N_per_m;
+  }
+  // by turns, so that a slow minute of the machine is every model's
+  std::vector<std::array<LoopTimes, kRounds>> times(models.size());
+  for (std::size_t round = 0; round < kRounds; ++round)
+    for (std::size_t m = 0; m < models.size(); ++m) {
+      progress("the station's loop, " + costs[m].model,
+               static_cast<double>(round * models.size() + m) / static_cast<double>(kRounds * models.size()));
+      ASSIGN_OR_RETURN(times[m][round], loopTimes(models[m], studied[m].spec, seconds));
+    }
+  for (std::size_t m = 0; m < models.size(); ++m) {
+    const auto median = [&](double LoopTimes::*value) {
+      std::array<double, kRounds> all{};
+      for (std::size_t round = 0; round < kRounds; ++round) all[round] = times[m][round].*value;
+      std::nth_element(all.begin(), all.begin() + kRounds / 2, all.end());
+      return all[kRounds / 2];
+    };
+    costs[m].time =
+        LoopTimes{median(&LoopTimes::p50_ns), median(&LoopTimes::p99_ns), median(&LoopTimes::p999_ns)};
   }
   return costs;
 }

@@ -47,10 +47,10 @@ struct ModelCost {
 };
 
 /// The time of a tick in the station's own loop (ServoLoop with the simulated device and hand, at 1 kHz and
-/// ordinary priority), for `seconds` each: p50 to p99.9 of its histogram of tool, gate and engine. The
-/// margin: `b/(T(½ + delay))/K`, with the device's own damping and the model's stiffness along the needle
-/// (FORCE_MODEL.md, "Sum and cap"). Thread: starts one. Errors: those of `compile`; kFailed when the loop
-/// ended early.
+/// ordinary priority), three rounds of `seconds` by turns: p50 to p99.9 of its histogram of tool, gate and
+/// engine, each the median of the rounds. The margin: `b/(T(½ + delay))/K`, with the device's own damping and
+/// the model's stiffness along the needle (FORCE_MODEL.md, "Sum and cap"). Thread: starts one. Errors: those
+/// of `compile`; kFailed when the loop ended early.
 Result<std::vector<ModelCost>> measureCosts(double seconds, const AccuracyProgress& progress);
 
 /// Counts the instructions of a tick of each model over one gesture: `command` must be a program that calls

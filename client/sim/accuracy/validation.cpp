@@ -124,7 +124,7 @@ Result<AccuracyRows> insertionRows(const CurveSet& set, const AccuracyProgress& 
       for (std::size_t m = 0; m < models.size(); ++m) {
         const FittedModel& model = models[m];
         if (!model.fault.empty()) continue;
-        of_question[m] = rowOf(sceneOf(what), model.name, model.variant, model.kind == ModelKind::kBaseline);
+        of_question[m] = rowOf(sceneOf(what), model.name, model.variant, !isModel(model.kind));
         for (const std::size_t c : fold.curves) {
           const BinnedCurve& curve = curves[c];
           ForceError error;

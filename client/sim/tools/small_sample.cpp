@@ -60,13 +60,6 @@ MeanInterval meanInterval(std::span<const double> values) {
   return interval;
 }
 
-double meanIsZero(std::span<const double> values) {
-  if (values.size() < 2) return 1;
-  const double mean = meanOf(values), error = errorOfMean(values, mean);
-  if (error == 0) return mean == 0 ? 1 : 0;
-  return studentTail(mean / error, values.size() - 1);
-}
-
 std::vector<double> holmCorrected(std::span<const double> p) {
   std::vector<std::size_t> order(p.size());
   std::iota(order.begin(), order.end(), std::size_t{0});

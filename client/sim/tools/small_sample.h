@@ -21,10 +21,6 @@ struct MeanInterval {
 };
 MeanInterval meanInterval(std::span<const double> values);
 
-/// Two-sided p that the values' mean is 0; 1 for fewer than two values. Values that are all the same and not
-/// 0 give 0.
-double meanIsZero(std::span<const double> values);
-
 /// The p values of several tests, corrected by Holm's method (1979), in the order given: each at least its
 /// own p, at most 1. The chance that any test whose groups do not differ comes to α or below is at most α,
 /// however the tests depend on each other.

@@ -142,6 +142,8 @@ TEST(AccuracyPicture, hasADotForEachRowACurveForEachStationCountAndBaselinesAsLi
                        meshRow(1000, 15, 0.3),
                        meshRow(1000, 60, 0.2)};
   rows[3].line = true;
+  rows[4].instructions = 1600;
+  rows[5].instructions = 3700;
   const AccuracyPicture picture = accuracyPicture(rows);
   EXPECT_THAT(picture.data, HasSubstr("dots 0 1;"));
   EXPECT_THAT(picture.data, HasSubstr("dots 1 1;"));

@@ -31,7 +31,7 @@ TEST(ValidationRows, haveBaselinesAsLinesHoldWithdrawalAndNoRank) {
   }
   EXPECT_EQ(lines_and_models.size(), 4u) << "two questions to the insertion, the hold, the withdrawal";
   for (const auto& [scene, count] : lines_and_models) {
-    EXPECT_EQ(count.first, 2) << scene;
+    EXPECT_GE(count.first, 2) << scene;
     EXPECT_GE(count.second, 1) << scene;
   }
   const std::string sentence = sentenceOf(Comparator::kValidation, *rows);
