@@ -95,7 +95,7 @@ class LoadRun {
     shared_.seed = options_.seed;
     shared_.ticks = static_cast<std::uint64_t>(options_.seconds * 1000 + 0.5);
     shared_.client.program = programText("load");
-    shared_.client.connect_timeout = 30s;
+    shared_.client.connect_timeout = 60s;
     shared_.stations = std::vector<StationPlan>(options_.stations);
     const Status enrolled = options_.server.empty() ? enrolHere() : enrolThere();
     if (!enrolled.ok()) return enrolled;

@@ -1,5 +1,8 @@
 // How many packets a second the device `falcon` exchanges with the emulated Falcon, and how regularly. Run it
 // through tests/support/falcon_emulator/mocked_usb.sh; tests/bench/realtime/run does so.
+#include <pthread.h>
+#include <sched.h>
+
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <cmath>
@@ -20,13 +23,21 @@ namespace {
 
 using namespace std::chrono_literals;
 
+/// SCHED_FIFO below the haptic loop's, for this thread and those that it starts: a real kernel would not be
+/// late on a busy machine. Without permission they keep their scheduling.
+void preferThisThread() {
+  sched_param parameters{};
+  parameters.sched_priority = 60;
+  static_cast<void>(::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &parameters));
+}
+
 int exchange(double seconds) {
+  preferThisThread();
   UsbTestbed testbed;
   if (const std::string why = testbed.trouble(); !why.empty()) {
     std::fprintf(stderr, "needlelab_falcon_exchange: %s\n", why.c_str());
     return kExitFailed;
   }
-  preferThisThread();
   FalconEmulator falcon(testbed);
   falcon.plug();
   FalconDevice device{FalconOptions{}};

@@ -81,7 +81,6 @@ struct UsbPort::Glue {
     port->clients_.push_back(client);
     if (port->timer_source_ != nullptr) return;
     // the answering thread owns the timer
-    preferThisThread();
     port->timer_source_ = g_unix_fd_source_new(port->timer_, G_IO_IN);
     const GUnixFDSourceFunc fire = [](gint fd, GIOCondition, gpointer self) -> gboolean {
       std::uint64_t times = 0;

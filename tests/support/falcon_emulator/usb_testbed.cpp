@@ -1,7 +1,5 @@
 #include "tests/support/falcon_emulator/usb_testbed.h"
 
-#include <pthread.h>
-#include <sched.h>
 #include <unistd.h>
 #include <csignal>
 
@@ -49,12 +47,6 @@ int UsbTestbed::takeDeviceNumber() {
   do last_device_number_ = last_device_number_ < 127 ? last_device_number_ + 1 : 2;
   while (!device_numbers_.insert(last_device_number_).second);
   return last_device_number_;
-}
-
-void preferThisThread() {
-  sched_param parameters{};
-  parameters.sched_priority = 60;
-  static_cast<void>(::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &parameters));
 }
 
 }  // namespace needlelab::test

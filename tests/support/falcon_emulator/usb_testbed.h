@@ -36,8 +36,4 @@ class UsbTestbed {
   int last_device_number_ = 1, next_port_ = 1;
 };
 
-/// SCHED_FIFO for the calling thread, below the haptic loop's. A real kernel would not be late on a busy
-/// machine. Without permission the thread keeps its scheduling.
-void preferThisThread();
-
 }  // namespace needlelab::test

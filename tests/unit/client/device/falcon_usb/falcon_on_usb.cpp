@@ -18,8 +18,6 @@ GuardedWrench Pusher::push(Vec3 force_W_N) noexcept {
 
 void FalconOnUsb::SetUp() {
   if (const std::string why = testbed_.trouble(); !why.empty()) GTEST_SKIP() << why;
-  // ticks like the station's loop, even in parallel with other tests
-  preferThisThread();
 }
 
 void FalconOnUsb::TearDown() {
