@@ -251,8 +251,8 @@ TEST_F(OfflineTest, aServerThatComesInMidLessonGetsAllOfIt) {
   EXPECT_EQ(summary["samples_acked"], summary["samples"]);
   const auto stored = lab_.stored(summary["session_id"]);
   EXPECT_EQ(stored.samples.size(), summary["samples"]);
-  EXPECT_LT(stored.samples.front().tick, 500u)
-      << "from its beginning on, though a busy machine's loop may miss ticks";
+  // from its beginning on: only ticks that a busy machine's loop missed stand before the first sample
+  EXPECT_LE(stored.samples.front().tick, summary["missed_ticks"].get<std::uint64_t>());
 }
 
 TEST_F(OfflineTest, theListTellsWhatCanBePractisedWithAndWithoutTheServer) {

@@ -5,7 +5,7 @@ found before is found after.
 usage: mutants.py BUILD OUT.tsv [--seed N] [--each N] [--only SUBJECT] [--again FILE.tsv]
 
 BUILD is a build directory of this checkout, whose files are changed and put back: use a checkout of its own. Each subject has --each mutants. A line
-that does not compile is drawn again; a test that hangs has found its mutant. OUT.tsv has a row for each: subject, file, line, old, new, found by.
+that does not compile is drawn again; a test that hangs has found its mutant. First the suites must pass on the unchanged code. OUT.tsv has a row for each: subject, file, line, old, new, found by.
 --again takes the mutants from an earlier table (by their text, wherever the line is now).
 """
 import argparse
@@ -107,6 +107,10 @@ def main():
     parser.add_argument("--again", type=pathlib.Path)
     given = parser.parse_args()
     build = given.build.resolve()
+    for subject, (_, suites) in SUBJECTS.items():
+        if given.only in (None, subject) and (by := found_by(build, suites)) != "":
+            print(f"{subject}: {by or 'the build'} fails without a mutant", file=sys.stderr)
+            return 1
     counts = dict.fromkeys(SUBJECTS, 0)
     with open(given.out, "w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, delimiter="\t", lineterminator="\n")

@@ -59,9 +59,8 @@ AccuracyRows rowsOf(const std::vector<MeshRow>& meshes, double young_factor) {
     row.error_N = MeanInterval{error_N, std::max(0.0, error_N - missed.rest), error_N + missed.rest, 1};
     row.cannot_show = fmt::format(
         "linear elasticity at large strain, and an elasticity that was set, not measured: the scene's "
-        "lateral "
-        "stiffness gives E, times {:.3g} in all layers, so that the tip meets the stiffness of the scene's "
-        "walls at the skin",
+        "lateral stiffness gives E, times {:.3g} in all layers, so that the tip meets the stiffness of the "
+        "scene's walls at the skin",
         young_factor);
     if (const std::string remark = cutRemark(mesh); !remark.empty()) row.cannot_show += "; " + remark;
     rows.push_back(std::move(row));

@@ -1,5 +1,7 @@
 #include "client/sim/accuracy/replay.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -27,6 +29,14 @@ std::vector<Vec3> smoothed(const std::vector<Pose>& poses) {
     path_m.push_back((sums[i + half + 1] - sums[i - half]) * (1.0 / static_cast<double>(2 * half + 1)));
   }
   return path_m;
+}
+
+double greatestSpeed_mps(const std::vector<RecordedHand>& hands) {
+  double way_m = 0;
+  for (const RecordedHand& hand : hands)
+    for (std::size_t i = 1; i < hand.path_m.size(); ++i)
+      way_m = std::max(way_m, norm(hand.path_m[i] - hand.path_m[i - 1]));
+  return way_m * kFineRate_hz;
 }
 
 Vec3 read(Vec3 p_m) {
@@ -104,10 +114,10 @@ Result<AccuracyRows> replayRows(const AccuracyOptions& options, const AccuracyPr
       if (error.count() > 0) errors.push_back(error);
     }
     setError(row, errors);
-    row.cannot_show =
+    row.cannot_show = fmt::format(
         "whether the law is right, and what a hand does that feels the force: these hands moved freely, up "
-        "to "
-        "0.47 m/s";
+        "to {:.2f} m/s",
+        greatestSpeed_mps(hands));
     if (const std::string assumed = frictionAssumption(scene, study.model); !assumed.empty())
       row.cannot_show += ". " + assumed;
     rows.push_back(std::move(row));

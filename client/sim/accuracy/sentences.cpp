@@ -60,10 +60,8 @@ std::string verificationSentence(const AccuracyRows& rows) {
                                                        : "both or for neither";
   std::string text = fmt::format(
       "At 1 kHz and 10 µm the engine keeps {} laws within {:.2g} mN ({}) to {:.2g} mN ({}) of their "
-      "formulas. "
-      "The median, {:.2g} mN, falls to {:.2g} mN at 4 kHz, to {:.2g} mN with 1 µm, to {:.2g} mN with both: "
-      "pay for "
-      "{}.",
+      "formulas. The median, {:.2g} mN, falls to {:.2g} mN at 4 kHz, to {:.2g} mN with 1 µm, to {:.2g} mN "
+      "with both: pay for {}.",
       main.size(), error_mN(*main.front()), nameOf(*main.front()), error_mN(*main.back()),
       nameOf(*main.back()), now_mN, rate_mN, encoder_mN, both_mN, advice);
   // a law that a faster loop makes worse
@@ -101,8 +99,7 @@ std::string refinementSentence(const AccuracyRows& rows) {
   const AccuracyRow &coarse = *most.front(), &fine = *most.back(), &few = *least.back();
   return fmt::format(
       "{:.0f} stations on {:.0f} nodes miss the finest mesh by {:.0f} mN, on {:.0f} nodes by {:.0f} mN; "
-      "{:.0f} "
-      "stations on {:.0f} nodes by {:.0f} mN: buy {} first, but both are needed.",
+      "{:.0f} stations on {:.0f} nodes by {:.0f} mN: buy {} first, but both are needed.",
       *coarse.stations, *coarse.nodes, error_mN(coarse), *fine.nodes, error_mN(fine), *few.stations,
       *few.nodes, error_mN(few), error_mN(few) < error_mN(coarse) ? "nodes" : "stations");
 }
@@ -135,8 +132,7 @@ std::string validationSentence(const AccuracyRows& rows) {
   }
   return fmt::format(
       "{} questions to curves of one specimen each cannot rank models: in {} of them a line drawn through "
-      "the data "
-      "is nearer than every model (best model/line in mN: {}). Buy no model for its place here.",
+      "the data is nearer than every model (best model/line in mN: {}). Buy no model for its place here.",
       scenes.size(), beaten, text);
 }
 
@@ -150,10 +146,8 @@ std::string replaySentence(const AccuracyRows& rows) {
       std::count_if(all.begin(), all.end(), [&](const AccuracyRow* row) { return share(*row) < 5; });
   return fmt::format(
       "In {} recorded hands a loop of 1 kHz with 10 µm costs {:.2g} mN ({}) to {:.2g} mN ({}), and {:.1f} % "
-      "and "
-      "{:.1f} % of their ticks are off by more than a hand may notice. {} of {} models stay below 5 % of the "
-      "ticks: "
-      "these need no faster loop.",
+      "and {:.1f} % of their ticks are off by more than a hand may notice. {} of {} models stay below 5 % of "
+      "the ticks: these need no faster loop.",
       all.front()->error_N->count, error_mN(*all.front()), nameOf(*all.front()), error_mN(*all.back()),
       nameOf(*all.back()), share(*all.front()), share(*all.back()), within, all.size());
 }

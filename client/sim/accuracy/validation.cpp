@@ -140,8 +140,7 @@ Result<AccuracyRows> insertionRows(const CurveSet& set, const AccuracyProgress& 
       setError(of_question[m], errors[m]);
       of_question[m].cannot_show = fmt::format(
           "other tissue than that of the set ({}; insertions: {}): what predicts an unseen specimen needs "
-          "several "
-          "(needlelab-sim benchmark). At most {} numbers a model; baselines have one for each bin",
+          "several (needlelab-sim benchmark). At most {} numbers a model; baselines have one for each bin",
           set.name, curves.size(), kEqualNumbers);
       rows.push_back(std::move(of_question[m]));
     }

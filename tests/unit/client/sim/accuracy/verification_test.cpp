@@ -55,9 +55,8 @@ TEST(Verification, everyModelGoesToItsClosedFormWithTheRate) {
   }
 }
 
-// A scene that we make: the model's own law is accepted. The same law with 10 % more stiffness, the law of
-// before (2018, without attraction), and another model's law are rejected. The instrument of before, a force
-// that jumps at layers, rejected the true law, too.
+// A scene that we make: the model's own law is accepted. The same law with 10 % more stiffness or cutting,
+// the law of 2018 (no attraction) and other models' laws are rejected.
 TEST(ManufacturedScene, acceptsTheTrueLawAndRejectsWrongOnes) {
   const ClosedForm& wall = formOf(AxialModel::kEnhancedTrackingWall);
   ClosedForm stiffer = wall, more_cutting = wall;
