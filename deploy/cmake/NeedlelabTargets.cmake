@@ -7,7 +7,7 @@
 #   OPTIMISED: its own code computes for long, so it is compiled like a library
 #   SERIAL: nothing runs beside its tests, because its emulated device must answer at 1 kHz
 #   COST: in place of TIMEOUT, where a long form needs the limit: what may take longest begins first
-#   Tests of an area with the same labels share a program (DECISIONS.md has the figures).
+#   Tests of an area with the same labels share a program (DECISIONS.md).
 #   labels: unit, net, determinism give the kind of test; threads: runs under ThreadSanitizer in .ci/run; memory: runs under
 #   AddressSanitizer and UBSan there (code that reads or keeps bytes from outside, or works on the haptic thread)
 # needlelab_missing(NAME REASON)  -> a test that is skipped for REASON, in place of tests that cannot be built or run here
@@ -96,7 +96,7 @@ function(needlelab_test name)
     math(EXPR ARG_TIMEOUT "10 * ${ARG_TIMEOUT}")
   endif()
   # OpenBLAS's threads spin while they wait for each other: beside the other tests they take more of the processor than
-  # the test (DECISIONS.md). Whole programs (net) run as users run them.
+  # the test. Whole programs (net) run as users run them.
   set(properties)
   if(NOT "net" IN_LIST ARG_LABEL)
     set(properties ENVIRONMENT OPENBLAS_NUM_THREADS=1)

@@ -47,7 +47,7 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
 endif()
 
 # The presets that build a fresh checkout compile the files of a target in batches (CMAKE_UNITY_BUILD) and reuse
-# precompiled headers; DECISIONS.md has the figures. `dev` does neither, so it finds a missing #include.
+# precompiled headers (DECISIONS.md). `dev` does neither, so it finds a missing #include.
 if(CMAKE_UNITY_BUILD AND CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   # A batch allocates a gigabyte: with a larger heap from the start GCC collects garbage less often.
   add_compile_options(--param=ggc-min-heapsize=600000 --param=ggc-min-expand=400)
