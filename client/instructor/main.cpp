@@ -46,8 +46,6 @@ int main(int argc, char** argv) {
                  "First line is the password; without it the terminal asks");
   app.add_flag("--headless", options.headless, "Lines in this terminal, no window");
   app.add_option("--report", options.report, "Write a report about --session as an HTML file");
-  app.add_option("--script", options.script, "Of the window: do what this file lists, then end")
-      ->type_name("FILE");
   app.add_option("--screenshot", options.screenshot, "Of the window: a PNG of it")->type_name("FILE");
   app.add_flag("--off-screen", options.off_screen, "Draw the window into memory: needs no display");
   app.add_option("--window", options.window_size,

@@ -23,9 +23,8 @@ std::filesystem::path stateFolder() {
 
 Status runWindowMode(const InstructorOptions& options, const std::function<bool()>& stopped) {
   WindowRunOptions run;
-  // scripts and pictures begin the same way each time
-  if (const auto folder = stateFolder();
-      options.screenshot.empty() && options.script.empty() && !folder.empty()) {
+  // pictures begin the same way each time
+  if (const auto folder = stateFolder(); options.screenshot.empty() && !folder.empty()) {
     std::error_code ignored;
     std::filesystem::create_directories(folder, ignored);
     run.surface.state_file = folder / "instructor-window.json";
@@ -38,15 +37,14 @@ Status runWindowMode(const InstructorOptions& options, const std::function<bool(
   if (!options.password_file.empty()) {
     ASSIGN_OR_RETURN(run.form.password, readPassword(options.password_file, {}));
   }
-  run.surface.kind = options.off_screen                                     ? SurfaceOptions::Kind::kOffScreen
-                     : options.screenshot.empty() && options.script.empty() ? SurfaceOptions::Kind::kWindow
-                                                                            : SurfaceOptions::Kind::kAny;
+  run.surface.kind = options.off_screen           ? SurfaceOptions::Kind::kOffScreen
+                     : options.screenshot.empty() ? SurfaceOptions::Kind::kWindow
+                                                  : SurfaceOptions::Kind::kAny;
   run.surface.title = "needlelab: instructor";
   ASSIGN_OR_RETURN(const auto size, windowSizeOf(options));
   run.surface.width_px = size.width_px;
   run.surface.height_px = size.height_px;
   run.surface.font_scale = options.font_scale;
-  run.script = options.script;
   run.screenshot = options.screenshot;
   run.screenshot_at_s = options.at_s.value_or(2);
   run.seconds = options.seconds;

@@ -8,9 +8,8 @@
 
 namespace needlelab {
 
-/// Runs until the window is closed, a script ends, or `stopped` returns true. `options` must be checked.
-/// Errors: kInvalidInput (password file, script), kUnavailable (no display, no OpenGL, or no window in this
-/// build), kFailed (an action of the script).
+/// Runs until the window is closed or `stopped` returns true. `options` must be checked. Errors:
+/// kInvalidInput (password file), kUnavailable (no display, no OpenGL, or no window in this build).
 Status runWindowMode(const InstructorOptions& options, const std::function<bool()>& stopped);
 
 }  // namespace needlelab

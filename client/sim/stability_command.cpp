@@ -80,9 +80,7 @@ double lookOf(const CaseRow* row) {
 // cases × models, each cell with its verdict and its measured value
 Status drawOverview(const std::vector<CaseRow>& rows, const std::filesystem::path& out) {
   const auto names = caseNames(rows);
-  std::vector<AxialModel> models;
-  for (const CaseRow& row : rows)
-    if (std::find(models.begin(), models.end(), row.model) == models.end()) models.push_back(row.model);
+  const auto models = modelsOf(rows);
   PlotBlocks data;
   std::vector<std::string> limits;
   for (std::size_t y = 0; y < names.size(); ++y) {
@@ -126,7 +124,7 @@ constexpr double kShown_s = 0.4;
 const CaseOutcome* heldOutcome(const std::vector<CaseOutcome>& outcomes, std::string_view case_name,
                                AxialModel model) {
   for (const CaseOutcome& one : outcomes)
-    if (one.row.case_name == case_name && one.row.model == model && !one.traces.empty()) return &one;
+    if (one.row.case_name == case_name && one.row.model == model && !one.trace.time_s.empty()) return &one;
   return nullptr;
 }
 
@@ -140,7 +138,7 @@ Status drawHolds(const std::vector<CaseOutcome>& outcomes, const std::filesystem
     for (std::size_t c = 0; c < std::size(kHeld); ++c) {
       const CaseOutcome* outcome = heldOutcome(outcomes, kHolds[r].case_name, kHeld[c]);
       if (outcome == nullptr) continue;
-      const CaseTrace& trace = outcome->traces.front();
+      const CaseTrace& trace = outcome->trace;
       const double from = trace.from_s + 1, to = from + kShown_s;
       std::vector<std::pair<double, double>> shown;
       for (std::size_t i = 0; i < trace.time_s.size(); ++i)
@@ -195,14 +193,6 @@ Status draw(const std::vector<CaseOutcome>& outcomes, const CaseSettings& settin
   return {};
 }
 
-// counter-examples, small enough to be read and kept
-Status writeAttachments(const std::vector<CaseOutcome>& outcomes, const std::filesystem::path& folder) {
-  for (const CaseOutcome& outcome : outcomes)
-    for (const CaseAttachment& one : outcome.files)
-      RETURN_IF_ERROR(writeFileAtomically(folder / one.name, viewOf(one.text)));
-  return {};
-}
-
 int stability(const StabilityOptions& options) {
   const auto file = options.cases.empty() ? CaseFile::embedded() : CaseFile::load(options.cases);
   if (!file.ok()) return failed("stability", file.error());
@@ -254,10 +244,6 @@ int stability(const StabilityOptions& options) {
       progress.clear();
       return failed("stability", status.error());
     }
-
-  if (!options.out.empty())
-    if (const Status status = writeAttachments(outcomes, options.out); !status.ok())
-      return failed("stability", status.error());
 
   // the shipped model must be stable; the others need not be
   const auto unstable = std::find_if(rows.begin(), rows.end(), [](const CaseRow& row) {

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
 
@@ -12,16 +13,10 @@
 
 namespace needlelab::test {
 
-/// The case of that name with the compiled-in cases.json; NEEDLELAB_LONG=1 takes the long form. A failure of
-/// the running test when there is none, or when it cannot run.
-inline CaseRow rowOf(std::string_view name, AxialModel model = AxialModel::kEnhancedTrackingWall,
-                     const ForceSourceFactory& source = engineSource()) {
-  const auto file = CaseFile::embedded();
-  if (!file.ok()) {
-    ADD_FAILURE() << file.error().message;
-    return {};
-  }
-  const CaseSettings settings{*file, longForm()};
+/// The case of that name of `file`. A failure of the running test when there is none, or when it cannot run.
+inline CaseRow rowFrom(const CaseSettings& settings, std::string_view name,
+                       const ForceSourceFactory& source = engineSource(),
+                       AxialModel model = AxialModel::kEnhancedTrackingWall) {
   for (const StabilityCase& one : allCases()) {
     if (one.name != name) continue;
     const auto outcome = runCase(one, settings, model, source);
@@ -33,11 +28,42 @@ inline CaseRow rowOf(std::string_view name, AxialModel model = AxialModel::kEnha
   return {};
 }
 
+/// The same with the compiled-in cases.json; NEEDLELAB_LONG=1 takes the long form.
+inline CaseRow rowOf(std::string_view name, AxialModel model = AxialModel::kEnhancedTrackingWall,
+                     const ForceSourceFactory& source = engineSource(), const CaseControl& control = {}) {
+  static const CaseFile file = CaseFile::embedded().value();
+  return rowFrom({file, longForm(), control}, name, source, model);
+}
+
+/// The same with one field of the case's entry changed.
+inline CaseRow rowWithField(std::string_view name, const char* field, const nlohmann::json& value,
+                            const ForceSourceFactory& source = engineSource(),
+                            const CaseControl& control = {}) {
+  auto json = CaseFile::embedded().value().json();
+  json["cases"][std::string(name)][field] = value;
+  const auto file = CaseFile::parse(json.dump(), "changed").value();
+  return rowFrom({file, false, control}, name, source);
+}
+
+/// Bad samples that meet no gate.
+inline CaseControl withoutGate() {
+  CaseControl control;
+  control.gate = false;
+  return control;
+}
+
 /// A row as text, for messages.
 inline std::string rowText(const CaseRow& row) {
   return std::string(verdictText(row.verdict)) + ": " + row.quantity + " " +
          std::to_string(row.measured.value_or(-1)) + ", limit " + std::to_string(row.limit.value_or(-1)) +
          "; " + row.note;
+}
+
+inline testing::AssertionResult isStable(const CaseRow& row) {
+  return (row.verdict == Verdict::kStable && row.applicable && row.finite && row.passed
+              ? testing::AssertionSuccess()
+              : testing::AssertionFailure())
+         << row.case_name << " " << rowText(row);
 }
 
 /// The control: the reference with a planted defect, in the wall's place.

@@ -39,5 +39,12 @@ inline ForceSourceFactory changed(Change change) {
     return std::unique_ptr<ForceSource>(std::make_unique<ChangedSource>(std::move(*inner), change));
   };
 }
+/// The engine, but the scene is changed before it is compiled.
+inline ForceSourceFactory ofScene(std::function<void(SceneSpec&)> change) {
+  return [change = std::move(change)](SceneSpec scene, double rate_hz) {
+    change(scene);
+    return engineSource()(scene, rate_hz);
+  };
+}
 
 }  // namespace needlelab::test

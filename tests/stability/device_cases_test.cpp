@@ -7,8 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "client/sim/stability/gated_run.h"
-#include "client/sim/stability/motion_cases.h"
 #include "tests/stability/case_rows.h"
 #include "tests/stability/changed_source.h"
 
@@ -16,21 +14,6 @@ namespace needlelab::test {
 namespace {
 
 constexpr AxialModel kShipped = AxialModel::kEnhancedTrackingWall;
-
-class WallBearsDevice : public testing::TestWithParam<std::string> {};
-TEST_P(WallBearsDevice, thatDoesWrong) {
-  const CaseRow row = rowOf(GetParam());
-  EXPECT_TRUE(row.applicable && row.finite && row.passed) << rowText(row);
-  EXPECT_EQ(row.verdict, Verdict::kStable) << rowText(row);
-}
-INSTANTIATE_TEST_SUITE_P(
-    Device, WallBearsDevice,
-    [] {
-      std::vector<std::string> names;
-      for (const StabilityCase& one : deviceCases()) names.push_back(one.name);
-      return testing::ValuesIn(names);
-    }(),
-    [](const auto& test) { return test.param; });
 
 // every model has a row in every case, good or bad; a mesh of FEM takes a second, so not here
 TEST(DeviceCases, everyModelHasAFiniteRow) {
@@ -42,16 +25,6 @@ TEST(DeviceCases, everyModelHasAFiniteRow) {
       EXPECT_TRUE(row.applicable && row.finite) << one.name << ", " << axialModelName(model);
       EXPECT_TRUE(row.measured && row.limit) << one.name << ", " << axialModelName(model);
     }
-}
-
-CaseRow glitchRow(double glitch_m, const ForceSourceFactory& source, AxialModel model = kShipped) {
-  auto json = CaseFile::embedded().value().json();
-  json["cases"]["glitch_under_gate"]["glitch_m"] = glitch_m;
-  const auto file = CaseFile::parse(json.dump(), "another glitch").value();
-  const auto outcome = glitchUnderGate({file, false}, model, source);
-  if (outcome.ok()) return outcome->row;
-  ADD_FAILURE() << outcome.error().message;
-  return {};
 }
 
 TEST(GlitchUnderGate, aSpringWithoutEndDepartsByMoreThanTissueCan) {
@@ -68,7 +41,8 @@ TEST(GlitchUnderGate, aSpringWithoutEndDepartsByMoreThanTissueCan) {
 
 // 5 m/s over a tick of 1 ms are 5 mm; on the way in or out 0.02 mm belong to the needle's own motion
 TEST(GlitchUnderGate, theGateTakesNoneOfALargerOne) {
-  const CaseRow under = glitchRow(0.0049, engineSource()), over = glitchRow(0.0051, engineSource());
+  const CaseRow under = rowOf("glitch_under_gate"),
+                over = rowWithField("glitch_under_gate", "glitch_m", 0.0051);
   EXPECT_GT(*under.measured, 0.5) << "the wall follows it";
   EXPECT_LT(*over.measured, 0.03) << "the held force of one tick";
 }
@@ -117,24 +91,17 @@ TEST(QuaternionSign, aTorqueFromTheScalarPartAloneFails) {
 }
 
 TEST(ClockSteps, withoutTheGateTheForceIsThereAtOnce) {
-  const auto file = CaseFile::embedded();
-  ASSERT_TRUE(file.ok());
-  const auto outcome = clockSteps({*file, false}, kShipped, engineSource(), Gate::kAbsent);
-  ASSERT_TRUE(outcome.ok()) << outcome.error().message;
-  EXPECT_FALSE(outcome->row.passed) << rowText(outcome->row);
+  const CaseRow row = rowOf("clock_steps", kShipped, engineSource(), withoutGate());
+  EXPECT_FALSE(row.passed) << rowText(row);
   // at its lowest the share is zero: all of the cutting force of 1 N
-  EXPECT_NEAR(*outcome->row.measured, 1.0, 0.01);
+  EXPECT_NEAR(*row.measured, 1.0, 0.01);
 }
 
 // the loop's clock in the gate: 20 missed ticks are bridged, 21 are a stall
 TEST(ClockSteps, oneTickMoreThanTheWatchdogsLimitFadesTheForce) {
-  const auto file = CaseFile::embedded();
-  ASSERT_TRUE(file.ok());
-  const auto withForward = [&](double ticks) {
-    auto json = file->json();
-    json["cases"]["clock_steps"]["forward_ticks"] = {ticks};
-    const auto changed_file = CaseFile::parse(json.dump(), "one step").value();
-    return clockSteps({changed_file, false}, kShipped, engineSource(), Gate::kAbsent)->row;
+  const auto withForward = [](double ticks) {
+    return rowWithField("clock_steps", "forward_ticks", nlohmann::json::array({ticks}), engineSource(),
+                        withoutGate());
   };
   EXPECT_TRUE(withForward(20).passed);
   EXPECT_FALSE(withForward(21).passed);

@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "client/sim/stability/motion_cases.h"
 #include "tests/stability/case_rows.h"
 #include "tests/stability/changed_source.h"
 
@@ -15,25 +14,9 @@ namespace {
 
 constexpr AxialModel kLoaded = AxialModel::kEnhancedTrackingWall;
 
-::testing::AssertionResult holds(const CaseRow& row) {
-  return (row.verdict == Verdict::kStable ? ::testing::AssertionSuccess() : ::testing::AssertionFailure())
-         << row.case_name << " " << rowText(row);
-}
-
-// the engine, but the scene is changed before it is compiled
-ForceSourceFactory ofScene(void (*change)(SceneSpec&)) {
-  return [change](SceneSpec scene, double rate_hz) {
-    change(scene);
-    return engineSource()(scene, rate_hz);
-  };
-}
-
-TEST(ReleaseUnderLoad, theNeedleGetsWhatTheSpringHeldAndNoMore) {
-  EXPECT_TRUE(holds(rowOf("release_under_load")));
-}
 TEST(ReleaseUnderLoad, controlAForceThatKeepsItsSizeGivesMore) {
   const CaseRow row = rowOf("release_under_load", AxialModel::kDirect);
-  EXPECT_FALSE(holds(row));
+  EXPECT_FALSE(isStable(row));
   // 4 N over 18 mm of tissue against 4²/(2·500) J
   EXPECT_GT(*row.measured, 3.5) << rowText(row);
 }
@@ -45,13 +28,13 @@ TEST(ReleaseUnderLoad, controlAMembraneThatPushesHarderOutThanInGivesMore) {
                               if (r.depth_m < depth_m) r.wrench_W.force_N = r.wrench_W.force_N * 1.2;
                               depth_m = r.depth_m;
                             }));
-  EXPECT_FALSE(holds(row));
+  EXPECT_FALSE(isStable(row));
   EXPECT_GT(*row.measured, 1.1) << rowText(row);
 }
 
 TEST(DeratedRelease, theForceFallsAndRisesWithoutAStep) {
   const CaseRow row = rowOf("derated_release");
-  EXPECT_TRUE(holds(row));
+  EXPECT_TRUE(isStable(row));
   // the gate lets it rise by 10 N/s
   EXPECT_LE(*row.measured, 0.0101) << rowText(row);
 }
@@ -73,7 +56,7 @@ TEST(DeratedRelease, controlAThermostatSteps) {
 
 TEST(LeverClamping, thePushAsideDiesOut) {
   const CaseRow row = rowOf("lever_clamping");
-  EXPECT_TRUE(holds(row));
+  EXPECT_TRUE(isStable(row));
   // b + b_hand of 3.5 N·s/m and 0.06 N·m·s/rad behind the lever, over T (½ + d) and 400 N/m
   const double lever2 = 0.012 * 0.012 + 0.008 * 0.008 + 0.13 * 0.13;
   EXPECT_NEAR(*row.coupled_margin, 1 / (1 / 3.5 + lever2 / 0.06) / 1.5e-3 / 400, 1e-9);
@@ -85,24 +68,15 @@ void stiffFixture(SceneSpec& scene) {
   scene.virtual_fixture.max_stiffness_N_per_m = 2000;
 }
 TEST(LeverClamping, controlAFixtureThatOnlyAHandAtTheNeedleCouldHoldSwings) {
-  EXPECT_FALSE(holds(rowOf("lever_clamping", kLoaded, ofScene(stiffFixture))));
+  EXPECT_FALSE(isStable(rowOf("lever_clamping", kLoaded, ofScene(stiffFixture))));
 }
 TEST(LeverClamping, theSameFixtureStandsWithoutTheLever) {
-  auto json = CaseFile::embedded().value().json();
-  json["cases"]["lever_clamping"]["plant"] = {{"tool_z_m", 0}};
-  json["cases"]["lever_clamping"]["limit"] = 0.1;  // encoder steps of 10 µm on a stiffness of 2 kN/m
-  const auto file = CaseFile::parse(json.dump(), "no lever").value();
-  for (const StabilityCase& one : loadCases()) {
-    if (one.name != "lever_clamping") continue;
-    const auto outcome = runCase(one, {file, false}, kLoaded, ofScene(stiffFixture));
-    ASSERT_TRUE(outcome.ok()) << outcome.error().message;
-    EXPECT_TRUE(holds(outcome->row));
-  }
+  EXPECT_TRUE(isStable(rowWithField("lever_clamping", "plant", {{"tool_z_m", 0}}, ofScene(stiffFixture))));
 }
 
 TEST(ObliqueBone, holdsAtAnyAngleOnEachDevice) {
   const CaseRow row = rowOf("oblique_bone");
-  EXPECT_TRUE(holds(row));
+  EXPECT_TRUE(isStable(row));
   // the Falcon's 1.0 N·s/m over T (½ + d) and 1000 N/m, alone and with the hand's 3 N·s/m
   EXPECT_NEAR(*row.passive_margin, 1.0 / 1.5e-3 / 1000, 1e-9);
   EXPECT_NEAR(*row.coupled_margin, 4.0 / 1.5e-3 / 1000, 1e-9);
@@ -110,28 +84,28 @@ TEST(ObliqueBone, holdsAtAnyAngleOnEachDevice) {
 TEST(ObliqueBone, controlBoneThatIsALayerToCutLetsTheNeedleIn) {
   const CaseRow row = rowOf("oblique_bone", kLoaded,
                             ofScene([](SceneSpec& scene) { scene.effects &= ~bitOf(Effect::kBone); }));
-  EXPECT_FALSE(holds(row));
+  EXPECT_FALSE(isStable(row));
 }
 TEST(ObliqueBone, controlBoneStifferThanTheLoopHoldsSwings) {
   const CaseRow row = rowOf("oblique_bone", kLoaded, ofScene([](SceneSpec& scene) {
                               scene.stage_numbers[stageOf(Effect::kBone)][kBoneStiffness_N_per_m] = 5000;
                             }));
-  EXPECT_FALSE(holds(row));
+  EXPECT_FALSE(isStable(row));
   EXPECT_GT(*row.measured, 0.2) << rowText(row);
 }
 
 TEST(FreeHandNoFriction, itSwingsAboutTheWallAndNoFurther) {
   const CaseRow row = rowOf("free_hand_no_friction");
-  EXPECT_TRUE(holds(row));
+  EXPECT_TRUE(isStable(row));
   // no hand: coupled and passive are the same, and 0.5 N·s/m are passive up to 333 N/m
   EXPECT_NEAR(*row.passive_margin, 0.5 / 1.5e-3 / 500, 1e-9);
   EXPECT_EQ(*row.coupled_margin, *row.passive_margin);
 }
 TEST(FreeHandNoFriction, controlARampThatDoesNotLookAtTheNeedlePullsItOut) {
-  EXPECT_FALSE(holds(rowWith(Defect::kRampIgnoresZ, "free_hand_no_friction")));
+  EXPECT_FALSE(isStable(rowWith(Defect::kRampIgnoresZ, "free_hand_no_friction")));
 }
 TEST(FreeHandNoFriction, controlAForceStepThrowsTheNeedleOut) {
-  EXPECT_FALSE(holds(rowOf("free_hand_no_friction", AxialModel::kDirect)));
+  EXPECT_FALSE(isStable(rowOf("free_hand_no_friction", AxialModel::kDirect)));
 }
 
 TEST(RandomEnergy500981, isStableInTheSetUpThatAStationHas) {
@@ -143,12 +117,14 @@ TEST(RandomEnergy500981, isStableInTheSetUpThatAStationHas) {
 }
 
 TEST(LoadCases, everyModelHasAFiniteRow) {
-  for (const StabilityCase& one : loadCases())
+  std::vector<std::string> names = {"tool_gestures", "random_energy_500981"};
+  for (const StabilityCase& one : loadCases()) names.push_back(one.name);
+  for (const std::string& name : names)
     for (const AxialModel model :
          {AxialModel::kTrackingWall, AxialModel::kDirect, AxialModel::kVoigt, AxialModel::kGodObject,
           AxialModel::kFirstOrder, AxialModel::kStatistical, AxialModel::kPrecomputed}) {
-      const CaseRow row = rowOf(one.name, model);
-      EXPECT_TRUE(!row.applicable || row.finite) << one.name << ", " << axialModelName(model);
+      const CaseRow row = rowOf(name, model);
+      EXPECT_TRUE(!row.applicable || row.finite) << name << ", " << axialModelName(model);
     }
 }
 

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "client/sim/stability/passivity_gesture.h"
+#include "tests/stability/search/shrink.h"
 
 namespace needlelab::test {
 namespace {
@@ -46,7 +47,7 @@ TEST(Observer, whatCuttingTookDoesNotPayForALaterInsertion) {
   observer.add(tipAt(0.011), forceOf(0.1), 1);
   observer.add(tipAt(0.011), forceOf(0, kFlagExit), 1);
   EXPECT_NEAR(observer.record().net_J, -0.01 + 1e-4, 1e-9);
-  EXPECT_NEAR(observer.record().worst_insertion_J, 1e-4, 1e-9);
+  EXPECT_NEAR(observer.record().worst_running_J, 1e-4, 1e-9);
   EXPECT_EQ(observer.record().insertions, 2u);
 }
 

@@ -1,17 +1,14 @@
 // The counter-examples in regressions/: each fails with its original force source, and the shipped wall
-// passes it. NEEDLELAB_WRITE_REGRESSIONS=1 finds and writes them again.
+// passes it. gesture_search (search/) finds and writes them again.
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 
-#include "client/sim/stability/passivity_search.h"
-#include "common/base/files.h"
 #include "common/profile/profile.h"
 #include "tests/stability/planted_sources.h"
+#include "tests/stability/search/counter_example.h"
 
 namespace needlelab::test {
 namespace {
@@ -96,33 +93,6 @@ TEST(CounterExampleFile, whatIsWrongIsSaidWithFileFieldAndRange) {
             "file.json: found.model: 'XENHANCED_TRACKING_WALL' is no model");
   EXPECT_EQ(messageWith("{", "["), "file.json: is not JSON");
   EXPECT_EQ(loadCounterExample("/nowhere/x.json").error().message, "/nowhere/x.json: cannot be read");
-}
-
-void write(CounterExample example, const std::string& file) {
-  ASSERT_TRUE(writeFileAtomically(kFolder / file, viewOf(counterExampleJson(example))).ok());
-}
-
-TEST(Regressions, areWritten) {
-  if (std::getenv("NEEDLELAB_WRITE_REGRESSIONS") == nullptr) GTEST_SKIP() << "only when asked for";
-  PassivitySearch search;
-  search.most_counter_examples = 1;
-  const auto keep = [&](AxialModel model, const ForceSourceFactory& source, const std::string& file) {
-    const auto found = searchGestures(search, model, source);
-    ASSERT_TRUE(found.ok() && !found->counter_examples.empty()) << file;
-    write(found->counter_examples.front(), file);
-  };
-  for (const auto& [name, defect] : kFindableDefects) {
-    search.source_name = sourceName(name);
-    std::string file(name);
-    std::replace_if(
-        file.begin(), file.end(), [](unsigned char c) { return !std::isalnum(c); }, '-');
-    keep(kKeptModel, referenceSource(defect), file + ".json");
-  }
-  search.source_name = "engine";
-  keep(AxialModel::kDirect, engineSource(), "direct.json");
-  keep(AxialModel::kVoigt, engineSource(), "voigt.json");
-  search.range.clamping = ClampingMode::kProportional;
-  keep(kKeptModel, engineSource(), "proportional.json");
 }
 
 }  // namespace

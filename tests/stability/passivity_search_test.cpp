@@ -3,27 +3,23 @@
 
 #include <cstdio>
 
-#include "client/sim/stability/motion_cases.h"
 #include "client/sim/stability/passivity_gesture.h"
-#include "client/sim/stability/passivity_search.h"
+#include "client/sim/stability/passivity_observer.h"
 #include "tests/stability/case_rows.h"
 #include "tests/stability/planted_sources.h"
+#include "tests/stability/search/counter_example.h"
+#include "tests/stability/search/shrink.h"
 
 namespace needlelab::test {
 namespace {
 
 TEST(RandomEnergy, theWallGivesTheHandNothing) {
-  const auto file = CaseFile::embedded();
-  ASSERT_TRUE(file.ok()) << file.error().message;
-  const auto outcome = randomEnergy({*file, longForm()}, AxialModel::kEnhancedTrackingWall, engineSource());
-  ASSERT_TRUE(outcome.ok()) << outcome.error().message;
-  std::printf("the enhanced tracking wall: worst %.4f mJ, step %.4f N\n", 1e3 * *outcome->row.energy_J,
-              *outcome->row.max_unexplained_step_N);
-  EXPECT_TRUE(outcome->row.passed) << rowText(outcome->row);
-  EXPECT_LE(*outcome->row.energy_J, 5e-5);
-  EXPECT_LE(*outcome->row.max_unexplained_step_N, 0.05);
-  // the counter-example is small by now: keep it in tests/stability/regressions
-  for (const CaseAttachment& found : outcome->files) ADD_FAILURE() << found.name << "\n" << found.text;
+  const CaseRow row = rowOf("random_energy");
+  std::printf("the enhanced tracking wall: worst %.4f mJ, step %.4f N\n", 1e3 * *row.energy_J,
+              *row.max_unexplained_step_N);
+  EXPECT_TRUE(row.passed) << rowText(row);
+  EXPECT_LE(*row.energy_J, 5e-5);
+  EXPECT_LE(*row.max_unexplained_step_N, 0.05);
 }
 
 // a seed's motion and its scene without the stages do not change with them, so that kept seeds keep their
@@ -55,7 +51,7 @@ TEST(RandomEnergy, theStagesAreDrawnBesideASeedsOwnDraws) {
 
 // halving the tick halves a slope but not a jump: a step that shrinks at 4 kHz is not a jump
 TEST(RandomEnergy, stepsShrinkWithTheTick) {
-  PassivitySearch search;
+  GestureSearch search;
   search.gestures = 150;
   const auto slow = searchGestures(search, AxialModel::kEnhancedTrackingWall, engineSource());
   search.rate_hz = 4000;
@@ -66,7 +62,7 @@ TEST(RandomEnergy, stepsShrinkWithTheTick) {
 }
 
 TEST(RandomEnergy, gesturesSeeEverythingThatAnEngineDoes) {
-  PassivitySearch search;
+  GestureSearch search;
   const auto found = searchGestures(search, AxialModel::kEnhancedTrackingWall, engineSource());
   ASSERT_TRUE(found.ok());
   constexpr std::uint32_t kAll = kFlagEntry | kFlagExit | kFlagLayerChange | kFlagRupture | kFlagTurn |
@@ -132,24 +128,22 @@ void expectSmall(const CounterExample& example, const Small& most) {
   EXPECT_LE(long_numbers, 4) << text;
 }
 
-PassivityFindings found(AxialModel model, const ForceSourceFactory& source, std::string name,
-                        const GestureRange& range = {}) {
-  PassivitySearch search;
-  search.most_counter_examples = 1;
+std::vector<CounterExample> found(AxialModel model, const ForceSourceFactory& source, const std::string& name,
+                                  const GestureRange& range = {}) {
+  GestureSearch search;
   search.range = range;
-  search.source_name = std::move(name);
-  auto findings = searchGestures(search, model, source);
-  if (findings.ok()) return *std::move(findings);
-  ADD_FAILURE() << findings.error().message;
+  auto examples = counterExamples(search, name, model, source);
+  if (examples.ok()) return *std::move(examples);
+  ADD_FAILURE() << examples.error().message;
   return {};
 }
 
 class PlantedDefect : public testing::TestWithParam<std::size_t> {};
 TEST_P(PlantedDefect, isFoundAndShrunk) {
   const auto& [name, defect] = kFindableDefects[GetParam()];
-  const auto findings = found(kShrunkModel, referenceSource(defect), sourceName(name));
-  ASSERT_GE(findings.failed, 1u);
-  const CounterExample& example = findings.counter_examples.front();
+  const auto examples = found(kShrunkModel, referenceSource(defect), sourceName(name));
+  ASSERT_FALSE(examples.empty());
+  const CounterExample& example = examples.front();
   expectSmall(example, {});
   // the defect causes the failure: without it the gesture passes
   const auto sound = runGesture(example.gesture, kShrunkModel, referenceSource());
@@ -161,9 +155,9 @@ INSTANTIATE_TEST_SUITE_P(Shrink, PlantedDefect, testing::Range<std::size_t>(0, k
 TEST(Shrink, proportionalClampingIsFoundAndIsTheClampPump) {
   GestureRange range;
   range.clamping = ClampingMode::kProportional;
-  const auto findings = found(kShrunkModel, engineSource(), "engine", range);
-  ASSERT_GE(findings.failed, 1u);
-  const CounterExample& example = findings.counter_examples.front();
+  const auto examples = found(kShrunkModel, engineSource(), "engine", range);
+  ASSERT_FALSE(examples.empty());
+  const CounterExample& example = examples.front();
   EXPECT_EQ(example.finding.check, PassivityCheck::kEnergy);
   expectSmall(example, {});
   EXPECT_EQ(example.gesture.profile.effects(0), pb::Profile::CLAMPING);
@@ -171,15 +165,14 @@ TEST(Shrink, proportionalClampingIsFoundAndIsTheClampPump) {
 }
 
 TEST(Shrink, directIsFoundToPayBackElsewhere) {
-  const auto findings = found(AxialModel::kDirect, engineSource(), "engine");
-  ASSERT_GE(findings.failed, 1u);
-  expectSmall(findings.counter_examples.front(), {});
+  const auto examples = found(AxialModel::kDirect, engineSource(), "engine");
+  ASSERT_FALSE(examples.empty());
+  expectSmall(examples.front(), {});
 }
 
 TEST(Shrink, theShippedEngineHasNothingToShrink) {
-  const auto findings = found(kShrunkModel, engineSource(), "engine");
-  EXPECT_EQ(findings.failed, 0u);
-  for (const auto& example : findings.counter_examples) ADD_FAILURE() << counterExampleJson(example);
+  const auto examples = found(kShrunkModel, engineSource(), "engine");
+  for (const auto& example : examples) ADD_FAILURE() << counterExampleJson(example);
 }
 
 // shrinking keeps the cause of the failure and drops everything else

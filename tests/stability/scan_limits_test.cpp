@@ -65,7 +65,7 @@ TEST(StiffnessLimits, everyModelStandsWhereItsLinearLoopDoes) {
 
 TEST(StiffnessLimits, stableMeansThatANudgeDiesOut) {
   NudgeOutcome outcome;
-  outcome.swing_first_m = outcome.swing_middle_m = outcome.swing_end_m = 100e-6;
+  outcome.swing_middle_m = outcome.swing_end_m = 100e-6;
   EXPECT_FALSE(isStable(outcome, 10e-6)) << "swings on as it did";
   outcome.swing_end_m = 94e-6;
   EXPECT_TRUE(isStable(outcome, 10e-6)) << "becomes smaller";

@@ -109,7 +109,7 @@ std::unique_ptr<Process> LabOfEight::window(const std::string& name, const std::
   auto arguments = peer("ines");
   arguments.insert(arguments.end(), {"--script", path(name + ".script")});
   if (off_screen) arguments.emplace_back("--off-screen");
-  return std::make_unique<Process>("needlelab-instructor", arguments, path(name + ".log"));
+  return std::make_unique<Process>("instructor_script", arguments, path(name + ".log"));
 }
 
 int LabOfEight::headless(const std::vector<std::string>& more) {

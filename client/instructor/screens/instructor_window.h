@@ -1,4 +1,4 @@
-/// The instructor's window: screens, keys, and text for scripts.
+/// The instructor's window: screens, keys, and the text that they show.
 #pragma once
 
 #include <filesystem>
@@ -44,7 +44,7 @@ class InstructorWindow {
   std::string text_;
 };
 
-/// Returns the text with each run of whitespace as one space. Scripts compare screen texts in this form.
+/// Returns the text with each run of whitespace as one space.
 std::string flatText(const std::string& text);
 
 // --- the window from options to the exit code
@@ -53,17 +53,18 @@ struct WindowRunOptions {
   LoginForm form;  ///< initial values; with a password, logs in at once
   SurfaceOptions surface;
   std::filesystem::path login_memory;  ///< written after a log-in; empty: none
-  std::filesystem::path script;        ///< empty: none; the program ends with it
   std::filesystem::path screenshot;    ///< empty: none
-  double screenshot_at_s = 2;          ///< since the first frame; without a script the program ends after it
+  double screenshot_at_s = 2;          ///< since the first frame; the program ends after it
   std::optional<double> seconds;       ///< end after this time
   std::string station;                 ///< watched after the log-in; empty: show the lab
   std::string session;                 ///< replayed after the log-in
+  /// Called after each frame, with its text, by what drives the window in a person's place; false ends the
+  /// run. It logs in by itself.
+  std::function<bool(InstructorWindow&)> driver;
 };
 
-/// Runs until the window closes, the script ends, or SIGINT or SIGTERM arrives. Thread: the process's first
-/// one. Errors: from Surface::open; kFailed (a script action, with file and line), kInvalidInput (the
-/// script's text).
+/// Runs until the window closes or `stopped` returns true. Thread: the process's first one. Errors: from
+/// Surface::open.
 Status runInstructorWindow(const WindowRunOptions& options, const std::function<bool()>& stopped);
 
 }  // namespace needlelab

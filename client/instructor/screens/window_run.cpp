@@ -1,13 +1,11 @@
-// Runs the instructor's window as a program: log-in, script, screenshot, exit.
+// Runs the instructor's window as a program: log-in, screenshot, exit.
 #include <epoxy/gl.h>
 
-#include <cstdio>
 #include <functional>
 #include <utility>
 
 #include "client/instructor/model/lab_state.h"
 #include "client/instructor/screens/instructor_window.h"
-#include "client/instructor/screens/script_runner.h"
 #include "common/base/clock.h"
 #include "common/fem/needle_mesh.h"
 
@@ -21,23 +19,14 @@ double secondsSince(std::int64_t began_ns) {
 }  // namespace
 
 Status runInstructorWindow(const WindowRunOptions& options, const std::function<bool()>& stopped) {
-  std::optional<ScriptRunner> script;
-  if (!options.script.empty()) {
-    ASSIGN_OR_RETURN(auto actions, loadScript(options.script));
-    script.emplace(std::move(actions), options.script.string(), [](const std::string& line) {
-      std::printf("%s\n", line.c_str());
-      std::fflush(stdout);
-    });
-  }
   ASSIGN_OR_RETURN(auto surface, Surface::open(options.surface));
   LabState lab(addCompliance);
   lab.form = options.form;
   ASSIGN_OR_RETURN(auto window, InstructorWindow::make(*surface, lab));
-  if (!lab.form.password.empty() && !script) lab.logIn();
+  if (!lab.form.password.empty() && !options.driver) lab.logIn();
 
   const std::int64_t began_ns = steadyNowNs();
-  bool pictured = options.screenshot.empty(), arrived = false;
-  Status result;
+  bool arrived = false;
   while (!stopped() && surface->beginFrame()) {
     lab.update(secondsSince(began_ns));
     if (lab.inside() && !std::exchange(arrived, true)) {
@@ -49,24 +38,17 @@ Status runInstructorWindow(const WindowRunOptions& options, const std::function<
         lab.screen = WindowScreen::kReplay;
       }
     }
-    window->draw(script.has_value());
+    window->draw(options.driver != nullptr);
     surface->endFrame();
     // wait for the end of drawing: the latency ends here
     glFinish();
     lab.presented(wallNowNs());
-    if (script) script->afterFrame(*window);
-    if (!pictured && secondsSince(began_ns) >= options.screenshot_at_s) {
-      pictured = true;
-      result = savePng(surface->picture(), options.screenshot);
-      if (!result.ok() || !script) break;
-    }
-    if (script && script->over()) {
-      if (result.ok()) result = script->status();
-      break;
-    }
+    if (options.driver && !options.driver(*window)) break;
+    if (!options.screenshot.empty() && secondsSince(began_ns) >= options.screenshot_at_s)
+      return savePng(surface->picture(), options.screenshot);
     if (options.seconds && secondsSince(began_ns) >= *options.seconds) break;
   }
-  return result;
+  return {};
 }
 
 }  // namespace needlelab

@@ -37,8 +37,8 @@ Status checkOptions(const InstructorOptions& options) {
   }
   if (!options.report.empty() && (options.session.empty() || options.headless || options.replay))
     return refuse("--report FILE needs --session ID, and neither --headless nor --replay");
-  if (options.headless && (!options.script.empty() || !options.screenshot.empty()))
-    return refuse("--script and --screenshot are of the window: leave --headless out");
+  if (options.headless && !options.screenshot.empty())
+    return refuse("--screenshot is of the window: leave --headless out");
   RETURN_IF_ERROR(inRange("--font-scale", options.font_scale, 0.8, 2.5));
   RETURN_IF_ERROR(windowSizeOf(options));
   if (!options.session.empty()) {

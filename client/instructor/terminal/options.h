@@ -41,7 +41,7 @@ struct InstructorOptions {
   std::filesystem::path
       report;  ///< HTML file with the report on --session; needs neither window nor --headless
   // the window
-  std::filesystem::path script, screenshot;
+  std::filesystem::path screenshot;
   bool off_screen = false;
   double font_scale = 1;
   std::string window_size;  ///< "1280x720"; empty: the last size

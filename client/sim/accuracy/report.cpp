@@ -13,7 +13,7 @@
 #include "client/sim/accuracy/sentences.h"
 #include "client/sim/accuracy/study_models.h"
 #include "client/sim/tools/hand_thresholds.h"
-#include "client/sim/tools/wrapped_text.h"
+#include "common/base/columns.h"
 #include "common/base/program.h"
 #include "common/base/text.h"
 
@@ -70,10 +70,6 @@ constexpr std::array<Column, 6> kColumns = {
      {"tick p50–p99.9 [µs]", timeCell},
      {"instructions", [](const AccuracyRow& row) { return number(row.instructions); }},
      {"K margin", [](const AccuracyRow& row) { return number(row.margin); }}}};
-
-std::string padded(const std::string& text, std::size_t width) {
-  return text + std::string(width - std::min(width, countCharacters(text)), ' ');
-}
 
 void appendTable(const std::vector<const AccuracyRow*>& rows, std::string& out) {
   std::array<std::size_t, kColumns.size()> widths{};
@@ -252,17 +248,17 @@ std::string accuracyTable(const AccuracyRows& rows) {
         scenes.push_back(row.scene);
     if (scenes.empty()) continue;
     const ComparatorText& text = textOf(comparator);
-    out += std::string(text.title) + "\n" + wrapped("shows " + std::string(text.shows), kWidth, "  ");
+    out += std::string(text.title) + "\n" + wrapped("shows " + std::string(text.shows), 2, kWidth);
     for (const std::string& scene : scenes) {
       std::vector<const AccuracyRow*> shown;
       for (const AccuracyRow& row : rows)
         if (row.comparator == comparator && row.scene == scene && isMain(row)) shown.push_back(&row);
       if (shown.empty()) continue;
-      out += "\n" + wrapped(scene + "; against " + shown.front()->against, kWidth, "  ");
+      out += "\n" + wrapped(scene + "; against " + shown.front()->against, 2, kWidth);
       appendTable(shown, out);
-      out += wrapped("cannot show: " + shown.front()->cannot_show, kWidth, "  ");
+      out += wrapped("cannot show: " + shown.front()->cannot_show, 2, kWidth);
     }
-    out += "\n" + wrapped("→ " + sentenceOf(comparator, rows), kWidth, "  ") + "\n";
+    out += "\n" + wrapped("→ " + sentenceOf(comparator, rows), 2, kWidth) + "\n";
   }
   if (!rows.empty())
     out += wrapped(
@@ -273,7 +269,7 @@ std::string accuracyTable(const AccuracyRows& rows) {
             "damping makes passive, over the model's. Intervals are Student's over gestures, halves of "
             "a curve or hands; of FEM what the finest mesh itself may miss.",
             1e3 * kNoticeableStep_N),
-        kWidth, "");
+        0, kWidth);
   return out;
 }
 
@@ -327,9 +323,9 @@ AccuracyPicture accuracyPicture(const AccuracyRows& rows) {
   addLines(rows, panels);
   addTimes(rows, panels);
   const auto shown = [](Comparator comparator) {
-    return wrapped("shows " + std::string(textOf(comparator).shows), kShownWidth, "");
+    return wrapped("shows " + std::string(textOf(comparator).shows), 0, kShownWidth);
   };
-  const auto said = [](const std::string& sentence) { return wrapped(sentence, kPanelWidth, ""); };
+  const auto said = [](const std::string& sentence) { return wrapped(sentence, 0, kPanelWidth); };
   const auto title = [](Comparator comparator) { return std::string(textOf(comparator).title); };
   using C = Comparator;
   return {

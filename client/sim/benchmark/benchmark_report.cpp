@@ -9,7 +9,7 @@
 #include <optional>
 
 #include "client/sim/stability/passivity_observer.h"
-#include "client/sim/tools/wrapped_text.h"
+#include "common/base/columns.h"
 #include "common/base/text.h"
 
 namespace needlelab {
@@ -125,21 +125,21 @@ Json rowJson(const BenchmarkRow& row) {
 }  // namespace
 
 std::string benchmarkText(const BenchmarkReport& report) {
-  std::string out = wrapped(dataText(report), kWidth, "");
+  std::string out = wrapped(dataText(report), 0, kWidth);
   out += wrapped(
       fmt::format(
           "models have at most {} numbers each; a row's error is the mean over units, its interval "
           "Student's t. Margin: {} % of the held-out rms force. specimen-start calibrates on the first "
           "{} mm",
           report.most_numbers, numberText(100 * report.margin), numberText(1e3 * report.calibration_m)),
-      kWidth, "");
+      0, kWidth);
   for (const QuestionResult& question : report.questions) {
     out += fmt::format("\nheld out: {}\n", nameOf(question.what)) + tableOf(question.rows);
-    out += wrapped(question.text, kWidth, "  ");
+    out += wrapped(question.text, 2, kWidth);
   }
   if (!report.notes.empty()) out += "\n";
-  for (const std::string& note : report.notes) out += wrapped("note: " + note, kWidth, "");
-  return out + "\n" + wrapped(report.conclusion, kWidth, "");
+  for (const std::string& note : report.notes) out += wrapped("note: " + note, 0, kWidth);
+  return out + "\n" + wrapped(report.conclusion, 0, kWidth);
 }
 
 std::string benchmarkCsv(const BenchmarkReport& report) {
@@ -253,7 +253,7 @@ BenchmarkPicture benchmarkPicture(const BenchmarkReport& report) {
   }
   picture.data = data.text();
   std::vector<std::string> finding;
-  std::string rest = wrapped(report.conclusion, 34 + 34 * questions.size(), "");
+  std::string rest = wrapped(report.conclusion, 0, 34 + 34 * questions.size());
   while (!rest.empty()) {
     const std::size_t end = rest.find('\n');
     finding.push_back(rest.substr(0, end));

@@ -18,24 +18,8 @@ StraightGesture gestureTo(double surface_m, double to_m, double rate_hz, double 
 
 }  // namespace
 
-DepthCurve depthCurve(const std::vector<ForceAtDepth>& rows) {
-  DepthCurve curve;
-  for (const ForceAtDepth& row : rows) {
-    curve.depth_m.push_back(row.depth_m);
-    curve.force_N.push_back(row.force_N);
-  }
-  curve.bins = binned(curve.depth_m, curve.force_N, kDepthBin_m, kDepthBlock_m);
-  return curve;
-}
-
 BinChoice alternateBlocks(int fold) {
   return [fold](const CurveBin& bin) { return std::abs(bin.block) % 2 != fold; };
-}
-
-std::vector<CurveBin> chosenBins(const DepthCurve& curve, const BinChoice& fit_on) {
-  std::vector<CurveBin> chosen;
-  std::copy_if(curve.bins.begin(), curve.bins.end(), std::back_inserter(chosen), fit_on);
-  return chosen;
 }
 
 Result<CurveRun> runCurve(const CurveScene& scene, double to_m, double rate_hz, double speed_mps) {

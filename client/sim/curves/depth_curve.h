@@ -19,17 +19,11 @@ inline constexpr double kDepthBin_m = 0.00025, kDepthBlock_m = 0.0005;
 /// numbers follows more closely.
 inline constexpr std::size_t kEqualNumbers = 20;
 
-/// Axial force on the needle at a depth; positive pushes the needle out.
-struct ForceAtDepth {
-  double depth_m = 0, force_N = 0;
-};
-
 /// A curve with its bins.
 struct DepthCurve {
   std::vector<double> depth_m, force_N;
   std::vector<CurveBin> bins;
 };
-DepthCurve depthCurve(const std::vector<ForceAtDepth>& rows);
 
 using BinChoice = std::function<bool(const CurveBin&)>;
 /// Every second block: `fold` 0 or 1 is the one that is held out.
@@ -39,9 +33,6 @@ BinChoice alternateBlocks(int fold);
 /// no more, since ruptures make many small valleys.
 FitResult searchAgain(const std::function<double(const std::vector<double>&)>& cost,
                       const std::vector<FitParameter>& parameters);
-
-/// The bins to fit on.
-std::vector<CurveBin> chosenBins(const DepthCurve& curve, const BinChoice& fit_on);
 
 /// The engine's force over recorded depth for a scene, to `to_m`.
 struct CurveRun {

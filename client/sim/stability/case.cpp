@@ -1,54 +1,25 @@
 #include "client/sim/stability/case.h"
 
-#include <fmt/core.h>
-
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <utility>
-
-#include "client/sim/tools/hand_thresholds.h"
-#include "common/base/text.h"
 
 namespace needlelab {
 
-std::string_view verdictText(Verdict verdict) {
-  switch (verdict) {
-    case Verdict::kStable:
-      return "stable";
-    case Verdict::kChatters:
-      return "chatters";
-    case Verdict::kDiverges:
-      return "diverges";
-    case Verdict::kNotApplicable:
-      break;
-  }
-  return "";
-}
-
 std::vector<StabilityCase> allCases() {
   std::vector<StabilityCase> all;
-  for (auto&& part : {holdCases(), motionCases(), scanCases(), loadCases(), deviceCases(), passivityCases(),
-                      lineCases(), lateCases()})
-    for (const StabilityCase& one : part) all.push_back(one);
+  for (auto&& part :
+       {holdCases(), motionCases(), scanCases(), loadCases(), gestureCases(), deviceCases(), lineCases()})
+    all.insert(all.end(), part.begin(), part.end());
   return all;
 }
 
-Result<CaseOutcome> runCase(const StabilityCase& hard_case, const CaseSettings& settings, AxialModel model,
-                            const ForceSourceFactory& source) {
-  CaseOutcome outcome;
-  if (hard_case.axial || model == AxialModel::kEnhancedTrackingWall) {
-    ASSIGN_OR_RETURN(auto ran, hard_case.run(settings, model, source));
-    outcome = std::move(ran);
-  }
-  CaseRow& row = outcome.row;
-  row.case_name = hard_case.name;
-  row.model = model;
-  return outcome;
-}
+namespace {
 
-void judge(CaseRow& row, bool growing) {
+constexpr double kRestless_N = 0.05;
+
+// `passed` and `verdict` from `measured ≤ limit`, `finite` and whether it grows
+void judgeRow(CaseRow& row, bool growing) {
   // two encoder counts of 5 mN equal 0.01 N up to rounding
   constexpr double kRounding = 1 + 1e-9;
   row.applicable = true;
@@ -59,23 +30,6 @@ void judge(CaseRow& row, bool growing) {
     row.verdict = !row.finite || growing ? Verdict::kDiverges : Verdict::kChatters;
 }
 
-bool hasStop(AxialModel model) {
-  constexpr std::array kWithStop = {AxialModel::kEnhancedTrackingWall, AxialModel::kTrackingWall,
-                                    AxialModel::kStatistical, AxialModel::kPrecomputed};
-  return std::find(kWithStop.begin(), kWithStop.end(), model) != kWithStop.end();
-}
-
-namespace {
-
-constexpr double kRestless_N = 0.05;
-
-void raise(std::optional<double>& worst, std::optional<double> other) {
-  if (other) worst = worst ? std::max(*worst, *other) : *other;
-}
-void lower(std::optional<double>& worst, std::optional<double> other) {
-  if (other) worst = worst ? std::min(*worst, *other) : *other;
-}
-
 // an infinite margin is that of a run without stiffness: no number
 std::optional<double> finiteOf(double value) {
   return std::isfinite(value) ? std::optional(value) : std::nullopt;
@@ -83,10 +37,132 @@ std::optional<double> finiteOf(double value) {
 
 }  // namespace
 
+Result<CaseOutcome> runCase(const StabilityCase& hard_case, const CaseSettings& settings, AxialModel model,
+                            const ForceSourceFactory& source) {
+  CaseOutcome outcome;
+  if (hard_case.axial || model == AxialModel::kEnhancedTrackingWall) {
+    Trial trial(settings, hard_case.name, model, source);
+    if (hard_case.scene) trial.scene = trial.CaseEntry::scene(model);
+    RETURN_IF_ERROR(trial.status());
+    RETURN_IF_ERROR(hard_case.run(trial));
+    RETURN_IF_ERROR(trial.status());
+    if (trial.row().limit) trial.require(true);
+    outcome = std::move(trial.outcome);
+  }
+  outcome.row.case_name = hard_case.name;
+  outcome.row.model = model;
+  return outcome;
+}
+
+Trial::Trial(const CaseSettings& of, std::string_view name, AxialModel with, ForceSourceFactory from)
+    : CaseEntry(of.file, name, of.long_form),
+      settings(of),
+      model(with),
+      source(std::move(from)),
+      plant(CaseEntry::plant()),
+      band(chatterFilter()) {
+  row().finite = true;
+}
+
+bool Trial::hasStop() const {
+  return model == AxialModel::kEnhancedTrackingWall || model == AxialModel::kTrackingWall ||
+         model == AxialModel::kStatistical || model == AxialModel::kPrecomputed;
+}
+
+Status Trial::saysNothing(std::string note) {
+  outcome = {};
+  row().note = std::move(note);
+  return {};
+}
+
+void Trial::judges(std::string quantity, double limit) {
+  row().quantity = std::move(quantity);
+  row().limit = limit;
+}
+
+void Trial::judge(std::string quantity, double measured, double limit, std::string note) {
+  judges(std::move(quantity), limit);
+  row().measured = measured;
+  row().note = std::move(note);
+  judgeRow(row(), growing);
+}
+
+void Trial::require(bool holds, std::string_view what) {
+  if (!row().applicable) judgeRow(row(), growing);
+  if (holds) return;
+  if (row().verdict == Verdict::kStable) row().verdict = Verdict::kChatters;
+  row().passed = false;
+  if (!what.empty()) row().note.append(row().note.empty() ? "" : "; ").append("not so: ").append(what);
+}
+
+Result<PlantRun> Trial::loop(const HandPlan& plan) {
+  RETURN_IF_ERROR(status());
+  return runScene(source, scene, plan, plant);
+}
+
+void Trial::add(const PlantRun& run, TimeWindow window, double measured, bool run_grows) {
+  worsen(row(), measuredRow(run, window, band));
+  growing = growing || run_grows;
+  // NaN counts as the worst measure
+  if (row().measured && !std::isnan(measured) && !(measured > *row().measured)) return;
+  row().measured = measured;
+  outcome.trace = traceOf(run, window);
+}
+
+Status Trial::onPath(const CaseMeasure& measure, const PathChange& change) {
+  const TimedPlan path = CaseEntry::path("path", change);
+  const TimeWindow of = window(path);
+  ASSIGN_OR_RETURN(const auto run, loop(path.plan));
+  add(run, of, measure(run, of));
+  return {};
+}
+
+Result<MotionRun> Trial::move(const std::vector<TipSample>& samples, double rate_hz) {
+  RETURN_IF_ERROR(status());
+  ASSIGN_OR_RETURN(auto run, runMotion(source, scene, samples, rate_hz));
+  worsen(row(), rowOf(observed(run)));
+  return run;
+}
+
+Result<std::vector<GatedTick>> Trial::gated(const std::vector<DeviceSample>& samples, bool in_row) {
+  RETURN_IF_ERROR(status());
+  ASSIGN_OR_RETURN(auto ticks,
+                   runGated(source, scene, samples, DeviceScript::kRate_hz, settings.control.gate));
+  CaseRow sent;
+  sent.finite = true;
+  sent.max_force_N = 0;
+  for (const GatedTick& tick : ticks) {
+    sent.finite = sent.finite && isFinite(tick.out_W.force_N) && isFinite(tick.out_W.torque_Nm);
+    sent.max_force_N = std::max(*sent.max_force_N, norm(tick.out_W.force_N));
+  }
+  if (in_row) worsen(row(), sent);
+  return ticks;
+}
+
 Result<PlantRun> runScene(const ForceSourceFactory& source, const SceneSpec& scene, const HandPlan& plan,
                           const PlantOptions& options) {
   ASSIGN_OR_RETURN(auto made, source(scene, options.rate_hz));
   return runPlant(*made, plan, options);
+}
+
+Result<MotionRun> runMotion(const ForceSourceFactory& make_source, const SceneSpec& scene,
+                            const std::vector<TipSample>& samples, double rate_hz) {
+  ASSIGN_OR_RETURN(auto source, make_source(scene, rate_hz));
+  MotionRun run{rate_hz, source->axialStiffness_N_per_m(), {}};
+  run.ticks.reserve(samples.size());
+  for (const TipSample& tip : samples) {
+    MotionTick& tick = run.ticks.emplace_back();
+    tick.tip = tip;
+    source->step(tip, tick.report);
+    tick.slant = source->slant();
+  }
+  return run;
+}
+
+PassivityRecord observed(const MotionRun& run) {
+  PassivityObserver observer(run.axial_stiffness_N_per_m);
+  for (const MotionTick& tick : run.ticks) observer.add(tick.tip, tick.report, tick.slant);
+  return observer.record();
 }
 
 CaseRow measuredRow(const PlantRun& run, TimeWindow window, const BandFilter& band) {
@@ -102,22 +178,23 @@ CaseRow measuredRow(const PlantRun& run, TimeWindow window, const BandFilter& ba
   return row;
 }
 
-std::optional<bool> stepIsNoticeable(const CaseRow& row) {
-  if (!row.max_unexplained_step_N) return std::nullopt;
-  return *row.max_unexplained_step_N > kNoticeableStep_N;
+CaseRow rowOf(const PassivityRecord& record) {
+  CaseRow row;
+  row.finite = record.finite;
+  row.max_force_N = record.max_force_N;
+  row.max_unexplained_step_N = record.worst_step_N;
+  row.energy_J = judgedEnergy_J(record);
+  return row;
 }
 
 void worsen(CaseRow& row, const CaseRow& other) {
   row.finite = row.finite && other.finite;
-  raise(row.max_force_N, other.max_force_N);
-  raise(row.max_unexplained_step_N, other.max_unexplained_step_N);
-  raise(row.chatter_N, other.chatter_N);
-  raise(row.energy_J, other.energy_J);
-  lower(row.coupled_margin, other.coupled_margin);
-  lower(row.passive_margin, other.passive_margin);
-  raise(row.grip_energy_J, other.grip_energy_J);
-  raise(row.controlled_energy_J, other.controlled_energy_J);
-  raise(row.distortion_N, other.distortion_N);
+  for (std::optional<double> CaseRow::*number :
+       {&CaseRow::max_force_N, &CaseRow::max_unexplained_step_N, &CaseRow::chatter_N, &CaseRow::energy_J,
+        &CaseRow::grip_energy_J, &CaseRow::controlled_energy_J, &CaseRow::distortion_N})
+    if (other.*number) row.*number = std::max((row.*number).value_or(*(other.*number)), *(other.*number));
+  for (std::optional<double> CaseRow::*margin : {&CaseRow::coupled_margin, &CaseRow::passive_margin})
+    if (other.*margin) row.*margin = std::min((row.*margin).value_or(*(other.*margin)), *(other.*margin));
 }
 
 bool heldIn(const PlantRun& run, TimeWindow window) {
@@ -132,270 +209,17 @@ bool growsIn(const PlantRun& run, TimeWindow window) {
   return heldIn(run, window) || grows(forceAlong(ticksIn(run, window), kInward_W), kRestless_N);
 }
 
-CaseTrace traceOf(const PlantRun& run, std::string label) {
-  CaseTrace trace;
-  trace.label = std::move(label);
-  for (const PlantTick& tick : run.ticks) {
+double peakToPeakIn(const PlantRun& run, TimeWindow window) {
+  return peakToPeak(forceAlong(ticksIn(run, window), kInward_W));
+}
+
+CaseTrace traceOf(const PlantRun& run, TimeWindow window) {
+  CaseTrace trace{{}, {}, window.from_s, window.to_s};
+  for (const PlantTick& tick : ticksIn(run, window)) {
     trace.time_s.push_back(tick.time_s);
     trace.force_N.push_back(-dot(tick.report.wrench_W.force_N, kInward_W));
   }
   return trace;
-}
-
-CaseTally::CaseTally(std::string quantity, double limit, const BandFilter& band) : band_(band) {
-  outcome_.row.quantity = std::move(quantity);
-  outcome_.row.limit = limit;
-  outcome_.row.finite = true;
-}
-
-void CaseTally::add(const PlantRun& run, TimeWindow window, double measured, const std::string& label,
-                    bool growing) {
-  const CaseRow row = measuredRow(run, window, band_);
-  CaseRow& worst = outcome_.row;
-  worsen(worst, row);
-  growing_ = growing_ || growing;
-  // NaN counts as the worst measure
-  if (worst.measured && !std::isnan(measured) && !(measured > *worst.measured)) return;
-  worst.measured = measured;
-  outcome_.traces = {traceOf(run, label)};
-  outcome_.traces.front().from_s = window.from_s;
-  outcome_.traces.front().to_s = window.to_s;
-}
-
-CaseOutcome CaseTally::finish() {
-  judge(outcome_.row, growing_);
-  return std::move(outcome_);
-}
-
-namespace {
-
-constexpr double kShownAsZero = 1e-9;  // rounding, in any unit of a row
-constexpr AxialModel kWall = AxialModel::kEnhancedTrackingWall;
-
-nlohmann::ordered_json orNull(std::optional<double> value) {
-  return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json(nullptr);
-}
-
-// `text` in a column of `width`, by characters and not by bytes
-std::string padded(const std::string& text, std::size_t width) {
-  const std::size_t letters = countCharacters(text);
-  return text + std::string(letters < width ? width - letters : 1, ' ');
-}
-
-std::vector<AxialModel> modelsOf(const std::vector<CaseRow>& rows) {
-  std::vector<AxialModel> models;
-  for (const CaseRow& row : rows)
-    if (std::find(models.begin(), models.end(), row.model) == models.end()) models.push_back(row.model);
-  return models;
-}
-
-std::string cell(const CaseRow* row) {
-  if (row == nullptr || !row->applicable) return "";
-  const char* mark = row->verdict == Verdict::kChatters   ? " ~"
-                     : row->verdict == Verdict::kDiverges ? " !"
-                                                          : "";
-  return shortNumber(row->measured) + mark;
-}
-
-// the wall's notes, notes of another model where the wall has none, and the reasons of failures
-bool worthReading(const std::vector<CaseRow>& rows, const CaseRow& row) {
-  const CaseRow* wall = rowOf(rows, row.case_name, kWall);
-  return wall == nullptr || wall == &row || wall->note.empty() || !row.passed;
-}
-
-// cases in which another model measured no more than the wall
-std::string noWorse(const std::vector<CaseRow>& rows) {
-  std::string text;
-  for (const std::string& name : caseNames(rows)) {
-    const CaseRow* wall = rowOf(rows, name, kWall);
-    if (wall == nullptr || !wall->measured) continue;
-    std::string models;
-    for (const CaseRow& row : rows)
-      if (row.case_name == name && row.model != kWall && row.passed && row.measured &&
-          *row.measured <= *wall->measured + 1e-6 * std::abs(*wall->measured))
-        models += (models.empty() ? "" : ", ") + std::string(shortName(row.model));
-    if (!models.empty()) text += "  " + padded(name, 24) + models + "\n";
-  }
-  return text;
-}
-
-// coupled stability and passivity of the wall's closed loops, told apart
-std::string marginsText(const std::vector<CaseRow>& rows) {
-  constexpr std::size_t kName = 24, kColumn = 13;
-  std::string text;
-  for (const std::string& name : caseNames(rows)) {
-    const CaseRow* row = rowOf(rows, name, kWall);
-    if (row == nullptr || !row->passive_margin || !row->coupled_margin) continue;
-    text += "  " + padded(name, kName) + padded(shortNumber(row->coupled_margin), kColumn) +
-            padded(shortNumber(row->passive_margin) + (*row->passive_margin < 1 ? " not" : ""), kColumn) +
-            shortNumber(row->grip_energy_J) + "\n";
-  }
-  if (text.empty()) return text;
-  return "\nWhat theory allows over the wall's stiffness: with the case's hand (coupled stability); with the "
-         "device's own damping alone (passivity: below 1 the loop is not passive); energy got at the grip "
-         "[J]\n" +
-         text;
-}
-
-std::string controlText(const std::vector<CaseRow>& rows) {
-  constexpr std::size_t kName = 24, kColumn = 13;
-  std::string text;
-  for (const std::string& name : caseNames(rows)) {
-    const CaseRow* row = rowOf(rows, name, kWall);
-    if (row == nullptr || !row->controlled_energy_J) continue;
-    text += "  " + padded(name, kName) + padded(shortNumber(row->grip_energy_J), kColumn) +
-            padded(shortNumber(row->controlled_energy_J), kColumn) + shortNumber(row->distortion_N) + "\n";
-  }
-  if (text.empty()) return text;
-  return "\nPassivity control (the wall): energy got at the grip without it, with it [J]; force taken off "
-         "[N]\n" +
-         text;
-}
-
-std::string noticeableSteps(const std::vector<CaseRow>& rows) {
-  std::string text;
-  for (const std::string& name : caseNames(rows)) {
-    std::string models;
-    for (const CaseRow& row : rows)
-      if (row.case_name == name && row.applicable && stepIsNoticeable(row).value_or(false))
-        models += (models.empty() ? "" : ", ") + std::string(shortName(row.model)) + " " +
-                  shortNumber(row.max_unexplained_step_N);
-    if (!models.empty()) text += "  " + padded(name, 24) + models + "\n";
-  }
-  if (text.empty()) return text;
-  return fmt::format("\nForce steps that no spring explains and that a hand may notice (above {:g} N) [N]\n",
-                     kNoticeableStep_N) +
-         text;
-}
-
-}  // namespace
-
-std::string_view shortName(AxialModel model) {
-  static constexpr std::array<std::string_view, kAxialModelCount> kNames = {
-      "wall",        "wall 2018", "direct", "Voigt",   "god object", "first order",
-      "statistical", "table",     "FEM",    "Okamura", "Dahl"};
-  return kNames[static_cast<std::size_t>(model)];
-}
-
-std::string shortNumber(std::optional<double> value) {
-  if (!value) return "-";
-  if (std::abs(*value) < kShownAsZero) return "0";
-  return fmt::format("{:.3g}", *value);
-}
-
-std::vector<std::string> caseNames(const std::vector<CaseRow>& rows) {
-  std::vector<std::string> names;
-  for (const CaseRow& row : rows)
-    if (std::find(names.begin(), names.end(), row.case_name) == names.end()) names.push_back(row.case_name);
-  return names;
-}
-
-const CaseRow* rowOf(const std::vector<CaseRow>& rows, const std::string& case_name, AxialModel model) {
-  const auto found = std::find_if(rows.begin(), rows.end(), [&](const CaseRow& row) {
-    return row.case_name == case_name && row.model == model;
-  });
-  return found == rows.end() ? nullptr : &*found;
-}
-
-std::string findingOf(const std::vector<CaseRow>& rows) {
-  int wall_cases = 0, wall_stable = 0, judged = 0;
-  struct Count {
-    AxialModel model;
-    int bad = 0, all = 0;
-  };
-  std::vector<Count> others;
-  for (const AxialModel model : modelsOf(rows)) {
-    Count count{model};
-    for (const CaseRow& row : rows) {
-      if (row.model != model || !row.applicable) continue;
-      ++count.all;
-      if (row.verdict != Verdict::kStable) ++count.bad;
-    }
-    judged += count.all;
-    if (model == kWall)
-      wall_cases = count.all, wall_stable = count.all - count.bad;
-    else if (count.bad > 0)
-      others.push_back(count);
-  }
-  std::stable_sort(others.begin(), others.end(),
-                   [](const Count& a, const Count& b) { return a.bad > b.bad; });
-  std::string text;
-  if (wall_cases > 0)
-    text =
-        fmt::format("The enhanced tracking wall is stable in {} of {} hard cases", wall_stable, wall_cases);
-  if (judged == 0) return "Nothing was judged: these cases say nothing about these models";
-  if (others.empty()) return text.empty() ? "All that was asked for is stable" : text;
-  text += text.empty() ? "Not stable: " : "; not stable: ";
-  for (std::size_t i = 0; i < std::min<std::size_t>(3, others.size()); ++i)
-    text += fmt::format("{}{} in {} of {}", i > 0 ? ", " : "", shortName(others[i].model), others[i].bad,
-                        others[i].all);
-  if (others.size() > 3)
-    text += fmt::format(", and {}{} in at most {}", others.size() - 3,
-                        others.size() > 4 ? " others" : " other", others[3].bad);
-  return text;
-}
-
-nlohmann::ordered_json rowsJson(const std::vector<CaseRow>& rows) {
-  auto list = nlohmann::ordered_json::array();
-  for (const CaseRow& row : rows) {
-    const bool judged = row.applicable;
-    list.push_back(
-        {{"case", row.case_name},
-         {"model", axialModelName(row.model)},
-         {"applicable", row.applicable},
-         {"finite", judged ? nlohmann::ordered_json(row.finite) : nlohmann::ordered_json()},
-         {"max_force_n", orNull(row.max_force_N)},
-         {"max_unexplained_step_n", orNull(row.max_unexplained_step_N)},
-         {"chatter_n", orNull(row.chatter_N)},
-         {"step_noticeable",
-          stepIsNoticeable(row) ? nlohmann::ordered_json(*stepIsNoticeable(row)) : nlohmann::ordered_json()},
-         {"energy_j", orNull(row.energy_J)},
-         {"coupled_margin", orNull(row.coupled_margin)},
-         {"passive_margin", orNull(row.passive_margin)},
-         {"grip_energy_j", orNull(row.grip_energy_J)},
-         {"controlled_energy_j", orNull(row.controlled_energy_J)},
-         {"distortion_n", orNull(row.distortion_N)},
-         {"measured", orNull(row.measured)},
-         {"limit", orNull(row.limit)},
-         {"passed", judged ? nlohmann::ordered_json(row.passed) : nlohmann::ordered_json()},
-         {"verdict", judged ? nlohmann::ordered_json(verdictText(row.verdict)) : nlohmann::ordered_json()},
-         {"quantity", row.quantity},
-         {"note", row.note}});
-  }
-  return list;
-}
-
-std::string rowsText(const std::vector<CaseRow>& rows) {
-  constexpr std::size_t kName = 24, kColumn = 13;
-  const auto models = modelsOf(rows);
-  std::string text = padded("", kName) + padded("limit", kColumn);
-  for (const AxialModel model : models) text += padded(std::string(shortName(model)), kColumn);
-  text += "measured\n";
-  for (const std::string& name : caseNames(rows)) {
-    std::optional<double> limit;
-    std::string line, quantity;
-    for (const AxialModel model : models) {
-      const CaseRow* row = rowOf(rows, name, model);
-      line += padded(cell(row), kColumn);
-      if (row == nullptr || !row->applicable) continue;
-      if (!limit) limit = row->limit;
-      if (quantity.empty()) quantity = row->quantity;
-    }
-    text += padded(name, kName) + padded(shortNumber(limit), kColumn) + line + quantity + "\n";
-  }
-  text +=
-      "no mark: stable; ~ chatters: bounded, but over the limit (or its second condition, see below); ! "
-      "diverges: grows, or only the gate holds it\n";
-  std::string notes;
-  for (const CaseRow& row : rows)
-    if (row.applicable && !row.note.empty() && worthReading(rows, row))
-      notes += "  " + padded(row.case_name, kName) + padded(std::string(shortName(row.model)), kColumn) +
-               row.note + "\n";
-  if (!notes.empty()) text += "\nNotes\n" + notes;
-  text += marginsText(rows) + controlText(rows) + noticeableSteps(rows);
-  if (const std::string same = noWorse(rows); !same.empty())
-    text += "\nPassed, and measured no more than the enhanced tracking wall\n" + same;
-  return text + "\n" + findingOf(rows) + ".\n";
 }
 
 }  // namespace needlelab

@@ -9,15 +9,14 @@
 #include <vector>
 
 #include "client/sim/stability/case_file.h"
+#include "client/sim/stability/gated_run.h"
 #include "client/sim/stability/measures.h"
+#include "client/sim/stability/passivity_gesture.h"
+#include "client/sim/stability/passivity_observer.h"
 #include "client/sim/stability/plant.h"
 #include "common/haptics/axial_model.h"
 
 namespace needlelab {
-
-/// True if the model stops the needle where the force does not suffice: cases and conditions about a stop are
-/// for these only. The other models' force depends on the depth alone.
-bool hasStop(AxialModel model);
 
 enum class Verdict {
   kStable,         ///< within the limit and not growing
@@ -53,59 +52,131 @@ struct CaseRow {
   std::string note;  ///< for a person; may be empty
 };
 
-/// A curve for a picture.
+/// The resistance (force against the way in, before the gate) of a run, for a picture.
 struct CaseTrace {
-  std::string label;
   std::vector<double> time_s, force_N;
-  double from_s = 0, to_s = 0;  ///< the case's window; both 0 where it has none
-};
-
-/// A file that a case gives besides its row, e.g. a counter-example.
-struct CaseAttachment {
-  std::string name, text;
+  double from_s = 0, to_s = 0;  ///< the case's window
 };
 
 struct CaseOutcome {
   CaseRow row;
-  std::vector<CaseTrace> traces = {};
-  std::vector<CaseAttachment> files = {};
+  CaseTrace trace = {};  ///< closed loops only, of the run that measured worst
+};
+
+/// One tick: the wrench at the handle that is rendered for the wanted one.
+using WrenchLimiter = std::function<Wrench(const TipSample& tip, const Wrench& wanted)>;
+/// A new one, as before the first tick.
+using WrenchLimiterFactory = std::function<WrenchLimiter(double rate_hz)>;
+
+/// What a test takes away to see a case fail; as shipped by default.
+struct CaseControl {
+  bool gate = true;              ///< bad samples meet the gate
+  bool told_as_measured = true;  ///< false: the passivity control is told one tick of delay and no lag
+  WrenchLimiterFactory limiter;  ///< in the gate's place where a hand leans on a tool; none: the gate
 };
 
 struct CaseSettings {
   const CaseFile& file;
   bool long_form = false;
+  CaseControl control = {};
 };
 
-/// Runs one case with one model. Errors: kInvalidInput when the case's entry in the file does not fit.
-using CaseRun =
-    std::function<Result<CaseOutcome>(const CaseSettings&, AxialModel, const ForceSourceFactory&)>;
+/// All that one tick of a prescribed motion saw and gave.
+struct MotionTick {
+  TipSample tip;
+  StepReport report;
+  double slant = 1;  ///< c
+};
+
+/// A motion that follows its path whatever the force.
+struct MotionRun {
+  double rate_hz = 1000;
+  double axial_stiffness_N_per_m = 0;
+  std::vector<MotionTick> ticks;
+};
+
+/// Only the gate or the cap of the sum holds it within the window, or the gate has given up.
+bool heldIn(const PlantRun& run, TimeWindow window);
+/// Does not come to rest within the window, or only the gate or the cap of the sum holds it.
+bool growsIn(const PlantRun& run, TimeWindow window);
+/// Peak-to-peak of the resistance in the window.
+double peakToPeakIn(const PlantRun& run, TimeWindow window);
+
+/// What a case judges of a run in a window.
+using CaseMeasure = std::function<double(const PlantRun& run, TimeWindow window)>;
+
+/// One case with one model: its entry, scene and plant, and the row of all its runs, which gets the worst of
+/// each number. A run's errors are the entry's, too.
+class Trial : public CaseEntry {
+ public:
+  Trial(const CaseSettings& of, std::string_view name, AxialModel with, ForceSourceFactory from);
+
+  /// The case says nothing about this model.
+  Status saysNothing(std::string note);
+  /// What the runs of a closed loop are judged by.
+  void judges(std::string quantity, double limit);
+  /// The same with what was measured.
+  void judge(std::string quantity, double measured, double limit, std::string note = {});
+  /// Another condition than the one on `measured`; `what`, where given, is told where it does not hold.
+  void require(bool holds, std::string_view what = {});
+
+  /// A closed loop with the scene and the plant.
+  Result<PlantRun> loop(const HandPlan& plan);
+  /// A closed loop's run in the row; `measured` is compared with the limit, chatter and growth are looked for
+  /// in the window.
+  void add(const PlantRun& run, TimeWindow window, double measured) {
+    add(run, window, measured, growsIn(run, window));
+  }
+  /// The same for runs that are expected to swing: the caller says whether a run grows.
+  void add(const PlantRun& run, TimeWindow window, double measured, bool run_grows);
+  /// Runs the entry's path, changed, and adds what `measure` says of its window.
+  Status onPath(const CaseMeasure& measure, const PathChange& change = {});
+
+  /// A prescribed motion in the row: under the passivity observer.
+  Result<MotionRun> move(const std::vector<TipSample>& samples, double rate_hz = 1000);
+  /// Samples of a device before the gate, at 1 kHz; in the row but for `in_row` false.
+  Result<std::vector<GatedTick>> gated(const std::vector<DeviceSample>& samples, bool in_row = true);
+
+  CaseRow& row() { return outcome.row; }
+  /// The model stops the needle where the force does not suffice: cases and conditions about a stop are for
+  /// these only. The other models' force depends on the depth alone.
+  [[nodiscard]] bool hasStop() const;
+
+  CaseSettings settings;
+  AxialModel model;
+  ForceSourceFactory source;
+  SceneSpec scene;  ///< rendered by the model
+  PlantOptions plant;
+  BandFilter band;
+  CaseOutcome outcome;
+  bool growing = false;
+};
 
 struct StabilityCase {
-  std::string name;         ///< as in cases.json
-  std::string summary;      ///< its subject, a short sentence
-  bool axial = false;       ///< says something about every axial model; else about the wall only
-  bool prescribed = false;  ///< motion prescribed (° in tests/stability/README.md), not a closed loop
-  CaseRun run;
+  std::string name;  ///< as in cases.json; tests/stability/README.md says what happens
+  std::function<Status(Trial&)> run;
+  bool axial = true;  ///< says something about every axial model; else about the wall only
+  bool scene = true;  ///< its entry has a scene; else it draws or borrows one
 };
 
 std::vector<StabilityCase> holdCases();
-std::vector<StabilityCase> motionCases();
+std::vector<StabilityCase> motionCases();  ///< gateCases(), too
+std::vector<StabilityCase> gateCases();
 std::vector<StabilityCase> scanCases();
 std::vector<StabilityCase> loadCases();
+std::vector<StabilityCase> gestureCases();
 std::vector<StabilityCase> deviceCases();
-std::vector<StabilityCase> passivityCases();
 std::vector<StabilityCase> lineCases();
-std::vector<StabilityCase> lateCases();
-/// All of them: holds, prescribed motions, stiffness and missing ticks, then releases under load and the
-/// lever, what a device or its clock does wrong, the passivity control, the needle's line, and late forces.
+/// All of them: holds, prescribed motions, stiffness and missing ticks, loads, random gestures and the
+/// passivity control, what a device or its clock does wrong, and the needle's line.
 std::vector<StabilityCase> allCases();
 
-/// Runs a case; a row that is not applicable where the case says nothing about `model`.
+/// Runs a case; a row that is not applicable where the case says nothing about `model`. Errors: kInvalidInput
+/// when the case's entry in the file does not fit.
 Result<CaseOutcome> runCase(const StabilityCase& hard_case, const CaseSettings& settings, AxialModel model,
                             const ForceSourceFactory& source);
 
-/// Sets `passed` and `verdict` from `measured ≤ limit`, `finite` and whether it grows.
-void judge(CaseRow& row, bool growing);
+inline constexpr double kAnyForce_N = 0.01;  ///< less is no force
 
 /// Into the tissue, in W: the paths of cases.json run along it.
 inline constexpr Vec3 kInward_W{0, 0, -1};
@@ -113,6 +184,11 @@ inline constexpr Vec3 kInward_W{0, 0, -1};
 /// Makes a source for `scene` and runs it to the plan's end.
 Result<PlantRun> runScene(const ForceSourceFactory& source, const SceneSpec& scene, const HandPlan& plan,
                           const PlantOptions& options);
+/// Steps a new source over the samples. Errors: those of the source.
+Result<MotionRun> runMotion(const ForceSourceFactory& source, const SceneSpec& scene,
+                            const std::vector<TipSample>& samples, double rate_hz);
+/// The run under the passivity observer.
+PassivityRecord observed(const MotionRun& run);
 
 /// A force step in the row that no spring explains and that a hand may notice (kNoticeableStep_N); empty
 /// where steps were not measured.
@@ -121,38 +197,14 @@ std::optional<bool> stepIsNoticeable(const CaseRow& row);
 /// finite, max force, unexplained step, chatter over the window, energy given to the hand over the whole run,
 /// margins and energy at the grip.
 CaseRow measuredRow(const PlantRun& run, TimeWindow window, const BandFilter& band);
+/// finite, max force, unexplained step and the judged energy.
+CaseRow rowOf(const PassivityRecord& record);
 
 /// The worse of both in each number, for cases of several runs; energies: the greater, margins: the less.
 void worsen(CaseRow& row, const CaseRow& other);
 
-/// Only the gate or the cap of the sum holds it within the window, or the gate has given up.
-bool heldIn(const PlantRun& run, TimeWindow window);
-/// Does not come to rest within the window, or only the gate or the cap of the sum holds it.
-bool growsIn(const PlantRun& run, TimeWindow window);
-
-/// The resistance (force against the way in, before the gate) over the whole run.
-CaseTrace traceOf(const PlantRun& run, std::string label);
-
-/// Puts the runs of one case together: the row gets the worst of each number, the curve is of the run that
-/// measured worst.
-class CaseTally {
- public:
-  /// `quantity`: the measured quantity, with its unit; `band`: as of CaseEntry::chatterFilter.
-  CaseTally(std::string quantity, double limit, const BandFilter& band);
-  /// `measured` is compared with the limit; chatter and growth are looked for in the window.
-  void add(const PlantRun& run, TimeWindow window, double measured, const std::string& label) {
-    add(run, window, measured, label, growsIn(run, window));
-  }
-  /// As above, for runs that are expected to swing: the caller decides whether a run grows.
-  void add(const PlantRun& run, TimeWindow window, double measured, const std::string& label, bool growing);
-  /// The row, judged; at least one run was added.
-  [[nodiscard]] CaseOutcome finish();
-
- private:
-  CaseOutcome outcome_;
-  BandFilter band_;
-  bool growing_ = false;
-};
+/// The resistance over the window.
+CaseTrace traceOf(const PlantRun& run, TimeWindow window);
 
 /// An object a row.
 nlohmann::ordered_json rowsJson(const std::vector<CaseRow>& rows);
@@ -170,6 +222,8 @@ std::string shortNumber(std::optional<double> value);
 
 /// The rows of one case, in order; and all cases' names in order.
 std::vector<std::string> caseNames(const std::vector<CaseRow>& rows);
+/// The models of the rows, in order.
+std::vector<AxialModel> modelsOf(const std::vector<CaseRow>& rows);
 const CaseRow* rowOf(const std::vector<CaseRow>& rows, const std::string& case_name, AxialModel model);
 
 /// One sentence: in how many cases the wall is stable, and which models chatter or diverge most.

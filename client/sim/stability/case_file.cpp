@@ -50,13 +50,6 @@ namespace {
 
 const nlohmann::json kNothing;
 
-// "a.b" → a, b
-std::pair<std::string, std::string> split(const std::string& path) {
-  const auto dot = path.find('.');
-  if (dot == std::string::npos) return {path, {}};
-  return {path.substr(0, dot), path.substr(dot + 1)};
-}
-
 }  // namespace
 
 CaseEntry::CaseEntry(const CaseFile& file, std::string_view case_name, bool long_form)
@@ -75,16 +68,10 @@ void CaseEntry::fail(const std::string& field, const std::string& message) {
 }
 
 const nlohmann::json* CaseEntry::find(const std::string& field) const {
-  const nlohmann::json* at = &entry_;
-  for (std::string rest = field; !rest.empty();) {
-    const auto [head, tail] = split(rest);
-    if (!at->is_object()) return nullptr;
-    const auto found = at->find(head);
-    if (found == at->end()) return nullptr;
-    at = &*found;
-    rest = tail;
-  }
-  return at;
+  std::string path = "/" + field;
+  std::replace(path.begin(), path.end(), '.', '/');
+  const nlohmann::json::json_pointer at(path);
+  return entry_.contains(at) ? &entry_.at(at) : nullptr;
 }
 
 const nlohmann::json& CaseEntry::need(const std::string& field) {
@@ -217,18 +204,16 @@ PlantOptions CaseEntry::plant() {
       *row->value = value.get<double>();
   }
   // whole numbers; the device checks the ranges of the others
-  if (!(delay >= 0 && delay <= SimulatedDevice::kMaxDelayTicks && delay == std::floor(delay)))
-    fail("plant.delay_ticks", "must be a whole number, 0 to 15");
-  else
-    device.delay_ticks = static_cast<std::uint32_t>(delay);
-  if (!(spread >= 0 && delay + spread <= SimulatedDevice::kMaxDelayTicks && spread == std::floor(spread)))
-    fail("plant.delay_spread_ticks", "must be a whole number, with delay_ticks at most 15");
-  else
-    options.delay_spread_ticks = static_cast<std::uint32_t>(spread);
-  if (!(seed >= 0 && seed <= 1e9 && seed == std::floor(seed)))
-    fail("plant.seed", "must be a whole number, 0 to 1e9");
-  else
-    options.seed = device.hand.seed = static_cast<std::uint64_t>(seed);
+  const auto whole = [&](double value, double most, const char* field, const char* allowed) {
+    const bool fits = value >= 0 && value <= most && value == std::floor(value);
+    if (!fits) fail(field, std::string("must be a whole number, ") + allowed);
+    return fits ? static_cast<std::uint32_t>(value) : 0;
+  };
+  constexpr double kMostDelay = SimulatedDevice::kMaxDelayTicks;
+  device.delay_ticks = whole(delay, kMostDelay, "plant.delay_ticks", "0 to 15");
+  options.delay_spread_ticks =
+      whole(spread, kMostDelay - delay, "plant.delay_spread_ticks", "with delay_ticks at most 15");
+  options.seed = device.hand.seed = whole(seed, 1e9, "plant.seed", "0 to 1e9");
   return options;
 }
 
@@ -308,6 +293,14 @@ BandFilter CaseEntry::chatterFilter() {
   read("order", order, {2, 8});
   band.order = static_cast<int>(order / 2) * 2;
   return band;
+}
+
+PassivityGesture CaseEntry::motion() {
+  PassivityGesture gesture;
+  const nlohmann::json& motion = need("motion");
+  if (!status_.ok()) return gesture;
+  status_ = readMotion(motion, file_->source() + ": cases." + name_ + ".motion", gesture);
+  return gesture;
 }
 
 }  // namespace needlelab

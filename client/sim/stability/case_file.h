@@ -11,6 +11,7 @@
 
 #include "client/device/hand_plan.h"
 #include "client/sim/stability/measures.h"
+#include "client/sim/stability/passivity_gesture.h"
 #include "client/sim/stability/plant.h"
 #include "common/base/result.h"
 #include "common/haptics/axial_model.h"
@@ -85,6 +86,8 @@ class CaseEntry {
   /// without "to_s" to its end.
   TimeWindow window(const TimedPlan& plan, const std::string& field = "window");
   BandFilter chatterFilter();
+  /// The prescribed motion in "motion"; it has no scene.
+  PassivityGesture motion();
 
  private:
   [[nodiscard]] const nlohmann::json* find(const std::string& field) const;

@@ -7,76 +7,24 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstddef>
 #include <utility>
 #include <vector>
 
 #include "client/sim/stability/case.h"
-#include "client/sim/stability/gated_run.h"
-#include "client/sim/stability/motion_cases.h"
 #include "client/sim/tools/hand_thresholds.h"
-#include "common/base/range.h"
 #include "common/haptics/tool_transform.h"
 
 namespace needlelab {
 namespace {
 
-// a case of the gate: as shipped, with it
-template <auto Run>
-Result<CaseOutcome> withGate(const CaseSettings& settings, AxialModel model,
-                             const ForceSourceFactory& source) {
-  return Run(settings, model, source, Gate::kPresent);
-}
-
-}  // namespace
-
-std::vector<StabilityCase> deviceCases() {
-  return {
-      {"glitch_under_gate", "for one tick the tip is 4.9 mm elsewhere: 5 mm is too much for the gate", true,
-       true, withGate<glitchUnderGate>},
-      {"frozen_axis", "one axis stands still for 0.4 s while the others go on", true, true,
-       withGate<frozenAxis>},
-      {"quaternion_sign", "the device reports q and −q, which are the same rotation", true, true,
-       quaternionSign},
-      {"clock_steps", "the loop's clock steps forward, or back", true, true, withGate<clockSteps>},
-  };
-}
-
-namespace {
-
 constexpr double kScriptRate_hz = DeviceScript::kRate_hz;
-
-struct DisturbedRuns {
-  double departure_N = 0;      ///< greatest, from the run without the disturbance
-  std::size_t felt_ticks = 0;  ///< the longest that one was noticeable
-  bool fault = false;
-};
-
-// both runs have as many ticks
-void compare(const std::vector<GatedTick>& disturbed, const std::vector<GatedTick>& sound, std::size_t from,
-             DisturbedRuns& worst) {
-  std::size_t felt = 0;
-  for (std::size_t k = from; k < disturbed.size(); ++k) {
-    const double departure_N = norm(disturbed[k].out_W.force_N - sound[k].out_W.force_N);
-    worst.departure_N = std::max(worst.departure_N, departure_N);
-    felt += departure_N > kNoticeableStep_N ? 1 : 0;
-    worst.fault = worst.fault || disturbed[k].fault != Fault::kNone;
-  }
-  worst.felt_ticks = std::max(worst.felt_ticks, felt);
-}
-
-}  // namespace
 
 // The engine takes the place for true: the wall follows it, and stays where the glitch took it. So the force
 // departs by what tissue can do at most, f_cut + f_att, until the needle has caught up with the wall.
-Result<CaseOutcome> glitchUnderGate(const CaseSettings& settings, AxialModel model,
-                                    const ForceSourceFactory& source, Gate gate) {
-  CaseEntry entry(settings.file, "glitch_under_gate", settings.long_form);
-  const SceneSpec wall = entry.scene(), scene = entry.scene(model);
-  const double glitch_m = entry.number("glitch_m", 0, 0.05), speed = entry.number("speed_m_s", 1e-3, 1),
-               depth_m = entry.number("depth_m", 0.005, 0.04), rest_s = entry.number("rest_s", 0.1, 10);
-  if (!entry.status().ok()) return entry.status().error();
-
+Status glitchUnderGate(Trial& t) {
+  const SceneSpec wall = t.CaseEntry::scene();
+  const double glitch_m = t.number("glitch_m", 0, 0.05), speed = t.number("speed_m_s", 1e-3, 1),
+               depth_m = t.number("depth_m", 0.005, 0.04), rest_s = t.number("rest_s", 0.1, 10);
   DeviceScript script;
   std::vector<std::size_t> ticks;  // on the way in, at rest, on the way out
   script.rest(0.3).goTo(depth_m, speed);
@@ -86,30 +34,29 @@ Result<CaseOutcome> glitchUnderGate(const CaseSettings& settings, AxialModel mod
   script.rest(0.2).goTo(depth_m, speed);
   ticks.push_back(script.ticks());
   script.goTo(-0.005, speed);
-  const auto run = [&](const std::vector<DeviceSample>& samples) {
-    return runGated(source, scene, samples, kScriptRate_hz, gate == Gate::kPresent);
-  };
-  ASSIGN_OR_RETURN(const auto sound, run(script.samples()));
+  ASSIGN_OR_RETURN(const auto sound, t.gated(script.samples()));
 
-  CaseOutcome outcome{rowOf(sound)};
-  DisturbedRuns worst;
+  double departure_N = 0;
+  std::size_t longest_felt = 0;  // in ticks
   for (const std::size_t tick : ticks)
     for (const Vec3 aside : {Vec3{0, 0, -glitch_m}, Vec3{0, 0, glitch_m}, Vec3{glitch_m, 0, 0}}) {
       auto samples = script.samples();
       samples[tick].tip.p_WT_m += aside;
-      ASSIGN_OR_RETURN(const auto disturbed, run(samples));
-      worsen(outcome.row, rowOf(disturbed));
-      compare(disturbed, sound, tick, worst);
+      ASSIGN_OR_RETURN(const auto disturbed, t.gated(samples));
+      std::size_t felt = 0;
+      for (std::size_t k = tick; k < disturbed.size(); ++k) {
+        const double off_N = norm(disturbed[k].out_W.force_N - sound[k].out_W.force_N);
+        departure_N = disturbed[k].fault != Fault::kNone ? HUGE_VAL : std::max(departure_N, off_N);
+        felt += off_N > kNoticeableStep_N ? 1 : 0;
+      }
+      longest_felt = std::max(longest_felt, felt);
     }
   const LayerSpec& layer = wall.layers.front();
-  judgeMotion(outcome.row, "greatest departure from the run without it [N]",
-              worst.fault ? HUGE_VAL : worst.departure_N, layer.cutting_force_N + layer.attracted_force_N);
-  outcome.row.note =
-      fmt::format("noticeable for up to {:.2g} s", static_cast<double>(worst.felt_ticks) / kScriptRate_hz);
-  return outcome;
+  t.judge("greatest departure from the run without it [N]", departure_N,
+          layer.cutting_force_N + layer.attracted_force_N,
+          fmt::format("noticeable for up to {:.2g} s", static_cast<double>(longest_felt) / kScriptRate_hz));
+  return {};
 }
-
-namespace {
 
 constexpr double kGateWait_s = 0.02;  // for which the gate may hold the force after a jump
 
@@ -141,27 +88,18 @@ std::vector<DeviceSample> deviceSamples(const HandPlan& plan) {
   return samples;
 }
 
-}  // namespace
-
 // The force is that of the place that the device reports. When the axis goes on again, the place jumps, the
 // gate bridges the jump, and the force must be that of a device that never froze: along the needle it has no
 // memory of the way; the fixture's dead radius has one, worth k·|e| at most.
-Result<CaseOutcome> frozenAxis(const CaseSettings& settings, AxialModel model,
-                               const ForceSourceFactory& source, Gate gate) {
-  CaseEntry entry(settings.file, "frozen_axis", settings.long_form);
-  const SceneSpec wall = entry.scene(), scene = entry.scene(model);
-  const double depth_m = entry.number("depth_m", 0.001, 0.03), aside_m = entry.number("aside_m", 0, 0.02),
-               deeper_m = entry.number("deeper_m", 0.001, 0.03), speed = entry.number("speed_m_s", 1e-3, 0.1),
-               frozen_s = entry.number("frozen_s", 0.01, 1), limit = entry.number("limit", 0);
-  if (!entry.status().ok()) return entry.status().error();
+Status frozenAxis(Trial& t) {
+  const SceneSpec wall = t.CaseEntry::scene();
+  const double depth_m = t.number("depth_m", 0.001, 0.03), aside_m = t.number("aside_m", 0, 0.02),
+               deeper_m = t.number("deeper_m", 0.001, 0.03), speed = t.number("speed_m_s", 1e-3, 0.1),
+               frozen_s = t.number("frozen_s", 0.01, 1), limit = t.number("limit", 0);
   const AsidePlan plan = asidePlan(depth_m, aside_m, deeper_m, speed);
   const auto truth = deviceSamples(plan.plan);
-  const auto run = [&](const std::vector<DeviceSample>& samples) {
-    return runGated(source, scene, samples, kScriptRate_hz, gate == Gate::kPresent);
-  };
-  ASSIGN_OR_RETURN(const auto sound, run(truth));
+  ASSIGN_OR_RETURN(const auto sound, t.gated(truth));
 
-  CaseOutcome outcome{rowOf(sound)};
   double departure_N = 0, given_J = 0;
   bool fault = false;
   for (double Vec3::*axis : {&Vec3::x, &Vec3::y, &Vec3::z})
@@ -170,8 +108,7 @@ Result<CaseOutcome> frozenAxis(const CaseSettings& settings, AxialModel model,
       const auto to = from + static_cast<std::size_t>(frozen_s * kScriptRate_hz + 0.5);
       auto samples = truth;
       for (std::size_t k = from; k < to; ++k) samples[k].tip.p_WT_m.*axis = truth[from].tip.p_WT_m.*axis;
-      ASSIGN_OR_RETURN(const auto frozen, run(samples));
-      worsen(outcome.row, rowOf(frozen));
+      ASSIGN_OR_RETURN(const auto frozen, t.gated(samples));
       double work_J = 0;
       for (std::size_t k = from; k < to; ++k) {
         work_J += dot(frozen[k - 1].out_W.force_N, truth[k].tip.p_WT_m - truth[k - 1].tip.p_WT_m);
@@ -187,23 +124,17 @@ Result<CaseOutcome> frozenAxis(const CaseSettings& settings, AxialModel model,
         departure_N = std::max({departure_N, std::abs(by_N.z), norm({by_N.x, by_N.y, 0}) - radius_N});
       }
     }
-  outcome.row.energy_J = given_J;
-  judgeMotion(outcome.row, "departure, 20 ms after the axis froze [N]", fault ? HUGE_VAL : departure_N,
-              limit);
+  t.row().energy_J = given_J;
   // while an axis stands still the force does not know of the hand's way: no more than the tissue's own force
   // over it
   const LayerSpec& layer = wall.layers.front();
   const double most_J = (layer.cutting_force_N + layer.attracted_force_N) * speed * frozen_s;
-  if (given_J > most_J) {
-    if (outcome.row.passed) outcome.row.verdict = Verdict::kChatters;
-    outcome.row.passed = false;
-  }
-  outcome.row.note =
-      fmt::format("a frozen axis gives the hand {:.2g} mJ, {:.2g} mJ passes", 1e3 * given_J, 1e3 * most_J);
-  return outcome;
+  t.judge(
+      "departure, 20 ms after the axis froze [N]", fault ? HUGE_VAL : departure_N, limit,
+      fmt::format("a frozen axis gives the hand {:.2g} mJ, {:.2g} mJ passes", 1e3 * given_J, 1e3 * most_J));
+  t.require(given_J <= most_J);
+  return {};
 }
-
-namespace {
 
 // the handle behind the gate, with a tool: as HapticChain
 Result<std::vector<Wrench>> runAtHandle(const ForceSourceFactory& make_source, const SceneSpec& scene,
@@ -226,33 +157,21 @@ Result<std::vector<Wrench>> runAtHandle(const ForceSourceFactory& make_source, c
   return at_handle;
 }
 
-Quat otherSign(Quat q) {
-  return {-q.x, -q.y, -q.z, -q.w};
-}
-
-}  // namespace
-
 // q and −q are one rotation, and every product of the tool's transform takes either: the same force and
 // torque to the last bit, however often the sign changes
-Result<CaseOutcome> quaternionSign(const CaseSettings& settings, AxialModel model,
-                                   const ForceSourceFactory& source) {
-  CaseEntry entry(settings.file, "quaternion_sign", settings.long_form);
-  const SceneSpec scene = entry.scene(model);
-  const Pose X_HT = entry.plant().device.X_HT;
-  const double limit = entry.number("limit", 0);
-  if (!entry.status().ok()) return entry.status().error();
-  ASSIGN_OR_RETURN(const auto motion, motionOf(settings, "quaternion_sign"));
+Status quaternionSign(Trial& t) {
+  const Pose X_HT = t.plant.device.X_HT;
+  const PassivityGesture motion = t.motion();
+  RETURN_IF_ERROR(t.status());
   std::vector<Pose> handles;
   for (const TipSample& tip : samplesOf(motion))
     handles.push_back(Pose{tip.p_WT_m, tip.q_WT} * inverse(X_HT));
   const auto run = [&](const std::vector<Pose>& poses) {
-    return runAtHandle(source, scene, poses, X_HT, motion.rate_hz);
+    return runAtHandle(t.source, t.scene, poses, X_HT, motion.rate_hz);
   };
   ASSIGN_OR_RETURN(const auto sound, run(handles));
 
-  CaseOutcome outcome;
-  CaseRow& row = outcome.row;
-  row.finite = true;
+  CaseRow& row = t.row();
   row.max_force_N = 0;
   double departure = 0, torque_Nm = 0;
   // every second tick, and once, in the middle
@@ -269,14 +188,12 @@ Result<CaseOutcome> quaternionSign(const CaseSettings& settings, AxialModel mode
                             norm(turned[k].torque_Nm - sound[k].torque_Nm)});
     }
   }
-  judgeMotion(row, "greatest departure from the run with one sign [N, N·m]", departure, limit);
+  t.judge("greatest departure from the run with one sign [N, N·m]", departure, t.number("limit", 0),
+          fmt::format("torque at the handle up to {:.2g} N·m", torque_Nm));
   // a run without torque shows nothing of a torque's sign
-  if (!(torque_Nm > 0)) row.passed = false;
-  row.note = fmt::format("torque at the handle up to {:.2g} N·m", torque_Nm);
-  return outcome;
+  t.require(torque_Nm > 0);
+  return {};
 }
-
-namespace {
 
 constexpr std::int64_t kWatchdogTicks = 20, kFallTicks = 20, kRiseTicks = 200;
 
@@ -289,54 +206,52 @@ double shareAfter(std::int64_t stood_still, std::size_t ticks_since) {
   return std::min(1.0, static_cast<double>(since - kFallTicks) / kRiseTicks);
 }
 
-}  // namespace
-
 // Forward, the loop takes the ticks for missed and fades in again; the needle has not moved meanwhile. Back,
 // the loop waits until its clock has come there again and notices nothing: the needle has gone on, and the
 // device renders the last force. (The machine's clock of the loop, CLOCK_MONOTONIC, does neither; a virtual
 // machine that stood still does the first.)
-Result<CaseOutcome> clockSteps(const CaseSettings& settings, AxialModel model,
-                               const ForceSourceFactory& source, Gate gate) {
-  CaseEntry entry(settings.file, "clock_steps", settings.long_form);
-  const SceneSpec scene = entry.scene(model);
-  const double depth_m = entry.number("depth_m", 0.0005, 0.03), speed = entry.number("speed_m_s", 1e-3, 0.1),
-               beyond_m = entry.number("beyond_m", 0.0005, 0.03), limit = entry.number("limit", 0);
-  const std::vector<double> forward = entry.numbers("forward_ticks"), back = entry.numbers("back_ticks");
-  if (!entry.status().ok()) return entry.status().error();
-
+Status clockSteps(Trial& t) {
+  const double depth_m = t.number("depth_m", 0.0005, 0.03), speed = t.number("speed_m_s", 1e-3, 0.1),
+               beyond_m = t.number("beyond_m", 0.0005, 0.03);
   DeviceScript script;
   script.rest(0.3).goTo(depth_m, speed);
   const std::size_t at = script.ticks();
   script.goTo(depth_m + beyond_m, speed).goTo(-0.005, 0.02);
-  CaseOutcome outcome;
-  CaseRow& row = outcome.row;
-  row.finite = true;
   double departure_N = 0;
   const auto judged = [&](const std::vector<DeviceSample>& samples, std::int64_t stood_still) -> Status {
-    auto ran = runGated(source, scene, samples, kScriptRate_hz, gate == Gate::kPresent);
-    if (!ran.ok()) return ran.error();
-    worsen(row, rowOf(*ran));
-    for (std::size_t k = at; k < ran->size(); ++k) {
-      const Vec3 wanted_N = (*ran)[k].report.wrench_W.force_N * shareAfter(stood_still, k - at);
-      departure_N = std::max(departure_N, norm((*ran)[k].out_W.force_N - wanted_N));
-      if ((*ran)[k].fault != Fault::kNone) departure_N = HUGE_VAL;
+    ASSIGN_OR_RETURN(const auto ticks, t.gated(samples));
+    for (std::size_t k = at; k < ticks.size(); ++k) {
+      const Vec3 wanted_N = ticks[k].report.wrench_W.force_N * shareAfter(stood_still, k - at);
+      departure_N = std::max(departure_N, norm(ticks[k].out_W.force_N - wanted_N));
+      if (ticks[k].fault != Fault::kNone) departure_N = HUGE_VAL;
     }
     return {};
   };
-  for (const double ticks : forward) {
+  for (const double ticks : t.numbers("forward_ticks")) {
     auto samples = script.samples();
     samples[at].elapsed_ticks = static_cast<std::int64_t>(ticks) + 1;
     RETURN_IF_ERROR(judged(samples, static_cast<std::int64_t>(ticks)));
   }
-  for (const double ticks : back) {
+  for (const double ticks : t.numbers("back_ticks")) {
     auto samples = script.samples();
     const auto from = samples.begin() + static_cast<std::ptrdiff_t>(at);
     const auto lost = std::min<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(ticks), samples.end() - from);
     samples.erase(from, from + lost);
     RETURN_IF_ERROR(judged(samples, 0));
   }
-  judgeMotion(row, "greatest departure from the share that the gate gives [N]", departure_N, limit);
-  return outcome;
+  t.judge("greatest departure from the share that the gate gives [N]", departure_N, t.number("limit", 0));
+  return {};
+}
+
+}  // namespace
+
+std::vector<StabilityCase> deviceCases() {
+  return {
+      {"glitch_under_gate", glitchUnderGate},
+      {"frozen_axis", frozenAxis},
+      {"quaternion_sign", quaternionSign},
+      {"clock_steps", clockSteps},
+  };
 }
 
 }  // namespace needlelab

@@ -6,40 +6,36 @@
 
 #include "client/device/hand.h"
 #include "client/sim/stability/passivity_gesture.h"
-#include "client/sim/stability/passivity_search.h"
 #include "common/haptics/force_gate.h"
 #include "common/haptics/models/like_for_like.h"
 #include "common/profile/profile.h"
 
 namespace needlelab {
 
+GatedTick GatedSource::next(const DeviceSample& sample) {
+  const bool admitted = gate_.admit(sample.tip, sample.fresh, 0.0, sample.elapsed_ticks);
+  Wrench wanted;
+  if (with_gate_ ? admitted : sample.fresh) {
+    source_->step(sample.tip, report_);
+    wanted = report_.wrench_W;
+  } else if (!with_gate_) {
+    wanted = report_.wrench_W;  // nothing new: the device keeps the last wrench
+  }
+  const double depth_m = signedDepth(limb_, sample.tip.p_WT_m);
+  gate_.noteOutside(depth_m <= 0);
+  if (sample.acknowledge) gate_.acknowledge();
+  const Wrench guarded = gate_.guard(wanted).wrench();
+  return {sample, report_, with_gate_ ? guarded : wanted, with_gate_ ? gate_.fault() : Fault::kNone, depth_m};
+}
+
 Result<std::vector<GatedTick>> runGated(const ForceSourceFactory& make_source, const SceneSpec& scene,
                                         const std::vector<DeviceSample>& samples, double rate_hz,
                                         bool with_gate) {
   ASSIGN_OR_RETURN(auto source, make_source(scene, rate_hz));
-  ForceGate gate(DeviceLimits{}, rate_hz);
+  GatedSource gated(std::move(source), scene.limb, rate_hz, with_gate);
   std::vector<GatedTick> ticks;
   ticks.reserve(samples.size());
-  StepReport report;
-  for (const DeviceSample& sample : samples) {
-    GatedTick& tick = ticks.emplace_back();
-    tick.sample = sample;
-    const bool admitted = gate.admit(sample.tip, sample.fresh, 0.0, sample.elapsed_ticks);
-    Wrench wanted;
-    if (with_gate ? admitted : sample.fresh) {
-      source->step(sample.tip, report);
-      wanted = report.wrench_W;
-    } else if (!with_gate) {
-      wanted = report.wrench_W;  // nothing new: the device keeps the last wrench
-    }
-    tick.depth_m = signedDepth(scene.limb, sample.tip.p_WT_m);
-    gate.noteOutside(tick.depth_m <= 0);
-    if (sample.acknowledge) gate.acknowledge();
-    const GuardedWrench guarded = gate.guard(wanted);
-    tick.report = report;
-    tick.out_W = with_gate ? guarded.wrench() : wanted;
-    tick.fault = with_gate ? gate.fault() : Fault::kNone;
-  }
+  for (const DeviceSample& sample : samples) ticks.push_back(gated.next(sample));
   return ticks;
 }
 
@@ -78,32 +74,18 @@ class HostileTip {
   explicit HostileTip(std::uint64_t seed) : random_(seed) {}
 
   TipSample next() {
-    switch (random_.next() % 12) {
-      case 0:
-        p_ = anywhere(0.1);
-        break;
-      case 1:
-        p_ = anywhere(1e-3);
-        break;
-      case 2:
-        p_ = {0, 0, in(-1e-9, 1e-9)};
-        break;
-      case 3:
-        p_ = {0, 0, in(-0.2, 0)};
-        break;
-      case 4:
-        p_ += anywhere(1e-15);
-        break;
-      case 5:
-        p_ += anywhere(1e-3);
-        break;
-      case 6:
-        p_ = {0, 0, 0.01};
-        break;
-      default:
-        p_.z += in(-1.5e-3, 1e-3);
-        p_ += anywhere(2e-4);
-        break;
+    const std::uint64_t kind = random_.next() % 12;
+    if (kind <= 1) {
+      p_ = anywhere(kind == 0 ? 0.1 : 1e-3);
+    } else if (kind <= 3) {
+      p_ = {0, 0, kind == 2 ? in(-1e-9, 1e-9) : in(-0.2, 0)};
+    } else if (kind <= 5) {
+      p_ += anywhere(kind == 4 ? 1e-15 : 1e-3);
+    } else if (kind == 6) {
+      p_ = {0, 0, 0.01};
+    } else {
+      p_.z += in(-1.5e-3, 1e-3);
+      p_ += anywhere(2e-4);
     }
     if (chance(0.001)) p_ = anywhere(1e3);
     if (chance(0.3)) q_ = anyRotation();
@@ -133,29 +115,6 @@ class HostileTip {
   Quat q_;
 };
 
-// the source behind the gate, as in the haptic loop
-class GatedSource {
- public:
-  GatedSource(std::unique_ptr<ForceSource> source, const Limb& limb)
-      : source_(std::move(source)), limb_(limb), gate_(DeviceLimits{}, 1000) {}
-  Wrench next(const TipSample& sample, bool acknowledge) {
-    Wrench wanted;
-    if (gate_.admit(sample, true, 0.0)) {
-      source_->step(sample, report_);
-      wanted = report_.wrench_W;
-    }
-    gate_.noteOutside(signedDepth(limb_, sample.p_WT_m) <= 0);
-    if (acknowledge) gate_.acknowledge();
-    return gate_.guard(wanted).wrench();
-  }
-
- private:
-  std::unique_ptr<ForceSource> source_;
-  Limb limb_;
-  ForceGate gate_;
-  StepReport report_;
-};
-
 }  // namespace
 
 Result<FuzzFindings> fuzzSource(const ForceSourceFactory& make_source, AxialModel model, std::uint64_t ticks,
@@ -171,7 +130,7 @@ Result<FuzzFindings> fuzzSource(const ForceSourceFactory& make_source, AxialMode
     const SceneSpec rendered = likeForLike(scene, model);
     ASSIGN_OR_RETURN(auto source, make_source(rendered, 1000));
     ASSIGN_OR_RETURN(auto behind, make_source(rendered, 1000));
-    GatedSource gated(std::move(behind), scene.limb);
+    GatedSource gated(std::move(behind), scene.limb, 1000, true);
 
     HostileTip tip(seed * 0x9E37u);
     StepReport report;
@@ -182,12 +141,13 @@ Result<FuzzFindings> fuzzSource(const ForceSourceFactory& make_source, AxialMode
       findings.finite = findings.finite && std::isfinite(force) && isFinite(report.wrench_W.torque_Nm);
       findings.max_force_N = std::max(findings.max_force_N, force);
       findings.excess_force_N = std::max(findings.excess_force_N, force - scene.max_force_N * (1 + 1e-12));
-      if (const Vec3 u = source->trajectory(); normSquared(u) > 0) {
-        ++findings.inside;
+      if (const Vec3 u = source->trajectory(); normSquared(u) > 0)
         findings.direction_error = std::max(findings.direction_error, std::abs(norm(u) - 1));
-      }
       if (!with_gate) continue;
-      const Wrench out = gated.next(sample, tip.chance(0.05));
+      DeviceSample given;
+      given.tip = sample;
+      given.acknowledge = tip.chance(0.05);
+      const Wrench out = gated.next(given).out_W;
       findings.finite = findings.finite && isFinite(out.force_N) && isFinite(out.torque_Nm);
       findings.excess_rendered_N =
           std::max(findings.excess_rendered_N, norm(out.force_N) - peak_N * (1 + 1e-12));

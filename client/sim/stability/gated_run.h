@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
+#include <utility>
 #include <vector>
 
 #include "client/device/hand_plan.h"
@@ -22,6 +24,11 @@ struct DeviceSample {
   std::int64_t elapsed_ticks = 1;  ///< periods since the sample before, by the loop's clock
 };
 
+/// The same rotation.
+inline Quat otherSign(Quat q) {
+  return {-q.x, -q.y, -q.z, -q.w};
+}
+
 struct GatedTick {
   DeviceSample sample;
   StepReport report;  ///< of the last tick that was stepped
@@ -30,8 +37,23 @@ struct GatedTick {
   double depth_m = 0;
 };
 
-/// Runs a new source behind the gate; `with_gate` false gives the source's wrench to the device as it is, and
-/// steps every sample. A plane's normal must have unit length. Errors: those of the source.
+/// A source behind the gate, as in the haptic loop; `with_gate` false gives the source's wrench to the device
+/// as it is, and steps every sample. A plane's normal must have unit length.
+class GatedSource {
+ public:
+  GatedSource(std::unique_ptr<ForceSource> source, const Limb& limb, double rate_hz, bool with_gate)
+      : source_(std::move(source)), limb_(limb), gate_(DeviceLimits{}, rate_hz), with_gate_(with_gate) {}
+  GatedTick next(const DeviceSample& sample);
+
+ private:
+  std::unique_ptr<ForceSource> source_;
+  Limb limb_;
+  ForceGate gate_;
+  bool with_gate_;
+  StepReport report_;
+};
+
+/// Runs a new source over the samples. Errors: those of the source.
 Result<std::vector<GatedTick>> runGated(const ForceSourceFactory& source, const SceneSpec& scene,
                                         const std::vector<DeviceSample>& samples, double rate_hz,
                                         bool with_gate);
@@ -95,7 +117,7 @@ class DeviceScript {
 
 struct FuzzFindings {
   bool finite = true;
-  std::uint64_t ticks = 0, inside = 0;
+  std::uint64_t ticks = 0;
   double max_force_N = 0;
   double excess_force_N = 0;     ///< of the source, above the scene's greatest force
   double excess_rendered_N = 0;  ///< after the gate, above the device's peak

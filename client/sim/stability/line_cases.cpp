@@ -1,17 +1,16 @@
 /// The line of an insertion and what holds a needle to it: its true length, the fixture, changes of
 /// trajectory, the hub and the far side; and the limits on force that the fixture meets. Each right value is
-/// that of a formula on paper, for one layer with k = λ d or a straight way. Private to this folder.
+/// that of a formula on paper, for one layer with k = λ d or a straight way.
 
 #include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <optional>
 #include <utility>
 
 #include "client/device/hand.h"
-#include "client/sim/stability/motion_cases.h"
+#include "client/sim/stability/case.h"
 #include "common/haptics/force_gate.h"
 #include "common/haptics/tool_transform.h"
 
@@ -50,58 +49,21 @@ struct Way {
   [[nodiscard]] std::vector<TipSample> samples() const { return samplesOf(plan, rate_hz); }
 };
 
-// a case's entry, its scene, and the row of all its runs
-class LineCase : public CaseEntry {
- public:
-  LineCase(const CaseSettings& settings, std::string_view name, AxialModel model,
-           const ForceSourceFactory& source)
-      : CaseEntry(settings.file, name, settings.long_form),
-        scene(CaseEntry::scene(model)),
-        source_(&source) {}
-
-  // through W's origin along the axis
-  Way straight(double way_m, double angle_rad = 0, double rate_hz = 1000) {
-    const double speed = number("speed_m_s", 1e-3, 1);
-    Way way{speed, rate_hz, HandPlan({axisAt(angle_rad) * -0.005, slanting(angle_rad)})};
-    return way.to(axisAt(angle_rad) * way_m, angle_rad);
-  }
-  double length(const std::string& field) { return number(field, -0.5, 0.5); }
-
-  // The row gets the worst of each number, and the first run's curve. Errors: the entry's, too.
-  Result<MotionRun> run(const std::vector<TipSample>& samples, double rate_hz = 1000) {
-    if (!status().ok()) return status().error();
-    ASSIGN_OR_RETURN(auto run, runMotion(*source_, scene, samples, rate_hz));
-    if (outcome_.traces.empty())
-      outcome_ = {rowOf(observed(run)), {forceTrace(run, "force")}};
-    else
-      worsen(outcome_.row, rowOf(observed(run)));
-    return run;
-  }
-  Result<MotionRun> run(const Way& way) { return run(way.samples(), way.rate_hz); }
-
-  void judge(std::string quantity, double measured, std::string note, std::optional<double> limit = {}) {
-    judgeMotion(outcome_.row, std::move(quantity), measured, limit ? *limit : number("limit", 0));
-    outcome_.row.note = std::move(note);
-  }
-  // another condition than the one that `measured` is judged by
-  void require(bool holds, std::string_view what) {
-    if (holds) return;
-    CaseRow& row = outcome_.row;
-    if (row.verdict == Verdict::kStable) row.verdict = Verdict::kChatters;
-    row.passed = false;
-    row.note += fmt::format("{}not so: {}", row.note.empty() ? "" : "; ", what);
-  }
-  [[nodiscard]] Result<CaseOutcome> finish() const {
-    if (!status().ok()) return status().error();
-    return outcome_;
-  }
-
-  SceneSpec scene;
-
- private:
-  const ForceSourceFactory* source_;
-  CaseOutcome outcome_;
-};
+// through W's origin along the axis
+Way straight(Trial& t, double way_m, double angle_rad = 0, double rate_hz = 1000) {
+  const double speed = t.number("speed_m_s", 1e-3, 1);
+  Way way{speed, rate_hz, HandPlan({axisAt(angle_rad) * -0.005, slanting(angle_rad)})};
+  return way.to(axisAt(angle_rad) * way_m, angle_rad);
+}
+double length(Trial& t, const std::string& field) {
+  return t.number(field, -0.5, 0.5);
+}
+Result<MotionRun> move(Trial& t, const Way& way) {
+  return t.move(way.samples(), way.rate_hz);
+}
+void judge(Trial& t, std::string quantity, double measured, std::string note) {
+  t.judge(std::move(quantity), measured, t.number("limit", 0), std::move(note));
+}
 
 double lambdaOf(const SceneSpec& scene) {
   return scene.layers.empty() ? 0 : scene.layers.front().lateral_stiffness_N_per_m2;
@@ -117,8 +79,8 @@ double turningForce_N(const SceneSpec& scene, double length_m) {
 }
 
 // Held aside for 10 s of encoder steps or tremor. U = ½ λ |p| e²: eq. 8 across, and ½ λ e² against p.
-Status heldFixture(LineCase& c) {
-  const Vec3 held = below(c.length("depth_m"), c.length("aside_m"));
+Status heldFixture(Trial& c) {
+  const Vec3 held = below(length(c, "depth_m"), length(c, "aside_m"));
   const double hold_s = c.number("hold_s", 0.1, 100), tremor_m = c.number("tremor_m", 0, 1e-3),
                tremor_radps = 2 * kPi * c.number("tremor_hz", 1, 50);
   const auto steps = c.numbers("encoder_steps_m"), strokes = c.numbers("strokes_m");
@@ -126,7 +88,7 @@ Status heldFixture(LineCase& c) {
                        normalized(held) * (0.5 * lambdaOf(c.scene) * held.x * held.x);
   double most = 0;
   for (const double rate_hz : c.numbers("rates_hz")) {
-    Way way = c.straight(-held.z, 0, rate_hz);
+    Way way = straight(c, -held.z, 0, rate_hz);
     way.to(held);
     for (const double stroke_m : strokes) way.to(below(stroke_m, held.x)).to(held);
     for (std::size_t kind = 0; kind <= steps.size(); ++kind) {  // the last is the tremor
@@ -138,29 +100,29 @@ Status heldFixture(LineCase& c) {
                                                     ? tremor_m * std::sin(tremor_radps * k / rate_hz)
                                                     : steps[kind] * static_cast<double>(random.next() % 2);
       samples.push_back(still);
-      ASSIGN_OR_RETURN(const auto run, c.run(samples, rate_hz));
+      ASSIGN_OR_RETURN(const auto run, c.move(samples, rate_hz));
       most = std::max(most, norm(run.ticks.back().report.wrench_W.force_N - right_N) / norm(right_N));
     }
   }
-  c.judge("departure from eq. 8 and its push, over the force", most,
-          fmt::format("eq. 8 and its push: {:.3g} N", norm(right_N)));
+  judge(c, "departure from eq. 8 and its push, over the force", most,
+        fmt::format("eq. 8 and its push: {:.3g} N", norm(right_N)));
   return {};
 }
 
 // Across its own axis to the target. Down to 0.6 mm the tip leads P0, by that times tan + 1/tan of the slant:
 // no other length is missing. u turns by 45° at most, so k|e| is at least λ d² sin of what is left.
-Status crosswise(LineCase& c) {
+Status crosswise(Trial& c) {
   const double slant = c.number("slant_deg", 10, 80) * kPi / 180, off = c.number("off_deg", 0, 5) * kPi / 180;
-  const double way_m = c.length("depth_m") / std::cos(slant), tilt = kPi / 2 - slant + off;
-  const double led_m = c.length("led_m") * (std::tan(slant) + 1 / std::tan(slant));
+  const double way_m = length(c, "depth_m") / std::cos(slant), tilt = kPi / 2 - slant + off;
+  const double led_m = length(c, "led_m") * (std::tan(slant) + 1 / std::tan(slant));
   Way way{c.number("speed_m_s", 1e-3, 1), 1000, HandPlan({axisAt(-slant) * -0.005, slanting(tilt)})};
-  ASSIGN_OR_RETURN(const auto run, c.run(way.to(axisAt(-slant) * way_m, tilt).rest(0.5)));
+  ASSIGN_OR_RETURN(const auto run, move(c, way.to(axisAt(-slant) * way_m, tilt).rest(0.5)));
   const StepReport& last = run.ticks.back().report;
   const double least_m = way_m - led_m;
   const double eq8_N = lambdaOf(c.scene) * least_m * least_m * std::sin(kPi / 4 - std::asin(led_m / way_m));
   const double least_N = std::min(eq8_N, turningForce_N(c.scene, least_m));
-  c.judge("inserted length that is missing [m]", std::abs(last.insertion_m - way_m),
-          fmt::format("{:.3g} N at the target, {:.3g} N at least", acrossOf(last), least_N), led_m);
+  c.judge("inserted length that is missing [m]", std::abs(last.insertion_m - way_m), led_m,
+          fmt::format("{:.3g} N at the target, {:.3g} N at least", acrossOf(last), least_N));
   c.require(acrossOf(last) >= least_N, "eq. 8");
   return {};
 }
@@ -173,8 +135,8 @@ double frictionAt_N_per_m(const SceneSpec& scene, double depth_m) {
 }
 
 // Straight in. P0 is where the needle went in, and shaft friction is that of the layers on its way.
-Status roundLimbLength(LineCase& c) {
-  const double most_m = c.length("most_m"), chord = c.number("chord_share", 0.1, 0.95);
+Status roundLimbLength(Trial& c) {
+  const double most_m = length(c, "most_m"), chord = c.number("chord_share", 0.1, 0.95);
   const auto angles = c.numbers("angles_deg");
   std::vector<std::pair<Limb, double>> limbs = {{c.scene.limb, HUGE_VAL}};
   for (const double r : c.numbers("radii_m")) {
@@ -188,7 +150,7 @@ Status roundLimbLength(LineCase& c) {
       const double angle = angle_deg * kPi / 180;
       c.scene.limb = limb;
       ASSIGN_OR_RETURN(const auto run,
-                       c.run(c.straight(std::min(most_m, chord * 2 * radius_m * std::cos(angle)), angle)));
+                       move(c, straight(c, std::min(most_m, chord * 2 * radius_m * std::cos(angle)), angle)));
       double friction_N = 0, before_m = 0, told_m = 0;
       for (const MotionTick& tick : run.ticks) {
         if (!(tick.report.depth_m > 0)) continue;
@@ -201,8 +163,8 @@ Status roundLimbLength(LineCase& c) {
       }
       worst_share = std::max(worst_share, std::abs(-run.ticks.back().report.friction_N / friction_N - 1));
     }
-  c.judge("inserted length off the way in the limb [m]", worst_m,
-          fmt::format("friction off that of the layers on the way by {:.2g} %", 100 * worst_share));
+  judge(c, "inserted length off the way in the limb [m]", worst_m,
+        fmt::format("friction off that of the layers on the way by {:.2g} %", 100 * worst_share));
   c.require(worst_share <= c.number("friction_share", 0, 1), "the layers' friction");
   c.require(!falls, "the length never falls");
   return {};
@@ -210,13 +172,13 @@ Status roundLimbLength(LineCase& c) {
 
 // k|e| in the last tick before u turns, of a needle that is so far in and swings about its hole; infinite
 // where it never turns
-Result<double> turnsAt_N(LineCase& c, double length_m) {
+Result<double> turnsAt_N(Trial& c, double length_m) {
   constexpr double kStep_rad = 2e-4, kMost_rad = 1.2;
-  auto samples = c.straight(length_m).samples();
+  auto samples = straight(c, length_m).samples();
   const std::size_t swings = samples.size();
   for (double angle = 0; angle < kMost_rad; angle += kStep_rad)
     samples.push_back({axisAt(angle) * length_m, slanting(angle)});
-  ASSIGN_OR_RETURN(const auto run, c.run(samples));
+  ASSIGN_OR_RETURN(const auto run, c.move(samples));
   for (std::size_t k = swings; k < run.ticks.size(); ++k)
     if ((run.ticks[k].report.flags & kFlagTurn) != 0) return acrossOf(run.ticks[k - 1].report);
   return HUGE_VAL;
@@ -224,8 +186,8 @@ Result<double> turnsAt_N(LineCase& c, double length_m) {
 
 // The trajectory follows the hand near the skin: about the hole, and after a withdrawal about the tip. Deeper
 // it is held by the page's force, which rises with the length.
-Status reAim(LineCase& c) {
-  const double length_m = c.length("length_m"), deeper_m = c.length("deeper_m"),
+Status reAim(Trial& c) {
+  const double length_m = length(c, "length_m"), deeper_m = length(c, "deeper_m"),
                aim = c.number("aim_deg", 1, 45) * kPi / 180, turn_s = c.number("turn_s", 0.1, 10),
                off_N = c.number("turning_off_n", 0);
   std::vector<std::pair<Way, std::size_t>> ways;
@@ -233,12 +195,12 @@ Status reAim(LineCase& c) {
     Way way = before;
     ways.emplace_back(way.turnTo(turns_at, aim, turn_s).to(ends_at, aim), before.endTick());
   };
-  goOn(c.straight(length_m), axisAt(aim) * length_m, axisAt(aim) * (length_m + deeper_m));
+  goOn(straight(c, length_m), axisAt(aim) * length_m, axisAt(aim) * (length_m + deeper_m));
   for (const double left_m : c.numbers("withdrawals_m"))
-    goOn(c.straight(deeper_m).to(below(left_m)), below(left_m), below(left_m) + axisAt(aim) * deeper_m);
+    goOn(straight(c, deeper_m).to(below(left_m)), below(left_m), below(left_m) + axisAt(aim) * deeper_m);
   double most_N = 0;
   for (const auto& [way, from] : ways) {
-    ASSIGN_OR_RETURN(const auto run, c.run(way));
+    ASSIGN_OR_RETURN(const auto run, move(c, way));
     for (std::size_t k = from; k < run.ticks.size(); ++k)
       most_N = std::max(most_N, run.ticks[k].report.clamping_N);
   }
@@ -247,35 +209,35 @@ Status reAim(LineCase& c) {
     ASSIGN_OR_RETURN(last_N, turnsAt_N(c, one_m));
     worst_N = std::max(worst_N, std::abs(last_N - turningForce_N(c.scene, one_m)));
   }
-  c.judge("clamping that a re-aim near the skin meets [N]", most_N,
-          fmt::format("u turns within {:.2g} N of the page's force, deepest at {:.3g} N", worst_N, last_N));
+  judge(c, "clamping that a re-aim near the skin meets [N]", most_N,
+        fmt::format("u turns within {:.2g} N of the page's force, deepest at {:.3g} N", worst_N, last_N));
   c.require(worst_N <= off_N, "the page's force");
   return {};
 }
 
 // Pushed aside just under the skin, then straight in.
-Status asideThenDeep(LineCase& c) {
-  const double shallow_m = c.length("shallow_m"), deep_m = c.length("deep_m"),
+Status asideThenDeep(Trial& c) {
+  const double shallow_m = length(c, "shallow_m"), deep_m = length(c, "deep_m"),
                greatest_N = c.scene.virtual_fixture.max_force_N;
   double least_N = HUGE_VAL;
   for (const double aside_m : c.numbers("asides_m")) {
-    Way way = c.straight(shallow_m);
+    Way way = straight(c, shallow_m);
     way.to(below(shallow_m, aside_m)).to(below(deep_m, aside_m)).rest(0.1);
-    ASSIGN_OR_RETURN(const auto run, c.run(way));
+    ASSIGN_OR_RETURN(const auto run, move(c, way));
     least_N = std::min(least_N, run.ticks.back().report.clamping_N);
   }
-  c.judge("share of the fixture's greatest force that is missing", 1 - least_N / greatest_N,
-          fmt::format("{:.3g} N of {:g}", least_N, greatest_N));
+  judge(c, "share of the fixture's greatest force that is missing", 1 - least_N / greatest_N,
+        fmt::format("{:.3g} N of {:g}", least_N, greatest_N));
   return {};
 }
 
 // Through a finger up to the hub, aside beyond it, and back: friction and k are those of the chord.
-Status runThrough(LineCase& c) {
-  const double chord_m = c.length("chord_m"), deep_m = c.length("deep_m"), aside_m = c.length("aside_m"),
-               length_off_m = c.length("length_off_m"), share = c.number("share", 0, 1);
-  Way way = c.straight(deep_m);
+Status runThrough(Trial& c) {
+  const double chord_m = length(c, "chord_m"), deep_m = length(c, "deep_m"), aside_m = length(c, "aside_m"),
+               length_off_m = length(c, "length_off_m"), share = c.number("share", 0, 1);
+  Way way = straight(c, deep_m);
   const std::size_t through = way.endTick(), aside = way.to(below(deep_m, aside_m)).rest(0.1).endTick();
-  ASSIGN_OR_RETURN(const auto run, c.run(way.to(below(deep_m)).to(below(-0.005))));
+  ASSIGN_OR_RETURN(const auto run, move(c, way.to(below(deep_m)).to(below(-0.005))));
   const double hub_N_per_m = c.scene.stage_numbers[stageOf(Effect::kHub)][kHubStiffness_N_per_m];
   double length_m = 0, hub_N = 0;
   for (const auto& [tip, report, slant] : run.ticks) {
@@ -288,8 +250,8 @@ Status runThrough(LineCase& c) {
   const double friction_N = -run.ticks[through].report.friction_N,
                across_N = acrossOf(run.ticks[aside].report);
   const auto isNear = [share](double is, double right) { return std::abs(is - right) <= share * right; };
-  c.judge(
-      "greatest force step beyond the springs [N]", record.worst_step_N,
+  judge(
+      c, "greatest force step beyond the springs [N]", record.worst_step_N,
       fmt::format("length off by {:.2g} m, hub by {:.2g} N; friction {:.3g} N, aside {:.3g} N; insertions {}",
                   length_m, hub_N, friction_N, across_N, record.insertions));
   c.require(length_m <= length_off_m, "the way in");
@@ -314,10 +276,10 @@ double mostGain_J(const std::vector<TipSample>& places, const std::vector<Wrench
 }
 
 // Pressed in, aside, drawn back, home, in again; or the other way round.
-Result<double> loopGain_J(LineCase& c, double draw_m, bool aside_first) {
-  const double deep_m = c.length("depth_m"), aside_m = c.length("aside_m"), back_m = deep_m - draw_m;
+Result<double> loopGain_J(Trial& c, double draw_m, bool aside_first) {
+  const double deep_m = length(c, "depth_m"), aside_m = length(c, "aside_m"), back_m = deep_m - draw_m;
   const Vec3 one = below(deep_m, aside_m), other = below(back_m);
-  Way way = c.straight(deep_m);
+  Way way = straight(c, deep_m);
   std::vector<std::size_t> ends = {way.endTick()};
   for (std::uint64_t loop = c.whole("loops", 1); loop > 0; --loop) {
     way.to(aside_first ? one : other)
@@ -327,15 +289,15 @@ Result<double> loopGain_J(LineCase& c, double draw_m, bool aside_first) {
     ends.push_back(way.endTick());
   }
   const auto samples = way.samples();
-  ASSIGN_OR_RETURN(const auto run, c.run(samples));
+  ASSIGN_OR_RETURN(const auto run, c.move(samples));
   std::vector<Wrench> wrenches;
   for (const MotionTick& tick : run.ticks) wrenches.push_back(tick.report.wrench_W);
   return mostGain_J(samples, wrenches, ends);
 }
 
 // FORCE_MODEL.md ("Sum and cap") says what a cap costs that binds.
-Status capOnSum(LineCase& c) {
-  LineCase capped = c;  // not in the row
+Status capOnSum(Trial& c) {
+  Trial capped = c;  // not in the row
   capped.scene.max_force_N = c.number("cap_n", 0.1, 50);
   double most_J = -HUGE_VAL, capped_J = -HUGE_VAL;
   for (const EffectMask effects : {c.scene.effects, bitOf(Effect::kClamping)})
@@ -347,17 +309,17 @@ Status capOnSum(LineCase& c) {
         most_J = std::max(most_J, free_J);
         capped_J = std::max(capped_J, bound_J);
       }
-  c.judge("energy given to the hand in a loop, no cap met [J]", most_J,
-          fmt::format("with a cap of {:g} N: {:.3g} mJ", capped.scene.max_force_N, 1e3 * capped_J));
+  judge(c, "energy given to the hand in a loop, no cap met [J]", most_J,
+        fmt::format("with a cap of {:g} N: {:.3g} mJ", capped.scene.max_force_N, 1e3 * capped_J));
   c.require(capped_J <= c.number("capped_limit_j", 0), "what the page says of the cap");
   return {};
 }
 
 // Two needles a fiftieth of a degree apart, pushed along their axes: the way in, and one force.
-Status eightyDegrees(LineCase& c) {
-  std::vector<double> lengths_m = {c.length("way_m")}, forces_N;
+Status eightyDegrees(Trial& c) {
+  std::vector<double> lengths_m = {length(c, "way_m")}, forces_N;
   for (const double angle_deg : c.numbers("angles_deg")) {
-    ASSIGN_OR_RETURN(const auto run, c.run(c.straight(lengths_m.front(), angle_deg * kPi / 180)));
+    ASSIGN_OR_RETURN(const auto run, move(c, straight(c, lengths_m.front(), angle_deg * kPi / 180)));
     lengths_m.push_back(run.ticks.back().report.insertion_m);
     forces_N.push_back(norm(run.ticks.back().report.wrench_W.force_N));
   }
@@ -365,8 +327,8 @@ Status eightyDegrees(LineCase& c) {
     const auto [least, most] = std::minmax_element(values.begin(), values.end());
     return (*most - *least) / *most;
   };
-  c.judge("difference of length or force, over the greater", std::max(apart(lengths_m), apart(forces_N)),
-          fmt::format("{:.4g} mm in, {:.3g} N", 1e3 * lengths_m.back(), forces_N.back()));
+  judge(c, "difference of length or force, over the greater", std::max(apart(lengths_m), apart(forces_N)),
+        fmt::format("{:.4g} mm in, {:.3g} N", 1e3 * lengths_m.back(), forces_N.back()));
   return {};
 }
 
@@ -377,15 +339,12 @@ WrenchLimiter gateLimiter(double rate_hz) {
   };
 }
 
-}  // namespace
-
 // A cycle: turn the handle, so that the tip goes aside; wait; carry the handle after the tip; stand up.
-Result<CaseOutcome> leaningOnTool(const CaseSettings& settings, AxialModel model,
-                                  const ForceSourceFactory& source, const WrenchLimiterFactory& limiter) {
-  LineCase c(settings, "leaning_on_tool", model, source);
+Status leaningOnTool(Trial& c) {
+  const WrenchLimiterFactory& limiter = c.settings.control.limiter;
   const double lever_m = c.number("lever_m", 0.01, 0.5), aside_m = c.number("aside_m", 1e-3, 0.03),
                leg_s = c.number("leg_s", 0.05, 5);
-  const Vec3 home = below(c.length("depth_m") - lever_m);  // of the handle
+  const Vec3 home = below(length(c, "depth_m") - lever_m);  // of the handle
   const std::uint64_t cycles = c.whole("cycles", 1);
   double most_J = -HUGE_VAL, least_share = 1;
   for (const double hold_s : c.numbers("holds_s")) {
@@ -400,8 +359,8 @@ Result<CaseOutcome> leaningOnTool(const CaseSettings& settings, AxialModel model
     const auto handles = way.samples();
     std::vector<TipSample> tips;
     for (const auto& [p_WH_m, q_WH] : handles) tips.push_back({p_WH_m + zAxis(q_WH) * lever_m, q_WH});
-    ASSIGN_OR_RETURN(const auto run, c.run(tips));
-    auto limited = limiter(1000);
+    ASSIGN_OR_RETURN(const auto run, c.move(tips));
+    auto limited = limiter ? limiter(1000) : gateLimiter(1000);
     std::vector<Wrench> wrenches;
     for (std::size_t k = 0; k < tips.size(); ++k) {
       const Wrench wanted = wrenchAtHandle(run.ticks[k].report.wrench_W, tips[k].p_WT_m, handles[k].p_WT_m);
@@ -411,36 +370,21 @@ Result<CaseOutcome> leaningOnTool(const CaseSettings& settings, AxialModel model
     }
     most_J = std::max(most_J, mostGain_J(handles, wrenches, ends));
   }
-  c.judge("energy given to the hand in a cycle [J]", most_J,
-          fmt::format("the torque goes down to {:.2g} of what is wanted", least_share));
+  judge(c, "energy given to the hand in a cycle [J]", most_J,
+        fmt::format("the torque goes down to {:.2g} of what is wanted", least_share));
   c.require(least_share < 0.9, "a limit was met");
-  return c.finish();
+  return {};
 }
 
+}  // namespace
+
 std::vector<StabilityCase> lineCases() {
-  const auto one = [](const char* name, const char* summary, Status (*run)(LineCase&)) {
-    return StabilityCase{name, summary, false, true,
-                         [=](const CaseSettings& settings, AxialModel model,
-                             const ForceSourceFactory& source) -> Result<CaseOutcome> {
-                           LineCase c(settings, name, model, source);
-                           RETURN_IF_ERROR(run(c));
-                           return c.finish();
-                         }};
-  };
   return {
-      one("held_fixture", "held aside for 10 s of tremor or encoder steps: a pose keeps its force",
-          heldFixture),
-      one("crosswise", "moved across its own axis to the target: no way round the force", crosswise),
-      one("round_limb_length", "straight in at 0 to 75 degrees, in limbs of all shapes", roundLimbLength),
-      one("re_aim", "the trajectory is free near the skin, and the deeper, the firmer it is held", reAim),
-      one("aside_then_deep", "pushed aside just under the skin, then straight in", asideThenDeep),
-      one("run_through", "through a finger up to the hub, aside beyond it, and back", runThrough),
-      {"leaning_on_tool", "a hand leans on a long tool until the gate lowers the torque", false, true,
-       [](const CaseSettings& settings, AxialModel model, const ForceSourceFactory& source) {
-         return leaningOnTool(settings, model, source, gateLimiter);
-       }},
-      one("cap_on_sum", "pressed, aside, drawn back and home again; also where the cap binds", capOnSum),
-      one("eighty_degrees", "needles of 79.99 and 80.01 degrees of tilt are the same needle", eightyDegrees),
+      {"held_fixture", heldFixture, false},          {"crosswise", crosswise, false},
+      {"round_limb_length", roundLimbLength, false}, {"re_aim", reAim, false},
+      {"aside_then_deep", asideThenDeep, false},     {"run_through", runThrough, false},
+      {"leaning_on_tool", leaningOnTool, false},     {"cap_on_sum", capOnSum, false},
+      {"eighty_degrees", eightyDegrees, false},
   };
 }
 

@@ -98,6 +98,15 @@ double chatterOf(const PlantRun& run, Vec3 direction, TimeWindow window, const B
       std::span(passed).subspan(static_cast<std::size_t>(ticks.data() - run.ticks.data()), ticks.size()));
 }
 
+int stopsIn(std::span<const PlantTick> ticks, Phase before) {
+  int stops = 0;
+  for (const PlantTick& tick : ticks) {
+    stops += tick.report.phase == Phase::kStopped && before != Phase::kStopped;
+    before = tick.report.phase;
+  }
+  return stops;
+}
+
 bool allFinite(const PlantRun& run) {
   return std::all_of(run.ticks.begin(), run.ticks.end(), [](const PlantTick& tick) {
     return isFinite(tick.report.wrench_W.force_N) && isFinite(tick.report.wrench_W.torque_Nm) &&

@@ -36,6 +36,9 @@ std::vector<double> bandPassed(std::span<const double> signal, double rate_hz, c
 /// RMS in the band over the window of a run; the filter starts at the run's beginning.
 double chatterOf(const PlantRun& run, Vec3 direction, TimeWindow window, const BandFilter& band);
 
+/// How often the needle comes to STOPPED in these ticks; `before` is its phase ahead of them.
+int stopsIn(std::span<const PlantTick> ticks, Phase before);
+
 bool allFinite(const PlantRun& run);
 double maxForce_N(const PlantRun& run);
 

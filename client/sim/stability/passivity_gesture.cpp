@@ -17,11 +17,12 @@ double onGrid(double value, double step) {
   return step > 0 ? std::floor(value / step + 0.5) * step : value;
 }
 
-}  // namespace
-
+// the tip's pose where a stroke ends
 Pose poseOf(const PassivityStroke& stroke) {
   return {{stroke.x_m, stroke.y_m, -stroke.depth_m}, orientationAlong({stroke.tilt_x, stroke.tilt_y, -1})};
 }
+
+}  // namespace
 
 HandPlan planOf(const PassivityGesture& gesture) {
   HandPlan plan(poseOf(gesture.start));
@@ -35,17 +36,24 @@ HandPlan planOf(const PassivityGesture& gesture) {
   return plan;
 }
 
-std::vector<TipSample> samplesOf(const PassivityGesture& gesture) {
-  const HandPlan plan = planOf(gesture);
-  HandTremor tremor(gesture.tremor_m, gesture.tremor_seed, 1 / gesture.rate_hz);
-  const auto ticks = static_cast<std::size_t>(std::floor(plan.duration_s() * gesture.rate_hz + 0.5)) + 1;
+std::vector<TipSample> samplesOf(const HandPlan& plan, double rate_hz) {
+  const auto ticks = static_cast<std::size_t>(std::floor(plan.duration_s() * rate_hz + 0.5)) + 1;
   std::vector<TipSample> samples;
   samples.reserve(ticks);
   for (std::size_t k = 0; k < ticks; ++k) {
-    const Pose aim = plan.at(static_cast<double>(k) / gesture.rate_hz).X_WT;
-    const Vec3 p = aim.p + tremor.next();
+    const Pose pose = plan.at(static_cast<double>(k) / rate_hz).X_WT;
+    samples.push_back({pose.p, pose.q});
+  }
+  return samples;
+}
+
+std::vector<TipSample> samplesOf(const PassivityGesture& gesture) {
+  auto samples = samplesOf(planOf(gesture), gesture.rate_hz);
+  HandTremor tremor(gesture.tremor_m, gesture.tremor_seed, 1 / gesture.rate_hz);
+  for (TipSample& sample : samples) {
+    const Vec3 p = sample.p_WT_m + tremor.next();
     const double step = gesture.encoder_step_m;
-    samples.push_back({{onGrid(p.x, step), onGrid(p.y, step), onGrid(p.z, step)}, aim.q});
+    sample.p_WT_m = {onGrid(p.x, step), onGrid(p.y, step), onGrid(p.z, step)};
   }
   return samples;
 }
@@ -61,130 +69,8 @@ double roundedTo(double value, int digits) {
   return rounded;
 }
 
-int significantDigits(double value) {
-  std::array<char, 40> text{};
-  const auto* end =
-      std::to_chars(text.data(), text.data() + text.size(), value, std::chars_format::scientific).ptr;
-  int digits = 0, upto_last_nonzero = 0;
-  for (const char* c = text.data(); c != end && *c != 'e'; ++c) {
-    if (*c < '0' || *c > '9') continue;
-    ++digits;
-    if (*c != '0') upto_last_nonzero = digits;
-  }
-  return upto_last_nonzero;
-}
-
-namespace {
-
-// a number of a message, by value and back
-template <typename Message, typename Get, typename Set>
-void visit(Message& message, Get get, Set set, const NumberVisit& number) {
-  double value = (message.*get)();
-  number(value);
-  (message.*set)(value);
-}
-
-// the optional numbers of a layer
-void visitLayer(pb::Layer& layer, const NumberVisit& number) {
-  using L = pb::Layer;
-  visit(layer, &L::thickness_m, &L::set_thickness_m, number);
-  visit(layer, &L::cutting_force_n, &L::set_cutting_force_n, number);
-  visit(layer, &L::attracted_force_n, &L::set_attracted_force_n, number);
-  visit(layer, &L::rejection_force_n, &L::set_rejection_force_n, number);
-  visit(layer, &L::lateral_stiffness_n_per_m2, &L::set_lateral_stiffness_n_per_m2, number);
-  visit(layer, &L::friction_n_per_m, &L::set_friction_n_per_m, number);
-  if (!layer.has_puncture()) return;
-  using P = pb::Puncture;
-  visit(*layer.mutable_puncture(), &P::linear_n_per_m, &P::set_linear_n_per_m, number);
-  visit(*layer.mutable_puncture(), &P::quadratic_n_per_m2, &P::set_quadratic_n_per_m2, number);
-  visit(*layer.mutable_puncture(), &P::force_n, &P::set_force_n, number);
-}
-
-// numbers that must stay above zero: rounded, never made 0
-void visitSections(pb::Profile& profile, const NumberVisit& number) {
-  using W = pb::TrackingWall;
-  visit(*profile.mutable_needle(), &pb::Needle::length_m, &pb::Needle::set_length_m, number);
-  auto& wall = *profile.mutable_tracking_wall();
-  visit(wall, &W::stiffness_n_per_m, &W::set_stiffness_n_per_m, number);
-  visit(wall, &W::stop_speed_m_s, &W::set_stop_speed_m_s, number);
-  visit(wall, &W::stop_dwell_s, &W::set_stop_dwell_s, number);
-  visit(wall, &W::stop_duration_s, &W::set_stop_duration_s, number);
-  visit(wall, &W::relax_time_s, &W::set_relax_time_s, number);
-  visit(wall, &W::relax_residual, &W::set_relax_residual, number);
-  if (profile.has_virtual_fixture()) {
-    using F = pb::VirtualFixture;
-    auto& fixture = *profile.mutable_virtual_fixture();
-    visit(fixture, &F::max_stiffness_n_per_m, &F::set_max_stiffness_n_per_m, number);
-    visit(fixture, &F::max_force_n, &F::set_max_force_n, number);
-  }
-  if (profile.has_orientation_limit()) {
-    using O = pb::OrientationLimit;
-    auto& limit = *profile.mutable_orientation_limit();
-    visit(limit, &O::stiffness_nm_per_rad, &O::set_stiffness_nm_per_rad, number);
-    visit(limit, &O::max_torque_nm, &O::set_max_torque_nm, number);
-  }
-  if (profile.has_shaft_friction()) {
-    using S = pb::ShaftFriction;
-    visit(*profile.mutable_shaft_friction(), &S::stiffness_n_per_m, &S::set_stiffness_n_per_m, number);
-  }
-}
-
-void visitPlace(PassivityStroke& stroke, const NumberVisit& number) {
-  for (double* value : {&stroke.x_m, &stroke.y_m, &stroke.depth_m, &stroke.tilt_x, &stroke.tilt_y})
-    number(*value);
-}
-
-}  // namespace
-
-void visitStrokes(PassivityGesture& gesture, const NumberVisit& number) {
-  visitPlace(gesture.start, number);
-  for (PassivityStroke& stroke : gesture.strokes) {
-    visitPlace(stroke, number);
-    number(stroke.seconds);
-  }
-}
-
-void visitLayers(PassivityGesture& gesture, const NumberVisit& number) {
-  for (auto& layer : *gesture.profile.mutable_layers()) visitLayer(layer, number);
-}
-
-void visitAll(PassivityGesture& gesture, const NumberVisit& number) {
-  visitStrokes(gesture, number);
-  visitLayers(gesture, number);
-  visitSections(gesture.profile, number);
-}
-
-double wayBetween(const PassivityStroke& a, const PassivityStroke& b) {
-  return norm(Vec3{a.x_m - b.x_m, a.y_m - b.y_m, a.depth_m - b.depth_m});
-}
-
-double turnBetween(const PassivityStroke& a, const PassivityStroke& b) {
-  return std::abs(a.tilt_x - b.tilt_x) + std::abs(a.tilt_y - b.tilt_y);
-}
-
-double sizeOf(const PassivityGesture& gesture) {
-  PassivityGesture copy = gesture;  // the visitors hand out references
-  double digits = 0, seconds = 0, magnitudes = 0;
-  visitAll(copy, [&](double& value) { digits += significantDigits(value); });
-  visitStrokes(copy, [&](double& value) { magnitudes += std::min(std::abs(value), 10.0); });
-  // changes of direction between strokes make a gesture hard to follow
-  double changes = 0;
-  const PassivityStroke* before = &gesture.start;
-  for (const PassivityStroke& stroke : gesture.strokes) {
-    seconds += stroke.seconds;
-    for (double PassivityStroke::*member :
-         {&PassivityStroke::x_m, &PassivityStroke::y_m, &PassivityStroke::tilt_x, &PassivityStroke::tilt_y})
-      changes += stroke.*member != before->*member;
-    before = &stroke;
-  }
-  double membranes = 0;
-  for (const auto& layer : gesture.profile.layers()) membranes += layer.has_puncture();
-  return 1000.0 * static_cast<double>(gesture.strokes.size()) + 400.0 * gesture.profile.effects_size() +
-         300.0 * gesture.profile.layers_size() + 100.0 * membranes + 50.0 * changes +
-         50.0 * (gesture.tremor_m > 0) + 50.0 * (gesture.encoder_step_m > 0) +
-         100.0 * !gesture.profile.limb().has_plane() +
-         30.0 * (gesture.profile.tracking_wall().stop_mode() != pb::TrackingWall::RAMP) + 10 * seconds +
-         digits + 5 * magnitudes;
+LimbShape shapeOf(std::uint64_t seed) {
+  return static_cast<LimbShape>(seed % 3);
 }
 
 namespace {
@@ -342,36 +228,20 @@ class StrokeDraw {
 
  private:
   void anyInside() {
-    switch (draw_.whole(0, 9)) {
-      case 0:
-      case 1:
-        return insert();
-      case 2:
-        now_.kind = StrokeKind::kHold;
-        return;
-      case 3:
-      case 4:
-        now_.kind = StrokeKind::kRetreat;
-        now_.depth_m = roundedTo(now_.depth_m * draw_.in(0, 1), 3);
-        return;
-      case 5:
-        now_.kind = StrokeKind::kAside;
-        return moveAside(0.5);
-      case 6:
-        now_.kind = StrokeKind::kTilt;
-        return tilt();
-      case 7:
-        now_.kind = StrokeKind::kWide;
-        return moveAside(1);
-      case 8:
-        now_.kind = StrokeKind::kInsert;  // along a slant, the needle turning too
-        now_.depth_m = draw_.in(0.001, range_.most_depth_m);
-        moveAside(0.7);
-        return tilt();
-      default:
-        now_.kind = StrokeKind::kExit;
-        now_.depth_m = draw_.in(-0.006, -0.0005);
-    }
+    using K = StrokeKind;
+    constexpr std::array kKinds = {K::kInsert, K::kInsert, K::kHold, K::kRetreat, K::kRetreat,
+                                   K::kAside,  K::kTilt,   K::kWide, K::kInsert,  K::kExit};
+    constexpr std::size_t kSlanting = 8;  // deeper along a slant, the needle turning too
+    const auto drawn = static_cast<std::size_t>(draw_.whole(0, 9));
+    now_.kind = kKinds[drawn];
+    if (drawn < 2) return insert();
+    if (now_.kind == K::kRetreat) now_.depth_m = roundedTo(now_.depth_m * draw_.in(0, 1), 3);
+    if (drawn == kSlanting) now_.depth_m = draw_.in(0.001, range_.most_depth_m);
+    if (drawn == kSlanting) moveAside(0.7);
+    if (now_.kind == K::kAside) moveAside(0.5);
+    if (now_.kind == K::kWide) moveAside(1);
+    if (now_.kind == K::kTilt || drawn == kSlanting) tilt();
+    if (now_.kind == K::kExit) now_.depth_m = draw_.in(-0.006, -0.0005);
   }
   // deeper, along the needle's axis more often than not
   void insert() {

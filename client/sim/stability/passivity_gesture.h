@@ -1,14 +1,16 @@
-/// A gesture in a readable form: a scene and a few strokes of the needle's tip. The passivity observer
-/// generates, shrinks and stores its random gestures in this form.
+/// A gesture in a readable form: a scene and a few strokes of the needle's tip. Random gestures, the motions
+/// of cases.json and kept counter-examples have this form.
 #pragma once
 
 #include <array>
 #include <cstdint>
-#include <functional>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
 #include <string_view>
 #include <vector>
 
 #include "client/device/hand_plan.h"
+#include "common/base/range.h"
 #include "common/base/result.h"
 #include "common/haptics/engine.h"
 #include "common/haptics/scene_spec.h"
@@ -51,38 +53,38 @@ struct PassivityGesture {
   std::vector<PassivityStroke> strokes;
 };
 
-/// The tip's pose where a stroke ends.
-Pose poseOf(const PassivityStroke& stroke);
 /// The strokes as a plan for the simulated hand; a stroke to where the tip already is rests there.
 HandPlan planOf(const PassivityGesture& gesture);
+/// The poses of a plan, tick by tick.
+std::vector<TipSample> samplesOf(const HandPlan& plan, double rate_hz);
 /// The motion tick by tick, tremor and encoder included. Deterministic.
 std::vector<TipSample> samplesOf(const PassivityGesture& gesture);
 
 /// `value` with at most `digits` (1-15) significant decimal digits: the double nearest to that decimal.
 double roundedTo(double value, int digits);
-/// How many significant decimal digits its shortest text has: 0 for 0, 1 for 300 or 0.02, 3 for 0.125.
-int significantDigits(double value);
 
-/// Called with each number in turn, in an order that stays the same; its changes are written back.
-using NumberVisit = std::function<void(double&)>;
+/// A stroke's fields in JSON.
+struct StrokeField {
+  std::string_view name;
+  double PassivityStroke::*member;
+  NumberRange range;
+};
+inline constexpr std::array<StrokeField, 6> kStrokeFields = {
+    {{"x_m", &PassivityStroke::x_m, {-1, 1}},
+     {"y_m", &PassivityStroke::y_m, {-1, 1}},
+     {"depth_m", &PassivityStroke::depth_m, {-1, 1}},
+     {"tilt_x", &PassivityStroke::tilt_x, {-1000, 1000}},
+     {"tilt_y", &PassivityStroke::tilt_y, {-1000, 1000}},
+     {"seconds", &PassivityStroke::seconds, {1e-3, 600}}}};
 
-/// Places, tilts and times of the strokes.
-void visitStrokes(PassivityGesture& gesture, const NumberVisit& number);
-/// Numbers of the layers and their membranes.
-void visitLayers(PassivityGesture& gesture, const NumberVisit& number);
-/// Both, and the sections of the scene that must stay above zero.
-void visitAll(PassivityGesture& gesture, const NumberVisit& number);
-
-/// Distance between two strokes' ends in m, and the sum of the changes of their tilts' tangents.
-double wayBetween(const PassivityStroke& a, const PassivityStroke& b);
-double turnBetween(const PassivityStroke& a, const PassivityStroke& b);
-
-/// Complexity of a gesture for a reader: less is simpler. Strokes, effects and layers weigh most, then times
-/// that are not short, then the digits of its numbers.
-double sizeOf(const PassivityGesture& gesture);
+/// Reads `start` and `strokes` into `gesture`; all else of it stays. A stroke's fields that are left out are
+/// as in the one before. Errors: kInvalidInput naming field, value and range, fields named from `where` on;
+/// unknown fields are refused.
+Status readMotion(const nlohmann::json& json, const std::string& where, PassivityGesture& gesture);
 
 enum class LimbShape : std::uint8_t { kPlane, kSphere, kCapsule };
-inline constexpr std::array<std::string_view, 3> kLimbShapeNames = {"plane", "sphere", "capsule"};
+/// Limb of the random gesture with this seed: they take turns.
+LimbShape shapeOf(std::uint64_t seed);
 
 /// What gestures are drawn from. The ranges are those of a hand at a needle: speed at most 0.15 m/s.
 struct GestureRange {

@@ -35,15 +35,9 @@ void PassivityObserver::add(const TipSample& tip, const StepReport& report, doub
     record_.net_J += work_J;
     insertion_J_ += work_J;
     record_.worst_running_J = std::max(record_.worst_running_J, insertion_J_);
-    if (report.flags & kFlagExit)
-      record_.worst_insertion_J = std::max(record_.worst_insertion_J, insertion_J_);
-
     const double beyond =
         unexplainedStep_N(last_->tip.p_WT_m, last_->report, tip.p_WT_m, report, axial_N_per_m_, slant);
-    if (beyond > record_.worst_step_N) {
-      record_.worst_step_N = beyond;
-      record_.worst_step_tick = record_.ticks - 1;
-    }
+    record_.worst_step_N = std::max(record_.worst_step_N, beyond);
     if ((report.flags & kFlagExit) == 0)
       record_.worst_torque_step_Nm =
           std::max(record_.worst_torque_step_Nm, norm(now.torque_Nm - last_->report.wrench_W.torque_Nm));
@@ -83,26 +77,52 @@ double judgedEnergy_J(const PassivityRecord& record) {
 
 std::optional<PassivityFinding> findingOf(const PassivityRecord& record, const PassivityLimits& limits,
                                           PassivityCheck check) {
-  switch (check) {
-    case PassivityCheck::kFinite:
-      if (!record.finite) return PassivityFinding{check, 1, 0};
-      break;
-    case PassivityCheck::kEnergy:
-      if (const double energy = judgedEnergy_J(record); !(energy <= limits.energy_J))
-        return PassivityFinding{check, energy, limits.energy_J};
-      break;
-    case PassivityCheck::kForceStep:
-      if (!(record.worst_step_N <= limits.step_N))
-        return PassivityFinding{check, record.worst_step_N, limits.step_N};
-      break;
-  }
-  return std::nullopt;
+  PassivityFinding finding{check, record.finite ? 0.0 : 1.0, 0};
+  if (check == PassivityCheck::kEnergy) finding = {check, judgedEnergy_J(record), limits.energy_J};
+  if (check == PassivityCheck::kForceStep) finding = {check, record.worst_step_N, limits.step_N};
+  return finding.measured <= finding.limit ? std::nullopt : std::optional(finding);
 }
 
 std::optional<PassivityFinding> findingOf(const PassivityRecord& record, const PassivityLimits& limits) {
   for (const auto check : {PassivityCheck::kFinite, PassivityCheck::kEnergy, PassivityCheck::kForceStep})
     if (auto finding = findingOf(record, limits, check)) return finding;
   return std::nullopt;
+}
+
+namespace {
+
+void worsen(PassivityRecord& worst, const PassivityRecord& one) {
+  worst.finite = worst.finite && one.finite;
+  for (double PassivityRecord::*member :
+       {&PassivityRecord::max_force_N, &PassivityRecord::net_J, &PassivityRecord::worst_running_J,
+        &PassivityRecord::worst_step_N, &PassivityRecord::worst_torque_step_Nm})
+    worst.*member = std::max(worst.*member, one.*member);
+  worst.ticks += one.ticks;
+  worst.insertions += one.insertions;
+  worst.flags |= one.flags;
+}
+
+}  // namespace
+
+Result<GestureFindings> searchGestures(const GestureSearch& search, AxialModel model,
+                                       const ForceSourceFactory& source, const GestureFails& fails) {
+  GestureFindings findings;
+  findings.worst.net_J = -1e9;  // nets of gestures are negative as a rule
+  const std::uint64_t stages_from = search.first_seed + search.gestures;
+  for (std::uint64_t seed = search.first_seed; seed < stages_from + search.with_stages; ++seed) {
+    GestureRange range = search.range;
+    range.stages = range.stages || seed >= stages_from;
+    PassivityGesture gesture = randomGesture(seed, shapeOf(seed), range);
+    gesture.rate_hz = search.rate_hz;
+    ASSIGN_OR_RETURN(const auto record, runGesture(gesture, model, source));
+    ++findings.gestures;
+    worsen(findings.worst, record);
+    const auto finding = findingOf(record, search.limits);
+    if (!finding) continue;
+    ++findings.failed;
+    if (fails) fails(seed, gesture, *finding);
+  }
+  return findings;
 }
 
 }  // namespace needlelab

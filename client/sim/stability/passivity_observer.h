@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string_view>
 
@@ -18,11 +19,9 @@ namespace needlelab {
 struct PassivityRecord {
   bool finite = true;
   double max_force_N = 0;
-  double net_J = 0;              ///< over everything
-  double worst_insertion_J = 0;  ///< greatest net energy of an insertion, from entry to exit
-  double worst_running_J = 0;    ///< greatest that any insertion had given at any moment since its entry
+  double net_J = 0;            ///< over everything
+  double worst_running_J = 0;  ///< greatest that any insertion had given at any moment since its entry
   double worst_step_N = 0;  ///< greatest force step beyond ΣK·|Δp|/c; falls of declared releases left out
-  std::uint64_t worst_step_tick = 0;
   double worst_torque_step_Nm = 0;  ///< greatest change of the torque in a tick, exits left out
   std::uint64_t ticks = 0;
   std::uint32_t insertions = 0;
@@ -85,5 +84,26 @@ std::optional<PassivityFinding> findingOf(const PassivityRecord& record, const P
 /// Whether that one check failed.
 std::optional<PassivityFinding> findingOf(const PassivityRecord& record, const PassivityLimits& limits,
                                           PassivityCheck check);
+
+/// Random gestures of prescribed motion: seeds in a row, the limbs take turns.
+struct GestureSearch {
+  std::uint64_t gestures = 400, first_seed = 1;
+  std::uint64_t with_stages = 0;  ///< … and so many more, on the seeds that follow, with `range.stages`
+  double rate_hz = 1000;
+  GestureRange range;
+  PassivityLimits limits;
+};
+
+struct GestureFindings {
+  PassivityRecord worst;  ///< of each number; ticks and insertions are sums
+  std::uint64_t gestures = 0, failed = 0;
+};
+/// Called with each gesture that fails.
+using GestureFails =
+    std::function<void(std::uint64_t seed, const PassivityGesture& gesture, const PassivityFinding& finding)>;
+
+/// Deterministic. Errors: those of a source, e.g. a model that is not built.
+Result<GestureFindings> searchGestures(const GestureSearch& search, AxialModel model,
+                                       const ForceSourceFactory& source, const GestureFails& fails = {});
 
 }  // namespace needlelab

@@ -132,15 +132,19 @@ class FinePlant {
 };
 
 Status checked(const PlantOptions& options) {
-  const NumberRange rate{kMinRateHz, kMaxRateHz}, share{0, 1, false, true};
-  if (!rate.contains(options.rate_hz)) return outOfRange("rate in Hz", options.rate_hz, rate);
-  if (!share.contains(options.jitter_share))
-    return outOfRange("share of jitter", options.jitter_share, share);
-  if (!share.contains(options.missing_share))
-    return outOfRange("share of missing ticks", options.missing_share, share);
-  if (options.device.delay_ticks > SimulatedDevice::kMaxDelayTicks)
-    return outOfRange("delay in ticks", static_cast<double>(options.device.delay_ticks),
-                      {0, static_cast<double>(SimulatedDevice::kMaxDelayTicks)});
+  struct Limit {
+    const char* name;
+    double value;
+    NumberRange range;
+  };
+  for (const auto& [name, value, range] :
+       {Limit{"rate in Hz", options.rate_hz, {kMinRateHz, kMaxRateHz}},
+        Limit{"share of jitter", options.jitter_share, {0, 1, false, true}},
+        Limit{"share of missing ticks", options.missing_share, {0, 1, false, true}},
+        Limit{"delay in ticks",
+              static_cast<double>(options.device.delay_ticks),
+              {0, static_cast<double>(SimulatedDevice::kMaxDelayTicks)}}})
+    if (!range.contains(value)) return outOfRange(name, value, range);
   return {};
 }
 
@@ -188,7 +192,6 @@ Result<PlantRun> runPlant(ForceSource& source, const HandPlan& plan, const Plant
     tick.p_W_m = tipFromHandle(handle.X_WH, X_HT).p;
     tick.v_W_mps = handle.v_W_mps;
     tick.w_W_radps = handle.w_W_radps;
-    tick.p_wanted_W_m = plant.device().hand().wanted().p;
     tick.report = report;
     tick.slant = source.slant();
     tick.rendered_force_N = guarded.wrench().force_N;

@@ -56,7 +56,6 @@ struct PlantTick {
   Vec3 p_W_m;             ///< the tip as it is
   Vec3 v_W_mps;           ///< of the handle, which is the tip's without a tool
   Vec3 w_W_radps;         ///< angular velocity of the handle
-  Vec3 p_wanted_W_m;      ///< the hand's target for the handle, tremor included
   StepReport report;      ///< forces before the gate
   Vec3 rendered_force_N;  ///< after the gate
   std::uint32_t gate_flags = 0;

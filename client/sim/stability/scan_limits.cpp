@@ -103,74 +103,53 @@ Result<Study> readStudy(const CaseSettings& settings) {
   return study;
 }
 
-// one model over all rates and delays
-class ModelScan {
- public:
-  /// `scene`, `tissue`: the model in the study's scenes.
-  ModelScan(const Study& study, ScannedModel scene, ScannedModel tissue)
-      : study_(study), scene_(std::move(scene)), tissue_(std::move(tissue)) {}
+// the model of the study's scene at one rate and delay
+Result<StiffnessLimitRow> limitAt(const Study& study, const ScannedModel& scene, double rate_hz,
+                                  unsigned delay) {
+  const SimulatedDeviceOptions& device = study.plant.device;
+  StiffnessLimitRow row;
+  row.model = scene.model();
+  row.rate_hz = rate_hz;
+  row.delay_ticks = delay;
+  row.coupled_N_per_m = passiveStiffnessLimit(study.damping(), 1 / rate_hz, delay);
+  row.passive_N_per_m = passiveStiffnessLimit(device.limits.damping_Ns_per_m, 1 / rate_hz, delay);
+  row.sampled_N_per_m =
+      sampledStiffnessLimit({device.limits.apparent_mass_kg, study.damping(), device.hand.stiffness_N_per_m,
+                             1 / rate_hz, delay, scene.damping_Ns_per_m()});
+  PlantOptions plant = study.plant;
+  plant.rate_hz = rate_hz;
+  plant.device.delay_ticks = delay;
+  const auto stable = [&](double stiffness) -> Result<bool> {
+    ASSIGN_OR_RETURN(const auto run,
+                     nudge(engineSource(), scene.with(stiffness), stiffness, plant, study.nudge));
+    if (run.outcome.stable) row.felt_N_per_m = run.outcome.wall_N_per_m;
+    return run.outcome.stable;
+  };
+  ASSIGN_OR_RETURN(const auto found, largestStable(0.7 * row.coupled_N_per_m, kLeastStiffness_N_per_m,
+                                                   kMaxProfileStiffness_N_per_m, stable));
+  row.stiffness_N_per_m = found.stiffness_N_per_m;
+  row.at_cap = found.at_cap;
+  row.runs = found.runs;
+  return row;
+}
 
-  Result<StiffnessLimitRow> at(double rate_hz, unsigned delay) {
-    StiffnessLimitRow row;
-    row.model = scene_.model();
-    row.rate_hz = rate_hz;
-    row.delay_ticks = delay;
-    row.coupled_N_per_m = passiveStiffnessLimit(study_.damping(), 1 / rate_hz, delay);
-    row.passive_N_per_m =
-        passiveStiffnessLimit(study_.plant.device.limits.damping_Ns_per_m, 1 / rate_hz, delay);
-    LinearLoop loop;
-    loop.mass_kg = study_.plant.device.limits.apparent_mass_kg;
-    loop.damping_Ns_per_m = study_.damping();
-    loop.stiffness_N_per_m = study_.plant.device.hand.stiffness_N_per_m;
-    loop.period_s = 1 / rate_hz;
-    loop.delay_ticks = delay;
-    loop.wall_damping_Ns_per_m = scene_.damping_Ns_per_m();
-    row.sampled_N_per_m = sampledStiffnessLimit(loop);
-
-    PlantOptions plant = study_.plant;
-    plant.rate_hz = rate_hz;
-    plant.device.delay_ticks = delay;
-    const auto stable = [&](double stiffness) -> Result<bool> {
-      ASSIGN_OR_RETURN(const auto run, nudged(stiffness, plant));
-      if (run.outcome.stable) row.felt_N_per_m = run.outcome.wall_N_per_m;
-      return run.outcome.stable;
-    };
-    ASSIGN_OR_RETURN(const auto found, largestStable(0.7 * row.coupled_N_per_m, kLeastStiffness_N_per_m,
-                                                     kMaxProfileStiffness_N_per_m, stable));
-    row.stiffness_N_per_m = found.stiffness_N_per_m;
-    row.at_cap = found.at_cap;
-    row.runs = found.runs;
-    return row;
-  }
-
-  // the response to a nudge beyond `limit_N_per_m`, in realistic tissue
-  [[nodiscard]] Result<BeyondRow> beyond(double limit_N_per_m) const {
-    const PlantOptions& plant = study_.beyond_plant;
-    BeyondRow row;
-    row.model = scene_.model();
-    row.rate_hz = plant.rate_hz;
-    row.delay_ticks = plant.device.delay_ticks;
-    row.stiffness_N_per_m = std::min(study_.beyond_factor * limit_N_per_m, kMaxProfileStiffness_N_per_m);
-    ASSIGN_OR_RETURN(const auto run, nudge(engineSource(), tissue_.with(row.stiffness_N_per_m),
-                                           row.stiffness_N_per_m, plant, study_.beyond_nudge));
-    row.swing_N = run.outcome.force_end_N;
-    row.max_force_N = maxForce_N(run.run);
-    row.held = heldIn(run.run, run.watch);
-    row.trace.label = axialModelName(row.model);
-    for (const PlantTick& tick : ticksIn(run.run, {run.watch.from_s - 0.1, run.watch.to_s})) {
-      row.trace.time_s.push_back(tick.time_s - run.watch.from_s);
-      row.trace.force_N.push_back(-dot(tick.report.wrench_W.force_N, kInward_W));
-    }
-    return row;
-  }
-
- private:
-  [[nodiscard]] Result<NudgeRun> nudged(double stiffness, const PlantOptions& plant) const {
-    return nudge(engineSource(), scene_.with(stiffness), stiffness, plant, study_.nudge);
-  }
-  const Study& study_;
-  ScannedModel scene_, tissue_;
-};
+// the response to a nudge beyond `limit_N_per_m`, in realistic tissue
+Result<BeyondRow> beyondLimit(const Study& study, const ScannedModel& tissue, double limit_N_per_m) {
+  const PlantOptions& plant = study.beyond_plant;
+  BeyondRow row;
+  row.model = tissue.model();
+  row.rate_hz = plant.rate_hz;
+  row.delay_ticks = plant.device.delay_ticks;
+  row.stiffness_N_per_m = std::min(study.beyond_factor * limit_N_per_m, kMaxProfileStiffness_N_per_m);
+  ASSIGN_OR_RETURN(const auto run, nudge(engineSource(), tissue.with(row.stiffness_N_per_m),
+                                         row.stiffness_N_per_m, plant, study.beyond_nudge));
+  row.swing_N = run.outcome.force_end_N;
+  row.max_force_N = maxForce_N(run.run);
+  row.held = heldIn(run.run, run.watch);
+  row.trace = traceOf(run.run, {run.watch.from_s - 0.1, run.watch.to_s});
+  for (double& time_s : row.trace.time_s) time_s -= run.watch.from_s;
+  return row;
+}
 
 // the wall of the paper with a coarse encoder and dry friction: does the needle come to a full rest?
 Result<RestLimitRow> restLimit(const Study& study, double encoder_step_m, double friction_N) {
@@ -203,20 +182,20 @@ Result<RestLimitRow> restLimit(const Study& study, double encoder_step_m, double
 // one model at all rates and delays, and beyond. Rows that were found stay when it fails
 Status scanModel(const Study& study, AxialModel model, const std::function<void(double)>& tell,
                  StiffnessLimits& limits) {
-  ASSIGN_OR_RETURN(auto scene, ScannedModel::prepare(study.wall, model, study.plant, study.nudge));
-  ASSIGN_OR_RETURN(auto tissue,
+  ASSIGN_OR_RETURN(const auto scene, ScannedModel::prepare(study.wall, model, study.plant, study.nudge));
+  ASSIGN_OR_RETURN(const auto tissue,
                    ScannedModel::prepare(study.tissue, model, study.beyond_plant, study.beyond_nudge));
-  ModelScan scan(study, std::move(scene), std::move(tissue));
   for (std::size_t r = 0; r < study.rates_hz.size(); ++r)
     for (const double delay : study.delays) {
       tell(static_cast<double>(r) / static_cast<double>(study.rates_hz.size()));
-      ASSIGN_OR_RETURN(const auto row, scan.at(study.rates_hz[r], static_cast<unsigned>(delay)));
+      ASSIGN_OR_RETURN(const auto row,
+                       limitAt(study, scene, study.rates_hz[r], static_cast<unsigned>(delay)));
       limits.rows.push_back(row);
     }
   // beyond the stable stiffness at the rate and delay of that part
   const PlantOptions& plant = study.beyond_plant;
-  ASSIGN_OR_RETURN(const auto limit, scan.at(plant.rate_hz, plant.device.delay_ticks));
-  ASSIGN_OR_RETURN(auto beyond, scan.beyond(limit.stiffness_N_per_m));
+  ASSIGN_OR_RETURN(const auto limit, limitAt(study, scene, plant.rate_hz, plant.device.delay_ticks));
+  ASSIGN_OR_RETURN(auto beyond, beyondLimit(study, tissue, limit.stiffness_N_per_m));
   limits.beyond.push_back(std::move(beyond));
   return {};
 }

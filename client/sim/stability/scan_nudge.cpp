@@ -1,6 +1,7 @@
 #include "client/sim/stability/scan_nudge.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <complex>
 #include <limits>
@@ -74,7 +75,7 @@ NudgeOutcome outcomeOf(const PlantRun& run, TimeWindow watch, double encoder_ste
   outcome.fault = run.fault;
   if (run.ticks.empty()) return outcome;
   const SlowPart slow(run);
-  Swing first, middle, end;
+  Swing middle, end;
   std::vector<double> end_N;
   Slope wall;
   for (std::size_t i = 0; i < run.ticks.size(); ++i) {
@@ -83,11 +84,9 @@ NudgeOutcome outcomeOf(const PlantRun& run, TimeWindow watch, double encoder_ste
     if (share < 0) continue;
     const double swing = tick.p_W_m.z - slow.at(i), resistance_N = tick.report.wrench_W.force_N.z;
     wall.add(-tick.seen.p_WT_m.z, resistance_N);
-    if (share < 1.0 / 3) first.add(swing);
     if (share >= 0.3 && share < 0.5) middle.add(swing);
     if (share >= 0.75 && share < 0.95) end.add(swing), end_N.push_back(resistance_N);
   }
-  outcome.swing_first_m = first.value();
   outcome.swing_middle_m = middle.value();
   outcome.swing_end_m = end.value();
   outcome.force_end_N = peakToPeak(end_N);
@@ -248,29 +247,21 @@ SceneSpec ScannedModel::with(double stiffness_N_per_m) const {
 double ScannedModel::damping_Ns_per_m() const {
   return model() == AxialModel::kVoigt ? scene_.voigt.damping_Ns_per_m : 0;
 }
+
 std::string_view stiffnessParameter(AxialModel model) {
-  switch (model) {
-    case AxialModel::kEnhancedTrackingWall:
-    case AxialModel::kTrackingWall:
-      return "tracking_wall.stiffness_n_per_m";
-    case AxialModel::kStatistical:
-    case AxialModel::kPrecomputed:
-      return "tracking_wall.stiffness_n_per_m, which renders the table";
-    case AxialModel::kDirect:
-      return "direct.stiffness_n_per_m";
-    case AxialModel::kVoigt:
-      return "voigt.stiffness_n_per_m, damping_ns_per_m at 5";
-    case AxialModel::kGodObject:
-      return "god_object.stiffness_n_per_m";
-    case AxialModel::kFirstOrder:
-      return "first_order.stiffness_n_per_m of the layer, up to puncture";
-    case AxialModel::kOkamura:
-    case AxialModel::kDahl:
-      return "okamura.linear_n_per_m of the layer, up to puncture";
-    case AxialModel::kFem:
-      return "fem: Young's modulus of all layers, as the stiffness that is felt at this depth";
-  }
-  return "";
+  constexpr std::array<std::string_view, kAxialModelCount> kParameters = {
+      "tracking_wall.stiffness_n_per_m",
+      "tracking_wall.stiffness_n_per_m",
+      "direct.stiffness_n_per_m",
+      "voigt.stiffness_n_per_m, damping_ns_per_m at 5",
+      "god_object.stiffness_n_per_m",
+      "first_order.stiffness_n_per_m of the layer, up to puncture",
+      "tracking_wall.stiffness_n_per_m, which renders the table",
+      "tracking_wall.stiffness_n_per_m, which renders the table",
+      "fem: Young's modulus of all layers, as the stiffness that is felt at this depth",
+      "okamura.linear_n_per_m of the layer, up to puncture",
+      "okamura.linear_n_per_m of the layer, up to puncture"};
+  return kParameters[static_cast<std::size_t>(model)];
 }
 
 }  // namespace needlelab

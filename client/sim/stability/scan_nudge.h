@@ -28,7 +28,6 @@ NudgeOptions nudgeOptionsOf(CaseEntry& entry);
 struct NudgeOutcome {
   bool finite = true;
   Fault fault = Fault::kNone;
-  double swing_first_m = 0;   ///< in the first third of the watch
   double swing_middle_m = 0;  ///< in the fifth before the middle
   double swing_end_m = 0;     ///< in a fifth near the end
   double force_end_N = 0;     ///< peak-to-peak of the force in that fifth

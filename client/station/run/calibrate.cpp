@@ -18,6 +18,7 @@
 #include "client/device/simulated_device.h"
 #include "client/station/run/report_output.h"
 #include "common/base/clock.h"
+#include "common/base/columns.h"
 #include "common/base/files.h"
 #include "common/base/program.h"
 #include "common/base/range.h"

@@ -7,7 +7,9 @@
 #include <utility>
 
 #include "client/station/run/report_output.h"
+#include "common/base/columns.h"
 #include "common/base/local_time.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {
@@ -185,8 +187,8 @@ std::string ladderText(const Ladder& ladder, const std::string& who, bool away) 
   std::size_t id_width = 0, name_width = 0;
   for (const LadderSection& section : ladder.sections)
     for (const LadderStep& step : section.steps) {
-      id_width = std::max(id_width, columnsOf(step.exercise_id) + 2);
-      name_width = std::max(name_width, columnsOf(step.name) + 2);
+      id_width = std::max(id_width, countCharacters(step.exercise_id) + 2);
+      name_width = std::max(name_width, countCharacters(step.name) + 2);
     }
   for (const LadderSection& section : ladder.sections) {
     text += "\n" + section.heading + "\n";

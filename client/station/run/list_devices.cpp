@@ -13,7 +13,9 @@
 
 #include "client/device/factory/device_factory.h"
 #include "client/station/run/report_output.h"
+#include "common/base/columns.h"
 #include "common/base/program.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {
@@ -77,7 +79,7 @@ DeviceList listDevices(const std::vector<DeviceLister>& listers, std::chrono::mi
 std::string deviceListText(const std::vector<FoundDevice>& devices) {
   constexpr std::size_t kVerdict = 11;
   std::size_t spec = 8;
-  for (const FoundDevice& device : devices) spec = std::max(spec, columnsOf(device.spec) + 2);
+  for (const FoundDevice& device : devices) spec = std::max(spec, countCharacters(device.spec) + 2);
   std::string text = padded("--device", spec) + padded("", kVerdict) + "what it is, and how it is\n";
   for (const FoundDevice& device : devices) {
     text += padded(device.spec, spec) + padded(device.ready ? "ready" : "NOT READY", kVerdict);

@@ -14,6 +14,7 @@
 #include "client/station/run/report_output.h"
 #include "client/station/run/station_key.h"
 #include "common/base/clock.h"
+#include "common/base/columns.h"
 #include "common/base/program.h"
 #include "common/base/text.h"
 #include "common/wire/protocol.h"
@@ -83,8 +84,8 @@ std::string exerciseListText(const std::vector<ListedExercise>& exercises, std::
     return "no exercise is cached: connect to the server and practise it once, or give --profile FILE\n";
   std::size_t id_width = 10, name_width = 6;
   for (const ListedExercise& exercise : exercises) {
-    id_width = std::max(id_width, columnsOf(exercise.exercise_id) + 2);
-    name_width = std::max(name_width, columnsOf(exercise.name) + 2);
+    id_width = std::max(id_width, countCharacters(exercise.exercise_id) + 2);
+    name_width = std::max(name_width, countCharacters(exercise.name) + 2);
   }
   std::string text = padded("EXERCISE", id_width) + padded("NAME", name_width) + "WITHOUT A SERVER\n";
   for (const ListedExercise& exercise : exercises) {

@@ -16,6 +16,7 @@
 #include "client/station/run/signals.h"
 #include "client/station/run/terminal.h"
 #include "common/base/clock.h"
+#include "common/base/columns.h"
 #include "common/base/files.h"
 #include "common/base/program.h"
 #include "common/haptics/device_condition.h"

@@ -40,159 +40,129 @@ struct RawOptions {
   bool list_exercises = false;
 };
 
-constexpr const char* kServer = "Server";
-constexpr const char* kLesson = "Lesson";
-constexpr const char* kWindow = "Window";
-constexpr const char* kDevice = "Device";
-constexpr const char* kRealTime = "Real time";
-constexpr const char* kSpool = "Spool";
-constexpr const char* kSummary = "Summary";
-constexpr const char* kModes = "Instead of a lesson (the device gets no force, but by --measure-delay)";
-
 void addServer(CLI::App& app, StationOptions& o, RawOptions& raw) {
+  app.option_defaults()->group("Server");
   app.add_option("--server", raw.server,
                  "HOST:PORT of the server, or of several, of which any will do: A:7750,B:7750; without it "
-                 "everything stays in the spool")
-      ->group(kServer);
-  app.add_option("--ca", o.ca_file, "the server's certificate authority (its tls/ca.crt)")->group(kServer);
-  app.add_option("--key", o.key_file, "this station's key file, made by needlelab-admin station add")
-      ->group(kServer);
+                 "everything stays in the spool");
+  app.add_option("--ca", o.ca_file, "the server's certificate authority (its tls/ca.crt)");
+  app.add_option("--key", o.key_file, "this station's key file, made by needlelab-admin station add");
   app.add_option("--enrolled", raw.enrolled,
                  "server, CA and key are those that --enrol has kept in DIR; default: " +
                      defaultEnrolmentFolder().string())
       ->type_name("DIR")
       ->expected(0, 1)
-      ->default_str("")
-      ->group(kServer);
-  app.add_option("--station", o.station, "this station's name; default: the one in the key file")
-      ->group(kServer);
+      ->default_str("");
+  app.add_option("--station", o.station, "this station's name; default: the one in the key file");
 }
 
 void addLesson(CLI::App& app, StationOptions& o) {
-  app.add_option("--trainee", o.trainee, "who practises; default, without a server: guest")->group(kLesson);
-  app.add_option("--exercise", o.exercise, "what: the id of an exercise on the server or in the cache")
-      ->group(kLesson);
-  app.add_option("--profile", o.profile_file, "practise with this profile (JSON) instead of an exercise")
-      ->group(kLesson);
+  app.option_defaults()->group("Lesson");
+  app.add_option("--trainee", o.trainee, "who practises; default, without a server: guest");
+  app.add_option("--exercise", o.exercise, "what: the id of an exercise on the server or in the cache");
+  app.add_option("--profile", o.profile_file, "practise with this profile (JSON) instead of an exercise");
   app.add_option(
          "--code-file", o.code_file,
          "with --headless: the first line is the trainee's code (PIN or badge), for a server that asks; "
          "default: asks at the terminal")
-      ->type_name("FILE")
-      ->group(kLesson);
+      ->type_name("FILE");
   app.add_option("--model", o.model,
-                 "axial force model in place of the profile's, e.g. ENHANCED_TRACKING_WALL")
-      ->group(kLesson);
+                 "axial force model in place of the profile's, e.g. ENHANCED_TRACKING_WALL");
   app.add_option("--seconds", o.seconds, "end after so long; default: when the device or the exercise ends")
-      ->check(CLI::Range(0.001, 86'400.0))
-      ->group(kLesson);
-  app.add_flag("--headless", o.headless, "no window: the lesson begins at once")->group(kLesson);
+      ->check(CLI::Range(0.001, 86'400.0));
+  app.add_flag("--headless", o.headless, "no window: the lesson begins at once");
 }
 
 void addWindow(CLI::App& app, StationOptions& o, RawOptions& raw) {
+  app.option_defaults()->group("Window");
   app.add_flag("--start", o.window.start,
-               "the first lesson begins at once; else the window first shows who practises what")
-      ->group(kWindow);
+               "the first lesson begins at once; else the window first shows who practises what");
   app.add_flag("--no-quit{false}", o.window.may_quit,
-               "students cannot quit: no button does, nor the window's own; SIGTERM still ends the program")
-      ->group(kWindow);
+               "students cannot quit: no button does, nor the window's own; SIGTERM still ends the program");
   app.add_option("--screenshot", raw.screenshots,
                  "PNG of the window; may be given several times, each with an --at. Without a display the "
                  "lesson begins at once, is drawn without one, and the program ends with it")
-      ->type_name("FILE")
-      ->group(kWindow);
+      ->type_name("FILE");
   app.add_option("--at", raw.screenshot_times,
                  "of each --screenshot: seconds into the lesson, or start or end for those screens")
-      ->type_name("S")
-      ->group(kWindow);
+      ->type_name("S");
   app.add_option("--window", raw.window_size,
                  "the window's size in pixels, e.g. 1280x720; default: as it was left")
-      ->type_name("WxH")
-      ->group(kWindow);
+      ->type_name("WxH");
   app.add_option("--font-scale", o.window.font_scale,
                  "larger or smaller letters, 1 is ordinary; default: as it was left")
-      ->check(CLI::Range(0.8, 2.5))
-      ->group(kWindow);
+      ->check(CLI::Range(0.8, 2.5));
   app.add_option("--frame-log", o.window.frame_log,
                  "CSV of what each frame showed: its screen, the lesson's newest sample; for measurements")
-      ->type_name("FILE")
-      ->group(kWindow);
+      ->type_name("FILE");
 }
 
 void addDevice(CLI::App& app, StationOptions& o, RawOptions& raw) {
-  app.add_option("--device", o.device, "one of: " + deviceKindsText())->capture_default_str()->group(kDevice);
+  app.option_defaults()->group("Device");
+  app.add_option("--device", o.device, "one of: " + deviceKindsText())->capture_default_str();
   app.add_option(
-         "--plunger", raw.plunger,
-         "buttons that press the plunger and draw it back, where the device has buttons; default: 0,1")
-      ->group(kDevice);
+      "--plunger", raw.plunger,
+      "buttons that press the plunger and draw it back, where the device has buttons; default: 0,1");
   app.add_flag("--passivity-control", o.passivity_control,
                "renders less of a force that would give the hand more energy than the hand gave, also where "
-               "device and scene are proven to give none: elsewhere it is always on")
-      ->group(kDevice);
-  app.add_option("--tool", raw.tool, "the tip in the handle's frame: x,y,z,qx,qy,qz,qw (m), or a JSON file")
-      ->group(kDevice);
+               "device and scene are proven to give none: elsewhere it is always on");
+  app.add_option("--tool", raw.tool, "the tip in the handle's frame: x,y,z,qx,qy,qz,qw (m), or a JSON file");
   app.add_option("--placement", raw.placement,
-                 "the limb in the device's base frame: x,y,z,qx,qy,qz,qw (m), or a JSON file")
-      ->group(kDevice);
+                 "the limb in the device's base frame: x,y,z,qx,qy,qz,qw (m), or a JSON file");
   app.add_option(
          "--on-fault", raw.on_fault,
          "when the force was taken away: end the lesson, or wait until the needle is outside and Enter "
          "is pressed (or SIGUSR1 sent); default: wait at a terminal, else end")
-      ->check(CLI::IsMember({"end", "wait"}))
-      ->group(kDevice);
+      ->check(CLI::IsMember({"end", "wait"}));
 }
 
 void addRealTime(CLI::App& app, StationOptions& o) {
+  app.option_defaults()->group("Real time");
   app.add_option("--rate", o.rate_hz, "ticks per second")
       ->check(CLI::Range(kMinRateHz, kMaxRateHz))
-      ->capture_default_str()
-      ->group(kRealTime);
+      ->capture_default_str();
   app.add_option("--cpu", o.cpu,
                  "the core that the haptic thread stays on; default: the last one, where there are two "
                  "or more and FIFO priority is permitted")
-      ->check(CLI::Range(0, 1023))
-      ->group(kRealTime);
+      ->check(CLI::Range(0, 1023));
   app.add_option(
          "--spin-us", o.spin_us,
          "microseconds before each tick that the haptic thread watches the clock in place of sleeping: "
          "less late, but it costs a share of a core (80 at 1 kHz: 8 %)")
       ->check(CLI::Range(0.0, 200.0))
-      ->capture_default_str()
-      ->group(kRealTime);
+      ->capture_default_str();
 }
 
 void addSpool(CLI::App& app, StationOptions& o, RawOptions& raw) {
+  app.option_defaults()->group("Spool");
   app.add_option("--spool", o.spool,
-                 "folder that keeps samples until the server has them; default: " + defaultSpool().string())
-      ->group(kSpool);
+                 "folder that keeps samples until the server has them; default: " + defaultSpool().string());
   app.add_option("--spool-keep", raw.keep_days,
                  "days that sessions stay in the spool after the server has them")
       ->check(CLI::Range(0.0, 36'500.0))
-      ->capture_default_str()
-      ->group(kSpool);
+      ->capture_default_str();
   app.add_option(
          "--spool-quota", raw.quota_mib,
          "MiB above which sessions that the server has leave the spool earlier; what it has not is never "
          "deleted, but a warning says in time how many hours of lessons still fit")
       ->check(CLI::Range(0.0, 1e9))
-      ->capture_default_str()
-      ->group(kSpool);
+      ->capture_default_str();
   app.add_option("--drain", o.drain_s, "seconds to wait at the end until the server has everything")
       ->check(CLI::Range(0.0, 86'400.0))
-      ->capture_default_str()
-      ->group(kSpool);
+      ->capture_default_str();
 }
 
 void addSummary(CLI::App& app, RawOptions& raw) {
+  app.option_defaults()->group("Summary");
   app.add_option(
          "--json", raw.json,
          "the closing summary (or what a check found) as JSON, to a file or, without one, to standard output")
       ->expected(0, 1)
-      ->default_str("")
-      ->group(kSummary);
+      ->default_str("");
 }
 
 void addModes(CLI::App& app, StationOptions& o, RawOptions& raw) {
+  app.option_defaults()->group("Instead of a lesson (the device gets no force, but by --measure-delay)");
   auto* list = app.add_flag("--list-devices", raw.list_devices,
                             "which devices this computer has, and what each of them needs");
   auto* test = app.add_flag("--self-test", raw.self_test,
@@ -212,26 +182,22 @@ void addModes(CLI::App& app, StationOptions& o, RawOptions& raw) {
       ->excludes(list)
       ->excludes(test)
       ->excludes(pivot)
-      ->excludes(delay)
-      ->group(kModes);
-  list->excludes(test)->excludes(pivot)->excludes(delay)->group(kModes);
-  delay->excludes(test)->excludes(pivot)->group(kModes);
-  test->excludes(pivot)->group(kModes);
-  pivot->group(kModes);
+      ->excludes(delay);
+  list->excludes(test)->excludes(pivot)->excludes(delay);
+  delay->excludes(test)->excludes(pivot);
+  test->excludes(pivot);
   app.add_flag("--list-exercises", raw.list_exercises,
                "what can be practised: the exercises in the cache and, with --server, the server's; with "
                "--trainee what is assigned, step by step")
       ->excludes(list)
       ->excludes(test)
-      ->excludes(pivot)
-      ->group(kModes);
-  app.add_option("--out", o.tool_out, "--calibrate: the tool file to write, for --tool")->group(kModes);
+      ->excludes(pivot);
+  app.add_option("--out", o.tool_out, "--calibrate: the tool file to write, for --tool");
   app.add_option("--axis", o.axis,
                  "--calibrate: where the needle's direction comes from: from-tip (the line from the handle's "
                  "origin to the tip), given (the orientation in --tool), or hub:FILE (an earlier "
                  "calibration of the needle's hub)")
-      ->capture_default_str()
-      ->group(kModes);
+      ->capture_default_str();
 }
 
 // adds all options; `o` and `raw` must outlive `app`

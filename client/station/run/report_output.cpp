@@ -8,37 +8,6 @@
 
 namespace needlelab {
 
-std::size_t columnsOf(std::string_view text) {
-  std::size_t columns = 0;
-  // continuation bytes of a character do not count
-  for (const char c : text) columns += (static_cast<unsigned char>(c) & 0xC0u) != 0x80u ? 1 : 0;
-  return columns;
-}
-
-std::string padded(std::string_view text, std::size_t columns) {
-  std::string result(text);
-  if (const std::size_t is = columnsOf(text); is < columns) result.append(columns - is, ' ');
-  return result;
-}
-
-std::string wrapped(std::string_view text, std::size_t indent, std::size_t width) {
-  std::string lines, line;
-  const auto endLine = [&] {
-    if (!line.empty()) lines += std::string(indent, ' ') + line + "\n";
-    line.clear();
-  };
-  while (!text.empty()) {
-    const std::size_t blank = text.find(' ');
-    const std::string_view word = text.substr(0, blank);
-    text.remove_prefix(blank == std::string_view::npos ? text.size() : blank + 1);
-    if (!line.empty() && indent + columnsOf(line) + 1 + columnsOf(word) > width) endLine();
-    if (!line.empty()) line += ' ';
-    line += word;
-  }
-  endLine();
-  return lines;
-}
-
 std::string reportJson(const nlohmann::ordered_json& rows) {
   const nlohmann::ordered_json report = {
       {"version", NEEDLELAB_VERSION}, {"machine", machineText()}, {"rows", rows}};

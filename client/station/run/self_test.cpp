@@ -25,6 +25,7 @@
 #include "client/station/run/report_output.h"
 #include "client/station/run/station_key.h"
 #include "common/base/clock.h"
+#include "common/base/columns.h"
 #include "common/base/files.h"
 #include "common/base/program.h"
 #include "common/base/range.h"
@@ -319,7 +320,7 @@ const char* verdictText(Verdict verdict) {
 std::string selfTestText(const std::vector<Check>& checks) {
   constexpr std::size_t kVerdict = 13;
   std::size_t name = 0;
-  for (const Check& check : checks) name = std::max(name, columnsOf(check.name) + 2);
+  for (const Check& check : checks) name = std::max(name, countCharacters(check.name) + 2);
   const std::size_t indent = name + kVerdict;
   std::string text;
   std::size_t count[4] = {};

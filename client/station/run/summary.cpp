@@ -173,7 +173,18 @@ Json faultsOf(const StationSummary& s) {
   return faults;
 }
 
-// adds one histogram's quantiles as keys NAME_p50_UNIT …; does not change existing keys
+// what a tick's time goes into: in the JSON, and in the text where it has a line
+struct TickPart {
+  const char* name;
+  const char* line;
+  LatencyHistogram ServoStats::*times;
+};
+constexpr TickPart kTickParts[] = {
+    {"tick", "tick", &ServoStats::tick},         {"read", "  read", &ServoStats::read},
+    {"engine", "  engine", &ServoStats::engine}, {"write", "  write", &ServoStats::write},
+    {"record", "  record", &ServoStats::record}, {"device", nullptr, &ServoStats::device}};
+
+// adds one histogram's quantiles as keys NAME_p50_ns …
 void putQuantiles(Json& row, const std::string& name, const LatencyHistogram& h) {
   const LatencyQuantiles q = h.quantiles();
   const std::pair<const char*, std::int64_t> all[] = {
@@ -202,14 +213,6 @@ Json rowOf(const StationSummary& s) {
       {"wakeup_p99_us", micro(s.servo.wakeup.quantile_ns(0.99))},
       {"wakeup_p999_us", micro(s.servo.wakeup.quantile_ns(0.999))},
       {"wakeup_max_us", micro(s.servo.wakeup.max_ns())},
-      {"tick_p50_ns", s.servo.tick.quantile_ns(0.5)},
-      {"tick_p99_ns", s.servo.tick.quantile_ns(0.99)},
-      {"tick_p999_ns", s.servo.tick.quantile_ns(0.999)},
-      {"tick_max_ns", s.servo.tick.max_ns()},
-      {"engine_p50_ns", s.servo.engine.quantile_ns(0.5)},
-      {"engine_p99_ns", s.servo.engine.quantile_ns(0.99)},
-      {"device_p50_ns", s.servo.device.quantile_ns(0.5)},
-      {"device_p99_ns", s.servo.device.quantile_ns(0.99)},
       {"samples_acked", s.samples_acked},
       {"spool_left", s.spool_left},
       {"bytes_per_sample", bytesPerSample(s)},
@@ -240,11 +243,7 @@ Json rowOf(const StationSummary& s) {
   row["first_fault"] = s.servo.faults == 0 ? Json(nullptr) : Json(faultText(s.servo.first_fault));
   row["fault_ticks"] = s.servo.fault_ticks;
   row["late_wakeups"] = s.servo.late_wakeups;
-  putQuantiles(row, "engine", s.servo.engine);
-  putQuantiles(row, "device", s.servo.device);
-  putQuantiles(row, "read", s.servo.read);
-  putQuantiles(row, "write", s.servo.write);
-  putQuantiles(row, "record", s.servo.record);
+  for (const TickPart& part : kTickParts) putQuantiles(row, part.name, s.servo.*part.times);
   row["black_box"] = {{"triggers", s.black_box.triggers},
                       {"files", s.black_box.files},
                       {"not_written", s.black_box.not_written},
@@ -331,11 +330,9 @@ std::string timingLines(const StationSummary& s) {
   };
   std::string text =
       line("wake-up", s.servo.wakeup, fmt::format("; a tick or more late: {} times", s.servo.late_wakeups));
-  text += line("tick", s.servo.tick, "; of it");
-  text += line("  read", s.servo.read, "");
-  text += line("  engine", s.servo.engine, "");
-  text += line("  write", s.servo.write, "");
-  text += line("  record", s.servo.record, "");
+  for (const TickPart& part : kTickParts)
+    if (part.line != nullptr)
+      text += line(part.line, s.servo.*part.times, part.times == &ServoStats::tick ? "; of it" : "");
   const char* label = "real time    ";
   for (const std::string& step : rtStepLines(s.realtime)) {
     text += label + step + "\n";

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "common/base/columns.h"
 #include "common/base/text.h"
 
 namespace needlelab {
@@ -205,6 +206,13 @@ TEST(TextRules, aCodeIsFourTo64PrintableAsciiCharactersAndInNoMessage) {
       EXPECT_EQ(refused.error().message.find(code), std::string::npos);
     }
   }
+}
+
+TEST(Columns, breaksAtBlanksAndCountsCharactersNotBytes) {
+  EXPECT_EQ(wrapped("ab cd ef", 2, 7), "  ab cd\n  ef\n");
+  EXPECT_EQ(wrapped("abcdefghij k", 0, 4), "abcdefghij\nk\n");
+  EXPECT_EQ(wrapped("", 3, 10), "");
+  EXPECT_EQ(padded("µ", 3), "µ  ");
 }
 
 }  // namespace

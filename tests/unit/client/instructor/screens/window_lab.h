@@ -13,10 +13,10 @@
 #include <vector>
 
 #include "client/instructor/screens/instructor_window.h"
-#include "client/instructor/screens/script_runner.h"
 #include "tests/support/patience.h"
 #include "tests/support/time_zone.h"
 #include "tests/unit/client/instructor/screens/bench_station.h"
+#include "tests/windows/script/script_runner.h"
 
 namespace needlelab::test {
 

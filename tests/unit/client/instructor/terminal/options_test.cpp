@@ -85,7 +85,6 @@ TEST(InstructorOptions, whatDoesNotIsRefusedByName) {
       {"--user",
        [](auto& o) { o.user.clear(), o.report = "a.html", o.session = kSession, o.headless = false; }},
       {"--report", [](auto& o) { o.report = "a.html"; }},
-      {"--script", [](auto& o) { o.script = "tour", o.headless = true; }},
       {"--screenshot", [](auto& o) { o.screenshot = "a.png", o.headless = true; }},
       {"--at", [](auto& o) { o.screenshot = "a.png", o.at_s = -1, o.headless = false; }},
       {"--headless", [](auto& o) { o.station = "bench-1", o.message = "hello", o.headless = false; }},

@@ -101,13 +101,5 @@ TEST(ListDevices, textAndRowsHoldEveryDevice) {
   EXPECT_EQ(json["rows"][0]["ready"], false);
 }
 
-TEST(ReportText, wrapsAtBlanksAndCountsCharactersNotBytes) {
-  EXPECT_EQ(wrapped("ab cd ef", 2, 7), "  ab cd\n  ef\n");
-  EXPECT_EQ(wrapped("abcdefghij k", 0, 4), "abcdefghij\nk\n");
-  EXPECT_EQ(wrapped("", 3, 10), "");
-  EXPECT_EQ(columnsOf("µs→"), 3u);
-  EXPECT_EQ(padded("µ", 3), "µ  ");
-}
-
 }  // namespace
 }  // namespace needlelab

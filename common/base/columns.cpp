@@ -1,4 +1,4 @@
-#include "client/sim/tools/wrapped_text.h"
+#include "common/base/columns.h"
 
 #include <algorithm>
 
@@ -6,8 +6,12 @@
 
 namespace needlelab {
 
-std::string wrapped(std::string_view text, std::size_t width, std::string_view indent) {
-  std::string out, line(indent);
+std::string padded(std::string_view text, std::size_t width) {
+  return std::string(text) + std::string(width - std::min(width, countCharacters(text)), ' ');
+}
+
+std::string wrapped(std::string_view text, std::size_t indent, std::size_t width) {
+  std::string out, line(indent, ' ');
   bool empty = true;
   while (!text.empty()) {
     const std::size_t end = std::min(text.find(' '), text.size());
@@ -16,7 +20,7 @@ std::string wrapped(std::string_view text, std::size_t width, std::string_view i
     if (word.empty()) continue;
     if (!empty && countCharacters(line) + 1 + countCharacters(word) > width) {
       out += line + "\n";
-      line = indent;
+      line.assign(indent, ' ');
       empty = true;
     }
     line += (empty ? "" : " ") + std::string(word);

@@ -1,4 +1,4 @@
-#include "client/instructor/model/script.h"
+#include "tests/windows/script/script.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -70,7 +70,7 @@ TEST(Script, eachVerbIsThereOnceAndSaysWhatItTakes) {
 }
 
 TEST(Script, theReadmeListsEachVerbAsItIs) {
-  const auto readme = readWholeFile(NEEDLELAB_WINDOW_README);
+  const auto readme = readWholeFile(NEEDLELAB_SCRIPT_README);
   ASSERT_TRUE(readme.ok());
   for (const ScriptVerb& verb : scriptVerbs()) {
     // within a table's cell

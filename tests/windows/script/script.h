@@ -1,5 +1,4 @@
-/// Scripts that drive the window in tests and demonstrations, one action per line
-/// (client/instructor/screens/README.md lists the actions).
+/// Scripts that drive the instructor's window, one action per line (README.md lists the actions).
 #pragma once
 
 #include <cstddef>

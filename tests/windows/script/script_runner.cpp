@@ -1,4 +1,4 @@
-#include "client/instructor/screens/script_runner.h"
+#include "tests/windows/script/script_runner.h"
 
 #include <algorithm>
 #include <array>
@@ -168,9 +168,10 @@ Result<bool> ScriptRunner::actOnStation(const ScriptAction& action, InstructorWi
     verb == "pause" ? live->pause() : live->resume();
     return true;
   }
-  constexpr std::array<std::string_view, 6> kVerbs = {"wait-live",     "scroll-back", "message",
-                                                      "next-exercise", "aids",        "stop-lesson"};
-  if (std::find(kVerbs.begin(), kVerbs.end(), verb) == kVerbs.end()) return Error{ErrorCode::kNotFound, {}};
+  constexpr std::array<std::string_view, 6> kLiveVerbs = {"wait-live",     "scroll-back", "message",
+                                                          "next-exercise", "aids",        "stop-lesson"};
+  if (std::find(kLiveVerbs.begin(), kLiveVerbs.end(), verb) == kLiveVerbs.end())
+    return Error{ErrorCode::kNotFound, {}};
   if (live == nullptr) return wrong("no station is looked over: open one first");
   if (verb == "wait-live") {
     const std::size_t shown = live->latency().count();

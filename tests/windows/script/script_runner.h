@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "client/instructor/model/script.h"
 #include "client/instructor/screens/instructor_window.h"
+#include "tests/windows/script/script.h"
 
 namespace needlelab {
 

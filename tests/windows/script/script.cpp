@@ -1,4 +1,4 @@
-#include "client/instructor/model/script.h"
+#include "tests/windows/script/script.h"
 
 #include <algorithm>
 #include <array>
