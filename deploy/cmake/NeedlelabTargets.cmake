@@ -5,7 +5,6 @@
 # needlelab_test(NAME LABEL unit [threads] SOURCES ... DEPS ...)  -> GoogleTest binary; its tests are registered with ctest
 #   TOGETHER: all tests of the binary are one ctest test, because their common set-up is expensive
 #   OPTIMISED: its own code computes for long, so it is compiled like a library
-#   SERIAL: nothing runs beside its tests, because its emulated device must answer at 1 kHz
 #   COST: in place of TIMEOUT, where a long form needs the limit: what may take longest begins first
 #   Tests of an area with the same labels share a program (DECISIONS.md).
 #   labels: unit, net, determinism give the kind of test; threads: runs under ThreadSanitizer in .ci/run; memory: runs under
@@ -62,7 +61,7 @@ add_custom_target(needlelab_threaded_tests)
 add_custom_target(needlelab_memory_tests)
 add_custom_target(needlelab_determinism_tests)
 function(needlelab_test name)
-  cmake_parse_arguments(ARG "TOGETHER;OPTIMISED;SERIAL" "TIMEOUT;COST" "LABEL;SOURCES;DEPS" ${ARGN})
+  cmake_parse_arguments(ARG "TOGETHER;OPTIMISED" "TIMEOUT;COST" "LABEL;SOURCES;DEPS" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
@@ -100,9 +99,6 @@ function(needlelab_test name)
   set(properties)
   if(NOT "net" IN_LIST ARG_LABEL)
     set(properties ENVIRONMENT OPENBLAS_NUM_THREADS=1)
-  endif()
-  if(ARG_SERIAL)
-    list(APPEND properties RUN_SERIAL TRUE)
   endif()
   if(ARG_TOGETHER OR NEEDLELAB_SANITIZE)
     add_test(NAME ${name} COMMAND ${name})

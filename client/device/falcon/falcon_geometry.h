@@ -1,6 +1,5 @@
 /// The Novint Falcon as data: lengths, angles, encoders, motors, packet bits, limits, each with its source.
-/// Kinematics (falcon_kinematics.h) and the tests' emulated device with its own kinematics share only this
-/// file.
+/// Kinematics (falcon_kinematics.h) and its tests' own equations share only this file.
 ///
 /// Sources. [MH] Martin and Hillier, Characterisation of the Novint Falcon haptic device for application as a
 /// robot manipulator, ACRA 2009 (values as cited in public code; we did not have the paper itself). [TS]

@@ -11,9 +11,9 @@
 #include <thread>
 
 #include "client/device/falcon/falcon_device.h"
-#include "client/device/falcon/falcon_geometry.h"
 #include "common/base/clock.h"
 #include "common/base/program.h"
+#include "common/base/time_source.h"
 #include "common/haptics/force_gate.h"
 #include "tests/bench/realtime/figures.h"
 #include "tests/support/falcon_emulator/falcon_emulator.h"
@@ -49,39 +49,37 @@ int exchange(double seconds) {
   DeviceReading reading;
   std::uint64_t fresh = 0;
   const auto tickFor = [&](const std::function<bool()>& goes_on) {
-    auto due = Clock::now();
+    auto due = std::chrono::steady_clock::now();
     while (goes_on()) {
       fresh += device.read(reading) == DeviceRead::kFresh ? 1 : 0;
       gate.admit(TipSample{}, true, 0);
       device.write(gate.guard(Wrench{}));
-      due = std::max(due + 1ms, Clock::now());
+      due = std::max(due + 1ms, std::chrono::steady_clock::now());
       std::this_thread::sleep_until(due);
     }
   };
   // pulls the grip out and pushes it in, so that the encoders find their zero
-  falcon.holdRigidly([](double t) {
-    return Eigen::Vector3d(0, 0, falcon::kOrigin_F_m.z + (std::fmod(t, 0.1) < 0.05 ? 0.035 : -0.035));
-  });
-  const TimePoint patience = Clock::now() + 60s;
-  tickFor([&] { return fresh == 0 && Clock::now() < patience; });
+  falcon.hold([](double t_s) { return Vec3{std::fmod(t_s, 0.1) < 0.05 ? 0.035 : -0.035, 0, 0}; });
+  const auto nowNs = [] { return machineTime().nowNs(); };
+  const std::int64_t patience_ns = nowNs() + 60'000'000'000;
+  tickFor([&] { return fresh == 0 && nowNs() < patience_ns; });
   if (fresh == 0) {
     std::fprintf(stderr, "needlelab_falcon_exchange: no position: %s\n", device.status().c_str());
     return kExitFailed;
   }
-  falcon.holdAt({falcon::kOrigin_F_m.x, falcon::kOrigin_F_m.y, falcon::kOrigin_F_m.z});
+  falcon.holdAt({});
 
   fresh = 0;
-  const TimePoint begin = Clock::now(), end = begin + std::chrono::duration_cast<Clock::duration>(
-                                                          std::chrono::duration<double>(seconds));
-  tickFor([&] { return Clock::now() < end; });
-  const double took_s = std::chrono::duration<double>(Clock::now() - begin).count();
+  const std::int64_t begin_ns = nowNs(), end_ns = begin_ns + static_cast<std::int64_t>(1e9 * seconds);
+  tickFor([&] { return nowNs() < end_ns; });
+  const double took_s = 1e-9 * static_cast<double>(nowNs() - begin_ns);
   LatencyHistogram between;
   std::uint64_t commands = 0;
-  TimePoint last{};
-  for (const CommandSeen& seen : falcon.history()) {
-    if (seen.at < begin) continue;
-    if (commands++ > 0) between.add(std::chrono::nanoseconds(seen.at - last).count());
-    last = seen.at;
+  std::int64_t last_ns = 0;
+  for (const Heard& heard : falcon.heard()) {
+    if (heard.at_ns < begin_ns) continue;
+    if (commands++ > 0) between.add(heard.at_ns - last_ns);
+    last_ns = heard.at_ns;
   }
   device.close();
   Figures figures;

@@ -1,83 +1,110 @@
-/// The Falcon's own computer behind the USB chip: a bootloader, then the loaded firmware.
+/// A Falcon's own computer: its bootloader, then its firmware. One for all tests, with what goes wrong as
+/// data: behind a link of the device's own in any time (direct_link.h), or behind the USB chip
+/// (falcon_emulator.h).
 #pragma once
 
 #include <array>
 #include <cstdint>
-#include <deque>
 #include <functional>
-#include <random>
+#include <mutex>
+#include <optional>
+#include <span>
 #include <string>
+#include <vector>
 
-#include "tests/support/falcon_emulator/falcon_body.h"
-#include "tests/support/falcon_emulator/ftdi_chip.h"
+#include "client/device/falcon/falcon_packet.h"
 
 namespace needlelab::test {
 
-/// A command as the firmware received it.
-struct CommandSeen {
-  TimePoint at;
-  std::array<std::int16_t, 3> motors{};
-  unsigned bits = 0;
+using Bytes = std::vector<std::uint8_t>;
+using Requests = std::vector<std::array<std::uint16_t, 3>>;
+using Motors = std::array<std::int16_t, 3>;
+
+/// The serial line, as the host has set it by the chip's requests.
+struct SerialSettings {
+  double baud = 0;    ///< 0: never set
+  unsigned data = 0;  ///< 8: 8N1
+  bool flow_control_off = false;
+  bool dtr = false, rts = true;  ///< RTS is low only when the host has said so
+  unsigned latency_ms = 16;
+  bool purged_input = false, purged_output = false;
+};
+/// Baud rate from the two words of the chip's request: 3 MHz over n + eighths.
+double baudOf(std::uint16_t value, std::uint16_t index);
+
+/// What becomes of a command on its way and of its answer.
+struct Fate {
+  bool arrives = true;        ///< the board hears the command
+  bool is_answered = true;    ///< and its answer arrives
+  bool is_garbled = false;    ///< with a byte that no packet has
+  bool is_torn = false;       ///< its second half comes half a millisecond later
+  std::int64_t reply_ns = 0;  ///< after the command; answers keep their order
 };
 
-/// The board's simulated faults; all off at the start.
-struct BoardTrouble {
-  bool deaf = false;                     ///< never replies
-  bool stall = false;                    ///< the firmware obeys, but does not reply
-  std::size_t echo_wrong_at = SIZE_MAX;  ///< this byte of the firmware comes back changed
-  std::size_t echo_stops_at = SIZE_MAX;  ///< from this byte on none comes back
-  double garbage_share = 0;              ///< of the replies have random bytes before them
-  double cut_share = 0;                  ///< of the replies end early
-  double flip_share = 0;                 ///< of the replies have one byte changed
+/// A command that the firmware has heard.
+struct Heard {
+  falcon::Command command;
+  std::int64_t at_ns;
 };
 
-/// Thread: under the port's lock.
-class FalconBoard : public SerialPeer {
+/// Thread: any, under its mutex.
+class FalconBoard {
  public:
-  enum class Mode { kWaitsForReset, kWaitsForHello, kWaitsForGo, kLoads, kRuns };
+  enum class Mode : std::uint8_t { kWaitsForReset, kWaitsForHello, kWaitsForGo, kLoads, kRuns };
 
-  /// `firmware`: the only image that starts; empty: any that is not empty.
-  FalconBoard(FalconBody& body, Bytes firmware) : body_(body), firmware_(std::move(firmware)) {}
-  void connect(FtdiChip& chip) { chip_ = &chip; }
+  std::mutex mutex;
+  Mode mode = Mode::kRuns;
+  std::uint8_t homed = 0x70;  ///< as in a report
+  std::uint8_t buttons = 0;
+  Motors encoder{};
+  Bytes firmware;  ///< the only image that starts; empty: any that is not empty
 
-  void receive(std::uint8_t byte, const SerialSettings& settings, TimePoint at) override;
-  void lines(const SerialSettings& settings, bool dtr_rose) override;
+  // what goes wrong
+  bool silent = false;                      ///< hears and answers nothing
+  bool garbage = false;                     ///< answers nonsense
+  std::optional<std::size_t> echo_wrong;    ///< this byte of the firmware comes back changed
+  std::optional<std::size_t> echo_missing;  ///< from this byte on nothing comes back
+  std::function<Fate()> fate;               ///< of each command to the running firmware; empty: none is lost
 
-  /// Power-on: with the firmware in it (`running`), or waiting for it.
-  void powerOn(bool running);
+  // for an observer; called under the mutex, may be empty
+  std::function<void(const falcon::Command&, std::int64_t now_ns)> on_command;  ///< the firmware has heard it
+  std::function<void(std::size_t place)> on_loaded_byte;
+  std::function<void()> on_reset;
 
-  BoardTrouble trouble;
-  unsigned buttons = 0;  ///< bit i: button i of the grip is pressed
+  // seen
+  Requests requests;
+  Bytes loaded;
+  int loads = 0;
+  bool keeps_commands = true;  ///< in `heard`
+  std::vector<Heard> heard;
+  std::string silent_because;  ///< why the board last ignored a byte
 
-  [[nodiscard]] Mode mode() const { return mode_; }
-  [[nodiscard]] unsigned lights() const { return lights_; }  ///< bits 1-3: green, blue, red
-  /// Why the board last ignored a byte; empty: it never did.
-  [[nodiscard]] const std::string& silentBecause() const { return silent_because_; }
-  [[nodiscard]] std::uint64_t commands() const { return commands_; }
-  [[nodiscard]] std::uint64_t badBytes() const { return bad_bytes_; }
-  [[nodiscard]] const std::deque<CommandSeen>& history() const { return history_; }  ///< the last 20,000
-  [[nodiscard]] std::size_t loadedBytes() const { return image_.size(); }
+  /// Takes a request of the host to the chip; false: no such request.
+  bool request(std::uint8_t request, std::uint16_t value, std::uint16_t index);
+  /// The host's bytes; the board's go to `say`, each with the time when it arrives there.
+  void receive(std::span<const std::uint8_t> bytes, std::int64_t now_ns);
+  std::function<void(std::uint8_t byte, std::int64_t at_ns)> say;
+
+  [[nodiscard]] bool runs() const { return mode == Mode::kRuns; }
+  /// Power-on without firmware.
+  void forgetFirmware() { mode = Mode::kWaitsForReset; }
+  [[nodiscard]] const SerialSettings& settings() const { return settings_; }
+  [[nodiscard]] falcon::Command last() {
+    const std::scoped_lock lock(mutex);
+    return heard.empty() ? falcon::Command{{-1, -1, -1}, 0xFF} : heard.back().command;
+  }
 
  private:
   void ignore(std::string why);
-  void say(std::initializer_list<std::uint8_t> bytes, TimePoint at);
-  void hear(std::uint8_t byte, const SerialSettings& settings, TimePoint at);
-  void load(std::uint8_t byte, TimePoint at);
-  void command(std::uint8_t byte, TimePoint at);
-  void obey(TimePoint at);
-  void reply(TimePoint at);
+  void receive(std::uint8_t byte, std::int64_t now_ns);
+  void sayAll(std::span<const std::uint8_t> bytes, std::int64_t at_ns);
+  void hear(std::uint8_t byte, std::int64_t now_ns);
+  void load(std::uint8_t byte, std::int64_t now_ns);
+  void command(std::uint8_t byte, std::int64_t now_ns);
+  void obey(std::int64_t now_ns);
 
-  FalconBody& body_;
-  Bytes firmware_;
-  FtdiChip* chip_ = nullptr;
-  Mode mode_ = Mode::kWaitsForReset;
-  Bytes heard_;  ///< of the incomplete word
-  Bytes image_;  ///< firmware so far
-  unsigned lights_ = 0;
-  std::string silent_because_;
-  std::uint64_t commands_ = 0, bad_bytes_ = 0;
-  std::deque<CommandSeen> history_;
-  std::mt19937_64 random_{20261120};
+  SerialSettings settings_;
+  Bytes word_;  // so far
 };
 
 }  // namespace needlelab::test

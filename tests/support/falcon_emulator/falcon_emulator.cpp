@@ -5,96 +5,53 @@
 #include "client/device/falcon/falcon_geometry.h"
 
 namespace needlelab::test {
-namespace {
 
-UsbIdentity identityOf(const EmulatedFalconOptions& options) {
-  UsbIdentity identity;
-  identity.vendor = falcon::kUsbVendor;
-  identity.product = falcon::kUsbProduct;
-  identity.release = 0x0400;
-  identity.manufacturer = "FTDI";
-  identity.product_name = "FALCON HAPTIC";
-  identity.serial = options.serial;
-  identity.in_endpoint = 0x81;
-  identity.out_endpoint = 0x02;
-  return identity;
+FalconEmulator::FalconEmulator(UsbTestbed& testbed, const std::string& serial)
+    : port_(testbed, chip_, serial) {
+  grip_.is_soft = false;
+  board_.on_reset = [this] {
+    // the encoders count from where the arms are
+    board_.homed = 0;
+    zero_ = grip_.encoders();
+    grip_.motors = {};
+  };
+  board_.on_command = [this](const falcon::Command& command, std::int64_t) { obey(command); };
+  board_.on_reset();
 }
 
-}  // namespace
-
-FalconEmulator::FalconEmulator(UsbTestbed& testbed, EmulatedFalconOptions options)
-    : board_(body_, options.firmware), chip_(board_, identityOf(options)), port_(testbed, chip_) {
-  board_.connect(chip_);
-  board_.powerOn(options.firmware_running);
+// an encoder that looks for its zero finds it when the thigh passes the mark
+void FalconEmulator::obey(const falcon::Command& command) {
+  const Motors before = grip_.encoders();
+  grip_.advance(grip_.at_ns + 1'000'000);
+  grip_.motors = command.motor;
+  const Motors now = grip_.encoders();
+  for (std::size_t leg = 0; leg < 3; ++leg) {
+    const bool passes = (before[leg] > 0) != (now[leg] > 0);
+    if ((command.bits & falcon::kOutHome) != 0 && passes) {
+      board_.homed = static_cast<std::uint8_t>(board_.homed | 0x10u << leg);
+      zero_[leg] = 0;
+    }
+    board_.encoder[leg] = static_cast<std::int16_t>(now[leg] - zero_[leg]);
+  }
 }
 
-void FalconEmulator::powerCycle(bool firmware_running) {
-  with([firmware_running](FalconBoard& board, FtdiChip& chip, FalconBody&) {
-    chip.reset();
-    board.powerOn(firmware_running);
+void FalconEmulator::hold(HandPath path) {
+  with([&path](FalconBoard&, FtdiChip&, FalconGrip& grip) {
+    grip.is_soft = false;
+    grip.follow(std::move(path));
   });
 }
 
-void FalconEmulator::holdRigidly(HandPath path) {
-  with([&path](FalconBoard&, FtdiChip&, FalconBody& body) {
-    body.holdRigidly(std::move(path), Clock::now());
-  });
+Vec3 FalconEmulator::force_N() {
+  return with([](FalconBoard&, FtdiChip&, FalconGrip& grip) { return grip.force_N(); });
 }
 
-void FalconEmulator::holdAt(const Eigen::Vector3d& p_F_m) {
-  holdRigidly([p_F_m](double) { return p_F_m; });
+bool FalconEmulator::isHomed() {
+  return with([](FalconBoard& board, FtdiChip&, FalconGrip&) { return board.homed == falcon::kInHomed; });
 }
 
-void FalconEmulator::holdSoftly(const SoftHand& hand, HandPath path) {
-  with([&](FalconBoard&, FtdiChip&, FalconBody& body) {
-    body.holdSoftly(hand, std::move(path), Clock::now());
-  });
-}
-
-void FalconEmulator::setButtons(unsigned buttons) {
-  with([buttons](FalconBoard& board, FtdiChip&, FalconBody&) { board.buttons = buttons; });
-}
-
-void FalconEmulator::setBoardTrouble(const BoardTrouble& trouble) {
-  with([&trouble](FalconBoard& board, FtdiChip&, FalconBody&) { board.trouble = trouble; });
-}
-
-void FalconEmulator::setLineTrouble(const LineTrouble& trouble) {
-  with([&trouble](FalconBoard&, FtdiChip& chip, FalconBody&) { chip.trouble() = trouble; });
-}
-
-Eigen::Vector3d FalconEmulator::grip() {
-  return with([](FalconBoard&, FtdiChip&, FalconBody& body) { return Eigen::Vector3d(body.grip()); });
-}
-
-Eigen::Vector3d FalconEmulator::force() {
-  return with([](FalconBoard&, FtdiChip&, FalconBody& body) { return body.force(); });
-}
-
-unsigned FalconEmulator::lights() {
-  return with([](FalconBoard& board, FtdiChip&, FalconBody&) { return board.lights(); });
-}
-
-unsigned FalconEmulator::homed() {
-  return with([](FalconBoard&, FtdiChip&, FalconBody& body) { return body.homed(); });
-}
-
-std::uint64_t FalconEmulator::commands() {
-  return with([](FalconBoard& board, FtdiChip&, FalconBody&) { return board.commands(); });
-}
-
-std::vector<CommandSeen> FalconEmulator::history() {
-  return with([](FalconBoard& board, FtdiChip&, FalconBody&) {
-    return std::vector<CommandSeen>(board.history().begin(), board.history().end());
-  });
-}
-
-FalconBoard::Mode FalconEmulator::mode() {
-  return with([](FalconBoard& board, FtdiChip&, FalconBody&) { return board.mode(); });
-}
-
-std::string FalconEmulator::silentBecause() {
-  return with([](FalconBoard& board, FtdiChip&, FalconBody&) { return board.silentBecause(); });
+std::vector<Heard> FalconEmulator::heard() {
+  return with([](FalconBoard& board, FtdiChip&, FalconGrip&) { return board.heard; });
 }
 
 }  // namespace needlelab::test

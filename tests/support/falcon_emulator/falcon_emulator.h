@@ -1,67 +1,64 @@
-/// A Novint Falcon on an emulated USB, with a hand on it. The tests of the device `falcon` run against it.
+/// A Novint Falcon on an emulated USB, with a hand on it. The hand moves by a millisecond with each command:
+/// a host that stands still finds the grip where it was.
 #pragma once
 
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "tests/support/falcon_emulator/falcon_board.h"
+#include "tests/support/falcon_emulator/falcon_grip.h"
+#include "tests/support/falcon_emulator/ftdi_chip.h"
 #include "tests/support/falcon_emulator/usb_port.h"
 
 namespace needlelab::test {
 
-struct EmulatedFalconOptions {
-  std::string serial = "FALCON01";
-  Bytes firmware;                ///< the only image that its bootloader starts; empty: any
-  bool firmware_running = true;  ///< from the start; false: it waits in its bootloader
-};
-
-/// Call it from the test's thread only. `with` gives access to all other state, under the lock.
+/// Call it from the test's thread only.
 class FalconEmulator {
  public:
-  explicit FalconEmulator(UsbTestbed& testbed, EmulatedFalconOptions options = {});
+  explicit FalconEmulator(UsbTestbed& testbed, const std::string& serial = "FALCON01");
   ~FalconEmulator() { port_.unplug(); }
+  FalconEmulator(const FalconEmulator&) = delete;
+  FalconEmulator& operator=(const FalconEmulator&) = delete;
 
   UsbPort& port() { return port_; }
   void plug() { port_.plug(); }
   void unplug() { port_.unplug(); }
-  /// Also cuts the device's power: it forgets its state, and its encoders count from zero again. Only for an
-  /// unplugged device.
-  void powerCycle(bool firmware_running = false);
 
-  /// Changes or reads the board's, the chip's and the body's state.
+  /// Changes or reads the state of the board, the chip and the grip.
   template <typename Use>
   auto with(Use&& use) {
     struct Wake {
       UsbPort& port;
       ~Wake() { port.wake(); }
     } const wake{port_};
-    const std::lock_guard lock(port_.mutex());
-    body_.advance(Clock::now());
-    return use(board_, chip_, body_);
+    const std::scoped_lock lock(board_.mutex);
+    return use(board_, chip_, grip_);
+  }
+  /// The hand holds the grip and does not give way.
+  void hold(HandPath path);
+  void holdAt(Vec3 p_W_m) {
+    hold([p_W_m](double) { return p_W_m; });
+  }
+  /// The motors move the hand from now on.
+  void letGive() {
+    with([](FalconBoard&, FtdiChip&, FalconGrip& grip) { grip.is_soft = true; });
+  }
+  /// All transfers hang from now on; or not any more.
+  void hang(bool hangs) {
+    with([hangs](FalconBoard&, FtdiChip& chip, FalconGrip&) { chip.hangs = hangs; });
   }
 
-  /// In F; the hand follows the new path from now on.
-  void holdRigidly(HandPath path);
-  void holdAt(const Eigen::Vector3d& p_F_m);
-  void holdSoftly(const SoftHand& hand, HandPath path);
-  void setButtons(unsigned buttons);
-  void setBoardTrouble(const BoardTrouble& trouble);
-  void setLineTrouble(const LineTrouble& trouble);
-
-  [[nodiscard]] Eigen::Vector3d grip();   ///< in F, now
-  [[nodiscard]] Eigen::Vector3d force();  ///< of the motors on the hand, in F, now
-  [[nodiscard]] unsigned lights();
-  [[nodiscard]] unsigned homed();
-  [[nodiscard]] std::uint64_t commands();
-  [[nodiscard]] std::vector<CommandSeen> history();
-  [[nodiscard]] FalconBoard::Mode mode();
-  [[nodiscard]] std::string silentBecause();
+  [[nodiscard]] Vec3 force_N();  ///< of the motors on the hand, in W
+  [[nodiscard]] bool isHomed();
+  [[nodiscard]] std::vector<Heard> heard();  ///< all commands
 
  private:
-  FalconBody body_;
+  void obey(const falcon::Command& command);
+
   FalconBoard board_;
-  FtdiChip chip_;
+  FalconGrip grip_;
+  std::array<std::int16_t, 3> zero_{};  // of the encoders, in counts of the homed ones
+  FtdiChip chip_{board_};
   UsbPort port_;
 };
 

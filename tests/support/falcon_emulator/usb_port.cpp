@@ -15,21 +15,12 @@
 #include <filesystem>
 #include <functional>
 #include <future>
+#include <limits>
 #include <stdexcept>
 #include <utility>
 
 namespace needlelab::test {
 namespace {
-
-std::string hex(const Bytes& bytes) {
-  static constexpr char digits[] = "0123456789abcdef";
-  std::string text;
-  for (const std::uint8_t byte : bytes) {
-    text += digits[byte >> 4];
-    text += digits[byte & 0xF];
-  }
-  return text;
-}
 
 std::string threeDigits(int number) {
   std::string text = std::to_string(number);
@@ -102,10 +93,12 @@ struct UsbPort::Glue {
   }
 };
 
-UsbPort::UsbPort(UsbTestbed& testbed, UsbPeripheral& peripheral)
+UsbPort::UsbPort(UsbTestbed& testbed, FtdiChip& chip, std::string serial)
     : testbed_(testbed),
-      peripheral_(peripheral),
+      chip_(chip),
+      serial_(std::move(serial)),
       port_(testbed.nextPort()),
+      mutex_(chip.board().mutex),
       timer_(::timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC)),
       handler_(umockdev_ioctl_base_new()) {
   if (timer_ < 0) throw std::runtime_error("no timer for the emulated USB port");
@@ -155,7 +148,6 @@ void UsbPort::attach() {
 
 void UsbPort::plug() {
   if (plugged_) return;
-  const UsbIdentity identity = peripheral_.identity();
   {
     const std::lock_guard lock(mutex_);
     attach();
@@ -169,21 +161,15 @@ void UsbPort::plug() {
   // notify udev last, when everything is ready
   const std::string port = "1-" + std::to_string(port_);
   syspath_ = "/devices/usb1/" + port;
-  Bytes descriptors = deviceDescriptor(identity);
-  const Bytes configuration = configurationDescriptor(identity);
-  descriptors.insert(descriptors.end(), configuration.begin(), configuration.end());
-  char vendor[8], product[8];
-  std::snprintf(vendor, sizeof vendor, "%04x", identity.vendor);
-  std::snprintf(product, sizeof product, "%04x", identity.product);
   const std::string device =
       "P: " + syspath_ +
       "\nE: SUBSYSTEM=usb\nE: DEVTYPE=usb_device\nE: DRIVER=usb\nE: BUSNUM=001\nE: DEVNUM=" +
-      threeDigits(device_number_) + "\nE: DEVNAME=" + node_ + "\nE: ID_VENDOR_ID=" + vendor +
-      "\nE: ID_MODEL_ID=" + product +
-      "\nA: bConfigurationValue=1\\n\nA: busnum=1\\n\nA: devnum=" + std::to_string(device_number_) +
-      "\\n\nA: idVendor=" + vendor + "\\n\nA: idProduct=" + product +
-      "\\n\nA: manufacturer=" + identity.manufacturer + "\\n\nA: product=" + identity.product_name +
-      "\\n\nA: serial=" + identity.serial + "\\n\nA: speed=12\\n\nH: descriptors=" + hex(descriptors) + "\n";
+      threeDigits(device_number_) + "\nE: DEVNAME=" + node_ +
+      "\nE: ID_VENDOR_ID=0403\nE: ID_MODEL_ID=cb48\nA: bConfigurationValue=1\\n\nA: busnum=1\\n\nA: devnum=" +
+      std::to_string(device_number_) +
+      "\\n\nA: idVendor=0403\\n\nA: idProduct=cb48\\n\nA: manufacturer=FTDI\\n\nA: product=FALCON "
+      "HAPTIC\\n\nA: serial=" +
+      serial_ + "\\n\nA: speed=12\\n\nH: descriptors=" + usbDescriptors() + "\n";
   if (umockdev_testbed_add_from_string(testbed_.get(), device.c_str(), &error) == 0) {
     const std::string what = error != nullptr ? error->message : "unknown";
     g_clear_error(&error);
@@ -241,32 +227,20 @@ bool UsbPort::kernelDriverAttached() {
   return driver_attached_;
 }
 
-UsbCounts UsbPort::counts() {
-  const std::lock_guard lock(mutex_);
-  return counts_;
-}
-
 int UsbPort::openClients() {
   const std::lock_guard lock(mutex_);
   return static_cast<int>(clients_.size());
 }
 
-int UsbPort::transfersInFlight() {
-  const std::lock_guard lock(mutex_);
-  return static_cast<int>(in_.size() + out_.size());
-}
-
 void UsbPort::wake() {
-  armTimer(TimePoint{});
+  armTimer(1);
 }
 
-void UsbPort::armTimer(TimePoint when) {
+void UsbPort::armTimer(std::int64_t when_ns) {
   itimerspec spec{};
-  if (when != TimePoint::max()) {
-    const auto ns = std::chrono::duration_cast<std::chrono::nanoseconds>(when.time_since_epoch()).count();
-    spec.it_value.tv_sec = ns / 1'000'000'000;
-    spec.it_value.tv_nsec = std::max<long>(ns % 1'000'000'000, 1);  // all 0 would mean never
-  }
+  if (when_ns != std::numeric_limits<std::int64_t>::max())
+    spec.it_value = {when_ns / 1'000'000'000,
+                     std::max<long>(when_ns % 1'000'000'000, 1)};  // all 0 would mean never
   ::timerfd_settime(timer_, TFD_TIMER_ABSTIME, &spec, nullptr);
 }
 

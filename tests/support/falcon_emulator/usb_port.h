@@ -1,14 +1,13 @@
-/// A socket for an emulated USB device; reimplements the kernel's usbfs.
+/// A socket for the emulated Falcon: the kernel's usbfs, and the device's descriptors.
 #pragma once
 
-#include <atomic>
 #include <cstdint>
 #include <deque>
 #include <mutex>
 #include <string>
 #include <vector>
 
-#include "tests/support/falcon_emulator/usb_peripheral.h"
+#include "tests/support/falcon_emulator/ftdi_chip.h"
 #include "tests/support/falcon_emulator/usb_testbed.h"
 
 struct _UMockdevIoctlBase;
@@ -18,19 +17,14 @@ struct _GSource;
 
 namespace needlelab::test {
 
-/// The host's actions, for tests.
-struct UsbCounts {
-  std::uint64_t ioctls = 0, in_transfers = 0, out_transfers = 0, control_transfers = 0, discarded = 0;
-};
-
-/// Plugs `peripheral` into the testbed and unplugs it. umockdev's own thread answers every ioctl of the host
-/// and ends transfers by a timer. Call the public functions from the test's thread only.
+/// Plugs the chip into the testbed and unplugs it. umockdev's own thread answers every ioctl of the host, and
+/// ends transfers without data by a timer. Call the public functions from the test's thread only.
 ///
 /// The device's node is a kernel terminal, because a test can make it ready (flow on), not ready (flow off)
 /// or broken (hung up). poll() then reports the same as for a real usbfs node.
 class UsbPort {
  public:
-  UsbPort(UsbTestbed& testbed, UsbPeripheral& peripheral);
+  UsbPort(UsbTestbed& testbed, FtdiChip& chip, std::string serial);
   ~UsbPort();
   UsbPort(const UsbPort&) = delete;
   UsbPort& operator=(const UsbPort&) = delete;
@@ -39,9 +33,6 @@ class UsbPort {
   void plug();
   /// Ends transfers in flight with −ESHUTDOWN and later calls with ENODEV; then notifies udev.
   void unplug();
-  [[nodiscard]] bool plugged() const { return plugged_; }
-  /// e.g. "/dev/bus/usb/001/002"; of the last plug().
-  [[nodiscard]] const std::string& node() const { return node_; }
 
   /// Claiming the interface fails with EBUSY, as when another program holds it.
   void setBusy(bool busy);
@@ -51,13 +42,9 @@ class UsbPort {
   void setKernelDriver(const std::string& name);
   [[nodiscard]] bool kernelDriverAttached();
 
-  [[nodiscard]] UsbCounts counts();
-  /// How many programs have the node open, and how many transfers are in flight.
+  /// How many programs have the node open.
   [[nodiscard]] int openClients();
-  [[nodiscard]] int transfersInFlight();
-
-  /// For the peripheral's owner: the port's lock, and a notification after a change of its state.
-  [[nodiscard]] std::mutex& mutex() { return mutex_; }
+  /// After a change of the device's state.
   void wake();
 
  private:
@@ -69,7 +56,7 @@ class UsbPort {
   struct WaitingWrite {
     _UMockdevIoctlClient* client = nullptr;
     Bytes bytes;
-    TimePoint end;
+    std::int64_t end_ns = 0;
   };
   struct Glue;  ///< C callbacks of umockdev and GLib
 
@@ -80,17 +67,18 @@ class UsbPort {
   void reap(_UMockdevIoctlClient* client);
   void discard(_UMockdevIoctlClient* client);
   void writeAndWait(_UMockdevIoctlClient* client);
-  bool controlNow(Transfer& transfer, TimePoint now);
+  void control(const Transfer& transfer);
   void finish(const Transfer& transfer, int status, std::size_t actual);
   void pump();
-  void armTimer(TimePoint when);
+  void armTimer(std::int64_t when_ns);
   void showReadiness();
   void forgetClient(_UMockdevIoctlClient* client);
 
   UsbTestbed& testbed_;
-  UsbPeripheral& peripheral_;
+  FtdiChip& chip_;
+  const std::string serial_;
   const int port_;
-  std::mutex mutex_;
+  std::mutex& mutex_;
   bool plugged_ = false;
   bool gone_ = false;  ///< unplugged, while programs still have it open
   bool busy_ = false;
@@ -110,13 +98,11 @@ class UsbPort {
   std::deque<Transfer> in_, out_;  ///< in flight
   std::deque<Transfer> finished_;  ///< to be reaped
   std::deque<WaitingWrite> waiting_writes_;
-  UsbCounts counts_;
 };
 
-/// Descriptors of `identity`, as the device itself gives them: one interface, bulk in and out of 64 bytes.
-Bytes deviceDescriptor(const UsbIdentity& identity);
-Bytes configurationDescriptor(const UsbIdentity& identity);
-/// Answers GET_DESCRIPTOR and the like; nothing: stalled.
-std::optional<Bytes> standardRequest(const UsbIdentity& identity, const UsbSetup& setup);
+/// What udev shows of the device, device and configuration descriptor, in hexadecimal digits.
+std::string usbDescriptors();
+/// The device's answer to GET_DESCRIPTOR; nothing: stalled.
+std::optional<Bytes> usbDescriptor(std::uint16_t value, const std::string& serial);
 
 }  // namespace needlelab::test

@@ -1,6 +1,7 @@
 // The usbfs ioctls and the transfers that they start and end; the rest of UsbPort is in usb_port.cpp.
 #include <sys/ioctl.h>
 
+#include <fmt/core.h>
 #include <linux/usbdevice_fs.h>
 #include <umockdev.h>
 
@@ -8,17 +9,51 @@
 #include <cerrno>
 #include <cstddef>
 #include <cstring>
+#include <limits>
 
+#include "common/base/time_source.h"
 #include "tests/support/falcon_emulator/usb_port.h"
 
 namespace needlelab::test {
 namespace {
+
+constexpr std::uint8_t kIn = 0x81, kOut = 0x02;  // endpoints
+// USB 2.0, FTDI's number for the Falcon, strings for maker, product and serial number
+const Bytes kDevice{18, 1, 0, 2, 0, 0, 0, 8, 0x03, 0x04, 0x48, 0xcb, 0, 4, 1, 2, 3, 1};
+// 32 bytes in all; one interface of the vendor's own class, bulk in and out of 64 bytes
+const Bytes kConfiguration{9,    2, 32, 0, 1,   1, 0,  0xA0, 45, 9, 4, 0,    0, 2,  0xFF, 0xFF,
+                           0xFF, 2, 7,  5, kIn, 2, 64, 0,    0,  7, 5, kOut, 2, 64, 0,    0};
 
 usbdevfs_urb& urbOf(UMockdevIoctlData* data) {
   return *reinterpret_cast<usbdevfs_urb*>(data->data);
 }
 
 }  // namespace
+
+std::string usbDescriptors() {
+  std::string text;
+  for (const Bytes* bytes : {&kDevice, &kConfiguration})
+    for (const std::uint8_t byte : *bytes) text += fmt::format("{:02x}", byte);
+  return text;
+}
+
+std::optional<Bytes> usbDescriptor(std::uint16_t value, const std::string& serial) {
+  switch (value) {
+    case 0x0100:
+      return kDevice;
+    case 0x0200:
+      return kConfiguration;
+    case 0x0300:
+      return Bytes{4, 3, 0x09, 0x04};  // English
+    case 0x0303: {
+      Bytes bytes{static_cast<std::uint8_t>(2 + 2 * serial.size()), 3};
+      for (const char c : serial) bytes.insert(bytes.end(), {static_cast<std::uint8_t>(c), 0});
+      return bytes;
+    }
+    default:
+      return std::nullopt;
+  }
+}
 
 void UsbPort::finish(const Transfer& transfer, int status, std::size_t actual) {
   usbdevfs_urb& urb = urbOf(transfer.urb);
@@ -30,65 +65,51 @@ void UsbPort::finish(const Transfer& transfer, int status, std::size_t actual) {
 // ends all bulk transfers that can end now; then sleeps until the next one can
 void UsbPort::pump() {
   if (gone_) return;
-  const TimePoint now = Clock::now();
+  const std::int64_t now_ns = machineTime().nowNs();
   while (!out_.empty()) {
     const usbdevfs_urb& urb = urbOf(out_.front().urb);
     const std::size_t size = static_cast<std::size_t>(urb.buffer_length);
-    if (!peripheral_.out({static_cast<const std::uint8_t*>(urb.buffer), size}, now)) break;
-    ++counts_.out_transfers;
+    if (!chip_.out({static_cast<const std::uint8_t*>(urb.buffer), size}, now_ns)) break;
     finish(out_.front(), 0, size);
     out_.pop_front();
   }
   // after the earlier submissions
   while (out_.empty() && !waiting_writes_.empty()) {
     const WaitingWrite& call = waiting_writes_.front();
-    const bool taken = peripheral_.out(call.bytes, now);
-    if (!taken && now < call.end) break;
-    counts_.out_transfers += taken ? 1 : 0;
+    const bool taken = chip_.out(call.bytes, now_ns);
+    if (!taken && now_ns < call.end_ns) break;
     umockdev_ioctl_client_complete(call.client, taken ? static_cast<glong>(call.bytes.size()) : -1,
                                    taken ? 0 : ETIMEDOUT);
     waiting_writes_.pop_front();
   }
   while (!in_.empty()) {
     usbdevfs_urb& urb = urbOf(in_.front().urb);
-    const auto data = peripheral_.in(static_cast<std::size_t>(urb.buffer_length), now);
+    const auto data = chip_.in(static_cast<std::size_t>(urb.buffer_length), now_ns);
     if (!data) break;
-    ++counts_.in_transfers;
     std::copy(data->begin(), data->end(), static_cast<std::uint8_t*>(urb.buffer));
     finish(in_.front(), 0, data->size());
     in_.pop_front();
   }
   showReadiness();
-  if (in_.empty() && out_.empty() && waiting_writes_.empty()) {
-    armTimer(TimePoint::max());
-  } else {
-    const std::size_t room = in_.empty() ? 0 : static_cast<std::size_t>(urbOf(in_.front().urb).buffer_length);
-    const TimePoint next = peripheral_.nextEvent(room, now);
-    armTimer(waiting_writes_.empty() ? next : std::min(next, waiting_writes_.front().end));
-  }
+  std::int64_t next_ns = in_.empty() ? std::numeric_limits<std::int64_t>::max() : chip_.deadlineNs();
+  if (!waiting_writes_.empty()) next_ns = std::min(next_ns, waiting_writes_.front().end_ns);
+  armTimer(next_ns);
 }
 
-bool UsbPort::controlNow(Transfer& transfer, TimePoint now) {
+void UsbPort::control(const Transfer& transfer) {
   usbdevfs_urb& urb = urbOf(transfer.urb);
   auto* const bytes = static_cast<std::uint8_t*>(urb.buffer);
   const auto word = [bytes](int at) {
     return static_cast<std::uint16_t>(bytes[at] | static_cast<unsigned>(bytes[at + 1]) << 8);
   };
-  if (urb.buffer_length < 8) return false;
-  const UsbSetup setup{bytes[0], bytes[1], word(2), word(4), word(6)};
-  const bool vendors = (setup.type & 0x60u) == 0x40u;
-  const auto reply =
-      vendors ? peripheral_.control(setup, now) : standardRequest(peripheral_.identity(), setup);
-  ++counts_.control_transfers;
-  if (!reply) {
-    finish(transfer, -EPIPE, 0);
-    return true;
-  }
-  const std::size_t room = static_cast<std::size_t>(urb.buffer_length - 8);
-  const std::size_t size = std::min({reply->size(), room, static_cast<std::size_t>(setup.length)});
+  constexpr std::uint8_t kVendorsOut = 0x40, kGetDescriptor = 6;
+  std::optional<Bytes> reply;
+  if (bytes[0] == kVendorsOut && chip_.control(bytes[1], word(2), word(4))) reply.emplace();
+  if (bytes[0] == 0x80 && bytes[1] == kGetDescriptor) reply = usbDescriptor(word(2), serial_);
+  if (!reply) return finish(transfer, -EPIPE, 0);
+  const std::size_t size = std::min(reply->size(), static_cast<std::size_t>(urb.buffer_length - 8));
   std::copy_n(reply->begin(), size, bytes + 8);
-  finish(transfer, 0, (setup.type & 0x80u) != 0 ? size : setup.length);
-  return true;
+  finish(transfer, 0, size);
 }
 
 bool UsbPort::submit(_UMockdevIoctlClient* client) {
@@ -101,22 +122,20 @@ bool UsbPort::submit(_UMockdevIoctlClient* client) {
         urb_data, offsetof(usbdevfs_urb, buffer), static_cast<gsize>(urb.buffer_length), nullptr);
     if (buffer != nullptr) umockdev_ioctl_data_unref(buffer);  // the transfer holds it
   }
-  Transfer transfer{urb_data, client};
-  const UsbIdentity identity = peripheral_.identity();
+  const Transfer transfer{urb_data, client};
   int error = 0;
-  if (urb.type == USBDEVFS_URB_TYPE_CONTROL) {
-    if (!controlNow(transfer, Clock::now())) error = EINVAL;
-  } else if (urb.type != USBDEVFS_URB_TYPE_BULK) {
+  if (urb.type == USBDEVFS_URB_TYPE_CONTROL && urb.buffer_length >= 8)
+    control(transfer);
+  else if (urb.type != USBDEVFS_URB_TYPE_BULK)
     error = EINVAL;
-  } else if (claimed_by_ != client) {
+  else if (claimed_by_ != client)
     error = busy_ || claimed_by_ != nullptr ? EBUSY : EINVAL;  // stricter than the kernel, which claims
-  } else if (urb.endpoint == identity.in_endpoint) {
+  else if (urb.endpoint == kIn)
     in_.push_back(transfer);
-  } else if (urb.endpoint == identity.out_endpoint) {
+  else if (urb.endpoint == kOut)
     out_.push_back(transfer);
-  } else {
+  else
     error = ENOENT;
-  }
   if (error != 0) {
     umockdev_ioctl_data_unref(urb_data);
     umockdev_ioctl_client_complete(client, -1, error);
@@ -137,11 +156,11 @@ void UsbPort::writeAndWait(_UMockdevIoctlClient* client) {
   const auto& asked = *reinterpret_cast<const usbdevfs_bulktransfer*>(call->data);
   UMockdevIoctlData* const data =
       umockdev_ioctl_data_resolve(call, offsetof(usbdevfs_bulktransfer, data), asked.len, nullptr);
-  if (data == nullptr || claimed_by_ != client || asked.ep != peripheral_.identity().out_endpoint) {
+  if (data == nullptr || claimed_by_ != client || asked.ep != kOut) {
     umockdev_ioctl_client_complete(client, -1, data == nullptr ? EFAULT : EINVAL);
   } else {
     waiting_writes_.push_back({client, Bytes(data->data, data->data + asked.len),
-                               Clock::now() + std::chrono::milliseconds(asked.timeout)});
+                               machineTime().nowNs() + 1'000'000 * static_cast<std::int64_t>(asked.timeout)});
     pump();
   }
   if (data != nullptr) umockdev_ioctl_data_unref(data);
@@ -175,7 +194,6 @@ void UsbPort::discard(_UMockdevIoctlClient* client) {
       return one.client == client && one.urb->client_addr == address;
     });
     if (found == queue->end()) continue;
-    ++counts_.discarded;
     finish(*found, -ENOENT, 0);
     queue->erase(found);
     umockdev_ioctl_client_complete(client, 0, 0);
@@ -187,7 +205,6 @@ void UsbPort::discard(_UMockdevIoctlClient* client) {
 
 bool UsbPort::handle(_UMockdevIoctlClient* client) {
   const std::lock_guard lock(mutex_);
-  ++counts_.ioctls;
   const gulong request = umockdev_ioctl_client_get_request(client);
   UMockdevIoctlData* const argument = umockdev_ioctl_client_get_arg(client);
   const auto answer = [client](int error) {
@@ -251,12 +268,6 @@ bool UsbPort::handle(_UMockdevIoctlClient* client) {
       }
       return answer(ENOTTY);
     }
-    case USBDEVFS_SETCONFIGURATION:
-    case USBDEVFS_SETINTERFACE:
-    case USBDEVFS_CLEAR_HALT:
-    case USBDEVFS_RESETEP:
-    case USBDEVFS_RESET:
-      return answer(0);
     case USBDEVFS_SUBMITURB:
       return submit(client);
     case USBDEVFS_DISCARDURB:

@@ -3,6 +3,7 @@
 
 #include <dlfcn.h>
 
+#include <cmath>
 #include <stdexcept>
 #include <string>
 
@@ -41,6 +42,10 @@ class Standin {
     StandinState state{};
     find<void(StandinState*)>("standin_state")(&state);
     return state;
+  }
+  [[nodiscard]] double feltForce_N() const {
+    const StandinState now = state();
+    return std::hypot(now.felt[0], now.felt[1], now.felt[2]);
   }
   [[nodiscard]] std::string calls() const { return find<const char*()>("standin_calls")(); }
   [[nodiscard]] std::string complaints() const { return find<const char*()>("standin_complaints")(); }

@@ -25,8 +25,6 @@ class Plant {
   [[nodiscard]] const Pose& pose() const { return pose_; }
   [[nodiscard]] Vec3 velocity() const { return v_; }
   [[nodiscard]] Vec3 turning() const { return w_; }
-  [[nodiscard]] Vec3 aim() const { return aim_.p; }
-  [[nodiscard]] bool isHeld() const { return holds_; }
 
  private:
   void substep(double dt, Vec3 force_N, Vec3 torque_Nm);

@@ -39,21 +39,17 @@ bool World::command(const std::string& line) {
   if (name == "place") {
     if (!readPoseWords(in, pose)) return false;
     plant_.place(pose);
-    return true;
-  }
-  if (name == "hand") {
+  } else if (name == "hand") {
     if (!readPoseWords(in, pose) || !(in >> number)) return false;
     plant_.aimAt(pose, number);
-    return true;
-  }
-  if (name == "let_go" || name == "hold") {
+  } else if (name == "let_go" || name == "hold") {
     plant_.hold(name == "hold");
     sensor_ = name == "hold";
-    return true;
-  }
-  if (name == "dead_man") return readFlag(in, sensor_);
-  if (name == "switch") return readFlag(in, switch_);
-  if (name == "daemon") {
+  } else if (name == "dead_man") {
+    return readFlag(in, sensor_);
+  } else if (name == "switch") {
+    return readFlag(in, switch_);
+  } else if (name == "daemon") {
     if (!readFlag(in, daemon_)) return false;
     if (!daemon_)
       for (Context& context : contexts_) {
@@ -61,47 +57,42 @@ bool World::command(const std::string& line) {
         if (context.state == Context::State::kLeftOpen) context.state = Context::State::kFree;
         context.permits_power = false;
       }
-    return true;
-  }
-  if (name == "overheat") return readFlag(in, forced_overheat_);
-  if (name == "estop") {
+  } else if (name == "overheat") {
+    return readFlag(in, forced_overheat_);
+  } else if (name == "estop") {
     if (!(in >> word) || (word != "press" && word != "free")) return false;
     stopped_ = word == "press";
     if (stopped_) switch_ = false;
-    return true;
-  }
-  if (name == "link_down") {
+  } else if (name == "link_down") {
     if (!(in >> number)) return false;
     link_back_s_ = now_s_ + number;
-    return true;
-  }
-  if (name == "slow") return static_cast<bool>(in >> slow_s_);
-  if (name == "version") {
+  } else if (name == "slow") {
+    return static_cast<bool>(in >> slow_s_);
+  } else if (name == "version") {
     if (!(in >> word)) return false;
     right_version_ = word == "right";
-    return true;
-  }
-  if (name == "alarm") return readBits(in, more_alarms_);
-  if (name == "failure") return readBits(in, failures_);
-  if (name == "button") {
+  } else if (name == "alarm") {
+    return readBits(in, more_alarms_);
+  } else if (name == "failure") {
+    return readBits(in, failures_);
+  } else if (name == "button") {
     if (!(in >> number) || number < 1 || number > 3) return false;
     return readFlag(in, buttons_[static_cast<std::size_t>(number)]);
-  }
-  if (name == "jump") {
+  } else if (name == "jump") {
     Vec3 by;
     if (!(in >> by.x >> by.y >> by.z)) return false;
     plant_.jump(by);
-    return true;
-  }
-  if (name == "bad_turn") return static_cast<bool>(in >> turn_scale_);
-  if (name == "fail") {
+  } else if (name == "bad_turn") {
+    return static_cast<bool>(in >> turn_scale_);
+  } else if (name == "fail") {
     int code = 0;
     if (!(in >> word >> code)) return false;
     std::erase_if(failing_, [&](const auto& row) { return row.first == word; });
     if (code != 0) failing_.emplace_back(word, code);
-    return true;
+  } else {
+    return false;
   }
-  return false;
+  return true;
 }
 
 int World::script(const std::string& text) {

@@ -35,13 +35,11 @@ struct StandinTime {
 
 /// The true state, in SI units and in the device's base frame.
 struct StandinState {
-  double time_s;
   double position_m[3], orientation[4];  ///< of the handle; x y z w
   double velocity_mps[3];
-  double aim_m[3];      ///< the hand's target
   double commanded[6];  ///< the last wrench that virtSetForce brought
   double felt[6];       ///< the wrench that acts on the handle in this millisecond
-  int is_powered, is_permitted, command_type;
+  int is_powered, is_permitted;
   long openings;      ///< virtOpen calls, successful or not
   int open_contexts;  ///< as the service counts them
   unsigned alarms;

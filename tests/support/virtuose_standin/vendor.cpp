@@ -8,6 +8,12 @@ namespace {
 
 constexpr int kIncorrectValue = 9, kWrongMode = 17, kCallTime = 19, kNoMode = 0;
 
+template <typename Use>
+auto locked(Use use) {
+  const std::scoped_lock lock(worldMutex());
+  return use(world());
+}
+
 // the connection behind a pointer, after the time that the call takes; meanwhile others may call
 Context* reached(std::unique_lock<std::mutex>& lock, void* pointer, const char* name) {
   World& w = world();
@@ -28,7 +34,7 @@ Context* reached(std::unique_lock<std::mutex>& lock, void* pointer, const char* 
 template <typename Rule>
 int call(void* pointer, const char* name, bool sets, Rule rule) {
   World& w = world();
-  std::unique_lock lock(w.mutex);
+  std::unique_lock lock(standin::worldMutex());
   Context* context = reached(lock, pointer, name);
   if (context == nullptr) return w.answer(nullptr, name, kInvalidContext, sets);
   int error = w.arrives(*context, name);
@@ -52,6 +58,18 @@ int good(bool is_good) {
   return is_good ? 0 : kIncorrectValue;
 }
 
+int beforeMode(const Context& context, bool is_good) {
+  return context.command_type != kNoMode ? kCallTime : good(is_good);
+}
+
+template <typename Value, typename Read>
+int ask(void* pointer, const char* name, Value* value, Read read) {
+  return call(pointer, name, false, [&](World& w, Context&) {
+    *value = read(w);
+    return 0;
+  });
+}
+
 }  // namespace
 }  // namespace standin
 
@@ -65,7 +83,7 @@ extern "C" {
 
 void* virtOpen(const char* address) {
   World& w = world();
-  const std::scoped_lock lock(w.mutex);
+  const std::scoped_lock lock(standin::worldMutex());
   w.catchUp();
   Context* context = address != nullptr ? w.open() : nullptr;
   w.answer(context, "virtOpen", w.openError(), true);
@@ -74,14 +92,14 @@ void* virtOpen(const char* address) {
 
 int virtClose(void* vc) {
   World& w = world();
-  std::unique_lock lock(w.mutex);
+  std::unique_lock lock(standin::worldMutex());
   Context* context = standin::reached(lock, vc, "virtClose");
   return w.answer(context, "virtClose", context != nullptr ? w.close(*context) : 0, true);
 }
 
 int virtGetErrorCode(void* vc) {
   World& w = world();
-  const std::scoped_lock lock(w.mutex);
+  const std::scoped_lock lock(standin::worldMutex());
   if (vc == nullptr) return w.openError();
   const Context* context = w.find(vc);
   return context != nullptr ? context->error : standin::kInvalidContext;
@@ -107,17 +125,14 @@ int virtGetControlerVersion(void* vc, int* major, int* minor) {
 
 int virtSetIndexingMode(void* vc, int mode) {
   return call(vc, "virtSetIndexingMode", true, [&](World&, Context& c) {
-    if (mode < 0 || mode > 7 || mode == 5) return standin::kIncorrectValue;
     c.indexing = mode;
-    return 0;
+    return good(mode >= 0 && mode <= 7 && mode != 5);
   });
 }
 
 int virtSetForceFactor(void* vc, float factor) {
-  return call(vc, "virtSetForceFactor", true, [&](World&, Context& c) {
-    if (c.command_type != standin::kNoMode) return standin::kCallTime;
-    return good(standin::isPositive(factor));
-  });
+  return call(vc, "virtSetForceFactor", true,
+              [&](World&, Context& c) { return standin::beforeMode(c, standin::isPositive(factor)); });
 }
 
 int virtSetSpeedFactor(void* vc, float factor) {
@@ -127,16 +142,14 @@ int virtSetSpeedFactor(void* vc, float factor) {
 
 int virtSetTimeStep(void* vc, float step_s) {
   return call(vc, "virtSetTimeStep", true, [&](World&, Context& c) {
-    if (c.command_type != standin::kNoMode) return standin::kCallTime;
-    return good(std::isfinite(step_s) && step_s > 0.0009999f && step_s < 0.1f);
+    return standin::beforeMode(c, std::isfinite(step_s) && step_s > 0.0009999f && step_s < 0.1f);
   });
 }
 
 int virtSetTimeoutValue(void* vc, float timeout_s) {
   return call(vc, "virtSetTimeoutValue", true, [&](World&, Context& c) {
-    if (!standin::isPositive(timeout_s)) return standin::kIncorrectValue;
-    c.timeout_s = static_cast<double>(timeout_s);
-    return 0;
+    if (standin::isPositive(timeout_s)) c.timeout_s = static_cast<double>(timeout_s);
+    return good(standin::isPositive(timeout_s));
   });
 }
 
@@ -160,9 +173,8 @@ int virtSetCommandType(void* vc, int type) {
 
 int virtSetPowerOn(void* vc, int on) {
   return call(vc, "virtSetPowerOn", true, [&](World&, Context& c) {
-    if (on != 0 && on != 1) return standin::kIncorrectValue;
     c.permits_power = on == 1;
-    return 0;
+    return good(on == 0 || on == 1);
   });
 }
 
@@ -176,18 +188,11 @@ int virtSaturateTorque(void* vc, float force_N, float torque_Nm) {
 }
 
 int virtGetPosition(void* vc, float* pose) {
-  return call(vc, "virtGetPosition", false, [&](World& w, Context& c) {
-    w.countRead();
-    w.readPose(c, pose);
-    return 0;
-  });
+  return call(vc, "virtGetPosition", false, [&](World& w, Context& c) { return w.readPose(c, pose); });
 }
 
 int virtGetSpeed(void* vc, float* speed) {
-  return call(vc, "virtGetSpeed", false, [&](World& w, Context&) {
-    w.readSpeed(speed);
-    return 0;
-  });
+  return call(vc, "virtGetSpeed", false, [&](World& w, Context&) { return w.readSpeed(speed); });
 }
 
 int virtSetForce(void* vc, float* wrench) {
@@ -209,90 +214,69 @@ int virtGetButton(void* vc, int button, int* pressed) {
 }
 
 int virtGetDeadMan(void* vc, int* held) {
-  return call(vc, "virtGetDeadMan", false, [&](World& w, Context&) {
-    *held = w.isHeld() ? 1 : 0;
-    return 0;
-  });
+  return standin::ask(vc, "virtGetDeadMan", held, [](World& w) { return w.isHeld() ? 1 : 0; });
 }
 
 int virtGetEmergencyStop(void* vc, int* operational) {
-  return call(vc, "virtGetEmergencyStop", false, [&](World& w, Context&) {
-    *operational = w.isStopped() ? 0 : 1;
-    return 0;
-  });
+  return standin::ask(vc, "virtGetEmergencyStop", operational,
+                      [](World& w) { return w.isStopped() ? 0 : 1; });
 }
 
 int virtGetPowerOn(void* vc, int* on) {
-  return call(vc, "virtGetPowerOn", false, [&](World& w, Context&) {
-    *on = w.isPowered() ? 1 : 0;
-    return 0;
-  });
+  return standin::ask(vc, "virtGetPowerOn", on, [](World& w) { return w.isPowered() ? 1 : 0; });
 }
 
 int virtGetAlarm(void* vc, unsigned* bits) {
-  return call(vc, "virtGetAlarm", false, [&](World& w, Context&) {
-    *bits = w.alarms();
-    return 0;
-  });
+  return standin::ask(vc, "virtGetAlarm", bits, [](World& w) { return w.alarms(); });
 }
 
 int virtGetFailure(void* vc, unsigned* bits) {
-  return call(vc, "virtGetFailure", false, [&](World& w, Context&) {
-    *bits = w.failures();
-    return 0;
-  });
+  return standin::ask(vc, "virtGetFailure", bits, [](World& w) { return w.failures(); });
 }
 
 // ---- the test's side
 
 void standin_reset(void) {
-  const std::scoped_lock lock(world().mutex);
-  world().reset();
+  standin::locked([](World& w) { w.reset(); });
 }
 
 void standin_virtual_time(int on) {
-  const std::scoped_lock lock(world().mutex);
-  world().useVirtualTime(on != 0);
+  standin::locked([on](World& w) { w.useVirtualTime(on != 0); });
 }
 
 void standin_time(const StandinTime* time) {
-  const std::scoped_lock lock(world().mutex);
-  world().useTime(*time);
+  standin::locked([time](World& w) { w.useTime(*time); });
 }
 
 void standin_advance(double seconds) {
-  const std::scoped_lock lock(world().mutex);
-  world().advance(seconds);
+  standin::locked([seconds](World& w) { w.advance(seconds); });
 }
 
 int standin_command(const char* command) {
-  const std::scoped_lock lock(world().mutex);
-  world().catchUp();
-  return world().command(command) ? 0 : -1;
+  return standin::locked([command](World& w) {
+    w.catchUp();
+    return w.command(command) ? 0 : -1;
+  });
 }
 
 int standin_script(const char* text) {
-  const std::scoped_lock lock(world().mutex);
-  world().catchUp();
-  return world().script(text);
+  return standin::locked([text](World& w) {
+    w.catchUp();
+    return w.script(text);
+  });
 }
 
 void standin_state(StandinState* state) {
-  const std::scoped_lock lock(world().mutex);
-  world().tell(*state);
+  standin::locked([state](World& w) { w.tell(*state); });
 }
 
 const char* standin_calls(void) {
   static thread_local std::string copy;
-  const std::scoped_lock lock(world().mutex);
-  copy = world().calls();
-  return copy.c_str();
+  return standin::locked([](World& w) { return (copy = w.calls()).c_str(); });
 }
 
 const char* standin_complaints(void) {
   static thread_local std::string copy;
-  const std::scoped_lock lock(world().mutex);
-  copy = world().complaints();
-  return copy.c_str();
+  return standin::locked([](World& w) { return (copy = w.complaints()).c_str(); });
 }
 }

@@ -34,6 +34,10 @@ void machineWait(void*, double time_s) {
   std::this_thread::sleep_for(std::chrono::duration<double>(time_s));
 }
 
+bool isServed(const Context& context) {
+  return context.state == Context::State::kOpen || context.state == Context::State::kLeftOpen;
+}
+
 double onStep(double value, double step) {
   return std::floor(value / step + 0.5) * step;
 }
@@ -42,6 +46,11 @@ double onStep(double value, double step) {
 
 World& world() {
   static World one;
+  return one;
+}
+
+std::mutex& worldMutex() {
+  static std::mutex one;
   return one;
 }
 
@@ -55,32 +64,9 @@ bool ExchangeRule::take(double now_s) {
 }
 
 void World::reset() {
-  plant_ = {};
-  contexts_.fill({});
-  open_error_ = 0;
-  virtual_time_ = true;
+  *this = World{};
+  virtual_time_ = started_ = true;
   time_ = {nullptr, machineTime, machineWait};
-  started_ = true;
-  start_s_ = now_s_ = 0;
-  cycles_ = 0;
-  first_read_cycle_ = -1;
-  events_.clear();
-  next_event_ = 0;
-  switch_ = sensor_ = daemon_ = right_version_ = true;
-  stopped_ = forced_overheat_ = hot_ = saturated_ = indexing_ = false;
-  link_back_s_ = slow_s_ = heat_N2_ = overrun_until_s_ = 0;
-  buttons_.fill(false);
-  more_alarms_ = failures_ = 0;
-  turn_scale_ = 1;
-  shift_ = frozen_ = {};
-  commanded_.fill(0);
-  next_.fill(0);
-  felt_.fill(0);
-  set_rule_ = get_rule_ = {};
-  exchanges_ = overruns_ = openings_ = 0;
-  failing_.clear();
-  calls_.clear();
-  complaints_.clear();
   calls_.reserve(kLog);
   complaints_.reserve(kLog);
 }
@@ -161,9 +147,7 @@ void World::render() {
 void World::watch() {
   const double now_s = static_cast<double>(cycles_) * 1e-3;
   for (Context& context : contexts_) {
-    const bool is_served =
-        context.state == Context::State::kOpen || context.state == Context::State::kLeftOpen;
-    if (!is_served || now_s - context.last_update_s <= kWatchdog_s) continue;
+    if (!isServed(context) || now_s - context.last_update_s <= kWatchdog_s) continue;
     if (context.state == Context::State::kOpen && context.command_type == 0) continue;
     context.state = context.state == Context::State::kOpen ? Context::State::kCut : Context::State::kFree;
     context.permits_power = false;
@@ -182,9 +166,8 @@ void World::index() {
 }
 
 const Context* World::active() const {
-  for (const Context& context : contexts_)
-    if (context.state == Context::State::kOpen || context.state == Context::State::kLeftOpen) return &context;
-  return nullptr;
+  const auto one = std::find_if(contexts_.begin(), contexts_.end(), isServed);
+  return one != contexts_.end() ? &*one : nullptr;
 }
 
 bool World::isPowered() const {
@@ -284,19 +267,22 @@ void World::setForce(Context& context, const float wrench[6]) {
   for (std::size_t i = 0; i < 6; ++i) commanded_[i] = static_cast<double>(wrench[i]);
   context.last_update_s = now_s_;
   ++exchanges_;
-  if (set_rule_.take(now_s_)) return;
-  ++overruns_;
-  overrun_until_s_ = now_s_ + kOverrunShown_s;
+  count(set_rule_);
 }
 
 void World::countRead() {
   if (first_read_cycle_ < 0) first_read_cycle_ = cycles_;
-  if (get_rule_.take(now_s_)) return;
+  count(get_rule_);
+}
+
+void World::count(ExchangeRule& rule) {
+  if (rule.take(now_s_)) return;
   ++overruns_;
   overrun_until_s_ = now_s_ + kOverrunShown_s;
 }
 
-void World::readPose(const Context& context, float pose[7]) {
+int World::readPose(const Context& context, float pose[7]) {
+  countRead();
   const Pose& X = plant_.pose();
   const Vec3 p = context.indexing == kIndexingAll ? X.p + shift_ : X.p;
   pose[0] = static_cast<float>(onStep(p.x, kEncoder_m));
@@ -309,39 +295,36 @@ void World::readPose(const Context& context, float pose[7]) {
   pose[4] = static_cast<float>(turn_scale_ * q.y);
   pose[5] = static_cast<float>(turn_scale_ * q.z);
   pose[6] = static_cast<float>(turn_scale_ * q.w);
+  return 0;
 }
 
-void World::readSpeed(float speed[6]) const {
+int World::readSpeed(float speed[6]) const {
   const Vec3 v = plant_.velocity(), w = plant_.turning();
   const double values[6] = {v.x, v.y, v.z, w.x, w.y, w.z};
   for (int i = 0; i < 6; ++i) speed[i] = static_cast<float>(values[i]);
+  return 0;
 }
 
 void World::tell(StandinState& s) {
   catchUp();
   const Pose& X = plant_.pose();
-  const Vec3 v = plant_.velocity(), aim = plant_.aim();
-  s = {};
-  s.time_s = now_s_;
-  const double p[3] = {X.p.x, X.p.y, X.p.z}, q[4] = {X.q.x, X.q.y, X.q.z, X.q.w};
-  const double vs[3] = {v.x, v.y, v.z}, as[3] = {aim.x, aim.y, aim.z};
-  std::copy_n(p, 3, s.position_m);
-  std::copy_n(q, 4, s.orientation);
-  std::copy_n(vs, 3, s.velocity_mps);
-  std::copy_n(as, 3, s.aim_m);
+  const Vec3 v = plant_.velocity();
+  const Context* context = active();
+  s = {{X.p.x, X.p.y, X.p.z},
+       {X.q.x, X.q.y, X.q.z, X.q.w},
+       {v.x, v.y, v.z},
+       {},
+       {},
+       isPowered(),
+       context != nullptr && context->permits_power,
+       openings_,
+       0,
+       alarms(),
+       exchanges_,
+       overruns_};
   std::copy_n(commanded_.begin(), 6, s.commanded);
   std::copy_n(felt_.begin(), 6, s.felt);
-  const Context* context = active();
-  s.is_powered = isPowered();
-  s.is_permitted = context != nullptr && context->permits_power;
-  s.command_type = context != nullptr ? context->command_type : 0;
-  s.open_contexts = static_cast<int>(std::count_if(contexts_.begin(), contexts_.end(), [](const Context& c) {
-    return c.state == Context::State::kOpen || c.state == Context::State::kLeftOpen;
-  }));
-  s.openings = openings_;
-  s.alarms = alarms();
-  s.exchanges = exchanges_;
-  s.overruns = overruns_;
+  s.open_contexts = static_cast<int>(std::count_if(contexts_.begin(), contexts_.end(), isServed));
 }
 
 }  // namespace standin

@@ -50,11 +50,9 @@ struct Event {
   std::string command;
 };
 
-/// Thread: any, one at a time under `mutex`.
+/// Thread: any, one at a time under `worldMutex`.
 class World {
  public:
-  std::mutex mutex;
-
   void reset();
   void useVirtualTime(bool on);
   void useTime(const StandinTime& time);
@@ -85,9 +83,9 @@ class World {
   /// The watchdog runs from the choice of a command type on.
   void startWatching(Context& context) const { context.last_update_s = now_s_; }
   void setForce(Context& context, const float wrench[6]);
-  void readPose(const Context& context, float pose[7]);
-  void readSpeed(float speed[6]) const;
-  void countRead();
+  /// Both return 0.
+  int readPose(const Context& context, float pose[7]);
+  int readSpeed(float speed[6]) const;
   [[nodiscard]] bool isPowered() const;
   [[nodiscard]] bool isHeld() const { return sensor_; }
   [[nodiscard]] bool isStopped() const { return stopped_; }
@@ -103,6 +101,8 @@ class World {
   void runScript();
   [[nodiscard]] const Context* active() const;
   [[nodiscard]] int refusalOf(const char* call) const;
+  void countRead();
+  void count(ExchangeRule& rule);
   static void remember(std::string& list, std::string_view word);
 
   Plant plant_;
@@ -134,5 +134,6 @@ class World {
 };
 
 World& world();
+std::mutex& worldMutex();
 
 }  // namespace standin

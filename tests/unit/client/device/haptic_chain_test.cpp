@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "client/device/haptic_chain.h"
+#include "common/haptics/device_condition.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/surface.h"
 #include "tests/support/random.h"

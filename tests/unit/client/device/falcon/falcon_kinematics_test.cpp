@@ -53,6 +53,30 @@ TEST(FalconKinematics, inverseFitsTheLegsEquation) {
   }
 }
 
+// Joint by joint, without the leg's equation: hip, thigh, knee, the shin between its short links and out of
+// the leg's plane, foot. Angles: thigh, the shin's direction in the plane, its inclination out of it.
+Vec3 gripOfLeg(std::size_t leg, double thigh, double shin, double aside) {
+  const double reach = kShortLinks_m + kShin_m * std::sin(aside);
+  const double u = kBaseRadius_m + kThigh_m * std::cos(thigh) + reach * std::cos(shin) - kPlatformRadius_m;
+  const double v = kShin_m * std::cos(aside) + kFootAside_m;
+  const double w = kThigh_m * std::sin(thigh) + reach * std::sin(shin);
+  const double c = std::cos(kLegAngle_rad[leg]), s = std::sin(kLegAngle_rad[leg]);
+  return {c * u - s * v, s * u + c * v, w};
+}
+
+TEST(FalconKinematics, inverseFindsTheThighOfAMechanismBuiltJointByJoint) {
+  test::Random random(3);
+  for (std::size_t leg = 0; leg < 3; ++leg)
+    for (int found = 0; found < 1000;) {
+      const double thigh = random.in(kThetaMin_rad, kThetaMax_rad);
+      const Vec3 p = gripOfLeg(leg, thigh, thigh + random.in(0.3, 2.5), random.in(kPi / 3, 2 * kPi / 3));
+      const Legs legs = inverseKinematics(p);
+      if (legs.flags != 0) continue;  // another leg does not reach there
+      ++found;
+      ASSERT_NEAR(legs.theta_rad[leg], thigh, 1e-9) << leg << ": " << text(p);
+    }
+}
+
 TEST(FalconKinematics, forwardUndoesInverseOverTheWorkspace) {
   double worst = 0;
   for (const Vec3 p : reachable(0.07, 24)) {

@@ -1,17 +1,19 @@
+#include <fmt/core.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <fstream>
 #include <string>
 
 #include "client/device/falcon/firmware_loader.h"
-#include "tests/support/fake_falcon.h"
 #include "tests/support/fake_time.h"
+#include "tests/support/falcon_emulator/direct_link.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::falcon {
 namespace {
 
+using test::Bytes;
+using test::DirectFalcon;
 using testing::HasSubstr;
 
 Bytes someFirmware(std::size_t size) {
@@ -22,7 +24,7 @@ Bytes someFirmware(std::size_t size) {
 
 class FalconFirmware : public testing::Test {
  protected:
-  void SetUp() override { falcon_->runs = false; }
+  void SetUp() override { falcon_->forgetFirmware(); }
 
   Status load(const Bytes& firmware) {
     const std::int64_t from_ns = time_.nowNs();
@@ -35,35 +37,33 @@ class FalconFirmware : public testing::Test {
     return loader.result();
   }
 
-  std::shared_ptr<FakeFalcon> falcon_ = std::make_shared<FakeFalcon>();
+  std::shared_ptr<DirectFalcon> falcon_ = std::make_shared<DirectFalcon>();
   test::FakeTime time_;
-  FakeLink link_{falcon_, time_};
+  test::DirectLink link_{falcon_, time_};
   int steps_ = 0;
   std::int64_t took_ms_ = 0;
 };
 
 TEST_F(FalconFirmware, everyByteArrivesForAnySizeOfTheFile) {
   for (const std::size_t size : {1u, 61u, 62u, 63u, 124u, 1000u, 40'000u}) {
-    const Bytes firmware = someFirmware(size);
-    const Status done = load(firmware);
-    ASSERT_TRUE(done.ok()) << size << ": " << done.error().message;
-    EXPECT_EQ(falcon_->loaded, firmware) << size;
-    EXPECT_TRUE(falcon_->runs);
+    falcon_->firmware = someFirmware(size);
+    const Status done = load(falcon_->firmware);
+    ASSERT_TRUE(done.ok()) << size << ": " << done.error().message << "; " << falcon_->silent_because;
+    EXPECT_TRUE(falcon_->runs());
     // line, greet, speed up, knock, chunks, run, first word
     EXPECT_EQ(steps_, 6 + static_cast<int>((size + 61) / 62));
-    falcon_->runs = false;
+    falcon_->forgetFirmware();
   }
 }
 
 TEST_F(FalconFirmware, requestsAreThoseOfTheFactsInTheirOrder) {
-  falcon_->requests.clear();
   ASSERT_TRUE(load(someFirmware(100)).ok());
-  Requests seen = falcon_->requests;
+  test::Requests seen = falcon_->requests;
   ASSERT_GE(seen.size(), 17u);
   seen.resize(17);
   // 9600: divisor 312.5 = 0x138, half coded 1 at bit 14; 140000: 21.375 = 0x15, 3/8 coded 4: bit 16 is in the
   // index; 1456312: 2
-  const Requests facts = {
+  const test::Requests facts = {
       {0, 1, 0},      {0, 2, 0},      {9, 16, 0},                 // purge in and out, latency
       {3, 0x4138, 0}, {4, 8, 0},      {2, 0, 0},                  // 9600 8N1, no flow control
       {1, 0x0200, 0}, {1, 0x0100, 0}, {1, 0x0101, 0},             // RTS low, DTR low, high
@@ -81,75 +81,68 @@ TEST(FalconBaudDivisor, isTheNearestThatTheChipCanMake) {
   // a serial line tolerates about 3 %
   for (const double baud : {kGreetingBaud, kLoaderBaud, kRunBaud})
     EXPECT_LT(std::abs(baudDivisor(baud).baud / baud - 1), 0.031) << baud;
-  for (double baud = 300; baud < 1.4e6; baud *= 1.07)
-    EXPECT_LT(std::abs(baudDivisor(baud).baud / baud - 1), 0.034) << baud;
-}
-
-TEST_F(FalconFirmware, anEchoThatDiffersNamesTheByte) {
-  for (const std::size_t at : {0u, 61u, 62u, 150u, 299u}) {
-    falcon_->echo_wrong = at;
-    const Bytes firmware = someFirmware(300);
-    const Status done = load(firmware);
-    ASSERT_FALSE(done.ok());
-    EXPECT_EQ(done.error().code, ErrorCode::kCorrupt);
-    char byte[96];
-    std::snprintf(byte, sizeof byte, "byte %zu (0x%zX) of 'fw.bin', 0x%02X, came back as 0x%02X", at, at,
-                  firmware[at], firmware[at] ^ 0x10);
-    EXPECT_THAT(done.error().message, HasSubstr(byte));
-    EXPECT_THAT(done.error().message, HasSubstr("sending the firmware"));
+  for (double baud = 300; baud < 1.4e6; baud *= 1.07) {
+    const BaudDivisor divisor = baudDivisor(baud);
+    EXPECT_LT(std::abs(divisor.baud / baud - 1), 0.034) << baud;
+    EXPECT_DOUBLE_EQ(test::baudOf(divisor.value, divisor.index), divisor.baud) << "as the chip reads it";
   }
 }
 
-TEST_F(FalconFirmware, anEchoThatDoesNotComeNamesTheByte) {
-  falcon_->echo_missing = 200;
-  const Status done = load(someFirmware(300));
-  ASSERT_FALSE(done.ok());
-  EXPECT_THAT(done.error().message, HasSubstr("byte 200 (0xC8) of 'fw.bin'"));
-  EXPECT_THAT(done.error().message, HasSubstr("did not come back within 1 s"));
-  EXPECT_EQ(took_ms_, 1'000);
-}
-
-TEST_F(FalconFirmware, noAnswerToTheGreetingSaysWhatToDo) {
-  falcon_->silent = true;
-  const Status done = load(someFirmware(10));
-  ASSERT_FALSE(done.ok());
-  EXPECT_EQ(took_ms_, 1'000);
-  EXPECT_THAT(done.error().message, HasSubstr("greeting its loader"));
-  EXPECT_THAT(done.error().message, HasSubstr("0A 43 0D was answered by nothing in place of 0A 44 2C 0D"));
-  EXPECT_THAT(done.error().message, HasSubstr("power supply"));
-}
-
-TEST_F(FalconFirmware, unpluggedInMidLoadIsAnErrorAndNoWait) {
-  falcon_->lost_at_byte = 130;
-  const Status done = load(someFirmware(1000));
-  ASSERT_FALSE(done.ok());
-  EXPECT_THAT(done.error().message, HasSubstr("unplugged"));
-  EXPECT_EQ(took_ms_, 0);
-}
-
-TEST_F(FalconFirmware, aFileThatDoesNotRunIsSaidThoughTheLoaderEchoes) {
-  falcon_->starts = false;
-  const Status done = load(someFirmware(1000));
-  ASSERT_FALSE(done.ok());
-  EXPECT_THAT(done.error().message, HasSubstr("no firmware answers"));
-}
-
-TEST_F(FalconFirmware, aSecondLoadAfterAFailedOneWorks) {
-  falcon_->echo_wrong = 70;
-  ASSERT_FALSE(load(someFirmware(200)).ok());
-  falcon_->echo_wrong.reset();
-  EXPECT_TRUE(load(someFirmware(200)).ok());
+TEST_F(FalconFirmware, whatGoesWrongIsSaidInTime) {
+  const Bytes image = someFirmware(300);
+  const auto byteText = [&](std::size_t at) {
+    return fmt::format(
+        "sending the firmware: byte {0} (0x{0:X}) of 'fw.bin', 0x{1:02X}, came back as 0x{2:02X}", at,
+        image[at], image[at] ^ 0x10);
+  };
+  struct Row {
+    std::function<void(DirectFalcon&)> wrong;
+    std::string words;
+    std::int64_t took_ms;
+  };
+  std::vector<Row> rows = {
+      {[](DirectFalcon& f) { f.echo_missing = 200; }, "byte 200 (0xC8) of 'fw.bin'", 1'000},
+      {[](DirectFalcon& f) { f.echo_missing = 200; }, "did not come back within 1 s", 1'000},
+      {[](DirectFalcon& f) { f.silent = true; },
+       "greeting its loader: its greeting 0A 43 0D was answered by nothing in place of 0A 44 2C 0D", 1'000},
+      {[](DirectFalcon& f) { f.silent = true; }, "power supply", 1'000},
+      {[](DirectFalcon& f) {
+         f.on_loaded_byte = [&f](std::size_t place) { f.plugged = f.plugged && place != 130; };
+       },
+       "unplugged", 0},
+      {[](DirectFalcon& f) { f.firmware = someFirmware(301); }, "no firmware answers", 1'000},
+  };
+  for (const std::size_t at : {0u, 61u, 62u, 150u, 299u})
+    rows.push_back({[at](DirectFalcon& f) { f.echo_wrong = at; }, byteText(at), 0});
+  for (const Row& row : rows) {
+    row.wrong(*falcon_);
+    const Status done = load(image);
+    ASSERT_FALSE(done.ok()) << row.words;
+    EXPECT_EQ(done.error().code,
+              falcon_->echo_wrong || falcon_->echo_missing ? ErrorCode::kCorrupt : ErrorCode::kUnavailable);
+    EXPECT_THAT(done.error().message, HasSubstr(row.words));
+    EXPECT_EQ(took_ms_, row.took_ms) << row.words;
+    // the next load works
+    falcon_->echo_wrong.reset();
+    falcon_->echo_missing.reset();
+    falcon_->on_loaded_byte = nullptr;
+    falcon_->silent = false;
+    falcon_->plugged = true;
+    falcon_->firmware.clear();
+    EXPECT_TRUE(load(image).ok()) << row.words;
+    falcon_->forgetFirmware();
+  }
 }
 
 TEST_F(FalconFirmware, runningFirmwareIsRecognised) {
   auto runs = firmwareRuns(link_, 3, time_);
   ASSERT_TRUE(runs.ok());
   EXPECT_FALSE(*runs);
-  falcon_->runs = true;
+  falcon_->mode = test::FalconBoard::Mode::kRuns;
   runs = firmwareRuns(link_, 3, time_);
   ASSERT_TRUE(runs.ok());
   EXPECT_TRUE(*runs);
-  EXPECT_EQ(falcon_->last().motor, (std::array<std::int16_t, 3>{})) << "asked with zero torque";
+  EXPECT_EQ(falcon_->last().motor, test::Motors{}) << "asked with zero torque";
   EXPECT_EQ(falcon_->loads, 0);
   falcon_->plugged = false;
   EXPECT_FALSE(firmwareRuns(link_, 3, time_).ok());
@@ -157,18 +150,76 @@ TEST_F(FalconFirmware, runningFirmwareIsRecognised) {
 
 TEST(FalconFirmwareFile, badFilesAreRefusedInWords) {
   const test::TempFolder folder;
-  const std::string missing = folder.path() / "missing.bin", empty = folder.path() / "empty.bin",
-                    huge = folder.path() / "huge.bin", good = folder.path() / "good.bin";
-  std::ofstream(empty).flush();
-  std::ofstream(huge) << std::string((1u << 20) + 1, 'x');
-  std::ofstream(good) << "firmware";
-  EXPECT_THAT(readFirmware(missing).error().message, HasSubstr("cannot be read"));
-  EXPECT_EQ(readFirmware(missing).error().code, ErrorCode::kNotFound);
-  EXPECT_THAT(readFirmware(empty).error().message, HasSubstr("is empty"));
-  EXPECT_THAT(readFirmware(huge).error().message, HasSubstr("longer than 1048576"));
+  const struct {
+    std::string file, words;
+    ErrorCode code;
+  } rows[] = {
+      {folder.path() / "missing.bin", "cannot be read", ErrorCode::kNotFound},
+      {folder.write("empty.bin", ""), "is empty", ErrorCode::kInvalidInput},
+      {folder.write("huge.bin", std::string((1u << 20) + 1, 'x')), "longer than 1048576",
+       ErrorCode::kInvalidInput},
+  };
+  for (const auto& row : rows) {
+    EXPECT_EQ(readFirmware(row.file).error().code, row.code);
+    EXPECT_THAT(readFirmware(row.file).error().message, HasSubstr(row.words));
+  }
   EXPECT_FALSE(readFirmware(folder.path()).ok()) << "a folder";
-  ASSERT_TRUE(readFirmware(good).ok());
-  EXPECT_EQ(readFirmware(good)->size(), 8u);
+  EXPECT_EQ(readFirmware(folder.write("good.bin", "firmware"))->size(), 8u);
+}
+
+// The board refuses a host that does other than the facts say: without that the tests above would prove
+// nothing.
+TEST(FalconBoard, staysSilentToAHostThatDoesWrong) {
+  const test::Requests hello = {{0, 1, 0}, {0, 2, 0},      {9, 16, 0},     {3, 0x4138, 0}, {4, 8, 0},
+                                {2, 0, 0}, {1, 0x0200, 0}, {1, 0x0100, 0}, {1, 0x0101, 0}};
+  const test::Requests go = {{1, 0x0100, 0}, {3, 0x0015, 1}}, run = {{3, 2, 0}};
+  const struct {
+    std::size_t part, request;  // this one …
+    std::array<std::uint16_t, 3> instead;
+    const char* because;
+  } rows[] = {
+      {9, 0, {}, ""},  // all as it should be
+      {0, 0, {4, 8, 0}, "not purged"},
+      {0, 1, {4, 8, 0}, "not purged"},
+      {0, 2, {9, 1, 0}, "latency 1 ms"},
+      {0, 3, {3, 0x001A, 0}, "not 9600"},
+      {0, 4, {4, 7, 0}, "not 8N1"},
+      {0, 5, {2, 0, 0x0100}, "flow control"},
+      {0, 6, {1, 0x0202, 0}, "before DTR rose"},
+      {0, 8, {1, 0x0100, 0}, "before DTR rose"},
+      {1, 0, {1, 0x0101, 0}, "DTR is still high"},
+      {1, 1, {3, 0x4138, 0}, "not 140000"},
+      {2, 0, {3, 0x4138, 0}, "firmware neither"},
+  };
+  for (const auto& row : rows) {
+    test::FalconBoard board;
+    board.forgetFirmware();
+    Bytes said;
+    board.say = [&](std::uint8_t byte, std::int64_t) { said.push_back(byte); };
+    const auto ask = [&](std::size_t part, const test::Requests& requests) {
+      for (std::size_t i = 0; i < requests.size(); ++i) {
+        const auto& [request, value, index] =
+            part == row.part && i == row.request ? row.instead : requests[i];
+        EXPECT_TRUE(board.request(static_cast<std::uint8_t>(request), value, index));
+      }
+    };
+    ask(0, hello);
+    board.receive(Bytes{0x0A, 0x43, 0x0D}, 0);
+    if (!said.empty()) {
+      ask(1, go);
+      board.receive(Bytes{0x41}, 0);
+    }
+    if (said.size() == 4 + 1) {
+      board.receive(Bytes{1, 2, 3}, 0);
+      ask(2, run);
+      board.receive(encodeCommand({}), 0);
+    }
+    EXPECT_THAT(board.silent_because, HasSubstr(row.because));
+    EXPECT_EQ(board.runs(), row.part == 9) << row.because;
+    EXPECT_EQ(said.size() == 4 + 1 + 3 + kPacketBytes, row.part == 9) << row.because;
+  }
+  test::FalconBoard board;
+  EXPECT_FALSE(board.request(5, 0, 0)) << "no such request";
 }
 
 }  // namespace

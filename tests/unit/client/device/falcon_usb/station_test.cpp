@@ -10,7 +10,6 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "client/device/falcon/falcon_geometry.h"
 #include "common/base/files.h"
 #include "common/base/program.h"
 #include "tests/integration/process.h"
@@ -20,11 +19,8 @@
 namespace needlelab::test {
 namespace {
 
-using Eigen::Vector3d;
-
 constexpr double kSkin_m = 0.010;  // below the middle of the workspace
 constexpr double kDeep_m = 0.015;
-constexpr std::array<std::int16_t, 3> kMotorsOff{};
 
 class StationWithFalcon : public FalconOnUsb {
  protected:
@@ -55,13 +51,13 @@ class StationWithFalcon : public FalconOnUsb {
             folder_.path() / "out.json"};
   }
   void home(Process& child) {
-    falcon_.holdRigidly([path = homingPath(0.2)](double t) { return path(std::fmod(t, 0.2)); });
-    ASSERT_TRUE(waitUntil([this] { return falcon_.homed() == 7; })) << child.said();
+    moveOutAndIn();
+    ASSERT_TRUE(eventually([this] { return falcon_.isHomed(); })) << child.said();
   }
-  [[nodiscard]] bool neverPushed() {
-    const auto history = falcon_.history();
-    return std::all_of(history.begin(), history.end(),
-                       [](const CommandSeen& seen) { return seen.motors == kMotorsOff; });
+  void expectNoTorqueAtTheEnd() {
+    ASSERT_FALSE(falcon_.heard().empty());
+    EXPECT_EQ(falcon_.heard().back().command.motor, Motors{});
+    EXPECT_EQ(norm(falcon_.force_N()), 0);
   }
 
   const TempFolder folder_;
@@ -72,7 +68,7 @@ HandPath strokes() {
   return [](double t) {
     t = std::fmod(t, 2.4);
     const double down = std::clamp((t - 0.2) / 0.6, 0.0, 1.0), up = std::clamp((t - 1.4) / 0.6, 0.0, 1.0);
-    return Vector3d(0, -(kSkin_m + kDeep_m) * (down - up), falcon::kOrigin_F_m.z);
+    return Vec3{0, 0, -(kSkin_m + kDeep_m) * (down - up)};
   };
 }
 
@@ -80,7 +76,8 @@ TEST_F(StationWithFalcon, aLessonRunsToItsEndAndLeavesNoTorque) {
   falcon_.plug();
   const auto child = station(lesson("4", "wait"));
   home(*child);
-  falcon_.holdSoftly({.mass_kg = 0.25, .stiffness_N_per_m = 400, .damping_Ns_per_m = 10}, strokes());
+  falcon_.hold(strokes());
+  falcon_.letGive();
   const auto code = child->wait(kPatience);
   const nlohmann::json summary = out()["rows"][0];
   if (summary["fault"].is_null()) {
@@ -96,9 +93,7 @@ TEST_F(StationWithFalcon, aLessonRunsToItsEndAndLeavesNoTorque) {
   EXPECT_THAT(child->said(), testing::HasSubstr("ORIENTATION_LIMIT is not live"));
   EXPECT_GE(summary["device_notes"].size(), 2u) << summary["device_notes"];
   for (const auto& effect : summary["live_effects"]) EXPECT_NE(effect, "ORIENTATION_LIMIT");
-  ASSERT_FALSE(falcon_.history().empty());
-  EXPECT_EQ(falcon_.history().back().motors, kMotorsOff);
-  EXPECT_EQ(falcon_.force().norm(), 0);
+  expectNoTorqueAtTheEnd();
 }
 
 /// Returns the id of the thread with this name, or −1.
@@ -115,17 +110,17 @@ TEST_F(StationWithFalcon, aCrashOfTheDevicesOwnThreadLeavesNoTorque) {
   falcon_.plug();
   const auto child = station(lesson("600", "wait"));
   home(*child);
-  falcon_.holdRigidly(strokes());
+  falcon_.hold(strokes());
   // Where the machine stands still the force goes; a person acknowledges that outside the tissue, as asked.
   std::size_t acknowledged = 0;
-  ASSERT_TRUE(waitUntil([&] {
+  ASSERT_TRUE(eventually([&] {
     std::size_t asked = 0;
     const std::string said = child->said();
     for (const std::string words : {"FAULT: ", "not yet: "})
       for (auto at = said.find(words); at != std::string::npos; at = said.find(words, at + 1)) ++asked;
     if (asked > acknowledged) child->signal(SIGUSR1);
     acknowledged = asked;
-    return falcon_.force().norm() > 0.3;
+    return norm(falcon_.force_N()) > 0.3;
   })) << child->said();
 
   const pid_t thread = threadOf(child->pid(), "falcon-usb");
@@ -133,8 +128,7 @@ TEST_F(StationWithFalcon, aCrashOfTheDevicesOwnThreadLeavesNoTorque) {
   ASSERT_EQ(::syscall(SYS_tgkill, child->pid(), thread, SIGSEGV), 0);
   EXPECT_EQ(child->wait(kPatience), -SIGSEGV) << child->said();
   EXPECT_THAT(child->said(), testing::HasSubstr("it was told that there is no force"));
-  EXPECT_EQ(falcon_.history().back().motors, kMotorsOff);
-  EXPECT_EQ(falcon_.force().norm(), 0);
+  expectNoTorqueAtTheEnd();
 }
 
 TEST_F(StationWithFalcon, isListedAndTestsItselfWithoutTorque) {
@@ -142,12 +136,12 @@ TEST_F(StationWithFalcon, isListedAndTestsItselfWithoutTorque) {
   const auto list = station({"--list-devices", "--json", folder_.path() / "out.json"});
   ASSERT_EQ(list->wait(kPatience), kExitDone) << list->said();
   EXPECT_THAT(out().dump(), testing::HasSubstr("FALCON01"));
-  EXPECT_EQ(falcon_.commands(), 0u) << "listing moves nothing";
+  EXPECT_EQ(falcon_.heard().size(), 0u) << "listing moves nothing";
 
   const auto test = station({"--self-test", "--device", "falcon", "--seconds", "1", "--spool",
                              folder_.path() / "spool", "--json", folder_.path() / "out.json"});
   home(*test);
-  falcon_.holdAt({0, 0, falcon::kOrigin_F_m.z});
+  falcon_.holdAt({});
   ASSERT_TRUE(test->wait(kPatience)) << test->said();
   std::vector<std::string> seen;
   const nlohmann::json report = out();
@@ -158,8 +152,8 @@ TEST_F(StationWithFalcon, isListedAndTestsItselfWithoutTorque) {
         seen.emplace_back(name);
       }
   EXPECT_THAT(seen, testing::UnorderedElementsAre("device", "pose", "place", "force limits")) << test->said();
-  EXPECT_GT(falcon_.commands(), 0u);
-  EXPECT_TRUE(neverPushed());
+  EXPECT_FALSE(falcon_.heard().empty());
+  for (const Heard& heard : falcon_.heard()) ASSERT_EQ(heard.command.motor, Motors{});
 
   const auto calibration = station({"--calibrate", "--device", "falcon"});
   EXPECT_EQ(calibration->wait(kPatience), kExitInvalid);

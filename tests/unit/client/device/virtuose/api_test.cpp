@@ -101,38 +101,29 @@ TEST(VirtuoseAddress, isHostAndPortWithTheVendorsDefaults) {
 
 TEST(VirtuoseList, saysWhetherLibraryDeviceAndStateAreThere) {
   const Standin standin;
-  const auto list = [] { return listVirtuose(kVirtuoseAddress, kStandinLibrary).at(0); };
-
-  FoundDevice found = list();
-  EXPECT_TRUE(found.ready) << found.state;
-  EXPECT_EQ(found.spec, "virtuose:127.0.0.1#53210");
-  EXPECT_THAT(found.name, HasSubstr("library 3.98"));
-  EXPECT_THAT(found.name, HasSubstr("device software 3.98"));
-  EXPECT_EQ(standin.state().open_contexts, 0);
-  EXPECT_EQ(standin.calls(), "virtOpen virtClose");  // no power, no force, no setting
-
-  standin.command("estop press");
-  found = list();
-  EXPECT_FALSE(found.ready);
-  EXPECT_THAT(found.state, HasSubstr("emergency stop"));
-  standin.command("estop free");
-
-  standin.command("failure 0x2");
-  EXPECT_THAT(list().state, HasSubstr("encoder 2"));
-  standin.command("failure 0");
-
-  standin.command("fail virtGetAlarm 11");
-  EXPECT_THAT(list().state, HasSubstr("hardware error"));
-  standin.command("fail virtGetAlarm 0");
-
-  standin.command("daemon 0");
-  found = list();
-  EXPECT_FALSE(found.ready);
-  EXPECT_THAT(found.state, HasSubstr("no device answers at 127.0.0.1#53210: error 2"));
-
-  found = listVirtuose(kVirtuoseAddress, "/nowhere.so").at(0);
-  EXPECT_FALSE(found.ready);
-  EXPECT_THAT(found.state, HasSubstr("Haption"));
+  const struct {
+    const char *command, *undo, *library, *words;
+  } rows[] = {
+      {"link_down 0", "link_down 0", kStandinLibrary.c_str(), "it answers"},
+      {"estop press", "estop free", kStandinLibrary.c_str(), "emergency stop"},
+      {"failure 0x2", "failure 0", kStandinLibrary.c_str(), "encoder 2"},
+      {"fail virtGetAlarm 11", "fail virtGetAlarm 0", kStandinLibrary.c_str(), "hardware error"},
+      {"daemon 0", "daemon 1", kStandinLibrary.c_str(), "no device answers at 127.0.0.1#53210: error 2"},
+      {"link_down 0", "link_down 0", "/nowhere.so", "Haption"},
+  };
+  for (const auto& row : rows) {
+    standin.command(row.command);
+    const FoundDevice found = listVirtuose(kVirtuoseAddress, row.library).at(0);
+    EXPECT_EQ(found.ready, &row == rows) << found.state;
+    EXPECT_EQ(found.spec, "virtuose:127.0.0.1#53210");
+    EXPECT_THAT(found.state, HasSubstr(row.words));
+    if (&row == rows) {
+      EXPECT_THAT(found.name, HasSubstr("library 3.98, device software 3.98"));
+      EXPECT_EQ(standin.calls(), "virtOpen virtClose");  // no power, no force, no setting
+    }
+    EXPECT_EQ(standin.state().open_contexts, 0);
+    standin.command(row.undo);
+  }
 }
 
 }  // namespace

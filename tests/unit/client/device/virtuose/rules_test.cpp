@@ -34,14 +34,25 @@ Steps without(Steps steps, const std::string& call) {
 class VirtuoseRules : public VirtuoseTest {
  protected:
   Result<VirtContext> openWith(const Steps& steps) { return openVirtuose(api_, VirtuoseSetup{}, steps); }
-  VirtContext opened(const Steps& steps) {
+  /// With a connection that is closed afterwards.
+  template <typename Use>
+  void with(const Steps& steps, Use&& use) {
     auto context = openWith(steps);
-    if (!context.ok()) throw std::runtime_error(context.error().message);
-    return *context;
+    ASSERT_TRUE(context.ok()) << context.error().message;
+    use(*context);
+    closeVirtuose(api_, *context);
   }
   int force(VirtContext context, float x, float torque = 0) const {
     float wrench[6] = {x, 0, 0, 0, torque, 0};
     return api_.virtSetForce(context, wrench);
+  }
+  /// Of `x` N in each of five milliseconds.
+  double felt(VirtContext context, float x = 1, float torque = 0) const {
+    for (int k = 0; k < 5; ++k) {
+      force(context, x, torque);
+      standin_.advance(kTick_s);
+    }
+    return standin_.state().felt[0];
   }
   const VirtuoseApi api_ = standinApi();
   const Steps steps_ = virtuoseSteps(VirtuoseSetup{});
@@ -58,45 +69,57 @@ TEST_F(VirtuoseRules, ourSetUpIsInTheVendorsOrderAndNothingIsRefused) {
   EXPECT_EQ(standin_.complaints(), "");
 }
 
-TEST_F(VirtuoseRules, order_factorOrTimeStepAfterTheCommandTypeIsRefused) {
-  for (const char* call : {"virtSetForceFactor", "virtSetTimeStep"}) {
-    const auto context = openWith(moved(steps_, call, "virtSetCommandType"));
-    ASSERT_FALSE(context.ok()) << call;
-    EXPECT_THAT(context.error().message, HasSubstr(std::string(call) + "("));
-    EXPECT_THAT(context.error().message, HasSubstr("error 19"));
-    EXPECT_EQ(standin_.state().open_contexts, 0);
-  }
-}
-
-TEST_F(VirtuoseRules, mode_forceWithoutImpedanceIsRefused) {
-  const auto context = openWith(without(steps_, "virtSetCommandType"));
-  ASSERT_FALSE(context.ok());
-  EXPECT_THAT(context.error().message, HasSubstr("virtSetForce(zero) failed with error 17"));
-
+TEST_F(VirtuoseRules, whatBreaksOrderModeVersionOrLinkIsRefusedWithItsNumberAndUndone) {
   Steps cartesian = steps_;
   cartesian[placeOf(cartesian, "virtSetCommandType")].run = [](const VirtuoseApi& api, VirtContext vc) {
     return api.virtSetCommandType(vc, 2);
   };
-  EXPECT_FALSE(openWith(cartesian).ok());
+  const struct {
+    Steps steps;
+    const char *command, *undo, *words;
+    ErrorCode code;
+  } rows[] = {
+      {moved(steps_, "virtSetForceFactor", "virtSetCommandType"), "", "",
+       "virtSetForceFactor(1) failed with error 19", ErrorCode::kFailed},
+      {moved(steps_, "virtSetTimeStep", "virtSetCommandType"), "", "",
+       "virtSetTimeStep(0.001 s) failed with error 19", ErrorCode::kFailed},
+      {without(steps_, "virtSetCommandType"), "", "", "virtSetForce(zero) failed with error 17",
+       ErrorCode::kFailed},
+      {cartesian, "", "", "error 17", ErrorCode::kFailed},
+      {steps_, "daemon 0", "daemon 1", "Virtuose at 127.0.0.1#53210: connecting failed with error 2",
+       ErrorCode::kUnavailable},
+      {steps_, "version wrong", "version right", "install the VirtuoseAPI", ErrorCode::kVersion},
+      {steps_, "version wrong", "version right", "error 20", ErrorCode::kVersion},
+  };
+  for (const auto& row : rows) {
+    SCOPED_TRACE(row.words);
+    if (*row.command != 0) standin_.command(row.command);
+    const auto context = openWith(row.steps);
+    ASSERT_FALSE(context.ok());
+    EXPECT_EQ(context.error().code, row.code);
+    EXPECT_THAT(context.error().message, HasSubstr(row.words));
+    EXPECT_EQ(standin_.state().open_contexts, 0);
+    if (*row.undo != 0) standin_.command(row.undo);
+  }
 }
 
 TEST_F(VirtuoseRules, values_whatTheDeviceCannotTakeIsRefusedAndNeverSentByUs) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  VirtContext context = opened(without(without(steps_, "virtSetCommandType"), "virtSetForce"));
-  const auto refused = [&](int result) { return result != 0 && api_.virtGetErrorCode(context) == 9; };
-  EXPECT_TRUE(refused(api_.virtSetTimeStep(context, 0.0005f)));
-  EXPECT_TRUE(refused(api_.virtSetTimeStep(context, nan)));
-  EXPECT_TRUE(refused(api_.virtSetForceFactor(context, 0)));
-  EXPECT_TRUE(refused(api_.virtSetIndexingMode(context, 5)));
-  EXPECT_TRUE(refused(api_.virtSetCommandType(context, 8)));
-  EXPECT_TRUE(refused(api_.virtSetTimeoutValue(context, 0)));
-  float no_turn[7] = {};
-  EXPECT_TRUE(refused(api_.virtSetBaseFrame(context, no_turn)));
-  int pressed = 0;
-  EXPECT_TRUE(refused(api_.virtGetButton(context, 4, &pressed)));
-  ASSERT_EQ(api_.virtSetCommandType(context, kVirtImpedance), 0);
-  EXPECT_TRUE(refused(force(context, nan)));
-  closeVirtuose(api_, context);
+  with(without(without(steps_, "virtSetCommandType"), "virtSetForce"), [&](VirtContext context) {
+    const auto refused = [&](int result) { return result != 0 && api_.virtGetErrorCode(context) == 9; };
+    float no_turn[7] = {};
+    int pressed = 0;
+    EXPECT_TRUE(refused(api_.virtSetTimeStep(context, 0.0005f)));
+    EXPECT_TRUE(refused(api_.virtSetTimeStep(context, nan)));
+    EXPECT_TRUE(refused(api_.virtSetForceFactor(context, 0)));
+    EXPECT_TRUE(refused(api_.virtSetIndexingMode(context, 5)));
+    EXPECT_TRUE(refused(api_.virtSetCommandType(context, 8)));
+    EXPECT_TRUE(refused(api_.virtSetTimeoutValue(context, 0)));
+    EXPECT_TRUE(refused(api_.virtSetBaseFrame(context, no_turn)));
+    EXPECT_TRUE(refused(api_.virtGetButton(context, 4, &pressed)));
+    ASSERT_EQ(api_.virtSetCommandType(context, kVirtImpedance), 0);
+    EXPECT_TRUE(refused(force(context, nan)));
+  });
 
   // A loop that is too fast or too slow is refused before the connection is opened.
   const auto calls = standin_.calls();
@@ -115,86 +138,57 @@ TEST_F(VirtuoseRules, values_whatTheDeviceCannotTakeIsRefusedAndNeverSentByUs) {
 }
 
 TEST_F(VirtuoseRules, timeOut_aSilentLinkIsError6) {
-  VirtContext context = opened(steps_);
-  standin_.command("link_down 0.1");
-  float pose[7];
-  EXPECT_NE(api_.virtGetPosition(context, pose), 0);
-  EXPECT_EQ(api_.virtGetErrorCode(context), 6);
-  standin_.advance(0.11);
-  EXPECT_EQ(api_.virtGetPosition(context, pose), 0);  // after a short pause the next call succeeds
-  closeVirtuose(api_, context);
-}
-
-TEST_F(VirtuoseRules, communication_nothingBehindTheAddressIsError2) {
-  standin_.command("daemon 0");
-  const auto context = openWith(steps_);
-  ASSERT_FALSE(context.ok());
-  EXPECT_EQ(context.error().code, ErrorCode::kUnavailable);
-  EXPECT_THAT(context.error().message,
-              HasSubstr("Virtuose at 127.0.0.1#53210: connecting failed with error 2"));
-}
-
-TEST_F(VirtuoseRules, version_aLibraryOfAnotherVersionIsError20) {
-  standin_.command("version wrong");
-  const auto context = openWith(steps_);
-  ASSERT_FALSE(context.ok());
-  EXPECT_EQ(context.error().code, ErrorCode::kVersion);
-  EXPECT_THAT(context.error().message, HasSubstr("error 20"));
-  EXPECT_THAT(context.error().message, HasSubstr("install the VirtuoseAPI"));
+  with(steps_, [&](VirtContext context) {
+    standin_.command("link_down 0.1");
+    float pose[7];
+    EXPECT_NE(api_.virtGetPosition(context, pose), 0);
+    EXPECT_EQ(api_.virtGetErrorCode(context), 6);
+    standin_.advance(0.11);
+    EXPECT_EQ(api_.virtGetPosition(context, pose), 0);  // after a short pause the next call succeeds
+  });
 }
 
 TEST_F(VirtuoseRules, oneProgram_aSecondConnectionIsRefusedUntilTheFirstIsClosed) {
-  VirtContext first = opened(steps_);
-  EXPECT_FALSE(openWith(steps_).ok());
-  closeVirtuose(api_, first);
-  closeVirtuose(api_, opened(steps_));
+  VirtContext first = nullptr;
+  with(steps_, [&](VirtContext context) {
+    EXPECT_FALSE(openWith(steps_).ok());
+    first = context;
+  });
+  with(steps_, [](VirtContext) {});
   float pose[7];
   EXPECT_NE(api_.virtGetPosition(first, pose), 0);  // using the old connection gives an error
   EXPECT_EQ(api_.virtGetErrorCode(first), 3);
 }
 
 TEST_F(VirtuoseRules, power_isOnlyPermittedByUsAndCompletedByTheUser) {
-  const auto felt = [&](VirtContext context) {
-    for (int k = 0; k < 5; ++k) {
-      force(context, 1);
-      standin_.advance(kTick_s);
+  // Without our permission there is no force, whatever the user does.
+  with(without(steps_, "virtSetPowerOn"), [&](VirtContext context) { EXPECT_EQ(felt(context), 0); });
+  with(steps_, [&](VirtContext context) {
+    // The emergency stop also turns off the switch.
+    for (const auto& [command, felt_N] : {std::pair{"switch 1", 1},
+                                          {"switch 0", 0},
+                                          {"switch 1", 1},
+                                          {"dead_man 0", 0},
+                                          {"dead_man 1", 1},
+                                          {"estop press", 0},
+                                          {"estop free", 0},
+                                          {"switch 1", 1}}) {
+      standin_.command(command);
+      EXPECT_EQ(felt(context), felt_N) << command;
     }
-    return standin_.state().felt[0];
-  };
-  // Without this permission there is no force, whatever the user does.
-  VirtContext context = opened(without(steps_, "virtSetPowerOn"));
-  EXPECT_EQ(felt(context), 0);
-  closeVirtuose(api_, context);
-
-  context = opened(steps_);
-  EXPECT_EQ(felt(context), 1);
-  standin_.command("switch 0");
-  EXPECT_EQ(felt(context), 0);
-  standin_.command("switch 1");
-  standin_.command("dead_man 0");
-  EXPECT_EQ(felt(context), 0);
-  standin_.command("dead_man 1");
-  EXPECT_EQ(felt(context), 1);
-  // The emergency stop also turns off the switch.
-  standin_.command("estop press");
-  EXPECT_EQ(felt(context), 0);
-  standin_.command("estop free");
-  EXPECT_EQ(felt(context), 0);
-  standin_.command("switch 1");
-  EXPECT_EQ(felt(context), 1);
-  closeVirtuose(api_, context);
+  });
 }
 
 TEST_F(VirtuoseRules, watchdog_twoSecondsOfSilenceCutForceAndLink) {
-  VirtContext context = opened(steps_);
-  force(context, 1);
-  standin_.advance(1.9);
-  EXPECT_EQ(standin_.state().felt[0], 1);  // until then the last force continues
-  standin_.advance(0.2);
-  EXPECT_EQ(standin_.state().felt[0], 0);
-  EXPECT_NE(force(context, 1), 0);
-  EXPECT_EQ(api_.virtGetErrorCode(context), 2);
-  closeVirtuose(api_, context);
+  with(steps_, [&](VirtContext context) {
+    force(context, 1);
+    standin_.advance(1.9);
+    EXPECT_EQ(standin_.state().felt[0], 1);  // until then the last force continues
+    standin_.advance(0.2);
+    EXPECT_EQ(standin_.state().felt[0], 0);
+    EXPECT_NE(force(context, 1), 0);
+    EXPECT_EQ(api_.virtGetErrorCode(context), 2);
+  });
 }
 
 TEST_F(VirtuoseRules, watchdog_oursIsKeptAliveUntilTheLoopBegins) {
@@ -214,19 +208,16 @@ TEST_F(VirtuoseRules, watchdog_oursIsKeptAliveUntilTheLoopBegins) {
 }
 
 TEST_F(VirtuoseRules, rate_moreThanOneExchangeAMillisecondIsAnOverrun) {
-  const auto alarm = [&](VirtContext context) {
-    unsigned bits = 0;
-    EXPECT_EQ(api_.virtGetAlarm(context, &bits), 0);
-    return bits;
-  };
-  VirtContext context = opened(steps_);
-  for (int k = 0; k < 20; ++k) {  // a loop of 2 kHz
-    force(context, 0);
-    force(context, 0);
-    standin_.advance(kTick_s);
-  }
-  EXPECT_NE(alarm(context) & kVirtAlarmOverrun, 0u);
-  closeVirtuose(api_, context);
+  with(steps_, [&](VirtContext context) {
+    for (int k = 0; k < 20; ++k) {  // a loop of 2 kHz
+      force(context, 0);
+      force(context, 0);
+      standin_.advance(kTick_s);
+    }
+    unsigned alarm = 0;
+    EXPECT_EQ(api_.virtGetAlarm(context, &alarm), 0);
+    EXPECT_NE(alarm & kVirtAlarmOverrun, 0u);
+  });
 }
 
 TEST_F(VirtuoseRules, rate_oursIsOneExchangeAMillisecondAlsoWithLateTicks) {
@@ -245,19 +236,13 @@ TEST_F(VirtuoseRules, rate_oursIsOneExchangeAMillisecondAlsoWithLateTicks) {
 
 TEST_F(VirtuoseRules, saturation_theDeviceHoldsOurLimitsAndSaysSo) {
   // A backend that does not set its limits gets the motors' full force.
-  VirtContext context = opened(without(steps_, "virtSaturateTorque"));
-  force(context, 14, 1);
-  standin_.advance(0.003);
-  EXPECT_NEAR(standin_.state().felt[0], 14, 1e-6);
-  closeVirtuose(api_, context);
-
-  context = opened(steps_);
-  force(context, 14, 1);
-  standin_.advance(0.003);
-  EXPECT_NEAR(standin_.state().felt[0], 10, 1e-6);
-  EXPECT_NEAR(standin_.state().felt[4], 0.8, 1e-6);
-  EXPECT_NE(standin_.state().alarms & kVirtAlarmSaturation, 0u);
-  closeVirtuose(api_, context);
+  with(without(steps_, "virtSaturateTorque"),
+       [&](VirtContext context) { EXPECT_NEAR(felt(context, 14, 1), 14, 1e-6); });
+  with(steps_, [&](VirtContext context) {
+    EXPECT_NEAR(felt(context, 14, 1), 10, 1e-6);
+    EXPECT_NEAR(standin_.state().felt[4], 0.8, 1e-6);
+    EXPECT_NE(standin_.state().alarms & kVirtAlarmSaturation, 0u);
+  });
 
   // Ours never commands more: the gate has the same limits.
   open();
@@ -271,17 +256,16 @@ TEST_F(VirtuoseRules, saturation_theDeviceHoldsOurLimitsAndSaysSo) {
 }
 
 TEST_F(VirtuoseRules, heat_aLastingForceOverheatsAndOursStaysBelow) {
-  VirtContext context = opened(steps_);
-  double hot_after_s = 0;
-  for (int k = 0; k < 10'000 && hot_after_s == 0; ++k) {
-    force(context, 8);
-    standin_.advance(kTick_s);
-    if ((standin_.state().alarms & kVirtAlarmOverheat) != 0) hot_after_s = k * kTick_s;
-  }
-  // mean square over 10 s: 64 (1 − exp(−t/10)) = 3.9²
-  EXPECT_NEAR(hot_after_s, -10 * std::log(1 - 3.9 * 3.9 / 64), 0.01);
-  closeVirtuose(api_, context);
-
+  with(steps_, [&](VirtContext context) {
+    double hot_after_s = 0;
+    for (int k = 0; k < 10'000 && hot_after_s == 0; ++k) {
+      force(context, 8);
+      standin_.advance(kTick_s);
+      if ((standin_.state().alarms & kVirtAlarmOverheat) != 0) hot_after_s = k * kTick_s;
+    }
+    // mean square over 10 s: 64 (1 − exp(−t/10)) = 3.9²
+    EXPECT_NEAR(hot_after_s, -10 * std::log(1 - 3.9 * 3.9 / 64), 0.01);
+  });
   standin_.advance(30);
   ASSERT_EQ(standin_.state().alarms, 0u);
   standin_.command("let_go");  // no hand has to hold this load
@@ -296,34 +280,27 @@ TEST_F(VirtuoseRules, heat_aLastingForceOverheatsAndOursStaysBelow) {
 }
 
 TEST_F(VirtuoseRules, indexing_ourPositionIsTheHandlesOwn) {
-  const auto elsewhere = [&] {  // the hand releases the sensor, moves 30 mm, and grips again
+  // the hand releases the sensor, moves 30 mm, and grips again
+  const auto elsewhere = [&](const std::function<void()>& tick) {
     standin_.command("place 0 0 0 0 0 0 1");
     standin_.command("dead_man 0");
     standin_.command("hand 0.03 0 0 0 0 0 1 0.5");
-    ticks(1000);
+    for (int k = 0; k < 1000; ++k) tick();
     standin_.command("dead_man 1");
-    ticks(10);
   };
-  float pose[7];
   Steps shifting = steps_;
   shifting[placeOf(shifting, "virtSetIndexingMode")].run = [](const VirtuoseApi& api, VirtContext vc) {
     return api.virtSetIndexingMode(vc, 0);
   };
-  VirtContext context = opened(shifting);
-  standin_.command("place 0 0 0 0 0 0 1");
-  standin_.command("dead_man 0");
-  standin_.command("hand 0.03 0 0 0 0 0 1 0.5");
-  for (int k = 0; k < 1000; ++k) {
-    force(context, 0);
-    standin_.advance(kTick_s);
-  }
-  ASSERT_EQ(api_.virtGetPosition(context, pose), 0);
-  EXPECT_NEAR(pose[0], 0, 1e-4);  // a backend with indexing keeps its old position, so the patient moves
-  closeVirtuose(api_, context);
-
-  standin_.command("dead_man 1");
+  with(shifting, [&](VirtContext context) {
+    elsewhere([&] { felt(context, 0); });
+    float pose[7];
+    ASSERT_EQ(api_.virtGetPosition(context, pose), 0);
+    EXPECT_NEAR(pose[0], 0, 1e-4);  // a backend with indexing keeps its old position, so the patient moves
+  });
   open();
-  elsewhere();
+  elsewhere([&] { tick(); });
+  ticks(10);
   EXPECT_NEAR(reading_.X_WH.p.x, 0.03, 1e-3);
   EXPECT_NEAR(reading_.X_WH.p.x, standin_.state().position_m[0], 1e-5);
 }

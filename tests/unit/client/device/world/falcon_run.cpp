@@ -7,14 +7,12 @@
 #include <stdexcept>
 
 #include "client/device/falcon/falcon_geometry.h"
-#include "client/device/falcon/falcon_kinematics.h"
 
 namespace needlelab::test {
 namespace {
 
 using falcon::Exchange;
 using falcon::FalconDriver;
-using Motors = std::array<std::int16_t, 3>;
 
 constexpr const char* kTroubleNames[kTroubles] = {
     "haptic thread hangs", "USB thread hangs", "unplugged", "power cut", "board silent", "garbled", "lossy",
@@ -87,44 +85,11 @@ std::string textOf(const FalconPlan& plan) {
   return text;
 }
 
-void GripHand::advance(std::int64_t now_ns) {
-  constexpr double kMass_kg = 0.25, kStiffness_N_per_m = 300, kDamping_Ns_per_m = 5;
-  constexpr std::int64_t kLongest_ns = 200 * kMs;
-  if (now_ns - at_ns > kLongest_ns) at_ns = now_ns - kLongest_ns;
-  while (at_ns < now_ns) {
-    const std::int64_t step_ns = std::min(kMs, now_ns - at_ns);
-    at_ns += step_ns;
-    const double h = 1e-9 * static_cast<double>(step_ns);
-    Vec3 aim = aim_m;
-    if (stroke_s > 0) {
-      // there and back at constant speed, from outside to the deepest place
-      const double turns = 1e-9 * static_cast<double>(at_ns - since_ns) / stroke_s;
-      const double share = std::fabs(2 * (turns - std::floor(turns)) - 1);
-      aim = {0, 0, -deepest_m + share * (kOutside_m.z + deepest_m)};
-    }
-    const Vec3 p_F_m = falcon::pointToF(p_m);
-    const falcon::LegJacobian legs = falcon::legJacobian(p_F_m, falcon::inverseKinematics(p_F_m).theta_rad);
-    Vec3 force_F_N;
-    for (std::size_t i = 0; i < 3; ++i)
-      if (motors[i] != 0)
-        force_F_N += legs.n[i] * (falcon::kMotorSign * motors[i] * falcon::kMotorNm_per_unit *
-                                  falcon::kGearRatio / legs.m[i]);
-    const Vec3 push = falcon::vectorToW(force_F_N) + (aim - p_m) * kStiffness_N_per_m;
-    v_mps = (v_mps * kMass_kg + push * h) * (1 / (kMass_kg + h * kDamping_Ns_per_m));
-    p_m = p_m + v_mps * h;
-  }
-}
-
-std::array<std::int16_t, 3> GripHand::encoders() const {
-  const falcon::Legs legs = falcon::inverseKinematics(falcon::pointToF(p_m));
-  return {falcon::countsOfTheta(legs.theta_rad[0]), falcon::countsOfTheta(legs.theta_rad[1]),
-          falcon::countsOfTheta(legs.theta_rad[2])};
-}
-
 FalconRun::FalconRun(const FalconPlan& plan, double gate_rate_hz)
     : WorldRun(plan, gate_rate_hz), plan_(plan) {
-  hand.p_m = hand.aim_m = kOutside_m;
+  hand.p_m = kOutside_m;
   hand.at_ns = world.nowNs();
+  stroke(0);
   falcon->encoder = hand.encoders();
   falcon->keeps_commands = false;
   falcon->write_ns = plan.write_ns;
@@ -147,8 +112,7 @@ FalconRun::FalconRun(const FalconPlan& plan, double gate_rate_hz)
 
   FalconOptions options;
   options.firmware_file = folder_.write("fw.bin", std::string(kFirmwareBytes, 'f')).string();
-  device =
-      std::make_unique<FalconDevice>(options, std::make_unique<falcon::FakeBus>(falcon, world), world, world);
+  device = std::make_unique<FalconDevice>(options, DirectFalcon::bus(falcon, world), world, world);
   useDevice(*device, [this] { onTick(); });
 }
 
@@ -165,15 +129,14 @@ void FalconRun::begin() {
 
 void FalconRun::play() {
   begin();
-  hand.since_ns = hand.at_ns;
-  hand.stroke_s = plan_.stroke_s;
+  stroke(plan_.stroke_s);
   const std::int64_t start_ns = world.nowNs();
   for (const PlannedTrouble& planned : plan_.troubles)
     world.at(start_ns + planned.at_ns, [this, planned] { trouble(planned); });
   acknowledgeAsPlanned(plan_);
   world.sleepUntilNs(start_ns + plan_.lasts_ns);
   // the troubles are over, the hand is outside: the device is as before in time
-  hand.stroke_s = 0;
+  stroke(0);
   plan_.lost_share = 0;
   recoverWithin(kRecovery_ns, [this] { return (haptic->reading().condition & ~kDeviceOverrun) == 0; });
   end();
@@ -193,12 +156,14 @@ void FalconRun::end() {
   const bool is_connected = falcon->plugged && falcon->streams != nullptr;
   closing_ = true;
   device->close();
+  closed_ns = world.nowNs();
   if (is_connected && sent_at_the_end_ == 0) breakRule("no last command");
   if (haptic_thread_ != nullptr) endHaptics();
   const std::uint64_t sent_before = sent_at_the_end_;
   world.sleepForNs(50 * kMs);
   if (sent_at_the_end_ != sent_before) breakRule("a command after the end");
   if (falcon->open_links != 0) breakRule("a link is left open");
+  if (falcon->refused != 0) breakRule("a command while another one is written");
   checkLooks();
 }
 
@@ -207,8 +172,17 @@ void FalconRun::plugIn() {
   arrivals_ns_.push_back(world.nowNs());
 }
 
-falcon::Fate FalconRun::fateOfPacket() {
-  falcon::Fate fate;
+void FalconRun::stroke(double stroke_s, double deepest_m) {
+  hand.follow([=](double t_s) {
+    if (stroke_s <= 0) return kOutside_m;
+    const double turns = t_s / stroke_s;
+    const double share = std::fabs(2 * (turns - std::floor(turns)) - 1);
+    return Vec3{0, 0, -deepest_m + share * (kOutside_m.z + deepest_m)};
+  });
+}
+
+Fate FalconRun::fateOfPacket() {
+  Fate fate;
   const double lost = is_lossy_ ? 0.5 : plan_.lost_share;
   fate.arrives = !random_.chance(lost);
   fate.is_answered = !random_.chance(lost);
@@ -232,7 +206,7 @@ void FalconRun::trouble(const PlannedTrouble& planned) {
     case Trouble::kPowerCut:
       falcon->unplug();
       if (planned.what == Trouble::kPowerCut) {
-        falcon->runs = false;
+        falcon->forgetFirmware();
         falcon->homed = 0;
         hand.motors = {};
         // the hand finds the zero again
@@ -266,7 +240,7 @@ void FalconRun::trouble(const PlannedTrouble& planned) {
 void FalconRun::onStream() {
   homed_seen_ = any_request_ = request_waits_ = false;
   last_report_ns_ = world.nowNs();
-  bad_in_a_row_ = 0;
+  bad_in_a_row_ = under_way_ = 0;
   counts_ = {};  // a link's counts begin at 0
 }
 
@@ -278,6 +252,9 @@ void FalconRun::onSend(const falcon::Command& command, std::int64_t now_ns) {
   if (keeps_sent) sent.push_back({now_ns, command});
   if (falcon->streams == nullptr) return;  // the link asks whether the firmware runs
   if (closing_) ++sent_at_the_end_;
+  if (now_ns - std::exchange(last_sent_ns_, now_ns) > Exchange::kReplyTime_ns) under_way_ = 0;
+  if (++under_way_ > Exchange::kMostUnderWay && command != falcon::Command{})
+    breakRule("more than two commands under way");
   if (std::exchange(request_waits_, false)) {
     any_request_ = true;
     request_taken_ns_ = now_ns;
@@ -307,6 +284,7 @@ void FalconRun::onCommand(const falcon::Command& command, std::int64_t now_ns) {
 void FalconRun::onReply(const std::optional<falcon::Report>& report, std::int64_t now_ns) {
   bad_in_a_row_ = report ? 0 : bad_in_a_row_ + 1;
   if (!report) return;
+  if (under_way_ > 0) --under_way_;
   last_report_ns_ = now_ns;
   homed_seen_ = (report->bits & falcon::kInHomed) == falcon::kInHomed;
 }
@@ -334,7 +312,7 @@ void FalconRun::checkLooks() {
   const std::int64_t most_ns =
       FalconDriver::kLookAgain_ns + std::max(plan_.usb_late_ns, greatest_usb_late_ns_);
   for (std::size_t i = 0; i + 1 < falcon->looks.size(); ++i) {
-    const falcon::Look &look = falcon->looks[i], &next = falcon->looks[i + 1];
+    const Look &look = falcon->looks[i], &next = falcon->looks[i + 1];
     if (look.is_found) continue;
     const std::int64_t gap_ns = next.at_ns - look.at_ns;
     const bool arrives = std::any_of(arrivals_ns_.begin(), arrivals_ns_.end(), [&](std::int64_t at_ns) {

@@ -11,7 +11,8 @@
 #include <vector>
 
 #include "client/device/falcon/falcon_device.h"
-#include "tests/support/fake_falcon.h"
+#include "tests/support/falcon_emulator/direct_link.h"
+#include "tests/support/falcon_emulator/falcon_grip.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/device/world/world_run.h"
 
@@ -51,19 +52,7 @@ FalconPlan falconPlanOf(std::uint64_t seed);
 /// For a person.
 std::string textOf(const FalconPlan& plan);
 
-/// The hand at the grip, and the motors' force on it. In W.
-struct GripHand {
-  Vec3 p_m, v_mps;
-  Vec3 aim_m;  ///< used while `stroke_s` is 0
-  double stroke_s = 0, deepest_m = 0.014;
-  std::array<std::int16_t, 3> motors{};
-  std::int64_t at_ns = 0, since_ns = 0;
-
-  void advance(std::int64_t now_ns);
-  [[nodiscard]] std::array<std::int16_t, 3> encoders() const;
-};
-
-class FalconRun final : public WorldRun {
+class FalconRun : public WorldRun {
  public:
   explicit FalconRun(const FalconPlan& plan, double gate_rate_hz = 1000);
   ~FalconRun() override;
@@ -75,6 +64,8 @@ class FalconRun final : public WorldRun {
   void goOn(std::int64_t for_ns) { world.sleepForNs(for_ns); }
   /// The device is plugged in again, and the host is told.
   void plugIn();
+  /// The hand goes in and out at constant speed, from outside to the deepest place; 0: it stays outside.
+  void stroke(double stroke_s, double deepest_m = 0.014);
   /// The encoders slip by so much; 0: they are right again.
   void jumpGrip(std::int16_t counts) { jump_counts_ = counts; }
   /// Ends all threads and closes the device.
@@ -84,14 +75,15 @@ class FalconRun final : public WorldRun {
     std::int64_t at_ns;
     falcon::Command command;
   };
-  std::shared_ptr<falcon::FakeFalcon> falcon = std::make_shared<falcon::FakeFalcon>();
-  GripHand hand;
+  std::shared_ptr<DirectFalcon> falcon = std::make_shared<DirectFalcon>();
+  FalconGrip hand;
   std::unique_ptr<FalconDevice> device;
   bool keeps_sent = false;
-  std::vector<Sent> sent;  ///< with `keeps_sent`: each command, heard or not
+  std::vector<Sent> sent;      ///< with `keeps_sent`: each command, heard or not
+  std::int64_t closed_ns = 0;  ///< the device was closed
 
  private:
-  falcon::Fate fateOfPacket();
+  Fate fateOfPacket();
   void trouble(const PlannedTrouble& planned);
   void onStream();
   void onSend(const falcon::Command& command, std::int64_t now_ns);
@@ -113,7 +105,8 @@ class FalconRun final : public WorldRun {
   // what the USB thread may know at a time, seen from outside
   bool homed_seen_ = false, any_request_ = false, request_waits_ = false;
   std::int64_t request_taken_ns_ = 0, last_report_ns_ = 0;
-  int bad_in_a_row_ = 0;
+  int bad_in_a_row_ = 0, under_way_ = 0;
+  std::int64_t last_sent_ns_ = 0;
   bool closing_ = false;
   std::uint64_t sent_at_the_end_ = 0;
   falcon::ExchangeCounts counts_;

@@ -10,19 +10,6 @@
 namespace needlelab::test {
 namespace {
 
-constexpr const char* kVirtuoseTroubleNames[kVirtuoseTroubles] = {"haptic thread hangs",
-                                                                  "link down",
-                                                                  "service stopped",
-                                                                  "slow",
-                                                                  "handle released",
-                                                                  "emergency stop",
-                                                                  "switched off",
-                                                                  "overheated",
-                                                                  "failure",
-                                                                  "refused",
-                                                                  "bad turn",
-                                                                  "handle jumps",
-                                                                  "button"};
 // calls that may fail, and with what
 constexpr const char* kMayFail[] = {"virtGetPosition",      "virtGetSpeed",   "virtGetDeadMan",
                                     "virtGetEmergencyStop", "virtGetPowerOn", "virtGetAlarm",
@@ -30,6 +17,25 @@ constexpr const char* kMayFail[] = {"virtGetPosition",      "virtGetSpeed",   "v
 constexpr int kCodes[] = {kVirtHardwareError, kVirtPositionDiscontinuity, kVirtCallTime, kVirtCommunication};
 
 }  // namespace
+
+const VirtuoseTroubleRow& rowOf(VirtuoseTrouble trouble) {
+  static constexpr VirtuoseTroubleRow kRows[kVirtuoseTroubles] = {
+      {"haptic thread hangs", "", ""},
+      {"link down", "link_down {lasts_s}", ""},
+      {"service stopped", "daemon 0", "daemon 1"},
+      {"slow", "slow {milli}", "slow {answer_s}"},
+      {"handle released", "dead_man 0", "dead_man 1"},
+      {"emergency stop", "estop press", "estop free;switch 1"},
+      {"switched off", "switch 0", "switch 1"},
+      {"overheated", "overheat 1", "overheat 0"},
+      {"failure", "failure 1", "failure 0"},
+      {"refused", "", ""},
+      {"bad turn", "bad_turn 1.1", "bad_turn 1"},
+      {"handle jumps", "jump 0 0 -{milli}", ""},
+      {"button", "button {amount} 1", "button {amount} 0"},
+  };
+  return kRows[static_cast<std::size_t>(trouble)];
+}
 
 RefusedCall refusedCall(int amount) {
   const auto n = static_cast<std::size_t>(amount);
@@ -96,7 +102,7 @@ std::string textOf(const VirtuosePlan& plan) {
       inMs(plan.answer_ns));
   for (const PlannedVirtuoseTrouble& trouble : plan.troubles)
     text += fmt::format("; at {:.1f} ms for {:.1f} ms: {} ({})", inMs(trouble.at_ns), inMs(trouble.lasts_ns),
-                        kVirtuoseTroubleNames[static_cast<std::size_t>(trouble.what)], trouble.amount);
+                        rowOf(trouble.what).name, trouble.amount);
   if (plan.ends_in_trouble) text += "; closed as it is";
   return text;
 }

@@ -26,6 +26,13 @@ enum class VirtuoseTrouble : std::uint8_t {
 };
 inline constexpr int kVirtuoseTroubles = 13;
 
+/// Commands of the stand-in, separated by semicolons; in braces what a PlannedVirtuoseTrouble says: {amount},
+/// {milli} (amount / 1000), {lasts_s}, {answer_s} (what a call takes otherwise).
+struct VirtuoseTroubleRow {
+  const char *name, *begins, *ends;
+};
+const VirtuoseTroubleRow& rowOf(VirtuoseTrouble trouble);
+
 struct PlannedVirtuoseTrouble {
   VirtuoseTrouble what;
   std::int64_t at_ns, lasts_ns;  ///< from the beginning of the lesson

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <sstream>
 #include <stdexcept>
 
 #include "client/device/virtuose/virtuose_errors.h"
@@ -150,40 +151,25 @@ void VirtuoseRun::acknowledge() {
 
 // ---- what goes wrong
 
+void VirtuoseRun::command(const char* commands, const PlannedVirtuoseTrouble& planned) {
+  std::istringstream all(fmt::format(fmt::runtime(commands), fmt::arg("amount", planned.amount),
+                                     fmt::arg("milli", 1e-3 * planned.amount),
+                                     fmt::arg("lasts_s", 1e-9 * static_cast<double>(planned.lasts_ns)),
+                                     fmt::arg("answer_s", 1e-9 * static_cast<double>(plan_.answer_ns))));
+  for (std::string one; std::getline(all, one, ';');) standin_.command(one);
+}
+
 void VirtuoseRun::begin(const PlannedVirtuoseTrouble& planned) {
+  command(rowOf(planned.what).begins, planned);
   switch (planned.what) {
     case VirtuoseTrouble::kHapticHangs:
       haptic->hangUntil(now() + planned.lasts_ns);
       return;
     case VirtuoseTrouble::kLinkDown:
-      standin_.command(fmt::format("link_down {}", 1e-9 * static_cast<double>(planned.lasts_ns)));
       link_back_ns_ = now() + planned.lasts_ns;
       break;
-    case VirtuoseTrouble::kServiceStopped:
-      standin_.command("daemon 0");
-      service_runs_ = false;
-      break;
     case VirtuoseTrouble::kSlow:
-      standin_.command(fmt::format("slow {}", 1e-3 * planned.amount));
       answer_ns_ = planned.amount * kMs;
-      break;
-    case VirtuoseTrouble::kReleased:
-      standin_.command("dead_man 0");
-      held_ = false;
-      break;
-    case VirtuoseTrouble::kEmergencyStop:
-      standin_.command("estop press");
-      stopped_ = true;
-      break;
-    case VirtuoseTrouble::kSwitchedOff:
-      standin_.command("switch 0");
-      break;
-    case VirtuoseTrouble::kOverheated:
-      standin_.command("overheat 1");
-      break;
-    case VirtuoseTrouble::kFailure:
-      standin_.command("failure 1");
-      has_failure_ = true;
       break;
     case VirtuoseTrouble::kRefused: {
       const auto [function, code] = refusedCall(planned.amount);
@@ -192,70 +178,48 @@ void VirtuoseRun::begin(const PlannedVirtuoseTrouble& planned) {
       standin_.command(fmt::format("fail {} {}", refused_, code));
       break;
     }
-    case VirtuoseTrouble::kBadTurn:
-      standin_.command("bad_turn 1.1");
-      break;
-    case VirtuoseTrouble::kJump:
-      standin_.command(fmt::format("jump 0 0 {}", -1e-3 * planned.amount));
-      break;
     case VirtuoseTrouble::kButton:
-      standin_.command(fmt::format("button {} 1", planned.amount));
       buttons_ |= 1u << (planned.amount - 1);
       break;
+    default:
+      setTruth(planned.what, true);
   }
   truthChanges();
 }
 
 void VirtuoseRun::finish(const PlannedVirtuoseTrouble& planned) {
+  command(rowOf(planned.what).ends, planned);
+  // the end of a connection may not have been heard
+  const std::int64_t unheard_until_ns = now() + kWatchdog_ns + kOnItsWay_ns;
   switch (planned.what) {
     case VirtuoseTrouble::kHapticHangs:
     case VirtuoseTrouble::kJump:
       return;
     case VirtuoseTrouble::kLinkDown:
-      // the end of a connection may not have been heard
-      maybe_left_open_until_ns_ = now() + kWatchdog_ns + kOnItsWay_ns;
-      break;
-    case VirtuoseTrouble::kServiceStopped:
-      standin_.command("daemon 1");
-      service_runs_ = true;
+      maybe_left_open_until_ns_ = unheard_until_ns;
       break;
     case VirtuoseTrouble::kSlow:
-      standin_.command(fmt::format("slow {}", 1e-9 * static_cast<double>(plan_.answer_ns)));
-      if (linkIsBroken()) maybe_left_open_until_ns_ = now() + kWatchdog_ns + kOnItsWay_ns;
+      if (linkIsBroken()) maybe_left_open_until_ns_ = unheard_until_ns;
       answer_ns_ = plan_.answer_ns;
-      break;
-    case VirtuoseTrouble::kReleased:
-      standin_.command("dead_man 1");
-      held_ = true;
-      break;
-    case VirtuoseTrouble::kEmergencyStop:
-      standin_.command("estop free");
-      standin_.command("switch 1");
-      stopped_ = false;
-      break;
-    case VirtuoseTrouble::kSwitchedOff:
-      standin_.command("switch 1");
-      break;
-    case VirtuoseTrouble::kOverheated:
-      standin_.command("overheat 0");
-      break;
-    case VirtuoseTrouble::kFailure:
-      standin_.command("failure 0");
-      has_failure_ = false;
       break;
     case VirtuoseTrouble::kRefused:
       if (!refused_.empty()) standin_.command("fail " + refused_ + " 0");
       refused_.clear();
       break;
-    case VirtuoseTrouble::kBadTurn:
-      standin_.command("bad_turn 1");
-      break;
     case VirtuoseTrouble::kButton:
-      standin_.command(fmt::format("button {} 0", planned.amount));
       buttons_ &= ~(1u << (planned.amount - 1));
       break;
+    default:
+      setTruth(planned.what, false);
   }
   truthChanges();
+}
+
+void VirtuoseRun::setTruth(VirtuoseTrouble trouble, bool begins) {
+  if (trouble == VirtuoseTrouble::kServiceStopped) service_runs_ = !begins;
+  if (trouble == VirtuoseTrouble::kReleased) held_ = !begins;
+  if (trouble == VirtuoseTrouble::kEmergencyStop) stopped_ = begins;
+  if (trouble == VirtuoseTrouble::kFailure) has_failure_ = begins;
 }
 
 // each has ended by itself; the hand goes outside

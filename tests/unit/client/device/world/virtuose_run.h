@@ -47,6 +47,9 @@ class VirtuoseRun final : public WorldRun, private Device, private Turns {
   void moveHand(bool inwards);
   void begin(const PlannedVirtuoseTrouble& planned);
   void finish(const PlannedVirtuoseTrouble& planned);
+  void command(const char* commands, const PlannedVirtuoseTrouble& planned);
+  /// Of what is either so or not.
+  void setTruth(VirtuoseTrouble trouble, bool begins);
   void endTroubles();
   void acknowledge() override;
   /// A trouble begins or ends.

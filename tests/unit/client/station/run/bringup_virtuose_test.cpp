@@ -83,30 +83,25 @@ TEST(BringupVirtuose, selfTestFindsItWellAndGivesItNoForce) {
   EXPECT_EQ(standin.state().open_contexts, 0);
 }
 
-TEST(BringupVirtuose, selfTestTellsOfThePressedEmergencyStop) {
-  Standin standin;
-  standin.command("estop press");
-  auto device = standinDevice();
-  StandinClock clock(standin);
-  SelfTestFacts facts;
-  std::vector<std::string> said;
-  facts.device = measure(device, clock, 0.3, [&](const std::string& text) { said.push_back(text); });
-  const auto checks = judge(facts);
-  EXPECT_EQ(checkNamed(checks, "condition").verdict, Verdict::kFailed);
-  EXPECT_THAT(checkNamed(checks, "device says").found, HasSubstr("emergency stop"));
-  EXPECT_EQ(said.size(), 1u);
-}
-
-TEST(BringupVirtuose, selfTestSaysThatTheServiceIsAway) {
-  Standin standin;
-  standin.command("daemon 0");
-  auto device = standinDevice();
-  StandinClock clock(standin);
-  SelfTestFacts facts;
-  facts.device = measure(device, clock, 0.3);
-  const auto checks = judge(facts);
-  EXPECT_EQ(checkNamed(checks, "device").verdict, Verdict::kFailed);
-  EXPECT_THAT(checkNamed(checks, "device").found, HasSubstr("service"));
+TEST(BringupVirtuose, selfTestTellsWhatIsWrong) {
+  const struct {
+    const char *command, *failed, *told, *words;
+    std::size_t said;
+  } rows[] = {{"estop press", "condition", "device says", "emergency stop", 1},
+              {"daemon 0", "device", "device", "service", 0}};
+  for (const auto& row : rows) {
+    Standin standin;
+    standin.command(row.command);
+    auto device = standinDevice();
+    StandinClock clock(standin);
+    SelfTestFacts facts;
+    std::vector<std::string> said;
+    facts.device = measure(device, clock, 0.3, [&](const std::string& text) { said.push_back(text); });
+    const auto checks = judge(facts);
+    EXPECT_EQ(checkNamed(checks, row.failed).verdict, Verdict::kFailed);
+    EXPECT_THAT(checkNamed(checks, row.told).found, HasSubstr(row.words));
+    EXPECT_EQ(said.size(), row.said);
+  }
 }
 
 // The stand-in's hand swings the handle about a point 135 mm away, slowly, because its spring would lag
