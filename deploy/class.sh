@@ -109,7 +109,7 @@ class_demo() {
   setsid "$bin/needlelab-server" --data "$data" --listen 127.0.0.1:0 --port-file "$out/port" --web "$web" --web-port-file "$out/web-port" \
     --web-root "$root/client/web" >"$out/server.log" 2>&1 &
   server_pid=$!
-  for _ in $(seq 200); do
+  for _ in $(seq 1200); do
     [ -s "$out/port" ] && [ -s "$out/web-port" ] && break
     kill -0 "$server_pid" 2>/dev/null || break
     sleep 0.1

@@ -166,7 +166,7 @@ TEXT
   quietly "${as[@]}" "$pg/pg_ctl" -D "$place/standby" -l "$place/standby.log" -w start
   quietly sql primary "ALTER SYSTEM SET synchronous_standby_names = 'ANY 1 (b)'" postgres
   quietly sql primary "SELECT pg_reload_conf()" postgres
-  until_so 20 "the standby is synchronous" says primary "SELECT sync_state FROM pg_stat_replication WHERE application_name = 'b'" quorum postgres
+  until_so 60 "the standby is synchronous" says primary "SELECT sync_state FROM pg_stat_replication WHERE application_name = 'b'" quorum postgres
   echo "  a COMMIT waits for the standby: synchronous_standby_names = $(sql primary 'SHOW synchronous_standby_names')"
 }
 
@@ -188,7 +188,7 @@ password = $password
 TEXT
   begins nats "$nats" -c "$place/nats.conf"
   local ports=$place/nats-server_${running[nats]}.ports
-  until_so 20 "nats-server listens" test -s "$ports"
+  until_so 60 "nats-server listens" test -s "$ports"
   at_nats=$(grep -o 'nats://[^"]*' "$ports" | head -n 1)
   [ -n "$at_nats" ] || in_vain "nats-server did not say where it listens"
 }
@@ -299,11 +299,11 @@ faculty_demo() {
     --station "$watched" --rate 10 > >(while IFS= read -r line; do printf '%s %s\n' "$EPOCHREALTIME" "$line"; done >>"$out/watch.log") \
     2>"$out/watch.err.log" </dev/null &
   running[watch]=$!
-  until_so 30 "a picture of $watched reaches server b" frames_since 0
+  until_so 60 "a picture of $watched reaches server b" frames_since 0
   local word='A little slower, please.' began=$EPOCHREALTIME
   quietly timeout --foreground 60 "${as[@]}" "$bin/needlelab-instructor" --server "$at_b" --ca "$ca" --user ines --password-file "$place/ines.password" --headless \
     --station "$watched" --message "$word" --once --seconds 20
-  until_so 10 "$watched hears ines" grep -qF "message from ines: $word" "$out/$watched.log"
+  until_so 60 "$watched hears ines" grep -qF "message from ines: $word" "$out/$watched.log"
   echo "  she says a word to its trainee, who hears it"
   picture lab-before.png 1280x400 3
   until_so 60 "40 pictures of $watched" frames_since "$began" 40
@@ -373,7 +373,7 @@ faculty_demo() {
   asks ada check >"$out/check.txt" || { cat "$out/check.txt"; in_vain "the database does not check"; }
   sed 's/^/  needlelab-admin check: /' "$out/check.txt"
   local sums='SELECT count(*), sum(samples) FROM needlelab.chunks'
-  until_so 30 "the standby has all" says standby "$sums" "$(sql primary "$sums")"
+  until_so 60 "the standby has all" says standby "$sums" "$(sql primary "$sums")"
   echo "  the standby has the same: $(sql standby "$sums" | sed 's/ / chunks, /') samples"
   asks ines session export "$session" --format csv --out "$place/results/$watched.csv" >/dev/null || in_vain "the session's export failed"
   if command -v gnuplot >/dev/null; then

@@ -9,7 +9,6 @@
 #include <cstdlib>
 #include <ctime>
 #include <fstream>
-#include <random>
 #include <span>
 #include <sstream>
 
@@ -18,35 +17,26 @@
 #include "common/gesture/chunk.h"
 #include "tests/bench/ingest_stores.h"
 #include "tests/bench/result_folder.h"
-#include "tests/unit/common/gesture/gesture_samples.h"
-#include "tests/unit/common/gesture/recorded_gestures.h"
+#include "tests/load/gesture_pool.h"
 
 namespace needlelab::test {
 namespace {
 
-/// Chunks of a second at 1 kHz with jittering clocks; from the recorded hands if available.
-struct Material {
+/// Chunks of a second at 1 kHz, as tests/load makes them: the first minute of each of four stations.
+std::vector<Bytes> madeChunks() {
+  constexpr std::uint64_t kSeed = 7;
+  const GesturePool pool = mustIngest(makeGesturePool(kSeed, 24));
   std::vector<Bytes> chunks;
-  std::string source = "a made-up gesture";
-  Material() {
-    std::mt19937_64 random(7);
-    const auto cut = [&](std::vector<GestureSample> samples) {
-      for (GestureSample& s : samples) {
-        s.time_ns += static_cast<std::int64_t>(random() % 20'000);
-        s.device_ns = static_cast<std::int32_t>(8'000 + random() % 4'000);
-        s.engine_ns = static_cast<std::int32_t>(30 + random() % 400);
-      }
-      for (std::size_t at = 0; at + 1000 <= samples.size(); at += 1000)
-        chunks.push_back(encodeChunk(Resolution::standard(), std::span(samples).subspan(at, 1000)));
-    };
-    for (const auto& gesture : test::recordedGestures({test::realRecordingsFolder(), true}))
-      cut(gesture.samples);
-    if (!chunks.empty())
-      source = "the four recordings";
-    else
-      cut(smoothGesture(60'000));
+  std::vector<GestureSample> samples(1000);
+  for (std::size_t station = 0; station < 4; ++station) {
+    StationStream stream(pool, kSeed, station);
+    for (std::uint64_t second = 0; second < 60; ++second) {
+      stream.fill(1000 * second, samples);
+      chunks.push_back(encodeChunk(Resolution::standard(), samples));
+    }
   }
-};
+  return chunks;
+}
 
 double quantile(std::vector<double> values, double q) {
   std::sort(values.begin(), values.end());
@@ -77,7 +67,7 @@ double processorSeconds() {
 }
 
 /// Returns a line of the table, and adds one to `remarks`; sets `met` to false when the goal was missed.
-std::string measure(const IngestSettings& settings, const Material& material, const Engine& engine,
+std::string measure(const IngestSettings& settings, const std::vector<Bytes>& material, const Engine& engine,
                     std::size_t group, std::string& remarks, bool& met) {
   std::vector<std::unique_ptr<IngestContender>> contenders;
   contenders.push_back(ingestOurs(settings, engine.cluster, group));
@@ -93,7 +83,7 @@ std::string measure(const IngestSettings& settings, const Material& material, co
     IngestRows rows;
     double bytes = 0;
     for (std::size_t i = 0; i < group * settings.groups; ++i) {
-      const Bytes& data = material.chunks[chunk++ % material.chunks.size()];
+      const Bytes& data = material[chunk++ % material.size()];
       rows.push_back({session, next[session]++, &data});
       bytes += static_cast<double>(data.size());
       session = (session + 1) % settings.sessions;
@@ -141,7 +131,7 @@ std::string measure(const IngestSettings& settings, const Material& material, co
   return line;
 }
 
-std::string tableOf(const IngestSettings& settings, const Material& material, const Engine& engine,
+std::string tableOf(const IngestSettings& settings, const std::vector<Bytes>& material, const Engine& engine,
                     bool& met) {
   std::string head = "| group | ours rows/s | MB/s |", rule = "|---:|---:|---:|";
   for (const std::string& name : engine.raw_names) {
@@ -192,19 +182,17 @@ std::string loadText() {
 }
 
 int run(const IngestSettings& settings) {
-  const Material material;
+  const std::vector<Bytes> material = madeChunks();
   double bytes = 0;
-  for (const Bytes& chunk : material.chunks) bytes += static_cast<double>(chunk.size());
+  for (const Bytes& chunk : material) bytes += static_cast<double>(chunk.size());
   std::ostringstream text;
   text << "# What the store takes in\n\n"
        << machineText() << "; " << nowText() << (settings.commit.empty() ? "" : "; commit " + settings.commit)
        << "; " << loadText() << ".\n\n"
        << "Written by `cmake --build build/release --target record_ingest_bench`. Rows are chunks of 1000 "
-          "samples of "
-       << material.source
+          "samples of stations as tests/load has them"
        << fmt::format(" ({:.0f} bytes each on average) over {} open sessions with a profile of {} bytes. ",
-                      bytes / static_cast<double>(material.chunks.size()), settings.sessions,
-                      settings.profile_bytes)
+                      bytes / static_cast<double>(material.size()), settings.sessions, settings.profile_bytes)
        << "Ours: DbWriter and SessionStore, which check each chunk's CRC, columns, seq and owner, and keep "
           "the "
           "session's counters. The others: the same rows into the same table, the same number in a "
@@ -215,9 +203,7 @@ int run(const IngestSettings& settings) {
               settings.rounds, settings.groups)
        << "A thousand stations send 1000 rows/s, which come in groups of about 35.\n\n";
   bool met = true;
-  for (const Engine& engine : enginesOf(settings))
-    if (settings.only.empty() || settings.only == engine.title)
-      text << tableOf(settings, material, engine, met);
+  for (const Engine& engine : enginesOf(settings)) text << tableOf(settings, material, engine, met);
   if (!settings.results.empty()) {
     const auto folder = settings.results / folderName(machineText());
     std::error_code ignored;
@@ -237,29 +223,16 @@ int main(int argc, char** argv) {
   needlelab::test::IngestSettings settings;
   for (int i = 1; i + 1 < argc; i += 2) {
     const std::string name = argv[i], value = argv[i + 1];
-    const auto number = static_cast<std::size_t>(std::strtoul(value.c_str(), nullptr, 10));
     if (name == "--folder")
       settings.folder = value;
     else if (name == "--postgres")
       settings.postgres = value;
     else if (name == "--standby")
       settings.standby = value;
-    else if (name == "--only")
-      settings.only = value;
     else if (name == "--results")
       settings.results = value;
     else if (name == "--commit")
       settings.commit = value;
-    else if (name == "--rounds")
-      settings.rounds = std::max<std::size_t>(1, number);
-    else if (name == "--groups")
-      settings.groups = std::max<std::size_t>(1, number);
-    else if (name == "--sessions")
-      settings.sessions = std::max<std::size_t>(1, number);
-    else if (name == "--profile-bytes")
-      settings.profile_bytes = number;
-    else if (name == "--together")
-      settings.together = number != 0;
     else
       return std::fprintf(stderr, "ingest_bench: unknown option %s\n", name.c_str()), 2;
   }

@@ -7,7 +7,6 @@
 #include <chrono>
 #include <condition_variable>
 #include <mutex>
-#include <optional>
 #include <system_error>
 
 #include "db/credentials.h"
@@ -16,7 +15,6 @@
 #include "db/schema.h"
 #include "db/session_rows.h"
 #include "db/session_store.h"
-#include "db/station_claims.h"
 
 namespace needlelab::test {
 namespace {
@@ -39,14 +37,7 @@ class OurIngest final : public IngestContender {
         group_(group),
         writer_(mustIngest(openAt(database_.address(), Connection::Mode::kWriter)),
                 {.window = std::chrono::seconds(10), .max_items = 4 * group, .max_group = group},
-                [](const Error& error) { dieOfIngest(error.message); }) {
-    if (settings.together)
-      mustIngest(writer_.run([this](Connection& connection) -> Status {
-        ASSIGN_OR_RETURN(auto claim, StationClaims(connection).raise("station-1", "first", 1));
-        claim_.emplace(std::move(claim));
-        return {};
-      }));
-  }
+                [](const Error& error) { dieOfIngest(error.message); }) {}
 
   double run(const IngestRows& rows) override {
     std::vector<Appended> outcomes(rows.size());
@@ -61,7 +52,6 @@ class OurIngest final : public IngestContender {
       }
       Appended& outcome = outcomes[i];
       ArrivedChunk chunk{database_.id(rows[i].session), rows[i].seq, *rows[i].bytes, "station-1", &outcome};
-      if (claim_) chunk.claim = &*claim_;
       mustIngest(writer_.postChunk(std::move(chunk), [this, &outcome](const Status& status) {
         mustIngest(status);
         if (outcome.kind != Appended::Kind::kStored) dieOfIngest(outcome.text);
@@ -92,7 +82,6 @@ class OurIngest final : public IngestContender {
   std::condition_variable room_;
   std::size_t under_way_ = 0, done_ = 0;
   IngestTimes times_;  ///< the writer's thread, while rows are under way
-  std::optional<StationClaim> claim_;
   DbWriter writer_;
 };
 

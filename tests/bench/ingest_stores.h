@@ -22,13 +22,11 @@ namespace needlelab::test {
 
 struct IngestSettings {
   std::filesystem::path folder = std::filesystem::current_path();  ///< databases go here: a real disk
-  std::string only;                                                ///< the title of one engine; empty: all
   std::string postgres, standby;  ///< clusters (ingest_clusters), "host=… user=…"; empty: none
   std::filesystem::path results;
   std::string commit;
   std::size_t rounds = 12, groups = 20;
   std::size_t sessions = 1000, profile_bytes = 4000;
-  bool together = false;  ///< with a claim of the station, as servers that work together (PostgreSQL)
 };
 
 [[noreturn]] inline void dieOfIngest(const std::string& text) {

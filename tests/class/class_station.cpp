@@ -24,7 +24,7 @@ constexpr double kLongest_s = 600;
 
 using namespace std::chrono_literals;
 
-constexpr auto kPatienceForALesson = 10s, kPatienceForVerdicts = 60s;
+constexpr auto kPatience = 120s;
 constexpr std::size_t kChunkSamples = 1000;
 
 /// Empty: there were no requirements.
@@ -128,7 +128,7 @@ Status ClassStation::practise(std::vector<ClassSession>& attempts, const std::fu
 Status ClassStation::one(ClassSession& attempt) {
   const std::string& name = trainees_[attempt.plan.trainee].name;
   const std::string& exercise = exercises_[attempt.plan.exercise];
-  const auto message = uplink_->getLesson(exercise, name, kPatienceForALesson, false);
+  const auto message = uplink_->getLesson(exercise, name, kPatience, false);
   if (!message.ok()) {
     if (message.error().code != ErrorCode::kDenied || uplink_->state().denied) return message.error();
     attempt.locked = true;
@@ -186,7 +186,7 @@ Result<std::shared_ptr<SpoolSession>> ClassStation::record(const ClassSession& a
 }
 
 Status ClassStation::settle(std::vector<ClassSession>& attempts, std::size_t first, std::size_t end) {
-  const bool all = uplink_->waitUntilDone(kPatienceForVerdicts);
+  const bool all = uplink_->waitUntilDone(kPatience);
   const std::scoped_lock lock(mutex_);
   for (std::size_t i = first; i < end; ++i) {
     ClassSession& attempt = attempts[i];

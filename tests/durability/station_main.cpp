@@ -125,7 +125,7 @@ bool record(const Options& options, Spool& spool, Uplink& uplink, StationLedger&
         began + std::chrono::duration_cast<std::chrono::nanoseconds>(
                     std::chrono::duration<double>(static_cast<double>(i) / options.push_hz)));
   }
-  if (const Status ended = writer.finish(5s); !ended.ok())
+  if (const Status ended = writer.finish(60s); !ended.ok())
     return std::fprintf(stderr, "%s\n", ended.error().message.c_str()), false;
   ledger.end(**session);
   uplink.wake();

@@ -30,7 +30,7 @@ class Machine:
     def __init__(self, address):
         self.address = address
         self._holder = subprocess.Popen(["unshare", "--net", "cat"], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)  # pylint: disable=consider-using-with
-        self.pid, end = self._holder.pid, time.monotonic() + 10
+        self.pid, end = self._holder.pid, time.monotonic() + 60
         ours = os.readlink("/proc/self/ns/net")
         while self._holder.poll() is None and time.monotonic() < end:
             try:

@@ -3,7 +3,6 @@ import contextlib
 import json
 import os
 import pathlib
-import random
 import re
 import shutil
 import signal
@@ -12,14 +11,13 @@ import subprocess
 import sys
 import tempfile
 import time
-import urllib.error
-import urllib.request
 
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "postgres" / "faults"))
 import clusters  # noqa: E402
 from clusters import Failed, run, until  # noqa: E402
 from fault_lab import FaultLab, Template  # noqa: E402
+from programs import PATIENCE_S, fetched, free_port, metric_in, start, stop  # noqa: E402
 from scenarios import POWER_CUT, TWO_DISKS, CannotPlay, sound  # noqa: E402,F401  pylint: disable=unused-import
 import measures  # noqa: E402
 from cables import Here, NoNamespaces, Switch  # noqa: E402
@@ -28,7 +26,6 @@ from viewers import Viewer  # noqa: E402
 clusters.MOST_CONNECTIONS = 80  # of two servers
 NATS = "nats-server"
 # name -> how the servers are told apart: in station_claims (serverNameOf: the folder that made the database is "first"), and by --live-name
-PATIENCE_S = 60
 SERVERS = {"a": "first", "b": "b"}
 OTHER = {"a": "b", "b": "a"}
 GROUPS = ("stations-1", "stations-2")  # every second station; the first ask server a first
@@ -48,17 +45,6 @@ write_deadline: "2s"
 ping_interval: "5s"
 ping_max: 2
 """
-
-
-def free_port():
-    """Not one that the system gives to connections (32768 and above): who asks for a dead server there may get himself."""
-    while True:
-        with socket.socket() as probe:
-            try:
-                probe.bind(("127.0.0.1", random.SystemRandom().randrange(20_000, 32_000)))
-            except OSError:
-                continue
-            return probe.getsockname()[1]
 
 
 def nats_is_here():
@@ -196,39 +182,23 @@ class FacultyLab(FaultLab):
     def start(self, name):
         """Starts a server, and waits until it serves."""
         files = [self.folder / f"{what}-{name}" for what in ("port", "metrics")]
-        for file in files:
-            file.unlink(missing_ok=True)
         place = self.place(name)
         port = self.ports.setdefault(name, PORT if self.cables is not None else free_port())
         with open(self.folder / f"log-{name}", "ab") as log:
-            server = self.servers[name] = subprocess.Popen(  # pylint: disable=consider-using-with
+            self.servers[name] = start(
                 [*place.enter, self.template_of.bin / "needlelab-durability-server", "--data", self.data(name), "--together", "--durability", self.durability,
                  "--live", f"nats://{self.place('nats').address}:{self.ports['nats']}", "--live-name", SERVERS[name], *self.served(name),
                  "--listen", f"{place.address}:{port}", "--port-file", files[0], "--metrics-port-file", files[1]],
-                env=self.environment_of(name), stdin=subprocess.DEVNULL, stdout=log, stderr=log)
-        until(lambda: all(file.exists() and file.read_text().strip() for file in files) or server.poll() is not None, f"server {name} starts")
-        if server.poll() is not None:
-            raise Failed(f"server {name} ended with {server.returncode}")
+                files, log, self.environment_of(name), f"server {name}")
 
     def _get(self, name, path):
-        port = (self.folder / f"metrics-{name}").read_text().strip()
-
-        def get():
-            with urllib.request.urlopen(f"http://{self.monitored_at(name)}:{port}{path}", timeout=60) as answer:
-                return answer.read().decode()
-        return self.place(name).call(get)
+        return self.place(name).call(lambda: fetched(self.folder / f"metrics-{name}", path, self.monitored_at(name)))[1]
 
     def health(self, name="a"):  # pylint: disable=arguments-differ
-        try:
-            return json.loads(self._get(name, "/healthz"))
-        except urllib.error.HTTPError as refused:
-            return json.loads(refused.read())
+        return json.loads(self._get(name, "/healthz"))
 
     def metric(self, metric, name="a"):  # pylint: disable=arguments-differ,arguments-renamed
-        found = re.search(rf"^{re.escape(metric)} (\S+)$", self._get(name, "/metrics"), re.MULTILINE)
-        if found is None:
-            raise Failed(f"server {name} has no metric {metric}")
-        return float(found[1])
+        return metric_in(self._get(name, "/metrics"), metric)
 
     def chunks(self, name, result):
         return int(self.metric(f'needlelab_chunks_total{{result="{result}"}}', name))
@@ -378,9 +348,7 @@ class FacultyLab(FaultLab):
         self.end_stations()
         for name in SERVERS:
             until(lambda: self.health(name)["healthy"], f"server {name} is healthy", 60, 0.2)  # pylint: disable=cell-var-from-loop
-            self.servers[name].terminate()
-            if (code := self.servers[name].wait(60)) != 0:
-                raise Failed(f"server {name} ended with {code} at SIGTERM")
+            stop(self.servers[name], f"server {name}")
         self.standby.caught_up(self.primary)
         return self.with_findings(self.judge(self.primary, True, [self.standby]))
 

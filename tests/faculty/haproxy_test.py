@@ -165,7 +165,7 @@ class Browser(http.client.HTTPSConnection):
 
     def __init__(self, lab, address, authority=None):
         self.lab, self.address, self.cookie = lab, address, ""
-        super().__init__(NAME, lab.web_port, timeout=20, context=ssl.create_default_context(cafile=authority or lab.ca))
+        super().__init__(NAME, lab.web_port, timeout=60, context=ssl.create_default_context(cafile=authority or lab.ca))
 
     def connect(self):
         plain = socket.create_connection((PROXY, self.port), 20, (self.address, 0))
@@ -342,7 +342,7 @@ def pause(lab, proxy, name):
     print(f"it goes on and acknowledges nothing; {told:.0f} connections were told that they are deposed", flush=True)
     # it is started again, as the other one was
     lab.servers[name].terminate()
-    if lab.servers[name].wait(30) != 0:
+    if lab.servers[name].wait(60) != 0:
         raise Failed(f"server {name} ended with {lab.servers[name].returncode}")
     lab.start(name)
     lab.hear_each_other()

@@ -69,7 +69,7 @@ TEST_F(FaultProgram, acknowledgedWhileTheLessonGoesOnItEndsWell) {
   ASSERT_TRUE(says("FAULT: the needle's tip jumped")) << station_->said();
   EXPECT_THAT(station_->said(), AllOf(HasSubstr("take the needle out"), HasSubstr("SIGUSR1")));
   ASSERT_TRUE(acknowledged()) << station_->said();
-  ASSERT_EQ(station_->wait(60s), kExitDone) << station_->said();
+  ASSERT_EQ(station_->wait(), kExitDone) << station_->said();
   const auto out = summary();
   EXPECT_EQ(out["fault"], nullptr);
   EXPECT_EQ(out["fault_count"], 1);
@@ -88,7 +88,7 @@ TEST_F(FaultProgram, anAcknowledgementBeforeTheFaultIsNone) {
   start({"--on-fault", "wait", "--seconds", "3"});
   ASSERT_TRUE(says("real time:")) << station_->said();
   station_->signal(SIGUSR1);
-  ASSERT_EQ(station_->wait(60s), kExitFailed) << station_->said();
+  ASSERT_EQ(station_->wait(), kExitFailed) << station_->said();
   EXPECT_EQ(summary()["faults"][0]["acknowledged"], false);
   EXPECT_THAT(station_->said(), HasSubstr("the lesson ended in FAULT"));
 }
@@ -97,13 +97,13 @@ TEST_F(FaultProgram, aStopSignalEndsALessonThatWaitsInFault) {
   start({"--on-fault", "wait"});
   ASSERT_TRUE(says("FAULT")) << station_->said();
   station_->signal(SIGTERM);
-  ASSERT_EQ(station_->wait(30s), kExitFailed) << station_->said();
+  ASSERT_EQ(station_->wait(), kExitFailed) << station_->said();
   EXPECT_EQ(summary()["end"], "stopped");
 }
 
 TEST_F(FaultProgram, whereNobodyIsThereTheLessonEndsWithTheFault) {
   start({});
-  ASSERT_EQ(station_->wait(30s), kExitFailed) << station_->said();
+  ASSERT_EQ(station_->wait(), kExitFailed) << station_->said();
   EXPECT_THAT(station_->said(), AllOf(HasSubstr("The lesson ends"), Not(HasSubstr("SIGUSR1"))));
   EXPECT_EQ(summary()["end"], "FAULT");
 }

@@ -48,7 +48,7 @@ int Lab::admin(const std::vector<std::string>& arguments) const {
   std::vector<std::string> all = {"--data", path("data")};
   all.insert(all.end(), arguments.begin(), arguments.end());
   Process process("needlelab-admin", all, path("admin.log"));
-  const auto code = process.wait(60s);
+  const auto code = process.wait();
   if (code != 0) ADD_FAILURE() << process.said();
   return code.value_or(-1000);
 }
@@ -62,25 +62,20 @@ void Lab::startServer() {
                                         "--port-file", path("port")};
   arguments.insert(arguments.end(), server_arguments.begin(), server_arguments.end());
   server_ = std::make_unique<Process>("needlelab-server", arguments, path("server.log"));
-  std::string text;
-  const bool up = eventually([&] {
-    auto file = readWholeFile(path("port"));
-    if (file.ok()) text = *file;
-    return !text.empty();
-  });
-  if (!up) throw std::runtime_error("the server did not start: " + server_->said());
-  port_ = std::stoi(text);
+  const auto port = portOf(*server_, path("port"));
+  if (!port.ok()) throw std::runtime_error(port.error().message);
+  port_ = *port;
 }
 
 void Lab::killServer() {
   server_->signal(SIGKILL);
-  (void)server_->wait(5s);
+  (void)server_->wait();
   server_.reset();
 }
 
 int Lab::stopServer() {
   server_->signal(SIGTERM);
-  const auto code = server_->wait(20s);
+  const auto code = server_->wait();
   return code.value_or(-1000);
 }
 

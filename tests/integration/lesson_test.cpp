@@ -103,7 +103,7 @@ TEST_F(LessonTest, aWholeLessonIsStoredVerifiedAndScored) {
   lab_.startServer();
   const PoseTrack track = makeStroke(3);
   auto station = lab_.startStation("station", playing(writeStroke(lab_, track)));
-  ASSERT_EQ(station->wait(60s), kExitDone) << station->said();
+  ASSERT_EQ(station->wait(), kExitDone) << station->said();
   const auto summary = lab_.summary("station");
   ASSERT_TRUE(summary.is_object()) << station->said();
   EXPECT_EQ(summary["state"], "COMPLETE");
@@ -163,7 +163,7 @@ TEST_F(LessonTest, theServerIsKilledAndRestartedInMidLesson) {
   std::this_thread::sleep_for(700ms);
   lab_.killServer();
   lab_.startServer();
-  ASSERT_EQ(station->wait(60s), kExitDone) << station->said();
+  ASSERT_EQ(station->wait(), kExitDone) << station->said();
   const auto summary = lab_.summary("station");
   EXPECT_EQ(summary["state"], "COMPLETE") << station->said();
   EXPECT_EQ(summary["samples_acked"], summary["samples"]);
@@ -182,7 +182,7 @@ TEST_F(LessonTest, theStationIsKilledInMidLessonAndItsNextStartBringsTheRest) {
       << first->said();
   std::this_thread::sleep_for(630ms);  // in the middle of a chunk
   first->signal(SIGKILL);
-  ASSERT_EQ(first->wait(5s), -SIGKILL);
+  ASSERT_EQ(first->wait(), -SIGKILL);
   const std::string id = idText(onlySession());
 
   // the spool as the crash left it: a copy shows what recovery must return
@@ -198,7 +198,7 @@ TEST_F(LessonTest, theStationIsKilledInMidLessonAndItsNextStartBringsTheRest) {
 
   // a short lesson, which also uploads the old session
   auto second = lab_.startStation("second", {"--exercise", "ball-free-practice", "--seconds", "0.5"});
-  ASSERT_EQ(second->wait(60s), kExitDone) << second->said();
+  ASSERT_EQ(second->wait(), kExitDone) << second->said();
   EXPECT_EQ(lab_.summary("second")["state"], "COMPLETE");
   EXPECT_EQ(lab_.summary("second")["spool_left"], 0);
   EXPECT_THAT(second->said(), HasSubstr("was cut off"));
@@ -214,7 +214,7 @@ TEST_F(LessonTest, theStationIsKilledInMidLessonAndItsNextStartBringsTheRest) {
 
   // and a third start has nothing left to upload
   auto third = lab_.startStation("third", {"--exercise", "ball-free-practice", "--seconds", "0.2"});
-  ASSERT_EQ(third->wait(60s), kExitDone) << third->said();
+  ASSERT_EQ(third->wait(), kExitDone) << third->said();
   EXPECT_THAT(third->said(), testing::Not(HasSubstr("earlier runs")));
 }
 
@@ -226,11 +226,11 @@ TEST_F(LessonTest, theStationIsKilledManyTimesAndNothingIsLostOrDoubled) {
     auto station = lab_.startStation("station", {"--exercise", "ball-free-practice", "--hand-repeat", "0"});
     std::this_thread::sleep_for(std::chrono::milliseconds(300 + random() % 1500));
     station->signal(SIGKILL);
-    ASSERT_TRUE(station->wait(5s));
+    ASSERT_TRUE(station->wait());
   }
   auto last =
       lab_.startStation("last", {"--exercise", "ball-free-practice", "--seconds", "0.3", "--drain", "30"});
-  ASSERT_EQ(last->wait(90s), kExitDone) << last->said();
+  ASSERT_EQ(last->wait(), kExitDone) << last->said();
   EXPECT_EQ(lab_.summary("last")["spool_left"], 0);
   const auto sessions = lab_.sessions();
   EXPECT_GE(sessions.size(), 2u);
@@ -247,12 +247,12 @@ TEST_F(LessonTest, theStationIsKilledManyTimesAndNothingIsLostOrDoubled) {
 
 TEST_F(LessonTest, withoutTheServerTheCacheTeachesAndTheSamplesFollowLater) {
   lab_.startServer();
-  ASSERT_EQ(lab_.startStation("online", {"--exercise", "ball-free-practice", "--seconds", "0.3"})->wait(60s),
+  ASSERT_EQ(lab_.startStation("online", {"--exercise", "ball-free-practice", "--seconds", "0.3"})->wait(),
             kExitDone);
   ASSERT_EQ(lab_.stopServer(), kExitDone);
   auto offline = lab_.startStation(
       "offline", {"--exercise", "ball-free-practice", "--seconds", "1.5", "--drain", "0.2"});
-  ASSERT_EQ(offline->wait(60s), kExitDone)
+  ASSERT_EQ(offline->wait(), kExitDone)
       << offline->said() << "an offline station with its spool safe counts as done";
   EXPECT_THAT(offline->said(), HasSubstr("comes from the cache"));
   const auto summary = lab_.summary("offline");
@@ -261,11 +261,11 @@ TEST_F(LessonTest, withoutTheServerTheCacheTeachesAndTheSamplesFollowLater) {
   EXPECT_EQ(summary["score_source"], "station");
   // an exercise that was never fetched cannot be practised
   auto unknown = lab_.startStation("unknown", {"--exercise", "knee-recess", "--seconds", "1"});
-  EXPECT_EQ(unknown->wait(60s), kExitFailed) << unknown->said();
+  EXPECT_EQ(unknown->wait(), kExitFailed) << unknown->said();
 
   lab_.startServer();
   auto later = lab_.startStation("later", {"--exercise", "ball-free-practice", "--seconds", "0.3"});
-  ASSERT_EQ(later->wait(60s), kExitDone) << later->said();
+  ASSERT_EQ(later->wait(), kExitDone) << later->said();
   const StoredSession stored = lab_.stored(summary["session_id"]);
   EXPECT_EQ(stored.info.state(), pb::SESSION_COMPLETE);
   EXPECT_EQ(stored.samples.size(), summary["samples"]);
@@ -277,7 +277,7 @@ TEST_F(LessonTest, sigtermEndsTheSessionProperly) {
   ASSERT_TRUE(eventually([&] { return !lab_.sessions().empty() && lab_.sessions().front().chunks() >= 1; }))
       << station->said();
   station->signal(SIGTERM);
-  ASSERT_EQ(station->wait(30s), kExitDone) << station->said();
+  ASSERT_EQ(station->wait(), kExitDone) << station->said();
   const auto summary = lab_.summary("station");
   EXPECT_EQ(summary["end"], "stopped");
   EXPECT_EQ(summary["state"], "COMPLETE");
@@ -293,7 +293,7 @@ TEST_F(LessonTest, aJumpingRecordingFaultsIsSaidAndStoredNevertheless) {
   csv.close();
   auto station = lab_.startStation(
       "station", {"--exercise", "ball-free-practice", "--device", "recording:" + file.string()});
-  ASSERT_EQ(station->wait(60s), kExitFailed) << station->said();
+  ASSERT_EQ(station->wait(), kExitFailed) << station->said();
   EXPECT_THAT(station->said(), HasSubstr("FAULT"));
   const auto summary = lab_.summary("station");
   EXPECT_THAT(std::string(summary["fault"]), HasSubstr("5 m/s"));
@@ -323,7 +323,7 @@ TEST_F(LessonTest, somebodyWatchesLive) {
     }
     return samples >= 1000;
   })) << station->said();
-  EXPECT_EQ(station->wait(60s), kExitDone) << station->said();
+  EXPECT_EQ(station->wait(), kExitDone) << station->said();
   EXPECT_GT(lab_.summary("station")["live_frames"], 30);
 }
 
@@ -378,11 +378,11 @@ TEST_F(LessonTest, wrongInputIsRefusedWithItsExitCode) {
       arguments = {"--headless", "--seconds", "0.2", "--trainee", "tom"};
     arguments.insert(arguments.end(), wrong.arguments.begin(), wrong.arguments.end());
     Process station("needlelab-station", arguments, lab_.path("wrong" + std::to_string(number++) + ".log"));
-    EXPECT_EQ(station.wait(30s), wrong.code) << wrong.said << ": " << station.said();
+    EXPECT_EQ(station.wait(), wrong.code) << wrong.said << ": " << station.said();
     EXPECT_THAT(station.said(), HasSubstr(wrong.said));
   }
   // the server keeps serving the others
-  EXPECT_EQ(lab_.startStation("good", {"--exercise", "ball-free-practice", "--seconds", "0.3"})->wait(60s),
+  EXPECT_EQ(lab_.startStation("good", {"--exercise", "ball-free-practice", "--seconds", "0.3"})->wait(),
             kExitDone);
 }
 
@@ -412,7 +412,7 @@ TEST_P(RecordedHand, isExportedAsItWasPlayed) {
   auto station = lab.startStation(
       "station", {"--exercise", "ball-free-practice", "--device", "recording:" + file.string(),
                   "--tool=" + poseOptionText(X_HT), "--placement=" + poseOptionText(X_WL)});
-  ASSERT_EQ(station->wait(90s), kExitDone) << station->said();
+  ASSERT_EQ(station->wait(), kExitDone) << station->said();
   const auto summary = lab.summary("station");
   EXPECT_EQ(summary["state"], "COMPLETE");
   EXPECT_GE(summary["events"].value("entries into the tissue", 0), 1) << "the ball is in the stroke's way";

@@ -36,7 +36,7 @@ TEST(LiveModels, everyModelRendersAnInsertionInTheStation) {
   }
   for (Run& run : runs) {
     SCOPED_TRACE(run.model);
-    ASSERT_EQ(run.station->wait(60s), kExitDone) << run.station->said();
+    ASSERT_EQ(run.station->wait(), kExitDone) << run.station->said();
     const auto text = readWholeFile(folder.path() / (run.model + ".json"));
     ASSERT_TRUE(text.ok());
     const auto row = nlohmann::json::parse(*text)["rows"][0];

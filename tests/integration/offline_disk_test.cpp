@@ -20,7 +20,7 @@ class OfflineDiskTest : public testing::Test {
   void SetUp() override {
     Process probe(kPrivateMounts, {"sh", "-c", "mount -t tmpfs tmpfs /mnt && umount /mnt"},
                   lab_.path("probe.log"));
-    if (probe.wait(20s) != 0) GTEST_SKIP() << "no mount namespaces here: " << probe.said();
+    if (probe.wait() != 0) GTEST_SKIP() << "no mount namespaces here: " << probe.said();
     lab_.startServer();
     std::filesystem::create_directory(lab_.path("disk"));
   }
@@ -114,7 +114,7 @@ TEST_F(OfflineDiskTest, aDiskThatStaysFullCostsSamplesWhichAreCountedAndSaidEver
   const auto arguments = lab_.stationArguments(
       {"--exercise", "ball-free-practice", "--seconds", "0.3", "--drain", "30"}, lab_.path("left"));
   Process next("needlelab-station", arguments, lab_.path("next.log"));
-  ASSERT_EQ(next.wait(60s), kExitDone) << next.said();
+  ASSERT_EQ(next.wait(), kExitDone) << next.said();
   const StoredSession stored = lab_.stored(id);
   EXPECT_EQ(stored.info.state(), pb::SESSION_INTERRUPTED);
   EXPECT_EQ(stored.samples.size() + lost, samples);
@@ -123,7 +123,7 @@ TEST_F(OfflineDiskTest, aDiskThatStaysFullCostsSamplesWhichAreCountedAndSaidEver
   ASSERT_EQ(lab_.stopServer(), kExitDone);
   Process show("needlelab-admin", {"--data", lab_.path("data"), "session", "show", id},
                lab_.path("show.log"));
-  ASSERT_EQ(show.wait(30s), kExitDone) << show.said();
+  ASSERT_EQ(show.wait(), kExitDone) << show.said();
   EXPECT_THAT(show.said(), AllOf(HasSubstr("interrupted"), HasSubstr("station station-1"), HasSubstr(loss)));
   // both name the first lost tick: the next after the stored ones that the loop did not miss
   const std::uint64_t missed = summary["missed_ticks"], next_tick = stored.samples.back().tick + 1;
@@ -143,7 +143,7 @@ TEST_F(OfflineDiskTest, aSpoolThatMayNotBeWrittenIsSaidBeforeTheLesson) {
                        quoted(NEEDLELAB_SAMPLES "/knee-adult.json") + " --headless --seconds 0.2 --spool " +
                        disk + "/spool; code=$?; umount " + disk + "; exit $code"},
                   lab_.path("readonly.log"));
-  EXPECT_EQ(station.wait(30s), kExitFailed) << station.said();
+  EXPECT_EQ(station.wait(), kExitFailed) << station.said();
   EXPECT_THAT(station.said(), AllOf(HasSubstr("spool"), HasSubstr("Read-only file system")));
 }
 

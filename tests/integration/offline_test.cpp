@@ -22,7 +22,7 @@ class OfflineTest : public testing::Test {
   void fillCacheAndStopServer() {
     lab_.startServer();
     auto online = lab_.startStation("online", {"--exercise", "ball-free-practice", "--seconds", "0.3"});
-    ASSERT_EQ(online->wait(60s), kExitDone) << online->said();
+    ASSERT_EQ(online->wait(), kExitDone) << online->said();
     ASSERT_EQ(lab_.stopServer(), kExitDone);
   }
   // without any server on the command line
@@ -46,7 +46,7 @@ TEST_F(OfflineTest, threeLessonsWithoutAServerAreUploadedInOrderAndOnce) {
   for (int i = 0; i < 3; ++i) {
     const std::string name = "alone" + std::to_string(i);
     auto station = alone(name, {"--exercise", "ball-free-practice", "--seconds", "1.4"});
-    ASSERT_EQ(station->wait(60s), kExitDone) << station->said();
+    ASSERT_EQ(station->wait(), kExitDone) << station->said();
     const auto summary = lab_.summary(name);
     ids.push_back(summary["session_id"]);
     EXPECT_EQ(summary["samples_lost"], 0);
@@ -60,7 +60,7 @@ TEST_F(OfflineTest, threeLessonsWithoutAServerAreUploadedInOrderAndOnce) {
   lab_.startServer();
   auto later =
       lab_.startStation("later", {"--exercise", "ball-free-practice", "--seconds", "0.3", "--drain", "30"});
-  ASSERT_EQ(later->wait(90s), kExitDone) << later->said();
+  ASSERT_EQ(later->wait(), kExitDone) << later->said();
   EXPECT_EQ(lab_.summary("later")["spool_left"], 0);
   const auto sessions = lab_.sessions();
   EXPECT_EQ(sessions.size(), 5u) << "online, three alone, later: each once";
@@ -80,7 +80,7 @@ TEST_F(OfflineTest, threeLessonsWithoutAServerAreUploadedInOrderAndOnce) {
 
   // nothing is left to upload, and nothing is uploaded twice
   auto again = lab_.startStation("again", {"--exercise", "ball-free-practice", "--seconds", "0.3"});
-  ASSERT_EQ(again->wait(60s), kExitDone) << again->said();
+  ASSERT_EQ(again->wait(), kExitDone) << again->said();
   EXPECT_THAT(again->said(), Not(HasSubstr("earlier runs")));
   EXPECT_EQ(lab_.sessions().size(), 6u);
 }
@@ -94,7 +94,7 @@ TEST_F(OfflineTest, anUnknownNameIsRefusedWithTheServerAndTakenAndFlaggedWithout
     return std::make_unique<Process>("needlelab-station", arguments, lab_.path(name + ".log"));
   };
   auto away = as_tmo("away", {"--exercise", "ball-free-practice"});
-  ASSERT_EQ(away->wait(60s), kExitDone) << away->said();
+  ASSERT_EQ(away->wait(), kExitDone) << away->said();
   const std::string id = lab_.summary("away")["session_id"];
 
   lab_.startServer();
@@ -102,13 +102,13 @@ TEST_F(OfflineTest, anUnknownNameIsRefusedWithTheServerAndTakenAndFlaggedWithout
                                               {"--profile", NEEDLELAB_SAMPLES "/knee-adult.json"}};
   for (const auto& lesson : lessons) {
     auto refused = as_tmo("refused", lesson);
-    EXPECT_EQ(refused->wait(60s), kExitFailed) << refused->said();
+    EXPECT_EQ(refused->wait(), kExitFailed) << refused->said();
     EXPECT_THAT(refused->said(), HasSubstr("nobody named 'tmo' who may practise. Did you mean 'tom'?"));
   }
   // the next lesson brings what was recorded without the server
   auto next =
       lab_.startStation("next", {"--exercise", "ball-free-practice", "--seconds", "0.3", "--drain", "30"});
-  ASSERT_EQ(next->wait(90s), kExitDone) << next->said();
+  ASSERT_EQ(next->wait(), kExitDone) << next->said();
   EXPECT_EQ(lab_.sessions().size(), 3u) << "online, away, next: nothing was recorded of what was refused";
   const StoredSession stored = lab_.stored(id);
   EXPECT_EQ(stored.info.state(), pb::SESSION_COMPLETE);
@@ -121,7 +121,7 @@ TEST_F(OfflineTest, anUnknownNameIsRefusedWithTheServerAndTakenAndFlaggedWithout
   lab_.startServer();
   auto last =
       lab_.startStation("last", {"--exercise", "ball-free-practice", "--seconds", "0.3", "--drain", "30"});
-  ASSERT_EQ(last->wait(90s), kExitDone) << last->said();
+  ASSERT_EQ(last->wait(), kExitDone) << last->said();
   EXPECT_THAT(last->said(), Not(HasSubstr("another description")));
   EXPECT_EQ(lab_.stored(id).info.description().trainee(), "tom");
   EXPECT_EQ(lab_.stored(id).info.given_trainee(), "tmo");
@@ -146,7 +146,7 @@ TEST_F(OfflineTest, aCodeIsAskedForWithTheServerAndASessionBegunWithoutItWaits) 
 
   lab_.startServer();
   auto unasked = lesson("unasked", {});
-  EXPECT_EQ(unasked->wait(60s), kExitInvalid) << unasked->said();
+  EXPECT_EQ(unasked->wait(), kExitInvalid) << unasked->said();
   EXPECT_THAT(unasked->said(), HasSubstr("tom has a code"));
   EXPECT_THAT(unasked->said(), HasSubstr("--code-file FILE"));
   const std::vector<std::string> kinds[] = {{"--exercise", "ball-free-practice"},
@@ -155,13 +155,13 @@ TEST_F(OfflineTest, aCodeIsAskedForWithTheServerAndASessionBegunWithoutItWaits) 
     auto arguments = kind;
     arguments.insert(arguments.end(), {"--code-file", wrong_file});
     auto wrong = lab_.startStation("wrong", arguments);
-    EXPECT_EQ(wrong->wait(60s), kExitFailed) << wrong->said();
+    EXPECT_EQ(wrong->wait(), kExitFailed) << wrong->said();
     EXPECT_THAT(wrong->said(), HasSubstr("not the code of tom"));
     EXPECT_THAT(wrong->said(), Not(HasSubstr("badge-of-zoe"))) << "no code is shown";
   }
   EXPECT_EQ(lab_.sessions().size(), 1u) << "only the lesson of before: nothing was recorded";
   auto right = lesson("right", {"--code-file", right_file});
-  ASSERT_EQ(right->wait(60s), kExitDone) << right->said();
+  ASSERT_EQ(right->wait(), kExitDone) << right->said();
   const StoredSession checked = lab_.stored(lab_.summary("right")["session_id"]);
   EXPECT_TRUE(checked.info.description().code_checked());
   EXPECT_FALSE(checked.info.unknown_trainee());
@@ -171,12 +171,12 @@ TEST_F(OfflineTest, aCodeIsAskedForWithTheServerAndASessionBegunWithoutItWaits) 
   ASSERT_EQ(lab_.stopServer(), kExitDone);
   auto away = lab_.startStation("away", {"--exercise", "ball-free-practice", "--seconds", "0.3", "--drain",
                                          "0.2", "--code-file", right_file});
-  ASSERT_EQ(away->wait(60s), kExitDone) << away->said();
+  ASSERT_EQ(away->wait(), kExitDone) << away->said();
   EXPECT_THAT(away->said(), HasSubstr("your code was not checked. A manager confirms this session later."));
   const std::string id = lab_.summary("away")["session_id"];
   lab_.startServer();
   auto next = lesson("next", {"--code-file", right_file});
-  ASSERT_EQ(next->wait(90s), kExitDone) << next->said();
+  ASSERT_EQ(next->wait(), kExitDone) << next->said();
   const StoredSession unchecked = lab_.stored(id);
   EXPECT_EQ(unchecked.info.state(), pb::SESSION_COMPLETE);
   EXPECT_FALSE(unchecked.info.description().code_checked());
@@ -206,7 +206,7 @@ TEST_F(OfflineTest, aDisabledPersonIsRefusedWithAProfileFromAFileToo) {
                                            "0.3"};
   lab_.startServer();
   auto refused = lab_.startStation("refused", lesson);
-  EXPECT_EQ(refused->wait(60s), kExitFailed) << refused->said();
+  EXPECT_EQ(refused->wait(), kExitFailed) << refused->said();
   EXPECT_THAT(refused->said(), HasSubstr("nobody named 'tom' who may practise"));
   EXPECT_TRUE(lab_.sessions().empty());
 }
@@ -224,14 +224,14 @@ TEST_F(OfflineTest, aSilentServerHoldsUpAProfileFromAFileForThreeSecondsOnly) {
   EXPECT_TRUE(eventually(goesOn, 60s)) << station->said();
   lab_.signalServer(SIGCONT);
   station->signal(SIGTERM);
-  EXPECT_TRUE(station->wait(60s).has_value()) << station->said();
+  EXPECT_TRUE(station->wait().has_value()) << station->said();
 }
 
 TEST_F(OfflineTest, aServerThatIsAwayIsNotWaitedForAtTheEnd) {
   fillCacheAndStopServer();
   auto station =
       lab_.startStation("away", {"--exercise", "ball-free-practice", "--seconds", "0.5", "--drain", "60"});
-  ASSERT_EQ(station->wait(90s), kExitDone) << station->said();
+  ASSERT_EQ(station->wait(), kExitDone) << station->said();
   // else it says what could not be sent within --drain (DrainEnd::kTimeOver)
   EXPECT_THAT(station->said(), HasSubstr("not connected"));
   EXPECT_THAT(station->said(), HasSubstr("the spool keeps everything"));
@@ -245,7 +245,7 @@ TEST_F(OfflineTest, aServerThatComesInMidLessonGetsAllOfIt) {
       lab_.startStation("station", {"--exercise", "ball-free-practice", "--seconds", "4", "--drain", "30"});
   std::this_thread::sleep_for(1500ms);
   lab_.startServer();
-  ASSERT_EQ(station->wait(90s), kExitDone) << station->said();
+  ASSERT_EQ(station->wait(), kExitDone) << station->said();
   const auto summary = lab_.summary("station");
   EXPECT_EQ(summary["state"], "COMPLETE") << station->said();
   EXPECT_EQ(summary["samples_acked"], summary["samples"]);
@@ -266,7 +266,7 @@ TEST_F(OfflineTest, theListTellsWhatCanBePractisedWithAndWithoutTheServer) {
   Process offline("needlelab-station",
                   {"--list-exercises", "--spool", lab_.path("spool"), "--json", lab_.path("offline.json")},
                   lab_.path("offline.log"));
-  ASSERT_EQ(offline.wait(30s), kExitDone) << offline.said();
+  ASSERT_EQ(offline.wait(), kExitDone) << offline.said();
   auto rows = rowsOf("offline");
   ASSERT_EQ(rows.size(), 1u);
   EXPECT_EQ(rows["ball-free-practice"]["cached"], true);
@@ -277,7 +277,7 @@ TEST_F(OfflineTest, theListTellsWhatCanBePractisedWithAndWithoutTheServer) {
   lab_.startServer();
   auto arguments = lab_.stationArguments({"--list-exercises", "--json", lab_.path("online2.json")});
   Process online("needlelab-station", arguments, lab_.path("online2.log"));
-  ASSERT_EQ(online.wait(30s), kExitDone) << online.said();
+  ASSERT_EQ(online.wait(), kExitDone) << online.said();
   rows = rowsOf("online2");
   EXPECT_GT(rows.size(), 3u);
   EXPECT_EQ(rows["ball-free-practice"]["on_server"], true);
@@ -286,7 +286,7 @@ TEST_F(OfflineTest, theListTellsWhatCanBePractisedWithAndWithoutTheServer) {
   // nothing cached, no server
   Process nothing("needlelab-station", {"--list-exercises", "--spool", lab_.path("empty")},
                   lab_.path("nothing.log"));
-  EXPECT_EQ(nothing.wait(30s), kExitFailed);
+  EXPECT_EQ(nothing.wait(), kExitFailed);
   EXPECT_THAT(nothing.said(), HasSubstr("no exercise is cached"));
 }
 
@@ -295,7 +295,7 @@ TEST_F(OfflineTest, theLadderOfATraineeIsListedAndOffLineAsOfItsTime) {
   ASSERT_EQ(lab_.admin({"assign", "tom", "--course", "rheumatology-basics"}), kExitDone);
   lab_.startServer();
   Process online("needlelab-station", lab_.stationArguments({"--list-exercises"}), lab_.path("ladder.log"));
-  ASSERT_EQ(online.wait(30s), kExitDone) << online.said();
+  ASSERT_EQ(online.wait(), kExitDone) << online.said();
   const std::string first = "\nRheumatology: needle injection, the basics\n  1.  ball-free-practice";
   EXPECT_THAT(online.said(), HasSubstr(first));
   EXPECT_THAT(online.said(), HasSubstr("Next")) << "0.3 s of it are no pass";
@@ -303,7 +303,7 @@ TEST_F(OfflineTest, theLadderOfATraineeIsListedAndOffLineAsOfItsTime) {
 
   ASSERT_EQ(lab_.stopServer(), kExitDone);
   Process away("needlelab-station", lab_.stationArguments({"--list-exercises"}), lab_.path("away.log"));
-  ASSERT_EQ(away.wait(30s), kExitDone) << away.said();
+  ASSERT_EQ(away.wait(), kExitDone) << away.said();
   EXPECT_THAT(away.said(), HasSubstr("the server is away"));
   EXPECT_THAT(away.said(), HasSubstr("tom, as of 20"));
   EXPECT_THAT(away.said(), HasSubstr(first));
@@ -316,7 +316,7 @@ TEST_F(OfflineTest, aDamagedOrHostileCacheIsSaidAndNotFelt) {
   const auto refused = [&](const std::string& name, const std::string& text) {
     std::ofstream(file) << text;
     auto station = alone(name, {"--exercise", "ball-free-practice", "--seconds", "0.2"});
-    EXPECT_EQ(station->wait(30s), kExitInvalid) << name << station->said();
+    EXPECT_EQ(station->wait(), kExitInvalid) << name << station->said();
     EXPECT_THAT(station->said(), HasSubstr("ball-free-practice.json")) << name;
     EXPECT_THAT(station->said(), HasSubstr("connect to the server")) << name;
     EXPECT_THAT(station->said(), Not(HasSubstr("\x1b"))) << name;
@@ -332,22 +332,22 @@ TEST_F(OfflineTest, aDamagedOrHostileCacheIsSaidAndNotFelt) {
   // once the server is back, the damaged one is replaced
   lab_.startServer();
   auto online = lab_.startStation("online3", {"--exercise", "ball-free-practice", "--seconds", "0.2"});
-  EXPECT_EQ(online->wait(60s), kExitDone) << online->said();
+  EXPECT_EQ(online->wait(), kExitDone) << online->said();
   ASSERT_EQ(lab_.stopServer(), kExitDone);
   auto whole = alone("whole", {"--exercise", "ball-free-practice", "--seconds", "0.2"});
-  EXPECT_EQ(whole->wait(30s), kExitDone) << whole->said();
+  EXPECT_EQ(whole->wait(), kExitDone) << whole->said();
 }
 
 TEST_F(OfflineTest, overTheQuotaLessonsGoOnAndEverybodyIsTold) {
   lab_.startServer();
   auto online = lab_.startStation("online", {"--exercise", "ball-free-practice", "--seconds", "0.3"});
-  ASSERT_EQ(online->wait(60s), kExitDone) << online->said();
+  ASSERT_EQ(online->wait(), kExitDone) << online->said();
   ASSERT_EQ(lab_.stopServer(), kExitDone);
   auto first = alone("first", {"--exercise", "ball-free-practice", "--seconds", "1.5"});
-  ASSERT_EQ(first->wait(30s), kExitDone) << first->said();
+  ASSERT_EQ(first->wait(), kExitDone) << first->said();
   auto second =
       alone("second", {"--exercise", "ball-free-practice", "--seconds", "1.5", "--spool-quota", "0.001"});
-  ASSERT_EQ(second->wait(30s), kExitDone) << second->said();
+  ASSERT_EQ(second->wait(), kExitDone) << second->said();
   const std::string said = second->said();
   const auto start = said.find("over its quota"), end = said.rfind("over its quota");
   ASSERT_NE(start, std::string::npos) << said;

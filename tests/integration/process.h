@@ -7,6 +7,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
@@ -19,6 +20,8 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/files.h"
+#include "common/base/result.h"
 #include "tests/support/patience.h"
 
 namespace needlelab::test {
@@ -50,7 +53,7 @@ class Process {
   }
   ~Process() {
     signal(SIGKILL);
-    (void)wait(std::chrono::seconds(10));
+    (void)wait();
   }
   Process(const Process&) = delete;
   Process& operator=(const Process&) = delete;
@@ -59,7 +62,7 @@ class Process {
     if (!status_) ::kill(pid_, number);
   }
   /// Returns the exit code, −signal when it was killed, or empty when it still runs after `limit`.
-  std::optional<int> wait(std::chrono::milliseconds limit) {
+  std::optional<int> wait(std::chrono::milliseconds limit = kPatience) {
     const auto end = std::chrono::steady_clock::now() + limit;
     while (!status_) {
       int status = 0;
@@ -86,5 +89,19 @@ class Process {
   pid_t pid_ = -1;
   std::optional<int> status_;
 };
+
+/// What a server writes into this file once it listens there. Errors: kFailed with the end of what it said.
+inline Result<std::uint16_t> portOf(Process& server, const std::filesystem::path& file) {
+  std::string text;
+  (void)eventually([&] {
+    auto read = readWholeFile(file);
+    if (read.ok()) text = *read;
+    return !text.empty() || server.wait(std::chrono::milliseconds(0)).has_value();
+  });
+  if (!text.empty()) return static_cast<std::uint16_t>(std::stoi(text));
+  const std::string said = server.said();
+  return Error{ErrorCode::kFailed, "the server did not start: " +
+                                       said.substr(said.size() - std::min<std::size_t>(said.size(), 2000))};
+}
 
 }  // namespace needlelab::test

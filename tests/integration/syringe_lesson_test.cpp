@@ -57,7 +57,7 @@ TEST_F(SyringeLessonTest, aRecordingsPlungerBecomesStoredEventsWithPlaceAndTime)
   std::ofstream(file) << recordedInjection();
   auto station = lab_.startStation("station", {"--exercise", "ball-free-practice", "--device",
                                                "recording:" + file, "--placement", "0.4,-0.1,0.045,0,0,0,1"});
-  ASSERT_EQ(station->wait(60s), kExitDone) << station->said();
+  ASSERT_EQ(station->wait(), kExitDone) << station->said();
   const Json summary = lab_.summary("station");
   ASSERT_TRUE(summary.is_object()) << station->said();
 
@@ -91,7 +91,7 @@ TEST_F(SyringeLessonTest, theSimulatedHandAspiratesAndInjectsIntoItsTarget) {
   lab_.startServer();
   auto station = lab_.startStation(
       "station", {"--exercise", "shoulder-bursa", "--device", "simulated", "--hand-speed-m-s", "0.04"});
-  ASSERT_EQ(station->wait(60s), kExitDone) << station->said();
+  ASSERT_EQ(station->wait(), kExitDone) << station->said();
   const Json summary = lab_.summary("station");
   const Json events = summary.at("syringe");
   ASSERT_EQ(events.size(), 2u) << events;

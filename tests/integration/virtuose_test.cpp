@@ -49,7 +49,7 @@ class VirtuoseStation : public testing::Test {
                                        folder_.path() / "summary.json"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     Process station("needlelab-station", arguments, folder_.path() / "log");
-    const auto code = station.wait(60s);
+    const auto code = station.wait();
     said_ = station.said();
     return code.value_or(-1000);
   }

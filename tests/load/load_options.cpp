@@ -48,42 +48,31 @@ std::size_t firstServerOf(std::size_t station, std::size_t viewers, std::size_t 
 }
 
 Status checkOptions(const LoadOptions& options) {
-  Status checks[] = {
-      within("--stations", static_cast<double>(options.stations), 1, 4000),
-      within("--viewers", static_cast<double>(options.viewers), 0, 100),
-      within("--seconds", options.seconds, 0.1, 7200),
-      within("--spread", options.spread_s, 0, 60),
-      within("--gestures", static_cast<double>(options.gestures), 1, 500),
-      within("--connect-rate", options.connect_per_s, 1, 10'000),
-      within("--fault-every", options.fault_every_s, 0.5, 3600),
+  RETURN_IF_ERROR(within("--stations", static_cast<double>(options.stations), 1, 4000));
+  RETURN_IF_ERROR(within("--viewers", static_cast<double>(options.viewers), 0, 100));
+  RETURN_IF_ERROR(within("--seconds", options.seconds, 0.1, 7200));
+  const bool here = options.server.empty(), several = !options.servers.empty(),
+             store = !options.store.empty();
+  const struct {
+    bool wrong;
+    const char* text;
+  } rules[] = {
+      {!here && options.ca_file.empty(), "--server needs --ca FILE: the server's tls/ca.crt"},
+      {!here && options.password_file.empty(),
+       "--server needs --password-file FILE, the password of the administrator --user: the stations are "
+       "enrolled and the database is read by him"},
+      {here && (!options.ca_file.empty() || !options.password_file.empty()),
+       "--ca and --password-file go with --server HOST:PORT"},
+      {!here && (store || several || options.faults),
+       "--store, --servers and --faults are of own servers: they do not go with --server"},
+      {several && !store, "--servers work together on a database on PostgreSQL: give it by --store URL"},
+      {several && options.faults,
+       "--faults has one server: several are attacked by tests/faculty, leave --servers out"},
+      {!options.standby.empty() && !store, "--standby is that of the database of --store: give both"},
   };
-  for (Status& check : checks)
-    if (!check.ok()) return std::move(check);
-  if (!options.server.empty() && options.ca_file.empty())
-    return invalid("--server needs --ca FILE: the server's tls/ca.crt");
-  if (!options.server.empty() && options.password_file.empty())
-    return invalid(
-        "--server needs --password-file FILE, the password of the administrator --user: the stations are "
-        "enrolled and the database is read by him");
-  if (!options.server.empty() && !options.data.empty())
-    return invalid("--data is the folder of an own server: it does not go with --server");
-  if (!options.server.empty() && !options.store.empty())
-    return invalid("--store is the database of an own server: it does not go with --server");
-  if (!options.servers.empty()) {
-    RETURN_IF_ERROR(checkNames(options.servers));
-    if (!options.server.empty())
-      return invalid("--servers are started here: they do not go with --server, which names some that run");
-    if (options.store.empty())
-      return invalid("--servers work together on a database on PostgreSQL: give it by --store URL");
-    if (options.faults)
-      return invalid("--faults has one server: several are attacked by tests/faculty, leave --servers out");
-  }
-  if (!options.standby.empty() && options.store.empty())
-    return invalid("--standby is that of the database of --store: give both");
-  if (!options.server.empty() && options.faults)
-    return invalid("--faults kills and restarts an own server: it does not go with --server");
-  if (!!options.server.empty() && (!options.ca_file.empty() || !options.password_file.empty()))
-    return invalid("--ca and --password-file go with --server HOST:PORT");
+  for (const auto& rule : rules)
+    if (rule.wrong) return invalid(rule.text);
+  if (several) return checkNames(options.servers);
   return {};
 }
 

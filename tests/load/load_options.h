@@ -18,10 +18,8 @@ struct LoadOptions {
   std::size_t stations = 10;  ///< [1, 4000]
   std::size_t viewers = 1;    ///< [0, 100]; each watches its share of the stations at full rate
   double seconds = 10;        ///< of streaming, [0.1, 7200]
-  double spread_s = 1;        ///< the stations begin evenly within it, [0, 60]
   std::uint64_t seed = 1;
-  std::size_t gestures = 24;   ///< in the pool, [1, 500]
-  double connect_per_s = 400;  ///< log-ins of stations before the streaming, [1, 10000]
+  std::size_t gestures = 24;  ///< in the pool
 
   // servers of one lab that run already; else own ones are started
   Endpoints server;
@@ -33,14 +31,13 @@ struct LoadOptions {
   /// Names of own servers that work together on `store`, connected by an own NATS: 2 to kMostServers. Empty:
   /// one server, alone.
   std::vector<std::string> servers;
-  std::filesystem::path bin;   ///< where needlelab-server is
-  std::filesystem::path data;  ///< its folder, new, kept; empty: a temporary one
-  std::string store;           ///< its database on PostgreSQL, an empty one; empty: SQLite
+  std::filesystem::path bin;  ///< where needlelab-server is
+  std::string store;          ///< its database on PostgreSQL, an empty one; empty: SQLite
   /// The postmaster.pid of the database's standby on this computer, for what it costs; empty: there is none.
   std::filesystem::path standby;
 
   bool faults = false;        ///< random faults (FaultPlan); needs an own server
-  double fault_every_s = 10;  ///< on average, [0.5, 3600]
+  double fault_every_s = 10;  ///< on average
   bool quiet = false;         ///< no progress on standard error
 };
 

@@ -1,58 +1,34 @@
-/// A run as JSON and as text.
+/// A run as JSON and as text, and a long run with faults judged.
 #pragma once
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
-#include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
-#include "common/base/program.h"
 #include "common/base/result.h"
 #include "tests/load/load_run.h"
-#include "tests/load/own_server.h"
-
-namespace needlelab {
-std::span<const EmbeddedFile> embeddedLoadPlots();  ///< the .gp files of this folder
-}  // namespace needlelab
+#include "tests/soak/soak_judge.h"
 
 namespace needlelab::test {
 
 nlohmann::ordered_json loadJson(const LoadResult& result);
-/// Some lines for a person; the last is the verdict.
+/// A line for each of its fields; the last line is the verdict.
 std::string loadText(const LoadResult& result);
 
-// Growth of a server from one station to a thousand: table, goals, picture.
+// A long run with faults, judged: nothing lost, the server's memory and file handles flat.
 
-struct GrowthGoals {
-  std::size_t stations = 1000;
-  double live_p99_ms = 50;
-};
+/// What counts is how long the last server lives after its warm-up; with faults, kills end early
+/// (kKillShare).
+SoakForm soakForm(const LoadOptions& options);
 
-/// What `needlelab-load --json` said of each size, smallest first; the profile is of a run of its own at
-/// the largest.
-struct Growth {
-  std::vector<nlohmann::ordered_json> runs;
-  std::optional<Profile> profile;
-  pid_t profiled_pid = 0;  ///< of the server: its first thread is the network's
-  double profiled_s = 0;   ///< of the server's processor time, while it was looked at for `profile_span_s`
-  double profile_span_s = 0;
-  std::string why_no_profile;
-  std::string commit;
-};
+/// In table order. Memory and handles are those of the last server process, after a warm-up of
+/// ten minutes: both start again with each restart.
+std::vector<Finding> judgeLoad(const LoadResult& result, const SoakLimits& limits = {});
 
-struct GrowthVerdict {
-  bool met = false;
-  std::string text;
-};
-/// The goals of tests/bench/README.md, over all sizes; the largest must be that of the goal.
-std::vector<GrowthVerdict> judgeGrowth(const Growth& growth, const GrowthGoals& goals = {});
-
-/// Markdown: the table of sizes, goals, where the time goes, what limits next.
-std::string growthText(const Growth& growth);
-std::string growthJson(const Growth& growth);
-/// Four panels over the number of stations. Errors: kFailed with gnuplot's words.
-Status drawGrowth(const Growth& growth, const std::filesystem::path& png);
+/// Creates `out` and writes samples.csv (one row per second), table.txt (the verdict is its last line) and
+/// load.json. Errors: kFailed.
+Status writeSoak(const LoadResult& result, const std::vector<Finding>& findings,
+                 const std::filesystem::path& out);
 
 }  // namespace needlelab::test

@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 #include <sys/resource.h>
 #include <sys/vfs.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -15,9 +16,10 @@
 #include "tests/bench/result_folder.h"
 #include "tests/load/load_options.h"
 #include "tests/load/load_viewer.h"
-#include "tests/load/own_nats.h"
 #include "tests/load/own_server.h"
 #include "tests/load/station_crowd.h"
+#include "tests/nats/nats_server.h"
+#include "tests/support/patience.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
@@ -26,6 +28,8 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr double kLiveEvery_s = 10;
+constexpr double kSpread_s = 1;         // within which the stations begin
+constexpr double kConnect_per_s = 400;  // log-ins of stations before the streaming
 
 double seconds(std::int64_t ns) {
   return static_cast<double>(ns) * 1e-9;
@@ -110,16 +114,8 @@ class LoadRun {
   }
 
   Status enrolHere() {
-    std::filesystem::path folder = options_.data;
+    const std::filesystem::path folder = temporary_.emplace().path();
     std::error_code error;
-    if (folder.empty()) {
-      folder = temporary_.emplace().path();
-    } else if (std::filesystem::exists(ownFolder(folder, 0) / "data") ||
-               (std::filesystem::create_directories(folder, error), error)) {
-      return Error{ErrorCode::kInvalidInput,
-                   "--data " + folder.string() + ": " +
-                       (error ? error.message() : "holds an earlier run's data; name a new folder")};
-    }
     result_.database_disk = options_.store.empty() ? diskOf(folder) : "PostgreSQL";
     std::filesystem::create_directories(ownFolder(folder, 0), error);
     const std::filesystem::path data = ownFolder(folder, 0) / "data";
@@ -141,8 +137,18 @@ class LoadRun {
     return options_.servers.empty() ? folder : folder / options_.servers[i];
   }
 
+  // core NATS without TLS and users, as the servers of one machine
+  Status startNats() {
+    if (::access(NEEDLELAB_NATS_SERVER, X_OK) != 0)
+      return Error{ErrorCode::kFailed,
+                   NEEDLELAB_NATS_SERVER " is missing: install it with deploy/setup --faculty"};
+    nats_.emplace("http: \"127.0.0.1:-1\"\n");
+    nats_->start();
+    return {};
+  }
+
   Status startServers(const std::filesystem::path& folder) {
-    if (!options_.servers.empty()) RETURN_IF_ERROR(nats_.emplace().start());
+    if (!options_.servers.empty()) RETURN_IF_ERROR(startNats());
     const std::size_t count = std::max<std::size_t>(1, options_.servers.size());
     Endpoints all;
     for (std::size_t i = 0; i < count; ++i) {
@@ -197,9 +203,9 @@ class LoadRun {
     const std::int64_t begin_ns = steadyNowNs();
     crowd_.emplace(shared_);
     viewers_.emplace(shared_, login_, options_.viewers);
-    crowd_->connect(options_.connect_per_s);
+    crowd_->connect(kConnect_per_s);
     viewers_->connect();
-    const double limit_s = 60 + static_cast<double>(options_.stations) / options_.connect_per_s;
+    const double limit_s = 60 + static_cast<double>(options_.stations) / kConnect_per_s;
     for (;;) {
       const CrowdState state = crowd_->state();
       const std::size_t watching = viewers_->watching();
@@ -227,7 +233,7 @@ class LoadRun {
     const std::int64_t begin_ns = steadyNowNs() + 100'000'000;
     for (std::size_t i = 0; i < shared_.stations.size(); ++i)
       shared_.stations[i].start_ns =
-          begin_ns + static_cast<std::int64_t>(1e9 * options_.spread_s * static_cast<double>(i) /
+          begin_ns + static_cast<std::int64_t>(1e9 * kSpread_s * static_cast<double>(i) /
                                                static_cast<double>(shared_.stations.size()));
     ASSIGN_OR_RETURN(const std::vector<ProcessUse> before, uses());
     FaultPlan faults(options_);
@@ -263,14 +269,6 @@ class LoadRun {
     for (std::size_t i = 0; i < servers_.size(); ++i)
       result_.server_cpu_s += result_.processes[i].cpu_s.value_or(0);
     result_.generator_cpu_s = result_.processes.back().cpu_s.value_or(0);
-    if (postgres_) {
-      const ProcessUse& use = result_.processes[servers_.size()];
-      result_.postgres.emplace();
-      result_.postgres->cpu_s = use.cpu_s;
-      result_.postgres->disk_bytes = use.disk_bytes;
-      result_.postgres->log_bytes = use.log_bytes.value_or(0);
-      result_.postgres->sent_bytes = use.sent_bytes;
-    }
     return {};
   }
 
@@ -288,15 +286,21 @@ class LoadRun {
       all.push_back(std::move(use));
     }
     if (postgres_) {
-      ASSIGN_OR_RETURN(const PostgresCost cost, postgresCost(*postgres_));
-      all.push_back(cost.use());
+      ASSIGN_OR_RETURN(const PostgresUse postgres, postgresUse(*postgres_));
+      all.push_back(postgres.use);
     }
     if (!options_.standby.empty()) {
-      ASSIGN_OR_RETURN(ProcessUse use, postgresUse(options_.standby));
-      use.name = "standby";
+      ASSIGN_OR_RETURN(ProcessUse use, standbyUse(options_.standby));
       all.push_back(std::move(use));
     }
-    if (nats_) all.push_back(nats_->use());
+    if (nats_) {
+      ProcessUse use = useOf(nats_->pid());
+      use.name = "NATS";
+      addVarz(use, httpSend(static_cast<std::uint16_t>(nats_->monitoringPort()),
+                            "GET /varz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n", kPatience)
+                       .body);
+      all.push_back(std::move(use));
+    }
     ProcessUse own;
     own.name = "generator";
     own.cpu_s = ownCpu_s();
@@ -376,7 +380,7 @@ class LoadRun {
       result_.stored = std::move(check);
       result_.database_bytes = bytesBelow(data);
       if (postgres_) {
-        ASSIGN_OR_RETURN(const PostgresCost end, postgresCost(*postgres_));
+        ASSIGN_OR_RETURN(const PostgresUse end, postgresUse(*postgres_));
         result_.database_bytes = end.database_bytes;
       }
     } else {
@@ -430,9 +434,9 @@ class LoadRun {
   LoadShared shared_;
   pb::Login login_;
   std::optional<TempFolder> temporary_;
-  std::optional<OwnNats> nats_;         // with several servers
-  std::vector<OwnServer> servers_;      // none: they run already
-  std::optional<Connection> postgres_;  // with --store: for its sizes
+  std::optional<NatsServerProcess> nats_;  // with several servers
+  std::vector<OwnServer> servers_;         // none: they run already
+  std::optional<Connection> postgres_;     // with --store: for its sizes
   std::uint64_t starts_ = 0;
   std::pair<std::uint64_t, std::uint64_t> live_;  // which server, KiB
   double live_due_s_ = 0;

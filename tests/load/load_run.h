@@ -13,10 +13,8 @@
 #include "tests/load/load_options.h"
 #include "tests/load/load_station.h"
 #include "tests/load/load_viewer.h"
-#include "tests/load/postgres_cost.h"
 #include "tests/load/process_use.h"
 #include "tests/soak/process_sample.h"
-#include "tests/soak/soak_judge.h"
 
 namespace needlelab::test {
 
@@ -41,10 +39,9 @@ struct LoadResult {
   DatabaseCheck stored;
   // over the streaming; of all servers together
   double server_cpu_s = 0, generator_cpu_s = 0;
-  std::uint64_t server_rss_KiB = 0;      ///< greatest seen, of one server
-  std::uint64_t server_handles = 0;      ///< greatest seen, of one server
-  std::uint64_t database_bytes = 0;      ///< after the end
-  std::optional<PostgresCost> postgres;  ///< cpu_s and log_bytes over the streaming; with LoadOptions::store
+  std::uint64_t server_rss_KiB = 0;  ///< greatest seen, of one server
+  std::uint64_t server_handles = 0;  ///< greatest seen, of one server
+  std::uint64_t database_bytes = 0;  ///< after the end
   /// Over the streaming: each server of its own, PostgreSQL, its standby, NATS, the generator; as far as the
   /// run has them.
   std::vector<ProcessUse> processes;
@@ -62,20 +59,5 @@ struct LoadResult {
 /// Another thread or a signal handler may set `interrupt`; the run then ends in order. Errors: kInvalidInput
 /// (options), kFailed or kUnavailable when the run could not start.
 Result<LoadResult> runLoad(const LoadOptions& options, const std::atomic<bool>& interrupt);
-
-// A long run with faults, judged: nothing lost, the server's memory and file handles flat.
-
-/// What counts is how long the last server lives after its warm-up; with faults, kills end early
-/// (kKillShare).
-SoakForm soakForm(const LoadOptions& options);
-
-/// In table order. Memory and handles are those of the last server process, after a warm-up of
-/// ten minutes: both start again with each restart.
-std::vector<Finding> judgeLoad(const LoadResult& result, const SoakLimits& limits = {});
-
-/// Creates `out` and writes samples.csv (one row per second), table.txt (the verdict is its last line),
-/// load.json, and soak.png if gnuplot is available. Errors: kFailed.
-Status writeSoak(const LoadResult& result, const std::vector<Finding>& findings,
-                 const std::filesystem::path& out);
 
 }  // namespace needlelab::test

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "client/net/connect.h"
+#include "client/net/server_link.h"
 #include "common/base/uuid.h"
 #include "common/wire/asio.h"
 #include "tests/load/gesture_pool.h"
@@ -36,6 +37,9 @@ struct LoadShared {
   std::uint64_t seed = 1;
   std::uint64_t ticks = 0;  ///< of each station
   ClientConfig client;      ///< without log-in; knows all servers
+  /// Of the stations; by itself also soon again after the cuts of a fault plan.
+  LinkSettings link{.retry = {.most = std::chrono::milliseconds(5000)},
+                    .lasting = std::chrono::milliseconds(0)};
   std::vector<StationPlan> stations;
   /// Samples of a live frame, and of a chunk.
   static constexpr std::uint64_t kFrameTicks = 20, kChunkTicks = 1000;

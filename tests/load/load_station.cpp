@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "client/net/uplink.h"
 #include "common/base/clock.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/sample.h"
@@ -17,12 +18,17 @@ namespace {
 constexpr std::uint64_t kWindow = 64;
 constexpr std::size_t kMostQueuedBytes = 1u << 20;
 constexpr std::uint64_t kFramesPerStatus = 5;  // 10 Hz
-constexpr std::chrono::milliseconds kFirstRetry{200}, kMostRetry{5000};
 
 // one work space per thread: a thousand stations with a chunk's samples each would not fit the caches
 std::span<GestureSample> scratch(std::size_t count) {
   thread_local std::vector<GestureSample> samples(LoadShared::kChunkTicks);
   return std::span(samples).first(count);
+}
+
+LinkSettings linkOf(const LoadShared& shared, std::size_t index) {
+  LinkSettings settings = shared.link;
+  settings.seed = shared.seed * 1000003 + index;
+  return settings;
 }
 
 }  // namespace
@@ -45,11 +51,7 @@ LoadStation::LoadStation(LoadShared& shared, std::size_t index, StationTotals& t
       plan_(shared.stations[index]),
       totals_(totals),
       stream_(*shared.pool, shared.seed, index),
-      link_(io,
-            {.retry = {kFirstRetry, kMostRetry, 2.0},
-             .lasting = std::chrono::milliseconds(0),  // also after the cuts of a fault plan
-             .seed = shared.seed * 1000003 + index},
-            handlers()),
+      link_(io, linkOf(shared, index), handlers()),
       session_id_(plan_.session.begin(), plan_.session.end()),
       started_unix_ns_(wallNowNs()) {}
 
@@ -165,6 +167,7 @@ void LoadStation::committed(std::uint64_t seqs) {
     ++committed_;
   }
   sent_ = std::max(sent_, committed_);
+  if (opened() && committed_ >= backlog_ && whole_ns_ == 0) whole_ns_ = now_ns;
 }
 
 // --- the connection: the station's first messages, and handling of the server's answers
@@ -176,15 +179,16 @@ void LoadStation::connect() {
 }
 
 LinkHandlers LoadStation::handlers() {
-  return {.accept = {},
-          .connected = [this](const pb::Welcome&) { onConnected(); },
-          .message =
-              [this](pb::Envelope& envelope) {
-                handle(envelope);
-                pump();
-              },
-          .judge = [this](const LinkEnd&) { return finished() ? Retry::kNever : Retry::kBackOff; },
-          .away = [this](const LinkEnd& end) { onAway(end); }};
+  return {
+      .accept = {},
+      .connected = [this](const pb::Welcome&) { onConnected(); },
+      .message =
+          [this](pb::Envelope& envelope) {
+            handle(envelope);
+            pump();
+          },
+      .judge = [this](const LinkEnd& end) { return finished() ? Retry::kNever : retryOfStation(end, true); },
+      .away = [this](const LinkEnd& end) { onAway(end); }};
 }
 
 void LoadStation::onConnected() {
@@ -204,6 +208,7 @@ void LoadStation::onAway(const LinkEnd& end) {
   if (!end.was_connected) return;
   watched_ = false;
   frame_seq_ = 0;
+  whole_ns_ = 0;
   if (state_ != State::kClosed) state_ = State::kNew;
   sent_ = committed_;
 }
@@ -221,9 +226,10 @@ void LoadStation::handle(const pb::Envelope& envelope) {
         link_.drop(CloseReason::kProtocol, trouble_);
         break;
       }
+      if (state_ == State::kOpening) state_ = State::kOpen;
+      if (whole_ns_ == 0) backlog_ = committed_ + chunks_.size();
       committed(next);
       sent_ = committed_;
-      if (state_ == State::kOpening) state_ = State::kOpen;
       break;
     }
     case pb::Envelope::kSessionClosed: {

@@ -53,6 +53,8 @@ class LoadStation {
   void cut();
 
   [[nodiscard]] bool opened() const { return state_ == State::kOpen || state_ == State::kClosing; }
+  /// Since when, by the steady clock, all that was made before this connection is acknowledged; 0: it is not.
+  [[nodiscard]] std::int64_t whole_ns() const { return whole_ns_; }
   [[nodiscard]] bool watched() const { return watched_; }
   [[nodiscard]] bool closed() const { return state_ == State::kClosed; }
   [[nodiscard]] bool finished() const { return closed() || !trouble_.empty(); }
@@ -94,8 +96,9 @@ class LoadStation {
   bool watched_ = false, ended_ = false, may_close_ = false;
   std::uint64_t next_tick_ = 0, chunk_tick_ = 0;  // the first tick that is in no frame, in no chunk
   std::uint64_t frame_seq_ = 0, frames_ = 0;
-  std::deque<Chunk> chunks_;  // not acknowledged
-  std::uint64_t committed_ = 0, sent_ = 0;
+  std::deque<Chunk> chunks_;                              // not acknowledged
+  std::uint64_t committed_ = 0, sent_ = 0, backlog_ = 0;  // backlog_: made before this connection
+  std::int64_t whole_ns_ = 0;
   std::uint64_t samples_closed_ = 0;
   SessionHash hash_;
   ClockProbe clock_;

@@ -9,7 +9,6 @@
 #include "common/base/program.h"
 #include "tests/load/load_report.h"
 #include "tests/load/load_run.h"
-#include "tests/soak/soak_judge.h"
 
 namespace {
 
@@ -38,9 +37,8 @@ int main(int argc, char** argv) try {
   JsonOption json;
   CLI::App app{
       "A skills lab in one process: stations and instructors over TLS against a real server; at the end "
-      "every "
-      "stored sample is compared with what was generated. Exit code 0 only if nothing is lost, doubled or "
-      "different.",
+      "every stored sample is compared with what was generated. Exit code 0 only if nothing is lost, doubled "
+      "or different.",
       "needlelab-load"};
   app.set_version_flag("--version", "needlelab-load " NEEDLELAB_VERSION);
   app.add_option("--stations", options.stations, "how many, each at 1 kHz")->capture_default_str();
@@ -48,13 +46,6 @@ int main(int argc, char** argv) try {
       ->capture_default_str();
   app.add_option("--seconds", options.seconds, "of streaming")->capture_default_str();
   app.add_option("--seed", options.seed, "of gestures and faults")->capture_default_str();
-  app.add_option("--spread", options.spread_s, "seconds within which the stations begin")
-      ->capture_default_str();
-  app.add_option("--gestures", options.gestures, "in the pool from which the stations are fed")
-      ->capture_default_str();
-  app.add_option("--connect-rate", options.connect_per_s,
-                 "log-ins of stations a second, before the streaming")
-      ->capture_default_str();
   app.add_option("--server", server,
                  "HOST:PORT of a server that runs, or several of one lab, with commas; else one is started");
   app.add_option("--ca", options.ca_file, "with --server: its tls/ca.crt");
@@ -65,19 +56,13 @@ int main(int argc, char** argv) try {
                  "own nats-server; stations and viewers spread over them, and each viewer also watches "
                  "stations of the others")
       ->delimiter(',');
-  app.add_option("--bin", options.bin, "where needlelab-server is (with --servers needlelab-admin, too)")
-      ->capture_default_str();
-  app.add_option("--data", options.data,
-                 "a new folder for the own server's data, kept; else a temporary one");
   app.add_option("--store", options.store,
                  "the own server's database on PostgreSQL, which must be empty; else SQLite");
   app.add_option("--standby", options.standby,
                  "with --store: postmaster.pid of its standby on this computer, for what it costs");
   app.add_flag("--faults", options.faults,
                "random lost connections, kill -9 and restart of the own server, slow viewers");
-  app.add_option("--fault-every", options.fault_every_s, "seconds between faults, on average")
-      ->capture_default_str();
-  app.add_option("--out", out, "a folder for a judged soak: table, samples.csv, load.json, picture");
+  app.add_option("--out", out, "a folder for a judged soak: table, samples.csv, load.json");
   app.add_flag("--quiet", options.quiet, "no progress on standard error");
   addJsonOption(app, json);
   try {

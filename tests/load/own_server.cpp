@@ -3,10 +3,6 @@
 #include <fmt/core.h>
 #include <sodium.h>
 
-#include <cstdlib>
-#include <initializer_list>
-#include <sstream>
-
 #include "common/base/clock.h"
 #include "common/base/files.h"
 #include "db/credentials.h"
@@ -24,29 +20,6 @@ std::string randomPassword() {
   sodium_bin2hex(text.data(), text.size(), bytes.data(), bytes.size());
   text.pop_back();
   return text;
-}
-
-bool has(const std::string& text, std::initializer_list<const char*> words) {
-  for (const char* word : words)
-    if (text.find(word) != std::string::npos) return true;
-  return false;
-}
-
-bool inKernel(const std::string& frame) {
-  return has(frame, {"[kernel", "[guest.kernel"});
-}
-
-std::string kernelWork(const std::vector<std::string>& frames) {
-  for (const std::string& frame : frames) {
-    if (has(frame, {"sys_send", "sys_write"})) return "kernel: send (both halves of the loopback)";
-    if (has(frame, {"sys_recv", "sys_read"})) return "kernel: receive";
-    if (has(frame, {"sys_epoll", "sys_timerfd"})) return "kernel: epoll and timers";
-    if (has(frame, {"sys_fdatasync", "sys_fsync"})) return "kernel: fsync";
-    if (has(frame, {"sys_pwrite", "sys_pread", "sys_ftruncate", "sys_fallocate"}))
-      return "kernel: database files";
-    if (has(frame, {"sys_futex"})) return "kernel: waking threads";
-  }
-  return "kernel: other";
 }
 
 }  // namespace
@@ -91,7 +64,7 @@ Status joinServer(const std::filesystem::path& bin, const std::filesystem::path&
   Process admin(std::filesystem::absolute(bin) / "needlelab-admin",
                 {"--data", data, "server", "join", "--from", from, "--name", name, "--with-authority"},
                 data.parent_path() / "join.log");
-  if (admin.wait(60s) == 0) return {};
+  if (admin.wait() == 0) return {};
   return Error{ErrorCode::kFailed, "the server '" + name + "' could not join: " + admin.said()};
 }
 
@@ -126,16 +99,7 @@ Status OwnServer::start() {
                                         "warning"};
   arguments.insert(arguments.end(), arguments_.begin(), arguments_.end());
   process_ = std::make_unique<Process>(server_, arguments, log());
-  std::string text;
-  const bool up = eventually(
-      [&] {
-        auto file = readWholeFile(port_file);
-        if (file.ok()) text = *file;
-        return !text.empty() || process_->wait(0ms).has_value();
-      },
-      60s);
-  if (!up || text.empty()) return failed("the server did not start");
-  port_ = static_cast<std::uint16_t>(std::stoi(text));
+  ASSIGN_OR_RETURN(port_, portOf(*process_, port_file));
   // written before that of the stations
   ASSIGN_OR_RETURN(const auto metrics, readWholeFile(metrics_port_file));
   metrics_port_ = static_cast<std::uint16_t>(std::stoi(metrics));
@@ -166,64 +130,19 @@ void OwnServer::kill() {
   if (!process_) return;
   if (const auto last = sample()) earlier_cpu_s_ += last->cpu_s;
   process_->signal(SIGKILL);
-  static_cast<void>(process_->wait(10s));
+  static_cast<void>(process_->wait());
 }
 
 Status OwnServer::stop() {
   if (!process_) return {};
   if (const auto last = sample()) earlier_cpu_s_ += last->cpu_s;
   process_->signal(SIGTERM);
-  const auto code = process_->wait(60s);
+  const auto code = process_->wait();
   if (code == 0) return {};
   const Error error = failed(code ? fmt::format("the server ended with {}", *code)
                                   : std::string("the server did not end within 60 s"));
   process_.reset();
   return error;
-}
-
-std::string workOf(const std::vector<std::string>& frames) {
-  if (frames.empty()) return "other";
-  const std::string& leaf = frames.front();
-  if (inKernel(leaf)) return kernelWork(frames);
-  if (has(leaf, {"libcrypto", "libssl"})) return "TLS";
-  if (has(leaf, {"libprotobuf", "needlelab::pb::", "google::protobuf"})) return "Protobuf";
-  if (has(leaf, {"libsqlite3"})) return "SQLite";
-  if (has(leaf, {"libsodium"})) return "BLAKE2b";
-  if (has(leaf, {"Chunk", "Column", "crc32c", "pack", "zigzag"})) return "codec and CRC";
-  if (has(leaf, {"libc.so", "libstdc++", "operator new", "operator delete"})) return "memory and copies";
-  if (has(leaf, {"boost::asio", "std::__n4861", "coroutine", "wire/asio"})) return "Asio";
-  if (has(leaf, {"needlelab::"})) return "needlelab's own code";
-  return "other";
-}
-
-Profile profileOf(std::string_view perf_script) {
-  Profile profile;
-  pid_t thread = 0;
-  std::vector<std::string> frames;
-  const auto take = [&] {
-    if (thread != 0) {
-      const std::string work = workOf(frames);
-      ++profile.samples;
-      ++profile.work[work];
-      ++profile.threads[thread][work];
-    }
-    thread = 0;
-    frames.clear();
-  };
-  // blocks separated by empty lines: the thread, then its frames
-  std::istringstream lines{std::string(perf_script)};
-  for (std::string line; std::getline(lines, line);) {
-    const auto first = line.find_first_not_of(" \t");
-    if (first == std::string::npos) {
-      take();
-    } else if (thread == 0) {
-      thread = static_cast<pid_t>(std::strtol(line.c_str() + first, nullptr, 10));
-    } else {
-      frames.push_back(line.substr(first));
-    }
-  }
-  take();
-  return profile;
 }
 
 }  // namespace needlelab::test

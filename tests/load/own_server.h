@@ -5,17 +5,16 @@
 
 #include <chrono>
 #include <filesystem>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "common/base/result.h"
 #include "tests/integration/process.h"
 #include "tests/operations/prometheus_text.h"
 #include "tests/soak/process_sample.h"
+#include "tests/support/patience.h"
 
 namespace needlelab::test {
 
@@ -55,7 +54,7 @@ class OwnServer {
   /// of the running one.
   [[nodiscard]] std::optional<ProcessSample> sample() const;
   /// What its metrics say; nothing is in it when it does not answer within seconds.
-  [[nodiscard]] Scrape scrape(std::chrono::milliseconds limit = std::chrono::seconds(5)) const;
+  [[nodiscard]] Scrape scrape(std::chrono::milliseconds limit = kPatience) const;
   /// Live bytes of its heap, from its metrics; none when it does not answer at once.
   [[nodiscard]] std::optional<std::uint64_t> liveHeapBytes() const;
   [[nodiscard]] double earlierCpu_s() const { return earlier_cpu_s_; }
@@ -73,21 +72,5 @@ class OwnServer {
 /// with --together: `needlelab-admin server join`, the program in `bin`. Errors: kFailed with its words.
 Status joinServer(const std::filesystem::path& bin, const std::filesystem::path& from,
                   const std::filesystem::path& data, const std::string& name);
-
-// A profile of a running program's processor time, by Linux perf (software clock, no counters needed).
-
-/// Samples by kind of work, and by thread.
-struct Profile {
-  std::size_t samples = 0;
-  std::map<std::string, std::size_t> work;
-  std::map<pid_t, std::map<std::string, std::size_t>> threads;
-};
-
-/// Classifies a sample by its stack, innermost frame first, as perf script prints it ("ip symbol (object)").
-/// In the kernel the system call decides, elsewhere the innermost frame.
-std::string workOf(const std::vector<std::string>& frames);
-
-/// From `perf script -F tid,ip,sym,dso`.
-Profile profileOf(std::string_view perf_script);
 
 }  // namespace needlelab::test

@@ -3,10 +3,13 @@
 #include <unistd.h>
 
 #include <cmath>
+#include <cstdlib>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <vector>
+
+#include "common/base/files.h"
 
 namespace needlelab::test {
 namespace {
@@ -25,25 +28,23 @@ std::string procFolder(pid_t pid) {
   return "/proc/" + std::to_string(pid);
 }
 
-}  // namespace
-
-std::string statLineOf(pid_t pid) {
+// what /proc/PID/stat says after the name, from the state on; empty: there is no such process
+std::string statOf(pid_t pid, std::string_view name = {}) {
   std::ifstream file(procFolder(pid) + "/stat");
   // a process that ends meanwhile is a fault of reading, which an iterator would throw
   std::ostringstream whole;
   whole << file.rdbuf();
-  return whole.str();
+  const std::string text = whole.str();
+  // the name is in brackets and may contain anything
+  const auto end = text.rfind(')');
+  if (end == std::string::npos || text.find(name) == std::string::npos) return {};
+  return text.substr(end + 1);
 }
-
-namespace {
 
 // proc(5), /proc/PID/stat: 14 and 15 are its own user and system time, 16 and 17 those of children that ended
 std::optional<double> cpuOf(pid_t pid, int last) {
-  const std::string text = statLineOf(pid);
-  // the name is in brackets and may contain anything: count fields from the last bracket
-  const auto end = text.rfind(')');
-  if (end == std::string::npos) return std::nullopt;
-  std::istringstream fields(text.substr(end + 1));
+  std::istringstream fields(statOf(pid));
+  if (fields.str().empty()) return std::nullopt;
   std::string field;
   double ticks = 0;
   for (int number = 3; number <= last && fields >> field; ++number)
@@ -58,6 +59,14 @@ std::optional<std::uint64_t> writtenBy(pid_t pid) {
   for (std::uint64_t bytes = 0; file >> key >> bytes;)
     if (key == "write_bytes:") return bytes;
   return std::nullopt;
+}
+
+// nothing: there is no such process, or it is not one of PostgreSQL
+std::optional<pid_t> postgresParentOf(std::int64_t pid) {
+  std::istringstream fields(statOf(static_cast<pid_t>(pid), "(postgres)"));
+  std::string state;
+  pid_t parent = 0;
+  return fields >> state >> parent ? std::optional(parent) : std::nullopt;
 }
 
 std::optional<std::uint64_t> sumOf(const Scrape& scrape, std::initializer_list<const char*> names) {
@@ -125,6 +134,36 @@ void addVarz(ProcessUse& use, std::string_view text) {
   use.messages_out = number("out_msgs");
   use.received_bytes = number("in_bytes");
   use.sent_bytes = number("out_bytes");
+}
+
+Result<PostgresUse> postgresUse(Connection& connection) {
+  auto query = connection.prepare(
+      "SELECT pg_backend_pid(), CAST(pg_wal_lsn_diff(pg_current_wal_insert_lsn(), '0/0') AS BIGINT),"
+      " pg_database_size(current_database()),"
+      " (SELECT CAST(coalesce(sum(pg_wal_lsn_diff(sent_lsn, '0/0')), 0) AS BIGINT) FROM "
+      "pg_stat_replication)");
+  ASSIGN_OR_RETURN(const bool there, query.step());
+  if (!there) return Error{ErrorCode::kFailed, "PostgreSQL does not say its process and sizes"};
+  PostgresUse found;
+  // a connection's process is a child of the server's first one, as are all others
+  if (const auto first = postgresParentOf(query.integer(0)); first && postgresParentOf(*first))
+    found.use = useWithChildren(*first);
+  found.use.name = "PostgreSQL";
+  found.use.log_bytes = query.natural(1);
+  if (const std::uint64_t sent = query.natural(3); sent > 0) found.use.sent_bytes = sent;
+  found.database_bytes = query.natural(2);
+  return found;
+}
+
+Result<ProcessUse> standbyUse(const std::filesystem::path& pid_file) {
+  ASSIGN_OR_RETURN(const std::string text, readWholeFile(pid_file));
+  const long first = std::strtol(text.c_str(), nullptr, 10);
+  if (!postgresParentOf(first))
+    return Error{ErrorCode::kInvalidInput,
+                 pid_file.string() + ": names no process of PostgreSQL that runs on this computer"};
+  ProcessUse use = useWithChildren(static_cast<pid_t>(first));
+  use.name = "standby";
+  return use;
 }
 
 }  // namespace needlelab::test

@@ -4,10 +4,13 @@
 #include <sys/types.h>
 
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <string_view>
 
+#include "common/base/result.h"
+#include "db/connection.h"
 #include "tests/operations/prometheus_text.h"
 
 namespace needlelab::test {
@@ -32,9 +35,6 @@ struct ProcessUse {
 /// again), is nothing.
 ProcessUse useBetween(const ProcessUse& begin, const ProcessUse& end);
 
-/// What /proc/PID/stat says; empty: there is no such process, or it has just ended.
-std::string statLineOf(pid_t pid);
-
 /// CPU and disk_bytes since it began; nothing of a process that is not there.
 ProcessUse useOf(pid_t pid);
 /// … of it, of its children, and of those that have ended.
@@ -44,5 +44,17 @@ ProcessUse useWithChildren(pid_t pid);
 void addScrape(ProcessUse& use, const Scrape& scrape);
 /// … as NATS's /varz says.
 void addVarz(ProcessUse& use, std::string_view json);
+
+/// Of all processes of the server of PostgreSQL, those that have ended too: `cpu_s` and `disk_bytes` are
+/// nothing where it does not run on this computer, `sent_bytes` where no standby follows. A standby's are not
+/// in it.
+struct PostgresUse {
+  ProcessUse use;
+  std::uint64_t database_bytes = 0;  ///< of this database, tables and indexes
+};
+/// Since the cluster was made. Thread: the connection's. Errors: those of the database.
+Result<PostgresUse> postgresUse(Connection& connection);
+/// By the postmaster.pid of a server of PostgreSQL on this computer. Errors: kInvalidInput.
+Result<ProcessUse> standbyUse(const std::filesystem::path& pid_file);
 
 }  // namespace needlelab::test

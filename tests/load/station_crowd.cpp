@@ -87,6 +87,7 @@ void StationThread::tell(CrowdState& state) {
     for (std::size_t i = 0; i < stations_.size(); ++i) {
       const LoadStation& station = *stations_[i];
       state.opened += station.opened() ? 1 : 0;
+      state.whole += station.whole_ns() != 0 ? 1 : 0;
       state.watched += station.watched() ? 1 : 0;
       state.ended += ended_[i] ? 1 : 0;
       state.closed += station.closed() ? 1 : 0;
@@ -98,6 +99,13 @@ void StationThread::tell(CrowdState& state) {
     }
     state.samples_sent += totals_.samples_sent;
     state.samples_acked += totals_.samples_acked;
+  });
+}
+
+void StationThread::tellWhole(std::vector<std::int64_t>& since_ns) {
+  net_.call([&] {
+    for (const auto& station : stations_)
+      if (station->whole_ns() != 0) since_ns.push_back(station->whole_ns());
   });
 }
 
@@ -149,6 +157,12 @@ CrowdState StationCrowd::state() {
   CrowdState state;
   for (const auto& thread : threads_) thread->tell(state);
   return state;
+}
+
+std::vector<std::int64_t> StationCrowd::wholeSince_ns() {
+  std::vector<std::int64_t> since_ns;
+  for (const auto& thread : threads_) thread->tellWhole(since_ns);
+  return since_ns;
 }
 
 std::vector<std::uint64_t> StationCrowd::ticks() const {

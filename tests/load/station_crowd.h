@@ -12,7 +12,7 @@ namespace needlelab::test {
 
 /// The crowd's current state.
 struct CrowdState {
-  std::size_t opened = 0, watched = 0, ended = 0, closed = 0, finished = 0;
+  std::size_t opened = 0, whole = 0, watched = 0, ended = 0, closed = 0, finished = 0;
   std::uint64_t samples_made = 0, samples_sent = 0, samples_acked = 0;
   std::string trouble;  ///< of one that has any
 };
@@ -34,6 +34,8 @@ class StationThread {
   /// Adds the state of this thread's stations.
   void tell(CrowdState& state);
   void addTotals(StationTotals& totals);
+  /// LoadStation::whole_ns of each that is whole.
+  void tellWhole(std::vector<std::int64_t>& since_ns);
   /// After stop(): the number of samples that each station made, indexed by station of the run.
   void tellTicks(std::vector<std::uint64_t>& ticks) const;
   /// Closes all connections and ends the thread.
@@ -68,6 +70,7 @@ class StationCrowd {
   void endNow();
   void cut(std::size_t station);
   [[nodiscard]] CrowdState state();
+  [[nodiscard]] std::vector<std::int64_t> wholeSince_ns();
   /// After stop(): the number of samples that each station made.
   [[nodiscard]] std::vector<std::uint64_t> ticks() const;
   [[nodiscard]] StationTotals totals();

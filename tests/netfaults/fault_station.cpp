@@ -1,4 +1,5 @@
 #include "tests/netfaults/fault_station.h"
+#include "tests/support/patience.h"
 
 #include <algorithm>
 #include <utility>
@@ -11,7 +12,7 @@ using namespace std::chrono_literals;
 
 ChannelLimits shortLimits() {
   ChannelLimits limits;
-  limits.handshake_timeout = 8000ms;  // a password is checked in it, on a machine that may be busy
+  limits.handshake_timeout = kPatience;  // a password is checked in it, on a machine that may be busy
   limits.idle_timeout = 1000ms;
   limits.write_timeout = 600ms;
   limits.keepalive = 300ms;

@@ -29,7 +29,7 @@ struct StationSettings {
   std::size_t samples = 50;             ///< in a chunk
   std::chrono::milliseconds period{0};  ///< between chunks; 0: all are there from the beginning
   ChannelLimits limits = shortLimits();
-  std::chrono::milliseconds connect_timeout{1500};
+  std::chrono::milliseconds connect_timeout{5000};
   std::vector<std::uint16_t> other_ports = {};  ///< of further servers that it knows
 };
 

@@ -5,6 +5,7 @@
 #include <iostream>
 
 #include "tests/netfaults/fault_station.h"
+#include "tests/support/patience.h"
 #include "tests/support/proxy/fault_proxy.h"
 #include "tests/support/run_form.h"
 
@@ -94,7 +95,7 @@ TEST(FaultsTest, eachFaultAloneLosesAndDoublesNothing) {
     const FaultStation& station = *stations[i];
     const UplinkState state = station.state();
     SCOPED_TRACE(std::string(cases[i].name) + ":" + script.text());
-    ASSERT_TRUE(stations[i]->waitUntilDone(60s)) << state.error << state.current_trouble;
+    ASSERT_TRUE(stations[i]->waitUntilDone(kPatience)) << state.error << state.current_trouble;
     station.expectWhole(server);
     // the tested fault really occurred
     const ProxyCounts counts = proxies[i]->counts();
@@ -134,7 +135,7 @@ TEST(FaultsTest, eitherOfTwoServersWillDoAndNothingIsLostOrDoubled) {
     const std::uint64_t committed = station.state().current_committed;
     ASSERT_TRUE(eventually([&] { return station.state().current_committed > committed; }));
   }
-  ASSERT_TRUE(station.waitUntilDone(60s)) << station.state().error << station.state().current_trouble;
+  ASSERT_TRUE(station.waitUntilDone(kPatience)) << station.state().error << station.state().current_trouble;
   station.expectWhole(server);
   EXPECT_EQ(station.state().connections, connections) << "it stays where it is well";
 }
@@ -153,7 +154,7 @@ TEST(FaultsTest, aWayThatFallsSilentIsLeftForTheOtherAfterThreeMissingWords) {
   EXPECT_TRUE(std::any_of(said.begin(), said.end(), [](const std::string& line) {
     return line.find("nothing received for 900 ms") != line.npos;
   })) << "not after the 30 s of a single server";
-  ASSERT_TRUE(station.waitUntilDone(60s)) << station.state().error << station.state().current_trouble;
+  ASSERT_TRUE(station.waitUntilDone(kPatience)) << station.state().error << station.state().current_trouble;
   first.stallAll(false);
   station.expectWhole(server);
 }
@@ -244,7 +245,7 @@ void run(const ChannelLimits& limits) {
   StationSettings settings{.chunks = 60, .period = 10ms};
   settings.limits = limits;
   FaultStation station(server, "s1", proxy.port(), settings);
-  ASSERT_LT(timeUntil([&] { return station.state().current_committed >= 5; }, 60s), 60s);
+  ASSERT_TRUE(eventually([&] { return station.state().current_committed >= 5; }));
 
   // the network discards everything: neither side sees an end, and new connections fail too
   proxy.refuseAll(true);
@@ -259,14 +260,14 @@ void run(const ChannelLimits& limits) {
         if (at_server == 0ms && !isOnline(*instructor, "s1")) at_server = now;
         return at_station > 0ms && at_server > 0ms;
       },
-      limits.idle_timeout + 60s);
+      limits.idle_timeout + kPatience);
   EXPECT_GT(at_station, limits.idle_timeout / 2) << "not before its time";
   EXPECT_GT(at_server, limits.idle_timeout / 2);
   std::cout << "half-open, limit " << limits.idle_timeout.count() << " ms: ended at the station after "
             << at_station.count() << " ms, at the server after " << at_server.count() << " ms\n";
 
   proxy.refuseAll(false);
-  ASSERT_TRUE(station.waitUntilDone(60s)) << station.state().error;
+  ASSERT_TRUE(station.waitUntilDone(kPatience)) << station.state().error;
   station.expectWhole(server);
 }
 
@@ -345,7 +346,7 @@ TEST(ReconnectOrderTest, lateBytesOfTheOlderConnectionHarmNothing) {
   std::uint64_t late = 0;
   for (std::size_t i = 0; i < stations.size(); ++i) {
     SCOPED_TRACE(stations[i]->name());
-    ASSERT_TRUE(stations[i]->waitUntilDone(60s)) << stations[i]->state().error;
+    ASSERT_TRUE(stations[i]->waitUntilDone(kPatience)) << stations[i]->state().error;
     stations[i]->expectWhole(server);
     late += proxies[i]->counts().late;
     // the older connection must not displace the newer one

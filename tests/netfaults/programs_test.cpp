@@ -41,8 +41,8 @@ TEST(StalledStationTest, practisesItsWholeLessonAndLosesNoSample) {
   proxy.stallAll(true);
   std::this_thread::sleep_for(3s);
   proxy.stallAll(false);
-  EXPECT_EQ(beside->wait(60s), kExitDone) << beside->said();
-  EXPECT_EQ(stalled.wait(60s), kExitDone) << stalled.said();
+  EXPECT_EQ(beside->wait(), kExitDone) << beside->said();
+  EXPECT_EQ(stalled.wait(), kExitDone) << stalled.said();
 
   const auto bad = lab.summary("stalled");
   const auto count = [&](const char* what) { return bad.at(what).get<std::uint64_t>(); };
@@ -82,7 +82,7 @@ TEST(TwoServersTest, lessonAndViewGoOnAtTheOtherOne) {
       << instructor.said();
   first.refuseAll(true);
   first.cutAll(Cut::kReset);
-  EXPECT_EQ(station.wait(60s), kExitDone) << station.said();
+  EXPECT_EQ(station.wait(), kExitDone) << station.said();
   EXPECT_TRUE(said(station.said(), "trying another server")) << station.said();
   EXPECT_TRUE(said(station.said(), "connected to " + to_second + " as station-1")) << station.said();
   EXPECT_TRUE(said(instructor.said(), "connected again, to " + to_second)) << instructor.said();
@@ -94,7 +94,7 @@ TEST(TwoServersTest, lessonAndViewGoOnAtTheOtherOne) {
     ++lines;
   EXPECT_GT(lines, 10u) << words;
   instructor.signal(SIGINT);
-  EXPECT_EQ(instructor.wait(10s), kExitDone) << instructor.said();
+  EXPECT_EQ(instructor.wait(), kExitDone) << instructor.said();
 
   const auto summary = lab.summary("two");
   const auto count = [&](const char* what) { return summary.at(what).get<std::uint64_t>(); };
@@ -150,10 +150,10 @@ TEST(ReconnectingInstructorTest, watchesOnAfterTheServerWasKilled) {
       << "live lines come again\n"
       << instructor->said() << station->said();
   station->signal(SIGTERM);
-  EXPECT_EQ(station->wait(30s), kExitDone) << station->said();
+  EXPECT_EQ(station->wait(), kExitDone) << station->said();
   for (Process* each : {instructor.get(), unknown.get()}) {
     each->signal(SIGINT);
-    EXPECT_EQ(each->wait(10s), kExitDone) << each->said();
+    EXPECT_EQ(each->wait(), kExitDone) << each->said();
   }
 }
 

@@ -88,8 +88,8 @@ class Peer {
     boost::system::error_code ignored;
     asio::write(socket_, asio::buffer(bytes), ignored);
   }
-  /// Reads that many bytes, or fewer at the end of the connection or after 2 s.
-  std::string read(std::size_t count, std::chrono::milliseconds limit = 2000ms) {
+  /// Reads that many bytes, or fewer at the end of the connection or after `limit`.
+  std::string read(std::size_t count, std::chrono::milliseconds limit = kPatience) {
     std::string bytes(count, '\0');
     std::size_t got = 0;
     const auto end = Clock::now() + limit;
@@ -154,7 +154,7 @@ TEST(FaultProxyTest, delayPiecesAndBandwidthTakeTheirTimeAndKeepTheOrder) {
   const std::string bytes = pattern(4000);
   const auto began = Clock::now();
   peer.send(bytes);
-  EXPECT_EQ(peer.read(bytes.size(), 20s), bytes);
+  EXPECT_EQ(peer.read(bytes.size()), bytes);
   // 60 ms on the way there, 4000 bytes at 20 kB/s back
   EXPECT_GE(Clock::now() - began, 60ms + 190ms);
 }

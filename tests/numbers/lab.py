@@ -4,18 +4,16 @@ import os
 import pathlib
 import re
 import shutil
-import signal
 import sqlite3
 import ssl
 import subprocess
-import time
+import sys
 import urllib.error
 import urllib.request
 from http.cookiejar import CookieJar
 
-
-class Broken(Exception):
-    """Something else than a number went wrong: the comparison cannot go on."""
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+from programs import Failed as Broken, start, stop  # noqa: E402
 
 
 def run(arguments, zone, timeout=120):
@@ -93,39 +91,18 @@ class Lab:
         return run([self.bin / "needlelab-station", *self._peer(), "--key", self.folder / f"{name}.key", *arguments], zone)
 
     def start(self):
-        for name in ("port", "web-port", "metrics-port"):
-            (self.folder / name).unlink(missing_ok=True)
-        log = open(self.folder / "server.log", "wb")
-        self.process = subprocess.Popen(
-            [self.bin / "needlelab-server", "--data", self.data, "--listen", "127.0.0.1:0", "--port-file", self.folder / "port",
-             "--web", "127.0.0.1:0", "--web-port-file", self.folder / "web-port", "--web-root", self.folder, "--metrics", "127.0.0.1:0",
-             "--metrics-port-file", self.folder / "metrics-port"], stdout=log, stderr=log, env=dict(os.environ, TZ="UTC0"))
-        for _ in range(300):
-            if all((self.folder / name).is_file() and (self.folder / name).read_text().strip() for name in ("port", "web-port", "metrics-port")):
-                return
-            if self.process.poll() is not None:
-                break
-            time.sleep(0.1)
-        raise Broken("the server does not start: " + (self.folder / "server.log").read_text()[-2000:])
+        files = [self.folder / "port", self.folder / "web-port"]
+        try:
+            with open(self.folder / "server.log", "wb") as log:
+                self.process = start([self.bin / "needlelab-server", "--data", self.data, "--listen", "127.0.0.1:0", "--port-file", files[0], "--web", "127.0.0.1:0",
+                                      "--web-port-file", files[1], "--web-root", self.folder], files, log, dict(os.environ, TZ="UTC0"))
+        except Broken as error:
+            raise Broken(f"{error}: " + (self.folder / "server.log").read_text()[-2000:]) from None
 
     def stop(self):
-        if self.process is None:
-            return
-        self.process.send_signal(signal.SIGTERM)
-        try:
-            code = self.process.wait(60)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            raise Broken("the server does not stop") from None
-        self.process = None
-        if code != 0:
-            raise Broken(f"the server ended with code {code}")
-
-    def metrics(self):
-        """Prometheus' lines: name with labels -> value."""
-        port = (self.folder / "metrics-port").read_text().strip()
-        text = urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics").read().decode()
-        return {line.rsplit(" ", 1)[0]: float(line.rsplit(" ", 1)[1]) for line in text.splitlines() if line and line[0] != "#"}
+        process, self.process = self.process, None
+        if process is not None:
+            stop(process)
 
     def browser(self, who):
         return Browser(self, who)

@@ -9,10 +9,8 @@ import re
 import signal
 import subprocess
 
-from commands import VERDICT, ZONES, score_rows, study
-from facts import OPEN, ROLES, STATES, local, trend
-
-STATE_NAMES = {key: f"SESSION_{name.upper()}" for key, name in STATES.items()}
+from commands import VERDICT, ZONES
+from facts import OPEN, STATES, local, trend
 
 
 def ms(unix_ns):
@@ -70,30 +68,6 @@ def progress(held, facts, browser):
             if rising:
                 held.close(screen, "trend: slope (Theil-Sen)", where, rising["slope"], row["trend"]["slope_per_attempt"])
                 held.close(screen, "trend: tau (Kendall)", where, rising["tau"], row["trend"]["tau"])
-
-
-def sessions(held, facts, browser):
-    screen = "GET /sessions"
-    rows = browser.items("/sessions?limit=50")
-    held.same(screen, "order: newest first, all pages", "", [s["uuid"] for s in facts.newest_first], [r["description"]["session_id"] for r in rows])
-    for row in rows:
-        s = facts.by_id[row["description"]["session_id"]]
-        for name in ("received", "closed"):
-            same_ms(held, screen, f"{name}_unix_ms", s["uuid"], s[f"{name}_unix_ns"], row[f"{name}_unix_ms"])
-        same_ms(held, screen, "started_unix_ms", s["uuid"], s["started_unix_ns"], row["description"]["started_unix_ms"])
-        held.same(screen, "state, chunks, samples, stored_bytes, passed, hash", s["uuid"],
-                  [STATE_NAMES[s["state"]], s["chunks"], s["samples"], s["stored_bytes"], s["verdict"], s["hash"].hex()],
-                  [row[key] for key in ("state", "chunks", "samples", "stored_bytes")] + [row.get("passed"), row["hash"]])
-        score = {m["measure"]: m for m in s["score"]}
-        for figure in row["figures"]:
-            held.same(screen, "figures: value and unit", f"{s['uuid']} {figure['measure']}",
-                      [score[figure["measure"]]["value"], score[figure["measure"]]["unit"]], [figure["value"], figure["unit"]])
-    some = facts.sessions[0]
-    count = sum(1 for s in facts.sessions if s["started_unix_ns"] >= some["started_unix_ns"] // 1_000_000 * 1_000_000)
-    held.same(screen, "rows from a moment on", "", count, len(browser.items(f"/sessions?limit=50&from_ms={some['started_unix_ns'] // 1_000_000}")))
-    for verdict, wanted in (("passed", True), ("failed", False), ("none", None)):
-        held.same(screen, "rows with a verdict", verdict, sum(1 for s in facts.sessions if s["verdict"] is wanted),
-                  len(browser.items(f"/sessions?limit=50&verdict={verdict}")))
 
 
 def recording(held, facts, browser, s, g):
@@ -171,73 +145,6 @@ def events(held, facts, browser, s, g, strokes):
                 held.close(screen, "insertion_m of the opening", where, max(0.0, g.insertion[i] - behind), e[name]["insertion_m"])
             if g.targets:
                 held.close(screen, "target_distance_m, from the edge", where, min(math.dist(p, c) - r for _, c, r in g.targets), e[name]["target_distance_m"])
-
-
-def score(held, facts, browser, s):
-    screen = "GET /sessions/…/score"
-    reply, newest = browser.json(f"/sessions/{s['uuid']}/score"), facts.newest_score(s)
-    held.same(screen, "measures, definition_version", s["uuid"], [json.loads(newest["measures"]), newest["definition_version"]],
-              [reply["measures"], reply["definition_version"]])
-
-
-def references(held, facts, browser):
-    screen = "GET /exercises/…/reference"
-    for exercise in facts.exercises:
-        ids = facts.reference(exercise)
-        if not ids:
-            continue
-        reply = browser.json(f"/exercises/{exercise}/reference")
-        held.same(screen, "sessions", exercise, ids, reply["session_ids"])
-        seen = {b["measure"]: b for b in reply["bands"]}
-        for measure, band in facts.bands(exercise).items():
-            if measure == "dtw_distance_m":
-                continue
-            for name, value in band.items():
-                most = max(abs(band["least"]), abs(band["greatest"]))
-                held.close(screen, name, f"{exercise} {measure}", value, seen[measure].get(name), absolute=max(1e-12, 1e-14 * most))
-
-
-def lists(held, facts, browsers):
-    rows = list(csv.DictReader(io.StringIO(browsers["ines"].text("/scores.csv"), newline="")))
-    held.same("GET /scores.csv", "rows: one a measure", "", sum(len(json.loads(facts.newest_score(s)["measures"])) for s in facts.sessions), len(rows))
-    score_rows(held, facts, "GET /scores.csv", rows, {"started": ("started_unix_ms", 1_000_000), "exercise": "exercise_id", "met": ("met", "yes", "no"),
-                                                      "session": "session_id"})
-    for row in browsers["maria"].items("/assignments"):
-        a = next(a for a in facts.assignments if a["id"] == row["id"])
-        same_ms(held, "GET /assignments", "due_unix_ms", a["id"], a["due_unix_ns"], row["due_unix_ms"])
-        same_ms(held, "GET /assignments", "created_unix_ms", a["id"], a["created_unix_ns"], row["created_unix_ms"])
-    people = browsers["admin"].items("/people")
-    held.same("GET /people", "names", "", sorted(facts.people), [p["name"] for p in people])
-    for row in people:
-        p = facts.people[row["name"]]
-        held.same("GET /people", "role, groups, code", p["name"],
-                  [ROLES[p["role"]].upper().replace("-", "_"), facts.groups_of(p["name"]), p["code_hash"] is not None],
-                  [row["role"], row["groups"], row["has_code"]])
-        same_ms(held, "GET /people", "created_unix_ms", p["name"], p["created_unix_ns"], row["created_unix_ms"])
-    lines = {line["id"]: line for line in facts.rows("SELECT * FROM audit")}
-    for row in browsers["admin"].items("/audit"):
-        if row["id"] in lines:
-            same_ms(held, "GET /audit", "unix_ms", row["id"], lines[row["id"]]["unix_ns"], row["unix_ms"])
-            held.same("GET /audit", "who, action, subject", row["id"], [lines[row["id"]][k] for k in ("who", "action", "subject")],
-                      [row[k] for k in ("who", "action", "subject")])
-    courses = browsers["ines"].items("/courses")
-    for row in courses:
-        held.same("GET /courses", "exercise_ids", row["id"], [e["id"] for e in facts.course(row["id"])], row["exercise_ids"])
-    positions = [(e["curriculum_id"], e["position"], e["id"]) for e in facts.exercises.values()]
-    held.same("GET /exercises", "course, position, id", "", sorted(positions),
-              sorted((e["course_id"], e["position"], e["json"]["id"]) for e in browsers["ines"].items("/exercises")))
-    retention = browsers["admin"].json("/retention")
-    held.same("GET /retention", "thinned, deleted, last run", "", [0, 0, None],
-              [retention["thinned_sessions"], retention["deleted_sessions"], retention["last_run_unix_ms"]])
-    held.same("GET /stations", "names", "", [r["name"] for r in facts.rows("SELECT name FROM stations ORDER BY name")],
-              [r["name"] for r in browsers["ines"].items("/stations")])
-
-
-def studies(held, facts, browser):
-    consenting = {p for p in facts.people
-                  if [c for c in facts.rows("SELECT given FROM consents WHERE person = ? ORDER BY id DESC LIMIT 1", p) if c["given"]]}
-    wanted = [s for s in facts.sessions if s["trainee"] in consenting and s["state"] != OPEN]
-    study(held, facts, "GET /studies/…", browser.items("/studies/numbers"), wanted, consenting)
 
 
 def ladder(held, facts, lab, name, now_ns):
@@ -358,17 +265,6 @@ def report(held, facts, lab, s, g, zone):
             if m.get(key) is not None and row[3].startswith(words):
                 unit = m["unit"]
                 held.shown(screen, "required", where, float(m[key]), unit, row[3].removeprefix(words))
-
-
-def overview(held, facts, lab):
-    """All stations, of which none has a lesson: no needle is anywhere."""
-    screen = "instructor --json (overview)"
-    lines = [json.loads(line) for line in lab.instructor("--headless", "--json", "--seconds", "1").stdout.splitlines() if line.startswith("{")]
-    updates = [u for u in lines if u["type"] == "update"]
-    held.same(screen, "stations", "", {r["name"] for r in facts.rows("SELECT name FROM stations WHERE revoked = 0")}, {u["station"] for u in updates})
-    for u in updates:
-        held.same(screen, "no force, no place without a lesson", u["station"], [],
-                  [key for key in ("force_n", "insertion_m", "layer", "phase") if key in u])
 
 
 def live(held, facts_after, lab, gesture_of):

@@ -53,7 +53,7 @@ TEST(Enrol, twoCommandsMakeAStation) {
   // on the station
   const auto station = [&](const std::string& log, const std::vector<std::string>& arguments) {
     Process process("needlelab-station", arguments, lab.path(log));
-    const auto code = process.wait(60s);
+    const auto code = process.wait();
     return std::pair(code, process.said());
   };
   const fs::path kept = lab.path("enrolled");

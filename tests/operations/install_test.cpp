@@ -29,7 +29,7 @@ class InstallTest : public testing::Test {
   [[nodiscard]] fs::path unit(const std::string& name) const { return root() / "etc/systemd/system" / name; }
   std::pair<int, std::string> run(const std::string& program, const std::vector<std::string>& arguments) {
     Process process(program, arguments, folder_.path() / ("log" + std::to_string(++runs_)));
-    const auto code = process.wait(60s);
+    const auto code = process.wait();
     return {code.value_or(-1000), process.said()};
   }
   TempFolder folder_;

@@ -56,7 +56,7 @@ boot() {
   mkdir "$folder/$name"
   setsid unshare --pid --fork --kill-child --mount --uts --ipc --cgroup --net --propagation private \
     bash "$folder/boot" "$name" "$folder/$name" "$lower" >"$folder/$name/console" 2>&1 </dev/null &
-  for _ in $(seq 300); do
+  for _ in $(seq 600); do
     pid=$(pgrep -n -P $! 2>/dev/null || true)
     [ -n "$pid" ] && grep -qs systemd "/proc/$pid/comm" && break
     sleep 0.1

@@ -33,7 +33,7 @@ TEST(RestoreLab, stationsSendAgainWhatTheBackupLacks) {
   const auto lesson = [&](const std::string& name, const std::string& seconds) {
     auto station = lab.startStation(
         name, {"--exercise", "shoulder-bursa", "--device", "simulated", "--seconds", seconds});
-    EXPECT_EQ(station->wait(60s), 0) << station->said();
+    EXPECT_EQ(station->wait(), 0) << station->said();
     remember();
   };
   lesson("before", "0.5");
@@ -51,8 +51,8 @@ TEST(RestoreLab, stationsSendAgainWhatTheBackupLacks) {
                   lab.path("data") / "tls" / "ca.crt", "--user", "adm", "--password-file",
                   lab.path("password"), "backup", "--dir", lab.path("backups"), "--keep", "3"},
                  lab.path("backup.log"));
-  ASSERT_EQ(backup.wait(60s), 0) << backup.said();
-  EXPECT_EQ(station->wait(60s), 0) << station->said();
+  ASSERT_EQ(backup.wait(), 0) << backup.said();
+  EXPECT_EQ(station->wait(), 0) << station->said();
   remember();
   lesson("after", "0.5");
   ASSERT_EQ(recorded.size(), 3u);

@@ -66,7 +66,7 @@ class StartupTest : public testing::Test {
     Process process(program, arguments, log);
     (void)eventually([&] { return fs::exists(folder_.path() / "port") || process.wait(0ms); });
     if (!process.wait(0ms)) process.signal(SIGTERM);
-    const auto code = process.wait(20s);
+    const auto code = process.wait();
     return {code.value_or(-1000), process.said()};
   }
   TempFolder folder_;
@@ -234,7 +234,7 @@ TEST_F(StartupTest, aFolderWithoutRightsNamesOwnerAndMode) {
                   {"--reuid=65534", "--regid=65534", "--clear-groups", NEEDLELAB_BIN "/needlelab-server",
                    "--data", data(), "--listen", "127.0.0.1:0"},
                   log);
-  const auto code = process.wait(20s);
+  const auto code = process.wait();
   if (code == 127 || code == 126) GTEST_SKIP() << "the program lies where nobody else may read";
   EXPECT_EQ(code, kExitFailed);
   EXPECT_THAT(process.said(), AllOf(HasSubstr("may not write in " + data().string()),

@@ -9,6 +9,7 @@
 #include "common/base/files.h"
 #include "tests/integration/lab.h"
 #include "tests/operations/prometheus_text.h"
+#include "tests/support/patience.h"
 
 namespace needlelab {
 namespace {
@@ -60,8 +61,8 @@ class Manager {
                                      Process::Inherits::kAll);
   }
   /// Waits for the next message with this line. Returns false if none arrives.
-  [[nodiscard]] bool hears(const std::string& wanted, std::chrono::milliseconds limit = 30s) const {
-    const auto end = Clock::now() + limit;
+  [[nodiscard]] bool hears(const std::string& wanted) const {
+    const auto end = Clock::now() + kPatience;
     while (Clock::now() < end) {
       pollfd readable{notify_, POLLIN, 0};
       if (::poll(&readable, 1, 50) <= 0) continue;
@@ -137,7 +138,7 @@ TEST(Upgrade, stationsGoOnAndNothingIsLost) {
   const auto began = Clock::now();
   server->signal(SIGTERM);
   EXPECT_TRUE(manager.hears("STOPPING=1"));
-  ASSERT_EQ(server->wait(20s), 0) << server->said();
+  ASSERT_EQ(server->wait(), 0) << server->said();
   const auto drained = Clock::now();
   auto second = startServer("second.log");
   ASSERT_TRUE(manager.hears("READY=1")) << second->said();
@@ -158,7 +159,7 @@ TEST(Upgrade, stationsGoOnAndNothingIsLost) {
   for (int i = 1; i <= kStations; ++i) {
     const std::string name = "station-" + std::to_string(i);
     const auto process = stations[static_cast<std::size_t>(i - 1)].get();
-    EXPECT_EQ(process->wait(60s), 0) << process->said();
+    EXPECT_EQ(process->wait(), 0) << process->said();
     EXPECT_THAT(process->said(), testing::Not(testing::HasSubstr("refused"))) << "the port was never closed";
     const auto summary = nlohmann::json::parse(*readWholeFile(lab.path(name + ".json")), nullptr, false);
     EXPECT_EQ(summary["spool_left"], 0) << name;
@@ -166,7 +167,7 @@ TEST(Upgrade, stationsGoOnAndNothingIsLost) {
     EXPECT_EQ(summary["state"], "COMPLETE") << name;
   }
   second->signal(SIGTERM);
-  EXPECT_EQ(second->wait(20s), 0);
+  EXPECT_EQ(second->wait(), 0);
 }
 
 }  // namespace

@@ -7,23 +7,19 @@ usage: bad_input_test.py BIN
 Starts needlelab-server and needlelab-admin on a cluster of PostgreSQL, and on a program that speaks the beginning of its protocol and says
 that it is version 14. No password is in what they say and write, nor in the list of processes. Without PostgreSQL 15 it exits with 77.
 """
-import argparse
 import contextlib
 import json
 import os
 import pathlib
-import shutil
 import socket
 import struct
 import subprocess
 import sys
-import tempfile
 import threading
-import urllib.error
-import urllib.request
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "faults"))
-from clusters import PG, Cluster, give, until  # noqa: E402
+from clusters import Cluster, give, main_on_postgres, until  # noqa: E402
+from programs import fetched  # noqa: E402
 
 RIGHT, WRONG = "open sesame 17", "let me in 18"
 ROLES = ("owner", "keeper", "plain", "banned", "unlisted")
@@ -133,11 +129,8 @@ class Programs:
 
     def health(self):
         """Code and problems of the server that runs."""
-        try:
-            with urllib.request.urlopen(f"http://127.0.0.1:{(self.scratch / 'metrics').read_text().strip()}/healthz", timeout=60) as answer:
-                return answer.status, json.load(answer)["problems"]
-        except urllib.error.HTTPError as refused:
-            return refused.code, json.load(refused)["problems"]
+        status, text = fetched(self.scratch / "metrics", "/healthz")
+        return status, json.loads(text)["problems"]
 
     def is_told(self, what, words):
         """/healthz is 503 with a problem that has these words, soon."""
@@ -307,18 +300,10 @@ def while_it_runs(programs, scratch, cluster):
         programs.goes_on("the schema is back")
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("bin", type=pathlib.Path)
-    given = parser.parse_args()
-    if not os.access(PG / "initdb", os.X_OK):
-        print("PostgreSQL 15 is not installed; deploy/setup installs it")
-        return 77
-    scratch = pathlib.Path(tempfile.mkdtemp(prefix="nl-bad-", dir="/tmp"))  # a socket's path has at most 107 bytes
-    scratch.chmod(0o755)
+def play(bin_folder, scratch):
     cluster = Cluster(scratch / "pg")
     try:
-        programs = Programs(given.bin.resolve(), scratch)
+        programs = Programs(bin_folder, scratch)
         addresses(programs, scratch)
         prepare(cluster)
         access_and_rights(programs, scratch, cluster)
@@ -326,11 +311,9 @@ def main():
         while_it_runs(programs, scratch, cluster)
         said = "".join(path.read_text(errors="replace") for path in scratch.glob("*.log"))
         assert RIGHT not in said and WRONG not in said, "a password is in a log"
-        return 0
     finally:
         cluster.kill()
-        shutil.rmtree(scratch, ignore_errors=True)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main_on_postgres(__doc__, "nl-bad-", play))

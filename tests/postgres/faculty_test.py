@@ -7,52 +7,28 @@ Only addresses, ports, paths and sizes of deploy/faculty's files are replaced (l
 needlelab-load is the judge: its exit code is 0 only if nothing that it sent is lost, doubled or different, also across the promotion.
 Without PostgreSQL 15 it says so and exits with 77.
 """
-import argparse
 import json
 import os
 import pathlib
-import random
 import re
 import shutil
 import signal
-import socket
 import struct
 import subprocess
 import sys
-import tempfile
 import time
-import urllib.error
-import urllib.request
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+from programs import PG, Monitored, free_port, main_on_postgres, run, start, stop, until  # noqa: E402
 
 FACULTY = pathlib.Path(__file__).resolve().parents[2] / "deploy/faculty"
-PG = "/usr/lib/postgresql/15/bin"
 PASSWORDS = {"needlelab": "of the server 1", "needlelab_standby": "of the standbys 2"}
 AS_POSTGRES = ["setpriv", "--reuid", "postgres", "--regid", "postgres", "--clear-groups"] if os.getuid() == 0 else []
-
-
-def run(*arguments, environment=None, code=0, text_in=None):
-    """The command's output; ends the test when its exit code is another."""
-    done = subprocess.run([str(a) for a in arguments], capture_output=True, text=True, timeout=120, input=text_in, cwd="/",
-                          env={**os.environ, **(environment or {})})
-    if done.returncode != code:
-        sys.exit(f"faculty_test: {' '.join(map(str, arguments))}: exit code {done.returncode}, wanted {code}\n{done.stdout}{done.stderr}")
-    return done.stdout + done.stderr if code else done.stdout
 
 
 def as_postgres(*arguments, environment=None, code=0):
     # not root's home: libpq looks for certificates there
     return run(*AS_POSTGRES, *arguments, environment={"HOME": "/", **(environment or {})}, code=code)
-
-
-def free_port():
-    """Not one that the system gives to a connection before PostgreSQL listens there (32768 and above)."""
-    while True:
-        with socket.socket() as probe:
-            try:
-                probe.bind(("127.0.0.1", random.randrange(20_000, 32_000)))
-            except OSError:
-                continue
-            return probe.getsockname()[1]
 
 
 def localised(file, *replaced):
@@ -133,15 +109,7 @@ shared_buffers = '32MB'
               f"{name} follows {self.name}")
 
 
-def until(holds, what, seconds=60):
-    end = time.monotonic() + seconds
-    while not holds():
-        if time.monotonic() > end:
-            sys.exit(f"faculty_test: in vain: {what}")
-        time.sleep(0.1)
-
-
-class Lab:
+class Lab(Monitored):
     """needlelab-server with the options of deploy/faculty's drop-in."""
 
     def __init__(self, bin_folder, scratch, machines):
@@ -160,26 +128,22 @@ class Lab:
         self.password.chmod(0o644)
         run(bin_folder / "needlelab-admin", "--data", self.data, "--store", self.url, "user", "add", "ada", "--role", "administrator",
             "--password-file", self.password, environment=self.environment)
-        self.server = None
+        self.server, self.metrics_file = None, scratch / "metrics"
 
     def start(self, durability=None):
         scratch = self.scratch
-        for name in ("port", "metrics"):
-            (scratch / name).unlink(missing_ok=True)
-        self.log = open(scratch / "server.log", "a", encoding="utf-8")
-        self.server = subprocess.Popen(
-            [self.bin / "needlelab-server", "--data", self.data, "--store", self.url, "--durability", durability or self.durability, "--listen", "127.0.0.1:0",
-             "--port-file", scratch / "port", "--metrics", "0", "--metrics-port-file", scratch / "metrics", "--web", "off"],
-            stdout=self.log, stderr=self.log, env={**os.environ, **self.environment})
-        until(lambda: all((scratch / name).exists() for name in ("port", "metrics")) or self.server.poll() is not None, "the server starts")
-        assert self.server.poll() is None, (scratch / "server.log").read_text()
-        self.port, self.metrics = (scratch / "port").read_text().strip(), (scratch / "metrics").read_text().strip()
+        files = [scratch / "port", self.metrics_file]
+        with open(scratch / "server.log", "a", encoding="utf-8") as log:
+            self.server = start(
+                [self.bin / "needlelab-server", "--data", self.data, "--store", self.url, "--durability", durability or self.durability, "--listen",
+                 "127.0.0.1:0", "--port-file", files[0], "--metrics", "0", "--metrics-port-file", files[1], "--web", "off"],
+                files, log, {**os.environ, **self.environment})
+        self.port = files[0].read_text().strip()
         shutil.copy(self.data / "tls/ca.crt", scratch / "ca.crt")
         (scratch / "ca.crt").chmod(0o644)
 
     def stop(self):
-        self.server.send_signal(signal.SIGTERM)
-        assert self.server.wait(timeout=60) == 0, "the server did not end in order"
+        stop(self.server)
 
     def acks_of_a_station(self, name):
         """A station of this name records two short sessions and delivers them: what each ack said, (committed, Safe)."""
@@ -190,17 +154,6 @@ class Lab:
         events = [json.loads(line) for line in ledger.read_text(encoding="ascii").splitlines() if '"e":"ack"' in line]
         return [(event["committed"], event["safe"]) for event in events]
 
-    def health(self):
-        try:
-            with urllib.request.urlopen(f"http://127.0.0.1:{self.metrics}/healthz", timeout=20) as answer:
-                return json.load(answer)
-        except urllib.error.HTTPError as refused:
-            return json.load(refused)
-
-    def metric(self, name):
-        with urllib.request.urlopen(f"http://127.0.0.1:{self.metrics}/metrics", timeout=20) as answer:
-            return float(re.search(rf"^{name} (\S+)$", answer.read().decode(), re.MULTILINE)[1])
-
     def login(self):
         return ["--server", f"127.0.0.1:{self.port}", "--ca", str(self.scratch / "ca.crt"), "--user", "ada", "--password-file", str(self.password)]
 
@@ -210,7 +163,7 @@ class Lab:
 
     @staticmethod
     def judge(load):
-        out, err = load.communicate(timeout=200)
+        out, err = load.communicate(timeout=600)
         assert load.returncode == 0, f"needlelab-load: {load.returncode}\n{out[-2000:]}\n{err[-2000:]}"
 
     def admin(self, *arguments, code=0):
@@ -372,12 +325,12 @@ DELETE FROM sessions WHERE state = 1;""")
 
 def standby_lost(lab, a, b):
     b.stop("immediate")
-    until(lambda: not lab.health()["healthy"], "/healthz says that nothing is stored", 40)
+    until(lambda: not lab.health()["healthy"], "/healthz says that nothing is stored", 120)
     found = lab.health()
     assert "a trial write was not committed in time" in found["problems"], found
     b.start()
     a.wait_for_standby("b")
-    until(lambda: lab.health()["healthy"], "the server goes on with the standby", 40)
+    until(lambda: lab.health()["healthy"], "the server goes on with the standby", 120)
 
 
 def promoted(lab, a, b):
@@ -396,7 +349,7 @@ def promoted(lab, a, b):
     a.start()
     b.wait_for_standby("a")
     lab.judge(load)
-    until(lambda: lab.health()["healthy"], "the server is healthy after the promotion", 40)
+    until(lambda: lab.health()["healthy"], "the server is healthy after the promotion", 120)
     assert lab.health()["ack_survives"] == "the loss of a disk"
     lab.admin("check")
 
@@ -423,23 +376,14 @@ def restored(b, scratch):
         r.stop("immediate")
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("bin", type=pathlib.Path)
-    given = parser.parse_args()
-    if not os.access(f"{PG}/initdb", os.X_OK):
-        print("PostgreSQL 15 is not installed; deploy/setup installs it")
-        return 77
-    # a socket's path has at most 107 bytes
-    scratch = pathlib.Path(tempfile.mkdtemp(prefix="nl-fac-", dir="/tmp"))
-    scratch.chmod(0o755)
+def play(bin_folder, scratch):
     Machine.give(scratch)
     lab, machines = None, ()
     try:
         prepare(scratch)
         machines = Machine("a", scratch), Machine("b", scratch)
         start_both(*machines)
-        lab = Lab(given.bin.resolve(), scratch, machines)
+        lab = Lab(bin_folder, scratch, machines)
         acks_without_two_disks(lab, machines)
         lab.start()
         for step in (lambda: lesson(lab, scratch, *machines), lambda: backups_go_on(lab, scratch, machines[0]), lambda: standby_lost(lab, *machines), lambda: promoted(lab, *machines),
@@ -448,19 +392,13 @@ def main():
             step()
             print(f"{time.monotonic() - begun:.1f} s")
         lab.stop()
-        return 0
-    except BaseException:
-        for log in sorted(scratch.glob("*.log")):
-            print(f"--- {log.name}\n" + log.read_text()[-3000:], file=sys.stderr)
-        raise
     finally:
         if lab is not None and lab.server is not None and lab.server.poll() is None:
             lab.server.kill()
             lab.server.wait()
         for machine in machines:
             machine.stop("immediate")
-        shutil.rmtree(scratch, ignore_errors=True)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main_on_postgres(__doc__, "nl-fac-", play))

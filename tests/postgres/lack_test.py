@@ -6,31 +6,25 @@ usage: lack_test.py BIN
 The database is an older copy of the cluster, or a standby that lagged and was promoted, in which others' transactions have taken the numbers
 of those that are missing. Without PostgreSQL 15 it says so and exits with 77.
 """
-import argparse
-import json
-import os
 import pathlib
 import re
-import shutil
 import subprocess
 import sys
-import tempfile
-import urllib.error
-import urllib.request
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "faults"))
-from clusters import PG, Cluster, run, until  # noqa: E402
+from clusters import Cluster, main_on_postgres, run, until  # noqa: E402
+from programs import Monitored, start, stop  # noqa: E402
 
 LACKS = "does not have all that was acknowledged"
 
 
-class Lab:
+class Lab(Monitored):
     """A data folder whose server is started on one cluster or another. Its exit ends the server and the clusters."""
 
     def __init__(self, bin_folder, scratch):
         self.bin, self.scratch, self.data, self.server = bin_folder, scratch, scratch / "lab", None
         self.log, self.password, self.stations = scratch / "server.log", scratch / "password", 0
-        self.clusters = []
+        self.clusters, self.metrics_file = [], scratch / "metrics"
 
     def __enter__(self):
         return self
@@ -48,25 +42,14 @@ class Lab:
 
     def start(self, cluster):
         """Returns whether the log of this start says that something is missing."""
-        for name in ("port", "metrics"):
-            (self.scratch / name).unlink(missing_ok=True)
+        files = [self.scratch / "port", self.metrics_file]
         with open(self.log, "w", encoding="utf-8") as log:
-            self.server = subprocess.Popen(  # pylint: disable=consider-using-with
+            self.server = start(
                 [self.bin / "needlelab-server", "--data", self.data, "--store", f"postgresql://needlelab@/lab?host={cluster.folder}", "--listen",
-                 "127.0.0.1:0", "--port-file", self.scratch / "port", "--metrics", "0", "--metrics-port-file", self.scratch / "metrics", "--web", "off"],
-                stdout=log, stderr=log)
-        until(lambda: (self.scratch / "port").exists() or self.server.poll() is not None, "the server starts")
-        assert self.server.poll() is None, self.log.read_text()
+                 "127.0.0.1:0", "--port-file", files[0], "--metrics", "0", "--metrics-port-file", files[1], "--web", "off"], files, log)
         said = re.findall(r"^.*acknowledged_missing.*$", self.log.read_text(), re.MULTILINE)
         assert all(LACKS in line for line in said) and len(said) < 2, said
         return bool(said)
-
-    def health(self):
-        try:
-            with urllib.request.urlopen(f"http://127.0.0.1:{(self.scratch / 'metrics').read_text().strip()}/healthz", timeout=60) as answer:
-                return json.load(answer)
-        except urllib.error.HTTPError as refused:
-            return json.load(refused)
 
     def number(self):
         """What the folder says; 0: nothing yet."""
@@ -97,16 +80,14 @@ class Lab:
         self.server.wait()
 
     def stop(self):
-        self.server.terminate()
-        assert self.server.wait(60) == 0, self.log.read_text()
+        stop(self.server)
 
     def says(self, wanted, what):
         """That of /healthz and the metrics, too."""
         problems = [text for text in self.health()["problems"] if LACKS in text]
         assert bool(problems) == wanted, f"{what}: {problems}"
-        with urllib.request.urlopen(f"http://127.0.0.1:{(self.scratch / 'metrics').read_text().strip()}/metrics", timeout=60) as answer:
-            said = re.search(r"^needlelab_acknowledged_missing (\d)$", answer.read().decode(), re.MULTILINE)
-        assert said and bool(int(said[1])) == wanted, f"{what}: the metric says {said}"
+        said = self.metric("needlelab_acknowledged_missing")
+        assert bool(said) == wanted, f"{what}: the metric says {said}"
 
 
 def older_copy(lab, a):
@@ -173,29 +154,13 @@ def lagging_standby(lab, a):
     lab.stop()
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("bin", type=pathlib.Path)
-    given = parser.parse_args()
-    if not os.access(PG / "initdb", os.X_OK):
-        print("PostgreSQL 15 is not installed; deploy/setup installs it")
-        return 77
-    scratch = pathlib.Path(tempfile.mkdtemp(prefix="nl-lack-", dir="/tmp"))  # a socket's path has at most 107 bytes
-    scratch.chmod(0o755)
-    try:
-        with Lab(given.bin.resolve(), scratch) as lab:
-            a = lab.cluster("a")
-            a.make()
-            older_copy(lab, a)
-            lagging_standby(lab, a)
-        return 0
-    except BaseException:
-        for log in sorted(scratch.glob("*.log")):
-            print(f"--- {log.name}\n" + log.read_text(errors="replace")[-3000:], file=sys.stderr)
-        raise
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
+def play(bin_folder, scratch):
+    with Lab(bin_folder, scratch) as lab:
+        a = lab.cluster("a")
+        a.make()
+        older_copy(lab, a)
+        lagging_standby(lab, a)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main_on_postgres(__doc__, "nl-lack-", play))

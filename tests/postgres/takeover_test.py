@@ -8,24 +8,19 @@ stores and acknowledges nothing of it, nothing is lost, and nothing is stored tw
 recorded and acknowledged. With the planted bug takeover-unfenced it acknowledges what the other server has stored, which is seen. Without
 PostgreSQL 15 it says so and exits with 77.
 """
-import argparse
-import os
 import pathlib
 import re
-import shutil
 import signal
 import socket
-import subprocess
 import sys
-import tempfile
 import threading
 import time
-import urllib.request
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "faults"))
 import clusters  # noqa: E402
-from clusters import PG, Failed, run, until  # noqa: E402
+from clusters import main_on_postgres, run, until  # noqa: E402
 from fault_lab import FaultLab, Template  # noqa: E402
+from programs import fetched, metric_in, start, stop  # noqa: E402
 
 clusters.MOST_CONNECTIONS = 60  # of two servers
 
@@ -104,15 +99,9 @@ class TwoServers(FaultLab):
 
     def start(self, name):
         files = [self.folder / f"{what}-{name}" for what in ("port", "metrics")]
-        for file in files:
-            file.unlink(missing_ok=True)
-        server = self.servers[name] = subprocess.Popen(  # pylint: disable=consider-using-with
+        self.servers[name] = start(
             [self.template_of.bin / "needlelab-durability-server", "--data", self.data(name), "--together", "--listen", "127.0.0.1:0", "--port-file",
-             files[0], "--metrics", "0", "--metrics-port-file", files[1], "--web", "off"],
-            env=self._environment, stdin=subprocess.DEVNULL, stdout=self._log, stderr=self._log)
-        until(lambda: all(file.exists() for file in files) or server.poll() is not None, f"the server {name} starts")
-        if server.poll() is not None:
-            raise Failed(f"the server {name} ended with {server.returncode}")
+             files[0], "--metrics", "0", "--metrics-port-file", files[1], "--web", "off"], files, self._log, self._environment, f"the server {name}")
 
     def join(self, name):
         run(self.template_of.bin / "needlelab-admin", "--data", self.data(name), "server", "join", "--from", self.data("a"), "--name", name,
@@ -123,17 +112,13 @@ class TwoServers(FaultLab):
         self.port = self.proxy.port
 
     def metric_of(self, name, metric):
-        port = (self.folder / f"metrics-{name}").read_text().strip()
-        with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=60) as answer:
-            return int(float(re.search(rf"^{re.escape(metric)} (\S+)$", answer.read().decode(), re.MULTILINE)[1]))
+        return int(metric_in(fetched(self.folder / f"metrics-{name}", "/metrics")[1], metric))
 
     def chunks_of(self, name, result):
         return self.metric_of(name, f'needlelab_chunks_total{{result="{result}"}}')
 
     def stop(self, name):
-        self.servers[name].terminate()
-        if self.servers[name].wait(60) != 0:
-            raise Failed(f"the server {name} ended with {self.servers[name].returncode} at SIGTERM")
+        stop(self.servers[name], f"the server {name}")
 
 
 def stop_between_transactions(server, cluster):
@@ -203,31 +188,14 @@ def play(lab):
     return repeated
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("bin", type=pathlib.Path)
-    given = parser.parse_args()
-    if not os.access(PG / "initdb", os.X_OK):
-        print("PostgreSQL 15 is not installed; deploy/setup installs it")
-        return 77
-    scratch = pathlib.Path(tempfile.mkdtemp(prefix="nl-tko-", dir="/tmp"))  # a socket's path has at most 107 bytes
-    scratch.chmod(0o755)
-    lab = None
-    try:
-        template = Template(given.bin, scratch)
-        with TwoServers(template, scratch / "sound") as lab:
-            assert play(lab) == 0
-        with TwoServers(template, scratch / "bug", "takeover-unfenced") as lab:
-            assert play(lab) > 0, "the planted bug is not seen"
-        print("takeover-unfenced: seen")
-        return 0
-    except BaseException:
-        if lab is not None:
-            print(lab.said(), file=sys.stderr)
-        raise
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
+def play_both(bin_folder, scratch):
+    template = Template(bin_folder, scratch)
+    with TwoServers(template, scratch / "sound") as lab:
+        assert play(lab) == 0
+    with TwoServers(template, scratch / "bug", "takeover-unfenced") as lab:
+        assert play(lab) > 0, "the planted bug is not seen"
+    print("takeover-unfenced: seen")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main_on_postgres(__doc__, "nl-tko-", play_both))

@@ -11,6 +11,7 @@
 #include "client/net/uplink_session.h"
 #include "common/base/clock.h"
 #include "common/base/uuid.h"
+#include "tests/support/patience.h"
 #include "tests/unit/client/net/spool_samples.h"
 #include "tests/unit/db/test_db.h"
 #include "tests/unit/server/live/running_server.h"
@@ -43,7 +44,7 @@ TEST_F(ClockJump, theClockOfThisProgramDoesJump) {
   const std::int64_t before = wallNowNs(), steady = steadyNowNs();
   wall_jump_s = kDay_s;
   EXPECT_GT(wallNowNs() - before, 86'000'000'000'000);
-  EXPECT_LT(steadyNowNs() - steady, 10'000'000'000);
+  EXPECT_LT(steadyNowNs() - steady, 3'600'000'000'000);
 }
 
 TEST_F(ClockJump, sessionIdsKeepTheirOrderWhenTheClockGoesBack) {
@@ -81,9 +82,9 @@ TEST_F(ClockJump, aSessionGoesThroughWholeWhileTheClockJumpsByADay) {
       std::this_thread::sleep_for(20ms);
     }
   }
-  ASSERT_TRUE(writer.finish(5s).ok());
+  ASSERT_TRUE(writer.finish(kPatience).ok());
   uplink.wake();
-  EXPECT_TRUE(uplink.waitUntilDone(20s));
+  EXPECT_TRUE(uplink.waitUntilDone(kPatience));
   EXPECT_EQ(uplink.state().connections, 1u) << "a jump cost the connection";
   uplink.stop();
   pb::Request request;
@@ -156,7 +157,7 @@ TEST_F(ClockJump, aStationWithoutTheRightYearIsTakenAndItsTimeStoredAsItIs) {
     config.client = server.config(stationLogin("station-1", key));
     Uplink uplink(config, {});
     uplink.add(session, false);
-    EXPECT_TRUE(uplink.waitUntilDone(20s)) << uplink.state().error;
+    EXPECT_TRUE(uplink.waitUntilDone(kPatience)) << uplink.state().error;
     uplink.stop();
     pb::Request request;
     request.mutable_get_session()->set_session_id(bytesOfId(session->id()));

@@ -17,6 +17,7 @@
 #include "tests/integration/process.h"
 #include "tests/powercut/campaign.h"
 #include "tests/powercut/watched_disk.h"
+#include "tests/support/patience.h"
 #include "tests/unit/client/net/spool_samples.h"
 #include "tests/unit/db/test_db.h"
 #include "tests/unit/server/live/running_server.h"
@@ -51,7 +52,7 @@ class RecordedStation {
     Uplink uplink(config, {});
     for (const auto& session : sessions_)
       if (!session->receipt().closed) uplink.add(session, false);
-    const bool done = eventually([&] { return enough() || uplink.waitUntilDone(1ms); }, 20'000ms);
+    const bool done = eventually([&] { return enough() || uplink.waitUntilDone(1ms); });
     const bool all = uplink.waitUntilDone(1ms);
     uplink.stop();
     return done && all;
@@ -307,7 +308,7 @@ TEST(DiskFault, theProgramOnARealFullDiskExitsWithOneAndGoesOnWhenThereIsRoom) {
         "needlelab-admin",
         {"--data", disk.path() / "data", "station", "add", "station-1", "--out", folder.path() / "key"},
         log("admin"));
-    ASSERT_EQ(admin.wait(30s), 0) << admin.said();
+    ASSERT_EQ(admin.wait(), 0) << admin.said();
   }
   const auto key_file = readWholeFile(folder.path() / "key");
   ASSERT_OK(key_file);
@@ -315,6 +316,7 @@ TEST(DiskFault, theProgramOnARealFullDiskExitsWithOneAndGoesOnWhenThereIsRoom) {
   RecordedStation station(6, 500);
   const auto config = [&] {
     ClientConfig client;
+    client.connect_timeout = kPatience;
     const auto port = readWholeFile(folder.path() / "port");
     client.server.port = static_cast<std::uint16_t>(std::stoi(port.ok() ? *port : "0"));
     client.ca_file = disk.path() / "data" / "tls" / "ca.crt";
@@ -330,7 +332,7 @@ TEST(DiskFault, theProgramOnARealFullDiskExitsWithOneAndGoesOnWhenThereIsRoom) {
     Process server("needlelab-server", arguments, log("first"));
     ASSERT_TRUE(started(server)) << server.said();
     (void)station.upload(config(), [&] { return server.wait(1ms).has_value(); });
-    EXPECT_EQ(server.wait(20s), kExitFailed) << server.said();
+    EXPECT_EQ(server.wait(), kExitFailed) << server.said();
     EXPECT_NE(server.said().find("make room"), std::string::npos) << server.said();
     EXPECT_NE(server.said().find(disk.path().string()), std::string::npos) << server.said();
   }
@@ -343,7 +345,7 @@ TEST(DiskFault, theProgramOnARealFullDiskExitsWithOneAndGoesOnWhenThereIsRoom) {
     EXPECT_NE(server.said().find("read_only"), std::string::npos) << server.said();
     EXPECT_TRUE(BlockingClient::connect(config()).ok()) << server.said();
     server.signal(SIGTERM);
-    EXPECT_EQ(server.wait(20s), kExitDone) << server.said();
+    EXPECT_EQ(server.wait(), kExitDone) << server.said();
   }
   disk.resize("60m");
   EXPECT_EQ(missingOf(disk.path() / "data" / "needlelab.db", station, false), "");
@@ -353,12 +355,12 @@ TEST(DiskFault, theProgramOnARealFullDiskExitsWithOneAndGoesOnWhenThereIsRoom) {
     ASSERT_TRUE(started(server)) << server.said();
     EXPECT_TRUE(station.upload(config(), [] { return false; }));
     server.signal(SIGTERM);
-    EXPECT_EQ(server.wait(20s), kExitDone) << server.said();
+    EXPECT_EQ(server.wait(), kExitDone) << server.said();
   }
   EXPECT_EQ(missingOf(disk.path() / "data" / "needlelab.db", station, true), "");
   disk.makeReadOnly();
   Process server("needlelab-server", arguments, log("third"));
-  EXPECT_EQ(server.wait(20s), kExitFailed) << server.said();
+  EXPECT_EQ(server.wait(), kExitFailed) << server.said();
   EXPECT_NE(server.said().find("read-only"), std::string::npos) << server.said();
 }
 

@@ -11,6 +11,7 @@
 #include "common/gesture/chunk.h"
 #include "tests/powercut/campaign.h"
 #include "tests/powercut/watched_disk.h"
+#include "tests/support/patience.h"
 #include "tests/unit/client/net/spool_samples.h"
 
 namespace needlelab::test {
@@ -126,7 +127,7 @@ class StationDay {
     if (number == 3) {
       if (!session->setLoss({5, samples}).ok()) throw std::runtime_error("no loss");
     }
-    const Status ended = writer.finish(5s);
+    const Status ended = writer.finish(kPatience);
     if (!ended.ok()) throw std::runtime_error(ended.error().message);
     if (number == 3) log_.mark("lost", number * kMany + 5);
     log_.mark("finished", number * kMany + samples);

@@ -11,6 +11,7 @@
 #include "common/base/program.h"
 #include "common/base/text.h"
 #include "db/retention_store.h"
+#include "tests/support/patience.h"
 #include "tests/unit/server/live/running_server.h"
 
 namespace needlelab::test {
@@ -45,7 +46,7 @@ pb::Envelope answerTo(BlockingClient& client, const pb::Envelope& open) {
 template <typename Wanted>
 pb::Envelope answerAsWanted(BlockingClient& client, const std::function<pb::Envelope()>& open,
                             Wanted wanted) {
-  const auto end = std::chrono::steady_clock::now() + milliseconds(20'000);
+  const auto end = std::chrono::steady_clock::now() + kPatience;
   for (;;) {
     auto answer = answerTo(client, open());
     if (wanted(answer) || std::chrono::steady_clock::now() > end) return answer;
@@ -273,7 +274,7 @@ TEST(FullDisk, atTheLastFloorNoRequestWritesAndReadingGoesOn) {
     return chief->call(toggle);
   };
   s.leave(7);  // of --min-free 64 MiB, less than an eighth
-  const auto end = std::chrono::steady_clock::now() + milliseconds(20'000);
+  const auto end = std::chrono::steady_clock::now() + kPatience;
   auto refused = ask(false);
   for (bool enable = true; refused.ok() && std::chrono::steady_clock::now() < end; enable = !enable)
     refused = ask(enable);
@@ -296,7 +297,7 @@ TEST(FullDisk, takesNothingElseThatIsToBeKeptAndReadsErasesAndEndsAccess) {
   consent.mutable_set_consent()->set_note(std::string(1000, 'x'));
   ASSERT_TRUE(tina->call(consent).ok());
   s.leave(20);
-  const auto end = std::chrono::steady_clock::now() + milliseconds(20'000);
+  const auto end = std::chrono::steady_clock::now() + kPatience;
   auto late = tina->call(consent);
   while (late.ok() && std::chrono::steady_clock::now() < end) late = tina->call(consent);
   ASSERT_FALSE(late.ok());
@@ -455,7 +456,7 @@ TEST(FullDisk, aServerThatStartsThereServesReadsAndEndsWhenThereIsRoom) {
   EXPECT_EQ(answerTo(*station, lesson.open()).refusal().reason(), pb::Refusal::NO_ROOM);
   // of all levels only this one needs another start
   s.leave(10'000);
-  const auto end = std::chrono::steady_clock::now() + milliseconds(20'000);
+  const auto end = std::chrono::steady_clock::now() + kPatience;
   while (s.server.connect(stationLogin("bench-1", key)).ok() && std::chrono::steady_clock::now() < end)
     std::this_thread::sleep_for(milliseconds(20));
   EXPECT_EQ(s.server.stop(), kExitFailed) << "for the service manager, which starts it again";

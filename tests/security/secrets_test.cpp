@@ -16,6 +16,7 @@
 #include "db/connection.h"
 #include "db/engine/open_postgres.h"
 #include "tests/integration/lab.h"
+#include "tests/support/patience.h"
 #include "tests/support/postgres_database.h"
 
 namespace needlelab::test {
@@ -99,7 +100,7 @@ class StoreWithPassword {
   /// Everything that the database has, as text, into `file`.
   void dump(const fs::path& file) const {
     Process dumped("/usr/lib/postgresql/15/bin/pg_dump", {"--dbname", url(), "--no-password"}, file);
-    ASSERT_EQ(dumped.wait(60s), 0) << dumped.said();
+    ASSERT_EQ(dumped.wait(), 0) << dumped.said();
   }
 
  private:
@@ -170,19 +171,16 @@ TEST_F(Secrets, areInNoLogNoArgumentNoEnvironmentAndNoFileOfOthers) {
     return std::make_unique<Process>("needlelab-server", arguments, lab.path("server.log"));
   };
   auto server = startServer(0);
-  std::string port;
-  ASSERT_TRUE(eventually([&] {
-    auto text = readWholeFile(lab.path("port"));
-    if (text.ok()) port = text->substr(0, text->find('\n'));
-    return !port.empty();
-  })) << server->said();
+  const auto port = portOf(*server, lab.path("port"));
+  ASSERT_TRUE(port.ok()) << port.error().message;
   lookAtProcess("server", server->pid());
-  const std::string address = "127.0.0.1:" + port;
+  const std::string address = "127.0.0.1:" + std::to_string(*port);
   const fs::path ca = lab.path("data") / "tls" / "ca.crt";
 
   // a token, which exists only in memory
   ClientConfig config;
-  config.server.port = static_cast<std::uint16_t>(std::stoi(port));
+  config.connect_timeout = kPatience;
+  config.server.port = *port;
   config.ca_file = ca;
   config.program = programText("test");
   config.login = personLogin("chief", secrets_["chief"]);
@@ -199,7 +197,7 @@ TEST_F(Secrets, areInNoLogNoArgumentNoEnvironmentAndNoFileOfOthers) {
     return std::make_unique<Process>("needlelab-admin", all, lab.path(name + ".log"));
   };
   // Wrong passwords, keys and tokens are secrets too: often they are valid elsewhere.
-  EXPECT_NE(remote("wrong", wrong, {"user", "list"})->wait(60s), 0);
+  EXPECT_NE(remote("wrong", wrong, {"user", "list"})->wait(), 0);
   // a password that was typed where the name belongs, by a person and at a station
   secrets_["typed as a name"] = "Planted-7-typed";
   config.login = personLogin(secrets_["typed as a name"], "whatever it is");
@@ -215,15 +213,15 @@ TEST_F(Secrets, areInNoLogNoArgumentNoEnvironmentAndNoFileOfOthers) {
   EXPECT_FALSE(BlockingClient::connect(config).ok());
   EXPECT_EQ(
       remote("add", chief, {"user", "add", "bert", "--role", "instructor", "--new-password-file", other})
-          ->wait(60s),
+          ->wait(),
       0);
   const auto badge = planted("badge", "Planted-6-Badge");
   for (const char* name : {"bert", "tom"})
-    EXPECT_EQ(remote("code", chief, {"user", "code", name, "--code-file", badge})->wait(60s), 0);
-  EXPECT_EQ(remote("passwd", chief, {"user", "passwd", "bert", "--new-password-file", chief})->wait(60s), 0);
-  EXPECT_EQ(remote("short", chief, {"user", "passwd", "bert", "--new-password-file", other})->wait(60s), 0);
-  EXPECT_EQ(
-      remote("enrol", chief, {"station", "add", "station-2", "--out", lab.path("second.key")})->wait(60s), 0);
+    EXPECT_EQ(remote("code", chief, {"user", "code", name, "--code-file", badge})->wait(), 0);
+  EXPECT_EQ(remote("passwd", chief, {"user", "passwd", "bert", "--new-password-file", chief})->wait(), 0);
+  EXPECT_EQ(remote("short", chief, {"user", "passwd", "bert", "--new-password-file", other})->wait(), 0);
+  EXPECT_EQ(remote("enrol", chief, {"station", "add", "station-2", "--out", lab.path("second.key")})->wait(),
+            0);
   const auto second = readWholeFile(lab.path("second.key"));
   ASSERT_TRUE(second.ok());
   secrets_["second key in hexadecimal"] = second->substr(second->find(':') + 1, 64);
@@ -260,17 +258,17 @@ TEST_F(Secrets, areInNoLogNoArgumentNoEnvironmentAndNoFileOfOthers) {
     EXPECT_TRUE(eventually([&] { return writesNoCore(program->pid()); })) << program->said();
   lookAtProcess("station", station.pid());
   lookAtProcess("instructor", instructor.pid());
-  EXPECT_EQ(station.wait(60s), 0) << station.said();
+  EXPECT_EQ(station.wait(), 0) << station.said();
   const auto lesson = readWholeFile(lab.path("lesson.json"));
   EXPECT_TRUE(lesson.ok() && !lesson->empty()) << "the code was sent, or no lesson would have begun";
-  EXPECT_EQ(instructor.wait(60s), 0) << instructor.said();
+  EXPECT_EQ(instructor.wait(), 0) << instructor.said();
 
-  EXPECT_EQ(remote("audit", chief, {"audit"})->wait(60s), 0);
+  EXPECT_EQ(remote("audit", chief, {"audit"})->wait(), 0);
   const auto audit = readWholeFile(lab.path("audit.log"));
   EXPECT_TRUE(audit.ok() && audit->find("user passwd") != std::string::npos) << "the audit log was looked at";
   client->finish();
   server->signal(SIGTERM);
-  EXPECT_EQ(server->wait(60s), 0);
+  EXPECT_EQ(server->wait(), 0);
   EXPECT_THAT(server->said(), testing::HasSubstr("login_refused")) << "there was something to let slip";
 
   if (store_) {
@@ -282,7 +280,7 @@ TEST_F(Secrets, areInNoLogNoArgumentNoEnvironmentAndNoFileOfOthers) {
     secrets_["wrong password of PostgreSQL"] = "Planted-9-Pfeffernuss";
     store_->usePassword(secrets_["wrong password of PostgreSQL"]);
     server = startServer(0);
-    EXPECT_GT(server->wait(60s).value_or(0), 0) << server->said();
+    EXPECT_GT(server->wait().value_or(0), 0) << server->said();
     EXPECT_THAT(server->said(), testing::HasSubstr("password authentication failed"));
     look("the log of PostgreSQL", StoreWithPassword::logOfPostgres());
   }

@@ -21,7 +21,7 @@ int soak(const SoakOptions& options) {
   const auto findings = judge(*data, options, *minutes);
   const Status written = writeReport(*data, options, *minutes, findings);
   std::cout << tableText(findings, options.form()) << "files: " << options.out.string()
-            << "/{samples,minutes}.csv, table.txt, soak.png\n";
+            << "/{samples,minutes}.csv, table.txt\n";
   if (!written.ok()) return fail(written.error());
   return verdictOf(findings) == Verdict::kBad ? kExitFailed : kExitDone;
 }

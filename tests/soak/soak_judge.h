@@ -45,15 +45,13 @@ std::vector<Finding> judge(const SoakData& data, const SoakOptions& options, con
 /// The worst of them.
 Verdict verdictOf(const std::vector<Finding>& findings);
 const char* verdictText(Verdict verdict);
-/// Ends the title of a picture; `good` is what to say of a good run.
-std::string findingOf(Verdict verdict, SoakForm form, std::string_view good);
 
-// A soak run as files: samples.csv, minutes.csv, table.txt, soak.png.
+// A soak run as files: samples.csv, minutes.csv, table.txt.
 
 /// For a person; the last line is the form and its verdict.
 std::string tableText(const std::vector<Finding>& findings, SoakForm form);
 
-/// Into `options.out`. The picture only where gnuplot is. Errors: kFailed.
+/// Into `options.out`. Errors: kFailed.
 Status writeReport(const SoakData& data, const SoakOptions& options, const SoakMinutes& minutes,
                    const std::vector<Finding>& findings);
 

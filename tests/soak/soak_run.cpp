@@ -18,6 +18,7 @@
 #include "common/base/uuid.h"
 #include "common/gesture/chunk.h"
 #include "tests/integration/process.h"
+#include "tests/support/patience.h"
 
 namespace needlelab::test {
 namespace {
@@ -55,7 +56,7 @@ class Soak {
     std::vector<std::string> all = {"--data", out_ / "data"};
     all.insert(all.end(), arguments.begin(), arguments.end());
     Process process(program("needlelab-admin"), all, out_ / "admin.log");
-    if (process.wait(60s) != 0) return failed("needlelab-admin " + arguments[0], process);
+    if (process.wait() != 0) return failed("needlelab-admin " + arguments[0], process);
     return {};
   }
 
@@ -84,14 +85,7 @@ class Soak {
                                   std::vector<std::string>{"--data", out_ / "data", "--listen", "127.0.0.1:0",
                                                            "--port-file", out_ / "port"},
                                   out_ / "server.log");
-    std::string text;
-    if (!eventually([&] {
-          auto file = readWholeFile(out_ / "port");
-          if (file.ok()) text = *file;
-          return !text.empty();
-        }))
-      return failed("the server did not start", *processes_[kServer]);
-    port_ = static_cast<std::uint16_t>(std::stoi(text));
+    ASSIGN_OR_RETURN(port_, portOf(*processes_[kServer], out_ / "port"));
     return reconnect();
   }
 
@@ -101,6 +95,7 @@ class Soak {
     config.ca_file = out_ / "data" / "tls" / "ca.crt";
     config.program = programText("soak");
     config.login = personLogin("ines", kPassword);
+    config.connect_timeout = kPatience;
     ASSIGN_OR_RETURN(auto client, BlockingClient::connect(config));
     client_ = std::make_unique<BlockingClient>(std::move(client));
     pb::Envelope overview;
@@ -166,7 +161,7 @@ class Soak {
     pb::Request request;
     request.mutable_list_stations();
     const auto began = std::chrono::steady_clock::now();
-    const auto reply = client_->call(request, 10s);
+    const auto reply = client_->call(request, kPatience);
     if (!reply.ok()) static_cast<void>(reconnect());
     return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - began).count();
   }
@@ -234,8 +229,8 @@ class Soak {
     client_->finish();
 
     for (const SoakProcess which : {kViewer, kServer}) processes_[which]->signal(SIGTERM);
-    data_.viewer_code = processes_[kViewer]->wait(20s).value_or(-1);
-    data_.server_code = processes_[kServer]->wait(60s).value_or(-1);
+    data_.viewer_code = processes_[kViewer]->wait().value_or(-1);
+    data_.server_code = processes_[kServer]->wait().value_or(-1);
     return {};
   }
 

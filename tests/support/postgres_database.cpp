@@ -18,6 +18,7 @@
 #include "db/connection.h"
 #include "db/engine/open_postgres.h"
 #include "db/schema.h"
+#include "tests/support/patience.h"
 
 namespace needlelab::test {
 namespace {
@@ -113,7 +114,7 @@ class KeptDatabase {
     try {
       must(control_.script("SELECT pg_terminate_backend(pid)" + others));
       // what they have begun ends with them
-      const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+      const auto until = std::chrono::steady_clock::now() + kPatience;
       while (textOf(control_, "SELECT count(*)" + others) != "0") {
         if (std::chrono::steady_clock::now() > until) return false;
         std::this_thread::sleep_for(std::chrono::milliseconds(1));

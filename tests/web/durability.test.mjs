@@ -8,6 +8,7 @@ import { logIn } from '../../client/web/app/net/session.js';
 import { StoreText } from '../../client/web/app/pages/upkeep.js';
 import { fetchAsBrowser } from './browser_fetch.mjs';
 import { startMock } from './mock_server.mjs';
+import { textOf } from './page_text.mjs';
 
 let mock;
 fetchAsBrowser(() => mock.port);
@@ -17,17 +18,6 @@ before(async () => {
 });
 after(() => mock.close());
 
-/** All text of a tree of elements, marks drawn. */
-const textOf = (node) =>
-  Array.isArray(node)
-    ? node.map(textOf).join('')
-    : typeof node?.type === 'function'
-      ? textOf(node.type(node.props))
-      : typeof node === 'object'
-        ? textOf(node?.props?.children ?? '')
-        : typeof node === 'boolean'
-          ? ''
-          : String(node ?? '');
 const shown = async (store) => {
   mock.lab.store = store;
   return textOf(StoreText({ store: await upkeep.store() }));

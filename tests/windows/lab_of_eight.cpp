@@ -62,7 +62,7 @@ std::string LabOfEight::practise(int number, double skill, double seconds) {
                    {"--hand-skill", std::to_string(skill), "--hand-seed", std::to_string(number),
                     "--hand-repeat", "0", "--seconds", std::to_string(seconds), "--json", json});
   Process process("needlelab-station", arguments, path("practise.log"));
-  EXPECT_EQ(process.wait(120s), kExitDone) << process.said();
+  EXPECT_EQ(process.wait(), kExitDone) << process.said();
   const auto text = readWholeFile(json);
   if (!text.ok()) return {};
   return nlohmann::json::parse(*text, nullptr, false).value("session_id", "");
@@ -85,7 +85,7 @@ void LabOfEight::startStations() {
 void LabOfEight::stopStations() {
   for (const auto& process : stations_) process->signal(SIGTERM);
   for (int number = 1; number <= kStations; ++number) {
-    const auto code = station(number).wait(90s);
+    const auto code = station(number).wait();
     ASSERT_TRUE(code.has_value()) << bench(number) << " does not end: " << station(number).said();
     EXPECT_EQ(*code, number == kInTrouble ? kExitFailed : kExitDone)
         << bench(number) << ": " << station(number).said();
@@ -117,7 +117,7 @@ int LabOfEight::headless(const std::vector<std::string>& more) {
   arguments.insert(arguments.end(), {"--headless", "--json"});
   arguments.insert(arguments.end(), more.begin(), more.end());
   Process process("needlelab-instructor", arguments, path("headless.log"));
-  return process.wait(90s).value_or(-1000);
+  return process.wait().value_or(-1000);
 }
 
 nlohmann::json LabOfEight::rows(const std::vector<std::string>& more) const {
@@ -127,7 +127,7 @@ nlohmann::json LabOfEight::rows(const std::vector<std::string>& more) const {
   const auto log = path("rows.json");
   std::filesystem::remove(log);
   Process process("needlelab-admin", arguments, log);
-  const auto code = process.wait(90s);
+  const auto code = process.wait();
   EXPECT_EQ(code, 0) << process.said();
   return rowsIn(process.said());
 }
@@ -136,7 +136,7 @@ std::vector<std::string> LabOfEight::verifyAll() {
   std::filesystem::remove(path("list.json"));
   Process list("needlelab-admin", {"--data", path("data"), "session", "list", "--limit", "0", "--json"},
                path("list.json"));
-  EXPECT_EQ(list.wait(90s), 0) << list.said();
+  EXPECT_EQ(list.wait(), 0) << list.said();
   std::vector<std::string> ids;
   for (const auto& row : rowsIn(list.said())) {
     ids.push_back(row["session_id"]);

@@ -85,7 +85,7 @@ TEST_F(LabWindows, theStationInTroubleIsFoundLookedOverSpokenToReplayedComparedA
   EXPECT_TRUE(says(lab_.station(5), "message from ines: take the needle out")) << lab_.station(5).said();
   EXPECT_TRUE(says(lab_.station(2), "message from ines: slower, please")) << lab_.station(2).said();
   EXPECT_TRUE(says(lab_.station(2), "stopped by ines: enough for today")) << lab_.station(2).said();
-  EXPECT_EQ(lab_.station(2).wait(60s), kExitDone);
+  EXPECT_EQ(lab_.station(2).wait(), kExitDone);
   // the entries of the audit log
   EXPECT_THAT(audit("message"), testing::UnorderedElementsAre("ines bench-5: take the needle out",
                                                               "ines bench-2: slower, please"));
@@ -151,7 +151,7 @@ TEST_F(LabWindows, anInstructorWhoIsKilledInMidViewTakesNothingWithThem) {
       true);
   ASSERT_TRUE(says(*killed, "KILL NOW")) << killed->said();
   killed->signal(SIGKILL);
-  ASSERT_EQ(killed->wait(60s), -SIGKILL);
+  ASSERT_EQ(killed->wait(), -SIGKILL);
   // A later instructor sees the same lab, and the remark.
   auto window = lab_.window(
       "window",
@@ -165,7 +165,7 @@ TEST_F(LabWindows, anInstructorWhoIsKilledInMidViewTakesNothingWithThem) {
                            "--seconds", "60"}),
             0);
   EXPECT_TRUE(says(lab_.station(4), "stopped by ines: enough")) << lab_.station(4).said();
-  EXPECT_EQ(lab_.station(4).wait(60s), kExitDone);
+  EXPECT_EQ(lab_.station(4).wait(), kExitDone);
   lab_.stopStations();
   EXPECT_EQ(lab_.stopServer(), kExitDone);
   EXPECT_EQ(lab_.verifyAll().size(), 8u);

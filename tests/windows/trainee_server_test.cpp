@@ -92,7 +92,7 @@ TEST_F(TraineeServerTest, anInstructorTalksChangesAidsStopsAndChoosesWhatComesNe
   })) << station->said();
   ASSERT_TRUE(eventually([&] { return lab_.sessions().size() == 2; }, 60s)) << station->said();
   station->signal(SIGTERM);
-  ASSERT_EQ(station->wait(60s), kExitDone) << station->said();
+  ASSERT_EQ(station->wait(), kExitDone) << station->said();
 
   const auto out = lab_.summary("window");
   ASSERT_EQ(out["rows"].size(), 2u) << station->said();
@@ -142,7 +142,7 @@ TEST_F(TraineeServerTest, aBadgeIsReadAtTheStartScreenAndNotAgainForTheNextTry) 
     EXPECT_FALSE(info.unknown_trainee());
   }
   station->signal(SIGTERM);
-  ASSERT_EQ(station->wait(60s), kExitDone) << station->said();
+  ASSERT_EQ(station->wait(), kExitDone) << station->said();
   for (const char* badge : {"badge-4711", "badge-0815"})
     EXPECT_EQ(station->said().find(badge), std::string::npos) << badge;
 }
@@ -152,7 +152,7 @@ TEST_F(TraineeServerTest, aDisplayThatGoesEndsTheLessonAndTheServerGetsAllOfIt) 
       {"--exercise", "ball-free-practice", "--start", "--hand-plan", "rest", "--hand-repeat", "0"});
   ASSERT_TRUE(eventually([&] { return lab_.sessions().size() == 1; }, 60s)) << station->said();
   display_.end();
-  ASSERT_EQ(station->wait(60s), kExitFailed) << station->said();
+  ASSERT_EQ(station->wait(), kExitFailed) << station->said();
   EXPECT_THAT(station->said(), HasSubstr("the display is gone"));
   const auto out = lab_.summary("window");
   EXPECT_EQ(out["state"], "COMPLETE") << station->said();
@@ -171,7 +171,7 @@ TEST_F(TraineeServerTest, theServerGoesAndComesBackInMidLesson) {
   lab_.startServer();
   ASSERT_TRUE(says(*station, "session COMPLETE")) << station->said();
   station->signal(SIGTERM);
-  ASSERT_EQ(station->wait(60s), kExitDone) << station->said();
+  ASSERT_EQ(station->wait(), kExitDone) << station->said();
   const auto out = lab_.summary("window");
   EXPECT_EQ(out["samples_acked"], out["samples"]);
   EXPECT_EQ(out["samples_lost"], 0);

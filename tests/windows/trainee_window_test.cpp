@@ -191,7 +191,7 @@ TEST_F(TraineeWindowTest, aLessonSteeredByMouseReachesTheTargetAndIsScored) {
   display_.key("Return");
   ASSERT_TRUE(says("score  ")) << station_->said();
   station_->signal(SIGTERM);
-  ASSERT_TRUE(station_->wait(60s)) << station_->said();
+  ASSERT_TRUE(station_->wait()) << station_->said();
 
   const auto values = scoreOf(summary());
   ASSERT_TRUE(values.contains("target_reached")) << station_->said();
@@ -242,7 +242,7 @@ TEST_F(TraineeWindowTest, keysAloneSuffice) {
     return frame.screen == "lesson" && frame.lesson == 2 && frame.lesson_s > 0;
   })) << station_->said();
   station_->signal(SIGTERM);
-  ASSERT_EQ(station_->wait(60s), kExitDone) << station_->said();
+  ASSERT_EQ(station_->wait(), kExitDone) << station_->said();
   ASSERT_EQ(summary()["rows"].size(), 2u);
   EXPECT_GE(scoreOf(summary()["rows"][0]).at("elapsed_s"), shown_s);
 }
@@ -256,7 +256,7 @@ TEST_F(TraineeWindowTest, theCloseButtonAsksAndThenEndsTheLessonAndKeepsIt) {
   ASSERT_TRUE(frames_.sawInput()) << "it asks first, and the lesson goes on: " << station_->said();
   EXPECT_EQ(frames_.newest()->screen, "lesson");
   display_.key("Return");
-  ASSERT_EQ(station_->wait(60s), kExitDone) << station_->said();
+  ASSERT_EQ(station_->wait(), kExitDone) << station_->said();
   const auto out = summary();
   EXPECT_EQ(out["fault"], nullptr);
   expectAllThatWasShown(out);
@@ -267,7 +267,7 @@ TEST_F(TraineeWindowTest, aWindowThatIsDestroyedEndsTheLessonAndKeepsIt) {
   ASSERT_NO_FATAL_FAILURE(waitForWindow("lesson"));
   ASSERT_NO_FATAL_FAILURE(waitForLesson(0.5));
   display_.tool({"search", "--name", kTitle, "windowclose"});  // XDestroyWindow
-  ASSERT_TRUE(station_->wait(60s)) << station_->said();
+  ASSERT_TRUE(station_->wait()) << station_->said();
   const auto out = summary();
   EXPECT_EQ(out["fault"], nullptr);
   expectAllThatWasShown(out);
@@ -278,7 +278,7 @@ TEST_F(TraineeWindowTest, aDisplayThatGoesEndsTheLessonAndKeepsIt) {
   ASSERT_NO_FATAL_FAILURE(waitForWindow("lesson"));
   ASSERT_NO_FATAL_FAILURE(waitForLesson(0.5));
   display_.end();
-  ASSERT_TRUE(station_->wait(60s)) << station_->said();
+  ASSERT_TRUE(station_->wait()) << station_->said();
   EXPECT_THAT(station_->said(), HasSubstr("the display is gone"));
   const auto out = summary();
   EXPECT_EQ(out["fault"], nullptr);
@@ -291,7 +291,7 @@ TEST(TraineeWithoutADisplay, isToldWhatElseThereIs) {
   Process station("needlelab-station",
                   {"--profile", NEEDLELAB_SAMPLES "/shoulder-adult.json", "--spool", folder.path() / "spool"},
                   folder.path() / "log");
-  EXPECT_EQ(station.wait(60s), kExitFailed);
+  EXPECT_EQ(station.wait(), kExitFailed);
   EXPECT_THAT(station.said(), HasSubstr("--headless"));
   EXPECT_FALSE(std::filesystem::exists(folder.path() / "spool")) << "nothing was begun";
 }
@@ -310,7 +310,7 @@ TEST(TraineeWithoutADisplay, picturesAreTakenOfALessonThatEndsByItself) {
                                         "--at",         "end",
                                         "--window",     "1280x720"},
                   folder.path() / "log");
-  EXPECT_EQ(station.wait(120s), kExitDone) << station.said();
+  EXPECT_EQ(station.wait(), kExitDone) << station.said();
   for (const char* name : {"start.png", "lesson.png", "end.png"})
     EXPECT_GT(std::filesystem::file_size(folder.path() / name), 10'000u) << name;
 }

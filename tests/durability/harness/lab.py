@@ -1,5 +1,4 @@
 """A skills lab under test: one server, stations with ledgers, backups, kills; and the judge of the result."""
-import json
 import os
 import pathlib
 import shutil
@@ -9,27 +8,13 @@ import sys
 import tempfile
 import time
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "judge"))
+sys.path[:0] = [str(pathlib.Path(__file__).resolve().parents[1] / "judge"), str(pathlib.Path(__file__).resolve().parents[2] / "support")]
 from crash_page import CrashPage  # noqa: E402
 from stalls import Witnesses, real_time_allowed  # noqa: E402
 from database import Database, chunks_in  # noqa: E402
 from ledger import Ledgers  # noqa: E402
+from programs import PATIENCE_S, Failed, LedgerFolder, run, start, stop, until  # noqa: E402,F401
 from verdict import judge_all  # noqa: E402
-
-PATIENCE_S = 60
-
-
-class Failed(Exception):
-    """The harness could not go on: something did not start, end or answer."""
-
-
-def until(condition, what, seconds=PATIENCE_S, pause=0.005):
-    end = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > end:
-            raise Failed(f"{what}: not within {seconds} s")
-        time.sleep(pause)
-
 
 LOSS_MS = 20  # allowed loss of a killed station if its writer may have real-time priority (client/net/README.md)
 REACH_NS = 60_000_000  # a stall of the machine up to this long before a kill may matter
@@ -62,12 +47,10 @@ class Programs:
             self.admin("--data", data, "station", "add", name, "--out", self.template / f"{name}.key")
 
     def admin(self, *arguments):
-        done = subprocess.run([self.bin / "needlelab-admin", *map(str, arguments)], capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            raise Failed(f"needlelab-admin {' '.join(map(str, arguments))}: exit {done.returncode}: {done.stderr}")
+        run(self.bin / "needlelab-admin", *arguments)
 
 
-class Lab:
+class Lab(LedgerFolder):
     """Use it as a context manager: its exit ends all processes. `plant`: the planted bug of server and stations."""
 
     def __init__(self, programs, plant=None, loss=LOSS_MS):
@@ -76,10 +59,9 @@ class Lab:
         self._folder = tempfile.TemporaryDirectory(prefix="durability-lab-")
         self.folder = pathlib.Path(self._folder.name)
         shutil.copytree(programs.template / "data", self.folder / "data")
-        (self.folder / "ledger").mkdir()
+        super().__init__()
         self.page = CrashPage(self.folder / "crash-page")
         self.server, self.stations, self.backups, self.port = None, {}, [], 0
-        self._read, self._counts = {}, {}
         self._log = open(self.folder / "log", "ab")  # pylint: disable=consider-using-with
         self._environment = dict(os.environ, NEEDLELAB_CRASH_PAGE=str(self.page.path))
         self._environment.pop("NEEDLELAB_PLANT", None)
@@ -105,14 +87,8 @@ class Lab:
     def start_server(self):
         self.page.disarm()
         port_file = self.folder / "port"
-        port_file.unlink(missing_ok=True)
-        self.server = subprocess.Popen(  # pylint: disable=consider-using-with
-            [self.programs.bin / "needlelab-durability-server", "--data", self.folder / "data", "--listen",
-             f"127.0.0.1:{self.port}", "--port-file", port_file, "--log-level", "warning"],
-            env=self._environment, stdin=subprocess.DEVNULL, stdout=self._log, stderr=self._log)
-        until(lambda: port_file.exists() or self.server.poll() is not None, "the server starts")
-        if self.server.poll() is not None:
-            raise Failed(f"the server ended with {self.server.returncode}")
+        self.server = start([self.programs.bin / "needlelab-durability-server", "--data", self.folder / "data", "--listen", f"127.0.0.1:{self.port}",
+                             "--port-file", port_file, "--log-level", "warning"], [port_file], self._log, self._environment)
         self.port = int(port_file.read_text())
 
     def kill_server(self):
@@ -127,9 +103,7 @@ class Lab:
         return self.page.get("phase")
 
     def stop_server(self):
-        self.server.terminate()
-        if self.server.wait(PATIENCE_S) != 0:
-            raise Failed(f"the server ended with {self.server.returncode} at SIGTERM")
+        stop(self.server)
 
     # --- stations ---
     def start_station(self, name, seed=1, sessions=1, samples=300):
@@ -191,27 +165,7 @@ class Lab:
             pathlib.Path(str(database) + suffix).unlink(missing_ok=True)
         self.note(e="restore", t=time.time_ns())
 
-    # --- ledgers ---
-    def note(self, **event):
-        with open(self.folder / "ledger" / "harness.jsonl", "a", encoding="ascii") as file:
-            file.write(json.dumps(event) + "\n")
-
-    def count(self, kind):
-        """Number of events of this kind in all ledgers so far."""
-        for path in (self.folder / "ledger").glob("*.jsonl"):
-            with open(path, "rb") as file:
-                file.seek(self._read.get(path, 0))
-                data = file.read()
-            data = data[:data.rfind(b"\n") + 1]
-            self._read[path] = self._read.get(path, 0) + len(data)
-            for name in (b"ack", b"s", b"closed"):
-                self._counts[name] = self._counts.get(name, 0) + data.count(b'"e":"' + name + b'"')
-        return self._counts.get(kind.encode(), 0)
-
-    def wait_for_more(self, kind, count):
-        goal = self.count(kind) + count
-        until(lambda: self.count(kind) >= goal, f"{count} more events '{kind}'")
-
+    # --- the judge ---
     def judge(self, at_end):
         """The faults, as (name, text). The server does not run."""
         if self.server is not None and self.server.poll() is None:

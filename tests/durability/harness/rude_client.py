@@ -60,7 +60,7 @@ class Peer:
         plain = socket.socket()
         if receive_bytes is not None:
             plain.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_bytes)  # before the window is said
-        plain.settimeout(20)
+        plain.settimeout(60)
         plain.connect((address, port))
         self.socket = context.wrap_socket(plain, server_hostname=address)
         self.send(HELLO, field(1, field(1, 1) + (field(2, minor) if minor else b"")) + field(2, "rude client"))

@@ -5,33 +5,14 @@ import shutil
 import signal
 import socket
 import struct
-import subprocess
+import sys
 import time
 
-PG = pathlib.Path("/usr/lib/postgresql/15/bin")
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "support"))
+from programs import PG, Failed, main_on_postgres, run, until  # noqa: E402,F401  pylint: disable=unused-import
+
 AS_POSTGRES = ["setpriv", "--reuid", "postgres", "--regid", "postgres", "--clear-groups"] if os.getuid() == 0 else []
 MOST_CONNECTIONS = 24
-
-
-class Failed(Exception):
-    """A scenario could not be played: something did not start, end or answer."""
-
-
-def run(*arguments, text_in=None, environment=None):
-    """The command's output. Raises Failed with what it said when its exit code is not 0."""
-    done = subprocess.run([str(a) for a in arguments], capture_output=True, text=True, timeout=120, input=text_in, cwd="/", check=False,
-                          env={**os.environ, "HOME": "/", **(environment or {})})
-    if done.returncode != 0:
-        raise Failed(f"{' '.join(map(str, arguments))}: exit code {done.returncode}\n{done.stdout}{done.stderr}")
-    return done.stdout
-
-
-def until(holds, what, seconds=60, pause=0.02):
-    end = time.monotonic() + seconds
-    while not holds():
-        if time.monotonic() > end:
-            raise Failed(f"{what}: not within {seconds} s")
-        time.sleep(pause)
 
 
 def give(path):
@@ -150,7 +131,7 @@ class Session:
 
     def __init__(self, cluster):
         self.socket = socket.socket(socket.AF_UNIX)
-        self.socket.settimeout(20)
+        self.socket.settimeout(60)
         try:
             self.socket.connect(str(cluster.folder / ".s.PGSQL.5432"))
             body = struct.pack(">I", 196608) + b"user\0needlelab\0database\0postgres\0application_name\0hog\0\0"

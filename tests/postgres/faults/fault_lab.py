@@ -1,6 +1,4 @@
 """A lab on PostgreSQL under test: server, stations with ledgers, and the judge of tests/durability over what PostgreSQL has."""
-import collections
-import json
 import os
 import pathlib
 import re
@@ -10,8 +8,6 @@ import sqlite3
 import subprocess
 import sys
 import time
-import urllib.error
-import urllib.request
 
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parents[1] / "durability" / part) for part in ("judge", "harness")]
@@ -19,6 +15,7 @@ from database import Database  # noqa: E402
 from ledger import Ledgers  # noqa: E402
 from verdict import Judgement, judge_all  # noqa: E402,F401  pylint: disable=unused-import
 from clusters import AS_POSTGRES, PG, Cluster, Failed, run, until  # noqa: E402
+from programs import LedgerFolder, Monitored, start, stop  # noqa: E402
 
 PASSWORD = "correct horse battery 15"
 STATIONS = 3
@@ -89,21 +86,21 @@ class Template:
         self.cluster.stop()
 
 
-class FaultLab:
+class FaultLab(LedgerFolder, Monitored):
     """Use it as a context manager: its exit ends all processes. Its clusters are made by cluster() and standby_of()."""
 
     def __init__(self, template, folder, plant=None):
         self.template_of, self.folder, self.plant = template, folder, plant
         self.programs, self.template = self, template.folder  # as the rude client expects
         folder.mkdir(mode=0o755)
-        (folder / "ledger").mkdir()
+        super().__init__()
+        self.metrics_file = folder / "metrics"
         shutil.copytree(template.folder / "lab", folder / "data")
         self.clusters, self.server, self.stations, self.port = [], None, {}, 0
         self.expect_lacks = False  # of the server, of what it had acknowledged
         self.weakened = False
         self.faults_played = 0
         self.mounted = None
-        self._read, self._counts = {}, collections.Counter()  # of the ledgers: bytes by file, events by kind
         self._log = open(folder / "log", "ab")  # pylint: disable=consider-using-with
         self._environment = dict(os.environ)
         self._environment.pop("NEEDLELAB_PLANT", None)
@@ -186,36 +183,18 @@ class FaultLab:
     def start_server(self, url, durability="power-cut"):
         store = self.folder / "data/store"
         store.write_text(re.sub(r"^url = .*$", f"url = {url}", store.read_text(), flags=re.MULTILINE))
-        for name in ("port", "metrics"):
-            (self.folder / name).unlink(missing_ok=True)
-        self.server = subprocess.Popen(  # pylint: disable=consider-using-with
-            [self.template_of.bin / "needlelab-durability-server", "--data", self.folder / "data", "--listen", f"127.0.0.1:{self.port}", "--port-file",
-             self.folder / "port", "--metrics", "0", "--metrics-port-file", self.folder / "metrics", "--web", "off", "--durability", durability],
-            env=self._environment, stdin=subprocess.DEVNULL, stdout=self._log, stderr=self._log)
-        until(lambda: all((self.folder / name).exists() for name in ("port", "metrics")) or self.server.poll() is not None, "the server starts")
-        if self.server.poll() is not None:
-            raise Failed(f"the server ended with {self.server.returncode}")
-        self.port = int((self.folder / "port").read_text())
-
-    def health(self):
-        try:
-            with urllib.request.urlopen(f"http://127.0.0.1:{(self.folder / 'metrics').read_text().strip()}/healthz", timeout=60) as answer:
-                return json.load(answer)
-        except urllib.error.HTTPError as refused:
-            return json.load(refused)
-
-    def metric(self, name):
-        with urllib.request.urlopen(f"http://127.0.0.1:{(self.folder / 'metrics').read_text().strip()}/metrics", timeout=60) as answer:
-            return float(re.search(rf"^{re.escape(name)} (\S+)$", answer.read().decode(), re.MULTILINE)[1])
+        files = [self.folder / "port", self.metrics_file]
+        self.server = start([self.template_of.bin / "needlelab-durability-server", "--data", self.folder / "data", "--listen", f"127.0.0.1:{self.port}",
+                             "--port-file", files[0], "--metrics", "0", "--metrics-port-file", files[1], "--web", "off", "--durability", durability],
+                            files, self._log, self._environment)
+        self.port = int(files[0].read_text())
 
     def kill_server(self):
         self.server.kill()
         self.server.wait()
 
     def stop_server(self):
-        self.server.terminate()
-        if self.server.wait(60) != 0:
-            raise Failed(f"the server ended with {self.server.returncode} at SIGTERM")
+        stop(self.server)
 
     # --- stations ---
     def start_stations(self, seed, names=None, sessions=1000, samples=2000):
@@ -248,26 +227,6 @@ class FaultLab:
              "--quiet", "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
     # --- ledgers ---
-    def note(self, **event):
-        with open(self.folder / "ledger" / "harness.jsonl", "a", encoding="ascii") as file:
-            file.write(json.dumps(event) + "\n")
-
-    def count(self, kind):
-        """The events of this kind in all stations' ledgers so far."""
-        for path in (self.folder / "ledger").glob("station-*.jsonl"):
-            with open(path, "rb") as file:
-                file.seek(self._read.get(path, 0))
-                data = file.read()
-            data = data[:data.rfind(b"\n") + 1]
-            self._read[path] = self._read.get(path, 0) + len(data)
-            for name in ("ack", "closed"):
-                self._counts[name] += data.count(f'"e":"{name}"'.encode())
-        return self._counts[kind]
-
-    def wait_for_more(self, kind, count, seconds=60):
-        goal = self.count(kind) + count
-        until(lambda: self.count(kind) >= goal, f"{count} more events '{kind}'", seconds, 0.05)
-
     def silent_for(self, seconds):
         """Raises Failed when anything is acknowledged within this time."""
         before = self.count("ack")

@@ -1,4 +1,5 @@
 #include "tests/postgres/isolation/interleaving.h"
+#include "tests/support/patience.h"
 
 #include <chrono>
 #include <stdexcept>
@@ -7,8 +8,6 @@
 
 namespace needlelab::test {
 namespace {
-
-constexpr std::chrono::seconds kMostPatience{20};
 
 /// Whether a program waits for a lock that another one has. The one that is held waits for none.
 bool somebodyWaits(Connection& control) {
@@ -47,7 +46,7 @@ void StatementGate::end() {
 
 bool StatementGate::waitForHoldOrEnd() {
   std::unique_lock lock(mutex_);
-  return changed_.wait_for(lock, kMostPatience, [this] { return held_ || ended_; });
+  return changed_.wait_for(lock, kPatience, [this] { return held_ || ended_; });
 }
 
 bool StatementGate::waitForEnd() {
@@ -117,7 +116,7 @@ TwoAnswers runInterleaved(OneServer& first_on, const ServerWork& first, OneServe
     answers.second = second(second_on);
     second_on.gate().end();
   });
-  const auto until = std::chrono::steady_clock::now() + kMostPatience;
+  const auto until = std::chrono::steady_clock::now() + kPatience;
   while (in_time && !second_on.gate().waitForEnd()) {
     answers.second_waited = somebodyWaits(control);
     if (answers.second_waited) break;
@@ -126,7 +125,7 @@ TwoAnswers runInterleaved(OneServer& first_on, const ServerWork& first, OneServe
   first_on.gate().release();
   first_thread.join();
   second_thread.join();
-  if (!in_time) throw std::runtime_error("neither done nor waiting for a lock within 20 s");
+  if (!in_time) throw std::runtime_error("neither done nor waiting for a lock within two minutes");
   return answers;
 }
 

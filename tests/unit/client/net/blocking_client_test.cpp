@@ -1,4 +1,5 @@
 #include "client/net/blocking_client.h"
+#include "tests/support/patience.h"
 
 #include <gmock/gmock.h>
 
@@ -275,7 +276,7 @@ TEST(BlockingClient, reconnectsWhenItIsTold) {
   ASSERT_TRUE(client.ok()) << client.error().message;
   const auto lose = [&] {
     server.dropConnections();
-    while (client->receive(milliseconds(1000)).ok()) {
+    while (client->receive(kPatience).ok()) {
     }
   };
   lose();

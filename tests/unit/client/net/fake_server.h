@@ -17,6 +17,7 @@
 #include "common/wire/channel.h"
 #include "common/wire/protocol.h"
 #include "common/wire/tls.h"
+#include "tests/support/patience.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/net/loopback_server.h"
 
@@ -59,6 +60,7 @@ class FakeServer : public LoopbackServer {
     config.tls = tls().client;
     config.program = "test";
     config.login = stationLogin("station-1", std::string(32, 'k'));
+    config.connect_timeout = kPatience;
     return config;
   }
   /// Returns a copy of the stored sessions, by session id.

@@ -16,6 +16,7 @@
 #include "common/wire/certificates.h"
 #include "common/wire/protocol.h"
 #include "tests/support/fake_time.h"
+#include "tests/support/patience.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/net/loopback_server.h"
 
@@ -41,7 +42,7 @@ class ScriptedServer : public LoopbackServer {
     config.server.port = port();
     config.ca_file = files.ca_certificate;
     config.login = personLogin("anna", "secret");
-    config.connect_timeout = std::chrono::milliseconds(2000);
+    config.connect_timeout = kPatience;
     config.limits.close_grace = std::chrono::milliseconds(100);
     return config;
   }

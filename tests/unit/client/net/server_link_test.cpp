@@ -577,7 +577,7 @@ TEST_F(ServerLinkOfTwo, aServerThatAcceptsAndSaysNothingIsPassedOver) {
   Tcp::acceptor silent(other, Tcp::endpoint(asio::ip::address_v4::loopback(), 0));
   auto config = first_.config();
   config.setServers({{"127.0.0.1", silent.local_endpoint().port()}, second()});
-  config.connect_timeout = milliseconds(300);  // of the channel's time: real
+  config.connect_timeout = kConnectOneOfSeveral;  // of the channel's time: real
   makeLink();
   link_->logIn(config);
   ASSERT_TRUE(isAt(second()));

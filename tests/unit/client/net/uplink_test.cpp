@@ -296,11 +296,11 @@ TEST_F(UplinkTest, aQuestionThatIsNoneOfALessonIsAnsweredOrRefusedToo) {
   auto uplink = connected(server.clientConfig());
   pb::Request request;
   request.mutable_get_lesson()->set_exercise_id("shoulder");
-  const auto reply = uplink->ask(request, 5s, false);
+  const auto reply = uplink->ask(request, kPatience, false);
   ASSERT_TRUE(reply.ok()) << reply.error().message;
   EXPECT_TRUE(reply->has_lesson());
   request.mutable_get_lesson()->set_exercise_id("unknown");
-  const auto refused = uplink->ask(request, 5s, false);
+  const auto refused = uplink->ask(request, kPatience, false);
   ASSERT_FALSE(refused.ok());
   EXPECT_EQ(refused.error().code, ErrorCode::kNotFound);
   // The server does not answer this request: the wait ends after its timeout or when the caller stops it.
@@ -444,14 +444,14 @@ TEST_F(UplinkTest, aRefusedLogInIsToldAtOnce) {
 TEST_F(UplinkTest, lessonsComeFromTheServerWithItsNoOrNotAtAll) {
   FakeServer server;
   auto uplink = connected(server.clientConfig());
-  auto lesson = uplink->getLesson("shoulder", "tom", 5s, false);
+  auto lesson = uplink->getLesson("shoulder", "tom", kPatience, false);
   ASSERT_TRUE(lesson.ok()) << lesson.error().message;
   EXPECT_EQ(lesson->profile_revision(), 7u);
-  auto unknown = uplink->getLesson("unknown", "tom", 5s, false);
+  auto unknown = uplink->getLesson("unknown", "tom", kPatience, false);
   ASSERT_FALSE(unknown.ok());
   EXPECT_EQ(unknown.error().code, ErrorCode::kNotFound);
   auto nobody = connected(FakeServer::clientConfig(1));
-  auto away = nobody->getLesson("shoulder", "tom", 10s, true);
+  auto away = nobody->getLesson("shoulder", "tom", kPatience, true);
   ASSERT_FALSE(away.ok());
   EXPECT_EQ(away.error().code, ErrorCode::kUnavailable);
 }
@@ -460,9 +460,10 @@ TEST_F(UplinkTest, aTraineesCodeGoesWithTheRequest) {
   FakeServer server;
   server.setCode("tom", "4711");
   auto uplink = connected(server.clientConfig());
-  EXPECT_EQ(uplink->getLesson("shoulder", "tom", 5s, false).error().code, ErrorCode::kCode);
-  EXPECT_EQ(uplink->getLesson("shoulder", "tom", 5s, false, {}, "0000").error().code, ErrorCode::kCode);
-  EXPECT_TRUE(uplink->getLesson("shoulder", "tom", 5s, false, {}, "4711").ok());
+  EXPECT_EQ(uplink->getLesson("shoulder", "tom", kPatience, false).error().code, ErrorCode::kCode);
+  EXPECT_EQ(uplink->getLesson("shoulder", "tom", kPatience, false, {}, "0000").error().code,
+            ErrorCode::kCode);
+  EXPECT_TRUE(uplink->getLesson("shoulder", "tom", kPatience, false, {}, "4711").ok());
   EXPECT_EQ(server.givenCodes(), (std::vector<std::string>{"", "0000", "4711"}));
 }
 

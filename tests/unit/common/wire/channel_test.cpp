@@ -128,7 +128,7 @@ TEST(Channel, aHalfOpenPeerTimesOut) {
   const auto got = loop.receive(loop.server);
   ASSERT_FALSE(got.ok());
   EXPECT_EQ(loop.server->closeReason(), CloseReason::kIdle);
-  EXPECT_TRUE(loop.runUntil([&] { return loop.server->closed(); }, milliseconds(1000)));
+  EXPECT_TRUE(loop.runUntil([&] { return loop.server->closed(); }));
 }
 
 TEST(Channel, aPeerThatNeverLogsInTimesOutEvenIfItKeepsSending) {
@@ -156,9 +156,8 @@ TEST(Channel, aPeerThatNeverLogsInTimesOutEvenIfItKeepsSending) {
   EXPECT_LT(at, slow.size()) << "it was heard to its end";
 }
 
-/// The server's side of the handshake: how it ended, if it did within `limit`.
-std::optional<Status> serverHandshake(Loopback& loop, const std::shared_ptr<Channel>& server,
-                                      milliseconds limit) {
+/// The server's side of the handshake: how it ended, if it did.
+std::optional<Status> serverHandshake(Loopback& loop, const std::shared_ptr<Channel>& server) {
   const auto result = std::make_shared<std::optional<Status>>();
   asio::co_spawn(
       loop.io,
@@ -167,7 +166,7 @@ std::optional<Status> serverHandshake(Loopback& loop, const std::shared_ptr<Chan
         out->emplace(std::move(status));
       }(server, result),
       rethrow);
-  (void)loop.runUntil([&] { return result->has_value(); }, limit);
+  (void)loop.runUntil([&] { return result->has_value(); });
   return *result;
 }
 
@@ -177,7 +176,7 @@ TEST(Channel, whoNeverStartsTlsTimesOut) {
   ChannelLimits limits;
   limits.handshake_timeout = milliseconds(100);
   auto server = Channel::make(TlsStream(std::move(far), *TestTls::get().server), limits);
-  const auto result = serverHandshake(loop, server, milliseconds(2000));
+  const auto result = serverHandshake(loop, server);
   ASSERT_TRUE(result.has_value());
   EXPECT_FALSE(result->ok());
   EXPECT_TRUE(server->closed());
@@ -188,7 +187,7 @@ TEST(Channel, garbageInPlaceOfTlsFailsTheHandshake) {
   auto [far, near] = loop.sockets();
   auto server = Channel::make(TlsStream(std::move(far), *TestTls::get().server), {});
   asio::write(near, asio::buffer(std::string("GET / HTTP/1.1\r\nHost: x\r\n\r\n")));
-  ASSERT_TRUE(serverHandshake(loop, server, milliseconds(5000)).has_value());
+  ASSERT_TRUE(serverHandshake(loop, server).has_value());
   EXPECT_EQ(server->closeReason(), CloseReason::kHandshake);
 }
 
@@ -255,7 +254,7 @@ TEST(Channel, aPeerThatStopsReadingIsCutByTheWriteTimeOut) {
   loop.connect(limits, limits);
   loop.server->established();
   for (int i = 0; i < 100; ++i) loop.server->send(chunk(0, 20'000));
-  EXPECT_TRUE(loop.runUntil([&] { return loop.server->closed(); }, milliseconds(3000)));
+  EXPECT_TRUE(loop.runUntil([&] { return loop.server->closed(); }));
   EXPECT_EQ(loop.server->closeReason(), CloseReason::kWriteTimeout);
 }
 
@@ -278,9 +277,9 @@ TEST(Channel, aSlowReaderOfLiveFramesLosesTheOldestAndHearsHowMany) {
   EXPECT_LE(loop.server->live().bytes(), 15u * 20'100u) << "50 ms of frames at 5 ms each, and some room";
   // Now it reads: the frames are in order, the last frame reports all drops, and the counts agree.
   std::uint64_t received = 0, next = 0, told = 0;
-  for (;;) {
-    const auto got = loop.receive(loop.client, milliseconds(1000));
-    if (!got.ok()) break;
+  while (received + loop.server->live().dropped() < seq) {
+    const auto got = loop.receive(loop.client, milliseconds(20));
+    if (!got.ok()) continue;  // each frame comes or is dropped, meanwhile too
     const auto& frame = got->live_frame();
     EXPECT_GE(frame.frame_seq(), next);
     next = frame.frame_seq() + 1;
@@ -321,18 +320,18 @@ TEST(Channel, liveFramesThatFollowCloselyLeaveTogetherAndInOrder) {
 TEST(Channel, aFrameAloneDoesNotWaitForOthers) {
   Loopback loop;
   ChannelLimits limits;
-  limits.live_gather = std::chrono::seconds(5);
+  limits.live_gather = std::chrono::hours(1);
   loop.connect(limits);
   loop.server->established();
   loop.client->established();
   loop.server->sendLive(liveFrame(0, 100), true);
-  ASSERT_TRUE(loop.receive(loop.client, milliseconds(2000)).ok());
+  ASSERT_TRUE(loop.receive(loop.client).ok());
   // The next frame would wait; a control message sends it along.
   loop.server->sendLive(liveFrame(1, 100), true);
   EXPECT_FALSE(loop.receive(loop.client, milliseconds(50)).ok());
   loop.server->send(chunk(7));
-  EXPECT_TRUE(loop.receive(loop.client, milliseconds(2000))->has_chunk());
-  const auto live = loop.receive(loop.client, milliseconds(2000));
+  EXPECT_TRUE(loop.receive(loop.client)->has_chunk());
+  const auto live = loop.receive(loop.client);
   ASSERT_TRUE(live.ok());
   EXPECT_EQ(live->live_frame().frame_seq(), 1u);
 }
@@ -403,7 +402,7 @@ TEST(Channel, finishSendsWhatIsQueuedBeforeItCloses) {
   ASSERT_TRUE(last.ok());
   EXPECT_EQ(last->bye().reason(), "enough");
   EXPECT_FALSE(loop.receive(loop.client).ok());
-  EXPECT_TRUE(loop.runUntil([&] { return loop.server->closed(); }, milliseconds(2000)));
+  EXPECT_TRUE(loop.runUntil([&] { return loop.server->closed(); }));
   EXPECT_EQ(loop.server->closeReason(), CloseReason::kLocal);
 }
 
@@ -415,7 +414,7 @@ TEST(Channel, finishIsCutAfterItsGrace) {
   loop.connect(limits, limits);
   for (int i = 0; i < 50; ++i) loop.server->send(chunk(0, 50'000));
   loop.server->finish(CloseReason::kLocal, "enough");
-  EXPECT_TRUE(loop.runUntil([&] { return loop.server->closed(); }, milliseconds(1000)));
+  EXPECT_TRUE(loop.runUntil([&] { return loop.server->closed(); }));
 }
 
 TEST(Channel, silenceIsBrokenByAPing) {
@@ -423,7 +422,7 @@ TEST(Channel, silenceIsBrokenByAPing) {
   ChannelLimits limits;
   limits.keepalive = milliseconds(50);
   loop.connect(limits);
-  const auto got = loop.receive(loop.client, milliseconds(1000));
+  const auto got = loop.receive(loop.client);
   ASSERT_TRUE(got.ok());
   EXPECT_TRUE(got->has_ping());
 }

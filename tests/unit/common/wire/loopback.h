@@ -13,6 +13,7 @@
 #include "common/wire/certificates.h"
 #include "common/wire/channel.h"
 #include "common/wire/tls.h"
+#include "tests/support/patience.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
@@ -71,7 +72,7 @@ class Loopback {
   }
 
   /// Runs until `done()` is true. Returns false after `limit`.
-  bool runUntil(const std::function<bool()>& done, Ms limit = Ms(5000)) {
+  bool runUntil(const std::function<bool()>& done, Ms limit = kPatience) {
     const auto deadline = std::chrono::steady_clock::now() + limit;
     while (!done()) {
       io.restart();
@@ -86,7 +87,7 @@ class Loopback {
 
   /// Returns the next envelope of a channel, or the error. Returns kNotFound if none arrived in time; the
   /// next call continues to wait.
-  Result<pb::Envelope> receive(const std::shared_ptr<Channel>& channel, Ms limit = Ms(5000)) {
+  Result<pb::Envelope> receive(const std::shared_ptr<Channel>& channel, Ms limit = kPatience) {
     auto& got = pending_[channel.get()];
     if (!got) {
       got = std::make_shared<std::optional<Result<pb::Envelope>>>();

@@ -477,7 +477,7 @@ TEST(DurablePlane, afterARestartTheServerResumesWhereTheDatabaseEnds) {
   for (std::uint64_t seq = 0; seq < 7; ++seq) ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
   s.session.waitForAck(s.client, 7);
   EXPECT_EQ(s.server.restart(), 0);
-  EXPECT_FALSE(s.client.receive(milliseconds(2000)).ok() && s.client.receive(milliseconds(2000)).ok());
+  EXPECT_FALSE(s.client.receive(kPatience).ok() && s.client.receive(kPatience).ok());
   s.reconnect();
   ASSERT_EQ(s.client.welcome().open_sessions_size(), 1);
   EXPECT_EQ(s.client.welcome().open_sessions(0).session_id(), s.session.id());

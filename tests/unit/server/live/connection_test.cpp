@@ -93,7 +93,7 @@ TEST(Connection, whoGoesOnMakingMistakesIsCutOff) {
   int refusals = 0;
   for (int i = 0; i < 20; ++i) (void)station->send(subscribe).ok();
   for (;;) {
-    const auto got = station->receive(milliseconds(2000));
+    const auto got = station->receive(kPatience);
     if (!got.ok()) break;
     if (!got->has_refusal()) continue;
     ++refusals;

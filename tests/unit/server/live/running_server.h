@@ -41,6 +41,7 @@ class RunningServer {
     options.listen = "127.0.0.1:0";
     options.writer.window = milliseconds(5);
     options.limits.close_grace = milliseconds(200);
+    options.limits.handshake_timeout = kPatience;
     if (tweak_) tweak_(options);
     if (onPostgres() && options.store_url.empty()) options.store_url = postgresUrlOf(options.data);
     auto started = Server::start(std::move(options));
@@ -95,6 +96,7 @@ class RunningServer {
     config.ca_file = server_->caFile();
     config.program = programText("test");
     config.login = std::move(login);
+    config.connect_timeout = config.reach_timeout = kPatience;
     config.limits.close_grace = milliseconds(200);
     return config;
   }

@@ -28,7 +28,7 @@ WebWire::WebWire(std::uint16_t port, bool shake_hands) {
   address.sin_family = AF_INET;
   address.sin_port = htons(port);
   address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  waitAtMost(std::chrono::milliseconds(20'000));
+  waitAtMost(kPatience);
   if (::connect(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 || !shake_hands)
     return;
   context_ = SSL_CTX_new(TLS_client_method());
@@ -104,8 +104,8 @@ std::string WebWire::receive(std::size_t most) {
   return got;
 }
 
-bool WebWire::endsWithin(std::chrono::milliseconds limit) {
-  const auto end = std::chrono::steady_clock::now() + limit;
+bool WebWire::ends() {
+  const auto end = std::chrono::steady_clock::now() + kPatience;
   std::string room(16384, '\0');
   for (;;) {
     const auto left =

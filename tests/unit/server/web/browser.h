@@ -2,6 +2,7 @@
 #pragma once
 
 #include <openssl/ssl.h>
+#include "tests/support/patience.h"
 
 #include <chrono>
 #include <cstdint>
@@ -47,8 +48,8 @@ class WebWire {
   std::string receivePlain();
   /// Reads up to `most` bytes. Returns an empty string if the peer closed or nothing arrived in time.
   std::string receive(std::size_t most = 16384);
-  /// Returns true if the peer closes within `limit`.
-  bool endsWithin(std::chrono::milliseconds limit);
+  /// Returns true if the peer closes.
+  bool ends();
   WebReply read(bool head = false);
   /// Reads only the header; readBody() reads the body.
   WebReply readHeader();
@@ -57,7 +58,7 @@ class WebWire {
 
   // --- WebSocket
   /// Returns a text message, or nothing if the connection ended or `limit` passed.
-  std::optional<std::string> readText(std::chrono::milliseconds limit = std::chrono::milliseconds(10'000));
+  std::optional<std::string> readText(std::chrono::milliseconds limit = kPatience);
   bool sendFrame(int opcode, const std::string& payload);
   [[nodiscard]] int closeCode() const { return close_code_; }
 

@@ -27,6 +27,9 @@ class WebLab {
           std::ofstream(files_.path() / "app" / "main.js") << "export const one = 1;\n";
           options.web.listen = "127.0.0.1:0";
           options.web.root = files_.path();
+          // what ends before has another reason
+          options.web.handshake_timeout = options.web.header_timeout = options.web.idle_timeout =
+              options.web.body_timeout = std::chrono::hours(1);
           if (tweak) tweak(options);
         }) {
     server_.addUser("tina", pb::TRAINEE, kWebPassword);

@@ -80,7 +80,7 @@ TEST(WebLimits, aHeaderAndABodyHaveTheirSizes) {
     WebWire wire(lab.port());
     (void)wire.send(requestText("GET", "/", "", {{"X-Long", std::string(9000, 'a')}}));
     EXPECT_EQ(wire.read().status, 431);
-    EXPECT_TRUE(wire.endsWithin(milliseconds(5000)));
+    EXPECT_TRUE(wire.ends());
   }
   // before log-in 4 KiB, with or without a declared length
   const std::string body = R"({"name": ")" + std::string(5000, 'a') + R"(", "password": "x"})";
@@ -172,7 +172,7 @@ TEST(WebLimits, whatIsNoHttpIsEnded) {
   {
     WebWire wire(lab.port(), false);
     (void)wire.sendPlain("GET / HTTP/1.1\r\n\r\n");  // not TLS
-    EXPECT_TRUE(wire.endsWithin(milliseconds(5000)));
+    EXPECT_TRUE(wire.ends());
   }
   for (const char* text : {"NONSENSE\r\n\r\n", "GET\r\n\r\n", "GET / HTTP/9.9\r\n\r\n", "\x16\x03\x01",
                            "GET / HTTP/1.1\r\nContent-Length: -1\r\n\r\n",
@@ -204,14 +204,14 @@ TEST(WebLimits, whoChangesKeysOfTlsAFewTimesIsServedAndIsEndedAtTheNext) {
   (void)wire.changeKeys();
   (void)wire.send(requestText("GET", "/"));
   EXPECT_EQ(wire.read().status, 0);
-  EXPECT_TRUE(wire.endsWithin(milliseconds(5000)));
+  EXPECT_TRUE(wire.ends());
   // on a WebSocket, too
   Browser ada = lab.browserOf("ada");
   const auto live = ada.live();
   ASSERT_NE(live, nullptr);
   for (std::uint64_t change = 0; change <= kMostKeyUpdates; ++change) (void)live->changeKeys();
   (void)live->sendFrame(9, "");
-  EXPECT_TRUE(live->endsWithin(milliseconds(5000)));
+  EXPECT_TRUE(live->ends());
   EXPECT_EQ(lab.browser().get("/").status, 200) << "the server goes on";
 }
 
@@ -223,7 +223,7 @@ TEST(WebLimits, aTlsHandshakeForWhichThePeerSendsMoreThanTheBoundEnds) {
   while (hello.size() <= kMostHandshakeBytes + 6) hello += std::string("\x16\x03\x01\x00\x01\x00", 6);
   WebWire wire(lab.port(), false);
   ASSERT_TRUE(wire.sendPlain(hello));
-  EXPECT_TRUE(wire.endsWithin(milliseconds(5000))) << "before the handshake's time is over (10 s)";
+  EXPECT_TRUE(wire.ends()) << "the handshake has an hour";
   EXPECT_EQ(lab.browser().get("/").status, 200) << "the server goes on";
 }
 
@@ -279,7 +279,7 @@ TEST(WebLimits, whoDawdlesIsCut) {
   // in the middle of the handshake
   WebWire half(lab.port(), false);
   (void)half.sendPlain(std::string("\x16\x03\x01\x02\x00", 5));
-  EXPECT_TRUE(half.endsWithin(milliseconds(8000)));
+  EXPECT_TRUE(half.ends());
   // A slow header: each byte is in time, but the whole header is not.
   WebWire dripping(lab.port());
   if (dripping.connected()) {
@@ -288,21 +288,21 @@ TEST(WebLimits, whoDawdlesIsCut) {
       if (!dripping.send(text.substr(i, 1))) break;
       std::this_thread::sleep_for(milliseconds(50));
     }
-    EXPECT_TRUE(dripping.endsWithin(milliseconds(8000)));
+    EXPECT_TRUE(dripping.ends());
   }
   // a body that does not come
   WebWire bodyless(lab.port());
   if (bodyless.connected()) {
     (void)bodyless.send(requestText("POST", "/api/v1/session", "",
                                     {{"Content-Length", "100"}, {"Content-Type", "application/json"}}));
-    EXPECT_TRUE(bodyless.endsWithin(milliseconds(8000)));
+    EXPECT_TRUE(bodyless.ends());
   }
   // nothing at all after a request
   WebWire idle(lab.port());
   if (idle.connected()) {
     (void)idle.send(requestText("GET", "/"));
     (void)idle.read();
-    EXPECT_TRUE(idle.endsWithin(milliseconds(8000)));
+    EXPECT_TRUE(idle.ends());
   }
 }
 
@@ -335,7 +335,7 @@ TEST(WebLimits, silentConnectionsOfAnAddressDoNotKeepItsPeopleOut) {
   EXPECT_EQ(ask(kept), 200) << "a connection that has shown its session is no stranger";
   EXPECT_EQ(ines.get("/api/v1/session").status, 200) << "and a new one of the same person gets in";
   EXPECT_EQ(lab.browser().logIn("mara", kWebPassword).status, 200);
-  EXPECT_TRUE(silent.front()->endsWithin(milliseconds(20'000))) << "the oldest stranger gave way";
+  EXPECT_TRUE(silent.front()->ends()) << "the oldest stranger gave way";
 }
 
 TEST(WebLimits, onlyStrangersAreCountedByAddress) {
@@ -353,7 +353,7 @@ TEST(WebLimits, onlyStrangersAreCountedByAddress) {
       requestText("POST", "/api/v1/session", json{{"name", "mara"}, {"password", kWebPassword}}.dump()));
   EXPECT_EQ(fresh.read().status, 200);
   WebWire first(lab.port()), second(lab.port()), third(lab.port());
-  EXPECT_TRUE(first.endsWithin(milliseconds(20'000))) << "the oldest of three strangers";
+  EXPECT_TRUE(first.ends()) << "the oldest of three strangers";
   for (const auto& wire : open) {
     (void)wire->send(requestText("GET", "/api/v1/session", "", ines.own("GET")));
     EXPECT_EQ(wire->read().status, 200);
@@ -589,7 +589,7 @@ TEST(WebLimits, onePersonsConnectionsGiveWayAmongThemselves) {
   EXPECT_EQ(ask(ines, *open[0]), 200);  // now the second one is the idlest
   WebWire fourth(lab.port());
   EXPECT_EQ(ask(ines, fourth), 200);
-  EXPECT_TRUE(open[1]->endsWithin(milliseconds(5000)));
+  EXPECT_TRUE(open[1]->ends());
   EXPECT_EQ(ask(ines, *open[0]), 200);
   EXPECT_EQ(ask(ines, *open[2]), 200);
   EXPECT_EQ(ask(mara, of_mara), 200);
@@ -614,13 +614,13 @@ TEST(WebLimits, whoHasTheMostConnectionsGivesWayToPeopleWhoHaveFewer) {
   WebWire of_mara(lab.port()), of_tina(lab.port()), of_ada(lab.port()), of_rhea(lab.port());
   EXPECT_EQ(logIn(of_mara, "mara").status, 200);
   EXPECT_EQ(logIn(of_tina, "tina").status, 200);
-  EXPECT_TRUE(second.endsWithin(milliseconds(20'000)));
+  EXPECT_TRUE(second.ends());
   EXPECT_EQ(logIn(of_ada, "ada").status, 200);
-  EXPECT_TRUE(third.endsWithin(milliseconds(20'000)));
+  EXPECT_TRUE(third.ends());
   const WebReply refused = logIn(of_rhea, "rhea");
   EXPECT_EQ(refused.status, 503) << "everybody has one";
   EXPECT_EQ(refused.json()["error"]["code"], "unavailable");
-  EXPECT_TRUE(of_rhea.endsWithin(milliseconds(20'000)));
+  EXPECT_TRUE(of_rhea.ends());
   for (WebWire* wire : {&first, &of_mara, &of_tina, &of_ada}) {
     (void)wire->send(requestText("GET", "/"));
     EXPECT_EQ(wire->read().status, 200);
@@ -676,7 +676,7 @@ TEST(WebLimits, strangersGiveWayAndTheOtherPortGoesOn) {
   std::vector<std::unique_ptr<WebWire>> open;
   for (int i = 0; i < 8; ++i) open.push_back(std::make_unique<WebWire>(lab.port()));
   // The server closed the oldest connections in favour of the newest.
-  EXPECT_TRUE(open.front()->endsWithin(milliseconds(5000)));
+  EXPECT_TRUE(open.front()->ends());
   EXPECT_TRUE(open.back()->send(requestText("GET", "/")));
   EXPECT_EQ(open.back()->read().status, 200);
   pb::Login login;
@@ -691,7 +691,7 @@ TEST(WebServer, endsWithTheServerAfterWhatIsAtWork) {
   WebWire idle(lab.port());
   ASSERT_TRUE(idle.connected());
   EXPECT_EQ(lab.server().stop(), 0);
-  EXPECT_TRUE(idle.endsWithin(milliseconds(5000)));
+  EXPECT_TRUE(idle.ends());
 }
 
 }  // namespace

@@ -1,18 +1,15 @@
 #!/usr/bin/env python3
-"""Toward 100,000 stations, on paper: what tests/load/stores and ingest_bench measured, multiplied; writes load_scale.md beside them.
+"""Toward 100,000 stations, on paper: what tests/load/labs.py and ingest_bench measured, multiplied; writes load_scale.md beside them.
 
-usage: tests/load/scale tests/bench/results/MACHINE    (wants load_stores.json and ingest.md there)
+usage: tests/load/scale.py tests/bench/results/MACHINE    (wants load_stores.json and ingest.md there)
 """
 import argparse
 import dataclasses
 import math
 import pathlib
 import re
-import sys
 
-HERE = pathlib.Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE))
-from store_costs import ONE_SERVER, TWO_SERVERS, UNWATCHED, cost, markdown, median, numbered, read, share_elsewhere  # noqa: E402
+from labs import ONE_SERVER, TWO_SERVERS, UNWATCHED, cost, markdown, median, numbered, read, share_elsewhere
 
 SIZES = (1_000, 10_000, 100_000)
 # assumed
@@ -253,7 +250,7 @@ def page(about, runs_of, ceiling):
     bound = "; ".join(f"{names[limit]}: {rounded(most[limit])}" for limit in order)
     return f"""# Toward 100,000 stations, on paper
 
-{first['machine']}; measured {about['when']}, commit {about['commit']}. Written by `tests/load/scale` from `load_stores.json` and `ingest.md` of this folder: no number of the tables is typed in.
+{first['machine']}; measured {about['when']}, commit {about['commit']}. Written by `tests/load/scale.py` from `load_stores.json` and `ingest.md` of this folder: no number of the tables is typed in.
 
 **Nothing here was run at these sizes.** Measured were {costs.stations:,} stations on one server and {costs.together:,} on two, on two cores that also had PostgreSQL, its standby, NATS and the stations. The tables multiply what a second of
 one station cost with two servers there. They show where the design ends, not what a faculty will see.
@@ -305,7 +302,7 @@ def main():
     about, runs_of = read(given.results / "load_stores.json")
     for row in (ONE_SERVER, TWO_SERVERS, UNWATCHED):
         if row not in runs_of:
-            raise SystemExit(f"scale: load_stores.json has no '{row.name}': write it with tests/load/stores")
+            raise SystemExit(f"scale: load_stores.json has no '{row.name}': write it with tests/load/labs.py stores")
     text = page(about, runs_of, ceiling_of((given.results / "ingest.md").read_text(encoding="utf-8")))
     (given.results / "load_scale.md").write_text(text, encoding="utf-8")
     print(text)
