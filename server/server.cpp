@@ -209,8 +209,8 @@ void Server::Parts::beginLogins() {
     const auto holds = [&service = store->service()](const Principal& who) {
       return service.stillAllowed(who);
     };
-    context->login = std::make_unique<LoginsInMemory>(holds, LoginGuard(options.guard),
-                                                      Tokens(options.token_lifetime), *options.token_time);
+    context->login = std::make_unique<LoginsInMemory>(
+        holds, LoginGuard(options.guard), Tokens({.lifetime = options.token_lifetime}), *options.token_time);
     return;
   }
   context->login = std::make_unique<LoginsInStore>(

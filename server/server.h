@@ -62,7 +62,7 @@ struct ServerOptions {
   LoginGuard::Settings guard;
   Admission::Settings admission;  ///< its max_connections is the one above
   HandshakeTurns::Settings handshakes;
-  std::chrono::milliseconds token_lifetime = std::chrono::minutes(15);
+  std::chrono::milliseconds token_lifetime = TokenLimits{}.lifetime;
   TimeSource* token_time = &machineTime();  ///< by which tokens end that are here; outlives the server
   DbWriter::Options writer;
   std::chrono::milliseconds erasures_every{60'000};  ///< between two looks for others' erasures (together)

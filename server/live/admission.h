@@ -2,15 +2,17 @@
 #pragma once
 
 #include <array>
-#include <chrono>
 #include <compare>
 #include <cstddef>
 #include <cstdint>
-#include <map>
 #include <optional>
 #include <string>
 #include <unordered_map>
 #include <unordered_set>
+
+#include "server/live/fair_places.h"
+#include "server/live/limits.h"
+#include "server/live/token_bucket.h"
 
 namespace needlelab {
 
@@ -29,23 +31,7 @@ namespace needlelab {
 /// are for stations only. Memory is bounded. Times: steady clock (ns), from the caller. Thread: one.
 class Admission {
  public:
-  struct Settings {
-    std::size_t max_connections = 4096;  ///< of the port, logged in or not
-    std::size_t newcomers_one_in = 16;   ///< of this many places, one is for those who have not logged in yet
-    std::size_t stations_one_in = 4;     ///< one is for stations; 0: none
-    std::size_t connections_of_account = SIZE_MAX;  ///< logged in; above, its own give way
-    std::size_t max_strangers = 1536;               ///< not logged in, of the server
-    /// Of those, from addresses without a log-in before: the others are the reserve of known addresses.
-    std::size_t max_strangers_of_unknown = 1280;
-    std::size_t strangers_of_address = 1280;
-    double charges_at_once = 2048;           ///< of one address (IPv6: of one /64)
-    double charges_at_once_of_known = 8192;  ///< of one that has logged in before
-    std::chrono::milliseconds refill{20};    ///< one charge is refunded per interval
-    std::size_t max_known = 4096;            ///< addresses in memory; above, the one known for longest goes
-    std::chrono::hours known_for{30 * 24};   ///< after the last log-in there
-    /// In memory; above this limit, addresses without charges are dropped.
-    std::size_t max_addresses = 10'000;
-  };
+  using Settings = AdmissionLimits;
   enum class Answer {
     kWelcome,
     kFull,     ///< connections that do not give way take all places
@@ -62,8 +48,7 @@ class Admission {
     friend auto operator<=>(const Account&, const Account&) = default;
   };
 
-  Admission() : Admission(Settings{}) {}
-  explicit Admission(Settings settings) : settings_(settings) {}
+  explicit Admission(const Settings& settings = {}) : settings_(settings) {}
 
   /// Registers a new connection. When it is welcome, the caller must call `left` at its end.
   Arrival arrive(std::uint64_t id, const std::string& host, std::int64_t now_ns);
@@ -82,9 +67,9 @@ class Admission {
   /// Whether somebody has logged in from there in the last `known_for`. `key`: keyOf().
   [[nodiscard]] bool knows(const std::string& key, std::int64_t now_ns) const;
 
-  [[nodiscard]] std::size_t strangers() const { return strangers_.size(); }
-  [[nodiscard]] std::size_t connections() const { return strangers_.size() + settled(); }
-  [[nodiscard]] std::size_t addresses() const { return addresses_.size(); }
+  [[nodiscard]] std::size_t strangers() const { return strangers_[false].size() + strangers_[true].size(); }
+  [[nodiscard]] std::size_t connections() const { return strangers() + settled(); }
+  [[nodiscard]] std::size_t addressesWithCharges() const { return charges_.known(); }
   [[nodiscard]] std::size_t knownAddresses() const { return known_.size(); }
 
   /// The key of an address: an IPv4 address, or the first 64 bits of an IPv6 one (the owner of one such
@@ -92,41 +77,20 @@ class Admission {
   static std::string keyOf(const std::string& host);
 
  private:
-  struct Address {
-    double charges = 0;
-    std::int64_t at_ns = 0;
-    std::array<std::size_t, 2> strangers{};  // by whether the address was known when they came
-    [[nodiscard]] std::size_t all() const { return strangers[0] + strangers[1]; }
-  };
-  struct Stranger {
-    std::string address;
-    bool known = false;
-  };
-  struct LoggedIn {
-    Account account;
-    std::uint64_t used = 0;  // turn of its last use
-  };
-  [[nodiscard]] std::size_t settled() const { return logged_in_.size() + of_proxies_.size(); }
-  [[nodiscard]] bool isFullFor(const Account& account) const;
-  [[nodiscard]] std::size_t connectionsOf(const Account& account) const;
-  [[nodiscard]] std::optional<std::uint64_t> idlestFor(const Account& newcomer) const;
-  [[nodiscard]] double leftOf(const Address& address, std::int64_t now_ns) const;
-  Address& addressOf(const std::string& key, std::int64_t now_ns);
-  [[nodiscard]] std::optional<std::uint64_t> oldestOf(const std::string& key) const;
-  [[nodiscard]] std::optional<std::uint64_t> oldestOfTheGreediest(bool known) const;
+  [[nodiscard]] std::size_t settled() const { return accounts_.size() + of_proxies_.size(); }
   [[nodiscard]] bool isFullFor(bool known) const;
+  [[nodiscard]] bool isFullFor(const Account& account) const;
+  /// For a newcomer; for one from a known address, or of a proxy, perhaps one from a known address.
+  [[nodiscard]] std::optional<std::uint64_t> strangerToCut(bool also_known) const;
+  [[nodiscard]] BucketRate chargesOf(bool known) const;
   void remember(const std::string& key, std::int64_t now_ns);
 
   Settings settings_;
-  std::unordered_map<std::string, Address> addresses_;
-  std::map<std::uint64_t, Stranger> strangers_;  // ids grow, so the first is the oldest
-  std::size_t strangers_of_unknown_ = 0;
+  TokenBuckets charges_;                              // of addresses
+  std::array<FairPlaces<std::string>, 2> strangers_;  // by whether the address was known when they came
+  FairPlaces<Account> accounts_;                      // logged in
+  std::size_t people_ = 0;                            // of accounts_
   std::unordered_set<std::uint64_t> of_proxies_;
-  std::unordered_map<std::uint64_t, LoggedIn> logged_in_;
-  // by the turn of the last use, so the first is the idlest; without empty entries
-  std::map<Account, std::map<std::uint64_t, std::uint64_t>> accounts_;
-  std::size_t people_ = 0;                               // of logged_in_
-  std::uint64_t turn_ = 0;                               // of uses
   std::unordered_map<std::string, std::int64_t> known_;  // address → time of the last log-in
 };
 

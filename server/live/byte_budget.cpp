@@ -9,38 +9,38 @@ namespace needlelab {
 struct ByteBudget::State {
   Limits limits;
   std::function<void()> freed;
-  // without zero entries
-  std::unordered_map<std::string, std::size_t> by_connection, by_owner;
+  std::unordered_map<std::string, std::size_t> by_owner;  // without zeros
   std::size_t people = 0, server = 0, most = 0;
+  bool full = false;
 
   void add(const BudgetOwner& owner, std::size_t bytes) {
-    by_connection[owner.connection] += bytes;
+    if (bytes == 0) return;
     by_owner[owner.name] += bytes;
     if (owner.person) people += bytes;
     server += bytes;
     most = std::max(most, server);
+    full = full || server >= limits.server;
   }
   void giveBack(const BudgetOwner& owner, std::size_t bytes) {
-    const auto less = [bytes](auto& entries, const std::string& key) {
-      if (const auto entry = entries.find(key); (entry->second -= bytes) == 0) entries.erase(entry);
-    };
-    less(by_connection, owner.connection);
-    less(by_owner, owner.name);
+    if (bytes == 0) return;
+    if (const auto theirs = by_owner.find(owner.name); (theirs->second -= bytes) == 0) by_owner.erase(theirs);
     if (owner.person) people -= bytes;
     server -= bytes;
+    full = full && server > limits.server / 2;
     if (freed) freed();
   }
 };
 
-ByteBudget::ByteBudget(Limits limits, std::function<void()> freed) : state_(std::make_shared<State>()) {
+ByteBudget::ByteBudget(const Limits& limits, std::function<void()> freed)
+    : state_(std::make_shared<State>()) {
   state_->limits = limits;
   state_->freed = std::move(freed);
 }
 
 std::size_t ByteBudget::mostBytes(const BudgetOwner& owner) const {
   const Limits& limits = state_->limits;
-  return owner.person ? std::min({limits.connection, limits.person, limits.people, limits.server})
-                      : std::min({limits.connection, limits.station, limits.server});
+  return owner.person ? std::min({limits.person, limits.people, limits.server})
+                      : std::min(limits.station, limits.server);
 }
 
 std::size_t ByteBudget::taken() const {
@@ -51,21 +51,33 @@ std::size_t ByteBudget::mostTaken() const {
   return state_->most;
 }
 
+bool ByteBudget::full() const {
+  return state_->full;
+}
+
+std::size_t ByteBudget::takenBy(const std::string& name) const {
+  const auto theirs = state_->by_owner.find(name);
+  return theirs == state_->by_owner.end() ? 0 : theirs->second;
+}
+
+void ByteBudget::add(const BudgetOwner& owner, std::size_t bytes) {
+  state_->add(owner, bytes);
+}
+
+void ByteBudget::giveBack(const BudgetOwner& owner, std::size_t bytes) {
+  state_->giveBack(owner, bytes);
+}
+
 std::optional<ByteBudget::Share> ByteBudget::take(const BudgetOwner& owner, std::size_t bytes) {
-  State& state = *state_;
+  const State& state = *state_;
   const Limits& limits = state.limits;
   const auto room = [bytes](std::size_t used, std::size_t limit) {
     return bytes <= limit && used <= limit - bytes;
   };
-  const auto used = [](const auto& entries, const std::string& key) {
-    const auto entry = entries.find(key);
-    return entry == entries.end() ? std::size_t{0} : entry->second;
-  };
-  const bool fits = room(used(state.by_connection, owner.connection), limits.connection) &&
-                    room(used(state.by_owner, owner.name), owner.person ? limits.person : limits.station) &&
+  const bool fits = room(takenBy(owner.name), owner.person ? limits.person : limits.station) &&
                     (!owner.person || room(state.people, limits.people)) && room(state.server, limits.server);
   if (!fits) return std::nullopt;
-  if (bytes > 0) state.add(owner, bytes);
+  add(owner, bytes);
   return Share(state_, owner, bytes);
 }
 
@@ -80,7 +92,7 @@ ByteBudget::Share& ByteBudget::Share::operator=(Share&& other) noexcept {
 }
 
 ByteBudget::Share::~Share() {
-  if (state_ && bytes_ > 0) state_->giveBack(owner_, bytes_);
+  if (state_) state_->giveBack(owner_, bytes_);
 }
 
 void ByteBudget::Share::become(std::size_t bytes) {

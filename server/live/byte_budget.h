@@ -1,5 +1,5 @@
-/// Bounds bytes that many share: of messages that are parsed and not yet done, of replies that are not read
-/// yet.
+/// Bounds bytes or things that many share: of messages that are parsed and not yet done, of replies that are
+/// not read yet, chunks that wait for their commit, closes of sessions.
 #pragma once
 
 #include <cstddef>
@@ -8,35 +8,38 @@
 #include <optional>
 #include <string>
 
+#include "server/live/limits.h"
+
 namespace needlelab {
 
 /// Whose bytes they are: each name has a budget of its own.
 struct BudgetOwner {
-  std::string connection;  ///< unique among all connections of both ports
-  std::string name;        ///< of the person or station, on all its connections
-  bool person = true;      ///< not a station
+  std::string name;    ///< of the person or station, on all its connections
+  bool person = true;  ///< not a station
 };
 
-/// Bytes in use: of a connection, of a person or station, of all people, of the server. What people leave
+/// Bytes in use: of a person or station, of all people, of the server. What people leave
 /// free is the stations': after an outage they open their sessions all at once, whatever people do. Nobody
 /// has more than a quarter of what there is for its kind. Whoever finds no room waits, and is not read
 /// from meanwhile. Thread: one.
 class ByteBudget {
  public:
-  struct Limits {
-    std::size_t connection = 0;
-    std::size_t person = 0;  ///< on all connections; at most a quarter of `people`
-    std::size_t people = 0;
-    std::size_t station = 0;  ///< on all connections; at most a quarter of what people leave of `server`
-    std::size_t server = 0;
-  };
+  using Limits = BudgetLimits;
   class Share;
 
   /// `freed` is called whenever bytes were given back; it must outlive the last share.
-  explicit ByteBudget(Limits limits, std::function<void()> freed = {});
+  explicit ByteBudget(const Limits& limits, std::function<void()> freed = {});
 
   /// Takes `bytes` until the share's end. Nothing: at the moment a budget has less room.
   std::optional<Share> take(const BudgetOwner& owner, std::size_t bytes);
+  /// For what is in memory already: takes `bytes`, also more than there is room for, until giveBack().
+  void add(const BudgetOwner& owner, std::size_t bytes);
+  void giveBack(const BudgetOwner& owner, std::size_t bytes);
+  /// From the moment when the server's limit is reached until half of it is left: who waits is woken once,
+  /// and not for each piece.
+  [[nodiscard]] bool full() const;
+  /// Of a person or station, on all its connections.
+  [[nodiscard]] std::size_t takenBy(const std::string& name) const;
   /// What one share may have: more bytes fit never, however long one waits.
   [[nodiscard]] std::size_t mostBytes(const BudgetOwner& owner) const;
   /// Of all.

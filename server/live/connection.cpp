@@ -16,8 +16,7 @@ PeerConnection::PeerConnection(ServerContext& context, std::uint64_t id, std::sh
       channel_(std::move(channel)),
       pong_(channel_->executor()),
       freed_(channel_->executor()),
-      small_messages_(std::make_shared<MessageBucket>(context.bounds.small_messages_at_once,
-                                                      context.bounds.small_messages_per_s)),
+      turn_name_("connection " + std::to_string(id)),
       address_key_(Admission::keyOf(peerHost())) {}
 
 PeerConnection::~PeerConnection() = default;
@@ -73,7 +72,7 @@ Task<> PeerConnection::run(std::shared_ptr<PeerConnection> self) {
     while (peer.busy() && !peer.over() && !peer.channel_->closing()) co_await peer.freed_.wait();
     // after an outage all stations send their spools at once: make them wait, do not cut them off. People
     // send no chunks and are read
-    while (peer.who_.role == pb::STATION && peer.context_.chunks_in_flight.full() && !peer.over() &&
+    while (peer.who_.role == pb::STATION && chunksFull(peer.context_) && !peer.over() &&
            !peer.channel_->closing())
       co_await peer.context_.chunk_room.wait();
   }
@@ -153,8 +152,8 @@ bool PeerConnection::busy() const {
   const ConnectionBounds& bounds = context_.bounds;
   if (requests_at_work_ >= bounds.requests_at_work) return true;
   if (who_.role != pb::STATION) return false;
-  const ChunkBudget::Part waiting = context_.chunks_in_flight.of(who_.name);
-  return waiting.chunks >= bounds.chunks_in_flight || waiting.bytes > bounds.chunk_bytes_in_flight;
+  return context_.chunks_in_flight.takenBy(who_.name) >= bounds.chunks_in_flight ||
+         context_.chunk_bytes_in_flight.takenBy(who_.name) > bounds.chunk_bytes_in_flight;
 }
 
 void PeerConnection::refuse(pb::Refusal::Reason reason, std::string text, std::uint64_t request) {
@@ -190,7 +189,7 @@ void PeerConnection::refuse(pb::Refusal refusal, std::uint64_t request) {
   sendControl(envelope);
 }
 
-void PeerConnection::note(PeerLine kind, std::initializer_list<LogField> fields) {
+void PeerConnection::note(const PeerLineKind& kind, std::initializer_list<LogField> fields) {
   const bool stranger = who_.role == pb::ROLE_UNSPECIFIED;
   context_.lines.write(stranger ? PeerLines::kStrangers : turnNameOf(who_), kind, steadyNowNs(), fields);
 }

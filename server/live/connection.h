@@ -108,7 +108,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   void refuse(pb::Refusal refusal, std::uint64_t request = 0);
   void refuse(pb::Refusal::Reason reason, std::string text, std::uint64_t request = 0);
   /// A line of the log, of the account's, or before the log-in of all strangers' (PeerLines).
-  void note(PeerLine kind, std::initializer_list<LogField> fields);
+  void note(const PeerLineKind& kind, std::initializer_list<LogField> fields);
   void refusedByPeer(const pb::Refusal& refusal);
   void leave();
   [[nodiscard]] bool busy() const;
@@ -155,7 +155,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   void sendAcks();
   void takeClose(pb::CloseSession request);
   static Task<> closeSession(std::shared_ptr<PeerConnection> self, pb::CloseSession request,
-                             StationCloses::Place place);
+                             std::optional<ByteBudget::Share> place);
   void takeClockOffset(const pb::ClockOffset& offset);
   bool endedAsDeposed(const Status& status);
   void onDisplaced() override;
@@ -177,8 +177,7 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   std::size_t requests_at_work_ = 0;
   std::size_t refusals_ = 0;          // sent by this server
   std::size_t refusals_of_peer_ = 0;  // after log-in
-  /// Its own until the log-in, then the account's (MessageRates).
-  std::shared_ptr<MessageBucket> small_messages_;
+  std::string turn_name_;             // whose small messages count: until the log-in its own
   bool acks_scheduled_ = false;
   /// gone(), for work on other threads that waits for its turn.
   const std::shared_ptr<std::atomic<bool>> gone_ = std::make_shared<std::atomic<bool>>(false);

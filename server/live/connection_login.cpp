@@ -230,7 +230,7 @@ void PeerConnection::refuseClaim(const Error& why) {
 
 Task<> PeerConnection::welcome(std::int64_t password_ns) {
   auto self = shared_from_this();
-  small_messages_ = context_.small_messages.of(turnNameOf(who_), steadyNowNs());
+  turn_name_ = turnNameOf(who_);
   pb::Envelope envelope;
   pb::Welcome& welcome = *envelope.mutable_welcome();
   if (who_.role == pb::STATION) {

@@ -109,7 +109,7 @@ bool PeerConnection::mayRead(const EnvelopeHead& head) {
 /// Nothing: it is refused, or the connection ends.
 Task<std::optional<ByteBudget::Share>> PeerConnection::roomForDecoded(std::size_t bytes,
                                                                       std::uint64_t request) {
-  const std::size_t most = context_.decoded.mostBytes(budgetOwner(who_, {}));
+  const std::size_t most = context_.decoded.mostBytes(budgetOwner(who_));
   if (bytes > most) {
     ++context_.counters.messages_refused_unparsed;
     refuse(pb::Refusal::TOO_LARGE,
@@ -126,7 +126,7 @@ Task<std::optional<ByteBudget::Share>> PeerConnection::roomForDecoded(std::size_
 Task<std::optional<ByteBudget::Share>> PeerConnection::waitForRoom(ByteBudget& budget,
                                                                    std::shared_ptr<Signal> freed,
                                                                    std::size_t bytes) {
-  const BudgetOwner owner = budgetOwner(who_, fmt::format("live {}", id_));
+  const BudgetOwner owner = budgetOwner(who_);
   while (!over() && !channel_->closing()) {
     if (auto share = budget.take(owner, bytes)) co_return std::move(share);
     co_await freed->wait();
@@ -249,7 +249,8 @@ std::optional<pb::Refusal> PeerConnection::tooLong(const EnvelopeHead& head) con
 bool PeerConnection::tooOften(pb::Envelope::BodyCase body) {
   // limited by pending work instead: busy()
   if (body == pb::Envelope::kChunk || body == pb::Envelope::kRequest) return false;
-  return !small_messages_->take(steadyNowNs());
+  const BucketRate rate{context_.bounds.small_messages_at_once, context_.bounds.small_messages_per_s};
+  return !context_.small_messages.take(turn_name_, rate, 1, steadyNowNs());
 }
 
 void PeerConnection::answerPing(const pb::Ping& ping) {

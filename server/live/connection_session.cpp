@@ -167,7 +167,9 @@ void PeerConnection::takeChunk(pb::Chunk chunk) {
   }
   context_.disk_room.take(chunk.data().size());
   ++chunks_in_flight_;
-  context_.chunks_in_flight.add(who_.name, chunk.data().size());
+  const BudgetOwner owner{.name = who_.name, .person = false};
+  context_.chunks_in_flight.add(owner, 1);
+  context_.chunk_bytes_in_flight.add(owner, chunk.data().size());
   struct Waiting {
     pb::Chunk chunk;
     std::string station;
@@ -203,7 +205,11 @@ void PeerConnection::takeChunk(pb::Chunk chunk) {
 void PeerConnection::chunkDone(const pb::Chunk& chunk, const Status& status, const Appended& appended) {
   --chunks_in_flight_;
   context_.disk_room.settle(chunk.data().size(), status.ok() && appended.kind == Appended::Kind::kStored);
-  if (context_.chunks_in_flight.remove(who_.name, chunk.data().size())) context_.chunk_room.notify();
+  const bool was_full = chunksFull(context_);
+  const BudgetOwner owner{.name = who_.name, .person = false};
+  context_.chunks_in_flight.giveBack(owner, 1);
+  context_.chunk_bytes_in_flight.giveBack(owner, chunk.data().size());
+  if (was_full && !chunksFull(context_)) context_.chunk_room.notify();
   freed_.notify();
   // the station may have logged in again, and its newer connection may wait for this chunk's place
   auto* const newer = dynamic_cast<PeerConnection*>(context_.hub.stationPeer(who_.name));
@@ -321,12 +327,12 @@ void PeerConnection::takeClose(pb::CloseSession request) {
   }
   if (closing_sessions_.contains(session_id)) return;  // already in progress: one answer serves both
   // its chunks, messages and requests go on meanwhile: it is refused, and the socket is read
-  auto place = context_.closes.take(who_.name);
+  auto place = context_.closes.take({.name = who_.name, .person = false}, 1);
   if (!place) {
     refuse(sessionRefusal(
         pb::Refusal::RATE_LIMITED,
         fmt::format("{} sessions of this station are being closed: close this one a little later",
-                    context_.closes.most()),
+                    context_.bounds.closes_of_station),
         session_id));
     return;
   }
@@ -338,7 +344,7 @@ void PeerConnection::takeClose(pb::CloseSession request) {
 }
 
 Task<> PeerConnection::closeSession(std::shared_ptr<PeerConnection> self, pb::CloseSession request,
-                                    StationCloses::Place place) {
+                                    std::optional<ByteBudget::Share> place) {
   PeerConnection& peer = *self;
   const std::string session_id = request.session_id();
 

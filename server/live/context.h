@@ -21,73 +21,23 @@
 #include "server/live/access_listener.h"
 #include "server/live/admission.h"
 #include "server/live/byte_budget.h"
-#include "server/live/chunk_budget.h"
 #include "server/live/clock_offsets.h"
 #include "server/live/disk_room.h"
-#include "server/live/fair_pool.h"
+#include "server/live/fair_queue.h"
 #include "server/live/handshake_turns.h"
 #include "server/live/hub.h"
-#include "server/live/login_queue.h"
+#include "server/live/limits.h"
 #include "server/live/login_state.h"
-#include "server/live/message_rates.h"
 #include "server/live/offload.h"
-#include "server/live/password_pool.h"
 #include "server/live/peer_lines.h"
-#include "server/live/people_shares.h"
-#include "server/live/places_in_turn.h"
-#include "server/live/station_closes.h"
-#include "server/live/station_quotas.h"
+#include "server/live/quotas.h"
+#include "server/live/token_bucket.h"
+#include "server/live/turn_queue.h"
 
 namespace needlelab {
 
 class PeerConnection;
 class RemoteLive;
-
-/// Limits on the load from one connection.
-struct ConnectionBounds {
-  /// Of a station, on all its connections: received but not yet committed. At the limit they are not read.
-  std::size_t chunks_in_flight = 64;
-  std::size_t chunk_bytes_in_flight = 8u << 20;
-  ChunkBudget::Limits all_chunks_in_flight;  ///< of the whole server
-  std::size_t requests_at_work = 8;
-  /// That a station is closing at once, on all its connections; further ones are refused (RATE_LIMITED) and
-  /// come again. A station has two or three: the session before, and old ones one after the other.
-  std::size_t closes_of_station = 8;
-  LoginQueue::Settings logins;              ///< of the whole server, that wait for the password check
-  PeerLines::Settings log_lines;            ///< on both ports
-  std::size_t connections_of_person = 256;  ///< logged in at once
-  /// Of a station or person, by all of its connections: all but chunks and requests, which have their own
-  /// limits.
-  double small_messages_at_once = 5000;
-  double small_messages_per_s = 500;
-  /// A ClockOffset, CloseSession, Ping, Pong, Subscribe or Unsubscribe with more bytes is refused unparsed.
-  /// So the closes that wait hold little (`closes_of_station`) and have no part in the budget of memory.
-  std::size_t small_message_bytes = 4u << 10;
-  std::size_t refusals = 200;  ///< refused messages after log-in; then the connection ends
-  /// Time for a station to confirm an instructor's message; after that the instructor gets an error.
-  std::chrono::milliseconds confirm_timeout{5'000};
-  std::size_t known_sessions = 1024;  ///< whose watermarks are in memory
-  /// A message with more bytes to read one by one is parsed on another thread: this takes some 50 µs here.
-  std::size_t parsed_here_bytes = 16u << 10;
-  /// A message that becomes no more than this has no part in the budget: `requests_at_work` and
-  /// `closes_of_station` bound it.
-  std::size_t uncounted_decoded_bytes = 4u << 10;
-  /// Memory of messages that are parsed and not done yet, of both ports together. A person's is more than a
-  /// message of 1 MiB can become (kMostPayloadFields), a station's more than its longest, an OpenSession with
-  /// a profile of 1 MiB.
-  ByteBudget::Limits decoded{.connection = 8u << 20,
-                             .person = 8u << 20,
-                             .people = 32u << 20,
-                             .station = 2u << 20,
-                             .server = 40u << 20};
-  /// Replies that are being made or are not read yet, of both ports together. While a reply is made it has
-  /// the room of the longest, 1 MiB: so a person has at most 12 such requests at work on all connections.
-  ByteBudget::Limits replies{.connection = 8u << 20,
-                             .person = 12u << 20,
-                             .people = 96u << 20,
-                             .station = 8u << 20,
-                             .server = 128u << 20};
-};
 
 /// Totals since the start.
 struct ServerCounters {
@@ -137,6 +87,13 @@ inline constexpr std::size_t kLongScoresAtOnce = 4, kRescoringsAtOnce = 1;
 inline constexpr std::size_t kPeopleViewThreads = 2, kStationViewThreads = 1;
 inline constexpr std::size_t kViewThreads = kPeopleViewThreads + kStationViewThreads;
 
+/// Lines of the passwords' thread.
+enum PasswordLine : std::size_t {
+  kLoginLine,    ///< log-ins of people, one at a time: LoginQueue says whose
+  kStationLine,  ///< stations, which bring a trainee's code
+  kPersonLine,   ///< people, who give themselves or others passwords and codes
+};
+
 /// A look at all accounts in use (remote_access.h).
 struct AccessLook {
   bool is_under_way = false;
@@ -172,13 +129,17 @@ struct ServerContext {
   std::unique_ptr<FairPool> long_scores_in_turn = std::make_unique<FairPool>(closers, kLongScoreThreads);
   PlacesInTurn long_scores{io.get_executor(), kLongScoresAtOnce};
   PlacesInTurn rescorings{io.get_executor(), kRescoringsAtOnce};
-  StationCloses closes{bounds.closes_of_station};
-  MessageRates small_messages{bounds.small_messages_at_once, bounds.small_messages_per_s};
+  ByteBudget closes{
+      {.station = bounds.closes_of_station}};  ///< of sessions, not bytes: by name of the station
+  /// Of each account; before its log-in, of the connection.
+  TokenBuckets small_messages{};
   ClockOffsets clock_offsets{};
   /// Keys, tokens and open sessions of those who log in, on `logins`.
   std::unique_ptr<FairPool> logins_in_turn = std::make_unique<FairPool>(logins, kLoginThreads);
-  /// Whatever hashes, on `passwords`.
-  std::unique_ptr<PasswordPool> passwords_in_turn = std::make_unique<PasswordPool>(passwords);
+  /// What hashes, on `passwords`, in lines (PasswordLine): 0.1 s each. So between two log-ins at most one
+  /// other piece is done, however many wait.
+  std::unique_ptr<FairPool> passwords_in_turn =
+      std::make_unique<FairPool>(passwords, 1, FairQueue::kThreeLines);
   /// A log-in's turn has ended, or its place was taken.
   std::shared_ptr<Signal> login_turns = std::make_shared<Signal>(io.get_executor());
   LoginQueue logins_waiting{bounds.logins, [turns = login_turns] { turns->notify(); }};
@@ -193,10 +154,14 @@ struct ServerContext {
   AccessLook access_look{};
   /// Of what other servers on the database change; null: this one is alone.
   std::unique_ptr<AccessListener> access_listener{};
-  ChunkBudget chunks_in_flight{bounds.all_chunks_in_flight};  ///< of all connections
+  /// Of all connections: how many, and their bytes. While either is full nobody should read another chunk;
+  /// each connection may have read one already, so the bytes stay below the limit and one chunk (1 MiB) for
+  /// each connection.
+  ByteBudget chunks_in_flight{{.server = bounds.all_chunks_in_flight.chunks}};
+  ByteBudget chunk_bytes_in_flight{{.server = bounds.all_chunks_in_flight.bytes}};
   std::unique_ptr<Inbox> committed =
       std::make_unique<Inbox>(io.get_executor());  ///< chunks that the writer has finished
-  Signal chunk_room{io.get_executor()};            ///< chunks_in_flight is no longer full
+  Signal chunk_room{io.get_executor()};            ///< neither of them is full any longer
   DiskRoom disk_room{0};
   StationQuotas quotas{};  ///< the writer's thread only
   PeopleShares shares{};
@@ -212,5 +177,9 @@ struct ServerContext {
   bool stopping = false;
   std::unordered_map<std::uint64_t, PeerConnection*> connections;  ///< by id; each removes itself at its end
 };
+
+inline bool chunksFull(const ServerContext& context) {
+  return context.chunks_in_flight.full() || context.chunk_bytes_in_flight.full();
+}
 
 }  // namespace needlelab

@@ -1,15 +1,17 @@
 /// Order and number of the TLS handshakes that the server computes.
 #pragma once
 
-#include <chrono>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
-#include <map>
 #include <optional>
 #include <string>
-#include <unordered_map>
-#include <vector>
+#include <unordered_set>
+#include <utility>
+
+#include "server/live/fair_places.h"
+#include "server/live/limits.h"
 
 namespace needlelab {
 
@@ -29,18 +31,9 @@ namespace needlelab {
 /// Memory: of the connections that are here. Times: steady clock (ns), from the caller. Thread: one.
 class HandshakeTurns {
  public:
-  struct Settings {
-    /// Turns: this many answers are computed (0.2 ms each) before other sockets are looked at again.
-    std::size_t at_once = 8;
-    std::size_t places = 64;             ///< of strangers' addresses together
-    std::size_t places_of_known = 64;    ///< of addresses that have logged in before, together
-    std::size_t places_of_address = 24;  ///< fewer: a lab behind one address reconnects more slowly
-    /// Longer than a round trip to any station; an address gets at least `places_of_address` in that time.
-    std::chrono::milliseconds patience{1000};
-  };
+  using Settings = HandshakeLimits;
 
-  HandshakeTurns() : HandshakeTurns(Settings{}) {}
-  explicit HandshakeTurns(Settings settings) : settings_(settings) {}
+  explicit HandshakeTurns(const Settings& settings = {}) : settings_(settings) {}
 
   /// The peer's first message is here. `address`: Admission::keyOf. `known`: Admission::knows.
   void came(std::uint64_t id, const std::string& address, bool known);
@@ -54,35 +47,26 @@ class HandshakeTurns {
 
   /// When a place becomes free by itself; nothing when nobody waits for one.
   [[nodiscard]] std::optional<std::int64_t> nextAt() const;
-  [[nodiscard]] std::size_t waiting() const;
-  [[nodiscard]] std::size_t turns() const { return turns_; }
+  [[nodiscard]] std::size_t waiting() const { return waiting_[false].size() + waiting_[true].size(); }
+  [[nodiscard]] std::size_t turns() const { return computing_.size(); }
   /// Of strangers' addresses, or of known ones: taken, and not given to another.
-  [[nodiscard]] std::size_t places(bool known) const;
-  [[nodiscard]] std::size_t addresses() const { return addresses_.size(); }
+  [[nodiscard]] std::size_t places(bool known) const { return places_[known].size(); }
+  [[nodiscard]] std::size_t begun() const { return begun_.size(); }
 
  private:
-  struct Place {
-    std::uint64_t id = 0;
-    std::int64_t until_ns = 0;
-    bool given_away = false;  // still counts for its address: else an address could begin without end
-  };
-  struct Address {
-    bool known = false;
-    std::vector<std::uint64_t> waiting;    // the newest last
-    std::vector<std::uint64_t> computing;  // have a turn
-    std::deque<Place> answered;            // the oldest first
-    std::size_t given_away = 0;            // of answered
-    [[nodiscard]] std::size_t begun() const { return computing.size() + answered.size(); }
-    [[nodiscard]] std::size_t places() const { return begun() - given_away; }
-  };
-  void freeExpired(std::int64_t now_ns);
-  [[nodiscard]] Address* nextAddress(bool known);
-  [[nodiscard]] bool makeRoomFor(const Address& address);
+  void forget(std::uint64_t id);
+  /// Of the addresses that may begin, null: none. If there is no room for it, there is none for any other.
+  [[nodiscard]] const std::string* nextAddress(bool known) const;
+  bool makeRoomFor(const std::string& address, bool known);
 
   Settings settings_;
-  std::map<std::string, Address> addresses_;                   // those with a connection or a place
-  std::unordered_map<std::uint64_t, std::string> address_of_;  // of those that wait, compute or have a place
-  std::size_t turns_ = 0;
+  // by address; those of an array by whether it was known when they came
+  std::array<FairPlaces<std::string>, 2> waiting_, places_;
+  FairPlaces<std::string>
+      begun_;  // with those whose place was given away: an address could begin without end
+  std::unordered_set<std::uint64_t> computing_;  // have a turn
+  std::deque<std::pair<std::int64_t, std::uint64_t>>
+      answered_;  // until when it has its place; the oldest first
 };
 
 }  // namespace needlelab

@@ -9,130 +9,117 @@
 namespace needlelab {
 namespace {
 
-constexpr std::int64_t kNsPerMs = 1'000'000;
+using Kind = LoginGuard::Kind;
+
+constexpr double kNsPerMs = 1e6;
 
 /// Of a name with the kind of account before it ("person ", "station ").
 constexpr std::size_t kMostBytes = kMaxNameBytes + 16;
 
-/// Nobody has a longer name; kept as it is, each would hold what somebody sent.
-const std::string& nameKey(const std::string& name) {
-  return LoginGuard::countedName(name);
+std::string keyOf(Kind kind, const std::string& name, const std::string& address) {
+  const std::string& key = LoginGuard::countedName(name);
+  if (kind == Kind::kName) return key;
+  if (kind == Kind::kAddress || kind == Kind::kKnownAddress) return address;
+  // with the length, so that different pairs of name and address always have different keys
+  return fmt::format("{} {} {}", key.size(), key, address);
 }
 
-/// Includes the lengths, so that different pairs of name and address always have different keys.
-std::string pairKey(const std::string& name, const std::string& address) {
-  const std::string& key = nameKey(name);
-  return fmt::format("{} {} {}", key.size(), key, address);
+std::size_t indexOf(Kind kind) {
+  return static_cast<std::size_t>(kind);
 }
 
 }  // namespace
 
 const std::string& LoginGuard::countedName(const std::string& name) {
+  // nobody has a longer name; kept as it is, each would hold what somebody sent
   static const std::string too_long(kMostBytes + 1, '?');
   return name.size() > kMostBytes ? too_long : name;
 }
 
-LoginGuard::Entries LoginGuard::*LoginGuard::tableOf(Kind kind) {
-  switch (kind) {
-    case Kind::kKnown:
-      return &LoginGuard::known_;
-    case Kind::kKnownAddress:
-      return &LoginGuard::known_addresses_;
-    case Kind::kName:
-      return &LoginGuard::names_;
-    case Kind::kAddress:
-      return &LoginGuard::addresses_;
-    case Kind::kPair:
-    case Kind::kCode:
-      break;
-  }
-  return &LoginGuard::pairs_;
-}
-
-std::string LoginGuard::keyOf(Kind kind, const std::string& name, const std::string& address) {
-  if (kind == Kind::kName) return nameKey(name);
-  return kind == Kind::kAddress || kind == Kind::kKnownAddress ? address : pairKey(name, address);
-}
-
 std::optional<LoginGuard::Entry> LoginGuard::entry(Kind kind, const std::string& name,
                                                    const std::string& address) const {
-  const Entries& table = this->*tableOf(kind);
+  const Entries& table = tables_[indexOf(kind)];
   const auto found = table.find(keyOf(kind, name, address));
   return found == table.end() ? std::nullopt : std::optional(found->second);
 }
 
 void LoginGuard::setEntry(Kind kind, const std::string& name, const std::string& address,
                           const Entry& entry) {
-  (this->*tableOf(kind))[keyOf(kind, name, address)] = entry;
+  tables_[indexOf(kind)][keyOf(kind, name, address)] = entry;
 }
 
-double LoginGuard::leftAfter(const Entry& entry, Milliseconds refill, std::int64_t now_ns) {
-  const double leaked =
-      static_cast<double>(now_ns - entry.at_ns) / (1e6 * static_cast<double>(refill.count()));
-  return std::max(0.0, entry.failures - leaked);
+std::size_t LoginGuard::entries() const {
+  std::size_t count = 0;
+  for (const Entries& table : tables_) count += table.size();
+  return count;
 }
 
-LoginGuard::Milliseconds LoginGuard::waitOf(const Entries& entries, const std::string& key, double allowed,
-                                            Milliseconds refill, std::int64_t now_ns) {
-  const auto found = entries.find(key);
-  if (found == entries.end()) return Milliseconds(0);
-  const double above = leftAfter(found->second, refill, now_ns) - (allowed - 1);
-  if (above <= 0) return Milliseconds(0);
-  return Milliseconds(
-      static_cast<std::int64_t>(std::ceil(above * static_cast<double>(refill.count()) - 1e-3)));
+TokenBucket LoginGuard::bucket(Kind kind, const std::string& name, const std::string& address) const {
+  const bool of_name = kind == Kind::kName;
+  const Milliseconds refill = of_name ? settings_.refill_everywhere : settings_.refill_address;
+  const Entry known = entry(kind, name, address).value_or(Entry{});
+  return {{of_name ? settings_.allowed_everywhere : settings_.allowed_per_address,
+           1000 / static_cast<double>(refill.count())},
+          known.failures,
+          known.at_ns};
 }
 
-LoginGuard::Milliseconds LoginGuard::waitOfPair(const std::string& key, std::int64_t now_ns) const {
-  const auto found = pairs_.find(key);
-  if (found == pairs_.end()) return Milliseconds(0);
-  const double above = found->second.failures - settings_.allowed_per_name;
+LoginGuard::Milliseconds LoginGuard::waitOfPair(const std::string& name, const std::string& address,
+                                                std::int64_t now_ns) const {
+  const Entry pair = entry(Kind::kPair, name, address).value_or(Entry{});
+  const double above = pair.failures - settings_.allowed_per_name;
   if (above < 0) return Milliseconds(0);
   const double wait_ms = std::min(static_cast<double>(settings_.first_wait.count()) * std::exp2(above),
                                   static_cast<double>(settings_.longest_wait.count()));
-  const double left_ms =
-      wait_ms - static_cast<double>(now_ns - found->second.at_ns) / static_cast<double>(kNsPerMs);
+  const double left_ms = wait_ms - static_cast<double>(now_ns - pair.at_ns) / kNsPerMs;
   return Milliseconds(static_cast<std::int64_t>(std::ceil(std::max(0.0, left_ms))));
 }
 
 LoginGuard::Milliseconds LoginGuard::mustWait(const std::string& name, const std::string& address,
                                               std::int64_t now_ns) const {
-  const Milliseconds own = waitOfPair(pairKey(name, address), now_ns);
-  if (knows(name, address)) return own;
-  return std::max(
-      {own, waitOf(names_, nameKey(name), settings_.allowed_everywhere, settings_.refill_everywhere, now_ns),
-       waitOf(addresses_, address, settings_.allowed_per_address, settings_.refill_address, now_ns)});
+  Milliseconds wait = waitOfPair(name, address, now_ns);
+  if (knows(name, address)) return wait;
+  for (const Kind kind : {Kind::kName, Kind::kAddress}) {
+    const double left_ms = 1000 * bucket(kind, name, address).secondsUntil(1, now_ns);
+    wait = std::max(wait, Milliseconds(static_cast<std::int64_t>(std::ceil(left_ms - 1e-3))));
+  }
+  return wait;
 }
 
 bool LoginGuard::failed(const std::string& name, const std::string& address, std::int64_t now_ns) {
   const bool waited = mustWait(name, address, now_ns).count() > 0;
-  Entry& pair = entryOf(pairs_, pairKey(name, address));
-  if (now_ns - pair.at_ns > settings_.quiet.count() * kNsPerMs) pair.failures = 0;
+  Entry& pair = entryOf(Kind::kPair, name, address);
+  if (now_ns - pair.at_ns > std::chrono::nanoseconds(settings_.quiet).count()) pair.failures = 0;
   pair.failures += 1;
   pair.at_ns = now_ns;
   // typing errors of a known person do not count against the lab's address
   if (!knows(name, address)) {
-    count(names_, nameKey(name), settings_.refill_everywhere, now_ns);
-    count(addresses_, address, settings_.refill_address, now_ns);
+    for (const Kind kind : {Kind::kName, Kind::kAddress}) {
+      TokenBucket failures = bucket(kind, name, address);
+      failures.take(1, now_ns);
+      entryOf(kind, name, address) = {failures.used, failures.at_ns};
+    }
   }
   return !waited && mustWait(name, address, now_ns).count() > 0;
 }
 
 void LoginGuard::succeeded(const std::string& name, const std::string& address, std::int64_t now_ns) {
-  const std::string key = pairKey(name, address);
-  pairs_.erase(key);
-  entryOf(known_, key).at_ns = now_ns;
-  entryOf(known_addresses_, address).at_ns = now_ns;
+  tables_[indexOf(Kind::kPair)].erase(keyOf(Kind::kPair, name, address));
+  entryOf(Kind::kKnown, name, address).at_ns = now_ns;
+  entryOf(Kind::kKnownAddress, name, address).at_ns = now_ns;
 }
 
 bool LoginGuard::knows(const std::string& name, const std::string& address) const {
-  return known_.contains(pairKey(name, address));
+  return entry(Kind::kKnown, name, address).has_value();
 }
 
 bool LoginGuard::knowsAddress(const std::string& address) const {
-  return known_addresses_.contains(address);
+  return entry(Kind::kKnownAddress, {}, address).has_value();
 }
 
-LoginGuard::Entry& LoginGuard::entryOf(Entries& entries, const std::string& key) const {
+LoginGuard::Entry& LoginGuard::entryOf(Kind kind, const std::string& name, const std::string& address) {
+  Entries& entries = tables_[indexOf(kind)];
+  const std::string key = keyOf(kind, name, address);
   if (entries.size() >= settings_.max_entries && !entries.contains(key)) {
     // remove only one entry: otherwise an attacker who fills the table would clear it
     entries.erase(std::min_element(entries.begin(), entries.end(), [](const auto& a, const auto& b) {
@@ -140,13 +127,6 @@ LoginGuard::Entry& LoginGuard::entryOf(Entries& entries, const std::string& key)
     }));
   }
   return entries[key];
-}
-
-void LoginGuard::count(Entries& entries, const std::string& key, Milliseconds refill,
-                       std::int64_t now_ns) const {
-  Entry& entry = entryOf(entries, key);
-  entry.failures = leftAfter(entry, refill, now_ns) + 1;
-  entry.at_ns = now_ns;
 }
 
 }  // namespace needlelab

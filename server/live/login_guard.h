@@ -11,6 +11,9 @@
 
 #include "db/login_store.h"
 
+#include "server/live/limits.h"
+#include "server/live/token_bucket.h"
+
 namespace needlelab {
 
 /// Counts three kinds of failures:
@@ -26,22 +29,9 @@ namespace needlelab {
 /// (ns), from the caller. Thread: one.
 class LoginGuard {
  public:
-  struct Settings {
-    double allowed_per_name = 5;
-    std::chrono::milliseconds first_wait{10'000};
-    std::chrono::milliseconds longest_wait{15 * 60'000};
-    /// Without a failure: then a name at an address starts from zero.
-    std::chrono::milliseconds quiet{3'600'000};
-    double allowed_per_address = 30;
-    std::chrono::milliseconds refill_address{2'000};
-    double allowed_everywhere = 50;
-    std::chrono::milliseconds refill_everywhere{10'000};
-    /// Of each kind; above this limit the entry idle for longest is dropped.
-    std::size_t max_entries = 10'000;
-  };
+  using Settings = LoginGuardLimits;
 
-  LoginGuard() : LoginGuard(Settings{}) {}
-  explicit LoginGuard(Settings settings) : settings_(settings) {}
+  explicit LoginGuard(const Settings& settings = {}) : settings_(settings) {}
 
   /// Waiting time for this name at this address; 0: it may try.
   std::chrono::milliseconds mustWait(const std::string& name, const std::string& address,
@@ -71,27 +61,19 @@ class LoginGuard {
   /// Names that nobody can have are one.
   static const std::string& countedName(const std::string& name);
 
-  [[nodiscard]] std::size_t entries() const {
-    return pairs_.size() + known_.size() + known_addresses_.size() + names_.size() + addresses_.size();
-  }
+  [[nodiscard]] std::size_t entries() const;
 
  private:
   using Entries = std::unordered_map<std::string, Entry>;
-  static Entries LoginGuard::*tableOf(Kind kind);
-  static std::string keyOf(Kind kind, const std::string& name, const std::string& address);
   using Milliseconds = std::chrono::milliseconds;
-  static double leftAfter(const Entry& entry, Milliseconds refill, std::int64_t now_ns);
-  static Milliseconds waitOf(const Entries& entries, const std::string& key, double allowed,
-                             Milliseconds refill, std::int64_t now_ns);
-  [[nodiscard]] Milliseconds waitOfPair(const std::string& key, std::int64_t now_ns) const;
-  Entry& entryOf(Entries& entries, const std::string& key) const;
-  void count(Entries& entries, const std::string& key, Milliseconds refill, std::int64_t now_ns) const;
+  [[nodiscard]] Milliseconds waitOfPair(const std::string& name, const std::string& address,
+                                        std::int64_t now_ns) const;
+  /// The failures of a name or an address.
+  [[nodiscard]] TokenBucket bucket(Kind kind, const std::string& name, const std::string& address) const;
+  Entry& entryOf(Kind kind, const std::string& name, const std::string& address);
 
   Settings settings_;
-  Entries pairs_;  // name at address: failures in a row
-  Entries known_;  // name at address: time of the last log-in there
-  Entries known_addresses_;
-  Entries names_, addresses_;
+  std::array<Entries, 8> tables_;  // by Kind; of those that are known: the time of the last log-in
 };
 
 }  // namespace needlelab

@@ -116,6 +116,7 @@ class LoginsInMemory final : public LoginState {
   Task<Status> end(std::string token) override;
   std::optional<std::size_t> forget(const std::string& name) override;
   [[nodiscard]] bool mayBeToken(std::string_view token) const override;
+  void tidy() override { tokens.tidy(time_.nowNs()); }
 
   LoginGuard guard;
   Tokens tokens;

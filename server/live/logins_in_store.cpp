@@ -182,7 +182,7 @@ Task<Result<LoginState::Issued>> LoginsInStore::issue(Holder holder) {
     // a clock that is behind, of a promoted standby, gives nobody more time
     row.password_ns = holder.password_ns == 0 ? now_ns : std::min(holder.password_ns, now_ns);
     row.expires_ns = std::min(now_ns + settings.lifetime.count(), row.password_ns + settings.longest.count());
-    ASSIGN_OR_RETURN(const bool is_stored, store.addToken(token, row, Tokens::kMostOfPerson));
+    ASSIGN_OR_RETURN(const bool is_stored, store.addToken(token, row, TokenLimits{}.most_of_person));
     if (!is_stored && !planted(PlantedBug::kRevokedTokenHonoured))
       return Error{ErrorCode::kConflict, holder.who.name + ": the account was changed during its log-in"};
     return Stored{Nanoseconds(row.expires_ns - now_ns), row.password_ns};
@@ -193,19 +193,17 @@ Task<Result<LoginState::Issued>> LoginsInStore::issue(Holder holder) {
   if (!stored.ok()) co_return stored.error();
   issued.left = stored->left;
   holder.password_ns = stored->password_ns;
-  if (!forgottenSince(before, holder.who.name))
-    keep(LoginKey::hashOfToken(issued.token), holder, issued.left);
+  if (!forgottenSince(before, holder.who.name)) keep(issued.token, holder, issued.left);
   co_return issued;
 }
 
 Task<Result<std::optional<LoginState::Holder>>> LoginsInStore::find(std::string token, std::string asker) {
   if (!shared_.key().madeToken(token)) co_return std::optional<Holder>();
-  const Key key = LoginKey::hashOfToken(token);
-  if (const Kept* const kept = keptOf(key)) co_return std::optional(kept->holder);
-  const auto found = co_await read(std::move(token), std::move(asker));
+  if (auto kept = kept_.find(token, time_.nowNs())) co_return kept;
+  const auto found = co_await read(token, std::move(asker));
   if (!found.ok()) co_return found.error();
   if (!found->holder) co_return std::optional<Holder>();
-  if (found->is_current) keep(key, *found->holder, found->left);
+  if (found->is_current) keep(token, *found->holder, found->left);
   co_return found->holder;
 }
 
@@ -226,7 +224,7 @@ Task<Result<LoginsInStore::Found>> LoginsInStore::read(std::string token, std::s
 }
 
 std::function<Result<bool>()> LoginsInStore::check(const std::string& token, const Principal& /*who*/) {
-  if (planted(PlantedBug::kRevokedTokenHonoured) && keptOf(LoginKey::hashOfToken(token)) != nullptr)
+  if (planted(PlantedBug::kRevokedTokenHonoured) && kept_.find(token, time_.nowNs()))
     return [] { return true; };
   return [&readers = readers_, &key = shared_.key(), token]() -> Result<bool> {
     ASSIGN_OR_RETURN(auto reader, readers.borrow());
@@ -235,29 +233,30 @@ std::function<Result<bool>()> LoginsInStore::check(const std::string& token, con
 }
 
 Task<Nanoseconds> LoginsInStore::left(std::string token) {
-  const Key key = LoginKey::hashOfToken(token);
-  if (const Kept* const kept = keptOf(key)) co_return Nanoseconds(kept->expires_ns - time_.nowNs());
+  const std::int64_t now_ns = time_.nowNs();
+  if (const auto end_ns = kept_.endOf(token, now_ns)) co_return Nanoseconds(*end_ns - now_ns);
   // read again where the account changed meanwhile: what was read may be from before
   constexpr int kMostReads = 3;
   for (int n = 0; n < kMostReads; ++n) {
     const auto found = co_await read(token, "a live page");
     if (!found.ok() || !found->holder) break;
     if (!found->is_current) continue;
-    keep(key, *found->holder, found->left);
+    keep(token, *found->holder, found->left);
     co_return found->left;
   }
   co_return Nanoseconds(0);
 }
 
 void LoginsInStore::renew(const std::string& token) {
-  Kept* const kept = keptOf(LoginKey::hashOfToken(token));
-  if (kept == nullptr || kept->is_being_renewed) return;
+  const std::int64_t now_ns = time_.nowNs();
+  const auto holder = kept_.find(token, now_ns);
+  if (!holder) return;
   // a token that is used all the time is written some times a quarter of an hour
   constexpr int kWritesOfLifetime = 15;
-  const std::int64_t gained_ns = time_.nowNs() + settings_.lifetime.count() - kept->expires_ns;
+  const std::int64_t gained_ns = now_ns + settings_.lifetime.count() - *kept_.endOf(token, now_ns);
   if (gained_ns < settings_.lifetime.count() / kWritesOfLifetime) return;
-  kept->is_being_renewed = true;
-  asio::co_spawn(io_, renewNow(*this, token, turnNameOf(kept->holder.who)), rethrow);
+  if (!being_renewed_.insert(LoginKey::hashOfToken(token)).second) return;
+  asio::co_spawn(io_, renewNow(*this, token, turnNameOf(holder->who)), rethrow);
 }
 
 Task<> LoginsInStore::renewNow(LoginsInStore& self, std::string token, std::string turn) {
@@ -267,15 +266,14 @@ Task<> LoginsInStore::renewNow(LoginsInStore& self, std::string token, std::stri
     return end_ns ? Nanoseconds(*end_ns - now_ns) : Nanoseconds(0);
   };
   const auto left = co_await self.inTurn<Nanoseconds>(std::move(turn), std::move(work));
+  self.being_renewed_.erase(LoginKey::hashOfToken(token));
   // where the database is away it ends as it would have
-  Kept* const kept = self.keptOf(LoginKey::hashOfToken(token));
-  if (kept == nullptr) co_return;
-  kept->is_being_renewed = false;
-  if (left.ok()) kept->expires_ns = self.time_.nowNs() + left->count();
+  const auto holder = self.kept_.find(token, self.time_.nowNs());
+  if (holder && left.ok()) self.keep(token, *holder, *left);
 }
 
 Task<Status> LoginsInStore::end(std::string token) {
-  kept_.erase(LoginKey::hashOfToken(token));
+  kept_.end(token);
   std::function<Result<bool>(LoginStore&, std::int64_t)> work =
       [&shared = shared_, token](LoginStore& store, std::int64_t) -> Result<bool> {
     RETURN_IF_ERROR(store.endToken(token, shared.server()));
@@ -292,7 +290,7 @@ std::optional<std::size_t> LoginsInStore::forget(const std::string& name) {
   ++forgotten_;
   forgotten_names_.push_back(name);
   if (forgotten_names_.size() > kMostForgotten) forgotten_names_.pop_front();
-  std::erase_if(kept_, [&](const auto& entry) { return entry.second.holder.who.name == name; });
+  kept_.forget(name);
   return std::nullopt;
 }
 
@@ -312,8 +310,7 @@ std::optional<std::array<unsigned char, 32>> LoginsInStore::formKey() const {
 }
 
 void LoginsInStore::tidy() {
-  std::erase_if(kept_,
-                [now_ns = time_.nowNs()](const auto& entry) { return entry.second.expires_ns <= now_ns; });
+  kept_.tidy(time_.nowNs());
   if (std::exchange(is_tidying_, true)) return;
   const auto tidied = [](LoginsInStore& self) -> Task<> {
     std::function<Result<bool>(LoginStore&, std::int64_t)> work =
@@ -329,26 +326,9 @@ void LoginsInStore::tidy() {
   asio::co_spawn(io_, tidied(*this), rethrow);
 }
 
-std::vector<Principal> LoginsInStore::holders() const {
-  std::vector<Principal> all;
-  for (const auto& [key, kept] : kept_) all.push_back(kept.holder.who);
-  return all;
-}
-
-void LoginsInStore::keep(const Key& key, const Holder& holder, Nanoseconds left) {
-  if (kept_.size() >= settings_.most_kept)
-    kept_.erase(std::min_element(kept_.begin(), kept_.end(), [](const auto& a, const auto& b) {
-      return a.second.expires_ns < b.second.expires_ns;
-    }));
-  kept_[key] = {holder, time_.nowNs() + left.count()};
-}
-
-LoginsInStore::Kept* LoginsInStore::keptOf(const Key& key) {
-  const auto found = kept_.find(key);
-  if (found == kept_.end()) return nullptr;
-  if (found->second.expires_ns > time_.nowNs()) return &found->second;
-  kept_.erase(found);
-  return nullptr;
+void LoginsInStore::keep(const std::string& token, const Holder& holder, Nanoseconds left) {
+  const std::int64_t now_ns = time_.nowNs();
+  kept_.keep(token, holder, now_ns + left.count(), now_ns);
 }
 
 }  // namespace needlelab

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
-#include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -12,7 +12,7 @@
 #include "common/wire/asio.h"
 #include "db/reader_pool.h"
 #include "db/shared_logins.h"
-#include "server/live/fair_pool.h"
+#include "server/live/fair_queue.h"
 #include "server/live/login_state.h"
 
 namespace needlelab {
@@ -27,10 +27,9 @@ class LoginsInStore final : public LoginState {
  public:
   struct Settings {
     LoginGuard::Settings guard{};
-    std::chrono::nanoseconds lifetime = std::chrono::minutes(15);
-    std::chrono::nanoseconds longest = std::chrono::hours(12);
+    std::chrono::nanoseconds lifetime = TokenLimits{}.lifetime;
+    std::chrono::nanoseconds longest = TokenLimits{}.longest;
     LoginStore::Bounds bounds{};
-    std::size_t most_kept = 10'000;  ///< tokens, here
   };
   struct Uses {
     asio::io_context& io;
@@ -57,15 +56,9 @@ class LoginsInStore final : public LoginState {
   [[nodiscard]] std::optional<std::array<unsigned char, 32>> formKey() const override;
   void tidy() override;
 
-  [[nodiscard]] std::vector<Principal> holders() const override;
+  [[nodiscard]] std::vector<Principal> holders() const override { return kept_.holders(); }
 
  private:
-  struct Kept {
-    Holder holder;
-    std::int64_t expires_ns = 0;  ///< of time_
-    bool is_being_renewed = false;
-  };
-  using Key = LoginKey::Hash;
   struct Found {
     std::optional<Holder> holder;
     std::chrono::nanoseconds left{0};
@@ -79,8 +72,7 @@ class LoginsInStore final : public LoginState {
   /// Whether forget() was called with this name since it had been called `before` times: what was read then
   /// may be as it was before.
   [[nodiscard]] bool forgottenSince(std::uint64_t before, const std::string& name) const;
-  void keep(const Key& key, const Holder& holder, std::chrono::nanoseconds left);
-  Kept* keptOf(const Key& key);
+  void keep(const std::string& token, const Holder& holder, std::chrono::nanoseconds left);
   static Task<> renewNow(LoginsInStore& self, std::string token, std::string turn);
   Task<Status> undo(Try tried, bool is_success);
 
@@ -90,7 +82,8 @@ class LoginsInStore final : public LoginState {
   SharedLogins& shared_;
   const Settings settings_;
   TimeSource& time_;
-  std::map<Key, Kept> kept_;
+  Tokens kept_;  ///< up to times of time_
+  std::set<LoginKey::Hash> being_renewed_;
   static constexpr std::size_t kMostForgotten = 256;
   std::uint64_t forgotten_ = 0;                ///< calls of forget()
   std::deque<std::string> forgotten_names_{};  ///< of the last ones

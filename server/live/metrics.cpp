@@ -186,9 +186,9 @@ void durablePlane(PrometheusText& out, const ServerContext& context, const Store
               "Chunks stored as they came that cannot be decoded.");
   out.counter("needlelab_chunks_contradicting_total", real(counters.chunks_contradicting),
               "Chunks refused because other bytes are stored in their place.");
-  out.gauge("needlelab_chunks_in_flight", real(context.chunks_in_flight.chunks()),
+  out.gauge("needlelab_chunks_in_flight", real(context.chunks_in_flight.taken()),
             "Chunks received and not yet committed.");
-  out.gauge("needlelab_chunk_bytes_in_flight", real(context.chunks_in_flight.bytes()),
+  out.gauge("needlelab_chunk_bytes_in_flight", real(context.chunk_bytes_in_flight.taken()),
             "Bytes of these chunks.");
   out.counter("needlelab_acks_total", real(counters.acks),
               "Acknowledgements sent; one may cover many chunks.");

@@ -16,8 +16,7 @@
 #include "common/base/result.h"
 #include "common/wire/asio.h"
 #include "db/db_writer.h"
-#include "server/live/fair_pool.h"
-#include "server/live/password_pool.h"
+#include "server/live/fair_queue.h"
 
 namespace needlelab {
 
@@ -121,21 +120,12 @@ Task<T> offload(asio::thread_pool& pool, std::function<T()> work) {
   return offloadBy(std::move(post), std::move(work));
 }
 
-/// The same for the work of a person, or of another name: each in turn.
+/// The same for the work of a person, or of another name: each in turn. `line`: of the pool's.
 template <typename T>
-Task<T> offload(FairPool& pool, std::string who, std::function<T()> work) {
-  std::function<void(std::function<void()>)> post = [&pool, who = std::move(who)](std::function<void()> run) {
-    pool.post(who, std::move(run));
-  };
-  return offloadBy(std::move(post), std::move(work));
-}
-
-/// The same on the passwords' thread.
-template <typename T>
-Task<T> offload(PasswordPool& pool, PasswordPool::Line line, std::string who, std::function<T()> work) {
+Task<T> offload(FairPool& pool, std::string who, std::function<T()> work, std::size_t line = 0) {
   std::function<void(std::function<void()>)> post = [&pool, line,
                                                      who = std::move(who)](std::function<void()> run) {
-    pool.post(line, who, std::move(run));
+    pool.post(who, std::move(run), line);
   };
   return offloadBy(std::move(post), std::move(work));
 }

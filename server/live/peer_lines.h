@@ -1,52 +1,66 @@
 /// The log's lines that others cause: stations, people and strangers, as often as they like.
 #pragma once
 
+#include <compare>
 #include <cstddef>
 #include <cstdint>
 #include <initializer_list>
 #include <map>
 #include <string>
+#include <string_view>
 #include <unordered_map>
 
 #include "server/base/log.h"
+#include "server/live/limits.h"
 
 namespace needlelab {
 
-/// Event and level of each kind stand in kRows (peer_lines.cpp), in this order. An event of several kinds has
-/// lines of each: harmless ones must not hide the others.
-enum class PeerLine {
-  kConnectionOpened,
-  kConnectionClosed,
-  kConnectionGivesWay,
-  kVersionRefused,
-  kLoginRefused,      ///< a wrong name, password, key or token
-  kLoginRateLimited,  ///< it was not looked at, after too many failures
-  kLogin,
-  kLateLogin,
-  kStationReplaced,
-  kStationDeposed,
-  kSessionOpened,
-  kSessionConfirmed,
-  kSessionClosed,
-  kMessageRefused,
-  kMessageRefusedForRole,
-  kRefusedByPeer,
-  kRefusedByPeerOften,
-  kChunkRefused,
-  kChunkQuarantined,
-  kNoRoom,
-  kSlowPeer,
-  kWebLogin,
-  kWebLogout,
-  kWebFile,
-  kWebRequestOfStranger,
-  kWebRequestDone,
-  kWebRequestForbidden,  ///< 403
-  kWebRequestRefused,    ///< the other 4xx
-  kWebRequestFailed,     ///< 5xx
-  kWebRequestThrew,
-  kWebStreamFailed,
-  kLiveViewerDropped,
+enum class LineBound { kUsual, kAnswered, kNoRoom };
+
+/// An event of several kinds has lines of each: harmless ones must not hide the others.
+struct PeerLineKind {
+  LogLevel level;
+  std::string_view event;
+  std::string_view part = {};  ///< of an event with several kinds: after a '/' in lines_left_out
+  LineBound bound = LineBound::kUsual;
+  friend auto operator<=>(const PeerLineKind&, const PeerLineKind&) = default;
+};
+
+struct PeerLine {
+  static constexpr PeerLineKind kConnectionOpened{LogLevel::kInfo, "connection_opened"};
+  static constexpr PeerLineKind kConnectionClosed{LogLevel::kInfo, "connection_closed"};
+  static constexpr PeerLineKind kConnectionGivesWay{LogLevel::kInfo, "connection_gives_way"};
+  static constexpr PeerLineKind kVersionRefused{LogLevel::kWarning, "version_refused"};
+  /// A wrong name, password, key or token.
+  static constexpr PeerLineKind kLoginRefused{LogLevel::kWarning, "login_refused"};
+  /// It was not looked at, after too many failures.
+  static constexpr PeerLineKind kLoginRateLimited{LogLevel::kWarning, "login_rate_limited"};
+  static constexpr PeerLineKind kLogin{LogLevel::kInfo, "login_ok"};
+  static constexpr PeerLineKind kLateLogin{LogLevel::kWarning, "late_login"};
+  static constexpr PeerLineKind kStationReplaced{LogLevel::kWarning, "station_replaced"};
+  static constexpr PeerLineKind kStationDeposed{LogLevel::kWarning, "station_deposed"};
+  static constexpr PeerLineKind kSessionOpened{LogLevel::kInfo, "session_opened"};
+  static constexpr PeerLineKind kSessionConfirmed{LogLevel::kDebug, "session_confirmed"};
+  static constexpr PeerLineKind kSessionClosed{LogLevel::kInfo, "session_closed"};
+  static constexpr PeerLineKind kMessageRefused{LogLevel::kWarning, "message_refused"};
+  static constexpr PeerLineKind kMessageRefusedForRole{LogLevel::kWarning, "message_refused", "ROLE"};
+  static constexpr PeerLineKind kRefusedByPeer{LogLevel::kWarning, "refused_by_peer"};
+  static constexpr PeerLineKind kRefusedByPeerOften{LogLevel::kWarning, "refused_by_peer_often"};
+  static constexpr PeerLineKind kChunkRefused{LogLevel::kWarning, "chunk_refused"};
+  static constexpr PeerLineKind kChunkQuarantined{LogLevel::kWarning, "chunk_quarantined"};
+  static constexpr PeerLineKind kNoRoom{LogLevel::kWarning, "no_room", {}, LineBound::kNoRoom};
+  static constexpr PeerLineKind kSlowPeer{LogLevel::kWarning, "slow_peer"};
+  static constexpr PeerLineKind kWebLogin{LogLevel::kInfo, "web_login"};
+  static constexpr PeerLineKind kWebLogout{LogLevel::kInfo, "web_logout"};
+  static constexpr PeerLineKind kWebFile{LogLevel::kDebug, "web_request", "file"};
+  static constexpr PeerLineKind kWebRequestOfStranger{LogLevel::kInfo, "web_request"};
+  static constexpr PeerLineKind kWebRequestDone{LogLevel::kInfo, "web_request", "done", LineBound::kAnswered};
+  static constexpr PeerLineKind kWebRequestForbidden{LogLevel::kInfo, "web_request", "403"};
+  static constexpr PeerLineKind kWebRequestRefused{LogLevel::kInfo, "web_request", "4xx"};
+  static constexpr PeerLineKind kWebRequestFailed{LogLevel::kInfo, "web_request", "5xx"};
+  static constexpr PeerLineKind kWebRequestThrew{LogLevel::kError, "web_request_failed"};
+  static constexpr PeerLineKind kWebStreamFailed{LogLevel::kWarning, "web_stream_failed"};
+  static constexpr PeerLineKind kLiveViewerDropped{LogLevel::kWarning, "live_viewer_dropped"};
 };
 
 /// So many lines of each kind for each account, and for all strangers together, whose connections come back
@@ -54,23 +68,14 @@ enum class PeerLine {
 /// line lately. Times: steady clock (ns), from the caller. Thread: one.
 class PeerLines {
  public:
-  struct Settings {
-    /// Far above what a fault or an attack needs to be seen. Who uses up all kinds without end writes some 9
-    /// MB an hour, and at most 50 where each text has its 500 bytes (logEvent).
-    std::uint64_t a_minute = 60;
-    /// Of requests that the web port answered: a page of the console asks some ten times.
-    std::uint64_t answered_a_minute = 300;
-    /// For want of room: a station asks again until there is some, and the log is on the same disk.
-    std::uint64_t no_room_an_hour = 1;
-  };
+  using Settings = LogLimits;
   /// All who have not logged in.
   static constexpr const char* kStrangers = "strangers";
 
-  PeerLines() : PeerLines(Settings{}) {}
-  explicit PeerLines(const Settings& settings) : settings_(settings) {}
+  explicit PeerLines(const Settings& settings = {}) : settings_(settings) {}
 
   /// Writes the line, or counts it. `owner`: turnNameOf (request_effects.h) or kStrangers.
-  void write(const std::string& owner, PeerLine kind, std::int64_t now_ns,
+  void write(const std::string& owner, const PeerLineKind& kind, std::int64_t now_ns,
              std::initializer_list<LogField> fields);
   /// A line `lines_left_out` for each owner and kind whose minute or hour is over and had more. Call it by
   /// the clock, and at the end (INT64_MAX).
@@ -79,10 +84,10 @@ class PeerLines {
   [[nodiscard]] std::size_t known() const { return owners_.size(); }
 
  private:
-  [[nodiscard]] LogBound boundOf(PeerLine kind) const;
+  [[nodiscard]] LogBound boundOf(LineBound bound) const;
 
   const Settings settings_;
-  std::unordered_map<std::string, std::map<PeerLine, LogBound>> owners_;
+  std::unordered_map<std::string, std::map<PeerLineKind, LogBound>> owners_;
 };
 
 }  // namespace needlelab

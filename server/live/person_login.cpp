@@ -70,8 +70,7 @@ Task<Result<Principal>> checkPassword(ServerContext& context, std::shared_ptr<co
   std::function<Result<Principal>()> check = [&service = context.store.service(), secret] {
     return service.loginPerson(secret->user, secret->password);
   };
-  co_return co_await offload(*context.passwords_in_turn, PasswordPool::Line::kLogin, secret->user,
-                             std::move(check));
+  co_return co_await offload(*context.passwords_in_turn, secret->user, std::move(check), kLoginLine);
 }
 
 /// What becomes of a try whose password was not right, or could not be checked.

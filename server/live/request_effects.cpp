@@ -117,20 +117,21 @@ void addToAuditLog(ServerContext& context, const Doer& who, const std::string& a
 
 using Executed = std::shared_ptr<Outcome>;
 
-PasswordPool::Line passwordLineOf(const Principal& who) {
-  return who.role == pb::STATION ? PasswordPool::Line::kStation : PasswordPool::Line::kPerson;
+PasswordLine passwordLineOf(const Principal& who) {
+  return who.role == pb::STATION ? kStationLine : kPersonLine;
 }
 
 /// Whether one more of the peer's hashes may wait. A station shows the text to the trainee (kCode); on
 /// another refusal it would begin the lesson from its cache.
 Status mayWait(ServerContext& context, RequestThreads threads, const Principal& who) {
+  const std::size_t most = context.bounds.hashes_waiting;
   if (threads != RequestThreads::kPasswords ||
-      context.passwords_in_turn->hasRoom(passwordLineOf(who), who.name))
+      context.passwords_in_turn->waitingOf(who.name, passwordLineOf(who)) < most)
     return {};
   return Error{who.role == pb::STATION ? ErrorCode::kCode : ErrorCode::kUnavailable,
                fmt::format("{} passwords and codes of '{}' wait to be computed already: try again when one "
                            "of them is done",
-                           PasswordQueue::kMostWaiting, who.name)};
+                           most, who.name)};
 }
 
 std::shared_ptr<Outcome> refusedBefore(const pb::Request& request, Error error) {
@@ -147,7 +148,7 @@ Task<Executed> onItsThreads(ServerContext& context, RequestThreads threads, cons
     case RequestThreads::kWorkers:
       break;
     case RequestThreads::kPasswords:
-      return offload(*context.passwords_in_turn, passwordLineOf(who), who.name, std::move(work));
+      return offload(*context.passwords_in_turn, who.name, std::move(work), passwordLineOf(who));
     case RequestThreads::kViews:
       return offload(who.role == pb::STATION ? *context.views_of_stations : *context.views_of_people,
                      turnNameOf(who), std::move(work));
@@ -246,15 +247,15 @@ FairPool* poolForWriting(const ServerContext& context, std::size_t reply_bytes) 
   return reply_bytes < 64u << 10 ? context.workers_of_people.get() : context.views_of_people.get();
 }
 
-BudgetOwner budgetOwner(const Principal& who, std::string connection) {
-  return {std::move(connection), turnNameOf(who), who.role != pb::STATION};
+BudgetOwner budgetOwner(const Principal& who) {
+  return {turnNameOf(who), who.role != pb::STATION};
 }
 
 std::size_t replyRoomOf(const ServerContext& context, const Principal& who, pb::Request::CallCase call) {
   constexpr std::size_t kDoneBytes = 4u << 10;
   const RequestRow* const row = requestRow(call);
   const bool done_only = row != nullptr && row->reply == pb::Reply::kDone;
-  return std::min(done_only ? kDoneBytes : kMaxFrameBytes, context.replies.mostBytes(budgetOwner(who, {})));
+  return std::min(done_only ? kDoneBytes : kMaxFrameBytes, context.replies.mostBytes(budgetOwner(who)));
 }
 
 std::shared_ptr<const pb::Request> wipedWhenReleased(pb::Request request) {

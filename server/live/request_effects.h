@@ -34,8 +34,8 @@ Task<Result<CloseOutcome>> closeInTurn(ServerContext& context, std::string stati
 /// nobody's plots; else on the views.
 FairPool* poolForWriting(const ServerContext& context, std::size_t reply_bytes);
 
-/// The owner of messages from this connection, in the budget that both ports share. `connection`: unique.
-BudgetOwner budgetOwner(const Principal& who, std::string connection);
+/// In the budgets that both ports share.
+BudgetOwner budgetOwner(const Principal& who);
 
 /// The room that a reply to this call of `who` takes while it is made: of the longest reply; little where the
 /// reply says "done" only. At most what the budget has (ServerContext::replies).

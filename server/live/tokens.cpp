@@ -16,65 +16,79 @@ std::string hashOf(std::string_view token) {
 
 }  // namespace
 
+std::int64_t Tokens::expiryOf(const Holder& holder, std::int64_t now_ns) const {
+  return std::min(now_ns + std::chrono::nanoseconds(limits_.lifetime).count(),
+                  holder.password_ns + std::chrono::nanoseconds(limits_.longest).count());
+}
+
+void Tokens::tidy(std::int64_t now_ns) {
+  std::erase_if(tokens_, [&](const auto& entry) { return entry.second.expires_ns <= now_ns; });
+}
+
 Tokens::Issued Tokens::issue(const Holder& holder, std::int64_t now_ns) {
-  dropExpired(now_ns);
-  const auto giveUpFirst = [this](auto counts) {
+  Issued issued{std::string(32, '\0'), expiryOf(holder, now_ns)};
+  randombytes_buf(issued.token.data(), issued.token.size());
+  keep(issued.token, holder, issued.expires_ns, now_ns);
+  return issued;
+}
+
+void Tokens::keep(std::string_view token, const Holder& holder, std::int64_t expires_ns,
+                  std::int64_t now_ns) {
+  tidy(now_ns);
+  // null: of all people
+  const auto giveUpFirst = [this](const std::string* name) {
     auto first = tokens_.end();
     for (auto it = tokens_.begin(); it != tokens_.end(); ++it) {
-      if (counts(it->second) && (first == tokens_.end() || it->second.expires_ns < first->second.expires_ns))
+      if ((name == nullptr || it->second.holder.who.name == *name) &&
+          (first == tokens_.end() || it->second.expires_ns < first->second.expires_ns))
         first = it;
     }
     if (first != tokens_.end()) tokens_.erase(first);
   };
-  const auto is_theirs = [&](const Entry& entry) { return entry.holder.who.name == holder.who.name; };
-  const auto theirs = std::count_if(tokens_.begin(), tokens_.end(),
-                                    [&](const auto& entry) { return is_theirs(entry.second); });
-  if (static_cast<std::size_t>(theirs) >= kMostOfPerson) {
-    giveUpFirst(is_theirs);
-  } else if (tokens_.size() >= max_tokens_) {
-    giveUpFirst([](const Entry&) { return true; });
-  }
-  Issued issued;
-  issued.token.resize(32);
-  randombytes_buf(issued.token.data(), issued.token.size());
-  issued.expires_ns = std::min(now_ns + std::chrono::nanoseconds(lifetime_).count(),
-                               holder.password_ns + std::chrono::nanoseconds(longest_).count());
-  tokens_[hashOf(issued.token)] = {holder, issued.expires_ns};
-  return issued;
+  const auto theirs = std::count_if(tokens_.begin(), tokens_.end(), [&](const auto& entry) {
+    return entry.second.holder.who.name == holder.who.name;
+  });
+  if (static_cast<std::size_t>(theirs) >= limits_.most_of_person)
+    giveUpFirst(&holder.who.name);
+  else if (tokens_.size() >= limits_.max_tokens)
+    giveUpFirst(nullptr);
+  tokens_[hashOf(token)] = {holder, expires_ns};
 }
 
-std::optional<Tokens::Holder> Tokens::find(std::string_view token, std::int64_t now_ns) {
-  dropExpired(now_ns);
+const Tokens::Entry* Tokens::entryOf(std::string_view token, std::int64_t now_ns) const {
   const auto found = tokens_.find(hashOf(token));
-  if (found == tokens_.end()) return std::nullopt;
-  return found->second.holder;
+  return found == tokens_.end() || found->second.expires_ns <= now_ns ? nullptr : &found->second;
+}
+
+std::optional<Tokens::Holder> Tokens::find(std::string_view token, std::int64_t now_ns) const {
+  const Entry* const entry = entryOf(token, now_ns);
+  return entry == nullptr ? std::nullopt : std::optional(entry->holder);
 }
 
 std::optional<std::int64_t> Tokens::renew(std::string_view token, std::int64_t now_ns) {
-  const auto found = tokens_.find(hashOf(token));
-  if (found == tokens_.end() || found->second.expires_ns <= now_ns) return std::nullopt;
-  Entry& entry = found->second;
-  entry.expires_ns = std::min(now_ns + std::chrono::nanoseconds(lifetime_).count(),
-                              entry.holder.password_ns + std::chrono::nanoseconds(longest_).count());
+  if (entryOf(token, now_ns) == nullptr) return std::nullopt;
+  Entry& entry = tokens_.at(hashOf(token));
+  entry.expires_ns = expiryOf(entry.holder, now_ns);
   return entry.expires_ns;
 }
 
 std::optional<std::int64_t> Tokens::endOf(std::string_view token, std::int64_t now_ns) const {
-  const auto found = tokens_.find(hashOf(token));
-  if (found == tokens_.end() || found->second.expires_ns <= now_ns) return std::nullopt;
-  return found->second.expires_ns;
+  const Entry* const entry = entryOf(token, now_ns);
+  return entry == nullptr ? std::nullopt : std::optional(entry->expires_ns);
 }
 
 bool Tokens::end(std::string_view token) {
   return tokens_.erase(hashOf(token)) > 0;
 }
 
-std::size_t Tokens::forget(const std::string& name) {
-  return std::erase_if(tokens_, [&](const auto& entry) { return entry.second.holder.who.name == name; });
+std::vector<Principal> Tokens::holders() const {
+  std::vector<Principal> all;
+  for (const auto& [hash, entry] : tokens_) all.push_back(entry.holder.who);
+  return all;
 }
 
-void Tokens::dropExpired(std::int64_t now_ns) {
-  std::erase_if(tokens_, [&](const auto& entry) { return entry.second.expires_ns <= now_ns; });
+std::size_t Tokens::forget(const std::string& name) {
+  return std::erase_if(tokens_, [&](const auto& entry) { return entry.second.holder.who.name == name; });
 }
 
 }  // namespace needlelab

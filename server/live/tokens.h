@@ -7,8 +7,11 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "db/service/service.h"
+
+#include "server/live/limits.h"
 
 namespace needlelab {
 
@@ -21,21 +24,20 @@ class Tokens {
     Principal who;
     std::int64_t password_ns = 0;  ///< time of the password log-in behind the token
   };
-  static constexpr std::size_t kMostOfPerson = 512;
   struct Issued {
     std::string token;  ///< 32 random bytes
     std::int64_t expires_ns = 0;
   };
 
-  explicit Tokens(std::chrono::milliseconds lifetime = std::chrono::minutes(15),
-                  std::size_t max_tokens = 10'000, std::chrono::milliseconds longest = std::chrono::hours(12))
-      : lifetime_(lifetime), longest_(longest), max_tokens_(max_tokens) {}
+  explicit Tokens(const TokenLimits& limits = {}) : limits_(limits) {}
 
-  /// Issues a token. When all places are taken, or this person has kMostOfPerson, revokes the token that
+  /// Issues a token. When all places are taken, or this person has too many, revokes the token that
   /// expires first: frequent log-ins of one person cost nobody else a token.
   Issued issue(const Holder& holder, std::int64_t now_ns);
+  /// The same for a token that was issued elsewhere, up to a time of its own.
+  void keep(std::string_view token, const Holder& holder, std::int64_t expires_ns, std::int64_t now_ns);
   /// The holder of a valid token.
-  std::optional<Holder> find(std::string_view token, std::int64_t now_ns);
+  [[nodiscard]] std::optional<Holder> find(std::string_view token, std::int64_t now_ns) const;
   /// Extends a just-used token to the lifetime of a new one, but at most to `longest` after the password
   /// log-in. Returns its new expiry; nothing for an unknown token.
   std::optional<std::int64_t> renew(std::string_view token, std::int64_t now_ns);
@@ -45,6 +47,9 @@ class Tokens {
   bool end(std::string_view token);
   /// Revokes all tokens of a name, after the person was disabled or got a new password. Returns their number.
   std::size_t forget(const std::string& name);
+  /// Forgets those that are over.
+  void tidy(std::int64_t now_ns);
+  [[nodiscard]] std::vector<Principal> holders() const;
   [[nodiscard]] std::size_t size() const { return tokens_.size(); }
 
  private:
@@ -52,10 +57,11 @@ class Tokens {
     Holder holder;
     std::int64_t expires_ns = 0;
   };
-  void dropExpired(std::int64_t now_ns);
+  /// Null: no token, or it is over.
+  [[nodiscard]] const Entry* entryOf(std::string_view token, std::int64_t now_ns) const;
+  [[nodiscard]] std::int64_t expiryOf(const Holder& holder, std::int64_t now_ns) const;
 
-  std::chrono::milliseconds lifetime_, longest_;
-  std::size_t max_tokens_;
+  TokenLimits limits_;
   // by BLAKE2b-256 of the token: the lookup's duration reveals nothing about the token
   std::map<std::string, Entry> tokens_;
 };

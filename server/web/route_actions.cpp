@@ -1,6 +1,5 @@
 #include "server/web/route_actions.h"
 
-#include <fmt/core.h>
 #include <algorithm>
 #include <filesystem>
 #include <functional>
@@ -90,7 +89,7 @@ struct SessionStream {
 /// Takes the room of a piece while it is made. Nothing: the browser is gone.
 Task<std::optional<ByteBudget::Share>> roomForPiece(Shared server, Request request, Principal who) {
   ServerContext& context = server->context();
-  const std::size_t bytes = std::min(kMostPieceBytes, context.replies.mostBytes(budgetOwner(who, {})));
+  const std::size_t bytes = std::min(kMostPieceBytes, context.replies.mostBytes(budgetOwner(who)));
   auto room = co_await waitForRoom(request, who, context.replies, context.reply_room, bytes);
   context.counters.most_reply_bytes = context.replies.mostTaken();
   co_return room;
@@ -133,7 +132,7 @@ void noteNoRoom(ServerContext& context, const WebCall& call, const Error& error)
 
 Task<std::optional<ByteBudget::Share>> waitForRoom(Request request, Principal who, ByteBudget& budget,
                                                    std::shared_ptr<Signal> freed, std::size_t bytes) {
-  const BudgetOwner owner = budgetOwner(who, fmt::format("web {}", request->connection));
+  const BudgetOwner owner = budgetOwner(who);
   while (!request->gone()) {
     if (auto share = budget.take(owner, bytes)) co_return std::move(share);
     co_await freed->wait();

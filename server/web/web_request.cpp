@@ -212,7 +212,7 @@ Task<std::optional<HttpAnswer>> takeShare(Shared server, Request request, Princi
   ServerContext& context = server->context();
   if (request->body.size() <= kSmallBody) co_return std::nullopt;
   const std::size_t bytes = jsonBytes(request->body);
-  if (bytes > context.decoded.mostBytes(budgetOwner(who, {})))
+  if (bytes > context.decoded.mostBytes(budgetOwner(who)))
     co_return errorAnswer(413, "too_large", "the body has too many values: send less at once");
   share = co_await waitForRoom(request, std::move(who), context.decoded, context.decoded_room, bytes);
   if (share) co_return std::nullopt;

@@ -37,7 +37,7 @@ bool mayHaveBody(std::string_view method, std::string_view target) {
 }
 
 /// The many that succeed hide none that was refused or failed.
-PeerLine lineOf(const HttpRequest& request, unsigned status) {
+PeerLineKind lineOf(const HttpRequest& request, unsigned status) {
   if (request.route == "file") return PeerLine::kWebFile;
   if (request.who.empty()) return PeerLine::kWebRequestOfStranger;
   if (status < 400) return PeerLine::kWebRequestDone;
@@ -162,7 +162,8 @@ void WebServer::streamFailed(const HttpRequest& request, const Error& error) {
        {{"conn", request.connection}, {"who", request.who}, {"text", error.message}});
 }
 
-void WebServer::note(const std::string& who, PeerLine kind, std::initializer_list<LogField> fields) {
+void WebServer::note(const std::string& who, const PeerLineKind& kind,
+                     std::initializer_list<LogField> fields) {
   // stations do not come here
   const std::string owner = who.empty() ? PeerLines::kStrangers : turnNameOf({.name = who});
   context_.lines.write(owner, kind, steadyNowNs(), fields);

@@ -34,14 +34,7 @@ struct WebSettings : HttpLimits {
   std::size_t small_body_bytes = 4u << 10;
   /// Connections that have not shown a valid session yet are strangers: only they are counted by address, and
   /// they are cut as on the other port. A connection is used by a request with a session.
-  Admission::Settings admission{.max_connections = 512,
-                                .stations_one_in = 0,
-                                .connections_of_account = 64,
-                                .max_strangers = 256,
-                                .max_strangers_of_unknown = 192,
-                                .strangers_of_address = 128,
-                                .charges_at_once = 512,
-                                .charges_at_once_of_known = 2048};
+  Admission::Settings admission = kWebAdmission;
   std::vector<std::string> proxies;              ///< trusted_proxies.h
   std::string proxy_header = "X-Forwarded-For";  ///< or "Forwarded"
 
@@ -68,7 +61,7 @@ class WebServer : public HttpServer {
   [[nodiscard]] bool idle() const { return connections() == 0; }
 
   /// A line of the log, of this person's, or of all strangers' if `who` is empty.
-  void note(const std::string& who, PeerLine kind, std::initializer_list<LogField> fields);
+  void note(const std::string& who, const PeerLineKind& kind, std::initializer_list<LogField> fields);
 
   /// web_request.cpp: answers a request.
   Task<HttpAnswer> answer(std::shared_ptr<HttpRequest> request) override;

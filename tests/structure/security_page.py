@@ -6,13 +6,38 @@ usage: security_page.py SOURCE_DIR
 1. Each promise of the table names a test, and each file and folder named on the page exists.
 2. README.md and ARCHITECTURE.md link to the page.
 3. It stays short: at most 150 lines.
+4. Each limit of server/live/limits.h has a row of tests/security/limits.tsv: the attack that it stops, and the test that shows it.
 """
 import os
 import re
 import sys
 
 MOST_LINES = 150
+LIMIT = re.compile(r"^(?:struct (\w+) \{|  (?:std::\w+|std::chrono::\w+|double) (\w+)(?:[ {].*)?;.*)$", re.M)
 PATH = re.compile(r"`((?:client|common|db|deploy|proto|server|tests)/[A-Za-z0-9_./-]+)(?: [^`]*)?`")
+
+
+def limits(source):
+    """Faults of the table of limits; none where the server's table is not there."""
+    header, table = (os.path.join(source, *path.split("/")) for path in ("server/live/limits.h", "tests/security/limits.tsv"))
+    if not os.path.exists(header):
+        return []
+    with open(header, encoding="utf-8") as file:
+        names, group = set(), ""
+        for struct, field in LIMIT.findall(file.read()):
+            group = struct or group
+            if field:
+                names.add(f"{group}.{field}")
+    with open(table, encoding="utf-8") as file:
+        rows = [line.split("\t") for line in file.read().splitlines()[1:]]
+    faults = [f"limits.tsv: no attack is given for {name}" for name in sorted(names - {row[0] for row in rows})]
+    faults += [f"limits.tsv: there is no limit {row[0]}" for row in rows if row[0] not in names]
+    for name, _, path, test in rows:
+        path = os.path.join(source, path)
+        text = open(path, encoding="utf-8").read() if os.path.exists(path) else ""
+        if not re.search(rf"^TEST(?:_F|_P)?\(\w+, {test}\)", text, re.M):
+            faults.append(f"limits.tsv: {name}: there is no test {test}")
+    return faults
 
 
 def check(source):
@@ -39,7 +64,7 @@ def check(source):
         with open(os.path.join(source, page), encoding="utf-8") as file:
             if "(SECURITY.md)" not in file.read():
                 faults.append(f"{page} does not link to SECURITY.md")
-    return faults, promises
+    return faults + limits(source), promises
 
 
 def main():

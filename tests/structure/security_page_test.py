@@ -46,6 +46,23 @@ class SecurityPage(unittest.TestCase):
         self.assertEqual(self.faults(readme=""), ["README.md does not link to SECURITY.md"])
         self.assertEqual(len(self.faults(PAGE + "\n" * 150)), 1)
 
+    def test_a_limit_without_an_attack_and_an_attack_without_a_test_are_named(self):
+        header = "struct Places {\n  std::size_t most = 4;  ///< places\n  double a_second{5};\n};\n"
+        row = "Places.{}\tsomebody takes all\ttests/a_test.cpp\t{}\n"
+        for rows, faults in (
+            (row.format("most", "aTest") + row.format("a_second", "aTest"), 0),
+            (row.format("most", "aTest"), 1),
+            (row.format("most", "aTest") + row.format("a_second", "another"), 1),
+            (row.format("most", "aTest") + row.format("a_second", "aTest") + row.format("gone", "aTest"), 1),
+        ):
+            with tempfile.TemporaryDirectory() as root:
+                files = {"server/live/limits.h": header, "tests/security/limits.tsv": "limit\n" + rows, "tests/a_test.cpp": "TEST(A, aTest) {\n"}
+                for name, text in files.items():
+                    os.makedirs(os.path.dirname(os.path.join(root, name)), exist_ok=True)
+                    with open(os.path.join(root, name), "w", encoding="utf-8") as file:
+                        file.write(text)
+                self.assertEqual(len(security_page.limits(root)), faults, rows)
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -4,6 +4,7 @@
 
 #include <optional>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -12,36 +13,31 @@
 namespace needlelab {
 namespace {
 
-constexpr ByteBudget::Limits kLimits{
-    .connection = 10, .person = 25, .people = 60, .station = 15, .server = 80};
+constexpr ByteBudget::Limits kLimits{.person = 10, .people = 30, .station = 15, .server = 50};
 
-BudgetOwner personAt(const std::string& name, int connection) {
-  return {name + " " + std::to_string(connection), "person " + name, true};
+BudgetOwner personNamed(const std::string& name) {
+  return {"person " + name, true};
 }
-BudgetOwner stationNamed(const std::string& name, int connection = 1) {
-  return {name + " " + std::to_string(connection), "station " + name, false};
-}
-
-TEST(ByteBudget, aConnectionHasItsPartAndGetsItBack) {
-  ByteBudget budget(kLimits);
-  auto first = budget.take(personAt("anna", 1), 6);
-  ASSERT_TRUE(first.has_value());
-  EXPECT_FALSE(budget.take(personAt("anna", 1), 5).has_value());
-  EXPECT_TRUE(budget.take(personAt("anna", 1), 4).has_value()) << "just what is left, and given back at once";
-  EXPECT_EQ(budget.taken(), 6u);
-  first.reset();
-  EXPECT_EQ(budget.taken(), 0u);
-  EXPECT_TRUE(budget.take(personAt("anna", 1), 10).has_value());
+BudgetOwner stationNamed(const std::string& name) {
+  return {"station " + name, false};
 }
 
-TEST(ByteBudget, aPersonHasItsPartHoweverManyConnectionsItHas) {
-  ByteBudget budget(kLimits);
-  std::vector<ByteBudget::Share> shares;
-  for (int connection = 0; connection < 100; ++connection)
-    if (auto share = budget.take(personAt("anna", connection), 10)) shares.push_back(std::move(*share));
-  EXPECT_EQ(shares.size(), 2u) << "of 25";
-  EXPECT_TRUE(budget.take(personAt("anna", 7), 5).has_value());
-  EXPECT_TRUE(budget.take(personAt("bert", 7), 10).has_value()) << "others have theirs";
+TEST(ByteBudget, eachHasItsPartAndGetsItBack) {
+  for (const auto& [owner, other, most] : {std::tuple(personNamed("anna"), personNamed("bert"), 10u),
+                                           std::tuple(stationNamed("s1"), stationNamed("s2"), 15u)}) {
+    ByteBudget budget(kLimits);
+    EXPECT_EQ(budget.mostBytes(owner), most) << "more fits never";
+    EXPECT_FALSE(budget.take(owner, most + 1).has_value());
+    auto first = budget.take(owner, 6);
+    ASSERT_TRUE(first.has_value());
+    EXPECT_FALSE(budget.take(owner, most - 5).has_value());
+    EXPECT_TRUE(budget.take(owner, most - 6).has_value()) << "just what is left, and given back at once";
+    EXPECT_TRUE(budget.take(other, most).has_value()) << "others have theirs";
+    EXPECT_EQ(budget.taken(), 6u);
+    first.reset();
+    EXPECT_EQ(budget.taken(), 0u);
+    EXPECT_TRUE(budget.take(owner, most).has_value());
+  }
 }
 
 TEST(ByteBudget, whatPeopleMayNotTakeIsLeftToTheStations) {
@@ -50,23 +46,14 @@ TEST(ByteBudget, whatPeopleMayNotTakeIsLeftToTheStations) {
   const auto fill = [&](auto owner_of) {
     const std::size_t before = shares.size();
     for (int i = 0; i < 100; ++i)
-      if (auto share = budget.take(owner_of(i), 10)) shares.push_back(std::move(*share));
+      if (auto share = budget.take(owner_of(std::to_string(i)), 10)) shares.push_back(std::move(*share));
     return shares.size() - before;
   };
-  EXPECT_EQ(fill([](int i) { return personAt("p" + std::to_string(i), i); }), 6u);
-  EXPECT_EQ(fill([](int i) { return stationNamed("s" + std::to_string(i)); }), 2u);
-  EXPECT_EQ(budget.taken(), 80u);
+  EXPECT_EQ(fill(personNamed), 3u);
+  EXPECT_EQ(fill(stationNamed), 2u);
+  EXPECT_EQ(budget.taken(), 50u);
   shares.clear();
-  EXPECT_EQ(fill([](int i) { return stationNamed("s" + std::to_string(i)); }), 8u) << "stations may have all";
-}
-
-TEST(ByteBudget, aStationHasItsPartHoweverManyConnectionsItHas) {
-  ByteBudget budget(kLimits);
-  std::vector<ByteBudget::Share> shares;
-  for (int connection = 0; connection < 100; ++connection)
-    if (auto share = budget.take(stationNamed("s1", connection), 5)) shares.push_back(std::move(*share));
-  EXPECT_EQ(shares.size(), 3u) << "of 15";
-  EXPECT_TRUE(budget.take(stationNamed("s2"), 10).has_value()) << "others have theirs";
+  EXPECT_EQ(fill(stationNamed), 5u) << "stations may have all";
 }
 
 TEST(ByteBudget, nobodyHasMoreThanAQuarterOfWhatThereIsForItsKind) {
@@ -77,25 +64,16 @@ TEST(ByteBudget, nobodyHasMoreThanAQuarterOfWhatThereIsForItsKind) {
   }
 }
 
-TEST(ByteBudget, whatFitsNeverIsKnownAtOnce) {
-  const ByteBudget budget(kLimits);
-  EXPECT_EQ(budget.mostBytes(personAt("anna", 1)), 10u) << "of a connection";
-  EXPECT_EQ(budget.mostBytes(stationNamed("s1")), 10u);
-  const ByteBudget wide({.connection = 99, .person = 25, .people = 60, .station = 15, .server = 80});
-  EXPECT_EQ(wide.mostBytes(personAt("anna", 1)), 25u);
-  EXPECT_EQ(wide.mostBytes(stationNamed("s1")), 15u);
-}
-
 TEST(ByteBudget, tellsWheneverSomethingIsGivenBackAndOnlyOnce) {
   int freed = 0;
   std::optional<ByteBudget::Share> kept;
   {
     ByteBudget budget(kLimits, [&] { ++freed; });
-    auto share = budget.take(personAt("anna", 1), 6);
+    auto share = budget.take(personNamed("anna"), 6);
     ByteBudget::Share moved = std::move(*share);
     share.reset();
     EXPECT_EQ(freed, 0) << "moved from";
-    auto other = budget.take(personAt("bert", 1), 6);
+    auto other = budget.take(personNamed("bert"), 6);
     moved = std::move(*other);
     other.reset();
     EXPECT_EQ(freed, 1) << "what was overwritten is given back";
@@ -109,26 +87,26 @@ TEST(ByteBudget, tellsWheneverSomethingIsGivenBackAndOnlyOnce) {
 TEST(ByteBudget, aShareThatCameToMoreThanItTookCountsAllAndOthersWait) {
   int freed = 0;
   ByteBudget budget(kLimits, [&] { ++freed; });
-  auto share = budget.take(personAt("anna", 1), 5);
+  auto share = budget.take(personNamed("anna"), 5);
   share->become(22);
-  EXPECT_EQ(budget.taken(), 22u) << "more than its connection may take";
+  EXPECT_EQ(budget.taken(), 22u) << "more than it may take";
   EXPECT_EQ(budget.mostTaken(), 22u);
   EXPECT_EQ(freed, 0);
-  EXPECT_FALSE(budget.take(personAt("anna", 1), 1).has_value());
-  EXPECT_FALSE(budget.take(personAt("anna", 2), 4).has_value()) << "of 25";
-  EXPECT_TRUE(budget.take(personAt("anna", 2), 3).has_value());
+  EXPECT_FALSE(budget.take(personNamed("anna"), 1).has_value());
+  EXPECT_FALSE(budget.take(personNamed("bert"), 9).has_value()) << "of 30";
+  EXPECT_TRUE(budget.take(personNamed("bert"), 8).has_value());
   share->become(2);
   EXPECT_EQ(budget.taken(), 2u);
-  EXPECT_TRUE(budget.take(personAt("anna", 1), 8).has_value());
+  EXPECT_TRUE(budget.take(personNamed("anna"), 8).has_value());
   share.reset();
   EXPECT_EQ(budget.taken(), 0u);
-  EXPECT_TRUE(budget.take(personAt("anna", 1), 10).has_value());
+  EXPECT_TRUE(budget.take(personNamed("anna"), 10).has_value());
 }
 
 TEST(ByteBudget, aShareThatNeedsLessThanItTookGivesTheRestBackAtOnce) {
   int freed = 0;
   ByteBudget budget(kLimits, [&] { ++freed; });
-  auto share = budget.take(personAt("anna", 1), 10);
+  auto share = budget.take(personNamed("anna"), 10);
   ASSERT_TRUE(share.has_value());
   share->lower(12);
   EXPECT_EQ(budget.taken(), 10u) << "it has no more than it took";
@@ -136,13 +114,73 @@ TEST(ByteBudget, aShareThatNeedsLessThanItTookGivesTheRestBackAtOnce) {
   share->lower(4);
   EXPECT_EQ(budget.taken(), 4u);
   EXPECT_EQ(freed, 1);
-  EXPECT_TRUE(budget.take(personAt("anna", 1), 6).has_value());
+  EXPECT_TRUE(budget.take(personNamed("anna"), 6).has_value());
   share.reset();
   EXPECT_EQ(budget.taken(), 0u);
   EXPECT_EQ(budget.mostTaken(), 10u);
-  auto all = budget.take(personAt("anna", 1), 10);
+  auto all = budget.take(personNamed("anna"), 10);
   all->lower(0);
   EXPECT_EQ(budget.taken(), 0u);
+}
+
+// As many chunks that wait for their commit as there is room for, then half of them first.
+TEST(ByteBudget, isFullFromItsLimitToHalfOfIt) {
+  ByteBudget budget({.server = 1000});
+  const BudgetOwner bench{.name = "bench-1", .person = false};
+  struct Step {
+    int bytes;  ///< below 0: given back
+    bool full;
+  };
+  for (const auto& [bytes, full] : {Step{900, false},
+                                    {99, false},
+                                    {1, true},
+                                    {500, true},
+                                    {-500, true},
+                                    {-499, true},
+                                    {-1, false},
+                                    {499, false},
+                                    {1, true},
+                                    {-1000, false}}) {
+    if (bytes > 0)
+      budget.add(bench, static_cast<std::size_t>(bytes));
+    else
+      budget.giveBack(bench, static_cast<std::size_t>(-bytes));
+    EXPECT_EQ(budget.full(), full) << budget.taken();
+  }
+  EXPECT_EQ(budget.taken(), 0u);
+}
+
+TEST(ByteBudget, knowsWhatEachHasAndForgetsWhoHasNothing) {
+  ByteBudget budget(kLimits);
+  const BudgetOwner bench{.name = "bench-1", .person = false}, other{.name = "bench-2", .person = false};
+  budget.add(bench, 10);
+  budget.add(bench, 20);
+  EXPECT_EQ(budget.takenBy("bench-1"), 30u) << "more than it may take: it is in memory already";
+  EXPECT_EQ(budget.takenBy("bench-2"), 0u);
+  EXPECT_FALSE(budget.take(bench, 1).has_value());
+  EXPECT_TRUE(budget.take(other, 1).has_value());
+  budget.giveBack(bench, 10);
+  budget.giveBack(bench, 20);
+  EXPECT_EQ(budget.takenBy("bench-1"), 0u);
+}
+
+// A station's closes: things instead of bytes.
+TEST(ByteBudget, whatIsNotGivenHasNoBound) {
+  ByteBudget closes({.station = 3});
+  const BudgetOwner bench{.name = "bench", .person = false}, cabin{.name = "cabin", .person = false};
+  std::vector<ByteBudget::Share> places;
+  for (const BudgetOwner& station : {bench, cabin}) {
+    for (int n = 0; n < 3; ++n) {
+      auto place = closes.take(station, 1);
+      ASSERT_TRUE(place.has_value());
+      places.push_back(std::move(*place));
+    }
+    EXPECT_FALSE(closes.take(station, 1).has_value());
+  }
+  places.pop_back();
+  EXPECT_TRUE(closes.take(cabin, 1).has_value());
+  EXPECT_FALSE(closes.take(bench, 1).has_value());
+  EXPECT_FALSE(closes.full());
 }
 
 }  // namespace

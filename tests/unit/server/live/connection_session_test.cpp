@@ -441,7 +441,7 @@ TEST(Closes, aMessageThatIsLongerThanAnyCloseIsRefusedUnparsed) {
 // station, which other stations' OpenSession waited for.
 TEST(Closes, thoseThatWaitHaveNoPartInTheBudget) {
   StationAndServer s{
-      .server = RunningServer([](ServerOptions& options) { options.bounds.decoded.connection = 100'000; })};
+      .server = RunningServer([](ServerOptions& options) { options.bounds.decoded.station = 100'000; })};
   const auto sessions = openSessions(s, 5);
   HeldWriter held(s.server.server());
   // 64 kB each as long as they are parsed: no two fit

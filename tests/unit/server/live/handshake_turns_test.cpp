@@ -134,7 +134,8 @@ TEST(HandshakeTurns, memoryIsThatOfTheConnectionsThatAreHere) {
     turns.left(id);
     turns.left(id);
   }
-  EXPECT_EQ(turns.addresses(), 0u);
+  EXPECT_EQ(turns.begun(), 0u);
+  EXPECT_EQ(turns.places(false), 0u);
   EXPECT_EQ(turns.waiting(), 0u);
   EXPECT_EQ(turns.turns(), 0u);
   turns.left(7);

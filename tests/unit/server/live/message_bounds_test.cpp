@@ -189,7 +189,7 @@ TEST(MessageBounds, messagesAreDoneInTheirOrderWhereverTheyAreParsed) {
 }
 
 TEST(MessageBounds, whatWouldTakeMoreThanTheBudgetIsRefusedUnparsed) {
-  RunningServer server([](ServerOptions& options) { options.bounds.decoded.connection = 100'000; });
+  RunningServer server([](ServerOptions& options) { options.bounds.decoded.person = 100'000; });
   LoggedIn ada(server, "ada", pb::ADMINISTRATOR);
   const auto answers = answersTo(ada, {importOfNothing(5, 10'000)});
   ASSERT_EQ(answers.size(), 1u);
@@ -250,7 +250,7 @@ TEST(MessageBounds, smallMessagesThatAreLongAreRefusedUnparsed) {
 
 // A chunk waits for the writer with its own bytes, which the bound on chunks counts.
 TEST(MessageBounds, whatStandsInAChunkBesideItsBytesCountsInTheBudget) {
-  RunningServer server([](ServerOptions& options) { options.bounds.decoded.connection = 100'000; });
+  RunningServer server([](ServerOptions& options) { options.bounds.decoded.station = 100'000; });
   RawPeer peer(server);
   ASSERT_TRUE(peer.logIn(stationLogin("bench-1", server.addStation("bench-1"))).has_welcome());
   const FakeSession session("bench-1");
@@ -280,7 +280,7 @@ TEST(MessageBounds, whatStandsInAChunkBesideItsBytesCountsInTheBudget) {
 
 // Two requests of which only one fits at a time: the second waits for the first one's end, and is answered.
 TEST(MessageBounds, whoFindsNoRoomWaitsForIt) {
-  RunningServer server([](ServerOptions& options) { options.bounds.decoded.connection = 40'000; });
+  RunningServer server([](ServerOptions& options) { options.bounds.decoded.person = 40'000; });
   LoggedIn ines(server, "ines", pb::INSTRUCTOR);
   std::string all;
   for (std::uint64_t id = 1; id <= 20; ++id) {

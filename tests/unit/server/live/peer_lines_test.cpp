@@ -16,7 +16,7 @@ constexpr std::int64_t kAMinute_ns = LogBound::kMinute_ns, kASecond_ns = kAMinut
 constexpr std::uint64_t kAMinute = PeerLines::Settings{}.a_minute;
 
 /// `times` lines at once.
-void write(PeerLines& lines, const std::string& owner, PeerLine kind, std::int64_t now_ns,
+void write(PeerLines& lines, const std::string& owner, const PeerLineKind& kind, std::int64_t now_ns,
            std::uint64_t times) {
   for (std::uint64_t i = 0; i < times; ++i) lines.write(owner, kind, now_ns, {{"who", owner}});
 }
@@ -51,8 +51,8 @@ TEST(PeerLines, anHourOfLogInsHasSoManyBytesHoweverManyThereAre) {
 TEST(PeerLines, requestsThatSucceedHaveMoreLinesAndHideNoneThatWasRefusedOrFailed) {
   PeerLines lines;
   const std::string log = logOf(LogLevel::kInfo, [&] {
-    for (const PeerLine kind : {PeerLine::kWebRequestDone, PeerLine::kWebRequestRefused,
-                                PeerLine::kWebRequestForbidden, PeerLine::kWebRequestFailed})
+    for (const PeerLineKind& kind : {PeerLine::kWebRequestDone, PeerLine::kWebRequestRefused,
+                                     PeerLine::kWebRequestForbidden, PeerLine::kWebRequestFailed})
       write(lines, "person tina", kind, 0, 1000);
     lines.sayLeftOut(kAMinute_ns);
   });

@@ -10,13 +10,14 @@ namespace {
 const Tokens::Holder kAnna{{"anna", pb::INSTRUCTOR}, 0};
 
 TEST(Tokens, aTokenLastsAsLongAsItSays) {
-  Tokens tokens(std::chrono::milliseconds(1000));
+  Tokens tokens({.lifetime = std::chrono::milliseconds(1000)});
   const auto issued = tokens.issue(kAnna, 5 * kMs);
   EXPECT_EQ(issued.token.size(), 32u);
   EXPECT_EQ(issued.expires_ns, 1005 * kMs);
   ASSERT_TRUE(tokens.find(issued.token, 1004 * kMs).has_value());
   EXPECT_EQ(tokens.find(issued.token, 1004 * kMs)->who.name, "anna");
   EXPECT_FALSE(tokens.find(issued.token, 1005 * kMs).has_value());
+  tokens.tidy(1005 * kMs);
   EXPECT_EQ(tokens.size(), 0u);
 }
 
@@ -42,7 +43,7 @@ TEST(Tokens, twoAreNeverTheSameAndForgettingEndsThemAll) {
 
 TEST(Tokens, exchangedAgainAndAgainTheyStillEndWithTheLongestTimeSinceThePassword) {
   // 1 s each, at most 5 s since the password
-  Tokens tokens(std::chrono::milliseconds(1000), 10'000, std::chrono::milliseconds(5000));
+  Tokens tokens({.lifetime = std::chrono::milliseconds(1000), .longest = std::chrono::milliseconds(5000)});
   std::int64_t now = 0;
   auto issued = tokens.issue(kAnna, now);
   int exchanged = 0;
@@ -60,7 +61,7 @@ TEST(Tokens, exchangedAgainAndAgainTheyStillEndWithTheLongestTimeSinceThePasswor
 }
 
 TEST(Tokens, memoryIsBounded) {
-  Tokens tokens(std::chrono::minutes(15), 10);
+  Tokens tokens({.max_tokens = 10});
   const auto first = tokens.issue(kAnna, 0);
   for (int i = 1; i < 100; ++i) (void)tokens.issue(kAnna, i);
   EXPECT_EQ(tokens.size(), 10u);

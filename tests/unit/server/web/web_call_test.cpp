@@ -223,7 +223,7 @@ std::optional<WebSession> found(const WebSessions& sessions, const std::string& 
 
 TEST(WebSessions, aTokenAgainstForgedRequestsIsOfItsSessionOnly) {
   test::FakeTime time(0);
-  LoginsInMemory logins({}, LoginGuard(), Tokens(std::chrono::milliseconds(1000)), time);
+  LoginsInMemory logins({}, LoginGuard(), Tokens({.lifetime = std::chrono::milliseconds(1000)}), time);
   Tokens& tokens = logins.tokens;
   const WebSessions sessions(logins), other_server(logins);
   const auto anna = tokens.issue({{"anna", pb::INSTRUCTOR}, 0}, 0),
@@ -250,7 +250,9 @@ TEST(WebSessions, aTokenAgainstForgedRequestsIsOfItsSessionOnly) {
 }
 
 TEST(Tokens, lastLongerByUseAndEndWhenTold) {
-  Tokens tokens(std::chrono::milliseconds(1000), 10, std::chrono::milliseconds(2500));
+  Tokens tokens({.lifetime = std::chrono::milliseconds(1000),
+                 .max_tokens = 10,
+                 .longest = std::chrono::milliseconds(2500)});
   const auto issued = tokens.issue({{"anna", pb::INSTRUCTOR}, 0}, 0);
   EXPECT_EQ(tokens.renew(issued.token, 900'000'000), 1'900'000'000);
   EXPECT_EQ(tokens.renew(issued.token, 1'800'000'000),
@@ -266,9 +268,9 @@ TEST(Tokens, lastLongerByUseAndEndWhenTold) {
 TEST(Tokens, whoLogsInAgainAndAgainCostsNobodyElseOne) {
   Tokens tokens;
   const auto bert = tokens.issue({{"bert", pb::INSTRUCTOR}, 0}, 0);
-  for (std::size_t i = 0; i < Tokens::kMostOfPerson + 100; ++i)
+  for (std::size_t i = 0; i < TokenLimits{}.most_of_person + 100; ++i)
     (void)tokens.issue({{"anna", pb::INSTRUCTOR}, 0}, static_cast<std::int64_t>(i));
-  EXPECT_EQ(tokens.size(), Tokens::kMostOfPerson + 1);
+  EXPECT_EQ(tokens.size(), TokenLimits{}.most_of_person + 1);
   EXPECT_TRUE(tokens.endOf(bert.token, 1).has_value());
 }
 

@@ -1,4 +1,4 @@
-#include "server/live/login_queue.h"
+#include "server/live/turn_queue.h"
 
 #include <gtest/gtest.h>
 
