@@ -53,7 +53,7 @@ class PostgresAccessFeed final : public AccessFeed {
       return std::string(
           "a trigger of the tables people, stations or access_numbers is missing or off: nobody is told who "
           "was disabled or got another password; see needlelab-admin check, and put it back "
-          "(db/migrations/postgres/0012_logins.sql)");
+          "(db/migrations/postgres/0001_first.sql)");
     return echo_fault_;
   }
 

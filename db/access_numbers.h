@@ -33,7 +33,7 @@ struct AccessChange {
   std::string server;  ///< whose program changed it (PostgresOptions::server); empty: another one
 };
 
-/// Triggers write the numbers (db/migrations/0012_logins.sql), in the transaction that changes the access;
+/// Triggers write the numbers (db/migrations/0001_first.sql), in the transaction that changes the access;
 /// they are committed in their order. Of each account there is the last change only. Does not own the
 /// connection. Thread: as its Connection.
 class AccessNumberStore {

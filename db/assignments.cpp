@@ -46,7 +46,7 @@ Status checkTrainee(Connection& connection, const std::string& name) {
   return {};
 }
 
-/// Without sessions that count for nobody (migrations/0007_trainee_codes.sql); ?3 may name one that is wanted
+/// Without sessions that count for nobody (migrations/0001_first.sql); ?3 may name one that is wanted
 /// all the same. The places come of the keys alone: descriptions and scores are read of the rows that are
 /// wanted.
 constexpr std::string_view kPlaces =
@@ -63,7 +63,7 @@ std::string attemptsAt(std::string_view places, std::string_view rest, bool with
 constexpr std::string_view kInOrder = "ORDER BY s.started_unix_ns, s.number";
 
 /// The best attempt at each exercise of course ?1 of the trainees ?2, whose list goes behind: the last entry
-/// of sessions_by_verdict, whose terms these are (migrations/0009_attempt_sums.sql).
+/// of sessions_by_verdict, whose terms these are (migrations/0001_first.sql).
 constexpr std::string_view kBest =
     "SELECT s.id, s.trainee, s.exercise_id, (SELECT count(*) FROM sessions e WHERE e.trainee = s.trainee"
     " AND e.exercise_id = s.exercise_id AND (e.started_unix_ns, e.number) <= (s.started_unix_ns, s.number)"

@@ -1,4 +1,4 @@
-/// Sums of trainees' attempts (migrations/0010_waiting_sums.sql), and who takes a course: work that grows
+/// Sums of trainees' attempts (migrations/0001_first.sql), and who takes a course: work that grows
 /// with what is asked for, not with the sessions that are stored. The schema's triggers keep the sums.
 #pragma once
 

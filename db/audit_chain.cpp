@@ -4,7 +4,6 @@
 #include <sodium.h>
 
 #include <algorithm>
-#include <charconv>
 #include <map>
 #include <mutex>
 #include <unordered_map>
@@ -18,8 +17,6 @@ namespace needlelab {
 namespace {
 
 constexpr std::string_view kHeadWords = "audit head ";
-/// In `meta`: the newest line from before schema 8. The first entry's MAC holds it.
-constexpr const char* kBeforeChain = "audit_before_chain";
 
 /// What an entry proves of a line. Who, subject, detail and importer may be replaced by an erasure.
 struct ProvenLine {
@@ -67,13 +64,11 @@ AuditKey::Hash commitmentOf(ByteView salt, const ProvenLine& line) {
   return plainHash(message);
 }
 
-/// What stands before the first entry: whether the lines up to `before_chain` are in the chain, as they are
-/// today, or outside of it. Only development versions of schema 8 left them outside.
-AuditKey::Hash startOf(std::string_view before_chain, bool with_lines) {
+/// What stands before the first entry.
+AuditKey::Hash startOfChain() {
   Bytes message;
   ByteWriter writer(message);
-  putText(writer, with_lines ? "needlelab audit chain with lines to" : "needlelab audit chain after line");
-  putText(writer, before_chain);
+  putText(writer, "needlelab audit chain");
   return plainHash(message);
 }
 
@@ -126,7 +121,7 @@ Result<AuditKey> AuditKey::ofFile(const std::filesystem::path& path) {
     return Error{
         ErrorCode::kCorrupt,
         fmt::format("{}: has {} bytes, a key has 32: put back the right file; with a new key the lines "
-                    "of before can be proven only by the old one",
+                    "so far can be proven only by the old one",
                     path.string(), bytes.size())};
   std::copy(bytes.begin(), bytes.end(), key.begin());
   return AuditKey(key);
@@ -210,8 +205,7 @@ Status AuditChain::begin() {
                    }));
   if (lines.empty()) return {};
   ASSIGN_OR_RETURN(const auto key, AuditKey::ofFolder(connection_.path().parent_path()));
-  ASSIGN_OR_RETURN(const auto before_chain, MetaStore(connection_).get(kBeforeChain));
-  last.mac = startOf(before_chain.value_or(""), true);
+  last.mac = startOfChain();
   for (const std::int64_t line : lines) {
     ASSIGN_OR_RETURN(last, entry(key, last, line));
   }
@@ -244,24 +238,13 @@ Result<bool> AuditChain::proves(std::int64_t line_id) {
   const auto follows = [&](ByteView before) {
     return sameBytes(mac, key.macOf(messageOf(position, line, commitment, before)));
   };
-  if (position != 1) return !row.isNull(5) && follows(row.bytes(5));
-  ASSIGN_OR_RETURN(const auto before_chain, MetaStore(connection_).get(kBeforeChain));
-  return follows(startOf(before_chain.value_or(""), true)) ||
-         follows(startOf(before_chain.value_or(""), false));
+  if (position == 1) return follows(startOfChain());
+  return !row.isNull(5) && follows(row.bytes(5));
 }
 
 Status AuditChain::amend(std::int64_t line, bool proven) {
   RETURN_IF_ERROR(connection_.run("UPDATE audit_chain SET salt = NULL WHERE line = ?", line));
   return proven ? append(line) : Status();
-}
-
-Status requireAuditChain(Connection& connection) {
-  constexpr int kFirstSchema = 8;
-  ASSIGN_OR_RETURN(const int found, schemaVersion(connection));
-  if (found >= kFirstSchema) return {};
-  return Error{ErrorCode::kInvalidInput,
-               fmt::format("{}: has schema {}: lines of the audit log are proven from schema {} on",
-                           connection.origin().string(), found, kFirstSchema)};
 }
 
 namespace {
@@ -271,14 +254,6 @@ class ChainWalk {
  public:
   ChainWalk(std::span<const AuditKey> keys, std::span<const AuditAnchor> anchors)
       : keys_(keys), anchors_(anchors) {}
-
-  void begin(const std::optional<std::string>& before_chain) {
-    if (!before_chain) fault("the database no longer says after which line its chain begins");
-    before_ = startOf(before_chain.value_or(""), true);
-    start_without_ = startOf(before_chain.value_or(""), false);
-    const std::string text = before_chain.value_or("");
-    std::from_chars(text.data(), text.data() + text.size(), last_before_);
-  }
 
   /// What could change or swallow a line before it is proven.
   void takeSchema(std::vector<std::string> faults) {
@@ -296,18 +271,12 @@ class ChainWalk {
       fault("an entry has no number: it was put in");
     const ByteView salt = row.bytes(1), commitment = row.bytes(2), mac = row.bytes(4);
     if (!amended) ++verdict_.lines;
-    if (!amended && row.integer(5) <= last_before_) ++verdict_.earlier;
     if (row.isNull(6)) {
       fault(fmt::format("line {} was removed", row.integer(5)));
     } else {
       const ProvenLine line = lineAt(row, 6);
       const auto key = std::find_if(keys_.begin(), keys_.end(),
                                     [&](const auto& one) { return sameBytes(one.id(), row.bytes(3)); });
-      if (key != keys_.end() && position == 1 &&
-          sameBytes(mac, key->macOf(messageOf(position, line, commitment, start_without_)))) {
-        with_lines_ = false;
-        before_ = start_without_;
-      }
       if (key == keys_.end())
         fault(
             fmt::format("line {}: is of another key ({}…): give the key of that time, or somebody forged it",
@@ -348,21 +317,15 @@ class ChainWalk {
 
   /// A line without an entry.
   void withoutEntry(std::int64_t line) {
-    const bool before = line >= 1 && line <= last_before_;
     if (verdict_.head.position == 0)
       ++unproven_;
-    else if (before && !with_lines_)
-      ++verdict_.outside;
     else
       fault(fmt::format("line {}: nothing proves it: it was put in", line));
   }
 
   AuditVerdict end() {
     if (unproven_ > 0)
-      fault(
-          fmt::format("none of {} lines has a proof: their proofs were removed, or no server has started "
-                      "since the update to schema 8",
-                      unproven_));
+      fault(fmt::format("none of {} lines has a proof: their proofs were removed", unproven_));
     for (const AuditAnchor& anchor : anchors_) {
       if (anchor.head.position > verdict_.head.position && !isOfAnotherChain(anchor))
         fault(fmt::format(
@@ -401,11 +364,8 @@ class ChainWalk {
 
   std::span<const AuditKey> keys_;
   std::span<const AuditAnchor> anchors_;
-  AuditKey::Hash before_{};
+  AuditKey::Hash before_ = startOfChain();
   std::optional<AuditKey::Hash> first_;  ///< the first entry's MAC
-  AuditKey::Hash start_without_{};       ///< of a chain that begins behind the lines of before
-  bool with_lines_ = true;  ///< the first entry's MAC says that the lines of before are in the chain
-  std::int64_t last_before_ = 0;
   std::uint64_t unproven_ = 0;
   std::map<std::int64_t, AuditBreak> breaks_;  ///< by line
   AuditVerdict verdict_;
@@ -434,11 +394,8 @@ Status eachFrom(Connection& connection, const std::string& sql, std::string_view
 
 Result<AuditVerdict> verifyAudit(Connection& connection, std::span<const AuditKey> keys,
                                  std::span<const AuditAnchor> anchors) {
-  RETURN_IF_ERROR(requireAuditChain(connection));
   ASSIGN_OR_RETURN(const auto view, Transaction::view(connection));
-  ASSIGN_OR_RETURN(const auto before_chain, MetaStore(connection).get(kBeforeChain));
   ChainWalk walk(keys, anchors);
-  walk.begin(before_chain);
   ASSIGN_OR_RETURN(auto foreign, schemaFaults(connection));
   walk.takeSchema(std::move(foreign));
   // from the tables alone: an index may have entries that somebody put in or took out

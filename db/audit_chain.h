@@ -62,9 +62,8 @@ class AuditChain {
  public:
   explicit AuditChain(Connection& connection) : connection_(connection) {}
 
-  /// Makes the lines from before the chain its first entries, in the order of their numbers: what they are
-  /// now is proven from now on, and no line can be put among them. Does nothing where the chain has begun.
-  /// A time proportional to the log, once.
+  /// Makes the lines of a log whose chain was taken away its first entries, in the order of their numbers.
+  /// Does nothing where there is an entry. A time proportional to the log.
   Status begin();
   /// For a line that was just inserted into `audit`. Begins the chain where it is empty.
   Status append(std::int64_t line);
@@ -108,13 +107,9 @@ struct AuditAnchor {
   AuditHead head;
   std::optional<AuditKey::Hash> first = {};  ///< the MAC of its chain's first entry, where that is known
 };
-/// kInvalidInput: a database from before schema 8, which has no chain.
-Status requireAuditChain(Connection& connection);
 
 struct AuditVerdict {
-  std::uint64_t lines = 0;    ///< with a proof
-  std::uint64_t earlier = 0;  ///< of these, written before the chain began: proven as they were then
-  std::uint64_t outside = 0;  ///< from before the chain, which has none of them: nothing is known about them
+  std::uint64_t lines = 0;  ///< with a proof
   std::uint64_t faults = 0;
   std::vector<std::string> texts;  ///< the first faults, at most kMaxAuditFaults
   std::vector<AuditBreak> breaks;  ///< by line; each that nobody has acknowledged is a fault, too

@@ -15,8 +15,6 @@
 namespace needlelab {
 namespace {
 
-constexpr int kVersionWithSums = 9;
-
 /// Stored facts about the session's recording.
 struct Noted {
   StoredRecording recording;
@@ -232,9 +230,7 @@ Result<DatabaseCheck> checkDatabase(Connection& connection) {
   if (!foreign && foreign.error().code != ErrorCode::kCorrupt) return foreign.error();
   if (!foreign) check.faults.push_back(foreign.error().message);
   if (foreign) std::move(foreign->begin(), foreign->end(), std::back_inserter(check.faults));
-  // an older backup's schema has no sums
-  ASSIGN_OR_RETURN(const int version, schemaVersion(connection));
-  if (foreign && version >= kVersionWithSums) {
+  if (foreign) {
     const auto sums = AttemptSums(connection).faults(kMaxFaults);
     if (!sums && sums.error().code != ErrorCode::kCorrupt) return sums.error();
     if (!sums) check.faults.push_back(sums.error().message);

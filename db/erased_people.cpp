@@ -191,10 +191,10 @@ Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesyste
     known_lines.push_back(std::move(line));
   }
   std::erase_if(lines, [&](const ErasureLine& line) { return known.contains(line.pseudonym); });
-  lines.insert(lines.end(), std::move_iterator(known_lines.begin()), std::move_iterator(known_lines.end()));
-  if (lines.empty()) return repeat;
+  if (lines.empty() && known_lines.empty()) return repeat;
   ASSIGN_OR_RETURN(const auto key, this->key());
   dropFaulty(lines, key);
+  lines.insert(lines.end(), std::move_iterator(known_lines.begin()), std::move_iterator(known_lines.end()));
   // the sessions would become that account's
   ASSIGN_OR_RETURN(const auto accounts, pseudonymsOfAccounts(connection_, lines));
   std::erase_if(lines, [&](const ErasureLine& line) { return accounts.contains(line.pseudonym); });

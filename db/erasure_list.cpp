@@ -276,13 +276,11 @@ std::string lackedBeside(const std::filesystem::path& backups, const std::vector
   for (const ErasureLine& line : *there) known.emplace(line.pseudonym, &line);
   Found lacked;
   for (const ErasureLine& line : lines) {
-    const SealState state = sealOf(line, key);
-    if (state != SealState::kOurs && state != SealState::kNone) continue;
+    if (sealOf(line, key) != SealState::kOurs) continue;
     const auto found = known.find(line.pseudonym);
-    // a restore may not obey lines without a MAC; a version of before wrote those here, too
+    // a restore does not obey other lines
     const bool holds = found != known.end() && found->second->unix_ns >= line.unix_ns &&
-                       (sealOf(*found->second, key) == SealState::kOurs ||
-                        (state == SealState::kNone && !found->second->seal));
+                       sealOf(*found->second, key) == SealState::kOurs;
     if (!holds && lacked.count++ == 0) lacked.first = &line;
   }
   if (lacked.count == 0) return {};
@@ -295,13 +293,8 @@ ErasureLine sealed(ErasureLine line, const PseudonymKey& key) {
   return line;
 }
 
-void sealOld(std::vector<ErasureLine>& lines, const PseudonymKey& key) {
-  for (ErasureLine& line : lines)
-    if (!line.seal) line = sealed(std::move(line), key);
-}
-
 SealState sealOf(const ErasureLine& line, const PseudonymKey& key) {
-  if (!line.seal) return SealState::kNone;
+  if (!line.seal) return SealState::kBroken;
   if (line.seal->key != key.id()) return SealState::kOtherKey;
   return line.seal->mac == key.macOf(bareText(line)) ? SealState::kOurs : SealState::kBroken;
 }
@@ -312,7 +305,8 @@ std::vector<std::string> erasureListFaults(const std::filesystem::path& path,
   const Found others = inState(lines, key, SealState::kOtherKey);
   if (others.count > 0) faults.push_back(otherKeyText(path, others, key));
   const Found broken = inState(lines, key, SealState::kBroken);
-  if (broken.count > 0) faults.push_back(notObeyedText(path, broken, "were changed: their MAC is wrong"));
+  if (broken.count > 0)
+    faults.push_back(notObeyedText(path, broken, "were changed: their MAC is wrong or missing"));
   return faults;
 }
 
@@ -337,14 +331,9 @@ Result<ErasuresBeside> erasuresBeside(const std::filesystem::path& backups,
                                                   fmt::format("{} lines", kMostLinesBeside), folder) +
                                           "; nothing was changed"};
 
-  // what is here is nothing new, whoever wrote it there
   ASSIGN_OR_RETURN(const auto here, readErasures(folder));
-  const auto has_mac = [](const ErasureLine& line) { return line.seal.has_value(); };
-  beside.seals =
-      std::any_of(here.begin(), here.end(), has_mac) || std::any_of(lines.begin(), lines.end(), has_mac);
   std::set<std::string> known;
   for (const ErasureLine& line : here) known.insert(line.pseudonym);
-  std::erase_if(lines, [&](const ErasureLine& line) { return !line.seal && known.contains(line.pseudonym); });
 
   Found misnamed;
   for (const ErasureLine& line : lines)
@@ -378,28 +367,9 @@ Result<ErasuresBeside> erasuresBeside(const std::filesystem::path& backups,
                      "lost, restore without the list: move it away, and erase these people again by name"};
   leaveOutOthers(beside, here, key);
   if (const Found broken = inState(lines, key, SealState::kBroken); broken.count > 0)
-    beside.notes.push_back(notObeyedText(beside.path, broken, "were changed: their MAC is wrong"));
+    beside.notes.push_back(notObeyedText(beside.path, broken, "were changed: their MAC is wrong or missing"));
   std::erase_if(lines, [&](const ErasureLine& line) { return sealOf(line, key) == SealState::kBroken; });
   return beside;
-}
-
-void settleOldLines(ErasuresBeside& beside, bool backup_seals, bool take) {
-  Found old;
-  for (const ErasureLine& line : beside.lines)
-    if (!line.seal && old.count++ == 0) old.first = &line;
-  if (old.count == 0) return;
-  if (take || !(beside.seals || backup_seals)) {
-    beside.notes.push_back(fmt::format("{}: {} lines have no MAC: {}: they are taken as they are",
-                                       beside.path.string(), old.count,
-                                       take ? "--take-old-list says that a version of before wrote them"
-                                            : "a version of before wrote them"));
-    if (beside.key) sealOld(beside.lines, *beside.key);
-    return;
-  }
-  beside.notes.push_back(
-      notObeyedText(beside.path, old, "have no MAC, although each line of this version has one") +
-      ". If a version of before wrote them, restore again with --take-old-list");
-  std::erase_if(beside.lines, [](const ErasureLine& line) { return !line.seal; });
 }
 
 }  // namespace needlelab

@@ -25,7 +25,7 @@ struct ErasureLine {
   PseudonymKey::Hash name_hash{};
   std::int64_t unix_ns = 0;
   bool with_waiting = false;          ///< it took the sessions that waited for a manager, too
-  std::optional<ErasureSeal> seal{};  ///< nothing: a version from before the MACs wrote it
+  std::optional<ErasureSeal> seal{};  ///< nothing: somebody took it away, or wrote the line
   bool without_account = false;       ///< nobody had the name: it is another's when it comes again
 };
 
@@ -40,10 +40,6 @@ inline constexpr const char* kErasuresAside = "needlelab.erasures.put-aside";
 inline constexpr std::size_t kMostErasureLines = 50'000, kMostLinesBeside = 25'000;
 /// Lines of another key to which a restore adds: anybody can write them.
 inline constexpr std::size_t kMostOtherLines = 100;
-
-/// Key of `meta`, set by each program that gives lines MACs: a backup with it has no list without them beside
-/// it.
-inline constexpr std::string_view kSealsErasuresKey = "seals_erasures";
 
 /// Reads DIR/erasures; nothing when the file does not exist. It does not look at the MACs. kCorrupt, also
 /// above kMostErasureLines.
@@ -71,19 +67,15 @@ std::string lackedBeside(const std::filesystem::path& backups, const std::vector
 
 /// The line with this key's MAC.
 ErasureLine sealed(ErasureLine line, const PseudonymKey& key);
-/// Gives those a MAC that have none.
-void sealOld(std::vector<ErasureLine>& lines, const PseudonymKey& key);
 
 enum class SealState {
   kOurs,
-  kNone,      ///< written by a version from before the MACs
   kOtherKey,  ///< its hash names nobody by this key
-  kBroken,    ///< this key's, but the line was changed
+  kBroken,    ///< without a MAC, or this key's, but the line was changed
 };
 SealState sealOf(const ErasureLine& line, const PseudonymKey& key);
 
-/// What is wrong with the lines of the list `path` by this key, for display; empty when all is well. Lines
-/// without a MAC are no fault.
+/// What is wrong with the lines of the list `path` by this key, for display; empty when all is well.
 std::vector<std::string> erasureListFaults(const std::filesystem::path& path,
                                            const std::vector<ErasureLine>& lines, const PseudonymKey& key);
 /// Takes out the lines that faults forbid to obey.
@@ -95,19 +87,13 @@ struct ErasuresBeside {
   std::vector<std::string> notes;
   std::filesystem::path path;
   std::optional<PseudonymKey> key;  ///< of the restore's folder; nothing: there is none yet
-  bool seals = false;               ///< the folder's list, or this one, has lines with a MAC
 };
-/// Reads and checks it for a restore into the data folder `folder`; settleOldLines() decides on lines without
-/// a MAC. Without a key there all lines are taken, and looked at when the key is there. Changed lines, and
-/// those whose pseudonym is none, are told and not taken; of another key's, so many as make kMostOtherLines
-/// in the folder's list. kInvalidInput: all lines with a MAC are of another key than the one in `folder`;
-/// without a key there, it and the folder's list have more than kMostLinesBeside; kCorrupt: it alone has.
+/// Reads and checks it for a restore into the data folder `folder`. Without a key there all lines are taken,
+/// and looked at when the key is there. Lines that were changed or have no MAC, and those whose pseudonym is
+/// none, are told and not taken; of another key's, so many as make kMostOtherLines in the folder's list.
+/// kInvalidInput: lines are of another key than the one in `folder`, and none of that one; without a key
+/// there, it and the folder's list have more than kMostLinesBeside; kCorrupt: it alone has.
 Result<ErasuresBeside> erasuresBeside(const std::filesystem::path& backups,
                                       const std::filesystem::path& folder);
-/// Lines without a MAC: where the folder, the list or the backup has MACs (`backup_seals`:
-/// kSealsErasuresKey), who took MACs away could have written any line, so they are told and not taken, unless
-/// somebody asked for them (`take`). Else a version of before wrote them: they are taken with a note, and get
-/// MACs.
-void settleOldLines(ErasuresBeside& beside, bool backup_seals, bool take);
 
 }  // namespace needlelab

@@ -2,7 +2,6 @@
 
 #include <fmt/core.h>
 
-#include <charconv>
 #include <cstdint>
 #include <string>
 
@@ -12,13 +11,6 @@ namespace needlelab {
 namespace {
 
 constexpr std::int64_t kMostVersion = 9'999;  // as many as names of files have numbers
-
-/// The number at the start of a migration's name.
-int versionOf(std::string_view name) {
-  int number = 0;
-  (void)std::from_chars(name.data(), name.data() + name.size(), number);
-  return number;
-}
 
 /// Texts must compare and be folded byte by byte, as SQLite's.
 Status requirePlainTexts(Connection& connection) {
@@ -33,25 +25,6 @@ Status requirePlainTexts(Connection& connection) {
                   "UTF8 and C: make it anew with CREATE DATABASE {0} TEMPLATE template0 ENCODING 'UTF8' "
                   "LC_COLLATE 'C' LC_CTYPE 'C'",
                   row.text(3), row.text(0), row.text(1), row.text(2))};
-}
-
-Status apply(Connection& connection, const EmbeddedFile& file, int version) {
-  ASSIGN_OR_RETURN(auto transaction, Transaction::begin(connection, Transaction::Kind::kWrite));
-  // another server may have done it while this one waited
-  ASSIGN_OR_RETURN(const int found, postgresSchemaVersion(connection));
-  if (found >= version) return {};
-  if (found == 0) {
-    // not IF NOT EXISTS, which wants the right to make one also where it is there
-    ASSIGN_OR_RETURN(const auto there,
-                     connection.prepare("SELECT count(*) FROM pg_namespace WHERE nspname = 'needlelab'")
-                         .first([](const Statement& row) { return row.integer(0) != 0; }));
-    if (!there.value_or(false)) RETURN_IF_ERROR(connection.script("CREATE SCHEMA needlelab"));
-    RETURN_IF_ERROR(connection.script("CREATE TABLE schema_version (version BIGINT NOT NULL)"));
-  }
-  RETURN_IF_ERROR(connection.script(std::string(file.text)));
-  RETURN_IF_ERROR(connection.script("DELETE FROM schema_version"));
-  RETURN_IF_ERROR(connection.run("INSERT INTO schema_version (version) VALUES (?)", version));
-  return transaction.commit();
 }
 
 }  // namespace
@@ -73,25 +46,27 @@ Result<int> postgresSchemaVersion(Connection& connection) {
                                                   : "several rows")};
 }
 
-Status migratePostgres(Connection& connection, int found, int newest) {
+Status requirePostgresForSchema(Connection& connection) {
   RETURN_IF_ERROR(requirePlainTexts(connection));
-  RETURN_IF_ERROR(requireOwnSchema(connection));
-  const int first = versionOf(embeddedPostgresMigrations().front().name);
-  if (found > 0 && found < first)
-    return Error{ErrorCode::kVersion,
-                 fmt::format("--store: its schema has version {}, and the first one on PostgreSQL was {}: no "
-                             "needlelab can have made it. Find out who did, or give another database",
-                             found, first)};
-  for (const EmbeddedFile& file : embeddedPostgresMigrations()) {
-    const int version = versionOf(file.name);
-    if (version <= found || version > newest) continue;
-    if (const Status applied = apply(connection, file, version); !applied)
-      return Error{applied.error().code,
-                   fmt::format("migration {} failed, the database stays at version {}: {}", file.name, found,
-                               applied.error().message)};
-    found = version;
+  return requireOwnSchema(connection);
+}
+
+Status applyOnPostgres(Connection& connection, const EmbeddedFile& file, int version) {
+  ASSIGN_OR_RETURN(auto transaction, Transaction::begin(connection, Transaction::Kind::kWrite));
+  ASSIGN_OR_RETURN(const int found, postgresSchemaVersion(connection));
+  if (found >= version) return {};
+  if (found == 0) {
+    // not IF NOT EXISTS, which wants the right to make one also where it is there
+    ASSIGN_OR_RETURN(const auto there,
+                     connection.prepare("SELECT count(*) FROM pg_namespace WHERE nspname = 'needlelab'")
+                         .first([](const Statement& row) { return row.integer(0) != 0; }));
+    if (!there.value_or(false)) RETURN_IF_ERROR(connection.script("CREATE SCHEMA needlelab"));
+    RETURN_IF_ERROR(connection.script("CREATE TABLE schema_version (version BIGINT NOT NULL)"));
   }
-  return {};
+  RETURN_IF_ERROR(connection.script(std::string(file.text)));
+  RETURN_IF_ERROR(connection.script("DELETE FROM schema_version"));
+  RETURN_IF_ERROR(connection.run("INSERT INTO schema_version (version) VALUES (?)", version));
+  return transaction.commit();
 }
 
 }  // namespace needlelab

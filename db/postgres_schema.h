@@ -12,15 +12,18 @@
 
 namespace needlelab {
 
-/// db/migrations/postgres/*.sql, in order of their numbers: the first is that of a whole schema.
+/// db/migrations/postgres/*.sql, in order of their numbers.
 std::span<const EmbeddedFile> embeddedPostgresMigrations();
 
 /// 0: the database has no schema of needlelab. kCorrupt: its table has something else than one version.
 Result<int> postgresSchemaVersion(Connection& connection);
 
-/// Makes the schema, or brings it to `newest`; one transaction a migration. kVersion: it is older than the
-/// first one that there was on PostgreSQL. kDenied: as requireOwnSchema().
-Status migratePostgres(Connection& connection, int found, int newest);
+/// What must hold before a migration. kInvalidInput: the database's texts do not sort byte by byte. kDenied:
+/// as requireOwnSchema().
+Status requirePostgresForSchema(Connection& connection);
+/// Brings the schema from the version before to `version`, in one transaction; nothing to do where another
+/// server did it meanwhile.
+Status applyOnPostgres(Connection& connection, const EmbeddedFile& file, int version);
 
 /// As schemaFaults(), of a schema of the newest version: its triggers, functions, views, rules and row
 /// policies. Of a view only whether it is there.

@@ -1,4 +1,4 @@
-/// Retention policies, and the steps that thin or delete a recording (migrations/0003_retention.sql).
+/// Retention policies, and the steps that thin or delete a recording (migrations/0001_first.sql).
 /// service/retention.h runs the steps.
 #pragma once
 

@@ -122,6 +122,13 @@ Result<std::vector<std::string>> faultsBeside(Connection& connection,
   return faults;
 }
 
+Status apply(Connection& connection, const EmbeddedFile& file, int version) {
+  ASSIGN_OR_RETURN(auto transaction, Transaction::begin(connection, Transaction::Kind::kWrite));
+  RETURN_IF_ERROR(connection.script(std::string(file.text)));
+  RETURN_IF_ERROR(connection.script(fmt::format("PRAGMA user_version={}", version)));
+  return transaction.commit();
+}
+
 }  // namespace
 
 int newestSchemaVersion() {
@@ -142,47 +149,42 @@ Result<int> schemaVersion(Connection& connection) {
 Result<std::vector<std::string>> schemaFaults(Connection& connection) {
   ASSIGN_OR_RETURN(const auto found, schemaVersion(connection));
   if (found > newestSchemaVersion()) return newerError(connection, found, newestSchemaVersion());
-  if (connection.sqlite() == nullptr)  // older ones are compared when they are migrated
+  if (connection.sqlite() == nullptr)  // an older one is compared when it is migrated
     return found == newestSchemaVersion() ? postgresSchemaFaults(connection) : std::vector<std::string>();
   return faultsBeside(connection, embeddedMigrations().first(static_cast<std::size_t>(found)));
 }
 
 Status migrate(Connection& connection) {
-  if (connection.sqlite() != nullptr) return migrate(connection, embeddedMigrations());
-  ASSIGN_OR_RETURN(const auto found, schemaVersion(connection));
-  if (found > newestSchemaVersion()) return newerError(connection, found, newestSchemaVersion());
-  RETURN_IF_ERROR(migratePostgres(connection, found, newestSchemaVersion()));
-  ASSIGN_OR_RETURN(const auto faults, postgresSchemaFaults(connection));
-  return faults.empty() ? Status() : Status(foreignSchemaError(connection, faults));
+  return migrate(connection,
+                 connection.sqlite() != nullptr ? embeddedMigrations() : embeddedPostgresMigrations());
 }
 
 Status migrate(Connection& connection, std::span<const EmbeddedFile> migrations) {
   ASSIGN_OR_RETURN(const auto found, schemaVersion(connection));
   const int known = static_cast<int>(migrations.size());
-  RETURN_IF_ERROR(claim(connection, found));
+  const bool on_sqlite = connection.sqlite() != nullptr;
+  if (on_sqlite) RETURN_IF_ERROR(claim(connection, found));
   if (found > known) return newerError(connection, found, known);
-  ASSIGN_OR_RETURN(const auto faults,
-                   faultsBeside(connection, migrations.first(static_cast<std::size_t>(found))));
-  if (!faults.empty()) return foreignSchemaError(connection, faults);
-
+  if (on_sqlite) {
+    ASSIGN_OR_RETURN(const auto faults,
+                     faultsBeside(connection, migrations.first(static_cast<std::size_t>(found))));
+    if (!faults.empty()) return foreignSchemaError(connection, faults);
+  } else {
+    RETURN_IF_ERROR(requirePostgresForSchema(connection));
+  }
   for (int version = found + 1; version <= known; ++version) {
     const EmbeddedFile& file = migrations[static_cast<std::size_t>(version - 1)];
-    const auto named = [&](const Error& error) {
-      return Error{error.code, fmt::format("migration {} failed, the database stays at version {}: {}",
-                                           file.name, version - 1, error.message)};
-    };
-    if (numberOf(file.name) != version) {
-      return named({ErrorCode::kFailed,
-                    fmt::format("its name must begin with the number {} in four digits", version)});
-    }
-    auto transaction = Transaction::begin(connection, Transaction::Kind::kWrite);
-    if (!transaction) return named(transaction.error());
-    if (auto done = connection.script(std::string(file.text)); !done) return named(done.error());
-    if (auto done = connection.script(fmt::format("PRAGMA user_version={}", version)); !done)
-      return named(done.error());
-    if (auto done = transaction->commit(); !done) return named(done.error());
+    Status done = Error{ErrorCode::kFailed,
+                        fmt::format("its name must begin with the number {} in four digits", version)};
+    if (numberOf(file.name) == version)
+      done = on_sqlite ? apply(connection, file, version) : applyOnPostgres(connection, file, version);
+    if (!done.ok())
+      return Error{done.error().code, fmt::format("migration {} failed, the database stays at version {}: {}",
+                                                  file.name, version - 1, done.error().message)};
   }
-  return {};
+  if (on_sqlite) return {};
+  ASSIGN_OR_RETURN(const auto faults, postgresSchemaFaults(connection));
+  return faults.empty() ? Status() : Status(foreignSchemaError(connection, faults));
 }
 
 Status requireRights(Connection& connection) {

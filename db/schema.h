@@ -40,7 +40,8 @@ Status requireRights(Connection& connection);
 /// version. Errors: kVersion (the file is newer than this program), kCorrupt (another program's database, or
 /// schemaFaults() finds something), kFailed. Writer's connection.
 Status migrate(Connection& connection);
-/// The same with the given files; fails unless they are named NNNN_… with numbers 1, 2, 3 … in order.
+/// The same with the given files, of the connection's engine; fails unless they are named NNNN_… with numbers
+/// 1, 2, 3 … in order.
 Status migrate(Connection& connection, std::span<const EmbeddedFile> migrations);
 
 /// kVersion unless the file has exactly the newest version. For connections that must not change the file.

@@ -22,8 +22,8 @@ class SeenTimeStore {
  public:
   explicit SeenTimeStore(Connection& connection) : connection_(connection) {}
 
-  /// The latest time noted; in a database of earlier versions, the latest time at which a session was closed
-  /// or the database made. 0: nothing says one.
+  /// The latest time noted; before the first note, the latest time at which a session was closed or the
+  /// database made. 0: nothing says one.
   Result<std::int64_t> latest();
   /// Notes what the clock shows, if it is later than the latest, by kMostAhead_ns at most: else the latest
   /// stays, and aheadText() says so also after a restart, until confirm() or until the clock was set back.

@@ -16,7 +16,7 @@
 
 namespace needlelab {
 
-/// The location of a session's recording (migrations/0003_retention.sql), with its stored totals.
+/// The location of a session's recording (migrations/0001_first.sql), with its stored totals.
 struct StoredRecording {
   enum class Kind {
     kOriginal = 1,

@@ -30,13 +30,6 @@ std::string bytesOf(pb::SessionDescription description) {
   return description.SerializeAsString();
 }
 
-/// The same of stored bytes: earlier versions kept such fields.
-std::string comparedBytesOf(ByteView stored) {
-  pb::SessionDescription description;
-  std::string bytes(textOf(stored));
-  return description.ParseFromString(bytes) ? bytesOf(std::move(description)) : bytes;
-}
-
 std::string times(std::uint64_t count, const char* what) {
   return fmt::format("{} {}", count, what);
 }
@@ -189,7 +182,7 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
       now.set_trainee(known.text(5));
     }
     if (known.integer(3) != 0 ||
-        (comparedBytesOf(known.bytes(1)) == bytesOf(now) && known.text(2) == now.profile_json()))
+        (textOf(known.bytes(1)) == bytesOf(now) && known.text(2) == now.profile_json()))
       return known.natural(0);
     return Error{ErrorCode::kAlreadyExists,
                  "session " + sessionText(description.session_id()) +

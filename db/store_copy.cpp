@@ -20,7 +20,6 @@ namespace {
 constexpr std::uint64_t kMostLogBytesOfCopy = std::uint64_t{64} << 20;
 /// Rows between two calls of on_progress while comparing.
 constexpr std::uint64_t kComparedRowsOfStep = 256;
-constexpr const char* kMetaOfEmptyStore = "audit_before_chain";
 
 /// Triggers of this connection to an SQLite file do not run meanwhile.
 class WithoutTriggers {
@@ -277,9 +276,7 @@ Status turnTriggers(Connection& to, bool on) {
 Result<bool> isEmptyStore(Connection& connection) {
   ASSIGN_OR_RETURN(const auto tables, tablesOfProgram());
   for (const CopiedTable& table : tables) {
-    const bool meta = table.name == "meta";
-    auto row = meta ? connection.query("SELECT key FROM meta WHERE key <> ?", kMetaOfEmptyStore)
-                    : connection.prepare(fmt::format("SELECT 1 FROM \"{}\" LIMIT 1", table.name));
+    auto row = connection.prepare(fmt::format("SELECT 1 FROM \"{}\" LIMIT 1", table.name));
     ASSIGN_OR_RETURN(const bool there, row.step());
     if (there) return false;
   }

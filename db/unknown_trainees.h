@@ -1,5 +1,5 @@
 /// Sessions whose trainee the server did not know when they came, or whose trainee's code nobody gave, until
-/// a manager assigns them to the right person (migrations/0006_unknown_trainees.sql, 0007_trainee_codes.sql).
+/// a manager assigns them to the right person (migrations/0001_first.sql).
 #pragma once
 
 #include <cstdint>

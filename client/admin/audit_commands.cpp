@@ -67,18 +67,9 @@ Status audit(CommandContext& context, std::uint32_t limit) {
 
 /// What is right and still has to be said about the log: what nobody can check, and what a restore left
 /// behind.
-Result<std::vector<std::string>> notesOn(Connection& log, const AuditVerdict& verdict,
-                                         const std::optional<KeptAuditHead>& kept) {
+Result<std::vector<std::string>> notesOn(Connection& log, const std::optional<KeptAuditHead>& kept) {
   const auto time = [&] { return localTime(kept->made_unix_ns, TimeForm::kZoned); };
   std::vector<std::string> notes;
-  if (verdict.outside > 0)
-    notes.push_back(
-        fmt::format("{} lines were written before the chain began and cannot be checked", verdict.outside));
-  if (verdict.earlier > 0)
-    notes.push_back(fmt::format(
-        "{} lines were written before the chain began{}: they are as they were then; what was done to them "
-        "before cannot be checked",
-        verdict.earlier, kept && kept->made_position == 0 ? " (" + time() + ")" : ""));
   if (!kept) {
     notes.push_back(fmt::format(
         "{} is not there: without it and without an anchor nobody can tell whether the last lines were "
@@ -155,7 +146,7 @@ Status verifyLog(const std::filesystem::path& folder, Output& output,
   for (const AuditAnchor& anchor : anchors) anchored = std::max(anchored, anchor.head.position);
   if (kept) anchors.push_back({kAuditHeadFile, kept->head});
   ASSIGN_OR_RETURN(const auto verdict, verifyAudit(reader, keys, anchors));
-  ASSIGN_OR_RETURN(auto notes, notesOn(reader, verdict, kept));
+  ASSIGN_OR_RETURN(auto notes, notesOn(reader, kept));
   if (!no_backup.empty()) notes.push_back(no_backup);
   Json breaks = Json::array();
   bool all_acknowledged = true;
@@ -170,14 +161,10 @@ Status verifyLog(const std::filesystem::path& folder, Output& output,
   }
   RETURN_IF_ERROR(output.one({{"ok", "what is proven is as written"},
                               {"lines", "lines proven"},
-                              {"earlier", "of these, older than their proof"},
-                              {"outside", "lines that cannot be checked"},
                               {"anchored", "removal would show up to entry"},
                               {"head", "keep elsewhere"}},
                              {{"ok", verdict.ok()},
                               {"lines", verdict.lines},
-                              {"earlier", verdict.earlier},
-                              {"outside", verdict.outside},
                               {"anchored", anchored},
                               {"entries", verdict.head.position},
                               {"head", auditHeadText(verdict.head)},

@@ -19,7 +19,7 @@
 namespace needlelab {
 namespace {
 
-/// What a backup's place means for the spools; a server of before 1.4 does not say.
+/// What a backup's place means for the spools.
 std::string placeText(const pb::BackupDone& done) {
   const std::string disk = done.disk() == pb::BackupDone::ANOTHER_DISK ? "on another disk than the database"
                            : done.disk() == pb::BackupDone::SAME_DISK  ? "on the same disk as the database"
@@ -108,8 +108,8 @@ Status newBackupKey(Output& output, const std::string& file) {
 }
 
 Status restore(const std::filesystem::path& folder, Output& output, const std::string& from,
-               const std::string& key, bool take_old_list) {
-  ASSIGN_OR_RETURN(const auto result, restoreFrom(folder, from, wallNowNs(), nullptr, key, take_old_list));
+               const std::string& key) {
+  ASSIGN_OR_RETURN(const auto result, restoreFrom(folder, from, wallNowNs(), nullptr, key));
   // open it once, to check that it opens, and to write the audit log
   Store::Options options;
   options.holder = "needlelab-admin";
@@ -217,7 +217,7 @@ void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand
   struct Values {
     std::string path, folder, from, codes, key, encrypt_with, restored;
     std::uint32_t keep = 14;
-    bool counts_as_safe = false, take_old_list = false;
+    bool counts_as_safe = false;
   };
   const auto values = std::make_shared<Values>();
 
@@ -285,12 +285,9 @@ void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand
       ->add_option("--key", values->key,
                    "the key's file, for an encrypted backup; a plain one is refused then")
       ->type_name("KEYFILE");
-  restore_command->add_flag("--take-old-list", values->take_old_list,
-                            "erase also whom lines without a MAC name in the list of erasures beside the "
-                            "backup: a version of before wrote it, and nobody else could");
   restore_command->callback([&chosen, values] {
     chosen.run_on_files = [values](const std::filesystem::path& folder, Output& output) {
-      return restore(folder, output, values->from, values->key, values->take_old_list);
+      return restore(folder, output, values->from, values->key);
     };
   });
 

@@ -147,8 +147,6 @@ class SpoolSession {
     Digest hash{};
     bool interrupted = false;
   };
-  /// The file `lost` as it was found: those of earlier versions have no checksum.
-  enum class LossFile { kSealed, kUnsealed, kUnreadable };
   SpoolSession() = default;
   static Result<std::shared_ptr<SpoolSession>> create(const std::filesystem::path& spool,
                                                       const pb::SessionDescription& description,
@@ -165,9 +163,7 @@ class SpoolSession {
   void loadEnd();
   Status writeEnd(bool interrupted);
   // the following need the mutex
-  [[nodiscard]] bool lossUnknown(std::uint64_t chunks) const {
-    return loss_file_ == LossFile::kUnreadable && chunks > 0;
-  }
+  [[nodiscard]] bool lossUnknown(std::uint64_t chunks) const { return !loss_read_ && chunks > 0; }
   void addEntry(const Entry& entry, std::uint64_t samples, std::uint64_t bytes);
   [[nodiscard]] SpoolContents contentsNow() const;
   [[nodiscard]] std::uint64_t recordedChunks() const;
@@ -182,7 +178,7 @@ class SpoolSession {
   std::filesystem::path folder_;
   std::filesystem::path damaged_;
   bool mended_ = false, restored_ = false;
-  LossFile loss_file_ = LossFile::kSealed;
+  bool loss_read_ = true;  // else the file `lost` cannot be believed
   Uuid id_{};
   pb::SessionDescription description_;
   SpoolFile chunks_, tail_;       // written by the writing thread

@@ -27,14 +27,17 @@ std::string sealed(std::string text) {
   return text + sealOf(text);
 }
 
-Result<std::string> unsealed(std::string text) {
-  if (text.size() <= kSealLine) return text;
-  const std::string_view body = std::string_view(text).substr(0, text.size() - kSealLine);
-  const std::string_view line = std::string_view(text).substr(body.size());
-  // a damaged line is none: the JSON's parser refuses what it finds behind the JSON
-  if (!body.ends_with('\n') || !line.starts_with(kSeal) || !line.ends_with('\n')) return text;
-  if (line != sealOf(body)) return Error{ErrorCode::kCorrupt, "its checksum does not agree: it was damaged"};
-  return std::string(body);
+bool hasSeal(std::string_view text) {
+  if (text.size() <= kSealLine) return false;
+  const std::string_view line = text.substr(text.size() - kSealLine);
+  return text[text.size() - kSealLine - 1] == '\n' && line.starts_with(kSeal) && line.ends_with('\n');
+}
+
+Result<std::string> unsealed(const std::string& text) {
+  const std::string body = hasSeal(text) ? text.substr(0, text.size() - kSealLine) : std::string();
+  if (body.empty() || text.substr(body.size()) != sealOf(body))
+    return Error{ErrorCode::kCorrupt, "its checksum does not agree: it was damaged"};
+  return body;
 }
 
 Json parsedShallow(const std::string& text) {
@@ -74,8 +77,8 @@ Result<Json> readSpoolJson(const std::filesystem::path& path) {
   std::error_code ignored;
   const auto kind = std::filesystem::symlink_status(path, ignored).type();
   if (kind == std::filesystem::file_type::not_found) return Json();
-  ASSIGN_OR_RETURN(auto text, readSpoolText(path, 1u << 20));
-  const auto body = unsealed(std::move(text));
+  ASSIGN_OR_RETURN(const auto text, readSpoolText(path, 1u << 20));
+  const auto body = unsealed(text);
   if (!body.ok()) return Error{ErrorCode::kCorrupt, path.string() + ": " + body.error().message};
   Json json = parsedShallow(*body);
   if (!json.is_object()) return Error{ErrorCode::kCorrupt, path.string() + ": is not a JSON object"};

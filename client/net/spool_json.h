@@ -1,25 +1,27 @@
-/// The spool's small files: JSON, then a line with a checksum over it. Files of earlier versions have no such
-/// line and are read as they are.
+/// The spool's small files: JSON, then a line with a checksum over it.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <string_view>
 
 #include "common/base/result.h"
 
 namespace needlelab {
 
-/// A session's description again, for when session.json is damaged. Sessions of earlier versions have none.
+/// A session's description again, for when session.json is damaged.
 inline constexpr const char* kDescriptionCopy = "session.copy.json";
 
 /// Returns the text with a last line "crc32c HHHHHHHH": the CRC-32C, in hex digits, of everything before it.
 std::string sealed(std::string text);
 
-/// Returns the text before the last line of `sealed`; a text without such a line as it is. Errors: kCorrupt
-/// when the checksum does not agree.
-Result<std::string> unsealed(std::string text);
+/// Whether the text ends with a line as `sealed` writes it.
+bool hasSeal(std::string_view text);
+/// Returns the text before the last line of `sealed`. Errors: kCorrupt when the line is missing or its
+/// checksum does not agree.
+Result<std::string> unsealed(const std::string& text);
 
 /// Parses a text that may be hostile. Null for one nested deeper than 16: copying or writing its value takes
 /// a stack frame a level, and a megabyte can nest a million. A discarded value for what is not JSON.

@@ -53,31 +53,24 @@ Status SpoolSession::syncLoss() const {
 
 // a file that cannot be believed means that nobody knows how many samples are lost
 void SpoolSession::loadLoss() {
-  loss_file_ = LossFile::kUnreadable;
+  loss_read_ = false;
   const auto text = readSpoolText(folder_ / "lost", 1000);
   unsigned long long samples = 0, from_tick = 0;
   if (!text.ok() || std::sscanf(text->c_str(), "%20llu %20llu", &samples, &from_tick) != 2) return;
   const SpoolLoss loss{samples, from_tick};
-  const std::string own = lossText(loss);
-  if (*text != own && *text != sealed(own)) return;
+  if (*text != sealed(lossText(loss))) return;
   if (static_cast<double>(samples) > kLongestSession_s * description_.rate_hz()) return;
-  loss_file_ = *text == own ? LossFile::kUnsealed : LossFile::kSealed;
+  loss_read_ = true;
   loss_ = loss;
 }
 
 std::string SpoolSession::lossNote() const {
-  const std::string file = (folder_ / "lost").string();
-  const SpoolContents now = contents();
   // a power cut while the session was made may leave no file, but then no chunk either
-  if (loss_file_ == LossFile::kSealed || now.chunks == 0 || receipt().closed) return {};
-  if (loss_file_ == LossFile::kUnreadable)
-    return fmt::format(
-        "session {}: {} is missing or cannot be believed, so nobody knows how many of its samples never "
-        "reached the disk; it is closed as interrupted. See whether that disk fails",
-        idText(), file);
+  if (loss_read_ || contents().chunks == 0 || receipt().closed) return {};
   return fmt::format(
-      "session {}: {} has no checksum, an earlier version wrote it; {} samples are taken as lost, as it says",
-      idText(), file, now.loss.samples);
+      "session {}: {} is missing or cannot be believed, so nobody knows how many of its samples never "
+      "reached the disk; it is closed as interrupted. See whether that disk fails",
+      idText(), (folder_ / "lost").string());
 }
 
 }  // namespace needlelab

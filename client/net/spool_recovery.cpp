@@ -45,8 +45,9 @@ Result<pb::SessionDescription> descriptionIn(const std::filesystem::path& file, 
   const auto broken = [&](const std::string& why) {
     return Error{ErrorCode::kCorrupt, file.string() + ": " + why};
   };
-  ASSIGN_OR_RETURN(auto text, readSpoolText(file, 16u << 20));
-  const auto json = unsealed(std::move(text));
+  ASSIGN_OR_RETURN(const auto text, readSpoolText(file, 16u << 20));
+  // a technician who corrects a description removes the line with the checksum
+  const Result<std::string> json = hasSeal(text) ? unsealed(text) : text;
   if (!json.ok()) return broken(json.error().message);
   pb::SessionDescription description;
   const auto parsed = google::protobuf::util::JsonStringToMessage(*json, &description);
@@ -153,8 +154,7 @@ class TailReader {
 
   /// The chunk that pieces of its number make, in the order of the file. No samples: none of them fits.
   Result<Chunk> chunkOf(std::uint64_t seq, std::span<const Piece> pieces) {
-    // the resolution is taken from the pieces, which have a checksum; the description of an earlier version
-    // has none
+    // the resolution is taken from the pieces, which have a checksum; a corrected description has none
     Chunk chunk{seq, {}, resolutionOf(description), {}, {}};
     std::uint32_t part = 0;
     for (const Piece& one : pieces) {

@@ -100,7 +100,6 @@ Result<std::shared_ptr<SpoolSession>> SpoolSession::load(const std::filesystem::
     session->receipt_.committed = countAt(*receipt, "committed");
     session->receipt_.safe = countAt(*receipt, "safe");
     session->receipt_.closed = flagAt(*receipt, "closed");
-    // missing in a receipt of an earlier version: closed when the spool's clock began
     session->receipt_.closed_at_ns =
         static_cast<std::int64_t>(std::min<std::uint64_t>(countAt(*receipt, "closed_at_ns"), INT64_MAX));
   }

@@ -23,8 +23,6 @@ std::string writtenTime(const std::tm& parts, TimeForm form) {
       return day + " " + minute;
     case TimeForm::kClock:
       return fmt::format("{}:{:02}", minute, parts.tm_sec);
-    case TimeForm::kClockMinute:
-      return minute;
     case TimeForm::kZoned:
       break;
   }

@@ -7,11 +7,10 @@
 namespace needlelab {
 
 enum class TimeForm : std::uint8_t {
-  kDay,          ///< 2026-07-01
-  kMinute,       ///< 2026-07-01 09:34
-  kClock,        ///< 09:34:56
-  kClockMinute,  ///< 09:34
-  kZoned,        ///< 2026-07-01 09:34:56 NDT: for texts that may be read in another zone
+  kDay,     ///< 2026-07-01
+  kMinute,  ///< 2026-07-01 09:34
+  kClock,   ///< 09:34:56
+  kZoned,   ///< 2026-07-01 09:34:56 NDT: for texts that may be read in another zone
 };
 
 /// A moment, ns since 1970, as a person reads it here; "-" for 0 (never), and for what no calendar has.

@@ -305,7 +305,7 @@ constexpr double kSamePlace_m = 0.0005;
 std::string placeText(const pb::SyringePlace& place) {
   if (!place.in_tissue()) return "outside the tissue";
   std::string text = valueText(place.depth_m(), "m") + " deep";
-  // a server of before does not tell the name
+  // of a layer that nobody named, its tissue
   const std::string& layer = place.layer_name().empty() ? place.tissue() : place.layer_name();
   if (!layer.empty()) text += " in " + layer;
   if (!place.target().empty())

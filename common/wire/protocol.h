@@ -73,7 +73,7 @@ class FrameSplitter {
 /// Peers with different major versions refuse each other; a minor version adds only features that others may
 /// ignore.
 inline constexpr std::uint32_t kProtocolMajor = 1;
-inline constexpr std::uint32_t kProtocolMinor = 4;
+inline constexpr std::uint32_t kProtocolMinor = 0;
 
 pb::Version ourVersion();
 std::string versionText(const pb::Version& version);

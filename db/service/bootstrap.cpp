@@ -77,10 +77,6 @@ Status fillNewDatabase(Connection& connection) {
     RETURN_IF_ERROR(storeSamples(connection, now));
     RETURN_IF_ERROR(meta.set("created_unix_ns", std::to_string(now)));
   }
-  ASSIGN_OR_RETURN(const auto seals, meta.get(kSealsErasuresKey));
-  if (!seals) {
-    RETURN_IF_ERROR(meta.set(kSealsErasuresKey, "1"));
-  }
   ASSIGN_OR_RETURN(const auto engine, meta.get("engine_version"));
   if (engine != std::string(NEEDLELAB_VERSION)) {
     RETURN_IF_ERROR(meta.set("engine_version", NEEDLELAB_VERSION));

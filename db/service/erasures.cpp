@@ -247,7 +247,6 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
   }());
   std::erase_if(lines, [&](const ErasureLine& other) { return other.pseudonym == line.pseudonym; });
   lines.push_back(line);
-  sealOld(lines, key);
   RETURN_IF_ERROR(writeErasures(folder, lines));
 
   bool keeps_later = false;

@@ -50,7 +50,7 @@ Result<std::string> settleErasure(DbWriter& writer, const std::filesystem::path&
 Result<bool> completeErasures(Connection& connection);
 
 /// Before anybody is served: repeats the erasures of DIR/erasures that this database, a restored backup, does
-/// not know, and takes out what an earlier version left of erased people. Returns how many were repeated.
+/// not know. Returns how many were repeated.
 /// Errors: the database's; kNoRoom; kFailed when something is thrown, for want of memory: nothing is
 /// half-written. Writer's connection, outside a transaction. `free_room`: for tests.
 Result<std::size_t> eraseBeforeServing(Connection& writer, std::int64_t now_unix_ns,

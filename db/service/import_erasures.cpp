@@ -37,7 +37,7 @@ constexpr DoerField kDoerFields[] = {{"changed_by", "changed_unix_ns"}, {"record
 /// As in withoutNames().
 constexpr std::string_view kBetweenWords = " ,";
 
-/// As clearOlderErasures(): an export by an earlier version has what it left in an erased session.
+/// Of an erased session nothing is kept that its station wrote.
 void clearErased(RecordJson& record) {
   if (textOfField(record, "profile_json") == kErasedProfile) return;
   record["profile_json"] = kErasedProfile;
@@ -59,6 +59,7 @@ Result<ImportErasures> ImportErasures::open(Connection& writer) {
   std::set<std::string> typed;
   for (const ErasureLine& line : all.lines_)
     if (line.without_account) typed.insert(line.pseudonym);
+  std::vector<ErasureLine> known;  // whose lines have no MAC
   auto rows = writer.prepare("SELECT pseudonym, name_hash, erased_unix_ns FROM erasures");
   for (;;) {
     ASSIGN_OR_RETURN(const auto row, rows.step());
@@ -68,13 +69,14 @@ Result<ImportErasures> ImportErasures::open(Connection& writer) {
     const auto bytes = rows.bytes(1);
     if (bytes.size() == line.name_hash.size()) {
       std::copy(bytes.begin(), bytes.end(), line.name_hash.begin());
-      all.lines_.push_back(std::move(line));
+      known.push_back(std::move(line));
     }
   }
-  if (all.lines_.empty()) return all;
+  if (all.lines_.empty() && known.empty()) return all;
   ASSIGN_OR_RETURN(auto key, ErasureStore(writer).key());
   all.key_ = key;
   dropFaulty(all.lines_, key);
+  all.lines_.insert(all.lines_.end(), std::move_iterator(known.begin()), std::move_iterator(known.end()));
   for (std::size_t i = 0; i < all.lines_.size(); ++i) all.lines_of_[all.lines_[i].name_hash].push_back(i);
   return all;
 }

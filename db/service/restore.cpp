@@ -102,27 +102,14 @@ Result<std::optional<BackupKey>> keyFor(const fs::path& from, const fs::path& ke
   return std::optional<BackupKey>(std::move(key));
 }
 
-/// A copy that this program can read.
-struct CheckedCopy {
-  RestoreResult result;
-  bool seals_erasures = false;  ///< kSealsErasuresKey
-};
-
-/// The copy's contents, if it is intact and this program knows its schema.
-Result<CheckedCopy> checkCopy(const fs::path& copy, const fs::path& from) {
+/// Whether the copy is a database whose schema this program knows.
+Status checkCopy(const fs::path& copy, const fs::path& from) {
   // a schema takes up to 80 times its length of memory: first it is read within bounds
-  auto opened = openForeign(copy, nullptr, std::chrono::minutes(10));
-  if (!opened) {
-    Error error = opened.error();
-    if (error.message.starts_with(copy.string()))
-      error.message.replace(0, copy.string().size(), from.string());
-    return error;
-  }
-  CheckedCopy checked;
-  ASSIGN_OR_RETURN(checked.result.schema, schemaVersion(*opened));
-  ASSIGN_OR_RETURN(const auto seals, MetaStore(*opened).get(kSealsErasuresKey));
-  checked.seals_erasures = seals.has_value();
-  return checked;
+  const auto opened = openForeign(copy, nullptr, std::chrono::minutes(10));
+  if (opened) return {};
+  Error error = opened.error();
+  if (error.message.starts_with(copy.string())) error.message.replace(0, copy.string().size(), from.string());
+  return error;
 }
 
 /// Takes out whom the next start erases anew by one of `erasures`: their access is not valid again, and their
@@ -235,7 +222,7 @@ Status keep(const fs::path& file, const fs::path& as, LinkCall link) {
 }  // namespace
 
 Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, std::int64_t now_unix_ns,
-                                  LinkCall link, const fs::path& key_file, bool take_old_list) {
+                                  LinkCall link, const fs::path& key_file) {
   std::error_code error;
   if (!fs::is_directory(folder, error))
     return Error{ErrorCode::kInvalidInput,
@@ -280,13 +267,11 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
     drop();
     return done.error();
   }
-  const auto checked = checkCopy(copy, from);
-  if (!checked) {
+  if (auto done = checkCopy(copy, from); !done) {
     drop();
-    return checked.error();
+    return done.error();
   }
-  RestoreResult result = checked->result;
-  settleOldLines(erasures, checked->seals_erasures, take_old_list);
+  RestoreResult result;
   all_erasures.insert(all_erasures.end(), erasures.lines.begin(), erasures.lines.end());
   if (auto done = migrateAndCheck(copy, from, database, all_erasures, now_unix_ns, result); !done) {
     drop();
@@ -358,7 +343,6 @@ struct AccessRow {
 };
 using AccessRows = std::map<std::string, AccessRow>;
 
-/// Uses columns that every schema has had since the first.
 Result<AccessRows> accessRows(Connection& connection, const char* sql) {
   AccessRows all;
   auto rows = connection.prepare(sql);

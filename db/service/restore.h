@@ -36,7 +36,6 @@ struct RestoreResult {
   /// The replaced database, with its log beside it; empty: there was no database.
   std::filesystem::path kept;
   std::uint64_t sessions = 0, chunks = 0;  ///< in the restored database, all of them checked
-  int schema = 0;                          ///< of the backup; an older one was migrated
   /// Accesses that were withdrawn after the backup and are valid again: withdraw them again. Without people
   /// whom the next start erases anew.
   std::vector<RestoredAccess> valid_again;
@@ -53,15 +52,14 @@ struct RestoreResult {
 /// `from`. `key_file` is the key of an encrypted backup, which the copy is decrypted with; empty: `from` is a
 /// plain one. The restored database's audit log lists the accesses withdrawn since the backup, as does its
 /// meta entry `access_valid_again` for the server's log. On a disk without hard links, renames the old
-/// database instead of linking it. `link`: link(2), or a test's replacement. `take_old_list`: obeys lines of
-/// the list of erasures beside the backup that have no MAC (erasure_list.h). Errors: kUnavailable (a server
+/// database instead of linking it. `link`: link(2), or a test's replacement. Errors: kUnavailable (a server
 /// runs on DIR), kInvalidInput (no such file, or it is DIR's own database; the key is missing, is another
 /// one, or is given for a plain backup; the list of erasures beside the backup is of another pseudonym.key
 /// than DIR's), kVersion (newer schema or format), kCorrupt (the backup or its copy fails its check, or that
 /// list cannot be read or is too long; nothing was changed), kNoRoom (for the copy), kFailed.
 Result<RestoreResult> restoreFrom(const std::filesystem::path& folder, const std::filesystem::path& from,
                                   std::int64_t now_unix_ns, LinkCall link = nullptr,
-                                  const std::filesystem::path& key_file = {}, bool take_old_list = false);
+                                  const std::filesystem::path& key_file = {});
 
 /// Completes a restore that was interrupted after its decision. Under the folder's lock, before the database
 /// is opened.

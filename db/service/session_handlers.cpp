@@ -288,7 +288,7 @@ Result<pb::Reply> listEvents(const Context& context, const pb::ListEvents& call)
   pb::Reply reply;
   auto* list = reply.mutable_events();
   list->set_stored(stored->has_value());
-  // a session that was closed before events were stored, or could not be scored then
+  // a session that could not be scored when it was closed
   if (!*stored) {
     // a session that has a score was read since, by a program with other bounds
     if (info.score_json().empty()) {

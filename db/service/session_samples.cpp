@@ -164,7 +164,7 @@ Status noteNeverScored(Connection& writer, const Uuid& session, const std::strin
   remark.author = kServerName;
   remark.text = kUnscoredText + why;
   remark.created_unix_ns = wallNowNs();
-  // an older program wrote the same, and no number
+  // a restored `meta` may lack its number
   ASSIGN_OR_RETURN(const auto same, AnnotationStore(writer).find(session, remark.author, remark.text));
   if (same) {
     remark.id = *same;

@@ -66,10 +66,9 @@ Result<std::string> lackedBesideBackups(Connection& reader) {
 /// Adds the erasures to the list beside a backup, so that a restore of an older one on another machine knows
 /// whom to erase. What it did about lines of others stands in the audit log.
 Status writeListBeside(const Context& context, const std::filesystem::path& backup) {
-  ASSIGN_OR_RETURN(auto erasures, readErasures(context.reader.path().parent_path()));
+  ASSIGN_OR_RETURN(const auto erasures, readErasures(context.reader.path().parent_path()));
   if (erasures.empty()) return {};
   const auto key = ErasureStore(context.reader).key();  // `check` says that it is missing
-  if (key) sealOld(erasures, *key);
   ASSIGN_OR_RETURN(const auto note, addErasuresBeside(backup.parent_path(), erasures, key ? &*key : nullptr));
   if (note.empty()) return {};
   return write(context, backup.string(), note, [](Connection&) { return Status(); });

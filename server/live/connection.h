@@ -63,9 +63,6 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   [[nodiscard]] std::uint64_t id() const { return id_; }
   [[nodiscard]] ConnectionState state() const { return state_; }
   [[nodiscard]] const Principal& who() const { return who_; }
-  /// From its Hello: untrusted text and numbers.
-  [[nodiscard]] const std::string& program() const { return program_; }
-  [[nodiscard]] const pb::Version& version() const { return version_; }
   [[nodiscard]] const std::string& address() const { return channel_->peerAddress(); }
   /// The address without the port.
   [[nodiscard]] std::string peerHost() const;
@@ -168,7 +165,6 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   Principal who_;
   std::shared_ptr<const StationClaim> claim_;  // of a station; null: no other server works on the database
   std::string program_;                        // from its Hello, at most kMostProgramBytes
-  pb::Version version_;                        // from its Hello
   Signal pong_;                                // a Pong has arrived, or this connection ends
   // ids of this connection's own Pings; the channel's Pings have no ids
   std::uint64_t pings_asked_ = 0, pings_answered_ = 0;

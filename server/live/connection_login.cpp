@@ -55,7 +55,6 @@ Task<Result<Tokens::Holder>> checkToken(ServerContext& context, std::shared_ptr<
 
 void PeerConnection::greet(const pb::Hello& hello) {
   program_ = hello.program().substr(0, kMostProgramBytes);
-  version_ = hello.version();
   const pb::Version ours = ourVersion();
   if (const Status fits = checkVersion(ours, hello.version()); !fits.ok()) {
     note(PeerLine::kVersionRefused, {{"conn", id_},

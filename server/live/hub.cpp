@@ -66,7 +66,6 @@ void Hub::setSession(Station& station, std::string_view session_id) {
   status.set_session_id(std::string(session_id));
   if (!session_id.empty()) stations_by_session_[status.session_id()].insert(&station);
   status.clear_peak_force_n();
-  status.clear_peak_since_unix_ns();
   status.clear_hazards_touched();
   status.clear_force_limit_n();
   status.clear_tissue();
@@ -157,18 +156,11 @@ std::optional<pb::Refusal> Hub::onStatus(const std::string& name, const pb::Stat
   const bool other_session = status.session_id() != station.status.session_id();
   setSession(station, status.session_id());
   const double seen_N = station.status.peak_force_n();
-  const std::int64_t seen_since = station.status.peak_since_unix_ns();
   station.status = status;
-  station.status.clear_peak_since_unix_ns();
   if (isForgotten(station)) station.status.clear_trainee();
-  if (!status.session_id().empty()) {
-    // the station's own peak, except that of minor 1, which sends neither the peak nor the session's
-    // beginning
+  if (!status.session_id().empty())
     station.status.set_peak_force_n(
         std::max({finite(status.peak_force_n()), finite(status.force_n()), seen_N}));
-    if (status.peak_force_n() == 0 && status.started_unix_ns() == 0)
-      station.status.set_peak_since_unix_ns(seen_since != 0 ? seen_since : settings_.unix_now());
-  }
   station.status.set_station(name);
   station.status.set_online(true);
   station.status.set_server(settings_.server_name);

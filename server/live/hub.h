@@ -12,7 +12,6 @@
 #include <unordered_map>
 #include <vector>
 
-#include "common/base/clock.h"
 #include "common/gesture/sample.h"
 #include "common/wire/live_frames.h"
 #include "common/wire/protocol.h"
@@ -56,9 +55,7 @@ struct HubSettings {
   std::size_t max_frame_samples = 1000;     ///< of a live frame; stations send 20
   std::size_t max_cut_memory_bytes = 1024;  ///< of a live frame; stations send 980 at most
   std::size_t max_status_bytes = 2048;      ///< of a station's status line
-  /// The time of day, ns since 1970, for StationStatus.peak_since_unix_ns.
-  std::int64_t (*unix_now)() noexcept = wallNowNs;
-  std::string server_name{};  ///< for StationStatus.server; empty: the lab has one server
+  std::string server_name{};                ///< for StationStatus.server; empty: the lab has one server
 };
 
 /// Peers must detach before their destruction. Times: steady clock, ns, from the caller. Thread: one; no

@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "common/base/clock.h"
-#include "common/base/text.h"
 #include "common/wire/protocol.h"
 #include "db/service/requests.h"
 #include "server/base/log.h"
@@ -36,11 +35,6 @@ StationMessage stationMessageOf(const pb::Request& request, const std::string& b
   return wanted;
 }
 
-/// The first minor protocol version that supports a message to a station.
-std::uint32_t sinceMinor(const pb::Envelope& message) {
-  return message.has_set_aids() || message.has_stop_lesson() ? 2 : 0;
-}
-
 /// Returns a refusal when the message did not, or perhaps did not, reach the station.
 Task<std::optional<pb::Refusal>> deliverHere(ServerContext& context, std::string station,
                                              pb::Envelope message) {
@@ -52,16 +46,6 @@ Task<std::optional<pb::Refusal>> deliverHere(ServerContext& context, std::string
                           trouble.empty() ? name + " is not online"
                                           : name + " is not connected to this server, and " + trouble +
                                                 ": if it is at another server, try again when that is over");
-  }
-  if (peer->version().minor() < sinceMinor(message)) {
-    // an older station would answer the ping but skip the unknown message: that is not a delivery
-    pb::Refusal refusal = makeRefusal(
-        pb::Refusal::VERSION, name + " runs " + printable(peer->program()) + " (protocol " +
-                                  versionText(peer->version()) +
-                                  "), which does not know this message: bring the station up to date");
-    *refusal.mutable_ours() = ourVersion();
-    *refusal.mutable_theirs() = peer->version();
-    co_return refusal;
   }
   if (co_await PeerConnection::sendConfirmed(peer->shared_from_this(), std::move(message)))
     co_return std::nullopt;

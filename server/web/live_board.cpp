@@ -145,7 +145,6 @@ std::string LiveBoard::make() {
                      {"layer", layer},
                      {"force_n", idle ? 0 : status.force_n()},
                      {"peak_force_n", idle ? 0 : status.peak_force_n()},
-                     {"peak_since_unix_ms", idle ? 0 : status.peak_since_unix_ns() / 1'000'000},
                      {"fault", trouble ? faultText(static_cast<Fault>(std::min(status.fault(), 255u)))
                                        : status.trouble()},
                      {"drops", status.missed_ticks()}});

@@ -14,12 +14,11 @@
 namespace needlelab {
 
 /// `{"live_trouble": "…", "tiles":[{station, server, online, session_id, trainee, exercise, phase, depth_m,
-/// layer, force_n, peak_force_n, peak_since_unix_ms, fault, drops}]}`. `layer` is what people call it,
-/// `fault` a problem that needs a person's attention, `drops` the number of ticks that the station missed,
-/// `peak_force_n` the session's maximum, by the hub: it does not depend on who watches. `peak_since_unix_ms`
-/// is 0, or when the server began to see a session whose station sends no peak. `server` is the name of the
-/// server that has the station, `live_trouble` why stations of other servers may be missing; both are empty
-/// in a lab that has one server. Built only while there are viewers. Thread: the network's. Ownership: kept
+/// layer, force_n, peak_force_n, fault, drops}]}`. `layer` is what people call it, `fault` a problem that
+/// needs a person's attention, `drops` the number of ticks that the station missed, `peak_force_n` the
+/// session's maximum, by the hub: it does not depend on who watches. `server` is the name of the server that
+/// has the station, `live_trouble` why stations of other servers may be missing; both are empty in a lab that
+/// has one server. Built only while there are viewers. Thread: the network's. Ownership: kept
 /// alive by its coroutine.
 class LiveBoard : public std::enable_shared_from_this<LiveBoard> {
  public:

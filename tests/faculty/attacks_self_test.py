@@ -23,7 +23,7 @@ from attacks_test import KNOWN, PLANTED, SCENARIOS, SUFFIX, Planned, Table, plan
 from cables import NoNamespaces, Switch, lost_ways  # noqa: E402
 from fault_lab import Judgement  # noqa: E402
 from measures import AckTimes, Away, Fault, longest_silence, missing, percentile  # noqa: E402
-from peers import CALL_STOP_LESSON, MINOR, PING, PONG, REPLY, REQUEST, STOP_LESSON, SUBSCRIBE, message, pong  # noqa: E402
+from peers import CALL_STOP_LESSON, PING, PONG, REPLY, REQUEST, STOP_LESSON, SUBSCRIBE, message, pong  # noqa: E402
 from rude_client import field  # noqa: E402
 from viewers import Viewer  # noqa: E402
 
@@ -231,7 +231,7 @@ class Speech(unittest.TestCase):
     def test_numbers_are_those_of_the_protocol(self):
         texts = {name: (ROOT / f"proto/needlelab/{name}.proto").read_text(encoding="utf-8") for name in ("envelope", "control", "live")}
         for text in (f"Ping ping = {PING};", f"Pong pong = {PONG};", f"Request request = {REQUEST};", f"Reply reply = {REPLY};",
-                     f"Subscribe subscribe = {SUBSCRIBE};", f"StopLesson stop_lesson = {STOP_LESSON};", f"of minor {MINOR} and later"):
+                     f"Subscribe subscribe = {SUBSCRIBE};", f"StopLesson stop_lesson = {STOP_LESSON};"):
             self.assertIn(text, texts["envelope"])
         self.assertIn(f"StopLesson stop_lesson = {CALL_STOP_LESSON};", texts["control"])
         stop = texts["live"][texts["live"].index("message StopLesson"):]

@@ -13,7 +13,6 @@ from rude_client import LOGIN, REFUSAL, WELCOME, Peer, field  # noqa: E402
 
 PING, PONG, REQUEST, REPLY, SUBSCRIBE, STOP_LESSON = 5, 6, 7, 8, 41, 47  # Envelope
 CALL_STOP_LESSON = 83  # Request
-MINOR = 2  # of the protocol: from it on a station knows StopLesson
 
 
 class Refused(Exception):
@@ -34,7 +33,7 @@ class Person(Peer):
     """Logs in with a password or a token; `token` is that of the Welcome."""
 
     def __init__(self, lab, server, name=None, password=None, token=None, **how):
-        super().__init__(lab.place(server).address, lab.ports[server], lab.ca, MINOR, **how)
+        super().__init__(lab.place(server).address, lab.ports[server], lab.ca, **how)
         try:
             who = field(3, token) if token is not None else field(2, field(1, name) + field(2, password))
             self.send(LOGIN, who)
@@ -84,7 +83,7 @@ class StationPeer(Peer):
     """A station that confirms what it is sent, on a thread of its own: `stops` has the reasons with which its lesson was stopped."""
 
     def __init__(self, lab, server, station):
-        super().__init__(lab.place(server).address, lab.ports[server], lab.ca, MINOR)
+        super().__init__(lab.place(server).address, lab.ports[server], lab.ca)
         name, key = (lab.template / f"{station}.key").read_text().strip().split(":")
         try:
             self.send(LOGIN, field(1, field(1, name) + field(2, bytes.fromhex(key))))

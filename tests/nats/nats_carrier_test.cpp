@@ -230,7 +230,7 @@ TEST_F(NatsCarrierTest, twoHubsShowEachOthersStationsAndGoOnAfterNatsWasKilled) 
   nats.start();
   struct Side {
     Side(asio::io_context& io, const std::string& url, const std::string& name)
-        : hub(HubSettings{.unix_now = wallNowNs, .server_name = name}),
+        : hub(HubSettings{.server_name = name}),
           carrier(std::move(*NatsCarrier::make(io.get_executor(), {.address = url}))),
           remote(hub, *carrier,
                  {.lab = "lab", .server = name, .instance = std::hash<std::string>()(name) | 1}) {

@@ -230,28 +230,6 @@ TEST_F(RestoreTest, aNewMachineGetsItsDatabase) {
   EXPECT_EQ(people(there / "needlelab.db"), std::vector<std::string>{"kept"});
 }
 
-TEST_F(RestoreTest, aBackupOfEveryOlderSchemaIsTakenAndMigrated) {
-  for (int version = 1; version <= newestSchemaVersion(); ++version) {
-    const fs::path old = folder_.path() / ("v" + std::to_string(version) + ".db");
-    const auto sql = readWholeFile(fs::path(NEEDLELAB_SOURCE) / "tests/data/db" /
-                                   ("v" + std::to_string(version) + ".sql"));
-    ASSERT_TRUE(sql.ok()) << sql.error().message;
-    {
-      auto writer = Connection::open(old, {.mode = Connection::Mode::kWriter, .create = true});
-      ASSERT_TRUE(writer.ok());
-      ASSERT_TRUE(writer->script(*sql).ok());
-      ASSERT_TRUE(writer->checkpointPassive().ok());
-      ASSERT_TRUE(writer->script("PRAGMA journal_mode=DELETE").ok());
-    }
-    const auto result = restoreFrom(data(), old, kNow);
-    ASSERT_TRUE(result.ok()) << result.error().message;
-    EXPECT_EQ(result->schema, version);
-    EXPECT_GE(result->chunks, 4u);
-    auto reader = Connection::open(data() / "needlelab.db", {.mode = Connection::Mode::kReader});
-    EXPECT_EQ(*schemaVersion(*reader), newestSchemaVersion());
-  }
-}
-
 TEST_F(RestoreTest, isRefusedWhileAServerRuns) {
   const auto store = open();
   const auto result = restoreFrom(data(), backup(), kNow);

@@ -232,9 +232,9 @@ def schemas(programs, scratch, cluster):
     own, url = scratch / "own", f"postgresql://owner@/own?host={cluster.folder}"
     programs.works(own, url)
     version = cluster.sql("SELECT version FROM needlelab.schema_version", "own")
-    for changed, words in (("99", ["its schema has version 99", "use the newer program"]), ("5", ["its schema has version 5", "needlelab can have made it"])):
+    for changed, words, code in (("99", ["its schema has version 99", "use the newer program"], 2), ("0", ["has 0, and not one version"], 1)):
         cluster.sql(f"UPDATE needlelab.schema_version SET version = {changed}", "own")
-        programs.refused(f"schema {changed}", own, url, words)
+        programs.refused(f"schema {changed}", own, url, words, code)
     cluster.sql(f"UPDATE needlelab.schema_version SET version = {version}", "own")
     cluster.sql("REVOKE ALL ON SCHEMA needlelab FROM owner", "own")
     programs.refused("no right to the schema", own, url, ["may not use the schema needlelab", "GRANT ALL ON SCHEMA needlelab TO owner"])
@@ -293,10 +293,10 @@ def while_it_runs(programs, scratch, cluster):
         programs.is_told("another lab's database", ["the database cannot be read: ", "the database that answers here now belongs to the lab "])
         exchange(cluster, "own", "other")
         programs.goes_on("the lab's database is back")
-        cluster.sql("UPDATE needlelab.schema_version SET version = version - 1", "own")
-        end(cluster, "('own')")
-        programs.is_told("an older schema", ["the schema of the database that answers here now has the version "])
         cluster.sql("UPDATE needlelab.schema_version SET version = version + 1", "own")
+        end(cluster, "('own')")
+        programs.is_told("a newer schema", ["the schema of the database that answers here now has the version "])
+        cluster.sql("UPDATE needlelab.schema_version SET version = version - 1", "own")
         programs.goes_on("the schema is back")
 
 

@@ -73,8 +73,7 @@ class BoundedResults : public testing::Test {
 
 // as the thief of a key sends them: each is stored on the writer
 TEST_F(BoundedResults, ofTheChunksThatCannotBeDecodedNoneIsReadForTheNext) {
-  const auto refused =
-      test::namedChunks(std::filesystem::path(NEEDLELAB_TEST_DATA).parent_path() / "gesture/refused.tsv");
+  const auto refused = test::namedChunks(std::filesystem::path(NEEDLELAB_TEST_DATA) / "gesture/refused.tsv");
   ASSERT_FALSE(refused.empty());
   const Bytes& bad = refused.front().second;
   ASSERT_OK(SessionStore(db.writer).open(test::describe(id), 1));

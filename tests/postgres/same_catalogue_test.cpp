@@ -1,7 +1,6 @@
 // Both engines have the same schema, as far as PostgreSQL can tell: what SQLite's catalogue says is made
 // there, too, and PostgreSQL writes both down. And each CHECK refuses on both engines what it is there for.
 #include <gmock/gmock.h>
-#include <algorithm>
 
 #include <map>
 #include <regex>
@@ -9,11 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "common/base/files.h"
-#include "db/copied_tables.h"
 #include "db/postgres_schema.h"
 #include "db/schema.h"
-#include "db/store_copy.h"
 #include "tests/support/postgres_database.h"
 #include "tests/unit/db/test_db.h"
 
@@ -287,55 +283,25 @@ TEST_F(SameChecks, refuseTheSameRows) {
 
 // --- migrations
 
-/// Rows in all tables, as tests/data/db has them, of each version that there was on PostgreSQL.
-TEST_F(SameCatalogue, aDatabaseThatIsMigratedIsAsAFreshOneAndHasItsRows) {
-  const auto fresh = catalogueOf(postgres, "needlelab");
-  for (int version = 8; version < newestSchemaVersion(); ++version) {
-    SCOPED_TRACE(version);
-    const std::string name = "v" + std::to_string(version);
-    const auto sql =
-        TestDb::must(readWholeFile(std::filesystem::path(NEEDLELAB_TEST_DATA) / (name + ".sql")));
-    const auto from_file = [&](const std::string& file) {
-      auto made = TestDb::must(
-          Connection::open(folder.path() / file, {.mode = Connection::Mode::kWriter, .create = true}));
-      EXPECT_OK(made.script("PRAGMA synchronous=OFF"));
-      EXPECT_OK(made.script(sql));
-      EXPECT_EQ(TestDb::must(schemaVersion(made)), version);
-      return made;
-    };
-    Connection old = from_file(name), on_sqlite = from_file(name + "-migrated");
-    ASSERT_OK(migrate(on_sqlite));
-
-    Connection migrated = TestDb::must(openAt(
-        StoreAddress(folder.path() / "x", postgresUrlOf(folder.path() / name)), Connection::Mode::kWriter));
-    ASSERT_OK(migrated.script("DROP SCHEMA needlelab CASCADE"));
-    ASSERT_OK(migratePostgres(migrated, 0, version));
-    ASSERT_EQ(TestDb::must(schemaVersion(migrated)), version);
-    ASSERT_OK(migrated.script("SET session_replication_role = replica"));  // no triggers: rows as they are
-    ASSERT_OK(migrated.script("DELETE FROM meta"));                        // what a new database has
-    auto tables = TestDb::must(copiedTables(on_sqlite));
-    for (CopiedTable& table : tables) {
-      const auto there =
-          TestDb::must(old.query("SELECT name FROM pragma_table_info(?)", table.name).all(firstText));
-      if (there.empty()) continue;  // a later version's
-      // a later version's columns stand behind those of the key
-      std::erase_if(table.columns, [&](const auto& column) {
-        return std::find(there.begin(), there.end(), column.name) == there.end();
-      });
-      const auto rows = TestDb::must(rowsBehind(old, table, {}, kMostRowsOfPage));
-      EXPECT_FALSE(rows.empty()) << table.name << " has no row in tests/data/db";
-      ASSERT_OK(addRows(migrated, table, rows));
-    }
-    ASSERT_OK(setLastNumbers(migrated, TestDb::must(lastNumbersOf(old))));
-    ASSERT_OK(migrated.script("SET session_replication_role = origin"));
-
-    ASSERT_OK(migrate(migrated));
-    const auto compared = compareRows(on_sqlite, migrated, {});
-    ASSERT_OK(compared);
-    EXPECT_GE(compared->rows, 50u);
-    EXPECT_EQ(TestDb::must(lastNumbersOf(migrated)), TestDb::must(lastNumbersOf(on_sqlite)));
-    EXPECT_EQ(catalogueOf(migrated, "needlelab"), fresh);
+TEST_F(SameCatalogue, aLaterVersionKeepsTheRowsAndOneThatFailsChangesNothing) {
+  std::vector<EmbeddedFile> files(embeddedPostgresMigrations().begin(), embeddedPostgresMigrations().end());
+  ASSERT_OK(MetaStore(postgres).set("k", "1"));
+  files.push_back({"0002_more.sql", "ALTER TABLE meta ADD COLUMN more BIGINT NOT NULL DEFAULT 7"});
+  for (int start = 0; start < 2; ++start) {
+    ASSERT_OK(migrate(postgres, files));
+    EXPECT_EQ(TestDb::must(schemaVersion(postgres)), 2);
   }
+  files.push_back({"0003_bad.sql", "CREATE TABLE b (x BIGINT); CREATE TABLE meta (y BIGINT)"});
+  const Status failed = migrate(postgres, files);
+  ASSERT_FALSE(failed.ok());
+  EXPECT_THAT(failed.error().message, testing::HasSubstr("0003_bad.sql"));
+  EXPECT_EQ(TestDb::must(schemaVersion(postgres)), 2);
+  auto row = postgres.prepare("SELECT value, more, to_regclass('b') IS NULL FROM meta WHERE key = 'k'");
+  ASSERT_TRUE(*row.step());
+  EXPECT_EQ(row.text(0), "1");
+  EXPECT_EQ(row.integer(1), 7);
+  EXPECT_EQ(row.integer(2), 1);
+  EXPECT_EQ(migrate(postgres).error().code, ErrorCode::kVersion);
 }
 
 }  // namespace

@@ -1,9 +1,9 @@
-// Both engines have the same schema: db/migrations on SQLite, db/migrations/postgres on PostgreSQL.
+// What the schema on PostgreSQL does as SQLite's, and what a start refuses in it. Columns, constraints and
+// indexes: same_catalogue_test.cpp.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <cstdlib>
-#include <map>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -16,42 +16,6 @@
 
 namespace needlelab {
 namespace {
-
-/// Of a table's column: its type, whether NULL is refused, its place in the primary key (0: none).
-struct ColumnFacts {
-  std::string type;
-  bool not_null = false;
-  std::int64_t key = 0;
-  bool operator==(const ColumnFacts&) const = default;
-};
-using SchemaFacts = std::map<std::string, ColumnFacts>;  // by "table.column"
-
-std::ostream& operator<<(std::ostream& out, const ColumnFacts& facts) {
-  return out << facts.type << (facts.not_null ? " NOT NULL" : "") << ", key " << facts.key;
-}
-
-/// SQLite's names of types.
-std::string typeOf(const std::string& postgres) {
-  static const std::map<std::string, std::string> kTypes = {
-      {"bigint", "INTEGER"}, {"double precision", "REAL"}, {"text", "TEXT"}, {"bytea", "BLOB"}};
-  const auto found = kTypes.find(postgres);
-  return found != kTypes.end() ? found->second : "no type of needlelab: " + postgres;
-}
-
-SchemaFacts factsOfSqlite() {
-  auto opened = Connection::open(":memory:", {.mode = Connection::Mode::kReader, .create = true});
-  if (!opened || !opened->script("PRAGMA query_only=OFF").ok()) throw std::runtime_error("no database");
-  for (const EmbeddedFile& file : embeddedMigrations())
-    if (!opened->script(std::string(file.text)).ok()) throw std::runtime_error(std::string(file.name));
-  SchemaFacts facts;
-  auto rows = opened->prepare(
-      "SELECT t.name, c.name, c.type, c.\"notnull\" OR c.pk > 0, c.pk FROM sqlite_schema t, "
-      "pragma_table_info(t.name) c"
-      " WHERE t.type = 'table' AND t.name NOT LIKE 'sqlite%'");
-  while (*rows.step())
-    facts[rows.text(0) + "." + rows.text(1)] = {rows.text(2), rows.integer(3) != 0, rows.integer(4)};
-  return facts;
-}
 
 class SameSchema : public testing::Test {
  protected:
@@ -91,35 +55,6 @@ class SameSchema : public testing::Test {
   const std::string name_ = "schema" + std::to_string(::getpid());
   std::unique_ptr<EngineConnection> db;
 };
-
-TEST_F(SameSchema, columnsTypesAndKeys) {
-  SchemaFacts facts;
-  auto rows = asked(
-      "SELECT c.table_name::text, c.column_name::text, c.data_type::text, c.is_nullable = 'NO',"
-      " coalesce((SELECT k.ordinal_position::bigint FROM information_schema.key_column_usage k"
-      "  JOIN information_schema.table_constraints t ON t.constraint_name = k.constraint_name AND "
-      "t.table_schema = k.table_schema"
-      "  WHERE t.constraint_type = 'PRIMARY KEY' AND k.table_schema = c.table_schema AND k.table_name = "
-      "c.table_name"
-      "  AND k.column_name = c.column_name), 0)"
-      " FROM information_schema.columns c JOIN information_schema.tables b USING (table_schema, table_name)"
-      " WHERE c.table_schema = 'needlelab' AND b.table_type = 'BASE TABLE' AND c.table_name <> "
-      "'last_numbers'");
-  for (;;) {
-    const auto row = rows->step();
-    ASSERT_TRUE(row.ok()) << row.error().message;
-    if (!*row) break;
-    const auto text = [&](int column) { return std::string(textOf(rows->bytes(column))); };
-    facts[text(0) + "." + text(1)] = {typeOf(text(2)), rows->integer(3) != 0, rows->integer(4)};
-  }
-  const SchemaFacts wanted = factsOfSqlite();
-  EXPECT_GT(wanted.size(), 150u);
-  for (const auto& [column, of_sqlite] : wanted) {
-    ASSERT_TRUE(facts.contains(column)) << column;
-    EXPECT_EQ(facts[column], of_sqlite) << column;
-  }
-  EXPECT_EQ(facts.size(), wanted.size());
-}
 
 TEST_F(SameSchema, whatSomebodyPutIntoItOrChangedIsNamed) {
   Connection connection(connect(name_), "lab");

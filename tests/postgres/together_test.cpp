@@ -10,6 +10,7 @@
 #include "common/base/files.h"
 #include "common/wire/certificates.h"
 #include "db/duties.h"
+#include "db/engine/open_postgres.h"
 #include "db/erasure.h"
 #include "db/erasure_list.h"
 #include "db/people.h"
@@ -127,16 +128,18 @@ TEST_F(Together, aNewerSchemaIsMadeByWhoHasTheDatabaseForItself) {
   const auto a = open("a");
   ASSERT_OK(a);
   join("b");
-  const auto setVersion = [&](int version) {
-    return (*a)->writer().run(
-        [version](Connection& c) { return c.run("UPDATE schema_version SET version = ?", version); });
+  // there is no version before the first: one without its table
+  const auto rename = [&](const std::string& from, const std::string& to) {
+    const auto own = openPostgres({.url = url});
+    ASSERT_OK(own);
+    ASSERT_OK((*own)->script("ALTER TABLE needlelab." + from + " RENAME TO " + to));
   };
-  ASSERT_OK(setVersion(newestSchemaVersion() - 1));
+  rename("schema_version", "away");
   const auto refused = open("b");
+  rename("away", "schema_version");
   ASSERT_FALSE(refused.ok());
   EXPECT_EQ(refused.error().code, ErrorCode::kUnavailable) << "whoever ends the others tries again";
   EXPECT_THAT(refused.error().message, HasSubstr("end the other servers, start this one"));
-  ASSERT_OK(setVersion(newestSchemaVersion()));
   ASSERT_OK(open("b"));
 }
 

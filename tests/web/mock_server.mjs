@@ -167,7 +167,6 @@ function tiles(lab) {
         layer: '',
         force_n: 0,
         peak_force_n: 0,
-        peak_since_unix_ms: 0,
         fault: '',
         drops: 0,
       };
@@ -182,7 +181,6 @@ function tiles(lab) {
       layer: layer < 0 ? '' : layerNames(lab.profiles.get(s.profile_id)[0].json)[layer],
       force_n: Math.abs(columns.fz_n[at]),
       peak_force_n: 2.6,
-      peak_since_unix_ms: 0,
       fault: i === 3 && t % 20 < 6 ? 'the tip jumped: over 5 m/s since the last good sample' : '',
       drops: i === 2 ? 3 : 0,
     };

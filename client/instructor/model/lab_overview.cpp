@@ -6,7 +6,6 @@
 
 #include <fmt/core.h>
 
-#include "common/base/local_time.h"
 #include "common/base/text.h"
 #include "common/haptics/force_gate.h"
 
@@ -51,13 +50,6 @@ std::string_view nameOf(Need need) {
 }
 Condition conditionOf(Need need) {
   return kNeeds[static_cast<std::size_t>(need)].condition;
-}
-
-std::string peakWords(const StationTile& tile) {
-  const std::string peak = fixedText(tile.peak_force_N, 1);
-  if (!tile.peak_since_unix_ns) return "seen here " + peak;
-  if (*tile.peak_since_unix_ns == 0) return "peak " + peak;
-  return "peak since " + localTime(*tile.peak_since_unix_ns, TimeForm::kClockMinute) + " " + peak;
 }
 
 void LabOverview::setStations(const pb::Stations& stations, double now_s) {
@@ -119,14 +111,10 @@ void LabOverview::onStatus(const pb::StationStatus& status, double now_s) {
   tile.layer_name = printable(status.tissue());
   tile.force_limit_N = sane(status.force_limit_n()) > 0 ? status.force_limit_n() : kExcessiveForce_N;
   if (!tile.session_id.empty()) {
-    // older stations send neither peak nor hazards: use the values collected here
     const double before_N = tile.peak_force_N;
     tile.peak_force_N = std::max({tile.peak_force_N, tile.force_N, sane(status.peak_force_n())});
     tile.hazards.clear();
     for (const std::string& name : status.hazards_touched()) tile.hazards.push_back(printable(name));
-    tile.peak_since_unix_ns = status.peak_since_unix_ns();
-    if (status.peak_since_unix_ns() == 0 && sane(status.peak_force_n()) == 0 && tile.peak_force_N > 0)
-      tile.peak_since_unix_ns.reset();
     // includes peaks between two status lines
     if (tile.peak_force_N > tile.force_limit_N && tile.peak_force_N > before_N &&
         tile.force_N <= tile.force_limit_N) {

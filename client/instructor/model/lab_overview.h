@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <deque>
 #include <map>
-#include <optional>
 #include <set>
 #include <string>
 #include <string_view>
@@ -55,9 +54,6 @@ struct StationTile {
   int layer = -1;
   std::string layer_name;
   double insertion_m = 0, force_N = 0, peak_force_N = 0, force_limit_N = kExcessiveForce_N;
-  /// Since when the peak is known, ns since 1970: 0 for the whole lesson, else of a station that sends no
-  /// peak. Absent: neither station nor server says; the peak is what was seen here.
-  std::optional<std::int64_t> peak_since_unix_ns = 0;
   double lesson_s = 0;  ///< since the session's start if known, otherwise its first received status line
   std::uint32_t fault = 0;
   std::vector<std::string> hazards;  ///< touched in this lesson; also "bone contact" and "hub on the skin"
@@ -69,9 +65,6 @@ struct StationTile {
   std::string why;             ///< the need, for people: "force 9.1 N, allowed 6 N"
   std::deque<float> forces_N;  ///< from the last status lines, oldest first, for a sparkline
 };
-
-/// "peak 3.2", "peak since 09:34 3.2", or "seen here 3.2" where nobody says since when.
-std::string peakWords(const StationTile& tile);
 
 enum class TileOrder : std::uint8_t { kNeed, kName, kTrainee, kPeakForce };
 struct TileFilter {

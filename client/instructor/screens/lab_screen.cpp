@@ -51,7 +51,7 @@ void tileLines(const StationTile& tile, float inner, float height_px) {
   }
   // present force against its limit, with the peak; the last seconds as a line
   if (tile.online && !tile.session_id.empty()) {
-    const std::string words = fixedText(tile.force_N, 1) + " N  " + peakWords(tile);
+    const std::string words = fixedText(tile.force_N, 1) + " N  peak " + fixedText(tile.peak_force_N, 1);
     // wide enough for its text and the sign of excessive force
     const float needed = ImGui::CalcTextSize(words.c_str()).x + ImGui::GetFontSize() + 2 * space();
     const float bar = std::min(inner, std::max(inner * 0.58F, needed));

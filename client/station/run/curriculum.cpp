@@ -158,17 +158,13 @@ Status updateCurriculum(Curriculum& curriculum, const AskServer& ask, const std:
                         std::int64_t now_unix_ns) {
   Curriculum updated = curriculum;
   ASSIGN_OR_RETURN(updated.exercises, exercisesBy(ask));
-  auto trainees = traineesBy(ask, updated.exercises);
-  if (!trainees.ok() && trainees.error().code != ErrorCode::kDenied) return trainees.error();
-  if (trainees.ok()) {
-    updated.trainees = std::move(*trainees);
-    std::erase_if(updated.standings, [&](const auto& entry) {
-      return std::none_of(updated.trainees.begin(), updated.trainees.end(),
-                          [&](const KnownTrainee& known) { return known.name == entry.first; });
-    });
-    if (!trainee.empty()) {
-      ASSIGN_OR_RETURN(updated.standings[trainee], standingBy(ask, updated.exercises, trainee, now_unix_ns));
-    }
+  ASSIGN_OR_RETURN(updated.trainees, traineesBy(ask, updated.exercises));
+  std::erase_if(updated.standings, [&](const auto& entry) {
+    return std::none_of(updated.trainees.begin(), updated.trainees.end(),
+                        [&](const KnownTrainee& known) { return known.name == entry.first; });
+  });
+  if (!trainee.empty()) {
+    ASSIGN_OR_RETURN(updated.standings[trainee], standingBy(ask, updated.exercises, trainee, now_unix_ns));
   }
   curriculum = std::move(updated);
   return {};

@@ -64,16 +64,15 @@ std::string accountOf(const std::vector<KnownTrainee>& trainees, const std::stri
 using AskServer = std::function<Result<pb::Reply>(pb::Request)>;
 /// Returns all exercises of all courses. Errors: from `ask`.
 Result<std::vector<ServerExercise>> exercisesBy(const AskServer& ask);
-/// Returns everybody who is assigned one of these exercises' courses, or has tried. Errors: from `ask`;
-/// kDenied: the server is older than this request.
+/// Returns everybody who is assigned one of these exercises' courses, or has tried. Errors: from `ask`.
 Result<std::vector<KnownTrainee>> traineesBy(const AskServer& ask,
                                              const std::vector<ServerExercise>& exercises);
 /// Returns a trainee's standing in these exercises. Errors: as traineesBy.
 Result<TraineeStanding> standingBy(const AskServer& ask, const std::vector<ServerExercise>& exercises,
                                    const std::string& trainee, std::int64_t now_unix_ns);
 /// Takes exercises, trainees, and the standing of `trainee` (empty: of nobody) from the server. Forgets the
-/// standings of those whom the server does not list any more. Leaves trainees and standings as they are if
-/// the server is older than these requests. Errors: from `ask`; `curriculum` stays unchanged then.
+/// standings of those whom the server does not list any more. Errors: from `ask`; `curriculum` stays
+/// unchanged then.
 Status updateCurriculum(Curriculum& curriculum, const AskServer& ask, const std::string& trainee,
                         std::int64_t now_unix_ns);
 

@@ -173,7 +173,7 @@ void LessonSequence::updateStanding(const std::string& trainee) {
 void LessonSequence::keepCurriculum(Status asked, const StartLists& lists) {
   if (asked.ok() && lists.curriculum) asked = CurriculumCache(options_.spool).keep(*lists.curriculum);
   if (asked.ok()) return;
-  // away, or older than these requests: the screen shows it
+  // away, or it refuses the station: the screen shows it
   const ErrorCode code = asked.error().code;
   const bool expected =
       code == ErrorCode::kUnavailable || code == ErrorCode::kFailed || code == ErrorCode::kDenied;

@@ -55,7 +55,7 @@ def chunk_bytes(seq, shift=0):
 class Peer:
     """A connection to a server, by the protocol alone. It says Hello; the log-in is the caller's."""
 
-    def __init__(self, address, port, ca, minor=0, receive_bytes=None):
+    def __init__(self, address, port, ca, receive_bytes=None):
         context = ssl.create_default_context(cafile=ca)
         plain = socket.socket()
         if receive_bytes is not None:
@@ -63,7 +63,7 @@ class Peer:
         plain.settimeout(60)
         plain.connect((address, port))
         self.socket = context.wrap_socket(plain, server_hostname=address)
-        self.send(HELLO, field(1, field(1, 1) + (field(2, minor) if minor else b"")) + field(2, "rude client"))
+        self.send(HELLO, field(1, field(1, 1)) + field(2, "rude client"))
 
     def send(self, number, body):
         envelope = field(number, body)

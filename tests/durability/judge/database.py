@@ -50,14 +50,14 @@ class Session:
     def __init__(self, row, chunks, progress, quarantined=frozenset()):
         self.id = row["id"].hex()
         self.station, self.state = row["station"], row["state"]
-        # the counters of an open session stand in session_progress since schema 5, and only its
+        # the counters of an open session stand in session_progress, and only its
         self.progress_fault = None
-        if progress is not False and (progress is not None) != (self.state == OPEN):
+        if (progress is not None) != (self.state == OPEN):
             self.progress_fault = "is open without counters" if self.state == OPEN else "is closed, but has counters of an open one"
         sums = progress or row
         self.row_chunks, self.row_samples, self.row_bytes = sums["chunks"], sums["samples"], sums["stored_bytes"]
         # 1: the original; retention may have thinned (2) or deleted (3) a recording, by a policy
-        self.recording = row["recording"] if "recording" in row.keys() else 1
+        self.recording = row["recording"]
         self.hash = row["hash"].hex() if row["hash"] is not None else None
         self.steps, self.fault = None, None
         self._describe(row["description"])
@@ -113,19 +113,14 @@ class Database:
             for (said,) in connection.execute("PRAGMA integrity_check"):
                 if said != "ok":
                     self.faults.append(f"integrity_check: {said}")
-            tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_schema WHERE type = 'table'")}
-            progress = {}  # session -> its counters; False: a database of before schema 5
-            if "session_progress" in tables:
-                progress = {p["session"]: p for p in connection.execute("SELECT * FROM session_progress")}
+            progress = {p["session"]: p for p in connection.execute("SELECT * FROM session_progress")}
             quarantined = {}
-            if "quarantined_chunks" in tables:
-                for mark in connection.execute("SELECT session, seq FROM quarantined_chunks"):
-                    quarantined.setdefault(mark["session"], set()).add(mark["seq"])
+            for mark in connection.execute("SELECT session, seq FROM quarantined_chunks"):
+                quarantined.setdefault(mark["session"], set()).add(mark["seq"])
             for row in connection.execute("SELECT * FROM sessions"):
                 chunks = [(c["seq"], c["samples"], c["crc"], bytes(c["bytes"]))
                           for c in connection.execute("SELECT * FROM chunks WHERE session = ? ORDER BY seq", (row["number"],))]
-                session = Session(row, chunks, progress.pop(row["number"], None) if "session_progress" in tables else False,
-                                  quarantined.get(row["number"], set()))
+                session = Session(row, chunks, progress.pop(row["number"], None), quarantined.get(row["number"], set()))
                 self.sessions[session.id] = session
             if progress:
                 self.faults.append(f"{len(progress)} counters belong to no session")

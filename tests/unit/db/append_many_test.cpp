@@ -226,7 +226,7 @@ class TwoDatabases {
   std::vector<Known> sessions_;
   std::size_t closed_ = 0, erased_ = 0, unknown_ = 0;
   const std::vector<std::pair<std::string, Bytes>> undecodable_ =
-      test::namedChunks(std::filesystem::path(NEEDLELAB_TEST_DATA).parent_path() / "gesture/refused.tsv");
+      test::namedChunks(std::filesystem::path(NEEDLELAB_TEST_DATA) / "gesture/refused.tsv");
 };
 
 Arrivals copyOf(const Arrivals& arrivals) {

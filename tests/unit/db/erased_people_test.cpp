@@ -213,7 +213,7 @@ TEST_F(ErasedPeopleTest, whoComesUnderANameThatWasErasedWithoutAnAccountKeepsThe
     EXPECT_EQ(sessions.info(taken)->description().trainee(), pseudonym) << "offered again, it stays away";
     EXPECT_TRUE(ErasureStore(db.writer).toRepeat(db.folder.path())->empty());
   }
-  // an erasure of before does not say that nobody had the name: what comes late may be an account's
+  // of an erasure that took an account, what comes late may be that account's
   ASSERT_OK(eraseName("erased-3", false, kNow + 201 * kDay));
   EXPECT_EQ(deliver(makeUuidV7(), kNow), "erased-3");
   ASSERT_OK(PeopleStore(db.writer).add({"Anna", pb::TRAINEE, "", false, kNow + 202 * kDay}));
@@ -252,7 +252,7 @@ TEST_F(ErasedPeopleTest, aListThatComesLaterTakesNothingThatIsNewerThanItsLines)
     ErasureLine one = line(name, kNow);
     one.pseudonym = "erased-00000000000" + std::to_string(list.size());
     one.without_account = without_account;
-    list.push_back(one);
+    list.push_back(sealed(std::move(one), *PseudonymKey::ofFolder(db.folder.path())));
   };
   const Uuid monas = deliver("Mona", kNow - kMinute), another_monas = deliver("Mona", kNow + kMinute);
   const Uuid first_eves = deliver("eve", kNow - kMinute);
@@ -338,7 +338,7 @@ TEST_F(ErasedPeopleTest, nobodyGetsAnErasedPersonsPseudonym) {
 }
 
 TEST_F(ErasedPeopleTest, aDatabaseFromBeforeSaysWhoMustBeErasedAgain) {
-  const auto made = line("anna", 77);
+  const auto made = sealed(line("anna", 77), *PseudonymKey::ofFolder(db.folder.path()));
   ASSERT_OK(writeErasures(db.folder.path(), {made}));
   const auto lines = readErasures(db.folder.path());
   ASSERT_OK(lines);

@@ -17,7 +17,7 @@ using test::chunkOf;
 using test::describe;
 
 std::vector<std::pair<std::string, Bytes>> impossibleChunks() {
-  return test::namedChunks(std::filesystem::path(NEEDLELAB_TEST_DATA).parent_path() / "gesture/refused.tsv");
+  return test::namedChunks(std::filesystem::path(NEEDLELAB_TEST_DATA) / "gesture/refused.tsv");
 }
 
 /// The number of samples that a chunk's header claims (FORMAT.md: offset 6).
@@ -149,8 +149,8 @@ TEST_F(Quarantine, whereAcksAreSafeOnlySuchChunksAndLaterOnesAreUnsafe) {
   EXPECT_EQ(*store.unsafeChunks(true), 4u);
 }
 
-/// A database of before has such chunks without a mark: verification decodes, and finds them.
-TEST_F(Quarantine, chunksThatAnOlderServerCalledSoundAreFoundWithoutAMark) {
+/// Verification decodes, and does not rely on the mark.
+TEST_F(Quarantine, chunksWithoutAMarkAreFound) {
   const Uuid id = closedSession({chunkOf(0), impossibleChunks().back().second, chunkOf(2)});
   ASSERT_OK(db.writer.script("DELETE FROM quarantined_chunks"));
   EXPECT_FALSE(store.verify(id)->ok);

@@ -15,16 +15,6 @@ export function day(unix_ms, locale = undefined) {
   return unix_ms ? new Intl.DateTimeFormat(locale, { dateStyle: 'medium' }).format(unix_ms) : '–';
 }
 
-/** The time of day alone: "14:05". */
-export function timeOfDay(unix_ms, locale = undefined) {
-  return unix_ms ? new Intl.DateTimeFormat(locale, { timeStyle: 'short' }).format(unix_ms) : '–';
-}
-
-/** " since 14:05", where a figure does not cover all; nothing for 0. */
-export function since(unix_ms, locale = undefined) {
-  return unix_ms ? ` since ${timeOfDay(unix_ms, locale)}` : '';
-}
-
 /** Seconds of a recording: "1:05.3"; "–" where there are none, as of a recording without a rate. */
 export function clock(seconds) {
   if (!Number.isFinite(seconds)) return '–';

@@ -1,6 +1,5 @@
 // The state of the lab now. The line reconnects by itself, and the page shows its state.
 import { href } from '../lib/routes.js';
-import { since } from '../lib/time.js';
 import { counted, quantity, words } from '../lib/units.js';
 import { may } from '../lib/roles.js';
 import { followLab } from '../net/live.js';
@@ -53,7 +52,7 @@ function Tile({ tile, person }) {
             <${Gauge} label="Depth" value=${tile.depth_m ?? 0} full=${kFullDepth_m} unit="m" />
             <${Gauge} label="Force" value=${force} peak=${peak} full=${kFullForce_N} unit="N" />
             <p class="help">
-              Peak${since(tile.peak_since_unix_ms)} ${quantity(peak, 'N')}
+              Peak ${quantity(peak, 'N')}
               ${tile.drops > 0 ? `; the loop missed ${counted(tile.drops, 'tick')}` : ''}
             </p>
           `

@@ -16,10 +16,12 @@ TEST(SpoolJson, theSealIsTheCrcOfWhatStandsBefore) {
   EXPECT_EQ(*unsealed(text), "{}\n");
 }
 
-TEST(SpoolJson, aTextOfAnEarlierVersionIsReadAsItIs) {
+TEST(SpoolJson, aTextWithoutASealIsDamaged) {
   for (const std::string& text : {std::string(), std::string("{}"),
-                                  std::string("{\"a\": \"crc32c 00000000\"}\n"), std::string(40, ' ')})
-    EXPECT_EQ(*unsealed(text), text);
+                                  std::string("{\"a\": \"crc32c 00000000\"}\n"), std::string(40, ' ')}) {
+    EXPECT_FALSE(hasSeal(text)) << text;
+    EXPECT_FALSE(unsealed(text).ok()) << text;
+  }
 }
 
 TEST(SpoolJson, everyFlippedBitIsNoticed) {
@@ -40,7 +42,7 @@ TEST(SpoolJson, everyFlippedBitIsNoticed) {
 TEST(SpoolJson, whatIsNestedDeeperThanAnyFileOfTheSpoolIsRefused) {
   const TempFolder folder;
   const auto nested = [](std::size_t depth) {
-    return "{\"a\": " + std::string(depth, '[') + std::string(depth, ']') + "}";
+    return sealed("{\"a\": " + std::string(depth, '[') + std::string(depth, ']') + "}");
   };
   EXPECT_TRUE(readSpoolJson(folder.write("file.json", nested(10))).ok());
   for (const std::size_t depth : {20u, 500'000u}) {

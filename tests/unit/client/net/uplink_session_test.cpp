@@ -131,7 +131,7 @@ TEST_F(DamagedUpload, chunksBehindDamageCloseUpAndTheEndSaysWhatIsMissing) {
   const pb::CloseSession& close = message->close_session();
   EXPECT_EQ(close.chunks(), 2u);
   EXPECT_EQ(close.samples(), 20u);
-  EXPECT_EQ(close.samples_lost(), 10u) << "a server of before hears of it, too";
+  EXPECT_EQ(close.samples_lost(), 10u);
   EXPECT_EQ(close.samples_damaged(), 10u);
   EXPECT_EQ(close.chunks_damaged(), 1u);
   EXPECT_EQ(close.lost_from_tick(), 10u);

@@ -341,8 +341,7 @@ TEST(SyringeEvents, theProfileNamesTheLayersOfStoredEvents) {
   // as they come from a database
   for (auto& event : events)
     event.mutable_begin()->clear_layer_name(), event.mutable_end()->clear_layer_name();
-  EXPECT_THAT(eventText(events[1]), ::testing::HasSubstr("15 mm deep in MUSCLE"))
-      << "from a server of before";
+  EXPECT_THAT(eventText(events[1]), ::testing::HasSubstr("15 mm deep in MUSCLE"));
   nameLayers(profile, events);
   EXPECT_EQ(events[0].begin().layer_name(), "dura");
   EXPECT_EQ(events[0].end().layer_name(), "dura");

@@ -493,7 +493,6 @@ TEST_F(ClosedBeyondBounds, theRemarkOfAnOlderProgramIsNotRepeatedWhenTheSessionI
 
 TEST_F(Closing, aRemarkInTheServersWordsDoesNotKeepASessionFromItsScore) {
   const Uuid id = addSession("anna", 5, 100, kneeProfile());
-  // a person of this name may be there from an older program
   const Principal impostor{"server", pb::INSTRUCTOR};
   pb::Request remark;
   remark.mutable_annotate()->set_session_id(test::bytesOfId(id));

@@ -332,69 +332,6 @@ TEST_F(ErasedPeople, areInNoByteOfTheFolder) {
   EXPECT_EQ(filesWith(data, "Wqjvornov"), std::vector<std::string>());
 }
 
-/// What an earlier version left in the session that it erased.
-Status leaveProfile(Connection& c) {
-  ASSIGN_OR_RETURN(const auto stored,
-                   c.prepare("SELECT description FROM sessions WHERE erased = 1").first(firstText));
-  pb::SessionDescription d;
-  EXPECT_TRUE(d.ParseFromString(stored.value_or("no session")));
-  d.set_device("Wqjvornov's device");
-  RETURN_IF_ERROR(c.run("UPDATE sessions SET profile_json = ?, description = ? WHERE erased = 1",
-                        R"({"hazards":[{"name":"Wqjvornov"}]})", viewOf(d.SerializeAsString())));
-  return c.run("DELETE FROM meta WHERE key = 'erased_profiles_cleared'");
-}
-
-TEST_F(ErasedPeople, loseAtTheNextStartTheProfilesThatAnEarlierVersionLeft) {
-  addStation();
-  addNamed("qzxanna", "");
-  (void)addSession("qzxanna", 1);
-  const Uuid bens = addSession("ben", 1, 20, R"({"of":"ben"})");
-  get(admin, erase("qzxanna", true));
-  ASSERT_OK(change(leaveProfile));
-  const auto data = folder.path() / "data";
-  EXPECT_FALSE(filesWith(data, "Wqjvornov").empty());
-  const auto lines = [&] {
-    auto reader = store->readers().borrow();
-    return *(**reader)
-                .query("SELECT detail FROM audit WHERE action = 'person erase' AND who = 'server'")
-                .all(firstText);
-  };
-  for (int start = 0; start < 2; ++start) {
-    store.reset();
-    store = test::openStore(data);
-    EXPECT_EQ(filesWith(data, "Wqjvornov"), std::vector<std::string>());
-    EXPECT_EQ(lines(),
-              std::vector<std::string>{
-                  "completed: 1 sessions that an earlier version erased had kept their profiles"})
-        << "once";
-  }
-  auto reader = store->readers().borrow();
-  EXPECT_EQ(
-      *(**reader).query("SELECT profile_json FROM sessions WHERE id = ?", ByteView(bens)).first(firstText),
-      R"({"of":"ben"})");
-}
-
-TEST_F(ErasedPeople, doNotBringTheirProfilesWithAnExportOfAnEarlierVersion) {
-  addStation();
-  addNamed("qzxanna", "");
-  (void)addSession("qzxanna", 1);
-  get(admin, erase("qzxanna", true));
-  ASSERT_OK(change(leaveProfile));
-  const auto records = exportAll(*store);
-  EXPECT_TRUE(std::any_of(records.begin(), records.end(), [](const std::string& record) {
-    return record.find("Wqjvornov") != std::string::npos;
-  }));
-  const auto data = folder.path() / "data";
-  store.reset();
-  store = test::openStore(data);
-  EXPECT_TRUE(importAll(*store, records, 100).done()) << "here they are as the start left them";
-  auto other = test::openStore(folder.path() / "other");
-  EXPECT_TRUE(importAll(*other, records, 100).done());
-  other.reset();
-  for (const char* place : {"data", "other"})
-    EXPECT_EQ(filesWith(folder.path() / place, "Wqjvornov"), std::vector<std::string>()) << place;
-}
-
 TEST_F(ErasedPeople, arePendingWhileSomebodyReadsAndGoneAfterTheNextStart) {
   addNamed("qzxanna", "");
   const auto data = folder.path() / "data";

@@ -486,8 +486,8 @@ class RestoreElsewhere : public Records {
     for (ErasureLine& line : lines) line.seal.reset();
     ASSERT_OK(writeErasures(kept, lines, kErasuresCopy));
   }
-  Result<RestoreResult> restored(bool take_old_list = false) {
-    return restoreFrom(other, kept / "before.db", 1'800'000'000'000'000'000, nullptr, {}, take_old_list);
+  Result<RestoreResult> restored() {
+    return restoreFrom(other, kept / "before.db", 1'800'000'000'000'000'000);
   }
   /// The list beside the backup: `own`, and so many lines of another key, numbered from `first`.
   void putBeside(std::vector<ErasureLine> own, std::size_t first, std::size_t count) {
@@ -550,7 +550,7 @@ TEST_F(RestoreElsewhere, isToldByTheStartAndByCheckWhenAnotherKeyIsPutThereAfter
 
 TEST_F(RestoreElsewhere, doesNotObeyLinesThatSomebodyPutIntoTheList) {
   useKey();
-  // who has seen a hash writes it under another pseudonym; the other line is as a version of before wrote it
+  // who has seen a hash writes it under another pseudonym, or without a MAC
   auto lines = test::TestDb::must(readErasures(kept, kErasuresCopy));
   ASSERT_EQ(lines.size(), 1u);
   const auto bens = PseudonymKey::ofFolder(other)->nameHash("ben");
@@ -560,69 +560,32 @@ TEST_F(RestoreElsewhere, doesNotObeyLinesThatSomebodyPutIntoTheList) {
   ASSERT_OK(writeErasures(kept, lines, kErasuresCopy));
   const auto done = restored();
   ASSERT_OK(done);
-  ASSERT_EQ(done->erasure_notes.size(), 3u);
+  ASSERT_EQ(done->erasure_notes.size(), 2u);
   EXPECT_NE(done->erasure_notes[0].find("that of ben, have no pseudonym of an erasure"), std::string::npos);
-  EXPECT_NE(done->erasure_notes[1].find("erased-567856785678, were changed"), std::string::npos);
-  EXPECT_NE(done->erasure_notes[2].find("erased-9abc9abc9abc, have no MAC, although"), std::string::npos);
+  EXPECT_NE(done->erasure_notes[1].find("2 lines, such as that of erased-567856785678, were changed"),
+            std::string::npos);
   EXPECT_EQ(people(), Names{"ben"});
   EXPECT_EQ(readErasures(other)->size(), 1u);
 }
 
-TEST_F(RestoreElsewhere, takesAListOfBeforeTheMacsWithANote) {
-  useKey();
-  takeMacsAway();
-  {
-    // as a version of before made it
-    auto backup = Connection::open(kept / "before.db", {.mode = Connection::Mode::kWriter});
-    ASSERT_OK(backup);
-    ASSERT_OK(backup->run("DELETE FROM meta WHERE key = ?", kSealsErasuresKey));
-    ASSERT_OK(backup->script("PRAGMA journal_mode=DELETE"));
-  }
-  const auto done = restored();
-  ASSERT_OK(done);
-  ASSERT_EQ(done->erasure_notes.size(), 1u);
-  EXPECT_NE(done->erasure_notes[0].find("1 lines have no MAC: a version of before"), std::string::npos);
-  EXPECT_EQ(people(), Names{"ben"});
-  EXPECT_TRUE(readErasures(other)->at(0).seal.has_value()) << "from now on it has one";
-}
-
-TEST_F(RestoreElsewhere, doesNotObeyAListWhoseMacsSomebodyTookAwayUnlessAskedTo) {
+TEST_F(RestoreElsewhere, doesNotObeyAListWhoseMacsSomebodyTookAway) {
   useKey();
   takeMacsAway();
   const auto told = restored();
   ASSERT_OK(told);
   ASSERT_EQ(told->erasure_notes.size(), 1u);
-  EXPECT_NE(told->erasure_notes[0].find(pseudonym + ", have no MAC, although"), std::string::npos);
-  EXPECT_NE(told->erasure_notes[0].find("--take-old-list"), std::string::npos);
+  EXPECT_NE(told->erasure_notes[0].find(pseudonym + ", were changed: their MAC is wrong or missing"),
+            std::string::npos);
   EXPECT_TRUE(readErasures(other)->empty());
   EXPECT_EQ(people(), (Names{"anna", "ben"}));
-  const auto asked = restored(true);
-  ASSERT_OK(asked);
-  ASSERT_EQ(asked->erasure_notes.size(), 1u);
-  EXPECT_EQ(people(), Names{"ben"});
-  EXPECT_TRUE(readErasures(other)->at(0).seal.has_value());
 }
 
-// Without a key nobody can look at MACs yet, but whether a line has one can be seen.
+// Without a key nobody can look at MACs yet.
 TEST_F(RestoreElsewhere, doesNotObeyItWithAKeyThatIsPutThereAfterwards) {
   takeMacsAway();
   ASSERT_OK(restored());
   useKey();
   EXPECT_EQ(people(), (Names{"anna", "ben"}));
-}
-
-TEST_F(RestoreElsewhere, doesNotObeyItWhereTheFolderHasMacsAndTheBackupIsOfBefore) {
-  useKey();
-  ASSERT_OK(restored());
-  EXPECT_EQ(people(), Names{"ben"});
-  const auto bens = PseudonymKey::ofFolder(other)->nameHash("ben");
-  ASSERT_OK(
-      writeErasures(kept, {{"erased-567856785678", bens, 1'900'000'000'000'000'000, true}}, kErasuresCopy));
-  auto beside = erasuresBeside(kept, other);
-  ASSERT_OK(beside);
-  settleOldLines(*beside, false, false);
-  EXPECT_TRUE(beside->lines.empty());
-  EXPECT_EQ(beside->notes.size(), 1u);
 }
 
 TEST_F(RestoreElsewhere, aFolderWhoseOwnListIsTooLongStartsAndSaysWhatToDo) {
@@ -707,16 +670,14 @@ TEST_F(RestoreElsewhere, isRefusedBeforeAnythingIsReplacedWhenTheListIsTooLong) 
   for (std::size_t i = 0; i < kMostLinesBeside + 1; ++i)
     text += fmt::format("erased-{:012x} {} 1900000000000000000\n", i, hash);
   ASSERT_OK(writeFileAtomically(kept / kErasuresCopy, viewOf(text)));
-  for (const bool take : {false, true}) {
-    const auto refused = restored(take);
-    ASSERT_FALSE(refused.ok());
-    EXPECT_EQ(refused.error().code, ErrorCode::kCorrupt);
-    EXPECT_NE(refused.error().message.find("has 25001 lines, such a list has at most 25000 lines"),
-              std::string::npos)
-        << refused.error().message;
-    EXPECT_NE(refused.error().message.find("older copy of the file into place"), std::string::npos);
-    EXPECT_NE(refused.error().message.find("nothing was changed"), std::string::npos);
-  }
+  const auto refused = restored();
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kCorrupt);
+  EXPECT_NE(refused.error().message.find("has 25001 lines, such a list has at most 25000 lines"),
+            std::string::npos)
+      << refused.error().message;
+  EXPECT_NE(refused.error().message.find("older copy of the file into place"), std::string::npos);
+  EXPECT_NE(refused.error().message.find("nothing was changed"), std::string::npos);
   EXPECT_EQ(*readWholeFile(other / "needlelab.db"), *before);
   EXPECT_EQ(*readWholeFile(other / kErasuresFile), *own);
   EXPECT_EQ(people(), Names{"ben"});

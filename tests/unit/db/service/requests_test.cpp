@@ -5,7 +5,6 @@
 #include <fstream>
 #include <map>
 #include <set>
-#include <sstream>
 
 #include "tests/unit/db/service/test_service.h"
 
@@ -47,57 +46,6 @@ TEST(Roles, everyCallIsInTheTableForEveryRole) {
       }
     }
   }
-}
-
-/// The terms used in requests_before.tsv.
-std::string wordFor(RequestThreads threads) {
-  switch (threads) {
-    case RequestThreads::kWorkers:
-      return "workers";
-    case RequestThreads::kPasswords:
-      return "passwords";
-    case RequestThreads::kViews:
-      return "views";
-    case RequestThreads::kSlow:
-    case RequestThreads::kScores:
-      return "slow_workers";
-    case RequestThreads::kHours:
-      return "retention_workers";
-  }
-  return "?";
-}
-std::string wordFor(ServerPart part) {
-  return part == ServerPart::kFillStations ? "fill stations"
-         : part == ServerPart::kDeliver    ? "deliver"
-                                           : "none";
-}
-
-// The rows replaced a table of roles, a dispatch switch and two lists of threads; the behaviour stayed the
-// same.
-TEST(Requests, theRowsSayWhatTheTablesOfBeforeSaid) {
-  std::ifstream in(NEEDLELAB_TEST_DIR "/requests_before.tsv");
-  std::size_t rows = 0;
-  for (std::string line; std::getline(in, line);) {
-    if (line.starts_with("#") || line.starts_with("call\t")) continue;
-    std::istringstream cells(line);
-    std::string name, action, letters, threads, server_part;
-    for (std::string* cell : {&name, &action, &letters, &threads, &server_part})
-      std::getline(cells, *cell, '\t');
-    const auto* field = pb::Request::descriptor()->FindFieldByName(name);
-    ASSERT_NE(field, nullptr) << name;
-    const auto call = static_cast<pb::Request::CallCase>(field->number());
-    EXPECT_EQ(callName(call), action);
-    std::string may;
-    for (const int role : {1, 2, 3, 4, 5, 6})
-      if (checkRole({"x", static_cast<pb::Role>(role)}, call)) may += "TIMASR"[role - 1];
-    EXPECT_EQ(may, letters) << name;
-    const RequestRow* row = requestRow(call);
-    ASSERT_NE(row, nullptr) << name;
-    EXPECT_EQ(wordFor(row->threads), threads) << name;
-    EXPECT_EQ(wordFor(row->server_part), server_part) << name;
-    ++rows;
-  }
-  EXPECT_EQ(rows, 65u);
 }
 
 TEST(Requests, aLessonWithACodeGoesWherePasswordsAreHashedAndNoOtherLesson) {

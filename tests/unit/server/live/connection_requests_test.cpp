@@ -292,28 +292,6 @@ TEST(Requests, whatDidNotReachAStationBecomesALineUnderThePseudonymOfWhoIsErased
     EXPECT_THAT(line.ShortDebugString(), testing::Not(HasSubstr("anna")));
 }
 
-TEST(Requests, aStationOfAnOlderMinorIsNotToldWhatItWouldPassOver) {
-  Lab lab;
-  const std::string key = lab.server.addStation("old");
-  RawPeer old(lab.server);
-  pb::Envelope hello, login;
-  hello.mutable_hello()->mutable_version()->set_major(kProtocolMajor);
-  hello.mutable_hello()->mutable_version()->set_minor(1);
-  hello.mutable_hello()->set_program("needlelab-station 0.0.9");
-  old.send(hello);
-  ASSERT_TRUE(old.receive().has_value());
-  *login.mutable_login() = stationLogin("old", key);
-  old.send(login);
-  const auto welcome = old.receive();
-  ASSERT_TRUE(welcome && welcome->has_welcome());
-  pb::Request aids;
-  aids.mutable_set_aids()->set_station("old");
-  const auto refused = lab.instructor.call(aids);
-  ASSERT_FALSE(refused.ok());
-  EXPECT_THAT(refused.error().message, HasSubstr("needlelab-station 0.0.9 (protocol 1.1)"));
-  EXPECT_TRUE(lab.instructor.connected()) << "that was about the station";
-}
-
 TEST(Requests, whatARoleMayNotDoIsRefusedAndTheConnectionGoesOn) {
   Lab lab;
   pb::Request add;

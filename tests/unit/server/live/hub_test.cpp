@@ -514,41 +514,31 @@ TEST(Hub, noStatusNamesATraineeWhoWasErasedUntilSomebodyElseOfThatNameHasASessio
   EXPECT_EQ(shownIn(), "");
 }
 
-TEST(Hub, thePeakOfAStationThatSendsNoneIsWhatTheServerSawAndSaysSinceWhen) {
-  static std::int64_t now_unix_ns;
-  now_unix_ns = 1000;
-  HubSettings settings;
-  settings.unix_now = []() noexcept { return now_unix_ns; };
-  Hub hub(settings);
+TEST(Hub, thePeakIsTheStationsOrWhatTheServerSawOfTheSession) {
+  Hub hub;
   FakePeer station;
   hub.attachStation("bench-1", station);
   pb::Stations stations;
   stations.add_stations()->set_name("bench-1");
-  const auto send = [&](char session, double force_N, double own_peak_N, std::int64_t started_unix_ns) {
+  const auto peak_N = [&](char session, double force_N, double own_peak_N) {
     pb::StationStatus status;
     status.set_session_id(std::string(session == 0 ? 0 : 16, session));
     status.set_force_n(force_N);
     status.set_peak_force_n(own_peak_N);
-    status.set_started_unix_ns(started_unix_ns);
-    status.set_peak_since_unix_ns(7);  // only the server fills it
     EXPECT_FALSE(hub.onStatus("bench-1", status, kMs));
     hub.fillStations(stations);
-    now_unix_ns += 100;
-    return std::pair(stations.stations(0).status().peak_force_n(),
-                     stations.stations(0).status().peak_since_unix_ns());
+    return stations.stations(0).status().peak_force_n();
   };
-  using Peak = std::pair<double, std::int64_t>;
-  // of minor 1: nobody need watch for it
-  EXPECT_EQ(send('s', 1.5, 0, 0), Peak(1.5, 1000));
-  EXPECT_EQ(send('s', 2.5, 0, 0), Peak(2.5, 1000));
-  EXPECT_EQ(send('s', 0.5, 0, 0), Peak(2.5, 1000));
-  EXPECT_EQ(send('t', 1, 0, 0), Peak(1, 1300)) << "another session has its own";
-  EXPECT_EQ(send(0, 0, 0, 0), Peak(0, 0)) << "idle";
-  // of a newer one: its own, from before this server looked
-  EXPECT_EQ(send('u', 1, 6.5, 5), Peak(6.5, 0));
-  EXPECT_EQ(send('u', 7, 6.5, 5), Peak(7, 0)) << "the force of this moment counts, too";
-  EXPECT_EQ(send('v', 0, 0, 6), Peak(0, 0)) << "a lesson that has just begun";
-  EXPECT_EQ(send('v', std::nan(""), 0, 6), Peak(0, 0));
+  // nobody need watch for it
+  EXPECT_EQ(peak_N('s', 2.5, 0), 2.5);
+  EXPECT_EQ(peak_N('s', 0.5, 0), 2.5);
+  EXPECT_EQ(peak_N('t', 1, 0), 1) << "another session has its own";
+  EXPECT_EQ(peak_N(0, 0, 0), 0) << "idle";
+  // the station's own, from before this server looked
+  EXPECT_EQ(peak_N('u', 1, 6.5), 6.5);
+  EXPECT_EQ(peak_N('u', 7, 6.5), 7) << "the force of this moment counts, too";
+  EXPECT_EQ(peak_N('v', 0, 0), 0) << "a lesson that has just begun";
+  EXPECT_EQ(peak_N('v', std::nan(""), 0), 0);
 }
 
 TEST(Hub, thePeakDoesNotGoOverToTheNextLessonByAFrame) {

@@ -125,7 +125,7 @@ class LiveBus {
 /// A server's live plane.
 struct LiveServer {
   LiveServer(LiveBus& bus, FakeTime& time, const std::string& name, RemoteLiveSettings settings = {})
-      : hub(HubSettings{.unix_now = wallNowNs, .server_name = name}), port(bus.join(name)) {
+      : hub(HubSettings{.server_name = name}), port(bus.join(name)) {
     settings.server = name;
     if (settings.lab.empty()) settings.lab = "lab";
     if (settings.instance == 0) settings.instance = std::hash<std::string>()(name) | 1;

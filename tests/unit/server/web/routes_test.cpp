@@ -2,10 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include <fstream>
-#include <map>
 #include <set>
-#include <sstream>
 
 #include "server/web/openapi.h"
 #include "tests/unit/server/web/json_schema.h"
@@ -167,60 +164,6 @@ TEST(Routes, plainOnesFillTheirCallFromAddressQueryBodyAndIfMatch) {
   call.if_match = 7;
   EXPECT_EQ(built("DELETE", "/groups/g1", call)->remove_group().id(), "g1");
   EXPECT_EQ(built("DELETE", "/groups/g1", call)->remove_group().base_revision(), 7u);
-}
-
-struct RouteBefore {
-  std::string method, path, role_of, status, query;
-};
-std::vector<RouteBefore> routesBefore() {
-  std::ifstream in(NEEDLELAB_SOURCE_DIR "/tests/unit/server/web/routes_before.tsv");
-  std::vector<RouteBefore> rows;
-  for (std::string line; std::getline(in, line);) {
-    if (line.starts_with("#") || line.starts_with("method\t")) continue;
-    std::istringstream cells(line);
-    RouteBefore row;
-    for (std::string* cell : {&row.method, &row.path, &row.role_of, &row.status, &row.query})
-      std::getline(cells, *cell, '\t');
-    rows.push_back(std::move(row));
-  }
-  return rows;
-}
-
-// Published routes never change; permissions_web.tsv has all routes, including later ones.
-TEST(Routes, thoseOfBeforeStay) {
-  // The methods of one path keep their order; a refused method lists them in this order.
-  std::map<std::string, std::vector<std::string>> expected, found;
-  std::set<std::string> lines;
-  for (const RouteBefore& row : routesBefore()) {
-    expected[row.path].push_back(row.method + " " + row.role_of);
-    lines.insert(row.method + " " + row.path);
-  }
-  const auto& calls = *pb::Request::descriptor();
-  for (const WebRoute& route : webRoutes()) {
-    if (!lines.contains(std::string(route.method) + " " + std::string(route.pattern))) continue;
-    const auto* call = calls.FindFieldByNumber(route.call);
-    found[std::string(route.pattern)].push_back(std::string(route.method) + " " +
-                                                (call == nullptr ? "-" : call->name()));
-  }
-  EXPECT_EQ(found, expected);
-  EXPECT_EQ(lines.size(), 59u);
-}
-
-TEST(OpenApi, describesTheRoutesOfBefore) {
-  const json api = json::parse(openApiText());
-  for (const RouteBefore& row : routesBefore()) {
-    std::string method = row.method;
-    for (char& c : method) c = static_cast<char>(std::tolower(c));
-    ASSERT_TRUE(api["paths"].contains(row.path) && api["paths"][row.path].contains(method)) << row.path;
-    const json& operation = api["paths"][row.path][method];
-    EXPECT_TRUE(operation["responses"].contains(row.status)) << row.method << " " << row.path;
-    EXPECT_EQ(operation["responses"].size(), 2u) << row.method << " " << row.path;
-    std::string query;
-    for (const json& parameter : operation.value("parameters", json::array()))
-      if (parameter["in"] == "query")
-        query += (query.empty() ? "" : " ") + parameter["name"].get<std::string>();
-    EXPECT_EQ(query.empty() ? "-" : query, row.query) << row.method << " " << row.path;
-  }
 }
 
 TEST(OpenApi, describesEveryRouteAndNoOther) {

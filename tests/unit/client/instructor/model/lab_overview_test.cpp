@@ -1,5 +1,4 @@
 #include "client/instructor/model/lab_overview.h"
-#include "tests/support/time_zone.h"
 
 #include <gtest/gtest.h>
 
@@ -178,22 +177,6 @@ TEST(LabOverview, thePeakIsThatOfTheLesson) {
   EXPECT_EQ(lab.find("one")->forces_N.size(), 3u);
   EXPECT_EQ(force(1, 'b', 3), 1);
   EXPECT_EQ(lab.find("one")->lesson_s, 0);
-}
-
-TEST(LabOverview, aPeakSaysSinceWhenItIsKnown) {
-  const test::WithZone zone(test::kStJohns);
-  LabOverview lab;
-  const auto words = [&](double peak_N, std::int64_t since_unix_ns) {
-    auto status = practising("one");
-    status.set_peak_force_n(peak_N);
-    status.set_peak_since_unix_ns(since_unix_ns);
-    lab.onStatus(status, 0);
-    return peakWords(*lab.find("one"));
-  };
-  EXPECT_EQ(words(0, 0), "seen here 2.0") << "neither an old station nor an old server says a peak";
-  EXPECT_EQ(words(3.25, 0), "peak 3.2") << "of the whole lesson";
-  // 2026-07-01 01:00 UTC is 22:30 of the day before in Newfoundland
-  EXPECT_EQ(words(4, (20'635 * 86'400LL + 3600) * 1'000'000'000), "peak since 22:30 4.0");
 }
 
 TEST(LabOverview, stationsThatTheServerNoLongerKnowsGoAndOthersComeOffline) {

@@ -55,7 +55,7 @@ TEST(Report, aLayersMeasureHasTheLayersName) {
   bursa.name = "peak_force_layer_4_n";
   bursa.value = 2;
   bursa.unit = "N";
-  bursa.words = "Peak force in layer 4 (BURSA) 2 N";  // a score of before keeps its words
+  bursa.words = "Peak force in layer 4 (BURSA) 2 N";  // as stored
   data.measures.push_back(bursa);
   EXPECT_THAT(reportHtml(data), HasSubstr(">Peak force in bursa</td>"));
   auto profile = nlohmann::json::parse(test::sampleProfile("shoulder-adult"));

@@ -114,7 +114,7 @@ TEST(SceneView, layersHaveTheProfilesNames) {
   EXPECT_EQ(layerName(*lumbar.scene, 3), "ligamentum flavum");
   EXPECT_EQ(layerName(*lumbar.scene, 99), "?");
   EXPECT_TRUE(lumbar.scene->layers[3].has_membrane);
-  // a stored profile of before has none
+  // a profile may have none
   pb::Profile unnamed = lumbar.profile;
   for (pb::Layer& layer : *unnamed.mutable_layers()) layer.clear_name();
   const auto before = sceneViewOf(unnamed);

@@ -80,7 +80,7 @@ class Manager {
   int listening_ = -1, notify_ = -1, port_ = 0;
 };
 
-TEST(Upgrade, stationsGoOnAndNothingIsLost) {
+TEST(Restart, stationsGoOnAndNothingIsLost) {
   Lab lab;
   for (int i = 2; i <= kStations; ++i) {
     const std::string name = "station-" + std::to_string(i);
@@ -134,7 +134,7 @@ TEST(Upgrade, stationsGoOnAndNothingIsLost) {
   ASSERT_TRUE(eventually([&] { return inSession() == kStations; })) << server->said();
   EXPECT_TRUE(manager.hears("WATCHDOG=1")) << "it says that it turns";
 
-  // the upgrade
+  // the restart
   const auto began = Clock::now();
   server->signal(SIGTERM);
   EXPECT_TRUE(manager.hears("STOPPING=1"));
@@ -151,7 +151,7 @@ TEST(Upgrade, stationsGoOnAndNothingIsLost) {
     return std::chrono::duration_cast<std::chrono::milliseconds>(duration).count();
   };
   std::printf(
-      "upgrade under %d stations: drained in %lld ms, new server ready after %lld ms, all acknowledged again "
+      "restart under %d stations: drained in %lld ms, new server ready after %lld ms, all acknowledged again "
       "%lld ms later\n",
       kStations, static_cast<long long>(ms(drained - began)), static_cast<long long>(ms(ready - drained)),
       static_cast<long long>(ms(resumed - ready)));

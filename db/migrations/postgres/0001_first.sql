@@ -1,5 +1,4 @@
--- The schema of version 8 on PostgreSQL: what db/migrations/0001 to 0008 make on SQLite (tests hold one against
--- the other). Later versions have a file of the same name in both folders.
+-- Schema version 1 on PostgreSQL: as db/migrations/0001_first.sql, which has the reasons (a test holds one against the other).
 -- Whole numbers are BIGINT; texts compare byte by byte (COLLATE "C"), as SQLite's do.
 
 -- Functions of SQLite that the stores use.
@@ -127,6 +126,10 @@ CREATE INDEX sessions_by_trainee ON sessions (trainee);
 CREATE INDEX sessions_by_start ON sessions (started_unix_ns);
 CREATE INDEX sessions_by_age ON sessions (recording, exercise_id, closed_unix_ns);
 CREATE INDEX sessions_by_attempt ON sessions (trainee, exercise_id, started_unix_ns);
+CREATE INDEX sessions_by_verdict ON sessions (trainee, exercise_id, coalesce(passed, 0),
+  ((length(replace(coalesce(score_json, ''), ' ', '')) -
+    length(replace(replace(coalesce(score_json, ''), ' ', ''), '"passed":true', ''))) / 13), started_unix_ns, number)
+  WHERE excused = 0 AND state <> 1;
 CREATE TRIGGER sessions_number BEFORE INSERT ON sessions FOR EACH ROW EXECUTE FUNCTION next_number('number');
 
 CREATE TABLE chunks (
@@ -395,4 +398,190 @@ BEGIN
 END $$;
 CREATE TRIGGER quarantine_ends AFTER DELETE ON chunks FOR EACH ROW EXECUTE FUNCTION quarantine_ends();
 
-INSERT INTO meta (key, value) VALUES ('audit_before_chain', '0');
+CREATE VIEW attempt_shares AS
+  SELECT session, exercise_id, trainee, attempts * (1 - waits) AS attempts, counted * (1 - waits) AS counted,
+    judged * (1 - waits) AS judged, passed * (1 - waits) AS passed, attempts * waits AS waiting_attempts,
+    counted * waits AS waiting_counted, judged * waits AS waiting_judged, passed * waits AS waiting_passed
+  FROM (SELECT session, exercise_id, trainee, waits, attempts, attempts * (1 - excused) AS counted,
+          CASE WHEN passed IS NULL THEN 0 ELSE attempts * (1 - excused) END AS judged,
+          coalesce(passed, 0) * attempts * (1 - excused) AS passed
+        FROM (SELECT s.number AS session, s.exercise_id, s.trainee, s.excused, s.passed,
+                CASE WHEN u.code_unchecked = 0 THEN 1::bigint ELSE 0 END AS waits,
+                CASE WHEN u.code_unchecked = 1 THEN 0::bigint ELSE 1 END AS attempts
+              FROM sessions s LEFT JOIN unknown_trainees u ON u.session = s.number AND u.by_whom IS NULL
+              WHERE s.trainee <> '' AND s.erased = 0) AS those) AS shares;
+
+CREATE TABLE attempt_sums (
+  exercise_id      TEXT COLLATE "C" NOT NULL,
+  trainee          TEXT COLLATE "C" NOT NULL,
+  sessions         BIGINT NOT NULL,
+  attempts         BIGINT NOT NULL,
+  counted          BIGINT NOT NULL,
+  judged           BIGINT NOT NULL,
+  passed           BIGINT NOT NULL,
+  waiting_attempts BIGINT NOT NULL,
+  waiting_counted  BIGINT NOT NULL,
+  waiting_judged   BIGINT NOT NULL,
+  waiting_passed   BIGINT NOT NULL,
+  PRIMARY KEY (exercise_id, trainee)
+);
+CREATE INDEX attempt_sums_by_trainee ON attempt_sums (trainee);
+
+CREATE VIEW attempt_counts AS
+  SELECT exercise_id, trainee, sessions, attempts + nobodys * waiting_attempts AS attempts,
+    counted + nobodys * waiting_counted AS counted, judged + nobodys * waiting_judged AS judged,
+    passed + nobodys * waiting_passed AS passed
+  FROM (SELECT a.*, CASE WHEN a.waiting_attempts > 0 AND NOT EXISTS (SELECT 1 FROM people p WHERE p.name = a.trainee)
+          THEN 1::bigint ELSE 0 END AS nobodys FROM attempt_sums a) AS sums;
+
+-- Whatever changes a session's share takes the share from the sums before and adds it after: sign -1, then 1.
+CREATE FUNCTION step_attempts(of_session BIGINT, sign BIGINT) RETURNS void LANGUAGE plpgsql AS $$
+BEGIN
+  INSERT INTO attempt_sums AS t (exercise_id, trainee, sessions, attempts, counted, judged, passed, waiting_attempts, waiting_counted,
+      waiting_judged, waiting_passed)
+    SELECT a.exercise_id, a.trainee, sign, sign * a.attempts, sign * a.counted, sign * a.judged, sign * a.passed,
+      sign * a.waiting_attempts, sign * a.waiting_counted, sign * a.waiting_judged, sign * a.waiting_passed
+    FROM attempt_shares a WHERE a.session = of_session
+    ON CONFLICT (exercise_id, trainee) DO UPDATE SET sessions = t.sessions + excluded.sessions,
+      attempts = t.attempts + excluded.attempts, counted = t.counted + excluded.counted,
+      judged = t.judged + excluded.judged, passed = t.passed + excluded.passed,
+      waiting_attempts = t.waiting_attempts + excluded.waiting_attempts, waiting_counted = t.waiting_counted + excluded.waiting_counted,
+      waiting_judged = t.waiting_judged + excluded.waiting_judged, waiting_passed = t.waiting_passed + excluded.waiting_passed;
+  DELETE FROM attempt_sums t USING attempt_shares a
+    WHERE a.session = of_session AND t.exercise_id = a.exercise_id AND t.trainee = a.trainee AND t.sessions = 0;
+END $$;
+
+CREATE FUNCTION sessions_sum() RETURNS trigger LANGUAGE plpgsql AS $$
+BEGIN
+  IF TG_WHEN = 'BEFORE' THEN
+    PERFORM step_attempts(OLD.number, -1);
+    IF TG_OP = 'DELETE' THEN RETURN OLD; END IF;
+    RETURN NEW;
+  END IF;
+  PERFORM step_attempts(NEW.number, 1);
+  RETURN NULL;
+END $$;
+CREATE TRIGGER sessions_sum_after_insert AFTER INSERT ON sessions FOR EACH ROW EXECUTE FUNCTION sessions_sum();
+CREATE TRIGGER sessions_sum_before_update BEFORE UPDATE OF trainee, exercise_id, excused, passed, erased ON sessions
+  FOR EACH ROW EXECUTE FUNCTION sessions_sum();
+CREATE TRIGGER sessions_sum_after_update AFTER UPDATE OF trainee, exercise_id, excused, passed, erased ON sessions
+  FOR EACH ROW EXECUTE FUNCTION sessions_sum();
+CREATE TRIGGER sessions_sum_before_delete BEFORE DELETE ON sessions FOR EACH ROW EXECUTE FUNCTION sessions_sum();
+
+-- An INSERT of what is there already may do nothing, but its trigger is run: it must not take the share.
+CREATE FUNCTION unknown_trainees_sum() RETURNS trigger LANGUAGE plpgsql AS $$
+DECLARE
+  changed BIGINT := CASE TG_OP WHEN 'DELETE' THEN OLD.session ELSE NEW.session END;
+BEGIN
+  IF TG_WHEN = 'BEFORE' THEN
+    IF TG_OP <> 'INSERT' OR NOT EXISTS (SELECT 1 FROM unknown_trainees WHERE session = changed) THEN
+      PERFORM step_attempts(changed, -1);
+    END IF;
+    IF TG_OP = 'DELETE' THEN RETURN OLD; END IF;
+    RETURN NEW;
+  END IF;
+  PERFORM step_attempts(changed, 1);
+  RETURN NULL;
+END $$;
+CREATE TRIGGER unknown_trainees_sum_before_change BEFORE INSERT OR DELETE OR UPDATE OF by_whom, code_unchecked ON unknown_trainees
+  FOR EACH ROW EXECUTE FUNCTION unknown_trainees_sum();
+CREATE TRIGGER unknown_trainees_sum_after_change AFTER INSERT OR DELETE OR UPDATE OF by_whom, code_unchecked ON unknown_trainees
+  FOR EACH ROW EXECUTE FUNCTION unknown_trainees_sum();
+
+CREATE TABLE station_claims (
+  station       TEXT COLLATE "C" PRIMARY KEY REFERENCES stations (name),
+  epoch         BIGINT NOT NULL CHECK (epoch > 0),
+  server        TEXT COLLATE "C" NOT NULL,
+  since_unix_ns BIGINT NOT NULL
+);
+
+CREATE TABLE access_numbers (
+  what   BIGINT NOT NULL CHECK (what BETWEEN 0 AND 4),
+  name   TEXT COLLATE "C" NOT NULL,
+  number BIGINT NOT NULL,
+  how    TEXT COLLATE "C" NOT NULL,
+  server TEXT COLLATE "C" NOT NULL,
+  PRIMARY KEY (what, name)
+);
+CREATE INDEX access_by_number ON access_numbers (number);
+
+CREATE TABLE login_tokens (
+  hash            BYTEA PRIMARY KEY CHECK (length(hash) = 32),
+  name            TEXT COLLATE "C" NOT NULL,
+  role            BIGINT NOT NULL,
+  account_unix_ns BIGINT NOT NULL,
+  access_number   BIGINT NOT NULL,
+  password_ns     BIGINT NOT NULL,
+  expires_ns      BIGINT NOT NULL
+);
+CREATE INDEX login_tokens_by_name ON login_tokens (name);
+CREATE INDEX login_tokens_by_end ON login_tokens (expires_ns);
+
+CREATE TABLE login_attempts (
+  kind          BIGINT NOT NULL,
+  key           BYTEA NOT NULL CHECK (length(key) = 32),
+  failures      DOUBLE PRECISION NOT NULL,
+  at_ns         BIGINT NOT NULL,
+  wait_until_ns BIGINT NOT NULL,
+  PRIMARY KEY (kind, key)
+);
+CREATE INDEX login_attempts_by_time ON login_attempts (kind, at_ns);
+
+CREATE TABLE noted_reads (
+  key   BYTEA PRIMARY KEY CHECK (length(key) = 32),
+  at_ns BIGINT NOT NULL
+);
+CREATE INDEX noted_reads_by_time ON noted_reads (at_ns);
+
+-- Names have their schema: whoever disables somebody by psql has another search_path.
+
+-- The row of the last number is held to the transaction's end, so numbers are committed in their order, also beside a writer that
+-- does not hold the lock of the store: who has seen a number has seen all before it.
+CREATE FUNCTION raise_access(of_what BIGINT, of_name TEXT, in_a_word TEXT) RETURNS VOID LANGUAGE plpgsql AS $$
+DECLARE
+  next BIGINT;
+BEGIN
+  INSERT INTO needlelab.access_numbers AS a (what, name, number, how, server) VALUES (0, '', 1, '', '')
+    ON CONFLICT (what, name) DO UPDATE SET number = a.number + 1 RETURNING a.number INTO STRICT next;
+  INSERT INTO needlelab.access_numbers (what, name, number, how, server)
+    VALUES (of_what, of_name, next, in_a_word, coalesce(current_setting('needlelab.server', true), ''))
+    ON CONFLICT (what, name) DO UPDATE SET number = excluded.number, how = excluded.how, server = excluded.server;
+END $$;
+
+-- Conditions are in the functions, whose text is compared at each start (db/postgres_objects.cpp), and not in the triggers.
+
+-- With the COMMIT: servers read then what has changed. Many of one transaction are one.
+CREATE FUNCTION tell_access() RETURNS trigger LANGUAGE plpgsql AS $$
+BEGIN
+  IF NEW.what = 0 THEN
+    PERFORM pg_notify('needlelab_access', '');
+  END IF;
+  RETURN NULL;
+END $$;
+CREATE TRIGGER access_told AFTER INSERT OR UPDATE ON access_numbers FOR EACH ROW EXECUTE FUNCTION tell_access();
+
+CREATE FUNCTION people_access() RETURNS trigger LANGUAGE plpgsql AS $$
+BEGIN
+  IF TG_OP = 'DELETE' THEN
+    PERFORM needlelab.raise_access(4, '', 'erased');
+    DELETE FROM needlelab.access_numbers WHERE what IN (1, 3) AND name = OLD.name;
+  ELSIF OLD.role <> NEW.role OR OLD.password_hash IS DISTINCT FROM NEW.password_hash OR OLD.disabled <> NEW.disabled THEN
+    PERFORM needlelab.raise_access(1, NEW.name,
+      CASE WHEN NEW.disabled <> 0 THEN 'disabled' WHEN OLD.role <> NEW.role THEN 'role' ELSE 'password' END);
+  ELSE
+    RETURN NULL;
+  END IF;
+  DELETE FROM needlelab.login_tokens WHERE name = OLD.name;
+  RETURN NULL;
+END $$;
+CREATE TRIGGER people_access AFTER UPDATE OF role, password_hash, disabled ON people FOR EACH ROW EXECUTE FUNCTION people_access();
+CREATE TRIGGER people_access_ends AFTER DELETE ON people FOR EACH ROW EXECUTE FUNCTION people_access();
+
+CREATE FUNCTION stations_access() RETURNS trigger LANGUAGE plpgsql AS $$
+BEGIN
+  IF OLD.key_hash <> NEW.key_hash OR OLD.revoked <> NEW.revoked THEN
+    PERFORM needlelab.raise_access(2, NEW.name, CASE WHEN NEW.revoked <> 0 THEN 'revoked' ELSE 'key' END);
+  END IF;
+  RETURN NULL;
+END $$;
+CREATE TRIGGER stations_access AFTER UPDATE OF key_hash, revoked ON stations FOR EACH ROW EXECUTE FUNCTION stations_access();
