@@ -144,7 +144,6 @@ Result<pb::Assignment> AssignmentStore::put(const pb::Assignment& given) {
     RETURN_IF_ERROR(renew.run());
     return stored;
   }
-  RETURN_IF_ERROR(checkNumbersLeft(connection_, "assignments"));
   ASSIGN_OR_RETURN(
       const auto id,
       connection_.insert("INSERT INTO assignments (course_id, exercise_id, group_id, trainee,"

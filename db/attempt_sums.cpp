@@ -30,24 +30,6 @@ constexpr std::string_view kDifferences =
     " sum(waiting_counted) <> 0 OR sum(waiting_judged) <> 0 OR sum(waiting_passed) <> 0"
     " ORDER BY exercise_id, trainee LIMIT ?";
 
-/// Turns the triggers that keep the sums off or on, for this transaction and as soon as nobody else writes or
-/// cleans up these tables; who reads goes on. Only for the tables' owner, which needlelab's role is.
-Status turnTriggersOfSums(Connection& writer, bool on) {
-  std::string sql;
-  for (const auto& [table, triggers] :
-       {std::pair{"sessions", std::vector{"sessions_sum_after_insert", "sessions_sum_before_update",
-                                          "sessions_sum_after_update", "sessions_sum_before_delete"}},
-        std::pair{"unknown_trainees",
-                  std::vector{"unknown_trainees_sum_before_change", "unknown_trainees_sum_after_change"}}}) {
-    std::string turned;
-    for (const char* trigger : triggers)
-      turned +=
-          fmt::format("{} {} TRIGGER {}", turned.empty() ? "" : ",", on ? "ENABLE" : "DISABLE", trigger);
-    sql += fmt::format("ALTER TABLE {}{};", table, turned);
-  }
-  return writer.script(sql);
-}
-
 std::pair<std::string, std::uint32_t> countOfExercise(const Statement& row) {
   return {row.text(0), row.natural32(1)};
 }
@@ -157,22 +139,6 @@ Status AttemptSums::recount(std::string_view exercise_id, std::string_view train
       " sum(waiting_attempts), sum(waiting_counted), sum(waiting_judged), sum(waiting_passed)"
       " FROM attempt_shares WHERE exercise_id = ? AND trainee = ? GROUP BY exercise_id, trainee",
       exercise_id, trainee);
-}
-
-Status SumsOfManySessions::willAdd(std::string_view exercise_id, std::string_view trainee) {
-  if (writer_.sqlite() != nullptr) return {};
-  if (pairs_.empty()) RETURN_IF_ERROR(turnTriggersOfSums(writer_, false));
-  pairs_.emplace(exercise_id, trainee);
-  return {};
-}
-
-Status SumsOfManySessions::count() {
-  if (pairs_.empty()) return {};
-  for (const auto& [exercise_id, trainee] : pairs_)
-    RETURN_IF_ERROR(AttemptSums(writer_).recount(exercise_id, trainee));
-  RETURN_IF_ERROR(turnTriggersOfSums(writer_, true));
-  pairs_.clear();
-  return {};
 }
 
 }  // namespace needlelab

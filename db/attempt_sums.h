@@ -5,7 +5,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
-#include <set>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -57,25 +56,6 @@ class AttemptSums {
 
  private:
   Connection& connection_;
-};
-
-/// Adds many sessions in one transaction. On PostgreSQL each change of a pair's sums leaves a dead version of
-/// its row, which every later change in the same transaction walks through: so the triggers rest, and each
-/// pair is counted once. On SQLite the triggers keep the sums. Without count() the transaction, or the
-/// savepoint around all of it, must be rolled back. Does not own the connection. Thread: the writer's.
-class SumsOfManySessions {
- public:
-  explicit SumsOfManySessions(Connection& writer) : writer_(writer) {}
-
-  /// Before a session of this pair is added, and its marks. PostgreSQL: from now on only what was named here
-  /// may change.
-  Status willAdd(std::string_view exercise_id, std::string_view trainee);
-  /// Counts the pairs that were named; the triggers keep the sums from now on.
-  Status count();
-
- private:
-  Connection& writer_;
-  std::set<std::pair<std::string, std::string>> pairs_;  ///< exercise, trainee
 };
 
 }  // namespace needlelab

@@ -33,7 +33,6 @@ std::string shown(const std::string& text) {
 }  // namespace
 
 Status AuditStore::add(const AuditRow& line) {
-  RETURN_IF_ERROR(checkNumbersLeft(connection_, "audit"));
   AuditRow text = line;
   for (std::string* field : {&text.who, &text.action, &text.subject, &text.detail}) noteWhatIsNoText(*field);
   ASSIGN_OR_RETURN(const AuditRow row, ErasureStore(connection_).withoutErased(text));
@@ -50,42 +49,14 @@ Result<std::vector<AuditRow>> AuditStore::list(std::uint32_t limit, std::uint64_
   const std::uint32_t most = limit == 0 ? kMostLines : std::min(limit, kMostLines);
   return connection_
       .query(
-          "SELECT id, unix_ns, who, action, subject, detail, coalesce(imported_by, ''),"
-          " coalesce(imported_from, '') FROM audit WHERE (?1 = 0"
+          "SELECT id, unix_ns, who, action, subject, detail FROM audit WHERE (?1 = 0"
           " OR id < ?1) AND (?2 = '' OR who = ?2) AND (?3 = '' OR action = ?3"
           " OR substr(action, 1, length(?3) + 1) = ?3 || ' ') ORDER BY id DESC"
           " LIMIT ?4",
           before_id, who, action, most)
       .all([](const Statement& row) {
-        return AuditRow{row.natural(0), row.integer(1), row.text(2), row.text(3),
-                        row.text(4),    row.text(5),    row.text(6), row.text(7)};
+        return AuditRow{row.natural(0), row.integer(1), row.text(2), row.text(3), row.text(4), row.text(5)};
       });
-}
-
-Result<std::optional<std::int64_t>> NumbersOfManyLines::next(std::optional<std::int64_t> wanted) {
-  if (writer_.sqlite() != nullptr) return wanted;
-  if (!last_) {
-    RETURN_IF_ERROR(writer_.script("ALTER TABLE audit DISABLE TRIGGER audit_number"));
-    ASSIGN_OR_RETURN(const auto last,
-                     writer_
-                         .prepare("SELECT max(coalesce((SELECT max(id) FROM audit), 0),"
-                                  " coalesce((SELECT number FROM last_numbers WHERE name = 'audit'), 0))")
-                         .first([](const Statement& row) { return row.integer(0); }));
-    last_ = last.value_or(0);
-  }
-  const std::int64_t number = wanted ? *wanted : *last_ + 1;
-  last_ = std::max(*last_, number);
-  return std::optional(number);
-}
-
-Status NumbersOfManyLines::finish() {
-  if (!last_) return {};
-  RETURN_IF_ERROR(
-      writer_.run("INSERT INTO last_numbers AS l (name, number) VALUES ('audit', ?)"
-                  " ON CONFLICT (name) DO UPDATE SET number = max(l.number, excluded.number)",
-                  *last_));
-  last_.reset();
-  return writer_.script("ALTER TABLE audit ENABLE TRIGGER audit_number");
 }
 
 }  // namespace needlelab

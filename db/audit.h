@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -28,8 +27,6 @@ struct AuditRow {
   std::string action;                ///< e.g. "user add"
   std::string subject;               ///< e.g. the user's name
   std::string detail;                ///< never a secret
-  std::string imported_by{};         ///< who imported the line; empty: it was written here
-  std::string imported_from{};       ///< the import, and the line's number there
   std::int64_t account_unix_ns = 0;  ///< of `who`, as Doer has it; not stored
 };
 
@@ -38,7 +35,7 @@ class AuditStore {
  public:
   explicit AuditStore(Connection& connection) : connection_(connection) {}
 
-  /// Ignores `line.id` and the import. Truncates texts beyond 1,000 bytes, with a mark. Whoever was erased
+  /// Ignores `line.id`. Truncates texts beyond 1,000 bytes, with a mark. Whoever was erased
   /// since the line was begun stands in it under the pseudonym (ErasureStore::withoutErased).
   Status add(const AuditRow& line);
   /// Newest first; limit 0: 1000, at most 1000. Empty `who` and `action`: all. `action` also matches as a
@@ -48,24 +45,6 @@ class AuditStore {
 
  private:
   Connection& connection_;
-};
-
-/// Numbers many lines of one transaction. On PostgreSQL a trigger notes the log's last number in one row with
-/// each line, and each note walks through what those before left (as SumsOfManySessions says): it rests, and
-/// the number is noted once. On SQLite the table numbers its lines. Without finish() the transaction, or the
-/// savepoint around all of it, must be rolled back. Does not own the connection. Thread: the writer's.
-class NumbersOfManyLines {
- public:
-  explicit NumbersOfManyLines(Connection& writer) : writer_(writer) {}
-
-  /// The number to store the next line with: `wanted`, or the next one; nothing: the table gives it.
-  Result<std::optional<std::int64_t>> next(std::optional<std::int64_t> wanted);
-  /// The trigger numbers lines from now on.
-  Status finish();
-
- private:
-  Connection& writer_;
-  std::optional<std::int64_t> last_;  ///< the greatest that the log ever had; nothing: the trigger works
 };
 
 }  // namespace needlelab

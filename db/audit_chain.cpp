@@ -18,33 +18,24 @@ namespace {
 
 constexpr std::string_view kHeadWords = "audit head ";
 
-/// What an entry proves of a line. Who, subject, detail and importer may be replaced by an erasure.
+/// What an entry proves of a line. Who, subject and detail may be replaced by an erasure.
 struct ProvenLine {
   std::int64_t id = 0, unix_ns = 0;
   std::string who, action, subject, detail;
-  std::optional<std::string> imported_by, imported_from;
 };
 
 /// Columns of `audit` in the order of lineAt().
-constexpr std::string_view kLineColumns =
-    "a.id, a.unix_ns, a.who, a.action, a.subject, a.detail, a.imported_by, a.imported_from";
+constexpr std::string_view kLineColumns = "a.id, a.unix_ns, a.who, a.action, a.subject, a.detail";
 
 ProvenLine lineAt(const Statement& row, int at) {
-  const auto optional = [&](int column) {
-    return row.isNull(column) ? std::nullopt : std::optional(row.text(column));
-  };
-  return {row.integer(at),  row.integer(at + 1), row.text(at + 2), row.text(at + 3),
-          row.text(at + 4), row.text(at + 5),    optional(at + 6), optional(at + 7)};
+  return {row.integer(at),  row.integer(at + 1), row.text(at + 2),
+          row.text(at + 3), row.text(at + 4),    row.text(at + 5)};
 }
 
 /// Each text with its length: no two lines give the same bytes.
 void putText(ByteWriter& writer, std::string_view text) {
   writer.put(static_cast<std::uint64_t>(text.size()));
   writer.put(viewOf(text));
-}
-void putOptional(ByteWriter& writer, const std::optional<std::string>& text) {
-  writer.put(static_cast<std::uint8_t>(text ? 1 : 0));
-  if (text) putText(writer, *text);
 }
 
 AuditKey::Hash plainHash(ByteView message) {
@@ -60,16 +51,12 @@ AuditKey::Hash commitmentOf(ByteView salt, const ProvenLine& line) {
   putText(writer, "needlelab audit commitment");
   writer.put(salt);
   for (const std::string* text : {&line.who, &line.subject, &line.detail}) putText(writer, *text);
-  putOptional(writer, line.imported_by);
   return plainHash(message);
 }
 
 /// What stands before the first entry.
 AuditKey::Hash startOfChain() {
-  Bytes message;
-  ByteWriter writer(message);
-  putText(writer, "needlelab audit chain");
-  return plainHash(message);
+  return plainHash(viewOf("needlelab audit chain"));
 }
 
 Bytes messageOf(std::uint64_t position, const ProvenLine& line, ByteView commitment, ByteView before) {
@@ -80,7 +67,6 @@ Bytes messageOf(std::uint64_t position, const ProvenLine& line, ByteView commitm
   writer.put(line.id);
   writer.put(line.unix_ns);
   putText(writer, line.action);
-  putOptional(writer, line.imported_from);
   writer.put(commitment);
   writer.put(before);
   return message;
@@ -178,7 +164,7 @@ Result<std::optional<AuditKey::Hash>> AuditChain::firstMac() {
       .first([](const Statement& row) { return headOf(0, row.bytes(0)).mac; });
 }
 
-Result<AuditHead> AuditChain::entry(const AuditKey& key, const AuditHead& last, std::int64_t line_id) {
+Status AuditChain::entry(const AuditKey& key, const AuditHead& last, std::int64_t line_id) {
   ASSIGN_OR_RETURN(
       const auto line,
       connection_.query(fmt::format("SELECT {} FROM audit a WHERE a.id = ?", kLineColumns), line_id)
@@ -190,34 +176,16 @@ Result<AuditHead> AuditChain::entry(const AuditKey& key, const AuditHead& last, 
   const auto commitment = commitmentOf(salt, *line);
   AuditHead next{last.position + 1, {}};
   next.mac = key.macOf(messageOf(next.position, *line, commitment, last.mac));
-  RETURN_IF_ERROR(connection_.run(
+  return connection_.run(
       "INSERT INTO audit_chain (position, line, salt, commitment, key_id, mac) VALUES (?,?,?,?,?,?)",
-      next.position, line_id, ByteView(salt), ByteView(commitment), ByteView(key.id()), ByteView(next.mac)));
-  return next;
-}
-
-Status AuditChain::begin() {
-  ASSIGN_OR_RETURN(auto last, head());
-  if (last.position > 0) return {};
-  ASSIGN_OR_RETURN(const auto lines,
-                   connection_.prepare("SELECT id FROM audit ORDER BY id").all([](const Statement& row) {
-                     return row.integer(0);
-                   }));
-  if (lines.empty()) return {};
-  ASSIGN_OR_RETURN(const auto key, AuditKey::ofFolder(connection_.path().parent_path()));
-  last.mac = startOfChain();
-  for (const std::int64_t line : lines) {
-    ASSIGN_OR_RETURN(last, entry(key, last, line));
-  }
-  return {};
+      next.position, line_id, ByteView(salt), ByteView(commitment), ByteView(key.id()), ByteView(next.mac));
 }
 
 Status AuditChain::append(std::int64_t line) {
-  ASSIGN_OR_RETURN(const auto last, head());
-  if (last.position == 0) return begin();
+  ASSIGN_OR_RETURN(auto last, head());
+  if (last.position == 0) last.mac = startOfChain();
   ASSIGN_OR_RETURN(const auto key, AuditKey::ofFolder(connection_.path().parent_path()));
-  RETURN_IF_ERROR(entry(key, last, line));
-  return {};
+  return entry(key, last, line);
 }
 
 Result<bool> AuditChain::proves(std::int64_t line_id) {
@@ -238,8 +206,7 @@ Result<bool> AuditChain::proves(std::int64_t line_id) {
   const auto follows = [&](ByteView before) {
     return sameBytes(mac, key.macOf(messageOf(position, line, commitment, before)));
   };
-  if (position == 1) return follows(startOfChain());
-  return !row.isNull(5) && follows(row.bytes(5));
+  return position == 1 ? follows(startOfChain()) : !row.isNull(5) && follows(row.bytes(5));
 }
 
 Status AuditChain::amend(std::int64_t line, bool proven) {
@@ -283,7 +250,7 @@ class ChainWalk {
                         line.id, hexDigitsOf(textOf(row.bytes(3))).substr(0, 8)));
       else if (!sameBytes(mac, key->macOf(messageOf(position, line, commitment, before_))))
         fault(
-            fmt::format("line {}: its time, action, source or place is not as it was written, or the line "
+            fmt::format("line {}: its time, action or place is not as it was written, or the line "
                         "before it is not",
                         line.id));
       if (!amended && row.isNull(1))
@@ -292,12 +259,11 @@ class ChainWalk {
             "was not as it was written then, or is of an earlier key)",
             line.id));
       else if (!amended && !sameBytes(commitment, commitmentOf(salt, line)))
-        fault(fmt::format("line {}: its who, subject, detail or importer is not as it was written", line.id));
+        fault(fmt::format("line {}: its who, subject or detail is not as it was written", line.id));
       const bool sound = verdict_.faults == faults_before;
-      // what was imported tells of another log
-      if (line.action == kAuditBreak && !line.imported_from)
+      if (line.action == kAuditBreak)
         breaks_.try_emplace(line.id, AuditBreak{line.id, line.unix_ns, line.detail, headOf(position, mac)});
-      if (line.action == kAuditAcknowledge && !line.imported_from && !amended && sound) acknowledge(line);
+      if (line.action == kAuditAcknowledge && !amended && sound) acknowledge(line);
     }
     verdict_.head = headOf(position, mac);
     if (position == 1) first_ = verdict_.head.mac;
@@ -317,15 +283,10 @@ class ChainWalk {
 
   /// A line without an entry.
   void withoutEntry(std::int64_t line) {
-    if (verdict_.head.position == 0)
-      ++unproven_;
-    else
-      fault(fmt::format("line {}: nothing proves it: it was put in", line));
+    fault(fmt::format("line {}: nothing proves it: it was put in, or its proof was removed", line));
   }
 
   AuditVerdict end() {
-    if (unproven_ > 0)
-      fault(fmt::format("none of {} lines has a proof: their proofs were removed", unproven_));
     for (const AuditAnchor& anchor : anchors_) {
       if (anchor.head.position > verdict_.head.position && !isOfAnotherChain(anchor))
         fault(fmt::format(
@@ -365,8 +326,7 @@ class ChainWalk {
   std::span<const AuditKey> keys_;
   std::span<const AuditAnchor> anchors_;
   AuditKey::Hash before_ = startOfChain();
-  std::optional<AuditKey::Hash> first_;  ///< the first entry's MAC
-  std::uint64_t unproven_ = 0;
+  std::optional<AuditKey::Hash> first_;        ///< the first entry's MAC
   std::map<std::int64_t, AuditBreak> breaks_;  ///< by line
   AuditVerdict verdict_;
 };

@@ -62,10 +62,7 @@ class AuditChain {
  public:
   explicit AuditChain(Connection& connection) : connection_(connection) {}
 
-  /// Makes the lines of a log whose chain was taken away its first entries, in the order of their numbers.
-  /// Does nothing where there is an entry. A time proportional to the log.
-  Status begin();
-  /// For a line that was just inserted into `audit`. Begins the chain where it is empty.
+  /// For a line that was just inserted into `audit`.
   Status append(std::int64_t line);
   /// Whether the line is now as its newest entry proves it by the folder's key, and that entry follows the
   /// one before it. False: somebody changed one of both, the entry is of another key, or there is none. A
@@ -81,7 +78,7 @@ class AuditChain {
 
  private:
   /// The entry of a line behind `last`.
-  Result<AuditHead> entry(const AuditKey& key, const AuditHead& last, std::int64_t line);
+  Status entry(const AuditKey& key, const AuditHead& last, std::int64_t line);
   Connection& connection_;
 };
 
@@ -89,7 +86,7 @@ class AuditChain {
 inline constexpr const char* kAuditBreak = "audit break";
 /// The action of a line by which somebody says to have looked into a break. Its subject is
 /// acknowledgedSubject(), its detail auditHeadText() of the break's first entry; it counts only as a line of
-/// this chain with a proof of its own, written here and behind the break.
+/// this chain with a proof of its own, behind the break.
 inline constexpr const char* kAuditAcknowledge = "audit acknowledge";
 std::string acknowledgedSubject(std::int64_t line);
 

@@ -3,8 +3,7 @@
 #include <fmt/core.h>
 #include <sodium.h>
 
-#include <array>
-#include <charconv>
+#include <sstream>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -29,35 +28,19 @@ std::string sealed(const KeptAuditHead& kept, const AuditKey& key) {
   return text + "mac " + hexDigitsOf(textOf(key.macOf(viewOf(text)))) + "\n";
 }
 
-template <typename T>
-bool takeNumber(std::string_view& text, T& number) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  if (error != std::errc()) return false;
-  text.remove_prefix(static_cast<std::size_t>(end - text.data()));
-  return true;
-}
-
-/// Without a look at the MAC.
-std::optional<KeptAuditHead> parsed(std::string_view text) {
-  std::array<std::string_view, 4> lines;
-  for (std::string_view& line : lines) {
-    const std::size_t end = text.find('\n');
-    if (end == std::string_view::npos) return std::nullopt;
-    line = text.substr(0, end);
-    text.remove_prefix(end + 1);
-  }
-  constexpr std::string_view kMade = "made ", kReplaced = "replaced ";
+/// Without a look at the MAC, which holds that all is in its one form.
+std::optional<KeptAuditHead> parsed(const std::string& text) {
+  std::istringstream lines(text);
+  std::string title, word, head, replaced;
   KeptAuditHead kept;
-  std::string_view made = lines[1], replaced = lines[3];
-  if (!made.starts_with(kMade) || !replaced.starts_with(kReplaced)) return std::nullopt;
-  made.remove_prefix(kMade.size());
-  replaced.remove_prefix(kReplaced.size());
-  if (!takeNumber(made, kept.made_unix_ns) || !made.starts_with(' ')) return std::nullopt;
-  made.remove_prefix(1);
-  if (!takeNumber(made, kept.made_position)) return std::nullopt;
-  const auto head = auditHeadOf(lines[2]);
-  if (!head) return std::nullopt;
-  kept.head = *head;
+  std::getline(lines, title);
+  lines >> word >> kept.made_unix_ns >> kept.made_position >> std::ws;
+  std::getline(lines, head);
+  lines >> word >> std::ws;
+  std::getline(lines, replaced);
+  const auto found = auditHeadOf(head);
+  if (!lines || !found) return std::nullopt;
+  kept.head = *found;
   kept.replaced = auditHeadOf(replaced);
   return kept;
 }
@@ -102,7 +85,6 @@ Status beginAuditHead(Connection& writer, std::int64_t now_unix_ns) {
     ASSIGN_OR_RETURN(auto transaction, Transaction::begin(writer, Transaction::Kind::kWrite));
     AuditChain chain(writer);
     ASSIGN_OR_RETURN(const auto before, chain.head());
-    RETURN_IF_ERROR(chain.begin());
     const auto say_break = [&](const std::string& detail) {
       return AuditStore(writer).add({0, now_unix_ns, "local", kAuditBreak, "", detail});
     };

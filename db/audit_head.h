@@ -32,7 +32,7 @@ Result<KeptAuditHead> readKeptAuditHead(const std::filesystem::path& path, std::
 /// Whether the chain has this entry. Thread: as the connection.
 Result<bool> chainHas(Connection& connection, const AuditHead& head);
 
-/// At the start of whoever writes: begins the chain where it is empty, and keeps its head. Where the kept
+/// At the start of whoever writes: keeps the head of the chain. Where the kept
 /// head is not in the chain, or its file is there but damaged, unreadable or of another key, adds a line of
 /// the log (kAuditBreak). What cannot be written to the file now is written the next time: an older head
 /// promises less, and nothing wrong. Makes the key. Writer's connection.

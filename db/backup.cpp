@@ -16,6 +16,7 @@
 #include "common/base/files.h"
 #include "db/check.h"
 #include "db/connection.h"
+#include "db/database_files.h"
 #include "db/free_parts.h"
 #include "db/open_file.h"
 #include "db/schema.h"
@@ -26,22 +27,6 @@ namespace needlelab {
 namespace {
 
 constexpr int kPagesPerStep = 4096;
-
-/// Removes the unfinished copy unless it was renamed to its final name.
-class Partial {
- public:
-  explicit Partial(std::filesystem::path path) : path_(std::move(path)) { remove(); }
-  ~Partial() { remove(); }
-  Partial(const Partial&) = delete;
-  Partial& operator=(const Partial&) = delete;
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-
- private:
-  void remove() const {
-    for (const char* suffix : {"", "-wal", "-shm", "-journal"}) ::unlink((path_.string() + suffix).c_str());
-  }
-  std::filesystem::path path_;
-};
 
 Error cancelledError() {
   return {ErrorCode::kUnavailable, "the backup was given up because the program ends: make it again"};
@@ -186,13 +171,9 @@ Result<BackupResult> checkedCopy(Connection& reader, const std::filesystem::path
 /// Syncs a finished file and gives it its name. Returns its size.
 Result<std::uint64_t> putIntoPlace(const std::filesystem::path& finished,
                                    const std::filesystem::path& target) {
-  const int fd = ::open(finished.c_str(), O_RDWR | O_CLOEXEC);
-  if (fd < 0) return systemError(finished, "open");
+  RETURN_IF_ERROR(syncFile(finished));
   struct stat info {};
-  const bool synced = ::fsync(fd) == 0 && ::fstat(fd, &info) == 0;
-  const Error error = systemError(finished, "fsync");
-  ::close(fd);
-  if (!synced) return error;
+  if (::stat(finished.c_str(), &info) != 0) return systemError(finished, "look at");
   // not a plain rename: it must fail if the target was created meanwhile. The other call is for disks without
   // hard links (USB sticks with FAT).
   if (::link(finished.c_str(), target.c_str()) != 0 &&
@@ -219,20 +200,6 @@ Status roomForCopy(const std::filesystem::path& database, std::uint64_t room_lef
                   database.parent_path().string(), bytes >> 20, room_left >> 20, room.available >> 20)};
 }
 
-/// The next bytes, as many as `buffer` takes; fewer only at the file's end.
-Result<std::string_view> readPiece(const OpenFile& in, const std::filesystem::path& path,
-                                   std::string& buffer) {
-  std::size_t got = 0;
-  while (got < buffer.size()) {
-    const ssize_t more = ::read(in.fd(), buffer.data() + got, buffer.size() - got);
-    if (more < 0 && errno == EINTR) continue;
-    if (more < 0) return systemError(path, "read");
-    if (more == 0) break;
-    got += static_cast<std::size_t>(more);
-  }
-  return std::string_view(buffer).substr(0, got);
-}
-
 /// Writes the bytes of a checked copy to another disk, and reads them back: not what memory has of them, but
 /// the disk.
 Status copyToDisk(const std::filesystem::path& from, const std::filesystem::path& to,
@@ -242,17 +209,12 @@ Status copyToDisk(const std::filesystem::path& from, const std::filesystem::path
   const OpenFile out(::open(to.c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
   if (!out.isOpen()) return systemError(to, "create the copy");
   constexpr std::size_t kPiece = 1u << 20;
-  std::string piece(kPiece, '\0'), again(kPiece, '\0');
+  Bytes piece(kPiece), again(kPiece);
   for (;;) {
     if (isSet(cancelled)) return cancelledError();
-    ASSIGN_OR_RETURN(auto bytes, readPiece(in, from, piece));
-    if (bytes.empty()) break;
-    while (!bytes.empty()) {
-      const ssize_t put = ::write(out.fd(), bytes.data(), bytes.size());
-      if (put < 0 && errno == EINTR) continue;
-      if (put < 0) return systemError(to, "write the copy");
-      bytes.remove_prefix(static_cast<std::size_t>(put));
-    }
+    ASSIGN_OR_RETURN(const std::size_t count, readFully(in, from, piece.data(), kPiece));
+    if (count == 0) break;
+    RETURN_IF_ERROR(writeFully(out, to, ByteView(piece).first(count)));
   }
   if (::fsync(out.fd()) != 0) return systemError(to, "fsync");
   ::posix_fadvise(out.fd(), 0, 0, POSIX_FADV_DONTNEED);
@@ -260,10 +222,12 @@ Status copyToDisk(const std::filesystem::path& from, const std::filesystem::path
     return systemError(to, "read back");
   for (;;) {
     if (isSet(cancelled)) return cancelledError();
-    ASSIGN_OR_RETURN(const auto written, readPiece(in, from, piece));
-    ASSIGN_OR_RETURN(const auto found, readPiece(out, to, again));
-    if (written != found) return notAsWritten(to);
-    if (written.empty()) return {};
+    ASSIGN_OR_RETURN(const std::size_t written, readFully(in, from, piece.data(), kPiece));
+    ASSIGN_OR_RETURN(const std::size_t found, readFully(out, to, again.data(), kPiece));
+    if (written != found ||
+        !std::equal(piece.begin(), piece.begin() + static_cast<std::ptrdiff_t>(written), again.begin()))
+      return notAsWritten(to);
+    if (written == 0) return {};
   }
 }
 
@@ -273,9 +237,9 @@ Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& t
                               const std::atomic<bool>* cancelled, std::uint64_t most_log_bytes,
                               std::uint64_t room_left, LinkCopy link) {
   RETURN_IF_ERROR(checkTarget(target));
-  const Partial plain(plainCopyBeside(reader.path()));
+  const UnfinishedDatabase plain(plainCopyBeside(reader.path()));
   RETURN_IF_ERROR(roomForCopy(reader.path(), room_left));
-  const Partial partial(target.string() + ".partial");
+  const UnfinishedDatabase partial(target.string() + ".partial");
   ASSIGN_OR_RETURN(auto result, checkedCopy(reader, plain.path(), cancelled, most_log_bytes));
   // on the same disk without another copy
   if ((link != nullptr ? link : ::link)(plain.path().c_str(), partial.path().c_str()) != 0)
@@ -288,9 +252,9 @@ Result<BackupResult> encryptedBackupTo(Connection& reader, const std::filesystem
                                        const BackupKey& key, const std::atomic<bool>* cancelled,
                                        std::uint64_t most_log_bytes, std::uint64_t room_left) {
   RETURN_IF_ERROR(checkTarget(target));
-  const Partial plain(plainCopyBeside(reader.path()));
+  const UnfinishedDatabase plain(plainCopyBeside(reader.path()));
   RETURN_IF_ERROR(roomForCopy(reader.path(), room_left));
-  const Partial partial(target.string() + ".partial");
+  const UnfinishedDatabase partial(target.string() + ".partial");
   ASSIGN_OR_RETURN(auto result, checkedCopy(reader, plain.path(), cancelled, most_log_bytes));
   ASSIGN_OR_RETURN(const auto written, encryptFile(plain.path(), partial.path(), key, cancelled));
   // the file that is kept must be one that a restore can read: not what memory has of it, but the disk

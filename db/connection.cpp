@@ -286,15 +286,4 @@ Status Savepoint::release() {
   return {};
 }
 
-Status checkNumbersLeft(Connection& connection, std::string_view table) {
-  if (connection.sqlite() == nullptr) return {};
-  auto row = connection.query("SELECT seq FROM sqlite_sequence WHERE name = ?", table);
-  ASSIGN_OR_RETURN(const bool found, row.step());
-  if (!found || row.integer(0) < std::numeric_limits<std::int64_t>::max()) return {};
-  return Error{ErrorCode::kFailed,
-               fmt::format("table '{}' takes no new row: its last number is {}, which is SQLite's greatest; "
-                           "restore a backup from before the import that brought it",
-                           table, row.integer(0))};
-}
-
 }  // namespace needlelab

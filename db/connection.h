@@ -337,9 +337,4 @@ class CancelScope {
   const std::atomic<bool>* before_ = nullptr;
 };
 
-/// For a table of AUTOINCREMENT, before a row without a number is added: kFailed when its numbers are used
-/// up. Otherwise SQLite would answer SQLITE_FULL, as for a full disk, and undo the whole transaction, with
-/// the items of others in it. Thread: as the connection.
-Status checkNumbersLeft(Connection& connection, std::string_view table);
-
 }  // namespace needlelab

@@ -3,56 +3,14 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <iterator>
-#include <set>
 #include <utility>
+
+#include "db/schema.h"
 
 namespace needlelab {
 namespace {
 
-/// Each behind those that it refers to. A new table of a migration gets its place here.
-constexpr std::string_view kOrderOfCopy[] = {"people",
-                                             "stations",
-                                             "station_claims",
-                                             "profiles",
-                                             "curricula",
-                                             "exercises",
-                                             "sessions",
-                                             "chunks",
-                                             "annotations",
-                                             "audit",
-                                             "session_events",
-                                             "scores",
-                                             "assignments",
-                                             "groups",
-                                             "group_members",
-                                             "consents",
-                                             "erasures",
-                                             "import_pieces",
-                                             "session_progress",
-                                             "unknown_trainees",
-                                             "quarantined_chunks",
-                                             "audit_chain",
-                                             "attempt_sums",
-                                             "retention_policies",
-                                             "derived_recordings",
-                                             "derived_chunks",
-                                             "exercise_references",
-                                             "removed_originals",
-                                             "access_numbers",
-                                             "login_tokens",
-                                             "login_attempts",
-                                             "noted_reads",
-                                             "meta"};
-
 constexpr std::size_t kShownKeyBytes = 64;
-
-Error tableError(std::string_view name, const char* what) {
-  return {ErrorCode::kFailed,
-          fmt::format("a copy {} the table '{}': this program's list of tables (db/copied_tables.cpp) is not "
-                      "that of its schema",
-                      what, name)};
-}
 
 CopiedTable::Type typeOfSqlite(std::string_view name) {
   if (name == "INTEGER") return CopiedTable::Type::kInteger;
@@ -60,8 +18,8 @@ CopiedTable::Type typeOfSqlite(std::string_view name) {
   return name == "BLOB" ? CopiedTable::Type::kBytes : CopiedTable::Type::kText;
 }
 
-Result<CopiedTable> describeTable(Connection& sqlite, std::string_view name) {
-  CopiedTable table{std::string(name), {}, {}};
+Result<CopiedTable> describeTable(Connection& sqlite, const std::string& name) {
+  CopiedTable table{name, {}, {}};
   std::map<std::int64_t, std::size_t> key;
   auto rows = sqlite.query("SELECT name, type, pk FROM pragma_table_info(?) ORDER BY cid", name);
   for (;;) {
@@ -71,7 +29,6 @@ Result<CopiedTable> describeTable(Connection& sqlite, std::string_view name) {
     table.columns.push_back({rows.text(0), typeOfSqlite(rows.text(1))});
   }
   for (const auto& [place, column] : key) table.key.push_back(column);
-  if (table.key.empty()) return tableError(name, "finds no key of");
   return table;
 }
 
@@ -217,19 +174,20 @@ Status addOneRow(Connection& connection, const CopiedTable& table, const std::st
 
 }  // namespace
 
-Result<std::vector<CopiedTable>> copiedTables(Connection& sqlite) {
-  ASSIGN_OR_RETURN(const auto names, sqlite
-                                         .prepare("SELECT name FROM sqlite_schema WHERE type = 'table'"
-                                                  " AND substr(name, 1, 7) <> 'sqlite_'")
-                                         .all(firstText));
-  const std::set<std::string_view> there(names.begin(), names.end());
-  const std::set<std::string_view> known(std::begin(kOrderOfCopy), std::end(kOrderOfCopy));
-  for (const std::string_view name : there)
-    if (!known.contains(name)) return tableError(name, "would leave out");
+Result<std::vector<CopiedTable>> copiedTables() {
+  ASSIGN_OR_RETURN(auto memory,
+                   Connection::open(":memory:", {.mode = Connection::Mode::kReader, .create = true}));
+  RETURN_IF_ERROR(memory.script("PRAGMA query_only=OFF"));
+  for (const EmbeddedFile& file : embeddedMigrations())
+    RETURN_IF_ERROR(memory.script(std::string(file.text)));
+  ASSIGN_OR_RETURN(const auto names,
+                   memory
+                       .prepare("SELECT name FROM sqlite_schema WHERE type = 'table'"
+                                " AND substr(name, 1, 7) <> 'sqlite_' ORDER BY name = 'meta', rowid")
+                       .all(firstText));
   std::vector<CopiedTable> tables;
-  for (const std::string_view name : kOrderOfCopy) {
-    if (!there.contains(name)) return tableError(name, "does not find");
-    ASSIGN_OR_RETURN(auto table, describeTable(sqlite, name));
+  for (const std::string& name : names) {
+    ASSIGN_OR_RETURN(auto table, describeTable(memory, name));
     tables.push_back(std::move(table));
   }
   return tables;

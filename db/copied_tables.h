@@ -36,10 +36,9 @@ using CopiedRow = std::vector<CopiedValue>;
 
 inline constexpr std::size_t kMostRowsOfPage = 512, kMostBytesOfPage = std::size_t{4} << 20;
 
-/// All tables but SQLite's own, `meta` last, each behind those that its foreign keys name. kFailed: the
-/// schema has a table that this program's list lacks, or lacks one: rows would be lost. `sqlite`: a
-/// connection to the SQLite side, with the newest schema.
-Result<std::vector<CopiedTable>> copiedTables(Connection& sqlite);
+/// All tables of this program's schema, as SQLite describes them, but SQLite's own: in the order in which
+/// they are made, so that each is behind those that its foreign keys name; `meta` last.
+Result<std::vector<CopiedTable>> copiedTables();
 
 /// The rows behind the key `after` (empty: from the first) in the order of the key: at least one if there is
 /// one, at most `most_rows` and kMostRowsOfPage, and no more than some kMostBytesOfPage.

@@ -2,26 +2,19 @@
 
 #include <fmt/core.h>
 
-#include <charconv>
-
 #include "db/schema.h"
 
 namespace needlelab {
 namespace {
 
-constexpr std::string_view kCopyingWord = "copying", kComparedWord = "compared";
+constexpr std::string_view kCopyingWord = "copying ", kComparedWord = "compared ";
 
-/// "copying ID VERSION"
+/// "copying ID"
 std::optional<CopyMark> parseCopyMark(std::string_view text) {
-  const std::size_t first = text.find(' '), second = text.find(' ', first + 1);
-  if (first == std::string_view::npos || second == std::string_view::npos) return std::nullopt;
-  CopyMark mark;
-  mark.compared = text.substr(0, first) == kComparedWord;
-  if (!mark.compared && text.substr(0, first) != kCopyingWord) return std::nullopt;
-  mark.id = text.substr(first + 1, second - first - 1);
-  const auto [end, error] = std::from_chars(text.data() + second + 1, text.data() + text.size(), mark.schema);
-  if (error != std::errc() || end != text.data() + text.size() || mark.id.empty()) return std::nullopt;
-  return mark;
+  const bool compared = text.starts_with(kComparedWord);
+  const std::string_view word = compared ? kComparedWord : kCopyingWord;
+  if (!text.starts_with(word) || text.size() == word.size()) return std::nullopt;
+  return CopyMark{std::string(text.substr(word.size())), compared};
 }
 
 /// A key of `meta`, where there is a schema.
@@ -52,8 +45,7 @@ Result<std::optional<CopyMark>> readCopyMark(Connection& connection) {
 
 Status writeCopyMark(Connection& connection, const CopyMark& mark) {
   return MetaStore(connection)
-      .set(kCopyMarkKey,
-           fmt::format("{} {} {}", mark.compared ? kComparedWord : kCopyingWord, mark.id, mark.schema));
+      .set(kCopyMarkKey, std::string(mark.compared ? kComparedWord : kCopyingWord) + mark.id);
 }
 
 Result<std::optional<std::string>> copyBegunOf(Connection& connection) {

@@ -17,7 +17,6 @@ inline constexpr std::string_view kCopyMarkKey = "copy_under_way", kCopiedToKey 
 
 struct CopyMark {
   std::string id;         ///< of the copy, also in its source
-  int schema = 0;         ///< the version that its rows have
   bool compared = false;  ///< all rows are there, and were compared with the source's
 };
 

@@ -81,8 +81,6 @@ class CurriculumStore {
   /// kAlreadyExists (another curriculum has an exercise with this id). `base`: the revision that the text was
   /// made from (0: none), else kConflict; absent: any.
   Result<std::uint32_t> put(const StoredCurriculum& curriculum, std::optional<std::uint32_t> base = {});
-  /// Makes `curriculum.exercises` current; part of put(). Errors as put().
-  Status setExercises(const StoredCurriculum& curriculum);
   /// `revision` 0: the newest. `exercises` always belong to the newest revision. kNotFound.
   Result<StoredCurriculum> get(std::string_view id, std::uint32_t revision = 0);
   /// All revisions of a curriculum, newest first, without texts and exercises. kNotFound.
@@ -94,6 +92,8 @@ class CurriculumStore {
   Result<StoredExercise> exercise(std::string_view id);
 
  private:
+  /// Makes `curriculum.exercises` current. Errors as put().
+  Status setExercises(const StoredCurriculum& curriculum);
   Result<std::vector<StoredExercise>> exercisesOf(std::string_view curriculum_id);
   Connection& connection_;
 };

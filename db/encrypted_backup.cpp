@@ -68,29 +68,6 @@ Status goesOn(const std::atomic<bool>* cancelled) {
   return Error{ErrorCode::kUnavailable, "the backup was given up because the program ends: make it again"};
 }
 
-/// Fills `bytes`, or less at the file's end. Returns how many.
-Result<std::size_t> readFully(int fd, const fs::path& path, std::uint8_t* bytes, std::size_t count) {
-  std::size_t done = 0;
-  while (done < count) {
-    const ssize_t got = ::read(fd, bytes + done, count - done);
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0) return systemError(path, "read");
-    if (got == 0) break;
-    done += static_cast<std::size_t>(got);
-  }
-  return done;
-}
-
-Status writeFully(int fd, const fs::path& path, ByteView bytes) {
-  while (!bytes.empty()) {
-    const ssize_t put = ::write(fd, bytes.data(), bytes.size());
-    if (put < 0 && errno == EINTR) continue;
-    if (put < 0) return systemError(path, "write");
-    bytes = bytes.subspan(static_cast<std::size_t>(put));
-  }
-  return {};
-}
-
 Bytes preambleOf(const BackupKey& key) {
   Bytes bytes;
   ByteWriter writer(bytes);
@@ -213,7 +190,7 @@ Result<BackupKey> BackupKey::make(const fs::path& file) {
       const Error error = systemError(file, "make");
       return Error{no_folder ? ErrorCode::kInvalidInput : error.code, error.message};
     }
-    auto status = writeFully(out.fd(), file, viewOf(text));
+    auto status = writeFully(out, file, viewOf(text));
     if (status.ok() && ::fsync(out.fd()) != 0) status = systemError(file, "fsync");
     if (!status) {
       ::unlink(file.c_str());
@@ -237,7 +214,7 @@ bool isEncryptedBackup(const fs::path& file) {
   const OpenFile in(::open(file.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
   if (!in.isOpen()) return false;
   std::array<std::uint8_t, kMagic.size()> start{};
-  const auto got = readFully(in.fd(), file, start.data(), start.size());
+  const auto got = readFully(in, file, start.data(), start.size());
   return got.ok() && *got == start.size() && textOf(start) == kMagic;
 }
 
@@ -255,17 +232,17 @@ Result<PlainHash> encryptFile(const fs::path& plain, const fs::path& encrypted, 
   header.resize(kHeaderBytes);
   crypto_secretstream_xchacha20poly1305_init_push(&stream.state, header.data() + kPreambleBytes,
                                                   key.streamKey().data());
-  RETURN_IF_ERROR(writeFully(out.fd(), encrypted, header));
+  RETURN_IF_ERROR(writeFully(out, encrypted, header));
 
   Hash hash;
   // one piece ahead, because the last one is marked as such
   Bytes piece(kPieceBytes), next(kPieceBytes), sealed(kPieceBytes + kTagBytes);
-  ASSIGN_OR_RETURN(std::size_t count, readFully(in.fd(), plain, piece.data(), piece.size()));
+  ASSIGN_OR_RETURN(std::size_t count, readFully(in, plain, piece.data(), piece.size()));
   for (bool last = false; !last;) {
     RETURN_IF_ERROR(goesOn(cancelled));
     std::size_t following = 0;
     if (count == kPieceBytes) {
-      ASSIGN_OR_RETURN(following, readFully(in.fd(), plain, next.data(), next.size()));
+      ASSIGN_OR_RETURN(following, readFully(in, plain, next.data(), next.size()));
     }
     last = following == 0;
     hash.add(ByteView(piece).first(count));
@@ -273,7 +250,7 @@ Result<PlainHash> encryptFile(const fs::path& plain, const fs::path& encrypted, 
                                                preamble.data(), preamble.size(),
                                                last ? crypto_secretstream_xchacha20poly1305_TAG_FINAL
                                                     : crypto_secretstream_xchacha20poly1305_TAG_MESSAGE);
-    RETURN_IF_ERROR(writeFully(out.fd(), encrypted, ByteView(sealed).first(count + kTagBytes)));
+    RETURN_IF_ERROR(writeFully(out, encrypted, ByteView(sealed).first(count + kTagBytes)));
     piece.swap(next);
     count = following;
   }
@@ -292,7 +269,7 @@ Result<PlainHash> decryptFile(const fs::path& encrypted, const BackupKey& key,
   ::posix_fadvise(in.fd(), 0, 0, POSIX_FADV_DONTNEED);
 
   Bytes header(kHeaderBytes);
-  ASSIGN_OR_RETURN(const auto header_bytes, readFully(in.fd(), encrypted, header.data(), header.size()));
+  ASSIGN_OR_RETURN(const auto header_bytes, readFully(in, encrypted, header.data(), header.size()));
   header.resize(header_bytes);
   ASSIGN_OR_RETURN(const auto preamble, checkPreamble(header, encrypted, key));
   std::uint64_t at = kHeaderBytes;
@@ -309,7 +286,7 @@ Result<PlainHash> decryptFile(const fs::path& encrypted, const BackupKey& key,
   Bytes sealed(preamble.piece_bytes + kTagBytes), piece(preamble.piece_bytes);
   for (bool last = false; !last;) {
     RETURN_IF_ERROR(goesOn(cancelled));
-    ASSIGN_OR_RETURN(const auto got, readFully(in.fd(), encrypted, sealed.data(), sealed.size()));
+    ASSIGN_OR_RETURN(const auto got, readFully(in, encrypted, sealed.data(), sealed.size()));
     if (got < kTagBytes) return refused(fmt::format("is cut off after {} bytes", at + got));
     unsigned char tag = 0;
     if (crypto_secretstream_xchacha20poly1305_pull(&stream.state, piece.data(), nullptr, &tag, sealed.data(),
@@ -326,7 +303,7 @@ Result<PlainHash> decryptFile(const fs::path& encrypted, const BackupKey& key,
     RETURN_IF_ERROR(take(plain));
   }
   std::uint8_t more = 0;
-  ASSIGN_OR_RETURN(const auto beyond, readFully(in.fd(), encrypted, &more, 1));
+  ASSIGN_OR_RETURN(const auto beyond, readFully(in, encrypted, &more, 1));
   if (beyond > 0) return refused(fmt::format("has bytes after its end, at byte {}", at));
   return hash.result();
 }

@@ -1,4 +1,4 @@
-// Who was erased: whose a session is that comes later, and who came back with a restored backup or an import.
+// Who was erased: whose a session is that comes later, and who came back with a restored backup.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -17,10 +17,9 @@
 namespace needlelab {
 namespace {
 
-/// Erasures of this database's own log. Those of imported records are another lab's, or of another key, and
-/// are in the table only: no line of this log is theirs.
-constexpr const char* kOwnErasures =
-    "pseudonym IN (SELECT subject FROM audit WHERE action = 'person erase' AND imported_by IS NULL)";
+/// Erasures of this database's own log. Those of a list (rememberList) are in the table only: no line of this
+/// log is theirs.
+constexpr const char* kOwnErasures = "pseudonym IN (SELECT subject FROM audit WHERE action = 'person erase')";
 
 /// Those of the lines' pseudonyms that are names of accounts.
 Result<std::set<std::string>> pseudonymsOfAccounts(Connection& connection,
@@ -173,7 +172,7 @@ Result<PseudonymKey> ErasureStore::key() {
 Result<std::vector<ErasureToRepeat>> ErasureStore::toRepeat(const std::filesystem::path& folder) {
   std::vector<ErasureToRepeat> repeat;
   ASSIGN_OR_RETURN(auto lines, readErasures(folder));
-  // also erasures in the database: imported older records may have brought people back
+  // also erasures in the database
   std::set<std::string> known;
   std::vector<ErasureLine> known_lines;
   auto rows = connection_.query(

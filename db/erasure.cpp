@@ -153,19 +153,6 @@ Result<ErasedRows> ErasureStore::eraseRows(const std::string& name, const Erasur
                                         .first([](const Statement& row) { return row.natural(0); }));
   done.erasure.set_waiting_sessions(left.value_or(0));
   if (!done.typed) RETURN_IF_ERROR(eraseAccount(who.names));
-  ASSIGN_OR_RETURN(const auto pieces,
-                   connection_.prepare("SELECT coalesce(sum(length(records)), 0) FROM import_pieces")
-                       .first([](const Statement& row) { return row.natural(0); }));
-  RETURN_IF_ERROR(requireRoom(pieces.value_or(0)));  // what is deleted is overwritten
-  // an id that was not made by chance may have the name
-  RETURN_IF_ERROR(
-      connection_.run("INSERT INTO import_pieces (import_id, position, records, by_whom, unix_ns)"
-                      " SELECT import_id, ?1, '', '', ?2 FROM import_pieces"
-                      " WHERE instr(lower(import_id), lower(?3)) = 0"
-                      " OR (length(import_id) = 36 AND ltrim(import_id, '0123456789abcdef-') = '')"
-                      " GROUP BY import_id HAVING min(position) > ?1",
-                      kDroppedPieces, now_unix_ns, name));
-  RETURN_IF_ERROR(connection_.run("DELETE FROM import_pieces WHERE position <> ?", kDroppedPieces));
   if (!done.typed) RETURN_IF_ERROR(eraseInReasons(connection_, name, line.pseudonym));
   RETURN_IF_ERROR(MetaStore(connection_).set(kFreePartsKey, line.pseudonym));
   RETURN_IF_ERROR(MetaStore(connection_)
@@ -260,7 +247,6 @@ Result<std::string> ErasureStore::doneUnder(const std::string& name) {
     return {};
   };
   RETURN_IF_ERROR(look("annotations", "author"));
-  RETURN_IF_ERROR(look("audit", "imported_by"));
   for (const NameColumn& doer : kDoers) RETURN_IF_ERROR(look(doer.table, doer.column));
   if (text.empty()) return text;
   return "Whoever has this name wrote these rows of the database, which keep it: " + text + ". ";

@@ -166,7 +166,7 @@ class ErasureStore {
   /// stays empty.
   Status emptySession(const Uuid& session, std::int64_t now_unix_ns);
   /// Erased people, by DIR/erasures or by this database, who are in the database again: from a restored
-  /// backup or from imported older records. Sessions that an erasure here left waiting are not theirs. By a
+  /// backup. Sessions that an erasure here left waiting are not theirs. By a
   /// line that the database does not know, an account is theirs unless it is newer, and what came under a
   /// name that nobody had, if it is not. Lines that listFaults() tells are not obeyed. Empty when all is
   /// well. kCorrupt: as key().
@@ -271,16 +271,12 @@ class ErasureStore {
   /// Rows whose author has the name, where that is not replaced, for the administrator; empty: none.
   Result<std::string> doneUnder(const std::string& name);
   /// Rows whose author, but for those of remarks, is not `name` and has the letters of one of the names
-  /// ("local:anna", "ANNA" of an import), for the administrator; empty: none.
+  /// ("local:anna"), for the administrator; empty: none.
   Result<std::string> doersAlike(const NameSearch& search, const std::string& name);
   Connection& connection_;
   FreeRoom free_room_;
   int rows_ = 0;  ///< that were written since requireRoom()
 };
-
-/// The position in `import_pieces` of a row that stands for pieces that were dropped: what comes later of
-/// that import is refused, because it would be taken for the whole.
-inline constexpr std::int64_t kDroppedPieces = -1;
 
 /// Key of `meta`, and behind it the pseudonym: the erasure was of a name that nobody had.
 inline constexpr std::string_view kWithoutAccountKey = "erased_without_account ";

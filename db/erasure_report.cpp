@@ -32,7 +32,7 @@ struct SessionRowOfText {
   bool erased = false;
   [[nodiscard]] std::size_t bytes() const { return description.size() + profile.size() + columns.size(); }
 };
-// the columns have what the description has, but where an import or damage made them differ
+// the columns have what the description has, but where damage made them differ
 constexpr std::string_view kSessionRows =
     "SELECT number, id, description, profile_json,"
     " exercise_id || '\n' || profile_id || '\n' || engine_version, erased"
@@ -194,10 +194,7 @@ Result<std::string> ErasureStore::perhapsLeft(const NameSearch& search, const Se
        "SELECT id, text || '\n' || author, id FROM annotations WHERE id > ?1 AND id <= ?2 ORDER BY id", true},
       {"the names of {} groups, such as {}", "SELECT id, name FROM groups ORDER BY id"},
       {"{} lines of the audit log, such as {}",
-       "SELECT id, who || '\n' || subject || '\n' || detail || '\n' || coalesce(imported_by, '')"
-       " || '\n' || coalesce(imported_from, '')"
-       // the server's own actions are no names
-       " || CASE WHEN imported_by IS NULL THEN '' ELSE '\n' || action END, id"
+       "SELECT id, who || '\n' || subject || '\n' || detail, id"
        " FROM audit WHERE id > ?1 AND id <= ?2 ORDER BY id",
        true},
       {"the reasons of {} erasures, such as {}", "SELECT pseudonym, reason FROM erasures ORDER BY pseudonym"},

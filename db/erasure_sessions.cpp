@@ -90,12 +90,12 @@ Result<PersonTraces> ErasureStore::tracesOf(const std::string& name, const Erasu
     std::erase(all, one);
     all.push_back(one);
   };
-  LoggedNames logged;
   if (!line.without_account) {
     // the log says each name that was changed; all of it is read once
     if (before != nullptr) who.names.full_names = before->names.full_names;
-    ASSIGN_OR_RETURN(logged, loggedFullNames(connection_, name, before != nullptr ? before->last_line : -1));
-    for (const std::string& full_name : logged.written) addLast(who.names.full_names, full_name);
+    ASSIGN_OR_RETURN(const auto logged,
+                     loggedFullNames(connection_, name, before != nullptr ? before->last_line : -1));
+    for (const std::string& full_name : logged) addLast(who.names.full_names, full_name);
     ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(name));
     if (person && !person->full_name.empty()) addLast(who.names.full_names, person->full_name);
   }
@@ -110,16 +110,6 @@ Result<PersonTraces> ErasureStore::tracesOf(const std::string& name, const Erasu
                                                    " GROUP BY u.given ORDER BY length(u.given) DESC, u.given",
                                                name, with_waiting, untilOf(line))
                                         .all(firstText));
-  for (const std::string& full_name : logged.imported) {
-    const auto& own = who.names.full_names;
-    if (std::find(own.begin(), own.end(), full_name) != own.end()) continue;
-    ASSIGN_OR_RETURN(
-        const auto account,
-        connection_
-            .query("SELECT name FROM people WHERE ?1 IN (name, full_name) AND name <> ?2", full_name, name)
-            .first(firstText));
-    if (!account) addLast(who.names.given, full_name);
-  }
   // the sessions that are erased already no longer have theirs
   if (before != nullptr)
     for (const std::string& given : before->names.given) addLast(who.names.given, given);

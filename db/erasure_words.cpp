@@ -34,14 +34,13 @@ struct LineRow {
   std::int64_t id = 0;
   AuditRow line;
   [[nodiscard]] std::size_t bytes() const {
-    return line.who.size() + line.subject.size() + line.detail.size() + line.imported_by.size();
+    return line.who.size() + line.subject.size() + line.detail.size();
   }
 };
 constexpr std::string_view kLineRows =
-    "SELECT id, who, action, subject, detail, coalesce(imported_by, '') FROM audit WHERE id > ?1 AND id <= ?2"
-    " ORDER BY id";
+    "SELECT id, who, action, subject, detail FROM audit WHERE id > ?1 AND id <= ?2 ORDER BY id";
 LineRow lineRowOf(const Statement& row) {
-  return {row.integer(0), {0, 0, row.text(1), row.text(2), row.text(3), row.text(4), row.text(5)}};
+  return {row.integer(0), {0, 0, row.text(1), row.text(2), row.text(3), row.text(4)}};
 }
 
 /// Lines that loggedFullNames() reads. Only the transaction replaces them: until then they say the earlier
@@ -65,9 +64,7 @@ std::optional<RemarkRow> replacedIn(const RemarkRow& remark, const PersonTraces&
 std::optional<AuditRow> replacedIn(const LineRow& row, const PersonTraces& who) {
   const AuditRow& before = row.line;
   AuditRow after = withoutNames(before, who.names, who.session_ids);
-  if (!who.names.typed && before.imported_by == who.names.name) after.imported_by = who.names.in_its_place;
-  if (after.who == before.who && after.subject == before.subject && after.detail == before.detail &&
-      after.imported_by == before.imported_by)
+  if (after.who == before.who && after.subject == before.subject && after.detail == before.detail)
     return std::nullopt;
   return after;
 }
@@ -169,10 +166,8 @@ Status ErasureStore::replaceInLines(const PersonTraces& who, std::int64_t after,
     AuditChain chain(connection_);
     // what somebody changed keeps its fault, and does not hold up the erasure
     ASSIGN_OR_RETURN(const bool proven, chain.proves(row.id));
-    RETURN_IF_ERROR(
-        connection_.run("UPDATE audit SET who = ?1, subject = ?2, detail = ?3,"
-                        " imported_by = nullif(?4, '') WHERE id = ?5",
-                        now->who, now->subject, now->detail, now->imported_by, row.id));
+    RETURN_IF_ERROR(connection_.run("UPDATE audit SET who = ?, subject = ?, detail = ? WHERE id = ?",
+                                    now->who, now->subject, now->detail, row.id));
     RETURN_IF_ERROR(chain.amend(row.id, proven));
     return noteRow();
   });

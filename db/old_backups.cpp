@@ -7,9 +7,9 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
-#include <ctime>
 
 #include "common/base/files.h"
+#include "db/database_files.h"
 #include "db/encrypted_backup.h"
 #include "db/open_file.h"
 #include "db/schema.h"
@@ -17,11 +17,7 @@
 namespace needlelab {
 
 std::string backupName(std::int64_t now_unix_ns, std::string_view ending) {
-  const std::time_t now = now_unix_ns / 1'000'000'000;
-  std::tm parts{};
-  char text[40] = {};
-  std::strftime(text, sizeof text, "needlelab-%Y%m%dT%H%M%SZ", ::gmtime_r(&now, &parts));
-  return text + std::string(ending);
+  return "needlelab-" + timeForNames(now_unix_ns) + std::string(ending);
 }
 
 namespace {

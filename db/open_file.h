@@ -3,6 +3,13 @@
 
 #include <unistd.h>
 
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+
+#include "common/base/bytes.h"
+#include "common/base/result.h"
+
 namespace needlelab {
 
 class OpenFile {
@@ -20,5 +27,12 @@ class OpenFile {
  private:
   int fd_;
 };
+
+/// Fills `bytes`, or less at the file's end. Returns how many. `path`: for messages.
+Result<std::size_t> readFully(const OpenFile& file, const std::filesystem::path& path, std::uint8_t* bytes,
+                              std::size_t count);
+Status writeFully(const OpenFile& file, const std::filesystem::path& path, ByteView bytes);
+/// Calls fsync on a file that others wrote.
+Status syncFile(const std::filesystem::path& path);
 
 }  // namespace needlelab

@@ -16,7 +16,7 @@ namespace needlelab {
 namespace {
 
 /// Who stands in the audit log and beside removed recordings without being a person.
-constexpr std::string_view kOwnWriters[] = {"local", "retention", "erasure", "import"};
+constexpr std::string_view kOwnWriters[] = {"local", "retention", "erasure"};
 
 constexpr std::string_view kSelectPeople =
     "SELECT name, role, password_hash, disabled, created_unix_ns, full_name,"

@@ -277,20 +277,20 @@ bool NameSearch::finds(std::string_view text) const {
   });
 }
 
-Result<LoggedNames> loggedFullNames(Connection& connection, std::string_view name, std::int64_t after) {
-  LoggedNames logged;
+Result<std::vector<std::string>> loggedFullNames(Connection& connection, std::string_view name,
+                                                 std::int64_t after) {
+  std::vector<std::string> all;
+  const auto add = [&](const std::string& full_name) {
+    if (!full_name.empty() && std::find(all.begin(), all.end(), full_name) == all.end())
+      all.push_back(full_name);
+  };
   auto rows = connection.query(
-      "SELECT detail, imported_by FROM audit WHERE id > ? AND subject = ?"
+      "SELECT detail FROM audit WHERE id > ? AND subject = ?"
       " AND action IN ('user change', 'user import') ORDER BY id",
       after, name);
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, rows.step());
-    if (!more) return logged;
-    std::vector<std::string>& all = rows.isNull(1) ? logged.written : logged.imported;
-    const auto add = [&](const std::string& full_name) {
-      if (!full_name.empty() && std::find(all.begin(), all.end(), full_name) == all.end())
-        all.push_back(full_name);
-    };
+    if (!more) return all;
     const std::string detail = rows.text(0);
     const std::size_t at = detail.find(kFullNameWords);
     if (at == std::string::npos) continue;
@@ -302,22 +302,19 @@ Result<LoggedNames> loggedFullNames(Connection& connection, std::string_view nam
   }
 }
 
-Result<std::vector<std::string>> namesOfStore(Connection& connection, bool of_groups) {
-  return connection
-      .query(
-          "SELECT name FROM people UNION SELECT full_name FROM people"
-          " UNION SELECT trainee FROM sessions UNION SELECT name FROM stations"
-          " UNION SELECT id FROM groups WHERE ?1 = 1 UNION SELECT name FROM groups WHERE ?1 = 1 UNION SELECT "
-          "id"
-          " FROM profiles UNION SELECT id FROM curricula UNION SELECT id FROM exercises",
-          of_groups)
-      .all(firstText);
-}
-
 Status addOthers(Connection& connection, ErasedNames& names, bool of_groups,
                  const std::set<std::string>& besides) {
   std::set<std::string> others;
-  ASSIGN_OR_RETURN(const auto all, namesOfStore(connection, of_groups));
+  ASSIGN_OR_RETURN(
+      const auto all,
+      connection
+          .query(
+              "SELECT name FROM people UNION SELECT full_name FROM people"
+              " UNION SELECT trainee FROM sessions UNION SELECT name FROM stations"
+              " UNION SELECT id FROM groups WHERE ?1 = 1 UNION SELECT name FROM groups WHERE ?1 = 1"
+              " UNION SELECT id FROM profiles UNION SELECT id FROM curricula UNION SELECT id FROM exercises",
+              of_groups)
+          .all(firstText));
   std::vector<std::string_view> own(names.full_names.begin(), names.full_names.end());
   own.push_back(names.name);
   own.insert(own.end(), names.given.begin(), names.given.end());

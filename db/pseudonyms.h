@@ -75,7 +75,7 @@ struct ErasedNames {
   std::vector<std::string> full_names;  ///< current and earlier ones
   OtherNames others;                    ///< names and ids of others that contain one of these
   std::string in_its_place;             ///< the pseudonym
-  /// What people typed at stations for this person, or an import says as an earlier full name: any word.
+  /// What people typed at stations for this person: any word.
   std::vector<std::string> given;
   /// Nobody had `name`: somebody typed it at a station, as a given name. It is any word, too.
   bool typed = false;
@@ -99,18 +99,12 @@ class NameSearch {
   OtherNames others_;               ///< folded
 };
 
-/// Full names of a person in the audit log, oldest first, each once.
-struct LoggedNames {
-  std::vector<std::string> written;   ///< by lines that were written here
-  std::vector<std::string> imported;  ///< by others: whoever made that file may have written any word there
-};
-/// "user change" writes them at the end of its line: "full name: 'Old' to 'New'". Reads the lines behind
-/// number `after`, all of them.
-Result<LoggedNames> loggedFullNames(Connection& connection, std::string_view name, std::int64_t after = -1);
-/// Names and ids of people, sessions, stations, profiles and courses, of groups if asked for: those that
-/// other people's names may stand in. Each once; perhaps an empty one.
-Result<std::vector<std::string>> namesOfStore(Connection& connection, bool of_groups);
-/// Fills in `others` from the store. `of_groups`: with the names and ids of groups. None of `besides` is one.
+/// Full names of a person in the audit log, oldest first, each once. "user change" writes them at the end of
+/// its line: "full name: 'Old' to 'New'". Reads the lines behind number `after`, all of them.
+Result<std::vector<std::string>> loggedFullNames(Connection& connection, std::string_view name,
+                                                 std::int64_t after = -1);
+/// Fills in `others` from the names and ids of people, sessions, stations, profiles and courses. `of_groups`:
+/// with the names and ids of groups. None of `besides` is one.
 Status addOthers(Connection& connection, ErasedNames& names, bool of_groups = true,
                  const std::set<std::string>& besides = {});
 

@@ -43,24 +43,12 @@ Status planEachTime(Connection& connection) {
   return connection.script("SET plan_cache_mode = force_custom_plan");
 }
 
-Result<std::vector<CopiedTable>> tablesOfEither(Connection& from, Connection& to) {
-  Connection& sqlite = from.sqlite() != nullptr ? from : to;
-  if (sqlite.sqlite() == nullptr) return Error{ErrorCode::kFailed, "a copy is from or to SQLite"};
-  RETURN_IF_ERROR(requireNewestSchema(from));
-  RETURN_IF_ERROR(requireNewestSchema(to));
-  RETURN_IF_ERROR(planEachTime(from));
-  RETURN_IF_ERROR(planEachTime(to));
-  return copiedTables(sqlite);
-}
-
-/// The tables of this program's schema, for what has no SQLite file.
-Result<std::vector<CopiedTable>> tablesOfProgram() {
-  ASSIGN_OR_RETURN(auto memory,
-                   Connection::open(":memory:", {.mode = Connection::Mode::kReader, .create = true}));
-  RETURN_IF_ERROR(memory.script("PRAGMA query_only=OFF"));
-  for (const EmbeddedFile& file : embeddedMigrations())
-    RETURN_IF_ERROR(memory.script(std::string(file.text)));
-  return copiedTables(memory);
+Result<std::vector<CopiedTable>> tablesOfBoth(Connection& from, Connection& to) {
+  for (Connection* one : {&from, &to}) {
+    RETURN_IF_ERROR(requireNewestSchema(*one));
+    RETURN_IF_ERROR(planEachTime(*one));
+  }
+  return copiedTables();
 }
 
 /// What is only one store's own.
@@ -175,20 +163,6 @@ Error differs(const std::string& what, const char* how) {
                       what, how)};
 }
 
-/// The places of chunks that are known to be damaged.
-class KnownDamage {
- public:
-  explicit KnownDamage(Connection& connection) : connection_(connection) {}
-  Result<bool> has(std::int64_t session, std::int64_t seq) {
-    auto row =
-        connection_.query("SELECT 1 FROM quarantined_chunks WHERE session = ? AND seq = ?", session, seq);
-    return row.step();
-  }
-
- private:
-  Connection& connection_;
-};
-
 /// Computes the CRC of a chunk of the copy.
 Status lookAtChunk(Connection& to, const CopiedTable& table, const CopiedRow& row, ComparedRows& compared) {
   const auto number = [&](std::size_t place) {
@@ -203,8 +177,9 @@ Status lookAtChunk(Connection& to, const CopiedTable& table, const CopiedRow& ro
                                       static_cast<std::uint64_t>(seq), static_cast<std::uint64_t>(number(2)),
                                       number(3), bytes != nullptr ? viewOf(*bytes) : ByteView());
   if (sound) return {};  // also one that cannot be decoded, but came as it is
-  ASSIGN_OR_RETURN(const bool known, KnownDamage(to).has(session, seq));
-  if (known) {
+  auto known = to.query("SELECT 1 FROM quarantined_chunks WHERE session = ? AND seq = ?", session, seq);
+  ASSIGN_OR_RETURN(const bool is_known, known.step());
+  if (is_known) {
     ++compared.known_damaged;
     return {};
   }
@@ -258,7 +233,7 @@ Status compareLastNumbers(Connection& from, Connection& to) {
 /// Turns the triggers that are not PostgreSQL's own (foreign keys) off or on.
 Status turnTriggers(Connection& to, bool on) {
   if (to.sqlite() != nullptr) return {};
-  ASSIGN_OR_RETURN(const auto tables, tablesOfProgram());
+  ASSIGN_OR_RETURN(const auto tables, copiedTables());
   for (const CopiedTable& table : tables) {
     const Status turned =
         to.script(fmt::format("ALTER TABLE \"{}\" {} TRIGGER USER", table.name, on ? "ENABLE" : "DISABLE"));
@@ -274,7 +249,7 @@ Status turnTriggers(Connection& to, bool on) {
 }  // namespace
 
 Result<bool> isEmptyStore(Connection& connection) {
-  ASSIGN_OR_RETURN(const auto tables, tablesOfProgram());
+  ASSIGN_OR_RETURN(const auto tables, copiedTables());
   for (const CopiedTable& table : tables) {
     auto row = connection.prepare(fmt::format("SELECT 1 FROM \"{}\" LIMIT 1", table.name));
     ASSIGN_OR_RETURN(const bool there, row.step());
@@ -291,7 +266,7 @@ Status beginCopy(Connection& to, const CopyMark& mark) {
 }
 
 Result<CopiedRows> copyRows(Connection& from, Connection& to, const CopyOptions& options) {
-  ASSIGN_OR_RETURN(const auto tables, tablesOfEither(from, to));
+  ASSIGN_OR_RETURN(const auto tables, tablesOfBoth(from, to));
   const WithoutTriggers without(to);
   CopiedRows copied;
   // `meta` is the last one
@@ -302,7 +277,7 @@ Result<CopiedRows> copyRows(Connection& from, Connection& to, const CopyOptions&
 }
 
 Result<ComparedRows> compareRows(Connection& from, Connection& to, const CopyOptions& options) {
-  ASSIGN_OR_RETURN(const auto tables, tablesOfEither(from, to));
+  ASSIGN_OR_RETURN(const auto tables, tablesOfBoth(from, to));
   ComparedRows compared;
   for (const CopiedTable& table : tables) RETURN_IF_ERROR(compareTable(from, to, table, options, compared));
   RETURN_IF_ERROR(compareLastNumbers(from, to));
@@ -318,7 +293,7 @@ Status endCopy(Connection& to, CopyMark mark) {
 }
 
 Status emptyCopy(Connection& to) {
-  ASSIGN_OR_RETURN(const auto tables, tablesOfProgram());
+  ASSIGN_OR_RETURN(const auto tables, copiedTables());
   std::string names = "last_numbers";
   for (const CopiedTable& table : tables) names += fmt::format(", \"{}\"", table.name);
   ASSIGN_OR_RETURN(auto transaction, Transaction::begin(to, Transaction::Kind::kWrite));

@@ -22,15 +22,6 @@ Status UnknownTraineeStore::flag(const Uuid& session, bool code_checked, bool ma
       ByteView(session), kGuestName, code_checked, required, may_be_erased);
 }
 
-Result<bool> UnknownTraineeStore::flagImported(std::int64_t session_number) {
-  RETURN_IF_ERROR(
-      connection_.run("INSERT INTO unknown_trainees (session, given) SELECT number, trainee FROM sessions"
-                      " WHERE number = ? AND erased = 0 AND trainee NOT IN ('', ?)"
-                      " ON CONFLICT (session) DO NOTHING",
-                      session_number, kGuestName));
-  return connection_.changes() > 0;
-}
-
 Result<std::string> UnknownTraineeStore::assign(const Uuid& session, const std::string& trainee,
                                                 const std::optional<std::string>& was, const std::string& by,
                                                 std::int64_t now_unix_ns) {

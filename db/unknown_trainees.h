@@ -26,9 +26,6 @@ class UnknownTraineeStore {
   /// codes, and not `code_checked`; or if it `may_be_erased` (ErasureStore::Owner). Sessions without a name
   /// or of kGuestName are nobody's.
   Status flag(const Uuid& session, bool code_checked, bool may_be_erased);
-  /// Flags an imported session that has no flag, as migration 0006 did with those of before, and returns
-  /// whether it did: nobody of those that its records named had its trainee's name. Not an erased one.
-  Result<bool> flagImported(std::int64_t session_number);
   /// Gives a flagged session to `trainee`, a person or kGuestName; it counts as that person's from now on,
   /// also if it had that person's name already. A session that was assigned before may be assigned again.
   /// `was`: whose it is now, as the manager saw it; nothing: whoever's. Returns whose it was. kNotFound:

@@ -25,13 +25,6 @@
 namespace needlelab {
 namespace {
 
-/// The detail; of an imported line also where it comes from.
-std::string shownDetail(const pb::AuditEntry& entry) {
-  if (entry.imported_by().empty()) return entry.detail();
-  return entry.detail() + (entry.detail().empty() ? "" : " ") + "(imported by " + entry.imported_by() +
-         " from " + entry.imported_from() + ")";
-}
-
 Status audit(CommandContext& context, std::uint32_t limit) {
   Json rows = Json::array();
   const auto done = eachPage(
@@ -48,10 +41,7 @@ Status audit(CommandContext& context, std::uint32_t limit) {
                           {"who", entry.who()},
                           {"action", entry.action()},
                           {"subject", entry.subject()},
-                          {"detail", entry.detail()},
-                          {"imported_by", entry.imported_by()},
-                          {"imported_from", entry.imported_from()},
-                          {"shown", shownDetail(entry)}});
+                          {"detail", entry.detail()}});
         }
         return limit != 0 && rows.size() >= limit ? std::string() : reply.audit().next_page();
       });
@@ -61,7 +51,7 @@ Status audit(CommandContext& context, std::uint32_t limit) {
                               {"who", "WHO"},
                               {"action", "ACTION"},
                               {"subject", "SUBJECT"},
-                              {"shown", "DETAIL"}},
+                              {"detail", "DETAIL"}},
                              rows, "no changes yet");
 }
 

@@ -2,7 +2,6 @@
 #include <fmt/core.h>
 #include <CLI/CLI.hpp>
 
-#include <algorithm>
 #include <memory>
 #include <string>
 #include <vector>
@@ -10,14 +9,9 @@
 #include "client/admin/command.h"
 #include "client/admin/session_export.h"
 #include "common/base/files.h"
-#include "common/base/uuid.h"
 
 namespace needlelab {
 namespace {
-
-constexpr std::size_t kMostPieceBytes = 700'000;  // of records in one request, which must fit into 1 MiB
-constexpr int kMostPieceRecords = 10'000;         // the server takes 20,000 (teaching.proto)
-constexpr std::size_t kMostRecordsFile = 512u << 20;
 
 /// Writes pages of records as lines, to a file (atomically, readable only by its owner) or to the output.
 Status writeRecords(CommandContext& context, const std::string& file,
@@ -40,54 +34,6 @@ Status writeRecords(CommandContext& context, const std::string& file,
   }
   RETURN_IF_ERROR(writeFileAtomically(file, viewOf(text), 0600));
   context.output.done(fmt::format("wrote {} records of {} to {}", count, what, file));
-  return {};
-}
-
-Status importAll(CommandContext& context, const std::string& file, const std::string& text, bool dry_run,
-                 bool with_policies) {
-  pb::Request request;
-  auto* import_all = request.mutable_import_all();
-  import_all->set_import_id(uuidText(makeUuidV7()));
-  import_all->set_dry_run(dry_run);
-  import_all->set_with_policies(with_policies);
-  std::size_t bytes = 0;
-  pb::ImportReport report;
-  const auto send = [&](bool last) -> Status {
-    import_all->set_last(last);
-    ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
-    report = reply.import_report();
-    import_all->clear_records();
-    bytes = 0;
-    return {};
-  };
-  for (std::size_t at = 0; at < text.size();) {
-    const std::size_t end = std::min(text.find('\n', at), text.size());
-    if ((bytes + (end - at) > kMostPieceBytes && bytes > 0) ||
-        import_all->records_size() == kMostPieceRecords) {
-      RETURN_IF_ERROR(send(false));
-    }
-    import_all->add_records(text.substr(at, end - at));
-    bytes += end - at + 8;
-    at = end + 1;
-  }
-  RETURN_IF_ERROR(send(true));
-  Json rows = Json::array();
-  for (const auto& count : report.counts())
-    rows.push_back({{"kind", count.kind()},
-                    {"added", count.added()},
-                    {"unchanged", count.unchanged()},
-                    {"faults", count.faults()}});
-  if (auto done = context.output.list(
-          {{"kind", "KIND"}, {"added", "ADDED"}, {"unchanged", "UNCHANGED"}, {"faults", "FAULTS"}}, rows,
-          "no records");
-      !done)
-    return done;
-  for (const auto& note : report.notes()) context.output.remark(oneLine(note));
-  for (const auto& fault : report.faults())
-    context.output.remark(oneLine(file + ": " + fault.path() + ": " + fault.message()));
-  if (!report.faults().empty())
-    return Error{ErrorCode::kInvalidInput, file + ": nothing was imported, see the faults above"};
-  context.output.done(report.done() ? "imported" : "a dry run: nothing was changed");
   return {};
 }
 
@@ -205,8 +151,8 @@ void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
   addOnePersonCommands(app, chosen);
   addConsentCommands(app, chosen);
   struct Values {
-    std::string study, out, exercise, file, text, session, format = "csv";
-    bool remarks = false, setup = false, passwords = false, dry_run = false, with_policies = false;
+    std::string study, out, exercise, session, format = "csv";
+    bool remarks = false, setup = false, passwords = false;
   };
   const auto values = std::make_shared<Values>();
   auto* study = app.add_subcommand("study", "for researchers: those who consent, under pseudonyms");
@@ -254,24 +200,6 @@ void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
           request.mutable_export_all()->set_page(page);
         },
         "everything");
-  });
-  auto* import_all = app.add_subcommand("import-all", "read in what export-all wrote: all of it or nothing");
-  import_all->add_option("file", values->file)->required()->type_name("FILE");
-  import_all->add_flag("--dry-run", values->dry_run, "only say what would happen");
-  import_all->add_flag(
-      "--with-policies", values->with_policies,
-      "retention policies and the lab's settings, too: from then on recordings are deleted by "
-      "them");
-  import_all->callback([&chosen, values] {
-    chosen.may_create = true;
-    // a file that cannot be read makes no folder
-    chosen.check = [values]() -> Status {
-      ASSIGN_OR_RETURN(values->text, readWholeFile(values->file, kMostRecordsFile));
-      return {};
-    };
-    chosen.run = [values](CommandContext& context) {
-      return importAll(context, values->file, values->text, values->dry_run, values->with_policies);
-    };
   });
 }
 

@@ -109,7 +109,7 @@ Status newBackupKey(Output& output, const std::string& file) {
 
 Status restore(const std::filesystem::path& folder, Output& output, const std::string& from,
                const std::string& key) {
-  ASSIGN_OR_RETURN(const auto result, restoreFrom(folder, from, wallNowNs(), nullptr, key));
+  ASSIGN_OR_RETURN(const auto result, restoreFrom(folder, from, wallNowNs(), key));
   // open it once, to check that it opens, and to write the audit log
   Store::Options options;
   options.holder = "needlelab-admin";

@@ -11,11 +11,9 @@
 /// - restored_backup: which server it is, and whether it is a standby;
 /// - copied_tables, store_copy: last numbers, lists as parameters, triggers, plans;
 /// - people, session_results, text_lists: many rows in one statement, by lists as parameters;
-/// - attempt_sums, audit: triggers that rest while an import counts, and what is written once at its end;
 /// - login_store: the database's clock, a lock of one table, rows that others have locked.
 /// Without SQL differ db_writer and session_appends (chunks in one statement, who keeps what a failed COMMIT
-/// had), record_handlers (an import ends with the first row that the schema refuses), session_reader and
-/// session_samples (a score's step reads by one view), free_parts, erasures and
+/// had), session_reader and session_samples (a score's step reads by one view), free_parts, erasures and
 /// upkeep_handlers (files, pages and backups are PostgreSQL's own), monitor (where the size comes from).
 ///
 /// What stores may not use, because only SQLite has it: a bare number as a condition (write `flag <> 0`),

@@ -216,9 +216,7 @@ CREATE TABLE audit (
   who     TEXT NOT NULL,
   action  TEXT NOT NULL,
   subject TEXT NOT NULL,
-  detail  TEXT NOT NULL,
-  imported_by   TEXT,   -- of a line that came by import-all: who imported it, and the import with the line's number there;
-  imported_from TEXT    -- NULL: it was written here
+  detail  TEXT NOT NULL
 ) STRICT;
 
 -- Tamper evidence of the audit log (db/audit_chain.h): an entry for each line, and one more for each erasure that replaced its texts, which
@@ -369,16 +367,6 @@ CREATE TABLE erasures (
   by_whom         TEXT NOT NULL,
   reason          TEXT NOT NULL
 ) STRICT, WITHOUT ROWID;
-
--- Pieces of an import of everything, until the last one comes.
-CREATE TABLE import_pieces (
-  import_id   TEXT NOT NULL,
-  position    INTEGER NOT NULL,
-  records     TEXT NOT NULL,                   -- one a line
-  by_whom     TEXT NOT NULL,
-  unix_ns     INTEGER NOT NULL,
-  PRIMARY KEY (import_id, position)
-) STRICT;
 
 -- Sessions whose trainee the server did not know when they came: a station without its server takes any name.
 -- They wait for a manager to assign them to the right person. A session is nobody's (no row) with an empty name or as 'guest'.

@@ -1,13 +1,13 @@
 #include "db/service/audit_anchor.h"
 
 #include <fcntl.h>
+#include <fmt/core.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <array>
-#include <cerrno>
 #include <cstddef>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -41,13 +41,8 @@ std::string textIn(const Json& record, const char* field) {
 
 /// The head in an export's own line of the log; nothing for every other record.
 std::optional<AuditHead> headOfExport(const Json& record) {
-  // what was imported may say anything; older exports do not tell it apart
-  const auto is_given = [&](const char* field) {
-    const auto found = record.find(field);
-    return found != record.end() && !found->is_null();
-  };
   if (textIn(record, "kind") != "audit" || textIn(record, "action") != "export-all" ||
-      !textIn(record, "subject").empty() || is_given("imported_by") || is_given("imported_from"))
+      !textIn(record, "subject").empty())
     return std::nullopt;
   const std::string detail = textIn(record, "detail");
   std::string_view head = detail;
@@ -56,57 +51,24 @@ std::optional<AuditHead> headOfExport(const Json& record) {
   return auditHeadOf(head);
 }
 
-/// An opened file's lines.
-class Lines {
- public:
-  /// A record of an export came in a message of 1 MiB; in JSON each of its bytes may be written as six.
-  static constexpr std::size_t kMostLineBytes = 8u << 20;
+/// A record of an export came in a message of 1 MiB; in JSON each of its bytes may be written as six.
+constexpr std::size_t kMostLineBytes = 8u << 20;
 
-  Lines(const OpenFile& file, const std::filesystem::path& path) : fd_(file.fd()), path_(path) {}
-
-  /// The next one, without its end; nothing: there is none. kInvalidInput: it is longer than any.
-  Result<std::optional<std::string>> next() {
-    std::string line;
-    for (;;) {
-      const std::size_t end = std::min(read_.find('\n', at_), read_.size());
-      line.append(read_, at_, end - at_);
-      if (line.size() > kMostLineBytes)
-        return Error{ErrorCode::kInvalidInput, path_.string() + ": has a line of more than " +
-                                                   std::to_string(kMostLineBytes >> 20) +
-                                                   " MiB, which no export and no text with a head has"};
-      at_ = end + 1;
-      if (end < read_.size()) return std::optional(std::move(line));
-      ASSIGN_OR_RETURN(const bool more, fill());
-      if (!more) return line.empty() ? std::optional<std::string>() : std::optional(std::move(line));
-    }
-  }
-  /// From the first one on again.
-  Status rewind() {
-    read_.clear();
-    at_ = 0;
-    if (::lseek(fd_, 0, SEEK_SET) != 0) return systemError(path_, "read");
-    return {};
-  }
-
- private:
-  /// False: the file ends.
-  Result<bool> fill() {
-    read_.resize(64u << 10);
-    at_ = 0;
-    for (;;) {
-      const ssize_t got = ::read(fd_, read_.data(), read_.size());
-      if (got < 0 && errno == EINTR) continue;
-      if (got < 0) return systemError(path_, "read");
-      read_.resize(static_cast<std::size_t>(got));
-      return got > 0;
-    }
-  }
-
-  int fd_;
-  const std::filesystem::path& path_;
-  std::string read_;  ///< of which the bytes from at_ on are still to be taken
-  std::size_t at_ = 0;
-};
+/// The next line, without its end; nothing: there is none. kInvalidInput: it is longer than any. `buffer` has
+/// kMostLineBytes + 1.
+Result<std::optional<std::string_view>> nextLine(std::istream& in, std::vector<char>& buffer,
+                                                 const std::filesystem::path& path) {
+  in.getline(buffer.data(), static_cast<std::streamsize>(buffer.size()));
+  const auto count = static_cast<std::size_t>(in.gcount());
+  if (count == 0 && in.eof()) return std::optional<std::string_view>();
+  if (in.bad()) return systemError(path, "read");
+  if (in.fail())
+    return Error{ErrorCode::kInvalidInput, path.string() + ": has a line of more than " +
+                                               std::to_string(kMostLineBytes >> 20) +
+                                               " MiB, which no export and no text with a head has"};
+  // the count has the line's end
+  return std::optional(std::string_view(buffer.data(), in.eof() ? count : count - 1));
+}
 
 Error noHead(const std::filesystem::path& path) {
   return {ErrorCode::kInvalidInput,
@@ -115,41 +77,24 @@ Error noHead(const std::filesystem::path& path) {
               "…\" (decrypt an encrypted backup first)"};
 }
 
-/// JSON lines, or what `audit verify --json` wrote.
-Result<AuditHead> headOfRecords(Lines& in, const std::filesystem::path& path) {
+/// Of an export, whose first line begins as JSON does, the head in its last own line; of a text that somebody
+/// kept, its only line that is a head: within a line it is none.
+Result<AuditHead> headOfLines(std::istream& in, const std::filesystem::path& path) {
   std::optional<AuditHead> found;
-  std::string whole;
-  bool lines = true;
+  std::optional<bool> is_export;
+  std::vector<char> buffer(kMostLineBytes + 1);
   for (;;) {
-    ASSIGN_OR_RETURN(const auto line, in.next());
-    if (!line) break;
-    // one object over several lines is small
-    constexpr std::size_t kMostWhole = 1u << 20;
-    if (whole.size() < kMostWhole) whole += *line + "\n";
-    if (!lines || trimmed(*line).empty()) continue;
-    const Json record = readShallowJson<Json>(*line);
-    lines = record.is_object();
-    if (!lines) continue;
-    // an export ends with its own line; of exports that were read in, earlier ones may be there
-    if (const auto head = headOfExport(record)) found = head;
-  }
-  if (lines && found) return *found;
-  const Json document = readShallowJson<Json>(whole);
-  if (document.is_object()) {
-    const auto rows = document.find("rows");
-    if (rows != document.end() && rows->is_array() && rows->size() == 1 && rows->front().is_object())
-      if (const auto head = auditHeadOf(textIn(rows->front(), "head"))) return *head;
-  }
-  return noHead(path);
-}
-
-/// A text that somebody kept: other lines are ignored, a head within a line is none.
-Result<AuditHead> headOfText(Lines& in, const std::filesystem::path& path) {
-  std::optional<AuditHead> found;
-  for (;;) {
-    ASSIGN_OR_RETURN(const auto line, in.next());
+    ASSIGN_OR_RETURN(const auto line, nextLine(in, buffer, path));
     if (!line) break;
     std::string_view text = trimmed(*line);
+    if (text.empty()) continue;
+    if (!is_export) is_export = text.front() == '{';
+    if (*is_export) {
+      const Json record = readShallowJson<Json>(text);
+      if (!record.is_object()) return noHead(path);
+      if (const auto head = headOfExport(record)) found = head;
+      continue;
+    }
     constexpr std::string_view kLabel = "keep elsewhere";
     if (text.starts_with(kLabel)) text = trimmed(text.substr(kLabel.size()));
     const auto head = auditHeadOf(text);
@@ -181,18 +126,8 @@ Result<AuditAnchor> readAuditAnchor(const std::filesystem::path& path) {
     ASSIGN_OR_RETURN(const auto first, chain.firstMac());
     return AuditAnchor{path.string(), head, first};
   }
-  Lines lines(file, path);
-  bool is_json = false;
-  for (;;) {
-    ASSIGN_OR_RETURN(const auto line, lines.next());
-    if (!line) return noHead(path);
-    const std::string_view text = trimmed(*line);
-    if (text.empty()) continue;
-    is_json = text.front() == '{';
-    break;
-  }
-  RETURN_IF_ERROR(lines.rewind());
-  ASSIGN_OR_RETURN(const auto head, is_json ? headOfRecords(lines, path) : headOfText(lines, path));
+  std::ifstream in(fmt::format("/proc/self/fd/{}", file.fd()), std::ios::binary);
+  ASSIGN_OR_RETURN(const auto head, headOfLines(in, path));
   return AuditAnchor{path.string(), head};
 }
 
@@ -208,16 +143,14 @@ Result<std::vector<AuditAnchor>> readAuditAnchors(const std::filesystem::path& p
   for (const std::filesystem::path& backup : backups) {
     if (backup.extension() != kPlainEnding) continue;
     auto anchor = readAuditAnchor(backup);
-    // no backup, whatever its name is
-    if (!anchor && anchor.error().code == ErrorCode::kInvalidInput) continue;
+    if (!anchor && anchor.error().code == ErrorCode::kInvalidInput) continue;  // only named like one
     if (!anchor) return anchor.error();
     anchors.push_back(std::move(*anchor));
   }
   if (anchors.empty())
-    return Error{ErrorCode::kInvalidInput,
-                 path.string() +
-                     ": has no plain backup that is named by its time (needlelab-….db) and has a "
-                     "chain; decrypt an encrypted one first"};
+    return Error{ErrorCode::kInvalidInput, path.string() +
+                                               ": has no plain backup that is named by its time "
+                                               "(needlelab-….db); decrypt an encrypted one first"};
   return anchors;
 }
 

@@ -17,6 +17,7 @@
 #include "db/audit_head.h"
 #include "db/connection.h"
 #include "db/copy_marks.h"
+#include "db/database_files.h"
 #include "db/duties.h"
 #include "db/erasure.h"
 #include "db/free_parts.h"
@@ -27,7 +28,6 @@
 #include "db/service/erasures.h"
 #include "db/service/lesson_texts.h"
 #include "db/service/other_stores.h"
-#include "db/service/record_tables.h"
 #include "db/service/restore.h"
 #include "db/service/store_switch.h"
 #include "db/service/unseen_files.h"
@@ -56,17 +56,6 @@ Status makeFolder(const std::filesystem::path& given) {
   return {};
 }
 
-/// Creates the file with mode 0600 before SQLite opens it; the log beside it inherits the permissions.
-Status makeDatabaseFile(const std::filesystem::path& path) {
-  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-  if (fd < 0) {
-    if (errno == EEXIST) return {};
-    return systemError(path, "make the database");
-  }
-  ::close(fd);
-  return {};
-}
-
 /// Loads the samples into a new database. In one transaction: after a crash the next start repeats all of it.
 Status fillNewDatabase(Connection& connection) {
   ASSIGN_OR_RETURN(auto transaction, Transaction::begin(connection, Transaction::Kind::kWrite));
@@ -88,7 +77,8 @@ Status fillNewDatabase(Connection& connection) {
 Status requireDatabase(const std::filesystem::path& folder, const Store::Options& options) {
   std::error_code ignored;
   if (options.create || !options.store_url.empty() ||
-      std::filesystem::exists(folder / "needlelab.db", ignored) ||
+      std::filesystem::exists(folder / kDatabaseFile, ignored) ||
+      std::filesystem::exists(folder / kRestorePending, ignored) ||
       std::filesystem::exists(folder / kStoreFile, ignored))
     return {};
   return Error{ErrorCode::kNotFound, folder.string() +
@@ -275,7 +265,7 @@ Result<std::unique_ptr<Store>> Store::open(const std::filesystem::path& folder, 
 
 Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::path& folder,
                                                       const Options& options) {
-  const auto path = folder / "needlelab.db";
+  const auto path = folder / kDatabaseFile;
   std::error_code ignored;
   // a copy may be about to get into the database's place
   if (!std::filesystem::exists(folder / kCopyingDatabase, ignored))
@@ -350,7 +340,6 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
     ASSIGN_OR_RETURN(store->clock_behind_, SeenTimeStore(*connection).behindText(now_unix_ns));
     ASSIGN_OR_RETURN(store->clock_ahead_, SeenTimeStore(*connection).aheadText(now_unix_ns));
     RETURN_IF_ERROR(SeenTimeStore(*connection).note(now_unix_ns));
-    RETURN_IF_ERROR(dropOldImports(*connection, now_unix_ns));
     const auto emptied = connection->emptyLog(0);
     if (!emptied) return emptied.error();
     ASSIGN_OR_RETURN(const auto pending, MetaStore(*connection).get(kFreePartsKey));

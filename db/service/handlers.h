@@ -200,7 +200,6 @@ Result<pb::Reply> exportStudy(const Context& context, const pb::ExportStudy& cal
 Result<pb::Reply> readStudyRecording(const Context& context, const pb::ReadStudyRecording& call);
 Result<pb::Reply> exportPerson(const Context& context, const pb::ExportPerson& call);
 Result<pb::Reply> exportAll(const Context& context, const pb::ExportAll& call);
-Result<pb::Reply> importAll(const Context& context, const pb::ImportAll& call);
 
 // sessions, annotations, events: session_handlers.cpp
 Result<pb::Reply> listSessions(const Context& context, const pb::ListSessions& call);

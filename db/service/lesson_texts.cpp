@@ -10,6 +10,9 @@
 namespace needlelab {
 namespace {
 
+/// The author of the samples in a new database.
+constexpr const char* kSampleAuthor = "needlelab";
+
 bool isCurriculum(std::string_view json) {
   const auto value = readShallowJson<nlohmann::json>(json);
   return value.is_object() && value.contains("exercises");

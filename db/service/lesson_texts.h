@@ -11,9 +11,6 @@
 
 namespace needlelab {
 
-/// The author of the samples in a new database.
-inline constexpr const char* kSampleAuthor = "needlelab";
-
 /// Validates and canonicalises a profile; `revision` is 0. `source` names the text in messages.
 /// kInvalidInput.
 Result<StoredProfile> storedProfileOf(std::string_view json, std::string_view source,

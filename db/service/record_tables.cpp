@@ -2,12 +2,8 @@
 
 #include <fmt/core.h>
 
-#include <algorithm>
 #include <array>
-#include <optional>
-#include <vector>
 
-#include "db/credentials.h"
 #include "db/erasure.h"
 #include "db/pseudonyms.h"
 
@@ -25,7 +21,7 @@ constexpr std::array kPersonColumns = {RecordColumn{"name", K::kText, true},
                                        RecordColumn{"revision", K::kInteger},
                                        RecordColumn{"changed_unix_ns", K::kInteger},
                                        RecordColumn{"changed_by"},
-                                       RecordColumn{"code_hash", K::kText, false, true, "null"}};
+                                       RecordColumn{"code_hash", K::kText, false, true}};
 constexpr std::array kGroupColumns = {
     RecordColumn{"id", K::kText, true},           RecordColumn{"name"},
     RecordColumn{"revision", K::kInteger},        RecordColumn{"changed_by"},
@@ -93,8 +89,7 @@ constexpr std::array kSessionColumns = {RecordColumn{"id", K::kHex, true},
                                         RecordColumn{"erased", K::kInteger}};
 constexpr std::array kUnknownTraineeColumns = {
     RecordColumn{"session", K::kSession, true}, RecordColumn{"given"}, RecordColumn{"by_whom"},
-    RecordColumn{"assigned_unix_ns", K::kInteger},
-    RecordColumn{"code_unchecked", K::kInteger, false, false, "0"}};
+    RecordColumn{"assigned_unix_ns", K::kInteger}, RecordColumn{"code_unchecked", K::kInteger}};
 constexpr std::array kSettingColumns = {RecordColumn{"key", K::kText, true}, RecordColumn{"value"}};
 constexpr std::array kScoreColumns = {RecordColumn{"session", K::kSession, true},
                                       RecordColumn{"definition_version", K::kInteger, true},
@@ -144,19 +139,18 @@ constexpr std::array kAnnotationColumns = {RecordColumn{"id", K::kInteger, true}
 constexpr std::array kReferenceColumns = {
     RecordColumn{"exercise_id", K::kText, true}, RecordColumn{"revision", K::kInteger, true},
     RecordColumn{"sessions"}, RecordColumn{"by_whom"}, RecordColumn{"created_unix_ns", K::kInteger}};
-constexpr std::array kErasureColumns = {
-    RecordColumn{"pseudonym", K::kText, true}, RecordColumn{"name_hash", K::kHex},
-    RecordColumn{"erased_unix_ns", K::kInteger}, RecordColumn{"by_whom"}, RecordColumn{"reason"},
-    // null: an export of an earlier version does not say it
-    RecordColumn{"without_account", K::kMark, false, false, "null"}};
+constexpr std::array kErasureColumns = {RecordColumn{"pseudonym", K::kText, true},
+                                        RecordColumn{"name_hash", K::kHex},
+                                        RecordColumn{"erased_unix_ns", K::kInteger},
+                                        RecordColumn{"by_whom"},
+                                        RecordColumn{"reason"},
+                                        RecordColumn{"without_account", K::kMark}};
 constexpr std::array kAuditColumns = {RecordColumn{"id", K::kInteger, true},
                                       RecordColumn{"unix_ns", K::kInteger},
                                       RecordColumn{"who"},
                                       RecordColumn{"action"},
                                       RecordColumn{"subject"},
-                                      RecordColumn{"detail"},
-                                      RecordColumn{"imported_by", K::kText, false, false, "null"},
-                                      RecordColumn{"imported_from", K::kText, false, false, "null"}};
+                                      RecordColumn{"detail"}};
 
 // A person's sessions: not those that count for nobody. A macro, because conditions are put together when
 // this is compiled.
@@ -227,190 +221,73 @@ RecordJson valueOf(const RecordColumn& column, const Statement& row, int at) {
   return nullptr;
 }
 
-Error recordFault(const RecordColumn& column, const std::string& words) {
-  return {ErrorCode::kInvalidInput, std::string(fieldOf(column)) + ": " + words};
-}
-
-/// Binds a record's value to a column. kInvalidInput: wrong type; unknown session.
-Status bindValue(Connection& connection, Statement& statement, const RecordColumn& column,
-                 const RecordJson& value) {
-  if (value.is_null()) {
-    statement.bindNull();
+/// Binds a key of a page's last record. kInvalidInput: its session is gone.
+Status bindKey(Connection& connection, Statement& statement, const RecordColumn& column,
+               const RecordJson& value) {
+  if (value.is_number()) {
+    statement.bind(value.get<std::int64_t>());
     return {};
   }
-  switch (column.kind) {
-    case K::kInteger:
-    case K::kCounter:
-    case K::kMark:
-      if (!value.is_number_integer() ||
-          (value.is_number_unsigned() && value.get<std::uint64_t>() > INT64_MAX))
-        return recordFault(column, "must be a whole number of 64 bits");
-      statement.bind(value.get<std::int64_t>());
-      return {};
-    case K::kReal:
-      if (!value.is_number()) return recordFault(column, "must be a number");
-      statement.bind(value.get<double>());
-      return {};
-    case K::kText:
-      if (!value.is_string()) return recordFault(column, "must be a text");
-      statement.bind(value.get_ref<const std::string&>());
-      return {};
-    case K::kHex:
-    case K::kSession:
-      break;
+  const auto& text = value.get_ref<const std::string&>();
+  if (column.kind == K::kText) {
+    statement.bind(text);
+    return {};
   }
-  if (!value.is_string()) return recordFault(column, "must be a text of hexadecimal digits");
-  const auto bytes = bytesOfHex(value.get_ref<const std::string&>());
-  if (!bytes) return recordFault(column, bytes.error().message);
+  ASSIGN_OR_RETURN(const auto bytes, bytesOfHex(text));
   if (column.kind == K::kHex) {
-    statement.bind(viewOf(*bytes));
+    statement.bind(viewOf(bytes));
     return {};
   }
-  auto session = connection.query("SELECT number FROM sessions WHERE id = ?", viewOf(*bytes));
-  ASSIGN_OR_RETURN(const auto found, session.step());
-  if (!found) return recordFault(column, "there is no session " + value.get<std::string>());
+  auto session = connection.query("SELECT number FROM sessions WHERE id = ?", viewOf(bytes));
+  ASSIGN_OR_RETURN(const bool found, session.step());
+  if (!found) return Error{ErrorCode::kInvalidInput, "session: there is no session " + text};
   statement.bind(session.integer(0));
   return {};
 }
 
-/// " WHERE a = ? AND b = ?" over the keys.
-std::string whereKeys(const RecordTable& table) {
-  std::string where;
-  for (const RecordColumn& column : table.columns) {
-    if (!column.is_key) continue;
-    where += (where.empty() ? "" : " AND ") + std::string(column.name) + " = ?";
-  }
-  return where;
-}
-
-Status bindKeys(Connection& connection, Statement& statement, const RecordTable& table,
-                const RecordJson& record) {
-  for (const RecordColumn& column : table.columns) {
-    if (!column.is_key) continue;
-    const auto value = record.find(fieldOf(column));
-    if (value == record.end() || value->is_null()) return recordFault(column, "is missing");
-    RETURN_IF_ERROR(bindValue(connection, statement, column, *value));
-  }
-  return {};
-}
-
-/// Binds a placeholder for a secret that was not exported: it cannot be used to log in.
-Status bindMissing(Statement& statement, const RecordColumn& column) {
-  if (!column.secret) return recordFault(column, "is missing");
-  if (column.kind == K::kHex) {
-    const auto nobody = hashStationKey(makeStationKey());
-    statement.bind(ByteView(nobody));
-  } else {
-    statement.bindNull();
-  }
-  return {};
-}
-
-/// kInvalidInput where a text names a row that is not there. It is looked for before the insert: PostgreSQL
-/// would write the name, which may be a person's, into its own log.
-Status requireReferred(Connection& writer, const RecordTable& table, const RecordJson& record) {
-  struct Reference {
-    std::string_view kind, field, to, key, what;
-  };
-  constexpr std::array kReferences = {Reference{"group_member", "group_id", "groups", "id", "group"},
-                                      Reference{"group_member", "person", "people", "name", "person"},
-                                      Reference{"consent", "person", "people", "name", "person"},
-                                      Reference{"session", "station", "stations", "name", "station"}};
-  for (const Reference& reference : kReferences) {
-    const auto value = record.find(reference.field);
-    if (reference.kind != table.kind || value == record.end() || !value->is_string()) continue;
-    const std::string name = value->get<std::string>();
-    // as text that no engine takes, bindValue() refuses it
-    if (name.find('\0') != std::string::npos) continue;
-    auto row = writer.query(
-        "SELECT 1 FROM " + std::string(reference.to) + " WHERE " + std::string(reference.key) + " = ?", name);
-    ASSIGN_OR_RETURN(const bool there, row.step());
-    if (!there)
-      return Error{ErrorCode::kInvalidInput,
-                   fmt::format("{}: there is no {} '{}', neither here nor before it in these records",
-                               reference.field, reference.what, name)};
-  }
-  return {};
+/// A column's name in a record. The record's "kind" names the table.
+std::string fieldOf(const RecordColumn& column) {
+  return column.name == "kind" ? "what" : std::string(column.name);
 }
 
 }  // namespace
-
-std::string textIn(const RecordJson& record, const char* name) {
-  const auto found = record.find(name);
-  return found != record.end() && found->is_string() ? found->get<std::string>() : std::string();
-}
-
-std::int64_t numberIn(const RecordJson& record, const char* name) {
-  const auto found = record.find(name);
-  return found != record.end() && found->is_number_integer() ? found->get<std::int64_t>() : 0;
-}
-
-bool isGiven(const RecordJson& record, const char* name) {
-  const auto found = record.find(name);
-  return found != record.end() && !found->is_null();
-}
-
-std::string_view fieldOf(const RecordColumn& column) {
-  return column.name == "kind" ? std::string_view("what") : column.name;
-}
 
 std::span<const RecordTable> recordTables() {
   return kRecordTables;
 }
 
-const RecordTable* recordTable(std::string_view kind) {
-  const auto found = std::find_if(kRecordTables.begin(), kRecordTables.end(),
-                                  [&](const RecordTable& table) { return table.kind == kind; });
-  return found == kRecordTables.end() ? nullptr : &*found;
-}
-
-std::string selectRecords(const RecordTable& table, std::string_view where, bool secrets) {
-  std::string columns, keys;
-  for (const RecordColumn& column : table.columns) {
-    if (isWritten(column, secrets)) columns += (columns.empty() ? "" : ", ") + expressionOf(column);
-    // an expression of the SELECT may have the column's name
-    if (column.is_key)
-      keys += (keys.empty() ? "" : ", ") + std::string(table.table) + "." + std::string(column.name);
-  }
-  // revision numbers ascend: a row never refers to a later one
-  return "SELECT " + columns + " FROM " + std::string(table.table) +
-         (where.empty() ? std::string() : " WHERE " + std::string(where)) + " ORDER BY " + keys;
-}
-
 Result<Statement> recordsAfter(Connection& connection, const RecordTable& table, const std::string& where,
                                const std::string* person, const RecordJson& keys, bool secrets,
                                std::int64_t most) {
-  std::string condition = where.empty() ? std::string() : "(" + where + ")";
-  if (!keys.is_null()) {
-    std::string names, places;
-    for (const RecordColumn& column : table.columns) {
-      if (!column.is_key) continue;
-      names += (names.empty() ? "" : ", ") + std::string(column.name);
-      places += places.empty() ? "?" : ", ?";
-    }
-    condition += (condition.empty() ? "(" : " AND (") + names + ") > (" + places + ")";
+  std::string columns, names, order, places;
+  for (const RecordColumn& column : table.columns) {
+    if (isWritten(column, secrets)) columns += (columns.empty() ? "" : ", ") + expressionOf(column);
+    if (!column.is_key) continue;
+    const std::string name(column.name), separator(names.empty() ? "" : ", ");
+    names += separator + name;
+    // an expression of the SELECT may have the column's name
+    order += separator + std::string(table.table) + "." + name;
+    places += separator + "?";
   }
-  auto rows = connection.prepare(selectRecords(table, condition, secrets) + " LIMIT ?");
+  std::string condition = where.empty() ? std::string() : "(" + where + ")";
+  if (!keys.is_null())
+    condition += fmt::format("{}({}) > ({})", condition.empty() ? "" : " AND ", names, places);
+  // revision numbers ascend: a row never refers to a later one
+  auto rows = connection.prepare(fmt::format("SELECT {} FROM {}{} ORDER BY {} LIMIT ?", columns, table.table,
+                                             condition.empty() ? "" : " WHERE " + condition, order));
   if (person != nullptr) rows.bind(*person);
   if (!keys.is_null()) {
-    RETURN_IF_ERROR(bindKeys(connection, rows, table, keys));
+    for (const RecordColumn& column : table.columns)
+      if (column.is_key) RETURN_IF_ERROR(bindKey(connection, rows, column, keys.at(fieldOf(column))));
   }
   rows.bind(most);
   return rows;
 }
 
-void fillOlder(const RecordTable& table, RecordJson& record, bool secrets) {
-  for (const RecordColumn& column : table.columns) {
-    const std::string field(fieldOf(column));
-    if (!column.of_older.empty() && isWritten(column, secrets) && !record.contains(field))
-      record[field] = RecordJson::parse(column.of_older);
-  }
-}
-
 RecordJson keysOf(const RecordTable& table, const RecordJson& record) {
   RecordJson keys = RecordJson::object();
   for (const RecordColumn& column : table.columns) {
-    if (column.is_key) keys[std::string(fieldOf(column))] = record[std::string(fieldOf(column))];
+    if (column.is_key) keys[fieldOf(column)] = record[fieldOf(column)];
   }
   return keys;
 }
@@ -419,73 +296,9 @@ RecordJson recordOf(const RecordTable& table, const Statement& row, bool secrets
   RecordJson record{{"kind", table.kind}};
   int at = 0;
   for (const RecordColumn& column : table.columns) {
-    if (isWritten(column, secrets)) record[std::string(fieldOf(column))] = valueOf(column, row, at++);
+    if (isWritten(column, secrets)) record[fieldOf(column)] = valueOf(column, row, at++);
   }
   return record;
-}
-
-Result<RecordJson> storedRecord(Connection& connection, const RecordTable& table, const RecordJson& record,
-                                bool secrets) {
-  auto row = connection.prepare(selectRecords(table, whereKeys(table), secrets));
-  RETURN_IF_ERROR(bindKeys(connection, row, table, record));
-  ASSIGN_OR_RETURN(const auto found, row.step());
-  return found ? recordOf(table, row, secrets) : RecordJson(nullptr);
-}
-
-Result<std::int64_t> insertRecord(Connection& writer, const RecordTable& table, const RecordJson& record,
-                                  std::string_view number) {
-  for (const auto& [name, value] : record.items()) {
-    const bool known =
-        name == "kind" || std::any_of(table.columns.begin(), table.columns.end(),
-                                      [&name = name](const auto& column) { return fieldOf(column) == name; });
-    if (!known) return Error{ErrorCode::kInvalidInput, "unknown field '" + name + "'"};
-  }
-  RETURN_IF_ERROR(checkNumbersLeft(writer, table.table));
-  RETURN_IF_ERROR(requireReferred(writer, table, record));
-  std::string columns, places;
-  for (const RecordColumn& column : table.columns) {
-    if (column.kind == K::kMark) continue;
-    columns += (columns.empty() ? "" : ", ") + std::string(column.name);
-    places += places.empty() ? "?" : ", ?";
-  }
-  auto insert = writer.prepare("INSERT INTO " + std::string(table.table) + " (" + columns + ") VALUES (" +
-                               places + ")" + (number.empty() ? "" : " RETURNING " + std::string(number)));
-  for (const RecordColumn& column : table.columns) {
-    if (column.kind == K::kMark) continue;
-    const auto value = record.find(fieldOf(column));
-    auto bound =
-        value == record.end() ? bindMissing(insert, column) : bindValue(writer, insert, column, *value);
-    if (!bound) return bound.error();
-  }
-  const auto stored = [&]() -> Result<std::int64_t> {
-    if (!number.empty()) return insert.runReturning();
-    RETURN_IF_ERROR(insert.run());
-    return 0;
-  }();
-  if (stored || writer.damaged()) return stored;
-  return Error{ErrorCode::kInvalidInput, "the schema refuses it: " + stored.error().message};
-}
-
-Status removeRecord(Connection& writer, const RecordTable& table, const RecordJson& record) {
-  auto remove = writer.prepare("DELETE FROM " + std::string(table.table) + " WHERE " + whereKeys(table));
-  RETURN_IF_ERROR(bindKeys(writer, remove, table, record));
-  return remove.run();
-}
-
-Status dropOldImports(Connection& writer, std::int64_t now_unix_ns) {
-  constexpr std::int64_t kLife_ns = 86'400LL * 1'000'000'000;
-  constexpr std::int64_t kLifeOfMark_ns = 31 * kLife_ns;
-  RETURN_IF_ERROR(writer.run("DELETE FROM import_pieces WHERE position = ? AND unix_ns < ?", kDroppedPieces,
-                             now_unix_ns - kLifeOfMark_ns));
-  RETURN_IF_ERROR(
-      writer.run("INSERT INTO import_pieces (import_id, position, records, by_whom, unix_ns)"
-                 " SELECT import_id, ?1, '', '', ?2 FROM import_pieces"
-                 " GROUP BY import_id HAVING min(position) > ?1 AND max(unix_ns) < ?3",
-                 kDroppedPieces, now_unix_ns, now_unix_ns - kLife_ns));
-  return writer.run(
-      "DELETE FROM import_pieces WHERE position > ?1 AND import_id IN"
-      " (SELECT import_id FROM import_pieces WHERE position = ?1)",
-      kDroppedPieces);
 }
 
 }  // namespace needlelab

@@ -233,7 +233,6 @@ constexpr RequestRow kRows[] = {
    {{"GET /studies/{study}?exercise&remarks&page", "Records of those who consent, under pseudonyms"}}},
   {Call::kReadStudyRecording,      "study recording",      kResearcher | kAdmin,  to<readStudyRecording>,        Reply::kChunks, kViews},
   {Call::kExportAll,               "export-all",           kAdmin,                to<exportAll, kNeeded>,        Reply::kRecords},
-  {Call::kImportAll,               "import-all",           kAdmin,                to<importAll, kStores>,        Reply::kImportReport, kSlow},
 
   // --- the lab
   {Call::kGetLabSettings,          "lab show",             kReaders,              to<getLabSettings>,            Reply::kLabSettings, kWorkers,

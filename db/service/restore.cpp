@@ -2,15 +2,11 @@
 
 #include <fcntl.h>
 #include <fmt/core.h>
-#include <sys/stat.h>
 #include <unistd.h>
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <chrono>
 #include <cstdio>
-#include <ctime>
-#include <functional>
 #include <map>
 #include <optional>
 #include <set>
@@ -23,9 +19,11 @@
 #include "db/audit_head.h"
 #include "db/check.h"
 #include "db/connection.h"
+#include "db/database_files.h"
 #include "db/encrypted_backup.h"
 #include "db/erasure.h"
 #include "db/foreign_database.h"
+#include "db/open_file.h"
 #include "db/schema.h"
 #include "db/service/bootstrap.h"
 #include "db/store_address.h"
@@ -36,52 +34,24 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kDatabase = "needlelab.db";
-
-Status removeFile(const fs::path& path) {
-  if (::unlink(path.c_str()) == 0 || errno == ENOENT) return {};
-  return systemError(path, "remove");
-}
-
-using Take = std::function<Status(ByteView)>;
-
-Status readPlain(const fs::path& from, const Take& take) {
-  const int in = ::open(from.c_str(), O_RDONLY | O_CLOEXEC);
-  if (in < 0) return Error{ErrorCode::kInvalidInput, systemError(from, "read").message};
-  Status status;
-  std::string buffer(1u << 20, '\0');
-  while (status.ok()) {
-    const ssize_t got = ::read(in, buffer.data(), buffer.size());
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0) status = systemError(from, "read");
-    if (got <= 0) break;
-    status = take(viewOf(std::string_view(buffer).substr(0, static_cast<std::size_t>(got))));
-  }
-  ::close(in);
-  return status;
-}
-
 /// Copies a backup to a plain file with access only for its owner, and syncs it. `key`: of an encrypted one.
 Status copyFile(const fs::path& from, const fs::path& to, const std::optional<BackupKey>& key) {
-  const int out = ::open(to.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-  if (out < 0) return systemError(to, "make");
-  const Take write_it = [&](ByteView bytes) -> Status {
-    while (!bytes.empty()) {
-      const ssize_t put = ::write(out, bytes.data(), bytes.size());
-      if (put < 0 && errno != EINTR) return systemError(to, "write");
-      if (put > 0) bytes = bytes.subspan(static_cast<std::size_t>(put));
-    }
-    return {};
-  };
-  Status status;
+  const OpenFile out(::open(to.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
+  if (!out.isOpen()) return systemError(to, "make");
   if (key) {
-    if (const auto read = decryptFile(from, *key, write_it); !read) status = read.error();
+    const auto read = decryptFile(from, *key, [&](ByteView bytes) { return writeFully(out, to, bytes); });
+    if (!read) return read.error();
   } else {
-    status = readPlain(from, write_it);
+    const OpenFile in(::open(from.c_str(), O_RDONLY | O_CLOEXEC));
+    if (!in.isOpen()) return Error{ErrorCode::kInvalidInput, systemError(from, "read").message};
+    Bytes piece(1u << 20);
+    for (;;) {
+      ASSIGN_OR_RETURN(const std::size_t count, readFully(in, from, piece.data(), piece.size()));
+      if (count == 0) break;
+      RETURN_IF_ERROR(writeFully(out, to, ByteView(piece).first(count)));
+    }
   }
-  if (status.ok() && ::fsync(out) != 0) status = systemError(to, "fsync");
-  ::close(out);
-  return status;
+  return ::fsync(out.fd()) == 0 ? Status() : Status(systemError(to, "fsync"));
 }
 
 /// The key of the backup; nothing for a plain one. Refuses a plain one where a key was given: whoever can
@@ -170,59 +140,23 @@ Status noteAccess(Connection& writer, const fs::path& replaced, const fs::path& 
 Status migrateAndCheck(const fs::path& copy, const fs::path& from, const fs::path& replaced,
                        const std::vector<ErasureLine>& erasures, std::int64_t now_unix_ns,
                        RestoreResult& result) {
-  {
-    ASSIGN_OR_RETURN(auto writer,
-                     Connection::open(copy, {.mode = Connection::Mode::kWriter, .copy_of = from}));
-    RETURN_IF_ERROR(migrate(writer));
-    ASSIGN_OR_RETURN(const auto checked, checkDatabase(writer));
-    if (!checked.ok())
-      return Error{
-          ErrorCode::kCorrupt,
-          fmt::format("{}: fails its check, nothing was changed: {} ({} faults); take another backup",
-                      from.string(), checked.faults.front(), checked.faults.size())};
-    result.sessions = checked.sessions;
-    result.chunks = checked.chunks;
-    RETURN_IF_ERROR(noteAccess(writer, replaced, from, erasures, now_unix_ns, result));
-    // move everything into the one file that will be renamed
-    RETURN_IF_ERROR(writer.checkpointPassive());
-    RETURN_IF_ERROR(writer.script("PRAGMA journal_mode=DELETE"));
-  }
-  const int fd = ::open(copy.c_str(), O_RDWR | O_CLOEXEC);
-  if (fd < 0) return systemError(copy, "open");
-  const bool synced = ::fsync(fd) == 0;
-  const Error error = systemError(copy, "fsync");
-  ::close(fd);
-  if (!synced) return error;
-  for (const char* suffix : {"-wal", "-shm", "-journal"}) RETURN_IF_ERROR(removeFile(copy.string() + suffix));
-  return {};
-}
-
-std::string timeText(std::int64_t now_unix_ns) {
-  const std::time_t now = now_unix_ns / 1'000'000'000;
-  std::tm parts{};
-  std::array<char, 32> text{};
-  std::strftime(text.data(), text.size(), "%Y%m%dT%H%M%SZ", ::gmtime_r(&now, &parts));
-  return text.data();
-}
-
-/// Hard-links a file to a second name, or renames it on a disk without hard links; does nothing when the file
-/// does not exist. Repeatable: no program opens a database of this folder before finishRestore() has
-/// finished.
-Status keep(const fs::path& file, const fs::path& as, LinkCall link) {
-  if (link(file.c_str(), as.c_str()) == 0 || errno == ENOENT || errno == EEXIST) return {};
-  // FAT, some network disks, some containers
-  if (::renameat2(AT_FDCWD, file.c_str(), AT_FDCWD, as.c_str(), RENAME_NOREPLACE) == 0) return {};
-  if (errno == EINVAL || errno == ENOSYS) {
-    struct stat there {};
-    if (::lstat(as.c_str(), &there) == 0 || ::rename(file.c_str(), as.c_str()) == 0) return {};
-  }
-  return errno == EEXIST ? Status() : systemError(as, "keep the replaced database under this name");
+  ASSIGN_OR_RETURN(auto writer, Connection::open(copy, {.mode = Connection::Mode::kWriter, .copy_of = from}));
+  RETURN_IF_ERROR(migrate(writer));
+  ASSIGN_OR_RETURN(const auto checked, checkDatabase(writer));
+  if (!checked.ok())
+    return Error{ErrorCode::kCorrupt,
+                 fmt::format("{}: fails its check, nothing was changed: {} ({} faults); take another backup",
+                             from.string(), checked.faults.front(), checked.faults.size())};
+  result.sessions = checked.sessions;
+  result.chunks = checked.chunks;
+  RETURN_IF_ERROR(noteAccess(writer, replaced, from, erasures, now_unix_ns, result));
+  return closeIntoOneFile(std::move(writer));
 }
 
 }  // namespace
 
 Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, std::int64_t now_unix_ns,
-                                  LinkCall link, const fs::path& key_file) {
+                                  const fs::path& key_file) {
   std::error_code error;
   if (!fs::is_directory(folder, error))
     return Error{ErrorCode::kInvalidInput,
@@ -235,7 +169,7 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
                  "--data " + folder.string() +
                      ": its database is on PostgreSQL, whose backups its own tools make and restore: see "
                      "deploy/OPERATIONS.md, PostgreSQL"};
-  const fs::path database = folder / kDatabase, copy = folder / kRestoringCopy;
+  const fs::path database = folder / kDatabaseFile, copy = folder / kRestoringCopy;
   if (fs::equivalent(from, database, error))
     return Error{ErrorCode::kInvalidInput, "--from " + from.string() + ": this is the database itself"};
   for (const char* suffix : {"-wal", "-journal"})
@@ -244,17 +178,14 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
                                                  log.string() + "): it is a database in use and no backup"};
   ASSIGN_OR_RETURN(const auto key, keyFor(from, key_file));
   ASSIGN_OR_RETURN(const auto lock, FolderLock::take(folder, "needlelab-admin restore"));
-  RETURN_IF_ERROR(finishRestore(folder, link));
+  RETURN_IF_ERROR(finishRestore(folder));
 
   // who was erased since the backup was made, by the list here and by the one beside the backup, which is
   // that of a machine that is lost
   ASSIGN_OR_RETURN(auto erasures, erasuresBeside(from.parent_path(), folder));
   ASSIGN_OR_RETURN(auto all_erasures, readErasures(folder));
 
-  const auto drop = [&] {
-    for (const char* suffix : {"", "-wal", "-shm", "-journal"}) (void)removeFile(copy.string() + suffix);
-  };
-  drop();
+  UnfinishedDatabase undecided(copy);
   // also of a file with holes, however little of the disk it has taken
   const auto space = fs::space(folder, error);
   const std::uintmax_t bytes = error ? 0 : fs::file_size(from, error);
@@ -263,73 +194,42 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
                  fmt::format("--data {}: the disk has {} MiB left, and the copy of {} needs {}: make room, "
                              "nothing was changed",
                              folder.string(), space.available >> 20, from.string(), (bytes >> 20) + 1)};
-  if (auto done = copyFile(from, copy, key); !done) {
-    drop();
-    return done.error();
-  }
-  if (auto done = checkCopy(copy, from); !done) {
-    drop();
-    return done.error();
-  }
+  RETURN_IF_ERROR(copyFile(from, copy, key));
+  RETURN_IF_ERROR(checkCopy(copy, from));
   RestoreResult result;
   all_erasures.insert(all_erasures.end(), erasures.lines.begin(), erasures.lines.end());
-  if (auto done = migrateAndCheck(copy, from, database, all_erasures, now_unix_ns, result); !done) {
-    drop();
-    return done.error();
-  }
-
-  if (auto added =
-          addErasures(folder, erasures.lines, kErasuresFile, erasures.key ? &*erasures.key : nullptr);
-      !added) {
-    drop();
-    return added.error();
-  }
+  RETURN_IF_ERROR(migrateAndCheck(copy, from, database, all_erasures, now_unix_ns, result));
+  RETURN_IF_ERROR(
+      addErasures(folder, erasures.lines, kErasuresFile, erasures.key ? &*erasures.key : nullptr));
   result.erasure_notes = std::move(erasures.notes);
 
   // the decision: from here on this program, or the next one that opens the folder, completes the restore
-  std::string kept = std::string(kDatabase) + ".replaced-" + timeText(now_unix_ns);
-  for (int number = 2; fs::exists(folder / kept, error); ++number)
-    kept = fmt::format("{}.replaced-{}-{}", kDatabase, timeText(now_unix_ns), number);
+  const std::string kept = freeNameIn(folder, kReplacedDatabase, now_unix_ns);
   if (fs::exists(database, error)) result.kept = folder / kept;
   RETURN_IF_ERROR(syncFolder(folder));
-  if (auto done = writeFileAtomically(folder / kRestorePending, viewOf(kept), 0600); !done) {
-    drop();
-    return done.error();
-  }
-  RETURN_IF_ERROR(finishRestore(folder, link));
+  RETURN_IF_ERROR(writeFileAtomically(folder / kRestorePending, viewOf(kept), 0600));
+  undecided.keep();
+  RETURN_IF_ERROR(finishRestore(folder));
   return result;
 }
 
-Status finishRestore(const fs::path& folder, LinkCall link) {
-  if (link == nullptr) link = ::link;
-  const fs::path pending = folder / kRestorePending, database = folder / kDatabase,
+Status finishRestore(const fs::path& folder) {
+  const fs::path pending = folder / kRestorePending, database = folder / kDatabaseFile,
                  copy = folder / kRestoringCopy;
   std::error_code error;
   if (!fs::exists(pending, error)) return {};
   ASSIGN_OR_RETURN(const auto kept, readWholeFile(pending, 1000));
-  // the file contains a path: accept only this program's own names
-  if (!kept.starts_with(std::string(kDatabase) + ".replaced-") || kept.find('/') != std::string::npos)
-    return Error{ErrorCode::kCorrupt, pending.string() +
-                                          ": does not say what a restore writes there; look at the files "
-                                          "of this folder and remove it"};
   // the copy exists until the last step, which moves it to the database's place
   if (fs::exists(copy, error)) {
-    // create both names before removing anything: the old database must never lack its log
-    RETURN_IF_ERROR(keep(database.string() + "-wal", folder / (kept + "-wal"), link));
-    RETURN_IF_ERROR(keep(database, folder / kept, link));
-    RETURN_IF_ERROR(syncFolder(folder));
-    // an old database's log must not be applied to the new one
-    for (const char* suffix : {"-wal", "-shm"}) RETURN_IF_ERROR(removeFile(database.string() + suffix));
-    RETURN_IF_ERROR(syncFolder(folder));
-    if (::rename(copy.c_str(), database.c_str()) != 0)
-      return systemError(database, "put the backup into place");
+    RETURN_IF_ERROR(keepReplacedDatabase(folder, kept, pending));
+    RETURN_IF_ERROR(renameInFolder(copy, database));
     RETURN_IF_ERROR(syncFolder(folder));
   }
   // the restored log ends earlier than the kept head says, rightly
   const fs::path head = folder / kAuditHeadFile;
   if (::rename(head.c_str(), (folder / kReplacedAuditHeadFile).c_str()) != 0 && errno != ENOENT)
     return systemError(head, "put aside");
-  RETURN_IF_ERROR(removeFile(pending));
+  if (::unlink(pending.c_str()) != 0 && errno != ENOENT) return systemError(pending, "remove");
   return syncFolder(folder);
 }
 

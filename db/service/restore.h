@@ -29,9 +29,6 @@ struct RestoredAccess {
 /// Errors: a database cannot be read.
 Result<std::vector<RestoredAccess>> accessValidAgain(Connection& replaced, Connection& restored);
 
-/// Has the signature of link(2).
-using LinkCall = int (*)(const char* from, const char* to);
-
 struct RestoreResult {
   /// The replaced database, with its log beside it; empty: there was no database.
   std::filesystem::path kept;
@@ -51,18 +48,16 @@ struct RestoreResult {
 /// decision is in DIR/restore.pending, the next start of any program on DIR completes the restore. Only reads
 /// `from`. `key_file` is the key of an encrypted backup, which the copy is decrypted with; empty: `from` is a
 /// plain one. The restored database's audit log lists the accesses withdrawn since the backup, as does its
-/// meta entry `access_valid_again` for the server's log. On a disk without hard links, renames the old
-/// database instead of linking it. `link`: link(2), or a test's replacement. Errors: kUnavailable (a server
+/// meta entry `access_valid_again` for the server's log. Errors: kUnavailable (a server
 /// runs on DIR), kInvalidInput (no such file, or it is DIR's own database; the key is missing, is another
 /// one, or is given for a plain backup; the list of erasures beside the backup is of another pseudonym.key
 /// than DIR's), kVersion (newer schema or format), kCorrupt (the backup or its copy fails its check, or that
 /// list cannot be read or is too long; nothing was changed), kNoRoom (for the copy), kFailed.
 Result<RestoreResult> restoreFrom(const std::filesystem::path& folder, const std::filesystem::path& from,
-                                  std::int64_t now_unix_ns, LinkCall link = nullptr,
-                                  const std::filesystem::path& key_file = {});
+                                  std::int64_t now_unix_ns, const std::filesystem::path& key_file = {});
 
 /// Completes a restore that was interrupted after its decision. Under the folder's lock, before the database
 /// is opened.
-Status finishRestore(const std::filesystem::path& folder, LinkCall link = nullptr);
+Status finishRestore(const std::filesystem::path& folder);
 
 }  // namespace needlelab

@@ -57,15 +57,14 @@ struct Outcome {
   ServerPart server_part = ServerPart::kNone;
   /// The account or station that the request names is disabled or revoked, be it so already, or got another
   /// role or password by this request. With `error`, too, where it was changed in a transaction that failed
-  /// afterwards: nobody may know whether that was carried out. Not set by an erasure and an import, whose
-  /// replies say it.
+  /// afterwards: nobody may know whether that was carried out. Not set by an erasure, whose reply says it.
   bool access_changed = false;
   /// The asker has changed its own access, and goes on with this one (Principal::access_number).
   std::optional<std::int64_t> access_number{};
 };
 
-/// What one step of VerifySession reads, as SessionStore::hashOn() counts: some 80 ms, in which an import or
-/// a backup waits for it. Smaller: more looks at the session's row; greater: longer waits.
+/// What one step of VerifySession reads, as SessionStore::hashOn() counts: some 80 ms, in which an import of
+/// a class or a backup waits for it. Smaller: more looks at the session's row; greater: longer waits.
 inline constexpr std::uint64_t kVerifiedBytesAtOnce = std::uint64_t{16} << 20;
 
 /// What one step of a score does, as StepWork counts: some 50 ms, in which whoever comes next waits for it.

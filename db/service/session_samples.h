@@ -101,8 +101,8 @@ class SessionEvents {
 };
 
 /// The remark on a session that is stored and replayed but never scored, for people. `meta` has its number,
-/// so that nothing reads all of the session again only to find the same: a remark can be written by anybody,
-/// and an import brings any author; what stands in `meta` only this program writes. Nothing: there is no such
+/// so that nothing reads all of the session again only to find the same: a remark can be written by anybody;
+/// what stands in `meta` only this program writes. Nothing: there is no such
 /// remark. Errors: the database's.
 Result<std::optional<std::string>> whyNeverScored(Connection& reader, const Uuid& session);
 /// Adds that remark: `why` is what samplesOf() said. On the writer's thread.

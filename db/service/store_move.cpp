@@ -1,17 +1,14 @@
 #include "db/service/store_move.h"
 
-#include <fcntl.h>
 #include <fmt/core.h>
-#include <unistd.h>
 
-#include <cerrno>
 #include <optional>
 #include <utility>
 
-#include "common/base/files.h"
 #include "common/base/uuid.h"
 #include "db/connection.h"
 #include "db/copy_marks.h"
+#include "db/database_files.h"
 #include "db/schema.h"
 #include "db/service/bootstrap.h"
 #include "db/service/data_folder.h"
@@ -25,31 +22,6 @@ namespace {
 
 constexpr const char* kMoveHolder = "needlelab-admin store copy";
 
-/// Makes the file with the rights of a database.
-Status makeCopyFile(const std::filesystem::path& path) {
-  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-  if (fd < 0 && errno != EEXIST) return systemError(path, "make the copy");
-  if (fd >= 0) ::close(fd);
-  return {};
-}
-
-Status removeWithLogs(const std::filesystem::path& path, std::initializer_list<const char*> suffixes) {
-  for (const char* suffix : suffixes) {
-    const std::string file = path.string() + suffix;
-    if (::unlink(file.c_str()) != 0 && errno != ENOENT) return systemError(file, "remove");
-  }
-  return {};
-}
-
-Status syncFileOf(const std::filesystem::path& path) {
-  const int fd = ::open(path.c_str(), O_RDWR | O_CLOEXEC);
-  if (fd < 0) return systemError(path, "open");
-  const bool synced = ::fsync(fd) == 0;
-  Error error = synced ? Error{} : systemError(path, "fsync");
-  ::close(fd);
-  return synced ? Status() : Status(std::move(error));
-}
-
 /// The lab's id; empty: none yet.
 Result<std::string> labIdOf(Connection& connection) {
   ASSIGN_OR_RETURN(const int version, schemaVersion(connection));
@@ -62,7 +34,7 @@ class StoreMover {
  public:
   explicit StoreMover(const StoreMove& move)
       : move_(move),
-        database_(move.folder / "needlelab.db"),
+        database_(move.folder / kDatabaseFile),
         copying_(move.folder / kCopyingDatabase),
         on_postgres_(database_, move.url) {}
 
@@ -155,8 +127,8 @@ class StoreMover {
       to_.emplace(std::move(opened));
       RETURN_IF_ERROR(requireRights(*to_));
     } else {
-      if (move_.begin_again) RETURN_IF_ERROR(removeWithLogs(copying_, {"-wal", "-shm", "-journal", ""}));
-      RETURN_IF_ERROR(makeCopyFile(copying_));
+      if (move_.begin_again) RETURN_IF_ERROR(removeDatabase(copying_));
+      RETURN_IF_ERROR(makeDatabaseFile(copying_));
       ASSIGN_OR_RETURN(auto opened,
                        Connection::open(copying_, {.mode = Connection::Mode::kWriter, .create = true}));
       to_.emplace(std::move(opened));
@@ -218,7 +190,7 @@ class StoreMover {
 
   Status requireSourceAsItWas() {
     ASSIGN_OR_RETURN(const auto begun, copyBegunOf(*from_));
-    if (begun == mark_->id && mark_->schema == newestSchemaVersion()) {
+    if (begun == mark_->id) {
       // what was compared before the switch failed is compared once more
       mark_->compared = false;
       return beginCopy(*to_, *mark_);
@@ -232,7 +204,7 @@ class StoreMover {
   }
 
   Status beginFrom() {
-    mark_ = CopyMark{uuidText(makeUuidV7()), newestSchemaVersion(), false};
+    mark_ = CopyMark{uuidText(makeUuidV7())};
     {
       ASSIGN_OR_RETURN(auto transaction, Transaction::begin(*from_, Transaction::Kind::kWrite));
       MetaStore meta(*from_);
@@ -256,13 +228,7 @@ class StoreMover {
   }
 
   Status endOnSqlite() {
-    // everything into the one file that is renamed
-    const auto emptied = to_->emptyLog(0);
-    if (!emptied) return emptied.error();
-    RETURN_IF_ERROR(to_->script("PRAGMA journal_mode=DELETE"));
-    to_.reset();
-    RETURN_IF_ERROR(syncFileOf(copying_));
-    RETURN_IF_ERROR(removeWithLogs(copying_, {"-wal", "-shm", "-journal"}));
+    RETURN_IF_ERROR(closeIntoOneFile(*std::move(to_)));
     // --from may be another address of it, or another database of this lab
     for (const std::string& url : {url_of_folder_, move_.url})
       RETURN_IF_ERROR(rememberOtherStore(move_.folder, {url, move_.now_unix_ns, OtherStore::Kind::kLeft}));

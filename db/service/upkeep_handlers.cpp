@@ -366,9 +366,7 @@ Result<pb::Reply> listAudit(const Context& context, const pb::ListAudit& call) {
   auto* list = reply.mutable_audit();
   PageRoom room;
   for (const AuditRow& row : entries) {
-    if (!room.take(row.who.size() + row.action.size() + row.subject.size() + row.detail.size() +
-                   row.imported_by.size() + row.imported_from.size() + 64))
-      break;
+    if (!room.take(row.who.size() + row.action.size() + row.subject.size() + row.detail.size() + 64)) break;
     // ids begin with 1: there is no further page
     list->set_next_page(row.id > 1 ? std::to_string(row.id) : std::string());
     auto* entry = list->add_entries();
@@ -378,8 +376,6 @@ Result<pb::Reply> listAudit(const Context& context, const pb::ListAudit& call) {
     entry->set_action(row.action);
     entry->set_subject(row.subject);
     entry->set_detail(row.detail);
-    entry->set_imported_by(row.imported_by);
-    entry->set_imported_from(row.imported_from);
   }
   return reply;
 }

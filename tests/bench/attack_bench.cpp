@@ -1,5 +1,5 @@
 /// What an attacker costs others: the time of another person's ping, and the server's memory, while a trainee
-/// sends imports of 524,200 empty records from 8 connections as fast as they are refused. Server and peers
+/// sends references of 524,200 empty ids from 8 connections as fast as they are refused. Server and peers
 /// share one process and its memory. Goals (issue 18): ping p99 < 50 ms, growth < 64 MiB.
 #include <algorithm>
 #include <atomic>
@@ -18,7 +18,7 @@ namespace {
 
 constexpr const char* kPassword = "correct horse battery";
 constexpr std::size_t kConnections = 8;
-constexpr int kRecords = 524'200;
+constexpr int kIds = 524'200;
 
 struct Pings {
   std::vector<double> ms;
@@ -60,10 +60,10 @@ int run(std::chrono::seconds time) {
     attackers.push_back(std::make_unique<RawPeer>(server));
     (void)attackers.back()->logIn(personLogin("tina", kPassword));
   }
-  pb::Envelope import;
-  for (int i = 0; i < kRecords; ++i) import.mutable_request()->mutable_import_all()->add_records();
-  const std::string bytes = RawPeer::framed(import);
-  import.Clear();
+  pb::Envelope reference;
+  for (int i = 0; i < kIds; ++i) reference.mutable_request()->mutable_set_reference()->add_session_ids();
+  const std::string bytes = RawPeer::framed(reference);
+  reference.Clear();
 
   Pings quiet = pingFor(other, time);
   std::atomic<bool> over = false;
@@ -83,9 +83,10 @@ int run(std::chrono::seconds time) {
   for (std::thread& thread : threads) thread.join();
   const double growth_MiB =
       (static_cast<double>(attacked.most_bytes) - static_cast<double>(quiet.most_bytes)) / (1u << 20);
-  std::printf("ping p50 %.2f ms, p99 %.2f ms before; p50 %.2f ms, p99 %.2f ms during %llu refused imports\n",
-              quiet.quantile(0.5), quiet.quantile(0.99), attacked.quantile(0.5), attacked.quantile(0.99),
-              static_cast<unsigned long long>(refused.load()));
+  std::printf(
+      "ping p50 %.2f ms, p99 %.2f ms before; p50 %.2f ms, p99 %.2f ms during %llu refused references\n",
+      quiet.quantile(0.5), quiet.quantile(0.99), attacked.quantile(0.5), attacked.quantile(0.99),
+      static_cast<unsigned long long>(refused.load()));
   std::printf("memory grew by %.1f MiB\n", growth_MiB);
   return 0;
 }

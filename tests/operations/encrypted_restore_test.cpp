@@ -72,7 +72,7 @@ class EncryptedRestore : public testing::Test {
     const fs::path empty = folder_.path() / "empty";
     fs::remove_all(empty);
     fs::create_directory(empty);
-    const auto result = restoreFrom(empty, from, kThatDay, nullptr, key);
+    const auto result = restoreFrom(empty, from, kThatDay, key);
     ASSERT_FALSE(result.ok()) << words;
     EXPECT_EQ(result.error().code, code) << result.error().message;
     EXPECT_THAT(result.error().message, HasSubstr(words));
@@ -88,7 +88,7 @@ TEST_F(EncryptedRestore, givesAnEmptyMachineTheSameSessions) {
   ASSERT_EQ(rows_.size(), 40u);
   const fs::path machine = folder_.path() / "machine";
   fs::create_directory(machine);
-  const auto result = restoreFrom(machine, backup_, kThatDay, nullptr, keyFile());
+  const auto result = restoreFrom(machine, backup_, kThatDay, keyFile());
   ASSERT_TRUE(result.ok()) << result.error().message;
   EXPECT_EQ(result->sessions, 1u);
   EXPECT_EQ(result->chunks, 40u);

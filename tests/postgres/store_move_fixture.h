@@ -54,11 +54,12 @@ class StoreMoveTest : public AdminTest {
     const Run verify = onData({"audit", "verify"});
     EXPECT_EQ(verify.code, 0) << verify.err << verify.out;
   }
-  /// A copy that ended before it was compared: `pages` pages of a row each are there.
-  void leaveUnfinished(int pages) const {
+  /// A copy that ended before it was compared: `pages` pages of a row each are there, of `table`, if named.
+  void leaveUnfinished(int pages, const std::string& table = "") const {
     StoreMove move = toPostgres();
-    move.copy = {.on_progress = [pages](const CopyProgress& progress) mutable -> Status {
-                   if (progress.table_ended || --pages > 0) return {};
+    move.copy = {.on_progress = [pages, table](const CopyProgress& progress) mutable -> Status {
+                   const bool counts = !progress.table_ended && (table.empty() || progress.table == table);
+                   if (!counts || --pages > 0) return {};
                    return Error{ErrorCode::kUnavailable, "killed"};
                  },
                  .most_rows = 1};

@@ -303,11 +303,11 @@ TEST(FullDisk, takesNothingElseThatIsToBeKeptAndReadsErasesAndEndsAccess) {
   ASSERT_FALSE(late.ok());
   EXPECT_EQ(late.error().code, ErrorCode::kNoRoom);
   EXPECT_THAT(late.error().message, HasSubstr("make room"));
-  pb::Request annotate, import, code, list, disable, retention, erase;
+  pb::Request annotate, reference, code, list, disable, retention, erase;
   annotate.mutable_annotate()->set_text("a remark");
-  import.mutable_import_all();
+  reference.mutable_set_reference();
   code.mutable_set_code()->set_name("tina");
-  for (const pb::Request* stores : {&annotate, &import, &code})
+  for (const pb::Request* stores : {&annotate, &reference, &code})
     EXPECT_EQ(chief->call(*stores).error().code, ErrorCode::kNoRoom);
   list.mutable_list_consents()->set_name("tina");
   EXPECT_TRUE(chief->call(list).ok());

@@ -15,12 +15,12 @@ namespace {
 
 constexpr const char* kTheirPassword = "correct horse battery";
 constexpr std::size_t kConnections = 8, kRounds = 4;
-constexpr int kRecords = 524'200;  // as many empty ones as a message of 1 MiB holds
+constexpr int kIds = 524'200;  // as many empty ones as a message of 1 MiB holds
 
-std::string importOfNothing(std::uint64_t id) {
+std::string referenceOfNothing(std::uint64_t id) {
   pb::Envelope envelope;
   envelope.mutable_request()->set_id(id);
-  for (int i = 0; i < kRecords; ++i) envelope.mutable_request()->mutable_import_all()->add_records();
+  for (int i = 0; i < kIds; ++i) envelope.mutable_request()->mutable_set_reference()->add_session_ids();
   return RawPeer::framed(envelope);
 }
 
@@ -35,7 +35,7 @@ TEST(Parsing, whatATraineeMayNotAskCostsNobodyAnything) {
   }
   RawPeer other(server);
   ASSERT_TRUE(other.logIn(personLogin("ines", kTheirPassword)).has_welcome());
-  const std::string bytes = importOfNothing(1);
+  const std::string bytes = referenceOfNothing(1);
   ASSERT_GT(bytes.size(), 1'000'000u);
   const std::uint64_t before = processFacts().rss_bytes;
   std::uint64_t most = before;

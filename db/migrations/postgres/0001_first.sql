@@ -160,9 +160,7 @@ CREATE TABLE audit (
   who     TEXT COLLATE "C" NOT NULL,
   action  TEXT COLLATE "C" NOT NULL,
   subject TEXT COLLATE "C" NOT NULL,
-  detail  TEXT COLLATE "C" NOT NULL,
-  imported_by   TEXT COLLATE "C",
-  imported_from TEXT COLLATE "C"
+  detail  TEXT COLLATE "C" NOT NULL
 );
 CREATE TRIGGER audit_number BEFORE INSERT ON audit FOR EACH ROW EXECUTE FUNCTION next_number('id', 'numbered');
 
@@ -321,15 +319,6 @@ CREATE TABLE erasures (
   erased_unix_ns  BIGINT NOT NULL,
   by_whom         TEXT COLLATE "C" NOT NULL,
   reason          TEXT COLLATE "C" NOT NULL
-);
-
-CREATE TABLE import_pieces (
-  import_id   TEXT COLLATE "C" NOT NULL,
-  position    BIGINT NOT NULL,
-  records     TEXT COLLATE "C" NOT NULL,                   -- one a line
-  by_whom     TEXT COLLATE "C" NOT NULL,
-  unix_ns     BIGINT NOT NULL,
-  PRIMARY KEY (import_id, position)
 );
 
 CREATE TABLE session_progress (

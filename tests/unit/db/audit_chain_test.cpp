@@ -79,9 +79,7 @@ TEST_F(AuditChainTest, aChangeOfEachFieldIsFoundAndNamesItsLine) {
                                                         {"who", "'eve'"},
                                                         {"action", "'user remove'"},
                                                         {"subject", "'person-9'"},
-                                                        {"detail", "'trainee '"},
-                                                        {"imported_by", "'eve'"},
-                                                        {"imported_from", "'i, line 1'"}}) {
+                                                        {"detail", "'trainee '"}}) {
     SCOPED_TRACE(column);
     tamper("BEGIN; UPDATE audit SET " + column + " = " + value + " WHERE id = 2");
     EXPECT_THAT(faults(), ElementsAre(HasSubstr("line 2:")));
@@ -172,7 +170,7 @@ TEST_F(AuditChainTest, aLineRemovedAtTheBeginningIsFound) {
   tamper("DELETE FROM audit WHERE id = 1; DELETE FROM audit_chain WHERE position = 1");
   EXPECT_FALSE(verify().ok());
   tamper("UPDATE audit_chain SET position = position - 1");
-  EXPECT_FALSE(verify().ok()) << "the first proof holds where the chain begins";
+  EXPECT_FALSE(verify().ok());
 }
 
 TEST_F(AuditChainTest, removalOfTheEndIsFoundBeforeTheAnchorAndNotBehindIt) {
@@ -262,16 +260,6 @@ TEST_F(AuditChainTest, anAcknowledgementThatIsRepeatedOrForgedHidesNoOtherBreak)
   add("local:ada", kAuditAcknowledge, "line " + std::to_string(second), auditHeadText(second_entry) + " ");
   add("local:ada", "audit acknowledged", "line " + std::to_string(second), auditHeadText(second_entry));
   EXPECT_THAT(faults(), ElementsAre(open));
-  // one that was imported, with a proof of this chain
-  const std::int64_t imported = acknowledge(second, second_entry) + 1;
-  tamper("DELETE FROM audit_chain WHERE line = " + std::to_string(imported - 1) +
-         "; DELETE FROM audit WHERE id = " + std::to_string(imported - 1));
-  ASSERT_OK(db.writer.run(
-      "INSERT INTO audit (id, unix_ns, who, action, subject, detail, imported_by, imported_from)"
-      " VALUES (?, 1, 'local:ada', ?, ?, ?, 'eve', 'i, line 1')",
-      imported, kAuditAcknowledge, "line " + std::to_string(second), auditHeadText(second_entry)));
-  ASSERT_OK(AuditChain(db.writer).append(imported));
-  EXPECT_THAT(faults(), ElementsAre(open));
   // one that somebody without the key makes of another line, or of nothing
   tamper("BEGIN; UPDATE audit SET subject = 'line " + std::to_string(second) + "', detail = '" +
          auditHeadText(second_entry) + "' WHERE id = " + std::to_string(said));
@@ -297,9 +285,9 @@ TEST_F(AuditChainTest, aChainThatWasBegunAnewIsNamedByABackupOfBeforeWhateverIts
   EXPECT_THAT(faults({backup}), IsEmpty());
   tamper("DELETE FROM audit_chain");
   for (int lines = 0; lines < 4; ++lines) {
-    addLines(1);  // the first begins the chain anew, with the lines that are there
-    EXPECT_THAT(faults(), IsEmpty()) << "nothing else tells";
-    EXPECT_THAT(faults({backup}), ElementsAre(HasSubstr("the anchor: this chain begins after it")));
+    addLines(1);  // the first begins another chain
+    EXPECT_THAT(faults({backup}), testing::Contains(HasSubstr("the anchor: this chain begins after it")));
+    EXPECT_EQ(verify().faults, 5u) << "nothing proves the lines from before";
   }
   // also a shorter one, with lines gone
   tamper("DELETE FROM audit_chain; DELETE FROM audit");
@@ -358,7 +346,6 @@ TEST_F(AuditChainTest, anErasureSignsNoLineThatSomebodyChangedAndTakesTheNameAll
            "UPDATE audit SET detail = 'anna, administrator' WHERE id = 2",
            "UPDATE audit SET unix_ns = unix_ns + 1 WHERE id = 2",
            "UPDATE audit SET action = 'user change' WHERE id = 2",
-           "UPDATE audit SET imported_from = 'i, line 1' WHERE id = 2",
            "UPDATE audit_chain SET mac = " + test::zerosSql(32) + " WHERE position = 1",
            "UPDATE audit_chain SET key_id = " + test::zerosSql(8) + " WHERE position = 2",
            "UPDATE audit_chain SET salt = NULL WHERE position = 2",
@@ -405,40 +392,32 @@ TEST_F(AuditChainTest, aBackupIsAnAnchorAndARestoredOneIsSound) {
               ElementsAre(HasSubstr("lines were removed, or an older backup was restored")));
 }
 
-// The proofs were made by another program (Python's hashlib), as db/README.md describes them: of a line that
-// was imported, and of one whose text an erasure replaced, too.
+// The proofs were made by another program (Python's hashlib), as db/README.md describes them.
 TEST_F(AuditChainTest, theChainIsTheOneThatItsPageDescribes) {
   ASSERT_OK(db.writer.script(
-      "INSERT INTO audit (id, unix_ns, who, action, subject, detail, imported_by, imported_from) VALUES"
-      " (1, 10, 'ada', 'user add', 'anna', 'trainee', NULL, NULL),"
-      " (2, 20, 'bea', 'backup', '/b', '', 'ada', 'import-1, line 1'),"
-      " (3, 30, 'ina', 'consent', 'erased-0001', 'yes', NULL, NULL)"));
-  const auto entry = [&](int position, int line, const std::string& salt, const char* commitment,
-                         const char* mac) {
-    ASSERT_OK(db.writer.script(fmt::format("INSERT INTO audit_chain VALUES ({}, {}, {}, {}, {}, {})",
-                                           position, line, salt, test::bytesSql(commitment),
-                                           test::bytesSql("c1019f455ac71485"), test::bytesSql(mac))));
+      "INSERT INTO audit (id, unix_ns, who, action, subject, detail) VALUES"
+      " (1, 10, 'ada', 'user add', 'anna', 'trainee'), (2, 20, 'ada', 'user add', 'ben', ''),"
+      " (3, 30, 'ina', 'consent', 'ben', 'yes')"));
+  const auto entry = [](int line, const char* salt, const char* commitment, const char* mac) {
+    return fmt::format("INSERT INTO audit_chain VALUES ({0}, {0}, {1}, {2}, {3}, {4});", line,
+                       test::bytesSql(salt), test::bytesSql(commitment), test::bytesSql("c1019f455ac71485"),
+                       test::bytesSql(mac));
   };
-  const auto salt = [](const char* byte) {
-    std::string hex;
-    for (int i = 0; i < 32; ++i) hex += byte;
-    return test::bytesSql(hex);
-  };
-  entry(1, 1, salt("01"), "931a64765cc416151edb7f4385a478aeccb8bcf1ace55235617f12f9a015be05",
-        "2afd4c803746b0a89c69f130145f88a4909de042c3eabedfef93b8e3ac2c1f74");
-  entry(2, 2, salt("02"), "2c4763f232f3a4d4da52d704429cbb172984e66e1e04187be9a4cfced4ec7fec",
-        "0934131062243fda2526ebee326625ceb32371d9091d3663398b911ec485298e");
-  entry(3, 3, "NULL", "f1893b9619237c1254ee8263a1ce5014a34dcd5fb4fb8e7bae272b6ee19096d0",
-        "ece544224bd282e25b061432892465507723f044a42fb3982f711be55bf66e38");
-  entry(4, 3, salt("04"), "4beeffb79ed4442bdb00de62492c5572f1d00d4f9d5b919f522c6d2ff5044a29",
-        "34db971148ed691605fd3a513f51642d110c78f87bdaf7bc87310aa1c355ebb5");
+  ASSERT_OK(db.writer.script(entry(1, "0101010101010101010101010101010101010101010101010101010101010101",
+                                   "6e98fc5c0a6154c58efd8a287a0ac9789924512bf0bb70ec582a6326ed5f7ee0",
+                                   "3b677cff2d44175103fb5328703bda44eec6e76ec7e6d2bd757f9df0b5b99e61") +
+                             entry(2, "0202020202020202020202020202020202020202020202020202020202020202",
+                                   "ef355ce24f5f3d7e5de3485cfaef8bbeb83e330eb60148649a6152e8a2b351cc",
+                                   "cbcc11a7f7adb2185f44f1e0f63a17eab8f94aeb9ef0ff1b4e22adf2a13aa705") +
+                             entry(3, "0303030303030303030303030303030303030303030303030303030303030303",
+                                   "63383352e32a2aae131393538497c2474d89facc5c3f3dab8e2a9b50111154e1",
+                                   "2dafce27f3cb9befaad3092282ba9f058129506634d04f5a1afb3a48dbdaf2ba")));
   AuditKey::Hash bytes{};
   bytes.fill(1);
   const auto verdict = verifyAudit(db.writer, std::vector{AuditKey(bytes)}, {});
   ASSERT_OK(verdict);
   EXPECT_THAT(verdict->texts, IsEmpty());
   EXPECT_EQ(verdict->lines, 3u);
-  EXPECT_EQ(verdict->head.position, 4u);
 }
 
 TEST_F(AuditChainTest, aKeyThatIsNoneIsRefusedByName) {

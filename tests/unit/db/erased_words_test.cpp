@@ -215,11 +215,11 @@ TEST_F(ErasedWordsTest, theReplyNamesSessionsOfOthersByEachTextOfTheirDescriptio
                                                  sessionText(letters.session_id()) + ". "));
 }
 
-// The finding: who worked on the server itself, or came by an import, was neither replaced nor named.
+// The finding: who worked on the server itself was neither replaced nor named.
 TEST_F(ErasedWordsTest, theReplyNamesOtherFormsOfTheNameInWhoDidSomething) {
   (void)session("ben", 1, true);
   ASSERT_OK(AuditStore(db.writer).add({0, 1, "zoe", "said", "x", "y"}));
-  runAll({"UPDATE audit SET action = 'NAME failed', imported_by = 'ada', imported_from = 'i, line 1'",
+  runAll({"UPDATE audit SET detail = 'NAMEs'",
           "INSERT INTO annotations (session, tick, text, author, created_unix_ns)"
           " SELECT number, 1, 'good', 'local:NAME', 1 FROM sessions",
           "INSERT INTO profiles VALUES ('knee', 1, 'A knee', '{}', 'local:NAME', 1),"
@@ -277,8 +277,7 @@ TEST_F(ErasedWordsTest, eachColumnOfTheSchemaLosesTheNameOrTheReplyNamesItsPlace
   ASSERT_OK(SessionStore(db.writer).open(own, 1));
   ASSERT_OK(SessionStore(db.writer).close(test::closeOf(*uuidOf(own.session_id()), 0), 2));
   ASSERT_OK(AuditStore(db.writer).add({0, 1, gone, "consent", gone, "given by " + gone}));
-  runAll({"UPDATE audit SET imported_by = 'NAME'",
-          "UPDATE people SET changed_by = 'NAME' WHERE name = 'ben'",
+  runAll({"UPDATE people SET changed_by = 'NAME' WHERE name = 'ben'",
           "UPDATE sessions SET score_json = '[\"NAME\"]' WHERE trainee = 'NAME'",
           "INSERT INTO scores (session, definition_version, measures, first, engine_version, made_unix_ns)"
           " SELECT number, 1, '[\"NAME\"]', 1, '0.1.0', 1 FROM sessions WHERE trainee = 'NAME'",
@@ -304,7 +303,6 @@ TEST_F(ErasedWordsTest, eachColumnOfTheSchemaLosesTheNameOrTheReplyNamesItsPlace
           " VALUES ('NAME', 1, 1, 'ada', 'as NAME said'), ('ben', 1, 1, 'NAME', '')",
           "INSERT INTO unknown_trainees (session, given, by_whom, assigned_unix_ns)"
           " SELECT number, 'NAME', 'NAME', 3 FROM sessions WHERE trainee = 'ben'",
-          "INSERT INTO import_pieces VALUES ('NAME-1', 0, 'NAME', 'NAME', 1)",
           "UPDATE people SET password_hash = 'hash' WHERE name = 'NAME'",
           "INSERT INTO login_tokens VALUES (zeroblob(32), 'NAME', 1, 1, 1, 1, 1)",
           "INSERT INTO meta (key, value) VALUES ('access_valid_again', 'user NAME: was disabled')"},
@@ -327,9 +325,7 @@ TEST_F(ErasedWordsTest, eachColumnOfTheSchemaLosesTheNameOrTheReplyNamesItsPlace
   (void)session(left + "s friend", 0, true);
   ASSERT_OK(AuditStore(db.writer).add({0, 1, left + "s", "server start", left + "s", left + "s"}));
   runAll(
-      {"UPDATE audit SET imported_by = 'NAMEs', imported_from = 'NAMEs' WHERE id = (SELECT max(id) FROM "
-       "audit)",
-       "INSERT INTO annotations (session, tick, text, author, created_unix_ns)"
+      {"INSERT INTO annotations (session, tick, text, author, created_unix_ns)"
        " SELECT number, 1, 'NAMEs hand', 'ina', 1 FROM sessions WHERE trainee = 'ben' LIMIT 1",
        "UPDATE removed_originals SET reason = 'policy of exercise NAMEs, set by ada'"
        " WHERE session = (SELECT min(number) FROM sessions WHERE trainee = 'ben')",
@@ -374,8 +370,6 @@ TEST_F(ErasedWordsTest, eachColumnOfTheSchemaLosesTheNameOrTheReplyNamesItsPlace
       {"attempt_sums.exercise_id", of_words},
       {"attempt_sums.trainee", "like this person's stay with their recordings: 'qzxcarls friend' (1)"},
       {"audit.detail", of_log},
-      {"audit.imported_by", of_log},
-      {"audit.imported_from", of_log},
       {"audit.subject", of_log},
       {"audit.who", of_log},
       {"consents.note", "the notes of 1 consents"},

@@ -326,9 +326,6 @@ TEST(ErasureOnAFullDisk, isRefusedAndTheWriterGoesOnWhereverThePersonIsNamed) {
       {"profiles",
        "INSERT INTO profiles (id, revision, name, json, author, created_unix_ns)"
        " SELECT 'p', i + 1, 'P', printf('%8000s', ''), 'anna', 1 FROM n"},
-      {"pieces of imports",
-       "INSERT INTO import_pieces (import_id, position, records, by_whom, unix_ns)"
-       " SELECT 'i', i, printf('%8000s', ''), 'ada', 1 FROM n"},
   };
   for (const auto& [place, fill] : places) {
     SCOPED_TRACE(place);

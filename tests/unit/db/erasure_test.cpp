@@ -394,23 +394,6 @@ TEST_F(ErasureStoreTest, earlierFullNamesGoWithTheLast) {
       << "a word of it in somebody else's session is not known to be the name";
 }
 
-// The finding: a line of an imported log took any word out of everybody's remarks.
-TEST_F(ErasureStoreTest, aFullNameOfAnImportedLineGoesFromThePersonsOwnTextsOnlyAndTheRestIsNamed) {
-  const Uuid own = session("ben", 1, true), other = session("anna", 1, true);
-  ASSERT_OK(AuditStore(db.writer).add({0, 1, "eve", "user change", "ben", "full name: 'needle' to 'anna'"}));
-  ASSERT_OK(db.writer.run("UPDATE audit SET imported_by = 'ada', imported_from = 'i, line 1'"));
-  for (const Uuid& id : {own, other})
-    ASSERT_OK(AnnotationStore(db.writer).add({0, id, 1, "the needle, anna says, as ben held it", "ina", 1}));
-  const auto erased = erase("ben");
-  ASSERT_OK(erased);
-  EXPECT_EQ(AnnotationStore(db.writer).list(own)->front().text,
-            "the erased-1234, anna says, as erased-1234 held it");
-  EXPECT_EQ(AnnotationStore(db.writer).list(other)->front().text,
-            "the needle, anna says, as erased-1234 held it");
-  EXPECT_THAT(erased->text(), testing::HasSubstr("1 remarks, such as number 2"));
-  EXPECT_EQ(auditLines(db.writer).front(), "eve|user change|erased-1234|full name changed");
-}
-
 TEST_F(ErasureStoreTest, whatWasErasedIsNotInTheFileEither) {
   // a unique name, and a rare one
   ASSERT_OK(PeopleStore(db.writer).add({"qzxanna", pb::TRAINEE, "", false, 1, "Wqjvornov"}));

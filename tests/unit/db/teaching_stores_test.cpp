@@ -146,19 +146,6 @@ TEST_F(TeachingStores, anAssignmentIsOneOfEachPairAndRenewedInPlace) {
   EXPECT_EQ(assignments.put(assignment("", "a", "", "anna"))->id(), 3u);
 }
 
-TEST_F(TeachingStores, anAssignmentWithoutANumberLeftFailsAloneAndIsNoFullDisk) {
-  ASSERT_OK(
-      db.writer.run("INSERT INTO assignments (id, exercise_id, trainee, by_whom, created_unix_ns)"
-                    " VALUES (9223372036854775807, 'a', 'ben', 'x', 1)"));
-  AssignmentStore assignments(db.writer);
-  const auto refused = assignments.put(assignment("", "a", "", "anna"));
-  ASSERT_FALSE(refused.ok());
-  EXPECT_EQ(refused.error().code, ErrorCode::kFailed);
-  EXPECT_NE(refused.error().message.find("'assignments' takes no new row"), std::string::npos);
-  EXPECT_FALSE(db.writer.damaged());
-  EXPECT_OK(assignments.put(assignment("", "a", "", "ben")));  // that is there already
-}
-
 TEST_F(TeachingStores, aDateForOnePersonGoesBeforeItsGroups) {
   AssignmentStore assignments(db.writer);
   ASSERT_OK(GroupStore(db.writer).put(group("g", {"anna", "ben"}), 0, "mia", 1));

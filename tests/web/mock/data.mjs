@@ -301,8 +301,6 @@ export function makeLab() {
     action: ['profile import', 'annotate', 'user add', 'assign', 'backup'][i % 5],
     subject: ['shoulder-adult', sessions[0].session_id, trainees[i % 12], course.id, '/var/backups/needlelab'][i % 5],
     detail: ['revision 2', '', 'trainee', 'group autumn-a', '12.4 MB, verified'][i % 5],
-    imported_by: i === 0 ? 'root' : '',
-    imported_from: i === 0 ? 'import-1, line 7' : '',
   }));
   return {
     people,

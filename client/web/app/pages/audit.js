@@ -50,7 +50,7 @@ export function AuditPage({ query }) {
                   <th scope="row">${e.who}</th>
                   <td>${e.action}</td>
                   <td class="long">${e.subject}</td>
-                  <td class="long">${e.detail}${e.imported_by ? ` (imported by ${e.imported_by} from ${e.imported_from})` : ''}</td>
+                  <td class="long">${e.detail}</td>
                 </tr>`,
             )}<//>
             ${pages.button}

@@ -177,8 +177,7 @@ TEST_F(AuditCommands, verifyTakesTheNewestBackupForAnAnchorOrAFolderOfThem) {
   {
     auto writer =
         test::TestDb::must(Connection::open(data() + "/needlelab.db", {.mode = Connection::Mode::kWriter}));
-    ASSERT_OK(
-        writer.script("PRAGMA foreign_keys=OFF; DELETE FROM audit_chain; DELETE FROM audit WHERE id = 2"));
+    ASSERT_OK(writer.script("PRAGMA foreign_keys=OFF; DELETE FROM audit_chain; DELETE FROM audit"));
   }
   fs::remove(data() + "/audit.head");
   good({"user", "add", "zoe", "--role", "trainee"});

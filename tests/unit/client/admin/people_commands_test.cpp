@@ -316,7 +316,6 @@ TEST_F(PeopleCommands, anImportOfAFileThatCannotBeReadMakesNoFolder) {
   const auto other = file("other");
   const auto bad = folder.write("bad.json", "{\"id\": 5}").string();
   for (const Arguments& import : {Arguments{"user", "import", file("none")},
-                                  {"import-all", file("none")},
                                   {"profile", "import", file("none")},
                                   {"profile", "import", bad},
                                   {"curriculum", "import", file("none")},
@@ -382,31 +381,6 @@ TEST_F(PeopleCommands, anExportPrintsTheSameRecordsAsItsFileWithAndWithoutJson) 
     with_json.emplace_back("--json");
     EXPECT_EQ(records(good(with_json).out), written) << what[0] << " prints nothing with --json";
   }
-}
-
-TEST_F(PeopleCommands, recordsWithOneBadLineAreNotImported) {
-  good({"user", "add", "tom", "--role", "trainee"});
-  good({"export-all", "--out", file("all.jsonl")});
-  const std::string all = *readWholeFile(file("all.jsonl"));
-  const std::pair<std::string, std::string> cases[] = {
-      {"no json", "is no record"},
-      {"{\"kind\":\"\\u001b[2J\"}", "is no record"},
-      {"{\"kind\":\"person\",\"name\":\"zed\",\"role\":1}", "(person): "},
-      {"{\"kind\":\"person\",\"name\":\"zed\",\"role\":\"trainee\",\"disabled\":0}", "role: "},
-      {"{\"kind\":\"person\",\"name\":\"q\",\"\\u001b[2J\":1}", "unknown field '?[2J'"},
-  };
-  const std::string other = file("other");
-  for (const auto& [line, words] : cases) {
-    const auto bad = folder.write("bad.jsonl", all + line + "\n").string();
-    const Run result = run({"--data", other, "import-all", bad});
-    EXPECT_EQ(result.code, 2) << line;
-    EXPECT_THAT(result.err, HasSubstr(words));
-    EXPECT_THAT(result.err, HasSubstr("nothing was imported"));
-    EXPECT_THAT(result.err + result.out, Not(HasSubstr("\x1b"))) << "an escape sequence reaches the terminal";
-    EXPECT_FALSE(std::filesystem::exists(other)) << line;
-  }
-  EXPECT_EQ(run({"--data", other, "import-all", file("all.jsonl")}).code, 0);
-  EXPECT_EQ(run({"--data", other, "user", "list", "--json"}).rows().size(), 2u);
 }
 
 }  // namespace

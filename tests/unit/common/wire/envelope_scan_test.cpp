@@ -24,32 +24,32 @@ std::string field(int number, const std::string& bytes) {
   return out + static_cast<char>(size) + bytes;
 }
 
-/// An Envelope with ImportAll (151: two bytes of tag) of `records` empty records.
-std::string importOfNothing(std::size_t records) {
+/// An Envelope with SetReference (136: two bytes of tag) of `ids` empty ids of sessions.
+std::string referenceOfNothing(std::size_t ids) {
   std::string call;
-  for (std::size_t i = 0; i < records; ++i) call += std::string("\x12\x00", 2);
+  for (std::size_t i = 0; i < ids; ++i) call += std::string("\x12\x00", 2);
   std::string request = field(1, call);
-  request.replace(0, 1, "\xba\x09");  // 151 << 3 | 2
+  request.replace(0, 1, "\xc2\x08");  // 136 << 3 | 2
   return field(7, request);
 }
 
 TEST(EnvelopeScan, readsTheCallTheIdAndTheBodyFromTheTagsAlone) {
   pb::Envelope envelope;
   envelope.mutable_request()->set_id(77);
-  envelope.mutable_request()->mutable_import_all()->add_records("x");
+  envelope.mutable_request()->mutable_set_reference()->add_session_ids("x");
   const std::string bytes = envelope.SerializeAsString();
   const auto head = scanEnvelope(viewOf(bytes));
   ASSERT_TRUE(head.ok()) << head.error().message;
   EXPECT_EQ(head->body, pb::Envelope::kRequest);
-  EXPECT_EQ(head->call, pb::Request::kImportAll);
+  EXPECT_EQ(head->call, pb::Request::kSetReference);
   EXPECT_EQ(head->request_id, 77u);
   EXPECT_EQ(head->payload, envelope.request().SerializeAsString());
   // Nothing inside the call is read: there it may be no message at all.
   std::string broken = field(1, "\xff\xff\xff");
-  broken.replace(0, 1, "\xba\x09");
+  broken.replace(0, 1, "\xc2\x08");
   const auto seen = scanEnvelope(viewOf(field(7, broken)));
   ASSERT_TRUE(seen.ok());
-  EXPECT_EQ(seen->call, pb::Request::kImportAll);
+  EXPECT_EQ(seen->call, pb::Request::kSetReference);
   EXPECT_FALSE(decodeFrame(viewOf(field(7, broken))).ok());
 }
 
@@ -157,18 +157,18 @@ TEST(EnvelopeScan, whatProtobufReadsHasTheBodyThatTheScanSaw) {
 }
 
 TEST(PayloadCost, aListIsCountedBeforeItIsParsed) {
-  for (const std::size_t records : {20'000u, 20'001u, 524'200u}) {
-    const std::string bytes = importOfNothing(records);
+  for (const std::size_t ids : {10'000u, 10'001u, 524'200u}) {
+    const std::string bytes = referenceOfNothing(ids);
     ASSERT_LE(bytes.size(), kMaxFrameBytes);
     const auto head = scanEnvelope(viewOf(bytes));
     ASSERT_TRUE(head.ok()) << head.error().message;
-    ASSERT_EQ(head->call, pb::Request::kImportAll);
+    ASSERT_EQ(head->call, pb::Request::kSetReference);
     const auto cost = measurePayload(*head);
-    EXPECT_EQ(cost.ok(), records <= 20'000u);
+    EXPECT_EQ(cost.ok(), ids <= 10'000u);
     if (cost.ok()) continue;
     EXPECT_EQ(cost.error().code, ErrorCode::kInvalidInput);
     EXPECT_EQ(cost.error().message,
-              "request.import_all.records has more than 20000 items: send fewer at once");
+              "request.set_reference.session_ids has more than 10000 items: send fewer at once");
   }
 }
 
@@ -192,14 +192,14 @@ TEST(PayloadCost, soManyFieldsAndNoMore) {
 }
 
 TEST(PayloadCost, isNoLessThanTheMemoryOfTheParsedMessage) {
-  pb::Envelope import, session, chunk;
-  for (int i = 0; i < 20'000; ++i) import.mutable_request()->mutable_import_all()->add_records("");
+  pb::Envelope reference, session, chunk;
+  for (int i = 0; i < 10'000; ++i) reference.mutable_request()->mutable_set_reference()->add_session_ids("");
   auto& description = *session.mutable_open_session()->mutable_description();
   description.set_profile_json(std::string(250'000, 'x'));
   for (int i = 0; i < 7; ++i) description.add_placement(i);
   for (int i = 0; i < 100; ++i) description.add_device_notes("a note of more than fifteen bytes");
   chunk.mutable_chunk()->set_data(std::string(40'000, 'x'));
-  for (const pb::Envelope& envelope : {import, session, chunk}) {
+  for (const pb::Envelope& envelope : {reference, session, chunk}) {
     const std::string bytes = envelope.SerializeAsString();
     const auto cost = measurePayload(*scanEnvelope(viewOf(bytes)));
     ASSERT_TRUE(cost.ok()) << cost.error().message;

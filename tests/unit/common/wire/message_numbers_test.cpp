@@ -120,7 +120,6 @@ constexpr NumberedName kRequestCalls[] = {
     {140, "export_study"},
     {141, "read_study_recording"},
     {150, "export_all"},
-    {151, "import_all"},
 };
 
 constexpr NumberedName kReplyResults[] = {
@@ -170,7 +169,6 @@ constexpr NumberedName kReplyResults[] = {
     {135, "scores"},
     {137, "reference"},
     {138, "rescore_report"},
-    {151, "import_report"},
 };
 
 constexpr NumberedName kRefusalReasons[] = {

@@ -124,25 +124,6 @@ TEST_F(AuditAnchorTest, whatSomebodyWroteIntoAnExportIsNoHead) {
   EXPECT_TRUE(refused(own + "\n" + forged + "\n")) << "no export has such a line";
 }
 
-TEST_F(AuditAnchorTest, anImportedLineIsNoHeadWhereverItStands) {
-  const std::string own =
-      R"({"kind":"audit","id":7,"unix_ns":1,"who":"ada","action":"export-all","subject":"",)"
-      R"("detail":")" +
-      headText(3, 'a') + R"(","imported_by":null,"imported_from":null})" + "\n";
-  EXPECT_EQ(position(own), 3u);
-  for (const char* mark :
-       {R"("imported_by":"eve","imported_from":"i, line 9")", R"("imported_from":"i, line 9")",
-        R"("imported_by":"eve")", R"("imported_by":"","imported_from":"")"}) {
-    SCOPED_TRACE(mark);
-    const std::string forged =
-        R"({"kind":"audit","id":8,"unix_ns":2,"who":"ada","action":"export-all","subject":"","detail":")" +
-        headText(99, 'f') + "\"," + mark + "}\n";
-    EXPECT_EQ(position(own + forged), 3u);
-    EXPECT_EQ(position(forged + own), 3u);
-    EXPECT_TRUE(refused(forged));
-  }
-}
-
 TEST_F(AuditAnchorTest, ofAFolderEachPlainBackupIsAnAnchorAndOtherFilesAreNone) {
   test::TestDb db;
   const auto backups = folder.path() / "backups";
@@ -176,9 +157,6 @@ TEST_F(AuditAnchorTest, aTextHasOneHeadOnALineOfItsOwn) {
   EXPECT_EQ(position("kept on Monday\n\n  " + headText(5, 'a') + " \r\n"), 5u);
   EXPECT_EQ(
       position("as written        yes\nkeep elsewhere    " + headText(6, 'a') + "\nNothing is promised"), 6u);
-  EXPECT_EQ(position("{\n \"version\": 1,\n \"rows\": [\n  {\"ok\": true, \"head\": \"" + headText(8, 'a') +
-                     "\"}\n ]\n}\n"),
-            8u);
   for (const std::string& none :
        {std::string(), std::string("no head"), "fault: " + headText(5, 'a'), headText(5, 'a') + "0",
         "audit head 12:" + std::string(63, 'a'), "audit head 012:" + std::string(64, 'a'),

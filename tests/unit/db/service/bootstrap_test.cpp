@@ -188,26 +188,6 @@ TEST(Bootstrap, aFolderOfBackupsThatIsALinkIsNotFollowed) {
   EXPECT_TRUE(fs::exists(partial));
 }
 
-TEST(Bootstrap, piecesOfAnImportThatWasKilledGoAfterADay) {
-  const test::TempFolder folder;
-  const std::int64_t hour_ns = 3'600LL * 1'000'000'000;
-  {
-    auto store = test::openStore(folder.path());
-    ASSERT_OK(store->writer().run([&](Connection& c) -> Status {
-      for (const std::int64_t hours : {23, 25})
-        RETURN_IF_ERROR(
-            c.run("INSERT INTO import_pieces (import_id, position, records, by_whom, unix_ns)"
-                  " VALUES (?, 0, 'x', 'ada', ?)",
-                  std::to_string(hours), wallNowNs() - hours * hour_ns));
-      return {};
-    }));
-  }
-  auto store = test::openStore(folder.path());
-  auto reader = store->readers().borrow();
-  EXPECT_EQ(*(*reader)->prepare("SELECT import_id FROM import_pieces WHERE records <> ''").all(firstText),
-            std::vector<std::string>{"23"});
-}
-
 TEST(Bootstrap, aNewerDatabaseAndAnEmptyFileAreTreatedRightly) {
   const test::TempFolder folder;
   folder.write("needlelab.db", "");  // a crash right after the file was made

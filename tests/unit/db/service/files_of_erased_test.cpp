@@ -243,19 +243,21 @@ TEST_F(FilesOfErased, aGivenNameIsNotOnTheListButInTheFiles) {
   EXPECT_EQ(chunks(of_another), 3u) << "another person's";
 }
 
-TEST_F(FilesOfErased, areThoseWithARemarkOrAPieceOfAnImportOnly) {
+TEST_F(FilesOfErased, areThoseWithARemarkOrANoteOnly) {
   addNamed("ben", "");
   closedSession("ben", 1, "as good as carla, says Carla Zwick");
   const auto remark = backup("remark.db");
   ASSERT_OK(change([](Connection& c) -> Status {
     RETURN_IF_ERROR(c.run("DELETE FROM annotations"));
-    return c.run("INSERT INTO import_pieces VALUES ('i', 0, '{\"name\":\"carla\"}', 'ada', 1)");
+    return c.run(
+        "INSERT INTO consents (person, given, unix_ns, recorded_by, note)"
+        " VALUES ('ben', 1, 1, 'ada', 'as carla said')");
   }));
-  const auto piece = backup("piece.db");
-  ASSERT_OK(change([](Connection& c) { return c.run("DELETE FROM import_pieces"); }));
+  const auto note = backup("note.db");
+  ASSERT_OK(change([](Connection& c) { return c.run("DELETE FROM consents"); }));
   backup("none.db");
   addNamed("carla", "Carla Zwick");
-  EXPECT_THAT(filesOf("carla"), UnorderedElementsAre(remark.string(), piece.string()));
+  EXPECT_THAT(filesOf("carla"), UnorderedElementsAre(remark.string(), note.string()));
 }
 
 // By those who may write beside the backups: the reply was larger than a frame, and nobody learned the list.

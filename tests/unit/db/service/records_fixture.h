@@ -1,4 +1,4 @@
-/// Exports, imports, studies and erasures on a store in a fresh folder.
+/// Exports, studies and erasures on a store in a fresh folder.
 #pragma once
 
 #include <algorithm>
@@ -56,23 +56,6 @@ class RecordsTest : public ServiceTest {
       request.mutable_export_study()->set_with_remarks(remarks);
       request.mutable_export_study()->set_page(page);
     });
-  }
-  pb::ImportReport importAll(Store& into, const std::vector<std::string>& records, std::size_t piece,
-                             bool dry_run = false, bool with_policies = false) {
-    pb::Request request;
-    auto* import = request.mutable_import_all();
-    import->set_import_id("import-1");
-    import->set_dry_run(dry_run);
-    import->set_with_policies(with_policies);
-    for (std::size_t i = 0; i < records.size(); i += piece) {
-      import->clear_records();
-      for (std::size_t j = i; j < std::min(i + piece, records.size()); ++j) import->add_records(records[j]);
-      import->set_last(i + piece >= records.size());
-      const Outcome outcome = into.service().execute(admin, request);
-      EXPECT_FALSE(outcome.error.has_value()) << outcome.error->message;
-      if (import->last()) return outcome.reply.import_report();
-    }
-    return {};
   }
   void consent(const std::string& name, bool given) {
     pb::Request request;

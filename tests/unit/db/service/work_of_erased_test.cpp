@@ -272,18 +272,6 @@ TEST_F(WorkOfErased, anAdministratorsOwnErasureOfAnotherIsToldUnderThePseudonym)
   EXPECT_THAT(filesWithHer(), IsEmpty());
 }
 
-TEST_F(WorkOfErased, aPieceOfAnImportThatWaitedIsRefused) {
-  addAda();
-  const Principal her = add(pb::ADMINISTRATOR);
-  pb::Request import;
-  import.mutable_import_all()->set_import_id("import-1");
-  import.mutable_import_all()->add_records("{}");
-  const Outcome outcome = whileErased(her, import);
-  ASSERT_TRUE(outcome.error);
-  EXPECT_EQ(outcome.error->code, ErrorCode::kDenied);
-  EXPECT_EQ(count("import_pieces WHERE position >= 0 AND by_whom <> ?", ""), 0u);
-}
-
 TEST_F(WorkOfErased, aScoreThatWaitedIsNotStored) {
   const Principal her = add(pb::CURRICULUM_MANAGER);
   pb::Request profile;

@@ -31,13 +31,12 @@ struct LoggedIn : RawPeer {
   }
 };
 
-/// ImportAll with so many empty records: 2 bytes each on the wire, 64 in memory.
-pb::Envelope importOfNothing(std::uint64_t id, int records) {
+/// SetReference with so many empty ids of sessions: 2 bytes each on the wire, 64 in memory.
+pb::Envelope referenceOfNothing(std::uint64_t id, int ids) {
   pb::Envelope envelope;
   envelope.mutable_request()->set_id(id);
-  auto& import = *envelope.mutable_request()->mutable_import_all();
-  import.set_import_id("import-1");
-  for (int i = 0; i < records; ++i) import.add_records();
+  auto& reference = *envelope.mutable_request()->mutable_set_reference();
+  for (int i = 0; i < ids; ++i) reference.add_session_ids();
   return envelope;
 }
 
@@ -105,13 +104,13 @@ TEST(MessageBounds, whatComesTooOftenIsRefusedWithoutItsLongSessionIdWhateverThe
 TEST(MessageBounds, aCallThatIsNotForTheRoleIsRefusedUnparsed) {
   RunningServer server;
   LoggedIn tina(server, "tina", pb::TRAINEE);
-  const auto answers = answersTo(tina, {importOfNothing(5, 524'200), importOfNothing(6, 524'200)});
+  const auto answers = answersTo(tina, {referenceOfNothing(5, 524'200), referenceOfNothing(6, 524'200)});
   ASSERT_EQ(answers.size(), 2u);
   for (std::size_t i = 0; i < answers.size(); ++i) {
     EXPECT_EQ(answers[i].refusal().reason(), pb::Refusal::ROLE);
     EXPECT_FALSE(answers[i].refusal().fatal());
     EXPECT_EQ(answers[i].refused_request(), 5 + i);
-    EXPECT_THAT(answers[i].refusal().text(), HasSubstr("'import-all' is not for the role trainee"));
+    EXPECT_THAT(answers[i].refusal().text(), HasSubstr("'reference set' is not for the role trainee"));
   }
   EXPECT_EQ(server.stop(), 0);
   const ServerCounters& counters = server.counters();
@@ -124,12 +123,12 @@ TEST(MessageBounds, aCallThatIsNotForTheRoleIsRefusedUnparsed) {
 TEST(MessageBounds, moreItemsThanAListMayHaveAreRefusedUnparsedWithTheBound) {
   RunningServer server;
   LoggedIn ada(server, "ada", pb::ADMINISTRATOR);
-  const auto answers = answersTo(ada, {importOfNothing(5, 20'001)});
+  const auto answers = answersTo(ada, {referenceOfNothing(5, 10'001)});
   ASSERT_EQ(answers.size(), 1u);
   EXPECT_EQ(answers[0].refusal().reason(), pb::Refusal::TOO_LARGE);
   EXPECT_EQ(answers[0].refused_request(), 5u);
   EXPECT_EQ(answers[0].refusal().text(),
-            "request.import_all.records has more than 20000 items: send fewer at once");
+            "request.set_reference.session_ids has more than 10000 items: send fewer at once");
   EXPECT_EQ(server.stop(), 0);
   EXPECT_EQ(server.counters().messages_refused_unparsed, 1u);
   EXPECT_EQ(server.counters().messages_parsed, 3u);
@@ -191,7 +190,7 @@ TEST(MessageBounds, messagesAreDoneInTheirOrderWhereverTheyAreParsed) {
 TEST(MessageBounds, whatWouldTakeMoreThanTheBudgetIsRefusedUnparsed) {
   RunningServer server([](ServerOptions& options) { options.bounds.decoded.person = 100'000; });
   LoggedIn ada(server, "ada", pb::ADMINISTRATOR);
-  const auto answers = answersTo(ada, {importOfNothing(5, 10'000)});
+  const auto answers = answersTo(ada, {referenceOfNothing(5, 10'000)});
   ASSERT_EQ(answers.size(), 1u);
   EXPECT_EQ(answers[0].refusal().reason(), pb::Refusal::TOO_LARGE);
   EXPECT_THAT(answers[0].refusal().text(), HasSubstr("at most 100000 are allowed"));
@@ -365,7 +364,7 @@ TEST(MessageBounds, twoCallsInOneRequestEndTheConnection) {
   pb::Envelope allowed;
   allowed.mutable_request()->mutable_list_profiles();
   const std::string body =
-      importOfNothing(1, 1000).SerializeAsString() + allowed.SerializeAsString();  // merged by Protobuf
+      referenceOfNothing(1, 1000).SerializeAsString() + allowed.SerializeAsString();  // merged by Protobuf
   std::string bytes;
   appendFrameHeader(bytes, body.size());
   tina.write(bytes + body);
