@@ -2,6 +2,7 @@
 // the tick in a simulated world. The gate's rules hold in every row.
 #include <atomic>
 #include <chrono>
+#include <ostream>
 #include <sstream>
 #include <thread>
 
@@ -147,6 +148,11 @@ const VirtuoseFault kVirtuoseFaults[] = {
     {"hang 100", 99, "link_down 0", 0, kNot, Fault::kNone, kNot, kNot, "", 2},
     {"hang 3000", 2'999, "link_down 0", 0, kNot, Fault::kNone, kNot, 2'003, "", 60, "3000"},
 };
+
+// names a row in the list of tests
+std::ostream& operator<<(std::ostream& out, const VirtuoseFault& row) {
+  return out << row.begins;
+}
 
 class VirtuoseFaults : public testing::TestWithParam<VirtuoseFault> {};
 INSTANTIATE_TEST_SUITE_P(Rows, VirtuoseFaults, testing::ValuesIn(kVirtuoseFaults), [](const auto& row) {

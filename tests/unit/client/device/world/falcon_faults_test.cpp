@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <ostream>
 
 #include "client/device/falcon/falcon_geometry.h"
 #include "common/haptics/device_condition.h"
@@ -201,6 +202,11 @@ std::vector<FalconFault> falconFaults() {
     rows.push_back({name, 60, homed(static_cast<std::uint8_t>(bits)), homed(falcon::kInHomed),
                     kDeviceNotReady, 1, Fault::kNone, kNot, 1, kZeroWords});
   return rows;
+}
+
+// names a row in the list of tests
+std::ostream& operator<<(std::ostream& out, const FalconFault& row) {
+  return out << row.name;
 }
 
 class FalconFaults : public testing::TestWithParam<FalconFault> {};
