@@ -83,6 +83,9 @@ void LabOfEight::startStations() {
 }
 
 void LabOfEight::stopStations() {
+  // its device jumps two seconds after its lesson began, which may be now
+  ASSERT_TRUE(eventually([&] { return station(kInTrouble).said().find("FAULT: ") != std::string::npos; }))
+      << station(kInTrouble).said();
   for (const auto& process : stations_) process->signal(SIGTERM);
   for (int number = 1; number <= kStations; ++number) {
     const auto code = station(number).wait();
