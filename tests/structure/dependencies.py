@@ -11,6 +11,7 @@ usage: dependencies.py SOURCE_DIR BUILD_DIR
 5. Each product folder has a row, each row a folder.
 """
 import collections
+import functools
 import json
 import os
 import re
@@ -93,22 +94,20 @@ def own_includes(source):
 def compiled(source, build):
     """(object, folders of the project's sources in it, folders read, libraries read), for each object of the product"""
     listing = subprocess.run(["ninja", "-C", build, "-t", "deps"], check=True, capture_output=True, text=True).stdout
+    # a path may be absolute or, with ccache's base_dir, relative to the build folder
+    whole = functools.cache(lambda line: os.path.realpath(os.path.join(build, line)))
     read = {}
     for block in listing.split("\n\n"):
         lines = block.strip().split("\n")
-        read[lines[0].split(":")[0]] = [line.strip() for line in lines[1:]]
+        read[lines[0].split(":")[0]] = {whole(line.strip()) for line in lines[1:]}
     # Clang lists what it took from precompiled headers, too
-    precompiled = {target.removesuffix(".pch"): set(paths) for target, paths in read.items() if target.endswith(".hxx.pch")}
+    precompiled = {whole(target.removesuffix(".pch")): paths for target, paths in read.items() if target.endswith(".hxx.pch")}
     for target, paths in read.items():
         if not target.startswith(PRODUCT) or not target.endswith(".o"):
             continue
         sources, folders, libraries = set(), set(), set()
         generated = False
-        apart = set().union(*(found for header, found in precompiled.items() if os.path.join(build, header) in paths))
-        for line in paths:
-            if line in apart:
-                continue
-            path = os.path.realpath(os.path.join(build, line))
+        for path in paths.difference(*(found for header, found in precompiled.items() if header in paths)):
             libraries |= {name for name, start in LIBRARIES.items() if path.startswith(start)}
             if not path.startswith(source + os.sep):
                 continue

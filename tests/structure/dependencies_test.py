@@ -30,9 +30,10 @@ ALL_READ = ["client/net/link.cpp", "common/wire/channel.h", "common/base/text.h"
 
 
 class Dependencies(unittest.TestCase):
-    def faults(self, table=TABLE, files=None, read=None, compiled=60, precompiled=()):
+    def faults(self, table=TABLE, files=None, read=None, compiled=60, precompiled=(), start=None):
         with tempfile.TemporaryDirectory() as root:
             root = os.path.realpath(root)
+            listed = start or root  # how a listed path begins
             for path, text in {**FILES, **(files or {})}.items():
                 os.makedirs(os.path.join(root, os.path.dirname(path)), exist_ok=True)
                 with open(os.path.join(root, path), "w", encoding="utf-8") as file:
@@ -45,9 +46,9 @@ class Dependencies(unittest.TestCase):
                 json.dump(commands, file)
             blocks = []
             for number in range(compiled):
-                paths = "\n".join("    " + os.path.join(root, path) for path in (read or ALL_READ))
+                paths = "\n".join("    " + os.path.join(listed, path) for path in (read or ALL_READ))
                 blocks.append(f"client/net/link{number}.cpp.o: #deps 4, deps mtime 1 (VALID)\n{paths}\n")
-            headers = "\n".join("    " + os.path.join(root, path) for path in precompiled)
+            headers = "\n".join("    " + os.path.join(listed, path) for path in precompiled)
             blocks.append(f"{PRECOMPILED}.pch: #deps 1, deps mtime 1 (VALID)\n{headers}\n")
             listing = mock.Mock(stdout="\n".join(blocks))
             with mock.patch.object(dependencies.subprocess, "run", return_value=listing):
@@ -90,6 +91,12 @@ class Dependencies(unittest.TestCase):
         self.assertEqual(self.faults(files={"db/store.h": ""}, read=with_them, precompiled=["db/store.h"]), [])
         without = ALL_READ + ["db/store.h"]
         self.assertNotEqual(self.faults(files={"db/store.h": ""}, read=without, precompiled=["db/store.h"]), [])
+
+    def test_paths_may_be_relative_to_the_build_folder(self):
+        with_them = ALL_READ + [f"build/{PRECOMPILED}", "db/store.h"]
+        self.assertEqual(self.faults(files={"db/store.h": ""}, read=with_them, precompiled=["db/store.h"], start=".."), [])
+        without = ALL_READ + ["db/store.h"]
+        self.assertNotEqual(self.faults(files={"db/store.h": ""}, read=without, precompiled=["db/store.h"], start=".."), [])
 
     def test_a_library_that_no_row_names(self):
         found = self.faults(read=ALL_READ + ["/usr/include/eigen3/Eigen/Core"])
