@@ -4,6 +4,7 @@
 # needlelab_program(NAME SOURCES ... DEPS ...)              -> executable NAME in bin/
 # needlelab_test(NAME LABEL unit [threads] SOURCES ... DEPS ...)  -> GoogleTest binary; its tests are registered with ctest
 #   TOGETHER: all tests of the binary are one ctest test, because their common set-up is expensive
+#   SHORT: with TOGETHER, the tests (patterns) that deploy/test runs; NAME_whole runs all of them in the nightly (ctest -C Long)
 #   OPTIMISED: its own code computes for long, so it is compiled like a library
 #   COST: in place of TIMEOUT, where a long form needs the limit: what may take longest begins first
 #   Tests of an area with the same labels share a program (DECISIONS.md).
@@ -61,7 +62,7 @@ add_custom_target(needlelab_threaded_tests)
 add_custom_target(needlelab_memory_tests)
 add_custom_target(needlelab_determinism_tests)
 function(needlelab_test name)
-  cmake_parse_arguments(ARG "TOGETHER;OPTIMISED" "TIMEOUT;COST" "LABEL;SOURCES;DEPS" ${ARGN})
+  cmake_parse_arguments(ARG "TOGETHER;OPTIMISED" "TIMEOUT;COST" "LABEL;SHORT;SOURCES;DEPS" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
@@ -94,15 +95,28 @@ function(needlelab_test name)
   if(NEEDLELAB_SANITIZE)
     math(EXPR ARG_TIMEOUT "10 * ${ARG_TIMEOUT}")
   endif()
+  # deploy/test has two places for each core: a test that starts programs takes two.
+  set(processors 1)
+  if("net" IN_LIST ARG_LABEL AND NOT "unit" IN_LIST ARG_LABEL)
+    set(processors 2)
+  endif()
   # OpenBLAS's threads spin while they wait for each other: beside the other tests they take more of the processor than
   # the test. Whole programs (net) run as users run them.
-  set(properties)
+  set(properties PROCESSORS ${processors})
   if(NOT "net" IN_LIST ARG_LABEL)
-    set(properties ENVIRONMENT OPENBLAS_NUM_THREADS=1)
+    list(APPEND properties ENVIRONMENT OPENBLAS_NUM_THREADS=1)
   endif()
   if(ARG_TOGETHER OR NEEDLELAB_SANITIZE)
-    add_test(NAME ${name} COMMAND ${name})
-    set_tests_properties(${name} PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT} COST ${ARG_COST} ${properties})
+    set(names ${name})
+    if(ARG_SHORT)
+      string(JOIN ":" filter ${ARG_SHORT})
+      add_test(NAME ${name} COMMAND ${name} "--gtest_filter=${filter}")
+      add_test(NAME ${name}_whole CONFIGURATIONS Long COMMAND ${name})
+      list(APPEND names ${name}_whole)
+    else()
+      add_test(NAME ${name} COMMAND ${name})
+    endif()
+    set_tests_properties(${names} PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT} COST ${ARG_COST} ${properties})
     return()
   endif()
   # What may take longest begins first, or it would run alone at the end.
