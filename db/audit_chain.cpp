@@ -4,8 +4,10 @@
 #include <sodium.h>
 
 #include <algorithm>
+#include <charconv>
 #include <map>
 #include <mutex>
+#include <tuple>
 #include <unordered_map>
 #include <utility>
 
@@ -131,19 +133,14 @@ std::string auditHeadText(const AuditHead& head) {
 }
 
 std::optional<AuditHead> auditHeadOf(std::string_view text) {
-  if (!text.starts_with(kHeadWords)) return std::nullopt;
-  std::string_view rest = text.substr(kHeadWords.size());
-  const std::size_t colon = rest.find(':');
   constexpr std::size_t kMostDigits = 18;
-  if (colon == 0 || colon > kMostDigits) return std::nullopt;
+  const std::size_t colon = text.find(':');
+  if (!text.starts_with(kHeadWords) || colon > kHeadWords.size() + kMostDigits) return std::nullopt;
   AuditHead head;
-  for (const char digit : rest.substr(0, colon)) {
-    if (digit < '0' || digit > '9') return std::nullopt;
-    head.position = 10 * head.position + static_cast<std::uint64_t>(digit - '0');
-  }
-  const auto bytes = bytesOfHex(rest.substr(colon + 1));
-  if (!bytes || bytes->size() != head.mac.size()) return std::nullopt;
-  std::copy(bytes->begin(), bytes->end(), head.mac.begin());
+  const auto mac = bytesOfHex(text.substr(colon + 1));
+  if (!mac || mac->size() != head.mac.size()) return std::nullopt;
+  std::from_chars(text.data() + kHeadWords.size(), text.data() + colon, head.position);
+  std::copy(mac->begin(), mac->end(), head.mac.begin());
   // a number and hexadecimal digits have several forms, a head has one
   return auditHeadText(head) == text ? std::optional(head) : std::nullopt;
 }
@@ -222,9 +219,9 @@ class ChainWalk {
   ChainWalk(std::span<const AuditKey> keys, std::span<const AuditAnchor> anchors)
       : keys_(keys), anchors_(anchors) {}
 
-  /// What could change or swallow a line before it is proven.
-  void takeSchema(std::vector<std::string> faults) {
-    for (std::string& text : faults) fault(std::move(text));
+  void fault(std::string text) {
+    ++verdict_.faults;
+    if (verdict_.texts.size() < kMaxAuditFaults) verdict_.texts.push_back(std::move(text));
   }
 
   /// `row`: position, salt, commitment, key_id, mac, line, the line's columns (NULL: it is not there).
@@ -281,11 +278,6 @@ class ChainWalk {
     }
   }
 
-  /// A line without an entry.
-  void withoutEntry(std::int64_t line) {
-    fault(fmt::format("line {}: nothing proves it: it was put in, or its proof was removed", line));
-  }
-
   AuditVerdict end() {
     for (const AuditAnchor& anchor : anchors_) {
       if (anchor.head.position > verdict_.head.position && !isOfAnotherChain(anchor))
@@ -310,17 +302,10 @@ class ChainWalk {
   /// An acknowledgement holds for the one break that it names, if that stands before it.
   void acknowledge(const ProvenLine& line) {
     for (auto& [number, found] : breaks_) {
-      if (!found.acknowledged_by.empty() || line.subject != acknowledgedSubject(number) ||
-          line.detail != auditHeadText(found.entry))
-        continue;
-      found.acknowledged_by = line.who;
-      found.acknowledged_unix_ns = line.unix_ns;
+      if (found.acknowledged_by.empty() && line.subject == acknowledgedSubject(number) &&
+          line.detail == auditHeadText(found.entry))
+        std::tie(found.acknowledged_by, found.acknowledged_unix_ns) = std::tie(line.who, line.unix_ns);
     }
-  }
-
-  void fault(std::string text) {
-    ++verdict_.faults;
-    if (verdict_.texts.size() < kMaxAuditFaults) verdict_.texts.push_back(std::move(text));
   }
 
   std::span<const AuditKey> keys_;
@@ -356,8 +341,9 @@ Result<AuditVerdict> verifyAudit(Connection& connection, std::span<const AuditKe
                                  std::span<const AuditAnchor> anchors) {
   ASSIGN_OR_RETURN(const auto view, Transaction::view(connection));
   ChainWalk walk(keys, anchors);
-  ASSIGN_OR_RETURN(auto foreign, schemaFaults(connection));
-  walk.takeSchema(std::move(foreign));
+  // what could change or swallow a line before it is proven
+  ASSIGN_OR_RETURN(const auto foreign, schemaFaults(connection));
+  for (const std::string& text : foreign) walk.fault(text);
   // from the tables alone: an index may have entries that somebody put in or took out
   std::unordered_map<std::int64_t, std::int64_t> last_entries;  // by line
   RETURN_IF_ERROR(
@@ -373,7 +359,9 @@ Result<AuditVerdict> verifyAudit(Connection& connection, std::span<const AuditKe
                            }));
   RETURN_IF_ERROR(
       eachFrom(connection, "SELECT id FROM audit NOT INDEXED WHERE id >= ?", "id", [&](const Statement& row) {
-        if (!last_entries.contains(row.integer(0))) walk.withoutEntry(row.integer(0));
+        if (!last_entries.contains(row.integer(0)))
+          walk.fault(fmt::format("line {}: nothing proves it: it was put in, or its proof was removed",
+                                 row.integer(0)));
       }));
   return walk.end();
 }

@@ -21,7 +21,7 @@ namespace needlelab {
 inline constexpr const char* kAuditKeyFile = "audit.key";
 
 /// DIR/audit.key: 32 random bytes, readable only by the server's user (0600), made at the first start.
-/// Whoever has it can forge lines; without it nobody can find forged ones. Thread: immutable.
+/// Who has it can forge lines; without it nobody can find forged ones. Thread: immutable.
 class AuditKey {
  public:
   using Hash = std::array<std::uint8_t, 32>;
@@ -45,8 +45,7 @@ class AuditKey {
   Id id_;
 };
 
-/// The last entry of a chain. Whoever keeps it elsewhere can tell later that nothing before it was changed or
-/// removed.
+/// The last entry of a chain. Who keeps it elsewhere can tell later whether the log before it was changed.
 struct AuditHead {
   std::uint64_t position = 0;  ///< 0: there is no entry
   AuditKey::Hash mac{};
@@ -64,13 +63,12 @@ class AuditChain {
 
   /// For a line that was just inserted into `audit`.
   Status append(std::int64_t line);
-  /// Whether the line is now as its newest entry proves it by the folder's key, and that entry follows the
-  /// one before it. False: somebody changed one of both, the entry is of another key, or there is none. A
-  /// bounded time, however long the log is. Errors: the key's.
+  /// Whether the line is as its newest entry proves it by the folder's key, and that entry follows the one
+  /// before it. A bounded time, however long the log is. Errors: the key's.
   Result<bool> proves(std::int64_t line);
   /// After an erasure replaced texts of a line: takes the salts of its entries away, so that nobody can try
   /// names against their commitments. `proven`: what proves() said before; true: appends an entry for the new
-  /// text; false: nothing proves the line from now on, and verifyAudit() says so for good.
+  /// text; false: verifyAudit() says for good that nothing proves the line.
   Status amend(std::int64_t line, bool proven);
   Result<AuditHead> head();
   /// The MAC of the first entry; nothing: there is none.
@@ -85,8 +83,8 @@ class AuditChain {
 /// The action of a line by which a start says that the chain was not the one that was left (audit_head.h).
 inline constexpr const char* kAuditBreak = "audit break";
 /// The action of a line by which somebody says to have looked into a break. Its subject is
-/// acknowledgedSubject(), its detail auditHeadText() of the break's first entry; it counts only as a line of
-/// this chain with a proof of its own, behind the break.
+/// acknowledgedSubject(), its detail auditHeadText() of the break's first entry. Behind the break, and
+/// proven.
 inline constexpr const char* kAuditAcknowledge = "audit acknowledge";
 std::string acknowledgedSubject(std::int64_t line);
 
@@ -115,10 +113,10 @@ struct AuditVerdict {
 };
 inline constexpr std::size_t kMaxAuditFaults = 100;
 
-/// Finds lines that were changed, reordered, forged or removed: all but the removal of the last lines, which
-/// is found before the newest of `anchors`; and a foreign trigger, view or table (schemaFaults()). `keys`:
-/// the folder's, and earlier ones. One read view; a time proportional to the log. An error means that the
-/// database could not be read. Thread: as the connection.
+/// Finds lines that were changed, reordered, forged or removed (the last ones, where one of `anchors` is
+/// newer), and what is foreign in the schema (schemaFaults()). `keys`: the folder's, and earlier ones. One
+/// read view; a time proportional to the log. Errors: the database could not be read. Thread: as the
+/// connection.
 Result<AuditVerdict> verifyAudit(Connection& connection, std::span<const AuditKey> keys,
                                  std::span<const AuditAnchor> anchors);
 

@@ -1,6 +1,5 @@
-/// DIR/audit.head: how far the audit log's chain had come, outside of the database. Somebody who can
-/// write the database but has no key cannot take the chain away, cut it or put an older one in its place
-/// unseen.
+/// DIR/audit.head: how far the audit log's chain had come, outside of the database. Who can write the
+/// database but has no key cannot take the chain away, cut it or put an older one in its place unseen.
 #pragma once
 
 #include <cstdint>
@@ -32,10 +31,9 @@ Result<KeptAuditHead> readKeptAuditHead(const std::filesystem::path& path, std::
 /// Whether the chain has this entry. Thread: as the connection.
 Result<bool> chainHas(Connection& connection, const AuditHead& head);
 
-/// At the start of whoever writes: keeps the head of the chain. Where the kept
-/// head is not in the chain, or its file is there but damaged, unreadable or of another key, adds a line of
-/// the log (kAuditBreak). What cannot be written to the file now is written the next time: an older head
-/// promises less, and nothing wrong. Makes the key. Writer's connection.
+/// At the start: keeps the head of the chain. Where the kept head is not in the chain, or its file is there
+/// but damaged, unreadable or of another key, adds a line of the log (kAuditBreak). What cannot be written to
+/// the file now is written the next time. Makes the key. Writer's connection.
 Status beginAuditHead(Connection& writer, std::int64_t now_unix_ns);
 /// Keeps a newer head of committed entries; leaves the file alone where the chain does not have the head that
 /// it holds, so that the next start finds that. Any connection; one thread at a time.

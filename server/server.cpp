@@ -434,7 +434,9 @@ Store& Server::store() {
   return *parts_->store;
 }
 const ServerCounters& Server::counters() const {
-  return parts_->context->counters;
+  ServerContext& context = *parts_->context;
+  context.counters.most_reply_bytes = context.replies.mostTaken();
+  return context.counters;
 }
 const WebCounters& Server::webCounters() const {
   return parts_->context->web;

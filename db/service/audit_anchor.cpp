@@ -1,11 +1,7 @@
 #include "db/service/audit_anchor.h"
 
-#include <fcntl.h>
 #include <fmt/core.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
-#include <array>
 #include <cstddef>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -15,11 +11,9 @@
 #include <system_error>
 #include <utility>
 
-#include "common/base/files.h"
 #include "common/profile/strict_json.h"
 #include "db/foreign_database.h"
 #include "db/old_backups.h"
-#include "db/open_file.h"
 
 namespace needlelab {
 namespace {
@@ -54,22 +48,6 @@ std::optional<AuditHead> headOfExport(const Json& record) {
 /// A record of an export came in a message of 1 MiB; in JSON each of its bytes may be written as six.
 constexpr std::size_t kMostLineBytes = 8u << 20;
 
-/// The next line, without its end; nothing: there is none. kInvalidInput: it is longer than any. `buffer` has
-/// kMostLineBytes + 1.
-Result<std::optional<std::string_view>> nextLine(std::istream& in, std::vector<char>& buffer,
-                                                 const std::filesystem::path& path) {
-  in.getline(buffer.data(), static_cast<std::streamsize>(buffer.size()));
-  const auto count = static_cast<std::size_t>(in.gcount());
-  if (count == 0 && in.eof()) return std::optional<std::string_view>();
-  if (in.bad()) return systemError(path, "read");
-  if (in.fail())
-    return Error{ErrorCode::kInvalidInput, path.string() + ": has a line of more than " +
-                                               std::to_string(kMostLineBytes >> 20) +
-                                               " MiB, which no export and no text with a head has"};
-  // the count has the line's end
-  return std::optional(std::string_view(buffer.data(), in.eof() ? count : count - 1));
-}
-
 Error noHead(const std::filesystem::path& path) {
   return {ErrorCode::kInvalidInput,
           path.string() +
@@ -80,13 +58,14 @@ Error noHead(const std::filesystem::path& path) {
 /// Of an export, whose first line begins as JSON does, the head in its last own line; of a text that somebody
 /// kept, its only line that is a head: within a line it is none.
 Result<AuditHead> headOfLines(std::istream& in, const std::filesystem::path& path) {
+  constexpr std::string_view kLabel = "keep elsewhere";
   std::optional<AuditHead> found;
   std::optional<bool> is_export;
   std::vector<char> buffer(kMostLineBytes + 1);
-  for (;;) {
-    ASSIGN_OR_RETURN(const auto line, nextLine(in, buffer, path));
-    if (!line) break;
-    std::string_view text = trimmed(*line);
+  while (in.getline(buffer.data(), static_cast<std::streamsize>(buffer.size()))) {
+    // the count has the line's end, but at that of the file
+    const auto count = static_cast<std::size_t>(in.gcount()) - (in.eof() ? 0 : 1);
+    std::string_view text = trimmed({buffer.data(), count});
     if (text.empty()) continue;
     if (!is_export) is_export = text.front() == '{';
     if (*is_export) {
@@ -95,16 +74,20 @@ Result<AuditHead> headOfLines(std::istream& in, const std::filesystem::path& pat
       if (const auto head = headOfExport(record)) found = head;
       continue;
     }
-    constexpr std::string_view kLabel = "keep elsewhere";
     if (text.starts_with(kLabel)) text = trimmed(text.substr(kLabel.size()));
     const auto head = auditHeadOf(text);
     if (!head) continue;
     if (found)
-      return Error{ErrorCode::kInvalidInput, path.string() + ": has several heads (\"" +
-                                                 auditHeadText(*found) + "\" and \"" + auditHeadText(*head) +
-                                                 "\"): give a file with one"};
+      return Error{ErrorCode::kInvalidInput,
+                   fmt::format("{}: has several heads (\"{}\" and \"{}\"): give a file with one",
+                               path.string(), auditHeadText(*found), auditHeadText(*head))};
     found = head;
   }
+  if (!in.eof())
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("{}: cannot be read, or has a line of more than {} MiB, which no export and no "
+                             "text with a head has",
+                             path.string(), kMostLineBytes >> 20)};
   if (!found) return noHead(path);
   return *found;
 }
@@ -112,21 +95,21 @@ Result<AuditHead> headOfLines(std::istream& in, const std::filesystem::path& pat
 }  // namespace
 
 Result<AuditAnchor> readAuditAnchor(const std::filesystem::path& path) {
-  // a pipe may never answer, whenever somebody puts it there
-  const OpenFile file(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC));
-  struct stat info {};
-  if (!file.isOpen() || ::fstat(file.fd(), &info) != 0 || !S_ISREG(info.st_mode)) return noHead(path);
-  std::array<char, 16> start{};
+  // a pipe may never answer
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(path, error)) return noHead(path);
+  std::ifstream in(path, std::ios::binary);
   constexpr std::string_view kMagic("SQLite format 3\0", 16);
-  if (::pread(file.fd(), start.data(), start.size(), 0) == static_cast<ssize_t>(start.size()) &&
-      std::string_view(start.data(), start.size()) == kMagic) {
+  std::string start(kMagic.size(), ' ');
+  if (in.read(start.data(), static_cast<std::streamsize>(start.size())) && start == kMagic) {
     ASSIGN_OR_RETURN(auto backup, openForeign(path));
     AuditChain chain(backup);
     ASSIGN_OR_RETURN(const auto head, chain.head());
     ASSIGN_OR_RETURN(const auto first, chain.firstMac());
     return AuditAnchor{path.string(), head, first};
   }
-  std::ifstream in(fmt::format("/proc/self/fd/{}", file.fd()), std::ios::binary);
+  in.clear();
+  in.seekg(0);
   ASSIGN_OR_RETURN(const auto head, headOfLines(in, path));
   return AuditAnchor{path.string(), head};
 }

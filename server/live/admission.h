@@ -16,19 +16,17 @@
 
 namespace needlelab {
 
-/// Each new connection costs its address one charge, which a log-in refunds. So a lab with a thousand
-/// stations behind one address can connect and disconnect freely, while failed or half-open handshakes and
-/// wrong log-ins only use up their own address's limit. Connections without log-in are strangers; they have
-/// places, of one address and in all. Above its own number an address's oldest stranger is cut; when all
-/// places are taken, the oldest of the address with the most of them: an address that opens many only harms
-/// itself. Addresses that have logged in before have more charges and places of their own, and their
-/// strangers never give way to those of others: a restarted server knows none of them yet.
+/// Each new connection costs its address one charge, which a log-in refunds: a lab with a thousand stations
+/// behind one address connects freely, and who fails uses up the own address's limit only. Connections
+/// without log-in are strangers. Above its number an address's oldest stranger is cut; when all places are
+/// taken, the oldest of the address with the most. Addresses that have logged in before have more charges and
+/// places of their own, and never give way to others' strangers.
 ///
-/// Connections that have logged in never give way to strangers, only to one that logs in when their places
-/// are taken: then the account with the most connections, counted with the new one, gives up the one that it
-/// has not used for longest; of equals it is the newcomer's own. So whoever has one connection keeps it, and
-/// each account ends up with its fair part. Some places stay free for those who are about to log in, and some
-/// are for stations only. Memory is bounded. Times: steady clock (ns), from the caller. Thread: one.
+/// Connections that have logged in give way only to one that logs in when their places are taken: then the
+/// account with the most, counted with the new one, gives up the one that it has not used for longest; of
+/// equals it is the newcomer's own. So who has one connection keeps it. Some places stay free for those who
+/// are about to log in, and some are for stations only. Memory is bounded. Times: steady clock (ns), from the
+/// caller. Thread: one.
 class Admission {
  public:
   using Settings = AdmissionLimits;

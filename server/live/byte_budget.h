@@ -7,6 +7,8 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <unordered_map>
+#include <utility>
 
 #include "server/live/limits.h"
 
@@ -18,9 +20,8 @@ struct BudgetOwner {
   bool person = true;  ///< not a station
 };
 
-/// Bytes in use: of a person or station, of all people, of the server. What people leave
-/// free is the stations': after an outage they open their sessions all at once, whatever people do. Nobody
-/// has more than a quarter of what there is for its kind. Whoever finds no room waits, and is not read
+/// Bytes in use: of a person or station, of all people, of the server. What people leave free is the
+/// stations', which open their sessions all at once after an outage. Who finds no room waits, and is not read
 /// from meanwhile. Thread: one.
 class ByteBudget {
  public:
@@ -28,27 +29,37 @@ class ByteBudget {
   class Share;
 
   /// `freed` is called whenever bytes were given back; it must outlive the last share.
-  explicit ByteBudget(const Limits& limits, std::function<void()> freed = {});
+  explicit ByteBudget(const Limits& limits, std::function<void()> freed = {})
+      : state_(std::make_shared<State>(State{limits, std::move(freed)})) {}
 
   /// Takes `bytes` until the share's end. Nothing: at the moment a budget has less room.
   std::optional<Share> take(const BudgetOwner& owner, std::size_t bytes);
   /// For what is in memory already: takes `bytes`, also more than there is room for, until giveBack().
-  void add(const BudgetOwner& owner, std::size_t bytes);
-  void giveBack(const BudgetOwner& owner, std::size_t bytes);
+  void add(const BudgetOwner& owner, std::size_t bytes) { state_->add(owner, bytes); }
+  void giveBack(const BudgetOwner& owner, std::size_t bytes) { state_->giveBack(owner, bytes); }
   /// From the moment when the server's limit is reached until half of it is left: who waits is woken once,
   /// and not for each piece.
-  [[nodiscard]] bool full() const;
+  [[nodiscard]] bool full() const { return state_->full; }
   /// Of a person or station, on all its connections.
   [[nodiscard]] std::size_t takenBy(const std::string& name) const;
   /// What one share may have: more bytes fit never, however long one waits.
   [[nodiscard]] std::size_t mostBytes(const BudgetOwner& owner) const;
   /// Of all.
-  [[nodiscard]] std::size_t taken() const;
+  [[nodiscard]] std::size_t taken() const { return state_->server; }
   /// The most that was taken at once so far.
-  [[nodiscard]] std::size_t mostTaken() const;
+  [[nodiscard]] std::size_t mostTaken() const { return state_->most; }
 
  private:
-  struct State;
+  struct State {
+    Limits limits;
+    std::function<void()> freed;
+    std::unordered_map<std::string, std::size_t> by_owner = {};  // without zeros
+    std::size_t people = 0, server = 0, most = 0;
+    bool full = false;
+
+    void add(const BudgetOwner& owner, std::size_t bytes);
+    void giveBack(const BudgetOwner& owner, std::size_t bytes);
+  };
   std::shared_ptr<State> state_;  // shared with the shares, which may end last
 };
 
@@ -61,15 +72,14 @@ class ByteBudget::Share {
   Share& operator=(const Share&) = delete;
   ~Share();
 
-  /// Gives back all but `bytes`, if it has more.
-  void lower(std::size_t bytes);
-  /// Has `bytes` from now on, also more than the budget has room for: they are in memory already, and others
-  /// wait the longer.
+  /// Has `bytes` from now on: gives the others back, or takes more, also than the budget has room for: they
+  /// are in memory already, and others wait the longer.
   void become(std::size_t bytes);
 
  private:
   friend class ByteBudget;
-  Share(std::shared_ptr<State> state, BudgetOwner owner, std::size_t bytes);
+  Share(std::shared_ptr<State> state, BudgetOwner owner, std::size_t bytes)
+      : state_(std::move(state)), owner_(std::move(owner)), bytes_(bytes) {}
   std::shared_ptr<State> state_;  // null: moved from
   BudgetOwner owner_;
   std::size_t bytes_;

@@ -118,8 +118,8 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   [[nodiscard]] bool mayRead(const EnvelopeHead& head);
   [[nodiscard]] std::optional<pb::Refusal> tooLong(const EnvelopeHead& head) const;
   Task<std::optional<ByteBudget::Share>> roomForDecoded(std::size_t bytes, std::uint64_t request);
-  Task<std::optional<ByteBudget::Share>> waitForRoom(ByteBudget& budget, std::shared_ptr<Signal> freed,
-                                                     std::size_t bytes);
+  Task<std::optional<ByteBudget::Share>> roomIn(ByteBudget& budget, std::shared_ptr<Signal> freed,
+                                                std::size_t bytes);
   Task<Result<pb::Envelope>> parse(ByteView frame, const PayloadCost& cost);
   Task<> dispatch(pb::Envelope envelope, Shares shares);
   void answerPing(const pb::Ping& ping);

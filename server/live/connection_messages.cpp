@@ -40,9 +40,8 @@ Task<Status> PeerConnection::take(ByteView frame) {
   Shares shares;
   if (head->body == pb::Envelope::kRequest) {
     shares.reply =
-        co_await waitForRoom(context_.replies, context_.reply_room, replyRoomOf(context_, who_, head->call));
+        co_await roomIn(context_.replies, context_.reply_room, replyRoomOf(context_, who_, head->call));
     if (!shares.reply) co_return Status{};
-    context_.counters.most_reply_bytes = context_.replies.mostTaken();
   }
   // a chunk's own bytes have limits of their own (busy), what else stands in it does not
   const std::size_t elsewhere = head->body == pb::Envelope::kChunk ? head->payload.size() : 0;
@@ -119,19 +118,14 @@ Task<std::optional<ByteBudget::Share>> PeerConnection::roomForDecoded(std::size_
            request);
     co_return std::nullopt;
   }
-  co_return co_await waitForRoom(context_.decoded, context_.decoded_room, bytes);
+  co_return co_await roomIn(context_.decoded, context_.decoded_room, bytes);
 }
 
 /// Nothing: the connection ends.
-Task<std::optional<ByteBudget::Share>> PeerConnection::waitForRoom(ByteBudget& budget,
-                                                                   std::shared_ptr<Signal> freed,
-                                                                   std::size_t bytes) {
-  const BudgetOwner owner = budgetOwner(who_);
-  while (!over() && !channel_->closing()) {
-    if (auto share = budget.take(owner, bytes)) co_return std::move(share);
-    co_await freed->wait();
-  }
-  co_return std::nullopt;
+Task<std::optional<ByteBudget::Share>> PeerConnection::roomIn(ByteBudget& budget,
+                                                              std::shared_ptr<Signal> freed,
+                                                              std::size_t bytes) {
+  return waitForRoom(budget, std::move(freed), who_, bytes, [this] { return over() || channel_->closing(); });
 }
 
 Task<Result<pb::Envelope>> PeerConnection::parse(ByteView frame, const PayloadCost& cost) {

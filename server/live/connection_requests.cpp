@@ -48,7 +48,7 @@ Task<> PeerConnection::answer(const pb::Request& request, Outcome outcome, ByteB
                        kMaxFrameBytes),
            request.id());
   } else {
-    room.lower(bytes);
+    room.become(bytes);
     sendHolding(envelope, std::make_shared<const ByteBudget::Share>(std::move(room)));
     if (envelope.reply().has_new_code()) wipe(*envelope.mutable_reply()->mutable_new_code()->mutable_code());
   }

@@ -53,7 +53,7 @@ struct ServerCounters {
   std::uint64_t messages_parsed = 0;                 ///< all but live frames, which are forwarded as bytes
   std::uint64_t messages_parsed_elsewhere = 0;       ///< of those: not on the network's thread
   std::uint64_t decoded_bytes = 0;                   ///< of parsed messages: an estimate (PayloadCost)
-  std::uint64_t most_reply_bytes = 0;                ///< of replies that were made or unread at once
+  std::uint64_t most_reply_bytes = 0;                ///< made or unread at once, as Server::counters() says
   std::uint64_t refused_for_room = 0;                ///< for want of room, on both ports
   std::uint64_t live_dropped = 0;                    ///< of connections that have ended
   std::uint64_t connections_refused = 0;             ///< because of too many connections
@@ -92,6 +92,7 @@ enum PasswordLine : std::size_t {
   kLoginLine,    ///< log-ins of people, one at a time: LoginQueue says whose
   kStationLine,  ///< stations, which bring a trainee's code
   kPersonLine,   ///< people, who give themselves or others passwords and codes
+  kPasswordLines
 };
 
 /// A look at all accounts in use (remote_access.h).
@@ -127,8 +128,8 @@ struct ServerContext {
   /// Of each station, on `closers`.
   std::unique_ptr<FairPool> closes_in_turn = std::make_unique<FairPool>(closers, kCloserThreads - 1);
   std::unique_ptr<FairPool> long_scores_in_turn = std::make_unique<FairPool>(closers, kLongScoreThreads);
-  PlacesInTurn long_scores{io.get_executor(), kLongScoresAtOnce};
-  PlacesInTurn rescorings{io.get_executor(), kRescoringsAtOnce};
+  TurnQueue long_scores{io.get_executor(), {.at_once = kLongScoresAtOnce}};
+  TurnQueue rescorings{io.get_executor(), {.at_once = kRescoringsAtOnce}};
   ByteBudget closes{
       {.station = bounds.closes_of_station}};  ///< of sessions, not bytes: by name of the station
   /// Of each account; before its log-in, of the connection.
@@ -138,11 +139,8 @@ struct ServerContext {
   std::unique_ptr<FairPool> logins_in_turn = std::make_unique<FairPool>(logins, kLoginThreads);
   /// What hashes, on `passwords`, in lines (PasswordLine): 0.1 s each. So between two log-ins at most one
   /// other piece is done, however many wait.
-  std::unique_ptr<FairPool> passwords_in_turn =
-      std::make_unique<FairPool>(passwords, 1, FairQueue::kThreeLines);
-  /// A log-in's turn has ended, or its place was taken.
-  std::shared_ptr<Signal> login_turns = std::make_shared<Signal>(io.get_executor());
-  LoginQueue logins_waiting{bounds.logins, [turns = login_turns] { turns->notify(); }};
+  std::unique_ptr<FairPool> passwords_in_turn = std::make_unique<FairPool>(passwords, 1, kPasswordLines);
+  LoginQueue logins_waiting{io.get_executor(), bounds.logins};
   PeerLines lines{bounds.log_lines};  ///< of the log, on both ports
   /// A message was done with: there may be room for another one.
   std::shared_ptr<Signal> decoded_room = std::make_shared<Signal>(io.get_executor());

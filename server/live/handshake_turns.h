@@ -15,18 +15,15 @@
 
 namespace needlelab {
 
-/// A handshake waits for its turn, computes its answer to the peer's first message (key exchange and
-/// signature, by far its dearest step), and gives the turn back: a peer that then says nothing costs no turn.
-/// From its turn on it has a place, until it ends, or until `patience` after its answer, whichever is first.
-/// Places bound what is half done, because when a thousand stations reconnect to a busy machine and all are
-/// half done, all time out. Nobody is cut here: a handshake without a place goes on.
+/// A handshake waits for its turn, computes its answer to the peer's first message (by far its dearest step),
+/// and gives the turn back: a peer that then says nothing costs no turn. From its turn on it has a place,
+/// until it ends, or until `patience` after its answer. Places bound what is half done: when a thousand
+/// stations reconnect at once and all are half done, all time out. A handshake that loses its place goes on.
 ///
-/// An address has a few places; whoever wants more waits for its own to become free. When all places are
-/// taken, an address that has fewer than the greediest one takes the oldest place of that one. So silent
-/// strangers, from few addresses or from many, keep nobody else waiting. Addresses that have logged in before
-/// have places of their own and go first. The next turn is for the address with the fewest places; of its
-/// connections, for the newest: those that have waited longest are about to time out, and a station that
-/// times out tries again.
+/// An address waits for its own places. When all are taken, an address that has fewer than the greediest one
+/// takes the oldest place of that one, so silent strangers keep nobody else waiting. Addresses that have
+/// logged in before have places of their own and go first. The next turn is for the address with the fewest
+/// places, and of it for the newest connection: those that have waited longest are about to time out.
 ///
 /// Memory: of the connections that are here. Times: steady clock (ns), from the caller. Thread: one.
 class HandshakeTurns {
@@ -62,11 +59,10 @@ class HandshakeTurns {
   Settings settings_;
   // by address; those of an array by whether it was known when they came
   std::array<FairPlaces<std::string>, 2> waiting_, places_;
-  FairPlaces<std::string>
-      begun_;  // with those whose place was given away: an address could begin without end
-  std::unordered_set<std::uint64_t> computing_;  // have a turn
-  std::deque<std::pair<std::int64_t, std::uint64_t>>
-      answered_;  // until when it has its place; the oldest first
+  // with those whose place was given away, or two addresses could begin without end
+  FairPlaces<std::string> begun_;
+  std::unordered_set<std::uint64_t> computing_;                  // have a turn
+  std::deque<std::pair<std::int64_t, std::uint64_t>> answered_;  // by when the place ends
 };
 
 }  // namespace needlelab

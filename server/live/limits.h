@@ -74,37 +74,30 @@ struct TokenLimits {
 
 /// What a station may bring (quotas.h). Each but the first is a share of a day.
 struct StationLimits {
-  /// Sessions open at once. A station has one or two; more are left behind by crashes with a lost spool. As
-  /// many as a Welcome names (kMaxWelcomed).
+  /// Sessions open at once: as many as a Welcome names (kMaxWelcomed). A station has one or two.
   std::uint64_t open_sessions = 1000;
-  /// Bytes of descriptions with the profile, which each session brings whole: 10 kB is usual, 1 MB the
-  /// largest. 6,000 usual sessions.
+  /// Bytes of descriptions with the profile: 6,000 usual sessions of 10 kB.
   double description_bytes = 64.0 * 1024 * 1024;
-  /// Names of trainees that nobody has and no session had: each waits in the managers' list. A class of 30
-  /// who mistype their names every day of a week.
+  /// Names of trainees that nobody has, for the managers' list: a class of 30 that mistypes for a week.
   double unknown_names = 200;
   /// Bytes of stored chunks. A day and night at 1 kHz are 600 MB, a full spool is 4 GiB.
   double chunk_bytes = 8.0 * 1024 * 1024 * 1024;
-  /// Bytes of chunks that cannot be decoded (Appended::quarantined). An honest station has none; one whose
-  /// program makes them by mistake keeps them in its spool.
+  /// Bytes of chunks that cannot be decoded (Appended::quarantined): an honest station has none.
   double undecodable_bytes = 256.0 * 1024 * 1024;
 };
 
 /// Bytes that one account may have stored within a day (quotas.h): far above what people do by hand.
 struct AccountLimits {
-  /// Of trainees and researchers, who store their consent to studies, password and code: 2,700 of the longest
-  /// consents.
+  /// Of trainees and researchers: 2,700 of the longest consents.
   double own_bytes = 8.0 * 1024 * 1024;
-  /// Of instructors and curriculum managers: 1,000 of the largest profiles and courses, 80,000 usual ones,
-  /// 500,000 remarks.
+  /// Of instructors and curriculum managers: 1,000 of the largest profiles and courses, 80,000 usual ones.
   double staff_bytes = 1024.0 * 1024 * 1024;
   double administrator_bytes = 16.0 * 1024 * 1024 * 1024;  ///< who import whole labs: 20 million records
 };
 
 /// Lines of the log of each kind for each account, and for all strangers together (peer_lines.h).
 struct LogLimits {
-  /// Far above what a fault or an attack needs to be seen. Who uses up all kinds without end writes some 9 MB
-  /// an hour, and at most 50 where each text has its 500 bytes (logEvent).
+  /// Far above what a fault or an attack needs to be seen: of all kinds at most 50 MB an hour.
   std::uint64_t a_minute = 60;
   std::uint64_t answered_a_minute = 300;  ///< of the web port's answers: a page asks some ten times
   std::uint64_t no_room_an_hour = 1;  ///< a station asks again until there is room, on the log's disk, too
@@ -126,17 +119,15 @@ struct ChunkLimits {
 
 /// The load from one connection, account or station.
 struct ConnectionBounds {
-  /// Chunks of a station, on all its connections: received and not committed yet. At the limit they are not
-  /// read.
+  /// Chunks of a station that are not committed yet, on all its connections. At the limit they are not read.
   std::size_t chunks_in_flight = 64;
   std::size_t chunk_bytes_in_flight = 8u << 20;  ///< bytes of them
   ChunkLimits all_chunks_in_flight;
   std::size_t requests_at_work = 8;  ///< of a connection; at the limit it is not read
-  /// Passwords and codes of a station or person that wait to be hashed, 0.1 s each. As many as a connection's
-  /// requests at work, so that only who uses several connections at once meets it.
+  /// Passwords and codes of a station or person that wait to be hashed, 0.1 s each: as `requests_at_work`.
   std::size_t hashes_waiting = 8;
-  /// Sessions that a station closes at once, on all its connections; further ones are refused (RATE_LIMITED)
-  /// and come again. It has two or three: the session before, and old ones one after the other.
+  /// Sessions that a station closes at once, on all its connections; it has two or three. Further ones are
+  /// refused (RATE_LIMITED) and come again.
   std::size_t closes_of_station = 8;
   LoginQueueLimits logins;
   LogLimits log_lines;                      ///< on both ports
@@ -146,7 +137,7 @@ struct ConnectionBounds {
   double small_messages_at_once = 5000;
   double small_messages_per_s = 500;  ///< messages a second after that
   /// Bytes of a ClockOffset, CloseSession, Ping, Pong, Subscribe or Unsubscribe: longer ones are refused
-  /// unparsed. So the closes that wait hold little and have no part in the budget of memory.
+  /// unparsed, so closes that wait hold little.
   std::size_t small_message_bytes = 4u << 10;
   std::size_t refusals = 200;  ///< refused messages after log-in; then the connection ends
   /// For a station to confirm an instructor's message; after that the instructor gets an error.
@@ -158,12 +149,10 @@ struct ConnectionBounds {
   /// `closes_of_station` bound it.
   std::size_t uncounted_decoded_bytes = 4u << 10;
   /// Bytes of messages that are parsed and not done yet, of both ports together. A person's is more than a
-  /// message of 1 MiB can become (kMostPayloadFields), a station's more than its longest, an OpenSession with
-  /// a profile of 1 MiB.
+  /// message of 1 MiB can become (kMostPayloadFields), a station's more than its longest OpenSession.
   BudgetLimits decoded{.person = 8u << 20, .people = 32u << 20, .station = 2u << 20, .server = 40u << 20};
   /// Bytes of replies that are being made or are not read yet, of both ports together. While a reply is made
-  /// it has the room of the longest, 1 MiB: so a person has at most 12 such requests at work on all
-  /// connections.
+  /// it has the room of the longest, 1 MiB: so a person has at most 12 such requests at work.
   BudgetLimits replies{.person = 12u << 20, .people = 96u << 20, .station = 8u << 20, .server = 128u << 20};
 };
 

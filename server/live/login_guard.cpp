@@ -103,6 +103,26 @@ bool LoginGuard::failed(const std::string& name, const std::string& address, std
   return !waited && mustWait(name, address, now_ns).count() > 0;
 }
 
+void LoginGuard::takeBack(const std::string& name, const std::string& address, const Entry& pair,
+                          std::int64_t now_ns) {
+  const auto put = [&](Kind kind, const Entry& entry) {
+    if (entry.failures > 0)
+      setEntry(kind, name, address, entry);
+    else
+      tables_[indexOf(kind)].erase(keyOf(kind, name, address));
+  };
+  if (auto now = entry(Kind::kPair, name, address)) {
+    now->failures -= 1;
+    put(Kind::kPair, now->failures == pair.failures ? pair : *now);
+  }
+  if (knows(name, address)) return;
+  for (const Kind kind : {Kind::kName, Kind::kAddress}) {
+    TokenBucket failures = bucket(kind, name, address);
+    failures.take(-1, now_ns);
+    put(kind, {failures.used, failures.at_ns});
+  }
+}
+
 void LoginGuard::succeeded(const std::string& name, const std::string& address, std::int64_t now_ns) {
   tables_[indexOf(Kind::kPair)].erase(keyOf(Kind::kPair, name, address));
   entryOf(Kind::kKnown, name, address).at_ns = now_ns;

@@ -20,16 +20,19 @@ namespace needlelab {
 /// - a name at an address: `allowed_per_name`, then a wait that doubles with each further failure;
 /// - an address, for any name: `allowed_per_address` at once, one more each `refill_address`;
 /// - a name, at any address: `allowed_everywhere` at once, one more each `refill_everywhere`.
-/// People who have logged in from an address before are known there, and only the first count applies to
-/// them: strangers elsewhere cannot lock a teacher out of the lab, and a guesser in the lab cannot lock out
-/// the others. The price: a guesser locks a name out at the guesser's own address (but not the name's tokens)
-/// for the waiting time, and a known address has up to `allowed_per_name` tries for each known name after the
-/// limits for strangers are used up. Successes cost nothing. Memory is bounded, because the names come from
-/// the network: names that are longer than any account's count as one. Times: steady clock
-/// (ns), from the caller. Thread: one.
+/// For people who have logged in from an address before only the first count applies there: strangers
+/// elsewhere cannot lock a teacher out of the lab, and a guesser in the lab cannot lock out the others. The
+/// price: a guesser locks a name out at the guesser's own address (but not the name's tokens). Memory is
+/// bounded: names that are longer than any account's count as one. Times: steady clock (ns), from the caller.
+/// Thread: one.
 class LoginGuard {
  public:
   using Settings = LoginGuardLimits;
+  struct Entry {
+    double failures = 0;
+    std::int64_t at_ns = 0;
+    bool operator==(const Entry&) const = default;
+  };
 
   explicit LoginGuard(const Settings& settings = {}) : settings_(settings) {}
 
@@ -38,17 +41,14 @@ class LoginGuard {
                                      std::int64_t now_ns) const;
   /// Returns true when this failure starts a wait for the name or the address: worth a line in the audit log.
   bool failed(const std::string& name, const std::string& address, std::int64_t now_ns);
+  /// Takes back what failed() counted, as if it had not been. `pair`: the entry of the kind before it.
+  void takeBack(const std::string& name, const std::string& address, const Entry& pair, std::int64_t now_ns);
   /// Resets the name's failures at this address and marks it as known there.
   void succeeded(const std::string& name, const std::string& address, std::int64_t now_ns);
   [[nodiscard]] bool knows(const std::string& name, const std::string& address) const;
   /// Whether anybody has logged in from this address.
   [[nodiscard]] bool knowsAddress(const std::string& address) const;
 
-  struct Entry {
-    double failures = 0;
-    std::int64_t at_ns = 0;
-    bool operator==(const Entry&) const = default;
-  };
   /// Its tables; what they are by, LoginRow::Kind says. Not kCode.
   using Kind = LoginRow::Kind;
   static constexpr std::array<Kind, 5> kKinds = {Kind::kPair, Kind::kKnown, Kind::kKnownAddress, Kind::kName,

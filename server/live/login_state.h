@@ -7,7 +7,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -49,9 +48,9 @@ class LoginState {
   /// together let pass as many as one.
   struct Try {
     std::string name, address;
-    Milliseconds wait{0};                  ///< above 0: it is not allowed, and has ended
-    Milliseconds then_wait{0};             ///< above 0: if it fails, a wait begins
-    std::shared_ptr<const void> before{};  ///< what gaveUp() puts back
+    Milliseconds wait{0};             ///< above 0: it is not allowed, and has ended
+    Milliseconds then_wait{0};        ///< above 0: if it fails, a wait begins
+    LoginGuard::Entry pair_before{};  ///< for LoginGuard::takeBack()
   };
   virtual Task<Result<Try>> begin(std::string name, std::string address) = 0;
   /// Returns how long the name or address waits now, if a wait has begun: worth a line of the audit log.

@@ -18,48 +18,36 @@ std::string turnOfAddress(const std::string& address) {
 }
 
 /// What the database knows of a name at an address, to be counted as in memory.
-class LoadedGuard {
- public:
+struct LoadedGuard {
+  using Entries = std::array<std::optional<LoginGuard::Entry>, 8>;  // by Kind
+
   static Result<LoadedGuard> load(LoginStore& store, const LoginGuard::Settings& settings,
                                   const std::string& name, const std::string& address, std::int64_t now_ns) {
-    LoadedGuard loaded(settings, name, address);
+    LoadedGuard loaded{LoginGuard(settings)};
     ASSIGN_OR_RETURN(const auto rows, store.attempts(LoginGuard::countedName(name), address));
     for (const auto& [kind, row] : rows) {
       // a standby whose clock is hours behind was promoted: nobody waits for these
       const LoginGuard::Entry entry{row.failures, std::min(row.at_ns, now_ns)};
       loaded.guard.setEntry(kind, name, address, entry);
-      loaded.before_[static_cast<std::size_t>(kind)] = entry;
+      loaded.before[static_cast<std::size_t>(kind)] = entry;
     }
     return loaded;
   }
 
   /// Stores what has changed since.
-  Status store(LoginStore& store) const {
+  Status store(LoginStore& store, const std::string& name, const std::string& address) const {
     for (const Kind kind : LoginGuard::kKinds) {
-      const auto now = guard.entry(kind, name_, address_);
-      if (now == before_[static_cast<std::size_t>(kind)]) continue;
+      const auto now = guard.entry(kind, name, address);
+      if (now == before[static_cast<std::size_t>(kind)]) continue;
       std::optional<LoginRow> row;
       if (now) row = LoginRow{now->failures, now->at_ns, 0};
-      RETURN_IF_ERROR(store.putAttempt(kind, LoginGuard::countedName(name_), address_, row));
+      RETURN_IF_ERROR(store.putAttempt(kind, LoginGuard::countedName(name), address, row));
     }
     return {};
   }
 
-  using Entries = std::array<std::optional<LoginGuard::Entry>, 8>;  // by Kind
-  [[nodiscard]] const Entries& before() const { return before_; }
-
   LoginGuard guard;
-
- private:
-  LoadedGuard(const LoginGuard::Settings& settings, const std::string& name, const std::string& address)
-      : guard(settings), name_(name), address_(address) {}
-  std::string name_, address_;
-  Entries before_{};
-};
-
-/// What a try has counted: before and after.
-struct Counted {
-  LoadedGuard::Entries before{}, after{};
+  Entries before{};
 };
 
 Principal principalOf(const TokenRow& row) {
@@ -85,6 +73,17 @@ Task<Result<T>> LoginsInStore::inTurn(std::string turn,
   return offload(turns_, std::move(turn), std::move(run));
 }
 
+Task<Status> LoginsInStore::changeInTurn(std::string turn,
+                                         std::function<Status(LoginStore&, std::int64_t)> change) {
+  std::function<Result<bool>(LoginStore&, std::int64_t)> work =
+      [change = std::move(change)](LoginStore& store, std::int64_t now_ns) -> Result<bool> {
+    RETURN_IF_ERROR(change(store, now_ns));
+    return true;
+  };
+  const auto done = co_await inTurn<bool>(std::move(turn), std::move(work));
+  co_return done.ok() ? Status() : Status(done.error());
+}
+
 Task<Result<LoginState::Standing>> LoginsInStore::standing(std::string name, std::string address) {
   std::string turn = turnOfAddress(address);
   return inTurn<Standing>(
@@ -108,15 +107,11 @@ Task<Result<LoginState::Try>> LoginsInStore::begin(std::string name, std::string
         Try tried{name, address};
         tried.wait = loaded.guard.mustWait(name, address, now_ns);
         if (tried.wait.count() > 0) return tried;
-        auto counted = std::make_shared<Counted>();
-        counted->before = loaded.before();
+        tried.pair_before = loaded.guard.entry(Kind::kPair, name, address).value_or(LoginGuard::Entry{});
         // another server's try of the same name meanwhile finds it counted
         if (loaded.guard.failed(name, address, now_ns))
           tried.then_wait = loaded.guard.mustWait(name, address, now_ns);
-        RETURN_IF_ERROR(loaded.store(store));
-        for (const Kind kind : LoginGuard::kKinds)
-          counted->after[static_cast<std::size_t>(kind)] = loaded.guard.entry(kind, name, address);
-        tried.before = std::move(counted);
+        RETURN_IF_ERROR(loaded.store(store, name, address));
         return tried;
       });
 }
@@ -128,55 +123,33 @@ Task<Result<std::optional<LoginState::Milliseconds>>> LoginsInStore::failed(Try 
 }
 
 Task<Status> LoginsInStore::gaveUp(Try tried) {
-  return undo(std::move(tried), false);
+  return takeBack(std::move(tried), false);
 }
 
 Task<Status> LoginsInStore::succeeded(Try tried) {
-  return undo(std::move(tried), true);
+  return takeBack(std::move(tried), true);
 }
 
-Task<Status> LoginsInStore::undo(Try tried, bool is_success) {
+Task<Status> LoginsInStore::takeBack(Try tried, bool is_success) {
   std::string turn = turnOfAddress(tried.address);
-  std::function<Result<bool>(LoginStore&, std::int64_t)> work =
-      [settings = settings_.guard, tried, is_success](LoginStore& store,
-                                                      std::int64_t now_ns) -> Result<bool> {
-    RETURN_IF_ERROR(store.lockAttempts());
-    const auto& counted = *std::static_pointer_cast<const Counted>(tried.before);
-    ASSIGN_OR_RETURN(auto loaded, LoadedGuard::load(store, settings, tried.name, tried.address, now_ns));
-    for (const Kind kind : {Kind::kPair, Kind::kName, Kind::kAddress}) {
-      const auto at = static_cast<std::size_t>(kind);
-      const std::string& name = LoginGuard::countedName(tried.name);
-      const auto now = loaded.before()[at];
-      if (!counted.after[at] || counted.after[at] == counted.before[at] || !now) continue;
-      // as it was, unless others have counted since
-      std::optional<LoginRow> row;
-      if (now != counted.after[at])
-        row = LoginRow{std::max(0.0, now->failures - 1), now->at_ns, 0};
-      else if (const auto& before = counted.before[at])
-        row = LoginRow{before->failures, before->at_ns, 0};
-      RETURN_IF_ERROR(store.putAttempt(kind, name, tried.address, row));
-    }
-    if (!is_success) return true;
-    ASSIGN_OR_RETURN(auto settled, LoadedGuard::load(store, settings, tried.name, tried.address, now_ns));
-    settled.guard.succeeded(tried.name, tried.address, now_ns);
-    RETURN_IF_ERROR(settled.store(store));
-    return true;
-  };
-  const auto done = co_await inTurn<bool>(std::move(turn), std::move(work));
-  if (!done.ok()) co_return done.error();
-  co_return Status();
+  return changeInTurn(
+      std::move(turn),
+      [settings = settings_.guard, tried = std::move(tried), is_success](LoginStore& store,
+                                                                         std::int64_t now_ns) -> Status {
+        RETURN_IF_ERROR(store.lockAttempts());
+        ASSIGN_OR_RETURN(auto loaded, LoadedGuard::load(store, settings, tried.name, tried.address, now_ns));
+        loaded.guard.takeBack(tried.name, tried.address, tried.pair_before, now_ns);
+        if (is_success) loaded.guard.succeeded(tried.name, tried.address, now_ns);
+        return loaded.store(store, tried.name, tried.address);
+      });
 }
 
 Task<Result<LoginState::Issued>> LoginsInStore::issue(Holder holder) {
   Issued issued;
   issued.token = shared_.key().makeToken();
-  struct Stored {
-    Nanoseconds left{0};
-    std::int64_t password_ns = 0;
-  };
-  std::function<Result<Stored>(LoginStore&, std::int64_t)> work =
+  std::function<Result<Found>(LoginStore&, std::int64_t)> work =
       [settings = settings_, holder, token = issued.token](LoginStore& store,
-                                                           std::int64_t now_ns) -> Result<Stored> {
+                                                           std::int64_t now_ns) -> Result<Found> {
     TokenRow row{holder.who.name, static_cast<int>(holder.who.role), holder.who.account_unix_ns,
                  holder.who.access_number.value_or(0)};
     // a clock that is behind, of a promoted standby, gives nobody more time
@@ -185,15 +158,14 @@ Task<Result<LoginState::Issued>> LoginsInStore::issue(Holder holder) {
     ASSIGN_OR_RETURN(const bool is_stored, store.addToken(token, row, TokenLimits{}.most_of_person));
     if (!is_stored && !planted(PlantedBug::kRevokedTokenHonoured))
       return Error{ErrorCode::kConflict, holder.who.name + ": the account was changed during its log-in"};
-    return Stored{Nanoseconds(row.expires_ns - now_ns), row.password_ns};
+    return Found{Holder{holder.who, row.password_ns}, Nanoseconds(row.expires_ns - now_ns)};
   };
   const std::uint64_t before = forgotten_;
   std::string turn = turnNameOf(holder.who);
-  const auto stored = co_await inTurn<Stored>(std::move(turn), std::move(work));
+  const auto stored = co_await inTurn<Found>(std::move(turn), std::move(work));
   if (!stored.ok()) co_return stored.error();
   issued.left = stored->left;
-  holder.password_ns = stored->password_ns;
-  if (!forgottenSince(before, holder.who.name)) keep(issued.token, holder, issued.left);
+  if (before == forgotten_) keep(issued.token, *stored->holder, issued.left);
   co_return issued;
 }
 
@@ -219,7 +191,7 @@ Task<Result<LoginsInStore::Found>> LoginsInStore::read(std::string token, std::s
   const std::uint64_t before = forgotten_;
   std::string turn = turnOfAddress(asker);
   auto found = co_await inTurn<Found>(std::move(turn), std::move(work));
-  if (found.ok() && found->holder) found->is_current = !forgottenSince(before, found->holder->who.name);
+  if (found.ok()) found->is_current = before == forgotten_;
   co_return found;
 }
 
@@ -235,8 +207,8 @@ std::function<Result<bool>()> LoginsInStore::check(const std::string& token, con
 Task<Nanoseconds> LoginsInStore::left(std::string token) {
   const std::int64_t now_ns = time_.nowNs();
   if (const auto end_ns = kept_.endOf(token, now_ns)) co_return Nanoseconds(*end_ns - now_ns);
-  // read again where the account changed meanwhile: what was read may be from before
-  constexpr int kMostReads = 3;
+  // read again where an account changed meanwhile: what was read may be from before
+  constexpr int kMostReads = 10;
   for (int n = 0; n < kMostReads; ++n) {
     const auto found = co_await read(token, "a live page");
     if (!found.ok() || !found->holder) break;
@@ -274,31 +246,17 @@ Task<> LoginsInStore::renewNow(LoginsInStore& self, std::string token, std::stri
 
 Task<Status> LoginsInStore::end(std::string token) {
   kept_.end(token);
-  std::function<Result<bool>(LoginStore&, std::int64_t)> work =
-      [&shared = shared_, token](LoginStore& store, std::int64_t) -> Result<bool> {
-    RETURN_IF_ERROR(store.endToken(token, shared.server()));
-    return true;
-  };
-  std::string turn = "log-outs";
-  const auto done = co_await inTurn<bool>(std::move(turn), std::move(work));
-  if (!done.ok()) co_return done.error();
-  co_return Status();
+  return changeInTurn(
+      "log-outs", [&shared = shared_, token = std::move(token)](LoginStore& store, std::int64_t /*now_ns*/) {
+        return store.endToken(token, shared.server());
+      });
 }
 
 std::optional<std::size_t> LoginsInStore::forget(const std::string& name) {
   if (planted(PlantedBug::kRevokedTokenHonoured)) return std::nullopt;
   ++forgotten_;
-  forgotten_names_.push_back(name);
-  if (forgotten_names_.size() > kMostForgotten) forgotten_names_.pop_front();
   kept_.forget(name);
   return std::nullopt;
-}
-
-bool LoginsInStore::forgottenSince(std::uint64_t before, const std::string& name) const {
-  const std::uint64_t calls = forgotten_ - before;
-  if (calls > forgotten_names_.size()) return true;  // nobody knows any more
-  return std::find(forgotten_names_.end() - static_cast<std::ptrdiff_t>(calls), forgotten_names_.end(),
-                   name) != forgotten_names_.end();
 }
 
 bool LoginsInStore::mayBeToken(std::string_view token) const {
@@ -313,13 +271,12 @@ void LoginsInStore::tidy() {
   kept_.tidy(time_.nowNs());
   if (std::exchange(is_tidying_, true)) return;
   const auto tidied = [](LoginsInStore& self) -> Task<> {
-    std::function<Result<bool>(LoginStore&, std::int64_t)> work =
-        [bounds = self.settings_.bounds](LoginStore& store, std::int64_t now_ns) -> Result<bool> {
-      RETURN_IF_ERROR(store.tidy(now_ns, bounds));
-      return true;
+    std::function<Status(LoginStore&, std::int64_t)> change = [bounds = self.settings_.bounds](
+                                                                  LoginStore& store, std::int64_t now_ns) {
+      return store.tidy(now_ns, bounds);
     };
     std::string turn = "tidying";
-    const auto done = co_await self.inTurn<bool>(std::move(turn), std::move(work));
+    const Status done = co_await self.changeInTurn(std::move(turn), std::move(change));
     self.is_tidying_ = false;
     if (!done.ok()) logEvent(LogLevel::kWarning, "logins_not_tidied", {{"text", done.error().message}});
   };

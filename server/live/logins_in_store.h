@@ -3,7 +3,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <set>
 #include <string>
 #include <vector>
@@ -62,19 +61,17 @@ class LoginsInStore final : public LoginState {
   struct Found {
     std::optional<Holder> holder;
     std::chrono::nanoseconds left{0};
-    bool is_current = false;  ///< the holder's access has not changed since
+    bool is_current = false;  ///< nobody's access has changed meanwhile
   };
 
   template <typename T>
   Task<Result<T>> inTurn(std::string turn, std::function<Result<T>(LoginStore&, std::int64_t now_ns)> work);
+  Task<Status> changeInTurn(std::string turn, std::function<Status(LoginStore&, std::int64_t now_ns)> change);
   /// Asks the database.
   Task<Result<Found>> read(std::string token, std::string asker);
-  /// Whether forget() was called with this name since it had been called `before` times: what was read then
-  /// may be as it was before.
-  [[nodiscard]] bool forgottenSince(std::uint64_t before, const std::string& name) const;
   void keep(const std::string& token, const Holder& holder, std::chrono::nanoseconds left);
   static Task<> renewNow(LoginsInStore& self, std::string token, std::string turn);
-  Task<Status> undo(Try tried, bool is_success);
+  Task<Status> takeBack(Try tried, bool is_success);
 
   asio::io_context& io_;
   FairPool& turns_;
@@ -84,9 +81,7 @@ class LoginsInStore final : public LoginState {
   TimeSource& time_;
   Tokens kept_;  ///< up to times of time_
   std::set<LoginKey::Hash> being_renewed_;
-  static constexpr std::size_t kMostForgotten = 256;
-  std::uint64_t forgotten_ = 0;                ///< calls of forget()
-  std::deque<std::string> forgotten_names_{};  ///< of the last ones
+  std::uint64_t forgotten_ = 0;  ///< calls of forget(): what was read before one may have changed since
   bool is_tidying_ = false;
 };
 

@@ -32,22 +32,13 @@ void yieldToOthers() {
 }
 
 Task<Status> commit(DbWriter& writer, DbWriter::Work work) {
-  struct State {
-    explicit State(asio::any_io_executor executor) : done(std::move(executor)) {}
-    Signal done;
-    std::optional<Status> status;
-  };
   const asio::any_io_executor executor = co_await asio::this_coro::executor;
-  auto state = std::make_shared<State>(executor);
-  auto posted = writer.post(std::move(work), [state, executor](const Status& status) mutable {
-    asio::post(executor, [state = std::move(state), status] {
-      state->status = status;
-      state->done.notify();
-    });
+  auto later = std::make_shared<Later<Status>>(executor);
+  auto posted = writer.post(std::move(work), [later, executor](const Status& status) mutable {
+    asio::post(executor, [later = std::move(later), status] { later->set(status); });
   });
   if (!posted.ok()) co_return posted;
-  while (!state->status) co_await state->done.wait();
-  co_return *state->status;
+  co_return co_await Later<Status>::wait(std::move(later));
 }
 
 }  // namespace needlelab

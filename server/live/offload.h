@@ -33,6 +33,23 @@ class Signal {
   asio::steady_timer timer_;
 };
 
+/// What another part gives later, on the same thread.
+template <typename T>
+struct Later {
+  explicit Later(asio::any_io_executor executor) : come(std::move(executor)) {}
+  void set(T given) {
+    value.emplace(std::move(given));
+    come.notify();
+  }
+  static Task<T> wait(std::shared_ptr<Later> later) {
+    while (!later->value) co_await later->come.wait();
+    co_return std::move(*later->value);
+  }
+
+  Signal come;
+  std::optional<T> value;
+};
+
 /// Collects completions from another thread (e.g. a group of commits) and runs them on the network's thread
 /// with one wake-up for many. Thread: put() from any; the items run on the executor's thread in put() order.
 /// Must outlive the executor's last run.
@@ -80,14 +97,9 @@ Task<T> offloadBy(std::function<void(std::function<void()>)> post, std::function
     std::optional<T> value;
     std::exception_ptr error;
   };
-  struct State {
-    explicit State(asio::any_io_executor executor) : done(std::move(executor)) {}
-    Signal done;
-    std::optional<Answer> answer;  // written and read on the caller's executor only
-  };
   const asio::any_io_executor executor = co_await asio::this_coro::executor;
-  auto state = std::make_shared<State>(executor);
-  std::function<void()> run = [state, executor, work = std::move(work)]() mutable {
+  auto later = std::make_shared<Later<Answer>>(executor);
+  std::function<void()> run = [later, executor, work = std::move(work)]() mutable {
     Answer answer;
     try {
       answer.value.emplace(work());
@@ -99,15 +111,14 @@ Task<T> offloadBy(std::function<void(std::function<void()>)> post, std::function
     } catch (...) {
       answer.error = std::current_exception();
     }
-    asio::post(executor, [state = std::move(state), answer = std::move(answer)]() mutable {
-      state->answer.emplace(std::move(answer));
-      state->done.notify();
+    asio::post(executor, [later = std::move(later), answer = std::move(answer)]() mutable {
+      later->set(std::move(answer));
     });
   };
   post(std::move(run));
-  while (!state->answer) co_await state->done.wait();
-  if (state->answer->error) std::rethrow_exception(state->answer->error);
-  co_return std::move(*state->answer->value);
+  Answer answer = co_await Later<Answer>::wait(std::move(later));
+  if (answer.error) std::rethrow_exception(answer.error);
+  co_return std::move(*answer.value);
 }
 
 /// Runs `work` on the pool and returns its result on the caller's executor. The pool must end before the

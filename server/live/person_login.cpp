@@ -19,27 +19,29 @@ using Answer = PersonLogin::Answer;
 
 constexpr std::string_view kUnknownName = "person (unknown)";
 
+PersonLogin refusedAs(ServerContext& context, Answer answer) {
+  ++context.counters.logins_refused;
+  PersonLogin login;
+  login.answer = answer;
+  return login;
+}
+
 /// A log-in that must wait.
 PersonLogin waitOf(ServerContext& context, std::chrono::milliseconds wait, const LoginPeer& peer) {
-  PersonLogin login;
-  login.wait = wait;
-  login.answer = Answer::kMustWait;
-  ++context.counters.logins_refused;
   // without the name: the lines of the failures before have it, if it is somebody's
   context.lines.write(PeerLines::kStrangers, PeerLine::kLoginRateLimited, steadyNowNs(),
                       {{"conn", peer.connection}, {"peer", peer.address}});
+  PersonLogin login = refusedAs(context, Answer::kMustWait);
+  login.wait = wait;
   return login;
 }
 
 /// A log-in that could not be checked. `shown`: the name, for the log.
 PersonLogin notChecked(ServerContext& context, const std::string& shown, const Error& why,
                        const LoginPeer& peer) {
-  PersonLogin login;
-  login.answer = Answer::kFailed;
-  ++context.counters.logins_refused;
   logEvent(LogLevel::kError, "login_not_checked",
            {{"conn", peer.connection}, {"name", shown}, {"peer", peer.address}, {"text", why.message}});
-  return login;
+  return refusedAs(context, Answer::kFailed);
 }
 
 LoginQueue::Line lineOf(const LoginState::Standing& standing) {
@@ -79,10 +81,7 @@ Task<PersonLogin> refuseTry(ServerContext& context, std::shared_ptr<const Person
   if (why.code == ErrorCode::kConflict) {
     // as if others had been first: nobody hears that the password was right
     (void)co_await context.login->gaveUp(std::move(tried));
-    ++context.counters.logins_refused;
-    PersonLogin login;
-    login.answer = Answer::kTooMany;
-    co_return login;
+    co_return refusedAs(context, Answer::kTooMany);
   }
   // a password that was typed as the name must not be read in the log
   std::function<Result<bool>()> look = [&service = context.store.service(), secret] {
@@ -95,15 +94,12 @@ Task<PersonLogin> refuseTry(ServerContext& context, std::shared_ptr<const Person
     (void)co_await context.login->gaveUp(std::move(tried));
     co_return notChecked(context, shown, why, peer);
   }
-  ++context.counters.logins_refused;
   context.lines.write(
       PeerLines::kStrangers, PeerLine::kLoginRefused, steadyNowNs(),
       {{"conn", peer.connection}, {"name", shown}, {"peer", peer.address}, {"text", why.message}});
   const auto locked = co_await context.login->failed(std::move(tried));
   if (locked.ok() && *locked) noteLocked(context, **locked, shown, peer);
-  PersonLogin login;
-  login.answer = Answer::kRefused;
-  co_return login;
+  co_return refusedAs(context, Answer::kRefused);
 }
 
 /// Checks when the turn comes; once more in the same turn, when the account changed meanwhile.
@@ -113,18 +109,13 @@ Task<PersonLogin> checkInTurn(ServerContext& context, std::shared_ptr<const Pers
   PersonLogin login;
   // One at a time, and each checks the lock-out again: of many simultaneous guesses, those beyond the limit
   // are never tried. The place gives the turn on at its end, whatever happens here.
-  const auto place = context.logins_waiting.join(lineOf(standing), host, name);
-  const auto turns = context.login_turns;
-  while (place && !place->hasTurn() && !place->gaveWay() && !peer.gone()) co_await turns->wait();
+  const auto place = context.logins_waiting.join(lineOf(standing), host);
+  while (place && !place->hasTurn() && !place->gaveWay() && !peer.gone()) co_await place->changed();
   if (peer.gone()) {
     login.answer = Answer::kGone;
     co_return login;
   }
-  if (!place || place->gaveWay()) {
-    ++context.counters.logins_refused;
-    login.answer = Answer::kTooMany;
-    co_return login;
-  }
+  if (!place || place->gaveWay()) co_return refusedAs(context, Answer::kTooMany);
   auto tried = co_await context.login->begin(name, host);
   if (!tried.ok()) co_return notChecked(context, std::string(kUnknownName), tried.error(), peer);
   if (tried->wait.count() > 0) co_return waitOf(context, tried->wait, peer);

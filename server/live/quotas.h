@@ -13,8 +13,7 @@
 
 namespace needlelab {
 
-/// Each share but the first is one of a day: a station that was offline for weeks delivers in one go, and one
-/// that is used up goes on in the same day. In memory: a restart of the server gives every station its whole
+/// Each share but the first is one of a day. In memory: a restart of the server gives every station its whole
 /// shares again. Times: steady clock (ns), from the caller, never going back. Thread: one.
 class StationQuotas {
  public:

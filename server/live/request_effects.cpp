@@ -58,20 +58,12 @@ Task<std::optional<pb::Refusal>> deliverHere(ServerContext& context, std::string
 /// To a station at another server. Nothing: it is connected here by now.
 Task<std::optional<RemoteLive::Asked>> deliverElsewhere(ServerContext& context,
                                                         const StationMessage& wanted) {
-  struct Answer {
-    explicit Answer(asio::any_io_executor executor) : come(std::move(executor)) {}
-    Signal come;
-    std::optional<RemoteLive::Asked> asked;
-  };
-  const auto answer = std::make_shared<Answer>(context.io.get_executor());
-  RemoteLive::AskedDone done = [answer](RemoteLive::Asked asked) {
-    answer->asked = std::move(asked);
-    answer->come.notify();
-  };
+  auto later = std::make_shared<Later<RemoteLive::Asked>>(context.io.get_executor());
+  RemoteLive::AskedDone done = [later](RemoteLive::Asked asked) { later->set(std::move(asked)); };
   context.remote->ask(wanted.station, wanted.message, std::move(done));
-  while (!answer->asked) co_await answer->come.wait();
-  if (answer->asked->kind == RemoteLive::Asked::Kind::kHere) co_return std::nullopt;
-  co_return std::move(answer->asked);
+  RemoteLive::Asked asked = co_await Later<RemoteLive::Asked>::wait(std::move(later));
+  if (asked.kind == RemoteLive::Asked::Kind::kHere) co_return std::nullopt;
+  co_return std::move(asked);
 }
 
 Task<std::optional<pb::Refusal>> deliver(ServerContext& context, const pb::Request& request, std::string by) {
@@ -146,6 +138,22 @@ Task<Executed> onItsThreads(ServerContext& context, RequestThreads threads, cons
   return offload(*context.workers_of_people, turnNameOf(who), std::move(work));
 }
 
+constexpr const char* kAccountChanged = "the account was changed: log in again";
+
+/// Ends the connections that `are` meant. Returns their number.
+std::size_t closeThose(ServerContext& context, const std::string& text,
+                       const std::function<bool(const PeerConnection&)>& are) {
+  std::size_t count = 0;
+  // copy: closing a connection removes it from the map
+  const auto all = context.connections;
+  for (const auto& [id, peer] : all) {
+    if (peer->over() || !are(*peer)) continue;
+    peer->refuseAndClose(makeRefusal(pb::Refusal::LOGIN, text));
+    ++count;
+  }
+  return count;
+}
+
 }  // namespace
 
 Result<DiskRoom::Share> takeRoom(ServerContext& context, const Principal& who, pb::Request::CallCase call,
@@ -169,7 +177,7 @@ Task<Executed> executeRequest(ServerContext& context, Principal who,
     co_return refusedBefore(*request, may.error());
   auto room = takeRoom(context, who, request->call_case(), request->ByteSizeLong());
   if (!room.ok()) co_return refusedBefore(*request, room.error());
-  PlacesInTurn::Place place;
+  std::unique_ptr<TurnQueue::Place> place;
   const auto under_way = std::make_shared<RequestUnderWay>();
   const std::function<Executed()> step = [&service = context.store.service(), who, request, threads,
                                           under_way, gone = std::move(gone)]() -> Executed {
@@ -207,7 +215,7 @@ std::string turnNameOf(const Principal& who) {
 Task<Result<CloseOutcome>> closeInTurn(ServerContext& context, std::string station, CloseWork work) {
   using Step = Result<std::optional<CloseOutcome>>;
   const Error has_gone{ErrorCode::kUnavailable, "who asked has gone"};
-  PlacesInTurn::Place place;
+  std::unique_ptr<TurnQueue::Place> place;
   for (;;) {
     const bool is_long = work.is_long && work.is_long();
     if (is_long && !place) place = co_await context.long_scores.take(station);
@@ -233,6 +241,17 @@ FairPool* poolForWriting(const ServerContext& context, std::size_t reply_bytes) 
 
 BudgetOwner budgetOwner(const Principal& who) {
   return {turnNameOf(who), who.role != pb::STATION};
+}
+
+Task<std::optional<ByteBudget::Share>> waitForRoom(ByteBudget& budget, std::shared_ptr<Signal> freed,
+                                                   Principal who, std::size_t bytes,
+                                                   std::function<bool()> gone) {
+  const BudgetOwner owner = budgetOwner(who);
+  while (!gone()) {
+    if (auto share = budget.take(owner, bytes)) co_return std::move(share);
+    co_await freed->wait();
+  }
+  co_return std::nullopt;
 }
 
 std::size_t replyRoomOf(const ServerContext& context, const Principal& who, pb::Request::CallCase call) {
@@ -286,9 +305,8 @@ void followUp(ServerContext& context, const pb::Request& request, const pb::Repl
     ++context.counters.backups;
     tellSafe(context);
   }
-  const char* const changed = "the account was changed: log in again";
   for (const std::string& name : reply.people_import().roles_changed())
-    endAccess(context, {.name = name, .text = changed}, by);
+    endAccess(context, {.name = name, .text = kAccountChanged}, by);
   // a request that ends nothing must not disturb anybody's log-in
   if (!access_changed) return;
   if (request.has_revoke_station())
@@ -301,7 +319,7 @@ void followUp(ServerContext& context, const pb::Request& request, const pb::Repl
     endAccess(context, {.name = request.disable_user().name(), .text = "the account was disabled"}, by);
   // all connections of a person with a new role, including the requester's own
   if (request.has_change_user())
-    endAccess(context, {.name = request.change_user().name(), .text = changed}, by);
+    endAccess(context, {.name = request.change_user().name(), .text = kAccountChanged}, by);
   // keep the connection on which a person sets its own password; users of the others may only know the old
   // password
   if (request.has_set_password())
@@ -316,16 +334,11 @@ void endAccess(ServerContext& context, const EndedAccess& ended, const Doer& by)
   // its log-ins in progress are checked again
   context.access.changed(ended.name, ended.is_station);
   const auto tokens = ended.is_station ? std::size_t{0} : context.login->forget(ended.name);
-  std::size_t connections = 0;
-  // copy: closing a connection removes it from the map
-  const auto all = context.connections;
-  for (const auto& [id, peer] : all) {
-    const Principal& who = peer->who();
-    if (who.name != ended.name || (who.role == pb::STATION) != ended.is_station || peer->over()) continue;
-    if (peer == ended.except || who.access_number.value_or(-1) >= ended.before_number) continue;
-    peer->refuseAndClose(makeRefusal(pb::Refusal::LOGIN, ended.text));
-    ++connections;
-  }
+  const std::size_t connections = closeThose(context, ended.text, [&](const PeerConnection& peer) {
+    const Principal& who = peer.who();
+    return who.name == ended.name && (who.role == pb::STATION) == ended.is_station && &peer != ended.except &&
+           who.access_number.value_or(-1) < ended.before_number;
+  });
   // what is as it was already may be asked for without end: no line for each
   if (connections + tokens.value_or(0) == 0) return;
   const std::string subject = ended.logged_as.empty() ? ended.name : ended.logged_as;
@@ -343,16 +356,11 @@ void endAccessOf(ServerContext& context, const Principal& who) {
   const bool is_station = who.role == pb::STATION;
   context.access.changed(who.name, is_station);
   if (!is_station) (void)context.login->forget(who.name);
-  std::size_t connections = 0;
-  const auto all = context.connections;
-  for (const auto& [id, peer] : all) {
-    const Principal& there = peer->who();
-    if (peer->over() || there.name != who.name || there.role != who.role ||
-        there.account_unix_ns != who.account_unix_ns || there.access_number != who.access_number)
-      continue;
-    peer->refuseAndClose(makeRefusal(pb::Refusal::LOGIN, "the account was changed: log in again"));
-    ++connections;
-  }
+  const std::size_t connections = closeThose(context, kAccountChanged, [&](const PeerConnection& peer) {
+    const Principal& there = peer.who();
+    return there.name == who.name && there.role == who.role && there.account_unix_ns == who.account_unix_ns &&
+           there.access_number == who.access_number;
+  });
   // without the name, which may be that of a person who was erased
   if (connections > 0)
     logEvent(LogLevel::kInfo, "access_ended",

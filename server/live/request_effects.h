@@ -37,6 +37,11 @@ FairPool* poolForWriting(const ServerContext& context, std::size_t reply_bytes);
 /// In the budgets that both ports share.
 BudgetOwner budgetOwner(const Principal& who);
 
+/// Waits until `bytes` fit beside what others have taken. Nothing: who asks has `gone`.
+Task<std::optional<ByteBudget::Share>> waitForRoom(ByteBudget& budget, std::shared_ptr<Signal> freed,
+                                                   Principal who, std::size_t bytes,
+                                                   std::function<bool()> gone);
+
 /// The room that a reply to this call of `who` takes while it is made: of the longest reply; little where the
 /// reply says "done" only. At most what the budget has (ServerContext::replies).
 std::size_t replyRoomOf(const ServerContext& context, const Principal& who, pb::Request::CallCase call);

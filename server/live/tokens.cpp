@@ -5,17 +5,6 @@
 #include <sodium.h>
 
 namespace needlelab {
-namespace {
-
-std::string hashOf(std::string_view token) {
-  std::string hash(crypto_generichash_BYTES, '\0');
-  crypto_generichash(reinterpret_cast<unsigned char*>(hash.data()), hash.size(),
-                     reinterpret_cast<const unsigned char*>(token.data()), token.size(), nullptr, 0);
-  return hash;
-}
-
-}  // namespace
-
 std::int64_t Tokens::expiryOf(const Holder& holder, std::int64_t now_ns) const {
   return std::min(now_ns + std::chrono::nanoseconds(limits_.lifetime).count(),
                   holder.password_ns + std::chrono::nanoseconds(limits_.longest).count());
@@ -35,28 +24,23 @@ Tokens::Issued Tokens::issue(const Holder& holder, std::int64_t now_ns) {
 void Tokens::keep(std::string_view token, const Holder& holder, std::int64_t expires_ns,
                   std::int64_t now_ns) {
   tidy(now_ns);
-  // null: of all people
-  const auto giveUpFirst = [this](const std::string* name) {
+  const auto isTheirs = [&](const auto& entry) { return entry.second.holder.who.name == holder.who.name; };
+  const bool too_many_of_person = static_cast<std::size_t>(std::count_if(tokens_.begin(), tokens_.end(),
+                                                                         isTheirs)) >= limits_.most_of_person;
+  if (too_many_of_person || tokens_.size() >= limits_.max_tokens) {
     auto first = tokens_.end();
     for (auto it = tokens_.begin(); it != tokens_.end(); ++it) {
-      if ((name == nullptr || it->second.holder.who.name == *name) &&
+      if ((!too_many_of_person || isTheirs(*it)) &&
           (first == tokens_.end() || it->second.expires_ns < first->second.expires_ns))
         first = it;
     }
-    if (first != tokens_.end()) tokens_.erase(first);
-  };
-  const auto theirs = std::count_if(tokens_.begin(), tokens_.end(), [&](const auto& entry) {
-    return entry.second.holder.who.name == holder.who.name;
-  });
-  if (static_cast<std::size_t>(theirs) >= limits_.most_of_person)
-    giveUpFirst(&holder.who.name);
-  else if (tokens_.size() >= limits_.max_tokens)
-    giveUpFirst(nullptr);
-  tokens_[hashOf(token)] = {holder, expires_ns};
+    tokens_.erase(first);
+  }
+  tokens_[LoginKey::hashOfToken(token)] = {holder, expires_ns};
 }
 
 const Tokens::Entry* Tokens::entryOf(std::string_view token, std::int64_t now_ns) const {
-  const auto found = tokens_.find(hashOf(token));
+  const auto found = tokens_.find(LoginKey::hashOfToken(token));
   return found == tokens_.end() || found->second.expires_ns <= now_ns ? nullptr : &found->second;
 }
 
@@ -67,7 +51,7 @@ std::optional<Tokens::Holder> Tokens::find(std::string_view token, std::int64_t 
 
 std::optional<std::int64_t> Tokens::renew(std::string_view token, std::int64_t now_ns) {
   if (entryOf(token, now_ns) == nullptr) return std::nullopt;
-  Entry& entry = tokens_.at(hashOf(token));
+  Entry& entry = tokens_.at(LoginKey::hashOfToken(token));
   entry.expires_ns = expiryOf(entry.holder, now_ns);
   return entry.expires_ns;
 }
@@ -78,7 +62,7 @@ std::optional<std::int64_t> Tokens::endOf(std::string_view token, std::int64_t n
 }
 
 bool Tokens::end(std::string_view token) {
-  return tokens_.erase(hashOf(token)) > 0;
+  return tokens_.erase(LoginKey::hashOfToken(token)) > 0;
 }
 
 std::vector<Principal> Tokens::holders() const {

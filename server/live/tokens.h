@@ -9,15 +9,15 @@
 #include <string_view>
 #include <vector>
 
+#include "db/login_key.h"
 #include "db/service/service.h"
 
 #include "server/live/limits.h"
 
 namespace needlelab {
 
-/// Stores hashes in memory only: tokens end with the server. A token may be exchanged for a new one before it
-/// expires, up to `longest` after the password log-in: a stolen token expires in any case. Times in ns from
-/// the caller. Thread: one.
+/// Hashes in memory only: tokens end with the server, and `longest` after the password log-in, however often
+/// they are exchanged. Times in ns from the caller. Thread: one.
 class Tokens {
  public:
   struct Holder {
@@ -62,8 +62,8 @@ class Tokens {
   [[nodiscard]] std::int64_t expiryOf(const Holder& holder, std::int64_t now_ns) const;
 
   TokenLimits limits_;
-  // by BLAKE2b-256 of the token: the lookup's duration reveals nothing about the token
-  std::map<std::string, Entry> tokens_;
+  // by hash: the lookup's duration reveals nothing about the token
+  std::map<LoginKey::Hash, Entry> tokens_;
 };
 
 }  // namespace needlelab

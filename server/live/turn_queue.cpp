@@ -1,48 +1,39 @@
 #include "server/live/turn_queue.h"
 
-#include <unordered_map>
+#include <algorithm>
+#include <vector>
 
 namespace needlelab {
-namespace {
-
-constexpr std::string_view kV6Key = "v6/64 ";  // then the first 8 bytes (Admission::keyOf)
-constexpr std::size_t kV6NetworkBytes = 6;
-
-}  // namespace
-
-struct TurnQueue::Member {
-  FairQueue::Path path;
-  std::size_t line = 0;
-  std::uint64_t number = 0;  // in the queue
-  bool has_turn = false;
-};
 
 struct TurnQueue::State {
   Settings settings;
-  std::function<void()> changed;
-  FairQueue waiting;  // its work owns the member that waits
-  std::unordered_map<std::string, std::shared_ptr<const Member>> with_turn = {};  // by the first name
+  Signal changed;
+  FairQueue<Place*> waiting;
+  std::vector<Place*> with_turn = {};
 
   [[nodiscard]] std::size_t size() const { return waiting.size() + with_turn.size(); }
   [[nodiscard]] bool isFull(std::size_t line) const {
-    std::size_t first = waiting.waitingIn(0);
-    for (const auto& [name, member] : with_turn) first += member->line == 0 ? 1 : 0;
-    return size() >= settings.places || (line > 0 && size() - first >= settings.places_of_later_lines);
+    const auto first = std::count_if(with_turn.begin(), with_turn.end(),
+                                     [](const Place* place) { return place->line_ == 0; });
+    const std::size_t later = size() - waiting.waitingIn(0) - static_cast<std::size_t>(first);
+    return size() >= settings.places || (line > 0 && later >= settings.places_of_later_lines);
   }
   void giveTurns() {
+    const auto may = [this](const std::string& who) {
+      return std::none_of(with_turn.begin(), with_turn.end(),
+                          [&](const Place* place) { return place->who_ == who; });
+    };
     while (with_turn.size() < settings.at_once) {
-      const auto next = waiting.takeOf([this](const std::string& who) { return !with_turn.contains(who); });
-      if (!next.work) return;
-      next.work();
+      const auto next = waiting.take(may);
+      if (!next) return;
+      next->item->has_turn_ = true;
+      with_turn.push_back(next->item);
     }
-  }
-  void tell() const {
-    if (changed) changed();
   }
 };
 
-TurnQueue::TurnQueue(Settings settings, std::function<void()> changed)
-    : state_(std::make_shared<State>(State{settings, std::move(changed), FairQueue(settings.cycle)})) {}
+TurnQueue::TurnQueue(asio::any_io_executor executor, Settings settings)
+    : state_(new State{settings, Signal(std::move(executor)), FairQueue<Place*>(settings.lines)}) {}
 
 std::size_t TurnQueue::size() const {
   return state_->size();
@@ -52,50 +43,43 @@ std::size_t TurnQueue::waiting() const {
   return state_->waiting.size();
 }
 
-std::optional<TurnQueue::Place> TurnQueue::join(FairQueue::Path path, std::size_t line) {
-  State& state = *state_;
-  if (state.isFull(line)) {
-    if (!state.waiting.makeRoomFor(path, line)) return std::nullopt;
-    state.tell();
+std::unique_ptr<TurnQueue::Place> TurnQueue::join(const std::string& who, std::size_t line) {
+  if (state_->isFull(line)) {
+    const auto gives_way = state_->waiting.makeRoomFor(who, line);
+    if (!gives_way) return nullptr;
+    (*gives_way)->gave_way_ = true;
+    state_->changed.notify();
   }
-  const auto member = std::make_shared<Member>(Member{std::move(path), line});
-  FairQueue::Work turn = [&state, member] {
-    member->has_turn = true;
-    state.with_turn.emplace(member->path.front(), member);
-  };
-  member->number = state.waiting.put(member->path, std::move(turn), line);
-  state.giveTurns();
-  return Place(state_, member);
+  std::unique_ptr<Place> place(new Place(state_, who, line));
+  state_->waiting.put(who, place.get(), line);
+  state_->giveTurns();
+  return place;
 }
 
 TurnQueue::Place::~Place() {
-  const auto member = member_.lock();
-  if (!member) return;
-  if (!member->has_turn) {
-    state_->waiting.remove(member->path, member->line, member->number);
+  if (gave_way_) return;
+  if (!has_turn_) {
+    state_->waiting.remove(who_, line_, this);
     return;
   }
-  state_->with_turn.erase(member->path.front());
+  std::erase(state_->with_turn, this);
   state_->giveTurns();
-  state_->tell();
+  state_->changed.notify();
 }
 
-bool TurnQueue::Place::hasTurn() const {
-  const auto member = member_.lock();
-  return member && member->has_turn;
+std::string LoginQueue::ownerOf(std::string_view address) {
+  constexpr std::string_view kV6Key = "v6/64 ";  // then the first 8 bytes (Admission::keyOf)
+  constexpr std::size_t kV6OwnerBytes = 6;
+  return std::string(address.starts_with(kV6Key) ? address.substr(0, kV6Key.size() + kV6OwnerBytes)
+                                                 : address);
 }
 
-std::string LoginQueue::networkOf(std::string_view address) {
-  if (address.starts_with(kV6Key)) return std::string(address.substr(0, kV6Key.size() + kV6NetworkBytes));
-  const bool v4 = address.find(':') == std::string_view::npos;
-  const std::size_t dot = v4 ? address.rfind('.') : std::string_view::npos;
-  return std::string(address.substr(0, dot));
+Task<> TurnQueue::Place::changed() const {
+  return state_->changed.wait();
 }
 
-Task<PlacesInTurn::Place> PlacesInTurn::takeOf(TurnQueue queue, std::shared_ptr<Signal> given,
-                                               std::string who) {
-  auto place = std::make_shared<TurnQueue::Place>(*queue.join({std::move(who)}));
-  while (!place->hasTurn()) co_await given->wait();
+Task<std::unique_ptr<TurnQueue::Place>> TurnQueue::untilTurn(std::unique_ptr<Place> place) {
+  while (!place->hasTurn()) co_await place->changed();
   co_return place;
 }
 

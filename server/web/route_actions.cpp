@@ -90,15 +90,14 @@ struct SessionStream {
 Task<std::optional<ByteBudget::Share>> roomForPiece(Shared server, Request request, Principal who) {
   ServerContext& context = server->context();
   const std::size_t bytes = std::min(kMostPieceBytes, context.replies.mostBytes(budgetOwner(who)));
-  auto room = co_await waitForRoom(request, who, context.replies, context.reply_room, bytes);
-  context.counters.most_reply_bytes = context.replies.mostTaken();
-  co_return room;
+  std::function<bool()> gone = [request] { return request->gone(); };
+  co_return co_await waitForRoom(context.replies, context.reply_room, who, bytes, std::move(gone));
 }
 
 Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<SessionStream> stream) {
   if (std::exchange(stream->has_begun, true)) {
     // the last piece has been sent: others may have its room before the next one is made
-    stream->room.lower(0);
+    stream->room.become(0);
     auto room = co_await roomForPiece(server, stream->request, stream->who);
     if (!room) co_return browserHasGone();
     stream->room = std::move(*room);
@@ -112,7 +111,7 @@ Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<SessionStream
     if (!piece) co_return piece.error();
     if (co_await accessEnded(server->context(), stream->by)) co_return accessHasEnded();
     if (!*piece) continue;
-    stream->room.lower((*piece)->size() + kMostHeldByStream);
+    stream->room.become((*piece)->size() + kMostHeldByStream);
     co_return std::move(**piece);
   }
 }
@@ -130,16 +129,6 @@ void noteNoRoom(ServerContext& context, const WebCall& call, const Error& error)
                       {{"port", "web"}, {"who", call.who.name}, {"text", error.message}});
 }
 
-Task<std::optional<ByteBudget::Share>> waitForRoom(Request request, Principal who, ByteBudget& budget,
-                                                   std::shared_ptr<Signal> freed, std::size_t bytes) {
-  const BudgetOwner owner = budgetOwner(who);
-  while (!request->gone()) {
-    if (auto share = budget.take(owner, bytes)) co_return std::move(share);
-    co_await freed->wait();
-  }
-  co_return std::nullopt;
-}
-
 Task<HttpAnswer> throughService(Shared server, Request asked, const WebRoute& route,
                                 std::shared_ptr<WebCall> call, std::optional<ByteBudget::Share> share) {
   ServerContext& context = server->context();
@@ -155,7 +144,7 @@ Task<HttpAnswer> throughService(Shared server, Request asked, const WebRoute& ro
   if (!built) co_return errorAnswer(built.error());
   if (const Status placed = placeBackup(context, *built); !placed) co_return errorAnswer(placed.error());
   if (const std::size_t bytes = built->SpaceUsedLong(); share)
-    share->lower(bytes <= context.bounds.uncounted_decoded_bytes ? 0 : bytes);
+    share->become(bytes <= context.bounds.uncounted_decoded_bytes ? 0 : bytes);
   const auto request = wipedWhenReleased(std::move(*built));
   call->request = request;
   std::function<bool()> gone = asked->gone;

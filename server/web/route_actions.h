@@ -32,11 +32,6 @@ HttpAnswer browserGone();
 /// Counts a request that was refused for want of room and logs it, as the stations' port does.
 void noteNoRoom(ServerContext& context, const WebCall& call, const Error& error);
 
-/// Waits until `bytes` fit beside what others have taken. Nothing: the browser is gone.
-Task<std::optional<ByteBudget::Share>> waitForRoom(std::shared_ptr<HttpRequest> request, Principal who,
-                                                   ByteBudget& budget, std::shared_ptr<Signal> freed,
-                                                   std::size_t bytes);
-
 // One function for each WebAction that has work on other threads. `route` outlives the server.
 
 /// `share`: of the body's JSON. Once the request is built it is the request's, which may wait long.

@@ -214,7 +214,8 @@ Task<std::optional<HttpAnswer>> takeShare(Shared server, Request request, Princi
   const std::size_t bytes = jsonBytes(request->body);
   if (bytes > context.decoded.mostBytes(budgetOwner(who)))
     co_return errorAnswer(413, "too_large", "the body has too many values: send less at once");
-  share = co_await waitForRoom(request, std::move(who), context.decoded, context.decoded_room, bytes);
+  std::function<bool()> gone = [request] { return request->gone(); };
+  share = co_await waitForRoom(context.decoded, context.decoded_room, std::move(who), bytes, std::move(gone));
   if (share) co_return std::nullopt;
   co_return browserGone();
 }
@@ -294,10 +295,10 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   std::optional<ByteBudget::Share> reply_room;
   if (route.how.action == WebAction::kRequest || route.how.action == WebAction::kWork ||
       route.how.action == WebAction::kSteps) {
-    reply_room = co_await waitForRoom(request, call->who, context.replies, context.reply_room,
-                                      replyRoomOf(context, call->who, route.call));
+    std::function<bool()> gone = [request] { return request->gone(); };
+    reply_room = co_await waitForRoom(context.replies, context.reply_room, call->who,
+                                      replyRoomOf(context, call->who, route.call), std::move(gone));
     if (!reply_room) co_return browserGone();
-    context.counters.most_reply_bytes = context.replies.mostTaken();
   }
   // of the body's JSON; given back on the network's thread
   std::optional<ByteBudget::Share> share;
@@ -355,7 +356,6 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   if (answer.status < 400) disk_room.stored();
   if (reply_room) {
     reply_room->become(answer.body.size());
-    context.counters.most_reply_bytes = context.replies.mostTaken();
     answer.until_sent = std::make_shared<const ByteBudget::Share>(std::move(*reply_room));
   }
   co_return answer;

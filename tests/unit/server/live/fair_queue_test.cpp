@@ -18,20 +18,16 @@ namespace {
 using testing::ElementsAre;
 using Texts = std::vector<std::string>;
 
-/// Pieces that note whose they were.
+/// Pieces by whose they are.
 struct Asked {
-  FairQueue queue;
-  std::string done = {};
+  FairQueue<std::string> queue{};
 
   void ask(const std::string& who, std::size_t count = 1, std::size_t line = 0) {
-    for (std::size_t n = 0; n < count; ++n)
-      queue.put(
-          who, [this, who] { done = who; }, line);
+    for (std::size_t n = 0; n < count; ++n) queue.put(who, who, line);
   }
   std::string next() {
-    done.clear();
-    if (const auto work = queue.take()) work();
-    return done;
+    const auto taken = queue.take([](const std::string&) { return true; });
+    return taken ? taken->item : std::string();
   }
   Texts all(std::size_t most = 10'000) {
     Texts order;
@@ -53,7 +49,7 @@ TEST(FairQueue, doesOnePieceOfEachPersonInTurn) {
   asked.ask("ada");
   EXPECT_EQ(asked.queue.size(), 7u);
   EXPECT_THAT(asked.all(), ElementsAre("ines", "mara", "ada", "ines", "mara", "ines", "ines"));
-  EXPECT_FALSE(asked.queue.take());
+  EXPECT_EQ(asked.next(), "");
 }
 
 TEST(FairQueue, whoComesLateWaitsForOnePieceOfEachOther) {
@@ -79,8 +75,8 @@ TEST(FairQueue, whoMayNotYetKeepsItsPlace) {
   asked.ask("ines", 2);
   asked.ask("mara", 2);
   const auto not_ines = [](const std::string& who) { return who != "ines"; };
-  for (int n = 0; n < 2; ++n) EXPECT_EQ(asked.queue.takeOf(not_ines).who, "mara");
-  EXPECT_FALSE(asked.queue.takeOf(not_ines).work);
+  for (int n = 0; n < 2; ++n) EXPECT_EQ(asked.queue.take(not_ines)->who, "mara");
+  EXPECT_FALSE(asked.queue.take(not_ines));
   asked.ask("mara");
   EXPECT_THAT(asked.all(), ElementsAre("ines", "mara", "ines"));
 }
@@ -89,7 +85,7 @@ TEST(FairQueue, whoMayNotYetKeepsItsPlace) {
 // as ConnectionBounds::hashes_waiting says.
 TEST(FairQueue, aLogInWaitsForOneOtherPieceAtMostWhoeverAsks) {
   for (const std::size_t people : {1u, 12u, 500u}) {
-    Asked thread{FairQueue(FairQueue::kThreeLines)};
+    Asked thread{FairQueue<std::string>(kPasswordLines)};
     for (std::size_t i = 0; i < people; ++i) {
       thread.ask("tom" + std::to_string(i), ConnectionBounds{}.hashes_waiting, kPersonLine);
       thread.ask("bench-" + std::to_string(i), ConnectionBounds{}.hashes_waiting, kStationLine);
@@ -112,7 +108,7 @@ TEST(FairQueue, linesTakeTurnsAndOneWhereNobodyWaitsGivesItsTurnOn) {
       {3, 0, 2, {"log-in", "log-in", "tom", "log-in", "tom"}},
   };
   for (const Row& row : rows) {
-    Asked thread{FairQueue(FairQueue::kThreeLines)};
+    Asked thread{FairQueue<std::string>(kPasswordLines)};
     thread.ask("log-in", row.logins, kLoginLine);
     thread.ask("bench", row.stations, kStationLine);
     thread.ask("tom", row.people, kPersonLine);
@@ -121,7 +117,7 @@ TEST(FairQueue, linesTakeTurnsAndOneWhereNobodyWaitsGivesItsTurnOn) {
 }
 
 TEST(FairQueue, inALineEachNameHasItsTurnAndItsOwnNumber) {
-  Asked thread{FairQueue(FairQueue::kThreeLines)};
+  Asked thread{FairQueue<std::string>(kPasswordLines)};
   for (int i = 0; i < 100; ++i) thread.ask("tom" + std::to_string(i), 8, kPersonLine);
   thread.ask("stolen", 8, kStationLine);
   thread.ask("tom0", 1, kStationLine);
@@ -200,7 +196,7 @@ TEST(FairPool, runsEverythingInTurnsAndLeavesRoomForOtherWork) {
 
 TEST(FairPool, ofOneThreadRunsOneAtATimeInItsLines) {
   boost::asio::thread_pool threads(2);  // one would hide that two pieces run at once
-  FairPool pool(threads, 1, FairQueue::kThreeLines);
+  FairPool pool(threads, 1, kPasswordLines);
   Texts done;  // without a lock: of one piece at a time
   std::promise<void> go, begun;
   const auto person = [&] { done.push_back("tom"); };

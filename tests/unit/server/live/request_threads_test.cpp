@@ -103,12 +103,12 @@ struct RequestThreadsTest : testing::Test {
   }
 
   /// Takes a place and keeps it in `have`.
-  using Places = std::vector<std::pair<std::string, PlacesInTurn::Place>>;
-  void takePlace(PlacesInTurn& places, const std::string& who, Places& have) {
+  using Places = std::vector<std::pair<std::string, std::unique_ptr<TurnQueue::Place>>>;
+  void takePlace(TurnQueue& places, const std::string& who, Places& have) {
     asio::co_spawn(loop.io, placed(places, who, have), rethrow);
     poll();
   }
-  static Task<> placed(PlacesInTurn& places, std::string who, Places& have) {
+  static Task<> placed(TurnQueue& places, std::string who, Places& have) {
     auto place = co_await places.take(who);
     have.emplace_back(who, std::move(place));
   }
@@ -367,7 +367,7 @@ TEST_F(RequestThreadsTest, aStationHasOneLongScoreUnderWayAndWhoWaitsForAPlaceIs
 }
 
 TEST_F(RequestThreadsTest, placesAreGivenToEachNameInTurn) {
-  PlacesInTurn places(loop.io.get_executor(), 1);
+  TurnQueue places(loop.io.get_executor(), {.at_once = 1});
   Places have;
   const auto names = [&have] {
     std::vector<std::string> all;
