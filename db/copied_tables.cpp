@@ -10,8 +10,6 @@
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kShownKeyBytes = 64;
-
 CopiedTable::Type typeOfSqlite(std::string_view name) {
   if (name == "INTEGER") return CopiedTable::Type::kInteger;
   if (name == "REAL") return CopiedTable::Type::kReal;
@@ -54,14 +52,6 @@ std::string marksOf(std::size_t count) {
   return text;
 }
 
-/// FROM … behind `after`, in the key's order, and what it wants bound but the limit.
-std::string fromBehind(const CopiedTable& table, const CopiedRow& after) {
-  std::string text = fmt::format(" FROM \"{}\"", table.name);
-  if (!after.empty())
-    text += fmt::format(" WHERE ({}) > ({})", namesOf(table, table.key), marksOf(table.key.size()));
-  return text + fmt::format(" ORDER BY {} LIMIT ?", namesOf(table, table.key));
-}
-
 void bindCopied(Statement& statement, CopiedTable::Type type, const CopiedValue& value) {
   if (const auto* number = std::get_if<std::int64_t>(&value)) {
     statement.bind(*number);
@@ -77,11 +67,6 @@ void bindCopied(Statement& statement, CopiedTable::Type type, const CopiedValue&
   }
 }
 
-void bindCopiedKey(Statement& statement, const CopiedTable& table, const CopiedRow& key) {
-  for (std::size_t i = 0; i < key.size(); ++i)
-    bindCopied(statement, table.columns[table.key[i]].type, key[i]);
-}
-
 CopiedValue copiedValue(const Statement& row, int column, CopiedTable::Type type) {
   if (row.isNull(column)) return {};
   switch (type) {
@@ -92,84 +77,6 @@ CopiedValue copiedValue(const Statement& row, int column, CopiedTable::Type type
     default:
       return row.text(column);
   }
-}
-
-/// How many rows behind `after` make a page.
-Result<std::int64_t> rowsOfPage(Connection& connection, const CopiedTable& table, const CopiedRow& after,
-                                std::size_t most_rows) {
-  std::string lengths;
-  for (const auto& column : table.columns)
-    if (column.type == CopiedTable::Type::kText || column.type == CopiedTable::Type::kBytes)
-      lengths += fmt::format("{}coalesce(length(\"{}\"), 0)", lengths.empty() ? "" : " + ", column.name);
-  const auto most = static_cast<std::int64_t>(std::min(most_rows, kMostRowsOfPage));
-  if (lengths.empty()) return most;
-  auto rows = connection.prepare("SELECT " + lengths + fromBehind(table, after));
-  bindCopiedKey(rows, table, after);
-  rows.bind(most);
-  std::int64_t count = 0;
-  for (std::uint64_t bytes = 0; bytes < kMostBytesOfPage; ++count) {
-    ASSIGN_OR_RETURN(const bool more, rows.step());
-    if (!more) break;
-    bytes += rows.natural(0);
-  }
-  return count;
-}
-
-/// Of one column of all rows; all are there.
-template <typename Value, typename Of>
-std::vector<Value> columnOf(std::span<const CopiedRow> rows, std::size_t column, const Of& of) {
-  std::vector<Value> values;
-  values.reserve(rows.size());
-  for (const CopiedRow& row : rows) values.push_back(of(row[column]));
-  return values;
-}
-
-/// Whether PostgreSQL can take them as lists, a column each.
-bool fitIntoLists(const CopiedTable& table, std::span<const CopiedRow> rows) {
-  const bool has_reals = std::any_of(table.columns.begin(), table.columns.end(), [](const auto& column) {
-    return column.type == CopiedTable::Type::kReal;
-  });
-  return !has_reals && std::none_of(rows.begin(), rows.end(), [](const CopiedRow& row) {
-    return std::any_of(row.begin(), row.end(), [](const CopiedValue& value) {
-      return std::holds_alternative<std::monostate>(value);
-    });
-  });
-}
-
-/// All in one statement: one round trip in place of one a row.
-Status addRowsAsLists(Connection& connection, const CopiedTable& table, std::span<const CopiedRow> rows) {
-  Statement add =
-      connection.prepare(fmt::format("INSERT INTO \"{}\" ({}) SELECT * FROM unnest({})", table.name,
-                                     namesOfAll(table), marksOf(table.columns.size())));
-  const auto text = [](const CopiedValue& value) { return std::string_view(std::get<std::string>(value)); };
-  const auto bytes = [](const CopiedValue& value) { return viewOf(std::get<std::string>(value)); };
-  const auto number = [](const CopiedValue& value) { return std::get<std::int64_t>(value); };
-  for (std::size_t i = 0; i < table.columns.size(); ++i) {
-    switch (table.columns[i].type) {
-      case CopiedTable::Type::kInteger: {
-        const auto values = columnOf<std::int64_t>(rows, i, number);
-        add.bindList(std::span(values));
-        break;
-      }
-      case CopiedTable::Type::kBytes: {
-        const auto values = columnOf<ByteView>(rows, i, bytes);
-        add.bindList(std::span(values));
-        break;
-      }
-      default: {
-        const auto values = columnOf<std::string_view>(rows, i, text);
-        add.bindList(std::span(values));
-      }
-    }
-  }
-  return add.run();
-}
-
-Status addOneRow(Connection& connection, const CopiedTable& table, const std::string& sql,
-                 const CopiedRow& row) {
-  Statement add = connection.prepare(sql);
-  for (std::size_t i = 0; i < row.size(); ++i) bindCopied(add, table.columns[i].type, row[i]);
-  return add.run();
 }
 
 }  // namespace
@@ -195,14 +102,14 @@ Result<std::vector<CopiedTable>> copiedTables() {
 
 Result<std::vector<CopiedRow>> rowsBehind(Connection& connection, const CopiedTable& table,
                                           const CopiedRow& after, std::size_t most_rows) {
-  ASSIGN_OR_RETURN(const std::int64_t most, rowsOfPage(connection, table, after, most_rows));
-  if (most == 0) return std::vector<CopiedRow>();
-  auto rows = connection.prepare("SELECT " + namesOfAll(table) + fromBehind(table, after));
-  bindCopiedKey(rows, table, after);
-  rows.bind(most);
+  std::string sql = fmt::format("SELECT {} FROM \"{}\"", namesOfAll(table), table.name);
+  if (!after.empty())
+    sql += fmt::format(" WHERE ({}) > ({})", namesOf(table, table.key), marksOf(table.key.size()));
+  auto rows = connection.prepare(sql + fmt::format(" ORDER BY {} LIMIT ?", namesOf(table, table.key)));
+  for (std::size_t i = 0; i < after.size(); ++i) bindCopied(rows, table.columns[table.key[i]].type, after[i]);
+  rows.bind(std::uint64_t{std::min(most_rows, kMostRowsOfPage)});
   return rows.all([&](const Statement& row) {
     CopiedRow values;
-    values.reserve(table.columns.size());
     for (std::size_t i = 0; i < table.columns.size(); ++i)
       values.push_back(copiedValue(row, static_cast<int>(i), table.columns[i].type));
     return values;
@@ -222,22 +129,13 @@ Result<CopiedRow> lastKeyOf(Connection& connection, const CopiedTable& table) {
 }
 
 Status addRows(Connection& connection, const CopiedTable& table, std::span<const CopiedRow> rows) {
-  if (rows.empty()) return {};
-  const auto named = [&](const CopiedRow& row, const Error& error) {
-    return Error{error.code, fmt::format("table {}: {}", rowText(table, keyOf(table, row)), error.message)};
-  };
-  if (connection.sqlite() == nullptr && fitIntoLists(table, rows)) {
-    const Status added = addRowsAsLists(connection, table, rows);
-    if (added) return added;
-    return Error{added.error().code, fmt::format("table {}, or one of the {} rows behind it: {}",
-                                                 rowText(table, keyOf(table, rows.front())), rows.size() - 1,
-                                                 added.error().message)};
-  }
-  const std::string sql = fmt::format("INSERT INTO \"{}\" ({}) VALUES ({})", table.name, namesOfAll(table),
-                                      marksOf(table.columns.size()));
+  std::string sql = fmt::format("INSERT INTO \"{}\" ({}) VALUES ", table.name, namesOfAll(table));
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    sql += fmt::format("{}({})", i == 0 ? "" : ", ", marksOf(table.columns.size()));
+  Statement add = connection.prepare(sql);
   for (const CopiedRow& row : rows)
-    if (const Status added = addOneRow(connection, table, sql, row); !added) return named(row, added.error());
-  return {};
+    for (std::size_t i = 0; i < row.size(); ++i) bindCopied(add, table.columns[i].type, row[i]);
+  return add.run();
 }
 
 CopiedRow keyOf(const CopiedTable& table, const CopiedRow& row) {
@@ -246,23 +144,17 @@ CopiedRow keyOf(const CopiedTable& table, const CopiedRow& row) {
   return key;
 }
 
-std::string rowText(const CopiedTable& table, const CopiedRow& key) {
+std::string rowText(const CopiedTable& table, const CopiedRow& row) {
+  constexpr std::size_t kShownBytes = 64;
   std::string text = table.name;
-  for (std::size_t i = 0; i < key.size(); ++i) {
-    text += fmt::format(", {} ", table.columns[table.key[i]].name);
-    if (const auto* number = std::get_if<std::int64_t>(&key[i]))
+  for (const std::size_t place : table.key) {
+    text += fmt::format(", {} ", table.columns[place].name);
+    if (const auto* number = std::get_if<std::int64_t>(&row[place]))
       text += std::to_string(*number);
-    else if (const auto* chars = std::get_if<std::string>(&key[i]))
-      text += '\'' + chars->substr(0, kShownKeyBytes) + '\'';
+    else if (const auto* chars = std::get_if<std::string>(&row[place]))
+      text += '\'' + chars->substr(0, kShownBytes) + '\'';
   }
   return text;
-}
-
-std::optional<std::string> differingColumn(const CopiedTable& table, const CopiedRow& left,
-                                           const CopiedRow& right) {
-  for (std::size_t i = 0; i < table.columns.size(); ++i)
-    if (left[i] != right[i]) return table.columns[i].name;
-  return std::nullopt;
 }
 
 Result<LastNumbers> lastNumbersOf(Connection& connection) {

@@ -5,7 +5,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
-#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -26,7 +25,7 @@ struct CopiedTable {
   std::string name;
   std::vector<Column> columns;
   std::vector<std::size_t> key;  ///< the primary key's places in `columns`, in its order; never empty
-  /// Whether it has chunks: session, seq, samples, crc, bytes.
+  /// Whether it has chunks, whose last column has their bytes.
   [[nodiscard]] bool hasChunks() const { return name == "chunks" || name == "derived_chunks"; }
 };
 
@@ -34,30 +33,27 @@ struct CopiedTable {
 using CopiedValue = std::variant<std::monostate, std::int64_t, double, std::string>;
 using CopiedRow = std::vector<CopiedValue>;
 
-inline constexpr std::size_t kMostRowsOfPage = 512, kMostBytesOfPage = std::size_t{4} << 20;
+/// Of texts and bytes of at most 1 MiB each, as messages bring them: a page stays below some 64 MiB.
+inline constexpr std::size_t kMostRowsOfPage = 64;
 
 /// All tables of this program's schema, as SQLite describes them, but SQLite's own: in the order in which
 /// they are made, so that each is behind those that its foreign keys name; `meta` last.
 Result<std::vector<CopiedTable>> copiedTables();
 
-/// The rows behind the key `after` (empty: from the first) in the order of the key: at least one if there is
-/// one, at most `most_rows` and kMostRowsOfPage, and no more than some kMostBytesOfPage.
+/// The rows behind the key `after` (empty: from the first) in the order of the key, at most `most_rows` and
+/// kMostRowsOfPage.
 Result<std::vector<CopiedRow>> rowsBehind(Connection& connection, const CopiedTable& table,
                                           const CopiedRow& after, std::size_t most_rows);
 
 /// The greatest key; empty: the table has no row.
 Result<CopiedRow> lastKeyOf(Connection& connection, const CopiedTable& table);
 
-/// Errors name table and key of the row that the database does not take; where they are added by one
-/// statement, of the first, and how many there are.
+/// Adds them by one statement; `rows` is not empty.
 Status addRows(Connection& connection, const CopiedTable& table, std::span<const CopiedRow> rows);
 
 CopiedRow keyOf(const CopiedTable& table, const CopiedRow& row);
-/// "sessions, number 17", "chunks, session 3, seq 5": for messages. Texts are cut after 64 bytes.
-std::string rowText(const CopiedTable& table, const CopiedRow& key);
-/// The first column that differs, by value; nothing: none does.
-std::optional<std::string> differingColumn(const CopiedTable& table, const CopiedRow& left,
-                                           const CopiedRow& right);
+/// "chunks, session 3, seq 5": for messages. Texts are cut after 64 bytes.
+std::string rowText(const CopiedTable& table, const CopiedRow& row);
 
 /// The greatest number that each numbered table (AUTOINCREMENT) ever had.
 using LastNumbers = std::map<std::string, std::int64_t>;

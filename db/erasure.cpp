@@ -38,23 +38,6 @@ constexpr std::array kDoers = {
 
 constexpr int kRowsBetweenLooks = 16;
 
-/// Takes the person out of what a restore left for the log of the next start (service/restore.cpp): "user
-/// anna: was disabled; station st1: was revoked".
-Status eraseAccess(Connection& connection, const std::string& name) {
-  constexpr std::string_view kKey = "access_valid_again", kBetween = "; ";
-  MetaStore meta(connection);
-  ASSIGN_OR_RETURN(const auto found, meta.get(kKey));
-  const std::string_view text = found ? std::string_view(*found) : std::string_view();
-  std::string left;
-  for (std::size_t at = 0; at < text.size();) {
-    const std::size_t end = std::min(text.find(kBetween, at), text.size());
-    const std::string_view one = text.substr(at, end - at);
-    if (!one.starts_with("user " + name + ": ")) left.append(left.empty() ? "" : kBetween).append(one);
-    at = end + kBetween.size();
-  }
-  return left == text ? Status() : meta.set(kKey, left);
-}
-
 /// An ANALYZE by a SQLite with STAT4 leaves samples of the indexes, names among them; PostgreSQL's, too.
 Status removeSamplesOfIndexes(Connection& connection) {
   if (connection.sqlite() == nullptr) {
@@ -215,7 +198,6 @@ Status ErasureStore::eraseAccount(const ErasedNames& names) {
         "DELETE FROM group_members WHERE person = ?", "DELETE FROM people WHERE name = ?"}) {
     RETURN_IF_ERROR(connection_.run(sql, names.name));
   }
-  RETURN_IF_ERROR(eraseAccess(connection_, names.name));
   return eraseDoers(names);
 }
 

@@ -14,51 +14,28 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Holds the bounds of ForeignSchemaBounds during its lifetime, over all that SQLite itself reads, too.
-class SchemaBound {
- public:
-  explicit SchemaBound(sqlite3* handle)
-      : handle_(handle),
-        text_bytes_(sqlite3_limit(handle, SQLITE_LIMIT_LENGTH, ForeignSchemaBounds::kMostTextBytes)),
-        columns_(sqlite3_limit(handle, SQLITE_LIMIT_COLUMN, ForeignSchemaBounds::kMostColumns)) {
-    sqlite3_trace_v2(handle, SQLITE_TRACE_ROW, &SchemaBound::count, this);
-  }
-  ~SchemaBound() {
-    sqlite3_trace_v2(handle_, 0, nullptr, nullptr);
-    sqlite3_limit(handle_, SQLITE_LIMIT_LENGTH, text_bytes_);
-    sqlite3_limit(handle_, SQLITE_LIMIT_COLUMN, columns_);
-  }
-  SchemaBound(const SchemaBound&) = delete;
-  SchemaBound& operator=(const SchemaBound&) = delete;
-
-  /// Whether a bound was the reason of a read's error: of a text's length SQLite itself says it.
-  [[nodiscard]] bool isReasonOf(const Error& error) const {
-    return is_exceeded_ || error.code == ErrorCode::kInvalidInput;
-  }
-
- private:
-  /// SQLite calls it for each row that a statement gives, those by which it reads the schema included.
-  static int count(unsigned /*what*/, void* self, void* statement, void* /*unused*/) {
-    auto& bound = *static_cast<SchemaBound*>(self);
-    auto* const row = static_cast<sqlite3_stmt*>(statement);
-    ++bound.rows_;
-    for (int i = 0; i < sqlite3_column_count(row); ++i) {
-      const int type = sqlite3_column_type(row, i);
-      if (type == SQLITE_TEXT || type == SQLITE_BLOB)
-        bound.bytes_ += static_cast<std::uint64_t>(sqlite3_column_bytes(row, i));
-    }
-    if (bound.rows_ <= ForeignSchemaBounds::kMostRows && bound.bytes_ <= ForeignSchemaBounds::kMostBytes)
-      return 0;
-    bound.is_exceeded_ = true;
-    sqlite3_interrupt(bound.handle_);
-    return 0;
-  }
-
-  sqlite3* handle_;
-  int text_bytes_, columns_;
-  std::uint64_t rows_ = 0, bytes_ = 0;
-  bool is_exceeded_ = false;
+/// What SQLite has read of a foreign schema.
+struct SchemaRead {
+  sqlite3* handle;
+  std::uint64_t rows = 0, bytes = 0;
+  bool is_too_much = false;
 };
+
+/// SQLite calls it for each row that a statement gives, those by which it reads the schema included.
+int countRow(unsigned /*what*/, void* self, void* statement, void* /*unused*/) {
+  auto& read = *static_cast<SchemaRead*>(self);
+  auto* const row = static_cast<sqlite3_stmt*>(statement);
+  ++read.rows;
+  for (int i = 0; i < sqlite3_column_count(row); ++i) {
+    const int type = sqlite3_column_type(row, i);
+    if (type == SQLITE_TEXT || type == SQLITE_BLOB)
+      read.bytes += static_cast<std::uint64_t>(sqlite3_column_bytes(row, i));
+  }
+  read.is_too_much |=
+      read.rows > ForeignSchemaBounds::kMostRows || read.bytes > ForeignSchemaBounds::kMostBytes;
+  if (read.is_too_much) sqlite3_interrupt(read.handle);
+  return 0;
+}
 
 /// Begins the view that all is read in, and looks whose database it is.
 Status checkContents(Connection& opened, const fs::path& path) {
@@ -111,15 +88,21 @@ Result<Connection> openForeign(const fs::path& path, const std::atomic<bool>* ca
                                                                .time = &time,
                                                                .until_ns = until_ns,
                                                                .cancelled = cancelled}));
-  sqlite3_limit(opened.handle(), SQLITE_LIMIT_LENGTH, kMostForeignTextBytes);
-  SchemaBound bound(opened.handle());
-  if (const Status checked = checkContents(opened, path); !checked)
-    return bound.isReasonOf(checked.error())
-               ? Error{ErrorCode::kCorrupt, path.string() +
-                                                ": its schema is much larger than needlelab's, and was not "
-                                                "read to its end: somebody put it in"}
-               : checked.error();
-  return opened;
+  sqlite3* const handle = opened.handle();
+  sqlite3_limit(handle, SQLITE_LIMIT_LENGTH, ForeignSchemaBounds::kMostTextBytes);
+  sqlite3_limit(handle, SQLITE_LIMIT_COLUMN, ForeignSchemaBounds::kMostColumns);
+  SchemaRead read{handle};
+  sqlite3_trace_v2(handle, SQLITE_TRACE_ROW, &countRow, &read);
+  const Status checked = checkContents(opened, path);
+  sqlite3_trace_v2(handle, 0, nullptr, nullptr);
+  sqlite3_limit(handle, SQLITE_LIMIT_LENGTH, kMostForeignTextBytes);
+  if (checked) return opened;
+  // of a text's length SQLite itself says it
+  if (!read.is_too_much && checked.error().code != ErrorCode::kInvalidInput) return checked.error();
+  return Error{
+      ErrorCode::kCorrupt,
+      path.string() +
+          ": its schema is much larger than needlelab's, and was not read to its end: it was put in"};
 }
 
 }  // namespace needlelab

@@ -16,7 +16,7 @@ namespace {
 /// Each trigger, function, view, rule and row policy in the schema, and a hash of what it does, which is the
 /// same in each version of PostgreSQL: of functions the text as it was written, of triggers the columns of
 /// the catalogue. Views have none: PostgreSQL keeps no text of them. The triggers of an unfinished copy
-/// (copy_marks.h) are off, and nobody works with it.
+/// (store_copy.h) are off, and nobody works with it.
 constexpr const char* kPostgresObjects = R"sql(
 WITH classes AS (SELECT c.oid, c.relname, c.relkind FROM pg_class c JOIN pg_namespace n ON n.oid = c.relnamespace
  WHERE n.nspname = 'needlelab')

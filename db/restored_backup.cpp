@@ -23,103 +23,90 @@ namespace {
 struct ComparedSession {
   Uuid id{};
   std::int64_t number = 0;
-  std::uint64_t chunks = 0;
-  std::uint64_t safe_chunks = 0;
+  std::uint64_t chunks = 0, safe_chunks = 0;
   bool open = false;
   bool original = false;  ///< its chunks are there as they came
-  Bytes hash;             ///< empty while it is open
 };
 
 constexpr const char* kComparedColumns =
-    "SELECT s.id, s.number, coalesce(p.chunks, s.chunks), s.safe_chunks, s.state, s.recording, s.hash"
+    "SELECT s.id, s.number, coalesce(p.chunks, s.chunks), s.safe_chunks, s.state, s.recording"
     " FROM sessions s LEFT JOIN session_progress p ON p.session = s.number";
 
 Result<ComparedSession> comparedOf(const Statement& row) {
-  ComparedSession session;
   const auto id = uuidOf(textOf(row.bytes(0)));
   if (!id) return Error{ErrorCode::kCorrupt, "a session's id has not 16 bytes"};
-  session.id = *id;
-  session.number = row.integer(1);
-  session.chunks = row.natural(2);
-  session.safe_chunks = row.natural(3);
-  session.open = row.integer(4) == static_cast<int>(pb::SESSION_OPEN);
-  session.original = row.integer(5) == static_cast<int>(StoredRecording::Kind::kOriginal);
-  const ByteView hash = row.bytes(6);
-  session.hash.assign(hash.begin(), hash.end());
-  return session;
+  return ComparedSession{*id,
+                         row.integer(1),
+                         row.natural(2),
+                         row.natural(3),
+                         row.integer(4) == static_cast<int>(pb::SESSION_OPEN),
+                         row.integer(5) == static_cast<int>(StoredRecording::Kind::kOriginal)};
 }
 
-Result<std::optional<std::string>> oneTextOf(Connection& connection, std::string_view sql) {
-  return connection.prepare(sql).first(firstText);
+Result<std::string> oneTextOf(Connection& connection, std::string_view sql) {
+  ASSIGN_OR_RETURN(auto text, connection.prepare(sql).first(firstText));
+  return std::move(text).value_or("");
 }
 
 /// Tells a database from its copies: a server of PostgreSQL by its start, and the database in it.
 Result<std::string> whichDatabase(Connection& connection) {
   if (connection.sqlite() != nullptr) return connection.path().string();
-  ASSIGN_OR_RETURN(auto which,
-                   oneTextOf(connection,
-                             "SELECT pg_postmaster_start_time()::text || ' ' || oid::text FROM pg_database"
-                             " WHERE datname = current_database()"));
-  return which.value_or("");
+  return oneTextOf(connection,
+                   "SELECT pg_postmaster_start_time()::text || ' ' || oid::text FROM pg_database"
+                   " WHERE datname = current_database()");
 }
 
 Status requireCopyOf(Connection& live, Connection& restored) {
+  const auto refused = [](std::string why) { return Error{ErrorCode::kInvalidInput, std::move(why)}; };
   ASSIGN_OR_RETURN(const auto of_live, whichDatabase(live));
   ASSIGN_OR_RETURN(const auto of_restored, whichDatabase(restored));
   if (of_live == of_restored)
-    return Error{
-        ErrorCode::kInvalidInput,
-        "this is the lab's own database: restore the backup into a database elsewhere, and name that"};
+    return refused(
+        "this is the lab's own database: restore the backup into a database elsewhere, and name that");
   if (restored.sqlite() == nullptr) {
     ASSIGN_OR_RETURN(const auto recovering,
                      oneTextOf(restored, "SELECT CASE WHEN pg_is_in_recovery() THEN 'yes' ELSE 'no' END"));
     if (recovering != "no")
-      return Error{ErrorCode::kInvalidInput,
-                   "this is a standby, or a backup that is still being restored: it proves nothing about a "
-                   "backup. Restore the backup without standby.signal and wait for the end"};
+      return refused(
+          "this is a standby, or a backup that is still being restored: it proves nothing about a "
+          "backup. Restore the backup without standby.signal and wait for the end");
   }
   RETURN_IF_ERROR(requireNewestSchema(restored));
   ASSIGN_OR_RETURN(const auto lab, MetaStore(live).get(kLabKey));
   ASSIGN_OR_RETURN(const auto of_lab, MetaStore(restored).get(kLabKey));
-  if (lab != of_lab)
-    return Error{ErrorCode::kInvalidInput,
-                 fmt::format("the restored database belongs to the lab '{}', this one is '{}': check the "
-                             "address",
-                             of_lab.value_or(""), lab.value_or(""))};
-  return {};
+  if (lab == of_lab) return {};
+  return refused(
+      fmt::format("the restored database belongs to the lab '{}', this one is '{}': check the address",
+                  of_lab.value_or(""), lab.value_or("")));
 }
 
-/// Nothing: all that both have of the first `most` chunks is the same. Else a sentence.
-Result<std::optional<std::string>> differingChunk(Connection& live, Connection& restored,
-                                                  const ComparedSession& in_live,
-                                                  const ComparedSession& in_restored, std::uint64_t most) {
+/// kCorrupt: the first `most` chunks of the two are not the same.
+Status compareChunks(Connection& live, Connection& restored, const ComparedSession& in_live,
+                     const ComparedSession& in_restored, std::uint64_t most) {
   constexpr std::string_view kCrcs = "SELECT seq, crc FROM chunks WHERE session = ? AND seq < ? ORDER BY seq";
   auto here = live.query(kCrcs, in_live.number, most);
   auto there = restored.query(kCrcs, in_restored.number, most);
   for (std::uint64_t seq = 0; seq < most; ++seq) {
     ASSIGN_OR_RETURN(const bool is_here, here.step());
     ASSIGN_OR_RETURN(const bool is_there, there.step());
-    const bool same = is_here && is_there && here.natural(0) == seq && there.natural(0) == seq &&
-                      here.integer(1) == there.integer(1);
-    if (!same)
-      return std::optional(fmt::format("session {}: chunk {} of the restored database is not the lab's",
-                                       uuidText(in_live.id), seq));
+    if (!is_here || !is_there || here.natural(0) != seq || there.natural(0) != seq ||
+        here.integer(1) != there.integer(1))
+      return Error{ErrorCode::kCorrupt,
+                   fmt::format("session {}: chunk {} of the restored database is not the lab's: this is no "
+                               "backup of it, and nothing becomes Safe",
+                               uuidText(in_live.id), seq)};
   }
-  return std::optional<std::string>();
+  return {};
 }
 
-/// How many chunks the restored session covers of the live one; kCorrupt: they contradict each other.
+/// How many chunks the restored session covers of the live one.
 Result<std::uint64_t> coveredOf(Connection& live, Connection& restored, const ComparedSession& in_live,
                                 const ComparedSession& in_restored, std::uint64_t decodable) {
   const std::uint64_t whole = in_restored.chunks - (in_restored.open && in_restored.chunks > 0 ? 1 : 0);
   const std::uint64_t most = std::min({whole, in_live.chunks, decodable});
   if (most <= in_live.safe_chunks) return std::uint64_t{0};
-  if (!in_live.original)
-    return !in_live.hash.empty() && in_live.hash == in_restored.hash ? most : std::uint64_t{0};
-  if (!in_restored.original) return std::uint64_t{0};
-  ASSIGN_OR_RETURN(const auto differs, differingChunk(live, restored, in_live, in_restored, most));
-  if (differs)
-    return Error{ErrorCode::kCorrupt, *differs + ": this is no backup of it, and nothing becomes Safe"};
+  if (!in_live.original || !in_restored.original) return std::uint64_t{0};
+  RETURN_IF_ERROR(compareChunks(live, restored, in_live, in_restored, most));
   return most;
 }
 

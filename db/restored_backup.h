@@ -18,12 +18,12 @@ struct RestoredBackup {
 };
 
 /// Checks the whole of `restored` (checkDatabase), then compares each session that would get a new watermark
-/// with `live`: its chunks by their numbers and CRCs, or the whole session's hash where retention has removed
-/// the original from `live`. Sessions that `live` does not have (erased since) cover nothing. Only reads
-/// both. Errors: kInvalidInput (`restored` is the lab's own database, one of its standbys, or another lab's),
-/// kVersion (not the newest schema), kCorrupt (it fails its check, or a chunk differs; the message names the
-/// first), kUnavailable (`cancelled` became true), kFailed. Takes a time proportional to the size of
-/// `restored`. Thread: as both connections, which must not be in a transaction; `cancelled` may be null.
+/// with `live`: its chunks by their numbers and CRCs. Sessions that `live` does not have (erased since), or
+/// not as they came, cover nothing. Only reads both. Errors: kInvalidInput (`restored` is the lab's own
+/// database, one of its standbys, or another lab's), kVersion (not the newest schema), kCorrupt (it fails its
+/// check, or a chunk differs; the message names the first), kUnavailable (`cancelled` became true), kFailed.
+/// Takes a time proportional to the size of `restored`. Thread: as both connections, which must not be in a
+/// transaction; `cancelled` may be null.
 Result<RestoredBackup> compareRestored(Connection& live, Connection& restored,
                                        const std::atomic<bool>* cancelled = nullptr);
 

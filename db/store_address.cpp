@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <iterator>
+#include <sstream>
 #include <utility>
 
 #include "common/base/files.h"
@@ -21,18 +23,18 @@ constexpr std::size_t kMostServerName = 64;
 constexpr std::chrono::milliseconds kMostIdleTogether{3000};
 /// Stations of a server whose network was cut wait for it no longer than for another one.
 constexpr std::chrono::milliseconds kTcpPatienceTogether{4000};
-/// A log-in that waits for longer is given up by whoever waits for it.
+/// A person who waits longer for a log-in gives it up.
 constexpr std::chrono::milliseconds kConnectBeside{3'000}, kAnswerBeside{5'000};
-
-Error wrongStoreFile(const std::filesystem::path& path, std::size_t line, const char* what) {
-  return {ErrorCode::kInvalidInput,
-          fmt::format("{}, line {}: {}; write the two lines url = postgresql://USER@HOST/DATABASE and lab = "
-                      "ID, or remove the file and start with --store",
-                      path.string(), line, what)};
-}
 
 bool isOfVersionOrRights(const Error& error) {
   return error.code == ErrorCode::kDenied || error.code == ErrorCode::kVersion;
+}
+
+PostgresOptions optionsOf(const StoreAddress& address) {
+  PostgresOptions options{
+      .url = address.url, .server = address.server, .before_statement = address.before_statement};
+  if (!address.server.empty()) options.tcp_patience = kTcpPatienceTogether;
+  return options;
 }
 
 }  // namespace
@@ -50,18 +52,15 @@ Error storeAway(Error error) {
 
 Result<Connection> openAt(const StoreAddress& address, Connection::Mode mode, bool create) {
   if (!address.isPostgres()) return Connection::open(address.path, {.mode = mode, .create = create});
-  PostgresOptions options{.url = address.url,
-                          .read_only = mode != Connection::Mode::kWriter,
-                          .local_commits = address.beside_writer,
-                          .server = address.server,
-                          .lab = address.lab,
-                          .before_statement = address.before_statement};
+  PostgresOptions options = optionsOf(address);
+  options.read_only = mode != Connection::Mode::kWriter;
+  options.lab = address.lab;
+  options.local_commits = address.beside_writer;
   if (address.beside_writer) {
     options.connect_timeout = kConnectBeside;
     options.answer_timeout = kAnswerBeside;
     options.most_idle = kMostIdleTogether;
   }
-  if (!address.server.empty()) options.tcp_patience = kTcpPatienceTogether;
   ASSIGN_OR_RETURN(auto engine, openPostgres(options));
   return Connection(std::move(engine), address.path);
 }
@@ -74,34 +73,26 @@ Result<Connection> openFromOutside(const std::filesystem::path& path, const std:
 }
 
 Result<Connection> openToServe(const StoreAddress& address, Durability least) {
-  const auto enough = [&](const Connection& opened) {
-    if (opened.durability() >= least) return Status();
-    return Status(Error{
-        ErrorCode::kInvalidInput,
-        fmt::format("--durability: an ack must survive {}, and would survive {} ({})", durabilityText(least),
-                    durabilityText(opened.durability()), opened.durabilityReason())});
+  const auto open = [&]() -> Result<Connection> {
+    if (!address.isPostgres())
+      return Connection::open(address.path, {.mode = Connection::Mode::kWriter, .create = true});
+    PostgresOptions options = optionsOf(address);
+    options.least = least;
+    options.others = PostgresOptions::Others::kNone;
+    if (!address.server.empty()) {
+      options.others = PostgresOptions::Others::kTogether;
+      options.only_one_named = address.server;
+      options.most_idle = kMostIdleTogether;
+    }
+    ASSIGN_OR_RETURN(auto engine, openPostgres(options));
+    return Connection(std::move(engine), address.path);
   };
-  if (!address.isPostgres()) {
-    ASSIGN_OR_RETURN(auto opened,
-                     Connection::open(address.path, {.mode = Connection::Mode::kWriter, .create = true}));
-    RETURN_IF_ERROR(enough(opened));
-    return opened;
-  }
-  PostgresOptions options{.url = address.url,
-                          .least = least,
-                          .server = address.server,
-                          .before_statement = address.before_statement};
-  options.others = PostgresOptions::Others::kNone;
-  if (!address.server.empty()) {
-    options.others = PostgresOptions::Others::kTogether;
-    options.only_one_named = address.server;
-    options.tcp_patience = kTcpPatienceTogether;
-    options.most_idle = kMostIdleTogether;
-  }
-  ASSIGN_OR_RETURN(auto engine, openPostgres(options));
-  Connection opened(std::move(engine), address.path);
-  RETURN_IF_ERROR(enough(opened));
-  return opened;
+  ASSIGN_OR_RETURN(auto opened, open());
+  if (opened.durability() >= least) return opened;
+  return Error{
+      ErrorCode::kInvalidInput,
+      fmt::format("--durability: an ack must survive {}, and would survive {} ({})", durabilityText(least),
+                  durabilityText(opened.durability()), opened.durabilityReason())};
 }
 
 Result<std::optional<StoreFile>> readStoreFile(const std::filesystem::path& folder, const char* name) {
@@ -111,25 +102,26 @@ Result<std::optional<StoreFile>> readStoreFile(const std::filesystem::path& fold
   ASSIGN_OR_RETURN(const std::string text, readWholeFile(path, kMostStoreFileBytes));
   StoreFile file;
   std::size_t number = 0;
-  for (std::size_t at = 0; at < text.size();) {
-    const std::size_t end = std::min(text.find('\n', at), text.size());
-    const std::string_view line = std::string_view(text).substr(at, end - at);
-    at = end + 1;
+  const auto wrong = [&](const char* what) {
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("{}, line {}: {}; write the two lines url = postgresql://USER@HOST/DATABASE and "
+                             "lab = ID, or remove the file and start with --store",
+                             path.string(), number, what)};
+  };
+  const std::pair<std::string_view, std::string*> values[] = {
+      {"url = ", &file.url}, {"lab = ", &file.lab}, {"kept = ", &file.kept}};
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
     ++number;
     if (line.empty() || line.starts_with('#')) continue;
-    constexpr std::string_view kUrl = "url = ", kLab = "lab = ", kKept = "kept = ";
-    if (line.starts_with(kUrl) && file.url.empty()) {
-      file.url = line.substr(kUrl.size());
-    } else if (line.starts_with(kLab) && file.lab.empty()) {
-      file.lab = line.substr(kLab.size());
-    } else if (line.starts_with(kKept) && file.kept.empty()) {
-      file.kept = line.substr(kKept.size());
-    } else {
-      return wrongStoreFile(path, number, "is not understood");
-    }
+    const auto* const value = std::find_if(std::begin(values), std::end(values), [&](const auto& one) {
+      return line.starts_with(one.first) && one.second->empty();
+    });
+    if (value == std::end(values)) return wrong("is not understood");
+    *value->second = line.substr(value->first.size());
   }
-  if (file.url.empty()) return wrongStoreFile(path, number, "url is missing");
-  if (file.lab.empty()) return wrongStoreFile(path, number, "lab is missing");
+  if (file.url.empty()) return wrong("url is missing");
+  if (file.lab.empty()) return wrong("lab is missing");
   return std::optional(std::move(file));
 }
 
@@ -149,10 +141,9 @@ Result<std::string> serverNameOf(const std::filesystem::path& folder) {
   std::string name;
   if (text.starts_with(kServerLine) && text.ends_with('\n'))
     name = text.substr(kServerLine.size(), text.size() - kServerLine.size() - 1);
-  const bool is_name =
-      !name.empty() && name.size() <= kMostServerName && std::all_of(name.begin(), name.end(), [](char c) {
-        return (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || c == '-';
-      });
+  constexpr std::string_view kLetters = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz-";
+  const bool is_name = !name.empty() && name.size() <= kMostServerName &&
+                       name.find_first_not_of(kLetters) == std::string::npos;
   if (is_name) return name;
   return Error{
       ErrorCode::kInvalidInput,

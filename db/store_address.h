@@ -34,12 +34,11 @@ struct StoreAddress {
   [[nodiscard]] bool isPostgres() const { return !url.empty(); }
 };
 
-/// For whoever starts a program, or names an address: what stays wrong however often it is tried - user,
-/// password, rights (kDenied), a version of schema or server (kVersion) - as kInvalidInput, whose exit code
-/// makes systemd try no more. Others as they are.
+/// At a start: what stays wrong however often it is tried - user, password, rights (kDenied), a version of
+/// schema or server (kVersion) - as kInvalidInput, whose exit code makes systemd try no more.
 Error wrongStore(Error error);
-/// For whoever asks a program that serves: the same, and kInvalidInput, as kUnavailable. kDenied would be a
-/// log-in's wrong password.
+/// In a program that serves: the same, and kInvalidInput, as kUnavailable. kDenied would be a log-in's wrong
+/// password.
 Error storeAway(Error error);
 
 /// Opens it. Modes other than kWriter only read. `create`: of an SQLite file. Errors: as Connection::open()
@@ -52,17 +51,16 @@ Result<Connection> openAt(const StoreAddress& address, Connection::Mode mode, bo
 Result<Connection> openFromOutside(const std::filesystem::path& path, const std::string& url,
                                    const std::function<Status()>& before);
 
-/// Opens it for a program that writes: makes an SQLite file. Nobody else opens a database of PostgreSQL so,
-/// but with `together_as`, the name of a server (serverNameOf), those that give a name, too
-/// (Connection::isAlone). `least`: what an ack must survive. Errors: as openAt(); kInvalidInput when it
-/// survives less.
+/// Opens it for a program that writes: makes an SQLite file. No other program opens a database of PostgreSQL
+/// so, unless both have a name in `server` (Connection::isAlone). `least`: what an ack must survive. Errors:
+/// as openAt(); kInvalidInput when it survives less.
 Result<Connection> openToServe(const StoreAddress& address, Durability least);
 
 /// What DIR/store says.
 struct StoreFile {
   std::string url;
   std::string lab;  ///< the id of the lab whose database is there
-  /// The name that DIR/needlelab.db gets, whose copy is there (service/store_switch.h); empty: none.
+  /// The name that DIR/needlelab.db gets, whose copy is there (service/store_move.h); empty: none.
   std::string kept = {};
 };
 inline constexpr const char* kStoreFile = "store";

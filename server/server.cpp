@@ -30,18 +30,6 @@ namespace {
 
 constexpr std::chrono::milliseconds kKeepaliveTogether{1'000};
 
-/// Logs once, after a restore, the accesses that had been withdrawn and are valid again (service/restore.h).
-Status logValidAgain(Store& store) {
-  {
-    ASSIGN_OR_RETURN(auto reader, store.readers().borrow());
-    const auto text = MetaStore(*reader).get("access_valid_again");
-    if (!text.ok()) return text.error();
-    if (!*text || (*text)->empty()) return {};
-    logEvent(LogLevel::kWarning, "access_valid_again", {{"text", **text}});
-  }
-  return store.writer().run([](Connection& c) { return MetaStore(c).set("access_valid_again", ""); });
-}
-
 void logThrown(const std::string& text) {
   logEvent(LogLevel::kError, "store_work_failed", {{"text", text}});
 }
@@ -132,7 +120,6 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
     logEvent(LogLevel::kWarning, "clock_ahead", {{"text", text}});
   ASSIGN_OR_RETURN(const auto repeat, p.store->service().erasuresToRepeat());
   for (const std::string& text : repeat) logEvent(LogLevel::kError, "erasure_to_repeat", {{"text", text}});
-  if (!p.store->readOnly()) RETURN_IF_ERROR(logValidAgain(*p.store));
 
   p.files = tlsFilesIn(p.options.data / "tls");
   const auto leftovers = removeTlsLeftovers(p.files);

@@ -35,10 +35,8 @@ class CopyLines {
     const bool ended = progress.table_ended && progress.rows > 0;
     if (!ended && (now < next_ || progress.rows == 0)) return {};
     next_ = now + std::chrono::seconds(5);
-    std::string line =
-        fmt::format("{} {}: {}", progress.comparing ? "compared" : "copied", progress.table, progress.rows);
-    if (!progress.table_ended && progress.of > 0) line += fmt::format(" of some {}", progress.of);
-    line += progress.rows == 1 ? " row" : " rows";
+    std::string line = fmt::format("{} {}: {} {}", progress.comparing ? "compared" : "copied", progress.table,
+                                   progress.rows, progress.rows == 1 ? "row" : "rows");
     if (progress.bytes > 0) line += ", " + bytesText(progress.bytes) + " of recordings";
     output_.remark(line);
     return {};
@@ -51,49 +49,33 @@ class CopyLines {
 };
 
 Status showMoved(Output& output, const StoreMove& move, const StoreMoved& moved) {
-  const auto& compared = moved.compared;
+  const std::string data = move.folder.string();
   RETURN_IF_ERROR(output.one({{"copy", "copy"},
                               {"rows", "rows compared"},
-                              {"chunks", "chunks with their CRC computed"},
+                              {"chunks", "chunks of recordings"},
                               {"bytes", "of recordings", Column::Kind::kBytes},
-                              {"damaged_chunks", "damaged chunks"},
                               {"kept", "kept"}},
-                             {{"copy", move.to_postgres ? move.url : move.folder.string()},
+                             {{"copy", move.to_postgres ? move.url : data},
                               {"went_on", moved.went_on},
                               {"rows_copied", moved.copied.rows},
-                              {"rows", compared.rows},
-                              {"chunks", compared.chunks},
-                              {"bytes", compared.bytes},
-                              {"damaged_chunks", compared.damaged_chunks},
-                              {"known_damaged_chunks", compared.known_damaged},
-                              {"damaged", compared.damaged},
-                              {"switched", moved.switched},
-                              {"kept", moved.switched ? moved.kept.string() : ""}}));
-  for (const std::string& chunk : compared.damaged) output.text("damaged: " + oneLine(chunk));
-  if (!moved.switched)
-    return Error{
-        ErrorCode::kCorrupt,
-        fmt::format("{} damaged in the source, and the same in the copy: the lab still works with "
-                    "the source. Restore a backup that has better ones, and copy that with "
-                    "--begin-again; or give this command with --with-damaged",
-                    compared.damaged_chunks == 1 ? "a chunk is"
-                                                 : fmt::format("{} chunks are", compared.damaged_chunks))};
-  const std::string data = move.folder.string();
-  if (move.to_postgres) {
-    output.text("Now: needlelab-admin --data " + data + " check; then start the server on " + data +
-                " as before. --store is not needed: " + data + "/store says it.");
+                              {"rows", moved.compared.rows},
+                              {"chunks", moved.compared.chunks},
+                              {"bytes", moved.compared.bytes},
+                              {"kept", moved.kept.string()}}));
+  output.text("Now: needlelab-admin --data " + data + " check; then start the server on " + data +
+              (move.to_postgres
+                   ? " as before. --store is not needed: " + data + "/store says it."
+                   : ", without --store, and enable its backups (deploy/OPERATIONS.md, Backup)."));
+  if (move.to_postgres)
     output.text(moved.kept.string() +
                 " is the old database: remove it once there is a backup of the new one. Make backups with "
                 "PostgreSQL's tools from now on (deploy/OPERATIONS.md, From SQLite to PostgreSQL and back).");
-  } else {
-    output.text("Now: needlelab-admin --data " + data + " check; then start the server on " + data +
-                ", without --store, and enable its backups (deploy/OPERATIONS.md, Backup).");
+  else
     output.text(
         "The database on PostgreSQL is as it was: remove it once there is a backup of the new one, then "
         "say so: needlelab-admin --data " +
         data + " store forget URL. Until then each erasure names it. " + moved.kept.string() +
         " has its address.");
-  }
   return {};
 }
 
@@ -144,7 +126,7 @@ Status forgetStore(const std::filesystem::path& folder, const std::string& url, 
 void addStoreCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& chosen) {
   struct Values {
     std::string from, to, gone;
-    bool begin_again = false, with_damaged = false;
+    bool begin_again = false;
   };
   const auto values = std::make_shared<Values>();
   auto* store = app.add_subcommand("store", "where the lab's database is");
@@ -163,10 +145,8 @@ void addStoreCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand&
       ->required()
       ->type_name("STORE");
   copy->add_flag("--begin-again", values->begin_again,
-                 "empty the unfinished copy in --to, and copy everything: somebody has worked with --from "
+                 "empty the unfinished copy in --to, and copy everything: a server has worked with --from "
                  "since");
-  copy->add_flag("--with-damaged", values->with_damaged,
-                 "also where chunks are damaged in --from: the copy has them as they are");
   store
       ->add_subcommand("list",
                        "other databases on PostgreSQL that may have this lab's people: a copy was begun "
@@ -197,8 +177,7 @@ void addStoreCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand&
       return copyStore(output, {.folder = to_postgres ? values->from : values->to,
                                 .url = to_postgres ? values->to : values->from,
                                 .to_postgres = to_postgres,
-                                .begin_again = values->begin_again,
-                                .with_damaged = values->with_damaged});
+                                .begin_again = values->begin_again});
     };
   });
 }

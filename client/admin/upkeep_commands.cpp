@@ -115,13 +115,15 @@ Status restore(const std::filesystem::path& folder, Output& output, const std::s
   options.holder = "needlelab-admin";
   options.create = false;
   ASSIGN_OR_RETURN(auto store, Store::open(folder, options));
-  Json again = Json::array();
-  for (const RestoredAccess& one : result.valid_again)
-    again.push_back({{"kind", one.station ? "station" : "user"}, {"name", one.name}, {"text", one.text}});
   const std::string kept = result.kept.empty() ? "none" : result.kept.string();
-  if (auto noted = store->service().note("local", "restore", from, "replaced database kept as " + kept);
-      !noted)
-    return noted;
+  Result<std::vector<RestoredAccess>> valid_again = std::vector<RestoredAccess>();
+  if (!result.kept.empty()) valid_again = noteAccessValidAgain(*store, result.kept);
+  RETURN_IF_ERROR(store->service().note("local", "restore", from, "replaced database kept as " + kept));
+  Json again = Json::array();
+  if (valid_again)
+    for (const RestoredAccess& one : *valid_again)
+      again.push_back({{"kind", one.station ? "station" : "user"}, {"name", one.name}, {"text", one.text}});
+  const std::string not_compared = valid_again ? "" : valid_again.error().message;
   if (auto shown = output.one({{"from", "restored from"},
                                {"sessions", "sessions checked"},
                                {"chunks", "chunks checked"},
@@ -133,7 +135,7 @@ Status restore(const std::filesystem::path& folder, Output& output, const std::s
                                {"kept", kept},
                                {"erasures_repeated", store->erasuresRepeated()},
                                {"valid_again", again},
-                               {"not_compared", result.not_compared}});
+                               {"not_compared", not_compared}});
       !shown)
     return shown;
   ASSIGN_OR_RETURN(const auto repeat, store->service().erasuresToRepeat());
@@ -143,13 +145,13 @@ Status restore(const std::filesystem::path& folder, Output& output, const std::s
       "Start the server: stations send again what this backup lacks and their spools have. Stations, people "
       "and "
       "profiles added after the backup have to be added again.");
-  for (const RestoredAccess& one : result.valid_again) output.text("valid again: " + oneLine(one.text));
-  if (!result.valid_again.empty())
-    output.text("Withdraw them anew before anybody connects: user disable, user passwd, station revoke.");
-  if (!result.not_compared.empty())
+  for (const Json& one : again) output.text("valid again: " + oneLine(one["text"].get<std::string>()));
+  if (!again.empty())
+    output.text("Withdraw them again before anybody connects: user disable, user passwd, station revoke.");
+  if (!not_compared.empty())
     output.text(
-        "The replaced database cannot be read (" + oneLine(result.not_compared) +
-        "): accounts and keys that were withdrawn after the backup are valid again; withdraw them anew.");
+        "The replaced database cannot be read (" + oneLine(not_compared) +
+        "): accounts and keys that were withdrawn after the backup are valid again; withdraw them again.");
   if (!result.kept.empty()) output.text("Back to the replaced database: deploy/OPERATIONS.md, Restore.");
   return {};
 }

@@ -5,11 +5,11 @@
 /// - BEGIN, SAVEPOINT and COMMIT are the engines' own (engine.h).
 /// Where the two do not do the same, a file asks which one it has (Connection::sqlite()). A test holds this
 /// list. Other SQL have
-/// - schema, copy_marks, check, connection: catalogues, versions, PRAGMA, the greatest number of a table;
+/// - schema, check, connection: catalogues, versions, PRAGMA, the greatest number of a table;
 /// - session_rows: a chunk is compared with its index entry by rowid, which PostgreSQL does itself;
 /// - retention_store, erasure: the database's size and room, statistics that hold values;
 /// - restored_backup: which server it is, and whether it is a standby;
-/// - copied_tables, store_copy: last numbers, lists as parameters, triggers, plans;
+/// - copied_tables, store_copy: last numbers, triggers, plans;
 /// - people, session_results, text_lists: many rows in one statement, by lists as parameters;
 /// - login_store: the database's clock, a lock of one table, rows that others have locked.
 /// Without SQL differ db_writer and session_appends (chunks in one statement, who keeps what a failed COMMIT

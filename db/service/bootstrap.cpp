@@ -16,7 +16,6 @@
 #include "common/base/text.h"
 #include "db/audit_head.h"
 #include "db/connection.h"
-#include "db/copy_marks.h"
 #include "db/database_files.h"
 #include "db/duties.h"
 #include "db/erasure.h"
@@ -29,7 +28,7 @@
 #include "db/service/lesson_texts.h"
 #include "db/service/other_stores.h"
 #include "db/service/restore.h"
-#include "db/service/store_switch.h"
+#include "db/service/store_move.h"
 #include "db/service/unseen_files.h"
 #include "db/store_address.h"
 
@@ -87,7 +86,8 @@ Status requireDatabase(const std::filesystem::path& folder, const Store::Options
 }
 
 /// Of a start whose servers work together.
-constexpr std::chrono::seconds kWaitForDuty{5};
+constexpr std::chrono::milliseconds kWaitForDuty{5000};
+constexpr int kTriesForDuty = 100;
 
 /// kUnavailable: others work on the database, and its schema is not theirs and this program's.
 Status requireNothingToMigrate(Connection& connection) {
@@ -107,9 +107,9 @@ Result<Connection> openToWrite(StoreAddress& address, Durability least) {
   RETURN_IF_ERROR(requireRights(connection));
   // a change that was killed may have left a log that holds the room for what comes now
   (void)connection.emptyLog(0);
-  RETURN_IF_ERROR(refuseUnfinishedCopy(connection));
   if (!connection.isAlone()) RETURN_IF_ERROR(requireNothingToMigrate(connection));
   RETURN_IF_ERROR(migrate(connection));
+  RETURN_IF_ERROR(refuseUnfinishedCopy(connection));
   if (address.isPostgres()) {
     ASSIGN_OR_RETURN(std::string lab, claimStore(connection, address));
     address.lab = {.lab = std::move(lab), .schema_version = newestSchemaVersion()};
@@ -124,6 +124,14 @@ Result<Connection> openToWrite(StoreAddress& address, Durability least) {
   return connection;
 }
 
+/// Why a start ends: nothing is served while people are back who were erased.
+Error mustBeErasedFirst(const std::filesystem::path& folder, const Error& why) {
+  return {why.code,
+          fmt::format("{}: people are in this database again who were erased, and are erased again before "
+                      "anything is served, which failed: {}. Make room on the disk, then start again",
+                      folder.string(), why.message)};
+}
+
 /// The connection of a store that writes nothing. `why`: the reason.
 Result<Connection> openFrozen(const std::filesystem::path& path, const Error& why) {
   ASSIGN_OR_RETURN(auto connection, Connection::open(path, {.mode = Connection::Mode::kFrozen}));
@@ -135,54 +143,13 @@ Result<Connection> openFrozen(const std::filesystem::path& path, const Error& wh
                              "which needs room: {}",
                              path.string(), found, newestSchemaVersion(), why.message)};
   RETURN_IF_ERROR(requireNewestSchema(connection));
-  return connection;
-}
-
-/// Why the start ends: nobody may be served while people are back who were erased.
-Error mustBeErasedFirst(const std::filesystem::path& folder, const Error& why) {
-  return {why.code,
-          fmt::format("{}: people are in this database again who were erased, and are erased anew "
-                      "before anybody is served, which failed: {}. Make room on the disk, then start "
-                      "again",
-                      folder.string(), why.message)};
-}
-
-/// After eraseBeforeServing() failed. Cuts the log, which else keeps the room that the attempt took.
-Error erasuresNotRepeated(Connection& connection, const Error& why) {
-  (void)connection.emptyLog(0);
-  return why.code == ErrorCode::kNoRoom ? mustBeErasedFirst(connection.path().parent_path(), why) : why;
-}
-
-/// Cuts the log of a database that nobody has open, as far as there is room for what was committed: an
-/// erasure that was killed may have left it, and it would keep the very room that the next start needs.
-void cutLog(const std::filesystem::path& path) {
-  if (auto writer = Connection::open(path, {.mode = Connection::Mode::kWriter})) (void)writer->emptyLog(0);
-}
-
-/// For a database that is only read: kNoRoom when erasures of DIR/erasures wait to be repeated. `why`: the
-/// reason that nothing is written.
-Status requireNoneToErase(Connection& frozen, const Error& why) {
-  const auto folder = frozen.path().parent_path();
-  const auto repeat = ErasureStore(frozen).toRepeat(folder);
+  const auto repeat = ErasureStore(connection).toRepeat(path.parent_path());
   // the server's log and `check` report a missing key or a broken list
-  if (!repeat && repeat.error().code == ErrorCode::kCorrupt) return {};
-  if (!repeat) return repeat.error();
-  for (const ErasureToRepeat& one : *repeat)
-    if (one.restored) return mustBeErasedFirst(folder, why);
-  return {};
-}
-
-/// Why nothing may be written, empty: it may be. Where erasures wait, it is asked again without the log: an
-/// erasure that was killed may have left one that holds the room.
-Result<std::string> whyReadOnly(const std::filesystem::path& path, const Store::Options& options) {
-  std::string why = options.read_only_because ? options.read_only_because() : "";
-  if (why.empty()) return why;
-  {
-    ASSIGN_OR_RETURN(auto frozen, openFrozen(path, {ErrorCode::kNoRoom, why}));
-    if (requireNoneToErase(frozen, {ErrorCode::kNoRoom, why})) return why;
-  }
-  cutLog(path);
-  return options.read_only_because();
+  if (!repeat && repeat.error().code != ErrorCode::kCorrupt) return repeat.error();
+  if (repeat)
+    for (const ErasureToRepeat& one : *repeat)
+      if (one.restored) return mustBeErasedFirst(path.parent_path(), why);
+  return connection;
 }
 
 }  // namespace
@@ -203,13 +170,10 @@ Result<FolderLock> FolderLock::take(const std::filesystem::path& folder, const s
                  (server ? "a server is running on " + folder.string() + " (" + who + "): use --server"
                          : folder.string() + " is in use by " + who + ": try again when it is done")};
   }
-  // only for the message above; the kernel holds the lock itself, so a full disk does not matter
+  // only for the message above, also on a full disk: the kernel holds the lock itself
   const std::string text = fmt::format("{}, process {}", holder, ::getpid());
-  if ((::ftruncate(fd, 0) != 0 ||
-       ::pwrite(fd, text.data(), text.size(), 0) != static_cast<ssize_t>(text.size())) &&
-      errno != ENOSPC && errno != EDQUOT) {
-    return systemError(path, "write");
-  }
+  [[maybe_unused]] const bool is_said =
+      ::ftruncate(fd, 0) == 0 && ::pwrite(fd, text.data(), text.size(), 0) > 0;
   return lock;
 }
 
@@ -300,25 +264,22 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
   std::unique_ptr<Store> store(new Store(std::move(lock)));
   store->leftovers_ = std::move(leftovers);
   std::string read_only_because;
-  if (!address.isPostgres()) {
-    ASSIGN_OR_RETURN(read_only_because, whyReadOnly(path, options));
-  }
+  if (!address.isPostgres() && options.read_only_because) read_only_because = options.read_only_because();
   auto connection = read_only_because.empty()
                         ? openToWrite(address, options.least_durability)
                         : Result<Connection>(Error{ErrorCode::kNoRoom, read_only_because});
   bool unfinished = false;
   if (connection) {
-    // before anybody is served: a restored backup does not know who was erased since, and a log from before
+    // before anything is served: a restored backup does not know who was erased since, and a log from before
     // the last end may still have what was erased
     const std::int64_t now_unix_ns = wallNowNs();
     const bool is_alone = connection->isAlone();
     std::optional<DutyLock> duty;
     if (!is_alone) {
       // others serve meanwhile, and wait for each erasure as for any; one that starts, too, is done soon
-      for (const auto until = std::chrono::steady_clock::now() + kWaitForDuty;;) {
+      for (int tries = 0; !duty && tries < kTriesForDuty; ++tries) {
+        if (tries > 0) std::this_thread::sleep_for(kWaitForDuty / kTriesForDuty);
         ASSIGN_OR_RETURN(duty, Duties(address).take(Duty::kErasure));
-        if (duty || std::chrono::steady_clock::now() >= until) break;
-        std::this_thread::sleep_for(std::chrono::milliseconds(50));
       }
       if (!duty)
         return Error{
@@ -327,7 +288,12 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
             "own folder first: start again when it is done"};
     }
     const auto repeated = eraseBeforeServing(*connection, now_unix_ns);
-    if (!repeated) return erasuresNotRepeated(*connection, repeated.error());
+    if (!repeated) {
+      // its log has the room that this attempt took
+      (void)connection->emptyLog(0);
+      return repeated.error().code == ErrorCode::kNoRoom ? mustBeErasedFirst(folder, repeated.error())
+                                                         : repeated.error();
+    }
     // What fails leaves it to the next start; `check` says it in any case. Another server may be about to
     // look at the files.
     if (is_alone) (void)tellUnseenFiles(*connection, now_unix_ns);
@@ -353,7 +319,7 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
       // what wants the database for itself is done
       RETURN_IF_ERROR(connection->letOthersIn());
     } else {
-      // of a database elsewhere, whose copy this one may be: the next one there begins anew
+      // of a database elsewhere, whose copy this one may be: the next one there begins again
       std::filesystem::remove(folder / kAcknowledgedFile, ignored);
     }
     RETURN_IF_ERROR(options.together ? store->shareLogins(*connection, address)
@@ -364,7 +330,6 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
     if (connection.error().code != ErrorCode::kNoRoom || address.isPostgres()) return connection.error();
     store->read_only_ = connection.error();
     ASSIGN_OR_RETURN(auto frozen, openFrozen(path, connection.error()));
-    RETURN_IF_ERROR(requireNoneToErase(frozen, connection.error()));
     constexpr std::size_t kMostIdle = 8;
     store->readers_ = std::make_unique<ReaderPool>(path, kMostIdle, Connection::Mode::kFrozen);
     store->writer_ = std::make_unique<DbWriter>(std::move(frozen), connection.error());

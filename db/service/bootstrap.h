@@ -52,21 +52,20 @@ class Store {
     bool together = false;
     DbWriter::Options writer = {};
     DbWriter::OnFatal on_fatal = {};
-    /// Says why the database must not be written to; empty: it may be. Called on the thread that opens, also
-    /// twice: the second time after what a killed program left was removed.
+    /// Says why the database must not be written to; empty: it may be. Called on the thread that opens, after
+    /// what a killed program left was removed.
     std::function<std::string()> read_only_because = {};
     TimeSource* time = &machineTime();      ///< the service's; must outlive the store
     std::filesystem::path backup_key = {};  ///< the file of the key that encrypts backups; empty: none
   };
-  /// Creates DIR (0700) and the database (0600) when they are missing, runs the migrations, loads the sample
-  /// profiles and curriculum into a new database, completes and repeats erasures, empties the log. Removes
-  /// what a killed program left in DIR. An existing database whose disk is full, or which must not be written
-  /// to, is opened read-only: its log is read, and nothing is written, neither into it nor beside it. Errors:
-  /// kUnavailable (locked; others work on the database, and it is not `together`, or its schema is older),
-  /// kNoRoom (the disk is full, and the database is new or has an older schema), kInvalidInput (backup_key;
-  /// together on SQLite; a pipe, device, socket or folder in a file's place; a newer schema; addressOf() and
-  /// claimStore(); what of PostgreSQL does not get right by itself, as wrongStore() says), kCorrupt, kFailed,
-  /// and the others of openPostgres().
+  /// Creates DIR (0700) and the database (0600) when they are missing, removes what a killed program left,
+  /// runs the migrations, loads the samples into a new database, completes and repeats erasures, empties the
+  /// log. An existing database whose disk is full, or which must not be written to, is opened read-only:
+  /// nothing is written, neither into it nor beside it. Errors: kUnavailable (locked; others work on the
+  /// database, and it is not `together`, or its schema is older), kNoRoom (the disk is full, and the database
+  /// is new, has an older schema, or waits for erasures), kInvalidInput (backup_key; together on SQLite; a
+  /// pipe, device, socket or folder in a file's place; addressOf() and claimStore(); wrongStore()), kCorrupt,
+  /// kFailed, and the others of openPostgres().
   static Result<std::unique_ptr<Store>> open(const std::filesystem::path& folder, const Options& options);
 
   Store(const Store&) = delete;
@@ -83,7 +82,7 @@ class Store {
   /// What the database lacks of what was acknowledged before this store was opened; empty: nothing.
   [[nodiscard]] std::string acknowledgedMissing() const { return acknowledged_ ? acknowledged_->lack() : ""; }
 
-  /// Ends the writer, when nobody calls the two above any more. What it commits is kept, too.
+  /// Ends the writer, once the two above are not called any more. What it commits is kept, too.
   void stopWriting();
 
   /// The name of this folder's server among those that work together (serverNameOf); empty: it is alone.

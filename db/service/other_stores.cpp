@@ -15,7 +15,7 @@
 #include "common/base/local_time.h"
 #include "common/base/text.h"
 #include "db/erasure_list.h"
-#include "db/service/store_switch.h"
+#include "db/service/store_move.h"
 #include "db/store_address.h"
 
 namespace needlelab {

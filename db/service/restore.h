@@ -5,9 +5,9 @@
 #include <filesystem>
 #include <string>
 #include <vector>
-#include "db/connection.h"
 
 #include "common/base/result.h"
+#include "db/service/bootstrap.h"
 
 namespace needlelab {
 
@@ -23,36 +23,29 @@ struct RestoredAccess {
   std::string text;  ///< "user tom: was disabled since the backup, and can log in again"
 };
 
-/// Compares people and stations of the replaced database with those of the restored one: finds accounts that
-/// were disabled, passwords and roles that were changed, and keys that were revoked or renewed since the
-/// backup, and are back in their earlier state. Excludes tokens: they exist only in a server's memory.
-/// Errors: a database cannot be read.
-Result<std::vector<RestoredAccess>> accessValidAgain(Connection& replaced, Connection& restored);
+/// Compares people and stations of the replaced database `kept` with those of the restored one, after its
+/// first start, which erases people again: finds accounts that were disabled, passwords and roles that were
+/// changed, and keys that were revoked or renewed since the backup, and are back in their earlier state. Adds
+/// a line to the audit log for each. Errors: a database cannot be read.
+Result<std::vector<RestoredAccess>> noteAccessValidAgain(Store& store, const std::filesystem::path& kept);
 
 struct RestoreResult {
   /// The replaced database, with its log beside it; empty: there was no database.
   std::filesystem::path kept;
   std::uint64_t sessions = 0, chunks = 0;  ///< in the restored database, all of them checked
-  /// Accesses that were withdrawn after the backup and are valid again: withdraw them again. Without people
-  /// whom the next start erases anew.
-  std::vector<RestoredAccess> valid_again;
   /// What there is to say about the list of erasures beside the backup (erasure_list.h).
   std::vector<std::string> erasure_notes;
-  std::string not_compared;  ///< the reason when valid_again is unknown because the replaced database cannot
-                             ///< be read; empty: known
 };
 
-/// Copies `from` beside DIR's database and checks *the copy* (structure, every chunk, every hash). Then,
-/// under the folder's lock, keeps the old database as needlelab.db.replaced-TIME (with its -wal) and puts
-/// the copy in its place, without a -wal or -shm. A crash at any instant leaves the old database or, once the
-/// decision is in DIR/restore.pending, the next start of any program on DIR completes the restore. Only reads
-/// `from`. `key_file` is the key of an encrypted backup, which the copy is decrypted with; empty: `from` is a
-/// plain one. The restored database's audit log lists the accesses withdrawn since the backup, as does its
-/// meta entry `access_valid_again` for the server's log. Errors: kUnavailable (a server
-/// runs on DIR), kInvalidInput (no such file, or it is DIR's own database; the key is missing, is another
-/// one, or is given for a plain backup; the list of erasures beside the backup is of another pseudonym.key
-/// than DIR's), kVersion (newer schema or format), kCorrupt (the backup or its copy fails its check, or that
-/// list cannot be read or is too long; nothing was changed), kNoRoom (for the copy), kFailed.
+/// Copies `from`, which it only reads, beside DIR's database and checks *the copy* (structure, every chunk,
+/// every hash). Then, under the folder's lock, keeps the old database as needlelab.db.replaced-TIME (with its
+/// -wal) and puts the copy in its place. A crash at any instant leaves the old database or, once the decision
+/// is in DIR/restore.pending, the next start of any program on DIR completes the restore. `key_file`: the key
+/// of an encrypted backup; empty: `from` is a plain one. Errors: kUnavailable (a server runs on DIR),
+/// kInvalidInput (no such file, or it is DIR's own database; the key is missing, is another one, or is given
+/// for a plain backup; the list of erasures beside the backup is of another pseudonym.key than DIR's),
+/// kVersion (newer schema or format), kCorrupt (the backup or its copy fails its check, or that list cannot
+/// be read or is too long; nothing was changed), kNoRoom (for the copy), kFailed.
 Result<RestoreResult> restoreFrom(const std::filesystem::path& folder, const std::filesystem::path& from,
                                   std::int64_t now_unix_ns, const std::filesystem::path& key_file = {});
 

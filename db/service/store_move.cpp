@@ -2,33 +2,26 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <optional>
+#include <system_error>
 #include <utility>
 
+#include "common/base/files.h"
 #include "common/base/uuid.h"
 #include "db/connection.h"
-#include "db/copy_marks.h"
 #include "db/database_files.h"
 #include "db/schema.h"
 #include "db/service/bootstrap.h"
 #include "db/service/data_folder.h"
 #include "db/service/other_stores.h"
 #include "db/service/restore.h"
-#include "db/service/store_switch.h"
 #include "db/store_address.h"
 
 namespace needlelab {
 namespace {
 
 constexpr const char* kMoveHolder = "needlelab-admin store copy";
-
-/// The lab's id; empty: none yet.
-Result<std::string> labIdOf(Connection& connection) {
-  ASSIGN_OR_RETURN(const int version, schemaVersion(connection));
-  if (version == 0) return std::string();
-  ASSIGN_OR_RETURN(auto id, MetaStore(connection).get(kLabKey));
-  return std::move(id).value_or("");
-}
 
 class StoreMover {
  public:
@@ -43,16 +36,14 @@ class StoreMover {
     if (moved_.was_done) return moved_;
     RETURN_IF_ERROR(openCopy());
     RETURN_IF_ERROR(openSource());
-    // before it has anybody: whoever gives the copy up knows where people are
+    // before it has people: a copy that is given up is known
     if (move_.to_postgres)
       RETURN_IF_ERROR(
           rememberOtherStore(move_.folder, {move_.url, move_.now_unix_ns, OtherStore::Kind::kCopy}));
     ASSIGN_OR_RETURN(moved_.copied, copyRows(*from_, *to_, move_.copy));
     ASSIGN_OR_RETURN(moved_.compared, compareRows(*from_, *to_, move_.copy));
-    if (moved_.compared.damaged_chunks > 0 && !move_.with_damaged) return moved_;
     RETURN_IF_ERROR(endCopy(*to_, *mark_));
     RETURN_IF_ERROR(move_.to_postgres ? endOnPostgres() : endOnSqlite());
-    moved_.switched = true;
     return moved_;
   }
 
@@ -82,39 +73,31 @@ class StoreMover {
 
   Status wantSqlite(bool has_database, const std::optional<StoreFile>& file) {
     moved_.was_done = !has_database && file && file->url == move_.url;
-    if (moved_.was_done) return {};
-    if (file)
-      return Error{ErrorCode::kInvalidInput,
-                   fmt::format("--from {0}: its database is on PostgreSQL ({0}/{1}), from where PostgreSQL's "
-                               "own tools take it to another database (pg_dump)",
-                               move_.folder.string(), kStoreFile)};
-    if (!has_database)
-      return Error{ErrorCode::kInvalidInput,
-                   fmt::format("--from {}: there is no needlelab.db here", move_.folder.string())};
-    return {};
+    if (moved_.was_done || (has_database && !file)) return {};
+    return Error{
+        ErrorCode::kInvalidInput,
+        file ? fmt::format("--from {0}: its database is on PostgreSQL ({0}/{1}), from where PostgreSQL's "
+                           "own tools take it to another database (pg_dump)",
+                           move_.folder.string(), kStoreFile)
+             : fmt::format("--from {}: there is no needlelab.db here", move_.folder.string())};
   }
 
   Status wantPostgres(bool has_database, const std::optional<StoreFile>& file) {
     if (has_database) {
-      ASSIGN_OR_RETURN(auto here, Connection::open(database_, {.mode = Connection::Mode::kReader}));
-      ASSIGN_OR_RETURN(auto there, openAt(on_postgres_, Connection::Mode::kReader));
-      ASSIGN_OR_RETURN(const auto here_id, labIdOf(here));
-      ASSIGN_OR_RETURN(const auto there_id, labIdOf(there));
-      moved_.was_done = !file && !here_id.empty() && here_id == there_id;
+      ASSIGN_OR_RETURN(const auto others, readOtherStores(move_.folder));
+      moved_.was_done = !file && std::any_of(others.begin(), others.end(), [&](const OtherStore& other) {
+        return other.url == move_.url && other.kind == OtherStore::Kind::kLeft;
+      });
       if (moved_.was_done) return {};
-      return Error{
-          ErrorCode::kInvalidInput,
-          fmt::format("--to {}: has a database of its own, needlelab.db: give the data folder of the "
-                      "lab whose database is on PostgreSQL",
-                      move_.folder.string())};
     }
-    if (!file)
-      return Error{
-          ErrorCode::kInvalidInput,
-          fmt::format("--to {}: is not the data folder of the lab whose database is at --from: it has "
-                      "no file {}. The lab's keys lie in that folder, and nobody can check the audit "
-                      "log without them: give that folder, or a copy of it",
-                      move_.folder.string(), kStoreFile)};
+    if (has_database || !file)
+      return Error{ErrorCode::kInvalidInput,
+                   fmt::format("--to {}: {}: give the data folder of the lab whose database is at --from, or "
+                               "a copy of it",
+                               move_.folder.string(),
+                               has_database ? "has a database of its own, needlelab.db"
+                                            : "has no file store. The lab's keys lie in that folder, and the "
+                                              "audit log cannot be checked without them")};
     lab_ = file->lab;
     url_of_folder_ = file->url;
     return {};
@@ -133,15 +116,10 @@ class StoreMover {
                        Connection::open(copying_, {.mode = Connection::Mode::kWriter, .create = true}));
       to_.emplace(std::move(opened));
     }
-    ASSIGN_OR_RETURN(const int version, schemaVersion(*to_));
     ASSIGN_OR_RETURN(mark_, readCopyMark(*to_));
-    const bool is_old = version != 0 && version < newestSchemaVersion();
-    if (is_old && (!mark_ || !move_.begin_again))
-      return Error{
-          ErrorCode::kInvalidInput,
-          fmt::format("--to {}: {} of version {} of the schema, and this program's is {}{}", copyText(),
-                      mark_ ? "is an unfinished copy" : "is in use, by a lab", version, newestSchemaVersion(),
-                      mark_ ? ": --begin-again empties it, and copies everything" : "")};
+    ASSIGN_OR_RETURN(const int version, schemaVersion(*to_));
+    // the database of a lab is not changed
+    if (!mark_ && version != 0) RETURN_IF_ERROR(requireNewestSchema(*to_));
     RETURN_IF_ERROR(migrate(*to_));
     if (mark_ && move_.begin_again) {
       RETURN_IF_ERROR(emptyCopy(*to_));
@@ -163,7 +141,8 @@ class StoreMover {
     ASSIGN_OR_RETURN(auto opened, openToServe(address, Durability::kNothing));
     from_.emplace(std::move(opened));
     RETURN_IF_ERROR(requireNewestSchema(*from_));
-    ASSIGN_OR_RETURN(const auto found, labIdOf(*from_));
+    ASSIGN_OR_RETURN(const auto id, MetaStore(*from_).get(kLabKey));
+    const std::string found = id.value_or("");
     if (!move_.to_postgres && found != lab_)
       return Error{ErrorCode::kInvalidInput,
                    fmt::format("--from: {} belongs to the lab {}, and this database to {}: check the address",
@@ -197,7 +176,7 @@ class StoreMover {
     }
     return Error{
         ErrorCode::kInvalidInput,
-        fmt::format("--to {}: is an unfinished copy, but not of {} as it is now: somebody has worked "
+        fmt::format("--to {}: is an unfinished copy, but not of {} as it is now: a program has worked "
                     "with that since (a server was started), or it is another lab's. --begin-again "
                     "empties the copy, and copies everything",
                     copyText(), sourceText())};
@@ -218,11 +197,15 @@ class StoreMover {
     return beginCopy(*to_, *mark_);
   }
 
+  /// Each switch is one rename, after which finishStoreSwitch() does the rest.
   Status endOnPostgres() {
     const auto emptied = from_->emptyLog(0);
     if (!emptied) return emptied.error();
     from_.reset();
-    ASSIGN_OR_RETURN(moved_.kept, switchToPostgres(move_.folder, move_.url, lab_, move_.now_unix_ns));
+    const std::string kept = freeNameIn(move_.folder, kReplacedDatabase, move_.now_unix_ns);
+    RETURN_IF_ERROR(writeStoreFile(move_.folder, {move_.url, lab_, kept}));
+    RETURN_IF_ERROR(finishStoreSwitch(move_.folder));
+    moved_.kept = move_.folder / kept;
     RETURN_IF_ERROR(noteStoreInUse(move_.folder, move_.url));
     return leaveCopyMarks(*to_);
   }
@@ -232,7 +215,10 @@ class StoreMover {
     // --from may be another address of it, or another database of this lab
     for (const std::string& url : {url_of_folder_, move_.url})
       RETURN_IF_ERROR(rememberOtherStore(move_.folder, {url, move_.now_unix_ns, OtherStore::Kind::kLeft}));
-    ASSIGN_OR_RETURN(moved_.kept, switchToSqlite(move_.folder, move_.now_unix_ns));
+    moved_.kept = move_.folder / freeNameIn(move_.folder, kReplacedStoreFile, move_.now_unix_ns);
+    RETURN_IF_ERROR(renameInFolder(move_.folder / kStoreFile, moved_.kept));
+    RETURN_IF_ERROR(syncFolder(move_.folder));
+    RETURN_IF_ERROR(finishStoreSwitch(move_.folder));
     ASSIGN_OR_RETURN(auto opened, Connection::open(database_, {.mode = Connection::Mode::kWriter}));
     return leaveCopyMarks(opened);
   }
@@ -254,6 +240,25 @@ Result<StoreMoved> moveStore(const StoreMove& move) {
   auto moved = StoreMover(move).run();
   if (!moved) return wrongStore(moved.error());
   return moved;
+}
+
+Status finishStoreSwitch(const std::filesystem::path& folder) {
+  ASSIGN_OR_RETURN(auto file, readStoreFile(folder));
+  if (file && !file->kept.empty()) {
+    RETURN_IF_ERROR(keepReplacedDatabase(folder, file->kept, folder / kStoreFile));
+    file->kept.clear();
+    return writeStoreFile(folder, *file);
+  }
+  const auto database = folder / kDatabaseFile, copy = folder / kCopyingDatabase;
+  std::error_code error;
+  if (file || std::filesystem::exists(database, error) || !std::filesystem::exists(copy, error)) return {};
+  {
+    ASSIGN_OR_RETURN(auto reader, Connection::open(copy, {.mode = Connection::Mode::kReader}));
+    ASSIGN_OR_RETURN(const auto mark, readCopyMark(reader));
+    if (!mark || !mark->compared) return {};  // it was not decided
+  }
+  RETURN_IF_ERROR(renameInFolder(copy, database));
+  return syncFolder(folder);
 }
 
 }  // namespace needlelab

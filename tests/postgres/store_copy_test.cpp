@@ -42,7 +42,6 @@ class StoreCopyTest : public testing::Test {
     ASSERT_OK(copyRows(from, to, {}));
     const auto compared = compareRows(from, to, {});
     ASSERT_OK(compared);
-    EXPECT_EQ(compared->damaged_chunks, 0u);
     EXPECT_GE(compared->chunks, 4u);
     ASSERT_OK(endCopy(to, mark()));
     ASSERT_OK(leaveCopyMarks(to));
@@ -183,29 +182,6 @@ TEST_F(StoreCopyTest, whatSomebodyChangedInTheCopyIsFoundByTableKeyAndColumn) {
     ASSERT_OK(there.script("ROLLBACK"));
   }
   ASSERT_OK(compareRows(source, there, {}));
-}
-
-TEST_F(StoreCopyTest, aDamagedChunkIsNamedAndCopiedAsItIs) {
-  Connection source = filledSqlite();
-  ASSERT_EQ(numberIn(source, "SELECT count(*) FROM quarantined_chunks WHERE session = 2 AND seq = 1"), 1);
-  // one bit in the middle; the CRC at the end stays
-  auto row = source.prepare("SELECT bytes FROM chunks WHERE session = 1 AND seq = 2");
-  ASSERT_TRUE(*row.step());
-  std::string bytes = row.text(0);
-  bytes[bytes.size() / 2] = static_cast<char>(bytes[bytes.size() / 2] ^ 4);
-  ASSERT_OK(source.run("UPDATE chunks SET bytes = ? WHERE session = 1 AND seq = 2", viewOf(bytes)));
-  ASSERT_OK(source.run("UPDATE chunks SET bytes = zeroblob(length(bytes)) WHERE session = 2 AND seq = 1"));
-  ASSERT_OK(source.run("UPDATE derived_chunks SET crc = crc + 1 WHERE session = 3"));
-  Connection there = emptyPostgres("a");
-  ASSERT_OK(beginCopy(there, mark()));
-  ASSERT_OK(copyRows(source, there, {}));
-  const auto compared = compareRows(source, there, {});
-  ASSERT_OK(compared);
-  EXPECT_EQ(compared->known_damaged, 1u) << "it is in quarantine";
-  ASSERT_EQ(compared->damaged_chunks, 2u);
-  EXPECT_THAT(compared->damaged,
-              testing::UnorderedElementsAre(HasSubstr("chunks, session 1, chunk 2: "),
-                                            HasSubstr("derived_chunks, session 3, chunk 0: ")));
 }
 
 TEST_F(StoreCopyTest, aRowThatPostgresDoesNotTakeIsNamed) {

@@ -12,7 +12,6 @@
 #include "common/base/files.h"
 #include "db/schema.h"
 #include "db/service/store_move.h"
-#include "db/service/store_switch.h"
 #include "tests/support/postgres_database.h"
 #include "tests/unit/client/admin/run_admin.h"
 

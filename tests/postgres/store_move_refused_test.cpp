@@ -82,21 +82,6 @@ TEST_F(StoreMoveTest, aRowThatIsChangedBehindTheCopysBackKeepsTheLabWhereItWas) 
   expectSound(false, 1);
 }
 
-TEST_F(StoreMoveTest, damagedChunksAreNamedAndTheLabStaysUnlessItIsAskedToGo) {
-  addSession(3, false, "UPDATE chunks SET bytes = zeroblob(length(bytes)) WHERE seq = 1");
-  const Run refused = copyTo();
-  EXPECT_EQ(refused.code, 1);
-  EXPECT_THAT(refused.out, HasSubstr("damaged: chunks, session 1, chunk 1"));
-  EXPECT_THAT(refused.err, HasSubstr("a chunk is damaged in the source"));
-  EXPECT_TRUE(std::filesystem::exists(lab("needlelab.db")));
-  EXPECT_FALSE(std::filesystem::exists(lab("store")));
-  const Run moved = copyTo({"--with-damaged"});
-  EXPECT_EQ(moved.code, 0) << moved.err;
-  EXPECT_FALSE(std::filesystem::exists(lab("needlelab.db")));
-  const Run check = onData({"check"});
-  EXPECT_EQ(check.code, 1) << "the copy is as good as its original";
-}
-
 TEST_F(StoreMoveTest, whoWorksWithOneOfTheTwoKeepsTheCopyFromBeginning) {
   addSession(1);
   {

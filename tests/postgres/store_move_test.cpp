@@ -146,7 +146,6 @@ TEST_F(StoreMoveTest, killedWithSignalNineItGoesOn) {
     }
     ASSERT_OK(moved);
     EXPECT_TRUE(moved->went_on);
-    EXPECT_TRUE(moved->switched);
     EXPECT_EQ(chunks, 20u - 4 * 3) << "what was committed stays";
     EXPECT_EQ(moved->compared.chunks, 20u);
     expectSound(to_postgres, 1);

@@ -485,21 +485,6 @@ TEST_F(ErasureStoreTest, theReplyNamesEveryTableThatStillHasTheLettersOfTheName)
             "such as backup_path. ");
 }
 
-TEST_F(ErasureStoreTest, whatARestoreLeftForTheLogLosesThePerson) {
-  MetaStore meta(db.writer);
-  const auto left = [&](const std::string& text) {
-    EXPECT_OK(PeopleStore(db.writer).add({"user", pb::TRAINEE, "", false, 1}));
-    EXPECT_OK(meta.set("access_valid_again", text));
-    EXPECT_OK(erase("user"));
-    EXPECT_OK(db.writer.run("DELETE FROM erasures"));
-    return **meta.get("access_valid_again");
-  };
-  EXPECT_EQ(left("user user: was disabled"), "");
-  EXPECT_EQ(left("user anna: was disabled; user user: was disabled; station user: was revoked"),
-            "user anna: was disabled; station user: was revoked");
-  EXPECT_EQ(left("user users: was disabled"), "user users: was disabled");
-}
-
 TEST_F(ErasureStoreTest, theLastAdministratorIsNotErased) {
   ASSERT_OK(PeopleStore(db.writer).add({"ada", pb::ADMINISTRATOR, "h", false, 1}));
   EXPECT_EQ(erase("ada").error().code, ErrorCode::kDenied);

@@ -100,7 +100,7 @@ TEST_F(UpkeepCommands, aRestoreBringsBackThePeopleOfTheBackupAndNamesWhatIsValid
   EXPECT_THAT(restored.out, HasSubstr("Start the server"));
   EXPECT_THAT(restored.out, HasSubstr("\nvalid again: user ines: was disabled\n"));
   EXPECT_THAT(restored.out, HasSubstr("\nvalid again: station lab 1: its key was revoked\n"));
-  EXPECT_THAT(restored.out, HasSubstr("Withdraw them anew before anybody connects"));
+  EXPECT_THAT(restored.out, HasSubstr("Withdraw them again before anybody connects"));
   EXPECT_EQ(good({"audit", "--limit", "1", "--json"}).rows().at(0).at("action"), "restore");
 }
 
