@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <csignal>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -106,7 +107,10 @@ pid_t threadOf(pid_t process, const std::string& name) {
   return -1;
 }
 
+// Beside other work the emulated device reports too late, and there is no force that a crash could leave.
 TEST_F(StationWithFalcon, aCrashOfTheDevicesOwnThreadLeavesNoTorque) {
+  if (std::getenv("NEEDLELAB_MAY_FIFO") == nullptr)
+    GTEST_SKIP() << "deploy/test runs it alone: NEEDLELAB_MAY_FIFO=1";
   falcon_.plug();
   const auto child = station(lesson("600", "wait"));
   home(*child);

@@ -7,6 +7,8 @@
 #include <set>
 #include <thread>
 
+#include "tests/support/run_form.h"
+
 namespace needlelab {
 namespace {
 
@@ -39,6 +41,7 @@ bool surelyLess(const LoopTimes& a, const LoopTimes& b) {
 // Idle and beside two busy threads: outside the printed intervals no pair of models changes its order. The
 // margins are formulas and the same.
 TEST(MeasureCosts, twoRunsIdleAndBesideLoadGiveTheSameOrderOutsideTheirIntervals) {
+  if (!test::longForm()) GTEST_SKIP() << "compares times: NEEDLELAB_LONG=1";
   const auto idle = measureCosts(0.3, quiet);
   std::atomic<bool> done{false};
   std::thread busy([&] {
