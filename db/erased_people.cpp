@@ -12,6 +12,7 @@
 #include "db/audit.h"
 #include "db/erasure.h"
 #include "db/people.h"
+#include "db/person_name.h"
 #include "db/unknown_trainees.h"
 
 namespace needlelab {

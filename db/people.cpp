@@ -8,15 +8,12 @@
 
 #include "common/base/text.h"
 #include "db/documents.h"
-#include "db/pseudonyms.h"
+#include "db/person_name.h"
 #include "db/text_lists.h"
 #include "db/text_pages.h"
 
 namespace needlelab {
 namespace {
-
-/// Who stands in the audit log and beside removed recordings without being a person.
-constexpr std::string_view kOwnWriters[] = {"local", "retention", "erasure"};
 
 constexpr std::string_view kSelectPeople =
     "SELECT name, role, password_hash, disabled, created_unix_ns, full_name,"
@@ -100,32 +97,16 @@ Error inTooManyGroups(const std::string& group_id, const std::string& member) {
 
 }  // namespace
 
-Status checkNotReserved(std::string_view field, std::string_view name) {
-  const std::string small = lowerCase(name);
-  if (small == kServerName ||
-      std::find(std::begin(kOwnWriters), std::end(kOwnWriters), small) != std::end(kOwnWriters))
-    return Error{ErrorCode::kInvalidInput,
-                 std::string(field) + ": '" + std::string(name) +
-                     "' is the name under which the server itself writes: take another one"};
-  if (small.starts_with("local:"))
-    return Error{ErrorCode::kInvalidInput,
-                 std::string(field) + ": '" + std::string(name) +
-                     "' begins with 'local:', as the audit log calls those who work on the data folder: take "
-                     "another one"};
-  return checkNoPseudonym(field, name);
-}
-
 Status PeopleStore::add(const Person& person) {
-  RETURN_IF_ERROR(checkNewName("name", person.name));
-  RETURN_IF_ERROR(checkNotReserved("name", person.name));
+  RETURN_IF_ERROR(checkNewPersonName("name", person.name));
   RETURN_IF_ERROR(checkRoleOfPerson(person.role));
   RETURN_IF_ERROR(checkNewText("full_name", person.full_name, 0, 200));
-  ASSIGN_OR_RETURN(const auto known, find(person.name));
-  if (known) return Error{ErrorCode::kAlreadyExists, "there is already a person named '" + person.name + "'"};
+  ASSIGN_OR_RETURN(const auto known, findSame(person.name));
+  if (known) return Error{ErrorCode::kAlreadyExists, sameNameQuestion(known->name, person.name)};
   return connection_.run(
-      "INSERT INTO people (name, role, password_hash, disabled, created_unix_ns,"
-      " full_name, changed_unix_ns, code_hash) VALUES (?,?,nullif(?, ''),?,?,?,?,nullif(?, ''))",
-      person.name, static_cast<int>(person.role), person.password_hash, person.disabled,
+      "INSERT INTO people (name, folded, role, password_hash, disabled, created_unix_ns,"
+      " full_name, changed_unix_ns, code_hash) VALUES (?,?,?,nullif(?, ''),?,?,?,?,nullif(?, ''))",
+      person.name, nameKey(person.name), static_cast<int>(person.role), person.password_hash, person.disabled,
       person.created_unix_ns, person.full_name, person.created_unix_ns, person.code_hash);
 }
 
@@ -191,6 +172,10 @@ Status PeopleStore::setDisabled(std::string_view name, bool disabled, std::strin
 
 Result<std::optional<Person>> PeopleStore::find(std::string_view name) {
   return connection_.query(std::string(kSelectPeople) + "WHERE name = ?", name).first(personOf);
+}
+
+Result<std::optional<Person>> PeopleStore::findSame(std::string_view name) {
+  return connection_.query(std::string(kSelectPeople) + "WHERE folded = ?", nameKey(name)).first(personOf);
 }
 
 Result<std::map<std::string, Person>> PeopleStore::findAll(std::span<const std::string> names) {

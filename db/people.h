@@ -18,12 +18,6 @@
 
 namespace needlelab {
 
-/// Under this name the server writes remarks and lines of the audit log of its own: nobody is added under it.
-inline constexpr const char* kServerName = "server";
-/// kInvalidInput: the audit log has it for the server, for what runs by itself or for the command line
-/// ("local:root"), or it has the form of an erased person's, in whatever case.
-Status checkNotReserved(std::string_view field, std::string_view name);
-
 /// Name, role, hashes of password and code. A person is disabled, not deleted, because sessions and the audit
 /// log refer to the name; to delete a person's data, erase the person (erasure.h).
 struct Person {
@@ -51,7 +45,8 @@ class PeopleStore {
  public:
   explicit PeopleStore(Connection& connection) : connection_(connection) {}
 
-  /// Errors: kInvalidInput (name, role, full name), kAlreadyExists.
+  /// Errors: kInvalidInput (name, by checkNewPersonName(); role; full name), kAlreadyExists (a name with the
+  /// same nameKey()).
   Status add(const Person& person);
   /// kNotFound.
   Status setPasswordHash(std::string_view name, std::string_view hash);
@@ -68,6 +63,8 @@ class PeopleStore {
                      std::int64_t now_unix_ns = 0);
   /// Nothing when there is no such person.
   Result<std::optional<Person>> find(std::string_view name);
+  /// The person whose name has the same nameKey().
+  Result<std::optional<Person>> findSame(std::string_view name);
   /// Those of the names that are there, by name; one statement.
   Result<std::map<std::string, Person>> findAll(std::span<const std::string> names);
   /// Sorted by name.

@@ -10,6 +10,7 @@
 #include "common/base/files.h"
 #include "common/base/secret.h"
 #include "common/base/text.h"
+#include "db/person_name.h"
 #include "db/service/requests.h"
 
 namespace needlelab {
@@ -177,7 +178,8 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
     chosen.may_create = true;
     chosen.check = [values]() -> Status {
       RETURN_IF_ERROR(parseRole(values->role));
-      return checkNewName("name", values->name);
+      values->name = trimmedName(values->name);
+      return checkNewPersonName("name", values->name);
     };
     chosen.run = [&global, &chosen, values](CommandContext& context) -> Status {
       const auto role = parseRole(values->role);

@@ -11,6 +11,7 @@ CREATE TABLE meta (
 -- revision: of what can be changed of a person; password and consent are not part of it.
 CREATE TABLE people (
   name            TEXT PRIMARY KEY CHECK (length(name) BETWEEN 1 AND 64),
+  folded          TEXT NOT NULL UNIQUE,        -- nameKey(): two names with one key are one (person_name.h)
   role            INTEGER NOT NULL CHECK (role BETWEEN 1 AND 6 AND role <> 5),
   password_hash   TEXT,                        -- argon2id; NULL: cannot log in
   disabled        INTEGER NOT NULL DEFAULT 0 CHECK (disabled IN (0, 1)),

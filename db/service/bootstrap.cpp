@@ -20,6 +20,7 @@
 #include "db/duties.h"
 #include "db/erasure.h"
 #include "db/free_parts.h"
+#include "db/person_name.h"
 #include "db/pseudonyms.h"
 #include "db/schema.h"
 #include "db/seen_time.h"
@@ -101,6 +102,12 @@ Status requireNothingToMigrate(Connection& connection) {
                   found, newestSchemaVersion())};
 }
 
+Status refreshNames(Connection& connection) {
+  ASSIGN_OR_RETURN(auto transaction, Transaction::begin(connection, Transaction::Kind::kWrite));
+  RETURN_IF_ERROR(refreshNameKeys(connection));
+  return transaction.commit();
+}
+
 /// The writer's connection, with the newest schema. Sets `address.lab`.
 Result<Connection> openToWrite(StoreAddress& address, Durability least) {
   ASSIGN_OR_RETURN(auto connection, openToServe(address, least));
@@ -119,6 +126,7 @@ Result<Connection> openToWrite(StoreAddress& address, Durability least) {
   }
   RETURN_IF_ERROR(leaveCopyMarks(connection));
   RETURN_IF_ERROR(fillNewDatabase(connection));
+  RETURN_IF_ERROR(refreshNames(connection));
   // a key that is no key is refused here, and not by the first change
   RETURN_IF_ERROR(beginAuditHead(connection, wallNowNs()));
   return connection;

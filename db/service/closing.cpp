@@ -12,7 +12,7 @@
 #include "common/profile/profile.h"
 #include "common/scoring/syringe_events.h"
 #include "db/audit.h"
-#include "db/people.h"
+#include "db/person_name.h"
 #include "db/schema.h"
 #include "db/seen_time.h"
 #include "db/service/handlers.h"

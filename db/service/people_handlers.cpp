@@ -11,6 +11,7 @@
 #include "db/credentials.h"
 #include "db/erasure.h"
 #include "db/people.h"
+#include "db/person_name.h"
 #include "db/service/code_guard.h"
 #include "db/service/code_tries.h"
 #include "db/service/handlers.h"
@@ -164,18 +165,16 @@ Status ownOnly(const Context& context, const std::string& name, const std::strin
 }
 
 Result<pb::Reply> addUser(const Context& context, const pb::AddUser& call) {
+  const std::string name(trimmedName(call.name()));
   // do the slow part first, on this thread; the writer's thread only stores
-  RETURN_IF_ERROR(checkNewName("name", call.name()));
-  RETURN_IF_ERROR(checkNotReserved("name", call.name()));
+  RETURN_IF_ERROR(checkNewPersonName("name", name));
   RETURN_IF_ERROR(mayManage(context, call.role()));
-  ASSIGN_OR_RETURN(const auto hash, hashFor(call.role(), call.name(), call.password()));
-  Person person{call.name(), call.role(), hash, false, context.now_unix_ns, call.full_name()};
-  RETURN_IF_ERROR(
-      write(context, call.name(), std::string(roleName(call.role())), [&](Connection& writer) -> Status {
-        ASSIGN_OR_RETURN(person.created_unix_ns,
-                         ErasureStore(writer).addedAt(person.name, context.now_unix_ns));
-        return PeopleStore(writer).add(person);
-      }));
+  ASSIGN_OR_RETURN(const auto hash, hashFor(call.role(), name, call.password()));
+  Person person{name, call.role(), hash, false, context.now_unix_ns, call.full_name()};
+  RETURN_IF_ERROR(write(context, name, std::string(roleName(call.role())), [&](Connection& writer) -> Status {
+    ASSIGN_OR_RETURN(person.created_unix_ns, ErasureStore(writer).addedAt(person.name, context.now_unix_ns));
+    return PeopleStore(writer).add(person);
+  }));
   return doneReply();
 }
 

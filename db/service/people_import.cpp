@@ -16,6 +16,7 @@
 #include "db/credentials.h"
 #include "db/erasure.h"
 #include "db/people.h"
+#include "db/person_name.h"
 #include "db/service/handlers.h"
 #include "db/service/requests.h"
 
@@ -93,6 +94,14 @@ std::vector<std::string> idsOf(const std::string& cell) {
     at = end + 1;
   }
   return ids;
+}
+
+std::string standsAlready(const ImportRow& first, const std::string& name) {
+  if (first.person.name == name) return fmt::format("stands in line {} already", first.line);
+  return fmt::format(
+      "stands in line {} already, written '{}': is it the same person? Then leave one of the two "
+      "lines out, else take another name",
+      first.line, first.person.name);
 }
 
 class PeopleTable {
@@ -334,7 +343,7 @@ class PeopleTable {
       return found == columns_.end() || found->second >= cells.cells.size() ? std::string()
                                                                             : cells.cells[found->second];
     };
-    row.person.name = cell("name");
+    row.person.name = trimmedName(cell("name"));
     row.person.full_name = cell("full_name");
     row.full_name_given = !row.person.full_name.empty();
     row.password = cell("password");
@@ -373,8 +382,8 @@ class PeopleTable {
       check("password", checkStaffPassword(row.password, row.person.name));
     if (row.has_code) check("code", checkCode(row.code));
     if (row.what != pb::PeopleImport::FAULT) {
-      const auto [first, is_new] = lines_.emplace(row.person.name, row.line);
-      if (!is_new) row.fault("name", fmt::format("stands in line {} already", first->second));
+      const auto [first, is_new] = lines_.emplace(nameKey(row.person.name), rows_.size());
+      if (!is_new) row.fault("name", standsAlready(rows_[first->second], row.person.name));
     }
     rows_.push_back(std::move(row));
   }
@@ -399,9 +408,10 @@ class PeopleTable {
       row.what = pb::PeopleImport::ADD;
       row.text = "added as " + std::string(roleName(row.person.role)) + (joins.empty() ? "" : ", " + joins) +
                  (row.has_password ? ", with a password" : "") + (row.has_code ? ", with a code" : "");
-      for (const auto& valid :
-           {checkNewName("name", row.person.name), checkNotReserved("name", row.person.name)})
-        if (!valid) row.fault("name", valid.error().message);
+      if (auto valid = checkNewPersonName("name", row.person.name); !valid)
+        row.fault("name", valid.error().message);
+      ASSIGN_OR_RETURN(const auto same, PeopleStore(connection).findSame(row.person.name));
+      if (same) row.fault("name", sameNameQuestion(same->name, row.person.name));
       if (auto may = mayManage(context_, row.person.role); !may) row.fault("role", may.error().message);
       if (!row.has_password && row.person.role != pb::TRAINEE)
         row.fault("password", "is missing: only trainees do without");
@@ -448,7 +458,7 @@ class PeopleTable {
 
   const Context& context_;
   std::map<std::string, std::size_t> columns_;
-  std::map<std::string, std::uint32_t> lines_;  ///< by name
+  std::map<std::string, std::size_t> lines_;  ///< indices into rows_, by nameKey()
   std::vector<ImportRow> rows_;
 };
 

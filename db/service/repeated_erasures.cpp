@@ -9,7 +9,7 @@
 
 #include "db/audit.h"
 #include "db/erasure.h"
-#include "db/people.h"
+#include "db/person_name.h"
 #include "db/service/erasures.h"
 
 namespace needlelab {

@@ -15,7 +15,7 @@
 #include "common/profile/profile.h"
 #include "common/scoring/motion_cost.h"
 #include "common/scoring/syringe_events.h"
-#include "db/people.h"
+#include "db/person_name.h"
 #include "db/schema.h"
 #include "db/session_results.h"
 #include "db/session_store.h"

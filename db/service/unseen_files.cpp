@@ -16,7 +16,7 @@
 #include "common/base/time_source.h"
 #include "db/audit.h"
 #include "db/erasure.h"
-#include "db/people.h"
+#include "db/person_name.h"
 #include "db/schema.h"
 #include "db/service/files_of_erased.h"
 #include "db/service/handlers.h"

@@ -10,7 +10,7 @@
 #include "common/base/bytes.h"
 #include "common/base/clock.h"
 #include "common/base/text.h"
-#include "db/people.h"
+#include "db/person_name.h"
 #include "server/base/log.h"
 #include "server/live/connection.h"
 #include "server/live/request_effects.h"

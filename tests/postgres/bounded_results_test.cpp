@@ -412,8 +412,8 @@ TEST_F(BoundedResults, theEventsOfASessionAreOneStatement) {
 
 TEST_F(BoundedResults, theMembersOfAGroupAreOneStatement) {
   ASSERT_OK(
-      db.writer.run("INSERT INTO people (name, role, disabled, created_unix_ns, changed_unix_ns)"
-                    " SELECT 'p' || i, 1, 0, 1, 1 FROM generate_series(1, 300) AS i"));
+      db.writer.run("INSERT INTO people (name, folded, role, disabled, created_unix_ns, changed_unix_ns)"
+                    " SELECT 'p' || i, 'p' || i, 1, 0, 1, 1 FROM generate_series(1, 300) AS i"));
   pb::Group group;
   group.set_id("year-1");
   group.set_name("Year 1");

@@ -204,7 +204,8 @@ class SameChecks : public SameCatalogue {
     // what the rows refer to
     for (Connection* db : {&sqlite, &postgres}) {
       EXPECT_OK(db->script(
-          "INSERT INTO people (name, role, created_unix_ns, changed_unix_ns) VALUES ('p', 1, 1, 1);"
+          "INSERT INTO people (name, folded, role, created_unix_ns, changed_unix_ns) VALUES ('p', 'p', 1, 1, "
+          "1);"
           "INSERT INTO stations (name, key_hash, created_unix_ns) VALUES ('s', zeroblob(32), 1);"
           "INSERT INTO audit (id, unix_ns, who, action, subject, detail) VALUES (1, 1, '', '', '', '')"));
       for (std::uint8_t number : {1, 2})

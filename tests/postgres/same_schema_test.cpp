@@ -126,7 +126,8 @@ TEST_F(SameSchema, keysAreNumberedAsInSqlite) {
       "INSERT INTO audit (id, unix_ns, who, action, subject, detail) VALUES (10, 1, '', '', '', '');"
       "DELETE FROM audit WHERE id = 10;"
       "INSERT INTO audit (unix_ns, who, action, subject, detail) VALUES (1, '', '', '', '');"
-      "INSERT INTO people (name, role, created_unix_ns, changed_unix_ns) VALUES ('anna', 4, 1, 1);"
+      "INSERT INTO people (name, folded, role, created_unix_ns, changed_unix_ns) VALUES ('anna', 'anna', 4, "
+      "1, 1);"
       "INSERT INTO consents (person, given, unix_ns, recorded_by, note) VALUES ('anna', 1, 1, '', '');"
       "DELETE FROM consents;"
       "INSERT INTO consents (person, given, unix_ns, recorded_by, note) VALUES ('anna', 1, 1, '', '')"));
@@ -161,8 +162,9 @@ TEST_F(SameSchema, theSumsOfAttemptsFollowTheSessions) {
         " FROM attempt_counts");
   };
   EXPECT_EQ(sums(), 1111) << "nobody has the name";
-  must(db->script(
-      "INSERT INTO people (name, role, created_unix_ns, changed_unix_ns) VALUES ('anna', 1, 1, 1)"));
+  must(
+      db->script("INSERT INTO people (name, folded, role, created_unix_ns, changed_unix_ns) VALUES ('anna', "
+                 "'anna', 1, 1, 1)"));
   EXPECT_EQ(sums(), 1000) << "it waits: it counts for nobody";
   must(db->script("INSERT INTO unknown_trainees (session, given) VALUES (1, 'x') ON CONFLICT DO NOTHING"));
   EXPECT_EQ(sums(), 1000);

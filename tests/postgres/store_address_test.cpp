@@ -53,7 +53,8 @@ TEST_F(StoreOnPostgres, theFolderRemembersItsDatabase) {
     ASSERT_OK(store);
     ASSERT_OK((*store)->writer().run([](Connection& writer) {
       return writer.run(
-          "INSERT INTO people (name, role, created_unix_ns, changed_unix_ns) VALUES ('anna', 1, 1, 1)");
+          "INSERT INTO people (name, folded, role, created_unix_ns, changed_unix_ns) VALUES ('anna', 'anna', "
+          "1, 1, 1)");
     }));
   }
   EXPECT_FALSE(std::filesystem::exists(folder.path() / "lab" / "needlelab.db"));

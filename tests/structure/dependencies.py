@@ -39,6 +39,7 @@ LIBRARIES = {
     "sodium": "/usr/include/sodium",
     "spdlog": "/usr/include/spdlog/",
     "stb": "/usr/include/stb/",
+    "utf8proc": "/usr/include/utf8proc.h",
 }
 PRODUCT = ("client", "common", "db", "proto", "server")
 

@@ -43,6 +43,7 @@ CREATE TABLE meta (
 
 CREATE TABLE people (
   name            TEXT COLLATE "C" PRIMARY KEY CHECK (length(name) BETWEEN 1 AND 64),
+  folded          TEXT COLLATE "C" NOT NULL UNIQUE,        -- nameKey(): two names with one key are one (person_name.h)
   role            BIGINT NOT NULL CHECK (role BETWEEN 1 AND 6 AND role <> 5),
   password_hash   TEXT COLLATE "C",                        -- argon2id; NULL: cannot log in
   disabled        BIGINT NOT NULL DEFAULT 0 CHECK (disabled IN (0, 1)),

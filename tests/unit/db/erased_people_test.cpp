@@ -181,14 +181,14 @@ TEST_F(ErasedPeopleTest, whoComesUnderANameThatWasErasedWithoutAnAccountKeepsThe
   constexpr std::int64_t kDay = 86'400'000'000'000, kNow = 1'800'000'000'000'000'000;
   SessionStore sessions(db.writer);
   const auto eraseName = [&](const std::string& pseudonym, bool without_account, std::int64_t when) {
-    auto of = line("Anna", when);
+    auto of = line("Dora", when);
     of.pseudonym = pseudonym;
     of.without_account = without_account;
-    return ErasureStore(db.writer).erase("Anna", of, "ada", "", when);
+    return ErasureStore(db.writer).erase("Dora", of, "ada", "", when);
   };
   const auto deliver = [&](const Uuid& id, std::int64_t started) {
     auto d = test::describe(id);
-    d.set_trainee("Anna");
+    d.set_trainee("Dora");
     d.set_started_unix_ns(started);
     EXPECT_OK(sessions.open(d, kNow + kDay));
     EXPECT_TRUE(sessions.append(id, 0, test::chunkOf(0))->taken());
@@ -199,16 +199,16 @@ TEST_F(ErasedPeopleTest, whoComesUnderANameThatWasErasedWithoutAnAccountKeepsThe
   // the server's clock right, and ahead
   for (const auto& [pseudonym, when] :
        {std::pair{"erased-1", kNow}, std::pair{"erased-2", kNow + 200 * kDay}}) {
-    const Uuid taken = session("Anna", 1, true);
+    const Uuid taken = session("Dora", 1, true);
     ASSERT_OK(eraseName(pseudonym, true, when));
     for (const std::int64_t started : {kNow + kDay, kNow - kDay}) {
       const Uuid id = makeUuidV7();
-      EXPECT_EQ(deliver(id, started), "Anna");
+      EXPECT_EQ(deliver(id, started), "Dora");
       EXPECT_EQ(sessions.info(id)->chunks(), 1u) << started;
       EXPECT_TRUE(waits(id));
     }
     auto again = test::describe(taken);
-    again.set_trainee("Anna");
+    again.set_trainee("Dora");
     ASSERT_OK(sessions.open(again, kNow + kDay));
     EXPECT_EQ(sessions.info(taken)->description().trainee(), pseudonym) << "offered again, it stays away";
     EXPECT_TRUE(ErasureStore(db.writer).toRepeat(db.folder.path())->empty());
@@ -216,12 +216,12 @@ TEST_F(ErasedPeopleTest, whoComesUnderANameThatWasErasedWithoutAnAccountKeepsThe
   // of an erasure that took an account, what comes late may be that account's
   ASSERT_OK(eraseName("erased-3", false, kNow + 201 * kDay));
   EXPECT_EQ(deliver(makeUuidV7(), kNow), "erased-3");
-  ASSERT_OK(PeopleStore(db.writer).add({"Anna", pb::TRAINEE, "", false, kNow + 202 * kDay}));
+  ASSERT_OK(PeopleStore(db.writer).add({"Dora", pb::TRAINEE, "", false, kNow + 202 * kDay}));
   EXPECT_EQ(eraseName("erased-6", true, kNow + 203 * kDay).error().code, ErrorCode::kNotFound)
       << "the line says that nobody had the name: it takes no account";
   ASSERT_OK(eraseName("erased-4", false, kNow + 203 * kDay));
   session("ben", 1, true);
-  ASSERT_OK(db.writer.run("UPDATE sessions SET trainee = 'Anna' WHERE trainee = 'ben'"));
+  ASSERT_OK(db.writer.run("UPDATE sessions SET trainee = 'Dora' WHERE trainee = 'ben'"));
   ASSERT_OK(eraseName("erased-5", true, kNow + 204 * kDay));
   EXPECT_EQ(deliver(makeUuidV7(), kNow), "erased-4") << "the account's, also after an erasure of what waited";
   const auto check = checkDatabase(db.writer);

@@ -28,8 +28,8 @@ class MovedRows {
     ASSERT_OK(transaction);
     for (const std::uint64_t i : order)
       ASSERT_OK(
-          writer.run("INSERT INTO people (name, role, created_unix_ns, full_name, changed_unix_ns)"
-                     " VALUES (?, 1, 1, ?, 1)",
+          writer.run("INSERT INTO people (name, folded, role, created_unix_ns, full_name, changed_unix_ns)"
+                     " VALUES (?1, ?1, 1, 1, ?2, 1)",
                      nameOf(i), fullNameOf(i)));
     for (std::uint64_t k = 0; k < kPeople; ++k) {
       const std::uint64_t i = random(kPeople);

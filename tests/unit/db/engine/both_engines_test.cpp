@@ -28,7 +28,8 @@ class BothEngines : public testing::Test {
   std::int64_t people() { return count(db.writer, "people"); }
   Status addPerson(const std::string& name) {
     return db.writer.run(
-        "INSERT INTO people (name, role, created_unix_ns, changed_unix_ns) VALUES (?, 4, 1, 1)", name);
+        "INSERT INTO people (name, folded, role, created_unix_ns, changed_unix_ns) VALUES (?1, ?1, 4, 1, 1)",
+        name);
   }
   TestDb db;
 };

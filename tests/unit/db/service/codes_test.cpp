@@ -136,10 +136,6 @@ TEST_F(Codes, areAskedOfStationsAndOfNobodyElse) {
   // who looks at a lesson is no station
   get(instructor, begin("tom", ""));
   get(Principal{"tom", pb::TRAINEE}, begin("tom", ""));
-  // an account may have guest's name, but nobody is asked for its code
-  addPerson("guest", pb::TRAINEE);
-  get(manager, code("guest", "2468"));
-  EXPECT_EQ(said(begin("guest", "")), "");
 }
 
 TEST_F(Codes, comeAfterTheNameAndBeforeTheRestOfTheLesson) {

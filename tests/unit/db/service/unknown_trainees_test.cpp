@@ -111,11 +111,6 @@ TEST_F(UnknownTrainees, areRefusedWithNamesThatTheStationMayList) {
   EXPECT_EQ(begin("tum")->code, ErrorCode::kNotFound);
   // who is known, whether the station lists them or not, and nobody in particular
   for (const char* good : {"tom", "tam", "guest", ""}) EXPECT_FALSE(begin(good).has_value()) << good;
-  // an account may have guest's name, and be disabled like any other
-  addNamed("guest");
-  EXPECT_FALSE(begin("guest").has_value());
-  ASSERT_OK(change([](Connection& c) { return PeopleStore(c).setDisabled("guest", true); }));
-  EXPECT_EQ(begin("guest")->code, ErrorCode::kNotFound);
   // staff looks at a lesson for any name
   pb::Request look;
   look.mutable_get_lesson()->set_exercise_id("first");

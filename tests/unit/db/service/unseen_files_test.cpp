@@ -1,5 +1,6 @@
 // Erasures after which nobody looked which files still hold the person.
 #include "db/service/unseen_files.h"
+#include "db/person_name.h"
 
 #include <gmock/gmock.h>
 
