@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <csignal>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -14,6 +13,7 @@
 #include "common/base/files.h"
 #include "common/base/program.h"
 #include "tests/integration/process.h"
+#include "tests/support/run_form.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/device/falcon_usb/falcon_on_usb.h"
 
@@ -109,8 +109,7 @@ pid_t threadOf(pid_t process, const std::string& name) {
 
 // Beside other work the emulated device reports too late, and there is no force that a crash could leave.
 TEST_F(StationWithFalcon, aCrashOfTheDevicesOwnThreadLeavesNoTorque) {
-  if (std::getenv("NEEDLELAB_MAY_FIFO") == nullptr)
-    GTEST_SKIP() << "deploy/test runs it alone: NEEDLELAB_MAY_FIFO=1";
+  if (!longForm()) GTEST_SKIP() << "needs a device that reports in time: NEEDLELAB_LONG=1";
   falcon_.plug();
   const auto child = station(lesson("600", "wait"));
   home(*child);
