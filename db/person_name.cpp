@@ -65,6 +65,21 @@ std::string mapped(std::string_view text, int options) {
   return {reinterpret_cast<const char*>(made), static_cast<std::size_t>(bytes)};
 }
 
+/// kInvalidInput: the name of the server itself, of guests, or of an erased person, in whatever spelling.
+Status checkNotReserved(std::string_view field, std::string_view name) {
+  const std::string key = nameKey(name);
+  if (std::find(std::begin(kOwnNames), std::end(kOwnNames), key) != std::end(kOwnNames))
+    return invalidName(field, fmt::format("'{}' is the name {}: take another one", printable(name),
+                                          key == kGuest ? "of those who practise without one"
+                                                        : "under which the server itself writes"));
+  if (key.starts_with("local:"))
+    return invalidName(field,
+                       fmt::format("'{}' begins with 'local:', as the audit log calls those who work on "
+                                   "the data folder: take another one",
+                                   printable(name)));
+  return checkNoPseudonym(field, name);
+}
+
 }  // namespace
 
 std::string_view trimmedName(std::string_view name) {
@@ -89,20 +104,6 @@ std::string nameKey(std::string_view name) {
     key = std::move(next);
   }
   return key;
-}
-
-Status checkNotReserved(std::string_view field, std::string_view name) {
-  const std::string key = nameKey(name);
-  if (std::find(std::begin(kOwnNames), std::end(kOwnNames), key) != std::end(kOwnNames))
-    return invalidName(field, fmt::format("'{}' is the name {}: take another one", printable(name),
-                                          key == kGuest ? "of those who practise without one"
-                                                        : "under which the server itself writes"));
-  if (key.starts_with("local:"))
-    return invalidName(field,
-                       fmt::format("'{}' begins with 'local:', as the audit log calls those who work on "
-                                   "the data folder: take another one",
-                                   printable(name)));
-  return checkNoPseudonym(field, name);
 }
 
 Status checkNewPersonName(std::string_view field, std::string_view name) {

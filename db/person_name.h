@@ -21,14 +21,10 @@ std::string_view trimmedName(std::string_view name);
 /// they are.
 std::string nameKey(std::string_view name);
 
-/// kInvalidInput: nobody new gets this name. Checks checkNewName(), white space at the ends, a first
-/// character
-/// '@' (which ids begin with), U+FFFD, characters that nobody sees, and the names that the server uses
-/// itself: "server", "guest", "local", "local:…", "retention", "erasure", "erased-…".
+/// kInvalidInput: a new account may not have this name. Checks checkNewName(), white space at the ends, a
+/// first character '@' (which ids begin with), U+FFFD, invisible characters, and the names that the server
+/// uses itself: "server", "guest", "local", "local:…", "retention", "erasure", "erased-…".
 Status checkNewPersonName(std::string_view field, std::string_view name);
-
-/// kInvalidInput: see checkNewPersonName(), of the server's own names only.
-Status checkNotReserved(std::string_view field, std::string_view name);
 
 /// The words behind "there is already": names the account and asks whether it is the same person.
 std::string sameNameQuestion(std::string_view there, std::string_view typed);
