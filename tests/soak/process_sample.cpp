@@ -6,6 +6,8 @@
 #include <sstream>
 #include <string>
 
+#include "db/database_files.h"
+
 namespace needlelab::test {
 
 std::optional<ProcessSample> sampleProcess(pid_t pid) {
@@ -37,8 +39,11 @@ std::optional<ProcessSample> sampleProcess(pid_t pid) {
 
   std::error_code error;
   for (auto at = std::filesystem::directory_iterator(proc / "fd", error);
-       !error && at != std::filesystem::directory_iterator(); at.increment(error))
-    ++sample.handles;
+       !error && at != std::filesystem::directory_iterator(); at.increment(error)) {
+    std::error_code closed;
+    const std::string target = std::filesystem::read_symlink(at->path(), closed).string();
+    ++(target.find(kDatabaseFile) != std::string::npos ? sample.database_handles : sample.handles);
+  }
   return sample;
 }
 

@@ -22,6 +22,7 @@ Slope slopeOf(std::span<const double> time_s, std::span<const double> value, std
 
 struct SoakLimits {
   double rss_KiB_per_min = 16;  ///< of each process, after the warm-up
+  std::uint64_t database_handles = 40;  ///< two for each connection: a writer, 8 idle readers, some borrowed
 };
 
 enum class Verdict : std::uint8_t { kGood, kBad };

@@ -118,6 +118,7 @@ TEST(SoakJudge, aGoodHourIsGoodAndEachFaultIsFound) {
               for (std::size_t i = 1800; i < d.rows.size(); ++i) ++d.rows[i].processes[kViewer].threads;
             }),
             Verdict::kBad);
+  EXPECT_EQ(bad([](SoakData& d) { d.rows.back().processes[kServer].database_handles = 41; }), Verdict::kBad);
   EXPECT_EQ(bad([](SoakData& d) { d.summary["samples_lost"] = 1; }), Verdict::kBad);
   EXPECT_EQ(bad([](SoakData& d) { --d.stored_samples; }), Verdict::kBad);
   EXPECT_EQ(bad([](SoakData& d) { d.verified = false; }), Verdict::kBad);
