@@ -149,8 +149,7 @@ std::vector<Finding> judge(const SoakData& data, const SoakOptions& options, con
                           "constant", after <= before ? Verdict::kGood : Verdict::kBad});
     }
   std::uint64_t database = 0;
-  for (const SoakRow& row : data.rows)
-    database = std::max(database, row.processes[kServer].database_handles);
+  for (const SoakRow& row : data.rows) database = std::max(database, row.processes[kServer].database_handles);
   findings.push_back({"handles of the server's database", fmt::format("{} at most", database),
                       fmt::format("<= {}", limits.database_handles),
                       database <= limits.database_handles ? Verdict::kGood : Verdict::kBad});

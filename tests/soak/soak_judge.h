@@ -21,7 +21,7 @@ struct Slope {
 Slope slopeOf(std::span<const double> time_s, std::span<const double> value, std::size_t blocks = 12);
 
 struct SoakLimits {
-  double rss_KiB_per_min = 16;  ///< of each process, after the warm-up
+  double rss_KiB_per_min = 16;          ///< of each process, after the warm-up
   std::uint64_t database_handles = 40;  ///< two for each connection: a writer, 8 idle readers, some borrowed
 };
 
