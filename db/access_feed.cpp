@@ -23,8 +23,8 @@ constexpr std::uint64_t kMostChangesAtOnce = 512;
 constexpr const char* kTriggers =
     "SELECT count(*) FROM pg_trigger t JOIN pg_class c ON c.oid = t.tgrelid"
     " JOIN pg_namespace n ON n.oid = c.relnamespace WHERE n.nspname = 'needlelab' AND t.tgenabled = 'O'"
-    " AND t.tgname IN ('people_access', 'people_access_ends', 'stations_access', 'access_told')";
-constexpr std::int64_t kTriggerCount = 4;
+    " AND t.tgname IN ('people_access', 'stations_access', 'access_told')";
+constexpr std::int64_t kTriggerCount = 3;
 
 class PostgresAccessFeed final : public AccessFeed {
  public:

@@ -69,7 +69,7 @@ constexpr std::string_view kBest =
     " AND e.exercise_id = s.exercise_id AND (e.started_unix_ns, e.number) <= (s.started_unix_ns, s.number)"
     " AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = e.number)),"
     " s.started_unix_ns, s.passed, s.state, s.excused, s.profile_revision, s.engine_version"
-    " FROM attempt_counts a JOIN sessions s ON s.number = (SELECT b.number FROM sessions b"
+    " FROM attempt_sums a JOIN sessions s ON s.number = (SELECT b.number FROM sessions b"
     " WHERE b.trainee = a.trainee AND b.exercise_id = a.exercise_id AND b.excused = 0 AND b.state <> 1"
     " AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = b.number)"
     " ORDER BY coalesce(b.passed, 0) DESC, (length(replace(coalesce(b.score_json, ''), ' ', '')) -"
@@ -98,7 +98,7 @@ Result<Key> keyOf(Connection& connection, std::string_view trainee, std::string_
 }
 
 constexpr std::string_view kStanding =
-    "SELECT exercise_id, attempts, counted, judged, passed FROM attempt_counts ";
+    "SELECT exercise_id, attempts, counted, judged, passed FROM attempt_sums ";
 
 std::pair<std::string, AttemptStanding> standingOfRow(const Statement& row) {
   AttemptStanding standing;
@@ -338,7 +338,7 @@ Result<std::vector<TriedExercise>> AttemptStore::tried(std::string_view trainee,
           "a.trainee"
           " AND s.exercise_id = a.exercise_id"
           " AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = s.number)"
-          " ORDER BY s.started_unix_ns DESC, s.number DESC LIMIT 1) AS newest FROM attempt_counts a"
+          " ORDER BY s.started_unix_ns DESC, s.number DESC LIMIT 1) AS newest FROM attempt_sums a"
           " WHERE trainee = ? AND attempts > 0 ORDER BY newest DESC, exercise_id LIMIT ?",
           trainee, static_cast<std::uint64_t>(most))
       .all([](const Statement& row) {
@@ -412,7 +412,7 @@ Result<AttemptStore::Standings> AttemptStore::standingsOf(std::span<const std::s
                                                           std::span<const std::string> exercises) {
   Statement rows = connection_.prepare(
       "SELECT exercise_id, attempts, counted, judged, passed, trainee"
-      " FROM attempt_counts WHERE trainee" +
+      " FROM attempt_sums WHERE trainee" +
       amongTexts(connection_, 1) + " AND exercise_id" + amongTexts(connection_, 2));
   bindTexts(connection_, rows, trainees);
   bindTexts(connection_, rows, exercises);

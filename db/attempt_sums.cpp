@@ -2,10 +2,11 @@
 
 #include <fmt/core.h>
 
-#include <set>
+#include <algorithm>
 #include <utility>
 
 #include "common/base/text.h"
+#include "db/session_rows.h"
 
 namespace needlelab {
 namespace {
@@ -18,16 +19,11 @@ constexpr std::string_view kOfCourse =
 /// differs.
 constexpr std::string_view kDifferences =
     "SELECT exercise_id, trainee, CAST(sum(sessions) AS BIGINT), CAST(sum(attempts) AS BIGINT),"
-    " CAST(sum(counted) AS BIGINT), CAST(sum(judged) AS BIGINT), CAST(sum(passed) AS BIGINT),"
-    " CAST(sum(waiting_attempts) AS BIGINT), CAST(sum(waiting_counted) AS BIGINT),"
-    " CAST(sum(waiting_judged) AS BIGINT), CAST(sum(waiting_passed) AS BIGINT) FROM"
-    " (SELECT exercise_id, trainee, sessions, attempts, counted, judged, passed, waiting_attempts,"
-    " waiting_counted, waiting_judged, waiting_passed FROM attempt_sums"
-    " UNION ALL SELECT exercise_id, trainee, -1, -attempts, -counted, -judged, -passed, -waiting_attempts,"
-    " -waiting_counted, -waiting_judged, -waiting_passed FROM attempt_shares)"
+    " CAST(sum(counted) AS BIGINT), CAST(sum(judged) AS BIGINT), CAST(sum(passed) AS BIGINT) FROM"
+    " (SELECT exercise_id, trainee, sessions, attempts, counted, judged, passed FROM attempt_sums"
+    " UNION ALL SELECT exercise_id, trainee, -1, -attempts, -counted, -judged, -passed FROM attempt_shares)"
     " AS both_counts GROUP BY exercise_id, trainee HAVING sum(sessions) <> 0 OR sum(attempts) <> 0 OR"
-    " sum(counted) <> 0 OR sum(judged) <> 0 OR sum(passed) <> 0 OR sum(waiting_attempts) <> 0 OR"
-    " sum(waiting_counted) <> 0 OR sum(waiting_judged) <> 0 OR sum(waiting_passed) <> 0"
+    " sum(counted) <> 0 OR sum(judged) <> 0 OR sum(passed) <> 0"
     " ORDER BY exercise_id, trainee LIMIT ?";
 
 std::pair<std::string, std::uint32_t> countOfExercise(const Statement& row) {
@@ -36,51 +32,39 @@ std::pair<std::string, std::uint32_t> countOfExercise(const Statement& row) {
 
 }  // namespace
 
-Result<std::vector<std::string>> CourseTrainees::page(std::string_view after, std::size_t most) {
-  const auto most_rows = static_cast<std::uint64_t>(most);
-  const auto members = [&](const std::string& group) {
-    return connection_
-        .query("SELECT person FROM group_members WHERE group_id = ? AND person > ? ORDER BY person LIMIT ?",
-               group, after, most_rows)
-        .all(firstText);
-  };
-  if (!group_id_.empty()) return members(group_id_);
-  // each source gives its next names: the next ones of all are among them
-  std::set<std::string> names;
+Result<std::vector<CourseTrainee>> CourseTrainees::page(const CourseTrainee& after, std::size_t most) {
+  // in the order of names: what most of them have is looked up for each
+  const std::string of_group =
+      "EXISTS (SELECT 1 FROM group_members m WHERE m.person = c.ref AND m.group_id = ?1)";
+  const std::string of_course = fmt::format(
+      "(EXISTS (SELECT 1 FROM attempt_sums a WHERE a.trainee = c.ref AND a.exercise_id IN"
+      " (SELECT id FROM exercises WHERE curriculum_id = ?1))"
+      " OR EXISTS (SELECT 1 FROM group_members m WHERE m.person = c.ref AND m.group_id IN"
+      " (SELECT group_id FROM assignments WHERE group_id IS NOT NULL AND {0}))"
+      " OR EXISTS (SELECT 1 FROM assignments WHERE trainee = c.ref AND {0}))"
+      " AND c.ref NOT IN (SELECT ref FROM names_taken)",
+      kOfCourse);
   ASSIGN_OR_RETURN(
-      const auto exercises,
-      connection_.query("SELECT id FROM exercises WHERE curriculum_id = ?", course_id_).all(firstText));
-  for (const std::string& exercise : exercises) {
-    ASSIGN_OR_RETURN(const auto tried,
-                     connection_
-                         .query("SELECT trainee FROM attempt_sums WHERE exercise_id = ? AND trainee > ?"
-                                " ORDER BY trainee LIMIT ?",
-                                exercise, after, most_rows)
-                         .all(firstText));
-    names.insert(tried.begin(), tried.end());
-  }
-  ASSIGN_OR_RETURN(
-      const auto groups,
-      connection_
-          .query(fmt::format("SELECT DISTINCT group_id FROM assignments WHERE group_id IS NOT NULL"
-                             " AND {}",
-                             kOfCourse),
-                 course_id_)
-          .all(firstText));
-  for (const std::string& group : groups) {
-    ASSIGN_OR_RETURN(const auto joined, members(group));
-    names.insert(joined.begin(), joined.end());
-  }
-  ASSIGN_OR_RETURN(const auto assigned,
+      auto page, connection_
+                     .query(fmt::format("SELECT c.ref, c.name FROM called c WHERE c.name >= ?2 AND"
+                                        " (c.name > ?2 OR c.ref > ?3) AND {} ORDER BY c.name, c.ref LIMIT ?4",
+                                        group_id_.empty() ? of_course : of_group),
+                            group_id_.empty() ? course_id_ : group_id_, after.name, after.ref,
+                            static_cast<std::uint64_t>(most))
+                     .all([](const Statement& row) {
+                       return CourseTrainee{row.text(0), row.text(1)};
+                     }));
+  const CourseTrainee guest{std::string(kGuestName), std::string(kGuestName)};
+  if (!group_id_.empty() || !(after < guest)) return page;
+  ASSIGN_OR_RETURN(const auto tried,
                    connection_
-                       .query(fmt::format("SELECT DISTINCT trainee FROM assignments WHERE trainee > ?2 AND {}"
-                                          " ORDER BY trainee LIMIT ?3",
-                                          kOfCourse),
-                              course_id_, after, most_rows)
-                       .all(firstText));
-  names.insert(assigned.begin(), assigned.end());
-  std::vector<std::string> page;
-  for (auto name = names.begin(); name != names.end() && page.size() < most; ++name) page.push_back(*name);
+                       .query("SELECT 1 FROM attempt_sums WHERE trainee = ?2 AND exercise_id IN"
+                              " (SELECT id FROM exercises WHERE curriculum_id = ?1) LIMIT 1",
+                              course_id_, kGuestName)
+                       .first(firstText));
+  if (!tried) return page;
+  page.insert(std::lower_bound(page.begin(), page.end(), guest), guest);
+  if (page.size() > most) page.pop_back();
   return page;
 }
 
@@ -93,7 +77,8 @@ Result<std::uint32_t> CourseTrainees::count() {
                     " (SELECT id FROM exercises WHERE curriculum_id = ?1)"
                     " UNION SELECT person FROM group_members WHERE group_id IN"
                     " (SELECT group_id FROM assignments WHERE {0})"
-                    " UNION SELECT trainee FROM assignments WHERE trainee IS NOT NULL AND {0}) AS names",
+                    " UNION SELECT trainee FROM assignments WHERE trainee IS NOT NULL AND {0}) AS refs"
+                    " WHERE name NOT IN (SELECT ref FROM names_taken)",
                     kOfCourse),
                 course_id_)
           : connection_.query("SELECT count(*) FROM group_members WHERE group_id = ?", group_id_);
@@ -103,8 +88,9 @@ Result<std::uint32_t> CourseTrainees::count() {
 
 Result<std::map<std::string, std::uint32_t>> CourseTrainees::passed() {
   constexpr std::string_view kPassed =
-      "SELECT a.exercise_id, count(*) FROM attempt_counts a {} a.exercise_id IN"
-      " (SELECT id FROM exercises WHERE curriculum_id = ?1) AND a.passed > 0 GROUP BY a.exercise_id";
+      "SELECT a.exercise_id, count(*) FROM attempt_sums a {} a.exercise_id IN"
+      " (SELECT id FROM exercises WHERE curriculum_id = ?1) AND a.passed > 0"
+      " AND a.trainee NOT IN (SELECT ref FROM names_taken) GROUP BY a.exercise_id";
   auto rows = group_id_.empty()
                   ? connection_.query(fmt::format(kPassed, "WHERE"), course_id_)
                   : connection_.query(
@@ -122,10 +108,10 @@ Result<std::vector<SumFault>> AttemptSums::faults(std::size_t most) {
         row.text(0), row.text(1),
         fmt::format(
             "the sums of '{}' at exercise '{}' differ from the sessions: by {:+} sessions, {:+} attempts, "
-            "{:+} that count, {:+} with a verdict, {:+} passed, of those that wait for their trainee {:+}, "
-            "{:+}, {:+}, {:+}; `needlelab-admin scores rescore` makes them new",
+            "{:+} that count, {:+} with a verdict, {:+} passed; `needlelab-admin scores rescore` makes them "
+            "new",
             printable(row.text(1)), printable(row.text(0)), row.integer(2), row.integer(3), row.integer(4),
-            row.integer(5), row.integer(6), row.integer(7), row.integer(8), row.integer(9), row.integer(10))};
+            row.integer(5), row.integer(6))};
   });
 }
 
@@ -133,10 +119,8 @@ Status AttemptSums::recount(std::string_view exercise_id, std::string_view train
   RETURN_IF_ERROR(connection_.run("DELETE FROM attempt_sums WHERE exercise_id = ? AND trainee = ?",
                                   exercise_id, trainee));
   return connection_.run(
-      "INSERT INTO attempt_sums (exercise_id, trainee, sessions, attempts, counted, judged, passed,"
-      " waiting_attempts, waiting_counted, waiting_judged, waiting_passed)"
-      " SELECT exercise_id, trainee, count(*), sum(attempts), sum(counted), sum(judged), sum(passed),"
-      " sum(waiting_attempts), sum(waiting_counted), sum(waiting_judged), sum(waiting_passed)"
+      "INSERT INTO attempt_sums (exercise_id, trainee, sessions, attempts, counted, judged, passed)"
+      " SELECT exercise_id, trainee, count(*), sum(attempts), sum(counted), sum(judged), sum(passed)"
       " FROM attempt_shares WHERE exercise_id = ? AND trainee = ? GROUP BY exercise_id, trainee",
       exercise_id, trainee);
 }

@@ -7,6 +7,7 @@
 #include <map>
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -14,6 +15,14 @@
 #include "db/connection.h"
 
 namespace needlelab {
+
+/// A trainee in a list by name. `ref`: of a person or a typed name; or kGuestName.
+struct CourseTrainee {
+  std::string ref, name;
+  bool operator<(const CourseTrainee& other) const {
+    return std::tie(name, ref) < std::tie(other.name, other.ref);
+  }
+};
 
 /// Who takes a course: the group's members; or, of an empty group, all with an attempt at one of its
 /// exercises (also one that counts for nobody), all to whom it or one of its exercises is assigned, and
@@ -25,9 +34,8 @@ class CourseTrainees {
   CourseTrainees(Connection& connection, std::string course_id, std::string group_id)
       : connection_(connection), course_id_(std::move(course_id)), group_id_(std::move(group_id)) {}
 
-  /// Names behind `after`, sorted, `most` of them at most. Looks at `most` entries of each exercise and each
-  /// assigned group.
-  Result<std::vector<std::string>> page(std::string_view after, std::size_t most);
+  /// Those behind `after`, by name, `most` of them at most.
+  Result<std::vector<CourseTrainee>> page(const CourseTrainee& after, std::size_t most);
   /// How many there are. Looks at each name once an exercise and group, not at sessions.
   Result<std::uint32_t> count();
   /// How many of them passed, by exercise of the course; exercises that nobody passed are left out.

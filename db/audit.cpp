@@ -7,7 +7,6 @@
 
 #include "common/base/text.h"
 #include "db/audit_chain.h"
-#include "db/erasure.h"
 
 namespace needlelab {
 namespace {
@@ -33,9 +32,8 @@ std::string shown(const std::string& text) {
 }  // namespace
 
 Status AuditStore::add(const AuditRow& line) {
-  AuditRow text = line;
-  for (std::string* field : {&text.who, &text.action, &text.subject, &text.detail}) noteWhatIsNoText(*field);
-  ASSIGN_OR_RETURN(const AuditRow row, ErasureStore(connection_).withoutErased(text));
+  AuditRow row = line;
+  for (std::string* field : {&row.who, &row.action, &row.subject, &row.detail}) noteWhatIsNoText(*field);
   ASSIGN_OR_RETURN(
       const auto id,
       connection_.insert(

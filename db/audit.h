@@ -14,20 +14,17 @@ namespace needlelab {
 
 /// Who does something: a person, a station or a program.
 struct Doer {
-  std::string name;
-  /// When the person's account was made: the name alone may be another person's later. 0: it is no person,
-  /// or whoever has the name.
-  std::int64_t account_unix_ns = 0;
+  std::string name;     ///< a person's ref; a station's or a program's name
+  std::string shown{};  ///< what a person is called; empty: as `name`
 };
 
 struct AuditRow {
   std::uint64_t id = 0;
   std::int64_t unix_ns = 0;
   std::string who;
-  std::string action;                ///< e.g. "user add"
-  std::string subject;               ///< e.g. the user's name
-  std::string detail;                ///< never a secret
-  std::int64_t account_unix_ns = 0;  ///< of `who`, as Doer has it; not stored
+  std::string action;   ///< e.g. "user add"
+  std::string subject;  ///< e.g. a person's ref
+  std::string detail;   ///< never a secret; says who by refs
 };
 
 /// Does not own the connection. Thread: as its Connection; add() needs the writer's.
@@ -35,8 +32,7 @@ class AuditStore {
  public:
   explicit AuditStore(Connection& connection) : connection_(connection) {}
 
-  /// Ignores `line.id`. Truncates texts beyond 1,000 bytes, with a mark. Whoever was erased
-  /// since the line was begun stands in it under the pseudonym (ErasureStore::withoutErased).
+  /// Ignores `line.id`. Truncates texts beyond 1,000 bytes, with a mark.
   Status add(const AuditRow& line);
   /// Newest first; limit 0: 1000, at most 1000. Empty `who` and `action`: all. `action` also matches as a
   /// prefix of words: "user" matches "user add".

@@ -8,7 +8,7 @@
 #include <map>
 #include <mutex>
 #include <tuple>
-#include <unordered_map>
+#include <unordered_set>
 #include <utility>
 
 #include "common/base/files.h"
@@ -20,7 +20,7 @@ namespace {
 
 constexpr std::string_view kHeadWords = "audit head ";
 
-/// What an entry proves of a line. Who, subject and detail may be replaced by an erasure.
+/// What an entry proves of a line.
 struct ProvenLine {
   std::int64_t id = 0, unix_ns = 0;
   std::string who, action, subject, detail;
@@ -46,30 +46,20 @@ AuditKey::Hash plainHash(ByteView message) {
   return hash;
 }
 
-/// Says nothing about the texts without the salt, and fits no other texts.
-AuditKey::Hash commitmentOf(ByteView salt, const ProvenLine& line) {
-  Bytes message;
-  ByteWriter writer(message);
-  putText(writer, "needlelab audit commitment");
-  writer.put(salt);
-  for (const std::string* text : {&line.who, &line.subject, &line.detail}) putText(writer, *text);
-  return plainHash(message);
-}
-
 /// What stands before the first entry.
 AuditKey::Hash startOfChain() {
   return plainHash(viewOf("needlelab audit chain"));
 }
 
-Bytes messageOf(std::uint64_t position, const ProvenLine& line, ByteView commitment, ByteView before) {
+Bytes messageOf(std::uint64_t position, const ProvenLine& line, ByteView before) {
   Bytes message;
   ByteWriter writer(message);
   putText(writer, "needlelab audit entry");
   writer.put(position);
   writer.put(line.id);
   writer.put(line.unix_ns);
-  putText(writer, line.action);
-  writer.put(commitment);
+  for (const std::string* text : {&line.who, &line.action, &line.subject, &line.detail})
+    putText(writer, *text);
   writer.put(before);
   return message;
 }
@@ -168,14 +158,10 @@ Status AuditChain::entry(const AuditKey& key, const AuditHead& last, std::int64_
           .first([](const Statement& row) { return lineAt(row, 0); }));
   if (!line)
     return Error{ErrorCode::kNotFound, fmt::format("the audit log has no line {} to prove", line_id)};
-  AuditKey::Hash salt{};
-  randombytes_buf(salt.data(), salt.size());
-  const auto commitment = commitmentOf(salt, *line);
   AuditHead next{last.position + 1, {}};
-  next.mac = key.macOf(messageOf(next.position, *line, commitment, last.mac));
-  return connection_.run(
-      "INSERT INTO audit_chain (position, line, salt, commitment, key_id, mac) VALUES (?,?,?,?,?,?)",
-      next.position, line_id, ByteView(salt), ByteView(commitment), ByteView(key.id()), ByteView(next.mac));
+  next.mac = key.macOf(messageOf(next.position, *line, last.mac));
+  return connection_.run("INSERT INTO audit_chain (position, line, key_id, mac) VALUES (?,?,?,?)",
+                         next.position, line_id, ByteView(key.id()), ByteView(next.mac));
 }
 
 Status AuditChain::append(std::int64_t line) {
@@ -183,32 +169,6 @@ Status AuditChain::append(std::int64_t line) {
   if (last.position == 0) last.mac = startOfChain();
   ASSIGN_OR_RETURN(const auto key, AuditKey::ofFolder(connection_.path().parent_path()));
   return entry(key, last, line);
-}
-
-Result<bool> AuditChain::proves(std::int64_t line_id) {
-  auto row = connection_.query(
-      fmt::format("SELECT c.position, c.salt, c.commitment, c.key_id, c.mac, b.mac, {} FROM audit_chain c"
-                  " JOIN audit a ON a.id = c.line LEFT JOIN audit_chain b ON b.position = c.position - 1"
-                  " WHERE c.line = ? ORDER BY c.position DESC LIMIT 1",
-                  kLineColumns),
-      line_id);
-  ASSIGN_OR_RETURN(const bool found, row.step());
-  if (!found || row.isNull(1)) return false;
-  ASSIGN_OR_RETURN(const auto key, AuditKey::ofFolder(connection_.path().parent_path()));
-  const std::uint64_t position = row.natural(0);
-  const ByteView commitment = row.bytes(2), mac = row.bytes(4);
-  const ProvenLine line = lineAt(row, 6);
-  if (!sameBytes(key.id(), row.bytes(3)) || !sameBytes(commitment, commitmentOf(row.bytes(1), line)))
-    return false;
-  const auto follows = [&](ByteView before) {
-    return sameBytes(mac, key.macOf(messageOf(position, line, commitment, before)));
-  };
-  return position == 1 ? follows(startOfChain()) : !row.isNull(5) && follows(row.bytes(5));
-}
-
-Status AuditChain::amend(std::int64_t line, bool proven) {
-  RETURN_IF_ERROR(connection_.run("UPDATE audit_chain SET salt = NULL WHERE line = ?", line));
-  return proven ? append(line) : Status();
 }
 
 namespace {
@@ -224,43 +184,32 @@ class ChainWalk {
     if (verdict_.texts.size() < kMaxAuditFaults) verdict_.texts.push_back(std::move(text));
   }
 
-  /// `row`: position, salt, commitment, key_id, mac, line, the line's columns (NULL: it is not there).
-  /// `amended`: a later entry of the same line follows.
-  void take(const Statement& row, bool amended) {
+  /// `row`: position, key_id, mac, line, the line's columns (NULL: it is not there).
+  void take(const Statement& row) {
     const std::uint64_t position = row.natural(0), faults_before = verdict_.faults;
     if (position > verdict_.head.position + 1)
       fault(fmt::format("entries {} to {} are missing: lines were removed", verdict_.head.position + 1,
                         position - 1));
     else if (position <= verdict_.head.position)
       fault("an entry has no number: it was put in");
-    const ByteView salt = row.bytes(1), commitment = row.bytes(2), mac = row.bytes(4);
-    if (!amended) ++verdict_.lines;
-    if (row.isNull(6)) {
-      fault(fmt::format("line {} was removed", row.integer(5)));
+    const ByteView key_id = row.bytes(1), mac = row.bytes(2);
+    ++verdict_.lines;
+    if (row.isNull(4)) {
+      fault(fmt::format("line {} was removed", row.integer(3)));
     } else {
-      const ProvenLine line = lineAt(row, 6);
+      const ProvenLine line = lineAt(row, 4);
       const auto key = std::find_if(keys_.begin(), keys_.end(),
-                                    [&](const auto& one) { return sameBytes(one.id(), row.bytes(3)); });
+                                    [&](const auto& one) { return sameBytes(one.id(), key_id); });
       if (key == keys_.end())
         fault(
             fmt::format("line {}: is of another key ({}…): give the key of that time, or somebody forged it",
-                        line.id, hexDigitsOf(textOf(row.bytes(3))).substr(0, 8)));
-      else if (!sameBytes(mac, key->macOf(messageOf(position, line, commitment, before_))))
-        fault(
-            fmt::format("line {}: its time, action or place is not as it was written, or the line "
-                        "before it is not",
-                        line.id));
-      if (!amended && row.isNull(1))
-        fault(fmt::format(
-            "line {}: its salt was removed, so that nothing proves its text (by an erasure, if it "
-            "was not as it was written then, or is of an earlier key)",
-            line.id));
-      else if (!amended && !sameBytes(commitment, commitmentOf(salt, line)))
-        fault(fmt::format("line {}: its who, subject or detail is not as it was written", line.id));
+                        line.id, hexDigitsOf(textOf(key_id)).substr(0, 8)));
+      else if (!sameBytes(mac, key->macOf(messageOf(position, line, before_))))
+        fault(fmt::format("line {}: is not as it was written, or not in its place", line.id));
       const bool sound = verdict_.faults == faults_before;
       if (line.action == kAuditBreak)
         breaks_.try_emplace(line.id, AuditBreak{line.id, line.unix_ns, line.detail, headOf(position, mac)});
-      if (line.action == kAuditAcknowledge && !amended && sound) acknowledge(line);
+      if (line.action == kAuditAcknowledge && sound) acknowledge(line);
     }
     verdict_.head = headOf(position, mac);
     if (position == 1) first_ = verdict_.head.mac;
@@ -294,7 +243,7 @@ class ChainWalk {
   }
 
  private:
-  /// Whoever takes a chain away gets another first entry: its MAC holds a new salt.
+  /// A chain that is begun again has another first entry: of another line, or another time.
   [[nodiscard]] bool isOfAnotherChain(const AuditAnchor& anchor) const {
     return first_ && anchor.first && *first_ != *anchor.first;
   }
@@ -345,21 +294,19 @@ Result<AuditVerdict> verifyAudit(Connection& connection, std::span<const AuditKe
   ASSIGN_OR_RETURN(const auto foreign, schemaFaults(connection));
   for (const std::string& text : foreign) walk.fault(text);
   // from the tables alone: an index may have entries that somebody put in or took out
-  std::unordered_map<std::int64_t, std::int64_t> last_entries;  // by line
-  RETURN_IF_ERROR(
-      eachFrom(connection, "SELECT position, line FROM audit_chain NOT INDEXED WHERE position >= ?",
-               "position", [&](const Statement& row) { last_entries[row.integer(1)] = row.integer(0); }));
+  std::unordered_set<std::int64_t> proven;
   RETURN_IF_ERROR(eachFrom(connection,
-                           fmt::format("SELECT c.position, c.salt, c.commitment, c.key_id, c.mac, c.line, {}"
+                           fmt::format("SELECT c.position, c.key_id, c.mac, c.line, {}"
                                        " FROM audit_chain c NOT INDEXED LEFT JOIN audit a ON a.id = c.line"
                                        " WHERE c.position >= ?",
                                        kLineColumns),
                            "c.position", [&](const Statement& row) {
-                             walk.take(row, last_entries[row.integer(5)] > row.integer(0));
+                             walk.take(row);
+                             proven.insert(row.integer(3));
                            }));
   RETURN_IF_ERROR(
       eachFrom(connection, "SELECT id FROM audit NOT INDEXED WHERE id >= ?", "id", [&](const Statement& row) {
-        if (!last_entries.contains(row.integer(0)))
+        if (!proven.contains(row.integer(0)))
           walk.fault(fmt::format("line {}: nothing proves it: it was put in, or its proof was removed",
                                  row.integer(0)));
       }));

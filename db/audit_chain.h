@@ -1,6 +1,5 @@
 /// Tamper evidence of the audit log: each line has an entry with a MAC over itself and the entry before, by a
-/// key that is in no database, backup or export. What an erasure may replace stands in the MAC as a salted
-/// commitment (db/README.md, "Tamper evidence").
+/// key that is in no database, backup or export (db/README.md, "Tamper evidence").
 #pragma once
 
 #include <array>
@@ -55,21 +54,14 @@ std::string auditHeadText(const AuditHead& head);
 /// The head whose auditHeadText() is exactly this text; nothing for any other.
 std::optional<AuditHead> auditHeadOf(std::string_view text);
 
-/// Does not own the connection. Thread: as its Connection; append() and amend() need the writer's, in the
-/// transaction that changes the line. Both make the key when the folder has none.
+/// Does not own the connection. Thread: as its Connection; append() needs the writer's, in the
+/// transaction that adds the line. It makes the key when the folder has none.
 class AuditChain {
  public:
   explicit AuditChain(Connection& connection) : connection_(connection) {}
 
   /// For a line that was just inserted into `audit`.
   Status append(std::int64_t line);
-  /// Whether the line is as its newest entry proves it by the folder's key, and that entry follows the one
-  /// before it. A bounded time, however long the log is. Errors: the key's.
-  Result<bool> proves(std::int64_t line);
-  /// After an erasure replaced texts of a line: takes the salts of its entries away, so that nobody can try
-  /// names against their commitments. `proven`: what proves() said before; true: appends an entry for the new
-  /// text; false: verifyAudit() says for good that nothing proves the line.
-  Status amend(std::int64_t line, bool proven);
   Result<AuditHead> head();
   /// The MAC of the first entry; nothing: there is none.
   Result<std::optional<AuditKey::Hash>> firstMac();
@@ -91,7 +83,7 @@ std::string acknowledgedSubject(std::int64_t line);
 struct AuditBreak {
   std::int64_t line = 0, unix_ns = 0;
   std::string detail;
-  AuditHead entry;                        ///< the line's first one
+  AuditHead entry;                        ///< the line's
   std::string acknowledged_by = {};       ///< empty: by nobody
   std::int64_t acknowledged_unix_ns = 0;  ///< the first time
 };

@@ -17,7 +17,6 @@
 #include "db/check.h"
 #include "db/connection.h"
 #include "db/database_files.h"
-#include "db/free_parts.h"
 #include "db/open_file.h"
 #include "db/schema.h"
 #include "db/session_rows.h"
@@ -73,13 +72,6 @@ Status copy(Connection& reader, const std::filesystem::path& path, const std::at
     sqlite3_close(target);
     return view.error();
   }
-  // an erasure is pending: what it overwrites in the database it would not find in the copy
-  const auto pending = MetaStore(reader).get(kFreePartsKey);
-  if (!pending) {
-    sqlite3_close(target);
-    return pending.error();
-  }
-  const bool erasing = pending->has_value();
   sqlite3_backup* backup = sqlite3_backup_init(target, "main", reader.handle(), "main");
   if (backup == nullptr) return failure(sqlite3_extended_errcode(target));
   int rc = SQLITE_OK;
@@ -99,10 +91,8 @@ Status copy(Connection& reader, const std::filesystem::path& path, const std::at
       mode != SQLITE_OK) {
     return failure(mode);
   }
-  Status cleared;
-  if (erasing) cleared = clearFreePartsOfCopy(target, path);
   sqlite3_close(target);
-  return cleared;
+  return {};
 }
 
 /// Sessions whose covered chunks in the copy exceed the previous watermark. It ends before a session's first

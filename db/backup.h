@@ -45,9 +45,8 @@ std::filesystem::path plainCopyBeside(const std::filesystem::path& database);
 /// link(2), or for tests a replacement that fails as between two disks.
 using LinkCopy = int (*)(const char* from, const char* to);
 
-/// Copies the database's present state to plainCopyBeside() while writers continue, overwrites the free parts
-/// of its pages where an erasure is pending (free_parts.h), checks *the copy* (integrity, every chunk, every
-/// hash), and puts it to `target`.partial: links it there on the same disk,
+/// Copies the database's present state to plainCopyBeside() while writers continue, checks *the copy*
+/// (integrity, every chunk, every hash), and puts it to `target`.partial: links it there on the same disk,
 /// else writes its bytes and reads them back from the disk. Syncs this and renames it to `target` (0600); the
 /// copy is removed in every case. Only reads the source. One at a time for a database. Errors: kAlreadyExists
 /// (`target` exists; it is never overwritten), kInvalidInput (the folder does not exist), kCorrupt (the copy

@@ -184,30 +184,16 @@ Status DbWriter::tryToEmptyLog() {
   log_bytes_ = connection_.walBytes();
   if (emptied) uncheckpointed_ = false;
   next_emptying_ns_ = time_.nowNs() + nanoseconds(options_.empty_every);
-  const bool cleared = emptied && wanted && clearFreeParts(asked);
   const std::lock_guard lock(mutex_);
   emptying_tried_ = asked;
   counters_.wal_bytes = log_bytes_;
   if (!emptied) return {};
   ++counters_.logs_emptied;
   counters_.wal_pages_waiting = 0;
-  if (!cleared) return {};
-  emptying_done_ = std::exchange(clearing_for_, 0);
+  if (!wanted) return {};
+  emptying_done_ = asked;
   emptied_.notify_all();
   return {};
-}
-
-bool DbWriter::clearFreeParts(std::uint64_t asked) {
-  if (clearing_for_ == 0) {
-    free_parts_ = FreeParts();
-    clearing_for_ = asked;
-  }
-  const auto done = free_parts_.clearSome(connection_, kPagesAtOnce);
-  // nothing is in doubt: it stays pending, and is tried again after a while
-  if (!done) return false;
-  // what is left comes after the commits that wait
-  if (!*done || asked > clearing_for_) next_emptying_ns_ = time_.nowNs();
-  return *done;
 }
 
 std::optional<std::int64_t> DbWriter::nextTendNs() const {

@@ -20,7 +20,6 @@
 #include "common/base/time_source.h"
 #include "db/arrived_chunk.h"
 #include "db/connection.h"
-#include "db/free_parts.h"
 
 namespace needlelab {
 
@@ -109,11 +108,9 @@ class DbWriter {
   /// Posts an item and waits for its result. Not from the writer's thread.
   Status run(Work work);
 
-  /// Has the log emptied (Connection::emptyLog) and the free parts of pages overwritten (free_parts.h), so
-  /// that what the commits so far overwrote is no longer in any file. It does so in pieces, and commits go on
-  /// between them. Waits up to `patience` for it. False: readers still need the log, there is more to
-  /// overwrite, or the writer has ended; the writer goes on trying until it ends. Not from the writer's
-  /// thread.
+  /// Has the log emptied (Connection::emptyLog), so that what the commits so far overwrote is no longer in
+  /// any file. Waits up to `patience` for it. False: readers still need the log, or the writer has ended; the
+  /// writer goes on trying until it ends. Not from the writer's thread.
   bool emptyLog(std::chrono::milliseconds patience);
 
   /// Refuses new work, commits the queue and ends the thread. May be called repeatedly.
@@ -149,7 +146,6 @@ class DbWriter {
 
  private:
   static constexpr int kEmptyingPatience_ms = 50;
-  static constexpr std::size_t kPagesAtOnce = 4096;  ///< cleared between two commits: some 16 MiB
   struct Item {
     std::variant<Work, ArrivedChunk> work;
     Done done;
@@ -162,9 +158,6 @@ class DbWriter {
   /// Checkpoints or empties the log when that is due. An error: the writer must stop.
   Status tendLog();
   Status tryToEmptyLog();
-  /// With an empty log: clears a piece of the pages' free parts. True: all is cleared that was asked for up
-  /// to clearing_for_.
-  bool clearFreeParts(std::uint64_t asked);
   /// When the log is to be tended next; nothing: only after the next commit or call of emptyLog(). Call with
   /// mutex_ held.
   [[nodiscard]] std::optional<std::int64_t> nextTendNs() const;
@@ -218,8 +211,6 @@ class DbWriter {
   std::uint64_t log_bytes_ = 0;          ///< the writer's thread only
   std::uint64_t told_connection_ = 0;    ///< timesConnected(), when told last; the writer's thread only
   std::atomic<Durability> durability_;   ///< written by the writer's thread
-  FreeParts free_parts_;                 ///< the writer's thread only
-  std::uint64_t clearing_for_ = 0;       ///< calls of emptyLog() before free_parts_ began; its thread only
 
   std::mutex join_mutex_;  ///< one stop() at a time
   std::thread thread_;

@@ -1,262 +1,265 @@
 #include "db/erasure.h"
 
 #include <fmt/core.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
-#include <array>
-#include <cstdint>
-#include <utility>
+#include <set>
 
-#include "common/base/text.h"
-#include "db/free_parts.h"
-#include "db/retention_store.h"
+#include "db/engine/lab_identity.h"
+#include "db/people.h"
+#include "db/person_name.h"
+#include "db/person_refs.h"
+#include "db/pseudonyms.h"
 #include "db/schema.h"
+#include "db/session_rows.h"
+#include "db/unknown_trainees.h"
 
 namespace needlelab {
 namespace {
 
-struct NameColumn {
-  std::string_view table, column;
-  std::string_view long_text = "''";  ///< SQL: what makes rows longer than a page
-};
+/// The sessions that an erasure of ?1 takes; ?2: those that wait for its code, too.
+constexpr std::string_view kTaken =
+    "SELECT number FROM sessions WHERE trainee = ?1 AND erased = 0"
+    " AND (?2 = 1 OR NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = number))";
 
-/// Columns with the name of the person who did something, or whom a station named. The rows stay. Those of
-/// remarks, which are many, are replaceInRemarks()'s.
-constexpr std::array kDoers = {
-    NameColumn{"profiles", "author", "json"},
-    NameColumn{"curricula", "author", "json"},
-    NameColumn{"assignments", "by_whom"},
-    NameColumn{"groups", "changed_by"},
-    NameColumn{"people", "changed_by"},
-    NameColumn{"consents", "recorded_by"},
-    NameColumn{"exercise_references", "by_whom", "sessions"},
-    NameColumn{"retention_policies", "by_whom"},
-    NameColumn{"removed_originals", "by_whom", "crcs"},
-    NameColumn{"erasures", "by_whom"},
-    NameColumn{"unknown_trainees", "by_whom"},
-};
-
-constexpr int kRowsBetweenLooks = 16;
-
-/// An ANALYZE by a SQLite with STAT4 leaves samples of the indexes, names among them; PostgreSQL's, too.
-Status removeSamplesOfIndexes(Connection& connection) {
-  if (connection.sqlite() == nullptr) {
-    // what it samples now has no more of the person; PostgreSQL's own tables never had it
-    ASSIGN_OR_RETURN(const auto tables,
-                     connection
-                         .prepare("SELECT string_agg(quote_ident(tablename), ', ') FROM pg_tables"
-                                  " WHERE schemaname = current_schema()")
-                         .first(firstText));
-    return tables && !tables->empty() ? connection.script("ANALYZE " + *tables) : Status();
-  }
-  ASSIGN_OR_RETURN(
-      const auto samples,
-      connection.prepare("SELECT name FROM sqlite_schema WHERE type = 'table' AND name = 'sqlite_stat4'")
-          .first(firstText));
-  return samples ? connection.run("DELETE FROM sqlite_stat4") : Status();
-}
-
-/// In why recordings were removed: a policy's author stands at the end (RetentionStore).
-Status eraseInReasons(Connection& connection, const std::string& name, const std::string& pseudonym) {
-  return connection.run(
-      "UPDATE removed_originals SET reason = substr(reason, 1, length(reason) - length(?1)) || ?2"
-      " WHERE length(reason) >= length(?1) AND substr(reason, length(reason) - length(?1) + 1) = ?1",
-      std::string(kSetBy) + name, std::string(kSetBy) + pseudonym);
+Uuid uuidOfBlob(const Statement& row, int at) {
+  Uuid uuid{};
+  const ByteView bytes = row.bytes(at);
+  std::copy_n(bytes.begin(), std::min(bytes.size(), uuid.size()), uuid.begin());
+  return uuid;
 }
 
 }  // namespace
 
-Status ErasureStore::noteRow() {
-  return ++rows_ < kRowsBetweenLooks ? Status() : requireRoom();
+Result<std::vector<std::string>> ErasureStore::openSessions(std::string_view ref, bool with_waiting) {
+  ASSIGN_OR_RETURN(auto open, connection_
+                                  .query(fmt::format("SELECT id, station FROM sessions WHERE number IN ({})"
+                                                     " AND state = ?3 ORDER BY number",
+                                                     kTaken),
+                                         ref, with_waiting, static_cast<int>(pb::SESSION_OPEN))
+                                  .all([](const Statement& row) {
+                                    return sessionText(row.text(0)) + " at station '" + row.text(1) + "'";
+                                  }));
+  ASSIGN_OR_RETURN(const auto typed, typedAs(ref));
+  if (!with_waiting || !typed) return open;
+  ASSIGN_OR_RETURN(const auto others, openSessions(*typed, true));
+  open.insert(open.end(), others.begin(), others.end());
+  return open;
 }
 
-Result<std::uint64_t> ErasureStore::pragma(std::string_view name) {
-  if (connection_.sqlite() == nullptr) return 0u;
-  ASSIGN_OR_RETURN(const auto value,
-                   connection_.prepare("PRAGMA " + std::string(name)).first([](const Statement& row) {
-                     return row.natural(0);
-                   }));
-  return value.value_or(0);
+Result<std::optional<std::string>> ErasureStore::typedAs(std::string_view ref) {
+  return connection_
+      .query(
+          "SELECT t.ref FROM called a JOIN called t ON t.folded = a.folded"
+          " WHERE a.ref = ? AND a.typed = 0 AND t.typed = 1",
+          ref)
+      .first(firstText);
 }
 
-Status ErasureStore::requireRoom(std::uint64_t bytes) {
-  rows_ = 0;
-  if (connection_.sqlite() == nullptr) return {};  // its disk is PostgreSQL's own
-  ASSIGN_OR_RETURN(const auto pages, pragma("page_count"));
-  ASSIGN_OR_RETURN(const auto page_bytes, pragma("page_size"));
-  const auto& path = connection_.path();
-  std::error_code error;
-  const std::uint64_t file = std::filesystem::file_size(path, error);
-  if (error) return {};
-  // the file grows only when the log is emptied
-  const std::uint64_t grown = std::max(pages * page_bytes, file) - file;
-  std::optional<std::uint64_t> left;
-  if (free_room_) {
-    left = free_room_();
-  } else if (const auto space = std::filesystem::space(path.parent_path(), error); !error) {
-    left = space.available;
-  }
-  // in the log, and once more in the file
-  const std::uint64_t needed = kRoomLeft_bytes + grown + 2 * bytes;
-  if (!left || *left >= needed) return {};
-  return Error{ErrorCode::kNoRoom,
-               fmt::format("the disk of {} has {} MiB left, and the erasure needs {} MiB or more to go on: "
-                           "the person is not erased; make room on it, then erase again",
-                           path.parent_path().string(), *left >> 20, (needed >> 20) + 1)};
+Result<Uuid> ErasureStore::lab() {
+  ASSIGN_OR_RETURN(const auto id, MetaStore(connection_).get(kLabKey));
+  return parseUuid(id.value_or(""));
 }
 
-Result<pb::Erasure> ErasureStore::erase(const std::string& name, const ErasureLine& line,
-                                        const std::string& by, const std::string& reason,
-                                        std::int64_t now_unix_ns, bool with_waiting) {
-  ASSIGN_OR_RETURN(auto done, eraseRows(name, line, by, reason, now_unix_ns, with_waiting));
-  ASSIGN_OR_RETURN(auto text, reportOf(done));
-  done.erasure.set_text(std::move(text));
-  return std::move(done.erasure);
+Result<ErasureLine> ErasureStore::lineOf(std::string_view ref, std::int64_t unix_ns) {
+  ErasureLine line;
+  line.unix_ns = unix_ns;
+  ASSIGN_OR_RETURN(line.lab, lab());
+  ASSIGN_OR_RETURN(const auto uuid,
+                   connection_.query("SELECT uuid FROM people WHERE ref = ? AND erased_unix_ns IS NULL", ref)
+                       .first([](const Statement& row) { return uuidOfBlob(row, 0); }));
+  if (!uuid) return Error{ErrorCode::kNotFound, fmt::format("there is no person named '{}'", ref)};
+  line.person = *uuid;
+  return line;
 }
 
-Result<ErasedRows> ErasureStore::eraseRows(const std::string& name, const ErasureLine& line,
-                                           const std::string& by, const std::string& reason,
-                                           std::int64_t now_unix_ns, bool with_waiting,
-                                           const FoundNames* found) {
-  RETURN_IF_ERROR(mayErase(name, line, with_waiting));
-  ASSIGN_OR_RETURN(auto who, tracesOf(name, line, with_waiting, found ? &found->who : nullptr));
-  ErasedRows done;
-  done.typed = line.without_account;
-  if (found) {
-    done.replaced = found->replaced;
-    done.erasure = found->sessions;
-  }
-  // before the names of groups count as other names, which stay
-  ASSIGN_OR_RETURN(done.group_ids, eraseInGroups(who.names, done.replaced));
-  RETURN_IF_ERROR(addOthers(connection_, who.names));
-  done.erasure.set_pseudonym(line.pseudonym);
-  ASSIGN_OR_RETURN(const auto own, sessionsToErase(name, line, with_waiting, UINT64_MAX));
-  RETURN_IF_ERROR(eraseSessions(own.sessions, who.names, now_unix_ns, by, done.erasure));
-  ASSIGN_OR_RETURN(const auto left, connection_.query("SELECT count(*) FROM sessions WHERE trainee = ?", name)
-                                        .first([](const Statement& row) { return row.natural(0); }));
-  done.erasure.set_waiting_sessions(left.value_or(0));
-  if (!done.typed) RETURN_IF_ERROR(eraseAccount(who.names));
-  if (!done.typed) RETURN_IF_ERROR(eraseInReasons(connection_, name, line.pseudonym));
-  RETURN_IF_ERROR(MetaStore(connection_).set(kFreePartsKey, line.pseudonym));
-  RETURN_IF_ERROR(MetaStore(connection_)
-                      .set(std::string(kFilesUnseenKey) + line.pseudonym, std::to_string(line.unix_ns)));
-  RETURN_IF_ERROR(removeSamplesOfIndexes(connection_));
-  // what the stations gave for sessions that were assigned; those that wait keep it
-  RETURN_IF_ERROR(connection_.run(
-      "UPDATE unknown_trainees SET given = ?1 WHERE given = ?2 AND by_whom IS NOT NULL"
-      " AND (?3 = 0 OR session IN (SELECT number FROM sessions WHERE received_unix_ns <= ?4))",
-      line.pseudonym, name, done.typed, line.unix_ns));
-  // of the older ones those that have a name were replaced already, unless the person has others since
-  const bool is_covered = found && found->who.hasAllOf(who);
-  RETURN_IF_ERROR(replaceInRemarks(who, is_covered ? found->who.last_remark : -1, INT64_MAX, done.replaced));
-  if (is_covered)
-    for (const std::int64_t line_id : found->later_lines)
-      RETURN_IF_ERROR(replaceInLines(who, line_id - 1, line_id, done.replaced));
-  RETURN_IF_ERROR(replaceInLines(who, is_covered ? found->who.last_line : -1, INT64_MAX, done.replaced));
-  done.erasure.set_audit_lines(done.replaced.lines);
-  RETURN_IF_ERROR(remember(line, by, withoutNames(reason, who.names, true)));
-  done.names = std::move(who.names);
-  done.names.typed = false;
-  done.session_ids = std::move(who.session_ids);
-  return done;
-}
+Result<pb::Erasure> ErasureStore::erase(const std::string& ref, const ErasureOrder& order) {
+  ASSIGN_OR_RETURN(const auto line, lineOf(ref, order.now_unix_ns));
+  ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(ref));
+  if (person) RETURN_IF_ERROR(PeopleStore(connection_).checkNotLast(*person));
+  pb::Erasure erasure;
+  erasure.set_pseudonym(erasedName(ref));
+  ASSIGN_OR_RETURN(const auto typed, typedAs(ref));
 
-Result<std::vector<ErasureStore::GroupWithName>> ErasureStore::groupsWith(ErasedNames names) {
-  RETURN_IF_ERROR(addOthers(connection_, names, false));
-  std::vector<GroupWithName> with_name;
-  auto rows = connection_.prepare("SELECT id, name FROM groups ORDER BY id");
-  for (;;) {
-    ASSIGN_OR_RETURN(const bool more, rows.step());
-    if (!more) return with_name;
-    GroupWithName group{rows.text(0), rows.text(1), {}, false};
-    group.name_after = withoutNames(group.name, names, false);
-    group.id_has_name = withoutNames(group.id, names, false) != group.id;
-    if (group.id_has_name || group.name_after != group.name) with_name.push_back(std::move(group));
-  }
-}
-
-Result<std::vector<std::string>> ErasureStore::eraseInGroups(const ErasedNames& names,
-                                                             ReplacedWords& replaced) {
-  ASSIGN_OR_RETURN(const auto groups, groupsWith(names));
-  std::vector<std::string> ids;
-  for (const GroupWithName& group : groups) {
-    if (group.id_has_name) ids.push_back(group.id);
-    if (group.name_after == group.name) continue;
-    ++replaced.groups;
-    // another revision: an edit that was begun before would bring the name back
-    RETURN_IF_ERROR(connection_.run("UPDATE groups SET name = ?, revision = revision + 1 WHERE id = ?",
-                                    group.name_after, group.id));
-  }
-  return ids;
-}
-
-Status ErasureStore::eraseAccount(const ErasedNames& names) {
-  for (const std::string_view sql :
+  // a misspelt name names the person, too, where all of its sessions turned out to be theirs
+  ASSIGN_OR_RETURN(
+      const auto ids,
+      connection_
+          .query("SELECT id FROM people WHERE ref = ?1 OR (role = 0 AND NOT EXISTS (SELECT 1 FROM sessions"
+                 " WHERE trainee = people.ref) AND EXISTS (SELECT 1 FROM unknown_trainees u JOIN sessions s"
+                 " ON s.number = u.session WHERE u.given = people.ref AND s.trainee = ?1) AND NOT EXISTS"
+                 " (SELECT 1 FROM unknown_trainees u JOIN sessions s ON s.number = u.session"
+                 " WHERE u.given = people.ref AND s.trainee <> ?1))",
+                 ref)
+          .all(firstText));
+  const std::string gone = fmt::format("{}", fmt::join(ids, ","));
+  RETURN_IF_ERROR(eraseSessions(ref, order, erasure));
+  ASSIGN_OR_RETURN(
+      const auto names,
+      connection_.prepare(fmt::format("SELECT name FROM names WHERE person IN ({})", gone)).all(firstText));
+  ASSIGN_OR_RETURN(const auto key, PseudonymKey::ofFolder(connection_.path().parent_path()));
+  for (const std::string& name : names)
+    RETURN_IF_ERROR(
+        connection_.run("INSERT INTO erased_names (hash, until_unix_ns) VALUES (?,?)"
+                        " ON CONFLICT (hash) DO UPDATE SET until_unix_ns = excluded.until_unix_ns",
+                        ByteView(key.nameHash(nameKey(name))), order.now_unix_ns + kErasedNamesKept_ns));
+  RETURN_IF_ERROR(writeNamesAnew(gone));
+  for (const char* const sql :
        {"DELETE FROM assignments WHERE trainee = ?", "DELETE FROM consents WHERE person = ?",
-        "UPDATE groups SET revision = revision + 1 WHERE id IN (SELECT group_id"
-        " FROM group_members WHERE person = ?)",
-        "DELETE FROM group_members WHERE person = ?", "DELETE FROM people WHERE name = ?"}) {
-    RETURN_IF_ERROR(connection_.run(sql, names.name));
-  }
-  return eraseDoers(names);
+        "DELETE FROM group_members WHERE person = ?"})
+    RETURN_IF_ERROR(connection_.run(sql, ref));
+  RETURN_IF_ERROR(
+      connection_.run("UPDATE people SET password_hash = NULL, code_hash = NULL, disabled = 1,"
+                      " erased_unix_ns = ? WHERE ref = ?",
+                      order.now_unix_ns, ref));
+  RETURN_IF_ERROR(
+      connection_.run("INSERT INTO erasures (uuid, erased_unix_ns, by_whom, reason) VALUES (?,?,?,?)"
+                      " ON CONFLICT (uuid) DO NOTHING",
+                      ByteView(line.person), order.now_unix_ns, order.by, order.reason));
+  ASSIGN_OR_RETURN(const auto waiting,
+                   connection_
+                       .query("SELECT count(*) FROM sessions WHERE trainee IN (?, ?) AND erased = 0", ref,
+                              typed.value_or(ref))
+                       .first([](const Statement& row) { return row.natural(0); }));
+  erasure.set_waiting_sessions(waiting.value_or(0));
+  if (!typed || !order.with_waiting) return erasure;
+  ASSIGN_OR_RETURN(const auto more, erase(*typed, order));
+  erasure.set_sessions(erasure.sessions() + more.sessions());
+  erasure.set_recordings(erasure.recordings() + more.recordings());
+  erasure.set_scores(erasure.scores() + more.scores());
+  erasure.set_remarks_kept(erasure.remarks_kept() + more.remarks_kept());
+  erasure.set_waiting_sessions(0);
+  return erasure;
 }
 
-Status ErasureStore::eraseDoers(const ErasedNames& names) {
-  ASSIGN_OR_RETURN(const auto page_bytes, pragma("page_size"));
-  for (const auto& [table, column, long_text] : kDoers) {
-    ASSIGN_OR_RETURN(const auto bytes,
-                     connection_
-                         .query(fmt::format("SELECT coalesce(sum(length({}) + {}), 0) FROM {} WHERE {} = ?",
-                                            long_text, page_bytes, table, column),
-                                names.name)
+Status ErasureStore::eraseSessions(const std::string& ref, const ErasureOrder& order, pb::Erasure& erasure) {
+  constexpr std::string_view kReason = "the data of its person was erased";
+  const auto run = [&](std::string_view sql) {
+    return connection_.run(fmt::format(fmt::runtime(sql), kTaken), ref, order.with_waiting);
+  };
+  const auto count = [&](std::string_view sql) -> Result<std::uint64_t> {
+    ASSIGN_OR_RETURN(const auto found,
+                     connection_.query(fmt::format(fmt::runtime(sql), kTaken), ref, order.with_waiting)
                          .first([](const Statement& row) { return row.natural(0); }));
-    RETURN_IF_ERROR(requireRoom(bytes.value_or(0)));
-    RETURN_IF_ERROR(connection_.run(fmt::format("UPDATE {} SET {} = ? WHERE {} = ?", table, column, column),
-                                    names.in_its_place, names.name));
-  }
+    return found.value_or(0);
+  };
+  ASSIGN_OR_RETURN(const auto sessions, count("SELECT count(*) FROM ({}) AS taken"));
+  erasure.set_sessions(sessions);
+  if (sessions == 0) return {};
+  ASSIGN_OR_RETURN(
+      const auto recordings,
+      count("SELECT count(*) FROM sessions s LEFT JOIN session_progress p ON p.session = s.number"
+            " WHERE s.number IN ({}) AND s.recording <> 3 AND coalesce(p.chunks, s.chunks) > 0"));
+  erasure.set_recordings(recordings);
+  ASSIGN_OR_RETURN(const auto remarks, count("SELECT count(*) FROM annotations WHERE session IN ({})"));
+  erasure.set_remarks_kept(remarks);
+  // Retention removes the chunks in pieces. Their CRCs are not needed, because chunks that a station sends
+  // again are accepted unread.
+  RETURN_IF_ERROR(connection_.run(
+      fmt::format(
+          "INSERT INTO removed_originals (session, removed_unix_ns, deleted_unix_ns, reason, by_whom,"
+          " leftover, crcs) SELECT s.number, ?3, ?3, ?4, ?5, 1, zeroblob(4 * coalesce(p.chunks, s.chunks))"
+          " FROM sessions s LEFT JOIN session_progress p ON p.session = s.number WHERE s.number IN ({})"
+          " ON CONFLICT (session) DO UPDATE SET deleted_unix_ns = excluded.deleted_unix_ns,"
+          " reason = excluded.reason, by_whom = excluded.by_whom, leftover = 1, crcs = excluded.crcs",
+          kTaken),
+      ref, order.with_waiting, order.now_unix_ns, kReason, order.by));
+  RETURN_IF_ERROR(run("UPDATE derived_recordings SET complete = 0 WHERE session IN ({})"));
+  RETURN_IF_ERROR(run("DELETE FROM scores WHERE session IN ({})"));
+  erasure.set_scores(static_cast<std::uint64_t>(connection_.changes()));
+  RETURN_IF_ERROR(run("DELETE FROM session_events WHERE session IN ({})"));
+  RETURN_IF_ERROR(run("DELETE FROM unknown_trainees WHERE by_whom IS NULL AND session IN ({})"));
+  // closes an open one; its hash was never computed, and no chunks will be left to hash
+  RETURN_IF_ERROR(
+      connection_.run(fmt::format("UPDATE sessions SET state = ?3, hash = zeroblob(32), closed_unix_ns = ?4"
+                                  " WHERE number IN ({}) AND state = ?5",
+                                  kTaken),
+                      ref, order.with_waiting, static_cast<int>(pb::SESSION_INTERRUPTED), order.now_unix_ns,
+                      static_cast<int>(pb::SESSION_OPEN)));
+  return run(
+      "UPDATE sessions SET erased = 1, score_json = NULL, passed = NULL, events = 0, recording = 3,"
+      " profile_json = '{{}}', clock_offset_ns = NULL, clock_round_trip_ns = NULL WHERE number IN ({})");
+}
+
+Status ErasureStore::writeNamesAnew(std::string_view gone) {
+  // SQLite moves rows within a page and leaves their bytes behind: where all rows go, the pages are cleared
+  // (secure_delete), and the names that stay are written to clean ones
+  struct Row {
+    std::int64_t person = 0;
+    std::string name, folded, full_name;
+    bool typed = false;
+  };
+  if (connection_.sqlite() == nullptr)
+    return connection_.script(fmt::format("DELETE FROM needlelab.names WHERE person IN ({})", gone));
+  RETURN_IF_ERROR(connection_.script(fmt::format("DELETE FROM names WHERE person IN ({})", gone)));
+  ASSIGN_OR_RETURN(
+      const auto rows,
+      connection_.prepare("SELECT person, name, folded, full_name, typed FROM names ORDER BY person")
+          .all([](const Statement& row) {
+            return Row{row.integer(0), row.text(1), row.text(2), row.text(3), row.integer(4) != 0};
+          }));
+  RETURN_IF_ERROR(connection_.script("DELETE FROM names"));
+  for (const Row& row : rows)
+    RETURN_IF_ERROR(
+        connection_.run("INSERT INTO names (person, name, folded, full_name, typed) VALUES (?,?,?,?,?)",
+                        row.person, row.name, row.folded, row.full_name, row.typed));
   return {};
 }
 
-Result<std::string> ErasureStore::doneUnder(const std::string& name) {
-  std::string text;
-  const auto look = [&](std::string_view table, std::string_view column) -> Status {
-    ASSIGN_OR_RETURN(
-        const auto rows,
-        connection_.query(fmt::format("SELECT count(*) FROM {} WHERE {} = ?", table, column), name)
-            .first([](const Statement& row) { return row.natural(0); }));
-    if (rows.value_or(0) > 0)
-      text += (text.empty() ? "" : ", ") + fmt::format("{} of {} ({})", *rows, table, column);
-    return {};
-  };
-  RETURN_IF_ERROR(look("annotations", "author"));
-  for (const NameColumn& doer : kDoers) RETURN_IF_ERROR(look(doer.table, doer.column));
-  if (text.empty()) return text;
-  return "Whoever has this name wrote these rows of the database, which keep it: " + text + ". ";
+Result<bool> ErasureStore::wasErased(std::string_view name, std::int64_t now_unix_ns) {
+  ASSIGN_OR_RETURN(const auto any,
+                   connection_.prepare("SELECT 1 FROM erased_names LIMIT 1").first(firstText));
+  if (!any) return false;
+  ASSIGN_OR_RETURN(const auto key, PseudonymKey::ofFolder(connection_.path().parent_path()));
+  ASSIGN_OR_RETURN(const auto found,
+                   connection_
+                       .query("SELECT 1 FROM erased_names WHERE hash = ? AND until_unix_ns > ?",
+                              ByteView(key.nameHash(nameKey(trimmedName(name)))), now_unix_ns)
+                       .first(firstText));
+  return found.has_value();
 }
 
-Result<std::string> ErasureStore::doersAlike(const NameSearch& search, const std::string& name) {
-  constexpr std::size_t kMostNamedDoers = 20;
-  std::size_t found = 0;
-  std::string text;
-  for (const NameColumn& doer : kDoers) {
-    auto rows = connection_.prepare(
-        fmt::format("SELECT {0}, count(*) FROM {1} WHERE {0} IS NOT NULL GROUP BY {0} ORDER BY {0}",
-                    doer.column, doer.table));
-    for (;;) {
-      ASSIGN_OR_RETURN(const bool more, rows.step());
-      if (!more) break;
-      const std::string who = rows.text(0);
-      if (who == name || !search.finds(who) || ++found > kMostNamedDoers) continue;
-      text += (text.empty() ? "" : ", ") +
-              fmt::format("'{}' in {} of {} ({})", printable(who), rows.natural(1), doer.table, doer.column);
+Result<bool> ErasureStore::isErased(const Uuid& person) {
+  ASSIGN_OR_RETURN(
+      const auto found,
+      connection_.query("SELECT 1 FROM erasures WHERE uuid = ?", ByteView(person)).first(firstText));
+  return found.has_value();
+}
+
+Result<std::vector<ErasureLine>> ErasureStore::known() {
+  ASSIGN_OR_RETURN(const Uuid of, lab());
+  return connection_.prepare("SELECT uuid, erased_unix_ns FROM erasures ORDER BY erased_unix_ns")
+      .all([&](const Statement& row) {
+        return ErasureLine{of, uuidOfBlob(row, 0), row.integer(1)};
+      });
+}
+
+Result<std::size_t> ErasureStore::repeat(const std::vector<ErasureLine>& lines, std::int64_t now_unix_ns) {
+  ASSIGN_OR_RETURN(const Uuid of, lab());
+  std::size_t erased = 0;
+  for (const ErasureLine& line : lines) {
+    if (line.lab != of) continue;
+    ASSIGN_OR_RETURN(
+        const auto ref,
+        connection_
+            .query("SELECT ref FROM people WHERE uuid = ? AND erased_unix_ns IS NULL", ByteView(line.person))
+            .first(firstText));
+    if (ref) {
+      const auto done =
+          erase(*ref, {std::string(kServerName), "from the list beside the database", now_unix_ns});
+      // the last administrator stays until there is another one; a later start erases
+      if (!done && done.error().code == ErrorCode::kDenied) continue;
+      RETURN_IF_ERROR(done);
+      ++erased;
     }
+    // of who came after the backup: a station may still bring sessions of theirs
+    RETURN_IF_ERROR(connection_.run(
+        "INSERT INTO erasures (uuid, erased_unix_ns, by_whom, reason) VALUES (?,?,?,?)"
+        " ON CONFLICT (uuid) DO NOTHING",
+        ByteView(line.person), line.unix_ns, kServerName, "from the list beside the database"));
   }
-  if (found == 0) return text;
-  if (found > kMostNamedDoers) text += fmt::format(" and {} others", found - kMostNamedDoers);
-  return "These who made or changed something have the letters of a name of this person, and stay as they "
-         "are; "
-         "look whom they mean: " +
-         text + ". ";
+  return erased;
 }
 
 }  // namespace needlelab

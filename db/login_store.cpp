@@ -14,7 +14,7 @@ constexpr std::size_t kHalf = 16;  // bytes of a key that are of the name; the o
 
 /// The account of a token `t` is as it was at the log-in.
 constexpr std::string_view kAccountHolds =
-    " JOIN people p ON p.name = t.name AND p.created_unix_ns = t.account_unix_ns AND p.role = t.role"
+    " JOIN people p ON p.ref = t.name AND p.role = t.role"
     " AND p.disabled = 0 AND coalesce((SELECT n.number FROM access_numbers n WHERE n.what = 1"
     " AND n.name = t.name), 0) = t.access_number ";
 
@@ -127,26 +127,26 @@ Result<bool> LoginStore::addToken(std::string_view token, const TokenRow& row, s
   const LoginKey::Hash hash = LoginKey::hashOfToken(token);
   // a change that comes meanwhile is not seen here: token() and tokenHolds() compare the number again
   RETURN_IF_ERROR(connection_.run(
-      "INSERT INTO login_tokens (hash, name, role, account_unix_ns, access_number, password_ns, expires_ns)"
-      " SELECT ?1, p.name, p.role, p.created_unix_ns, ?2, ?3, ?4 FROM people p WHERE p.name = ?5"
-      " AND p.role = ?6 AND p.created_unix_ns = ?7 AND p.disabled = 0"
-      " AND coalesce((SELECT n.number FROM access_numbers n WHERE n.what = 1 AND n.name = p.name), 0) = ?2",
-      ByteView(hash), row.access_number, row.password_ns, row.expires_ns, row.name, row.role,
-      row.account_unix_ns));
+      "INSERT INTO login_tokens (hash, name, role, access_number, password_ns, expires_ns)"
+      " SELECT ?1, p.ref, p.role, ?2, ?3, ?4 FROM people p WHERE p.ref = ?5 AND p.role = ?6 AND p.disabled = "
+      "0"
+      " AND coalesce((SELECT n.number FROM access_numbers n WHERE n.what = 1 AND n.name = p.ref), 0) = ?2",
+      ByteView(hash), row.access_number, row.password_ns, row.expires_ns, row.name, row.role));
   return connection_.changes() > 0;
 }
 
 Result<std::optional<TokenRow>> LoginStore::token(std::string_view token, std::int64_t now_ns) {
   const LoginKey::Hash hash = LoginKey::hashOfToken(token);
   return connection_
-      .query(fmt::format("SELECT t.name, t.role, t.account_unix_ns, t.access_number, t.password_ns,"
-                         " t.expires_ns FROM login_tokens t{}WHERE t.hash = ? AND t.expires_ns > ?",
+      .query(fmt::format("SELECT t.name, t.role, t.access_number, t.password_ns,"
+                         " t.expires_ns, (SELECT c.name FROM called c WHERE c.ref = t.name)"
+                         " FROM login_tokens t{}WHERE t.hash = ? AND t.expires_ns > ?",
                          kAccountHolds),
              ByteView(hash), now_ns)
       .first([](const Statement& row) {
         return TokenRow{row.text(0),    static_cast<int>(row.integer(1)),
                         row.integer(2), row.integer(3),
-                        row.integer(4), row.integer(5)};
+                        row.integer(4), row.text(5)};
       });
 }
 

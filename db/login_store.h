@@ -34,11 +34,11 @@ struct LoginRow {
 
 /// Of a token all but itself: of that there is a hash only. Times are of the database's clock.
 struct TokenRow {
-  std::string name;
+  std::string name;  ///< the person's ref
   int role = 0;
-  std::int64_t account_unix_ns = 0;  ///< Principal::account_unix_ns
-  std::int64_t access_number = 0;    ///< of the person, at the log-in
+  std::int64_t access_number = 0;  ///< of the person, at the log-in
   std::int64_t password_ns = 0, expires_ns = 0;
+  std::string called{};  ///< the person's name now
 };
 
 /// Does not own connection and key. Thread: as its Connection. Changes need a connection beside the writer's

@@ -9,6 +9,7 @@
 #include "common/base/text.h"
 #include "db/documents.h"
 #include "db/person_name.h"
+#include "db/person_refs.h"
 #include "db/text_lists.h"
 #include "db/text_pages.h"
 
@@ -17,12 +18,12 @@ namespace {
 
 constexpr std::string_view kSelectPeople =
     "SELECT name, role, password_hash, disabled, created_unix_ns, full_name,"
-    " revision, changed_unix_ns, changed_by, code_hash FROM people ";
+    " revision, changed_unix_ns, changed_by, code_hash, ref FROM accounts ";
 
 /// PeopleStore::Filter: the search ?1, the role ?2 (0: any).
 constexpr std::string_view kFiltered =
     "(?2 = 0 OR role = ?2) AND (?1 = '' OR instr(lower(name), lower(?1)) > 0"
-    " OR instr(lower(full_name), lower(?1)) > 0 OR name IN"
+    " OR instr(lower(full_name), lower(?1)) > 0 OR ref IN"
     " (SELECT person FROM group_members WHERE instr(lower(group_id), lower(?1)) > 0))";
 
 Person personOf(const Statement& row) {
@@ -30,7 +31,8 @@ Person personOf(const Statement& row) {
           row.text(2),      row.integer(3) != 0,
           row.integer(4),   row.text(5),
           row.natural32(6), row.integer(7),
-          row.text(8),      row.text(9)};
+          row.text(8),      row.text(9),
+          row.text(10)};
 }
 
 Status checkRoleOfPerson(pb::Role role) {
@@ -41,8 +43,15 @@ Status checkRoleOfPerson(pb::Role role) {
                   static_cast<int>(role))};
 }
 
-Error unknown(std::string_view name) {
-  return {ErrorCode::kNotFound, "there is no person named '" + std::string(name) + "'"};
+Error unknown(std::string_view who) {
+  return {ErrorCode::kNotFound, "there is no person named '" + std::string(who) + "'"};
+}
+
+/// The members' refs in an order of their own: a group's are by name.
+std::vector<std::string> sortedMembers(const pb::Group& group) {
+  std::vector<std::string> members(group.members().begin(), group.members().end());
+  std::sort(members.begin(), members.end());
+  return members;
 }
 
 constexpr std::string_view kGroup = "SELECT id, name, revision, changed_by, changed_unix_ns FROM groups ";
@@ -66,8 +75,7 @@ Result<std::vector<std::string>> membersOf(const pb::Group& group) {
   if (group.members_size() > kMaxGroupMembers)
     return Error{ErrorCode::kInvalidInput, fmt::format("group '{}', members: has {}, allowed are at most {}",
                                                        group.id(), group.members_size(), kMaxGroupMembers)};
-  std::vector<std::string> members(group.members().begin(), group.members().end());
-  std::sort(members.begin(), members.end());
+  auto members = sortedMembers(group);
   const auto twice = std::adjacent_find(members.begin(), members.end());
   if (twice != members.end())
     return Error{ErrorCode::kInvalidInput,
@@ -97,36 +105,51 @@ Error inTooManyGroups(const std::string& group_id, const std::string& member) {
 
 }  // namespace
 
-Status PeopleStore::add(const Person& person) {
+Result<std::string> PeopleStore::refOf(std::string_view who) {
+  if (isPersonRef(who)) return std::string(who);
+  ASSIGN_OR_RETURN(auto ref, findPerson(connection_, who));
+  return ref.value_or(std::string(who));
+}
+
+Status PeopleStore::add(const Person& person, std::string* given_ref) {
   RETURN_IF_ERROR(checkNewPersonName("name", person.name));
   RETURN_IF_ERROR(checkRoleOfPerson(person.role));
   RETURN_IF_ERROR(checkNewText("full_name", person.full_name, 0, 200));
-  ASSIGN_OR_RETURN(const auto known, findSame(person.name));
+  ASSIGN_OR_RETURN(const auto known, findNamed(person.name));
   if (known) return Error{ErrorCode::kAlreadyExists, sameNameQuestion(known->name, person.name)};
-  return connection_.run(
-      "INSERT INTO people (name, folded, role, password_hash, disabled, created_unix_ns,"
-      " full_name, changed_unix_ns, code_hash) VALUES (?,?,?,nullif(?, ''),?,?,?,?,nullif(?, ''))",
-      person.name, nameKey(person.name), static_cast<int>(person.role), person.password_hash, person.disabled,
-      person.created_unix_ns, person.full_name, person.created_unix_ns, person.code_hash);
-}
-
-Status PeopleStore::setPasswordHash(std::string_view name, std::string_view hash) {
-  RETURN_IF_ERROR(connection_.run("UPDATE people SET password_hash = ? WHERE name = ?", hash, name));
-  if (connection_.changes() == 0) return unknown(name);
+  ASSIGN_OR_RETURN(
+      const auto id,
+      connection_.insert("INSERT INTO people (uuid, role, password_hash, disabled, created_unix_ns,"
+                         " changed_unix_ns, code_hash) VALUES (?,?,nullif(?, ''),?,?,?,nullif(?, ''))"
+                         " RETURNING id",
+                         ByteView(makeUuidV7()), static_cast<int>(person.role), person.password_hash,
+                         person.disabled, person.created_unix_ns, person.created_unix_ns, person.code_hash));
+  RETURN_IF_ERROR(addNameOf(connection_, id, person.name, person.full_name, false));
+  if (given_ref != nullptr) *given_ref = "@" + std::to_string(id);
   return {};
 }
 
-Status PeopleStore::setCodeHash(std::string_view name, std::string_view hash) {
-  RETURN_IF_ERROR(connection_.run("UPDATE people SET code_hash = nullif(?, '') WHERE name = ?", hash, name));
-  if (connection_.changes() == 0) return unknown(name);
+Status PeopleStore::setPasswordHash(std::string_view who, std::string_view hash) {
+  ASSIGN_OR_RETURN(const auto ref, refOf(who));
+  RETURN_IF_ERROR(
+      connection_.run("UPDATE people SET password_hash = ? WHERE ref = ? AND role <> 0", hash, ref));
+  if (connection_.changes() == 0) return unknown(who);
   return {};
 }
 
-Result<Person> PeopleStore::change(std::string_view name, std::optional<std::uint32_t> base,
+Status PeopleStore::setCodeHash(std::string_view who, std::string_view hash) {
+  ASSIGN_OR_RETURN(const auto ref, refOf(who));
+  RETURN_IF_ERROR(
+      connection_.run("UPDATE people SET code_hash = nullif(?, '') WHERE ref = ? AND role <> 0", hash, ref));
+  if (connection_.changes() == 0) return unknown(who);
+  return {};
+}
+
+Result<Person> PeopleStore::change(std::string_view who, std::optional<std::uint32_t> base,
                                    const PersonChange& change, std::string_view by,
                                    std::int64_t now_unix_ns) {
-  ASSIGN_OR_RETURN(auto person, find(name));
-  if (!person) return unknown(name);
+  ASSIGN_OR_RETURN(auto person, find(who));
+  if (!person) return unknown(who);
   Person& now = *person;
   RETURN_IF_ERROR(
       checkBase("person '" + now.name + "'", base,
@@ -137,18 +160,29 @@ Result<Person> PeopleStore::change(std::string_view name, std::optional<std::uin
   now.full_name = change.full_name.value_or(now.full_name);
   RETURN_IF_ERROR(checkRoleOfPerson(now.role));
   if (now.full_name != before.full_name) RETURN_IF_ERROR(checkNewText("full_name", now.full_name, 0, 200));
-  if (now.role == before.role && now.disabled == before.disabled && now.full_name == before.full_name)
+  now.name = change.name.value_or(now.name);
+  if (now.name != before.name) {
+    RETURN_IF_ERROR(checkNewPersonName("name", now.name));
+    ASSIGN_OR_RETURN(const auto known, findNamed(now.name));
+    if (known && known->ref != now.ref)
+      return Error{ErrorCode::kAlreadyExists, sameNameQuestion(known->name, now.name)};
+  }
+  if (now.role == before.role && now.disabled == before.disabled && now.full_name == before.full_name &&
+      now.name == before.name)
     return now;
 
   if (now.disabled || now.role != pb::ADMINISTRATOR) RETURN_IF_ERROR(checkNotLast(before));
   ++now.revision;
   now.changed_by = by;
   now.changed_unix_ns = now_unix_ns;
-  RETURN_IF_ERROR(connection_.run(
-      "UPDATE people"
-      " SET role = ?, disabled = ?, full_name = ?, revision = ?, changed_by = ?,"
-      " changed_unix_ns = ? WHERE name = ?",
-      static_cast<int>(now.role), now.disabled, now.full_name, now.revision, by, now_unix_ns, name));
+  RETURN_IF_ERROR(
+      connection_.run("UPDATE people SET role = ?, disabled = ?, revision = ?, changed_by = ?,"
+                      " changed_unix_ns = ? WHERE ref = ?",
+                      static_cast<int>(now.role), now.disabled, now.revision, by, now_unix_ns, now.ref));
+  RETURN_IF_ERROR(
+      connection_.run("UPDATE names SET name = ?, folded = ?, full_name = ?"
+                      " WHERE person = (SELECT id FROM people WHERE ref = ?)",
+                      now.name, nameKey(now.name), now.full_name, now.ref));
   return now;
 }
 
@@ -156,37 +190,37 @@ Status PeopleStore::checkNotLast(const Person& person) {
   if (person.role != pb::ADMINISTRATOR || person.disabled) return {};
   auto others = connection_.query(
       "SELECT count(*) FROM people WHERE role = ? AND disabled = 0"
-      " AND password_hash IS NOT NULL AND name <> ?",
-      static_cast<int>(pb::ADMINISTRATOR), person.name);
+      " AND password_hash IS NOT NULL AND ref <> ?",
+      static_cast<int>(pb::ADMINISTRATOR), person.ref);
   RETURN_IF_ERROR(others.step());
   if (others.integer(0) != 0) return {};
   return Error{ErrorCode::kDenied,
                "'" + person.name + "' is the last administrator who can log in: add another first"};
 }
 
-Status PeopleStore::setDisabled(std::string_view name, bool disabled, std::string_view by,
+Status PeopleStore::setDisabled(std::string_view who, bool disabled, std::string_view by,
                                 std::int64_t now_unix_ns) {
-  const auto changed = change(name, {}, {.disabled = disabled}, by, now_unix_ns);
+  const auto changed = change(who, {}, {.disabled = disabled}, by, now_unix_ns);
   return changed ? Status() : Status(changed.error());
 }
 
-Result<std::optional<Person>> PeopleStore::find(std::string_view name) {
-  return connection_.query(std::string(kSelectPeople) + "WHERE name = ?", name).first(personOf);
+Result<std::optional<Person>> PeopleStore::find(std::string_view who) {
+  ASSIGN_OR_RETURN(const auto ref, refOf(who));
+  return connection_.query(std::string(kSelectPeople) + "WHERE ref = ?", ref).first(personOf);
 }
 
-Result<std::optional<Person>> PeopleStore::findSame(std::string_view name) {
+Result<std::optional<Person>> PeopleStore::findNamed(std::string_view name) {
   return connection_.query(std::string(kSelectPeople) + "WHERE folded = ?", nameKey(name)).first(personOf);
 }
 
-Result<std::map<std::string, Person>> PeopleStore::findAll(std::span<const std::string> names) {
-  Statement rows =
-      connection_.prepare(std::string(kSelectPeople) + "WHERE name" + amongTexts(connection_, 1));
-  bindTexts(connection_, rows, names);
+Result<std::map<std::string, Person>> PeopleStore::findAll(std::span<const std::string> refs) {
+  Statement rows = connection_.prepare(std::string(kSelectPeople) + "WHERE ref" + amongTexts(connection_, 1));
+  bindTexts(connection_, rows, refs);
   ASSIGN_OR_RETURN(auto people, rows.all(personOf));
   std::map<std::string, Person> found;
   for (Person& person : people) {
-    std::string name = person.name;
-    found.emplace(std::move(name), std::move(person));
+    std::string ref = person.ref;
+    found.emplace(std::move(ref), std::move(person));
   }
   return found;
 }
@@ -204,8 +238,8 @@ Result<std::vector<Person>> PeopleStore::page(const Filter& filter, std::string_
 }
 
 Result<std::uint32_t> PeopleStore::count(const Filter& filter) {
-  auto row = connection_.query(fmt::format("SELECT count(*) FROM people WHERE {}", kFiltered), filter.search,
-                               static_cast<int>(filter.role.value_or(pb::ROLE_UNSPECIFIED)));
+  auto row = connection_.query(fmt::format("SELECT count(*) FROM accounts WHERE {}", kFiltered),
+                               filter.search, static_cast<int>(filter.role.value_or(pb::ROLE_UNSPECIFIED)));
   ASSIGN_OR_RETURN(const bool there, row.step());
   return there ? row.natural32(0) : 0;
 }
@@ -234,9 +268,8 @@ Result<pb::Group> GroupStore::put(const pb::Group& group, std::optional<std::uin
   }
   if (!before || before->name() != group.name())
     RETURN_IF_ERROR(checkVisible("group '" + group.id() + "', name", group.name()));
-  if (before && before->name() == group.name() &&
-      std::equal(wanted.begin(), wanted.end(), before->members().begin(), before->members().end()))
-    return *before;
+  const auto present = before ? sortedMembers(*before) : std::vector<std::string>();
+  if (before && before->name() == group.name() && wanted == present) return *before;
 
   RETURN_IF_ERROR(
       connection_.run("INSERT INTO groups (id, name, revision, changed_by, changed_unix_ns)"
@@ -246,7 +279,6 @@ Result<pb::Group> GroupStore::put(const pb::Group& group, std::optional<std::uin
                       " changed_unix_ns = excluded.changed_unix_ns, removed = 0",
                       group.id(), group.name(), last + 1, by, now_unix_ns));
   RETURN_IF_ERROR(connection_.run("DELETE FROM group_members WHERE group_id = ?", group.id()));
-  const pb::Group present = before ? *before : pb::Group();
   if (connection_.sqlite() == nullptr) {
     RETURN_IF_ERROR(addMembersAtOnce(group.id(), wanted, present));
     return get(group.id());
@@ -254,7 +286,7 @@ Result<pb::Group> GroupStore::put(const pb::Group& group, std::optional<std::uin
   for (const std::string& member : wanted) {
     ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(member));
     if (!person) return noMember(group.id(), member);
-    if (!std::binary_search(present.members().begin(), present.members().end(), member))
+    if (!std::binary_search(present.begin(), present.end(), member))
       RETURN_IF_ERROR(checkMayJoin(group.id(), member));
     RETURN_IF_ERROR(
         connection_.run("INSERT INTO group_members (group_id, person) VALUES (?,?)", group.id(), member));
@@ -307,8 +339,9 @@ Status GroupStore::addMembers(std::span<pb::Group> groups) {
     by_id.emplace(group.id(), &group);
     ids.push_back(group.id());
   }
-  Statement rows = connection_.prepare("SELECT group_id, person FROM group_members WHERE group_id" +
-                                       amongTexts(connection_, 1) + " ORDER BY group_id, person");
+  Statement rows = connection_.prepare(
+      "SELECT m.group_id, m.person FROM group_members m JOIN called c ON c.ref = m.person WHERE m.group_id" +
+      amongTexts(connection_, 1) + " ORDER BY m.group_id, c.name");
   bindTexts(connection_, rows, ids);
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, rows.step());
@@ -343,14 +376,14 @@ Result<std::map<std::string, std::vector<std::string>>> GroupStore::groupsOfMany
 }
 
 Status GroupStore::addMembersAtOnce(const std::string& id, const std::vector<std::string>& wanted,
-                                    const pb::Group& present) {
+                                    const std::vector<std::string>& present) {
   std::vector<std::string_view> all(wanted.begin(), wanted.end()), join;
   std::copy_if(all.begin(), all.end(), std::back_inserter(join), [&](std::string_view member) {
-    return !std::binary_search(present.members().begin(), present.members().end(), member);
+    return !std::binary_search(present.begin(), present.end(), member);
   });
   auto others = connection_.prepare(
       "SELECT m.person FROM unnest(?1) AS m (person)"
-      " WHERE NOT EXISTS (SELECT 1 FROM people p WHERE p.name = m.person) ORDER BY m.person LIMIT 1");
+      " WHERE NOT EXISTS (SELECT 1 FROM accounts a WHERE a.ref = m.person) ORDER BY m.person LIMIT 1");
   others.bindList(std::span<const std::string_view>(all));
   ASSIGN_OR_RETURN(const auto unknown, others.first(firstText));
   if (unknown) return noMember(id, *unknown);
@@ -377,7 +410,11 @@ Status GroupStore::checkMayJoin(const std::string& id, const std::string& person
 }
 
 Result<std::vector<std::string>> GroupStore::members(std::string_view id) {
-  return connection_.query("SELECT person FROM group_members WHERE group_id = ? ORDER BY person", id)
+  return connection_
+      .query(
+          "SELECT m.person FROM group_members m JOIN called c ON c.ref = m.person WHERE m.group_id = ?"
+          " ORDER BY c.name",
+          id)
       .all(firstText);
 }
 
@@ -386,7 +423,7 @@ Status ConsentStore::add(const std::string& person, const pb::Consent& consent) 
   ASSIGN_OR_RETURN(const auto known, PeopleStore(connection_).find(person));
   if (!known) return Error{ErrorCode::kNotFound, "there is no person named '" + printable(person) + "'"};
   return connection_.run(
-      "INSERT INTO consents (person, given, unix_ns, recorded_by, note) VALUES (?,?,?,?,?)", person,
+      "INSERT INTO consents (person, given, unix_ns, recorded_by, note) VALUES (?,?,?,?,?)", known->ref,
       consent.given(), consent.unix_ns(), consent.recorded_by(), consent.note());
 }
 
@@ -419,8 +456,8 @@ Result<std::optional<pb::Consent>> ConsentStore::newest(std::string_view person)
 
 Result<std::map<std::string, pb::Consent>> ConsentStore::newestOfMany(std::span<const std::string> people) {
   Statement rows = connection_.prepare(
-      "SELECT c.given, c.unix_ns, c.recorded_by, c.note, p.name FROM people p JOIN consents c ON c.id ="
-      " (SELECT n.id FROM consents n WHERE n.person = p.name ORDER BY n.id DESC LIMIT 1) WHERE p.name" +
+      "SELECT c.given, c.unix_ns, c.recorded_by, c.note, p.ref FROM people p JOIN consents c ON c.id ="
+      " (SELECT n.id FROM consents n WHERE n.person = p.ref ORDER BY n.id DESC LIMIT 1) WHERE p.ref" +
       amongTexts(connection_, 1));
   bindTexts(connection_, rows, people);
   std::map<std::string, pb::Consent> consents;
@@ -434,7 +471,7 @@ Result<std::map<std::string, pb::Consent>> ConsentStore::newestOfMany(std::span<
 Result<std::vector<std::string>> ConsentStore::consenting() {
   return connection_
       .prepare(
-          "SELECT name FROM people WHERE (SELECT given FROM consents WHERE person = name"
+          "SELECT ref FROM accounts WHERE (SELECT given FROM consents WHERE person = ref"
           " ORDER BY id DESC LIMIT 1) = 1 ORDER BY name")
       .all(firstText);
 }

@@ -18,8 +18,8 @@
 
 namespace needlelab {
 
-/// Name, role, hashes of password and code. A person is disabled, not deleted, because sessions and the audit
-/// log refer to the name; to delete a person's data, erase the person (erasure.h).
+/// Name, role, hashes of password and code. A person is disabled, not deleted; to delete a person's data,
+/// erase the person (erasure.h).
 struct Person {
   std::string name;
   pb::Role role = pb::ROLE_UNSPECIFIED;
@@ -31,6 +31,7 @@ struct Person {
   std::int64_t changed_unix_ns = 0;  ///< set by the store
   std::string changed_by = {};       ///< empty: never changed
   std::string code_hash = {};        ///< of a trainee's code; empty: none
+  std::string ref = {};              ///< "@17": what rows refer to; set by the store
 };
 
 /// The fields to change; the others stay.
@@ -38,35 +39,37 @@ struct PersonChange {
   std::optional<pb::Role> role = {};
   std::optional<bool> disabled = {};
   std::optional<std::string> full_name = {};
+  std::optional<std::string> name = {};  ///< errors as PeopleStore::add()
 };
 
-/// Does not own the connection. Thread: as its Connection; changes need the writer's.
+/// Does not own the connection. `who`, everywhere: a ref, or a name. Thread: as its Connection; changes need
+/// the writer's.
 class PeopleStore {
  public:
   explicit PeopleStore(Connection& connection) : connection_(connection) {}
 
-  /// Errors: kInvalidInput (name, by checkNewPersonName(); role; full name), kAlreadyExists (a name with the
-  /// same nameKey()).
-  Status add(const Person& person);
+  /// `ref` (may be null) gets the new person's. Errors: kInvalidInput (name, by checkNewPersonName(); role;
+  /// full name), kAlreadyExists (a name with the same nameKey()).
+  Status add(const Person& person, std::string* ref = nullptr);
   /// kNotFound.
-  Status setPasswordHash(std::string_view name, std::string_view hash);
+  Status setPasswordHash(std::string_view who, std::string_view hash);
   /// Of the code that a station asks for (credentials.h); empty: none. kNotFound.
-  Status setCodeHash(std::string_view name, std::string_view hash);
+  Status setCodeHash(std::string_view who, std::string_view hash);
   /// Returns the changed person. `base`: the revision that the change was made from, or none: any. kNotFound;
   /// kConflict; kInvalidInput; kDenied: it would disable, or change the role of, the last administrator who
   /// can log in.
-  Result<Person> change(std::string_view name, std::optional<std::uint32_t> base, const PersonChange& change,
+  Result<Person> change(std::string_view who, std::optional<std::uint32_t> base, const PersonChange& change,
                         std::string_view by, std::int64_t now_unix_ns);
   /// kDenied: `person` is the last administrator who can log in.
   Status checkNotLast(const Person& person);
-  Status setDisabled(std::string_view name, bool disabled, std::string_view by = {},
+  Status setDisabled(std::string_view who, bool disabled, std::string_view by = {},
                      std::int64_t now_unix_ns = 0);
-  /// Nothing when there is no such person.
-  Result<std::optional<Person>> find(std::string_view name);
-  /// The person whose name has the same nameKey().
-  Result<std::optional<Person>> findSame(std::string_view name);
-  /// Those of the names that are there, by name; one statement.
-  Result<std::map<std::string, Person>> findAll(std::span<const std::string> names);
+  /// Nothing when there is no such account.
+  Result<std::optional<Person>> find(std::string_view who);
+  /// The account whose name has the same nameKey().
+  Result<std::optional<Person>> findNamed(std::string_view name);
+  /// Those of the refs that are there, by ref; one statement.
+  Result<std::map<std::string, Person>> findAll(std::span<const std::string> refs);
   /// Sorted by name.
   Result<std::vector<Person>> list();
   /// Empty or absent fields do not filter.
@@ -81,6 +84,8 @@ class PeopleStore {
   Result<std::uint32_t> count(const Filter& filter);
 
  private:
+  /// The ref of `who`; `who` itself where there is no such account.
+  Result<std::string> refOf(std::string_view who);
   Connection& connection_;
 };
 
@@ -110,11 +115,11 @@ class GroupStore {
   /// Those behind `after`, by id, `most` at most, without members but with their number. `search`: a part of
   /// the id or the name (case of ASCII letters is ignored); empty: all.
   Result<std::vector<pb::Group>> page(const std::string& search, std::string_view after, std::uint64_t most);
-  /// Puts members in the place of their number; one statement.
+  /// Puts members, by name, in the place of their number; one statement.
   Status addMembers(std::span<pb::Group> groups);
   /// Ids of a person's groups, sorted.
   Result<std::vector<std::string>> groupsOf(std::string_view person);
-  /// The same for many, by person; one statement. Who is in none is left out.
+  /// The same for many, by ref; one statement. Who is in none is left out.
   Result<std::map<std::string, std::vector<std::string>>> groupsOfMany(std::span<const std::string> people);
 
  private:
@@ -124,7 +129,7 @@ class GroupStore {
   Status checkMayJoin(const std::string& id, const std::string& person);
   /// Adds all `wanted`, sorted ones with the checks of put(), in three statements: PostgreSQL only.
   Status addMembersAtOnce(const std::string& id, const std::vector<std::string>& wanted,
-                          const pb::Group& present);
+                          const std::vector<std::string>& present);
   Connection& connection_;
 };
 
@@ -144,7 +149,7 @@ class ConsentStore {
   Result<std::optional<pb::Consent>> newest(std::string_view person);
   /// The same for many, by person; one statement, and one entry of an index for each of them.
   Result<std::map<std::string, pb::Consent>> newestOfMany(std::span<const std::string> people);
-  /// Names of the people in the database whose latest statement is consent, sorted.
+  /// Refs of those whose latest statement is consent, by name.
   Result<std::vector<std::string>> consenting();
 
  private:

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "common/base/text.h"
-#include "db/pseudonyms.h"
 #include "db/schema.h"
 
 namespace needlelab {
@@ -77,7 +76,7 @@ Status checkNotReserved(std::string_view field, std::string_view name) {
                        fmt::format("'{}' begins with 'local:', as the audit log calls those who work on "
                                    "the data folder: take another one",
                                    printable(name)));
-  return checkNoPseudonym(field, name);
+  return {};
 }
 
 }  // namespace
@@ -143,9 +142,10 @@ Status refreshNameKeys(Connection& connection) {
     std::string key, name;
     auto operator<=>(const Row&) const = default;
   };
-  ASSIGN_OR_RETURN(auto rows, connection.prepare("SELECT name FROM people").all([](const Statement& row) {
-    return Row{nameKey(row.text(0)), row.text(0)};
-  }));
+  ASSIGN_OR_RETURN(auto rows,
+                   connection.prepare("SELECT name FROM names WHERE typed = 0").all([](const Statement& row) {
+                     return Row{nameKey(row.text(0)), row.text(0)};
+                   }));
   std::sort(rows.begin(), rows.end());
   const auto one =
       std::adjacent_find(rows.begin(), rows.end(), [](const Row& a, const Row& b) { return a.key == b.key; });
@@ -156,10 +156,18 @@ Status refreshNameKeys(Connection& connection) {
                     "last used with Unicode {}: start the earlier program, erase one of the two or "
                     "move its sessions, and start this one again",
                     one->name, std::next(one)->name, now, computed_with.value_or("?"))};
-  // first to keys that no name has: a key may be another name's until the end
-  RETURN_IF_ERROR(connection.run("UPDATE people SET folded = ' ' || name"));
-  for (const Row& row : rows)
-    RETURN_IF_ERROR(connection.run("UPDATE people SET folded = ? WHERE name = ?", row.key, row.name));
+  // first to keys that no name has: a key may be another name's until the end. Two that were typed at
+  // stations and are one now keep such a key
+  ASSIGN_OR_RETURN(const auto all,
+                   connection.prepare("SELECT person, name, typed FROM names").all([](const Statement& row) {
+                     return std::tuple{row.integer(0), row.text(1), row.integer(2)};
+                   }));
+  RETURN_IF_ERROR(connection.run("UPDATE names SET folded = ' ' || person"));
+  for (const auto& [person, name, typed] : all)
+    RETURN_IF_ERROR(
+        connection.run("UPDATE names SET folded = ?1 WHERE person = ?2 AND NOT EXISTS"
+                       " (SELECT 1 FROM names WHERE folded = ?1 AND typed = ?3)",
+                       nameKey(name), person, typed));
   return meta.set(kUnicode, now);
 }
 

@@ -23,7 +23,7 @@ std::string nameKey(std::string_view name);
 
 /// kInvalidInput: a new account may not have this name. Checks checkNewName(), white space at the ends, a
 /// first character '@' (which ids begin with), U+FFFD, invisible characters, and the names that the server
-/// uses itself: "server", "guest", "local", "local:…", "retention", "erasure", "erased-…".
+/// uses itself: "server", "guest", "local", "local:…", "retention", "erasure".
 Status checkNewPersonName(std::string_view field, std::string_view name);
 
 /// The words behind "there is already": names the account and asks whether it is the same person.

@@ -4,10 +4,8 @@
 #include <sodium.h>
 
 #include <algorithm>
-#include <array>
 #include <iterator>
 #include <mutex>
-#include <optional>
 
 #include "common/base/bytes.h"
 #include "common/base/files.h"
@@ -15,13 +13,6 @@
 
 namespace needlelab {
 namespace {
-
-constexpr std::string_view kFullNameWords = "full name: '";
-
-/// Actions whose subject is always a person. For "assign" the detail decides.
-constexpr std::array<std::string_view, 12> kAboutPeople = {
-    "user add",      "user passwd",  "user disable", "user change",        "user import", "consent",
-    "person export", "person erase", "access ended", "access valid again", "user code",   "code locked"};
 
 bool sameLetter(char a, char b) {
   return lowerCase(a) == lowerCase(b);
@@ -81,15 +72,11 @@ bool standsAlone(std::string_view text, std::size_t begin, std::size_t end) {
          (end == text.size() || isBorder(lastPoint(text.substr(begin, end - begin)), pointAt(text, end)));
 }
 
-enum class Case : bool { kEither, kOwn };
-
-/// The position of `word` at or after `from`; npos when it is absent.
-std::size_t findWord(std::string_view text, std::string_view word, std::size_t from, Case letters) {
+/// The position of `word` at or after `from`, in either case; npos when it is absent.
+std::size_t findWord(std::string_view text, std::string_view word, std::size_t from) {
   while (from < text.size()) {
     const auto begin = text.begin() + static_cast<std::ptrdiff_t>(from);
-    const auto found = letters == Case::kOwn
-                           ? std::search(begin, text.end(), word.begin(), word.end())
-                           : std::search(begin, text.end(), word.begin(), word.end(), sameLetter);
+    const auto found = std::search(begin, text.end(), word.begin(), word.end(), sameLetter);
     if (found == text.end()) break;
     const auto at = static_cast<std::size_t>(found - text.begin());
     if (standsAlone(text, at, at + word.size())) return at;
@@ -98,20 +85,15 @@ std::size_t findWord(std::string_view text, std::string_view word, std::size_t f
   return std::string_view::npos;
 }
 
-void replaceWord(std::string& text, std::string_view word, std::string_view in_its_place, Case letters,
-                 const OtherNames& others) {
+void replaceWord(std::string& text, std::string_view word, std::string_view in_its_place) {
   if (word.empty()) return;
-  std::optional<OtherNames::Places> places;  // most texts have no name
   std::string without;
   std::size_t done = 0;
-  for (std::size_t from = 0;;) {
-    const std::size_t at = findWord(text, word, from, letters);
+  for (;;) {
+    const std::size_t at = findWord(text, word, done);
     if (at == std::string::npos) break;
-    if (!places) places = others.placesIn(text, standsAlone);
-    from = at + 1;
-    if (places->cover(at, at + word.size())) continue;
     without.append(text, done, at - done).append(in_its_place);
-    done = from = at + word.size();
+    done = at + word.size();
   }
   if (done == 0) return;
   text = without.append(text, done);
@@ -119,7 +101,8 @@ void replaceWord(std::string& text, std::string_view word, std::string_view in_i
 
 /// Calls `take` for each word of a full name that is longer than two bytes and than one character.
 template <typename Take>
-void eachPart(std::string_view full_name, const Take& take, std::string_view between = " ,") {
+void eachPart(std::string_view full_name, const Take& take) {
+  constexpr std::string_view between = " ,";
   for (std::size_t at = 0; at < full_name.size();) {
     const std::size_t end = std::min(full_name.find_first_of(between, at), full_name.size());
     const std::string_view part = full_name.substr(at, end - at);
@@ -127,56 +110,6 @@ void eachPart(std::string_view full_name, const Take& take, std::string_view bet
     if (part.size() > 2 && part.size() - static_cast<std::size_t>(rest) > 1) take(part);
     at = end + 1;
   }
-}
-
-/// In "…joined: a, b and 3 more; left: c", removes only whole entries.
-std::string withoutListed(std::string text, const std::string& name, const std::string& in_its_place) {
-  for (std::size_t at = text.find(name); at != std::string::npos;) {
-    const std::string_view before = std::string_view(text).substr(0, at);
-    const std::string_view after = std::string_view(text).substr(at + name.size());
-    const bool begins = before.ends_with(": ") || before.ends_with(", ");
-    const bool ends =
-        after.empty() || after.starts_with(", ") || after.starts_with("; ") || after.starts_with(" and ");
-    if (begins && ends) text.replace(at, name.size(), in_its_place);
-    at = text.find(name, at + (begins && ends ? in_its_place.size() : 1));
-  }
-  return text;
-}
-
-/// Around the name in a line that says whose samples somebody read (db/service/session_handlers.cpp).
-constexpr std::string_view kSamplesOf = "samples of '", kSamplesEnd = "'";
-
-std::string samplesOf(std::string_view name) {
-  return std::string(kSamplesOf).append(name).append(kSamplesEnd);
-}
-
-/// The detail of a line that says that a session was given to somebody else: "from Mona to anna: reason".
-std::string withoutFormerOwner(const std::string& detail, const ErasedNames& names) {
-  const std::string from = "from " + names.name + " to ";
-  if (names.name == kGuestName || !detail.starts_with(from)) return detail;
-  return "from " + names.in_its_place + " to " + detail.substr(from.size());
-}
-
-/// In a group's line "…; name: 'The class'; joined: …", replaces names in the group's name.
-std::string withoutInGroupName(std::string text, const ErasedNames& names) {
-  constexpr std::string_view kName = "; name: '";
-  const std::size_t at = text.find(kName);
-  if (at == std::string::npos) return text;
-  const std::size_t begin = at + kName.size();
-  const std::size_t end =
-      std::min({text.find("'; joined: ", begin), text.find("'; left: ", begin), text.size()});
-  return text.replace(begin, end - begin, withoutNames(text.substr(begin, end - begin), names, false));
-}
-
-bool isPersonSubject(const AuditRow& line, const std::string& name) {
-  if (line.action == "log-in locked") return line.subject == name || line.subject == "person " + name;
-  if (line.subject != name) return false;
-  // the word may also name a group or a station
-  if (line.action == "assign" || line.action == "assign remove")
-    return line.detail.find(" for group " + name) == std::string::npos;
-  if (line.action == "access ended" && line.detail.starts_with("the station's key")) return false;
-  if (line.action == "access valid again" && line.detail.starts_with("station ")) return false;
-  return std::find(kAboutPeople.begin(), kAboutPeople.end(), line.action) != kAboutPeople.end();
 }
 
 /// BLAKE2b-256 over labelled parts, each preceded by its length, so that different lists of parts give
@@ -199,179 +132,14 @@ std::string hexStart(const PseudonymKey::Hash& hash, std::size_t bytes) {
   return hexDigitsOf(textOf(ByteView(hash).first(bytes)));
 }
 
-constexpr std::string_view kErasedStart = "erased-";
-constexpr std::size_t kErasedBytes = 6;
-
 }  // namespace
-
-std::string newErasurePseudonym() {
-  std::array<unsigned char, kErasedBytes> random{};
-  randombytes_buf(random.data(), random.size());
-  return std::string(kErasedStart) + hexDigitsOf(textOf(random));
-}
-
-bool isErasurePseudonym(std::string_view name) {
-  return name.starts_with(kErasedStart) && name.size() == kErasedStart.size() + 2 * kErasedBytes &&
-         name.find_first_not_of("0123456789abcdef", kErasedStart.size()) == std::string_view::npos;
-}
-
-Status checkNoPseudonym(std::string_view field, std::string_view name) {
-  if (!isErasurePseudonym(lowerCase(name))) return {};
-  return Error{ErrorCode::kInvalidInput,
-               std::string(field) + ": '" + std::string(name) +
-                   "' has the form of the names that erased people have: take another one"};
-}
 
 std::string withoutName(const std::string& text, std::string_view name, std::string_view full_name,
                         std::string_view in_its_place) {
   std::string without = text;
-  replaceWord(without, full_name, in_its_place, Case::kEither, {});
-  replaceWord(without, name, in_its_place, Case::kEither, {});
-  eachPart(full_name,
-           [&](std::string_view part) { replaceWord(without, part, in_its_place, Case::kEither, {}); });
-  return without;
-}
-
-std::string withoutNames(const std::string& text, const ErasedNames& names, bool own) {
-  std::string without = text;
-  for (const std::string& full_name : names.full_names)
-    replaceWord(without, full_name, names.in_its_place, Case::kEither, names.others);
-  // before the name, which may be a word of one
-  if (own)
-    for (const std::string& given : names.given)
-      replaceWord(without, given, names.in_its_place, Case::kEither, names.others);
-  if (own || !names.typed) replaceWord(without, names.name, names.in_its_place, Case::kEither, names.others);
-  if (!own) return without;
-  for (const std::string& full_name : names.full_names) {
-    eachPart(full_name, [&](std::string_view part) {
-      replaceWord(without, part, names.in_its_place, Case::kOwn, names.others);
-    });
-  }
-  return without;
-}
-
-NameSearch::NameSearch(const ErasedNames& names) {
-  const auto add = [this](std::string_view word) {
-    if (!word.empty()) words_.push_back(foldCase(word));
-  };
-  add(names.name);
-  for (const std::string& given : names.given) add(given);
-  for (const std::string& full_name : names.full_names) {
-    add(full_name);
-    eachPart(full_name, add, " ,-");
-  }
-  std::vector<std::string> others;
-  for (const std::string& other : names.others.list()) others.push_back(foldCase(other));
-  others_ = OtherNames(std::move(others));
-}
-
-bool NameSearch::finds(std::string_view text) const {
-  const std::string folded = foldCase(text);
-  std::optional<OtherNames::Places> places;  // most texts have no name
-  return std::any_of(words_.begin(), words_.end(), [&](const std::string& word) {
-    for (std::size_t at = folded.find(word); at != std::string::npos; at = folded.find(word, at + 1)) {
-      if (!places) places = others_.placesIn(folded, standsAlone);
-      if (!places->cover(at, at + word.size())) return true;
-    }
-    return false;
-  });
-}
-
-Result<std::vector<std::string>> loggedFullNames(Connection& connection, std::string_view name,
-                                                 std::int64_t after) {
-  std::vector<std::string> all;
-  const auto add = [&](const std::string& full_name) {
-    if (!full_name.empty() && std::find(all.begin(), all.end(), full_name) == all.end())
-      all.push_back(full_name);
-  };
-  auto rows = connection.query(
-      "SELECT detail FROM audit WHERE id > ? AND subject = ?"
-      " AND action IN ('user change', 'user import') ORDER BY id",
-      after, name);
-  for (;;) {
-    ASSIGN_OR_RETURN(const bool more, rows.step());
-    if (!more) return all;
-    const std::string detail = rows.text(0);
-    const std::size_t at = detail.find(kFullNameWords);
-    if (at == std::string::npos) continue;
-    std::string both = detail.substr(at + kFullNameWords.size());
-    if (both.ends_with("'")) both.pop_back();
-    const std::size_t to = both.find("' to '");
-    if (to != std::string::npos) add(both.substr(0, to));
-    add(to == std::string::npos ? both : both.substr(to + 6));
-  }
-}
-
-Status addOthers(Connection& connection, ErasedNames& names, bool of_groups,
-                 const std::set<std::string>& besides) {
-  std::set<std::string> others;
-  ASSIGN_OR_RETURN(
-      const auto all,
-      connection
-          .query(
-              "SELECT name FROM people UNION SELECT full_name FROM people"
-              " UNION SELECT trainee FROM sessions UNION SELECT name FROM stations"
-              " UNION SELECT id FROM groups WHERE ?1 = 1 UNION SELECT name FROM groups WHERE ?1 = 1"
-              " UNION SELECT id FROM profiles UNION SELECT id FROM curricula UNION SELECT id FROM exercises",
-              of_groups)
-          .all(firstText));
-  std::vector<std::string_view> own(names.full_names.begin(), names.full_names.end());
-  own.push_back(names.name);
-  own.insert(own.end(), names.given.begin(), names.given.end());
-  for (const std::string& full_name : names.full_names)
-    eachPart(full_name, [&](std::string_view part) { own.push_back(part); });
-  for (const std::string& other : all) {
-    const bool mine = other == names.name || std::find(names.full_names.begin(), names.full_names.end(),
-                                                       other) != names.full_names.end();
-    const bool holds = std::any_of(own.begin(), own.end(), [&](std::string_view word) {
-      return word.size() < other.size() && findWord(other, word, 0, Case::kEither) != std::string::npos;
-    });
-    if (!mine && holds && !besides.contains(other)) others.insert(other);
-  }
-  names.others = OtherNames(std::vector<std::string>(others.begin(), others.end()));
-  return {};
-}
-
-std::vector<std::string> namesIn(const AuditRow& line) {
-  constexpr std::string_view kPerson = "person ";
-  std::vector<std::string> names{line.who};
-  const auto addSubject = [&](const std::string& name) {
-    if (isPersonSubject(line, name)) names.push_back(name);
-  };
-  addSubject(line.subject);
-  if (line.subject.starts_with(kPerson)) addSubject(line.subject.substr(kPerson.size()));
-  const std::string_view detail = line.detail;
-  if (line.action == "session export" && detail.starts_with(kSamplesOf) && detail.ends_with(kSamplesEnd) &&
-      detail.size() > kSamplesOf.size())
-    names.emplace_back(
-        detail.substr(kSamplesOf.size(), detail.size() - kSamplesOf.size() - kSamplesEnd.size()));
-  return names;
-}
-
-AuditRow withoutNames(const AuditRow& line, const ErasedNames& names,
-                      const std::set<std::string>& own_sessions) {
-  AuditRow without = line;
-  // in those lines it is a station's name
-  const bool by = !names.typed && line.who == names.name && line.action != "chunk contradicts";
-  const bool about = isPersonSubject(line, names.name);
-  if (by) without.who = names.in_its_place;
-  if (about) {
-    without.subject = line.subject == names.name ? names.in_its_place : "person " + names.in_its_place;
-    if (const std::size_t at = line.detail.find(kFullNameWords); at != std::string::npos)
-      without.detail = line.detail.substr(0, at) + "full name changed";
-  }
-  if (line.action == "group set") {
-    if (!names.typed)
-      without.detail = withoutInGroupName(withoutListed(line.detail, names.name, names.in_its_place), names);
-  } else if (about || own_sessions.contains(line.subject)) {
-    without.detail = withoutNames(without.detail, names, true);
-  } else if (line.action == "session export" && line.detail == samplesOf(names.name)) {
-    without.detail = samplesOf(names.in_its_place);  // the session was given to somebody else afterwards
-  } else if (names.typed && line.action == "session assign") {
-    without.detail = withoutFormerOwner(line.detail, names);
-  } else if (by || line.action == "attempt excuse" || line.action == "session assign") {
-    without.detail = withoutNames(without.detail, names, false);
-  }
+  replaceWord(without, full_name, in_its_place);
+  replaceWord(without, name, in_its_place);
+  eachPart(full_name, [&](std::string_view part) { replaceWord(without, part, in_its_place); });
   return without;
 }
 
@@ -409,14 +177,8 @@ PseudonymKey::Hash PseudonymKey::derived(std::string_view purpose) const {
   return keyedHash(key_, "needlelab derived key", purpose);
 }
 
-std::string PseudonymKey::macOf(std::string_view line) const {
-  return hexStart(keyedHash(key_, "needlelab list of erasures", line), 16);
-}
-
-std::string PseudonymKey::ofPerson(std::string_view study, std::string_view name,
-                                   std::int64_t created_unix_ns) const {
-  return "p-" +
-         hexStart(keyedHash(key_, "needlelab study person", study, name, std::to_string(created_unix_ns)), 8);
+std::string PseudonymKey::ofPerson(std::string_view study, std::string_view outer_ref) const {
+  return "p-" + hexStart(keyedHash(key_, "needlelab study person", study, outer_ref), 8);
 }
 
 std::string PseudonymKey::ofSession(std::string_view study, const Uuid& session) const {

@@ -14,7 +14,6 @@
 #include "common/gesture/chunk.h"
 #include "common/gesture/thinning.h"
 #include "db/audit.h"
-#include "db/erasure.h"
 #include "db/seen_time.h"
 #include "db/session_rows.h"
 
@@ -60,9 +59,8 @@ Status isSafe(Connection& connection, const DueRecording& due, const SessionRow&
 
 Status note(Connection& connection, const DueRecording& due, const char* action, const Doer& by_whom,
             std::int64_t now_unix_ns) {
-  AuditRow line{0, now_unix_ns, by_whom.name, action, uuidText(due.session), due.reason};
-  line.account_unix_ns = by_whom.account_unix_ns;
-  return AuditStore(connection).add(line);
+  return AuditStore(connection)
+      .add({0, now_unix_ns, by_whom.name, action, uuidText(due.session), due.reason});
 }
 
 constexpr std::uint32_t kMostDays = 36'500;
@@ -278,11 +276,10 @@ Status RetentionStore::switchToDerived(const DueRecording& due, const DerivedSum
   if (connection_.changes() != 1)
     return changedMeanwhile(due.session, "its thinned recording is not the one that was written");
   RETURN_IF_ERROR(connection_.run("UPDATE sessions SET recording = 2 WHERE number = ?", row.number));
-  ASSIGN_OR_RETURN(const auto name, ErasureStore(connection_).nameNow(by_whom, now_unix_ns));
   RETURN_IF_ERROR(
       connection_.run("INSERT INTO removed_originals (session, removed_unix_ns, reason, by_whom,"
                       " leftover, crcs) VALUES (?, ?, ?, ?, 1, ?)",
-                      row.number, now_unix_ns, due.reason, name, ByteView(crcs)));
+                      row.number, now_unix_ns, due.reason, by_whom.name, ByteView(crcs)));
   return note(connection_, due, "retention thin", by_whom, now_unix_ns);
 }
 
@@ -293,18 +290,17 @@ Status RetentionStore::markDeleted(const DueRecording& due, const Bytes& crcs, c
     return changedMeanwhile(due.session, "it is deleted already");
   RETURN_IF_ERROR(isWanted(connection_, due));
   RETURN_IF_ERROR(isSafe(connection_, due, row));
-  ASSIGN_OR_RETURN(const auto name, ErasureStore(connection_).nameNow(by_whom, now_unix_ns));
   if (row.recording == StoredRecording::Kind::kOriginal) {
     if (crcs.size() != 4 * row.chunks)
       return changedMeanwhile(due.session, "its chunks are not those that were read");
     RETURN_IF_ERROR(
         connection_.run("INSERT INTO removed_originals (session, removed_unix_ns, deleted_unix_ns,"
                         " reason, by_whom, leftover, crcs) VALUES (?, ?, ?, ?, ?, 1, ?)",
-                        row.number, now_unix_ns, now_unix_ns, due.reason, name, ByteView(crcs)));
+                        row.number, now_unix_ns, now_unix_ns, due.reason, by_whom.name, ByteView(crcs)));
   } else if (auto done = connection_.run(
                  "UPDATE removed_originals"
                  " SET deleted_unix_ns = ?, reason = ?, by_whom = ?, leftover = 1 WHERE session = ?",
-                 now_unix_ns, due.reason, name, row.number);
+                 now_unix_ns, due.reason, by_whom.name, row.number);
              !done) {
     return done;
   }

@@ -79,8 +79,7 @@ class RetentionStore {
   Result<DerivedSums> sums(const Uuid& session);
   /// Makes the thinned recording the session's recording; the original will be removed. `crcs`: of the
   /// original's chunks, in order. kUnavailable when the session has changed since `due` and beginDerived(),
-  /// or its exercise's policy differs from the one in `due`. `now_unix_ns`: when the run of `by_whom` began,
-  /// who is noted as ErasureStore::nameNow() says.
+  /// or its exercise's policy differs from the one in `due`. `now_unix_ns`: when the run of `by_whom` began.
   Status switchToDerived(const DueRecording& due, const DerivedSums& sums, const Bytes& crcs,
                          const Doer& by_whom, std::int64_t now_unix_ns);
   /// Marks the session as having no recording. `crcs` as above; not used when the original is already gone.

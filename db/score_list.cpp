@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "db/person_refs.h"
 #include "db/session_rows.h"
 
 namespace needlelab {
@@ -41,30 +42,28 @@ Status ScoreList::exercisesFrom(const std::string& first) {
   return {};
 }
 
-Result<std::string> ScoreList::traineeBehind(const std::string& name) {
-  // each takes the first entry of an index behind the name, and no more
-  if (!group_id_.empty()) {
-    auto rows = connection_.query(
-        fmt::format(
-            "SELECT person FROM group_members WHERE group_id = ?3 AND person > ?2 AND"
-            " (SELECT exercise_id FROM attempt_sums WHERE trainee = person AND {} LIMIT 1) IS NOT NULL"
-            " ORDER BY person LIMIT 1",
-            kInCourse),
-        course_id_, name, group_id_);
-    ASSIGN_OR_RETURN(const auto found, rows.first(firstText));
-    return found.value_or("");
-  }
-  auto rows =
-      course_id_.empty()
-          ? connection_.query("SELECT trainee FROM attempt_sums WHERE trainee > ? ORDER BY trainee LIMIT 1",
-                              name)
-          : connection_.query(
-                "SELECT min(name) FROM (SELECT (SELECT trainee FROM attempt_sums WHERE exercise_id = id AND"
-                " trainee > ?2 ORDER BY trainee LIMIT 1) AS name FROM exercises WHERE curriculum_id = ?1)"
-                " AS names",
-                course_id_, name);
+/// By name; guests come last.
+Result<std::string> ScoreList::traineeBehind(const std::string& ref) {
+  if (ref == kGuestName) return std::string();
+  auto rows = connection_.query(
+      fmt::format(
+          "SELECT c.ref FROM called c WHERE c.name >= ?2 AND (c.name > ?2 OR c.ref > ?3)"
+          " AND (?4 = '' OR EXISTS (SELECT 1 FROM group_members WHERE group_id = ?4 AND person = c.ref))"
+          " AND c.ref NOT IN (SELECT ref FROM names_taken)"
+          " AND EXISTS (SELECT 1 FROM attempt_sums WHERE trainee = c.ref AND {})"
+          " ORDER BY c.name, c.ref LIMIT 1",
+          kInCourse),
+      course_id_, name_, ref, group_id_);
   ASSIGN_OR_RETURN(const auto found, rows.first(firstText));
-  return found.value_or("");  // nobody: NULL of min()
+  if (found) return *found;
+  if (!group_id_.empty()) return std::string();
+  ASSIGN_OR_RETURN(
+      const auto tried,
+      connection_
+          .query(fmt::format("SELECT 1 FROM attempt_sums WHERE trainee = ?2 AND {} LIMIT 1", kInCourse),
+                 course_id_, kGuestName)
+          .first(firstText));
+  return std::string(tried ? kGuestName : "");
 }
 
 /// Goes to the trainee and exercise where the list begins.
@@ -72,6 +71,7 @@ Status ScoreList::begin() {
   begun_ = true;
   trainee_ = key_.trainee;
   if (trainee_.empty()) return {};
+  name_ = key_.name;
   if (!group_id_.empty()) {
     ASSIGN_OR_RETURN(
         const auto member,
@@ -95,6 +95,7 @@ Result<bool> ScoreList::nextPair() {
   while (exercises_.empty()) {
     ASSIGN_OR_RETURN(trainee_, traineeBehind(trainee_));
     if (trainee_.empty()) return false;
+    ASSIGN_OR_RETURN(name_, shownName(connection_, trainee_));
     RETURN_IF_ERROR(exercisesFrom(""));
   }
   pair_ = Pair{exercises_.back()};
@@ -147,8 +148,8 @@ Result<std::optional<pb::ScoreRow>> ScoreList::next() {
   Row given = std::move(rows_.back());
   rows_.pop_back();
   const pb::Attempt& attempt = given.row.attempt();
-  key_ = {attempt.trainee(), attempt.exercise_id(), attempt.started_unix_ns(), given.number,
-          given.row.score().definition_version()};
+  key_ = {attempt.trainee(),         attempt.exercise_id(), name_,
+          attempt.started_unix_ns(), given.number,          given.row.score().definition_version()};
   return std::optional(std::move(given.row));
 }
 

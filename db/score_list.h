@@ -15,7 +15,8 @@ namespace needlelab {
 
 /// The place of a score in the list, which is sorted by it.
 struct ScoreKey {
-  std::string trainee, exercise_id;
+  std::string trainee, exercise_id;  ///< the trainee's ref
+  std::string name;                  ///< of the trainee then, by which the list is sorted
   std::int64_t started_unix_ns = INT64_MIN;
   std::int64_t number = 0;    ///< of the session
   std::uint32_t version = 0;  ///< of the definitions
@@ -55,6 +56,7 @@ class ScoreList {
   const std::string course_id_, group_id_;
   ScoreKey key_;
   bool begun_ = false;
+  std::string name_;                    ///< of trainee_
   std::string trainee_;                 ///< whose exercises these are; empty: nobody's yet
   std::vector<std::string> exercises_;  ///< of the trainee, those that come, the next one last
   std::optional<Pair> pair_;            ///< nothing: it has ended

@@ -27,8 +27,8 @@ constexpr std::string_view kInfoColumns =
     " s.stored_bytes), s.hash, d.chunks, d.samples, d.stored_bytes, d.hash,"
     " d.rate_hz, o.removed_unix_ns, o.deleted_unix_ns, o.reason, s.number,"
     " {}, s.score_json, s.passed, u.given, u.by_whom,"
-    " u.code_unchecked = 1 AND EXISTS (SELECT 1 FROM people WHERE name = s.trainee),"
-    " (SELECT count(*) FROM quarantined_chunks WHERE session = s.number), s.id FROM sessions s"
+    " u.code_unchecked = 1 AND EXISTS (SELECT 1 FROM accounts WHERE ref = s.trainee),"
+    " (SELECT count(*) FROM quarantined_chunks WHERE session = s.number), s.id, s.trainee FROM sessions s"
     " LEFT JOIN session_progress p ON p.session = s.number"
     " LEFT JOIN unknown_trainees u ON u.session = s.number"
     " LEFT JOIN derived_recordings d ON d.session = s.number AND d.complete = 1"
@@ -45,6 +45,7 @@ Result<pb::SessionInfo> infoOf(const Statement& row, bool with_profile) {
   if (!info.mutable_description()->ParseFromArray(description.data(), static_cast<int>(description.size()))) {
     return Error{ErrorCode::kCorrupt, "the stored description of a session cannot be read"};
   }
+  info.mutable_description()->set_trainee(row.text(28));
   info.set_state(static_cast<pb::SessionState>(row.integer(1)));
   info.set_received_unix_ns(row.integer(2));
   info.set_closed_unix_ns(row.integer(3));
@@ -122,7 +123,16 @@ Result<SessionConditions> conditionsOf(const pb::ListSessions& wanted, const std
                                        bool only_counted) {
   SessionConditions conditions;
   conditions.add("s.station = ?", wanted.station());
-  conditions.add("s.trainee = ?", wanted.trainee());
+  // with those that wait under what somebody typed as the person's name
+  if (only_counted) {
+    conditions.add("s.trainee = ?", wanted.trainee());
+  } else if (!wanted.trainee().empty()) {
+    conditions.add(
+        "s.trainee IN (?, (SELECT t.ref FROM called t JOIN called a ON a.folded = t.folded"
+        " WHERE t.typed = 1 AND a.ref = ?))",
+        wanted.trainee());
+    conditions.again();
+  }
   conditions.add("s.exercise_id = ?", wanted.exercise_id());
   if (wanted.from_unix_ns() != 0) conditions.add("s.started_unix_ns >= ?", wanted.from_unix_ns());
   if (wanted.to_unix_ns() != 0) conditions.add("s.started_unix_ns < ?", wanted.to_unix_ns());
@@ -146,11 +156,12 @@ Result<SessionConditions> conditionsOf(const pb::ListSessions& wanted, const std
   if (only_counted) conditions.push("NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = s.number)");
   if (!wanted.search().empty()) {
     RETURN_IF_ERROR(checkText("search", wanted.search(), 1, kMaxNameBytes));
-    // a name that is not in `people` may still have sessions, from a station that was offline
     conditions.add(
-        "(instr(lower(s.trainee), lower(?)) > 0 OR s.trainee IN (SELECT name FROM people WHERE"
-        " instr(lower(full_name), lower(?)) > 0))",
+        "(s.trainee IN (SELECT ref FROM called WHERE instr(lower(name), lower(?)) > 0"
+        " OR instr(lower(full_name), lower(?)) > 0) OR (s.trainee = 'guest' AND instr('guest', lower(?)) > "
+        "0))",
         wanted.search());
+    conditions.again();
     conditions.again();
   }
   if (after)

@@ -11,21 +11,20 @@
 #include "common/base/text.h"
 #include "common/gesture/chunk.h"
 #include "db/audit.h"
-#include "db/erasure.h"
 #include "db/people.h"
-#include "db/pseudonyms.h"
+#include "db/person_refs.h"
 #include "db/session_rows.h"
-#include "db/session_words.h"
 #include "db/unknown_trainees.h"
 #include "proto/session_rules.h"
 
 namespace needlelab {
 namespace {
 
-/// The description as stored and compared: without the profile's text, which has its own column, and without
-/// fields that this version does not know, in which a station could hide any text.
+/// The description as stored and compared: without trainee and profile, which have their own columns, and
+/// without fields that this version does not know, in which a station could hide any text.
 std::string bytesOf(pb::SessionDescription description) {
   description.clear_profile_json();
+  description.clear_trainee();
   description.DiscardUnknownFields();
   return description.SerializeAsString();
 }
@@ -141,65 +140,44 @@ Result<SessionArrival> SessionStore::arrivalOf(const pb::SessionDescription& des
                                 description.station(), static_cast<int>(pb::SESSION_OPEN));
   ASSIGN_OR_RETURN(const bool counted, open.step());
   if (counted) arrival.open_sessions = open.natural(0);
-  auto name = connection_.query(
-      "SELECT ?1 NOT IN ('', ?2) AND NOT EXISTS (SELECT 1 FROM people WHERE name = ?1)"
-      " AND NOT EXISTS (SELECT 1 FROM sessions WHERE trainee = ?1)",
-      description.trainee(), kGuestName);
-  ASSIGN_OR_RETURN(const bool asked, name.step());
-  arrival.unknown_name = asked && name.integer(0) != 0;
+  if (description.trainee().empty() || description.trainee() == kGuestName) return arrival;
+  ASSIGN_OR_RETURN(const auto known_name,
+                   findPerson(connection_, description.trainee(), Named::kAccountOrTyped));
+  arrival.unknown_name = !known_name;
   return arrival;
 }
 
 Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, std::int64_t now_unix_ns) {
   RETURN_IF_ERROR(checkDescription(given));
-  // a station that was offline may deliver a session of a person who was erased meanwhile
-  ASSIGN_OR_RETURN(const auto owner,
-                   ErasureStore(connection_).ownerOf(given.trainee(), given.started_unix_ns(), now_unix_ns));
-  const auto& pseudonym = owner.pseudonym;
-  pb::SessionDescription description = given;
-  if (pseudonym) {
-    RETURN_IF_ERROR(ErasedDescriptions(connection_, {given.trainee(), {}, {}, *pseudonym, {}},
-                                       ErasedDescriptions::Names::kSomeGone)
-                        .erase(description));
-    description.set_profile_json(std::string(kErasedProfile));
-  }
-  const std::string bytes = bytesOf(description);
+  const std::string bytes = bytesOf(given);
+  UnknownTraineeStore trainees(connection_);
 
   // a known session: the same description is a reconnect, another one an error that must not be stored
   auto known = connection_.query(
-      "SELECT coalesce(p.chunks, s.chunks), s.description, s.profile_json, s.erased,"
-      " u.session IS NOT NULL, s.trainee"
-      " FROM sessions s LEFT JOIN session_progress p ON p.session = s.number"
-      " LEFT JOIN unknown_trainees u ON u.session = s.number AND u.given IN (?2, ?3) WHERE s.id = ?1",
-      viewOf(description.session_id()), owner.namesake.value_or(given.trainee()), given.trainee());
+      "SELECT coalesce(p.chunks, s.chunks), s.description, s.profile_json, s.erased, s.number"
+      " FROM sessions s LEFT JOIN session_progress p ON p.session = s.number WHERE s.id = ?",
+      viewOf(given.session_id()));
   ASSIGN_OR_RETURN(const bool found, known.step());
   if (found) {
-    // its station goes on giving the name that a manager may have replaced
-    pb::SessionDescription now = description;
-    if (known.integer(4) != 0) {
-      // of another person with the erased one's name, it has kept the words about the device
-      if (known.text(5) != pseudonym) now = given;
-      now.set_trainee(known.text(5));
-    }
+    ASSIGN_OR_RETURN(const bool same_trainee, trainees.isOf(known.integer(4), given.trainee()));
     if (known.integer(3) != 0 ||
-        (textOf(known.bytes(1)) == bytesOf(now) && known.text(2) == now.profile_json()))
+        (textOf(known.bytes(1)) == bytes && known.text(2) == given.profile_json() && same_trainee))
       return known.natural(0);
     return Error{ErrorCode::kAlreadyExists,
-                 "session " + sessionText(description.session_id()) +
+                 "session " + sessionText(given.session_id()) +
                      " is known with another description: a session id is used once only"};
   }
 
-  RETURN_IF_ERROR(checkNoPseudonym("session description, trainee", given.trainee()));
-  auto station = connection_.query("SELECT 1 FROM stations WHERE name = ?", description.station());
+  auto station = connection_.query("SELECT 1 FROM stations WHERE name = ?", given.station());
   ASSIGN_OR_RETURN(const bool exists, station.step());
-  if (!exists)
-    return Error{ErrorCode::kNotFound, "there is no station named '" + description.station() + "'"};
+  if (!exists) return Error{ErrorCode::kNotFound, "there is no station named '" + given.station() + "'"};
 
+  ASSIGN_OR_RETURN(const auto trainee, trainees.traineeOf(given, now_unix_ns));
   // nothing is lost: the station keeps what it recorded, and asks again at its next start
-  ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(given.trainee()));
+  ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(trainee.ref));
   if (person && person->disabled && given.started_unix_ns() >= person->changed_unix_ns)
     return Error{ErrorCode::kDenied,
-                 "'" + given.trainee() +
+                 "'" + person->name +
                      "' is disabled and opens no session: ask an administrator; once the person is enabled "
                      "again, the session is taken"};
 
@@ -207,15 +185,16 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
       "INSERT INTO sessions (id, station, trainee, exercise_id, profile_id,"
       " profile_revision, profile_json, engine_version, rate_hz, started_unix_ns,"
       " description, state, received_unix_ns) VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?)",
-      viewOf(description.session_id()), description.station(), description.trainee(),
-      description.exercise_id(), description.profile_id(), description.profile_revision(),
-      description.profile_json(), description.engine_version(), description.rate_hz(),
-      description.started_unix_ns(), viewOf(bytes), static_cast<int>(pb::SESSION_OPEN), now_unix_ns));
-  const auto id = uuidOf(description.session_id());
-  RETURN_IF_ERROR(
-      pseudonym
-          ? ErasureStore(connection_).emptySession(*id, now_unix_ns)
-          : UnknownTraineeStore(connection_).flag(*id, description.code_checked(), owner.may_be_erased));
+      viewOf(given.session_id()), given.station(), trainee.ref, given.exercise_id(), given.profile_id(),
+      given.profile_revision(), trainee.erased ? "{}" : given.profile_json(), given.engine_version(),
+      given.rate_hz(), given.started_unix_ns(), viewOf(bytes), static_cast<int>(pb::SESSION_OPEN),
+      now_unix_ns));
+  const auto id = uuidOf(given.session_id());
+  if (trainee.erased) {
+    RETURN_IF_ERROR(trainees.leaveEmpty(*id, now_unix_ns));
+  } else if (trainee.waits) {
+    RETURN_IF_ERROR(trainees.flag(*id, trainee));
+  }
   return std::uint64_t{0};
 }
 

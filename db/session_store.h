@@ -148,12 +148,11 @@ class SessionStore {
   /// open session of the station.
   Result<SessionArrival> arrivalOf(const pb::SessionDescription& description);
 
-  /// Returns the next seq: 0 for a new session. Repeating a known description is not an error. When the
-  /// trainee was erased after the session began, stores the session under the pseudonym; its chunks are
-  /// acknowledged but not kept. A session of an unknown trainee, or without its trainee's code, is taken, and
-  /// flagged (unknown_trainees.h). Fields of the description that this version does not know are not stored.
-  /// Errors: kInvalidInput (field, value, range), kAlreadyExists (the id is known
-  /// with another description), kNotFound (no such station).
+  /// Returns the next seq: 0 for a new session. Repeating a known description is not an error. The
+  /// chunks of an erased trainee's session are acknowledged but not kept. A session of an unknown trainee, or
+  /// without its trainee's code, is taken, and flagged (unknown_trainees.h). Fields of the description that
+  /// this version does not know are not stored. Errors: kInvalidInput (field, value, range), kAlreadyExists
+  /// (the id is known with another description), kNotFound (no such station).
   Result<std::uint64_t> open(const pb::SessionDescription& description, std::int64_t now_unix_ns);
 
   /// Checks the chunk and stores it when it is the next one. Decodes it without keeping the samples

@@ -1,53 +1,116 @@
 #include "db/unknown_trainees.h"
 
-#include <optional>
-
 #include "common/base/text.h"
 #include "db/erasure.h"
 #include "db/lab_settings.h"
 #include "db/people.h"
+#include "db/person_name.h"
+#include "db/person_refs.h"
 #include "db/session_rows.h"
-#include "needlelab/types.pb.h"
 
 namespace needlelab {
 
-Status UnknownTraineeStore::flag(const Uuid& session, bool code_checked, bool may_be_erased) {
+Result<SessionTrainee> UnknownTraineeStore::traineeOf(const pb::SessionDescription& description,
+                                                      std::int64_t now_unix_ns) {
+  const std::string& given = description.trainee();
+  if (given.empty() || given == kGuestName) return SessionTrainee{given};
+  if (given.starts_with('@')) return traineeOfUuid(given, now_unix_ns);
+  ASSIGN_OR_RETURN(const bool was_erased, ErasureStore(connection_).wasErased(given, now_unix_ns));
+  ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).findNamed(given));
+  if (!person || was_erased) {
+    SessionTrainee trainee{{}, false, true};
+    ASSIGN_OR_RETURN(trainee.ref, typedName(given, now_unix_ns));
+    return trainee;
+  }
   ASSIGN_OR_RETURN(const bool required, LabSettingsStore(connection_).codesRequired());
+  const bool unchecked = !description.code_checked() && (required || !person->code_hash.empty());
+  return SessionTrainee{person->ref, false, unchecked, unchecked};
+}
+
+Result<SessionTrainee> UnknownTraineeStore::traineeOfUuid(std::string_view outer_ref,
+                                                          std::int64_t now_unix_ns) {
+  ASSIGN_OR_RETURN(const Uuid uuid, parseUuid(outer_ref.substr(1)));
+  ASSIGN_OR_RETURN(const bool erased, ErasureStore(connection_).isErased(uuid));
+  ASSIGN_OR_RETURN(auto ref, findPerson(connection_, outer_ref));
+  if (!ref) {
+    // a restored backup does not know who was added after it
+    ASSIGN_OR_RETURN(
+        ref, addTypedName(connection_, "unknown " + std::string(outer_ref.substr(outer_ref.size() - 12)),
+                          now_unix_ns));
+    RETURN_IF_ERROR(connection_.run("UPDATE people SET uuid = ?, erased_unix_ns = ? WHERE ref = ?",
+                                    ByteView(uuid), erased ? std::optional(now_unix_ns) : std::nullopt,
+                                    *ref));
+    if (erased)
+      RETURN_IF_ERROR(
+          connection_.run("DELETE FROM names WHERE person = (SELECT id FROM people WHERE ref = ?)", *ref));
+    return SessionTrainee{*ref, erased, !erased};
+  }
+  ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(*ref));
+  return SessionTrainee{*ref, erased, !erased && !person};
+}
+
+Result<std::string> UnknownTraineeStore::typedName(std::string_view name, std::int64_t now_unix_ns) {
+  const auto trimmed = trimmedName(name);
+  ASSIGN_OR_RETURN(
+      const auto known,
+      connection_.query("SELECT ref FROM called WHERE folded = ? AND typed = 1", nameKey(trimmed))
+          .first(firstText));
+  if (known) return *known;
+  return addTypedName(connection_, trimmed, now_unix_ns);
+}
+
+Result<bool> UnknownTraineeStore::isOf(std::int64_t number, std::string_view trainee) {
+  ASSIGN_OR_RETURN(const auto ref, findPerson(connection_, trainee, Named::kAccountOrTyped));
+  ASSIGN_OR_RETURN(
+      const auto found,
+      connection_
+          .query("SELECT s.trainee FROM sessions s LEFT JOIN unknown_trainees u ON u.session ="
+                 " s.number LEFT JOIN called c ON c.ref = coalesce(u.given, s.trainee)"
+                 " WHERE s.number = ?1 AND (s.trainee IN (?2, ?3) OR u.given = ?3 OR c.folded = ?4)",
+                 number, trainee, ref.value_or(std::string(trainee)), nameKey(trimmedName(trainee)))
+          .first(firstText));
+  return found.has_value();
+}
+
+Status UnknownTraineeStore::flag(const Uuid& session, const SessionTrainee& trainee) {
   return connection_.run(
       "INSERT INTO unknown_trainees (session, given, code_unchecked)"
-      " SELECT s.number, s.trainee, CASE WHEN p.name IS NULL THEN 0 ELSE 1 END"
-      " FROM sessions s LEFT JOIN people p ON p.name = s.trainee"
-      " WHERE s.id = ?1 AND s.trainee NOT IN ('', ?2)"
-      " AND (p.name IS NULL OR ?5 = 1 OR (?3 = 0 AND (?4 = 1 OR p.code_hash IS NOT NULL)))",
-      ByteView(session), kGuestName, code_checked, required, may_be_erased);
+      " SELECT number, ?, ? FROM sessions WHERE id = ?",
+      trainee.ref, trainee.code_unchecked, ByteView(session));
+}
+
+Status UnknownTraineeStore::leaveEmpty(const Uuid& session, std::int64_t now_unix_ns) {
+  RETURN_IF_ERROR(
+      connection_.run("UPDATE sessions"
+                      " SET state = ?, erased = 1, recording = 3, events = 0, hash = zeroblob(32),"
+                      " closed_unix_ns = ? WHERE id = ?",
+                      static_cast<int>(pb::SESSION_INTERRUPTED), now_unix_ns, ByteView(session)));
+  return connection_.run(
+      "INSERT INTO removed_originals (session, removed_unix_ns, deleted_unix_ns,"
+      " reason, by_whom, leftover, crcs)"
+      " SELECT number, ?1, ?1, 'the data of its person was erased before it came',"
+      " 'erasure', 0, zeroblob(0) FROM sessions WHERE id = ?2",
+      now_unix_ns, ByteView(session));
 }
 
 Result<std::string> UnknownTraineeStore::assign(const Uuid& session, const std::string& trainee,
                                                 const std::optional<std::string>& was, const std::string& by,
                                                 std::int64_t now_unix_ns) {
   struct Row {
-    std::int64_t number = 0, began_unix_ns = 0;
+    std::int64_t number = 0;
     bool open = false, erased = false, flagged = false;
-    std::string trainee, given, description;
+    std::string trainee;
   };
-  ASSIGN_OR_RETURN(const auto row,
-                   connection_
-                       .query("SELECT s.number, s.state, s.erased, u.session IS NOT NULL, s.trainee,"
-                              " s.description, min(s.started_unix_ns, s.received_unix_ns), coalesce(u.given, "
-                              "'') FROM sessions s LEFT "
-                              "JOIN unknown_trainees u"
-                              " ON u.session = s.number WHERE s.id = ?",
-                              ByteView(session))
-                       .first([](const Statement& found) {
-                         return Row{found.integer(0),
-                                    found.integer(6),
-                                    found.integer(1) == pb::SESSION_OPEN,
-                                    found.integer(2) != 0,
-                                    found.integer(3) != 0,
-                                    found.text(4),
-                                    found.text(7),
-                                    std::string(textOf(found.bytes(5)))};
-                       }));
+  ASSIGN_OR_RETURN(const auto row, connection_
+                                       .query("SELECT s.number, s.state, s.erased, u.session IS NOT NULL,"
+                                              " s.trainee FROM sessions s LEFT JOIN unknown_trainees u"
+                                              " ON u.session = s.number WHERE s.id = ?",
+                                              ByteView(session))
+                                       .first([](const Statement& found) {
+                                         return Row{found.integer(0), found.integer(1) == pb::SESSION_OPEN,
+                                                    found.integer(2) != 0, found.integer(3) != 0,
+                                                    found.text(4)};
+                                       }));
   if (!row) return unknownSession(session);
   const std::string name = "session " + uuidText(session);
   if (row->erased)
@@ -56,7 +119,8 @@ Result<std::string> UnknownTraineeStore::assign(const Uuid& session, const std::
     return Error{ErrorCode::kInvalidInput,
                  name + " is of '" + row->trainee +
                      "', whom the server knew when it came: only sessions that wait are assigned"};
-  if (was && *was != row->trainee)
+  ASSIGN_OR_RETURN(const auto shown, shownName(connection_, row->trainee));
+  if (was && *was != shown && *was != row->trainee)
     return Error{ErrorCode::kConflict, name + " was given to '" + row->trainee + "' meanwhile, not '" + *was +
                                            "': look at it, and assign it again if that is wrong"};
   if (row->open)
@@ -66,27 +130,11 @@ Result<std::string> UnknownTraineeStore::assign(const Uuid& session, const std::
     if (!person)
       return Error{ErrorCode::kNotFound,
                    "there is no person named '" + trainee + "': add the person first, or give another name"};
-    // the person who had that name then was erased; whoever has the name now came later. While the clock is
-    // behind the account (ErasureStore::addedAt), times do not tell that
-    ASSIGN_OR_RETURN(const auto erased, ErasureStore(connection_).erasedSince(trainee, row->began_unix_ns));
-    if (erased && person->created_unix_ns <= now_unix_ns)
-      return Error{ErrorCode::kInvalidInput,
-                   name + " began before a person named '" + trainee +
-                       "' was erased, and cannot be another's of that name: give it to '" +
-                       std::string(kGuestName) + "', or erase '" + row->given + "'"};
   }
-  pb::SessionDescription description;
-  if (!description.ParseFromString(row->description))
-    return Error{ErrorCode::kCorrupt, "the stored description of " + name + " cannot be read"};
-  description.set_trainee(trainee);
-  RETURN_IF_ERROR(connection_.run("UPDATE sessions SET trainee = ?, description = ? WHERE number = ?",
-                                  trainee, viewOf(description.SerializeAsString()), row->number));
-  // an erasure left the name of its person with a session that waited, and with no other
-  ASSIGN_OR_RETURN(const auto pseudonym,
-                   ErasureStore(connection_).erasedSince(row->given, row->began_unix_ns));
-  RETURN_IF_ERROR(connection_.run(
-      "UPDATE unknown_trainees SET given = ?, by_whom = ?, assigned_unix_ns = ? WHERE session = ?",
-      pseudonym.value_or(row->given), by, now_unix_ns, row->number));
+  RETURN_IF_ERROR(connection_.run("UPDATE sessions SET trainee = ? WHERE number = ?", trainee, row->number));
+  RETURN_IF_ERROR(
+      connection_.run("UPDATE unknown_trainees SET by_whom = ?, assigned_unix_ns = ? WHERE session = ?", by,
+                      now_unix_ns, row->number));
   return row->trainee;
 }
 

@@ -1,5 +1,5 @@
-/// Sessions whose trainee the server did not know when they came, or whose trainee's code nobody gave, until
-/// a manager assigns them to the right person (migrations/0001_first.sql).
+/// Whose a session is that a station brings, and sessions that wait for a manager: whose trainee nobody knew
+/// when they came.
 #pragma once
 
 #include <cstdint>
@@ -10,6 +10,7 @@
 #include "common/base/result.h"
 #include "common/base/uuid.h"
 #include "db/connection.h"
+#include "needlelab/types.pb.h"
 
 namespace needlelab {
 
@@ -17,25 +18,43 @@ namespace needlelab {
 inline constexpr std::string_view kWaitingSessions =
     "(SELECT session FROM unknown_trainees WHERE by_whom IS NULL)";
 
+/// Whose a new session is.
+struct SessionTrainee {
+  std::string ref;              ///< sessions.trainee
+  bool erased = false;          ///< an erased person's: nothing of it is kept
+  bool waits = false;           ///< for a manager
+  bool code_unchecked = false;  ///< why: nobody gave the account's code; else nobody had the name
+};
+
 /// Does not own the connection. Thread: as its Connection; changes need the writer's and a transaction.
 class UnknownTraineeStore {
  public:
   explicit UnknownTraineeStore(Connection& connection) : connection_(connection) {}
 
-  /// Flags a new session if nobody has its trainee's name; or if the trainee has a code, or the lab requires
-  /// codes, and not `code_checked`; or if it `may_be_erased` (ErasureStore::Owner). Sessions without a name
-  /// or of kGuestName are nobody's.
-  Status flag(const Uuid& session, bool code_checked, bool may_be_erased);
-  /// Gives a flagged session to `trainee`, a person or kGuestName; it counts as that person's from now on,
-  /// also if it had that person's name already. A session that was assigned before may be assigned again.
-  /// `was`: whose it is now, as the manager saw it; nothing: whoever's. Returns whose it was. kNotFound:
-  /// session, person; kConflict: not `was`'s any more; kInvalidInput: still open, erased, it was never
-  /// flagged, or both it and the account came before the erasure of a person with that name.
+  /// By the description's trainee: "@" and a UUID, or a name as it was typed. A name that no account has gets
+  /// a row of its own, under which its sessions wait. It waits there, too, where an erased person had the
+  /// name (ErasureStore::wasErased), whether or not somebody has it again. No trainee and kGuestName:
+  /// nobody's.
+  Result<SessionTrainee> traineeOf(const pb::SessionDescription& description, std::int64_t now_unix_ns);
+  /// Whether the trainee that a station gives may be the one of the stored session `number`: a manager may
+  /// have assigned it, and a name may have been given to somebody meanwhile.
+  Result<bool> isOf(std::int64_t number, std::string_view trainee);
+  /// Makes a new session wait.
+  Status flag(const Uuid& session, const SessionTrainee& trainee);
+  /// For a new session of an erased person: closes and marks it, so that it stays empty.
+  Status leaveEmpty(const Uuid& session, std::int64_t now_unix_ns);
+  /// Gives a flagged session to `trainee`, a person's ref or kGuestName; it counts as that person's from now
+  /// on, also if it was that person's already. A session that was assigned before may be assigned again.
+  /// `was`: whose it is now, as the manager saw it (a name or ref); nothing: not compared. Returns whose it
+  /// was. kNotFound: session, person; kConflict: not `was`'s any more; kInvalidInput: still open, erased, or
+  /// it was never flagged.
   Result<std::string> assign(const Uuid& session, const std::string& trainee,
                              const std::optional<std::string>& was, const std::string& by,
                              std::int64_t now_unix_ns);
 
  private:
+  Result<std::string> typedName(std::string_view name, std::int64_t now_unix_ns);
+  Result<SessionTrainee> traineeOfUuid(std::string_view outer_ref, std::int64_t now_unix_ns);
   Connection& connection_;
 };
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <string>
 
+#include "common/base/secret.h"
 #include "common/base/text.h"
 #include "common/base/uuid.h"
 
@@ -72,6 +73,18 @@ Status checkDescription(const pb::SessionDescription& d) {
   if (d.has_stiffness_share() && !(d.stiffness_share() > 0 && d.stiffness_share() <= 1))
     return invalid("stiffness_share", fmt::format("{:f}, allowed is above 0 to 1", d.stiffness_share()));
   return {};
+}
+
+void wipeSecrets(pb::Request& request) {
+  if (request.has_add_user()) wipe(*request.mutable_add_user()->mutable_password());
+  if (request.has_import_people()) wipe(*request.mutable_import_people()->mutable_csv());
+  if (request.has_set_password()) {
+    wipe(*request.mutable_set_password()->mutable_password());
+    wipe(*request.mutable_set_password()->mutable_old_password());
+  }
+  if (request.has_set_code()) wipe(*request.mutable_set_code()->mutable_code());
+  if (request.has_get_lesson()) wipe(*request.mutable_get_lesson()->mutable_code());
+  if (request.has_check_trainee()) wipe(*request.mutable_check_trainee()->mutable_code());
 }
 
 }  // namespace needlelab

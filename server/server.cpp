@@ -118,8 +118,6 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
     logEvent(LogLevel::kWarning, "clock_behind", {{"text", text}});
   if (const std::string& text = p.store->clockAhead(); !text.empty())
     logEvent(LogLevel::kWarning, "clock_ahead", {{"text", text}});
-  ASSIGN_OR_RETURN(const auto repeat, p.store->service().erasuresToRepeat());
-  for (const std::string& text : repeat) logEvent(LogLevel::kError, "erasure_to_repeat", {{"text", text}});
 
   p.files = tlsFilesIn(p.options.data / "tls");
   const auto leftovers = removeTlsLeftovers(p.files);
@@ -225,13 +223,16 @@ Status Server::Parts::startRemote() {
   std::string id;
   {
     ASSIGN_OR_RETURN(auto reader, store->readers().borrow());
-    ASSIGN_OR_RETURN(auto found, MetaStore(*reader).get(kLabKey));
-    id = std::move(found).value_or("");
+    // several servers work on one database only where it is on PostgreSQL
+    if (reader->sqlite() == nullptr) {
+      ASSIGN_OR_RETURN(auto found, MetaStore(*reader).get(kLabKey));
+      id = std::move(found).value_or("");
+    }
   }
   const std::string lab = live.lab.empty() ? id : live.lab;
   if (lab.empty())
     return Error{ErrorCode::kInvalidInput,
-                 "--live: a database on SQLite has no id of its lab: give the lab's servers one name, "
+                 "--live: a database on SQLite is one server's: give the lab's servers one name, "
                  "--live-lab NAME"};
   RETURN_IF_ERROR(checkNewName("--live-lab", lab));
   RemoteLiveSettings settings;

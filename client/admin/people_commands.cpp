@@ -46,6 +46,7 @@ Status listUsers(CommandContext& context) {
           for (const auto& group : user.groups()) groups += (groups.empty() ? "" : ", ") + group;
           if (user.more_groups() > 0) groups += fmt::format(" and {} more", user.more_groups());
           rows.push_back({{"name", user.name()},
+                          {"id", user.id()},
                           {"full_name", user.full_name()},
                           {"groups", groups},
                           {"consents", user.has_consent() ? (user.consent().given() ? "yes" : "no") : "-"},
@@ -67,6 +68,7 @@ Status listUsers(CommandContext& context) {
                               {"disabled", "DISABLED"},
                               {"has_password", "PASSWORD"},
                               {"has_code", "CODE"},
+                              {"id", "ID"},
                               {"created_unix_ns", "SINCE", Column::Kind::kTime}},
                              rows, "nobody yet");
 }
@@ -218,9 +220,10 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
       return importPeople(context, values->file, values->text, values->dry_run);
     };
   });
-  auto* change = user->add_subcommand("change", "another role or full name");
+  auto* change = user->add_subcommand("change", "another role, name or full name");
   change->add_option("name", values->name)->required();
   change->add_option("--role", values->role);
+  change->add_option("--name", values->text, "the account's new name; what the person did stays theirs");
   auto* full_name = change->add_option("--full-name", values->full_name);
   runs(change, chosen, [values, full_name](CommandContext& context) -> Status {
     pb::ChangeUser wanted;
@@ -230,6 +233,7 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
       wanted.set_role(role);
     }
     if (full_name->count() > 0) wanted.set_full_name(values->full_name);
+    if (!values->text.empty()) wanted.set_new_name(values->text);
     return changeUser(context, wanted);
   });
 

@@ -118,26 +118,22 @@ void addOnePersonCommands(CLI::App& app, ChosenCommand& chosen) {
     call->set_with_waiting_sessions(values->with_waiting);
     ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
     const auto& erasure = reply.erasure();
-    if (auto done = context.output.one(
-            {{"pseudonym", "known as"},
-             {"sessions", "sessions"},
-             {"recordings", "recordings removed"},
-             {"scores", "scores removed"},
-             {"remarks_kept", "remarks by others kept, without the name"},
-             {"audit_lines", "lines of the audit log with the name replaced"},
-             {"waiting_sessions", "sessions that wait under the name, left"},
-             {"state", "the erasure"}},
-            {{"pseudonym", erasure.pseudonym()},
-             {"sessions", erasure.sessions()},
-             {"recordings", erasure.recordings()},
-             {"scores", erasure.scores()},
-             {"remarks_kept", erasure.remarks_kept()},
-             {"audit_lines", erasure.audit_lines()},
-             {"waiting_sessions", erasure.waiting_sessions()},
-             {"state", erasure.pending() ? "pending: see below" : "complete here"},
-             {"pending", erasure.pending()},
-             {"files", std::vector<std::string>(erasure.files().begin(), erasure.files().end())},
-             {"text", erasure.text()}});
+    if (auto done = context.output.one({{"pseudonym", "known as"},
+                                        {"sessions", "sessions"},
+                                        {"recordings", "recordings removed"},
+                                        {"scores", "scores removed"},
+                                        {"remarks_kept", "remarks kept"},
+                                        {"waiting_sessions", "sessions that wait under the name, left"},
+                                        {"state", "the erasure"}},
+                                       {{"pseudonym", erasure.pseudonym()},
+                                        {"sessions", erasure.sessions()},
+                                        {"recordings", erasure.recordings()},
+                                        {"scores", erasure.scores()},
+                                        {"remarks_kept", erasure.remarks_kept()},
+                                        {"waiting_sessions", erasure.waiting_sessions()},
+                                        {"state", erasure.pending() ? "pending: see below" : "complete here"},
+                                        {"pending", erasure.pending()},
+                                        {"text", erasure.text()}});
         !done)
       return done;
     context.output.remark(erasure.text());

@@ -138,9 +138,6 @@ Status restore(const std::filesystem::path& folder, Output& output, const std::s
                                {"not_compared", not_compared}});
       !shown)
     return shown;
-  ASSIGN_OR_RETURN(const auto repeat, store->service().erasuresToRepeat());
-  for (const std::string& erasure : repeat) output.remark(erasure);
-  for (const std::string& note : result.erasure_notes) output.remark(note);
   output.text(
       "Start the server: stations send again what this backup lacks and their spools have. Stations, people "
       "and "

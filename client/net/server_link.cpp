@@ -11,6 +11,7 @@
 #include "client/net/server_choice.h"
 #include "common/base/clock.h"
 #include "common/wire/protocol.h"
+#include "proto/session_rules.h"
 
 namespace needlelab {
 namespace {

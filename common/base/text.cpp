@@ -1,6 +1,4 @@
 #include <fmt/core.h>
-#include <locale.h>
-#include <wctype.h>
 
 #include <algorithm>
 #include <cstddef>
@@ -61,24 +59,6 @@ Character characterAt(std::string_view text, std::size_t at) {
   for (std::size_t k = 1; k < bytes; ++k)
     point = point << 6 | (static_cast<unsigned char>(text[at + k]) & 0x3fu);
   return {point, bytes};
-}
-
-void append(std::string& text, std::uint32_t point) {
-  if (point < 0x80) {
-    text += static_cast<char>(point);
-    return;
-  }
-  const int more = point < 0x800 ? 1 : point < 0x10000 ? 2 : 3;
-  constexpr std::uint32_t kLead[] = {0, 0xc0, 0xe0, 0xf0};
-  text += static_cast<char>(kLead[more] | point >> (6 * more));
-  for (int k = more - 1; k >= 0; --k) text += static_cast<char>(0x80u | (point >> (6 * k) & 0x3fu));
-}
-
-/// The case of the letters of all scripts, whatever the program's locale; null: it is not installed. Never
-/// freed.
-locale_t allLetters() {
-  static const locale_t letters = ::newlocale(LC_CTYPE_MASK, "C.UTF-8", nullptr);
-  return letters;
 }
 
 const char* hiddenName(std::uint32_t point) {
@@ -203,40 +183,6 @@ std::string lowerCase(std::string_view text) {
   std::string small(text);
   for (char& c : small) c = lowerCase(c);
   return small;
-}
-
-std::string foldCase(std::string_view text) {
-  constexpr std::uint32_t kSharpS = 0xdf;
-  const locale_t letters = allLetters();
-  if (letters == nullptr) return lowerCase(text);
-  std::string folded;
-  folded.reserve(text.size());
-  for (std::size_t at = 0; at < text.size();) {
-    if (static_cast<unsigned char>(text[at]) < 0x80) {
-      folded += lowerCase(text[at++]);
-      continue;
-    }
-    std::size_t end = at + 1;
-    while (end < text.size() && end < at + 4 && (static_cast<unsigned char>(text[end]) & 0xc0u) == 0x80)
-      ++end;
-    if (const auto bytes = text.substr(at, end - at); !isUtf8(bytes)) {
-      folded += bytes;
-    } else if (const auto point = static_cast<std::uint32_t>(
-                   ::towlower_l(::towupper_l(characterAt(text, at).point, letters), letters));
-               point == kSharpS) {
-      folded += "ss";
-    } else {
-      append(folded, point);
-    }
-    at = end;
-  }
-  return folded;
-}
-
-Status foldingWorks() {
-  if (allLetters() != nullptr) return {};
-  return Error{ErrorCode::kFailed,
-               "the locale C.UTF-8 is missing, by which names are found in either case: install libc-bin"};
 }
 
 Status checkText(std::string_view field, std::string_view value, std::size_t min, std::size_t max) {

@@ -50,14 +50,6 @@ std::string lowerCase(std::string_view text);
 constexpr char upperCase(char c) {
   return c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
 }
-/// Two texts are equal but for the case of their letters, in any script, when their folded texts are equal:
-/// each character becomes the small letter of its capital, so that all forms of a letter (the sigma that ends
-/// a word, the dotless i, the long s) become one, and "ß" becomes "ss". May have another number of bytes.
-/// Letters with combining marks stay apart from those that have the mark in one character, and bytes that are
-/// no UTF-8 stay as they are. Only where foldingWorks(); elsewhere only ASCII is folded. Thread: any.
-std::string foldCase(std::string_view text);
-/// kFailed: the machine lacks the locale C.UTF-8, which knows the letters of all scripts.
-Status foldingWorks();
 /// True for the letters and digits of ASCII.
 constexpr bool isLetterOrDigit(char c) {
   return (c >= '0' && c <= '9') || (lowerCase(c) >= 'a' && lowerCase(c) <= 'z');

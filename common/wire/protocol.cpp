@@ -7,7 +7,6 @@
 #include <cassert>
 #include <utility>
 
-#include "common/base/secret.h"
 #include "common/base/text.h"
 #include "common/base/uuid.h"
 
@@ -214,18 +213,6 @@ Error errorOf(const pb::Refusal& refusal) {
 std::string reasonName(pb::Refusal::Reason reason) {
   const std::string& name = pb::Refusal::Reason_Name(reason);
   return name.empty() ? fmt::format("reason {}", static_cast<int>(reason)) : name;
-}
-
-void wipeSecrets(pb::Request& request) {
-  if (request.has_add_user()) wipe(*request.mutable_add_user()->mutable_password());
-  if (request.has_import_people()) wipe(*request.mutable_import_people()->mutable_csv());
-  if (request.has_set_password()) {
-    wipe(*request.mutable_set_password()->mutable_password());
-    wipe(*request.mutable_set_password()->mutable_old_password());
-  }
-  if (request.has_set_code()) wipe(*request.mutable_set_code()->mutable_code());
-  if (request.has_get_lesson()) wipe(*request.mutable_get_lesson()->mutable_code());
-  if (request.has_check_trainee()) wipe(*request.mutable_check_trainee()->mutable_code());
 }
 
 void keepProtobufQuiet() {

@@ -99,9 +99,6 @@ Error errorOf(const pb::Refusal& refusal);
 /// "LOGIN", "GAP", …
 std::string reasonName(pb::Refusal::Reason reason);
 
-/// Wipes the passwords, codes and lists of people in a request. What Protobuf and TLS copied stays.
-void wipeSecrets(pb::Request& request);
-
 /// Silences Protobuf's log: it prints a line on standard error for each text that is not UTF-8, so a hostile
 /// peer could flood it. The caller that parsed the message gets an Error anyway. Every program that reads
 /// from a network or a database calls this first, before it starts threads.

@@ -13,7 +13,7 @@
 /// - people, session_results, text_lists: many rows in one statement, by lists as parameters;
 /// - login_store: the database's clock, a lock of one table, rows that others have locked.
 /// Without SQL differ db_writer and session_appends (chunks in one statement, who keeps what a failed COMMIT
-/// had), session_reader and session_samples (a score's step reads by one view), free_parts, erasures and
+/// had), session_reader and session_samples (a score's step reads by one view), erasure, erasures and
 /// upkeep_handlers (files, pages and backups are PostgreSQL's own), monitor (where the size comes from).
 ///
 /// What stores may not use, because only SQLite has it: a bare number as a condition (write `flag <> 0`),

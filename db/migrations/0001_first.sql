@@ -7,21 +7,47 @@ CREATE TABLE meta (
   value TEXT NOT NULL
 ) STRICT, WITHOUT ROWID;
 
--- role: needlelab.pb.Role (1 trainee, 2 instructor, 3 curriculum manager, 4 administrator, 6 researcher; 5 is the stations').
+-- A person is an id, which is never used again; `ref`, '@' and the id, stands wherever a row says who. role: needlelab.pb.Role
+-- (1 trainee, 2 instructor, 3 curriculum manager, 4 administrator, 6 researcher; 5 is the stations'); 0: no account, but a name that
+-- was typed at a station; its sessions wait under it. An erased person's row stays, without its name.
 -- revision: of what can be changed of a person; password and consent are not part of it.
 CREATE TABLE people (
-  name            TEXT PRIMARY KEY CHECK (length(name) BETWEEN 1 AND 64),
-  folded          TEXT NOT NULL UNIQUE,        -- nameKey(): two names with one key are one (person_name.h)
-  role            INTEGER NOT NULL CHECK (role BETWEEN 1 AND 6 AND role <> 5),
+  id              INTEGER PRIMARY KEY AUTOINCREMENT,
+  ref             TEXT NOT NULL GENERATED ALWAYS AS ('@' || id) STORED UNIQUE,
+  uuid            BLOB NOT NULL UNIQUE CHECK (length(uuid) = 16),  -- towards stations and files
+  role            INTEGER NOT NULL CHECK (role BETWEEN 0 AND 6 AND role <> 5),
   password_hash   TEXT,                        -- argon2id; NULL: cannot log in
   disabled        INTEGER NOT NULL DEFAULT 0 CHECK (disabled IN (0, 1)),
   created_unix_ns INTEGER NOT NULL,
-  full_name       TEXT NOT NULL DEFAULT '',
   revision        INTEGER NOT NULL DEFAULT 1 CHECK (revision >= 1),
   changed_unix_ns INTEGER NOT NULL,
   changed_by      TEXT NOT NULL DEFAULT '',    -- '': as it was made
-  code_hash       TEXT                         -- argon2id of a PIN, or of what a badge reader types; NULL: no code
-) STRICT, WITHOUT ROWID;
+  code_hash       TEXT,                        -- argon2id of a PIN, or of what a badge reader types; NULL: no code
+  erased_unix_ns  INTEGER                      -- NULL: not erased
+) STRICT;
+
+-- What people are called: here, and nowhere else.
+CREATE TABLE names (
+  person    INTEGER PRIMARY KEY REFERENCES people (id),
+  name      TEXT NOT NULL CHECK (length(name) BETWEEN 1 AND 64),   -- as it was typed
+  folded    TEXT NOT NULL,                     -- nameKey(): two names with one key are one (person_name.h)
+  full_name TEXT NOT NULL DEFAULT '',
+  typed     INTEGER NOT NULL CHECK (typed IN (0, 1))               -- 1: at a station; people.role is 0
+) STRICT;
+CREATE UNIQUE INDEX names_once ON names (folded, typed);
+CREATE INDEX names_in_order ON names (name);
+
+-- People with an account, and what each `ref` is called: by an account, or as it was typed.
+CREATE VIEW accounts AS
+  SELECT p.id, p.ref, p.uuid, n.name, n.folded, n.full_name, p.role, p.password_hash, p.disabled, p.created_unix_ns, p.revision,
+    p.changed_unix_ns, p.changed_by, p.code_hash
+  FROM names n JOIN people p ON p.id = n.person WHERE n.typed = 0;
+CREATE VIEW called AS
+  SELECT p.ref, n.name, n.folded, n.full_name, n.typed FROM names n JOIN people p ON p.id = n.person;
+-- What was typed at a station and is an account's name by now: lists of trainees show the account.
+CREATE VIEW names_taken AS
+  SELECT p.ref FROM names n JOIN people p ON p.id = n.person
+  WHERE n.typed = 1 AND EXISTS (SELECT 1 FROM names a WHERE a.folded = n.folded AND a.typed = 0);
 
 CREATE TABLE stations (
   name            TEXT PRIMARY KEY CHECK (length(name) BETWEEN 1 AND 64),
@@ -91,7 +117,7 @@ CREATE TABLE groups (
 ) STRICT, WITHOUT ROWID;
 CREATE TABLE group_members (
   group_id TEXT NOT NULL REFERENCES groups (id),
-  person   TEXT NOT NULL REFERENCES people (name),
+  person   TEXT NOT NULL REFERENCES people (ref),
   PRIMARY KEY (group_id, person)
 ) STRICT, WITHOUT ROWID;
 CREATE INDEX group_members_by_person ON group_members (person);
@@ -99,7 +125,7 @@ CREATE INDEX group_members_by_person ON group_members (person);
 -- What a person said to studies, each time; the last one counts. Never updated.
 CREATE TABLE consents (
   id          INTEGER PRIMARY KEY,
-  person      TEXT NOT NULL REFERENCES people (name),
+  person      TEXT NOT NULL REFERENCES people (ref),
   given       INTEGER NOT NULL CHECK (given IN (0, 1)),
   unix_ns     INTEGER NOT NULL,
   recorded_by TEXT NOT NULL,
@@ -107,15 +133,15 @@ CREATE TABLE consents (
 ) STRICT;
 CREATE INDEX consents_by_person ON consents (person, id);
 
--- Trainee, exercise and profile are not foreign keys: a station that was offline, or that outlived a restored backup, may
--- bring sessions of names that this database does not know, and none of them may be lost. The profile's text is kept.
--- An attempt is a session of its trainee at its exercise; its number is its place by started_unix_ns. Of an erased session `trainee` is
--- a pseudonym, also within `description`; what a station still sends of it is acknowledged and not kept.
+-- Exercise and profile are not foreign keys: a station that was offline, or that outlived a restored backup, may
+-- bring sessions of what this database does not know, and none of them may be lost. The profile's text is kept.
+-- An attempt is a session of its trainee at its exercise; its number is its place by started_unix_ns. What a station still sends of an
+-- erased session is acknowledged and not kept.
 CREATE TABLE sessions (
   number              INTEGER PRIMARY KEY,     -- small key for chunks
   id                  BLOB NOT NULL UNIQUE CHECK (length(id) = 16),
   station             TEXT NOT NULL REFERENCES stations (name),
-  trainee             TEXT NOT NULL,
+  trainee             TEXT NOT NULL,           -- people.ref; 'guest'; '': nobody's
   exercise_id         TEXT NOT NULL,
   profile_id          TEXT NOT NULL,
   profile_revision    INTEGER NOT NULL,
@@ -123,7 +149,7 @@ CREATE TABLE sessions (
   engine_version      TEXT NOT NULL,
   rate_hz             REAL NOT NULL,
   started_unix_ns     INTEGER NOT NULL,        -- the station's clock
-  description         BLOB NOT NULL,           -- needlelab.pb.SessionDescription without profile_json
+  description         BLOB NOT NULL,           -- needlelab.pb.SessionDescription without trainee and profile_json
   state               INTEGER NOT NULL CHECK (state BETWEEN 1 AND 3),   -- needlelab.pb.SessionState
   chunks              INTEGER NOT NULL DEFAULT 0,
   samples             INTEGER NOT NULL DEFAULT 0,
@@ -139,7 +165,7 @@ CREATE TABLE sessions (
   recording           INTEGER NOT NULL DEFAULT 1 CHECK (recording BETWEEN 1 AND 3),  -- see retention_policies
   passed              INTEGER CHECK (passed IN (0, 1)),                 -- of the first score
   excused             INTEGER NOT NULL DEFAULT 0 CHECK (excused IN (0, 1)),  -- 1: it does not count against the attempts
-  erased              INTEGER NOT NULL DEFAULT 0 CHECK (erased IN (0, 1))    -- 1: of somebody whose data was erased
+  erased              INTEGER NOT NULL DEFAULT 0 CHECK (erased IN (0, 1))    -- 1: of an erased person
 ) STRICT;
 CREATE INDEX sessions_by_station ON sessions (station, state);
 CREATE INDEX sessions_by_trainee ON sessions (trainee);
@@ -220,18 +246,15 @@ CREATE TABLE audit (
   detail  TEXT NOT NULL
 ) STRICT;
 
--- Tamper evidence of the audit log (db/audit_chain.h): an entry for each line, and one more for each erasure that replaced its texts, which
--- takes the salts of the earlier ones away. mac is keyed by DIR/audit.key, which is in no backup, and covers the entry before. Nothing deletes
--- lines.
+-- Tamper evidence of the audit log (db/audit_chain.h): an entry for each line. mac is keyed by DIR/audit.key, which is in
+-- no backup, and covers the entry before. Nothing changes or deletes lines.
 CREATE TABLE audit_chain (
   position   INTEGER PRIMARY KEY CHECK (position >= 1),
   line       INTEGER NOT NULL REFERENCES audit (id),
-  salt       BLOB CHECK (length(salt) = 32),           -- NULL: a later entry of the line has its text
-  commitment BLOB NOT NULL CHECK (length(commitment) = 32),
   key_id     BLOB NOT NULL CHECK (length(key_id) = 8),
   mac        BLOB NOT NULL CHECK (length(mac) = 32)
 ) STRICT;
-CREATE INDEX audit_chain_lines ON audit_chain (line, position);
+CREATE INDEX audit_chain_lines ON audit_chain (line);
 
 -- What was done with the syringe in each closed session: needlelab.pb.SyringeEvent, one row each, in order
 -- of time. Worked out by the server from the committed samples; a place is that of the needle's opening, in W.
@@ -359,89 +382,73 @@ CREATE TABLE exercise_references (
   PRIMARY KEY (exercise_id, revision)
 ) STRICT, WITHOUT ROWID;
 
--- Who was erased: no name. name_hash is keyed with DIR/pseudonym.key, which is in no backup; DIR/erasures holds the same lines,
--- so that a restored backup, which knows the person again, can be told from this one (service/erasure.h).
+-- Who was erased. DIR/erasures holds the same, so that a restored backup, which knows the person again, can be told from this one
+-- (erasure.h).
 CREATE TABLE erasures (
-  pseudonym       TEXT PRIMARY KEY,
-  name_hash       BLOB NOT NULL CHECK (length(name_hash) = 32),
+  uuid            BLOB PRIMARY KEY CHECK (length(uuid) = 16),
   erased_unix_ns  INTEGER NOT NULL,
   by_whom         TEXT NOT NULL,
   reason          TEXT NOT NULL
 ) STRICT, WITHOUT ROWID;
 
--- Sessions whose trainee the server did not know when they came: a station without its server takes any name.
--- They wait for a manager to assign them to the right person. A session is nobody's (no row) with an empty name or as 'guest'.
+-- Keyed hashes (DIR/pseudonym.key, which is in no backup) of the names that erased people had: a session that a station brings under
+-- such a typed name waits, also if somebody has the name again.
+CREATE TABLE erased_names (
+  hash          BLOB PRIMARY KEY CHECK (length(hash) = 32),
+  until_unix_ns INTEGER NOT NULL
+) STRICT, WITHOUT ROWID;
+
+-- Sessions that wait, or waited, for a manager to assign them to the right person: a station without its server takes any name. A
+-- session is nobody's (no row) with an empty name or as 'guest'.
 -- code_unchecked: why it waits: 0: nobody had its trainee's name when it came; 1: the account existed, but nobody gave its code.
 CREATE TABLE unknown_trainees (
   session          INTEGER PRIMARY KEY REFERENCES sessions (number),
-  given            TEXT NOT NULL,   -- the name that the station gave; a station that asks again still gives it
+  given            TEXT NOT NULL REFERENCES people (ref),   -- whom the station gave
   by_whom          TEXT,            -- the manager who assigned it; NULL: it waits
   assigned_unix_ns INTEGER,
   code_unchecked   INTEGER NOT NULL DEFAULT 0 CHECK (code_unchecked IN (0, 1)),
   CHECK ((by_whom IS NULL) = (assigned_unix_ns IS NULL))
 ) STRICT;
 CREATE INDEX unknown_trainees_waiting ON unknown_trainees (session) WHERE by_whom IS NULL;
--- The sessions that count for nobody until a manager assigns them: who gets a name later has none of the sessions that came
--- under it before; and a session without its trainee's code is not the trainee's. Others that wait are listed under their name.
+CREATE INDEX unknown_trainees_by_given ON unknown_trainees (given);
+-- The sessions that count for nobody until a manager assigns them: a session without its trainee's code is not the trainee's. Others
+-- that wait are listed under their typed name.
 CREATE VIEW uncounted_sessions AS
-  SELECT u.session FROM unknown_trainees u JOIN sessions s ON s.number = u.session
-  WHERE u.by_whom IS NULL AND (u.code_unchecked = 1 OR EXISTS (SELECT 1 FROM people WHERE name = s.trainee));
+  SELECT session FROM unknown_trainees WHERE by_whom IS NULL AND code_unchecked = 1;
 
--- What the lists of results need, so that they read what they show and not all sessions. Sums of the sessions that wait for their
--- trainee stand apart: they count as long as nobody has the name. So an account that is made or removed changes no sums, however many
--- sessions wait under its name.
+-- What the lists of results need, so that they read what they show and not all sessions.
 --
 -- What a session adds to the sums of its trainee and exercise. One whose code nobody gave adds itself alone: its trainee is listed all
 -- the same.
 CREATE VIEW attempt_shares AS
-  SELECT session, exercise_id, trainee, attempts * (1 - waits) AS attempts, counted * (1 - waits) AS counted,
-    judged * (1 - waits) AS judged, passed * (1 - waits) AS passed, attempts * waits AS waiting_attempts,
-    counted * waits AS waiting_counted, judged * waits AS waiting_judged, passed * waits AS waiting_passed
-  FROM (SELECT session, exercise_id, trainee, waits, attempts, attempts * (1 - excused) AS counted,
-          CASE WHEN passed IS NULL THEN 0 ELSE attempts * (1 - excused) END AS judged,
-          coalesce(passed, 0) * attempts * (1 - excused) AS passed
-        FROM (SELECT s.number AS session, s.exercise_id, s.trainee, s.excused, s.passed,
-                CASE WHEN u.code_unchecked = 0 THEN 1 ELSE 0 END AS waits, CASE WHEN u.code_unchecked = 1 THEN 0 ELSE 1 END AS attempts
-              FROM sessions s LEFT JOIN unknown_trainees u ON u.session = s.number AND u.by_whom IS NULL
-              WHERE s.trainee <> '' AND s.erased = 0) AS those) AS shares;
+  SELECT session, exercise_id, trainee, attempts, attempts * (1 - excused) AS counted,
+    CASE WHEN passed IS NULL THEN 0 ELSE attempts * (1 - excused) END AS judged,
+    coalesce(passed, 0) * attempts * (1 - excused) AS passed
+  FROM (SELECT s.number AS session, s.exercise_id, s.trainee, s.excused, s.passed, CASE WHEN u.session IS NULL THEN 1 ELSE 0 END AS attempts
+        FROM sessions s LEFT JOIN uncounted_sessions u ON u.session = s.number
+        WHERE s.trainee <> '' AND s.erased = 0) AS shares;
 
 CREATE TABLE attempt_sums (
-  exercise_id      TEXT NOT NULL,
-  trainee          TEXT NOT NULL,
-  sessions         INTEGER NOT NULL,
-  attempts         INTEGER NOT NULL,   -- without those that wait, or whose code nobody gave
-  counted          INTEGER NOT NULL,   -- of these, not excused
-  judged           INTEGER NOT NULL,   -- of the counted: with a verdict
-  passed           INTEGER NOT NULL,
-  waiting_attempts INTEGER NOT NULL,   -- the same of those that wait
-  waiting_counted  INTEGER NOT NULL,
-  waiting_judged   INTEGER NOT NULL,
-  waiting_passed   INTEGER NOT NULL,
+  exercise_id TEXT NOT NULL,
+  trainee     TEXT NOT NULL,
+  sessions    INTEGER NOT NULL,
+  attempts    INTEGER NOT NULL,   -- without those whose code nobody gave
+  counted     INTEGER NOT NULL,   -- of these, not excused
+  judged      INTEGER NOT NULL,   -- of the counted: with a verdict
+  passed      INTEGER NOT NULL,
   PRIMARY KEY (exercise_id, trainee)
 ) STRICT, WITHOUT ROWID;
 CREATE INDEX attempt_sums_by_trainee ON attempt_sums (trainee);
 
--- The sums as they count now.
-CREATE VIEW attempt_counts AS
-  SELECT exercise_id, trainee, sessions, attempts + nobodys * waiting_attempts AS attempts,
-    counted + nobodys * waiting_counted AS counted, judged + nobodys * waiting_judged AS judged,
-    passed + nobodys * waiting_passed AS passed
-  FROM (SELECT a.*, CASE WHEN a.waiting_attempts > 0 AND NOT EXISTS (SELECT 1 FROM people p WHERE p.name = a.trainee) THEN 1 ELSE 0 END
-          AS nobodys FROM attempt_sums a) AS sums;
-
 -- Whatever changes a session's share takes the share from the sums before and adds it after: sign -1, then 1.
 CREATE VIEW attempt_steps AS SELECT 0 AS session, 0 AS sign;
 CREATE TRIGGER attempt_steps_taken INSTEAD OF INSERT ON attempt_steps BEGIN
-  INSERT INTO attempt_sums (exercise_id, trainee, sessions, attempts, counted, judged, passed, waiting_attempts, waiting_counted,
-      waiting_judged, waiting_passed)
-    SELECT exercise_id, trainee, NEW.sign, NEW.sign * attempts, NEW.sign * counted, NEW.sign * judged, NEW.sign * passed,
-      NEW.sign * waiting_attempts, NEW.sign * waiting_counted, NEW.sign * waiting_judged, NEW.sign * waiting_passed
+  INSERT INTO attempt_sums (exercise_id, trainee, sessions, attempts, counted, judged, passed)
+    SELECT exercise_id, trainee, NEW.sign, NEW.sign * attempts, NEW.sign * counted, NEW.sign * judged, NEW.sign * passed
     FROM attempt_shares WHERE session = NEW.session
     ON CONFLICT (exercise_id, trainee) DO UPDATE SET sessions = sessions + excluded.sessions,
       attempts = attempts + excluded.attempts, counted = counted + excluded.counted,
-      judged = judged + excluded.judged, passed = passed + excluded.passed,
-      waiting_attempts = waiting_attempts + excluded.waiting_attempts, waiting_counted = waiting_counted + excluded.waiting_counted,
-      waiting_judged = waiting_judged + excluded.waiting_judged, waiting_passed = waiting_passed + excluded.waiting_passed;
+      judged = judged + excluded.judged, passed = passed + excluded.passed;
   DELETE FROM attempt_sums WHERE sessions = 0
     AND (exercise_id, trainee) IN (SELECT exercise_id, trainee FROM attempt_shares WHERE session = NEW.session);
 END;
@@ -493,8 +500,8 @@ CREATE TABLE station_claims (
 -- numbers of changes of access (db/access_numbers.h). One server alone keeps log-ins in its memory, and nothing here.
 
 -- Of each account whose access changed, the number of its last change; of all of them each gets the next one. `what`: 0 the last
--- number given; of a person 1 role, password, disabled, 3 a log-out; 2 of a station its key; 4 that somebody was erased, whose
--- name nobody may know afterwards.
+-- number given; of a person (people.ref) 1 role, password, disabled, 3 a log-out; 2 of a station its key; 4 that somebody was
+-- erased.
 CREATE TABLE access_numbers (
   what   INTEGER NOT NULL CHECK (what BETWEEN 0 AND 4),
   name   TEXT NOT NULL,
@@ -508,9 +515,8 @@ CREATE INDEX access_by_number ON access_numbers (number);
 -- Times are of the database's clock, in ns.
 CREATE TABLE login_tokens (
   hash            BLOB PRIMARY KEY CHECK (length(hash) = 32),   -- BLAKE2b-256 of the token
-  name            TEXT NOT NULL,
+  name            TEXT NOT NULL,             -- people.ref
   role            INTEGER NOT NULL,
-  account_unix_ns INTEGER NOT NULL,          -- created_unix_ns of the person who logged in
   access_number   INTEGER NOT NULL,          -- of the person, then
   password_ns     INTEGER NOT NULL,          -- the log-in with the password behind it
   expires_ns      INTEGER NOT NULL
@@ -536,26 +542,27 @@ CREATE TABLE noted_reads (
 ) STRICT, WITHOUT ROWID;
 CREATE INDEX noted_reads_by_time ON noted_reads (at_ns);
 
-CREATE TRIGGER people_access AFTER UPDATE OF role, password_hash, disabled ON people
-  WHEN OLD.role <> NEW.role OR OLD.password_hash IS NOT NEW.password_hash OR OLD.disabled <> NEW.disabled BEGIN
+CREATE TRIGGER people_access AFTER UPDATE OF role, password_hash, disabled ON people WHEN NEW.erased_unix_ns IS NULL AND
+  (OLD.role <> NEW.role OR OLD.password_hash IS NOT NEW.password_hash OR OLD.disabled <> NEW.disabled) BEGIN
   INSERT INTO access_numbers (what, name, number, how, server) VALUES (0, '', 1, '', '')
     ON CONFLICT (what, name) DO UPDATE SET number = number + 1;
   INSERT INTO access_numbers (what, name, number, how, server)
-    SELECT 1, NEW.name, number,
+    SELECT 1, NEW.ref, number,
       CASE WHEN NEW.disabled <> 0 THEN 'disabled' WHEN OLD.role <> NEW.role THEN 'role' ELSE 'password' END, ''
     FROM access_numbers WHERE what = 0
     ON CONFLICT (what, name) DO UPDATE SET number = excluded.number, how = excluded.how, server = excluded.server;
-  DELETE FROM login_tokens WHERE name = NEW.name;
+  DELETE FROM login_tokens WHERE name = NEW.ref;
 END;
 
-CREATE TRIGGER people_access_ends AFTER DELETE ON people BEGIN
+CREATE TRIGGER people_access_ends AFTER UPDATE OF erased_unix_ns ON people
+  WHEN OLD.erased_unix_ns IS NULL AND NEW.erased_unix_ns IS NOT NULL BEGIN
   INSERT INTO access_numbers (what, name, number, how, server) VALUES (0, '', 1, '', '')
     ON CONFLICT (what, name) DO UPDATE SET number = number + 1;
   INSERT INTO access_numbers (what, name, number, how, server)
     SELECT 4, '', number, 'erased', '' FROM access_numbers WHERE what = 0
     ON CONFLICT (what, name) DO UPDATE SET number = excluded.number, server = excluded.server;
-  DELETE FROM access_numbers WHERE what IN (1, 3) AND name = OLD.name;
-  DELETE FROM login_tokens WHERE name = OLD.name;
+  DELETE FROM access_numbers WHERE what IN (1, 3) AND name = OLD.ref;
+  DELETE FROM login_tokens WHERE name = OLD.ref;
 END;
 
 CREATE TRIGGER stations_access AFTER UPDATE OF key_hash, revoked ON stations

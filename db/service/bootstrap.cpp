@@ -19,7 +19,6 @@
 #include "db/database_files.h"
 #include "db/duties.h"
 #include "db/erasure.h"
-#include "db/free_parts.h"
 #include "db/person_name.h"
 #include "db/pseudonyms.h"
 #include "db/schema.h"
@@ -30,7 +29,6 @@
 #include "db/service/other_stores.h"
 #include "db/service/restore.h"
 #include "db/service/store_move.h"
-#include "db/service/unseen_files.h"
 #include "db/store_address.h"
 
 namespace needlelab {
@@ -66,6 +64,9 @@ Status fillNewDatabase(Connection& connection) {
     RETURN_IF_ERROR(storeSamples(connection, now));
     RETURN_IF_ERROR(meta.set("created_unix_ns", std::to_string(now)));
   }
+  // a database on PostgreSQL got it when its folder claimed it
+  ASSIGN_OR_RETURN(const auto lab, meta.get(kLabKey));
+  if (!lab) RETURN_IF_ERROR(meta.set(kLabKey, uuidText(makeUuidV7())));
   ASSIGN_OR_RETURN(const auto engine, meta.get("engine_version"));
   if (engine != std::string(NEEDLELAB_VERSION)) {
     RETURN_IF_ERROR(meta.set("engine_version", NEEDLELAB_VERSION));
@@ -151,12 +152,11 @@ Result<Connection> openFrozen(const std::filesystem::path& path, const Error& wh
                              "which needs room: {}",
                              path.string(), found, newestSchemaVersion(), why.message)};
   RETURN_IF_ERROR(requireNewestSchema(connection));
-  const auto repeat = ErasureStore(connection).toRepeat(path.parent_path());
-  // the server's log and `check` report a missing key or a broken list
-  if (!repeat && repeat.error().code != ErrorCode::kCorrupt) return repeat.error();
-  if (repeat)
-    for (const ErasureToRepeat& one : *repeat)
-      if (one.restored) return mustBeErasedFirst(path.parent_path(), why);
+  ASSIGN_OR_RETURN(const auto lines, readErasures(path.parent_path()));
+  for (const ErasureLine& line : lines) {
+    ASSIGN_OR_RETURN(const bool known, ErasureStore(connection).isErased(line.person));
+    if (!known) return mustBeErasedFirst(path.parent_path(), why);
+  }
   return connection;
 }
 
@@ -242,8 +242,6 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
   // a copy may be about to get into the database's place
   if (!std::filesystem::exists(folder / kCopyingDatabase, ignored))
     RETURN_IF_ERROR(requireDatabase(folder, options));
-  // an erasure would not find names in capitals
-  RETURN_IF_ERROR(foldingWorks());
   std::optional<BackupKey> backup_key;
   if (!options.backup_key.empty()) {
     ASSIGN_OR_RETURN(backup_key, BackupKey::read(options.backup_key));
@@ -295,20 +293,12 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
             "--together: an erasure is under way at another server, and a start completes those of its "
             "own folder first: start again when it is done"};
     }
-    const auto repeated = eraseBeforeServing(*connection, now_unix_ns);
+    const auto repeated = agreeOnErasures(*connection, now_unix_ns);
     if (!repeated) {
       // its log has the room that this attempt took
       (void)connection->emptyLog(0);
       return repeated.error().code == ErrorCode::kNoRoom ? mustBeErasedFirst(folder, repeated.error())
                                                          : repeated.error();
-    }
-    // What fails leaves it to the next start; `check` says it in any case. Another server may be about to
-    // look at the files.
-    if (is_alone) (void)tellUnseenFiles(*connection, now_unix_ns);
-    if (options.together) {
-      // a folder that joins takes the key along; what cannot be read, `check` says
-      (void)ErasureStore(*connection).key();
-      (void)ErasureStore(*connection).completeList(folder);
     }
     duty.reset();
     ASSIGN_OR_RETURN(store->clock_behind_, SeenTimeStore(*connection).behindText(now_unix_ns));
@@ -316,8 +306,7 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
     RETURN_IF_ERROR(SeenTimeStore(*connection).note(now_unix_ns));
     const auto emptied = connection->emptyLog(0);
     if (!emptied) return emptied.error();
-    ASSIGN_OR_RETURN(const auto pending, MetaStore(*connection).get(kFreePartsKey));
-    unfinished = pending.has_value();
+    unfinished = *repeated > 0;
     store->erasures_repeated_ = *repeated;
     DbWriter::Options writer = options.writer;
     if (address.isPostgres()) {

@@ -143,16 +143,23 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
   const std::uint32_t usual = names_only ? kNamesOfPage : kResultsOfPage;
   const std::uint32_t greatest = names_only ? kNamesOfPage : kMostResultsOfPage;
   const std::size_t most = call.limit() == 0 ? usual : std::min(call.limit(), greatest);
-  std::vector<std::string> names;
+  // a page's token: the last row's name and ref
+  const std::string_view token = call.page();
+  const std::size_t cut = std::min(token.find('\n'), token.size());
+  const CourseTrainee after{std::string(token.substr(std::min(cut + 1, token.size()))),
+                            std::string(token.substr(0, cut))};
+  std::vector<CourseTrainee> trainees_of_page;
   if (context.who.role == pb::TRAINEE || !call.trainee().empty()) {
     const std::string& name = context.who.role == pb::TRAINEE ? context.who.name : call.trainee();
-    if (name > call.page()) names.push_back(name);
+    if (call.page().empty()) trainees_of_page.push_back({name, name});
   } else {
     if (!call.group_id().empty()) RETURN_IF_ERROR(GroupStore(context.reader).get(call.group_id()));
     CourseTrainees trainees(context.reader, call.course_id(), call.group_id());
-    ASSIGN_OR_RETURN(names, trainees.page(call.page(), most + 1));
+    ASSIGN_OR_RETURN(trainees_of_page, trainees.page(after, most + 1));
     if (!by_station && call.page().empty()) RETURN_IF_ERROR(addTotals(trainees, *results));
   }
+  std::vector<std::string> names;
+  for (const CourseTrainee& one : trainees_of_page) names.push_back(one.ref);
   Cells cells(context, std::move(exercises), call.course_id(), !by_station);
   const std::span shown(names.data(), std::min(names.size(), most));
   ASSIGN_OR_RETURN(const auto people, PeopleStore(context.reader).findAll(shown));
@@ -161,6 +168,7 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
   std::string last = call.page();
   for (std::size_t i = 0; i < names.size(); ++i) {
     const std::string& name = names[i];
+    const std::string token_here = trainees_of_page[i].name + "\n" + name;
     if (i == most) {
       results->set_next_page(last);
       break;
@@ -174,20 +182,20 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
     if (by_station) {
       ASSIGN_OR_RETURN(const bool known, stationMayKnow(context.reader, person, name));
       if (!known) {
-        last = name;
+        last = token_here;
         continue;
       }
     }
     if (person) row.set_full_name(person->full_name);
     if (!names_only) RETURN_IF_ERROR(cells.addTo(row));
-    if (!room.take(row.ByteSizeLong())) {
+    if (!room.take(row)) {
       if (results->rows().empty())
         return Error{ErrorCode::kInvalidInput,
                      "course '" + call.course_id() + "' has too many exercises for one message"};
       results->set_next_page(last);
       break;
     }
-    last = name;
+    last = token_here;
     *results->add_rows() = std::move(row);
   }
   return reply;

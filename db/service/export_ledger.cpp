@@ -93,7 +93,7 @@ void ExportLedger::takeBack(const Principal& who, std::string_view what) {
 }
 
 std::string ExportLedger::keyOf(const Principal& who, std::string_view what) {
-  return who.name + "\n" + std::to_string(who.account_unix_ns) + "\n" + std::string(what);
+  return who.name + "\n" + std::string(what);
 }
 
 void ExportLedger::dropFirst() {

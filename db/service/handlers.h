@@ -18,6 +18,7 @@
 #include "db/connection.h"
 #include "db/db_writer.h"
 #include "db/encrypted_backup.h"
+#include "db/person_refs.h"
 #include "db/service/reference_paths.h"
 #include "db/service/requests.h"
 #include "needlelab/control.pb.h"
@@ -28,8 +29,6 @@ namespace needlelab {
 class CodeTries;
 class Duties;
 class ExportLedger;
-struct ErasedRows;
-struct FilesFound;
 struct RequestUnderWay;
 }  // namespace needlelab
 
@@ -174,28 +173,10 @@ Result<pb::Reply> setReference(const Context& context, const pb::SetReference& c
 Result<pb::Reply> getReference(const Context& context, const pb::GetReference& call);
 
 // erasures.cpp, study_handlers.cpp, record_handlers.cpp
-/// Up to the commit. `done`: for addWhatIsLeft() and nameFilesOfErased().
-Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& call, ErasedRows& done);
-/// After it: adds the erasure to the list beside the backups, and to the reply where the name is left. Takes
-/// some 4 s a GB of remarks and audit lines, and as long as the folder of backups does not answer.
-void addWhatIsLeft(Connection& reader, const std::atomic<bool>* cancelled, const ErasedRows& erased,
-                   pb::Erasure& erasure);
+/// Up to the commit.
+Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& call);
 /// Where the last backup was put; empty: there was none, or the folder is not there now (a stick).
 std::filesystem::path backupsFolder(Connection& reader);
-/// The files that one text has.
-struct FilesInText {
-  std::vector<std::string> files;  ///< each is in `text`, too
-  std::string text;
-};
-/// As many files as `most_bytes` take, if wanted each with the time of its last change; how many others there
-/// are, by folder, as many folders as that takes.
-FilesInText filesInText(const FilesFound& found, std::size_t most_bytes, bool with_times = false);
-/// Adds to the reply which files still hold the person: as many as it has room for, and how many others. Last
-/// of all: others may have written these files, and looking into them may take a minute (LookAtFiles).
-/// Other databases on PostgreSQL that the data folder `folder` remembers (other_stores.h) are named, too.
-/// Returns the same for the audit log, shorter and without the person's names; empty: there is no such file.
-std::string nameFilesOfErased(const FilesFound& found, const std::filesystem::path& folder,
-                              const ErasedRows& erased, pb::Erasure& erasure);
 Result<pb::Reply> exportStudy(const Context& context, const pb::ExportStudy& call);
 Result<pb::Reply> readStudyRecording(const Context& context, const pb::ReadStudyRecording& call);
 Result<pb::Reply> exportPerson(const Context& context, const pb::ExportPerson& call);
@@ -231,6 +212,8 @@ class PageRoom {
     if (fits) bytes_ += row_bytes + 8;
     return fits;
   }
+  /// With the names that will stand in the place of refs.
+  bool take(const google::protobuf::Message& row) { return take(row.ByteSizeLong() + roomForNames(row)); }
 
  private:
   std::size_t bytes_ = 0;

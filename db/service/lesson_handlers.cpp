@@ -203,7 +203,7 @@ Result<pb::Reply> revisionsReply(const Result<std::vector<Stored>>& all, const s
   for (const Stored& one : *all) {
     // newest first: the next page begins below a revision
     if (from != 0 && one.revision >= from) continue;
-    if (!room.take(one.name.size() + one.author.size() + 32)) {
+    if (!room.take(one.name.size() + kMaxNameBytes + 32)) {
       list->set_next_page(std::to_string(list->revisions().rbegin()->revision()));
       break;
     }

@@ -9,7 +9,6 @@
 
 #include "common/base/text.h"
 #include "db/credentials.h"
-#include "db/erasure.h"
 #include "db/people.h"
 #include "db/person_name.h"
 #include "db/service/code_guard.h"
@@ -55,23 +54,24 @@ constexpr std::size_t kMostGroupsListed = 1000;
 static_assert(kMostGroupsListed >= kMaxGroupsOfPerson &&
               kMostGroupsListed * (kMaxNameBytes + 2) < kMaxReplyBytes / 8);
 
-/// Groups and consents of some people, by name: two reads, however many people they are.
+/// Groups and consents of some people, by ref: two reads, however many people they are.
 struct Besides {
   std::map<std::string, std::vector<std::string>> groups;
   std::map<std::string, pb::Consent> consents;
 };
 Result<Besides> besidesOf(Connection& connection, std::span<const Person> people) {
-  std::vector<std::string> names;
-  for (const Person& person : people) names.push_back(person.name);
+  std::vector<std::string> refs;
+  for (const Person& person : people) refs.push_back(person.ref);
   Besides besides;
-  ASSIGN_OR_RETURN(besides.groups, GroupStore(connection).groupsOfMany(names));
-  ASSIGN_OR_RETURN(besides.consents, ConsentStore(connection).newestOfMany(names));
+  ASSIGN_OR_RETURN(besides.groups, GroupStore(connection).groupsOfMany(refs));
+  ASSIGN_OR_RETURN(besides.consents, ConsentStore(connection).newestOfMany(refs));
   return besides;
 }
 
 pb::User userOf(const Person& person, Besides& besides) {
   pb::User user;
-  user.set_name(person.name);
+  user.set_name(person.ref);
+  user.set_id(person.ref);
   user.set_role(person.role);
   user.set_disabled(person.disabled);
   user.set_created_unix_ns(person.created_unix_ns);
@@ -81,11 +81,11 @@ pb::User userOf(const Person& person, Besides& besides) {
   user.set_revision(person.revision);
   user.set_changed_unix_ns(person.changed_unix_ns);
   user.set_changed_by(person.changed_by);
-  const auto& groups = besides.groups[person.name];
+  const auto& groups = besides.groups[person.ref];
   const std::size_t listed = std::min(groups.size(), kMostGroupsListed);
   for (std::size_t i = 0; i < listed; ++i) user.add_groups(groups[i]);
   user.set_more_groups(static_cast<std::uint32_t>(groups.size() - listed));
-  if (const auto consent = besides.consents.find(person.name); consent != besides.consents.end())
+  if (const auto consent = besides.consents.find(person.ref); consent != besides.consents.end())
     *user.mutable_consent() = std::move(consent->second);
   return user;
 }
@@ -121,7 +121,8 @@ Status maySetPassword(const Context& context, Connection& connection, const std:
 bool changesNothing(const Person& person, const pb::ChangeUser& call) {
   return (!call.has_role() || call.role() == person.role) &&
          (!call.has_disabled() || call.disabled() == person.disabled) &&
-         (!call.has_full_name() || call.full_name() == person.full_name);
+         (!call.has_full_name() || call.full_name() == person.full_name) &&
+         (!call.has_new_name() || trimmedName(call.new_name()) == person.name);
 }
 
 /// kDenied unless the requester may end or restore this person's access: a manager cannot lock out another
@@ -129,7 +130,7 @@ bool changesNothing(const Person& person, const pb::ChangeUser& call) {
 Status mayEndAccess(const Context& context, const Person& person) {
   RETURN_IF_ERROR(mayManage(context, person.role));
   if (context.who.role == pb::ADMINISTRATOR || person.role < pb::CURRICULUM_MANAGER ||
-      person.name == context.who.name)
+      person.ref == context.who.name)
     return {};
   return Error{ErrorCode::kDenied, "the access of '" + person.name + "', who is " +
                                        std::string(roleName(person.role)) +
@@ -170,11 +171,10 @@ Result<pb::Reply> addUser(const Context& context, const pb::AddUser& call) {
   RETURN_IF_ERROR(checkNewPersonName("name", name));
   RETURN_IF_ERROR(mayManage(context, call.role()));
   ASSIGN_OR_RETURN(const auto hash, hashFor(call.role(), name, call.password()));
-  Person person{name, call.role(), hash, false, context.now_unix_ns, call.full_name()};
-  RETURN_IF_ERROR(write(context, name, std::string(roleName(call.role())), [&](Connection& writer) -> Status {
-    ASSIGN_OR_RETURN(person.created_unix_ns, ErasureStore(writer).addedAt(person.name, context.now_unix_ns));
-    return PeopleStore(writer).add(person);
-  }));
+  const Person person{name, call.role(), hash, false, context.now_unix_ns, call.full_name()};
+  std::string ref;
+  RETURN_IF_ERROR(write(context, ref, std::string(roleName(call.role())),
+                        [&](Connection& writer) -> Status { return PeopleStore(writer).add(person, &ref); }));
   return doneReply();
 }
 
@@ -184,7 +184,7 @@ Result<pb::Reply> setPassword(const Context& context, const pb::SetPassword& cal
   ASSIGN_OR_RETURN(const auto person, knownPerson(context.reader, call.name()));
   if (call.password().empty())
     return Error{ErrorCode::kInvalidInput, "password: is empty; a password is replaced, never taken away"};
-  ASSIGN_OR_RETURN(const auto hash, hashFor(person.role, call.name(), call.password()));
+  ASSIGN_OR_RETURN(const auto hash, hashFor(person.role, person.name, call.password()));
   const Status written = write(context, call.name(), "", [&](Connection& writer) -> Status {
     // check again: hashing took a while
     RETURN_IF_ERROR(maySetPassword(context, writer, call.name()));
@@ -261,9 +261,12 @@ Result<pb::Reply> changeUser(const Context& context, const pb::ChangeUser& call)
       access_changed = access_changed || call.disabled();
     }
     if (call.has_full_name() && call.full_name() != person.full_name) {
-      // last, and in exactly these words: an erasure parses them to find earlier names (db/pseudonyms.h)
-      addDetail("full name: '" + printable(person.full_name) + "' to '" + printable(call.full_name()) + "'");
+      addDetail("full name");
       change.full_name = call.full_name();
+    }
+    if (call.has_new_name() && trimmedName(call.new_name()) != person.name) {
+      addDetail("name");
+      change.name = trimmedName(call.new_name());
     }
     RETURN_IF_ERROR(PeopleStore(writer).change(call.name(), call.base_revision(), change, context.who.name,
                                                context.now_unix_ns));
@@ -314,7 +317,7 @@ Result<pb::Reply> listConsents(const Context& context, const pb::ListConsents& c
   // limit the list for a person with thousands of statements: the newest count
   ASSIGN_OR_RETURN(const auto consents,
                    ConsentStore(context.reader).newestOnes(call.name(), [&](const pb::Consent& consent) {
-                     return room.take(consent.ByteSizeLong());
+                     return room.take(consent);
                    }));
   pb::Reply reply;
   auto* list = reply.mutable_consents();
@@ -348,7 +351,7 @@ Result<pb::Reply> listUsers(const Context& context, const pb::ListUsers& call) {
     for (const Person& person : people) {
       pb::User user = userOf(person, besides);
       const bool is_full = static_cast<std::uint64_t>(users->users_size()) == most;
-      if (is_full || !room.take(user.ByteSizeLong())) {
+      if (is_full || !room.take(user)) {
         users->set_next_page(after);
         return reply;
       }
@@ -444,7 +447,7 @@ Result<pb::Reply> listGroups(const Context& context, const pb::ListGroups& call)
       if (!call.brief()) RETURN_IF_ERROR(store.addMembers(some));
       for (pb::Group& group : some) {
         const bool is_full = static_cast<std::uint64_t>(list->groups_size()) == most;
-        if (is_full || !room.take(group.ByteSizeLong())) {
+        if (is_full || !room.take(group)) {
           list->set_next_page(after);
           return reply;
         }

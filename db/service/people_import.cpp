@@ -14,7 +14,6 @@
 #include "common/base/text.h"
 #include "db/audit.h"
 #include "db/credentials.h"
-#include "db/erasure.h"
 #include "db/people.h"
 #include "db/person_name.h"
 #include "db/service/handlers.h"
@@ -182,29 +181,27 @@ class PeopleTable {
   /// In the writer's transaction.
   Status store(Connection& writer) {
     std::map<std::string, Joining> joining;
-    for (const ImportRow& row : rows_) {
+    for (ImportRow& row : rows_) {
       if (row.what == pb::PeopleImport::ADD) {
-        Person added = row.person;
-        ASSIGN_OR_RETURN(added.created_unix_ns,
-                         ErasureStore(writer).addedAt(added.name, context_.now_unix_ns));
-        if (auto done = PeopleStore(writer).add(added); !done) return at(row, done.error());
+        if (auto done = PeopleStore(writer).add(row.person, &row.person.ref); !done)
+          return at(row, done.error());
       } else if (row.what == pb::PeopleImport::CHANGE) {
         PersonChange change;
         if (row.role_given) change.role = row.person.role;
         if (row.full_name_given) change.full_name = row.person.full_name;
         const auto done =
-            PeopleStore(writer).change(row.person.name, {}, change, context_.who.name, context_.now_unix_ns);
+            PeopleStore(writer).change(row.person.ref, {}, change, context_.who.name, context_.now_unix_ns);
         if (!done) return at(row, done.error());
         if (row.code_taken) {
-          RETURN_IF_ERROR(PeopleStore(writer).setCodeHash(row.person.name, row.person.code_hash));
+          RETURN_IF_ERROR(PeopleStore(writer).setCodeHash(row.person.ref, row.person.code_hash));
         }
       }
       if (row.what != pb::PeopleImport::NOTHING) {
-        RETURN_IF_ERROR(note(writer, row.person.name, "user import", row.text));
+        RETURN_IF_ERROR(note(writer, row.person.ref, "user import", row.text));
       }
       for (const std::string& group : row.groups) {
         Joining& joins = joining.try_emplace(group, Joining{row.line, {}}).first->second;
-        joins.names.insert(row.person.name);
+        joins.names.insert(row.person.ref);
       }
     }
     std::size_t memberships = 0;
@@ -271,7 +268,7 @@ class PeopleTable {
   /// Lists the people whose connections must end after the import.
   void tellRoles(pb::PeopleImport& report) const {
     for (const ImportRow& row : rows_) {
-      if (row.what == pb::PeopleImport::CHANGE && row.role_changes) report.add_roles_changed(row.person.name);
+      if (row.what == pb::PeopleImport::CHANGE && row.role_changes) report.add_roles_changed(row.person.ref);
     }
   }
 
@@ -389,9 +386,12 @@ class PeopleTable {
   }
 
   Status compareRow(Connection& connection, ImportRow& row) {
-    const auto there = PeopleStore(connection).find(row.person.name);
-    if (!there) return there.error();
-    ASSIGN_OR_RETURN(const auto groups, GroupStore(connection).groupsOf(row.person.name));
+    ASSIGN_OR_RETURN(auto there, PeopleStore(connection).findNamed(row.person.name));
+    // another spelling is asked about below
+    const auto same = there;
+    if (there && there->name != row.person.name) there.reset();
+    row.person.ref = there ? there->ref : std::string();
+    ASSIGN_OR_RETURN(const auto groups, GroupStore(connection).groupsOf(row.person.ref));
     std::vector<std::string> joined;
     for (const std::string& group : row.groups) {
       if (!std::binary_search(groups.begin(), groups.end(), group)) joined.push_back(group);
@@ -403,14 +403,13 @@ class PeopleTable {
         row.fault("group", fmt::format("is in {} groups and joins {} more, a person is in at most {}",
                                        groups.size(), joined.size(), kMaxGroupsOfPerson));
     };
-    row.code_taken = row.has_code && (!*there || (*there)->code_hash.empty());
-    if (!*there) {
+    row.code_taken = row.has_code && (!there || there->code_hash.empty());
+    if (!there) {
       row.what = pb::PeopleImport::ADD;
       row.text = "added as " + std::string(roleName(row.person.role)) + (joins.empty() ? "" : ", " + joins) +
                  (row.has_password ? ", with a password" : "") + (row.has_code ? ", with a code" : "");
       if (auto valid = checkNewPersonName("name", row.person.name); !valid)
         row.fault("name", valid.error().message);
-      ASSIGN_OR_RETURN(const auto same, PeopleStore(connection).findSame(row.person.name));
       if (same) row.fault("name", sameNameQuestion(same->name, row.person.name));
       if (auto may = mayManage(context_, row.person.role); !may) row.fault("role", may.error().message);
       if (!row.has_password && row.person.role != pb::TRAINEE)
@@ -418,7 +417,7 @@ class PeopleTable {
       checkGroups();
       return {};
     }
-    const Person& before = **there;
+    const Person& before = *there;
     row.text.clear();
     row.role_changes = false;
     const auto addDetail = [&](const std::string& words) {
@@ -443,9 +442,7 @@ class PeopleTable {
     }
     if (row.full_name_given && row.person.full_name != before.full_name) {
       if (auto may = mayManage(context_, before.role); !may) row.fault("full_name", may.error().message);
-      // last, and in exactly these words: an erasure parses them to find earlier names (db/pseudonyms.h)
-      addDetail("full name: '" + printable(before.full_name) + "' to '" + printable(row.person.full_name) +
-                "'");
+      addDetail("full name");
     }
     checkGroups();
     if (row.what == pb::PeopleImport::FAULT) return {};

@@ -5,6 +5,7 @@
 #include "common/base/text.h"
 #include "db/audit_chain.h"
 #include "db/connection.h"
+#include "db/person_refs.h"
 #include "db/service/export_ledger.h"
 #include "db/service/handlers.h"
 #include "db/service/record_tables.h"
@@ -106,7 +107,13 @@ Result<pb::Reply> recordsReply(const Context& context, const std::string& what, 
       for (more = false; !more;) {
         ASSIGN_OR_RETURN(const auto row, rows.step());
         if (!row) break;
-        const RecordJson record = recordOf(table, rows, secrets);
+        RecordJson record = recordOf(table, rows, secrets);
+        if (table.kind == "audit") {
+          const auto refs = refsIn(record["detail"].get_ref<const std::string&>());
+          const std::vector<std::string> list_of_refs(refs.begin(), refs.end());
+          ASSIGN_OR_RETURN(const auto names, namesOfRefs(context.reader, list_of_refs));
+          record["detail"] = withNames(record["detail"].get_ref<const std::string&>(), names);
+        }
         std::string text = record.dump();
         if (!room.take(text.size() + 8)) {
           list->set_next_page(context.exports.seal(context.who, what, placeOf(page)));

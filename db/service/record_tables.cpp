@@ -4,7 +4,7 @@
 
 #include <array>
 
-#include "db/erasure.h"
+#include "db/person_refs.h"
 #include "db/pseudonyms.h"
 
 namespace needlelab {
@@ -12,7 +12,9 @@ namespace {
 
 using K = RecordColumnKind;
 
-constexpr std::array kPersonColumns = {RecordColumn{"name", K::kText, true},
+constexpr std::array kPersonColumns = {RecordColumn{"ref", K::kText, true},
+                                       RecordColumn{"uuid", K::kHex},
+                                       RecordColumn{"name"},
                                        RecordColumn{"role", K::kInteger},
                                        RecordColumn{"password_hash", K::kText, false, true},
                                        RecordColumn{"disabled", K::kInteger},
@@ -20,17 +22,18 @@ constexpr std::array kPersonColumns = {RecordColumn{"name", K::kText, true},
                                        RecordColumn{"full_name"},
                                        RecordColumn{"revision", K::kInteger},
                                        RecordColumn{"changed_unix_ns", K::kInteger},
-                                       RecordColumn{"changed_by"},
+                                       RecordColumn{"changed_by", K::kPerson},
                                        RecordColumn{"code_hash", K::kText, false, true}};
 constexpr std::array kGroupColumns = {
     RecordColumn{"id", K::kText, true},           RecordColumn{"name"},
-    RecordColumn{"revision", K::kInteger},        RecordColumn{"changed_by"},
+    RecordColumn{"revision", K::kInteger},        RecordColumn{"changed_by", K::kPerson},
     RecordColumn{"changed_unix_ns", K::kInteger}, RecordColumn{"removed", K::kInteger}};
 constexpr std::array kMemberColumns = {RecordColumn{"group_id", K::kText, true},
-                                       RecordColumn{"person", K::kText, true}};
+                                       RecordColumn{"person", K::kPerson, true}};
 constexpr std::array kConsentColumns = {
-    RecordColumn{"id", K::kInteger, true}, RecordColumn{"person"},      RecordColumn{"given", K::kInteger},
-    RecordColumn{"unix_ns", K::kInteger},  RecordColumn{"recorded_by"}, RecordColumn{"note"}};
+    RecordColumn{"id", K::kInteger, true},   RecordColumn{"person", K::kPerson},
+    RecordColumn{"given", K::kInteger},      RecordColumn{"unix_ns", K::kInteger},
+    RecordColumn{"recorded_by", K::kPerson}, RecordColumn{"note"}};
 constexpr std::array kStationColumns = {
     RecordColumn{"name", K::kText, true}, RecordColumn{"key_hash", K::kHex, false, true},
     RecordColumn{"revoked", K::kInteger}, RecordColumn{"created_unix_ns", K::kInteger}};
@@ -38,33 +41,30 @@ constexpr std::array kProfileColumns = {RecordColumn{"id", K::kText, true},
                                         RecordColumn{"revision", K::kInteger, true},
                                         RecordColumn{"name"},
                                         RecordColumn{"json"},
-                                        RecordColumn{"author"},
+                                        RecordColumn{"author", K::kPerson},
                                         RecordColumn{"created_unix_ns", K::kInteger}};
 constexpr std::array kCourseColumns = {RecordColumn{"id", K::kText, true},
                                        RecordColumn{"revision", K::kInteger, true},
                                        RecordColumn{"name"},
                                        RecordColumn{"json"},
-                                       RecordColumn{"author"},
+                                       RecordColumn{"author", K::kPerson},
                                        RecordColumn{"created_unix_ns", K::kInteger}};
-constexpr std::array kAssignmentColumns = {RecordColumn{"id", K::kInteger, true},
-                                           RecordColumn{"course_id"},
-                                           RecordColumn{"exercise_id"},
-                                           RecordColumn{"group_id"},
-                                           RecordColumn{"trainee"},
-                                           RecordColumn{"due_unix_ns", K::kInteger},
-                                           RecordColumn{"by_whom"},
-                                           RecordColumn{"created_unix_ns", K::kInteger}};
+constexpr std::array kAssignmentColumns = {
+    RecordColumn{"id", K::kInteger, true}, RecordColumn{"course_id"},
+    RecordColumn{"exercise_id"},           RecordColumn{"group_id"},
+    RecordColumn{"trainee", K::kPerson},   RecordColumn{"due_unix_ns", K::kInteger},
+    RecordColumn{"by_whom", K::kPerson},   RecordColumn{"created_unix_ns", K::kInteger}};
 constexpr std::array kPolicyColumns = {RecordColumn{"exercise_id", K::kText, true},
                                        RecordColumn{"thin_after_days", K::kInteger},
                                        RecordColumn{"thin_rate_hz", K::kReal},
                                        RecordColumn{"thin_coarser", K::kReal},
                                        RecordColumn{"delete_after_days", K::kInteger},
                                        RecordColumn{"without_backup", K::kInteger},
-                                       RecordColumn{"by_whom"},
+                                       RecordColumn{"by_whom", K::kPerson},
                                        RecordColumn{"changed_unix_ns", K::kInteger}};
 constexpr std::array kSessionColumns = {RecordColumn{"id", K::kHex, true},
                                         RecordColumn{"station"},
-                                        RecordColumn{"trainee"},
+                                        RecordColumn{"trainee", K::kPerson},
                                         RecordColumn{"exercise_id"},
                                         RecordColumn{"profile_id"},
                                         RecordColumn{"profile_revision", K::kInteger},
@@ -88,8 +88,9 @@ constexpr std::array kSessionColumns = {RecordColumn{"id", K::kHex, true},
                                         RecordColumn{"excused", K::kInteger},
                                         RecordColumn{"erased", K::kInteger}};
 constexpr std::array kUnknownTraineeColumns = {
-    RecordColumn{"session", K::kSession, true}, RecordColumn{"given"}, RecordColumn{"by_whom"},
-    RecordColumn{"assigned_unix_ns", K::kInteger}, RecordColumn{"code_unchecked", K::kInteger}};
+    RecordColumn{"session", K::kSession, true}, RecordColumn{"given", K::kPerson},
+    RecordColumn{"by_whom", K::kPerson}, RecordColumn{"assigned_unix_ns", K::kInteger},
+    RecordColumn{"code_unchecked", K::kInteger}};
 constexpr std::array kSettingColumns = {RecordColumn{"key", K::kText, true}, RecordColumn{"value"}};
 constexpr std::array kScoreColumns = {RecordColumn{"session", K::kSession, true},
                                       RecordColumn{"definition_version", K::kInteger, true},
@@ -130,34 +131,28 @@ constexpr std::array kEventColumns = {RecordColumn{"session", K::kSession, true}
                                       RecordColumn{"end_target_distance_m", K::kReal},
                                       RecordColumn{"end_hazard"},
                                       RecordColumn{"hazards"}};
-constexpr std::array kAnnotationColumns = {RecordColumn{"id", K::kInteger, true},
-                                           RecordColumn{"session", K::kSession},
-                                           RecordColumn{"tick", K::kInteger},
-                                           RecordColumn{"text"},
-                                           RecordColumn{"author"},
-                                           RecordColumn{"created_unix_ns", K::kInteger}};
-constexpr std::array kReferenceColumns = {
-    RecordColumn{"exercise_id", K::kText, true}, RecordColumn{"revision", K::kInteger, true},
-    RecordColumn{"sessions"}, RecordColumn{"by_whom"}, RecordColumn{"created_unix_ns", K::kInteger}};
-constexpr std::array kErasureColumns = {RecordColumn{"pseudonym", K::kText, true},
-                                        RecordColumn{"name_hash", K::kHex},
+constexpr std::array kAnnotationColumns = {
+    RecordColumn{"id", K::kInteger, true}, RecordColumn{"session", K::kSession},
+    RecordColumn{"tick", K::kInteger},     RecordColumn{"text"},
+    RecordColumn{"author", K::kPerson},    RecordColumn{"created_unix_ns", K::kInteger}};
+constexpr std::array kReferenceColumns = {RecordColumn{"exercise_id", K::kText, true},
+                                          RecordColumn{"revision", K::kInteger, true},
+                                          RecordColumn{"sessions"}, RecordColumn{"by_whom", K::kPerson},
+                                          RecordColumn{"created_unix_ns", K::kInteger}};
+constexpr std::array kErasureColumns = {RecordColumn{"uuid", K::kHex, true},
                                         RecordColumn{"erased_unix_ns", K::kInteger},
-                                        RecordColumn{"by_whom"},
-                                        RecordColumn{"reason"},
-                                        RecordColumn{"without_account", K::kMark}};
-constexpr std::array kAuditColumns = {RecordColumn{"id", K::kInteger, true},
-                                      RecordColumn{"unix_ns", K::kInteger},
-                                      RecordColumn{"who"},
-                                      RecordColumn{"action"},
-                                      RecordColumn{"subject"},
-                                      RecordColumn{"detail"}};
+                                        RecordColumn{"by_whom", K::kPerson}, RecordColumn{"reason"}};
+constexpr std::array kAuditColumns = {
+    RecordColumn{"id", K::kInteger, true}, RecordColumn{"unix_ns", K::kInteger},
+    RecordColumn{"who", K::kPerson},       RecordColumn{"action"},
+    RecordColumn{"subject", K::kPerson},   RecordColumn{"detail"}};
 
 // A person's sessions: not those that count for nobody. A macro, because conditions are put together when
 // this is compiled.
 #define NEEDLELAB_OWN "trainee = ?1 AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = number)"
 
 constexpr std::array kRecordTables = {
-    RecordTable{"person", "people", kPersonColumns, "", "name = ?1"},
+    RecordTable{"person", "accounts", kPersonColumns, "", "ref = ?1"},
     RecordTable{"group", "groups", kGroupColumns, "", ""},
     RecordTable{"group_member", "group_members", kMemberColumns, "", "person = ?1"},
     RecordTable{"consent", "consents", kConsentColumns, "", "person = ?1"},
@@ -194,8 +189,8 @@ std::string expressionOf(const RecordColumn& column) {
   if (column.kind == K::kSession) return "(SELECT id FROM sessions WHERE number = session)";
   if (column.kind == K::kCounter)
     return "coalesce((SELECT p." + name + " FROM session_progress p WHERE p.session = number), " + name + ")";
-  if (column.kind == K::kMark)
-    return "'" + std::string(kWithoutAccountKey) + "' || pseudonym IN (SELECT key FROM meta)";
+  if (column.kind == K::kPerson)
+    return "coalesce((SELECT c.name FROM called c WHERE c.ref = " + name + "), " + name + ")";
   return name;
 }
 
@@ -208,11 +203,11 @@ RecordJson valueOf(const RecordColumn& column, const Statement& row, int at) {
   switch (column.kind) {
     case K::kInteger:
     case K::kCounter:
-    case K::kMark:
       return row.integer(at);
     case K::kReal:
       return row.real(at);
     case K::kText:
+    case K::kPerson:
       return row.text(at);
     case K::kHex:
     case K::kSession:
@@ -233,6 +228,11 @@ Status bindKey(Connection& connection, Statement& statement, const RecordColumn&
     statement.bind(text);
     return {};
   }
+  if (column.kind == K::kPerson) {
+    ASSIGN_OR_RETURN(const auto ref, findPerson(connection, text));
+    statement.bind(ref.value_or(text));
+    return {};
+  }
   ASSIGN_OR_RETURN(const auto bytes, bytesOfHex(text));
   if (column.kind == K::kHex) {
     statement.bind(viewOf(bytes));
@@ -247,7 +247,7 @@ Status bindKey(Connection& connection, Statement& statement, const RecordColumn&
 
 /// A column's name in a record. The record's "kind" names the table.
 std::string fieldOf(const RecordColumn& column) {
-  return column.name == "kind" ? "what" : std::string(column.name);
+  return column.name == "kind" ? "what" : column.name == "ref" ? "id" : std::string(column.name);
 }
 
 }  // namespace

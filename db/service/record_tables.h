@@ -23,7 +23,7 @@ enum class RecordColumnKind : std::uint8_t {
   kHex,      ///< bytes, as hexadecimal digits
   kSession,  ///< a session's row number, written as the session's id in digits
   kCounter,  ///< a session's whole-number counter, stored in session_progress while the session is open
-  kMark,     ///< of an erasure: 1 when nobody had the name, 0; a row of `meta` (erasure.h), and no column
+  kPerson,   ///< people.ref, written as the name; of an erased person as it is
 };
 
 struct RecordColumn {
@@ -37,7 +37,7 @@ struct RecordTable {
   std::string_view kind, table;
   std::span<const RecordColumn> columns;
   std::string_view only;       ///< a condition on the rows; empty: all
-  std::string_view of_person;  ///< a condition that selects a person's rows, with the name as ?1; empty: no
+  std::string_view of_person;  ///< a condition that selects a person's rows, with the ref as ?1; empty: no
                                ///< row belongs to a person
 };
 

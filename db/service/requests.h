@@ -21,18 +21,17 @@ struct RequestUnderWay;
 
 /// The asker of a request: a person or a station.
 struct Principal {
-  std::string name;
+  std::string name;  ///< a person's ref; a station's name
   pb::Role role = pb::ROLE_UNSPECIFIED;
   /// Came by a log-in. The account may be disabled, or change its role, while its requests wait for their
   /// turn: each is refused unless the account still holds then, and once more where a change is written.
   bool logged_in = false;
-  /// As Doer has it: of a person who came by a log-in. An account of the same name that was made later does
-  /// not hold for it.
-  std::int64_t account_unix_ns = 0;
   /// Of servers that work together: the number of the account's last change of access (access_numbers.h) when
   /// it logged in. With another number now its access does not hold. Nothing: not compared.
   std::optional<std::int64_t> access_number{};
-  [[nodiscard]] Doer doer() const { return {name, account_unix_ns}; }
+  std::string called{};  ///< a person's name when it logged in
+  [[nodiscard]] const std::string& shown() const { return called.empty() ? name : called; }
+  [[nodiscard]] Doer doer() const { return {name, called}; }
 };
 
 /// The thread pool that executes a request. Separate pools keep a backup of minutes or a flood of passwords

@@ -127,7 +127,6 @@ Result<pb::RescoreReport> runRescoring(const RescoreTools& tools, const std::str
                   (report.stopped() ? "; stopped, to be gone on with" : ""));
   RETURN_IF_ERROR(tools.writer.run([&](Connection& writer) {
     AuditRow line{0, wallNowNs(), by_whom.name, "rescore all", exercise_id, what};
-    line.account_unix_ns = by_whom.account_unix_ns;
     return AuditStore(writer).add(line);
   }));
   return report;

@@ -31,7 +31,7 @@ struct RescoreTools {
 /// scores; keeps the older scores. Commits session by session: the next run continues where a stopped or
 /// crashed one ended. The report names each session that cannot be scored; that session stays unchanged.
 /// `exercise_id`: only this exercise; empty: all. A run that changed something adds one line to the audit
-/// log, under the pseudonym of whoever was erased meanwhile. Errors: the database failed. Thread: any but the
+/// log. Errors: the database failed. Thread: any but the
 /// writer's; one run at a time.
 Result<pb::RescoreReport> runRescoring(const RescoreTools& tools, const std::string& exercise_id,
                                        const Doer& by_whom, bool dry_run);

@@ -10,6 +10,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <utility>
 
 #include "common/base/bytes.h"
@@ -17,6 +18,7 @@
 #include "db/audit_head.h"
 #include "db/check.h"
 #include "db/connection.h"
+#include "db/copied_tables.h"
 #include "db/database_files.h"
 #include "db/encrypted_backup.h"
 #include "db/erasure_list.h"
@@ -75,18 +77,19 @@ struct AccessRow {
   std::string secret;  ///< hash of the password or key
   bool shut = false;
   int role = 0;
+  std::string name{};  ///< as people call it; the key is a person's ref
 };
 
 Result<std::map<std::string, AccessRow>> accessRows(Connection& connection, bool stations) {
   std::map<std::string, AccessRow> all;
-  auto rows = connection.prepare(stations ? "SELECT name, key_hash, revoked, 0 FROM stations"
-                                          : "SELECT name, coalesce(password_hash, ''), disabled, role"
-                                            " FROM people");
+  auto rows = connection.prepare(stations ? "SELECT name, key_hash, revoked, 0, name FROM stations"
+                                          : "SELECT ref, coalesce(password_hash, ''), disabled, role, name"
+                                            " FROM accounts");
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, rows.step());
     if (!more) return all;
     all[rows.text(0)] = {std::string(textOf(rows.bytes(1))), rows.integer(2) != 0,
-                         static_cast<int>(rows.integer(3))};
+                         static_cast<int>(rows.integer(3)), rows.text(4)};
   }
 }
 
@@ -124,6 +127,25 @@ Status migrateAndCheck(const fs::path& copy, const fs::path& from, RestoreResult
   return closeIntoOneFile(std::move(writer));
 }
 
+/// Ids that were given after the backup are not given again.
+Status keepLastNumbers(const fs::path& database, const fs::path& copy) {
+  std::error_code error;
+  if (!fs::exists(database, error)) return {};
+  auto replaced = Connection::open(database, {.mode = Connection::Mode::kFrozen});
+  if (!replaced) return {};  // it may be the damaged one, for which the backup is restored
+  auto before = lastNumbersOf(*replaced);
+  if (!before) return {};
+  ASSIGN_OR_RETURN(auto writer, Connection::open(copy, {.mode = Connection::Mode::kWriter}));
+  {
+    ASSIGN_OR_RETURN(auto transaction, Transaction::begin(writer, Transaction::Kind::kWrite));
+    ASSIGN_OR_RETURN(auto numbers, lastNumbersOf(writer));
+    numbers["people"] = std::max(numbers["people"], (*before)["people"]);
+    RETURN_IF_ERROR(setLastNumbers(writer, numbers));
+    RETURN_IF_ERROR(transaction.commit());
+  }
+  return closeIntoOneFile(std::move(writer));
+}
+
 }  // namespace
 
 Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, std::int64_t now_unix_ns,
@@ -151,7 +173,7 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
   RETURN_IF_ERROR(finishRestore(folder));
 
   // who was erased since the backup was made, by the list beside it: the one here may be lost
-  ASSIGN_OR_RETURN(auto erasures, erasuresBeside(from.parent_path(), folder));
+  ASSIGN_OR_RETURN(const auto erasures, readErasures(from.parent_path(), kErasuresCopy));
 
   UnfinishedDatabase undecided(copy);
   // also of a file with holes, however little of the disk it has taken
@@ -165,9 +187,9 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
   RETURN_IF_ERROR(copyFile(from, copy, key));
   RestoreResult result;
   RETURN_IF_ERROR(migrateAndCheck(copy, from, result));
-  RETURN_IF_ERROR(
-      addErasures(folder, erasures.lines, kErasuresFile, erasures.key ? &*erasures.key : nullptr));
-  result.erasure_notes = std::move(erasures.notes);
+  RETURN_IF_ERROR(addErasures(folder, erasures));
+
+  RETURN_IF_ERROR(keepLastNumbers(database, copy));
 
   // the decision: from here on this program, or the next one that opens the folder, completes the restore
   const std::string kept = freeNameIn(folder, kReplacedDatabase, now_unix_ns);
@@ -212,12 +234,18 @@ Result<std::vector<RestoredAccess>> noteAccessValidAgain(Store& store, const fs:
         const auto found = before.find(name);
         const std::string why = accessEnded(row, found == before.end() ? nullptr : &found->second, station);
         if (!why.empty())
-          all.push_back({name, station, std::string(station ? "station " : "user ") + name + ": " + why});
+          all.push_back(
+              {row.name, name, station, std::string(station ? "station " : "user ") + row.name + ": " + why});
       }
     }
   }
+  std::sort(all.begin(), all.end(), [](const RestoredAccess& a, const RestoredAccess& b) {
+    return std::tie(a.station, a.name) < std::tie(b.station, b.name);
+  });
   for (const RestoredAccess& one : all)
-    RETURN_IF_ERROR(store.service().note("local", "access valid again", one.name, one.text));
+    RETURN_IF_ERROR(store.service().note(
+        "local", "access valid again", one.ref,
+        (one.station ? "station " : "user ") + one.ref + one.text.substr(one.text.find(": "))));
   return all;
 }
 

@@ -18,7 +18,7 @@ inline constexpr const char* kRestorePending = "restore.pending";
 
 /// A person or station with an access that is valid again.
 struct RestoredAccess {
-  std::string name;
+  std::string name, ref;  ///< of a station both are its name
   bool station = false;
   std::string text;  ///< "user tom: was disabled since the backup, and can log in again"
 };
@@ -33,8 +33,6 @@ struct RestoreResult {
   /// The replaced database, with its log beside it; empty: there was no database.
   std::filesystem::path kept;
   std::uint64_t sessions = 0, chunks = 0;  ///< in the restored database, all of them checked
-  /// What there is to say about the list of erasures beside the backup (erasure_list.h).
-  std::vector<std::string> erasure_notes;
 };
 
 /// Copies `from`, which it only reads, beside DIR's database and checks *the copy* (structure, every chunk,

@@ -95,7 +95,7 @@ Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& cal
     }
     attempt.set_late(date->second != 0 && attempt.started_unix_ns() > date->second);
     const bool is_full = list->attempts_size() == static_cast<int>(kMostAttemptsOfPage);
-    if (is_full || (!room.take(attempt.ByteSizeLong()) && list->attempts_size() > 0)) {
+    if (is_full || (!room.take(attempt) && list->attempts_size() > 0)) {
       list->set_next_page(list->attempts().rbegin()->session_id());
       break;
     }
@@ -251,7 +251,7 @@ Result<pb::Reply> listAssignments(const Context& context, const pb::ListAssignme
         }
       }
       const bool is_full = static_cast<std::uint64_t>(list->assignments_size()) == most;
-      if (is_full || !room.take(assignment.ByteSizeLong())) {
+      if (is_full || !room.take(assignment)) {
         list->set_next_page(std::to_string(filter.below));
         return reply;
       }

@@ -371,7 +371,6 @@ class Run {
       // a run without work adds no audit line
       if (report_.steps_size() > 0) {
         AuditRow line{0, now_unix_ns_, by_whom_.name, "retention run", "", what};
-        line.account_unix_ns = by_whom_.account_unix_ns;
         RETURN_IF_ERROR(AuditStore(c).add(line));
       }
       return MetaStore(c).set("retention_unix_ns", std::to_string(now_unix_ns_));

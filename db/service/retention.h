@@ -57,8 +57,8 @@ struct RetentionTools {
 /// transaction, audit line included; remove the original. A crash at any instant leaves the original or the
 /// thinned recording complete, and the next run removes the remains. Deletions come first, because they free
 /// space. The run skips recordings that the disk has no space for, and damaged ones. Errors: the database
-/// failed; a problem of one session only appears in the report. Where `by_whom` is erased meanwhile, the run
-/// goes on under the pseudonym. Thread: any but the writer's; one run at a time.
+/// failed; a problem of one session only appears in the report. Thread: any but the writer's; one run at a
+/// time.
 Result<pb::RetentionReport> runRetention(const RetentionTools& tools, const Doer& by_whom,
                                          std::int64_t now_unix_ns, bool dry_run);
 

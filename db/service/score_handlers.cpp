@@ -64,21 +64,20 @@ Result<pb::Reply> referenceReply(const Context& context, pb::Reference reference
 }
 
 std::string pageOf(const ScoreKey& key) {
-  return fmt::format("{} {} {} {} {}{}", key.started_unix_ns, key.number, key.version, key.trainee.size(),
-                     key.trainee, key.exercise_id);
+  return fmt::format("{} {} {} {}\n{}\n{}", key.started_unix_ns, key.number, key.version, key.trainee,
+                     key.name, key.exercise_id);
 }
 
 Result<ScoreKey> scoreKeyOf(const std::string& page) {
   ScoreKey key;
   if (page.empty()) return key;
   std::istringstream in(page);
-  std::size_t trainee = 0;
-  in >> key.started_unix_ns >> key.number >> key.version >> trainee;
-  const std::streamoff at = in ? static_cast<std::streamoff>(in.tellg()) + 1 : -1;
-  if (at < 0 || static_cast<std::size_t>(at) + trainee > page.size() || key.number < 1)
+  in >> key.started_unix_ns >> key.number >> key.version >> key.trainee;
+  in.ignore();
+  std::getline(in, key.name);
+  std::getline(in, key.exercise_id);
+  if (!in || key.number < 1)
     return Error{ErrorCode::kInvalidInput, "page: give back the next_page of the reply before"};
-  key.trainee = page.substr(static_cast<std::size_t>(at), trainee);
-  key.exercise_id = page.substr(static_cast<std::size_t>(at) + trainee);
   return key;
 }
 
@@ -124,7 +123,7 @@ Result<pb::Reply> listScores(const Context& context, const pb::ListScores& call)
     const ScoreKey last = scores.key();
     ASSIGN_OR_RETURN(auto row, scores.next());
     if (!row) return reply;
-    if (!room.take(row->ByteSizeLong())) {
+    if (!room.take(*row)) {
       list->set_next_page(pageOf(last));
       return reply;
     }

@@ -17,16 +17,16 @@
 #include "db/audit.h"
 #include "db/credentials.h"
 #include "db/erasure.h"
-#include "db/free_parts.h"
 #include "db/people.h"
+#include "db/person_refs.h"
 #include "db/retention_store.h"
 #include "db/schema.h"
 #include "db/seen_time.h"
 #include "db/service/erasures.h"
 #include "db/service/handlers.h"
 #include "db/service/rescoring.h"
-#include "db/service/unseen_files.h"
 #include "db/session_rows.h"
+#include "proto/session_rules.h"
 
 namespace needlelab {
 namespace {
@@ -71,6 +71,23 @@ class RetentionTurn {
   std::optional<RunUnderWay> other_;
 };
 
+/// Staff may look up everybody's name; others read only their own, and names that they wrote.
+bool mayReadNames(pb::Role role) {
+  return role == pb::INSTRUCTOR || role == pb::CURRICULUM_MANAGER || role == pb::ADMINISTRATOR;
+}
+
+/// The message for `who`, with names in the place of refs.
+std::string messageFor(Connection& reader, const Principal& who, const std::string& message,
+                       std::map<std::string, std::string> names) {
+  auto refs = refsIn(message);
+  std::erase_if(refs, [&](const std::string& ref) {
+    return names.contains(ref) || (!mayReadNames(who.role) && ref != who.name);
+  });
+  const std::vector<std::string> list(refs.begin(), refs.end());
+  if (auto others = namesOfRefs(reader, list)) names.merge(*others);
+  return withNames(message, names);
+}
+
 /// One text for every reason, so that an attacker cannot find valid names.
 Error loginRefused() {
   return {ErrorCode::kDenied, "name or password (for a station: key) is wrong, or access was withdrawn"};
@@ -96,8 +113,16 @@ std::optional<Outcome> Service::executeStep(const Principal& principal, const pb
       if (!under_way.isDone()) {
         ASSIGN_OR_RETURN(auto reader, readers_.borrow());
         RETURN_IF_ERROR(handlers::checkAccess(*reader, principal));
+        if (!under_way.with_refs) {
+          const std::shared_ptr<pb::Request> with_refs(new pb::Request(request), [](pb::Request* held) {
+            wipeSecrets(*held);
+            delete held;
+          });
+          RETURN_IF_ERROR(toRefs(*reader, *with_refs, under_way.written));
+          under_way.with_refs = with_refs;
+        }
       }
-      return row->handler.run(*this, principal, request, under_way);
+      return row->handler.run(*this, principal, *under_way.with_refs, under_way);
     } catch (const std::exception& thrown) {
       return Error{
           ErrorCode::kFailed,
@@ -107,7 +132,21 @@ std::optional<Outcome> Service::executeStep(const Principal& principal, const pb
   };
   auto reply = guarded();
   if (reply && under_way.more) return std::nullopt;
+  if (reply) {
+    const auto& roles = reply->people_import().roles_changed();
+    outcome.roles_changed.assign(roles.begin(), roles.end());
+  }
+  if (auto reader = readers_.borrow()) {
+    if (!reply) {
+      Error error = reply.error();
+      error.message = messageFor(**reader, principal, error.message, under_way.written);
+      reply = std::move(error);
+    } else if (const Status named = toNames(**reader, *reply); !named && !under_way.isDone()) {
+      reply = named.error();
+    }
+  }
   outcome.access_changed = under_way.access_changed;
+  outcome.with_refs = under_way.with_refs;
   outcome.access_number = under_way.access_number;
   if (reply) {
     assert(reply->result_case() == row->reply);
@@ -140,75 +179,37 @@ Result<pb::Reply> Service::backup(const Principal& who, const pb::Backup& call) 
 
 Result<pb::Reply> Service::erasePerson(const Principal& who, const pb::ErasePerson& call,
                                        RequestUnderWay& under_way) {
-  if (under_way.erasure) return eraseOn(who, under_way);
+  if (under_way.erasure) return eraseOn(under_way);
   return withReader(who, callName(pb::Request::kErasePerson),
                     [&](const handlers::Context& context) -> Result<pb::Reply> {
                       const auto done = std::make_shared<ErasureUnderWay>();
-                      ASSIGN_OR_RETURN(done->reply, handlers::erasePerson(context, call, done->erased));
+                      ASSIGN_OR_RETURN(done->reply, handlers::erasePerson(context, call));
                       forgetRecordings();
-                      forgetLoginsOf(call.name());
-                      done->folder = context.reader.path().parent_path();
-                      done->backups = handlers::backupsFolder(context.reader);
                       under_way.erasure = done;
-                      under_way.erased_as = done->reply.erasure().pseudonym();
                       under_way.more = true;
                       return done->reply;
                     });
 }
 
 // The erasure is final, whatever becomes of these steps: the reply says what is left.
-Result<pb::Reply> Service::eraseOn(const Principal& who, RequestUnderWay& under_way) {
+Result<pb::Reply> Service::eraseOn(RequestUnderWay& under_way) {
   ErasureUnderWay& done = *under_way.erasure;
   pb::Erasure& erasure = *done.reply.mutable_erasure();
-  under_way.more = true;
-  if (!done.is_reported) {
-    done.is_reported = true;
-    if (auto reader = readers_.borrow())
-      handlers::addWhatIsLeft(**reader, &cancelled_, done.erased, erasure);
-    else
-      erasure.set_text(erasure.text() + "Where else the name stands could not be looked up (" +
-                       reader.error().message + "): look for it by hand. ");
-    return done.reply;
-  }
+  under_way.more = done.chunks.more;
   if (done.chunks.more) {
     done.text_on_chunks = removeErased(retention_pace_, kErasedPiecesAtOnce, done.chunks);
+    under_way.more = true;
     return done.reply;
   }
-  if (!done.files) {
-    const std::string log = emptyLogOfErased();
-    erasure.set_pending(!log.empty());
-    erasure.set_text(done.text_on_chunks + log + erasure.text());
-    done.files.emplace(done.folder, done.backups, done.erased, &cancelled_);
-    return done.reply;
-  }
-  under_way.more = !done.files->goOn();
-  if (under_way.more) return done.reply;
-  const std::string line =
-      handlers::nameFilesOfErased(done.files->found(), done.folder, done.erased, erasure);
-  const Status noted = writer_.run([&](Connection& writer) -> Status {
-    RETURN_IF_ERROR(noteFilesSeen(writer, erasure.pseudonym()));
-    if (line.empty()) return {};
-    // the reply may not reach anybody
-    AuditRow row{
-        0,   wallNowNs(), who.name, std::string(callName(pb::Request::kErasePerson)), erasure.pseudonym(),
-        line};
-    row.account_unix_ns = who.account_unix_ns;
-    return AuditStore(writer).add(row);
-  });
-  if (!noted && !line.empty())
-    erasure.set_text(erasure.text() + " The audit log does not have these files (" + noted.error().message +
-                     "): keep this text.");
+  const std::string log = emptyLogOfErased();
+  erasure.set_pending(!log.empty());
+  std::string beside;
+  if (auto reader = readers_.borrow())
+    if (const Status written = writeErasuresBeside(**reader); !written)
+      beside = "The list of erasures beside the backups could not be written (" + written.error().message +
+               "): the next backup writes it. ";
+  erasure.set_text(done.text_on_chunks + log + beside + erasure.text());
   return done.reply;
-}
-
-// What is left where this fails are keyed hashes, which go by themselves (LoginStore::Bounds).
-void Service::forgetLoginsOf(const std::string& name) {
-  if (shared_ == nullptr) return;
-  const std::vector<std::string> counted{"person " + name, name, "password\n" + name};
-  (void)shared_->run<bool>([&](LoginStore& store, std::int64_t) -> Result<bool> {
-    RETURN_IF_ERROR(store.forgetNames(counted));
-    return true;
-  });
 }
 
 void Service::forgetRecordings() {
@@ -241,12 +242,10 @@ Result<pb::RetentionReport> Service::retention(const Doer& by_whom, bool dry_run
   if (!dry_run) {
     turn.emplace(retention_mutex_, retention_run_, RunUnderWay{by_whom, now});
     if (const auto& other = turn->other()) {
-      ASSIGN_OR_RETURN(auto reader, readers_.borrow());
-      ASSIGN_OR_RETURN(const auto name, ErasureStore(*reader).nameNow(other->by_whom, other->begun_unix_ns));
       return Error{ErrorCode::kUnavailable,
                    fmt::format("a run of retention is under way since {} by {}: try again when it is done; a "
                                "dry run says what is left",
-                               localTime(other->begun_unix_ns, TimeForm::kZoned), name)};
+                               localTime(other->begun_unix_ns, TimeForm::kZoned), other->by_whom.name)};
     }
   }
   std::optional<DutyLock> duty;
@@ -339,25 +338,10 @@ std::string Service::removeErased(const RetentionPace& pace, std::size_t most_pi
 
 std::string Service::emptyLogOfErased() {
   constexpr std::chrono::seconds kPatience{2};
-  std::optional<std::string> pending;
-  if (auto reader = readers_.borrow()) {
-    auto found = MetaStore(**reader).get(kFreePartsKey);
-    if (found) pending = std::move(*found);
-  }
-  if (writer_.emptyLog(kPatience)) {
-    // if this fails, the next start overwrites them once more; another erasure has another value
-    if (pending) {
-      (void)writer_.run([&](Connection& writer) {
-        return writer.run("DELETE FROM meta WHERE key = ? AND value = ?", kFreePartsKey, *pending);
-      });
-    }
-    return {};
-  }
-  return "Pending: the log beside the database (needlelab.db-wal) or free parts of needlelab.db still have "
-         "what "
-         "was erased, because somebody reads (a backup, an export) or because the database is large. They "
-         "are "
-         "overwritten when that is done, while lessons go on; what is left then, the next start overwrites. "
+  if (writer_.emptyLog(kPatience)) return {};
+  return "Pending: the log beside the database (needlelab.db-wal) still has what was erased, because "
+         "somebody "
+         "reads (a backup, an export). It is overwritten when that is done, at the latest by the next start. "
          "Until then 'check' says so. ";
 }
 
@@ -422,15 +406,29 @@ Result<Principal> Service::loginPerson(const std::string& user, const std::strin
   std::optional<std::int64_t> number;
   {
     ASSIGN_OR_RETURN(auto reader, readers_.borrow());
-    ASSIGN_OR_RETURN(number, numberNow(*reader, AccessWhat::kPerson, user));
-    ASSIGN_OR_RETURN(auto found, PeopleStore(*reader).find(user));
+    ASSIGN_OR_RETURN(const auto ref, findPerson(*reader, user));
+    // read before the account: with what came in between the number is too old, and not the account
+    ASSIGN_OR_RETURN(number, numberNow(*reader, AccessWhat::kPerson, ref.value_or("")));
+    ASSIGN_OR_RETURN(auto found, PeopleStore(*reader).find(ref.value_or("")));
     person = std::move(found);
   }
   // also for unknown names, so that the time is the same
   ASSIGN_OR_RETURN(const bool right,
                    verifyPassword(person ? person->password_hash : std::string(), password));
   if (!right || !person || person->disabled) return loginRefused();
-  return Principal{person->name, person->role, true, person->created_unix_ns, number};
+  return Principal{person->ref, person->role, true, number, person->name};
+}
+
+Result<std::optional<Principal>> Service::principalOf(const std::string& name) {
+  ASSIGN_OR_RETURN(auto reader, readers_.borrow());
+  ASSIGN_OR_RETURN(const auto person, PeopleStore(*reader).findNamed(name));
+  if (!person) return std::optional<Principal>();
+  return std::optional(Principal{person->ref, person->role, true, {}, person->name});
+}
+
+Result<std::string> Service::shownNameOf(const std::string& ref) {
+  ASSIGN_OR_RETURN(auto reader, readers_.borrow());
+  return shownName(*reader, ref);
 }
 
 Result<Principal> Service::loginStation(const std::string& station, const std::string& key) {
@@ -438,10 +436,9 @@ Result<Principal> Service::loginStation(const std::string& station, const std::s
   ASSIGN_OR_RETURN(const auto number, numberNow(*reader, AccessWhat::kStation, station));
   ASSIGN_OR_RETURN(const auto right, StationStore(*reader).checkKey(station, key));
   if (!right) return loginRefused();
-  return Principal{station, pb::STATION, true, 0, number};
+  return Principal{station, pb::STATION, true, number};
 }
 
-// Read before the account: with what came in between the number is too old, and not the account.
 Result<std::optional<std::int64_t>> Service::numberNow(Connection& reader, AccessWhat what,
                                                        const std::string& name) const {
   if (shared_ == nullptr) return std::optional<std::int64_t>();
@@ -449,13 +446,9 @@ Result<std::optional<std::int64_t>> Service::numberNow(Connection& reader, Acces
   return std::optional(number);
 }
 
-Result<bool> Service::isKnownName(const std::string& name, bool station) {
+Result<bool> Service::isKnownStation(const std::string& name) {
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
-  if (station) {
-    ASSIGN_OR_RETURN(const auto found, StationStore(*reader).find(name));
-    return found.has_value();
-  }
-  ASSIGN_OR_RETURN(const auto found, PeopleStore(*reader).find(name));
+  ASSIGN_OR_RETURN(const auto found, StationStore(*reader).find(name));
   return found.has_value();
 }
 
@@ -466,31 +459,12 @@ Result<bool> Service::stillAllowed(const Principal& principal) {
 
 Status Service::completeErasureList() {
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
-  ASSIGN_OR_RETURN(const auto now,
-                   reader->prepare("SELECT count(*), coalesce(max(erased_unix_ns), 0) FROM erasures")
-                       .first([](const Statement& row) { return row.text(0) + " " + row.text(1); }));
-  if (now == erasures_listed_) return {};
-  ASSIGN_OR_RETURN(const bool done, completeErasures(*reader));
-  if (done) erasures_listed_ = now.value_or("");
-  return {};
+  return completeErasures(*reader);
 }
 
 Result<std::vector<bool>> Service::stillAllowed(const std::vector<Principal>& all) {
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
   return handlers::accessHoldsOf(*reader, all);
-}
-
-Result<std::vector<std::string>> Service::erasuresToRepeat() {
-  ASSIGN_OR_RETURN(auto reader, readers_.borrow());
-  const auto erasures = ErasureStore(*reader).toRepeat(readers_.path().parent_path());
-  // report a missing or broken file beside the database as well, but keep giving lessons
-  if (!erasures && erasures.error().code == ErrorCode::kCorrupt) return std::vector{erasures.error().message};
-  if (!erasures) return erasures.error();
-  std::vector<std::string> texts;
-  for (const ErasureToRepeat& erasure : *erasures) texts.push_back(erasureToRepeatText(erasure));
-  ASSIGN_OR_RETURN(auto faults, ErasureStore(*reader).listFaults(readers_.path().parent_path()));
-  texts.insert(texts.end(), faults.begin(), faults.end());
-  return texts;
 }
 
 Status Service::note(const std::string& who, const std::string& action, const std::string& subject,
@@ -502,9 +476,7 @@ Status Service::note(const std::string& who, const std::string& action, const st
 
 void Service::noteSoon(const Doer& who, const std::string& action, const std::string& subject,
                        const std::string& detail, std::function<void(const Error&)> failed) {
-  SoonNoted::Line line{{0, wallNowNs(), who.name, action, subject, detail}, std::move(failed)};
-  line.row.account_unix_ns = who.account_unix_ns;
-  addSoon(std::move(line));
+  addSoon({{0, wallNowNs(), who.name, action, subject, detail}, std::move(failed)});
 }
 
 void Service::addSoon(SoonNoted::Line line) {
@@ -569,7 +541,6 @@ Status Service::noteLogin(const Principal& who, const std::string& host) {
   const std::string what = "log-in\n" + host;
   if (who.role == pb::TRAINEE || !exports_->isNew(who, what, wallNowNs())) return {};
   AuditRow line{0, wallNowNs(), who.name, "log-in", "", std::string(roleName(who.role)) + " from " + host};
-  line.account_unix_ns = who.account_unix_ns;
   Status noted = writer_.run([&](Connection& writer) -> Status {
     ASSIGN_OR_RETURN(const bool is_new, exports_->isNewElsewhere(writer, who, what));
     return is_new ? AuditStore(writer).add(line) : Status();
@@ -592,7 +563,6 @@ void Service::noteWatching(const Principal& who, const std::string& station, con
               "watch live",
               session.empty() ? station : sessionText(session),
               session.empty() ? "a station" : "a session"};
-  line.row.account_unix_ns = who.account_unix_ns;
   line.failed = [exports = exports_, who, what, failed = std::move(failed)](const Error& error) {
     exports->takeBack(who, what);
     failed(error);

@@ -61,6 +61,8 @@ struct Outcome {
   bool access_changed = false;
   /// The asker has changed its own access, and goes on with this one (Principal::access_number).
   std::optional<std::int64_t> access_number{};
+  std::shared_ptr<const pb::Request> with_refs{};  ///< the request, with refs; null: it was refused before
+  std::vector<std::string> roles_changed{};        ///< by an import: refs of people with another role
 };
 
 /// What one step of VerifySession reads, as SessionStore::hashOn() counts: some 80 ms, in which an import of
@@ -77,8 +79,10 @@ inline constexpr std::size_t kErasedPiecesAtOnce = 8;
 
 /// A request between the steps of its work.
 struct RequestUnderWay {
-  bool access_changed = false;                  ///< as in Outcome
-  std::optional<std::int64_t> access_number{};  ///< as in Outcome
+  std::shared_ptr<const pb::Request> with_refs{};  ///< the request, once toRefs() was applied
+  std::map<std::string, std::string> written{};    ///< as persons were named in it, by ref
+  bool access_changed = false;                     ///< as in Outcome
+  std::optional<std::int64_t> access_number{};     ///< as in Outcome
   bool more = false;                         ///< set by a handler: this was a step, and its reply is none yet
   std::optional<SessionCheckSoFar> check{};  ///< of VerifySession
   std::shared_ptr<SessionScore> score{};     ///< of RescoreSession
@@ -86,7 +90,6 @@ struct RequestUnderWay {
   bool is_long = false;                      ///< of these two: the next step waits for a place
   /// Of ErasePerson: the person is erased.
   std::shared_ptr<ErasureUnderWay> erasure{};
-  std::string erased_as{};  ///< of ErasePerson, once it is: the pseudonym
   /// What was asked for is done: the steps that are left complete the reply, by which others are told, too.
   [[nodiscard]] bool isDone() const { return erasure != nullptr; }
 };
@@ -151,9 +154,13 @@ class Service {
   Result<Principal> loginPerson(const std::string& user, const std::string& password);
   /// Checks a station's key. kDenied as above.
   Result<Principal> loginStation(const std::string& station, const std::string& key);
-  /// Whether a person, or a station, has this name. What else was typed there may be a password and is not
-  /// logged.
-  Result<bool> isKnownName(const std::string& name, bool station);
+  /// A principal for the person with this account name, as if it had logged in with its password. Nothing:
+  /// there is none.
+  Result<std::optional<Principal>> principalOf(const std::string& name);
+  /// What the person is called now; the name of a station or program.
+  Result<std::string> shownNameOf(const std::string& ref);
+  /// What else was typed as a station's name may be a password and is not logged.
+  Result<bool> isKnownStation(const std::string& name);
   /// For tokens: false when, since log-in, a person was disabled or changed its role, or a station was
   /// revoked.
   Result<bool> stillAllowed(const Principal& principal);
@@ -183,9 +190,7 @@ class Service {
   /// Other servers work on the database, too: what one of them does at a time is had from `duties`. Call it
   /// before the first request.
   void shareDuties(StoreAddress address) { duties_ = std::make_unique<Duties>(std::move(address)); }
-  /// Puts into DIR/erasures what erasures at other servers left in the database (ErasureStore::completeList).
-  /// Waits for no erasure that is under way here: the next call does it. Cheap where there is nothing new.
-  /// One thread at a time.
+  /// Puts into DIR/erasures whom other servers erased. Cheap where there is nothing new.
   Status completeErasureList();
 
   /// One run of retention (retention.h): minutes to hours. Fails at once with kUnavailable while another run
@@ -212,10 +217,6 @@ class Service {
   /// Forgets what is known of recordings, because some were removed; also by another server.
   void forgetRecordings();
 
-  /// Erased people who are in this database again after a restore from an older backup: one sentence each,
-  /// with the action to take.
-  Result<std::vector<std::string>> erasuresToRepeat();
-
   /// After an erasure: removes the chunks, and has the log emptied. Returns a sentence about what remains.
   /// For a start: nobody is served yet, so it makes no pauses.
   std::string finishErasure();
@@ -233,9 +234,8 @@ class Service {
                                const std::function<Result<pb::Reply>(const handlers::Context&)>& work);
   /// One backup at a time. kUnavailable: another one is in progress.
   Result<pb::Reply> backup(const Principal& who, const pb::Backup& call);
-  /// Erases a person. Further steps look where the name is left, remove the chunks (during a run of
-  /// retention, they leave them to the next one), remove what was erased from the log, and look which files
-  /// still hold the person (LookAtFiles). The erasure is pending while readers need the log.
+  /// Erases a person. Further steps remove the chunks (during a run of retention, they leave them to the next
+  /// one) and empty the log. The erasure is pending while readers need the log.
   Result<pb::Reply> erasePerson(const Principal& who, const pb::ErasePerson& call,
                                 RequestUnderWay& under_way);
   /// Scores a closed session again by this program's definitions and keeps the result beside the first score.
@@ -303,8 +303,6 @@ class Service {
   /// it passes.
   Status settleRecording(const Uuid& session);
   [[nodiscard]] RetentionTools retentionTools();
-  /// Forgets an erased person's failures and addresses that several servers share.
-  void forgetLoginsOf(const std::string& name);
   /// Principal::access_number of whoever logs in now.
   Result<std::optional<std::int64_t>> numberNow(Connection& reader, AccessWhat what,
                                                 const std::string& name) const;
@@ -312,7 +310,7 @@ class Service {
   /// chunks and the reason; empty: none remain.
   std::string removeErased(const RetentionPace& pace, std::size_t most_pieces, LeftoversSoFar& so_far);
   /// A step of an erasure whose person is erased.
-  Result<pb::Reply> eraseOn(const Principal& who, RequestUnderWay& under_way);
+  Result<pb::Reply> eraseOn(RequestUnderWay& under_way);
   /// Has the log emptied. Returns a sentence when readers still need it; empty: nothing of an erasure is
   /// left.
   std::string emptyLogOfErased();
@@ -341,7 +339,6 @@ class Service {
   RunningHashes running_hashes_;
   std::mutex rescore_mutex_;  ///< one run at a time
   std::unique_ptr<Duties> duties_ = std::make_unique<Duties>();
-  std::string erasures_listed_;  ///< how many, and the newest, when completeErasureList() was done
   std::atomic<bool> stop_retention_ = false;
   RetentionPace retention_pace_;
   BlockDevices disks_;

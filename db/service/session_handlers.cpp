@@ -111,7 +111,7 @@ Result<pb::Reply> listSessions(const Context& context, const pb::ListSessions& c
   ASSIGN_OR_RETURN(auto sessions,
                    SessionStore(context.reader).list(wanted, after, own, [&](pb::SessionInfo& session) {
                      figuresForScore(session);
-                     full = !room.take(session.ByteSizeLong());
+                     full = !room.take(session);
                      return !full;
                    }));
   // a page that is not full is the last
@@ -265,7 +265,7 @@ Result<pb::Reply> listAnnotations(const Context& context, const pb::ListAnnotati
   bool full = false;
   ASSIGN_OR_RETURN(const auto annotations,
                    AnnotationStore(context.reader).list(*id, after, [&](const StoredAnnotation& annotation) {
-                     full = !room.take(annotation.text.size() + 256);
+                     full = !room.take(annotation.text.size() + kMaxNameBytes + 256);
                      return !full;
                    }));
   pb::Reply reply;
@@ -313,7 +313,7 @@ Result<pb::Reply> listEvents(const Context& context, const pb::ListEvents& call)
   PageRoom room;
   for (std::uint64_t i = from; i < (*stored)->size(); ++i) {
     pb::SyringeEvent& event = (**stored)[i];
-    if (!room.take(event.ByteSizeLong())) {
+    if (!room.take(event)) {
       list->set_next_page(std::to_string(i));
       break;
     }

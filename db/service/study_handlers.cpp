@@ -15,8 +15,8 @@
 #include "db/assignments.h"
 #include "db/audit.h"
 #include "db/connection.h"
-#include "db/erasure.h"
 #include "db/people.h"
+#include "db/person_refs.h"
 #include "db/pseudonyms.h"
 #include "db/service/export_ledger.h"
 #include "db/service/handlers.h"
@@ -41,7 +41,7 @@ class Study {
  public:
   static Result<Study> open(Connection& reader, const std::string& name) {
     RETURN_IF_ERROR(checkName("study", name));
-    ASSIGN_OR_RETURN(auto key, ErasureStore(reader).key());
+    ASSIGN_OR_RETURN(auto key, PseudonymKey::ofFolder(reader.path().parent_path()));
     return Study(reader, name, key);
   }
 
@@ -49,13 +49,13 @@ class Study {
 
   /// By the person's pseudonym, then by time: the order reveals nothing about names.
   Result<std::vector<StudySession>> sessions(const std::string& exercise_id) {
-    ASSIGN_OR_RETURN(const auto names, ConsentStore(reader_).consenting());
+    ASSIGN_OR_RETURN(const auto refs, ConsentStore(reader_).consenting());
     std::vector<StudySession> all;
-    for (const std::string& name : names) {
-      ASSIGN_OR_RETURN(const auto person, PeopleStore(reader_).find(name));
-      if (!person) continue;
-      const std::string pseudonym = key_.ofPerson(name_, name, person->created_unix_ns);
-      ASSIGN_OR_RETURN(auto attempts, AttemptStore(reader_).list(name, "", false));
+    for (const std::string& ref : refs) {
+      ASSIGN_OR_RETURN(const auto outer, outerRef(reader_, ref));
+      if (!outer) continue;
+      const std::string pseudonym = key_.ofPerson(name_, *outer);
+      ASSIGN_OR_RETURN(auto attempts, AttemptStore(reader_).list(ref, "", false));
       const std::int64_t first_ns = attempts.empty() ? 0 : attempts.front().started_unix_ns();
       for (pb::Attempt& attempt : attempts) {
         if (attempt.state() == pb::SESSION_OPEN ||

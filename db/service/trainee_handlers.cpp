@@ -14,6 +14,7 @@
 #include "db/connection.h"
 #include "db/documents.h"
 #include "db/people.h"
+#include "db/person_refs.h"
 #include "db/service/handlers.h"
 #include "db/service/standing.h"
 
@@ -22,18 +23,18 @@ namespace {
 
 /// The people whom this station may list, over all courses.
 Result<std::vector<KnownName>> listedPeople(Connection& reader) {
-  std::set<std::string> names;
+  std::set<std::string> refs;
   ASSIGN_OR_RETURN(const auto courses, CurriculumStore(reader).list());
   for (const StoredCurriculum& course : courses) {
-    ASSIGN_OR_RETURN(const auto found, CourseTrainees(reader, course.id, "").page("", INT64_MAX));
-    names.insert(found.begin(), found.end());
+    ASSIGN_OR_RETURN(const auto found, CourseTrainees(reader, course.id, "").page({}, INT64_MAX));
+    for (const CourseTrainee& one : found) refs.insert(one.ref);
   }
   std::vector<KnownName> people;
-  const std::vector<std::string> list(names.begin(), names.end());
+  const std::vector<std::string> list(refs.begin(), refs.end());
   ASSIGN_OR_RETURN(auto all, PeopleStore(reader).findAll(list));
-  for (auto& [name, person] : all) {
-    ASSIGN_OR_RETURN(const bool known, stationMayKnow(reader, person, name));
-    if (known) people.push_back({name, std::move(person.full_name)});
+  for (auto& [ref, person] : all) {
+    ASSIGN_OR_RETURN(const bool known, stationMayKnow(reader, person, ref));
+    if (known) people.push_back({person.name, std::move(person.full_name)});
   }
   return people;
 }
@@ -73,7 +74,9 @@ Status mayPractise(Connection& reader, const std::string& name, pb::Role asked_b
   // the same for a name that nobody has, for staff, and for those whose access has ended
   RETURN_IF_ERROR(checkName("trainee", name));
   ASSIGN_OR_RETURN(const auto people, listedPeople(reader));
-  const auto near = nearNames(name, people);
+  // an account whose access has ended looks like a name that nobody has
+  ASSIGN_OR_RETURN(const auto typed, shownName(reader, name));
+  const auto near = nearNames(typed, people);
   return Error{
       ErrorCode::kNotFound,
       fmt::format("the server knows nobody named '{}' who may practise. {}Give the name of a "

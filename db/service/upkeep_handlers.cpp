@@ -18,7 +18,6 @@
 #include "db/service/handlers.h"
 #include "db/service/other_stores.h"
 #include "db/service/service.h"
-#include "db/service/unseen_files.h"
 #include "db/store_address.h"
 
 namespace needlelab::handlers {
@@ -54,24 +53,11 @@ Result<std::filesystem::path> backupTarget(const Context& context, const pb::Bac
   return target;
 }
 
-/// What the list beside the backups lacks of the folder's own; empty: nothing, or nobody can tell.
-Result<std::string> lackedBesideBackups(Connection& reader) {
-  ASSIGN_OR_RETURN(const auto erasures, readErasures(reader.path().parent_path()));
-  const auto backups = backupsFolder(reader);
-  if (erasures.empty() || backups.empty()) return std::string();
-  ASSIGN_OR_RETURN(const auto key, ErasureStore(reader).key());
-  return lackedBeside(backups, erasures, key);
-}
-
 /// Adds the erasures to the list beside a backup, so that a restore of an older one on another machine knows
-/// whom to erase. What it did about lines of others stands in the audit log.
+/// whom to erase.
 Status writeListBeside(const Context& context, const std::filesystem::path& backup) {
   ASSIGN_OR_RETURN(const auto erasures, readErasures(context.reader.path().parent_path()));
-  if (erasures.empty()) return {};
-  const auto key = ErasureStore(context.reader).key();  // `check` says that it is missing
-  ASSIGN_OR_RETURN(const auto note, addErasuresBeside(backup.parent_path(), erasures, key ? &*key : nullptr));
-  if (note.empty()) return {};
-  return write(context, backup.string(), note, [](Connection&) { return Status(); });
+  return erasures.empty() ? Status() : addErasures(backup.parent_path(), erasures, kErasuresCopy);
 }
 
 /// On PostgreSQL: `path` is the address of a database into which its own tools restored a backup. Where that
@@ -132,8 +118,7 @@ Result<bool> accessHolds(Connection& connection, const Principal& who) {
   ASSIGN_OR_RETURN(const bool is_unchanged, hasNumber(connection, AccessWhat::kPerson, who));
   if (!is_unchanged) return false;
   ASSIGN_OR_RETURN(const auto person, PeopleStore(connection).find(who.name));
-  const bool is_same = person && (who.account_unix_ns == 0 || person->created_unix_ns == who.account_unix_ns);
-  return is_same && !person->disabled && person->role == who.role;
+  return person && !person->disabled && person->role == who.role;
 }
 
 Result<std::vector<bool>> accessHoldsOf(Connection& connection, std::span<const Principal> all) {
@@ -158,12 +143,9 @@ Result<std::vector<bool>> accessHoldsOf(Connection& connection, std::span<const 
         !who.access_number || *who.access_number == (number == numbers.end() ? 0 : number->second);
     const auto person = accounts.find(who.name);
     const auto station = in_use.find(who.name);
-    hold.push_back(
-        is_unchanged &&
-        (is_station
-             ? station != in_use.end() && station->second
-             : person != accounts.end() && !person->second.disabled && person->second.role == who.role &&
-                   (who.account_unix_ns == 0 || person->second.created_unix_ns == who.account_unix_ns)));
+    hold.push_back(is_unchanged && (is_station ? station != in_use.end() && station->second
+                                               : person != accounts.end() && !person->second.disabled &&
+                                                     person->second.role == who.role));
   }
   return hold;
 }
@@ -312,16 +294,8 @@ Result<pb::Reply> check(const Context& context, const pb::Check&) {
   if (context.writer.counters().log_pending) {
     report->set_ok(false);
     report->add_faults(
-        "an erasure is pending: the log beside the database or free parts of it still have what was erased, "
-        "because somebody reads, or because the database is large; they are overwritten when that is done, "
-        "or "
-        "after the next start");
-  }
-  ASSIGN_OR_RETURN(const auto unseen,
-                   unseenFilesText(context.reader, context.now_unix_ns, context.cancelled));
-  if (!unseen.empty()) {
-    report->set_ok(false);
-    report->add_faults(unseen);
+        "an erasure is pending: the log beside the database still has what was erased, because somebody "
+        "reads; it is overwritten when that is done, or by the next start");
   }
   if (const auto others = otherStoresOfErasedText(context.reader.path().parent_path()); !others.empty()) {
     report->set_ok(false);
@@ -332,28 +306,41 @@ Result<pb::Reply> check(const Context& context, const pb::Check&) {
     report->set_ok(false);
     report->add_faults(ahead);
   }
-  // the database is intact, but an erased person is back in it
-  const auto repeat = ErasureStore(context.reader).toRepeat(context.reader.path().parent_path());
-  if (!repeat && repeat.error().code != ErrorCode::kCorrupt) return repeat.error();
-  if (!repeat) {
+  // the list that keeps erased people erased after a restore
+  const auto folder = context.reader.path().parent_path();
+  const auto lists_agree = [&]() -> Status {
+    ASSIGN_OR_RETURN(const auto listed, readErasures(folder));
+    ASSIGN_OR_RETURN(const auto known, ErasureStore(context.reader).known());
+    const auto lacks = [](const std::vector<ErasureLine>& list, const std::vector<ErasureLine>& of) {
+      return std::any_of(of.begin(), of.end(), [&](const ErasureLine& line) {
+        return std::none_of(list.begin(), list.end(),
+                            [&](const ErasureLine& one) { return one.person == line.person; });
+      });
+    };
+    if (std::error_code error; !known.empty() && !std::filesystem::exists(folder / "pseudonym.key", error))
+      return Error{
+          ErrorCode::kCorrupt,
+          fmt::format("{}: is missing, although people were erased: a late session under the name of "
+                      "one of them would be a namesake's. Put it back from where keys are kept "
+                      "(deploy/OPERATIONS.md)",
+                      (folder / "pseudonym.key").string())};
+    if (lacks(listed, known))
+      return Error{ErrorCode::kCorrupt,
+                   fmt::format("{}: lacks erasures that the database has: after a restore of an older backup "
+                               "these people would be back. The next start adds them",
+                               (folder / kErasuresFile).string())};
+    const auto backups = backupsFolder(context.reader);
+    if (backups.empty()) return {};
+    ASSIGN_OR_RETURN(const auto beside, readErasures(backups, kErasuresCopy));
+    if (!lacks(beside, listed)) return {};
+    return Error{ErrorCode::kCorrupt,
+                 fmt::format("{}: lacks erasures: a backup there that is restored on another machine would "
+                             "bring these people back. The next backup adds them",
+                             (backups / kErasuresCopy).string())};
+  };
+  if (const Status agree = lists_agree(); !agree) {
     report->set_ok(false);
-    report->add_faults(repeat.error().message);
-    return reply;
-  }
-  for (const ErasureToRepeat& erasure : *repeat) {
-    report->set_ok(false);
-    report->add_faults(erasureToRepeatText(erasure));
-  }
-  ASSIGN_OR_RETURN(const auto list_faults,
-                   ErasureStore(context.reader).listFaults(context.reader.path().parent_path()));
-  for (const std::string& fault : list_faults) {
-    report->set_ok(false);
-    report->add_faults(fault);
-  }
-  ASSIGN_OR_RETURN(const auto lacked, lackedBesideBackups(context.reader));
-  if (!lacked.empty()) {
-    report->set_ok(false);
-    report->add_faults(lacked);
+    report->add_faults(agree.error().message);
   }
   return reply;
 }
@@ -366,16 +353,17 @@ Result<pb::Reply> listAudit(const Context& context, const pb::ListAudit& call) {
   auto* list = reply.mutable_audit();
   PageRoom room;
   for (const AuditRow& row : entries) {
-    if (!room.take(row.who.size() + row.action.size() + row.subject.size() + row.detail.size() + 64)) break;
+    pb::AuditEntry entry;
+    entry.set_id(row.id);
+    entry.set_unix_ns(row.unix_ns);
+    entry.set_who(row.who);
+    entry.set_action(row.action);
+    entry.set_subject(row.subject);
+    entry.set_detail(row.detail);
+    if (!room.take(entry)) break;
     // ids begin with 1: there is no further page
     list->set_next_page(row.id > 1 ? std::to_string(row.id) : std::string());
-    auto* entry = list->add_entries();
-    entry->set_id(row.id);
-    entry->set_unix_ns(row.unix_ns);
-    entry->set_who(row.who);
-    entry->set_action(row.action);
-    entry->set_subject(row.subject);
-    entry->set_detail(row.detail);
+    *list->add_entries() = std::move(entry);
   }
   return reply;
 }

@@ -83,8 +83,9 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
     std::uint64_t safe = 0;
     std::uint64_t most_safe = UINT64_MAX;  // of what acks make Safe, SessionStore::mostSafeSeqs()
     bool ack_due = false;
-    bool open = false;    // here: its close has not been answered on this connection
-    std::string trainee;  // in whose name the server keeps it; empty: it is closed, or nobody's
+    bool open = false;  // here: its close has not been answered on this connection
+    std::string given;  // the trainee, as the station says it; empty: it is closed, or nobody's
+    std::string trainee_ref, trainee;  // the same: people.ref, and as people read it
 
     void noteCommitted(std::uint64_t seqs, bool acks_are_safe) {
       committed = std::max(committed, seqs);

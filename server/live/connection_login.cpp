@@ -285,7 +285,7 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
     welcome.set_token(issued->token);
     welcome.set_token_expires_unix_ns(wallNowNs() + issued->left.count());
   }
-  welcome.set_name(who_.name);
+  welcome.set_name(who_.shown());
   welcome.set_role(who_.role);
   welcome.set_server_unix_ns(wallNowNs());
   welcome.set_server_version(NEEDLELAB_VERSION);

@@ -34,7 +34,7 @@ Task<> PeerConnection::answer(const pb::Request& request, Outcome outcome, ByteB
   auto refusal = co_await complete(context_, request, by, outcome);
   if (refusal) {
     if (!gone()) refuse(std::move(*refusal), request.id());
-    followUp(context_, request, outcome.reply, outcome.access_changed, by, this);
+    followUp(context_, outcome, by, this);
     co_return;
   }
   pb::Envelope envelope;
@@ -52,7 +52,8 @@ Task<> PeerConnection::answer(const pb::Request& request, Outcome outcome, ByteB
     sendHolding(envelope, std::make_shared<const ByteBudget::Share>(std::move(room)));
     if (envelope.reply().has_new_code()) wipe(*envelope.mutable_reply()->mutable_new_code()->mutable_code());
   }
-  followUp(context_, request, envelope.reply(), outcome.access_changed, by, this);
+  outcome.reply = std::move(*envelope.mutable_reply());
+  followUp(context_, outcome, by, this);
 }
 
 Task<bool> PeerConnection::sendConfirmed(std::shared_ptr<PeerConnection> self, pb::Envelope envelope) {

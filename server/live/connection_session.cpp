@@ -6,6 +6,7 @@
 
 #include "common/base/clock.h"
 #include "common/wire/protocol.h"
+#include "db/person_refs.h"
 #include "server/base/log.h"
 #include "server/live/connection.h"
 #include "server/live/request_effects.h"
@@ -68,6 +69,7 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   struct Opened {
     std::uint64_t next_seq = 0, safe = 0, most_safe = 0;
     bool is_new = false, closed = false;
+    std::string trainee_ref, trainee;
   };
   auto opened = std::make_shared<Opened>();
   DiskRoom::Share disk_room = context_.disk_room.share(description.ByteSizeLong());
@@ -98,9 +100,11 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
     ASSIGN_OR_RETURN(auto safe, store.safeSeqs(id));
     opened->safe = safe;
     ASSIGN_OR_RETURN(opened->most_safe, store.mostSafeSeqs(id));
-    auto state = writer.query("SELECT state FROM sessions WHERE id = ?", ByteView(id));
+    auto state = writer.query("SELECT state, trainee FROM sessions WHERE id = ?", ByteView(id));
     ASSIGN_OR_RETURN(const auto found, state.step());
     opened->closed = found && state.integer(0) != pb::SESSION_OPEN;
+    opened->trainee_ref = state.text(1);
+    ASSIGN_OR_RETURN(opened->trainee, shownName(writer, opened->trainee_ref));
     return {};
   };
   const Status status = co_await commit(context_.store.writer(), std::move(work));
@@ -119,16 +123,17 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   marks.noteCommitted(opened->next_seq, context_.acks_are_safe);
   // also for a closed session: its station may have lost the answer to CloseSession and sends it again
   marks.open = true;
-  marks.trainee = opened->closed ? std::string() : description.trainee();
+  marks.given = opened->closed ? std::string() : description.trainee();
+  marks.trainee_ref = opened->trainee_ref;
+  marks.trainee = opened->trainee;
   if (state_ == ConnectionState::kAuthenticated) setState(ConnectionState::kInSession);
   // for a closed session, as all of erased people are, the station only asks whether the server still has it
-  if (!opened->closed && isStationsPeer())
-    context_.hub.onSession(who_.name, session_id, description.trainee());
+  if (!opened->closed && isStationsPeer()) context_.hub.onSession(who_.name, session_id, opened->trainee_ref);
   note(opened->closed ? PeerLine::kSessionConfirmed : PeerLine::kSessionOpened,
        {{"conn", id_},
         {"session", sessionText(session_id)},
         {"station", who_.name},
-        {"trainee", description.trainee()},
+        {"trainee", opened->trainee_ref},
         {"exercise", description.exercise_id()},
         {"next_seq", opened->next_seq}});
   pb::Envelope envelope;
@@ -147,7 +152,11 @@ bool PeerConnection::isStationsPeer() const {
 std::optional<pb::Refusal> PeerConnection::takeStatus(pb::StationStatus status) {
   // an erased person's session is closed, also after a restart, when nobody else knows the name any more
   const auto session = sessions_.find(status.session_id());
-  if (session == sessions_.end() || session->second.trainee != status.trainee()) status.clear_trainee();
+  if (session == sessions_.end() || session->second.given != status.trainee() ||
+      context_.hub.isErased(session->second.trainee_ref))
+    status.clear_trainee();
+  else
+    status.set_trainee(session->second.trainee);
   return isStationsPeer() ? context_.hub.onStatus(who_.name, status, steadyNowNs()) : std::nullopt;
 }
 

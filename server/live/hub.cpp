@@ -8,6 +8,7 @@
 
 #include "common/gesture/chunk.h"
 #include "common/wire/protocol.h"
+#include "db/person_refs.h"
 
 namespace needlelab {
 namespace {
@@ -276,32 +277,36 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrame
   return std::nullopt;
 }
 
-void Hub::onSession(const std::string& name, const std::string& session_id, const std::string& trainee) {
+void Hub::onSession(const std::string& name, const std::string& session_id, const std::string& trainee_ref) {
   const auto found = stations_.find(name);
   if (found == stations_.end() || found->second.peer == nullptr) return;
   found->second.kept_session = session_id;
-  found->second.kept_trainee = trainee;
+  found->second.trainee_ref = trainee_ref;
   setSession(found->second, session_id);
   refreshWatch(found->second);
 }
 
-void Hub::forgetTrainee(const std::string& trainee) {
-  if (trainee.empty()) return;
-  erased_.insert(trainee);
+void Hub::forgetTrainee(const std::string& ref) {
+  if (!isPersonRef(ref)) return;
+  erased_.insert(ref);
   for (auto& [name, station] : stations_) {
-    if (station.kept_trainee == trainee) station.kept_trainee.clear();
-    if (station.status.trainee() != trainee) continue;
+    if (station.trainee_ref != ref || station.status.trainee().empty()) continue;
     station.status.clear_trainee();
     announce(station);
   }
 }
 
-/// Whether the trainee whom its status names was erased, and its session is not of somebody who came later
-/// under this name.
+std::vector<std::string> Hub::shownTrainees() const {
+  std::vector<std::string> refs;
+  for (const auto& [name, station] : stations_)
+    if (isPersonRef(station.trainee_ref) && !station.status.trainee().empty())
+      refs.push_back(station.trainee_ref);
+  return refs;
+}
+
+/// Whether the trainee of its session was erased.
 bool Hub::isForgotten(const Station& station) const {
-  const std::string& trainee = station.status.trainee();
-  return erased_.contains(trainee) &&
-         (station.kept_trainee != trainee || station.kept_session != station.status.session_id());
+  return station.kept_session == station.status.session_id() && erased_.contains(station.trainee_ref);
 }
 
 void Hub::fillStations(pb::Stations& stations) const {

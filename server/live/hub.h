@@ -91,12 +91,16 @@ class Hub {
                                          std::int64_t now_ns) {
     return onLiveFrame(name, viewOf(frame), now_ns);
   }
-  /// The station's session changed; viewers of this session now watch this station. `trainee`: in whose name
-  /// the server keeps the session; empty: nobody's.
-  void onSession(const std::string& name, const std::string& session_id, const std::string& trainee = {});
-  /// This person was erased: no status has the name from now on, whatever stations go on to say, but in a
-  /// session that the server keeps in this name from now on (onSession). Tells the viewers.
-  void forgetTrainee(const std::string& trainee);
+  /// The station's session changed; viewers of this session now watch this station. `trainee_ref`: whose
+  /// session it is (people.ref); empty: nobody's.
+  void onSession(const std::string& name, const std::string& session_id, const std::string& trainee_ref = {});
+  /// This person was erased: no status has the name from now on, whatever stations go on to say. Tells the
+  /// viewers.
+  void forgetTrainee(const std::string& ref);
+  /// Whether forgetTrainee() had this ref.
+  [[nodiscard]] bool isErased(const std::string& ref) const { return erased_.contains(ref); }
+  /// The refs of those whom statuses name.
+  [[nodiscard]] std::vector<std::string> shownTrainees() const;
   /// What another server says of a station that `from` stands for; does nothing if it does not any more.
   /// `news`: all who see the station are told, however often they want lines. Returns a refusal, and discards
   /// the status, as onStatus.
@@ -168,7 +172,7 @@ class Hub {
     double thinned_hz = 0;    // of the last frame
     pb::StationStatus status;
     std::int64_t status_ns = 0;
-    std::string kept_session, kept_trainee;  // the last session that the server keeps, and in whose name
+    std::string kept_session, trainee_ref;  // the last session that the server keeps, and whose it is
     std::vector<Subscription*> watchers;
     std::map<double, ThinnedFrames> thinned;  // by rate: those at which somebody watched the last frame
   };
@@ -207,7 +211,7 @@ class Hub {
   std::unordered_map<const HubPeer*, Viewer> viewers_;
   std::unordered_map<std::string, std::size_t> subscriptions_of_;  // by account; without zeros
   std::vector<Subscription*> overviews_;
-  std::set<std::string> erased_;  // names, of forgetTrainee()
+  std::set<std::string> erased_;  // refs, of forgetTrainee()
   std::string live_trouble_;      // of setLiveTrouble()
   bool keep_fresh_ = false;
   std::size_t online_ = 0, elsewhere_ = 0;  // online_: with those elsewhere

@@ -51,7 +51,7 @@ struct LoadedGuard {
 };
 
 Principal principalOf(const TokenRow& row) {
-  return {row.name, static_cast<pb::Role>(row.role), true, row.account_unix_ns, row.access_number};
+  return {row.name, static_cast<pb::Role>(row.role), true, row.access_number, row.called};
 }
 
 }  // namespace
@@ -150,8 +150,7 @@ Task<Result<LoginState::Issued>> LoginsInStore::issue(Holder holder) {
   std::function<Result<Found>(LoginStore&, std::int64_t)> work =
       [settings = settings_, holder, token = issued.token](LoginStore& store,
                                                            std::int64_t now_ns) -> Result<Found> {
-    TokenRow row{holder.who.name, static_cast<int>(holder.who.role), holder.who.account_unix_ns,
-                 holder.who.access_number.value_or(0)};
+    TokenRow row{holder.who.name, static_cast<int>(holder.who.role), holder.who.access_number.value_or(0)};
     // a clock that is behind, of a promoted standby, gives nobody more time
     row.password_ns = holder.password_ns == 0 ? now_ns : std::min(holder.password_ns, now_ns);
     row.expires_ns = std::min(now_ns + settings.lifetime.count(), row.password_ns + settings.longest.count());

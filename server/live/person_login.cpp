@@ -10,6 +10,7 @@
 #include "common/base/clock.h"
 #include "common/base/secret.h"
 #include "common/base/text.h"
+#include "db/person_name.h"
 #include "server/base/log.h"
 
 namespace needlelab {
@@ -84,11 +85,13 @@ Task<PersonLogin> refuseTry(ServerContext& context, std::shared_ptr<const Person
     co_return refusedAs(context, Answer::kTooMany);
   }
   // a password that was typed as the name must not be read in the log
-  std::function<Result<bool>()> look = [&service = context.store.service(), secret] {
-    return service.isKnownName(secret->user, false);
+  std::function<Result<std::string>()> look = [&service = context.store.service(),
+                                               secret]() -> Result<std::string> {
+    ASSIGN_OR_RETURN(const auto person, service.principalOf(secret->user));
+    return person ? person->name : std::string();
   };
-  const auto is_known = co_await offload(context.logins, std::move(look));
-  const std::string shown = is_known.ok() && *is_known ? tried.name : std::string(kUnknownName);
+  const auto ref = co_await offload(context.logins, std::move(look));
+  const std::string shown = ref.ok() && !ref->empty() ? *ref : std::string(kUnknownName);
   // only a wrong password counts as a guess, not a check that could not be made
   if (why.code != ErrorCode::kDenied) {
     (void)co_await context.login->gaveUp(std::move(tried));
@@ -116,13 +119,21 @@ Task<PersonLogin> checkInTurn(ServerContext& context, std::shared_ptr<const Pers
     co_return login;
   }
   if (!place || place->gaveWay()) co_return refusedAs(context, Answer::kTooMany);
-  auto tried = co_await context.login->begin(name, host);
+  auto tried = co_await context.login->begin(nameKey(trimmedName(name)), host);
   if (!tried.ok()) co_return notChecked(context, std::string(kUnknownName), tried.error(), peer);
   if (tried->wait.count() > 0) co_return waitOf(context, tried->wait, peer);
+  // changes of access are told by ref
+  std::function<Result<std::string>()> look = [&service = context.store.service(),
+                                               secret]() -> Result<std::string> {
+    ASSIGN_OR_RETURN(const auto person, service.principalOf(secret->user));
+    return person ? person->name : std::string();
+  };
+  const auto ref = co_await offload(context.logins, std::move(look));
+  if (!ref.ok()) co_return notChecked(context, std::string(kUnknownName), ref.error(), peer);
   std::function<Task<Result<Principal>>()> check = [&context, secret] {
     return checkPassword(context, secret);
   };
-  auto who = co_await checkUnchanged(context.access, secret->user, false, std::move(check));
+  auto who = co_await checkUnchanged(context.access, *ref, false, std::move(check));
   if (!who.ok()) co_return co_await refuseTry(context, secret, std::move(*tried), who.error(), peer);
   login.answer = Answer::kWelcome;
   login.holder = {std::move(*who), 0};

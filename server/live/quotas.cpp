@@ -97,11 +97,10 @@ Status PeopleShares::admit(const std::string& name, pb::Role role, std::size_t b
   if (used_.take(name, rate, cost, now_ns)) return {};
   return Error{
       ErrorCode::kNoRoom,
-      fmt::format("'{}' has had stored what one account may within a day ({:.0f} MiB, of which each "
+      fmt::format("this account has had stored what one may within a day ({:.0f} MiB, of which each "
                   "request takes its length and {} bytes): there is room for this one in {:.0f} min; "
-                  "if '{}' did not do so much, have a manager set a new password",
-                  name, share / 0x1p20, kRequestBytes,
-                  used_.of(name, rate, now_ns).minutesUntil(cost, now_ns), name)};
+                  "if you did not do so much, have a manager set a new password",
+                  share / 0x1p20, kRequestBytes, used_.of(name, rate, now_ns).minutesUntil(cost, now_ns))};
 }
 
 }  // namespace needlelab

@@ -28,9 +28,9 @@ std::string textOfChange(const AccessChange& change) {
   return "the account was changed: log in again";
 }
 
-using AccountKey = std::tuple<std::string, int, std::int64_t, std::int64_t>;
+using AccountKey = std::tuple<std::string, int, std::int64_t>;
 AccountKey keyOfAccount(const Principal& who) {
-  return {who.name, static_cast<int>(who.role), who.account_unix_ns, who.access_number.value_or(-1)};
+  return {who.name, static_cast<int>(who.role), who.access_number.value_or(-1)};
 }
 
 /// Accounts that are in use here, each once.
@@ -69,44 +69,29 @@ Task<> lookAtAll(ServerContext& context) {
   context.access_look.is_under_way = false;
 }
 
-/// A station's status and whose session it names.
-struct ShownName {
-  std::string session_id, trainee;
-};
-
-/// Of those, the names in which the database does not keep the session.
-Result<std::vector<std::string>> namesThatWent(Store& store, const std::vector<ShownName>& shown) {
+/// Those of the refs who are erased.
+Result<std::vector<std::string>> erasedOf(Store& store, const std::vector<std::string>& refs) {
   ASSIGN_OR_RETURN(auto reader, store.readers().borrow());
-  std::vector<std::string> gone;
-  for (const ShownName& one : shown) {
-    ASSIGN_OR_RETURN(
-        const auto kept,
-        reader->query("SELECT trainee FROM sessions WHERE id = ?", viewOf(one.session_id)).first(firstText));
-    if (kept != one.trainee) gone.push_back(one.trainee);
+  std::vector<std::string> erased;
+  for (const std::string& ref : refs) {
+    ASSIGN_OR_RETURN(const auto found,
+                     reader->query("SELECT ref FROM people WHERE ref = ? AND erased_unix_ns IS NOT NULL", ref)
+                         .first(firstText));
+    if (found) erased.push_back(ref);
   }
-  return gone;
+  return erased;
 }
 
-/// Somebody was erased at another server, and stations of this one go on naming the person: an erasure leaves
-/// the person's sessions under a pseudonym.
+/// Somebody was erased at another server, and stations of this one go on naming the person.
 Task<> forgetErasedNames(ServerContext& context) {
-  pb::Stations stations;
-  for (const auto& [id, peer] : context.connections)
-    if (peer->who().role == pb::STATION) stations.add_stations()->set_name(peer->who().name);
-  context.hub.fillStations(stations);
-  std::vector<ShownName> shown;
-  for (const pb::StationInfo& station : stations.stations())
-    if (const auto& status = station.status(); !status.trainee().empty() && status.trainee() != kGuestName)
-      shown.push_back({status.session_id(), status.trainee()});
-  if (shown.empty()) co_return;
   std::function<Result<std::vector<std::string>>()> read =
-      [&store = context.store, shown = std::move(shown)] { return namesThatWent(store, shown); };
+      [&store = context.store, shown = context.hub.shownTrainees()] { return erasedOf(store, shown); };
   const auto gone = co_await offload(context.workers, std::move(read));
   if (!gone.ok()) {
     logEvent(LogLevel::kWarning, "erased_names_not_looked_up", {{"text", gone.error().message}});
     co_return;
   }
-  for (const std::string& name : *gone) context.hub.forgetTrainee(name);
+  for (const std::string& ref : *gone) context.hub.forgetTrainee(ref);
 }
 
 }  // namespace

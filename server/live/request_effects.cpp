@@ -8,6 +8,7 @@
 #include "common/base/clock.h"
 #include "common/wire/protocol.h"
 #include "db/service/requests.h"
+#include "proto/session_rules.h"
 #include "server/base/log.h"
 #include "server/live/connection.h"
 
@@ -104,10 +105,11 @@ Status mayWait(ServerContext& context, RequestThreads threads, const Principal& 
   if (threads != RequestThreads::kPasswords ||
       context.passwords_in_turn->waitingOf(who.name, passwordLineOf(who)) < most)
     return {};
-  return Error{who.role == pb::STATION ? ErrorCode::kCode : ErrorCode::kUnavailable,
-               fmt::format("{} passwords and codes of '{}' wait to be computed already: try again when one "
-                           "of them is done",
-                           most, who.name)};
+  return Error{
+      who.role == pb::STATION ? ErrorCode::kCode : ErrorCode::kUnavailable,
+      fmt::format("{} passwords and codes of this {} wait to be computed already: try again when one "
+                  "of them is done",
+                  most, who.role == pb::STATION ? "station" : "account")};
 }
 
 std::shared_ptr<Outcome> refusedBefore(const pb::Request& request, Error error) {
@@ -194,10 +196,9 @@ Task<Executed> executeRequest(ServerContext& context, Principal who,
     const Executed done = co_await onItsThreads(context, threads, who, std::move(work), bool{place});
     // at once: the steps that are left may take long
     if (under_way->isDone() && !std::exchange(is_ended, true)) {
-      const std::string& name = request->erase_person().name();
-      context.hub.forgetTrainee(name);
-      endAccess(context, {.name = name, .text = "the account is no more", .logged_as = under_way->erased_as},
-                who.doer());
+      const std::string& ref = under_way->with_refs->erase_person().name();
+      context.hub.forgetTrainee(ref);
+      endAccess(context, {.name = ref, .text = "the account is no more"}, who.doer());
     }
     if (!done) {
       if (under_way->is_long && !place) place = co_await context.rescorings.take(turnNameOf(who));
@@ -279,7 +280,7 @@ Task<std::optional<pb::Refusal>> complete(ServerContext& context, const pb::Requ
       context.hub.fillStations(*outcome.reply.mutable_stations());
       break;
     case ServerPart::kDeliver:
-      refusal = co_await deliver(context, request, by.name);
+      refusal = co_await deliver(context, request, by.shown.empty() ? by.name : by.shown);
       if (refusal)
         addToAuditLog(context, by, "not delivered", stationMessageOf(request, by.name).station,
                       std::string(callName(request.call_case())) + ": " + refusal->text());
@@ -299,16 +300,16 @@ void tellSafe(ServerContext& context) {
   }
 }
 
-void followUp(ServerContext& context, const pb::Request& request, const pb::Reply& reply, bool access_changed,
-              const Doer& by, const PeerConnection* asker) {
-  if (reply.has_backup_done()) {
+void followUp(ServerContext& context, const Outcome& outcome, const Doer& by, const PeerConnection* asker) {
+  if (outcome.reply.has_backup_done()) {
     ++context.counters.backups;
     tellSafe(context);
   }
-  for (const std::string& name : reply.people_import().roles_changed())
-    endAccess(context, {.name = name, .text = kAccountChanged}, by);
+  for (const std::string& ref : outcome.roles_changed)
+    endAccess(context, {.name = ref, .text = kAccountChanged}, by);
   // a request that ends nothing must not disturb anybody's log-in
-  if (!access_changed) return;
+  if (!outcome.access_changed || !outcome.with_refs) return;
+  const pb::Request& request = *outcome.with_refs;
   if (request.has_revoke_station())
     endAccess(context,
               {.name = request.revoke_station().name(),
@@ -341,7 +342,7 @@ void endAccess(ServerContext& context, const EndedAccess& ended, const Doer& by)
   });
   // what is as it was already may be asked for without end: no line for each
   if (connections + tokens.value_or(0) == 0) return;
-  const std::string subject = ended.logged_as.empty() ? ended.name : ended.logged_as;
+  const std::string& subject = ended.name;
   const LogField of_tokens = tokens ? LogField("tokens", *tokens) : LogField("tokens", "all");
   logEvent(
       LogLevel::kInfo, "access_ended",
@@ -358,10 +359,8 @@ void endAccessOf(ServerContext& context, const Principal& who) {
   if (!is_station) (void)context.login->forget(who.name);
   const std::size_t connections = closeThose(context, kAccountChanged, [&](const PeerConnection& peer) {
     const Principal& there = peer.who();
-    return there.name == who.name && there.role == who.role && there.account_unix_ns == who.account_unix_ns &&
-           there.access_number == who.access_number;
+    return there.name == who.name && there.role == who.role && there.access_number == who.access_number;
   });
-  // without the name, which may be that of a person who was erased
   if (connections > 0)
     logEvent(LogLevel::kInfo, "access_ended",
              {{"connections", connections}, {"text", "the account was changed at another server"}});

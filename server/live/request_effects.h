@@ -71,21 +71,19 @@ Task<std::optional<pb::Refusal>> complete(ServerContext& context, const pb::Requ
                                           Outcome& outcome);
 
 /// After a request, a refused one, too: ends the access of disabled accounts, ends log-ins with a changed
-/// password, announces backups. `access_changed`: of the Outcome. `asker` (may be null) is the requester's
-/// connection, which stays open when it changes its own password. Thread: the network's.
-void followUp(ServerContext& context, const pb::Request& request, const pb::Reply& reply, bool access_changed,
-              const Doer& by, const PeerConnection* asker);
+/// password, announces backups. `asker` (may be null) is the requester's connection, which stays open when it
+/// changes its own password. Thread: the network's.
+void followUp(ServerContext& context, const Outcome& outcome, const Doer& by, const PeerConnection* asker);
 
 /// Tells all stations here what the verified backups cover by now. Thread: the network's.
 void tellSafe(ServerContext& context);
 
 /// An access that has ended, and why.
 struct EndedAccess {
-  std::string name{};
+  std::string name{};  ///< a person's ref, or a station's name
   bool is_station = false;
   const PeerConnection* except = nullptr;  ///< stays open
   std::string text{};                      ///< for the peer and the logs
-  std::string logged_as{};                 ///< in the logs, in place of the name; empty: the name
   /// What was opened since the change with this number stays: with a number as high (Principal). What has
   /// none ends.
   std::int64_t before_number = INT64_MAX;

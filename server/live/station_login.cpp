@@ -26,7 +26,7 @@ Task<Result<Principal>> checkStationKey(ServerContext& context, std::shared_ptr<
 Task<Result<bool>> claimsKnownStation(ServerContext& context, std::shared_ptr<const pb::Login> login,
                                       std::string address) {
   std::function<Result<bool>()> look = [&service = context.store.service(), login] {
-    return service.isKnownName(login->station().station(), true);
+    return service.isKnownStation(login->station().station());
   };
   return offload(*context.logins_in_turn, claimedTurnOf(*login, address), std::move(look));
 }

@@ -152,7 +152,7 @@ Task<HttpAnswer> throughService(Shared server, Request asked, const WebRoute& ro
   if (outcome->error) noteNoRoom(context, *call, *outcome->error);
   const Doer by = call->who.doer();
   const auto refusal = co_await complete(context, *request, by, *outcome);
-  followUp(context, *request, outcome->reply, outcome->access_changed, by, nullptr);
+  followUp(context, *outcome, by, nullptr);
   if (refusal) co_return refusedAnswer(*outcome, *refusal);
   std::function<HttpAnswer()> write = [&route, call, outcome] {
     return jsonAnswer(route.how.shape(*call, outcome->reply), route.how.status);

@@ -129,7 +129,7 @@ Task<WebJson> sessionState(Shared server, Principal who, std::string token) {
   const Outcome person =
       co_await offload(*server->context().workers_of_people, turnNameOf(who), std::move(read));
   const std::chrono::nanoseconds left = co_await server->context().login->left(token);
-  WebJson state = {{"name", who.name},
+  WebJson state = {{"name", who.shown()},
                    {"full_name", person.reply.user().full_name()},
                    {"role", pb::Role_Name(who.role)},
                    {"csrf_token", server->sessions().csrfOf(token)},

@@ -44,6 +44,7 @@ class Facts:
     def __init__(self, path):
         self.db = sqlite3.connect(f"file:{path}?mode=ro", uri=True)
         self.db.row_factory = sqlite3.Row
+        self.names = {"@%d" % p: n for p, n in self.db.execute("SELECT person, name FROM names")}
         self.sessions = self.rows("SELECT * FROM sessions ORDER BY number")
         for s in self.sessions:
             s["uuid"] = str(uuid.UUID(bytes=s["id"]))
@@ -58,15 +59,18 @@ class Facts:
         self.exercises = {e["id"]: e for e in self.rows("SELECT * FROM exercises ORDER BY curriculum_id, position")}
         for e in self.exercises.values():
             e["json"] = json.loads(e["json"])
-        self.people = {p["name"]: p for p in self.rows("SELECT * FROM people")}
+        self.people = {p["name"]: p for p in self.rows("SELECT * FROM accounts")}
         self.assignments = self.rows("SELECT * FROM assignments ORDER BY id DESC")
         self.members = {}
-        for row in self.rows("SELECT group_id, person FROM group_members ORDER BY person"):
+        for row in self.rows("SELECT group_id, person FROM group_members"):
             self.members.setdefault(row["group_id"], []).append(row["person"])
+        for people in self.members.values():
+            people.sort()
         self.audit = self.rows("SELECT * FROM audit ORDER BY id DESC")
 
     def rows(self, sql, *values):
-        return [dict(row) for row in self.db.execute(sql, values)]
+        """Rows with names in the place of the refs of people."""
+        return [{k: self.names.get(v, v) if isinstance(v, str) else v for k, v in dict(row).items()} for row in self.db.execute(sql, values)]
 
     def one(self, sql, *values):
         return self.db.execute(sql, values).fetchone()[0]

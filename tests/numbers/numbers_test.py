@@ -58,8 +58,9 @@ def measured(held, facts, sessions):
         g = gestures[s["number"]] = gesture_of(facts, s)
         said = message(s["description"])
         held.same("stored session", "started_unix_ns: of the row and of the station's words", s["uuid"], s["started_unix_ns"], said[11])
-        held.same("stored session", "trainee, station, rate: of the row and of the station's words", s["uuid"],
-                  [s["trainee"], s["station"], s["rate_hz"]], [said[3].decode(), said[2].decode(), struct.unpack("<d", said[9])[0]])
+        held.same("stored session", "station, rate: of the row and of the station's words", s["uuid"],
+                  [s["station"], s["rate_hz"]], [said[2].decode(), struct.unpack("<d", said[9])[0]])
+        held.same("stored session", "the trainee stands in the row alone", s["uuid"], 3 in said, False)
         held.same("stored score", "samples in the chunks", s["uuid"], s["samples"], g.count)
         asked = facts.exercises[s["exercise_id"]]["json"] if s["exercise_id"] in facts.exercises else {}
         own = measures_of(g, plan_of(facts, s))

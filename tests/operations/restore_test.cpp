@@ -56,7 +56,7 @@ class RestoreTest : public testing::Test {
     auto reader =
         Connection::open(at.empty() ? data() / "needlelab.db" : at, {.mode = Connection::Mode::kReader});
     if (!reader.ok()) return {reader.error().message};
-    auto rows = reader->prepare("SELECT name FROM people ORDER BY name");
+    auto rows = reader->prepare("SELECT name FROM accounts ORDER BY name");
     for (auto row = rows.step(); row.ok() && *row; row = rows.step()) names.emplace_back(rows.text(0));
     return names;
   }

@@ -124,17 +124,25 @@ const std::map<std::string, std::string> kRightValues = {{"sessions.number", "9"
                                                          {"audit_chain.key_id", "zeroblob(8)"},
                                                          {"derived_recordings.hash", "zeroblob(32)"},
                                                          {"derived_chunks.session", "2"},
-                                                         {"consents.person", "'p'"}};
+                                                         {"consents.person", "'@1'"},
+                                                         {"people.id", "9"},
+                                                         {"people.uuid", "zeroblob(16)"},
+                                                         {"names.person", "1"},
+                                                         {"unknown_trainees.given", "'@1'"},
+                                                         {"erasures.uuid", "zeroblob(16)"}};
 
 struct WrongRow {
   const char* table;
   std::map<std::string, std::string> values;  ///< of these columns, by which one CHECK refuses it
 };
 const std::vector<WrongRow> kWrongRows = {
-    {"people", {{"name", "''"}}},
+    {"people", {{"uuid", "zeroblob(15)"}}},
     {"people", {{"role", "5"}}},
     {"people", {{"disabled", "2"}}},
     {"people", {{"revision", "0"}}},
+    {"names", {{"name", "''"}}},
+    {"names", {{"typed", "2"}}},
+    {"erased_names", {{"hash", "zeroblob(31)"}}},
     {"stations", {{"name", "''"}}},
     {"stations", {{"key_hash", "zeroblob(31)"}}},
     {"stations", {{"revoked", "2"}}},
@@ -179,13 +187,11 @@ const std::vector<WrongRow> kWrongRows = {
     {"scores", {{"passed", "2"}}},
     {"scores", {{"first", "2"}}},
     {"exercise_references", {{"revision", "0"}}},
-    {"erasures", {{"name_hash", "zeroblob(31)"}}},
+    {"erasures", {{"uuid", "zeroblob(15)"}}},
     {"session_progress", {{"chunks", "-1"}}},
     {"session_progress", {{"samples", "-1"}}},
     {"session_progress", {{"stored_bytes", "-1"}}},
     {"audit_chain", {{"position", "0"}}},
-    {"audit_chain", {{"salt", "zeroblob(31)"}}},
-    {"audit_chain", {{"commitment", "zeroblob(31)"}}},
     {"audit_chain", {{"key_id", "zeroblob(7)"}}},
     {"audit_chain", {{"mac", "zeroblob(31)"}}},
     {"quarantined_chunks", {{"seq", "-1"}}},
@@ -203,9 +209,10 @@ class SameChecks : public SameCatalogue {
   SameChecks() {
     // what the rows refer to
     for (Connection* db : {&sqlite, &postgres}) {
+      EXPECT_OK(
+          db->run("INSERT INTO people (uuid, role, created_unix_ns, changed_unix_ns) VALUES (?, 1, 1, 1)",
+                  ByteView(Bytes(16, 7))));
       EXPECT_OK(db->script(
-          "INSERT INTO people (name, folded, role, created_unix_ns, changed_unix_ns) VALUES ('p', 'p', 1, 1, "
-          "1);"
           "INSERT INTO stations (name, key_hash, created_unix_ns) VALUES ('s', zeroblob(32), 1);"
           "INSERT INTO audit (id, unix_ns, who, action, subject, detail) VALUES (1, 1, '', '', '', '')"));
       for (std::uint8_t number : {1, 2})

@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "common/base/files.h"
+#include "db/people.h"
 #include "db/schema.h"
 #include "db/service/bootstrap.h"
 #include "tests/support/postgres_database.h"
@@ -39,7 +40,7 @@ class StoreOnPostgres : public testing::Test {
   }
   static Result<std::vector<std::string>> people(Store& store) {
     ASSIGN_OR_RETURN(auto reader, store.readers().borrow());
-    return (*reader).prepare("SELECT name FROM people ORDER BY name").all(firstText);
+    return (*reader).prepare("SELECT name FROM accounts ORDER BY name").all(firstText);
   }
 
   TempFolder folder;
@@ -52,9 +53,7 @@ TEST_F(StoreOnPostgres, theFolderRemembersItsDatabase) {
     const auto store = open("lab", url);
     ASSERT_OK(store);
     ASSERT_OK((*store)->writer().run([](Connection& writer) {
-      return writer.run(
-          "INSERT INTO people (name, folded, role, created_unix_ns, changed_unix_ns) VALUES ('anna', 'anna', "
-          "1, 1, 1)");
+      return PeopleStore(writer).add({"anna", pb::TRAINEE, "", false, 1});
     }));
   }
   EXPECT_FALSE(std::filesystem::exists(folder.path() / "lab" / "needlelab.db"));

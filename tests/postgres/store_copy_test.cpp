@@ -155,8 +155,8 @@ TEST_F(StoreCopyTest, whatSomebodyChangedInTheCopyIsFoundByTableKeyAndColumn) {
     const char* row;
     const char* how;
   } cases[] = {
-      {"UPDATE people SET full_name = 'Anne A.' WHERE name = 'anna'", "people, name 'anna'", "full_name"},
-      {"UPDATE people SET password_hash = '' WHERE name = 'anna'", "people, name 'anna'", "password_hash"},
+      {"UPDATE names SET full_name = 'Anne A.' WHERE name = 'anna'", "names, person 1", "full_name"},
+      {"UPDATE people SET password_hash = '' WHERE id = 1", "people, id 1", "password_hash"},
       {"UPDATE session_events SET begin_s = begin_s + 1e-12 WHERE position = 0",
        "session_events, session 1, position 0", "begin_s"},
       {"UPDATE chunks SET bytes = zeroblob(length(bytes)) WHERE session = 1 AND seq = 1",
@@ -186,13 +186,13 @@ TEST_F(StoreCopyTest, whatSomebodyChangedInTheCopyIsFoundByTableKeyAndColumn) {
 
 TEST_F(StoreCopyTest, aRowThatPostgresDoesNotTakeIsNamed) {
   Connection source = filledSqlite();
-  ASSERT_OK(source.script("UPDATE people SET full_name = 'a' || char(0) || 'b' WHERE name = 'ina'"));
+  ASSERT_OK(source.script("UPDATE names SET full_name = 'a' || char(0) || 'b' WHERE name = 'ina'"));
   Connection there = emptyPostgres("a");
   ASSERT_OK(beginCopy(there, mark()));
   const auto copied = copyRows(source, there, {});
   ASSERT_FALSE(copied.ok());
   EXPECT_EQ(copied.error().code, ErrorCode::kInvalidInput);
-  EXPECT_THAT(copied.error().message, HasSubstr("people, name 'ina'"));
+  EXPECT_THAT(copied.error().message, HasSubstr("names, person 2"));
   EXPECT_THAT(copied.error().message, HasSubstr("byte 0"));
 }
 

@@ -238,7 +238,7 @@ class OtherStoresOfErased : public StoreMoveTest {
   }
   [[nodiscard]] std::vector<std::string> peopleThere() const {
     auto there = TestDb::must(openAt(StoreAddress(lab("needlelab.db"), url), Connection::Mode::kReader));
-    return TestDb::must(there.prepare("SELECT name FROM people ORDER BY name").all(firstText));
+    return TestDb::must(there.prepare("SELECT name FROM accounts ORDER BY name").all(firstText));
   }
   [[nodiscard]] Run forget(const std::string& at) const { return onData({"store", "forget", at}); }
   /// Each erasure, the audit log and `check` name the database until a person says that it is gone.

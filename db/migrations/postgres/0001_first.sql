@@ -42,18 +42,44 @@ CREATE TABLE meta (
 );
 
 CREATE TABLE people (
-  name            TEXT COLLATE "C" PRIMARY KEY CHECK (length(name) BETWEEN 1 AND 64),
-  folded          TEXT COLLATE "C" NOT NULL UNIQUE,        -- nameKey(): two names with one key are one (person_name.h)
-  role            BIGINT NOT NULL CHECK (role BETWEEN 1 AND 6 AND role <> 5),
+  id              BIGINT PRIMARY KEY,
+  ref             TEXT COLLATE "C" NOT NULL GENERATED ALWAYS AS ('@' || id) STORED UNIQUE,
+  uuid            BYTEA NOT NULL UNIQUE CHECK (length(uuid) = 16),  -- towards stations and files
+  role            BIGINT NOT NULL CHECK (role BETWEEN 0 AND 6 AND role <> 5),
   password_hash   TEXT COLLATE "C",                        -- argon2id; NULL: cannot log in
   disabled        BIGINT NOT NULL DEFAULT 0 CHECK (disabled IN (0, 1)),
   created_unix_ns BIGINT NOT NULL,
-  full_name       TEXT COLLATE "C" NOT NULL DEFAULT '',
   revision        BIGINT NOT NULL DEFAULT 1 CHECK (revision >= 1),
   changed_unix_ns BIGINT NOT NULL,
   changed_by      TEXT COLLATE "C" NOT NULL DEFAULT '',    -- '': as it was made
-  code_hash       TEXT COLLATE "C"             -- argon2id; NULL: no code
+  code_hash       TEXT COLLATE "C",                        -- argon2id of a PIN, or of what a badge reader types; NULL: no code
+  erased_unix_ns  BIGINT                      -- NULL: not erased
 );
+
+CREATE TRIGGER people_number BEFORE INSERT ON people FOR EACH ROW EXECUTE FUNCTION next_number('id', 'numbered');
+
+-- What people are called: here, and nowhere else.
+CREATE TABLE names (
+  person    BIGINT PRIMARY KEY REFERENCES people (id),
+  name      TEXT COLLATE "C" NOT NULL CHECK (length(name) BETWEEN 1 AND 64),   -- as it was typed
+  folded    TEXT COLLATE "C" NOT NULL,                     -- nameKey(): two names with one key are one (person_name.h)
+  full_name TEXT COLLATE "C" NOT NULL DEFAULT '',
+  typed     BIGINT NOT NULL CHECK (typed IN (0, 1))               -- 1: at a station; people.role is 0
+);
+CREATE UNIQUE INDEX names_once ON names (folded, typed);
+CREATE INDEX names_in_order ON names (name);
+
+-- People with an account, and what each `ref` is called: by an account, or as it was typed.
+CREATE VIEW accounts AS
+  SELECT p.id, p.ref, p.uuid, n.name, n.folded, n.full_name, p.role, p.password_hash, p.disabled, p.created_unix_ns, p.revision,
+    p.changed_unix_ns, p.changed_by, p.code_hash
+  FROM names n JOIN people p ON p.id = n.person WHERE n.typed = 0;
+CREATE VIEW called AS
+  SELECT p.ref, n.name, n.folded, n.full_name, n.typed FROM names n JOIN people p ON p.id = n.person;
+-- What was typed at a station and is an account's name by now: lists of trainees show the account.
+CREATE VIEW names_taken AS
+  SELECT p.ref FROM names n JOIN people p ON p.id = n.person
+  WHERE n.typed = 1 AND EXISTS (SELECT 1 FROM names a WHERE a.folded = n.folded AND a.typed = 0);
 
 CREATE TABLE stations (
   name            TEXT COLLATE "C" PRIMARY KEY CHECK (length(name) BETWEEN 1 AND 64),
@@ -277,14 +303,14 @@ CREATE TABLE groups (
 
 CREATE TABLE group_members (
   group_id TEXT COLLATE "C" NOT NULL REFERENCES groups (id),
-  person   TEXT COLLATE "C" NOT NULL REFERENCES people (name),
+  person   TEXT COLLATE "C" NOT NULL REFERENCES people (ref),
   PRIMARY KEY (group_id, person)
 );
 CREATE INDEX group_members_by_person ON group_members (person);
 
 CREATE TABLE consents (
   id          BIGINT PRIMARY KEY,
-  person      TEXT COLLATE "C" NOT NULL REFERENCES people (name),
+  person      TEXT COLLATE "C" NOT NULL REFERENCES people (ref),
   given       BIGINT NOT NULL CHECK (given IN (0, 1)),
   unix_ns     BIGINT NOT NULL,
   recorded_by TEXT COLLATE "C" NOT NULL,
@@ -315,11 +341,15 @@ CREATE TABLE exercise_references (
 );
 
 CREATE TABLE erasures (
-  pseudonym       TEXT COLLATE "C" PRIMARY KEY,
-  name_hash       BYTEA NOT NULL CHECK (length(name_hash) = 32),
+  uuid            BYTEA PRIMARY KEY CHECK (length(uuid) = 16),
   erased_unix_ns  BIGINT NOT NULL,
   by_whom         TEXT COLLATE "C" NOT NULL,
   reason          TEXT COLLATE "C" NOT NULL
+);
+
+CREATE TABLE erased_names (
+  hash          BYTEA PRIMARY KEY CHECK (length(hash) = 32),
+  until_unix_ns BIGINT NOT NULL
 );
 
 CREATE TABLE session_progress (
@@ -331,13 +361,14 @@ CREATE TABLE session_progress (
 
 CREATE TABLE unknown_trainees (
   session          BIGINT PRIMARY KEY REFERENCES sessions (number),
-  given            TEXT COLLATE "C" NOT NULL,   -- the name that the station gave; a station that asks again still gives it
+  given            TEXT COLLATE "C" NOT NULL REFERENCES people (ref),   -- whom the station gave
   by_whom          TEXT COLLATE "C",            -- the manager who assigned it; NULL: it waits
   assigned_unix_ns BIGINT,
   code_unchecked   BIGINT NOT NULL DEFAULT 0 CHECK (code_unchecked IN (0, 1)),
   CHECK ((by_whom IS NULL) = (assigned_unix_ns IS NULL))
 );
 CREATE INDEX unknown_trainees_waiting ON unknown_trainees (session) WHERE by_whom IS NULL;
+CREATE INDEX unknown_trainees_by_given ON unknown_trainees (given);
 
 CREATE TABLE quarantined_chunks (
   session BIGINT NOT NULL REFERENCES sessions (number),
@@ -349,17 +380,14 @@ CREATE TABLE quarantined_chunks (
 CREATE TABLE audit_chain (
   position   BIGINT PRIMARY KEY CHECK (position >= 1),
   line       BIGINT NOT NULL REFERENCES audit (id),
-  salt       BYTEA CHECK (length(salt) = 32),           -- NULL: a later entry of the line has its text
-  commitment BYTEA NOT NULL CHECK (length(commitment) = 32),
   key_id     BYTEA NOT NULL CHECK (length(key_id) = 8),
   mac        BYTEA NOT NULL CHECK (length(mac) = 32)
 );
-CREATE INDEX audit_chain_lines ON audit_chain (line, position);
+CREATE INDEX audit_chain_lines ON audit_chain (line);
 CREATE TRIGGER audit_chain_number BEFORE INSERT ON audit_chain FOR EACH ROW EXECUTE FUNCTION next_number('position');
 
 CREATE VIEW uncounted_sessions AS
-  SELECT u.session FROM unknown_trainees u JOIN sessions s ON s.number = u.session
-  WHERE u.by_whom IS NULL AND (u.code_unchecked = 1 OR EXISTS (SELECT 1 FROM people WHERE name = s.trainee));
+  SELECT session FROM unknown_trainees WHERE by_whom IS NULL AND code_unchecked = 1;
 
 CREATE FUNCTION sessions_opened() RETURNS trigger LANGUAGE plpgsql AS $$
 BEGIN
@@ -389,54 +417,34 @@ END $$;
 CREATE TRIGGER quarantine_ends AFTER DELETE ON chunks FOR EACH ROW EXECUTE FUNCTION quarantine_ends();
 
 CREATE VIEW attempt_shares AS
-  SELECT session, exercise_id, trainee, attempts * (1 - waits) AS attempts, counted * (1 - waits) AS counted,
-    judged * (1 - waits) AS judged, passed * (1 - waits) AS passed, attempts * waits AS waiting_attempts,
-    counted * waits AS waiting_counted, judged * waits AS waiting_judged, passed * waits AS waiting_passed
-  FROM (SELECT session, exercise_id, trainee, waits, attempts, attempts * (1 - excused) AS counted,
-          CASE WHEN passed IS NULL THEN 0 ELSE attempts * (1 - excused) END AS judged,
-          coalesce(passed, 0) * attempts * (1 - excused) AS passed
-        FROM (SELECT s.number AS session, s.exercise_id, s.trainee, s.excused, s.passed,
-                CASE WHEN u.code_unchecked = 0 THEN 1::bigint ELSE 0 END AS waits,
-                CASE WHEN u.code_unchecked = 1 THEN 0::bigint ELSE 1 END AS attempts
-              FROM sessions s LEFT JOIN unknown_trainees u ON u.session = s.number AND u.by_whom IS NULL
-              WHERE s.trainee <> '' AND s.erased = 0) AS those) AS shares;
+  SELECT session, exercise_id, trainee, attempts, attempts * (1 - excused) AS counted,
+    CASE WHEN passed IS NULL THEN 0 ELSE attempts * (1 - excused) END AS judged,
+    coalesce(passed, 0) * attempts * (1 - excused) AS passed
+  FROM (SELECT s.number AS session, s.exercise_id, s.trainee, s.excused, s.passed, CASE WHEN u.session IS NULL THEN 1::bigint ELSE 0 END AS attempts
+        FROM sessions s LEFT JOIN uncounted_sessions u ON u.session = s.number
+        WHERE s.trainee <> '' AND s.erased = 0) AS shares;
 
 CREATE TABLE attempt_sums (
-  exercise_id      TEXT COLLATE "C" NOT NULL,
-  trainee          TEXT COLLATE "C" NOT NULL,
-  sessions         BIGINT NOT NULL,
-  attempts         BIGINT NOT NULL,
-  counted          BIGINT NOT NULL,
-  judged           BIGINT NOT NULL,
-  passed           BIGINT NOT NULL,
-  waiting_attempts BIGINT NOT NULL,
-  waiting_counted  BIGINT NOT NULL,
-  waiting_judged   BIGINT NOT NULL,
-  waiting_passed   BIGINT NOT NULL,
+  exercise_id TEXT COLLATE "C" NOT NULL,
+  trainee     TEXT COLLATE "C" NOT NULL,
+  sessions    BIGINT NOT NULL,
+  attempts    BIGINT NOT NULL,   -- without those whose code nobody gave
+  counted     BIGINT NOT NULL,   -- of these, not excused
+  judged      BIGINT NOT NULL,   -- of the counted: with a verdict
+  passed      BIGINT NOT NULL,
   PRIMARY KEY (exercise_id, trainee)
 );
 CREATE INDEX attempt_sums_by_trainee ON attempt_sums (trainee);
 
-CREATE VIEW attempt_counts AS
-  SELECT exercise_id, trainee, sessions, attempts + nobodys * waiting_attempts AS attempts,
-    counted + nobodys * waiting_counted AS counted, judged + nobodys * waiting_judged AS judged,
-    passed + nobodys * waiting_passed AS passed
-  FROM (SELECT a.*, CASE WHEN a.waiting_attempts > 0 AND NOT EXISTS (SELECT 1 FROM people p WHERE p.name = a.trainee)
-          THEN 1::bigint ELSE 0 END AS nobodys FROM attempt_sums a) AS sums;
-
 -- Whatever changes a session's share takes the share from the sums before and adds it after: sign -1, then 1.
 CREATE FUNCTION step_attempts(of_session BIGINT, sign BIGINT) RETURNS void LANGUAGE plpgsql AS $$
 BEGIN
-  INSERT INTO attempt_sums AS t (exercise_id, trainee, sessions, attempts, counted, judged, passed, waiting_attempts, waiting_counted,
-      waiting_judged, waiting_passed)
-    SELECT a.exercise_id, a.trainee, sign, sign * a.attempts, sign * a.counted, sign * a.judged, sign * a.passed,
-      sign * a.waiting_attempts, sign * a.waiting_counted, sign * a.waiting_judged, sign * a.waiting_passed
+  INSERT INTO attempt_sums AS t (exercise_id, trainee, sessions, attempts, counted, judged, passed)
+    SELECT a.exercise_id, a.trainee, sign, sign * a.attempts, sign * a.counted, sign * a.judged, sign * a.passed
     FROM attempt_shares a WHERE a.session = of_session
     ON CONFLICT (exercise_id, trainee) DO UPDATE SET sessions = t.sessions + excluded.sessions,
       attempts = t.attempts + excluded.attempts, counted = t.counted + excluded.counted,
-      judged = t.judged + excluded.judged, passed = t.passed + excluded.passed,
-      waiting_attempts = t.waiting_attempts + excluded.waiting_attempts, waiting_counted = t.waiting_counted + excluded.waiting_counted,
-      waiting_judged = t.waiting_judged + excluded.waiting_judged, waiting_passed = t.waiting_passed + excluded.waiting_passed;
+      judged = t.judged + excluded.judged, passed = t.passed + excluded.passed;
   DELETE FROM attempt_sums t USING attempt_shares a
     WHERE a.session = of_session AND t.exercise_id = a.exercise_id AND t.trainee = a.trainee AND t.sessions = 0;
 END $$;
@@ -499,7 +507,6 @@ CREATE TABLE login_tokens (
   hash            BYTEA PRIMARY KEY CHECK (length(hash) = 32),
   name            TEXT COLLATE "C" NOT NULL,
   role            BIGINT NOT NULL,
-  account_unix_ns BIGINT NOT NULL,
   access_number   BIGINT NOT NULL,
   password_ns     BIGINT NOT NULL,
   expires_ns      BIGINT NOT NULL
@@ -552,20 +559,23 @@ CREATE TRIGGER access_told AFTER INSERT OR UPDATE ON access_numbers FOR EACH ROW
 
 CREATE FUNCTION people_access() RETURNS trigger LANGUAGE plpgsql AS $$
 BEGIN
-  IF TG_OP = 'DELETE' THEN
+  IF NEW.erased_unix_ns IS NOT NULL THEN
+    IF OLD.erased_unix_ns IS NOT NULL THEN
+      RETURN NULL;
+    END IF;
     PERFORM needlelab.raise_access(4, '', 'erased');
-    DELETE FROM needlelab.access_numbers WHERE what IN (1, 3) AND name = OLD.name;
+    DELETE FROM needlelab.access_numbers WHERE what IN (1, 3) AND name = OLD.ref;
   ELSIF OLD.role <> NEW.role OR OLD.password_hash IS DISTINCT FROM NEW.password_hash OR OLD.disabled <> NEW.disabled THEN
-    PERFORM needlelab.raise_access(1, NEW.name,
+    PERFORM needlelab.raise_access(1, NEW.ref,
       CASE WHEN NEW.disabled <> 0 THEN 'disabled' WHEN OLD.role <> NEW.role THEN 'role' ELSE 'password' END);
   ELSE
     RETURN NULL;
   END IF;
-  DELETE FROM needlelab.login_tokens WHERE name = OLD.name;
+  DELETE FROM needlelab.login_tokens WHERE name = OLD.ref;
   RETURN NULL;
 END $$;
-CREATE TRIGGER people_access AFTER UPDATE OF role, password_hash, disabled ON people FOR EACH ROW EXECUTE FUNCTION people_access();
-CREATE TRIGGER people_access_ends AFTER DELETE ON people FOR EACH ROW EXECUTE FUNCTION people_access();
+CREATE TRIGGER people_access AFTER UPDATE OF role, password_hash, disabled, erased_unix_ns ON people
+  FOR EACH ROW EXECUTE FUNCTION people_access();
 
 CREATE FUNCTION stations_access() RETURNS trigger LANGUAGE plpgsql AS $$
 BEGIN

@@ -62,12 +62,15 @@ std::string closedText(const Closed& closed) {
 }  // namespace
 
 Principal principalOf(const std::string& name) {
-  static const std::map<std::string, pb::Role> kRoles{{"ada", pb::ADMINISTRATOR},
-                                                      {"abe", pb::ADMINISTRATOR},
-                                                      {"mia", pb::CURRICULUM_MANAGER},
-                                                      {"ina", pb::INSTRUCTOR},
-                                                      {"rea", pb::RESEARCHER}};
-  return {name, kRoles.at(name), true, 1};
+  // the first people whom SharedWorld::fill() adds, in this order
+  static const std::map<std::string, std::pair<const char*, pb::Role>> kStaff{
+      {"ada", {"@1", pb::ADMINISTRATOR}},
+      {"abe", {"@2", pb::ADMINISTRATOR}},
+      {"mia", {"@3", pb::CURRICULUM_MANAGER}},
+      {"ina", {"@4", pb::INSTRUCTOR}},
+      {"rea", {"@5", pb::RESEARCHER}}};
+  const auto& [ref, role] = kStaff.at(name);
+  return {ref, role, true, {}, name};
 }
 
 std::string answerText(const Outcome& outcome) {

@@ -137,6 +137,15 @@ SharedWorld::SharedWorld()
     all_stamps_ += (all_stamps_.empty() ? "" : " UNION ALL ") + ("SELECT '" + table) +
                    "', concat(count(*), ' ', max(xmin::text::bigint)) FROM needlelab." + table;
     orThrow(control_->script("CREATE TABLE kept." + table + " AS TABLE needlelab." + table));
+    // without those that are generated
+    columns_[table] =
+        orThrow(control_
+                    ->query("SELECT string_agg(quote_ident(attname), ', ' ORDER BY attnum) FROM pg_attribute"
+                            " WHERE attrelid = ('needlelab.' || ?)::regclass AND attnum > 0"
+                            " AND NOT attisdropped AND attgenerated = ''",
+                            table)
+                    .first(firstText))
+            .value_or("");
   }
   rows_ = rowsOf({tables.begin(), tables.end()});
   stamps_ = stampsNow();
@@ -310,7 +319,10 @@ std::map<std::string, std::string> SharedWorld::rowsOf(const std::set<std::strin
   std::string select;
   for (const std::string& table : tables) {
     // salts and MACs depend on times; what they prove is looked at by faultOfAuditChain()
-    const std::string row = table == "audit_chain" ? "(x.position, x.line, x.key_id)" : "x";
+    const std::string row = table == "audit_chain" ? "(x.position, x.line, x.key_id)"
+                            // a new person's UUID is random
+                            : table == "people" ? "(to_jsonb(x) - 'uuid')"
+                                                : "x";
     select += (select.empty() ? "" : " UNION ALL ") + ("SELECT '" + table) + "', " + row +
               "::text FROM needlelab." + table + " x";
   }
@@ -347,8 +359,9 @@ std::map<std::string, Bytes> SharedWorld::filesNow() const {
 void SharedWorld::putBack() {
   std::string script;
   for (const std::string& table : changedTables()) {
-    script += "DELETE FROM needlelab." + table + "; INSERT INTO needlelab." + table + " SELECT * FROM kept." +
-              table + ";";
+    const std::string& columns = columns_.at(table);
+    script += "DELETE FROM needlelab." + table + "; INSERT INTO needlelab." + table + " (" + columns +
+              ") SELECT " + columns + " FROM kept." + table + ";";
     bloated_.insert(table);
   }
   if (!script.empty()) {

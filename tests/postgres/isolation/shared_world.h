@@ -83,9 +83,10 @@ class SharedWorld {
   StoreAddress address_;
   std::string profile_json_, person_record_, restored_url_, older_url_, all_stamps_;
   std::unique_ptr<Connection> control_;
-  std::map<std::string, std::string> stamps_;  ///< since the beginning, or putBack()
-  std::map<std::string, std::string> rows_;    ///< at the beginning
-  std::set<std::string> bloated_;              ///< tables with rows that were put back
+  std::map<std::string, std::string> columns_;  ///< by table
+  std::map<std::string, std::string> stamps_;   ///< since the beginning, or putBack()
+  std::map<std::string, std::string> rows_;     ///< at the beginning
+  std::set<std::string> bloated_;               ///< tables with rows that were put back
   std::uint64_t times_put_back_ = 0;
   std::map<std::string, Bytes> files_;  ///< at the beginning, by path
   std::unique_ptr<OneServer> one_, other_;

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "db/db_writer.h"
-#include "db/erasure.h"
 #include "db/people.h"
+#include "db/unknown_trainees.h"
 #include "tests/support/chunk_files.h"
 #include "tests/unit/db/planted_here.h"
 #include "tests/unit/db/test_db.h"
@@ -219,7 +219,7 @@ class TwoDatabases {
     for (std::uint64_t seq = 0; seq < 2; ++seq)
       ASSERT_OK(store.append(sessions_[closed_].id, seq, chunkOf(seq, 5)));
     ASSERT_OK(store.close(test::closeOf(sessions_[closed_].id, 2, 5), 2));
-    ASSERT_OK(ErasureStore(db.writer).emptySession(sessions_[erased_].id, 3));
+    ASSERT_OK(UnknownTraineeStore(db.writer).leaveEmpty(sessions_[erased_].id, 3));
     for (const std::size_t session : {closed_, erased_}) sessions_[session].next = 2;
   }
 

@@ -6,10 +6,8 @@
 #include <vector>
 
 #include "db/check.h"
-#include "db/free_parts.h"
 #include "db/schema.h"
 #include "tests/unit/db/dump.h"
-#include "tests/unit/db/moved_rows.h"
 #include "tests/unit/db/test_db.h"
 
 namespace needlelab {
@@ -76,22 +74,6 @@ TEST_F(BackupTest, writersGoOnMeanwhileAndTheCopyIsOneInstant) {
   ASSERT_OK(store.append(id, 5, test::chunkOf(5)));
   ASSERT_OK(reader.script("COMMIT"));
   EXPECT_EQ(backupTo(reader, target)->chunks_verified, 6u);
-}
-
-TEST_F(BackupTest, theFreePartsOfACopyKeepNothingOfAnErasureThatIsPending) {
-  test::MovedRows().fill(db.writer);
-  ASSERT_OK(backupTo(reader, target));
-  EXPECT_GT(test::MovedRows::leftIn(target), 0u) << "secure_delete alone leaves names";
-  ASSERT_OK(MetaStore(db.writer).set(kFreePartsKey, "erased-1234"));
-  const auto pending = db.folder.path() / "pending.db";
-  const auto result = backupTo(reader, pending);
-  ASSERT_OK(result);
-  EXPECT_EQ(result->chunks_verified, 5u);
-  EXPECT_EQ(test::MovedRows::leftIn(pending), 0u);
-  auto copy = test::TestDb::must(Connection::open(pending, {}));
-  EXPECT_TRUE(test::dump(copy) == test::dump(reader)) << "no row is another";
-  for (const char* suffix : {"-wal", "-journal", ".partial"})
-    EXPECT_FALSE(std::filesystem::exists(pending.string() + suffix)) << suffix;
 }
 
 TEST_F(BackupTest, nothingIsEverOverwritten) {

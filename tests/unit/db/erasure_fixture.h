@@ -7,8 +7,10 @@
 #include <string>
 
 #include "common/base/uuid.h"
+#include "db/engine/lab_identity.h"
 #include "db/erasure.h"
 #include "db/people.h"
+#include "db/person_refs.h"
 #include "db/retention_store.h"
 #include "tests/unit/db/test_db.h"
 
@@ -17,8 +19,10 @@ namespace needlelab::test {
 class ErasureTest : public testing::Test {
  protected:
   void SetUp() override {
-    ASSERT_OK(PeopleStore(db.writer).add({"anna", pb::TRAINEE, "", false, 1, "Anna Östlund-Berg"}));
-    ASSERT_OK(PeopleStore(db.writer).add({"ben", pb::TRAINEE, "", false, 1}));
+    if (!*MetaStore(db.writer).get(kLabKey))
+      ASSERT_OK(MetaStore(db.writer).set(kLabKey, uuidText(makeUuidV7())));
+    ASSERT_OK(PeopleStore(db.writer).add({"anna", pb::TRAINEE, "", false, 1, "Anna Östlund-Berg"}, &anna));
+    ASSERT_OK(PeopleStore(db.writer).add({"ben", pb::TRAINEE, "", false, 1}, &ben));
   }
   Uuid session(const std::string& trainee, std::uint64_t chunks, bool closed) {
     const Uuid id = makeUuidV7();
@@ -30,13 +34,14 @@ class ErasureTest : public testing::Test {
     if (closed) EXPECT_OK(SessionStore(db.writer).close(closeOf(id, chunks), 2));
     return id;
   }
-  ErasureLine line(const std::string& name, std::int64_t when) {
-    const auto key = PseudonymKey::ofFolder(db.folder.path());
-    return {"erased-1234", key->nameHash(name), when};
+  Result<pb::Erasure> erase(const std::string& ref, bool with_waiting = false) {
+    return ErasureStore(db.writer).erase(ref, {"@9", "asked for it", kNow_ns, with_waiting});
   }
-  Result<pb::Erasure> erase(const std::string& name, std::int64_t when = 1'800'000'000'000'000'000) {
-    return ErasureStore(db.writer).erase(name, line(name, when), "ada", "asked for it", when);
+  std::string traineeOf(const Uuid& id) {
+    const auto info = SessionStore(db.writer).info(id);
+    return info ? info->description().trainee() : info.error().message;
   }
+  std::string nameOf(const std::string& ref) { return *shownName(db.writer, ref); }
   bool waits(const Uuid& id) {
     auto row = db.writer.query(
         "SELECT 1 FROM unknown_trainees WHERE by_whom IS NULL"
@@ -44,13 +49,8 @@ class ErasureTest : public testing::Test {
         ByteView(id));
     return *row.step();
   }
-  void removeChunks(const Uuid& id) {
-    for (;;) {
-      const auto more = RetentionStore(db.writer).removeSome(id, 2);
-      ASSERT_OK(more);
-      if (!*more) return;
-    }
-  }
+  static constexpr std::int64_t kNow_ns = 1'800'000'000'000'000'000;
+  std::string anna, ben;  // refs
   TestDb db;
 };
 

@@ -66,7 +66,7 @@ TEST(PeopleStore, aFullNameThatTurnsTheDirectionIsRefusedAndOneFromBeforeHinders
   EXPECT_FALSE(people.change("tom", {}, {.full_name = turned}, "root", 2).ok());
   EXPECT_EQ(people.find("tom")->value().full_name, hebrew);
   // stored by a version of before
-  ASSERT_OK(db.writer.run("UPDATE people SET full_name = ? WHERE name = 'tom'", turned));
+  ASSERT_OK(db.writer.run("UPDATE names SET full_name = ? WHERE name = 'tom'", turned));
   ASSERT_OK(people.setDisabled("tom", true));
   EXPECT_OK(people.change("tom", {}, {.full_name = "Tom George"}, "root", 3));
 }

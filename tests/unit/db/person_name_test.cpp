@@ -81,7 +81,7 @@ TEST(PersonName, anAccountWhoseNameIsThereInAnotherSpellingIsRefusedWithAQuestio
     EXPECT_EQ(refused.error().code, ErrorCode::kAlreadyExists);
     EXPECT_THAT(refused.error().message, testing::HasSubstr("named 'J\u00fcrgen'")) << same;
     EXPECT_THAT(refused.error().message, testing::HasSubstr("is it the same person?")) << same;
-    EXPECT_EQ(people.findSame(same)->value().name, "J\u00fcrgen") << "shown as typed";
+    EXPECT_EQ(people.findNamed(same)->value().name, "J\u00fcrgen") << "shown as typed";
   }
 }
 
@@ -100,21 +100,20 @@ TEST(PersonName, otherTablesOfUnicodeGiveNewKeysUnlessTwoNamesBecomeOne) {
   ASSERT_OK(people.add({"Anna", pb::TRAINEE, "", false, 1}));
   ASSERT_OK(people.add({"ben", pb::TRAINEE, "", false, 1}));
   // as tables would leave it that did not know that A is a
-  ASSERT_OK(db.writer.run("UPDATE people SET folded = name"));
+  ASSERT_OK(db.writer.run("UPDATE names SET folded = name"));
   ASSERT_OK(MetaStore(db.writer).set("names_unicode", "1.0.0"));
   ASSERT_OK(refresh());
-  EXPECT_EQ(people.findSame("ANNA")->value().name, "Anna");
-  EXPECT_EQ(people.findSame("BEN")->value().name, "ben");
+  EXPECT_EQ(people.findNamed("ANNA")->value().name, "Anna");
+  EXPECT_EQ(people.findNamed("BEN")->value().name, "ben");
 
-  ASSERT_OK(
-      db.writer.run("INSERT INTO people (name, folded, role, created_unix_ns, changed_unix_ns)"
-                    " VALUES ('anna', 'another', 1, 1, 1)"));
+  ASSERT_OK(people.add({"another", pb::TRAINEE, "", false, 1}));
+  ASSERT_OK(db.writer.run("UPDATE names SET name = 'anna' WHERE name = 'another'"));
   ASSERT_OK(refresh());  // the same tables: nothing is looked at
   ASSERT_OK(MetaStore(db.writer).set("names_unicode", "1.0.0"));
   const Status refused = refresh();
   ASSERT_FALSE(refused);
   EXPECT_THAT(refused.error().message, testing::HasSubstr("'Anna' and 'anna' are one name"));
-  EXPECT_EQ(people.findSame("ANNA")->value().name, "Anna") << "nothing is changed";
+  EXPECT_EQ(people.findNamed("ANNA")->value().name, "Anna") << "nothing is changed";
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include "db/audit.h"
 #include "db/people.h"
 
+#include "db/person_refs.h"
 #include "db/session_results.h"
 #include "tests/unit/db/test_db.h"
 
@@ -49,7 +50,7 @@ TEST_F(SessionStoreTest, openingWithAnotherDescriptionIsRefused) {
   auto other_profile = describe(id);
   other_profile.set_profile_json("{}");
   EXPECT_FALSE(store.open(other_profile, 6).ok());
-  EXPECT_EQ(store.info(id)->description().trainee(), "anna");
+  EXPECT_EQ(*shownName(db.writer, store.info(id)->description().trainee()), "anna");
 }
 
 TEST_F(SessionStoreTest, anUnknownStationMayNotOpen) {

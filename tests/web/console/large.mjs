@@ -41,19 +41,20 @@ try {
   assert.ok(existsSync(lab.data), `${lab.data} is not there: lists_bench --folder makes it`);
   const count = (sql) => Number(asked(lab.data, sql)[0]);
   // a person with a password of this test
-  if (count("SELECT count(*) FROM people WHERE name = 'mara'") === 0)
+  if (count("SELECT count(*) FROM accounts WHERE name = 'mara'") === 0)
     await lab.admin('user', 'add', 'mara', '--role', 'curriculum-manager', '--password-file', lab.password_file);
   // the trainee who practised first; all are called as lists_bench does
-  const [trainee] = asked(
+  const [ref] = asked(
     lab.data,
-    "SELECT trainee FROM sessions WHERE trainee LIKE 'trainee%' ORDER BY started_unix_ns LIMIT 1",
+    "SELECT trainee FROM sessions WHERE trainee LIKE '@%' ORDER BY started_unix_ns LIMIT 1",
   );
+  const [trainee] = asked(lab.data, `SELECT name FROM accounts WHERE ref = '${ref}'`);
   const full_name = `Person Number ${Number(trainee.replace(/\D+/, ''))}`;
   const said = {
-    people: count('SELECT count(*) FROM people'),
-    trainees: count('SELECT count(*) FROM people WHERE role = 1'),
+    people: count('SELECT count(*) FROM accounts'),
+    trainees: count('SELECT count(*) FROM accounts WHERE role = 1'),
     found: count(
-      "SELECT count(*) FROM people WHERE lower(full_name) LIKE '%number 17%' OR lower(name) LIKE '%number 17%'",
+      "SELECT count(*) FROM accounts WHERE lower(full_name) LIKE '%number 17%' OR lower(name) LIKE '%number 17%'",
     ),
     sessions: count('SELECT count(*) FROM sessions'),
     groups: count('SELECT count(*) FROM groups WHERE removed = 0'),
@@ -64,10 +65,10 @@ try {
     passed: count(
       "SELECT count(DISTINCT trainee) FROM sessions WHERE exercise_id = 'exercise-0' AND passed = 1 AND excused = 0",
     ),
-    own: count(`SELECT count(*) FROM sessions WHERE trainee = '${trainee}'`),
+    own: count(`SELECT count(*) FROM sessions WHERE trainee = '${ref}'`),
     own_at: asked(
       lab.data,
-      `SELECT count(*) FROM sessions WHERE trainee = '${trainee}' GROUP BY exercise_id ORDER BY max(started_unix_ns) DESC`,
+      `SELECT count(*) FROM sessions WHERE trainee = '${ref}' GROUP BY exercise_id ORDER BY max(started_unix_ns) DESC`,
     ).map(Number),
     guest: count("SELECT count(*) FROM sessions WHERE trainee = 'guest' AND exercise_id = 'exercise-3'"),
     assigned: count('SELECT count(*) FROM assignments'),

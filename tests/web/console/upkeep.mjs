@@ -49,7 +49,7 @@ export function upkeep(t) {
     await done(tina);
   });
 
-  it('one more person: added, refused twice, disabled, and gone with all data', async () => {
+  it('one more person: added, refused twice, disabled, renamed, and gone with all data', async () => {
     const page = await t.browser.as('ada');
     page.expected.add(400).add(409);
     await open(page, t.lab, '#/people', 'People');
@@ -79,19 +79,25 @@ export function upkeep(t) {
     await gina.getByText(/password is wrong, or this person is disabled/).waitFor();
     await done(gina);
 
+    const { id } = await api(page, 'people/gina.gone');
+    await page.getByLabel('Account').fill('gina.leaving');
+    await page.getByRole('button', { name: 'Save', exact: true }).click();
+    await page.getByRole('heading', { name: 'gina.leaving' }).waitFor();
+    assert.equal((await api(page, 'people/gina.leaving')).id, id);
+
     await page.getByRole('button', { name: 'Erase all data …' }).click();
     const dialog = page.getByRole('dialog', { name: /^Erase all data of gina/ });
     const erase = dialog.getByRole('button', { name: 'Erase for ever' });
     await dialog.getByLabel('Name').fill('gina');
     assert.ok(await erase.isDisabled(), 'half a name is no confirmation');
-    await dialog.getByLabel('Name').fill('gina.gone');
+    await dialog.getByLabel('Name').fill('gina.leaving');
     await dialog.getByLabel('Reason').fill('asked for it');
     await dialog.getByLabel(/^Sessions that wait for a manager/).check();
     await erase.click();
-    await page.getByText('The data of gina.gone were erased.').waitFor();
+    await page.getByText('The data of gina.leaving were erased.').waitFor();
     const { items } = await api(page, 'audit');
     assert.ok(!items.some((line) => JSON.stringify(line).includes('gina')), 'the name still stands in the audit');
-    assert.ok(!(await api(page, 'people')).items.some((p) => p.name === 'gina.gone'));
+    assert.ok(!(await api(page, 'people')).items.some((p) => p.name === 'gina.leaving'));
     await done(page);
   });
 

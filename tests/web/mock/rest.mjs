@@ -23,6 +23,7 @@ const found = (map, key, what) =>
 
 const withoutPassword = (lab, { password, code, ...person }) => ({
   ...person,
+  id: `@${[...lab.people.keys()].indexOf(person.name) + 1}`,
   has_code: !!code,
   groups: [...lab.groups.values()].filter((g) => g.members.includes(person.name)).map((g) => g.id),
   more_groups: 0,
@@ -37,6 +38,18 @@ function paged(items, query, usual = 50) {
     items: items.slice(begin, begin + size),
     next_page: begin + size < items.length ? String(begin + size) : '',
   };
+}
+
+/** Keeps the person's place, which is the id. */
+function rename(lab, person, name) {
+  if (lab.people.has(name)) throw new Refusal(409, 'conflict', `'${name}' is there already`);
+  const was = person.name;
+  const people = [...lab.people.values()];
+  person.name = name;
+  lab.people.clear();
+  for (const one of people) lab.people.set(one.name, one);
+  for (const g of lab.groups.values()) g.members = g.members.map((member) => (member === was ? name : member));
+  for (const session of lab.sessions) if (session.trainee === was) session.trainee = name;
 }
 
 /** Stores a new revision of a document, unless another one came first. */
@@ -276,9 +289,7 @@ function importPeople(lab, { csv, dry_run }) {
     return row(
       there ? 'CHANGE' : 'ADD',
       there
-        ? [code_taken && 'given the code', v.full_name && `full name: '${there.full_name}' to '${v.full_name}'`]
-            .filter(Boolean)
-            .join('; ')
+        ? [code_taken && 'given the code', v.full_name && 'full name'].filter(Boolean).join('; ')
         : `new ${role.toLowerCase()}${v.group ? `, joins ${v.group}` : ''}`,
     );
   });
@@ -379,7 +390,8 @@ export const kTable = [
       throw new Refusal(400, 'invalid_input', 'If-Match: give the revision that was changed');
     if (base !== undefined && body.consent === undefined && base !== person.revision)
       throw new Refusal(409, 'conflict', 'somebody else changed this person', { current_revision: person.revision });
-    const { consent, ...rest } = body;
+    const { consent, new_name, ...rest } = body;
+    if (new_name) rename(lab, person, new_name);
     Object.assign(
       person,
       rest,
@@ -429,16 +441,14 @@ export const kTable = [
       throw new Refusal(400, 'invalid_input', 'confirm: must be the name', { field: 'confirm' });
     lab.people.delete(params.name);
     return {
-      pseudonym: 'erased-7f3a',
+      pseudonym: 'erased person 7',
       sessions: 3,
       recordings: 3,
       scores: 3,
       remarks_kept: 1,
-      audit_lines: 12,
       waiting_sessions: body.with_waiting_sessions ? 0 : 1,
       text: 'Backups made before today still hold the data.',
       pending: false,
-      files: ['/var/backups/needlelab/2026-11-19T09-00-00Z.db'],
     };
   }),
   get('people/:name/progress', kPeople, ({ lab, params, query }) => {

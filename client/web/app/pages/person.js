@@ -11,6 +11,7 @@ import { html, useState } from '../ui/html.js';
 import { CodeForm } from './codes.js';
 
 function Data({ shown, me, load }) {
+  const [name, setAccount] = useState(shown.name);
   const [full_name, setName] = useState(shown.full_name);
   const [role, setRole] = useState(shown.role);
   const action = useAction();
@@ -22,16 +23,26 @@ function Data({ shown, me, load }) {
     if (!person) return;
     load.setData(person);
     announce(text);
+    // another name has another address
+    if (person.name !== shown.name) location.hash = href(['people', person.name]);
   };
   const save = (event) => {
     event.preventDefault();
-    change({ full_name, ...(role !== shown.role ? { role } : {}) }, `${shown.name} was saved.`);
+    change(
+      {
+        full_name,
+        ...(role !== shown.role ? { role } : {}),
+        ...(name !== shown.name ? { new_name: name } : {}),
+      },
+      `${name} was saved.`,
+    );
   };
   return html`<form onSubmit=${save}>
     <fieldset>
       <legend>Data</legend>
       ${fixed && html`<p class="help">People of the role ${words(shown.role)} are changed by administrators.</p>`}
       <div class="fields">
+        <${TextField} label="Account" value=${name} onValue=${setAccount} readonly=${fixed} autocomplete="off" />
         <${TextField} label="Full name" value=${full_name} onValue=${setName} readonly=${fixed} />
         <${SelectField}
           label="Role"
@@ -197,7 +208,7 @@ function Erasure({ name }) {
   };
   if (result) {
     return html`<div class="hint" role="status">
-      <p><strong>The data of ${name} were erased.</strong> In the audit log stands ${result.pseudonym}.</p>
+      <p><strong>The data of ${name} were erased.</strong> They are ${result.pseudonym} from now on.</p>
       <p>
         ${result.pending && html`<${Mark} kind="warn">pending<//> `}
         ${result.sessions} sessions, ${result.scores} scores. ${result.text}
@@ -242,6 +253,8 @@ export function PersonPage({ params, person: me }) {
       <dl class="facts">
         <dt>Role</dt>
         <dd>${words(shown.role)}</dd>
+        <dt>Id</dt>
+        <dd>${shown.id}</dd>
         <dt>Since</dt>
         <dd>${moment(shown.created_unix_ms)}</dd>
         <dt>Groups</dt>

@@ -352,7 +352,7 @@ TEST_F(PeopleCommands, anErasedPersonIsNowhereAndANewOneOfThatNameBeginsAnew) {
   EXPECT_EQ(records(good({"export-all"}).out), before);
 
   const auto erased = good({"person", "erase", kQuoted, "--confirm", kQuoted, "--json"}).rows().at(0);
-  EXPECT_THAT(erased.at("pseudonym").get<std::string>(), testing::StartsWith("erased-"));
+  EXPECT_THAT(erased.at("pseudonym").get<std::string>(), testing::StartsWith("erased person "));
   EXPECT_TRUE(people().empty());
   EXPECT_EQ(good({"group", "show", "g 1", "--json"}).rows()[0].at("count"), 0);
   EXPECT_TRUE(good({"assignments", "--json"}).rows().empty());

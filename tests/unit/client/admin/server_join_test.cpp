@@ -28,8 +28,8 @@ class ServerJoin : public test::AdminTest {
     fs::create_directory(from());
     ASSERT_OK(writeStoreFile(from(), {"postgresql://needlelab@db/lab", "the-lab"}));
     ASSERT_OK(AuditKey::ofFolder(from()));
-    const auto key = test::TestDb::must(PseudonymKey::ofFolder(from()));
-    ASSERT_OK(writeErasures(from(), {sealed({"erased-0123456789ab", key.nameHash("anna"), 5}, key)}));
+    ASSERT_OK(PseudonymKey::ofFolder(from()));
+    ASSERT_OK(writeErasures(from(), {{makeUuidV7(), makeUuidV7(), 5}}));
     ASSERT_OK(
         ensureTlsFiles(tlsFilesIn(from() / "tls"), {.hosts = {"a.example.org"}, .domains = {"example.org"}}));
     // what is that server's own

@@ -117,7 +117,7 @@ TEST_F(SessionCommands, sessionsThatWaitForACodeAreConfirmedAllAtOnce) {
                     ghosts = attempt("tmo", "knee-recess", "");
   // open, of a name that nobody has: its row says that it is tom's, without a code
   addSession(1, true,
-             "UPDATE sessions SET trainee = 'tom' WHERE state = 1;"
+             "UPDATE sessions SET trainee = (SELECT ref FROM accounts WHERE name = 'tom') WHERE state = 1;"
              "UPDATE unknown_trainees SET code_unchecked = 1 WHERE session IN (SELECT number FROM sessions"
              " WHERE state = 1)");
   const auto why = [&] {

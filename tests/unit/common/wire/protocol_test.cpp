@@ -267,24 +267,6 @@ TEST(Refusal, aVersionRefusalNamesBothVersions) {
   EXPECT_THAT(errorOf(refusal).message, testing::AllOf(testing::HasSubstr("2.4"), testing::HasSubstr("1.0")));
 }
 
-TEST(WipeSecrets, emptiesPasswordsAndCodesAndLeavesTheRest) {
-  pb::Request request;
-  request.mutable_get_lesson()->set_trainee("tom");
-  request.mutable_get_lesson()->set_code("4711");
-  wipeSecrets(request);
-  EXPECT_EQ(request.get_lesson().code(), "");
-  EXPECT_EQ(request.get_lesson().trainee(), "tom");
-  request.mutable_check_trainee()->set_code("4711");
-  wipeSecrets(request);
-  EXPECT_EQ(request.check_trainee().code(), "");
-  request.mutable_set_password()->set_password("correct horse");
-  wipeSecrets(request);
-  EXPECT_EQ(request.set_password().password(), "");
-  request.mutable_get_user()->set_name("tom");
-  wipeSecrets(request);
-  EXPECT_EQ(request.get_user().name(), "tom");
-}
-
 TEST(Refusal, aReasonOfANewerPeerHasANumberForAName) {
   EXPECT_EQ(reasonName(static_cast<pb::Refusal::Reason>(99)), "reason 99");
   EXPECT_EQ(reasonName(pb::Refusal::GAP), "GAP");

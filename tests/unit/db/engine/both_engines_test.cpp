@@ -25,10 +25,10 @@ class BothEngines : public testing::Test {
     EXPECT_OK(rows);
     return rows->value_or(-1);
   }
-  std::int64_t people() { return count(db.writer, "people"); }
-  Status addPerson(const std::string& name) {
+  std::int64_t groups() { return count(db.writer, "groups"); }
+  Status addGroup(const std::string& name) {
     return db.writer.run(
-        "INSERT INTO people (name, folded, role, created_unix_ns, changed_unix_ns) VALUES (?1, ?1, 4, 1, 1)",
+        "INSERT INTO groups (id, name, revision, changed_by, changed_unix_ns) VALUES (?1, '', 1, '', 1)",
         name);
   }
   TestDb db;
@@ -77,15 +77,15 @@ TEST_F(BothEngines, keepValuesOfEveryKind) {
 }
 
 TEST_F(BothEngines, anotherStatementRunsWhileRowsAreRead) {
-  for (const char* name : {"anna", "ben", "cleo"}) ASSERT_OK(addPerson(name));
+  for (const char* name : {"anna", "ben", "cleo"}) ASSERT_OK(addGroup(name));
   std::vector<std::string> names;
-  auto rows = db.writer.prepare("SELECT name FROM people ORDER BY name");
+  auto rows = db.writer.prepare("SELECT id FROM groups ORDER BY id");
   while (*rows.step()) {
     names.push_back(rows.text(0));
     ASSERT_OK(
-        db.writer.run("UPDATE people SET full_name = ? WHERE name = ?", "of " + names.back(), names.back()));
+        db.writer.run("INSERT INTO meta (key, value) VALUES (?, ?)", names.back(), "of " + names.back()));
     // the same text as the one under way
-    auto again = db.writer.prepare("SELECT name FROM people ORDER BY name");
+    auto again = db.writer.prepare("SELECT id FROM groups ORDER BY id");
     EXPECT_TRUE(*again.step());
     EXPECT_EQ(again.text(0), "anna");
   }
@@ -93,23 +93,23 @@ TEST_F(BothEngines, anotherStatementRunsWhileRowsAreRead) {
 }
 
 TEST_F(BothEngines, errorsSayWhatKindTheyAre) {
-  ASSERT_OK(addPerson("anna"));
+  ASSERT_OK(addGroup("anna"));
   const auto code = [](const Status& status) {
     return status.ok() ? ErrorCode::kFailed : status.error().code;
   };
-  EXPECT_EQ(code(addPerson("anna")), ErrorCode::kAlreadyExists);
+  EXPECT_EQ(code(addGroup("anna")), ErrorCode::kAlreadyExists);
   EXPECT_EQ(code(db.writer.run("INSERT INTO group_members (group_id, person) VALUES ('none', 'anna')")),
             ErrorCode::kNotFound);
-  EXPECT_EQ(code(addPerson("")), ErrorCode::kInvalidInput) << "a CHECK";
+  EXPECT_EQ(code(addGroup("")), ErrorCode::kInvalidInput) << "a CHECK";
   EXPECT_EQ(code(db.writer.run("INSERT INTO meta (key) VALUES ('x')")), ErrorCode::kInvalidInput)
       << "NOT NULL";
   const Status wrong = db.writer.run("SELECT nothing FROM nowhere");
   EXPECT_EQ(code(wrong), ErrorCode::kFailed);
   EXPECT_THAT(wrong.error().message, HasSubstr("nowhere"));
   EXPECT_FALSE(db.writer.damaged());
-  EXPECT_EQ(people(), 1);
+  EXPECT_EQ(groups(), 1);
   // a number that is none of the engine's
-  const Status large = db.writer.run("UPDATE people SET revision = ?", ~std::uint64_t{0});
+  const Status large = db.writer.run("UPDATE groups SET revision = ?", ~std::uint64_t{0});
   EXPECT_EQ(code(large), ErrorCode::kInvalidInput);
 }
 
@@ -118,49 +118,49 @@ TEST_F(BothEngines, aTransactionThatIsNotCommittedLeavesNothing) {
     auto transaction = Transaction::begin(db.writer, Transaction::Kind::kWrite);
     ASSERT_OK(transaction);
     EXPECT_TRUE(db.writer.inTransaction());
-    ASSERT_OK(addPerson("anna"));
+    ASSERT_OK(addGroup("anna"));
   }
   EXPECT_FALSE(db.writer.inTransaction());
-  EXPECT_EQ(people(), 0);
+  EXPECT_EQ(groups(), 0);
   {
     auto transaction = Transaction::begin(db.writer, Transaction::Kind::kWrite);
     ASSERT_OK(transaction);
-    ASSERT_OK(addPerson("anna"));
+    ASSERT_OK(addGroup("anna"));
     ASSERT_OK(transaction->commit());
   }
-  EXPECT_EQ(people(), 1);
+  EXPECT_EQ(groups(), 1);
 }
 
 TEST_F(BothEngines, aSavepointTakesItsOwnPartBackAlsoAfterAnError) {
   auto transaction = Transaction::begin(db.writer, Transaction::Kind::kWrite);
   ASSERT_OK(transaction);
-  ASSERT_OK(addPerson("anna"));
+  ASSERT_OK(addGroup("anna"));
   {
     auto savepoint = Savepoint::begin(db.writer);
     ASSERT_OK(savepoint);
-    ASSERT_OK(addPerson("ben"));
-    EXPECT_FALSE(addPerson("anna").ok());
+    ASSERT_OK(addGroup("ben"));
+    EXPECT_FALSE(addGroup("anna").ok());
   }
-  EXPECT_EQ(people(), 1) << "the transaction goes on";
+  EXPECT_EQ(groups(), 1) << "the transaction goes on";
   {
     auto savepoint = Savepoint::begin(db.writer);
     ASSERT_OK(savepoint);
-    ASSERT_OK(addPerson("cleo"));
+    ASSERT_OK(addGroup("cleo"));
     ASSERT_OK(savepoint->release());
   }
   ASSERT_OK(transaction->commit());
-  EXPECT_EQ(people(), 2);
+  EXPECT_EQ(groups(), 2);
 }
 
 TEST_F(BothEngines, aViewDoesNotChange) {
   Connection reader = db.reader();
   auto view = Transaction::begin(reader, Transaction::Kind::kRead);
   ASSERT_OK(view);
-  ASSERT_OK(addPerson("anna"));
-  EXPECT_EQ(count(reader, "people"), 0);
+  ASSERT_OK(addGroup("anna"));
+  EXPECT_EQ(count(reader, "groups"), 0);
   ASSERT_OK(view->commit());
-  EXPECT_EQ(count(reader, "people"), 1);
-  EXPECT_FALSE(reader.run("DELETE FROM people").ok()) << "a reader changes nothing";
+  EXPECT_EQ(count(reader, "groups"), 1);
+  EXPECT_FALSE(reader.run("DELETE FROM groups").ok()) << "a reader changes nothing";
 }
 
 TEST_F(BothEngines, returningGivesTheKeyAndChangesCountsRows) {
@@ -184,8 +184,8 @@ TEST_F(BothEngines, returningGivesTheKeyAndChangesCountsRows) {
 }
 
 TEST_F(BothEngines, textsAreComparedByteByByte) {
-  for (const char* name : {"b", "B", "a", "Ä", "_", "a b", "Z"}) ASSERT_OK(addPerson(name));
-  const auto names = db.writer.prepare("SELECT name FROM people ORDER BY name").all(firstText);
+  for (const char* name : {"b", "B", "a", "Ä", "_", "a b", "Z"}) ASSERT_OK(addGroup(name));
+  const auto names = db.writer.prepare("SELECT id FROM groups ORDER BY id").all(firstText);
   ASSERT_OK(names);
   EXPECT_THAT(*names, ElementsAre("B", "Z", "_", "a", "a b", "b", "Ä"));
   const auto folded = db.writer.query("SELECT lower(?)", "ÄB").first(firstText);
@@ -212,7 +212,7 @@ TEST_F(BothEngines, aCancelledReadEnds) {
       "FROM n");
   ASSERT_FALSE(read.ok());
   cancelled = false;
-  EXPECT_EQ(people(), 0) << "the connection goes on";
+  EXPECT_EQ(groups(), 0) << "the connection goes on";
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "db/erasure.h"
+#include "db/person_refs.h"
 #include "tests/unit/db/service/test_service.h"
 
 namespace needlelab {
@@ -25,12 +26,10 @@ class CloseBesideErasure : public test::ServiceTest {
     return get(instructor, request).session();
   }
   void erase(const std::string& name) {
-    const auto key = PseudonymKey::ofFolder(folder.path() / "data");
-    ASSERT_OK(key);
     constexpr std::int64_t kLater_unix_ns = 4'000'000'000'000'000'000;
     ASSERT_OK(change([&](Connection& c) -> Status {
-      const auto done = ErasureStore(c).erase(name, {"erased-" + name, key->nameHash(name), kLater_unix_ns},
-                                              "ada", "", kLater_unix_ns);
+      const auto ref = findPerson(c, name, Named::kAccountOrTyped);
+      const auto done = ErasureStore(c).erase(ref->value(), {"ada", "", kLater_unix_ns});
       return done ? Status() : Status(done.error());
     }));
   }

@@ -306,10 +306,8 @@ TEST_F(PeopleHandlers, managersEndTheAccessOfThoseBelowThemAndAdministratorsAnyb
 
 TEST_F(PeopleHandlers, namesWithASlashAreNotMadeAnyMoreAndThoseOfBeforeStayUsable) {
   ASSERT_OK(change([](Connection& c) -> Status {
-    if (auto done = c.run("INSERT INTO people (name, folded, role, created_unix_ns, changed_unix_ns) VALUES "
-                          "('a/b','a/b',1,1,1)");
-        !done)
-      return done;
+    RETURN_IF_ERROR(PeopleStore(c).add({"ab", pb::TRAINEE, "", false, 1}));
+    RETURN_IF_ERROR(c.run("UPDATE names SET name = 'a/b', folded = 'a/b' WHERE name = 'ab'"));
     if (auto done = c.run("INSERT INTO stations (name, key_hash, revoked, created_unix_ns) VALUES ('lab/1',"
                           "zeroblob(32),1,1)");
         !done)

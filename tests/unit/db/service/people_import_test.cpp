@@ -65,14 +65,14 @@ TEST_F(ClassLists, aTableThatAddsToGroupsWithTooManyMembersTogetherIsRefusedAtAL
           c.run("INSERT INTO groups (id, name, revision, changed_by, changed_unix_ns)"
                 " VALUES (?1, ?1, 1, 'mia', 1)",
                 id));
-      RETURN_IF_ERROR(c.run("INSERT INTO group_members (group_id, person) SELECT ?, name FROM people", id));
+      RETURN_IF_ERROR(c.run("INSERT INTO group_members (group_id, person) SELECT ?, ref FROM people", id));
     }
     return {};
   }));
   const Error refused = refusedTable("name,group\nben,g0;g1\nanna,g2;g3;g4\n");
   EXPECT_EQ(refused.code, ErrorCode::kInvalidInput);
   EXPECT_TRUE(refused.message.starts_with("csv: line 3: with group 'g4', ")) << refused.message;
-  EXPECT_EQ(count("SELECT count(*) FROM people WHERE name IN ('anna', 'ben')"), 0);
+  EXPECT_EQ(count("SELECT count(*) FROM accounts WHERE name IN ('anna', 'ben')"), 0);
   EXPECT_TRUE(importPeople("name,group\nben,g0;g1\n").done());
 }
 
@@ -153,7 +153,9 @@ TEST_F(ClassLists, whoIsInVeryManyGroupsFromBeforeIsListedWithSomeOfThem) {
           c.run("INSERT INTO groups (id, name, revision, changed_by, changed_unix_ns)"
                 " VALUES (?1, ?1, 1, 'mia', 1)",
                 id));
-      RETURN_IF_ERROR(c.run("INSERT INTO group_members (group_id, person) VALUES (?, 'anna')", id));
+      RETURN_IF_ERROR(c.run(
+          "INSERT INTO group_members (group_id, person) SELECT ?, ref FROM accounts WHERE name = 'anna'",
+          id));
     }
     return {};
   }));

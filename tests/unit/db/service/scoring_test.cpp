@@ -13,6 +13,7 @@
 #include "common/scoring/dtw.h"
 #include "common/scoring/measures.h"
 #include "db/erasure.h"
+#include "db/person_refs.h"
 #include "db/service/rescoring.h"
 #include "db/session_results.h"
 #include "db/session_rows.h"
@@ -553,8 +554,8 @@ TEST_F(LongScoring, meetsDamageThatCameBetweenItsSteps) {
 TEST_F(LongScoring, getsNoFurtherStepOnceItsPersonIsErased) {
   ASSERT_FALSE(store->service().executeStep(instructor, again, under_way));
   ASSERT_OK(change([](Connection& c) {
-    const ErasureLine line{newErasurePseudonym(), PseudonymKey(PseudonymKey::Hash{7}).nameHash("anna"), 1};
-    const auto erased = ErasureStore(c).erase("anna", line, "ada", "", 1);
+    const auto ref = findPerson(c, "anna", Named::kAccountOrTyped);
+    const auto erased = ErasureStore(c).erase(ref->value(), {"ada", "", 1});
     return erased ? Status() : Status(erased.error());
   }));
   const auto outcome = store->service().executeStep(instructor, again, under_way);

@@ -1,4 +1,5 @@
 #include "db/erasure.h"
+#include "db/person_refs.h"
 #include "tests/unit/db/service/test_service.h"
 
 namespace needlelab {
@@ -203,8 +204,8 @@ TEST_F(SessionHandlers, aRecordingThatIsRemovedBetweenTwoStepsIsVerifiedAsWhatIs
   ASSERT_FALSE(store->service().executeStep(instructor, verify, under_way));
   // retention removes the chunks later
   ASSERT_OK(change([](Connection& c) {
-    const ErasureLine line{newErasurePseudonym(), PseudonymKey(PseudonymKey::Hash{7}).nameHash("anna"), 1};
-    const auto erased = ErasureStore(c).erase("anna", line, "ada", "", 1);
+    const auto ref = findPerson(c, "anna", Named::kAccountOrTyped);
+    const auto erased = ErasureStore(c).erase(ref->value(), {"ada", "", 1});
     return erased ? Status() : Status(erased.error());
   }));
   const auto outcome = store->service().executeStep(instructor, verify, under_way);

@@ -145,7 +145,7 @@ TEST_F(Teaching, aClassOfAThousandComesFromATableAllOfItOrNothing) {
   EXPECT_TRUE(importPeople(csv).done());
   EXPECT_EQ(count("SELECT count(*) FROM people WHERE role = 1"), 1000);
   EXPECT_EQ(count("SELECT count(*) FROM group_members"), 2000);
-  EXPECT_EQ(count("SELECT count(*) FROM people WHERE full_name = 'Student, 7'"), 1);
+  EXPECT_EQ(count("SELECT count(*) FROM accounts WHERE full_name = 'Student, 7'"), 1);
   // again: nothing to do, and no group has a new revision
   const auto again = importPeople(csv);
   EXPECT_EQ(again.unchanged(), 1000u);

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "db/people.h"
+#include "db/person_refs.h"
 #include "db/service/bootstrap.h"
 #include "tests/unit/db/test_db.h"
 
@@ -23,8 +24,21 @@ inline std::unique_ptr<Store> openStore(const std::filesystem::path& folder,
 
 class ServiceTest : public testing::Test {
  protected:
+  /// `who` by name, as one who has logged in where there is such an account.
   Outcome ask(const Principal& who, const pb::Request& request) {
-    return store->service().execute(who, request);
+    return store->service().execute(loggedIn(who), request);
+  }
+  Principal loggedIn(Principal who) {
+    if (who.role == pb::STATION) return who;
+    auto reader = store->readers().borrow();
+    const auto ref = findPerson(**reader, who.name, Named::kAccountOrTyped);
+    if (ref && *ref) who.name = **ref;
+    return who;
+  }
+  /// The ref of an account.
+  std::string refOf(const std::string& name) {
+    const auto account = store->service().principalOf(name);
+    return account && *account ? (*account)->name : "no account " + name;
   }
   /// Returns the reply. Fails the test if the request is refused.
   pb::Reply get(const Principal& who, const pb::Request& request) {

@@ -302,7 +302,9 @@ TEST_F(WholeLists, attemptsComeNewestFirstAndEachIsFoundByItsSession) {
   get(instructor, excuse);
   ASSERT_OK(change([&](Connection& c) {
     return c.run(
-        "INSERT INTO unknown_trainees (session, given) SELECT number, 'anna' FROM sessions WHERE id = ?",
+        "INSERT INTO unknown_trainees (session, given, code_unchecked) SELECT number, trainee, 1 FROM "
+        "sessions"
+        " WHERE id = ?",
         ByteView(of_first[419]));
   }));
 

@@ -124,7 +124,7 @@ TEST(Access, messagesOfNoMeaningHideNoneThatTheRoleMayNot) {
   });
   EXPECT_EQ(countOf(log, "message_refused conn="), kLines + 1) << log;
   EXPECT_EQ(countOf(log, "reason=ROLE"), 1u) << log;
-  EXPECT_EQ(countOf(log, leftOut("\"person ines\"", "message_refused", kOthers - kLines)), 1u) << log;
+  EXPECT_EQ(countOf(log, leftOut("\"person @1\"", "message_refused", kOthers - kLines)), 1u) << log;
 }
 
 TEST(Access, guessesThatComeTogetherAreNoMoreThanThoseThatComeInTurn) {

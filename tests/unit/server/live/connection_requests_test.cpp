@@ -182,7 +182,7 @@ TEST(Requests, aPersonsNewCodesWaitEightAtATimeOverAllConnections) {
   const int codes = done - 3;
   EXPECT_TRUE(codes == 8 || codes == 9) << codes << ": those that wait, and perhaps the one at work";
   for (const pb::Refusal& refusal : refusals)
-    EXPECT_THAT(refusal.text(), HasSubstr("8 passwords and codes of 'tom' wait"));
+    EXPECT_THAT(refusal.text(), HasSubstr("8 passwords and codes of this account wait"));
 }
 
 TEST(Requests, aMessageReachesTheTraineeAndNamesItsSender) {

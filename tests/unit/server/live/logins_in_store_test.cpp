@@ -64,7 +64,7 @@ struct OneServer {
     return TestDb::must(wait(logins.begin(name, address)));
   }
   std::string issue(const std::string& name, std::int64_t number = 0) {
-    return TestDb::must(wait(logins.issue({{name, pb::INSTRUCTOR, true, 7, number}, 0}))).token;
+    return TestDb::must(wait(logins.issue({{name, pb::INSTRUCTOR, true, number}, 0}))).token;
   }
   bool finds(const std::string& token) { return TestDb::must(wait(logins.find(token, "here"))).has_value(); }
   /// As a request is let in: known, and held against the database.
@@ -166,11 +166,11 @@ TEST_F(LoginsInStoreTest, whatCouldNotBeCheckedLeavesNoTrace) {
 }
 
 TEST_F(LoginsInStoreTest, aTokenOfOneServerIsValidAtTheOther) {
-  const std::string token = a.issue("anna");
+  const std::string token = a.issue("@1");
   EXPECT_TRUE(b.lets(token));
   EXPECT_EQ(b.leftMs(token), 15 * 60'000);
   const auto holder = TestDb::must(b.wait(b.logins.find(token, "here")));
-  EXPECT_EQ(holder->who.name, "anna");
+  EXPECT_EQ(holder->who.name, "@1");
   EXPECT_EQ(holder->who.access_number, 0);
   EXPECT_EQ(holder->password_ns, time.peekNs()) << "of the database's clock";
   EXPECT_TRUE(b.logins.mayBeToken(token));
@@ -181,7 +181,7 @@ TEST_F(LoginsInStoreTest, aTokenOfOneServerIsValidAtTheOther) {
 }
 
 TEST_F(LoginsInStoreTest, whatIsNoTokenIsNotLookedFor) {
-  std::string token = a.issue("anna");
+  std::string token = a.issue("@1");
   token[3] = static_cast<char>(token[3] ^ 1);
   ASSERT_OK(db.writer.script("ALTER TABLE login_tokens RENAME TO gone"));
   for (const std::string& text : {token, std::string(), std::string(32, 'x')}) {
@@ -192,7 +192,7 @@ TEST_F(LoginsInStoreTest, whatIsNoTokenIsNotLookedFor) {
 }
 
 TEST_F(LoginsInStoreTest, usingATokenAtOneServerLengthensItAtTheOther) {
-  const std::string token = a.issue("anna");
+  const std::string token = a.issue("@1");
   EXPECT_EQ(b.leftMs(token), 15 * 60'000);
   advance(10 * 60 * kSec);
   a.logins.renew(token);
@@ -207,7 +207,7 @@ TEST_F(LoginsInStoreTest, usingATokenAtOneServerLengthensItAtTheOther) {
 }
 
 TEST_F(LoginsInStoreTest, aLogOutAtOneServerEndsTheTokenAtTheOthersNextUse) {
-  const std::string token = a.issue("anna"), other = a.issue("anna");
+  const std::string token = a.issue("@1"), other = a.issue("@1");
   EXPECT_TRUE(b.lets(token));
   ASSERT_OK(a.wait(a.logins.end(token)));
   EXPECT_FALSE(a.lets(token));
@@ -215,38 +215,38 @@ TEST_F(LoginsInStoreTest, aLogOutAtOneServerEndsTheTokenAtTheOthersNextUse) {
   EXPECT_TRUE(b.lets(other));
   // what goes on without a use hears of it
   EXPECT_GT(b.leftMs(token), 0);
-  EXPECT_EQ(b.logins.forget("anna"), std::nullopt);
+  EXPECT_EQ(b.logins.forget("@1"), std::nullopt);
   EXPECT_EQ(b.leftMs(token), 0);
   EXPECT_GT(b.leftMs(other), 0);
 }
 
 TEST_F(LoginsInStoreTest, aChangeOfTheAccountEndsItsTokensAtEachServersNextUse) {
-  const std::string token = a.issue("anna"), bert = a.issue("bert");
+  const std::string token = a.issue("@1"), bert = a.issue("@2");
   EXPECT_TRUE(b.lets(token));
-  ASSERT_OK(PeopleStore(db.writer).setPasswordHash("anna", "another"));
+  ASSERT_OK(PeopleStore(db.writer).setPasswordHash("@1", "another"));
   EXPECT_FALSE(a.lets(token));
   EXPECT_FALSE(b.lets(token));
   EXPECT_TRUE(b.lets(bert));
-  const auto late = a.wait(a.logins.issue({{"anna", pb::INSTRUCTOR, true, 7, 0}, 0}));
+  const auto late = a.wait(a.logins.issue({{"@1", pb::INSTRUCTOR, true, 0}, 0}));
   ASSERT_FALSE(late.ok()) << "the old password was checked before the change";
   EXPECT_EQ(late.error().code, ErrorCode::kConflict);
-  EXPECT_TRUE(b.lets(a.issue("anna", 1)));
+  EXPECT_TRUE(b.lets(a.issue("@1", 1)));
 }
 
 TEST_F(LoginsInStoreTest, whileTheDatabaseIsAwayNobodyIsLetInAndALivePageGoesOnUpToItsEnd) {
-  const std::string token = a.issue("anna"), unknown = a.key.makeToken();
+  const std::string token = a.issue("@1"), unknown = a.key.makeToken();
   EXPECT_TRUE(b.lets(token));
   ASSERT_OK(db.writer.script("ALTER TABLE login_tokens RENAME TO gone"));
   EXPECT_FALSE(b.wait(b.logins.find(unknown, "here")).ok());
   EXPECT_FALSE(b.logins.check(token, {})().ok());
   EXPECT_GT(b.leftMs(token), 0);
-  b.logins.forget("anna");
+  b.logins.forget("@1");
   EXPECT_EQ(b.leftMs(token), 0) << "something changed, and nobody can say what";
   ASSERT_OK(db.writer.script("ALTER TABLE gone RENAME TO login_tokens"));
 }
 
 TEST_F(LoginsInStoreTest, aPromotedStandbysClockThatIsHoursBehindGivesNobodyHours) {
-  const std::string token = a.issue("anna");
+  const std::string token = a.issue("@1");
   for (int n = 0; n < 3; ++n) (void)a.begin("person anna", "lab");
   test::FakeTime behind{time.peekNs() - 3 * 3600 * kSec};
   OneServer promoted(db, behind, 1'000 * kSec, "c");
@@ -256,7 +256,7 @@ TEST_F(LoginsInStoreTest, aPromotedStandbysClockThatIsHoursBehindGivesNobodyHour
 }
 
 TEST_F(LoginsInStoreTest, tidyingKeepsWhatCounts) {
-  const std::string token = a.issue("anna");
+  const std::string token = a.issue("@1");
   for (int n = 0; n < 3; ++n) (void)a.begin("person anna", "lab");
   a.logins.tidy();
   (void)a.leftMs(token);

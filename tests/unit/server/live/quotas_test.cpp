@@ -182,7 +182,7 @@ TEST(PeopleShares, aRefusalSaysTheShareAndWhenThereIsRoomAndCostsNothing) {
   const auto at = [&](std::int64_t now_ns) {
     return [&all, now_ns] { return all.admit("tina", pb::TRAINEE, kMebi - kCost, now_ns); };
   };
-  EXPECT_EQ(admitted(at(0), {"'tina'", "24 MiB", "in 60 min"}), 24);
+  EXPECT_EQ(admitted(at(0), {"this account", "24 MiB", "in 60 min"}), 24);
   EXPECT_EQ(admitted(at(0), {"in 60 min"}), 0);
   EXPECT_EQ(admitted(at(59 * kMinute_ns), {}), 0);
   EXPECT_EQ(admitted(at(60 * kMinute_ns), {}), 1);

@@ -662,13 +662,14 @@ TEST_F(RemoteLiveTest, withoutTheLinkViewersAreToldAndItComesBackByItself) {
   b.hub.detachViewer(late);
 }
 
-TEST_F(RemoteLiveTest, anErasedPersonsNameIsNotShownFromElsewhereEither) {
+TEST_F(RemoteLiveTest, anErasedPersonsNameIsNotShownElsewhereOnceTheStationsServerKnows) {
   a.hub.attachStation("bench-1", bench);
-  sayStatus(a, "bench-1", lessonOf("tina"));
+  const auto lesson = lessonOf("tina");
+  a.hub.onSession("bench-1", lesson.session_id(), "@7");
+  sayStatus(a, "bench-1", lesson);
   lab.run(200);
   ASSERT_EQ(b.listed("bench-1").status().trainee(), "tina");
-  b.hub.forgetTrainee("tina");
-  EXPECT_EQ(b.listed("bench-1").status().trainee(), "");
+  a.hub.forgetTrainee("@7");
   lab.run(1500);
   EXPECT_EQ(b.listed("bench-1").status().trainee(), "");
 }

@@ -500,51 +500,6 @@ TEST_F(RequestThreadsTest, theVerificationOfALongSessionGivesWayToOthersBetweenI
   EXPECT_THAT(outcome->reply.verified().text(), testing::HasSubstr("chunk 19999"));
 }
 
-TEST_F(RequestThreadsTest, theLookAtFilesOfAnErasureGivesWayToOthersAndIsFinishedForWhoHasGone) {
-  ASSERT_TRUE(store->writer()
-                  .run([](Connection& c) {
-                    return PeopleStore(c).add({"tom", pb::TRAINEE, "", false, 1});
-                  })
-                  .ok());
-  // of before it, without the name
-  const std::filesystem::path file = folder.path() / "data" / "backups" / "old.db";
-  std::filesystem::create_directories(file.parent_path());
-  {
-    auto empty = Connection::open(file, {.mode = Connection::Mode::kWriter, .create = true});
-    ASSERT_TRUE(empty.ok() && migrate(*empty).ok() && empty->script("PRAGMA journal_mode=DELETE").ok());
-  }
-  pb::Request erase;
-  erase.mutable_erase_person()->set_name("tom");
-  erase.mutable_erase_person()->set_confirm("tom");
-  ASSERT_EQ(threadsOf(erase, pb::ADMINISTRATOR), RequestThreads::kSlow);
-  occupy(*context.slow_workers_of_people, "ina");
-  std::shared_ptr<Outcome> outcome;
-  // there when the turn comes, and gone from then on
-  std::atomic<int> asked{0};
-  asio::co_spawn(loop.io,
-                 answer({"ada", pb::ADMINISTRATOR}, erase, &outcome, [&asked] { return asked++ > 0; }),
-                 rethrow);
-  loop.io.restart();
-  loop.io.poll();
-  // comes after ada, and is done before she has looked at the file
-  context.slow_workers_of_people->post(turnNameOf({"mara", pb::CURRICULUM_MANAGER}), [this, file] {
-    EXPECT_TRUE(store->writer()
-                    .run([](Connection& c) -> Status {
-                      const auto person = PeopleStore(c).find("tom");
-                      EXPECT_TRUE(person.ok() && !person->has_value()) << "erased";
-                      return {};
-                    })
-                    .ok());
-    auto named = Connection::open(file, {.mode = Connection::Mode::kWriter});
-    EXPECT_TRUE(named.ok() && named->run("INSERT INTO meta (key, value) VALUES ('name', 'tom')").ok() &&
-                named->script("PRAGMA journal_mode=DELETE").ok());
-  });
-  release();
-  ASSERT_TRUE(loop.runUntil([&] { return outcome != nullptr; }));
-  ASSERT_FALSE(outcome->error) << outcome->error->message;
-  EXPECT_THAT(outcome->reply.erasure().files(), testing::ElementsAre(file.string()));
-}
-
 /// A station that hears nothing.
 struct DeafStation : HubPeer {
   void sendControl(const pb::Envelope&) override {}
@@ -558,14 +513,16 @@ TEST_F(RequestThreadsTest, whoIsErasedHasNoAccessFromThenOnHoweverLongTheRestOfI
                       return PeopleStore(c).add({name, pb::INSTRUCTOR, "", false, 1});
                     })
                     .ok());
-  for (const char* name : {"tom", "ina"})
-    tokens().issue({{name, pb::INSTRUCTOR}, steadyNowNs()}, steadyNowNs());
+  for (const char* ref : {"@1", "@2"}) tokens().issue({{ref, pb::INSTRUCTOR}, steadyNowNs()}, steadyNowNs());
   pb::Request erase;
   erase.mutable_erase_person()->set_name("tom");
   erase.mutable_erase_person()->set_confirm("tom");
   DeafStation bench;
   context.hub.attachStation("bench-1", bench);
+  const std::string session = test::bytesOfId(makeUuidV7());
+  context.hub.onSession("bench-1", session, "@1");
   pb::StationStatus status;
+  status.set_session_id(session);
   status.set_trainee("tom");
   ASSERT_FALSE(context.hub.onStatus("bench-1", status, 0));
   const auto shown = [this] {

@@ -253,8 +253,7 @@ TEST(WebLessons, filtersHoldAcrossPages) {
     request.mutable_set_consent()->set_name("tina");
     request.mutable_set_consent()->set_given(i % 2 == 0);
     (void)lab.server().service().execute(
-        i % 3 == 0 ? Principal{"mara", pb::CURRICULUM_MANAGER} : Principal{"ada", pb::ADMINISTRATOR},
-        request);
+        i % 3 == 0 ? Principal{"@3", pb::CURRICULUM_MANAGER} : Principal{"@5", pb::ADMINISTRATOR}, request);
   }
   const auto all = [&](const std::string& query) {
     std::size_t lines = 0, pages = 0;
