@@ -23,11 +23,8 @@ constexpr std::string_view kTaken =
     "SELECT number FROM sessions WHERE trainee = ?1 AND erased = 0"
     " AND (?2 = 1 OR NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = number))";
 
-Uuid uuidOfBlob(const Statement& row, int at) {
-  Uuid uuid{};
-  const ByteView bytes = row.bytes(at);
-  std::copy_n(bytes.begin(), std::min(bytes.size(), uuid.size()), uuid.begin());
-  return uuid;
+Uuid uuidAt(const Statement& row, int at) {
+  return uuidOf(textOf(row.bytes(at))).value_or(Uuid{});  // a CHECK holds the length
 }
 
 }  // namespace
@@ -68,7 +65,7 @@ Result<ErasureLine> ErasureStore::lineOf(std::string_view ref, std::int64_t unix
   ASSIGN_OR_RETURN(line.lab, lab());
   ASSIGN_OR_RETURN(const auto uuid,
                    connection_.query("SELECT uuid FROM people WHERE ref = ? AND erased_unix_ns IS NULL", ref)
-                       .first([](const Statement& row) { return uuidOfBlob(row, 0); }));
+                       .first([](const Statement& row) { return uuidAt(row, 0); }));
   if (!uuid) return Error{ErrorCode::kNotFound, fmt::format("there is no person named '{}'", ref)};
   line.person = *uuid;
   return line;
@@ -207,15 +204,18 @@ Status ErasureStore::writeNamesAnew(std::string_view gone) {
   return {};
 }
 
-Result<bool> ErasureStore::wasErased(std::string_view name, std::int64_t now_unix_ns) {
+Result<bool> ErasureStore::wasErased(std::string_view name, std::int64_t started_unix_ns,
+                                     std::int64_t now_unix_ns) {
   ASSIGN_OR_RETURN(const auto any,
                    connection_.prepare("SELECT 1 FROM erased_names LIMIT 1").first(firstText));
   if (!any) return false;
   ASSIGN_OR_RETURN(const auto key, PseudonymKey::ofFolder(connection_.path().parent_path()));
   ASSIGN_OR_RETURN(const auto found,
                    connection_
-                       .query("SELECT 1 FROM erased_names WHERE hash = ? AND until_unix_ns > ?",
-                              ByteView(key.nameHash(nameKey(trimmedName(name)))), now_unix_ns)
+                       .query("SELECT 1 FROM erased_names WHERE hash = ? AND until_unix_ns > ?"
+                              " AND until_unix_ns - ? > ?",
+                              ByteView(key.nameHash(nameKey(trimmedName(name)))), now_unix_ns,
+                              kErasedNamesKept_ns, started_unix_ns)
                        .first(firstText));
   return found.has_value();
 }
@@ -231,8 +231,24 @@ Result<std::vector<ErasureLine>> ErasureStore::known() {
   ASSIGN_OR_RETURN(const Uuid of, lab());
   return connection_.prepare("SELECT uuid, erased_unix_ns FROM erasures ORDER BY erased_unix_ns")
       .all([&](const Statement& row) {
-        return ErasureLine{of, uuidOfBlob(row, 0), row.integer(1)};
+        return ErasureLine{of, uuidAt(row, 0), row.integer(1)};
       });
+}
+
+Result<std::optional<std::string>> ErasureStore::refNotErased(const Uuid& person) {
+  return connection_
+      .query("SELECT ref FROM people WHERE uuid = ? AND erased_unix_ns IS NULL", ByteView(person))
+      .first(firstText);
+}
+
+Result<bool> ErasureStore::isAnyBack(const std::vector<ErasureLine>& lines) {
+  ASSIGN_OR_RETURN(const Uuid of, lab());
+  for (const ErasureLine& line : lines) {
+    if (line.lab != of) continue;
+    ASSIGN_OR_RETURN(const auto ref, refNotErased(line.person));
+    if (ref) return true;
+  }
+  return false;
 }
 
 Result<std::size_t> ErasureStore::repeat(const std::vector<ErasureLine>& lines, std::int64_t now_unix_ns) {
@@ -240,11 +256,7 @@ Result<std::size_t> ErasureStore::repeat(const std::vector<ErasureLine>& lines, 
   std::size_t erased = 0;
   for (const ErasureLine& line : lines) {
     if (line.lab != of) continue;
-    ASSIGN_OR_RETURN(
-        const auto ref,
-        connection_
-            .query("SELECT ref FROM people WHERE uuid = ? AND erased_unix_ns IS NULL", ByteView(line.person))
-            .first(firstText));
+    ASSIGN_OR_RETURN(const auto ref, refNotErased(line.person));
     if (ref) {
       const auto done =
           erase(*ref, {std::string(kServerName), "from the list beside the database", now_unix_ns});

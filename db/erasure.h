@@ -44,18 +44,22 @@ class ErasureStore {
   /// The names' pages are written again, so that no free part of them keeps a name. `ref`: of an account, or
   /// of a name that was typed at a station. kNotFound; kDenied: the last administrator who can log in.
   Result<pb::Erasure> erase(const std::string& ref, const ErasureOrder& order);
-  /// Whether an erased person had this name, within kErasedNamesKept_ns: what a station brings under it
-  /// waits.
-  Result<bool> wasErased(std::string_view name, std::int64_t now_unix_ns);
+  /// Whether a person with this name was erased after `started_unix_ns`, within the last kErasedNamesKept_ns:
+  /// a session that began then may be that person's, and waits.
+  Result<bool> wasErased(std::string_view name, std::int64_t started_unix_ns, std::int64_t now_unix_ns);
   /// Whether this is the UUID of an erased person.
   Result<bool> isErased(const Uuid& person);
   /// The erasures that the database knows.
   Result<std::vector<ErasureLine>> known();
+  /// Whether somebody of the lines is in the database again, from a restored backup.
+  Result<bool> isAnyBack(const std::vector<ErasureLine>& lines);
   /// Erases those of the lines who are in the database again, from a restored backup. Lines of other labs
   /// are passed over. Returns how many it erased. In a transaction. Errors as erase().
   Result<std::size_t> repeat(const std::vector<ErasureLine>& lines, std::int64_t now_unix_ns);
 
  private:
+  /// The ref of a person who is in the database and not erased.
+  Result<std::optional<std::string>> refNotErased(const Uuid& person);
   /// The ref under which sessions wait whose stations typed the name of the account `ref`.
   Result<std::optional<std::string>> typedAs(std::string_view ref);
   Status eraseSessions(const std::string& ref, const ErasureOrder& order, pb::Erasure& erasure);

@@ -9,6 +9,7 @@
 #include "common/base/bytes.h"
 #include "common/base/text.h"
 #include "db/person_name.h"
+#include "db/session_rows.h"
 #include "db/text_lists.h"
 #include "needlelab/control.pb.h"
 #include "needlelab/options.pb.h"
@@ -24,12 +25,21 @@ bool isDigit(char c) {
   return c >= '0' && c <= '9';
 }
 
-/// The length of the ref at the beginning of `text`; 0: there is none.
-std::size_t refAt(std::string_view text) {
-  if (!text.starts_with('@')) return 0;
-  std::size_t end = 1;
+/// Whether a word may have this byte.
+bool isOfWord(char c) {
+  return isLetterOrDigit(c) || c == '_' || c == '-' || static_cast<unsigned char>(c) >= 0x80;
+}
+
+/// The length of the ref that stands at `at`; 0: not found. Part of a word or an address ("user@10.0.0.1") is
+/// no ref.
+std::size_t refAt(std::string_view text, std::size_t at) {
+  if (at >= text.size() || text[at] != '@' || (at > 0 && (isOfWord(text[at - 1]) || text[at - 1] == '.')))
+    return 0;
+  std::size_t end = at + 1;
   while (end < text.size() && isDigit(text[end])) ++end;
-  return end > 1 ? end : 0;
+  if (end == at + 1 || (end < text.size() && isOfWord(text[end]))) return 0;
+  if (end + 1 < text.size() && text[end] == '.' && isOfWord(text[end + 1])) return 0;
+  return end - at;
 }
 
 /// The fields of a message that say who, and those whose messages have such fields.
@@ -127,7 +137,7 @@ Status visitAll(Message& message, const Visit& visit) {
 }  // namespace
 
 bool isPersonRef(std::string_view text) {
-  return !text.empty() && refAt(text) == text.size();
+  return !text.empty() && refAt(text, 0) == text.size();
 }
 
 std::string erasedName(std::string_view ref) {
@@ -166,10 +176,7 @@ Result<std::optional<std::string>> findPerson(Connection& connection, std::strin
 Result<std::optional<std::string>> outerRef(Connection& connection, std::string_view ref) {
   return connection.query("SELECT uuid FROM people WHERE ref = ?", ref)
       .first([](const Statement& row) -> std::string {
-        Uuid uuid{};
-        const ByteView bytes = row.bytes(0);
-        std::copy_n(bytes.begin(), std::min(bytes.size(), uuid.size()), uuid.begin());
-        return "@" + uuidText(uuid);
+        return "@" + uuidText(uuidOf(textOf(row.bytes(0))).value_or(Uuid{}));
       });
 }
 
@@ -198,14 +205,14 @@ Result<std::string> shownName(Connection& connection, std::string_view ref) {
 std::set<std::string> refsIn(std::string_view text) {
   std::set<std::string> refs;
   for (std::size_t at = text.find('@'); at != std::string_view::npos; at = text.find('@', at + 1))
-    if (const std::size_t length = refAt(text.substr(at)); length > 0) refs.emplace(text.substr(at, length));
+    if (const std::size_t length = refAt(text, at); length > 0) refs.emplace(text.substr(at, length));
   return refs;
 }
 
 std::string withNames(std::string_view text, const std::map<std::string, std::string>& names) {
   std::string with;
   for (std::size_t at = 0; at < text.size();) {
-    const std::size_t length = refAt(text.substr(at));
+    const std::size_t length = refAt(text, at);
     const auto name = length > 0 ? names.find(std::string(text.substr(at, length))) : names.end();
     const std::size_t taken = std::max<std::size_t>(length, 1);
     with += name == names.end() ? text.substr(at, taken) : std::string_view(name->second);

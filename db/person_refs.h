@@ -1,5 +1,5 @@
-/// Rows refer to a person by a ref, "@" and its id; people write names. Requests are
-/// translated to refs before they are executed, and replies to names afterwards.
+/// Rows refer to a person by a ref, "@" and its id; people write names. Requests are translated to refs
+/// before they are executed, and replies to names afterwards.
 #pragma once
 
 #include <google/protobuf/message.h>
@@ -49,7 +49,7 @@ Result<std::map<std::string, std::string>> namesOfRefs(Connection& connection,
 /// One of them; any other text, or an unknown ref, as it is.
 Result<std::string> shownName(Connection& connection, std::string_view ref);
 
-/// The refs in a text, each once.
+/// The refs in a text, each once; not what is part of a word or an address, as in "user@10.0.0.1".
 std::set<std::string> refsIn(std::string_view text);
 /// The text with names in the place of refs, as far as `names` has them.
 std::string withNames(std::string_view text, const std::map<std::string, std::string>& names);

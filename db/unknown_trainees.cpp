@@ -14,21 +14,28 @@ Result<SessionTrainee> UnknownTraineeStore::traineeOf(const pb::SessionDescripti
                                                       std::int64_t now_unix_ns) {
   const std::string& given = description.trainee();
   if (given.empty() || given == kGuestName) return SessionTrainee{given};
-  if (given.starts_with('@')) return traineeOfUuid(given, now_unix_ns);
-  ASSIGN_OR_RETURN(const bool was_erased, ErasureStore(connection_).wasErased(given, now_unix_ns));
+  if (given.starts_with('@')) return traineeOfUuid(description, now_unix_ns);
+  ASSIGN_OR_RETURN(const bool was_erased,
+                   ErasureStore(connection_).wasErased(given, description.started_unix_ns(), now_unix_ns));
   ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).findNamed(given));
   if (!person || was_erased) {
     SessionTrainee trainee{{}, false, true};
     ASSIGN_OR_RETURN(trainee.ref, typedName(given, now_unix_ns));
     return trainee;
   }
-  ASSIGN_OR_RETURN(const bool required, LabSettingsStore(connection_).codesRequired());
-  const bool unchecked = !description.code_checked() && (required || !person->code_hash.empty());
-  return SessionTrainee{person->ref, false, unchecked, unchecked};
+  return ofAccount(*person, description);
 }
 
-Result<SessionTrainee> UnknownTraineeStore::traineeOfUuid(std::string_view outer_ref,
+Result<SessionTrainee> UnknownTraineeStore::ofAccount(const Person& person,
+                                                      const pb::SessionDescription& description) {
+  ASSIGN_OR_RETURN(const bool required, LabSettingsStore(connection_).codesRequired());
+  const bool unchecked = !description.code_checked() && (required || !person.code_hash.empty());
+  return SessionTrainee{person.ref, false, unchecked, unchecked};
+}
+
+Result<SessionTrainee> UnknownTraineeStore::traineeOfUuid(const pb::SessionDescription& description,
                                                           std::int64_t now_unix_ns) {
+  const std::string_view outer_ref = description.trainee();
   ASSIGN_OR_RETURN(const Uuid uuid, parseUuid(outer_ref.substr(1)));
   ASSIGN_OR_RETURN(const bool erased, ErasureStore(connection_).isErased(uuid));
   ASSIGN_OR_RETURN(auto ref, findPerson(connection_, outer_ref));
@@ -45,8 +52,10 @@ Result<SessionTrainee> UnknownTraineeStore::traineeOfUuid(std::string_view outer
           connection_.run("DELETE FROM names WHERE person = (SELECT id FROM people WHERE ref = ?)", *ref));
     return SessionTrainee{*ref, erased, !erased};
   }
+  if (erased) return SessionTrainee{*ref, true};
   ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(*ref));
-  return SessionTrainee{*ref, erased, !erased && !person};
+  if (!person) return SessionTrainee{*ref, false, true};
+  return ofAccount(*person, description);
 }
 
 Result<std::string> UnknownTraineeStore::typedName(std::string_view name, std::int64_t now_unix_ns) {

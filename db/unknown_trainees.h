@@ -10,6 +10,7 @@
 #include "common/base/result.h"
 #include "common/base/uuid.h"
 #include "db/connection.h"
+#include "db/people.h"
 #include "needlelab/types.pb.h"
 
 namespace needlelab {
@@ -32,9 +33,9 @@ class UnknownTraineeStore {
   explicit UnknownTraineeStore(Connection& connection) : connection_(connection) {}
 
   /// By the description's trainee: "@" and a UUID, or a name as it was typed. A name that no account has gets
-  /// a row of its own, under which its sessions wait. It waits there, too, where an erased person had the
-  /// name (ErasureStore::wasErased), whether or not somebody has it again. No trainee and kGuestName:
-  /// nobody's.
+  /// a row of its own, under which its sessions wait. It waits there, too, where it began before a
+  /// person of this name was erased (ErasureStore::wasErased), also if another account has the name now.
+  /// Without trainee, or with kGuestName, it is no person's.
   Result<SessionTrainee> traineeOf(const pb::SessionDescription& description, std::int64_t now_unix_ns);
   /// Whether the trainee that a station gives may be the one of the stored session `number`: a manager may
   /// have assigned it, and a name may have been given to somebody meanwhile.
@@ -54,7 +55,9 @@ class UnknownTraineeStore {
 
  private:
   Result<std::string> typedName(std::string_view name, std::int64_t now_unix_ns);
-  Result<SessionTrainee> traineeOfUuid(std::string_view outer_ref, std::int64_t now_unix_ns);
+  Result<SessionTrainee> traineeOfUuid(const pb::SessionDescription& description, std::int64_t now_unix_ns);
+  /// Waits where the account's code was wanted and not checked.
+  Result<SessionTrainee> ofAccount(const Person& person, const pb::SessionDescription& description);
   Connection& connection_;
 };
 

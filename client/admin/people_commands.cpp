@@ -223,9 +223,10 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
   auto* change = user->add_subcommand("change", "another role, name or full name");
   change->add_option("name", values->name)->required();
   change->add_option("--role", values->role);
-  change->add_option("--name", values->text, "the account's new name; what the person did stays theirs");
+  auto* new_name =
+      change->add_option("--name", values->text, "the account's new name; what the person did stays theirs");
   auto* full_name = change->add_option("--full-name", values->full_name);
-  runs(change, chosen, [values, full_name](CommandContext& context) -> Status {
+  runs(change, chosen, [values, new_name, full_name](CommandContext& context) -> Status {
     pb::ChangeUser wanted;
     wanted.set_name(values->name);
     if (!values->role.empty()) {
@@ -233,7 +234,7 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
       wanted.set_role(role);
     }
     if (full_name->count() > 0) wanted.set_full_name(values->full_name);
-    if (!values->text.empty()) wanted.set_new_name(values->text);
+    if (new_name->count() > 0) wanted.set_new_name(values->text);
     return changeUser(context, wanted);
   });
 

@@ -128,7 +128,7 @@ Status restore(const std::filesystem::path& folder, Output& output, const std::s
                                {"sessions", "sessions checked"},
                                {"chunks", "chunks checked"},
                                {"kept", "replaced database kept as"},
-                               {"erasures_repeated", "people erased anew"}},
+                               {"erasures_repeated", "people erased again"}},
                               {{"from", from},
                                {"sessions", result.sessions},
                                {"chunks", result.chunks},

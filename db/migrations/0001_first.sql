@@ -391,8 +391,8 @@ CREATE TABLE erasures (
   reason          TEXT NOT NULL
 ) STRICT, WITHOUT ROWID;
 
--- Keyed hashes (DIR/pseudonym.key, which is in no backup) of the names that erased people had: a session that a station brings under
--- such a typed name waits, also if somebody has the name again.
+-- Keyed hashes (DIR/pseudonym.key, which is in no backup) of the names that erased people had: a session that began before the
+-- erasure and that a station brings under such a typed name waits, also if another account has the name now.
 CREATE TABLE erased_names (
   hash          BLOB PRIMARY KEY CHECK (length(hash) = 32),
   until_unix_ns INTEGER NOT NULL

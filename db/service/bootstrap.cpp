@@ -153,10 +153,8 @@ Result<Connection> openFrozen(const std::filesystem::path& path, const Error& wh
                              path.string(), found, newestSchemaVersion(), why.message)};
   RETURN_IF_ERROR(requireNewestSchema(connection));
   ASSIGN_OR_RETURN(const auto lines, readErasures(path.parent_path()));
-  for (const ErasureLine& line : lines) {
-    ASSIGN_OR_RETURN(const bool known, ErasureStore(connection).isErased(line.person));
-    if (!known) return mustBeErasedFirst(path.parent_path(), why);
-  }
+  ASSIGN_OR_RETURN(const bool is_back, ErasureStore(connection).isAnyBack(lines));
+  if (is_back) return mustBeErasedFirst(path.parent_path(), why);
   return connection;
 }
 

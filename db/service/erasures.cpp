@@ -113,8 +113,7 @@ Status completeErasures(Connection& connection) {
   return addErasures(folderOf(connection), known);
 }
 
-Status writeErasuresBeside(Connection& connection) {
-  const auto backups = handlers::backupsFolder(connection);
+Status writeErasuresBeside(Connection& connection, const std::filesystem::path& backups) {
   if (backups.empty()) return {};
   const std::scoped_lock lock(listMutex());
   ASSIGN_OR_RETURN(const auto lines, readErasures(folderOf(connection)));

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <string>
 
 #include "common/base/result.h"
@@ -25,7 +26,8 @@ struct ErasureUnderWay {
 Result<std::size_t> agreeOnErasures(Connection& writer, std::int64_t now_unix_ns);
 /// The second half alone; any connection.
 Status completeErasures(Connection& connection);
-/// Puts the list beside the backups, for a restore on another machine.
-Status writeErasuresBeside(Connection& connection);
+/// Adds the list to the one in the folder of the backups, for a restore on another machine; empty: there is
+/// no such folder.
+Status writeErasuresBeside(Connection& connection, const std::filesystem::path& backups);
 
 }  // namespace needlelab

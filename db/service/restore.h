@@ -41,9 +41,8 @@ struct RestoreResult {
 /// is in DIR/restore.pending, the next start of any program on DIR completes the restore. `key_file`: the key
 /// of an encrypted backup; empty: `from` is a plain one. Errors: kUnavailable (a server runs on DIR),
 /// kInvalidInput (no such file, or it is DIR's own database; the key is missing, is another one, or is given
-/// for a plain backup; the list of erasures beside the backup is of another pseudonym.key than DIR's),
-/// kVersion (newer schema or format), kCorrupt (the backup or its copy fails its check, or that list cannot
-/// be read or is too long; nothing was changed), kNoRoom (for the copy), kFailed.
+/// for a plain backup), kVersion (newer schema or format), kCorrupt (the backup or its copy fails its check,
+/// or that list cannot be read or is too long; nothing was changed), kNoRoom (for the copy), kFailed.
 Result<RestoreResult> restoreFrom(const std::filesystem::path& folder, const std::filesystem::path& from,
                                   std::int64_t now_unix_ns, const std::filesystem::path& key_file = {});
 

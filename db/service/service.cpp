@@ -205,7 +205,7 @@ Result<pb::Reply> Service::eraseOn(RequestUnderWay& under_way) {
   erasure.set_pending(!log.empty());
   std::string beside;
   if (auto reader = readers_.borrow())
-    if (const Status written = writeErasuresBeside(**reader); !written)
+    if (const Status written = writeErasuresBeside(**reader, handlers::backupsFolder(**reader)); !written)
       beside = "The list of erasures beside the backups could not be written (" + written.error().message +
                "): the next backup writes it. ";
   erasure.set_text(done.text_on_chunks + log + beside + erasure.text());

@@ -53,13 +53,6 @@ Result<std::filesystem::path> backupTarget(const Context& context, const pb::Bac
   return target;
 }
 
-/// Adds the erasures to the list beside a backup, so that a restore of an older one on another machine knows
-/// whom to erase.
-Status writeListBeside(const Context& context, const std::filesystem::path& backup) {
-  ASSIGN_OR_RETURN(const auto erasures, readErasures(context.reader.path().parent_path()));
-  return erasures.empty() ? Status() : addErasures(backup.parent_path(), erasures, kErasuresCopy);
-}
-
 /// On PostgreSQL: `path` is the address of a database into which its own tools restored a backup. Where that
 /// backup lies, this server cannot see.
 Result<pb::Reply> verifyRestored(const Context& context, const pb::Backup& call) {
@@ -244,7 +237,7 @@ Result<pb::Reply> backup(const Context& context, const pb::Backup& call) {
   RETURN_IF_ERROR(write(context, target.string(), detail, [&](Connection& writer) {
     return recordBackup(writer, result, target, context.now_unix_ns);
   }));
-  const auto list = writeListBeside(context, target);
+  const auto list = writeErasuresBeside(context.reader, target.parent_path());
   pb::Reply reply;
   auto* done = reply.mutable_backup_done();
   done->set_disk(disk);

@@ -37,7 +37,7 @@ PersonLogin waitOf(ServerContext& context, std::chrono::milliseconds wait, const
   return login;
 }
 
-/// A log-in that could not be checked. `shown`: the name, for the log.
+/// A log-in that could not be checked. `shown`: the account's ref, for the log.
 PersonLogin notChecked(ServerContext& context, const std::string& shown, const Error& why,
                        const LoginPeer& peer) {
   logEvent(LogLevel::kError, "login_not_checked",
@@ -50,7 +50,7 @@ LoginQueue::Line lineOf(const LoginState::Standing& standing) {
   return standing.knows_address ? LoginQueue::Line::kKnownAddress : LoginQueue::Line::kStranger;
 }
 
-/// `shown`: the name, for the logs.
+/// `shown`: the account's ref, for the logs.
 void noteLocked(ServerContext& context, std::chrono::milliseconds wait, const std::string& shown,
                 const LoginPeer& peer) {
   const std::string text = fmt::format("too many failed log-ins from {}: waits {} s",
@@ -76,6 +76,16 @@ Task<Result<Principal>> checkPassword(ServerContext& context, std::shared_ptr<co
   co_return co_await offload(*context.passwords_in_turn, secret->user, std::move(check), kLoginLine);
 }
 
+/// The ref of the account whose name was typed; empty: there is no such account.
+Task<Result<std::string>> refOfTyped(ServerContext& context, std::shared_ptr<const PersonSecret> secret) {
+  std::function<Result<std::string>()> look = [&service = context.store.service(),
+                                               secret]() -> Result<std::string> {
+    ASSIGN_OR_RETURN(const auto person, service.principalOf(secret->user));
+    return person ? person->name : std::string();
+  };
+  co_return co_await offload(context.logins, std::move(look));
+}
+
 /// What becomes of a try whose password was not right, or could not be checked.
 Task<PersonLogin> refuseTry(ServerContext& context, std::shared_ptr<const PersonSecret> secret,
                             LoginState::Try tried, Error why, LoginPeer peer) {
@@ -85,12 +95,7 @@ Task<PersonLogin> refuseTry(ServerContext& context, std::shared_ptr<const Person
     co_return refusedAs(context, Answer::kTooMany);
   }
   // a password that was typed as the name must not be read in the log
-  std::function<Result<std::string>()> look = [&service = context.store.service(),
-                                               secret]() -> Result<std::string> {
-    ASSIGN_OR_RETURN(const auto person, service.principalOf(secret->user));
-    return person ? person->name : std::string();
-  };
-  const auto ref = co_await offload(context.logins, std::move(look));
+  const auto ref = co_await refOfTyped(context, secret);
   const std::string shown = ref.ok() && !ref->empty() ? *ref : std::string(kUnknownName);
   // only a wrong password counts as a guess, not a check that could not be made
   if (why.code != ErrorCode::kDenied) {
@@ -123,12 +128,7 @@ Task<PersonLogin> checkInTurn(ServerContext& context, std::shared_ptr<const Pers
   if (!tried.ok()) co_return notChecked(context, std::string(kUnknownName), tried.error(), peer);
   if (tried->wait.count() > 0) co_return waitOf(context, tried->wait, peer);
   // changes of access are told by ref
-  std::function<Result<std::string>()> look = [&service = context.store.service(),
-                                               secret]() -> Result<std::string> {
-    ASSIGN_OR_RETURN(const auto person, service.principalOf(secret->user));
-    return person ? person->name : std::string();
-  };
-  const auto ref = co_await offload(context.logins, std::move(look));
+  const auto ref = co_await refOfTyped(context, secret);
   if (!ref.ok()) co_return notChecked(context, std::string(kUnknownName), ref.error(), peer);
   std::function<Task<Result<Principal>>()> check = [&context, secret] {
     return checkPassword(context, secret);

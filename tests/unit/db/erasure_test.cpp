@@ -120,10 +120,11 @@ TEST_F(ErasureStoreTest, aLateSessionUnderTheTypedNameWaitsAlsoWhereSomebodyHasT
   ASSERT_OK(erase(anna));
   std::string namesake;
   ASSERT_OK(PeopleStore(db.writer).add({"Anna", pb::TRAINEE, "", false, 1}, &namesake));
-  const auto opened = [&](std::int64_t now_ns) {
+  const auto opened = [&](std::int64_t now_ns, std::int64_t started_ns = kNow_ns - 1) {
     const Uuid id = makeUuidV7();
     auto d = test::describe(id);
     d.set_trainee("ANNA");
+    d.set_started_unix_ns(started_ns);
     EXPECT_OK(SessionStore(db.writer).open(d, now_ns));
     return id;
   };
@@ -134,6 +135,9 @@ TEST_F(ErasureStoreTest, aLateSessionUnderTheTypedNameWaitsAlsoWhereSomebodyHasT
   ASSERT_OK(SessionStore(db.writer).close(test::closeOf(late, 0), 2));
   ASSERT_OK(UnknownTraineeStore(db.writer).assign(late, namesake, "ANNA", "@9", 3));
   EXPECT_EQ(traineeOf(late), namesake) << "a manager clears a namesake";
+  const Uuid own = opened(kNow_ns + 2, kNow_ns + 1);
+  EXPECT_FALSE(waits(own)) << "it began after the erasure";
+  EXPECT_EQ(traineeOf(own), namesake);
   const Uuid long_after = opened(kNow_ns + kErasedNamesKept_ns + 1);
   EXPECT_FALSE(waits(long_after));
   EXPECT_EQ(traineeOf(long_after), namesake);
@@ -151,6 +155,23 @@ TEST_F(ErasureStoreTest, aLateSessionUnderTheIdIsTheErasedPersonsAndStaysEmpty) 
   ASSERT_OK(chunk);
   EXPECT_EQ(chunk->kind, Appended::Kind::kRepeated) << "acknowledged, and not kept";
   EXPECT_EQ(SessionStore(db.writer).info(id)->samples(), 0u);
+}
+
+TEST_F(ErasureStoreTest, aSessionUnderTheIdWaitsForTheCodeAsOneUnderTheNameDoes) {
+  const std::string outer = **outerRef(db.writer, anna);
+  const auto opened = [&](bool checked) {
+    const Uuid id = makeUuidV7();
+    auto d = test::describe(id);
+    d.set_trainee(outer);
+    d.set_code_checked(checked);
+    EXPECT_OK(SessionStore(db.writer).open(d, kNow_ns));
+    EXPECT_EQ(traineeOf(id), anna);
+    return id;
+  };
+  EXPECT_FALSE(waits(opened(false))) << "there is no code";
+  ASSERT_OK(PeopleStore(db.writer).setCodeHash(anna, "$code"));
+  EXPECT_TRUE(waits(opened(false)));
+  EXPECT_FALSE(waits(opened(true)));
 }
 
 TEST_F(ErasureStoreTest, aSessionOfAnIdThatARestoredBackupDoesNotKnowWaitsOrIsErased) {
@@ -206,9 +227,11 @@ TEST_F(ErasureStoreTest, theListBesideTheDatabaseErasesWhomARestoredBackupBrings
   ASSERT_OK(line);
   const std::vector<ErasureLine> lines{*line,
                                        {makeUuidV7(), ErasureStore(db.writer).lineOf(ben, 7)->person, 7}};
+  EXPECT_TRUE(*ErasureStore(db.writer).isAnyBack(lines));
   const auto repeated = ErasureStore(db.writer).repeat(lines, kNow_ns);
   ASSERT_OK(repeated);
   EXPECT_EQ(*repeated, 1u);
+  EXPECT_FALSE(*ErasureStore(db.writer).isAnyBack(lines)) << "ben's line is of another lab";
   EXPECT_EQ(nameOf(ben), "ben") << "the line of another lab";
   EXPECT_THAT(nameOf(anna), HasSubstr("erased"));
   EXPECT_EQ(*ErasureStore(db.writer).repeat(lines, kNow_ns), 0u) << "once";

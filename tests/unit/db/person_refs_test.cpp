@@ -51,12 +51,16 @@ TEST_F(PersonRefs, requestsGetRefsAndRepliesNames) {
   entry->set_who(ben);
   entry->set_subject(anna);
   entry->set_detail("joined: " + anna + ", " + ben + "; @99 and a@b");
+  auto* moved = reply.mutable_audit()->add_entries();
+  const std::string address = "postgresql://needlelab" + anna + ".0.0.5:5432/lab, @1.0.0.1, mail" + anna;
+  moved->set_detail(address + ", " + anna + ".");
   ASSERT_OK(erase(ben));
   ASSERT_OK(toNames(db.writer, reply));
   const std::string gone = "erased person " + ben.substr(1);
   EXPECT_EQ(entry->who(), gone);
   EXPECT_EQ(entry->subject(), "anna");
   EXPECT_EQ(entry->detail(), "joined: anna, " + gone + "; @99 and a@b");
+  EXPECT_EQ(moved->detail(), address + ", anna.") << "addresses hold no ids";
 }
 
 TEST_F(PersonRefs, everyFieldThatSaysWhoIsMarked) {

@@ -227,7 +227,9 @@ TEST_F(TeachingStores, attemptsAreNumberedByWhenTheyWereBegunEachExerciseForItse
   EXPECT_EQ(attempts.standing(kAnna, "a")->all, 3u);
   EXPECT_EQ(attempts.excuse(makeUuidV7(), true).error().code, ErrorCode::kNotFound);
   std::string names;
-  for (const auto& one : *CourseTrainees(db.writer, "basics", "").page({}, 10)) names += one.name + " ";
+  const auto trainees = CourseTrainees(db.writer, "basics", "").page({}, 10);
+  ASSERT_TRUE(trainees.ok());
+  for (const CourseTrainee& one : *trainees) names += one.name + " ";
   EXPECT_EQ(names, "anna ben ");
 }
 

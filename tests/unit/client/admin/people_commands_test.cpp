@@ -133,6 +133,8 @@ TEST_F(PeopleCommands, aChangeThatIsRefusedChangesNothing) {
       {{"tom", "--full-name", "a\nb"}, 2, "full_name: holds a control character"},
       {{"nobody", "--role", "trainee"}, 1, "no person named 'nobody'"},
       {{"ada", "--role", "trainee"}, 1, "'ada' is the last administrator"},
+      {{"tom", "--name", ""}, 2, "name: has 0 bytes, allowed are 1 to 64"},
+      {{"tom", "--name", "ADA"}, 1, "is it the same person?"},
   };
   const std::string before = good({"user", "list", "--json"}).out;
   for (const auto& [arguments, code, words] : cases) {
@@ -147,6 +149,10 @@ TEST_F(PeopleCommands, aChangeThatIsRefusedChangesNothing) {
   EXPECT_THAT(good({"user", "change", "tom", "--full-name", ""}).out, HasSubstr("'tom' is revision 2"));
   EXPECT_EQ(people().at("tom").at("full_name"), "");
   EXPECT_THAT(good({"user", "change", "tom"}).out, HasSubstr("'tom' is revision 2")) << "nothing to change";
+  const auto id = people().at("tom").at("id");
+  good({"user", "change", id, "--name", "Tim"});
+  EXPECT_FALSE(people().contains("tom"));
+  EXPECT_EQ(people().at("Tim").at("id"), id);
 }
 
 TEST_F(PeopleCommands, whoIsDisabledCannotLogInUntilEnabled) {

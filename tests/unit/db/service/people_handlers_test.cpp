@@ -46,6 +46,38 @@ TEST_F(PeopleHandlers, aPersonCanLogInUntilDisabled) {
   EXPECT_OK(service.loginPerson("ina", "correct horse"));
 }
 
+TEST_F(PeopleHandlers, aPersonThatIsRenamedStaysTheSame) {
+  get(admin, addUser("ina", pb::INSTRUCTOR, "correct horse"));
+  get(admin, addUser("Zoë", pb::TRAINEE, ""));
+  const auto in = store->service().loginPerson("ina", "correct horse");
+  ASSERT_OK(in);
+  pb::Request show, rename;
+  show.mutable_get_user()->set_name("ina");
+  const pb::User before = get(admin, show).user();
+  const auto named = [&](const std::string& name) {
+    rename.mutable_change_user()->set_name(before.id());
+    rename.mutable_change_user()->set_base_revision(before.revision());
+    rename.mutable_change_user()->set_new_name(name);
+    return rename;
+  };
+  EXPECT_EQ(refusal(admin, named("ZOË")), ErrorCode::kAlreadyExists);
+  EXPECT_EQ(refusal(admin, named("guest")), ErrorCode::kInvalidInput);
+  EXPECT_EQ(get(admin, show).user().revision(), before.revision()) << "nothing was changed";
+  const pb::User after = get(admin, named("ina.berg")).user();
+  EXPECT_EQ(after.name(), "ina.berg");
+  EXPECT_EQ(after.id(), before.id());
+  EXPECT_EQ(refusal(admin, show), ErrorCode::kNotFound) << "the earlier name";
+  EXPECT_TRUE(*store->service().stillAllowed(*in)) << "the log-in lasts";
+  EXPECT_OK(store->service().loginPerson("ina.berg", "correct horse"));
+  EXPECT_EQ(store->service().loginPerson("ina", "correct horse").error().code, ErrorCode::kDenied);
+  pb::Request audit;
+  audit.mutable_list_audit()->set_action("user change");
+  const auto lines = get(admin, audit).audit();
+  ASSERT_EQ(lines.entries_size(), 1);
+  EXPECT_EQ(lines.entries(0).subject(), "ina.berg") << "as the person is called now";
+  EXPECT_EQ(lines.entries(0).detail(), "name") << "and not as before";
+}
+
 TEST_F(PeopleHandlers, onlyWhatEndsAnAccessSaysSo) {
   get(admin, addUser("ada", pb::ADMINISTRATOR, "correct horse"));
   get(admin, addUser("ina", pb::INSTRUCTOR, "correct horse"));
