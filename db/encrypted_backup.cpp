@@ -13,6 +13,7 @@
 
 #include "common/base/files.h"
 #include "common/base/secret.h"
+#include "common/base/text.h"
 #include "db/open_file.h"
 #include "db/pseudonyms.h"
 
@@ -155,7 +156,7 @@ Result<BackupKey> BackupKey::read(const fs::path& file) {
   auto text = readWholeFile(file, 1000);
   if (!text) return Error{ErrorCode::kInvalidInput, "backup key " + text.error().message};
   const WipeAtEnd wipe_text(*text);
-  std::string_view digits = *text;
+  std::string_view digits = withoutMark(*text);
   while (digits.ends_with('\n') || digits.ends_with('\r')) digits.remove_suffix(1);
   auto bytes = bytesOfHex(digits);
   if (!bytes || bytes->size() != kBytes)

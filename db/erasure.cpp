@@ -7,6 +7,7 @@
 #include <set>
 
 #include "db/engine/lab_identity.h"
+#include "db/lab_settings.h"
 #include "db/people.h"
 #include "db/person_name.h"
 #include "db/person_refs.h"
@@ -91,7 +92,11 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& ref, const ErasureOrd
                  ref)
           .all(firstText));
   const std::string gone = fmt::format("{}", fmt::join(ids, ","));
-  RETURN_IF_ERROR(eraseSessions(ref, order, erasure));
+  ASSIGN_OR_RETURN(const bool sessions_stay, LabSettingsStore(connection_).keepsRecordingsOfErased());
+  if (sessions_stay)
+    erasure.set_text("The sessions stay, as of " + erasedName(ref) + ": the lab keeps them. ");
+  else
+    RETURN_IF_ERROR(eraseSessions(ref, order, erasure));
   ASSIGN_OR_RETURN(
       const auto names,
       connection_.prepare(fmt::format("SELECT name FROM names WHERE person IN ({})", gone)).all(firstText));
@@ -114,11 +119,14 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& ref, const ErasureOrd
       connection_.run("INSERT INTO erasures (uuid, erased_unix_ns, by_whom, reason) VALUES (?,?,?,?)"
                       " ON CONFLICT (uuid) DO NOTHING",
                       ByteView(line.person), order.now_unix_ns, order.by, order.reason));
-  ASSIGN_OR_RETURN(const auto waiting,
-                   connection_
-                       .query("SELECT count(*) FROM sessions WHERE trainee IN (?, ?) AND erased = 0", ref,
-                              typed.value_or(ref))
-                       .first([](const Statement& row) { return row.natural(0); }));
+  ASSIGN_OR_RETURN(
+      const auto waiting,
+      connection_
+          .query("SELECT count(*) FROM sessions WHERE erased = 0 AND ((trainee = ?2 AND ?1 <> ?2)"
+                 " OR (trainee = ?1 AND EXISTS"
+                 " (SELECT 1 FROM uncounted_sessions WHERE session = number)))",
+                 ref, typed.value_or(ref))
+          .first([](const Statement& row) { return row.natural(0); }));
   erasure.set_waiting_sessions(waiting.value_or(0));
   if (!typed || !order.with_waiting) return erasure;
   ASSIGN_OR_RETURN(const auto more, erase(*typed, order));

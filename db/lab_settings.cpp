@@ -5,12 +5,26 @@
 namespace needlelab {
 
 Result<bool> LabSettingsStore::codesRequired() {
-  ASSIGN_OR_RETURN(const auto value, MetaStore(connection_).get(kCodesRequiredKey));
+  return is(kCodesRequiredKey);
+}
+Status LabSettingsStore::setCodesRequired(bool required) {
+  return set(kCodesRequiredKey, required);
+}
+
+Result<bool> LabSettingsStore::keepsRecordingsOfErased() {
+  return is(kKeepErasedKey);
+}
+Status LabSettingsStore::setKeepsRecordingsOfErased(bool keeps) {
+  return set(kKeepErasedKey, keeps);
+}
+
+Result<bool> LabSettingsStore::is(std::string_view key) {
+  ASSIGN_OR_RETURN(const auto value, MetaStore(connection_).get(key));
   return value == "1";
 }
 
-Status LabSettingsStore::setCodesRequired(bool required) {
-  return MetaStore(connection_).set(kCodesRequiredKey, required ? "1" : "0");
+Status LabSettingsStore::set(std::string_view key, bool value) {
+  return MetaStore(connection_).set(key, value ? "1" : "0");
 }
 
 }  // namespace needlelab

@@ -10,6 +10,7 @@ namespace needlelab {
 
 /// Keys of `meta` that are settings: "1" or "0"; absent: "0". Exports hold them.
 inline constexpr std::string_view kCodesRequiredKey = "codes_required";
+inline constexpr std::string_view kKeepErasedKey = "keep_recordings_of_erased";
 
 /// Does not own the connection. Thread: as its Connection; changes need the writer's.
 class LabSettingsStore {
@@ -19,8 +20,13 @@ class LabSettingsStore {
   /// Whether trainees without a code may practise only as kGuestName.
   Result<bool> codesRequired();
   Status setCodesRequired(bool required);
+  /// Whether an erased person's sessions stay, without a name.
+  Result<bool> keepsRecordingsOfErased();
+  Status setKeepsRecordingsOfErased(bool keeps);
 
  private:
+  Result<bool> is(std::string_view key);
+  Status set(std::string_view key, bool value);
   Connection& connection_;
 };
 

@@ -22,8 +22,7 @@ constexpr std::string_view kGuest = "guest";
 /// Names in the audit log, in sessions and beside removed recordings that are no person's.
 constexpr std::string_view kOwnNames[] = {kServerName, kGuest, "local", "retention", "erasure"};
 
-constexpr utf8proc_int32_t kReplacement = 0xfffd, kNonJoiner = 0x200c, kJoiner = 0x200d,
-                           kBrailleBlank = 0x2800;
+constexpr utf8proc_int32_t kNonJoiner = 0x200c, kJoiner = 0x200d, kBrailleBlank = 0x2800;
 
 struct CodePoint {
   utf8proc_int32_t value = -1;  ///< -1: no UTF-8
@@ -112,9 +111,6 @@ Status checkNewPersonName(std::string_view field, std::string_view name) {
   for (std::size_t at = 0; at < name.size();) {
     const CodePoint c = codePointAt(name, at);
     at += c.bytes;
-    if (c.value == kReplacement)
-      return invalidName(field,
-                         "holds U+FFFD, which stands for a letter that was lost: type that letter again");
     // between letters of scripts that join, checkNewName() has allowed these two
     if (c.value == kNonJoiner || c.value == kJoiner) continue;
     if (utf8proc_get_property(c.value)->ignorable || c.value == kBrailleBlank)

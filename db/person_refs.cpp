@@ -174,10 +174,22 @@ Result<std::optional<std::string>> findPerson(Connection& connection, std::strin
 }
 
 Result<std::optional<std::string>> outerRef(Connection& connection, std::string_view ref) {
-  return connection.query("SELECT uuid FROM people WHERE ref = ?", ref)
-      .first([](const Statement& row) -> std::string {
-        return "@" + uuidText(uuidOf(textOf(row.bytes(0))).value_or(Uuid{}));
-      });
+  const std::string one(ref);
+  ASSIGN_OR_RETURN(const auto found, outerRefs(connection, std::span(&one, 1)));
+  return found.empty() ? std::optional<std::string>() : found.begin()->second;
+}
+
+Result<std::map<std::string, std::string>> outerRefs(Connection& connection,
+                                                     std::span<const std::string> refs) {
+  std::map<std::string, std::string> found;
+  if (refs.empty()) return found;
+  Statement rows = connection.prepare("SELECT ref, uuid FROM people WHERE ref" + amongTexts(connection, 1));
+  bindTexts(connection, rows, refs);
+  for (;;) {
+    ASSIGN_OR_RETURN(const bool more, rows.step());
+    if (!more) return found;
+    found.emplace(rows.text(0), "@" + uuidText(uuidOf(textOf(rows.bytes(1))).value_or(Uuid{})));
+  }
 }
 
 Result<std::map<std::string, std::string>> namesOfRefs(Connection& connection,

@@ -41,6 +41,9 @@ Result<std::optional<std::string>> findPerson(Connection& connection, std::strin
                                               Named among = Named::kAccount);
 /// "@" and the UUID, which stations and files have instead of a ref. Nothing: not found.
 Result<std::optional<std::string>> outerRef(Connection& connection, std::string_view ref);
+/// The same of many, by ref; those that are not found are left out.
+Result<std::map<std::string, std::string>> outerRefs(Connection& connection,
+                                                     std::span<const std::string> refs);
 
 /// The names of refs, by ref. An erased person has erasedName(); an unknown ref is left out. In some
 /// statements for all of them.

@@ -27,8 +27,9 @@ constexpr std::string_view kInfoColumns =
     " s.stored_bytes), s.hash, d.chunks, d.samples, d.stored_bytes, d.hash,"
     " d.rate_hz, o.removed_unix_ns, o.deleted_unix_ns, o.reason, s.number,"
     " {}, s.score_json, s.passed, u.given, u.by_whom,"
-    " u.code_unchecked = 1 AND EXISTS (SELECT 1 FROM accounts WHERE ref = s.trainee),"
-    " (SELECT count(*) FROM quarantined_chunks WHERE session = s.number), s.id, s.trainee FROM sessions s"
+    " u.code_unchecked = 1 AND u.begin_unsure = 0 AND EXISTS (SELECT 1 FROM accounts WHERE ref = s.trainee),"
+    " (SELECT count(*) FROM quarantined_chunks WHERE session = s.number), s.id, s.trainee, "
+    "s.started_unix_ns, u.begin_unsure FROM sessions s"
     " LEFT JOIN session_progress p ON p.session = s.number"
     " LEFT JOIN unknown_trainees u ON u.session = s.number"
     " LEFT JOIN derived_recordings d ON d.session = s.number AND d.complete = 1"
@@ -46,6 +47,7 @@ Result<pb::SessionInfo> infoOf(const Statement& row, bool with_profile) {
     return Error{ErrorCode::kCorrupt, "the stored description of a session cannot be read"};
   }
   info.mutable_description()->set_trainee(row.text(28));
+  info.mutable_description()->set_started_unix_ns(row.integer(29));  // a manager may have corrected it
   info.set_state(static_cast<pb::SessionState>(row.integer(1)));
   info.set_received_unix_ns(row.integer(2));
   info.set_closed_unix_ns(row.integer(3));
@@ -81,6 +83,7 @@ Result<pb::SessionInfo> infoOf(const Statement& row, bool with_profile) {
   } else if (!row.isNull(23)) {
     info.set_unknown_trainee(true);
     info.set_code_unchecked(row.integer(25) != 0);
+    info.set_begin_unsure(row.integer(30) != 0);
   }
   info.set_quarantined_chunks(row.natural(26));
   return info;

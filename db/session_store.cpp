@@ -172,7 +172,13 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
   ASSIGN_OR_RETURN(const bool exists, station.step());
   if (!exists) return Error{ErrorCode::kNotFound, "there is no station named '" + given.station() + "'"};
 
-  ASSIGN_OR_RETURN(const auto trainee, trainees.traineeOf(given, now_unix_ns));
+  ASSIGN_OR_RETURN(auto trainee, trainees.traineeOf(given, now_unix_ns));
+  // without a person there is no attempt, and nothing to put in order
+  if (isPersonRef(trainee.ref) && !trainee.erased) {
+    ASSIGN_OR_RETURN(trainee.begin_unsure, trainees.isBeginUnsure(given, now_unix_ns));
+    trainee.waits = trainee.waits || trainee.begin_unsure;
+    trainee.code_unchecked = trainee.code_unchecked || trainee.begin_unsure;
+  }
   // nothing is lost: the station keeps what it recorded, and asks again at its next start
   ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(trainee.ref));
   if (person && person->disabled && given.started_unix_ns() >= person->changed_unix_ns)

@@ -1,5 +1,7 @@
 #include "db/unknown_trainees.h"
 
+#include <algorithm>
+
 #include "common/base/text.h"
 #include "db/erasure.h"
 #include "db/lab_settings.h"
@@ -9,12 +11,23 @@
 #include "db/session_rows.h"
 
 namespace needlelab {
+namespace {
+
+/// As it is kept: with "@" at its beginning it would be taken for an id.
+std::string_view typedText(std::string_view name) {
+  name = trimmedName(name);
+  name.remove_prefix(std::min(name.find_first_not_of('@'), name.size()));
+  return name.empty() ? "unknown" : name;
+}
+
+}  // namespace
 
 Result<SessionTrainee> UnknownTraineeStore::traineeOf(const pb::SessionDescription& description,
                                                       std::int64_t now_unix_ns) {
   const std::string& given = description.trainee();
   if (given.empty() || given == kGuestName) return SessionTrainee{given};
-  if (given.starts_with('@')) return traineeOfUuid(description, now_unix_ns);
+  if (given.starts_with('@') && parseUuid(given.substr(1)).ok())
+    return traineeOfUuid(description, now_unix_ns);
   ASSIGN_OR_RETURN(const bool was_erased,
                    ErasureStore(connection_).wasErased(given, description.started_unix_ns(), now_unix_ns));
   ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).findNamed(given));
@@ -52,20 +65,41 @@ Result<SessionTrainee> UnknownTraineeStore::traineeOfUuid(const pb::SessionDescr
           connection_.run("DELETE FROM names WHERE person = (SELECT id FROM people WHERE ref = ?)", *ref));
     return SessionTrainee{*ref, erased, !erased};
   }
-  if (erased) return SessionTrainee{*ref, true};
+  if (erased) {
+    ASSIGN_OR_RETURN(const bool stays, LabSettingsStore(connection_).keepsRecordingsOfErased());
+    return SessionTrainee{*ref, !stays};
+  }
   ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(*ref));
   if (!person) return SessionTrainee{*ref, false, true};
   return ofAccount(*person, description);
 }
 
 Result<std::string> UnknownTraineeStore::typedName(std::string_view name, std::int64_t now_unix_ns) {
-  const auto trimmed = trimmedName(name);
-  ASSIGN_OR_RETURN(
-      const auto known,
-      connection_.query("SELECT ref FROM called WHERE folded = ? AND typed = 1", nameKey(trimmed))
-          .first(firstText));
+  const std::string_view typed = typedText(name);
+  ASSIGN_OR_RETURN(const auto known,
+                   connection_.query("SELECT ref FROM called WHERE folded = ? AND typed = 1", nameKey(typed))
+                       .first(firstText));
   if (known) return *known;
-  return addTypedName(connection_, trimmed, now_unix_ns);
+  return addTypedName(connection_, typed, now_unix_ns);
+}
+
+Result<bool> UnknownTraineeStore::isBeginUnsure(const pb::SessionDescription& description,
+                                                std::int64_t now_unix_ns) {
+  constexpr std::int64_t kOff_ns = 300'000'000'000;
+  const std::int64_t begun_ns = description.started_unix_ns();
+  if (description.begin_clock() == pb::SessionDescription::BEGIN_CLOCK_UNSPECIFIED) return false;
+  if (begun_ns > now_unix_ns + kOff_ns) return true;
+  if (description.begin_clock() == pb::SessionDescription::OWN_CLOCK_BEHIND) return true;
+  if (description.begin_clock() != pb::SessionDescription::OWN_CLOCK_ALONE) return false;
+  ASSIGN_OR_RETURN(const auto newest,
+                   connection_
+                       .query("SELECT started_unix_ns FROM sessions WHERE station = ? AND state <> ?"
+                              " AND started_unix_ns <= ? AND NOT EXISTS (SELECT 1 FROM unknown_trainees WHERE"
+                              " session = number AND begin_unsure = 1)"
+                              " ORDER BY started_unix_ns DESC LIMIT 1",
+                              description.station(), static_cast<int>(pb::SESSION_OPEN), now_unix_ns)
+                       .first([](const Statement& row) { return row.integer(0); }));
+  return newest && begun_ns < *newest - kOff_ns;
 }
 
 Result<bool> UnknownTraineeStore::isOf(std::int64_t number, std::string_view trainee) {
@@ -76,16 +110,16 @@ Result<bool> UnknownTraineeStore::isOf(std::int64_t number, std::string_view tra
           .query("SELECT s.trainee FROM sessions s LEFT JOIN unknown_trainees u ON u.session ="
                  " s.number LEFT JOIN called c ON c.ref = coalesce(u.given, s.trainee)"
                  " WHERE s.number = ?1 AND (s.trainee IN (?2, ?3) OR u.given = ?3 OR c.folded = ?4)",
-                 number, trainee, ref.value_or(std::string(trainee)), nameKey(trimmedName(trainee)))
+                 number, trainee, ref.value_or(std::string(trainee)), nameKey(typedText(trainee)))
           .first(firstText));
   return found.has_value();
 }
 
 Status UnknownTraineeStore::flag(const Uuid& session, const SessionTrainee& trainee) {
   return connection_.run(
-      "INSERT INTO unknown_trainees (session, given, code_unchecked)"
-      " SELECT number, ?, ? FROM sessions WHERE id = ?",
-      trainee.ref, trainee.code_unchecked, ByteView(session));
+      "INSERT INTO unknown_trainees (session, given, code_unchecked, begin_unsure)"
+      " SELECT number, ?, ?, ? FROM sessions WHERE id = ?",
+      trainee.ref, trainee.code_unchecked, trainee.begin_unsure, ByteView(session));
 }
 
 Status UnknownTraineeStore::leaveEmpty(const Uuid& session, std::int64_t now_unix_ns) {
@@ -104,22 +138,25 @@ Status UnknownTraineeStore::leaveEmpty(const Uuid& session, std::int64_t now_uni
 
 Result<std::string> UnknownTraineeStore::assign(const Uuid& session, const std::string& trainee,
                                                 const std::optional<std::string>& was, const std::string& by,
-                                                std::int64_t now_unix_ns) {
+                                                std::int64_t now_unix_ns,
+                                                std::optional<std::int64_t> started_unix_ns) {
   struct Row {
     std::int64_t number = 0;
-    bool open = false, erased = false, flagged = false;
+    bool open = false, erased = false, flagged = false, begin_unsure = false;
     std::string trainee;
   };
-  ASSIGN_OR_RETURN(const auto row, connection_
-                                       .query("SELECT s.number, s.state, s.erased, u.session IS NOT NULL,"
-                                              " s.trainee FROM sessions s LEFT JOIN unknown_trainees u"
-                                              " ON u.session = s.number WHERE s.id = ?",
-                                              ByteView(session))
-                                       .first([](const Statement& found) {
-                                         return Row{found.integer(0), found.integer(1) == pb::SESSION_OPEN,
-                                                    found.integer(2) != 0, found.integer(3) != 0,
-                                                    found.text(4)};
-                                       }));
+  ASSIGN_OR_RETURN(
+      const auto row,
+      connection_
+          .query("SELECT s.number, s.state, s.erased, u.session IS NOT NULL,"
+                 " coalesce(u.begin_unsure, 0), s.trainee FROM sessions s LEFT JOIN unknown_trainees u"
+                 " ON u.session = s.number WHERE s.id = ?",
+                 ByteView(session))
+          .first([](const Statement& found) {
+            return Row{found.integer(0),      found.integer(1) == pb::SESSION_OPEN,
+                       found.integer(2) != 0, found.integer(3) != 0,
+                       found.integer(4) != 0, found.text(5)};
+          }));
   if (!row) return unknownSession(session);
   const std::string name = "session " + uuidText(session);
   if (row->erased)
@@ -139,6 +176,15 @@ Result<std::string> UnknownTraineeStore::assign(const Uuid& session, const std::
     if (!person)
       return Error{ErrorCode::kNotFound,
                    "there is no person named '" + trainee + "': add the person first, or give another name"};
+  }
+  if (started_unix_ns) {
+    if (!row->begin_unsure)
+      return Error{ErrorCode::kInvalidInput,
+                   name + " began when its station says: nothing there needs to be corrected"};
+    if (*started_unix_ns <= 0 || *started_unix_ns > now_unix_ns)
+      return Error{ErrorCode::kInvalidInput, "started_unix_ns: must be a time that has passed"};
+    RETURN_IF_ERROR(connection_.run("UPDATE sessions SET started_unix_ns = ? WHERE number = ?",
+                                    *started_unix_ns, row->number));
   }
   RETURN_IF_ERROR(connection_.run("UPDATE sessions SET trainee = ? WHERE number = ?", trainee, row->number));
   RETURN_IF_ERROR(

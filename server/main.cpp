@@ -150,7 +150,8 @@ int main(int argc, char** argv) try {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? needlelab::kExitDone : needlelab::kExitInvalid;
+    return needlelab::afterOutput(app.exit(error) == 0 ? needlelab::kExitDone : needlelab::kExitInvalid,
+                                  "needlelab-server");
   }
 
   const auto fail = [](const needlelab::Error& error) {

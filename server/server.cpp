@@ -165,6 +165,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
     auto started = WebServer::start(*p.context, p.tls, p.options.web);
     if (started.ok()) {
       p.web = std::move(*started);
+      p.context->web_port = p.web->port();
     } else {
       if (!p.options.web_optional || started.error().code != ErrorCode::kUnavailable) return started.error();
       logEvent(LogLevel::kWarning, "no_web", {{"text", started.error().message}});
@@ -174,6 +175,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   if (p.options.handle_signals) {
     p.signals.add(SIGTERM);
     p.signals.add(SIGINT);
+    p.signals.add(SIGHUP);  // its terminal was closed
   }
   if (!p.options.port_file.empty()) {
     const std::string text = fmt::format("{}\n", p.port);

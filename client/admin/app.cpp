@@ -14,6 +14,7 @@
 #include "common/base/files.h"
 #include "common/base/program.h"
 #include "common/base/secret.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {
@@ -73,6 +74,13 @@ void runs(CLI::App* command, ChosenCommand& chosen, std::function<Status(Command
   command->callback([&chosen, run = std::move(run)] { chosen.run = run; });
 }
 
+CLI::Option* addNewFile(CLI::App* command, ChosenCommand& chosen, std::string& file,
+                        const std::string& help) {
+  command->add_flag("--replace", chosen.replace, "--out may name a file that is there already");
+  command->parse_complete_callback([&chosen, &file] { chosen.new_file = {"--out", file}; });
+  return command->add_option("--out", file, help)->type_name("FILE");
+}
+
 int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream& err) try {
   CLI::App app{
       "needlelab-admin: people, groups, stations, profiles, courses, results, sessions, studies, backup"};
@@ -129,6 +137,8 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
   if (!global.server.empty() && global.password_file.empty())
     std::swap(global.password_file, chosen.new_password_file);
 
+  if (const auto is_new = requireNewFile(chosen.new_file, chosen.replace); !is_new)
+    return fail(err, is_new.error());
   if (chosen.check) {
     if (const auto valid = chosen.check(); !valid) return fail(err, valid.error());
   }
@@ -225,8 +235,7 @@ Result<std::string> passwordFromFile(const std::filesystem::path& file, const st
   ASSIGN_OR_RETURN(auto text, readWholeFile(file, kMaxPasswordFileBytes));
   const WipeAtEnd wiped(text);
   warnWhenOthersMayRead(file);
-  std::string line = text.substr(0, text.find('\n'));
-  if (!line.empty() && line.back() == '\r') line.pop_back();
+  std::string line(withoutMark(text).substr(0, withoutMark(text).find_first_of("\r\n")));
   if (line.empty())
     return Error{ErrorCode::kInvalidInput, file.string() + ": its first line, the " + what + ", is empty"};
   return line;

@@ -8,12 +8,14 @@
 
 #include "client/admin/backend.h"
 #include "client/admin/output.h"
+#include "common/base/files.h"
 #include "common/base/result.h"
 #include "common/base/uuid.h"
 
 namespace CLI {
 class App;
-}
+class Option;
+}  // namespace CLI
 
 namespace needlelab {
 
@@ -41,6 +43,8 @@ struct ChosenCommand {
   std::function<Status(const std::filesystem::path& folder, Output&)> run_on_files;
   /// The same for commands that need nothing but the files that they name.
   std::function<Status(Output&)> run_alone;
+  NamedFile new_file;                  ///< the file that --out writes; empty: standard output
+  bool replace = false;                ///< --replace: `new_file` may be there already
   bool may_create = false;             ///< with --data: creates a missing folder
   std::filesystem::path encrypt_with;  ///< of `backup`, with --data: the key's file; empty: none
   std::string new_password_file;       ///< of `user add` and `user passwd`
@@ -48,6 +52,10 @@ struct ChosenCommand {
 
 /// Sets the function of `command`.
 void runs(CLI::App* command, ChosenCommand& chosen, std::function<Status(CommandContext&)> run);
+
+/// Adds --out FILE and --replace to `command`. `file` lives as long as `chosen`.
+CLI::Option* addNewFile(CLI::App* command, ChosenCommand& chosen, std::string& file,
+                        const std::string& help = "default: standard output");
 
 void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& chosen);
 void addStationCommands(CLI::App& app, ChosenCommand& chosen);

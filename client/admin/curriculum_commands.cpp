@@ -111,7 +111,7 @@ void addCurriculumCommands(CLI::App& app, ChosenCommand& chosen) {
   });
   auto* export_command = curriculum->add_subcommand("export", "the newest revision as JSON");
   export_command->add_option("id", values->id)->required();
-  export_command->add_option("--out", values->out, "default: standard output")->type_name("FILE");
+  addNewFile(export_command, chosen, values->out);
   runs(export_command, chosen,
        [values](CommandContext& context) { return exportCurriculum(context, values->id, values->out); });
   runs(curriculum->add_subcommand("list", "all curricula and their exercises"), chosen, listCurricula);

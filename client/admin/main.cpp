@@ -1,11 +1,12 @@
 #include <iostream>
 
 #include "client/admin/app.h"
+#include "common/base/program.h"
 #include "common/base/secret.h"
 #include "common/wire/protocol.h"
 
 int main(int argc, char** argv) {
   needlelab::keepOutOfCoreDumps();
   needlelab::keepProtobufQuiet();
-  return needlelab::runAdmin(argc, argv, std::cout, std::cerr);
+  return needlelab::afterOutput(needlelab::runAdmin(argc, argv, std::cout, std::cerr), "needlelab-admin");
 }

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "client/admin/command.h"
+#include "common/base/csv_rows.h"
 #include "common/base/files.h"
 #include "common/base/secret.h"
 #include "common/base/text.h"
@@ -76,9 +77,11 @@ Status listUsers(CommandContext& context) {
 constexpr std::size_t kMostPeopleFile = 900'000;
 
 /// Imports a table of people; shows the outcome of each row and the errors.
-Status importPeople(CommandContext& context, const std::string& file, const std::string& text, bool dry_run) {
+Status importPeople(CommandContext& context, const std::string& file, const std::string& text,
+                    std::uint32_t lines_above, bool dry_run) {
   pb::Request request;
   request.mutable_import_people()->set_csv(text);
+  request.mutable_import_people()->set_lines_above(lines_above);
   request.mutable_import_people()->set_dry_run(dry_run);
   const auto reply = context.backend.call(request);
   if (!reply) return Error{reply.error().code, file + ": " + reply.error().message};
@@ -158,7 +161,8 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
   user->require_subcommand(1);
 
   struct Values {
-    std::string name, role, full_name, file, text;
+    std::string name, role, full_name, file, text, encoding = "unicode";
+    std::uint32_t lines_above = 0;
     bool dry_run = false, make = false, remove = false;
   };
   const auto values = std::make_shared<Values>();
@@ -208,16 +212,26 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
                    "columns name, full_name, role, group, password, code; only name must be there")
       ->required()
       ->type_name("FILE.csv");
+  import_people
+      ->add_option("--encoding", values->encoding,
+                   "what the file is written in, unless it is UTF-8 or UTF-16: windows-1252")
+      ->check(CLI::IsMember({"unicode", "windows-1252"}));
+  import_people->add_option("--lines-above", values->lines_above, "lines above the header, 0 to 1000")
+      ->check(CLI::Range(0, 1000));
   import_people->add_flag("--dry-run", values->dry_run, "only say what would happen");
   import_people->callback([&chosen, values] {
     chosen.may_create = true;
     // a file that cannot be read makes no folder
     chosen.check = [values]() -> Status {
-      ASSIGN_OR_RETURN(values->text, readWholeFile(values->file, kMostPeopleFile));
+      ASSIGN_OR_RETURN(auto bytes, readWholeFile(values->file, kMostPeopleFile));
+      ASSIGN_OR_RETURN(values->text,
+                       utf8TextOf(values->file, std::move(bytes),
+                                  values->encoding == "windows-1252" ? TextEncoding::kWindows1252
+                                                                     : TextEncoding::kUnicode));
       return {};
     };
     chosen.run = [values](CommandContext& context) {
-      return importPeople(context, values->file, values->text, values->dry_run);
+      return importPeople(context, values->file, values->text, values->lines_above, values->dry_run);
     };
   });
   auto* change = user->add_subcommand("change", "another role, name or full name");

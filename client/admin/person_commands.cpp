@@ -9,14 +9,16 @@
 #include "client/admin/command.h"
 #include "client/admin/session_export.h"
 #include "common/base/files.h"
+#include "db/service/record_end.h"
 
 namespace needlelab {
 namespace {
 
 /// Writes pages of records as lines, to a file (atomically, readable only by its owner) or to the output.
+/// `with_end`: the last line counts and hashes those before (recordsEnd).
 Status writeRecords(CommandContext& context, const std::string& file,
-                    const std::function<void(pb::Request&, const std::string&)>& ask,
-                    const std::string& what) {
+                    const std::function<void(pb::Request&, const std::string&)>& ask, const std::string& what,
+                    bool with_end) {
   std::string text;
   std::uint64_t count = 0;
   const auto done = eachPage(context.backend, ask, [&](const pb::Reply& reply) {
@@ -27,6 +29,7 @@ Status writeRecords(CommandContext& context, const std::string& file,
     return reply.records().next_page();
   });
   if (!done) return done;
+  if (with_end) text += recordsEnd(count, text) + "\n";
   if (file.empty()) {
     if (!text.empty()) text.pop_back();
     context.output.document(text);
@@ -80,6 +83,53 @@ void addConsentCommands(CLI::App& app, ChosenCommand& chosen) {
   });
 }
 
+void addMentionCommands(CLI::App& person, ChosenCommand& chosen) {
+  struct Values {
+    std::string name, text, where;
+  };
+  const auto values = std::make_shared<Values>();
+  auto* list = person.add_subcommand(
+      "mentions", "remarks, titles and other texts that name a person: an erasure leaves them as they are");
+  auto* redact = person.add_subcommand("redact", "take a person's names out of one of these texts");
+  for (CLI::App* const command : {list, redact}) {
+    command->add_option("name", values->name)->required();
+    command->add_option("--text", values->text, "look for these words, too, such as a nickname")
+        ->type_name("WORDS");
+  }
+  redact->add_option("--where", values->where, "as 'mentions' shows it, such as \"remark 12\"")
+      ->required()
+      ->type_name("WHERE");
+  runs(list, chosen, [values](CommandContext& context) -> Status {
+    Json rows = Json::array();
+    RETURN_IF_ERROR(eachPage(
+        context.backend,
+        [&](pb::Request& request, const std::string& page) {
+          request.mutable_list_mentions()->set_name(values->name);
+          request.mutable_list_mentions()->set_text(values->text);
+          request.mutable_list_mentions()->set_page(page);
+        },
+        [&](const pb::Reply& reply) {
+          for (const pb::Mention& one : reply.mentions().mentions())
+            rows.push_back({{"where", one.where()},
+                            {"about", one.about()},
+                            {"times", one.times()},
+                            {"text", one.text()}});
+          return reply.mentions().next_page();
+        }));
+    return context.output.list({{"where", "WHERE"}, {"about", "IN"}, {"times", "TIMES"}, {"text", "TEXT"}},
+                               rows, "no text names them");
+  });
+  runs(redact, chosen, [values](CommandContext& context) -> Status {
+    pb::Request request;
+    request.mutable_redact()->set_name(values->name);
+    request.mutable_redact()->set_text(values->text);
+    request.mutable_redact()->set_where(values->where);
+    RETURN_IF_ERROR(context.backend.call(request));
+    context.output.done("redacted: " + values->where);
+    return {};
+  });
+}
+
 void addOnePersonCommands(CLI::App& app, ChosenCommand& chosen) {
   struct Values {
     std::string name, out, confirm, reason;
@@ -90,7 +140,7 @@ void addOnePersonCommands(CLI::App& app, ChosenCommand& chosen) {
   person->require_subcommand(1);
   auto* out = person->add_subcommand("export", "everything but recordings, as JSON lines");
   out->add_option("name", values->name)->required();
-  out->add_option("--out", values->out, "default: standard output")->type_name("FILE");
+  addNewFile(out, chosen, values->out);
   runs(out, chosen, [values](CommandContext& context) {
     return writeRecords(
         context, values->out,
@@ -98,8 +148,9 @@ void addOnePersonCommands(CLI::App& app, ChosenCommand& chosen) {
           request.mutable_export_person()->set_name(values->name);
           request.mutable_export_person()->set_page(page);
         },
-        "'" + values->name + "'");
+        "'" + values->name + "'", true);
   });
+  addMentionCommands(*person, chosen);
   auto* erase = person->add_subcommand("erase", "erase a person's data for ever");
   erase->add_option("name", values->name)->required();
   erase->add_option("--confirm", values->confirm, "the name again")->required()->type_name("NAME");
@@ -147,7 +198,7 @@ void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
   addOnePersonCommands(app, chosen);
   addConsentCommands(app, chosen);
   struct Values {
-    std::string study, out, exercise, session, format = "csv";
+    std::string study, out, exercise, session, format;
     bool remarks = false, setup = false, passwords = false;
   };
   const auto values = std::make_shared<Values>();
@@ -157,7 +208,7 @@ void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
   out->add_option("study", values->study,
                   "its name: pseudonyms are the same within it, and others in another")
       ->required();
-  out->add_option("--out", values->out, "default: standard output")->type_name("FILE");
+  addNewFile(out, chosen, values->out);
   out->add_option("--exercise", values->exercise, "default: all");
   out->add_flag("--with-remarks", values->remarks, "with what instructors wrote; names in it are replaced");
   out->add_flag("--with-setup", values->setup,
@@ -173,20 +224,22 @@ void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
           call->set_with_remarks(values->remarks);
           call->set_page(page);
         },
-        "study '" + values->study + "'");
+        "study '" + values->study + "'", false);
   });
   auto* recording =
       study->add_subcommand("recording", "the samples of one of its sessions; times begin with 0");
   recording->add_option("study", values->study)->required();
   recording->add_option("session", values->session, "as study export names it")->required();
   recording->add_option("--format", values->format)->check(CLI::IsMember({"csv", "json", "recording"}));
-  recording->add_option("--out", values->out)->required()->type_name("FILE");
-  runs(recording, chosen, [values](CommandContext& context) {
-    return exportStudyRecording(context.backend, context.output, values->study, values->session,
-                                values->format, values->out);
+  addNewFile(recording, chosen, values->out, "the new file")->required();
+  runs(recording, chosen, [values](CommandContext& context) -> Status {
+    const auto format = sampleFormat(values->format, values->out);
+    if (!format) return format.error();
+    return exportStudyRecording(context.backend, context.output, values->study, values->session, *format,
+                                values->out);
   });
   auto* all = app.add_subcommand("export-all", "everything but recordings, as JSON lines");
-  all->add_option("--out", values->out, "default: standard output")->type_name("FILE");
+  addNewFile(all, chosen, values->out);
   all->add_flag("--with-passwords", values->passwords, "with the hashes of passwords and of stations' keys");
   runs(all, chosen, [values](CommandContext& context) {
     return writeRecords(
@@ -195,7 +248,7 @@ void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
           request.mutable_export_all()->set_with_passwords(values->passwords);
           request.mutable_export_all()->set_page(page);
         },
-        "everything");
+        "everything", true);
   });
 }
 

@@ -148,7 +148,7 @@ void addProfileCommands(CLI::App& app, ChosenCommand& chosen) {
   auto* export_command = profile->add_subcommand("export", "the profile as JSON");
   export_command->add_option("id", values->id)->required();
   export_command->add_option("--revision", values->revision, "default: the newest");
-  export_command->add_option("--out", values->out, "default: standard output")->type_name("FILE");
+  addNewFile(export_command, chosen, values->out);
   runs(export_command, chosen, [values](CommandContext& context) {
     return exportProfile(context, values->id, values->revision, values->out);
   });

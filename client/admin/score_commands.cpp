@@ -165,7 +165,7 @@ void addScoreCommands(CLI::App& app, ChosenCommand& chosen) {
 
   auto* out = scores->add_subcommand("export", "one row for each attempt and measure");
   out->add_option("--format", choice->format, "csv")->check(CLI::IsMember({"csv"}))->capture_default_str();
-  out->add_option("--out", choice->out, "the new file")->required()->type_name("FILE");
+  addNewFile(out, chosen, choice->out, "the new file")->required();
   out->add_option("--course", choice->course, "exercises of this course only");
   out->add_option("--group", choice->group, "people of this group only");
   runs(out, chosen, [choice](CommandContext& context) { return exportScores(context, *choice); });

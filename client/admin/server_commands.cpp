@@ -19,7 +19,6 @@
 #include "db/audit_chain.h"
 #include "db/audit_head.h"
 #include "db/erasure_list.h"
-#include "db/service/other_stores.h"
 #include "db/store_address.h"
 
 namespace needlelab {
@@ -104,11 +103,11 @@ Status copyFile(const fs::path& from, const fs::path& to, unsigned mode = 0600) 
 
 /// Writes what the folder is to have into `growing`.
 Status fill(const Join& join, const StoreFile& store, const fs::path& growing) {
-  // keys, how far the audit log is known, databases elsewhere that may have people
+  // keys, and how far the audit log is known
   for (const char* const name : {kAuditKeyFile, "pseudonym.key"})
     RETURN_IF_ERROR(copyFile(join.from / name, growing / name));
-  for (const char* const name : {kAuditHeadFile, kOtherStoresFile})
-    if (isThere(join.from / name)) RETURN_IF_ERROR(copyFile(join.from / name, growing / name));
+  if (isThere(join.from / kAuditHeadFile))
+    RETURN_IF_ERROR(copyFile(join.from / kAuditHeadFile, growing / kAuditHeadFile));
   ASSIGN_OR_RETURN(const auto erasures, readErasures(join.from));
   if (!erasures.empty()) RETURN_IF_ERROR(writeErasures(growing, erasures));
   RETURN_IF_ERROR(writeStoreFile(growing, store));

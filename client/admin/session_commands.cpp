@@ -183,7 +183,11 @@ Status showSession(CommandContext& context, const Uuid& id) {
       !done || context.output.json()) {
     return done;
   }
-  if (session.code_unchecked())
+  if (session.begin_unsure())
+    context.output.text(
+        "\nits station's clock was wrong when it began: session assign --begin TIME says when it was, and "
+        "without --begin accepts the station's time; until then it counts for nobody");
+  else if (session.code_unchecked())
     context.output.text(
         fmt::format("\nnobody gave the code of '{}': session confirm says that it is theirs, session assign "
                     "gives it to another person",
@@ -255,8 +259,8 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
   auto* session = app.add_subcommand("session", "recorded gestures");
   session->require_subcommand(1);
   struct Values {
-    std::string id, station, trainee, exercise, from, to, verdict, search, format = "csv", out, text, to_whom,
-                                                                           reason;
+    std::string id, station, trainee, exercise, from, to, verdict, search, format, out, text, to_whom, reason,
+        begin;
     bool unknown = false;
     std::uint32_t limit = 100, version = 0;
     std::uint64_t tick = 0;
@@ -318,6 +322,8 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
       "assign", "give a session that waits to the right person, whose attempt it is from then on");
   assign->add_option("--to", values->to_whom, "the person, or guest: nobody")->required()->type_name("NAME");
   assign->add_option("--reason", values->reason, "for the audit log");
+  assign->add_option("--begin", values->begin, "when it began, of a session whose station's clock was wrong")
+      ->type_name("TIME");
   with_id(assign, [values](CommandContext& context, const Uuid& id) -> Status {
     pb::Request show, request;
     show.mutable_get_session()->set_session_id(id.data(), id.size());
@@ -326,6 +332,10 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
     request.mutable_assign_session()->set_was(seen.session().description().trainee());
     request.mutable_assign_session()->set_trainee(values->to_whom);
     request.mutable_assign_session()->set_reason(values->reason);
+    if (!values->begin.empty()) {
+      ASSIGN_OR_RETURN(const auto begin_ns, momentOf("--begin", values->begin));
+      request.mutable_assign_session()->set_started_unix_ns(begin_ns);
+    }
     ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
     context.output.done(fmt::format("the session that its station gave as '{}' is {}'s now",
                                     reply.session().given_trainee(),
@@ -348,17 +358,20 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
     return showSessionScore(context, id, values->version);
   });
   auto* export_command = session->add_subcommand("export", "its samples, for other programs");
-  export_command->add_option("--format", values->format, "csv, json or recording (common/gesture/FORMAT.md)")
-      ->check(CLI::IsMember({"csv", "json", "recording"}))
-      ->capture_default_str();
-  export_command->add_option("--out", values->out, "the new file")->required()->type_name("FILE");
+  export_command
+      ->add_option("--format", values->format,
+                   "csv, json or recording (common/gesture/FORMAT.md); else what the file's name says")
+      ->check(CLI::IsMember({"csv", "json", "recording"}));
+  addNewFile(export_command, chosen, values->out, "the new file")->required();
   export_command->add_option("--from", values->range.from_s, "from this moment on, since the first sample")
       ->type_name("SECONDS");
   export_command->add_option("--to", values->range.to_s, "up to this moment")->type_name("SECONDS");
   export_command->add_flag("--damaged", values->range.around_damage,
                            "write what can be read around damaged chunks, name those, exit 1");
-  with_id(export_command, [values](CommandContext& context, const Uuid& id) {
-    return exportSession(context.backend, context.output, id, values->format, values->out, values->range);
+  with_id(export_command, [values](CommandContext& context, const Uuid& id) -> Status {
+    const auto format = sampleFormat(values->format, values->out);
+    if (!format) return format.error();
+    return exportSession(context.backend, context.output, id, *format, values->out, values->range);
   });
 
   auto* annotate = app.add_subcommand("annotate", "a remark on a moment of a session");

@@ -17,6 +17,7 @@
 #include "common/base/files.h"
 #include "common/base/local_time.h"
 #include "common/base/program.h"
+#include "common/base/text.h"
 #include "common/base/uuid.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/recording.h"
@@ -434,6 +435,20 @@ Json sessionRow(const pb::SessionInfo& session) {
     row["clock_round_trip_ns"] = session.clock_round_trip_ns();
   }
   return row;
+}
+
+Result<std::string> sampleFormat(const std::string& given, const std::filesystem::path& file) {
+  const std::string ending = lowerCase(file.extension().string());
+  const std::string named = ending == ".csv"     ? "csv"
+                            : ending == ".json"  ? "json"
+                            : ending == ".nlrec" ? "recording"
+                                                 : "";
+  if (given.empty()) return named.empty() ? "csv" : named;
+  if (named.empty() || named == given) return given;
+  return Error{
+      ErrorCode::kInvalidInput,
+      fmt::format("--out {}: the name says {}, --format says {}: leave --format out, or take another name",
+                  file.string(), named, given)};
 }
 
 Status exportSession(Backend& backend, Output& output, const Uuid& session, const std::string& format,

@@ -22,6 +22,10 @@ struct ExportRange {
       false;  ///< write the readable part around damaged chunks; the result is still a failure
 };
 
+/// The format of a file of samples: `given`, else what the name ends with (.csv, .json, .nlrec), else "csv".
+/// kInvalidInput: they differ.
+Result<std::string> sampleFormat(const std::string& given, const std::filesystem::path& file);
+
 /// `format`: "csv" (columns of gesture/sample_csv.h), "json" ({"version", "machine", "session", "rows"}) or
 /// "recording" (common/gesture/FORMAT.md; a part of a session in whole chunks). Checks every chunk, and at
 /// the end of a whole export compares the hash over all chunks with that of the recording. A fault leaves no

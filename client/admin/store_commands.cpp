@@ -12,7 +12,6 @@
 #include "client/admin/command.h"
 #include "common/base/clock.h"
 #include "db/service/bootstrap.h"
-#include "db/service/other_stores.h"
 #include "db/service/store_move.h"
 
 namespace needlelab {
@@ -72,10 +71,9 @@ Status showMoved(Output& output, const StoreMove& move, const StoreMoved& moved)
                 "PostgreSQL's tools from now on (deploy/OPERATIONS.md, From SQLite to PostgreSQL and back).");
   else
     output.text(
-        "The database on PostgreSQL is as it was: remove it once there is a backup of the new one, then "
-        "say so: needlelab-admin --data " +
-        data + " store forget URL. Until then each erasure names it. " + moved.kept.string() +
-        " has its address.");
+        "The database on PostgreSQL is as it was: remove it (dropdb) once there is a backup of the new one; "
+        "no erasure reaches it. " +
+        moved.kept.string() + " has its address.");
   return {};
 }
 
@@ -93,39 +91,11 @@ Status copyStore(Output& output, StoreMove move) {
   return showMoved(output, move, moved);
 }
 
-Status listOtherStores(const std::filesystem::path& folder, Output& output) {
-  ASSIGN_OR_RETURN(const auto stores, readOtherStores(folder));
-  Json rows = Json::array();
-  for (const OtherStore& store : stores) {
-    const bool left = store.kind != OtherStore::Kind::kCopy;
-    rows.push_back({{"url", store.url},
-                    {"unix_ns", store.unix_ns},
-                    {"what", left ? "the lab left it" : "a copy was begun there"}});
-  }
-  return output.list({{"url", "OTHER DATABASE"}, {"what", "WHAT"}, {"unix_ns", "WHEN", Column::Kind::kTime}},
-                     rows);
-}
-
-/// With a line of the audit log: somebody answers for it.
-Status forgetStore(const std::filesystem::path& folder, const std::string& url, Output& output) {
-  Store::Options options;
-  options.holder = "needlelab-admin store forget";
-  options.create = false;
-  ASSIGN_OR_RETURN(const auto store, Store::open(folder, options));
-  ASSIGN_OR_RETURN(const bool known, forgetOtherStore(folder, url));
-  if (!known)
-    return Error{ErrorCode::kInvalidInput,
-                 "store forget: nothing is remembered of " + url + ": needlelab-admin store list"};
-  RETURN_IF_ERROR(store->service().note(localName(), "store forget", url, "said to be gone"));
-  output.done("forgotten: " + url);
-  return {};
-}
-
 }  // namespace
 
 void addStoreCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& chosen) {
   struct Values {
-    std::string from, to, gone;
+    std::string from, to;
     bool begin_again = false;
   };
   const auto values = std::make_shared<Values>();
@@ -147,19 +117,6 @@ void addStoreCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand&
   copy->add_flag("--begin-again", values->begin_again,
                  "empty the unfinished copy in --to, and copy everything: a server has worked with --from "
                  "since");
-  store
-      ->add_subcommand("list",
-                       "other databases on PostgreSQL that may have this lab's people: a copy was begun "
-                       "there, or the lab left it (--data)")
-      ->callback([&chosen] { chosen.run_on_files = listOtherStores; });
-  auto* forget = store->add_subcommand(
-      "forget", "a person says that such a database is gone (--data of the stopped server)");
-  forget->add_option("url", values->gone, "as store list names it")->required()->type_name("URL");
-  forget->callback([&chosen, values] {
-    chosen.run_on_files = [values](const std::filesystem::path& folder, Output& output) {
-      return forgetStore(folder, values->gone, output);
-    };
-  });
   copy->callback([&chosen, &global, values] {
     chosen.check = [&global, values]() -> Status {
       if (!global.data.empty() || !global.server.empty() || !global.store.empty())

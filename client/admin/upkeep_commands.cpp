@@ -206,15 +206,18 @@ Status checkOfCopy(const std::filesystem::path& folder, Output& output) {
 /// The settings after `request`, which reads or changes them.
 Status showLab(CommandContext& context, const pb::Request& request) {
   ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
-  return context.output.one({{"codes", "codes of trainees"}},
-                            {{"codes", reply.lab_settings().codes_required() ? "required" : "optional"}});
+  const pb::LabSettings& lab = reply.lab_settings();
+  return context.output.one(
+      {{"codes", "codes of trainees"}, {"sessions_of_erased", "sessions of erased people"}},
+      {{"codes", lab.codes_required() ? "required" : "optional"},
+       {"sessions_of_erased", lab.keep_recordings_of_erased() ? "stay, without a name" : "are erased, too"}});
 }
 
 }  // namespace
 
 void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& chosen) {
   struct Values {
-    std::string path, folder, from, codes, key, encrypt_with, restored;
+    std::string path, folder, from, codes, of_erased, key, encrypt_with, restored;
     std::uint32_t keep = 14;
     bool counts_as_safe = false;
   };
@@ -302,7 +305,7 @@ void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand
 
   auto* lab = app.add_subcommand("lab", "what holds for the whole lab");
   lab->require_subcommand(1);
-  lab->add_subcommand("show", "whether trainees must have codes")->callback([&chosen] {
+  lab->add_subcommand("show", "codes of trainees, sessions of erased people")->callback([&chosen] {
     chosen.run = [](CommandContext& context) {
       pb::Request request;
       request.mutable_get_lab_settings();
@@ -311,11 +314,17 @@ void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand
   });
   auto* lab_set = lab->add_subcommand("set", "change it");
   lab_set->add_option("--codes", values->codes, "required: who has no code cannot practise, except as guest")
-      ->required()
       ->check(CLI::IsMember({"required", "optional"}));
+  lab_set
+      ->add_option("--sessions-of-erased", values->of_erased,
+                   "stay: what an erased person recorded stays, without a name")
+      ->check(CLI::IsMember({"stay", "go"}));
+  lab_set->require_option(1, 2);
   runs(lab_set, chosen, [values](CommandContext& context) {
     pb::Request request;
-    request.mutable_change_lab_settings()->set_codes_required(values->codes == "required");
+    auto* change = request.mutable_change_lab_settings();
+    if (!values->codes.empty()) change->set_codes_required(values->codes == "required");
+    if (!values->of_erased.empty()) change->set_keep_recordings_of_erased(values->of_erased == "stay");
     return showLab(context, request);
   });
 

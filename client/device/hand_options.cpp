@@ -77,12 +77,11 @@ Result<HandPlan> planFromCsv(const std::string& path) {
   HandPlan plan(track.X_WH.front());
   if (!track.plunger.empty()) plan.plungerAtStart(track.plunger.front());
   for (std::size_t i = 1; i < track.t_s.size(); ++i) {
-    // of rows with the same time the first one is used
     const double seconds = track.t_s[i] - track.t_s.front() - plan.duration_s();
     if (seconds > 0)
       plan.moveIn(track.X_WH[i], seconds, track.plunger.empty() ? 0 : track.plunger[i], Motion::kLinear);
   }
-  if (plan.duration_s() <= 0) return invalid(path + ": needs at least two rows with different times");
+  if (plan.duration_s() <= 0) return invalid(path + ": needs at least two rows");
   return plan;
 }
 

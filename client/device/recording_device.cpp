@@ -14,7 +14,6 @@
 namespace needlelab {
 namespace {
 
-constexpr double kOnTick_s = 1e-9;             // rows this close to a tick are used unchanged
 constexpr double kMaxPosition_m = 1e3;         // as in a profile's vectors
 constexpr double kQuaternionSlack = 1e-3;      // as client/sim/README.md says
 constexpr double kPlungerSlack = 0x1p-15;      // a step of stored plungers (FORMAT.md)
@@ -49,18 +48,33 @@ void forEachTick(const PoseTrack& track, double rate_hz, RowIs row_is, Between b
   }
 }
 
+// the row behind the first hole
+std::optional<std::size_t> gapIn(const std::vector<double>& t_s) {
+  if (t_s.size() < 3) return std::nullopt;
+  std::vector<double> periods;
+  for (std::size_t i = 1; i < t_s.size(); ++i) periods.push_back(t_s[i] - t_s[i - 1]);
+  auto sorted = periods;
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  const double most_s = std::max(3 * *middle, kMostGap_s) + kOnTick_s;
+  const auto found =
+      std::find_if(periods.begin(), periods.end(), [&](double period) { return period > most_s; });
+  if (found == periods.end()) return std::nullopt;
+  return static_cast<std::size_t>(found - periods.begin()) + 1;
+}
+
 }  // namespace
 
-Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, TrackTimes times) {
-  auto table = readCsv(path, {"t_s", "px_m", "py_m", "pz_m", "qx", "qy", "qz", "qw"}, {"plunger"}, kMaxRows);
+Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, std::size_t lines_above) {
+  auto table = readCsv(path, {"t_s", "px_m", "py_m", "pz_m", "qx", "qy", "qz", "qw"}, {"plunger"},
+                       {.max_rows = kMaxRows, .lines_above = lines_above});
   if (!table.ok()) return table.error();
   const auto column = [&](const char* name) -> const std::vector<double>& {
     return table->columns[static_cast<std::size_t>(table->find(name))];
   };
-  // counts lines as an editor does: the header is line 1 (ignoring blank lines)
   const auto fail = [&](std::size_t row, const std::string& why) {
     return Error{ErrorCode::kInvalidInput,
-                 fmt::format("{} row {} (line {}): {}", path.string(), row + 1, row + 2, why)};
+                 fmt::format("{} row {} (line {}): {}", path.string(), row + 1, table->lines[row], why)};
   };
 
   PoseTrack track;
@@ -69,9 +83,12 @@ Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, TrackTimes ti
   const auto &qx = column("qx"), &qy = column("qy"), &qz = column("qz"), &qw = column("qw");
   track.X_WH.reserve(table->rows());
   for (std::size_t i = 0; i < table->rows(); ++i) {
-    if (times == TrackTimes::kAscending && i > 0 && track.t_s[i] < track.t_s[i - 1])
-      return fail(i, "t_s " + numberText(track.t_s[i]) + " is before " + numberText(track.t_s[i - 1]) +
-                         " of the row before; times may repeat but not go backwards");
+    if (i > 0 && !(track.t_s[i] > track.t_s[i - 1]))
+      return fail(
+          i, fmt::format("t_s {} is {} {} of the row before; times must ascend{}", numberText(track.t_s[i]),
+                         track.t_s[i] == track.t_s[i - 1] ? "the same as" : "before",
+                         numberText(track.t_s[i - 1]),
+                         track.t_s[i] == track.t_s[i - 1] ? ": were they written with too few digits?" : ""));
     const std::pair<const char*, double> positions[] = {{"px_m", px[i]}, {"py_m", py[i]}, {"pz_m", pz[i]}};
     for (const auto& [name, value] : positions)
       if (std::abs(value) > kMaxPosition_m)
@@ -83,6 +100,11 @@ Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, TrackTimes ti
           i, "the quaternion qx,qy,qz,qw has length " + numberText(length) + ", allowed is 0.999 to 1.001");
     track.X_WH.push_back({{px[i], py[i], pz[i]}, normalized(q)});
   }
+  if (const auto gap = gapIn(track.t_s))
+    return fail(*gap, fmt::format("t_s jumps from {} to {}: at most three usual periods, or {} s, may lie "
+                                  "between two rows",
+                                  numberText(track.t_s[*gap - 1]), numberText(track.t_s[*gap]),
+                                  numberText(kMostGap_s)));
   if (const int at = table->find("plunger"); at >= 0) {
     track.plunger = table->columns[static_cast<std::size_t>(at)];
     for (std::size_t i = 0; i < track.plunger.size(); ++i)
@@ -102,11 +124,9 @@ Result<PoseTrack> readRecordedTrack(const std::filesystem::path& path, const Pos
                                                          track.t_s.size() + 1, sample.tick, why)};
     };
     if (track.t_s.empty()) first_ns = last_ns = sample.time_ns;
-    if (sample.time_ns < last_ns)
-      return fail(
-          fmt::format("time_ns {} is before {} of the sample before; times may repeat but not go "
-                      "backwards",
-                      sample.time_ns, last_ns));
+    if (!track.t_s.empty() && sample.time_ns <= last_ns)
+      return fail(fmt::format("time_ns {} comes after {} of the sample before; times must ascend",
+                              sample.time_ns, last_ns));
     last_ns = sample.time_ns;
     for (const double metres : sample.p_WT_m)
       if (!(std::abs(metres) <= kMaxPosition_m))

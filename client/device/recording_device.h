@@ -12,24 +12,23 @@
 
 namespace needlelab {
 
-/// Poses with their recorded times. All vectors have the same length, at least 1; times never go backwards.
+/// Poses with their recorded times. All vectors have the same length, at least 1; times ascend.
 struct PoseTrack {
   std::vector<double> t_s;
   std::vector<Pose> X_WH;       ///< of the handle; unit quaternions
   std::vector<double> plunger;  ///< 0-1; empty when the file has no such column
 };
 
-/// Requirement on a track's times.
-enum class TrackTimes : std::uint8_t {
-  kAscending,  ///< times may repeat but not go backwards
-  kAnyOrder,   ///< times are ignored: a row is a tick
-};
+/// Between two rows of a file there are at most three of its usual periods, or this time, where that is more:
+/// a computer's device may be late so much. Longer ones are holes.
+inline constexpr double kMostGap_s = 0.01;
+inline constexpr double kOnTick_s = 1e-9;  ///< rows this close to a tick are used unchanged
 
 /// Reads a CSV with the columns `t_s,px_m,py_m,pz_m,qx,qy,qz,qw` and optionally `plunger`, in any order.
-/// Quaternions with | |q| − 1 | ≤ 1e-3 are normalised. Times may repeat. Errors (kInvalidInput) name file,
-/// line, column, value and range: as of readCsv; a quaternion off unit length, a time that goes backwards, a
-/// plunger outside 0-1, a position beyond 1 km.
-Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, TrackTimes times = TrackTimes::kAscending);
+/// Quaternions with | |q| − 1 | ≤ 1e-3 are normalised. Errors (kInvalidInput) name file, line, column, value
+/// and range: as of readCsv; a quaternion off unit length, a time that does not ascend or jumps (kMostGap_s),
+/// a plunger outside 0-1, a position beyond 1 km.
+Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, std::size_t lines_above = 0);
 
 /// Reads a recording (common/gesture/FORMAT.md): its tips' poses become the handle's by the tool that is on
 /// now (X_HT: the tip in the handle's frame), its times count from its first sample by the station's clock,
@@ -43,9 +42,8 @@ std::size_t tickCount(const PoseTrack& track, double rate_hz);
 
 /// Returns the track's poses at the ticks t_first + k/rate, k = 0 … tickCount − 1. Between two rows the
 /// position is linear in time and the orientation is interpolated linearly on the shorter way and normalised
-/// (nlerp: rows are about 1 ms apart, where it differs from slerp by less than 1e-7 rad). Of rows with the
-/// same time the last one is used. A row within 1 ns of a tick is used unchanged, bit for bit, so that a
-/// track recorded on the ticks plays back unchanged.
+/// (nlerp: rows are about 1 ms apart, where it differs from slerp by less than 1e-7 rad). A row within 1 ns
+/// of a tick is used unchanged, bit for bit, so that a track recorded on the ticks plays back unchanged.
 std::vector<Pose> resamplePoses(const PoseTrack& track, double rate_hz);
 /// Returns the plunger in the same way; empty when the track has none.
 std::vector<double> resamplePlunger(const PoseTrack& track, double rate_hz);

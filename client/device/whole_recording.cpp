@@ -185,6 +185,10 @@ Result<ReadRecording> readRecording(const std::filesystem::path& path, DamagedRe
     return {};
   };
   ASSIGN_OR_RETURN(read.holes, readChunks(reader, path, damaged, keep));
+  const auto metadata = readShallowJson<nlohmann::json>(reader.metadata());
+  const auto rate = metadata.is_object() ? metadata.find("rate_hz") : metadata.end();
+  if (rate != metadata.end() && rate->is_number()) read.rate_hz = rate->get<double>();
+  if (!(read.rate_hz > 0)) read.rate_hz = 0;
   return read;
 }
 

@@ -17,6 +17,7 @@ namespace needlelab {
 struct ReadRecording {
   std::vector<GestureSample> samples;  ///< all that can be read, in the file's order
   std::vector<std::string> holes;      ///< each names ticks (from–to) and the reason; empty: it is whole
+  double rate_hz = 0;                  ///< of its metadata; 0: they say none
 };
 
 /// Whether a damaged recording is refused, or read as far as it goes.

@@ -13,6 +13,7 @@
 #include "client/instructor/terminal/headless.h"
 #include "client/instructor/window_mode.h"
 #include "client/net/credentials.h"
+#include "common/base/files.h"
 #include "common/base/program.h"
 #include "common/base/secret.h"
 #include "common/wire/protocol.h"
@@ -46,6 +47,7 @@ int main(int argc, char** argv) {
                  "First line is the password; without it the terminal asks");
   app.add_flag("--headless", options.headless, "Lines in this terminal, no window");
   app.add_option("--report", options.report, "Write a report about --session as an HTML file");
+  app.add_flag("--replace", options.replace, "--report may name a file that is there already");
   app.add_option("--screenshot", options.screenshot, "Of the window: a PNG of it")->type_name("FILE");
   app.add_flag("--off-screen", options.off_screen, "Draw the window into memory: needs no display");
   app.add_option("--window", options.window_size,
@@ -83,7 +85,7 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? kExitDone : kExitInvalid;
+    return afterOutput(app.exit(error) == 0 ? kExitDone : kExitInvalid, "needlelab-instructor");
   }
   options.stop = stop->count() > 0;
   const auto fail = [](const Error& error) {
@@ -94,11 +96,14 @@ int main(int argc, char** argv) {
   if (const Status ok = checkOptions(options); !ok.ok()) return fail(ok.error());
   std::signal(SIGINT, onSignal);
   std::signal(SIGTERM, onSignal);
+  std::signal(SIGHUP, onSignal);  // its terminal was closed
   const auto stopped = [] { return interrupted.load(std::memory_order_relaxed); };
   if (options.window()) {
     const Status done = runWindowMode(options, stopped);
     endProgram(done.ok() ? kExitDone : fail(done.error()));
   }
+  if (const Status is_new = requireNewFile({"--report", options.report}, options.replace); !is_new.ok())
+    return fail(is_new.error());
   const auto password = readPassword(options.password_file, "Password of " + options.user + ": ");
   if (!password.ok()) return fail(password.error());
   ClientConfig config = clientConfig(options);
@@ -111,11 +116,11 @@ int main(int argc, char** argv) {
                                        sessionBytes(options), options.report);
     if (!written.ok()) return fail(written.error());
     std::printf("written: %s\n", options.report.c_str());
-    return kExitDone;
+    return afterOutput(kExitDone, "needlelab-instructor");
   }
   const std::int64_t end_ns = options.seconds ? client->nowNs() + std::llround(*options.seconds * 1e9)
                                               : std::numeric_limits<std::int64_t>::max();
   const HeadlessRun run{options, *client, std::cout, stopped, end_ns};
   const Status done = runHeadless(run);
-  return done.ok() ? kExitDone : fail(done.error());
+  return done.ok() ? afterOutput(kExitDone, "needlelab-instructor") : fail(done.error());
 }

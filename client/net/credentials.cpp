@@ -90,7 +90,8 @@ Result<std::string> readSecretLine(const std::filesystem::path& file) {
   if (!text.ok()) return text.error();
   const WipeAtEnd wiped(*text);
   warnWhenOthersMayRead(file);
-  return text->substr(0, text->find_first_of("\r\n"));
+  const std::string_view line = withoutMark(*text);
+  return std::string(line.substr(0, line.find_first_of("\r\n")));
 }
 
 Result<std::string> readPassword(const std::filesystem::path& file, const std::string& prompt) {

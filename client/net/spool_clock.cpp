@@ -1,6 +1,9 @@
 #include "client/net/spool_clock.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "client/net/spool_json.h"
@@ -38,6 +41,21 @@ void SpoolClock::note(std::int64_t server_unix_ns, std::int64_t steady_ns) {
   steady_ns_ = steady_ns;
   static_cast<void>(writeSpoolJson(file_, {{"seen_ns", static_cast<std::uint64_t>(seen_ns_)},
                                            {"server_unix_ns", static_cast<std::uint64_t>(server_unix_ns_)}}));
+}
+
+std::int64_t SpoolClock::lastServerUnixNs() const {
+  const std::scoped_lock lock(mutex_);
+  return server_unix_ns_;
+}
+
+std::string clockOffText(std::int64_t ahead_ns) {
+  const double seconds = std::abs(1e-9 * static_cast<double>(ahead_ns));
+  if (seconds < 60) return {};
+  const std::string off = seconds < 3600      ? fmt::format("{:.0f} min", seconds / 60)
+                          : seconds < 172'800 ? fmt::format("{:.1f} h", seconds / 3600)
+                                              : fmt::format("{:.0f} days", seconds / 86'400);
+  return fmt::format("this computer's clock is {} {} the server's", off,
+                     ahead_ns > 0 ? "ahead of" : "behind");
 }
 
 std::int64_t SpoolClock::nowNs() const {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <mutex>
+#include <string>
 
 namespace needlelab {
 
@@ -26,6 +27,8 @@ class SpoolClock {
   void note(std::int64_t server_unix_ns, std::int64_t steady_ns = 0);
   /// The time seen so far, in ns.
   [[nodiscard]] std::int64_t nowNs() const;
+  /// The server's time when it was last noted; 0: never.
+  [[nodiscard]] std::int64_t lastServerUnixNs() const;
 
  private:
   std::filesystem::path file_;
@@ -34,5 +37,8 @@ class SpoolClock {
   std::int64_t server_unix_ns_ = 0;  // when it was last noted; 0: never
   std::int64_t steady_ns_ = 0;       // at that moment; 0: not known, or of an earlier run
 };
+
+/// "this computer's clock is 1.5 h ahead of the server's"; empty for less than a minute.
+std::string clockOffText(std::int64_t ahead_ns);
 
 }  // namespace needlelab

@@ -72,6 +72,9 @@ struct UplinkState {
   std::uint64_t live_encoded = 0;  ///< pieces encoded for viewers; none without viewers
   std::uint64_t live_dropped = 0;  ///< dropped here, because the network was slow
   std::optional<ClockProbe::Estimate> clock;
+  std::optional<std::int64_t>
+      server_minus_steady_ns;      ///< the server's time less ours since the start; by the last Welcome
+  std::int64_t wall_ahead_ns = 0;  ///< this computer's clock less the server's, at the last Welcome
 };
 
 /// How a station tries again. While a lesson runs it probes an address where nobody accepts connections: a

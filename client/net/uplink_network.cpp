@@ -86,10 +86,16 @@ void Uplink::onConnected(const pb::Welcome& welcome) {
     state_.denied = all_away_ = false;
     state_.server = server;
     ++state_.connections;
+    if (welcome.server_unix_ns() > 0) {
+      state_.server_minus_steady_ns = welcome.server_unix_ns() - welcomed_ns_;
+      state_.wall_ahead_ns = config_.clock->unixNs() - welcome.server_unix_ns();
+    }
   }
   const std::string& passed_over = link_.passedOver();
   report("connected to " + server + " as " + welcome.name() +
          (passed_over.empty() ? "" : "; another server did not take us: " + passed_over));
+  if (const std::string off = clockOffText(state().wall_ahead_ns); !off.empty())
+    report(off + ": set it (timedatectl); sessions are dated by the server's while it is there");
   for (const UplinkSession* session : again) reportSentAgain(*session);
   clock_ = ClockProbe{};
   clock_sent_ns_ = 0;
@@ -396,7 +402,6 @@ void Uplink::sendStatus() {
   if (lessonRuns()) {
     const pb::SessionDescription& description = current_->spool()->description();
     status.set_session_id(description.session_id());
-    status.set_trainee(description.trainee());
     status.set_exercise_id(description.exercise_id());
     status.set_started_unix_ns(description.started_unix_ns());
   }

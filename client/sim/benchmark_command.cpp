@@ -28,6 +28,8 @@ struct BenchmarkCommand {
   double margin_percent = 10, calibration_mm = 5;
   bool no_times = false;
   std::vector<std::string> questions;  // empty = all
+  std::vector<std::string> negate;     // "depth", "force"
+  CurveReading reading;
   JsonOption json;
 };
 
@@ -66,7 +68,13 @@ Status writeFiles(const BenchmarkReport& report, const std::filesystem::path& fo
 }
 
 int benchmark(const BenchmarkCommand& command) {
-  const auto set = readCurveSet(command.data, command.description);
+  CurveReading reading = command.reading;
+  const auto negates = [&](const char* what) {
+    return std::find(command.negate.begin(), command.negate.end(), what) != command.negate.end();
+  };
+  reading.negate_depth = negates("depth");
+  reading.negate_force = negates("force");
+  const auto set = readCurveSet(command.data, command.description, reading);
   if (!set.ok()) return failed("benchmark", set.error());
   if (const Status status = checkPaths(command, *set); !status.ok())
     return failed("benchmark", status.error());
@@ -135,6 +143,16 @@ void addBenchmarkCommand(CLI::App& app, SimCommand& chosen) {
       ->check(CLI::IsMember(names));
   command->add_flag("--no-times", options->no_times,
                     "times no tick: the same data then give the same output to the byte");
+  command
+      ->add_option("--negate", options->negate,
+                   "the files count depth, or force, the other way; may be given twice")
+      ->check(CLI::IsMember({"depth", "force"}));
+  command
+      ->add_option("--lines-above", options->reading.lines_above,
+                   "lines above the header of each file, which an instrument writes, 0 to 1000")
+      ->check(CLI::Range(0, 1000));
+  command->add_flag("--digitised", options->reading.digitised,
+                    "the rows are points of a figure, in any order of depth");
   addJsonOption(*command, options->json);
   command->callback([options, &chosen] { chosen = [options] { return benchmark(*options); }; });
 }

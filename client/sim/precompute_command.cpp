@@ -28,6 +28,7 @@ namespace {
 struct PrecomputeOptions {
   std::filesystem::path profile, out;
   int nodes = 30'000, stations = kDefaultStations, rows = 501;
+  bool replace = false;
   double depth_m = 0;  ///< 0: as deep as the needle or the layers allow
   JsonOption json;
 };
@@ -43,8 +44,9 @@ Status checkOptions(const PrecomputeOptions& options) {
         check("--rows", options.rows, {2, 1024}), check("--depth in m", options.depth_m, {0, 1})})
     if (!status.ok()) return status;
   if (options.out.empty()) return Error{ErrorCode::kInvalidInput, "--out: is empty; give the name of a file"};
-  return checkOutputs({{"--profile", options.profile}},
-                      {{"--out", options.out}, {"--json", options.json.file}});
+  RETURN_IF_ERROR(checkOutputs({{"--profile", options.profile}},
+                               {{"--out", options.out}, {"--json", options.json.file}}));
+  return requireNewFile({"--out", options.out}, options.replace);
 }
 
 // a µN and 0.1 µm: finer steps are meaningless, and 17 digits are unreadable
@@ -199,6 +201,7 @@ void addPrecomputeCommand(CLI::App& app, SimCommand& chosen) {
   command->add_option("--mesh", options->nodes, "nodes of the mesh, about")->capture_default_str();
   command->add_option("--out", options->out, "the profile that is written, axial_model PRECOMPUTED")
       ->required();
+  command->add_flag("--replace", options->replace, "--out may name a file that is there already");
   command->add_option("--stations", options->stations, "pieces of the needle's path")->capture_default_str();
   command->add_option("--rows", options->rows, "rows of the table")->capture_default_str();
   command->add_option("--depth", options->depth_m, "how deep in m; 0: as far as needle and layers allow")

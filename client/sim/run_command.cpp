@@ -12,12 +12,15 @@
 #include "client/device/whole_recording.h"
 #include "client/sim/command.h"
 #include "client/sim/tools/json_output.h"
+#include "client/sim/tools/needle_direction.h"
 #include "client/sim/tools/offline_scene.h"
+#include "client/sim/tools/recorded_gesture.h"
 #include "client/sim/tools/recorded_run.h"
 #include "client/sim/tools/run_table.h"
 #include "common/base/files.h"
 #include "common/base/program.h"
 #include "common/gesture/sample_csv.h"
+#include "common/profile/profile.h"
 
 namespace needlelab {
 namespace {
@@ -26,7 +29,7 @@ struct RunOptions {
   OfflineOptions input;
   std::filesystem::path recorded;  // in place of a trajectory
   std::filesystem::path out;
-  bool hash = false;
+  bool hash = false, replace = false;
   JsonOption json;
 };
 
@@ -70,14 +73,6 @@ RunTable runTrajectory(const OfflineScene& scene) {
   return table;
 }
 
-// the samples of a recording, or of their CSV
-Result<std::vector<GestureSample>> samplesOf(const std::filesystem::path& path) {
-  if (path.extension() == ".csv") return readSampleCsv(path, WallColumns::kRead);
-  ASSIGN_OR_RETURN(auto read, readRecording(path));
-  if (read.samples.empty()) return Error{ErrorCode::kInvalidInput, path.string() + ": has no samples to run"};
-  return std::move(read.samples);
-}
-
 RunTable runRecorded(const SceneModel& model, const std::vector<GestureSample>& samples,
                      RecordedDifference& difference) {
   RunTable table(samples.size());
@@ -107,16 +102,25 @@ int run(const RunOptions& options) {
                                          {{"--out", options.out}, {"--json", options.json.file}});
       !status.ok())
     return failed("run", status.error());
-  const auto scene = loadOffline(options.input);
+  if (const Status status = requireNewFile({"--out", options.out}, options.replace); !status.ok())
+    return failed("run", status.error());
+  std::vector<GestureSample> samples;
+  OfflineOptions input = options.input;
+  if (recorded) {
+    auto read =
+        readRecordedGesture(options.recorded, DamagedRecording::kRefuse, WallColumns::kRead, input.rate_hz);
+    if (!read.ok()) return failed("run", read.error());
+    samples = std::move(read->samples);
+    input.rate_hz = read->rate_hz;
+  }
+  const auto scene = loadOffline(input);
   if (!scene.ok()) return failed("run", scene.error());
   printWarnings(*scene);
+  const auto spec = sceneSpecOf(scene->profile, scene->X_WL);
+  if (!spec.ok()) return failed("run", spec.error());
+  const auto tip = [&](std::size_t i) { return recorded ? tipOf(samples[i]) : scene->tip(i); };
+  warnOfDirection("run", spec->limb, recorded ? samples.size() : scene->track.X_WH.size(), tip);
 
-  std::vector<GestureSample> samples;
-  if (recorded) {
-    auto read = samplesOf(options.recorded);
-    if (!read.ok()) return failed("run", read.error());
-    samples = *std::move(read);
-  }
   RecordedDifference difference;
   const RunTable table = recorded ? runRecorded(scene->model, samples, difference) : runTrajectory(*scene);
   const RunTotals& totals = table.totals;
@@ -164,6 +168,7 @@ void addRunCommand(CLI::App& app, SimCommand& chosen) {
       "itself; says how many ticks differ from the recorded force, and by how much");
   command->add_option("--out", options->out, "the table that is written: forces, wall, phase, … of each tick")
       ->required();
+  command->add_flag("--replace", options->replace, "--out may name a file that is there already");
   command->add_flag("--hash", options->hash, "print FNV-1a of the table, to compare builds and machines");
   addJsonOption(*command, options->json);
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });

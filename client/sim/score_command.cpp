@@ -15,7 +15,9 @@
 #include "client/sim/command.h"
 #include "client/sim/tools/closed_loop.h"
 #include "client/sim/tools/json_output.h"
+#include "client/sim/tools/needle_direction.h"
 #include "client/sim/tools/offline_scene.h"
+#include "client/sim/tools/recorded_gesture.h"
 #include "common/base/files.h"
 #include "common/base/program.h"
 #include "common/base/range.h"
@@ -62,16 +64,18 @@ Result<std::vector<GestureSample>> gestureOf(const OfflineScene& scene) {
   return samples;
 }
 
-// the samples of a recording, or of their CSV
+// the samples of a recording, or of their CSV; `rate_hz` becomes that of the first file
 Result<std::vector<GestureSample>> recordedOf(const std::filesystem::path& path, bool damaged,
+                                              std::optional<double>& rate_hz,
                                               std::vector<std::string>& holes) {
-  if (path.extension() == ".csv") return readSampleCsv(path);
-  auto read = readRecording(path, damaged ? DamagedRecording::kRead : DamagedRecording::kRefuse);
+  auto read = readRecordedGesture(path, damaged ? DamagedRecording::kRead : DamagedRecording::kRefuse,
+                                  WallColumns::kLeftOut, rate_hz);
   if (!read.ok())
     return Error{
         read.error().code,
         read.error().message +
             (damaged || read.error().code != ErrorCode::kCorrupt ? "" : " (--damaged scores what is left)")};
+  rate_hz = read->rate_hz;
   for (const std::string& hole : read->holes) holes.push_back(path.string() + ": " + hole);
   return std::move(read->samples);
 }
@@ -89,7 +93,6 @@ Result<Scored> loadScored(const ScoreOptions& options) {
   if (!options.recorded.empty()) {
     ASSIGN_OR_RETURN(auto profile, loadProfile(options.input.profile));
     scored.scene.profile = std::move(profile);
-    scored.scene.rate_hz = options.input.rate_hz;
     if (!options.input.placement.empty()) {
       ASSIGN_OR_RETURN(const auto X_WL, parsePoseOption(options.input.placement, "--placement"));
       scored.scene.X_WL = X_WL;
@@ -98,10 +101,14 @@ Result<Scored> loadScored(const ScoreOptions& options) {
     ASSIGN_OR_RETURN(auto scene, loadOffline(options.input));
     scored.scene = std::move(scene);
   }
+  std::optional<double> rate_hz = options.input.rate_hz;
   const auto load = [&](const std::filesystem::path& path) -> Result<std::vector<GestureSample>> {
-    if (!options.recorded.empty()) return recordedOf(path, options.damaged, scored.holes);
-    ASSIGN_OR_RETURN(auto track, readPoseTrack(path, TrackTimes::kAnyOrder));
-    scored.scene.track = std::move(track);
+    if (!options.recorded.empty()) {
+      auto read = recordedOf(path, options.damaged, rate_hz, scored.holes);
+      scored.scene.rate_hz = rate_hz.value_or(0);
+      return read;
+    }
+    ASSIGN_OR_RETURN(scored.scene.track, readTrackAt(path, scored.scene.rate_hz, options.input.lines_above));
     auto samples = gestureOf(scored.scene);
     if (!samples.ok()) return Error{samples.error().code, path.string() + ": " + samples.error().message};
     return samples;
@@ -135,8 +142,8 @@ int score(const ScoreOptions& options) {
     return failed("score", {ErrorCode::kInvalidInput,
                             "give --trajectory, or --recorded for what a device recorded: one of them"});
   const NumberRange rates{kMinRateHz, kMaxRateHz};
-  if (!rates.contains(options.input.rate_hz))
-    return failed("score", outOfRange("--rate in Hz", options.input.rate_hz, rates));
+  if (options.input.rate_hz && !rates.contains(*options.input.rate_hz))
+    return failed("score", outOfRange("--rate in Hz", *options.input.rate_hz, rates));
   std::vector<NamedFile> inputs = {{"--profile", options.input.profile},
                                    {"--trajectory", options.input.trajectory},
                                    {"--recorded", options.recorded},
@@ -149,6 +156,10 @@ int score(const ScoreOptions& options) {
   const OfflineScene& scene = scored->scene;
   printWarnings(scene);
   for (const std::string& hole : scored->holes) std::fprintf(stderr, "damaged: %s\n", hole.c_str());
+  const auto spec = sceneSpecOf(scene.profile, scene.X_WL);
+  if (!spec.ok()) return failed("score", spec.error());
+  warnOfDirection("score", spec->limb, scored->samples.size(),
+                  [&](std::size_t i) { return tipOf(scored->samples[i]); });
   const auto exercise = exerciseOf(options.exercise);
   if (!exercise.ok()) return failed("score", exercise.error());
   if (exercise->has_value()) {

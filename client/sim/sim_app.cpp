@@ -34,14 +34,9 @@ int runSim(int argc, const char* const* argv) {
       app.parse(argc, argv);
     } catch (const CLI::ParseError& e) {
       // 0 for --help and --version; CLI11's other codes are all wrong usage here
-      return app.exit(e) == 0 ? kExitDone : kExitInvalid;
+      return afterOutput(app.exit(e) == 0 ? kExitDone : kExitInvalid, "needlelab-sim");
     }
-    const int code = chosen();
-    if (code == kExitDone && (std::fflush(stdout) != 0 || std::ferror(stdout) != 0)) {
-      std::fprintf(stderr, "needlelab-sim: cannot write to standard output\n");
-      return kExitFailed;
-    }
-    return code;
+    return afterOutput(chosen(), "needlelab-sim");
   } catch (const std::exception& e) {
     // out of memory, or a file system error: reports one line, never a trace
     std::fprintf(stderr, "needlelab-sim: %s\n", e.what());

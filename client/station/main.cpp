@@ -27,24 +27,25 @@ int main(int argc, char** argv) {
   try {
     const sigset_t stop_signals = needlelab::blockStopSignals();
     const needlelab::ParsedOptions parsed = needlelab::parseStationOptions(argc, argv);
-    if (parsed.exit_code) return *parsed.exit_code;
+    const auto written = [](int code) { return needlelab::afterOutput(code, "needlelab-station"); };
+    if (parsed.exit_code) return written(*parsed.exit_code);
     switch (parsed.options.mode) {
       case needlelab::StationMode::kEnrol:
-        return needlelab::runEnrol(parsed.options);
+        return written(needlelab::runEnrol(parsed.options));
       case needlelab::StationMode::kListDevices:
-        return needlelab::runListDevices(parsed.options);
+        return written(needlelab::runListDevices(parsed.options));
       case needlelab::StationMode::kListExercises:
-        return needlelab::runListExercises(parsed.options);
+        return written(needlelab::runListExercises(parsed.options));
       case needlelab::StationMode::kSelfTest:
-        return needlelab::runSelfTest(parsed.options, stop_signals);
+        return written(needlelab::runSelfTest(parsed.options, stop_signals));
       case needlelab::StationMode::kCalibrate:
-        return needlelab::runCalibrate(parsed.options, stop_signals);
+        return written(needlelab::runCalibrate(parsed.options, stop_signals));
       case needlelab::StationMode::kMeasureDelay:
-        return needlelab::runMeasureDelay(parsed.options, stop_signals);
+        return written(needlelab::runMeasureDelay(parsed.options, stop_signals));
       case needlelab::StationMode::kLesson:
         break;
     }
-    if (!parsed.options.opensWindow()) return needlelab::runStation(parsed.options, stop_signals);
+    if (!parsed.options.opensWindow()) return written(needlelab::runStation(parsed.options, stop_signals));
     needlelab::endProgram(needlelab::runTrainee(parsed.options, stop_signals));
   } catch (const std::exception& error) {
     // out of memory, or a thread could not start: the spool keeps its data

@@ -15,6 +15,7 @@ namespace needlelab {
 struct CsvTable {
   std::vector<std::string> names;
   std::vector<std::vector<double>> columns;
+  std::vector<std::size_t> lines;  ///< of the file, at which the rows begin, from 1
   [[nodiscard]] std::size_t rows() const { return columns.empty() ? 0 : columns.front().size(); }
   /// Index of a column, or -1.
   [[nodiscard]] int find(std::string_view name) const;
@@ -22,13 +23,17 @@ struct CsvTable {
 
 inline constexpr std::size_t kMostCsvRows = 50'000'000;
 
-/// Reads the `required` columns and the `optional` columns that the file has, in any order; it skips other
-/// columns. Lines end in LF or CRLF. Errors (kInvalidInput) name file, line, column, value: a missing or
-/// doubled column, too few or many cells, a cell that is not a finite number (`nan` and infinities are read
-/// in columns of `not_finite`), no rows, more than `max_rows` rows.
+struct CsvReading {
+  std::size_t max_rows = kMostCsvRows;
+  std::vector<std::string> not_finite = {};  ///< columns in which `nan` and infinities are read
+  std::size_t lines_above = 0;               ///< lines above the header that are passed over
+};
+
+/// Reads the `required` columns and the `optional` columns that the file has, in any order (isColumn); it
+/// skips other columns. The text is of CsvRows. Errors (kInvalidInput) name file, line, column, value: a
+/// missing or doubled column, too few or many cells, a cell that is not a finite number, no rows, too many.
 Result<CsvTable> readCsv(const std::filesystem::path& path, const std::vector<std::string>& required,
-                         const std::vector<std::string>& optional = {}, std::size_t max_rows = kMostCsvRows,
-                         const std::vector<std::string>& not_finite = {});
+                         const std::vector<std::string>& optional = {}, const CsvReading& reading = {});
 
 /// Appends a number so that reading it back gives the same double: 17 significant digits, `nan` for
 /// not-a-number.

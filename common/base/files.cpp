@@ -315,4 +315,10 @@ Status checkOutputs(const std::vector<NamedFile>& inputs, const std::vector<Name
   return {};
 }
 
+Status requireNewFile(const NamedFile& output, bool replace) {
+  std::error_code unknown;
+  if (replace || output.path.empty() || !fs::is_regular_file(output.path, unknown)) return {};
+  return refusal(output, "is there already; take another name, or say --replace");
+}
+
 }  // namespace needlelab

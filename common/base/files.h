@@ -96,4 +96,8 @@ struct NamedFile {
 /// not exist or is not writable; it is the same file as an input or another output, even under another name.
 Status checkOutputs(const std::vector<NamedFile>& inputs, const std::vector<NamedFile>& outputs);
 
+/// Checks that a person's new file does not replace one that is there. A device or pipe such as /dev/stdout
+/// is none. Errors: kInvalidInput, which names the option --replace.
+Status requireNewFile(const NamedFile& output, bool replace);
+
 }  // namespace needlelab

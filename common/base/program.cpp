@@ -10,6 +10,14 @@
 
 namespace needlelab {
 
+int afterOutput(int code, const char* program) {
+  std::cout.flush();
+  const bool written = std::cout.good() && std::fflush(stdout) == 0 && std::ferror(stdout) == 0;
+  if (written || code != kExitDone) return code;
+  std::fprintf(stderr, "%s: cannot write to standard output\n", program);
+  return kExitFailed;
+}
+
 void endProgram(int code) {
   std::cout.flush();
   std::cerr.flush();

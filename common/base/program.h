@@ -18,6 +18,10 @@ inline int exitCodeOf(const Error& error) {
   return error.code == ErrorCode::kInvalidInput ? kExitInvalid : kExitFailed;
 }
 
+/// Writes out what waits in the standard streams. Returns `code`; kExitFailed, with a line on standard error,
+/// where standard output could not be written and `code` says that all is well. Last in `main`.
+int afterOutput(int code, const char* program);
+
 /// Ends the program after its work: writes out what waits in the standard streams, and calls neither the
 /// handlers of atexit nor the destructors of static objects, the libraries' own among them. For a program
 /// whose libraries keep threads to the end: a window's driver, and the mathematics of a reference model. Call

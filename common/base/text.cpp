@@ -116,6 +116,11 @@ Status check(std::string_view field, std::string_view value, std::size_t min, st
 
 }  // namespace
 
+std::string_view withoutMark(std::string_view text) {
+  if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
+  return text;
+}
+
 bool isUtf8(std::string_view text) {
   std::size_t i = 0;
   while (i < text.size()) {
@@ -197,6 +202,8 @@ Status checkName(std::string_view field, std::string_view value) {
 
 Status checkVisible(std::string_view field, std::string_view value) {
   if (!isUtf8(value)) return invalid(field, "is no valid UTF-8 text");
+  if (value.find("\xef\xbf\xbd") != std::string_view::npos)
+    return invalid(field, "holds U+FFFD, which stands for a letter that was lost: type that letter again");
   const auto hidden = hiddenIn(value);
   if (hidden.empty()) return {};
   const HiddenAt& first = hidden.front();

@@ -20,6 +20,8 @@ inline constexpr std::size_t kMaxJsonBytes =
 /// The trainee of sessions that are nobody's: it needs no account.
 inline constexpr std::string_view kGuestName = "guest";
 
+/// Without the UTF-8 byte order mark that some editors put before a text.
+std::string_view withoutMark(std::string_view text);
 /// UTF-8 without overlong forms, surrogates or NUL.
 bool isUtf8(std::string_view text);
 /// The characters of UTF-8 text, for the width of columns: "µm" has two, in three bytes. Combining characters

@@ -124,7 +124,7 @@ void appendSampleJson(std::string& out, const GestureSample& sample, std::int64_
 Result<std::vector<GestureSample>> readSampleCsv(const std::filesystem::path& path, WallColumns wall) {
   std::vector<std::string> names = kSampleCsvColumns;
   if (wall == WallColumns::kRead) names.insert(names.end(), kWallCsvColumns.begin(), kWallCsvColumns.end());
-  ASSIGN_OR_RETURN(const auto table, readCsv(path, names, {}, kMostCsvRows, kWallCsvColumns));
+  ASSIGN_OR_RETURN(const auto table, readCsv(path, names, {}, {.not_finite = kWallCsvColumns}));
   std::vector<int> places;
   for (const std::string& name : names) places.push_back(table.find(name));
   std::vector<GestureSample> samples(table.rows());

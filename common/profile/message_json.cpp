@@ -130,7 +130,7 @@ Result<std::string> readText(const FieldDescriptor& field, const std::string& pa
   // texts are shown in terminals and tables: no control characters, except line breaks in long texts
   for (const char c : text) {
     const auto byte = static_cast<unsigned char>(c);
-    const bool is_break = c == '\n' || c == '\t';
+    const bool is_break = c == '\n' || c == '\r' || c == '\t';
     if (byte == 0x7f || (byte < 0x20 && (is_name || !is_break)))
       return fieldError(path, "has control characters");
   }

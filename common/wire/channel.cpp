@@ -149,7 +149,7 @@ bool Channel::send(Frame frame, std::shared_ptr<const void> until_sent) {
     return false;
   }
   control_bytes_ += frame->size();
-  control_.push_back({std::move(frame), std::move(until_sent)});
+  control_.push_back({std::move(frame), std::move(until_sent), false});
   wakeWriter();
   return true;
 }
@@ -161,6 +161,11 @@ void Channel::sendLive(Frame frame, bool counted) {
   wakeForLive(now);
 }
 
+void Channel::finishWith(CloseReason reason, std::string text, std::string last) {
+  if (!closing()) control_.push_back({std::make_shared<const std::string>(std::move(last)), nullptr, true});
+  finish(reason, std::move(text));
+}
+
 void Channel::finish(CloseReason reason, std::string text, const pb::Envelope* last) {
   if (closing()) return;
   setReason(reason, std::move(text));
@@ -170,7 +175,7 @@ void Channel::finish(CloseReason reason, std::string text, const pb::Envelope* l
   }
   live_.clear();
   if (last != nullptr) {
-    if (auto frame = encodeFrame(*last); frame.ok()) control_.push_back({std::move(*frame), nullptr});
+    if (auto frame = encodeFrame(*last); frame.ok()) control_.push_back({std::move(*frame), nullptr, false});
   }
   times_.finishing = true;
   times_.finish_started_ns = steadyNowNs();
@@ -211,11 +216,11 @@ Error Channel::closedError() const {
 bool Channel::fillBatch() {
   batch_.clear();
   while (!control_.empty() && batch_.size() < kBatchBytes) {
-    const auto [frame, until_sent] = std::move(control_.front());
+    const auto [frame, until_sent, bare] = std::move(control_.front());
     control_.pop_front();
     if (until_sent) being_sent_.push_back(until_sent);
     control_bytes_ -= std::min(control_bytes_, frame->size());
-    appendFrameHeader(batch_, frame->size());
+    if (!bare) appendFrameHeader(batch_, frame->size());
     batch_ += *frame;
   }
   if (times_.finishing) return !batch_.empty();

@@ -117,6 +117,8 @@ class Channel : public std::enable_shared_from_this<Channel> {
   /// Sends the queued messages (and `last`, if any), then closes; cuts the connection after close_grace.
   /// Idempotent: the first reason stays.
   void finish(CloseReason reason, std::string text, const pb::Envelope* last = nullptr);
+  /// The same with these bytes as the last, for a peer that does not know frames.
+  void finishWith(CloseReason reason, std::string text, std::string last);
   /// Returns once the channel is closed. The owner keeps the channel meanwhile.
   Task<> untilClosed();
   /// Cuts the connection now.
@@ -145,6 +147,7 @@ class Channel : public std::enable_shared_from_this<Channel> {
   struct Control {
     Frame frame;
     std::shared_ptr<const void> until_sent;
+    bool bare = false;  // without a frame's length: for a peer that speaks something else
   };
 
   Channel(TlsStream& stream, ChannelLimits limits);

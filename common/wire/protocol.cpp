@@ -82,6 +82,23 @@ void FrameSplitter::wrote(std::size_t count) {
   end_ += count;
 }
 
+namespace {
+
+/// For a length that is the beginning of HTTP: somebody took one port for the other. Empty: it is not.
+std::string otherPortText(std::uint32_t length) {
+  const char text[] = {static_cast<char>(length >> 24), static_cast<char>(length >> 16),
+                       static_cast<char>(length >> 8), static_cast<char>(length)};
+  const std::string_view begin(text, sizeof text);
+  if (begin == "HTTP")
+    return "this is the port for browsers (usually 7751): stations and programs use the other one (usually "
+           "7750)";
+  for (const std::string_view method : {"GET ", "HEAD", "POST", "PUT ", "PATC", "DELE", "OPTI", "CONN"})
+    if (begin == method) return std::string(kHttpRequestCame);
+  return {};
+}
+
+}  // namespace
+
 Result<std::optional<ByteView>> FrameSplitter::next() {
   if (pending() < kFrameHeaderBytes) return std::optional<ByteView>{};
   std::uint32_t length = 0;
@@ -89,6 +106,8 @@ Result<std::optional<ByteView>> FrameSplitter::next() {
   if (length == 0)
     return Error{ErrorCode::kInvalidInput, "a frame of length 0: every frame holds one Envelope"};
   if (length > limit_) {
+    if (std::string other = otherPortText(length); !other.empty())
+      return Error{ErrorCode::kInvalidInput, std::move(other)};
     return Error{ErrorCode::kInvalidInput,
                  fmt::format("a frame of {} bytes: the limit is {} here", length, limit_)};
   }

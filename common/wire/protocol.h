@@ -39,6 +39,11 @@ void appendFrameHeader(std::string& out, std::size_t body_bytes);
 /// count.
 std::string droppedSuffix(std::uint64_t dropped);
 
+/// What FrameSplitter says of a request of HTTP.
+inline constexpr std::string_view kHttpRequestCame =
+    "a browser or another HTTP client came to the port for stations and programs: the console has the other "
+    "one (usually 7751)";
+
 /// Splits a stream of bytes into frames. Bounded: checks a length against the limit before it allocates, and
 /// memory grows with the bytes received, not with the announced length. Use: read into `writable()`, call
 /// `wrote(n)`, take frames with `next()` until it returns none.

@@ -99,6 +99,11 @@ Result<TlsContext> newContext(asio::ssl::context::method method) {
   if (SSL_CTX_set_ciphersuites(raw, suites) != 1) {
     return Error{ErrorCode::kFailed, std::string("this OpenSSL does not know the cipher suites ") + suites};
   }
+  // no finite fields: an exchange with ffdhe8192 costs hundreds of times one with X25519, and strangers ask
+  // for it
+  char groups[] = "X25519:P-256:P-384";
+  if (SSL_CTX_ctrl(raw, SSL_CTRL_SET_GROUPS_LIST, 0, groups) != 1)
+    return Error{ErrorCode::kFailed, "this OpenSSL does not know the groups X25519, P-256 and P-384"};
   // no session tickets: no client resumes, and they would cost memory and bytes per connection
   SSL_CTX_set_num_tickets(raw, 0);
   SSL_CTX_set_session_cache_mode(raw, SSL_SESS_CACHE_OFF);

@@ -400,13 +400,15 @@ CREATE TABLE erased_names (
 
 -- Sessions that wait, or waited, for a manager to assign them to the right person: a station without its server takes any name. A
 -- session is nobody's (no row) with an empty name or as 'guest'.
--- code_unchecked: why it waits: 0: nobody had its trainee's name when it came; 1: the account existed, but nobody gave its code.
+-- code_unchecked: why it waits: 0: nobody had its trainee's name when it came; 1: the account existed, but nobody gave its code; or,
+-- with begin_unsure, the station's clock was wrong, and whose attempt it is cannot be said before somebody says when it began.
 CREATE TABLE unknown_trainees (
   session          INTEGER PRIMARY KEY REFERENCES sessions (number),
   given            TEXT NOT NULL REFERENCES people (ref),   -- whom the station gave
   by_whom          TEXT,            -- the manager who assigned it; NULL: it waits
   assigned_unix_ns INTEGER,
   code_unchecked   INTEGER NOT NULL DEFAULT 0 CHECK (code_unchecked IN (0, 1)),
+  begin_unsure     INTEGER NOT NULL DEFAULT 0 CHECK (begin_unsure <= code_unchecked AND begin_unsure IN (0, 1)),
   CHECK ((by_whom IS NULL) = (assigned_unix_ns IS NULL))
 ) STRICT;
 CREATE INDEX unknown_trainees_waiting ON unknown_trainees (session) WHERE by_whom IS NULL;

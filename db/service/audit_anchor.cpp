@@ -14,6 +14,7 @@
 #include "common/profile/strict_json.h"
 #include "db/foreign_database.h"
 #include "db/old_backups.h"
+#include "db/service/record_end.h"
 
 namespace needlelab {
 namespace {
@@ -61,6 +62,7 @@ Result<AuditHead> headOfLines(std::istream& in, const std::filesystem::path& pat
   constexpr std::string_view kLabel = "keep elsewhere";
   std::optional<AuditHead> found;
   std::optional<bool> is_export;
+  RecordsReader records;
   std::vector<char> buffer(kMostLineBytes + 1);
   while (in.getline(buffer.data(), static_cast<std::streamsize>(buffer.size()))) {
     // the count has the line's end, but at that of the file
@@ -69,6 +71,9 @@ Result<AuditHead> headOfLines(std::istream& in, const std::filesystem::path& pat
     if (text.empty()) continue;
     if (!is_export) is_export = text.front() == '{';
     if (*is_export) {
+      const auto more = records.take(text);
+      if (!more) return Error{more.error().code, path.string() + ": " + more.error().message};
+      if (!*more) continue;
       const Json record = readShallowJson<Json>(text);
       if (!record.is_object()) return noHead(path);
       if (const auto head = headOfExport(record)) found = head;
@@ -88,6 +93,9 @@ Result<AuditHead> headOfLines(std::istream& in, const std::filesystem::path& pat
                  fmt::format("{}: cannot be read, or has a line of more than {} MiB, which no export and no "
                              "text with a head has",
                              path.string(), kMostLineBytes >> 20)};
+  if (is_export.value_or(false))
+    if (const Status whole = records.ended(); !whole)
+      return Error{whole.error().code, path.string() + ": " + whole.error().message};
   if (!found) return noHead(path);
   return *found;
 }

@@ -26,7 +26,6 @@
 #include "db/service/data_folder.h"
 #include "db/service/erasures.h"
 #include "db/service/lesson_texts.h"
-#include "db/service/other_stores.h"
 #include "db/service/restore.h"
 #include "db/service/store_move.h"
 #include "db/store_address.h"
@@ -122,8 +121,6 @@ Result<Connection> openToWrite(StoreAddress& address, Durability least) {
     ASSIGN_OR_RETURN(std::string lab, claimStore(connection, address));
     address.lab = {.lab = std::move(lab), .schema_version = newestSchemaVersion()};
     connection.stayWith(*address.lab);
-    // `check` says that the file cannot be read
-    (void)noteStoreInUse(address.path.parent_path(), address.url);
   }
   RETURN_IF_ERROR(leaveCopyMarks(connection));
   RETURN_IF_ERROR(fillNewDatabase(connection));

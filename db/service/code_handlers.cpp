@@ -1,7 +1,9 @@
 // Codes of trainees: who may set them, the check before a lesson, and whether the lab requires them.
 #include <fmt/core.h>
+#include <fmt/ranges.h>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "common/base/secret.h"
 #include "common/base/text.h"
@@ -39,8 +41,10 @@ void noteLocked(const Context& context, const std::string& name, const std::stri
 
 Result<pb::Reply> settingsReply(Connection& connection) {
   ASSIGN_OR_RETURN(const bool required, LabSettingsStore(connection).codesRequired());
+  ASSIGN_OR_RETURN(const bool keeps, LabSettingsStore(connection).keepsRecordingsOfErased());
   pb::Reply reply;
   reply.mutable_lab_settings()->set_codes_required(required);
+  reply.mutable_lab_settings()->set_keep_recordings_of_erased(keeps);
   return reply;
 }
 
@@ -83,15 +87,31 @@ Result<pb::Reply> getLabSettings(const Context& context, const pb::GetLabSetting
 }
 
 Result<pb::Reply> changeLabSettings(const Context& context, const pb::ChangeLabSettings& call) {
-  ASSIGN_OR_RETURN(const bool required, LabSettingsStore(context.reader).codesRequired());
-  if (!call.has_codes_required() || call.codes_required() == required) return settingsReply(context.reader);
-  const std::string detail = call.codes_required() ? "codes required" : "codes optional";
-  pb::Reply reply;
+  ASSIGN_OR_RETURN(auto reply, settingsReply(context.reader));
+  pb::LabSettings wanted = reply.lab_settings();
+  std::vector<std::string> changes;
+  if (call.has_codes_required() && call.codes_required() != wanted.codes_required()) {
+    wanted.set_codes_required(call.codes_required());
+    changes.emplace_back(call.codes_required() ? "codes required" : "codes optional");
+  }
+  if (call.has_keep_recordings_of_erased() &&
+      call.keep_recordings_of_erased() != wanted.keep_recordings_of_erased()) {
+    wanted.set_keep_recordings_of_erased(call.keep_recordings_of_erased());
+    changes.emplace_back(call.keep_recordings_of_erased() ? "sessions of erased people stay"
+                                                          : "sessions of erased people go");
+  }
+  if (changes.empty()) return reply;
+  const std::string detail = fmt::format("{}", fmt::join(changes, "; "));
   const Status written = writeIfChanged(context, "", detail, [&](Connection& writer) -> Result<bool> {
-    ASSIGN_OR_RETURN(const bool before, LabSettingsStore(writer).codesRequired());
-    RETURN_IF_ERROR(LabSettingsStore(writer).setCodesRequired(call.codes_required()));
+    LabSettingsStore settings(writer);
+    ASSIGN_OR_RETURN(const bool required, settings.codesRequired());
+    ASSIGN_OR_RETURN(const bool keeps, settings.keepsRecordingsOfErased());
+    if (call.has_codes_required()) RETURN_IF_ERROR(settings.setCodesRequired(call.codes_required()));
+    if (call.has_keep_recordings_of_erased())
+      RETURN_IF_ERROR(settings.setKeepsRecordingsOfErased(call.keep_recordings_of_erased()));
     ASSIGN_OR_RETURN(reply, settingsReply(writer));
-    return before != call.codes_required();
+    return required != reply.lab_settings().codes_required() ||
+           keeps != reply.lab_settings().keep_recordings_of_erased();
   });
   if (!written) return written.error();
   return reply;

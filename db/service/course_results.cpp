@@ -14,6 +14,7 @@
 #include "db/connection.h"
 #include "db/documents.h"
 #include "db/people.h"
+#include "db/person_refs.h"
 #include "db/service/handlers.h"
 #include "db/service/standing.h"
 
@@ -163,6 +164,10 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
   Cells cells(context, std::move(exercises), call.course_id(), !by_station);
   const std::span shown(names.data(), std::min(names.size(), most));
   ASSIGN_OR_RETURN(const auto people, PeopleStore(context.reader).findAll(shown));
+  std::map<std::string, std::string> outer_refs;
+  if (by_station) {
+    ASSIGN_OR_RETURN(outer_refs, outerRefs(context.reader, shown));
+  }
   PageRoom room;
   room.take(results->ByteSizeLong() + 1);
   std::string last = call.page();
@@ -186,7 +191,10 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
         continue;
       }
     }
-    if (person) row.set_full_name(person->full_name);
+    if (person) {
+      row.set_full_name(person->full_name);
+      if (by_station) row.set_person_ref(outer_refs[name]);
+    }
     if (!names_only) RETURN_IF_ERROR(cells.addTo(row));
     if (!room.take(row)) {
       if (results->rows().empty())

@@ -15,7 +15,6 @@
 #include "db/backup.h"
 #include "db/erasure_list.h"
 #include "db/old_backups.h"
-#include "db/service/other_stores.h"
 #include "db/service/restore.h"
 #include "db/store_address.h"
 
@@ -27,8 +26,7 @@ namespace fs = std::filesystem;
 /// Files beside the database that a start reads or writes.
 constexpr std::string_view kOwnFiles[] = {
     "lock",          "pseudonym.key",        kErasuresFile, kAuditKeyFile,     kAuditHeadFile,
-    kRestorePending, kReplacedAuditHeadFile, kStoreFile,    kAcknowledgedFile, kOtherStoresFile,
-    kServerFile};
+    kRestorePending, kReplacedAuditHeadFile, kStoreFile,    kAcknowledgedFile, kServerFile};
 
 /// What else lies there: SQLite's, and what an undone restore leaves (deploy/OPERATIONS.md).
 constexpr std::string_view kOthersOwnFiles[] = {"needlelab.db-wal", "needlelab.db-shm",

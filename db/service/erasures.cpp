@@ -189,6 +189,7 @@ Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& cal
     }
     text = "The person is erased, but the answer to the commit was: " + status.error().message + ". ";
   }
+  text += erasure.text();
   if (erasure.waiting_sessions() > 0)
     text += fmt::format(
         "Sessions that wait for a manager under the name '{0}', which were left because they may be another "

@@ -175,6 +175,8 @@ Result<pb::Reply> getReference(const Context& context, const pb::GetReference& c
 // erasures.cpp, study_handlers.cpp, record_handlers.cpp
 /// Up to the commit.
 Result<pb::Reply> erasePerson(const Context& context, const pb::ErasePerson& call);
+Result<pb::Reply> listMentions(const Context& context, const pb::ListMentions& call);
+Result<pb::Reply> redact(const Context& context, const pb::Redact& call);
 /// Where the last backup was put; empty: there was none, or the folder is not there now (a stick).
 std::filesystem::path backupsFolder(Connection& reader);
 Result<pb::Reply> exportStudy(const Context& context, const pb::ExportStudy& call);

@@ -7,6 +7,7 @@
 #include "common/scoring/measure_table.h"
 #include "common/scoring/measures.h"
 #include "db/documents.h"
+#include "db/person_refs.h"
 #include "db/service/handlers.h"
 #include "db/service/lesson_texts.h"
 #include "db/service/standing.h"
@@ -172,6 +173,8 @@ Result<pb::Reply> getLesson(const Context& context, const pb::GetLesson& call) {
   pb::Reply reply;
   auto* lesson = reply.mutable_lesson();
   lesson->set_code_checked(code_checked);
+  ASSIGN_OR_RETURN(const auto person, outerRef(context.reader, call.trainee()));
+  lesson->set_person_ref(person.value_or(""));
   if (!call.trainee().empty()) {
     ASSIGN_OR_RETURN(const auto standing, standingOf(context.reader, call.trainee(), exercise, parsed));
     ASSIGN_OR_RETURN(const auto why_not, whyNot(context.reader, parsed, standing));

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "common/base/csv_rows.h"
 #include "common/base/result.h"
 #include "common/base/secret.h"
 #include "common/base/text.h"
@@ -18,22 +19,6 @@
 #include "db/person_name.h"
 #include "db/service/handlers.h"
 #include "db/service/requests.h"
-
-namespace needlelab {
-
-struct CsvRow {
-  std::uint32_t line = 0;  ///< where the row begins, from 1
-  std::vector<std::string> cells;
-};
-
-/// Parses CSV. Cells are separated by commas, or by semicolons when the first line has semicolons and no
-/// comma. Cells that contain a separator are in double quotes, with quotes doubled; they may contain line
-/// ends. Lines end in LF or CRLF. Skips a byte order mark and spaces around unquoted cells. Errors
-/// (kInvalidInput) name the line: not UTF-8, an unclosed quote, text after a closing quote, more than
-/// `most_rows` rows.
-Result<std::vector<CsvRow>> parseCsvText(std::string_view text, std::size_t most_rows);
-
-}  // namespace needlelab
 
 namespace needlelab::handlers {
 namespace {
@@ -95,6 +80,25 @@ std::vector<std::string> idsOf(const std::string& cell) {
   return ids;
 }
 
+/// "4.71221E+11", which a spreadsheet makes of 471221000123; also with a comma.
+bool isRoundedNumber(std::string_view code) {
+  const auto passDigits = [&] {
+    const std::size_t digits = std::min(code.find_first_not_of("0123456789"), code.size());
+    code.remove_prefix(digits);
+    return digits > 0;
+  };
+  if (!passDigits()) return false;
+  if (code.starts_with('.') || code.starts_with(',')) {
+    code.remove_prefix(1);
+    if (!passDigits()) return false;
+  }
+  if (!code.starts_with('E') && !code.starts_with('e')) return false;
+  code.remove_prefix(1);
+  if (!code.starts_with('+') && !code.starts_with('-')) return false;
+  code.remove_prefix(1);
+  return passDigits() && code.empty();
+}
+
 std::string standsAlready(const ImportRow& first, const std::string& name) {
   if (first.person.name == name) return fmt::format("stands in line {} already", first.line);
   return fmt::format(
@@ -111,14 +115,20 @@ class PeopleTable {
   ~PeopleTable() { wipeSecrets(); }
 
   /// kInvalidInput: a fault of the table as a whole.
-  Status read(const std::string& csv) {
-    auto rows = parseCsvText(csv, kMostImportRows + 1);
-    if (!rows) return rows.error();
-    RETURN_IF_ERROR(readHeader(*rows));
-    for (std::size_t i = 1; i < rows->size(); ++i) {
-      add((*rows)[i]);
-      // a cell may hold a password or a code
-      for (std::string& cell : (*rows)[i].cells) wipe(cell);
+  Status read(const std::string& csv, std::size_t lines_above) {
+    if (!isUtf8(csv))
+      return Error{ErrorCode::kInvalidInput, "csv: is not UTF-8: save the table as \"CSV UTF-8\""};
+    CsvRows rows(withoutMark(csv), lines_above);
+    for (bool is_header = true;; is_header = false) {
+      const auto there = rows.next();
+      if (!there.ok()) return Error{there.error().code, "csv: " + there.error().message};
+      if (is_header) RETURN_IF_ERROR(readHeader(*there, rows));
+      if (!*there) break;
+      if (is_header) continue;
+      if (rows_.size() == kMostImportRows)
+        return Error{ErrorCode::kInvalidInput,
+                     fmt::format("csv: has more than {} rows: split it", kMostImportRows)};
+      add(rows);
     }
     if (rows_.empty()) return Error{ErrorCode::kInvalidInput, "csv: has a header and no rows"};
     RETURN_IF_ERROR(checkMemberships());
@@ -130,6 +140,7 @@ class PeopleTable {
                                "tenth of a second): split the table; trainees who only practise need no "
                                "password",
                                secrets, kMostImportSecrets)};
+    faultEqualCodes();
     return {};
   }
 
@@ -312,33 +323,49 @@ class PeopleTable {
             fmt::format("line {}, '{}': {}", row.line, printable(row.person.name), error.message)};
   }
 
-  Status readHeader(const std::vector<CsvRow>& rows) {
-    if (rows.empty())
-      return Error{ErrorCode::kInvalidInput, "csv: is empty; the first line names the columns"};
-    for (std::size_t i = 0; i < rows[0].cells.size(); ++i) {
-      const std::string& name = rows[0].cells[i];
-      const bool known = name == "name" || name == "full_name" || name == "role" || name == "group" ||
-                         name == "password" || name == "code";
-      if (!known)
-        return Error{
-            ErrorCode::kInvalidInput,
-            "csv: column '" + printable(name) + "' is none of name, full_name, role, group, password, code"};
-      if (!columns_.emplace(name, i).second)
-        return Error{ErrorCode::kInvalidInput, "csv: column '" + name + "' is there twice"};
+  /// A badge that several people have opens the lessons of none of them.
+  void faultEqualCodes() {
+    for (ImportRow& row : rows_) {
+      if (!row.has_code) continue;
+      for (const ImportRow& other : rows_)
+        if (&other != &row && other.code == row.code)
+          row.fault("code", fmt::format("is the code of line {}, too", other.line));
     }
-    if (!columns_.contains("name")) return Error{ErrorCode::kInvalidInput, "csv: there is no column 'name'"};
-    return {};
   }
 
-  void add(const CsvRow& cells) {
-    // an empty line at the end is not a person
-    if (cells.cells.size() == 1 && cells.cells[0].empty()) return;
+  Status readHeader(bool is_there, const CsvRows& rows) {
+    if (!is_there) return Error{ErrorCode::kInvalidInput, "csv: is empty; the first line names the columns"};
+    static constexpr std::string_view kColumns[] = {"name", "full_name", "role", "group", "password", "code"};
+    const auto cells = rows.cells();
+    for (std::size_t i = 0; i < cells.size(); ++i) {
+      if (cells[i].empty()) {
+        unnamed_.push_back(i);
+        continue;
+      }
+      width_ = i + 1;
+      const auto* const column = std::find_if(std::begin(kColumns), std::end(kColumns),
+                                              [&](std::string_view one) { return isColumn(cells[i], one); });
+      if (column == std::end(kColumns))
+        return Error{
+            ErrorCode::kInvalidInput,
+            fmt::format("csv: column '{}' is none of name, full_name, role, group, password, code: {}",
+                        printable(std::string(cells[i])), headerText(cells, rows.separator()))};
+      if (!columns_.emplace(std::string(*column), i).second)
+        return Error{ErrorCode::kInvalidInput, fmt::format("csv: column '{}' is there twice", *column)};
+    }
+    if (columns_.contains("name")) return {};
+    return Error{ErrorCode::kInvalidInput,
+                 "csv: there is no column 'name': " + headerText(cells, rows.separator())};
+  }
+
+  void add(const CsvRows& rows) {
     ImportRow row;
-    row.line = cells.line;
+    row.line = static_cast<std::uint32_t>(rows.line());
+    const auto cells = rows.cells();
     const auto cell = [&](const std::string& column) {
       const auto found = columns_.find(column);
-      return found == columns_.end() || found->second >= cells.cells.size() ? std::string()
-                                                                            : cells.cells[found->second];
+      return found == columns_.end() || found->second >= cells.size() ? std::string()
+                                                                      : std::string(cells[found->second]);
     };
     row.person.name = trimmedName(cell("name"));
     row.person.full_name = cell("full_name");
@@ -350,8 +377,13 @@ class PeopleTable {
     row.groups = idsOf(cell("group"));
     row.person.created_unix_ns = context_.now_unix_ns;
     row.person.role = pb::TRAINEE;
-    if (cells.cells.size() != columns_.size())
-      row.fault("", fmt::format("has {} cells, the header has {}", cells.cells.size(), columns_.size()));
+    std::size_t width = cells.size();
+    while (width > width_ && cells[width - 1].empty()) --width;
+    if (width != width_) row.fault("", fmt::format("has {} cells, the header has {}", width, width_));
+    for (const std::size_t unnamed : unnamed_)
+      if (unnamed < cells.size() && !cells[unnamed].empty())
+        row.fault("",
+                  fmt::format("has a cell in column {}, whose name is missing in the header", unnamed + 1));
     if (const std::string role = cell("role"); !role.empty()) {
       row.role_given = true;
       row.person.role = roleOfName(role == "manager" ? "curriculum-manager"
@@ -370,7 +402,13 @@ class PeopleTable {
     if (row.groups.size() > kMaxGroupsOfPerson)
       row.fault("group", fmt::format("has {} groups, a person is in at most {}", row.groups.size(),
                                      kMaxGroupsOfPerson));
-    for (const std::string& group : row.groups) check("group", checkName("group", group));
+    for (const std::string& group : row.groups) {
+      check("group", checkName("group", group));
+      if (group.find(',') != std::string::npos)
+        row.fault("group", "'" + printable(group) +
+                               "' has a comma: groups are separated by semicolons, within quotes where the "
+                               "columns are, too");
+    }
     if (!row.password.empty() &&
         (row.password.size() < kMinPasswordBytes || row.password.size() > kMaxPasswordBytes))
       row.fault("password", fmt::format("has {} bytes, allowed are {} to {}", row.password.size(),
@@ -378,6 +416,10 @@ class PeopleTable {
     else if (!row.password.empty() && row.person.role != pb::TRAINEE)
       check("password", checkStaffPassword(row.password, row.person.name));
     if (row.has_code) check("code", checkCode(row.code));
+    if (isRoundedNumber(row.code))
+      row.fault("code",
+                "is a number that a spreadsheet has rounded (as 4.7E+11): format the column as text, and put "
+                "the codes in again");
     if (row.what != pb::PeopleImport::FAULT) {
       const auto [first, is_new] = lines_.emplace(nameKey(row.person.name), rows_.size());
       if (!is_new) row.fault("name", standsAlready(rows_[first->second], row.person.name));
@@ -454,7 +496,9 @@ class PeopleTable {
   }
 
   const Context& context_;
-  std::map<std::string, std::size_t> columns_;
+  std::map<std::string, std::size_t, std::less<>> columns_;
+  std::vector<std::size_t> unnamed_;          ///< columns without a name
+  std::size_t width_ = 0;                     ///< cells of the header, up to its last name
   std::map<std::string, std::size_t> lines_;  ///< indices into rows_, by nameKey()
   std::vector<ImportRow> rows_;
 };
@@ -463,7 +507,7 @@ class PeopleTable {
 
 Result<pb::Reply> importPeople(const Context& context, const pb::ImportPeople& call) {
   PeopleTable table(context);
-  RETURN_IF_ERROR(table.read(call.csv()));
+  RETURN_IF_ERROR(table.read(call.csv(), call.lines_above()));
   RETURN_IF_ERROR(table.compare(context.reader));
   pb::Reply reply;
   auto* report = reply.mutable_people_import();
@@ -492,94 +536,3 @@ Result<pb::Reply> importPeople(const Context& context, const pb::ImportPeople& c
 }
 
 }  // namespace needlelab::handlers
-
-namespace needlelab {
-namespace {
-
-class CsvTextReader {
- public:
-  explicit CsvTextReader(std::string_view text) : text_(text) {
-    if (text_.starts_with("\xef\xbb\xbf")) text_.remove_prefix(3);
-    const std::string_view first = text_.substr(0, text_.find('\n'));
-    if (first.find(',') == std::string_view::npos && first.find(';') != std::string_view::npos)
-      separator_ = ';';
-  }
-
-  [[nodiscard]] bool atEnd() const { return at_ >= text_.size(); }
-
-  Result<CsvRow> row() {
-    CsvRow row{line_, {}};
-    for (;;) {
-      ASSIGN_OR_RETURN(auto cell, text_.substr(at_, 1) == "\"" ? quoted() : plain());
-      row.cells.push_back(std::move(cell));
-      if (atEnd()) return row;
-      const char c = text_[at_++];
-      if (c == separator_) {
-        while (!atEnd() && text_[at_] == ' ') ++at_;
-        continue;
-      }
-      if (c == '\r' && !atEnd() && text_[at_] == '\n') ++at_;
-      ++line_;
-      return row;
-    }
-  }
-
- private:
-  [[nodiscard]] bool endsCell(std::size_t at) const {
-    return at >= text_.size() || text_[at] == separator_ || text_[at] == '\n' || text_[at] == '\r';
-  }
-
-  Result<std::string> plain() {
-    const std::size_t from = at_;
-    while (!endsCell(at_)) ++at_;
-    std::string_view cell = text_.substr(from, at_ - from);
-    while (cell.ends_with(' ')) cell.remove_suffix(1);
-    while (cell.starts_with(' ')) cell.remove_prefix(1);
-    return std::string(cell);
-  }
-
-  Result<std::string> quoted() {
-    const std::uint32_t began = line_;
-    std::string cell;
-    for (++at_; !atEnd(); ++at_) {
-      if (text_[at_] == '\n') ++line_;
-      if (text_[at_] != '"') {
-        cell += text_[at_];
-        continue;
-      }
-      if (at_ + 1 < text_.size() && text_[at_ + 1] == '"') {
-        cell += '"';
-        ++at_;
-        continue;
-      }
-      ++at_;
-      if (endsCell(at_)) return cell;
-      return Error{ErrorCode::kInvalidInput,
-                   fmt::format("csv: line {}: something follows the closing quote of a cell", line_)};
-    }
-    return Error{ErrorCode::kInvalidInput, fmt::format("csv: line {}: a quote is not closed", began)};
-  }
-
-  std::string_view text_;
-  std::size_t at_ = 0;
-  std::uint32_t line_ = 1;
-  char separator_ = ',';
-};
-
-}  // namespace
-
-Result<std::vector<CsvRow>> parseCsvText(std::string_view text, std::size_t most_rows) {
-  if (!isUtf8(text))
-    return Error{ErrorCode::kInvalidInput, "csv: is not UTF-8: save the table as \"CSV UTF-8\""};
-  std::vector<CsvRow> rows;
-  CsvTextReader reader(text);
-  while (!reader.atEnd()) {
-    ASSIGN_OR_RETURN(auto row, reader.row());
-    rows.push_back(std::move(row));
-    if (rows.size() > most_rows)
-      return Error{ErrorCode::kInvalidInput, fmt::format("csv: has more than {} lines: split it", most_rows)};
-  }
-  return rows;
-}
-
-}  // namespace needlelab

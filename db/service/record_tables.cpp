@@ -88,9 +88,9 @@ constexpr std::array kSessionColumns = {RecordColumn{"id", K::kHex, true},
                                         RecordColumn{"excused", K::kInteger},
                                         RecordColumn{"erased", K::kInteger}};
 constexpr std::array kUnknownTraineeColumns = {
-    RecordColumn{"session", K::kSession, true}, RecordColumn{"given", K::kPerson},
-    RecordColumn{"by_whom", K::kPerson}, RecordColumn{"assigned_unix_ns", K::kInteger},
-    RecordColumn{"code_unchecked", K::kInteger}};
+    RecordColumn{"session", K::kSession, true},  RecordColumn{"given", K::kPerson},
+    RecordColumn{"by_whom", K::kPerson},         RecordColumn{"assigned_unix_ns", K::kInteger},
+    RecordColumn{"code_unchecked", K::kInteger}, RecordColumn{"begin_unsure", K::kInteger}};
 constexpr std::array kSettingColumns = {RecordColumn{"key", K::kText, true}, RecordColumn{"value"}};
 constexpr std::array kScoreColumns = {RecordColumn{"session", K::kSession, true},
                                       RecordColumn{"definition_version", K::kInteger, true},
@@ -161,7 +161,8 @@ constexpr std::array kRecordTables = {
     RecordTable{"course", "curricula", kCourseColumns, "", ""},
     RecordTable{"assignment", "assignments", kAssignmentColumns, "", "trainee = ?1"},
     RecordTable{"retention_policy", "retention_policies", kPolicyColumns, "", ""},
-    RecordTable{"lab_setting", "meta", kSettingColumns, "key = 'codes_required'", ""},
+    RecordTable{"lab_setting", "meta", kSettingColumns,
+                "key IN ('codes_required', 'keep_recordings_of_erased')", ""},
     RecordTable{"session", "sessions", kSessionColumns, "state <> 1", NEEDLELAB_OWN},
     RecordTable{"unknown_trainee", "unknown_trainees", kUnknownTraineeColumns,
                 "session IN (SELECT number FROM sessions WHERE state <> 1)",

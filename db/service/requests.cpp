@@ -123,6 +123,10 @@ constexpr RequestRow kRows[] = {
    {{"GET /people/{name}/export", "Everything that is stored about a person, to download"}}},
   {Call::kErasePerson,             "person erase",         kAdmin,                to<&Service::erasePerson, kNeeded>, Reply::kErasure, kSlow,
    {{"DELETE /people/{name}/data", "Erases a person; confirm must be the name"}}},
+  {Call::kListMentions,            "person mentions",      kAdmin,                to<listMentions>,              Reply::kMentions, kViews,
+   {{"GET /people/{name}/mentions?text&page", "Texts that people wrote and that name the person"}}},
+  {Call::kRedact,                  "person redact",        kAdmin,                to<redact, kStores>,           Reply::kDone, kViews,
+   {{"POST /people/{name}/mentions", "Removes the person's names from one of these texts"}}},
 
   // --- groups
   {Call::kListGroups,              "group list",           kStaff,                to<listGroups>,                Reply::kGroups, kWorkers,

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "common/base/local_time.h"
 #include "common/base/text.h"
 #include "common/profile/profile.h"
 #include "common/scoring/measure_table.h"
@@ -139,9 +140,13 @@ Result<pb::Reply> assignSession(const Context& context, const pb::AssignSession&
   pb::Reply reply;
   std::string detail;
   RETURN_IF_ERROR(write(context, uuidText(id), detail, [&](Connection& writer) -> Status {
-    ASSIGN_OR_RETURN(const auto was, UnknownTraineeStore(writer).assign(
-                                         id, call.trainee(), seen, context.who.name, context.now_unix_ns));
-    detail = "from " + was + " to " + call.trainee() + (call.reason().empty() ? "" : ": " + call.reason());
+    ASSIGN_OR_RETURN(const auto was,
+                     UnknownTraineeStore(writer).assign(
+                         id, call.trainee(), seen, context.who.name, context.now_unix_ns,
+                         call.has_started_unix_ns() ? std::optional(call.started_unix_ns()) : std::nullopt));
+    detail = "from " + was + " to " + call.trainee() +
+             (call.has_started_unix_ns() ? ", began " + utcTime(call.started_unix_ns()) : "") +
+             (call.reason().empty() ? "" : ": " + call.reason());
     ASSIGN_OR_RETURN(*reply.mutable_session(), SessionStore(writer).info(id));
     return {};
   }));

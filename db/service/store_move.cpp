@@ -14,7 +14,6 @@
 #include "db/schema.h"
 #include "db/service/bootstrap.h"
 #include "db/service/data_folder.h"
-#include "db/service/other_stores.h"
 #include "db/service/restore.h"
 #include "db/store_address.h"
 
@@ -36,10 +35,6 @@ class StoreMover {
     if (moved_.was_done) return moved_;
     RETURN_IF_ERROR(openCopy());
     RETURN_IF_ERROR(openSource());
-    // before it has people: a copy that is given up is known
-    if (move_.to_postgres)
-      RETURN_IF_ERROR(
-          rememberOtherStore(move_.folder, {move_.url, move_.now_unix_ns, OtherStore::Kind::kCopy}));
     ASSIGN_OR_RETURN(moved_.copied, copyRows(*from_, *to_, move_.copy));
     ASSIGN_OR_RETURN(moved_.compared, compareRows(*from_, *to_, move_.copy));
     RETURN_IF_ERROR(endCopy(*to_, *mark_));
@@ -82,12 +77,22 @@ class StoreMover {
              : fmt::format("--from {}: there is no needlelab.db here", move_.folder.string())};
   }
 
+  /// Whether the folder has worked with --from: a move back has kept its address.
+  [[nodiscard]] bool hasLeft() const {
+    std::error_code error;
+    for (std::filesystem::directory_iterator at(move_.folder, error), end; !error && at != end;
+         at.increment(error)) {
+      const std::string name = at->path().filename().string();
+      if (!name.starts_with(kReplacedStoreFile)) continue;
+      const auto file = readStoreFile(move_.folder, name.c_str());
+      if (file.ok() && *file && (*file)->url == move_.url) return true;
+    }
+    return false;
+  }
+
   Status wantPostgres(bool has_database, const std::optional<StoreFile>& file) {
     if (has_database) {
-      ASSIGN_OR_RETURN(const auto others, readOtherStores(move_.folder));
-      moved_.was_done = !file && std::any_of(others.begin(), others.end(), [&](const OtherStore& other) {
-        return other.url == move_.url && other.kind == OtherStore::Kind::kLeft;
-      });
+      moved_.was_done = !file && hasLeft();
       if (moved_.was_done) return {};
     }
     if (has_database || !file)
@@ -99,7 +104,6 @@ class StoreMover {
                                             : "has no file store. The lab's keys lie in that folder, and the "
                                               "audit log cannot be checked without them")};
     lab_ = file->lab;
-    url_of_folder_ = file->url;
     return {};
   }
 
@@ -206,15 +210,11 @@ class StoreMover {
     RETURN_IF_ERROR(writeStoreFile(move_.folder, {move_.url, lab_, kept}));
     RETURN_IF_ERROR(finishStoreSwitch(move_.folder));
     moved_.kept = move_.folder / kept;
-    RETURN_IF_ERROR(noteStoreInUse(move_.folder, move_.url));
     return leaveCopyMarks(*to_);
   }
 
   Status endOnSqlite() {
     RETURN_IF_ERROR(closeIntoOneFile(*std::move(to_)));
-    // --from may be another address of it, or another database of this lab
-    for (const std::string& url : {url_of_folder_, move_.url})
-      RETURN_IF_ERROR(rememberOtherStore(move_.folder, {url, move_.now_unix_ns, OtherStore::Kind::kLeft}));
     moved_.kept = move_.folder / freeNameIn(move_.folder, kReplacedStoreFile, move_.now_unix_ns);
     RETURN_IF_ERROR(renameInFolder(move_.folder / kStoreFile, moved_.kept));
     RETURN_IF_ERROR(syncFolder(move_.folder));
@@ -230,7 +230,6 @@ class StoreMover {
   std::optional<Connection> from_, to_;
   std::optional<CopyMark> mark_;
   std::string lab_;
-  std::string url_of_folder_;  ///< that DIR/store says, before a move back
   StoreMoved moved_;
 };
 

@@ -21,19 +21,12 @@
 namespace needlelab {
 namespace {
 
-/// The people whom this station may list, over all courses.
+/// The people who may practise, whether or not something is assigned to them.
 Result<std::vector<KnownName>> listedPeople(Connection& reader) {
-  std::set<std::string> refs;
-  ASSIGN_OR_RETURN(const auto courses, CurriculumStore(reader).list());
-  for (const StoredCurriculum& course : courses) {
-    ASSIGN_OR_RETURN(const auto found, CourseTrainees(reader, course.id, "").page({}, INT64_MAX));
-    for (const CourseTrainee& one : found) refs.insert(one.ref);
-  }
   std::vector<KnownName> people;
-  const std::vector<std::string> list(refs.begin(), refs.end());
-  ASSIGN_OR_RETURN(auto all, PeopleStore(reader).findAll(list));
-  for (auto& [ref, person] : all) {
-    ASSIGN_OR_RETURN(const bool known, stationMayKnow(reader, person, ref));
+  ASSIGN_OR_RETURN(auto all, PeopleStore(reader).list());
+  for (Person& person : all) {
+    ASSIGN_OR_RETURN(const bool known, stationMayKnow(reader, person, person.ref));
     if (known) people.push_back({person.name, std::move(person.full_name)});
   }
   return people;
@@ -93,6 +86,8 @@ Result<pb::Reply> checkTrainee(const Context& context, const pb::CheckTrainee& c
   ASSIGN_OR_RETURN(const bool code_checked, checkCodeOf(context, call.trainee(), call.code()));
   pb::Reply reply;
   reply.mutable_trainee_checked()->set_code_checked(code_checked);
+  ASSIGN_OR_RETURN(const auto person, outerRef(context.reader, call.trainee()));
+  reply.mutable_trainee_checked()->set_person_ref(person.value_or(""));
   return reply;
 }
 

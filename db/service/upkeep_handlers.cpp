@@ -16,7 +16,6 @@
 #include "db/seen_time.h"
 #include "db/service/export_ledger.h"
 #include "db/service/handlers.h"
-#include "db/service/other_stores.h"
 #include "db/service/service.h"
 #include "db/store_address.h"
 
@@ -289,10 +288,6 @@ Result<pb::Reply> check(const Context& context, const pb::Check&) {
     report->add_faults(
         "an erasure is pending: the log beside the database still has what was erased, because somebody "
         "reads; it is overwritten when that is done, or by the next start");
-  }
-  if (const auto others = otherStoresOfErasedText(context.reader.path().parent_path()); !others.empty()) {
-    report->set_ok(false);
-    report->add_faults(others);
   }
   ASSIGN_OR_RETURN(const auto ahead, SeenTimeStore(context.reader).aheadText(context.now_unix_ns));
   if (!ahead.empty()) {

@@ -36,6 +36,7 @@ struct HttpRequest {
   // for the log and the metrics; set by the handler
   std::string route = "none";
   std::string who;
+  std::string refused_for;  ///< what the log says of a refusal beside its status
 };
 
 /// The next piece of a body, empty at the end.

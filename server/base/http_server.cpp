@@ -1,5 +1,6 @@
 #include "server/base/http_server.h"
 
+#include <fmt/chrono.h>
 #include <fmt/core.h>
 #include <poll.h>
 
@@ -9,7 +10,10 @@
 #include <boost/beast/core/string.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket/rfc6455.hpp>
+#include <cctype>
 #include <cstring>
+#include <ctime>
+#include <string_view>
 #include <utility>
 
 #include "common/base/clock.h"
@@ -51,6 +55,40 @@ bool isCodedOtherwise(const HttpParser& parser) {
   if (codings == 0) return false;
   return codings > 1 || message.version() < 11 || message.count(bhttp::field::content_length) > 0 ||
          !beast::iequals(message[bhttp::field::transfer_encoding], "chunked");
+}
+
+/// HTTP/1.1 wants exactly one Host (RFC 9112, 3.2).
+bool hasWrongHost(const HttpParser& parser) {
+  const auto hosts = parser.get().count(bhttp::field::host);
+  return hosts > 1 || (hosts == 0 && parser.get().version() >= 11);
+}
+
+/// "https://HOST/PATH", as a client writes it to a proxy, means the same as "/PATH" (RFC 9112, 3.2.2).
+struct AbsoluteTarget {
+  std::string_view host, target;  ///< host empty: origin form
+};
+AbsoluteTarget splitTarget(std::string_view target) {
+  for (const std::string_view scheme : {"https://", "http://"}) {
+    if (!beast::iequals(beast::string_view(target.substr(0, scheme.size())), beast::string_view(scheme)))
+      continue;
+    const std::string_view rest = target.substr(scheme.size());
+    const std::size_t path = std::min(rest.find_first_of("/?"), rest.size());
+    return {rest.substr(0, path), path == rest.size() ? std::string_view("/") : rest.substr(path)};
+  }
+  return {{}, target};
+}
+
+/// A WebSocket's key is 16 bytes in base64 (RFC 6455, 4.1).
+bool hasWebSocketKey(const HttpParser& parser) {
+  const auto key = parser.get()[bhttp::field::sec_websocket_key];
+  return key.size() == 24 && key.ends_with("==") &&
+         std::all_of(key.begin(), key.end() - 2,
+                     [](unsigned char c) { return std::isalnum(c) != 0 || c == '+' || c == '/'; });
+}
+
+/// "Fri, 27 Nov 2026 10:57:14 GMT" (RFC 9110, 5.6.7)
+std::string httpDate(std::time_t now) {
+  return fmt::format("{:%a, %d %b %Y %H:%M:%S} GMT", fmt::gmtime(now));
 }
 
 class StreamConnection : public HttpConnection {
@@ -128,9 +166,12 @@ class StreamConnection : public HttpConnection {
     const std::int64_t begun_ns = steadyNowNs();
     if (!failed && isCodedOtherwise(parser))
       failed = bhttp::make_error_code(bhttp::error::bad_transfer_encoding);
-    if (!failed && !parser.is_done() && limits.body_bytes > 0) failed = co_await readBody(parser);
-    if (failed) {
-      auto answer = server_->unreadable(failed);
+    const bool wrong_host = !failed && hasWrongHost(parser);
+    if (!failed && !wrong_host && !parser.is_done() && limits.body_bytes > 0)
+      failed = co_await readBody(parser);
+    if (failed || wrong_host) {
+      auto answer = wrong_host ? errorAnswer(400, "invalid_input", "Host: must be there, once")
+                               : server_->unreadable(failed);
       if (!answer || cut_) co_return false;
       answer->close = true;
       HttpRequest unread;
@@ -185,13 +226,21 @@ class StreamConnection : public HttpConnection {
   Task<boost::system::error_code> readBody(HttpParser& parser) {
     const auto method = parser.get().method_string(), target = parser.get().target();
     const std::size_t most =
-        server_->bodyLimit({method.data(), method.size()}, {target.data(), target.size()},
+        server_->bodyLimit({method.data(), method.size()}, splitTarget({target.data(), target.size()}).target,
                            headerOf(parser, bhttp::field::cookie));
     // refuse a declared length before reading anything
     if (const auto length = parser.content_length(); length && *length > most)
       co_return bhttp::make_error_code(bhttp::error::body_limit);
     parser.body_limit(most);
     limit(server_->limits().body_timeout);
+    // the client waits for this before it sends the body (RFC 9110, 10.1.1)
+    if (buffer_.size() == 0 && parser.get().version() >= 11 &&
+        beast::iequals(parser.get()[bhttp::field::expect], "100-continue")) {
+      static constexpr std::string_view kContinue = "HTTP/1.1 100 Continue\r\n\r\n";
+      auto [failed, sent] = co_await asio::async_write(stream_, asio::buffer(kContinue), kUseTuple);
+      (void)sent;
+      if (failed) co_return failed;
+    }
     auto [error, count] = co_await bhttp::async_read(stream_, buffer_, parser, kUseTuple);
     (void)count;
     co_return error;
@@ -202,7 +251,10 @@ class StreamConnection : public HttpConnection {
     bhttp::response<bhttp::string_body> response;
     response.version(11);
     response.result(answer.status);
+    response.set(bhttp::field::date, httpDate(std::time(nullptr)));
     response.set(bhttp::field::content_type, answer.type);
+    // what a browser does not ask a person for: the console has a log-in of its own (RFC 9110, 11.6.1)
+    if (answer.status == 401) response.set(bhttp::field::www_authenticate, "Session realm=\"needlelab\"");
     for (const auto& [name, value] : server_->commonHeaders()) response.set(name, value);
     response.set(bhttp::field::cache_control, answer.no_store ? "no-store" : "no-cache");
     for (const auto& [name, value] : answer.headers) response.insert(name, value);
@@ -318,8 +370,9 @@ std::shared_ptr<HttpRequest> requestOf(HttpParser& parser) {
   auto request = std::make_shared<HttpRequest>();
   auto& message = parser.get();
   request->method = std::string(message.method_string().data(), message.method_string().size());
-  request->target = std::string(message.target().data(), message.target().size());
-  request->host = headerOf(parser, bhttp::field::host);
+  const auto target = splitTarget({message.target().data(), message.target().size()});
+  request->target = std::string(target.target);
+  request->host = target.host.empty() ? headerOf(parser, bhttp::field::host) : std::string(target.host);
   request->origin = headerOf(parser, bhttp::field::origin);
   request->fetch_site = headerOf(parser, "Sec-Fetch-Site");
   request->cookie = headerOf(parser, bhttp::field::cookie);
@@ -330,7 +383,7 @@ std::shared_ptr<HttpRequest> requestOf(HttpParser& parser) {
   request->forwarded = allOf(parser, "Forwarded");
   request->x_forwarded_for = allOf(parser, "X-Forwarded-For");
   request->is_http_1_1 = message.version() == 11;
-  request->upgrade = beast::websocket::is_upgrade(message);
+  request->upgrade = beast::websocket::is_upgrade(message) && hasWebSocketKey(parser);
   request->body = std::move(message.body());
   return request;
 }

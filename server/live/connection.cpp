@@ -1,5 +1,7 @@
 #include "server/live/connection.h"
 
+#include <fmt/core.h>
+
 #include <cassert>
 #include <utility>
 
@@ -59,6 +61,10 @@ Task<> PeerConnection::run(std::shared_ptr<PeerConnection> self) {
       taken = co_await peer.take(**cut);
     else
       taken = cut.error();
+    if (!taken.ok() && taken.error().message == kHttpRequestCame) {
+      peer.answerHttp();
+      break;
+    }
     if (!taken.ok()) {
       // the bytes are not a message: the stream is unusable, but tell the peer why
       const ErrorCode code = taken.error().code;
@@ -79,6 +85,19 @@ Task<> PeerConnection::run(std::shared_ptr<PeerConnection> self) {
   // the server is stopping: shutDown sends the last message
   while (peer.over() && !peer.channel_->closing()) co_await peer.freed_.wait();
   peer.leave();
+}
+
+void PeerConnection::answerHttp() {
+  const std::string text =
+      context_.web_port == 0
+          ? "This is the port for stations and programs; this server has no console.\n"
+          : fmt::format("This is the port for stations and programs. The console is at port {}.\n",
+                        context_.web_port);
+  channel_->finishWith(
+      CloseReason::kProtocol, std::string(kHttpRequestCame),
+      fmt::format("HTTP/1.1 421 Misdirected Request\r\nContent-Type: text/plain; charset=utf-8\r\n"
+                  "Content-Length: {}\r\nConnection: close\r\n\r\n{}",
+                  text.size(), text));
 }
 
 // The order is that of handshake_turns.h. A connection asks for a turn when its first TLS record has arrived

@@ -83,9 +83,9 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
     std::uint64_t safe = 0;
     std::uint64_t most_safe = UINT64_MAX;  // of what acks make Safe, SessionStore::mostSafeSeqs()
     bool ack_due = false;
-    bool open = false;  // here: its close has not been answered on this connection
-    std::string given;  // the trainee, as the station says it; empty: it is closed, or nobody's
-    std::string trainee_ref, trainee;  // the same: people.ref, and as people read it
+    bool open = false;        // here: its close has not been answered on this connection
+    std::string trainee_ref;  // sessions.trainee
+    std::string trainee;      // as people read it; empty: it is closed, or no person's
 
     void noteCommitted(std::uint64_t seqs, bool acks_are_safe) {
       committed = std::max(committed, seqs);
@@ -108,6 +108,8 @@ class PeerConnection : public HubPeer, public std::enable_shared_from_this<PeerC
   /// A line of the log, of the account's, or before the log-in of all strangers' (PeerLines).
   void note(const PeerLineKind& kind, std::initializer_list<LogField> fields);
   void refusedByPeer(const pb::Refusal& refusal);
+  /// To a browser that took this port for the console's; then the connection ends.
+  void answerHttp();
   void leave();
   [[nodiscard]] bool busy() const;
   /// `until_sent`: as Channel::send.

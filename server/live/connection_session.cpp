@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "common/base/clock.h"
+#include "common/base/local_time.h"
 #include "common/wire/protocol.h"
 #include "db/person_refs.h"
 #include "server/base/log.h"
@@ -70,6 +71,7 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
     std::uint64_t next_seq = 0, safe = 0, most_safe = 0;
     bool is_new = false, closed = false;
     std::string trainee_ref, trainee;
+    bool begin_unsure = false;
   };
   auto opened = std::make_shared<Opened>();
   DiskRoom::Share disk_room = context_.disk_room.share(description.ByteSizeLong());
@@ -100,10 +102,14 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
     ASSIGN_OR_RETURN(auto safe, store.safeSeqs(id));
     opened->safe = safe;
     ASSIGN_OR_RETURN(opened->most_safe, store.mostSafeSeqs(id));
-    auto state = writer.query("SELECT state, trainee FROM sessions WHERE id = ?", ByteView(id));
+    auto state = writer.query(
+        "SELECT state, trainee, EXISTS (SELECT 1 FROM unknown_trainees WHERE session = number AND"
+        " by_whom IS NULL AND begin_unsure = 1) FROM sessions WHERE id = ?",
+        ByteView(id));
     ASSIGN_OR_RETURN(const auto found, state.step());
     opened->closed = found && state.integer(0) != pb::SESSION_OPEN;
     opened->trainee_ref = state.text(1);
+    opened->begin_unsure = state.integer(2) != 0;
     ASSIGN_OR_RETURN(opened->trainee, shownName(writer, opened->trainee_ref));
     return {};
   };
@@ -116,6 +122,13 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
     refuse(std::move(refusal));
     co_return;
   }
+  if (opened->is_new && opened->begin_unsure)
+    note(PeerLine::kClockOfStation,
+         {{"conn", id_},
+          {"who", who_.name},
+          {"session", uuidText(*id)},
+          {"began", utcTime(description.started_unix_ns())},
+          {"text", "the station's clock was wrong: the session waits for a manager"}});
   Watermarks& marks = watermarks(session_id);
   marks.committed = 0;  // a store that was restored may have fewer than it had
   marks.safe = opened->safe;
@@ -123,9 +136,8 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   marks.noteCommitted(opened->next_seq, context_.acks_are_safe);
   // also for a closed session: its station may have lost the answer to CloseSession and sends it again
   marks.open = true;
-  marks.given = opened->closed ? std::string() : description.trainee();
   marks.trainee_ref = opened->trainee_ref;
-  marks.trainee = opened->trainee;
+  marks.trainee = opened->closed ? std::string() : opened->trainee;
   if (state_ == ConnectionState::kAuthenticated) setState(ConnectionState::kInSession);
   // for a closed session, as all of erased people are, the station only asks whether the server still has it
   if (!opened->closed && isStationsPeer()) context_.hub.onSession(who_.name, session_id, opened->trainee_ref);
@@ -152,8 +164,7 @@ bool PeerConnection::isStationsPeer() const {
 std::optional<pb::Refusal> PeerConnection::takeStatus(pb::StationStatus status) {
   // an erased person's session is closed, also after a restart, when nobody else knows the name any more
   const auto session = sessions_.find(status.session_id());
-  if (session == sessions_.end() || session->second.given != status.trainee() ||
-      context_.hub.isErased(session->second.trainee_ref))
+  if (session == sessions_.end() || context_.hub.isErased(session->second.trainee_ref))
     status.clear_trainee();
   else
     status.set_trainee(session->second.trainee);

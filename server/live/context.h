@@ -119,6 +119,7 @@ struct ServerContext {
   std::unique_ptr<LoginState> login;  ///< lock-outs and tokens
   ServerCounters counters;
   WebCounters web{};
+  std::uint16_t web_port = 0;  ///< 0: there is no console
   Admission admission{};
   /// What people ask for, on `workers`, on `views` and on `slow_workers`.
   std::unique_ptr<FairPool> workers_of_people = std::make_unique<FairPool>(workers, kWorkerThreads);

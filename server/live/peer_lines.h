@@ -30,6 +30,7 @@ struct PeerLine {
   static constexpr PeerLineKind kConnectionOpened{LogLevel::kInfo, "connection_opened"};
   static constexpr PeerLineKind kConnectionClosed{LogLevel::kInfo, "connection_closed"};
   static constexpr PeerLineKind kConnectionGivesWay{LogLevel::kInfo, "connection_gives_way"};
+  static constexpr PeerLineKind kClockOfStation{LogLevel::kWarning, "clock_of_station"};
   static constexpr PeerLineKind kVersionRefused{LogLevel::kWarning, "version_refused"};
   /// A wrong name, password, key or token.
   static constexpr PeerLineKind kLoginRefused{LogLevel::kWarning, "login_refused"};

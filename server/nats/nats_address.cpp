@@ -125,11 +125,11 @@ Result<NatsUser> readNatsUser(const fs::path& file) {
   if (!text) return Error{ErrorCode::kInvalidInput, "--live-user " + text.error().message};
   const WipeAtEnd wipe_text(*text);
   NatsUser user;
-  if (trimmed(*text).starts_with(kCredsStart)) {
+  if (trimmed(withoutMark(*text)).starts_with(kCredsStart)) {
     user.creds = file;
     return user;
   }
-  std::string_view rest = *text;
+  std::string_view rest = withoutMark(*text);
   while (!rest.empty()) {
     const auto end = rest.find('\n');
     const std::string_view line = trimmed(rest.substr(0, end));

@@ -269,10 +269,29 @@ class Description {
     return all;
   }
 
+  /// "GET /people/{name}/mentions": "getPeopleNameMentions".
+  static std::string operationIdOf(const WebRoute& route) {
+    std::string id = lowerCase(route.method);
+    bool begins = true;
+    for (const char c : route.pattern) {
+      const bool is_word = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
+      if (is_word) id += begins && c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
+      begins = !is_word;
+    }
+    return id;
+  }
+  /// The first part of the address: "people".
+  static std::string tagOf(const WebRoute& route) {
+    const std::string_view path = route.pattern.substr(1);
+    return std::string(path.substr(0, path.find_first_of("/.")));
+  }
+
   WebJson operation(const WebRoute& route) {
     const std::string line = std::string(route.method) + " " + std::string(route.pattern);
     const WebJson special = special_.value(line, WebJson::object());
-    WebJson made = {{"summary", route.summary}};
+    WebJson made = {{"operationId", operationIdOf(route)},
+                    {"tags", WebJson::array({tagOf(route)})},
+                    {"summary", route.summary}};
     if (auto parameters = parametersOf(route, special); !parameters.empty())
       made["parameters"] = std::move(parameters);
     if (auto body = bodySchema(route, special); !body.is_null())

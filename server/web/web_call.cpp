@@ -151,7 +151,13 @@ bool isSameOrigin(std::string_view origin, std::string_view host) {
   if (host.empty() || origin.size() <= kScheme.size() ||
       !equalIgnoringCase(origin.substr(0, kScheme.size()), kScheme))
     return false;
-  return equalIgnoringCase(origin.substr(kScheme.size()), host);
+  // https has port 443 where none is said (RFC 6454, 4)
+  const auto withoutDefault = [](std::string_view authority) {
+    constexpr std::string_view kDefault = ":443";
+    if (authority.ends_with(kDefault)) authority.remove_suffix(kDefault.size());
+    return authority;
+  };
+  return equalIgnoringCase(withoutDefault(origin.substr(kScheme.size())), withoutDefault(host));
 }
 
 bool mayDemandHttps(std::string_view host) {

@@ -1,9 +1,12 @@
 #include "server/web/web_server.h"
 
+#include <fmt/core.h>
+
 #include <utility>
 
 #include "common/base/clock.h"
 #include "common/base/secret.h"
+#include "common/base/text.h"
 #include "common/profile/strict_json.h"
 #include "common/wire/protocol.h"
 #include "db/schema.h"
@@ -64,13 +67,15 @@ HttpAnswer fileAnswer(const WebServer& server, const HttpRequest& request, const
 }
 
 /// Refuses a request that another site's page made through this browser, whatever credentials it carries.
-std::optional<HttpAnswer> foreignPage(const HttpRequest& request, bool needs_origin) {
+std::optional<HttpAnswer> foreignPage(HttpRequest& request, bool needs_origin) {
   const bool safe = (request.method == "GET" || request.method == "HEAD") && !needs_origin;
   if (safe) return std::nullopt;
   const bool wrong = request.origin.empty() ? needs_origin : !isSameOrigin(request.origin, request.host);
   const bool site_wrong =
       !request.fetch_site.empty() && request.fetch_site != "same-origin" && request.fetch_site != "none";
   if (!wrong && !site_wrong) return std::nullopt;
+  request.refused_for = fmt::format("Origin '{}', Host '{}', Sec-Fetch-Site '{}'", printable(request.origin),
+                                    printable(request.host), printable(request.fetch_site));
   return errorAnswer(403, "wrong_origin", "only pages of this server may ask for that");
 }
 

@@ -155,6 +155,9 @@ void WebServer::answered(const HttpExchange& exchange) {
         {"status", exchange.status},
         {"ms", static_cast<std::int64_t>(exchange.seconds * 1000)},
         {"sent", exchange.sent ? "yes" : "no"}});
+  if (!request.refused_for.empty())
+    note(request.who, PeerLine::kWebRequestForbidden,
+         {{"conn", request.connection}, {"status", exchange.status}, {"text", request.refused_for}});
 }
 
 void WebServer::streamFailed(const HttpRequest& request, const Error& error) {

@@ -4,7 +4,7 @@ import functools
 import signal
 import time
 
-from faculty_lab import CLOCK_SHIM, GROUPS, GUARD_NS, OTHER, SERVERS, CannotPlay, Failed, Viewer, stopped, until
+from faculty_lab import CLOCK_SHIM, GROUPS, GUARD_NS, OTHER, SERVERS, CannotPlay, Viewer, stopped, until
 from fault_lab import PASSWORD, Judgement
 from measures import Fault, longest_silence, median_ms
 from peers import Person, Refused, StationPeer

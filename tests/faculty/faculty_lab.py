@@ -19,6 +19,8 @@ from clusters import Failed, run, until  # noqa: E402
 from fault_lab import FaultLab, Template  # noqa: E402
 from programs import PATIENCE_S, fetched, free_port, metric_in, start, stop  # noqa: E402
 from scenarios import POWER_CUT, TWO_DISKS, CannotPlay, sound  # noqa: E402,F401  pylint: disable=unused-import
+
+__all__ = ["sound"]  # for those who import them from here
 import measures  # noqa: E402
 from cables import Here, NoNamespaces, Switch  # noqa: E402
 from viewers import Viewer  # noqa: E402

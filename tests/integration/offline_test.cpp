@@ -218,7 +218,7 @@ TEST_F(OfflineTest, aSilentServerHoldsUpAProfileFromAFileForThreeSecondsOnly) {
       "station", {"--profile", NEEDLELAB_SAMPLES "/knee-adult.json", "--seconds", "60", "--drain", "0"});
   // a lesson from the server may take ten
   const auto goesOn = [&] {
-    return station->said().find("the server did not say within 3 s whether it knows 'tom'") !=
+    return station->said().find("the server did not say within 3 s whether it knows the trainee") !=
            std::string::npos;
   };
   EXPECT_TRUE(eventually(goesOn, 60s)) << station->said();

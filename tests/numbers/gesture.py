@@ -11,6 +11,8 @@ import sys
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "durability" / "judge"))
 from database import message  # noqa: E402, F401  a reader of Protobuf's fields
+
+__all__ = ["message"]  # for those who import them from here
 from gesture_chunk import Chunk  # noqa: E402  a reader made from FORMAT.md alone
 
 ENTRY, TURN, NOT_STEPPED, BEYOND_NEEDLE = 1 << 0, 1 << 4, 1 << 8, 1 << 10

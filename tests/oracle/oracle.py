@@ -109,7 +109,8 @@ class Lab:
 
     def write(self, out):
         out.mkdir()
-        lines = [json.dumps(without_times(json.loads(line)), sort_keys=True) for line in self.admin("export-all").splitlines()]
+        lines = [json.dumps(without_times(json.loads(line)), sort_keys=True) for line in self.admin("export-all").splitlines()
+                 if not line.startswith('{"kind":"end"')]
         (out / "everything.jsonl").write_text(masked("\n".join(sorted(map(masked, lines))) + "\n"))
         for name, words in {"sessions": ["session", "list"], "users": ["user", "list"], "stations": ["station", "list"], "profiles": ["profile", "list"],
                             "curriculum": ["curriculum", "list"], "progress": ["progress", "tina"]}.items():

@@ -196,6 +196,7 @@ const std::vector<WrongRow> kWrongRows = {
     {"audit_chain", {{"mac", "zeroblob(31)"}}},
     {"quarantined_chunks", {{"seq", "-1"}}},
     {"unknown_trainees", {{"code_unchecked", "2"}}},
+    {"unknown_trainees", {{"begin_unsure", "2"}}},
     {"unknown_trainees", {{"by_whom", "'m'"}}},
     {"access_numbers", {{"what", "5"}}},
     {"login_tokens", {{"hash", "zeroblob(31)"}}},

@@ -8,7 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "db/service/other_stores.h"
 #include "tests/postgres/store_move_fixture.h"
 #include "tests/unit/db/dump.h"
 
@@ -217,103 +216,6 @@ TEST_F(StoreMoveTest, aSwitchThatWasKilledIsCompletedByTheNextStart) {
   ASSERT_FALSE(none.ok());
   EXPECT_EQ(none.error().code, ErrorCode::kNotFound);
   EXPECT_FALSE(std::filesystem::exists(lab("needlelab.db")));
-}
-
-/// What `person erase` of anna says, and its lines of the audit log. The erasure itself changes no database
-/// but the lab's own.
-struct SaidOfErasure {
-  nlohmann::json reply;
-  std::string audit;
-};
-
-class OtherStoresOfErased : public StoreMoveTest {
- protected:
-  SaidOfErasure erase(const std::string& name) {
-    const Run erased = onData({"person", "erase", name, "--confirm", name, "--json"});
-    EXPECT_EQ(erased.code, 0) << erased.err;
-    return {erased.code == 0 ? erased.rows()[0] : nlohmann::json(), onData({"audit", "--json"}).out};
-  }
-  void addTrainee(const std::string& name) {
-    EXPECT_EQ(onData({"user", "add", name, "--role", "trainee"}).code, 0);
-  }
-  [[nodiscard]] std::vector<std::string> peopleThere() const {
-    auto there = TestDb::must(openAt(StoreAddress(lab("needlelab.db"), url), Connection::Mode::kReader));
-    return TestDb::must(there.prepare("SELECT name FROM accounts ORDER BY name").all(firstText));
-  }
-  [[nodiscard]] Run forget(const std::string& at) const { return onData({"store", "forget", at}); }
-  /// Each erasure, the audit log and `check` name the database until a person says that it is gone.
-  void expectNamedUntilForgotten(const std::string& what) {
-    EXPECT_EQ(onData({"check"}).code, 0) << "nobody was erased since";
-    const auto said = erase("anna");
-    ASSERT_TRUE(said.reply.contains("files")) << said.reply.dump();
-    EXPECT_THAT(said.reply["files"].get<std::vector<std::string>>(), testing::Contains(url));
-    EXPECT_THAT(said.reply["text"].get<std::string>(), HasSubstr(what));
-    EXPECT_THAT(said.audit, HasSubstr("other databases may hold this person's data: " + url));
-    EXPECT_THAT(peopleThere(), testing::Contains("anna")) << "the danger is real";
-    for (int i = 0; i < 2; ++i) {
-      const Run check = onData({"check"});
-      EXPECT_EQ(check.code, 1);
-      EXPECT_THAT(check.out, HasSubstr(url));
-    }
-    EXPECT_THAT(onData({"store", "list"}).out, HasSubstr(url));
-
-    const Run other = forget(url + " port=1");
-    EXPECT_EQ(other.code, 2) << other.err;
-    const Run forgotten = forget(url);
-    EXPECT_EQ(forgotten.code, 0) << forgotten.err;
-    EXPECT_THAT(onData({"audit"}).out, HasSubstr("store forget"));
-    EXPECT_EQ(onData({"check"}).code, 0);
-    EXPECT_THAT(onData({"store", "list"}).out, testing::Not(HasSubstr(url)));
-    for (const auto& entry : std::filesystem::directory_iterator(data()))
-      EXPECT_FALSE(entry.path().filename().string().starts_with(kReplacedStoreFile)) << entry.path();
-    addTrainee("berta");
-    EXPECT_THAT(erase("berta").reply.dump(), testing::Not(HasSubstr(url)));
-  }
-};
-
-TEST_F(OtherStoresOfErased, theDatabaseThatTheLabHasLeftIsNamed) {
-  addTrainee("anna");
-  ASSERT_EQ(copyTo().code, 0);
-  ASSERT_EQ(copyBack().code, 0);
-  expectNamedUntilForgotten("the lab left it");
-}
-
-TEST_F(OtherStoresOfErased, theDatabaseOfACopyThatWasGivenUpIsNamed) {
-  addTrainee("anna");
-  addSession(5);
-  leaveUnfinished(1, "people");
-  expectNamedUntilForgotten("a copy was begun there");
-}
-
-TEST_F(OtherStoresOfErased, theOneThatTheLabWorksWithIsNoOther) {
-  addTrainee("anna");
-  leaveUnfinished(1);
-  ASSERT_EQ(copyTo({"--begin-again"}).code, 0);
-  EXPECT_THAT(erase("anna").reply.dump(), testing::Not(HasSubstr("dropdb")));
-  EXPECT_EQ(forget(url).code, 2);
-  // also under another address of it
-  const std::string respelled = url + " application_name=moved";
-  { ASSERT_OK(Store::open(data(), {.create = false, .store_url = respelled})); }
-  addTrainee("berta");
-  EXPECT_THAT(erase("berta").reply.dump(), testing::Not(HasSubstr("dropdb")));
-  EXPECT_EQ(onData({"store", "list", "--json"}).rows().size(), 0u);
-  // but it is, when somebody has undone the move by hand
-  std::filesystem::path kept;
-  for (const auto& entry : std::filesystem::directory_iterator(data()))
-    if (entry.path().filename().string().starts_with("needlelab.db.replaced-")) kept = entry.path();
-  ASSERT_FALSE(kept.empty());
-  std::filesystem::rename(kept, lab("needlelab.db"));
-  std::filesystem::remove(lab(kStoreFile));
-  EXPECT_THAT(onData({"store", "list"}).out, HasSubstr(url));
-}
-
-TEST_F(OtherStoresOfErased, aBrokenListIsSaidAndHoldsNothingUp) {
-  addTrainee("anna");
-  ASSERT_OK(replaceFileAtomically(lab(kOtherStoresFile), viewOf(std::string("copy soon postgresql:///x\n"))));
-  const auto said = erase("anna");
-  EXPECT_THAT(said.reply["text"].get<std::string>(), HasSubstr("other_stores, line 1: is not understood"));
-  EXPECT_THAT(onData({"check"}).out, HasSubstr("other_stores, line 1"));
-  EXPECT_EQ(onData({"store", "list"}).code, 2);
 }
 
 TEST_F(StoreMoveTest, aUserWhoOwnsTheDatabaseAndNothingElseIsEnough) {

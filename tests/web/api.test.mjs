@@ -151,8 +151,11 @@ test('a code is made, removed, and required by administrators only', async () =>
     people.setCode('anna.bauer', { code: '123' }),
     (error) => error.kind === 'invalid' && error.field === 'code',
   );
-  assert.deepEqual(await lab.settings(), { codes_required: false });
+  assert.deepEqual(await lab.settings(), { codes_required: false, keep_recordings_of_erased: false });
   await assert.rejects(lab.change({ codes_required: true }), { kind: 'denied' });
   await logIn('root', kPassword);
-  assert.deepEqual(await lab.change({ codes_required: true }), { codes_required: true });
+  assert.deepEqual(await lab.change({ codes_required: true }), {
+    codes_required: true,
+    keep_recordings_of_erased: false,
+  });
 });

@@ -155,8 +155,9 @@ test('changes, and what comes of those that are too late', async () => {
   await one('mara', 'PATCH', '/lab/settings', { body: { codes_required: true } }, 403);
   assert.deepEqual(await one('root', 'PATCH', '/lab/settings', { body: { codes_required: true } }), {
     codes_required: true,
+    keep_recordings_of_erased: false,
   });
-  assert.deepEqual(await one('ines', 'GET', '/lab/settings', {}), { codes_required: true });
+  assert.equal((await one('ines', 'GET', '/lab/settings', {})).codes_required, true);
   await one('mara', 'POST', '/people/import', { body: { csv: 'name,role\nzoe,trainee\n', dry_run: true } });
   // a code goes to who has none, and stays where there is one
   for (const [code, what] of [
@@ -246,6 +247,17 @@ test('changes, and what comes of those that are too late', async () => {
     body: { trainee: 'anna.bauer', was: 'anna.bauer' },
   });
   assert.deepEqual([confirmed.unknown_trainee, confirmed.code_unchecked], [undefined, false]);
+  const mentions = await one('root', 'GET', '/people/{name}/mentions', {
+    path: '/people/new.one/mentions?text=group+A',
+  });
+  assert.deepEqual(
+    mentions.items.map((one) => one.where),
+    ['group autumn-a'],
+  );
+  await one('root', 'POST', '/people/{name}/mentions', {
+    path: '/people/new.one/mentions',
+    body: { text: 'group A', where: 'group autumn-a' },
+  });
   await one('root', 'DELETE', '/people/{name}/data', { path: '/people/new.one/data', body: { confirm: 'new.one' } });
 });
 

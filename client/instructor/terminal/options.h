@@ -39,7 +39,8 @@ struct InstructorOptions {
   std::optional<double> at_s;  ///< since the session's first sample
   bool once = false;           ///< end after sending all commands
   std::filesystem::path
-      report;  ///< HTML file with the report on --session; needs neither window nor --headless
+      report;            ///< HTML file with the report on --session; needs neither window nor --headless
+  bool replace = false;  ///< `report` may be there already
   // the window
   std::filesystem::path screenshot;
   bool off_screen = false;

@@ -94,7 +94,7 @@ std::vector<double> modelAt(const TimeCurve& curve, const StraightGesture& gestu
 }
 
 Result<std::vector<ForceAtTime>> readForceOverTime(const std::filesystem::path& file) {
-  ASSIGN_OR_RETURN(const auto table, readCsv(file, {"t_s", "force_n"}, {}, 1'000'000));
+  ASSIGN_OR_RETURN(const auto table, readCsv(file, {"t_s", "force_n"}, {}, {.max_rows = 1'000'000}));
   const auto& time = table.columns[static_cast<std::size_t>(table.find("t_s"))];
   const auto& force = table.columns[static_cast<std::size_t>(table.find("force_n"))];
   std::vector<ForceAtTime> rows;

@@ -4,15 +4,15 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <map>
 #include <optional>
+#include <span>
 #include <string_view>
-#include <system_error>
 #include <tuple>
 #include <utility>
 
 #include "client/sim/benchmark/curve_phases.h"
+#include "common/base/csv_rows.h"
 #include "common/base/files.h"
 #include "common/base/range.h"
 #include "common/base/text.h"
@@ -43,46 +43,14 @@ constexpr std::array<std::string_view, kCellKinds> kCellNames = {
 constexpr std::array<NumberRange, 5> kCellRanges = {kCurveForce_N, kCurveDepth_m, kCurveTime_s,
                                                     kCurveSpeed_mps, kCurveDiameter_m};
 
-std::string_view trimmed(std::string_view text) {
-  while (!text.empty() && (text.front() == ' ' || text.front() == '\t')) text.remove_prefix(1);
-  while (!text.empty() && (text.back() == ' ' || text.back() == '\t')) text.remove_suffix(1);
-  return text;
-}
-
 std::string shown(std::string_view cell) {
   return "'" + printable(cell.substr(0, 40)) + "'";
 }
 
-// the lines of a text one after the other, without their ends
-struct Lines {
-  std::string_view rest;
-  std::size_t number = 0;
-  bool next(std::string_view& line) {
-    if (rest.empty()) return false;
-    const std::size_t end = rest.find('\n');
-    line = rest.substr(0, end);
-    rest.remove_prefix(end == std::string_view::npos ? rest.size() : end + 1);
-    if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
-    ++number;
-    return true;
-  }
-};
-
-// false: more cells than a file may have
-bool splitInto(std::string_view line, std::vector<std::string_view>& cells) {
-  cells.clear();
-  for (;;) {
-    if (cells.size() == kMostCells) return false;
-    const std::size_t comma = line.find(',');
-    cells.push_back(trimmed(line.substr(0, comma)));
-    if (comma == std::string_view::npos) return true;
-    line.remove_prefix(comma + 1);
-  }
-}
-
 class CurveFile {
  public:
-  CurveFile(fs::path path, CurveFacts facts) : path_(std::move(path)), facts_(std::move(facts)) {}
+  CurveFile(fs::path path, CurveFacts facts, CurveReading reading)
+      : path_(std::move(path)), facts_(std::move(facts)), reading_(reading) {}
 
   /// Reads the header. `missing`: what neither columns nor facts say, as text; empty: nothing.
   Status open(std::string& missing);
@@ -92,8 +60,9 @@ class CurveFile {
  private:
   [[nodiscard]] bool has(CurveCell column) const { return at_[column].has_value(); }
   [[nodiscard]] Error lineError(const std::string& why) const {
-    return wrongInput(fmt::format("{} line {}", path_.string(), lines_.number), why);
+    return wrongInput(fmt::format("{} line {}", path_.string(), rows_->line()), why);
   }
+  Result<bool> nextRow();
   Status header();
   Result<double> numberIn(CurveCell column) const;
   Status textIn(CurveCell column, const std::string& known, std::string& into) const;
@@ -103,26 +72,32 @@ class CurveFile {
 
   fs::path path_;
   CurveFacts facts_;
+  CurveReading reading_;
   std::string text_;
-  Lines lines_;
+  std::optional<CsvRows> rows_;  // of text_
+  std::string header_;           // as it was read, for a message
   std::size_t cell_count_ = 0;
   std::array<std::optional<std::size_t>, kCellKinds> at_;
-  std::vector<std::string_view> cells_;
+  std::span<const std::string_view> cells_;
   std::map<std::tuple<std::string, std::string, std::string, std::string>, std::size_t> index_;
 };
 
+Result<bool> CurveFile::nextRow() {
+  auto there = rows_->next();
+  if (!there.ok()) return wrongInput(path_.string(), there.error().message);
+  cells_ = rows_->cells();
+  return there;
+}
+
 Status CurveFile::header() {
-  std::string_view line;
-  if (!lines_.next(line)) {
-    lines_.number = 1;
-    return lineError("the file is empty; a header with force_n and depth_m or t_s is expected");
-  }
-  if (line.substr(0, 3) == "\xEF\xBB\xBF") line.remove_prefix(3);
-  if (!splitInto(line, cells_)) return lineError(fmt::format("more than {} columns", kMostCells));
+  ASSIGN_OR_RETURN(const bool there, nextRow());
+  if (!there) return lineError("the file is empty; a header with force_n and depth_m or t_s is expected");
+  if (cells_.size() > kMostCells) return lineError(fmt::format("more than {} columns", kMostCells));
+  header_ = headerText(cells_, rows_->separator());
   cell_count_ = cells_.size();
   for (std::size_t i = 0; i < cells_.size(); ++i)
     for (std::size_t c = 0; c < kCellKinds; ++c)
-      if (cells_[i] == kCellNames[c]) {
+      if (isColumn(cells_[i], kCellNames[c])) {
         if (at_[c]) return lineError("column " + shown(cells_[i]) + " stands twice in the header");
         at_[c] = i;
       }
@@ -140,8 +115,9 @@ Status CurveFile::header() {
 }
 
 Status CurveFile::open(std::string& missing) {
-  ASSIGN_OR_RETURN(text_, readWholeFile(path_, kMostCurveBytes));
-  lines_.rest = text_;
+  ASSIGN_OR_RETURN(auto bytes, readWholeFile(path_, kMostCurveBytes));
+  ASSIGN_OR_RETURN(text_, utf8TextOf(path_.string(), std::move(bytes)));
+  rows_.emplace(text_, reading_.lines_above);
   RETURN_IF_ERROR(header());
   const auto lacks = [&](bool is_missing, std::string_view name) {
     if (is_missing) missing += (missing.empty() ? "" : ", ") + std::string(name);
@@ -152,24 +128,25 @@ Status CurveFile::open(std::string& missing) {
   lacks(!has(kSpecimenCell) && facts_.specimen.empty(), "specimen");
   lacks(!has(kNeedleCell) && facts_.needle.empty(), "needle");
   lacks(!has(kTissueCell) && facts_.tissue.empty(), "tissue");
+  if (!missing.empty()) missing += "; " + header_;
   return {};
 }
 
 Result<double> CurveFile::numberIn(CurveCell column) const {
   const std::string_view cell = cells_[*at_[column]];
-  double value = 0;
-  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-  if (error != std::errc() || end != cell.data() + cell.size())
+  const auto value = csvNumber(cell, rows_->separator());
+  if (!value)
     return lineError(fmt::format("column '{}': {} is not a number", kCellNames[column], shown(cell)));
-  const NumberRange& range = kCellRanges[column];
-  if (!range.contains(value))
+  NumberRange range = kCellRanges[column];
+  if (column == kDepthCell && reading_.negate_depth) range = {-range.max, -range.min};
+  if (!range.contains(*value))
     return lineError(fmt::format("column '{}': {} is out of range {}; {}", kCellNames[column], shown(cell),
                                  rangeText(range),
                                  column == kForceCell   ? "newtons are expected"
                                  : column == kTimeCell  ? "seconds are expected"
                                  : column == kSpeedCell ? "metres a second are expected, not millimetres"
                                                         : "metres are expected, not millimetres"));
-  return value;
+  return *value;
 }
 
 Status CurveFile::textIn(CurveCell column, const std::string& known, std::string& into) const {
@@ -225,7 +202,7 @@ Status CurveFile::addRow(std::vector<CurveRows>& curves) {
     if (curves.size() == kMostCurves) return lineError(fmt::format("more than {} curves", kMostCurves));
     curves.emplace_back();
     curves.back().curve = std::move(one);
-    curves.back().first_line = lines_.number;
+    curves.back().first_line = rows_->line();
   } else {
     const ForceCurve& first = curves[found->second].curve;
     const auto line = curves[found->second].first_line;
@@ -246,8 +223,8 @@ Status CurveFile::addRow(std::vector<CurveRows>& curves) {
     return lineError(fmt::format("column 'phase': '{}' comes after '{}'; the order is insert, hold, withdraw",
                                  nameOf(phase), nameOf(grown.phases.back())));
   grown.phases.push_back(phase);
-  grown.curve.force_N.push_back(force_N);
-  grown.curve.depth_m.push_back(depth_m);
+  grown.curve.force_N.push_back(reading_.negate_force ? -force_N : force_N);
+  grown.curve.depth_m.push_back(reading_.negate_depth ? -depth_m : depth_m);
   if (has(kTimeCell)) grown.t_s.push_back(t_s);
   return {};
 }
@@ -258,17 +235,18 @@ Result<ForceCurve> CurveFile::finished(CurveRows rows) const {
   rows.where = fmt::format("{} line {}, curve {}", path_.string(), rows.first_line, rows.curve.name);
   rows.has_depth = has(kDepthCell);
   rows.says_phases = has(kPhaseCell);
+  rows.digitised = facts_.digitised || reading_.digitised;
   return curveOf(std::move(rows));
 }
 
 Result<std::vector<ForceCurve>> CurveFile::read(std::size_t& rows_left) {
   std::vector<CurveRows> grown;
-  std::string_view line;
-  while (lines_.next(line)) {
-    if (trimmed(line).empty()) continue;
+  for (;;) {
+    ASSIGN_OR_RETURN(const bool there, nextRow());
+    if (!there) break;
     if (rows_left == 0) return lineError(fmt::format("more than {} rows in all files", kMostCurveRows));
     --rows_left;
-    if (!splitInto(line, cells_) || cells_.size() != cell_count_)
+    if (cells_.size() != cell_count_)
       return lineError(fmt::format("{} cells, the header has {}", cells_.size(), cell_count_));
     RETURN_IF_ERROR(addRow(grown));
   }
@@ -284,8 +262,8 @@ Result<std::vector<ForceCurve>> CurveFile::read(std::size_t& rows_left) {
 }  // namespace
 
 Result<CurveFileContent> readCurveFile(const fs::path& path, const CurveFacts& facts,
-                                       std::size_t& rows_left) {
-  CurveFile file(path, facts);
+                                       const CurveReading& reading, std::size_t& rows_left) {
+  CurveFile file(path, facts, reading);
   CurveFileContent content;
   RETURN_IF_ERROR(file.open(content.missing));
   if (!content.missing.empty()) return content;

@@ -15,6 +15,7 @@ namespace needlelab {
 struct CurveFacts {
   std::string file, specimen, needle, tissue;
   double speed_mps = 0, diameter_m = 0;
+  bool digitised = false;  ///< points of a figure, in any order
 };
 
 struct CurveFileContent {
@@ -25,6 +26,6 @@ struct CurveFileContent {
 /// All curves of the file; `rows_left` is lowered by the rows read. Errors (kInvalidInput) name file, line,
 /// column and value.
 Result<CurveFileContent> readCurveFile(const std::filesystem::path& path, const CurveFacts& facts,
-                                       std::size_t& rows_left);
+                                       const CurveReading& reading, std::size_t& rows_left);
 
 }  // namespace needlelab

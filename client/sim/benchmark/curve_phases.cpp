@@ -9,6 +9,39 @@
 namespace needlelab {
 namespace {
 
+// depths and forces that are counted the other way, and rows that go back in the midst of an insertion
+Status checkDirections(const std::string& where, const std::vector<double>& depth_m,
+                       const std::vector<double>& force_N, bool digitised) {
+  const auto count = static_cast<double>(depth_m.size());
+  const double mean_N = std::accumulate(force_N.begin(), force_N.end(), 0.0) / count;
+  const auto negative = std::count_if(depth_m.begin(), depth_m.end(), [](double depth) { return depth < 0; });
+  if (2 * negative > static_cast<std::ptrdiff_t>(depth_m.size()))
+    return wrongInput(where, fmt::format("{} of {} depths are negative: depth grows into the tissue; if the "
+                                         "file counts it the other way, give --negate depth",
+                                         negative, depth_m.size()));
+  const auto [least, greatest] = std::minmax_element(depth_m.begin(), depth_m.end());
+  const double noise_m = std::max(5e-4, 0.05 * (*greatest - *least));
+  double deepest_m = depth_m.front();
+  for (std::size_t i = 0; i < depth_m.size() && !digitised; ++i) {
+    deepest_m = std::max(deepest_m, depth_m[i]);
+    if (depth_m[i] < deepest_m - noise_m)
+      return wrongInput(
+          where,
+          fmt::format("its row {} is at {} m after {} m: an insertion does not go back by more than {} "
+                      "m; give each insertion its own name in a column 'curve', say what is a "
+                      "withdrawal in a column 'phase', put the rows in order, or say that they are points of "
+                      "a figure (--digitised)",
+                      i + 1, numberText(depth_m[i]), numberText(deepest_m), numberText(noise_m)));
+  }
+  if (mean_N < 0)
+    return wrongInput(where,
+                      fmt::format("its mean force is {} N, which would pull the needle in: force on the "
+                                  "needle is positive while it is pushed; if the file counts it the "
+                                  "other way, give --negate force",
+                                  numberText(mean_N)));
+  return {};
+}
+
 void recognisePhases(const std::vector<double>& t_s, const std::vector<double>& depth_m,
                      std::vector<CurvePhase>& phases) {
   constexpr double kNear_m = 1e-4;
@@ -17,13 +50,15 @@ void recognisePhases(const std::vector<double>& t_s, const std::vector<double>& 
   const auto indexOf = [&](auto at) { return static_cast<std::size_t>(at - depth_m.begin()); };
   std::size_t first = indexOf(std::find_if(depth_m.begin(), depth_m.end(), is_near));
   std::size_t end = indexOf(std::find_if(depth_m.rbegin(), depth_m.rend(), is_near).base());
-  const double speed_mps = (depth_m[first] - depth_m.front()) / std::max(1e-9, t_s[first] - t_s.front());
-  const double turning_s = speed_mps > 0 ? 5 * kNear_m / speed_mps : 0;
-  const bool holds =
-      end - first > kLeastCurveRows && t_s[end - 1] - t_s[first] >= std::max(kLeastHold_s, turning_s);
+  bool holds = false;
+  if (!t_s.empty()) {
+    const double speed_mps = (depth_m[first] - depth_m.front()) / std::max(1e-9, t_s[first] - t_s.front());
+    const double turning_s = speed_mps > 0 ? 5 * kNear_m / speed_mps : 0;
+    holds = end - first > kLeastCurveRows && t_s[end - 1] - t_s[first] >= std::max(kLeastHold_s, turning_s);
+  }
   if (!holds) first = end = indexOf(deepest) + 1;
   const bool withdraws =
-      depth_m.size() - end >= kLeastCurveRows &&
+      indexOf(deepest) + 1 >= kLeastCurveRows && depth_m.size() - end >= kLeastCurveRows &&
       *deepest - *std::min_element(depth_m.begin() + static_cast<std::ptrdiff_t>(end - 1), depth_m.end()) >=
           kLeastCurveDepth_m;
   if (!withdraws) end = depth_m.size();
@@ -59,7 +94,10 @@ Result<ForceCurve> curveOf(CurveRows rows) {
   const std::vector<double> depth_m = std::move(curve.depth_m), force_N = std::move(curve.force_N);
   curve.depth_m.clear();
   curve.force_N.clear();
-  if (rows.has_depth && has_time && !rows.says_phases) recognisePhases(rows.t_s, depth_m, rows.phases);
+  if (rows.has_depth && !rows.says_phases && !rows.digitised) {
+    recognisePhases(rows.t_s, depth_m, rows.phases);
+    curve.phases_recognised = true;
+  }
   double held_from_m = depth_m.front(), held_to_m = depth_m.front();
   std::vector<double> in_s, out_s;
   for (std::size_t i = 0; i < depth_m.size(); ++i) {
@@ -111,6 +149,7 @@ Result<ForceCurve> curveOf(CurveRows rows) {
                                "'phase', or 'depth_m'",
                                numberText(curve.depth_m[i]), rangeText(kCurveDepth_m)));
     }
+  RETURN_IF_ERROR(checkDirections(where, curve.depth_m, curve.force_N, rows.digitised));
   sortByDepth(curve.depth_m, curve.force_N);
   RETURN_IF_ERROR(checkWay(CurvePhase::kInsert, curve.depth_m));
   if (CurveHold& hold = curve.hold; !hold.t_s.empty()) {

@@ -31,12 +31,14 @@ struct CurveRows {
   std::size_t first_line = 0;
   std::string where;                            ///< for messages
   bool has_depth = false, says_phases = false;  ///< else depth is time × speed; phases are recognised
+  bool digitised = false;                       ///< points of an insertion in any order
 };
 
-/// Phases that no column says are recognised where depth and time are known: what lies within 0.1 mm of the
-/// greatest depth is the hold, what comes behind is the withdrawal. A moment at the turning point is no hold,
+/// Phases that no column says are recognised where depth is known: with time, what lies within 0.1 mm of the
+/// greatest depth is the hold; what comes behind is the withdrawal. A moment at the turning point is no hold,
 /// and a few rows that go back are no withdrawal. Errors (kInvalidInput): a phase with too few rows, too
-/// short a way, a speed or a time out of range.
+/// short a way, a speed or a time out of range; an insertion whose depth falls, is negative, or goes back by
+/// more than an instrument does (unless `digitised`); a mean force that pulls the needle in.
 Result<ForceCurve> curveOf(CurveRows rows);
 
 }  // namespace needlelab

@@ -73,8 +73,8 @@ Status onlyFields(const nlohmann::json& object, std::span<const char* const> kno
 
 Result<Description> parseDescription(std::string_view text, const std::string& source) {
   constexpr std::array<const char*, 4> kFields = {"name", "licence", "source", "curves"};
-  constexpr std::array<const char*, 6> kCurveFields = {"file",   "specimen",  "needle",
-                                                       "tissue", "speed_m_s", "needle_diameter_m"};
+  constexpr std::array<const char*, 7> kCurveFields = {"file",      "specimen",          "needle",   "tissue",
+                                                       "speed_m_s", "needle_diameter_m", "digitised"};
   ASSIGN_OR_RETURN(const auto json, readStrictJson(text, source, kMostDescriptionBytes));
   RETURN_IF_ERROR(onlyFields(json, kFields, source));
   Description description;
@@ -97,6 +97,10 @@ Result<Description> parseDescription(std::string_view text, const std::string& s
     RETURN_IF_ERROR(readText(entry, "tissue", where, kMaxNameBytes, facts.tissue));
     RETURN_IF_ERROR(readNumber(entry, "speed_m_s", where, kCurveSpeed_mps, facts.speed_mps));
     RETURN_IF_ERROR(readNumber(entry, "needle_diameter_m", where, kCurveDiameter_m, facts.diameter_m));
+    if (const auto digitised = entry.find("digitised"); digitised != entry.end()) {
+      if (!digitised->is_boolean()) return wrongInput(where + ".digitised", "must be true or false");
+      facts.digitised = digitised->get<bool>();
+    }
     for (const CurveFacts& other : description.files)
       if (other.file == facts.file)
         return wrongInput(where + ".file", quotedText(facts.file) + " stands twice in the list");
@@ -165,7 +169,8 @@ Status checkNeedles(const CurveSet& set) {
 
 }  // namespace
 
-Result<CurveSet> readCurveSet(const fs::path& folder, const fs::path& description) {
+Result<CurveSet> readCurveSet(const fs::path& folder, const fs::path& description,
+                              const CurveReading& reading) {
   CurveSet set;
   ASSIGN_OR_RETURN(const auto names, csvFilesOf(folder));
   ASSIGN_OR_RETURN(auto described, descriptionOf(folder, description, set));
@@ -177,14 +182,18 @@ Result<CurveSet> readCurveSet(const fs::path& folder, const fs::path& descriptio
       return wrongInput((folder / facts.file).string(),
                         "is described, and not there (a name that ends in .csv)");
 
+  if (reading.negate_depth) set.notes.emplace_back("depth_m of all files is negated");
+  if (reading.negate_force) set.notes.emplace_back("force_n of all files is negated");
   std::size_t rows_left = kMostCurveRows;
   for (const std::string& name : names) {
     const auto facts = std::find_if(described.files.begin(), described.files.end(),
                                     [&](const CurveFacts& one) { return one.file == name; });
     const bool is_described = facts != described.files.end();
     set.files.push_back(folder / name);
+    if (reading.digitised || (is_described && facts->digitised))
+      set.notes.push_back(printable(name) + " is digitised: its rows are put in the order of their depths");
     ASSIGN_OR_RETURN(auto content,
-                     readCurveFile(folder / name, is_described ? *facts : CurveFacts{}, rows_left));
+                     readCurveFile(folder / name, is_described ? *facts : CurveFacts{}, reading, rows_left));
     if (!content.missing.empty()) {
       const std::string why = "says nothing of " + content.missing;
       if (is_described) return wrongInput((folder / name).string(), why + ", and its description neither");
@@ -195,6 +204,13 @@ Result<CurveSet> readCurveSet(const fs::path& folder, const fs::path& descriptio
       return wrongInput(folder.string(), fmt::format("more than {} curves", kMostCurves));
     std::move(content.curves.begin(), content.curves.end(), std::back_inserter(set.curves));
   }
+  const auto split = std::count_if(set.curves.begin(), set.curves.end(), [](const ForceCurve& curve) {
+    return curve.phases_recognised && !(curve.withdrawal.depth_m.empty() && curve.hold.t_s.empty());
+  });
+  if (split > 0)
+    set.notes.push_back(
+        fmt::format("{} of {} curves were split by their depths into insertion, hold and withdrawal", split,
+                    set.curves.size()));
   if (set.curves.empty())
     return wrongInput(
         folder.string(),

@@ -34,6 +34,7 @@ struct ForceCurve {
   std::vector<double> depth_m, force_N;  ///< in order of depth; positive pushes the needle out
   CurveHold hold;
   CurveWithdrawal withdrawal;
+  bool phases_recognised = false;  ///< by depth and time: no column said them
 };
 
 struct CurveSet {
@@ -55,12 +56,20 @@ inline constexpr std::size_t kLeastCurveRows = 8;         ///< of a phase
 inline constexpr double kLeastCurveDepth_m = 0.002;       ///< of a way in or out
 inline constexpr double kLeastHold_s = 0.2, kMostHold_s = 600, kMostHoldWay_m = 0.001;
 
+/// How files are read that were not written for this program. What it changes is said in CurveSet::notes.
+struct CurveReading {
+  std::size_t lines_above = 0;                      ///< lines above the header, which an instrument writes
+  bool digitised = false;                           ///< the rows are points of a figure, in any order
+  bool negate_depth = false, negate_force = false;  ///< the file counts them the other way
+};
+
 /// Reads the folder's *.csv. What is known of them stands in their columns, in `description` (a file), or, if
 /// that is empty, in the folder's data_set.json, or in a description that is built in (known/). A file that
 /// no description names and that lacks a column is left out with a note. Errors (kInvalidInput) name file,
 /// line, column or field, value, and what would be right: all that README.md refuses; a described file that
 /// is not there; no curve at all.
 Result<CurveSet> readCurveSet(const std::filesystem::path& folder,
-                              const std::filesystem::path& description = {});
+                              const std::filesystem::path& description = {},
+                              const CurveReading& reading = {});
 
 }  // namespace needlelab

@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <utility>
 
@@ -15,6 +16,8 @@
 
 namespace needlelab {
 namespace {
+
+constexpr double kUsualRate_Hz = 1000;
 
 Result<Pose> poseOr(const std::string& text, const char* option) {
   if (text.empty()) return Pose{};
@@ -32,11 +35,26 @@ TipSample OfflineScene::tip(std::size_t i) const {
   return {X_WT.p, X_WT.q};
 }
 
+Result<PoseTrack> readTrackAt(const std::filesystem::path& path, double rate_hz, std::size_t lines_above) {
+  ASSIGN_OR_RETURN(auto track, readPoseTrack(path, lines_above));
+  PoseTrack at_ticks;
+  at_ticks.X_WH = resamplePoses(track, rate_hz);
+  at_ticks.plunger = resamplePlunger(track, rate_hz);
+  std::size_t row = 0;
+  for (std::size_t i = 0; i < at_ticks.X_WH.size(); ++i) {
+    const double t_s = track.t_s.front() + static_cast<double>(i) / rate_hz;
+    while (row + 1 < track.t_s.size() && track.t_s[row + 1] <= t_s + kOnTick_s) ++row;
+    // of a row on the tick its own time, bit for bit
+    at_ticks.t_s.push_back(std::abs(track.t_s[row] - t_s) <= kOnTick_s ? track.t_s[row] : t_s);
+  }
+  return at_ticks;
+}
+
 Result<OfflineScene> loadOffline(const OfflineOptions& options) {
   const NumberRange rates{kMinRateHz, kMaxRateHz};
-  if (!rates.contains(options.rate_hz)) return outOfRange("--rate in Hz", options.rate_hz, rates);
   OfflineScene scene;
-  scene.rate_hz = options.rate_hz;
+  scene.rate_hz = options.rate_hz.value_or(kUsualRate_Hz);
+  if (!rates.contains(scene.rate_hz)) return outOfRange("--rate in Hz", scene.rate_hz, rates);
   ASSIGN_OR_RETURN(auto X_WL, poseOr(options.placement, "--placement"));
   ASSIGN_OR_RETURN(auto X_HT, poseOr(options.tool, "--tool"));
   scene.X_WL = X_WL;
@@ -49,24 +67,27 @@ Result<OfflineScene> loadOffline(const OfflineOptions& options) {
   if (!spec.ok()) return Error{spec.error().code, options.profile.string() + ": " + spec.error().message};
   if (Status status = addCompliance(*spec); !status.ok())
     return Error{status.error().code, options.profile.string() + ": " + status.error().message};
-  auto model = compile(*spec, options.rate_hz);
+  auto model = compile(*spec, scene.rate_hz);
   if (!model.ok()) return Error{model.error().code, options.profile.string() + ": " + model.error().message};
   scene.model = *std::move(model);
 
   if (!options.trajectory.empty()) {
-    // rows are ticks; their times are ignored
-    ASSIGN_OR_RETURN(auto track, readPoseTrack(options.trajectory, TrackTimes::kAnyOrder));
-    scene.track = std::move(track);
+    ASSIGN_OR_RETURN(scene.track, readTrackAt(options.trajectory, scene.rate_hz, options.lines_above));
   }
   return scene;
 }
 
 void addOfflineOptions(CLI::App& app, OfflineOptions& options) {
   app.add_option("--profile", options.profile, "the scene: a profile's JSON")->required();
-  app.add_option("--trajectory", options.trajectory,
-                 "CSV with t_s,px_m,py_m,pz_m,qx,qy,qz,qw and perhaps plunger; a row is a tick")
+  app.add_option(
+         "--trajectory", options.trajectory,
+         "CSV with t_s,px_m,py_m,pz_m,qx,qy,qz,qw and perhaps plunger; straight lines between its rows")
       ->required();
-  app.add_option("--rate", options.rate_hz, "ticks per second, 50 to 40000")->capture_default_str();
+  app.add_option("--lines-above", options.lines_above,
+                 "of trajectories: lines above the header, which an instrument writes, 0 to 1000")
+      ->check(CLI::Range(0, 1000));
+  app.add_option("--rate", options.rate_hz,
+                 "ticks per second, 50 to 40000; 1000 unless a recording says another");
   app.add_option("--model", options.model, "axial model, instead of the profile's");
   app.add_option("--placement", options.placement,
                  "the limb in the device's frame: x,y,z,qx,qy,qz,qw or a JSON file");

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -22,10 +23,11 @@ namespace needlelab {
 struct OfflineOptions {
   std::filesystem::path profile;
   std::filesystem::path trajectory;  ///< empty = no track
-  double rate_hz = 1000;
-  std::string model;      ///< instead of the profile's `axial_model`; empty = the profile's
-  std::string placement;  ///< the limb in W, see parsePoseOption; empty = at W's origin
-  std::string tool;       ///< the tip in the handle's frame; empty = the rows are the tip itself
+  std::size_t lines_above = 0;       ///< of the trajectory: lines above its header
+  std::optional<double> rate_hz;     ///< nothing: 1000 Hz, or that of a recording
+  std::string model;                 ///< instead of the profile's `axial_model`; empty = the profile's
+  std::string placement;             ///< the limb in W, see parsePoseOption; empty = at W's origin
+  std::string tool;                  ///< the tip in the handle's frame; empty = the rows are the tip itself
 };
 
 struct OfflineScene {
@@ -33,11 +35,14 @@ struct OfflineScene {
   Pose X_WL, X_HT;
   double rate_hz = 0;
   SceneModel model;
-  PoseTrack track;  ///< as recorded: of the handle where there is a tool
+  PoseTrack track;  ///< at the ticks, by its times; of the handle where there is a tool
   /// The tip at row `i`.
   [[nodiscard]] TipSample tip(std::size_t i) const;
 };
 
+/// A trajectory's poses at the ticks, as a device that plays it has them (resamplePoses). Errors: those of
+/// readPoseTrack.
+Result<PoseTrack> readTrackAt(const std::filesystem::path& path, double rate_hz, std::size_t lines_above = 0);
 /// Errors: kInvalidInput naming file, field, value and range.
 Result<OfflineScene> loadOffline(const OfflineOptions& options);
 

@@ -1,14 +1,18 @@
 #include "client/station/run/curriculum.h"
 
+#include <sodium.h>
+
 #include <algorithm>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <string_view>
 #include <utility>
 
 #include "client/net/spool_json.h"
+#include "client/station/run/station_key.h"
+#include "common/base/bytes.h"
 #include "common/base/files.h"
 #include "common/base/text.h"
-#include "common/gesture/session_hash.h"
 #include "common/profile/strict_json.h"
 
 namespace needlelab {
@@ -98,6 +102,12 @@ std::string accountOf(const std::vector<KnownTrainee>& trainees, const std::stri
   return text;
 }
 
+std::string personOf(const std::vector<KnownTrainee>& trainees, const std::string& name) {
+  for (const KnownTrainee& trainee : trainees)
+    if (trainee.name == name) return trainee.person;
+  return {};
+}
+
 Result<std::vector<ServerExercise>> exercisesBy(const AskServer& ask) {
   pb::Request request;
   request.mutable_list_curricula();
@@ -118,13 +128,14 @@ Result<std::vector<ServerExercise>> exercisesBy(const AskServer& ask) {
 
 Result<std::vector<KnownTrainee>> traineesBy(const AskServer& ask,
                                              const std::vector<ServerExercise>& exercises) {
-  std::map<std::string, std::string> full_names;
+  std::map<std::string, KnownTrainee> by_name;
   for (const std::string& course : coursesOf(exercises))
     RETURN_IF_ERROR(resultsBy(ask, course, "", [&](const pb::ResultRow& row) {
-      if (checkName("trainee", row.trainee()).ok()) full_names[row.trainee()] = printable(row.full_name());
+      if (checkName("trainee", row.trainee()).ok())
+        by_name[row.trainee()] = {row.trainee(), printable(row.full_name()), printable(row.person_ref())};
     }));
   std::vector<KnownTrainee> trainees;
-  for (const auto& [name, full_name] : full_names) trainees.push_back({name, full_name});
+  for (auto& [name, trainee] : by_name) trainees.push_back(std::move(trainee));
   return trainees;
 }
 
@@ -174,15 +185,19 @@ Status updateCurriculum(Curriculum& curriculum, const AskServer& ask, const std:
 
 namespace {
 
-// null: there is no file, or it is damaged
-CacheJson readCache(const std::filesystem::path& path) {
+constexpr std::string_view kKeyOf = "needlelab curriculum.cache";
+
+// null: there is no file or key, or the file is damaged or of another key
+CacheJson readCache(const std::filesystem::path& path, const std::string& key) {
   const auto file = readWholeFile(path, kMaxCacheBytes);
-  const std::size_t line = file.ok() ? file->find('\n') : std::string::npos;
-  if (line == std::string::npos) return {};
-  const std::string text = file->substr(line + 1);
-  SessionHash hash;
-  hash.update(viewOf(text));
-  if (hexOf(hash.digest()) != file->substr(0, line)) return {};
+  if (key.empty() || !file.ok() || file->size() < crypto_secretbox_NONCEBYTES + crypto_secretbox_MACBYTES)
+    return {};
+  const ByteView bytes = viewOf(*file);
+  const ByteView box = bytes.subspan(crypto_secretbox_NONCEBYTES);
+  std::string text(box.size() - crypto_secretbox_MACBYTES, '\0');
+  if (crypto_secretbox_open_easy(reinterpret_cast<unsigned char*>(text.data()), box.data(), box.size(),
+                                 bytes.data(), viewOf(key).data()) != 0)
+    return {};
   return readShallowJson<CacheJson>(text);
 }
 
@@ -193,8 +208,22 @@ std::set<std::string> askedForCodes(const CacheJson& json) {
 
 }  // namespace
 
+CurriculumCache::CurriculumCache(const std::filesystem::path& spool, const std::filesystem::path& key_file)
+    : file_(spool / "lessons" / "curriculum.cache") {
+  if (key_file.empty() || sodium_init() < 0) return;
+  auto text = readWholeFile(key_file, 4096);
+  if (!text.ok()) return;
+  const WipeAtEnd wiped_text(*text);
+  auto station = parseStationKey(*text, key_file.string());
+  if (!station.ok()) return;
+  const WipeAtEnd wiped_key(station->key);
+  key_.resize(crypto_secretbox_KEYBYTES);
+  crypto_generichash(reinterpret_cast<unsigned char*>(key_.data()), key_.size(), viewOf(kKeyOf).data(),
+                     kKeyOf.size(), viewOf(station->key).data(), station->key.size());
+}
+
 Status CurriculumCache::keep(const Curriculum& curriculum) const {
-  std::set<std::string> asks_code = askedForCodes(readCache(file_));
+  std::set<std::string> asks_code = askedForCodes(readCache(file_, key_));
   // an empty list: the server gives none
   if (!curriculum.trainees.empty())
     std::erase_if(asks_code, [&](const std::string& name) {
@@ -205,7 +234,7 @@ Status CurriculumCache::keep(const Curriculum& curriculum) const {
 }
 
 Status CurriculumCache::keepAsksCode(const std::string& trainee, bool asks) const {
-  std::set<std::string> asks_code = askedForCodes(readCache(file_));
+  std::set<std::string> asks_code = askedForCodes(readCache(file_, key_));
   const bool changed = asks ? asks_code.insert(trainee).second : asks_code.erase(trainee) > 0;
   return changed ? write(find(), asks_code) : Status();
 }
@@ -215,10 +244,11 @@ bool CurriculumCache::asksCode(const std::string& trainee) const {
 }
 
 std::set<std::string> CurriculumCache::allAskedForCodes() const {
-  return askedForCodes(readCache(file_));
+  return askedForCodes(readCache(file_, key_));
 }
 
 Status CurriculumCache::write(const Curriculum& curriculum, const std::set<std::string>& asks_code) const {
+  if (key_.empty()) return {};
   CacheJson json = {{"exercises", CacheJson::array()},
                     {"trainees", CacheJson::array()},
                     {"standings", CacheJson::array()},
@@ -231,7 +261,8 @@ Status CurriculumCache::write(const Curriculum& curriculum, const std::set<std::
                                  {"course_id", exercise.course_id},
                                  {"course", exercise.course}});
   for (const KnownTrainee& trainee : curriculum.trainees)
-    json["trainees"].push_back({{"name", trainee.name}, {"full_name", trainee.full_name}});
+    json["trainees"].push_back(
+        {{"name", trainee.name}, {"full_name", trainee.full_name}, {"person", trainee.person}});
   std::vector<std::pair<std::int64_t, std::string>> newest;
   for (const auto& [name, standing] : curriculum.standings)
     newest.emplace_back(-standing.as_of_unix_ns, name);
@@ -253,21 +284,25 @@ Status CurriculumCache::write(const Curriculum& curriculum, const std::set<std::
                                  {"exercises", standing.exercises},
                                  {"steps", std::move(steps)}});
   }
-  const std::string text = json.dump(1, ' ', false, CacheJson::error_handler_t::replace) + "\n";
-  SessionHash hash;
-  hash.update(viewOf(text));
-  return writeSpoolText(file_, hexOf(hash.digest()) + "\n" + text);
+  const std::string text = json.dump(-1, ' ', false, CacheJson::error_handler_t::replace);
+  std::string file(crypto_secretbox_NONCEBYTES + crypto_secretbox_MACBYTES + text.size(), '\0');
+  auto* const bytes = reinterpret_cast<unsigned char*>(file.data());
+  randombytes_buf(bytes, crypto_secretbox_NONCEBYTES);
+  crypto_secretbox_easy(bytes + crypto_secretbox_NONCEBYTES, viewOf(text).data(), text.size(), bytes,
+                        viewOf(key_).data());
+  return writeSpoolText(file_, file);
 }
 
 Curriculum CurriculumCache::find() const {
   Curriculum curriculum;
-  const CacheJson json = readCache(file_);
+  const CacheJson json = readCache(file_, key_);
   for (const CacheJson& exercise : cachedList(json, "exercises"))
     curriculum.exercises.push_back({cachedText(exercise, "id"), cachedText(exercise, "name"),
                                     cachedText(exercise, "profile_id"), cachedText(exercise, "description"),
                                     cachedText(exercise, "course_id"), cachedText(exercise, "course")});
   for (const CacheJson& trainee : cachedList(json, "trainees"))
-    curriculum.trainees.push_back({cachedText(trainee, "name"), cachedText(trainee, "full_name")});
+    curriculum.trainees.push_back(
+        {cachedText(trainee, "name"), cachedText(trainee, "full_name"), cachedText(trainee, "person")});
   for (const CacheJson& entry : cachedList(json, "standings")) {
     TraineeStanding& standing = curriculum.standings[cachedText(entry, "trainee")];
     standing.as_of_unix_ns = cachedNumber(entry, "as_of_unix_ns");

@@ -1,5 +1,5 @@
-/// What the server says of courses, trainees, and each trainee's standing; kept beside the spool, so that the
-/// station shows it without the server too.
+/// What the server says of courses, trainees, and each trainee's standing. CurriculumCache keeps it for the
+/// time without the server.
 #pragma once
 
 #include <cstdint>
@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/base/secret.h"
 #include "needlelab/control.pb.h"
 
 namespace needlelab {
@@ -24,8 +25,9 @@ struct ServerExercise {
 
 /// A trainee whom the station offers to choose.
 struct KnownTrainee {
-  std::string name;       ///< the account's
-  std::string full_name;  ///< empty: not known
+  std::string name;         ///< the account's
+  std::string full_name;    ///< empty: not known
+  std::string person = {};  ///< "@" and the UUID, for the description of a session; empty: not known
   friend bool operator==(const KnownTrainee&, const KnownTrainee&) = default;
 };
 
@@ -59,6 +61,8 @@ struct Curriculum {
 std::string shownName(const std::vector<KnownTrainee>& trainees, const std::string& name);
 /// Returns the name of the account that `text` means: a shown name, else `text` itself.
 std::string accountOf(const std::vector<KnownTrainee>& trainees, const std::string& text);
+/// Returns KnownTrainee::person of the account; empty: not known.
+std::string personOf(const std::vector<KnownTrainee>& trainees, const std::string& name);
 
 /// Sends a request to the server, over a separate connection or the uplink's.
 using AskServer = std::function<Result<pb::Reply>(pb::Request)>;
@@ -76,12 +80,15 @@ Result<TraineeStanding> standingBy(const AskServer& ask, const std::vector<Serve
 Status updateCurriculum(Curriculum& curriculum, const AskServer& ask, const std::string& trainee,
                         std::int64_t now_unix_ns);
 
-/// File SPOOL/lessons/curriculum.cache: the BLAKE2b-256 of what follows, a line end, JSON. The hash detects
-/// damage: a flipped digit would show a wrong number. Thread: one.
+/// File SPOOL/lessons/curriculum.cache: a nonce and JSON, encrypted with a key that is made from the
+/// station's own (libsodium's secretbox). Without the station's key nothing is kept or found. Thread: one.
 class CurriculumCache {
  public:
-  explicit CurriculumCache(const std::filesystem::path& spool)
-      : file_(spool / "lessons" / "curriculum.cache") {}
+  /// `key_file`: the station's (station_key.h); empty, or not a key: nothing is kept.
+  CurriculumCache(const std::filesystem::path& spool, const std::filesystem::path& key_file);
+  ~CurriculumCache() { wipe(key_); }
+  CurriculumCache(const CurriculumCache&) = delete;
+  CurriculumCache& operator=(const CurriculumCache&) = delete;
 
   /// Keeps the standings of the newest 500, and who is asked for a code, as far as the server lists them.
   /// Errors: kUnavailable (disk, no folder).
@@ -92,13 +99,14 @@ class CurriculumCache {
   [[nodiscard]] bool asksCode(const std::string& trainee) const;
   /// Returns all of whom asksCode is true.
   [[nodiscard]] std::set<std::string> allAskedForCodes() const;
-  /// Returns what was kept; an empty curriculum if there is none, or if the file is damaged: the server gives
-  /// it again.
+  /// Returns what was kept; an empty curriculum if there is none, or if the file is damaged or of another
+  /// key: the server gives it again.
   [[nodiscard]] Curriculum find() const;
 
  private:
   Status write(const Curriculum& curriculum, const std::set<std::string>& asks_code) const;
   std::filesystem::path file_;
+  std::string key_;  // empty: no key
 };
 
 }  // namespace needlelab

@@ -20,11 +20,12 @@ using namespace std::chrono_literals;
 constexpr auto kLessonPatience = 10s;  // time limit for a lesson from the server
 constexpr auto kCheckPatience = 3s;    // for its word on the trainee alone, which a lesson does not need
 
-bool codeWasChecked(const pb::Lesson& lesson) {
-  return lesson.code_checked();
+// what the server says of the trainee, with a lesson or alone
+const pb::Lesson& ofTrainee(const pb::Lesson& lesson) {
+  return lesson;
 }
-bool codeWasChecked(const pb::Reply& reply) {
-  return reply.trainee_checked().code_checked();
+const pb::TraineeChecked& ofTrainee(const pb::Reply& reply) {
+  return reply.trainee_checked();
 }
 
 class LessonFetch {
@@ -35,6 +36,7 @@ class LessonFetch {
 
   Result<StationLesson> get();
   [[nodiscard]] bool codeChecked() const { return code_checked_; }
+  [[nodiscard]] const std::string& person() const { return person_; }
 
  private:
   template <typename Ask>
@@ -48,6 +50,7 @@ class LessonFetch {
   const std::function<bool()>& stopped_;
   bool code_asked_ = false;    // by the server, for this lesson
   bool code_checked_ = false;  // it accepted it
+  std::string person_;         // as the server says it
 };
 
 // asks the server with the trainee's code, and again while it is missing or wrong and somebody gives another;
@@ -57,7 +60,8 @@ auto LessonFetch::askWithCode(Ask&& ask) {
   for (;;) {
     auto reply = ask(code_.code);
     if (reply.ok()) {
-      code_checked_ = codeWasChecked(*reply);
+      code_checked_ = ofTrainee(*reply).code_checked();
+      person_ = ofTrainee(*reply).person_ref();
       keepAsksCode(code_checked_);
       return reply;
     }
@@ -77,7 +81,9 @@ auto LessonFetch::askWithCode(Ask&& ask) {
 
 // for the time without the server: it alone knows who has a code
 void LessonFetch::keepAsksCode(bool asks) const {
-  if (const Status kept = CurriculumCache(options_.spool).keepAsksCode(options_.trainee, asks); !kept.ok())
+  if (const Status kept =
+          CurriculumCache(options_.spool, options_.key_file).keepAsksCode(options_.trainee, asks);
+      !kept.ok())
     logMessage("it is not kept whether a code is asked for: " + kept.error().message);
 }
 
@@ -100,8 +106,8 @@ Status LessonFetch::checkTrainee() {
   if (stopped_()) return reply.error();
   const ErrorCode code = reply.error().code;
   if (code == ErrorCode::kUnavailable)
-    logMessage(fmt::format("the server did not say within {} s whether it knows '{}' ({})", patience.count(),
-                           options_.trainee, reply.error().message));
+    logMessage(fmt::format("the server did not say within {} s whether it knows the trainee ({})",
+                           patience.count(), reply.error().message));
   // kDenied also comes when the server refuses the station itself, whose lesson goes on without it
   const bool said_no = code == ErrorCode::kNotFound ||
                        (code == ErrorCode::kDenied && !uplink->state().denied) ||
@@ -123,7 +129,9 @@ Result<StationLesson> LessonFetch::get() {
                                code);
     });
     if (fetched.ok()) {
-      if (auto kept = cache.keep(options_.exercise, *fetched); !kept.ok())
+      pb::Lesson of_anyone = *fetched;
+      of_anyone.clear_person_ref();
+      if (auto kept = cache.keep(options_.exercise, of_anyone); !kept.ok())
         logMessage("the lesson is not cached: " + kept.error().message);
       return lessonOfMessage(options_, *fetched);
     }
@@ -159,7 +167,9 @@ Result<FetchedLesson> fetchLesson(StationHome& home, const StationOptions& optio
   wipe(code.code);
   code.ask = nullptr;
   fetched.code_checked = fetch.codeChecked();
-  fetched.code_unchecked = !fetched.code_checked && CurriculumCache(options.spool).asksCode(options.trainee);
+  const CurriculumCache kept(options.spool, options.key_file);
+  fetched.code_unchecked = !fetched.code_checked && kept.asksCode(options.trainee);
+  fetched.person = fetch.person().empty() ? personOf(kept.find().trainees, options.trainee) : fetch.person();
   if (fetched.code_unchecked) logMessage(kCodeUnchecked);
   return fetched;
 }

@@ -16,6 +16,7 @@ struct FetchedLesson {
   StationLesson lesson;
   bool code_checked = false;    ///< the server accepted the trainee's code
   bool code_unchecked = false;  ///< it asks for one otherwise, but is away
+  std::string person = {};      ///< "@" and the UUID of the trainee's account; empty: not known
 };
 
 /// Asks the server for the lesson, or with a profile file whether it knows the trainee; asks for the code as

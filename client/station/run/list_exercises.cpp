@@ -125,7 +125,7 @@ std::string exerciseListJson(const std::vector<ListedExercise>& exercises, const
 }
 
 int runListExercises(const StationOptions& options) {
-  const CurriculumCache kept(options.spool);
+  const CurriculumCache kept(options.spool, options.key_file);
   Curriculum curriculum = kept.find();
   bool answered = false;
   if (!options.servers.empty()) {

@@ -134,7 +134,9 @@ std::string serverText(const UplinkState& state) {
   if (!state.server_full.empty())
     return "server has no room, " + chunks + (state.chunks_left == 1 ? " waits" : " wait");
   // the chunk in progress and the one in transfer always exist
-  return state.chunks_left <= 2 ? "server" : "server, " + chunks + " behind";
+  const std::string off = clockOffText(state.wall_ahead_ns);
+  return (state.chunks_left <= 2 ? "server" : "server, " + chunks + " behind") +
+         (off.empty() ? "" : "; " + off);
 }
 
 LiveView LiveViewer::look(std::string spool, std::string server) {

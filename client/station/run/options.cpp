@@ -38,6 +38,7 @@ struct RawOptions {
   std::string window_size;
   bool list_devices = false, self_test = false, calibrate = false, measure_delay = false;
   bool list_exercises = false;
+  bool replace = false;
 };
 
 void addServer(CLI::App& app, StationOptions& o, RawOptions& raw) {
@@ -193,6 +194,7 @@ void addModes(CLI::App& app, StationOptions& o, RawOptions& raw) {
       ->excludes(test)
       ->excludes(pivot);
   app.add_option("--out", o.tool_out, "--calibrate: the tool file to write, for --tool");
+  app.add_flag("--replace", raw.replace, "--out may name a file that is there already");
   app.add_option("--axis", o.axis,
                  "--calibrate: where the needle's direction comes from: from-tip (the line from the handle's "
                  "origin to the tip), given (the orientation in --tool), or hub:FILE (an earlier "
@@ -230,7 +232,8 @@ Status takeEnrolment(StationOptions& options, RawOptions& raw) {
     return Error{ErrorCode::kInvalidInput, "--enrolled: " + options.enrolled.string() +
                                                " holds no enrolment (" + server.error().message +
                                                "); make one with --enrol FILE"};
-  raw.server = server->substr(0, server->find('\n'));
+  const std::string_view line = withoutMark(*server);
+  raw.server = line.substr(0, line.find_first_of("\r\n"));
   options.ca_file = files.ca;
   options.key_file = files.key;
   return {};
@@ -384,7 +387,8 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
     parsed.exit_code = exitCodeOf(status.error());
     return parsed;
   }
-  auto status = takeEnrolment(o, raw);
+  auto status = requireNewFile({"--out", o.tool_out}, raw.replace);
+  if (status.ok()) status = takeEnrolment(o, raw);
   if (status.ok()) status = takeWindow(o.window, raw);
   if (status.ok()) status = complete(o, raw);
   if (status.ok() && !raw.plunger.empty()) status = parsePlungerOption(raw.plunger, o.plunger);

@@ -38,6 +38,7 @@ Result<StationKey> parseStationKey(std::string_view text, const std::string& sou
         source + ": " + why +
             "; a key file is one line, NAME:64 hexadecimal digits, as needlelab-admin station add writes it"};
   };
+  text = withoutMark(text);
   while (!text.empty() && (text.back() == '\n' || text.back() == '\r' || text.back() == ' '))
     text.remove_suffix(1);
   const std::size_t colon = text.rfind(':');

@@ -78,6 +78,7 @@ Status StationRun::getLesson() {
   lesson_ = std::move(fetched.lesson);
   code_checked_ = fetched.code_checked;
   code_unchecked_ = fetched.code_unchecked;
+  person_ = fetched.person;
   return {};
 }
 
@@ -125,7 +126,7 @@ Status StationRun::openSession() {
   const Uuid id = makeUuidV7();
   d.set_session_id(id.data(), id.size());
   d.set_station(home_.station());
-  d.set_trainee(options_.trainee);
+  d.set_trainee(person_.empty() ? options_.trainee : person_);
   d.set_exercise_id(options_.exercise);
   d.set_code_checked(code_checked_);
   d.set_profile_id(lesson_.profile.id());
@@ -134,8 +135,8 @@ Status StationRun::openSession() {
   d.set_engine_version(NEEDLELAB_VERSION);
   d.set_rate_hz(options_.rate_hz);
   setResolution(d, Resolution::standard());
-  d.set_started_unix_ns(wallNowNs());
   d.set_started_steady_ns(home_.time().nowNs());
+  dateBegin(d);
   d.set_device(device_->info().name);
   d.set_axial_model(std::string(axialModelName(lesson_.model.axial_model)));
   for (const std::string& effect : liveEffects(lesson_.model)) d.add_live_effects(effect);
@@ -146,6 +147,26 @@ Status StationRun::openSession() {
   ASSIGN_OR_RETURN(session_, home_.spool().create(d));
   if (Uplink* uplink = home_.uplink()) uplink->add(session_, true);
   return {};
+}
+
+// by the server's clock where it was there since this program began: this computer's may be wrong
+void StationRun::dateBegin(pb::SessionDescription& d) const {
+  constexpr std::int64_t kBehind_ns = 300'000'000'000;
+  const Uplink* const uplink = home_.uplink();
+  if (const auto ahead = uplink != nullptr ? uplink->state().server_minus_steady_ns : std::nullopt) {
+    d.set_started_unix_ns(d.started_steady_ns() + *ahead);
+    d.set_begin_clock(pb::SessionDescription::SERVER_CLOCK);
+    return;
+  }
+  d.set_started_unix_ns(wallNowNs());
+  const std::int64_t known_ns = home_.spool().clock().lastServerUnixNs();
+  d.set_begin_clock(known_ns == 0                                 ? pb::SessionDescription::OWN_CLOCK_ALONE
+                    : d.started_unix_ns() < known_ns - kBehind_ns ? pb::SessionDescription::OWN_CLOCK_BEHIND
+                                                                  : pb::SessionDescription::OWN_CLOCK);
+  if (d.begin_clock() == pb::SessionDescription::OWN_CLOCK_BEHIND)
+    logMessage(
+        "this computer's clock is behind: the server was asked at a later time; set it (timedatectl), or a "
+        "manager has to say when this session began");
 }
 
 // informs the observer

@@ -57,6 +57,7 @@ class StationRun {
   Status measureEffects();
   Status openDevice();
   Status openSession();
+  void dateBegin(pb::SessionDescription& description) const;
   void announce();
   // afterwards
   void scoreHere();
@@ -67,6 +68,7 @@ class StationRun {
   const sigset_t& signals_;
   GivenCode code_;
   bool code_checked_ = false, code_unchecked_ = false;  // as in FetchedLesson
+  std::string person_;                                  // the same
   std::shared_ptr<HandSteering> steering_;              // input of the simulated hand steered in the window
   SampleRing ring_;
   StationLesson lesson_;

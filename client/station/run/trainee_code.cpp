@@ -63,9 +63,9 @@ Result<AskForCode> askForCodeWithoutWindow(const StationOptions& options) {
     return codeOfFile(file, options.code_file.string());
   }
   const auto asked = std::make_shared<bool>(false);
-  return AskForCode([options_spool = options.spool, trainee = options.trainee, asked](
+  return AskForCode([spool = options.spool, key_file = options.key_file, trainee = options.trainee, asked](
                         const Error& refused, const std::function<bool()>& stopped) {
-    const std::string who = shownName(CurriculumCache(options_spool).find().trainees, trainee);
+    const std::string who = shownName(CurriculumCache(spool, key_file).find().trainees, trainee);
     return codeOfPerson(who, refused, std::exchange(*asked, true), stopped);
   });
 }

@@ -171,7 +171,8 @@ void LessonSequence::updateStanding(const std::string& trainee) {
 
 // for the time when the server is away
 void LessonSequence::keepCurriculum(Status asked, const StartLists& lists) {
-  if (asked.ok() && lists.curriculum) asked = CurriculumCache(options_.spool).keep(*lists.curriculum);
+  if (asked.ok() && lists.curriculum)
+    asked = CurriculumCache(options_.spool, options_.key_file).keep(*lists.curriculum);
   if (asked.ok()) return;
   // away, or it refuses the station: the screen shows it
   const ErrorCode code = asked.error().code;

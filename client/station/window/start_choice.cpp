@@ -59,11 +59,14 @@ StartLists localLists(const StationOptions& options, const Spool& spool) {
   StartLists lists;
   lists.exercises = listExercises(LessonCache(options.spool).list(), std::nullopt);
   lists.profile_file = options.profile_file.string();
-  lists.asks_code = CurriculumCache(options.spool).allAskedForCodes();
+  const CurriculumCache cache(options.spool, options.key_file);
+  lists.asks_code = cache.allAskedForCodes();
   if (options.trainee_given) addName(lists.trainees, options.trainee);
   for (const auto& sessions : {spool.unfinished(), spool.closedButNotSafe()})
-    for (const auto& session : sessions) addName(lists.trainees, session->description().trainee());
-  if (Curriculum kept = CurriculumCache(options.spool).find(); !kept.exercises.empty()) {
+    for (const auto& session : sessions)  // names as they were typed
+      if (!session->description().trainee().starts_with('@'))
+        addName(lists.trainees, session->description().trainee());
+  if (Curriculum kept = cache.find(); !kept.exercises.empty()) {
     addTrainees(lists.trainees, kept.trainees);
     lists.descriptions = kept.exercises;
     lists.curriculum = std::make_shared<const Curriculum>(std::move(kept));
@@ -76,6 +79,9 @@ Status addServerLists(StartLists& lists, const std::vector<CachedLesson>& cached
   Curriculum curriculum = lists.curriculum ? *lists.curriculum : Curriculum{};
   RETURN_IF_ERROR(updateCurriculum(curriculum, ask, trainee, now_unix_ns));
   std::vector<std::string> trainees = lists.trainees;
+  // whom the server does not list any more
+  if (lists.curriculum)
+    for (const KnownTrainee& before : lists.curriculum->trainees) std::erase(trainees, before.name);
   std::vector<std::pair<std::string, std::string>> assigned;
   pb::Request request;
   request.mutable_list_assignments();

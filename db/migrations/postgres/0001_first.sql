@@ -365,6 +365,7 @@ CREATE TABLE unknown_trainees (
   by_whom          TEXT COLLATE "C",            -- the manager who assigned it; NULL: it waits
   assigned_unix_ns BIGINT,
   code_unchecked   BIGINT NOT NULL DEFAULT 0 CHECK (code_unchecked IN (0, 1)),
+  begin_unsure     BIGINT NOT NULL DEFAULT 0 CHECK (begin_unsure <= code_unchecked AND begin_unsure IN (0, 1)),
   CHECK ((by_whom IS NULL) = (assigned_unix_ns IS NULL))
 );
 CREATE INDEX unknown_trainees_waiting ON unknown_trainees (session) WHERE by_whom IS NULL;

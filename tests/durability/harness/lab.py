@@ -16,6 +16,8 @@ from ledger import Ledgers  # noqa: E402
 from programs import PATIENCE_S, Failed, LedgerFolder, run, start, stop, until  # noqa: E402,F401
 from verdict import judge_all  # noqa: E402
 
+__all__ = ["until"]  # for those who import them from here
+
 LOSS_MS = 20  # allowed loss of a killed station if its writer may have real-time priority (client/net/README.md)
 REACH_NS = 60_000_000  # a stall of the machine up to this long before a kill may matter
 

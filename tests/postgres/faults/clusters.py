@@ -11,6 +11,8 @@ import time
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "support"))
 from programs import PG, Failed, main_on_postgres, run, until  # noqa: E402,F401  pylint: disable=unused-import
 
+__all__ = ["Failed", "main_on_postgres"]  # for those who import them from here
+
 AS_POSTGRES = ["setpriv", "--reuid", "postgres", "--regid", "postgres", "--clear-groups"] if os.getuid() == 0 else []
 MOST_CONNECTIONS = 24
 

@@ -14,8 +14,10 @@ sys.path[:0] = [str(HERE.parents[1] / "durability" / part) for part in ("judge",
 from database import Database  # noqa: E402
 from ledger import Ledgers  # noqa: E402
 from verdict import Judgement, judge_all  # noqa: E402,F401  pylint: disable=unused-import
-from clusters import AS_POSTGRES, PG, Cluster, Failed, run, until  # noqa: E402
+from clusters import PG, Cluster, Failed, run, until  # noqa: E402
 from programs import LedgerFolder, Monitored, start, stop  # noqa: E402
+
+__all__ = ["Judgement"]  # for those who import them from here
 
 PASSWORD = "correct horse battery 15"
 STATIONS = 3

@@ -75,6 +75,7 @@ constexpr TwoRequests kSameRequests[] = {
    "mia", "assign_session { session_id: 'waits--session-4' trainee: 'bob' was: 'nobody' }"},
   {"ada", "assign_session { session_id: 'waits--session-4' trainee: 'anna' }",
    "mia", "assign_session { session_id: 'waits--session-4' trainee: 'bob' }"},
+  {"ada", "redact { name: 'carl' where: 'remark 1' }", "abe", "redact { name: 'carl' where: 'remark 1' }"},
   {"ina", "annotate { session_id: 'closed-session-1' tick: 1 text: 'one' }",
    "ada", "annotate { session_id: 'closed-session-1' tick: 1 text: 'two' }"},
   {"ina", "rescore_session { session_id: 'closed-session-1' }", "ada", "rescore_session { session_id: 'closed-session-1' }"},
@@ -255,8 +256,6 @@ std::vector<PairAtATime> pairsAtATime(const SharedWorld& world) {
     return once + read.work(server);
   };
   addWork("scores are read, often | and by the other server", readOften, readOften);
-  addWork("audit acknowledge | store forget", noting(kAuditAcknowledge, "line 1", "1:2"),
-          noting("store forget", "postgresql://tess@/left", "said to be gone"));
   const auto added = request("mia", "add_user { name: 'zoe' role: TRAINEE }");
   addWork("a session of nobody is opened | and the trainee is added",
           opening("new----session-9", "zoe", "one"), added.work, added.call);

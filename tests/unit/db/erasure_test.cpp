@@ -108,6 +108,29 @@ TEST_F(ErasureStoreTest, whatOnlyAnAccountHasGoes) {
   EXPECT_EQ(row.integer(1), 1);
 }
 
+TEST_F(ErasureStoreTest, sessionsStayWithoutANameWhereTheLabKeepsThem) {
+  ASSERT_OK(LabSettingsStore(db.writer).setKeepsRecordingsOfErased(true));
+  const std::string outer = **outerRef(db.writer, anna);
+  const Uuid kept = session("anna", 3, true);
+  const auto done = erase(anna);
+  ASSERT_TRUE(done.ok());
+  EXPECT_EQ(done->sessions(), 0u);
+  EXPECT_EQ(done->waiting_sessions(), 0u) << "they are no longer anybody's, and wait for nobody";
+  EXPECT_THAT(done->text(), testing::HasSubstr("stay, as of " + erasedName(anna)));
+  const auto info = SessionStore(db.writer).info(kept);
+  EXPECT_EQ(info->chunks(), 3u);
+  EXPECT_EQ(nameOf(info->description().trainee()), erasedName(anna));
+  EXPECT_THAT(test::dump(db.writer), testing::Not(testing::HasSubstr("Östlund")));
+  // a late one is stored in the same way
+  const Uuid late = session(outer, 2, true);
+  EXPECT_EQ(traineeOf(late), anna);
+  EXPECT_FALSE(waits(late));
+  EXPECT_EQ(SessionStore(db.writer).info(late)->chunks(), 2u);
+  ASSERT_OK(LabSettingsStore(db.writer).setKeepsRecordingsOfErased(false));
+  session("ben", 3, true);
+  EXPECT_EQ(erase(ben)->sessions(), 1u);
+}
+
 TEST_F(ErasureStoreTest, anIdIsNeverUsedAgain) {
   ASSERT_OK(erase(ben));
   std::string next;

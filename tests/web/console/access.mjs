@@ -4,6 +4,7 @@ import { accessible, done, fitsWidth, kTablet, single } from './browser.mjs';
 import { kPassword } from './lab.mjs';
 import { api } from './week.mjs';
 
+const kPhoneWidths = [390, 320];
 const kPages = [
   '/',
   '/account',
@@ -59,7 +60,7 @@ async function tabTo(page, name, most = 120) {
 /** @param {{lab: import('./lab.mjs').Lab, browser: import('./browser.mjs').Browser}} t */
 export function access(t) {
   const it = single(t);
-  it('axe finds nothing serious on any page, and every page fits a tablet', async () => {
+  it('axe finds nothing serious on any page, and every page fits a tablet and a phone', async () => {
     const page = await t.browser.window({ viewport: kTablet });
     await page.goto(t.lab.base);
     await page.getByRole('button', { name: 'Log in' }).waitFor();
@@ -77,6 +78,14 @@ export function access(t) {
         await shown.getByRole('heading', { level: 1 }).waitFor();
         await accessible(shown, `${address} as ${name}`);
         await fitsWidth(shown, `${address} as ${name}`);
+        for (const width of kPhoneWidths) {
+          await shown.setViewportSize({ width, height: 800 });
+          // plots follow in the next frames
+          const fits = () => document.documentElement.scrollWidth <= window.innerWidth;
+          await shown.waitForFunction(fits, null, { timeout: 5000 }).catch(() => {});
+          await fitsWidth(shown, `${address} as ${name}, ${width} pixels wide`);
+        }
+        await shown.setViewportSize(kTablet);
       }
       await done(shown);
     }

@@ -37,6 +37,7 @@ const kPages = [
       'Set the password': 'ma',
       'Give a code': 'ma',
       'Download as JSON': 'ma',
+      'Find texts that name the person': 'a',
       'Erase all data …': 'a',
     },
   ],

@@ -29,6 +29,20 @@ const withoutPassword = (lab, { password, code, ...person }) => ({
   more_groups: 0,
 });
 
+const kSettings = { codes_required: false, keep_recordings_of_erased: false };
+
+/** Names of groups that have one of the words. */
+const mentionsOf = (lab, words) =>
+  [...lab.groups.values()]
+    .filter((g) => words.some((word) => word && g.name.toLowerCase().includes(word.toLowerCase())))
+    .map((g) => ({
+      where: `group ${g.id}`,
+      about: `the name of group '${g.id}'`,
+      text: g.name,
+      link: `#/groups/${g.id}`,
+      times: 1,
+    }));
+
 const changedBy = (who) => ({ changed_unix_ms: Date.now(), changed_by: who });
 
 function paged(items, query, usual = 50) {
@@ -129,6 +143,7 @@ const infoOf = (lab, s) => ({
     resolution: { length_m: 1e-6, quaternion: 2 ** -15, force_n: 1e-3, torque_nm: 1e-4, time_s: 1e-6, speed_m_s: 1e-4 },
     started_unix_ms: s.started_unix_ms,
     started_steady_ns: 0,
+    begin_clock: 'SERVER_CLOCK',
     placement: [],
     tool: [],
     device_notes: [],
@@ -151,6 +166,7 @@ const infoOf = (lab, s) => ({
   figures: [],
   ...(s.unknown_trainee ? { unknown_trainee: true } : {}),
   code_unchecked: !!s.code_unchecked,
+  begin_unsure: !!s.begin_unsure,
   quarantined_chunks: s.quarantined_chunks ?? 0,
   ...(s.given_trainee ? { given_trainee: s.given_trainee } : {}),
 });
@@ -427,14 +443,26 @@ export const kTable = [
     person.code = code;
     return { name: params.name, code: body.make ? code : '' };
   }),
-  get('lab/settings', kAll, ({ lab }) => ({ codes_required: false, ...lab.settings })),
+  get('lab/settings', kAll, ({ lab }) => ({ ...kSettings, ...lab.settings })),
   patch('lab/settings', kAdmin, ({ lab, body }) => {
-    lab.settings = { codes_required: false, ...lab.settings, ...body };
+    lab.settings = { ...kSettings, ...lab.settings, ...body };
     return lab.settings;
   }),
   get('people/:name/export', kPeople, ({ lab, params }) => ({
     items: [{ kind: 'person', ...withoutPassword(lab, found(lab.people, params.name, 'person')) }],
   })),
+  get('people/:name/mentions', kAdmin, ({ lab, params, query }) => {
+    found(lab.people, params.name, 'person');
+    return { items: mentionsOf(lab, [params.name, query.text]), next_page: '' };
+  }),
+  post('people/:name/mentions', kAdmin, ({ lab, params, body }) => {
+    found(lab.people, params.name, 'person');
+    const group = lab.groups.get(body.where.replace('group ', ''));
+    if (!group) throw new Refusal(404, 'not_found', `there is no ${body.where}: list the texts again`);
+    for (const word of [params.name, body.text].filter(Boolean))
+      group.name = group.name.replace(word, '[name removed]');
+    return {};
+  }),
   remove('people/:name/data', kAdmin, ({ lab, params, body }) => {
     found(lab.people, params.name, 'person');
     if (body?.confirm !== params.name)
@@ -627,7 +655,8 @@ export const kTable = [
       );
     if (body.trainee !== 'guest') found(lab.people, body.trainee, 'person');
     s.given_trainee ??= s.trainee;
-    Object.assign(s, { unknown_trainee: false, code_unchecked: false });
+    Object.assign(s, { unknown_trainee: false, code_unchecked: false, begin_unsure: false });
+    if (body.started_unix_ms) s.started_unix_ms = body.started_unix_ms;
     s.trainee = body.trainee;
     return infoOf(lab, s);
   }),

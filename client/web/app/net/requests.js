@@ -38,7 +38,10 @@ export const people = {
     post(['people', name, 'password'], { password, ...(old_password && { old_password }) }),
   /** `change`: { make: true }, or { code }; an empty code removes it. @returns {Promise<{name: string, code: string}>} a made one */
   setCode: (name, change) => post(['people', name, 'code'], change),
-  importCsv: (csv, dry_run) => post(['people', 'import'], { csv, dry_run }),
+  importCsv: (csv, lines_above, dry_run) => post(['people', 'import'], { csv, lines_above, dry_run }),
+  /** Texts that name the person, or have the words, all pages. @returns {Promise<{where: string, about: string, text: string, link: string}[]>} */
+  mentions: (name, text) => getAll(['people', name, 'mentions'], { text }, Infinity),
+  redact: (name, text, where) => post(['people', name, 'mentions'], { text, where }),
   erase: (name, reason, with_waiting_sessions) =>
     remove(['people', name, 'data'], { body: { confirm: name, reason, with_waiting_sessions } }),
   /** All stored data of one person, all pages. */
@@ -127,7 +130,9 @@ export const sessions = {
   /** Those whose trainee nobody knew when they came, or whose code nobody gave; they wait to be assigned. */
   unknown: (query, signal) => get(['unknown-trainees'], { signal, query }),
   /** `was`: whose it is, as the page shows it; refused if somebody gave it to another meanwhile. */
-  assign: (id, trainee, reason, was) => post(['sessions', id, 'trainee'], { trainee, reason, was }),
+  /** `started_unix_ms`: when it began, where the station's clock was wrong. */
+  assign: (id, trainee, reason, was, started_unix_ms) =>
+    post(['sessions', id, 'trainee'], { trainee, reason, was, ...(started_unix_ms && { started_unix_ms }) }),
   one: (id, signal) => get(['sessions', id], { signal }),
   score: (id, signal) => get(['sessions', id, 'score'], { signal }),
   /** The session as an attempt; null: it is none. */

@@ -1,5 +1,4 @@
 // Imports a class from a CSV file; shows what will happen first.
-import { readTable } from '../lib/csv.js';
 import { people } from '../net/requests.js';
 import { announce, Heading, Mark, Problem, Table } from '../ui/widgets.js';
 import { TextField } from '../ui/fields.js';
@@ -16,18 +15,19 @@ const kWhat = {
 const kSample = 'name,full_name,role,group\nanna.bauer,Anna Bauer,trainee,autumn-a\n';
 const kMost_bytes = 1 << 20;
 
-/** Faults of the columns that the browser itself can find, before it asks the server. */
-function complaint(csv) {
-  if (!csv.trim()) return 'Choose a file, or paste the list.';
+/**
+ * The text of a file. A spreadsheet's "CSV" is often Windows-1252.
+ * @param {ArrayBuffer} bytes
+ * @param {string} [encoding] what a person has chosen
+ * @returns {string | null} null: it is in another encoding
+ */
+export function textOf(bytes, encoding) {
+  const [a, b] = new Uint8Array(bytes);
+  const mark = a === 0xff && b === 0xfe ? 'utf-16le' : a === 0xfe && b === 0xff ? 'utf-16be' : 'utf-8';
   try {
-    const table = readTable(csv, kColumns);
-    if (!table.columns.includes('name'))
-      return `The first line has no column “name”; it has: ${table.columns.join(', ')}.`;
-    if (table.unknown.length)
-      return `Columns that are not known: ${table.unknown.join(', ')}. Known are: ${kColumns.join(', ')}.`;
-    return table.rows.length ? '' : 'There is a header, but nobody below it.';
-  } catch (error) {
-    return `This is no CSV: ${error.message}.`;
+    return new TextDecoder(encoding ?? mark, { fatal: true }).decode(bytes);
+  } catch {
+    return null;
   }
 }
 
@@ -84,24 +84,35 @@ function Report({ report }) {
 export function PeopleImportPage() {
   const id = useId();
   const [csv, setCsv] = useState('');
+  const [linesAbove, setLinesAbove] = useState(0);
   const [report, setReport] = useState(null);
-  const [file_problem, setFileProblem] = useState('');
+  const [problem, setProblem] = useState('');
+  const [unread, setUnread] = useState(null);
   const action = useAction();
-  const problem = file_problem || complaint(csv);
   const ask = async (dry_run) => {
-    const reply = await action.run(() => people.importCsv(csv, dry_run));
+    const reply = await action.run(() => people.importCsv(csv, linesAbove, dry_run));
     if (!reply) return;
-    setReport({ ...reply, csv });
+    setReport({ ...reply, csv, linesAbove });
     if (reply.done) announce(`${reply.added} people were added, ${reply.changed} changed.`);
   };
   const pick = async (event) => {
     const [file] = event.target.files;
     if (!file) return;
-    setFileProblem(file.size > kMost_bytes ? `${file.name} is larger than 1 MiB: split it.` : '');
-    if (file.size <= kMost_bytes) setCsv(await file.text());
+    setProblem(file.size > kMost_bytes ? `${file.name} is larger than 1 MiB: split it.` : '');
+    setUnread(null);
+    if (file.size > kMost_bytes) return;
+    const bytes = await file.arrayBuffer();
+    const text = textOf(bytes);
+    if (text === null) setUnread({ name: file.name, bytes });
+    setCsv(text ?? '');
     setReport(null);
   };
-  const checked = report && report.csv === csv && !report.done && report.faults === 0;
+  const readAsWindows = () => {
+    setCsv(textOf(unread.bytes, 'windows-1252') ?? '');
+    setUnread(null);
+  };
+  const checked =
+    report && report.csv === csv && report.linesAbove === linesAbove && !report.done && report.faults === 0;
   return html`
     <${Heading} title="Import people" above=${html`<a href="#/people">People</a>`} />
     <p>
@@ -121,13 +132,30 @@ export function PeopleImportPage() {
       placeholder=${kSample}
       wide
     />
-    ${csv.trim() && problem && html`<p class="error"><span aria-hidden="true">✗</span> ${problem}</p>`}
+    <${TextField}
+      label="Lines above the header"
+      type="number"
+      min="0"
+      max="1000"
+      value=${linesAbove}
+      onValue=${(text) => setLinesAbove(Number(text) || 0)}
+    />
+    ${problem && html`<p class="error"><span aria-hidden="true">✗</span> ${problem}</p>`}
+    ${
+      unread &&
+      html`<div class="problem" role="alert">
+        <p>${unread.name} is not UTF-8. Save the table as “CSV UTF-8”, or read it as what spreadsheets of Western Europe write, and look at the letters:</p>
+        <div class="actions">
+          <button type="button" onClick=${readAsWindows}>Read it as Windows-1252</button>
+        </div>
+      </div>`
+    }
     <${Problem} error=${action.error} />
     <div class="actions">
       <button
         type="button"
         class=${checked ? '' : 'main'}
-        disabled=${!!problem || action.busy}
+        disabled=${!csv.trim() || !!problem || action.busy}
         onClick=${() => ask(true)}
       >
         Check: what will happen

@@ -1,4 +1,4 @@
-// One person: data, role, consent, password, code, export, erasure.
+// One person: data, role, consent, password, code, export.
 import { grantable, may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { moment } from '../lib/time.js';
@@ -9,6 +9,7 @@ import { CheckField, SelectField, TextField } from '../ui/fields.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 import { CodeForm } from './codes.js';
+import { Erasure } from './erasure.js';
 
 function Data({ shown, me, load }) {
   const [name, setAccount] = useState(shown.name);
@@ -189,59 +190,6 @@ export function ConsentForm({ shown, load }) {
       onValue=${set}
     />
     <${Problem} error=${action.error} />
-  </fieldset>`;
-}
-
-function Erasure({ name }) {
-  const [asking, setAsking] = useState(false);
-  const [typed, setTyped] = useState('');
-  const [reason, setReason] = useState('');
-  const [waiting, setWaiting] = useState(false);
-  const [result, setResult] = useState(null);
-  const action = useAction();
-  const erase = async () => {
-    const report = await action.run(() => people.erase(name, reason, waiting));
-    if (report) {
-      setAsking(false);
-      setResult(report);
-    }
-  };
-  if (result) {
-    return html`<div class="hint" role="status">
-      <p><strong>The data of ${name} were erased.</strong> They are ${result.pseudonym} from now on.</p>
-      <p>
-        ${result.pending && html`<${Mark} kind="warn">pending<//> `}
-        ${result.sessions} sessions, ${result.scores} scores. ${result.text}
-      </p>
-      <p><a href="#/people">Back to the people</a></p>
-    </div>`;
-  }
-  return html`<fieldset>
-    <legend>Erasure</legend>
-    <p>Recordings, scores and attempts of this person go for ever.</p>
-    <div class="actions">
-      <button type="button" class="danger" onClick=${() => setAsking(true)}>Erase all data …</button>
-    </div>
-    ${
-      asking &&
-      html`<${Confirm}
-        title=${`Erase all data of ${name}?`}
-        word="Erase for ever"
-        act=${erase}
-        close=${() => setAsking(false)}
-        busy=${action.busy || typed !== name}
-        error=${action.error}
-      >
-        <p>This cannot be undone. Type the name to confirm.</p>
-        <${TextField} label="Name" value=${typed} onValue=${setTyped} autocomplete="off" />
-        <${TextField} label="Reason" value=${reason} onValue=${setReason} />
-        <${CheckField}
-          label="Sessions that wait for a manager, too (they may be another person's)"
-          checked=${waiting}
-          onValue=${setWaiting}
-        />
-      <//>`
-    }
   </fieldset>`;
 }
 

@@ -1,7 +1,8 @@
 // How long recordings are kept: for ever, unless a policy is set. Scores, events and remarks always stay.
+import { may } from '../lib/roles.js';
 import { moment } from '../lib/time.js';
 import { bytes, number } from '../lib/units.js';
-import { exercises, retention } from '../net/requests.js';
+import { exercises, lab, retention } from '../net/requests.js';
 import { announce, Confirm, Empty, Heading, Loaded, Mark, Problem, Table } from '../ui/widgets.js';
 import { CheckField, NumberField, SelectField } from '../ui/fields.js';
 import { useAction, useLoad } from '../ui/hooks.js';
@@ -177,7 +178,31 @@ function Run({ done }) {
   </fieldset>`;
 }
 
-export function RetentionPage() {
+/** What an erasure does with recordings. */
+function OfErasedPeople() {
+  const load = useLoad((signal) => lab.settings(signal), []);
+  const action = useAction();
+  const set = async (keep_recordings_of_erased) => {
+    const settings = await action.run(() => lab.change({ keep_recordings_of_erased }));
+    if (!settings) return;
+    load.setData(settings);
+    announce(keep_recordings_of_erased ? 'Sessions of erased people stay now.' : 'Sessions of erased people go now.');
+  };
+  return html`<fieldset>
+    <legend>When a person is erased</legend>
+    <${Loaded} load=${load}>${(settings) =>
+      html`<${CheckField}
+        label="Sessions stay, without a name"
+        checked=${settings.keep_recordings_of_erased}
+        disabled=${action.busy}
+        onValue=${set}
+        help="Otherwise recordings, scores and events go with the person. Remarks and titles stay in any case."
+      />`}<//>
+    <${Problem} error=${action.error} />
+  </fieldset>`;
+}
+
+export function RetentionPage({ person: me }) {
   const load = useLoad(async (signal) => {
     const [state, known] = await Promise.all([retention.all(signal), exercises(signal)]);
     return { state, known };
@@ -260,6 +285,7 @@ export function RetentionPage() {
           }}
         />
         <${Run} done=${load.reload} />
+        ${may(me.role, 'erase person') && html`<${OfErasedPeople} />`}
       `;
     }}<//>
   `;

@@ -23,10 +23,16 @@ function Assign({ session, close, done }) {
   const { session_id, trainee } = session.description;
   const [to, setTo] = useState(null);
   const [reason, setReason] = useState('');
+  const [begin, setBegin] = useState('');
   const action = useAction();
   const save = async (event) => {
     event.preventDefault();
-    if (!(await action.run(() => sessions.assign(session_id, to.key, reason.trim(), trainee)))) return;
+    if (
+      !(await action.run(() =>
+        sessions.assign(session_id, to.key, reason.trim(), trainee, Date.parse(begin) || undefined),
+      ))
+    )
+      return;
     announce(`The session of ${trainee} was given to ${to.key}.`);
     done();
   };
@@ -42,6 +48,17 @@ function Assign({ session, close, done }) {
         help="type a part of a name or of a group"
         failed="Nobody can be chosen: the people could not be loaded"
       />
+      ${
+        session.begin_unsure &&
+        html`<p>The station’s clock was wrong: it says ${moment(session.description.started_unix_ms)}.</p>
+          <${TextField}
+            label="It began"
+            type="datetime-local"
+            value=${begin}
+            onValue=${setBegin}
+            help="empty: the station’s time is right"
+          />`
+      }
       <${TextField}
         label="Reason"
         value=${reason}
@@ -97,7 +114,7 @@ export function UnknownTraineesPage() {
                   <a href=${href(['sessions', s.description.session_id])}>${moment(s.description.started_unix_ms)}</a>
                 </th>
                 <td>${s.description.trainee}</td>
-                <td>${s.code_unchecked ? 'nobody gave the code' : 'nobody had the name'}</td>
+                <td>${s.begin_unsure ? 'the station’s clock was wrong' : s.code_unchecked ? 'nobody gave the code' : 'nobody had the name'}</td>
                 <td>${s.description.exercise_id}</td>
                 <td>${s.description.station}</td>
                 <td class="number">${s.description.rate_hz ? clock(s.samples / s.description.rate_hz) : '–'}</td>

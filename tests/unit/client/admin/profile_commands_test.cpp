@@ -139,7 +139,7 @@ TEST_F(ProfileCommands, anExportPrintsTheSameTextAsItsFileWithAndWithoutJson) {
   for (const Arguments& what :
        {Arguments{"profile", "export", "mine"}, {"curriculum", "export", "rheumatology-basics"}}) {
     Arguments to_file = what;
-    to_file.insert(to_file.end(), {"--out", file("export.json")});
+    to_file.insert(to_file.end(), {"--out", file("export.json"), "--replace"});
     EXPECT_EQ(good(to_file).out, "wrote " + file("export.json") + "\n");
     const std::string written = *readWholeFile(file("export.json"));
     EXPECT_EQ(json::parse(written).at("id"), what[2]);

@@ -73,7 +73,8 @@ TEST_F(AdminOnServer, partsAreExportedAndRetentionRuns) {
   EXPECT_NE(done.out.find("1 thinned"), std::string::npos) << done.out;
   EXPECT_EQ(as("ines", {"session", "verify", id}).code, 0);
   EXPECT_EQ(as("ada", {"check"}).code, 0);
-  EXPECT_EQ(as("ines", {"session", "export", id, "--from", "0.4", "--out", file("p.csv")}).code, 0);
+  EXPECT_EQ(as("ines", {"session", "export", id, "--from", "0.4", "--out", file("p.csv"), "--replace"}).code,
+            0);
 }
 
 TEST_F(AdminOnServer, aNewUsersPasswordIsApartFromOnesOwn) {

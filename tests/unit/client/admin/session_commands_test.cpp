@@ -270,7 +270,7 @@ TEST_F(SessionCommands, theTableOfScoresKeepsNamesApartAndFormulasHarmless) {
   attempt("=1+1", "ball-free-practice", force(3));
   attempt("nobody", "knee-recess", "");
   const auto exported = [&](const Arguments& more) {
-    Arguments all = {"scores", "export", "--out", file("scores.csv")};
+    Arguments all = {"scores", "export", "--out", file("scores.csv"), "--replace"};
     all.insert(all.end(), more.begin(), more.end());
     good(all);
     return cells(*readWholeFile(file("scores.csv")));
@@ -309,7 +309,7 @@ TEST_F(SessionCommands, aScoreThatCannotBeReadIsNamedAndTheFileOfBeforeStays) {
     }));
   }
   folder.write("scores.csv", "old");
-  const Run result = onData({"scores", "export", "--out", file("scores.csv")});
+  const Run result = onData({"scores", "export", "--out", file("scores.csv"), "--replace"});
   EXPECT_EQ(result.code, 1);
   EXPECT_THAT(result.err, HasSubstr("session " + bad + ": "));
   EXPECT_EQ(*readWholeFile(file("scores.csv")), "old");

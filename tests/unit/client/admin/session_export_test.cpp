@@ -1,3 +1,5 @@
+#include <gmock/gmock.h>
+
 #include <cstdlib>
 #include <fstream>
 #include <iostream>
@@ -76,15 +78,32 @@ TEST_F(SessionExport, emptyAndOpenSessionsCanBeExported) {
   EXPECT_FALSE(content("o.csv").empty());
 }
 
+TEST_F(SessionExport, theNameOfTheFileSaysTheFormat) {
+  const std::string id = uuidText(addSession(2));
+  good({"session", "export", id, "--out", file("x.nlrec")});
+  EXPECT_OK(RecordingReader::open(file("x.nlrec")));
+  good({"session", "export", id, "--out", file("x.json")});
+  EXPECT_TRUE(content("x.json").starts_with("{"));
+  good({"session", "export", id, "--out", file("x.CSV")});
+  EXPECT_TRUE(content("x.CSV").starts_with("t_s,"));
+  good({"session", "export", id, "--out", file("x.txt")});
+  EXPECT_TRUE(content("x.txt").starts_with("t_s,"));
+  const Run refused = onData({"session", "export", id, "--format", "csv", "--out", file("y.nlrec")});
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_THAT(refused.err, testing::HasSubstr("the name says recording, --format says csv"));
+  EXPECT_FALSE(std::filesystem::exists(file("y.nlrec")));
+}
+
 TEST_F(SessionExport, aDamagedSessionLeavesNoFileAndNoOldOneIsLost) {
   const std::string crc = uuidText(addSession(3, false, "UPDATE chunks SET crc = 1 WHERE seq = 2"));
   const std::string wrong_hash = uuidText(addSession(3, false, "UPDATE sessions SET hash = zeroblob(32)"));
-  folder.write("old.csv", "old");
+  folder.write("old", "old");
   for (const std::string& id : {crc, wrong_hash}) {
     for (const char* format : {"csv", "json", "recording"}) {
-      const Run result = onData({"session", "export", id, "--format", format, "--out", file("old.csv")});
+      const Run result =
+          onData({"session", "export", id, "--format", format, "--out", file("old"), "--replace"});
       EXPECT_EQ(result.code, 1) << format;
-      EXPECT_EQ(content("old.csv"), "old");
+      EXPECT_EQ(content("old"), "old");
     }
   }
   int files = 0;
@@ -116,13 +135,13 @@ class RangeOfExport : public test::AdminTest {
 TEST_F(RangeOfExport, fromAndToCutAtTheSample) {
   const std::string id = uuidText(addSession(50));
   good({"session", "export", id, "--format", "json", "--from", "0.333", "--to", "0.5", "--out",
-        file("a.json")});
+        file("a.json"), "--replace"});
   EXPECT_EQ(ticks("a.json"), range(333, 500));
-  good({"session", "export", id, "--format", "json", "--from", "0.9", "--out", file("a.json")});
+  good({"session", "export", id, "--format", "json", "--from", "0.9", "--out", file("a.json"), "--replace"});
   EXPECT_EQ(ticks("a.json"), range(900, 1000));
-  good({"session", "export", id, "--format", "json", "--to", "0.0205", "--out", file("a.json")});
+  good({"session", "export", id, "--format", "json", "--to", "0.0205", "--out", file("a.json"), "--replace"});
   EXPECT_EQ(ticks("a.json"), range(0, 21));
-  good({"session", "export", id, "--format", "json", "--from", "7", "--out", file("a.json")});
+  good({"session", "export", id, "--format", "json", "--from", "7", "--out", file("a.json"), "--replace"});
   EXPECT_TRUE(ticks("a.json").empty());
   // Times of a part count from the first sample of the session.
   good({"session", "export", id, "--from", "0.5", "--to", "0.502", "--out", file("a.csv")});
@@ -173,9 +192,10 @@ TEST_F(RangeOfExport, damagedChunksAreNamedAndTheRestWritten) {
   for (const auto tick : range(420, 1000)) expected.push_back(tick);
   EXPECT_EQ(ticks("d.json"), expected);
   // A part without damage verifies.
-  EXPECT_EQ(
-      onData({"session", "export", id, "--format", "json", "--from", "0.5", "--out", file("d.json")}).code,
-      0);
+  EXPECT_EQ(onData({"session", "export", id, "--format", "json", "--from", "0.5", "--out", file("d.json"),
+                    "--replace"})
+                .code,
+            0);
   EXPECT_EQ(ticks("d.json"), range(500, 1000));
   // the first chunk, too
   const std::string first = uuidText(addSession(5, false, "UPDATE chunks SET crc = 1 WHERE seq = 0"));
@@ -193,7 +213,7 @@ TEST_F(RangeOfExport, aHashThatDisagreesIsNamedToo) {
   const std::string id = uuidText(addSession(3, false, "UPDATE sessions SET hash = zeroblob(32)"));
   EXPECT_EQ(onData({"session", "export", id, "--out", file("h.csv")}).code, 1);
   EXPECT_FALSE(std::filesystem::exists(file("h.csv")));
-  EXPECT_EQ(onData({"session", "export", id, "--damaged", "--out", file("h.csv")}).code, 1);
+  EXPECT_EQ(onData({"session", "export", id, "--damaged", "--out", file("h.csv"), "--replace"}).code, 1);
   EXPECT_TRUE(std::filesystem::exists(file("h.csv")));
 }
 

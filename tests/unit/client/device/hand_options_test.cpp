@@ -224,7 +224,7 @@ TEST(ChoosePlan, refusesWhatItDoesNotKnowByName) {
 TEST(ChoosePlan, takesAFileOfPoses) {
   const auto path = std::filesystem::temp_directory_path() / "needlelab_hand_plan_test.csv";
   std::ofstream(path) << "t_s,px_m,py_m,pz_m,qx,qy,qz,qw,plunger\n10,0,0,0.1,1,0,0,0,0\n"
-                         "11,0,0,-0.01,1,0,0,0,0.5\n11,0,0,-0.01,1,0,0,0,0.5\n13,0,0,0.05,1,0,0,0,1\n";
+                         "11,0,0,-0.01,1,0,0,0,0.5\n13,0,0,0.05,1,0,0,0,1\n";
   HandOptions options;
   options.plan = path.string();
   const auto once = choosePlan(options, scene(), {});

@@ -219,7 +219,7 @@ TEST_F(WholeRecording, whatADeviceCannotPlayIsRefusedByItsSample) {
   };
   using Samples = std::vector<GestureSample>;
   EXPECT_THAT(refusal([](Samples& s) { s[4].time_ns = s[2].time_ns; }),
-              AllOf(HasSubstr("sample 5 (tick 21)"), HasSubstr("not go backwards")));
+              AllOf(HasSubstr("sample 5 (tick 21)"), HasSubstr("times must ascend")));
   EXPECT_THAT(refusal([](Samples& s) { s[3].p_WT_m[1] = std::numeric_limits<double>::quiet_NaN(); }),
               AllOf(HasSubstr("sample 4"), HasSubstr("-1000 to 1000 m")));
   EXPECT_THAT(refusal([](Samples& s) { s[3].q_WT[3] = 0.5; }), HasSubstr("0.999 to 1.001"));

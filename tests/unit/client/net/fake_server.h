@@ -89,6 +89,10 @@ class FakeServer : public LoopbackServer {
     const std::scoped_lock lock(mutex_);
     lesson_ = lesson;
   }
+  pb::Lesson lesson() {
+    const std::scoped_lock lock(mutex_);
+    return lesson_;
+  }
   /// GetLesson and CheckTrainee are refused while this trainee's code is missing or wrong, and altogether
   /// after five wrong ones. Empty: the trainee has none.
   void setCode(const std::string& trainee, const std::string& code) {

@@ -82,7 +82,8 @@ std::filesystem::path recordingOf(const std::filesystem::path& file,
 }
 
 json rowOf(const std::vector<std::string>& input, const std::filesystem::path& out) {
-  std::vector<std::string> line = {"run", "--profile", kProfile.string(), "--out", out.string(), "--json"};
+  std::vector<std::string> line = {"run",        "--profile", kProfile.string(), "--out",
+                                   out.string(), "--replace", "--json"};
   line.insert(line.end(), input.begin(), input.end());
   const auto outcome = sim(line);
   EXPECT_EQ(outcome.code, 0) << outcome.err;

@@ -146,7 +146,7 @@ TEST(RunCommand, aModelWithoutItsSectionIsRefusedWithTheSectionsName) {
   const auto profile = (test::kSamples / "paper-1dof.json").string();
   const auto run = [&](const std::string& model) {
     return sim({"run", "--profile", profile, "--trajectory", trajectory.string(), "--out",
-                (folder.path() / "o.csv").string(), "--model", model});
+                (folder.path() / "o.csv").string(), "--replace", "--model", model});
   };
   for (const char* model : {"TRACKING_WALL", "DIRECT", "VOIGT", "GOD_OBJECT"})
     EXPECT_EQ(run(model).code, 0) << model << " has defaults";
@@ -200,17 +200,18 @@ TEST(RunCommand, jsonSaysWhatTheRunCameTo) {
   EXPECT_EQ(row.at("hash"), hash);
 }
 
-TEST(RunCommand, theTimeColumnIsCarriedThroughAndMeansNothing) {
+TEST(RunCommand, rowsArePlacedByTheirTimes) {
   const test::TempFolder folder;
   const auto trajectory = folder.write(
       "t.csv",
-      "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n7,0,0,0.01,1,0,0,0\n3.25,0,0,0.01,1,0,0,0\n3.25,0,0,0.01,1,0,0,0\n");
+      "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n7,0,0,0.01,1,0,0,0\n7.001,0,0,0.01,1,0,0,0\n7.003,0,0,0.01,1,0,0,0\n");
   const auto out = folder.path() / "o.csv";
   ASSERT_EQ(sim({"run", "--profile", (test::kSamples / "paper-1dof.json").string(), "--trajectory",
                  trajectory.string(), "--out", out.string()})
                 .code,
             0);
-  EXPECT_THAT(tableOf(out)["t_s"], testing::ElementsAre("7", "3.25", "3.25"));
+  EXPECT_THAT(tableOf(out)["t_s"],
+              testing::ElementsAre("7", "7.0010000000000003", "7.0019999999999998", "7.0030000000000001"));
 }
 
 TEST(RunCommand, toolAndPlacementOnlyMoveTheScene) {
@@ -279,7 +280,7 @@ TEST(RunCommand, refusesWrongInputByNameAndWritesNothing) {
       {profile, t("inf.csv", header + "inf,0,0,0.01,1,0,0,0\n"), {}, {"inf.csv line 2", "'t_s'"}},
       {profile, t("word.csv", header + "0,0,0,deep,1,0,0,0\n"), {}, {"word.csv line 2", "'deep'"}},
       {profile,
-       t("quat.csv", header + good_row + good_row + "0,0,0,0.01,0.9,0,0,0\n"),
+       t("quat.csv", header + good_row + "0.001,0,0,0.01,1,0,0,0\n0.002,0,0,0.01,0.9,0,0,0\n"),
        {},
        {"quat.csv", "line 4", "0.9"}},
       {profile,
@@ -323,7 +324,7 @@ TEST(RunCommand, anEarlierOutputStaysWholeWhenARunFails) {
   const auto out = folder.write("o.csv", "earlier");
   const auto bad = folder.write("bad.csv", "t_s\n0\n");
   const auto outcome = sim({"run", "--profile", (test::kSamples / "paper-1dof.json").string(), "--trajectory",
-                            bad.string(), "--out", out.string()});
+                            bad.string(), "--out", out.string(), "--replace"});
   EXPECT_EQ(outcome.code, 2);
   EXPECT_EQ(*readWholeFile(out), "earlier");
   // A missing folder is detected before the work starts.
@@ -435,7 +436,7 @@ TEST(RunCommand, saysWhatIsDoubtfulInTheProfile) {
   const auto trajectory = folder.write("t.csv", "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n0,0,0,0.01,1,0,0,0\n");
   const auto run = [&](const std::string& profile) {
     return sim({"run", "--profile", profile, "--trajectory", trajectory.string(), "--out",
-                (folder.path() / "o.csv").string()});
+                (folder.path() / "o.csv").string(), "--replace"});
   };
   const auto doubtful = run(folder.write("thin.json", thin).string());
   EXPECT_EQ(doubtful.code, 0);

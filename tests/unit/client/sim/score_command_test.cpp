@@ -38,10 +38,54 @@ std::string strokeCsv(double depth_m) {
   return text;
 }
 
+// every `keep`-th row
+std::string thinned(const std::string& csv, int keep) {
+  std::string text;
+  int row = -1;
+  for (std::size_t at = 0; at < csv.size(); ++row) {
+    const std::size_t end = csv.find('\n', at) + 1;
+    if (row < 0 || row % keep == 0) text += csv.substr(at, end - at);
+    at = end;
+  }
+  return text;
+}
+
 double valueOf(const json& whole, const std::string& measure) {
   for (const auto& row : whole.at("rows"))
     if (row.at("measure") == measure) return row.at("value");
   return std::nan("");
+}
+
+TEST(ScoreCommand, takesTheTimesOfTheFileWhateverItsRate) {
+  const test::TempFolder folder;
+  const std::string csv = strokeCsv(0.03);
+  for (const int keep : {1, 2, 10}) {
+    const auto file = folder.write("t.csv", thinned(csv, keep));
+    const auto outcome = sim({"score", "--profile", (test::kSamples / "paper-1dof.json").string(),
+                              "--trajectory", file.string(), "--json"});
+    ASSERT_EQ(outcome.code, 0) << outcome.err;
+    const json whole = json::parse(outcome.out);
+    EXPECT_NEAR(valueOf(whole, "elapsed_s"), 3, 0.01) << keep;
+    EXPECT_NEAR(valueOf(whole, "time_in_tissue_s"), 1 + 2 * 0.03 / 0.04, 0.01) << keep;
+    EXPECT_NEAR(valueOf(whole, "peak_speed_m_s"), 0.04, 2e-3) << keep;
+  }
+}
+
+TEST(ScoreCommand, warnsOfANeedleThatEntersHubFirst) {
+  const test::TempFolder folder;
+  std::string csv = strokeCsv(0.03);
+  const auto score = [&](const std::string& text) {
+    const auto file = folder.write("t.csv", text);
+    return sim({"score", "--profile", (test::kSamples / "paper-1dof.json").string(), "--trajectory",
+                file.string(), "--json"});
+  };
+  EXPECT_EQ(score(csv).err.find("points out of the skin"), std::string::npos);
+  for (std::size_t at = csv.find(",1,0,0,0\n"); at != std::string::npos; at = csv.find(",1,0,0,0\n", at))
+    csv.replace(at, 9, ",0,0,0,1\n");
+  const auto outcome = score(csv);
+  EXPECT_EQ(outcome.code, 0);
+  EXPECT_THAT(outcome.err, HasSubstr("warning: row 25"));
+  EXPECT_THAT(outcome.err, HasSubstr("180° from straight in"));
 }
 
 TEST(ScoreCommand, measuresAStrokeThatIsKnown) {

@@ -20,7 +20,7 @@ using namespace std::string_view_literals;
 struct Csv : ::testing::Test {
   test::TempFolder folder;
   Result<CsvTable> read(std::string_view text, std::size_t max_rows = 1000) {
-    return readCsv(folder.write("t.csv", text), {"t_s", "px_m"}, {"plunger"}, max_rows);
+    return readCsv(folder.write("t.csv", text), {"t_s", "px_m"}, {"plunger"}, {.max_rows = max_rows});
   }
   std::string refusal(std::string_view text, std::size_t max_rows = 1000) {
     const auto table = read(text, max_rows);
@@ -70,16 +70,16 @@ TEST_F(Csv, badInputNamesLineColumnAndValue) {
 
 TEST_F(Csv, columnsThatMayBeNotFinite) {
   const auto file = folder.write("w.csv", "t_s,wx_m\n0,nan\n1,-inf\n2,3\n");
-  const auto table = readCsv(file, {"t_s", "wx_m"}, {}, kMostCsvRows, {"wx_m"});
+  const auto table = readCsv(file, {"t_s", "wx_m"}, {}, {.not_finite = {"wx_m"}});
   ASSERT_TRUE(table.ok()) << table.error().message;
   EXPECT_TRUE(std::isnan(table->columns[1][0]));
   EXPECT_EQ(table->columns[1][1], -std::numeric_limits<double>::infinity());
   EXPECT_EQ(table->columns[1][2], 3);
   const auto word = folder.write("word.csv", "t_s,wx_m\n0,none\n");
-  EXPECT_THAT(readCsv(word, {"t_s", "wx_m"}, {}, kMostCsvRows, {"wx_m"}).error().message,
+  EXPECT_THAT(readCsv(word, {"t_s", "wx_m"}, {}, {.not_finite = {"wx_m"}}).error().message,
               AllOf(HasSubstr("line 2"), HasSubstr("'none' is not a number")));
   const auto time = folder.write("time.csv", "t_s,wx_m\nnan,0\n");
-  EXPECT_THAT(readCsv(time, {"t_s", "wx_m"}, {}, kMostCsvRows, {"wx_m"}).error().message,
+  EXPECT_THAT(readCsv(time, {"t_s", "wx_m"}, {}, {.not_finite = {"wx_m"}}).error().message,
               HasSubstr("'nan' is not a finite number"));
 }
 

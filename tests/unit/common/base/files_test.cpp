@@ -246,6 +246,18 @@ TEST_F(OutputCheck, newAndOldFilesThatAreNoInputMayBeWritten) {
   EXPECT_EQ(refusal({{"--profile", file("p.json")}}, {{"--json", ""}}), "");
 }
 
+TEST_F(OutputCheck, aPersonsFileIsReplacedOnlyWhenThatIsSaid) {
+  EXPECT_TRUE(requireNewFile({"--out", in("new.csv")}, false).ok());
+  EXPECT_TRUE(requireNewFile({"--out", ""}, false).ok());
+  EXPECT_TRUE(requireNewFile({"--out", "/dev/null"}, false).ok());
+  const fs::path old = file("old.csv");
+  EXPECT_TRUE(requireNewFile({"--out", old}, true).ok());
+  const Status refused = requireNewFile({"--out", old}, false);
+  EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
+  EXPECT_EQ(refused.error().message,
+            "--out " + old.string() + ": is there already; take another name, or say --replace");
+}
+
 TEST_F(OutputCheck, anInputIsNeverOverwrittenByWhateverName) {
   const fs::path input = file("p.json");
   fs::create_symlink(input, in("link.json"));

@@ -117,6 +117,22 @@ TEST(Framing, aLengthAboveTheLimitIsRefusedBeforeAnythingIsAllocatedForIt) {
   }
 }
 
+TEST(Framing, theOtherPortIsNamedWhereHttpIsSpoken) {
+  const auto told = [](const std::string& bytes) {
+    FrameSplitter splitter(kMaxFrameBytesBeforeLogin);
+    const auto room = splitter.writable();
+    std::copy(bytes.begin(), bytes.end(), room.begin());
+    splitter.wrote(bytes.size());
+    const auto next = splitter.next();
+    return next.ok() ? "it was taken" : next.error().message;
+  };
+  EXPECT_THAT(told("HTTP/1.1 400 Bad Request\r\n"), testing::HasSubstr("usually 7750"));
+  for (const char* const request :
+       {"GET / HTTP/1.1\r\n", "POST /api/v1/session HTTP/1.1\r\n", "HEAD / HTTP/1.0\r\n"})
+    EXPECT_THAT(told(request), testing::HasSubstr("usually 7751")) << request;
+  EXPECT_THAT(told("GETX"), testing::HasSubstr("a frame of")) << "no method";
+}
+
 TEST(Framing, aFrameOfExactlyTheLimitPasses) {
   FrameSplitter splitter(kMaxFrameBytesBeforeLogin);
   std::vector<std::string> frames;

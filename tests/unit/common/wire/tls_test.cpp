@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
+#include <string>
 
 #include "tests/unit/common/wire/loopback.h"
 
@@ -68,6 +69,45 @@ TEST(TlsHandshake, endsAtTheBoundOfItsBytesBeforeThePeersMessageIsComplete) {
 
 Bytes bytesOfOutput(const TlsEngine& engine) {
   return {engine.output().begin(), engine.output().end()};
+}
+
+/// Both sides' handshake where each knows these groups; empty: as our programs do.
+bool shakeHands(std::string clients_groups, std::string servers_groups) {
+  SSL* const near = SSL_new(test::TestTls::get().client->native_handle());
+  SSL* const far = SSL_new(test::TestTls::get().server->native_handle());
+  const auto limit = [](SSL* ssl, std::string& groups) {
+    return groups.empty() || SSL_ctrl(ssl, SSL_CTRL_SET_GROUPS_LIST, 0, groups.data()) == 1;
+  };
+  EXPECT_TRUE(limit(near, clients_groups));
+  EXPECT_TRUE(limit(far, servers_groups));
+  TlsEngine client(near), server(far);
+  SSL_free(near);
+  SSL_free(far);
+  TlsStep client_step = TlsStep::kWantsInput, server_step = TlsStep::kWantsInput;
+  Bytes hello, answer;  // what an engine is fed stays until it was read
+  for (int flight = 0; flight < 4; ++flight) {
+    client_step = client.handshake(false);
+    hello = bytesOfOutput(client);
+    client.sent(hello.size());
+    server.feed(hello);
+    server_step = server.handshake(true);
+    answer = bytesOfOutput(server);
+    server.sent(answer.size());
+    client.feed(answer);
+  }
+  return client_step == TlsStep::kDone && server_step == TlsStep::kDone;
+}
+
+TEST(TlsHandshake, takesCurvesOnlyAtBothSides) {
+  EXPECT_TRUE(shakeHands("", ""));
+  for (const char* const curve : {"X25519", "P-256", "P-384"}) {
+    EXPECT_TRUE(shakeHands(curve, "")) << curve;
+    EXPECT_TRUE(shakeHands("", curve)) << curve;
+  }
+  for (const char* const other : {"ffdhe2048", "ffdhe8192", "P-521", "X448"}) {
+    EXPECT_FALSE(shakeHands(other, "")) << other;
+    EXPECT_FALSE(shakeHands("", other)) << other;
+  }
 }
 
 TEST(TlsHandshake, ofOurProgramsHasAThirdOfTheBoundAtMost) {

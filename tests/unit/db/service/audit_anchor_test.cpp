@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -12,6 +13,7 @@
 
 #include "db/audit.h"
 #include "db/backup.h"
+#include "db/service/record_end.h"
 #include "tests/support/sanitized.h"
 #include "tests/unit/db/test_db.h"
 
@@ -32,7 +34,12 @@ std::string line(const std::string& action, const std::string& detail, const std
 
 class AuditAnchorTest : public testing::Test {
  protected:
-  Result<AuditAnchor> read(const std::string& text) { return readAuditAnchor(folder.write("kept", text)); }
+  /// `text`: of an export, without its last line.
+  Result<AuditAnchor> read(const std::string& text) {
+    const auto lines = static_cast<std::uint64_t>(std::count(text.begin(), text.end(), '\n'));
+    return readAuditAnchor(
+        folder.write("kept", text.starts_with('{') ? text + recordsEnd(lines, text) + "\n" : text));
+  }
   std::uint64_t position(const std::string& text) {
     const auto anchor = read(text);
     EXPECT_OK(anchor);
@@ -44,6 +51,21 @@ class AuditAnchorTest : public testing::Test {
   }
   test::TempFolder folder;
 };
+
+TEST_F(AuditAnchorTest, aPartOfAnExportIsNoExport) {
+  const std::string first = line("export-all", headText(2, 'a')), second = line("user add", "trainee");
+  const std::string whole = first + second + recordsEnd(2, first + second) + "\n";
+  EXPECT_OK(readAuditAnchor(folder.write("whole", whole)));
+  const auto fault = [&](const std::string& text) {
+    const auto anchor = readAuditAnchor(folder.write("part", text));
+    return anchor ? "it was read" : anchor.error().message;
+  };
+  EXPECT_THAT(fault(first), HasSubstr("ends after 1 records"));
+  EXPECT_THAT(fault(first + second), HasSubstr("ends after 2 records"));
+  EXPECT_THAT(fault(second + recordsEnd(2, first + second) + "\n"), HasSubstr("does not agree"));
+  EXPECT_THAT(fault(first + first + recordsEnd(2, first + second) + "\n"), HasSubstr("does not agree"));
+  EXPECT_THAT(fault(whole + second), HasSubstr("follows the last line"));
+}
 
 TEST_F(AuditAnchorTest, theHeadOfAnExportIsThatOfItsOwnLine) {
   const std::string person = R"({"kind":"person","name":"anna"})"
@@ -92,7 +114,8 @@ std::uint64_t peakOfReading(const Work& work) {
 TEST_F(AuditAnchorTest, aLineOfBracketsTakesMemoryOfSomeTimesItsLength) {
   constexpr std::size_t kLevels = 4'000'000;
   const std::string nested = R"({"a":)" + std::string(kLevels, '[') + std::string(kLevels, ']') + "}\n";
-  folder.write("kept", nested + line("export-all", headText(3, 'a')));
+  const std::string lines = nested + line("export-all", headText(3, 'a'));
+  folder.write("kept", lines + recordsEnd(2, lines));
   Result<AuditAnchor> anchor = Error{ErrorCode::kFailed, "not read"};
   const std::uint64_t before = peakOfReading([] {});
   const std::uint64_t peak = peakOfReading([&] { anchor = readAuditAnchor(folder.path() / "kept"); });

@@ -1,4 +1,6 @@
 // Tests what a class list (CSV) may cost: the groups that it names, those that it adds to, and its report.
+#include <gmock/gmock.h>
+
 #include <string>
 #include <vector>
 
@@ -44,6 +46,52 @@ TEST_F(ClassLists, aPersonIsInAHundredGroupsAtMostAndTheFaultHasTheLine) {
   EXPECT_TRUE(importPeople("name,group\nanna,g7;g8\n").done()) << "she is in them already";
   EXPECT_EQ(refusal(manager, putGroup("one-more", {"anna"}, 0)), ErrorCode::kInvalidInput);
   EXPECT_EQ(count("SELECT count(*) FROM group_members"), 100);
+}
+
+TEST_F(ClassLists, areReadAsSpreadsheetsWriteThem) {
+  for (const std::string csv :
+       {"name,full_name,role\nanna,Anna A,trainee\nben,Ben B,trainee\n",
+        "name;full_name;role\r\nanna;Anna A;trainee\r\nben;Ben B;trainee\r\n",
+        "NAME\tFull Name\tRole\nanna\tAnna A\ttrainee\nben\tBen B\ttrainee\n",
+        "sep=;\nname;full_name;role\n;;\nanna;Anna A;trainee\n;;\nben;Ben B;trainee\n;;\n",
+        "\xef\xbb\xbfname,full_name,role,,\nanna,Anna A,trainee,,\n,,,,\nben,Ben B,trainee,,\n",
+        "name,,full_name,role\nanna,,Anna A,trainee\nben,,Ben B,trainee\n",
+        "\"name\",\"full_name\",\"role\"\n\"anna\",\"Anna A\",\"trainee\"\n\"ben\",\"Ben "
+        "B\",\"trainee\"\n"}) {
+    pb::Request request;
+    request.mutable_import_people()->set_csv(csv);
+    request.mutable_import_people()->set_dry_run(true);
+    const pb::PeopleImport report = get(manager, request).people_import();
+    EXPECT_EQ(report.added(), 2u) << csv << report.DebugString();
+    EXPECT_EQ(report.faults(), 0u) << csv << report.DebugString();
+  }
+  pb::Request titled;
+  titled.mutable_import_people()->set_csv("Class of 2026\n\nname\nanna\n");
+  titled.mutable_import_people()->set_lines_above(2);
+  EXPECT_EQ(get(manager, titled).people_import().rows(0).line(), 4u);
+  EXPECT_EQ(refusedTable("nom;role\nanna;trainee\n").message,
+            "csv: column 'nom' is none of name, full_name, role, group, password, code: the header reads "
+            "'nom;role', separated by semicolons");
+  EXPECT_EQ(refusedTable("name\nK\xf6hler\n").message, "csv: is not UTF-8: save the table as \"CSV UTF-8\"");
+  const auto unnamed = importPeople("name,,role\nanna,x,trainee\n");
+  EXPECT_EQ(unnamed.rows(0).text(), "has a cell in column 2, whose name is missing in the header");
+  const auto comma = importPeople("name;group\nanna;autumn-a,autumn-b\n");
+  EXPECT_EQ(comma.rows(0).column(), "group");
+  EXPECT_THAT(comma.rows(0).text(), testing::HasSubstr("separated by semicolons"));
+}
+
+TEST_F(ClassLists, codesThatASpreadsheetRoundedAndCodesOfTwoPeopleAreFaults) {
+  for (const char* const code : {"4.71221E+11", "\"4,71221E+11\"", "5E+12", "4.7e-05"}) {
+    const auto report = importPeople("name,code\nanna," + std::string(code) + "\n");
+    ASSERT_EQ(report.faults(), 1u) << code;
+    EXPECT_EQ(report.rows(0).column(), "code");
+    EXPECT_THAT(report.rows(0).text(), testing::HasSubstr("format the column as text")) << code;
+  }
+  const auto twice = importPeople("name,code\nanna,471221034455\nben,12345\ncarl,471221034455\n");
+  ASSERT_EQ(twice.faults(), 2u);
+  EXPECT_EQ(twice.rows(0).text(), "is the code of line 4, too");
+  EXPECT_EQ(twice.rows(1).text(), "is the code of line 2, too");
+  EXPECT_TRUE(importPeople("name,code\nanna,4E11\nben,1E5-X\ncarl,471221\n").done()) << "codes of badges";
 }
 
 TEST_F(ClassLists, aTableThatNamesTooManyGroupsInAllIsRefusedAtTheLineWhereItDoes) {

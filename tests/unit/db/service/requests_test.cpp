@@ -103,13 +103,14 @@ TEST(Requests, whateverWritesTakesAShareAndWhatIsNeededOnAFullDiskGoesOn) {
             (Names{"backup", "change_user", "disable_user", "erase_person", "export_all", "export_person",
                    "export_study", "revoke_station", "run_retention", "set_password", "set_retention",
                    "stop_lesson"}));
-  EXPECT_EQ(
-      calls[Storing::kStores],
-      (Names{"add_station",         "add_user",       "annotate",          "assign",        "assign_session",
-             "change_lab_settings", "excuse_attempt", "import_curriculum", "import_people", "import_profile",
-             "next_exercise",       "put_group",      "remove_assignment", "remove_group",  "rescore_all",
-             "rescore_session",     "set_aids",       "set_code",          "set_consent",   "set_reference",
-             "trainee_message"}));
+  EXPECT_EQ(calls[Storing::kStores], (Names{"add_station",    "add_user",          "annotate",
+                                            "assign",         "assign_session",    "change_lab_settings",
+                                            "excuse_attempt", "import_curriculum", "import_people",
+                                            "import_profile", "next_exercise",     "put_group",
+                                            "redact",         "remove_assignment", "remove_group",
+                                            "rescore_all",    "rescore_session",   "set_aids",
+                                            "set_code",       "set_consent",       "set_reference",
+                                            "trainee_message"}));
   for (const std::string& name : calls[Storing::kNothing])
     EXPECT_TRUE(name.starts_with("list_") || name.starts_with("get_") || name.starts_with("read_") ||
                 name.starts_with("check") || name == "verify_session" || name == "seek_session" ||

@@ -89,7 +89,7 @@ class UnknownTrainees : public test::TeachingTest {
 TEST_F(UnknownTrainees, areRefusedWithNamesThatTheStationMayList) {
   addNamed("tom", "Tom Smith");
   addNamed("tim");
-  addNamed("tam");  // of no course: a station does not list this person
+  addNamed("tam");  // nothing is assigned to this person
   addNamed("tum");
   for (const char* name : {"tom", "tim", "tum"}) assignCourse(name);
   ASSERT_OK(change([](Connection& c) { return PeopleStore(c).setDisabled("tum", true); }));
@@ -103,9 +103,8 @@ TEST_F(UnknownTrainees, areRefusedWithNamesThatTheStationMayList) {
             "a trainee's account, practise as 'guest', or ask a manager to add this person; staff practise "
             "as members "
             "of a group with an assignment");
-  EXPECT_THAT(begin("txm")->message, HasSubstr("'tim' or 'tom' (Tom Smith)?"));
-  for (const char* hidden : {"'tam'", "'tum'", "'tem'"})
-    EXPECT_THAT(begin("txm")->message, Not(HasSubstr(hidden)));
+  EXPECT_THAT(begin("txm")->message, HasSubstr("'tam', 'tim' or 'tom' (Tom Smith)?"));
+  for (const char* hidden : {"'tum'", "'tem'"}) EXPECT_THAT(begin("txm")->message, Not(HasSubstr(hidden)));
   EXPECT_THAT(begin("somebody else")->message, Not(HasSubstr("Did you mean")));
   EXPECT_EQ(begin(std::string(65, 'x'))->code, ErrorCode::kInvalidInput);
   EXPECT_EQ(begin("tum")->code, ErrorCode::kNotFound);
@@ -116,6 +115,11 @@ TEST_F(UnknownTrainees, areRefusedWithNamesThatTheStationMayList) {
   look.mutable_get_lesson()->set_exercise_id("first");
   look.mutable_get_lesson()->set_trainee("t0m");
   get(instructor, look);
+}
+
+TEST_F(UnknownTrainees, areToldOfASimilarNameInALabWithoutAssignments) {
+  addNamed("tina");
+  EXPECT_THAT(begin("tinna")->message, HasSubstr("Did you mean 'tina'?"));
 }
 
 TEST_F(UnknownTrainees, lookLikeStaffAndLikeThoseWhoseAccessHasEnded) {
@@ -179,6 +183,83 @@ TEST_F(UnknownTrainees, areNotInTheListOfAStation) {
   };
   EXPECT_EQ(names(station), (std::vector<std::string>{"guest", "tom"}));
   EXPECT_EQ(names(instructor), (std::vector<std::string>{"ghost", "guest", "tom"})) << "staff sees all";
+}
+
+TEST_F(UnknownTrainees, areTypedNamesWhilePeopleAreTheirIdsToAStation) {
+  addNamed("tom");
+  attempt("tom", "first", true);
+  const pb::Results listed = results(station);
+  ASSERT_EQ(listed.rows_size(), 1);
+  const std::string person = listed.rows(0).person_ref();
+  EXPECT_EQ(person.size(), 37u) << "@ and a UUID";
+  pb::Request request;
+  request.mutable_get_lesson()->set_exercise_id("first");
+  request.mutable_get_lesson()->set_trainee("TOM");
+  EXPECT_EQ(get(station, request).lesson().person_ref(), person);
+  request.mutable_check_trainee()->set_trainee("tom");
+  EXPECT_EQ(get(station, request).trainee_checked().person_ref(), person);
+  request.mutable_check_trainee()->set_trainee("guest");
+  EXPECT_EQ(get(station, request).trainee_checked().person_ref(), "");
+  EXPECT_EQ(results(instructor).rows(0).person_ref(), "") << "to stations only";
+  attempt(person, "first", true);
+  EXPECT_EQ(attemptsOf("tom"), 2u);
+  EXPECT_TRUE(waiting(manager).empty());
+}
+
+TEST_F(UnknownTrainees, waitAlsoWhereTheStationsClockWasWrongUntilAManagerSaysWhenTheyBegan) {
+  addNamed("tom");
+  constexpr std::int64_t kMin_ns = 60'000'000'000, kNow_ns = 1'000 * kMin_ns;
+  using Clock = pb::SessionDescription;
+  const auto bring = [&](Clock::BeginClock clock, std::int64_t started_ns) {
+    const Uuid id = makeUuidV7();
+    auto d = test::describe(id);
+    d.set_trainee("tom");
+    d.set_exercise_id("first");
+    d.set_started_unix_ns(started_ns);
+    d.set_begin_clock(clock);
+    EXPECT_OK(change([&](Connection& c) -> Status {
+      const auto opened = SessionStore(c).open(d, kNow_ns);
+      if (!opened) return opened.error();
+      const auto closed = SessionStore(c).close(test::closeOf(id, 0), kNow_ns);
+      return closed ? Status() : Status(closed.error());
+    }));
+    return id;
+  };
+  bring(Clock::SERVER_CLOCK, kNow_ns);
+  bring(Clock::OWN_CLOCK, kNow_ns + 5 * kMin_ns);
+  bring(Clock::OWN_CLOCK_ALONE, kNow_ns - 5 * kMin_ns);
+  bring(Clock::BEGIN_CLOCK_UNSPECIFIED, 1);
+  EXPECT_TRUE(waiting(manager).empty());
+  EXPECT_EQ(attemptsOf("tom"), 4u);
+  const std::vector<std::pair<Clock::BeginClock, std::int64_t>> wrong = {
+      {Clock::OWN_CLOCK, kNow_ns + 5 * kMin_ns + 1},
+      {Clock::SERVER_CLOCK, 2 * kNow_ns},
+      {Clock::OWN_CLOCK_BEHIND, kNow_ns - 6 * kMin_ns},
+      {Clock::OWN_CLOCK_ALONE, 1}};
+  for (const auto& [clock, started_ns] : wrong) {
+    const Uuid id = bring(clock, started_ns);
+    ASSERT_EQ(waiting(manager), std::vector<std::string>{test::bytesOfId(id)}) << clock;
+    pb::Request show;
+    show.mutable_get_session()->set_session_id(test::bytesOfId(id));
+    EXPECT_TRUE(get(manager, show).session().begin_unsure());
+    EXPECT_FALSE(get(manager, show).session().code_unchecked()) << "that is not why";
+    const std::uint32_t before = attemptsOf("tom");
+    pb::Request accept = assignTo(id, "tom");
+    accept.mutable_assign_session()->set_started_unix_ns(2);
+    const auto given = get(manager, accept).session();
+    EXPECT_EQ(given.description().started_unix_ns(), 2);
+    EXPECT_FALSE(given.begin_unsure());
+    EXPECT_EQ(attemptsOf("tom"), before + 1);
+  }
+}
+
+TEST_F(UnknownTrainees, areNotTakenForTheIdThatTheyLookLike) {
+  addNamed("tom");
+  const Uuid session = attempt("@1", "first", true);
+  EXPECT_EQ(waiting(manager), std::vector<std::string>{test::bytesOfId(session)});
+  pb::Request request;
+  request.mutable_get_session()->set_session_id(test::bytesOfId(session));
+  EXPECT_EQ(get(manager, request).session().description().trainee(), "1");
 }
 
 TEST_F(UnknownTrainees, keepTheirRecordingsWhichAreFlaggedUntilTheyAreAssigned) {

@@ -49,7 +49,7 @@ TEST(Requests, stationsAreListedWithTheirStateNow) {
   EXPECT_FALSE(reply->stations().stations(1).online());
 }
 
-TEST(Requests, aStatusNamesATraineeOnlyInASessionThatTheServerKeepsInThisNameAlsoAfterARestart) {
+TEST(Requests, aStatusNamesTheTraineeOfASessionThatTheServerKeepsAlsoAfterARestart) {
   RunningServer server;
   const std::string key = server.addStation("bench-1");
   server.addUser("anna", pb::INSTRUCTOR, "correct horse battery");
@@ -85,7 +85,7 @@ TEST(Requests, aStatusNamesATraineeOnlyInASessionThatTheServerKeepsInThisNameAls
     EXPECT_EQ(shown(station, anna, session.id(), "tina"), "") << "not opened yet";
     open(station);
     EXPECT_EQ(shown(station, anna, session.id(), "tina"), "tina");
-    EXPECT_EQ(shown(station, anna, session.id(), "tom"), "");
+    EXPECT_EQ(shown(station, anna, session.id(), "tom"), "tina") << "not what the station says";
   }
   pb::Request erase;
   erase.mutable_erase_person()->set_name("tina");

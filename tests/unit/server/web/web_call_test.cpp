@@ -107,6 +107,8 @@ TEST(IfMatch, isARevisionInQuotes) {
 TEST(Origin, onlyThisServerOverTls) {
   EXPECT_TRUE(isSameOrigin("https://lab:7751", "lab:7751"));
   EXPECT_TRUE(isSameOrigin("https://LAB:7751", "lab:7751"));
+  EXPECT_TRUE(isSameOrigin("https://lab", "lab:443")) << "443 is https without a port";
+  EXPECT_TRUE(isSameOrigin("https://lab:443", "lab"));
   for (const char* origin : {"http://lab:7751", "https://lab", "https://lab:7751.evil",
                              "https://evil/lab:7751", "null", "", "https://", "https://lab:7751/"})
     EXPECT_FALSE(isSameOrigin(origin, "lab:7751")) << origin;

@@ -51,7 +51,7 @@ TEST(CurveSet, columnsSayAllThatIsKnown) {
   folder.write("a.csv",
                "\xEF\xBB\xBF force_n , depth_m,remark,specimen,needle,tissue,speed_m_s\r\n"
                "0,0,x,s0,18G,gel,0.01\r\n1,0.001,,s0,18G,gel,0.01\r\n2,0.002,y,s0,18G,gel,0.01\r\n\r\n"
-               "4,0.004,,s0,18G,gel,0.01\r\n3,0.003,,s0,18G,gel,0.01\r\n5,0.005,,s0,18G,gel,0.01\r\n"
+               "4,0.004,,s0,18G,gel,0.01\r\n3,0.0037,,s0,18G,gel,0.01\r\n5,0.005,,s0,18G,gel,0.01\r\n"
                "6,0.006,,s0,18G,gel,0.01\r\n7,0.007,,s0,18G,gel,0.01");
   const auto set = readCurveSet(folder.path());
   ASSERT_TRUE(set.ok()) << set.error().message;
@@ -60,12 +60,35 @@ TEST(CurveSet, columnsSayAllThatIsKnown) {
   EXPECT_EQ(set->curves[0].speed_mps, 0.01);
   // the row that goes back is put in order, with its force
   for (std::size_t i = 0; i < 8; ++i) {
-    EXPECT_DOUBLE_EQ(set->curves[0].depth_m[i], 0.001 * static_cast<double>(i));
+    EXPECT_DOUBLE_EQ(set->curves[0].depth_m[i], i == 3 ? 0.0037 : 0.001 * static_cast<double>(i));
     EXPECT_DOUBLE_EQ(set->curves[0].force_N[i], static_cast<double>(i));
   }
   EXPECT_EQ(set->curves[1].specimen, "s1");
   EXPECT_EQ(set->curves[2].needle, "20G");
   EXPECT_EQ(set->licence, "not said");
+}
+
+TEST(CurveSet, whatGoesBackIsAWithdrawalOrSaidToBeDigitisedOrRefused) {
+  const TempFolder folder;
+  const auto write = [&](const std::vector<double>& depths_mm, bool digitised = false) {
+    std::string text = "depth_m,force_n,specimen,needle,tissue,speed_m_s\n";
+    for (const double depth : depths_mm) text += std::to_string(depth / 1000) + ",1,s0,18G,gel,0.01\n";
+    folder.write("a.csv", text);
+    return readCurveSet(folder.path(), {}, {.digitised = digitised});
+  };
+  const auto back = write({0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0});
+  ASSERT_TRUE(back.ok()) << back.error().message;
+  EXPECT_EQ(back->curves[0].depth_m.size(), 10u);
+  EXPECT_EQ(back->curves[0].withdrawal.depth_m.size(), 9u);
+  EXPECT_THAT(back->notes.back(), testing::HasSubstr("1 of 1 curves were split"));
+  const std::vector<double> any_order = {0, 1, 2, 3, 9, 5, 6, 7, 8, 4, 10, 11};
+  const auto mixed = write(any_order);
+  ASSERT_FALSE(mixed.ok());
+  EXPECT_THAT(mixed.error().message, testing::HasSubstr("row 6 is at 0.005 m after 0.009 m"));
+  const auto points = write(any_order, true);
+  ASSERT_TRUE(points.ok()) << points.error().message;
+  EXPECT_DOUBLE_EQ(points->curves[0].depth_m[4], 0.004);
+  EXPECT_THAT(points->notes.front(), testing::HasSubstr("is digitised"));
 }
 
 TEST(CurveSet, timeTimesSpeedIsDepthFromTheFirstRowOn) {
@@ -170,7 +193,7 @@ TEST(CurveSet, aKnownDataSetNeedsNoDescription) {
     EXPECT_EQ(set->curves[0].force_N.size(), 371u);
     EXPECT_EQ(set->curves[0].speed_mps, 0.003);
     EXPECT_THAT(set->notes[0], HasSubstr("built in"));
-    EXPECT_EQ(set->notes.size(), 3u) << "two files are left out, each with its reason";
+    EXPECT_EQ(set->notes.size(), 4u) << "two files are left out, each with its reason, and one is digitised";
     EXPECT_THAT(set->licence, HasSubstr("none"));
   }
 }

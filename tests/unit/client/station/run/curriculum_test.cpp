@@ -67,6 +67,7 @@ class CurriculumTest : public testing::Test {
       const bool first = call.page().empty();
       auto* row = results.add_rows();
       row->set_trainee(!first ? "zoe" : call.course_id() == "a" ? "tom" : "mia");
+      row->set_person_ref("@" + row->trainee());
       row->set_full_name(!first ? "Zoe Zimmer" : call.course_id() == "a" ? "Tom Tailor" : "");
       if (first) results.set_next_page("next");
       return;
@@ -92,7 +93,8 @@ class CurriculumTest : public testing::Test {
   }
 
   TempFolder folder_;
-  CurriculumCache cache_{folder_.path()};
+  const fs::path key_file_ = folder_.write("station.key", "station-1:" + std::string(64, '0') + "\n");
+  CurriculumCache cache_{folder_.path(), key_file_};
   Curriculum curriculum_;
   std::vector<pb::Request> asked_;
   bool lists_people_ = true;
@@ -108,8 +110,9 @@ TEST_F(CurriculumTest, exercisesKnowTheirCourses) {
 
 TEST_F(CurriculumTest, namesOfAllCoursesAndPagesAndTheStandingOfOne) {
   ASSERT_TRUE(updateCurriculum(curriculum_, ask(), "tom", 42).ok());
-  EXPECT_THAT(curriculum_.trainees, ElementsAre(KnownTrainee{"mia", ""}, KnownTrainee{"tom", "Tom Tailor"},
-                                                KnownTrainee{"zoe", "Zoe Zimmer"}));
+  EXPECT_THAT(curriculum_.trainees,
+              ElementsAre(KnownTrainee{"mia", "", "@mia"}, KnownTrainee{"tom", "Tom Tailor", "@tom"},
+                          KnownTrainee{"zoe", "Zoe Zimmer", "@zoe"}));
   ASSERT_EQ(curriculum_.standings.size(), 1u);
   const TraineeStanding& tom = curriculum_.standings.at("tom");
   EXPECT_EQ(tom.as_of_unix_ns, 42);
@@ -163,13 +166,40 @@ TEST_F(CurriculumTest, aDamagedCacheIsNoCache) {
   const fs::path file = folder_.path() / "lessons" / "curriculum.cache";
   const std::string good = *readWholeFile(file);
   std::string flipped = good;
-  flipped[flipped.find("77") + 1] = '8';
+  flipped[good.size() / 2] = static_cast<char>(flipped[good.size() / 2] ^ 1);
   for (const std::string& bad : {flipped, good.substr(0, good.size() / 2), std::string(), std::string("\n"),
                                  std::string(5000, '['), std::string("[1]\n{}")}) {
     folder_.write("lessons/curriculum.cache", bad);
     EXPECT_TRUE(cache_.find().exercises.empty()) << bad.substr(0, 80);
     EXPECT_TRUE(cache_.find().standings.empty()) << bad.substr(0, 80);
   }
+}
+
+TEST_F(CurriculumTest, theCacheNamesPeopleToTheKeyOfTheStationOnly) {
+  ASSERT_TRUE(updateCurriculum(curriculum_, ask(), "tom", 42).ok());
+  ASSERT_TRUE(cache_.keep(curriculum_).ok());
+  const std::string file = *readWholeFile(folder_.path() / "lessons" / "curriculum.cache");
+  for (const char* const text : {"Tom Tailor", "Zoe Zimmer", "full_name"})
+    EXPECT_EQ(file.find(text), std::string::npos) << text;
+  const fs::path other = folder_.write("other.key", "station-1:" + std::string(64, '1') + "\n");
+  for (const fs::path& key_file : {other, fs::path(), folder_.path() / "none.key"}) {
+    const CurriculumCache without(folder_.path(), key_file);
+    EXPECT_TRUE(without.find().trainees.empty()) << key_file;
+  }
+  EXPECT_EQ(cache_.find().trainees, curriculum_.trainees);
+}
+
+TEST_F(CurriculumTest, theCacheForgetsWhomTheServerDoesNotListAnyMore) {
+  ASSERT_TRUE(updateCurriculum(curriculum_, ask(), "tom", 42).ok());
+  curriculum_.trainees.push_back({"eva", "Eva Erased", "@eva"});
+  curriculum_.standings["eva"].as_of_unix_ns = 41;
+  ASSERT_TRUE(cache_.keep(curriculum_).ok());
+  Curriculum kept = cache_.find();
+  ASSERT_EQ(personOf(kept.trainees, "eva"), "@eva");
+  ASSERT_TRUE(updateCurriculum(kept, ask(), "", 43).ok());
+  ASSERT_TRUE(cache_.keep(kept).ok());
+  EXPECT_EQ(personOf(cache_.find().trainees, "eva"), "");
+  EXPECT_EQ(cache_.find().standings.count("eva"), 0u);
 }
 
 TEST_F(CurriculumTest, theCacheKeepsTheNewestStandings) {

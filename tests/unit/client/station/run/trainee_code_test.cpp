@@ -22,6 +22,7 @@ namespace needlelab::test {
 namespace {
 
 namespace fs = std::filesystem;
+using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::Not;
@@ -109,6 +110,27 @@ TEST_F(LessonWithCode, aTraineeWithoutACodeIsNotAsked) {
   EXPECT_THAT(server_.givenCodes(), ElementsAre("")) << "nobody asked for what is in the file";
   EXPECT_FALSE(begun().code_checked());
   EXPECT_FALSE(observer_.beginning->code_unchecked);
+}
+
+TEST_F(LessonWithCode, theSessionHasThePersonsIdAlsoWithoutTheServerAndNothingOnDiskHasTheName) {
+  const std::string name = "tamara", person = "@01890a5d-ac96-774b-bcce-b302099a8057";
+  pb::Lesson lesson = server_.lesson();
+  lesson.set_person_ref(person);
+  server_.setLesson(lesson);
+  options_.trainee = name;
+  ASSERT_TRUE(prepare().ok());
+  EXPECT_EQ(begun().trainee(), person);
+  EXPECT_EQ(observer_.beginning->trainee, name) << "the screen shows it";
+  Curriculum listed;
+  listed.trainees = {{name, "Tamara Lind", person}};
+  ASSERT_TRUE(CurriculumCache(options_.spool, options_.key_file).keep(listed).ok());
+  takeServerAway();
+  ASSERT_TRUE(prepare().ok());
+  EXPECT_EQ(begun().trainee(), person);
+  EXPECT_THAT(written(), AllOf(Not(HasSubstr(name)), Not(HasSubstr("Tamara"))));
+  options_.trainee = "somebody";
+  ASSERT_TRUE(prepare().ok());
+  EXPECT_EQ(begun().trainee(), "somebody") << "as it was typed: the server maps it";
 }
 
 TEST_F(LessonWithCode, theFilesCodeIsSentWhenTheServerAsksAndTheSessionSaysThatItWasChecked) {
@@ -301,10 +323,11 @@ StationOptions atTheTerminal(const TempFolder& folder) {
   StationOptions options;
   options.trainee = "tom";
   options.spool = folder.path();
+  options.key_file = folder.write("station.key", "station-1:" + std::string(64, '0') + "\n");
   fs::create_directories(folder.path() / "lessons");
   Curriculum curriculum;
   curriculum.trainees = {{"tom", "Tom Smith"}};
-  EXPECT_TRUE(CurriculumCache(options.spool).keep(curriculum).ok());
+  EXPECT_TRUE(CurriculumCache(options.spool, options.key_file).keep(curriculum).ok());
   return options;
 }
 

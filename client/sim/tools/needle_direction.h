@@ -1,0 +1,26 @@
+/// Whether a needle enters the skin tip first: hub first shows a quaternion in another order, or another
+/// frame.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "common/gesture/sample.h"
+#include "common/haptics/engine.h"
+#include "common/haptics/scene_model.h"
+
+namespace needlelab {
+
+/// The needle points along z of its frame. `tip`: of row i, in the limb's frame W. Returns a warning for a
+/// person about the first entry at which it points out of the skin; nothing when there is none.
+std::optional<std::string> needleDirectionWarning(const Limb& limb, std::size_t rows,
+                                                  const std::function<TipSample(std::size_t)>& tip);
+
+/// Prints it on standard error.
+void warnOfDirection(const char* command, const Limb& limb, std::size_t rows,
+                     const std::function<TipSample(std::size_t)>& tip);
+TipSample tipOf(const GestureSample& sample);
+
+}  // namespace needlelab

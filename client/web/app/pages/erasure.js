@@ -1,0 +1,117 @@
+// A person's erasure, what of it stays, and the texts of others that name the person.
+import { lab, people } from '../net/requests.js';
+import { announce, Confirm, Mark, Problem, Table } from '../ui/widgets.js';
+import { CheckField, TextField } from '../ui/fields.js';
+import { useAction, useLoad } from '../ui/hooks.js';
+import { html, useState } from '../ui/html.js';
+
+/** Remarks, titles and notes that name the person: nothing changes them by itself. */
+function Mentions({ name }) {
+  const [text, setText] = useState('');
+  const [found, setFound] = useState(null);
+  const action = useAction();
+  const look = async () => {
+    const all = await action.run(() => people.mentions(name, text));
+    if (all) setFound(all);
+  };
+  const redact = async (one) => {
+    if (!(await action.run(() => people.redact(name, text, one.where)))) return;
+    announce(`The name was taken out of ${one.about}.`);
+    setFound((before) => before.filter((other) => other.where !== one.where));
+  };
+  return html`
+    <p>Remarks, titles, names of groups and notes stay as they are. Look first where they name ${name}:</p>
+    <${TextField} label="Other words, such as a nickname" value=${text} onValue=${setText} autocomplete="off" />
+    <div class="actions">
+      <button type="button" onClick=${look} disabled=${action.busy}>Find texts that name the person</button>
+    </div>
+    <${Problem} error=${action.error} />
+    ${found && found.length === 0 && html`<p role="status">No text names the person.</p>`}
+    ${
+      found &&
+      found.length > 0 &&
+      html`<${Table}
+        caption="Texts that name the person"
+        head=${['In', 'Text', html`<span class="visually-hidden">Actions</span>`]}
+      >${found.map(
+        (one) => html`<tr key=${one.where}>
+          <th scope="row">${one.link ? html`<a href=${one.link}>${one.about}</a>` : one.about}</th>
+          <td>${one.text}</td>
+          <td>
+            <button
+              type="button"
+              class="small danger"
+              aria-label=${`Take the name out of ${one.where}`}
+              disabled=${action.busy}
+              onClick=${() => redact(one)}
+            >
+              Redact
+            </button>
+          </td>
+        </tr>`,
+      )}<//>`
+    }
+  `;
+}
+
+export function Erasure({ name }) {
+  const [asking, setAsking] = useState(false);
+  const [typed, setTyped] = useState('');
+  const [reason, setReason] = useState('');
+  const [waiting, setWaiting] = useState(false);
+  const [result, setResult] = useState(null);
+  const action = useAction();
+  const settings = useLoad((signal) => lab.settings(signal), []);
+  const keeps = settings.data?.keep_recordings_of_erased;
+  const erase = async () => {
+    const report = await action.run(() => people.erase(name, reason, waiting));
+    if (report) {
+      setAsking(false);
+      setResult(report);
+    }
+  };
+  if (result) {
+    return html`<div class="hint" role="status">
+      <p><strong>The data of ${name} were erased.</strong> They are ${result.pseudonym} from now on.</p>
+      <p>
+        ${result.pending && html`<${Mark} kind="warn">pending<//> `}
+        ${result.sessions} sessions, ${result.scores} scores. ${result.text}
+      </p>
+      <p><a href="#/people">Back to the people</a></p>
+    </div>`;
+  }
+  return html`<fieldset>
+    <legend>Erasure</legend>
+    <p>
+      ${
+        keeps
+          ? 'Recordings, scores and attempts stay, without a name, as the lab has chosen (Retention).'
+          : 'Recordings, scores and attempts of this person go for ever.'
+      }
+    </p>
+    <${Mentions} name=${name} />
+    <div class="actions">
+      <button type="button" class="danger" onClick=${() => setAsking(true)}>Erase all data …</button>
+    </div>
+    ${
+      asking &&
+      html`<${Confirm}
+        title=${`Erase all data of ${name}?`}
+        word="Erase for ever"
+        act=${erase}
+        close=${() => setAsking(false)}
+        busy=${action.busy || typed !== name}
+        error=${action.error}
+      >
+        <p>This cannot be undone. Type the name to confirm.</p>
+        <${TextField} label="Name" value=${typed} onValue=${setTyped} autocomplete="off" />
+        <${TextField} label="Reason" value=${reason} onValue=${setReason} />
+        <${CheckField}
+          label="Sessions that wait for a manager, too (they may be another person's)"
+          checked=${waiting}
+          onValue=${setWaiting}
+        />
+      <//>`
+    }
+  </fieldset>`;
+}

@@ -1,0 +1,55 @@
+"""Ports, proxies, signals and TLS."""
+import signal
+import subprocess
+
+from lab import says
+
+
+def rows(lab):
+    def curl(port):
+        lab.start()
+        done = subprocess.run(["curl", "-sS", "--cacert", str(lab.ca), "--max-time", "60", f"https://localhost:{port}/"], capture_output=True, text=True, check=False)
+        return done.stdout + done.stderr
+
+    yield "a browser at the stations' port is told the console's", lambda: "" if f"port {lab.web}" in (got := curl(lab.port)) else got
+    yield "a program at the browsers' port is told", lambda: says(lab.admin("user", "list", port=lab.web), 2, "the port for browsers")
+
+    def from_page(origin, host):
+        return lab.http(f"POST /api/v1/groups HTTP/1.1\r\nHost: {host}\r\nOrigin: {origin}\r\nContent-Type: application/json\r\nContent-Length: 2\r\nConnection: close\r\n\r\n{{}}")
+
+    for origin, host in (("https://lab.example.org", "lab.example.org"), ("https://lab.example.org", "lab.example.org:443"), ("https://lab.example.org:443", "lab.example.org")):
+        yield f"Origin {origin} is a page of Host {host}", lambda origin=origin, host=host: "" if " 401 " in (got := from_page(origin, host))[:20] else got[:200]
+
+    def refused():
+        got = from_page("https://evil.example.org", "lab.example.org")
+        text = lab.log.read_text(errors="replace")
+        return "" if " 403 " in got[:20] and "evil.example.org" in text and "Host 'lab.example.org'" in text else got[:200]
+
+    yield "a page of another host is refused, and the log has both", refused
+    yield "two Hosts are 400", lambda: "" if " 400 " in (got := lab.http("GET / HTTP/1.1\r\nHost: a\r\nHost: b\r\n\r\n"))[:20] else got[:200]
+    yield "an absolute target is taken", lambda: "" if " 401 " in (got := lab.get(f"https://localhost:{lab.web}/api/v1/people"))[:20] else got[:200]
+    yield "401 says how to log in", lambda: "" if "WWW-Authenticate: " in (got := lab.get("/api/v1/people")) else got[:300]
+    yield "answers have the date", lambda: "" if "\r\nDate: " in (got := lab.get("/")) else got[:300]
+    yield "a WebSocket without a key is refused", lambda: "" if " 101 " not in (
+        got := lab.get("/api/v1/live", "Upgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: x\r\n"))[:20] else got[:200]
+
+    def groups(name, port):
+        lab.start()
+        done = subprocess.run(["openssl", "s_client", "-connect", f"localhost:{port}", "-groups", name], stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+        return "Cipher is TLS_" in done.stdout
+
+    for port in ("port", "web"):
+        for name in ("X25519", "P-256", "P-384"):
+            yield f"TLS at {port} takes {name}", lambda name=name, port=port: "" if groups(name, getattr(lab, port)) else "refused"
+        for name in ("ffdhe2048", "ffdhe8192"):
+            yield f"TLS at {port} refuses {name}", lambda name=name, port=port: "taken" if groups(name, getattr(lab, port)) else ""
+
+    def hang_up():
+        lab.start()
+        code = lab.end(signal.SIGHUP)
+        text = lab.log.read_text(errors="replace")
+        return "" if code == 0 and "stopping" in text else f"exit {code}"
+
+    yield "SIGHUP ends the server as SIGTERM does", hang_up
+    yield "a similar name is told in a lab without assignments", lambda: says(
+        lab.station("--trainee", "tomm", "--exercise", "shoulder-bursa", "--seconds", "1"), 1, "Did you mean 'tom'?")
