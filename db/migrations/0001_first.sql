@@ -36,6 +36,7 @@ CREATE TABLE names (
 ) STRICT;
 CREATE UNIQUE INDEX names_once ON names (folded, typed);
 CREATE INDEX names_in_order ON names (name);
+CREATE INDEX names_typed ON names (person) WHERE typed = 1;   -- few: names_taken reads them
 
 -- People with an account, and what each `ref` is called: by an account, or as it was typed.
 CREATE VIEW accounts AS

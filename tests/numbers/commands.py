@@ -181,7 +181,7 @@ def exports(held, facts, lab, s, gesture):
             return g.flags[i]
         return g.columns[place[name]][i]
 
-    file = lab.folder / "export.csv"
+    file = lab.folder / f"{ident}.csv"
     lab.admin("session", "export", ident, "--out", file)
     with open(file, newline="") as lines:
         rows = list(csv.reader(lines))
@@ -193,7 +193,7 @@ def exports(held, facts, lab, s, gesture):
             value, text = expected(name, i), rows[i + 1][c]
             seen = int(text) if whole else float(text)
             held.same("admin session export, CSV", name, f"{ident} row {i}", math.nan if value is None else value, seen)
-    file = lab.folder / "export.json"
+    file = lab.folder / f"{ident}.json"
     lab.admin("session", "export", ident, "--format", "json", "--out", file, "--from", "1", "--to", "1.5")
     rows = json.loads(file.read_text())["rows"]
     within = [i for i in range(g.count) if 1_000_000_000 <= g.time_ns[i] - g.time_ns[0] < 1_500_000_000]
@@ -201,7 +201,7 @@ def exports(held, facts, lab, s, gesture):
     for i, row in zip(within[::5], rows[::5]):
         held.same("admin session export, JSON", "t_s, since the first sample", ident, (g.time_ns[i] - g.time_ns[0]) / 1e9, row["t_s"])
         held.same("admin session export, JSON", "fz_n", ident, g.columns[12][i], row["fz_n"])
-    file = lab.folder / "export.rec"
+    file = lab.folder / f"{ident}.rec"
     lab.admin("session", "export", ident, "--format", "recording", "--out", file)
     data = file.read_bytes()
     held.same("admin session export, recording", "holds every chunk, byte for byte", ident, True, all(c in data for c in facts.chunks(s)))

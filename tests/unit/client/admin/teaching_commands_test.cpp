@@ -78,8 +78,8 @@ TEST_F(TeachingCommands, aWeekOfAManagerOnAFolderAndOnAServer) {
     ok("mia", {"consent", "give", "anna", "--note", "paper 7"});
     ok("mia", {"consent", "withdraw", "anna"});
     EXPECT_EQ(ok("mia", {"consent", "list", "anna", "--json"}).rows().size(), on_server ? 4u : 2u);
-    ok("ada", {"study", "export", "s1", "--out", file("study.jsonl")});
-    ok("ada", {"person", "export", "anna", "--out", file("anna.jsonl")});
+    ok("ada", {"study", "export", "s1", "--out", file(group + "-study.jsonl")});
+    ok("ada", {"person", "export", "anna", "--out", file(group + "-anna.jsonl")});
     EXPECT_EQ(either(on_server, "ada", {"person", "erase", "ben", "--confirm", "anna"}).code, 2);
     ok("ada", {"person", "erase", "ben", "--confirm", "ben"});
     ok("mia", {"group", "remove", group});
