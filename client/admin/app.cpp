@@ -235,7 +235,8 @@ Result<std::string> passwordFromFile(const std::filesystem::path& file, const st
   ASSIGN_OR_RETURN(auto text, readWholeFile(file, kMaxPasswordFileBytes));
   const WipeAtEnd wiped(text);
   warnWhenOthersMayRead(file);
-  std::string line(withoutMark(text).substr(0, withoutMark(text).find_first_of("\r\n")));
+  const std::string_view unmarked = withoutMark(text);
+  std::string line(unmarked.substr(0, unmarked.find_first_of("\r\n")));
   if (line.empty())
     return Error{ErrorCode::kInvalidInput, file.string() + ": its first line, the " + what + ", is empty"};
   return line;

@@ -22,13 +22,6 @@ std::string_view trimmed(std::string_view text) {
   return text;
 }
 
-std::string lowerCaseAscii(std::string_view text) {
-  std::string lower(text);
-  for (char& c : lower)
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  return lower;
-}
-
 /// Nothing: a byte sequence is not of the encoding.
 std::optional<std::string> converted(std::string bytes, const char* from) {
   const iconv_t opened = ::iconv_open("UTF-8", from);
@@ -159,7 +152,7 @@ Status CsvRows::readQuoted(std::size_t end) {
   for (;;) {
     while (at_ < end && text_[at_] == ' ') ++at_;
     if (at_ >= end || text_[at_] != '"') {
-      const std::size_t to = std::min(text_.find(separator_, at_), end);
+      const std::size_t to = std::min(text_.substr(0, end).find(separator_, at_), end);
       cells_.push_back(trimmed(text_.substr(at_, to - at_)));
       at_ = to;
     } else {
@@ -189,7 +182,7 @@ Status CsvRows::readQuoted(std::size_t end) {
 }
 
 bool isColumn(std::string_view header_cell, std::string_view wanted) {
-  std::string name = lowerCaseAscii(trimmed(header_cell));
+  std::string name = lowerCase(trimmed(header_cell));
   std::string unit;
   const std::size_t open = name.find_first_of("[(");
   if (open != std::string::npos && (name.back() == ']' || name.back() == ')')) {
@@ -198,7 +191,7 @@ bool isColumn(std::string_view header_cell, std::string_view wanted) {
   }
   std::replace(name.begin(), name.end(), ' ', '_');
   std::replace(unit.begin(), unit.end(), '/', '_');
-  const std::string column = lowerCaseAscii(wanted);
+  const std::string column = lowerCase(wanted);
   if (unit.empty()) return name == column;
   return name + "_" + unit == column || (name == column && column.ends_with("_" + unit));
 }

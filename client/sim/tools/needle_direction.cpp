@@ -7,17 +7,9 @@
 #include <cstdio>
 #include <numbers>
 
+#include "common/haptics/surface.h"
+
 namespace needlelab {
-namespace {
-
-/// Into the tissue: the gradient of the depth.
-Vec3 inwardNormal(const Limb& limb, Vec3 p_m) {
-  constexpr double kStep_m = 1e-5;
-  const auto slope = [&](Vec3 step) { return signedDepth(limb, p_m + step) - signedDepth(limb, p_m - step); };
-  return normalized(Vec3{slope({kStep_m, 0, 0}), slope({0, kStep_m, 0}), slope({0, 0, kStep_m})});
-}
-
-}  // namespace
 
 std::optional<std::string> needleDirectionWarning(const Limb& limb, std::size_t rows,
                                                   const std::function<TipSample(std::size_t)>& tip) {
@@ -28,7 +20,8 @@ std::optional<std::string> needleDirectionWarning(const Limb& limb, std::size_t 
     const bool enters = was_outside && !outside;
     was_outside = outside;
     if (!enters) continue;
-    const double cosine = dot(rotate(now.q_WT, Vec3{0, 0, 1}), inwardNormal(limb, now.p_WT_m));
+    const Vec3 axis = zAxis(now.q_WT);
+    const double cosine = -dot(axis, normalized(surfaceNormal(limb, now.p_WT_m, axis)));
     if (cosine >= 0) continue;
     return fmt::format(
         "row {}: the needle's axis points out of the skin where it enters, {:.0f}° from straight in: is the "

@@ -30,16 +30,21 @@ Status checkOrder(const std::filesystem::path& path, const std::vector<GestureSa
   return {};
 }
 
+/// The middle one of at least one.
+template <typename T>
+T medianOf(std::vector<T> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
 /// The median of a tick's time; 0: fewer than two samples.
 double tickOf_s(const std::vector<GestureSample>& samples) {
   std::vector<double> periods;
   for (std::size_t i = 1; i < samples.size(); ++i)
     periods.push_back(1e-9 * static_cast<double>(samples[i].time_ns - samples[i - 1].time_ns) /
                       static_cast<double>(samples[i].tick - samples[i - 1].tick));
-  if (periods.empty()) return 0;
-  const auto middle = periods.begin() + static_cast<std::ptrdiff_t>(periods.size() / 2);
-  std::nth_element(periods.begin(), middle, periods.end());
-  return *middle;
+  return periods.empty() ? 0 : medianOf(std::move(periods));
 }
 
 /// A station's rate is a whole number of ticks a second, its times are not exactly so.
@@ -58,10 +63,8 @@ std::vector<std::string> holesOf(const std::vector<GestureSample>& samples, doub
   std::vector<std::uint64_t> steps;
   for (std::size_t i = 1; i < samples.size(); ++i) steps.push_back(samples[i].tick - samples[i - 1].tick);
   if (steps.empty()) return {};
-  auto sorted = steps;
-  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-  std::nth_element(sorted.begin(), middle, sorted.end());
-  const double most = std::max(3.0 * static_cast<double>(*middle), kMostMissed_s / std::max(tick_s, 1e-9));
+  const double usual = static_cast<double>(medianOf(steps));
+  const double most = std::max(3 * usual, kMostMissed_s / std::max(tick_s, 1e-9));
   std::vector<std::string> holes;
   for (std::size_t i = 0; i < steps.size(); ++i)
     if (static_cast<double>(steps[i]) > most)
