@@ -63,12 +63,14 @@ std::string attemptsAt(std::string_view places, std::string_view rest, bool with
 constexpr std::string_view kInOrder = "ORDER BY s.started_unix_ns, s.number";
 
 /// The best attempt at each exercise of course ?1 of the trainees ?2, whose list goes behind: the last entry
-/// of sessions_by_verdict, whose terms these are (migrations/0001_first.sql).
-constexpr std::string_view kBest =
+/// of sessions_by_verdict, whose terms these are (migrations/0001_first.sql). Between the two parts: the
+/// column of the score, where it is wanted.
+constexpr std::string_view kBestColumns =
     "SELECT s.id, s.trainee, s.exercise_id, (SELECT count(*) FROM sessions e WHERE e.trainee = s.trainee"
     " AND e.exercise_id = s.exercise_id AND (e.started_unix_ns, e.number) <= (s.started_unix_ns, s.number)"
     " AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = e.number)),"
-    " s.started_unix_ns, s.passed, s.state, s.excused, s.profile_revision, s.engine_version"
+    " s.started_unix_ns, s.passed, s.state, s.excused, s.profile_revision, s.engine_version";
+constexpr std::string_view kBest =
     " FROM attempt_sums a JOIN sessions s ON s.number = (SELECT b.number FROM sessions b"
     " WHERE b.trainee = a.trainee AND b.exercise_id = a.exercise_id AND b.excused = 0 AND b.state <> 1"
     " AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = b.number)"
@@ -176,6 +178,43 @@ Result<std::vector<pb::Assignment>> AssignmentStore::list(const Filter& filter) 
              filter.below == 0 ? std::uint64_t{INT64_MAX} : filter.below,
              filter.most == 0 ? std::uint64_t{INT64_MAX} : filter.most)
       .all(assignmentOf);
+}
+
+namespace {
+
+/// Of trainee ?1.
+constexpr std::string_view kOfTrainee =
+    "(trainee = ?1 OR group_id IN (SELECT group_id FROM group_members WHERE person = ?1))";
+
+Result<bool> thereIsOne(Result<std::optional<std::int64_t>> found) {
+  if (!found) return found.error();
+  return found->has_value();
+}
+
+std::int64_t firstInteger(const Statement& row) {
+  return row.integer(0);
+}
+
+}  // namespace
+
+Result<bool> AssignmentStore::isAssigned(std::string_view trainee, std::string_view exercise_id,
+                                         std::string_view course_id) {
+  return thereIsOne(connection_
+                        .query(fmt::format("SELECT 1 FROM assignments WHERE {} AND (exercise_id = ?2"
+                                           " OR course_id = ?3) LIMIT 1",
+                                           kOfTrainee),
+                               trainee, exercise_id, course_id)
+                        .first(firstInteger));
+}
+
+Result<bool> AssignmentStore::isAssignedOf(std::string_view trainee, std::string_view course_id) {
+  return thereIsOne(
+      connection_
+          .query(fmt::format("SELECT 1 FROM assignments WHERE {} AND (course_id = ?2 OR exercise_id IN"
+                             " (SELECT id FROM exercises WHERE curriculum_id = ?2)) LIMIT 1",
+                             kOfTrainee),
+                 trainee, course_id)
+          .first(firstInteger));
 }
 
 Result<std::int64_t> AssignmentStore::dueOf(std::string_view trainee, std::string_view exercise_id,
@@ -425,25 +464,77 @@ Result<AttemptStore::Standings> AttemptStore::standingsOf(std::span<const std::s
 }
 
 Result<AttemptStore::BestAttempts> AttemptStore::best(std::span<const std::string> trainees,
-                                                      std::string_view course_id) {
-  Statement rows = connection_.query(std::string(kBest) + amongTexts(connection_, 2), course_id);
+                                                      std::string_view course_id, bool with_scores) {
+  Statement rows =
+      connection_.query(fmt::format("{}{}{}{}", kBestColumns, with_scores ? ", s.score_json" : "", kBest,
+                                    amongTexts(connection_, 2)),
+                        course_id);
   bindTexts(connection_, rows, trainees);
   BestAttempts best;
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, rows.step());
     if (!more) return best;
-    pb::Attempt attempt = attemptOf(rows, false);
+    pb::Attempt attempt = attemptOf(rows, with_scores);
     std::string exercise = attempt.exercise_id();
     best[attempt.trainee()].emplace(std::move(exercise), std::move(attempt));
   }
 }
 
+namespace {
+
+/// sessions.excused.
+constexpr int kExcused = 1, kBeyond = 2;
+
+/// The numbers of the attempts at ?1, {}, that are in order of start beyond as many as the exam allows; of an
+/// exercise that is no exam: none.
+constexpr std::string_view kBeyondExam =
+    "SELECT number FROM (SELECT number, row_number() OVER (PARTITION BY trainee"
+    " ORDER BY started_unix_ns, number) AS place FROM sessions WHERE exercise_id = ?1 AND {}"
+    " AND trainee <> '' AND excused <> 1 AND erased = 0"
+    " AND NOT EXISTS (SELECT 1 FROM uncounted_sessions WHERE session = number)) AS places"
+    " WHERE place > (SELECT exam_attempts FROM exercises WHERE id = ?1)";
+
+}  // namespace
+
+Status AttemptStore::countExam(std::string_view exercise_id, std::string_view trainee) {
+  // all trainees, or one of them by the index of attempts
+  const std::string of = trainee.empty() ? "trainee <> ?2" : "trainee = ?2";
+  const std::string beyond = fmt::format(kBeyondExam, of);
+  RETURN_IF_ERROR(connection_.run(fmt::format("UPDATE sessions SET excused = {} WHERE exercise_id = ?1 AND {}"
+                                              " AND excused = 0 AND number IN ({})",
+                                              kBeyond, of, beyond),
+                                  exercise_id, trainee));
+  return connection_.run(fmt::format("UPDATE sessions SET excused = 0 WHERE exercise_id = ?1 AND {}"
+                                     " AND excused = {} AND number NOT IN ({})",
+                                     of, kBeyond, beyond),
+                         exercise_id, trainee);
+}
+
 Result<bool> AttemptStore::excuse(const Uuid& session, bool excused) {
-  if (const auto known = findSession(connection_, session); !known || !*known)
-    return known ? unknownSession(session) : known.error();
-  RETURN_IF_ERROR(connection_.run("UPDATE sessions SET excused = ? WHERE id = ? AND excused <> ?", excused,
-                                  ByteView(session), excused));
-  return connection_.changes() != 0;
+  struct Row {
+    std::string trainee, exercise_id;
+    int excused = 0;
+  };
+  const auto now = [&] {
+    return connection_
+        .query("SELECT trainee, exercise_id, excused FROM sessions WHERE id = ?", ByteView(session))
+        .first([](const Statement& row) {
+          return Row{row.text(0), row.text(1), static_cast<int>(row.integer(2))};
+        });
+  };
+  ASSIGN_OR_RETURN(const auto before, now());
+  if (!before) return unknownSession(session);
+  if ((before->excused == kExcused) == excused && before->excused != kBeyond) return false;
+  RETURN_IF_ERROR(connection_.run("UPDATE sessions SET excused = ? WHERE id = ?", excused ? kExcused : 0,
+                                  ByteView(session)));
+  RETURN_IF_ERROR(countExam(before->exercise_id, before->trainee));
+  ASSIGN_OR_RETURN(const auto after, now());
+  if (!excused && after && after->excused == kBeyond)
+    return Error{ErrorCode::kInvalidInput,
+                 "session " + uuidText(session) +
+                     " is beyond the attempts of the exam: those that began first count. Excuse one of "
+                     "them, and it counts in its place"};
+  return true;
 }
 
 }  // namespace needlelab

@@ -42,6 +42,11 @@ class AssignmentStore {
   /// Newest first, groups with their names; empty filters mean all.
   Result<std::vector<pb::Assignment>> list(const Filter& filter);
 
+  /// Whether the exercise or its course is assigned to the trainee, or to a group of theirs.
+  Result<bool> isAssigned(std::string_view trainee, std::string_view exercise_id, std::string_view course_id);
+  /// Whether the course, or one of its exercises, is.
+  Result<bool> isAssignedOf(std::string_view trainee, std::string_view course_id);
+
   /// Returns the due date of an exercise for a trainee; 0: never due. Order of precedence: the exercise
   /// assigned to the trainee, the course assigned to the trainee, the exercise assigned to a group, the
   /// course assigned to a group, `otherwise`. With several groups the latest date counts. A date for one
@@ -93,7 +98,7 @@ class CourseDates {
 /// A trainee's result in an exercise. Attempts are the trainee's sessions in it, numbered by start time.
 /// Sessions that came before anybody had the name are not among them, until a manager assigns them.
 struct AttemptStanding {
-  std::uint32_t counted = 0;  ///< attempts that are not excused
+  std::uint32_t counted = 0;  ///< attempts that are neither excused nor beyond those of an exam
   std::uint32_t all = 0;
   std::optional<bool> passed;  ///< any attempt that is not excused; nothing: no attempt has a verdict
 };
@@ -151,12 +156,18 @@ class AttemptStore {
   Result<Standings> standingsOf(std::span<const std::string> trainees,
                                 std::span<const std::string> exercises);
   /// The best attempt that counts at each exercise of the course, by trainee, then exercise; one statement:
-  /// passed before not passed, then the most requirements met, then the newest; closed ones, without their
-  /// scores. Its number counts the attempts before it; all else looks at one entry of an index an exercise.
+  /// passed before not passed, then the most requirements met, then the newest; closed ones. Its number
+  /// counts the attempts before it; all else looks at one entry of an index an exercise.
   using BestAttempts = std::map<std::string, std::map<std::string, pb::Attempt>>;
-  Result<BestAttempts> best(std::span<const std::string> trainees, std::string_view course_id);
-  /// Returns true when this changed something. kNotFound.
+  Result<BestAttempts> best(std::span<const std::string> trainees, std::string_view course_id,
+                            bool with_scores);
+  /// Returns true when this changed something. kNotFound; kInvalidInput: it is beyond the attempts of an exam
+  /// and cannot count while others before it do.
   Result<bool> excuse(const Uuid& session, bool excused);
+  /// Of an exam's exercise the first attempts in order of start count, as many as it allows: marks those
+  /// beyond them, however late they came, and takes the mark from all others. Those that somebody excused, or
+  /// that count for nobody yet, are not among them. Empty `trainee`: all trainees.
+  Status countExam(std::string_view exercise_id, std::string_view trainee = {});
 
  private:
   Connection& connection_;

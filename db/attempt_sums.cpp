@@ -32,18 +32,28 @@ std::pair<std::string, std::uint32_t> countOfExercise(const Statement& row) {
 
 }  // namespace
 
+Result<bool> CourseTrainees::isAssignedOnly() {
+  ASSIGN_OR_RETURN(const auto found, connection_
+                                         .query("SELECT id FROM exercises WHERE curriculum_id = ?"
+                                                " AND assigned_only <> 0 LIMIT 1",
+                                                course_id_)
+                                         .first(firstText));
+  return found.has_value();
+}
+
 Result<std::vector<CourseTrainee>> CourseTrainees::page(const CourseTrainee& after, std::size_t most) {
+  ASSIGN_OR_RETURN(const bool assigned_only, isAssignedOnly());
   // in the order of names: what most of them have is looked up for each
   const std::string of_group =
       "EXISTS (SELECT 1 FROM group_members m WHERE m.person = c.ref AND m.group_id = ?1)";
   const std::string of_course = fmt::format(
-      "(EXISTS (SELECT 1 FROM attempt_sums a WHERE a.trainee = c.ref AND a.exercise_id IN"
+      "(EXISTS (SELECT 1 FROM attempt_sums a WHERE a.trainee = c.ref{1} AND a.exercise_id IN"
       " (SELECT id FROM exercises WHERE curriculum_id = ?1))"
       " OR EXISTS (SELECT 1 FROM group_members m WHERE m.person = c.ref AND m.group_id IN"
       " (SELECT group_id FROM assignments WHERE group_id IS NOT NULL AND {0}))"
       " OR EXISTS (SELECT 1 FROM assignments WHERE trainee = c.ref AND {0}))"
       " AND c.ref NOT IN (SELECT ref FROM names_taken)",
-      kOfCourse);
+      kOfCourse, assigned_only ? " AND a.attempts > 0" : "");
   ASSIGN_OR_RETURN(
       auto page, connection_
                      .query(fmt::format("SELECT c.ref, c.name FROM called c WHERE c.name >= ?2 AND"
@@ -55,7 +65,7 @@ Result<std::vector<CourseTrainee>> CourseTrainees::page(const CourseTrainee& aft
                        return CourseTrainee{row.text(0), row.text(1)};
                      }));
   const CourseTrainee guest{std::string(kGuestName), std::string(kGuestName)};
-  if (!group_id_.empty() || !(after < guest)) return page;
+  if (!group_id_.empty() || assigned_only || !(after < guest)) return page;
   ASSIGN_OR_RETURN(const auto tried,
                    connection_
                        .query("SELECT 1 FROM attempt_sums WHERE trainee = ?2 AND exercise_id IN"
@@ -69,17 +79,19 @@ Result<std::vector<CourseTrainee>> CourseTrainees::page(const CourseTrainee& aft
 }
 
 Result<std::uint32_t> CourseTrainees::count() {
+  ASSIGN_OR_RETURN(const bool assigned_only, isAssignedOnly());
   auto row =
       group_id_.empty()
           ? connection_.query(
                 fmt::format(
                     "SELECT count(*) FROM (SELECT trainee AS name FROM attempt_sums WHERE exercise_id IN"
-                    " (SELECT id FROM exercises WHERE curriculum_id = ?1)"
+                    " (SELECT id FROM exercises WHERE curriculum_id = ?1){1}"
                     " UNION SELECT person FROM group_members WHERE group_id IN"
                     " (SELECT group_id FROM assignments WHERE {0})"
                     " UNION SELECT trainee FROM assignments WHERE trainee IS NOT NULL AND {0}) AS refs"
                     " WHERE name NOT IN (SELECT ref FROM names_taken)",
-                    kOfCourse),
+                    kOfCourse,
+                    assigned_only ? fmt::format(" AND attempts > 0 AND trainee <> '{}'", kGuestName) : ""),
                 course_id_)
           : connection_.query("SELECT count(*) FROM group_members WHERE group_id = ?", group_id_);
   ASSIGN_OR_RETURN(const bool there, row.step());
@@ -90,13 +102,16 @@ Result<std::map<std::string, std::uint32_t>> CourseTrainees::passed() {
   constexpr std::string_view kPassed =
       "SELECT a.exercise_id, count(*) FROM attempt_sums a {} a.exercise_id IN"
       " (SELECT id FROM exercises WHERE curriculum_id = ?1) AND a.passed > 0"
-      " AND a.trainee NOT IN (SELECT ref FROM names_taken) GROUP BY a.exercise_id";
-  auto rows = group_id_.empty()
-                  ? connection_.query(fmt::format(kPassed, "WHERE"), course_id_)
-                  : connection_.query(
-                        fmt::format(kPassed,
-                                    "JOIN group_members m ON m.person = a.trainee WHERE m.group_id = ?2 AND"),
-                        course_id_, group_id_);
+      " AND a.trainee NOT IN (SELECT ref FROM names_taken){} GROUP BY a.exercise_id";
+  ASSIGN_OR_RETURN(const bool assigned_only, isAssignedOnly());
+  const std::string no_guest = assigned_only ? fmt::format(" AND a.trainee <> '{}'", kGuestName) : "";
+  auto rows =
+      group_id_.empty()
+          ? connection_.query(fmt::format(kPassed, "WHERE", no_guest), course_id_)
+          : connection_.query(
+                fmt::format(kPassed, "JOIN group_members m ON m.person = a.trainee WHERE m.group_id = ?2 AND",
+                            no_guest),
+                course_id_, group_id_);
   ASSIGN_OR_RETURN(auto counts, rows.all(countOfExercise));
   return std::map<std::string, std::uint32_t>(std::make_move_iterator(counts.begin()),
                                               std::make_move_iterator(counts.end()));

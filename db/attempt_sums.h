@@ -26,7 +26,8 @@ struct CourseTrainee {
 
 /// Who takes a course: the group's members; or, of an empty group, all with an attempt at one of its
 /// exercises (also one that counts for nobody), all to whom it or one of its exercises is assigned, and
-/// members of such groups. Does not own the connection. Thread: as its Connection; several calls belong
+/// members of such groups. Of a course that is assigned only, attempts that count for nobody list no one, and
+/// kGuestName is left out. Does not own the connection. Thread: as its Connection; several calls belong
 /// into one view.
 class CourseTrainees {
  public:
@@ -42,6 +43,7 @@ class CourseTrainees {
   Result<std::map<std::string, std::uint32_t>> passed();
 
  private:
+  Result<bool> isAssignedOnly();
   Connection& connection_;
   const std::string course_id_, group_id_;
 };

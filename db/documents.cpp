@@ -2,16 +2,27 @@
 
 #include <fmt/core.h>
 
+#include <map>
+
 #include "common/base/local_time.h"
 #include "common/base/text.h"
+#include "db/assignments.h"
 
 namespace needlelab {
 namespace {
 
-constexpr std::string_view kExercise = "SELECT id, curriculum_id, name, profile_id, json FROM exercises ";
+constexpr std::string_view kExercise =
+    "SELECT id, curriculum_id, name, profile_id, json, assigned_only, exam_attempts, results_from_unix_ns"
+    " FROM exercises ";
+
+CourseRules rulesAt(const Statement& row, int first) {
+  CourseRules rules{row.integer(first) != 0, std::nullopt, row.integer(first + 2)};
+  if (!row.isNull(first + 1)) rules.exam_attempts = row.natural32(first + 1);
+  return rules;
+}
 
 StoredExercise exerciseOf(const Statement& row) {
-  return {row.text(0), row.text(1), row.text(2), row.text(3), row.text(4)};
+  return {row.text(0), row.text(1), row.text(2), row.text(3), row.text(4), rulesAt(row, 5)};
 }
 
 }  // namespace
@@ -128,6 +139,11 @@ Result<std::uint32_t> CurriculumStore::put(const StoredCurriculum& curriculum,
 
 Status CurriculumStore::setExercises(const StoredCurriculum& curriculum) {
   // the exercises replace those of the previous revision
+  std::map<std::string, CourseRules> before;
+  {
+    ASSIGN_OR_RETURN(const auto all, exercisesOf(curriculum.id));
+    for (const StoredExercise& item : all) before[item.id] = item.rules;
+  }
   RETURN_IF_ERROR(connection_.run("DELETE FROM exercises WHERE curriculum_id = ?", curriculum.id));
   std::int64_t position = 0;
   for (const StoredExercise& item : curriculum.exercises) {
@@ -145,9 +161,13 @@ Status CurriculumStore::setExercises(const StoredCurriculum& curriculum) {
       return other.error();
     }
     RETURN_IF_ERROR(
-        connection_.run("INSERT INTO exercises (id, curriculum_id, position, name, profile_id, json)"
-                        " VALUES (?,?,?,?,?,?)",
-                        item.id, curriculum.id, position++, item.name, item.profile_id, item.json));
+        connection_.run("INSERT INTO exercises (id, curriculum_id, position, name, profile_id, json,"
+                        " assigned_only, exam_attempts, results_from_unix_ns) VALUES (?,?,?,?,?,?,?,?,?)",
+                        item.id, curriculum.id, position++, item.name, item.profile_id, item.json,
+                        item.rules.assigned_only, item.rules.exam_attempts, item.rules.results_from_unix_ns));
+    const auto was = before.find(item.id);
+    if ((was == before.end() ? std::nullopt : was->second.exam_attempts) != item.rules.exam_attempts)
+      RETURN_IF_ERROR(AttemptStore(connection_).countExam(item.id));
   }
   return {};
 }
@@ -186,6 +206,16 @@ Result<StoredExercise> CurriculumStore::exercise(std::string_view id) {
   ASSIGN_OR_RETURN(const bool found, row.step());
   if (!found) return Error{ErrorCode::kNotFound, "there is no exercise '" + std::string(id) + "'"};
   return exerciseOf(row);
+}
+
+Result<CourseRules> CurriculumStore::rulesOf(std::string_view exercise_id) {
+  ASSIGN_OR_RETURN(const auto rules,
+                   connection_
+                       .query("SELECT assigned_only, exam_attempts, results_from_unix_ns FROM exercises"
+                              " WHERE id = ?",
+                              exercise_id)
+                       .first([](const Statement& row) { return rulesAt(row, 0); }));
+  return rules.value_or(CourseRules());
 }
 
 Result<std::vector<StoredExercise>> CurriculumStore::exercisesOf(std::string_view curriculum_id) {

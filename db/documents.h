@@ -53,12 +53,21 @@ class ProfileStore {
   Connection& connection_;
 };
 
+/// What an exercise's course says of who may begin it, and how often.
+struct CourseRules {
+  bool assigned_only = false;                  ///< true of an exam, too
+  std::optional<std::uint32_t> exam_attempts;  ///< of an exam: how many count; nothing: it is no exam
+  std::int64_t results_from_unix_ns = 0;       ///< of an exam: trainees see results from then on; 0: at once
+  friend bool operator==(const CourseRules&, const CourseRules&) = default;
+};
+
 struct StoredExercise {
   std::string id;
   std::string curriculum_id;
   std::string name;
   std::string profile_id;
-  std::string json;  ///< canonical
+  std::string json;        ///< canonical
+  CourseRules rules = {};  ///< of its course
 };
 
 struct StoredCurriculum {
@@ -76,7 +85,8 @@ class CurriculumStore {
  public:
   explicit CurriculumStore(Connection& connection) : connection_(connection) {}
 
-  /// Stores the next revision and makes its exercises current. Returns the newest revision when its text is
+  /// Stores the next revision and makes its exercises current; where their rules change, attempts are counted
+  /// again (AttemptStore::countExam). Returns the newest revision when its text is
   /// the same. Errors: kInvalidInput (sizes), kNotFound (an exercise names an unknown profile),
   /// kAlreadyExists (another curriculum has an exercise with this id). `base`: the revision that the text was
   /// made from (0: none), else kConflict; absent: any.
@@ -90,6 +100,8 @@ class CurriculumStore {
 
   /// kNotFound.
   Result<StoredExercise> exercise(std::string_view id);
+  /// Those of exercises that are not there (any more) are those of a course that says nothing.
+  Result<CourseRules> rulesOf(std::string_view exercise_id);
 
  private:
   /// Makes `curriculum.exercises` current. Errors as put().

@@ -27,9 +27,11 @@ constexpr std::string_view kInfoColumns =
     " s.stored_bytes), s.hash, d.chunks, d.samples, d.stored_bytes, d.hash,"
     " d.rate_hz, o.removed_unix_ns, o.deleted_unix_ns, o.reason, s.number,"
     " {}, s.score_json, s.passed, u.given, u.by_whom,"
-    " u.code_unchecked = 1 AND u.begin_unsure = 0 AND EXISTS (SELECT 1 FROM accounts WHERE ref = s.trainee),"
+    " u.code_unchecked = 1 AND u.begin_unsure = 0 AND u.not_assigned = 0 AND"
+    " EXISTS (SELECT 1 FROM accounts WHERE ref = s.trainee),"
     " (SELECT count(*) FROM quarantined_chunks WHERE session = s.number), s.id, s.trainee, "
-    "s.started_unix_ns, u.begin_unsure FROM sessions s"
+    "s.started_unix_ns, u.begin_unsure,"
+    " u.not_assigned = 1 AND EXISTS (SELECT 1 FROM accounts WHERE ref = s.trainee) FROM sessions s"
     " LEFT JOIN session_progress p ON p.session = s.number"
     " LEFT JOIN unknown_trainees u ON u.session = s.number"
     " LEFT JOIN derived_recordings d ON d.session = s.number AND d.complete = 1"
@@ -84,6 +86,7 @@ Result<pb::SessionInfo> infoOf(const Statement& row, bool with_profile) {
     info.set_unknown_trainee(true);
     info.set_code_unchecked(row.integer(25) != 0);
     info.set_begin_unsure(row.integer(30) != 0);
+    info.set_not_assigned(row.integer(31) != 0);
   }
   info.set_quarantined_chunks(row.natural(26));
   return info;
@@ -123,7 +126,7 @@ class SessionConditions {
 };
 
 Result<SessionConditions> conditionsOf(const pb::ListSessions& wanted, const std::optional<Uuid>& after,
-                                       bool only_counted) {
+                                       bool only_counted, std::int64_t held_at_unix_ns) {
   SessionConditions conditions;
   conditions.add("s.station = ?", wanted.station());
   // with those that wait under what somebody typed as the person's name
@@ -139,17 +142,24 @@ Result<SessionConditions> conditionsOf(const pb::ListSessions& wanted, const std
   conditions.add("s.exercise_id = ?", wanted.exercise_id());
   if (wanted.from_unix_ns() != 0) conditions.add("s.started_unix_ns >= ?", wanted.from_unix_ns());
   if (wanted.to_unix_ns() != 0) conditions.add("s.started_unix_ns < ?", wanted.to_unix_ns());
+  const std::string passed =
+      held_at_unix_ns == 0
+          ? "s.passed"
+          : fmt::format(
+                "CASE WHEN s.exercise_id IN (SELECT id FROM exercises WHERE results_from_unix_ns > {})"
+                " THEN NULL ELSE s.passed END",
+                held_at_unix_ns);
   switch (wanted.verdict()) {
     case pb::ListSessions::ANY:
       break;
     case pb::ListSessions::PASSED:
-      conditions.push("s.passed = 1");
+      conditions.push(passed + " = 1");
       break;
     case pb::ListSessions::FAILED:
-      conditions.push("s.passed = 0");
+      conditions.push(passed + " = 0");
       break;
     case pb::ListSessions::NONE:
-      conditions.push("s.passed IS NULL");
+      conditions.push(passed + " IS NULL");
       break;
     default:
       return Error{ErrorCode::kInvalidInput, fmt::format("verdict: {} is no verdict that this server knows",
@@ -359,7 +369,8 @@ Result<pb::SessionInfo> SessionStore::info(const Uuid& session) {
 
 Result<std::vector<pb::SessionInfo>> SessionStore::list(const pb::ListSessions& wanted,
                                                         const std::optional<Uuid>& after, bool only_counted,
-                                                        const std::function<bool(pb::SessionInfo&)>& take) {
+                                                        const std::function<bool(pb::SessionInfo&)>& take,
+                                                        std::int64_t held_at_unix_ns) {
   const std::size_t most = wanted.limit() == 0 ? kMaxListed : std::min(wanted.limit(), kMaxListed);
   // SQLite gives row by row, and might sort them again for each statement
   const bool in_pieces = connection_.sqlite() == nullptr;
@@ -367,7 +378,7 @@ Result<std::vector<pb::SessionInfo>> SessionStore::list(const pb::ListSessions& 
   std::optional<Uuid> last = after;
   for (RowsAtOnce at_once(kBytesOfPage); sessions.size() < most;) {
     at_once.goOn();
-    ASSIGN_OR_RETURN(const auto conditions, conditionsOf(wanted, last, only_counted));
+    ASSIGN_OR_RETURN(const auto conditions, conditionsOf(wanted, last, only_counted, held_at_unix_ns));
     auto rows = connection_.query(infoColumns(false) + conditions.text() +
                                   " ORDER BY s.started_unix_ns DESC, s.number DESC LIMIT ?");
     conditions.bindTo(rows);

@@ -87,6 +87,7 @@ pb::Attempt attemptOf(const Statement& row, bool with_score) {
   if (!row.isNull(5)) attempt.set_passed(row.integer(5) != 0);
   attempt.set_state(static_cast<pb::SessionState>(row.integer(6)));
   attempt.set_excused(row.integer(7) != 0);
+  attempt.set_beyond(row.integer(7) == 2);
   attempt.set_profile_revision(row.natural32(8));
   attempt.set_engine_version(row.text(9));
   if (with_score) attempt.set_score_json(row.text(10));

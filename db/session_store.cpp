@@ -10,7 +10,9 @@
 #include "common/base/planted_bug.h"
 #include "common/base/text.h"
 #include "common/gesture/chunk.h"
+#include "db/assignments.h"
 #include "db/audit.h"
+#include "db/documents.h"
 #include "db/people.h"
 #include "db/person_refs.h"
 #include "db/session_rows.h"
@@ -176,8 +178,9 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
   // without a person there is no attempt, and nothing to put in order
   if (isPersonRef(trainee.ref) && !trainee.erased) {
     ASSIGN_OR_RETURN(trainee.begin_unsure, trainees.isBeginUnsure(given, now_unix_ns));
-    trainee.waits = trainee.waits || trainee.begin_unsure;
-    trainee.code_unchecked = trainee.code_unchecked || trainee.begin_unsure;
+    ASSIGN_OR_RETURN(trainee.not_assigned, trainees.lacksAssignment(trainee.ref, given.exercise_id()));
+    trainee.waits = trainee.waits || trainee.begin_unsure || trainee.not_assigned;
+    trainee.code_unchecked = trainee.code_unchecked || trainee.begin_unsure || trainee.not_assigned;
   }
   // nothing is lost: the station keeps what it recorded, and asks again at its next start
   ASSIGN_OR_RETURN(const auto person, PeopleStore(connection_).find(trainee.ref));
@@ -201,6 +204,10 @@ Result<std::uint64_t> SessionStore::open(const pb::SessionDescription& given, st
   } else if (trainee.waits) {
     RETURN_IF_ERROR(trainees.flag(*id, trainee));
   }
+  // an earlier attempt that comes late takes the place of one that counted
+  ASSIGN_OR_RETURN(const auto rules, CurriculumStore(connection_).rulesOf(given.exercise_id()));
+  if (rules.exam_attempts && isPersonRef(trainee.ref))
+    RETURN_IF_ERROR(AttemptStore(connection_).countExam(given.exercise_id(), trainee.ref));
   return std::uint64_t{0};
 }
 

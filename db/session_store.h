@@ -215,11 +215,14 @@ class SessionStore {
   /// Newest first, without profile JSON but with score and verdict. Ignores `wanted.page`; `after`: returns
   /// the sessions behind this one, for the next page. At most `limit` and kMaxListed; 0 means kMaxListed.
   /// `only_counted`: without sessions that count for nobody (unknown_trainees.h). `take` may change each
-  /// before it is kept; false: this one and those behind it are not wanted, and hardly read. kInvalidInput:
+  /// before it is kept; false: this one and those behind it are not wanted, and hardly read.
+  /// `held_at_unix_ns`: the verdict of an exam whose results are held back at this time is none (only the
+  /// condition looks at it); 0: no verdict is held back. kInvalidInput:
   /// an unknown verdict, a search text that is not UTF-8.
   Result<std::vector<pb::SessionInfo>> list(const pb::ListSessions& wanted,
                                             const std::optional<Uuid>& after = {}, bool only_counted = false,
-                                            const std::function<bool(pb::SessionInfo&)>& take = {});
+                                            const std::function<bool(pb::SessionInfo&)>& take = {},
+                                            std::int64_t held_at_unix_ns = 0);
 
   /// Chunks from `from_seq` on, at most `max_chunks` and about `max_bytes` (at least one). Checks every CRC:
   /// kCorrupt names the first damaged chunk. Reads the stored recording, original or thinned; kNotFound gives

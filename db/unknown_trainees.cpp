@@ -3,6 +3,8 @@
 #include <algorithm>
 
 #include "common/base/text.h"
+#include "db/assignments.h"
+#include "db/documents.h"
 #include "db/erasure.h"
 #include "db/lab_settings.h"
 #include "db/people.h"
@@ -102,6 +104,15 @@ Result<bool> UnknownTraineeStore::isBeginUnsure(const pb::SessionDescription& de
   return newest && begun_ns < *newest - kOff_ns;
 }
 
+Result<bool> UnknownTraineeStore::lacksAssignment(std::string_view trainee, std::string_view exercise_id) {
+  const auto exercise = CurriculumStore(connection_).exercise(exercise_id);
+  if (!exercise && exercise.error().code != ErrorCode::kNotFound) return exercise.error();
+  if (!exercise || !exercise->rules.assigned_only) return false;
+  ASSIGN_OR_RETURN(const bool assigned,
+                   AssignmentStore(connection_).isAssigned(trainee, exercise_id, exercise->curriculum_id));
+  return !assigned;
+}
+
 Result<bool> UnknownTraineeStore::isOf(std::int64_t number, std::string_view trainee) {
   ASSIGN_OR_RETURN(const auto ref, findPerson(connection_, trainee, Named::kAccountOrTyped));
   ASSIGN_OR_RETURN(
@@ -117,9 +128,9 @@ Result<bool> UnknownTraineeStore::isOf(std::int64_t number, std::string_view tra
 
 Status UnknownTraineeStore::flag(const Uuid& session, const SessionTrainee& trainee) {
   return connection_.run(
-      "INSERT INTO unknown_trainees (session, given, code_unchecked, begin_unsure)"
-      " SELECT number, ?, ?, ? FROM sessions WHERE id = ?",
-      trainee.ref, trainee.code_unchecked, trainee.begin_unsure, ByteView(session));
+      "INSERT INTO unknown_trainees (session, given, code_unchecked, begin_unsure, not_assigned)"
+      " SELECT number, ?, ?, ?, ? FROM sessions WHERE id = ?",
+      trainee.ref, trainee.code_unchecked, trainee.begin_unsure, trainee.not_assigned, ByteView(session));
 }
 
 Status UnknownTraineeStore::leaveEmpty(const Uuid& session, std::int64_t now_unix_ns) {
@@ -143,20 +154,21 @@ Result<std::string> UnknownTraineeStore::assign(const Uuid& session, const std::
   struct Row {
     std::int64_t number = 0;
     bool open = false, erased = false, flagged = false, begin_unsure = false;
-    std::string trainee;
+    std::string trainee, exercise_id;
   };
-  ASSIGN_OR_RETURN(
-      const auto row,
-      connection_
-          .query("SELECT s.number, s.state, s.erased, u.session IS NOT NULL,"
-                 " coalesce(u.begin_unsure, 0), s.trainee FROM sessions s LEFT JOIN unknown_trainees u"
-                 " ON u.session = s.number WHERE s.id = ?",
-                 ByteView(session))
-          .first([](const Statement& found) {
-            return Row{found.integer(0),      found.integer(1) == pb::SESSION_OPEN,
-                       found.integer(2) != 0, found.integer(3) != 0,
-                       found.integer(4) != 0, found.text(5)};
-          }));
+  ASSIGN_OR_RETURN(const auto row, connection_
+                                       .query("SELECT s.number, s.state, s.erased, u.session IS NOT NULL,"
+                                              " coalesce(u.begin_unsure, 0), s.trainee, s.exercise_id FROM "
+                                              "sessions s LEFT JOIN unknown_trainees u"
+                                              " ON u.session = s.number WHERE s.id = ?",
+                                              ByteView(session))
+                                       .first([](const Statement& found) {
+                                         return Row{
+                                             found.integer(0),      found.integer(1) == pb::SESSION_OPEN,
+                                             found.integer(2) != 0, found.integer(3) != 0,
+                                             found.integer(4) != 0, found.text(5),
+                                             found.text(6)};
+                                       }));
   if (!row) return unknownSession(session);
   const std::string name = "session " + uuidText(session);
   if (row->erased)
@@ -190,6 +202,8 @@ Result<std::string> UnknownTraineeStore::assign(const Uuid& session, const std::
   RETURN_IF_ERROR(
       connection_.run("UPDATE unknown_trainees SET by_whom = ?, assigned_unix_ns = ? WHERE session = ?", by,
                       now_unix_ns, row->number));
+  for (const std::string& one : {row->trainee, trainee})
+    if (isPersonRef(one)) RETURN_IF_ERROR(AttemptStore(connection_).countExam(row->exercise_id, one));
   return row->trainee;
 }
 

@@ -26,6 +26,7 @@ struct SessionTrainee {
   bool waits = false;           ///< for a manager
   bool code_unchecked = false;  ///< why: nobody gave the account's code; else nobody had the name
   bool begin_unsure = false;    ///< why: the station's clock was wrong
+  bool not_assigned = false;    ///< why: the exercise is assigned only, and not to this trainee
 };
 
 /// Does not own the connection. Thread: as its Connection; changes need the writer's and a transaction.
@@ -43,6 +44,8 @@ class UnknownTraineeStore {
   /// before the newest closed session of the station.
   /// A description that does not say its clock is believed.
   Result<bool> isBeginUnsure(const pb::SessionDescription& description, std::int64_t now_unix_ns);
+  /// Whether the exercise is for those alone to whom it is assigned, and is not assigned to the trainee now.
+  Result<bool> lacksAssignment(std::string_view trainee, std::string_view exercise_id);
   /// Whether the trainee that a station gives may be the one of the stored session `number`: a manager may
   /// have assigned it, and a name may have been given to somebody meanwhile.
   Result<bool> isOf(std::int64_t number, std::string_view trainee);
@@ -51,11 +54,11 @@ class UnknownTraineeStore {
   /// For a new session of an erased person: closes and marks it, so that it stays empty.
   Status leaveEmpty(const Uuid& session, std::int64_t now_unix_ns);
   /// Gives a flagged session to `trainee`, a person's ref or kGuestName; it counts as that person's from now
-  /// on, also if it was that person's already. A session that was assigned before may be assigned again.
-  /// `started_unix_ns`: when it began, of one with begin_unsure; nothing: as the station says.
-  /// `was`: whose it is now, as the manager saw it (a name or ref); nothing: not compared. Returns whose it
-  /// was. kNotFound: session, person; kConflict: not `was`'s any more; kInvalidInput: still open, erased, or
-  /// it was never flagged.
+  /// on, also if it was that person's already. A session that was assigned before may be assigned again. Of
+  /// an exam the attempts of both are counted again (AttemptStore::countExam). `started_unix_ns`: when it
+  /// began, of one with begin_unsure; nothing: as the station says. `was`: whose it is now, as the manager
+  /// saw it (a name or ref); nothing: not compared. Returns whose it was. kNotFound: session, person;
+  /// kConflict: not `was`'s any more; kInvalidInput: still open, erased, or it was never flagged.
   Result<std::string> assign(const Uuid& session, const std::string& trainee,
                              const std::optional<std::string>& was, const std::string& by,
                              std::int64_t now_unix_ns,

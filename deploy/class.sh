@@ -67,12 +67,12 @@ class_stop() {
 }
 
 class_demo() {
-  local course=injection-steps stations=3 attempts=3 weeks=4
+  local course=injection-steps stations=3 attempts=3 expert_attempts=6 weeks=4
   local exercises=(step-1-straight step-2-oblique step-3-capsule step-4-deep step-5-small step-6-beside-a-nerve)
   local people; people=$(class_people)
   if [ "$small" = yes ]; then
     people=$(grep -E '^(anna|elif|ida|liam)\|' <<<"$people")
-    exercises=(step-1-straight step-5-small) stations=2 attempts=2 weeks=2
+    exercises=(step-1-straight step-5-small) stations=2 attempts=2 expert_attempts=5 weeks=2
   fi
 
   out=${NEEDLELAB_CLASS_OUT:-$root/out/class}/$(date +%Y%m%d-%H%M%S)-$$
@@ -134,13 +134,16 @@ class_demo() {
   local lessons=() e
   for e in "${exercises[@]}"; do lessons+=(--exercise "$e"); done
   say "experts practise: simulated hands, faster than real time, dated over the last $weeks weeks"
-  "$bin/needlelab-class" "${peer[@]}" "${keys[@]}" "${experts[@]}" "${lessons[@]}" --attempts "$attempts" --weeks "$weeks" \
+  "$bin/needlelab-class" "${peer[@]}" "${keys[@]}" "${experts[@]}" "${lessons[@]}" --attempts "$expert_attempts" --weeks "$weeks" \
     --seed 1 --spool "$out/spool" --out "$out/experts.csv" || die "the experts' sessions failed; see above and $out/server.log"
-  say "their passed sessions become each exercise's reference"
+  say "their passed sessions become each exercise's reference, but for those in which a hazard or bone was touched"
+  quietly asks ines scores export --out "$out/experts-scores.csv"
+  awk -F, 'NR == FNR { if (($7 == "hazards_touched" || $7 == "bone_contacts") && $8 > 0) touched[$1] = 1; next }
+    $9 == 1 && !touched[$1]' "$out/experts-scores.csv" "$out/experts.csv" >"$out/references.csv"
   for e in "${exercises[@]}"; do
     local chosen
-    mapfile -t chosen < <(awk -F, -v e="$e" '$3 == e && $9 == 1 {print $1}' "$out/experts.csv")
-    [ "${#chosen[@]}" -gt 0 ] || { echo "  $e: no expert passed, so it has no reference"; continue; }
+    mapfile -t chosen < <(awk -F, -v e="$e" '$3 == e {print $1}' "$out/references.csv")
+    [ "${#chosen[@]}" -gt 0 ] || { echo "  $e: no expert passed without touching a hazard or bone, so it has no reference"; continue; }
     asks ines reference set "$e" "${chosen[@]}"
   done
   say "the others practise"
@@ -154,7 +157,7 @@ class_demo() {
   done < <(awk -F, '$9 == 0 && $4 == 1 && !seen[$2]++ {print $1 "," $2}' "$out/others.csv" | head -6)
   while IFS=, read -r session name; do
     quietly asks ivan annotate "$session" --tick 2000 --text "Passed, and chosen as a reference for the others."
-  done < <(awk -F, '$9 == 1 && !seen[$3]++ {print $1 "," $2}' "$out/experts.csv" | head -3)
+  done < <(awk -F, '!seen[$3]++ {print $1 "," $2}' "$out/references.csv" | head -3)
   session=$(awk -F, '$9 == 0 && $4 == 2 {print $1; exit}' "$out/others.csv")
   [ -z "$session" ] || quietly asks maria excuse "$session" --reason "the table was knocked against"
   quietly asks admin backup "$out/backup.db"

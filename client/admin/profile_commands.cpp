@@ -9,15 +9,24 @@
 #include "common/base/files.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
+#include "common/scoring/reachable.h"
 
 namespace needlelab {
 namespace {
+
+/// Those of the profile itself, and of targets that its needle cannot come to.
+std::vector<std::string> allWarnings(const pb::Profile& profile) {
+  std::vector<std::string> warnings = profileWarnings(profile);
+  for (std::string& target : unreachableTargets(profile, profile.needle().length_m()))
+    warnings.push_back(std::move(target));
+  return warnings;
+}
 
 Status importProfile(CommandContext& context, const std::string& file) {
   ASSIGN_OR_RETURN(const auto text, readWholeFile(file, kMaxProfileBytes));
   // check here as well, so that the message names the file
   ASSIGN_OR_RETURN(const auto profile, parseProfile(text, file));
-  for (const std::string& warning : profileWarnings(profile))
+  for (const std::string& warning : allWarnings(profile))
     context.output.remark(file + ": warning: " + warning);
   pb::Request request;
   request.mutable_import_profile()->set_json(text);
@@ -79,7 +88,7 @@ Status showProfile(CommandContext& context, const std::string& id, std::uint32_t
               {"description", profile.description()},
               {"sources", profile.sources()},
               {"profile", Json::parse(stored.json())},
-              {"warnings", profileWarnings(profile)}};
+              {"warnings", allWarnings(profile)}};
   if (auto done = context.output.one({{"id", "id"},
                                       {"revision", "revision"},
                                       {"name", "name"},

@@ -206,8 +206,8 @@ Status showSessionScore(CommandContext& context, const Uuid& id, std::uint32_t v
                                         {"words", ""}},
                                        row["measures"]));
   if (!row["comparison"].empty())
-    context.output.text("\n" + tableText({{"measure", "MEASURE"}, {"standing", "STANDING"}, {"words", ""}},
-                                         row["comparison"]));
+    context.output.text(
+        "\n" + tableText({{"measure", "MEASURE"}, {"place", "PLACE"}, {"words", ""}}, row["comparison"]));
   return {};
 }
 

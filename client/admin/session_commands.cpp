@@ -27,7 +27,9 @@ Status listSessions(CommandContext& context, const pb::ListSessions& filter) {
         for (const auto& session : reply.sessions().sessions()) {
           rows.push_back(sessionRow(session));
           if (filter.unknown_trainee())
-            rows.back()["why"] = session.code_unchecked() ? "code not checked" : "no such name";
+            rows.back()["why"] = session.not_assigned()     ? "not assigned"
+                                 : session.code_unchecked() ? "code not checked"
+                                                            : "no such name";
         }
         return filter.limit() != 0 && rows.size() >= filter.limit() ? std::string()
                                                                     : reply.sessions().next_page();
@@ -187,6 +189,11 @@ Status showSession(CommandContext& context, const Uuid& id) {
     context.output.text(
         "\nits station's clock was wrong when it began: session assign --begin TIME says when it was, and "
         "without --begin accepts the station's time; until then it counts for nobody");
+  else if (session.not_assigned())
+    context.output.text(
+        fmt::format("\nit was not assigned to '{}' when it came, and its course is only for those to whom it "
+                    "is: session assign to the same person lets it count",
+                    session.description().trainee()));
   else if (session.code_unchecked())
     context.output.text(
         fmt::format("\nnobody gave the code of '{}': session confirm says that it is theirs, session assign "

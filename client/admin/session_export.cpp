@@ -407,6 +407,7 @@ Json sessionRow(const pb::SessionInfo& session) {
               {"clock_round_trip_ns", nullptr}};
   row["unknown_trainee"] = session.unknown_trainee();
   row["code_unchecked"] = session.code_unchecked();
+  row["not_assigned"] = session.not_assigned();
   row["quarantined_chunks"] = session.quarantined_chunks();
   row["given_trainee"] = session.has_given_trainee() ? Json(session.given_trainee()) : Json();
   row["verdict"] = session.has_passed() ? Json(session.passed() ? "passed" : "failed") : Json();

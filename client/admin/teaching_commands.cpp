@@ -3,12 +3,20 @@
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <set>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "client/admin/command.h"
+#include "common/base/csv.h"
+#include "common/base/files.h"
 #include "common/scoring/measures.h"
+#include "common/scoring/result_table.h"
 
 namespace needlelab {
 namespace {
@@ -82,53 +90,93 @@ Status listGroups(CommandContext& context) {
                              rows, "no group yet");
 }
 
-/// "passed 2", "not passed 3, 1 left", "tried 1", "locked", "-"
+/// "passed, 2 attempts", "not passed, 3 attempts, 1 left", "tried, 1 attempt", "locked", "-"
 std::string cellText(const pb::ResultCell& cell) {
   std::string text = cell.has_passed()           ? verdictName(cell.passed())
                      : cell.attempts() > 0       ? "tried"
                      : cell.locked_by_size() > 0 ? "locked"
                                                  : "-";
-  if (cell.attempts() > 0) text += fmt::format(" {}", cell.attempts());
+  if (cell.attempts() > 0)
+    text += fmt::format(", {} attempt{}", cell.attempts(), cell.attempts() == 1 ? "" : "s");
   if (cell.has_attempts_left() && !cell.passed()) text += fmt::format(", {} left", cell.attempts_left());
   if (cell.overdue()) text += ", overdue";
   return text;
 }
 
-/// Whose results are wanted; `most` 0: all.
+/// Whose results are wanted; `most` 0: all. `out` empty: no file.
 struct ResultChoice {
-  std::string course, group, trainee;
+  std::string course, group, trainee, out, separator = std::string(kCsvSeparators[0]);
   std::uint32_t most = 0;
 };
 
-Status showResults(CommandContext& context, const ResultChoice& choice) {
-  Json rows = Json::array();
-  std::vector<std::string> exercises;
-  std::uint32_t trainees = 0;
+/// Asks page by page; `take` returns whether it goes on. Says when not all trainees were wanted.
+Status eachResult(CommandContext& context, const ResultChoice& choice,
+                  const std::function<bool(const pb::Results&)>& take) {
   constexpr std::uint32_t kAtOnce = 250;
-  const auto shown = [&] { return static_cast<std::uint32_t>(rows.size()); };
-  const auto done = eachPage(
+  std::uint32_t taken = 0, trainees = 0;
+  RETURN_IF_ERROR(eachPage(
       context.backend,
       [&](pb::Request& request, const std::string& page) {
         auto& ask = *request.mutable_get_results();
         ask.set_course_id(choice.course);
         ask.set_group_id(choice.group);
         ask.set_trainee(choice.trainee);
-        ask.set_limit(choice.most == 0 ? kAtOnce : std::min(kAtOnce, choice.most - shown()));
+        ask.set_limit(choice.most == 0 ? kAtOnce : std::min(kAtOnce, choice.most - taken));
         ask.set_page(page);
+        ask.set_with_measures(!choice.out.empty());
       },
       [&](const pb::Reply& reply) {
-        if (reply.results().has_trainees()) trainees = reply.results().trainees();
-        exercises.assign(reply.results().exercise_ids().begin(), reply.results().exercise_ids().end());
-        for (const auto& row : reply.results().rows()) {
-          Json line{{"trainee", row.trainee()}, {"full_name", row.full_name()}};
-          for (const auto& cell : row.cells()) line[cell.exercise_id()] = cellText(cell);
-          rows.push_back(std::move(line));
-        }
-        return choice.most != 0 && shown() >= choice.most ? std::string() : reply.results().next_page();
-      });
-  if (!done) return done;
-  if (shown() < trainees)
-    context.output.remark(fmt::format("the first {} of {} trainees, by name", shown(), trainees));
+        const pb::Results& results = reply.results();
+        if (results.has_trainees()) trainees = results.trainees();
+        taken += static_cast<std::uint32_t>(results.rows_size());
+        const bool goes_on = take(results) && (choice.most == 0 || taken < choice.most);
+        return goes_on ? results.next_page() : std::string();
+      }));
+  if (taken < trainees)
+    context.output.remark(fmt::format("the first {} of {} trainees, by name", taken, trainees));
+  return {};
+}
+
+Status exportResults(CommandContext& context, const ResultChoice& choice) {
+  ASSIGN_OR_RETURN(const auto style, csvStyleOf(choice.separator));
+  ASSIGN_OR_RETURN(auto file, GrowingFile::create(choice.out));
+  ResultTable table(style);
+  std::size_t people = 0, rows = 0;
+  bool begun = false;
+  Status fault;
+  RETURN_IF_ERROR(eachResult(context, choice, [&](const pb::Results& page) {
+    std::string text;
+    if (!std::exchange(begun, true)) table.begin(text, page);
+    for (const pb::ResultRow& person : page.rows()) {
+      ++people;
+      for (const pb::ResultCell& cell : person.cells()) {
+        fault = table.add(text, person, cell);
+        if (!fault) return false;
+        ++rows;
+      }
+    }
+    fault = file.append(viewOf(text));
+    return fault.ok();
+  }));
+  if (!fault) return fault;
+  RETURN_IF_ERROR(file.finish());
+  context.output.done(fmt::format("{} rows of {} people in {}", rows, people, choice.out));
+  return {};
+}
+
+Status showResults(CommandContext& context, const ResultChoice& choice) {
+  if (!choice.out.empty()) return exportResults(context, choice);
+  Json rows = Json::array();
+  std::vector<std::string> exercises;
+  RETURN_IF_ERROR(eachResult(context, choice, [&](const pb::Results& page) {
+    exercises.assign(page.exercise_ids().begin(), page.exercise_ids().end());
+    for (const auto& row : page.rows()) {
+      Json line{{"trainee", row.trainee()}, {"full_name", row.full_name()}};
+      for (const auto& cell : row.cells()) line[cell.exercise_id()] = cellText(cell);
+      rows.push_back(std::move(line));
+    }
+    return true;
+  }));
   std::vector<Column> columns{{"trainee", "TRAINEE"}};
   for (const std::string& exercise : exercises) columns.push_back({exercise, exercise});
   return context.output.list(columns, rows, "nobody has this course yet");
@@ -155,6 +203,7 @@ Status showProgress(CommandContext& context, const std::string& trainee, const s
                {"started_unix_ns", attempt.started_unix_ns()},
                {"verdict", attempt.has_passed() ? verdictName(attempt.passed()) : "-"},
                {"excused", attempt.excused()},
+               {"beyond", attempt.beyond()},
                {"late", attempt.late()},
                {"measures", storedJson(attempt.score_json().empty() ? "[]" : attempt.score_json())}});
         }
@@ -236,6 +285,16 @@ void addTeachingCommands(CLI::App& app, ChosenCommand& chosen) {
   results->add_option("--trainee", values->results.trainee, "this one alone");
   results->add_option("--limit", values->results.most, "so many trainees at most, by name")
       ->check(CLI::Range(1u, 1'000'000u));
+  auto* out =
+      addNewFile(results, chosen, values->results.out,
+                 "a table for a spreadsheet (CSV) into this new file: a row for each person and exercise, "
+                 "with the measures that the course asks for");
+  results
+      ->add_option("--separator", values->results.separator,
+                   "of the table's columns: comma, semicolon (with decimal commas) or tab")
+      ->check(CLI::IsMember(std::vector<std::string>(kCsvSeparators.begin(), kCsvSeparators.end())))
+      ->capture_default_str()
+      ->needs(out);
   runs(results, chosen, [values](CommandContext& context) { return showResults(context, values->results); });
   auto* progress = app.add_subcommand("progress", "the attempts of a trainee; with --json, their measures");
   progress->add_option("trainee", values->trainee)->required();

@@ -153,10 +153,16 @@ Wrench Hand::pull(const HandleState& handle) noexcept {
   ++step_;
   if (options_.let_go_s > 0 && since_start_s >= options_.let_go_s) return {};
 
-  const Wrench pull = {options_.stiffness_N_per_m * (wanted_.p - handle.X_WH.p) +
-                           options_.damping_Ns_per_m * (v_wanted - handle.v_W_mps),
-                       options_.rotational_stiffness_Nm_per_rad * turnVector(handle.X_WH.q, wanted_.q) +
-                           options_.rotational_damping_Nms_per_rad * (w_wanted - handle.w_W_radps)};
+  Wrench pull = {options_.stiffness_N_per_m * (wanted_.p - handle.X_WH.p) +
+                     options_.damping_Ns_per_m * (v_wanted - handle.v_W_mps),
+                 options_.rotational_stiffness_Nm_per_rad * turnVector(handle.X_WH.q, wanted_.q) +
+                     options_.rotational_damping_Nms_per_rad * (w_wanted - handle.w_W_radps)};
+  if (options_.bracing_N_per_m > 0) {
+    const Vec3 axis = zAxis(aim.X_WT.q);
+    const double short_by_m =
+        dot(axis, wanted_.p - handle.X_WH.p) + kBracingTime_s * dot(axis, v_wanted - handle.v_W_mps);
+    pull.force_N += axis * (options_.bracing_N_per_m * short_by_m);
+  }
   if (options_.grip_changes_s > 0 && since_start_s >= options_.grip_changes_s)
     return {pull.force_N * options_.grip_share, pull.torque_Nm * options_.grip_share};
   return pull;

@@ -99,11 +99,16 @@ class SteeredAim {
   Vec3 v_W_mps_, w_W_radps_;
 };
 
+inline constexpr double kBracingTime_s = 0.004;
+
 /// All options of a hand. The defaults are the hand of the hard cases (tests/stability/README.md) with normal
 /// tremor.
 struct HandOptions {
-  double stiffness_N_per_m = 300;                ///< [0, 10000]
-  double damping_Ns_per_m = 3;                   ///< [0, 100]
+  double stiffness_N_per_m = 300;  ///< [0, 10000]
+  double damping_Ns_per_m = 3;     ///< [0, 100]
+  /// Stiffness that a hand that rests on the patient has along the needle besides, with a damping of
+  /// kBracingTime_s times it. In N/m, [0, 10000].
+  double bracing_N_per_m = 0;
   double rotational_stiffness_Nm_per_rad = 2;    ///< [0, 100]
   double rotational_damping_Nms_per_rad = 0.05;  ///< [0, 5]
   /// How fast the hand corrects its spring's deflection, as humans do: its aim moves by this share of the

@@ -37,8 +37,8 @@ const CLI::Validator kDigits(
     },
     "from 0 on");
 
-constexpr HandSkill kBeginner{250e-6, 0.010, 4e-3, 5e-3, 6};
-constexpr HandSkill kExpert{40e-6, 0.020, 0.7e-3, 0.5e-3, 1};
+constexpr HandSkill kBeginner{250e-6, 0.010, 4e-3, 5e-3, 6, 0};
+constexpr HandSkill kExpert{40e-6, 0.020, 0.7e-3, 0.5e-3, 1, kBracing_N_per_m};
 constexpr double kApproach_m = 0.02, kRest_s = 0.5;
 constexpr double kOnSurface_m = 1e-6;
 
@@ -137,22 +137,25 @@ void addHandOptions(CLI::App& app, HandOptions& o) {
     return app.add_option(name, value, text)->capture_default_str()->group("Simulated hand");
   };
   o.correction_per_s = kCommandLineCorrection_per_s;
+  o.bracing_N_per_m = kBracing_N_per_m;
   o.aspirate = true;
   add("--hand-plan", o.plan,
       "target[:NAME], retry[:NAME], depth[:METRES], rest, a CSV file of tip poses, or, in a window, pointer: "
       "mouse and keys move it");
-  auto* skill = app.add_option_function<double>(
-                       "--hand-skill",
-                       [&o](double level) {
-                         const HandSkill hand = skillOf(level);
-                         o.skill = level;
-                         o.tremor_m = hand.tremor_m;
-                         o.speed_mps = hand.speed_mps;
-                       },
-                       "from 0, a beginner, to 1, an expert: tremor, speed, aim, overshoot and smoothness of "
-                       "an attempt at the target")
-                    ->group("Simulated hand")
-                    ->check(within(0, 1));
+  auto* skill =
+      app.add_option_function<double>(
+             "--hand-skill",
+             [&o](double level) {
+               const HandSkill hand = skillOf(level);
+               o.skill = level;
+               o.tremor_m = hand.tremor_m;
+               o.speed_mps = hand.speed_mps;
+               o.bracing_N_per_m = hand.bracing_N_per_m;
+             },
+             "from 0, a beginner, to 1, an expert: tremor, speed, bracing, aim, overshoot and smoothness of "
+             "an attempt at the target")
+          ->group("Simulated hand")
+          ->check(within(0, 1));
   add("--hand-speed-m-s", o.speed_mps, "speed of insertion and withdrawal")
       ->check(within(0, 0.5, false))
       ->excludes(skill);
@@ -170,6 +173,10 @@ void addHandOptions(CLI::App& app, HandOptions& o) {
   add("--hand-seed", o.seed, "seed of the tremor")->check(kDigits);
   add("--hand-stiffness", o.stiffness_N_per_m, "in N/m")->check(within(0, 10'000));
   add("--hand-damping", o.damping_Ns_per_m, "in N·s/m")->check(within(0, 100));
+  add("--hand-bracing", o.bracing_N_per_m,
+      "more stiffness along the needle: the hand rests on the patient, in N/m")
+      ->check(within(0, 10'000))
+      ->excludes(skill);
   add("--hand-rotational-stiffness", o.rotational_stiffness_Nm_per_rad, "in N·m/rad")->check(within(0, 100));
   add("--hand-rotational-damping", o.rotational_damping_Nms_per_rad, "in N·m·s/rad")->check(within(0, 5));
 }
@@ -182,15 +189,16 @@ HandSkill skillOf(double level) {
     return beginner * std::pow(expert / beginner, share);
   };
   return {between(kBeginner.tremor_m, kExpert.tremor_m), between(kBeginner.speed_mps, kExpert.speed_mps),
-          between(kBeginner.aim_m, kExpert.aim_m), between(kBeginner.overshoot_m, kExpert.overshoot_m),
-          between(kBeginner.pieces, kExpert.pieces)};
+          between(kBeginner.aim_m, kExpert.aim_m),       between(kBeginner.overshoot_m, kExpert.overshoot_m),
+          between(kBeginner.pieces, kExpert.pieces),     share * kExpert.bracing_N_per_m};
 }
 
 HandOptions handOf(const HandSkill& skill, std::uint64_t seed) {
   HandOptions hand;
   hand.tremor_m = skill.tremor_m;
   hand.speed_mps = skill.speed_mps;
-  hand.correction_per_s = 2;
+  hand.correction_per_s = kCommandLineCorrection_per_s;
+  hand.bracing_N_per_m = skill.bracing_N_per_m;
   hand.aspirate = true;
   hand.seed = seed;
   return hand;

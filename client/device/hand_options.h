@@ -19,6 +19,10 @@ namespace needlelab {
 /// Default of `correction_per_s` on a command line, because humans correct their aim; see HandOptions.
 inline constexpr double kCommandLineCorrection_per_s = 2;
 
+/// Default of `bracing_N_per_m` on a command line, and an expert's. A hand without it springs millimetres
+/// forward when the resistance drops, into the bone behind a knee's recess. Chosen by us, not measured.
+inline constexpr double kBracing_N_per_m = 700;
+
 /// Adds the options to `app`, and sets the command line's defaults in `options`, which must live until
 /// parsing ends. Values out of range are CLI11 parse errors.
 void addHandOptions(CLI::App& app, HandOptions& options);
@@ -26,14 +30,15 @@ void addHandOptions(CLI::App& app, HandOptions& options);
 /// Properties of a hand that depend on its skill. We chose the two ends within the range of human hands; they
 /// are not measurements.
 struct HandSkill {
-  double tremor_m = 0;     ///< peak per axis
-  double speed_mps = 0;    ///< peak speed of insertion and withdrawal
-  double aim_m = 0;        ///< spread of entry and aim point, across the way, per axis
-  double overshoot_m = 0;  ///< mean distance beyond the target before drawing back
-  double pieces = 1;       ///< number of movements in the insertion: smoothness
+  double tremor_m = 0;         ///< peak per axis
+  double speed_mps = 0;        ///< peak speed of insertion and withdrawal
+  double aim_m = 0;            ///< spread of entry and aim point, across the way, per axis
+  double overshoot_m = 0;      ///< mean distance beyond the target before drawing back
+  double pieces = 1;           ///< number of movements in the insertion: smoothness
+  double bracing_N_per_m = 0;  ///< linear from 0, a beginner's
 };
 
-/// `level`: 0 is a beginner, 1 an expert; each quantity is interpolated geometrically between them.
+/// `level`: 0 is a beginner, 1 an expert; each other quantity is interpolated geometrically between them.
 HandSkill skillOf(double level);
 
 /// Returns the entry that the profile's author marked on the skin: the origin of the limb's frame, if it lies

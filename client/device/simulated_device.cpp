@@ -32,6 +32,7 @@ Status checked(const SimulatedDeviceOptions& o, double rate_hz) {
       {"rate in Hz", rate_hz, {kMinRateHz, kMaxRateHz}},
       {"hand stiffness in N/m", h.stiffness_N_per_m, {0, 10'000}},
       {"hand damping in N·s/m", h.damping_Ns_per_m, {0, 100}},
+      {"hand bracing in N/m", h.bracing_N_per_m, {0, 10'000}},
       {"hand rotational stiffness in N·m/rad", h.rotational_stiffness_Nm_per_rad, {0, 100}},
       {"hand rotational damping in N·m·s/rad", h.rotational_damping_Nms_per_rad, {0, 5}},
       {"hand correction per s", h.correction_per_s, {0, 20}},

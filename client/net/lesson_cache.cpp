@@ -1,5 +1,6 @@
 #include "client/net/lesson_cache.h"
 
+#include <fmt/core.h>
 #include <google/protobuf/util/json_util.h>
 
 #include <algorithm>
@@ -26,6 +27,10 @@ std::string hashOf(const std::string& exercise_id, const pb::Lesson& lesson) {
     hash.update(viewOf(part));
     hash.update(viewOf(std::string_view("\0", 1)));
   }
+  // what a course that says nothing has not
+  if (lesson.assigned_only())
+    hash.update(
+        viewOf(fmt::format("{}{}{}", lesson.assigned_only(), lesson.exam(), lesson.results_from_unix_ns())));
   return hexOf(hash.digest());
 }
 
@@ -125,6 +130,7 @@ std::vector<CachedLesson> LessonCache::list() const {
       lesson.profile_id = printable(textAt(exercise, "profile_id"));
       lesson.profile_revision = file->lesson.profile_revision();
       lesson.fetched_unix_ns = file->fetched_unix_ns;
+      lesson.assigned_only = file->lesson.assigned_only();
     } else {
       lesson.trouble = file.error().message;
     }

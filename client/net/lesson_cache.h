@@ -19,11 +19,13 @@ struct CachedLesson {
   std::uint32_t profile_revision = 0;
   std::int64_t fetched_unix_ns = 0;  ///< 0: not known
   std::string trouble;               ///< why the lesson cannot be used; empty when it can
+  bool assigned_only = false;        ///< of a course that only those take to whom it is assigned
 };
 
 /// Files SPOOL/lessons/EXERCISE.json: {"exercise_id", "fetched_unix_ns", "hash", "lesson": pb::Lesson}. The
-/// hash (BLAKE2b-256 over exercise, profile and revision) detects a damaged profile: otherwise the trainee
-/// would feel a flipped digit in a stiffness. Older files without a hash are read too. Thread: one.
+/// hash (BLAKE2b-256 over exercise, profile, revision and the course's rules) detects a damaged profile:
+/// otherwise the trainee would feel a flipped digit in a stiffness. Older files without a hash are read too.
+/// Thread: one.
 class LessonCache {
  public:
   explicit LessonCache(const std::filesystem::path& spool) : folder_(spool / "lessons") {}

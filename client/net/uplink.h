@@ -52,6 +52,7 @@ struct LessonFacts {
   std::vector<std::string> hazards_touched;  ///< LessonWatch::warnings()
   double force_limit_N = 0;                  ///< the exercise's limit of the peak force; 0: none
   std::string layer_name;                    ///< what people call the tip's layer; empty outside
+  std::vector<pb::AlarmCount> alarms = {};   ///< GestureAlarms::counts()
 };
 
 /// State of the link and of the uploads.

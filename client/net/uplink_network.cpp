@@ -397,6 +397,10 @@ void Uplink::sendStatus() {
       room -= name.size() + 3;  // with its tag and length
       status.add_hazards_touched(name);
     }
+    for (const pb::AlarmCount& count : facts_.alarms) {
+      *status.add_alarms() = count;
+      cutText(*status.mutable_alarms()->rbegin()->mutable_detail(), 40);
+    }
     status.set_live_dropped(state_.live_dropped - dropped_before_);
   }
   if (lessonRuns()) {

@@ -7,6 +7,7 @@
 #include <array>
 #include <utility>
 
+#include "client/view/input_queue.h"
 #include "client/view/theme.h"
 
 namespace needlelab {
@@ -15,7 +16,8 @@ namespace {
 // by GLFW's numbers, as a surface reports them in a window and off screen
 constexpr std::array kActionKeys = {
     std::pair(ActionKey::kEnter, GLFW_KEY_ENTER), std::pair(ActionKey::kEnter, GLFW_KEY_KP_ENTER),
-    std::pair(ActionKey::kEscape, GLFW_KEY_ESCAPE), std::pair(ActionKey::kO, GLFW_KEY_O)};
+    std::pair(ActionKey::kEscape, GLFW_KEY_ESCAPE), std::pair(ActionKey::kO, GLFW_KEY_O),
+    std::pair(ActionKey::kDelete, GLFW_KEY_DELETE)};
 
 }  // namespace
 
@@ -61,17 +63,34 @@ void actionHints(std::span<const ScreenAction> actions) {
   }
 }
 
-std::optional<int> actionQuestion(const char* title, const char* text, std::span<const ScreenAction> actions,
-                                  bool& open) {
+bool AnswerGate::opens(int asked, int hidden) {
+  const int frame = ImGui::GetFrameCount();
+  const bool appears = asked != asked_ || frame != frame_ + 1;
+  asked_ = asked;
+  frame_ = frame;
+  if (asked == 0) return false;
+  if (appears) dropInputBefore(frame + hidden);
+  return !appears;
+}
+
+std::optional<int> Question::show(const char* text, std::span<const ScreenAction> actions) {
+  if (std::exchange(opens_, false)) ImGui::OpenPopup(title_);
   const ImVec2 middle{0.5F * ImGui::GetIO().DisplaySize.x, 0.5F * ImGui::GetIO().DisplaySize.y};
   ImGui::SetNextWindowPos(middle, ImGuiCond_Always, {0.5F, 0.5F});
-  open = ImGui::BeginPopupModal(title, nullptr, ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoMove);
-  if (!open) return std::nullopt;
+  asked_ =
+      ImGui::BeginPopupModal(title_, nullptr, ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoMove);
+  shown_ = gate_.opens(asked_ ? 1 : 0, /*hidden=*/1);
+  if (!asked_) return std::nullopt;
   ImGui::TextUnformatted(text);
   ImGui::Spacing();
+  ImGui::BeginDisabled(!shown_);
   auto chosen = actionButtons(actions, 0, true);
-  if (!chosen) chosen = actionByKey(actions);
-  if (chosen) ImGui::CloseCurrentPopup();
+  ImGui::EndDisabled();
+  if (shown_ && !chosen) chosen = actionByKey(actions);
+  if (chosen) {
+    ImGui::CloseCurrentPopup();
+    asked_ = shown_ = false;
+  }
   ImGui::EndPopup();
   return chosen;
 }

@@ -7,6 +7,7 @@
 #include <GLFW/glfw3.h>
 
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include <fmt/core.h>
 
@@ -107,10 +108,22 @@ Result<std::unique_ptr<GlContext>> makeWindowContext(const SurfaceOptions& optio
   glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
   glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
   glfwWindowHint(GLFW_VISIBLE, GLFW_FALSE);
-  const std::optional<WindowState> before = readWindowState(options.state_file);
-  const int width_px = before ? before->width_px : options.width_px;
-  const int height_px = before ? before->height_px : options.height_px;
-  GLFWwindow* window = glfwCreateWindow(width_px, height_px, options.title.c_str(), nullptr, nullptr);
+  GLFWmonitor* const monitor = options.full_screen ? glfwGetPrimaryMonitor() : nullptr;
+  const std::optional<WindowState> before =
+      monitor == nullptr ? readWindowState(options.state_file) : std::nullopt;
+  int width_px = before ? before->width_px : options.width_px;
+  int height_px = before ? before->height_px : options.height_px;
+  if (monitor != nullptr) {
+    // the monitor's own mode: it keeps its resolution, and the window stays when another one gets the keys
+    const GLFWvidmode* const mode = glfwGetVideoMode(monitor);
+    width_px = mode->width, height_px = mode->height;
+    glfwWindowHint(GLFW_RED_BITS, mode->redBits);
+    glfwWindowHint(GLFW_GREEN_BITS, mode->greenBits);
+    glfwWindowHint(GLFW_BLUE_BITS, mode->blueBits);
+    glfwWindowHint(GLFW_REFRESH_RATE, mode->refreshRate);
+    glfwWindowHint(GLFW_AUTO_ICONIFY, GLFW_FALSE);
+  }
+  GLFWwindow* window = glfwCreateWindow(width_px, height_px, options.title.c_str(), monitor, nullptr);
   if (window == nullptr) {
     const std::string words = glfwErrorText();
     glfwTerminate();
@@ -118,7 +131,7 @@ Result<std::unique_ptr<GlContext>> makeWindowContext(const SurfaceOptions& optio
                                               "): install a driver or libgl1-mesa-dri"};
   }
   if (before && isOnSomeMonitor(*before)) glfwSetWindowPos(window, before->x_px, before->y_px);
-  glfwSetWindowSizeLimits(window, 640, 400, GLFW_DONT_CARE, GLFW_DONT_CARE);
+  if (monitor == nullptr) glfwSetWindowSizeLimits(window, 640, 400, GLFW_DONT_CARE, GLFW_DONT_CARE);
   glfwShowWindow(window);
   return std::unique_ptr<GlContext>(std::make_unique<WindowContext>(window));
 }

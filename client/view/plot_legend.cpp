@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -15,9 +16,9 @@ void drawLegendText(ImDrawList& list, ImVec2 at, ImU32 colour, std::string_view 
   list.AddText(at, colour, text.data(), text.data() + text.size());
 }
 
-std::string readText(const PixelColumn& column, double step) {
-  const int decimals = std::clamp(static_cast<int>(std::ceil(-std::log10(std::max(step, 1e-9)))) + 1, 0, 4);
-  return tickText(static_cast<double>(column.last), decimals);
+std::string readText(double value, const Plot& plot, double step) {
+  const int by_axis = std::clamp(static_cast<int>(std::ceil(-std::log10(std::max(step, 1e-9)))) + 1, 0, 4);
+  return tickText(value, momentDecimals(plot.unit).value_or(by_axis));
 }
 
 // the nearest earlier column, within a few
@@ -28,6 +29,17 @@ const PixelColumn* columnAt(std::span<const PixelColumn> columns, std::ptrdiff_t
   return nullptr;
 }
 
+/// The value of a series at x.
+std::optional<double> valueAt(const Plot& plot, const PlotSeries& series,
+                              std::span<const PixelColumn> columns, double x) {
+  if (series.reader) return series.reader(x);
+  const double to = plot.to > plot.from ? plot.to : plot.from + 1;
+  const PixelColumn* const column = columnAt(
+      columns,
+      static_cast<std::ptrdiff_t>((x - plot.from) / (to - plot.from) * static_cast<double>(columns.size())));
+  return column == nullptr ? std::nullopt : std::optional(static_cast<double>(column->last));
+}
+
 /// An entry of a legend, and its width with the swatch before it.
 struct LegendEntry {
   const PlotSeries* series;
@@ -35,15 +47,15 @@ struct LegendEntry {
   float width_px;
 };
 
-/// `with_values`: so many of the first series show their value at `read_at`.
+/// `with_values`: so many of the first series show their value at `read_x`.
 std::vector<LegendEntry> legendOf(const Plot& plot, std::span<const std::vector<PixelColumn>> columns,
-                                  std::ptrdiff_t read_at, double step, std::size_t with_values) {
+                                  std::optional<double> read_x, double step, std::size_t with_values) {
   std::vector<LegendEntry> entries;
   for (std::size_t i = 0; i < plot.series.size(); ++i) {
     std::string text = plot.series[i].name;
-    const bool reads = read_at >= 0 && i < with_values;
-    if (const PixelColumn* column = reads ? columnAt(columns[i], read_at) : nullptr)
-      text += (text.empty() ? "" : " ") + readText(*column, step);
+    const auto value =
+        read_x && i < with_values ? valueAt(plot, plot.series[i], columns[i], *read_x) : std::nullopt;
+    if (value) text += (text.empty() ? "" : " ") + readText(*value, plot, step);
     if (text.empty()) continue;
     const float width_px = ImGui::CalcTextSize(text.c_str()).x + ImGui::GetFontSize() * 1.2F;
     entries.push_back({&plot.series[i], std::move(text), width_px});
@@ -54,7 +66,8 @@ std::vector<LegendEntry> legendOf(const Plot& plot, std::span<const std::vector<
 }  // namespace
 
 void drawPlotLegend(ImDrawList& list, ImVec2 at, float right_px, const Plot& plot,
-                    std::span<const std::vector<PixelColumn>> columns, std::ptrdiff_t read_at, double step) {
+                    std::span<const std::vector<PixelColumn>> columns, std::optional<double> read_x,
+                    double step) {
   WithFont font(Letters::kSmall);
   const float text_px = ImGui::GetFontSize();
   const std::string title = headingOf(plot);
@@ -66,8 +79,8 @@ void drawPlotLegend(ImDrawList& list, ImVec2 at, float right_px, const Plot& plo
     for (const LegendEntry& entry : entries) width_px += entry.width_px + text_px;
     return width_px - text_px;
   };
-  auto entries = legendOf(plot, columns, read_at, step, plot.series.size());
-  if (x_px + widthOf(entries) > right_px) entries = legendOf(plot, columns, read_at, step, 1);
+  auto entries = legendOf(plot, columns, read_x, step, plot.series.size());
+  if (x_px + widthOf(entries) > right_px) entries = legendOf(plot, columns, read_x, step, 1);
   const bool fits = x_px + widthOf(entries) <= right_px;
   const float end_px = fits ? right_px : right_px - text_px * 2;
   for (std::size_t i = 0; i < entries.size(); ++i) {

@@ -386,11 +386,7 @@ PlotResult linePlot(const char* id, const Plot& plot, ImVec2 size_px, bool show_
     list.AddLine({mouse_px, frame.low_px.y}, {mouse_px, frame.high_px.y}, packed(kWhite, 0.45F));
   }
   ImGui::PopClipRect();
-  const std::ptrdiff_t read_at =
-      read ? static_cast<std::ptrdiff_t>((*read - frame.from) / (frame.to - frame.from) *
-                                         static_cast<double>(count))
-           : -1;
-  drawPlotLegend(list, {frame.low_px.x, at.y}, frame.high_px.x, plot, columns, read_at, frame.y.step);
+  drawPlotLegend(list, {frame.low_px.x, at.y}, frame.high_px.x, plot, columns, read, frame.y.step);
   ImGui::PopID();
   ImGui::SetCursorScreenPos(at);
   ImGui::Dummy(size_px);

@@ -37,10 +37,11 @@ PlotField plotFieldAt(ImVec2 at, ImVec2 size_px, bool show_x_axis);
 float labelLeftAt(const PlotField& field, float x_px, float width_px);
 
 /// Draws a plot's heading at the left and then its series with their colours (plot_legend.cpp): with the
-/// values in column `read_at` (−1: none) where there is room for all, else with the first one's alone. What
-/// still has no room is counted: "+2". `columns`: by series; `step`: of the y axis.
+/// values at `read_x`, if given, where there is room for all, else with the first one's alone. What still has
+/// no room is counted: "+2". `columns`: by series; `step`: of the y axis.
 void drawPlotLegend(ImDrawList& list, ImVec2 at, float right_px, const Plot& plot,
-                    std::span<const std::vector<PixelColumn>> columns, std::ptrdiff_t read_at, double step);
+                    std::span<const std::vector<PixelColumn>> columns, std::optional<double> read_x,
+                    double step);
 
 /// Draws a few hundred points as a small line without axes, for tiles and tables; the last as a dot.
 void sparkline(std::span<const float> values, float low, float high, Rgb colour, ImVec2 size_px);

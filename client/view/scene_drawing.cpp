@@ -306,8 +306,11 @@ void SceneRenderer::Parts::drawAnatomy(float opacity) {
       glDisable(GL_CULL_FACE);
     }
   }
+  // flat where its tissue is thinner than the ball
   for (const TargetView& target : scene->targets)
-    put(ball, modelMatrix({target.center_W_m, {}}, {target.radius_m, target.radius_m, target.radius_m}),
+    put(ball,
+        modelMatrix(poseTowards(target.middle_W_m, target.normal_W),
+                    {target.radius_m, target.radius_m, 0.5 * (target.bottom_m - target.top_m)}),
         kTargetColour, opacity < 1 ? 0.7F : 1, 0.2F);
 }
 
@@ -315,6 +318,12 @@ void SceneRenderer::Parts::drawInstrument(const Moment& moment, Rgb steel, float
   const Pose X_WT{moment.p_WT_m, normalized(moment.q_WT)};
   const Matrix4 tip = modelMatrix(X_WT);
   put(needle, tip, steel, opacity, 0.8F);
+  if (openingBehindTip_m(scene->needle) > 0) {
+    const double radius_m = 0.6 * drawnDiameter_m(*scene);
+    put(ball,
+        modelMatrix({openingOf(*scene, moment.p_WT_m, moment.q_WT), {}}, {radius_m, radius_m, radius_m}),
+        kMarkInk, opacity, 0);
+  }
   put(hub, tip, kHubBlue, opacity, 0.3F);
   put(marks, tip, kMarkInk, opacity, 0);
   const double shift_m = plungerShift_m(syringe, moment.plunger);

@@ -211,7 +211,7 @@ void drawNames(ImDrawList& list, const PictureFrame& picture, const SceneView& s
   }
   if (frame.aids.has(pb::Exercise::ANATOMY)) {
     for (const TargetView& target : scene.targets) {
-      const auto at = picture.at(target.center_W_m);
+      const auto at = picture.at(target.middle_W_m);
       if (at && picture.holds(*at)) anatomy.push_back({*at, "◎ " + target.name, kTargetColour, 0});
     }
     const bool cut = frame.cut_open && frame.aids.has(pb::Exercise::TISSUES);
@@ -247,10 +247,9 @@ float drawLegend(ImDrawList& list, const PictureFrame& picture, const SceneFrame
     for (const EffectEntry* effect : effectsAsShown()) {
       const double size = std::fabs(termOf(*effect, moment));
       if (size < kLeast) continue;
-      rows.push_back({colourOf(*effect), std::string(effect->term),
-                      tickText(size, effect->unit == "N" ? 2 : 3) + " " + std::string(effect->unit)});
+      rows.push_back({colourOf(*effect), std::string(effect->term), momentText(size, effect->unit)});
     }
-    rows.push_back({kWhite, "on the hand", tickText(forceOf(moment), 2) + " N"});
+    rows.push_back({kWhite, "on the hand", momentText(forceOf(moment), "N")});
   }
   float word_px = 0, value_px = 0;
   for (const Row& row : rows) {

@@ -6,20 +6,23 @@
 #include <GLFW/glfw3.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <vector>
 
 #include <imgui/backends/imgui_impl_glfw.h>
 #include <imgui/backends/imgui_impl_opengl3.h>
 #include <imgui/imgui.h>
+#include <imgui/imgui_internal.h>
 #include <stb/stb_image.h>
 #include <stb/stb_image_write.h>
 
 #include "client/view/gl_context.h"
 #include "client/view/gl_objects.h"
-#include "client/view/key_queue.h"
+#include "client/view/input_queue.h"
 #include "client/view/theme.h"
 #include "common/base/clock.h"
 #include "common/base/files.h"
@@ -42,6 +45,13 @@ namespace {
 
 constexpr double kUsualFrames_per_s = 30;
 constexpr int kMostRepeats = 15;
+
+/// A desk's letters at this scale, whatever the window's size; or as the screen's place asks.
+LetterSizes wantedLetters(const std::optional<Viewing>& viewing, int width_px, int height_px, double scale) {
+  if (viewing) return letterSizes(*viewing, width_px, height_px, scale);
+  const LetterSizes desk;
+  return {desk.body_px * scale, desk.small_px * scale, desk.heading_px * scale, desk.figure_px * scale};
+}
 
 double heldScale(double scale) {
   return std::clamp(std::isfinite(scale) ? scale : 1.0, 0.8, 2.5);
@@ -76,6 +86,31 @@ void mapKeys(ImGuiIO& io) {
   io.KeyMap[ImGuiKey_X] = GLFW_KEY_X;
   io.KeyMap[ImGuiKey_Y] = GLFW_KEY_Y;
   io.KeyMap[ImGuiKey_Z] = GLFW_KEY_Z;
+}
+
+// what a person does at a window; the backend's own callbacks keep no order
+void queueInput(GLFWwindow* window, InputQueue& input) {
+  using Done = InputEvent::Kind;
+  static constexpr auto kQueueOf = [](GLFWwindow* of) -> InputQueue& {
+    return *static_cast<InputQueue*>(glfwGetWindowUserPointer(of));
+  };
+  glfwSetWindowUserPointer(window, &input);
+  glfwSetKeyCallback(window, [](GLFWwindow* of, int key, int, int action, int) {
+    if (action == GLFW_REPEAT) return;  // Dear ImGui repeats by itself
+    kQueueOf(of).add({.kind = Done::kKey, .code = key, .down = action == GLFW_PRESS});
+  });
+  glfwSetCharCallback(window, [](GLFWwindow* of, unsigned character) {
+    kQueueOf(of).add({.kind = Done::kCharacter, .code = static_cast<int>(character)});
+  });
+  glfwSetMouseButtonCallback(window, [](GLFWwindow* of, int button, int action, int) {
+    kQueueOf(of).add({.kind = Done::kButton, .code = button, .down = action == GLFW_PRESS});
+  });
+  glfwSetCursorPosCallback(window, [](GLFWwindow* of, double x_px, double y_px) {
+    kQueueOf(of).add({.kind = Done::kMove, .x = static_cast<float>(x_px), .y = static_cast<float>(y_px)});
+  });
+  glfwSetScrollCallback(window, [](GLFWwindow* of, double right, double up) {
+    kQueueOf(of).add({.kind = Done::kWheel, .x = static_cast<float>(right), .y = static_cast<float>(up)});
+  });
 }
 
 // FNV hash over 64-bit words of the frame's draw data
@@ -113,10 +148,13 @@ struct Surface::Parts {
   SurfaceOptions options;
   std::unique_ptr<GlContext> context;
   std::unique_ptr<FrameBuffer> buffer;  // off screen: the target of drawing
-  KeyQueue keys;                        // of a window
+  InputQueue input;
+  ImVec2 mouse_px{-FLT_MAX, -FLT_MAX};  // as this frame sees it
+  std::array<bool, 5> buttons{};
   bool imgui = false;
   bool closed = false, close_wished = false;
-  double font_scale = 1, wanted_scale = 1;
+  double wanted_scale = 1;
+  std::optional<LetterSizes> letters;  // as loaded
   std::int64_t due_ns = 0, began_ns = 0;
   double cost_s = 0;
   std::uint64_t drawn_hash = 0;  // of the shown frame
@@ -128,10 +166,14 @@ struct Surface::Parts {
   void start();
   void waitForTurn();
   void takeSize();
-  void applyFontScale();
+  void applyLetters();
+  void giveInput();
+  void give(const InputEvent& event);
+  void showFrame();
+  // what was done before it comes first
   void takeCloseButton() {
     GLFWwindow* const window = context->window();
-    if (window == nullptr || glfwWindowShouldClose(window) == 0) return;
+    if (window == nullptr || glfwWindowShouldClose(window) == 0 || !input.empty()) return;
     if (!options.asks_before_closing) {
       closed = true;
       return;
@@ -154,9 +196,11 @@ Surface::Surface(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
 Surface::~Surface() {
   GLFWwindow* window = parts_->context->window();
   if (window == nullptr || parts_->options.state_file.empty()) return;
-  WindowState state;
-  glfwGetWindowPos(window, &state.x_px, &state.y_px);
-  glfwGetWindowSize(window, &state.width_px, &state.height_px);
+  WindowState state = readWindowState(parts_->options.state_file).value_or(WindowState());
+  if (!parts_->options.full_screen) {
+    glfwGetWindowPos(window, &state.x_px, &state.y_px);
+    glfwGetWindowSize(window, &state.width_px, &state.height_px);
+  }
   state.font_scale = parts_->wanted_scale;
   // failing to write the window's position must not fail a lesson at its end
   (void)writeWindowState(parts_->options.state_file, state).ok();
@@ -194,27 +238,21 @@ void Surface::Parts::start() {
   io.LogFilename = nullptr;
   io.ConfigFlags |= ImGuiConfigFlags_NavEnableKeyboard;
   io.ConfigWindowsMoveFromTitleBarOnly = true;
+  io.UserData = &input;  // for dropInputBefore
   imgui = true;
   if (context->window() != nullptr) {
     ImGui_ImplGlfw_InitForOpenGL(context->window(), /*install_callbacks=*/true);
-    glfwSetWindowUserPointer(context->window(), this);
-    glfwSetKeyCallback(context->window(), [](GLFWwindow* of, int key, int scancode, int action, int mods) {
-      if (action == GLFW_REPEAT) return;  // Dear ImGui repeats by itself
-      static_cast<Parts*>(glfwGetWindowUserPointer(of))
-          ->keys.add({key, scancode, mods, action == GLFW_PRESS});
-    });
+    queueInput(context->window(), input);
   } else {
     buffer = std::make_unique<FrameBuffer>();
     mapKeys(io);
     io.BackendFlags |= ImGuiBackendFlags_HasMouseCursors;
-    io.MousePos = {-FLT_MAX, -FLT_MAX};
     io.ConfigInputTextCursorBlink = false;  // for reproducible pictures
   }
   ImGui_ImplOpenGL3_Init("#version 330 core");
   const std::optional<WindowState> before =
       context->window() != nullptr ? readWindowState(options.state_file) : std::nullopt;
   wanted_scale = heldScale(before ? before->font_scale : options.font_scale);
-  font_scale = 0;
   takeSize();
 }
 
@@ -224,12 +262,13 @@ void Surface::Parts::takeSize() {
   if (context->window() != nullptr) glfwGetFramebufferSize(context->window(), &width_px, &height_px);
 }
 
-void Surface::Parts::applyFontScale() {
-  if (font_scale == wanted_scale) return;
-  const bool first = font_scale == 0;
-  font_scale = wanted_scale;
-  loadFonts(font_scale);
-  applyTheme(font_scale);
+void Surface::Parts::applyLetters() {
+  const LetterSizes wanted = wantedLetters(options.viewing, width_px, height_px, wanted_scale);
+  if (letters == wanted) return;
+  const bool first = !letters;
+  letters = wanted;
+  loadFonts(wanted);
+  applyTheme(wanted);
   if (first) return;
   noteTextureChange();
   ImGui_ImplOpenGL3_DestroyFontsTexture();
@@ -254,6 +293,42 @@ void Surface::Parts::waitForTurn() {
   if (due_ns <= now_ns) due_ns = now_ns + period_ns;
 }
 
+void Surface::Parts::give(const InputEvent& event) {
+  ImGuiIO& io = ImGui::GetIO();
+  const auto code = static_cast<std::size_t>(event.code);  // GLFW has -1 for a key that it does not know
+  switch (event.kind) {
+    case InputEvent::Kind::kKey:
+      if (code < std::size(io.KeysDown)) io.KeysDown[code] = event.down;
+      io.KeyCtrl = io.KeysDown[GLFW_KEY_LEFT_CONTROL] || io.KeysDown[GLFW_KEY_RIGHT_CONTROL];
+      io.KeyShift = io.KeysDown[GLFW_KEY_LEFT_SHIFT] || io.KeysDown[GLFW_KEY_RIGHT_SHIFT];
+      io.KeyAlt = io.KeysDown[GLFW_KEY_LEFT_ALT] || io.KeysDown[GLFW_KEY_RIGHT_ALT];
+      io.KeySuper = io.KeysDown[GLFW_KEY_LEFT_SUPER] || io.KeysDown[GLFW_KEY_RIGHT_SUPER];
+      return;
+    case InputEvent::Kind::kCharacter:
+      return io.AddInputCharacter(static_cast<unsigned>(event.code));
+    case InputEvent::Kind::kButton:
+      if (code < buttons.size()) buttons[code] = event.down;
+      return;
+    case InputEvent::Kind::kMove:
+      mouse_px = {event.x, event.y};
+      return;
+    case InputEvent::Kind::kWheel:
+      io.MouseWheelH += event.x;
+      io.MouseWheel += event.y;
+      return;
+  }
+}
+
+// after the backend, which reads the mouse as it is by now, and not as it was when a button was pressed
+void Surface::Parts::giveInput() {
+  ImGuiIO& io = ImGui::GetIO();
+  const std::vector<InputEvent> events = input.take();
+  if (context->window() != nullptr && events.empty() && input.empty()) mouse_px = io.MousePos;
+  for (const InputEvent& event : events) give(event);
+  io.MousePos = mouse_px;
+  std::copy(buttons.begin(), buttons.end(), io.MouseDown);
+}
+
 bool Surface::beginFrame() {
   Parts& parts = *parts_;
   GLFWwindow* window = parts.context->window();
@@ -264,12 +339,9 @@ bool Surface::beginFrame() {
   if (parts.closed) return false;
   parts.began_ns = steadyNowNs();
   parts.takeSize();
-  parts.applyFontScale();
+  parts.applyLetters();
   ImGui_ImplOpenGL3_NewFrame();
   if (window != nullptr) {
-    for (const KeyEvent& event : parts.keys.take())
-      ImGui_ImplGlfw_KeyCallback(window, event.key, event.scancode, event.down ? GLFW_PRESS : GLFW_RELEASE,
-                                 event.mods);
     ImGui_ImplGlfw_NewFrame();
   } else {
     ImGuiIO& io = ImGui::GetIO();
@@ -277,6 +349,7 @@ bool Surface::beginFrame() {
     const double rate = parts.options.frames_per_s > 0 ? parts.options.frames_per_s : kUsualFrames_per_s;
     io.DeltaTime = static_cast<float>(1 / rate);
   }
+  parts.giveInput();
   ImGui::NewFrame();
   return true;
 }
@@ -284,29 +357,36 @@ bool Surface::beginFrame() {
 void Surface::endFrame() {
   Parts& parts = *parts_;
   ImGui::Render();
+  parts.showFrame();
+  // what came until now came while the person saw the frame before
+  if (parts.context->window() != nullptr) glfwPollEvents();
+  parts.input.shown(ImGui::GetFrameCount());
+}
+
+void Surface::Parts::showFrame() {
   // the same frame is already shown; still draw it now and then, for a display that lost it
-  const std::uint64_t hash = hashOfFrame(*ImGui::GetDrawData(), parts.width_px, parts.height_px);
-  const bool same = hash == parts.drawn_hash && ++parts.repeats < kMostRepeats;
+  const std::uint64_t hash = hashOfFrame(*ImGui::GetDrawData(), width_px, height_px);
+  const bool same = hash == drawn_hash && ++repeats < kMostRepeats;
   if (same) {
-    parts.cost_s = static_cast<double>(steadyNowNs() - parts.began_ns) * 1e-9;
+    cost_s = static_cast<double>(steadyNowNs() - began_ns) * 1e-9;
     return;
   }
-  parts.drawn_hash = hash;
-  parts.repeats = 0;
-  ++parts.frames_drawn;
-  if (parts.buffer)
-    parts.buffer->bind(parts.width_px, parts.height_px);
+  drawn_hash = hash;
+  repeats = 0;
+  ++frames_drawn;
+  if (buffer)
+    buffer->bind(width_px, height_px);
   else
-    glViewport(0, 0, parts.width_px, parts.height_px);
+    glViewport(0, 0, width_px, height_px);
   glClearColor(kWindowGrey.red, kWindowGrey.green, kWindowGrey.blue, 1);
   glClear(GL_COLOR_BUFFER_BIT);
   ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
-  if (parts.buffer) {
-    parts.buffer->resolve();
+  if (buffer) {
+    buffer->resolve();
     glFinish();
   }
-  parts.cost_s = static_cast<double>(steadyNowNs() - parts.began_ns) * 1e-9;
-  parts.context->swap();
+  cost_s = static_cast<double>(steadyNowNs() - began_ns) * 1e-9;
+  context->swap();
 }
 
 RgbaImage Surface::picture() const {
@@ -355,24 +435,26 @@ void Surface::setFontScale(double scale) {
 }
 
 void Surface::moveMouse(double x_px, double y_px) {
-  ImGui::GetIO().MousePos = {static_cast<float>(x_px), static_cast<float>(y_px)};
+  parts_->input.add(
+      {.kind = InputEvent::Kind::kMove, .x = static_cast<float>(x_px), .y = static_cast<float>(y_px)});
 }
 void Surface::setMouseButton(int button, bool down) {
-  if (button >= 0 && button < 5) ImGui::GetIO().MouseDown[button] = down;
+  parts_->input.add({.kind = InputEvent::Kind::kButton, .code = button, .down = down});
 }
 void Surface::scroll(double steps) {
-  ImGui::GetIO().MouseWheel += static_cast<float>(steps);
+  parts_->input.add({.kind = InputEvent::Kind::kWheel, .y = static_cast<float>(steps)});
 }
 void Surface::setKey(int glfw_key, bool down) {
-  ImGuiIO& io = ImGui::GetIO();
-  if (glfw_key < 0 || glfw_key >= static_cast<int>(std::size(io.KeysDown))) return;
-  io.KeysDown[glfw_key] = down;
-  io.KeyCtrl = io.KeysDown[GLFW_KEY_LEFT_CONTROL] || io.KeysDown[GLFW_KEY_RIGHT_CONTROL];
-  io.KeyShift = io.KeysDown[GLFW_KEY_LEFT_SHIFT] || io.KeysDown[GLFW_KEY_RIGHT_SHIFT];
-  io.KeyAlt = io.KeysDown[GLFW_KEY_LEFT_ALT] || io.KeysDown[GLFW_KEY_RIGHT_ALT];
+  parts_->input.add({.kind = InputEvent::Kind::kKey, .code = glfw_key, .down = down});
 }
 void Surface::typeText(const std::string& utf8) {
-  ImGui::GetIO().AddInputCharactersUTF8(utf8.c_str());
+  const char* at = utf8.data();
+  const char* const end = at + utf8.size();
+  while (at < end) {
+    unsigned character = 0;
+    at += ImTextCharFromUtf8(&character, at, end);
+    parts_->input.add({.kind = InputEvent::Kind::kCharacter, .code = static_cast<int>(character)});
+  }
 }
 
 Status savePng(const RgbaImage& image, const std::filesystem::path& file) {

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "client/view/model/image.h"
+#include "client/view/model/viewing.h"
 #include "common/base/result.h"
 #include "common/base/time_source.h"
 
@@ -23,10 +24,16 @@ struct SurfaceOptions {
   Kind kind = Kind::kAny;
   std::string title = "needlelab";
   int width_px = 1280, height_px = 720;
-  double font_scale = 1;     ///< 0.8 - 2.5
+  /// A window takes the whole of the primary monitor; `width_px` and `height_px` are the monitor's then.
+  bool full_screen = false;
+  /// Letters have the sizes for this place (letterSizes), in a window that is taken to fill the monitor.
+  /// None: as on a desk, whatever the window's size.
+  std::optional<Viewing> viewing;
+  double font_scale = 1;     ///< 0.8 - 2.5, times those sizes
   double frames_per_s = 30;  ///< at most; 0: no pacing (off screen: as fast as possible)
   /// JSON: position, size and font scale of the window; read at the start, written at the end. Empty: no
-  /// file. Unreadable files and positions off every monitor are ignored.
+  /// file. Unreadable files and positions off every monitor are ignored; with `full_screen` only the font
+  /// scale counts, and the rest stays as it was.
   std::filesystem::path state_file;
   /// Decides when a frame is due. Must outlive the surface. Another than the machine's only off screen: a
   /// window also waits for its events, by the machine's time.
@@ -89,12 +96,13 @@ class Surface {
   /// Returns the last ended frame. Off screen the same calls give the same bytes.
   [[nodiscard]] RgbaImage picture() const;
 
-  /// Off screen only: simulated input for the next frame. x to the right, y down, in pixels.
+  /// Off screen only: simulated input. It reaches the frames in its order, as a window's (input_queue.h):
+  /// what is done at once before a frame is what a person does while the frame before it stands still. x to
+  /// the right, y down, in pixels.
   void moveMouse(double x_px, double y_px);
   void setMouseButton(int button, bool down);  ///< 0 left, 1 right, 2 middle
   void scroll(double steps);
-  void setKey(int glfw_key,
-              bool down);  ///< e.g. GLFW_KEY_ENTER: as ImGui::IsKeyDown takes it, off screen too
+  void setKey(int glfw_key, bool down);  ///< e.g. GLFW_KEY_ENTER
   void typeText(const std::string& utf8);
 
  private:

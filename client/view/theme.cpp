@@ -47,16 +47,15 @@ void addFont(const char* file, float size_px, const ImWchar* ranges) {
 
 }  // namespace
 
-void loadFonts(double font_scale) {
+void loadFonts(const LetterSizes& sizes) {
   ImFontAtlas& atlas = *ImGui::GetIO().Fonts;
   atlas.Clear();
   atlas.Flags |= ImFontAtlasFlags_NoPowerOfTwoHeight;
   atlas.TexDesiredWidth = 4096;
-  const auto scale = static_cast<float>(font_scale);
-  addFont("DejaVuSans.ttf", 18 * scale, kTextRanges);
-  addFont("DejaVuSans.ttf", 15 * scale, kTextRanges);
-  addFont("DejaVuSans-Bold.ttf", 24 * scale, kTextRanges);
-  addFont("DejaVuSans-Bold.ttf", 44 * scale, kFigureRanges);
+  addFont("DejaVuSans.ttf", static_cast<float>(sizes.body_px), kTextRanges);
+  addFont("DejaVuSans.ttf", static_cast<float>(sizes.small_px), kTextRanges);
+  addFont("DejaVuSans-Bold.ttf", static_cast<float>(sizes.heading_px), kTextRanges);
+  addFont("DejaVuSans-Bold.ttf", static_cast<float>(sizes.figure_px), kFigureRanges);
 }
 
 ImFont* fontOf(Letters letters) {
@@ -88,10 +87,10 @@ std::size_t bytesThatFit(std::string_view text, float width_px) {
 
 }  // namespace
 
-void applyTheme(double font_scale) {
+void applyTheme(const LetterSizes& sizes) {
   ImGuiStyle style;
   ImGui::StyleColorsDark(&style);
-  const auto scale = static_cast<float>(font_scale);
+  const auto scale = static_cast<float>(sizes.body_px / LetterSizes().body_px);
   style.WindowPadding = {12, 10};
   style.FramePadding = {10, 6};
   style.ItemSpacing = {9, 7};

@@ -1,4 +1,4 @@
-/// The look of every window: dark, high contrast, letters legible from two metres.
+/// The look of every window: dark, high contrast, letters as large as the person is far away.
 #pragma once
 
 #include <string_view>
@@ -6,6 +6,7 @@
 #include <imgui/imgui.h>
 
 #include "client/view/model/palette.h"
+#include "client/view/model/viewing.h"
 
 namespace needlelab {
 
@@ -16,8 +17,9 @@ inline ImU32 packed(Rgb colour, float opacity = 1) {
   return ImGui::ColorConvertFloat4ToU32(colourOf(colour, opacity));
 }
 
-/// Sizes at font scale 1, in pixels of a 720-pixel window: body 18, small 15, heading 24, figure 44 (digits,
-/// signs and Latin letters only).
+/// Their sizes: LetterSizes; their least angles on a station: kBodyArcmin … (model/viewing.h). What a trainee
+/// must read from the handle (state, time, alarm, message, verdict) is kHeading or kFigure; that has digits,
+/// signs and Latin letters only.
 enum class Letters : int { kBody, kSmall, kHeading, kFigure };
 /// Returns a font of the current ImGui context, loaded by `Surface`.
 ImFont* fontOf(Letters letters);
@@ -72,12 +74,12 @@ void endScreen();
 void beginPanel(const char* id, std::string_view heading, float width_px = 0, float height_px = 0);
 void endPanel();
 
-/// Sets ImGui's style; called by `Surface`.
-void applyTheme(double font_scale);
+/// Sets ImGui's style, its spaces in proportion to the body font; called by `Surface`.
+void applyTheme(const LetterSizes& sizes);
 
-/// Fills the atlas of the current ImGui context with the fonts of `Letters`, in that order, at this scale;
-/// called by `Surface`. Uses DejaVu (package fonts-dejavu-core), with Greek, Cyrillic, arrows and
+/// Fills the atlas of the current ImGui context with the fonts of `Letters`, in that order; called by
+/// `Surface`. Uses DejaVu (package fonts-dejavu-core), with Greek, Cyrillic, arrows and
 /// mathematical signs; without it, ImGui's own font, which has only Latin letters.
-void loadFonts(double font_scale);
+void loadFonts(const LetterSizes& sizes);
 
 }  // namespace needlelab

@@ -1,6 +1,7 @@
 #include "common/base/csv.h"
 
-#include <fmt/core.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <charconv>
@@ -8,6 +9,7 @@
 
 #include "common/base/csv_rows.h"
 #include "common/base/files.h"
+#include "common/base/text.h"
 
 namespace needlelab {
 namespace {
@@ -101,6 +103,36 @@ void appendNumber(std::string& out, double value) {
       std::to_chars(buffer, buffer + sizeof buffer, value, std::chars_format::general, 17);
   (void)error;  // 40 characters hold any double at 17 digits
   out.append(buffer, end);
+}
+
+Result<CsvStyle> csvStyleOf(std::string_view name) {
+  if (name == "comma") return CsvStyle{',', '.'};
+  if (name == "semicolon") return CsvStyle{';', ','};
+  if (name == "tab") return CsvStyle{'\t', '.'};
+  return Error{ErrorCode::kInvalidInput,
+               fmt::format("separator: {}, allowed are {}", inQuotes(name), fmt::join(kCsvSeparators, ", "))};
+}
+
+void appendCsvText(std::string& out, std::string_view text, char separator) {
+  const bool is_formula =
+      !text.empty() && std::string_view("=+-@\t\r").find(text.front()) != std::string_view::npos;
+  const bool is_quoted = text.find(separator) != std::string_view::npos ||
+                         text.find_first_of("\"\r\n") != std::string_view::npos;
+  if (is_quoted) out += '"';
+  if (is_formula) out += '\'';
+  for (const char c : text) {
+    if (c == '"') out += '"';
+    out += c;
+  }
+  if (is_quoted) out += '"';
+}
+
+void appendCsvNumber(std::string& out, double value, char decimal_sign) {
+  std::string text = fixedText(value, 6);
+  text.erase(text.find_last_not_of('0') + 1);
+  if (text.back() == '.') text.pop_back();
+  std::replace(text.begin(), text.end(), '.', decimal_sign);
+  out += text;
 }
 
 }  // namespace needlelab

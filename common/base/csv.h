@@ -1,6 +1,8 @@
 /// Tables of numbers with a header; columns are found by name. Files are not trusted: every cell is checked.
+/// And the cells of the tables that needlelab writes.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <filesystem>
 #include <string>
@@ -38,5 +40,26 @@ Result<CsvTable> readCsv(const std::filesystem::path& path, const std::vector<st
 /// Appends a number so that reading it back gives the same double: 17 significant digits, `nan` for
 /// not-a-number.
 void appendNumber(std::string& out, double value);
+
+// --- writing for a person's spreadsheet
+
+/// What the reader's spreadsheet expects between columns, and before decimals.
+struct CsvStyle {
+  char separator = ',';
+  char decimal_sign = '.';
+};
+/// "comma", "semicolon" (with decimal commas: for countries that write them), "tab". kInvalidInput, with the
+/// field "separator".
+Result<CsvStyle> csvStyleOf(std::string_view name);
+inline constexpr std::array<std::string_view, 3> kCsvSeparators = {"comma", "semicolon", "tab"};
+
+/// The byte order mark of UTF-8: Excel takes a file without it for Windows-1252.
+inline constexpr std::string_view kUtf8Mark = "\xef\xbb\xbf";
+
+/// Appends a text as a cell (RFC 4180): in quotes where it has the separator, a quote or a line end. A text
+/// that begins like a formula (= + - @ tab) gets a ' in front: a spreadsheet must not run it.
+void appendCsvText(std::string& out, std::string_view text, char separator = ',');
+/// Appends a finite number as people write it: at most six decimals, no exponent, no zeros at the end.
+void appendCsvNumber(std::string& out, double value, char decimal_sign);
 
 }  // namespace needlelab

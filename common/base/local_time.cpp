@@ -2,10 +2,16 @@
 
 #include <fmt/core.h>
 
+#include <array>
 #include <ctime>
+#include <string_view>
 
 namespace needlelab {
 namespace {
+
+constexpr std::array<std::string_view, 12> kMonths = {"January",   "February", "March",    "April",
+                                                      "May",       "June",     "July",     "August",
+                                                      "September", "October",  "November", "December"};
 
 // moments before 1970 round down, too
 std::time_t secondOf(std::int64_t unix_ns) {
@@ -23,6 +29,9 @@ std::string writtenTime(const std::tm& parts, TimeForm form) {
       return day + " " + minute;
     case TimeForm::kClock:
       return fmt::format("{}:{:02}", minute, parts.tm_sec);
+    case TimeForm::kWords:
+      return fmt::format("{} {} {}, {}", parts.tm_mday, kMonths.at(static_cast<std::size_t>(parts.tm_mon)),
+                         parts.tm_year + 1900, minute);
     case TimeForm::kZoned:
       break;
   }
@@ -45,6 +54,13 @@ std::string utcTime(std::int64_t unix_ns) {
   if (unix_ns == 0 || ::gmtime_r(&seconds, &parts) == nullptr) return "-";
   parts.tm_zone = "UTC";
   return writtenTime(parts, TimeForm::kZoned);
+}
+
+std::string isoTime(std::int64_t unix_ns) {
+  const std::time_t seconds = secondOf(unix_ns);
+  std::tm parts{};
+  if (unix_ns == 0 || ::gmtime_r(&seconds, &parts) == nullptr) return {};
+  return writtenTime(parts, TimeForm::kDay) + "T" + writtenTime(parts, TimeForm::kClock) + "Z";
 }
 
 std::int64_t localMidnightNs(int year, int month, int day) {

@@ -190,6 +190,12 @@ std::string lowerCase(std::string_view text) {
   return small;
 }
 
+std::string wordsOfName(std::string_view name) {
+  std::string words = lowerCase(name);
+  std::replace(words.begin(), words.end(), '_', ' ');
+  return words;
+}
+
 Status checkText(std::string_view field, std::string_view value, std::size_t min, std::size_t max) {
   return check(field, value, min, max, false);
 }

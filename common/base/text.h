@@ -48,6 +48,8 @@ constexpr char lowerCase(char c) {
   return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
 }
 std::string lowerCase(std::string_view text);
+/// "ENHANCED_TRACKING_WALL" as words: "enhanced tracking wall".
+std::string wordsOfName(std::string_view name);
 /// 'a' to 'z' become capitals; as lowerCase.
 constexpr char upperCase(char c) {
   return c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;

@@ -53,6 +53,17 @@ std::string exerciseJson(const pb::Exercise& exercise) {
   return writeMessage(exercise);
 }
 
+bool isAssignedOnly(const pb::Curriculum& course) {
+  return course.assigned_only() || course.exam();
+}
+
+pb::Exercise exerciseInCourse(const pb::Curriculum& course, pb::Exercise exercise) {
+  if (!course.exam()) return exercise;
+  if (!exercise.has_attempts()) exercise.set_attempts(1);
+  if (!exercise.has_aids()) exercise.mutable_aids();
+  return exercise;
+}
+
 Result<pb::Curriculum> parseCurriculum(std::string_view json, std::string_view source) {
   return parse<pb::Curriculum>(json, source, checkCurriculumRules);
 }

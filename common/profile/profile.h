@@ -32,6 +32,10 @@ std::vector<Error> profileFaults(std::string_view json);
 /// The same profile gives the same bytes, and `parseProfile(profileJson(p))` gives p back.
 std::string profileJson(const pb::Profile& profile);
 
+/// The skin's surface in the profile's frame, a plane's normal of length 1. Errors: kInvalidInput without a
+/// shape.
+Result<Limb> unitLimbOf(const pb::Limb& limb);
+
 /// A profile's needle as numbers: `outer_diameter_m` as given, else from the gauge; 0 if neither is given.
 NeedleSpec needleOf(const pb::Needle& needle);
 
@@ -61,9 +65,15 @@ double fidelity(double force_before_N, double force_N, double wall_stiffness_N_p
 std::vector<std::string> profileWarnings(const pb::Profile& profile);
 
 /// As for profiles. The exercises of a curriculum must have different ids; a requirement must have min, max
-/// or both; a plan must be a line (planned_line.h also checks it with the profile).
+/// or both; a plan must be a line (planned_line.h also checks it with the profile); only an exam holds its
+/// results back.
 Result<pb::Exercise> parseExercise(std::string_view json, std::string_view source);
 std::string exerciseJson(const pb::Exercise& exercise);
+/// Whether only those see and begin the course to whom it is assigned: it says so, or is an exam.
+bool isAssignedOnly(const pb::Curriculum& course);
+/// An exercise as it is practised in this course: an exam adds one attempt and no aids where it says nothing
+/// of them.
+pb::Exercise exerciseInCourse(const pb::Curriculum& course, pb::Exercise exercise);
 Result<pb::Curriculum> parseCurriculum(std::string_view json, std::string_view source);
 Result<pb::Curriculum> loadCurriculum(const std::filesystem::path& path);
 std::string curriculumJson(const pb::Curriculum& curriculum);

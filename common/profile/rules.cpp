@@ -1,18 +1,21 @@
 #include "common/profile/rules.h"
 
-#include <fmt/core.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/base/range.h"
 #include "common/base/text.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/profile/aid_list.h"
+#include "common/profile/anchors.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/planned_line.h"
 #include "common/profile/profile.h"
@@ -31,6 +34,11 @@ Status checkId(const std::string& path, const std::string& id) {
                   " may hold letters, digits, '-', '_' and '.', and begins with a letter, digit or '_'");
   }
   return {};
+}
+
+Status checkWhole(const std::string& path, double time_ms) {
+  if (time_ms == std::floor(time_ms)) return {};
+  return fieldError(path, "must be a whole number of milliseconds, found " + numberText(time_ms));
 }
 
 Status checkNeedle(const pb::Needle& needle) {
@@ -128,6 +136,33 @@ Status checkLayerNames(const pb::Profile& profile) {
   return {};
 }
 
+/// Checks that each direction's name can be shown.
+Status checkDirections(const pb::Directions& directions) {
+  const std::pair<const char*, const std::string*> all[] = {
+      {"plus_x", &directions.plus_x()}, {"minus_x", &directions.minus_x()},
+      {"plus_y", &directions.plus_y()}, {"minus_y", &directions.minus_y()},
+      {"plus_z", &directions.plus_z()}, {"minus_z", &directions.minus_z()}};
+  for (const auto& [field, name] : all)
+    if (!name->empty()) RETURN_IF_ERROR(checkName(std::string("directions.") + field, *name));
+  return {};
+}
+
+Status checkTargets(const pb::Profile& profile) {
+  const std::vector<std::string> layers = layerNames(profile);
+  std::set<std::string> names;
+  for (int i = 0; i < profile.targets_size(); ++i) {
+    const pb::Target& target = profile.targets(i);
+    if (!names.insert(target.name()).second)
+      return fieldError(fmt::format("targets[{}].name", i), quotedText(target.name()) + " is used twice");
+    for (int k = 0; k < target.tissues_size(); ++k)
+      if (std::ranges::find(layers, target.tissues(k)) == layers.end())
+        return fieldError(fmt::format("targets[{}].tissues[{}]", i, k),
+                          fmt::format("{} is not the name of a layer: {}", quotedText(target.tissues(k)),
+                                      fmt::join(layers, ", ")));
+  }
+  return {};
+}
+
 }  // namespace
 
 Status checkProfileRules(const pb::Profile& profile) {
@@ -137,14 +172,10 @@ Status checkProfileRules(const pb::Profile& profile) {
   RETURN_IF_ERROR(checkModelSection(profile));
   RETURN_IF_ERROR(checkStopMode(profile.tracking_wall()));
   RETURN_IF_ERROR(checkLayerNames(profile));
+  RETURN_IF_ERROR(checkTargets(profile));
+  RETURN_IF_ERROR(checkAnchors(profile));
+  RETURN_IF_ERROR(checkDirections(profile.directions()));
   std::set<std::string> names;
-  for (int i = 0; i < profile.targets_size(); ++i) {
-    if (!names.insert(profile.targets(i).name()).second) {
-      return fieldError(fmt::format("targets[{}].name", i),
-                        quotedText(profile.targets(i).name()) + " is used twice");
-    }
-  }
-  names.clear();
   for (int i = 0; i < profile.hazards_size(); ++i) {
     const std::string path = fmt::format("hazards[{}]", i);
     RETURN_IF_ERROR(checkHazard(profile.hazards(i), path));
@@ -167,9 +198,7 @@ Status checkExerciseRules(const pb::Exercise& exercise, const std::string& path)
   }
   RETURN_IF_ERROR(checkAids(prefix + "aids.allowed", exercise.aids().allowed()));
   if (exercise.has_plan()) RETURN_IF_ERROR(checkPlanFields(exercise.plan(), prefix + "plan"));
-  if (exercise.has_due_unix_ms() && exercise.due_unix_ms() != std::floor(exercise.due_unix_ms()))
-    return fieldError(prefix + "due_unix_ms",
-                      "must be a whole number of milliseconds, found " + numberText(exercise.due_unix_ms()));
+  if (exercise.has_due_unix_ms()) RETURN_IF_ERROR(checkWhole(prefix + "due_unix_ms", exercise.due_unix_ms()));
   for (int i = 0; i < exercise.requirements_size(); ++i) {
     const auto& requirement = exercise.requirements(i);
     const std::string where = prefix + fmt::format("requirements[{}]", i);
@@ -259,6 +288,10 @@ class Prerequisites {
 
 Status checkCurriculumRules(const pb::Curriculum& curriculum) {
   RETURN_IF_ERROR(checkId("id", curriculum.id()));
+  if (curriculum.has_results_from_unix_ms()) {
+    RETURN_IF_ERROR(checkWhole("results_from_unix_ms", curriculum.results_from_unix_ms()));
+    if (!curriculum.exam()) return fieldError("results_from_unix_ms", "is for an exam, and exam is not true");
+  }
   std::set<std::string> ids;
   for (int i = 0; i < curriculum.exercises_size(); ++i) {
     const std::string path = fmt::format("exercises[{}]", i);

@@ -208,6 +208,12 @@ Status readModel(const pb::Profile& profile, SceneSpec& spec) {
 
 }  // namespace
 
+Result<Limb> unitLimbOf(const pb::Limb& limb) {
+  ASSIGN_OR_RETURN(Limb made, limbOf(limb));
+  if (auto* const plane = std::get_if<PlaneLimb>(&made)) plane->normal = normalized(plane->normal);
+  return made;
+}
+
 NeedleSpec needleOf(const pb::Needle& needle) {
   NeedleSpec spec;
   spec.length_m = needle.length_m();

@@ -2,6 +2,8 @@
 /// windows.
 #pragma once
 
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -17,16 +19,48 @@ struct Region {
   double radius_m = 0;
 };
 
+/// Depths under the surface, along its normal; empty where top ≥ bottom.
+struct DepthSpan {
+  double top_m = 0, bottom_m = 0;
+};
+
+/// A ball, and the layers in it that count. A point is in the target where it is in both.
+struct Target {
+  Region ball;
+  std::vector<DepthSpan> tissues;  ///< of the layers that count, from the skin inward; empty: all
+};
+
 struct Anatomy {
   Limb limb;
   bool has_limb = false;
-  std::vector<Region> targets;
+  std::vector<double> layer_end_m;  ///< depths of the layers' lower boundaries; the last layer has no end
+  std::vector<Target> targets;
   std::vector<Region> hazards;
 };
 
 /// `X_WL` as for `sceneSpecOf`; its quaternion is normalised. A profile without a limb (never from
 /// `parseProfile`) has none.
 Anatomy anatomyOf(const pb::Profile& profile, const Pose& X_WL);
+
+/// Depth under the surface, negative outside; 0 without a limb.
+double depthAt(const Anatomy& anatomy, Vec3 p_W_m);
+/// Which tissue is at a point: the index of the layer there, −1 outside. Scores, events and views take it
+/// from here.
+int layerAt(const Anatomy& anatomy, Vec3 p_W_m);
+/// The same at a depth.
+int layerAtDepth(std::span<const double> layer_end_m, double depth_m);
+
+/// Distance from a target: how far the point is from the ball or from the tissues, the greater of the two;
+/// negative inside. (The signed distance of an intersection is at least the greater one of its parts, and has
+/// its sign.)
+double distanceTo(const Anatomy& anatomy, const Target& target, Vec3 p_W_m);
+/// From the first to the last depth of the target at its centre: the ball's, within the tissues.
+DepthSpan depthSpanOf(const Anatomy& anatomy, const Target& target);
+/// Where the tip of a straight needle from `entry_W_m` (without one, along the normal) has to be for an
+/// injection into the target: tip and opening, `opening_behind_tip_m` behind the tip, equally far from the
+/// ends of its depth span; where the span is too short for both, the opening in its middle.
+Vec3 tipForTarget(const Anatomy& anatomy, const Target& target, double opening_behind_tip_m,
+                  std::optional<Vec3> entry_W_m);
 
 /// Least distance between the segments p-q and a-b (Lumelsky's clamped solution; either may be a point).
 double segmentDistance(Vec3 p, Vec3 q, Vec3 a, Vec3 b);

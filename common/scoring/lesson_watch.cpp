@@ -23,6 +23,7 @@ struct LessonWatch::Scene {
 LessonWatch::LessonWatch(const pb::Profile& profile, const Pose& X_WL, const pb::Exercise* exercise)
     : scene_(std::make_unique<Scene>()) {
   scene_->anatomy = anatomyOf(profile, X_WL);
+  alarms_ = GestureAlarms(profile, scene_->anatomy, alarmLimitsOf(scene_->anatomy, exercise));
   scene_->bones = BoneContacts(profile, scene_->anatomy);
   scene_->touched.assign(scene_->anatomy.hazards.size(), false);
   scene_->layer_names = layerNames(profile);
@@ -48,12 +49,14 @@ void LessonWatch::check(const GestureSample& sample) {
     const auto index = static_cast<std::size_t>(layer_);
     layer_name_ = layer_ >= 0 && index < scene_->layer_names.size() ? scene_->layer_names[index] : "";
   }
-  if (!isInside(sample)) return;
   const Vec3 tip_W_m{sample.p_WT_m[0], sample.p_WT_m[1], sample.p_WT_m[2]};
   const Quat q_WT{sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]};
-  if (!isFinite(tip_W_m) || !isFinite(q_WT) || !(dot(q_WT, q_WT) > 0.25) ||
-      !std::isfinite(sample.insertion_m))
-    return;
+  const bool inside = isInside(sample) && isFinite(tip_W_m) && isFinite(q_WT) && dot(q_WT, q_WT) > 0.25 &&
+                      std::isfinite(sample.insertion_m);
+  const Vec3 skin_W_m = inside ? tip_W_m - sample.insertion_m * zAxis(normalized(q_WT)) : Vec3{};
+  alarms_.add({1e-9 * static_cast<double>(sample.time_ns), std::isfinite(force_N) ? force_N : 0, inside,
+               tip_W_m, skin_W_m, sample.layer, (sample.flags & kFlagBeyondNeedle) != 0});
+  if (!inside) return;
   if (!scene_->bone_touched && scene_->bones.isIn(sample.layer, tip_W_m)) {
     scene_->bone_touched = true;
     warnings_.emplace_back(kBoneContactWords);
@@ -62,7 +65,6 @@ void LessonWatch::check(const GestureSample& sample) {
     scene_->hub_touched = true;
     warnings_.emplace_back(kHubContactWords);
   }
-  const Vec3 skin_W_m = tip_W_m - sample.insertion_m * zAxis(normalized(q_WT));
   for (std::size_t h = 0; h < scene_->touched.size(); ++h) {
     const Region& hazard = scene_->anatomy.hazards[h];
     if (scene_->touched[h] || distanceTo(hazard, tip_W_m, skin_W_m) > 0) continue;

@@ -1,5 +1,5 @@
-/// Watches a gesture during the lesson: greatest force, touched hazards and bone, the hub on the skin, layer;
-/// with the definitions of `scoreGesture`.
+/// Watches a gesture during the lesson: greatest force, touched hazards and bone, the hub on the skin, layer,
+/// alarms; with the definitions of `scoreGesture`.
 #pragma once
 
 #include <memory>
@@ -9,6 +9,7 @@
 
 #include "common/gesture/sample.h"
 #include "common/haptics/geometry.h"
+#include "common/scoring/alarms.h"
 #include "needlelab/profile.pb.h"
 
 namespace needlelab {
@@ -34,6 +35,8 @@ class LessonWatch {
   /// What an instructor should look at: the same names, kBoneContactWords where the tip first came into bone,
   /// and kHubContactWords where the hub first came onto the skin.
   [[nodiscard]] const std::vector<std::string>& warnings() const { return warnings_; }
+  /// What a trainee and an instructor are alarmed about.
+  [[nodiscard]] const GestureAlarms& alarms() const { return alarms_; }
   /// What people call the tip's current layer: "deltoid muscle"; empty outside.
   [[nodiscard]] const std::string& layerName() const { return layer_name_; }
 
@@ -41,6 +44,7 @@ class LessonWatch {
   struct Scene;
   void check(const GestureSample& sample);
   std::unique_ptr<Scene> scene_;
+  GestureAlarms alarms_;
   double peak_force_N_ = 0, force_limit_N_ = 0;
   int layer_ = -1;
   std::vector<std::string> touched_, warnings_;

@@ -33,6 +33,30 @@ struct Gesture {
   [[nodiscard]] double weight_s(std::size_t i) const;
 };
 
+/// In W.
+inline Vec3 tipOf(const GestureSample& s) {
+  return {s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]};
+}
+
+/// The furthest point of the last insertion: the needle's place before it was drawn out. Takes the samples in
+/// order.
+class FinalPoint {
+ public:
+  void add(const GestureSample& sample, std::size_t i) {
+    const bool inside = isInside(sample);
+    if (inside && (!was_inside_ || sample.insertion_m >= furthest_m_)) {
+      index = i;
+      furthest_m_ = sample.insertion_m;
+    }
+    was_inside_ = inside;
+  }
+  std::optional<std::size_t> index;  ///< nothing: never in tissue
+
+ private:
+  bool was_inside_ = false;
+  double furthest_m_ = 0;
+};
+
 /// Collects rows.
 class Rows {
  public:
@@ -77,7 +101,8 @@ void addReferences(const Gesture& gesture, const Pose& X_WL, std::span<const Tip
 TipPath tipPathOf(const Gesture& gesture, const Pose& X_WL);
 
 /// Fills min, max, passed and the sentence of every row; adds rows for requirements on measures that the
-/// gesture does not have.
-void applyRequirements(const pb::Exercise* exercise, std::vector<Measure>& measures);
+/// gesture does not have. `layer_names`: of the profile.
+void applyRequirements(const pb::Exercise* exercise, std::span<const std::string> layer_names,
+                       std::vector<Measure>& measures);
 
 }  // namespace needlelab

@@ -18,12 +18,25 @@ enum class Better : std::uint8_t { kLess, kMore, kNeither };
 /// "less", "more" or "neither".
 std::string_view betterName(Better better);
 
-/// The difference below which two values of a measure are the same to a person or to the device: the greater
-/// of `absolute` (in the measure's unit) and `share` of the value. Both 0: every difference counts (yes or
-/// no).
-struct LeastDifference {
-  double absolute = 0;
-  double share = 0;
+/// How people read a value.
+enum class MeasureForm : std::uint8_t {
+  kQuantity,  ///< with its unit; counts and ratios have none
+  kShare,     ///< 1 is the whole: in percent
+  kYesNo,     ///< 1: yes
+};
+
+/// What a gesture or an exercise has to have for a measure.
+enum class MeasureNeed : std::uint8_t {
+  kRecording,          ///< some seconds of recording
+  kMovement,           ///< a movement of the tip
+  kTissue,             ///< the needle in tissue
+  kLayer,              ///< the tip in that layer
+  kTarget,             ///< a patient with a target
+  kTargetAndTissue,    ///< both
+  kPlan,               ///< an exercise with a plan, and the needle in tissue
+  kInjectionAtTarget,  ///< an injection, and a target
+  kInjectionInTissue,
+  kReference,  ///< reference gestures
 };
 
 /// One measure. Texts live as long as the program.
@@ -32,9 +45,9 @@ struct MeasureKind {
   std::string_view unit;   ///< "m", "s", "N", "m/s", "m^2", "J", "rad", or "" for counts and shares
   std::string_view words;  ///< the name for people
   Better better = Better::kNeither;
-  LeastDifference least_difference;
   std::string_view definition;  ///< one or two sentences; the full definition is beside the code
-  bool needs_plan = false;      ///< only of exercises with a plan
+  MeasureNeed need = MeasureNeed::kRecording;  ///< else there is no row
+  MeasureForm form = MeasureForm::kQuantity;
 };
 
 /// All measures in the order of a score's rows; a measure per layer has one row with a K.
@@ -43,15 +56,27 @@ std::span<const MeasureKind> measureKinds();
 const MeasureKind* measureKind(std::string_view name);
 /// Returns the better direction for a row of this name; `kNeither` for unknown names.
 Better betterOf(std::string_view name);
-/// Returns the least difference from `value` that counts, in the measure's unit; 0 for unknown names.
-double leastDifference(std::string_view name, double value);
+/// Returns the form of a row of this name; `kQuantity` for unknown names.
+MeasureForm formOf(std::string_view name);
 
 /// Returns the words for a row: "Peak force in dura" with the profile's `layerNames`, without them with the
 /// layer's number, "Peak force in layer 3"; the name itself if it is unknown.
 std::string measureWords(std::string_view name, std::span<const std::string> layer_names = {});
+/// Puts the name of the layer, or its number, in place of "layer K" in `text`, for a row of this name.
+std::string withLayer(std::string text, std::string_view name, std::span<const std::string> layer_names);
 
 /// Formats a value for people: "3.2 N", "12.4 mm", "0.35 m", "8.1 cm²", "7.5°".
 std::string valueText(double value, const std::string& unit);
+/// "8 %" of a share 0.08: whole percents, the plunger's resolution is coarser (syringe_events.h).
+std::string percentText(double share);
+/// Formats a measure's value or limit for people, in its form: "3.2 N", "8 %", "yes". `unit`: the row's.
+/// tests/data/scoring/measure_texts.json has examples, which the console keeps to as well.
+std::string measureText(std::string_view measure, double value, const std::string& unit);
+/// The same for a mean or a slope: yes-or-no in percent, because half a yes is no value.
+std::string meanText(std::string_view measure, double value, const std::string& unit);
+/// The requirement on a measure for people: "at most 5 N", "20 mm to 30 mm", "yes"; empty without one.
+std::string requirementText(std::string_view measure, const std::string& unit, std::optional<double> min,
+                            std::optional<double> max);
 /// The main measures of a score, shown in lists of sessions if the score has them: elapsed time, peak force,
 /// depth, distance from the target, distance from the needle's own line, hazards touched.
 std::span<const std::string_view> mainMeasures();

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "common/haptics/limits.h"
+#include "common/profile/layer_names.h"
 #include "common/scoring/measure_groups.h"
 #include "common/scoring/measure_table.h"
 #include "common/scoring/motion_cost.h"
@@ -348,7 +349,7 @@ bool GestureScore::Parts::goOn(StepWork& work) {
     case Stage::kReferences:
       addReferences(*gesture, X_WL, references, rows);
       measures = rows.take();
-      applyRequirements(exercise, measures);
+      applyRequirements(exercise, layerNames(profile), measures);
       stage = Stage::kDone;
       return true;
     case Stage::kDone:

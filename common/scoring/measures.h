@@ -26,8 +26,9 @@ namespace needlelab {
 /// 1: until issue 5. 2: movements, turns, mean force per layer, work against clamping, distance from
 /// references. 3: contacts with bone. 4: errors against the exercise's plan; a gesture without one scores as
 /// in 3. 5: SPARC of each movement, their mean by way; before, of the whole stretch in tissue, rests
-/// included. 6: contacts of the hub with the skin.
-inline constexpr std::uint32_t kScoreDefinitionVersion = 6;
+/// included. 6: contacts of the hub with the skin. 7: in a target is in its tissues too; a profile whose
+/// targets name none scores as in 6.
+inline constexpr std::uint32_t kScoreDefinitionVersion = 7;
 
 /// One row of a score.
 struct Measure {

@@ -37,9 +37,6 @@ constexpr double kLayerChange_s = 0.01;
 double forceOf(const GestureSample& s) {
   return norm({s.force_W_N[0], s.force_W_N[1], s.force_W_N[2]});
 }
-Vec3 tipOf(const GestureSample& s) {
-  return {s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]};
-}
 
 /// Entries, withdrawals and turns of a gesture.
 class Counts {
@@ -164,31 +161,12 @@ struct Aim {
 
 Aim aimOf(const Anatomy& anatomy, Vec3 tip_W_m) {
   Aim aim;
-  for (const Region& target : anatomy.targets) {
-    const double distance_m = norm(tip_W_m - target.a_W_m);
-    aim.distance_m = std::min(aim.distance_m, distance_m);
-    aim.reached = aim.reached || distance_m <= target.radius_m;
+  for (const Target& target : anatomy.targets) {
+    aim.distance_m = std::min(aim.distance_m, norm(tip_W_m - target.ball.a_W_m));
+    aim.reached = aim.reached || distanceTo(anatomy, target, tip_W_m) <= 0;
   }
   return aim;
 }
-
-/// The furthest point of the last insertion: the needle's place before it was drawn out.
-class FinalPoint {
- public:
-  void add(const GestureSample& sample, std::size_t i) {
-    const bool inside = isInside(sample);
-    if (inside && (!was_inside_ || sample.insertion_m >= furthest_m_)) {
-      index = i;
-      furthest_m_ = sample.insertion_m;
-    }
-    was_inside_ = inside;
-  }
-  std::optional<std::size_t> index;  ///< nothing: never in tissue
-
- private:
-  bool was_inside_ = false;
-  double furthest_m_ = 0;
-};
 
 }  // namespace
 
@@ -289,8 +267,8 @@ class TissueGroup : public SampleGroup {
 };
 
 /// Counted while the tip is in tissue.
-/// - `target_reached` (1 or 0): the tip was within a target's radius of its centre. `time_at_target_s`: the
-///   total time there.
+/// - `target_reached` (1 or 0): the tip was in a target: within its radius, and in one of its tissues.
+///   `time_at_target_s`: the total time there.
 /// - `target_distance_m`: distance of the tip from the nearest target's centre at the furthest point of the
 ///   last insertion; `target_nearest_m`: the least distance at any time.
 /// - `hazards_touched`: number of hazards touched by the tip or by the shaft in tissue (straight back along

@@ -98,8 +98,8 @@ std::string trendWords(const MeasureProgress& row) {
                               : (better == Better::kMore) == rises ? "it became better"
                                                                    : "it became worse";
   return std::string(rises ? "rises" : "falls") + " by " +
-         valueText(std::abs(row.trend->slope_per_attempt), row.unit) + " with each attempt (" + p.data() +
-         "): " + verdict;
+         meanText(row.name, std::abs(row.trend->slope_per_attempt), row.unit) + " with each attempt (" +
+         p.data() + "): " + verdict;
 }
 
 }  // namespace
@@ -195,7 +195,7 @@ std::vector<MeasureProgress> progressOf(std::span<const std::vector<Measure>> at
     row.curve = learningCurveOf(row.values, &why);
     if (!row.curve && row.trend) row.words += "; no learning curve: " + why;
     if (row.curve)
-      row.words += "; it levels out at " + valueText(row.curve->end, row.unit) +
+      row.words += "; it levels out at " + meanText(row.name, row.curve->end, row.unit) +
                    ", with most of the way done after " + valueText(std::ceil(row.curve->attempts), "") +
                    " attempts";
     rows.push_back(std::move(row));

@@ -4,7 +4,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -29,80 +28,7 @@ std::pair<std::ptrdiff_t, std::size_t> orderOf(const std::string& name) {
   return {kind == nullptr ? static_cast<std::ptrdiff_t>(kinds.size()) : kind - kinds.data(), name.size()};
 }
 
-/// The side on which a value stands, as the words after it.
-std::string sideWords(const Comparison& row) {
-  switch (row.standing) {
-    case Standing::kBetter:
-    case Standing::kWorse: {
-      const char* const direction = betterOf(row.name) == Better::kMore ? "more" : "less";
-      return fmt::format(", {} than they are: {} is better", standingName(row.standing), direction);
-    }
-    case Standing::kDifferent:
-      return betterOf(row.name) == Better::kNeither ? ", unlike them; neither less nor more is better"
-                                                    : ", unlike them; the attempt was not passed";
-    case Standing::kLikeReference:
-    case Standing::kTooFew:
-      break;
-  }
-  return {};
-}
-
-Standing outsideStanding(const std::string& name, bool above, std::optional<bool> passed) {
-  const Better better = betterOf(name);
-  if (better == Better::kNeither) return Standing::kDifferent;
-  if ((better == Better::kMore) != above) return Standing::kWorse;
-  return passed.value_or(true) ? Standing::kBetter : Standing::kDifferent;
-}
-
-void judge(Comparison& row, const std::string& words, std::optional<bool> passed) {
-  const ReferenceBand& band = row.band;
-  const std::string group = fmt::format("{} reference gesture{}", band.n, band.n == 1 ? "" : "s");
-  const auto text = [&](double value) { return valueText(value, row.unit); };
-  row.words = words + " " + text(row.value);
-  if (band.n < kLeastForZScore) {
-    row.standing = Standing::kTooFew;
-    row.words += band.n == 1
-                     ? ": the only reference gesture has " + text(band.mean)
-                     : ": the " + group + " lie between " + text(band.least) + " and " + text(band.greatest);
-    row.words += fmt::format("; too few for a comparison, which needs {}", kLeastForZScore);
-    return;
-  }
-  const bool above = row.value > band.mean;
-  const double sd = std::max(band.sd, leastDifference(row.name, band.mean));
-  // rounding differences between equal values are not a spread
-  if (sd <= 1e-12 * std::max(1.0, std::abs(band.mean))) {
-    const bool same = std::abs(row.value - band.mean) <= 1e-12 * std::max(1.0, std::abs(band.mean));
-    row.standing = same ? Standing::kLikeReference : outsideStanding(row.name, above, passed);
-    row.words += same ? ": as all " + group : ": all " + group + " have " + text(band.mean) + sideWords(row);
-    return;
-  }
-  row.z = (row.value - band.mean) / sd;
-  const double n = static_cast<double>(band.n);
-  const bool like = std::abs(*row.z) <= studentQuantile975(band.n - 1) * std::sqrt(1 + 1 / n);
-  row.standing = like ? Standing::kLikeReference : outsideStanding(row.name, above, passed);
-  if (like) {
-    row.words += ": like the experts; the mean of " + group + " is " + text(band.mean);
-    return;
-  }
-  const bool far = std::abs(*row.z) > kFarFromExperts;
-  row.words += std::string(far ? ": far from the experts, " : ": ") + (above ? "above" : "below") +
-               " the mean of " + group + ", " + text(band.mean) + sideWords(row);
-}
-
 }  // namespace
-
-double studentQuantile975(std::size_t df) {
-  constexpr std::array<double, 30> kTable = {12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306,
-                                             2.262,  2.228, 2.201, 2.179, 2.160, 2.145, 2.131, 2.120,
-                                             2.110,  2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064,
-                                             2.060,  2.056, 2.052, 2.048, 2.045, 2.042};
-  if (df == 0) df = 1;
-  if (df <= kTable.size()) return kTable[df - 1];
-  // expansion in 1/df about the normal quantile z (Abramowitz and Stegun 26.7.5)
-  constexpr double kZ = 1.959964, kZ3 = kZ * kZ * kZ;
-  const double n = static_cast<double>(df);
-  return kZ + (kZ3 + kZ) / (4 * n) + (5 * kZ3 * kZ * kZ + 16 * kZ3 + 3 * kZ) / (96 * n * n);
-}
 
 ReferenceBand bandOf(std::string name, std::string unit, std::span<const double> values) {
   ReferenceBand band;
@@ -123,7 +49,7 @@ ReferenceBand bandOf(std::string name, std::string unit, std::span<const double>
   band.least = sorted.front();
   band.greatest = sorted.back();
   band.median = percentileOf(sorted, 0.5);
-  if (band.n < kLeastForZScore) return band;
+  if (band.n < kLeastReferences) return band;
   band.p10 = percentileOf(sorted, 0.1);
   band.p25 = percentileOf(sorted, 0.25);
   band.p75 = percentileOf(sorted, 0.75);
@@ -172,24 +98,56 @@ std::vector<double> distancesAmong(std::size_t references, const DistanceBetween
   return distances;
 }
 
-std::string_view standingName(Standing standing) {
-  switch (standing) {
-    case Standing::kLikeReference:
-      return "like_reference";
-    case Standing::kBetter:
-      return "better";
-    case Standing::kWorse:
-      return "worse";
-    case Standing::kDifferent:
-      return "different";
-    case Standing::kTooFew:
-      break;
-  }
-  return "too_few";
+std::optional<ExpertRange> expertRange(const ReferenceBand& band) {
+  if (band.n < kLeastReferences || formOf(band.name) == MeasureForm::kYesNo) return std::nullopt;
+  if (measureText(band.name, band.least, band.unit) == measureText(band.name, band.greatest, band.unit))
+    return std::nullopt;
+  return ExpertRange{band.least, band.greatest};
 }
 
+std::string_view placeName(ExpertPlace place) {
+  switch (place) {
+    case ExpertPlace::kBelow:
+      return "below";
+    case ExpertPlace::kAbove:
+      return "above";
+    case ExpertPlace::kWithin:
+      break;
+  }
+  return "within";
+}
+
+std::optional<ExpertPlace> placeAmong(const ReferenceBand& band, double value) {
+  const auto range = expertRange(band);
+  if (!range) return std::nullopt;
+  return value < range->least      ? ExpertPlace::kBelow
+         : value > range->greatest ? ExpertPlace::kAbove
+                                   : ExpertPlace::kWithin;
+}
+
+PlaceMarks placeMarks(const ExpertRange& range, double value) {
+  const double low = std::min(range.least, value), high = std::max(range.greatest, value);
+  constexpr double kFree = 0.1;
+  const auto at = [&](double v) { return kFree + (1 - 2 * kFree) * (v - low) / (high - low); };
+  return {at(range.least), at(range.greatest), at(value)};
+}
+
+namespace {
+
+std::string placeWords(const Comparison& row, ExpertPlace place, std::span<const std::string> layer_names) {
+  const auto text = [&](double value) { return measureText(row.name, value, row.unit); };
+  const double edge = place == ExpertPlace::kBelow ? row.least : row.greatest;
+  // if rounding hides the difference, state that there is one
+  const bool just = place != ExpertPlace::kWithin && text(row.value) == text(edge);
+  return fmt::format("{} {}: {}{} the experts' range, {} to {} ({} gestures)",
+                     measureWords(row.name, layer_names), text(row.value), just ? "just " : "",
+                     placeName(place), text(row.least), text(row.greatest), row.n);
+}
+
+}  // namespace
+
 std::vector<Comparison> compareWithReference(std::span<const Measure> measures,
-                                             std::span<const ReferenceBand> bands, std::optional<bool> passed,
+                                             std::span<const ReferenceBand> bands,
                                              std::span<const std::string> layer_names) {
   std::vector<Comparison> rows;
   for (const Measure& measure : measures) {
@@ -197,16 +155,28 @@ std::vector<Comparison> compareWithReference(std::span<const Measure> measures,
     const auto band = std::find_if(bands.begin(), bands.end(),
                                    [&](const ReferenceBand& b) { return b.name == measure.name && b.n > 0; });
     if (band == bands.end()) continue;
-    Comparison row;
-    row.name = measure.name;
-    row.unit = measure.unit;
-    row.value = measure.value;
-    row.band = *band;
-    const std::string words = measureWords(row.name, layer_names);
-    judge(row, words, passed);
+    Comparison row{measure.name, measure.unit, measure.value, band->n, band->least, band->greatest, {}, {}};
+    row.place = placeAmong(*band, row.value);
+    if (row.place) row.words = placeWords(row, *row.place, layer_names);
     rows.push_back(std::move(row));
   }
   return rows;
+}
+
+std::string whyNoReference(std::span<const Measure> measures) {
+  struct Fault {
+    std::string_view measure;
+    const char *one, *many;
+  };
+  constexpr Fault kFaults[] = {{"hazards_touched", "touched 1 hazard", "touched {} hazards"},
+                               {"bone_contacts", "1 contact with bone", "{} contacts with bone"}};
+  std::string why;
+  for (const Fault& fault : kFaults)
+    for (const Measure& row : measures)
+      if (row.name == fault.measure && row.measured && row.value > 0)
+        why += (why.empty() ? "" : ", ") +
+               (row.value == 1 ? fault.one : fmt::format(fmt::runtime(fault.many), row.value));
+  return why;
 }
 
 std::string bandsJson(std::span<const ReferenceBand> bands) {
@@ -237,12 +207,11 @@ std::string comparisonJson(std::span<const Comparison> comparisons) {
     rows.push_back({{"measure", row.name},
                     {"value", row.value},
                     {"unit", row.unit},
-                    {"n", row.band.n},
-                    {"mean", row.band.mean},
-                    {"sd", row.band.n > 1 ? OrderedJson(row.band.sd) : OrderedJson()},
-                    {"z", row.z ? OrderedJson(*row.z) : OrderedJson()},
+                    {"n", row.n},
+                    {"least", row.least},
+                    {"greatest", row.greatest},
+                    {"place", row.place ? OrderedJson(placeName(*row.place)) : OrderedJson()},
                     {"better", betterName(betterOf(row.name))},
-                    {"standing", standingName(row.standing)},
                     {"words", row.words}});
   }
   return rows.dump();

@@ -1,10 +1,10 @@
-/// Bands of expert gestures, and the comparison of a gesture with them.
+/// Bands of expert gestures, and the place of a gesture in them.
 ///
-/// A few experts are a small sample: below `kLeastForZScore` gestures there is no z-score and no percentile,
-/// only the range. "Like the experts" means within the 95 % prediction interval of one more gesture from the
-/// same normal distribution, mean ± t(0.975, n−1)·sd·√(1 + 1/n), which is wide for small n; it needs no
-/// assumption about the population's true spread. The sd of a comparison is never below the measure's least
-/// difference (measure_table.h), so that experts who are alike do not make everybody else a stranger.
+/// The experts' range goes from the least to the greatest value of at least `kLeastReferences` gestures. It
+/// needs no assumption about how values are distributed: one more gesture of the same experts lies in it with
+/// probability (n − 1)/(n + 1), 67 % for n = 5 and 95 % for n = 39 (Wilks, "Determination of sample sizes for
+/// setting tolerance limits", Ann. Math. Statist. 12, 1941). Of fewer gestures, and where the experts do not
+/// vary, nothing is said.
 #pragma once
 
 #include <cstddef>
@@ -21,9 +21,7 @@
 
 namespace needlelab {
 
-inline constexpr std::size_t kLeastForZScore = 5;
-/// Beyond so many standard deviations, people read "far from the experts".
-inline constexpr double kFarFromExperts = 3;
+inline constexpr std::size_t kLeastReferences = 5;
 
 /// A measure over reference gestures; gestures without the measure are left out.
 struct ReferenceBand {
@@ -32,7 +30,7 @@ struct ReferenceBand {
   double mean = 0;
   double sd = 0;  ///< sample standard deviation (n − 1); 0 for n = 1
   double least = 0, greatest = 0, median = 0;
-  std::optional<double> p10, p25, p75, p90;  ///< interpolated between ranks; from kLeastForZScore on
+  std::optional<double> p10, p25, p75, p90;  ///< interpolated between ranks; from kLeastReferences on
 };
 
 /// Returns the bands in the order of measureKinds(), layers by number.
@@ -49,41 +47,54 @@ using DistanceBetween = std::function<std::optional<double>(std::size_t, std::si
 /// The same of so many references, for a caller that knows distances: asks once for each pair.
 std::vector<double> distancesAmong(std::size_t references, const DistanceBetween& between);
 
-enum class Standing : std::uint8_t {
-  kLikeReference,  ///< within the expected range of another expert's gesture
-  kBetter,         ///< outside that range, on the better side, in an attempt that did not fail
-  kWorse,
-  kDifferent,  ///< outside that range, and not better or worse
-  kTooFew,     ///< fewer than kLeastForZScore references
+/// The range that a gesture is compared with, in the measure's unit. Its ends belong to it.
+struct ExpertRange {
+  double least = 0, greatest = 0;
 };
-/// "like_reference", "better", "worse", "different", "too_few".
-std::string_view standingName(Standing standing);
+/// Returns the range of the experts. Nothing: fewer than kLeastReferences, they do not vary (least and
+/// greatest read the same), or the measure is yes or no.
+std::optional<ExpertRange> expertRange(const ReferenceBand& band);
 
+enum class ExpertPlace : std::uint8_t { kBelow, kWithin, kAbove };
+/// "below", "within", "above".
+std::string_view placeName(ExpertPlace place);
+/// Returns where a value lies in the experts' range: words and pictures of all programs are made from it.
+/// Nothing: there is no range.
+std::optional<ExpertPlace> placeAmong(const ReferenceBand& band, double value);
+
+/// Where the ends of the range and the value lie in a picture, from 0 (left) to 1: each picture of a
+/// comparison draws these, so that it shows what the words say. A tenth of the width is free at each side.
+struct PlaceMarks {
+  double least = 0, greatest = 0, value = 0;
+};
+PlaceMarks placeMarks(const ExpertRange& range, double value);
+
+/// A measure beside the experts.
 struct Comparison {
   std::string name, unit;
   double value = 0;
-  ReferenceBand band;
-  /// (value − mean)/max(sd, least difference); empty: too few, or yes-or-no and all references alike. For
-  /// computers, not for people.
-  std::optional<double> z;
-  Standing standing = Standing::kTooFew;
-  std::string words;  ///< one sentence
+  std::size_t n = 0;  ///< of the reference gestures
+  double least = 0, greatest = 0;
+  std::optional<ExpertPlace> place;
+  /// "Peak force 3.2 N: above the experts' range, 1.9 N to 2.6 N (6 gestures)"; empty without a place.
+  std::string words;
 };
 
-/// Compares each measured row that has a band, in the rows' order. `passed`: the attempt's verdict, if it has
-/// one; nothing is called better than the experts in an attempt that was not passed. `layer_names`: of the
-/// session's profile, for the words.
+/// Compares each measured row that has a band, in the rows' order. `layer_names`: of the session's profile,
+/// for the words.
 std::vector<Comparison> compareWithReference(std::span<const Measure> measures,
-                                             std::span<const ReferenceBand> bands, std::optional<bool> passed,
+                                             std::span<const ReferenceBand> bands,
                                              std::span<const std::string> layer_names = {});
 
-/// t(0.975, df), the quantile of Student's distribution, to 0.3 %; df at least 1.
-double studentQuantile975(std::size_t df);
+/// Returns why a gesture with these measures cannot be a reference: "touched 1 hazard", "2 contacts with
+/// bone"; empty if it can. It would be no example, and would widen the experts' range.
+std::string whyNoReference(std::span<const Measure> measures);
 
 /// A list of {"measure", "unit", "n", "mean", "sd", "least", "p10", "p25", "median", "p75", "p90",
 /// "greatest"}; percentiles are null if n is too small for them, sd if n = 1.
 std::string bandsJson(std::span<const ReferenceBand> bands);
-/// A list of {"measure", "value", "unit", "n", "mean", "sd", "z", "better", "standing", "words"}.
+/// A list of {"measure", "value", "unit", "n", "least", "greatest", "place", "better", "words"}; place is
+/// null where nothing is said.
 std::string comparisonJson(std::span<const Comparison> comparisons);
 
 }  // namespace needlelab

@@ -5,11 +5,9 @@
 #include <array>
 #include <cstdio>
 #include <nlohmann/json.hpp>
-#include <numbers>
 
 #include "common/base/csv.h"
 #include "common/base/range.h"
-#include "common/base/text.h"
 #include "common/haptics/limits.h"
 #include "common/profile/strict_json.h"
 #include "common/scoring/measure_groups.h"
@@ -25,24 +23,12 @@ std::size_t widthOf(const std::string& text) {
       text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
 }
 
-/// "3.2", "0.05", "120": three significant digits, no exponent for the sizes that occur, no zeros at the end.
-std::string threeDigits(double value) {
-  const double size = std::abs(value);
-  const int decimals = size >= 100 || size == 0 ? 0 : size >= 10 ? 1 : size >= 1 ? 2 : 3;
-  if (size > 1e9) return fmt::format("{:.3g}", value);
-  std::string digits = fixedText(value, decimals);
-  if (digits.find('.') == std::string::npos) return digits;
-  digits.erase(digits.find_last_not_of('0') + 1);
-  if (digits.back() == '.') digits.pop_back();
-  return digits;
-}
-
 /// "Peak force 3.2 N", or a plain statement where a number would be awkward.
 std::string statement(const Measure& row) {
   if (row.name == "target_reached") return row.value > 0 ? "Target reached" : "Target not reached";
   if (row.name == "aspirated_before_injection")
     return row.value > 0 ? "Aspirated before the injection" : "Not aspirated before the injection";
-  return row.words + " " + valueText(row.value, row.unit);
+  return row.words + " " + measureText(row.name, row.value, row.unit);
 }
 
 std::string verdict(const Measure& row) {
@@ -50,7 +36,7 @@ std::string verdict(const Measure& row) {
     return *row.passed ? "" : row.value > 0 ? ": it was not to be done" : ": it had to be";
   if (row.name == "target_reached")
     return *row.passed ? "" : row.value > 0 ? ": it was to be left alone" : ": it had to be";
-  const auto text = [&](double value) { return valueText(value, row.unit); };
+  const auto text = [&](double value) { return measureText(row.name, value, row.unit); };
   // if rounding hides the difference, state that there is one
   const auto just = [&](double limit) { return text(limit) == text(row.value) ? "just " : ""; };
   if (row.min && row.value < *row.min) {
@@ -62,6 +48,68 @@ std::string verdict(const Measure& row) {
   if (row.min && row.max) return ": within " + text(*row.min) + " to " + text(*row.max);
   return row.max ? ": within the " + text(*row.max) + " allowed"
                  : ": at least the " + text(*row.min) + " asked for";
+}
+
+// --- what was not measured
+
+bool always(std::span<const Measure> /*measures*/) {
+  return true;
+}
+const Measure* rowNamed(std::span<const Measure> measures, std::string_view name) {
+  const auto row =
+      std::find_if(measures.begin(), measures.end(), [&](const Measure& m) { return m.name == name; });
+  return row == measures.end() ? nullptr : &*row;
+}
+bool isZero(std::span<const Measure> measures, std::string_view name) {
+  const Measure* const row = rowNamed(measures, name);
+  return row == nullptr || !(row->value > 0);
+}
+bool neverIn(std::span<const Measure> measures) {
+  return isZero(measures, "entries");
+}
+bool noTarget(std::span<const Measure> measures) {
+  return rowNamed(measures, "target_reached") == nullptr;
+}
+bool noInjection(std::span<const Measure> measures) {
+  return isZero(measures, "injections");
+}
+
+/// Why a gesture does not have a measure with this need, if `is_so`.
+struct MissingReason {
+  MeasureNeed need;
+  bool (*is_so)(std::span<const Measure> measures);
+  const char* words;
+};
+constexpr const char* kNeverIn = "The needle did not go into tissue.";
+constexpr const char* kNoTarget = "The patient has no target.";
+constexpr const char* kNoInjection = "You did not inject.";
+/// The first that is so. `tests/unit/common/scoring/words_test.cpp` holds one for each need.
+constexpr MissingReason kMissingReasons[] = {
+    {MeasureNeed::kRecording, always, "Too little was recorded."},
+    {MeasureNeed::kMovement, always, "The needle hardly moved."},
+    {MeasureNeed::kTissue, always, kNeverIn},
+    {MeasureNeed::kLayer, always, "The needle was not in layer K."},
+    {MeasureNeed::kTarget, always, kNoTarget},
+    {MeasureNeed::kTargetAndTissue, noTarget, kNoTarget},
+    {MeasureNeed::kTargetAndTissue, always, kNeverIn},
+    {MeasureNeed::kPlan, neverIn, kNeverIn},
+    {MeasureNeed::kPlan, always, "The exercise has no planned line."},
+    {MeasureNeed::kInjectionAtTarget, noInjection, kNoInjection},
+    {MeasureNeed::kInjectionAtTarget, always, kNoTarget},
+    {MeasureNeed::kInjectionInTissue, noInjection, kNoInjection},
+    {MeasureNeed::kInjectionInTissue, always, "You did not inject into tissue."},
+    {MeasureNeed::kReference, neverIn, kNeverIn},
+    {MeasureNeed::kReference, always, "There is no reference gesture to compare with."},
+};
+
+std::string whyMissing(const Measure& row, std::span<const Measure> measures,
+                       std::span<const std::string> layer_names) {
+  const MeasureKind* const kind = measureKind(row.name);
+  if (kind == nullptr) return row.name + " is no measure that this program knows";
+  for (const MissingReason& reason : kMissingReasons)
+    if (reason.need == kind->need && reason.is_so(measures))
+      return withLayer(reason.words, row.name, layer_names);
+  return {};
 }
 
 /// Narrows a row's requirement; all requirements on the same measure apply.
@@ -76,23 +124,11 @@ void require(std::vector<Measure>& measures, const std::string& name, std::optio
   if (row == measures.end()) {
     Measure missing;
     missing.name = name;
+    if (const MeasureKind* const kind = measureKind(name); kind != nullptr) missing.unit = kind->unit;
     missing.measured = false;
     row = measures.insert(measures.end(), missing);
   }
   require(*row, min, max);
-}
-
-void appendScoreCsvText(std::string& out, std::string_view text) {
-  const bool formula =
-      !text.empty() && std::string_view("=+-@\t\r").find(text.front()) != std::string_view::npos;
-  const bool quoted = text.find_first_of(",\"\n\r") != std::string_view::npos;
-  if (quoted) out += '"';
-  if (formula) out += '\'';
-  for (const char c : text) {
-    if (c == '"') out += '"';
-    out += c;
-  }
-  if (quoted) out += '"';
 }
 
 }  // namespace
@@ -177,17 +213,8 @@ std::string scoreText(std::span<const Measure> measures) {
   return text;
 }
 
-std::string valueText(double value, const std::string& unit) {
-  const double size = std::abs(value);
-  if (unit == "m") return size < 1 ? threeDigits(value * 1e3) + " mm" : threeDigits(value) + " m";
-  if (unit == "m/s") return size < 1 ? threeDigits(value * 1e3) + " mm/s" : threeDigits(value) + " m/s";
-  if (unit == "J") return size < 1 ? threeDigits(value * 1e3) + " mJ" : threeDigits(value) + " J";
-  if (unit == "m^2") return threeDigits(value * 1e4) + " cm²";
-  if (unit == "rad") return threeDigits(value * 180 / std::numbers::pi) + "°";
-  return unit.empty() ? threeDigits(value) : threeDigits(value) + " " + unit;
-}
-
-void applyRequirements(const pb::Exercise* exercise, std::vector<Measure>& measures) {
+void applyRequirements(const pb::Exercise* exercise, std::span<const std::string> layer_names,
+                       std::vector<Measure>& measures) {
   if (exercise != nullptr) {
     if (exercise->has_time_limit_s()) require(measures, "elapsed_s", {}, exercise->time_limit_s());
     for (const auto& r : exercise->requirements()) {
@@ -199,8 +226,7 @@ void applyRequirements(const pb::Exercise* exercise, std::vector<Measure>& measu
     const bool is_required = row.min || row.max;
     if (!row.measured) {
       row.passed = false;
-      row.words = isMeasureName(row.name) ? row.name + " could not be measured in this gesture"
-                                          : row.name + " is no measure that this program knows";
+      row.words = whyMissing(row, measures, layer_names);
       continue;
     }
     if (is_required) row.passed = (!row.min || row.value >= *row.min) && (!row.max || row.value <= *row.max);
@@ -216,7 +242,7 @@ Status checkRequirements(const pb::Exercise& exercise) {
   for (int i = 0; i < exercise.requirements_size(); ++i) {
     const std::string& name = exercise.requirements(i).measure();
     if (const MeasureKind* const kind = measureKind(name); kind != nullptr) {
-      if (!kind->needs_plan || exercise.has_plan()) continue;
+      if (kind->need != MeasureNeed::kPlan || exercise.has_plan()) continue;
       return Error{
           ErrorCode::kInvalidInput,
           fmt::format("requirements[{}].measure: {} needs a plan, and the exercise has none: give it a "
@@ -244,7 +270,7 @@ Status appendScoreCsvRows(std::string& out, const ScoreCsvAttempt& attempt,
   ASSIGN_OR_RETURN(const auto measures, parseScore(measures_json));
   std::string beginning;
   for (const std::string* const text : {&attempt.session, &attempt.trainee, &attempt.exercise}) {
-    appendScoreCsvText(beginning, *text);
+    appendCsvText(beginning, *text);
     beginning += ',';
   }
   beginning += fmt::format("{},{},{},", attempt.attempt, attempt.started_unix_ns, attempt.definition_version);
@@ -254,10 +280,10 @@ Status appendScoreCsvRows(std::string& out, const ScoreCsvAttempt& attempt,
   };
   for (const Measure& row : measures) {
     out += beginning;
-    appendScoreCsvText(out, row.name);
+    appendCsvText(out, row.name);
     number(row.measured, row.value);
     out += ',';
-    appendScoreCsvText(out, row.unit);
+    appendCsvText(out, row.unit);
     out += ',';
     out += betterName(betterOf(row.name));
     number(row.min.has_value(), row.min.value_or(0));

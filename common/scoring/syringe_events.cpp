@@ -18,6 +18,7 @@
 #include "common/profile/profile.h"
 #include "common/scoring/anatomy.h"
 #include "common/scoring/measure_groups.h"
+#include "common/scoring/measure_table.h"
 #include "common/scoring/track.h"
 
 namespace needlelab {
@@ -37,20 +38,15 @@ bool hasPlunger(const GestureSample& sample) {
 /// The parts of the profile that places need.
 struct Surroundings {
   Anatomy anatomy;
-  std::vector<double> layer_end_m;                // under the surface; the last layer has no end
   std::vector<std::string> tissues, layer_names;  // by layer
   double opening_behind_tip_m = 0;
 };
 
 Surroundings surroundingsOf(const pb::Profile& profile, const Pose& X_WL) {
   Surroundings all{
-      anatomyOf(profile, X_WL), {}, {}, layerNames(profile), openingBehindTip_m(needleOf(profile.needle()))};
-  double depth_m = 0;
-  for (const pb::Layer& layer : profile.layers()) {
-    depth_m += layer.thickness_m();
-    all.layer_end_m.push_back(depth_m);
+      anatomyOf(profile, X_WL), {}, layerNames(profile), openingBehindTip_m(needleOf(profile.needle()))};
+  for (const pb::Layer& layer : profile.layers())
     all.tissues.push_back(pb::Layer::Tissue_Name(layer.tissue()));
-  }
   return all;
 }
 
@@ -61,17 +57,13 @@ Vec3 openingOf(const Surroundings& around, const GestureSample& s) {
   return tip - around.opening_behind_tip_m * axis;
 }
 
-double depthOf(const Surroundings& around, Vec3 p_W_m) {
-  return around.anatomy.has_limb ? signedDepth(around.anatomy.limb, p_W_m) : 0;
-}
-
 bool isInTissue(const Surroundings& around, const GestureSample& sample, Vec3 opening_W_m) {
-  return isInside(sample) && depthOf(around, opening_W_m) > 0;
+  return isInside(sample) && depthAt(around.anatomy, opening_W_m) > 0;
 }
 
 bool isInTarget(const Surroundings& around, Vec3 p_W_m) {
   return std::any_of(around.anatomy.targets.begin(), around.anatomy.targets.end(),
-                     [&](const Region& target) { return distanceTo(target, p_W_m) <= 0; });
+                     [&](const Target& target) { return distanceTo(around.anatomy, target, p_W_m) <= 0; });
 }
 
 pb::SyringePlace placeOf(const Surroundings& around, const GestureSample& sample) {
@@ -80,28 +72,25 @@ pb::SyringePlace placeOf(const Surroundings& around, const GestureSample& sample
   place.set_x_m(p.x);
   place.set_y_m(p.y);
   place.set_z_m(p.z);
-  place.set_depth_m(depthOf(around, p));
+  place.set_depth_m(depthAt(around.anatomy, p));
   place.set_layer(-1);
   if (isInTissue(around, sample, p)) {
     place.set_in_tissue(true);
     place.set_insertion_m(std::max(0.0, sample.insertion_m - around.opening_behind_tip_m));
-    const auto end = std::upper_bound(around.layer_end_m.begin(), around.layer_end_m.end(), place.depth_m());
-    if (!around.tissues.empty()) {
-      const auto layer = std::min<std::size_t>(static_cast<std::size_t>(end - around.layer_end_m.begin()),
-                                               around.tissues.size() - 1);
-      place.set_layer(static_cast<std::int32_t>(layer));
-      place.set_tissue(around.tissues[layer]);
-      place.set_layer_name(around.layer_names[layer]);
+    if (const int layer = layerAt(around.anatomy, p); layer >= 0) {
+      place.set_layer(layer);
+      place.set_tissue(around.tissues[static_cast<std::size_t>(layer)]);
+      place.set_layer_name(around.layer_names[static_cast<std::size_t>(layer)]);
     }
   }
-  const Region* nearest = nullptr;
-  for (const Region& target : around.anatomy.targets) {
-    const double distance = distanceTo(target, p);
+  const Target* nearest = nullptr;
+  for (const Target& target : around.anatomy.targets) {
+    const double distance = distanceTo(around.anatomy, target, p);
     if (nearest != nullptr && distance >= place.target_distance_m()) continue;
     nearest = &target;
     place.set_target_distance_m(distance);
   }
-  if (nearest != nullptr) place.set_target(nearest->name);
+  if (nearest != nullptr) place.set_target(nearest->ball.name);
   for (const Region& hazard : around.anatomy.hazards) {
     if (distanceTo(hazard, p) > 0) continue;
     place.set_hazard(hazard.name);
@@ -458,7 +447,7 @@ void nameLayers(const pb::Profile& profile, std::span<pb::SyringeEvent> events) 
 std::string eventText(const pb::SyringeEvent& event) {
   const double stroke = std::abs(event.plunger_to() - event.plunger_from());
   std::string text = event.kind() == pb::SyringeEvent::ASPIRATION ? "aspiration" : "injection";
-  text += fmt::format(" of {:.0f} % at {:.1f} s for {:.1f} s, ", 100 * stroke, event.begin_s(),
+  text += fmt::format(" of {} at {:.1f} s for {:.1f} s, ", percentText(stroke), event.begin_s(),
                       event.end_s() - event.begin_s()) +
           placeText(event.begin());
   if (!isSamePlace(event.begin(), event.end())) text += "; to " + placeText(event.end());

@@ -85,7 +85,10 @@ CREATE TABLE exercises (
   position      INTEGER NOT NULL,              -- in its curriculum, from 0
   name          TEXT NOT NULL,
   profile_id    TEXT NOT NULL,
-  json          TEXT NOT NULL
+  json          TEXT NOT NULL,
+  assigned_only INTEGER NOT NULL DEFAULT 0 CHECK (assigned_only IN (0, 1)),
+  exam_attempts INTEGER CHECK (exam_attempts >= 1),     -- NULL: its course is no exam
+  results_from_unix_ns INTEGER NOT NULL DEFAULT 0       -- of an exam: trainees see results from then on; 0: at once
 ) STRICT, WITHOUT ROWID;
 CREATE INDEX exercises_by_curriculum ON exercises (curriculum_id, position);
 
@@ -165,7 +168,7 @@ CREATE TABLE sessions (
   events              INTEGER CHECK (events IS NULL OR events >= 0),    -- rows in session_events; NULL: not worked out
   recording           INTEGER NOT NULL DEFAULT 1 CHECK (recording BETWEEN 1 AND 3),  -- see retention_policies
   passed              INTEGER CHECK (passed IN (0, 1)),                 -- of the first score
-  excused             INTEGER NOT NULL DEFAULT 0 CHECK (excused IN (0, 1)),  -- 1: it does not count against the attempts
+  excused             INTEGER NOT NULL DEFAULT 0 CHECK (excused IN (0, 1, 2)),  -- it does not count against the attempts: 1: somebody excused it; 2: it is beyond those of an exam
   erased              INTEGER NOT NULL DEFAULT 0 CHECK (erased IN (0, 1))    -- 1: of an erased person
 ) STRICT;
 CREATE INDEX sessions_by_station ON sessions (station, state);
@@ -402,7 +405,8 @@ CREATE TABLE erased_names (
 -- Sessions that wait, or waited, for a manager to assign them to the right person: a station without its server takes any name. A
 -- session is nobody's (no row) with an empty name or as 'guest'.
 -- code_unchecked: why it waits: 0: nobody had its trainee's name when it came; 1: the account existed, but nobody gave its code; or,
--- with begin_unsure, the station's clock was wrong, and whose attempt it is cannot be said before somebody says when it began.
+-- with begin_unsure, the station's clock was wrong, and whose attempt it is cannot be said before somebody says when it began; or, with
+-- not_assigned, it came of an exercise that is assigned only, and was not assigned to the trainee then.
 CREATE TABLE unknown_trainees (
   session          INTEGER PRIMARY KEY REFERENCES sessions (number),
   given            TEXT NOT NULL REFERENCES people (ref),   -- whom the station gave
@@ -410,6 +414,7 @@ CREATE TABLE unknown_trainees (
   assigned_unix_ns INTEGER,
   code_unchecked   INTEGER NOT NULL DEFAULT 0 CHECK (code_unchecked IN (0, 1)),
   begin_unsure     INTEGER NOT NULL DEFAULT 0 CHECK (begin_unsure <= code_unchecked AND begin_unsure IN (0, 1)),
+  not_assigned     INTEGER NOT NULL DEFAULT 0 CHECK (not_assigned <= code_unchecked AND not_assigned IN (0, 1)),
   CHECK ((by_whom IS NULL) = (assigned_unix_ns IS NULL))
 ) STRICT;
 CREATE INDEX unknown_trainees_waiting ON unknown_trainees (session) WHERE by_whom IS NULL;
@@ -424,9 +429,9 @@ CREATE VIEW uncounted_sessions AS
 -- What a session adds to the sums of its trainee and exercise. One whose code nobody gave adds itself alone: its trainee is listed all
 -- the same.
 CREATE VIEW attempt_shares AS
-  SELECT session, exercise_id, trainee, attempts, attempts * (1 - excused) AS counted,
-    CASE WHEN passed IS NULL THEN 0 ELSE attempts * (1 - excused) END AS judged,
-    coalesce(passed, 0) * attempts * (1 - excused) AS passed
+  SELECT session, exercise_id, trainee, attempts, CASE WHEN excused = 0 THEN attempts ELSE 0 END AS counted,
+    CASE WHEN excused = 0 AND passed IS NOT NULL THEN attempts ELSE 0 END AS judged,
+    CASE WHEN excused = 0 THEN coalesce(passed, 0) * attempts ELSE 0 END AS passed
   FROM (SELECT s.number AS session, s.exercise_id, s.trainee, s.excused, s.passed, CASE WHEN u.session IS NULL THEN 1 ELSE 0 END AS attempts
         FROM sessions s LEFT JOIN uncounted_sessions u ON u.session = s.number
         WHERE s.trainee <> '' AND s.erased = 0) AS shares;

@@ -16,6 +16,7 @@
 #include "db/schema.h"
 #include "db/seen_time.h"
 #include "db/service/handlers.h"
+#include "db/service/held_results.h"
 #include "db/service/score_rows.h"
 #include "db/service/service.h"
 #include "db/service/session_samples.h"
@@ -179,7 +180,8 @@ Result<std::optional<CloseOutcome>> Service::closeStep(CloseUnderWay& close) {
 
   // a repeated close returns the first score
   if (const auto info = sessions.info(id); info && !info->score_json().empty()) {
-    outcome.score_json = info->score_json();
+    ASSIGN_OR_RETURN(const bool held, isHeld(*reader, id, wallNowNs()));
+    if (!held) outcome.score_json = info->score_json();
     return done;
   }
   if (outcome.closed.kind == Closed::Kind::kRepeated) {
@@ -207,7 +209,8 @@ Result<std::optional<CloseOutcome>> Service::scoreStep(Connection& reader, const
   if (settled.is_pending) return std::optional<CloseOutcome>();
   std::optional<CloseOutcome> done = close.unscored;
   CloseOutcome& outcome = *done;
-  outcome.score_json = std::move(settled.score_json);
+  ASSIGN_OR_RETURN(const bool held, isHeld(reader, session, wallNowNs()));
+  if (!held) outcome.score_json = std::move(settled.score_json);
   outcome.event_bytes = settled.event_bytes;
   if (settled.fault) {
     outcome.score_fault = settled.fault->message;

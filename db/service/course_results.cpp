@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/uuid.h"
+#include "common/scoring/measures.h"
 #include "db/assignments.h"
 #include "db/attempt_sums.h"
 #include "db/connection.h"
@@ -16,6 +18,7 @@
 #include "db/people.h"
 #include "db/person_refs.h"
 #include "db/service/handlers.h"
+#include "db/service/held_results.h"
 #include "db/service/standing.h"
 
 namespace needlelab::handlers {
@@ -23,6 +26,7 @@ namespace {
 
 constexpr std::uint32_t kResultsOfPage = 100, kMostResultsOfPage = 250, kNamesOfPage = 1000;
 constexpr std::size_t kCellsAtOnce = 2000;
+constexpr std::size_t kScoresAtOnce = 200;  // of some 6 KB each
 
 Result<std::vector<ReadExercise>> exercisesOf(Connection& reader, const StoredCurriculum& course) {
   std::vector<ReadExercise> exercises;
@@ -35,29 +39,52 @@ Result<std::vector<ReadExercise>> exercisesOf(Connection& reader, const StoredCu
   return exercises;
 }
 
+/// `held_until_unix_ns`: as HeldResults::until().
 pb::ResultCell cellOf(const ReadExercise& exercise, const ExerciseStanding& standing,
-                      std::int64_t now_unix_ns) {
+                      std::int64_t now_unix_ns, std::int64_t held_until_unix_ns) {
   pb::ResultCell cell;
   cell.set_exercise_id(exercise.stored.id);
   cell.set_attempts(standing.attempts.counted);
-  if (standing.attempts.passed) cell.set_passed(*standing.attempts.passed);
+  const bool is_held = held_until_unix_ns != 0;
+  const bool done = is_held ? standing.attempts.counted > 0 : standing.done;
+  if (standing.attempts.passed && !is_held) cell.set_passed(*standing.attempts.passed);
+  cell.set_results_from_unix_ns(held_until_unix_ns);
   for (const std::string& id : standing.locked_by) cell.add_locked_by(id);
   if (standing.attempts_left) cell.set_attempts_left(*standing.attempts_left);
   cell.set_due_unix_ns(standing.due_unix_ns);
-  cell.set_overdue(standing.due_unix_ns != 0 && standing.due_unix_ns < now_unix_ns && !standing.done);
-  cell.set_done(standing.done);
+  cell.set_overdue(standing.due_unix_ns != 0 && standing.due_unix_ns < now_unix_ns && !done);
+  cell.set_done(done);
   return cell;
 }
 
-/// The cells of some trainees after others: a fixed number of reads for as many as have kCellsAtOnce cells,
-/// and one more where there are groups that nobody before was in, however many attempts there are.
+/// What the exercises ask for, each measure once; a time limit is a requirement on the elapsed time.
+std::vector<std::string> measuresAskedFor(const std::vector<ReadExercise>& exercises) {
+  std::vector<std::string> names;
+  const auto add = [&](const std::string& name) {
+    if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+  };
+  for (const ReadExercise& exercise : exercises) {
+    for (const auto& requirement : exercise.exercise.requirements()) add(requirement.measure());
+    if (exercise.exercise.has_time_limit_s()) add("elapsed_s");
+  }
+  return names;
+}
+
+/// What of a best attempt is wanted.
+enum class Best : std::uint8_t { kNothing, kAttempt, kMeasures };
+
+/// The cells of some trainees after others: a fixed number of reads for as many as have kCellsAtOnce cells
+/// (kScoresAtOnce of them, with measures), and one more where there are groups that nobody before was in,
+/// however many attempts there are.
 class Cells {
  public:
-  Cells(const Context& context, std::vector<ReadExercise> exercises, std::string course_id, bool with_best)
+  Cells(const Context& context, std::vector<ReadExercise> exercises, std::string course_id, Best wanted)
       : context_(context),
         exercises_(std::move(exercises)),
         course_id_(std::move(course_id)),
-        with_best_(with_best),
+        wanted_(wanted),
+        measures_(measuresAskedFor(exercises_)),
+        held_(context),
         dates_(context.reader, course_id_, idsOf(exercises_)) {
     std::set<std::string> ids;
     for (const ReadExercise& exercise : exercises_) {
@@ -73,14 +100,15 @@ class Cells {
   }
   /// Of how many trainees read() reads at once.
   [[nodiscard]] std::size_t traineesAtOnce() const {
-    return std::max<std::size_t>(1, kCellsAtOnce / std::max<std::size_t>(1, looked_at_.size()));
+    const std::size_t cells = wanted_ == Best::kMeasures ? kScoresAtOnce : kCellsAtOnce;
+    return std::max<std::size_t>(1, cells / std::max<std::size_t>(1, looked_at_.size()));
   }
   Status read(std::span<const std::string> trainees) {
     AttemptStore store(context_.reader);
     ASSIGN_OR_RETURN(standings_, store.standingsOf(trainees, looked_at_));
     RETURN_IF_ERROR(dates_.readFor(trainees));
-    if (!with_best_) return {};
-    ASSIGN_OR_RETURN(best_, store.best(trainees, course_id_));
+    if (wanted_ == Best::kNothing) return {};
+    ASSIGN_OR_RETURN(best_, store.best(trainees, course_id_, wanted_ == Best::kMeasures));
     return {};
   }
   /// `row`: of one of the trainees that were read.
@@ -90,11 +118,14 @@ class Cells {
     for (std::size_t i = 0; i < exercises_.size(); ++i) {
       const ReadExercise& exercise = exercises_[i];
       const ExerciseStanding standing = standingBy(exercise, standings_[row.trainee()], dues_ns[i]);
-      pb::ResultCell cell = cellOf(exercise, standing, context_.now_unix_ns);
-      if (const auto found = best.find(exercise.stored.id); found != best.end()) {
+      ASSIGN_OR_RETURN(const auto held_until, held_.until(exercise.stored.id));
+      pb::ResultCell cell = cellOf(exercise, standing, context_.now_unix_ns, held_until);
+      if (wanted_ == Best::kMeasures) cell.set_excused(standing.attempts.all - standing.attempts.counted);
+      if (const auto found = best.find(exercise.stored.id); found != best.end() && held_until == 0) {
         *cell.mutable_best() = std::move(found->second);
         cell.mutable_best()->set_late(standing.due_unix_ns != 0 &&
                                       cell.best().started_unix_ns() > standing.due_unix_ns);
+        RETURN_IF_ERROR(keepMeasuresAskedFor(*cell.mutable_best()));
       }
       *row.add_cells() = std::move(cell);
     }
@@ -102,10 +133,27 @@ class Cells {
   }
 
  private:
+  /// Of the attempt's score, if it was read; without their sentences.
+  Status keepMeasuresAskedFor(pb::Attempt& best) const {
+    if (best.score_json().empty()) return {};
+    ASSIGN_OR_RETURN(const auto id, sessionId(best.session_id()));
+    auto measures = parseScore(best.score_json());
+    if (!measures)
+      return Error{measures.error().code, "session " + uuidText(id) + ": " + measures.error().message};
+    std::erase_if(*measures, [&](const Measure& measure) {
+      return std::find(measures_.begin(), measures_.end(), measure.name) == measures_.end();
+    });
+    for (Measure& measure : *measures) measure.words.clear();
+    best.set_score_json(scoreJson(*measures));
+    return {};
+  }
+
   const Context& context_;
   const std::vector<ReadExercise> exercises_;
   const std::string course_id_;
-  const bool with_best_;
+  const Best wanted_;
+  const std::vector<std::string> measures_;  ///< that the course asks for
+  HeldResults held_;
   std::vector<std::string> looked_at_;  ///< ids of the exercises and of what comes before them
   CourseDates dates_;
   AttemptStore::Standings standings_;
@@ -131,9 +179,11 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
   // a station shows one trainee's standing, and a list of names to choose from
   const bool by_station = context.who.role == pb::STATION;
   const bool names_only = by_station && call.trainee().empty();
+  const bool with_measures = call.with_measures() && !by_station;
   ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
   const auto course = CurriculumStore(context.reader).get(call.course_id());
   if (!course) return course.error();
+  RETURN_IF_ERROR(requireSeen(context.reader, *course, context.who.name, context.who.role));
   ASSIGN_OR_RETURN(auto exercises, exercisesOf(context.reader, *course));
   pb::Reply reply;
   auto* results = reply.mutable_results();
@@ -141,6 +191,8 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
     results->add_exercise_ids(exercise.stored.id);
     results->add_exercise_names(exercise.stored.name);
   }
+  if (with_measures)
+    for (std::string& name : measuresAskedFor(exercises)) results->add_required_measures(std::move(name));
   const std::uint32_t usual = names_only ? kNamesOfPage : kResultsOfPage;
   const std::uint32_t greatest = names_only ? kNamesOfPage : kMostResultsOfPage;
   const std::size_t most = call.limit() == 0 ? usual : std::min(call.limit(), greatest);
@@ -159,14 +211,24 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
     ASSIGN_OR_RETURN(trainees_of_page, trainees.page(after, most + 1));
     if (!by_station && call.page().empty()) RETURN_IF_ERROR(addTotals(trainees, *results));
   }
+  if (with_measures && context.who.role != pb::TRAINEE)
+    RETURN_IF_ERROR(
+        noteRead(context, call.course_id(), call.group_id().empty() ? "" : "of group " + call.group_id()));
   std::vector<std::string> names;
   for (const CourseTrainee& one : trainees_of_page) names.push_back(one.ref);
-  Cells cells(context, std::move(exercises), call.course_id(), !by_station);
+  Cells cells(context, std::move(exercises), call.course_id(),
+              with_measures ? Best::kMeasures
+              : by_station  ? Best::kNothing
+                            : Best::kAttempt);
   const std::span shown(names.data(), std::min(names.size(), most));
   ASSIGN_OR_RETURN(const auto people, PeopleStore(context.reader).findAll(shown));
   std::map<std::string, std::string> outer_refs;
   if (by_station) {
     ASSIGN_OR_RETURN(outer_refs, outerRefs(context.reader, shown));
+  }
+  std::map<std::string, std::vector<std::string>> groups;
+  if (with_measures) {
+    ASSIGN_OR_RETURN(groups, GroupStore(context.reader).groupsOfMany(shown));
   }
   PageRoom room;
   room.take(results->ByteSizeLong() + 1);
@@ -195,6 +257,7 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
       row.set_full_name(person->full_name);
       if (by_station) row.set_person_ref(outer_refs[name]);
     }
+    for (std::string& group : groups[name]) row.add_groups(std::move(group));
     if (!names_only) RETURN_IF_ERROR(cells.addTo(row));
     if (!room.take(row)) {
       if (results->rows().empty())

@@ -2,10 +2,12 @@
 #include <optional>
 #include <vector>
 
+#include "common/base/text.h"
 #include "common/profile/planned_line.h"
 #include "common/profile/profile.h"
 #include "common/scoring/measure_table.h"
 #include "common/scoring/measures.h"
+#include "common/scoring/reachable.h"
 #include "db/documents.h"
 #include "db/person_refs.h"
 #include "db/service/handlers.h"
@@ -43,23 +45,28 @@ std::optional<std::uint32_t> baseOf(const Call& call) {
   return call.has_base_revision() ? std::optional(call.base_revision()) : std::nullopt;
 }
 
-/// An exercise's plan must lie on its profile's skin; `path` is the exercise's, for messages.
-Status planFits(const StoredExercise& stored, const StoredProfile& profile, const std::string& path) {
+/// A needle must be able to come to the profile's targets, and an exercise's plan must lie on its skin;
+/// `path` is the exercise's, for messages.
+Status exerciseFits(const StoredExercise& stored, const StoredProfile& profile, const std::string& path) {
   ASSIGN_OR_RETURN(const auto exercise, exerciseOf(stored));
-  if (!exercise.has_plan()) return {};
   ASSIGN_OR_RETURN(const auto parsed, parseProfile(profile.json, "profile '" + profile.id + "'"));
+  const pb::Needle& needle = exercise.has_needle() ? exercise.needle() : parsed.needle();
+  if (const auto faults = unreachableTargets(parsed, needle.length_m()); !faults.empty())
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("{}profile_id: a target of '{}' cannot be reached: {}",
+                             path.empty() ? "" : path + ".", profile.id, faults.front())};
   return checkPlan(exercise, parsed, path);
 }
 
-/// Exercises whose plan does not fit this profile, a sentence each: they go on with it, but their course is
+/// Exercises that do not fit this profile, a sentence each: they go on with it, but their course is
 /// refused at its next change.
-Result<std::vector<std::string>> plansThatDoNotFit(Connection& reader, const StoredProfile& profile) {
+Result<std::vector<std::string>> exercisesThatDoNotFit(Connection& reader, const StoredProfile& profile) {
   ASSIGN_OR_RETURN(const auto courses, CurriculumStore(reader).list());
   std::vector<std::string> warnings;
   for (const StoredCurriculum& course : courses) {
     for (const StoredExercise& exercise : course.exercises) {
       if (exercise.profile_id != profile.id) continue;
-      if (const Status fits = planFits(exercise, profile, ""); !fits)
+      if (const Status fits = exerciseFits(exercise, profile, ""); !fits)
         warnings.push_back(
             fmt::format("exercise '{}' of course '{}': {}", exercise.id, course.id, fits.error().message));
     }
@@ -67,16 +74,15 @@ Result<std::vector<std::string>> plansThatDoNotFit(Connection& reader, const Sto
   return warnings;
 }
 
-/// An exercise's own needle and its plan must fit its profile. The store refuses an unknown profile.
+/// Each exercise must fit its profile. The store refuses an unknown profile.
 Status exercisesFit(const Context& context, const StoredCurriculum& curriculum) {
   for (std::size_t i = 0; i < curriculum.exercises.size(); ++i) {
     const StoredExercise& stored = curriculum.exercises[i];
     ASSIGN_OR_RETURN(const auto exercise, exerciseOf(stored));
-    if (!exercise.has_needle() && !exercise.has_plan()) continue;
     const auto profile = ProfileStore(context.reader).get(stored.profile_id, 0);
     if (!profile) continue;
     if (exercise.has_needle()) RETURN_IF_ERROR(profileWithNeedle(profile->json, exercise));
-    if (const Status fits = planFits(stored, *profile, fmt::format("exercises[{}]", i)); !fits)
+    if (const Status fits = exerciseFits(stored, *profile, fmt::format("exercises[{}]", i)); !fits)
       return Error{fits.error().code, "curriculum: " + fits.error().message};
   }
   return {};
@@ -87,7 +93,7 @@ Status exercisesFit(const Context& context, const StoredCurriculum& curriculum) 
 Result<pb::Reply> importProfile(const Context& context, const pb::ImportProfile& call) {
   ASSIGN_OR_RETURN(auto profile,
                    storedProfileOf(call.json(), "profile", context.who.name, context.now_unix_ns));
-  ASSIGN_OR_RETURN(const auto warnings, plansThatDoNotFit(context.reader, profile));
+  ASSIGN_OR_RETURN(const auto warnings, exercisesThatDoNotFit(context.reader, profile));
   std::string detail;
   RETURN_IF_ERROR(edit(context, profile.id, detail, [&](Connection& writer) {
     const auto before = ProfileStore(writer).get(profile.id, 0);
@@ -141,6 +147,7 @@ Result<pb::Reply> importCurriculum(const Context& context, const pb::ImportCurri
 
 Result<pb::Reply> getCurriculum(const Context& context, const pb::GetCurriculum& call) {
   ASSIGN_OR_RETURN(const auto curriculum, CurriculumStore(context.reader).get(call.id(), call.revision()));
+  RETURN_IF_ERROR(requireSeen(context.reader, curriculum, context.who.name, context.who.role));
   return curriculumReply(curriculum);
 }
 
@@ -149,6 +156,9 @@ Result<pb::Reply> listCurricula(const Context& context, const pb::ListCurricula&
   pb::Reply reply;
   auto* list = reply.mutable_curricula();
   for (const StoredCurriculum& curriculum : curricula) {
+    ASSIGN_OR_RETURN(const bool seen,
+                     seesCourse(context.reader, curriculum, context.who.name, context.who.role));
+    if (!seen) continue;
     auto* entry = list->add_curricula();
     entry->set_id(curriculum.id);
     entry->set_name(curriculum.name);
@@ -169,15 +179,21 @@ Result<pb::Reply> getLesson(const Context& context, const pb::GetLesson& call) {
   ASSIGN_OR_RETURN(const auto exercise, CurriculumStore(context.reader).exercise(call.exercise_id()));
   RETURN_IF_ERROR(mayPractise(context.reader, call.trainee(), context.who.role));
   ASSIGN_OR_RETURN(const bool code_checked, checkCodeOf(context, call.trainee(), call.code()));
+  const bool own = context.who.role == pb::TRAINEE;
+  RETURN_IF_ERROR(
+      mayBegin(context.reader, exercise, own ? context.who.name : call.trainee(), context.who.role));
   ASSIGN_OR_RETURN(const auto parsed, exerciseOf(exercise));
   pb::Reply reply;
   auto* lesson = reply.mutable_lesson();
   lesson->set_code_checked(code_checked);
+  lesson->set_assigned_only(exercise.rules.assigned_only);
+  lesson->set_exam(exercise.rules.exam_attempts.has_value());
+  lesson->set_results_from_unix_ns(exercise.rules.results_from_unix_ns);
   ASSIGN_OR_RETURN(const auto person, outerRef(context.reader, call.trainee()));
   lesson->set_person_ref(person.value_or(""));
   if (!call.trainee().empty()) {
     ASSIGN_OR_RETURN(const auto standing, standingOf(context.reader, call.trainee(), exercise, parsed));
-    ASSIGN_OR_RETURN(const auto why_not, whyNot(context.reader, parsed, standing));
+    ASSIGN_OR_RETURN(const auto why_not, whyNot(context.reader, parsed, exercise.rules, standing));
     if (why_not) return Error{ErrorCode::kDenied, *why_not};
     lesson->set_attempt(standing.attempts.all + 1);
     if (standing.attempts_left) lesson->set_attempts_left(*standing.attempts_left);
@@ -259,7 +275,7 @@ Result<pb::Reply> checkJson(const Context& context, const pb::CheckText& call) {
       const std::string path = fmt::format("exercises[{}]", i);
       if (const auto profile = ProfileStore(context.reader).get(exercise.profile_id, 0); !profile)
         addProblem(*check, path + ".profile_id: " + profile.error().message);
-      else if (const Status fits = planFits(exercise, *profile, path); !fits)
+      else if (const Status fits = exerciseFits(exercise, *profile, path); !fits)
         addProblem(*check, fits.error().message);
       const auto other = CurriculumStore(context.reader).exercise(exercise.id);
       if (other && other->curriculum_id != course->id)
@@ -273,9 +289,11 @@ Result<pb::Reply> checkJson(const Context& context, const pb::CheckText& call) {
       addProblem(*check, withoutSource(fault.message, "profile"));
     if (profile) {
       for (std::string& warning : profileWarnings(*profile)) check->add_warnings(std::move(warning));
+      for (std::string& warning : unreachableTargets(*profile, profile->needle().length_m()))
+        check->add_warnings(std::move(warning));
     }
     if (stored) {
-      ASSIGN_OR_RETURN(const auto plans, plansThatDoNotFit(context.reader, *stored));
+      ASSIGN_OR_RETURN(const auto plans, exercisesThatDoNotFit(context.reader, *stored));
       for (const std::string& warning : plans) check->add_warnings(warning);
     }
   }
@@ -292,6 +310,11 @@ Result<pb::Reply> listExercises(const Context& context, const pb::ListExercises&
   std::uint64_t at = 0;
   for (const StoredCurriculum& course : courses) {
     if (!call.course_id().empty() && course.id != call.course_id()) continue;
+    ASSIGN_OR_RETURN(const bool seen, seesCourse(context.reader, course, context.who.name, context.who.role));
+    if (!seen) {
+      at += course.exercises.size();
+      continue;
+    }
     std::uint32_t position = 0;
     for (const StoredExercise& exercise : course.exercises) {
       const std::uint32_t place = position++;

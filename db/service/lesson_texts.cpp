@@ -31,13 +31,17 @@ Result<StoredCurriculum> storedCurriculumOf(std::string_view json, std::string_v
   ASSIGN_OR_RETURN(const auto curriculum, parseCurriculum(json, source));
   StoredCurriculum stored{curriculum.id(), 0, curriculum.name(), curriculumJson(curriculum), author,
                           now_unix_ns,     {}};
-  for (const pb::Exercise& exercise : curriculum.exercises()) {
+  for (const pb::Exercise& given : curriculum.exercises()) {
+    const pb::Exercise exercise = exerciseInCourse(curriculum, given);
     if (const auto known = checkRequirements(exercise); !known) {
       return Error{known.error().code,
                    std::string(source) + ": exercise '" + exercise.id() + "': " + known.error().message};
     }
-    stored.exercises.push_back(
-        {exercise.id(), curriculum.id(), exercise.name(), exercise.profile_id(), exerciseJson(exercise)});
+    CourseRules rules{isAssignedOnly(curriculum), std::nullopt,
+                      static_cast<std::int64_t>(curriculum.results_from_unix_ms()) * 1'000'000};
+    if (curriculum.exam()) rules.exam_attempts = exercise.attempts();
+    stored.exercises.push_back({exercise.id(), curriculum.id(), exercise.name(), exercise.profile_id(),
+                                exerciseJson(exercise), rules});
   }
   return stored;
 }

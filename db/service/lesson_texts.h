@@ -15,7 +15,8 @@ namespace needlelab {
 /// kInvalidInput.
 Result<StoredProfile> storedProfileOf(std::string_view json, std::string_view source,
                                       const std::string& author, std::int64_t now_unix_ns);
-/// The same for a curriculum; its requirements must name existing measures.
+/// The same for a curriculum; its requirements must name existing measures. Its exercises are as they are
+/// practised in it (exerciseInCourse); its own text is the author's.
 Result<StoredCurriculum> storedCurriculumOf(std::string_view json, std::string_view source,
                                             const std::string& author, std::int64_t now_unix_ns);
 

@@ -90,7 +90,8 @@ constexpr std::array kSessionColumns = {RecordColumn{"id", K::kHex, true},
 constexpr std::array kUnknownTraineeColumns = {
     RecordColumn{"session", K::kSession, true},  RecordColumn{"given", K::kPerson},
     RecordColumn{"by_whom", K::kPerson},         RecordColumn{"assigned_unix_ns", K::kInteger},
-    RecordColumn{"code_unchecked", K::kInteger}, RecordColumn{"begin_unsure", K::kInteger}};
+    RecordColumn{"code_unchecked", K::kInteger}, RecordColumn{"begin_unsure", K::kInteger},
+    RecordColumn{"not_assigned", K::kInteger}};
 constexpr std::array kSettingColumns = {RecordColumn{"key", K::kText, true}, RecordColumn{"value"}};
 constexpr std::array kScoreColumns = {RecordColumn{"session", K::kSession, true},
                                       RecordColumn{"definition_version", K::kInteger, true},

@@ -192,7 +192,8 @@ constexpr RequestRow kRows[] = {
   {Call::kCheckTrainee,            "check trainee",        kStation,              to<checkTrainee>,              Reply::kTraineeChecked},
   // a station: names, and the cells of the trainee that it names; the handler checks that
   {Call::kGetResults,              "results",              kAll,                  to<getResults>,                Reply::kResults, kViews,
-   {{"GET /results?course&group&limit&page", "Trainee by exercise, by name"}}},
+   {{"GET /results?course&group&limit&page", "Trainee by exercise, by name"},
+     {"GET /courses/{id}/results.csv?group&separator", "A table for a spreadsheet; separator: comma, semicolon (with decimal commas) or tab"}}},
   {Call::kGetProgress,             "progress",             kPeople,               to<getProgress>,               Reply::kProgress, kViews,
    {{"GET /people/{name}/progress?exercise&newest_first&page", "Attempts in order of time; newest_first=yes: of one exercise"}}},
   {Call::kListTried,               "tried",                kPeople,               to<listTried>,                 Reply::kTriedExercises, kWorkers,

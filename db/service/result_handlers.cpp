@@ -16,6 +16,7 @@
 #include "db/documents.h"
 #include "db/people.h"
 #include "db/service/handlers.h"
+#include "db/service/held_results.h"
 #include "db/service/standing.h"
 
 namespace needlelab::handlers {
@@ -74,6 +75,7 @@ Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& cal
     return Error{ErrorCode::kInvalidInput,
                  "exercise_id: is missing: attempts of all exercises come oldest first"};
   AttemptStore store(context.reader);
+  HeldResults held(context);
   auto attempts = call.newest_first()
                       ? store.newestPage(call.trainee(), call.exercise_id(), after, kMostAttemptsOfPage + 1)
                       : store.page(call.trainee(), call.exercise_id(), after, kMostAttemptsOfPage + 1);
@@ -82,9 +84,12 @@ Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& cal
   auto* list = reply.mutable_progress();
   PageRoom room;
   if (is_first && !call.exercise_id().empty()) {
-    ASSIGN_OR_RETURN(auto measures, measuresOver(context.reader, call.trainee(), call.exercise_id()));
-    room.take(measures.size() + 1);
-    list->set_measures_json(std::move(measures));
+    ASSIGN_OR_RETURN(const auto held_until, held.until(call.exercise_id()));
+    if (held_until == 0) {
+      ASSIGN_OR_RETURN(auto measures, measuresOver(context.reader, call.trainee(), call.exercise_id()));
+      room.take(measures.size() + 1);
+      list->set_measures_json(std::move(measures));
+    }
   }
   std::map<std::string, std::int64_t> due;  // by exercise
   for (pb::Attempt& attempt : *attempts) {
@@ -94,6 +99,7 @@ Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& cal
       date = due.emplace(attempt.exercise_id(), read).first;
     }
     attempt.set_late(date->second != 0 && attempt.started_unix_ns() > date->second);
+    RETURN_IF_ERROR(held.leaveOutOf(attempt));
     const bool is_full = list->attempts_size() == static_cast<int>(kMostAttemptsOfPage);
     if (is_full || (!room.take(attempt) && list->attempts_size() > 0)) {
       list->set_next_page(list->attempts().rbegin()->session_id());
@@ -132,6 +138,7 @@ Result<pb::Reply> getAttempt(const Context& context, const pb::GetAttempt& call)
   ASSIGN_OR_RETURN(const auto due_ns, dueOf(context.reader, attempt.trainee(), attempt.exercise_id()));
   attempt.set_late(due_ns != 0 && attempt.started_unix_ns() > due_ns);
   attempt.clear_score_json();
+  RETURN_IF_ERROR(HeldResults(context).leaveOutOf(attempt));
   pb::Reply reply;
   *reply.mutable_attempt() = std::move(attempt);
   return reply;
@@ -309,7 +316,7 @@ Result<ReadExercise> readExercise(Connection& connection, const StoredExercise& 
       bool asks_nothing = false;
       if (other) {
         ASSIGN_OR_RETURN(const auto text, exerciseOf(*other));
-        asks_nothing = asksNothing(text);
+        asks_nothing = asksNothing(text) || other->rules.exam_attempts.has_value();
       }
       found = known.emplace(before, asks_nothing).first;
     }
@@ -349,7 +356,7 @@ Result<ExerciseStanding> standingOf(Connection& connection, const std::string& t
 }
 
 Result<std::optional<std::string>> whyNot(Connection& connection, const pb::Exercise& exercise,
-                                          const ExerciseStanding& standing) {
+                                          const CourseRules& rules, const ExerciseStanding& standing) {
   if (!standing.locked_by.empty()) {
     std::string names;
     for (const std::string& id : standing.locked_by) {
@@ -357,13 +364,15 @@ Result<std::optional<std::string>> whyNot(Connection& connection, const pb::Exer
       if (!other && other.error().code != ErrorCode::kNotFound) return other.error();
       names += (names.empty() ? "\"" : ", \"") + (other ? other->name : id) + "\"";
     }
-    return std::optional("\"" + exercise.name() + "\" is still locked: pass " + names + " first");
+    return std::optional("\"" + exercise.name() + "\" is still locked: " +
+                         (rules.exam_attempts ? "take " : "pass ") + names + " first");
   }
   if (standing.attempts_left == 0u) {
-    const std::string times =
-        exercise.attempts() == 1 ? "the one attempt" : fmt::format("all {} attempts", exercise.attempts());
-    return std::optional("\"" + exercise.name() + "\": " + times +
-                         " have been used; ask your instructor, who can give one back");
+    const std::string used = exercise.attempts() == 1
+                                 ? "the one attempt has been used"
+                                 : fmt::format("all {} attempts have been used", exercise.attempts());
+    return std::optional("\"" + exercise.name() + "\": " + used +
+                         "; ask your instructor, who can give one back");
   }
   return std::optional<std::string>();
 }

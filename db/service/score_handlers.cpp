@@ -23,6 +23,7 @@
 #include "db/people.h"
 #include "db/score_list.h"
 #include "db/service/handlers.h"
+#include "db/service/held_results.h"
 #include "db/service/reference_paths.h"
 #include "db/service/score_rows.h"
 #include "db/session_results.h"
@@ -39,7 +40,7 @@ namespace needlelab {
 /// session, and one of few nearly so: whoever may read only their own sessions gets those that a comparison
 /// needs.
 std::size_t leastInBandFor(pb::Role role) {
-  return role == pb::TRAINEE ? kLeastForZScore : 1;
+  return role == pb::TRAINEE ? kLeastReferences : 1;
 }
 
 /// Fills in bands of at least `least_n` gestures, what is pending, and definition_version, from the newest
@@ -94,10 +95,31 @@ Status checkCourse(Connection& reader, const std::string& id) {
                                          (names.empty() ? "none yet, import a curriculum first" : names)};
 }
 
+/// Errors: kInvalidInput with every session in which a hazard or bone was touched, by its newest score. A
+/// session without a score has no part in a band.
+Status checkExamples(Connection& connection, const std::string& exercise_id,
+                     const std::vector<Uuid>& sessions) {
+  std::string refused;
+  for (const Uuid& id : sessions) {
+    const auto score = ScoreStore(connection).get(id, 0);
+    if (!score && score.error().code != ErrorCode::kNotFound) return score.error();
+    if (!score) continue;
+    ASSIGN_OR_RETURN(const auto measures, parseScore(score->measures_json()));
+    const std::string why = whyNoReference(measures);
+    if (!why.empty()) refused += (refused.empty() ? "" : "; ") + ("session " + uuidText(id) + ": " + why);
+  }
+  if (refused.empty()) return {};
+  return Error{ErrorCode::kInvalidInput,
+               "the reference of exercise '" + exercise_id + "', " + refused +
+                   "; no hazard and no bone may be touched in a reference: leave " +
+                   (refused.find(';') == std::string::npos ? "it out" : "them out")};
+}
+
 }  // namespace
 
 Result<pb::Reply> getScore(const Context& context, const pb::GetScore& call) {
   ASSIGN_OR_RETURN(const auto info, visibleSession(context, call.session_id()));
+  RETURN_IF_ERROR(requireShown(info));
   ASSIGN_OR_RETURN(auto score,
                    ScoreStore(context.reader).get(*sessionId(call.session_id()), call.definition_version()));
   RETURN_IF_ERROR(addComparison(context.reader, *context.paths, leastInBandFor(context.who.role),
@@ -144,7 +166,7 @@ Result<pb::Reply> setReference(const Context& context, const pb::SetReference& c
                                               context.who.name, context.now_unix_ns);
         if (!put) return Status(put.error());
         reference = std::move(*put);
-        return Status();
+        return checkExamples(writer, call.exercise_id(), sessions);
       }));
   return referenceReply(context, std::move(reference));
 }
@@ -250,12 +272,11 @@ Status addComparison(Connection& reader, ReferencePaths& paths, std::size_t leas
     row.value = *nearest.distance_m;
     measures.push_back(row);
   }
-  const auto passed = score.has_passed() ? std::optional(score.passed()) : std::nullopt;
   // a session of an old program may have a profile that is not readable now: its layers are numbers then
   ASSIGN_OR_RETURN(const auto info, SessionStore(reader).info(id));
   const auto profile = parseProfile(info.description().profile_json(), "profile");
   const auto names = profile ? layerNames(*profile) : std::vector<std::string>();
-  score.set_comparison_json(comparisonJson(compareWithReference(measures, made.bands, passed, names)));
+  score.set_comparison_json(comparisonJson(compareWithReference(measures, made.bands, names)));
   return {};
 }
 

@@ -97,7 +97,8 @@ struct RequestUnderWay {
 /// The outcome of a station's request to close a session.
 struct CloseOutcome {
   Closed closed;
-  std::string score_json;         ///< when taken: the stored measures; empty when there is nothing to measure
+  std::string score_json;  ///< when taken: the stored measures; empty when there is nothing to measure, or an
+                           ///< exam's results are held back (held_results.h)
   std::string score_fault;        ///< the reason when scoring failed; the session is closed nevertheless
   std::uint64_t event_bytes = 0;  ///< of the syringe's events that were stored now
 };

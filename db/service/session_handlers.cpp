@@ -13,6 +13,7 @@
 #include "common/scoring/syringe_events.h"
 #include "db/connection.h"
 #include "db/service/handlers.h"
+#include "db/service/held_results.h"
 #include "db/service/service.h"
 #include "db/service/session_samples.h"
 #include "db/session_results.h"
@@ -91,6 +92,7 @@ Result<pb::SessionInfo> visibleSession(const Context& context, const std::string
       (info->description().trainee() != context.who.name || info->unknown_trainee())) {
     return Error{ErrorCode::kNotFound, "there is no session " + uuidText(id)};
   }
+  if (info) RETURN_IF_ERROR(HeldResults(context).leaveOutOf(*info));
   return info;
 }
 
@@ -109,12 +111,19 @@ Result<pb::Reply> listSessions(const Context& context, const pb::ListSessions& c
   if (own) wanted.set_trainee(context.who.name);
   PageRoom room;
   bool full = false;
-  ASSIGN_OR_RETURN(auto sessions,
-                   SessionStore(context.reader).list(wanted, after, own, [&](pb::SessionInfo& session) {
-                     figuresForScore(session);
-                     full = !room.take(session);
-                     return !full;
-                   }));
+  HeldResults held(context);
+  Status left_out;
+  ASSIGN_OR_RETURN(auto sessions, SessionStore(context.reader)
+                                      .list(
+                                          wanted, after, own,
+                                          [&](pb::SessionInfo& session) {
+                                            left_out = held.leaveOutOf(session);
+                                            figuresForScore(session);
+                                            full = !room.take(session);
+                                            return left_out.ok() && !full;
+                                          },
+                                          own ? context.now_unix_ns : 0));
+  RETURN_IF_ERROR(left_out);
   // a page that is not full is the last
   const std::uint32_t most = call.limit() == 0 ? kMaxListed : std::min(call.limit(), kMaxListed);
   pb::Reply reply;
@@ -287,6 +296,7 @@ Result<pb::Reply> listEvents(const Context& context, const pb::ListEvents& call)
   if (info.state() == pb::SESSION_OPEN)
     return Error{ErrorCode::kUnavailable,
                  "session " + uuidText(*id) + " is still open: its events are worked out when it is closed"};
+  RETURN_IF_ERROR(requireShown(info));
   ASSIGN_OR_RETURN(const auto from, numberOfPage(call.page()));
   auto stored = EventStore(context.reader).list(*id);
   if (!stored) return stored.error();

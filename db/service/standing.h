@@ -34,7 +34,7 @@ struct ReadExercise {
   pb::Exercise exercise;
   struct Before {
     std::string id;
-    bool asks_nothing = false;  ///< an attempt is enough; of a removed one only a pass counts
+    bool asks_nothing = false;  ///< an attempt is enough, as in an exam; of a removed one only a pass counts
   };
   std::vector<Before> prerequisites;
 };
@@ -64,7 +64,7 @@ Result<ExerciseStanding> standingOf(Connection& connection, const std::string& t
 /// Nothing when the trainee may begin; otherwise the reason, as a text for the trainee with the exercises'
 /// names.
 Result<std::optional<std::string>> whyNot(Connection& connection, const pb::Exercise& exercise,
-                                          const ExerciseStanding& standing);
+                                          const CourseRules& rules, const ExerciseStanding& standing);
 
 // who practises: trainee_handlers.cpp
 
@@ -73,6 +73,18 @@ Result<std::optional<std::string>> whyNot(Connection& connection, const pb::Exer
 /// that nobody has. A session under a name is no reason: whoever has a station's key can send one under any
 /// name.
 Result<bool> stationMayKnow(Connection& reader, const std::optional<Person>& person, const std::string& name);
+/// Whether a course is shown to whoever asks: to trainees those alone that are for all, or that are assigned
+/// to them, whole or in part.
+Result<bool> seesCourse(Connection& reader, const StoredCurriculum& course, const std::string& name,
+                        pb::Role asked_by);
+/// kNotFound, as of a course that is not there: it is not shown.
+Status requireSeen(Connection& reader, const StoredCurriculum& course, const std::string& name,
+                   pb::Role asked_by);
+/// Of an exercise that is assigned only: whether it is assigned to the trainee `name` (empty: nobody in
+/// particular, for which any station may have it). kNotFound to trainees themselves, who do not see it;
+/// kDenied, with a text for the trainee, to all others.
+Status mayBegin(Connection& reader, const StoredExercise& exercise, const std::string& name,
+                pb::Role asked_by);
 /// Whether a lesson of `name` may begin; several reads: call it within one view. kNotFound, to a station: it
 /// may not know the name (stationMayKnow); the text gives similar names that it may. kDenied, to others:
 /// disabled. Staff may look at the lesson of any name.

@@ -2,6 +2,7 @@
 // are sent. The running server delivers them (server/live/request_effects.h).
 #include <string>
 
+#include "common/base/bytes.h"
 #include "common/base/text.h"
 #include "common/profile/aid_list.h"
 #include "db/credentials.h"
@@ -50,6 +51,30 @@ Result<pb::Reply> nextExercise(const Context& context, const pb::NextExercise& c
   return noted(context, call.station(), call.exercise_id());
 }
 
+namespace {
+
+/// kDenied when the lesson that is meant (empty: the station's present one) is of an exam.
+Status noExam(const Context& context, const std::string& station, const std::string& session_id) {
+  const auto nameOf = [](const Statement& row) { return row.text(0); };
+  const std::string_view exam =
+      "SELECT e.name FROM sessions s JOIN exercises e ON e.id = s.exercise_id AND e.exam_attempts IS NOT NULL"
+      " WHERE ";
+  ASSIGN_OR_RETURN(
+      const auto name,
+      session_id.empty()
+          ? context.reader
+                .query(std::string(exam) +
+                           "s.number = (SELECT number FROM sessions WHERE station = ? AND state = ?"
+                           " ORDER BY started_unix_ns DESC, number DESC LIMIT 1)",
+                       station, static_cast<int>(pb::SESSION_OPEN))
+                .first(nameOf)
+          : context.reader.query(std::string(exam) + "s.id = ?", viewOf(session_id)).first(nameOf));
+  if (!name) return {};
+  return Error{ErrorCode::kDenied, "\"" + *name + "\" is an exam: its aids cannot be changed"};
+}
+
+}  // namespace
+
 Result<pb::Reply> setAids(const Context& context, const pb::SetAids& call) {
   if (call.reset() && call.aids_size() > 0)
     return Error{ErrorCode::kInvalidInput,
@@ -57,6 +82,7 @@ Result<pb::Reply> setAids(const Context& context, const pb::SetAids& call) {
   RETURN_IF_ERROR(checkAids("aids", call.aids()));
   RETURN_IF_ERROR(checkMeant(call.session_id()));
   RETURN_IF_ERROR(stationExists(context, call.station()));
+  RETURN_IF_ERROR(noExam(context, call.station(), call.session_id()));
   const std::string what = call.reset() ? "as the exercise says" : aidsText(call.aids());
   return noted(context, call.station(), what + meantText(call.session_id()));
 }

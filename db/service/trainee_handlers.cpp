@@ -78,6 +78,33 @@ Status mayPractise(Connection& reader, const std::string& name, pb::Role asked_b
                   printable(name), near.empty() ? "" : "Did you mean " + orList(near) + "? ", kGuestName)};
 }
 
+Result<bool> seesCourse(Connection& reader, const StoredCurriculum& course, const std::string& name,
+                        pb::Role asked_by) {
+  // the rules of a course are those of each of its exercises
+  const bool for_all = course.exercises.empty() || !course.exercises.front().rules.assigned_only;
+  if (for_all || asked_by != pb::TRAINEE) return true;
+  return AssignmentStore(reader).isAssignedOf(name, course.id);
+}
+
+Status requireSeen(Connection& reader, const StoredCurriculum& course, const std::string& name,
+                   pb::Role asked_by) {
+  ASSIGN_OR_RETURN(const bool seen, seesCourse(reader, course, name, asked_by));
+  if (seen) return {};
+  return Error{ErrorCode::kNotFound, "there is no curriculum '" + course.id + "'"};
+}
+
+Status mayBegin(Connection& reader, const StoredExercise& exercise, const std::string& name,
+                pb::Role asked_by) {
+  if (!exercise.rules.assigned_only || name.empty()) return {};
+  ASSIGN_OR_RETURN(const bool assigned,
+                   AssignmentStore(reader).isAssigned(name, exercise.id, exercise.curriculum_id));
+  if (assigned) return {};
+  if (asked_by == pb::TRAINEE)
+    return Error{ErrorCode::kNotFound, "there is no exercise '" + exercise.id + "'"};
+  return Error{ErrorCode::kDenied,
+               "\"" + exercise.name + "\" is only for those to whom it is assigned; ask your instructor"};
+}
+
 namespace handlers {
 
 Result<pb::Reply> checkTrainee(const Context& context, const pb::CheckTrainee& call) {

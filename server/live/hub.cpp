@@ -68,6 +68,7 @@ void Hub::setSession(Station& station, std::string_view session_id) {
   if (!session_id.empty()) stations_by_session_[status.session_id()].insert(&station);
   status.clear_peak_force_n();
   status.clear_hazards_touched();
+  status.clear_alarms();
   status.clear_force_limit_n();
   status.clear_tissue();
   status.clear_started_unix_ns();

@@ -10,7 +10,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kMostHazards = 256;  // as max_items of StationStatus
+constexpr std::size_t kMostHazards = 256, kMostAlarms = 8;  // as max_items of StationStatus
 
 /// Numbers from another program: what is none is 0.
 void makeFinite(pb::StationStatus& status) {
@@ -97,6 +97,7 @@ void RemoteLive::onPresent(const std::string& server, const pb::PresentStation& 
   const pb::StationStatus& status = entry.status();
   if (!checkName("station", station) || status.ByteSizeLong() > settings_.most_status_bytes ||
       static_cast<std::size_t>(status.hazards_touched_size()) > kMostHazards ||
+      static_cast<std::size_t>(status.alarms_size()) > kMostAlarms ||
       (!status.session_id().empty() && status.session_id().size() != 16)) {
     (void)malformed();
     return;

@@ -13,6 +13,7 @@
 #include "common/base/text.h"
 #include "common/base/uuid.h"
 #include "common/profile/strict_json.h"
+#include "common/scoring/result_table.h"
 #include "server/web/routes.h"
 #include "server/web/session_views.h"
 
@@ -218,6 +219,66 @@ Result<pb::Request> listResults(const WebRoute& route, const WebCall& call) {
   return request;
 }
 
+/// A course's results for a spreadsheet, page by page from GetResults. A page of many exercises and groups is
+/// longer as text: it becomes several pieces.
+class ResultRows {
+ public:
+  ResultRows(Service& service, WebCall call, const CsvStyle& style)
+      : service_(service), call_(std::move(call)), table_(style) {}
+
+  Result<WebPiece> next() {
+    std::string text;
+    if (row_ == page_.rows_size()) {
+      if (ended_) return WebPiece(std::string());
+      RETURN_IF_ERROR(readPage(text));
+    }
+    while (row_ < page_.rows_size() && text.size() < kFullPieceBytes) {
+      const pb::ResultRow& person = page_.rows(row_);
+      if (cell_ < person.cells_size()) {
+        RETURN_IF_ERROR(table_.add(text, person, person.cells(cell_++)));
+        continue;
+      }
+      ++row_;
+      cell_ = 0;
+    }
+    return pieceOf(std::move(text), ended_ && row_ == page_.rows_size());
+  }
+
+ private:
+  static constexpr std::size_t kFullPieceBytes = 1u << 20;
+
+  Status readPage(std::string& text) {
+    pb::Request request;
+    auto& ask = *request.mutable_get_results();
+    ask.set_course_id(call_.parts[0]);
+    ask.set_group_id(call_.query("group"));
+    ask.set_with_measures(true);
+    ask.set_page(page_.next_page());
+    const bool is_first = page_.next_page().empty();
+    ASSIGN_OR_RETURN(auto reply, replyOf(service_, call_, request));
+    page_ = std::move(*reply.mutable_results());
+    if (is_first) table_.begin(text, page_);
+    ended_ = page_.next_page().empty();
+    row_ = 0;
+    return {};
+  }
+
+  Service& service_;
+  const WebCall call_;
+  ResultTable table_;
+  pb::Results page_;  ///< whose rows are being written
+  int row_ = 0, cell_ = 0;
+  bool ended_ = false;
+};
+
+Result<WebStream> resultsCsv(Service& service, const WebCall& call) {
+  const std::string separator = call.query("separator");
+  ASSIGN_OR_RETURN(const auto style, csvStyleOf(separator.empty() ? kCsvSeparators[0] : separator));
+  auto rows = std::make_shared<ResultRows>(service, call, style);
+  return streamFromFirst("text/csv; charset=utf-8", call.parts[0] + "-results.csv",
+                         [rows] { return rows->next(); });
+}
+
 WebJson addedAssignment(const WebCall&, const pb::Reply& reply) {
   return reply.assignments().assignments_size() > 0 ? jsonOf(reply.assignments().assignments(0))
                                                     : WebJson::object();
@@ -355,15 +416,10 @@ Result<WebJson> addAnnotation(Service& service, const WebCall& call) {
 
 // --- scores, studies, the audit log
 
-/// A CSV cell: quoted when necessary, and never a spreadsheet formula.
-std::string csvCell(const std::string& text) {
-  std::string cell = !text.empty() && std::string_view("=+-@\t\r").find(text[0]) != std::string_view::npos
-                         ? "'" + text
-                         : text;
-  if (cell.find_first_of(",\"\r\n") == std::string::npos) return cell;
-  std::string quoted = "\"";
-  for (const char c : cell) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return quoted + "\"";
+std::string csvCell(std::string_view text) {
+  std::string cell;
+  appendCsvText(cell, text);
+  return cell;
 }
 
 /// Scores as a long table, one measure per line, page by page from ListScores.
@@ -463,6 +519,7 @@ constexpr RouteAdapter kAdapters[] = {
     {.line = "POST /assignments", .shape = addedAssignment, .status = 201},
     {.line = "DELETE /assignments/{id}", .build = removeAssignment},
     {.line = "GET /results", .build = listResults},
+    {.line = "GET /courses/{id}/results.csv", .action = WebAction::kStream, .stream = resultsCsv},
     {.line = "GET /sessions", .build = listSessions, .shape = sessionsJson},
     {.line = "GET /unknown-trainees", .build = listUnknownTrainees, .shape = sessionsJson},
     {.line = "GET /sessions/{id}/samples", .action = WebAction::kSteps, .steps = samplePlot},

@@ -16,6 +16,7 @@
 #include "common/fem/needle_mesh.h"
 #include "common/gesture/chunk.h"
 #include "common/profile/profile.h"
+#include "common/scoring/anatomy.h"
 
 namespace needlelab {
 namespace {
@@ -54,8 +55,10 @@ Result<ClassLesson> classLessonOf(const pb::Lesson& message) {
   if (!scene.ok()) return scene.error();
   RETURN_IF_ERROR(addCompliance(*scene));
   ASSIGN_OR_RETURN(auto model, compile(*scene, kClassRate_hz));
-  const auto& center = profile->targets(0).center_m();
-  lesson.target_m = {center.x(), center.y(), center.z()};
+  const Anatomy anatomy = anatomyOf(*profile, {});
+  lesson.entry_m = markedEntry(scene->limb, {});
+  lesson.tip_target_m = tipForTarget(anatomy, anatomy.targets.at(0),
+                                     openingBehindTip_m(needleOf(profile->needle())), lesson.entry_m);
   lesson.profile = *std::move(profile);
   lesson.profile_revision = message.profile_revision();
   lesson.scene = *std::move(scene);
@@ -68,8 +71,8 @@ Result<std::vector<GestureSample>> practiseOnce(const ClassLesson& lesson, doubl
   const HandSkill hand = skillOf(skill);
   SimulatedDeviceOptions options;
   options.hand = handOf(hand, random.next());
-  SimulatedDevice device(options, attemptPlan(hand, lesson.scene.limb, lesson.target_m, random,
-                                              markedEntry(lesson.scene.limb, Pose{})));
+  SimulatedDevice device(options,
+                         attemptPlan(hand, lesson.scene.limb, lesson.tip_target_m, random, lesson.entry_m));
   const double seconds = lesson.exercise.has_time_limit_s() ? lesson.exercise.time_limit_s() : kLongest_s;
   const auto ticks = runClosedLoop(lesson.model, device, {},
                                    static_cast<std::uint64_t>(std::llround(seconds * kClassRate_hz)));

@@ -35,7 +35,8 @@ struct ClassLesson {
   pb::Exercise exercise;
   SceneSpec scene;
   SceneModel model;
-  Vec3 target_m;
+  std::optional<Vec3> entry_m;  ///< marked on the skin
+  Vec3 tip_target_m;
 };
 
 /// Errors: kInvalidInput: a profile or exercise that cannot be read, or without a target.

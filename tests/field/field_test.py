@@ -15,6 +15,7 @@ import clocks  # noqa: E402
 import curves  # noqa: E402
 import lists  # noqa: E402
 import network  # noqa: E402
+import tables  # noqa: E402
 import tracks  # noqa: E402
 
 
@@ -29,7 +30,7 @@ def main():
         programs = Programs(options.bin.resolve(), folder)
         lab = Lab(programs)
         try:
-            for room in (tracks, curves, lists, network, clocks):
+            for room in (tracks, curves, lists, tables, network, clocks):
                 for question, ask in room.rows(lab):
                     title = f"{room.__name__}: {question}"
                     if options.only not in title:

@@ -113,6 +113,7 @@ TEST_F(LessonTest, aWholeLessonIsStoredVerifiedAndScored) {
   EXPECT_EQ(summary["score_source"], "server");
   EXPECT_TRUE(summary["score"].is_array() && !summary["score"].empty());
   EXPECT_EQ(summary["events"]["entries into the tissue"], 1);
+  EXPECT_TRUE(summary["miss"]["in_target"].is_boolean()) << "the ball has a target, and the needle was in";
 
   const std::string id = summary["session_id"];
   const StoredSession stored = lab_.stored(id);

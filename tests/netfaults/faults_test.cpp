@@ -88,7 +88,7 @@ TEST(FaultsTest, eachFaultAloneLosesAndDoublesNothing) {
         }));
     stations.push_back(
         std::make_unique<FaultStation>(server, fault.name, proxies.back()->port(),
-                                       StationSettings{.chunks = 40, .samples = 100, .period = 10ms}));
+                                       StationSettings{.chunks = 120, .samples = 100, .period = 10ms}));
   }
   for (std::size_t i = 0; i < cases.size(); ++i) {
     const ConnectionScript& script = cases[i].script;

@@ -3,9 +3,10 @@ import csv
 import json
 import math
 
+import spreadsheet
 from facts import ROLES, STATES, local, size_text
 from gesture import measures_of
-from held import last_quantity
+from held import YES_OR_NO, last_quantity
 from lab import pairs, run, table
 
 # Asia/Kolkata and America/St_Johns: half hours, and daylight saving (POSIX's form needs no tz data on the machine)
@@ -16,7 +17,7 @@ VERDICT = {True: "passed", False: "not passed", None: "-"}
 def cell_text(facts, trainee, exercise, now_ns):
     passed, tried = facts.passed(trainee, exercise), len(facts.counted(trainee, exercise))
     text = VERDICT[passed] if passed is not None else "tried" if tried else "locked" if facts.locked_by(trainee, exercise) else "-"
-    text += f" {tried}" if tried else ""
+    text += f", {tried} attempt{'s' if tried > 1 else ''}" if tried else ""
     left = facts.left(trainee, exercise)
     text += f", {left} left" if left is not None and not passed else ""
     return text + (", overdue" if facts.overdue(trainee, exercise, now_ns) else "")
@@ -39,6 +40,20 @@ def results(held, facts, lab, now_ns):
         for group, members in facts.members.items():
             rows = lab.admin_rows("results", course, "--group", group)
             held.same("admin results --group", "who is listed", group, members, [row["trainee"] for row in rows])
+        tables(held, facts, lab, course, names)
+
+
+def tables(held, facts, lab, course, names):
+    """The same for a spreadsheet, in each reader's form."""
+    file = lab.folder / "results.csv"
+    for separator in spreadsheet.STYLES:
+        said = lab.admin("results", course, "--out", file, "--replace", "--separator", separator, zone=ZONES[1]).stdout
+        held.same("admin results --out", "rows and people, as it says", course, [len(names) * len(facts.course(course)), len(names)],
+                  [int(word) for word in said.split(" in ")[0].split() if word.isdigit()])
+        spreadsheet.by_reader(held, "admin results --out", f"{course} {separator}", facts, course, names, file.read_bytes(), separator)
+    for group, members in facts.members.items():
+        lab.admin("results", course, "--group", group, "--out", file, "--replace")
+        spreadsheet.by_reader(held, "admin results --out", f"{course} {group}", facts, course, members, file.read_bytes(), "comma")
 
 
 def sessions(held, facts, lab):
@@ -93,16 +108,16 @@ def measure_table(held, screen, where, score, rows):
 
 def words(held, screen, where, m, text):
     """"Peak force 3.03 N: within the 6 N allowed": the value, the limit, and that they belong together."""
-    if m["value"] is None or m["measure"] in ("target_reached", "aspirated_before_injection"):
+    if m["value"] is None or m["measure"] in YES_OR_NO:
         return
     head, _, verdict = text.partition(": ")
     if m["measure"] == "hazards_touched":
         head = f"Hazards touched {head.rsplit(' ', 1)[1]}"
-    held.shown(screen, "the value in words", where, m["value"], m["unit"], last_quantity(head))
+    held.measure(screen, "the value in words", where, m["measure"], m["value"], m["unit"], last_quantity(head))
     for key, mark in (("max", "above the "), ("min", "below the "), ("max", "within the "), ("min", "at least the ")):
         if mark in verdict and not (m.get("min") is not None and m.get("max") is not None):
             limit = verdict.partition(mark)[2].removesuffix(" allowed").removesuffix(" asked for")
-            held.shown(screen, "the limit in words", where, float(m[key]), m["unit"], limit)
+            held.measure(screen, "the limit in words", where, m["measure"], float(m[key]), m["unit"], limit)
             met = m["value"] <= m[key] if key == "max" else m["value"] >= m[key]
             held.same(screen, "within, above or below", where, met, mark in ("within the ", "at least the "))
 
@@ -137,7 +152,7 @@ def session(held, facts, lab, s):
 
 
 def compare(held, facts, lab, s, newest):
-    """Beside the experts: n, mean and sd are those of the reference's sessions, z of what is shown."""
+    """Beside the experts: n, least and greatest are those of the reference's sessions, the place is that of the value in them."""
     screen = "admin session score --json"
     row = lab.admin_rows("session", "score", s["uuid"])[0]
     values = {m["measure"]: m for m in json.loads(newest["measures"])}
@@ -149,20 +164,24 @@ def compare(held, facts, lab, s, newest):
         band = bands[c["measure"]]
         held.same(screen, "value beside the experts", where, values[c["measure"]]["value"], c["value"])
         held.same(screen, "n of the experts", where, band["n"], c["n"])
-        held.close(screen, "mean of the experts", where, band["mean"], c["mean"])
-        held.close(screen, "sd of the experts", where, band["sd"], c["sd"], absolute=1e-9)
-        if c["n"] < 5:
-            held.same(screen, "standing with fewer than five", where, "too_few", c["standing"])
-        if c["z"] is not None:
-            # the sd has a floor, so that the distance in sd is never more than this one
-            distance = c["value"] - band["mean"]
-            held.same(screen, "z: its side", where, distance > 0, c["z"] > 0 if distance else distance > 0)
-            held.same(screen, "z: not beyond value, mean and sd", where, True, abs(c["z"]) * band["sd"] <= abs(distance) * (1 + 1e-9) + 1e-12)
-            held.same(screen, "'far from the experts' is beyond 3 sd", where, abs(c["z"]) > 3, "far from the experts" in c["words"])
-        if c["measure"] not in ("target_reached", "aspirated_before_injection"):
-            held.shown(screen, "the value in words", where, c["value"], c["unit"], last_quantity(c["words"].split(": ")[0]))
+        held.close(screen, "least of the experts", where, band["least"], c["least"])
+        held.close(screen, "greatest of the experts", where, band["greatest"], c["greatest"])
+        if c["n"] < 5 or c["measure"] in YES_OR_NO or band["least"] == band["greatest"]:
+            held.same(screen, "of few, of those who do not vary, of yes and no: nothing", where, [None, ""], [c["place"], c["words"]])
+        if c["place"] is None:
+            continue
+        side = "below" if c["value"] < band["least"] else "above" if c["value"] > band["greatest"] else "within"
+        held.same(screen, "the place", where, side, c["place"])
+        head, _, said = c["words"].partition(": ")
+        held.same(screen, "the place in words", where, True, f"{side} the experts' range, " in said)
+        held.measure(screen, "the value in words", where, c["measure"], c["value"], c["unit"], last_quantity(head))
+        least, greatest = said.partition("range, ")[2].rpartition(" (")[0].split(" to ")
+        held.measure(screen, "the range in words", where, c["measure"], band["least"], c["unit"], least)
+        held.measure(screen, "the range in words", where, c["measure"], band["greatest"], c["unit"], greatest)
     for ident in facts.reference(s["exercise_id"]):
         held.same(screen, "a reference session was passed", ident, True, facts.by_id[ident]["verdict"])
+        measures = {m["measure"]: m["value"] for m in json.loads(facts.newest_score(facts.by_id[ident])["measures"])}
+        held.same(screen, "no hazard and no bone was touched in a reference", ident, [0, 0], [measures["hazards_touched"], measures["bone_contacts"]])
 
 
 def exports(held, facts, lab, s, gesture):

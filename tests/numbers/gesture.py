@@ -5,6 +5,7 @@ times in s, forces in N. Only limbs in their own frame (no placement), as simula
 """
 import bisect
 import cmath
+import itertools
 import math
 import pathlib
 import sys
@@ -49,12 +50,16 @@ def point(json):
     return (json.get("x", 0), json.get("y", 0), json.get("z", 0))
 
 
-def to_segment(p, a, b):
-    """Distance of a point from a segment."""
+def nearest_on_segment(p, a, b):
     d = sub(b, a)
     length = dot(d, d)
     share = min(1.0, max(0.0, dot(sub(p, a), d) / length)) if length > 0 else 0.0
-    return norm(sub(p, add(a, d, share)))
+    return add(a, d, share)
+
+
+def to_segment(p, a, b):
+    """Distance of a point from a segment."""
+    return norm(sub(p, nearest_on_segment(p, a, b)))
 
 
 def between_segments(p, q, a, b):
@@ -94,12 +99,6 @@ class Gesture:
         self.inside = [layer >= 0 for layer in self.layer]
         self.count = len(self.tick)
         self.at_s = [(tick - self.tick[0]) / rate_hz for tick in self.tick] if self.count else []
-        self.targets = [(t["name"], point(t["center_m"]), t["radius_m"]) for t in profile.get("targets", [])]
-        self.hazards = []
-        for h in profile.get("hazards", []):
-            a = point(h.get("center_m") or h["a_m"])
-            b = a if "center_m" in h else point(h["b_m"])
-            self.hazards.append((h["name"], h.get("kind"), a, b, h["radius_m"]))
         self.tissues = [layer.get("tissue") for layer in profile["layers"]]
         unnamed = [layer.get("tissue") for layer in profile["layers"] if "name" not in layer]
         self.layer_names = []
@@ -108,6 +107,45 @@ class Gesture:
             number = 1 + sum(1 for other in profile["layers"][:k] if "name" not in other and other.get("tissue") == tissue)
             word = f"layer {k + 1}" if tissue == "OTHER" else tissue.lower() + (f" {number}" if unnamed.count(tissue) > 1 else "")
             self.layer_names.append(layer.get("name", word))
+        self.bottoms = list(itertools.accumulate(layer["thickness_m"] for layer in profile["layers"]))
+        # a target: name, centre, radius, depths of the tissues that count; none: all
+        self.targets, self.hazards = [], []
+        for t in profile.get("targets", []):
+            spans = [self.span(self.layer_names.index(name)) for name in t.get("tissues", [])]
+            centre = point(t["center_m"])
+            self.targets.append((t["name"], add(centre, self.way(centre, t.get("anchor"))), t["radius_m"], spans))
+        for h in profile.get("hazards", []):
+            a = point(h.get("center_m") or h["a_m"])
+            b = a if "center_m" in h else point(h["b_m"])
+            way = self.way(tuple(0.5 * (x + y) for x, y in zip(a, b)), h.get("anchor"))
+            self.hazards.append((h["name"], h.get("kind"), add(a, way), add(b, way), h["radius_m"]))
+
+    def span(self, layer):
+        last = layer + 1 == len(self.bottoms)
+        return (self.bottoms[layer - 1] if layer else 0.0, math.inf if last else self.bottoms[layer])
+
+    def way(self, p, anchor):
+        """From a region's centre to where its anchor wants it: along the line through the limb's middle, or its normal."""
+        if anchor is None:
+            return (0.0, 0.0, 0.0)
+        top = self.span(self.layer_names.index(anchor["layer"]))[0]
+        limb, wanted = self.profile["limb"], top + anchor["offset_m"]
+        if "plane" in limb:
+            normal = point(limb["plane"]["normal"])
+            out = tuple(x / norm(normal) for x in normal)
+        else:
+            middle = point(limb["sphere"]["center_m"]) if "sphere" in limb else \
+                nearest_on_segment(p, point(limb["capsule"]["a_m"]), point(limb["capsule"]["b_m"]))
+            away = sub(p, middle)
+            out = tuple(x / norm(away) for x in away) if norm(away) else (0.0, 0.0, 1.0)
+        return tuple((self.depth(p) - wanted) * x for x in out)
+
+    def from_target(self, target, p):
+        """How far a point is from the ball or from its tissues, the greater of the two; not above 0: in the target."""
+        _, centre, radius, spans = target
+        depth = self.depth(p)
+        beside = min((max(top - depth, depth - bottom) for top, bottom in spans), default=-math.inf)
+        return max(norm(sub(p, centre)) - radius, beside)
 
     def depth(self, p):
         limb = self.profile["limb"]
@@ -350,7 +388,7 @@ def syringe(g, result):
                    (0.5 * (g.plunger[i + 1] - g.plunger[i]) if i < last else 0)
             way += part
             way_in += part * in_tissue[k]
-            way_target += part * any(norm(sub(p, c)) <= r for _, c, r in g.targets)
+            way_target += part * any(g.from_target(t, p) <= 0 for t in g.targets)
         in_target += (to - level) * (min(1.0, max(0.0, way_target / way)) if way > 0 else 0)
         if before is None and way > 0 and way_in > 0:
             before = aspirated
@@ -495,8 +533,8 @@ def aim(g, result):
         (at_s, flags & BEYOND_NEEDLE) for at_s, flags in zip(g.at_s, g.flags) if flags & BEYOND_NEEDLE or not flags & NOT_STEPPED)
     if not g.targets:
         return
-    distance = {i: min(norm(sub(g.tip[i], c)) for _, c, _ in g.targets) for i in within}
-    hits = [i for i in within if any(norm(sub(g.tip[i], c)) <= r for _, c, r in g.targets)]
+    distance = {i: min(norm(sub(g.tip[i], c)) for _, c, *_ in g.targets) for i in within}
+    hits = [i for i in within if any(g.from_target(t, g.tip[i]) <= 0 for t in g.targets)]
     result["target_reached"] = int(bool(hits))
     result["time_at_target_s"] = sum(g.weight_s(i) for i in hits)
     if within:

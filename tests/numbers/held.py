@@ -7,6 +7,9 @@ UNITS = {"": 1, "s": 1, "N": 1, "mm": 1e-3, "m": 1, "mm/s": 1e-3, "m/s": 1, "mJ"
          "°": math.pi / 180, "B": 1, "kB": 1e3, "MB": 1e6, "GB": 1e9}
 
 
+YES_OR_NO = ("target_reached", "aspirated_before_injection")
+
+
 def differs(expected, seen, within):
     """True if `seen` is not what was expected; a number may be `within` away."""
     if isinstance(expected, bool) or isinstance(seen, bool) or not isinstance(expected, (int, float)):
@@ -85,6 +88,16 @@ class Held:
         size = abs(scaled)
         decimals = 0 if size >= 99.95 else 1 if size >= 9.995 else 2 if size >= 0.9995 else 3
         self.same(screen, number, where, float(scaled), float(found[1]), 0.5000001 * 10.0**-decimals)
+
+    def measure(self, screen, number, where, measure, value, unit, text):
+        """A measure as `shown`; a share in whole percents, a yes or no in words."""
+        if measure in YES_OR_NO:
+            self.same(screen, number, where, "yes" if value > 0 else "no", text)
+        elif measure.endswith("_share"):
+            self.same(screen, number, where, True, text.endswith(" %"))
+            self.same(screen, number, where, float(100 * value), float(text.removesuffix(" %")), 0.5000001)
+        else:
+            self.shown(screen, number, where, value, unit, text)
 
     def table(self):
         width = max((len(screen) for screen, _ in self.counts), default=0)

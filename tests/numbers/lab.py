@@ -121,10 +121,13 @@ class Browser:
         self.text("/session", json.dumps({"name": who, "password": password}).encode())
 
     def text(self, path, body=None):
+        return self.bytes(path, body).decode()
+
+    def bytes(self, path, body=None):
         request = urllib.request.Request(self.base + path, data=body, headers={"Content-Type": "application/json"} if body else {})
         try:
             with self.opener.open(request, timeout=60) as reply:
-                return reply.read().decode()
+                return reply.read()
         except urllib.error.HTTPError as error:
             raise Broken(f"GET {path}: {error.code} {error.read()[:300]}") from None
 

@@ -105,6 +105,7 @@ def over_the_network(held, facts, lab, chosen, gestures):
         now_ns = time.time_ns()
         ines = lab.browser("ines")
         served.results(held, facts, ines, now_ns)
+        served.tables(held, facts, ines)
         served.progress(held, facts, ines)
         for s in chosen:
             served.events(held, facts, ines, s, gestures[s["number"]], strokes(gestures[s["number"]]))

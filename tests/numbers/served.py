@@ -3,12 +3,12 @@ import csv
 import html
 import io
 import json
-import math
 import os
 import re
 import signal
 import subprocess
 
+import spreadsheet
 from commands import VERDICT, ZONES
 from facts import OPEN, STATES, local, trend
 
@@ -43,6 +43,13 @@ def results(held, facts, browser, now_ns):
                 held.same(screen, "best: which attempt", where, best and best["uuid"], cell["best"] and cell["best"]["session_id"] if "best" in cell else None)
                 if best:
                     held.same(screen, "best: number, late", where, [best["attempt"], facts.late(best)], [cell["best"]["number"], cell["best"]["late"]])
+
+
+def tables(held, facts, browser):
+    for course in sorted({e["curriculum_id"] for e in facts.exercises.values()}):
+        for separator in spreadsheet.STYLES:
+            content = browser.bytes(f"/courses/{course}/results.csv?separator={separator}")
+            spreadsheet.by_reader(held, "GET /courses/…/results.csv", f"{course} {separator}", facts, course, facts.trainees_of(course), content, separator)
 
 
 def progress(held, facts, browser):
@@ -144,7 +151,7 @@ def events(held, facts, browser, s, g, strokes):
             if e[name]["in_tissue"]:
                 held.close(screen, "insertion_m of the opening", where, max(0.0, g.insertion[i] - behind), e[name]["insertion_m"])
             if g.targets:
-                held.close(screen, "target_distance_m, from the edge", where, min(math.dist(p, c) - r for _, c, r in g.targets), e[name]["target_distance_m"])
+                held.close(screen, "target_distance_m, from the edge", where, min(g.from_target(t, p) for t in g.targets), e[name]["target_distance_m"])
 
 
 def ladder(held, facts, lab, name, now_ns):
@@ -243,7 +250,8 @@ def report(held, facts, lab, s, g, zone):
     screen = "instructor --report"
     cells = [[html.unescape(re.sub(r"<[^>]*>", "", c)) for c in re.findall(r"<td[^>]*>(.*?)</td>", row, re.S)] for row in re.findall(r"<tr>(.*?)</tr>", page, re.S)]
     facts_of = {c[0]: c[1] for c in cells if len(c) == 2}
-    held.same(screen, "begun, local time", s["uuid"], f"{s['trainee']}, {s['exercise_id']}, {local(s['started_unix_ns'], zone, '%Y-%m-%d %H:%M')}",
+    exercise = facts.exercises[s["exercise_id"]]["json"]["name"] if s["exercise_id"] in facts.exercises else s["exercise_id"]
+    held.same(screen, "begun, local time", s["uuid"], f"{s['trainee']}, {exercise}, {local(s['started_unix_ns'], zone, '%Y-%m-%d %H:%M')}",
               facts_of["when and what"])
     held.same(screen, "attempt", s["uuid"], str(s["attempt"]), facts_of["attempt"])
     count, seconds = re.match(r"(\d+) samples, ([\d.]+) s", facts_of["recording"]).groups()
@@ -258,13 +266,12 @@ def report(held, facts, lab, s, g, zone):
         where = f"{s['uuid']} {m['measure']}"
         held.same(screen, "met or not", where, {True: "✔", False: "✘", None: ""}[m.get("passed")], row[0])
         if m["value"] is None:
-            held.same(screen, "not measured", where, "–", row[2])
+            held.same(screen, "not measured: why", where, m["words"], row[2])
         else:
-            held.shown(screen, "value, with its unit", where, m["value"], m["unit"], row[2])
+            held.measure(screen, "value, with its unit", where, m["measure"], m["value"], m["unit"], row[2])
         for key, words in (("min", "at least "), ("max", "at most ")):
             if m.get(key) is not None and row[3].startswith(words):
-                unit = m["unit"]
-                held.shown(screen, "required", where, float(m[key]), unit, row[3].removeprefix(words))
+                held.measure(screen, "required", where, m["measure"], float(m[key]), m["unit"], row[3].removeprefix(words))
 
 
 def live(held, facts_after, lab, gesture_of):

@@ -114,9 +114,10 @@ class Pages(unittest.TestCase):
         words = text.partition(tables.begin_of("skill"))[0]
         directed = [row for row in rows if row[1] != "neither"]
         found = {kind: [row["measure"] for row in rows if row[9] == kind] for kind in ("yes", "no", "the other way", "yes, no better end")}
+        worse = f"{len(found['the other way'])} find{'s' if len(found['the other way']) == 1 else ''} them worse"
         self.assertIn(f"**{len(found['yes'])} of {len(directed)} measures with a better end find the surer hands better**", words)
-        self.assertIn(f"![{len(found['yes'])} of {len(directed)} measures find the experts better, {len(found['the other way'])} find them worse]", words)
-        for kind, begin in (("the other way", f"- **{len(found['the other way'])} find them worse**"), ("no", f"- **{len(found['no'])} do not separate**")):
+        self.assertIn(f"![{len(found['yes'])} of {len(directed)} measures find the experts better, {worse}]", words)
+        for kind, begin in (("the other way", f"- **{worse}**"), ("no", f"- **{len(found['no'])} do not separate**")):
             bullet = words.partition(begin)[2].partition("\n- ")[0]
             for measure in found[kind] + (found["yes, no better end"] if kind == "no" else []):
                 self.assertIn(f"`{measure}`", bullet, begin)

@@ -71,6 +71,7 @@ test('the limits of an exercise are lines in shown units', () => {
 });
 
 test('each shown unit of a measure has a quantity', () => {
-  for (const unit of ['', 'N', 'mm', 'mm/s', 's', 'cm²', 'J']) assert.ok(kLeastSpans[quantityOfUnit(unit)] > 0, unit);
+  for (const unit of ['', 'N', 'mm', 'mm/s', 's', 'cm²', 'J', '%'])
+    assert.ok(kLeastSpans[quantityOfUnit(unit)] > 0, unit);
   assert.equal(quantityOfUnit('kg'), undefined);
 });

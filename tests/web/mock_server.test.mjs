@@ -91,6 +91,7 @@ test('every page of every list, and what is below it', async () => {
     '/results': `/results?course=${[...lab.courses.keys()][0]}`,
     '/exercises/{id}/reference': `/exercises/${session.exercise_id}/reference`,
     '/scores.csv': '/scores.csv',
+    '/courses/{id}/results.csv': `/courses/${[...lab.courses.keys()][0]}/results.csv?separator=semicolon`,
   };
   for (const [pattern, path] of Object.entries(below))
     assert.equal((await ask('ines', 'GET', pattern, { path })).status, 200, path);

@@ -7,6 +7,7 @@ import { layerNames } from '../../client/web/app/lib/tissue.js';
 import {
   atStart,
   bytes,
+  csvSeparator,
   fieldUnit,
   measureTitle,
   quantity,
@@ -42,6 +43,7 @@ test('quantities have the units that people say and the digits that matter', () 
     [0.05, 'm/s', '50 mm/s'],
     [2, '', '2'],
     [0.5, 'share', '50 %'],
+    [0.082, 'share', '8 %'],
     [1.5e-6, 'm', '0.002 mm'],
     [0.0000321, 'm', '0.032 mm'],
     [0.02, 'Pa', '20 mPa'],
@@ -50,6 +52,11 @@ test('quantities have the units that people say and the digits that matter', () 
   for (const [value, unit, text] of cases) assert.equal(plain(quantity(value, unit, en)), text);
   for (const nothing of [null, undefined, NaN, Infinity]) assert.equal(quantity(nothing, 'm', en), '–');
   assert.equal(plain(quantity(0.0031, 'm', { locale: 'de' })), '3,1 mm');
+});
+
+test('a table has semicolons where numbers have decimal commas', () => {
+  for (const locale of ['de', 'fr', 'pt-BR', 'nb', 'nl', 'pl']) assert.equal(csvSeparator(locale), 'semicolon', locale);
+  for (const locale of ['en', 'en-US', 'de-CH', 'ja', 'he']) assert.equal(csvSeparator(locale), 'comma', locale);
 });
 
 test('what is typed in millimetres is stored in metres and comes back as it was typed', () => {

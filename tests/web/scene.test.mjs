@@ -16,6 +16,8 @@ import {
   offPlane,
   offPlaneLabel,
   offPlaneOpacity,
+  offsetUnder,
+  placed,
   spread,
 } from '../../client/web/app/lib/scene.js';
 import {
@@ -25,8 +27,11 @@ import {
   isDone,
   nextDue,
   numbered,
+  withoutExam,
   withoutExercise,
 } from '../../client/web/app/lib/course_rules.js';
+
+import { followLayerNames } from '../../client/web/app/lib/tissue.js';
 
 const near = (a, b, limit = 1e-9) => assert.ok(Math.abs(a - b) <= limit, `${a} is not ${b}`);
 const v = (x, y, z) => ({ x, y, z });
@@ -42,6 +47,57 @@ test('depth under the skin of each kind of limb', () => {
   near(depthOf(rod)(v(0.05, 0, -0.03)), 0.03);
   near(depthOf(rod)(v(0.2, 0, -0.04)), -0.06);
   assert.ok(Number.isNaN(depthOf(undefined)(v(0, 0, 0))));
+});
+
+test('an anchored target or hazard moves with its layer along the normal, one without an anchor stays', () => {
+  const layers = [
+    { tissue: 'FAT', thickness_m: 0.02 },
+    { tissue: 'BURSA', thickness_m: 0.002 },
+  ];
+  for (const limb of [plane, ball, rod]) {
+    const target = { name: 't', center_m: v(0, 0.004, -0.01), anchor: { layer: 'bursa', offset_m: 0.001 } };
+    const nerve = {
+      name: 'n',
+      a_m: v(0, -0.01, -0.01),
+      b_m: v(0, 0.02, -0.01),
+      anchor: { layer: 'bursa', offset_m: 0 },
+    };
+    const profile = { limb, layers, targets: [target, { name: 'free', center_m: v(0, 0, -0.01) }], hazards: [nerve] };
+    const { targets, hazards } = placed(profile);
+    near(depthOf(limb)(targets[0].center_m), 0.021);
+    assert.deepEqual(targets[1].center_m, v(0, 0, -0.01));
+    const { a_m, b_m } = hazards[0];
+    near(depthOf(limb)(v((a_m.x + b_m.x) / 2, (a_m.y + b_m.y) / 2, (a_m.z + b_m.z) / 2)), 0.02);
+    near(b_m.y - a_m.y, 0.03);
+    near(offsetUnder(profile, targets[0], 'bursa'), 0.001);
+    assert.equal(
+      placed({ ...profile, targets: [{ ...target, anchor: { layer: 'dura', offset_m: 0 } }] }).targets[0].anchor.layer,
+      'dura',
+    );
+  }
+});
+
+test('targets and hazards follow when a layer gets another name, and not when layers change places', () => {
+  const layers = [{ tissue: 'SKIN' }, { tissue: 'BURSA' }, { tissue: 'BONE' }];
+  const profile = {
+    layers,
+    targets: [{ name: 't', tissues: ['bursa', 'skin'], anchor: { layer: 'bursa', offset_m: 0 } }],
+    hazards: [{ name: 'head', anchor: { layer: 'bone', offset_m: 0.02 } }, { name: 'nerve' }],
+  };
+  const named = followLayerNames(profile, {
+    ...profile,
+    layers: [layers[0], layers[1], { ...layers[2], name: 'femur' }],
+  });
+  assert.equal(named.hazards[0].anchor.layer, 'femur');
+  assert.deepEqual(named.hazards[1], { name: 'nerve' });
+  assert.deepEqual(named.targets, profile.targets);
+  const other = followLayerNames(profile, { ...profile, layers: [layers[0], { tissue: 'TENDON' }, layers[2]] });
+  assert.deepEqual(other.targets[0].tissues, ['tendon', 'skin']);
+  assert.equal(other.targets[0].anchor.layer, 'tendon');
+  const turned = { ...profile, layers: [layers[1], layers[0], layers[2]] };
+  assert.equal(followLayerNames(profile, turned), turned);
+  const fewer = { ...profile, layers: layers.slice(0, 2) };
+  assert.equal(followLayerNames(profile, fewer), fewer);
 });
 
 test('the frame stands on the skin, square and right-handed, also for a slanted limb', () => {
@@ -270,6 +326,14 @@ test('a course is right, or says where it is not', () => {
   );
   assert.deepEqual(paths(course, { profiles: [] }), ['exercises[0].profile_id', 'exercises[1].profile_id']);
   assert.deepEqual(paths({ id: '', name: ' ', exercises: [] }), ['id', 'name', 'exercises']);
+  assert.deepEqual(paths({ ...course, exam: true, results_from_unix_ms: 5 }), []);
+  assert.deepEqual(paths({ ...course, assigned_only: true }), []);
+  for (const exam of [{}, { exam: false }, { assigned_only: true }])
+    assert.deepEqual(paths({ ...course, ...exam, results_from_unix_ms: 5 }), ['results_from_unix_ms']);
+  assert.deepEqual(withoutExam({ ...course, exam: true, assigned_only: true, results_from_unix_ms: 5 }), {
+    ...course,
+    assigned_only: true,
+  });
   const odd = {
     ...course,
     exercises: [
@@ -392,6 +456,13 @@ test('the next due date of a course is the earliest among what is not passed', (
   assert.equal(nextDue(exercises, [cell('d', 9, { attempts: 0 }), cells[2]]), 9, 'd was not tried');
   assert.ok(!isDone({ time_limit_s: 60 }, { attempts: 2 }), 'a time limit is a requirement');
   assert.ok(!isDone({}, { attempts: 2, passed: false }), 'the server knows of a requirement');
+  const held = { requirements: [{}] },
+    from = { results_from_unix_ms: 5 };
+  assert.deepEqual(
+    [0, 1].map((attempts) => isDone(held, { attempts, ...from })),
+    [false, true],
+    'an exam that was taken',
+  );
 });
 
 const momentsOf = (columns, profile, placement) =>
@@ -444,6 +515,35 @@ test('contacts of the hub with the skin are those of the measure', () => {
   assert.deepEqual(hubContacts({ needle: { length_m: 0.09 } }), [], 'never in to its hub');
   assert.deepEqual(hubContacts({}), []);
   assert.deepEqual(hubContacts(null), []);
+});
+
+test('a hazard is touched by the tip or by the shaft in tissue', () => {
+  const hazards = [
+    { kind: 'NERVE', center_m: v(0, 0, -0.01), radius_m: 0.001 },
+    { kind: 'BONE', center_m: v(0, 0, -0.02), radius_m: 0.001 },
+    { kind: 'VESSEL', a_m: v(0.01, -0.01, -0.005), b_m: v(0.01, 0.01, -0.005), radius_m: 0.002 },
+  ];
+  const touched = (x, z, layer = 0) =>
+    momentsOf(
+      {
+        t_s: [0],
+        layer: [layer],
+        px_m: [x],
+        py_m: [0],
+        pz_m: [z],
+        qx: [1],
+        qy: [0],
+        qz: [0],
+        qw: [0],
+        insertion_m: [-z],
+      },
+      { hazards, layers: [{ tissue: 'SKIN' }] },
+    ).hazards_touched.length === 1;
+  assert.ok(!touched(0, -0.0089) && touched(0, -0.0091), 'the tip at its upper edge');
+  assert.ok(touched(0, -0.03), 'the shaft, when the tip is far below');
+  assert.ok(!touched(0.0121, -0.03) && touched(0.0119, -0.03), 'the shaft beside a vessel across it');
+  assert.ok(!touched(0.005, -0.02), 'between them; bone is told apart');
+  assert.ok(!touched(0, -0.0091, -1), 'outside');
 });
 
 test('the number of contacts with bone is that of the score, not that of the points', () => {

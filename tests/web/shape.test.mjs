@@ -74,6 +74,7 @@ test('the shapes have the names and types of profile.proto, and name what is wro
       assert.equal(Array.isArray(kind), field.repeated, `${at}: a list`);
       const of = Array.isArray(kind) ? kind[0] : kind;
       if (of === 'text') assert.ok(field.type === 'string' || field.type in kTypes.enums, `${at}: ${field.type}`);
+      else if (of === 'flag') assert.equal(field.type, 'bool', at);
       else if (typeof of === 'string') assert.match(field.type, /^(double|u?int32)$/, at);
       else {
         assert.ok(field.type in kTypes.messages, `${at}: ${field.type}`);
@@ -100,6 +101,7 @@ test('the shapes have the names and types of profile.proto, and name what is wro
     );
   };
   for (const wrong of wrongs) {
+    for (const name of ['assigned_only', 'exam']) compare({ [name]: wrong }, kCourseShape, 'Curriculum');
     for (const name of Object.keys(kProfileShape)) compare({ [name]: wrong }, kProfileShape, 'Profile');
     for (const name of Object.keys(kProfileShape.layers[0]))
       compare({ layers: [skin, { [name]: wrong }] }, kProfileShape, 'Profile');

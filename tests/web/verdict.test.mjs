@@ -1,8 +1,9 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
+import { moment } from '../../client/web/app/lib/time.js';
 import { kVerdicts, stiffnessShareText, verdictOf } from '../../client/web/app/lib/verdict.js';
 import { cellState } from '../../client/web/app/pages/results.js';
-import { Verdict } from '../../client/web/app/pages/sessions.js';
+import { Verdict, whyItWaits } from '../../client/web/app/pages/sessions.js';
 import { Row } from '../../client/web/app/session/score.js';
 
 /** All text of a tree of elements, components inside it not drawn. */
@@ -33,19 +34,9 @@ test('a verdict has one name, whatever page it stands on', () => {
     [null, 'none', 'open'],
   ]) {
     assert.deepEqual(verdictOf(passed), [kind, names.get(code)]);
-    assert.equal(textOf(Verdict({ passed })), names.get(code));
+    assert.equal(textOf(Verdict({ of: { passed } })), names.get(code));
     if (typeof passed === 'boolean') assert.deepEqual(cellState({ ...cell, passed }), verdictOf(passed));
   }
-});
-
-test('a measure beside the experts has their range and words, and no count of standard deviations', () => {
-  const row = { measure: 'peak_force_n', value: 3, unit: 'N', words: 'Peak force 3 N' };
-  const band = { measure: 'peak_force_n', n: 5, mean: 1.25, least: 1, greatest: 1.5 };
-  const beside = { measure: 'peak_force_n', z: -373.25, words: 'Peak force 3 N: far from the experts' };
-  const text = textOf(Row({ row, band, beside }));
-  assert.match(text, /1\u00a0N to 1[.,]5\u00a0N/);
-  assert.match(text, /far from the experts/);
-  assert.doesNotMatch(text, /z\s*=|373/);
 });
 
 test('a session that was rendered softer than its profile says so beside the score, in the words of the station', () => {
@@ -65,4 +56,23 @@ test('a session that was rendered softer than its profile says so beside the sco
   // absent: all of it; others are no shares
   for (const stiffness_share of [undefined, null, 1, 0, -1, 2, 'NaN'])
     assert.equal(stiffnessShareText({ stiffness_share }), '');
+});
+
+test('of an exam whose results are held back a page says from when on they are shown, and no verdict', () => {
+  const results_from_unix_ms = Date.UTC(2026, 5, 3, 12);
+  const said = `result from ${moment(results_from_unix_ms)}`;
+  assert.equal(textOf(Verdict({ of: { results_from_unix_ms } })), said);
+  const cell = { locked_by: [], attempts: 1, attempts_left: 1, results_from_unix_ms };
+  assert.deepEqual(cellState(cell), ['info', 'taken']);
+  assert.deepEqual(cellState({ ...cell, attempts_left: 0 }), ['info', 'taken'], 'nothing is bad about it');
+  assert.deepEqual(cellState({ ...cell, attempts: 0 }), ['open', 'not begun']);
+});
+
+test('a session that waits says why, and first what nobody can confirm', () => {
+  assert.deepEqual(
+    [{ begin_unsure: true, not_assigned: true }, { not_assigned: true }, { code_unchecked: true }, {}].map(
+      (session) => whyItWaits(session)[0],
+    ),
+    ['clock', 'not assigned', 'no code', 'unknown'],
+  );
 });

@@ -100,7 +100,7 @@ TEST_F(LabWindows, theStationInTroubleIsFoundLookedOverSpokenToReplayedComparedA
   // the exported files
   const auto page = readWholeFile(report);
   ASSERT_TRUE(page.ok());
-  for (const char* const text : {"<svg", "trainee-7", "Peak force", "ball-free-practice"})
+  for (const char* const text : {"<svg", "trainee-7", "Peak force", "Training ball: free practice"})
     EXPECT_NE(page->find(text), std::string::npos) << text;  // a page is too long to be printed
   EXPECT_EQ(page->find("<script"), std::string::npos);
   const auto shown = lab_.rows({"session", "show", first});

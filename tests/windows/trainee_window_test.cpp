@@ -11,6 +11,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string_view>
+#include <utility>
 
 #include "common/base/program.h"
 #include "tests/integration/process.h"
@@ -188,7 +189,7 @@ TEST_F(TraineeWindowTest, aLessonSteeredByMouseReachesTheTargetAndIsScored) {
   EXPECT_LT(frames_.newest()->depth_m, -8e-3) << "outside";
   display_.key("Escape");
   ASSERT_TRUE(frames_.untilQuestion("end-lesson")) << station_->said();
-  display_.key("Return");
+  display_.key("Delete");
   ASSERT_TRUE(says("score  ")) << station_->said();
   station_->signal(SIGTERM);
   ASSERT_TRUE(station_->wait()) << station_->said();
@@ -232,7 +233,7 @@ TEST_F(TraineeWindowTest, keysAloneSuffice) {
     ASSERT_TRUE(frames_.untilQuestion(question)) << station_->said();
   }
   const double shown_s = frames_.newest()->lesson_s;
-  display_.key("Return");
+  display_.key("Delete");
   ASSERT_TRUE(says("score  ")) << station_->said();
   // once more, by one key
   ASSERT_TRUE(frames_.until([](const SeenFrame& frame) { return frame.screen == "end" && frame.can_begin; }))
@@ -256,6 +257,10 @@ TEST_F(TraineeWindowTest, theCloseButtonAsksAndThenEndsTheLessonAndKeepsIt) {
   ASSERT_TRUE(frames_.sawInput()) << "it asks first, and the lesson goes on: " << station_->said();
   EXPECT_EQ(frames_.newest()->screen, "lesson");
   display_.key("Return");
+  ASSERT_TRUE(frames_.untilQuestion("none")) << station_->said();
+  ASSERT_TRUE(pressCloseButton(display_, kTitle));
+  ASSERT_TRUE(frames_.untilQuestion("quit")) << "Enter stays: " << station_->said();
+  display_.key("Delete");
   ASSERT_EQ(station_->wait(), kExitDone) << station_->said();
   const auto out = summary();
   EXPECT_EQ(out["fault"], nullptr);
@@ -283,6 +288,38 @@ TEST_F(TraineeWindowTest, aDisplayThatGoesEndsTheLessonAndKeepsIt) {
   const auto out = summary();
   EXPECT_EQ(out["fault"], nullptr);
   expectAllThatWasShown(out);
+}
+
+// width and height, as PNG keeps them
+std::pair<unsigned, unsigned> sizeOfPicture(const std::filesystem::path& png) {
+  std::ifstream file(png, std::ios::binary);
+  unsigned char head[24] = {};
+  file.read(reinterpret_cast<char*>(head), sizeof head);
+  const auto number = [&](int at) {
+    return static_cast<unsigned>(head[at]) << 24 | static_cast<unsigned>(head[at + 1]) << 16 |
+           static_cast<unsigned>(head[at + 2]) << 8 | static_cast<unsigned>(head[at + 3]);
+  };
+  return {number(16), number(20)};
+}
+
+TEST(TraineeOnAScreen, takesAllOfItUnlessItIsForADesk) {
+  XDisplay display(1440, 900);
+  if (!display.isThere()) GTEST_SKIP() << "no Xvfb here: apt-get install xvfb xdotool";
+  for (const auto& [option, size] :
+       {std::pair("--no-quit", std::pair(1440U, 900U)), std::pair("--windowed", std::pair(1280U, 720U))}) {
+    TempFolder folder;
+    ::setenv("XDG_STATE_HOME", folder.path().c_str(), 1);  // no window was left there yet
+    const auto picture = folder.path() / "start.png";
+    Process station("needlelab-station",
+                    {"--profile", NEEDLELAB_SAMPLES "/shoulder-adult.json", "--spool",
+                     folder.path() / "spool", "--screenshot", picture, "--at", "start", option},
+                    folder.path() / "log");
+    EXPECT_TRUE(eventually([&] { return std::filesystem::exists(picture) || station.wait(0ms); }, 60s));
+    EXPECT_EQ(sizeOfPicture(picture), size) << option << ": " << station.said();
+    station.signal(SIGTERM);
+    EXPECT_EQ(station.wait(), kExitDone) << station.said();
+    ::unsetenv("XDG_STATE_HOME");
+  }
 }
 
 TEST(TraineeWithoutADisplay, isToldWhatElseThereIs) {

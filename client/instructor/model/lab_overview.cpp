@@ -17,8 +17,7 @@ struct NeedStyle {
   Condition condition;
 };
 constexpr std::array<NeedStyle, kNeedCount> kNeeds = {{{"FAULT", Condition::kTrouble},
-                                                       {"too much force", Condition::kTrouble},
-                                                       {"hazard touched", Condition::kTrouble},
+                                                       {"alarm", Condition::kTrouble},
                                                        {"trouble", Condition::kAttention},
                                                        {"lost in mid-lesson", Condition::kAttention},
                                                        {"waiting", Condition::kUnknown},
@@ -37,10 +36,11 @@ double sane(double value) {
   return std::isfinite(value) ? value : 0;
 }
 
-std::string joined(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
+const AlarmKind* kindNamed(std::string_view name) {
+  const auto kinds = alarmKinds();
+  const auto kind =
+      std::find_if(kinds.begin(), kinds.end(), [&](const AlarmKind& k) { return k.name == name; });
+  return kind == kinds.end() ? nullptr : &*kind;
 }
 
 }  // namespace
@@ -50,6 +50,40 @@ std::string_view nameOf(Need need) {
 }
 Condition conditionOf(Need need) {
   return kNeeds[static_cast<std::size_t>(need)].condition;
+}
+
+std::string lessonWords(const StationTile& tile, const std::string& exercise) {
+  if (tile.online && tile.session_id.empty() && tile.need != Need::kDone) return "no lesson";
+  if (tile.trainee.empty()) return tile.online ? "name not known yet · " + exercise : std::string();
+  return tile.trainee + " · " + exercise;
+}
+
+std::string depthWords(const StationTile& tile) {
+  if (!tile.online || tile.session_id.empty()) return {};
+  const std::string phase(phaseWord(tile.phase <= 3 ? static_cast<Phase>(tile.phase) : Phase::kFree));
+  if (tile.layer < 0) return phase;
+  const std::string where =
+      tile.layer_name.empty() ? fmt::format("layer {}", std::int64_t{tile.layer} + 1) : tile.layer_name;
+  return phase + ", " + fixedText(1e3 * tile.insertion_m, 1) + " mm, tip in " + where;
+}
+
+std::string forceWords(const StationTile& tile) {
+  return fixedText(tile.force_N, 1) + " N, peak " + fixedText(tile.peak_force_N, 1) + " N";
+}
+
+std::string healthWords(const StationTile& tile) {
+  if (!tile.online) return "offline";
+  if (tile.stale) return "no news";
+  std::string words;
+  const auto add = [&](const std::string& part) { words += (words.empty() ? "" : ", ") + part; };
+  const auto counted = [](std::uint64_t n, const char* one, const char* many) {
+    return fmt::format("{} {}", n, n == 1 ? one : many);
+  };
+  if (tile.wakeup_p99_us > 0) add(fmt::format("loop: 99 % within {} µs", tile.wakeup_p99_us));
+  if (tile.missed_ticks > 0) add(counted(tile.missed_ticks, "tick missed", "ticks missed"));
+  if (tile.spool_left > 0) add(counted(tile.spool_left, "chunk waits", "chunks wait"));
+  if (!tile.server.empty()) add("server " + tile.server);
+  return words;
 }
 
 void LabOverview::setStations(const pb::Stations& stations, double now_s) {
@@ -88,9 +122,12 @@ void LabOverview::onStatus(const pb::StationStatus& status, double now_s) {
     if (had_lesson && status.session_id().empty()) entry.ended_s = now_s;
     if (!status.session_id().empty()) {
       entry.began_s = now_s;
-      entry.ended_s = entry.excess_s = -1e9;
+      entry.ended_s = -1e9;
+      entry.alarms.clear();
+      entry.seen.clear();
+      tile.trainee.clear();  // the one before may have gone
+      tile.exercise.clear();
       tile.peak_force_N = 0;
-      tile.hazards.clear();
       tile.forces_N.clear();
     }
     tile.session_id = status.session_id();
@@ -109,25 +146,12 @@ void LabOverview::onStatus(const pb::StationStatus& status, double now_s) {
   tile.spool_left = status.spool_left();
   tile.wakeup_p99_us = status.wakeup_p99_us();
   tile.layer_name = printable(status.tissue());
-  tile.force_limit_N = sane(status.force_limit_n()) > 0 ? status.force_limit_n() : kExcessiveForce_N;
+  tile.force_limit_N = sane(status.force_limit_n()) > 0 ? status.force_limit_n() : kUsualForceLimit_N;
   if (!tile.session_id.empty()) {
-    const double before_N = tile.peak_force_N;
     tile.peak_force_N = std::max({tile.peak_force_N, tile.force_N, sane(status.peak_force_n())});
-    tile.hazards.clear();
-    for (const std::string& name : status.hazards_touched()) tile.hazards.push_back(printable(name));
-    // includes peaks between two status lines
-    if (tile.peak_force_N > tile.force_limit_N && tile.peak_force_N > before_N &&
-        tile.force_N <= tile.force_limit_N) {
-      entry.excess_N = tile.peak_force_N;
-      entry.excess_s = now_s;
-    }
+    entry.alarms.assign(status.alarms().begin(), status.alarms().end());
     tile.forces_N.push_back(static_cast<float>(tile.force_N));
     if (tile.forces_N.size() > kForcesKept) tile.forces_N.pop_front();
-    if (tile.force_N > tile.force_limit_N) {
-      entry.excess_N =
-          now_s - entry.excess_s > kNeedLasts_s ? tile.force_N : std::max(entry.excess_N, tile.force_N);
-      entry.excess_s = now_s;
-    }
   }
   judge(entry, now_s);
 }
@@ -137,6 +161,19 @@ void LabOverview::judge(Entry& entry, double now_s) const {
   const bool lesson = !tile.session_id.empty();
   tile.lesson_s = lesson ? std::max(0.0, now_s - entry.began_s) : 0;
   tile.why.clear();
+  tile.alarms.clear();
+  for (const pb::AlarmCount& count : entry.alarms) {
+    const AlarmKind* const kind = kindNamed(count.alarm());
+    if (kind == nullptr) continue;
+    const auto seen = entry.seen.find(count.alarm());
+    const bool acknowledged = seen != entry.seen.end() && seen->second >= count.begun();
+    const bool now = count.now() && lesson && tile.online;
+    if (acknowledged && !now) continue;
+    tile.alarms.push_back({std::string(kind->name), std::string(kind->word) + " " + printable(count.detail()),
+                           now, acknowledged, kind->danger});
+  }
+  const auto alarm =
+      std::find_if(tile.alarms.begin(), tile.alarms.end(), [](const TileAlarm& each) { return !each.seen; });
   if (!tile.online) {
     tile.need = entry.lost_in_lesson ? Need::kLost : Need::kOffline;
     if (entry.lost_in_lesson) tile.why = "the lesson goes on at the station and is kept there";
@@ -145,12 +182,9 @@ void LabOverview::judge(Entry& entry, double now_s) const {
   if (lesson && tile.fault != 0) {
     tile.need = Need::kFault;
     tile.why = faultText(static_cast<Fault>(tile.fault));
-  } else if (lesson && now_s - entry.excess_s <= kNeedLasts_s) {
-    tile.need = Need::kExcessiveForce;
-    tile.why = fmt::format("{:.1f} N, allowed {:.3g} N", entry.excess_N, tile.force_limit_N);
-  } else if (lesson && !tile.hazards.empty()) {
-    tile.need = Need::kHazard;
-    tile.why = joined(tile.hazards);
+  } else if (alarm != tile.alarms.end()) {
+    tile.need = Need::kAlarm;
+    tile.why = alarm->words;
   } else if (!tile.trouble.empty()) {
     tile.need = Need::kTrouble;
     tile.why = tile.trouble;
@@ -159,6 +193,12 @@ void LabOverview::judge(Entry& entry, double now_s) const {
   } else {
     tile.need = now_s - entry.ended_s <= kDoneLasts_s ? Need::kDone : Need::kWaiting;
   }
+}
+
+void LabOverview::acknowledge(const std::string& station) {
+  const auto found = entries_.find(station);
+  if (found == entries_.end()) return;
+  for (const pb::AlarmCount& count : found->second.alarms) found->second.seen[count.alarm()] = count.begun();
 }
 
 void LabOverview::tick(double now_s) {

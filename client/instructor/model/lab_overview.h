@@ -11,23 +11,23 @@
 #include <vector>
 
 #include "client/view/model/palette.h"
+#include "common/scoring/alarms.h"
 #include "needlelab/control.pb.h"
 
 namespace needlelab {
 
 /// Reasons to look at a station, most urgent first.
 enum class Need : std::uint8_t {
-  kFault,           ///< the gate removed the force
-  kExcessiveForce,  ///< now, or within the last kNeedLasts_s
-  kHazard,          ///< a hazard, bone or the skin under the hub was touched in this lesson
-  kTrouble,         ///< the station reports trouble: disk, device, loop
-  kLost,            ///< went offline in mid-lesson
-  kWaiting,         ///< online, without a lesson
-  kDone,            ///< a lesson ended within kDoneLasts_s
-  kPractising,      ///< a lesson without trouble
+  kFault,       ///< the gate removed the force
+  kAlarm,       ///< of the gesture (common/scoring/alarms.h), until it is acknowledged
+  kTrouble,     ///< the station reports trouble: disk, device, loop
+  kLost,        ///< went offline in mid-lesson
+  kWaiting,     ///< online, without a lesson
+  kDone,        ///< a lesson ended within kDoneLasts_s
+  kPractising,  ///< a lesson without trouble
   kOffline,
 };
-inline constexpr std::size_t kNeedCount = 9;
+inline constexpr std::size_t kNeedCount = 8;
 std::string_view nameOf(Need need);
 Condition conditionOf(Need need);
 /// For a filter: "help" is kFault … kLost.
@@ -35,15 +35,17 @@ inline bool needsHelp(Need need) {
   return need <= Need::kLost;
 }
 
-/// A tile keeps the need kExcessiveForce this long, so that an instructor does not miss a peak.
-inline constexpr double kNeedLasts_s = 10;
 /// A tile keeps the need kDone this long.
 inline constexpr double kDoneLasts_s = 120;
-/// Force limit if the exercise sets none.
-inline constexpr double kExcessiveForce_N = 8;
 /// A station without status lines for this long is stale. They come at 10 Hz, or less often with many
 /// stations.
 inline constexpr double kStale_s = 3;
+
+/// An alarm that lasts, or that the instructor has not acknowledged.
+struct TileAlarm {
+  std::string name, words;  ///< "hazard"; "HAZARD axillary nerve"
+  bool now = false, seen = false, danger = false;
+};
 
 /// The contents of a tile.
 struct StationTile {
@@ -53,10 +55,10 @@ struct StationTile {
   std::uint32_t phase = 0;
   int layer = -1;
   std::string layer_name;
-  double insertion_m = 0, force_N = 0, peak_force_N = 0, force_limit_N = kExcessiveForce_N;
+  double insertion_m = 0, force_N = 0, peak_force_N = 0, force_limit_N = kUsualForceLimit_N;
   double lesson_s = 0;  ///< since the session's start if known, otherwise its first received status line
   std::uint32_t fault = 0;
-  std::vector<std::string> hazards;  ///< touched in this lesson; also "bone contact" and "hub on the skin"
+  std::vector<TileAlarm> alarms;  ///< most urgent first; those that are acknowledged and over are left out
   std::string trouble;
   std::string server;  ///< that has the station; empty: the lab has one server
   std::uint64_t missed_ticks = 0, samples = 0, spool_left = 0;
@@ -65,6 +67,18 @@ struct StationTile {
   std::string why;             ///< the need, for people: "force 9.1 N, allowed 6 N"
   std::deque<float> forces_N;  ///< from the last status lines, oldest first, for a sparkline
 };
+
+/// Who practises what: "anna · Knee: suprapatellar recess"; "no lesson" without one, once it is not kDone any
+/// more; a lesson whose trainee the server has not said yet is "name not known yet · …". `exercise`: its
+/// name.
+std::string lessonWords(const StationTile& tile, const std::string& exercise);
+/// Where the needle is: "inserting, 12.3 mm, tip in fat"; empty without a lesson.
+std::string depthWords(const StationTile& tile);
+/// "2.3 N, peak 3.1 N"
+std::string forceWords(const StationTile& tile);
+/// Short state of loop and connection: "loop: 99 % within 12 µs, 3 ticks missed, 2 chunks wait". Leaves
+/// out what the station does not say.
+std::string healthWords(const StationTile& tile);
 
 enum class TileOrder : std::uint8_t { kNeed, kName, kTrainee, kPeakForce };
 struct TileFilter {
@@ -81,6 +95,8 @@ class LabOverview {
   void setStations(const pb::Stations& stations, double now_s);
   /// Takes a status line. `now_s`: the view's clock, ascending.
   void onStatus(const pb::StationStatus& status, double now_s);
+  /// The instructor has seen the station's alarms so far.
+  void acknowledge(const std::string& station);
   /// Ages the tiles. Call it once a frame.
   void tick(double now_s);
   /// Marks all stations as stale until news arrive.
@@ -97,11 +113,11 @@ class LabOverview {
  private:
   struct Entry {
     StationTile tile;
-    double news_s = -1e9;    // time of the last status line
-    double began_s = 0;      // time of the session's first status line
-    double excess_s = -1e9;  // last time with force above its limit
-    double excess_N = 0;
-    double ended_s = -1e9;  // time of a lesson's end
+    double news_s = -1e9;                       // time of the last status line
+    double began_s = 0;                         // time of the session's first status line
+    std::vector<pb::AlarmCount> alarms;         // of the last status line
+    std::map<std::string, std::uint32_t> seen;  // how many of each the instructor acknowledged
+    double ended_s = -1e9;                      // time of a lesson's end
     bool lost_in_lesson = false;
   };
   void judge(Entry& entry, double now_s) const;

@@ -24,8 +24,8 @@ std::vector<ScreenAction> searchActions(bool advised) {
 
 std::vector<ScreenAction> stopActions(bool asking) {
   if (!asking) return {{kActStop, "Stop lesson …", ActionKey::kNone, "", true}};
-  return {{kActStopNow, "■ Stop it now", ActionKey::kEnter, "", true},
-          {kActGoOn, "Do not", ActionKey::kEscape, "", true}};
+  return {{kActGoOn, "Do not", ActionKey::kEnterOrEscape, "", true},
+          {kActStopNow, "■ Stop it now", ActionKey::kDelete, "", true}};
 }
 
 std::vector<ScreenAction> linkActions(LinkPhase phase) {
@@ -145,6 +145,12 @@ void LabState::askForScene() {
   });
 }
 
+std::string LabState::exerciseName(const std::string& id) const {
+  const auto known = exercise_by_id_.find(id);
+  return printable(known == exercise_by_id_.end() || known->second.name().empty() ? id
+                                                                                  : known->second.name());
+}
+
 void LabState::readExercises(std::string page, std::vector<pb::Exercise> read) {
   pb::Request request;
   request.mutable_list_exercises()->set_page(page);
@@ -178,7 +184,8 @@ void LabState::readLists() {
   connection_.ask(profiles, [this, alive = std::weak_ptr(alive_)](Result<pb::Reply> reply) {
     if (alive.expired() || !reply.ok()) return;
     profiles_.clear();
-    for (const auto& profile : reply->profiles().profiles()) profiles_.push_back(profile.id());
+    for (const auto& profile : reply->profiles().profiles())
+      profiles_.push_back({profile.id(), printable(profile.name().empty() ? profile.id() : profile.name())});
   });
 }
 

@@ -33,6 +33,10 @@ struct LoginForm {
 struct ExerciseChoice {
   std::string id, name;
 };
+/// A patient's profile in such a list.
+struct ProfileChoice {
+  std::string id, name;
+};
 
 /// What the screens offer, as tables: Enter is the highlighted button.
 enum LabAct : int { kActLogIn, kActAdvice, kActSearch, kActStop, kActStopNow, kActGoOn, kActReconnect };
@@ -87,7 +91,9 @@ class LabState {
   TileOrder order = TileOrder::kNeed;
   TileFilter filter;
   [[nodiscard]] const std::vector<ExerciseChoice>& exercises() const { return exercises_; }
-  [[nodiscard]] const std::vector<std::string>& profiles() const { return profiles_; }  ///< ids
+  /// Returns the exercise's name; its id if the server does not list it, or not yet.
+  [[nodiscard]] std::string exerciseName(const std::string& id) const;
+  [[nodiscard]] const std::vector<ProfileChoice>& profiles() const { return profiles_; }
 
   // --- looking over a shoulder
   void open(const std::string& station);
@@ -136,7 +142,7 @@ class LabState {
   std::map<std::string, pb::Exercise> exercise_by_id_;
   std::optional<AidList> aids_;  // set here, for aids_session_
   std::string aids_session_;
-  std::vector<std::string> profiles_;
+  std::vector<ProfileChoice> profiles_;
   std::shared_ptr<int> alive_ = std::make_shared<int>(0);
 };
 

@@ -136,7 +136,7 @@ void LiveStation::setSession(const pb::SessionInfo& info, const ScenePreparer& p
   const double rate_hz = info.description().rate_hz();
   rate_hz_ = rate_hz >= 50 && rate_hz <= 40'000 ? rate_hz : 1000;
   scene_ = sceneOfSession(info.description(), prepare);
-  trace_ = GestureTrace(kLiveSpan_s, bonesOf(scene_));
+  trace_ = traceOf(scene_, kLiveSpan_s);
   if (scene_.model) replica_ = std::make_unique<GestureReplica>(scene_.model, false, rate_hz_);
   for (const Received& received : undescribed_) take(received);
   undescribed_.clear();

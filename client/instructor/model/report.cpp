@@ -19,6 +19,7 @@
 #include "common/profile/profile.h"
 #include "common/profile/strict_json.h"
 #include "common/scoring/measure_table.h"
+#include "common/scoring/miss.h"
 #include "common/scoring/syringe_events.h"
 
 namespace needlelab {
@@ -31,6 +32,11 @@ using ReplyJson = nlohmann::json;
 std::string textIn(const ReplyJson& row, const char* key) {
   const auto found = row.find(key);
   return found != row.end() && found->is_string() ? printable(found->get<std::string>()) : std::string();
+}
+
+std::optional<double> numberIn(const ReplyJson& row, const char* key) {
+  const auto found = row.find(key);
+  return found != row.end() && found->is_number() ? std::optional(found->get<double>()) : std::nullopt;
 }
 
 /// Reads the pairs of which both parts are numbers, so that no value moves to another attempt.
@@ -86,7 +92,7 @@ class Collector {
       data_.notes.push_back("score: " + measures.error().message);
     data_.definition_version = score.definition_version();
     if (score.has_passed()) data_.passed = score.passed();
-    data_.standings = standingRowsOf(score.comparison_json());
+    data_.places = placeRowsOf(score.comparison_json());
     return {};
   }
 
@@ -165,19 +171,23 @@ std::string verdictOf(const ReportData& data) {
 std::string headOf(const ReportData& data) {
   const StoredGesture& gesture = *data.gesture;
   const auto& d = gesture.info.description();
+  // a profile that is not readable has no name
+  const std::string& patient =
+      gesture.scene.profile.name().empty() ? d.profile_id() : gesture.scene.profile.name();
   std::string out = "<h1>" + htmlText(d.trainee().empty() ? "a trainee" : d.trainee()) + ": " +
                     htmlText(data.exercise_name.empty() ? d.exercise_id() : data.exercise_name) +
                     "</h1>\n<p class='v'>" + htmlText(verdictOf(data)) + "</p>\n";
   if (const auto lowered = stiffnessShareText(stiffnessShareOf(d), leftBoneOut(d, gesture.scene.profile));
       !lowered.empty())
     out += "<p>" + htmlText(lowered) + "</p>\n";
+  if (const auto miss = missOf(gesture.samples, gesture.events, gesture.scene.profile, gesture.scene.X_WL))
+    out += "<p>" + htmlText(missText(*miss) + " " + missPlaceText(*miss)) + "</p>\n";
   if (!data.exercise_text.empty()) out += "<p>" + htmlText(data.exercise_text) + "</p>\n";
   out += "<table>\n" + fact("session", gesture.id) + fact("when and what", gesture.title()) +
          fact("station", d.station()) + fact("device", d.device()) +
          fact("attempt", data.attempt == 0 ? std::string() : std::to_string(data.attempt)) +
-         fact("patient", gesture.scene.profile.name()) +
-         fact("profile", fmt::format("{}, revision {}", d.profile_id(), d.profile_revision())) +
-         fact("force model", d.axial_model()) + fact("engine", d.engine_version()) +
+         fact("patient", fmt::format("{}, revision {}", patient, d.profile_revision())) +
+         fact("force model", wordsOfName(d.axial_model())) + fact("engine", d.engine_version()) +
          fact("recording", fmt::format("{} samples, {:.1f} s", gesture.samples.size(),
                                        gesture.last_s() - gesture.first_s())) +
          "</table>\n";
@@ -187,31 +197,16 @@ std::string headOf(const ReportData& data) {
   return out;
 }
 
-std::string requiredText(const Measure& measure) {
-  if (measure.min && measure.max)
-    return valueText(*measure.min, measure.unit) + " to " + valueText(*measure.max, measure.unit);
-  if (measure.min) return "at least " + valueText(*measure.min, measure.unit);
-  if (measure.max) return "at most " + valueText(*measure.max, measure.unit);
-  return {};
-}
-
-std::string standingOf(const ReportData& data, const Measure& measure) {
-  const auto band = std::find_if(data.bands.begin(), data.bands.end(),
-                                 [&](const pb::ReferenceBand& b) { return b.measure() == measure.name; });
-  if (band == data.bands.end() || !measure.measured) return {};
-  const bool known = band->has_p10() && band->has_p90();
-  std::string out = svgStanding({band->least(), band->greatest(), band->mean(), measure.value,
-                                 known ? band->p10() : 0, known ? band->p90() : 0});
-  const auto row = std::find_if(data.standings.begin(), data.standings.end(),
-                                [&](const StandingRow& r) { return r.measure == measure.name; });
-  if (row != data.standings.end()) out += "<br><span class='d'>" + htmlText(row->words) + "</span>";
-  return out;
+std::string besideExperts(const ReportData& data, const Measure& measure) {
+  const PlaceRow* const row = placeOf(data, measure.name);
+  if (row == nullptr) return {};
+  return svgPlace(row->marks) + "<br><span class='d'>" + htmlText(row->words) + "</span>";
 }
 
 std::string measuresOf(const ReportData& data) {
   if (data.measures.empty()) return "<p>There is no score yet: the session must be closed first.</p>\n";
   std::string out = "<table>\n<tr><th></th><th>measure</th><th class='n'>value</th><th>required</th>";
-  out += data.bands.empty() ? "</tr>\n" : "<th>beside the experts</th></tr>\n";
+  out += data.places.empty() ? "</tr>\n" : "<th>beside the experts</th></tr>\n";
   const std::vector<std::string> names = layerNamesOf(data);
   // required measures first
   for (const bool required : {true, false}) {
@@ -220,9 +215,12 @@ std::string measuresOf(const ReportData& data) {
       const char* const sign = !required ? "" : *measure.passed ? "✔" : "✘";
       out += std::string("<tr><td class='v'>") + sign + "</td><td title='" + htmlText(measure.words) + "'>" +
              htmlText(measureWords(measure.name, names)) + "</td><td class='n'>" +
-             htmlText(measure.measured ? valueText(measure.value, measure.unit) : std::string("–")) +
-             "</td><td>" + htmlText(requiredText(measure)) + "</td>" +
-             (data.bands.empty() ? std::string() : "<td>" + standingOf(data, measure) + "</td>") + "</tr>\n";
+             htmlText(measure.measured ? measureText(measure.name, measure.value, measure.unit)
+                                       : measure.words) +
+             "</td><td>" + htmlText(requirementText(measure.name, measure.unit, measure.min, measure.max)) +
+             "</td>" +
+             (data.places.empty() ? std::string() : "<td>" + besideExperts(data, measure) + "</td>") +
+             "</tr>\n";
     }
   }
   return out +
@@ -244,7 +242,8 @@ std::string eventsOf(const ReportData& data) {
   for (const TraceEvent& event : gesture.trace.events()) {
     if (event.kind != TraceEvent::Kind::kFault && event.kind != TraceEvent::Kind::kEntry &&
         event.kind != TraceEvent::Kind::kExit && event.kind != TraceEvent::Kind::kBoneContact &&
-        event.kind != TraceEvent::Kind::kHubContact && event.kind != TraceEvent::Kind::kGap)
+        event.kind != TraceEvent::Kind::kHubContact && event.kind != TraceEvent::Kind::kHazard &&
+        event.kind != TraceEvent::Kind::kGap)
       continue;
     lines.push_back({event.time_s, wordsOf(event)});
   }
@@ -328,20 +327,53 @@ std::string gesturePlotsOf(const ReportData& data) {
   return out;
 }
 
+struct ShownUnit {
+  double per_si = 1;
+  std::string name;
+};
+ShownUnit shownUnitOf(const ProgressRow& row) {
+  if (formOf(row.measure) == MeasureForm::kShare) return {100, "%"};
+  if (row.unit == "m") return {1000, "mm"};
+  if (row.unit == "m/s") return {1000, "mm/s"};
+  if (row.unit == "m^2") return {1e4, "cm²"};
+  if (row.unit == "rad") return {180 / std::numbers::pi, "°"};
+  return {1, row.unit};
+}
+
+std::optional<ExpertRange> rangeOf(const pb::ReferenceBand& band) {
+  ReferenceBand own;
+  own.name = band.measure();
+  own.unit = band.unit();
+  own.n = band.n();
+  own.least = band.least();
+  own.greatest = band.greatest();
+  return expertRange(own);
+}
+
 }  // namespace
 
 std::vector<std::string> layerNamesOf(const ReportData& data) {
   return layerNames(data.gesture->scene.profile);
 }
 
-std::vector<StandingRow> standingRowsOf(const std::string& comparison_json) {
-  std::vector<StandingRow> rows;
+std::vector<PlaceRow> placeRowsOf(const std::string& comparison_json) {
+  std::vector<PlaceRow> rows;
   const auto list = readShallowJson<ReplyJson>(comparison_json);
   if (!list.is_array()) return rows;
-  for (const auto& row : list)
-    if (row.is_object())
-      rows.push_back({textIn(row, "measure"), textIn(row, "standing"), textIn(row, "words")});
+  for (const auto& row : list) {
+    if (!row.is_object() || textIn(row, "place").empty()) continue;
+    const auto value = numberIn(row, "value"), least = numberIn(row, "least"),
+               greatest = numberIn(row, "greatest");
+    if (value && least && greatest && *least < *greatest)
+      rows.push_back({textIn(row, "measure"), textIn(row, "words"), placeMarks({*least, *greatest}, *value)});
+  }
   return rows;
+}
+
+const PlaceRow* placeOf(const ReportData& data, const std::string& measure) {
+  const auto row = std::find_if(data.places.begin(), data.places.end(),
+                                [&](const PlaceRow& r) { return r.measure == measure; });
+  return row == data.places.end() ? nullptr : &*row;
 }
 
 std::vector<ProgressRow> progressRowsOf(const std::string& measures_json) {
@@ -365,14 +397,10 @@ Result<ReportData> collectReport(const LabCall& call, std::shared_ptr<const Stor
 }
 
 Plot progressPlot(const ReportData& data, const ProgressRow& row) {
-  const MeasureKind* const kind = measureKind(row.measure);
-  const double scale = row.unit == "m"     ? 1000
-                       : row.unit == "m^2" ? 1e4
-                       : row.unit == "rad" ? 180 / std::numbers::pi
-                                           : 1;
+  const ShownUnit shown = shownUnitOf(row);
   Plot plot;
-  plot.title = kind == nullptr ? row.measure : std::string(kind->words);
-  plot.unit = row.unit == "m" ? "mm" : row.unit == "m^2" ? "cm²" : row.unit == "rad" ? "°" : row.unit;
+  plot.title = measureWords(row.measure, data.gesture ? layerNamesOf(data) : std::vector<std::string>());
+  plot.unit = shown.name;
   plot.quantity = quantityOfUnit(plot.unit);
   plot.from = 1;
   plot.to = std::max(2.0, row.attempts.empty() ? 2.0 : row.attempts.back()) + 0.001;
@@ -380,15 +408,14 @@ Plot progressPlot(const ReportData& data, const ProgressRow& row) {
   plot.x_unit = "attempt";
   plot.legend = false;
   for (const pb::ReferenceBand& band : data.bands)
-    if (band.measure() == row.measure)
-      plot.bands.push_back({scale * (band.has_p10() ? band.p10() : band.least()),
-                            scale * (band.has_p90() ? band.p90() : band.greatest()), kBluishGreen,
-                            "experts"});
+    if (const auto range = band.measure() == row.measure ? rangeOf(band) : std::nullopt; range)
+      plot.bands.push_back(
+          {shown.per_si * range->least, shown.per_si * range->greatest, kBluishGreen, "experts"});
   PlotSeries series{"value", kSkyBlue, {}, false, false, row.attempts, row.values};
-  for (double& value : series.y) value *= scale;
+  for (double& value : series.y) value *= shown.per_si;
   plot.series.push_back(std::move(series));
   for (const PlotRequirement& requirement : requirementsOf(data.measures))
-    if (requirement.measure == row.measure) addLimits(plot, requirement, scale);
+    if (requirement.measure == row.measure) addLimits(plot, requirement, shown.per_si);
   return plot;
 }
 
@@ -401,8 +428,7 @@ std::string reportHtml(const ReportData& data) {
   out += heading("Events and remarks") + eventsOf(data);
   out += heading("Progress at this exercise") + progressOfTrainee(data);
   out += "<p class='d'>needlelab " NEEDLELAB_VERSION
-         ". Green: where most of the experts are (10 to 90 %); grey: all of them; line: their mean; diamond: "
-         "this "
+         ". Bar: from the least to the greatest value of the experts; diamond: this "
          "gesture.</p>\n</body>\n</html>\n";
   return out;
 }

@@ -11,12 +11,14 @@
 #include "client/view/model/plot.h"
 #include "common/base/result.h"
 #include "common/scoring/measures.h"
+#include "common/scoring/reference.h"
 
 namespace needlelab {
 
-/// A measure compared with the experts', from the server's GetScore.
-struct StandingRow {
-  std::string measure, standing, words;
+/// A measure that has a place beside the experts, from the server's GetScore.
+struct PlaceRow {
+  std::string measure, words;
+  PlaceMarks marks;
 };
 /// A measure over this trainee's attempts at this exercise.
 struct ProgressRow {
@@ -32,7 +34,7 @@ struct ReportData {
   std::optional<bool> passed;
   std::string exercise_name, exercise_text;
   std::vector<pb::ReferenceBand> bands;  ///< from the exercise's reference
-  std::vector<StandingRow> standings;
+  std::vector<PlaceRow> places;
   std::vector<ProgressRow> progress;
   std::vector<pb::Annotation> remarks;  ///< by time; current, so some may be newer than the loaded gesture
   std::uint32_t attempt = 0;            ///< this session's attempt number; 0: unknown
@@ -45,8 +47,10 @@ Result<ReportData> collectReport(const LabCall& call, std::shared_ptr<const Stor
 
 /// Parses GetProgress.measures_json.
 std::vector<ProgressRow> progressRowsOf(const std::string& measures_json);
-/// Parses Score.comparison_json.
-std::vector<StandingRow> standingRowsOf(const std::string& comparison_json);
+/// Parses Score.comparison_json; leaves out the rows of which nothing is said.
+std::vector<PlaceRow> placeRowsOf(const std::string& comparison_json);
+/// The row of this measure; null: nothing is said.
+const PlaceRow* placeOf(const ReportData& data, const std::string& measure);
 
 /// What people call the layers of the session's profile, for `measureWords`; empty if it is not readable.
 std::vector<std::string> layerNamesOf(const ReportData& data);

@@ -85,7 +85,7 @@ Result<Rerun> rerunGesture(const StoredGesture& gesture, const RerunChoice& choi
   run.what = run.scene.profile.id() + ", " +
              std::string(kAxialModelNames[static_cast<std::size_t>(run.scene.model->axial_model)]);
   const double span_s = gesture.last_s() - gesture.first_s() + 1;
-  run.trace = GestureTrace(std::max(10.0, span_s), bonesOf(run.scene), gesture.ticks_per_sample);
+  run.trace = traceOf(run.scene, std::max(10.0, span_s), gesture.ticks_per_sample);
 
   const SceneModel& model = *run.scene.model;
   const auto state = std::make_unique<SimState>();

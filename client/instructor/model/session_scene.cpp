@@ -80,8 +80,10 @@ SessionScene sceneOfSession(const pb::SessionDescription& description, const Sce
   return scene;
 }
 
-BoneContacts bonesOf(const SessionScene& scene) {
-  return {scene.profile, anatomyOf(scene.profile, scene.X_WL)};
+GestureTrace traceOf(const SessionScene& scene, double span_s, double ticks_per_sample) {
+  const Anatomy anatomy = anatomyOf(scene.profile, scene.X_WL);
+  return GestureTrace(span_s, BoneContacts(scene.profile, anatomy), ticks_per_sample,
+                      GestureAlarms(scene.profile, anatomy, {}));
 }
 
 }  // namespace needlelab

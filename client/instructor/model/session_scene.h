@@ -5,10 +5,10 @@
 #include <memory>
 #include <string>
 
+#include "client/view/model/gesture_trace.h"
 #include "client/view/model/scene_view.h"
 #include "common/base/result.h"
 #include "common/haptics/engine.h"
-#include "common/scoring/bone_contacts.h"
 #include "needlelab/profile.pb.h"
 #include "needlelab/types.pb.h"
 
@@ -28,8 +28,9 @@ struct SessionScene {
 /// Makes as much of the scene as the description allows. Thread: any.
 SessionScene sceneOfSession(const pb::SessionDescription& description, const ScenePreparer& prepare = {});
 
-/// The scene's bones, for a GestureTrace; none where the profile is not readable.
-BoneContacts bonesOf(const SessionScene& scene);
+/// A trace with the scene's bones and hazards; none where the profile is not readable. `span_s`,
+/// `ticks_per_sample`: GestureTrace's.
+GestureTrace traceOf(const SessionScene& scene, double span_s, double ticks_per_sample = 1);
 
 /// Returns the description's placement; identity if it has none. Errors: kInvalidInput if it is not 7 finite
 /// numbers.

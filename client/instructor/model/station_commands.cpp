@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "client/view/model/scene_view.h"
 #include "common/base/text.h"
 
 namespace needlelab {
@@ -58,11 +59,12 @@ bool StationCommands::annotate(const std::string& session_id, std::uint64_t tick
   return ask(request, "remark kept with the session", std::move(done));
 }
 
-void StationCommands::nextExercise(const std::string& station, const std::string& exercise_id) {
+void StationCommands::nextExercise(const std::string& station, const std::string& exercise_id,
+                                   const std::string& exercise) {
   pb::Request request;
   request.mutable_next_exercise()->set_station(station);
   request.mutable_next_exercise()->set_exercise_id(exercise_id);
-  ask(request, "next exercise of " + station + ": " + exercise_id);
+  ask(request, "next exercise of " + station + ": " + exercise);
 }
 
 void StationCommands::setAids(const std::string& station, const std::string& session_id,
@@ -70,8 +72,13 @@ void StationCommands::setAids(const std::string& station, const std::string& ses
   pb::Request request;
   request.mutable_set_aids()->set_station(station);
   request.mutable_set_aids()->set_session_id(session_id);
-  for (const int aid : aids) request.mutable_set_aids()->add_aids(static_cast<pb::Exercise::Aid>(aid));
-  ask(request, "aids of " + station + ": " + aidsText(aids));
+  std::string words;
+  for (const int number : aids) {
+    const auto aid = static_cast<pb::Exercise::Aid>(number);
+    request.mutable_set_aids()->add_aids(aid);
+    words += (words.empty() ? "" : ", ") + std::string(aidWord(aid));
+  }
+  ask(request, "shown at " + station + ": " + (words.empty() ? "nothing" : words));
 }
 
 void StationCommands::resetAids(const std::string& station, const std::string& session_id) {
@@ -79,7 +86,7 @@ void StationCommands::resetAids(const std::string& station, const std::string& s
   request.mutable_set_aids()->set_station(station);
   request.mutable_set_aids()->set_session_id(session_id);
   request.mutable_set_aids()->set_reset(true);
-  ask(request, "aids of " + station + " as the exercise has them");
+  ask(request, "shown at " + station + ": as the exercise has it");
 }
 
 void StationCommands::stopLesson(const std::string& station, const std::string& session_id,

@@ -23,7 +23,8 @@ class StationCommands {
   /// whether it was sent.
   bool annotate(const std::string& session_id, std::uint64_t tick, const std::string& text,
                 std::function<void()> done = {});
-  void nextExercise(const std::string& station, const std::string& exercise_id);
+  /// `exercise`: its name, for the notice.
+  void nextExercise(const std::string& station, const std::string& exercise_id, const std::string& exercise);
   /// Replaces the aids, in this session only.
   void setAids(const std::string& station, const std::string& session_id, const AidList& aids);
   void resetAids(const std::string& station, const std::string& session_id);

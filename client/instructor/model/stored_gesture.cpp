@@ -67,7 +67,7 @@ std::shared_ptr<StoredGesture> beginGesture(pb::SessionInfo info, const ScenePre
   // ticks can be missing: reserve twice the time of these samples
   const double span_s =
       2 * static_cast<double>(std::min<std::uint64_t>(samples, kMostLoadedSamples)) / sample_rate_hz;
-  gesture->trace = GestureTrace(std::max(10.0, span_s), bonesOf(gesture->scene), gesture->ticks_per_sample);
+  gesture->trace = traceOf(gesture->scene, std::max(10.0, span_s), gesture->ticks_per_sample);
   return gesture;
 }
 
@@ -127,7 +127,7 @@ class Loader {
     RETURN_IF_ERROR(readSamples());
     RETURN_IF_ERROR(readAnnotations());
     RETURN_IF_ERROR(readEvents());
-    readPlan();
+    readExercise();
     readScore();
     addEvents(*gesture_);
     return std::shared_ptr<const StoredGesture>(std::move(gesture_));
@@ -204,13 +204,15 @@ class Loader {
     return {};
   }
 
-  void readPlan() {
-    // without a scene the plan has no place in W; a note says why there is none
+  void readExercise() {
     const std::string& exercise_id = gesture_->info.description().exercise_id();
-    if (exercise_id.empty() || !gesture_->scene.view) return;
+    if (exercise_id.empty()) return;
     const auto exercise = findExercise(call_, exercise_id);
     if (!exercise.ok()) return note("the exercise's plan: " + printable(exercise.error().message));
     if (!*exercise) return;
+    gesture_->exercise_name = printable((*exercise)->name());
+    // without a scene the plan has no place in W; a note says why there is none
+    if (!gesture_->scene.view) return;
     gesture_->plan_W = planOn(*gesture_->scene.view, **exercise);
     if ((*exercise)->has_plan() && !gesture_->plan_W)
       note("the exercise is for another patient today: no planned line is shown");
@@ -278,8 +280,8 @@ std::optional<PlanView> StoredGesture::planView() const {
 
 std::string StoredGesture::title() const {
   const auto& d = info.description();
-  return printable(d.trainee()) + ", " + printable(d.exercise_id()) + ", " +
-         localTime(d.started_unix_ns(), TimeForm::kMinute);
+  const std::string exercise = exercise_name.empty() ? printable(d.exercise_id()) : exercise_name;
+  return printable(d.trainee()) + ", " + exercise + ", " + localTime(d.started_unix_ns(), TimeForm::kMinute);
 }
 
 Result<std::vector<pb::Annotation>> readRemarks(const LabCall& call, const std::string& session_id) {

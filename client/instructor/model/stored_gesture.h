@@ -24,7 +24,8 @@ inline constexpr std::size_t kMostLoadedSamples = 3'000'000;
 
 /// Immutable after loading. Times are Moment's: s since the session's tick 0.
 struct StoredGesture {
-  std::string id;  ///< as text
+  std::string id;             ///< as text
+  std::string exercise_name;  ///< of the exercise as it is today; empty: the server does not have it any more
   pb::SessionInfo info;
   SessionScene scene;
   /// Of the exercise as it is today, in W; a note says so unless the score confirms it. Nothing without a
@@ -49,7 +50,7 @@ struct StoredGesture {
   /// Returns the index of the last sample at or before that time; 0 if there is none. `samples` must not be
   /// empty.
   [[nodiscard]] std::size_t sampleAt(double time_s) const;
-  /// Returns a heading: "tina, knee-recess, 2026-11-21 00:42".
+  /// Returns a heading: "tina, Knee: suprapatellar recess, 2026-11-21 00:42".
   [[nodiscard]] std::string title() const;
 };
 
@@ -67,9 +68,9 @@ struct LoadProgress {
 /// from the call.
 Result<std::optional<pb::Exercise>> findExercise(const LabCall& call, const std::string& exercise_id);
 
-/// Reads the stored part of a session in pieces, and its exercise's plan; for an open session, the part
-/// stored so far. Omits and notes damaged chunks, and a plan that the server does not tell. Errors: from the
-/// call; kNotFound if retention deleted the recording; kFailed after a stop.
+/// Reads the stored part of a session in pieces, and its exercise's name and plan; for an open session, the
+/// part stored so far. Omits and notes damaged chunks, and a plan that the server does not tell. Errors: from
+/// the call; kNotFound if retention deleted the recording; kFailed after a stop.
 Result<std::shared_ptr<const StoredGesture>> loadGesture(const LabCall& call, const std::string& session_id,
                                                          const ScenePreparer& prepare = {},
                                                          LoadProgress* progress = nullptr);

@@ -269,21 +269,14 @@ std::string svgPlot(const Plot& plot, SvgSize size) {
   return out + textAt(frame.right(), size.height - 4, "end", plot.clock_axis ? "s" : plot.x_unit) + "</svg>";
 }
 
-std::string svgStanding(const SvgStanding& s) {
+std::string svgPlace(const PlaceMarks& marks) {
   constexpr double kW = 180, kH = 18;
-  const double low = std::min({s.least, s.value}), high = std::max({s.greatest, s.value});
-  const double width = high > low ? high - low : 1;
-  const auto x = [&](double value) { return 6 + (std::clamp(value, low, high) - low) / width * (kW - 12); };
-  std::string out = openSvg({kW, kH}, "beside the reference");
-  out += fmt::format("<rect x='{:.1f}' y='6' width='{:.1f}' height='6' fill='#ccd3da'/>", x(s.least),
-                     std::max(1.0, x(s.greatest) - x(s.least)));
-  if (s.p90 > s.p10)
-    out += fmt::format("<rect x='{:.1f}' y='4' width='{:.1f}' height='10' fill='{}' fill-opacity='.55'/>",
-                       x(s.p10), std::max(1.0, x(s.p90) - x(s.p10)), hexText(kBluishGreen));
-  out += fmt::format("<line x1='{:.1f}' y1='2' x2='{:.1f}' y2='16' stroke='#333' stroke-width='1.5'/>",
-                     x(s.mean), x(s.mean));
-  const double v = x(s.value);
-  // a diamond: differs from the mean by shape, not only by colour
+  std::string out = openSvg({kW, kH}, "beside the experts");
+  out += fmt::format("<rect x='{:.1f}' y='4' width='{:.1f}' height='10' fill='{}' fill-opacity='.55'/>",
+                     kW * marks.least, std::max(1.0, kW * (marks.greatest - marks.least)),
+                     hexText(kBluishGreen));
+  const double v = kW * marks.value;
+  // a diamond: differs from the range by shape, not only by colour
   out += fmt::format("<path d='M{:.1f} 9l4.5 -6l4.5 6l-4.5 6z' fill='{}' stroke='#fff'/>", v - 4.5,
                      hexText(kVermillion));
   return out + "</svg>";

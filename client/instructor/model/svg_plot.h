@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "client/view/model/plot.h"
+#include "common/scoring/reference.h"
 
 namespace needlelab {
 
@@ -20,11 +21,7 @@ struct SvgSize {
 /// Converts the dark windows' colours to ink for white paper; shows time in s.
 std::string svgPlot(const Plot& plot, SvgSize size = {});
 
-/// A value within a reference's range: a bar with least, greatest, p10 … p90, mean and the value.
-struct SvgStanding {
-  double least = 0, greatest = 0, mean = 0, value = 0;
-  double p10 = 0, p90 = 0;  ///< equal: unknown
-};
-std::string svgStanding(const SvgStanding& standing);
+/// A value beside the experts: a bar for their range, a diamond for the value.
+std::string svgPlace(const PlaceMarks& marks);
 
 }  // namespace needlelab

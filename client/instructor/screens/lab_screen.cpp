@@ -17,41 +17,21 @@
 namespace needlelab {
 namespace {
 
-std::string depthWords(const StationTile& tile) {
-  if (!tile.online || tile.session_id.empty()) return {};
-  const std::string phase(phaseWord(tile.phase <= 3 ? static_cast<Phase>(tile.phase) : Phase::kFree));
-  if (tile.layer < 0) return phase;
-  const std::string where =
-      tile.layer_name.empty() ? fmt::format("layer {}", std::int64_t{tile.layer} + 1) : tile.layer_name;
-  return phase + ", " + fixedText(1e3 * tile.insertion_m, 1) + " mm, " + where;
-}
-
-/// Short state of loop and connection.
-std::string healthWords(const StationTile& tile) {
-  if (!tile.online) return "offline";
-  if (tile.stale) return "no news";
-  std::string words = fmt::format("loop p99 {} µs", tile.wakeup_p99_us);
-  if (tile.missed_ticks > 0) words += fmt::format(", {} missed", tile.missed_ticks);
-  if (tile.spool_left > 0) words += fmt::format(", spool {}", tile.spool_left);
-  if (!tile.server.empty()) words += ", server " + tile.server;
-  return words;
-}
-
 float tileHeight_px() {
   return 14.6F * space();
 }
 
 /// Draws the tile's lines in small letters, inside the open child window.
-void tileLines(const StationTile& tile, float inner, float height_px) {
+void tileLines(const LabState& lab, const StationTile& tile, float inner, float height_px) {
   WithFont small(Letters::kSmall);
   {
     WithTextColour dim(tile.stale || !tile.online ? kDimText : kText);
-    textLine(tile.trainee.empty() ? std::string("nobody") : tile.trainee + " · " + tile.exercise, inner);
+    textLine(lessonWords(tile, lab.exerciseName(tile.exercise)), inner);
     textLine(needsHelp(tile.need) ? tile.why : depthWords(tile), inner);
   }
   // present force against its limit, with the peak; the last seconds as a line
   if (tile.online && !tile.session_id.empty()) {
-    const std::string words = fixedText(tile.force_N, 1) + " N  peak " + fixedText(tile.peak_force_N, 1);
+    const std::string words = forceWords(tile);
     // wide enough for its text and the sign of excessive force
     const float needed = ImGui::CalcTextSize(words.c_str()).x + ImGui::GetFontSize() + 2 * space();
     const float bar = std::min(inner, std::max(inner * 0.58F, needed));
@@ -68,7 +48,10 @@ void tileLines(const StationTile& tile, float inner, float height_px) {
   textLine(healthWords(tile), inner);
 }
 
-bool stationTile(const StationTile& tile, float width_px) {
+/// What a click on a tile asks for.
+enum class TileClick { kNone, kOpen, kSeen };
+
+TileClick stationTile(const LabState& lab, const StationTile& tile, float width_px) {
   const float height_px = tileHeight_px();
   const ConditionStyle& style = styleOf(conditionOf(tile.need));
   const bool calls = needsHelp(tile.need);
@@ -91,13 +74,21 @@ bool stationTile(const StationTile& tile, float width_px) {
     WithTextColour colour(style.colour);
     ImGui::TextUnformatted(word.c_str());
   }
-  tileLines(tile, inner, height_px);
+  tileLines(lab, tile, inner, height_px);
+  bool seen = false;
+  if (tile.need == Need::kAlarm) {
+    const WithFont small(Letters::kSmall);
+    const float wide = ImGui::CalcTextSize("Seen").x + 2 * ImGui::GetStyle().FramePadding.x;
+    ImGui::SetCursorPos({inner + space() - wide, height_px - ImGui::GetFrameHeight() - 0.6F * space()});
+    seen = ImGui::Button("Seen");
+  }
+  const bool on_button = ImGui::IsAnyItemHovered();
   ImGui::EndChild();
   ImGui::PopStyleColor();
-  const bool clicked = ImGui::IsItemClicked();
+  const bool clicked = ImGui::IsItemClicked() && !on_button;
   if (ImGui::IsItemHovered()) ImGui::SetMouseCursor(ImGuiMouseCursor_Hand);
   ImGui::PopID();
-  return clicked;
+  return seen ? TileClick::kSeen : clicked ? TileClick::kOpen : TileClick::kNone;
 }
 
 /// The number of stations per need.
@@ -172,7 +163,10 @@ void showLab(LabState& lab) {
       ImGui::Dummy({width, tileHeight_px()});
       continue;
     }
-    if (stationTile(*tiles[i], width)) lab.open(tiles[i]->station);
+    const std::string station = tiles[i]->station;
+    const TileClick click = stationTile(lab, *tiles[i], width);
+    if (click == TileClick::kOpen) lab.open(station);
+    if (click == TileClick::kSeen) lab.overview.acknowledge(station);
   }
   ImGui::EndChild();
 }

@@ -10,6 +10,7 @@
 #include <fmt/core.h>
 
 #include "client/view/action_bar.h"
+#include "client/view/input_queue.h"
 #include "client/view/model/scene_view.h"
 #include "client/view/theme.h"
 #include "common/base/text.h"
@@ -20,7 +21,7 @@ namespace {
 
 bool lineAndButton(const char* id, const char* hint, std::string& text, const char* button, bool& focus,
                    float width) {
-  if (std::exchange(focus, false)) ImGui::SetKeyboardFocusHere();
+  if (std::exchange(focus, false)) focusNextField();
   ImGui::SetNextItemWidth(width);
   bool go = ImGui::InputTextWithHint(id, hint, &text, ImGuiInputTextFlags_EnterReturnsTrue);
   ImGui::SameLine();
@@ -49,7 +50,7 @@ void CommandPanel::showExercise(LabState& lab) {
   if (ImGui::BeginCombo("##next", "Next exercise …")) {
     for (const ExerciseChoice& exercise : lab.exercises()) {
       if (ImGui::Selectable((exercise.name + "##" + exercise.id).c_str()))
-        lab.commands.nextExercise(lab.live()->station(), exercise.id);
+        lab.commands.nextExercise(lab.live()->station(), exercise.id, exercise.name);
     }
     ImGui::EndCombo();
   }
@@ -73,6 +74,7 @@ void CommandPanel::showAids(LabState& lab) {
 void CommandPanel::showStop(LabState& lab) {
   StopQuestion& question = lab.stop_question;
   const auto actions = stopActions(question.asking());
+  const bool answerable = stop_gate_.opens(question.asking() ? 1 : 0);
   if (!question.asking()) {
     if (actionLine(actions) == kActStop) question.ask(*lab.live());
     return;
@@ -81,8 +83,10 @@ void CommandPanel::showStop(LabState& lab) {
   ImGui::SetNextItemWidth(26 * space());
   ImGui::InputTextWithHint("##reason", "reason, for the trainee", &question.reason);
   ImGui::SameLine();
+  ImGui::BeginDisabled(!answerable);
   auto chosen = actionLine(actions, true);
-  if (!chosen) chosen = pressedAction(actions);
+  ImGui::EndDisabled();
+  if (answerable && !chosen) chosen = pressedAction(actions);
   if (chosen == kActStopNow)
     lab.commands.stopLesson(lab.live()->station(), lab.live()->sessionId(), question.reason);
   if (chosen) question.withdraw();
@@ -128,7 +132,7 @@ void LiveScreen::showHead(LabState& lab) {
     ImGui::TextUnformatted(printable(live.station() + (who.empty() ? "" : " · " + who)).c_str());
   }
   ImGui::SameLine(0, 2 * space());
-  ImGui::TextUnformatted(printable(d.exercise_id()).c_str());
+  ImGui::TextUnformatted(lab.exerciseName(d.exercise_id()).c_str());
   ImGui::SameLine(0, 2 * space());
   stationState(live);
   // latency and losses: at the right end of the second line
@@ -143,11 +147,27 @@ void LiveScreen::showHead(LabState& lab) {
   if (live.approximate()) words = "forces by effect: approximate   ";
   if (live.paused())
     words += fmt::format("PAUSED {:.1f} s behind   ", live.trace().lastTime_s() - live.viewEnd_s());
-  words += fmt::format("{} frames, {} dropped   latency {:.0f} ms, {:.0f} ms to the screen (p99 {:.0f})",
-                       stats.frames(), stats.dropped() + lab.link().frames_dropped, stats.lastLatencyMs(),
-                       live.latency().last_ms(), live.latency().quantile_ms(0.99));
+  words += fmt::format(
+      "{} frames, {} dropped   latency {:.0f} ms, {:.0f} ms to the screen (99 % within {:.0f} ms)",
+      stats.frames(), stats.dropped() + lab.link().frames_dropped, stats.lastLatencyMs(),
+      live.latency().last_ms(), live.latency().quantile_ms(0.99));
   WithTextColour dim(live.paused() ? kYellow : kDimText);
   textLine(words);
+}
+
+void LiveScreen::showAlarms(LabState& lab) {
+  const StationTile* const tile = lab.overview.find(lab.live()->station());
+  if (tile == nullptr || tile->alarms.empty()) return;
+  if (std::any_of(tile->alarms.begin(), tile->alarms.end(), [](const TileAlarm& a) { return !a.seen; })) {
+    if (ImGui::Button("Seen")) lab.overview.acknowledge(tile->station);
+    ImGui::SameLine(0, 2 * space());
+  }
+  for (const TileAlarm& alarm : tile->alarms) {
+    conditionLine(alarm.danger ? Condition::kTrouble : Condition::kAttention,
+                  alarm.words + (alarm.now ? "" : " (over)"));
+    ImGui::SameLine(0, 3 * space());
+  }
+  ImGui::NewLine();
 }
 
 void LiveScreen::showScene(LabState& lab, ImVec2 size_px) {
@@ -183,6 +203,7 @@ void LiveScreen::show(LabState& lab) {
   }
   LiveStation& live = *lab.live();
   showHead(lab);
+  showAlarms(lab);
   const ImVec2 room = ImGui::GetContentRegionAvail();
   const float talk_px = 10.5F * space();
   const float height = room.y - talk_px - ImGui::GetStyle().ItemSpacing.y;

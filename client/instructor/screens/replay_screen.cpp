@@ -10,6 +10,7 @@
 
 #include <fmt/core.h>
 
+#include "client/view/input_queue.h"
 #include "client/view/model/plot.h"
 #include "client/view/theme.h"
 #include "common/base/text.h"
@@ -33,7 +34,7 @@ std::vector<LineMark> marksOf(const StoredGesture& gesture, const std::vector<pb
       continue;
     const bool bad = event.kind == TraceEvent::Kind::kFault || event.kind == TraceEvent::Kind::kGap ||
                      event.kind == TraceEvent::Kind::kBoneContact ||
-                     event.kind == TraceEvent::Kind::kHubContact;
+                     event.kind == TraceEvent::Kind::kHubContact || event.kind == TraceEvent::Kind::kHazard;
     marks.push_back(
         {event.time_s, std::string(signOf(event.kind)), wordsOf(event), bad ? kVermillion : kDimText});
   }
@@ -156,7 +157,7 @@ void ReplayScreen::showPlayer(LabState& lab) {
   ImGui::SameLine(0, 2 * space());
   ImGui::Checkbox("whole", &whole_);
   ImGui::SameLine(0, 2 * space());
-  if (std::exchange(focus_remark_, false)) ImGui::SetKeyboardFocusHere();
+  if (std::exchange(focus_remark_, false)) focusNextField();
   ImGui::SetNextItemWidth(std::max(60.0F, ImGui::GetContentRegionAvail().x - 12 * space()));
   bool go = ImGui::InputTextWithHint("##remark", "remark at this moment", &remark_,
                                      ImGuiInputTextFlags_EnterReturnsTrue);

@@ -4,6 +4,7 @@
 
 #include "client/view/plots.h"
 #include "client/view/theme.h"
+#include "common/base/text.h"
 #include "common/haptics/axial_model.h"
 
 namespace needlelab {
@@ -61,18 +62,22 @@ void RerunScreen::show(LabState& lab) {
   }
   showChoice(lab);
   ImGui::SetNextItemWidth(34 * space());
-  if (ImGui::BeginCombo("patient", profile == "own" ? "the session's own" : profile.c_str())) {
+  std::string patient = profile == "own" ? "the session's own" : profile;
+  for (const ProfileChoice& choice : lab.profiles())
+    if (choice.id == profile) patient = choice.name;
+  if (ImGui::BeginCombo("patient", patient.c_str())) {
     if (ImGui::Selectable("the session's own", profile == "own")) profile = "own";
-    for (const std::string& id : lab.profiles())
-      if (ImGui::Selectable(id.c_str(), id == profile)) profile = id;
+    for (const ProfileChoice& choice : lab.profiles())
+      if (ImGui::Selectable((choice.name + "##" + choice.id).c_str(), choice.id == profile))
+        profile = choice.id;
     ImGui::EndCombo();
   }
   ImGui::SameLine(0, 2 * space());
   ImGui::SetNextItemWidth(34 * space());
-  if (ImGui::BeginCombo("force model", model.empty() ? "the profile's own" : model.c_str())) {
+  if (ImGui::BeginCombo("force model", model.empty() ? "the profile's own" : wordsOfName(model).c_str())) {
     if (ImGui::Selectable("the profile's own", model.empty())) model.clear();
     for (const std::string_view name : kAxialModelNames)
-      if (ImGui::Selectable(std::string(name).c_str(), name == model)) model = name;
+      if (ImGui::Selectable(wordsOfName(name).c_str(), name == model)) model = name;
     ImGui::EndCombo();
   }
   ImGui::SameLine(0, 2 * space());

@@ -13,33 +13,19 @@
 namespace needlelab {
 namespace {
 
-/// The experts' range as a bar, their mean as a line, this value as a diamond.
-void standingBar(const pb::ReferenceBand& band, double value, float width) {
+/// The experts' range as a bar, this value as a diamond.
+void placeBar(const PlaceMarks& marks, float width) {
   const ImVec2 low = ImGui::GetCursorScreenPos();
   const float height = ImGui::GetFontSize();
   ImGui::Dummy({width, height});
-  const double least = std::min(band.least(), value), greatest = std::max(band.greatest(), value);
-  const double range = greatest > least ? greatest - least : 1;
-  const auto x = [&](double v) {
-    return low.x + 6 + static_cast<float>(std::clamp((v - least) / range, 0.0, 1.0)) * (width - 12);
-  };
+  const auto x = [&](double share) { return low.x + static_cast<float>(share) * width; };
   ImDrawList& list = *ImGui::GetWindowDrawList();
   const float middle = low.y + height * 0.5F;
-  list.AddRectFilled({x(band.least()), middle - 3}, {x(band.greatest()) + 1, middle + 3}, packed(kLineGrey));
-  if (band.has_p10() && band.has_p90())
-    list.AddRectFilled({x(band.p10()), middle - 5}, {x(band.p90()) + 1, middle + 5},
-                       packed(kBluishGreen, 0.7F));
-  list.AddLine({x(band.mean()), middle - 8}, {x(band.mean()), middle + 8}, packed(kWhite), 2);
-  const float v = x(value);
+  list.AddLine({low.x, middle}, {low.x + width, middle}, packed(kLineGrey), 2);
+  list.AddRectFilled({x(marks.least), middle - 5}, {x(marks.greatest) + 1, middle + 5},
+                     packed(kBluishGreen, 0.7F));
+  const float v = x(marks.value);
   list.AddQuadFilled({v - 6, middle}, {v, middle - 7}, {v + 6, middle}, {v, middle + 7}, packed(kVermillion));
-}
-
-std::string allowedText(const Measure& measure) {
-  if (measure.min && measure.max)
-    return valueText(*measure.min, measure.unit) + " – " + valueText(*measure.max, measure.unit);
-  if (measure.min) return "≥ " + valueText(*measure.min, measure.unit);
-  if (measure.max) return "≤ " + valueText(*measure.max, measure.unit);
-  return {};
 }
 
 }  // namespace
@@ -69,14 +55,14 @@ void ScoresScreen::showMeasures(const ReportData& data) {
       ImGui::TableNextColumn();
       textLine(measureWords(measure.name, names));
       ImGui::TableNextColumn();
-      textLine(measure.measured ? valueText(measure.value, measure.unit) : std::string("not measured"));
+      textLine(measure.measured ? measureText(measure.name, measure.value, measure.unit) : measure.words);
       ImGui::TableNextColumn();
-      textLine(allowedText(measure));
+      textLine(requirementText(measure.name, measure.unit, measure.min, measure.max));
       ImGui::TableNextColumn();
-      const auto band = std::find_if(data.bands.begin(), data.bands.end(),
-                                     [&](const pb::ReferenceBand& b) { return b.measure() == measure.name; });
-      if (band != data.bands.end() && measure.measured)
-        standingBar(*band, measure.value, ImGui::GetContentRegionAvail().x);
+      if (const PlaceRow* const row = placeOf(data, measure.name); row != nullptr) {
+        placeBar(row->marks, ImGui::GetContentRegionAvail().x);
+        if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", row->words.c_str());
+      }
     }
   }
   ImGui::EndTable();

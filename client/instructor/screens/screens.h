@@ -11,6 +11,7 @@
 
 #include "client/instructor/model/lab_state.h"
 #include "client/instructor/screens/gesture_pane.h"
+#include "client/view/action_bar.h"
 
 namespace needlelab {
 
@@ -55,6 +56,7 @@ class CommandPanel {
   void showStop(LabState& lab);
   std::string message_, remark_;  // as typed
   bool focus_message_ = false, focus_remark_ = false;
+  AnswerGate stop_gate_;
 };
 
 /// Live view of one trainee: scene, plots, commands to the station.
@@ -68,6 +70,7 @@ class LiveScreen {
 
  private:
   void showHead(LabState& lab);
+  void showAlarms(LabState& lab);
   void showScene(LabState& lab, ImVec2 size_px);
   void showPlots(LiveStation& live, std::span<const PlotRequirement> requirements, ImVec2 size_px);
   ScenePane pane_;

@@ -114,7 +114,7 @@ void SessionsScreen::showTable(LabState& lab) {
       };
       cell(localTime(d.started_unix_ns(), TimeForm::kMinute));
       cell(d.trainee());
-      cell(d.exercise_id());
+      cell(lab.exerciseName(d.exercise_id()));
       cell(d.station());
       ImGui::TableNextColumn();
       const auto [condition, word] = verdictOf(row);

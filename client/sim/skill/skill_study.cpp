@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 #include <memory>
+#include <optional>
 #include <span>
 
 #include "client/device/simulated_device.h"
@@ -14,6 +15,7 @@
 #include "common/base/program.h"
 #include "common/fem/needle_mesh.h"
 #include "common/profile/profile.h"
+#include "common/scoring/anatomy.h"
 #include "common/scoring/measure_table.h"
 #include "common/scoring/measures.h"
 
@@ -38,7 +40,8 @@ constexpr double kLevel = 0.05;  // of the tests
 struct SkillScene {
   pb::Profile profile;
   SceneSpec spec;
-  Vec3 target_W_m;
+  std::optional<Vec3> entry_W_m;  ///< marked on the skin
+  Vec3 tip_target_W_m;
 };
 
 Result<std::vector<SkillScene>> loadScenes(std::size_t count) {
@@ -49,8 +52,11 @@ Result<std::vector<SkillScene>> loadScenes(std::size_t count) {
     RETURN_IF_ERROR(addCompliance(spec));
     if (profile.targets().empty())
       return Error{ErrorCode::kInvalidInput, std::string(file.name) + " has no target"};
-    const auto& c = profile.targets(0).center_m();
-    scenes.push_back({std::move(profile), std::move(spec), {c.x(), c.y(), c.z()}});
+    const Anatomy anatomy = anatomyOf(profile, {});
+    const auto entry = markedEntry(spec.limb, {});
+    const Vec3 tip_target_W_m =
+        tipForTarget(anatomy, anatomy.targets[0], openingBehindTip_m(needleOf(profile.needle())), entry);
+    scenes.push_back({std::move(profile), std::move(spec), entry, tip_target_W_m});
   }
   return scenes;
 }
@@ -63,8 +69,8 @@ std::vector<GestureSample> attempt(const SkillScene& scene, double rate_hz, cons
   HandRandom random(seed);
   SimulatedDeviceOptions options;
   options.hand = handOf(skill, random.next());
-  SimulatedDevice device(options, attemptPlan(skill, scene.spec.limb, scene.target_W_m, random,
-                                              markedEntry(scene.spec.limb, Pose{})));
+  SimulatedDevice device(options,
+                         attemptPlan(skill, scene.spec.limb, scene.tip_target_W_m, random, scene.entry_W_m));
   const auto ticks = runClosedLoop(*model, device, {}, kMostTicks);
   std::vector<GestureSample> samples;
   if (!ticks.ok()) return samples;
@@ -356,11 +362,12 @@ std::string findingOf(const SkillReport& report) {
     return row.better != betterName(Better::kNeither);
   });
   const std::size_t half = report.options.trainees / 2;
+  const auto worse = count(Separation::kTowardsWorse);
   return fmt::format(
-      "{} of {} measures find {} simulated experts better than {} simulated novices; {} find them worse; "
+      "{} of {} measures find {} simulated experts better than {} simulated novices; {} find{} them worse; "
       "with labels "
       "at random any does either in {:.1f} % of shuffles",
-      count(Separation::kTowardsBetter), directed, half, half, count(Separation::kTowardsWorse),
+      count(Separation::kTowardsBetter), directed, half, half, worse, worse == 1 ? "s" : "",
       100 * report.shuffled_any_share);
 }
 

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <ctime>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -20,6 +19,7 @@
 #include "common/base/clock.h"
 #include "common/base/columns.h"
 #include "common/base/files.h"
+#include "common/base/local_time.h"
 #include "common/base/program.h"
 #include "common/base/range.h"
 #include "common/base/text.h"
@@ -29,16 +29,6 @@ namespace {
 
 constexpr double kShortestBase_m = 0.02;  // between two points that define a direction
 constexpr double kPoseRate_hz = 1000;     // more poses add nothing
-
-// 2026-11-20T10:45:00Z
-std::string utcText(std::int64_t unix_ns) {
-  const auto seconds = static_cast<std::time_t>(unix_ns / 1'000'000'000);
-  std::tm utc{};
-  char text[32] = {};
-  ::gmtime_r(&seconds, &utc);
-  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &utc);
-  return text;
-}
 
 constexpr double kCalibrationDefault_s = 30, kCalibrationLongest_s = 600;
 
@@ -282,7 +272,7 @@ Result<Calibration> calibrateTip(Device& device, TimeSource& clock, const Calibr
 std::string toolFileText(const Pose& X_HT, const ToolNotes& notes) {
   // parses the text of the pose's only writer
   auto json = nlohmann::ordered_json::parse(poseOptionJson(X_HT));
-  json["calibration"] = {{"made", utcText(notes.made_unix_ns)},
+  json["calibration"] = {{"made", isoTime(notes.made_unix_ns)},
                          {"program", std::string("needlelab-station ") + NEEDLELAB_VERSION},
                          {"machine", machineText()},
                          {"device", notes.device},

@@ -33,6 +33,10 @@ std::int64_t cachedNumber(const CacheJson& json, const char* key) {
   return at != json.end() && at->is_number_integer() ? at->get<std::int64_t>() : 0;
 }
 
+bool cachedFlag(const CacheJson& json, const char* key) {
+  return json.is_object() && json.value(key, CacheJson()) == true;
+}
+
 // an empty list for any other value
 const CacheJson& cachedList(const CacheJson& json, const char* key) {
   static const CacheJson kNone = CacheJson::array();
@@ -83,6 +87,30 @@ StepStanding stepOf(const pb::ResultCell& cell) {
 
 }  // namespace
 
+bool mayTake(const ServerExercise& exercise, const TraineeStanding* standing) {
+  const auto holds = [](const std::vector<std::string>& ids, const std::string& id) {
+    return std::find(ids.begin(), ids.end(), id) != ids.end();
+  };
+  return !exercise.assigned_only ||
+         (standing != nullptr &&
+          (holds(standing->courses, exercise.course_id) || holds(standing->exercises, exercise.exercise_id)));
+}
+
+void noteBegun(Curriculum& curriculum, const std::string& trainee, const std::string& exercise_id) {
+  const auto known = curriculum.standings.find(trainee);
+  if (known == curriculum.standings.end()) return;
+  const bool exam =
+      std::any_of(curriculum.exercises.begin(), curriculum.exercises.end(),
+                  [&](const ServerExercise& one) { return one.exercise_id == exercise_id && one.exam; });
+  for (StepStanding& step : known->second.steps) {
+    if (exam) std::erase(step.locked_by, exercise_id);
+    if (step.exercise_id != exercise_id) continue;
+    ++step.attempts;
+    if (step.attempts_left.value_or(0) > 0) --*step.attempts_left;
+    step.done = step.done || exam;
+  }
+}
+
 std::string shownName(const std::vector<KnownTrainee>& trainees, const std::string& name) {
   const auto own = std::find_if(trainees.begin(), trainees.end(),
                                 [&](const KnownTrainee& trainee) { return trainee.name == name; });
@@ -118,10 +146,12 @@ Result<std::vector<ServerExercise>> exercisesBy(const AskServer& ask) {
     ASSIGN_OR_RETURN(const auto reply, ask(request));
     const auto curriculum = readShallowJson<CacheJson>(reply.curriculum().json());
     const std::string name = printable(summary.name().empty() ? summary.id() : summary.name());
+    const bool exam = cachedFlag(curriculum, "exam");
+    const bool assigned_only = exam || cachedFlag(curriculum, "assigned_only");
     for (const auto& exercise : cachedList(curriculum, "exercises"))
       exercises.push_back({cachedText(exercise, "id"), cachedText(exercise, "name"),
                            cachedText(exercise, "profile_id"), cachedText(exercise, "description"),
-                           printable(summary.id()), name});
+                           printable(summary.id()), name, assigned_only, exam});
   }
   return exercises;
 }
@@ -239,6 +269,15 @@ Status CurriculumCache::keepAsksCode(const std::string& trainee, bool asks) cons
   return changed ? write(find(), asks_code) : Status();
 }
 
+Status CurriculumCache::keepBegun(const std::string& trainee, const std::string& exercise_id) const {
+  Curriculum curriculum = find();
+  const auto known = curriculum.standings.find(trainee);
+  if (known == curriculum.standings.end()) return {};
+  const TraineeStanding before = known->second;
+  noteBegun(curriculum, trainee, exercise_id);
+  return known->second == before ? Status() : write(curriculum, allAskedForCodes());
+}
+
 bool CurriculumCache::asksCode(const std::string& trainee) const {
   return allAskedForCodes().contains(trainee);
 }
@@ -259,7 +298,9 @@ Status CurriculumCache::write(const Curriculum& curriculum, const std::set<std::
                                  {"profile_id", exercise.profile_id},
                                  {"description", exercise.description},
                                  {"course_id", exercise.course_id},
-                                 {"course", exercise.course}});
+                                 {"course", exercise.course},
+                                 {"assigned_only", exercise.assigned_only},
+                                 {"exam", exercise.exam}});
   for (const KnownTrainee& trainee : curriculum.trainees)
     json["trainees"].push_back(
         {{"name", trainee.name}, {"full_name", trainee.full_name}, {"person", trainee.person}});
@@ -299,7 +340,8 @@ Curriculum CurriculumCache::find() const {
   for (const CacheJson& exercise : cachedList(json, "exercises"))
     curriculum.exercises.push_back({cachedText(exercise, "id"), cachedText(exercise, "name"),
                                     cachedText(exercise, "profile_id"), cachedText(exercise, "description"),
-                                    cachedText(exercise, "course_id"), cachedText(exercise, "course")});
+                                    cachedText(exercise, "course_id"), cachedText(exercise, "course"),
+                                    cachedFlag(exercise, "assigned_only"), cachedFlag(exercise, "exam")});
   for (const CacheJson& trainee : cachedList(json, "trainees"))
     curriculum.trainees.push_back(
         {cachedText(trainee, "name"), cachedText(trainee, "full_name"), cachedText(trainee, "person")});
@@ -311,7 +353,7 @@ Curriculum CurriculumCache::find() const {
     for (const CacheJson& cached : cachedList(entry, "steps")) {
       StepStanding step;
       step.exercise_id = cachedText(cached, "id");
-      step.done = cached.is_object() && cached.value("done", CacheJson()) == true;
+      step.done = cachedFlag(cached, "done");
       step.attempts = static_cast<std::uint32_t>(cachedNumber(cached, "attempts"));
       step.locked_by = cachedTexts(cached, "locked_by");
       if (cached.is_object() && cached.value("attempts_left", CacheJson()).is_number_integer())

@@ -21,6 +21,8 @@ namespace needlelab {
 struct ServerExercise {
   std::string exercise_id, name, profile_id, description;
   std::string course_id = {}, course = {};  ///< its course's id and name
+  bool assigned_only = false;               ///< its course is for those alone to whom it is assigned
+  bool exam = false;                        ///< its course is an exam: assigned only, too
 };
 
 /// A trainee whom the station offers to choose.
@@ -56,6 +58,14 @@ struct Curriculum {
   std::vector<KnownTrainee> trainees;                ///< by name
   std::map<std::string, TraineeStanding> standings;  ///< by the trainee's name
 };
+
+/// Returns whether the trainee of this standing (null: not known here) may take the exercise: it is for all,
+/// or assigned to them.
+bool mayTake(const ServerExercise& exercise, const TraineeStanding* standing);
+/// Notes that the trainee begins the exercise, until the server gives the standing again: of limited attempts
+/// one is used, and an exam's exercise is taken, as far as others wait for it. Nothing where the standing is
+/// not known.
+void noteBegun(Curriculum& curriculum, const std::string& trainee, const std::string& exercise_id);
 
 /// Returns the full name, with the account's name if two people share it; without a full name the account's.
 std::string shownName(const std::vector<KnownTrainee>& trainees, const std::string& name);
@@ -95,6 +105,8 @@ class CurriculumCache {
   Status keep(const Curriculum& curriculum) const;
   /// Keeps whether the server asks for a code of this trainee; never the code. Errors: as keep.
   Status keepAsksCode(const std::string& trainee, bool asks) const;
+  /// As noteBegun(). Errors: as keep.
+  Status keepBegun(const std::string& trainee, const std::string& exercise_id) const;
   /// Returns whether the server asked for a code of this trainee when it was last there.
   [[nodiscard]] bool asksCode(const std::string& trainee) const;
   /// Returns all of whom asksCode is true.

@@ -51,6 +51,7 @@ class StepMaker {
     const StepStanding& standing = *at->second;
     for (const std::string& id : standing.locked_by)
       step.locked_by += (step.locked_by.empty() ? "" : ", ") + nameFor(id, exercise, in_course);
+    step.attempts = standing.attempts;
     step.attempts_left = standing.attempts_left;
     step.due_unix_ns = standing.due_unix_ns;
     step.due = dueOf(standing, now_unix_ns_);
@@ -82,8 +83,15 @@ class StepMaker {
   std::map<std::string, const StepStanding*> standings_;
 };
 
-std::string attemptsText(std::uint32_t left) {
+std::string attemptsLeftText(std::uint32_t left) {
   return left == 0 ? "no attempt left" : left == 1 ? "1 attempt left" : fmt::format("{} attempts left", left);
+}
+
+/// Of a step that is not done. The console and `needlelab-admin results` say the same.
+std::string triedText(std::uint32_t attempts) {
+  return attempts == 0   ? "not begun"
+         : attempts == 1 ? "not passed, 1 attempt"
+                         : fmt::format("not passed, {} attempts", attempts);
 }
 
 }  // namespace
@@ -99,6 +107,7 @@ Ladder ladderOf(const Curriculum& curriculum, const std::string& trainee, std::i
   LadderSection single{"Assigned to you", {}};
   std::string course;  // of the section that is being filled
   for (const ServerExercise& exercise : curriculum.exercises) {
+    if (!mayTake(exercise, standing)) continue;
     const bool of_course = standing != nullptr && holds(standing->courses, exercise.course_id);
     auto& sections = of_course ? assigned : free;
     if (exercise.course_id != course || (assigned.empty() && free.empty())) {
@@ -136,15 +145,16 @@ std::string stepText(const LadderStep& step) {
       break;
     case StepState::kNext:
       parts.emplace_back("Next");
+      if (step.attempts > 0) parts.push_back(triedText(step.attempts));
       break;
     case StepState::kOpen:
-      parts.emplace_back("open");
+      parts.push_back(triedText(step.attempts));
       break;
     case StepState::kLocked:
       parts.push_back("locked by " + step.locked_by);
       break;
     case StepState::kUsedUp:
-      parts.push_back(attemptsText(0) + ", ask your instructor");
+      parts.push_back(attemptsLeftText(0) + ", ask your instructor");
       break;
   }
   if (step.due == DueState::kOver)
@@ -153,7 +163,7 @@ std::string stepText(const LadderStep& step) {
     parts.push_back("due soon: " + localTime(step.due_unix_ns, TimeForm::kMinute));
   if (step.due == DueState::kLater) parts.push_back("due " + localTime(step.due_unix_ns, TimeForm::kMinute));
   if (step.attempts_left && step.state != StepState::kUsedUp)
-    parts.push_back(attemptsText(*step.attempts_left));
+    parts.push_back(attemptsLeftText(*step.attempts_left));
   std::string text;
   for (const std::string& part : parts) text += (text.empty() ? "" : " · ") + part;
   return text;

@@ -29,6 +29,7 @@ struct LadderStep {
   StepState state = StepState::kUnknown;
   bool may_begin = true;                       ///< by the server's rules: not locked, and an attempt is left
   std::string locked_by;                       ///< "step 2", "\"Knee: recess\"", or several; empty: nothing
+  std::uint32_t attempts = 0;                  ///< that count
   std::optional<std::uint32_t> attempts_left;  ///< none: unlimited, or not known
   DueState due = DueState::kNone;
   std::int64_t due_unix_ns = 0;  ///< 0: never
@@ -40,8 +41,8 @@ struct LadderSection {
 };
 
 struct Ladder {
-  /// Assigned courses, "Assigned to you", the other courses. Without a standing: the courses. No exercise
-  /// occurs twice.
+  /// Assigned courses, "Assigned to you", the other courses. Without a standing: the courses. Without what
+  /// the trainee may not take (mayTake). No exercise occurs twice.
   std::vector<LadderSection> sections;
   std::string next;                ///< the step marked kNext; empty: none
   std::int64_t as_of_unix_ns = 0;  ///< when the server gave the standing; 0: it is not known
@@ -49,7 +50,7 @@ struct Ladder {
 
 Ladder ladderOf(const Curriculum& curriculum, const std::string& trainee, std::int64_t now_unix_ns);
 
-/// "Next · due soon: 2026-11-24 12:00 · 2 attempts left"; empty if nothing is known.
+/// "Next · not passed, 3 attempts · due soon: 2026-11-24 12:00 · 2 attempts left"; empty if nothing is known.
 std::string stepText(const LadderStep& step);
 /// "next", "locked", …: for JSON; "unknown" without a standing.
 std::string stepStateName(StepState state);

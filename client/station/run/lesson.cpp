@@ -11,6 +11,8 @@
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/handle_stiffness.h"
 #include "common/profile/profile.h"
+#include "common/scoring/anatomy.h"
+#include "common/scoring/reachable.h"
 
 namespace needlelab {
 namespace {
@@ -24,6 +26,8 @@ Result<StationLesson> lessonOf(pb::Profile profile, const StationOptions& option
   auto model = compile(scene, options.rate_hz);
   if (!model.ok()) return Error{model.error().code, "profile " + profile.id() + ": " + model.error().message};
   lesson.warnings = profileWarnings(profile);
+  for (std::string& target : unreachableTargets(profile, profile.needle().length_m()))
+    lesson.warnings.push_back(std::move(target));
   lesson.profile = std::move(profile);
   lesson.scene = std::move(scene);
   lesson.model = *model;
@@ -50,6 +54,8 @@ Result<StationLesson> lessonOfMessage(const StationOptions& options, const pb::L
   lesson.profile_revision = message.profile_revision();
   lesson.attempt = message.attempt();
   if (message.has_attempts_left()) lesson.attempts_left = message.attempts_left();
+  lesson.exam = message.exam();
+  lesson.results_from_unix_ns = message.results_from_unix_ns();
   return lesson;
 }
 
@@ -58,18 +64,22 @@ LiveAids aidsOf(const AidList& aids) {
           hasAid(aids, pb::Exercise::DEPTH), hasAid(aids, pb::Exercise::FORCE)};
 }
 
+AidList allowedAids(const StationLesson& lesson) {
+  return lesson.exercise ? aidsOfExercise(*lesson.exercise) : usualAids();
+}
+
 LiveAids aidsOf(const StationLesson& lesson) {
-  return aidsOf(lesson.exercise ? aidsOfExercise(*lesson.exercise) : usualAids());
+  return aidsOf(allowedAids(lesson));
 }
 
 std::vector<PlanTarget> targetsOf(const pb::Profile& profile, const Pose& X_WL) {
   std::vector<PlanTarget> targets;
   const auto scene = sceneSpecOf(profile, X_WL);
   const auto entry = scene.ok() ? markedEntry(scene->limb, X_WL) : std::nullopt;
-  for (const pb::Target& target : profile.targets()) {
-    const pb::Vector3& center = target.center_m();
-    targets.push_back({target.name(), X_WL * Vec3{center.x(), center.y(), center.z()}, entry});
-  }
+  const double behind_m = openingBehindTip_m(needleOf(profile.needle()));
+  const Anatomy anatomy = anatomyOf(profile, X_WL);
+  for (const Target& target : anatomy.targets)
+    targets.push_back({target.ball.name, tipForTarget(anatomy, target, behind_m, entry), entry});
   return targets;
 }
 

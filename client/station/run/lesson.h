@@ -45,6 +45,8 @@ struct StationLesson {
   bool bone_left_out = false;                  ///< the profile lists BONE, and device and tool do not hold it
   std::uint32_t attempt = 0;                   ///< the trainee's attempt number; 0: unknown
   std::optional<std::uint32_t> attempts_left;  ///< including this one; none: unlimited
+  bool exam = false;                           ///< nobody changes its aids
+  std::int64_t results_from_unix_ns = 0;       ///< of an exam: no result is shown before; 0: at once
 };
 
 /// Makes a lesson from a profile file (`options.profile_file`). Errors: kInvalidInput.
@@ -52,12 +54,14 @@ Result<StationLesson> lessonOfFile(const StationOptions& options);
 /// Makes a lesson from the answer of the server or the cache. Errors: kInvalidInput, naming the exercise.
 Result<StationLesson> lessonOfMessage(const StationOptions& options, const pb::Lesson& lesson);
 
+/// Returns the aids that the trainee sees at the beginning: the exercise's, or the usual ones.
+AidList allowedAids(const StationLesson& lesson);
 /// Returns the figures that the exercise allows on the live line; all of them if it sets nothing.
 LiveAids aidsOf(const StationLesson& lesson);
 /// The same for chosen aids.
 LiveAids aidsOf(const AidList& aids);
 
-/// Returns the profile's targets in W.
+/// Returns where the tip has to be for an injection into each target of the profile, in W (tipForTarget).
 std::vector<PlanTarget> targetsOf(const pb::Profile& profile, const Pose& X_WL);
 
 /// Returns the names of the live effects, e.g. CUTTING.

@@ -2,9 +2,12 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <chrono>
+#include <cstddef>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "client/net/lesson_cache.h"
 #include "client/net/uplink.h"
@@ -28,6 +31,41 @@ const pb::TraineeChecked& ofTrainee(const pb::Reply& reply) {
   return reply.trainee_checked();
 }
 
+// without what is one trainee's
+pb::Lesson lessonOfAnyone(pb::Lesson lesson) {
+  lesson.clear_person_ref();
+  lesson.clear_code_checked();
+  lesson.clear_attempt();
+  lesson.clear_attempts_left();
+  lesson.clear_due_unix_ns();
+  return lesson;
+}
+
+const TraineeStanding* standingIn(const Curriculum& curriculum, const std::string& trainee) {
+  const auto known = curriculum.standings.find(trainee);
+  return known != curriculum.standings.end() ? &known->second : nullptr;
+}
+
+const ServerExercise* exerciseIn(const Curriculum& curriculum, const std::string& id) {
+  for (const ServerExercise& exercise : curriculum.exercises)
+    if (exercise.exercise_id == id) return &exercise;
+  return nullptr;
+}
+
+// the names of what this trainee can practise without the server
+std::vector<std::string> lessonsKept(const StationOptions& options) {
+  const Curriculum curriculum = CurriculumCache(options.spool, options.key_file).find();
+  const TraineeStanding* const standing = standingIn(curriculum, options.trainee);
+  std::vector<std::string> names;
+  for (const CachedLesson& lesson : LessonCache(options.spool).list()) {
+    const ServerExercise* const exercise = exerciseIn(curriculum, lesson.exercise_id);
+    const bool may = exercise != nullptr ? mayTake(*exercise, standing) : !lesson.assigned_only;
+    if (lesson.trouble.empty() && may)
+      names.push_back(lesson.name.empty() ? lesson.exercise_id : lesson.name);
+  }
+  return names;
+}
+
 class LessonFetch {
  public:
   LessonFetch(StationHome& home, const StationOptions& options, GivenCode& code,
@@ -43,6 +81,8 @@ class LessonFetch {
   auto askWithCode(Ask&& ask);
   void keepAsksCode(bool asks) const;
   Status checkTrainee();
+  Status mayBeginAlone(const pb::Lesson& lesson) const;
+  [[nodiscard]] Error needsServer() const;
 
   StationHome& home_;
   const StationOptions& options_;
@@ -115,6 +155,47 @@ Status LessonFetch::checkTrainee() {
   return said_no ? Status(reply.error()) : Status();
 }
 
+// an exam's attempts are counted here as far as this station knows them; the server counts them all
+Status LessonFetch::mayBeginAlone(const pb::Lesson& lesson) const {
+  const Curriculum kept = CurriculumCache(options_.spool, options_.key_file).find();
+  const TraineeStanding* const standing = standingIn(kept, options_.trainee);
+  const ServerExercise* const exercise = exerciseIn(kept, options_.exercise);
+  // what the server said last may be newer than the lesson
+  const bool exam = lesson.exam() || (exercise != nullptr && exercise->exam);
+  const bool assigned_only = lesson.assigned_only() || (exercise != nullptr && exercise->assigned_only);
+  if (!assigned_only) return {};
+  const std::string name = "\"" + (exercise != nullptr ? exercise->name : options_.exercise) + "\"";
+  if (exercise == nullptr || standing == nullptr || !mayTake(*exercise, standing))
+    return Error{ErrorCode::kDenied, name +
+                                         " is only for those to whom it is assigned. The server cannot be "
+                                         "reached, and this station does not know that it is assigned to "
+                                         "you: ask the instructor"};
+  for (const StepStanding& step : standing->steps) {
+    if (step.exercise_id != options_.exercise || !exam) continue;
+    if (step.attempts_left == 0u)
+      return Error{ErrorCode::kDenied, name + ": no attempt is left; ask the instructor"};
+    if (!step.locked_by.empty())
+      return Error{ErrorCode::kDenied, name + " is still locked: others of the exam come first"};
+  }
+  return {};
+}
+
+// what the trainee can do now
+Error LessonFetch::needsServer() const {
+  constexpr std::size_t kMostNames = 8;
+  const std::vector<std::string> kept = lessonsKept(options_);
+  std::string names;
+  for (std::size_t i = 0; i < std::min(kept.size(), kMostNames); ++i)
+    names += (i == 0 ? "\"" : ", \"") + kept[i] + "\"";
+  if (kept.size() > kMostNames) names += fmt::format(" and {} more", kept.size() - kMostNames);
+  const bool has_server = home_.uplink() != nullptr;
+  const std::string why = has_server ? "The server cannot be reached" : "This station has no server";
+  return {has_server ? ErrorCode::kUnavailable : ErrorCode::kInvalidInput,
+          kept.empty() ? why + ", and no lesson is kept here: ask the instructor."
+                       : why + ". These lessons are kept here: " + names +
+                             ". Others need the server: ask the instructor."};
+}
+
 Result<StationLesson> LessonFetch::get() {
   if (!options_.profile_file.empty()) {
     RETURN_IF_ERROR(checkTrainee());
@@ -129,26 +210,27 @@ Result<StationLesson> LessonFetch::get() {
                                code);
     });
     if (fetched.ok()) {
-      pb::Lesson of_anyone = *fetched;
-      of_anyone.clear_person_ref();
-      if (auto kept = cache.keep(options_.exercise, of_anyone); !kept.ok())
+      if (auto kept = cache.keep(options_.exercise, lessonOfAnyone(*fetched)); !kept.ok())
         logMessage("the lesson is not cached: " + kept.error().message);
       return lessonOfMessage(options_, *fetched);
     }
     // accepts the server's refusal; does not wait for an absent server
     if (fetched.error().code != ErrorCode::kUnavailable) return fetched.error();
-    if (!cached.ok())
-      return Error{fetched.error().code, fetched.error().message + ", and " + cached.error().message};
-    logMessage("the server is away (" + fetched.error().message + "); exercise " + options_.exercise +
-               " comes from the cache, the samples wait in the spool");
+    logMessage("the server is away (" + fetched.error().message + ")" +
+               (cached.ok() ? "; exercise " + options_.exercise +
+                                  " comes from the cache, the samples wait in the spool"
+                            : ""));
   }
-  if (!cached.ok())
-    return Error{ErrorCode::kInvalidInput, cached.error().message + "; give --server, or --profile FILE"};
+  if (!cached.ok()) {
+    logMessage(cached.error().message);
+    return needsServer();
+  }
+  RETURN_IF_ERROR(mayBeginAlone(*cached));
   auto usable = lessonOfMessage(options_, *cached);
   if (!usable.ok())
-    return Error{usable.error().code, "the cached lesson " + options_.exercise +
-                                          " cannot be used: " + usable.error().message +
-                                          "; connect to the server once, which gives it anew"};
+    return Error{usable.error().code, "exercise " + options_.exercise +
+                                          " is kept here, but it cannot be used (" + usable.error().message +
+                                          "): it needs the server once; ask the instructor"};
   logMessage(fmt::format("exercise {} from the cache: profile {}, revision {}", options_.exercise,
                          usable->profile.id(), usable->profile_revision));
   return usable;

@@ -16,6 +16,7 @@
 #include "client/station/run/summary.h"
 #include "common/base/histogram.h"
 #include "common/haptics/geometry.h"
+#include "common/scoring/alarms.h"
 
 namespace needlelab {
 
@@ -44,8 +45,9 @@ struct LessonStatus {
   std::string hold;             ///< reason for zero force without a fault
   LatencyQuantiles wakeup;
   std::uint64_t missed_ticks = 0;
-  std::string spool, server;  ///< short state, as on the live line
-  std::string room;           ///< free space of the spool, or of the server; empty unless it is urgent
+  std::string spool, server;        ///< short state, as on the live line
+  std::string room;                 ///< free space of the spool, or of the server; empty unless it is urgent
+  std::vector<ActiveAlarm> alarms;  ///< that the trainee is to see, most urgent first
 };
 
 /// The outcome of a finished lesson so far; the server's score may come later.

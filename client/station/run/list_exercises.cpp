@@ -65,6 +65,7 @@ std::vector<ListedExercise> listExercises(const std::vector<CachedLesson>& cache
                           lesson.fetched_unix_ns, std::nullopt, lesson.trouble};
     if (lesson.trouble.empty()) listed.cached_revision = lesson.profile_revision;
     if (on_server) listed.on_server = false;
+    listed.assigned_only = lesson.assigned_only;
     by_id[lesson.exercise_id] = std::move(listed);
   }
   for (const ServerExercise& exercise : on_server.value_or(std::vector<ServerExercise>{})) {
@@ -73,6 +74,7 @@ std::vector<ListedExercise> listExercises(const std::vector<CachedLesson>& cache
     listed.name = exercise.name;
     listed.profile_id = exercise.profile_id;
     listed.on_server = true;
+    listed.assigned_only = exercise.assigned_only;
   }
   std::vector<ListedExercise> all;
   for (auto& [id, listed] : by_id) all.push_back(std::move(listed));
@@ -81,7 +83,8 @@ std::vector<ListedExercise> listExercises(const std::vector<CachedLesson>& cache
 
 std::string exerciseListText(const std::vector<ListedExercise>& exercises, std::int64_t now_unix_ns) {
   if (exercises.empty())
-    return "no exercise is cached: connect to the server and practise it once, or give --profile FILE\n";
+    return "no exercise is cached: the window gets what is assigned once the server is there; or give "
+           "--profile FILE\n";
   std::size_t id_width = 10, name_width = 6;
   for (const ListedExercise& exercise : exercises) {
     id_width = std::max(id_width, countCharacters(exercise.exercise_id) + 2);
@@ -97,8 +100,8 @@ std::string exerciseListText(const std::vector<ListedExercise>& exercises, std::
         text += ", fetched " + durationText(std::max(0.0, hours)) + " ago";
       }
     } else {
-      text +=
-          exercise.trouble.empty() ? "not yet: practise it once with the server" : "no: " + exercise.trouble;
+      text += exercise.trouble.empty() ? "not yet: assign it, or practise it once with the server"
+                                       : "no: " + exercise.trouble;
     }
     if (exercise.on_server && !*exercise.on_server) text += "; the server does not have it any more";
     text += "\n";

@@ -20,6 +20,7 @@ struct ListedExercise {
   std::int64_t fetched_unix_ns = 0;              ///< 0: not cached, or unknown
   std::optional<bool> on_server;  ///< none: the station did not ask the server, or got no answer
   std::string trouble;            ///< why the cached exercise is unusable
+  bool assigned_only = false;     ///< only those take it to whom it is assigned
 };
 
 /// Updates `curriculum` over a separate connection, with the standing of --trainee if it is given. Errors:

@@ -79,7 +79,8 @@ Result<LocalScore> localScore(const SpoolSession& session, const StationLesson& 
   const auto plan = lesson.exercise ? plannedLineOf(*lesson.exercise, X_WL) : std::nullopt;
   const auto events = syringeEvents(samples, session.description().rate_hz(), lesson.profile, X_WL);
   return LocalScore{scoreJson(measures), eventsJson(events),
-                    gestureCurve(samples, lesson.model.limb, kCurvePoints, plan)};
+                    gestureCurve(samples, lesson.model.limb, kCurvePoints, plan),
+                    missOf(samples, events, lesson.profile, X_WL)};
 }
 
 }  // namespace needlelab

@@ -16,6 +16,7 @@
 #include "common/haptics/geometry.h"
 #include "common/haptics/scene_spec.h"
 #include "common/profile/planned_line.h"
+#include "common/scoring/miss.h"
 
 namespace needlelab {
 
@@ -41,9 +42,10 @@ GestureCurve gestureCurve(std::span<const GestureSample> samples, const Limb& li
                           const std::optional<PlannedLine>& plan_W = {});
 
 struct LocalScore {
-  std::string score_json;   ///< rows as in scoreJson
-  std::string events_json;  ///< rows as in eventsJson
-  GestureCurve curve;       ///< for plots
+  std::string score_json;    ///< rows as in scoreJson
+  std::string events_json;   ///< rows as in eventsJson
+  GestureCurve curve;        ///< for plots
+  std::optional<Miss> miss;  ///< as missOf
 };
 
 /// Reads the session's chunks again, as the server would, and scores them. Errors: kInvalidInput if the

@@ -27,7 +27,8 @@ LoopWatch::LoopWatch(const WatchedLesson& watched, const sigset_t& stop_signals,
       enter_(enter),
       faults_(watched.on_fault == FaultPolicy::kWait, howToAcknowledge(watched, enter)),
       viewer_(watched.loop, watched.options.rate_hz, layerNames(watched.lesson.profile)),
-      aids_(aidsOf(watched.lesson)) {
+      aids_(aidsOf(watched.lesson)),
+      alarms_shown_(hasAid(allowedAids(watched.lesson), pb::Exercise::ALARMS)) {
   sigaddset(&signals_, SIGUSR1);
 }
 
@@ -76,8 +77,12 @@ void LoopWatch::handleRequests() {
     logMessage(stopText(stopped_));
     watched_.loop.stop();
   }
-  if (const auto chosen = requests.takeAids()) {
+  const auto chosen = requests.takeAids();
+  if (chosen && watched_.lesson.exam) {
+    logMessage("this is an exam: the aids that " + chosen->by + " chose are not shown");
+  } else if (chosen) {
     aids_ = chosen->reset ? aidsOf(watched_.lesson) : aidsOf(chosen->aids);
+    alarms_shown_ = hasAid(chosen->reset ? allowedAids(watched_.lesson) : chosen->aids, pb::Exercise::ALARMS);
     logMessage(chosen->by + " changed what is shown");
     watched_.home.observer().aids(*chosen);
   }
@@ -112,6 +117,8 @@ void LoopWatch::showStatus(const WatchedState& state) {
   const std::string& room = watched_.home.guard().trouble();
   const bool both = !room.empty() && !server.server_full.empty();
   status.room = room + (both ? "; " : "") + server.server_full;
+  status.alarms =
+      watched_.alarms.update({status.fault, status.hold, status.time_s, watched_.limit_s, alarms_shown_});
   watched_.home.observer().status(status);
   const std::int64_t now_ns = watched_.home.time().nowNs();
   if (liveLine().due(now_ns)) liveLine().show(view, now_ns);

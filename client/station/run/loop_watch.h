@@ -8,6 +8,7 @@
 #include "client/device/device.h"
 #include "client/device/turns.h"
 #include "client/net/spool_writer.h"
+#include "client/station/alarm/lesson_alarms.h"
 #include "client/station/run/fault_watch.h"
 #include "client/station/run/lesson.h"
 #include "client/station/run/lesson_requests.h"
@@ -27,13 +28,15 @@ struct WatchedLesson {
   const SpoolWriter& writer;
   const DeviceMaintenance& maintenance;
   FaultPolicy on_fault = FaultPolicy::kEnd;
+  LessonAlarms& alarms;
+  double limit_s = 0;  ///< of the lesson; 0: none
 };
 
 /// Looks every 50 ms of the home's time, first 50 ms after the beginning and for the last time when the loop
 /// has ended. A look
 /// - stops the loop on a stop signal, or when a person or an instructor asks for it;
 /// - acknowledges a reported fault when a person pressed Enter or a button of the window, or sent SIGUSR1;
-/// - tells person, observer and server how loop, device and disk are.
+/// - tells person, observer and server how loop, device and disk are, and what alarms.
 /// A signal brings the next look forward. Thread: one, the lesson's.
 class LoopWatch final : public Turns {
  public:
@@ -64,6 +67,7 @@ class LoopWatch final : public Turns {
   FaultWatch faults_;
   LiveViewer viewer_;
   LiveAids aids_;
+  bool alarms_shown_;
   bool begun_ = false;
   int signal_ = 0;  // that ended the last rest
   bool interrupted_ = false;

@@ -6,6 +6,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <iostream>
 #include <optional>
@@ -30,12 +31,12 @@ namespace {
 
 // Options to check or convert after parsing.
 struct RawOptions {
-  std::string server, tool, placement, plunger, on_fault;
+  std::string server, tool, placement, plunger, on_fault, tone;
   std::optional<std::string> json;
   double keep_days = 14, quota_mib = 4096;
   std::optional<std::string> enrolled;
   std::vector<std::string> screenshots, screenshot_times;
-  std::string window_size;
+  std::string window_size, monitor, viewing_distance;
   bool list_devices = false, self_test = false, calibrate = false, measure_delay = false;
   bool list_exercises = false;
   bool replace = false;
@@ -87,8 +88,16 @@ void addWindow(CLI::App& app, StationOptions& o, RawOptions& raw) {
   app.add_option("--at", raw.screenshot_times,
                  "of each --screenshot: seconds into the lesson, or start or end for those screens")
       ->type_name("S");
-  app.add_option("--window", raw.window_size,
-                 "the window's size in pixels, e.g. 1280x720; default: as it was left")
+  app.add_option("--monitor", raw.monitor,
+                 "the diagonal of the monitor's picture, in inches: the letters' sizes come from it and from "
+                 "the distance; default: 24in")
+      ->type_name("Nin");
+  app.add_option("--viewing-distance", raw.viewing_distance,
+                 "from the trainee's eyes to the monitor, in metres; default: 2m")
+      ->type_name("Nm");
+  app.add_flag("--windowed", o.window.windowed,
+               "a window, as it was left, in place of the whole screen: for a desk");
+  app.add_option("--window", raw.window_size, "a window of this size in pixels, e.g. 1280x720")
       ->type_name("WxH");
   app.add_option("--font-scale", o.window.font_scale,
                  "larger or smaller letters, 1 is ordinary; default: as it was left")
@@ -115,6 +124,16 @@ void addDevice(CLI::App& app, StationOptions& o, RawOptions& raw) {
          "when the force was taken away: end the lesson, or wait until the needle is outside and Enter "
          "is pressed (or SIGUSR1 sent); default: wait at a terminal, else end")
       ->check(CLI::IsMember({"end", "wait"}));
+  app.add_option("--rehearse-fault", o.rehearse_fault_s,
+                 "take the force away once after so many seconds, as in a fault, so that staff can practise "
+                 "what to do; the recording says so")
+      ->type_name("S")
+      ->check(CLI::Range(0.0, 86'400.0));
+  app.add_option("--tone", raw.tone,
+                 "which alarms sound: danger (fault, hazard, bone), all, off; through the sound card, else "
+                 "the terminal's bell")
+      ->check(CLI::IsMember({"danger", "all", "off"}))
+      ->default_str("danger");
 }
 
 void addRealTime(CLI::App& app, StationOptions& o) {
@@ -248,8 +267,28 @@ bool readNumber(const std::string& text, Number& value) {
   return error == std::errc() && end == text.data() + text.size();
 }
 
+/// A length with its unit, `unit_m` long, within [least, most].
+Status readLength(const char* option, const std::string& text, const char* unit, double unit_m,
+                  double least_m, double most_m, double& length_m) {
+  if (text.empty()) return {};
+  double number = 0;
+  const bool has_unit = text.ends_with(unit);
+  if (has_unit && readNumber(text.substr(0, text.size() - std::strlen(unit)), number) &&
+      number * unit_m >= least_m * (1 - 1e-9) && number * unit_m <= most_m * (1 + 1e-9)) {
+    length_m = number * unit_m;
+    return {};
+  }
+  return Error{ErrorCode::kInvalidInput,
+               fmt::format("{} '{}', allowed is a length from {:g}{} to {:g}{}", option, text,
+                           least_m / unit_m, unit, most_m / unit_m, unit)};
+}
+
 Status takeWindow(WindowOptions& window, const RawOptions& raw) {
   const auto usage = [](const std::string& text) { return Error{ErrorCode::kInvalidInput, text}; };
+  RETURN_IF_ERROR(readLength("--monitor", raw.monitor, "in", kInch_m, kLeastDiagonal_m, kMostDiagonal_m,
+                             window.viewing.diagonal_m));
+  RETURN_IF_ERROR(readLength("--viewing-distance", raw.viewing_distance, "m", 1, kLeastDistance_m,
+                             kMostDistance_m, window.viewing.distance_m));
   if (raw.screenshots.size() != raw.screenshot_times.size())
     return usage(fmt::format("each --screenshot FILE needs its --at S: there are {} and {}",
                              raw.screenshots.size(), raw.screenshot_times.size()));
@@ -273,6 +312,7 @@ Status takeWindow(WindowOptions& window, const RawOptions& raw) {
   if (!window.size_given)
     return usage("--window '" + raw.window_size +
                  "', allowed is WIDTHxHEIGHT in pixels from 640x360 to 8192x8192");
+  window.windowed = true;
   return {};
 }
 
@@ -373,6 +413,10 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
   o.json = app.count("--json") > 0;
   if (raw.json) o.json_file = *raw.json;
   o.hand_plan_given = app.count("--hand-plan") > 0;
+  if (!raw.tone.empty())
+    o.tone = raw.tone == "all"   ? ToneChoice::kAll
+             : raw.tone == "off" ? ToneChoice::kOff
+                                 : ToneChoice::kDanger;
   if (!raw.on_fault.empty()) o.on_fault = raw.on_fault == "wait" ? FaultPolicy::kWait : FaultPolicy::kEnd;
   std::vector<NamedFile> outputs = {
       {"--json", o.json_file}, {"--out", o.tool_out}, {"--frame-log", o.window.frame_log}};

@@ -10,7 +10,9 @@
 #include "client/device/hand.h"
 #include "client/device/plunger.h"
 #include "client/net/spool.h"
+#include "client/station/alarm/tone.h"
 #include "client/station/run/fault_watch.h"
+#include "client/view/model/viewing.h"
 #include "common/base/result.h"
 #include "common/haptics/geometry.h"
 #include "common/wire/endpoint.h"
@@ -41,7 +43,9 @@ struct WindowOptions {
   bool start = false;    ///< --start: the first lesson begins at once
   bool may_quit = true;  ///< false: --no-quit
   std::vector<PictureRequest> pictures;
+  Viewing viewing;                   ///< --monitor, --viewing-distance: letters have their sizes for it
   std::optional<double> font_scale;  ///< 0.8-2.5; none: the last value
+  bool windowed = false;             ///< --windowed or --window was given; else it takes the whole screen
   int width_px = 1280, height_px = 720;
   bool size_given = false;          ///< --window was given; otherwise the last size
   std::filesystem::path frame_log;  ///< --frame-log; empty: none
@@ -68,7 +72,9 @@ struct StationOptions {
   double seconds = 0;      ///< 0: the device, the exercise's time limit or a signal ends the lesson
   std::optional<int> cpu;  ///< --cpu: the haptic thread's core; none = the system chooses
   double spin_us = 0;      ///< --spin-us
-  std::optional<FaultPolicy> on_fault;  ///< --on-fault; none: wait on a terminal, otherwise end
+  std::optional<FaultPolicy> on_fault;     ///< --on-fault; none: wait on a terminal, otherwise end
+  std::optional<double> rehearse_fault_s;  ///< --rehearse-fault: after so long
+  ToneChoice tone = ToneChoice::kDanger;   ///< --tone
   bool headless = false;
   WindowOptions window;
   bool hand_plan_given = false;  ///< --hand-plan was given

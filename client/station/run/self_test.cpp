@@ -418,6 +418,7 @@ int runSelfTest(const StationOptions& options, const sigset_t& stop_signals) {
   facts.device.tool_given = options.tool_given;
   facts.device.X_HT = options.X_HT;
   facts.machine = measureMachine();
+  facts.monitor = {options.window.viewing, !options.headless, connectedMonitors()};
   facts.engine = measureEngine(options.rate_hz);
   facts.disk = measureDisk(options.spool);
   for (const Endpoint& server : options.servers) facts.servers.push_back(measureServer(options, server));

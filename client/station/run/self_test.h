@@ -12,9 +12,11 @@
 #include <vector>
 
 #include "client/device/device.h"
+#include "client/station/run/monitor.h"
 #include "client/station/run/options.h"
 #include "client/station/run/real_time.h"
 #include "client/station/run/zero_force_loop.h"
+#include "client/view/model/viewing.h"
 #include "common/base/program.h"
 
 namespace needlelab {
@@ -68,9 +70,16 @@ struct ServerFacts {
   double clock_offset_s = 0;  ///< the server's time of day minus this computer's
 };
 
+struct MonitorFacts {
+  Viewing viewing;                 ///< --monitor, --viewing-distance
+  bool wanted = true;              ///< false: --headless has no window
+  std::vector<MonitorSize> found;  ///< what the connected monitors say
+};
+
 struct SelfTestFacts {
   DeviceFacts device;
   MachineFacts machine;
+  MonitorFacts monitor;
   DiskFacts disk;
   EngineFacts engine;
   std::vector<ServerFacts> servers;  ///< each of --server; empty without it

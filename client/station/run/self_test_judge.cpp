@@ -213,6 +213,39 @@ void judgeComputer(const MachineFacts& f, std::vector<Check>& checks) {
                           "on one core the loop and everything else are in each other's way"));
 }
 
+// what a monitor says is a suggestion only: some say another's size, or none
+void judgeMonitor(const MonitorFacts& f, std::vector<Check>& checks) {
+  if (!f.wanted) return;
+  constexpr double kUnlike = 0.1;
+  const auto isLike = [&](const MonitorSize& m) {
+    return std::abs(m.diagonal_m - f.viewing.diagonal_m) <= kUnlike * f.viewing.diagonal_m;
+  };
+  const auto inches = [](double m) { return fmt::format("{:.3g}in", m / kInch_m); };
+  const std::string given = inches(f.viewing.diagonal_m);
+  if (f.found.empty()) {
+    checks.push_back({"monitor", Verdict::kNotChecked, "none says its size; letters are for " + given, "",
+                      "measure the diagonal of its picture; if it is another: --monitor"});
+  } else {
+    std::string said;
+    for (const MonitorSize& m : f.found)
+      said += (said.empty() ? "" : ", ") + m.plug + " says " + inches(m.diagonal_m);
+    const bool like = std::ranges::any_of(f.found, isLike);
+    checks.push_back({"monitor", like ? Verdict::kOk : Verdict::kWarning, said + "; letters are for " + given,
+                      "within 10 %",
+                      like ? ""
+                           : "measure the diagonal of its picture, and start the station with --monitor " +
+                                 inches(f.found.front().diagonal_m) + " if it is that"});
+  }
+  const double share = headingShare(f.viewing);
+  checks.push_back(
+      number("letters", 100 * share, "%", share <= kMostHeadingShare ? Verdict::kOk : Verdict::kWarning,
+             fmt::format("{:.0f}′ at {:g} m take {:.1f} % of the window's height", kHeadingArcmin,
+                         f.viewing.distance_m, 100 * share),
+             fmt::format("at most {:.1f} %", 100 * kMostHeadingShare),
+             "names are cut and plots are missing: a larger monitor, or nearer to it; then --monitor and "
+             "--viewing-distance"));
+}
+
 void judgeDisk(const DiskFacts& f, double rate_hz, std::vector<Check>& checks) {
   if (!f.trouble.empty()) {
     checks.push_back(
@@ -295,6 +328,7 @@ std::vector<Check> judge(const SelfTestFacts& facts) {
   std::vector<Check> checks;
   judgeDevice(facts.device, checks);
   judgeComputer(facts.machine, checks);
+  judgeMonitor(facts.monitor, checks);
   judgeEngine(facts.engine, facts.device.rate_hz, checks);
   judgeDisk(facts.disk, facts.device.rate_hz, checks);
   judgeServers(facts.servers, checks);

@@ -17,7 +17,9 @@
 #include <vector>
 
 #include "client/device/factory/device_factory.h"
+#include "client/device/rehearsed_fault.h"
 #include "client/net/uplink.h"
+#include "client/station/run/curriculum.h"
 #include "client/station/run/cut_follower.h"
 #include "client/station/run/lesson.h"
 #include "client/station/run/lesson_fetch.h"
@@ -43,6 +45,18 @@ constexpr double kHandDamping_Ns_per_m = 3;  // of an ordinary grip (tests/stabi
 void putPose(google::protobuf::RepeatedField<double>& to, const Pose& pose) {
   for (const double value : {pose.p.x, pose.p.y, pose.p.z, pose.q.x, pose.q.y, pose.q.z, pose.q.w})
     to.Add(value);
+}
+
+std::vector<pb::AlarmCount> alarmCountsOf(const GestureAlarms& alarms) {
+  std::vector<pb::AlarmCount> counts;
+  for (const AlarmCount& count : alarms.counts()) {
+    pb::AlarmCount& told = counts.emplace_back();
+    told.set_alarm(std::string(kindOf(count.alarm).name));
+    told.set_begun(count.begun);
+    told.set_now(count.now);
+    told.set_detail(count.detail);
+  }
+  return counts;
 }
 
 }  // namespace
@@ -88,6 +102,10 @@ Status StationRun::chooseDevice() {
   DeviceOptions device_options{lesson_.scene, targetsOf(lesson_.profile, options_.X_WL), options_.X_HT,
                                options_.hand, steering_};
   ASSIGN_OR_RETURN(device_, makeDevice(options_.device, device_options));
+  if (options_.rehearse_fault_s) {
+    device_ = std::make_unique<RehearsedFault>(std::move(device_), *options_.rehearse_fault_s);
+    device_notes_.push_back(fmt::format("a fault is rehearsed after {:.3g} s", *options_.rehearse_fault_s));
+  }
   ASSIGN_OR_RETURN(delay_, loopDelayOf(options_, device_->info()));
   RETURN_IF_ERROR(fitLesson(lesson_, device_->info(), delay_, options_, device_notes_));
   for (const std::string& note : device_notes_) logMessage(note);
@@ -146,6 +164,11 @@ Status StationRun::openSession() {
   if (!(options_.X_HT == Pose{})) putPose(*d.mutable_tool(), options_.X_HT);
   ASSIGN_OR_RETURN(session_, home_.spool().create(d));
   if (Uplink* uplink = home_.uplink()) uplink->add(session_, true);
+  // for the time without the server, which may begin now
+  if (const Status kept =
+          CurriculumCache(options_.spool, options_.key_file).keepBegun(options_.trainee, options_.exercise);
+      !kept.ok())
+    logMessage("it is not kept here that an attempt was begun: " + kept.error().message);
   return {};
 }
 
@@ -203,11 +226,12 @@ Status StationRun::practise() {
   callbacks.piece = [this, uplink, lesson_watch, cut_follower](const SamplePiece& samples) {
     SamplePiece piece = samples;
     piece.cut_memory = cut_follower->due();  // its last sample is the last that was followed
+    lesson_watch->add(*piece.samples);
+    alarms_.take(lesson_watch->alarms());
     if (uplink != nullptr) {
       uplink->offer(piece);
-      lesson_watch->add(*piece.samples);
       uplink->noteLesson({lesson_watch->peakForce_N(), lesson_watch->warnings(), lesson_watch->forceLimit_N(),
-                          lesson_watch->layerName()});
+                          lesson_watch->layerName(), alarmCountsOf(lesson_watch->alarms())});
     }
     home_.observer().piece(piece);
   };
@@ -259,8 +283,9 @@ Status StationRun::practise() {
   for (const std::string& line : rtStepLines(realtime_)) logMessage("real time: " + line);
   {
     const DeviceMaintenance maintenance(*device_, home_.time());
-    LoopWatch watch({home_, options_, lesson_, *loop_, *writer_, maintenance, settings.on_fault}, signals_,
-                    enter);
+    LoopWatch watch(
+        {home_, options_, lesson_, *loop_, *writer_, maintenance, settings.on_fault, alarms_, time_limit_s_},
+        signals_, enter);
     watch.run();
     interrupted_ = interrupted_ || watch.interrupted();
     if (watch.stopped()) stopped_ = watch.stopped();
@@ -291,9 +316,17 @@ void StationRun::drain() {
   if (const std::string text = drainText(end, uplink->state()); !text.empty()) logMessage(text);
 }
 
+// of an exam; by the server's clock alone, because this computer's may be wrong
+std::int64_t StationRun::resultsHeldUntil() const {
+  const Uplink* const uplink = home_.uplink();
+  const auto ahead = uplink != nullptr ? uplink->state().server_minus_steady_ns : std::nullopt;
+  const std::int64_t from_ns = lesson_.results_from_unix_ns;
+  return from_ns != 0 && (!ahead || home_.time().nowNs() + *ahead < from_ns) ? from_ns : 0;
+}
+
 // only once, because it reads the whole recording
 void StationRun::scoreHere() {
-  if (local_) return;
+  if (local_ || resultsHeldUntil() != 0) return;
   local_ = localScore(*session_, lesson_, options_.X_WL);
   if (!local_->ok()) logMessage("no score by this station: " + local_->error().message);
 }
@@ -318,11 +351,13 @@ StationSummary StationRun::summarise() {
   s.realtime = realtime_;
   s.black_box = black_box_;
   s.device_notes = device_notes_;
+  s.alarms = alarms_.counts();
   s.stiffness_share = lesson_.stiffness_share;
   s.bone_left_out = lesson_.bone_left_out;
   s.spool = options_.spool.string();
   if (stopped_) s.stopped = *stopped_;
   s.state = "OPEN";
+  s.results_from_unix_ns = resultsHeldUntil();
   Uplink* const uplink = home_.uplink();
   s.has_server = uplink != nullptr;
   if (uplink != nullptr) {
@@ -334,16 +369,22 @@ StationSummary StationRun::summarise() {
       s.state = verdict.state() == pb::SESSION_COMPLETE      ? "COMPLETE"
                 : verdict.state() == pb::SESSION_INTERRUPTED ? "INTERRUPTED"
                                                              : "OPEN";
-      s.score_json = verdict.score_json();
-      s.score_source = "server";
+      if (s.results_from_unix_ns == 0) {
+        s.score_json = verdict.score_json();
+        s.score_source = "server";
+      }
     }
   } else {
     for (const auto& session : home_.spool().unfinished())
       s.spool_left +=
           session->contents().chunks - std::min(session->contents().chunks, session->receipt().committed);
   }
-  if (local_->ok()) s.syringe_json = (*local_)->events_json;
-  if (s.score_json.empty() && local_->ok()) {
+  const bool scored_here = local_ && local_->ok() && s.results_from_unix_ns == 0;
+  if (scored_here) {
+    s.syringe_json = (*local_)->events_json;
+    s.miss = (*local_)->miss;
+  }
+  if (s.score_json.empty() && scored_here) {
     s.score_json = (*local_)->score_json;
     s.score_source = "station";
   }
@@ -356,7 +397,7 @@ LessonOutcome StationRun::outcome() {
   outcome.summary = summarise();
   outcome.stored = stored_;
   outcome.code_unchecked = code_unchecked_;
-  if (local_->ok()) outcome.curve = (*local_)->curve;
+  if (local_ && local_->ok() && outcome.summary.results_from_unix_ns == 0) outcome.curve = (*local_)->curve;
   return outcome;
 }
 

@@ -11,6 +11,7 @@
 
 #include "client/device/device.h"
 #include "client/device/hand.h"
+#include "client/station/alarm/lesson_alarms.h"
 #include "client/station/run/black_box.h"
 #include "client/station/run/lesson.h"
 #include "client/station/run/lesson_observer.h"
@@ -60,6 +61,7 @@ class StationRun {
   void dateBegin(pb::SessionDescription& description) const;
   void announce();
   // afterwards
+  [[nodiscard]] std::int64_t resultsHeldUntil() const;
   void scoreHere();
   StationSummary summarise();
 
@@ -78,7 +80,9 @@ class StationRun {
   std::unique_ptr<Device> device_;
   std::shared_ptr<SpoolSession> session_;
   std::unique_ptr<ServoLoop> loop_;
-  std::unique_ptr<SpoolWriter> writer_;
+  AudibleTone tone_;
+  LessonAlarms alarms_{tone_, options_.tone};
+  std::unique_ptr<SpoolWriter> writer_;  // tells the alarms
   std::vector<RtStep> realtime_;
   BlackBoxCounts black_box_;
   double time_limit_s_ = 0;

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <utility>
 
+#include "common/base/local_time.h"
 #include "common/base/program.h"
 #include "common/haptics/device_condition.h"
 #include "common/haptics/effects/effect_entry.h"
@@ -24,6 +25,13 @@ using Json = nlohmann::ordered_json;
 // ns to µs.
 double micro(std::int64_t ns) {
   return static_cast<double>(ns) * 1e-3;
+}
+
+Json alarmRows(const std::vector<AlarmCount>& alarms) {
+  Json rows = Json::array();
+  for (const AlarmCount& alarm : alarms)
+    rows.push_back({{"alarm", kindOf(alarm.alarm).name}, {"begun", alarm.begun}, {"detail", alarm.detail}});
+  return rows;
 }
 
 // Flags set in any tick, warnings or events: text → ticks.
@@ -126,6 +134,10 @@ const char* servoEndText(ServoEnd end) {
   return "?";
 }
 
+std::string resultsText(std::int64_t results_from_unix_ns) {
+  return "Your result is shown from " + localTime(results_from_unix_ns, TimeForm::kWords) + " on.";
+}
+
 std::string stopText(const std::optional<StopCause>& stopped) {
   if (!stopped) return {};
   return (stopped->by.empty() ? std::string("stopped at the window") : "stopped by " + stopped->by) +
@@ -192,6 +204,16 @@ void putQuantiles(Json& row, const std::string& name, const LatencyHistogram& h)
   for (const auto& [suffix, ns] : all) row[name + suffix] = ns;
 }
 
+Json missRow(const std::optional<Miss>& miss) {
+  if (!miss) return nullptr;
+  return {{"in_target", miss->in_target},
+          {"aside_m", miss->aside_m},
+          {"too_deep_m", miss->has_depth ? Json(miss->too_deep_m) : Json(nullptr)},
+          {"towards", miss->towards},
+          {"at", miss->at == Miss::At::kInjection ? "injection" : "furthest point"},
+          {"words", missText(*miss)}};
+}
+
 Json rowOf(const StationSummary& s) {
   Json row = {
       {"session_id", s.session_id},
@@ -228,10 +250,13 @@ Json rowOf(const StationSummary& s) {
       {"engine_tick_ns", s.effect_costs ? Json(tenths(s.effect_costs->tick_ns)) : Json(nullptr)},
       {"events", flagCounts(s.servo, false)},
       {"warnings", flagCounts(s.servo, true)},
+      {"alarms", alarmRows(s.alarms)},
       {"syringe", parsedOrNull(s.syringe_json)},
       {"score", parsedOrNull(s.score_json)},
       {"score_source", s.score_source.empty() ? Json(nullptr) : Json(s.score_source)},
+      {"results_from_unix_ns", s.results_from_unix_ns != 0 ? Json(s.results_from_unix_ns) : Json(nullptr)},
   };
+  row["miss"] = missRow(s.miss);
   if (s.uplink.clock) {
     row["clock_offset_ns"] = s.uplink.clock->offset_ns;
     row["clock_round_trip_ns"] = s.uplink.clock->round_trip_ns;
@@ -292,6 +317,7 @@ std::string syringeLines(const StationSummary& summary) {
 
 // "12 measures, all requirements met", followed by the measures with a requirement
 std::string scoreText(const StationSummary& summary) {
+  if (summary.results_from_unix_ns != 0) return resultsText(summary.results_from_unix_ns);
   const Json score = parsedOrNull(summary.score_json);
   if (!score.is_array()) return "none";
   return fmt::format("{} measures, computed by the {}\n{}", score.size(), summary.score_source,
@@ -383,7 +409,11 @@ std::string summaryText(const StationSummary& s) {
         s.spool_left, s.spool);
   else
     text += "spool        " + s.spool + ", nothing waits\n";
+  for (const AlarmCount& alarm : s.alarms)
+    text += fmt::format("alarm        {}: {}{}\n", kindOf(alarm.alarm).name, alarm.detail,
+                        alarm.begun > 1 ? fmt::format(", {} times", alarm.begun) : "");
   text += syringeLines(s);
+  if (s.miss) text += "target       " + missText(*s.miss) + " " + missPlaceText(*s.miss) + "\n";
   if (const std::string lowered = stiffnessShareText(s.stiffness_share, s.bone_left_out); !lowered.empty())
     text += "stiffness    " + lowered + "\n";
   text += "score        " + scoreText(s);

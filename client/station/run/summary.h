@@ -14,6 +14,8 @@
 #include "client/station/run/lesson_requests.h"
 #include "client/station/run/real_time.h"
 #include "client/station/run/servo_loop.h"
+#include "common/scoring/alarms.h"
+#include "common/scoring/miss.h"
 
 namespace needlelab {
 
@@ -33,6 +35,7 @@ struct StationSummary {
   std::string axial_model;  ///< name of the rendered model
   std::vector<std::string> live_effects;
   std::vector<std::string> device_notes;  ///< the device's limits, and the substitutes for them
+  std::vector<AlarmCount> alarms;         ///< of the gesture
   double stiffness_share = 1;             ///< as in SessionDescription
   bool bone_left_out = false;             ///< as in StationLesson
   std::optional<EffectCosts>
@@ -43,6 +46,10 @@ struct StationSummary {
   std::string score_json;    ///< rows; empty: no score
   std::string syringe_json;  ///< aspirations and injections, as in eventsJson; empty: not computed
   std::string score_source;  ///< "server" or "station"
+  std::optional<Miss> miss;  ///< by the station; nothing without a target or an insertion
+  /// Of an exam: when its results are shown; until then there is neither score nor syringe here. 0: they are
+  /// shown.
+  std::int64_t results_from_unix_ns = 0;
   std::string spool;
   std::optional<StopCause> stopped;  ///< stop by a person at the window or by an instructor
 };
@@ -61,6 +68,8 @@ std::string summaryText(const StationSummary& summary);
 /// Returns {"version", "machine", "rows": [{…}]}, with one row for this lesson; its fields also stand at the
 /// top level. The `earlier` lessons of the same program are the rows before it.
 std::string summaryJson(const StationSummary& summary, const std::vector<StationSummary>& earlier = {});
+/// "Your result is shown from 3 June 2026, 14:00 on."
+std::string resultsText(std::int64_t results_from_unix_ns);
 /// Returns e.g. "stopped by ines: wrong side" or "stopped at the window"; empty if nobody stopped it.
 std::string stopText(const std::optional<StopCause>& stopped);
 

@@ -4,6 +4,7 @@
 #include <imgui/imgui.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <span>
 #include <string>
@@ -14,6 +15,7 @@
 #include "client/station/window/start_choice.h"
 #include "client/station/window/station_actions.h"
 #include "client/view/action_bar.h"
+#include "client/view/input_queue.h"
 #include "client/view/model/gesture_plots.h"
 #include "client/view/model/palette.h"
 #include "client/view/model/plot.h"
@@ -23,6 +25,7 @@
 #include "common/haptics/handle_stiffness.h"
 #include "common/scoring/measure_table.h"
 #include "common/scoring/measures.h"
+#include "common/scoring/miss.h"
 
 namespace needlelab {
 
@@ -70,7 +73,9 @@ void judge(const std::vector<Measure>& measures, LessonVerdict& verdict) {
 LessonVerdict verdictOf(const LessonOutcome& outcome) {
   const StationSummary& s = outcome.summary;
   LessonVerdict verdict;
-  if (const auto measures = parseScore(s.score_json); !s.score_json.empty() && measures.ok()) {
+  if (s.results_from_unix_ns != 0) {
+    verdict.title = resultsText(s.results_from_unix_ns);
+  } else if (const auto measures = parseScore(s.score_json); !s.score_json.empty() && measures.ok()) {
     judge(*measures, verdict);
     verdict.by = s.score_source == "server" ? "scored by the server" : "scored by this station";
   } else {
@@ -118,7 +123,7 @@ struct DepthAxes {
 
 void drawBands(ImDrawList* draw, const DepthAxes& axes, const SceneView& scene) {
   const float bottom = axes.corner.y + axes.size.y, end = axes.corner.x + axes.size.x;
-  int row = 0;
+  std::array<float, 4> row_end{};  // of the names so far; one that has no room is left out
   for (std::size_t i = 0; i < scene.layers.size(); ++i) {
     const LayerView& layer = scene.layers[i];
     if (layer.top_m >= axes.range.to_m) break;
@@ -128,15 +133,16 @@ void drawBands(ImDrawList* draw, const DepthAxes& axes, const SceneView& scene) 
     draw->AddLine({left, axes.corner.y}, {left, bottom}, packed(kLineGrey));
     // moves names of thin layers to other rows
     const std::string name = fittedText(layer.name, axes.size.x - 6);
-    const float width = ImGui::CalcTextSize(name.c_str()).x;
-    row = right - left > width + 4 ? 0 : (row + 1) % 3;
-    draw->AddText({std::min(left + 3, end - width),
-                   axes.corner.y + 2 + static_cast<float>(row) * ImGui::GetTextLineHeight()},
-                  packed(kText), name.c_str());
+    const float width = ImGui::CalcTextSize(name.c_str()).x, from = std::min(left + 3, end - width);
+    const auto row = std::ranges::find_if(row_end, [&](float taken) { return from >= taken; });
+    if (row == row_end.end()) continue;
+    *row = from + width + 0.5F * space();
+    draw->AddText(
+        {from, axes.corner.y + 2 + static_cast<float>(row - row_end.begin()) * ImGui::GetTextLineHeight()},
+        packed(kText), name.c_str());
   }
   for (const TargetView& target : scene.targets) {
-    const double at = depthAt(scene, target.center_W_m);
-    const float left = axes.x(at - target.radius_m), right = axes.x(at + target.radius_m);
+    const float left = axes.x(target.top_m), right = axes.x(target.bottom_m);
     if (left > end) continue;
     draw->AddRectFilled({left, bottom - 6}, {std::min(right, end), bottom}, packed(kTargetColour));
     draw->AddRect({left, axes.corner.y}, {std::min(right, end), bottom}, packed(kTargetColour, 0.8F));
@@ -197,8 +203,7 @@ DepthPlotRange depthPlotRange(const GestureCurve& curve, const SceneView& scene)
     deepest = std::max(deepest, static_cast<double>(point.depth_m));
     force = std::max(force, static_cast<double>(point.force_N));
   }
-  for (const TargetView& target : scene.targets)
-    deepest = std::max(deepest, depthAt(scene, target.center_W_m) + target.radius_m);
+  for (const TargetView& target : scene.targets) deepest = std::max(deepest, target.bottom_m);
   range.from_m = -kOutside_m;
   range.to_m = std::max(1.08 * deepest, 1e-3 * leastSpanOf(PlotQuantity::kDepth));
   range.force_N = std::max(1.1 * force, leastSpanOf(PlotQuantity::kForce));
@@ -300,6 +305,7 @@ void EndScreen::take(const LessonOutcome& outcome) {
   if (outcome.summary.session_id != session_ || keys_from_s_ == 0) {
     keys_from_s_ = ImGui::GetTime() + kKeysAfter_s;
     characters_typed_ = false;
+    dropInputBefore(ImGui::GetFrameCount());
   }
   session_ = outcome.summary.session_id;
   verdict_ = verdictOf(outcome);
@@ -355,6 +361,10 @@ void EndScreen::showVerdict() {
     const WithFont heading(Letters::kHeading);
     conditionLine(conditionOf(verdict_.kind), verdict_.title);
   }
+  ImGui::Spacing();
+  if (shown_->summary.miss) showMiss(*shown_->summary.miss);
+  for (const VerdictRow& row : verdict_.required) verdictRow(row);
+  ImGui::Spacing();
   {
     const WithFont small(Letters::kSmall);
     {
@@ -370,8 +380,6 @@ void EndScreen::showVerdict() {
     if (!verdict_.waits.empty()) textBlock(verdict_.waits);
     if (!verdict_.lowered.empty()) textBlock(verdict_.lowered);
   }
-  ImGui::Spacing();
-  for (const VerdictRow& row : verdict_.required) verdictRow(row);
   if (verdict_.others.empty()) return;
   ImGui::Spacing();
   const bool all = verdict_.required.empty();
@@ -382,10 +390,24 @@ void EndScreen::showVerdict() {
   }
 }
 
+// by how much, in large letters
+void EndScreen::showMiss(const Miss& miss) {
+  {
+    const WithFont heading(Letters::kHeading);
+    conditionLine(miss.in_target ? Condition::kGood : Condition::kAttention, missText(miss));
+  }
+  {
+    const WithFont small(Letters::kSmall);
+    const WithTextColour dim(kDimText);
+    textBlock(missPlaceText(miss));
+  }
+  ImGui::Spacing();
+}
+
 void EndScreen::showPlots(const LessonOutcome& outcome, const SceneView* scene) {
   if (outcome.curve.empty() || scene == nullptr) {
     const WithTextColour dim(kDimText);
-    textBlock("There is nothing to draw.");
+    textBlock(outcome.summary.results_from_unix_ns != 0 ? "This is an exam." : "There is nothing to draw.");
     return;
   }
   const ImVec2 rest = ImGui::GetContentRegionAvail();

@@ -16,6 +16,7 @@
 #include "client/view/model/plot.h"
 #include "client/view/model/scene_view.h"
 #include "common/scoring/measures.h"
+#include "common/scoring/miss.h"
 
 namespace needlelab {
 
@@ -27,7 +28,7 @@ struct VerdictRow {
 struct LessonVerdict {
   enum class Kind : std::uint8_t { kPassed, kNotPassed, kNoRequirements, kNoScore };
   Kind kind = Kind::kNoScore;
-  std::string title;                 ///< "Passed", "Not passed: 2 of 8 requirements are not met"
+  std::string title;                 ///< "Passed", "Not passed: 2 of 8 requirements are not met"; resultsText
   std::vector<VerdictRow> required;  ///< unmet requirements come first
   std::vector<VerdictRow> others;    ///< all other measures
   std::string ended;                 ///< how the lesson ended: "time is over", "stopped by ines: wrong side"
@@ -69,6 +70,7 @@ class EndScreen {
  private:
   void take(const LessonOutcome& outcome);
   void showVerdict();
+  void showMiss(const Miss& miss);
   void showPlots(const LessonOutcome& outcome, const SceneView* scene);
   bool showNext(const BoardState& state, bool keys, bool may_quit, LessonBoard& board);
 

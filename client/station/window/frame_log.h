@@ -14,7 +14,7 @@
 
 namespace needlelab {
 
-/// A question that lies over the screen; the keys are for it.
+/// A question that lies over the screen and can be answered.
 enum class ShownQuestion : std::uint8_t { kNone, kEndLesson, kQuit };
 
 inline constexpr Vec3 kNowhere_m{std::numeric_limits<double>::quiet_NaN(),

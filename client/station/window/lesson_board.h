@@ -52,6 +52,8 @@ struct StartLists {
   std::shared_ptr<const Curriculum> curriculum;  ///< null: the server never gave one
   std::string profile_file;                      ///< --profile; empty: none
   std::set<std::string> asks_code;               ///< trainees of whom the server asked for a code before
+  std::set<std::string> assigned_courses, assigned_exercises;  ///< ids of what is assigned to anybody
+  std::size_t assignments = 0;  ///< a hash of all assignments; 0: the server did not say
 };
 
 /// The state of the chosen device before a lesson.

@@ -9,6 +9,14 @@ namespace {
 
 constexpr double kTraceSpan_s = 180;
 
+GestureTrace traceOf(const LessonBeginning& beginning) {
+  const StationLesson& lesson = beginning.lesson;
+  const Anatomy anatomy = anatomyOf(lesson.profile, beginning.X_WL);
+  return GestureTrace(kTraceSpan_s, BoneContacts(lesson.profile, anatomy), 1,
+                      GestureAlarms(lesson.profile, anatomy,
+                                    alarmLimitsOf(anatomy, lesson.exercise ? &*lesson.exercise : nullptr)));
+}
+
 }  // namespace
 
 LessonFollow::LessonFollow(std::shared_ptr<const LessonBeginning> beginning, SceneView scene)
@@ -17,8 +25,7 @@ LessonFollow::LessonFollow(std::shared_ptr<const LessonBeginning> beginning, Sce
       plan_W_(beginning_->lesson.exercise ? planViewOf(*scene_, *beginning_->lesson.exercise) : std::nullopt),
       // the beginning owns the model and lives as long
       replica_(std::shared_ptr<const SceneModel>(beginning_, &beginning_->lesson.model)),
-      trace_(kTraceSpan_s, BoneContacts(beginning_->lesson.profile,
-                                        anatomyOf(beginning_->lesson.profile, beginning_->X_WL))) {}
+      trace_(traceOf(*beginning_)) {}
 
 Result<std::unique_ptr<LessonFollow>> LessonFollow::make(std::shared_ptr<const LessonBeginning> beginning) {
   ASSIGN_OR_RETURN(auto scene, sceneViewOf(beginning->lesson.profile, beginning->X_WL));

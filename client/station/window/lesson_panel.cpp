@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "client/station/window/station_light.h"
 #include "client/view/model/gesture_plots.h"
 #include "client/view/model/palette.h"
 #include "client/view/model/plot.h"
@@ -47,8 +48,7 @@ Rgb lettersOn(Rgb background) {
 
 double ladderDepth_m(const SceneView& scene) {
   double deepest = 0;
-  for (const TargetView& target : scene.targets)
-    deepest = std::max(deepest, depthAt(scene, target.center_W_m) + target.radius_m);
+  for (const TargetView& target : scene.targets) deepest = std::max(deepest, target.bottom_m);
   if (deepest > 0) return 1.2 * deepest;
   const double layers = scene.layers.empty() ? 0.05 : scene.layers.back().bottom_m;
   return std::max(1e-3, std::min(layers, scene.needle.length_m > 0 ? scene.needle.length_m : layers));
@@ -89,8 +89,8 @@ void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, 
   }
   if (anatomy)
     for (const TargetView& target : scene.targets) {
-      const double at = depthAt(scene, target.center_W_m);
-      const float y = ladder.y(at), reach = std::max(3.0F, ladder.y(at + target.radius_m) - y);
+      const float y = ladder.y(0.5 * (target.top_m + target.bottom_m)),
+                  reach = std::max(3.0F, ladder.y(target.bottom_m) - y);
       draw->AddRectFilled({right - 0.9F * space(), y - reach}, {right, y + reach}, packed(kTargetColour));
       draw->AddRect({right - 0.9F * space(), y - reach}, {right, y + reach}, packed(kWhite));
     }
@@ -107,6 +107,10 @@ void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, 
     draw->AddLine({left, y}, {right, y}, packed(kWhite), 2);
     draw->AddTriangleFilled({right + 0.2F * space(), y}, {right + 1.6F * space(), y - 0.8F * space()},
                             {right + 1.6F * space(), y + 0.8F * space()}, packed(kWhite));
+    // the opening, where an injection goes
+    const double opening_m = depthAt(scene, openingOf(scene, now.p_WT_m, now.q_WT));
+    if (opening_m > 0 && opening_m < now.depth_m)
+      draw->AddCircle({right - 0.9F * space(), ladder.y(opening_m)}, 0.45F * space(), packed(kWhite), 0, 2);
   }
   draw->AddRect({left, corner.y}, {right, bottom}, packed(kLineGrey));
   draw->PopClipRect();
@@ -139,7 +143,7 @@ std::string mm(double metres, int decimals = 1) {
 void showFigures(const LessonFollow& lesson, const AidSet& aids, float width) {
   const Moment& now = lesson.now();
   std::vector<std::pair<int, std::string>> shown;  // which, value
-  if (aids.has(pb::Exercise::FORCE)) shown.emplace_back(0, fmt::format("{:.1f}", forceOf(now)));
+  if (aids.has(pb::Exercise::FORCE)) shown.emplace_back(0, tickText(forceOf(now), *momentDecimals("N")));
   if (aids.has(pb::Exercise::DEPTH)) shown.emplace_back(1, now.inside ? mm(now.insertion_m) : "–");
   if (shown.empty()) return;
   const float each = width / static_cast<float>(shown.size());
@@ -155,16 +159,33 @@ void showFigures(const LessonFollow& lesson, const AidSet& aids, float width) {
   }
 }
 
-void showPhase(const LessonFollow& lesson, const AidSet& aids) {
+// each on its own line, whose place is kept while the needle is outside: what lies below stands still
+void showState(const LessonFollow& lesson, const AidSet& aids) {
   const Moment& now = lesson.now();
-  std::string text;
-  if (aids.has(pb::Exercise::PHASE)) text = phaseWord(now.phase);
-  if (aids.has(pb::Exercise::LAYER) && now.inside)
-    text += (text.empty() ? "" : ", in ") + layerName(*lesson.scene(), now.layer);
-  if (text.empty()) return;
-  const WithFont heading(Letters::kHeading);
-  const WithTextColour colour(aids.has(pb::Exercise::PHASE) ? phaseColour(now.phase) : kText);
-  textLine(text);
+  const SceneView& scene = *lesson.scene();
+  const bool phase = aids.has(pb::Exercise::PHASE), layer = aids.has(pb::Exercise::LAYER);
+  const int opening =
+      now.inside ? layerAt(scene, depthAt(scene, openingOf(scene, now.p_WT_m, now.q_WT))) : now.layer;
+  const auto showOpening = [&] {
+    // a tick that was not stepped has the layer of an earlier one
+    if (!layer || opening == now.layer || (now.flags & kFlagNotStepped) != 0) return;
+    ImGui::SameLine();
+    textLine(opening < 0 ? "opening outside" : "opening in " + layerName(scene, opening));
+  };
+  if (phase) {
+    {
+      const WithFont heading(Letters::kHeading);
+      const WithTextColour colour(phaseColour(now.phase));
+      textLine(phaseWord(now.phase));
+    }
+    showOpening();
+  }
+  if (!layer) return;
+  {
+    const WithFont heading(Letters::kHeading);
+    textLine(now.inside ? "in " + layerName(scene, now.layer) : "–");
+  }
+  if (!phase) showOpening();
 }
 
 void showAlignment(const LessonFollow& lesson) {
@@ -176,8 +197,7 @@ void showAlignment(const LessonFollow& lesson) {
   const auto degrees = [](double rad) { return fmt::format("{:.0f}°", rad * 180 / 3.14159265358979); };
   const std::vector<Cell> cells = {
       {"from own line", now.inside ? mm(now.lateral_error_m) + " mm" : "–", "10.0 mm"},
-      {"tilt from own line", now.inside ? degrees(now.tilt_rad) : "–", "90°"},
-      {"limit α", degrees(now.alpha_rad), "90°"},
+      {"tilt", now.inside ? degrees(now.tilt_rad) : "–", "90°"},
       {"speed", now.inside ? fmt::format("{:.0f} mm/s", 1e3 * std::abs(now.speed_mps)) : "–", "100 mm/s"}};
   std::vector<float> needed_px;
   for (const Cell& cell : cells) {
@@ -212,82 +232,56 @@ void showPlunger(const LessonFollow& lesson) {
            ImGui::GetContentRegionAvail().x);
 }
 
-// state of loop, recording and server; inconspicuous without trouble
-void showHealth(const BoardState& state, const LessonFollow& lesson) {
-  const WithFont small(Letters::kSmall);
-  const LessonStatus& s = state.status;
-  const double missed_share =
-      s.time_s > 0 ? static_cast<double>(s.missed_ticks) / (s.time_s * lesson.beginning().rate_hz) : 0;
-  conditionLine(missed_share > 0.01    ? Condition::kTrouble
-                : missed_share > 0.001 ? Condition::kAttention
-                                       : Condition::kGood,
-                fmt::format("loop {:.0f} Hz: 99 % within {:.0f} µs, {} missed", lesson.beginning().rate_hz,
-                            1e-3 * static_cast<double>(s.wakeup.p99_ns), s.missed_ticks));
-  const bool recording = s.spool == "recording";
-  std::string stored = s.spool.empty() ? "recording" : s.spool;
-  if (!s.server.empty()) stored += "; " + s.server;
-  conditionLine(!s.spool.empty() && !recording ? Condition::kTrouble
-                : s.server.starts_with("server away") || s.server.starts_with("server has no room") ||
-                        s.server == "server refuses"
-                    ? Condition::kAttention
-                    : Condition::kGood,
-                stored);
-  if (!s.room.empty()) conditionLine(Condition::kTrouble, s.room);
-  if (lesson.dropped() > 0)
-    conditionLine(Condition::kAttention,
-                  fmt::format("this picture left out {} samples; the recording has them", lesson.dropped()));
-  if (!state.aids_by.empty()) conditionLine(Condition::kAttention, state.aids_by + " chose what is shown");
-  for (const std::string& note : lesson.beginning().device_notes) {
-    const WithTextColour dim(kDimText);
-    textLine(note);
-  }
+// of the forces' last seconds, with the exercise's limits
+void showForces(const LessonFollow& lesson, ImVec2 size_px) {
+  const double now_s = std::max(lesson.trace().lastTime_s(), kPlotSpan_s);
+  std::vector<Plot> plots;
+  plots.push_back(
+      gesturePlot(GesturePlot::kForces, lesson.trace(), lesson.scene().get(), now_s - kPlotSpan_s, now_s));
+  if (const auto& exercise = lesson.beginning().lesson.exercise)
+    addLimits(plots.back(), GesturePlot::kForces, requirementsOf(*exercise));
+  plotStack("forces", plots, size_px);
 }
 
 }  // namespace
 
-void lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidSet& aids,
+bool lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidSet& aids,
                  UltrasoundView& ultrasound, ImVec2 size_px) {
   beginPanel("figures", "", size_px.x, size_px.y);
-  const float width = ImGui::GetContentRegionAvail().x;
-  showPhase(lesson, aids);
+  const float width = ImGui::GetContentRegionAvail().x, gap = ImGui::GetStyle().ItemSpacing.y;
+  showState(lesson, aids);
   showFigures(lesson, aids, width);
   if (aids.has(pb::Exercise::ALIGNMENT)) showAlignment(lesson);
   showPlunger(lesson);
 
-  // ladder, slice and plot share the remaining height
-  const float health =
-      ImGui::GetTextLineHeightWithSpacing() * 2.4F +
-      (state.aids_by.empty() ? 0 : ImGui::GetTextLineHeightWithSpacing()) +
-      (lesson.dropped() > 0 ? ImGui::GetTextLineHeightWithSpacing() : 0) +
-      static_cast<float>(lesson.beginning().device_notes.size()) * ImGui::GetTextLineHeightWithSpacing();
-  const float rest = std::max(8 * space(), ImGui::GetContentRegionAvail().y - health);
+  // ladder, slice and plot share the remaining height; the light is the last line
+  const float light = ImGui::GetTextLineHeight() + 2 + gap;
+  const float rest = std::max(8 * space(), ImGui::GetContentRegionAvail().y - light);
   const bool ladder = aids.has(pb::Exercise::LAYER) || aids.has(pb::Exercise::DEPTH);
   const bool slice = aids.has(pb::Exercise::ULTRASOUND);
-  // omits the plot if it is too low (large letters in a small window)
-  const bool plot = aids.has(pb::Exercise::FORCE) && (!(ladder || slice) || rest > 26 * space());
-  const float upper = (ladder || slice) ? (plot ? 0.52F * rest : rest) : 0;
+  const bool forces = aids.has(pb::Exercise::FORCE);
+  // where letters are large against the window, the plot stands beside the ladder, or gives way to the slice
+  const bool below = forces && rest > 26 * space();
+  const bool beside = forces && !below && !slice;
+  const float upper = !ladder && !slice ? (beside ? rest : 0) : below ? 0.52F * rest : rest;
+  const float ladder_width = slice || (beside && ladder) ? 0.42F * width : width;
   if (ladder) {
-    layerLadder(*lesson.scene(), lesson.now(), aids,
-                {slice ? 0.42F * width : width, upper - ImGui::GetStyle().ItemSpacing.y});
-    if (slice) ImGui::SameLine();
+    layerLadder(*lesson.scene(), lesson.now(), aids, {ladder_width, upper - gap});
+    if (slice || beside) ImGui::SameLine();
   }
   if (slice)
-    ultrasound.show("ultrasound", *lesson.scene(), lesson.now(), {0, upper - ImGui::GetStyle().ItemSpacing.y},
+    ultrasound.show("ultrasound", *lesson.scene(), lesson.now(), {0, upper - gap},
                     aids.has(pb::Exercise::ANATOMY));
-  if (plot) {
-    const double now_s = std::max(lesson.trace().lastTime_s(), kPlotSpan_s);
-    std::vector<Plot> plots;
-    plots.push_back(
-        gesturePlot(GesturePlot::kForces, lesson.trace(), lesson.scene().get(), now_s - kPlotSpan_s, now_s));
-    if (const auto& exercise = lesson.beginning().lesson.exercise)
-      addLimits(plots.back(), GesturePlot::kForces, requirementsOf(*exercise));
-    plotStack("forces", plots, {width, rest - upper});
-  } else if (upper == 0 && !aids.has(pb::Exercise::PHASE) && !aids.has(pb::Exercise::ALIGNMENT)) {
+  if (beside) showForces(lesson, {0, upper - gap});
+  if (below) showForces(lesson, {width, rest - upper});
+  if (!ladder && !slice && !forces && !aids.has(pb::Exercise::PHASE) && !aids.has(pb::Exercise::ALIGNMENT)) {
     const WithTextColour dim(kDimText);
     textBlock("This exercise is done by feel.");
   }
-  showHealth(state, lesson);
+  const auto facts = lessonFacts(state, lesson.beginning(), lesson.dropped(), lesson.now().alpha_rad);
+  const bool clicked = stationLight(lightOf(facts));
   endPanel();
+  return clicked;
 }
 
 }  // namespace needlelab

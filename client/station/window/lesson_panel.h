@@ -26,8 +26,9 @@ void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, 
 /// followed by `gap_px`. A single column takes all the room, also where a cell needs more.
 std::vector<float> cellColumns(std::span<const float> needed_px, float gap_px, float room_px);
 
-/// Draws figures, ladder, ultrasound and plots, each only with its aid.
-void lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidSet& aids,
+/// Draws figures, ladder, ultrasound and plots, each only with its aid, and the station's light. Returns
+/// whether the light was clicked.
+bool lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidSet& aids,
                  UltrasoundView& ultrasound, ImVec2 size_px);
 
 }  // namespace needlelab

@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <span>
 #include <string>
 
 #include "client/station/run/fault_watch.h"
@@ -11,6 +12,7 @@
 #include "client/station/window/lesson_panel.h"
 #include "client/station/window/start_choice.h"
 #include "client/station/window/station_actions.h"
+#include "client/station/window/station_light.h"
 #include "client/view/action_bar.h"
 #include "client/view/model/palette.h"
 #include "client/view/model/plot.h"
@@ -76,26 +78,35 @@ Overlay overlayOf(const LessonStatus& status) {
 
 namespace {
 
-constexpr std::size_t kMessagesShown = 3;
+constexpr std::size_t kMessagesShown = 2;
 constexpr double kFresh_s = 20;
 constexpr ImGuiWindowFlags kLaidOver = ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove |
                                        ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoSavedSettings |
                                        ImGuiWindowFlags_NoNav | ImGuiWindowFlags_NoFocusOnAppearing;
 
+// an old message takes only one line, so that it hides nothing
+bool hasFreshMessage(const BoardState& state) {
+  return !state.messages.empty() && state.messages.back().lesson_s + kFresh_s > state.status.time_s;
+}
+
 }  // namespace
 
-void lessonOverlay(const LessonStatus& status, bool keys, LessonRequests& requests, ImVec2 corner_px,
-                   ImVec2 size_px) {
+void lessonOverlay(const LessonStatus& status, bool keys, AnswerGate& gate, LessonRequests& requests,
+                   ImVec2 corner_px, ImVec2 size_px) {
   const Overlay overlay = overlayOf(status);
-  if (overlay.kind == Overlay::Kind::kNone) return;
   const bool fault = overlay.kind == Overlay::Kind::kFault;
+  // another fault is another question
+  const bool answerable = gate.opens(fault ? static_cast<int>(status.fault) : 0, /*hidden=*/1);
+  if (overlay.kind == Overlay::Kind::kNone) return;
   const auto actions = faultActions();
-  if (fault && keys && actionByKey(actions) == kActSeen) requests.acknowledge();
+  if (answerable && keys && actionByKey(actions) == kActSeen) requests.acknowledge();
 
   const Condition condition = fault ? Condition::kTrouble : Condition::kAttention;
-  const float width = std::min(0.86F * size_px.x, 62 * space());
-  ImGui::SetNextWindowPos({corner_px.x + 0.5F * size_px.x, corner_px.y + (fault ? 0.3F : 0.14F) * size_px.y},
-                          ImGuiCond_Always, {0.5F, 0.5F});
+  const float width = std::min(0.94F * size_px.x, 72 * space());
+  // a fault in the middle; a hold at the top, where it hides least
+  ImGui::SetNextWindowPos(
+      {corner_px.x + 0.5F * size_px.x, corner_px.y + (fault ? 0.5F * size_px.y : space())}, ImGuiCond_Always,
+      {0.5F, fault ? 0.5F : 0.0F});
   ImGui::SetNextWindowSize({width, 0});
   ImGui::SetNextWindowBgAlpha(0.94F);
   ImGui::PushStyleColor(ImGuiCol_Border, colourOf(styleOf(condition).colour));
@@ -105,13 +116,15 @@ void lessonOverlay(const LessonStatus& status, bool keys, LessonRequests& reques
     {
       const WithFont heading(Letters::kHeading);
       conditionLine(condition, overlay.title);
+      textBlock(overlay.what);
+      ImGui::Spacing();
+      textBlock(overlay.todo);
     }
-    textBlock(overlay.what);
-    ImGui::Spacing();
-    textBlock(overlay.todo);
     if (overlay.can_acknowledge) {
       ImGui::Spacing();
+      ImGui::BeginDisabled(!answerable);
       if (actionButtons(actions, 0, true) == kActSeen) requests.acknowledge();
+      ImGui::EndDisabled();
     }
   }
   ImGui::End();
@@ -119,40 +132,63 @@ void lessonOverlay(const LessonStatus& status, bool keys, LessonRequests& reques
   ImGui::PopStyleColor();
 }
 
+void lessonAlarms(const std::vector<ActiveAlarm>& alarms, ImVec2 corner_px, ImVec2 size_px) {
+  constexpr std::size_t kMostShown = 3;
+  ImDrawList* const draw = ImGui::GetWindowDrawList();
+  draw->PushClipRect(corner_px, {corner_px.x + size_px.x, corner_px.y + size_px.y}, true);
+  float top = corner_px.y;
+  bool danger = false;
+  for (std::size_t i = 0; i < std::min(alarms.size(), kMostShown); ++i) {
+    const AlarmKind& kind = kindOf(alarms[i].alarm);
+    danger = danger || kind.danger;
+    const Rgb letters = kind.danger ? kWhite : kBlack;
+    const WithFont large(i == 0 ? Letters::kFigure : Letters::kHeading);
+    const float height = ImGui::GetTextLineHeight() + space(), low = top + height - 0.6F * space();
+    draw->AddRectFilled({corner_px.x, top}, {corner_px.x + size_px.x, top + height},
+                        packed(kind.danger ? kVermillion : kOrange));
+    const std::string word(kind.word);
+    const float x = corner_px.x + space(), after = x + ImGui::CalcTextSize(word.c_str()).x + 1.5F * space();
+    draw->AddText({x, top + 0.5F * space()}, packed(letters), word.c_str());
+    const WithFont smaller(i == 0 ? Letters::kHeading : Letters::kBody);
+    draw->AddText({after, low - ImGui::GetTextLineHeight()}, packed(letters),
+                  fittedText(alarms[i].detail, corner_px.x + size_px.x - space() - after).c_str());
+    top += height;
+  }
+  if (!alarms.empty())
+    draw->AddRect(corner_px, {corner_px.x + size_px.x, corner_px.y + size_px.y},
+                  packed(danger ? kVermillion : kOrange), 0, 0, 0.6F * space());
+  draw->PopClipRect();
+}
+
 void lessonMessages(const BoardState& state, ImVec2 corner_px, ImVec2 size_px) {
   if (state.messages.empty() && !state.next) return;
   ImGui::SetNextWindowPos({corner_px.x + space(), corner_px.y + size_px.y - space()}, ImGuiCond_Always,
                           {0, 1});
-  ImGui::SetNextWindowSize({0.62F * size_px.x, 0});
+  const bool fresh = hasFreshMessage(state);
+  ImGui::SetNextWindowSize({(fresh ? 0.94F : 0.62F) * size_px.x, 0});
   ImGui::SetNextWindowBgAlpha(0.88F);
   ImGui::PushStyleColor(ImGuiCol_Border, colourOf(kSkyBlue));
   ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 2);
   if (ImGui::Begin("##messages", nullptr, kLaidOver | ImGuiWindowFlags_NoInputs)) {
-    // an old message takes only one line, so that it hides nothing
-    const bool fresh =
-        !state.messages.empty() && state.messages.back().lesson_s + kFresh_s > state.status.time_s;
     const std::size_t shown = fresh ? kMessagesShown : 1;
     const std::size_t first = state.messages.size() - std::min(state.messages.size(), shown);
     for (std::size_t i = first; i < state.messages.size(); ++i) {
       const BoardMessage& message = state.messages[i];
-      if (!fresh) {
-        const WithFont small(Letters::kSmall);
-        textLine(message.from + ", " + localTime(message.unix_ns, TimeForm::kClock) + ": " + message.text);
-        continue;
-      }
-      {
-        const WithFont small(Letters::kSmall);
+      if (fresh) {
         const WithTextColour colour(kSkyBlue);
         textLine(message.from + ", " + localTime(message.unix_ns, TimeForm::kClock));
       }
+      const WithFont heading(Letters::kHeading);
       const bool newest = i + 1 == state.messages.size();
-      const WithTextColour colour(newest ? kText : kDimText);
-      textBlock(message.text);
+      const WithTextColour colour(fresh && newest ? kText : kDimText);
+      if (fresh && newest)
+        textBlock(message.text);
+      else
+        textLine(fresh ? message.text : message.from + ": " + message.text);
     }
     if (state.next) {
-      const WithFont small(Letters::kSmall);
       const WithTextColour colour(kSkyBlue);
-      textLine(state.next->from + " wants next: " + state.next->exercise);
+      textLine(state.next->from + " wants next: " + exerciseName(state.lists, state.next->exercise));
     }
   }
   ImGui::End();
@@ -163,6 +199,37 @@ void lessonMessages(const BoardState& state, ImVec2 corner_px, ImVec2 size_px) {
 // --- the screen ---
 
 namespace {
+
+struct KeyRow {
+  const char* keys;
+  const char* does;
+};
+constexpr KeyRow kSteeringKeys[] = {{"W S, wheel", "in, out"},
+                                    {"arrows, drag", "across"},
+                                    {"Ctrl+arrows, right drag", "tilt"},
+                                    {"Space, X", "plunger in, out"},
+                                    {"Shift", "slowly"}};
+constexpr KeyRow kLessonKeys[] = {
+    {"1 2 3", "views"}, {"Ctrl + −", "letter size"}, {"I", "this window"}, {"Esc", "end"}};
+
+// what the light stands for, and all keys, over the picture
+void showDetails(std::span<const StationFact> facts, bool steers, ImVec2 corner_px, ImVec2 size_px) {
+  ImGui::SetNextWindowPos({corner_px.x + space(), corner_px.y + space()});
+  ImGui::SetNextWindowSize({size_px.x - 2 * space(), 0});
+  ImGui::SetNextWindowBgAlpha(0.94F);
+  ImGui::PushStyleColor(ImGuiCol_Border, colourOf(kLineGrey));
+  ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 2);
+  if (ImGui::Begin("##details", nullptr, kLaidOver | ImGuiWindowFlags_NoInputs)) {
+    showFacts(facts);
+    ImGui::Separator();
+    if (steers)
+      for (const KeyRow& row : kSteeringKeys) keyHint(row.keys, row.does);
+    for (const KeyRow& row : kLessonKeys) keyHint(row.keys, row.does);
+  }
+  ImGui::End();
+  ImGui::PopStyleVar();
+  ImGui::PopStyleColor();
+}
 
 int keyAxis(int plus, int minus) {
   return (ImGui::IsKeyDown(plus) ? 1 : 0) - (ImGui::IsKeyDown(minus) ? 1 : 0);
@@ -188,7 +255,9 @@ void showHead(const BoardState& state, const LessonFollow& lesson) {
     ImGui::TextUnformatted(clock.c_str());
   }
   const WithTextColour colour(beginning.code_unchecked ? styleOf(Condition::kAttention).colour : kDimText);
-  textLine(lessonLine(beginning));
+  textLine(AidSet(state.aids).has(pb::Exercise::ALARMS)
+               ? lessonLine(beginning)
+               : "by feel, without alarms; " + lessonLine(beginning));
 }
 
 }  // namespace
@@ -212,7 +281,7 @@ void LessonScreen::begin(const LessonFollow& lesson) {
   if (lesson.beginning().steering)
     steering_.emplace(
         SteeringTarget{lesson.beginning().hand_start.X_WT, lesson.beginning().hand_start.plunger});
-  held_across_ = held_tilt_ = asks_for_end_ = false;
+  held_across_ = held_tilt_ = shows_details_ = false;
 }
 
 void LessonScreen::show(const BoardState& state, const LessonFollow& lesson, bool keys,
@@ -229,28 +298,34 @@ void LessonScreen::show(const BoardState& state, const LessonFollow& lesson, boo
   const ImVec2 corner = ImGui::GetCursorScreenPos();
   ImGui::BeginGroup();
   showScene(state, lesson, picture);
+  lessonAlarms(state.status.alarms, corner, picture);
   ImGui::EndGroup();
   ImGui::SameLine();
   ImGui::BeginGroup();
-  lessonPanel(state, lesson, AidSet(state.aids), ultrasound_, {panel, picture.y});
+  const bool clicked = lessonPanel(state, lesson, AidSet(state.aids), ultrasound_, {panel, picture.y});
   ImGui::EndGroup();
   if (steering_) {
-    keyHint("W S / wheel", "in, out");
+    keyHint("W S", "in, out");
     ImGui::SameLine();
-    keyHint("arrows / drag", "across");
+    keyHint("arrows", "across");
     ImGui::SameLine();
-    keyHint("Ctrl+arrows / right drag", "tilt");
+    keyHint("Ctrl+arrows", "tilt");
     ImGui::SameLine();
-    keyHint("Space / X", "plunger in, out");
-    ImGui::SameLine();
-    keyHint("Shift", "slowly");
+    keyHint("Space X", "plunger");
     ImGui::SameLine();
   }
   keyHint("1 2 3", "views");
   ImGui::SameLine();
+  keyHint("I", "station, keys");
+  ImGui::SameLine();
   keyHint("Esc", "end");
+  if (clicked || (keys && ImGui::IsKeyPressed(GLFW_KEY_I, false))) shows_details_ = !shows_details_;
   lessonMessages(state, corner, picture);
-  lessonOverlay(state.status, keys && !asks_for_end_, requests, corner, picture);
+  // alarms and messages go first
+  if (shows_details_ && !hasFreshMessage(state) && overlayOf(state.status).kind == Overlay::Kind::kNone)
+    showDetails(lessonFacts(state, lesson.beginning(), lesson.dropped(), lesson.now().alpha_rad),
+                steering_.has_value(), corner, picture);
+  lessonOverlay(state.status, keys && !end_question_.asked(), fault_gate_, requests, corner, picture);
   if (keys) askForEnd(requests);
   endScreen();
 }
@@ -277,7 +352,7 @@ void LessonScreen::chooseView(const LessonFollow& lesson) {
 // sends this frame's mouse and key input to the hand
 void LessonScreen::steer(const LessonFollow& lesson, bool hovered) {
   const ImGuiIO& io = ImGui::GetIO();
-  const bool asks = asks_for_end_ || !keys_;
+  const bool asks = end_question_.asked() || !keys_;
   const bool mouse = !io.KeyAlt && !asks;
   // a drag from inside the picture continues beyond its edge
   if (!ImGui::IsMouseDown(ImGuiMouseButton_Left)) held_across_ = false;
@@ -310,15 +385,9 @@ void LessonScreen::steer(const LessonFollow& lesson, bool hovered) {
 
 // asks first, because a single key press could end a lesson by mistake
 void LessonScreen::askForEnd(LessonRequests& requests) {
-  constexpr const char* kQuestion = "End this lesson?";
-  if (ImGui::IsKeyPressed(GLFW_KEY_ESCAPE, false) && !asks_for_end_) {
-    asks_for_end_ = true;
-    ImGui::OpenPopup(kQuestion);
-    return;
-  }
-  const auto answer = actionQuestion(kQuestion, "Everything up to here is kept and scored.",
-                                     endLessonActions(), asks_for_end_);
-  if (answer == kActYes) requests.stop({});
+  if (ImGui::IsKeyPressed(GLFW_KEY_ESCAPE, false) && !end_question_.asked()) end_question_.ask();
+  if (end_question_.show("Everything up to here is kept and scored.", endLessonActions()) == kActYes)
+    requests.stop({});
 }
 
 }  // namespace needlelab

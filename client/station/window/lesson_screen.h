@@ -12,6 +12,7 @@
 #include "client/station/window/lesson_board.h"
 #include "client/station/window/lesson_follow.h"
 #include "client/station/window/pointer_steering.h"
+#include "client/view/action_bar.h"
 #include "client/view/scene_renderer.h"
 #include "client/view/ultrasound_view.h"
 
@@ -42,8 +43,8 @@ class LessonScreen {
   void show(const BoardState& state, const LessonFollow& lesson, bool keys, LessonRequests& requests);
   /// Returns the computing time of the last ultrasound picture in s; for measurements.
   [[nodiscard]] double ultrasoundCost_s() const { return ultrasound_.lastCost_s(); }
-  /// Returns whether it asks whether to end the lesson.
-  [[nodiscard]] bool asksForEnd() const { return asks_for_end_; }
+  /// Returns whether the last frame showed the question whether to end the lesson.
+  [[nodiscard]] bool asksForEnd() const { return end_question_.shown(); }
   /// Returns where mouse and keys want the tip, in W; nothing if they do not steer.
   [[nodiscard]] std::optional<Vec3> aim_W_m() const {
     return steering_ ? std::optional(steering_->target().X_WT.p) : std::nullopt;
@@ -59,13 +60,17 @@ class LessonScreen {
   UltrasoundView ultrasound_;
   SceneFrame frame_;
   std::optional<PointerSteering> steering_;
-  bool held_across_ = false, held_tilt_ = false;
-  bool asks_for_end_ = false, keys_ = true;
+  bool held_across_ = false, held_tilt_ = false, shows_details_ = false, keys_ = true;
+  Question end_question_{"End this lesson?"};
+  AnswerGate fault_gate_;
 };
 
-/// Draws a fault or hold over the picture, with a button to acknowledge.
-void lessonOverlay(const LessonStatus& status, bool keys, LessonRequests& requests, ImVec2 corner_px,
-                   ImVec2 size_px);
+/// Draws alarms as bars over the picture's top, the most urgent in the largest letters, and a frame about the
+/// picture.
+void lessonAlarms(const std::vector<ActiveAlarm>& alarms, ImVec2 corner_px, ImVec2 size_px);
+/// Draws a fault or hold over the picture, with a button to acknowledge. `keys`: the keys are for it.
+void lessonOverlay(const LessonStatus& status, bool keys, AnswerGate& gate, LessonRequests& requests,
+                   ImVec2 corner_px, ImVec2 size_px);
 /// Draws instructors' messages, newest last, over the picture's lower left corner.
 void lessonMessages(const BoardState& state, ImVec2 corner_px, ImVec2 size_px);
 

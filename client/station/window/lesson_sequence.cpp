@@ -25,6 +25,10 @@ using namespace std::chrono_literals;
 constexpr auto kLook = 100ms;
 constexpr std::int64_t kDeviceAgain_ns = 5'000'000'000, kServerAgain_ns = 500'000'000;
 constexpr auto kListsPatience = 5s;
+// somebody assigns, adds a person, changes a course
+constexpr std::int64_t kListsAgain_ns = 300'000'000'000;
+// Longer: it takes longer until all is here. Shorter: the stations of a lab ask more at a time.
+constexpr std::int64_t kAheadAgain_ns = 1'000'000'000;
 // whoever comes to the End screen later may be somebody else
 constexpr std::int64_t kKeepCode_ns = 120'000'000'000;
 
@@ -146,6 +150,8 @@ Result<pb::Reply> LessonSequence::askForLists(Uplink& uplink, pb::Request reques
 }
 
 void LessonSequence::refreshLists(const std::string& trainee) {
+  keepAhead();
+  lists_again_ns_ = time_.nowNs() + kListsAgain_ns;
   StartLists lists = localLists(options_, home_.spool());
   if (Uplink* uplink = home_.uplink()) {
     const auto cached = LessonCache(options_.spool).list();
@@ -173,6 +179,31 @@ void LessonSequence::updateStanding(const std::string& trainee) {
 void LessonSequence::keepCurriculum(Status asked, const StartLists& lists) {
   if (asked.ok() && lists.curriculum)
     asked = CurriculumCache(options_.spool, options_.key_file).keep(*lists.curriculum);
+  reportTrouble(asked);
+}
+
+StartLists LessonSequence::listsNow() const {
+  BoardState state;
+  std::uint64_t seen = 0;
+  board_.look(state, seen);
+  return std::move(state.lists);
+}
+
+// one thing of all that a lesson without the server needs
+void LessonSequence::fetchAhead() {
+  Uplink& uplink = *home_.uplink();
+  StartLists lists = listsNow();
+  const auto fetched = ahead_.step(
+      lists, [&](pb::Request request) { return askForLists(uplink, std::move(request)); }, wallNowNs());
+  if (!fetched.ok()) return reportTrouble(fetched.error());
+  if (*fetched) board_.change([&](BoardState& state) { state.lists = std::move(lists); });
+}
+
+void LessonSequence::keepAhead() {
+  reportTrouble(ahead_.keep(listsNow(), wallNowNs()));
+}
+
+void LessonSequence::reportTrouble(const Status& asked) const {
   if (asked.ok()) return;
   // away, or it refuses the station: the screen shows it
   const ErrorCode code = asked.error().code;
@@ -211,11 +242,19 @@ void LessonSequence::updateServer() {
     lists_made_with_ = status;
     if (status == "there") refreshLists(trainee);
   }
+  if (at_start && status == "there") {
+    if (now_ns >= lists_again_ns_) refreshLists(trainee);
+    if (now_ns >= next_ahead_ns_) {
+      next_ahead_ns_ = now_ns + kAheadAgain_ns;
+      fetchAhead();
+    }
+  }
   if (at_start && !device_ready_ && now_ns >= next_device_look_ns_) updateDevice();
 }
 
 void LessonSequence::practise(const LessonChoice& choice, const std::string& typed_code) {
   reportLast();
+  keepAhead();
   StationOptions options = options_;
   options.trainee = choice.trainee.empty() && !home_.uplink() ? std::string(kGuestName) : choice.trainee;
   options.exercise = choice.by_profile ? "" : choice.exercise;

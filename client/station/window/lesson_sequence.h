@@ -10,6 +10,7 @@
 #include "client/station/run/options.h"
 #include "client/station/run/station.h"
 #include "client/station/run/station_run.h"
+#include "client/station/window/fetch_ahead.h"
 #include "client/station/window/lesson_board.h"
 #include "common/base/secret.h"
 
@@ -44,6 +45,10 @@ class LessonSequence {
   void refreshLists(const std::string& trainee);
   void updateStanding(const std::string& trainee);
   void keepCurriculum(Status asked, const StartLists& lists);
+  void fetchAhead();
+  void keepAhead();
+  [[nodiscard]] StartLists listsNow() const;
+  void reportTrouble(const Status& asked) const;
   Result<pb::Reply> askForLists(Uplink& uplink, pb::Request request);
   void updateDevice();
   void updateServer();
@@ -67,7 +72,9 @@ class LessonSequence {
   std::string kept_code_;     // that the server accepted in the last lesson, for the next one of
   std::string kept_code_of_;  // this trainee
   std::uint64_t code_questions_ = 0;
+  FetchAhead ahead_{options_};
   std::string lists_made_with_;  // the server's state when the lists were made
+  std::int64_t lists_again_ns_ = 0, next_ahead_ns_ = 0;
   std::int64_t next_device_look_ns_ = 0, next_server_look_ns_ = 0, drain_until_ns_ = 0;
   std::int64_t keep_code_until_ns_ = 0;
   bool device_ready_ = false;

@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
+#include <functional>
 #include <iterator>
 #include <memory>
+#include <set>
 #include <string>
 #include <utility>
 
@@ -83,6 +85,8 @@ Status addServerLists(StartLists& lists, const std::vector<CachedLesson>& cached
   if (lists.curriculum)
     for (const KnownTrainee& before : lists.curriculum->trainees) std::erase(trainees, before.name);
   std::vector<std::pair<std::string, std::string>> assigned;
+  std::set<std::string> courses, exercises;
+  std::string all;
   pb::Request request;
   request.mutable_list_assignments();
   for (int page = 0; page < kMostPages; ++page) {
@@ -91,6 +95,9 @@ Status addServerLists(StartLists& lists, const std::vector<CachedLesson>& cached
       addName(trainees, assignment.trainee());
       if (!assignment.exercise_id().empty())
         assigned.emplace_back(printable(assignment.trainee()), printable(assignment.exercise_id()));
+      (assignment.exercise_id().empty() ? courses : exercises)
+          .insert(printable(assignment.exercise_id() + assignment.course_id()));
+      all += assignment.SerializeAsString();
     }
     if (reply.assignments().next_page().empty()) break;
     request.mutable_list_assignments()->set_page(reply.assignments().next_page());
@@ -101,6 +108,9 @@ Status addServerLists(StartLists& lists, const std::vector<CachedLesson>& cached
   lists.descriptions = curriculum.exercises;
   lists.trainees = std::move(trainees);
   lists.assigned = std::move(assigned);
+  lists.assigned_courses = std::move(courses);
+  lists.assigned_exercises = std::move(exercises);
+  lists.assignments = std::hash<std::string>{}(all) | 1U;
   lists.curriculum = std::make_shared<const Curriculum>(std::move(curriculum));
   return {};
 }
@@ -246,8 +256,14 @@ void StartChoice::list() {
                           true});
   addLadder();
   addOthers();
-  // the command line's exercise may be missing from all lists
-  if (!exercise_.empty() && exercise() < 0)
+  if (exercise_.empty() || exercise() >= 0) return;
+  // the command line's exercise may be missing from all lists; what is not for this trainee goes
+  const bool not_theirs = std::any_of(
+      lists_.exercises.begin(), lists_.exercises.end(),
+      [&](const ListedExercise& listed) { return listed.assigned_only && listed.exercise_id == exercise_; });
+  if (not_theirs)
+    exercise_.clear();
+  else
     exercises_.push_back({{trainee_, exercise_, false}, exercise_, "", "", true});
 }
 
@@ -270,8 +286,12 @@ void StartChoice::addLadder() {
             std::find_if(lists_.exercises.begin(), lists_.exercises.end(),
                          [&](const ListedExercise& one) { return one.exercise_id == step.exercise_id; });
         const bool there = listed != lists_.exercises.end();
-        row.usable = there && listed->cached_revision;
-        if (!row.usable)
+        const bool kept = there && listed->cached_revision;
+        const bool exam = std::any_of(
+            lists_.curriculum->exercises.begin(), lists_.curriculum->exercises.end(),
+            [&](const ServerExercise& one) { return one.exam && one.exercise_id == step.exercise_id; });
+        row.usable = kept && (!exam || step.may_begin);
+        if (!kept)
           row.note += (row.note.empty() ? "" : " · ") +
                       (there && !listed->trouble.empty() ? listed->trouble : kNeedsServer);
       }
@@ -291,7 +311,8 @@ void StartChoice::addOthers() {
     const bool shown_already = std::any_of(exercises_.begin(), exercises_.end(), [&](const ExerciseRow& row) {
       return row.choice.exercise == listed.exercise_id;
     });
-    if (shown_already) continue;
+    // the ladder has those that are assigned to this trainee
+    if (shown_already || listed.assigned_only) continue;
     ExerciseRow row{
         {trainee_, listed.exercise_id, false}, exerciseName(lists_, listed.exercise_id), "", "", true};
     for (const ServerExercise& exercise : lists_.descriptions)
@@ -367,8 +388,9 @@ std::string StartChoice::missing() const {
   if (!trainee_.empty())
     if (const Status valid = checkName("this name", trainee_); !valid.ok()) return valid.error().message;
   if (exercises_.empty())
-    return server_ ? "There is no exercise here yet: wait for the server, or start with --profile FILE."
-                   : "There is no exercise here: start with --profile FILE, or with a server.";
+    return !server_       ? "This station has no server, and no lesson is kept here: ask the instructor."
+           : server_away_ ? "The server cannot be reached, and no lesson is kept here: ask the instructor."
+                          : "There is no lesson here yet: wait for the server.";
   const int index = exercise();
   if (index < 0) return "What is to be practised? Choose an exercise.";
   const ExerciseRow& chosen = exercises_[static_cast<std::size_t>(index)];

@@ -11,7 +11,9 @@
 #include "client/station/run/trainee_code.h"
 #include "client/station/window/keys.h"
 #include "client/station/window/station_actions.h"
+#include "client/station/window/station_light.h"
 #include "client/view/action_bar.h"
+#include "client/view/input_queue.h"
 #include "client/view/theme.h"
 #include "common/base/clock.h"
 #include "common/base/text.h"
@@ -38,7 +40,7 @@ Rgb colourOfNote(const ExerciseRow& row) {
 
 }  // namespace
 
-void StartScreen::show(const BoardState& state, bool changed, bool keys, LessonBoard& board) {
+bool StartScreen::show(const BoardState& state, bool changed, bool keys, bool may_quit, LessonBoard& board) {
   const std::int64_t now_unix_ns = wallNowNs();
   if (changed || fresh_ || now_unix_ns - updated_unix_ns_ > kDatesAgain_ns) {
     choice_.update(state, now_unix_ns);
@@ -55,23 +57,23 @@ void StartScreen::show(const BoardState& state, bool changed, bool keys, LessonB
   const float foot = 4.2F * space();
   const float height = ImGui::GetContentRegionAvail().y - foot;
   const float gap = ImGui::GetStyle().ItemSpacing.x;
-  beginPanel("who", "Who practises", 0.23F * width - gap, height);
+  beginPanel("who", "Who", 0.25F * width - gap, height);
   showTrainees();
   endPanel();
   ImGui::SameLine();
-  beginPanel("what", "What", 0.45F * width - gap, height);
+  beginPanel("what", "What", 0.43F * width - gap, height);
   showExercises();
   endPanel();
   ImGui::SameLine();
   beginPanel("station", "This station", 0, height);
-  showStation(state, board);
+  auto chosen = showStation(state, may_quit);
   endPanel();
 
   keyHint("Left/Right", "trainee");
   ImGui::SameLine();
   keyHint("Up/Down", "exercise");
   ImGui::SameLine();
-  const auto actions = startActions(canBegin());
+  const auto actions = startActions(canBegin(), may_quit);
   actionHints(actions);
   endScreen();
 
@@ -88,7 +90,9 @@ void StartScreen::show(const BoardState& state, bool changed, bool keys, LessonB
     askForStanding(board);
   }
   // while a question lies over the screen, the keys are its own
-  if (keys) act(actionByKey(actions), board);
+  if (keys && !chosen) chosen = actionByKey(actions);
+  act(chosen, board);
+  return chosen == kActQuit;
 }
 
 // not while a name is being written
@@ -147,8 +151,7 @@ void StartScreen::showCode(bool writes_name) {
               std::min(choice_.typedCode().size(), kMaxCodeBytes + 1));
   // a new question empties the field that the person may still be in
   ImGui::PushID(static_cast<int>(question->number));
-  if (!writes_name && std::exchange(code_question_, question->number) != question->number)
-    ImGui::SetKeyboardFocusHere();
+  if (!writes_name && std::exchange(code_question_, question->number) != question->number) focusNextField();
   ImGui::SetNextItemWidth(-1);
   if (ImGui::InputTextWithHint("##code", "PIN or badge", text.data(), text.size(),
                                ImGuiInputTextFlags_Password))
@@ -201,7 +204,7 @@ void StartScreen::showExercises() {
   }
 }
 
-void StartScreen::showStation(const BoardState& state, LessonBoard& board) {
+std::optional<int> StartScreen::showStation(const BoardState& state, bool may_quit) {
   const DeviceReadiness& device = state.device;
   conditionLine(!device.known  ? Condition::kUnknown
                 : device.ready ? Condition::kGood
@@ -212,12 +215,18 @@ void StartScreen::showStation(const BoardState& state, LessonBoard& board) {
     textBlock(device.state);
   }
   ImGui::Spacing();
-  if (!state.server.empty())
-    conditionLine(
-        state.server_away ? Condition::kAttention : Condition::kGood,
-        state.server_away ? state.server + "; lessons work on, what is recorded waits here" : state.server);
-  else
+  const StationFact server = serverFact(state.server);
+  if (state.server.empty())
     conditionLine(Condition::kUnknown, "without a server: recordings stay here");
+  else if (state.server_away)
+    conditionLine(Condition::kAttention, "The server is away: lessons work on, what is recorded waits here");
+  else
+    conditionLine(server.condition, server.condition == Condition::kGood
+                                        ? "connected to the server"
+                                        : "The server does not take recordings now: they wait here");
+  // the uplink's own words, for a technician
+  if (!state.server.empty() && ImGui::TreeNodeEx("more", ImGuiTreeNodeFlags_NoTreePushOnOpen))
+    textBlock(state.server);
   if (state.next) {
     ImGui::Spacing();
     conditionLine(Condition::kAttention,
@@ -234,7 +243,7 @@ void StartScreen::showStation(const BoardState& state, LessonBoard& board) {
     const WithTextColour dim(kDimText);
     textBlock(missing);
   }
-  act(actionButtons(startActions(missing.empty()), -1), board);
+  return actionButtons(startActions(missing.empty(), may_quit), -1);
 }
 
 void StartScreen::act(std::optional<int> action, LessonBoard& board) {

@@ -14,8 +14,8 @@ namespace needlelab {
 class StartScreen {
  public:
   /// Draws one frame and sends a person's requests to `board`. `changed`: `state` is newer than in the last
-  /// call. `keys`: the keys are for this screen.
-  void show(const BoardState& state, bool changed, bool keys, LessonBoard& board);
+  /// call. `keys`: the keys are for this screen. Returns whether the person wants to quit.
+  bool show(const BoardState& state, bool changed, bool keys, bool may_quit, LessonBoard& board);
   /// Returns whether all is there that a lesson needs.
   [[nodiscard]] bool canBegin() const { return choice_.missing().empty(); }
 
@@ -23,7 +23,8 @@ class StartScreen {
   void showTrainees();
   void showCode(bool writes_name);
   void showExercises();
-  void showStation(const BoardState& state, LessonBoard& board);
+  /// Returns the button that was pressed.
+  std::optional<int> showStation(const BoardState& state, bool may_quit);
   void act(std::optional<int> action, LessonBoard& board);
   void askForStanding(LessonBoard& board);
 

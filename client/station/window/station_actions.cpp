@@ -4,9 +4,11 @@
 
 namespace needlelab {
 
-std::vector<ScreenAction> startActions(bool can_begin) {
-  return {{kActBegin, "Begin", ActionKey::kEnter, "begin", can_begin},
-          {kActLook, "Look again", ActionKey::kNone, "", true}};
+std::vector<ScreenAction> startActions(bool can_begin, bool may_quit) {
+  std::vector<ScreenAction> actions = {{kActBegin, "Begin", ActionKey::kEnter, "begin", can_begin},
+                                       {kActLook, "Look again", ActionKey::kNone, "", true}};
+  if (may_quit) actions.push_back({kActQuit, "Quit", ActionKey::kNone, "", true});
+  return actions;
 }
 
 std::vector<ScreenAction> endActions(const BoardState& state, bool may_quit) {
@@ -37,11 +39,13 @@ std::vector<ScreenAction> faultActions() {
 }
 
 std::vector<ScreenAction> endLessonActions() {
-  return {{kActYes, "End it", ActionKey::kEnter, "", true}, {kActNo, "Go on", ActionKey::kEscape, "", true}};
+  return {{kActNo, "Go on", ActionKey::kEnterOrEscape, "", true},
+          {kActYes, "End it", ActionKey::kDelete, "", true}};
 }
 
 std::vector<ScreenAction> quitActions() {
-  return {{kActYes, "Quit", ActionKey::kEnter, "", true}, {kActNo, "Stay", ActionKey::kEscape, "", true}};
+  return {{kActNo, "Stay", ActionKey::kEnterOrEscape, "", true},
+          {kActYes, "Quit", ActionKey::kDelete, "", true}};
 }
 
 std::string quitText(const BoardState& state) {

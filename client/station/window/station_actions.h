@@ -21,8 +21,8 @@ enum StationAct : int {
   kActNo,
 };
 
-/// `can_begin`: trainee, exercise and device are there.
-std::vector<ScreenAction> startActions(bool can_begin);
+/// `can_begin`: trainee, exercise and device are there. A full screen has no button of its own to close it.
+std::vector<ScreenAction> startActions(bool can_begin, bool may_quit);
 /// After a lesson. Enter is the suggested exercise, else the next try, however the lesson went.
 std::vector<ScreenAction> endActions(const BoardState& state, bool may_quit);
 /// What a key's action does after a lesson. `characters_typed`: since the screen came, though nothing is

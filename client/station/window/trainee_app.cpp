@@ -95,6 +95,8 @@ SurfaceOptions surfaceOptions(const StationOptions& options, bool display) {
   surface.kind = display ? SurfaceOptions::Kind::kWindow : SurfaceOptions::Kind::kOffScreen;
   surface.title = "needlelab station";
   surface.asks_before_closing = true;
+  surface.full_screen = !options.window.windowed;
+  surface.viewing = options.window.viewing;
   surface.width_px = options.window.width_px;
   surface.height_px = options.window.height_px;
   surface.font_scale = options.window.font_scale.value_or(1);

@@ -2,11 +2,8 @@
 
 #include <imgui/imgui.h>
 
-#include <utility>
-
 #include "client/station/run/terminal.h"
 #include "client/station/window/station_actions.h"
-#include "client/view/action_bar.h"
 
 namespace needlelab {
 
@@ -34,11 +31,11 @@ ShownFrame TraineeWindow::shownFrame() const {
   ShownFrame frame;
   frame.stage = state_.stage;
   const bool in_lesson = state_.stage == Stage::kLesson || state_.stage == Stage::kConcluding;
-  frame.question = asks_to_quit_                              ? ShownQuestion::kQuit
+  frame.question = quit_question_.shown()                     ? ShownQuestion::kQuit
                    : in_lesson && lesson_screen_.asksForEnd() ? ShownQuestion::kEndLesson
                                                               : ShownQuestion::kNone;
-  frame.can_begin = !asks_to_quit_ && ((state_.stage == Stage::kStart && start_.canBegin()) ||
-                                       (state_.stage == Stage::kEnd && end_.takesKeys()));
+  frame.can_begin = !quit_question_.asked() && ((state_.stage == Stage::kStart && start_.canBegin()) ||
+                                                (state_.stage == Stage::kEnd && end_.takesKeys()));
   frame.lesson = state_.lesson;
   frame.lesson_s = lessonTime_s();
   if (follow_ && follow_->begun()) {
@@ -72,15 +69,14 @@ void TraineeWindow::follow() {
 }
 
 void TraineeWindow::askToQuit() {
-  if (may_quit_ && !asks_to_quit_) opens_question_ = asks_to_quit_ = true;
+  if (may_quit_ && !quit_question_.asked()) quit_question_.ask();
 }
 
 void TraineeWindow::frame() {
   const bool changed = board_.look(state_, seen_);
   follow();
-  const bool asked = asks_to_quit_;
-  if (showScreen(changed, !asked)) askToQuit();
-  if (asks_to_quit_) showQuestion();
+  if (showScreen(changed, !quit_question_.asked())) askToQuit();
+  showQuestion();
 }
 
 bool TraineeWindow::showScreen(bool changed, bool keys) {
@@ -90,8 +86,7 @@ bool TraineeWindow::showScreen(bool changed, bool keys) {
       showPreparing(state_, requests_);
       return false;
     case Stage::kStart:
-      start_.show(state_, changed, keys, board_);
-      return false;
+      return start_.show(state_, changed, keys, may_quit_, board_);
     case Stage::kLesson:
     case Stage::kConcluding:
       if (follow_)
@@ -113,13 +108,7 @@ bool TraineeWindow::showScreen(bool changed, bool keys) {
 }
 
 void TraineeWindow::showQuestion() {
-  constexpr const char* kQuestion = "Quit?";
-  // the key that asked must not answer: the question is drawn from the next frame on
-  if (std::exchange(opens_question_, false)) return ImGui::OpenPopup(kQuestion);
-  const auto answer = actionQuestion(kQuestion, quitText(state_).c_str(), quitActions(), asks_to_quit_);
-  if (!answer) return;
-  asks_to_quit_ = false;
-  if (answer != kActYes) return;
+  if (quit_question_.show(quitText(state_).c_str(), quitActions()) != kActYes) return;
   requests_.stop({});
   board_.ask({BoardRequest::Kind::kQuit, {}});
 }

@@ -12,6 +12,7 @@
 #include "client/station/window/lesson_follow.h"
 #include "client/station/window/lesson_screen.h"
 #include "client/station/window/start_screen.h"
+#include "client/view/action_bar.h"
 #include "client/view/scene_renderer.h"
 #include "common/base/result.h"
 
@@ -48,7 +49,7 @@ class TraineeWindow {
   LessonBoard& board_;
   LessonRequests& requests_;
   const bool may_quit_;
-  bool asks_to_quit_ = false, opens_question_ = false;
+  Question quit_question_{"Quit?"};
   std::unique_ptr<SceneRenderer> renderer_;
   BoardState state_;
   std::uint64_t seen_ = 0, lesson_ = 0;

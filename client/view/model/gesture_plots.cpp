@@ -31,6 +31,7 @@ PlotSeries seriesOf(const GestureTrace& trace, TraceChannel channel, Rgb colour,
   series.name = infoOf(channel).name;
   series.colour = colour;
   series.columns = trace.source(channel);
+  series.reader = trace.reader(channel);
   series.dashed = dashed;
   return series;
 }
@@ -40,6 +41,7 @@ Rgb eventColour(TraceEvent::Kind kind) {
     case TraceEvent::Kind::kFault:
     case TraceEvent::Kind::kBoneContact:
     case TraceEvent::Kind::kHubContact:
+    case TraceEvent::Kind::kHazard:
       return styleOf(Condition::kTrouble).colour;
     case TraceEvent::Kind::kGap:
       return styleOf(Condition::kAttention).colour;
@@ -93,7 +95,7 @@ void addDepth(Plot& plot, const GestureTrace& trace, const SceneView* scene, dou
   plot.high = deepest_m * mm;
   if (!scene->targets.empty()) {
     const TargetView& target = scene->targets.front();
-    const double at_m = depthAt(*scene, target.center_W_m);
+    const double at_m = 0.5 * (target.top_m + target.bottom_m);
     PlotSeries line;
     line.name = "target";
     line.colour = kTargetColour;
@@ -220,7 +222,7 @@ void addLimits(Plot& plot, const PlotRequirement& requirement, double shown_per_
   for (const auto& [bound, word] : {std::pair{requirement.min, "at least "}, {requirement.max, "at most "}}) {
     if (!bound || !std::isfinite(*bound)) continue;
     const double at = *bound * shown_per_si;
-    plot.limits.push_back({at, word + valueText(*bound, unit)});
+    plot.limits.push_back({at, word + measureText(requirement.measure, *bound, unit)});
     // axes with given ends make room
     if (plot.low && at < *plot.low) plot.low = at;
     if (plot.high && at > *plot.high) plot.high = at;

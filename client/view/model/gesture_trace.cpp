@@ -131,11 +131,14 @@ std::string_view nameOf(TraceEvent::Kind kind) {
       return kBoneContactWords;
     case TraceEvent::Kind::kHubContact:
       return kHubContactWords;
+    case TraceEvent::Kind::kHazard:
+      return "hazard touched";
   }
   return "";
 }
 
 std::string wordsOf(const TraceEvent& event) {
+  if (event.kind == TraceEvent::Kind::kHazard) return event.text + " touched";
   if (!event.text.empty()) return event.text;
   if (event.kind != TraceEvent::Kind::kGap || event.missing == 0) return std::string(nameOf(event.kind));
   const std::string time = event.missing_s < 1 ? fmt::format("{:.0f} ms", 1e3 * event.missing_s)
@@ -165,10 +168,26 @@ std::string_view signOf(TraceEvent::Kind kind) {
       return "✎";
     case TraceEvent::Kind::kBoneContact:
     case TraceEvent::Kind::kHubContact:
+    case TraceEvent::Kind::kHazard:
       return "✗";
   }
   return "";
 }
+
+namespace {
+
+AlarmTick alarmTickOf(const Moment& moment) {
+  const bool inside = moment.layer >= 0;
+  return {moment.time_s,
+          forceOf(moment),
+          inside,
+          moment.p_WT_m,
+          moment.p_WT_m - moment.insertion_m * zAxis(normalized(moment.q_WT)),
+          moment.layer,
+          (moment.flags & kFlagBeyondNeedle) != 0};
+}
+
+}  // namespace
 
 // a page of ticks, with each channel's minimum and maximum for every 32 ticks and for the whole page
 struct GestureTrace::Store {
@@ -192,6 +211,7 @@ struct GestureTrace::Store {
   double last_turn_s = 0, gap_until_s = 0;
   BoneContacts bones;
   HubContacts hub;
+  GestureAlarms alarms;
 
   void findGap(const Moment& moment);
   void findEvents(const Moment& moment);
@@ -200,6 +220,7 @@ struct GestureTrace::Store {
   void columns(std::size_t channel, double from_s, double to_s, std::span<PixelColumn> out) const;
   static void addBlock(const Block& block, std::size_t channel, double from_s, double to_s,
                        std::span<PixelColumn> out);
+  [[nodiscard]] const Moment& at(double time_s) const;
 };
 
 void GestureTrace::Store::Block::push(const Moment& moment) {
@@ -214,11 +235,12 @@ void GestureTrace::Store::Block::push(const Moment& moment) {
   ++count;
 }
 
-GestureTrace::GestureTrace(double span_s, BoneContacts bones, double ticks_per_sample)
+GestureTrace::GestureTrace(double span_s, BoneContacts bones, double ticks_per_sample, GestureAlarms alarms)
     : store_(std::make_unique<Store>()) {
   store_->span_s = span_s;
   store_->ticks_per_sample = std::max(1.0, ticks_per_sample);
   store_->bones = std::move(bones);
+  store_->alarms = std::move(alarms);
 }
 GestureTrace::GestureTrace(GestureTrace&&) noexcept = default;
 GestureTrace& GestureTrace::operator=(GestureTrace&&) noexcept = default;
@@ -230,6 +252,8 @@ void GestureTrace::clear() {
   empty.ticks_per_sample = store_->ticks_per_sample;
   empty.bones = std::move(store_->bones);
   empty.bones.restart();
+  empty.alarms = std::move(store_->alarms);
+  empty.alarms.restart();
   *store_ = std::move(empty);
 }
 
@@ -295,9 +319,10 @@ void GestureTrace::Store::findGap(const Moment& moment) {
 
 void GestureTrace::Store::findEvents(const Moment& moment) {
   using Kind = TraceEvent::Kind;
-  const auto note = [&](Kind kind) {
+  const auto note = [&](Kind kind, const std::string& text = {}) {
     TraceEvent event;
     event.kind = kind;
+    event.text = text;
     event.time_s = moment.time_s;
     event.layer = moment.layer;
     event.fault = moment.fault;
@@ -309,6 +334,8 @@ void GestureTrace::Store::findEvents(const Moment& moment) {
   if (moment.layer >= 0 && layer_before >= 0 && moment.layer != layer_before) note(Kind::kLayerChange);
   if (bones.add(moment.time_s, moment.layer, moment.p_WT_m)) note(Kind::kBoneContact);
   if (hub.add(moment.time_s, moment.flags)) note(Kind::kHubContact);
+  for (const ActiveAlarm& alarm : alarms.add(alarmTickOf(moment)))
+    if (alarm.alarm == Alarm::kHazard) note(Kind::kHazard, alarm.detail);
   if ((moment.flags & kFlagRupture) != 0) note(Kind::kRupture);
   if ((moment.flags & kFlagTurn) != 0) {
     if (last_turn_s == 0 || moment.time_s > last_turn_s + kSameTurn_s) note(Kind::kTurn);
@@ -320,6 +347,10 @@ void GestureTrace::Store::findEvents(const Moment& moment) {
 
 void GestureTrace::add(TraceEvent event) {
   store_->addEvent(std::move(event));
+}
+
+std::vector<ActiveAlarm> GestureTrace::alarms() const {
+  return store_->alarms.now();
 }
 
 bool GestureTrace::empty() const {
@@ -338,12 +369,15 @@ const Moment& GestureTrace::last() const {
   return store_->last;
 }
 
-const Moment& GestureTrace::at(double time_s) const {
-  const Store& store = *store_;
-  if (store.moments.empty() || time_s >= store.last.time_s) return store.last;
-  const auto after = std::upper_bound(store.moments.begin(), store.moments.end(), time_s,
+const Moment& GestureTrace::Store::at(double time_s) const {
+  if (moments.empty() || time_s >= last.time_s) return last;
+  const auto after = std::upper_bound(moments.begin(), moments.end(), time_s,
                                       [](double t, const Moment& moment) { return t < moment.time_s; });
-  return after == store.moments.begin() ? store.moments.front() : *std::prev(after);
+  return after == moments.begin() ? moments.front() : *std::prev(after);
+}
+
+const Moment& GestureTrace::at(double time_s) const {
+  return store_->at(time_s);
 }
 
 std::vector<Moment> GestureTrace::between(double from_s, double to_s) const {
@@ -442,6 +476,17 @@ ColumnSource GestureTrace::source(TraceChannel channel) const {
       column.max *= scale;
       column.last *= scale;
     }
+  };
+}
+
+PlotReader GestureTrace::reader(TraceChannel channel) const {
+  return [store = store_.get(), channel](double time_s) -> std::optional<double> {
+    if (!store->any || time_s < store->blocks.front()->time_s[0] || time_s > store->last.time_s)
+      return std::nullopt;
+    for (const PlotGap& gap : store->gaps)
+      if (time_s > gap.from && time_s < gap.to) return std::nullopt;
+    const double value = valueOf(channel, store->at(time_s));
+    return std::isfinite(value) ? std::optional(value * infoOf(channel).shown_per_si) : std::nullopt;
   };
 }
 

@@ -13,6 +13,7 @@
 
 #include "client/view/model/gesture_replica.h"
 #include "client/view/model/plot.h"
+#include "common/scoring/alarms.h"
 #include "common/scoring/bone_contacts.h"
 
 namespace needlelab {
@@ -69,13 +70,14 @@ struct TraceEvent {
     kGap,
     kRemark,
     kBoneContact,
-    kHubContact
+    kHubContact,
+    kHazard
   };
   Kind kind = Kind::kEntry;
   double time_s = 0;
   int layer = -1;  ///< the entered layer
   std::uint8_t fault = 0;
-  std::string text;           ///< of a remark
+  std::string text;           ///< of a remark; of a hazard, its name
   std::uint64_t missing = 0;  ///< samples that a kGap has lost
   double missing_s = 0;       ///< the time of those samples
 };
@@ -92,8 +94,9 @@ std::string_view signOf(TraceEvent::Kind kind);
 class GestureTrace {
  public:
   /// `bones`: where the tip makes a contact with bone; none by default. `ticks_per_sample`: above 1 where the
-  /// samples were thinned; more ticks from one sample to the next are a gap.
-  explicit GestureTrace(double span_s = 300, BoneContacts bones = {}, double ticks_per_sample = 1);
+  /// samples were thinned; more ticks from one sample to the next are a gap. `alarms`: of the scene.
+  explicit GestureTrace(double span_s = 300, BoneContacts bones = {}, double ticks_per_sample = 1,
+                        GestureAlarms alarms = {});
   GestureTrace(GestureTrace&&) noexcept;
   GestureTrace& operator=(GestureTrace&&) noexcept;
   ~GestureTrace();
@@ -111,6 +114,8 @@ class GestureTrace {
   [[nodiscard]] const Moment& at(double time_s) const;
   /// Returns the kept Moments in [from, to], oldest first, e.g. for the tip's path.
   [[nodiscard]] std::vector<Moment> between(double from_s, double to_s) const;
+  /// The alarms at the last moment.
+  [[nodiscard]] std::vector<ActiveAlarm> alarms() const;
   /// Gaps that follow each other within 0.2 s are one event, with all that is missing.
   [[nodiscard]] const std::deque<TraceEvent>& events() const;
   /// Where samples are missing, oldest first; a curve has no value there.
@@ -125,6 +130,9 @@ class GestureTrace {
   void columns(TraceChannel channel, double from_s, double to_s, std::span<PixelColumn> out) const;
   /// Returns the channel as a plot's source, in shown units (ChannelInfo); it refers to this trace.
   [[nodiscard]] ColumnSource source(TraceChannel channel) const;
+  /// Returns the channel of the kept Moment of a time, in shown units: the figure beside a picture of that
+  /// Moment. Nothing outside of the kept time, and where samples are missing. It refers to this trace.
+  [[nodiscard]] PlotReader reader(TraceChannel channel) const;
 
  private:
   struct Store;

@@ -31,7 +31,7 @@ struct QuantityRow {
 /// Each span is large beside the devices' noise (0.03 mm, 0.01 N, 0.1°), and small beside what a teacher
 /// corrects. The first row of a unit is the one of `quantityOfUnit`.
 constexpr std::array kQuantities{
-    QuantityRow{PlotQuantity::kNumber, "", 1},        // counts are whole, shares at most 1
+    QuantityRow{PlotQuantity::kNumber, "", 1},        // counts are whole
     QuantityRow{PlotQuantity::kForce, "N", 2},        // a skin gives way at 1 to 3 N
     QuantityRow{PlotQuantity::kTorque, "N·m", 0.05},  // 1 N at 50 mm, a needle's length
     QuantityRow{PlotQuantity::kDistance, "mm", 5},    // a few needle diameters
@@ -41,6 +41,7 @@ constexpr std::array kQuantities{
     QuantityRow{PlotQuantity::kTime, "s", 5},         // attempts that differ by less take equally long
     QuantityRow{PlotQuantity::kArea, "cm²", 0.5},     // 10 mm aside at a depth of 5 mm
     QuantityRow{PlotQuantity::kWork, "J", 0.05},      // 1 N over 50 mm
+    QuantityRow{PlotQuantity::kShare, "%", 100},      // the whole
     QuantityRow{PlotQuantity::kOther, "another unit", 0},
 };
 
@@ -166,6 +167,16 @@ bool isBroken(const Plot& plot, std::size_t left, std::size_t right, std::size_t
     return columnOf(each.to) < static_cast<double>(right);
   });
   return gap != plot.gaps.end() && columnOf(gap->from) <= static_cast<double>(left);
+}
+
+std::optional<int> momentDecimals(std::string_view shown_unit) {
+  if (shown_unit == "N") return 2;
+  if (shown_unit == "N·m") return 3;
+  return std::nullopt;
+}
+
+std::string momentText(double value, std::string_view unit) {
+  return tickText(value, momentDecimals(unit).value_or(2)) + " " + std::string(unit);
 }
 
 std::string headingOf(const Plot& plot) {

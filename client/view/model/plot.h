@@ -39,13 +39,15 @@ void fillColumns(std::span<const double> x, std::span<const double> y, double fr
                  std::span<PixelColumn> out);
 /// The same as a source; the two spans must outlive it.
 ColumnSource columnsOf(std::span<const double> x, std::span<const double> y);
+/// Returns the value at x, in the plot's units; nothing where there is none.
+using PlotReader = std::function<std::optional<double>(double x)>;
 
 // --- the quantity of the y axis
 
 /// Sets the least that a y axis spans, so that noise does not look like a movement.
 enum class PlotQuantity : std::uint8_t {
   kOther,     ///< by the plot's unit; without one no least span
-  kNumber,    ///< counts, shares of 1, smoothness
+  kNumber,    ///< counts, smoothness
   kForce,     ///< N
   kTorque,    ///< N·m
   kDepth,     ///< mm below the skin, and places in W
@@ -55,6 +57,7 @@ enum class PlotQuantity : std::uint8_t {
   kTime,      ///< s
   kArea,      ///< cm²
   kWork,      ///< J
+  kShare,     ///< %
 };
 /// In the plot's units; 0 for kOther.
 double leastSpanOf(PlotQuantity quantity);
@@ -72,6 +75,9 @@ struct PlotSeries {
   bool filled = false;  ///< down to zero, faintly
   /// Points joined by lines, each marked; x ascends. Replaces `columns`, e.g. for values by attempt.
   std::vector<double> x = {}, y = {};
+  /// The value that the legend shows at the cursor, from where the picture beside the plot takes it; absent:
+  /// the last of the cursor's column.
+  PlotReader reader = {};
 };
 /// A horizontal band with its name, e.g. a layer's depths or the range of a reference.
 struct PlotBand {
@@ -117,6 +123,12 @@ struct Plot {
 /// Whether a gap lies between the values of two columns, `left` < `right` of `count` in the plot's range. A
 /// gap within one column breaks nothing.
 bool isBroken(const Plot& plot, std::size_t left, std::size_t right, std::size_t count);
+
+/// Decimals of a force or a torque at one moment, in every picture and beside every plot: 2 for "N", 3 for
+/// "N·m". Nothing for other units, whose decimals the axis sets.
+std::optional<int> momentDecimals(std::string_view shown_unit);
+/// "3.12 N", "0.046 N·m"
+std::string momentText(double value, std::string_view unit);
 
 /// "force, N"
 std::string headingOf(const Plot& plot);

@@ -72,8 +72,14 @@ Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL) {
 
   // use the same region positions as the score
   Anatomy anatomy = anatomyOf(profile, X_WL);
-  for (Region& region : anatomy.targets)
-    view.targets.push_back({std::move(region.name), region.a_W_m, region.radius_m});
+  view.layer_end_m = anatomy.layer_end_m;
+  for (const Target& target : anatomy.targets) {
+    const DepthSpan span = depthSpanOf(anatomy, target);
+    const Vec3 center = target.ball.a_W_m, normal = surfaceNormal(view.limb_W, center, -zAxis(view.X_WL.q));
+    const double up_m = signedDepth(view.limb_W, center) - 0.5 * (span.top_m + span.bottom_m);
+    view.targets.push_back({target.ball.name, center, target.ball.radius_m, center + up_m * normal, normal,
+                            span.top_m, span.bottom_m});
+  }
   for (std::size_t i = 0; i < anatomy.hazards.size(); ++i) {
     Region& region = anatomy.hazards[i];
     view.hazards.push_back({std::move(region.name), profile.hazards(static_cast<int>(i)).kind(), region.a_W_m,
@@ -95,11 +101,7 @@ double depthAt(const SceneView& scene, Vec3 p_W_m) {
 }
 
 int layerAt(const SceneView& scene, double depth_m) {
-  if (!(depth_m > 0)) return -1;
-  int layer = 0;
-  const int last = static_cast<int>(scene.layers.size()) - 1;
-  while (layer < last && depth_m >= scene.layers[static_cast<std::size_t>(layer)].bottom_m) ++layer;
-  return layer;
+  return layerAtDepth(scene.layer_end_m, depth_m);
 }
 
 const std::string& layerName(const SceneView& scene, int layer) {
@@ -107,6 +109,10 @@ const std::string& layerName(const SceneView& scene, int layer) {
   if (layer < 0) return kOutside;
   if (static_cast<std::size_t>(layer) >= scene.layers.size()) return kNone;
   return scene.layers[static_cast<std::size_t>(layer)].name;
+}
+
+Vec3 openingOf(const SceneView& scene, Vec3 tip_W_m, Quat q_WT) {
+  return tip_W_m - openingBehindTip_m(scene.needle) * normalized(zAxis(q_WT));
 }
 
 double drawnDiameter_m(const SceneView& scene) {
@@ -219,6 +225,8 @@ std::string_view aidWord(pb::Exercise::Aid aid) {
       return "alignment";
     case pb::Exercise::PLANNED_LINE:
       return "planned line";
+    case pb::Exercise::ALARMS:
+      return "alarms";
     default:
       return "unknown aid";
   }

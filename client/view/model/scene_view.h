@@ -30,6 +30,10 @@ struct TargetView {
   std::string name;
   Vec3 center_W_m;
   double radius_m = 0;
+  Vec3 middle_W_m,
+      normal_W;  ///< the middle of the part that counts; the surface's unit normal there, outwards
+  double top_m = 0,
+         bottom_m = 0;  ///< depths between which it lies at its centre: the ball's, within its tissues
 };
 
 /// A ball (a = b), or a capsule of `radius_m` about the segment a-b.
@@ -43,8 +47,9 @@ struct HazardView {
 /// Immutable once made. Thread: any may read.
 struct SceneView {
   std::string profile_id, profile_name;
-  Limb limb_W;                    ///< a plane's normal is a unit vector
-  std::vector<LayerView> layers;  ///< 1-32, from the skin inward
+  Limb limb_W;                      ///< a plane's normal is a unit vector
+  std::vector<LayerView> layers;    ///< 1-32, from the skin inward
+  std::vector<double> layer_end_m;  ///< as in Anatomy
   std::vector<TargetView> targets;
   std::vector<HazardView> hazards;
   NeedleSpec needle;        ///< an unknown diameter is 0
@@ -67,6 +72,8 @@ double depthAt(const SceneView& scene, Vec3 p_W_m);
 int layerAt(const SceneView& scene, double depth_m);
 /// "skin", "deltoid muscle", … ; "outside" for −1, and for an index that the scene does not have "?".
 const std::string& layerName(const SceneView& scene, int layer);
+/// Returns the middle of the needle's opening, where an injection goes: `openingBehindTip_m` behind the tip.
+Vec3 openingOf(const SceneView& scene, Vec3 tip_W_m, Quat q_WT);
 /// Returns the diameter to draw: the needle's, or 0.8 mm if unknown.
 double drawnDiameter_m(const SceneView& scene);
 /// Returns the distance from a hazard's or target's surface to the straight shaft between tip and `skin`;

@@ -10,6 +10,10 @@ std::string_view keyWord(ActionKey key) {
       return "Esc";
     case ActionKey::kO:
       return "O";
+    case ActionKey::kDelete:
+      return "Del";
+    case ActionKey::kEnterOrEscape:
+      return "Enter, Esc";
     case ActionKey::kNone:
       break;
   }
@@ -21,9 +25,18 @@ std::string labelWithKey(const ScreenAction& action) {
   return key.empty() ? action.label : action.label + " (" + std::string(key) + ")";
 }
 
+namespace {
+
+bool isPressedBy(ActionKey of_action, ActionKey key) {
+  if (of_action == ActionKey::kEnterOrEscape) return key == ActionKey::kEnter || key == ActionKey::kEscape;
+  return of_action == key && key != ActionKey::kNone;
+}
+
+}  // namespace
+
 std::optional<int> actionOf(std::span<const ScreenAction> actions, ActionKey key) {
   for (const ScreenAction& action : actions)
-    if (key != ActionKey::kNone && action.key == key && action.enabled) return action.id;
+    if (isPressedBy(action.key, key) && action.enabled) return action.id;
   return std::nullopt;
 }
 

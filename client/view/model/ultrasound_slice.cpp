@@ -265,8 +265,7 @@ std::vector<SliceLabel> sliceLabels(const SceneView& scene, const SlicePlane& pl
 double sliceDepth_m(const SceneView& scene, const SliceSettings& settings) {
   if (settings.depth_m > 0) return std::clamp(settings.depth_m, 0.005, 0.5);
   double deepest_m = 0;
-  for (const TargetView& target : scene.targets)
-    deepest_m = std::max(deepest_m, depthAt(scene, target.center_W_m) + target.radius_m);
+  for (const TargetView& target : scene.targets) deepest_m = std::max(deepest_m, target.bottom_m);
   if (!(deepest_m > 0)) deepest_m = 0.6 * scene.needle.length_m;
   return std::clamp(1.33 * deepest_m, kShallowest_m, kDeepest_m);
 }

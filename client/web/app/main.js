@@ -3,7 +3,7 @@ import { match } from './lib/routes.js';
 import { may } from './lib/roles.js';
 import { giveUp, resume, session, stillIn } from './net/session.js';
 import { html, render, useEffect, useRef, useState } from './ui/html.js';
-import { useStore } from './ui/hooks.js';
+import { useModal, useStore } from './ui/hooks.js';
 import { Problem } from './ui/widgets.js';
 import { Shell } from './ui/shell.js';
 import { LoginForm, LoginPage } from './pages/login.js';
@@ -42,12 +42,7 @@ function Page({ person }) {
 
 /** Appears above the page, which stays as it is. */
 function LoginAgain({ name }) {
-  const element = useRef(null);
-  useEffect(() => {
-    const before = document.activeElement;
-    element.current.showModal();
-    return () => before instanceof HTMLElement && before.isConnected && before.focus();
-  }, []);
+  const element = useModal();
   return html`<dialog ref=${element} aria-labelledby="again-title" onCancel=${(event) => event.preventDefault()}>
     <h2 id="again-title">Log in again</h2>
     <p>Your log-in has expired. The page behind this is as you left it, with what you typed.</p>

@@ -115,7 +115,10 @@ CREATE TABLE exercises (
   position      BIGINT NOT NULL,              -- in its curriculum, from 0
   name          TEXT COLLATE "C" NOT NULL,
   profile_id    TEXT COLLATE "C" NOT NULL,
-  json          TEXT COLLATE "C" NOT NULL
+  json          TEXT COLLATE "C" NOT NULL,
+  assigned_only BIGINT NOT NULL DEFAULT 0 CHECK (assigned_only IN (0, 1)),
+  exam_attempts BIGINT CHECK (exam_attempts >= 1),         -- NULL: its course is no exam
+  results_from_unix_ns BIGINT NOT NULL DEFAULT 0           -- of an exam: trainees see results from then on; 0: at once
 );
 CREATE INDEX exercises_by_curriculum ON exercises (curriculum_id, position);
 
@@ -146,7 +149,7 @@ CREATE TABLE sessions (
   events              BIGINT CHECK (events IS NULL OR events >= 0),
   recording           BIGINT NOT NULL DEFAULT 1 CHECK (recording BETWEEN 1 AND 3),
   passed              BIGINT CHECK (passed IN (0, 1)),
-  excused             BIGINT NOT NULL DEFAULT 0 CHECK (excused IN (0, 1)),
+  excused             BIGINT NOT NULL DEFAULT 0 CHECK (excused IN (0, 1, 2)),
   erased              BIGINT NOT NULL DEFAULT 0 CHECK (erased IN (0, 1))
 );
 CREATE INDEX sessions_by_station ON sessions (station, state);
@@ -367,6 +370,7 @@ CREATE TABLE unknown_trainees (
   assigned_unix_ns BIGINT,
   code_unchecked   BIGINT NOT NULL DEFAULT 0 CHECK (code_unchecked IN (0, 1)),
   begin_unsure     BIGINT NOT NULL DEFAULT 0 CHECK (begin_unsure <= code_unchecked AND begin_unsure IN (0, 1)),
+  not_assigned     BIGINT NOT NULL DEFAULT 0 CHECK (not_assigned <= code_unchecked AND not_assigned IN (0, 1)),
   CHECK ((by_whom IS NULL) = (assigned_unix_ns IS NULL))
 );
 CREATE INDEX unknown_trainees_waiting ON unknown_trainees (session) WHERE by_whom IS NULL;
@@ -419,9 +423,9 @@ END $$;
 CREATE TRIGGER quarantine_ends AFTER DELETE ON chunks FOR EACH ROW EXECUTE FUNCTION quarantine_ends();
 
 CREATE VIEW attempt_shares AS
-  SELECT session, exercise_id, trainee, attempts, attempts * (1 - excused) AS counted,
-    CASE WHEN passed IS NULL THEN 0 ELSE attempts * (1 - excused) END AS judged,
-    coalesce(passed, 0) * attempts * (1 - excused) AS passed
+  SELECT session, exercise_id, trainee, attempts, CASE WHEN excused = 0 THEN attempts ELSE 0 END AS counted,
+    CASE WHEN excused = 0 AND passed IS NOT NULL THEN attempts ELSE 0 END AS judged,
+    CASE WHEN excused = 0 THEN coalesce(passed, 0) * attempts ELSE 0 END AS passed
   FROM (SELECT s.number AS session, s.exercise_id, s.trainee, s.excused, s.passed, CASE WHEN u.session IS NULL THEN 1::bigint ELSE 0 END AS attempts
         FROM sessions s LEFT JOIN uncounted_sessions u ON u.session = s.number
         WHERE s.trainee <> '' AND s.erased = 0) AS shares;

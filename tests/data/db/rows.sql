@@ -17,7 +17,7 @@ INSERT INTO stations VALUES('station-1',X'00000000000000000000000000000000000000
 INSERT INTO profiles VALUES('knee-adult',1,'A knee','{"id":"knee-adult"}','@2',1764000000000000003);
 INSERT INTO profiles VALUES('knee-adult',2,'A knee','{"id":"knee-adult","v":2}','@2',1764000000000000004);
 INSERT INTO curricula VALUES('basics',1,'Basics','{"id":"basics"}','@2',1764000000000000005);
-INSERT INTO exercises VALUES('knee-1','basics',0,'First','knee-adult','{"id":"knee-1"}');
+INSERT INTO exercises VALUES('knee-1','basics',0,'First','knee-adult','{"id":"knee-1"}',1,2,1764000000000000700);
 INSERT INTO assignments VALUES(1,NULL,'knee-1',NULL,'@1',NULL,'@2',1764000000000000006);
 INSERT INTO assignments VALUES(2,'basics',NULL,'class-a',NULL,1765000000000000000,'mia',1764000000000000205);
 INSERT INTO groups VALUES('class-a','Class A',2,'mia',1764000000000000203,0);
@@ -62,9 +62,9 @@ INSERT INTO scores VALUES(4,1,'[{"measure":"elapsed_s","value":1,"unit":"s"}]',N
 INSERT INTO exercise_references VALUES('knee-1',1,'["03000000-0000-0000-0000-000000000000"]','mia',1764000000000000209);
 INSERT INTO erasures VALUES(X'01000000000000000000000000000006',1764000000000000210,'ada','asked for it');
 INSERT INTO erased_names VALUES(X'4646464646464646464646464646464646464646464646464646464646464646',1798000000000000000);
-INSERT INTO unknown_trainees VALUES(1,'@1',NULL,NULL,1,1);
-INSERT INTO unknown_trainees VALUES(2,'@1',NULL,NULL,0,0);
-INSERT INTO unknown_trainees VALUES(3,'@5','mia',1764000000000000212,0,0);
+INSERT INTO unknown_trainees VALUES(1,'@1',NULL,NULL,1,1,1);
+INSERT INTO unknown_trainees VALUES(2,'@1',NULL,NULL,0,0,0);
+INSERT INTO unknown_trainees VALUES(3,'@5','mia',1764000000000000212,0,0,0);
 INSERT INTO station_claims VALUES('station-1',3,'b',1700000000000000000);
 INSERT INTO access_numbers VALUES(0,'',3,'','');
 INSERT INTO access_numbers VALUES(1,'@2',2,'password','');

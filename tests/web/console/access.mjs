@@ -1,6 +1,6 @@
 // Accessibility: axe on every page at a tablet's width, and a whole task without a mouse.
 import assert from 'node:assert/strict';
-import { accessible, done, fitsWidth, kTablet, single } from './browser.mjs';
+import { accessible, done, fitsWidth, kTablet, painted, single } from './browser.mjs';
 import { kPassword } from './lab.mjs';
 import { api } from './week.mjs';
 
@@ -108,7 +108,7 @@ export function access(t) {
     await page.waitForFunction(() => document.activeElement?.id === 'page-title');
     await tabTo(page, 'Add a group');
     await keyboard.press('Enter');
-    await page.getByRole('dialog', { name: 'Add a group' }).waitFor();
+    await painted(page.getByRole('dialog', { name: 'Add a group' }));
     await tabTo(page, 'Id');
     await keyboard.type('keys');
     await tabTo(page, 'Name');
@@ -135,13 +135,13 @@ export function access(t) {
     await keyboard.press('Enter');
     await tabTo(page, 'Assign');
     await keyboard.press('Enter');
-    await page.getByText('rheumatology-basics was assigned to keys.').waitFor();
+    await page.getByText('Rheumatology: needle injection, the basics was assigned to Keyboard (keys).').waitFor();
     assert.deepEqual(
       (await api(page, 'assignments?group=keys')).items.map((a) => [a.course_id, a.group_id]),
       [['rheumatology-basics', 'keys']],
     );
     await keyboard.press('?');
-    await page.getByRole('dialog', { name: 'Keyboard shortcuts' }).waitFor();
+    await painted(page.getByRole('dialog', { name: 'Keyboard shortcuts' }));
     await keyboard.press('Escape');
     await page.getByRole('dialog').waitFor({ state: 'detached' });
     await done(page);

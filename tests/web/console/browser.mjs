@@ -152,6 +152,29 @@ export async function chooseFrom(field, text, offered) {
   await field.page().getByRole('option', { name: offered, exact: true }).click();
 }
 
+/** Waits until a dialog takes keys: what is pressed before it is painted is not for it. */
+export function painted(dialog) {
+  return dialog.and(dialog.page().locator('[data-painted]')).waitFor();
+}
+
+/** Presses keys while the page stands still: for half a second when `open` has opened a dialog, before it is painted. */
+export async function pressedWhileItOpens(page, open, keys) {
+  await page.evaluate(() => {
+    const show = HTMLDialogElement.prototype.showModal;
+    HTMLDialogElement.prototype.showModal = function () {
+      HTMLDialogElement.prototype.showModal = show;
+      show.call(this);
+      console.debug('it stands still');
+      const end_ms = performance.now() + 500;
+      while (performance.now() < end_ms);
+    };
+  });
+  const still = page.waitForEvent('console', (message) => message.text() === 'it stands still');
+  const opened = open();
+  await still;
+  await Promise.all([opened, ...keys.map((key) => page.keyboard.press(key))]);
+}
+
 export async function done(page) {
   const { faults } = page;
   await page.context().close();

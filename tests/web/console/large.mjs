@@ -144,8 +144,8 @@ try {
   await chooseFrom(page.getByLabel('To whom'), full_name, `${full_name} (${trainee})`);
   await page.getByLabel('What').selectOption('exercise:exercise-3');
   await page.getByRole('button', { name: 'Assign', exact: true }).click();
-  await page.getByText(`exercise-3 was assigned to ${trainee}.`).waitFor();
-  await page.getByRole('button', { name: `Take back exercise-3 from ${trainee}` }).click();
+  await page.getByText(`was assigned to ${full_name} (${trainee}).`).waitFor();
+  await page.getByRole('button', { name: new RegExp(`^Take back .* from ${trainee}$`) }).click();
   await page.getByRole('dialog').getByRole('button', { name: 'Take back' }).click();
   await page.getByText('The assignment was taken back.').waitFor();
 

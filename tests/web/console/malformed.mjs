@@ -30,7 +30,7 @@ const kProfiles = [
     'a huge thickness',
     (d) => ({ ...d, layers: [{ ...d.layers[0], thickness_m: 1e300 }] }),
     'layers[0].thickness_m',
-    '1e+300 is out of range',
+    '1e+303 is out of range',
   ],
   [
     'a membrane that is a number',
@@ -55,6 +55,13 @@ const kProfiles = [
     'must be an object, found the text "flat"',
   ],
   ['needle: 5', (d) => ({ ...d, needle: 5 }), 'needle', 'must be an object, found the number 5'],
+  ['directions: []', (d) => ({ ...d, directions: [] }), 'directions', 'must be an object, found a list'],
+  [
+    'a direction that is a number',
+    (d) => ({ ...d, directions: { plus_x: 5 } }),
+    'directions.plus_x',
+    'must be a text, found the number 5',
+  ],
   ['tracking_wall: true', (d) => ({ ...d, tracking_wall: true }), 'tracking_wall', 'must be an object, found true'],
   ['effects: {}', (d) => ({ ...d, effects: {} }), 'effects', 'must be a list, found an object'],
   ['an effect that is null', (d) => ({ ...d, effects: [null] }), 'effects[0]', 'must be '],

@@ -1,7 +1,17 @@
 // Keeping the lab's data: consent and studies, retention, backup, scoring again, the audit, a person's own data.
 import assert from 'node:assert/strict';
 import { existsSync } from 'node:fs';
-import { accessible, chooseFrom, done, downloaded, open, settled, single } from './browser.mjs';
+import {
+  accessible,
+  chooseFrom,
+  done,
+  downloaded,
+  open,
+  painted,
+  pressedWhileItOpens,
+  settled,
+  single,
+} from './browser.mjs';
 import { api } from './week.mjs';
 
 /** @param {{lab: import('./lab.mjs').Lab, browser: import('./browser.mjs').Browser}} t */
@@ -90,6 +100,7 @@ export function upkeep(t) {
     const group = page.getByRole('dialog', { name: 'Add a group' });
     await group.getByLabel('Id').fill('hers');
     await group.getByLabel('Name').fill('Friends of Gina Gone');
+    await painted(group);
     await page.keyboard.press('Enter');
     await page.getByRole('heading', { level: 1, name: 'Friends of Gina Gone' }).waitFor();
     await open(page, t.lab, '#/people/gina.leaving', 'gina.leaving');
@@ -121,9 +132,17 @@ export function upkeep(t) {
     await page.getByLabel('What').selectOption('exercise:knee-recess');
     await chooseFrom(page.getByLabel('To whom'), 'tin', 'tina');
     await page.getByRole('button', { name: 'Assign', exact: true }).click();
-    await page.getByText('knee-recess was assigned to tina.').waitFor();
-    await page.getByRole('button', { name: 'Take back knee-recess from tina' }).click();
-    await page.getByRole('dialog').getByRole('button', { name: 'Take back' }).click();
+    await page.getByText('Knee: suprapatellar recess was assigned to tina.').waitFor();
+    const ask = page.getByRole('button', { name: 'Take back Knee: suprapatellar recess from tina' }),
+      dialog = page.getByRole('dialog');
+    // Enter leaves everything as it is, and what is pressed before the question is to be seen answers nothing
+    await pressedWhileItOpens(page, () => ask.click(), ['Tab', 'Enter', 'Enter', 'Escape']);
+    await painted(dialog);
+    assert.equal(await page.evaluate(() => document.activeElement?.textContent), 'Cancel');
+    await page.keyboard.press('Enter');
+    await dialog.waitFor({ state: 'detached' });
+    await ask.click();
+    await dialog.getByRole('button', { name: 'Take back' }).click();
     await page.getByText('The assignment was taken back.').waitFor();
     assert.deepEqual(
       (await api(page, 'assignments?trainee=tina')).items.filter((a) => a.exercise_id === 'knee-recess'),

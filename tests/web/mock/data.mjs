@@ -1,6 +1,6 @@
 // A small lab for the mock server: staff, twelve trainees, the sample profiles and course of db/samples, attempts.
 import { readFileSync, readdirSync } from 'node:fs';
-import { quantity } from '../../../client/web/app/lib/units.js';
+import { measureText } from '../../../client/web/app/lib/measures.js';
 import { gesture, random } from './gesture.mjs';
 
 const kSamples = new URL('../../../db/samples/', import.meta.url);
@@ -36,7 +36,7 @@ const nameOf = (full_name) => full_name.toLowerCase().replace(' ', '.');
 const kMeasures = [
   ['target_reached', '', 'Target reached', (s) => (s.skill > 0.35 ? 1 : 0)],
   ['time_at_target_s', 's', 'Time at the target', (s) => 0.5 + 3 * s.skill],
-  ['target_distance_m', 'm', 'Distance to the target at the end', (s) => 0.004 * (1.1 - s.skill)],
+  ['target_distance_m', 'm', "Distance from the target's centre at the deepest point", (s) => 0.004 * (1.1 - s.skill)],
   ['hazards_touched', '', 'Hazards touched', (s) => (s.skill < 0.25 ? 1 : 0)],
   ['elapsed_s', 's', 'Elapsed time', (s) => s.gesture.length_s],
   ['path_length_m', 'm', 'Path of the tip', (s) => 0.12 + 0.2 * (1 - s.skill)],
@@ -52,7 +52,7 @@ const kMeasures = [
   ['entries', '', 'Entries', (s) => (s.skill < 0.4 ? 3 : 1)],
   ['trajectory_changes', '', 'Changes of trajectory', (s) => (s.skill < 0.5 ? 2 : 0)],
   ['aspirated_before_injection', '', 'Aspirated before the injection', (s) => (s.skill > 0.3 ? 1 : 0)],
-  ['injected_in_target_share', '', 'Share injected in the target', (s) => Math.min(1, 0.4 + 0.7 * s.skill)],
+  ['injected_in_target_share', '', 'Share of the injection in the target', (s) => Math.min(1, 0.4 + 0.7 * s.skill)],
 ];
 const kMore = ['target_reached', 'time_at_target_s', 'injected_in_target_share'];
 const betterOf = (name) => (kMore.includes(name) ? 'more' : 'less');
@@ -65,7 +65,7 @@ export const measures = kMeasures.map(([name, unit, words]) => ({
   definition: `${words}, as the mock makes it up`,
 }));
 
-const said = (value, unit) => quantity(value, unit).replaceAll('\u00a0', ' ');
+const said = (measure, value, unit) => measureText(measure, value, unit).replaceAll('\u00a0', ' ');
 
 export function scoreOf(session, exercise) {
   return kMeasures.map(([measure, unit, words, value_of]) => {
@@ -79,34 +79,34 @@ export function scoreOf(session, exercise) {
       // as common/scoring/score_report.cpp says it
       const asked = rule.min !== undefined;
       const verdict = asked ? ['at least', 'below', 'asked for'] : ['within', 'above', 'allowed'];
-      row.words = `${words} ${said(value, unit)}: ${verdict[row.passed ? 0 : 1]} the ${said(rule.min ?? rule.max, unit)} ${verdict[2]}`;
+      row.words = `${words} ${said(measure, value, unit)}: ${verdict[row.passed ? 0 : 1]} the ${said(measure, rule.min ?? rule.max, unit)} ${verdict[2]}`;
     }
     return row;
   });
 }
 
-/** A score beside the band of the experts. */
+/** A score beside the range of the experts. */
 export function comparisonOf(rows, bands) {
   return bands.map((band) => {
-    const { value, unit } = rows.find((row) => row.measure === band.measure);
-    const z = band.sd > 0 ? (value - band.mean) / band.sd : null;
-    const standing =
-      z === null || Math.abs(z) < 1
-        ? 'like_reference'
-        : (betterOf(band.measure) === 'more') === z > 0
-          ? 'better'
-          : 'worse';
+    const { measure, n, least, greatest } = band;
+    const { value, unit, words } = rows.find((row) => row.measure === measure);
+    const text = (v) => said(measure, v, unit);
+    const side = value < least ? 'below' : value > greatest ? 'above' : 'within';
+    // as common/scoring/reference.cpp says it
+    const place = n < 5 || text(least) === text(greatest) ? null : side;
+    const name = words.split(' ' + text(value))[0];
     return {
-      measure: band.measure,
+      measure,
       value,
       unit,
-      n: band.n,
-      mean: band.mean,
-      sd: band.sd ?? null,
-      z,
-      better: betterOf(band.measure),
-      standing,
-      words: `${rows.find((row) => row.measure === band.measure).words}; experts ${said(band.mean, unit)}`,
+      n,
+      least,
+      greatest,
+      place,
+      better: betterOf(measure),
+      words: place
+        ? `${name} ${text(value)}: ${place} the experts' range, ${text(least)} to ${text(greatest)} (${n} gestures)`
+        : '',
     };
   });
 }

@@ -167,6 +167,8 @@ const infoOf = (lab, s) => ({
   ...(s.unknown_trainee ? { unknown_trainee: true } : {}),
   code_unchecked: !!s.code_unchecked,
   begin_unsure: !!s.begin_unsure,
+  not_assigned: !!s.not_assigned,
+  results_from_unix_ms: null,
   quarantined_chunks: s.quarantined_chunks ?? 0,
   ...(s.given_trainee ? { given_trainee: s.given_trainee } : {}),
 });
@@ -206,6 +208,8 @@ const attemptOf = (lab, s) => {
     passed: passedOf(score),
     state: 'SESSION_COMPLETE',
     excused: !!s.excused,
+    beyond: false,
+    results_from_unix_ms: null,
     score,
     profile_revision: s.profile_revision,
     engine_version: '0.1.0',
@@ -235,6 +239,7 @@ function resultsOf(lab, query, who) {
           due_unix_ms: exercise.due_unix_ms ?? null,
           overdue: false,
           done: passed,
+          results_from_unix_ms: null,
         };
       });
       cells.forEach((cell, i) => {
@@ -242,7 +247,7 @@ function resultsOf(lab, query, who) {
           (id) => !cells.find((c) => c.exercise_id === id)?.passed,
         );
       });
-      return { trainee, full_name: lab.people.get(trainee)?.full_name ?? '', cells };
+      return { trainee, full_name: lab.people.get(trainee)?.full_name ?? '', cells, groups: [] };
     });
   const { items, next_page } = paged(rows, query);
   const passed = course.exercises.map((_, i) => rows.filter((r) => r.cells[i].passed).length);
@@ -253,6 +258,7 @@ function resultsOf(lab, query, who) {
     rows: items,
     next_page,
     trainees_passed: totals ? passed : [],
+    required_measures: [],
     ...(totals && { trainees: rows.length }),
   };
 }
@@ -655,7 +661,7 @@ export const kTable = [
       );
     if (body.trainee !== 'guest') found(lab.people, body.trainee, 'person');
     s.given_trainee ??= s.trainee;
-    Object.assign(s, { unknown_trainee: false, code_unchecked: false, begin_unsure: false });
+    Object.assign(s, { unknown_trainee: false, code_unchecked: false, begin_unsure: false, not_assigned: false });
     if (body.started_unix_ms) s.started_unix_ms = body.started_unix_ms;
     s.trainee = body.trainee;
     return infoOf(lab, s);
@@ -859,7 +865,7 @@ export function csvOf(lab, parts, query) {
   }
   const results = resultsOf(
     lab,
-    { course: query.course || [...lab.courses.keys()][0], group: query.group },
+    { course: parts[0] === 'courses' ? parts[1] : query.course || [...lab.courses.keys()][0], group: query.group },
     { role: 'ADMINISTRATOR' },
   );
   return (

@@ -184,7 +184,8 @@ Result<bool> ScriptRunner::actOnStation(const ScriptAction& action, InstructorWi
     return true;
   }
   if (first && verb == "message") lab.commands.message(live->station(), action.words[0]);
-  if (first && verb == "next-exercise") lab.commands.nextExercise(live->station(), action.words[0]);
+  if (first && verb == "next-exercise")
+    lab.commands.nextExercise(live->station(), action.words[0], lab.exerciseName(action.words[0]));
   if (first && verb == "stop-lesson")
     lab.commands.stopLesson(live->station(), live->sessionId(), action.words.empty() ? "" : action.words[0]);
   if (first && verb == "aids") {

@@ -6,9 +6,8 @@ import { href } from '../lib/routes.js';
 import { Broken, CheckField, SelectField, TextField, problemsAt } from '../ui/fields.js';
 import { useLoad } from '../ui/hooks.js';
 import { html, useMemo } from '../ui/html.js';
-import { measureNamed, measuresOf } from '../lib/measures.js';
+import { measureNamed, measuresOf, shownUnit } from '../lib/measures.js';
 import { layerNames } from '../lib/tissue.js';
-import { measureUnit } from '../lib/units.js';
 import { documents } from '../net/requests.js';
 
 const kAids = [
@@ -23,6 +22,7 @@ const kAids = [
   ['ARROWS', 'Force arrows'],
   ['ALIGNMENT', 'Distance and tilt from own line, speed'],
   ['PLANNED_LINE', 'Planned entry and line'],
+  ['ALARMS', 'Alarms: hazard, bone, force, depth (without: by feel)'],
 ];
 const kUsualAids = kAids.map(([aid]) => aid).filter((aid) => aid !== 'ULTRASOUND');
 const kTips = [
@@ -35,18 +35,19 @@ const kTips = [
 
 function Aids({ f, at }) {
   const aids = f.at(`${at}.aids`);
-  // no list means all aids but the slice, which takes time to draw
-  const allowed = aids ? (aids.allowed ?? []) : kUsualAids;
+  // no list means all aids but the slice, which takes time to draw; in an exam it means none
+  const usual = f.doc.exam ? [] : kUsualAids;
+  const allowed = aids ? (aids.allowed ?? []) : usual;
   const faults = [`${at}.aids`, `${at}.aids.allowed`].filter(f.faultAt);
   const toggle = (aid) => (on) =>
     f.edit(`${at}.aids`, (before) => {
       const next = toggled(
         kAids.map(([name]) => name),
-        before ? (before.allowed ?? []) : kUsualAids,
+        before ? (before.allowed ?? []) : usual,
         aid,
         on,
       );
-      return next.join() === kUsualAids.join() ? undefined : { ...before, allowed: next };
+      return next.join() === usual.join() ? undefined : { ...before, allowed: next };
     });
   return html`<fieldset>
     <legend>What the station may show while practising</legend>
@@ -140,7 +141,7 @@ function Prerequisites({ f, at, index }) {
     });
   const problems = (f.problems ?? []).filter((p) => p.path.startsWith(`${at}.prerequisites`));
   return html`<fieldset>
-    <legend>Must be passed first</legend>
+    <legend>${f.doc.exam ? 'Must be taken first' : 'Must be passed first'}</legend>
     ${
       before.length + odd.length === 0 && html`<p class="help">This is the first exercise: nothing comes before it.</p>`
     }
@@ -187,7 +188,7 @@ export function ExerciseForm({ f, index, profiles, measures }) {
     ${f.text(`${at}.description`, 'Exercise description', { rows: 2, wide: true })}
     <div class="fields">
       ${f.select(`${at}.profile_id`, 'Patient', patients, { wide: true })}
-      ${f.number(`${at}.attempts`, 'Attempts', { help: 'empty: as many as one likes' })}
+      ${f.number(`${at}.attempts`, 'Attempts', { help: f.doc.exam ? 'empty: one' : 'empty: as many as one likes' })}
       ${f.number(`${at}.time_limit_s`, 'Time limit', { help: 'empty: none' })}
       <${TextField}
         label="Due"
@@ -231,7 +232,7 @@ export function Requirements({ f, at, measures, layers }) {
     const all = measuresOf(measures, layers),
       // a layer that the patient does not have, or not yet: the patient is still being loaded
       other = name && !all.some((m) => m.name === name) ? [named(name) ?? { name }] : [];
-    return [['', 'Choose …'], ...[...all, ...other].map((m) => [m.name, m.words ? `${m.words} (${m.name})` : m.name])];
+    return [['', 'Choose …'], ...[...all, ...other].map((m) => [m.name, m.words ?? m.name])];
   };
   return html`
     <h3>Requirements to pass</h3>
@@ -243,7 +244,7 @@ export function Requirements({ f, at, measures, layers }) {
     }
     <div>${rules.map((rule, i) => {
       const known = named(rule.measure);
-      const { factor, unit } = measureUnit(known?.unit ?? '');
+      const { factor, unit } = shownUnit(rule.measure ?? '', known?.unit ?? '');
       const name = known?.words ?? rule.measure ?? `requirement ${i + 1}`;
       return html`<div key=${i} class="requirement fields" role="group" aria-label=${`Requirement ${i + 1}: ${name}`}>
         ${f.select(`${path}[${i}].measure`, 'Measure', options(rule.measure))}

@@ -15,6 +15,7 @@ export const kLeastSpans = {
   time: 5, // s
   area: 0.5, // cm²
   work: 0.05, // J
+  share: 100, // %
 };
 const kQuantities = {
   '': 'number',
@@ -26,6 +27,7 @@ const kQuantities = {
   s: 'time',
   'cm²': 'area',
   J: 'work',
+  '%': 'share',
 };
 const kZeroIsNear = 0.6, // of the largest value: zero within as much again joins the axis
   kAir = 0.05; // beyond the data, not beyond zero

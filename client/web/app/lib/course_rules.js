@@ -61,6 +61,8 @@ export function courseFaults(course, { profiles, measures } = {}) {
   const say = (path, message) => faults.push({ path, message, severity: 'ERROR' });
   if (!kId.test(course.id ?? '')) say('id', "letters, digits, '-', '_', '.', 1 to 64 of them");
   if (!course.name?.trim()) say('name', 'is missing');
+  if (course.results_from_unix_ms !== undefined && !course.exam)
+    say('results_from_unix_ms', 'is for an exam, and this course is none');
   const exercises = course.exercises ?? [];
   if (exercises.length === 0) say('exercises', 'a course needs at least one exercise');
   exercises.forEach((exercise, i) => {
@@ -107,14 +109,24 @@ export function courseFaults(course, { profiles, measures } = {}) {
   return faults;
 }
 
+/** The course when it is an exam no more: nothing is held back. */
+export function withoutExam(course) {
+  const { exam, results_from_unix_ms, ...rest } = course;
+  return rest;
+}
+
 /** "2. Knee"; a name that already has a number stays as it is. */
 export const numbered = (index, name) => (/^\d/.test(name) ? name : `${index + 1}. ${name}`);
 
 /** What an exercise is called while its name, or its id, may be missing. */
 export const exerciseName = (exercise, index) => exercise?.name || exercise?.id || `Exercise ${index + 1}`;
 
-/** Whether a trainee is done with an exercise, as the server sees it: passed; without requirements, tried. */
+/**
+ * Whether a trainee is done with an exercise, as the server sees it: passed; tried, where nothing is required, or where
+ * an exam's results are not shown yet.
+ */
 export function isDone(exercise, cell) {
+  if (cell?.results_from_unix_ms) return cell.attempts > 0;
   const asks_nothing = !exercise.requirements?.length && (exercise.time_limit_s ?? null) === null;
   return cell?.passed ?? (asks_nothing && (cell?.attempts ?? 0) > 0);
 }

@@ -1,7 +1,73 @@
 // What the measures of a score are called. The server lists the kinds; a kind that each layer has is one row with a K in
 // place of the layer's number (common/scoring/measure_table.h). Pure.
 
+import { measureTitle, measureUnit, quantity } from './units.js';
+
 /** @typedef {{name: string, unit: string, words: string}} Kind */
+
+const kYesOrNo = ['target_reached', 'aspirated_before_injection'];
+const isShare = (measure) => measure.endsWith('_share');
+
+/**
+ * A measure's value or limit in its form: "3.2 N", "8 %", "yes"; tests/data/scoring/measure_texts.json has examples, as
+ * for measureText of common/scoring.
+ * @param {string} measure
+ * @param {number|null|undefined} value
+ * @param {string} unit the row's
+ * @param {{digits?: number, locale?: string}} [options]
+ */
+export function measureText(measure, value, unit, options) {
+  if (kYesOrNo.includes(measure) && Number.isFinite(value)) return value > 0 ? 'yes' : 'no';
+  return quantity(value, isShare(measure) ? 'share' : unit, options);
+}
+
+/** The same for a mean or a spread: yes-or-no in percent, because half a yes is no value. */
+export const meanText = (measure, value, unit, options) =>
+  kYesOrNo.includes(measure) ? quantity(value, 'share', options) : measureText(measure, value, unit, options);
+
+/**
+ * The requirement on a measure: "at most 5 N", "20 mm to 30 mm", "yes"; '' without one.
+ * @param {{measure: string, unit: string, min?: number, max?: number}} row
+ */
+export function requirementText({ measure, unit, min, max }, options) {
+  const text = (value) => measureText(measure, value, unit, options);
+  if (min === undefined && max === undefined) return '';
+  if (kYesOrNo.includes(measure)) return (min ?? 0) > 0 ? 'yes' : 'no';
+  if (min !== undefined && max !== undefined) return `${text(min)} to ${text(max)}`;
+  return min !== undefined ? `at least ${text(min)}` : `at most ${text(max)}`;
+}
+
+/**
+ * The unit in which a plot or a field shows a measure: SI value = shown value · factor.
+ * @param {string} measure
+ * @param {string} unit the measure's
+ */
+export function shownUnit(measure, unit) {
+  if (isShare(measure)) return { factor: 0.01, unit: '%' };
+  return kYesOrNo.includes(measure) ? { factor: 1, unit: '1: yes, 0: no' } : measureUnit(unit);
+}
+
+/**
+ * What a row of a score is called. Its words begin with the name, but for what could not be measured.
+ * @param {{measure: string, value: number|null, words?: string}} row
+ * @param {Kind[]} kinds
+ * @param {string[]} [layers]
+ */
+export function rowTitle(row, kinds, layers = []) {
+  if (row.value !== null && row.value !== undefined) return measureTitle(row);
+  return measureNamed(kinds, row.measure, layers)?.words ?? 'unknown measure';
+}
+
+/**
+ * Where the ends of the experts' range and the value lie in a picture, from 0 to 1, as placeMarks of common/scoring.
+ * @param {{least: number, greatest: number, value: number}} beside a row of the comparison that has a place
+ */
+export function placeMarks({ least, greatest, value }) {
+  const low = Math.min(least, value),
+    high = Math.max(greatest, value);
+  const at = (v) => 0.1 + (0.8 * (v - low)) / (high - low);
+  return { least: at(least), greatest: at(greatest), value: at(value) };
+}
 
 /**
  * A measure by its name, "Peak force in dura"; with the layer's number where the patient has no such layer.

@@ -1,6 +1,6 @@
 // The columns of a recording as plots and replays need them, and the position of a replay. Pure.
 import { indexAt } from './decimate.js';
-import { axisOf, depthOf, frameOf, inFrame } from './scene.js';
+import { axisOf, depthOf, frameOf, inFrame, placed } from './scene.js';
 
 /** The columns of a reply of /samples by name, whether they are under `columns` or at the top. */
 export function columnsOf(reply) {
@@ -100,6 +100,20 @@ function segmentDistance(p, a, b) {
   return Math.hypot(p.x - a.x - s * d.x, p.y - a.y - s * d.y, p.z - a.z - s * d.z);
 }
 
+/** Least distance between the segments p-q and a-b: by ternary search, as the distance along one of them is convex. */
+function segmentsDistance(p, q, a, b) {
+  const at = (s) =>
+    segmentDistance({ x: p.x + s * (q.x - p.x), y: p.y + s * (q.y - p.y), z: p.z + s * (q.z - p.z) }, a, b);
+  let low = 0,
+    high = 1;
+  for (let i = 0; i < 40; i++) {
+    const third = (high - low) / 3;
+    if (at(low + third) < at(high - third)) high -= third;
+    else low += third;
+  }
+  return Math.min(at(0), at(1), at((low + high) / 2));
+}
+
 /** When contacts begin, in s, by the rule of the measures. @param {number[]} t_s @param {(i: number) => boolean} touches */
 function beginnings(t_s, touches) {
   const found = [];
@@ -120,13 +134,27 @@ function beginnings(t_s, touches) {
 /** Whether the tip is in bone, a layer or a hazard, at a sample. */
 function inBone(columns, profile, placement) {
   const limb = intoLimb(placement),
-    bones = (profile.hazards ?? []).filter((h) => h.kind === 'BONE');
+    bones = (placed(profile).hazards ?? []).filter((h) => h.kind === 'BONE');
   return (i) => {
     const layer = columns.layer?.[i];
     if (!(layer >= 0)) return false;
     if (profile.layers?.[layer]?.tissue === 'BONE') return true;
     const p = limb({ x: columns.px_m?.[i], y: columns.py_m?.[i], z: columns.pz_m?.[i] });
     return bones.some((h) => segmentDistance(p, h.a_m ?? h.center_m, h.b_m ?? h.center_m) <= h.radius_m);
+  };
+}
+
+/** Whether the tip or the shaft in tissue touches a hazard that is no bone. */
+function inHazard(columns, profile, placement) {
+  const limb = intoLimb(placement),
+    hazards = (placed(profile).hazards ?? []).filter((h) => h.kind !== 'BONE');
+  return (i) => {
+    if (!(columns.layer?.[i] >= 0) || !columns.qx) return false;
+    const tip = limb({ x: columns.px_m[i], y: columns.py_m[i], z: columns.pz_m[i] }),
+      axis = limb(axisOf(columns.qx[i], columns.qy[i], columns.qz[i], columns.qw[i]), true),
+      back_m = columns.insertion_m?.[i] ?? 0;
+    const skin = { x: tip.x - back_m * axis.x, y: tip.y - back_m * axis.y, z: tip.z - back_m * axis.z };
+    return hazards.some((h) => segmentsDistance(tip, skin, h.a_m ?? h.center_m, h.b_m ?? h.center_m) <= h.radius_m);
   };
 }
 
@@ -140,12 +168,19 @@ const kContacts = [
     more: 'contacts of the hub with the skin',
     at: (columns, profile) => (i) => columns.insertion_m?.[i] > profile.needle?.length_m,
   },
+  {
+    measure: 'hazards_touched',
+    name: 'hazard touched',
+    one: '1 hazard touched',
+    more: 'hazards touched',
+    at: inHazard,
+  },
 ];
 
 /** @typedef {{measure: string, name: string, one: string, more: string, moments_s: number[]}} ContactsOfKind */
 
 /**
- * When the tip came into bone and the hub onto the skin, by the rule of the measures. Between two points of a decimated
+ * When the tip came into bone, the hub onto the skin, and the needle to a hazard, by the rule of the measures. Between two points of a decimated
  * recording nothing is known: the score's rows have the numbers of contacts.
  * @param {Record<string, number[]>} columns
  * @param {any} profile

@@ -47,6 +47,50 @@ export function depthOf(limb) {
   return () => NaN;
 }
 
+/** The unit normal out of the body at the skin nearest to `p`; at a limb's centre the frame's z. */
+function normalAt(limb, p) {
+  const up = { x: 0, y: 0, z: 1 };
+  if (limb?.plane) return unit(vec(limb.plane.normal), up);
+  const capsule = limb?.capsule;
+  const center = capsule ? nearestOnSegment(p, vec(capsule.a_m), vec(capsule.b_m)) : vec(limb?.sphere?.center_m);
+  return unit(minus(p, center), up);
+}
+
+/** The middle of a target or hazard. */
+function middleOf(region) {
+  const [from, to] = region.center_m ? [region.center_m, region.center_m] : [region.a_m, region.b_m];
+  return scaled(add(vec(from), vec(to)), 0.5);
+}
+
+/** How far the middle of a target or hazard is under the top of a layer, in metres, to a hundredth of a millimetre. */
+export function offsetUnder(profile, region, layer) {
+  const top_m = layerBounds(profile).find((l) => l.name === layer)?.from_m ?? 0,
+    under_m = depthOf(profile.limb)(middleOf(region)) - top_m;
+  return Number.isFinite(under_m) ? Math.round(under_m * 1e5) / 1e5 : 0;
+}
+
+/**
+ * The profile with its targets and hazards where their anchors put them, as common/profile/anchors.h says it; a region
+ * whose anchor names no layer stays.
+ */
+export function placed(profile) {
+  const layers = layerBounds(profile),
+    names = layerNames(profile),
+    depth = depthOf(profile?.limb);
+  const move = (region) => {
+    const layer = layers[names.indexOf(region?.anchor?.layer)];
+    if (!layer) return region;
+    const ends = region.center_m ? ['center_m'] : ['a_m', 'b_m'],
+      middle = middleOf(region);
+    const up = depth(middle) - (layer.from_m + (Number(region.anchor.offset_m) || 0));
+    if (!Number.isFinite(up)) return region;
+    const normal = normalAt(profile.limb, middle);
+    return { ...region, ...Object.fromEntries(ends.map((end) => [end, add(vec(region[end]), normal, up)])) };
+  };
+  const all = (list) => (Array.isArray(list) ? list.map(move) : list);
+  return { ...profile, targets: all(profile?.targets), hazards: all(profile?.hazards) };
+}
+
 /**
  * The place of insertion: the point of the skin nearest to the profile's origin; `n` points out, `e1` and `e2` along
  * the skin.

@@ -2,11 +2,12 @@
 // texts that are texts. The rest of the document, and the document itself, stay as they are. Pure.
 
 /**
- * @typedef {'text'|'number'|'length'|[any]|Record<string, any>} Shape 'length': a number that can be drawn; a list has
- * the shape of its items; of an object's fields, those that are not named may hold anything
+ * @typedef {'text'|'flag'|'number'|'length'|[any]|Record<string, any>} Shape 'length': a number that can be drawn; a
+ * list has the shape of its items; of an object's fields, those that are not named may hold anything
  */
 
 const kVector = { x: 'length', y: 'length', z: 'length' };
+const kAnchor = { layer: 'text', offset_m: 'length' };
 const kNeedle = { length_m: 'length', tip: 'text' };
 
 /** @type {Shape} of the fields that the editor reads; the server's check knows all (proto/needlelab/profile.proto) */
@@ -33,9 +34,12 @@ export const kProfileShape = {
   direct: {},
   voigt: {},
   god_object: {},
-  targets: [{ name: 'text', center_m: kVector, radius_m: 'length' }],
-  hazards: [{ name: 'text', kind: 'text', center_m: kVector, a_m: kVector, b_m: kVector, radius_m: 'length' }],
+  targets: [{ name: 'text', center_m: kVector, radius_m: 'length', tissues: ['text'], anchor: kAnchor }],
+  hazards: [
+    { name: 'text', kind: 'text', center_m: kVector, a_m: kVector, b_m: kVector, radius_m: 'length', anchor: kAnchor },
+  ],
   effects: ['text'],
+  directions: { plus_x: 'text', minus_x: 'text', plus_y: 'text', minus_y: 'text', plus_z: 'text', minus_z: 'text' },
 };
 
 /** @type {Shape} */
@@ -43,6 +47,9 @@ export const kCourseShape = {
   id: 'text',
   name: 'text',
   description: 'text',
+  assigned_only: 'flag',
+  exam: 'flag',
+  results_from_unix_ms: 'number',
   exercises: [
     {
       id: 'text',
@@ -91,6 +98,7 @@ export function shownOf(document, shape) {
   const visit = (value, kind, path) => {
     if (value === undefined) return undefined;
     if (kind === 'text') return typeof value === 'string' ? value : wrong(path, 'a text', value, undefined);
+    if (kind === 'flag') return typeof value === 'boolean' ? value : wrong(path, 'true or false', value, undefined);
     if (kind === 'number') return Number.isFinite(value) ? value : undefined;
     if (kind === 'length') return Number.isFinite(value) && Math.abs(value) <= kDrawn_m ? value : undefined;
     if (Array.isArray(kind))

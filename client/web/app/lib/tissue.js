@@ -39,6 +39,30 @@ export function layerNames(profile) {
   });
 }
 
+/**
+ * `after` with the names of layers that targets and hazards mention as the layers are called now: a layer in the same
+ * place whose old name no layer has any more was renamed.
+ */
+export function followLayerNames(before, after) {
+  const old = layerNames(before),
+    now = layerNames(after);
+  if (old.length !== now.length) return after;
+  const renamed = new Map(old.map((name, i) => [name, now[i]]).filter(([name]) => !now.includes(name)));
+  if (renamed.size === 0) return after;
+  const called = (name) => renamed.get(name) ?? name;
+  const follow = (region) => ({
+    ...region,
+    ...(Array.isArray(region?.tissues) && { tissues: region.tissues.map(called) }),
+    ...(region?.anchor && { anchor: { ...region.anchor, layer: called(region.anchor.layer) } }),
+  });
+  const all = (list) => (Array.isArray(list) ? list.map(follow) : list);
+  return {
+    ...after,
+    ...(after.targets && { targets: all(after.targets) }),
+    ...(after.hazards && { hazards: all(after.hazards) }),
+  };
+}
+
 /** Curves: told apart by their dashes as well. */
 export const kCurves = [
   { color: '#0b4f6c', dash: [] },

@@ -17,7 +17,6 @@ const kFixed = {
   'm/s': [1e3, 'mm/s'],
   s: [1, 's'],
   '': [1, ''],
-  share: [100, '%'],
   rad: [180 / Math.PI, '°'],
   'rad/s': [180 / Math.PI, '°/s'],
 };
@@ -35,6 +34,13 @@ export function number(value, digits = 3, locale = undefined) {
 }
 
 /**
+ * What a spreadsheet of this locale takes for the end of a cell: where the decimal sign is a comma, a semicolon.
+ * @param {string} [locale]
+ * @returns {'comma'|'semicolon'} as `separator` of the table's address
+ */
+export const csvSeparator = (locale = undefined) => (number(1.5, 3, locale).includes(',') ? 'semicolon' : 'comma');
+
+/**
  * "3.1 mm", "0.009 N", "12 cm²", "2"; "–" for what is not a number.
  * @param {number|null|undefined} value in SI
  * @param {string} unit of the value, as the server names it: m, N, s, m/s, m^2, …
@@ -42,6 +48,8 @@ export function number(value, digits = 3, locale = undefined) {
  */
 export function quantity(value, unit, { digits = 3, locale } = {}) {
   if (value === null || value === undefined || !Number.isFinite(value)) return '–';
+  // whole percents, as percentText of common/scoring says them
+  if (unit === 'share') return `${number(Math.round(100 * value) || 0, 15, locale)}\u00a0%`;
   const size = Math.abs(value);
   const small = Number(size.toPrecision(digits)) < 1 && kInThousandths[unit];
   const fixed = small ? [1e3, small] : kFixed[unit];
@@ -94,6 +102,33 @@ export function measureUnit(unit) {
   ];
   return { factor: fixed[0], unit: fixed[1] };
 }
+
+const kOutOfRange = /^(\S+) is out of range ([[(])([^\s,]+), ([^\s,\])]+)([\])])$/;
+
+/**
+ * A message of the server, which is in SI, under a field in another unit: "-0.003 is out of range (0, 1]" in a field in
+ * mm is "-3 is out of range (0, 1000] mm". Of another message with a number the unit is said.
+ * @param {string} message
+ * @param {{factor: number, unit: string, si: string}} shown_unit as of fieldUnit
+ */
+export function messageIn(message, { factor, unit, si }) {
+  const found = kOutOfRange.exec(message);
+  if (found) {
+    const [, value, open, least, greatest, close] = found;
+    const text = (number) => shown(Number(number), factor);
+    return `${text(value)} is out of range ${open}${text(least)}, ${text(greatest)}${close}${unit && ` ${unit}`}`;
+  }
+  return si === unit || !/\d/.test(message) ? message : `${message} (in ${si}, not ${unit})`;
+}
+
+/** The unit of the field at a path of a document: of "layers[0].thickness_m", of "targets[1].center_m.x". */
+export const unitAt = (path) =>
+  fieldUnit(
+    path
+      .replace(/\.[xyz]$/, '')
+      .split('.')
+      .at(-1),
+  );
 
 /**
  * The text of a field for an SI value, rounded to 12 digits so that 0.003 m is 3 mm and not 3.0000000000000004. A value

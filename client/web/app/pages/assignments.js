@@ -39,7 +39,8 @@ function AddAssignment({ all, done }) {
     const due_unix_ms = fromInput(entry.due);
     const body = { [kKeys[what]]: what_id, [kKeys[whom]]: whom_id, ...(due_unix_ms ? { due_unix_ms } : {}) };
     if (!(await action.run(() => assignments.add(body)))) return;
-    announce(`${what_id} was assigned to ${whom_id}.`);
+    const name = (what === 'course' ? all.courses : all.exercises).find(({ id }) => id === what_id)?.name ?? what_id;
+    announce(`${name} was assigned to ${entry.whom.text.replace(/^Group: /, '')}.`);
     setEntry(kEmpty);
     done();
   };
@@ -93,14 +94,14 @@ export function AssignmentsPage() {
     <${Heading} title="Assignments" />
     <${Loaded} load=${load}>${(all) => {
       const nameOf = (list, id) => list.find((x) => x.id === id)?.name ?? id;
+      const whatName = (a) => (a.course_id ? nameOf(all.courses, a.course_id) : nameOf(all.exercises, a.exercise_id));
+      const whomName = (a) => (a.group_id ? a.group_name || a.group_id : a.trainee);
       const what = (a) =>
-        a.course_id
-          ? html`<a href=${href(['courses', a.course_id])}>${nameOf(all.courses, a.course_id)}</a>`
-          : nameOf(all.exercises, a.exercise_id);
+        a.course_id ? html`<a href=${href(['courses', a.course_id])}>${whatName(a)}</a>` : whatName(a);
       const whom = (a) =>
         a.group_id
-          ? html`<a href=${href(['groups', a.group_id])}>${a.group_name || a.group_id}</a>`
-          : html`<a href=${href(['people', a.trainee])}>${a.trainee}</a>`;
+          ? html`<a href=${href(['groups', a.group_id])}>${whomName(a)}</a>`
+          : html`<a href=${href(['people', a.trainee])}>${whomName(a)}</a>`;
       return html`
         <${AddAssignment} all=${all} done=${pages.load.reload} />
         <${Loaded} load=${pages.load}>${() =>
@@ -126,8 +127,8 @@ export function AssignmentsPage() {
                     <button
                       type="button"
                       class="small danger"
-                      aria-label=${`Take back ${a.course_id || a.exercise_id} from ${a.group_id || a.trainee}`}
-                      onClick=${() => setRemoving(a)}
+                      aria-label=${`Take back ${whatName(a)} from ${whomName(a)}`}
+                      onClick=${() => setRemoving({ ...a, what: whatName(a), whom: whomName(a) })}
                     >
                       Take back …
                     </button>
@@ -147,8 +148,7 @@ export function AssignmentsPage() {
         error=${action.error}
       >
         <p>
-          ${removing.course_id || removing.exercise_id} for ${removing.group_id || removing.trainee}. Results so far
-          stay.
+          ${removing.what} for ${removing.whom}. Results so far stay.
         </p>
       <//>`
     }

@@ -12,6 +12,7 @@ import { AsJson } from '../ui/as_json.js';
 import { formOf, ProblemList } from '../ui/fields.js';
 import { useLoad } from '../ui/hooks.js';
 import { html, useMemo, useState } from '../ui/html.js';
+import { ExamFields } from '../course/exam.js';
 import { ExerciseForm } from '../course/exercise.js';
 import { ExerciseOrder } from '../course/order.js';
 import { SaveBar, useBadFields, useCheck, useSaveKey } from './profile_editor.js';
@@ -98,6 +99,7 @@ export function CourseEditor({ params, person }) {
           ${f.text('name', 'Name', { required: true })}
         </div>
         ${f.text('description', 'Description', { rows: 2, wide: true })}
+        <${ExamFields} f=${f} />
       </fieldset>
       <div class="course-columns">
         <div>

@@ -1,10 +1,11 @@
 // The state of the lab now. The line reconnects by itself, and the page shows its state.
+import { isPractising, tileState, traineeWords } from '../lib/lab.js';
 import { href } from '../lib/routes.js';
 import { counted, quantity, words } from '../lib/units.js';
 import { may } from '../lib/roles.js';
 import { followLab } from '../net/live.js';
 import { html, useEffect, useRef, useState } from '../ui/html.js';
-import { useEvery } from '../ui/hooks.js';
+import { useEvery, useExerciseName } from '../ui/hooks.js';
 import { Empty, Heading, Mark } from '../ui/widgets.js';
 
 const kFullForce_N = 10,
@@ -24,29 +25,23 @@ function Gauge({ label, value, full, unit, peak }) {
   </div>`;
 }
 
-function Tile({ tile, person }) {
+function Tile({ tile, person, nameOf }) {
   const force = tile.force_n ?? tile.force_N ?? 0,
     peak = tile.peak_force_n ?? tile.peak_force_N ?? 0;
-  const state = tile.fault
-    ? html`<${Mark} kind="bad">fault<//>`
-    : !tile.online
-      ? html`<${Mark} kind="open">offline<//>`
-      : tile.trainee
-        ? html`<${Mark} kind="good">practising<//>`
-        : html`<${Mark} kind="info">idle<//>`;
+  const [kind, word] = tileState(tile);
   return html`<li class=${'tile live-tile' + (tile.fault ? ' live-fault' : '')} aria-label=${`Station ${tile.station}`}>
-    <div class="card-head"><h2>${tile.station}</h2>${state}</div>
+    <div class="card-head"><h2>${tile.station}</h2><${Mark} kind=${kind}>${word}<//></div>
     ${tile.server && html`<p class="help">Server ${tile.server}</p>`}
     ${tile.fault && html`<p class="error">✗ ${tile.fault}</p>`}
     ${
-      tile.online && tile.trainee
+      isPractising(tile)
         ? html`
             <p>
               <strong>${
-                may(person.role, 'see people')
+                tile.trainee && may(person.role, 'see people')
                   ? html`<a href=${href(['people', tile.trainee])}>${tile.trainee}</a>`
-                  : tile.trainee
-              }</strong>, ${tile.exercise}
+                  : traineeWords(tile)
+              }</strong>, ${nameOf(tile.exercise)}
             </p>
             <p>${words(tile.phase)}${tile.layer ? ` in ${tile.layer}` : ''}</p>
             <${Gauge} label="Depth" value=${tile.depth_m ?? 0} full=${kFullDepth_m} unit="m" />
@@ -110,7 +105,8 @@ export function LivePage({ person }) {
     );
     return () => follower.current.stop();
   }, []);
-  const busy = (tiles ?? []).filter((t) => t.online && t.trainee).length;
+  const nameOf = useExerciseName();
+  const busy = (tiles ?? []).filter(isPractising).length;
   return html`
     <${Heading} title="Live lab" />
     <${Line} line=${line} retry=${() => follower.current.retry()} />
@@ -128,7 +124,7 @@ export function LivePage({ person }) {
           : html`
               <p>${busy} of ${counted(tiles.length, 'station')} ${busy === 1 ? 'is' : 'are'} in use</p>
               <ul class=${'tiles' + (line.state === 'live' ? '' : ' live-old')}>${tiles.map(
-                (tile) => html`<${Tile} key=${tile.station} tile=${tile} person=${person} />`,
+                (tile) => html`<${Tile} key=${tile.station} tile=${tile} person=${person} nameOf=${nameOf} />`,
               )}</ul>
             `
     }

@@ -1,4 +1,5 @@
 // Log-in, as a page and (LoginForm) as a dialog above a page whose log-in has expired.
+import { oneAtATime } from '../lib/presses.js';
 import { number } from '../lib/units.js';
 import { logIn } from '../net/session.js';
 import { html, useEffect, useRef, useState } from '../ui/html.js';
@@ -20,6 +21,7 @@ export function LoginForm({ name: known }) {
   const [password, setPassword] = useState('');
   const [error, setError] = useState(null);
   const [busy, setBusy] = useState(false);
+  const [once] = useState(oneAtATime);
   const [locked_until_ms, setLocked] = useState(0);
   const [, setTurn] = useState(0);
   useEvery(1000, () => locked_until_ms > 0 && setTurn((t) => t + 1));
@@ -28,8 +30,7 @@ export function LoginForm({ name: known }) {
     form.current.querySelector(known ? 'input[type=password]' : 'input').focus();
   }, []);
   const locked_s = Math.max(0, Math.ceil((locked_until_ms - Date.now()) / 1000));
-  const submit = async (event) => {
-    event.preventDefault();
+  const send = async () => {
     setBusy(true);
     try {
       await logIn(name.trim(), password);
@@ -40,6 +41,10 @@ export function LoginForm({ name: known }) {
       form.current?.querySelector('input[type=password]').focus();
     }
     setBusy(false);
+  };
+  const submit = (event) => {
+    event.preventDefault();
+    once(send);
   };
   return html`<form ref=${form} onSubmit=${submit} class="login">
     <${TextField}

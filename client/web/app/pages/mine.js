@@ -41,7 +41,8 @@ function Course({ row, person }) {
   const passed = cells.filter((c) => c.passed === true).length;
   const next = list.find((e) => {
     const c = cells.find((x) => x.exercise_id === e.id);
-    return !c || (c.passed !== true && c.locked_by.length === 0 && c.attempts_left !== 0);
+    const taken = c?.results_from_unix_ms && c.attempts > 0;
+    return !c || (c.passed !== true && !taken && c.locked_by.length === 0 && c.attempts_left !== 0);
   });
   const nameOf = (id) => list.find((e) => e.id === id)?.name ?? id;
   return html`<section aria-label=${course.name}>

@@ -3,6 +3,7 @@ import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { layerBounds } from '../lib/scene.js';
 import { kProfileShape } from '../lib/shape.js';
+import { followLayerNames } from '../lib/tissue.js';
 import { counted, quantity } from '../lib/units.js';
 import { checkProfile, documents } from '../net/requests.js';
 import { ConflictDialog } from '../ui/conflict.js';
@@ -13,7 +14,7 @@ import { released, useDebounced } from '../ui/hooks.js';
 import { html, useCallback, useEffect, useRef, useState } from '../ui/html.js';
 import { Heading, Mark, Problem } from '../ui/widgets.js';
 import { Legend, SideView } from '../ui/section.js';
-import { Hazards, LimbFields, Targets } from '../profile/anatomy.js';
+import { DirectionFields, Hazards, LimbFields, Targets } from '../profile/anatomy.js';
 import { Layers } from '../profile/layers.js';
 import { ForceOverDepth, usePreview } from '../profile/preview.js';
 import { Force, Naming, NeedleFields } from '../profile/sections.js';
@@ -149,7 +150,8 @@ export function ProfileEditor({ params, query, person }) {
     ? [{ path: editing.saving.error.field, message: editing.saving.error.message, severity: 'ERROR' }]
     : [];
   const all = [...problems, ...refused.filter((r) => !problems.some((p) => p.path === r.path))];
-  const f = formOf({ doc, shape: kProfileShape, change: editing.change, problems: all, onBad, readonly });
+  const change = (next) => editing.change((before) => followLayerNames(before, next(before)));
+  const f = formOf({ doc, shape: kProfileShape, change, problems: all, onBad, readonly });
   const profile = f.doc;
   // what is not rendered, or cannot be, has no fidelity: that of the last version is another patient's
   const fidelity = rendered.error || rendered.stale ? undefined : rendered.preview?.layers?.map((l) => l.fidelity);
@@ -186,6 +188,7 @@ export function ProfileEditor({ params, query, person }) {
         <${Layers} f=${f} />
         <${NeedleFields} f=${f} />
         <${LimbFields} f=${f} />
+        <${DirectionFields} f=${f} />
         <${Targets} f=${f} />
         <${Hazards} f=${f} />
         <${Force} f=${f} />

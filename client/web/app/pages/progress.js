@@ -2,10 +2,11 @@
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { quantityOfUnit } from '../lib/axis.js';
-import { measureTitle, measureUnit, quantity, shownOf } from '../lib/units.js';
+import { measureText, rowTitle, shownUnit } from '../lib/measures.js';
+import { shownOf } from '../lib/units.js';
 import { moment } from '../lib/time.js';
 import { kCurves } from '../lib/tissue.js';
-import { exercises, people } from '../net/requests.js';
+import { exercises, measures as measuresOfScores, people } from '../net/requests.js';
 import { Chart } from '../ui/chart.js';
 import { SelectField } from '../ui/fields.js';
 import { useLoad } from '../ui/hooks.js';
@@ -18,13 +19,13 @@ import { Verdict } from './sessions.js';
 const scoreOf = (attempt) => attempt.score ?? attempt.measures ?? [];
 
 /** `attempts`: oldest first. */
-function Curve({ attempts, measure }) {
+function Curve({ attempts, measure, titleOf }) {
   const drawn = useMemo(() => {
     const rows = attempts.map((a) => scoreOf(a).find((r) => r.measure === measure));
     const row = rows.find(Boolean),
-      { factor, unit } = measureUnit(row?.unit ?? '');
+      { factor, unit } = shownUnit(measure, row?.unit ?? '');
     const shown = (v) => (v === null || v === undefined ? null : v / factor);
-    const title = row ? measureTitle(row) : measure,
+    const title = row ? titleOf(row) : 'unknown measure',
       label = unit ? `${title} (${unit})` : title;
     const series = [{ label, values: rows.map((r) => shown(r?.value)), ...kCurves[0] }];
     for (const [key, word, curve] of [
@@ -35,7 +36,9 @@ function Curve({ attempts, measure }) {
       if (bound !== undefined)
         series.push({ label: `required: ${word}`, values: rows.map(() => shown(bound)), ...curve });
     }
-    const said = rows.map((r, i) => `attempt ${attempts[i].number}: ${quantity(r?.value, r?.unit ?? '')}`).join(', ');
+    const said = rows
+      .map((r, i) => `attempt ${attempts[i].number}: ${measureText(measure, r?.value, r?.unit ?? '')}`)
+      .join(', ');
     return {
       title: `${title} over attempts`,
       y_label: label,
@@ -44,7 +47,7 @@ function Curve({ attempts, measure }) {
       summary: `${title}, ${said}`,
       x: { label: 'Attempt', values: attempts.map((a) => a.number) },
     };
-  }, [attempts, measure]);
+  }, [attempts, measure, titleOf]);
   return html`<${Chart} ...${drawn} points />`;
 }
 
@@ -73,12 +76,14 @@ function Attempts({ name, exercise, total, measure, go, me }) {
 
 /** `attempts`: the newest ones of `total`, newest first. */
 function Shown({ attempts, total, trends, exercise, measure, go, me, reload }) {
+  const kinds = useLoad((signal) => measuresOfScores(signal), []).data;
+  const titleOf = useMemo(() => (row) => rowTitle(row, kinds ?? []), [kinds]);
   const measures = useMemo(() => {
     const all = new Map();
     for (const attempt of attempts)
-      for (const row of scoreOf(attempt)) if (!all.has(row.measure)) all.set(row.measure, measureTitle(row));
+      for (const row of scoreOf(attempt)) if (!all.has(row.measure)) all.set(row.measure, titleOf(row));
     return [...all];
-  }, [attempts]);
+  }, [attempts, titleOf]);
   const excuses = may(me.role, 'excuse');
   const chosen =
     measure && measures.some(([name]) => name === measure)
@@ -91,7 +96,7 @@ function Shown({ attempts, total, trends, exercise, measure, go, me, reload }) {
         <div class="filters">
           <${SelectField} label="Measure" value=${chosen} options=${measures} onValue=${(m) => go(exercise, m)} />
         </div>
-        <${Curve} attempts=${[...attempts].reverse()} measure=${chosen} />
+        <${Curve} attempts=${[...attempts].reverse()} measure=${chosen} titleOf=${titleOf} />
         <${Trend} trends=${trends} measure=${chosen} />
       `
     }
@@ -109,18 +114,18 @@ function Shown({ attempts, total, trends, exercise, measure, go, me, reload }) {
       (a) => html`<tr key=${a.session_id}>
         <th scope="row"><a href=${href(['sessions', a.session_id])}>Attempt ${a.number}</a></th>
         <td>${moment(a.started_unix_ms)}</td>
-        <td><${Verdict} passed=${a.passed} /></td>
+        <td><${Verdict} of=${a} /></td>
         <td class="long">${
           scoreOf(a)
             .filter((r) => r.passed === false)
-            .map(measureTitle)
+            .map(titleOf)
             .join(', ') || '–'
         }</td>
         <td>
-          ${a.excused && html`<${Mark} kind="info">does not count<//>`}
+          ${a.excused && html`<${Mark} kind="info">${a.beyond ? 'beyond the attempts' : 'does not count'}<//>`}
           ${a.late && html`<${Mark} kind="warn">late<//>`}
         </td>
-        ${excuses && html`<td><${Excuse} attempt=${a} done=${reload} /></td>`}
+        ${excuses && html`<td>${!a.beyond && html`<${Excuse} attempt=${a} done=${reload} />`}</td>`}
       </tr>`,
     )}<//>
   `;

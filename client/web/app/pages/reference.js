@@ -1,9 +1,9 @@
 // The experts of one exercise: their sessions, with which all others are compared, and the bands made from them.
-import { measureNamed } from '../lib/measures.js';
+import { meanText, measureNamed } from '../lib/measures.js';
 import { href } from '../lib/routes.js';
 import { layerNames } from '../lib/tissue.js';
 import { clock, moment } from '../lib/time.js';
-import { counted, number, quantity } from '../lib/units.js';
+import { counted, number } from '../lib/units.js';
 import { documents, exercises, measures, references, sessions } from '../net/requests.js';
 import { announce, Empty, Heading, Loaded, number as right, Problem, Table, usePages } from '../ui/widgets.js';
 import { CheckField } from '../ui/fields.js';
@@ -17,7 +17,6 @@ function Bands({ reference, title }) {
     return html`<${Empty} title="No bands yet">
       Choose sessions of experts above: the bands are made of their scores.
     <//>`;
-  const part = (v, unit) => (Number.isFinite(v) ? quantity(v, unit) : '–');
   const later = (reference.pending ?? []).map(title).join(', ');
   return html`${later && html`<p class="help">Not computed yet: ${later}. Long gestures take several tries: load the page again.</p>`}<${Table}
     caption=${`Bands by definitions ${reference.definition_version}, of ${counted(reference.session_ids.length, 'session')}; percentiles need five`}
@@ -27,16 +26,16 @@ function Bands({ reference, title }) {
     ]}
   >${reference.bands.map(
     (b) => html`<tr key=${b.measure}>
-      <th scope="row">${title(b.measure)}<br /><code>${b.measure}</code></th>
+      <th scope="row">${title(b.measure)}</th>
       <td class="number">${number(b.n)}</td>
       ${[b.mean, b.sd, b.least, b.p10, b.median, b.p90, b.greatest].map(
-        (v) => html`<td class="number">${part(v, b.unit)}</td>`,
+        (v) => html`<td class="number">${meanText(b.measure, v, b.unit)}</td>`,
       )}
     </tr>`,
   )}<//>`;
 }
 
-function Choice({ exercise, reference, reload }) {
+function Choice({ exercise, name, reference, reload }) {
   const [chosen, setChosen] = useState(reference.session_ids ?? []);
   const pages = usePages((page, signal) => sessions.page({ exercise, page }, signal), [exercise]);
   const action = useAction();
@@ -44,7 +43,7 @@ function Choice({ exercise, reference, reload }) {
   const toggle = (id) => (on) => setChosen(on ? [...chosen, id] : chosen.filter((c) => c !== id));
   const save = async () => {
     if (!(await action.run(() => references.put(exercise, chosen, reference.revision)))) return;
-    announce(`${counted(chosen.length, 'session makes', 'sessions make')} the reference of ${exercise} now.`);
+    announce(`${counted(chosen.length, 'session makes', 'sessions make')} the reference of ${name} now.`);
     reload();
   };
   // some may be further down than the list has been loaded
@@ -75,7 +74,7 @@ function Choice({ exercise, reference, reload }) {
                 <td><a href=${href(['sessions', d.session_id])}>${moment(d.started_unix_ms)}</a></td>
                 <td>${d.station}</td>
                 <td class="number">${clock(s.samples / d.rate_hz)}</td>
-                <td><${Verdict} passed=${s.passed} /></td>
+                <td><${Verdict} of=${s} /></td>
               </tr>`;
             })}<//>
             ${pages.button}
@@ -85,7 +84,7 @@ function Choice({ exercise, reference, reload }) {
       html`<p class="help">
         Chosen, and not in the list
         above: ${elsewhere.map(
-          (id, i) => html`${i > 0 && ', '}<a href=${href(['sessions', id])}>${id.slice(0, 8)}</a>`,
+          (id, i) => html`${i > 0 && ', '}<a href=${href(['sessions', id])}>session ${i + 1}</a>`,
         )}.
       </p>`
     }
@@ -124,20 +123,25 @@ export function ReferencePage({ params }) {
         measures(signal),
         exercises(signal),
       ]);
-      const patient = all.find((e) => e.id === exercise)?.profile_id;
+      const own = all.find((e) => e.id === exercise),
+        patient = own?.profile_id;
       const layers = patient ? layerNames((await documents('profiles').one(patient, undefined, signal)).json) : [];
-      return { reference, title: (measure) => measureNamed(kinds, measure, layers)?.words ?? measure };
+      return {
+        reference,
+        name: own?.name || exercise,
+        title: (measure) => measureNamed(kinds, measure, layers)?.words ?? 'unknown measure',
+      };
     },
     [exercise],
   );
   return html`
-    <${Heading} title=${`Experts of ${exercise}`} above=${html`<a href="#/results">Results</a>`} />
+    <${Heading} title=${load.data ? `Experts of ${load.data.name}` : 'Experts'} above=${html`<a href="#/results">Results</a>`} />
     <p>
-      Every score of this exercise is compared with these sessions: value by value, and the path of the tip by its
-      distance (DTW) from the nearest expert's.
+      Every score of this exercise is placed in the range of these sessions, value by value; the path of the tip by its
+      distance (DTW) from the nearest expert's. A session in which a hazard or bone was touched cannot be chosen.
     </p>
-    <${Loaded} load=${load}>${({ reference, title }) => html`
-      <${Choice} key=${reference.revision} exercise=${exercise} reference=${reference} reload=${load.reload} />
+    <${Loaded} load=${load}>${({ reference, name, title }) => html`
+      <${Choice} key=${reference.revision} exercise=${exercise} name=${name} reference=${reference} reload=${load.reload} />
       ${
         reference.changed_by &&
         html`<p class="help">Chosen by ${reference.changed_by}, ${moment(reference.changed_unix_ms)}.</p>`

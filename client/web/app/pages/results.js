@@ -1,9 +1,9 @@
 // Trainee × exercise: who passed what, at a glance, with a way down to every session.
 import { numbered } from '../lib/course_rules.js';
 import { href } from '../lib/routes.js';
-import { day } from '../lib/time.js';
+import { day, moment } from '../lib/time.js';
 import { verdictOf } from '../lib/verdict.js';
-import { counted, shownOf } from '../lib/units.js';
+import { counted, csvSeparator, shownOf } from '../lib/units.js';
 import { address } from '../net/api.js';
 import { documents, groups, results } from '../net/requests.js';
 import { SelectField } from '../ui/fields.js';
@@ -16,6 +16,7 @@ import { Empty, Heading, Loaded, Mark, usePages } from '../ui/widgets.js';
 export function cellState(cell) {
   if (cell.passed === true) return verdictOf(true);
   if (cell.locked_by.length > 0) return ['locked', 'locked'];
+  if (cell.results_from_unix_ms && cell.attempts > 0) return ['info', 'taken'];
   if (cell.attempts_left === 0) return ['bad', 'no attempts left'];
   if (cell.overdue) return ['warn', 'overdue'];
   if (cell.passed === false) return verdictOf(false);
@@ -53,6 +54,10 @@ export function Cell({ cell, trainee, nameOf }) {
       cell.attempts_left > 0 &&
       cell.passed !== true &&
       html`<br /><span class="help">${cell.attempts_left} left</span>`
+    }
+    ${
+      cell.results_from_unix_ms &&
+      html`<br /><span class="help">results from ${moment(cell.results_from_unix_ms)}</span>`
     }
     ${kind === 'locked' && html`<br /><span class="help">first: ${cell.locked_by.map(nameOf).join(', ')}</span>`}
     ${cell.due_unix_ms && cell.passed !== true && html`<br /><span class="help">due ${day(cell.due_unix_ms)}</span>`}
@@ -121,7 +126,17 @@ export function ResultsPage({ query }) {
   };
   return html`
     <${Heading} title="Results">${
-      course && html`<a class="button" href=${address(['scores.csv'], { course, group })} download>Scores as CSV</a>`
+      course &&
+      html`
+        <a
+          class="button"
+          href=${address(['courses', course, 'results.csv'], { group, separator: csvSeparator() })}
+          download
+        >
+          Spreadsheet (CSV)
+        </a>
+        <a class="button" href=${address(['scores.csv'], { course, group })} download>Scores as CSV</a>
+      `
     }<//>
     <${Loaded} load=${load}>${(courses) =>
       courses.length === 0

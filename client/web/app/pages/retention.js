@@ -5,7 +5,7 @@ import { bytes, number } from '../lib/units.js';
 import { exercises, lab, retention } from '../net/requests.js';
 import { announce, Confirm, Empty, Heading, Loaded, Mark, Problem, Table } from '../ui/widgets.js';
 import { CheckField, NumberField, SelectField } from '../ui/fields.js';
-import { useAction, useLoad } from '../ui/hooks.js';
+import { useAction, useExerciseName, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 
 const days = (n) => `${number(n, 6)} ${n === 1 ? 'day' : 'days'}`;
@@ -36,6 +36,7 @@ function faultsOf(p) {
 }
 
 function PolicyForm({ begin, known, done }) {
+  const nameOf = (id) => known.find((e) => e.id === id)?.name ?? id;
   const [policy, setPolicy] = useState(begin);
   const [bad, setBad] = useState([]);
   const action = useAction();
@@ -74,7 +75,7 @@ function PolicyForm({ begin, known, done }) {
       ))
     )
       return;
-    announce(`Retention of ${exercise_id || 'all other exercises'} was saved.`);
+    announce(`Retention of ${exercise_id ? nameOf(exercise_id) : 'all other exercises'} was saved.`);
     done();
   };
   return html`<form onSubmit=${save} aria-label="Policy">
@@ -109,6 +110,7 @@ function PolicyForm({ begin, known, done }) {
 }
 
 function Run({ done }) {
+  const nameOf = useExerciseName();
   const [report, setReport] = useState(null);
   const [asking, setAsking] = useState(false);
   const action = useAction();
@@ -151,10 +153,10 @@ function Run({ done }) {
     ${
       steps.length > 0 &&
       html`<${Table} caption="Session by session" head=${['Session', 'Exercise', 'What', 'Why']}>${steps.map(
-        (s) =>
+        (s, i) =>
           html`<tr key=${s.session_id}>
-            <th scope="row"><a href=${`#/sessions/${s.session_id}`}>${s.session_id.slice(0, 13)}</a></th>
-            <td>${s.exercise_id}</td>
+            <th scope="row"><a href=${`#/sessions/${s.session_id}`}>Session ${i + 1}</a></th>
+            <td>${nameOf(s.exercise_id)}</td>
             <td>${s.action.toLowerCase().replaceAll('_', ' ')}</td>
             <td class="long">${s.text}</td>
           </tr>`,
@@ -211,7 +213,7 @@ export function RetentionPage({ person: me }) {
   const action = useAction();
   const drop = async (policy) => {
     if (!(await action.run(() => retention.drop(policy.exercise_id)))) return;
-    announce(`The policy of ${policy.exercise_id || 'all other exercises'} was taken away.`);
+    announce(`The policy of ${policy.name} was taken away.`);
     load.reload();
   };
   return html`
@@ -265,7 +267,7 @@ export function RetentionPage({ person: me }) {
                         class="small danger"
                         disabled=${action.busy}
                         aria-label=${`Take away the policy of ${nameOf(p.exercise_id)}`}
-                        onClick=${() => drop(p)}
+                        onClick=${() => drop({ ...p, name: nameOf(p.exercise_id) })}
                       >
                         Take away
                       </button>

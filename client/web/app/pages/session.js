@@ -6,7 +6,7 @@ import { counted, words } from '../lib/units.js';
 import { address } from '../net/api.js';
 import { sessions } from '../net/requests.js';
 import { may } from '../lib/roles.js';
-import { useLoad } from '../ui/hooks.js';
+import { useExerciseName, useLoad } from '../ui/hooks.js';
 import { html, useEffect, useMemo, useState } from '../ui/html.js';
 import { Empty, Heading, Loaded, Mark, Problem } from '../ui/widgets.js';
 import { Excuse } from '../session/excuse.js';
@@ -14,12 +14,20 @@ import { Annotations, SyringeEvents } from '../session/notes.js';
 import { Plots } from '../session/plots.js';
 import { Replay } from '../session/replay.js';
 import { Score, useScore } from '../session/score.js';
-import { Verdict } from './sessions.js';
+import { Verdict, whyItWaits } from './sessions.js';
 
 const kPoints = 2000;
 
 /** Downloads of a session; a new format is one line. */
 const kFormats = [['Samples as CSV', (id) => address(['sessions', id, 'samples.csv'])]];
+
+/** Why it waits for a manager, with the trainee. */
+function waitingFor(session) {
+  const { trainee } = session.description;
+  if (session.not_assigned) return `it was not assigned to ${trainee} when the session came`;
+  if (session.code_unchecked) return `nobody gave the code of ${trainee}`;
+  return session.begin_unsure ? 'the station’s clock was wrong' : `nobody was named ${trainee} when the session came`;
+}
 
 /** A replay driven by the browser's animation frames. */
 function usePlayback(from_s, to_s) {
@@ -106,15 +114,15 @@ function Recording({ id, session, measures, person }) {
             </section>
           `}<//>
     <${Annotations} id=${id} at_s=${playback.at_s} seek=${act.seek} load=${notes} person=${person} />
-    <${SyringeEvents} id=${id} seek=${act.seek} />
+    ${!session.results_from_unix_ms && html`<${SyringeEvents} id=${id} seek=${act.seek} />`}
   `;
 }
 
 /** Score and recording: the plots draw the limits of the same score. */
-function Judged({ id, session, person }) {
-  const load = useScore(session.description);
+function Judged({ id, session, exercise, person }) {
+  const load = useScore(session);
   return html`
-    <${Score} session=${session} load=${load} person=${person} />
+    <${Score} session=${session} exercise=${exercise} load=${load} person=${person} />
     <${Recording} id=${id} session=${session} measures=${load.data?.score?.measures} person=${person} />
   `;
 }
@@ -124,12 +132,12 @@ function AttemptFact({ description, person }) {
   const load = useLoad((signal) => sessions.attempt(description.session_id, signal), [description.session_id]);
   return html`<${Loaded} load=${load}>${(attempt) =>
     !attempt
-      ? html`<span>is none</span>`
+      ? html`<span>this session is none</span>`
       : html`
           number ${attempt.number}
-          ${attempt.excused && html`<${Mark} kind="info">does not count<//>`}
+          ${attempt.excused && html`<${Mark} kind="info">${attempt.beyond ? 'beyond the attempts' : 'does not count'}<//>`}
           ${attempt.late && html`<${Mark} kind="warn">late<//>`} ${
-            may(person.role, 'excuse') && html`<${Excuse} attempt=${attempt} done=${load.reload} />`
+            may(person.role, 'excuse') && !attempt.beyond && html`<${Excuse} attempt=${attempt} done=${load.reload} />`
           }
         `}<//>`;
 }
@@ -137,10 +145,13 @@ function AttemptFact({ description, person }) {
 export function SessionPage({ params, person }) {
   const { id } = params;
   const load = useLoad((signal) => sessions.one(id, signal), [id]);
+  const nameOf = useExerciseName();
   const d = load.data?.description;
+  // a profile that is not readable has no name
+  const patient = d?.profile?.name || d?.profile_id;
   return html`
     <${Heading}
-      title=${d ? `${d.trainee}: ${d.exercise_id}` : 'Session'}
+      title=${d ? `${d.trainee}: ${nameOf(d.exercise_id)}` : 'Session'}
       above=${html`<a href="#/sessions">Sessions</a>`}
     >${kFormats.map(([name, link]) => html`<a class="button" href=${link(id)} download>${name}</a>`)}<//>
     <${Loaded} load=${load}>${(session) => html`
@@ -151,8 +162,7 @@ export function SessionPage({ params, person }) {
           session.unknown_trainee &&
           html`<dt>Trainee</dt>
             <dd>
-              <${Mark} kind="warn">${session.code_unchecked ? 'no code' : 'unknown'}<//>
-              ${session.code_unchecked ? ` nobody gave the code of ${d.trainee}` : ` nobody was named ${d.trainee} when the session came`}
+              <${Mark} kind="warn">${whyItWaits(session)[0]}<//> ${waitingFor(session)}
             </dd>`
         }
         ${
@@ -176,15 +186,15 @@ export function SessionPage({ params, person }) {
         <dd>
           ${
             may(person.role, 'see profiles')
-              ? html`<a href=${href(['profiles', d.profile_id])}>${d.profile_id}</a>`
-              : d.profile_id
+              ? html`<a href=${href(['profiles', d.profile_id])}>${patient}</a>`
+              : patient
           },
           revision ${d.profile_revision}
         </dd>
         <dt>State</dt>
         <dd>${words(String(session.state).replace('SESSION_', ''))}, engine ${d.engine_version}, ${d.device}</dd>
         <dt>Verdict</dt>
-        <dd><${Verdict} passed=${session.passed} /></dd>
+        <dd><${Verdict} of=${session} /></dd>
         ${
           d.exercise_id &&
           html`<dt>Attempt</dt><dd class="actions"><${AttemptFact} description=${d} person=${person} /></dd>`
@@ -198,7 +208,7 @@ export function SessionPage({ params, person }) {
           <p>This session is still being recorded: what is below is what has come so far.</p>
         </div>`
       }
-      <${Judged} id=${id} session=${session} person=${person} />
+      <${Judged} id=${id} session=${session} exercise=${nameOf(d.exercise_id)} person=${person} />
     `}<//>
   `;
 }

@@ -4,8 +4,9 @@ import { href } from '../lib/routes.js';
 import { clock, moment } from '../lib/time.js';
 import { words } from '../lib/units.js';
 import { kVerdicts, verdictOf } from '../lib/verdict.js';
-import { sessions } from '../net/requests.js';
+import { exercises, sessions } from '../net/requests.js';
 import { SelectField, TextField } from '../ui/fields.js';
+import { useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 import { Empty, Heading, Loaded, Mark, number, Table, usePages } from '../ui/widgets.js';
 
@@ -15,9 +16,17 @@ function midnight_ms(day, more = 0) {
   return day ? new Date(year, month - 1, date + more).getTime() : '';
 }
 
-/** passed: the verdict of the first score; absent if there is no score or no requirement. */
-export function Verdict({ passed }) {
-  const [kind, word] = verdictOf(passed);
+/** Why a session waits for a manager: in a word, and for a list. */
+export function whyItWaits(session) {
+  if (session.begin_unsure) return ['clock', 'the station’s clock was wrong'];
+  if (session.not_assigned) return ['not assigned', 'it was not assigned'];
+  return session.code_unchecked ? ['no code', 'nobody gave the code'] : ['unknown', 'nobody had the name'];
+}
+
+/** Of a session or attempt: the verdict of its first score; of an exam, from when on its result is shown. */
+export function Verdict({ of }) {
+  if (of.results_from_unix_ms) return html`<${Mark} kind="open">result from ${moment(of.results_from_unix_ms)}<//>`;
+  const [kind, word] = verdictOf(of.passed);
   return html`<${Mark} kind=${kind}>${word}<//>`;
 }
 
@@ -41,13 +50,14 @@ export function SessionsPage({ query, person }) {
     to: to ?? '',
   });
   const pages = usePages((page, signal) => sessions.page({ ...asked, page }, signal), Object.values(asked));
+  const known = useLoad((signal) => exercises(signal), []).data ?? [];
+  const nameOf = (id) => known.find((e) => e.id === id)?.name || id;
   const change = (name) => (value) => setFilter({ ...filter, [name]: value });
   const go = (event) => {
     event.preventDefault();
     location.hash = href(['sessions'], {
       ...filter,
       search: staff ? filter.search.trim() : '',
-      exercise: filter.exercise.trim(),
     });
   };
   return html`
@@ -57,7 +67,12 @@ export function SessionsPage({ query, person }) {
         staff &&
         html`<${TextField} label="Trainee" value=${filter.search} onValue=${change('search')} autocomplete="off" />`
       }
-      <${TextField} label="Exercise id" value=${filter.exercise} onValue=${change('exercise')} autocomplete="off" />
+      <${SelectField}
+        label="Exercise"
+        options=${[['', 'any'], ...known.map((e) => [e.id, e.name])]}
+        value=${filter.exercise}
+        onValue=${change('exercise')}
+      />
       <${SelectField} label="Verdict" options=${[['', 'any'], ...kVerdicts]} value=${filter.verdict} onValue=${change('verdict')} />
       <${TextField} label="From" type="date" value=${filter.from} onValue=${change('from')} />
       <${TextField} label="To" type="date" value=${filter.to} onValue=${change('to')} />
@@ -81,15 +96,15 @@ export function SessionsPage({ query, person }) {
                 <th scope="row">
                   <a href=${href(['sessions', s.description.session_id])}>${moment(s.description.started_unix_ms)}</a>
                 </th>
-                <td>${s.description.trainee} ${s.unknown_trainee && html`<${Mark} kind="warn">${s.code_unchecked ? 'no code' : 'unknown'}<//>`}</td>
-                <td>${s.description.exercise_id}</td>
+                <td>${s.description.trainee} ${s.unknown_trainee && html`<${Mark} kind="warn">${whyItWaits(s)[0]}<//>`}</td>
+                <td>${nameOf(s.description.exercise_id)}</td>
                 <td>${s.description.station}</td>
                 <td class="number">${clock(s.samples / s.description.rate_hz)}</td>
                 <td>
                   ${words(String(s.state).replace('SESSION_', ''))}
                   ${s.quarantined_chunks > 0 && html` <${Mark} kind="bad">damaged<//>`}
                 </td>
-                <td><${Verdict} passed=${s.passed} /></td>
+                <td><${Verdict} of=${s} /></td>
               </tr>`,
             )}<//>
             ${pages.button}

@@ -1,13 +1,14 @@
-// Sessions whose trainee nobody knew when they came, or whose code nobody gave, each to be given to the right person.
+// Sessions whose trainee nobody knew when they came, whose code nobody gave, or to whom nobody had assigned the exercise:
+// each to be given to the right person.
 import { href } from '../lib/routes.js';
 import { clock, moment } from '../lib/time.js';
 import { people, sessions } from '../net/requests.js';
 import { TextField } from '../ui/fields.js';
 import { SearchField } from '../ui/search_field.js';
-import { useAction } from '../ui/hooks.js';
+import { useAction, useExerciseName } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 import { announce, Dialog, Empty, Heading, Loaded, number, Problem, Table, usePages } from '../ui/widgets.js';
-import { Verdict } from './sessions.js';
+import { Verdict, whyItWaits } from './sessions.js';
 
 /** Sessions of nobody in particular; the key is the server's name for them. */
 const kGuest = { key: 'guest', text: 'Nobody in particular (guest)' };
@@ -77,11 +78,12 @@ function Assign({ session, close, done }) {
 
 export function UnknownTraineesPage() {
   const pages = usePages((page, signal) => sessions.unknown({ page }, signal), []);
+  const nameOf = useExerciseName();
   const [asked, setAsked] = useState(null);
   const confirming = useAction();
-  const confirm = async ({ session_id, trainee }) => {
-    if (!(await confirming.run(() => sessions.assign(session_id, trainee, 'confirmed without a code', trainee))))
-      return;
+  const confirm = async ({ description: { session_id, trainee }, not_assigned }) => {
+    const why = not_assigned ? 'confirmed without an assignment' : 'confirmed without a code';
+    if (!(await confirming.run(() => sessions.assign(session_id, trainee, why, trainee)))) return;
     announce(`The session is of ${trainee}.`);
     pages.load.reload();
   };
@@ -89,7 +91,7 @@ export function UnknownTraineesPage() {
     <${Heading} title="Unknown trainees" above=${html`<a href="#/sessions">Sessions</a>`} />
     <p>
       A station without the server takes any name and asks for no code. These sessions count for nobody: give each to the
-      right person, or confirm that it is of whom it says.
+      right person, or confirm that it is of whom it says. Confirm one that was not assigned, and it counts.
     </p>
     <${Problem} error=${confirming.error} />
     <${Loaded} load=${pages.load}>${() =>
@@ -114,24 +116,24 @@ export function UnknownTraineesPage() {
                   <a href=${href(['sessions', s.description.session_id])}>${moment(s.description.started_unix_ms)}</a>
                 </th>
                 <td>${s.description.trainee}</td>
-                <td>${s.begin_unsure ? 'the station’s clock was wrong' : s.code_unchecked ? 'nobody gave the code' : 'nobody had the name'}</td>
-                <td>${s.description.exercise_id}</td>
+                <td>${whyItWaits(s)[1]}</td>
+                <td>${nameOf(s.description.exercise_id)}</td>
                 <td>${s.description.station}</td>
                 <td class="number">${s.description.rate_hz ? clock(s.samples / s.description.rate_hz) : '–'}</td>
-                <td><${Verdict} passed=${s.passed} /></td>
+                <td><${Verdict} of=${s} /></td>
                 <td>
                   ${
                     s.state === 'SESSION_OPEN'
                       ? 'still open'
                       : html`<div class="actions">
                           ${
-                            s.code_unchecked &&
+                            (s.code_unchecked || s.not_assigned) &&
                             html`<button
                               type="button"
                               class="small"
                               disabled=${confirming.busy}
                               aria-label=${`Confirm the session of ${s.description.trainee}`}
-                              onClick=${() => confirm(s.description)}
+                              onClick=${() => confirm(s)}
                             >
                               Confirm
                             </button>`

@@ -209,7 +209,7 @@ function Rescore() {
         ${
           report.faults?.length > 0 &&
           html`<ul>${report.faults.map(
-            (f) => html`<li><a href=${`#/sessions/${f.session_id}`}>${f.session_id.slice(0, 13)}</a>: ${f.text}</li>`,
+            (f, i) => html`<li><a href=${`#/sessions/${f.session_id}`}>Session ${i + 1}</a>: ${f.text}</li>`,
           )}</ul>`
         }
       `

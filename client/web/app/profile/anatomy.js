@@ -1,6 +1,9 @@
 // Limb, targets and hazards: places in the limb's frame, z out of the body.
+import { toggled } from '../lib/paths.js';
+import { offsetUnder } from '../lib/scene.js';
+import { layerNames } from '../lib/tissue.js';
 import { words } from '../lib/units.js';
-import { Broken, SelectField } from '../ui/fields.js';
+import { Broken, CheckField, SelectField } from '../ui/fields.js';
 import { html } from '../ui/html.js';
 
 const kZero = { x: 0, y: 0, z: 0 };
@@ -42,6 +45,28 @@ export function LimbFields({ f }) {
   </fieldset>`;
 }
 
+const kWays = [
+  ['plus_x', '+x'],
+  ['minus_x', '−x'],
+  ['plus_y', '+y'],
+  ['minus_y', '−y'],
+  ['plus_z', '+z'],
+  ['minus_z', '−z'],
+];
+
+/** What people call the ways along the axes, for the words of a miss. */
+export function DirectionFields({ f }) {
+  return html`<fieldset>
+    <legend>Directions</legend>
+    <${Broken} f=${f} path="directions" />
+    <p class="help">
+      As words of a sentence, “towards the head”: a trainee reads “Missed by 2.1 mm towards the head”. Leave empty what
+      has no name.
+    </p>
+    <div class="fields">${kWays.map(([way, label]) => f.text(`directions.${way}`, label))}</div>
+  </fieldset>`;
+}
+
 function Remove({ f, list, i, what }) {
   return (
     !f.readonly &&
@@ -54,6 +79,47 @@ function Remove({ f, list, i, what }) {
       Remove
     </button>`
   );
+}
+
+/** What a target or hazard moves with; an anchor that is chosen leaves it where it is now. */
+function AnchorFields({ f, path }) {
+  const anchor = f.at(path)?.anchor;
+  const choose = (layer) =>
+    f.set(`${path}.anchor`)(layer === '' ? undefined : { layer, offset_m: offsetUnder(f.doc, f.at(path), layer) });
+  return html`<div class="fields">
+    <${SelectField}
+      label="Moves with the top of"
+      path=${`${path}.anchor.layer`}
+      problems=${f.problems}
+      value=${anchor?.layer ?? ''}
+      disabled=${f.readonly}
+      options=${[['', 'no layer: it stays'], ...layerNames(f.doc).map((name) => [name, name])]}
+      onValue=${choose}
+    />
+    ${anchor && f.number(`${path}.anchor.offset_m`, 'Its middle, under that')}
+  </div>`;
+}
+
+/** The layers that count; a layer that was renamed stays, so that it can be unticked. */
+function TargetTissues({ f, i, tissues }) {
+  const path = `targets[${i}].tissues`,
+    layers = layerNames(f.doc),
+    all = [...layers, ...tissues.filter((name) => !layers.includes(name))];
+  return html`<fieldset data-path=${path}>
+    <legend>Tissues that count</legend>
+    <p class="help">A point is in the target when it is within the radius and in one of these; none ticked: in any.</p>
+    <${Broken} f=${f} path=${path} />
+    ${all.map(
+      (name) =>
+        html`<${CheckField}
+          key=${name}
+          label=${layers.includes(name) ? name : `${name} (no such layer)`}
+          checked=${tissues.includes(name)}
+          disabled=${f.readonly || !!f.faultAt(path)}
+          onValue=${(on) => f.edit(path, (list = []) => toggled(all, list, name, on))}
+        />`,
+    )}
+  </fieldset>`;
 }
 
 export function Targets({ f }) {
@@ -81,6 +147,8 @@ export function Targets({ f }) {
                   ${f.number(`targets[${i}].radius_m`, 'Radius')}
                 </div>
                 ${f.vector(`targets[${i}].center_m`, 'Centre')}
+                <${AnchorFields} f=${f} path=${`targets[${i}]`} />
+                <${TargetTissues} f=${f} i=${i} tissues=${target.tissues ?? []} />
               `
         }
       </li>`,
@@ -128,6 +196,7 @@ function HazardFields({ f, i, hazard, onForm }) {
         ? html`${f.vector(`hazards[${i}].a_m`, 'From')}${f.vector(`hazards[${i}].b_m`, 'To')}`
         : f.vector(`hazards[${i}].center_m`, 'Centre')
     }
+    <${AnchorFields} f=${f} path=${`hazards[${i}]`} />
   `;
 }
 

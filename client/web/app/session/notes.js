@@ -60,7 +60,7 @@ export function Annotations({ id, at_s, seek, load, person }) {
 
 export function SyringeEvents({ id, seek }) {
   const load = useLoad((signal) => sessions.events(id, signal), [id]);
-  const percent = (share) => quantity(share, 'share', { digits: 2 });
+  const percent = (share) => quantity(share, 'share');
   return html`<section aria-labelledby="syringe-title">
     <h2 id="syringe-title">Syringe</h2>
     <${Loaded} load=${load}>${(all) =>

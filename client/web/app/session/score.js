@@ -1,49 +1,42 @@
 // A score with its explanation: requirement, verdict in words, and the experts' range.
+import { measureText, placeMarks, requirementText, rowTitle } from '../lib/measures.js';
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
-import { counted, measureTitle, quantity } from '../lib/units.js';
+import { layerNames } from '../lib/tissue.js';
+import { counted } from '../lib/units.js';
 import { stiffnessShareText, verdictOf } from '../lib/verdict.js';
 import { moment } from '../lib/time.js';
-import { references, sessions } from '../net/requests.js';
+import { measures, references, sessions } from '../net/requests.js';
 import { announce, Empty, Loaded, Mark, number as right, Problem, Table } from '../ui/widgets.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html } from '../ui/html.js';
 
-/** From the 10th to the 90th percentile; with few experts, who have no percentiles, from least to greatest. */
-const rangeOf = (band) => [band.p10 ?? band.least, band.p90 ?? band.greatest];
-
-/** One line with the value, the experts' range and mean; the text beside it says the same. */
-function Band({ band, value }) {
-  const [from, to] = rangeOf(band);
-  const low = Math.min(from, value, band.mean),
-    high = Math.max(to, value, band.mean),
-    room = (high - low || 1) * 0.1;
-  const x = (v) => 4 + (112 * (v - low + room)) / (high - low + 2 * room);
+/** The experts' range as a bar, the value as a diamond; the words beside it say the same. */
+function Place({ beside }) {
+  const marks = placeMarks(beside);
+  const x = (share) => 120 * share;
   return html`<svg class="band" viewBox="0 0 120 18" aria-hidden="true">
     <line class="band-axis" x1="2" x2="118" y1="9" y2="9" />
-    <rect class="band-range" x=${x(from)} y="4" width=${Math.max(1, x(to) - x(from))} height="10" />
-    <line class="band-mean" x1=${x(band.mean)} x2=${x(band.mean)} y1="3" y2="15" />
-    <path class="band-value" d=${`M${x(value)} 2l4 7-4 7-4-7z`} />
+    <rect
+      class="band-range"
+      x=${x(marks.least)}
+      y="4"
+      width=${Math.max(1, x(marks.greatest - marks.least))}
+      height="10"
+    />
+    <path class="band-value" d=${`M${x(marks.value)} 2l4 7-4 7-4-7z`} />
   </svg>`;
 }
 
-export function Row({ row, band, beside }) {
-  const bound = [
-    row.min !== undefined && `at least ${quantity(row.min, row.unit)}`,
-    row.max !== undefined && `at most ${quantity(row.max, row.unit)}`,
-  ]
-    .filter(Boolean)
-    .join(', ');
-  const has = band && Number.isFinite(row.value);
+/** @param {{row: any, title: string, beside: any}} props `beside`: the server's comparison with the experts, if it has one */
+export function Row({ row, title, beside }) {
   return html`<tr>
     <th scope="row">
-      ${measureTitle(row)}
-      <br />
-      <code>${row.measure}</code>
+      ${title}
       ${row.passed !== undefined && html`<p class="explained">${row.words}</p>`}
     </th>
-    <td class="number">${row.value === null ? 'not measured' : quantity(row.value, row.unit)}</td>
-    <td>${bound || '–'}</td>
+    <td class="number">${row.value === null ? 'not measured' : measureText(row.measure, row.value, row.unit)}</td>
+    <td>${requirementText(row) || '–'}</td>
     <td>${
       row.passed === undefined
         ? ''
@@ -51,47 +44,41 @@ export function Row({ row, band, beside }) {
           ? html`<${Mark} kind="good">met<//>`
           : html`<${Mark} kind="bad">not met<//>`
     }</td>
-    <td>
-      ${
-        has
-          ? html`
-              <${Band} band=${band} value=${row.value} />
-              <br />
-              <span class="help">
-                ${rangeOf(band)
-                  .map((v) => quantity(v, row.unit))
-                  .join(' to ')}
-              </span>
-            `
-          : beside
-            ? ''
-            : '–'
-      }
-      ${beside && html`<p class="explained">${beside.words}</p>`}
-    </td>
+    <td>${
+      beside?.place
+        ? html`
+            <${Place} beside=${beside} />
+            <p class="explained">${beside.words}</p>
+          `
+        : ''
+    }</td>
   </tr>`;
 }
 
-/** The score of a session and its exercise's reference, null where there is none. */
-export function useScore({ session_id, exercise_id }) {
+/**
+ * The score of a session and its exercise's reference, null where there is none; of an exam, once it is shown; `kinds`: the
+ * measures by name.
+ */
+export function useScore({ description: { session_id, exercise_id }, results_from_unix_ms }) {
   return useLoad(
     async (signal) => {
       const orNone = (error) => {
         if (error.kind !== 'not_found') throw error;
         return null;
       };
-      const [score, reference] = await Promise.all([
-        sessions.score(session_id, signal).catch(orNone),
+      const [score, reference, kinds] = await Promise.all([
+        results_from_unix_ms ? null : sessions.score(session_id, signal).catch(orNone),
         exercise_id ? references.one(exercise_id, signal).catch(orNone) : null,
+        measures(signal),
       ]);
-      return { score, reference };
+      return { score, reference, kinds };
     },
     [session_id],
   );
 }
 
-/** @param {{session: any, load: any, person: any}} props `load`: of useScore */
-export function Score({ session, load, person }) {
+/** @param {{session: any, exercise: string, load: any, person: any}} props `exercise`: its name; `load`: of useScore */
+export function Score({ session, exercise, load, person }) {
   const { session_id, exercise_id } = session.description;
   const lowered = stiffnessShareText(session.description);
   const action = useAction();
@@ -107,16 +94,22 @@ export function Score({ session, load, person }) {
     const reference = await action.run(() => references.put(exercise_id, next, load.data.reference?.revision ?? 0));
     if (!reference) return;
     load.reload();
-    announce(`${counted(next.length, 'session makes', 'sessions make')} the reference of ${exercise_id} now.`);
+    announce(`${counted(next.length, 'session makes', 'sessions make')} the reference of ${exercise} now.`);
   };
   return html`<section aria-labelledby="score-title">
     <h2 id="score-title">Score</h2>
-    <${Loaded} load=${load}>${({ score, reference }) => {
+    <${Loaded} load=${load}>${({ score, reference, kinds }) => {
+      if (session.results_from_unix_ms)
+        return html`<${Empty} title="This is an exam">
+          Your result is shown from ${moment(session.results_from_unix_ms)} on.
+        <//>`;
       const rows = score?.measures ?? [];
       if (rows.length === 0)
         return html`<${Empty} title="There is no score yet">It is made when the session is closed.<//>`;
       const judged = rows.filter((r) => typeof r.passed === 'boolean'),
         missed = judged.filter((r) => !r.passed);
+      const layers = layerNames(session.description.profile),
+        titleOf = (row) => rowTitle(row, kinds, layers);
       const verdict =
         judged.length === 0
           ? html`<${Mark} kind="open">no requirements<//>`
@@ -124,11 +117,8 @@ export function Score({ session, load, person }) {
             ? html`<${Mark} kind="good">${verdictOf(true)[1]}<//> ${judged.length === 1 ? 'the requirement is met' : `all ${judged.length} requirements are met`}`
             : html`
                 <${Mark} kind="bad">${verdictOf(false)[1]}<//> ${missed.length} of ${counted(judged.length, 'requirement')} ${missed.length === 1 ? 'is' : 'are'} not
-                met: ${missed.map(measureTitle).join(', ')}
+                met: ${missed.map(titleOf).join(', ')}
               `;
-      // bands by other definitions do not apply to this score; the server compares by the same definitions
-      const fits = reference?.definition_version === score.definition_version;
-      const bandOf = (row) => (fits ? reference?.bands?.find((b) => b.measure === row.measure) : undefined);
       const besideOf = (row) => score.comparison?.find((c) => c.measure === row.measure);
       // the distance from the experts' paths is measured each time, no matter when the experts were chosen
       const path = besideOf({ measure: 'dtw_distance_m' }) ?? rows.find((r) => r.measure === 'dtw_distance_m');
@@ -137,7 +127,7 @@ export function Score({ session, load, person }) {
         caption=${caption}
         head=${['Measure', right('Value'), 'Required', 'Verdict', `Experts (${reference?.session_ids?.length ?? 0})`]}
       >${list.map(
-        (row) => html`<${Row} key=${row.measure} row=${row} band=${bandOf(row)} beside=${besideOf(row)} />`,
+        (row) => html`<${Row} key=${row.measure} row=${row} title=${titleOf(row)} beside=${besideOf(row)} />`,
       )}<//>`;
       const made = score.definition_version
         ? `, by definitions ${score.definition_version}, made ${moment(score.made_unix_ms)}`
@@ -148,8 +138,8 @@ export function Score({ session, load, person }) {
         ${
           path &&
           html`<p>
-            Path of the tip: <strong>${quantity(path.value, 'm')}</strong> on average from the nearest expert's
-            (DTW). <span class="help">${path.words}</span>
+            Path of the tip: <strong>${measureText(path.measure, path.value, 'm')}</strong> on average from the nearest expert's
+            (DTW). ${path.words && html`<span class="help">${path.words}</span>`}
           </p>`
         }
         ${

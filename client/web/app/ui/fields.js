@@ -1,6 +1,6 @@
 // Fields of forms, each with label, unit, help and problem. `path` finds the problems that the server reports for the
 // field.
-import { fieldUnit, shown, typed } from '../lib/units.js';
+import { fieldUnit, messageIn, shown, typed, unitAt } from '../lib/units.js';
 import { html, useEffect, useId, useLayoutEffect, useRef, useState } from './html.js';
 import { isWithin, valueAt, withValue } from '../lib/paths.js';
 import { shownOf } from '../lib/shape.js';
@@ -81,10 +81,9 @@ export function NumberField({
   }, [value, factor]);
   const bad = typed(text, factor) === null;
   const said = problemsAt(problems, path);
-  // the server's messages are in SI
   const mine = [
     ...(bad ? [{ path, message: `“${text}” is no number; such as 3.5` }] : []),
-    ...said.map((p) => (si === unit ? p : { ...p, message: `${p.message} (in ${si}, not ${unit})` })),
+    ...said.map((p) => ({ ...p, message: messageIn(p.message, { factor, unit, si }) })),
   ];
   useEffect(() => {
     onBad?.(path, bad);
@@ -182,7 +181,7 @@ export function ProblemList({ problems }) {
     html`<ul>${items.map(
       (p) =>
         html`<li>
-          <button type="button" class="link" onClick=${() => go(p.path)}>${p.path || 'document'}</button>: ${p.message}
+          <button type="button" class="link" onClick=${() => go(p.path)}>${p.path || 'document'}</button>: ${messageIn(p.message, unitAt(p.path))}
         </li>`,
     )}</ul>`;
   return html`<div class="problem-list" role="status" aria-label="Problems of this form">

@@ -1,5 +1,7 @@
 // Hooks that pages share: following a store, loading, saving, drafts that survive a reload.
+import { dialogGate, kPresses, oneAtATime } from '../lib/presses.js';
 import { connection } from '../net/connection.js';
+import { exercises } from '../net/requests.js';
 import { session } from '../net/session.js';
 import { useCallback, useEffect, useRef, useState } from './html.js';
 
@@ -39,23 +41,34 @@ export function useLoad(load, inputs) {
 }
 const key = (inputs) => JSON.stringify(inputs);
 
+/** What people call an exercise: its name; its id until the names are here, and where no course has it any more. */
+export function useExerciseName() {
+  const load = useLoad((signal) => exercises(signal), []);
+  return (id) => load.data?.find((e) => e.id === id)?.name || id;
+}
+
 /**
  * The work of a button: whether it is under way, and what went wrong.
- * @returns {{busy: boolean, error: Error|null, run: (work: () => Promise<any>) => Promise<any>, clear: () => void}} `run` resolves to undefined after an error
+ * @returns {{busy: boolean, error: Error|null, run: (work: () => Promise<any>) => Promise<any>, clear: () => void}} `run` resolves to undefined after an error, and at once while a work is under way
  */
 export function useAction() {
   const [state, setState] = useState({ busy: false, error: null });
-  const run = useCallback(async (work) => {
-    setState({ busy: true, error: null });
-    try {
-      const result = await work();
-      setState({ busy: false, error: null });
-      return result === undefined ? true : result;
-    } catch (error) {
-      setState({ busy: false, error });
-      return undefined;
-    }
-  }, []);
+  const [once] = useState(oneAtATime);
+  const run = useCallback(
+    (work) =>
+      once(async () => {
+        setState({ busy: true, error: null });
+        try {
+          const result = await work();
+          setState({ busy: false, error: null });
+          return result === undefined ? true : result;
+        } catch (error) {
+          setState({ busy: false, error });
+          return undefined;
+        }
+      }),
+    [],
+  );
   const clear = useCallback(() => setState({ busy: false, error: null }), []);
   return { ...state, run, clear };
 }
@@ -86,6 +99,39 @@ export function draftOf(name) {
     },
     drop: () => sessionStorage.removeItem(place),
   };
+}
+
+/**
+ * Shows a dialog above the page as long as it is there. It takes nothing that was pressed before it was painted
+ * (`data-painted` from then on); afterwards the focus goes back to where it was.
+ * @returns {{current: HTMLDialogElement|null}} for the dialog's `ref`
+ */
+export function useModal() {
+  const element = useRef(null);
+  useEffect(() => {
+    const before = document.activeElement,
+      dialog = element.current,
+      gate = dialogGate();
+    const guard = (event) => {
+      if (gate.takes(event)) return;
+      event.preventDefault();
+      event.stopImmediatePropagation();
+    };
+    for (const type of kPresses) dialog.addEventListener(type, guard, true);
+    dialog.showModal();
+    // a frame's callbacks run before it is painted, those of the next one after that
+    let frame = requestAnimationFrame(() => {
+      frame = requestAnimationFrame(() => {
+        gate.painted(performance.now());
+        dialog.dataset.painted = '';
+      });
+    });
+    return () => {
+      cancelAnimationFrame(frame);
+      if (before instanceof HTMLElement && before.isConnected) before.focus();
+    };
+  }, []);
+  return element;
 }
 
 /** The value after it has not changed for `ms`. */

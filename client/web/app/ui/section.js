@@ -10,6 +10,7 @@ import {
   offPlane,
   offPlaneLabel,
   offPlaneOpacity,
+  placed,
   spread,
 } from '../lib/scene.js';
 import { tissueColor } from '../lib/tissue.js';
@@ -26,7 +27,8 @@ const kWidth = 640,
   kLine_px = 13;
 
 /** Shapes of a profile as circles or rounded lines in the plane (u, second). */
-function shapes(profile, frame, second) {
+function shapes(doc, frame, second) {
+  const profile = placed(doc);
   const at = (p) => {
     const f = inFrame(frame, p);
     return { u: f.u, w: f[second], v: f.v };
@@ -38,6 +40,7 @@ function shapes(profile, frame, second) {
         kind,
         name: x.name,
         tissue: x.kind,
+        tissues: x.tissues ?? [],
         radius_m: Number(x.radius_m),
         a: at(x.center_m ?? x.a_m),
         b: x.center_m ? null : at(x.b_m),
@@ -123,6 +126,19 @@ export function SideView({ profile, frame: given, fidelity, to_m, label, over })
   const corner = (u, d) => `${x(u).toFixed(1)},${y(d).toFixed(1)}`;
   const area = (line) =>
     [...line.map((p) => corner(p.u, p.d)), corner(line.at(-1).u, bottom_m), corner(line[0].u, bottom_m)].join(' ');
+  // a target is drawn only in the tissues that count
+  const bandsOf = (shape) =>
+    layers.flatMap((layer, i) => {
+      if (!shape.tissues.includes(layer.name) || lines[i].length < 2) return [];
+      const below =
+        (lines[i + 1]?.length ?? 0) > 1
+          ? lines[i + 1]
+          : [
+              { u: -half_m, d: bottom_m },
+              { u: half_m, d: bottom_m },
+            ];
+      return [[...lines[i], ...below.toReversed()].map((p) => corner(p.u, p.d)).join(' ')];
+    });
   const edge = x(half_m);
   // all leader lines begin in one column that crosses every layer, as far right as possible, in the order of the layers
   const ends = lines.map((line) => line.filter((p) => p.d < bottom_m * 0.98).at(-1)?.u ?? 0);
@@ -159,7 +175,13 @@ export function SideView({ profile, frame: given, fidelity, to_m, label, over })
           line.length > 1 &&
           html`<polygon points=${area(line)} fill=${tissueColor(layers[i].tissue)} class="section-layer" />`,
       )}
-      ${all.map((shape) => html`<${Shape} shape=${shape} x=${x} y=${y} scale=${scale} />`)}
+      ${all.map(
+        (shape, i) =>
+          html`<clipPath id=${`target-clip-${i}`}>${bandsOf(shape).map((points) => html`<polygon points=${points} />`)}</clipPath>
+            <g clip-path=${shape.tissues.length > 0 ? `url(#target-clip-${i})` : undefined}>
+              <${Shape} shape=${shape} x=${x} y=${y} scale=${scale} />
+            </g>`,
+      )}
       <${ShapeLabels} shapes=${all} x=${x} y=${y} scale=${scale} />
       ${over?.({ x, y, scale })}
     </g>

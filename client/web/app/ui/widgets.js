@@ -1,8 +1,8 @@
 // What every page is made of: heading, problem, table, dialog, notice, list in pages, download.
-import { html, useCallback, useEffect, useRef, useState } from './html.js';
+import { html, useCallback, useEffect, useState } from './html.js';
 import { store } from '../lib/store.js';
 import { newest } from '../lib/units.js';
-import { useAction, useLoad } from './hooks.js';
+import { useAction, useLoad, useModal } from './hooks.js';
 
 /** The page's heading: gets the focus when the page changes. */
 export function Heading({ title, above, children }) {
@@ -88,12 +88,7 @@ export function Table({ caption, head, children, class: name = '', hide_caption 
 
 /** A question or a form above the page. Escape and Cancel close it; the focus goes back to where it was. */
 export function Dialog({ title, close, children, wide }) {
-  const element = useRef(null);
-  useEffect(() => {
-    const before = document.activeElement;
-    element.current.showModal();
-    return () => before instanceof HTMLElement && before.isConnected && before.focus();
-  }, []);
+  const element = useModal();
   return html`<dialog
     ref=${element}
     class=${wide ? 'wide' : ''}
@@ -108,14 +103,17 @@ export function Dialog({ title, close, children, wide }) {
   </dialog>`;
 }
 
-/** Asks before something that cannot be undone. */
+/**
+ * Asks before something that cannot be undone. The browser gives the focus to the first that can have it: a field that
+ * must be filled, or Cancel. So Enter destroys nothing.
+ */
 export function Confirm({ title, children, word, act, close, busy, error }) {
   return html`<${Dialog} title=${title} close=${close}>
     ${children}
     <${Problem} error=${error} />
     <div class="actions">
-      <button type="button" class="danger" disabled=${busy} onClick=${act}>${word}</button>
       <button type="button" onClick=${close}>Cancel</button>
+      <button type="button" class="danger" disabled=${busy} onClick=${act}>${word}</button>
     </div>
   <//>`;
 }

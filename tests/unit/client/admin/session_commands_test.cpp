@@ -259,6 +259,27 @@ TEST_F(SessionCommands, aScoreIsShownAsItIsStored) {
   }
 }
 
+TEST_F(SessionCommands, aResultSaysHowOftenSomebodyTried) {
+  good({"user", "add", "tom", "--role", "trainee"});
+  good({"user", "add", "zoe", "--role", "trainee"});
+  for (int i = 0; i < 3; ++i) attempt("tom", "knee-recess", force(1));
+  attempt("zoe", "knee-recess", force(1));
+  std::map<std::string, std::string> cells_of;
+  for (const json& row : good({"results", "rheumatology-basics", "--json"}).rows())
+    cells_of[row.at("trainee")] = row.at("knee-recess");
+  EXPECT_EQ(cells_of["tom"], "tried, 3 attempts");
+  EXPECT_EQ(cells_of["zoe"], "tried, 1 attempt");
+}
+
+TEST_F(SessionCommands, aReferenceWithTouchedHazardsIsRefused) {
+  const std::string bad =
+      attempt("tom", "knee-recess", R"([{"measure":"hazards_touched","value":2,"unit":"","words":"w"}])");
+  const Run refused = onData({"reference", "set", "knee-recess", bad});
+  EXPECT_NE(refused.code, 0);
+  EXPECT_THAT(refused.err, HasSubstr(bad + ": touched 2 hazards"));
+  EXPECT_THAT(good({"reference", "show", "knee-recess"}).err, HasSubstr("no session of experts"));
+}
+
 TEST_F(SessionCommands, theTableOfScoresKeepsNamesApartAndFormulasHarmless) {
   good({"user", "add", kCommaName, "--role", "trainee"});
   good({"group", "set", "g"});

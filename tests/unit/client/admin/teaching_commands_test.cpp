@@ -1,11 +1,15 @@
 // Commands for classes, courses, studies and whole exports, on a folder and on a running server.
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <atomic>
+#include <cstddef>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <string>
 #include <thread>
 
 #include "client/admin/backend.h"
@@ -74,6 +78,23 @@ TEST_F(TeachingCommands, aWeekOfAManagerOnAFolderAndOnAServer) {
     EXPECT_EQ(ok("mia", {"results", "rheumatology-basics", "--trainee", "ben", "--json"}).rows().size(), 1u);
     ok("mia",
        {"unassign", std::to_string(ok("mia", {"assignments", "--json"}).rows()[0].at("id").get<int>())});
+    const std::string table = file(group + "-results.csv");
+    const Run exported = ok(
+        "mia", {"results", "rheumatology-basics", "--trainee", "anna", "--out", table, "--separator", "tab"});
+    const std::size_t exercises =
+        ok("mia", {"results", "rheumatology-basics", "--trainee", "anna", "--json"}).rows()[0].size() - 2;
+    EXPECT_EQ(exported.out, fmt::format("{} rows of 1 people in {}\n", exercises, table));
+    const std::string text = *readWholeFile(table);
+    EXPECT_EQ(text.find("\xef\xbb\xbfPerson\tFull name\tGroups\tExercise\tVerdict\t"), 0u) << text;
+    EXPECT_EQ(static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n')), exercises + 1);
+    EXPECT_NE(text.find("\r\nanna\tAnna of " + group + "\tclass-a"), std::string::npos) << text;
+    EXPECT_EQ(either(on_server, "mia", {"results", "rheumatology-basics", "--out", table}).code, 2)
+        << "a file that is there";
+    ok("mia", {"results", "rheumatology-basics", "--limit", "1", "--out", table, "--replace"});
+    EXPECT_EQ(either(on_server, "mia", {"results", "rheumatology-basics", "--separator", "tab"}).code, 2)
+        << "of no file";
+    EXPECT_EQ(either(on_server, "mia", {"results", "nothing", "--out", file(group + "-no.csv")}).code, 1);
+    EXPECT_FALSE(std::filesystem::exists(file(group + "-no.csv")));
     ok("mia", {"progress", "anna"});
     ok("mia", {"consent", "give", "anna", "--note", "paper 7"});
     ok("mia", {"consent", "withdraw", "anna"});

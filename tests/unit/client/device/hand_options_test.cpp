@@ -33,7 +33,7 @@ TEST(HandCli, aPersonAspiratesUnlessAskedNotTo) {
   EXPECT_TRUE(o.aspirate);
 }
 
-TEST(HandCli, aSkillSetsTremorAndSpeed) {
+TEST(HandCli, aSkillSetsTremorSpeedAndBracing) {
   HandOptions beginner, expert;
   parse(beginner, {"--hand-skill", "0"});
   parse(expert, {"--hand-skill", "1"});
@@ -41,7 +41,8 @@ TEST(HandCli, aSkillSetsTremorAndSpeed) {
   EXPECT_EQ(expert.skill, 1);
   EXPECT_GT(beginner.tremor_m, expert.tremor_m);
   EXPECT_LT(beginner.speed_mps, expert.speed_mps);
-  EXPECT_EQ(beginner.stiffness_N_per_m, expert.stiffness_N_per_m);
+  EXPECT_EQ(beginner.bracing_N_per_m, 0);
+  EXPECT_EQ(expert.bracing_N_per_m, kBracing_N_per_m);
   HandOptions o;
   EXPECT_FALSE(o.skill.has_value());
   for (const char* const level : {"-0.1", "1.1", "nan", "much"})
@@ -88,11 +89,12 @@ TEST(HandCli, everyOptionReachesItsField) {
   EXPECT_EQ(o.correction_per_s, 0.5);
 }
 
-TEST(HandCli, withoutOptionsIsTheDefaultHandThatCorrectsItself) {
+TEST(HandCli, withoutOptionsIsABracedHandThatCorrectsItself) {
   HandOptions o;
   parse(o, {});
   EXPECT_EQ(HandOptions{}.correction_per_s, 0);
   EXPECT_EQ(o.correction_per_s, kCommandLineCorrection_per_s);
+  EXPECT_EQ(o.bracing_N_per_m, kBracing_N_per_m);
   EXPECT_EQ(o.stiffness_N_per_m, 300);
   EXPECT_EQ(o.damping_Ns_per_m, 3);
   EXPECT_EQ(o.plan, "target");
@@ -101,7 +103,7 @@ TEST(HandCli, withoutOptionsIsTheDefaultHandThatCorrectsItself) {
 TEST(HandCli, valuesOutOfRangeAreRefusedWithTheRange) {
   for (const char* name :
        {"--hand-speed-m-s", "--hand-hold-s", "--hand-tremor-m", "--hand-stiffness", "--hand-damping",
-        "--hand-rotational-stiffness", "--hand-rotational-damping", "--hand-correction"})
+        "--hand-bracing", "--hand-rotational-stiffness", "--hand-rotational-damping", "--hand-correction"})
     for (const char* value : {"-1", "1e9", "nan", "inf", "many", ""}) {
       HandOptions o;
       try {

@@ -30,6 +30,20 @@ TEST(Hand, pullsBySpringAndDamper) {
   EXPECT_EQ(w.torque_Nm, Vec3{});
 }
 
+TEST(Hand, isStifferAlongTheNeedleWhenItIsBraced) {
+  HandOptions options = steady();
+  options.bracing_N_per_m = 700;
+  const Vec3 axis = normalized(Vec3{0.6, 0, -0.8}), across{0, 1, 0};
+  Hand hand(options, HandPlan({{0.1, 0, 0}, orientationAlong(axis)}).hold(1), {}, 1e-3);
+  // 1 mm short along the needle, 1 mm beside, moving along it with 10 mm/s: 1000 N/m and 3 + 2.8 N·s/m along
+  const HandleState state{
+      {Vec3{0.1, 0, 0} - axis * 0.001 - across * 0.001, orientationAlong(axis)}, axis * 0.01, {}};
+  const Vec3 force = hand.pull(state).force_N;
+  EXPECT_NEAR(dot(force, axis), 1000 * 0.001 - 5.8 * 0.01, 1e-12);
+  EXPECT_NEAR(dot(force, across), 0.3, 1e-12);
+  EXPECT_NEAR(dot(force, cross(axis, across)), 0, 1e-12);
+}
+
 TEST(Hand, turnsTheHandleBackTheShortWay) {
   Hand hand(steady(), HandPlan(Pose{}).hold(1), {}, 1e-3);
   for (const double sign : {1.0, -1.0}) {  // q and −q are the same rotation

@@ -78,6 +78,25 @@ TEST_F(LessonCacheTest, oneFlippedDigitIsFound) {
               AllOf(HasSubstr("knee-1.json"), HasSubstr("hash"), HasSubstr("delete it and connect")));
 }
 
+TEST_F(LessonCacheTest, whatACourseSaysOfItsExamIsKeptAndGuarded) {
+  lesson_.set_assigned_only(true);
+  lesson_.set_exam(true);
+  lesson_.set_results_from_unix_ns(1'780'495'200'000'000'000);
+  ASSERT_TRUE(cache_.keep("knee-1", lesson_).ok());
+  EXPECT_EQ(cache_.find("knee-1")->SerializeAsString(), lesson_.SerializeAsString());
+  ASSERT_EQ(cache_.list().size(), 1u);
+  EXPECT_TRUE(cache_.list().front().assigned_only);
+  const std::string whole = textOf("knee-1");
+  for (const char* field : {"assignedOnly", "exam", "resultsFromUnixNs"}) {
+    std::string other = whole;
+    const auto at = other.find('"' + std::string(field) + '"');
+    ASSERT_NE(at, std::string::npos) << field;
+    other[at + 1] = 'x';
+    write("knee-1", other);
+    EXPECT_FALSE(cache_.find("knee-1").ok()) << field;
+  }
+}
+
 TEST_F(LessonCacheTest, everyDamagedByteIsFoundOrHarmless) {
   ASSERT_TRUE(cache_.keep("knee-1", lesson_).ok());
   const std::string whole = textOf("knee-1");

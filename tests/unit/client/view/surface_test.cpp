@@ -110,6 +110,39 @@ TEST_F(SurfaceTest, mouseKeysAndTextReachTheWidgets) {
   EXPECT_TRUE(escape);
 }
 
+// Everything is done between two frames, as while one of them stands still. The button is drawn before the
+// field, and a click on it takes the keyboard from the field.
+TEST_F(SurfaceTest, aMessageIsSentBeforeTheClickAfterItCounts) {
+  std::array<char, 32> text{};
+  std::vector<std::string> done;
+  const auto screen = [&] {
+    beginScreen("s");
+    ImGui::SetCursorScreenPos({20, 20});
+    if (ImGui::Button("stop", {100, 40})) done.emplace_back("stop");
+    ImGui::SetCursorScreenPos({20, 100});
+    if (ImGui::InputText("message", text.data(), text.size(), ImGuiInputTextFlags_EnterReturnsTrue)) {
+      done.push_back(std::string("sent: ") + text.data());
+      text = {};
+    }
+    endScreen();
+  };
+  const auto clickAtOnce = [&](double x_px, double y_px) {
+    surface_->moveMouse(x_px, y_px);
+    for (const bool down : {true, false}) surface_->setMouseButton(0, down);
+  };
+  draw(screen);
+  clickAtOnce(60, 112);
+  surface_->typeText("hm");
+  for (const bool down : {true, false}) surface_->setKey(GLFW_KEY_ENTER, down);
+  clickAtOnce(70, 40);
+  clickAtOnce(60, 112);
+  surface_->typeText("well");
+  clickAtOnce(70, 40);
+  draw(screen, 20);
+  EXPECT_EQ(done, (std::vector<std::string>{"sent: hm", "stop", "stop"}));
+  EXPECT_STREQ(text.data(), "well") << "not sent, and not lost";
+}
+
 TEST_F(SurfaceTest, lettersGrowWithTheirScaleWhichIsHeldToItsRange) {
   float height_px = 0;
   const auto screen = [&] { height_px = ImGui::GetFontSize(); };

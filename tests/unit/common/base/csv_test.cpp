@@ -116,5 +116,58 @@ TEST(CsvNumber, readsBackAsTheSameDouble) {
   EXPECT_EQ(text, "nan");
 }
 
+std::string textCell(std::string_view text, char separator) {
+  std::string cell;
+  appendCsvText(cell, text, separator);
+  return cell;
+}
+
+std::string numberCell(double value, char decimal_sign) {
+  std::string cell;
+  appendCsvNumber(cell, value, decimal_sign);
+  return cell;
+}
+
+TEST(CsvCells, textsAreQuotedWhereTheReaderWouldSplitThem) {
+  EXPECT_EQ(textCell("Köhler, Anna", ';'), "Köhler, Anna");
+  EXPECT_EQ(textCell("Köhler, Anna", ','), "\"Köhler, Anna\"");
+  EXPECT_EQ(textCell("a;b", ';'), "\"a;b\"");
+  EXPECT_EQ(textCell("a\tb", '\t'), "\"a\tb\"");
+  EXPECT_EQ(textCell("the \"best\"", ','), "\"the \"\"best\"\"\"");
+  EXPECT_EQ(textCell("two\nlines", ','), "\"two\nlines\"");
+  EXPECT_EQ(textCell("", ','), "");
+}
+
+TEST(CsvCells, noTextIsAFormula) {
+  for (const char* formula : {"=1+1", "+1", "-1", "@SUM(A1)"})
+    EXPECT_EQ(textCell(formula, ','), std::string("'") + formula);
+  EXPECT_EQ(textCell("=A1,B1", ','), "\"'=A1,B1\"");
+  EXPECT_EQ(textCell("1-1", ','), "1-1");
+}
+
+TEST(CsvCells, numbersArePlainDecimals) {
+  EXPECT_EQ(numberCell(3, '.'), "3");
+  EXPECT_EQ(numberCell(-2.5, '.'), "-2.5");
+  EXPECT_EQ(numberCell(-2.5, ','), "-2,5");
+  EXPECT_EQ(numberCell(0.1 + 0.2, '.'), "0.3");
+  EXPECT_EQ(numberCell(1e-9, '.'), "0");
+  EXPECT_EQ(numberCell(-1e-9, ','), "0") << "never -0";
+  EXPECT_EQ(numberCell(1200, ','), "1200");
+  EXPECT_EQ(numberCell(123456789.25, ','), "123456789,25");
+}
+
+TEST(CsvCells, aStyleIsFoundByItsName) {
+  EXPECT_EQ(csvStyleOf("comma")->separator, ',');
+  EXPECT_EQ(csvStyleOf("comma")->decimal_sign, '.');
+  EXPECT_EQ(csvStyleOf("semicolon")->separator, ';');
+  EXPECT_EQ(csvStyleOf("semicolon")->decimal_sign, ',');
+  EXPECT_EQ(csvStyleOf("tab")->separator, '\t');
+  for (const std::string_view name : kCsvSeparators) EXPECT_TRUE(csvStyleOf(name).ok()) << name;
+  const auto unknown = csvStyleOf("space");
+  ASSERT_FALSE(unknown.ok());
+  EXPECT_EQ(unknown.error().code, ErrorCode::kInvalidInput);
+  EXPECT_EQ(unknown.error().message, "separator: 'space', allowed are comma, semicolon, tab");
+}
+
 }  // namespace
 }  // namespace needlelab

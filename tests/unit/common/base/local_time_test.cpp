@@ -18,11 +18,15 @@ TEST(LocalTime, isTheZonesInSummerAndInWinter) {
   EXPECT_EQ(localTime(kSummer, TimeForm::kDay), "2026-07-01");
   EXPECT_EQ(localTime(kSummer, TimeForm::kMinute), "2026-07-01 09:34");
   EXPECT_EQ(localTime(kSummer, TimeForm::kClock), "09:34:56");
+  EXPECT_EQ(localTime(kSummer, TimeForm::kWords), "1 July 2026, 09:34");
+  EXPECT_EQ(localTime(kWinter, TimeForm::kWords), "31 December 2025, 22:30");
   EXPECT_EQ(localTime(kSummer, TimeForm::kZoned), "2026-07-01 09:34:56 NDT");
   // 3 h 30 min in winter: still the old year
   EXPECT_EQ(localTime(kWinter, TimeForm::kDay), "2025-12-31");
   EXPECT_EQ(localTime(kWinter, TimeForm::kZoned), "2025-12-31 22:30:00 NST");
   EXPECT_EQ(utcTime(kWinter), "2026-01-01 02:00:00 UTC") << "what is stored knows no zone";
+  EXPECT_EQ(isoTime(kSummer), "2026-07-01T12:04:56Z");
+  EXPECT_EQ(isoTime(0), "");
 }
 
 TEST(LocalTime, followsTzAndSaysUtcWhereItIsUtc) {

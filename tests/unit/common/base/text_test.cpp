@@ -26,6 +26,7 @@ TEST(TextRules, utf8IsToldFromOtherBytes) {
 TEST(AsciiLetters, changeTheirCaseAndNoOtherByteDoes) {
   EXPECT_EQ(lowerCase("CARTILAGE_2 Äß@[`{"), "cartilage_2 Äß@[`{");
   EXPECT_EQ(lowerCase(""), "");
+  EXPECT_EQ(wordsOfName("ENHANCED_TRACKING_WALL"), "enhanced tracking wall");
   for (int byte = 0; byte < 256; ++byte) {
     const char c = static_cast<char>(byte);
     const bool capital = byte >= 65 && byte <= 90, small = byte >= 97 && byte <= 122;

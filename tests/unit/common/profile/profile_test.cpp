@@ -193,5 +193,30 @@ TEST(Curriculum, readsBackTheSame) {
   EXPECT_EQ(exercise->time_limit_s(), 60);
 }
 
+TEST(Curriculum, anExamIsAssignedOnlyAndAddsWhatItsExercisesDoNotSay) {
+  const auto course = [](const std::string& flags) {
+    return *parseCurriculum("{" + flags +
+                                R"("id": "c", "name": "C", "exercises": [
+      {"id": "plain", "name": "P", "profile_id": "p"},
+      {"id": "own", "name": "O", "profile_id": "p", "attempts": 3, "aids": {"allowed": ["DEPTH"]}}]})",
+                            "c");
+  };
+  const pb::Curriculum practice = course(""), few = course(R"("assigned_only": true,)");
+  const pb::Curriculum exam = course(R"("exam": true, "results_from_unix_ms": 1780000000000,)");
+  EXPECT_FALSE(isAssignedOnly(practice));
+  EXPECT_TRUE(isAssignedOnly(few));
+  EXPECT_TRUE(isAssignedOnly(exam));
+  for (const pb::Curriculum& as_it_is : {practice, few})
+    for (const pb::Exercise& exercise : as_it_is.exercises())
+      EXPECT_EQ(exerciseJson(exerciseInCourse(as_it_is, exercise)), exerciseJson(exercise));
+  const pb::Exercise plain = exerciseInCourse(exam, exam.exercises(0));
+  EXPECT_EQ(plain.attempts(), 1u);
+  EXPECT_TRUE(plain.has_aids());
+  EXPECT_TRUE(plain.aids().allowed().empty());
+  // as the station reads it again
+  EXPECT_TRUE(parseExercise(exerciseJson(plain), "e")->has_aids());
+  EXPECT_EQ(exerciseJson(exerciseInCourse(exam, exam.exercises(1))), exerciseJson(exam.exercises(1)));
+}
+
 }  // namespace
 }  // namespace needlelab

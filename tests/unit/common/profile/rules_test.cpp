@@ -138,6 +138,14 @@ const WrongField kWrongProfiles[] = {
     {"/hazards/1/name", "\"humeral head\"", "hazards[1].name: \"humeral head\" is used twice"},
     {"/targets/1", R"({"name": "joint space", "center_m": {"x": 0, "y": 0, "z": 0}, "radius_m": 0.1})",
      "targets[1].name: \"joint space\" is used twice"},
+    {"/targets/0/tissues", "[\"muscle\", \"bursa\"]",
+     "targets[0].tissues[1]: \"bursa\" is not the name of a layer: skin, muscle"},
+    {"/targets/0/anchor", R"({"layer": "fat", "offset_m": 0.01})",
+     "targets[0].anchor.layer: \"fat\" is not the name of a layer: skin, muscle"},
+    {"/targets/0/anchor", R"({"layer": "skin"})", "targets[0].anchor.offset_m: is missing"},
+    {"/directions", R"({"plus_x": ""})", "directions.plus_x: has 0 bytes, allowed are 1 to 64"},
+    {"/directions", R"({"minus_y": " down the arm"})", "directions.minus_y: begins or ends with a space"},
+    {"/directions", R"({"up": "towards the head"})", "directions: unknown field \"up\"; known are plus_x, minus_x"},
     // how many
     {"/layers", "[]", "layers: has 0 items, allowed are 1 to 32"},
     {"/effects", "[\"CUTTING\", \"ATTRACTED\", \"CLAMPING\", \"ORIENTATION_LIMIT\", \"SHAFT_FRICTION\", \"PUNCTURE\", \"CUT_MEMORY\", \"BONE\", \"HUB\", \"CUTTING\"]", "effects: has 10 items, allowed are 0 to 9"},
@@ -267,6 +275,11 @@ const WrongField kWrongCurricula[] = {
     {"/exercises/0/requirements/1/min", "2", "exercises[0].requirements[1].min: 2 is above max, 1"},
     {"/exercises/0/requirements/0/measure", "", "exercises[0].requirements[0].measure: is missing"},
     {"/exercises/0/requirements/0/max", "\"5\"", "exercises[0].requirements[0].max: must be a number"},
+    {"/results_from_unix_ms", "5", "results_from_unix_ms: is for an exam, and exam is not true"},
+    {"/results_from_unix_ms", "-1", "results_from_unix_ms: -1 is out of range [0, 9"},
+    {"/exam", "1", "exam: must be true or false, found the number 1"},
+    {"/assigned_only", "\"yes\"", "assigned_only: must be true or false, found the text"},
+    {"/exercises/0/due_unix_ms", "0.5", "exercises[0].due_unix_ms: must be a whole number of milliseconds"},
     {"/exercises/0/repeat", "3", "exercises[0]: unknown field \"repeat\""},
 };
 

@@ -98,6 +98,58 @@ TEST(Samples, areCanonicalWithoutWarningsAndNameTheirSources) {
   }
 }
 
+/// `+y "towards the head", −y "down the arm"`
+std::string directionsText(const pb::Directions& directions) {
+  std::string text;
+  const auto add = [&](const char* way, const std::string& name) {
+    if (!name.empty()) text += (text.empty() ? "" : ", ") + std::string(way) + " \"" + name + "\"";
+  };
+  add("+x", directions.plus_x());
+  add("−x", directions.minus_x());
+  add("+y", directions.plus_y());
+  add("−y", directions.minus_y());
+  add("+z", directions.plus_z());
+  add("−z", directions.minus_z());
+  return text;
+}
+
+TEST(Samples, theDirectionsAreThoseOfTheReadme) {
+  const std::string readme = *readWholeFile(kSamples / "README.md");
+  const std::string table = readme.substr(readme.find("| profile | names | known from |"));
+  const std::string rows = table.substr(0, table.find("\n\n"));
+  for (const std::string& id : all()) {
+    SCOPED_TRACE(id);
+    const std::string text = directionsText(sample(id).directions());
+    const std::size_t at = rows.find("`" + id + ".json`");
+    ASSERT_EQ(at != std::string::npos, !text.empty());
+    if (text.empty()) continue;
+    const std::string row = rows.substr(at, rows.find('\n', at) - at);
+    EXPECT_THAT(row, HasSubstr("| " + text + " |"));
+  }
+}
+
+/// A hazard's middle, in L.
+Vec3 middleOf(const pb::Profile& profile, const std::string& name) {
+  for (const auto& hazard : profile.hazards())
+    if (hazard.name() == name)
+      return hazard.has_center_m() ? vec(hazard.center_m()) : 0.5 * (vec(hazard.a_m()) + vec(hazard.b_m()));
+  ADD_FAILURE() << name;
+  return {};
+}
+
+TEST(Samples, theDirectionsAgreeWithTheAnatomy) {
+  for (const char* id : {"shoulder-adult", "shoulder-frail", "shoulder-muscular", "shoulder-models"})
+    EXPECT_LT(middleOf(sample(id), "axillary nerve").y, 0) << id << ": it crosses the arm below";
+  EXPECT_GT(middleOf(sample("knee-adult"), "patella").x, 0) << "the recess is above the patella";
+  EXPECT_GT(middleOf(sample("wrist-adult"), "superficial radial nerve").y, 0) << "on the thumb's side";
+  EXPECT_LT(middleOf(sample("carpal-tunnel"), "ulnar artery").y, 0) << "on the little finger's side";
+  EXPECT_LT(middleOf(sample("lumbar-adult"), "spinous process above").x, 0);
+  EXPECT_GT(middleOf(sample("hip-adult"), "femoral vein").y, 0) << "medial of the nerve";
+  EXPECT_GT(middleOf(sample("shoulder-posterior"), "glenoid rim").x,
+            middleOf(sample("shoulder-posterior"), "humeral head").x)
+      << "the glenoid is medial of the head";
+}
+
 TEST(Samples, noLayerOfAPatientIsCalledByANumber) {
   for (const std::string& id : all()) {
     if (id == "paper-1dof") continue;  // the paper's one layer is of no tissue
@@ -297,7 +349,7 @@ TEST(Samples, theStepsAreGraded) {
   ASSERT_TRUE(steps.ok()) << steps.error().message;
   EXPECT_EQ(steps->id(), "injection-steps");
   ASSERT_EQ(steps->exercises_size(), 6);
-  int aids = 5;
+  int aids = 6;
   for (const auto& exercise : steps->exercises()) {
     ASSERT_TRUE(exercise.has_aids()) << exercise.id();
     EXPECT_LE(exercise.aids().allowed_size(), aids) << exercise.id();

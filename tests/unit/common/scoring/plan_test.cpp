@@ -212,7 +212,7 @@ TEST(PlanMeasures, mayBeRequiredAndAreSaidInDegrees) {
 TEST(PlanMeasures, theTableSaysWhichNeedAPlan) {
   std::vector<std::string> names;
   for (const MeasureKind& kind : measureKinds())
-    if (kind.needs_plan) names.emplace_back(kind.name);
+    if (kind.need == MeasureNeed::kPlan) names.emplace_back(kind.name);
   EXPECT_EQ(names, std::vector<std::string>(std::begin(kPlanRows), std::end(kPlanRows)));
 }
 

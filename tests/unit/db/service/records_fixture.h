@@ -171,7 +171,7 @@ inline void fillAtRandom(Connection& c, std::uint64_t seed) {
       c.run("INSERT INTO unknown_trainees (session, given) VALUES ((SELECT min(number) FROM sessions), ?)",
             *ghost));
   ASSERT_OK(
-      c.run("INSERT INTO unknown_trainees VALUES ((SELECT min(number) + 1 FROM sessions), ?, ?, ?, 1, 0)",
+      c.run("INSERT INTO unknown_trainees VALUES ((SELECT min(number) + 1 FROM sessions), ?, ?, ?, 1, 0, 0)",
             *another, text(), number(1ull << 62)));
   ASSERT_OK(c.run("INSERT INTO retention_policies VALUES ('knee-recess', 30, ?, 1.0, 365, 0, ?, 1)",
                   static_cast<double>(random() % 30'000 + 1) / 3.0, text()));

@@ -36,6 +36,8 @@ std::vector<GestureSample> gestureAside(double aside_m) {
     s.time_ns = static_cast<std::int64_t>(i) * 5'000'000;
     s.p_WT_m[0] = aside_m;
     s.p_WT_m[2] = -depth_m;
+    s.q_WT[0] = 1;  // down: a reference must not touch the femur below
+    s.q_WT[3] = 0;
     s.layer = depth_m > 0 ? 0 : -1;
     s.insertion_m = std::max(0.0, depth_m);
     s.force_W_N[2] = depth_m > 0 ? 1 + aside_m * 100 : 0;
@@ -237,7 +239,8 @@ TEST_F(Scoring, aSessionIsComparedWithTheExpertsPathsToo) {
                                 [](const auto& r) { return r["measure"] == "dtw_distance_m"; });
   ASSERT_NE(row, comparison.end());
   EXPECT_NEAR((*row)["value"].get<double>(), 0.01, 1e-9);
-  EXPECT_EQ((*row)["standing"], "worse");
+  EXPECT_TRUE((*row)["place"].is_null()) << "the experts' own distances are all 1 mm: nothing is said";
+  EXPECT_EQ((*row)["words"], "");
   const auto force = std::find_if(comparison.begin(), comparison.end(),
                                   [](const auto& r) { return r["measure"] == "peak_force_n"; });
   ASSERT_NE(force, comparison.end());
@@ -248,7 +251,9 @@ TEST_F(Scoring, aSessionIsComparedWithTheExpertsPathsToo) {
   ASSERT_NE(skin, comparison.end());
   EXPECT_EQ((*skin)["words"].get<std::string>().find("Peak force in skin 2.4 N"), 0u) << *skin;
   // experts 1, 1.1 … 1.4 N; the novice 2.4 N
-  EXPECT_NEAR((*force)["z"].get<double>(), 1.2 / std::sqrt(0.025), 1e-9);
+  EXPECT_EQ((*force)["place"], "above");
+  EXPECT_NEAR((*force)["least"].get<double>(), 1, 1e-9);
+  EXPECT_NEAR((*force)["greatest"].get<double>(), 1.4, 1e-9);
   // an expert is not compared with itself
   const auto own = nlohmann::json::parse(scoreOf(experts[2]).comparison_json());
   for (const auto& r : own) {

@@ -45,9 +45,10 @@ class TeachingTest : public ServiceTest {
   Uuid attempt(const std::string& who, const std::string& exercise, bool passed, std::int64_t started = 0) {
     return attemptWith(who, exercise, passed, passed ? "3" : "8", started);
   }
-  /// `peak_force_N` as JSON writes it; at most 5 is required.
+  /// `peak_force_N` as JSON writes it; at most 5 is required. `more_rows` of the score begin with a comma.
   Uuid attemptWith(const std::string& who, const std::string& exercise, bool passed,
-                   const std::string& peak_force_N, std::int64_t started = 0) {
+                   const std::string& peak_force_N, std::int64_t started = 0,
+                   const std::string& more_rows = "") {
     const Uuid id = makeUuidV7();
     EXPECT_OK(change([&](Connection& c) -> Status {
       auto d = test::describe(id);
@@ -58,7 +59,7 @@ class TeachingTest : public ServiceTest {
       if (auto closed = SessionStore(c).close(test::closeOf(id, 0), 2); !closed) return closed.error();
       auto score = test::scoreOf(id, R"([{"measure":"peak_force_n","value":)" + peak_force_N +
                                          R"(,"unit":"N","max":5,"passed":)" + (passed ? "true" : "false") +
-                                         R"(,"words":""}])");
+                                         R"(,"words":""})" + more_rows + "]");
       score.set_passed(passed);
       return ScoreStore(c).put(score);
     }));

@@ -1,6 +1,9 @@
 // Tests the managers' permissions, concurrent edits, classes from tables, locks, results.
+#include <gmock/gmock.h>
+
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <future>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -382,12 +385,66 @@ TEST_F(Teaching, aStationGetsNamesAndTheCellsOfTheTraineeThatItNames) {
   EXPECT_EQ(get(station, one).results().rows(0).cells(1).locked_by_size(), 1);
 }
 
+TEST_F(Teaching, resultsForASpreadsheetHaveGroupsExcusedAttemptsAndWhatTheCourseAsksFor) {
+  addStation();
+  putCourse({{"second", {{"time_limit_s", 60}}},
+             {"third", {{"requirements", {{{"measure", "greatest_depth_m"}, {"max", 0.02}}}}}}});
+  for (const char* name : {"anna", "ben"}) addPerson(name, pb::TRAINEE);
+  get(manager, putGroup("spring", {"anna"}, 0));
+  get(manager, putGroup("autumn", {"anna"}, 0));
+  attempt("anna", "first", false);
+  // two rows of a score: of the second measure nobody asks for anything
+  const Uuid best = attemptWith("anna", "first", true,
+                                R"(2.5,"unit":"N","max":5,"passed":true,"words":"w"},)"
+                                R"({"measure":"sparc","value":-3)");
+  pb::Request excuse;
+  excuse.mutable_excuse_attempt()->set_session_id(test::bytesOfId(attempt("ben", "first", false)));
+  excuse.mutable_excuse_attempt()->set_excused(true);
+  get(instructor, excuse);
+
+  pb::Request ask;
+  ask.mutable_get_results()->set_course_id("course");
+  const auto plain = get(instructor, ask).results();
+  EXPECT_EQ(plain.required_measures_size(), 0);
+  EXPECT_EQ(plain.rows(0).groups_size(), 0);
+  EXPECT_FALSE(plain.rows(0).cells(0).has_excused());
+  EXPECT_EQ(plain.rows(0).cells(0).best().score_json(), "");
+  EXPECT_EQ(count("SELECT count(*) FROM audit WHERE action = 'results'"), 0) << "a page on a screen";
+
+  ask.mutable_get_results()->set_with_measures(true);
+  const auto all = get(instructor, ask).results();
+  EXPECT_THAT(all.required_measures(), testing::ElementsAre("peak_force_n", "elapsed_s", "greatest_depth_m"));
+  ASSERT_EQ(all.rows_size(), 2);
+  EXPECT_THAT(all.rows(0).groups(), testing::ElementsAre("autumn", "spring"));
+  EXPECT_THAT(all.rows(1).groups(), testing::ElementsAre());
+  const pb::ResultCell& cell = all.rows(0).cells(0);
+  EXPECT_EQ(cell.best().session_id(), test::bytesOfId(best));
+  EXPECT_EQ(cell.best().number(), 2u);
+  EXPECT_EQ(nlohmann::json::parse(cell.best().score_json()),
+            nlohmann::json::parse(
+                R"([{"measure":"peak_force_n","value":2.5,"unit":"N","max":5.0,"passed":true,"words":""}])"));
+  EXPECT_EQ(cell.excused(), 0u);
+  EXPECT_EQ(all.rows(1).cells(0).attempts(), 0u);
+  EXPECT_EQ(all.rows(1).cells(0).excused(), 1u);
+  EXPECT_EQ(count("SELECT count(*) FROM audit WHERE action = 'results' AND subject = 'course'"), 1);
+
+  // a trainee's own row is no export of others' data; a station gets none of it
+  ask.mutable_get_results()->set_trainee("anna");
+  EXPECT_NE(get(trainee, ask).results().rows(0).cells(0).best().score_json(), "");
+  EXPECT_EQ(count("SELECT count(*) FROM audit WHERE action = 'results'"), 1);
+  const auto at_station = get(station, ask).results();
+  EXPECT_EQ(at_station.required_measures_size(), 0);
+  EXPECT_EQ(at_station.rows(0).groups_size(), 0);
+  EXPECT_FALSE(at_station.rows(0).cells(0).has_best());
+}
+
 TEST_F(Teaching, scoresAndReferencesOfAnExercise) {
   addStation();
   putCourse();
   addPerson("anna", pb::TRAINEE);
   std::vector<Uuid> experts;
-  for (int i = 0; i < 5; ++i) experts.push_back(attempt("eva", "first", true));
+  for (const char* force_N : {"2.8", "2.9", "3", "3.1", "3.2"})
+    experts.push_back(attemptWith("eva", "first", true, force_N));
   const Uuid own = attempt("anna", "first", false);
   pb::Request set;
   set.mutable_set_reference()->set_exercise_id("first");
@@ -397,7 +454,7 @@ TEST_F(Teaching, scoresAndReferencesOfAnExercise) {
   EXPECT_EQ(reference.bands(0).measure(), "peak_force_n");
   EXPECT_EQ(reference.bands(0).n(), 5u);
   EXPECT_DOUBLE_EQ(reference.bands(0).mean(), 3);
-  EXPECT_DOUBLE_EQ(reference.bands(0).sd(), 0);
+  EXPECT_NEAR(reference.bands(0).sd(), std::sqrt(0.1 / 4), 1e-12);
   EXPECT_EQ(refusal(instructor, set), ErrorCode::kConflict);
   pb::Request score;
   score.mutable_get_score()->set_session_id(test::bytesOfId(own));
@@ -407,6 +464,7 @@ TEST_F(Teaching, scoresAndReferencesOfAnExercise) {
   const auto comparison = nlohmann::json::parse(got.comparison_json());
   ASSERT_EQ(comparison.size(), 1u);
   EXPECT_EQ(comparison[0]["measure"], "peak_force_n");
+  EXPECT_EQ(comparison[0]["place"], "above");
   score.mutable_get_score()->set_session_id(test::bytesOfId(experts[0]));
   EXPECT_EQ(refusal(trainee, score), ErrorCode::kNotFound) << "somebody else's";
   pb::Request list;
@@ -557,7 +615,8 @@ TEST_F(Teaching, aTraineeIsShownExpertsOnlyFromFiveGesturesOn) {
     return text.empty() ? std::size_t{0} : nlohmann::json::parse(text).size();
   };
   for (int n = 1; n <= 5; ++n) {
-    set.mutable_set_reference()->add_session_ids(test::bytesOfId(attempt("eva", "first", true)));
+    set.mutable_set_reference()->add_session_ids(
+        test::bytesOfId(attemptWith("eva", "first", true, std::to_string(n))));
     const auto chosen = get(instructor, set).reference();
     set.mutable_set_reference()->set_base_revision(chosen.revision());
     EXPECT_EQ(get(instructor, show).reference().bands_size(), 1) << n;
@@ -569,23 +628,40 @@ TEST_F(Teaching, aTraineeIsShownExpertsOnlyFromFiveGesturesOn) {
   }
 }
 
-TEST_F(Teaching, anAttemptThatMissedTheTargetIsNowhereBetterThanTheExperts) {
+TEST_F(Teaching, aSessionInWhichAHazardOrBoneWasTouchedIsNoReference) {
   addStation();
   putCourse();
-  pb::Request set;
-  set.mutable_set_reference()->set_exercise_id("first");
-  for (int i = 0; i < 5; ++i)
-    set.mutable_set_reference()->add_session_ids(test::bytesOfId(attempt("eva", "first", true)));
-  get(instructor, set);
-  // less force than the experts' 3 N, because the needle never came to the target
-  const auto standing = [&](bool passed) {
-    const Uuid own = attemptWith("anna", "first", passed, "0.5");
-    pb::Request score;
-    score.mutable_get_score()->set_session_id(test::bytesOfId(own));
-    return nlohmann::json::parse(get(instructor, score).score().comparison_json())[0]["standing"];
+  const auto row = [](const char* measure, int value) {
+    return nlohmann::json(
+               {{"measure", measure}, {"value", value}, {"unit", ""}, {"words", "as an older program said"}})
+        .dump();
   };
-  EXPECT_EQ(standing(true), "better");
-  EXPECT_EQ(standing(false), "different");
+  const auto expert = [&](int hazards, int bones) {
+    return attemptWith("eva", "first", true, "3", 0,
+                       "," + row("hazards_touched", hazards) + "," + row("bone_contacts", bones));
+  };
+  const auto choose = [&](const std::vector<Uuid>& sessions) {
+    pb::Request set;
+    set.mutable_set_reference()->set_exercise_id("first");
+    for (const Uuid& id : sessions) set.mutable_set_reference()->add_session_ids(test::bytesOfId(id));
+    return ask(instructor, set);
+  };
+  const Uuid clean = expert(0, 0), nerve = expert(1, 0), bones = expert(2, 3);
+  const auto refused = choose({clean, nerve, bones});
+  ASSERT_TRUE(refused.error);
+  EXPECT_EQ(refused.error->code, ErrorCode::kInvalidInput);
+  EXPECT_EQ(refused.error->message,
+            "the reference of exercise 'first', session " + uuidText(nerve) + ": touched 1 hazard; session " +
+                uuidText(bones) +
+                ": touched 2 hazards, 3 contacts with bone; no hazard and no bone may be touched in a "
+                "reference: leave them out");
+  const auto one = choose({bones});
+  ASSERT_TRUE(one.error);
+  EXPECT_THAT(one.error->message, testing::EndsWith("leave it out"));
+  pb::Request show;
+  show.mutable_get_reference()->set_exercise_id("first");
+  EXPECT_EQ(get(instructor, show).reference().revision(), 0u) << "nothing was changed";
+  EXPECT_FALSE(choose({clean}).error);
 }
 
 TEST_F(Teaching, aSessionIsScoredAnewBesideItsFirstScore) {

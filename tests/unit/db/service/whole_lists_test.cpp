@@ -146,6 +146,9 @@ TEST_F(WholeLists, resultsComeInAsManyStatementsHoweverManyTraineesThereAre) {
   of_all = of_few;
   of_all.mutable_get_results()->set_group_id("all");
   EXPECT_EQ(statementsOf(instructor, of_all), statementsOf(instructor, of_few));
+  for (pb::Request* request : {&of_all, &of_few}) request->mutable_get_results()->set_with_measures(true);
+  EXPECT_EQ(statementsOf(instructor, of_all), statementsOf(instructor, of_few)) << "180 cells at once";
+  of_all.mutable_get_results()->set_with_measures(false);
 
   const pb::Results results = get(instructor, of_all).results();
   ASSERT_EQ(results.rows_size(), 60);

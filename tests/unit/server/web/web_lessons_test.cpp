@@ -1,8 +1,12 @@
 // Tests the console's data: people, profiles, courses, sessions with their samples. Every reply fits
 // openapi.json.
+#include <fmt/core.h>
+
+#include <algorithm>
 #include <cmath>
 #include <set>
 #include <sstream>
+#include <string>
 
 #include "server/live/monitor.h"
 #include "tests/support/run_form.h"
@@ -233,6 +237,20 @@ TEST(WebLessons, aManagersWeekGoesThroughAndTwoWhoEditAtOnceHearOfIt) {
   done("GET", "/exercises/autumn-1/reference", "");
   EXPECT_THAT(mara.get("/api/v1/scores.csv?course=autumn-course").body,
               testing::StartsWith("trainee,exercise_id,"));
+  const WebReply table =
+      mara.get("/api/v1/courses/autumn-course/results.csv?group=autumn&separator=semicolon");
+  EXPECT_EQ(table.status, 200);
+  EXPECT_EQ(table.header("content-type"), "text/csv; charset=utf-8");
+  EXPECT_EQ(table.header("content-disposition"), "attachment; filename=\"autumn-course-results.csv\"");
+  EXPECT_THAT(table.body,
+              testing::StartsWith("\xef\xbb\xbfPerson;Full name;Groups;Exercise;Verdict;Attempts;"));
+  EXPECT_THAT(table.body, HasSubstr("\r\nanna;Anna B.;autumn;"));
+  EXPECT_EQ(std::count(table.body.begin(), table.body.end(), '\n'), 3) << "the header, anna and ben";
+  EXPECT_THAT(mara.get("/api/v1/courses/autumn-course/results.csv").body,
+              testing::StartsWith("\xef\xbb\xbfPerson,Full name,"));
+  EXPECT_EQ(askChecked(mara, "GET", "/api/v1/courses/autumn-course/results.csv?separator=space").status, 400);
+  EXPECT_EQ(askChecked(mara, "GET", "/api/v1/courses/autumn-course/results.csv?group=nobody").status, 404);
+  EXPECT_EQ(askChecked(mara, "GET", "/api/v1/courses/nothing/results.csv").status, 404);
   done("DELETE", "/assignments/" + std::to_string(assignment["id"].get<int>()), "");
   done("DELETE", "/groups/autumn", "",
        {{"If-Match", "\"" + std::to_string(group["revision"].get<int>()) + "\""}});
@@ -242,6 +260,34 @@ TEST(WebLessons, aManagersWeekGoesThroughAndTwoWhoEditAtOnceHearOfIt) {
   EXPECT_EQ(askChecked(ada, "DELETE", "/api/v1/people/anna/data", R"({"confirm": "ben"})").status, 400);
   EXPECT_EQ(askChecked(ada, "DELETE", "/api/v1/people/anna/data", R"({"confirm": "anna"})").status, 200);
   EXPECT_EQ(askChecked(mara, "GET", "/api/v1/people/anna").status, 404);
+}
+
+// a page has 100 trainees
+TEST(WebLessons, resultsForASpreadsheetHaveEverybodyOnceWhateverThePages) {
+  WebLab lab;
+  Browser mara = lab.browserOf("mara");
+  const json course = {
+      {"id", "course"},
+      {"name", "A course"},
+      {"exercises", json::array({{{"id", "one"}, {"name", "The one"}, {"profile_id", "knee-adult"}},
+                                 {{"id", "two"}, {"name", "The two"}, {"profile_id", "knee-adult"}}})}};
+  ASSERT_EQ(askChecked(mara, "PUT", "/api/v1/courses/course", course.dump(), {{"If-Match", "\"0\""}}).status,
+            200);
+  std::string csv = "name,group\n";
+  for (int i = 0; i < 230; ++i) csv += fmt::format("t{:03},class\n", i);
+  ASSERT_EQ(askChecked(mara, "POST", "/api/v1/people/import", json{{"csv", csv}}.dump()).status, 200);
+  ASSERT_EQ(askChecked(mara, "POST", "/api/v1/assignments", R"({"course_id": "course", "group_id": "class"})")
+                .status,
+            201);
+  std::istringstream lines(mara.get("/api/v1/courses/course/results.csv").body);
+  std::string line;
+  std::getline(lines, line);
+  for (int i = 0; i < 230; ++i)
+    for (const char* name : {"The one", "The two"}) {
+      ASSERT_TRUE(std::getline(lines, line));
+      EXPECT_EQ(line, fmt::format("t{:03},,class,{},not tried,0,,,\r", i, name));
+    }
+  EXPECT_FALSE(std::getline(lines, line)) << line;
 }
 
 TEST(WebLessons, filtersHoldAcrossPages) {

@@ -1,5 +1,6 @@
 #include "client/instructor/model/lab_overview.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <array>
@@ -13,6 +14,7 @@
 #include <cmath>
 
 #include "common/haptics/force_gate.h"
+#include "tests/support/status_alarms.h"
 
 namespace needlelab {
 namespace {
@@ -69,41 +71,39 @@ TEST(LabOverview, whatAStationNeeds) {
        [&](auto& lab) {
          report(lab, 0, [](auto& s) { s.set_fault(static_cast<std::uint32_t>(Fault::kTipTooFast)); });
        }},
-      {"too much force", Need::kExcessiveForce,
-       [&](auto& lab) { report(lab, 0, [](auto& s) { s.set_force_n(9); }); }},
-      {"too much force a moment ago", Need::kExcessiveForce,
+      {"an alarm", Need::kAlarm,
+       [&](auto& lab) { report(lab, 0, [](auto& s) { addAlarm(s, "hazard", 1, true, "nerve"); }); }},
+      {"an alarm that is over", Need::kAlarm,
        [&](auto& lab) {
-         report(lab, 0, [](auto& s) { s.set_force_n(9); });
-         report(lab, kNeedLasts_s - 1, [](auto&) {});
+         report(lab, 0, [](auto& s) { addAlarm(s, "hazard", 1, true, "nerve"); });
+         report(lab, 600, [](auto& s) { addAlarm(s, "hazard", 1, false, "nerve"); });
        }},
-      {"too much force once", Need::kPractising,
+      {"an alarm of a lesson that has ended", Need::kAlarm,
        [&](auto& lab) {
-         report(lab, 0, [](auto& s) { s.set_force_n(9); });
-         report(lab, kNeedLasts_s + 1, [](auto&) {});
+         report(lab, 0, [](auto& s) { addAlarm(s, "force", 1, true, "9.0 N, allowed 8 N"); });
+         report(lab, 1, [](auto& s) { s.clear_session_id(); });
        }},
-      {"above the exercise's own limit", Need::kExcessiveForce,
-       [&](auto& lab) { report(lab, 0, [](auto& s) { s.set_force_limit_n(1.5); }); }},
-      {"a peak between two lines", Need::kExcessiveForce,
+      {"an alarm that was acknowledged", Need::kPractising,
        [&](auto& lab) {
-         report(lab, 0, [](auto&) {});
-         report(lab, 0.1, [](auto& s) { s.set_peak_force_n(9); });
+         report(lab, 0, [](auto& s) { addAlarm(s, "hazard", 1, true, "nerve"); });
+         lab.acknowledge("one");
+         report(lab, 1, [](auto& s) { addAlarm(s, "hazard", 1, true, "nerve"); });
        }},
-      {"a hazard touched", Need::kHazard,
-       [&](auto& lab) { report(lab, 0, [](auto& s) { s.add_hazards_touched("nerve"); }); }},
-      {"force goes before a hazard", Need::kExcessiveForce,
+      {"the same alarm again", Need::kAlarm,
        [&](auto& lab) {
-         report(lab, 0, [](auto& s) {
-           s.add_hazards_touched("nerve");
-           s.set_force_n(9);
-         });
+         report(lab, 0, [](auto& s) { addAlarm(s, "hazard", 1, true, "nerve"); });
+         lab.acknowledge("one");
+         report(lab, 1, [](auto& s) { addAlarm(s, "hazard", 2, false, "nerve"); });
        }},
+      {"an alarm that this program does not know", Need::kPractising,
+       [&](auto& lab) { report(lab, 0, [](auto& s) { addAlarm(s, "flood", 1, true, "water"); }); }},
       {"the device rests", Need::kTrouble,
        [&](auto& lab) { report(lab, 0, [](auto& s) { s.set_trouble("disk nearly full"); }); }},
-      {"a fault goes before force", Need::kFault,
+      {"a fault goes before an alarm", Need::kFault,
        [&](auto& lab) {
          report(lab, 0, [](auto& s) {
            s.set_fault(2);
-           s.set_force_n(9);
+           addAlarm(s, "bone", 1, true, "bone contact");
          });
        }},
       {"gone in mid-lesson", Need::kLost,
@@ -125,6 +125,56 @@ TEST(LabOverview, whatAStationNeeds) {
     EXPECT_EQ(nameOf(tile->need), nameOf(row.need)) << row.name;
     EXPECT_EQ(lab.counts()[static_cast<std::size_t>(row.need)], 1u) << row.name;
   }
+}
+
+TEST(LabOverview, aTileSaysWhoPractisesAndNeverThatNobodyDoes) {
+  const std::string exercise = "Knee: suprapatellar recess";
+  LabOverview lab;
+  const auto words = [&] { return lessonWords(*lab.find("one"), exercise); };
+  auto status = practising("one");
+  status.set_trainee("tom");
+  lab.onStatus(status, 0);
+  EXPECT_EQ(words(), "tom · " + exercise);
+  auto idle = status;
+  idle.clear_session_id();
+  idle.clear_trainee();
+  lab.onStatus(idle, 1);
+  EXPECT_EQ(words(), "tom · " + exercise) << "who is done";
+  lab.tick(1 + kDoneLasts_s + 1);
+  EXPECT_EQ(words(), "no lesson");
+  // the next lesson, before the server has its session: not the name of the one before
+  auto next = practising("one");
+  next.set_session_id("another-session-");
+  next.clear_trainee();
+  lab.onStatus(next, 200);
+  EXPECT_EQ(nameOf(lab.find("one")->need), "practising");
+  EXPECT_EQ(words(), "name not known yet · " + exercise);
+  next.set_trainee("zoe");
+  lab.onStatus(next, 201);
+  EXPECT_EQ(words(), "zoe · " + exercise);
+}
+
+TEST(LabOverview, aTileLeavesOutWhatTheStationDoesNotSayAndGivesEachFigureItsUnit) {
+  StationTile tile;
+  EXPECT_EQ(healthWords(tile), "offline");
+  tile.online = true;
+  EXPECT_EQ(healthWords(tile), "") << "no 0 µs of a station that does not say";
+  tile.wakeup_p99_us = 12;
+  EXPECT_EQ(healthWords(tile), "loop: 99 % within 12 µs");
+  tile.missed_ticks = 1;
+  tile.spool_left = 3;
+  tile.server = "b";
+  EXPECT_EQ(healthWords(tile), "loop: 99 % within 12 µs, 1 tick missed, 3 chunks wait, server b");
+  tile.wakeup_p99_us = 0;
+  EXPECT_EQ(healthWords(tile), "1 tick missed, 3 chunks wait, server b");
+  tile.force_N = 2.34;
+  tile.peak_force_N = 4;
+  EXPECT_EQ(forceWords(tile), "2.3 N, peak 4.0 N");
+  tile.session_id = "a-session";
+  tile.phase = 1;
+  tile.layer = 1;
+  tile.insertion_m = 0.0123;
+  EXPECT_THAT(depthWords(tile), testing::EndsWith(", 12.3 mm, tip in layer 2"));
 }
 
 TEST(LabOverview, urgentOnesComeFirstAndEqualsStayInTheOrderOfNames) {
@@ -238,13 +288,9 @@ TEST(LabOverview, theReasonIsSaidWithItsNumbersAndNames) {
   };
   const std::vector<Row> rows = {
       {"", {force(2, 5)}},
-      {"9.1 N, allowed 6 N", {force(9.1, 6)}},
-      {"9.0 N, allowed 8 N", {force(9, 0)}},
-      {"9.0 N, allowed 8 N", {force(9, -3)}},
-      {"9.0 N, allowed 8 N", {force(9, std::numeric_limits<double>::infinity())}},
-      {"12.0 N, allowed 6 N", {force(9, 6), force(12, 6), force(7, 6), force(1, 6)}},
-      {"axillary nerve, artery",
-       {[](auto& s) { s.add_hazards_touched("axillary nerve"), s.add_hazards_touched("artery"); }}},
+      {"TOO MUCH FORCE 9.1 N, allowed 6 N",
+       {[](auto& s) { addAlarm(s, "force", 1, true, "9.1 N, allowed 6 N"); }}},
+      {"HAZARD nerve?", {[](auto& s) { addAlarm(s, "hazard", 1, true, "nerve\n"); }}},
       {"the disk is full?", {[](auto& s) { s.set_trouble("the disk is full\n"); }}},
       {"the needle's tip jumped faster than 5 m/s",
        {[](auto& s) { s.set_fault(static_cast<std::uint32_t>(Fault::kTipTooFast)); }}},
@@ -280,7 +326,7 @@ TEST(LabOverview, fiftyStationsStandInTheOrderOfTheirNeedsAndEachIsCountedOnce) 
     status.set_trainee("trainee " + std::to_string(i % 9));
     Need need = Need::kPractising;
     if (i % 5 == 1) status.set_fault(2), need = Need::kFault;
-    if (i % 5 == 2) status.add_hazards_touched("nerve"), need = Need::kHazard;
+    if (i % 5 == 2) addAlarm(status, "hazard", 1, true, "nerve"), need = Need::kAlarm;
     if (i % 5 == 3) status.clear_session_id(), need = Need::kWaiting;
     if (i % 5 == 4) status.clear_session_id(), status.set_online(false), need = Need::kOffline;
     if (i == 0) status.set_peak_force_n(std::numeric_limits<double>::quiet_NaN());
@@ -319,7 +365,6 @@ TEST(LabOverview, aStationThatComesBackIsNoLongerLostAndItsNextLessonBeginsAnew)
   LabOverview lab;
   auto status = practising("one");
   status.set_force_n(9);
-  status.add_hazards_touched("nerve");
   lab.onStatus(status, 0);
   auto away = practising("one");
   away.set_online(false);
@@ -336,7 +381,6 @@ TEST(LabOverview, aStationThatComesBackIsNoLongerLostAndItsNextLessonBeginsAnew)
   lab.onStatus(next, 4);
   EXPECT_EQ(lab.find("one")->need, Need::kPractising);
   EXPECT_EQ(lab.find("one")->peak_force_N, 2);
-  EXPECT_TRUE(lab.find("one")->hazards.empty());
 }
 
 }  // namespace

@@ -28,8 +28,9 @@ TEST(LabActions, aLessonIsStoppedByAQuestionWithTheKeysOfAQuestion) {
   const auto before = stopActions(false), question = stopActions(true);
   ASSERT_EQ(before.size(), 1u);
   EXPECT_EQ(before[0].key, ActionKey::kNone) << "no single key stops somebody's lesson";
-  EXPECT_EQ(actionOf(question, ActionKey::kEnter), kActStopNow);
+  EXPECT_EQ(actionOf(question, ActionKey::kEnter), kActGoOn);
   EXPECT_EQ(actionOf(question, ActionKey::kEscape), kActGoOn);
+  EXPECT_EQ(actionOf(question, ActionKey::kDelete), kActStopNow);
 }
 
 /// A station with a lesson of this session.
@@ -56,7 +57,7 @@ TEST(StopQuestion, isAboutOneLessonAndEndsWithIt) {
     ASSERT_TRUE(question.asking()) << "nothing has changed";
     EXPECT_EQ(question.reason, "too deep");
     question.keepOnlyFor(other);
-    EXPECT_FALSE(question.asking()) << "Enter would stop somebody else";
+    EXPECT_FALSE(question.asking()) << "the answer would stop somebody else";
     EXPECT_EQ(question.reason, "") << "a reason is not somebody else's";
     question.keepOnlyFor(&asked);
     EXPECT_FALSE(question.asking()) << "it does not come back by itself";

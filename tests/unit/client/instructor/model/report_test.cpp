@@ -37,13 +37,14 @@ ReportData dataOf(const std::string& trainee = "tina") {
   data.definition_version = 2;
   pb::ReferenceBand band;
   band.set_measure("peak_force_n");
+  band.set_unit("N");
+  band.set_n(6);
   band.set_least(1);
-  band.set_greatest(4);
-  band.set_mean(2);
-  band.set_p10(1.5);
-  band.set_p90(3);
+  band.set_greatest(3);
   data.bands.push_back(band);
-  data.standings.push_back({"peak_force_n", "worse", "far from the experts, above the mean"});
+  data.places.push_back({"peak_force_n",
+                         "Peak force 3.25 N: above the experts' range, 1 N to 3 N (6 gestures)",
+                         placeMarks({1, 3}, 3.25)});
   data.progress.push_back(
       {"peak_force_n", "N", "falls by 0.3 N with each attempt", {1, 2, 3}, {4, 3.5, 3.25}});
   return data;
@@ -59,7 +60,9 @@ TEST(Report, aLayersMeasureHasTheLayersName) {
   data.measures.push_back(bursa);
   EXPECT_THAT(reportHtml(data), HasSubstr(">Peak force in bursa</td>"));
   auto profile = nlohmann::json::parse(test::sampleProfile("shoulder-adult"));
-  profile["layers"][3]["name"] = "bursa <left>";
+  const std::string name = "bursa <left>";
+  profile["layers"][3]["name"] = profile["targets"][0]["anchor"]["layer"] = name;
+  profile["targets"][0]["tissues"][0] = name;
   const std::string named = profile.dump();
   data.gesture = gestureOf(test::lessonInfo(named, "tina"), test::lessonSamples(named, {}));
   EXPECT_THAT(reportHtml(data), HasSubstr(">Peak force in bursa &lt;left&gt;</td>"));
@@ -70,16 +73,43 @@ TEST(Report, aLayersMeasureHasTheLayersName) {
 
 TEST(Report, saysWhatTheScoreSays) {
   const std::string html = reportHtml(dataOf());
-  for (const char* part : {"✔ passed", "3.25 N", "at most 5", "far from the experts, above the mean",
-                           "falls by 0.3 N", "Definitions of version 2", "shoulder-bursa", "bench-1"})
+  for (const char* part :
+       {"✔ passed", "3.25 N", "at most 5", "above the experts&#39; range, 1 N to 3 N (6 gestures)",
+        "falls by 0.3 N", "Definitions of version 2", "shoulder-bursa", "bench-1"})
     EXPECT_THAT(html, HasSubstr(part));
-  // plots: forces, depth, speed, lateral error, angles; one of progress; one standing
+  // plots: forces, depth, speed, lateral error, angles; one of progress; one place
   std::size_t plots = 0;
   for (std::size_t at = html.find("<svg"); at != std::string::npos; at = html.find("<svg", at + 1)) ++plots;
   EXPECT_EQ(plots, 7u);
   EXPECT_THAT(html, HasSubstr("beside the experts"));
   // required ones come first
   EXPECT_LT(html.find("at most 5"), html.find(">1<"));
+}
+
+TEST(Report, hasNoIdentifierBesideANameAndNoShareWithoutItsUnit) {
+  ReportData data = dataOf();
+  pb::Exercise exercise;
+  for (const MeasureKind& kind : measureKinds()) {
+    if (kind.name.find('K') != std::string_view::npos || kind.need == MeasureNeed::kPlan) continue;
+    auto& requirement = *exercise.add_requirements();
+    requirement.set_measure(std::string(kind.name));
+    requirement.set_max(1);
+  }
+  data.measures = scoreGesture(data.gesture->samples, 1000, data.gesture->scene.profile,
+                               data.gesture->scene.X_WL, &exercise);
+  const std::string html = reportHtml(data);
+  for (const MeasureKind& kind : measureKinds())
+    if (kind.name.find('_') != std::string_view::npos)
+      EXPECT_THAT(html, Not(HasSubstr(std::string(kind.name))));
+  EXPECT_THAT(html, HasSubstr(">You did not inject.</td>"));
+  EXPECT_THAT(html, HasSubstr("<td>at most 100 %</td>"));
+  EXPECT_THAT(html, Not(HasSubstr("ENHANCED_TRACKING_WALL")));
+}
+
+TEST(Report, whereNothingIsSaidOfTheExpertsThereIsNoColumnForThem) {
+  ReportData data = dataOf();
+  data.places.clear();
+  EXPECT_THAT(reportHtml(data), Not(HasSubstr("beside the experts")));
 }
 
 TEST(Report, listsContactsWithBone) {
@@ -152,6 +182,26 @@ TEST(Report, isOneFileWithoutScriptsOrLinks) {
   EXPECT_EQ(reportHtml(data), reportHtml(data));
 }
 
+TEST(Report, saysByHowMuchTheNeedleMissed) {
+  ReportData data = dataOf();
+  auto gesture = std::make_shared<StoredGesture>();
+  gesture->info = data.gesture->info;
+  gesture->scene = data.gesture->scene;
+  data.gesture = gesture;
+  EXPECT_THAT(reportHtml(data), Not(HasSubstr("Missed"))) << "never in tissue";
+  // the bursa's ball of 3 mm lies 26 mm deep
+  pb::SyringeEvent injection;
+  injection.set_kind(pb::SyringeEvent::INJECTION);
+  const Vec3 p = gesture->scene.X_WL * Vec3{0, 0.0051, -0.026};
+  injection.mutable_begin()->set_in_tissue(true);
+  injection.mutable_begin()->set_x_m(p.x);
+  injection.mutable_begin()->set_y_m(p.y);
+  injection.mutable_begin()->set_z_m(p.z);
+  gesture->events = {injection};
+  EXPECT_THAT(reportHtml(data),
+              HasSubstr("<p>Missed by 2.1 mm towards the head. Where the last injection began"));
+}
+
 TEST(Report, aSofterRenderingIsSaidBesideTheVerdict) {
   ReportData data = dataOf();
   EXPECT_THAT(reportHtml(data), Not(HasSubstr("were rendered at")));
@@ -186,7 +236,7 @@ TEST(Report, whatComesFromElsewhereIsEscaped) {
   data.gesture = gesture;
   data.exercise_name = data.exercise_text = evil;
   data.measures[0].name = data.measures[0].words = data.measures[0].unit = evil;
-  data.standings[0].words = evil;
+  data.places[0].words = evil;
   data.progress[0].words = evil;
   data.notes.push_back(evil);
   const std::string html = reportHtml(data);
@@ -228,7 +278,13 @@ TEST(ReportData, rowsOfJsonFromTheNetwork) {
   ASSERT_EQ(rows.size(), 1u);
   EXPECT_EQ(rows[0].attempts, (std::vector<double>{1, 3}));
   EXPECT_EQ(rows[0].values, (std::vector<double>{4, 3})) << "each value stays with its own attempt";
-  EXPECT_EQ(standingRowsOf(R"([{"measure":"a","standing":"better","words":"w"},7])").size(), 1u);
+  const auto places =
+      placeRowsOf(R"([{"measure":"a","value":3,"least":1,"greatest":2,"place":"above","words":"w"},)"
+                  R"({"measure":"b","value":3,"least":1,"greatest":1,"place":null,"words":""},)"
+                  R"({"measure":"c","value":3,"least":2,"greatest":2,"place":"above","words":"w"},7])");
+  ASSERT_EQ(places.size(), 1u) << "nothing is said of the others";
+  EXPECT_EQ(places[0].measure, "a");
+  EXPECT_NEAR(places[0].marks.value, 0.9, 1e-12);
 }
 
 TEST(ProgressPlot, isInTheUnitsAndTheExpertsRangeThatTheReaderSees) {
@@ -236,17 +292,20 @@ TEST(ProgressPlot, isInTheUnitsAndTheExpertsRangeThatTheReaderSees) {
     const char *measure, *unit, *shown_unit;
     double value, shown;
   };
-  for (const Row& row : {Row{"largest_lateral_error_m", "m", "mm", 0.0023, 2.3},
-                         Row{"tissue_damage_m2", "m^2", "cm²", 1.5e-4, 1.5},
-                         Row{"planned_angle_error_rad", "rad", "°", std::numbers::pi / 18, 10},
-                         Row{"peak_force_n", "N", "N", 3.25, 3.25}, Row{"elapsed_s", "s", "s", 61, 61}}) {
-    for (const bool known : {true, false}) {
+  for (const Row& row :
+       {Row{"largest_lateral_error_m", "m", "mm", 0.0023, 2.3},
+        Row{"tissue_damage_m2", "m^2", "cm²", 1.5e-4, 1.5},
+        Row{"planned_angle_error_rad", "rad", "°", std::numbers::pi / 18, 10},
+        Row{"injected_share", "", "%", 0.08, 8}, Row{"mean_speed_m_s", "m/s", "mm/s", 0.02, 20},
+        Row{"peak_force_n", "N", "N", 3.25, 3.25}, Row{"elapsed_s", "s", "s", 61, 61}}) {
+    for (const bool enough : {true, false}) {
       ReportData data;
       pb::ReferenceBand band;
       band.set_measure(row.measure);
+      band.set_unit(row.unit);
+      band.set_n(enough ? 5 : 4);
       band.set_least(0.5 * row.value);
       band.set_greatest(2 * row.value);
-      if (known) band.set_p10(0.75 * row.value), band.set_p90(1.5 * row.value);
       data.bands.push_back(band);
       band.set_measure("another");
       data.bands.push_back(band);
@@ -259,9 +318,10 @@ TEST(ProgressPlot, isInTheUnitsAndTheExpertsRangeThatTheReaderSees) {
       EXPECT_EQ(plot.series[0].x, (std::vector<double>{1, 4})) << "attempts without a value are left out";
       ASSERT_EQ(plot.series[0].y.size(), 2u);
       EXPECT_NEAR(plot.series[0].y[0], row.shown, 1e-9) << row.measure;
-      ASSERT_EQ(plot.bands.size(), 1u) << "only this measure's";
-      EXPECT_NEAR(plot.bands[0].low, (known ? 0.75 : 0.5) * row.shown, 1e-9) << row.measure;
-      EXPECT_NEAR(plot.bands[0].high, (known ? 1.5 : 2) * row.shown, 1e-9) << row.measure;
+      ASSERT_EQ(plot.bands.size(), enough ? 1u : 0u) << "only this measure's, and of five gestures on";
+      if (!enough) continue;
+      EXPECT_NEAR(plot.bands[0].low, 0.5 * row.shown, 1e-9) << row.measure;
+      EXPECT_NEAR(plot.bands[0].high, 2 * row.shown, 1e-9) << row.measure;
     }
   }
 }

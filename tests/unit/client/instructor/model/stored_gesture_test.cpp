@@ -89,7 +89,9 @@ TEST(StoredGesture, isTitledByTheLocalTimeOfItsBeginning) {
   d.set_trainee("tina");
   d.set_exercise_id("knee");
   d.set_started_unix_ns((20'635 * 86'400LL + 3600) * 1'000'000'000);  // 2026-07-01 01:00 UTC
-  EXPECT_EQ(gesture.title(), "tina, knee, 2026-06-30 22:30");
+  EXPECT_EQ(gesture.title(), "tina, knee, 2026-06-30 22:30") << "an exercise that is not there any more";
+  gesture.exercise_name = "Knee: suprapatellar recess";
+  EXPECT_EQ(gesture.title(), "tina, Knee: suprapatellar recess, 2026-06-30 22:30");
 }
 
 TEST(StoredGesture, aThinnedRecordingIsWholeAtEachRateThatAPolicyMayHave) {
@@ -176,7 +178,7 @@ TEST_F(StoredGestureTest, isReadWholeWithItsRemarks) {
     EXPECT_EQ((*gesture)->sampleAt((*gesture)->timeOfTick(samples_[i].tick) + 0.0004), i);
   }
   EXPECT_THAT((*gesture)->title(),
-              HasSubstr("tina, shoulder-bursa, " +
+              HasSubstr("tina, Shoulder: subacromial bursa, " +
                         localTime(info_.description().started_unix_ns(), TimeForm::kMinute)));
   ASSERT_EQ((*gesture)->annotations.size(), 1u);
   const auto& events = (*gesture)->trace.events();

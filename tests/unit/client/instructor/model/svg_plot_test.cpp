@@ -85,7 +85,6 @@ TEST(SvgPlot, nothingAtAllIsAPictureToo) {
   EXPECT_THAT(svgPlot(one), HasSubstr("</svg>"));
   one.series.push_back({"value", kBlue, {}, false, true, {}, {}});
   EXPECT_THAT(svgPlot(one, {340, 130}), HasSubstr("</svg>"));
-  EXPECT_THAT(svgStanding({}), Not(HasSubstr("nan")));
 }
 
 TEST(SvgPlot, noiseIsALineAndALimitHasItsWords) {
@@ -125,13 +124,19 @@ TEST(SvgPlot, onPaperWhiteIsBlackAndPaleColoursAreDarker) {
   EXPECT_THAT(svgPlot(one), Not(HasSubstr("stroke='" + hexText(kYellow))));
 }
 
-TEST(SvgStanding, aValueBeyondTheReferenceIsStillInThePicture) {
-  const std::string svg = svgStanding({1, 2, 1.5, 10, 1.2, 1.8});
-  const std::size_t path = svg.find("<path d='M");
-  ASSERT_NE(path, std::string::npos);
-  const double x = std::stod(svg.substr(path + 10));
-  EXPECT_GT(x, 160);
-  EXPECT_LT(x, 180);
+TEST(SvgPlace, theDiamondLiesOnTheSideOfTheBarThatTheWordsName) {
+  for (const double value : {-5.0, 1.5, 10.0}) {
+    const std::string svg = svgPlace(placeMarks({1, 2}, value));
+    const std::size_t path = svg.find("<path d='M"), bar = svg.find("<rect x='");
+    ASSERT_NE(path, std::string::npos);
+    ASSERT_NE(bar, std::string::npos);
+    const double at = std::stod(svg.substr(path + 10)) + 4.5, from = std::stod(svg.substr(bar + 9));
+    const double to = from + std::stod(svg.substr(svg.find("width='", bar) + 7));
+    EXPECT_GT(at, 9) << "in the picture";
+    EXPECT_LT(at, 171);
+    EXPECT_EQ(at < from, value < 1) << svg;
+    EXPECT_EQ(at > to, value > 2) << svg;
+  }
 }
 
 TEST(HtmlText, nothingOfItIsMarkup) {

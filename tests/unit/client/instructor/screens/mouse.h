@@ -63,6 +63,19 @@ class WithMouse : public WindowLab {
     surface_->typeText(text);
     frames(2);
   }
+  /// Returns the middle of the widget.
+  std::optional<ImVec2> placeOf(const std::string& label, std::optional<int> row = {}) {
+    for (ImGuiWindow* const window : windows()) {
+      std::vector<ImGuiID> seeds = {window->ID};
+      for (const ImGuiTable* const table : tables())
+        if (table->InnerWindow == window) seeds.push_back(table->ID);
+      for (ImGuiID seed : seeds) {
+        if (row) seed = ImHashData(&*row, sizeof *row, seed);
+        if (const auto place = placeOf(window, ImHashStr(label.c_str(), 0, seed))) return place;
+      }
+    }
+    return {};
+  }
   [[nodiscard]] bool stands(const std::string& words) const {
     return window_->text().find(words) != std::string::npos;
   }
@@ -85,19 +98,6 @@ class WithMouse : public WindowLab {
     for (ImGuiTable* const table : tables())
       if (table->ColumnsCount == columns) return table;
     return nullptr;
-  }
-  /// Returns the middle of the widget.
-  std::optional<ImVec2> placeOf(const std::string& label, std::optional<int> row) {
-    for (ImGuiWindow* const window : windows()) {
-      std::vector<ImGuiID> seeds = {window->ID};
-      for (const ImGuiTable* const table : tables())
-        if (table->InnerWindow == window) seeds.push_back(table->ID);
-      for (ImGuiID seed : seeds) {
-        if (row) seed = ImHashData(&*row, sizeof *row, seed);
-        if (const auto place = placeOf(window, ImHashStr(label.c_str(), 0, seed))) return place;
-      }
-    }
-    return {};
   }
   /// The keyboard's focus tells where the widget of this number stands.
   std::optional<ImVec2> placeOf(ImGuiWindow* window, ImGuiID id) {

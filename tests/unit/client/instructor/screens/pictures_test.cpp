@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "tests/support/pictures/picture_check.h"
+#include "tests/support/status_alarms.h"
 #include "tests/unit/client/instructor/model/upload_lesson.h"
 
 namespace needlelab {
@@ -70,9 +71,12 @@ TEST_F(Pictures, lab) {
     }
   };
   say(1, "anna", {});
-  say(2, "bert", [](auto& s) { s.clear_hazards_touched(), s.add_hazards_touched("axillary nerve"); });
+  say(2, "bert", [](auto& s) { addAlarm(s, "hazard", 1, true, "axillary nerve"); });
   say(3, "carl", [](auto& s) { s.set_fault(4); });
-  say(4, "dora", [](auto& s) { s.set_force_n(6.3); });
+  say(4, "dora", [](auto& s) {
+    s.set_force_n(6.3);
+    addAlarm(s, "force", 1, true, "6.3 N, allowed 5 N");
+  });
   say(5, "emil", [](auto& s) { s.clear_session_id(), s.clear_trainee(); });
   say(6, "fay",
       [](auto& s) { s.set_trouble("the disk is nearly full: 300 MB are left"), s.set_missed_ticks(12); });

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "common/base/files.h"
+#include "tests/support/status_alarms.h"
 #include "tests/unit/client/instructor/model/change_course.h"
 #include "tests/unit/client/instructor/model/upload_lesson.h"
 
@@ -49,12 +50,11 @@ TEST_F(Screens, whoNeedsHelpComesFirstAndIsLookedOverByOneKey) {
   std::vector<std::unique_ptr<BenchStation>> benches;
   for (int i = 1; i <= 8; ++i) {
     const std::string name = "bench-" + std::to_string(i);
-    benches.push_back(std::make_unique<BenchStation>(server_, name, server_.addStation(name),
-                                                     "trainee " + std::to_string(i),
-                                                     [i](pb::StationStatus& status) {
-                                                       if (i == 6)
-                                                         status.add_hazards_touched("axillary nerve");
-                                                     }));
+    benches.push_back(
+        std::make_unique<BenchStation>(server_, name, server_.addStation(name),
+                                       "trainee " + std::to_string(i), [i](pb::StationStatus& status) {
+                                         if (i == 6) addAlarm(status, "hazard", 1, true, "axillary nerve");
+                                       }));
   }
   logIn();
   ASSERT_TRUE(untilText("axillary nerve")) << window_->text();
@@ -185,7 +185,8 @@ TEST_F(Screens, aRecordingIsFoundReplayedComparedRunAgainAndExported) {
   const std::string annotated = (files_.path() / "annotated.html").string();
   const Status done = script(
       "login\nsearch tin\nexpect \"2 sessions\"\nsearch nobody\nexpect \"No session matches\"\n"
-      "replay newest\nexpect shoulder-bursa\nseek 1.2\nspeed 0.5\nloop 0.5 1.4\nplay\nwait-replay "
+      "replay newest\nexpect \"Shoulder: subacromial bursa\"\nseek 1.2\nspeed 0.5\nloop 0.5 "
+      "1.4\nplay\nwait-replay "
       "1.3\npause\n"
       "annotate \"look at the angle here\"\nstep -2\nexport " +
       annotated +

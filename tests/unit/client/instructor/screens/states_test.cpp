@@ -10,6 +10,7 @@
 #include "common/base/text.h"
 #include "common/haptics/force_gate.h"
 #include "tests/support/pictures/picture_check.h"
+#include "tests/support/status_alarms.h"
 #include "tests/unit/client/instructor/model/lesson_frame.h"
 
 namespace needlelab {
@@ -69,10 +70,10 @@ TEST_F(States, aTileSaysWhatItsStationDoesAndNeeds) {
   const std::vector<Row> rows = {
       {"a lesson",
        [](auto&) {},
-       {"bench-1", "practising", "tina · shoulder-bursa", "going in, 18.7 mm, muscle", "loop p99 43 µs",
-        "nobody needs help", "1 practising"},
+       {"bench-1", "practising", "tina · shoulder-bursa", "going in, 18.7 mm, tip in muscle",
+        "loop: 99 % within 43 µs", "nobody needs help", "1 practising"},
        {"missed", "spool", "no news"}},
-      {"an unnamed layer", [](auto& s) { s.clear_tissue(); }, {"18.7 mm, layer 3"}, {}},
+      {"an unnamed layer", [](auto& s) { s.clear_tissue(); }, {"18.7 mm, tip in layer 3"}, {}},
       {"a layer that cannot be",
        [](auto& s) {
          s.clear_tissue(), s.set_layer(std::numeric_limits<std::int32_t>::max()), s.set_phase(0);
@@ -88,19 +89,25 @@ TEST_F(States, aTileSaysWhatItsStationDoesAndNeeds) {
       {"idle", [](auto& s) { s.clear_session_id(), s.clear_trainee(); }, {"nobody", "1 waiting"}, {"18.7"}},
       {"missed ticks and a spool",
        [](auto& s) { s.set_missed_ticks(12), s.set_spool_left(3); },
-       {"12 missed, spool 3"},
+       {"12 ticks missed"},
        {}},
       {"a fault",
        [](auto& s) { s.set_fault(static_cast<std::uint32_t>(Fault::kTipTooFast)); },
        {"FAULT", "the needle's tip jumped", "1 needs help", "0 practising"},
        {"18.7 mm"}},
-      {"too much force", [](auto& s) { s.set_force_n(9.1); }, {"too much force", "9.1 N, allowed 5 N"}, {}},
-      {"a hazard", [](auto& s) { s.add_hazards_touched("artery"); }, {"hazard touched", "artery"}, {}},
+      {"too much force",
+       [](auto& s) { addAlarm(s, "force", 1, true, "9.1 N, allowed 5 N"); },
+       {"alarm", "TOO MUCH FORCE 9.1 N, allowed 5 N", "Seen"},
+       {}},
+      {"a hazard",
+       [](auto& s) { addAlarm(s, "hazard", 1, false, "artery"); },
+       {"alarm", "HAZARD artery", "Seen"},
+       {}},
       {"trouble", [](auto& s) { s.set_trouble("disk full"); }, {"trouble", "disk full", "1 needs help"}, {}},
       {"never online",
        [](auto& s) { s.set_online(false); },
        {"offline", "1 offline", "nobody needs help"},
-       {"18.7 mm", "loop p99"}}};
+       {"18.7 mm", "loop: 99 %"}}};
   lab_->screen = WindowScreen::kLab;
   for (const Row& row : rows) {
     SCOPED_TRACE(row.name);
@@ -118,9 +125,9 @@ TEST_F(States, aStationOfWhichNothingIsHeardIsNotShownAsHealthy) {
   lab_->screen = WindowScreen::kLab;
   lab_->overview.onStatus(practising("bench-1"), 0);
   lab_->overview.tick(kStale_s + 1);
-  EXPECT_THAT(shown(), AllOf(HasSubstr("no news"), Not(HasSubstr("loop p99"))));
+  EXPECT_THAT(shown(), AllOf(HasSubstr("no news"), Not(HasSubstr("loop: 99 %"))));
   lab_->overview.onStatus(practising("bench-1"), kStale_s + 2);
-  EXPECT_THAT(shown(), AllOf(HasSubstr("loop p99"), Not(HasSubstr("no news"))));
+  EXPECT_THAT(shown(), AllOf(HasSubstr("loop: 99 %"), Not(HasSubstr("no news"))));
   lab_->overview.connectionLost();
   EXPECT_THAT(shown(), HasSubstr("no news"));
   auto away = practising("bench-1");
@@ -167,7 +174,7 @@ TEST_F(States, ofFiftyStationsThoseInNeedStandFirst) {
   for (int i = 0; i < 50; ++i) {
     auto status = practising((i < 3 ? "z-" : i < 8 ? "y-" : i < 15 ? "x-" : "w-") + std::to_string(i));
     if (i < 3) status.set_fault(2);
-    if (i >= 3 && i < 8) status.add_hazards_touched("nerve");
+    if (i >= 3 && i < 8) addAlarm(status, "hazard", 1, true, "nerve");
     if (i >= 8 && i < 15) status.clear_session_id();
     if (i >= 45) status.clear_session_id(), status.set_online(false);
     lab_->overview.onStatus(status, 0);

@@ -63,7 +63,7 @@ TEST_F(StoredActions, aRowsButtonsLoadItsSession) {
   ASSERT_TRUE(loaded());
   EXPECT_EQ(lab_->analysis.first()->info.description().session_id(), ada_);
   frames(2);
-  EXPECT_TRUE(stands("ada, shoulder-bursa, 2025-11-21 00:40")) << window_->text();
+  EXPECT_TRUE(stands("ada, Shoulder: subacromial bursa, 2025-11-21 00:40")) << window_->text();
   lab_->screen = WindowScreen::kSessions;
   frames(2);
   ASSERT_TRUE(click("beside", 0));
@@ -71,7 +71,9 @@ TEST_F(StoredActions, aRowsButtonsLoadItsSession) {
   ASSERT_TRUE(until([&] { return lab_->analysis.comparison().has_value(); }));
   EXPECT_EQ(lab_->analysis.second()->info.description().session_id(), tina_);
   frames(2);
-  EXPECT_TRUE(stands("— ada, shoulder-bursa, 2025-11-21 00:40 – – tina, shoulder-bursa, 2025-11-21 00:41"))
+  EXPECT_TRUE(
+      stands("— ada, Shoulder: subacromial bursa, 2025-11-21 00:40 – – tina, Shoulder: subacromial bursa, "
+             "2025-11-21 00:41"))
       << window_->text();
   ASSERT_TRUE(click("by time"));
   ASSERT_TRUE(until([&] { return lab_->analysis.comparison()->alignment == Alignment::kTime; }));
@@ -199,7 +201,7 @@ TEST_F(StoredActions, aScreenDoesNotBlameItsWorkForAnothersError) {
   EXPECT_THAT(window_->text(), AllOf(HasSubstr("That does not run"), HasSubstr(lab_->analysis.trouble())));
 
   ASSERT_TRUE(click("force model"));
-  ASSERT_TRUE(click("DIRECT"));
+  ASSERT_TRUE(click("direct"));
   ASSERT_TRUE(click("Run"));
   ASSERT_TRUE(until([&] { return lab_->analysis.rerunResult() != nullptr; })) << window_->text();
   frames(2);

@@ -151,24 +151,29 @@ TEST(SkillStudy, measuresTellHandsApartAndShuffledLabelsDoNot) {
     EXPECT_LE(row(name).p_holm, 0.05);
   }
   EXPECT_LT(row("target_nearest_m").hedges_g, 0);
+  // What experts are the reference for: they inject into the target and touch no hazard.
+  EXPECT_EQ(row("injected_in_target_share").expert_mean, 1);
+  if (test::longForm()) {
+    EXPECT_EQ(row("hazards_touched").expert_mean, 0);  // the first exercises have no hazards
+  }
   EXPECT_GT(row("ldlj").hedges_g, 0);
   // The same gesture at 500 Hz and 2 kHz scores the same, each measure within its tolerance. A pause that
   // ends a movement at one rate and is just too short at the other makes two of one, for SPARC, too: at most
-  // once here. So does a step back that is just long enough at one rate: one withdrawal. A hand that pulls
-  // aside just as hard as turns the line does so once more at one rate, which the fixture's work shows.
+  // once here. So does a step back that is just long enough at one rate: one withdrawal. A hand that turns
+  // the line turns it by other steps at another rate: once more at one of them, and its work against the
+  // fixture differs by up to a sixth, 1e-4 J at most.
   EXPECT_EQ(report->rate_gestures, options.trainees);
   const double miscounted = row("translational_actions").rate_difference;
   EXPECT_LE(miscounted, test::longForm() ? 1 : 0);
   EXPECT_LE(row("withdrawals").rate_difference, 1);
   const double turns_more = row("trajectory_changes").rate_difference;
   EXPECT_LE(turns_more, 1);
-  EXPECT_LE(row("clamping_work_j").rate_difference,
-            turns_more == 0 ? rateTolerance("clamping_work_j", "J") : 1e-4);
+  EXPECT_LE(row("clamping_work_j").rate_difference, 1e-4);
   for (const SkillRow& r : report->rows) {
     const bool counts_movements = r.measure == "sparc" || r.measure == "translational_actions";
-    const bool counts_turns = r.measure == "trajectory_changes" || r.measure == "clamping_work_j";
-    if (r.measure != "withdrawals" && (miscounted == 0 || !counts_movements) &&
-        (turns_more == 0 || !counts_turns)) {
+    const bool counts_turns = r.measure == "trajectory_changes";
+    if (r.measure != "withdrawals" && r.measure != "clamping_work_j" &&
+        (miscounted == 0 || !counts_movements) && (turns_more == 0 || !counts_turns)) {
       EXPECT_LE(r.rate_difference, r.rate_tolerance) << r.measure;
     }
     EXPECT_EQ(r.rate_tolerance, rateTolerance(r.measure, r.unit));

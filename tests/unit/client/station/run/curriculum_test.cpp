@@ -37,7 +37,9 @@ class CurriculumTest : public testing::Test {
         nlohmann::json exercises = nlohmann::json::array();
         for (const char* number : {"1", "2"})
           exercises.push_back({{"id", course + number}, {"name", "Exercise " + course + number}});
-        reply.mutable_curriculum()->set_json(nlohmann::json{{"exercises", exercises}}.dump());
+        nlohmann::json text = rules_.is_object() && course == "b" ? rules_ : nlohmann::json::object();
+        text["exercises"] = exercises;
+        reply.mutable_curriculum()->set_json(text.dump());
         return reply;
       }
       case pb::Request::kListAssignments: {
@@ -98,6 +100,7 @@ class CurriculumTest : public testing::Test {
   Curriculum curriculum_;
   std::vector<pb::Request> asked_;
   bool lists_people_ = true;
+  nlohmann::json rules_;  // of the second course
 };
 
 TEST_F(CurriculumTest, exercisesKnowTheirCourses) {
@@ -124,6 +127,56 @@ TEST_F(CurriculumTest, namesOfAllCoursesAndPagesAndTheStandingOfOne) {
     if (!request.has_get_results()) continue;
     EXPECT_THAT(request.get_results().trainee(), testing::AnyOf("", "tom"));
   }
+}
+
+TEST_F(CurriculumTest, exercisesKnowWhetherTheyAreForThoseAloneToWhomTheyAreAssigned) {
+  for (const nlohmann::json& rules :
+       {nlohmann::json::object(), nlohmann::json{{"assigned_only", true}}, nlohmann::json{{"exam", true}}}) {
+    rules_ = rules;
+    ASSERT_TRUE(updateCurriculum(curriculum_, ask(), "tom", 42).ok());
+    ASSERT_TRUE(cache_.keep(curriculum_).ok());
+    for (const std::vector<ServerExercise>& exercises : {curriculum_.exercises, cache_.find().exercises}) {
+      ASSERT_EQ(exercises.size(), 4u);
+      EXPECT_FALSE(exercises[0].assigned_only);
+      EXPECT_EQ(exercises[2].assigned_only, !rules.empty());
+      EXPECT_EQ(exercises[2].exam, rules.contains("exam"));
+    }
+    // tom has the exercise b2, and not b1
+    const TraineeStanding* const tom = &curriculum_.standings.at("tom");
+    EXPECT_EQ(mayTake(curriculum_.exercises[2], tom), rules.empty());
+    EXPECT_TRUE(mayTake(curriculum_.exercises[3], tom));
+    EXPECT_EQ(mayTake(curriculum_.exercises[3], nullptr), rules.empty());
+  }
+}
+
+TEST_F(CurriculumTest, aBegunAttemptIsUsedUntilTheServerSaysMore) {
+  rules_ = {{"exam", true}};
+  ASSERT_TRUE(updateCurriculum(curriculum_, ask(), "tom", 42).ok());
+  ASSERT_TRUE(cache_.keep(curriculum_).ok());
+  const auto stepOf = [&](const std::string& id) {
+    const Curriculum kept = cache_.find();
+    for (const StepStanding& step : kept.standings.at("tom").steps)
+      if (step.exercise_id == id) return step;
+    throw std::logic_error("no step " + id);
+  };
+  ASSERT_TRUE(cache_.keepBegun("tom", "a1").ok());
+  EXPECT_EQ(stepOf("a1").attempts, 4u);
+  EXPECT_THAT(stepOf("a2").locked_by, ElementsAre("a1")) << "to be passed first";
+  ASSERT_TRUE(cache_.keepBegun("tom", "b1").ok());
+  EXPECT_THAT(stepOf("b2").locked_by, ElementsAre()) << "an exam's have to be taken";
+  for (const std::uint32_t left : {1u, 0u, 0u}) {
+    ASSERT_TRUE(cache_.keepBegun("tom", "b2").ok());
+    EXPECT_EQ(stepOf("b2").attempts_left, left);
+  }
+  EXPECT_TRUE(stepOf("b2").done) << "taken";
+  // of others, and of what no course has, nothing is known
+  ASSERT_TRUE(cache_.keepBegun("zoe", "b2").ok());
+  ASSERT_TRUE(cache_.keepBegun("tom", "").ok());
+  EXPECT_EQ(cache_.find().standings.size(), 1u);
+  Curriculum again = cache_.find();
+  ASSERT_TRUE(updateCurriculum(again, ask(), "tom", 43).ok());
+  ASSERT_TRUE(cache_.keep(again).ok());
+  EXPECT_EQ(stepOf("b2").attempts_left, 2u) << "the server counts";
 }
 
 TEST_F(CurriculumTest, whoIsNotListedAnyMoreIsForgotten) {

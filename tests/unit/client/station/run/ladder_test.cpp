@@ -94,6 +94,22 @@ TEST_F(LadderTest, anExerciseOfAnAssignedCourseStandsThereOnce) {
   EXPECT_THAT(idsOf(made.sections[0]), ElementsAre("a1", "a2", "a3"));
 }
 
+TEST_F(LadderTest, aCourseThatIsAssignedOnlyIsShownToThoseAloneWhoHaveIt) {
+  for (ServerExercise& exercise : curriculum_.exercises) exercise.assigned_only = exercise.course_id == "a";
+  const auto headings = [&](const std::string& who) {
+    std::vector<std::string> all;
+    for (const LadderSection& section : ladder(who).sections) all.push_back(section.heading);
+    return all;
+  };
+  EXPECT_THAT(headings("tom"), ElementsAre("Practise freely: Course B"));
+  EXPECT_THAT(headings("nobody is known so"), ElementsAre("Course B"));
+  tom().exercises = {"a2"};
+  EXPECT_THAT(headings("tom"), ElementsAre("Assigned to you", "Practise freely: Course B"));
+  EXPECT_THAT(idsOf(ladder().sections[0]), ElementsAre("a2"));
+  tom().courses = {"a"};
+  EXPECT_THAT(idsOf(ladder().sections[0]), ElementsAre("a1", "a2", "a3"));
+}
+
 TEST_F(LadderTest, theFirstOpenStepOfWhatIsAssignedIsNextAndNoOther) {
   tom().courses = {"b"};
   tom().exercises = {"a3"};
@@ -131,14 +147,27 @@ TEST_F(LadderTest, attemptsLeftAreSaidAndUsedUpOnesCloseTheStep) {
   standingIn("b1").done = true;
   standingIn("b1").attempts_left = 0;
   EXPECT_EQ(stepText(stepIn("a1")), "Next · 2 attempts left");
-  EXPECT_EQ(stepText(stepIn("a2")), "open · 1 attempt left");
+  EXPECT_EQ(stepText(stepIn("a2")), "not begun · 1 attempt left");
   EXPECT_EQ(stepIn("a3").state, StepState::kUsedUp);
   EXPECT_FALSE(stepIn("a3").may_begin);
   EXPECT_EQ(stepText(stepIn("a3")), "no attempt left, ask your instructor");
   EXPECT_EQ(stepIn("b1").state, StepState::kDone);
   EXPECT_FALSE(stepIn("b1").may_begin) << "the server refuses it";
   EXPECT_EQ(stepText(stepIn("b1")), "done · no attempt left");
-  EXPECT_EQ(stepText(stepIn("b2")), "open") << "unlimited";
+  EXPECT_EQ(stepText(stepIn("b2")), "not begun") << "unlimited";
+}
+
+TEST_F(LadderTest, whatWasTriedInVainIsNotCalledOpen) {
+  tom().courses = {"a", "b"};
+  standingIn("a1").attempts = 1;
+  standingIn("a2").attempts = 3;
+  standingIn("a2").attempts_left = 2;
+  standingIn("b1").attempts = 2;
+  standingIn("b1").done = true;
+  EXPECT_EQ(stepText(stepIn("a1")), "Next · not passed, 1 attempt");
+  EXPECT_EQ(stepText(stepIn("a2")), "not passed, 3 attempts · 2 attempts left");
+  EXPECT_EQ(stepText(stepIn("a3")), "not begun");
+  EXPECT_EQ(stepText(stepIn("b1")), "done");
 }
 
 TEST_F(LadderTest, aDateIsLaterSoonOverOrOfNoMatterOnceDone) {
@@ -154,8 +183,8 @@ TEST_F(LadderTest, aDateIsLaterSoonOverOrOfNoMatterOnceDone) {
   EXPECT_EQ(stepIn("b1").due, DueState::kNone);
   EXPECT_EQ(stepIn("b2").due, DueState::kNone);
   EXPECT_EQ(stepText(stepIn("a1")), "Next · due 2026-11-21 11:06");
-  EXPECT_EQ(stepText(stepIn("a2")), "open · due soon: 2026-11-21 11:06");
-  EXPECT_EQ(stepText(stepIn("a3")), "open · overdue since 2026-11-18 11:06");
+  EXPECT_EQ(stepText(stepIn("a2")), "not begun · due soon: 2026-11-21 11:06");
+  EXPECT_EQ(stepText(stepIn("a3")), "not begun · overdue since 2026-11-18 11:06");
   EXPECT_EQ(stepText(stepIn("b1")), "done");
 }
 
@@ -164,9 +193,9 @@ TEST_F(LadderTest, aDateIsInLocalTime) {
   step.state = StepState::kOpen;
   step.due = DueState::kLater;
   step.due_unix_ns = 1'794'996'000 * kSecond_ns;  // 2026-11-18 10:00 UTC
-  EXPECT_EQ(stepText(step), "open · due 2026-11-18 10:00");
+  EXPECT_EQ(stepText(step), "not begun · due 2026-11-18 10:00");
   const test::WithZone zone("XYZ-5:30");
-  EXPECT_EQ(stepText(step), "open · due 2026-11-18 15:30");
+  EXPECT_EQ(stepText(step), "not begun · due 2026-11-18 15:30");
 }
 
 TEST_F(LadderTest, withoutAStandingTheCoursesAreShownWithoutStates) {
@@ -192,7 +221,7 @@ TEST_F(LadderTest, theTextHasALineAStepAndSaysOfWhichTimeItIs) {
   EXPECT_THAT(away, HasSubstr("\nCourse A\n"
                               "  1.  a1  The a1  done\n"
                               "  2.  a2  The a2  Next\n"
-                              "  3.  a3  The a3  open\n"));
+                              "  3.  a3  The a3  not begun\n"));
   EXPECT_THAT(away, HasSubstr("\nPractise freely: Course B\n  1.  b1"));
   EXPECT_THAT(ladderText(ladder(), "Tom Tailor", false), Not(HasSubstr("as of")));
 }

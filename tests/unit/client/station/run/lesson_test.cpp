@@ -3,6 +3,7 @@
 #include "client/station/run/lesson.h"
 #include "common/haptics/tool_transform.h"
 #include "common/profile/profile.h"
+#include "common/scoring/anatomy.h"
 #include "common/scoring/measures.h"
 #include "tests/support/scenes.h"
 
@@ -34,8 +35,17 @@ TEST(StationLesson, aProfileFromAFileIsPlacedAndCompiled) {
   EXPECT_THAT(liveEffects(lesson->model), testing::Contains("CUTTING"));
   const auto targets = targetsOf(lesson->profile, options.X_WL);
   ASSERT_FALSE(targets.empty());
-  const auto& c = lesson->profile.targets(0).center_m();
-  EXPECT_EQ(targets[0].center_W_m, (options.X_WL * Vec3{c.x(), c.y(), c.z()}));
+  // tip and opening are both in the target, equally far from its ends
+  const double behind_m = openingBehindTip_m(needleOf(lesson->profile.needle()));
+  EXPECT_GT(behind_m, 0.001);
+  const Anatomy anatomy = anatomyOf(lesson->profile, options.X_WL);
+  const Vec3 entry = options.X_WL * Vec3{};
+  const Vec3 opening = targets[0].center_W_m + behind_m * normalized(entry - targets[0].center_W_m);
+  const DepthSpan span = depthSpanOf(anatomy, anatomy.targets[0]);
+  EXPECT_NEAR(depthAt(anatomy, opening) - span.top_m, span.bottom_m - depthAt(anatomy, targets[0].center_W_m),
+              1e-9);
+  EXPECT_LT(distanceTo(anatomy, anatomy.targets[0], opening), 0);
+  EXPECT_LT(distanceTo(anatomy, anatomy.targets[0], targets[0].center_W_m), 0);
 }
 
 TEST(StationLesson, theServersAnswerIsCheckedLikeAFile) {

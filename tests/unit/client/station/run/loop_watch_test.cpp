@@ -74,7 +74,7 @@ class LoopWatchTest : public testing::Test {
     const DeviceMaintenance maintenance(device, world_, world_);
     EnterKey enter(keyboard_[0]);
     watch_ = std::make_unique<LoopWatch>(
-        WatchedLesson{home_, options_, lesson_, *loop_, *writer_, maintenance, settings.on_fault},
+        WatchedLesson{home_, options_, lesson_, *loop_, *writer_, maintenance, settings.on_fault, alarms_},
         stop_signals_, enter);
     auto running = world_.start(*watch_, {"lessons", 0});
     loop_->run();
@@ -104,6 +104,8 @@ class LoopWatchTest : public testing::Test {
     return all;
   }
 
+  AudibleTone tone_;
+  LessonAlarms alarms_{tone_, ToneChoice::kOff};
   TempFolder folder_;
   const BlockedSignals blocked_{SIGTERM, SIGUSR1};
   std::array<int, 2> keyboard_{-1, -1};
@@ -176,6 +178,15 @@ TEST_F(LoopWatchTest, chosenAidsReachTheWindowOnce) {
   at(20, [this] { home_.requests().setAids({"ines", {}, true}); });
   run(device, {kWatchRate_hz, {}, 300});
   EXPECT_THAT(observer_.chosen_by, ElementsAre("ines"));
+}
+
+TEST_F(LoopWatchTest, inAnExamNobodyChangesWhatIsShown) {
+  FakeDevice device(goingDown(0.02, kWatchRate_hz));
+  lesson_.exam = true;
+  at(20, [this] { home_.requests().setAids({"ines", usualAids(), false}); });
+  at(120, [this] { home_.requests().setAids({"ines", {}, true}); });
+  run(device, {kWatchRate_hz, {}, 200});
+  EXPECT_TRUE(observer_.chosen_by.empty());
 }
 
 TEST_F(LoopWatchTest, enterCountsOnlyAfterTheFaultWasReported) {

@@ -141,6 +141,14 @@ TEST(StationOptions, wrongUsageIsExitCode2AndSaysWhatIsMissing) {
       {{"--profile", "p", "--window", "1280x72x"}, "--window"},
       {{"--profile", "p", "--window", "100x100"}, "640x360"},
       {{"--profile", "p", "--font-scale", "3"}, "--font-scale"},
+      {{"--profile", "p", "--monitor", "24"}, "--monitor '24', allowed is a length from 10in to 120in"},
+      {{"--profile", "p", "--monitor", "0.6m"}, "--monitor '0.6m'"},
+      {{"--profile", "p", "--monitor", "121in"}, "from 10in to 120in"},
+      {{"--profile", "p", "--monitor", "nanin"}, "--monitor 'nanin'"},
+      {{"--profile", "p", "--viewing-distance", "200"},
+       "--viewing-distance '200', allowed is a length from 0.3m to 6m"},
+      {{"--profile", "p", "--viewing-distance", "2000mm"}, "--viewing-distance '2000mm'"},
+      {{"--profile", "p", "--viewing-distance", "0.2m"}, "from 0.3m to 6m"},
       {{"--server", "x:99999", "--exercise", "a", "--trainee", "t", "--ca", "c", "--key", "k"}, "99999"},
       {{"--profile", "p", "--rate", "49"}, "--rate"},
       {{"--profile", "p", "--trainee", "a\tb"}, "--trainee"},
@@ -223,6 +231,25 @@ TEST(StationOptions, theWindowsSizeLettersAndPictures) {
   EXPECT_EQ(window.pictures[2].when, PictureRequest::When::kStart);
   EXPECT_EQ(window.frame_log, "frames.csv");
   EXPECT_EQ(parse({"--profile", "p"}).parsed.options.window.font_scale, std::nullopt) << "as it was left";
+}
+
+TEST(StationOptions, theWindowTakesTheWholeScreenUnlessItIsForADesk) {
+  EXPECT_FALSE(parse({"--profile", "p"}).parsed.options.window.windowed);
+  EXPECT_TRUE(parse({"--profile", "p", "--windowed"}).parsed.options.window.windowed);
+  EXPECT_FALSE(parse({"--profile", "p", "--windowed"}).parsed.options.window.size_given) << "as it was left";
+  EXPECT_TRUE(parse({"--profile", "p", "--window", "1280x720"}).parsed.options.window.windowed);
+}
+
+TEST(StationOptions, whereTheMonitorStands) {
+  const Viewing usual = parse({"--profile", "p"}).parsed.options.window.viewing;
+  EXPECT_NEAR(usual.diagonal_m, 0.6096, 1e-12);
+  EXPECT_EQ(usual.distance_m, 2);
+  const auto outcome = parse({"--profile", "p", "--monitor", "31.5in", "--viewing-distance", "2.4m"});
+  ASSERT_FALSE(outcome.parsed.exit_code) << outcome.err;
+  EXPECT_NEAR(outcome.parsed.options.window.viewing.diagonal_m, 31.5 * 0.0254, 1e-12);
+  EXPECT_EQ(outcome.parsed.options.window.viewing.distance_m, 2.4);
+  for (const char* end : {"10in", "120in"})
+    EXPECT_FALSE(parse({"--profile", "p", "--monitor", end}).parsed.exit_code) << end;
 }
 
 TEST(StationOptions, aStudentsStationCannotBeQuit) {

@@ -43,6 +43,7 @@ SelfTestFacts goodFacts() {
   f.device.noise_m = 1e-5;
   f.device.realtime = {{"memory lock", true, "all memory stays in RAM"}, {"FIFO priority", true, "80"}};
   f.machine = {"computer", 4, "tsc", 1, 20};
+  f.monitor.found = {{"HDMI-A-1", 0.61}};
   f.disk = {"/spool", "", 50e9, 0.004, 0.02};
   f.engine = {"", 12, "knee", 30};
   f.servers = {{"lab:7750", "", "server 0.1.0", "station-1", 0.02, 0.001, 0.1}};
@@ -108,6 +109,12 @@ TEST(SelfTest, eachFactAloneChangesItsOwnRow) {
       {"clock", Verdict::kFailed, [](auto& f) { f.machine.clock_resolution_ns = 4e6; }},
       {"clock", Verdict::kWarning, [](auto& f) { f.machine.clock_source = "hpet"; }},
       {"cores", Verdict::kWarning, [](auto& f) { f.machine.cores = 1; }},
+      {"monitor", Verdict::kWarning,
+       [](auto& f) {
+         f.monitor.found = {{"HDMI-A-1", 27 * kInch_m}};
+       }},
+      {"monitor", Verdict::kNotChecked, [](auto& f) { f.monitor.found.clear(); }},
+      {"letters", Verdict::kWarning, [](auto& f) { f.monitor.viewing.distance_m = 3; }},
       {"spool", Verdict::kWarning, [](auto& f) { f.disk.free_bytes = 500e6; }},
       {"spool", Verdict::kFailed, [](auto& f) { f.disk.free_bytes = 5e6; }},
       {"spool", Verdict::kFailed, [](auto& f) { f.disk.trouble = "read-only"; }},
@@ -134,6 +141,20 @@ TEST(SelfTest, eachFactAloneChangesItsOwnRow) {
         EXPECT_EQ(other.verdict, Verdict::kOk) << row.check << " → " << other.name;
       }
   }
+}
+
+TEST(SelfTest, whatAMonitorSaysIsASuggestion) {
+  SelfTestFacts facts = goodFacts();
+  facts.monitor.found = {{"DP-1", 27 * kInch_m}, {"HDMI-A-1", 26.9 * kInch_m}};
+  const auto checks = judge(facts);
+  const Check* check = find(checks, "monitor");
+  ASSERT_NE(check, nullptr);
+  EXPECT_EQ(check->found, "DP-1 says 27in, HDMI-A-1 says 26.9in; letters are for 24in");
+  EXPECT_THAT(check->advice, HasSubstr("--monitor 27in"));
+  facts.monitor.found.push_back({"VGA-1", 24.5 * kInch_m});
+  EXPECT_EQ(find(judge(facts), "monitor")->verdict, Verdict::kOk) << "one of them is like it";
+  facts.monitor.wanted = false;
+  for (const char* name : {"monitor", "letters"}) EXPECT_EQ(find(judge(facts), name), nullptr) << name;
 }
 
 TEST(SelfTest, everyConditionOfADeviceHasItsRow) {

@@ -72,6 +72,28 @@ TEST(StationSummary, listsWhatWasDoneWithTheSyringe) {
   EXPECT_EQ(json["rows"][0]["syringe"].size(), 2u);
 }
 
+TEST(StationSummary, tellsByHowMuchTheNeedleMissed) {
+  StationSummary s = example();
+  EXPECT_EQ(nlohmann::json::parse(summaryJson(s))["miss"], nullptr) << "no target";
+  EXPECT_THAT(summaryText(s), testing::Not(HasSubstr("target   ")));
+  s.miss = Miss{Miss::At::kFurthest, false, 0.0021, 0.0039, true, {"towards the head"}};
+  EXPECT_THAT(summaryText(s),
+              HasSubstr("target       Missed by 2.1 mm towards the head, 3.9 mm too deep. "
+                        "At the furthest point of the last insertion, at the needle's tip.\n"));
+  const auto json = nlohmann::json::parse(summaryJson(s));
+  for (const auto& at : {json, json["rows"][0]})
+    EXPECT_EQ(at["miss"], (nlohmann::json{{"in_target", false},
+                                          {"aside_m", 0.0021},
+                                          {"too_deep_m", 0.0039},
+                                          {"towards", {"towards the head"}},
+                                          {"at", "furthest point"},
+                                          {"words", "Missed by 2.1 mm towards the head, 3.9 mm too deep."}}));
+  s.miss = Miss{Miss::At::kInjection, true, 0, 0, true, {}};
+  EXPECT_THAT(
+      summaryText(s),
+      HasSubstr("target       In the target. Where the last injection began, at the needle's opening.\n"));
+}
+
 TEST(StationSummary, tellsWhatEachLiveEffectCosts) {
   StationSummary s = example();
   EXPECT_EQ(nlohmann::json::parse(summaryJson(s))["effect_costs_ns"], nullptr) << "not measured";

@@ -2,6 +2,7 @@
 
 #include "client/station/window/end_screen.h"
 #include "common/scoring/measures.h"
+#include "tests/support/time_zone.h"
 
 namespace needlelab {
 namespace {
@@ -71,6 +72,19 @@ TEST(Verdict, nothingRecordedIsNoScore) {
   EXPECT_EQ(verdictOf(outcome).kind, LessonVerdict::Kind::kNoScore);
   outcome.summary.score_json = "{";
   EXPECT_EQ(verdictOf(outcome).kind, LessonVerdict::Kind::kNoScore);
+}
+
+TEST(Verdict, ofAnExamIsTheDateOfItsResult) {
+  const test::WithZone zone("UTC");
+  LessonOutcome outcome = scored({required("a", true), plain("b")});
+  outcome.summary.results_from_unix_ns = 1'780'495'200'000'000'000;
+  const LessonVerdict verdict = verdictOf(outcome);
+  EXPECT_EQ(verdict.title, "Your result is shown from 3 June 2026, 14:00 on.");
+  EXPECT_EQ(verdict.kind, LessonVerdict::Kind::kNoScore);
+  EXPECT_TRUE(verdict.required.empty());
+  EXPECT_TRUE(verdict.others.empty());
+  EXPECT_EQ(verdict.by, "");
+  EXPECT_EQ(verdict.ended, "time is over");
 }
 
 TEST(Verdict, whoStoppedItAndWhy) {

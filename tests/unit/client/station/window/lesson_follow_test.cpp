@@ -162,8 +162,8 @@ TEST(LessonFollow, thePlannedLineStandsWhereTheLimbStands) {
 TEST(LayerLadder, reachesAFifthBeyondTheTarget) {
   const auto scene = LessonFollow::make(shoulder());
   ASSERT_TRUE(scene.ok());
-  // the bursa is 26 mm deep with a radius of 3
-  EXPECT_NEAR(ladderDepth_m(*(*scene)->scene()), 1.2 * 0.029, 1e-9);
+  // the ball reaches to 29 mm, the bursa to 27
+  EXPECT_NEAR(ladderDepth_m(*(*scene)->scene()), 1.2 * 0.027, 1e-9);
 }
 
 TEST(CellColumns, giveEachCellItsWidthAndShareWhatIsLeft) {

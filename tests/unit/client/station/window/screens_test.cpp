@@ -7,6 +7,7 @@
 #include "client/station/run/local_score.h"
 #include "common/haptics/device_condition.h"
 #include "common/scoring/measures.h"
+#include "common/scoring/miss.h"
 #include "tests/unit/client/station/window/stage.h"
 
 namespace needlelab::test {
@@ -54,6 +55,9 @@ class TraineeScreens : public TraineeStage {
     outcome->summary.exercise = "shoulder-bursa";
     outcome->summary.servo.end = ServoEnd::kTicksDone;
     outcome->curve = gestureCurve(sample_.samples, sample_.model->limb);
+    outcome->summary.miss =
+        passed ? missOf(sample_.samples, {}, sample_.profile, {})
+               : Miss{Miss::At::kFurthest, false, 0.0021, 0.0039, true, {"towards the head"}};
     board_.change([&](BoardState& state) {
       state.stage = Stage::kEnd;
       state.outcome = outcome;
@@ -242,6 +246,7 @@ TEST_F(TraineeScreens, lessonByFeel) {
 // Each aid hides the item that it names, at once.
 TEST_F(TraineeScreens, everyAidShowsSomethingAndCanBeTakenAway) {
   with_plan_ = true;
+  standing_.alarms = {{Alarm::kHazard, "axillary nerve"}};
   for (int number = pb::Exercise::Aid_MIN + 1; number <= pb::Exercise::Aid_MAX; ++number) {
     AidList all = usualAids();
     all.Add(pb::Exercise::ULTRASOUND);
@@ -291,22 +296,23 @@ TEST_F(TraineeScreens, whatInstructorsSayAndWant) {
   EXPECT_TRUE(looksLike(picture(), referenceOf("lesson_messages")));
 }
 
-TEST_F(TraineeScreens, escapeAsksAndEnterEnds) {
+TEST_F(TraineeScreens, escapeAsksEnterGoesOnAndDeleteEnds) {
   showLesson(1);
   picture();
   EXPECT_EQ(window_->shownFrame().question, ShownQuestion::kNone);
-  press(screen(), GLFW_KEY_ESCAPE);
-  picture(2);
-  EXPECT_EQ(window_->shownFrame().question, ShownQuestion::kEndLesson);
-  EXPECT_FALSE(requests_.takeStop());
-  press(screen(), GLFW_KEY_ESCAPE);
-  picture(2);
-  EXPECT_EQ(window_->shownFrame().question, ShownQuestion::kNone);
-  press(screen(), GLFW_KEY_ENTER);
+  for (const int harmless : {GLFW_KEY_ESCAPE, GLFW_KEY_ENTER}) {
+    press(screen(), GLFW_KEY_ESCAPE);
+    picture(2);
+    EXPECT_EQ(window_->shownFrame().question, ShownQuestion::kEndLesson);
+    press(screen(), harmless);
+    picture(2);
+    EXPECT_EQ(window_->shownFrame().question, ShownQuestion::kNone);
+  }
+  press(screen(), GLFW_KEY_DELETE);
   EXPECT_FALSE(requests_.takeStop()) << "it was called off";
   press(screen(), GLFW_KEY_ESCAPE);
   picture(2);
-  press(screen(), GLFW_KEY_ENTER);
+  press(screen(), GLFW_KEY_DELETE);
   EXPECT_TRUE(requests_.takeStop());
 }
 
@@ -364,6 +370,19 @@ TEST_F(TraineeScreens, endOfALessonThatWasNotPassed) {
   EXPECT_EQ(request.choice.exercise, "shoulder-bursa") << "the next try";
 }
 
+TEST_F(TraineeScreens, endSaysByHowMuchTheNeedleMissed) {
+  showEnd(false);
+  picture(30);
+  EXPECT_GT(changes([&] {
+              board_.change([](BoardState& state) {
+                auto without = std::make_shared<LessonOutcome>(*state.outcome);
+                without->summary.miss.reset();
+                state.outcome = without;
+              });
+            }),
+            2e-3);
+}
+
 TEST_F(TraineeScreens, endOfALessonThatWasPassedOffersWhatTheInstructorWants) {
   showEnd(true);
   board_.nextExercise("ines", "knee-recess");
@@ -392,16 +411,18 @@ TEST_F(TraineeScreens, aBadgeAtTheEndLeadsToTheStartAndBeginsNothing) {
 TEST_F(TraineeScreens, quittingAsksFirstAndEndsTheLesson) {
   showLesson(1);
   picture();
+  for (const int harmless : {GLFW_KEY_ESCAPE, GLFW_KEY_ENTER}) {
+    window_->askToQuit();
+    picture(2);
+    EXPECT_EQ(window_->shownFrame().question, ShownQuestion::kQuit);
+    press(screen(), harmless);
+    EXPECT_FALSE(requests_.takeStop());
+    EXPECT_FALSE(board_.requestWaits()) << "it was called off";
+    picture(2);
+  }
   window_->askToQuit();
   picture(2);
-  EXPECT_EQ(window_->shownFrame().question, ShownQuestion::kQuit);
-  press(screen(), GLFW_KEY_ESCAPE);
-  EXPECT_FALSE(requests_.takeStop());
-  EXPECT_FALSE(board_.requestWaits()) << "it was called off";
-  picture(2);
-  window_->askToQuit();
-  picture(2);
-  press(screen(), GLFW_KEY_ENTER);
+  press(screen(), GLFW_KEY_DELETE);
   EXPECT_TRUE(requests_.takeStop());
   EXPECT_EQ(board_.waitForRequest(0ms).kind, BoardRequest::Kind::kQuit);
 }
@@ -443,7 +464,10 @@ TEST_F(TraineeScreens, enterAnswersTheQuestionAndNotTheScreenUnderIt) {
   window_->askToQuit();
   picture(2);
   press(screen(), GLFW_KEY_ENTER);
-  EXPECT_EQ(board_.waitForRequest(0ms).kind, BoardRequest::Kind::kQuit) << "no next try";
+  EXPECT_FALSE(board_.requestWaits()) << "no next try";
+  picture(2);
+  press(screen(), GLFW_KEY_ENTER);
+  EXPECT_EQ(board_.waitForRequest(0ms).kind, BoardRequest::Kind::kBegin) << "now it is the screen's again";
 }
 
 TEST_F(TraineeScreens, aStudentsStationDoesNotAskBecauseItCannotBeQuit) {
@@ -454,7 +478,7 @@ TEST_F(TraineeScreens, aStudentsStationDoesNotAskBecauseItCannotBeQuit) {
   picture();
   window_->askToQuit();
   picture(2);
-  press(screen(), GLFW_KEY_ENTER);
+  press(screen(), GLFW_KEY_DELETE);
   EXPECT_FALSE(requests_.takeStop());
   EXPECT_FALSE(board_.requestWaits());
 }

@@ -5,6 +5,7 @@
 #include <GLFW/glfw3.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <memory>
 #include <span>
@@ -25,6 +26,7 @@ class TraineeStage : public ViewStage {
     ::setenv("TZ", "UTC", 1);
     options_.width_px = 1280;
     options_.height_px = 720;
+    options_.viewing.emplace();
   }
   void SetUp() override {
     ViewStage::SetUp();
@@ -108,12 +110,16 @@ class TraineeStage : public ViewStage {
     beginning->lesson = *lessonOfFile(options);
     pb::Exercise exercise;
     exercise.set_id("shoulder-bursa");
+    exercise.set_profile_id("shoulder-adult");
     exercise.set_name("Shoulder: subacromial bursa");
     exercise.set_description("A thin target between muscle and tendon: stop when the resistance drops.");
     *exercise.mutable_aids()->mutable_allowed() = aids;
     if (with_plan_) {
       exercise.mutable_plan()->set_frame(pb::Exercise::Plan::LIMB);
-      exercise.mutable_plan()->mutable_entry_m()->set_x(0.004);
+      // oblique, beside the needle
+      exercise.mutable_plan()->mutable_entry_m()->set_x(0.02);
+      exercise.mutable_plan()->mutable_entry_m()->set_z(std::sqrt(0.06 * 0.06 - 0.02 * 0.02) - 0.06);
+      exercise.mutable_plan()->mutable_direction()->set_x(-0.3);
       exercise.mutable_plan()->mutable_direction()->set_z(-1);
     }
     beginning->lesson.exercise = exercise;

@@ -329,10 +329,10 @@ TEST(StartChoice, theListIsTheLadderOfTheChosenTrainee) {
   choice.update(withLadder(), kNow_ns);
   choice.chooseTrainee("tom");
   EXPECT_THAT(rowsOf(choice), ElementsAre("# Course A", "1 a: done", "2 b: locked by step 3", "3 c: Next",
-                                          "# Practise freely: Course B", "1 d: open"));
+                                          "# Practise freely: Course B", "1 d: not begun"));
   choice.chooseTrainee("zoe");
   EXPECT_THAT(rowsOf(choice), ElementsAre("# Assigned to you", "0 d: Next", "# Practise freely: Course A",
-                                          "1 a: open", "2 b: open", "3 c: open"));
+                                          "1 a: not begun", "2 b: not begun", "3 c: not begun"));
 }
 
 TEST(StartChoice, theNextStepIsChosenUntilAPersonChooses) {
@@ -400,12 +400,61 @@ TEST(StartChoice, offLineTheLadderIsOfItsTimeAndTheCacheMayBePractised) {
   EXPECT_EQ(choice.standingWanted(), "") << "there is nobody to ask";
   EXPECT_THAT(rowsOf(choice), ElementsAre("# Course A", "1 a: done · needs the server, which is away",
                                           "2 b: locked by step 3", "3 c: Next", "# Practise freely: Course B",
-                                          "1 d: open · needs the server, which is away"));
+                                          "1 d: not begun · needs the server, which is away"));
   choice.chooseExercise(1);
   EXPECT_TRUE(choice.choice())
       << "who passed step 3 off line is not held back by what the server said before";
   choice.chooseExercise(0);
   EXPECT_FALSE(choice.choice());
+}
+
+TEST(StartChoice, anExamIsForThoseWhoHaveItAndOffLineForNoMoreAttemptsThanAreLeft) {
+  BoardState state = withLadder();
+  auto curriculum = std::make_shared<Curriculum>(*state.lists.curriculum);
+  for (ServerExercise& exercise : curriculum->exercises)
+    exercise.assigned_only = exercise.exam = exercise.course_id == "course-a";
+  state.lists.curriculum = curriculum;
+  for (const char* id : {"a", "b", "c", "d"}) state.lists.exercises.push_back(listed(id));
+  for (ListedExercise& one : state.lists.exercises) one.assigned_only = one.exercise_id != "d";
+  const auto shown = [](const StartChoice& choice) {
+    std::string ids;
+    for (const ExerciseRow& row : choice.exercises()) ids += row.choice.exercise + (row.usable ? "" : "!");
+    return ids;
+  };
+  for (const bool away : {false, true}) {
+    state.server_away = away;
+    StartChoice choice;
+    choice.update(state, kNow_ns);
+    choice.chooseTrainee("tom");
+    EXPECT_EQ(shown(choice), "ab!cd") << "b is locked";
+    choice.chooseTrainee("guest");
+    EXPECT_EQ(shown(choice), "d") << "neither its course nor what is kept of it";
+  }
+  for (StepStanding& step : curriculum->standings["tom"].steps)
+    if (step.exercise_id == "c") step.attempts_left = 0;
+  StartChoice choice;
+  choice.update(state, kNow_ns);
+  choice.chooseTrainee("tom");
+  EXPECT_EQ(shown(choice), "ab!c!d");
+  // nor does the choice of the one before stay
+  choice.chooseExercise(0);
+  choice.chooseTrainee("guest");
+  EXPECT_EQ(shown(choice), "d");
+}
+
+TEST(StartChoice, whoCannotBeginIsToldWhatToDoInALab) {
+  StartChoice choice;
+  BoardState state;
+  state.choice.trainee = "tom";
+  choice.update(state);
+  EXPECT_EQ(choice.missing(), "This station has no server, and no lesson is kept here: ask the instructor.");
+  state.server = "server";
+  choice.update(state);
+  EXPECT_EQ(choice.missing(), "There is no lesson here yet: wait for the server.");
+  state.server_away = true;
+  choice.update(state);
+  EXPECT_EQ(choice.missing(),
+            "The server cannot be reached, and no lesson is kept here: ask the instructor.");
 }
 
 TEST(StartChoice, aStandingOfNowHasNoTimeAndAnOldOneIsAskedForAgain) {
@@ -479,6 +528,35 @@ TEST(StartLists, theServersTraineesStandInTheOrderOfTheirShownNames) {
   ASSERT_TRUE(addStanding(lists, "tom", ask, kNow_ns).ok());
   ASSERT_EQ(lists.curriculum->standings.count("tom"), 1u);
   EXPECT_EQ(lists.curriculum->standings.at("tom").as_of_unix_ns, kNow_ns);
+}
+
+TEST(StartLists, knowWhatIsAssignedToAnybodyAndWhetherThatHasChanged) {
+  std::vector<pb::Assignment> all(3);
+  all[0].set_course_id("a");
+  all[0].set_group_id("class");
+  all[1].set_exercise_id("b2");
+  all[1].set_trainee("tom");
+  all[2].set_course_id("c");
+  all[2].set_trainee("zoe");
+  const AskServer ask = [&](const pb::Request& request) -> Result<pb::Reply> {
+    pb::Reply reply;
+    if (request.has_list_assignments())
+      for (const pb::Assignment& one : all) *reply.mutable_assignments()->add_assignments() = one;
+    return reply;
+  };
+  StartLists lists;
+  EXPECT_EQ(lists.assignments, 0u);
+  ASSERT_TRUE(addServerLists(lists, {}, "", ask, kNow_ns).ok());
+  EXPECT_THAT(lists.assigned_courses, ElementsAre("a", "c"));
+  EXPECT_THAT(lists.assigned_exercises, ElementsAre("b2"));
+  const std::size_t before = lists.assignments;
+  EXPECT_NE(before, 0u);
+  ASSERT_TRUE(addServerLists(lists, {}, "", ask, kNow_ns).ok());
+  EXPECT_EQ(lists.assignments, before);
+  all.pop_back();
+  ASSERT_TRUE(addServerLists(lists, {}, "", ask, kNow_ns).ok());
+  EXPECT_NE(lists.assignments, before);
+  EXPECT_THAT(lists.assigned_courses, ElementsAre("a"));
 }
 
 }  // namespace

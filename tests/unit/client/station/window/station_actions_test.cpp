@@ -17,7 +17,7 @@ bool offers(const std::vector<ScreenAction>& actions, StationAct act) {
 TEST(StationActions, everyScreenHasOneDefaultAndThatIsEnter) {
   BoardState plain, suggested;
   suggested.next = SuggestedExercise{"ines", "knee-recess"};
-  for (const auto& actions : {startActions(true), startActions(false), endActions(plain, true),
+  for (const auto& actions : {startActions(true, true), startActions(false, false), endActions(plain, true),
                               endActions(plain, false), endActions(suggested, true), failedActions(true),
                               faultActions(), endLessonActions(), quitActions()}) {
     const auto is_default = [](const ScreenAction& action) { return action.isDefault(); };
@@ -25,7 +25,7 @@ TEST(StationActions, everyScreenHasOneDefaultAndThatIsEnter) {
     const auto found = std::find_if(actions.begin(), actions.end(), is_default);
     EXPECT_EQ(actionOf(actions, ActionKey::kEnter), found->enabled ? std::optional(found->id) : std::nullopt);
   }
-  EXPECT_EQ(actionOf(startActions(false), ActionKey::kEnter), std::nullopt) << "something is missing";
+  EXPECT_EQ(actionOf(startActions(false, true), ActionKey::kEnter), std::nullopt) << "something is missing";
 }
 
 TEST(StationActions, afterALessonEnterIsTheNextTryOrWhatTheInstructorWants) {
@@ -42,6 +42,8 @@ TEST(StationActions, afterALessonEnterIsTheNextTryOrWhatTheInstructorWants) {
 
 TEST(StationActions, whoMayNotQuitIsNotOfferedIt) {
   const BoardState state;
+  EXPECT_TRUE(offers(startActions(true, true), kActQuit)) << "a full screen has no other way out";
+  EXPECT_FALSE(offers(startActions(true, false), kActQuit));
   EXPECT_TRUE(offers(endActions(state, true), kActQuit));
   EXPECT_FALSE(offers(endActions(state, false), kActQuit));
   EXPECT_TRUE(offers(failedActions(true), kActQuit));
@@ -59,7 +61,14 @@ TEST(StationActions, quittingSaysWhatHappensToTheLesson) {
   EXPECT_THAT(text(Stage::kConcluding), HasSubstr("recording is kept"));
   EXPECT_THAT(text(Stage::kEnd), HasSubstr("recording is kept"));
   EXPECT_THAT(text(Stage::kStart), HasSubstr("No lesson"));
-  EXPECT_EQ(actionOf(quitActions(), ActionKey::kEscape), kActNo);
+}
+
+TEST(StationActions, aQuestionsDefaultLeavesEverythingAsItIs) {
+  for (const auto& answers : {endLessonActions(), quitActions()}) {
+    EXPECT_EQ(actionOf(answers, ActionKey::kEnter), kActNo);
+    EXPECT_EQ(actionOf(answers, ActionKey::kEscape), kActNo);
+    EXPECT_EQ(actionOf(answers, ActionKey::kDelete), kActYes);
+  }
 }
 
 TEST(StationActions, afterABadgeNoKeyBeginsTheLastTraineesNextLesson) {

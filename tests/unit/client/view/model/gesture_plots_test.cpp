@@ -12,6 +12,8 @@
 #include <utility>
 #include <vector>
 
+#include "tests/support/view_lesson/sample_lesson.h"
+
 namespace needlelab {
 namespace {
 
@@ -30,7 +32,7 @@ SceneView flatScene() {
   scene.layers[1].name = "muscle";
   scene.layers[1].top_m = 0.002;
   scene.layers[1].bottom_m = 0.03;
-  scene.targets = {{"bursa", {0, 0, -0.02}, 0.003}};
+  scene.targets = {{"bursa", {0, 0, -0.02}, 0.003, {0, 0, -0.02}, {0, 0, 1}, 0.017, 0.023}};
   return scene;
 }
 
@@ -76,6 +78,29 @@ TEST(GesturePlots, theForcesAreTheTotalAndThenTheEffectsAsTheirTableOrdersAndCol
     const double term = 0.5 * static_cast<double>(static_cast<std::size_t>(entry.effect) + 1);
     EXPECT_FLOAT_EQ(valueIn(series).last, static_cast<float>(entry.along_u ? -term : term)) << entry.term;
   }
+}
+
+TEST(GesturePlots, theForcesAtTheCursorAreThoseOfThePictureAtThatMoment) {
+  const test::SampleLesson lesson = test::sampleLesson("shoulder-adult");
+  GestureReplica replica(lesson.model);
+  GestureTrace trace;
+  for (const GestureSample& sample : lesson.samples) trace.push(replica.feed(sample));
+  const Plot plot = gesturePlot(GesturePlot::kForces, trace, lesson.scene.get(), 0, trace.lastTime_s());
+  for (double at_s = trace.firstTime_s(); at_s < trace.lastTime_s(); at_s += 0.0137) {
+    // the picture draws this moment
+    const Moment& shown = trace.at(at_s);
+    ASSERT_TRUE(plot.series.at(0).reader(at_s)) << at_s;
+    EXPECT_EQ(momentText(*plot.series[0].reader(at_s), plot.unit), momentText(forceOf(shown), "N"));
+    std::size_t i = 0;
+    for (const EffectEntry* effect : effectsAsShown()) {
+      if (effect->unit != "N") continue;
+      const auto read = plot.series.at(++i).reader(at_s);
+      ASSERT_TRUE(read) << effect->name;
+      EXPECT_EQ(std::abs(*read), std::abs(termOf(*effect, shown))) << effect->name << ", " << at_s;
+    }
+  }
+  EXPECT_FALSE(plot.series[0].reader(trace.firstTime_s() - 0.1));
+  EXPECT_FALSE(plot.series[0].reader(trace.lastTime_s() + 0.1));
 }
 
 TEST(GesturePlots, everyQuantityIsShownInTheUnitOfItsAxis) {

@@ -65,6 +65,14 @@ TEST(TickText, hasAProperMinusAndNoNegativeZero) {
   EXPECT_EQ(tickText(3, 0), "3");
 }
 
+TEST(MomentText, hasTheSameDecimalsWhereverAForceIsShown) {
+  EXPECT_EQ(momentText(3.124, "N"), "3.12 N");
+  EXPECT_EQ(momentText(0.0456, "N·m"), "0.046 N·m");
+  EXPECT_EQ(momentText(-0.5, "N"), "\u22120.50 N");
+  EXPECT_EQ(momentDecimals("N"), 2);
+  EXPECT_FALSE(momentDecimals("mm")) << "the axis says";
+}
+
 TEST(ClockText, roundsBeforeItSplits) {
   EXPECT_EQ(clockText(0), "0:00");
   EXPECT_EQ(clockText(59.96, 1), "1:00.0");
@@ -238,7 +246,7 @@ TEST(FittedSpan, isThatOfTheUnitWhereNoQuantityIsGiven) {
     EXPECT_EQ(fittedSpan(plot, AxisSpan{0, 0}).high, leastSpanOf(quantity)) << plot.unit;
   }
   plot.unit = "%";
-  EXPECT_EQ(fittedSpan(plot, AxisSpan{20, 20.5}).high, 20.5);
+  EXPECT_EQ(fittedSpan(plot, AxisSpan{20, 20.5}).high, 100);
   plot.unit.clear();
   EXPECT_EQ(fittedSpan(plot, AxisSpan{20, 20.5}).high, 20.5);
 }
@@ -299,7 +307,7 @@ TEST(FittedSpan, ofNoQuantityIsTheData) {
 }
 
 TEST(PlotQuantity, isKnownOfEachUnitThatMeasuresHave) {
-  for (const char* unit : {"", "N", "N·m", "mm", "mm/s", "°", "s", "cm²", "J"})
+  for (const char* unit : {"", "N", "N·m", "mm", "mm/s", "°", "s", "cm²", "J", "%"})
     EXPECT_GT(leastSpanOf(quantityOfUnit(unit)), 0) << unit;
   EXPECT_EQ(quantityOfUnit("mm"), PlotQuantity::kDistance) << "a plot of depth says so itself";
   EXPECT_EQ(quantityOfUnit("kg"), PlotQuantity::kOther);

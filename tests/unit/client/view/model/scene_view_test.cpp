@@ -157,7 +157,8 @@ TEST(PlanView, anObliqueLineGoesOnBeyondItsTarget) {
   SceneView scene;
   scene.limb_W = PlaneLimb{{0, 0, 0}, {0, 0, 1}};
   scene.needle.length_m = 0.038;
-  scene.targets.push_back({"bursa", {0, 0, -kDeep_m}, 0.003});
+  const Vec3 middle{0, 0, -kDeep_m};
+  scene.targets.push_back({"bursa", middle, 0.003, middle, {0, 0, 1}, kDeep_m - 0.003, kDeep_m + 0.003});
   const Vec3 direction{std::sqrt(0.75), 0, -0.5};
   const PlannedLine line{{-kWay_m * std::sqrt(0.75), 0, 0}, direction};
   EXPECT_NEAR(norm(planViewOf(scene, line).to_W_m - line.entry_m), 1.15 * kWay_m, 1e-12);
@@ -291,6 +292,7 @@ TEST(SceneView, aLayerBeginsAtItsTopAndTheLastHasNoEnd) {
     scene.layers[i].top_m = i == 0 ? 0 : bottoms_m[i - 1];
     scene.layers[i].bottom_m = bottoms_m[i];
   }
+  scene.layer_end_m = bottoms_m;
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   const std::vector<std::pair<double, int>> rows = {{-1, -1},
                                                     {0, -1},

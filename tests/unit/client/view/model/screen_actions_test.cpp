@@ -19,9 +19,20 @@ TEST(ScreenActions, aKeyMeansTheActionThatIsPossible) {
   EXPECT_FALSE(actions[1].isDefault());
 }
 
+TEST(ScreenActions, aQuestionsDefaultHasEnterAndEscape) {
+  const std::vector<ScreenAction> answers = {{1, "Go on", ActionKey::kEnterOrEscape, "", true},
+                                             {2, "End it", ActionKey::kDelete, "", true}};
+  EXPECT_EQ(actionOf(answers, ActionKey::kEnter), 1);
+  EXPECT_EQ(actionOf(answers, ActionKey::kEscape), 1);
+  EXPECT_EQ(actionOf(answers, ActionKey::kDelete), 2);
+  EXPECT_TRUE(answers[0].isDefault());
+  EXPECT_FALSE(answers[1].isDefault());
+}
+
 TEST(ScreenActions, aQuestionNamesItsKeys) {
-  EXPECT_EQ(labelWithKey({1, "End it", ActionKey::kEnter, "", true}), "End it (Enter)");
-  EXPECT_EQ(labelWithKey({1, "Go on", ActionKey::kEscape, "", true}), "Go on (Esc)");
+  EXPECT_EQ(labelWithKey({1, "I have seen it", ActionKey::kEnter, "", true}), "I have seen it (Enter)");
+  EXPECT_EQ(labelWithKey({1, "Go on", ActionKey::kEnterOrEscape, "", true}), "Go on (Enter, Esc)");
+  EXPECT_EQ(labelWithKey({1, "End it", ActionKey::kDelete, "", true}), "End it (Del)");
   EXPECT_EQ(labelWithKey({1, "Quit", ActionKey::kNone, "", true}), "Quit");
 }
 

@@ -217,8 +217,11 @@ TEST(UltrasoundSlice, reachesAThirdBeyondTheDeepestTargetWithinItsLimits) {
                                  {"told too much", {{0.04, 0.004}}, 9, 0.5}};
   for (const Row& row : rows) {
     SceneView scene = flatMuscle();
-    for (const auto& [depth_m, radius_m] : row.targets)
-      scene.targets.push_back({"t", {0, 0, -depth_m}, radius_m});
+    for (const auto& [depth_m, radius_m] : row.targets) {
+      const Vec3 middle{0, 0, -depth_m};
+      scene.targets.push_back(
+          {"t", middle, radius_m, middle, {0, 0, 1}, depth_m - radius_m, depth_m + radius_m});
+    }
     SliceSettings settings;
     settings.depth_m = row.wanted_m;
     EXPECT_NEAR(sliceDepth_m(scene, settings), row.expected_m, 1e-12) << row.name;

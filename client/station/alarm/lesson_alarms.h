@@ -1,0 +1,52 @@
+/// What alarms a lesson: its gesture, the loop, the device, the time; and the tone for what begins.
+#pragma once
+
+#include <cstdint>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "client/station/alarm/tone.h"
+#include "common/haptics/force_gate.h"
+#include "common/scoring/alarms.h"
+
+namespace needlelab {
+
+/// The time is an alarm when less is left.
+inline constexpr double kTimeAlarm_s = 10;
+
+/// The lesson, 20 times a second.
+struct AlarmFacts {
+  Fault fault = Fault::kNone;
+  std::string hold;                ///< why there is no force without a fault; empty: there is
+  double time_s = 0, limit_s = 0;  ///< since the first tick; 0: no limit
+  bool gesture_shown = true;       ///< the trainee has the aid ALARMS
+};
+
+class LessonAlarms {
+ public:
+  /// `tone` outlives this.
+  LessonAlarms(Tone& tone, ToneChoice choice) : tone_(tone), choice_(choice) {}
+
+  /// Takes the gesture's alarms so far. Thread: the spool writer's.
+  void take(const GestureAlarms& gesture);
+  /// Returns what lasts, most urgent first, and sounds what has begun since the last call. Alarms of the
+  /// gesture are left out where the trainee is not to see them. Thread: the lesson's.
+  std::vector<ActiveAlarm> update(const AlarmFacts& facts);
+  /// The gesture's, for the summary. Thread: any.
+  [[nodiscard]] std::vector<AlarmCount> counts() const;
+
+ private:
+  void soundNew(const std::vector<ActiveAlarm>& now, const std::vector<AlarmCount>& counts,
+                bool gesture_shown);
+
+  Tone& tone_;
+  ToneChoice choice_;
+  mutable std::mutex mutex_;
+  std::vector<ActiveAlarm> gesture_;  // under mutex_
+  std::vector<AlarmCount> counts_;    // under mutex_
+  std::vector<std::uint32_t> sounded_ = std::vector<std::uint32_t>(alarmKinds().size());
+  std::vector<bool> lasted_ = std::vector<bool>(alarmKinds().size());
+};
+
+}  // namespace needlelab

@@ -1,0 +1,41 @@
+// Who may take a course, and whether it is an exam.
+import { withoutExam } from '../lib/course_rules.js';
+import { fromInput, toInput } from '../lib/time.js';
+import { CheckField, problemsAt, TextField } from '../ui/fields.js';
+import { html } from '../ui/html.js';
+
+/** @param {{f: any}} props of the course's form */
+export function ExamFields({ f }) {
+  const { exam, assigned_only, results_from_unix_ms } = f.doc;
+  return html`
+    <${CheckField}
+      label="Only for those to whom it is assigned"
+      checked=${exam || assigned_only}
+      disabled=${f.readonly || exam}
+      help="others see it neither here nor at a station, and cannot begin it"
+      onValue=${(on) => f.set('assigned_only')(on || undefined)}
+    />
+    <${CheckField}
+      label="Exam"
+      checked=${exam}
+      disabled=${f.readonly}
+      help="no aids but those that an exercise lists, one attempt where it says no other number, and nobody changes the aids meanwhile"
+      onValue=${(on) => (on ? f.set('exam')(true) : f.change(withoutExam))}
+    />
+    ${
+      exam &&
+      html`<div class="fields">
+        <${TextField}
+          label="Results are shown from"
+          type="datetime-local"
+          path="results_from_unix_ms"
+          problems=${problemsAt(f.problems, 'results_from_unix_ms')}
+          value=${toInput(results_from_unix_ms)}
+          readonly=${f.readonly}
+          onValue=${(v) => f.set('results_from_unix_ms')(fromInput(v))}
+          help="empty: at once; staff always see them"
+        />
+      </div>`
+    }
+  `;
+}

@@ -1,0 +1,18 @@
+// What a tile of the live page says of its station. Pure.
+
+/** Whether a lesson goes on, with or without a name that the server knows. */
+export const isPractising = (tile) => !!tile.online && !!(tile.session_id || tile.trainee);
+
+/**
+ * The kind of mark, and its word.
+ * @param {{online: boolean, fault?: string, session_id?: string, trainee?: string}} tile
+ * @returns {['bad'|'open'|'good'|'info', string]}
+ */
+export function tileState(tile) {
+  if (tile.fault) return ['bad', 'fault'];
+  if (!tile.online) return ['open', 'offline'];
+  return isPractising(tile) ? ['good', 'practising'] : ['info', 'idle'];
+}
+
+/** Who practises; the server knows it as soon as it has the session. */
+export const traineeWords = (tile) => tile.trainee || 'Name not known yet';

@@ -1,0 +1,52 @@
+// What a person presses goes to what it was meant for: a dialog takes only what was pressed after it was painted, and a form
+// is sent once.
+
+/** What can answer a dialog, and what Escape and a system's "back" become. */
+export const kPresses = ['keydown', 'pointerdown', 'mousedown', 'click', 'cancel'];
+const kBegins = new Set(['keydown', 'pointerdown', 'mousedown']);
+
+/**
+ * Judges a dialog's events in their order. Times are ms of `performance.now()`, as events have them: when something was
+ * pressed, however late a busy page hears of it.
+ * @returns {{painted: (now_ms: number) => void, takes: (event: {type: string, timeStamp: number, repeat?: boolean}) => boolean}}
+ */
+export function dialogGate() {
+  let painted_ms = Infinity;
+  // whether the newest press, and the newest key's, was made before the dialog was there
+  let is_early = false,
+    is_early_key = true;
+  return {
+    /** The person sees the dialog from now on. */
+    painted(now_ms) {
+      painted_ms = now_ms;
+    },
+    takes({ type, timeStamp, repeat }) {
+      const is_seen = timeStamp >= painted_ms;
+      if (kBegins.has(type)) {
+        // a key that is held since before goes on being what it was
+        if (type === 'keydown' && !repeat) is_early_key = !is_seen;
+        is_early = !is_seen || (type === 'keydown' && is_early_key);
+        return !is_early;
+      }
+      // a click or a cancel belongs to the press before it
+      return is_seen && !is_early;
+    },
+  };
+}
+
+/**
+ * Does one work at a time: what is asked for meanwhile is not done, and gives undefined.
+ * @returns {<T>(work: () => Promise<T>) => Promise<T|undefined>}
+ */
+export function oneAtATime() {
+  let is_busy = false;
+  return async (work) => {
+    if (is_busy) return undefined;
+    is_busy = true;
+    try {
+      return await work();
+    } finally {
+      is_busy = false;
+    }
+  };
+}

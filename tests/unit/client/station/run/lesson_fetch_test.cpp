@@ -1,0 +1,142 @@
+// Which lessons begin without the server, and what a trainee is told of those that do not.
+#include "client/station/run/lesson_fetch.h"
+
+#include <gmock/gmock.h>
+
+#include <filesystem>
+#include <memory>
+
+#include "client/net/lesson_cache.h"
+#include "client/station/run/curriculum.h"
+#include "client/station/run/station.h"
+#include "client/station/run/station_run.h"
+#include "common/base/files.h"
+#include "tests/support/temp_folder.h"
+#include "tests/unit/client/net/fake_server.h"
+
+namespace needlelab::test {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class LessonFetchTest : public testing::Test {
+ protected:
+  LessonFetchTest() {
+    sigemptyset(&signals_);
+    options_.headless = true;
+    options_.servers = {{"127.0.0.1", 1}};  // nobody is there
+    options_.ca_file = FakeServer::caFile();
+    options_.key_file = folder_.write("station.key", "station-1:" + std::string(64, '0') + "\n");
+    fs::permissions(options_.key_file, fs::perms::owner_read);
+    options_.spool = folder_.path() / "spool";
+    options_.trainee = "tom";
+    options_.exercise = "ball";
+    fs::create_directories(options_.spool / "lessons");
+  }
+  // Keeps a lesson, as one from the server.
+  void keep(const std::string& id, bool exam) {
+    pb::Lesson lesson;
+    lesson.set_exercise_json(R"({"id": ")" + id + R"(", "name": "The )" + id +
+                             R"(", "profile_id": "phantom-ball"})");
+    lesson.set_profile_json(*readWholeFile(NEEDLELAB_SAMPLES "/phantom-ball.json"));
+    lesson.set_profile_revision(1);
+    lesson.set_assigned_only(exam);
+    lesson.set_exam(exam);
+    ASSERT_TRUE(LessonCache(options_.spool).keep(id, lesson).ok());
+  }
+  // What the server said of the exam's exercises: ball, and box, which comes after it; tom has the exam.
+  void keepStandings(std::uint32_t attempts_left) {
+    Curriculum curriculum;
+    for (const char* id : {"ball", "box"})
+      curriculum.exercises.push_back({id, std::string("The ") + id, "phantom-ball", "", "exam", "Exam"});
+    for (ServerExercise& exercise : curriculum.exercises) exercise.assigned_only = exercise.exam = true;
+    curriculum.trainees = {{"tom", ""}, {"zoe", ""}};
+    TraineeStanding& tom = curriculum.standings["tom"];
+    tom.courses = {"exam"};
+    tom.steps = {{"ball", false, 0, {}, attempts_left, 0}, {"box", false, 0, {"ball"}, 1u, 0}};
+    curriculum.standings["zoe"].steps = tom.steps;
+    ASSERT_TRUE(CurriculumCache(options_.spool, options_.key_file).keep(curriculum).ok());
+  }
+  Status prepare() {
+    run_.reset();
+    home_.reset();
+    home_ = std::make_unique<StationHome>(options_, observer_);
+    RETURN_IF_ERROR(home_->openSpool());
+    RETURN_IF_ERROR(home_->connect());
+    run_ = std::make_unique<StationRun>(*home_, options_, signals_, GivenCode{});
+    return run_->prepare();
+  }
+  std::string refusal() {
+    const Status prepared = prepare();
+    EXPECT_FALSE(prepared.ok());
+    return prepared.ok() ? std::string() : prepared.error().message;
+  }
+
+  LessonObserver observer_;
+  TempFolder folder_;
+  sigset_t signals_{};
+  StationOptions options_;
+  std::unique_ptr<StationHome> home_;
+  std::unique_ptr<StationRun> run_;
+};
+
+TEST_F(LessonFetchTest, offLineAnExamHasAsManyAttemptsAsWereLeft) {
+  keep("ball", true);
+  keepStandings(2);
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    const Status prepared = prepare();
+    ASSERT_TRUE(prepared.ok()) << prepared.error().message;
+  }
+  EXPECT_EQ(refusal(), "\"The ball\": no attempt is left; ask the instructor");
+}
+
+TEST_F(LessonFetchTest, offLineAnExamIsForThoseOfWhomTheStationKnowsThatTheyHaveIt) {
+  keep("ball", true);
+  EXPECT_THAT(refusal(), HasSubstr("this station does not know that it is assigned to you"));
+  keepStandings(1);
+  for (const char* name : {"zoe", "guest", "eve"}) {
+    options_.trainee = name;
+    EXPECT_THAT(refusal(), HasSubstr("\"The ball\" is only for those to whom it is assigned")) << name;
+  }
+  options_.trainee = "tom";
+  EXPECT_TRUE(prepare().ok());
+}
+
+TEST_F(LessonFetchTest, offLineAnExamGoesOnInItsOrder) {
+  keep("ball", true);
+  keep("box", true);
+  keepStandings(1);
+  options_.exercise = "box";
+  EXPECT_THAT(refusal(), HasSubstr("still locked"));
+  options_.exercise = "ball";
+  ASSERT_TRUE(prepare().ok());
+  options_.exercise = "box";
+  EXPECT_TRUE(prepare().ok()) << "the one before was taken here";
+}
+
+TEST_F(LessonFetchTest, offLineOtherLessonsAreForAllWithoutACount) {
+  keep("ball", false);
+  for (int attempt = 0; attempt < 2; ++attempt) EXPECT_TRUE(prepare().ok());
+}
+
+TEST_F(LessonFetchTest, whatNeedsTheServerIsSaidInTheWordsOfALab) {
+  options_.exercise = "never-fetched";
+  EXPECT_EQ(refusal(), "The server cannot be reached, and no lesson is kept here: ask the instructor.");
+  keep("ball", false);
+  keep("box", true);
+  EXPECT_EQ(refusal(),
+            "The server cannot be reached. These lessons are kept here: \"The ball\". Others need the "
+            "server: ask the instructor.");
+  keepStandings(1);  // ball is of the exam now, by what the server said last
+  EXPECT_EQ(refusal(),
+            "The server cannot be reached. These lessons are kept here: \"The ball\", \"The box\". Others "
+            "need the server: ask the instructor.");
+  for (int i = 0; i < 9; ++i) keep("x" + std::to_string(i), false);
+  EXPECT_THAT(refusal(), HasSubstr("\"The x5\" and 3 more. Others need"));
+  options_.servers.clear();
+  EXPECT_THAT(refusal(), HasSubstr("This station has no server. These lessons are kept here: "));
+}
+
+}  // namespace
+}  // namespace needlelab::test

@@ -1,0 +1,156 @@
+// How large the letters of the trainee's window are on a 24-inch monitor at 2 m, by the fonts that each word
+// was drawn in, and that what is shown has room in the window.
+#include <gmock/gmock.h>
+#include <imgui/imgui.h>
+#include <imgui/imgui_internal.h>
+
+#include <cmath>
+#include <string>
+
+#include "common/scoring/measures.h"
+#include "tests/unit/client/station/window/drawn_letters.h"
+#include "tests/unit/client/station/window/stage.h"
+
+namespace needlelab::test {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::MatchesRegex;
+using testing::Not;
+
+struct Resolution {
+  int width_px, height_px;
+};
+
+class LettersOnAMonitor : public TraineeStage, public testing::WithParamInterface<Resolution> {
+ protected:
+  LettersOnAMonitor() {
+    options_.width_px = GetParam().width_px;
+    options_.height_px = GetParam().height_px;
+    options_.viewing = Viewing{24 * 0.0254, 2};
+  }
+
+  /// By geometry: the diagonal has so many pixels.
+  static double arcminOf(double height_px) {
+    const double pixel_m = 24 * 0.0254 / std::hypot(GetParam().width_px, GetParam().height_px);
+    return std::atan(height_px * pixel_m / 2) * 180 * 60 / std::acos(-1.0);
+  }
+  /// Of a capital letter, less the part of a pixel that its outline may be shorter.
+  static double arcminOf(Letters letters) {
+    const bool bold = letters == Letters::kHeading || letters == Letters::kFigure;
+    const double share = capitalHeight(bold ? "/usr/share/fonts/truetype/dejavu/DejaVuSans-Bold.ttf"
+                                            : "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf") -
+                         0.001;
+    return arcminOf(share * static_cast<double>(fontOf(letters)->FontSize));
+  }
+  DrawnLetters drawn() {
+    picture(5);
+    const DrawnLetters letters;
+    EXPECT_FALSE(letters.scaled());
+    return letters;
+  }
+  /// Of all windows of the last frame whose name contains this: none has more in it than it shows, or reaches
+  /// out of the window.
+  static void expectRoom(const std::string& name) {
+    int windows = 0;
+    for (const ImGuiWindow* window : ImGui::GetCurrentContext()->Windows) {
+      if (!window->Active || std::string(window->Name).find(name) == std::string::npos) continue;
+      ++windows;
+      EXPECT_LE(window->ScrollMax.y, 0.5F) << window->Name;
+      EXPECT_LE(window->ScrollMax.x, 1.0F) << window->Name;
+      EXPECT_LE(window->Pos.y + window->Size.y, ImGui::GetIO().DisplaySize.y + 0.5F) << window->Name;
+    }
+    EXPECT_GT(windows, 0) << name;
+  }
+};
+
+TEST_P(LettersOnAMonitor, haveTheirAngles) {
+  showLesson(2.4);
+  picture(2);
+  EXPECT_GE(arcminOf(Letters::kFigure), 16);
+  EXPECT_GE(arcminOf(Letters::kHeading), 16);
+  EXPECT_GE(arcminOf(Letters::kBody), 10);
+  EXPECT_GE(arcminOf(Letters::kSmall), 10);
+}
+
+TEST_P(LettersOnAMonitor, aLessonsFiguresStateAndTimeAreTheLargeOnesAndAllHasRoom) {
+  showLesson(2.4, usualAids(), true);
+  const DrawnLetters letters = drawn();
+  EXPECT_THAT(letters.in(Letters::kFigure), MatchesRegex("[0-9]\\.[0-9][0-9]+\\.[0-9]"))
+      << "force, insertion";
+  EXPECT_THAT(letters.in(Letters::kHeading),
+              AllOf(HasSubstr("0:58left"), HasSubstr("goingin"), HasSubstr("inmuscle")));
+  EXPECT_THAT(letters.all(),
+              AllOf(HasSubstr("StationOK"), HasSubstr("forceonthehand"), HasSubstr("force,N")));
+  for (const char* engineering : {"1000Hz", "missed", "chunk", "α"})
+    EXPECT_THAT(letters.all(), Not(HasSubstr(engineering)));
+  expectRoom("lesson");
+  press(screen(), GLFW_KEY_I);
+  EXPECT_THAT(drawn().all(), AllOf(HasSubstr("loop1000Hz:99%within45µs,0missed"), HasSubstr("tiltlimitα"),
+                                   HasSubstr("Shift")));
+  expectRoom("details");
+  press(screen(), GLFW_KEY_I);
+  EXPECT_THAT(drawn().all(), Not(HasSubstr("1000Hz")));
+}
+
+TEST_P(LettersOnAMonitor, whatAnInstructorSaysIsLarge) {
+  showLesson(2.4);
+  board_.change([](BoardState& state) {
+    state.messages = {{"ines", "Good. A little slower near the bursa, and keep the needle upright.",
+                       1'700'000'000'000'000'000, 2}};
+  });
+  EXPECT_THAT(drawn().in(Letters::kHeading),
+              HasSubstr("Good.Alittleslowernearthebursa,andkeeptheneedleupright."));
+}
+
+TEST_P(LettersOnAMonitor, anAlarmIsLarge) {
+  showLesson(2.4);
+  standing_.fault = Fault::kTipTooFast;
+  board_.status(standing_);
+  EXPECT_THAT(drawn().in(Letters::kHeading), AllOf(HasSubstr("Theforcewastakenaway"),
+                                                   HasSubstr("Taketheneedleoutofthetissue,thenpressEnter")));
+  expectRoom("overlay");
+}
+
+TEST_P(LettersOnAMonitor, theVerdictIsLargeAndByHowMuchItMissed) {
+  showLesson(6);
+  picture(2);
+  auto outcome = std::make_shared<LessonOutcome>();
+  pb::Exercise exercise;
+  exercise.add_requirements()->set_measure("time_at_target_s");
+  exercise.mutable_requirements(0)->set_min(9);
+  outcome->summary.score_json =
+      scoreJson(scoreGesture(sample_.samples, 1000, sample_.profile, {}, &exercise));
+  outcome->summary.score_source = "server";
+  outcome->summary.exercise = "shoulder-bursa";
+  outcome->summary.miss = Miss{Miss::At::kFurthest, false, 0.0021, 0.0039, true, {"towards the head"}};
+  board_.change([&](BoardState& state) {
+    state.stage = Stage::kEnd;
+    state.outcome = outcome;
+    state.choice = {"tom", "shoulder-bursa", false};
+  });
+  EXPECT_THAT(drawn().in(Letters::kHeading), AllOf(HasSubstr("Notpassed:1of1requirementsisnotmet"),
+                                                   HasSubstr("Missedby2.1mmtowardsthehead,3.9mmtoodeep.")));
+  expectRoom("end");
+}
+
+TEST_P(LettersOnAMonitor, theStartHasRoomForItsHeadings) {
+  showStart();
+  EXPECT_THAT(drawn().in(Letters::kHeading),
+              AllOf(HasSubstr("Who"), HasSubstr("What"), HasSubstr("Thisstation")));
+  expectRoom("start");
+  board_.change([](BoardState& state) {
+    state.server = "server away, 3 chunks wait";
+    state.server_away = true;
+  });
+  EXPECT_THAT(drawn().all(), AllOf(HasSubstr("Theserverisaway"), Not(HasSubstr("chunks"))));
+}
+
+INSTANTIATE_TEST_SUITE_P(Resolutions, LettersOnAMonitor,
+                         testing::Values(Resolution{1280, 720}, Resolution{1920, 1080},
+                                         Resolution{2560, 1440}, Resolution{3840, 2160}),
+                         [](const auto& of) { return std::to_string(of.param.height_px); });
+
+}  // namespace
+}  // namespace needlelab::test
