@@ -38,7 +38,7 @@ quietly() {
 practises() {
   local station=$1 trainee=$2 skill=$3 child='' exercise
   shift 3
-  trap '' INT  # a terminal's Ctrl+C goes to everybody; this one is told by TERM, while the server is still there
+  trap '' INT  # Ctrl+C in a terminal reaches all processes; this one is ended by TERM, while the server is still there
   trap '[ -z "$child" ] || { kill "$child" 2>/dev/null || true; wait "$child" || true; }; exit 0' TERM
   while :; do
     for exercise; do

@@ -1,14 +1,14 @@
 # deploy/demo --faculty: two servers on one database, one of which is killed in mid-lesson; sourced by deploy/demo.
 # shellcheck shell=bash
 # Needs bin, root. A primary of PostgreSQL with a synchronous standby, NATS, servers a and b, eight stations (four at each server),
-# an instructor at b who watches a station at a. Nothing of it runs as root: where the demo does, they run as the user postgres.
+# an instructor at b who watches a station at a. Nothing runs as root: if the demo does, the parts run as the user postgres.
 
 declare -A running=()            # name: process
-as=() place='' sockets='' out='' # how to be the services' user; their folder; that of PostgreSQL's sockets; what stays
+as=() place='' sockets='' out='' # how to become the services' user; their folder; that of PostgreSQL's sockets; what is kept
 at_a='' at_b='' at_nats='' ca='' # where the servers and NATS listen; the lab's authority
 pg=/usr/lib/postgresql/15/bin nats=''
 
-cluster_stops() { # NAME: at once, because nothing of it is kept
+cluster_stops() { # NAME: at once, because nothing is kept
   [ ! -f "$place/$1/postmaster.pid" ] || "${as[@]}" "$pg/pg_ctl" -D "$place/$1" -m immediate -w -t 30 stop >/dev/null 2>&1
 }
 
@@ -128,7 +128,7 @@ faculty_place() {
   # a socket's path has at most 107 bytes
   sockets=$(mktemp -d /tmp/needlelab-sockets-XXXXXX)
   [ -z "$user" ] || chown "$user": "$sockets"
-  # no folder is entered that is closed to the services' user
+  # does not enter a folder that is closed to the services' user
   cd /
   "${as[@]}" mkdir "$place/home" "$place/results"
   if ! "${as[@]}" test -x "$bin/needlelab-server"; then
@@ -139,10 +139,10 @@ faculty_place() {
   fi
 }
 
-# PostgreSQL: two clusters as on two machines. A COMMIT is answered when both have it on disk; what is made before the first one need not be.
+# PostgreSQL: two clusters as on two machines. A COMMIT is answered when both have it on disk; data made before the first one need not be.
 faculty_database() {
   quietly "${as[@]}" "$pg/initdb" -D "$place/primary" -U postgres -A trust -E UTF8 --locale=C --data-checksums --no-sync
-  # the clusters' folders are the services' user's, and nobody else reaches the sockets. When a row was committed is asked at the end
+  # the clusters' folders belong to the services' user, who alone reaches the sockets. The end of the demo asks when a row was committed
   "${as[@]}" tee -a "$place/primary/postgresql.conf" >/dev/null <<TEXT
 listen_addresses = ''
 unix_socket_directories = '$sockets'
@@ -203,7 +203,7 @@ faculty_listens() { # SERVER
   [ -s "$place/$1.port" ]
 }
 
-# the lessons: station, trainee, exercise. The first four go to server a, as long as it lives
+# the lessons: station, trainee, exercise. The first four use server a while it lives
 faculty_lessons() {
   cat <<'TABLE'
 station-1 anna knee-recess
@@ -218,10 +218,10 @@ TABLE
 }
 readonly watched=station-2
 
-all_store() { # every station has a session of which at least two chunks are stored
+all_store() { # every station has a session with at least two stored chunks
   says primary "SELECT count(*) FROM needlelab.sessions s WHERE (SELECT count(*) FROM needlelab.chunks c WHERE c.session = s.number) > 1" 8
 }
-# the four of server a log in at b, and b stores of each of them; by the times of PostgreSQL's commits
+# the four stations of server a log in at b, and b stores data from each; by the times of PostgreSQL's commits
 readonly moved="SELECT k.station, k.since_unix_ns, min(c.stored) FILTER (WHERE c.stored > to_timestamp(k.since_unix_ns / 1e9)) AS again
   FROM needlelab.station_claims k JOIN needlelab.sessions s ON s.station = k.station
     JOIN (SELECT session, pg_xact_commit_timestamp(xmin) AS stored FROM needlelab.chunks) c ON c.session = s.number
@@ -230,7 +230,7 @@ all_moved() { says primary "SELECT count(again) FROM ($moved) AS m" 4; }
 
 frames() { grep -c '"type":"update"' "$out/watch.log" || true; }
 lost_at_b() { cat "$out"/station-[5-8].log | grep -c ' is lost (' || true; }
-frames_since() { # UNIX_S [COUNT]: so many frames came after it
+frames_since() { # UNIX_S [COUNT]: this many frames came after it
   awk -v since="$1" -v wanted="${2:-1}" '/"type":"update"/ && $1 > since && ++n >= wanted { found = 1; exit } END { exit !found }' "$out/watch.log"
 }
 field() { sed -n "s/.*\"$2\": *\"\{0,1\}\([0-9A-Za-z-]*\).*/\1/p" "$1" | head -n 1; } # FILE KEY: of a summary
@@ -390,7 +390,7 @@ faculty_demo() {
 
   say "everything ends"
   ends server-b || in_vain "server b did not stop cleanly"
-  ends nats || true # it ends with 1 when it is told to
+  ends nats || true # it ends with 1 when asked to end
   cluster_stops primary || in_vain "PostgreSQL did not stop"
   faculty_end
   trap - EXIT INT TERM HUP
@@ -413,6 +413,6 @@ faculty_demo() {
       sessions.txt, check.txt, *.json   what is stored; what each station says
       server-a.log, server-b.log, station-*.log, primary.log, standby.log, nats.log
     Nothing runs any more; database and keys of this demo are removed.
-  Your own: deploy/OPERATIONS.md, "A database on PostgreSQL"; configuration and units in deploy/faculty.
+  Your own: deploy/FACULTY.md, "A database on PostgreSQL"; configuration and units in deploy/faculty.
 TEXT
 }

@@ -9,8 +9,8 @@ started=$(date +%s)
 say() { printf '\n== %s  [%s s]\n' "$*" "$(($(date +%s) - started))"; }
 die() { printf '%s: %s\n' "$(basename "$0")" "$*" >&2; exit 1; }
 
-# build PRESET [TARGET ...]: configures when needed and builds; prints compiler output only when something is wrong.
-# `demo` is `release` without its tests, in the same folder: where release is configured with its tests, that is kept.
+# build PRESET [TARGET ...]: configures if needed and builds; prints compiler output only if something is wrong.
+# `demo` is `release` without its tests, in the same folder; a folder configured as release with its tests stays so.
 build() {
   local preset=$1 folder=$1; shift
   if [ "$preset" = demo ]; then
@@ -19,7 +19,7 @@ build() {
   fi
   local log=$root/build/$folder.log
   mkdir -p "$root/build"
-  # with another compiler than before CMake forgets the preset's other variables
+  # with a new compiler, CMake forgets the preset's other variables
   (cd "$root" && cmake --preset "$preset" >"$log" 2>&1 &&
     { ! grep -q 'require your cache to be deleted' "$log" || cmake --preset "$preset" >"$log" 2>&1; }) || { tail -30 "$log"; die "cmake --preset $preset failed; the whole log is $log"; }
   local targets=()
@@ -31,7 +31,7 @@ build() {
   fi
 }
 
-# set_up yes|no [ARGUMENT ...]: installs what is missing, with `no` only names it
+# set_up yes|no [ARGUMENT ...]: installs what is missing; with `no`, only names it
 set_up() {
   local install=$1; shift
   if [ "$install" = yes ]; then

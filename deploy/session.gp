@@ -1,5 +1,5 @@
 # A recorded session as a picture. usage: gnuplot -e "csv='session.csv'; png='session.png'" deploy/session.gp
-# `hand`, where it is given, says whose hand it was: "simulated hand, no person".
+# `hand`, if given, says whose hand it was: "simulated hand, no person".
 if (!exists('hand')) hand = ''
 set terminal pngcairo size 1200,900 font 'DejaVu Sans,11'
 set output png
@@ -10,7 +10,7 @@ set border 3 lc rgb '#606a75'
 set tics nomirror
 set lmargin 11
 set rmargin 22
-# each axis spans at least what the windows' plots do (client/view/model/plot.cpp): noise looks like noise
+# each axis spans at least as much as in the windows' plots (client/view/model/plot.cpp), so that noise looks like noise
 least_depth_mm = 10
 least_force_N = 2
 do for [axis in 'x y z'] { stats csv using (column('p'.axis.'_m')*1e3) name axis nooutput }

@@ -6,8 +6,8 @@
 #include <string>
 
 #include "common/base/secret.h"
-#include "common/base/text.h"
-#include "common/base/uuid.h"
+#include "common/base/text/text.h"
+#include "common/base/text/uuid.h"
 
 namespace needlelab {
 namespace {
@@ -19,8 +19,7 @@ Error invalid(const std::string& field, const std::string& why) {
 /// Checks a pose: x y z qx qy qz qw, or empty.
 Status checkPose(const std::string& field, const google::protobuf::RepeatedField<double>& pose) {
   if (pose.empty()) return {};
-  if (pose.size() != 7)
-    return invalid(field, fmt::format("has {} numbers, allowed are none or 7", pose.size()));
+  if (pose.size() != 7) return invalid(field, fmt::format("has {} numbers, allowed are 0 or 7", pose.size()));
   for (const double number : pose) {
     if (!std::isfinite(number)) return invalid(field, "holds a number that is not finite");
   }
@@ -65,7 +64,7 @@ Status checkDescription(const pb::SessionDescription& d) {
     if (!check) return std::move(check);
   }
   if (!std::isfinite(d.rate_hz()) || d.rate_hz() <= 0 || d.rate_hz() > 40'000) {
-    // the fastest loop that a station runs (kMaxRateHz of common/haptics/limits.h)
+    // a station's fastest loop (kMaxRateHz in common/haptics/scene_spec.h)
     return invalid("rate_hz", fmt::format("{:f}, allowed is above 0 to 40000", d.rate_hz()));
   }
   if (d.started_unix_ns() <= 0)

@@ -14,7 +14,7 @@
 #include "common/base/program.h"
 #include "common/base/secret.h"
 #include "common/wire/protocol.h"
-#include "db/encrypted_backup.h"
+#include "db/backup/encrypted_backup.h"
 #include "server/base/log.h"
 #include "server/nats/nats_address.h"
 #include "server/server.h"
@@ -111,7 +111,7 @@ int main(int argc, char** argv) try {
       ->check(CLI::Range(0u, 8760u))
       ->capture_default_str();
   app.add_option("--max-connections", options.max_connections,
-                 "Connections at once; when more come, whoever has the most loses one")
+                 "Connections at once; beyond that, whoever has the most of them loses one")
       ->check(CLI::Range(std::size_t{1}, std::size_t{100'000}))
       ->capture_default_str();
   app.add_option(
@@ -123,9 +123,8 @@ int main(int argc, char** argv) try {
                  "The NATS that connects the lab's servers for live views: nats://HOST:PORT or "
                  "tls://HOST:PORT, several separated by commas. Without it: the lab has one server")
       ->type_name("URL");
-  app.add_option(
-         "--live-ca", options.live.nats.ca,
-         "Who may sign the NATS servers' certificates, with tls://; without it: whom the system trusts")
+  app.add_option("--live-ca", options.live.nats.ca,
+                 "Authority of the NATS servers' certificates, with tls://; default: the system's")
       ->type_name("FILE");
   app.add_option("--live-user", options.live.nats.user,
                  "File of this server's user at NATS: lines 'user = NAME' and 'password = TEXT', or NATS's "
@@ -168,7 +167,7 @@ int main(int argc, char** argv) try {
   options.backup_key = needlelab::backupKeyFile(options.backup_key);
   if (!options.live.nats.address.empty())
     options.live.nats.user = needlelab::natsUserFile(options.live.nats.user);
-  // with the default web port, a second server on the machine runs without it and needs no option
+  // if the default web port is taken, e.g. by a second server on the machine, run without it
   options.web_optional = web->count() == 0;
   options.retention_every = std::chrono::hours(retention_every_h);
   options.monitor.max_backup_age = std::chrono::seconds(static_cast<std::int64_t>(max_backup_age_h * 3600));
@@ -185,7 +184,8 @@ int main(int argc, char** argv) try {
   if (!server.ok()) return fail(server.error());
   return (*server)->run();
 } catch (const std::exception& error) {
-  // out of memory or threads: report it in one line; unacknowledged data is still in the stations' spools
+  // e.g. out of memory or threads: report it in one line; unacknowledged data is still in the stations'
+  // spools
   std::fprintf(stderr, "needlelab-server: %s\n", error.what());
   return needlelab::kExitFailed;
 }

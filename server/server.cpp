@@ -10,20 +10,20 @@
 #include <optional>
 #include <utility>
 
-#include "common/base/clock.h"
-#include "common/base/files.h"
-#include "common/base/text.h"
-#include "common/base/uuid.h"
-#include "db/schema.h"
+#include "common/base/files/files.h"
+#include "common/base/text/text.h"
+#include "common/base/text/uuid.h"
+#include "common/base/time/clock.h"
+#include "db/store/schema.h"
 #include "server/base/listen.h"
 #include "server/base/log.h"
-#include "server/live/connection.h"
-#include "server/live/logins_in_store.h"
-#include "server/live/remote_access.h"
-#include "server/live/request_effects.h"
-#include "server/live/startup.h"
+#include "server/live/limits/startup.h"
+#include "server/live/port/connection.h"
+#include "server/live/port/remote_access.h"
+#include "server/live/port/request_effects.h"
 #include "server/server_parts.h"
 #include "server/service_manager.h"
+#include "server/together/logins_in_store.h"
 
 namespace needlelab {
 namespace {
@@ -44,8 +44,8 @@ void logDurability(Durability durability, const std::string& reason) {
 
 Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   ASSIGN_OR_RETURN(auto endpoint, resolveListen(options.listen));
-  auto parts = std::make_unique<Parts>(std::move(options));
-  Parts& p = *parts;
+  auto parts = std::make_unique<ServerParts>(std::move(options));
+  ServerParts& p = *parts;
   if (LiveServersOptions& live = p.options.live; !live.nats.address.empty()) {
     if (live.name.empty() && p.options.together) {
       ASSIGN_OR_RETURN(live.name, serverNameOf(p.options.data));
@@ -56,11 +56,11 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
     p.options.hub.server_name = live.name;
   }
 
-  // a peer leaves a server that is silent for three times this, where it knows another one
+  // a peer that knows another server leaves one that is silent for three times this long
   if (p.options.together)
     p.options.limits.keepalive = std::min(p.options.limits.keepalive, kKeepaliveTogether);
 
-  // the port first: when it is taken, nothing on disk has changed
+  // the port first: if it is taken, nothing on disk has changed
   ASSIGN_OR_RETURN(auto acceptor, p.options.listen_fd >= 0 ? listenOnHandedOver(p.io, p.options.listen_fd)
                                                            : listenOn(p.io, endpoint, p.options.listen));
   RETURN_IF_ERROR(checkClock(wallNowNs() / 1'000'000'000));
@@ -82,7 +82,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   store_options.writer.on_durability = logDurability;
   store_options.writer.on_lack = [raw = parts.get()](const std::string& text) {
     logEvent(LogLevel::kError, "acknowledged_missing", {{"text", text}});
-    // a station asks on a new connection what the server has, and sends the rest
+    // on a new connection, a station asks what the server has and sends the rest
     asio::post(raw->io, [raw] {
       const auto all = raw->context->connections;
       for (const auto& [id, connection] : all) connection->cut("the database lacks what was acknowledged");
@@ -135,28 +135,27 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   p.certificate_sha256 = certificate.sha256;
 
   p.options.admission.max_connections = p.options.max_connections;
-  p.context.emplace(ServerContext{.io = p.io,
-                                  .store = *p.store,
-                                  .passwords = p.passwords,
-                                  .logins = p.logins,
-                                  .parsers = p.parsers,
-                                  .workers = p.workers,
-                                  .closers = p.closers,
-                                  .views = p.views,
-                                  .slow_workers = p.slow_workers,
-                                  .retention_workers = p.retention_workers,
-                                  .bounds = p.options.bounds,
-                                  .hub = Hub(p.options.hub),
-                                  .login = {},
-                                  .counters = {},
-                                  .admission = Admission(p.options.admission),
-                                  .disk_room = DiskRoom(p.options.min_free_bytes),
-                                  .quotas = StationQuotas(p.options.quotas),
-                                  .shares = PeopleShares(p.options.shares),
-                                  .handshakes = HandshakeTurns(p.options.handshakes),
-                                  .claims_as = p.store->togetherAs(),
-                                  .acks_are_safe = p.options.least_durability >= Durability::kDiskLoss,
-                                  .connections = {}});
+  p.state.reset(new ServerState{.store = *p.store,
+                                .work = {.io = p.io,
+                                         .passwords = p.passwords,
+                                         .logins = p.logins,
+                                         .parsers = p.parsers,
+                                         .workers = p.workers,
+                                         .closers = p.closers,
+                                         .views = p.views,
+                                         .slow_workers = p.slow_workers,
+                                         .retention_workers = p.retention_workers},
+                                .limits = {.io = p.io,
+                                           .bounds = p.options.bounds,
+                                           .admission = Admission(p.options.admission),
+                                           .disk_room = DiskRoom(p.options.min_free_bytes),
+                                           .quotas = StationQuotas(p.options.quotas),
+                                           .shares = PeopleShares(p.options.shares),
+                                           .handshakes = HandshakeTurns(p.options.handshakes)},
+                                .hub = Hub(p.options.hub),
+                                .together = {.claims_as = p.store->togetherAs()},
+                                .acks_are_safe = p.options.least_durability >= Durability::kDiskLoss});
+  p.context = &p.state->context;
   p.beginLogins();
   p.noteRoom(p.lookAtRoom());
   if (p.carrier) RETURN_IF_ERROR(p.startRemote());
@@ -171,11 +170,11 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
       logEvent(LogLevel::kWarning, "no_web", {{"text", started.error().message}});
     }
   }
-  // before the server is visible: run() handles a signal that arrives before it
+  // before the server is visible; run() handles a signal that arrives before it is called
   if (p.options.handle_signals) {
     p.signals.add(SIGTERM);
     p.signals.add(SIGINT);
-    p.signals.add(SIGHUP);  // its terminal was closed
+    p.signals.add(SIGHUP);  // the terminal was closed
   }
   if (!p.options.port_file.empty()) {
     const std::string text = fmt::format("{}\n", p.port);
@@ -190,18 +189,18 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   return std::unique_ptr<Server>(new Server(std::move(parts)));
 }
 
-void Server::Parts::beginLogins() {
+void ServerParts::beginLogins() {
   SharedLogins* const shared = store->logins();
   if (shared == nullptr) {
     const auto holds = [&service = store->service()](const Principal& who) {
-      return service.stillAllowed(who);
+      return service.logins().stillAllowed(who);
     };
-    context->login = std::make_unique<LoginsInMemory>(
+    context->logins.state = std::make_unique<LoginsInMemory>(
         holds, LoginGuard(options.guard), Tokens({.lifetime = options.token_lifetime}), *options.token_time);
     return;
   }
-  context->login = std::make_unique<LoginsInStore>(
-      LoginsInStore::Uses{io, *context->logins_in_turn, store->readers(), *shared},
+  context->logins.state = std::make_unique<LoginsInStore>(
+      LoginsInStore::Uses{io, *context->work.logins_in_turn, store->readers(), *shared},
       LoginsInStore::Settings{.guard = options.guard, .lifetime = options.token_lifetime},
       *options.token_time);
   AccessListener::Tell tell;
@@ -215,17 +214,17 @@ void Server::Parts::beginLogins() {
     else
       logEvent(LogLevel::kWarning, "access_not_heard", {{"text", fault}});
   };
-  context->access_listener = std::make_unique<AccessListener>(store->accessFeed(), shared->server(),
-                                                              options.access, std::move(tell));
-  context->access_listener->start();
+  context->together.access_listener = std::make_unique<AccessListener>(store->accessFeed(), shared->server(),
+                                                                       options.access, std::move(tell));
+  context->together.access_listener->start();
 }
 
-Status Server::Parts::startRemote() {
+Status ServerParts::startRemote() {
   const LiveServersOptions& live = options.live;
   std::string id;
   {
     ASSIGN_OR_RETURN(auto reader, store->readers().borrow());
-    // several servers work on one database only where it is on PostgreSQL
+    // several servers work on one database only with PostgreSQL
     if (reader->sqlite() == nullptr) {
       ASSIGN_OR_RETURN(auto found, MetaStore(*reader).get(kLabKey));
       id = std::move(found).value_or("");
@@ -245,13 +244,13 @@ Status Server::Parts::startRemote() {
     settings.instance = settings.instance << 8 | drawn[drawn.size() - 1 - i];
   remote = std::make_unique<RemoteLive>(context->hub, *carrier, std::move(settings));
   remote->deliverBy(deliverForOthers(*context));
-  context->remote = remote.get();
+  context->together.remote = remote.get();
   carrier->start(*remote, lab, live.name);
   logEvent(LogLevel::kInfo, "live", {{"nats", live.nats.address}, {"lab", lab}, {"name", live.name}});
   return {};
 }
 
-Status Server::Parts::startMonitor() {
+Status ServerParts::startMonitor() {
   if (options.metrics.empty()) return {};
   // a port without a host means localhost, because the metrics are not public
   std::string where = options.metrics;
@@ -274,11 +273,11 @@ Status Server::Parts::startMonitor() {
   return {};
 }
 
-Server::Server(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
+Server::Server(std::unique_ptr<ServerParts> parts) : parts_(std::move(parts)) {}
 
 Server::~Server() {
-  Parts& p = *parts_;
-  if (p.context && p.context->access_listener) p.context->access_listener->stop();
+  ServerParts& p = *parts_;
+  if (p.context && p.context->together.access_listener) p.context->together.access_listener->stop();
   if (p.carrier) p.carrier->stop();
   // running work posts its results to io, which no longer runs
   for (asio::thread_pool* pool : {&p.passwords, &p.logins, &p.parsers, &p.workers, &p.closers, &p.views,
@@ -289,7 +288,7 @@ Server::~Server() {
 }
 
 int Server::run() {
-  Parts& p = *parts_;
+  ServerParts& p = *parts_;
   asio::co_spawn(
       p.io,
       acceptLoop(*p.acceptor, "accept_failed", [&p](Tcp::socket socket) { p.accepted(std::move(socket)); }),
@@ -305,11 +304,11 @@ int Server::run() {
   asio::co_spawn(p.io, p.hangUpLoop(), rethrow);
   asio::co_spawn(p.io, p.linesLoop(), rethrow);
   if (p.options.together) asio::co_spawn(p.io, p.erasuresLoop(), rethrow);
-  if (p.context->access_listener) asio::co_spawn(p.io, p.accessLoop(), rethrow);
+  if (p.context->together.access_listener) asio::co_spawn(p.io, p.accessLoop(), rethrow);
   if (p.remote) asio::co_spawn(p.io, p.remoteLoop(), rethrow);
   p.io.run();
   if (p.carrier) p.carrier->stop();
-  p.context->lines.sayLeftOut(INT64_MAX);
+  p.context->limits.lines.sayLeftOut(INT64_MAX);
   p.context->clock_offsets.sayLeftOut(INT64_MAX);
   // all connections have ended; the writer commits its queue before it ends
   p.store->stopWriting();
@@ -326,12 +325,12 @@ void Server::stop() {
   asio::post(parts_->io, [raw = parts_.get()] { raw->beginStop("the server is shutting down"); });
 }
 
-void Server::Parts::accepted(Tcp::socket socket) {
+void ServerParts::accepted(Tcp::socket socket) {
   boost::system::error_code gone;
   const auto peer = socket.remote_endpoint(gone);
   if (gone) return;
   const std::uint64_t id = next_id++;
-  const auto arrival = context->admission.arrive(id, peer.address().to_string(), steadyNowNs());
+  const auto arrival = context->limits.admission.arrive(id, peer.address().to_string(), steadyNowNs());
   if (arrival.answer != Admission::Answer::kWelcome) {
     refuseConnection(peer.address().to_string());
     return;  // closes the socket
@@ -345,7 +344,7 @@ void Server::Parts::accepted(Tcp::socket socket) {
   asio::co_spawn(io, PeerConnection::run(connection), PeerConnection::endsAlone(connection));
 }
 
-void Server::Parts::refuseConnection(const std::string& host) {
+void ServerParts::refuseConnection(const std::string& host) {
   ++context->counters.connections_refused;
   // a flood must not fill the disk with log lines: one line a second, with the number of refused connections
   ++refused_unlogged;
@@ -356,15 +355,15 @@ void Server::Parts::refuseConnection(const std::string& host) {
   }
 }
 
-Task<> Server::Parts::signalLoop() {
-  if (stopping) co_return;  // stop() came before run() and its cancellation had no effect here
+Task<> ServerParts::signalLoop() {
+  if (stopping) co_return;  // stop() came before run(), so its cancellation had no effect here
   auto [error, signal] = co_await signals.async_wait(kUseTuple);
   if (error) co_return;
   logEvent(LogLevel::kInfo, "signal", {{"number", signal}});
   beginStop("the server is shutting down");
 }
 
-void Server::Parts::beginStop(const std::string& reason) {
+void ServerParts::beginStop(const std::string& reason) {
   if (std::exchange(stopping, true)) return;
   logEvent(LogLevel::kInfo, "stopping", {{"reason", reason}, {"connections", context->connections.size()}});
   context->stopping = true;
@@ -389,14 +388,11 @@ void Server::Parts::beginStop(const std::string& reason) {
   if (remote) remote->leave();
   store->service().stopRetention();
   const auto all = context->connections;
-  for (const auto& [id, connection] : all) {
-    asio::co_spawn(io, PeerConnection::shutDown(connection->shared_from_this(), reason),
-                   PeerConnection::endsAlone(connection->shared_from_this()));
-  }
+  for (const auto& [id, connection] : all) connection->shutDown(reason);
   asio::co_spawn(io, drainLoop(), rethrow);
 }
 
-Task<> Server::Parts::drainLoop() {
+Task<> ServerParts::drainLoop() {
   const auto end = std::chrono::steady_clock::now() + options.drain;
   const auto all_gone = [this] { return context->connections.empty() && (!web || web->idle()); };
   while (!all_gone() && std::chrono::steady_clock::now() < end) {
@@ -425,7 +421,7 @@ Store& Server::store() {
 }
 const ServerCounters& Server::counters() const {
   ServerContext& context = *parts_->context;
-  context.counters.most_reply_bytes = context.replies.mostTaken();
+  context.counters.most_reply_bytes = context.in_flight.replies.mostTaken();
   return context.counters;
 }
 const WebCounters& Server::webCounters() const {

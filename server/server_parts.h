@@ -1,5 +1,5 @@
-/// The objects of one server, for server.cpp (start, run, end) and server_upkeep.cpp (what it does by the
-/// clock). Private to this folder.
+/// The objects of one server, for server.cpp (start, run, end) and server_upkeep.cpp (periodic work). Private
+/// to this folder.
 #pragma once
 
 #include <boost/asio/signal_set.hpp>
@@ -17,12 +17,12 @@
 #include "common/wire/certificates.h"
 #include "common/wire/tls.h"
 #include "common/wire/tls_folder.h"
-#include "server/live/context.h"
-#include "server/live/disk_room.h"
-#include "server/live/monitor.h"
-#include "server/live/remote_live.h"
+#include "server/live/limits/disk_room.h"
+#include "server/live/monitor/monitor.h"
+#include "server/live/port/server_state.h"
 #include "server/nats/nats_carrier.h"
-#include "server/server.h"
+#include "server/server_options.h"
+#include "server/together/remote_live.h"
 
 namespace needlelab {
 
@@ -33,26 +33,27 @@ struct ServerCertificate {
   std::string clock_fault;  ///< clockFault()
 };
 
-/// The certificate of the files, made or renewed if need be. Thread: any.
+/// The certificate in the files, created or renewed if necessary. Thread: any.
 Result<ServerCertificate> currentCertificate(const TlsFiles& files, const CertificateNames& names);
 
 /// Destroyed in reverse order: the pools (joined) before the store, the store (drained) before the
 /// io_context.
-struct Server::Parts {
-  explicit Parts(ServerOptions given) : options(std::move(given)) {}
+struct ServerParts {
+  explicit ServerParts(ServerOptions given) : options(std::move(given)) {}
 
   ServerOptions options;
   asio::io_context io{1};
-  TlsContext tls;  // for connections from now on
+  TlsContext tls;  // for new connections
   TlsFiles files;
   CertificateNames names;
   std::string certificate_sha256;
   std::unique_ptr<Store> store;
-  // of the retention threads, one runs retention; the other answers further requests and makes dry runs
+  // one of the retention threads runs retention; the other answers further requests and makes dry runs
   asio::thread_pool passwords{1}, logins{kLoginThreads}, parsers{1}, workers{kWorkerThreads},
       closers{kCloserThreads}, views{kViewThreads}, slow_workers{kSlowThreads}, retention_workers{2};
   asio::thread_pool room_worker{1};  // looks at the disk, which may hang
-  std::optional<ServerContext> context;
+  std::unique_ptr<ServerState> state;
+  ServerContext* context = nullptr;      // part of state
   std::unique_ptr<NatsCarrier> carrier;  // with --live
   std::unique_ptr<RemoteLive> remote;    // with --live
   std::optional<Tcp::acceptor> acceptor;

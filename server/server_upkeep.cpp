@@ -1,5 +1,5 @@
-// What a server does by the clock: retention, free memory, its certificate, the disk's room, peers who have
-// gone, log lines that were left out, erasures at other servers, systemd's watchdog.
+// A server's periodic work: retention, free memory, the certificate, disk room, clients that have hung up,
+// omitted log lines, erasures at other servers, systemd's watchdog.
 #include <malloc.h>
 
 #include <boost/asio/post.hpp>
@@ -7,20 +7,20 @@
 #include <functional>
 #include <utility>
 
-#include "common/base/clock.h"
-#include "db/retention_store.h"
-#include "db/schema.h"
+#include "common/base/time/clock.h"
+#include "db/erasure/retention_store.h"
+#include "db/store/schema.h"
 #include "server/base/log.h"
-#include "server/live/connection.h"
-#include "server/live/remote_access.h"
-#include "server/live/request_effects.h"
+#include "server/live/port/live_peer.h"
+#include "server/live/port/remote_access.h"
+#include "server/live/port/request_effects.h"
 #include "server/server_parts.h"
 #include "server/service_manager.h"
 
 namespace needlelab {
 namespace {
 
-/// A read-only server believes that somebody made room when so much more is free than at its start.
+/// A read-only server assumes that someone made room when this much more is free than at its start.
 constexpr std::uint64_t kMadeRoom = 8u << 20;
 
 constexpr std::chrono::milliseconds kHangUpPeriod{250};
@@ -34,23 +34,23 @@ Result<ServerCertificate> currentCertificate(const TlsFiles& files, const Certif
   ServerCertificate current;
   ASSIGN_OR_RETURN(current.made, ensureTlsFiles(files, names));
   ASSIGN_OR_RETURN(current.tls, makeServerTls(files.certificate, files.key));
-  // of the context, not of the files: a command may replace them at any time
+  // from the context, not the files: a command may replace them at any time
   ASSIGN_OR_RETURN(const auto facts, shownCertificate(current.tls));
   current.sha256 = facts.sha256;
   current.clock_fault = clockFault(files);
   return current;
 }
 
-Task<> Server::Parts::retentionLoop() {
+Task<> ServerParts::retentionLoop() {
   auto wait = options.retention_first;
-  // beginStop cancels the timer once: a run that ends later must not start it again
+  // beginStop cancels the timer only once, so a run that ends later must not start it again
   while (!stopping) {
     retention_timer.expires_after(std::exchange(wait, options.retention_every));
     co_await retention_timer.async_wait(kUseTuple);
     if (stopping) co_return;
     std::function<Result<std::optional<pb::RetentionReport>>()> work = [this] {
       yieldToOthers();
-      return store->service().dailyRetention();
+      return store->service().retention().daily();
     };
     const auto ran = co_await offload(retention_workers, std::move(work));
     if (!ran.ok()) {
@@ -74,9 +74,9 @@ Task<> Server::Parts::retentionLoop() {
 }
 
 /// Returns free memory to the system. Each burst (many reconnections, a viewer that does not read) takes
-/// memory; afterwards the C library keeps the gaps between live blocks, so that without this the heap would
-/// stay as large as after the largest burst.
-Task<> Server::Parts::heapLoop() {
+/// memory; afterwards the C library keeps the gaps between live blocks, so the heap would stay as large as
+/// after the largest burst.
+Task<> ServerParts::heapLoop() {
   while (!stopping) {
     heap_timer.expires_after(options.heap_every);
     co_await heap_timer.async_wait(kUseTuple);
@@ -85,9 +85,9 @@ Task<> Server::Parts::heapLoop() {
   }
 }
 
-/// Renews the certificate in time and takes one that a technician made (certificates.h). Connections that are
-/// there keep theirs.
-Task<> Server::Parts::certificateLoop() {
+/// Renews the certificate in time and loads one that a technician has made (certificates.h). Existing
+/// connections keep theirs.
+Task<> ServerParts::certificateLoop() {
   std::string fault;
   while (!stopping) {
     certificate_timer.expires_after(options.certificate_every);
@@ -96,7 +96,7 @@ Task<> Server::Parts::certificateLoop() {
     std::function<Result<ServerCertificate>()> work = [this] { return currentCertificate(files, names); };
     const auto now = co_await offload(workers, std::move(work));
     if (stopping) co_return;
-    // once for each fault: the old certificate serves on
+    // log each fault once; the old certificate stays in use
     const std::string text = now.ok() ? now->clock_fault : now.error().message;
     if (std::exchange(fault, text) != text && !text.empty())
       logEvent(LogLevel::kWarning, now.ok() ? "authority_not_valid" : "certificate_not_renewed",
@@ -109,8 +109,8 @@ Task<> Server::Parts::certificateLoop() {
   }
 }
 
-/// Thread: any; blocks while the disk hangs. Nothing: the system does not tell.
-std::optional<DiskRoom::Look> Server::Parts::lookAtRoom() const {
+/// Thread: any; blocks while the disk hangs. Nothing: the system does not report it.
+std::optional<DiskRoom::Look> ServerParts::lookAtRoom() const {
   const auto free = options.free_bytes(options.data);
   if (!free) return std::nullopt;
   DiskRoom::Look look{.disk_bytes = *free};
@@ -119,9 +119,9 @@ std::optional<DiskRoom::Look> Server::Parts::lookAtRoom() const {
   return look;
 }
 
-void Server::Parts::noteRoom(const std::optional<DiskRoom::Look>& look) {
-  if (!look) return;  // what was seen before still counts
-  DiskRoom& room = context->disk_room;
+void ServerParts::noteRoom(const std::optional<DiskRoom::Look>& look) {
+  if (!look) return;  // the previous look still counts
+  DiskRoom& room = context->limits.disk_room;
   const RoomLevel before = room.level();
   room.look(*look);
   if (const RoomLevel now = room.level(); now != before)
@@ -129,9 +129,9 @@ void Server::Parts::noteRoom(const std::optional<DiskRoom::Look>& look) {
              {{"level", nameOf(now)}, {"left_bytes", room.leftBytes()}, {"text", room.text()}});
 }
 
-/// Looks at the disk and sets what is refused. A read-only server ends when there is room: whoever started it
-/// starts it again, for writing.
-Task<> Server::Parts::roomLoop() {
+/// Looks at the disk and sets what is refused. A read-only server ends when there is room, so that it is
+/// restarted for writing.
+Task<> ServerParts::roomLoop() {
   while (!stopping) {
     room_timer.expires_after(options.room_every);
     co_await room_timer.async_wait(kUseTuple);
@@ -146,8 +146,8 @@ Task<> Server::Parts::roomLoop() {
     if (stopping) co_return;
     const Seen seen = looked.ok() ? *looked : std::nullopt;
     noteRoom(seen);
-    // a disk that refuses although it has room (a quota) would refuse again
-    if (!store->readOnly() || !seen || context->disk_room.level() == RoomLevel::kNoChunks ||
+    // a disk that refuses writes although it has room (a quota) would refuse again
+    if (!store->readOnly() || !seen || context->limits.disk_room.level() == RoomLevel::kNoChunks ||
         seen->disk_bytes < free_at_start + kMadeRoom)
       continue;
     exit_code = kExitFailed;
@@ -155,8 +155,8 @@ Task<> Server::Parts::roomLoop() {
   }
 }
 
-/// Work that waits for its turn is not done for those who have gone meanwhile: looks for them.
-Task<> Server::Parts::hangUpLoop() {
+/// Detects clients that have hung up, so that work waiting for its turn is not done for them.
+Task<> ServerParts::hangUpLoop() {
   while (!stopping) {
     hang_up_timer.expires_after(kHangUpPeriod);
     co_await hang_up_timer.async_wait(kUseTuple);
@@ -165,33 +165,33 @@ Task<> Server::Parts::hangUpLoop() {
       if (connection->hasRequests() || connection->isLoggingIn()) connection->lookForHangUp();
     }
     if (web) web->lookForHangUps();
-    // whoever waits for room looks whether the asker is still there
-    context->reply_room->notify();
-    context->decoded_room->notify();
+    // those that wait for room check whether their client is still there
+    context->in_flight.reply_room->notify();
+    context->in_flight.decoded_room->notify();
   }
 }
 
-/// Says how many lines the log was spared, also of those who have gone.
-Task<> Server::Parts::linesLoop() {
+/// Logs how many lines were omitted, including those of closed connections.
+Task<> ServerParts::linesLoop() {
   while (!stopping) {
     lines_timer.expires_after(kLinesPeriod);
     co_await lines_timer.async_wait(kUseTuple);
     if (stopping) co_return;
     const std::int64_t now_ns = steadyNowNs();
-    context->lines.sayLeftOut(now_ns);
+    context->limits.lines.sayLeftOut(now_ns);
     context->clock_offsets.sayLeftOut(now_ns);
   }
 }
 
-/// Of servers that work together each keeps a list of all erasures beside its keys, and tells its stations of
-/// backups that were made at another one.
-Task<> Server::Parts::erasuresLoop() {
-  std::string known;  // when the newest verified backup was made; empty: there is none
+/// With several servers, each keeps a list of all erasures beside its keys, and reports to its stations
+/// backups made at another server.
+Task<> ServerParts::erasuresLoop() {
+  std::string known;  // when the newest verified backup was made; empty: no backup
   while (!stopping) {
     erasures_timer.expires_after(options.erasures_every);
     co_await erasures_timer.async_wait(kUseTuple);
     if (stopping) co_return;
-    std::function<Status()> work = [this] { return store->service().completeErasureList(); };
+    std::function<Status()> work = [this] { return store->service().erasures().completeList(); };
     if (const Status done = co_await offload(slow_workers, std::move(work)); !done.ok())
       logEvent(LogLevel::kWarning, "erasures_not_listed", {{"text", done.error().message}});
     std::function<Result<std::string>()> newest = [this]() -> Result<std::string> {
@@ -207,9 +207,9 @@ Task<> Server::Parts::erasuresLoop() {
   }
 }
 
-/// Of a server of several on one database: looks at all accounts in use while nobody tells of changes, and
-/// removes log-in state that is over.
-Task<> Server::Parts::accessLoop() {
+/// For one of several servers on a database: checks all accounts in use while changes are not heard, and
+/// removes expired log-in state.
+Task<> ServerParts::accessLoop() {
   std::int64_t tidied_ns = steadyNowNs();
   while (!stopping) {
     access_timer.expires_after(kAccessPeriod);
@@ -218,12 +218,12 @@ Task<> Server::Parts::accessLoop() {
     stepUnheardAccess(*context, options.token_lifetime);
     if (steadyNowNs() - tidied_ns < std::chrono::nanoseconds(kTidyPeriod).count()) continue;
     tidied_ns = steadyNowNs();
-    context->login->tidy();
+    context->logins.state->tidy();
   }
 }
 
-/// What is due between this server and the lab's others.
-Task<> Server::Parts::remoteLoop() {
+/// Periodic work between this server and the lab's others.
+Task<> ServerParts::remoteLoop() {
   while (!stopping) {
     remote_timer.expires_after(kRemotePeriod);
     co_await remote_timer.async_wait(kUseTuple);
@@ -232,8 +232,8 @@ Task<> Server::Parts::remoteLoop() {
   }
 }
 
-/// Tells systemd that this thread still runs: systemd kills and restarts a server that hangs.
-Task<> Server::Parts::watchdogLoop(std::chrono::microseconds period) {
+/// Reports to systemd that this thread still runs; systemd kills and restarts a server that hangs.
+Task<> ServerParts::watchdogLoop(std::chrono::microseconds period) {
   while (!stopping) {
     notifyManager("WATCHDOG=1");
     watchdog_timer.expires_after(period);

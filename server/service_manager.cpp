@@ -51,8 +51,9 @@ Result<std::vector<int>> takeListenSockets() {
     if (!isListening(fd))
       return Error{
           ErrorCode::kInvalidInput,
-          fmt::format("file {} of LISTEN_FDS is no listening stream socket: use ListenStream= with Accept=no",
-                      fd)};
+          fmt::format(
+              "file {} of LISTEN_FDS is not a listening stream socket: use ListenStream= with Accept=no",
+              fd)};
     ::fcntl(fd, F_SETFD, FD_CLOEXEC);
     files.push_back(fd);
   }
@@ -67,7 +68,7 @@ bool notifyManager(std::string_view state) {
   const std::size_t length = std::strlen(path);
   if (length >= sizeof address.sun_path) return false;
   std::memcpy(address.sun_path, path, length);
-  if (path[0] == '@') address.sun_path[0] = '\0';  // the abstract namespace
+  if (path[0] == '@') address.sun_path[0] = '\0';  // an abstract socket name
   const int fd = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   if (fd < 0) return false;
   const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + length);

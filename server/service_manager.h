@@ -11,9 +11,9 @@
 
 namespace needlelab {
 
-/// Returns the listening stream sockets that systemd opened for this process (sd_listen_fds(3)): LISTEN_PID
+/// Returns the listening stream sockets that systemd opened for this process (sd_listen_fds(3)). LISTEN_PID
 /// must be this process; descriptors begin at 3. Sets FD_CLOEXEC and removes the variables: call it once,
-/// before starting threads. Error when one of them is not a listening stream socket.
+/// before starting threads. Error if one of them is not a listening stream socket.
 Result<std::vector<int>> takeListenSockets();
 
 /// sd_notify(3): sends "READY=1", "STOPPING=1", "WATCHDOG=1", "STATUS=…" to $NOTIFY_SOCKET. False when the

@@ -10,16 +10,13 @@
 #include <utility>
 
 #include "client/admin/command.h"
-#include "client/net/credentials.h"
-#include "common/base/files.h"
+#include "client/net/link/credentials.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
-#include "common/base/secret.h"
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 
 namespace needlelab {
 namespace {
-
-constexpr std::size_t kMaxPasswordFileBytes = 4096;
 
 Error usage(const std::string& text) {
   return {ErrorCode::kInvalidInput, text};
@@ -47,7 +44,7 @@ Result<std::unique_ptr<Backend>> openBackend(const GlobalOptions& global, const 
   return connectServer({servers, global.ca, global.user, password});
 }
 
-/// Removes a new data folder after a command that failed, with an error or an exception.
+/// Removes a new data folder after a command failed with an error or an exception.
 struct DiscardUnlessDone {
   explicit DiscardUnlessDone(Backend& of) : backend(of) {}
   DiscardUnlessDone(const DiscardUnlessDone&) = delete;
@@ -56,7 +53,7 @@ struct DiscardUnlessDone {
     try {
       if (!done) backend.discardIfNew();
     } catch (const std::exception&) {
-      // the command's own failure is what is reported
+      // only the command's own failure is reported
     }
   }
   Backend& backend;
@@ -76,7 +73,7 @@ void runs(CLI::App* command, ChosenCommand& chosen, std::function<Status(Command
 
 CLI::Option* addNewFile(CLI::App* command, ChosenCommand& chosen, std::string& file,
                         const std::string& help) {
-  command->add_flag("--replace", chosen.replace, "--out may name a file that is there already");
+  command->add_flag("--replace", chosen.replace, "allow --out to overwrite an existing file");
   command->parse_complete_callback([&chosen, &file] { chosen.new_file = {"--out", file}; });
   return command->add_option("--out", file, help)->type_name("FILE");
 }
@@ -107,7 +104,7 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
       ->type_name("FILE");
   app.add_option_function<std::string>(
          "--json", [&json](const std::string& file) { json = file; },
-         "JSON in place of tables; to standard output without FILE (put it last, or write --json=FILE)")
+         "JSON instead of tables; to standard output without FILE (put it last, or write --json=FILE)")
       ->type_name("[FILE]")
       ->expected(0, 1)
       ->default_str("");
@@ -203,11 +200,11 @@ Result<std::int64_t> momentOf(const std::string& field, const std::string& text)
   int used = 0;
   if (std::sscanf(text.c_str(), "%4d-%2d-%2dT%2d:%2d%n", &parts.tm_year, &parts.tm_mon, &parts.tm_mday,
                   &parts.tm_hour, &parts.tm_min, &used) != 5)
-    return wrong("is no moment");
+    return wrong("is not a time");
   std::string zone = text.substr(static_cast<std::size_t>(used));
   if (zone.starts_with(":")) {
     int more = 0;
-    if (std::sscanf(zone.c_str(), ":%2d%n", &parts.tm_sec, &more) != 1) return wrong("is no moment");
+    if (std::sscanf(zone.c_str(), ":%2d%n", &parts.tm_sec, &more) != 1) return wrong("is not a time");
     zone.erase(0, static_cast<std::size_t>(more));
   }
   int offset_s = 0;
@@ -224,26 +221,15 @@ Result<std::int64_t> momentOf(const std::string& field, const std::string& text)
   parts.tm_year -= 1900;
   parts.tm_mon -= 1;
   const std::time_t seconds = ::timegm(&parts);
-  // timegm turns 31 February into a day in March
+  // timegm accepts 31 February and returns a day in March
   if (parts.tm_mon + 1 != given.tm_mon || parts.tm_mday != given.tm_mday || parts.tm_hour != given.tm_hour ||
       parts.tm_min != given.tm_min || given.tm_year < 1970 || given.tm_year > 2261)
-    return wrong("is no day or time that there is");
+    return wrong("is not a valid date or time");
   return (static_cast<std::int64_t>(seconds) - offset_s) * 1'000'000'000;
 }
 
-Result<std::string> passwordFromFile(const std::filesystem::path& file, const std::string& what) {
-  ASSIGN_OR_RETURN(auto text, readWholeFile(file, kMaxPasswordFileBytes));
-  const WipeAtEnd wiped(text);
-  warnWhenOthersMayRead(file);
-  const std::string_view unmarked = withoutMark(text);
-  std::string line(unmarked.substr(0, unmarked.find_first_of("\r\n")));
-  if (line.empty())
-    return Error{ErrorCode::kInvalidInput, file.string() + ": its first line, the " + what + ", is empty"};
-  return line;
-}
-
 Result<std::string> askPassword(const std::string& prompt, const std::string& option) {
-  return passwordFromTerminal(prompt + ": ", kMaxPasswordFileBytes,
+  return passwordFromTerminal(prompt + ": ", kMostPasswordBytes,
                               prompt + ": there is no terminal to ask on; give " + option + " FILE");
 }
 

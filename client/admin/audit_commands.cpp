@@ -1,4 +1,4 @@
-// The audit log: who changed what, and whether somebody changed the log.
+// The audit log: who changed what, and whether the log was tampered with.
 #include <fmt/core.h>
 #include <CLI/CLI.hpp>
 
@@ -13,14 +13,14 @@
 
 #include "client/admin/backend.h"
 #include "client/admin/command.h"
-#include "common/base/local_time.h"
-#include "db/audit_chain.h"
-#include "db/audit_head.h"
-#include "db/connection.h"
-#include "db/schema.h"
-#include "db/service/audit_anchor.h"
-#include "db/service/bootstrap.h"
-#include "db/store_address.h"
+#include "common/base/time/local_time.h"
+#include "db/audit/audit_chain.h"
+#include "db/audit/audit_head.h"
+#include "db/service/records/audit_anchor.h"
+#include "db/service/start/bootstrap.h"
+#include "db/store/connection.h"
+#include "db/store/schema.h"
+#include "db/store/store_address.h"
 
 namespace needlelab {
 namespace {
@@ -55,16 +55,15 @@ Status audit(CommandContext& context, std::uint32_t limit) {
                              rows, "no changes yet");
 }
 
-/// What is right and still has to be said about the log: what nobody can check, and what a restore left
-/// behind.
+/// Remarks on a log without faults: what cannot be checked, and what a restore left behind.
 Result<std::vector<std::string>> notesOn(Connection& log, const std::optional<KeptAuditHead>& kept) {
   const auto time = [&] { return localTime(kept->made_unix_ns, TimeForm::kZoned); };
   std::vector<std::string> notes;
   if (!kept) {
-    notes.push_back(fmt::format(
-        "{} is not there: without it and without an anchor nobody can tell whether the last lines were "
-        "removed, or an older database put in place; the next start makes it",
-        kAuditHeadFile));
+    notes.push_back(
+        fmt::format("{} does not exist: without it and without an anchor it is unknown whether the last "
+                    "lines were removed, or an older database put in place; the next start makes it",
+                    kAuditHeadFile));
     return notes;
   }
   if (kept->replaced) {
@@ -90,19 +89,19 @@ std::string acknowledgedText(const AuditBreak& found) {
                      localTime(found.acknowledged_unix_ns, TimeForm::kZoned), found.detail);
 }
 
-/// The newest backup, as the database names it, is an anchor that nobody has to give. Returns why it is none;
-/// empty: it is one, or there was no backup yet.
+/// Adds the newest backup recorded in the database as an anchor, so that users need not name it. Returns why
+/// it cannot be one; empty: it was added, or no backup exists yet.
 Result<std::string> addNewestBackup(Connection& log, std::vector<AuditAnchor>& anchors) {
   ASSIGN_OR_RETURN(const auto path, MetaStore(log).get("backup_path"));
   if (!path) return std::string();
   auto anchor = readAuditAnchor(*path);
-  if (!anchor) return "the newest backup is no anchor here: " + anchor.error().message;
+  if (!anchor) return "the newest backup is not an anchor here: " + anchor.error().message;
   anchors.push_back(std::move(*anchor));
   return std::string();
 }
 
-/// Only reads, so it may run beside the server: whoever could have changed the log should not be asked
-/// whether it did.
+/// Only reads, so it may run beside the server, which might itself have changed the log and must not be the
+/// one to verify it.
 Status verifyLog(const std::filesystem::path& folder, Output& output,
                  const std::vector<std::string>& anchor_files, const std::vector<std::string>& key_files) {
   std::vector<AuditKey> keys;
@@ -117,7 +116,7 @@ Status verifyLog(const std::filesystem::path& folder, Output& output,
     ASSIGN_OR_RETURN(auto found, readAuditAnchors(file));
     std::move(found.begin(), found.end(), std::back_inserter(anchors));
   }
-  // before the database is read: beside a server the log only grows
+  // before the database is read: beside a running server the log only grows
   std::optional<KeptAuditHead> kept;
   if (auto found = readKeptAuditHead(folder / kAuditHeadFile, keys)) {
     kept = *found;
@@ -180,7 +179,7 @@ Status verifyLog(const std::filesystem::path& folder, Output& output,
   return {};
 }
 
-/// Opens the folder as the server does, so that a break that is found now has its line, and stays a fault.
+/// Opens the folder as the server does, so that a newly found break gets its line and remains a fault.
 Status acknowledge(const std::filesystem::path& folder, Output& output, std::int64_t line) {
   Store::Options options;
   options.holder = "needlelab-admin";
@@ -201,11 +200,11 @@ Status acknowledge(const std::filesystem::path& folder, Output& output, std::int
   }
   if (chosen == nullptr)
     return Error{ErrorCode::kInvalidInput,
-                 fmt::format("line {} of the audit log is no \"{}\" of this log; {}", line, kAuditBreak,
-                             open.empty() ? "there is none to acknowledge" : "there are: " + open)};
+                 fmt::format("line {} of the audit log is not an \"{}\" of this log; {}", line, kAuditBreak,
+                             open.empty() ? "there is nothing to acknowledge" : "there are: " + open)};
   if (!chosen->acknowledged_by.empty()) return Error{ErrorCode::kAlreadyExists, acknowledgedText(*chosen)};
-  RETURN_IF_ERROR(store->service().note(localName(), kAuditAcknowledge, acknowledgedSubject(line),
-                                        auditHeadText(chosen->entry)));
+  RETURN_IF_ERROR(store->service().notes().note(localName(), kAuditAcknowledge, acknowledgedSubject(line),
+                                                auditHeadText(chosen->entry)));
   output.done(fmt::format("acknowledged: line {}, {}", line, chosen->detail));
   return {};
 }

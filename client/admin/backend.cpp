@@ -12,19 +12,19 @@
 #include <utility>
 #include <vector>
 
-#include "client/net/blocking_client.h"
+#include "client/net/link/blocking_client.h"
 #include "common/wire/certificates.h"
 #include "common/wire/protocol.h"
-#include "db/acknowledged.h"
-#include "db/audit_head.h"
-#include "db/service/bootstrap.h"
-#include "db/store_address.h"
+#include "db/audit/audit_head.h"
+#include "db/service/start/bootstrap.h"
+#include "db/sessions/acknowledged.h"
+#include "db/store/store_address.h"
 
 namespace needlelab {
 namespace {
 
-/// What is missing of a data folder before a command that may make it, and how to take that away again. Names
-/// that are not this program's, and what was there before, always stay.
+/// Remembers what is missing from a data folder before a command that may create it, and how to remove that
+/// again. Foreign names and what existed before always stay.
 class NewFolder {
  public:
   explicit NewFolder(const std::filesystem::path& given) {
@@ -35,7 +35,7 @@ class NewFolder {
          part = part.parent_path())
       folders_.push_back(part);
     for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
-      // a database, the rest of one, or a restore that Store::open completes
+      // a database, part of one, or a restore that Store::open completes
       const std::string name = entry.path().filename();
       has_data_ |= name.starts_with("needlelab.db") || name == "restore.pending" || name == kStoreFile;
     }
@@ -50,7 +50,7 @@ class NewFolder {
       if (!std::filesystem::exists(file, error)) files_.push_back(file);
   }
   [[nodiscard]] bool hasData() const { return has_data_; }
-  /// Call it while the lock is held, and where nothing was stored.
+  /// Call only while the lock is held and nothing was stored.
   void remove() const {
     if (has_data_) return;
     // a folder is removed only if it is empty
@@ -58,11 +58,11 @@ class NewFolder {
     for (const auto& file : files_) std::filesystem::remove(file, error);
     for (const auto& part : folders_) std::filesystem::remove(part, error);
   }
-  /// After Store::open failed: another program may have the folder by now.
+  /// For a failed Store::open; another program may be using the folder now.
   void removeUnopened() const {
     std::error_code error;
     const int fd = ::open(lock_.c_str(), O_RDWR | O_CLOEXEC);
-    // less than a page is no database; what has one is completed by the next command
+    // less than a page is not a database; with a page, the next command completes it
     const bool is_free =
         fd < 0 ? errno == ENOENT || errno == ENAMETOOLONG : ::flock(fd, LOCK_EX | LOCK_NB) == 0;
     const auto bytes = std::filesystem::file_size(database_, error);
@@ -73,7 +73,7 @@ class NewFolder {
  private:
   bool has_data_ = false;
   std::filesystem::path database_, lock_;
-  std::vector<std::filesystem::path> files_, folders_;  // that are missing; folders: the deepest first
+  std::vector<std::filesystem::path> files_, folders_;  // the missing ones; folders: the deepest first
 };
 
 class FolderBackend : public Backend {
@@ -88,7 +88,7 @@ class FolderBackend : public Backend {
   [[nodiscard]] bool local() const override { return true; }
   void discardIfNew() override {
     if (made_.hasData()) return;
-    // each change has a line in the audit log
+    // every change has a line in the audit log
     pb::Request request;
     request.mutable_list_audit()->set_limit(1);
     const auto audit = call(request);
@@ -147,7 +147,7 @@ Result<std::unique_ptr<Backend>> openFolder(const std::filesystem::path& folder,
                                             const std::filesystem::path& backup_key,
                                             const std::string& store_url) {
   const NewFolder made(folder);
-  // also when an exception leaves this function
+  // also if an exception leaves this function
   const auto clean = [](const NewFolder* of) { of->removeUnopened(); };
   std::unique_ptr<const NewFolder, decltype(clean)> guard(create ? &made : nullptr, clean);
   Store::Options options;

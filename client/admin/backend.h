@@ -22,23 +22,23 @@ class Backend {
   virtual ~Backend() = default;
   /// Blocks until the reply arrives (changes: until they are committed).
   virtual Result<pb::Reply> call(const pb::Request& request) = 0;
-  /// Returns whether paths in requests are paths on this machine.
+  /// Whether paths in requests are paths on this machine.
   [[nodiscard]] virtual bool local() const = 0;
-  /// After a command that failed: removes a data folder that it made, where nothing was stored.
+  /// After a failed command: removes the data folder that it created, if nothing was stored there.
   virtual void discardIfNew() {}
 };
 
-/// kInvalidInput where `user` is root and the folder's database (without one, the folder) is another user's:
-/// the files that root would make there have mode 0600, and the server could not read them. Names the command
-/// that is right. Nothing is there: in order.
+/// kInvalidInput if `user` is root and the folder's database (without one, the folder) belongs to another
+/// user: files created by root would have mode 0600, and the server could not read them. The message has the
+/// correct command. A missing folder is fine.
 Status checkFolderUser(const std::filesystem::path& folder, uid_t user);
 
-/// The audit log's name for a person who works directly on the folder: "local:" and the system's user.
+/// The audit log's name for a person who works directly on the folder: "local:" and the system's user name.
 std::string localName();
 
 /// Opens DIR of a stopped server, as administrator. `create`: creates a missing folder. `backup_key`: the
-/// file of the key that encrypts its backups; empty: none. `store_url`: as Store::Options. Errors: as
-/// Store::open; kUnavailable when a server is running there.
+/// file with the key that encrypts its backups; empty: no encryption. `store_url`: as in Store::Options.
+/// Errors: as Store::open; kUnavailable if a server is running there.
 Result<std::unique_ptr<Backend>> openFolder(const std::filesystem::path& folder, bool create,
                                             const std::filesystem::path& backup_key = {},
                                             const std::string& store_url = {});
@@ -49,7 +49,7 @@ struct ServerAddress {
   std::string user;
   std::string password;
 };
-/// Connects and logs in, at the first server that answers. Errors: as connectClient.
+/// Connects and logs in at the first server that answers. Errors: as connectClient.
 Result<std::unique_ptr<Backend>> connectServer(const ServerAddress& address);
 
 }  // namespace needlelab

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "client/admin/command.h"
-#include "common/base/clock.h"
-#include "common/base/local_time.h"
+#include "common/base/time/clock.h"
+#include "common/base/time/local_time.h"
 #include "common/wire/certificates.h"
 #include "common/wire/tls_folder.h"
 
@@ -48,7 +48,7 @@ Status show(const std::filesystem::path& folder, Output& output) {
                      rows);
 }
 
-/// The folder's files for a command that writes them, without what a command that was killed left there.
+/// The folder's files for a command that writes them; removes what a killed command left there.
 TlsFiles filesToWrite(const std::filesystem::path& folder, Output& output) {
   TlsFiles files = tlsFilesIn(folder / "tls");
   const auto removed = removeTlsLeftovers(files);
@@ -79,7 +79,7 @@ Status prepareNext(const std::filesystem::path& folder, Output& output,
   RETURN_IF_ERROR(prepareAuthority(files, domains));
   output.done("a new authority is prepared; " + files.ca_certificate.string() +
               " has the old and the new one. Bring this file to every station, instructor and browser; the "
-              "server goes on with the old one until `certificate authority switch`");
+              "server keeps using the old one until `certificate authority switch`");
   return {};
 }
 
@@ -87,8 +87,8 @@ Status switchToNext(const std::filesystem::path& folder, Output& output) {
   RETURN_IF_ERROR(switchAuthority(filesToWrite(folder, output)));
   output.done(
       "the new authority signs the server's certificate; a server that runs takes it within a minute. "
-      "Whoever "
-      "has the old ca.crt no longer connects. `certificate authority drop` takes the old one out of ca.crt");
+      "Clients that have only the old ca.crt can no longer connect. `certificate authority drop` takes the "
+      "old one out of ca.crt");
   return {};
 }
 
@@ -114,7 +114,8 @@ Status moveKey(const std::filesystem::path& folder, Output& output, const std::s
 }  // namespace
 
 void addCertificateCommands(CLI::App& app, ChosenCommand& chosen) {
-  auto* certificate = app.add_subcommand("certificate", "by which stations know the server (needs --data)");
+  auto* certificate = app.add_subcommand(
+      "certificate", "the certificate by which stations recognise the server (needs --data)");
   certificate->require_subcommand(1);
   const auto hosts = std::make_shared<std::vector<std::string>>();
 

@@ -8,9 +8,9 @@
 
 #include "client/admin/backend.h"
 #include "client/admin/output.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/result.h"
-#include "common/base/uuid.h"
+#include "common/base/text/uuid.h"
 
 namespace CLI {
 class App;
@@ -22,7 +22,7 @@ namespace needlelab {
 /// Options before or after the subcommand.
 struct GlobalOptions {
   std::string data;    ///< --data DIR
-  std::string store;   ///< --store URL, of a new folder
+  std::string store;   ///< --store URL, for a new folder
   std::string server;  ///< --server HOST:PORT
   std::string ca;
   std::string user;
@@ -41,19 +41,19 @@ struct ChosenCommand {
   std::function<Status(CommandContext&)> run;
   /// Replaces `run` for commands that only need the files of --data, without opening the database.
   std::function<Status(const std::filesystem::path& folder, Output&)> run_on_files;
-  /// The same for commands that need nothing but the files that they name.
+  /// Likewise for commands that need only the files they name.
   std::function<Status(Output&)> run_alone;
   NamedFile new_file;                  ///< the file that --out writes; empty: standard output
-  bool replace = false;                ///< --replace: `new_file` may be there already
+  bool replace = false;                ///< --replace: `new_file` may already exist
   bool may_create = false;             ///< with --data: creates a missing folder
-  std::filesystem::path encrypt_with;  ///< of `backup`, with --data: the key's file; empty: none
-  std::string new_password_file;       ///< of `user add` and `user passwd`
+  std::filesystem::path encrypt_with;  ///< for `backup` with --data: the key's file; empty: no encryption
+  std::string new_password_file;       ///< for `user add` and `user passwd`
 };
 
 /// Sets the function of `command`.
 void runs(CLI::App* command, ChosenCommand& chosen, std::function<Status(CommandContext&)> run);
 
-/// Adds --out FILE and --replace to `command`. `file` lives as long as `chosen`.
+/// Adds --out FILE and --replace to `command`. `file` must live as long as `chosen`.
 CLI::Option* addNewFile(CLI::App* command, ChosenCommand& chosen, std::string& file,
                         const std::string& help = "default: standard output");
 
@@ -86,16 +86,12 @@ Result<Uuid> sessionIdOf(const std::string& text);
 /// Writes the text to a file, atomically, or to `output` when `file` is empty.
 Status writeText(Output& output, const std::string& file, const std::string& text);
 
-/// A moment with its time zone: "2026-12-01T18:00Z", "2026-12-01T18:00:30+01:00" as ns since 1970 (UTC).
-/// Refuses a text without a zone, because a bare time is ambiguous. Errors: kInvalidInput.
+/// A time with its zone: "2026-12-01T18:00Z", "2026-12-01T18:00:30+01:00" as ns since 1970 (UTC). Refuses a
+/// text without a zone, because it would be ambiguous. Errors: kInvalidInput.
 Result<std::int64_t> momentOf(const std::string& field, const std::string& text);
 
-// Passwords and codes come from a file or the terminal, never from an argument: all users of the machine can
-// see those.
-
-/// Returns the first line of a file. `what` is its name in messages. Errors: kInvalidInput (missing, empty,
-/// too long).
-Result<std::string> passwordFromFile(const std::filesystem::path& file, const std::string& what = "password");
+// Passwords and codes come from a file (client/net/link/credentials.h) or the terminal, never from an
+// argument: all users of the machine can see those.
 
 /// Asks on the terminal without echo. Errors: kInvalidInput without a terminal; the message suggests
 /// `option`.

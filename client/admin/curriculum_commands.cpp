@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "client/admin/command.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/profile/profile.h"
 
 namespace needlelab {
@@ -44,13 +44,17 @@ Status listCurricula(CommandContext& context) {
     rows.push_back({{"id", curriculum.id()},
                     {"revision", curriculum.revision()},
                     {"name", curriculum.name()},
+                    {"exam", curriculum.exam()},
                     {"exercise_ids", std::vector<std::string>(curriculum.exercise_ids().begin(),
                                                               curriculum.exercise_ids().end())},
                     {"exercises", exercises}});
   }
-  return context.output.list(
-      {{"id", "ID"}, {"revision", "REVISION"}, {"name", "NAME"}, {"exercises", "EXERCISES"}}, rows,
-      "no curriculum yet");
+  return context.output.list({{"id", "ID"},
+                              {"revision", "REVISION"},
+                              {"name", "NAME"},
+                              {"exam", "EXAM"},
+                              {"exercises", "EXERCISES"}},
+                             rows, "no curriculum yet");
 }
 
 Status listAssignments(CommandContext& context, const std::string& trainee) {
@@ -98,11 +102,11 @@ void addCurriculumCommands(CLI::App& app, ChosenCommand& chosen) {
   auto* curriculum = app.add_subcommand("curriculum", "exercises, in order");
   curriculum->require_subcommand(1);
   auto* import_command =
-      curriculum->add_subcommand("import", "store a curriculum; its exercises replace those before");
+      curriculum->add_subcommand("import", "store a curriculum; its exercises replace the previous ones");
   import_command->add_option("file", values->file)->required()->type_name("FILE");
   import_command->callback([&chosen, values] {
     chosen.may_create = true;
-    // a bad file makes no folder
+    // an invalid file must not create a folder
     chosen.check = [values]() -> Status {
       RETURN_IF_ERROR(loadCurriculum(values->file));
       return {};
@@ -119,8 +123,8 @@ void addCurriculumCommands(CLI::App& app, ChosenCommand& chosen) {
   auto* assign = app.add_subcommand("assign", "a trainee or a group shall do an exercise or a course");
   assign->add_option("trainee", values->trainee, "or --group");
   assign->add_option("exercise,--exercise", values->exercise, "or --course");
-  assign->add_option("--group", values->group, "a group in place of a trainee");
-  assign->add_option("--course", values->course, "a course in place of an exercise");
+  assign->add_option("--group", values->group, "a group instead of a trainee");
+  assign->add_option("--course", values->course, "a course instead of an exercise");
   assign->add_option("--due", values->due, "until when, e.g. 2026-12-01T18:00+01:00");
   assign->callback([&chosen, values] {
     chosen.check = [values]() -> Status {

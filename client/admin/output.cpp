@@ -6,12 +6,12 @@
 #include <cstdio>
 #include <ostream>
 
-#include "common/base/files.h"
-#include "common/base/local_time.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
-#include "common/base/text.h"
+#include "common/base/text/text.h"
+#include "common/base/time/local_time.h"
 #include "common/profile/strict_json.h"
-#include "common/scoring/measures.h"
+#include "common/scoring/measures/measures.h"
 
 namespace needlelab {
 namespace {
@@ -72,7 +72,7 @@ std::string oneLine(std::string_view text) {
   std::string line;
   for (std::size_t i = 0; i < text.size(); ++i) {
     const auto code = static_cast<unsigned char>(text[i]);
-    // U+0080 to U+009F: a terminal takes U+009B for ESC [
+    // U+0080 to U+009F: a terminal treats U+009B as ESC [
     const bool c1 = code == 0xc2 && i + 1 < text.size() && static_cast<unsigned char>(text[i + 1]) < 0xa0;
     if (c1) ++i;
     line += c1 || code < 0x20 || code == 0x7f ? ' ' : text[i];
@@ -82,7 +82,7 @@ std::string oneLine(std::string_view text) {
 
 Json storedJson(std::string_view text) {
   Json value = readShallowJson<Json>(text);
-  // a discarded value would be printed as <discarded>, which is no JSON
+  // a discarded value would be printed as <discarded>, which is not JSON
   return value.is_discarded() ? Json() : value;
 }
 

@@ -1,4 +1,4 @@
-/// The tool's output from the same rows: tables for people, or one JSON object for programs.
+/// The tool's output, from the same rows: tables for people, or one JSON object for programs.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +21,7 @@ struct Column {
     kPlain,
     kTime,     ///< ns since 1970, shown as local time to the second
     kBytes,    ///< shown in kB, MB …
-    kVerdict,  ///< "passed" or true; else not passed. Shown in the words of verdictName
+    kVerdict,  ///< "passed" or true; otherwise not passed. Shown in the words of verdictName
   };
   std::string_view key;
   std::string_view title;
@@ -40,11 +40,11 @@ class Output {
   Status list(const std::vector<Column>& columns, const Json& rows, std::string_view if_empty = "nothing");
   /// One object: "key value" lines for people (the given columns, in order), or JSON with one row.
   Status one(const std::vector<Column>& columns, const Json& row);
-  /// As `one`, for a row with a secret: only the file's owner may read it.
+  /// Like `one`, for a row with a secret: only the file's owner may read it.
   Status oneSecret(const std::vector<Column>& columns, const Json& row);
   /// Prints more text for people, e.g. after one(); nothing with JSON.
   void text(std::string_view line);
-  /// Prints a document that was asked for, e.g. an export; with JSON, too.
+  /// Prints a requested document, e.g. an export, even with JSON.
   void document(std::string_view text);
   /// "key added" and the like: to `out`, or to `err` when JSON goes to `out`.
   void done(std::string_view line);
@@ -66,7 +66,7 @@ std::string bytesText(std::uint64_t bytes);
 /// written out (showHidden).
 std::string oneLine(std::string_view text);
 
-/// Reads a stored JSON text; null when it is none.
+/// Reads a stored JSON text; null if it is invalid.
 Json storedJson(std::string_view text);
 
 /// Returns a table as text, one line per row; used by Output and for tables inside other texts.

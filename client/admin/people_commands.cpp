@@ -7,12 +7,13 @@
 #include <string>
 
 #include "client/admin/command.h"
-#include "common/base/csv_rows.h"
-#include "common/base/files.h"
+#include "client/net/link/credentials.h"
+#include "common/base/files/files.h"
 #include "common/base/secret.h"
-#include "common/base/text.h"
-#include "db/person_name.h"
-#include "db/service/requests.h"
+#include "common/base/text/csv_rows.h"
+#include "common/base/text/text.h"
+#include "db/people/person_name.h"
+#include "db/service/context/principal.h"
 
 namespace needlelab {
 namespace {
@@ -107,7 +108,7 @@ Status importPeople(CommandContext& context, const std::string& file, const std:
   if (report.faults() > 0)
     return Error{ErrorCode::kInvalidInput,
                  fmt::format("{}: {} rows cannot be taken: nothing was changed", file, report.faults())};
-  // a long table scrolls away with its first rows
+  // repeat the summary: the first rows of a long table scroll away
   context.output.done(fmt::format(
       "{}{} added, {} changed, {} as they were{}", report.done() ? "" : "a dry run: ", report.added(),
       report.changed(), report.unchanged(),
@@ -189,7 +190,7 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
     };
     chosen.run = [&global, &chosen, values](CommandContext& context) -> Status {
       const auto role = parseRole(values->role);
-      // a folder needs no log-in: a file before the subcommand can only be the new password's
+      // a folder needs no log-in, so a file before the subcommand can only be for the new password
       std::string file = chosen.new_password_file;
       if (file.empty() && context.backend.local()) file = global.password_file;
       pb::Request request;
@@ -221,7 +222,7 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
   import_people->add_flag("--dry-run", values->dry_run, "only say what would happen");
   import_people->callback([&chosen, values] {
     chosen.may_create = true;
-    // a file that cannot be read makes no folder
+    // an unreadable file must not create a folder
     chosen.check = [values]() -> Status {
       ASSIGN_OR_RETURN(auto bytes, readWholeFile(values->file, kMostPeopleFile));
       ASSIGN_OR_RETURN(values->text,

@@ -8,14 +8,14 @@
 
 #include "client/admin/command.h"
 #include "client/admin/session_export.h"
-#include "common/base/files.h"
-#include "db/service/record_end.h"
+#include "common/base/files/files.h"
+#include "db/service/records/record_end.h"
 
 namespace needlelab {
 namespace {
 
 /// Writes pages of records as lines, to a file (atomically, readable only by its owner) or to the output.
-/// `with_end`: the last line counts and hashes those before (recordsEnd).
+/// `with_end`: the last line has the count and hash of those before it (recordsEnd).
 Status writeRecords(CommandContext& context, const std::string& file,
                     const std::function<void(pb::Request&, const std::string&)>& ask, const std::string& what,
                     bool with_end) {
@@ -156,7 +156,7 @@ void addOnePersonCommands(CLI::App& app, ChosenCommand& chosen) {
   erase->add_option("--confirm", values->confirm, "the name again")->required()->type_name("NAME");
   erase->add_option("--reason", values->reason, "for the record of erasures");
   erase->add_flag("--with-open-sessions", values->with_open,
-                  "sessions that are open, too: what is still sent is not kept");
+                  "also open sessions: samples still arriving are discarded");
   erase->add_flag("--with-waiting", values->with_waiting,
                   "sessions that wait for a manager under this name, too: they may be another person's");
   runs(erase, chosen, [values](CommandContext& context) -> Status {

@@ -6,15 +6,16 @@
 #include <vector>
 
 #include "client/admin/command.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
-#include "common/scoring/reachable.h"
+#include "common/profile/rules.h"
+#include "common/scoring/targets/reachable.h"
 
 namespace needlelab {
 namespace {
 
-/// Those of the profile itself, and of targets that its needle cannot come to.
+/// Warnings about the profile itself, and about targets that its needle cannot reach.
 std::vector<std::string> allWarnings(const pb::Profile& profile) {
   std::vector<std::string> warnings = profileWarnings(profile);
   for (std::string& target : unreachableTargets(profile, profile.needle().length_m()))
@@ -139,7 +140,7 @@ void addProfileCommands(CLI::App& app, ChosenCommand& chosen) {
   import_command->add_option("file", values->files)->required()->type_name("FILE...");
   import_command->callback([&chosen, values] {
     chosen.may_create = true;
-    // read all files before a folder is made and before the first is stored
+    // read all files before a folder is created and the first one is stored
     chosen.check = [values]() -> Status {
       for (const std::string& file : values->files) {
         RETURN_IF_ERROR(loadProfile(file));

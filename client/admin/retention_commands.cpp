@@ -8,8 +8,8 @@
 #include <string>
 
 #include "client/admin/command.h"
-#include "common/base/local_time.h"
-#include "common/base/uuid.h"
+#include "common/base/text/uuid.h"
+#include "common/base/time/local_time.h"
 
 namespace needlelab {
 namespace {
@@ -112,7 +112,7 @@ Status runNow(CommandContext& context, bool dry_run) {
       report.left_alone(), cut ? fmt::format(" (the first {} are listed)", rows.size()) : "",
       dry_run ? "" : bytesText(report.bytes_before()) + " became " + bytesText(report.bytes_after()) + ", ",
       bytesText(report.free_bytes()),
-      report.stopped() ? "; stopped by the server's end, the next run goes on" : ""));
+      report.stopped() ? "; interrupted because the server stopped, the next run continues" : ""));
   return {};
 }
 
@@ -138,7 +138,7 @@ void addRetentionCommands(CLI::App& app, ChosenCommand& chosen) {
   auto* set = retention->add_subcommand("set", "the policy of an exercise, or of all others");
   set->add_option("exercise", values->exercise, "an exercise's id")->type_name("EXERCISE");
   set->add_flag("--default", values->is_default,
-                "in place of EXERCISE: of all exercises without a policy of their own");
+                "instead of EXERCISE: for all exercises without their own policy");
   set->add_flag("--keep", values->keep, "for ever");
   set->add_flag("--as-default", values->as_default, "no policy of its own any more");
   set->add_option("--thin-after", values->thin_after, "fewer samples so long after the session was closed")

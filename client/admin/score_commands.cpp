@@ -1,4 +1,4 @@
-// Scores: of a session, of everybody as a table, recomputed by newer definitions; the reference experts.
+// Scores: of one session, of everyone as a table, recomputed with newer definitions; the reference experts.
 #include <fmt/core.h>
 #include <CLI/CLI.hpp>
 
@@ -6,14 +6,14 @@
 #include <memory>
 
 #include "client/admin/command.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/profile/strict_json.h"
-#include "common/scoring/measures.h"
+#include "common/scoring/measures/measures.h"
 
 namespace needlelab {
 namespace {
 
-/// Returns the rows of a list in a reply; an empty list for an invalid text.
+/// Returns the rows of a list in a reply; an empty list if the text is invalid.
 Json rowsOfText(const std::string& json) {
   Json rows = readShallowJson<Json>(json.empty() ? "[]" : json);
   return rows.is_array() ? rows : Json::array();
@@ -88,7 +88,8 @@ Status rescoreAll(CommandContext& context, const ScoreChoice& choice) {
   context.output.done(fmt::format(
       "{}{} sessions, by definition version {}; {} left alone{}",
       report.dry_run() ? "would be scored: " : "scored: ", report.rescored(), report.definition_version(),
-      report.left_alone(), report.stopped() ? "; stopped by the server's end, the next run goes on" : ""));
+      report.left_alone(),
+      report.stopped() ? "; interrupted because the server stopped, the next run continues" : ""));
   return {};
 }
 
@@ -140,7 +141,8 @@ void addReferenceCommands(CLI::App& app, ChosenCommand& chosen) {
   const auto choice = std::make_shared<ScoreChoice>();
   auto* reference = app.add_subcommand("reference", "the experts' sessions that others are compared with");
   reference->require_subcommand(1);
-  auto* set = reference->add_subcommand("set", "choose them anew; without any there is no comparison");
+  auto* set =
+      reference->add_subcommand("set", "replace the chosen sessions; without any there is no comparison");
   set->add_option("exercise", choice->exercise)->required();
   set->add_option("sessions", choice->sessions, "their UUIDs");
   runs(set, chosen, [choice](CommandContext& context) { return setReference(context, *choice); });

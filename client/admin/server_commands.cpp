@@ -1,4 +1,4 @@
-// A data folder for a further server on the database of another one.
+// Creates a data folder for another server on an existing server's database.
 #include <fmt/core.h>
 #include <unistd.h>
 
@@ -13,13 +13,13 @@
 
 #include "client/admin/backend.h"
 #include "client/admin/command.h"
-#include "common/base/files.h"
-#include "common/base/uuid.h"
+#include "common/base/files/files.h"
+#include "common/base/text/uuid.h"
 #include "common/wire/certificates.h"
-#include "db/audit_chain.h"
-#include "db/audit_head.h"
-#include "db/erasure_list.h"
-#include "db/store_address.h"
+#include "db/audit/audit_chain.h"
+#include "db/audit/audit_head.h"
+#include "db/erasure/erasure_list.h"
+#include "db/store/store_address.h"
 
 namespace needlelab {
 namespace {
@@ -28,12 +28,12 @@ namespace fs = std::filesystem;
 
 struct Join {
   fs::path folder, from;
-  std::string name;                ///< among the servers; empty: one is made
+  std::string name;                ///< its name among the servers; empty: it is generated
   std::vector<std::string> hosts;  ///< for its certificate; empty: its first start makes one
-  bool with_authority = false;     ///< takes ca.key along
+  bool with_authority = false;     ///< also copies ca.key
 };
 
-/// Where the folder grows until it is whole. What a killed command left there, the next one removes.
+/// The folder is built here and then renamed. The next command removes what a killed one left.
 fs::path growingOf(const fs::path& folder) {
   return folder.string() + ".joining";
 }
@@ -47,14 +47,14 @@ bool isThere(const fs::path& path) {
   return fs::exists(path, error);
 }
 
-/// The folder is missing or empty, beside what is there, and not below the other server's.
+/// Checks that the folder is missing or empty, its parent exists, and it is not below the other server's.
 Status checkPlace(const Join& join) {
   std::error_code error;
   const fs::path parent = join.folder.parent_path();
   if (!parent.empty() && !fs::is_directory(parent, error))
     return invalid(join.folder, "the folder above it is not there: make it first");
   if (isThere(join.folder)) {
-    if (!fs::is_directory(join.folder, error)) return invalid(join.folder, "is no folder");
+    if (!fs::is_directory(join.folder, error)) return invalid(join.folder, "is not a folder");
     const bool is_empty = fs::is_empty(join.folder, error);
     if (error) return invalid(join.folder, "cannot be looked into: " + error.message());
     if (!is_empty)
@@ -67,16 +67,16 @@ Status checkPlace(const Join& join) {
   return {};
 }
 
-/// The other server's folder has what this one needs.
+/// Checks that the other server's folder has what this one needs.
 Result<StoreFile> checkSource(const Join& join) {
   std::error_code error;
-  if (!fs::is_directory(join.from, error)) return invalid(join.from, "is no folder");
+  if (!fs::is_directory(join.from, error)) return invalid(join.from, "is not a folder");
   ASSIGN_OR_RETURN(auto store, readStoreFile(join.from));
   if (!store && isThere(join.from / "needlelab.db"))
     return invalid(join.from,
                    "its database is an SQLite file, which one server has for itself: move it to "
                    "PostgreSQL first (needlelab-admin store copy)");
-  if (!store) return invalid(join.from, "is no server's data folder: it has no file store");
+  if (!store) return invalid(join.from, "is not a server's data folder: it has no file store");
   if (!store->kept.empty())
     return invalid(join.from, "its move to PostgreSQL is not done: start its server once, then join");
   for (const char* const key : {kAuditKeyFile, "pseudonym.key"})
@@ -101,9 +101,9 @@ Status copyFile(const fs::path& from, const fs::path& to, unsigned mode = 0600) 
   return writeFileAtomically(to, viewOf(bytes), mode);
 }
 
-/// Writes what the folder is to have into `growing`.
+/// Writes the new folder's files into `growing`.
 Status fill(const Join& join, const StoreFile& store, const fs::path& growing) {
-  // keys, and how far the audit log is known
+  // keys, and the known state of the audit log
   for (const char* const name : {kAuditKeyFile, "pseudonym.key"})
     RETURN_IF_ERROR(copyFile(join.from / name, growing / name));
   if (isThere(join.from / kAuditHeadFile))
@@ -120,7 +120,7 @@ Status fill(const Join& join, const StoreFile& store, const fs::path& growing) {
   RETURN_IF_ERROR(copyFile(there.ca_certificate, here.ca_certificate, kForAll));
   RETURN_IF_ERROR(copyFile(there.ca_key, here.ca_key));
   if (!join.hosts.empty()) {
-    // as each server's own start wants it (certificateNames)
+    // as each server's start requires it (certificateNames)
     ASSIGN_OR_RETURN(const bool signed_now,
                      ensureTlsFiles(here, {.hosts = join.hosts, .own = {"localhost", "127.0.0.1", "::1"}}));
     if (!signed_now)
@@ -152,13 +152,13 @@ Status joinServer(Join join, Output& output) {
   ASSIGN_OR_RETURN(const bool made, makePrivateFolder(growing));
   if (!made) return invalid(growing, "stands in the way: remove it");
   Status filled = fill(join, store, growing);
-  // what was written is read by what the server's start reads it by
+  // check the name with the function that the server's start uses
   if (filled.ok()) {
     const auto name = serverNameOf(growing);
     if (!name) filled = Error{ErrorCode::kInvalidInput, "--name: letters, digits and '-', at most 64"};
   }
   if (filled.ok()) filled = syncFolder(growing);
-  // a folder takes the place of an empty one
+  // rename replaces an empty folder
   if (filled.ok() && ::rename(growing.c_str(), join.folder.c_str()) != 0)
     filled = systemError(join.folder, "put the new folder into its place");
   if (!filled.ok()) {

@@ -7,8 +7,8 @@
 
 #include "client/admin/command.h"
 #include "client/admin/session_export.h"
-#include "common/base/local_time.h"
-#include "common/scoring/syringe_events.h"
+#include "common/base/time/local_time.h"
+#include "common/scoring/measures/syringe_events.h"
 
 namespace needlelab {
 namespace {
@@ -49,9 +49,9 @@ Status listSessions(CommandContext& context, const pb::ListSessions& filter) {
   return context.output.list(columns, rows, "no sessions");
 }
 
-/// Gives each closed session that waits for its trainee's code to the person whose name it came with.
+/// Assigns each closed session that waits for its trainee's code to the person whose name it came with.
 Status confirmSessions(CommandContext& context, const std::string& station, const std::string& trainee) {
-  // all of them first: a session that is confirmed leaves the list
+  // collect all first: a confirmed session leaves the list
   std::vector<pb::SessionInfo> waiting;
   RETURN_IF_ERROR(eachPage(
       context.backend,
@@ -160,7 +160,7 @@ Status showSession(CommandContext& context, const Uuid& id) {
   Json row = sessionRow(session);
   row["profile"] = storedJson(session.description().profile_json());
   row["score"] = storedJson(session.score_json());
-  // an open session has no events yet, and an unreadable profile gives none: show the rest anyway
+  // an open session has no events yet, and an unreadable profile gives none; show the rest
   const auto events = eventsOf(context, id);
   row["events"] = events ? events->rows : Json();
   row["annotations"] = std::move(notes);
@@ -188,7 +188,7 @@ Status showSession(CommandContext& context, const Uuid& id) {
   if (session.begin_unsure())
     context.output.text(
         "\nits station's clock was wrong when it began: session assign --begin TIME says when it was, and "
-        "without --begin accepts the station's time; until then it counts for nobody");
+        "without --begin accepts the station's time; until then it is not counted");
   else if (session.not_assigned())
     context.output.text(
         fmt::format("\nit was not assigned to '{}' when it came, and its course is only for those to whom it "
@@ -286,10 +286,9 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
           "passed, not-passed (or failed, its code in JSON), or none: no score, or nothing is required")
       ->check(CLI::IsMember({"passed", "not-passed", "failed", "none"}));
   list->add_option("--search", values->search, "whose trainee's name or full name has this in it");
-  list->add_flag(
-      "--unknown-trainee", values->unknown,
-      "only those whose trainee nobody knew when they came, or whose code nobody gave: session assign gives "
-      "them to the right person");
+  list->add_flag("--unknown-trainee", values->unknown,
+                 "only sessions whose trainee was unknown on arrival, or whose code was not given: session "
+                 "assign gives them to the right person");
   list->add_option("--limit", values->limit, "at most so many; 0: all")->capture_default_str();
   list->callback([&chosen, values] {
     const auto filter = std::make_shared<pb::ListSessions>();
@@ -350,7 +349,7 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
     return {};
   });
   auto* confirm = session->add_subcommand(
-      "confirm", "all sessions that wait only because nobody gave the code: they are of whom they say");
+      "confirm", "confirm the trainee of all sessions that wait only because no code was given");
   confirm->add_option("--station", values->station, "of this station only");
   confirm->add_option("--trainee", values->trainee, "of this trainee only");
   runs(confirm, chosen, [values](CommandContext& context) {

@@ -14,11 +14,11 @@
 #include <vector>
 
 #include "common/base/bytes.h"
-#include "common/base/files.h"
-#include "common/base/local_time.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
-#include "common/base/text.h"
-#include "common/base/uuid.h"
+#include "common/base/text/text.h"
+#include "common/base/text/uuid.h"
+#include "common/base/time/local_time.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/recording.h"
 #include "common/gesture/sample_csv.h"
@@ -27,7 +27,7 @@
 namespace needlelab {
 namespace {
 
-// --- targets of exported chunks: a file in one of three formats
+// --- output files in one of three formats
 
 /// The exported samples. Times are ns since the recording's first sample.
 struct SampleWindow {
@@ -36,14 +36,14 @@ struct SampleWindow {
   std::int64_t to_ns = INT64_MAX;
 };
 
-/// Takes chunks in order, then one call of finish; without it no file is left. Thread: one.
+/// Takes chunks in order, then one call of finish(); without it no file is left. Thread: one.
 class SampleSink {
  public:
   SampleSink() = default;
   SampleSink(const SampleSink&) = delete;
   SampleSink& operator=(const SampleSink&) = delete;
   virtual ~SampleSink() = default;
-  /// Errors: kCorrupt when the chunk cannot be decoded; nothing of it was written.
+  /// Errors: kCorrupt if the chunk cannot be decoded; nothing of it was written.
   virtual Status take(ByteView chunk) = 0;
   virtual Status finish() = 0;
   [[nodiscard]] std::uint64_t samples() const { return samples_; }
@@ -66,7 +66,7 @@ class TextSink : public SampleSink {
     }
     const Json head = {{"version", NEEDLELAB_VERSION}, {"machine", machineText()}, {"session", *session}};
     text_ = head.dump(-1, ' ', false, Json::error_handler_t::replace);
-    text_.back() = ',';  // in place of the closing brace
+    text_.back() = ',';  // replaces the closing brace
     text_ += "\"rows\":[\n";
   }
 
@@ -232,7 +232,7 @@ class Export {
     if (range_.from_s) window.from_ns = nsOf(*range_.from_s);
     if (range_.to_s) window.to_ns = nsOf(*range_.to_s);
     RETURN_IF_ERROR(seek(window));
-    // samples, chunks and hash are the session's: a reader must not miss what was not asked for
+    // samples, chunks and hash are those of the whole session, so say that this is a part
     if (range_.from_s || range_.to_s)
       row["part"] = {{"from_s", range_.from_s ? Json(*range_.from_s) : Json()},
                      {"to_s", range_.to_s ? Json(*range_.to_s) : Json()}};
@@ -261,7 +261,7 @@ class Export {
     return {};
   }
 
-  /// Reads the chunks that the session had at the request; a live session goes on growing.
+  /// Reads the chunks that existed at the request; a live session keeps growing.
   Status readInto(SampleSink& sink) {
     first_ = next_;
     Progress progress(output_);

@@ -1,5 +1,5 @@
-/// Exports a session's samples to a file: reads them in parts and writes atomically, in memory independent of
-/// the session's length.
+/// Exports a session's samples to a file. Reads them in parts and writes atomically; memory does not depend
+/// on the session's length.
 #pragma once
 
 #include <filesystem>
@@ -9,7 +9,7 @@
 #include "client/admin/backend.h"
 #include "client/admin/output.h"
 #include "common/base/result.h"
-#include "common/base/uuid.h"
+#include "common/base/text/uuid.h"
 #include "needlelab/types.pb.h"
 
 namespace needlelab {
@@ -22,15 +22,15 @@ struct ExportRange {
       false;  ///< write the readable part around damaged chunks; the result is still a failure
 };
 
-/// The format of a file of samples: `given`, else what the name ends with (.csv, .json, .nlrec), else "csv".
-/// kInvalidInput: they differ.
+/// The format of a file of samples: `given`, otherwise by the name's ending (.csv, .json, .nlrec), otherwise
+/// "csv". kInvalidInput: they contradict each other.
 Result<std::string> sampleFormat(const std::string& given, const std::filesystem::path& file);
 
 /// `format`: "csv" (columns of gesture/sample_csv.h), "json" ({"version", "machine", "session", "rows"}) or
-/// "recording" (common/gesture/FORMAT.md; a part of a session in whole chunks). Checks every chunk, and at
-/// the end of a whole export compares the hash over all chunks with that of the recording. A fault leaves no
-/// file, except with `around_damage`: then the export reports each fault, writes the file and returns
-/// kCorrupt. Exports a thinned recording as such, and the stored part of an open session.
+/// "recording" (common/gesture/FORMAT.md; a part of a session in whole chunks). Checks every chunk; after a
+/// whole export, compares the hash over all chunks with the recording's. A fault leaves no file, except with
+/// `around_damage`: then each fault is reported, the file is written, and kCorrupt is returned. Exports a
+/// thinned recording as it is, and the stored part of an open session.
 Status exportSession(Backend& backend, Output& output, const Uuid& session, const std::string& format,
                      const std::filesystem::path& file, const ExportRange& range = {});
 
@@ -44,8 +44,8 @@ std::string hexOfBytes(const std::string& bytes);
 // `needlelab-admin study recording`: the samples of one session of a study's export.
 
 /// Writes the recording of a session's pseudonym; ticks and times start at 0. `format`: csv, json or
-/// recording, as in `session export`. Errors: kNotFound when the study does not have the session (any more).
-/// A fault leaves no file. Thread: the caller's.
+/// recording, as in `session export`. Errors: kNotFound if the session is not, or no longer, in the study. A
+/// fault leaves no file. Thread: the caller's.
 Status exportStudyRecording(Backend& backend, Output& output, const std::string& study,
                             const std::string& session, const std::string& format,
                             const std::filesystem::path& file);

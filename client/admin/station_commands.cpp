@@ -7,16 +7,16 @@
 #include <utility>
 
 #include "client/admin/command.h"
-#include "client/net/credentials.h"
-#include "common/base/files.h"
+#include "client/net/link/credentials.h"
+#include "common/base/files/files.h"
 #include "common/base/secret.h"
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 #include "common/wire/certificates.h"
 
 namespace needlelab {
 namespace {
 
-/// The server shows the key only once: check that the file is writable before making the key.
+/// The server shows the key only once, so check that the file is writable before creating the key.
 Status checkWritable(const std::filesystem::path& file) {
   std::error_code ignored;
   if (std::filesystem::exists(std::filesystem::symlink_status(file, ignored))) {
@@ -26,7 +26,7 @@ Status checkWritable(const std::filesystem::path& file) {
   const auto folder = file.parent_path().empty() ? std::filesystem::path(".") : file.parent_path();
   if (::access(folder.c_str(), W_OK | X_OK) != 0) {
     return Error{ErrorCode::kInvalidInput,
-                 "--out: " + folder.string() + " is no folder that can be written to"};
+                 "--out: " + folder.string() + " is not a folder that can be written to"};
   }
   return {};
 }
@@ -38,7 +38,7 @@ Result<std::string> makeKey(CommandContext& context, const std::string& name) {
   return reply.station_key().key();
 }
 
-/// The file of a new key could not be written: nobody has that key. `again`: the command that makes another.
+/// The file of a new key could not be written, so the key is lost. `again`: the command that creates another.
 Error keyLost(const Error& error, const std::string& name, const std::string& again) {
   return {error.code, error.message + "; station '" + name +
                           "' was added, but its key is lost: revoke it and " + again + " it again"};
@@ -74,8 +74,8 @@ Result<StationState> stateOf(CommandContext& context, const std::string& name) {
   return state;
 }
 
-/// The names that the certificate of this folder must cover: where the stations know several servers, one of
-/// them is enough, because each server has a certificate of its own.
+/// The names that this folder's certificate must cover. If the stations know several servers, one name is
+/// enough, because each server has its own certificate.
 std::vector<std::string> ownHosts(const TlsFiles& files, const Endpoints& servers) {
   std::vector<std::string> hosts;
   for (const Endpoint& server : servers) hosts.push_back(server.host);
@@ -87,8 +87,8 @@ std::vector<std::string> ownHosts(const TlsFiles& files, const Endpoints& server
   return hosts;
 }
 
-/// Returns the certificate authority for the station to trust: the folder's, made with the server's
-/// certificate if missing; or the one given to this program to reach the server.
+/// Returns the certificate authority for the station to trust: the folder's, created with the server's
+/// certificate if missing, or the one with which this program reaches the server.
 Result<std::string> authorityFor(const CommandContext& context, const Endpoints& servers) {
   std::filesystem::path file = context.global.ca;
   if (context.backend.local()) {
@@ -105,12 +105,12 @@ Status enrolStation(CommandContext& context, const std::string& name, const std:
   Enrolment enrolment;
   enrolment.station = name;
   enrolment.servers = *parseEndpoints(server);
-  // do everything that can fail before making the key, because it is shown only once; a refused name makes no
-  // TLS files
+  // do everything that can fail before creating the key, because it is shown only once; a refused name
+  // creates no TLS files
   ASSIGN_OR_RETURN(const auto state, stateOf(context, name));
   if (state == StationState::kUnknown) RETURN_IF_ERROR(checkNewName("station name", name));
   if (state == StationState::kActive) {
-    // the refusal is AddStation's own; it gives a key if somebody has just revoked the station
+    // AddStation reports the refusal; it succeeds if someone has just revoked the station
     ASSIGN_OR_RETURN(enrolment.key, makeKey(context, name));
   }
   auto ca_pem = authorityFor(context, enrolment.servers);
@@ -164,7 +164,7 @@ Status listStations(CommandContext& context) {
   std::vector<Column> columns = {
       {"name", "NAME"},       {"revoked", "REVOKED"},      {"online", "ONLINE"},
       {"trainee", "TRAINEE"}, {"exercise_id", "EXERCISE"}, {"created_unix_ns", "SINCE", Column::Kind::kTime}};
-  // of a lab with several servers
+  // for a lab with several servers
   if (has_servers) columns.insert(columns.begin() + 3, {"server", "SERVER"});
   return context.output.list(columns, rows, "no stations yet");
 }

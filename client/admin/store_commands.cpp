@@ -10,22 +10,22 @@
 
 #include "client/admin/backend.h"
 #include "client/admin/command.h"
-#include "common/base/clock.h"
-#include "db/service/bootstrap.h"
-#include "db/service/store_move.h"
+#include "common/base/time/clock.h"
+#include "db/service/start/bootstrap.h"
+#include "db/service/start/store_move.h"
 
 namespace needlelab {
 namespace {
 
-/// Whether --from or --to means PostgreSQL: postgresql://… or, as --store takes it too, host=… dbname=….
+/// Whether --from or --to is PostgreSQL: postgresql://…, or host=… dbname=…, which --store also accepts.
 bool isAddress(const std::string& store) {
   std::error_code error;
   if (std::filesystem::exists(store, error)) return false;
   return store.find("://") != std::string::npos || store.find('=') != std::string::npos;
 }
 
-/// Says on standard error how far the copy is: each table that has rows, and within a large one about every
-/// five seconds.
+/// Reports the copy's progress on standard error: each table that has rows, and about every five seconds
+/// within a large one.
 class CopyLines {
  public:
   explicit CopyLines(Output& output) : output_(output) {}
@@ -68,7 +68,7 @@ Status showMoved(Output& output, const StoreMove& move, const StoreMoved& moved)
   if (move.to_postgres)
     output.text(moved.kept.string() +
                 " is the old database: remove it once there is a backup of the new one. Make backups with "
-                "PostgreSQL's tools from now on (deploy/OPERATIONS.md, From SQLite to PostgreSQL and back).");
+                "PostgreSQL's tools from now on (deploy/FACULTY.md, From SQLite to PostgreSQL and back).");
   else
     output.text(
         "The database on PostgreSQL is as it was: remove it (dropdb) once there is a backup of the new one; "
@@ -101,11 +101,11 @@ void addStoreCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand&
   const auto values = std::make_shared<Values>();
   auto* store = app.add_subcommand("store", "where the lab's database is");
   store->require_subcommand(1);
-  auto* copy = store->add_subcommand(
-      "copy",
-      "from SQLite in a data folder to PostgreSQL, or back: copies the stopped server's database, compares "
-      "each row and each chunk, and has the folder work with the copy. Killed, it goes on when it is given "
-      "again");
+  auto* copy =
+      store->add_subcommand("copy",
+                            "from SQLite in a data folder to PostgreSQL, or back: copies the stopped "
+                            "server's database, compares each row and each chunk, and has the folder work "
+                            "with the copy. If interrupted, run it again to continue");
   copy->add_option("--from", values->from,
                    "the database: its data folder, or postgresql://USER@HOST/DATABASE")
       ->required()

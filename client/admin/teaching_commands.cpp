@@ -13,10 +13,10 @@
 #include <vector>
 
 #include "client/admin/command.h"
-#include "common/base/csv.h"
-#include "common/base/files.h"
-#include "common/scoring/measures.h"
-#include "common/scoring/result_table.h"
+#include "common/base/files/files.h"
+#include "common/base/text/csv.h"
+#include "common/scoring/attempts/result_table.h"
+#include "common/scoring/measures/measures.h"
 
 namespace needlelab {
 namespace {
@@ -28,7 +28,7 @@ Result<pb::Group> groupNamed(Backend& backend, const std::string& id) {
   return reply.group();
 }
 
-/// The command's changes to a group, which is loaded, or made with `create`.
+/// Changes to a group, which is loaded, or created if `create` is set.
 struct GroupEdit {
   std::string id, name;
   std::vector<std::string> join, leave;
@@ -103,13 +103,13 @@ std::string cellText(const pb::ResultCell& cell) {
   return text;
 }
 
-/// Whose results are wanted; `most` 0: all. `out` empty: no file.
+/// Selects the results; `most` 0: all. `out` empty: no file.
 struct ResultChoice {
   std::string course, group, trainee, out, separator = std::string(kCsvSeparators[0]);
   std::uint32_t most = 0;
 };
 
-/// Asks page by page; `take` returns whether it goes on. Says when not all trainees were wanted.
+/// Requests page by page while `take` returns true. Reports if not all trainees were included.
 Status eachResult(CommandContext& context, const ResultChoice& choice,
                   const std::function<bool(const pb::Results&)>& take) {
   constexpr std::uint32_t kAtOnce = 250;

@@ -8,18 +8,19 @@
 #include <vector>
 
 #include "client/admin/command.h"
-#include "common/base/clock.h"
-#include "db/check.h"
-#include "db/encrypted_backup.h"
-#include "db/schema.h"
-#include "db/service/bootstrap.h"
-#include "db/service/restore.h"
-#include "db/store_address.h"
+#include "common/base/time/clock.h"
+#include "db/backup/check.h"
+#include "db/backup/encrypted_backup.h"
+#include "db/service/folder/restore.h"
+#include "db/service/start/bootstrap.h"
+#include "db/service/start/restored_access.h"
+#include "db/store/schema.h"
+#include "db/store/store_address.h"
 
 namespace needlelab {
 namespace {
 
-/// What a backup's place means for the spools.
+/// What a backup's location means for the spools.
 std::string placeText(const pb::BackupDone& done) {
   const std::string disk = done.disk() == pb::BackupDone::ANOTHER_DISK ? "on another disk than the database"
                            : done.disk() == pb::BackupDone::SAME_DISK  ? "on the same disk as the database"
@@ -71,7 +72,7 @@ Status backup(CommandContext& context, const std::string& path, std::uint32_t ke
   return {};
 }
 
-/// A backup on PostgreSQL: its own tools made it and restored it at `url`.
+/// Registers a backup of PostgreSQL, made by its own tools and restored at `url`.
 Status backupVerified(CommandContext& context, const std::string& url, bool counts_as_safe) {
   pb::Request request;
   request.mutable_backup()->set_path(url);
@@ -101,9 +102,8 @@ Status newBackupKey(Output& output, const std::string& file) {
   RETURN_IF_ERROR(
       output.one({{"file", "backup key"}, {"id", "its id"}}, {{"file", file}, {"id", key.idText()}}));
   output.text(
-      "Keep a copy of it apart from the server and from the backups, e.g. on paper in a safe: without it "
-      "nobody "
-      "can read a backup that it encrypts.");
+      "Keep a copy of it apart from the server and from the backups, e.g. on paper in a safe: without it a "
+      "backup that it encrypts cannot be read.");
   return {};
 }
 
@@ -118,7 +118,8 @@ Status restore(const std::filesystem::path& folder, Output& output, const std::s
   const std::string kept = result.kept.empty() ? "none" : result.kept.string();
   Result<std::vector<RestoredAccess>> valid_again = std::vector<RestoredAccess>();
   if (!result.kept.empty()) valid_again = noteAccessValidAgain(*store, result.kept);
-  RETURN_IF_ERROR(store->service().note("local", "restore", from, "replaced database kept as " + kept));
+  RETURN_IF_ERROR(
+      store->service().notes().note("local", "restore", from, "replaced database kept as " + kept));
   Json again = Json::array();
   if (valid_again)
     for (const RestoredAccess& one : *valid_again)
@@ -175,9 +176,9 @@ Status check(CommandContext& context) {
   return {};
 }
 
-/// Whether the database is sound as a copy, and nothing else: only what is damaged in it is a fault. What a
-/// lab's own database may have as well is named (chunks that cannot be decoded, wrong sums), and what lies
-/// beside it is not looked at. Changes nothing, not even the latest time that it knows.
+/// Checks only that the database is an intact copy. Only damage to the copy is a fault; what the lab's own
+/// database may have as well (undecodable chunks, wrong sums) is listed, and files beside it are ignored.
+/// Changes nothing, not even the latest known time.
 Status checkOfCopy(const std::filesystem::path& folder, Output& output) {
   ASSIGN_OR_RETURN(const auto address, addressOf(folder, ""));
   std::error_code error;
@@ -203,7 +204,7 @@ Status checkOfCopy(const std::filesystem::path& folder, Output& output) {
                                                 checked.faults.size())};
 }
 
-/// The settings after `request`, which reads or changes them.
+/// Shows the settings after `request`, which reads or changes them.
 Status showLab(CommandContext& context, const pb::Request& request) {
   ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
   const pb::LabSettings& lab = reply.lab_settings();
@@ -232,7 +233,7 @@ void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand
   auto* dir =
       backup_command
           ->add_option("--dir", values->folder,
-                       "a folder in place of FILE: the file is named by the time, old ones are removed")
+                       "a folder instead of FILE: the file is named by the time, old ones are removed")
           ->type_name("DIR")
           ->excludes(path);
   backup_command->add_option("--keep", values->keep, "so many backups stay in DIR, the newest")
@@ -240,8 +241,8 @@ void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand
       ->capture_default_str()
       ->needs(dir);
   backup_command->add_flag("--counts-as-safe", values->counts_as_safe,
-                           "stations let go of what this backup contains although it is not known to lie on "
-                           "another disk than the database: one fault may then take both");
+                           "stations delete what this backup contains although it may be on the same disk as "
+                           "the database: one fault may then take both");
   backup_command
       ->add_option(
           "--encrypt-with", values->encrypt_with,
@@ -256,9 +257,8 @@ void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand
                    "reaches it")
       ->required()
       ->type_name("URL");
-  verified->add_flag(
-      "--counts-as-safe", values->counts_as_safe,
-      "the backup lies on another disk than the database: stations let go of what it contains");
+  verified->add_flag("--counts-as-safe", values->counts_as_safe,
+                     "the backup lies on another disk than the database: stations delete what it contains");
   runs(verified, chosen, [values](CommandContext& context) {
     return backupVerified(context, values->restored, values->counts_as_safe);
   });
@@ -267,7 +267,7 @@ void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand
     chosen.check = [&chosen, &global, values]() -> Status {
       if (values->path.empty() && values->folder.empty())
         return Error{ErrorCode::kInvalidInput, "backup: give FILE, or --dir DIR [--keep N]"};
-      // a server that runs takes the credential by itself
+      // a running server finds the credential itself
       chosen.encrypt_with = global.server.empty() ? backupKeyFile(values->encrypt_with)
                                                   : std::filesystem::path(values->encrypt_with);
       return {};

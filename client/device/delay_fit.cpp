@@ -17,14 +17,14 @@ constexpr double kPeriod_s = 0.5;
 constexpr std::array<double, 8> kSines_hz = {14, 18, 24, 30, 38, 46, 56, 68};
 constexpr std::size_t kLeastPeriods = 6;
 constexpr double kMost_s = 15e-3, kCoarse_s = 0.5e-3, kFine_s = 0.01e-3;
-constexpr double kMostWeight = 300;  // a model of a hand is not better than that
+constexpr double kMostWeight = 300;  // a model of a hand is not more accurate than this
 constexpr double kMostUnexplained = 0.2;
 
 std::size_t periodTicks(double rate_hz) {
   return static_cast<std::size_t>(std::lround(kPeriod_s * rate_hz));
 }
 
-// what a measurement says at one frequency
+// a measurement at one frequency
 struct Line {
   double omega = 0;
   Complex held;      // a force that is held for a tick
@@ -32,7 +32,7 @@ struct Line {
   double weight = 0;
 };
 
-// the component at `hz`, under a Hann window, so that a drifting hand and its tremor stay out of it
+// the component at `hz`, under a Hann window, which excludes the hand's drift and tremor
 Complex componentOf(std::span<const ResponseSample> samples, double rate_hz, double hz,
                     double ResponseSample::*of) {
   const double count = static_cast<double>(samples.size());
@@ -47,7 +47,7 @@ Complex componentOf(std::span<const ResponseSample> samples, double rate_hz, dou
 
 std::vector<Line> linesOf(std::span<const ResponseSample> samples, double rate_hz) {
   std::vector<Line> lines;
-  // four bins of the window away there is only noise
+  // four bins of the window away, there is only noise
   const double apart_hz = 4 * rate_hz / static_cast<double>(samples.size());
   for (const double hz : kSines_hz) {
     const Complex force = componentOf(samples, rate_hz, hz, &ResponseSample::force_N);
@@ -64,8 +64,8 @@ std::vector<Line> linesOf(std::span<const ResponseSample> samples, double rate_h
   return lines;
 }
 
-// weighted least squares of (k, b, m) in k + iωb − ω²m = held·e^(−iωθ)/((1 + iωτ)·response), each line over
-// its own size
+// weighted least squares of (k, b, m) in k + iωb − ω²m = held·e^(−iωθ)/((1 + iωτ)·response), each line
+// relative to its own size
 struct Fitted {
   double error = HUGE_VAL;
   double stiffness = 0, damping = 0, mass = 0;
@@ -88,7 +88,7 @@ Fitted fitted(std::span<const Line> lines, double delay_s, double lag_s) {
   f.stiffness = (r * w4 - rw2 * w2) / det;
   f.mass = (r * w2 - rw2 * one) / det;
   f.damping = iw / ww;
-  // the squares that are left
+  // the remaining squares
   f.error = std::max(0.0, all - (f.stiffness * r - f.mass * rw2) - f.damping * iw) / weights;
   return f;
 }

@@ -12,8 +12,8 @@
 
 #include "client/device/turns.h"
 #include "common/base/result.h"
-#include "common/base/time_source.h"
-#include "common/haptics/force_gate.h"
+#include "common/base/time/time_source.h"
+#include "common/haptics/gate/force_gate.h"
 
 namespace needlelab {
 
@@ -34,7 +34,7 @@ struct DeviceInfo {
   double max_rate_hz = 10'000;  ///< highest exchange rate; `open` refuses higher ones
   bool has_dead_man = false;    ///< the device senses whether a hand holds it
   PlungerSource plunger = PlungerSource::kNone;
-  /// From a reading to its force, in ticks, where it is known by construction; none: a station measures it.
+  /// Delay from a reading to its force, in ticks, if known by construction; none: a station measures it.
   std::optional<double> delay_ticks = {};
 };
 
@@ -50,7 +50,7 @@ struct DeviceReading {
 enum class DeviceRead : std::uint8_t {
   kFresh,     ///< `reading` was filled
   kNoUpdate,  ///< nothing new in this tick; `reading` keeps its pose
-  kFinished,  ///< a recording has ended; the loop ends too
+  kFinished,  ///< a recording has ended, so the loop ends
 };
 
 /// Thread: open and close by the owner off the haptic thread, while no loop runs; read, write and skip by the
@@ -64,13 +64,12 @@ class Device {
   virtual Status open(double rate_hz) = 0;
   virtual DeviceRead read(DeviceReading& reading) noexcept = 0;
   virtual void write(const GuardedWrench& at_handle_W) noexcept = 0;
-  /// The loop missed `ticks` ticks since the last read: they had no read and no write. Real devices need
-  /// nothing; devices on virtual time (a recording, a simulation) catch up here. Returns how many of the
-  /// ticks were before the motion's end: fewer than `ticks` where a recording or a plan ended meanwhile.
-  /// Real-time safe.
+  /// The loop missed `ticks` ticks since the last read, without reads and writes. Real devices need nothing;
+  /// devices on virtual time (a recording, a simulation) catch up here. Returns how many of the ticks were
+  /// before the motion's end: fewer than `ticks` if a recording or a plan ended meanwhile. Real-time safe.
   virtual std::uint64_t skip(std::uint64_t ticks) noexcept { return ticks; }
-  /// Called about 20 times a second beside the loop, for work that may take long, such as finding a lost
-  /// device again. Meanwhile `read` returns kNoUpdate with kDeviceLost.
+  /// Called about 20 times a second beside the loop, for slow work such as finding a lost device again.
+  /// Meanwhile `read` returns kNoUpdate with kDeviceLost.
   virtual void maintain() {}
   /// Returns the device's state for a person, with advice; empty when all is well.
   [[nodiscard]] virtual std::string status() { return {}; }

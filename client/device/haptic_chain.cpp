@@ -4,9 +4,9 @@
 #include <cmath>
 #include <limits>
 
-#include "common/haptics/device_condition.h"
+#include "common/haptics/gate/force_gate.h"
+#include "common/haptics/geometry.h"
 #include "common/haptics/surface.h"
-#include "common/haptics/tool_transform.h"
 
 namespace needlelab {
 namespace {

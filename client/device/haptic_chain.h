@@ -9,8 +9,8 @@
 #include "client/device/plunger.h"
 #include "common/gesture/sample.h"
 #include "common/haptics/engine.h"
-#include "common/haptics/force_gate.h"
-#include "common/haptics/passivity_control.h"
+#include "common/haptics/gate/force_gate.h"
+#include "common/haptics/gate/passivity_control.h"
 #include "common/haptics/scene_model.h"
 #include "common/haptics/sim_state.h"
 
@@ -67,12 +67,11 @@ class HapticChain {
   GuardedWrench tick(const DeviceReading& reading, bool fresh, std::int64_t elapsed_ticks, double share,
                      ChainTick& out) noexcept;
 
-  /// Puts a passivity control between engine and gate; without it nothing stands there. Before the first
-  /// tick.
+  /// Inserts a passivity control between engine and gate. Call before the first tick.
   void controlPassivity(const PassivitySettings& settings) noexcept {
     passivity_.emplace(settings, model_.rate_hz);
   }
-  /// Null without one.
+  /// Null without passivity control.
   [[nodiscard]] const PassivityControl* passivity() const noexcept {
     return passivity_ ? &*passivity_ : nullptr;
   }

@@ -8,6 +8,8 @@
 #include <cstdint>
 #include <optional>
 
+#include "common/base/median.h"
+
 namespace needlelab {
 namespace {
 
@@ -43,12 +45,6 @@ Matrix3d meanOf(const std::array<double, 9>& sum, std::size_t count) {
 
 double residual(const PivotSample& sample, Vec3 p_HT_m, Vec3 p_WP_m) {
   return norm(sample.X_WH * p_HT_m - p_WP_m);
-}
-
-double medianOf(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // SplitMix64: the same subsets on every machine

@@ -2,10 +2,10 @@
 /// rests in a dimple and the handle swings about it.
 ///
 /// Every pose i gives p_WH,i + R_i·p_HT = p_WP, three linear equations for six unknowns: tip p_HT and pivot
-/// p_WP. Of the least squares solution p_WP is eliminated: with means over the samples (bar),
+/// p_WP. Eliminating p_WP from the least squares solution gives, with means over the samples (bar),
 ///   M·p_HT = R̄ᵀp̄ − mean(R_iᵀp_i),   M = I − R̄ᵀR̄,   p_WP = p̄ + R̄·p_HT,
-/// and with noise of σ per coordinate cov(p_HT) = σ²/n·M⁻¹. M's eigenvalues tell how well the orientations
-/// are spread: 0 when nothing turned, and for a turn about one axis only, along that axis.
+/// and with noise of σ per coordinate cov(p_HT) = σ²/n·M⁻¹. M's eigenvalues show how well the orientations
+/// are spread: 0 without turns, and for turns about one axis only, 0 along that axis.
 #pragma once
 
 #include <array>

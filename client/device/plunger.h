@@ -27,7 +27,7 @@ class Plunger {
   Plunger(const PlungerSettings& settings, double rate_hz) noexcept;
 
   /// One tick; `fresh`: the device gave a reading, `elapsed_ticks` since the last call. Only a fresh reading
-  /// moves the plunger, so that a lost device does not go on injecting.
+  /// moves the plunger, so that a lost device does not continue an injection.
   double update(const DeviceReading& reading, bool fresh, std::int64_t elapsed_ticks) noexcept;
   [[nodiscard]] double position() const noexcept { return position_; }
 

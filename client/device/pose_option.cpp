@@ -8,9 +8,9 @@
 #include <nlohmann/json.hpp>
 #include <string_view>
 
-#include "common/base/csv.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/range.h"
+#include "common/base/text/csv.h"
 
 namespace needlelab {
 namespace {
@@ -44,7 +44,7 @@ Result<Pose> fromNumbers(std::string_view text, const std::string& option) {
     if (error != std::errc() || end != cell.data() + cell.size())
       return Error{ErrorCode::kInvalidInput,
                    option + ": '" + std::string(cell.substr(0, 40)) +
-                       "' is no number; x,y,z,qx,qy,qz,qw or a JSON file is expected"};
+                       "' is not a number; x,y,z,qx,qy,qz,qw or a JSON file is expected"};
     if (count < v.size()) v[count] = value;
   }
   if (count != v.size())

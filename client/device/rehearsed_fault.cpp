@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "common/haptics/device_condition.h"
+#include "common/haptics/gate/force_gate.h"
 
 namespace needlelab {
 
@@ -16,7 +16,7 @@ Status RehearsedFault::open(double rate_hz) {
 }
 
 DeviceRead RehearsedFault::read(DeviceReading& reading) noexcept {
-  // a device without conditions leaves the field as it was
+  // a device without conditions does not change this field
   if (tick_ == until_) reading.condition &= ~kDeviceTrouble;
   const DeviceRead done = device_->read(reading);
   if (tick_ >= from_ && tick_ < until_) {

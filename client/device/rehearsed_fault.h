@@ -1,4 +1,4 @@
-/// A device that reports a fault once, so that a person can rehearse what to do then.
+/// A device that reports a fault once, so that a person can rehearse the reaction.
 #pragma once
 
 #include <memory>
@@ -8,8 +8,8 @@
 
 namespace needlelab {
 
-/// As `device`, but from `at_s` on it reports kDeviceTrouble for half a second. The fault is the gate's own:
-/// the force goes, and comes back as after any other.
+/// Like `device`, but reports kDeviceTrouble for half a second from `at_s` on. The fault is the gate's own:
+/// the force is removed and returns as after any other.
 class RehearsedFault final : public Device {
  public:
   RehearsedFault(std::unique_ptr<Device> device, double at_s) : device_(std::move(device)), at_s_(at_s) {}

@@ -1,5 +1,5 @@
-/// The work of a thread as passes that somebody else calls: a thread of the machine in the programs, a
-/// simulated world on one thread in tests (tests/support/device_world.h).
+/// A thread's work as passes, called by a thread of the machine in the programs, or by a simulated world on
+/// one thread in tests (tests/support/time/device_world.h).
 #pragma once
 
 #include <cstdint>
@@ -12,14 +12,14 @@ namespace needlelab {
 class Turns {
  public:
   virtual ~Turns() = default;
-  /// Does one pass. Returns when it wants to be called next; nothing: the work has ended.
+  /// Does one pass. Returns the time of the next call; nothing: the work has ended.
   virtual std::optional<std::int64_t> turn() noexcept = 0;
-  /// Waits between two passes until the time that `turn` returned, or until something happens that it waits
-  /// for. With a time that has passed it handles what has happened and returns at once.
+  /// Waits between two passes until the time that `turn` returned, or until an event that it waits for. If
+  /// the time has passed, handles pending events and returns at once.
   virtual void rest(std::int64_t until_ns) noexcept = 0;
 };
 
-/// A Turns that somebody calls. The destructor waits for its end, so ask it to end before.
+/// A Turns in progress. The destructor waits for its end, so ask it to end first.
 class RunningTurns {
  public:
   virtual ~RunningTurns() = default;
@@ -38,7 +38,7 @@ class TurnRunner {
   virtual std::unique_ptr<RunningTurns> start(Turns& turns, const TurnThread& thread) = 0;
 };
 
-/// A thread of the machine for each Turns; lives as long as the program.
+/// Runs each Turns on its own thread of the machine; lives as long as the program.
 TurnRunner& machineThreads() noexcept;
 
 }  // namespace needlelab

@@ -5,7 +5,8 @@
 #include <utility>
 
 #include "client/effect_cost/tick_run.h"
-#include "common/base/clock.h"
+#include "common/base/median.h"
+#include "common/base/time/clock.h"
 
 namespace needlelab {
 namespace {
@@ -19,13 +20,6 @@ struct Variant {
   std::unique_ptr<TickRun> run;
   std::vector<double> batch_ns = {};  ///< per tick
 };
-
-double medianOf(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 }  // namespace
 

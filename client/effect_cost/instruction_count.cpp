@@ -12,7 +12,7 @@
 #include <sstream>
 #include <system_error>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 
 extern char** environ;  // POSIX: the environment that the child gets
 

@@ -19,7 +19,7 @@ void endCountedPart();
 /// Runs `command` (program and arguments) under callgrind and returns the number of instructions in calls of
 /// `needlelab::step` (including callees) between one `endCountedPart` and the next: one number per part.
 /// Discards its output. Errors: kUnavailable without valgrind; kFailed with valgrind's message when the
-/// program failed or made a number of parts other than `parts`.
+/// program failed or did not make exactly `parts` parts.
 Result<std::vector<std::uint64_t>> countStepInstructions(const std::vector<std::string>& command,
                                                          std::size_t parts);
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "client/device/hand_plan.h"
+#include "client/device/hand/hand_plan.h"
 
 namespace needlelab {
 namespace {
@@ -66,7 +66,7 @@ std::vector<TipSample> measuringGesture(const SceneSpec& scene, double rate_hz) 
   for (std::size_t k = 0; k < ticks; ++k) {
     const double t = static_cast<double>(k) / rate_hz, share = shareAt(t);
     const double wave = std::sin(2 * std::numbers::pi * kTremor_hz * t);
-    // never nearer to the surface than the tremor's width
+    // never closer to the surface than the tremor's width
     const double in_m = 2 * kTremor_m + share * (depth_m - 3 * kTremor_m) + kTremor_m * wave;
     gesture.push_back(
         {site.p_surface_m + site.inward * in_m + aside * (share * (kAside_m + kTremor_m * wave)), q});

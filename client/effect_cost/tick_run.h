@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "common/base/clock.h"
+#include "common/base/time/clock.h"
 #include "common/haptics/engine.h"
 
 namespace needlelab {
@@ -26,7 +26,7 @@ class TickRun {
     keep(report_);
     if (++next_ == gesture_.size()) next_ = 0;
   }
-  /// Of the last tick.
+  /// The report of the last tick.
   [[nodiscard]] const StepReport& report() const { return report_; }
 
  private:

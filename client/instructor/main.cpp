@@ -9,11 +9,11 @@
 #include <limits>
 #include <string>
 
-#include "client/instructor/model/report.h"
+#include "client/instructor/model/stored/report.h"
 #include "client/instructor/terminal/headless.h"
 #include "client/instructor/window_mode.h"
-#include "client/net/credentials.h"
-#include "common/base/files.h"
+#include "client/net/link/credentials.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/base/secret.h"
 #include "common/wire/protocol.h"
@@ -34,7 +34,7 @@ int main(int argc, char** argv) {
   using namespace needlelab;
   keepOutOfCoreDumps();
   keepProtobufQuiet();
-  // Xlib calls `exit` when the display is lost, while the connection's thread runs
+  // On loss of the display Xlib calls `exit`, while the connection's thread still runs.
   keepTlsAtExit();
   InstructorOptions options;
   CLI::App app("needlelab-instructor: watch stations live, replay stored sessions.");
@@ -47,8 +47,12 @@ int main(int argc, char** argv) {
                  "First line is the password; without it the terminal asks");
   app.add_flag("--headless", options.headless, "Lines in this terminal, no window");
   app.add_option("--report", options.report, "Write a report about --session as an HTML file");
-  app.add_flag("--replace", options.replace, "--report may name a file that is there already");
-  app.add_option("--screenshot", options.screenshot, "Of the window: a PNG of it")->type_name("FILE");
+  app.add_flag("--replace", options.replace, "Allow --report to overwrite an existing file");
+  auto* const screenshot =
+      app.add_option("--screenshot", options.screenshot, "Of the window: a PNG of it")->type_name("FILE");
+  app.add_option("--at", options.at_s, "Of --screenshot: so many seconds after the window's beginning")
+      ->needs(screenshot)
+      ->capture_default_str();
   app.add_flag("--off-screen", options.off_screen, "Draw the window into memory: needs no display");
   app.add_option("--window", options.window_size,
                  "The window's size in pixels, e.g. 1280x720; default: as it was left")
@@ -57,7 +61,6 @@ int main(int argc, char** argv) {
   app.add_option("--station", options.station, "Watch this station; without it an overview of all");
   app.add_option("--session", options.session, "Watch this session (its UUID), or replay it");
   app.add_flag("--replay", options.replay, "Replay the stored session");
-  app.add_option("--from", options.from_s, "Of a replay: begin so many seconds after the first sample");
   app.add_option("--rate", options.rate_hz,
                  "Lines per second: 10 by default, 1 in the overview; 0: all that comes. Of a live station "
                  "or session the "
@@ -66,28 +69,13 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--seconds", options.seconds, "End after so long; without it on Ctrl-C");
   app.add_option("--message", options.message, "Say this to the trainee of --station");
-  app.add_option("--next-exercise", options.next_exercise, "Set the next exercise of --station");
-  app.add_option(
-      "--aids", options.aids,
-      "What the trainee at --station is shown from now on: DEPTH,FORCE,…, none, all; reset: as the "
-      "exercise says");
-  auto* const stop = app.add_option("--stop", options.stop_reason,
-                                    "End the lesson at --station, with a reason for the trainee")
-                         ->expected(0, 1)
-                         ->type_name("[REASON]");
-  app.add_option("--annotate", options.annotate,
-                 "A remark on the lesson at --station or on --session, now or --at");
-  app.add_option("--at", options.at_s,
-                 "Of the remark: so many seconds after the session's first sample; of --screenshot: after "
-                 "the window's beginning (2)");
-  app.add_flag("--once", options.once, "End when all of this has been said; else go on watching");
+  app.add_flag("--once", options.once, "End when the message has been said; else go on watching");
   app.add_flag("--json", options.json, "One JSON object a line");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return afterOutput(app.exit(error) == 0 ? kExitDone : kExitInvalid, "needlelab-instructor");
   }
-  options.stop = stop->count() > 0;
   const auto fail = [](const Error& error) {
     std::fprintf(stderr, "needlelab-instructor: %s\n", error.message.c_str());
     return exitCodeOf(error);
@@ -96,7 +84,7 @@ int main(int argc, char** argv) {
   if (const Status ok = checkOptions(options); !ok.ok()) return fail(ok.error());
   std::signal(SIGINT, onSignal);
   std::signal(SIGTERM, onSignal);
-  std::signal(SIGHUP, onSignal);  // its terminal was closed
+  std::signal(SIGHUP, onSignal);  // terminal closed
   const auto stopped = [] { return interrupted.load(std::memory_order_relaxed); };
   if (options.window()) {
     const Status done = runWindowMode(options, stopped);

@@ -5,12 +5,12 @@
 
 #include "client/instructor/model/lab_state.h"
 #include "client/instructor/screens/instructor_window.h"
-#include "client/net/credentials.h"
+#include "client/net/link/credentials.h"
 
 namespace needlelab {
 namespace {
 
-/// The folder for the window's place and the log-in between two runs; empty: none.
+/// The folder that keeps the window's position and the log-in between runs; empty: none.
 std::filesystem::path stateFolder() {
   if (const char* state = std::getenv("XDG_STATE_HOME"); state != nullptr && *state == '/')
     return std::filesystem::path(state) / "needlelab";
@@ -23,7 +23,7 @@ std::filesystem::path stateFolder() {
 
 Status runWindowMode(const InstructorOptions& options, const std::function<bool()>& stopped) {
   WindowRunOptions run;
-  // pictures begin the same way each time
+  // screenshots always start from the same state
   if (const auto folder = stateFolder(); options.screenshot.empty() && !folder.empty()) {
     std::error_code ignored;
     std::filesystem::create_directories(folder, ignored);
@@ -46,7 +46,7 @@ Status runWindowMode(const InstructorOptions& options, const std::function<bool(
   run.surface.height_px = size.height_px;
   run.surface.font_scale = options.font_scale;
   run.screenshot = options.screenshot;
-  run.screenshot_at_s = options.at_s.value_or(2);
+  run.screenshot_at_s = options.at_s;
   run.seconds = options.seconds;
   run.station = options.station;
   run.session = options.session;

@@ -1,4 +1,4 @@
-/// The instructor with a window; only builds with the station's parts have one.
+/// The instructor with a window; exists only in builds with the station's parts.
 #pragma once
 
 #include <functional>

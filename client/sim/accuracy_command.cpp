@@ -1,4 +1,4 @@
-/// `needlelab-sim accuracy`: four comparators and what a tick costs, as table, JSON, CSV and picture.
+/// `needlelab-sim accuracy`: four comparators and the cost of a tick, as table, JSON, CSV and picture.
 #include <unistd.h>
 #include <CLI/CLI.hpp>
 
@@ -17,9 +17,9 @@
 #include "client/sim/command.h"
 #include "client/sim/tools/gnuplot.h"
 #include "client/sim/tools/json_output.h"
-#include "common/base/clock.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
+#include "common/base/time/clock.h"
 
 namespace needlelab {
 namespace {
@@ -33,15 +33,16 @@ struct AccuracyCommand {
   std::string data;
 };
 
-// the recordings' folder: from the option, the environment, or beside the project; empty when not found
+// Returns the recordings' folder: from the option, the environment, or beside the project; empty if not
+// found.
 Result<std::filesystem::path> dataFolder(const AccuracyCommand& command) {
   if (!command.data.empty()) {
     if (std::filesystem::is_directory(command.data)) return std::filesystem::path(command.data);
-    return Error{ErrorCode::kInvalidInput, "--data " + command.data + ": is no folder"};
+    return Error{ErrorCode::kInvalidInput, "--data " + command.data + ": is not a folder"};
   }
   const char* set = std::getenv("NEEDLELAB_DATA");
   const std::filesystem::path folder = set != nullptr && *set != 0 ? set : "../shared/data";
-  std::error_code unreadable;  // then it counts as missing
+  std::error_code unreadable;  // treat as missing
   return std::filesystem::is_directory(folder, unreadable) ? folder : std::filesystem::path();
 }
 
@@ -50,8 +51,8 @@ bool wanted(const AccuracyCommand& command, Comparator comparator) {
                                               textOf(comparator).name) != command.studies.end();
 }
 
-// One line on a terminal: the part, its share, the time since the start. Elsewhere a line as each part
-// begins, so that a log shows where it is.
+// On a terminal, one line with the part, its share and the time since the start. Otherwise one line per part,
+// so that a log shows the progress.
 class ProgressLine {
  public:
   explicit ProgressLine(std::size_t parts) : parts_(parts) {}
@@ -84,7 +85,7 @@ class ProgressLine {
   std::string name_;
 };
 
-// without valgrind the column of instructions stays empty
+// Without valgrind the instruction column stays empty.
 void addInstructions(const AccuracyCommand& command, std::vector<ModelCost>& costs,
                      std::vector<std::string>& notes) {
   if (command.no_instructions) return;
@@ -96,7 +97,7 @@ void addInstructions(const AccuracyCommand& command, std::vector<ModelCost>& cos
   if (!counted.ok()) notes.push_back("no instruction counts: " + counted.error().message);
 }
 
-// before the work, so that an unusable folder fails at once and not after minutes
+// Before the work, so that an unusable folder fails at once.
 Status makeFolder(const std::filesystem::path& folder) {
   std::error_code made;
   std::filesystem::create_directories(folder, made);
@@ -164,7 +165,7 @@ int accuracy(const AccuracyCommand& command) {
   addCosts(*costs, rows);
   for (const std::string& note : notes) std::fprintf(stderr, "needlelab-sim accuracy: %s\n", note.c_str());
 
-  // the report on standard output, unless the JSON goes there
+  // report on standard output, unless the JSON goes there
   if (!command.json.wanted || !command.json.file.empty()) print(rows);
   if (command.json.wanted) {
     auto array = nlohmann::ordered_json::array();
@@ -187,8 +188,7 @@ void addAccuracyCommand(CLI::App& app, SimCommand& chosen) {
   CLI::App* command = app.add_subcommand(
       "accuracy", "How accurate each model is, by four comparators, and what its tick costs the station");
   addJsonOption(*command, options->json);
-  command->add_option("--out", options->out,
-                      "folder for accuracy.csv and accuracy.png; made when it is not there");
+  command->add_option("--out", options->out, "folder for accuracy.csv and accuracy.png; created if missing");
   command->add_option("--study", options->studies, "only this comparator; may be given several times")
       ->check(CLI::IsMember(names));
   command->add_flag("--long", options->long_form, "more gestures, a finer mesh, longer loops: minutes");

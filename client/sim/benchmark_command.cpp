@@ -1,5 +1,5 @@
-/// `needlelab-sim benchmark`: models and laws against any folder of force curves, judged on what was held
-/// out.
+/// `needlelab-sim benchmark`: compares models and laws with any folder of force curves, judged on held-out
+/// data.
 #include <fmt/core.h>
 #include <unistd.h>
 #include <CLI/CLI.hpp>
@@ -16,7 +16,7 @@
 #include "client/sim/command.h"
 #include "client/sim/tools/gnuplot.h"
 #include "client/sim/tools/json_output.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 
 namespace needlelab {
@@ -33,7 +33,7 @@ struct BenchmarkCommand {
   JsonOption json;
 };
 
-// before the work: the folder of the pictures is there, and is not the data's
+// Before the work: the folder for pictures must exist and differ from the data's.
 Status checkPaths(const BenchmarkCommand& command, const CurveSet& set) {
   if (!command.out.empty()) {
     std::error_code failed;
@@ -118,18 +118,18 @@ void addBenchmarkCommand(CLI::App& app, SimCommand& chosen) {
                    "folder of CSV files of force over depth or time (client/sim/benchmark/README.md)")
       ->required();
   command->add_option("--describe", options->description,
-                      "what is known of the files, instead of the folder's data_set.json");
+                      "facts about the files, instead of the folder's data_set.json");
   command->add_option("--out", options->out,
-                      "folder for benchmark.csv and benchmark.png (gnuplot); made when it is not there");
+                      "folder for benchmark.csv and benchmark.png (gnuplot); created if missing");
   command
       ->add_option(
           "--numbers", options->options.most_numbers,
           fmt::format("that a model may have at most, {} to {}", kLeastNumbers, kMostBenchmarkNumbers))
-      ->check(CLI::NonNegativeNumber)  // -1 would be read as the greatest number
+      ->check(CLI::NonNegativeNumber)  // -1 would be read as the largest number
       ->capture_default_str();
   command
       ->add_option("--margin", options->margin_percent,
-                   "what is as good, in percent of the held-out rms force, 1 to 50")
+                   "margin within which errors count as equal, in percent of the held-out rms force, 1 to 50")
       ->check(CLI::Range(100 * kMargin.min, 100 * kMargin.max))
       ->capture_default_str();
   command

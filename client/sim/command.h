@@ -1,4 +1,4 @@
-/// The subcommands of needlelab-sim: each file of this folder named *_command.cpp adds one.
+/// The subcommands of needlelab-sim: each file in this folder named *_command.cpp adds one.
 #pragma once
 
 #include <functional>
@@ -11,11 +11,11 @@ class App;
 
 namespace needlelab {
 
-/// The work of the parsed command line; returns the exit code. Messages go to stderr.
+/// Runs the parsed command line; returns the exit code. Messages go to stderr.
 using SimCommand = std::function<int()>;
 
-/// Each function adds its subcommand to `app`. Parsing sets `chosen` when the user picks that subcommand.
-/// Both must outlive the parsing.
+/// Each function adds its subcommand to `app`. Parsing sets `chosen` if the user picks that subcommand. Both
+/// must outlive the parsing.
 void addAccuracyCommand(CLI::App& app, SimCommand& chosen);
 void addBenchmarkCommand(CLI::App& app, SimCommand& chosen);
 void addRunCommand(CLI::App& app, SimCommand& chosen);

@@ -13,7 +13,7 @@
 #include "client/sim/effects_study.h"
 #include "client/sim/tools/gnuplot.h"
 #include "client/sim/tools/json_output.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 
 namespace needlelab {
@@ -26,7 +26,7 @@ struct EffectsOptions {
   JsonOption json;
 };
 
-// this program again, on the same scene, for callgrind
+// The command to run this program on the same scene under callgrind.
 std::vector<std::string> countingCommand(const EffectsOptions& options) {
   std::vector<std::string> command = {ownProgram(), "effects", "--count-only", "--rate",
                                       std::to_string(options.rate_hz)};
@@ -34,7 +34,7 @@ std::vector<std::string> countingCommand(const EffectsOptions& options) {
   return command;
 }
 
-// with --instructions counting must work; without it counts are optional
+// With --instructions counting must work; without it counts are optional.
 Status count(const EffectsOptions& options, const SceneSpec& scene, std::vector<EffectSetCost>& sets) {
   if (options.no_instructions || (!options.instructions && !hasValgrind())) return {};
   if (::isatty(STDERR_FILENO) != 0) std::fprintf(stderr, "counting instructions under callgrind ...\n");

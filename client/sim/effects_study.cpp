@@ -10,20 +10,21 @@
 #include "client/effect_cost/tick_run.h"
 #include "client/sim/tools/closed_loop.h"
 #include "client/sim/tools/gnuplot.h"
-#include "common/base/clock.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
+#include "common/base/time/clock.h"
 #include "common/fem/needle_mesh.h"
 #include "common/profile/profile.h"
+#include "common/profile/scene_of_profile.h"
 
 namespace needlelab {
 namespace {
 
 constexpr std::size_t kBatchTicks = 64, kBatchesInTurn = 8;
-constexpr int kRounds = 120;        // at 15 ns a tick half a second in all
+constexpr int kRounds = 120;        // half a second in total at 15 ns per tick
 constexpr double kMostTime_s = 20;  // for models with a slow tick
 constexpr std::size_t kLeastRounds = 3;
 
-// one set, ready to be stepped
+// A set that is ready to be stepped.
 struct Runner {
   std::unique_ptr<SceneModel> model;
   std::unique_ptr<TickRun> run;
@@ -50,8 +51,8 @@ Result<SceneSpec> effectsScene(const std::filesystem::path& profile) {
     return scene;
   }
   ASSIGN_OR_RETURN(auto scene, paperSceneSpec("paper-six-layers", Pose{}));
-  // numbers that the paper's six layers leave open: lateral stiffness and torque of its clamping experiment's
-  // size, friction and membranes (future work there) of the size that soft tissue has
+  // Numbers that the paper's six layers leave open. Lateral stiffness and torque have the size of its
+  // clamping experiment; friction and membranes (future work there) have typical sizes of soft tissue.
   static constexpr double kLateral_N_per_m2[] = {9000, 6000, 12000, 15000, 20000, 40000};
   static constexpr double kFriction_N_per_m[] = {18, 10, 14, 20, 25, 30};
   for (std::size_t i = 0; i < scene.layers.size(); ++i) {
@@ -213,7 +214,7 @@ Status drawEffects(const std::vector<EffectSetCost>& sets, const std::filesystem
   const auto costOf = [counted](const EffectSetCost& set) {
     return counted ? *set.instructions : set.timing.median_ns;
   };
-  // the sets from the cheapest on; the columns say which effects are in
+  // cheapest sets first; the columns show which effects are included
   auto sorted = fromTheCheapest(sets);
   std::stable_sort(sorted.begin(), sorted.end(),
                    [&](const EffectSetCost& a, const EffectSetCost& b) { return costOf(a) < costOf(b); });

@@ -1,4 +1,4 @@
-/// What each set of live effects costs a tick (`needlelab-sim effects`).
+/// The cost per tick of each set of live effects (`needlelab-sim effects`).
 #pragma once
 
 #include <cstdint>
@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "common/base/clock.h"
 #include "common/base/result.h"
+#include "common/base/time/clock.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/scene_spec.h"
 
@@ -19,24 +19,23 @@ namespace needlelab {
 struct EffectSetCost {
   EffectMask effects = 0;
   Timing timing;
-  std::optional<double> instructions;  ///< per tick; none where they were not counted
+  std::optional<double> instructions;  ///< per tick; empty if not counted
 };
 
-/// What an effect adds to a tick, over all pairs of sets that differ in it only.
+/// What an effect adds to a tick, over all pairs of sets that differ only in it.
 struct MarginalCost {
   Effect effect = Effect::kCutting;
   double mean_ns = 0, least_ns = 0, most_ns = 0;         ///< of the pairs' medians
-  std::optional<double> instructions;                    ///< mean; none where they were not counted
-  double least_instructions = 0, most_instructions = 0;  ///< of the pairs, where counted
+  std::optional<double> instructions;                    ///< mean; empty if not counted
+  double least_instructions = 0, most_instructions = 0;  ///< over the pairs, if counted
 };
 
-/// The scene of the study: the profile's, or without one the paper's six layers with shaft friction and three
-/// membranes, and every stage its usual numbers, so that all effects are live. Errors: kInvalidInput naming
-/// file and field.
+/// The study's scene: the profile's, or by default the paper's six layers with shaft friction, three
+/// membranes and the usual numbers for every stage, so that all effects are live. Errors: kInvalidInput
+/// naming file and field.
 Result<SceneSpec> effectsScene(const std::filesystem::path& profile);
 
-/// All subsets of the effects that are live in the scene, in the order of their masks. Errors: as of
-/// `compile`.
+/// All subsets of the scene's live effects, ordered by mask. Errors: as of `compile`.
 Result<std::vector<EffectMask>> effectSets(const SceneSpec& scene, double rate_hz);
 
 /// Times each set over the same gesture, in turns, so that a slow moment affects all sets. Reports the
@@ -44,22 +43,22 @@ Result<std::vector<EffectMask>> effectSets(const SceneSpec& scene, double rate_h
 Result<std::vector<EffectSetCost>> timeEffectSets(const SceneSpec& scene, double rate_hz,
                                                   const std::function<void(double)>& progress);
 
-/// Counts the instructions of a tick of each set: runs `command` (this program, so that it calls
-/// `runSetsForCounting` with the same scene) under callgrind. Errors: as of `countStepInstructions`.
+/// Counts each set's instructions per tick: runs `command` (this program, calling `runSetsForCounting` with
+/// the same scene) under callgrind. Errors: as of `countStepInstructions`.
 Status countEffectSets(const std::vector<std::string>& command, std::size_t ticks,
                        std::vector<EffectSetCost>& sets);
-/// Steps each set once through the gesture, and marks the end of each.
+/// Steps each set once through the gesture and marks its end.
 Status runSetsForCounting(const SceneSpec& scene, double rate_hz);
 /// Ticks of that gesture.
 std::size_t ticksOfGesture(const SceneSpec& scene, double rate_hz);
 
 std::vector<MarginalCost> marginalCosts(const std::vector<EffectSetCost>& sets);
 
-/// For a terminal: sets from the cheapest on, then what each effect adds.
+/// For a terminal: sets from the cheapest up, then what each effect adds.
 std::string effectsTable(const std::vector<EffectSetCost>& sets);
 /// Writes effects.csv, effects_marginal.csv and effects.png into the existing `folder`. The picture shows
-/// instructions, which repeat exactly; nanoseconds only where they were not counted. Errors: of the file
-/// system and of gnuplot.
+/// instructions, which repeat exactly; nanoseconds only if those were not counted. Errors: of the file system
+/// and of gnuplot.
 Status drawEffects(const std::vector<EffectSetCost>& sets, const std::filesystem::path& folder);
 
 }  // namespace needlelab

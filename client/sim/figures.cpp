@@ -1,7 +1,7 @@
-/// Fig. 7: the tracking wall in one degree of freedom: 1 N on the way in, decay in an intentional stop, 0.5 N
-/// on the way out. Fig. 8 and 9: six layers of 1, 2, 1.5, 2.5, 3 and 4 N, 0.4 N on the way out, in three
-/// degrees of freedom. Fig. 10 and 11: the virtual fixture: in with a drift aside, drawn back in part,
-/// trajectory changed, in to the target, out.
+/// Fig. 7: the tracking wall in one degree of freedom: 1 N on the way in, decay during an intentional stop,
+/// 0.5 N on the way out. Figs. 8 and 9: six layers of 1, 2, 1.5, 2.5, 3 and 4 N, 0.4 N on the way out, in
+/// three degrees of freedom. Figs. 10 and 11: the virtual fixture: in with a sideways drift, partly drawn
+/// back, trajectory changed, in to the target, out.
 #include "client/sim/figures.h"
 
 #include <fmt/core.h>
@@ -16,13 +16,13 @@ namespace {
 
 // ---- phases
 
-// a stretch of ticks with the same phase
+// A run of ticks with the same phase.
 struct PhaseSpan {
   Phase phase = Phase::kFree;
   double from_s = 0, to_s = 0;
 };
 
-// in order, without gaps; stretches shorter than `least_s` join the previous one
+// Ordered, without gaps; spans shorter than `least_s` join the previous one.
 std::vector<PhaseSpan> phaseSpans(const FigureRun& run, double least_s) {
   std::vector<PhaseSpan> raw;
   for (std::size_t i = 0; i < run.ticks.size(); ++i) {
@@ -42,7 +42,7 @@ std::vector<PhaseSpan> phaseSpans(const FigureRun& run, double least_s) {
   return spans;
 }
 
-// for phases.gp: begin, end and name of each stretch
+// For phases.gp: start, end and name of each span.
 PlotVariable phasesOf(const FigureRun& run, double least_s) {
   std::string text;
   for (const PhaseSpan& span : phaseSpans(run, least_s))
@@ -59,7 +59,7 @@ std::vector<double> inMillimetres(Vec3 p_m) {
 constexpr double kOneLayerRate_hz = 1000;
 
 HandPlan oneLayerPlan() {
-  // straight along z; the times are the paper's: in from 24 s to 27 s, rest to 29.5 s, out to 31.5 s
+  // Straight along z. Times are the paper's: in from 24 s to 27 s, rest to 29.5 s, out to 31.5 s.
   const Quat down = orientationAlong({0, 0, -1});
   const auto at = [&](double z_m) { return Pose{{0, 0, z_m}, down}; };
   HandPlan plan(at(0.02));
@@ -73,7 +73,7 @@ HandPlan oneLayerPlan() {
   return plan;
 }
 
-// speed between the means of the 0.1 s before and after: removes tremor and encoder steps
+// Speed between the means of the 0.1 s before and after; removes tremor and encoder steps.
 double smoothSpeed_z(const FigureRun& run, std::size_t i) {
   const auto reach = static_cast<std::size_t>(0.1 * run.rate_hz);
   if (i < reach || i + reach >= run.ticks.size()) return std::numeric_limits<double>::quiet_NaN();
@@ -91,14 +91,14 @@ constexpr char kSixLayerScene[] =
     "motion are set by "
     "hand.";
 constexpr double kFilmRate_hz = 1000;
-constexpr double kLeadIn_s = 0.8;  // rest before the figure's time 0; the gate's fade-in is over by then
+constexpr double kLeadIn_s = 0.8;  // rest before the figure's time 0; the gate's fade-in has ended by then
 
-// the skin somewhere in the device's workspace, inclined to all three axes
+// The skin somewhere in the device's workspace, oblique to all three axes.
 Pose obliqueSkin() {
   return {{0.45, 0.08, 0.12}, orientationAlong({0.45, -0.35, 0.82})};
 }
 
-// a firm grip, as for a quick push into hard tissue
+// A firm grip, as for a quick push into hard tissue.
 SimulatedDeviceOptions firmGrip() {
   SimulatedDeviceOptions device;
   device.hand.stiffness_N_per_m = 900;
@@ -106,7 +106,7 @@ SimulatedDeviceOptions firmGrip() {
   return device;
 }
 
-// in from 0 s to 0.75 s, out to 1.5 s, as in the paper
+// In from 0 s to 0.75 s, out to 1.5 s, as in the paper.
 HandPlan sixLayerPlan() {
   const Pose X_WL = obliqueSkin();
   const Vec3 in = -zAxis(X_WL.q);
@@ -127,13 +127,13 @@ constexpr char kClampingScene[] =
     "A simulated hand; scene, motion and all numbers are set by hand: the paper gives none.";
 constexpr double kClampingRate_hz = 1000;
 constexpr Vec3 kTarget_W_m{0.008, 0, -0.036};  // the profile's target
-constexpr Vec3 kBeyond{0.005, 0, 0};           // the hand aims beyond the target: its spring gives way
+constexpr Vec3 kBeyond{0.005, 0, 0};           // the hand aims beyond the target, because its spring yields
 constexpr double kArrow_mm_per_N = 6;
 
 HandPlan clampingPlan() {
-  const Vec3 first = normalized(Vec3{-0.22, 0.10, -1});          // the user's first direction
+  const Vec3 first = normalized(Vec3{-0.22, 0.10, -1});          // the user's initial direction
   const Vec3 aside = normalized(cross(first, Vec3{0.3, 1, 0}));  // direction of the drift
-  const Vec3 right = normalized(kTarget_W_m);                    // the way to the target
+  const Vec3 right = normalized(kTarget_W_m);                    // direction to the target
   const Quat q1 = orientationAlong(first), q2 = orientationAlong(right);
   const auto on = [](Vec3 axis, double length_m) { return axis * length_m; };
   HandPlan plan({on(first, -0.02), q1});
@@ -151,8 +151,8 @@ HandPlan clampingPlan() {
   return plan;
 }
 
-// the places that the figures name, as the paper's text does (ticks): the start, point 1, where the user
-// gives up, point 2, where the trajectory changes, and the target
+// Ticks of the places named in the paper's text: the start, point 1 (the user gives up), point 2 (the
+// trajectory changes), and the target.
 struct Places {
   std::optional<std::size_t> entry, point2;
   std::size_t point1 = 0, target = 0;
@@ -165,7 +165,7 @@ Places placesOf(const FigureRun& run) {
   for (std::size_t i = 0; i < run.ticks.size(); ++i) {
     const StepReport& report = run.ticks[i].report;
     if (!places.entry && (report.flags & kFlagEntry) != 0) places.entry = i;
-    // near the skin u always comes after the hand; the change is the turn after the user gave up, at point 1
+    // Near the skin u always follows the hand; the change is the turn after the user gave up at point 1.
     if (!gave_up && report.insertion_m > deepest1) deepest1 = report.insertion_m, places.point1 = i;
     gave_up = gave_up || (deepest1 > 0.02 && report.insertion_m < 0.6 * deepest1);
     if (gave_up && !places.point2 && (report.flags & kFlagTurn) != 0) places.point2 = i;
@@ -223,7 +223,7 @@ Figure figure08(const FigureRun& run) {
 Figure figure09(const FigureRun& run) {
   Figure figure{"fig09", "Cutting and attracted forces, 3 DoF", {}, {}};
   PlotTable table("t_s,cutting_force_n,attracted_force_n,axial_force_n,fx_n,fy_n,fz_n,depth_m,layer,phase");
-  // when each layer is reached for the first time, and when the way out begins, for the marks
+  // when each layer is first reached and when the way out begins, for the marks
   std::vector<double> starts_s;
   double turn_s = 0;
   std::int32_t deepest = -1;
@@ -255,11 +255,11 @@ Result<FigureRun> runClamping() {
 Figure figure10(const FigureRun& run) {
   Figure figure{"fig10", "Virtual fixture: path and clamping forces", {}, {}};
   PlotTable table("t_s,px_m,py_m,pz_m,fx_n,fy_n,fz_n,clamping_n,lateral_error_m,insertion_m,arrow,phase");
-  // an arrow every 1.2 mm of the way where there is a force
+  // an arrow every 1.2 mm of the path where there is a force
   std::optional<Vec3> last_arrow;
   for (std::size_t i = 0; i < run.ticks.size(); ++i) {
     const ChainTick& tick = run.ticks[i];
-    const Vec3 p = tick.X_WT.p, f = tick.report.wrench_W.force_N;  // CLAMPING alone is live in this scene
+    const Vec3 p = tick.X_WT.p, f = tick.report.wrench_W.force_N;  // only CLAMPING is live in this scene
     const bool arrow = tick.report.clamping_N > 0.03 && (!last_arrow || norm(p - *last_arrow) > 0.0012);
     if (arrow) last_arrow = p;
     table.row({run.time_s(i), p.x, p.y, p.z, f.x, f.y, f.z, tick.report.clamping_N,
@@ -271,8 +271,8 @@ Figure figure10(const FigureRun& run) {
   const Places places = placesOf(run);
   const Vec3 p0 = run.ticks[places.entry.value_or(0)].X_WT.p;
   const Vec3 u0 = zAxis(run.ticks[places.entry.value_or(0)].X_WT.q);
-  // the changed trajectory, from P0 through the foot of the tip at the target: p plus the error towards the
-  // line
+  // The changed trajectory: from P0 through the tip's foot point at the target, i.e. p plus the error towards
+  // the line.
   const ChainTick& end = run.ticks[places.target];
   const double f = norm(end.report.wrench_W.force_N);
   const Vec3 foot =

@@ -10,20 +10,20 @@
 
 namespace needlelab {
 
-/// A figure, ready to be written: the table, and further variables for its plot file (client/sim/plots, same
-/// name).
+/// A figure, ready to be written: the table, and additional variables for its plot file (client/sim/plots,
+/// same name).
 struct Figure {
   std::string name;   ///< "fig07"
-  std::string title;  ///< for a person
+  std::string title;  ///< for people
   std::string csv;
   std::vector<PlotVariable> variables;
 };
 
 /// Fig. 7: one layer, 1 N in, 0.5 N out, with an intentional stop; along W's z.
 Result<FigureRun> runOneLayer();
-/// Fig. 8 and 9: six layers, oblique in W.
+/// Figs. 8 and 9: six layers, oblique in W.
 Result<FigureRun> runSixLayers();
-/// Fig. 10 and 11: clamping force, a partial withdrawal and a change of trajectory.
+/// Figs. 10 and 11: clamping force, a partial withdrawal and a change of trajectory.
 Result<FigureRun> runClamping();
 
 Figure figure07(const FigureRun& run);

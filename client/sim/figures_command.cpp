@@ -1,4 +1,4 @@
-/// `needlelab-sim figures`: the paper's experiments again, as tables and pictures.
+/// `needlelab-sim figures`: repeats the paper's experiments, as tables and pictures.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <memory>
@@ -9,13 +9,13 @@
 #include "client/sim/figures.h"
 #include "client/sim/tools/gnuplot.h"
 #include "client/sim/tools/json_output.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 
 namespace needlelab {
 namespace {
 
-// which run each figure shows, and how it is drawn
+// Which run each figure shows, and how it is drawn.
 struct Experiment {
   Result<FigureRun> (*run)();
   std::vector<Figure (*)(const FigureRun&)> figures;
@@ -30,7 +30,7 @@ const std::vector<Experiment>& experiments() {
   return all;
 }
 
-// what `--out` gets
+// Names of the files written to `--out`.
 std::vector<std::string> fileNames() {
   std::vector<std::string> names;
   for (const char* const figure : {"fig07", "fig08", "fig09", "fig10", "fig11"})
@@ -95,8 +95,7 @@ void addFiguresCommand(CLI::App& app, SimCommand& chosen) {
       "figures",
       "Runs the paper's experiments (Fig. 7 to 11) with a simulated hand, writes tables and pictures");
   command
-      ->add_option("--out", options->out,
-                   "folder for fig07.csv … fig11.csv and the PNGs; made when it is not there")
+      ->add_option("--out", options->out, "folder for fig07.csv … fig11.csv and the PNGs; created if missing")
       ->required();
   addJsonOption(*command, options->json);
   command->callback([options, &chosen] { chosen = [options] { return figures(*options); }; });

@@ -1,5 +1,5 @@
-/// `needlelab-sim precompute`: finite elements offline, to a table that the tracking wall renders at its own
-/// cost (the paper's future work).
+/// `needlelab-sim precompute`: finite elements offline, into a table that the tracking wall renders at its
+/// own cost (the paper's future work).
 #include <fmt/core.h>
 #include <CLI/CLI.hpp>
 
@@ -13,14 +13,15 @@
 
 #include "client/sim/command.h"
 #include "client/sim/tools/json_output.h"
-#include "common/base/clock.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/base/range.h"
+#include "common/base/time/clock.h"
 #include "common/fem/needle_mesh.h"
 #include "common/fem/needle_study.h"
 #include "common/haptics/models/like_for_like.h"
 #include "common/profile/profile.h"
+#include "common/profile/scene_of_profile.h"
 
 namespace needlelab {
 namespace {
@@ -49,13 +50,13 @@ Status checkOptions(const PrecomputeOptions& options) {
   return requireNewFile({"--out", options.out}, options.replace);
 }
 
-// a µN and 0.1 µm: finer steps are meaningless, and 17 digits are unreadable
+// 1 µN and 0.1 µm: finer steps are meaningless, and 17 digits are unreadable
 double rounded(double value, double per_unit) {
   return std::round(value * per_unit) / per_unit;
 }
 
-// What a table misses on the way out, where a hand notices it: 7 % of a force from 2.5 N on (the literature:
-// between 2.5 and 10 N), not less below. Else empty.
+// Reports the table's error on the way out if a hand would notice it: 7 % of a force from 2.5 N up (the
+// literature: between 2.5 and 10 N), and not less below. Otherwise empty.
 std::string withdrawalRemark(const TableError& error) {
   if (error.out_rms_N <= 0.07 * std::max(error.fem_peak_N, 2.5)) return {};
   return fmt::format(
@@ -64,11 +65,11 @@ std::string withdrawalRemark(const TableError& error) {
       error.out_rms_N, error.fem_peak_N);
 }
 
-// the profile with its table; checks all numbers for the renderable range before writing
+// The profile with its table; checks all numbers for the renderable range before writing.
 Result<pb::Profile> profileWithTable(const pb::Profile& from, SceneSpec table, const std::string& source) {
   pb::Profile profile = from;
   table.axial_model = AxialModel::kPrecomputed;
-  // cutting, pull and the shaft's friction are all in the table
+  // the table includes cutting, attraction and shaft friction
   table.effects |= bitOf(Effect::kCutting) | bitOf(Effect::kAttracted);
   table.effects &= ~bitOf(Effect::kShaftFriction);
   RETURN_IF_ERROR(validate(table));
@@ -80,7 +81,7 @@ Result<pb::Profile> profileWithTable(const pb::Profile& from, SceneSpec table, c
   return parseProfile(profileJson(profile), "the new profile");
 }
 
-// where E comes from
+// Describes the origin of E.
 std::string elasticityOf(const SceneSpec& scene, double young_factor) {
   if (!scene.fem.layers.empty()) return "elasticity is that of the profile's section fem";
   return fmt::format(
@@ -152,7 +153,7 @@ int precompute(const PrecomputeOptions& options) {
   if (const Status status = writeFileAtomically(options.out, viewOf(profileJson(*made))); !status.ok())
     return failed("precompute", status.error());
 
-  // the error of the table, printed at once
+  // error of the table, printed at once
   const auto written = sceneSpecOf(*made);
   if (!written.ok()) return failed("precompute", written.error());
   const auto error = tableError(fem, *written);
@@ -201,7 +202,7 @@ void addPrecomputeCommand(CLI::App& app, SimCommand& chosen) {
   command->add_option("--mesh", options->nodes, "nodes of the mesh, about")->capture_default_str();
   command->add_option("--out", options->out, "the profile that is written, axial_model PRECOMPUTED")
       ->required();
-  command->add_flag("--replace", options->replace, "--out may name a file that is there already");
+  command->add_flag("--replace", options->replace, "allow --out to overwrite an existing file");
   command->add_option("--stations", options->stations, "pieces of the needle's path")->capture_default_str();
   command->add_option("--rows", options->rows, "rows of the table")->capture_default_str();
   command->add_option("--depth", options->depth_m, "how deep in m; 0: as far as needle and layers allow")

@@ -1,4 +1,4 @@
-/// `needlelab-sim run`: a trajectory, or what a device recorded, through the engine, tick by tick.
+/// `needlelab-sim run`: runs a trajectory, or a device's recording, through the engine tick by tick.
 #include <fmt/core.h>
 #include <CLI/CLI.hpp>
 
@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "client/device/whole_recording.h"
+#include "client/device/recording/whole_recording.h"
 #include "client/sim/command.h"
 #include "client/sim/tools/json_output.h"
 #include "client/sim/tools/needle_direction.h"
@@ -17,23 +17,23 @@
 #include "client/sim/tools/recorded_gesture.h"
 #include "client/sim/tools/recorded_run.h"
 #include "client/sim/tools/run_table.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/gesture/sample_csv.h"
-#include "common/profile/profile.h"
+#include "common/profile/scene_of_profile.h"
 
 namespace needlelab {
 namespace {
 
 struct RunOptions {
   OfflineOptions input;
-  std::filesystem::path recorded;  // in place of a trajectory
+  std::filesystem::path recorded;  // instead of a trajectory
   std::filesystem::path out;
   bool hash = false, replace = false;
   JsonOption json;
 };
 
-// sums and maxima over the whole run
+// Sums and maxima over the whole run.
 struct RunTotals {
   std::size_t ticks = 0, insertions = 0;
   double max_force_N = 0, max_torque_Nm = 0, max_depth_m = 0;
@@ -47,7 +47,7 @@ struct RunTotals {
   }
 };
 
-// the table of a run, row by row
+// The table of a run, row by row.
 struct RunTable {
   std::string text = runHeader();
   RunTotals totals;
@@ -89,8 +89,8 @@ RunTable runRecorded(const SceneModel& model, const std::vector<GestureSample>& 
 int run(const RunOptions& options) {
   const bool recorded = !options.recorded.empty();
   if (recorded == !options.input.trajectory.empty())
-    return failed("run", {ErrorCode::kInvalidInput,
-                          "give --trajectory, or --recorded for what a device recorded: one of them"});
+    return failed(
+        "run", {ErrorCode::kInvalidInput, "give either --trajectory or --recorded (a device's recording)"});
   if (recorded && !options.input.tool.empty())
     return failed("run", {ErrorCode::kInvalidInput,
                           "--tool: not with --recorded, whose poses are the tip's; leave it out"});
@@ -168,7 +168,7 @@ void addRunCommand(CLI::App& app, SimCommand& chosen) {
       "itself; says how many ticks differ from the recorded force, and by how much");
   command->add_option("--out", options->out, "the table that is written: forces, wall, phase, … of each tick")
       ->required();
-  command->add_flag("--replace", options->replace, "--out may name a file that is there already");
+  command->add_flag("--replace", options->replace, "allow --out to overwrite an existing file");
   command->add_flag("--hash", options->hash, "print FNV-1a of the table, to compare builds and machines");
   addJsonOption(*command, options->json);
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });

@@ -11,37 +11,38 @@
 #include <vector>
 
 #include "client/device/pose_option.h"
-#include "client/device/whole_recording.h"
+#include "client/device/recording/whole_recording.h"
 #include "client/sim/command.h"
 #include "client/sim/tools/closed_loop.h"
 #include "client/sim/tools/json_output.h"
 #include "client/sim/tools/needle_direction.h"
 #include "client/sim/tools/offline_scene.h"
 #include "client/sim/tools/recorded_gesture.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/base/range.h"
 #include "common/gesture/sample_csv.h"
-#include "common/haptics/limits.h"
+#include "common/haptics/scene_spec.h"
 #include "common/profile/planned_line.h"
 #include "common/profile/profile.h"
-#include "common/scoring/dtw.h"
-#include "common/scoring/measures.h"
-#include "common/scoring/syringe_events.h"
+#include "common/profile/scene_of_profile.h"
+#include "common/scoring/measures/measures.h"
+#include "common/scoring/measures/syringe_events.h"
+#include "common/scoring/motion/dtw.h"
 
 namespace needlelab {
 namespace {
 
 struct ScoreOptions {
   OfflineOptions input;
-  std::filesystem::path recorded;                 // in place of a trajectory
-  bool damaged = false;                           // recordings with holes are scored, too
+  std::filesystem::path recorded;                 // instead of a trajectory
+  bool damaged = false;                           // score recordings with holes too
   std::vector<std::filesystem::path> references;  // of the same kind
   std::filesystem::path exercise;                 // empty = none
   JsonOption json;
 };
 
-// runs the trajectory through gate and engine, as on a station
+// Runs the trajectory through gate and engine, as on a station.
 Result<std::vector<GestureSample>> gestureOf(const OfflineScene& scene) {
   HapticChain chain(scene.model, DeviceLimits{}, scene.X_HT);
   std::vector<GestureSample> samples;
@@ -64,7 +65,7 @@ Result<std::vector<GestureSample>> gestureOf(const OfflineScene& scene) {
   return samples;
 }
 
-// the samples of a recording, or of their CSV; `rate_hz` becomes that of the first file
+// The samples of a recording, or of their CSV. `rate_hz` becomes the first file's rate.
 Result<std::vector<GestureSample>> recordedOf(const std::filesystem::path& path, bool damaged,
                                               std::optional<double>& rate_hz,
                                               std::vector<std::string>& holes) {
@@ -84,10 +85,10 @@ struct Scored {
   OfflineScene scene;
   std::vector<GestureSample> samples;
   std::vector<TipPath> references;
-  std::vector<std::string> holes;  // in what was recorded, by file
+  std::vector<std::string> holes;  // in the recordings, by file
 };
 
-// the gesture and those it is compared with
+// The gesture and its references.
 Result<Scored> loadScored(const ScoreOptions& options) {
   Scored scored;
   if (!options.recorded.empty()) {
@@ -139,8 +140,8 @@ int score(const ScoreOptions& options) {
   if (options.damaged && options.recorded.empty())
     return failed("score", {ErrorCode::kInvalidInput, "--damaged: only with --recorded"});
   if (options.recorded.empty() == options.input.trajectory.empty())
-    return failed("score", {ErrorCode::kInvalidInput,
-                            "give --trajectory, or --recorded for what a device recorded: one of them"});
+    return failed(
+        "score", {ErrorCode::kInvalidInput, "give either --trajectory or --recorded (a device's recording)"});
   const NumberRange rates{kMinRateHz, kMaxRateHz};
   if (options.input.rate_hz && !rates.contains(*options.input.rate_hz))
     return failed("score", outOfRange("--rate in Hz", *options.input.rate_hz, rates));
@@ -195,10 +196,10 @@ void addScoreCommand(CLI::App& app, SimCommand& chosen) {
   command->add_option(
       "--recorded", options->recorded,
       "instead of a trajectory: a session's recording, or its samples as CSV (session export); nothing is "
-      "computed anew, so that the measures are the server's");
+      "recomputed, so that the measures are the server's");
   command->add_flag(
       "--damaged", options->damaged,
-      "with --recorded: scores what is left of damaged recordings, too, and names every hole; without "
+      "with --recorded: also scores the readable rest of damaged recordings and lists all gaps; without "
       "it they are refused");
   command->add_option("--reference", options->references,
                       "a gesture to compare with, of the same kind; may be given several times");

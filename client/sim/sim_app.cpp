@@ -33,12 +33,12 @@ int runSim(int argc, const char* const* argv) {
     try {
       app.parse(argc, argv);
     } catch (const CLI::ParseError& e) {
-      // 0 for --help and --version; CLI11's other codes are all wrong usage here
+      // 0 for --help and --version; all other codes of CLI11 mean wrong usage here
       return afterOutput(app.exit(e) == 0 ? kExitDone : kExitInvalid, "needlelab-sim");
     }
     return afterOutput(chosen(), "needlelab-sim");
   } catch (const std::exception& e) {
-    // out of memory, or a file system error: reports one line, never a trace
+    // out of memory or a file system error: report one line, never a trace
     std::fprintf(stderr, "needlelab-sim: %s\n", e.what());
     return kExitFailed;
   }

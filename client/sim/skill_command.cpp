@@ -13,7 +13,7 @@
 #include "client/sim/skill/skill_study.h"
 #include "client/sim/tools/gnuplot.h"
 #include "client/sim/tools/json_output.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 
 namespace needlelab {
@@ -115,14 +115,14 @@ void printStudy(const SkillReport& report) {
   }
   std::printf(
       "\n%zu gestures, %zu ended by the gate; seed %llu; labels shuffled %zu times: any measure separates in "
-      "%.1f %% of them; uncorrected, %.1f %% of the measures would in the mean, %.1f %% at most\n",
+      "%.1f %% of them; uncorrected, %.1f %% of the measures would on average, %.1f %% at most\n",
       report.gestures, report.faults, static_cast<unsigned long long>(report.options.seed),
       report.options.shuffles, 100 * report.shuffled_any_share, 100 * report.shuffled_mean_share,
       100 * report.shuffled_most_share);
 }
 
-// skill.csv, and skill.png where gnuplot is found. Effects point to the measure's better end: where less is
-// better, g and its interval change sign
+// Writes skill.csv, and skill.png if gnuplot is found. Effects point to the measure's better end: if less is
+// better, g and its interval change sign.
 Status drawSkill(const SkillReport& report, const std::filesystem::path& folder) {
   if (report.rows.empty())
     return Error{ErrorCode::kFailed, "no measure differs between trainees: nothing to draw"};
@@ -184,7 +184,7 @@ void addSkillCommand(CLI::App& app, SimCommand& chosen) {
   CLI::App* command = app.add_subcommand(
       "skill", "Which measures tell simulated hands of different skill apart; no evidence about people");
   command->add_option("--trainees", options->study.trainees, "simulated people, an even number from 4 to 200")
-      ->check(CLI::NonNegativeNumber)  // -1 would be read as the greatest number
+      ->check(CLI::NonNegativeNumber)  // -1 would be read as the largest number
       ->capture_default_str();
   command->add_option("--attempts", options->study.attempts, "of each at each exercise, 1 to 100")
       ->check(CLI::NonNegativeNumber)

@@ -1,4 +1,4 @@
-/// `needlelab-sim stability`: the hard cases (tests/stability/README.md) over all axial models.
+/// `needlelab-sim stability`: the hard cases (tests/stability/README.md) for all axial models.
 #include <fmt/core.h>
 #include <unistd.h>
 #include <CLI/CLI.hpp>
@@ -16,7 +16,7 @@
 #include "client/sim/stability/scan_limits.h"
 #include "client/sim/tools/gnuplot.h"
 #include "client/sim/tools/json_output.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 
 namespace needlelab {
@@ -24,12 +24,12 @@ namespace {
 
 struct StabilityOptions {
   JsonOption json;
-  std::filesystem::path out, cases;  // empty = none, compiled in
+  std::filesystem::path out, cases;  // empty: none; the compiled-in ones
   std::vector<std::string> only_cases, only_models;
   bool long_form = false;
 };
 
-// the members of `all` named in `wanted`, in their order; all of them when `wanted` is empty
+// The members of `all` named in `wanted`, in their order; all if `wanted` is empty.
 template <typename T, typename NameOf>
 Result<std::vector<T>> chosenOf(const std::vector<T>& all, const std::vector<std::string>& wanted,
                                 const char* option, NameOf&& name_of) {
@@ -46,7 +46,7 @@ Result<std::vector<T>> chosenOf(const std::vector<T>& all, const std::vector<std
   return chosen;
 }
 
-// the line on a terminal's stderr that says how far it is
+// Progress line on a terminal's stderr.
 class Progress {
  public:
   explicit Progress(std::size_t all) : all_(all), shown_(::isatty(STDERR_FILENO) != 0) {}
@@ -71,13 +71,13 @@ class Progress {
 
 // ---- pictures
 
-// an entry of the colours in stability.gp: 0 says nothing, 1 stable, 2 chatters, 3 diverges
+// Index into the colours of stability.gp: 0 not applicable, 1 stable, 2 chatters, 3 diverges.
 double lookOf(const CaseRow* row) {
   if (row == nullptr || !row->applicable) return 0;
   return row->verdict == Verdict::kStable ? 1 : row->verdict == Verdict::kChatters ? 2 : 3;
 }
 
-// cases × models, each cell with its verdict and its measured value
+// Cases × models; each cell shows its verdict and measured value.
 Status drawOverview(const std::vector<CaseRow>& rows, const std::filesystem::path& out) {
   const auto names = caseNames(rows);
   const auto models = modelsOf(rows);
@@ -128,9 +128,9 @@ const CaseOutcome* heldOutcome(const std::vector<CaseOutcome>& outcomes, std::st
   return nullptr;
 }
 
-// The force of the wall, Voigt and direct in the hold cases. Empty when none of these cases was run.
+// The force of the wall, Voigt and direct in the hold cases. Empty if none of these cases was run.
 Status drawHolds(const std::vector<CaseOutcome>& outcomes, const std::filesystem::path& out) {
-  // each curve about its own mean, from one second into its window: long enough after the begin of the hold
+  // each curve about its own mean, from one second into its window: well after the start of the hold
   PlotTable table("panel,t_s,force_n");
   PlotBlocks data;
   bool any = false;
@@ -170,7 +170,7 @@ Status drawHolds(const std::vector<CaseOutcome>& outcomes, const std::filesystem
                   {{"csv", csv.string()}, {"data", file.string()}, {"shown_s", kShown_s}});
 }
 
-// the rows' pictures, and with all cases the study of stiffness, which has its own runs
+// Draws the rows' pictures and, if all cases were run, the stiffness study, which has its own runs.
 Status draw(const std::vector<CaseOutcome>& outcomes, const CaseSettings& settings,
             const StabilityOptions& options, Progress& progress) {
   std::vector<CaseRow> rows;
@@ -211,7 +211,7 @@ int stability(const StabilityOptions& options) {
   const std::vector<std::string> names = {
       "stability.dat",       "stability.png",         "stability-holds.csv",  "stability-holds.dat",
       "stability-holds.png", "stiffness_limits.json", "stiffness_limits.csv", "stiffness_limits.png",
-      "stiffness_rest.csv",  "stiffness_rest.png",    "stiffness_beyond.csv", "stiffness_beyond.png"};
+      "stiffness_rest.csv",  "stiffness_rest.png"};
   if (const Status status =
           checkFolderOutputs({{"--cases", options.cases}}, {"--out", options.out}, names, options.json);
       !status.ok())
@@ -245,7 +245,7 @@ int stability(const StabilityOptions& options) {
       return failed("stability", status.error());
     }
 
-  // the shipped model must be stable; the others need not be
+  // the shipped model must be stable; others need not be
   const auto unstable = std::find_if(rows.begin(), rows.end(), [](const CaseRow& row) {
     return row.model == AxialModel::kEnhancedTrackingWall && row.applicable &&
            row.verdict != Verdict::kStable;
@@ -266,12 +266,12 @@ void addStabilityCommand(CLI::App& app, SimCommand& chosen) {
   addJsonOption(*command, options->json);
   command->add_option(
       "--out", options->out,
-      "folder for pictures, and for the largest stable stiffness per model; made when it is not there");
+      "folder for pictures, and for the largest stable stiffness per model; created if missing");
   command->add_option("--case", options->only_cases, "only this case; may be given several times")
       ->take_all();
   command->add_option("--model", options->only_models, "only this axial model; may be given several times")
       ->take_all();
-  command->add_option("--cases", options->cases, "a cases.json in place of the compiled-in one");
+  command->add_option("--cases", options->cases, "a cases.json instead of the compiled-in one");
   command->add_flag("--long", options->long_form, "the long form: more hands, more gestures");
   command->callback([options, &chosen] { chosen = [options] { return stability(*options); }; });
 }

@@ -1,28 +1,63 @@
-/// needlelab-station: the trainee's program. Handles the command line and uncaught exceptions; station.h has
-/// the rest.
+/// needlelab-station: the trainee's program. Handles the command line and uncaught exceptions, and runs a
+/// whole lesson without a window.
 
+#include <csignal>
 #include <exception>
 #include <iostream>
+#include <utility>
 
-#include "client/station/run/calibrate.h"
-#include "client/station/run/list_devices.h"
-#include "client/station/run/list_exercises.h"
-#include "client/station/run/measure_delay.h"
-#include "client/station/run/options.h"
-#include "client/station/run/self_test.h"
-#include "client/station/run/signals.h"
+#include "client/station/run/checks/calibrate.h"
+#include "client/station/run/checks/list_devices.h"
+#include "client/station/run/checks/measure_delay.h"
+#include "client/station/run/checks/self_test.h"
+#include "client/station/run/io/options.h"
+#include "client/station/run/io/station_key.h"
+#include "client/station/run/io/terminal.h"
+#include "client/station/run/lesson/list_exercises.h"
+#include "client/station/run/lesson/trainee_code.h"
+#include "client/station/run/loop/signals.h"
 #include "client/station/run/station.h"
-#include "client/station/run/station_key.h"
+#include "client/station/run/station_run.h"
 #include "client/station/window/trainee_app.h"
 #include "common/base/program.h"
 #include "common/base/secret.h"
 #include "common/wire/protocol.h"
 #include "common/wire/tls.h"
 
+namespace needlelab {
+namespace {
+
+// Runs one lesson without a window and prints its summary. `stop_signals`: from blockStopSignals; the first
+// signal ends the lesson properly; the second also ends the wait for the server. Returns the program's exit
+// code (common/base/program.h). Thread: main. Starts and joins all others.
+int runStation(const StationOptions& options, const sigset_t& stop_signals) {
+  LessonObserver nobody;
+  StationHome home(options, nobody);
+  const auto failed = [](const Status& status) {
+    logMessage(status.error().message);
+    return exitCodeOf(status.error());
+  };
+  auto ask_for_code = askForCodeWithoutWindow(options);
+  if (!ask_for_code.ok()) return failed(ask_for_code.error());
+  if (const Status status = home.openSpool(); !status.ok()) return failed(status);
+  if (const Status status = home.connect(); !status.ok()) return failed(status);
+  StationRun run(home, options, stop_signals, {"", std::move(*ask_for_code)});
+  if (const Status status = run.prepare(); !status.ok()) return failed(status);
+  static_cast<void>(run.practise());  // the outcome contains its status
+  run.drain();
+  const LessonOutcome outcome = run.outcome();
+  home.close();
+  home.guard().report();
+  return run.report(outcome);
+}
+
+}  // namespace
+}  // namespace needlelab
+
 int main(int argc, char** argv) {
   needlelab::keepOutOfCoreDumps();
   needlelab::keepProtobufQuiet();
-  // Xlib calls `exit` when the display is lost, and the lesson is sent after that
+  // Xlib calls `exit` when the display is lost; the lesson is sent after that
   needlelab::keepTlsAtExit();
   try {
     const sigset_t stop_signals = needlelab::blockStopSignals();

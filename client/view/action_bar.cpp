@@ -13,7 +13,7 @@
 namespace needlelab {
 namespace {
 
-// by GLFW's numbers, as a surface reports them in a window and off screen
+// GLFW's key numbers, as a surface reports them in a window and off screen
 constexpr std::array kActionKeys = {
     std::pair(ActionKey::kEnter, GLFW_KEY_ENTER), std::pair(ActionKey::kEnter, GLFW_KEY_KP_ENTER),
     std::pair(ActionKey::kEscape, GLFW_KEY_ESCAPE), std::pair(ActionKey::kO, GLFW_KEY_O),

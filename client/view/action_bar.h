@@ -1,4 +1,4 @@
-/// Draws a screen's table of actions as buttons and hints, and takes its keys.
+/// Draws a screen's table of actions as buttons and hints, and handles its keys.
 #pragma once
 
 #include <optional>
@@ -8,22 +8,23 @@
 
 namespace needlelab {
 
-/// The action whose key was pressed in this frame, if any.
+/// Returns the action whose key was pressed in this frame, if any.
 std::optional<int> actionByKey(std::span<const ScreenAction> actions);
-/// Big buttons in a row, or, with a width (−1: the rest), below each other. `keys_named`: in the labels.
-/// Returns the button that was pressed.
+/// Big buttons in a row, or stacked if a width is given (−1: the remaining width). `keys_named`: adds the key
+/// to each label. Returns the pressed button.
 std::optional<int> actionButtons(std::span<const ScreenAction> actions, float width_px = 0,
                                  bool keys_named = false);
-/// The same as buttons of the usual size, in the line of a form.
+/// Like actionButtons, with buttons of normal size in a form's line.
 std::optional<int> actionLine(std::span<const ScreenAction> actions, bool keys_named = false);
-/// The keys with their hints, in a row.
+/// Draws the keys with their hints in a row.
 void actionHints(std::span<const ScreenAction> actions);
-/// Keeps from a question what was pressed before the person saw it.
+/// Keeps a question from being answered by keys and clicks from before the user saw it.
 class AnswerGate {
  public:
-  /// Call in every frame that can show the question. `asked`: what is asked, 0: nothing; `hidden`: frames
-  /// that Dear ImGui measures it before it draws it. Returns whether it can be answered: from the second
-  /// frame on, by what is pressed after a frame with it was seen. Draw its buttons disabled until then.
+  /// Call in every frame that can show the question. `asked`: the question, 0 if none; `hidden`: frames for
+  /// which Dear ImGui measures it before drawing it. Returns whether it can be answered: from the second
+  /// visible frame on, by input after a frame with the question was seen. Draw its buttons disabled until
+  /// then.
   bool opens(int asked, int hidden = 0);
 
  private:
@@ -34,13 +35,13 @@ class AnswerGate {
 class Question {
  public:
   explicit Question(const char* title) : title_(title) {}
-  /// It is drawn from the next `show` on.
+  /// Drawn from the next `show` on.
   void ask() { opens_ = asked_ = true; }
-  /// Returns whether the person is being asked.
+  /// Returns whether the question is open.
   [[nodiscard]] bool asked() const { return asked_; }
-  /// Returns whether the last frame showed it, so that it can be answered.
+  /// Returns whether the last frame showed the question, so that it can be answered.
   [[nodiscard]] bool shown() const { return shown_; }
-  /// Call in every frame, in the same window of Dear ImGui. Returns the answer by button or key.
+  /// Call in every frame, in the same Dear ImGui window. Returns the answer by button or key.
   std::optional<int> show(const char* text, std::span<const ScreenAction> actions);
 
  private:

@@ -11,7 +11,7 @@
 
 #include <fmt/core.h>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 
 namespace needlelab {
 namespace {
@@ -64,13 +64,13 @@ class WindowContext final : public GlContext {
  public:
   explicit WindowContext(GLFWwindow* window) : window_(window) {
     glfwMakeContextCurrent(window_);
-    // wait for the display's refresh, if it has one; llvmpipe has none, so the surface paces itself
+    // Wait for the display's refresh. llvmpipe has none, so the surface paces itself.
     glfwSwapInterval(1);
   }
   ~WindowContext() override {
     glfwDestroyWindow(window_);
-    // keep the library loaded until the process ends: a leak report cannot name functions of an unloaded
-    // driver
+    // Keep the library loaded until the process ends: a leak report cannot name functions of an unloaded
+    // driver.
   }
   WindowContext(const WindowContext&) = delete;
   WindowContext& operator=(const WindowContext&) = delete;
@@ -114,7 +114,7 @@ Result<std::unique_ptr<GlContext>> makeWindowContext(const SurfaceOptions& optio
   int width_px = before ? before->width_px : options.width_px;
   int height_px = before ? before->height_px : options.height_px;
   if (monitor != nullptr) {
-    // the monitor's own mode: it keeps its resolution, and the window stays when another one gets the keys
+    // the monitor's own mode: keeps the resolution, and the window stays open when it loses the focus
     const GLFWvidmode* const mode = glfwGetVideoMode(monitor);
     width_px = mode->width, height_px = mode->height;
     glfwWindowHint(GLFW_RED_BITS, mode->redBits);
@@ -144,8 +144,8 @@ class OffScreenContext final : public GlContext {
   ~OffScreenContext() override {
     eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
     if (context_ != EGL_NO_CONTEXT) eglDestroyContext(display_, context_);
-    // keep the display: it belongs to the process, and a leak report cannot name functions of an unloaded
-    // driver
+    // Keep the display: it belongs to the process, and a leak report cannot name functions of an unloaded
+    // driver.
   }
   OffScreenContext(const OffScreenContext&) = delete;
   OffScreenContext& operator=(const OffScreenContext&) = delete;

@@ -5,14 +5,14 @@
 #include <memory>
 #include <optional>
 
-#include "client/view/surface.h"
+#include "client/view/surface_options.h"
 #include "common/base/result.h"
 
 struct GLFWwindow;
 
 namespace needlelab {
 
-/// The context is current on the thread that made it until its destruction.
+/// Current from construction to destruction on the thread that made it.
 class GlContext {
  public:
   virtual ~GlContext() = default;
@@ -33,10 +33,10 @@ struct WindowState {
   double font_scale = 1;
 };
 
-/// Returns nullopt when the file is missing or has invalid values (sizes must be 320-16384, positions within
-/// ±32768, the scale 0.8-2.5): a window must open with any file.
+/// Returns nullopt if the file is missing or has invalid values (sizes must be 320-16384, positions within
+/// ±32768, the scale 0.8-2.5): a bad file must not prevent the window from opening.
 std::optional<WindowState> readWindowState(const std::filesystem::path& file);
-/// Creates a missing folder.
+/// Creates the folder if missing.
 Status writeWindowState(const std::filesystem::path& file, const WindowState& state);
 
 }  // namespace needlelab

@@ -214,7 +214,7 @@ RgbaImage FrameBuffer::read() {
   glPixelStorei(GL_PACK_ALIGNMENT, 1);
   glReadPixels(0, 0, width_, height_, GL_RGBA, GL_UNSIGNED_BYTE, upward.data());
   glBindFramebuffer(GL_READ_FRAMEBUFFER, 0);
-  // OpenGL's first row is the lowest
+  // OpenGL's first row is at the bottom
   image.pixels.resize(upward.size());
   for (std::size_t y = 0; y < static_cast<std::size_t>(height_); ++y)
     std::memcpy(&image.pixels[y * row], &upward[(static_cast<std::size_t>(height_) - 1 - y) * row], row);
@@ -225,17 +225,42 @@ void noteTextureChange() {
   ++texture_changes;
 }
 
-std::uint64_t textureChanges() {
-  return texture_changes;
-}
-
 void noteContent(std::uint64_t word) {
   content = (content ^ word) * 0x100000001B3u;
   content ^= content >> 29;
 }
 
-std::uint64_t takeContent() {
-  return std::exchange(content, 0);
+namespace {
+
+// FNV hash over 64-bit words of the frame's draw data
+std::uint64_t hashOfBytes(const void* data, std::size_t size, std::uint64_t hash) {
+  const auto* bytes = static_cast<const unsigned char*>(data);
+  for (; size >= 8; size -= 8, bytes += 8) {
+    std::uint64_t word = 0;
+    std::memcpy(&word, bytes, 8);
+    hash = (hash ^ word) * 0x100000001B3u;
+    hash ^= hash >> 29;
+  }
+  for (; size > 0; --size, ++bytes) hash = (hash ^ *bytes) * 0x100000001B3u;
+  return hash;
+}
+
+}  // namespace
+
+std::uint64_t hashOfFrame(const ImDrawData& data, int width_px, int height_px) {
+  std::uint64_t hash = (0xCBF29CE484222325u ^ std::exchange(content, 0)) * 0x100000001B3u ^ texture_changes;
+  hash =
+      (hash ^ static_cast<std::uint64_t>(width_px)) * 0x100000001B3u ^ static_cast<std::uint64_t>(height_px);
+  for (int i = 0; i < data.CmdListsCount; ++i) {
+    const ImDrawList& list = *data.CmdLists[i];
+    hash = hashOfBytes(list.VtxBuffer.Data, static_cast<std::size_t>(list.VtxBuffer.size_in_bytes()), hash);
+    hash = hashOfBytes(list.IdxBuffer.Data, static_cast<std::size_t>(list.IdxBuffer.size_in_bytes()), hash);
+    for (const ImDrawCmd& command : list.CmdBuffer) {
+      hash = hashOfBytes(&command.ClipRect, sizeof command.ClipRect, hash);
+      hash = (hash ^ reinterpret_cast<std::uintptr_t>(command.TextureId)) * 0x100000001B3u;
+    }
+  }
+  return hash;
 }
 
 Texture::~Texture() {
@@ -272,7 +297,7 @@ void Texture::put(int width, int height, bool grey, const void* pixels) {
   const bool fresh = name_ == 0 || width != width_ || height != height_ || grey != grey_;
   if (name_ == 0) glGenTextures(1, &name_);
   glBindTexture(GL_TEXTURE_2D, name_);
-  // rows of one-byte pixels need not start at multiples of four
+  // rows of one-byte pixels need not be 4-byte aligned
   glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
   const GLenum format = grey ? GL_RED : GL_RGBA;
   if (fresh) {

@@ -1,5 +1,5 @@
-/// OpenGL objects: shader programs, meshes, frame buffers, textures; and notes of changes, which tell a
-/// surface whether to draw a frame.
+/// OpenGL objects: shader programs, meshes, frame buffers, textures. Also records changes, so that a surface
+/// knows whether to draw a frame.
 #pragma once
 
 #include <cstdint>
@@ -17,8 +17,7 @@
 
 namespace needlelab {
 
-/// A shader program. Needs the context for its whole life. `set` ignores names that the program does not
-/// have.
+/// A shader program. Needs the context for its whole life. `set` ignores names that the program lacks.
 class GlProgram {
  public:
   GlProgram() = default;
@@ -57,13 +56,13 @@ class GlMesh {
   int count_ = 0;
 };
 
-/// Pixels of a picture, counted from its lower left corner as OpenGL does; empty where width or height is not
+/// Pixels of a picture, counted from its lower left corner as in OpenGL; empty if width or height is not
 /// positive.
 struct PixelRect {
   int x = 0, y = 0, width = 0, height = 0;
   [[nodiscard]] bool empty() const { return width <= 0 || height <= 0; }
 };
-/// The smallest rectangle that holds both.
+/// The smallest rectangle that contains both.
 PixelRect joined(PixelRect a, PixelRect b);
 
 /// A drawing target: colour (RGBA8) and depth, with one or several samples per pixel; `resolve` merges the
@@ -79,7 +78,7 @@ class FrameBuffer {
   void bind(int width, int height);
   /// Copies colour and depth of a part of `other`, which has the same size and samples.
   void copyFrom(const FrameBuffer& other, PixelRect part);
-  /// Call it after drawing: updates the texture, or the drawn part of it.
+  /// Call after drawing: updates the texture, or the drawn part of it.
   void resolve();
   void resolve(PixelRect part);
   /// Copies the picture to the bound draw buffer, lower left corner at x, y; respects the scissor.
@@ -96,7 +95,7 @@ class FrameBuffer {
   int samples_;
   int width_ = 0, height_ = 0;
   unsigned texture_ = 0, resolved_ = 0;          // the shown picture, and its buffer
-  unsigned drawn_ = 0, colour_ = 0, depth_ = 0;  // with several samples: drawn into, then resolved
+  unsigned drawn_ = 0, colour_ = 0, depth_ = 0;  // if multisampled: drawn into, then resolved
 };
 
 /// A picture in an OpenGL texture, for ImGui::Image. Needs the surface's context for its whole life. Thread:
@@ -108,7 +107,7 @@ class Texture {
   Texture(Texture&& other) noexcept;
   Texture& operator=(Texture&& other) noexcept;
 
-  /// Reuses the memory for the same size. An image without pixels empties the texture.
+  /// Reuses the memory if the size is unchanged. An image without pixels empties the texture.
   void upload(const GreyImage& image);
   void upload(const RgbaImage& image);
   [[nodiscard]] ImTextureID id() const;  ///< null when empty
@@ -129,12 +128,10 @@ PixelRect surfacePixels(ImVec2 from, ImVec2 to, ImVec4 clip);
 
 /// Records a change of a texture's pixels, so that the next frame is drawn. Thread: the surface's.
 void noteTextureChange();
-/// Returns the number of calls of `noteTextureChange`.
-std::uint64_t textureChanges();
-
 /// Records content of the current frame outside ImGui's lists, such as a draw callback's data.
 void noteContent(std::uint64_t word);
-/// Returns a hash of all noteContent words since the last call.
-std::uint64_t takeContent();
+/// Returns a hash of everything that determines the frame's pixels: ImGui's lists, texture changes, and the
+/// noteContent words since the last call.
+std::uint64_t hashOfFrame(const ImDrawData& data, int width_px, int height_px);
 
 }  // namespace needlelab

@@ -21,7 +21,7 @@ std::string readText(double value, const Plot& plot, double step) {
   return tickText(value, momentDecimals(plot.unit).value_or(by_axis));
 }
 
-// the nearest earlier column, within a few
+// The nearest earlier non-empty column, within a few.
 const PixelColumn* columnAt(std::span<const PixelColumn> columns, std::ptrdiff_t index) {
   for (std::ptrdiff_t i = index; i >= 0 && i > index - 6; --i)
     if (i < static_cast<std::ptrdiff_t>(columns.size()) && !columns[static_cast<std::size_t>(i)].empty())
@@ -40,14 +40,14 @@ std::optional<double> valueAt(const Plot& plot, const PlotSeries& series,
   return column == nullptr ? std::nullopt : std::optional(static_cast<double>(column->last));
 }
 
-/// An entry of a legend, and its width with the swatch before it.
+/// A legend entry, and its width with the swatch before it.
 struct LegendEntry {
   const PlotSeries* series;
   std::string text;
   float width_px;
 };
 
-/// `with_values`: so many of the first series show their value at `read_x`.
+/// `with_values`: how many of the first series show their value at `read_x`.
 std::vector<LegendEntry> legendOf(const Plot& plot, std::span<const std::vector<PixelColumn>> columns,
                                   std::optional<double> read_x, double step, std::size_t with_values) {
   std::vector<LegendEntry> entries;

@@ -15,7 +15,7 @@ namespace {
 
 /// Maps a plot's values to the surface.
 struct PlotFrame {
-  ImVec2 low_px, high_px;  ///< corners of the field: left upper, right lower
+  ImVec2 low_px, high_px;  ///< corners of the field: upper left, lower right
   double from = 0, to = 1;
   AxisTicks y;
   bool downward = false;
@@ -44,7 +44,7 @@ void strokeRun(ImDrawList& list, const std::vector<ImVec2>& run, ImU32 colour, f
     list.AddPolyline(run.data(), static_cast<int>(run.size()), colour, 0, width_px);
     return;
   }
-  // dashes of equal length along the line
+  // Dashes of equal length along the line.
   constexpr float kOn_px = 6, kPeriod_px = 10;
   float along_px = 0;
   for (std::size_t i = 1; i < run.size(); ++i) {
@@ -94,7 +94,7 @@ void drawColumns(ImDrawList& list, const PlotFrame& frame, const Plot& plot, con
   for (std::size_t i = 0; i < columns.size(); ++i) {
     const PixelColumn& column = columns[i];
     if (column.empty()) {
-      // one or two empty columns only mean a slow stream; more of them are a gap, or a missing value
+      // one or two empty columns mean a slow stream; more are a gap or missing values
       if (++empty_run > 3 + static_cast<int>(columns.size()) / 60) flush();
       continue;
     }
@@ -109,7 +109,7 @@ void drawColumns(ImDrawList& list, const PlotFrame& frame, const Plot& plot, con
                          {x_px + 0.5F * per_column_px, std::max(top_px, low_px)},
                          packed(series.colour, 0.65F));
     const float y_px = frame.yAt(static_cast<double>(column.last));
-    // a level stretch needs only its ends
+    // a level stretch only needs its ends
     if (run.size() > 1 && std::fabs(run[run.size() - 1].y - y_px) < kLevel_px &&
         std::fabs(run[run.size() - 2].y - y_px) < kLevel_px)
       run.back().x = x_px;
@@ -129,7 +129,7 @@ void drawBands(ImDrawList& list, const PlotFrame& frame, std::span<const PlotBan
     if (low_px - top_px < 0.5F) continue;
     list.AddRectFilled({frame.low_px.x, top_px}, {frame.high_px.x, low_px}, packed(band.colour, 0.17F));
     list.AddLine({frame.low_px.x, top_px}, {frame.high_px.x, top_px}, packed(band.colour, 0.45F));
-    // a stripe of full colour at the edge links the name to the tissue's colour elsewhere
+    // a stripe in full colour at the edge connects the name with the tissue's colour elsewhere
     list.AddRectFilled({frame.low_px.x, top_px}, {frame.low_px.x + 4, low_px}, packed(band.colour, 0.9F));
     const float text_px = ImGui::GetFontSize();
     const float at_px = std::max((top_px + low_px - text_px) * 0.5F, taken_to_px);
@@ -140,7 +140,8 @@ void drawBands(ImDrawList& list, const PlotFrame& frame, std::span<const PlotBan
   }
 }
 
-/// Each limit as a dashed line, with its text at the right end: below the line, at the lower edge above it.
+/// Each limit as a dashed line, with its text at the right end: below the line, or above it near the lower
+/// edge.
 void drawLimits(ImDrawList& list, const PlotFrame& frame, std::span<const PlotLimit> limits) {
   WithFont font(Letters::kSmall);
   const Rgb colour = styleOf(Condition::kAttention).colour;
@@ -164,7 +165,7 @@ void drawMarks(ImDrawList& list, const PlotFrame& frame, std::span<const PlotMar
     const float x_px = frame.xAt(mark.x);
     list.AddLine({x_px, frame.low_px.y}, {x_px, frame.high_px.y}, packed(mark.colour, 0.38F));
     const float width_px = sizeOfText(mark.sign).x;
-    // skip signs that would overlap; keep their lines
+    // omit signs that would overlap, but keep their lines
     if (!mark.sign.empty() && x_px - width_px * 0.5F > sign_free_px) {
       drawPlotText(list, {x_px - width_px * 0.5F, frame.low_px.y + 1}, packed(mark.colour), mark.sign);
       sign_free_px = x_px + width_px * 0.5F;
@@ -183,8 +184,8 @@ void drawMarks(ImDrawList& list, const PlotFrame& frame, std::span<const PlotMar
   drawPlotText(list, at, packed(mixed(nearest->colour, kWhite, 0.4F)), nearest->text);
 }
 
-/// A plot's y range between frames, so that it grows at once and shrinks slowly. It is valid for the shown x
-/// range: a jump or another zoom resets it.
+/// A plot's y range between frames: it grows at once and shrinks slowly. Valid for the current x range; a
+/// jump or zoom resets it.
 struct PlotMemory {
   double low = 0, high = 0;
   bool known = false;
@@ -199,7 +200,7 @@ struct PlotMemory {
 };
 
 PlotMemory& memoryOf(ImGuiID id) {
-  // one map suffices: a process has one ImGui context, with few ids that live as long as the window
+  // One map suffices: a process has one ImGui context, with few ids that live as long as the window.
   static std::map<ImGuiID, PlotMemory> memories;
   return memories[id];
 }
@@ -256,7 +257,7 @@ AxisTicks rangeOf(const Plot& plot, PlotRange data, PlotMemory& memory, float he
     if (data.low >= memory.low && data.high <= memory.high && fitted.high - fitted.low > 0.45 * span)
       return axisTicks(plot.low.value_or(memory.low), plot.high.value_or(memory.high), wanted, false);
   }
-  // the data with a margin, in quarters of a step, so that the axis does not move with each new maximum
+  // the data with a margin, in quarters of a step, so that the axis does not move with every new maximum
   const double air = 0.05 * (fitted.high - fitted.low);
   const double quarter = axisTicks(fitted.low, fitted.high, wanted, false).step / 4;
   const double low = fitted.low == 0 ? 0 : std::floor((fitted.low - air) / quarter) * quarter;
@@ -322,7 +323,7 @@ PlotField plotFieldAt(ImVec2 at, ImVec2 size_px, bool show_x_axis) {
 }
 
 float labelLeftAt(const PlotField& field, float x_px, float width_px) {
-  constexpr float kBeyond_px = 8;  // a label may reach so far beyond the field
+  constexpr float kBeyond_px = 8;  // how far a label may extend beyond the field
   const float left_px = field.low_px.x - kBeyond_px, right_px = field.high_px.x + kBeyond_px;
   const float at_px = std::min(x_px - width_px * 0.5F, right_px - width_px);
   return std::max(at_px, left_px);
@@ -430,7 +431,7 @@ void sparkline(std::span<const float> values, float low, float high, Rgb colour,
   const ImVec2 at = ImGui::GetCursorScreenPos();
   ImDrawList& list = *ImGui::GetWindowDrawList();
   if (values.size() > 1 && high > low) {
-    // at most one point per pixel: draws the maximum of the points that share one, so that no peak is lost
+    // At most one point per pixel: draws the maximum of the points that share one, so that no peak is lost.
     const auto most = static_cast<std::size_t>(std::max(2.0F, size_px.x));
     const std::size_t count = std::min(values.size(), most);
     std::vector<ImVec2> points(count);

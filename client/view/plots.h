@@ -23,27 +23,27 @@ struct PlotResult {
 /// `size_px`: 0 is the rest of the window. Costs about 0.1 ms with 5 series of 600 columns.
 PlotResult linePlot(const char* id, const Plot& plot, ImVec2 size_px, bool show_x_axis = true);
 
-/// Several plots under one another with one x axis.
+/// Several plots stacked, with one x axis.
 PlotResult plotStack(const char* id, std::span<const Plot> plots, ImVec2 size_px);
 
-/// Upper left and lower right corner of a plot's field; numbers and title lie around it.
+/// Corners of a plot's field; numbers and title lie around it.
 struct PlotField {
   ImVec2 low_px, high_px;
   [[nodiscard]] bool tooSmall() const { return high_px.x - low_px.x < 20 || high_px.y - low_px.y < 12; }
 };
 PlotField plotFieldAt(ImVec2 at, ImVec2 size_px, bool show_x_axis);
-/// Where a label of the x axis begins: centred at `x_px`, but within the field and a little beyond; at the
-/// left end where it is wider than that.
+/// Left edge of an x-axis label: centred at `x_px`, but within the field or slightly beyond; left-aligned if
+/// the label is wider than that.
 float labelLeftAt(const PlotField& field, float x_px, float width_px);
 
-/// Draws a plot's heading at the left and then its series with their colours (plot_legend.cpp): with the
-/// values at `read_x`, if given, where there is room for all, else with the first one's alone. What still has
-/// no room is counted: "+2". `columns`: by series; `step`: of the y axis.
+/// Draws a plot's heading at the left, then its series with their colours (plot_legend.cpp). Shows the values
+/// at `read_x`, if given, when all fit, otherwise only the first series' value. Entries that still do not fit
+/// are counted: "+2". `columns`: by series; `step`: of the y axis.
 void drawPlotLegend(ImDrawList& list, ImVec2 at, float right_px, const Plot& plot,
                     std::span<const std::vector<PixelColumn>> columns, std::optional<double> read_x,
                     double step);
 
-/// Draws a few hundred points as a small line without axes, for tiles and tables; the last as a dot.
+/// Draws a few hundred points as a small line without axes, ending in a dot, for tiles and tables.
 void sparkline(std::span<const float> values, float low, float high, Rgb colour, ImVec2 size_px);
 
 }  // namespace needlelab

@@ -10,30 +10,26 @@
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
-#include <cstring>
 #include <vector>
 
 #include <imgui/backends/imgui_impl_glfw.h>
 #include <imgui/backends/imgui_impl_opengl3.h>
 #include <imgui/imgui.h>
 #include <imgui/imgui_internal.h>
-#include <stb/stb_image.h>
-#include <stb/stb_image_write.h>
 
 #include "client/view/gl_context.h"
 #include "client/view/gl_objects.h"
 #include "client/view/input_queue.h"
 #include "client/view/theme.h"
-#include "common/base/clock.h"
-#include "common/base/files.h"
+#include "common/base/time/clock.h"
 
 #if defined(__SANITIZE_ADDRESS__)
 namespace {
 std::atomic<bool> a_surface_was_opened{false};
 }
-// Driver threads live until the process ends, and LeakSanitizer sometimes crashes when it scans them ("Tracer
-// caught signal 11"); it would also report memory that drivers keep. So skip the leak check in a process that
-// drew.
+// Driver threads live until the process ends. LeakSanitizer sometimes crashes when it scans them ("Tracer
+// caught signal 11"), and it would report memory that drivers keep. So a process that drew skips the leak
+// check.
 extern "C" int __lsan_is_turned_off();
 extern "C" int __lsan_is_turned_off() {
   return a_surface_was_opened ? 1 : 0;
@@ -46,7 +42,7 @@ namespace {
 constexpr double kUsualFrames_per_s = 30;
 constexpr int kMostRepeats = 15;
 
-/// A desk's letters at this scale, whatever the window's size; or as the screen's place asks.
+/// Sizes for a desk at this scale, whatever the window's size; or for the screen's `viewing`.
 LetterSizes wantedLetters(const std::optional<Viewing>& viewing, int width_px, int height_px, double scale) {
   if (viewing) return letterSizes(*viewing, width_px, height_px, scale);
   const LetterSizes desk;
@@ -62,86 +58,6 @@ bool hasDisplay() {
   return display != nullptr && *display != '\0';
 }
 
-// keys by GLFW's numbers, as in ImGui's GLFW backend, so that the same shortcuts work off screen
-void mapKeys(ImGuiIO& io) {
-  io.KeyMap[ImGuiKey_Tab] = GLFW_KEY_TAB;
-  io.KeyMap[ImGuiKey_LeftArrow] = GLFW_KEY_LEFT;
-  io.KeyMap[ImGuiKey_RightArrow] = GLFW_KEY_RIGHT;
-  io.KeyMap[ImGuiKey_UpArrow] = GLFW_KEY_UP;
-  io.KeyMap[ImGuiKey_DownArrow] = GLFW_KEY_DOWN;
-  io.KeyMap[ImGuiKey_PageUp] = GLFW_KEY_PAGE_UP;
-  io.KeyMap[ImGuiKey_PageDown] = GLFW_KEY_PAGE_DOWN;
-  io.KeyMap[ImGuiKey_Home] = GLFW_KEY_HOME;
-  io.KeyMap[ImGuiKey_End] = GLFW_KEY_END;
-  io.KeyMap[ImGuiKey_Insert] = GLFW_KEY_INSERT;
-  io.KeyMap[ImGuiKey_Delete] = GLFW_KEY_DELETE;
-  io.KeyMap[ImGuiKey_Backspace] = GLFW_KEY_BACKSPACE;
-  io.KeyMap[ImGuiKey_Space] = GLFW_KEY_SPACE;
-  io.KeyMap[ImGuiKey_Enter] = GLFW_KEY_ENTER;
-  io.KeyMap[ImGuiKey_Escape] = GLFW_KEY_ESCAPE;
-  io.KeyMap[ImGuiKey_KeyPadEnter] = GLFW_KEY_KP_ENTER;
-  io.KeyMap[ImGuiKey_A] = GLFW_KEY_A;
-  io.KeyMap[ImGuiKey_C] = GLFW_KEY_C;
-  io.KeyMap[ImGuiKey_V] = GLFW_KEY_V;
-  io.KeyMap[ImGuiKey_X] = GLFW_KEY_X;
-  io.KeyMap[ImGuiKey_Y] = GLFW_KEY_Y;
-  io.KeyMap[ImGuiKey_Z] = GLFW_KEY_Z;
-}
-
-// what a person does at a window; the backend's own callbacks keep no order
-void queueInput(GLFWwindow* window, InputQueue& input) {
-  using Done = InputEvent::Kind;
-  static constexpr auto kQueueOf = [](GLFWwindow* of) -> InputQueue& {
-    return *static_cast<InputQueue*>(glfwGetWindowUserPointer(of));
-  };
-  glfwSetWindowUserPointer(window, &input);
-  glfwSetKeyCallback(window, [](GLFWwindow* of, int key, int, int action, int) {
-    if (action == GLFW_REPEAT) return;  // Dear ImGui repeats by itself
-    kQueueOf(of).add({.kind = Done::kKey, .code = key, .down = action == GLFW_PRESS});
-  });
-  glfwSetCharCallback(window, [](GLFWwindow* of, unsigned character) {
-    kQueueOf(of).add({.kind = Done::kCharacter, .code = static_cast<int>(character)});
-  });
-  glfwSetMouseButtonCallback(window, [](GLFWwindow* of, int button, int action, int) {
-    kQueueOf(of).add({.kind = Done::kButton, .code = button, .down = action == GLFW_PRESS});
-  });
-  glfwSetCursorPosCallback(window, [](GLFWwindow* of, double x_px, double y_px) {
-    kQueueOf(of).add({.kind = Done::kMove, .x = static_cast<float>(x_px), .y = static_cast<float>(y_px)});
-  });
-  glfwSetScrollCallback(window, [](GLFWwindow* of, double right, double up) {
-    kQueueOf(of).add({.kind = Done::kWheel, .x = static_cast<float>(right), .y = static_cast<float>(up)});
-  });
-}
-
-// FNV hash over 64-bit words of the frame's draw data
-std::uint64_t hashOfBytes(const void* data, std::size_t size, std::uint64_t hash) {
-  const auto* bytes = static_cast<const unsigned char*>(data);
-  for (; size >= 8; size -= 8, bytes += 8) {
-    std::uint64_t word = 0;
-    std::memcpy(&word, bytes, 8);
-    hash = (hash ^ word) * 0x100000001B3u;
-    hash ^= hash >> 29;
-  }
-  for (; size > 0; --size, ++bytes) hash = (hash ^ *bytes) * 0x100000001B3u;
-  return hash;
-}
-
-std::uint64_t hashOfFrame(const ImDrawData& data, int width_px, int height_px) {
-  std::uint64_t hash = (0xCBF29CE484222325u ^ takeContent()) * 0x100000001B3u ^ textureChanges();
-  hash =
-      (hash ^ static_cast<std::uint64_t>(width_px)) * 0x100000001B3u ^ static_cast<std::uint64_t>(height_px);
-  for (int i = 0; i < data.CmdListsCount; ++i) {
-    const ImDrawList& list = *data.CmdLists[i];
-    hash = hashOfBytes(list.VtxBuffer.Data, static_cast<std::size_t>(list.VtxBuffer.size_in_bytes()), hash);
-    hash = hashOfBytes(list.IdxBuffer.Data, static_cast<std::size_t>(list.IdxBuffer.size_in_bytes()), hash);
-    for (const ImDrawCmd& command : list.CmdBuffer) {
-      hash = hashOfBytes(&command.ClipRect, sizeof command.ClipRect, hash);
-      hash = (hash ^ reinterpret_cast<std::uintptr_t>(command.TextureId)) * 0x100000001B3u;
-    }
-  }
-  return hash;
-}
-
 }  // namespace
 
 struct Surface::Parts {
@@ -149,7 +65,7 @@ struct Surface::Parts {
   std::unique_ptr<GlContext> context;
   std::unique_ptr<FrameBuffer> buffer;  // off screen: the target of drawing
   InputQueue input;
-  ImVec2 mouse_px{-FLT_MAX, -FLT_MAX};  // as this frame sees it
+  ImVec2 mouse_px{-FLT_MAX, -FLT_MAX};  // in this frame
   std::array<bool, 5> buttons{};
   bool imgui = false;
   bool closed = false, close_wished = false;
@@ -159,7 +75,7 @@ struct Surface::Parts {
   double cost_s = 0;
   std::uint64_t drawn_hash = 0;  // of the shown frame
   std::uint64_t frames_drawn = 0;
-  int repeats = 0;                  // identical frames since
+  int repeats = 0;                  // identical frames since then
   int width_px = 0, height_px = 0;  // of the picture
 
   ~Parts();
@@ -170,7 +86,7 @@ struct Surface::Parts {
   void giveInput();
   void give(const InputEvent& event);
   void showFrame();
-  // what was done before it comes first
+  // input from before the click comes first
   void takeCloseButton() {
     GLFWwindow* const window = context->window();
     if (window == nullptr || glfwWindowShouldClose(window) == 0 || !input.empty()) return;
@@ -202,7 +118,7 @@ Surface::~Surface() {
     glfwGetWindowSize(window, &state.width_px, &state.height_px);
   }
   state.font_scale = parts_->wanted_scale;
-  // failing to write the window's position must not fail a lesson at its end
+  // failing to save the window's position must not make the lesson fail at its end
   (void)writeWindowState(parts_->options.state_file, state).ok();
 }
 
@@ -275,7 +191,7 @@ void Surface::Parts::applyLetters() {
   ImGui_ImplOpenGL3_CreateFontsTexture();
 }
 
-// sleeps until the next frame is due; handles a window's input early, but draws it when the frame is due
+// Sleeps until the next frame is due. Handles a window's input early, but draws only when the frame is due.
 void Surface::Parts::waitForTurn() {
   if (context->window() != nullptr) glfwPollEvents();
   if (!(options.frames_per_s > 0)) return;
@@ -288,14 +204,14 @@ void Surface::Parts::waitForTurn() {
       options.time->sleepUntilNs(due_ns);
     now_ns = options.time->nowNs();
   }
-  // after a late frame, do not hurry the next ones
+  // after a late frame, do not rush the next ones
   due_ns += period_ns;
   if (due_ns <= now_ns) due_ns = now_ns + period_ns;
 }
 
 void Surface::Parts::give(const InputEvent& event) {
   ImGuiIO& io = ImGui::GetIO();
-  const auto code = static_cast<std::size_t>(event.code);  // GLFW has -1 for a key that it does not know
+  const auto code = static_cast<std::size_t>(event.code);  // GLFW uses -1 for unknown keys
   switch (event.kind) {
     case InputEvent::Kind::kKey:
       if (code < std::size(io.KeysDown)) io.KeysDown[code] = event.down;
@@ -319,7 +235,7 @@ void Surface::Parts::give(const InputEvent& event) {
   }
 }
 
-// after the backend, which reads the mouse as it is by now, and not as it was when a button was pressed
+// After the backend, which reads the mouse's present state instead of its state when a button was pressed.
 void Surface::Parts::giveInput() {
   ImGuiIO& io = ImGui::GetIO();
   const std::vector<InputEvent> events = input.take();
@@ -358,13 +274,13 @@ void Surface::endFrame() {
   Parts& parts = *parts_;
   ImGui::Render();
   parts.showFrame();
-  // what came until now came while the person saw the frame before
+  // input until now came while the user saw the previous frame
   if (parts.context->window() != nullptr) glfwPollEvents();
   parts.input.shown(ImGui::GetFrameCount());
 }
 
 void Surface::Parts::showFrame() {
-  // the same frame is already shown; still draw it now and then, for a display that lost it
+  // This frame is already shown; redraw it occasionally for a display that lost it.
   const std::uint64_t hash = hashOfFrame(*ImGui::GetDrawData(), width_px, height_px);
   const bool same = hash == drawn_hash && ++repeats < kMostRepeats;
   if (same) {
@@ -391,7 +307,7 @@ void Surface::Parts::showFrame() {
 
 RgbaImage Surface::picture() const {
   if (parts_->buffer) return parts_->buffer->read();
-  // a window's buffer is invalid after the swap, but the frame's lists still exist: draw them again
+  // A window's buffer is invalid after the swap, but the frame's lists still exist: draw them again.
   ImDrawData* data = ImGui::GetDrawData();
   if (data == nullptr || !data->Valid) return {};
   FrameBuffer copy;
@@ -455,36 +371,6 @@ void Surface::typeText(const std::string& utf8) {
     at += ImTextCharFromUtf8(&character, at, end);
     parts_->input.add({.kind = InputEvent::Kind::kCharacter, .code = static_cast<int>(character)});
   }
-}
-
-Status savePng(const RgbaImage& image, const std::filesystem::path& file) {
-  std::string png;
-  const auto append = [](void* to, void* data, int size) {
-    static_cast<std::string*>(to)->append(static_cast<const char*>(data), static_cast<std::size_t>(size));
-  };
-  const bool whole = image.width > 0 && image.height > 0 &&
-                     image.pixels.size() ==
-                         4 * static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height);
-  if (!whole ||
-      stbi_write_png_to_func(append, &png, image.width, image.height, 4, image.pixels.data(), 0) == 0)
-    return Error{ErrorCode::kFailed, file.string() + ": the picture cannot be coded as PNG"};
-  return writeFileAtomically(file, viewOf(png));
-}
-
-Result<RgbaImage> loadPng(const std::filesystem::path& file) {
-  constexpr std::size_t kMostBytes = 64u << 20;
-  const Result<std::string> bytes = readWholeFile(file, kMostBytes);
-  if (!bytes) return Error{ErrorCode::kNotFound, bytes.error().message};
-  RgbaImage image;
-  int channels = 0;
-  stbi_uc* pixels =
-      stbi_load_from_memory(reinterpret_cast<const stbi_uc*>(bytes->data()), static_cast<int>(bytes->size()),
-                            &image.width, &image.height, &channels, 4);
-  if (pixels == nullptr) return Error{ErrorCode::kCorrupt, file.string() + ": no PNG that can be read"};
-  image.pixels.assign(
-      pixels, pixels + 4 * static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));
-  stbi_image_free(pixels);
-  return image;
 }
 
 }  // namespace needlelab

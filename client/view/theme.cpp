@@ -19,11 +19,11 @@ namespace {
 
 constexpr const char* kFontFolder = "/usr/share/fonts/truetype/dejavu/";
 
-// European letters for names of people and tissues, and all signs in the windows
+// European letters for names of people and tissues, and all signs used in the windows
 constexpr ImWchar kTextRanges[] = {0x0020, 0x024F, 0x0370, 0x03FF, 0x0400, 0x045F, 0x2010, 0x2027, 0x2030,
                                    0x205E, 0x2070, 0x209C, 0x20AC, 0x20AC, 0x2190, 0x21FF, 0x2200, 0x22FF,
                                    0x23E9, 0x23FA, 0x25A0, 0x25FF, 0x2600, 0x26FF, 0x2700, 0x27BF, 0};
-// the largest font only needs figures and units
+// the largest font only needs digits and units
 constexpr ImWchar kFigureRanges[] = {0x0020, 0x00FF, 0x03B1, 0x03C9, 0x2010, 0x2026, 0x2190,
                                      0x2193, 0x2212, 0x2212, 0x221E, 0x221E, 0x25A0, 0x25CF,
                                      0x26A0, 0x26A0, 0x2713, 0x2718, 0};
@@ -77,7 +77,7 @@ ImVec2 sizeOf(std::string_view text) {
   return ImGui::CalcTextSize(text.data(), text.data() + text.size());
 }
 
-// returns the number of UTF-8 bytes that fit into the width
+// Returns the number of UTF-8 bytes that fit into the width.
 std::size_t bytesThatFit(std::string_view text, float width_px) {
   const char* rest = nullptr;
   ImFont* font = ImGui::GetFont();
@@ -195,7 +195,7 @@ void conditionLine(Condition condition, std::string_view words) {
 }
 
 void figure(std::string_view value, std::string_view unit, std::string_view caption, Rgb colour) {
-  // draws directly, without layout: three letter sizes on their own lines
+  // Draws directly, without layout: three letter sizes, each on its own line.
   const ImVec2 at = ImGui::GetCursorScreenPos();
   ImDrawList& list = *ImGui::GetWindowDrawList();
   ImVec2 size{0, 0};
@@ -289,7 +289,7 @@ void beginPanel(const char* id, std::string_view heading, float width_px, float 
   ImGui::PushStyleColor(ImGuiCol_ChildBg, colourOf(kPanelGrey, 0));
   ImGui::BeginChild(id, {width_px, height_px}, true, ImGuiWindowFlags_AlwaysUseWindowPadding);
   ImGui::PopStyleColor();
-  // within its frame line
+  // inside its frame line
   const ImVec2 at = ImGui::GetWindowPos(), size = ImGui::GetWindowSize();
   ImGui::PushClipRect({at.x + 1, at.y + 1}, {at.x + size.x - 1, at.y + size.y - 1}, false);
   solidRect(*ImGui::GetWindowDrawList(), at, {at.x + size.x, at.y + size.y}, kPanelGrey);
@@ -303,7 +303,7 @@ void endPanel() {
   ImGui::EndChild();
 }
 
-// Opaque rectangles without a texture or blending: with llvmpipe a clear costs a tenth of ImGui's own
+// Opaque rectangles without texture or blending: with llvmpipe a clear costs a tenth of ImGui's own
 // rectangles.
 namespace {
 
@@ -312,7 +312,7 @@ struct SolidJob {
   Rgb colour;
 };
 
-// of the current frame; ImGui's lists refer to them until the next frame begins
+// Jobs of the current frame; ImGui's lists refer to them until the next frame begins.
 SolidJob& newJob() {
   static std::deque<SolidJob> jobs;
   static int frame = -1;

@@ -8,7 +8,7 @@
 #include "client/view/model/palette.h"
 #include "client/view/model/plot.h"
 #include "client/view/theme.h"
-#include "common/base/clock.h"
+#include "common/base/time/clock.h"
 
 namespace needlelab {
 
@@ -28,7 +28,7 @@ void UltrasoundView::show(const char* id, const SceneView& scene, const Moment& 
     return;
   }
   if (now_s >= next_s_) {
-    // compute fewer pixels than shown: smoothing makes them look realistic
+    // computes fewer pixels than shown; smoothing looks realistic
     settings_.height = std::clamp(static_cast<int>(height_px * 0.75F), 64, 360);
     settings_.width =
         std::clamp(static_cast<int>(static_cast<float>(settings_.height) * width_px / height_px), 48, 640);
@@ -65,16 +65,16 @@ void UltrasoundView::show(const char* id, const SceneView& scene, const Moment& 
       const float x_px = picture.x + 0.5F * width_px + static_cast<float>(label.right_m * px_per_m);
       const float y_px = picture.y + static_cast<float>(label.down_m * px_per_m);
       const float left_px = std::max(picture.x + 4, std::min(x_px - 0.5F * size.x, end.x - size.x - 4));
-      const auto opacity = static_cast<float>(std::max(0.5, label.opacity));  // letters stay readable
+      const auto opacity = static_cast<float>(std::max(0.5, label.opacity));  // keeps labels readable
       list.AddRectFilled({left_px - 3, y_px - 0.5F * size.y},
                          {left_px + size.x + 3, y_px + 0.5F * size.y + 2}, packed(kBlack, 0.6F), 4);
       list.AddText({left_px, y_px - 0.5F * size.y},
                    packed(mixed(hazardColour(label.kind), kWhite, 0.5F), opacity), label.text.c_str());
     }
   }
-  // the picture shows its cost in time
+  // the picture shows its computation time
   const std::string cost = fmt::format("{} ms, {:.0f}/s", tickText(mean_cost_s_ * 1000, 1), pictures_per_s_);
-  // on a dark ground: the skin below is bright
+  // on a dark background, because the skin below is bright
   const auto word = [&](float x_px, const std::string& text) {
     const ImVec2 size = ImGui::CalcTextSize(text.c_str());
     list.AddRectFilled({x_px - 4, picture.y + 3}, {x_px + size.x + 4, picture.y + size.y + 6},

@@ -10,14 +10,14 @@
 
 namespace needlelab {
 
-/// Redraws the slice at most `pictures_per_s` times a second of ImGui's time, and shows it with a depth scale
-/// and its cost ("1.8 ms, 15/s"). Call it only while its aid is on, to save the computation. Thread: the
+/// Redraws the slice at most `pictures_per_s` times per second of ImGui's time, and shows it with a depth
+/// scale and its cost ("1.8 ms, 15/s"). Call only while its aid is on, to save the computation. Thread: the
 /// surface's.
 class UltrasoundView {
  public:
   explicit UltrasoundView(double pictures_per_s = 15) : pictures_per_s_(pictures_per_s) {}
-  /// `size_px`: 0 is the rest of the window. `hazard_names`: writes the hazards' names and distances from the
-  /// plane beside them (the aid ANATOMY).
+  /// `size_px`: 0 is the rest of the window. `hazard_names`: labels hazards with their names and distances
+  /// from the plane (the aid ANATOMY).
   void show(const char* id, const SceneView& scene, const Moment& moment, ImVec2 size_px,
             bool hazard_names = false);
   [[nodiscard]] double lastCost_s() const { return cost_s_; }

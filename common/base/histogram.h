@@ -78,10 +78,10 @@ struct LatencyQuantiles {
 };
 
 /// Counts the durations of the haptic thread's work, tick by tick. Quantiles can be read while the thread
-/// runs. Durations in ns from 0 to 2^40 (18 min; longer durations count as 2^40). Exact below 64 ns; above,
-/// each bucket is 1/32 of its power of two wide, and a quantile is the upper end of its bucket: at most 3.2 %
-/// too high, never too low. Thread: one thread adds, any number of threads read concurrently (readers may
-/// miss the newest durations); no lock on either side. `add` is real-time safe.
+/// runs. Durations in ns from 0 to 2^40 (18 min; longer durations count as 2^40). Exact below 64 ns; above
+/// that, each bucket is 1/32 of its power of two wide, and a quantile is the upper end of its bucket: at most
+/// 3.2 % too high, never too low. Thread: one thread adds, any number of threads read concurrently (readers
+/// may miss the newest durations); no lock on either side. `add` is real-time safe.
 class LatencyHistogram {
  public:
   LatencyHistogram() = default;
@@ -137,7 +137,7 @@ class LatencyHistogram {
     }
     return 0;
   }
-  /// Returns all quantiles of one instant: p50 ≤ p99 ≤ p99.9 even while the writer adds.
+  /// Returns all quantiles at one instant: p50 ≤ p99 ≤ p99.9 even while the writer adds.
   [[nodiscard]] LatencyQuantiles quantiles() const noexcept {
     const LatencyHistogram now(
         *this);  // 9 KiB copy: durations added between two reads would make the later quantile too low

@@ -17,21 +17,21 @@ enum class PlantedBug {
   kGapAccepted,               ///< a chunk beyond the next expected chunk is stored
   kHashNotChecked,            ///< a session is closed as complete although its hash does not match
   kSampleLostAtReconnection,  ///< the uplink skips a sample after a reconnection
-  kDeviceWatchdogTwice,       ///< the Falcon's torque outlives the haptic thread by 40 ms in place of 20
+  kDeviceWatchdogTwice,       ///< the Falcon's torque outlives the haptic thread by 40 ms instead of 20
   kTorqueWithoutZero,         ///< the Falcon's motors run before its encoders have found their zero
   kRequestOutlivesLink,       ///< a torque requested before the Falcon was lost is sent to it afterwards
   kNoLastCommand,             ///< a device is released without a last command of zero force
-  kLookAgainTwice,            ///< a lost Falcon is looked for every second in place of every half
+  kLookAgainTwice,            ///< a lost Falcon is looked for every second instead of every half second
   kRetryNeverDoubles,         ///< a lost Virtuose is looked for every half second for ever
   kNoKeepAlive,               ///< nothing is sent to the Virtuose while a lesson is prepared
-  kOldConnectionKept,         ///< a Virtuose is opened anew without closing the old connection
-  kRepeatedChunkOverwrites,   ///< a chunk that is stored already takes the stored one's place
+  kOldConnectionKept,         ///< a Virtuose is reopened without closing the old connection
+  kRepeatedChunkOverwrites,   ///< a repeated chunk overwrites the stored one
   kWritersTogether,           ///< on PostgreSQL write transactions hold no lock of the store
-  kWarningIgnored,            ///< what PostgreSQL has stored at the primary only counts as stored
-  kTakeoverUnfenced,          ///< a server goes on storing what a station sent before it logged in elsewhere
-  kRevokedTokenHonoured,      ///< a server honours a token that it knows after another one has ended it
-  kPresenceForEver,           ///< stations of a server that has fallen silent stay online
-  kEpochIgnored,              ///< a station's old connection gets what is meant for the one that took over
+  kWarningIgnored,            ///< what PostgreSQL has stored only at the primary counts as stored
+  kTakeoverUnfenced,          ///< a server still stores what a station sent before it logged in elsewhere
+  kRevokedTokenHonoured,      ///< a server still honours a cached token after another server revoked it
+  kPresenceForEver,           ///< stations of a silent server stay online
+  kEpochIgnored,              ///< a station's old connection gets messages meant for the new one
 };
 inline constexpr int kPlantedBugs = 25;
 

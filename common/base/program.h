@@ -18,14 +18,14 @@ inline int exitCodeOf(const Error& error) {
   return error.code == ErrorCode::kInvalidInput ? kExitInvalid : kExitFailed;
 }
 
-/// Writes out what waits in the standard streams. Returns `code`; kExitFailed, with a line on standard error,
-/// where standard output could not be written and `code` says that all is well. Last in `main`.
+/// Flushes the standard streams. Returns `code`, or kExitFailed with a line on standard error when `code`
+/// means success but standard output could not be written. Call it last in `main`.
 int afterOutput(int code, const char* program);
 
-/// Ends the program after its work: writes out what waits in the standard streams, and calls neither the
-/// handlers of atexit nor the destructors of static objects, the libraries' own among them. For a program
-/// whose libraries keep threads to the end: a window's driver, and the mathematics of a reference model. Call
-/// it last in `main`, when all objects of the program itself are gone. Thread: the one that ends the program.
+/// Ends the program: flushes the standard streams, but calls neither atexit handlers nor destructors of
+/// static objects, including those of libraries. For programs whose libraries keep threads running to the end
+/// (a window's driver, the mathematics of a reference model). Call it last in `main`, after all of the
+/// program's own objects are destroyed. Thread: the one that ends the program.
 [[noreturn]] void endProgram(int code);
 
 /// A text file embedded in the binary at build time (deploy/cmake/NeedlelabEmbed.cmake).

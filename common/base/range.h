@@ -11,7 +11,7 @@
 
 namespace needlelab {
 
-/// [min, max]; each end may be open. NaN and infinities are never in range.
+/// The interval [min, max]; each end may be open. NaN and infinities are never in range.
 struct NumberRange {
   double min = 0;
   double max = 0;

@@ -1,5 +1,4 @@
-/// Expected failures as values. Programmer errors are asserts; inside the haptic loop neither is
-/// used.
+/// Expected failures as values. Programmer errors are asserts. The haptic loop uses neither.
 #pragma once
 
 #include <cassert>
@@ -17,10 +16,10 @@ enum class ErrorCode {
   kAlreadyExists,  ///< a named thing exists and differs
   kConflict,       ///< an edit is based on an old revision
   kDenied,         ///< not allowed: role, key, password
-  kCode,           ///< a trainee's code is missing or wrong, or has to wait after wrong ones (exit code 1)
+  kCode,           ///< a trainee's code is missing or wrong, or is locked after wrong attempts (exit code 1)
   kUnavailable,    ///< a peer, device or file system does not answer now; trying again may help
-  kDeposed,        ///< the station has logged in again since, perhaps at another server: connect again
-  kNoRoom,         ///< the disk is full, or a share of it is used up: trying later may help (exit code 1)
+  kDeposed,        ///< the station has since logged in again, perhaps at another server: connect again
+  kNoRoom,         ///< the disk or a quota of it is full: trying later may help (exit code 1)
   kCorrupt,        ///< stored or received bytes fail their check
   kVersion,        ///< a format, schema or protocol version that this program does not know
   kFailed,         ///< anything else that went wrong
@@ -28,7 +27,7 @@ enum class ErrorCode {
 
 struct [[nodiscard]] Error {
   ErrorCode code = ErrorCode::kFailed;
-  std::string message;            ///< for the user: the attempt, the finding, the remedy
+  std::string message;            ///< for the user: what was tried, what happened, the remedy
   unsigned current_revision = 0;  ///< for kConflict: the newest revision
 };
 

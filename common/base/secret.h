@@ -33,14 +33,13 @@ class WipeAtEnd {
   std::string& secret_;
 };
 
-/// Disables core dumps of this program: they would hold keys and passwords. A limit of 0 does so for files
-/// only: a `core_pattern` that is a pipe (systemd-coredump, apport) gets the whole memory all the same. A
-/// limit of 1 byte refuses both (Linux, fs/coredump.c: a pipe gets nothing when the limit is 1, "RLIMIT_CORE
-/// is set to 1, aborting core"; a file is not written below the format's `min_coredump`, for ELF a page).
-/// Where 1 is more than the hard limit allows, the limit becomes 0 and the program is made not dumpable,
-/// which hides its /proc/PID/fd and the like from other programs of the same user; otherwise it stays
-/// visible in /proc, so that its memory and files can be monitored. To investigate a crash, run the program
-/// under a debugger.
+/// Disables core dumps of this program: they would hold keys and passwords. A limit of 0 prevents only core
+/// files: a `core_pattern` that is a pipe (systemd-coredump, apport) still gets the whole memory. A limit of
+/// 1 byte refuses both (Linux, fs/coredump.c: a pipe gets nothing when the limit is 1, "RLIMIT_CORE is set to
+/// 1, aborting core"; a file is not written below the format's `min_coredump`, for ELF a page). If the hard
+/// limit does not allow 1, the limit becomes 0 and the program is made not dumpable, which hides its
+/// /proc/PID/fd and the like from other programs of the same user; otherwise it stays visible in /proc, so
+/// that its memory and files can be monitored. To investigate a crash, run the program under a debugger.
 inline void keepOutOfCoreDumps() {
   const rlimit one_byte{1, 1};
   if (::setrlimit(RLIMIT_CORE, &one_byte) == 0) return;

@@ -9,12 +9,12 @@
 #include <cmath>
 #include <string>
 
-#include "common/base/clock.h"
+#include "common/base/time/clock.h"
 
 namespace needlelab {
 namespace {
 
-/// The orders in which a path goes along i, j, k from the least corner of a cell to the greatest.
+/// The orders of steps along i, j, k on a path from a cell's least corner to its greatest.
 constexpr std::array<std::array<int, 3>, 6> kPaths = {
     {{0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {0, 2, 1}, {1, 0, 2}, {2, 1, 0}}};
 
@@ -196,11 +196,11 @@ Result<std::unique_ptr<ElasticSolver>> ElasticSolver::make(const TetMesh& mesh,
   const auto matrix = stiffnessMatrix(mesh, materials, solver->index_, solver->size_);
   solver->assemble_s_ = watch.lap();
   auto& llt = solver->factor_->llt;
-  // nested dissection alone: on such meshes it always wins, and trying others costs time
+  // nested dissection only: it always wins on such meshes, and trying others costs time
   llt.cholmod().nmethods = 1;
   llt.cholmod().method[0].ordering = CHOLMOD_METIS;
   llt.cholmod().print = 0;
-  // check CHOLMOD's own status at each step: Eigen continues without a factor
+  // check CHOLMOD's own status at each step, because Eigen continues without a factor
   llt.analyzePattern(matrix);
   if (llt.cholmod().status < CHOLMOD_OK) return solver->failure("ordered");
   llt.factorize(matrix);

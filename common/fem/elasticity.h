@@ -33,7 +33,7 @@ struct TetMesh {
 
 /// A grid of cells, each cut into six tetrahedra along the diagonal from its least to its greatest corner
 /// (Freudenthal), so that neighbours share whole faces. Corners at the same place may share one node:
-/// tetrahedra without volume are left out.
+/// tetrahedra without volume are omitted.
 class GridMesh {
  public:
   /// Cells in each direction.
@@ -41,7 +41,8 @@ class GridMesh {
     int i = 1, j = 1, k = 1;
   };
   using Place = std::function<Eigen::Vector3d(int i, int j, int k)>;
-  using Material = std::function<int(int i, int j, int k)>;  ///< material of the cell with that least corner
+  using Material = std::function<int(int i, int j, int k)>;  ///< material of the cell whose least corner is
+                                                             ///< (i, j, k)
 
   /// With `axis`, all corners with i = 0 and the same k are one node: the grid goes around that line.
   GridMesh(Size cells, const Place& place, const Material& material, bool axis = false);
@@ -76,7 +77,7 @@ Eigen::Matrix<double, 30, 30> elementStiffness(const TetMesh& mesh, const TetNod
                                                const ElasticMaterial& material);
 
 /// The mesh's stiffness with unknown 3·node + axis, `index[unknown]` is its row in the result; negative: the
-/// unknown is held at zero and left out. Lower triangle only.
+/// unknown is held at zero and omitted. Lower triangle only.
 Eigen::SparseMatrix<double> stiffnessMatrix(const TetMesh& mesh,
                                             const std::vector<ElasticMaterial>& materials,
                                             const std::vector<std::int32_t>& index, std::int32_t size);

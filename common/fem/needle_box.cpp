@@ -11,8 +11,8 @@ namespace {
 constexpr double kQuarter_rad = std::numbers::pi / 2;
 /// Share of the cells in depth that lie below the path.
 constexpr double kBelowShare = 0.15;
-/// Cells of a circle in the quarter; even, so that the box's edge is a line of the grid. Four instead of two
-/// make the needle 0.4 % softer, and the mesh almost twice as large.
+/// Cells along a quarter circle; even, so that the box's edge is a grid line. Four instead of two make the
+/// needle 0.4 % softer and the mesh almost twice as large.
 constexpr int kAround = 2;
 /// Index of the ring at the needle's surface.
 constexpr int kNeedleRing = 1;
@@ -90,7 +90,7 @@ constexpr std::array<double, 3> kGaussWeight = {5.0 / 18, 8.0 / 18, 5.0 / 18};
 NeedleBox::Lines NeedleBox::linesFor(const NeedleBoxSpec& spec, int nodes) {
   Lines lines;
   // (2 cells + 1) lines of nodes in each direction. The height of the cells on the path matters most for the
-  // tip, then the number of rings, which grow geometrically: about four cells on the path for each ring
+  // tip, then the number of rings, which grow geometrically: use about four cells on the path per ring
   const double wanted = static_cast<double>(nodes) / (2 * kAround + 1);
   const int rings = std::max(4, static_cast<int>(std::lround(0.84 * std::cbrt(wanted))));
   const int cells_deep =
@@ -145,7 +145,7 @@ Eigen::SparseMatrix<double> NeedleBox::surfaceLoads(const std::vector<double>& e
   std::vector<Eigen::Triplet<double>> weights;
   constexpr int line = kNeedleRing, around = kAround;
 
-  // a point of the surface at (t, s) of the rectangle (j, k), by the shape functions of its triangle
+  // adds a surface point at (t, s) in the rectangle (j, k), using the shape functions of its triangle
   const auto addPoint = [&](int column, double weight, int j, int k, double t, double s) {
     const std::int32_t least = grid_.corner(line, j, k), greatest = grid_.corner(line, j + 1, k + 1);
     const bool along_j = t >= s;  // which side of the diagonal

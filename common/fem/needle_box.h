@@ -9,19 +9,20 @@
 
 namespace needlelab {
 
-/// The meshed box. z is the depth along the path, x and y stand across it; the skin is z = 0 and free.
+/// The meshed box. z is the depth along the path, x and y are perpendicular to it; the skin is z = 0 and
+/// free.
 struct NeedleBoxSpec {
-  double length_m = 0;                     ///< of the path
+  double length_m = 0;                     ///< length of the path
   double radius_m = 0;                     ///< r₀ of the needle: a surface of the mesh
-  double half_width_m = 0;                 ///< of the box; its sides are held
-  double depth_m = 0;                      ///< of the box; its bottom is held
-  std::vector<double> top_m;               ///< of each layer, from 0; the last has no end
-  std::vector<ElasticMaterial> materials;  ///< of each layer
+  double half_width_m = 0;                 ///< half-width of the box; its sides are held
+  double depth_m = 0;                      ///< depth of the box; its bottom is held
+  std::vector<double> top_m;               ///< top of each layer, from 0; the last layer has no end
+  std::vector<ElasticMaterial> materials;  ///< one for each layer
 };
 
 /// Rings of the mesh around the needle are circles near it (polygons with the circle's circumference) and
 /// pass to the box's square far from it. The needle is not a hole: its load enters at r = r₀, and the tissue
-/// within moves with it. So one mesh and one factorisation serve every depth of the needle.
+/// within moves with it. One mesh and one factorisation therefore serve every depth of the needle.
 class NeedleBox {
  public:
   /// Builds a mesh of about `nodes` nodes; every layer has at least one cell, so thin layers can add nodes.
@@ -32,8 +33,8 @@ class NeedleBox {
   /// Held unknowns, by 3·node + axis: sides and bottom in all directions, the planes of symmetry in their
   /// normal direction.
   [[nodiscard]] std::vector<bool> held() const;
-  /// Weights that spread a force of 1 N along z evenly over the surface r = r₀ between these depths; column =
-  /// station, row = unknown. Their transposes give the mean displacement of that surface.
+  /// Weights that spread a force of 1 N along z evenly over the surface r = r₀ between two adjacent depths of
+  /// `edges_m`; column = station, row = unknown. Their transposes give the mean displacement of that surface.
   [[nodiscard]] Eigen::SparseMatrix<double> surfaceLoads(const std::vector<double>& edges_m) const;
 
  private:

@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/clock.h"
 #include "common/base/range.h"
+#include "common/base/time/clock.h"
 #include "common/fem/elasticity.h"
 #include "common/fem/needle_box.h"
 
@@ -17,10 +17,10 @@ namespace needlelab {
 namespace {
 
 constexpr double kStrainLimit = 0.1;
-/// In thinner layers, rounding makes elements indistinguishable from flat ones.
+/// In thinner layers, rounding makes elements look flat.
 constexpr double kThinnestLayer_m = 1e-6;
-/// Share of the mean that is added to each station's own compliance: stations may be finer than the mesh, and
-/// their compliance would be singular. It lowers the stiffness of a whole needle by 0.1 % to 0.2 %.
+/// Share of the mean added to each station's own compliance: stations may be finer than the mesh, which would
+/// make their compliance singular. It lowers the stiffness of a whole needle by 0.1 % to 0.2 %.
 constexpr double kOwnGive = 1e-2;
 
 Status checked(const SceneSpec& spec, const NeedleMeshOptions& options) {
@@ -69,7 +69,7 @@ NeedleBoxSpec boxOf(const SceneSpec& spec, const NeedleMeshOptions& options) {
   return box;
 }
 
-// forces on the stations of a fully inserted needle that cuts: friction on each, cutting on the last
+// forces on the stations of a fully inserted, cutting needle: friction on each, cutting on the last
 Eigen::VectorXd fullLoad(const SceneSpec& spec, const NeedleBoxSpec& box, std::size_t stations) {
   const double spacing = box.length_m / static_cast<double>(stations);
   Eigen::VectorXd load(static_cast<Eigen::Index>(stations));
@@ -106,7 +106,7 @@ void measureStrain(const NeedleBox& box, const NeedleBoxSpec& spec, const Eigen:
   to.strained_near_share = near_volume > 0 ? strained_volume / near_volume : 0;
 }
 
-// one right-hand side after the other, each of another station
+// times one right-hand side after the other, each of a different station
 Status timeSolves(const ElasticSolver& solver, const Eigen::SparseMatrix<double>& loads, SolveTimes& to) {
   constexpr double kFor_s = 0.5;
   constexpr std::size_t kMostSolved = 1000, kRuns = 5;

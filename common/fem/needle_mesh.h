@@ -16,11 +16,11 @@ inline constexpr double kNeedleRadius_m = 0.4e-3;
 /// Default number of stations of the live needle.
 inline constexpr int kDefaultStations = 60;
 
-/// Times of solving one right-hand side, each time of another station, for half a second or 1,000 times:
-/// what a live step would take without the compliance.
+/// Times to solve one right-hand side, each for a different station, over half a second or 1,000 solves: the
+/// cost of a live step without the compliance.
 struct SolveTimes {
-  double p50_s = 0, p99_s = 0;  ///< medians of those of five runs, one after the other; p99 is at least p50
-  double all_s = 0;             ///< of all solves together: not part of a mesh's price
+  double p50_s = 0, p99_s = 0;  ///< medians over five consecutive runs; p99 is at least p50
+  double all_s = 0;             ///< for all solves together; not part of a mesh's cost
   std::size_t solves = 0;
 };
 
@@ -31,8 +31,8 @@ struct NeedleMeshOptions {
   int stations = kDefaultStations;  ///< 1-kMaxNeedleStations
   double radius_m =
       0;  ///< r₀; 0: half of the scene's needle diameter, or kNeedleRadius_m if the scene has none
-  /// The far boundary, held: half-width, and depth below the path, in lengths of the path. The needle's
-  /// stiffness at 16 is within 1 % of that at 32.
+  /// The far, held boundary: half-width, and depth below the path, in multiples of the path's length. At 16,
+  /// the needle's stiffness is within 1 % of that at 32.
   double half_width_per_length = 16.0;
   SolveTimes* time_solves = nullptr;  ///< if set, solves are timed into it; must outlive the call
 };

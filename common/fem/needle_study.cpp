@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/clock.h"
+#include "common/base/time/clock.h"
 #include "common/haptics/engine.h"
 
 namespace needlelab {
@@ -14,9 +14,9 @@ namespace {
 constexpr double kStrokeRate_hz = 1000;
 /// Step of the quasi-static insertion behind a table.
 constexpr double kTableStep_m = 2e-5;
-/// A cut that is longer than rounding.
+/// The shortest cut that is not a rounding error.
 constexpr double kCut_m = 1e-6;
-/// A first cut within this last share of a stroke decides over all of the way out.
+/// A first cut within this last share of a stroke determines the whole way out.
 constexpr double kLateShare = 0.05;
 
 // minimum jerk from 0 to 1
@@ -281,7 +281,7 @@ std::vector<std::optional<MeshLimit>> limitsOf(const std::vector<int>& nodes,
   std::vector<std::optional<MeshLimit>> limits(nodes.size());
   for (std::size_t r = 2; r < nodes.size(); ++r) {
     MeshLimit limit = limitOfThree(&nodes[r - 2], changes[r - 2], changes[r - 1]);
-    // the rest of one mesh earlier holds this change and this mesh's rest
+    // the previous mesh's rest should equal this change plus this mesh's rest
     if (const auto& before = limits[r - 1]; limit.converges && before && before->converges)
       limit.error = std::fabs(changes[r - 1] + limit.rest - before->rest);
     limits[r] = limit;

@@ -14,15 +14,15 @@
 
 namespace needlelab {
 
-/// Depths of the tip over time: in to `depth_m`, a hold, out again, minimum-jerk, at 1 kHz; `seconds` each
-/// way. All above 0.
+/// Tip depths over time at 1 kHz: in to `depth_m`, a hold, out again, with minimum jerk; `seconds` each way.
+/// All parameters must be above 0.
 std::vector<double> strokeOf(double depth_m, double seconds = 2.0, double hold_s = 0.2);
 
 /// Force along u at each depth of a stroke that begins outside (negative: against the insertion).
 std::vector<double> forcesOn(const FemNeedle& needle, const std::vector<double>& depth_m);
 
-/// The greatest depth of a table or study in a scene: the needle's length, or all layers but the last and a
-/// share of the last, whichever is less.
+/// The greatest depth of a table or study in a scene: the needle's length, or all layers but the last plus a
+/// share of the last if that is less.
 double studyDepth(const SceneSpec& spec);
 
 /// Quasi-static insertion to `depth_m` and withdrawal from there, as PRECOMPUTED's table of `rows` depths
@@ -51,29 +51,30 @@ Result<double> scaleToTipStiffness(SceneSpec& spec, double stiffness_N_per_m);
 
 /// A scene as FEM, to be compared with the same scene under other models.
 struct FemScene {
-  SceneSpec spec;           ///< without its compliance
-  double young_factor = 1;  ///< what E of all layers was multiplied by, beyond `likeForLike`
+  SceneSpec spec;           ///< without a compliance
+  double young_factor = 1;  ///< factor applied to E of all layers, on top of `likeForLike`
 };
-/// `likeForLike` with FEM, at like stiffness. A scene without section `fem` gets its E from the lateral
-/// stiffness, which may be so soft that the needle indents it by its whole length before it cuts: all of it
-/// is multiplied by one factor, so that the tip meets the stiffness of the scene's walls at the skin, on a
-/// mesh of about `nodes`, which is also that of the section. A scene with the section keeps it. Takes the
-/// time of a mesh. Errors: as `scaleToTipStiffness`.
+/// `likeForLike` with FEM, at equal stiffness. A scene without a `fem` section gets its E from the lateral
+/// stiffness, which may be so soft that the needle indents the tissue by its whole length before it cuts.
+/// Therefore E is multiplied by one factor, so that at the skin the tip meets the stiffness of the scene's
+/// walls, on a mesh of about `nodes` (also written to the section). A scene with the section keeps it. Takes
+/// as long as computing one mesh. Errors: as `scaleToTipStiffness`.
 Result<FemScene> femLikeForLike(const SceneSpec& scene, int nodes = kDefaultFemNodes);
 
-/// How a quantity goes on from a mesh to ever finer ones: Richardson's estimate from that mesh and the two
-/// before, for changes that fall as a power of the number of nodes (or stations). They need not grow by equal
-/// factors.
+/// How a quantity would change from a mesh to ever finer ones: Richardson's estimate from that mesh and the
+/// previous two, for changes that fall as a power of the number of nodes (or stations). The numbers need not
+/// grow by equal factors.
 struct MeshLimit {
-  bool converges = false;  ///< false: the changes do not fall so; the rest is unknown then
+  bool converges = false;  ///< false: the changes do not fall like that, and the rest is unknown
   double order = 0;        ///< q: the error falls as nodes^−q
   double rest = 0;         ///< from this mesh to the limit, with the changes' sign and unit
-  /// The estimate from the three meshes that end one mesh earlier differs by so much. Empty when there are
-  /// none, or they did not converge.
+  /// How much the estimate from the three meshes ending one mesh earlier differs. Empty when there are no
+  /// such meshes or they did not converge.
   std::optional<double> error = {};
 };
-/// For each mesh of a ladder; empty for the first two. `changes[k]`: from mesh k to mesh k + 1, a difference
-/// or a norm of it; one fewer than `nodes`. Nodes that do not rise do not converge.
+/// Limits for each mesh of a ladder; empty for the first two. `changes[k]`: from mesh k to mesh k + 1, a
+/// difference or a norm of it; one fewer than `nodes`. If the numbers of nodes do not rise, the result does
+/// not converge.
 std::vector<std::optional<MeshLimit>> limitsOf(const std::vector<int>& nodes,
                                                const std::vector<double>& changes);
 
@@ -92,15 +93,17 @@ struct MeshRow {
   double force_rms_error_N = 0, force_max_error_N = 0;  ///< over `strokeOf`, to the finest mesh
   double strained_share = 0, strained_near_share = 0;   ///< see NeedleCompliance
   double stroke_m = 0;                                  ///< the greatest depth of `strokeOf`
-  double work_J = 0;                  ///< of the force on the needle over `strokeOf`; negative: the hand's
+  double work_J = 0;                  ///< work of the force on the needle over `strokeOf`; negative: done by
+                                      ///< the hand
   std::optional<double> first_cut_m;  ///< the needle's depth at which the tip first cuts
   double cut_share = 0;  ///< the greatest share of the cutting force that the tip reached; 1 when it cuts
-  /// Of the force the rms over the stroke: the rest is this mesh's distance from the limit.
+  /// For the force (rms over the stroke), the rest is this mesh's distance from the limit.
   std::optional<MeshLimit> force_limit_N, work_limit_J, stiffness_limit_N_per_m;
 };
 
-/// Why the force over the stroke says little about this mesh: the tip never cuts, or first within the last
-/// twentieth of the stroke, so that a few per cent of compliance decide whether it cuts at all. Else empty.
+/// Explains why the force over the stroke says little about this mesh: the tip never cuts, or first cuts
+/// within the last twentieth of the stroke, so that a few per cent of compliance decide whether it cuts at
+/// all. Empty otherwise.
 std::string cutRemark(const MeshRow& mesh);
 
 /// A rung of a ladder.
@@ -109,9 +112,10 @@ struct MeshSize {
   int stations = kDefaultStations;
 };
 
-/// The same scene, at the same E, on each of these meshes, coarse to fine; limits are those of growing nodes,
-/// or of growing stations where all rungs have the same nodes. Calls `done` (may be empty) with each mesh
-/// before its errors are known. Errors: as `precomputeCompliance`; kInvalidInput when the ladder is empty.
+/// Studies the same scene, at the same E, on each of these meshes, coarse to fine; limits are for growing
+/// nodes, or for growing stations if all rungs have the same nodes. Calls `done` (may be empty) with each
+/// mesh before its errors are known. Errors: as `precomputeCompliance`; kInvalidInput when the ladder is
+/// empty.
 Result<std::vector<MeshRow>> meshStudy(const SceneSpec& spec, const std::vector<MeshSize>& ladder,
                                        const std::function<void(const MeshRow&)>& done = {});
 

@@ -14,30 +14,29 @@
 namespace needlelab {
 
 inline constexpr std::size_t kMaxChunkSamples = 65'536;
-/// The greatest length of a chunk, whatever its samples; longer bytes are refused before any allocation.
+/// The maximum length of a chunk with any samples; longer input is refused before any allocation.
 inline constexpr std::size_t kMaxChunkBytes = 20u << 20;
-/// The greatest length of a chunk's memory of the cut, as of a live frame's.
+/// The maximum length of a chunk's cut memory; the same limit applies in a live frame.
 inline constexpr std::size_t kMaxCutMemoryBytes = 1024;
 
 /// The contents of a chunk's header.
 struct ChunkInfo {
-  std::uint8_t version = 0;  ///< 1; 2 with a memory of the cut
+  std::uint8_t version = 0;  ///< 1, or 2 with a cut memory
   std::uint32_t count = 0;   ///< samples, 1 to kMaxChunkSamples
   std::uint64_t first_tick = 0, last_tick = 0;
   std::int64_t first_time_ns = 0;
-  Resolution resolution;  ///< as declared by the writer; see `lossless_columns`
+  Resolution resolution;  ///< declared by the writer; see `lossless_columns`
   std::uint32_t lossless_columns =
       0;  ///< bit c: column c is stored as raw bits although a step is declared for it,
           ///< because a value was too big for the step, infinite or not a number
 };
 
-/// Encodes a chunk. Every sample can be decoded again, whatever its values. Columns within ±2³¹ steps are
-/// stored to half a step (plus the rounding of a double); a column with a value beyond that, or with an
-/// unexpected infinity or NaN, is stored exactly. `samples` must hold 1 to kMaxChunkSamples and `resolution`
-/// must be valid: programmer errors, asserted; without asserts the bytes are empty. `cut_memory`: what is cut
-/// after one of the samples (encodeCuts in common/haptics), opaque here, at most kMaxCutMemoryBytes; without
-/// it the bytes are those of version 1. Thread: any; uses scratch memory of the calling thread. Not for the
-/// haptic thread: it allocates.
+/// Encodes a chunk. Samples with any values can be decoded again. Columns within ±2³¹ steps are stored to
+/// half a step (plus the rounding of a double); a column with a value beyond that, or with an unexpected
+/// infinity or NaN, is stored exactly. `samples` must hold 1 to kMaxChunkSamples and `resolution` must be
+/// valid (asserted; without asserts, returns empty bytes). `cut_memory`: the cuts after one of the samples
+/// (encodeCuts in common/haptics), opaque here, at most kMaxCutMemoryBytes; if empty, the chunk has version
+/// 1. Thread: any; uses scratch memory of the calling thread. Not for the haptic thread: it allocates.
 Bytes encodeChunk(const Resolution& resolution, std::span<const GestureSample> samples,
                   ByteView cut_memory = {});
 
@@ -45,26 +44,26 @@ Bytes encodeChunk(const Resolution& resolution, std::span<const GestureSample> s
 /// kVersion.
 Result<std::vector<GestureSample>> decodeChunk(ByteView chunk);
 
-/// Returns the chunk's memory of the cut, for decodeCuts, which judges it. Empty: it has none, or
-/// inspectChunk refuses the chunk.
+/// Returns the chunk's cut memory, for decodeCuts, which checks it. Empty if there is none or inspectChunk
+/// refuses the chunk.
 Bytes cutMemoryOf(ByteView chunk);
 
 /// Checks all that decodeChunk checks, and returns the header: a chunk passes exactly when it can be decoded.
-/// Keeps no samples and unpacks only the columns with impossible values, so that its time is proportional to
-/// the bytes, whatever number of samples they claim (plus 4 bytes for each 32 of them). Errors as
+/// Keeps no samples and unpacks only columns that can hold impossible values, so its time is proportional to
+/// the number of bytes (plus 4 bytes per 32 samples), not to the number of samples claimed. Errors as
 /// decodeChunk.
 Result<ChunkInfo> checkChunk(ByteView chunk);
 
-/// Checks the CRC over all bytes of a chunk and returns its header; does not look at the columns: for chunks
-/// that were checked before. Errors: those of decodeChunk that the header shows.
+/// Checks the CRC over all bytes of a chunk and returns its header; does not read the columns: for chunks
+/// that were already checked. Errors: those of decodeChunk that the header reveals.
 Result<ChunkInfo> inspectChunk(ByteView chunk);
 
 /// Returns the number of samples that the header claims, so that a chunk can be refused cheaply: checks no
-/// CRC and no columns. Returns nothing when the bytes do not begin like a chunk of a version that we read.
-/// Safe for any bytes.
+/// CRC and no columns. Returns nothing when the bytes do not begin like a chunk of a supported version. Safe
+/// for any bytes.
 std::optional<std::uint32_t> claimedSamples(ByteView chunk);
 
-/// Returns claimedSamples when the CRC is right, too: then the bytes are as their maker sealed them, even if
+/// As claimedSamples, but also requires a correct CRC: the bytes are then as their writer made them, even if
 /// checkChunk refuses them. Safe for any bytes.
 std::optional<std::uint32_t> sealedSamples(ByteView chunk);
 

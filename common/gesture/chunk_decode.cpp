@@ -24,7 +24,7 @@ struct Header {
   std::size_t bytes = 0;  ///< where the first row starts
 };
 
-constexpr std::size_t kCountAt = kMagic.size() + 2;  // behind the version and the resolution's code
+constexpr std::size_t kCountAt = kMagic.size() + 2;  // after the version and the resolution's code
 constexpr std::size_t kSmallestSealedBytes = kCountAt + 2 + kCrcBytes;
 
 Error corrupt(const std::string& why) {
@@ -92,7 +92,7 @@ Result<Header> readHeader(ByteView chunk) {
     return corrupt("its mask of raw columns contradicts its resolution");
   info.lossless_columns = header.raw & ~declared;
 
-  // every row and block has a least length: so a short input cannot claim much memory
+  // rows and blocks have a minimum length, so a short input cannot claim much memory
   header.bytes = kMagic.size() + in.position();
   const auto raw_count = static_cast<std::size_t>(std::popcount(header.raw));
   const std::size_t least = raw_count * 8 + (kColumnCount - 2 - raw_count) + blocksOf(info.count) * 4;
@@ -102,7 +102,7 @@ Result<Header> readHeader(ByteView chunk) {
   return header;
 }
 
-// a column's current block behind the two values before it
+// the two preceding values, then the column's current block
 template <typename U>
 struct Window {
   U values[2 + kBlock] = {};
@@ -115,11 +115,11 @@ struct Window {
   }
 };
 
-// columns of which not every value is possible; with the tick, whose last value stands in the header
+// columns that can hold impossible values; and the tick, whose last value is in the header
 constexpr std::uint32_t kJudged = 1u << kTick | 1u << kFlagsLow | 1u << kFlagsHigh | 1u << kLayer |
                                   1u << kPhase | 1u << kFault | 1u << kWallPresence;
 
-// `out` null: checks the bytes as strictly, but unpacks only the judged columns and makes no samples
+// with null `out`: checks just as strictly, but unpacks only the judged columns and makes no samples
 class Decoder {
  public:
   explicit Decoder(const Header& header) : header_(header), wide_(header.raw | kClockMask) {
@@ -127,7 +127,7 @@ class Decoder {
     time_step_ns_ = timeStepNs(header.info.resolution);
   }
 
-  // null for invalid bytes
+  // returns null for invalid bytes
   const std::uint8_t* firstRow(const std::uint8_t* in, const std::uint8_t* end, GestureSample* out) {
     for (std::size_t c = kFirstReal; c < kColumnCount; ++c) {
       if (wide_ >> c & 1u) {
@@ -182,7 +182,7 @@ class Decoder {
     return in;
   }
 
-  // behind the last block
+  // the tick of the last row; call after the last block
   [[nodiscard]] std::uint64_t lastTick() const {
     return header_.info.first_tick + wide_columns_[kTick].values[1] + (header_.info.count - 1);
   }
@@ -267,7 +267,7 @@ class Decoder {
     }
   }
 
-  // steps of time, clamped to the field: a value at its end may have been rounded beyond it
+  // time from steps, clamped to the field: a value at its limit may have been rounded beyond it
   [[nodiscard]] std::int32_t nanoseconds(std::uint32_t steps) const {
     using Limits = std::numeric_limits<std::int32_t>;
     const std::int64_t ns = static_cast<std::int32_t>(steps) * time_step_ns_;
@@ -284,7 +284,7 @@ class Decoder {
   Window<std::uint64_t> wide_columns_[kLastReal + 1];
 };
 
-// reads the columns behind the header; `out` null: only checks them
+// reads the columns after the header; `out` null: only checks them
 Status readColumns(ByteView chunk, const Header& header, GestureSample* out) {
   const std::size_t count = header.info.count;
   const std::uint8_t* in = chunk.data() + header.bytes;

@@ -16,10 +16,10 @@ namespace {
 using namespace chunk_format;
 using namespace column_coding;
 
-// greatest number of steps in a stored integer; a value beyond makes its column raw
+// the maximum number of steps in a stored integer; a larger value makes its column raw
 constexpr double kMostSteps = 2147483647.0;
-// added to a double below 2⁵¹ it leaves the nearest integer, ties to even, in the low bits: rounding without
-// a call
+// adding this to a double below 2⁵¹ leaves the nearest integer (ties to even) in the low bits: rounding
+// without a call
 constexpr double kRounder = 0x1.8p52;
 
 double loadReal(const unsigned char* at) {
@@ -28,7 +28,7 @@ double loadReal(const unsigned char* at) {
   return value;
 }
 
-// a column's current block behind the two values before it
+// the two preceding values, then the column's current block
 template <typename U>
 struct Window {
   U values[2 + kBlock];
@@ -68,7 +68,7 @@ class Encoder {
       if (wide_ >> c & 1u) {
         std::uint64_t* const v = wide_columns_[c].values;
         v[0] = v[1] = v[2];
-        // the clocks' first values stand in the header
+        // the clocks' first values are in the header
         if (raw_ >> c & 1u) {
           std::memcpy(out, &v[2], 8);
           out += 8;
@@ -145,7 +145,7 @@ class Encoder {
     if (good == 0) misfits_ |= 1u << column;
   }
 
-  // a wall column with absent values: they repeat the previous value, which costs nothing
+  // a wall column; absent values repeat the previous value, which costs nothing
   void fillGappy(std::uint32_t bit, const unsigned char* at, std::size_t rows, double inverse,
                  std::uint32_t* v, std::size_t column) {
     const std::uint32_t* const there = columns_[kWallPresence].block();

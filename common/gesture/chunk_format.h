@@ -11,11 +11,11 @@
 namespace needlelab::chunk_format {
 
 inline constexpr std::array<std::uint8_t, 4> kMagic{'N', 'L', 'G', 'C'};
-inline constexpr std::uint8_t kVersion = 1;           ///< without a memory of the cut
-inline constexpr std::uint8_t kVersionWithCuts = 2;   ///< with one, behind the steps
+inline constexpr std::uint8_t kVersion = 1;           ///< without a cut memory
+inline constexpr std::uint8_t kVersionWithCuts = 2;   ///< with one, after the steps
 inline constexpr std::size_t kFixedHeaderBytes = 44;  ///< up to and including the mask of raw columns
 inline constexpr std::size_t kCrcBytes = 4;
-inline constexpr std::size_t kCutsHeadBytes = 2;  ///< length of the memory of the cut
+inline constexpr std::size_t kCutsHeadBytes = 2;  ///< the cut memory's length field
 inline constexpr std::size_t kBlock = 32;         ///< rows per block
 
 /// The coding of the resolution in the header. Append-only.
@@ -76,8 +76,8 @@ inline constexpr std::array<std::size_t, kRealCount> kRealOffset = [] {
   return offsets;
 }();
 
-/// Raw bits of a double as an integer that orders as the double does, so that neighbours differ by little.
-/// The mapping is its own inverse: it flips the low 63 bits when the sign is set.
+/// Raw bits of a double as an integer that sorts like the double, so that neighbours differ by little. The
+/// mapping is its own inverse: it flips the low 63 bits when the sign is set.
 inline std::uint64_t flipOrder(std::uint64_t bits) {
   return bits ^ (static_cast<std::uint64_t>(static_cast<std::int64_t>(bits) >> 63) >> 1);
 }

@@ -175,7 +175,7 @@ std::uint8_t* packColumn(const U* v, std::size_t rows, std::uint8_t* out) {
   return packBits(residual, rows, widths[mode], out);
 }
 
-// what stands before the residuals of a stored column block, and how long those are
+// what precedes the residuals of a stored column block, and the residuals' length
 template <typename U>
 struct BlockHead {
   int mode = 0;
@@ -184,7 +184,7 @@ struct BlockHead {
   std::size_t bytes = 0;
 };
 
-// returns where the residuals start; null for invalid bytes, also when the residuals are not all there
+// returns where the residuals start; null for invalid bytes or missing residuals
 template <typename U>
 const std::uint8_t* readHead(const std::uint8_t* in, const std::uint8_t* end, std::size_t rows,
                              BlockHead<U>& head) {
@@ -218,7 +218,7 @@ const std::uint8_t* unpackColumn(const std::uint8_t* in, const std::uint8_t* end
   if (in == nullptr) return nullptr;
   const auto [mode, width, base, bytes] = head;
 
-  // whole words are loaded: near the end of the chunk from a copy with padding
+  // whole words are loaded, so near the end of the chunk read from a padded copy
   U residual[kRows];
   if (bytes + 8 <= static_cast<std::size_t>(end - in)) {
     unpackBits(in, rows, width, residual);

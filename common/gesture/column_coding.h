@@ -41,8 +41,8 @@ inline constexpr std::size_t kScribble = 16;
 
 /// Writes little-endian groups of 7 bits, with the top bit set on all but the last. Returns the end.
 std::uint8_t* putVarint(std::uint8_t* out, std::uint64_t value);
-/// Returns the end, or null when the bytes end early or the value has more than `bits` bits. Takes groups of
-/// zeros at the end that putVarint would not write, as far as `bits` reach.
+/// Returns the end, or null when the bytes end early or the value has more than `bits` bits. Within `bits`,
+/// accepts trailing zero groups, which putVarint would not write.
 const std::uint8_t* getVarint(const std::uint8_t* in, const std::uint8_t* end, int bits,
                               std::uint64_t& value);
 
@@ -55,7 +55,7 @@ std::uint8_t* packColumn(const U* v, std::size_t rows, std::uint8_t* out);
 template <typename U>
 const std::uint8_t* unpackColumn(const std::uint8_t* in, const std::uint8_t* end, std::size_t rows, U* v);
 
-/// Returns the end of a stored block without its values, or null when unpackColumn would.
+/// Returns the end of a stored block without reading its values; null where unpackColumn returns null.
 template <typename U>
 const std::uint8_t* skipColumn(const std::uint8_t* in, const std::uint8_t* end, std::size_t rows);
 

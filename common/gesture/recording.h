@@ -20,8 +20,8 @@ inline constexpr std::size_t kMaxRecordingMetadata = 1u << 20;
 
 /// One chunk's place in a recording file.
 struct RecordingEntry {
-  std::uint64_t offset = 0;  ///< of the chunk's record in the file
-  std::uint32_t bytes = 0;   ///< of the chunk itself
+  std::uint64_t offset = 0;  ///< where the chunk's record begins in the file
+  std::uint32_t bytes = 0;   ///< length of the chunk itself
   std::uint32_t count = 0;   ///< samples
   std::uint64_t first_tick = 0, last_tick = 0;
 };
@@ -30,9 +30,9 @@ struct RecordingEntry {
 class RecordingWriter {
  public:
   enum class Mode {
-    kAtomic,  ///< bytes go to a temporary name beside the path, `finish` renames it; without `finish` nothing
-              ///< is left
-    kOpenEnded,  ///< bytes go to the path at once, so that a crash leaves a readable, cut-off recording
+    kAtomic,     ///< writes to a temporary file beside the path; `finish` renames it, and without `finish`
+                 ///< nothing is left
+    kOpenEnded,  ///< writes to the path directly, so that a crash leaves a readable, truncated recording
   };
   /// `metadata_json` is opaque here, at most kMaxRecordingMetadata bytes. Errors: kInvalidInput (too long),
   /// kAlreadyExists (kOpenEnded and the path is taken), kFailed with the system's reason.
@@ -76,31 +76,30 @@ class RecordingWriter {
 /// Thread: const functions may be called from several. Movable, not copyable.
 class RecordingReader {
  public:
-  /// Unreadable places in the middle of the file, found at `open`: from the first to the last one between two
-  /// chunks. `what` is about the first. Readable records follow.
+  /// An unreadable part in the middle of the file, found at `open`: it spans all unreadable places between
+  /// two chunks, and readable records follow. `what` describes the first place.
   struct Damage {
     std::uint64_t offset = 0, bytes = 0;
     std::string what;
   };
 
-  /// Opens a complete file by its index. Scans a file that is cut off or has a damaged index, and finds every
-  /// whole chunk. A file that was cut before its first chunk opens, too, with no chunks. Damage in the middle
-  /// is not an error here: see `damages`. Errors: kInvalidInput (cannot be opened, does not start as a
+  /// Opens a complete file by its index. Scans a file that is truncated or has a damaged index, and finds
+  /// every whole chunk. A file truncated before its first chunk also opens, with no chunks. Damage in the
+  /// middle is not an error here: see `damages`. Errors: kInvalidInput (cannot be opened, does not start as a
   /// recording), kVersion.
   static Result<RecordingReader> open(const std::filesystem::path& path);
   RecordingReader(RecordingReader&& other) noexcept;
   RecordingReader& operator=(RecordingReader&& other) noexcept;
   ~RecordingReader();
 
-  /// At most kMaxRecordingMetadata bytes; empty when their record is damaged or longer, which is a damage.
+  /// At most kMaxRecordingMetadata bytes; empty when the record is damaged or longer, which counts as damage.
   [[nodiscard]] const std::string& metadata() const { return metadata_; }
   [[nodiscard]] bool complete() const { return complete_; }  ///< the file has a valid index and footer
   [[nodiscard]] std::uint64_t unusableTailBytes() const {
     return tail_bytes_;
-  }  ///< after the last whole record of a cut-off file
+  }  ///< bytes after the last whole record of a truncated file
   [[nodiscard]] const std::vector<Damage>& damages() const { return damages_; }
-  /// A damaged chunk keeps its entry here while its record header is readable, so that chunk numbers do not
-  /// change.
+  /// A damaged chunk keeps its entry if its record header is readable, so that chunk numbers do not change.
   [[nodiscard]] const std::vector<RecordingEntry>& entries() const { return entries_; }
   [[nodiscard]] std::uint64_t sampleCount() const;
   [[nodiscard]] const Digest& declaredHash() const { return hash_; }  ///< of a complete file; zeros otherwise
@@ -117,7 +116,7 @@ class RecordingReader {
  private:
   RecordingReader() = default;
   Status readAt(std::uint64_t offset, std::size_t count, Bytes& out) const;
-  /// Content of the record at `offset`, both its CRCs checked.
+  /// Reads the content of the record at `offset` and checks both CRCs.
   Status readRecord(std::uint64_t offset, std::uint8_t& kind, Bytes& content) const;
   Status checkStart();
   bool openByIndex();

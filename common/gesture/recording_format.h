@@ -21,7 +21,8 @@ inline constexpr std::size_t kRecordHeaderBytes = 16;  ///< marker, kind, reserv
 inline constexpr std::size_t kRecordCrcBytes = 4;      ///< after the content
 inline constexpr std::size_t kFooterBytes = 24;        ///< offset of the index, reserved, CRC, end magic
 inline constexpr std::size_t kIndexEntryBytes = 32;
-/// The greatest length of a record: the index of 2²¹ chunks, more than three weeks at one chunk per second.
+/// The maximum length of a record: enough for the index of 2²¹ chunks, more than three weeks at one chunk per
+/// second.
 inline constexpr std::size_t kMaxRecordBytes = 64u << 20;
 static_assert(kMaxChunkBytes <= kMaxRecordBytes && kMaxRecordingMetadata <= kMaxRecordBytes);
 

@@ -73,7 +73,7 @@ Status RecordingReader::readAt(std::uint64_t offset, std::size_t count, Bytes& o
                                                    std::strerror(errno))};
     if (n == 0)
       return Error{ErrorCode::kCorrupt,
-                   fmt::format("{}: became shorter while it was read, at offset {}", path_.string(), offset)};
+                   fmt::format("{}: was truncated while being read, at offset {}", path_.string(), offset)};
     done += static_cast<std::size_t>(n);
   }
   return {};
@@ -176,7 +176,7 @@ bool RecordingReader::openByIndex() {
 }
 
 Result<std::uint64_t> RecordingReader::findRecord(std::uint64_t offset) const {
-  // the next record is mostly near: reading far for each one would cost more than the file is long
+  // the next record is usually near: long reads for each one could total more than the file's length
   constexpr std::uint64_t kMostAtOnce = 1u << 20;
   std::uint64_t at_once = 1u << 12;
   Bytes window;
@@ -189,7 +189,7 @@ Result<std::uint64_t> RecordingReader::findRecord(std::uint64_t offset) const {
           readRecordHeader(ByteView(window).subspan(at, kRecordHeaderBytes), header))
         return offset + at;
     }
-    // windows overlap by a header less one byte
+    // windows overlap by one byte less than a header
     offset += count - (kRecordHeaderBytes - 1);
     at_once = std::min(2 * at_once, kMostAtOnce);
   }
@@ -199,10 +199,11 @@ Result<std::uint64_t> RecordingReader::findRecord(std::uint64_t offset) const {
 Status RecordingReader::scan() {
   Bytes content;
   std::uint64_t offset = std::min<std::uint64_t>(size_, kStartBytes);
-  std::uint64_t good_end = size_ < kStartBytes ? 0 : kStartBytes;  // behind the last whole record
+  std::uint64_t good_end = size_ < kStartBytes ? 0 : kStartBytes;  // after the last whole record
   std::size_t good_entries = 0, good_damages = 0;
-  std::size_t chunk_damages = 0;  // before the last whole chunk
-  // what is damaged between two chunks is one: a file of nothing else would take more memory than it is long
+  std::size_t chunk_damages = 0;  // damages before the last whole chunk
+  // merge all damage between two chunks into one entry: otherwise a file of nothing but damage would need
+  // more memory than its own length
   const auto addDamage = [&](std::uint64_t bytes, std::string what) {
     if (damages_.size() > chunk_damages)
       damages_.back().bytes = offset + bytes - damages_.back().offset;
@@ -218,7 +219,7 @@ Status RecordingReader::scan() {
       // not a record: continue at the next record, if any
       ASSIGN_OR_RETURN(const auto next, findRecord(offset + 1));
       addDamage(next - offset,
-                fmt::format("between chunk {} and the one before: no record starts here", entries_.size()));
+                fmt::format("between chunk {} and the previous one: no record starts here", entries_.size()));
       offset = next;
       continue;
     }
@@ -227,8 +228,7 @@ Status RecordingReader::scan() {
     const Status status = readRecord(offset, kind, content);
     if (!status.ok() && status.error().code == ErrorCode::kFailed) return status;
     if (!status.ok() && length > size_ - offset) {
-      // the file was cut off within this record, unless good records follow: then bytes are missing in
-      // between
+      // the file was truncated within this record; if good records follow, bytes are missing in between
       ASSIGN_OR_RETURN(const auto next, findRecord(offset + kRecordHeaderBytes));
       if (next == size_) break;
       addDamage(next - offset,
@@ -262,7 +262,7 @@ Status RecordingReader::scan() {
       if (header.kind == kChunk) chunk_damages = good_damages;
     }
   }
-  // unreadable bytes up to the end mark a cut, not damage in the middle
+  // unreadable bytes up to the end mean truncation, not damage in the middle
   entries_.resize(good_entries);
   damages_.resize(good_damages);
   if (!damages_.empty())

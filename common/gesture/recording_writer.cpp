@@ -7,7 +7,7 @@
 #include <cstring>
 #include <utility>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/gesture/recording.h"
 #include "common/gesture/recording_format.h"
 
@@ -148,7 +148,7 @@ Status RecordingWriter::finish() {
   }
   const Digest digest = hash_.digest();
   writer.put(ByteView(digest));
-  // an index too long for a record is left out: such a file is read by scanning
+  // omit an index that is too long for a record: such a file is read by scanning
   Bytes footer;
   if (content.size() <= kMaxRecordBytes) {
     RETURN_IF_ERROR(writeRecord(kIndex, content));

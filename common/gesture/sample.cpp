@@ -1,7 +1,7 @@
 
 #include "common/gesture/sample.h"
 
-#include "common/base/csv.h"
+#include "common/base/text/csv.h"
 
 namespace needlelab {
 
@@ -13,7 +13,7 @@ Status validate(const Resolution& resolution) {
                 {"force_N", resolution.force_N},   {"torque_Nm", resolution.torque_Nm},
                 {"time_s", resolution.time_s},     {"speed_mps", resolution.speed_mps}};
   for (const auto& field : fields) {
-    // written so that not-a-number fails, too
+    // this form also rejects not-a-number
     if (field.step == 0 || (field.step >= 1e-12 && field.step <= 1)) continue;
     std::string text = std::string("resolution.") + field.name + " is ";
     appendNumber(text, field.step);

@@ -39,7 +39,7 @@ static_assert(std::is_trivially_copyable_v<GestureSample>);
 /// stores the kind's raw double bits (lossless). The tick number and `time_ns` are always exact.
 struct Resolution {
   double length_m = 1e-6;       ///< tip, wall, insertion, lateral error
-  double quaternion = 0x1p-15;  ///< the four components; also `plunger`, which is dimensionless, too
+  double quaternion = 0x1p-15;  ///< the four components; also `plunger`, which is also dimensionless
   double force_N = 1e-3;
   double torque_Nm = 1e-4;
   double time_s = 1e-6;  ///< device and engine time of a tick; below 1 ns it means 1 ns, which is exact

@@ -6,7 +6,7 @@
 #include <limits>
 #include <string>
 
-#include "common/base/csv.h"
+#include "common/base/text/csv.h"
 #include "common/gesture/sample_csv.h"
 
 namespace needlelab {

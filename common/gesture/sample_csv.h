@@ -24,11 +24,11 @@ void appendSampleCsvRow(std::string& out, const GestureSample& sample, std::int6
 /// because JSON does not have them.
 void appendSampleJson(std::string& out, const GestureSample& sample, std::int64_t first_time_ns);
 
-/// Whether the wall's columns are read, and must be there. Scores do not need them.
+/// Whether the wall's columns are required and read. Scores do not need them.
 enum class WallColumns : std::uint8_t { kLeftOut, kRead };
 
-/// Reads the samples of an exported CSV. Where the wall is left out it is NaN; time_ns is exact up to 2^53
-/// ns. Errors: those of readCsv; kInvalidInput naming line and column where a cell does not fit its column.
+/// Reads the samples of an exported CSV. A wall that is left out is NaN; time_ns is exact up to 2^53 ns.
+/// Errors: those of readCsv; kInvalidInput naming line and column, when a cell does not fit its column.
 Result<std::vector<GestureSample>> readSampleCsv(const std::filesystem::path& path,
                                                  WallColumns wall = WallColumns::kLeftOut);
 

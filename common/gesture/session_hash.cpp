@@ -1,6 +1,6 @@
 #include "common/gesture/session_hash.h"
 
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-/// The hash that shows that station, server and recording have the same gesture (proto/README.md).
+/// The hash that proves that station, server and recording have the same gesture (proto/README.md).
 #pragma once
 
 #include <sodium.h>

@@ -24,7 +24,7 @@ std::array<double, kMeans> valuesOf(GestureSample s) {
   return values;
 }
 
-/// Ticks from b to a, also backwards.
+/// Ticks from b to a; negative if a is before b.
 double ticksBetween(std::uint64_t a, std::uint64_t b) {
   return a >= b ? static_cast<double>(a - b) : -static_cast<double>(b - a);
 }
@@ -116,7 +116,7 @@ void Thinner::settle(std::vector<GestureSample>& out, bool all) {
         ++steps_;
         return ticksBetween(s.tick, first_tick_) <= needed;
       });
-  // moved in large batches, so that the cost per sample is negligible
+  // move in large batches, so that the cost per sample is negligible
   if (static_cast<double>(keep_from - window_.begin()) >= step_ticks_) {
     steps_ += static_cast<std::uint64_t>(window_.end() - keep_from);
     window_.erase(window_.begin(), keep_from);
@@ -144,7 +144,7 @@ GestureSample Thinner::meanAround(const Center& center) {
       sums[i] += weight * values[i];
       weights[i] += weight;
     }
-    // of the two quaternions of an orientation, take the one on the centre's side
+    // of an orientation's two quaternions, take the one on the centre's side
     double dot = 0;
     for (std::size_t i = 0; i < 4; ++i) dot += s->q_WT[i] * center.sample.q_WT[i];
     for (std::size_t i = 0; i < 4; ++i) q[i] += (dot < 0 ? -weight : weight) * s->q_WT[i];

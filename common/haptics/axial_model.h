@@ -1,4 +1,4 @@
-/// The models of the force along the trajectory (FORCE_MODEL.md, "Axial models"), and the parameters that an
+/// Models of the force along the trajectory (FORCE_MODEL.md, "Axial models"), and the parameters that an
 /// author sets for each.
 #pragma once
 
@@ -51,8 +51,8 @@ struct DirectSpec {
 struct VoigtSpec {
   double stiffness_N_per_m = 500;  ///< K, (0, 10000]
   double damping_Ns_per_m = 5;     ///< B, [0, 1000]
-  /// 0: ẋ over one tick. Else over an adaptive window that bridges so much noise of a position, [0, 1e-3] m;
-  /// for studies, no profile sets it.
+  /// 0: ẋ over one tick. Otherwise over an adaptive window that bridges this much position noise, [0, 1e-3]
+  /// m. For studies; no profile sets it.
   double velocity_noise_m = 0;
 };
 
@@ -77,11 +77,11 @@ struct ShaftFrictionSpec {
 
 /// Parameters of one layer, for OKAMURA and DAHL.
 struct OkamuraSpec {
-  double linear_N_per_m = 0;      ///< up to puncture a force of linear·z + quadratic·z², [0, 10000]
+  double linear_N_per_m = 0;      ///< force up to puncture: linear·z + quadratic·z², [0, 10000]
   double quadratic_N_per_m2 = 0;  ///< [0, 1e9]; not both 0
   double puncture_force_N = 0;    ///< (0, 50]
   double cutting_force_N = 0;     ///< after puncture, [0, 50]
-  ShaftFrictionSpec in, out;      ///< on the way in, on the way out
+  ShaftFrictionSpec in, out;      ///< friction on the way in and on the way out
 };
 
 struct StatisticalSpec {
@@ -91,7 +91,7 @@ struct StatisticalSpec {
     double sd_N = 0;     ///< [0, 50]
   };
   std::vector<Row> table;              ///< 1-256 rows
-  double correlation_length_m = 3e-3;  ///< of the normal score over depth, (0, 1]
+  double correlation_length_m = 3e-3;  ///< of the normal score along the depth, (0, 1]
   std::uint64_t seed = 0;
   double mean_factor = 1;       ///< patient factor: scales mean and sd, (0, 10]
   double thickness_factor = 1;  ///< patient factor: scales the table's depths, (0, 10]
@@ -116,7 +116,7 @@ struct FemLayerSpec {
 
 struct FemSpec {
   std::int32_t nodes = 3000;         ///< of the mesh, [100, 200000]
-  std::vector<FemLayerSpec> layers;  ///< as many as the scene has
+  std::vector<FemLayerSpec> layers;  ///< one for each layer of the scene
   /// The compliance computed by common/fem: `compile` refuses a FEM scene without it. Shared, never changed.
   std::shared_ptr<const NeedleCompliance> compliance;
 };

@@ -7,8 +7,8 @@
 namespace needlelab {
 namespace {
 
-constexpr std::uint8_t kCutVersion = 2;  // 1 had no number of insertions, and was never stored
-/// A direction is as long as this but for rounding.
+constexpr std::uint8_t kCutVersion = 2;  // version 1 lacked the number of insertions and was never stored
+/// Rounding tolerance for the length of a unit vector.
 constexpr double kUnitTolerance = 1e-9;
 
 void put(ByteWriter& to, Vec3 v) {
@@ -35,7 +35,7 @@ bool isTrack(const CutTrack& track) {
          track.length_m >= 0;
 }
 
-// a ring that is not full is filled from its first place on
+// a ring that is not full is filled from its start
 bool isRing(const CutMemory& cuts) {
   if (cuts.count > kMaxCutTracks || cuts.next >= kMaxCutTracks) return false;
   return cuts.count == kMaxCutTracks || cuts.next == cuts.count;
@@ -80,8 +80,8 @@ Result<CutSnapshot> decodeCuts(ByteView bytes) {
   if (!from.ok()) return corrupt(fmt::format("{} bytes are too few", bytes.size()));
   if (filler != 0) return corrupt(fmt::format("byte 3 is {}, it must be 0", filler));
   if (!isRing(cuts))
-    return corrupt(
-        fmt::format("{} tracks with the next at {} are no ring of {}", cuts.count, cuts.next, kMaxCutTracks));
+    return corrupt(fmt::format("{} tracks with the next at {} are not a valid ring of {}", cuts.count,
+                               cuts.next, kMaxCutTracks));
   for (std::uint32_t i = 0; i < cuts.count; ++i) {
     CutTrack& track = cuts.tracks[i];
     track.p_entry_W_m = vectorFrom(from);
@@ -89,7 +89,7 @@ Result<CutSnapshot> decodeCuts(ByteView bytes) {
     track.length_m = from.get<double>();
     track.membranes = from.get<std::uint32_t>();
     if (!from.ok()) return corrupt(fmt::format("{} bytes are too few", bytes.size()));
-    if (!isTrack(track)) return corrupt(fmt::format("track {} is no line with a length", i));
+    if (!isTrack(track)) return corrupt(fmt::format("track {} is not a line with a length", i));
   }
   if (from.left() != 0) return corrupt(fmt::format("{} bytes are left over", from.left()));
   return snapshot;

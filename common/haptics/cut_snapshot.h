@@ -1,5 +1,5 @@
-/// The memory of the cut (CUT_MEMORY) as bytes, for who did not see the session from its beginning: in live
-/// frames and in chunks (common/gesture/FORMAT.md, "Memory of the cut").
+/// The cut memory (CUT_MEMORY) as bytes, in live frames and in chunks, for readers that did not follow the
+/// session from its beginning (common/gesture/FORMAT.md, "Memory of the cut").
 #pragma once
 
 #include <cstddef>
@@ -12,23 +12,23 @@
 
 namespace needlelab {
 
-/// The memory as it is after a tick with the tip outside; of an insertion under way it says nothing.
+/// The memory after a tick with the tip outside; it does not describe an insertion under way.
 struct CutSnapshot {
   std::uint64_t tick = 0;  ///< of the session
   CutMemory cuts;
-  std::uint64_t insertions = 0;  ///< as in SimState: STATISTICAL draws by it
+  std::uint64_t insertions = 0;  ///< as in SimState: STATISTICAL's random numbers depend on it
 };
 
-/// The greatest length of the bytes.
+/// The maximum length of the bytes.
 inline constexpr std::size_t kMostCutSnapshotBytes = 20 + 60 * kMaxCutTracks;
 
 /// Thread: any. Not for the haptic thread: it allocates.
 Bytes encodeCuts(const CutSnapshot& snapshot);
 
-/// Safe for any bytes. Errors: kVersion, kCorrupt (another length, no ring, a number that is not finite, a
-/// direction that is none, a negative length).
+/// Safe for any bytes. Errors: kVersion, kCorrupt (wrong length, invalid ring, a number that is not finite, a
+/// direction that is not a unit vector, a negative length).
 Result<CutSnapshot> decodeCuts(ByteView bytes);
-/// Returns what decodeCuts reads; nothing of none and of unreadable bytes, without which a replica stays
+/// As decodeCuts, but returns nothing for empty or unreadable bytes; a replica without them stays
 /// approximate.
 std::optional<CutSnapshot> cutsIn(ByteView bytes);
 

@@ -93,8 +93,7 @@ double detExp(double x) noexcept {
   constexpr double kLn2High = 6.93147180369123816490e-01, kLn2Low = 1.90821492927058770002e-10;
   const double n = std::floor(x * 1.4426950408889634074 + 0.5);
   const double r = (x - n * kLn2High) - n * kLn2Low;
-  // 1 + r (1 + r/2 (1 + r/3 (…))), from the inside, so that the last addition's rounding is nearly the only
-  // one
+  // 1 + r (1 + r/2 (1 + r/3 (…))), from the inside out, so that only the last addition's rounding matters
   double sum = 1.0;
   for (int k = 14; k >= 1; --k) sum = 1.0 + sum * (r / k);
   return std::ldexp(sum, static_cast<int>(n));

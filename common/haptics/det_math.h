@@ -21,7 +21,7 @@ inline constexpr double kAtanEighths[9] = {0.0,
                                            0.7853981633974483};
 
 // num8/den rounded to an integer, for 0 ≤ num8 ≤ 8·den. Uses comparisons, which the processor predicts well
-// while an angle changes slowly; a division would stall all that follows
+// while an angle changes slowly; a division would stall the code after it
 [[gnu::always_inline]] inline int nearestEighth(double num8, double den) noexcept {
   if (num8 < 3.5 * den) {
     if (num8 < 1.5 * den) return num8 < 0.5 * den ? 0 : 1;
@@ -38,13 +38,13 @@ inline constexpr double kAtanEighths[9] = {0.0,
   const double c = k * 0.125;
   const double t = (num - c * den) / (den + c * num);
   const double s = t * t;
-  // alternating series; the first term left out, t^15/15, is below 6e-20
+  // alternating series; the first omitted term, t^15/15, is below 6e-20
   const double tail =
       s * (-1.0 / 3 + s * (1.0 / 5 + s * (-1.0 / 7 + s * (1.0 / 9 + s * (-1.0 / 11 + s * (1.0 / 13))))));
   return kAtanEighths[k] + (t + t * tail);
 }
 
-/// detAtan2 inline, for ticks with torque, where a call costs too much.
+/// Inline detAtan2, for ticks with torque, where a call costs too much.
 [[gnu::always_inline]] inline double detAtan2Inline(double y, double x) noexcept {
   const double ay = std::fabs(y), ax = std::fabs(x);
   double angle;

@@ -16,17 +16,17 @@ struct TipSample {
   Quat q_WT;
 };
 
-/// Events of a tick that explain its forces: a force step is allowed where one of the releases is set.
+/// Events of a tick that explain its forces: a force step is allowed if one of the releases is set.
 enum StepFlag : std::uint32_t {
   kFlagEntry = 1u << 0,          ///< an insertion began
   kFlagExit = 1u << 1,           ///< release: the tip left the tissue
-  kFlagLayerChange = 1u << 2,    ///< release: the tip is in another layer than in the previous tick; with FEM
-                                 ///< also: the cut runs ahead, as into a softer layer
+  kFlagLayerChange = 1u << 2,    ///< release: the tip's layer differs from the previous tick's; with FEM
+                                 ///< also: the cut runs ahead, as on entering a softer layer
   kFlagRupture = 1u << 3,        ///< release: a membrane ruptured
   kFlagTurn = 1u << 4,           ///< u turned (change of trajectory)
   kFlagClampCapped = 1u << 5,    ///< the clamping force is at its maximum
   kFlagForceCapped = 1u << 6,    ///< the sum was limited to max_force_N
-  kFlagTorque = 1u << 7,         ///< the orientation limit gives torque
+  kFlagTorque = 1u << 7,         ///< the orientation limit exerts torque
   kFlagNotStepped = 1u << 8,     ///< the sample was not finite: state unchanged, no force
   kFlagStartedInside = 1u << 9,  ///< the tip is in the tissue but was never outside: no force
   kFlagBeyondNeedle = 1u << 10,  ///< inserted further than the needle is long

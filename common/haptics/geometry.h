@@ -85,7 +85,7 @@ constexpr Vec3 zAxis(Quat q) {
   return {2.0 * (q.x * q.z + q.w * q.y), 2.0 * (q.y * q.z - q.w * q.x), 1.0 - 2.0 * (q.x * q.x + q.y * q.y)};
 }
 
-/// A frame B seen from a frame A: origin `p` of B in A, and the rotation that takes B's axes to A's.
+/// The pose of frame B in frame A: B's origin `p` in A, and the rotation from B's axes to A's.
 struct Pose {
   Vec3 p;
   Quat q;
@@ -109,5 +109,17 @@ struct Wrench {
   Vec3 torque_Nm;
   friend constexpr bool operator==(const Wrench&, const Wrench&) = default;
 };
+
+// The syringe mock on the device's handle (FORCE_MODEL.md, "Device limits").
+
+/// Tip pose X_WT from the handle's pose X_WH and the tool X_HT (the tip in the handle's frame).
+constexpr Pose tipFromHandle(const Pose& X_WH, const Pose& X_HT) {
+  return X_WH * X_HT;
+}
+
+/// The same wrench about the handle: τ_handle = τ + (p_tip − p_handle) × f. All in W.
+constexpr Wrench wrenchAtHandle(const Wrench& at_tip, Vec3 p_WT_m, Vec3 p_WH_m) {
+  return {at_tip.force_N, at_tip.torque_Nm + cross(p_WT_m - p_WH_m, at_tip.force_N)};
+}
 
 }  // namespace needlelab

@@ -1,5 +1,5 @@
-/// The physical needle: its gauge, its tip, and the place of its opening. Optional values are 0 or kUnknown
-/// when a scene leaves them out, and then have no effect.
+/// The physical needle: its gauge, its tip, and the place of its opening. Values that a scene leaves out are
+/// 0 or kUnknown and have no effect.
 #pragma once
 
 #include <cstdint>
@@ -11,14 +11,14 @@ enum class NeedleTip : std::uint8_t { kUnknown, kHypodermic, kQuincke, kTuohy, k
 
 struct NeedleSpec {
   double length_m = 0.06;       ///< (0, 1]
-  double outer_diameter_m = 0;  ///< 0: not known
+  double outer_diameter_m = 0;  ///< 0: unknown
   NeedleTip tip = NeedleTip::kUnknown;
   double bevel_angle_rad = 0;  ///< between bevel (pencil point: cone) and axis; 0: the tip's usual one
 };
 
 /// Gauges with a defined size: 10 (thickest) to 34.
 inline constexpr int kThickestGauge = 10, kThinnestGauge = 34;
-/// Tolerance of a diameter for its gauge: less than half of the distance to the next gauge, more than the
+/// Tolerance of a diameter for its gauge: less than half the distance to the next gauge, more than the
 /// tolerance of real tubes (a 23G tube is 0.60-0.67 mm).
 inline constexpr double kGaugeTolerance = 0.08;
 
@@ -26,9 +26,9 @@ inline constexpr double kGaugeTolerance = 0.08;
 /// other numbers.
 double gaugeDiameter_m(int gauge);
 
-/// Returns the given angle, or else the usual angle of the tip's type (all but the first are chosen by hand):
-/// hypodermic 11° (ISO 7864's long bevel), Quincke 20°, Tuohy 25°, pencil point 10° (half the cone's angle).
-/// 0 when neither is known.
+/// Returns the given angle, otherwise the usual angle for the tip's type (all but the first are our own
+/// choice): hypodermic 11° (ISO 7864's long bevel), Quincke 20°, Tuohy 25°, pencil point 10° (half the cone's
+/// angle). 0 if neither is known.
 double bevelAngle_rad(const NeedleSpec& needle);
 
 /// Length of the bevel, or of a pencil point's cone, along the axis: d/tan β, and d/(2 tan β). 0 when
@@ -36,8 +36,8 @@ double bevelAngle_rad(const NeedleSpec& needle);
 double bevelLength_m(const NeedleSpec& needle);
 
 /// Returns the distance along the axis from the tip back to the middle of the opening: half of the bevel,
-/// d/(2 tan β); for a pencil point the side port, assumed one diameter behind the cone, d/(2 tan β) + d. 0
-/// when diameter or angle are unknown: then the place of an injection is the tip.
+/// d/(2 tan β); for a pencil point the side port, assumed one diameter behind the cone, d/(2 tan β) + d. 0 if
+/// diameter or angle is unknown: then an injection's place is the tip.
 double openingBehindTip_m(const NeedleSpec& needle);
 
 }  // namespace needlelab

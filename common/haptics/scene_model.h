@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <memory>
 
-#include "common/haptics/limits.h"
 #include "common/haptics/scene_spec.h"
 
 namespace needlelab {
@@ -27,7 +26,7 @@ using StepFunction = void (*)(const SceneModel&, const TipSample&, SimState&, St
 /// report without the stages. Returns the force in W and writes the effect's term into `report.stage_N`. A
 /// stage without a term changes the other effects' terms in the report, and returns the change.
 using StageFunction = Vec3 (*)(const SceneModel&, const TipSample&, SimState&, StepReport&) noexcept;
-/// Returns the tip that the tissue feels, before a tick: BONE holds it where the needle stands on the bone.
+/// Returns the tip as felt by the tissue, before a tick: BONE holds it where the needle rests on the bone.
 using HoldFunction = TipSample (*)(const SceneModel&, const TipSample&, SimState&) noexcept;
 
 /// One layer, ready for the tick. Depths δ run along the surface normal.
@@ -36,14 +35,14 @@ struct CompiledLayer {
       0;  ///< the layer's top; for the first layer the least positive number, because δ = 0 is outside
   double bottom_m = 0;             ///< the next layer's top; infinite for the last
   double top_m = 0;                ///< half-open [top, bottom)
-  double cutting_force_N = 0;      ///< f_cut; 0 where CUTTING is not live
-  double cut_stretch_m = 0;        ///< Δ_cut = f_cut/K_t; 0 where CUTTING is not live
-  double attracted_stretch_m = 0;  ///< f_att/K_t; 0 where ATTRACTED is not live
+  double cutting_force_N = 0;      ///< f_cut; 0 if CUTTING is not live
+  double cut_stretch_m = 0;        ///< Δ_cut = f_cut/K_t; 0 if CUTTING is not live
+  double attracted_stretch_m = 0;  ///< f_att/K_t; 0 if ATTRACTED is not live
   double rejection_stretch_m = 0;  ///< f_rej/K_t
   double lateral_N_per_m2 = 0;
   double friction_N_per_m = 0;
   double wall_stiffness_N_per_m = 0;  ///< K_t
-  std::array<double, 6> fill{};       ///< up to two cache lines: a layer is found by a shift of its index
+  std::array<double, 6> fill{};       ///< pads to two cache lines, so that a shift of the index finds a layer
 };
 
 /// A membrane, ready for the tick; sorted by depth of its layer's top.
@@ -54,14 +53,15 @@ struct CompiledMembrane {
   double slope_at_rupture_N_per_m = 0;  ///< k1 + 2 k2 z at rupture: the steepest slope
 };
 
-/// The steepest that a scene's fixture can be, where u does not turn.
+/// The maximum stiffness of a scene's fixture while u does not turn.
 struct FixtureSteepness {
-  double across_N_per_m = 0;  ///< in any direction: the greatest eigenvalue of the second derivatives of U
+  double across_N_per_m = 0;  ///< in the worst direction: the greatest eigenvalue of the second derivatives
+                              ///< of U
   double along_N_per_m = 0;   ///< the second derivative of U along u
 };
 FixtureSteepness fixtureSteepness(const SceneSpec& spec);
 
-/// Only `compile` makes one. Const after that; copying is cheap enough outside the haptic thread. Thread: any
+/// Only `compile` makes one; const afterwards. Copying is cheap enough outside the haptic thread. Thread: any
 /// may read.
 class SceneModel {
  public:
@@ -72,7 +72,8 @@ class SceneModel {
   double stop_ticks = 0;           ///< n of eq. 5
   std::uint64_t speed_window = 0;  ///< 100 ms in ticks
   double speed_window_s = 0;       ///< … and in s
-  std::uint64_t history_mask = 0;  ///< a ring of 2^n positions, as short as the window allows, stays in cache
+  std::uint64_t history_mask = 0;  ///< the ring has 2^n positions, as few as the window allows, to stay in
+                                   ///< cache
   double arming_speed_mps = 0;     ///< kArmingSpeeds·v_stop
   double max_stop_step_m = 0;      ///< 1.5·v_stop·T
   double drift_step_m = 0;         ///< kDriftSpeed_mps·T
@@ -81,7 +82,7 @@ class SceneModel {
   FixtureSteepness fixture_steepness;
   double fixture_push = 0;        ///< ½ for a CONSERVATIVE fixture, 0 for a PROPORTIONAL one
   double turn_begins_m = 0;       ///< d_t up to which u follows the hand …
-  double turn_slope_N_per_m = 0;  ///< … and how fast the force that turns it rises from there
+  double turn_slope_N_per_m = 0;  ///< … and the slope of the turning force from there
   TrackingWallSpec wall;
   VirtualFixtureSpec fixture;
   OrientationLimitSpec orientation;
@@ -96,14 +97,14 @@ class SceneModel {
   std::array<CompiledLayer, kMaxLayers> layers;
   std::uint32_t layer_count = 0;
   CompiledLayer
-      beyond;  ///< where the tip has come out on the other side of the limb: the skin's K_t, no force
+      beyond;  ///< used where the tip came out on the other side of the limb: the skin's K_t, no force
   std::array<CompiledMembrane, kMaxLayers> membranes;
   std::uint32_t membrane_count = 0;
-  EffectMask live = 0;  ///< listed by the scene, and its numbers not all zero
+  EffectMask live = 0;  ///< listed by the scene, with numbers that are not all zero
 
   // along u
   AxialModel axial_model = AxialModel::kEnhancedTrackingWall;
-  StepFunction step_function = nullptr;                  ///< of that model with these live effects
+  StepFunction step_function = nullptr;                  ///< for that model with these live effects
   StepFunction placed_step = nullptr;                    ///< the same without the stages
   std::array<StageFunction, kMaxStages> stages{};        ///< the live ones …
   std::uint32_t stage_count = 0;                         ///< … their number
@@ -119,7 +120,7 @@ class SceneModel {
   std::shared_ptr<const ShaftLimits> shaft_limits;  ///< OKAMURA, DAHL
   CutReach cut_reach = nullptr;                     ///< null: the model has no wall that cuts
 
-  // BONE; null and 0 where it is not live
+  // BONE; null and 0 if it is not live
   HoldFunction hold = nullptr;
   std::uint32_t bone_layer = 0;    ///< the outermost layer of bone
   double bone_top_m = 0;           ///< its top
@@ -127,8 +128,8 @@ class SceneModel {
   Vec3 bone_point_m, bone_normal;  ///< … with its unit normal out of the bone
 
   [[nodiscard]] bool isLive(Effect effect) const { return (live & bitOf(effect)) != 0; }
-  /// Steepest stiffness along the trajectory that can act at once: K_t (or the axial model's) + K_f +
-  /// steepest membrane, of live effects. A device refuses a scene above the stiffness that it can render
+  /// Maximum stiffness that can act at once along the trajectory: K_t (or the axial model's) + K_f + steepest
+  /// membrane, of live effects. A device refuses a scene above the stiffness that it can render
   /// (FORCE_MODEL.md, "Sum and cap").
   [[nodiscard]] double axialStiffness_N_per_m() const;
 };
@@ -136,7 +137,7 @@ class SceneModel {
 /// The step function of a scene with live stages: `placed_step`, then the stages, then the cap.
 void stepWithStages(const SceneModel& model, const TipSample& sample, SimState& state,
                     StepReport& report) noexcept;
-/// The same where a stage holds the tip that the tissue feels (`hold`).
+/// As stepWithStages, for scenes in which a stage holds the tip that the tissue feels (`hold`).
 void stepHeld(const SceneModel& model, const TipSample& sample, SimState& state, StepReport& report) noexcept;
 
 /// Validates, then precomputes for a loop of `rate_hz` (50-40,000 Hz). Errors: kInvalidInput as `validate`.

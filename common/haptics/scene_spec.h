@@ -1,7 +1,8 @@
-/// A scene as plain values, as its author writes it, before it is validated and compiled.
+/// A scene as plain values, as written by its author, before it is validated and compiled.
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -15,8 +16,23 @@
 
 namespace needlelab {
 
-/// The effects that a scene may use, in the order of the EffectMask bits. effects/effect_entry.h describes
-/// each effect in its row.
+// Fixed capacities and absolute bounds of the engine, with their reasons.
+
+inline constexpr std::size_t kMaxLayers = 32;  ///< layers of a profile
+inline constexpr double kMinRateHz = 50;       ///< below this, the 100 ms speed window has fewer than 5 ticks
+inline constexpr double kMaxRateHz = 40'000;   ///< the fastest loop in the literature (Choi and Tan)
+/// Ring of past positions for the speed over 100 ms: 4,000 ticks at 40 kHz, plus the tick before entry.
+inline constexpr std::size_t kHistoryCapacity = 4096;
+static_assert(kHistoryCapacity > static_cast<std::size_t>(kMaxRateHz / 10) + 1);
+
+/// The greatest number of stations of a needle: bounds the state and the cost of a tick.
+inline constexpr std::size_t kMaxNeedleStations = 128;
+
+/// The greatest number of cuts that CUT_MEMORY remembers: bounds the state, its hash and the cost of a tick.
+inline constexpr std::size_t kMaxCutTracks = 16;
+
+/// The effects that a scene may use, in the order of the EffectMask bits. effects/effect_entry.h has one row
+/// per effect.
 enum class Effect : std::uint8_t {
   kCutting,
   kAttracted,
@@ -28,15 +44,16 @@ enum class Effect : std::uint8_t {
   kBone,
   kHub
 };
-/// Always 0, but in tests/instructions: the engine compiled with some more effects, to count what they cost.
+/// Always 0, except in tests/instructions, which compiles the engine with extra effects to measure their
+/// cost.
 #ifdef NEEDLELAB_DUMMY_EFFECTS
 inline constexpr std::size_t kDummyEffectCount = NEEDLELAB_DUMMY_EFFECTS;
 #else
 inline constexpr std::size_t kDummyEffectCount = 0;
 #endif
 inline constexpr std::size_t kEffectCount = 9 + kDummyEffectCount;
-/// The number of effects with a fixed place within the tick; the others are stages (their forces are added at
-/// the end), but for HUB: it has its place where the needle is in to its hub.
+/// The number of effects with a fixed place within the tick. The others are stages, whose forces are added at
+/// the end, except HUB, which acts only when the needle is inserted to its hub.
 inline constexpr std::size_t kPlacedEffectCount = 6;
 
 using EffectMask = std::uint32_t;
@@ -49,8 +66,8 @@ constexpr bool isPlaced(Effect effect) {
   return (bitOf(effect) & kPlacedEffects) != 0;
 }
 
-/// Capacity for stages. Each stage has this many numbers from the author, numbers for the tick, and numbers
-/// that it remembers; the stage defines their meaning.
+/// Capacity for stages. StageNumbers holds a stage's numbers from the author, for the tick, or remembered
+/// between ticks; the stage defines their meaning.
 inline constexpr std::size_t kMaxStages = 8;
 using StageNumbers = std::array<double, 8>;
 static_assert(kEffectCount - kPlacedEffectCount <= kMaxStages);
@@ -98,7 +115,7 @@ struct LayerSpec {
   std::optional<FirstOrderSpec> first_order;  ///< required in every layer if the model is FIRST_ORDER
   std::optional<OkamuraSpec> okamura;         ///< required in every layer if the model is OKAMURA or DAHL
   bool is_bone = false;                       ///< BONE: no needle enters it
-  /// K_t in this layer, (0, 10000]; absent: the scene's. Only of ENHANCED_TRACKING_WALL and TRACKING_WALL.
+  /// K_t in this layer, (0, 10000]; absent: the scene's. Only for ENHANCED_TRACKING_WALL and TRACKING_WALL.
   std::optional<double> wall_stiffness_N_per_m;
 };
 
@@ -126,7 +143,7 @@ struct OrientationLimitSpec {
   double max_torque_Nm = 0;         ///< [0, 5]
 };
 
-/// All that the engine needs of a scene, in W (the limb is already placed).
+/// Everything that the engine needs to know about a scene, in W (the limb is already placed).
 struct SceneSpec {
   double needle_length_m = 0.06;  ///< L, (0, 1]
   double needle_diameter_m = 0;   ///< outer, up to 0.005; 0: not given. FEM's needle has this diameter
@@ -144,7 +161,7 @@ struct SceneSpec {
   OrientationLimitSpec orientation_limit;
   double friction_stiffness_N_per_m = 140;               ///< K_f, (0, 10000]
   double max_force_N = 10;                               ///< cap of the sum, (0, 50]
-  std::array<StageNumbers, kMaxStages> stage_numbers{};  ///< of effects that are stages, by `stageOf`
+  std::array<StageNumbers, kMaxStages> stage_numbers{};  ///< for effects that are stages, by `stageOf`
   /// BONE, on a plane limb: the direction out of the bone, any length > 0, at most 60 degrees from the skin's
   /// normal. Absent: parallel to the skin.
   std::optional<Vec3> bone_normal;

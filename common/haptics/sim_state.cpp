@@ -28,7 +28,7 @@ class Fnv1a {
 
 void addCuts(Fnv1a& hash, const SimState& state) {
   const CutMemory& cuts = state.cuts;
-  if (cuts.count == 0) return;  // a scene without CUT_MEMORY has the same hash as before it existed
+  if (cuts.count == 0) return;  // scenes without CUT_MEMORY keep their hash from before it existed
   hash.add(std::uint64_t{cuts.count} | std::uint64_t{cuts.next} << 32);
   for (std::uint32_t i = 0; i < cuts.count; ++i) {
     hash.add(cuts.tracks[i].p_entry_W_m);
@@ -42,7 +42,7 @@ void addCuts(Fnv1a& hash, const SimState& state) {
 }
 
 void addBone(Fnv1a& hash, const BoneContact& bone) {
-  if (!bone.touching) return;  // a scene without BONE has the same hash as before it existed
+  if (!bone.touching) return;  // scenes without BONE keep their hash from before it existed
   hash.add(bone.p_proxy_W_m);
   hash.add(bone.stretch_W_m);
   for (const double d : {bone.held_m, bone.cutting_N, bone.friction_N, bone.place_m}) hash.add(d);
@@ -102,13 +102,13 @@ std::uint64_t hashOf(const SimState& state) {
   hash.add(std::uint64_t{state.membranes_met} | std::uint64_t{state.membranes_ruptured} << 32);
   for (std::uint32_t i = 0; i < state.membranes_met; ++i) hash.add(state.membrane_place_m[i]);
   for (std::size_t i = 0; i < kMaxStages; ++i) {
-    // a scene without stages has the same hash as before stages existed
+    // scenes without stages keep their hash from before stages existed
     if (std::all_of(state.stage[i].begin(), state.stage[i].end(), [](double d) { return d == 0.0; }))
       continue;
     hash.add(std::uint64_t{i});
     for (const double d : state.stage[i]) hash.add(d);
   }
-  // a scene of another model has the same hash as before OKAMURA existed
+  // scenes with other models keep their hash from before OKAMURA existed
   if (state.slid_m != 0.0) hash.add(state.slid_m);
   addBone(hash, state.bone);
   const NeedleState& needle = state.needle;

@@ -6,7 +6,6 @@
 #include <type_traits>
 
 #include "common/haptics/geometry.h"
-#include "common/haptics/limits.h"
 #include "common/haptics/scene_spec.h"
 
 namespace needlelab {
@@ -29,8 +28,8 @@ struct ScorePath {
 enum class Hold : std::uint8_t { kSticks, kSlipsIn, kSlipsOut };
 
 /// FEM's state between ticks. Value-initialised: the needle is outside and nothing is cut. Lengths run along
-/// u from the entry, less the shifts of turns and ruptures. Forces act on the tissue; positive is into the
-/// tissue.
+/// u from the entry, with the shifts of turns and ruptures subtracted. Forces act on the tissue; positive is
+/// into the tissue.
 struct NeedleState {
   double x_m = 0;          ///< tip at the last tick
   double cut_m = 0;        ///< the cut's end in the undeformed tissue: the tip's greatest depth so far
@@ -60,23 +59,24 @@ struct CutTrack {
 struct CutMemory {
   std::array<CutTrack, kMaxCutTracks> tracks{};  ///< the first `count` are valid
   std::uint32_t count = 0;
-  std::uint32_t next = 0;  ///< the place of the next track; a full ring has its oldest there
+  std::uint32_t next = 0;  ///< index of the next track; in a full ring, of the oldest
 
   // of the insertion under way
-  std::uint32_t own = kMaxCutTracks;  ///< its track; kMaxCutTracks: it has cut nothing new
+  std::uint32_t own = kMaxCutTracks;  ///< its track; kMaxCutTracks: nothing newly cut
   std::uint32_t opened = 0;           ///< the membranes that it met at a hole
   double shift_m = 0;                 ///< `x_shift_m` at the last tick
 };
 
-/// BONE: how the needle stands on the bone.
+/// BONE: how the needle rests on the bone.
 struct BoneContact {
   bool touching = false;
-  Vec3 p_proxy_W_m;   ///< the needle's tip as it is rendered: on the bone's surface, never in it
+  Vec3 p_proxy_W_m;   ///< the rendered tip: on the bone's surface, never in it
   Vec3 stretch_W_m;   ///< from the measured tip to the proxy
-  double held_m = 0;  ///< how far the tissue feels the tip short of its measured place, along −u
+  double held_m = 0;  ///< how far short of its measured place the tissue feels the tip, along −u
   // while held
   double cutting_N = 0, friction_N = 0;  ///< the forces along u, which may not grow
-  double place_m = 0;                    ///< what the tissue felt in the last tick, along u less `x_shift_m`
+  double place_m = 0;                    ///< where the tissue felt the tip in the last tick, along u, minus
+                                         ///< `x_shift_m`
 };
 
 /// A stretch of the line from P0 along u that lies in one layer.
@@ -86,22 +86,22 @@ struct LayerSpan {
   std::int64_t layer = 0;                              ///< −1: beyond the limb
 };
 
-/// A stretch of the fixture's stiffness over the inserted length: with t from its begin,
+/// A stretch of the fixture's stiffness over the inserted length: with t from its beginning,
 /// k = k + t·(slope + t·half_bend).
 struct StiffnessSpan {
   double begin_m = 0, end_m = 0;  ///< the first begins at 0, the last ends at ∞
   double k_N_per_m = 0, slope_N_per_m2 = 0, half_bend_N_per_m3 = 0;
 };
 
-/// The layers along u, in the order in which the needle meets them: in a round limb it comes out through the
-/// same layers as it went in through.
+/// The layers along u, in the order in which the needle meets them: in a round limb it leaves through the
+/// same layers through which it entered.
 struct LayersAlong {
   std::array<LayerSpan, 2 * kMaxLayers> spans;
   std::uint32_t count = 0;  ///< of valid spans
-  std::uint32_t at = 0;     ///< the span that was used last
+  std::uint32_t at = 0;     ///< the span used last
   std::array<StiffnessSpan, 4 * kMaxLayers + 1> stiffness;
   std::uint32_t stiffness_count = 0;
-  StiffnessSpan stiffness_here;  ///< the one that was used last
+  StiffnessSpan stiffness_here;  ///< the span used last
   double deepest_m = 0;          ///< where the line is deepest in the limb; infinite under a plane
   double hold_m = 0;  ///< f_max/k at half the needle's length: u turns at this deviation at the latest
 };
@@ -125,7 +125,7 @@ struct SimState {
   std::uint32_t layer = 0;   ///< by δ
   LayersAlong along;         ///< the layers along u, for the integrals over the inserted length
 
-  // speed: positions along u since the tick before entry are kept in `x_history_m` less `x_shift_m`, so that
+  // speed: positions along u since the tick before entry are kept in `x_history_m` minus `x_shift_m`, so that
   // a turn moves all of them at once
   std::uint64_t ticks_inside = 0;  ///< k − k_entry of the last stepped tick, plus 1
   double x_shift_m = 0;
@@ -136,17 +136,17 @@ struct SimState {
 
   // stops
   double band_low_m = 0,
-         band_high_m = 0;       ///< where the needle has been since it last moved, less `x_shift_m`
+         band_high_m = 0;       ///< where the needle has been since it last moved, minus `x_shift_m`
   std::uint64_t band_tick = 0;  ///< `ticks_inside` when that band began
   std::uint64_t fast_tick = 0;  ///< `ticks_inside` when it was last as fast as v_stop, or a stop ended
   bool moves_in = true;         ///< the direction in which it last left a band
   bool armed = false;           ///< it has moved fast since the last stop
   bool stopped = false;
   std::uint64_t ramp_ticks =
-      0;  ///< RAMP: what is left of the ramp once it has closed the gap; 0: the wall follows a drift
+      0;  ///< RAMP: the ramp's remaining part once it has closed the gap; 0: the wall follows a drift
   double stop_least_m = 0;    ///< the least |z| of this stop
   double stop_step_m = 0;     ///< m of eq. 5
-  double stop_way_m = 0;      ///< RAMP: the way that is left to the wall
+  double stop_way_m = 0;      ///< RAMP: the wall's remaining distance
   double stop_stretch_m = 0;  ///< z0 of EXPONENTIAL
 
   // shaft friction
@@ -159,15 +159,15 @@ struct SimState {
   double tilt_limit_insertion_m = 0;
 
   // axial models
-  std::uint64_t insertions = 0;  ///< number of insertions, this one included; an exit does not reset it
+  std::uint64_t insertions = 0;  ///< number of insertions, including this one; an exit does not reset it
   std::uint32_t table_row = 0;   ///< start of the search in a table over depth
   ScorePath score;               ///< STATISTICAL
-  bool proxy_held = false;       ///< GOD_OBJECT: the proxy lies on a top; else it is at the tip
+  bool proxy_held = false;       ///< GOD_OBJECT: the proxy lies on a top; otherwise it is at the tip
   std::uint32_t proxy_layer =
-      0;                       ///< GOD_OBJECT: the layer of that top, or of the top that the tip passed last
+      0;                       ///< GOD_OBJECT: the layer of that top, or of the top that the tip last passed
   std::uint32_t tops_met = 0;  ///< GOD_OBJECT: number of layer tops that the tip has crossed
-  std::array<double, kMaxLayers> top_place_m;  ///< position along u, less `x_shift_m`
-  double slid_m = 0;  ///< OKAMURA: way against the tissue since the needle last stuck; 0 while it sticks
+  std::array<double, kMaxLayers> top_place_m;  ///< position along u, minus `x_shift_m`
+  double slid_m = 0;  ///< OKAMURA: distance slid in the tissue since the needle last stuck; 0 while it sticks
 
   // stages, by `stageOf`: 0 at entry
   std::array<StageNumbers, kMaxStages> stage{};
@@ -177,14 +177,15 @@ struct SimState {
   std::uint32_t membranes_ruptured = 0;  ///< bit i: membrane i has ruptured
   std::array<double, kMaxLayers> membrane_place_m;
 
-  // the ring of `speed`: position at tick i at [i & history_mask]; last, so that the other members share few
-  // cache lines
+  // the ring for `speed`: position at tick i at [i & history_mask]; placed last so that the other members
+  // share few cache lines
   std::uint64_t history_mask = 0;  ///< the model's
   std::array<double, kHistoryCapacity> x_history_m;
 
   NeedleState needle;  ///< FEM
 
-  CutMemory cuts;  ///< CUT_MEMORY: with `insertions` all that outlives an insertion and acts on the next one
+  CutMemory cuts;  ///< CUT_MEMORY; apart from `insertions`, the only state that outlives an insertion and
+                   ///< affects the next one
 
   BoneContact bone;  ///< BONE
 };

@@ -1,4 +1,4 @@
-/// Checks the numbers of a scene and keeps the first fault, with its field's path. Used by `validate` and for
+/// Checks the numbers of a scene and keeps the first fault with its field's path. Used by `validate` and for
 /// the axial models' own sections.
 #pragma once
 

@@ -11,8 +11,8 @@ namespace needlelab {
 /// (at a centre), the direction against `motion`. Real-time safe.
 Vec3 surfaceNormal(const Limb& limb, Vec3 p_W_m, Vec3 motion) noexcept;
 
-/// Returns P0: the point with depth 0 between the tip of the last tick and the tip of this tick. `before` is
-/// the state of the previous tick, outside; `depth_m` > 0 is the depth of `p_W_m`. Real-time safe.
+/// Returns P0: the point with depth 0 between the tips of the last tick and of this one. `before` is the
+/// state of the previous tick, outside; `depth_m` > 0 is the depth of `p_W_m`. Real-time safe.
 Vec3 entryPoint(const SimState& before, Vec3 p_W_m, double depth_m) noexcept;
 
 }  // namespace needlelab

@@ -43,7 +43,7 @@ inline bool isFinite(const TipSample& sample) {
   tick.x_m = dot(state.u_W, tick.arm_W_m);
   const double squared_m2 = normSquared(tick.arm_W_m);
   tick.insertion_m = std::sqrt(squared_m2);
-  // root and division side by side, not one after the other
+  // compute root and division in parallel, not in sequence
   tick.inverse_insertion_per_m = tick.insertion_m * (1.0 / squared_m2);
   tick.lateral_W_m = tick.arm_W_m - state.u_W * tick.x_m;
   tick.lateral_m = norm(tick.lateral_W_m);
@@ -58,7 +58,7 @@ inline bool isFinite(const TipSample& sample) {
 /// Returns the layer at a depth along the normal; `index` is the start of the search.
 std::uint32_t findLayer(const SceneModel& model, double depth_m, std::uint32_t index) noexcept;
 
-/// Returns the span of the layers along u at an inserted length; kept from tick to tick.
+/// Returns the span of the layers along u at an inserted length; cached from tick to tick.
 [[gnu::always_inline]] inline const LayerSpan& spanAt(SimState& state, double insertion_m) {
   LayersAlong& along = state.along;
   while (insertion_m >= along.spans[along.at].end_m) [[unlikely]]++ along.at;

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cstddef>
 
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 
 namespace needlelab {
 namespace {
@@ -23,7 +23,7 @@ AidList allAids() {
   return all;
 }
 
-/// Without spaces around it, in capitals.
+/// Returns `text` trimmed and in capitals.
 std::string aidWord(std::string_view text) {
   std::string word;
   for (const char c : text)
@@ -38,8 +38,8 @@ Status checkAids(const std::string& path, const AidList& aids) {
     const std::string at = fmt::format("{}[{}]: ", path, i);
     if (!isAid(aids.Get(i)))
       return Error{ErrorCode::kInvalidInput,
-                   fmt::format("{}{} is no aid, there are {}", at, aids.Get(i), aidsText(allAids()))};
-    // a list that is valid so far is at most as long as the list of all aids
+                   fmt::format("{}{} is not an aid; allowed are {}", at, aids.Get(i), aidsText(allAids()))};
+    // a list that is valid so far is no longer than the list of all aids
     if (std::find(aids.begin(), aids.begin() + i, aids.Get(i)) != aids.begin() + i)
       return Error{ErrorCode::kInvalidInput,
                    at + pb::Exercise::Aid_Name(static_cast<Aid>(aids.Get(i))) + " is listed twice"};
@@ -82,7 +82,7 @@ Result<AidList> parseAids(std::string_view text) {
     from = comma + 1;
     Aid aid{};
     if (!pb::Exercise::Aid_Parse(word, &aid) || !isAid(aid))
-      return Error{ErrorCode::kInvalidInput, "'" + printable(word) + "' is no aid; there are " +
+      return Error{ErrorCode::kInvalidInput, "'" + printable(word) + "' is not an aid; allowed are " +
                                                  aidsText(allAids()) + ", or none, or all"};
     aids.Add(aid);
   }

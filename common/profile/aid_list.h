@@ -1,5 +1,5 @@
-/// Lists of aids (pb::Exercise::Aid) that a station shows the trainee, as the exercise allows them or the
-/// instructor changes them.
+/// Lists of aids (pb::Exercise::Aid) that a station shows the trainee, as set by the exercise or changed by
+/// the instructor.
 #pragma once
 
 #include <google/protobuf/repeated_field.h>
@@ -27,8 +27,8 @@ AidList aidsOfExercise(const pb::Exercise& exercise);
 
 /// "DEPTH, FORCE"; "none" for an empty list.
 std::string aidsText(const AidList& aids);
-/// The inverse, in upper or lower case, with any spaces; "none": none, "all": all of them. kInvalidInput
-/// names the word that is not an aid, and all aids.
+/// The inverse of aidsText; case and spaces do not matter; "none" and "all" are accepted. Errors:
+/// kInvalidInput, naming the word that is not an aid, and all aids.
 Result<AidList> parseAids(std::string_view text);
 
 }  // namespace needlelab

@@ -8,16 +8,16 @@
 #include <string>
 #include <string_view>
 
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 #include "common/haptics/scene_model.h"
 #include "common/profile/layer_names.h"
-#include "common/profile/profile.h"
+#include "common/profile/scene_of_profile.h"
 #include "common/profile/strict_json.h"
 
 namespace needlelab {
 namespace {
 
-/// Shorter ways are rounding: what was placed stays as it is, bit for bit.
+/// Shorter moves are rounding errors: the place then stays unchanged, bit for bit.
 constexpr double kSamePlace_m = 1e-12;
 constexpr Vec3 kIntoTheBody{0, 0, -1};
 

@@ -9,15 +9,15 @@
 
 namespace needlelab {
 
-/// A profile's layers under its skin, in the profile's frame. The profile passed its rules.
+/// A profile's layers under its skin, in the profile's frame. The profile must have passed its rules.
 class AnchoredPlaces {
  public:
   explicit AnchoredPlaces(const pb::Profile& profile);
 
-  /// How far a region with an anchor is moved from where its fields say: along the surface's normal through
-  /// its centre (a segment's middle), until that is `offset_m` under the top of the anchor's layer. The line
-  /// goes on beyond a limb's centre; at the centre itself it is the frame's z. Zero without an anchor, and
-  /// where rounding alone would move the region.
+  /// The displacement of an anchored region from the place in its fields: along the surface normal through
+  /// its centre (a segment's middle), until the centre is `offset_m` under the top of the anchor's layer. The
+  /// line continues beyond a limb's centre; at the centre itself its direction is the frame's z. Zero without
+  /// an anchor, or if the move would be a rounding error.
   [[nodiscard]] Vec3 wayOf(const pb::Target& target) const;
   [[nodiscard]] Vec3 wayOf(const pb::Hazard& hazard) const;
 

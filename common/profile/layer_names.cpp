@@ -4,12 +4,12 @@
 
 #include <map>
 
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 
 namespace needlelab {
 namespace {
 
-/// Empty for OTHER, which says nothing to a person, and for tissues that this version does not know.
+/// Empty for OTHER, which means nothing to a person, and for tissues unknown to this version.
 std::string tissueWord(pb::Layer::Tissue tissue) {
   if (tissue == pb::Layer::OTHER || tissue == pb::Layer::TISSUE_UNSPECIFIED) return {};
   return lowerCase(pb::Layer::Tissue_Name(tissue));

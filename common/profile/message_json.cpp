@@ -44,7 +44,7 @@ std::string join(const std::vector<std::string>& words) {
   return all;
 }
 
-/// Describes the value found in place of the expected one, for people.
+/// Describes, for people, the value found instead of the expected one.
 std::string found(const json& value) {
   switch (value.type()) {
     case json::value_t::null:
@@ -104,7 +104,7 @@ Result<double> readNumber(const FieldDescriptor& field, const std::string& path,
   return number;
 }
 
-/// Reads a whole number within the field's range, or else its type's range.
+/// Reads a whole number within the field's range, or its type's range if it has none.
 Result<std::int64_t> readWhole(const FieldDescriptor& field, const std::string& path, const json& value) {
   ASSIGN_OR_RETURN(const double number, readNumber(field, path, value));
   const bool is_signed = field.cpp_type() == FieldDescriptor::CPPTYPE_INT32;
@@ -127,7 +127,7 @@ Result<std::string> readText(const FieldDescriptor& field, const std::string& pa
       return fieldError(path, fmt::format("has {} bytes, allowed are 1 to {}", text.size(), longest));
     }
   }
-  // texts are shown in terminals and tables: no control characters, except line breaks in long texts
+  // terminals and tables show these texts: no control characters, except line breaks in long texts
   for (const char c : text) {
     const auto byte = static_cast<unsigned char>(c);
     const bool is_break = c == '\n' || c == '\r' || c == '\t';

@@ -9,13 +9,13 @@
 
 #include "common/haptics/scene_model.h"
 #include "common/haptics/surface.h"
-#include "common/profile/profile.h"
+#include "common/profile/scene_of_profile.h"
 #include "common/profile/strict_json.h"
 
 namespace needlelab {
 namespace {
 
-/// Two points nearer than this give no direction; the same bound as for segments of hazards.
+/// Two points closer than this do not define a direction; same limit as for segments of hazards.
 constexpr double kLeastLength_m = 1e-6;
 constexpr double kDegrees = 180 / std::numbers::pi;
 
@@ -23,7 +23,7 @@ Vec3 pointOf(const pb::Vector3& v) {
   return {v.x(), v.y(), v.z()};
 }
 
-/// From the entry along the line, of any length.
+/// A vector from the entry along the line, of any length.
 Vec3 alongOf(const pb::Exercise::Plan& plan) {
   return plan.has_direction() ? pointOf(plan.direction())
                               : pointOf(plan.target_m()) - pointOf(plan.entry_m());

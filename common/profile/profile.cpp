@@ -1,6 +1,6 @@
 #include "common/profile/profile.h"
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/profile/message_json.h"
 #include "common/profile/rules.h"
 #include "common/profile/strict_json.h"
@@ -9,7 +9,7 @@ namespace needlelab {
 namespace {
 
 /// Converts text to a checked message: parses JSON, then checks the limits of single fields, then the rules
-/// over several fields.
+/// across fields.
 template <typename T, typename Rules>
 Result<T> parse(std::string_view text, std::string_view source, Rules rules) {
   ASSIGN_OR_RETURN(const nlohmann::json tree, readStrictJson(text, source, kMaxProfileBytes));

@@ -12,13 +12,13 @@
 #include <vector>
 
 #include "common/base/range.h"
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/profile/aid_list.h"
 #include "common/profile/anchors.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/planned_line.h"
-#include "common/profile/profile.h"
+#include "common/profile/scene_of_profile.h"
 #include "common/profile/strict_json.h"
 
 namespace needlelab {
@@ -109,22 +109,22 @@ Status checkHazard(const pb::Hazard& hazard, const std::string& path) {
   return {};
 }
 
-/// Checks that each name can be shown, and that no two layers are called alike.
+/// Checks that each name can be displayed, and that no two layers have the same name.
 Status checkLayerNames(const pb::Profile& profile) {
   const std::vector<std::string> names = layerNames(profile);
   const auto field = [](int i) { return fmt::format("layers[{}].name", i); };
   const auto isNamed = [&](int i) { return profile.layers(i).has_name(); };
-  std::map<std::string, int> called;  // the layer that is called so
+  std::map<std::string, int> called;  // the layer with that name
   for (int i = 0; i < profile.layers_size(); ++i) {
     const std::string& name = names[static_cast<std::size_t>(i)];
     if (isNamed(i)) {
       RETURN_IF_ERROR(checkName(field(i), name));
     }
-    // compared in small letters, because screens begin a line with a capital
+    // compare in lower case, because screens capitalise the first letter
     const auto [found, is_new] = called.try_emplace(lowerCase(name), i);
     if (is_new) continue;
     const bool exact = names[static_cast<std::size_t>(found->second)] == name;
-    // one of them has this name; the other has it, too, or is called so because it has none
+    // one of them was given this name; the other was, too, or gets it as a default
     const int named = isNamed(i) ? i : found->second, other = isNamed(i) ? found->second : i;
     const std::string why = isNamed(other)
                                 ? fmt::format(" is the name of layers[{}], too", other)
@@ -136,7 +136,7 @@ Status checkLayerNames(const pb::Profile& profile) {
   return {};
 }
 
-/// Checks that each direction's name can be shown.
+/// Checks that each direction's name can be displayed.
 Status checkDirections(const pb::Directions& directions) {
   const std::pair<const char*, const std::string*> all[] = {
       {"plus_x", &directions.plus_x()}, {"minus_x", &directions.minus_x()},
@@ -183,7 +183,7 @@ Status checkProfileRules(const pb::Profile& profile) {
       return fieldError(path + ".name", quotedText(profile.hazards(i).name()) + " is used twice");
     }
   }
-  // the engine checks forces and shapes: one place for these checks
+  // forces and shapes are checked in one place, the engine
   if (const auto spec = sceneSpecOf(profile); !spec) return spec.error();
   return {};
 }
@@ -215,7 +215,7 @@ Status checkExerciseRules(const pb::Exercise& exercise, const std::string& path)
 
 namespace {
 
-/// Exercises of a course and their prerequisites.
+/// A course's exercises and their prerequisites.
 class Prerequisites {
  public:
   explicit Prerequisites(const pb::Curriculum& curriculum) : exercises_(curriculum.exercises()) {
@@ -231,7 +231,8 @@ class Prerequisites {
       for (int j = 0; j < exercises_[i].prerequisites_size(); ++j) {
         const std::string& id = exercises_[i].prerequisites(j);
         const std::string path = fmt::format("exercises[{}].prerequisites[{}]", i, j);
-        if (!index_.contains(id)) return fieldError(path, quotedText(id) + " is no exercise of this course");
+        if (!index_.contains(id))
+          return fieldError(path, quotedText(id) + " is not an exercise of this course");
         if (!named.insert(id).second) return fieldError(path, quotedText(id) + " is named twice");
       }
     }
@@ -242,7 +243,7 @@ class Prerequisites {
  private:
   enum class State { kNew, kOnTheWay, kDone };
 
-  /// Without recursion: a course may have a thousand exercises in one line.
+  /// Not recursive: a course may have a thousand exercises in one chain.
   Status visit(int first) {
     struct Step {
       int exercise = 0, next = 0;
@@ -265,16 +266,16 @@ class Prerequisites {
       const State state = state_[static_cast<std::size_t>(next)];
       if (state == State::kNew) enter(next);
       if (state != State::kOnTheWay) continue;
-      // the cycle, from the exercise of entry back to it
+      // the cycle, from the exercise where it was entered back to it
       std::string circle;
       bool inside = false;
       for (const Step& on_way : way) {
         inside = inside || on_way.exercise == next;
         if (inside) circle += quotedText(exercises_[on_way.exercise].id()) + " needs ";
       }
-      return fieldError(fmt::format("exercises[{}].prerequisites", way.back().exercise),
-                        "go round in a circle, so that none of these can ever begin: " + circle +
-                            quotedText(exercises_[next].id()));
+      return fieldError(
+          fmt::format("exercises[{}].prerequisites", way.back().exercise),
+          "form a cycle, so none of these can ever begin: " + circle + quotedText(exercises_[next].id()));
     }
     return {};
   }
@@ -353,14 +354,14 @@ void warnAboutRupture(const pb::Profile& profile, int i, std::vector<std::string
                        " mm deep, below the layer; make it stiffer or weaker");
 }
 
-/// Only the models with a wall follow the layers' cutting forces with a spring of K_t.
+/// Only models with a wall follow the layers' cutting forces, with a spring of K_t.
 void warnAboutLayers(const pb::Profile& profile, std::vector<std::string>& warnings) {
   const bool is_wall = profile.axial_model() <= pb::Profile::TRACKING_WALL;
   double force_before_N = 0;
   for (int i = 0; i < profile.layers_size(); ++i) {
     const pb::Layer& layer = profile.layers(i);
     warnAboutRupture(profile, i, warnings);
-    // the tissue above goes on where no needle enters the bone
+    // where no needle enters the bone, the tissue above continues
     if (layer.tissue() == pb::Layer::BONE && lists(profile, pb::Profile::BONE)) continue;
     if (is_wall && lists(profile, pb::Profile::CUTTING)) {
       const double stiffness = layer.has_wall_stiffness_n_per_m()

@@ -1,4 +1,5 @@
-// Converts a profile to the engine's scene, and a scene's model back to a profile.
+#include "common/profile/scene_of_profile.h"
+
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -8,8 +9,6 @@
 
 #include "common/base/range.h"
 #include "common/haptics/effects/effect_entry.h"
-#include "common/profile/profile.h"
-#include "common/profile/rules.h"
 #include "common/profile/strict_json.h"
 
 namespace needlelab {
@@ -19,7 +18,7 @@ Vec3 vectorOf(const pb::Vector3& v) {
   return {v.x(), v.y(), v.z()};
 }
 
-// the messages' effects are the engine's plus one: 0 means "unspecified"
+// effects are numbered one higher in messages than in the engine: 0 means "unspecified"
 static_assert(pb::Profile::Effect_MIN == 0 && pb::Profile::Effect_MAX == kEffectCount);
 
 Result<Limb> limbOf(const pb::Limb& limb) {
@@ -99,7 +98,7 @@ Result<Pose> checkedPlacement(const Pose& X_WL) {
 
 // ---- the axial model and its section ----
 
-// the messages' models are the engine's plus one: 0 means "unspecified"
+// models are numbered one higher in messages than in the engine: 0 means "unspecified"
 constexpr AxialModel modelOf(pb::Profile::AxialModel model) {
   return model == pb::Profile::AXIAL_MODEL_UNSPECIFIED ? AxialModel::kEnhancedTrackingWall
                                                        : static_cast<AxialModel>(model - 1);
@@ -174,7 +173,7 @@ static_assert(static_cast<int>(NeedleTip::kPencilPoint) == pb::Needle::PENCIL_PO
 Status readModel(const pb::Profile& profile, SceneSpec& spec) {
   if (!pb::Profile::AxialModel_IsValid(profile.axial_model()))
     return fieldError("axial_model",
-                      fmt::format("{} is no known model", static_cast<int>(profile.axial_model())));
+                      fmt::format("{} is not a known model", static_cast<int>(profile.axial_model())));
   spec.axial_model = modelOf(profile.axial_model());
 
   if (profile.direct().has_stiffness_n_per_m())
@@ -250,7 +249,7 @@ Result<SceneSpec> sceneSpecOf(const pb::Profile& profile, const Pose& X_WL) {
   if (profile.has_max_force_n()) spec.max_force_N = profile.max_force_n();
   for (const int effect : profile.effects()) {
     if (effect <= pb::Profile::Effect_MIN || effect > pb::Profile::Effect_MAX)
-      return Error{ErrorCode::kInvalidInput, fmt::format("effects: {} is no known effect", effect)};
+      return Error{ErrorCode::kInvalidInput, fmt::format("effects: {} is not a known effect", effect)};
     spec.effects |= bitOf(static_cast<Effect>(effect - 1));
   }
   RETURN_IF_ERROR(validate(spec));
@@ -281,7 +280,7 @@ Status checkModelSection(const pb::Profile& profile) {
     const std::string& name = profile.statistical().synthetic(i);
     if (std::find(kMayBeSynthetic.begin(), kMayBeSynthetic.end(), name) == kMayBeSynthetic.end())
       return fieldError(fmt::format("statistical.synthetic[{}]", i),
-                        quotedText(name) + " is none of mean_n, sd_n, correlation_length_m, factors");
+                        quotedText(name) + " is not one of mean_n, sd_n, correlation_length_m, factors");
   }
   return {};
 }

@@ -98,7 +98,7 @@ class TreeBuilder : public nlohmann::json_sax<json> {
         const bool is_open = &frame != &frames_.back();
         path += fmt::format("[{}]", frame.node->size() - (is_open ? 1 : 0));
       } else if (!frame.key.empty()) {
-        // ordinary names as they are, all others quoted
+        // ordinary names stay as they are, all others are quoted
         const bool plain =
             frame.key.size() <= 60 &&
             frame.key.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-") ==

@@ -1,4 +1,4 @@
-/// Parses untrusted JSON text into a tree and refuses everything doubtful.
+/// Parses untrusted JSON text into a tree and refuses anything doubtful.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -14,9 +14,9 @@ namespace needlelab {
 /// and column.
 Result<nlohmann::json> readStrictJson(std::string_view text, std::string_view source, std::size_t max_bytes);
 
-/// Parses JSON that others wrote and we only pass on. What is nested deeper than 64 is left out: writing it,
-/// or freeing it, would take a stack frame a level, and a megabyte can nest a million. Returns a discarded
-/// value for what is not JSON.
+/// Parses foreign JSON that we only pass on. Omits anything nested deeper than 64, because writing or freeing
+/// it takes one stack frame per level and a megabyte can hold a million levels. Returns a discarded value if
+/// the text is not JSON.
 template <typename Json>
 Json readShallowJson(std::string_view text) {
   constexpr int kMostDepth = 64;
@@ -24,10 +24,10 @@ Json readShallowJson(std::string_view text) {
       text, [](int depth, auto, const Json&) { return depth <= kMostDepth; }, false);
 }
 
-/// Returns `PATH: words`, or the words alone if the path is empty.
+/// Returns `PATH: words`, or just the words if the path is empty.
 Error fieldError(const std::string& path, const std::string& words);
 
-/// `text` as a JSON string, cut after some 60 bytes: safe to print in a message.
+/// `text` as a JSON string, cut after about 60 bytes: safe to print in a message.
 std::string quotedText(std::string_view text);
 
 }  // namespace needlelab

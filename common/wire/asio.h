@@ -31,7 +31,8 @@ using Task = asio::awaitable<T>;
 /// `auto [ec, n] = co_await stream.async_read_some(buffer, kUseTuple);`
 inline constexpr auto kUseTuple = asio::as_tuple(asio::use_awaitable);
 
-/// Rethrows an exception that escaped from a spawned coroutine: it is a programmer error and never swallowed.
+/// Rethrows an exception that escaped from a spawned coroutine: a programmer error, which must not be
+/// swallowed.
 inline void rethrow(std::exception_ptr error) {
   if (error) std::rethrow_exception(error);
 }

@@ -12,9 +12,9 @@
 
 #include <fmt/core.h>
 
-#include "common/base/files.h"
-#include "common/base/local_time.h"
-#include "common/base/text.h"
+#include "common/base/files/files.h"
+#include "common/base/text/text.h"
+#include "common/base/time/local_time.h"
 #include "common/wire/tls_folder.h"
 
 namespace needlelab {
@@ -25,7 +25,7 @@ using x509::opensslError;
 
 constexpr long kAuthorityDays = 20 * 365, kServerDays = 2 * 365;
 
-// RFC 1918, RFC 6598, loopback, link-local, RFC 4193; as OpenSSL writes them, address/mask
+// RFC 1918, RFC 6598, loopback, link-local, RFC 4193; in OpenSSL's form, address/mask
 constexpr std::array kPrivateAddresses = {
     "127.0.0.0/255.0.0.0",
     "10.0.0.0/255.0.0.0",
@@ -37,7 +37,7 @@ constexpr std::array kPrivateAddresses = {
     "fc00::/fe00::",
     "fe80::/ffc0::",
 };
-// nobody owns these on the internet
+// these have no owner on the internet
 constexpr std::array kPrivateDomains = {"local", "lan", "internal", "home", "test", "localhost"};
 
 bool isLabel(std::string_view label) {
@@ -59,7 +59,8 @@ Status checkDomain(const std::string& domain) {
     rest.remove_prefix(dot + 1);
   }
   if (!good)
-    return Error{ErrorCode::kInvalidInput, "'" + domain + "' is no domain; give one such as lab.example.org"};
+    return Error{ErrorCode::kInvalidInput,
+                 "'" + domain + "' is not a domain; give one such as lab.example.org"};
   if (labels == 1 &&
       std::find(kPrivateDomains.begin(), kPrivateDomains.end(), lowerCase(domain)) == kPrivateDomains.end())
     return Error{ErrorCode::kInvalidInput,
@@ -153,7 +154,7 @@ bool maySign(X509* authority, const std::string& host) {
   if (!probe ||
       !x509::addExtension(probe.get(), authority, NID_subject_alt_name, x509::alternativeNames({host})))
     return false;
-  // makes OpenSSL read the extensions, which the check looks at
+  // makes OpenSSL read the extensions, which the check needs
   X509_get_extension_flags(probe.get());
   return NAME_CONSTRAINTS_check(probe.get(), constraints.get()) == X509_V_OK;
 }
@@ -192,7 +193,7 @@ Status signServer(const TlsFiles& files, const Authority& authority, const std::
   RETURN_IF_ERROR(checkSigns(ca, hosts));
   const x509::Key key = x509::newKey();
   if (!key) return opensslError("making the server's key");
-  // without a DNS name OpenSSL holds the common name against the constraints, if it looks like one
+  // without a DNS name, OpenSSL checks the constraints on the common name if that looks like one
   const auto name = std::find_if_not(hosts.begin(), hosts.end(), isAddress);
   ASSIGN_OR_RETURN(const auto made,
                    x509::draft(key.get(), name == hosts.end() ? "needlelab server" : *name, kServerDays));
@@ -211,7 +212,7 @@ Status signServer(const TlsFiles& files, const Authority& authority, const std::
   return x509::saveCertificates(files.certificate, {server});
 }
 
-// --- what a technician does with it
+// --- a technician's operations
 
 namespace {
 
@@ -232,7 +233,7 @@ bool has(const std::vector<x509::Certificate>& certificates, X509* wanted) {
                      [&](const x509::Certificate& one) { return X509_cmp(one.get(), wanted) == 0; });
 }
 
-// writes the file of `known` with one more at its end
+// writes the certificates in `known`, followed by `more`
 Status addTo(const std::filesystem::path& file, const std::vector<x509::Certificate>& known, X509* more) {
   std::vector<X509*> all;
   for (const auto& one : known) all.push_back(one.get());
@@ -247,7 +248,7 @@ Status prepareAuthority(const TlsFiles& files, const std::vector<std::string>& d
   ASSIGN_OR_RETURN(const auto old, x509::loadCertificates(files.ca_certificate));
   if (isThere(files.next_ca_certificate)) {
     ASSIGN_OR_RETURN(const auto next, x509::loadCertificate(files.next_ca_certificate));
-    // cut off before its last step
+    // interrupted before its last step
     if (!has(old, next.get())) return addTo(files.ca_certificate, old, next.get());
     return Error{ErrorCode::kInvalidInput,
                  "a new authority is prepared already (" + files.next_ca_certificate.string() + "): bring " +
@@ -256,7 +257,7 @@ Status prepareAuthority(const TlsFiles& files, const std::vector<std::string>& d
   }
   ASSIGN_OR_RETURN(const auto server, x509::loadCertificate(files.certificate));
   const auto hosts = x509::hostsOf(server.get());
-  // a name without a dot is the machine's own and lies in no domain
+  // a name without a dot is the machine's own and belongs to no domain
   ASSIGN_OR_RETURN(auto permitted, permittedNames(domains, hosts));
   for (const std::string& host : hosts)
     if (!isAddress(host) && host.find('.') == std::string::npos) permitted += ",permitted;DNS:" + host;
@@ -287,9 +288,9 @@ Status switchAuthority(const TlsFiles& files) {
       next.get(), files.next_ca_certificate,
       fmt::format("remove {} and {}, then `certificate authority drop`, and prepare another one",
                   files.next_ca_certificate.string(), files.next_ca_key.string())));
-  // Each step leaves files with which the server starts, and a switch that was cut off is repeated: the
-  // server's certificate first, which peers of the common ca.crt accept whoever signed it; the key that fits
-  // ca.crt then.
+  // After each step the server can start with the files, and an interrupted switch is repeated. First the
+  // server's certificate, which peers with the combined ca.crt accept from either authority; then the key
+  // that matches ca.crt.
   if (isThere(files.next_ca_key)) {
     ASSIGN_OR_RETURN(auto key, x509::loadKey(files.next_ca_key));
     ASSIGN_OR_RETURN(const auto server, x509::loadCertificate(files.certificate));

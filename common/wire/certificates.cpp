@@ -15,9 +15,9 @@
 #include <system_error>
 #include <utility>
 
-#include "common/base/files.h"
-#include "common/base/local_time.h"
-#include "common/base/text.h"
+#include "common/base/files/files.h"
+#include "common/base/text/text.h"
+#include "common/base/time/local_time.h"
 #include "common/wire/authority.h"
 #include "common/wire/tls_folder.h"
 #include "common/wire/x509.h"
@@ -41,8 +41,8 @@ std::string dayText(const ASN1_TIME* time) {
   return seconds == 0 ? "an unknown day" : localTime(seconds * 1'000'000'000, TimeForm::kZoned);
 }
 
-/// The fault of the stored certificate, in words; empty if it is valid: the key matches, a CA of ours signed
-/// it, it does not expire soon, and it has every host.
+/// Describes the fault of the stored certificate. Empty if it is valid: the key matches, one of our CAs
+/// signed it, it does not expire soon, and it has every host.
 std::string serverFault(const TlsFiles& files, const std::vector<x509::Certificate>& authorities,
                         const std::vector<std::string>& hosts) {
   const auto certificate = loadCertificate(files.certificate);
@@ -75,16 +75,15 @@ std::string serverFault(const TlsFiles& files, const std::vector<x509::Certifica
   return {};
 }
 
-/// Before a person makes a new certificate: peers must accept its authority.
+/// Before a user makes a new certificate: peers must accept its authority.
 Status checkAuthority(const TlsFiles& files, X509* authority) {
-  return checkValidNow(
-      authority, files.ca_certificate,
-      fmt::format("move the folder {} away and start again, which makes another authority: then enrol every "
-                  "station anew",
-                  files.ca_certificate.parent_path().string()));
+  return checkValidNow(authority, files.ca_certificate,
+                       fmt::format("move the folder {} away and start again, which makes a new authority: "
+                                   "then enrol every station again",
+                                   files.ca_certificate.parent_path().string()));
 }
 
-/// The authority that signed the stored certificate; null: none of these, or there is no certificate.
+/// The authority that signed the stored certificate; null if none of these did or there is no certificate.
 X509* signerOf(const TlsFiles& files, const std::vector<x509::Certificate>& authorities) {
   const auto certificate = loadCertificate(files.certificate);
   if (!certificate.ok()) return nullptr;
@@ -98,13 +97,14 @@ Status checkHosts(const std::vector<std::string>& hosts) {
   for (const std::string& host : hosts) {
     if (host.empty() || host.find_first_of(",: \n") != std::string::npos) {
       if (!isAddress(host))
-        return Error{ErrorCode::kInvalidInput, "'" + host + "' is no host name or IP address"};
+        return Error{ErrorCode::kInvalidInput, "'" + host + "' is not a host name or IP address"};
     }
   }
   return {};
 }
 
-/// Each name once: DNS names differ in more than case, and an address has one form ("::1").
+/// Removes duplicate names: DNS names that differ only in case are equal, and addresses are compared in one
+/// form ("::1").
 std::vector<std::string> eachOnce(const std::vector<std::string>& hosts) {
   const auto formOf = [](const std::string& host) {
     boost::system::error_code error;
@@ -121,7 +121,8 @@ std::vector<std::string> eachOnce(const std::vector<std::string>& hosts) {
   return once;
 }
 
-/// `hosts`, and those of the stored certificate: a name that stations use for the server must not be lost.
+/// `hosts` and those of the stored certificate: stations may use any of these names for the server, so none
+/// may be lost.
 std::vector<std::string> withOldHosts(const TlsFiles& files, std::vector<std::string> hosts) {
   const auto old = loadCertificate(files.certificate);
   if (old.ok())
@@ -129,8 +130,8 @@ std::vector<std::string> withOldHosts(const TlsFiles& files, std::vector<std::st
   return eachOnce(hosts);
 }
 
-// the names that the certificate must have, and of the machine's own those that the authority may sign: a
-// machine that was renamed serves on
+// the names that the certificate must have, plus the machine's own names that the authority may sign: a
+// renamed machine can then still serve
 std::vector<std::string> named(X509* authority, const CertificateNames& names) {
   std::vector<std::string> hosts;
   for (const std::string& host : names.own)
@@ -139,7 +140,7 @@ std::vector<std::string> named(X509* authority, const CertificateNames& names) {
   return hosts;
 }
 
-/// Where there is no ca.crt: whether there was one. A new authority would shut out every station.
+/// If there is no ca.crt, checks whether there used to be one: a new authority would lock out every station.
 Status checkNoneIsLost(const TlsFiles& files) {
   for (const auto& left : {files.certificate, files.key, files.next_ca_certificate, files.next_ca_key}) {
     std::error_code failed;
@@ -149,12 +150,12 @@ Status checkNoneIsLost(const TlsFiles& files) {
                      " is there: put ca.crt back, each enrolled station has a copy; only if no copy is left, "
                      "move the folder " +
                      files.ca_certificate.parent_path().string() +
-                     " away and start again, which makes another authority: then enrol every station anew"};
+                     " away and start again, which makes a new authority: then enrol every station again"};
   }
   return {};
 }
 
-/// The key for a new authority: a start that was cut off left one, or it is made now. None is replaced.
+/// The key for a new authority: one left by an interrupted start, or a new one. Never replaces a key.
 Result<x509::Key> keyForNewAuthority(const TlsFiles& files) {
   std::error_code failed;
   if (std::filesystem::exists(files.ca_key, failed)) return loadKey(files.ca_key);
@@ -164,11 +165,6 @@ Result<x509::Key> keyForNewAuthority(const TlsFiles& files) {
 }
 
 }  // namespace
-
-TlsFiles tlsFilesIn(const std::filesystem::path& folder) {
-  return {folder / "ca.crt",     folder / "ca.key",      folder / "server.crt",
-          folder / "server.key", folder / "ca-next.crt", folder / "ca-next.key"};
-}
 
 Result<bool> ensureTlsFiles(const TlsFiles& files, const CertificateNames& names) {
   std::vector<std::string> hosts = names.own;
@@ -188,7 +184,7 @@ Result<bool> ensureTlsFiles(const TlsFiles& files, const CertificateNames& names
                            files.next_ca_certificate, files.next_ca_key})
     RETURN_IF_ERROR(requireFileOrNothing(path));
 
-  // a key restored with the usual permissions is readable by everybody
+  // a key restored with default permissions is readable by everyone
   for (const auto& key : {files.ca_key, files.key, files.next_ca_key}) {
     const auto mode = std::filesystem::status(key, failed).permissions();
     using std::filesystem::perms;
@@ -209,9 +205,9 @@ Result<bool> ensureTlsFiles(const TlsFiles& files, const CertificateNames& names
     ASSIGN_OR_RETURN(auto key, keyForNewAuthority(files));
     ASSIGN_OR_RETURN(const auto made, makeAuthority(permitted, std::move(key)));
     const auto signable = named(made.certificate.get(), names);
-    // everything that can be refused is looked at before a file is written
+    // check everything that can be refused before writing a file
     RETURN_IF_ERROR(checkSigns(made.certificate.get(), signable));
-    // the key first: a published certificate always has its key
+    // the key first, so that a published certificate always has its key
     RETURN_IF_ERROR(x509::saveKey(files.ca_key, made.key.get()));
     RETURN_IF_ERROR(x509::saveCertificates(files.ca_certificate, {made.certificate.get()}));
     RETURN_IF_ERROR(signServer(files, made, eachOnce(signable)));
@@ -219,15 +215,15 @@ Result<bool> ensureTlsFiles(const TlsFiles& files, const CertificateNames& names
   }
   ASSIGN_OR_RETURN(const auto authorities, x509::loadCertificates(files.ca_certificate));
   hosts = named(authorities.front().get(), names);
-  // where the clock is wrong, the stored certificate is better than one made by that clock
+  // if the clock is wrong, the stored certificate is better than one made with that clock
   if (X509* const signer = signerOf(files, authorities);
       signer != nullptr && !checkAuthority(files, signer).ok())
     return false;
-  // where the CA's key is elsewhere, a server goes on without a name of its machine that nobody asked for
+  // if the CA's key is kept elsewhere, the server does without names of its machine that were not requested
   const bool has_key = std::filesystem::exists(files.ca_key, failed);
   const std::string fault = serverFault(files, authorities, has_key ? hosts : names.hosts);
   if (fault.empty()) return false;
-  // the CA's key is needed only now; if it is kept elsewhere, it must be restored for this
+  // from here the CA's key is needed; if it is kept elsewhere, it must be restored
   const auto authority = loadAuthority(files);
   if (!authority.ok()) return Error{authority.error().code, fault + "; " + authority.error().message};
   RETURN_IF_ERROR(signServer(files, *authority, withOldHosts(files, hosts)));

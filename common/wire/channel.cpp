@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "common/base/clock.h"
+#include "common/base/time/clock.h"
 #include "common/wire/protocol.h"
 
 namespace needlelab {
@@ -91,7 +91,7 @@ Channel::Channel(TlsStream& stream, ChannelLimits limits)
       watch_(socket_.get_executor()),
       open_(socket_.get_executor(), asio::steady_timer::time_point::max()) {
   times_.made_ns = times_.last_received_ns = times_.last_sent_ns = steadyNowNs();
-  // send small messages at once; unsent bytes wait in our queues, where they can be dropped, and not in the
+  // send small messages at once; unsent bytes wait in our queues, where they can be dropped, not in the
   // kernel
   boost::system::error_code ignored;
   socket_.native_non_blocking(true, ignored);

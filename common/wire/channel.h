@@ -1,5 +1,5 @@
 /// A TLS connection that carries envelopes: one reader (the owner's coroutine) and one writer with two
-/// bounded queues. All queued frames share a TLS record and a system call, in both directions.
+/// bounded queues. In both directions, queued frames share TLS records and system calls.
 #pragma once
 
 #include <chrono>
@@ -30,7 +30,7 @@ struct ChannelLimits {
   std::chrono::milliseconds idle_timeout{30'000};       ///< nothing received for this long → TIMEOUT
   std::chrono::milliseconds write_timeout{10'000};      ///< one write takes this long → TIMEOUT
   std::chrono::milliseconds keepalive{10'000};          ///< nothing sent for this long → a Ping; 0: never
-  std::chrono::milliseconds close_grace{1'000};         ///< for the last messages, then the socket is cut
+  std::chrono::milliseconds close_grace{1'000};         ///< for the last messages; then the socket is closed
   std::chrono::microseconds live_gather{2'000};         ///< live frames within this time are sent together
   int socket_buffer_bytes = 0;                          ///< SO_SNDBUF and SO_RCVBUF; 0: the system's choice
 };
@@ -50,22 +50,22 @@ enum class CloseReason {
 };
 const char* nameOf(CloseReason reason);
 
-/// What the watch over a channel's limits looks at: times of the steady clock, ns.
+/// The times that a channel's watch checks (steady clock, ns).
 struct ChannelTimes {
   std::int64_t made_ns = 0, last_received_ns = 0, last_sent_ns = 0;
   std::int64_t write_started_ns = 0;   ///< 0: no write is under way
-  std::int64_t finish_started_ns = 0;  ///< counts once `finishing`
+  std::int64_t finish_started_ns = 0;  ///< used only while `finishing`
   bool handshaken = false, established = false, reading = false, finishing = false;
 };
 
-/// What is due; of several the first.
+/// What is due; if several, the first in this order.
 enum class ChannelDue { kNothing, kCut, kHandshake, kWriteTimeout, kIdle, kPing };
 
-/// A limit is over when more than its time has passed. A channel that finishes knows only close_grace.
+/// A limit has passed when more than its time has elapsed. Only close_grace applies to a finishing channel.
 ChannelDue dueAt(std::int64_t now_ns, const ChannelTimes& times, const ChannelLimits& limits);
 
-/// The watch looks this often: a quarter of the shortest limit that counts now, from 5 ms to 2.5 s. So a
-/// limit is noticed at most that much after it is over.
+/// The period of the watch: a quarter of the shortest limit that now applies, from 5 ms to 2.5 s. A limit is
+/// noticed at most this long after it has passed.
 std::chrono::milliseconds watchPeriod(const ChannelTimes& times, const ChannelLimits& limits);
 
 /// Thread: all calls on the executor of the stream, which is one thread. Ownership: shared; coroutines keep
@@ -73,7 +73,7 @@ std::chrono::milliseconds watchPeriod(const ChannelTimes& times, const ChannelLi
 /// close.
 class Channel : public std::enable_shared_from_this<Channel> {
  public:
-  /// One turn decrypts at most so many TLS records; then others of the thread have their turns.
+  /// One turn decrypts at most this many TLS records; then other channels of the thread have their turns.
   static constexpr int kRecordsATurn = 256;
 
   static std::shared_ptr<Channel> make(TlsStream stream, ChannelLimits limits);
@@ -97,34 +97,34 @@ class Channel : public std::enable_shared_from_this<Channel> {
   /// finish or close. One caller at a time.
   Task<Result<pb::Envelope>> receive();
 
-  /// The same in two steps, for an owner that needs the bytes: returns the next complete frame in the buffer
-  /// (valid until the next call of any of these functions), nothing when more bytes must be read, or an error
-  /// as receive().
+  /// receive() in two steps, for an owner that needs the bytes. next() returns the next complete frame in the
+  /// buffer (valid until the next call of any of these functions), nothing when more bytes must be read, or
+  /// an error as receive().
   Result<std::optional<ByteView>> next();
-  /// Waits until more bytes arrive, of at most kRecordsATurn records. Errors: kUnavailable as receive().
+  /// Waits until more bytes arrive, from at most kRecordsATurn records. Errors: kUnavailable as receive().
   Task<Status> readMore();
 
   /// Queues a control message; it is never dropped. Returns false when the channel is closing, or when this
   /// message overflows the queue: then the peer gets Refusal QUEUE_OVERFLOW as its last message, and the
   /// channel closes.
-  /// `until_sent` is released when the network has taken the message, or will not get it.
+  /// `until_sent` is released when the message was handed to the network or discarded.
   bool send(const pb::Envelope& envelope, std::shared_ptr<const void> until_sent = {});
   bool send(Frame frame, std::shared_ptr<const void> until_sent = {});
-  /// Queues a live message; it is dropped when it gets too old. `counted`: the message is a LiveFrame, and
-  /// the receiver is told of its drops.
+  /// Queues a live message; it is dropped when it gets too old. `counted`: the message is a LiveFrame, whose
+  /// drops are reported to the receiver.
   void sendLive(Frame frame, bool counted);
 
   /// Sends the queued messages (and `last`, if any), then closes; cuts the connection after close_grace.
-  /// Idempotent: the first reason stays.
+  /// Idempotent: the first reason is kept.
   void finish(CloseReason reason, std::string text, const pb::Envelope* last = nullptr);
-  /// The same with these bytes as the last, for a peer that does not know frames.
+  /// As finish, but sends these raw bytes last, for a peer that does not use frames.
   void finishWith(CloseReason reason, std::string text, std::string last);
-  /// Returns once the channel is closed. The owner keeps the channel meanwhile.
+  /// Returns once the channel is closed. The owner must keep the channel until then.
   Task<> untilClosed();
   /// Cuts the connection now.
   void close(CloseReason reason, std::string text);
 
-  /// Log-in is done: frames up to kMaxFrameBytes are accepted, and handshake_timeout no longer counts.
+  /// Call after log-in: accepts frames up to kMaxFrameBytes, and handshake_timeout no longer applies.
   void established();
   /// Replaces ChannelLimits::idle_timeout.
   void setIdleTimeout(std::chrono::milliseconds time) { limits_.idle_timeout = time; }
@@ -147,7 +147,7 @@ class Channel : public std::enable_shared_from_this<Channel> {
   struct Control {
     Frame frame;
     std::shared_ptr<const void> until_sent;
-    bool bare = false;  // without a frame's length: for a peer that speaks something else
+    bool bare = false;  // without a frame's length: for a peer that speaks another protocol
   };
 
   Channel(TlsStream& stream, ChannelLimits limits);
@@ -178,7 +178,7 @@ class Channel : public std::enable_shared_from_this<Channel> {
   std::deque<Control> control_;
   std::size_t control_bytes_ = 0;
   std::string batch_;  // the bytes of the current write: many small frames in one TLS record
-  std::vector<std::shared_ptr<const void>> being_sent_;  // of the messages in that write
+  std::vector<std::shared_ptr<const void>> being_sent_;  // for the messages in that write
   asio::steady_timer gather_, watch_;
   asio::steady_timer open_;  // never expires; cancelled by close()
   bool watching_ = false, closed_ = false;

@@ -12,7 +12,7 @@
 #include <memory>
 #include <utility>
 
-#include "common/base/clock.h"
+#include "common/base/time/clock.h"
 #include "common/wire/channel.h"
 
 namespace needlelab {
@@ -24,7 +24,7 @@ constexpr int kTlsHeaderBytes = 5;               // type, version, length (RFC 8
 constexpr std::uint8_t kTlsHandshakeRecord = 22;
 constexpr int kWritesInARow = 16;  // then yield to other channels
 
-/// Receive buffer of the network's bytes, which are decrypted at once: one buffer for all channels of a
+/// Receive buffer for bytes from the network, which are decrypted at once: one buffer for all channels of a
 /// thread.
 std::span<std::uint8_t> landing() {
   thread_local const auto bytes = std::make_unique<std::array<std::uint8_t, kReadBytes>>();
@@ -99,7 +99,7 @@ Task<Status> Channel::shake(bool as_server, const std::function<void()>& waits) 
       const TlsStep rest = decrypt();
       if (rest == TlsStep::kFailed) co_return failed(tls_.failure());
     }
-    // send the last output, too: an alert tells the peer the reason
+    // also send the last output: an alert tells the peer the reason
     while (!closed_ && !sendOutput()) {
       if (closed_) break;
       if (waits) waits();
@@ -125,7 +125,7 @@ Task<Status> Channel::shake(bool as_server, const std::function<void()>& waits) 
 
 /// When a peer only sends for a long time, TCP acknowledges each small frame separately, which costs the
 /// receiver more than reading it. With this option the kernel waits for one more frame (at most 40 ms). The
-/// kernel resets the option, so we set it again from time to time.
+/// kernel resets the option, so we set it repeatedly.
 void Channel::delayAcks() {
   constexpr unsigned kEvery = 4;
   if (reads_++ % kEvery != 0) return;
@@ -136,14 +136,14 @@ void Channel::delayAcks() {
 Task<Status> Channel::readMore() {
   auto self = shared_from_this();
   while (!closing()) {
-    // the last turn left records: others have their turns before the next
+    // the last turn left records: let other channels have their turns first
     if (tls_.hasInput()) {
       co_await asio::post(socket_.get_executor(), asio::use_awaitable);
       if (closing()) break;
       if (takeRecords()) co_return Status{};
       continue;
     }
-    // a peer is idle only if it sends nothing while we read; while the owner is busy we do not read
+    // a peer counts as idle only if it sends nothing while we read; while the owner is busy we do not read
     times_.last_received_ns = steadyNowNs();
     times_.reading = true;
     auto [error] = co_await socket_.async_wait(Tcp::socket::wait_read, kUseTuple);
@@ -158,8 +158,8 @@ Task<Status> Channel::readMore() {
   co_return closedError();
 }
 
-/// Call without input of TLS. True: new plaintext is available. False: wait again, unless the channel was
-/// closed.
+/// Call when TLS has no input left. Returns true when new plaintext is available; false: wait again, unless
+/// the channel was closed.
 bool Channel::takeBytes() {
   // never more than the splitter can take together with the bytes kept by TLS
   const auto room =
@@ -194,10 +194,10 @@ bool Channel::takeRecords() {
   return more;
 }
 
-/// Decrypts the input, at most kRecordsATurn records; keeps the rest, since the landing buffer is
-/// everybody's.
+/// Decrypts the input, at most kRecordsATurn records; copies the rest, because all channels share the landing
+/// buffer.
 TlsStep Channel::decrypt() {
-  // one read takes at most one record with data; OpenSSL bounds the empty ones before it
+  // one read takes at most one record with data; OpenSSL limits the empty records that precede it
   for (int records = 0; tls_.hasInput(); ++records) {
     if (records == kRecordsATurn) {
       tls_.keepInput();
@@ -254,7 +254,7 @@ void Channel::flush() {
     times_.write_started_ns = steadyNowNs();
     if (tls_.write(batch_) != TlsStep::kDone)
       close(CloseReason::kNetwork, "writing failed: " + tls_.failure());
-    // it is encrypted: release the large buffer of a large message
+    // already encrypted: release the large buffer of a large message
     if (batch_.capacity() > 4 * kBatchBytes) std::string().swap(batch_);
     if (writes == kWritesInARow) return;
   }
@@ -262,7 +262,7 @@ void Channel::flush() {
   asio::co_spawn(socket_.get_executor(), discardUntilPeerCloses(shared_from_this()), rethrow);
 }
 
-/// True: nothing is left to send, or the channel was closed.
+/// Returns true when nothing is left to send or the channel was closed.
 bool Channel::sendOutput() {
   while (!tls_.output().empty()) {
     const std::string_view output = tls_.output();
@@ -297,7 +297,7 @@ void Channel::flushLater() {
 
 Task<> Channel::discardUntilPeerCloses(std::shared_ptr<Channel> self) {
   // Closing a socket with unread bytes resets the connection, and the peer might never read our last message.
-  // So shut down our direction, then read and discard until the peer closes; checkTimes cuts this after
+  // So shut down our direction, then read and discard until the peer closes; checkTimes ends this after
   // close_grace.
   Channel& channel = *self;
   boost::system::error_code ignored;

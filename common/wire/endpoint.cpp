@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <charconv>
 
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-/// HOST:PORT as written on command lines, alone or several of them.
+/// HOST:PORT as written on command lines, one or several.
 #pragma once
 
 #include <cstddef>
@@ -18,19 +18,19 @@ struct Endpoint {
 
 /// Parses "host:port", "[::1]:7750", or a host alone (port 7750). Errors: kInvalidInput with the text.
 Result<Endpoint> parseEndpoint(std::string_view text);
-/// The inverse; encloses an IPv6 address in brackets.
+/// The inverse of parseEndpoint; encloses an IPv6 address in brackets.
 std::string endpointText(const Endpoint& endpoint);
-/// Whether both are the same as written: a name's case does not count.
+/// Whether both are written the same, ignoring the case of names.
 bool sameEndpoint(const Endpoint& a, const Endpoint& b);
 
-/// The servers of one lab, any of which will do, in the order in which they were written; at least one.
+/// The equivalent servers of one lab, in the order in which they were given; at least one.
 using Endpoints = std::vector<Endpoint>;
 inline constexpr std::size_t kMostEndpoints = 16;
 
-/// Parses "a:7750,b:7750", or one alone; blanks may stand around a comma. Errors: kInvalidInput: as
-/// parseEndpoint, an empty entry, one that is named twice, more than kMostEndpoints.
+/// Parses "a:7750,b:7750" or a single one; blanks around commas are allowed. Errors: kInvalidInput: as
+/// parseEndpoint, an empty entry, a duplicate, more than kMostEndpoints.
 Result<Endpoints> parseEndpoints(std::string_view text);
-/// The inverse.
+/// The inverse of parseEndpoints.
 std::string endpointsText(const Endpoints& endpoints);
 
 }  // namespace needlelab

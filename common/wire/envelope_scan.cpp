@@ -18,21 +18,22 @@ namespace {
 using google::protobuf::Descriptor;
 using google::protobuf::FieldDescriptor;
 
-// Memory of the parts of a parsed message (64-bit libstdc++, Protobuf 3): a text is an object of 32 bytes,
-// its block's header, and its pointer in a list that doubles as it grows; above 15 bytes it has a second
-// block.
+// Memory for the parts of a parsed message (64-bit libstdc++, Protobuf 3): a string needs an object of 32
+// bytes, its block's header, and its pointer in a list that doubles as it grows; above 15 bytes it has a
+// second block.
 constexpr std::size_t kTextBytes = 64, kTextInside = 15, kBlockBytes = 16;
-constexpr std::size_t kNumberBytes = 16;      // in a list that doubles as it grows
-constexpr std::size_t kMessageBytes = 512;    // more than any message of a peer has without its texts
-constexpr std::size_t kUnknownBytes = 64;     // Protobuf keeps what it does not know
-constexpr std::size_t kMostSuffixBytes = 16;  // of droppedSuffix: a tag and a varint
-constexpr std::size_t kDeepest = 16;          // messages within each other; ours have 5
+constexpr std::size_t kNumberBytes = 16;      // for a number in a list that doubles as it grows
+constexpr std::size_t kMessageBytes = 512;    // more than any message from a peer needs without its strings
+constexpr std::size_t kUnknownBytes = 64;     // Protobuf keeps unknown fields
+constexpr std::size_t kMostSuffixBytes = 16;  // for droppedSuffix: a tag and a varint
+constexpr std::size_t kDeepest = 16;          // nesting depth; our messages have 5
 
 Error noEnvelope(std::size_t size, const char* why) {
-  return {ErrorCode::kCorrupt, fmt::format("a frame of {} bytes is no Envelope: {}", size, why)};
+  return {ErrorCode::kCorrupt, fmt::format("a frame of {} bytes is not an Envelope: {}", size, why)};
 }
 
-/// Calls `act` for each field, at most kMostHeadFields. False: the bytes are not a message, or `act` said so.
+/// Calls `act` for each field, at most kMostHeadFields. Returns false if the bytes are not a message or `act`
+/// returned false.
 template <typename Act>
 bool eachHeadField(std::string_view message, Act act) {
   WireReader reader(message);
@@ -43,7 +44,7 @@ bool eachHeadField(std::string_view message, Act act) {
   return true;
 }
 
-/// The last `number` of a message that has it as bytes; nothing when it is not among the first fields.
+/// The last field `number` with bytes in a message; empty if it is not among the first fields.
 std::string_view bytesField(std::string_view message, int number) {
   std::string_view found;
   (void)eachHeadField(message, [&](const WireField& field) {
@@ -78,7 +79,7 @@ class Meter {
         return Error{ErrorCode::kInvalidInput, fmt::format("{} has more than {} fields: send less at once",
                                                            pathOf(nullptr), kMostPayloadFields)};
       }
-      // a list repeats the same number
+      // items of a list repeat the same number
       if (std::exchange(known_number, field.number) != field.number)
         known = message.message_type()->FindFieldByNumber(field.number);
       RETURN_IF_ERROR(take(known, field));
@@ -88,7 +89,7 @@ class Meter {
   }
 
  private:
-  /// `known`: null when this version does not know the number.
+  /// `known`: null if this version does not know the number.
   Status take(const FieldDescriptor* known, const WireField& field) {
     const bool bytes = field.kind == WireKind::kBytes;
     const auto type = known == nullptr ? FieldDescriptor::CPPTYPE_INT32 : known->cpp_type();
@@ -108,7 +109,7 @@ class Meter {
       cost_.decoded_bytes += items * kNumberBytes;
       return count(*known, items);
     }
-    // a number in its message's own memory, or kept as unknown
+    // a number in its message's own memory, or an unknown field
     cost_.decoded_bytes += kUnknownBytes + field.bytes.size();
     return {};
   }
@@ -122,7 +123,8 @@ class Meter {
         std::count_if(bytes.begin(), bytes.end(), [](char c) { return (c & 0x80) == 0; }));
   }
 
-  /// Of a list, over the whole body: Protobuf appends what stands in several pieces.
+  /// Counts a list's items over the whole body, because Protobuf concatenates lists that come in several
+  /// pieces.
   Status count(const FieldDescriptor& list, std::size_t items) {
     auto entry = std::find_if(lists_.begin(), lists_.end(), [&](const List& l) { return l.field == &list; });
     if (entry == lists_.end()) {

@@ -127,7 +127,7 @@ void LiveQueue::push(Frame frame, bool counted, std::int64_t now_ns) {
   dropOverAged(now_ns);
   bytes_ += frame->size();
   items_.push_back({std::move(frame), counted, now_ns});
-  // the newest frame stays, even if it alone exceeds the bound
+  // the newest frame stays, even if it alone exceeds the limit
   while (bytes_ > max_bytes_ && items_.size() > 1) dropOldest();
 }
 

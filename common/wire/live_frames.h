@@ -14,14 +14,14 @@
 namespace needlelab {
 
 /// The queue of live frames for one receiver. The newest frames matter most, so the queue drops and counts
-/// the oldest. Bounded by age and by bytes. A push never fails and never waits: a slow receiver loses only
+/// the oldest. Limited by age and by bytes. A push never fails and never waits: a slow receiver loses only
 /// its own oldest frames. The caller passes the times (steady clock, ns), so that tests can choose them.
 /// Thread: one.
 class LiveQueue {
  public:
   struct Item {
     Frame frame;
-    bool counted = false;  ///< a LiveFrame: the receiver is told of its loss (dropped_for_you)
+    bool counted = false;  ///< a LiveFrame: its loss is reported to the receiver (dropped_for_you)
     std::int64_t pushed_ns = 0;
   };
 
@@ -29,7 +29,7 @@ class LiveQueue {
       : max_age_ns_(max_age_ns), max_bytes_(max_bytes) {}
 
   void push(Frame frame, bool counted, std::int64_t now_ns);
-  /// The oldest frame that is young enough.
+  /// The oldest frame that is still young enough.
   std::optional<Item> pop(std::int64_t now_ns);
 
   [[nodiscard]] bool empty() const { return items_.empty(); }
@@ -59,9 +59,9 @@ struct LiveFrameView {
   std::int64_t due_steady_ns = 0, capture_unix_ns = 0;
 };
 
-/// Returns the live frame in the bytes of an Envelope that contains nothing else and each field of a station
-/// at most once. Returns nothing for all other bytes, valid Protobuf (repeated or unknown fields, another
-/// body) or not: then decodeFrame() decides. Safe for any bytes.
+/// Returns the live frame in an Envelope that contains nothing else, and each station field at most once.
+/// Returns nothing for any other bytes, even valid Protobuf (repeated or unknown fields, another body): then
+/// decodeFrame() decides. Safe for any bytes.
 std::optional<LiveFrameView> viewLiveFrame(ByteView envelope);
 LiveFrameView viewOf(const pb::LiveFrame& frame);
 

@@ -7,14 +7,14 @@
 #include <cassert>
 #include <utility>
 
-#include "common/base/text.h"
-#include "common/base/uuid.h"
+#include "common/base/text/text.h"
+#include "common/base/text/uuid.h"
 
 namespace needlelab {
 namespace {
 
 constexpr std::size_t kFirstBuffer = 16u << 10;  // one TLS record
-constexpr std::size_t kKeptBuffer = 64u << 10;   // above, memory is released when the buffer is empty
+constexpr std::size_t kKeptBuffer = 64u << 10;   // above this, memory is released when the buffer is empty
 
 }  // namespace
 
@@ -38,7 +38,7 @@ Result<pb::Envelope> decodeFrame(ByteView bytes) {
   pb::Envelope envelope;
   if (bytes.size() > kMaxFrameBytes ||
       !envelope.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) {
-    return Error{ErrorCode::kCorrupt, fmt::format("a frame of {} bytes is no Envelope", bytes.size())};
+    return Error{ErrorCode::kCorrupt, fmt::format("a frame of {} bytes is not an Envelope", bytes.size())};
   }
   return envelope;
 }
@@ -84,7 +84,8 @@ void FrameSplitter::wrote(std::size_t count) {
 
 namespace {
 
-/// For a length that is the beginning of HTTP: somebody took one port for the other. Empty: it is not.
+/// The message for a length that is the beginning of HTTP: the peer used the wrong port. Empty for other
+/// lengths.
 std::string otherPortText(std::uint32_t length) {
   const char text[] = {static_cast<char>(length >> 24), static_cast<char>(length >> 16),
                        static_cast<char>(length >> 8), static_cast<char>(length)};
@@ -142,7 +143,7 @@ Status checkVersion(const pb::Version& ours, const pb::Version& theirs) {
 pb::Refusal makeRefusal(pb::Refusal::Reason reason, std::string text, bool fatal) {
   pb::Refusal refusal;
   refusal.set_reason(reason);
-  // it may repeat what was asked, of a megabyte, and waits for a peer who perhaps does not read
+  // the text may repeat a request of a megabyte, and may wait for a peer that does not read
   if (text.size() > kMaxRefusalBytes) text = printable(text.substr(0, kMaxRefusalBytes)) + " …";
   refusal.set_text(std::move(text));
   refusal.set_fatal(fatal);
@@ -220,7 +221,7 @@ Error errorOf(const pb::Refusal& refusal) {
         return ErrorCode::kFailed;
     }
   }();
-  // written for the trainee, who reads it as it is
+  // this text is for the trainee: pass it on unchanged
   if (refusal.reason() == pb::Refusal::CODE) return {code, refusal.text()};
   std::string text = "the peer refused (" + reasonName(refusal.reason()) + "): " + refusal.text();
   if (refusal.reason() == pb::Refusal::VERSION) {

@@ -14,8 +14,8 @@
 #include <memory>
 #include <utility>
 
-#include "common/base/clock.h"
-#include "common/base/local_time.h"
+#include "common/base/time/clock.h"
+#include "common/base/time/local_time.h"
 
 #if defined(__aarch64__)
 #include <asm/hwcap.h>
@@ -25,7 +25,7 @@
 namespace needlelab {
 namespace {
 
-/// Both ciphers are safe; the cheaper one depends on the processor: AES needs its instructions.
+/// Both ciphers are safe; which is cheaper depends on whether the processor has AES instructions.
 bool hasAesInstructions() {
 #if defined(__x86_64__) || defined(__i386__)
   return __builtin_cpu_supports("aes") != 0 && __builtin_cpu_supports("pclmul") != 0;
@@ -36,12 +36,13 @@ bool hasAesInstructions() {
 #endif
 }
 
-/// What a connection has carried, how often its peer has changed keys, and what the peer's handshake had.
+/// The bytes that a connection has carried, the number of its peer's key changes, and the length of the
+/// peer's handshake.
 struct KeyUse {
   std::uint64_t bytes = 0;  // of records, in both directions
   std::uint64_t updates = 0;
-  std::uint64_t handshake_bytes = 0;  // of the peer's records until the handshake is done, with their headers
-  /// Why TLS reads nothing more from the peer; nullptr: it does.
+  std::uint64_t handshake_bytes = 0;  // of the peer's records until the handshake is done, including headers
+  /// Why TLS reads nothing more from the peer; nullptr if it still reads.
   [[nodiscard]] const char* fault() const {
     if (handshake_bytes > kMostHandshakeBytes) return "the peer's handshake is too long";
     if (updates > kMostKeyUpdates + bytes / kBytesOfKeys) return "the peer changes its keys too often";
@@ -49,7 +50,7 @@ struct KeyUse {
   }
 };
 
-/// Where each SSL that is made after the first call has its KeyUse. One for the program.
+/// The index at which every SSL made after the first call stores its KeyUse. One for the program.
 int keyUseIndex() {
   static const int index = SSL_get_ex_new_index(
       0, nullptr,
@@ -65,9 +66,9 @@ KeyUse* keyUseOf(const SSL* ssl) {
   return static_cast<KeyUse*>(SSL_get_ex_data(ssl, keyUseIndex()));
 }
 
-/// OpenSSL calls this for each record's header and for each message of a handshake. A KeyUpdate has 27 bytes
-/// and costs new keys, and one SSL_read takes all that are there; a handshake may come in records of one
-/// byte. As if the peer had ended its data, TLS reads nothing after what is too much.
+/// OpenSSL calls this for each record's header and for each message of a handshake. A KeyUpdate takes 27
+/// bytes and forces new keys, and one SSL_read processes all that have arrived; a handshake may come in
+/// records of one byte. Beyond the limits, TLS stops reading, as if the peer had ended its data.
 void countKeyUse(int is_sent, int /*version*/, int type, const void* bytes, std::size_t size, SSL* ssl,
                  void* /*argument*/) {
   KeyUse* const use = keyUseOf(ssl);
@@ -99,8 +100,8 @@ Result<TlsContext> newContext(asio::ssl::context::method method) {
   if (SSL_CTX_set_ciphersuites(raw, suites) != 1) {
     return Error{ErrorCode::kFailed, std::string("this OpenSSL does not know the cipher suites ") + suites};
   }
-  // no finite fields: an exchange with ffdhe8192 costs hundreds of times one with X25519, and strangers ask
-  // for it
+  // no finite fields: an exchange with ffdhe8192 costs hundreds of times as much as with X25519, and
+  // strangers can request it
   char groups[] = "X25519:P-256:P-384";
   if (SSL_CTX_ctrl(raw, SSL_CTRL_SET_GROUPS_LIST, 0, groups) != 1)
     return Error{ErrorCode::kFailed, "this OpenSSL does not know the groups X25519, P-256 and P-384"};
@@ -120,11 +121,11 @@ Error fileError(const std::string& what, const std::filesystem::path& path,
   return {ErrorCode::kInvalidInput, "cannot use " + what + " " + path.string() + ": " + error.message()};
 }
 
-constexpr std::size_t kKeptOutput = 64u << 10;  // above, memory is released when everything is sent
+constexpr std::size_t kKeptOutput = 64u << 10;  // above this, memory is released when everything is sent
 constexpr std::size_t kMostOutput = 4u
-                                    << 20;  // limit for a peer that makes TLS answer endlessly (key updates)
+                                    << 20;  // limit for a peer that makes TLS reply endlessly (key updates)
 
-/// Clears errors that other code on this thread left behind: we would mistake them for ours.
+/// Clears errors that other code left on this thread, which we would mistake for ours.
 void forgetErrors() {
   if (ERR_peek_error() != 0) ERR_clear_error();
 }
@@ -178,12 +179,12 @@ Status requireHost(TlsStream& stream, const std::string& host) {
     ok = X509_VERIFY_PARAM_set1_ip_asc(SSL_get0_param(ssl), address.to_string().c_str()) == 1;
   } else {
     SSL_set_hostflags(ssl, X509_CHECK_FLAG_NO_PARTIAL_WILDCARDS);
-    // the macro of SSL_set_tlsext_host_name casts away const, which our warnings refuse
+    // the macro SSL_set_tlsext_host_name casts away const, which our warnings forbid
     std::string name = host;
     ok = !host.empty() && SSL_set1_host(ssl, host.c_str()) == 1 &&
          SSL_ctrl(ssl, SSL_CTRL_SET_TLSEXT_HOSTNAME, TLSEXT_NAMETYPE_host_name, name.data()) == 1;
   }
-  if (!ok) return Error{ErrorCode::kInvalidInput, "'" + host + "' is no host name or IP address"};
+  if (!ok) return Error{ErrorCode::kInvalidInput, "'" + host + "' is not a host name or IP address"};
   return {};
 }
 
@@ -245,7 +246,7 @@ TlsEngine::TlsEngine(SSL* ssl) {
   BIO* const bio = BIO_new(Bio::method());
   BIO_set_data(bio, this);
   SSL_set_bio(ssl, bio, bio);
-  // keep 34 KiB per connection; otherwise they would be allocated and freed with each message
+  // keep 34 KiB per connection, which would otherwise be allocated and freed with each message
   SSL_clear_mode(ssl, SSL_MODE_RELEASE_BUFFERS);
 }
 

@@ -20,9 +20,9 @@ namespace needlelab {
 using TlsContext = std::shared_ptr<asio::ssl::context>;
 using TlsStream = asio::ssl::stream<Tcp::socket>;
 
-/// OpenSSL frees itself when a program calls `exit`, also while a thread still sends by it: this keeps it.
-/// For a program in which a library may call `exit` (Xlib, when its display is lost). Call it before any
-/// other use of TLS and of certificates; later it changes nothing.
+/// Keeps OpenSSL from freeing itself when a program calls `exit`, which it does even while a thread still
+/// sends. For programs in which a library may call `exit` (Xlib, when its display is lost). Call it before
+/// any other use of TLS and certificates; later it has no effect.
 void keepTlsAtExit();
 
 /// Errors: kInvalidInput with the file that is missing, unreadable, or does not match the other.
@@ -35,19 +35,19 @@ Result<TlsContext> makeClientTls(const std::filesystem::path& ca);
 /// or an IP address).
 Status requireHost(TlsStream& stream, const std::string& host);
 
-/// A connection's peer may change its keys this often, and once more for each kBytesOfKeys that the
-/// connection carries in both directions. The next change ends the connection on either port: TLS reads
-/// nothing more from it. Our programs never change keys; other TLS libraries do after gigabytes.
+/// A connection's peer may change its keys this often, plus once for each kBytesOfKeys that the connection
+/// carries in both directions. One more change ends the connection, on either port: TLS stops reading. Our
+/// programs never change keys; other TLS libraries do so after gigabytes.
 inline constexpr std::uint64_t kMostKeyUpdates = 4;
 inline constexpr std::uint64_t kBytesOfKeys = 1u << 20;
 
-/// A peer's records until the handshake is done have at most so many bytes, with their headers; then the
-/// connection ends, on either port. Those of our programs have less than 2 KiB. OpenSSL takes a first message
-/// of 128 KiB, and records of one byte: 65 kB of them took the network's thread 7.5 ms.
+/// Maximum bytes, including headers, of a peer's records until the handshake is done; beyond it the
+/// connection ends, on either port. Our programs need less than 2 KiB. OpenSSL alone would accept a first
+/// message of 128 KiB, and records of one byte: 65 kB of those took the network thread 7.5 ms.
 inline constexpr std::uint64_t kMostHandshakeBytes = 32u << 10;
 
-/// How often the peer has changed its keys: TLS has read so many KeyUpdates (RFC 8446, 4.6.3). `ssl` is of a
-/// TlsContext.
+/// How often the peer has changed its keys, i.e. the number of KeyUpdates read (RFC 8446, 4.6.3). `ssl` must
+/// be from a TlsContext.
 std::uint64_t keyUpdatesOf(const SSL* ssl);
 
 /// Describes the last TLS failure, e.g. "certificate verify failed (self-signed certificate)".
@@ -58,7 +58,7 @@ enum class TlsStep : std::uint8_t {
   kDone,        ///< the handshake is complete, or bytes were read or written
   kWantsInput,  ///< all fed bytes are consumed
   kEnded,       ///< the peer announced the end of its data
-  kFailed,      ///< TLS failed: hostile or damaged bytes, an untrusted certificate, too much of a handshake
+  kFailed,      ///< TLS failed: hostile or damaged bytes, an untrusted certificate, too long a handshake
 };
 
 /// TLS without a socket. The next handshake(), or read() until it returns kWantsInput, consumes all fed
@@ -76,7 +76,7 @@ class TlsEngine {
     input_ = bytes;
     Bytes().swap(kept_);
   }
-  /// Copies the fed bytes that are not consumed yet (at most what was fed): the caller's need not stay valid.
+  /// Copies the fed bytes that are not yet consumed, so that the caller's buffer need not stay valid.
   void keepInput();
   /// True while read() has input to process.
   [[nodiscard]] bool hasInput() const { return !input_.empty() || SSL_pending(ssl_.get()) > 0; }
@@ -104,9 +104,9 @@ class TlsEngine {
 
   std::unique_ptr<SSL, Free> ssl_;
   ByteView input_;
-  Bytes kept_;  // what input_ sees after keepInput()
+  Bytes kept_;  // what input_ views after keepInput()
   std::string output_;
-  std::size_t sent_ = 0;  // of output_
+  std::size_t sent_ = 0;  // bytes of output_ already sent
   std::string failure_;
 };
 

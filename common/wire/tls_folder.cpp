@@ -8,7 +8,7 @@
 #include <cerrno>
 #include <system_error>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 
 namespace needlelab {
 namespace {
@@ -18,6 +18,11 @@ int openFolder(const TlsFiles& files) {
 }
 
 }  // namespace
+
+TlsFiles tlsFilesIn(const std::filesystem::path& folder) {
+  return {folder / "ca.crt",     folder / "ca.key",      folder / "server.crt",
+          folder / "server.key", folder / "ca-next.crt", folder / "ca-next.key"};
+}
 
 TlsFolderUse::TlsFolderUse(const TlsFiles& files) : fd_(openFolder(files)) {
   if (fd_ < 0) return;

@@ -9,16 +9,16 @@ namespace needlelab {
 
 enum class WireKind : std::uint8_t { kVarint = 0, kFixed64 = 1, kBytes = 2, kFixed32 = 5 };
 
-/// A field as it stands on the wire.
+/// A field as encoded on the wire.
 struct WireField {
   int number = 0;
   WireKind kind = WireKind::kVarint;
   std::uint64_t value = 0;  ///< of a varint
-  std::string_view bytes;   ///< of kBytes; into the bytes that are read
+  std::string_view bytes;   ///< of kBytes; a view into the input
 };
 
 /// Reads from the front of the bytes, which must outlive it. Every function returns false when the bytes end
-/// too early or are not what it reads; then the reader is of no further use.
+/// too early or do not match; the reader is then unusable.
 class WireReader {
  public:
   explicit WireReader(std::string_view bytes) : at_(bytes.data()), end_(at_ + bytes.size()) {}
@@ -46,7 +46,7 @@ class WireReader {
     at_ += size;
     return true;
   }
-  /// The next field, whole. Groups, which proto3 does not have, are not read.
+  /// Reads the next field as a whole. Does not support groups, which proto3 does not have.
   bool field(WireField& field) {
     std::uint64_t tag = 0;
     if (!varint(tag) || tag >> 3 == 0 || tag > UINT32_MAX) return false;

@@ -10,7 +10,7 @@
 #include <boost/asio/ip/address.hpp>
 #include <ctime>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 
 namespace needlelab::x509 {
 namespace {
@@ -87,7 +87,7 @@ Status saveCertificates(const std::filesystem::path& path, const std::vector<X50
   return writeFileAtomically(path, viewOf(textOfBio(bio.get())), 0644);
 }
 
-// Same as EVP_EC_gen; that macro casts a const away.
+// Same as EVP_EC_gen, whose macro casts a const away.
 Key newKey() {
   return Key(EVP_PKEY_Q_keygen(nullptr, nullptr, "EC", "P-256"));
 }

@@ -1,4 +1,4 @@
-/// OpenSSL's certificates and keys as C++ values: files in PEM, drafts, extensions. For certificates.cpp and
+/// OpenSSL's certificates and keys as C++ values: PEM files, drafts, extensions. For certificates.cpp and
 /// authority.cpp.
 #pragma once
 
@@ -31,20 +31,20 @@ using Bio = std::unique_ptr<BIO, Deleter<&BIO_free_all>>;
 using GeneralNames = std::unique_ptr<GENERAL_NAMES, Deleter<&GENERAL_NAMES_free>>;
 using NameConstraints = std::unique_ptr<NAME_CONSTRAINTS, Deleter<&NAME_CONSTRAINTS_free>>;
 
-/// kFailed, with OpenSSL's last error.
+/// A kFailed error with OpenSSL's last error.
 Error opensslError(const std::string& doing);
 
 bool isAddress(const std::string& host);
 
 /// Reads every certificate of a PEM file, at least one. Errors: kInvalidInput with the file.
 Result<std::vector<Certificate>> loadCertificates(const std::filesystem::path& path);
-/// Reads the first one.
+/// Reads the first certificate of a file.
 Result<Certificate> loadCertificate(const std::filesystem::path& path);
 /// Errors: kInvalidInput with the file.
 Result<Key> loadKey(const std::filesystem::path& path);
-/// Mode 0600.
+/// Writes the key with mode 0600.
 Status saveKey(const std::filesystem::path& path, EVP_PKEY* key);
-/// Mode 0644, in this order.
+/// Writes the certificates in this order, with mode 0644.
 Status saveCertificates(const std::filesystem::path& path, const std::vector<X509*>& certificates);
 
 /// A new EC P-256 key; null when OpenSSL fails.
@@ -54,7 +54,7 @@ Key newKey();
 Result<Certificate> draft(EVP_PKEY* key, const std::string& common_name, long days);
 bool addExtension(X509* certificate, X509* issuer, int nid, const std::string& value);
 
-/// The alternative names of `hosts` as OpenSSL's configuration writes them: "DNS:lab.example,IP:10.0.0.1".
+/// The alternative names for `hosts` in OpenSSL's configuration syntax: "DNS:lab.example,IP:10.0.0.1".
 std::string alternativeNames(const std::vector<std::string>& hosts);
 /// The names and addresses of a certificate.
 std::vector<std::string> hostsOf(const X509* certificate);

@@ -28,7 +28,7 @@ Durability durabilityOf(const PostgresSettings& settings) {
   const std::string& commit = settings.synchronous_commit;
   if (commit != "on" && commit != "remote_apply" && commit != "remote_write" && commit != "local")
     return Durability::kNothing;
-  // pages that a power cut tears are not mended without their copies in the log
+  // without full-page copies in the log, torn pages cannot be repaired after a power cut
   if (settings.fsync != "on" || settings.full_page_writes != "on") return Durability::kProcess;
   const std::string& names = settings.synchronous_standby_names;
   const bool named =

@@ -7,12 +7,12 @@
 
 namespace needlelab {
 
-/// What a commit that returned success survives, and with it every ack. Each has those before it.
+/// What a successful commit survives, and with it every ack. Each level includes the previous ones.
 enum class Durability : std::uint8_t {
-  kNothing,   ///< the last moments are lost when the database's program ends
-  kProcess,   ///< the end of every program, but no power cut
+  kNothing,   ///< the last moments are lost when the database's process ends
+  kProcess,   ///< the end of any process, but not a power cut
   kPowerCut,  ///< a power cut
-  kDiskLoss,  ///< the loss of a disk: a named standby has it on its own
+  kDiskLoss,  ///< the loss of a disk: a named standby has the data on its own
 };
 
 /// "the loss of a disk".
@@ -21,14 +21,15 @@ std::string_view durabilityText(Durability durability);
 /// Settings of PostgreSQL, as SHOW prints them.
 struct PostgresSettings {
   std::string fsync, full_page_writes, synchronous_commit, synchronous_standby_names;
-  /// "fsync = on, …", of those that decide.
+  /// "fsync = on, …": the settings that decide.
   [[nodiscard]] std::string text() const;
   bool operator==(const PostgresSettings&) const = default;
 };
 
-/// Of a COMMIT without a warning under these settings, by PostgreSQL's documentation (runtime-config-wal,
-/// runtime-config-replication). A standby counts only where all are named: `*` takes any that connects, also
-/// one beside the primary's own disk; and only where it has written to its disk: remote_write is not enough.
+/// Durability of a COMMIT without a warning under these settings, by PostgreSQL's documentation
+/// (runtime-config-wal, runtime-config-replication). Standbys count only if all are named (`*` accepts any
+/// that connects, even one on the primary's own disk), and only if they have written to disk: remote_write is
+/// not enough.
 Durability durabilityOf(const PostgresSettings& settings);
 
 }  // namespace needlelab

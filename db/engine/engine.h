@@ -1,5 +1,5 @@
-/// What an engine (SQLite, PostgreSQL) does for Connection and Statement (db/connection.h). Nobody else calls
-/// it: stores are written once, on Connection.
+/// The interface that an engine (SQLite, PostgreSQL) implements for Connection and Statement
+/// (db/store/connection.h). Only they call it: stores are written once, on Connection.
 #pragma once
 
 #include <atomic>
@@ -16,17 +16,25 @@
 #include "common/base/bytes.h"
 #include "common/base/result.h"
 #include "db/engine/durability.h"
-#include "db/engine/lab_identity.h"
 
 namespace needlelab {
 
+/// Key of the lab's id in `meta`, in PostgreSQL databases.
+inline constexpr const char* kLabKey = "lab_id";
+
+/// Which lab's database it is, and its schema version.
+struct LabIdentity {
+  std::string lab;  ///< kLabKey
+  std::int64_t schema_version = 0;
+};
+
 class SqliteConnection;
 
-/// Results that came whole from the engine's server, since the connection was made.
+/// Results received whole from the engine's server since the connection was made.
 struct ResultsSoFar {
   std::uint64_t rows = 0;
-  std::uint64_t bytes = 0;    ///< of memory, as the driver holds them
-  std::uint64_t largest = 0;  ///< the bytes of the largest one
+  std::uint64_t bytes = 0;    ///< of memory in the driver
+  std::uint64_t largest = 0;  ///< bytes of the largest result
 };
 
 /// One prepared statement, for one execution at a time. Parameters count from 1, columns from 0. Thread: as
@@ -38,7 +46,7 @@ class EngineStatement {
   EngineStatement(const EngineStatement&) = delete;
   EngineStatement& operator=(const EngineStatement&) = delete;
 
-  /// The text that it was prepared from.
+  /// The text it was prepared from.
   [[nodiscard]] virtual std::string_view sql() const = 0;
   /// Texts and bytes are copied.
   virtual Status bind(int parameter, std::int64_t value) = 0;
@@ -46,7 +54,7 @@ class EngineStatement {
   virtual Status bind(int parameter, std::string_view value) = 0;
   virtual Status bind(int parameter, ByteView value) = 0;
   virtual Status bindNull(int parameter) = 0;
-  /// A list, without NULLs, as one parameter (an array). kFailed: the engine has none (SQLite).
+  /// Binds a list without NULLs as one parameter (an array). kFailed: the engine has no lists (SQLite).
   virtual Status bindList(int parameter, std::span<const std::int64_t> values) {
     return noLists(parameter, values.size());
   }
@@ -56,12 +64,12 @@ class EngineStatement {
   virtual Status bindList(int parameter, std::span<const ByteView> values) {
     return noLists(parameter, values.size());
   }
-  /// True: a row is there. False: done.
+  /// True: there is a row. False: done.
   virtual Result<bool> step() = 0;
-  /// Back to before the first step, without parameters and rows.
+  /// Returns to the state before the first step; clears parameters and rows.
   virtual void reset() = 0;
 
-  /// Of the current row. Views are valid until the next step() or reset().
+  /// Values of the current row. Views are valid until the next step() or reset().
   [[nodiscard]] virtual std::int64_t integer(int column) const = 0;
   [[nodiscard]] virtual double real(int column) const = 0;
   [[nodiscard]] virtual ByteView bytes(int column) const = 0;
@@ -85,29 +93,29 @@ class EngineConnection {
   virtual Result<std::unique_ptr<EngineStatement>> prepare(const std::string& sql) = 0;
   /// Runs several statements without parameters.
   virtual Status script(const std::string& sql) = 0;
-  /// Rows that the last INSERT, UPDATE or DELETE changed.
+  /// Number of rows that the last INSERT, UPDATE or DELETE changed.
   [[nodiscard]] virtual std::int64_t changes() const = 0;
   [[nodiscard]] virtual bool inTransaction() const = 0;
   /// True after a failure that puts stored data in doubt; never reset.
   [[nodiscard]] virtual bool damaged() const = 0;
   virtual void setDamaged() = 0;
-  /// True when the engine's server is gone, and with it the transaction: it must be rolled back, and the next
-  /// one connects again.
+  /// True if the engine's server is gone, and the transaction with it. The transaction must be rolled back;
+  /// the next one reconnects.
   [[nodiscard]] virtual bool isLost() const { return false; }
 
   enum class Begin {
     kView,   ///< one unchanging view of the database
-    kWrite,  ///< nobody else writes until its end
-    /// The same, but an engine whose statements cost round trips begins with the first statement (or
-    /// commit()), and in one round trip with it: that one has begin()'s errors, and so has all that comes
-    /// behind it until rollback(); durability() is as before until then.
+    kWrite,  ///< excludes other writers until it ends
+    /// Like kWrite, but an engine whose statements cost round trips begins together with the first statement
+    /// (or commit()), in one round trip. That statement reports begin()'s errors, as does everything after it
+    /// until rollback(); durability() keeps its old value until then.
     kWriteSoon,
-    /// Others go on writing: for tables that stores leave alone, whose rows or locks say who is first. On
-    /// SQLite as kWrite.
+    /// Others continue writing. For tables that stores do not use, whose rows or locks decide who is first.
+    /// On SQLite same as kWrite.
     kBeside,
   };
   virtual Status begin(Begin kind) = 0;
-  /// Returns once what was written is as safe as the engine makes it.
+  /// Returns once the data is as safe as the engine makes it.
   virtual Status commit() = 0;
   virtual void rollback() = 0;
   /// Only one at a time.
@@ -116,55 +124,56 @@ class EngineConnection {
   /// Undoes what came since savepoint(), and releases it.
   virtual Status undoSavepoint() = 0;
 
-  /// What a commit() that returns success survives, as far as is known: it may change while this runs, and is
-  /// looked at again at each begin of a write transaction.
+  /// What a successful commit() survives, as far as is known. It may change at run time and is re-read at the
+  /// start of each write transaction.
   [[nodiscard]] virtual Durability durability() const = 0;
-  /// The settings that it follows from.
+  /// The settings that determine durability().
   [[nodiscard]] virtual std::string durabilityReason() const = 0;
-  /// How often it has connected to the engine's server: another one may answer each time.
+  /// How often it has connected to the engine's server; each time a different server may answer.
   [[nodiscard]] virtual std::uint64_t timesConnected() const { return 1; }
-  /// From now on it connects again to this lab's database only: another one, or one of another schema, may
-  /// answer at its address then, and is refused with kUnavailable.
+  /// From now on reconnects only to this lab's database. If another lab's, or one with another schema,
+  /// answers at its address, the connection is refused with kUnavailable.
   virtual void stayWith(LabIdentity /*lab*/) {}
-  /// Nobody else works on the database: of a connection that keeps others out. SQLite's folder has a lock.
+  /// Whether no one else works on the database, for a connection that excludes others. For SQLite the
+  /// folder's lock ensures this.
   [[nodiscard]] virtual bool isAlone() const { return true; }
-  /// Ends isAlone(), where others may work beside it (PostgresOptions::Others::kTogether).
+  /// Ends isAlone() if others may work beside it (PostgresOptions::Others::kTogether).
   virtual Status letOthersIn() { return {}; }
-  /// What the engine's server no longer has although a commit() of this connection returned success, as found
-  /// when it connected again, for a person; empty: nothing. It stays until more is found.
+  /// Data that the engine's server lost although commit() on this connection returned success, as found on
+  /// reconnecting; human-readable. Empty: nothing. Stays until more is found.
   [[nodiscard]] virtual std::string lack() const { return {}; }
-  /// The last error since the last call that says that the engine's server has no room; empty: none.
+  /// The last "no space" error of the engine's server since the previous call; empty: none.
   virtual std::string takeFull() { return {}; }
 
-  /// Statements end with kUnavailable soon after `cancelled`, which may be null, became true. Returns the one
-  /// of before.
+  /// Statements end with kUnavailable soon after `cancelled` (may be null) becomes true. Returns the previous
+  /// one.
   virtual const std::atomic<bool>* setCancelled(const std::atomic<bool>* cancelled) = 0;
 
-  /// What the thread does while it waits for the engine's server, in pieces of some µs; a piece returns false
-  /// when there is nothing (more) to do in this wait. It may not use the connection, nor throw. Never called
-  /// by an engine without a server. Empty: nothing.
+  /// Work to do on this thread while it waits for the engine's server, in pieces of some µs. A piece returns
+  /// false if there is nothing (more) to do in this wait. It must not use the connection or throw. Engines
+  /// without a server never call it. Empty: nothing.
   virtual void setWhileWaiting(std::function<bool()> /*piece*/) {}
 
-  /// From now on, until it is connected again, waitForNotices() hears what is committed with a NOTIFY of
-  /// `channel`. kFailed: the engine has no server that tells.
+  /// Until the next reconnection, waitForNotices() receives commits with a NOTIFY on `channel`. kFailed: the
+  /// engine has no notifications.
   virtual Status listen(const std::string& channel) {
-    return Error{ErrorCode::kFailed, channel + ": this engine tells nobody of changes"};
+    return Error{ErrorCode::kFailed, channel + ": this engine does not notify of changes"};
   }
-  /// Waits until something is heard, at most for `patience`; returns the payloads, which are none when
-  /// nothing was. kUnavailable: the connection is lost; this does not connect again.
+  /// Waits at most `patience` for notices and returns their payloads; none if nothing arrived. kUnavailable:
+  /// the connection is lost; this does not reconnect.
   virtual Result<std::vector<std::string>> waitForNotices(std::chrono::milliseconds /*patience*/) {
-    return Error{ErrorCode::kFailed, "this engine tells nobody of changes"};
+    return Error{ErrorCode::kFailed, "this engine does not notify of changes"};
   }
 
-  /// How often it has waited for the engine's server.
+  /// Number of waits for the engine's server.
   [[nodiscard]] virtual std::uint64_t roundTrips() const { return 0; }
-  /// What it has read from the engine's server; nothing with SQLite, which gives row by row.
+  /// Results read from the engine's server; empty for SQLite, which returns row by row.
   [[nodiscard]] virtual ResultsSoFar results() const { return {}; }
-  /// False: its end may free what the engine's server lacks (memory), or it is not as a new one is; a pool
-  /// must not keep it.
+  /// False: a pool must not keep the connection, because closing it may free resources (memory) that the
+  /// server lacks, or because it is no longer in its initial state.
   [[nodiscard]] virtual bool mayBeKept() const { return !damaged(); }
 
-  /// What only SQLite has; null: this is another engine.
+  /// Access to SQLite-only features; null for other engines.
   [[nodiscard]] virtual SqliteConnection* sqlite() { return nullptr; }
 };
 

@@ -23,7 +23,7 @@ namespace {
 
 constexpr int kOldestVersion = 150'000;  // PQserverVersion
 constexpr int kBinary = 1;
-constexpr std::size_t kMostSigns = 8;  // of types of one statement's values, see PostgresStatement
+constexpr std::size_t kMostSigns = 8;  // combinations of parameter types per statement, see PostgresStatement
 
 using Steady = std::chrono::steady_clock;
 
@@ -32,7 +32,7 @@ ErrorCode codeOfState(std::string_view state) {
   if (state == "23503") return ErrorCode::kNotFound;
   if (state.starts_with("23") || state.starts_with("22")) return ErrorCode::kInvalidInput;
   if (state == "53100") return ErrorCode::kNoRoom;
-  // no connection, resources, an operator, a lock, a serialization that failed, a standby
+  // connection, resources, operator intervention, lock, serialization failure, standby
   for (const char* some : {"08", "53", "57", "55P03", "40", "25006", "25P0"})
     if (state.starts_with(some)) return ErrorCode::kUnavailable;
   if (state.starts_with("28")) return ErrorCode::kDenied;
@@ -42,7 +42,7 @@ ErrorCode codeOfState(std::string_view state) {
 
 constexpr int kSettingsColumns = 4;  // of kSettingsQuery
 
-/// What LabIdentity has, in its order, in columns of SQL.
+/// SQL columns for the fields of LabIdentity, in order.
 std::string labQuery() {
   return fmt::format(
       "(SELECT value FROM {0}.meta WHERE key = '{1}'),"
@@ -100,7 +100,7 @@ class PostgresStatement final : public EngineStatement {
   Result<bool> step() override {
     if (!result_) {
       RETURN_IF_ERROR(connection_.requireConnected());
-      values_.resize(static_cast<std::size_t>(own_.parameters));  // those that are not bound are NULL
+      values_.resize(static_cast<std::size_t>(own_.parameters));  // unbound ones are NULL
       ASSIGN_OR_RETURN(const std::string name, prepared());
       ASSIGN_OR_RETURN(result_, connection_.execute(name, values_, sql_));
       rows_ = PQntuples(result_.get());
@@ -165,8 +165,8 @@ class PostgresStatement final : public EngineStatement {
     return {reinterpret_cast<const std::uint8_t*>(PQgetvalue(result_.get(), row_, column)),
             static_cast<std::size_t>(PQgetlength(result_.get(), row_, column))};
   }
-  /// The name by which it is prepared for values of these types: PostgreSQL would otherwise guess them, and
-  /// take a number in a SELECT for a text.
+  /// The name under which it is prepared for values of these types. Otherwise PostgreSQL would guess the
+  /// types and take a number in a SELECT for a text.
   Result<std::string> prepared() {
     if (epoch_ != connection_.epoch()) names_.clear();
     epoch_ = connection_.epoch();
@@ -188,7 +188,7 @@ class PostgresStatement final : public EngineStatement {
   std::uint64_t epoch_ = 0;
   PostgresConnection::ResultPtr result_;
   int rows_ = 0, row_ = -1;
-  mutable std::map<int, std::string> texts_;  ///< of numbers of the current row
+  mutable std::map<int, std::string> texts_;  ///< texts of numbers in the current row
 };
 
 }  // namespace
@@ -209,10 +209,9 @@ bool PostgresConnection::isConnected() const {
 Status PostgresConnection::connect(bool takes_locks) {
   const std::string timeout =
       std::to_string(std::max<std::int64_t>(1, options_.connect_timeout.count() / 1000));
-  // What the URL says comes first in the list, so that these stand. Statements are short: to compile one
-  // (jit), which PostgreSQL does by its estimate, takes longer than to run it.
-  // PostgreSQL, too, notices within some 15 s that the network has lost a connection, and lets go of its
-  // locks.
+  // Parameters of the URL come first in the list, so these override them. jit=off: the statements are short,
+  // and compiling one (which PostgreSQL decides by its estimate) takes longer than running it. The keepalives
+  // let PostgreSQL, too, notice a lost connection within about 15 s and release its locks.
   const std::string search = fmt::format(
       "-c search_path={} -c client_min_messages=warning -c idle_in_transaction_session_timeout={} -c jit=off"
       " -c tcp_keepalives_idle=5 -c tcp_keepalives_interval=2 -c tcp_keepalives_count=3"
@@ -259,14 +258,14 @@ Status PostgresConnection::connect(bool takes_locks) {
   if (takes_locks && hasLocks()) RETURN_IF_ERROR(takeLocks());
   RETURN_IF_ERROR(settle());
   if (!options_.read_only) RETURN_IF_ERROR(lookBack());
-  // a connection for a question only ends before those locks are wanted
+  // a connection made only to query an outcome is closed before the locks are taken
   if (takes_locks || !hasLocks()) ++times_connected_;
   return {};
 }
 
 Status PostgresConnection::settle() {
   const char* const what = lab_ ? "see whether it is this lab's database" : "read its settings";
-  // not among the options: libpq would take each server for a standby, by target_session_attrs=read-write
+  // not a connection option: with target_session_attrs=read-write libpq would take every server for a standby
   const std::string ask =
       fmt::format("{}SELECT {}{}", options_.read_only ? "SET default_transaction_read_only = on;" : "",
                   kSettingsQuery, lab_ ? fmt::format(", {}", labQuery()) : std::string());
@@ -277,10 +276,10 @@ Status PostgresConnection::settle() {
     noteSettings(row->get(), 0);
     if (lab_) settled = requireLab(row->get(), kSettingsColumns);
   } else if (lab_ && row.error().code != ErrorCode::kCorrupt) {
-    // no such table, or no right to it: it may be mended while this runs
+    // no such table, or no right to it: this may be fixed while the program runs
     settled = Error{ErrorCode::kUnavailable, row.error().message};
   }
-  if (!settled) connection_.reset();  // the next one looks again
+  if (!settled) connection_.reset();  // the next one checks again
   return settled;
 }
 
@@ -327,11 +326,11 @@ Result<bool> PostgresConnection::tryLock(const std::string& sql) {
 
 Status PostgresConnection::takeLocks() {
   const bool together = options_.others == PostgresOptions::Others::kTogether;
-  // whoever is alone does what wants it, and goes on alone or not at all
+  // a connection that is alone does what requires that, and stays alone or fails
   const bool may_be_alone = !together || is_alone_ || times_connected_ == 0;
   const bool may_be_shared = together && !is_alone_;
   bool has_store = false, has_name = options_.only_one_named.empty();
-  // PostgreSQL takes a lock back a moment after the connection that held it has ended
+  // PostgreSQL releases a lock a moment after the connection that held it has ended
   constexpr auto kMostWait = std::chrono::seconds(2);
   for (const auto until = Steady::now() + kMostWait;;) {
     if (!has_store && may_be_alone) {
@@ -369,7 +368,7 @@ Status PostgresConnection::takeLocks() {
 
 Status PostgresConnection::letOthersIn() {
   if (!is_alone_ || options_.others != PostgresOptions::Others::kTogether) return {};
-  // a connection may hold it in both ways: nobody comes in between who wants to be alone
+  // a connection may hold the lock both ways, so no other connection can become alone in between
   RETURN_IF_ERROR(
       script(fmt::format("SELECT pg_advisory_lock_shared({0}); SELECT pg_advisory_unlock({0})", kAloneLock)));
   is_alone_ = false;
@@ -377,7 +376,7 @@ Status PostgresConnection::letOthersIn() {
 }
 
 bool PostgresConnection::endedWhileIdle() {
-  // its last words, and then the end
+  // first the server's last messages, then the end of the connection
   constexpr int kMostLooks = 4;
   for (int n = 0; n < kMostLooks; ++n) {
     pollfd ready{PQsocket(connection_.get()), POLLIN, 0};
@@ -395,8 +394,8 @@ Status PostgresConnection::requireConnected() {
   if (isConnected() && (in_transaction_ || !endedWhileIdle())) return {};
   Status connected = connect();
   if (connected) return {};
-  // Whoever asks now did nothing wrong, and the server can be mended while this runs. As kDenied it would be
-  // a log-in's wrong password.
+  // The current caller did nothing wrong, and the server can be fixed while the program runs. kDenied would
+  // look like a wrong password at log-in.
   switch (const Error& error = connected.error(); error.code) {
     case ErrorCode::kDenied:
     case ErrorCode::kVersion:
@@ -501,10 +500,10 @@ Result<std::string> PostgresConnection::prepareNow(const std::string& sql, const
   std::vector<Oid> types;
   types.reserve(values.size());
   for (const Value& value : values) types.push_back(value.type);
-  // in the same round trip, and so in the same transaction: one that has failed would refuse both
+  // in the same round trip, and so in the same transaction, which would refuse both if it had failed
   std::vector<std::string> forgets;
   for (const std::string& one : given_up_) forgets.push_back("DEALLOCATE " + one);
-  std::vector<const char*> first;  // the savepoint is the last of what is due
+  std::vector<const char*> first;  // the savepoint comes last in due_
   for (const std::string& one : forgets) first.push_back(one.c_str());
   due_.insert(due_.begin(), first.begin(), first.end());
   const auto prepared = behindDue(
@@ -513,7 +512,7 @@ Result<std::string> PostgresConnection::prepareNow(const std::string& sql, const
                              types.data());
       },
       sql);
-  if (!prepared && !isConnected()) return prepared.error();  // the next connection knows no names
+  if (!prepared && !isConnected()) return prepared.error();  // the next connection has no names
   const std::size_t forgotten = std::min(due_done_, forgets.size());
   given_up_.erase(given_up_.begin(), given_up_.begin() + static_cast<std::ptrdiff_t>(forgotten));
   named_ -= forgotten;
@@ -523,7 +522,7 @@ Result<std::string> PostgresConnection::prepareNow(const std::string& sql, const
 }
 
 void PostgresConnection::giveUp(std::vector<std::string> names, std::uint64_t epoch) {
-  if (epoch != epoch_) return;  // they went with that connection
+  if (epoch != epoch_) return;  // the names were lost with that connection
   std::move(names.begin(), names.end(), std::back_inserter(given_up_));
 }
 

@@ -20,31 +20,30 @@
 
 namespace needlelab {
 
-/// The schema that all of needlelab's tables are in.
+/// The schema of all needlelab tables.
 inline constexpr const char* kPostgresSchema = "needlelab";
 
-/// What PostgresSettings has, in its order.
+/// The fields of PostgresSettings, in order.
 inline constexpr const char* kSettingsQuery =
     "current_setting('fsync'), current_setting('full_page_writes'), current_setting('synchronous_commit'),"
     " current_setting('synchronous_standby_names')";
 
-/// The table that each write transaction locks to its end, so that whatever it looks at before it writes
-/// stays so, whichever server writes: as with SQLite's single writer. To lock it, a role needs rights that
-/// needlelab gives to nobody else.
+/// The table that each write transaction locks until it ends, so that what it has read stays unchanged even
+/// with several servers, as with SQLite's single writer. Locking it needs rights that needlelab grants to no
+/// other role.
 inline constexpr const char* kWriterTable = "needlelab.schema_version";
-/// The lock in its place while that table is not there (pg_advisory_xact_lock).
+/// The lock used until that table exists (pg_advisory_xact_lock).
 inline constexpr std::int64_t kWriterLock = 0x6e6c6162;
 /// The lock of PostgresOptions::others: exclusive for kNone, shared for kTogether (pg_try_advisory_lock,
-/// pg_try_advisory_lock_shared). Every role that may connect to the database can take it, and keep a server
+/// pg_try_advisory_lock_shared). Any role that may connect to the database can take it and so keep a server
 /// from starting.
 inline constexpr std::int64_t kAloneLock = 0x6e6c6163;
-/// With the hash of a name behind it, the lock of PostgresOptions::only_one_named.
+/// Together with the hash of a name, the lock of PostgresOptions::only_one_named.
 inline constexpr std::int32_t kNamedLock = 0x6e6c6164;
 
-/// One connection. A result is read whole before the first row is given, so several statements may be under
-/// way at a time. What is lost with its server is connected again at the next begin of a transaction, or
-/// statement outside one; until then every call fails with kUnavailable. Thread: not thread-safe; one thread
-/// at a time.
+/// One connection. A result is read whole before its first row is returned, so several statements may be in
+/// progress at a time. A lost connection is restored at the next begin of a transaction, or statement outside
+/// one; until then every call fails with kUnavailable. Thread: not thread-safe; one thread at a time.
 class PostgresConnection final : public EngineConnection {
  public:
   /// As openPostgres().
@@ -61,17 +60,16 @@ class PostgresConnection final : public EngineConnection {
   /// A write transaction begins with one round trip, kWriteSoon with none of its own
   /// (postgres_transactions.cpp).
   Status begin(Begin kind) override;
-  /// kUnavailable when PostgreSQL reports success with a warning: a wait for the standby was cancelled, and
-  /// the data is at the primary only. So it is when synchronous_standby_names was emptied meanwhile, which
-  /// ends the wait without a warning: under PostgresOptions::least = kDiskLoss the settings are read
-  /// again, in the same round trip.
-  /// When the connection is lost meanwhile, the outcome is asked for (pg_xact_status) at the next connection,
-  /// within answer_timeout; if that cannot be had, the message says that it is unknown.
+  /// kUnavailable if PostgreSQL reports success with a warning: a wait for the standby was cancelled, and
+  /// only the primary has the data. The same if synchronous_standby_names was emptied meanwhile, which ends
+  /// the wait without a warning: under PostgresOptions::least = kDiskLoss the settings are re-read in the
+  /// same round trip. If the connection is lost, the outcome is queried (pg_xact_status) on reconnecting,
+  /// within answer_timeout; if that fails, the message says that the outcome is unknown.
   Status commit() override;
   void rollback() override;
   // Savepoints are made and released together with the next statement, in one round trip
-  // (postgres_savepoints.cpp); one without a statement costs none. The one at the very beginning of a
-  // kWriteSoon is the transaction itself: to undo it, that is rolled back and begun once more.
+  // (postgres_savepoints.cpp); one without a statement costs nothing. A savepoint at the very beginning of a
+  // kWriteSoon is the transaction itself: undoing it rolls back and begins again.
   Status savepoint() override;
   Status releaseSavepoint() override;
   Status undoSavepoint() override;
@@ -79,9 +77,9 @@ class PostgresConnection final : public EngineConnection {
   [[nodiscard]] std::string durabilityReason() const override { return settings_.text(); }
   [[nodiscard]] std::uint64_t timesConnected() const override { return times_connected_; }
   void stayWith(LabIdentity lab) override { lab_ = std::move(lab); }
-  /// After each reconnection the last transaction that commit() returned success for is looked up
-  /// (pg_xact_status): a standby that lagged and was promoted, or an older backup, does not have it. Not
-  /// found where somebody else's transactions have taken its number meanwhile.
+  /// After each reconnection, looks up the last transaction that commit() reported as successful
+  /// (pg_xact_status): a lagging standby that was promoted, or an older backup, lacks it. Not detected if
+  /// another transaction has taken its number meanwhile.
   [[nodiscard]] std::string lack() const override { return lack_; }
   [[nodiscard]] bool isAlone() const override { return is_alone_; }
   Status letOthersIn() override;
@@ -98,7 +96,7 @@ class PostgresConnection final : public EngineConnection {
   [[nodiscard]] const std::string& shownUrl() const { return shown_url_; }
   [[nodiscard]] bool isConnected() const;
 
-  /// A value of a statement, as it is sent.
+  /// A statement's value as sent.
   struct Value {
     std::uint32_t type = 0;  ///< PostgresType
     bool is_null = true;
@@ -110,22 +108,23 @@ class PostgresConnection final : public EngineConnection {
   using ResultPtr = std::unique_ptr<PGresult, ResultCloser>;
 
   // for its statements
-  /// Counts the connections that were made: what was prepared on another one is gone.
+  /// Counts connections; statements prepared on an earlier one are gone.
   [[nodiscard]] std::uint64_t epoch() const { return epoch_; }
-  /// Prepares `sql`, in PostgreSQL's form; returns the name. Not `kept`: until the next one that is not.
+  /// Prepares `sql` (in PostgreSQL's form) and returns the name. If not `kept`, it is valid only until the
+  /// next one that is not kept.
   Result<std::string> prepareNow(const std::string& sql, const std::vector<Value>& values, bool kept);
-  /// Whether PostgreSQL, which keeps each name's plan in the memory of the connection's process, gets one
-  /// more: not beyond kMostNamed, but each statement may have one.
+  /// Whether PostgreSQL, which keeps each name's plan in the connection's process, may get another one: at
+  /// most kMostNamed in total, but at least one per statement.
   [[nodiscard]] bool mayNameMore() const { return named_ < kMostNamed; }
-  /// Names that prepareNow() made at this `epoch` are used no more: PostgreSQL forgets them together with the
-  /// next statement that is prepared.
+  /// Releases names that prepareNow() made at this `epoch`: they are deallocated together with the next
+  /// statement that is prepared.
   void giveUp(std::vector<std::string> names, std::uint64_t epoch);
   Result<ResultPtr> execute(const std::string& prepared, const std::vector<Value>& values,
                             std::string_view what);
-  /// Connects again where the connection is lost, and there is no transaction that went with it.
+  /// Reconnects if the connection is lost, unless a transaction was lost with it.
   Status requireConnected();
-  /// Whether PostgreSQL has closed the connection since its last statement: so one of a pool whose server was
-  /// replaced costs nobody an error. Outside of a transaction.
+  /// Whether PostgreSQL has closed the connection since its last statement, so that a pooled connection whose
+  /// server was replaced causes no error. Call outside a transaction.
   bool endedWhileIdle();
 
  private:
@@ -133,50 +132,50 @@ class PostgresConnection final : public EngineConnection {
     void operator()(PGconn* connection) const { PQfinish(connection); }
   };
   explicit PostgresConnection(PostgresOptions options) : options_(std::move(options)), lab_(options_.lab) {}
-  /// `takes_locks`: those of `others` and `only_one_named`, where the options say so.
+  /// `takes_locks`: those of `others` and `only_one_named`, if set.
   Status connect(bool takes_locks = true);
   [[nodiscard]] bool hasLocks() const { return options_.others != PostgresOptions::Others::kAll; }
   void tellBefore(std::string_view sql) const {
     if (options_.before_statement) options_.before_statement(sql);
   }
-  /// Takes kAloneLock, and the one of its name; waits for them for 2 s at most.
+  /// Takes kAloneLock and the named lock; waits at most 2 s for them.
   Status takeLocks();
   Result<bool> tryLock(const std::string& sql);
-  /// Has the connection read only where the options say so, and reads the settings and, where lab_ says which
-  /// one it must be, what the database is; in one round trip.
+  /// In one round trip: makes the connection read-only if the options say so, and reads the settings and, if
+  /// lab_ is set, the database's identity.
   Status settle();
-  /// kUnavailable unless a row's columns, from `column` on, say that it is lab_'s database.
+  /// kUnavailable unless a row's columns from `column` on identify lab_'s database.
   Status requireLab(const PGresult* row, int column) const;
-  /// Notes the settings in a row's columns, from `column` on (kSettingsQuery).
+  /// Notes the settings in a row's columns from `column` on (kSettingsQuery).
   void noteSettings(const PGresult* row, int column);
-  /// kUnavailable when an ack would survive less than it must.
+  /// kUnavailable if an ack would survive less than required.
   Status requireDurable() const;
   struct Waiting {
     std::chrono::steady_clock::time_point until;
     bool asked_to_end = false;
   };
-  /// Waits for the next result of what was sent; null: there is none. Ends early with kUnavailable when
-  /// cancelled, or when no answer comes.
+  /// Waits for the next result of what was sent; null: no more. Ends early with kUnavailable if cancelled or
+  /// if no answer comes.
   Result<ResultPtr> nextResult(Waiting& waiting, std::string_view what);
-  /// Waits for all results of what was sent; the last one is returned.
+  /// Waits for all results of what was sent; returns the last.
   Result<ResultPtr> wait(std::string_view what);
-  /// The result unless it is an error; notes changes().
+  /// Returns the result unless it is an error; notes changes().
   Result<ResultPtr> checked(ResultPtr last, std::string_view what);
-  /// Sends what is due, and behind it what `send` sends (a call of libpq that is 0 when it fails); returns
-  /// that one's result.
+  /// Sends the due statements and then what `send` sends (a libpq call that returns 0 on failure); returns
+  /// the latter's result.
   Result<ResultPtr> behindDue(const std::function<int()>& send, std::string_view what);
-  /// Ends what was sent in pipeline mode, waits for its results, and leaves that mode. `take` gets each one's
-  /// result, but none of those that were not run because one before them failed.
+  /// Ends the batch sent in pipeline mode, waits for its results and leaves that mode. `take` gets the result
+  /// of each statement that ran, but none for those skipped after a failure.
   Status endPipeline(std::string_view what, const std::function<void(ResultPtr)>& take);
   Status sendDue();
   void dropDue();
   Status requireSound(const char* what);
-  /// Sends BEGIN, what takes the lock, and the statement behind it, in pipeline mode. Returns how many
-  /// results these have; 0: it could not.
+  /// Sends BEGIN, the locking statement and the settings query in pipeline mode. Returns the number of their
+  /// results; 0 on failure.
   int sendBegin();
-  /// Takes the result of one of these, which succeeded.
+  /// Takes one of these results, which succeeded.
   void noteBegin(std::size_t step, std::size_t steps, const PGresult* result);
-  /// Rolls back; whatever is asked until the caller rolls back, too, has this error.
+  /// Rolls back; every call until the caller's own rollback() returns this error.
   Error notBegun(Error why);
   Status runText(const char* sql);
   Error errorOf(const PGresult* result, std::string_view what);
@@ -184,48 +183,48 @@ class PostgresConnection final : public EngineConnection {
   static void noteNotice(void* self, const PGresult* notice);
   /// COMMIT's result.
   Result<ResultPtr> runCommit();
-  /// The same; the settings are read behind it, in the same round trip.
+  /// Like runCommit(), and reads the settings after it, in the same round trip.
   Result<ResultPtr> commitAndReadSettings();
   /// "committed", "aborted", "in progress", "" (too long ago), or "unknown": this server never had it.
   Result<std::string> statusOf(const std::string& xid);
-  /// Notes in lack_ whether this server has the last transaction that was acknowledged.
+  /// Notes in lack_ if this server lacks the last acknowledged transaction.
   Status lookBack();
-  /// What became of the transaction `xid`, whose COMMIT had no answer.
+  /// Finds out what became of transaction `xid`, whose COMMIT got no answer.
   Status askOutcome(const std::string& xid);
 
   const PostgresOptions options_;
   std::string shown_url_;
-  std::optional<LabIdentity> lab_;  ///< of each connection from now on
-  PostgresSettings settings_;       ///< of the last write transaction, or connection
+  std::optional<LabIdentity> lab_;  ///< required of each connection from now on
+  PostgresSettings settings_;       ///< as of the last write transaction or connection
   std::unique_ptr<PGconn, ConnectionCloser> connection_;
   const std::atomic<bool>* cancelled_ = nullptr;
   std::int64_t changes_ = 0;
   std::function<bool()> while_waiting_;
   std::uint64_t epoch_ = 0, prepared_ = 0;
-  std::uint64_t times_connected_ = 0;  ///< of epoch_ those that succeeded, and were no question only
-  std::uint64_t round_trips_ = 0;      ///< without those of connecting
-  std::uint64_t settings_epoch_ = 0;   ///< the statement behind the lock is prepared there
+  std::uint64_t times_connected_ = 0;  ///< successful ones, without those only to query an outcome
+  std::uint64_t round_trips_ = 0;      ///< without those for connecting
+  std::uint64_t settings_epoch_ = 0;   ///< the epoch in which the settings statement was prepared
   bool damaged_ = false;
-  bool in_lost_transaction_ = false;  ///< the connection was lost within one that has not been rolled back
-  bool in_transaction_ = false;       ///< begin() succeeded, and neither commit() nor rollback() came
-  bool is_beside_ = false;            ///< of kBeside: it may have written, though it has no write_xid_
-  bool begin_due_ = false;            ///< BEGIN goes with the next statement
-  std::optional<Error> not_begun_;    ///< of a BEGIN that went so, until rollback()
-  bool saw_writer_table_ = false;     ///< kWriterTable, in the last write transaction
-  bool is_alone_ = false;             ///< has kAloneLock exclusively, and again after a reconnection
-  std::string write_xid_;             ///< of the write transaction under way
-  std::string acknowledged_xid_;      ///< the last one that commit() returned success for
+  bool in_lost_transaction_ = false;  ///< the connection was lost within a transaction not rolled back yet
+  bool in_transaction_ = false;  ///< begin() succeeded, and neither commit() nor rollback() was called since
+  bool is_beside_ = false;       ///< a kBeside transaction: may have written although write_xid_ is empty
+  bool begin_due_ = false;       ///< BEGIN is sent with the next statement
+  std::optional<Error> not_begun_;  ///< why BEGIN failed, until rollback()
+  bool saw_writer_table_ = false;   ///< whether kWriterTable existed in the last write transaction
+  bool is_alone_ = false;           ///< holds kAloneLock exclusively, and takes it again after a reconnection
+  std::string write_xid_;           ///< of the current write transaction
+  std::string acknowledged_xid_;    ///< the last one that commit() reported as successful
   std::string lack_, full_;
   std::optional<std::string> warning_;  ///< since the last commit began
   enum class AtSavepoint { kNone, kDue, kMade, kBegin };
   AtSavepoint savepoint_ = AtSavepoint::kNone;
-  std::vector<const char*> due_;  ///< statements without results that go with the next one
+  std::vector<const char*> due_;  ///< statements without results, to be sent with the next one
   static constexpr std::size_t kMostNamed = 512;
-  std::size_t named_ = 0;  ///< names that PostgreSQL knows, those of given_up_ too
+  std::size_t named_ = 0;  ///< names that PostgreSQL knows, including given_up_
   std::vector<std::string> given_up_;
-  std::size_t due_done_ = 0;  ///< how many of due_ behindDue() has done
+  std::size_t due_done_ = 0;  ///< how many of due_ behindDue() has executed
   ResultsSoFar results_;
-  bool lacks_resources_ = false;  ///< an error of class 53 came: memory, room, places for connections
+  bool lacks_resources_ = false;  ///< an error of class 53 occurred: memory, disk space, connections
 };
 
 }  // namespace needlelab

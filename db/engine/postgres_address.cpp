@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 #include "db/engine/open_postgres.h"
 
 namespace needlelab {
@@ -23,14 +23,14 @@ struct InfoCloser {
   void operator()(PQconninfoOption* options) const { PQconninfoFree(options); }
 };
 
-/// What libpq says of a connection that it could not make: a line for each host that it tried, and notes.
+/// Lines of libpq's message about a failed connection: one per host it tried, and notes.
 std::vector<std::string> linesOf(const char* text) {
   std::vector<std::string> lines;
   std::string_view rest = text != nullptr ? text : "";
   while (!rest.empty()) {
     const std::size_t end = std::min(rest.find('\n'), rest.size());
     std::string line = printable(rest.substr(0, end));
-    // a tab begins advice for whoever runs PostgreSQL
+    // a tab introduces advice for the administrator
     const bool counts = end > 0 && rest.front() != '\t';
     if (counts && std::find(lines.begin(), lines.end(), line) == lines.end())
       lines.push_back(std::move(line));
@@ -39,8 +39,8 @@ std::vector<std::string> linesOf(const char* text) {
   return lines;
 }
 
-/// Of one of these lines, in English: libpq tells no SQLSTATE of a connection that was not made. Nothing: it
-/// is a note to the line before.
+/// The code of one such line, in English: libpq gives no SQLSTATE for a failed connection. Nothing: a note on
+/// the previous line.
 std::optional<ErrorCode> codeOfLine(std::string_view line) {
   struct Words {
     std::string_view words;
@@ -69,28 +69,28 @@ std::optional<ErrorCode> codeOfLine(std::string_view line) {
   return ErrorCode::kUnavailable;
 }
 
-/// What a URL says, by libpq's names; kInvalidInput, of one with a password, too.
+/// The parameters in a URL, by libpq's names. kInvalidInput also if it contains a password.
 Result<std::map<std::string, std::string>> valuesOf(const std::string& url) {
   char* wrong = nullptr;
   const std::unique_ptr<PQconninfoOption, InfoCloser> parsed(PQconninfoParse(url.c_str(), &wrong));
   if (parsed == nullptr) {
-    PQfreemem(wrong);  // it may quote the URL, and with it the password
+    PQfreemem(wrong);  // may quote the URL, including the password
     return Error{ErrorCode::kInvalidInput,
-                 "--store: is no address of PostgreSQL; write postgresql://USER@HOST:5432/DATABASE, and the "
+                 "--store: is not a PostgreSQL address; write postgresql://USER@HOST:5432/DATABASE, and the "
                  "password into a file (passfile, PGPASSFILE)"};
   }
   std::map<std::string, std::string> values;
   for (const PQconninfoOption* option = parsed.get(); option->keyword != nullptr; ++option) {
     if (option->val == nullptr) continue;
     values[option->keyword] = option->val;
-    if (std::string_view(option->dispchar) == "*")  // what libpq itself does not show
+    if (std::string_view(option->dispchar) == "*")  // hidden by libpq itself
       return Error{
           ErrorCode::kInvalidInput,
           fmt::format("--store: has a password ({}), which every user of this machine can see in the list of "
                       "processes: put it into a file of mode 0600 and write passfile=FILE, or set PGPASSFILE",
                       option->keyword)};
   }
-  // a password with a sign that ends it, or without a host behind it, is read as one of these
+  // a password that contains a delimiter, or has no host after it, is parsed as one of these
   if (values["host"].find('@', 1) != std::string::npos || values["dbname"].find('@') != std::string::npos ||
       values["port"].find_first_not_of("0123456789,") != std::string::npos)
     return Error{ErrorCode::kInvalidInput,

@@ -1,5 +1,5 @@
-/// What is wrong with an address of PostgreSQL: before somebody connects, and when nobody could. Private to
-/// this folder.
+/// Finds what is wrong with a PostgreSQL address, before connecting and after a failure to connect. Private
+/// to this folder.
 #pragma once
 
 #include <string>
@@ -8,13 +8,13 @@
 
 namespace needlelab {
 
-/// host, port, database and user of a URL, for messages; kInvalidInput, of one with a password, too.
+/// host, port, database and user of a URL, for messages. kInvalidInput also if it contains a password.
 Result<std::string> withoutPassword(const std::string& url);
 
-/// `said`: what libpq says of a connection that it could not make, lines for each host that it tried.
-/// kDenied: user, password or pg_hba.conf; kInvalidInput: what does not exist (database, user, host's name,
-/// file), or a parameter's value; kUnavailable where one of the hosts may answer later, and where the
-/// server's messages are not English, because libpq tells no SQLSTATE of a connection that was not made.
+/// `said`: libpq's message about a failed connection, with lines for each host it tried. kDenied: user,
+/// password or pg_hba.conf. kInvalidInput: something does not exist (database, user, host name, file), or a
+/// bad parameter value. kUnavailable: one of the hosts may answer later, or the server's messages are not
+/// English (libpq gives no SQLSTATE for a failed connection).
 Error cannotConnect(const std::string& shown_url, const char* said);
 
 }  // namespace needlelab

@@ -1,5 +1,5 @@
-// Savepoints of PostgreSQL: SAVEPOINT and RELEASE have no result that anybody waits for, so they are sent in
-// one go with the statement behind them (libpq's pipeline mode).
+// PostgreSQL savepoints. The results of SAVEPOINT and RELEASE are not needed, so both are sent together with
+// the next statement (libpq's pipeline mode).
 #include <algorithm>
 #include <cstddef>
 #include <utility>
@@ -13,7 +13,7 @@ void PostgresConnection::dropDue() {
   savepoint_ = AtSavepoint::kNone;
 }
 
-/// Whether a savepoint could be made or released: PostgreSQL refuses both in a transaction that has failed.
+/// Whether a savepoint can be made or released: PostgreSQL refuses both in a failed transaction.
 Status PostgresConnection::requireSound(const char* what) {
   if (not_begun_) return *not_begun_;
   if (in_lost_transaction_ || !isConnected()) return lost(what);
@@ -47,11 +47,11 @@ Status PostgresConnection::undoSavepoint() {
   const AtSavepoint at = std::exchange(savepoint_, AtSavepoint::kNone);
   if (at == AtSavepoint::kDue && !due_.empty()) due_.pop_back();
   const bool goes_back = at == AtSavepoint::kMade || (at == AtSavepoint::kBegin && !begin_due_);
-  // without one a failed transaction stays so, and its end says it
+  // without a savepoint a failed transaction stays failed, and its end reports that
   if (!goes_back || in_lost_transaction_ || !inTransaction()) return {};
   const bool whole = at == AtSavepoint::kBegin;
   const Status undone = runText(whole ? "ROLLBACK" : "ROLLBACK TO item; RELEASE item");
-  if (in_lost_transaction_) return {};  // it went with the connection
+  if (in_lost_transaction_) return {};  // lost with the connection
   RETURN_IF_ERROR(undone);
   if (!whole) return {};
   write_xid_.clear();
@@ -68,7 +68,7 @@ Status PostgresConnection::sendDue() {
 Status PostgresConnection::endPipeline(std::string_view what, const std::function<void(ResultPtr)>& take) {
   PGconn* const connection = connection_.get();
   if (PQpipelineSync(connection) == 0) return lost(what);
-  // of each one its result and an end; behind one that fails the others are not run
+  // one result and an end per statement; statements after a failed one are not run
   Waiting waiting{std::chrono::steady_clock::now() + options_.answer_timeout};
   ++round_trips_;
   for (;;) {
@@ -94,7 +94,7 @@ Result<PostgresConnection::ResultPtr> PostgresConnection::behindDue(const std::f
     return wait(what);
   }
   if (PQenterPipelineMode(connection) == 0) return lost(what);
-  std::size_t begins = 0;  // results before those of what is due
+  std::size_t begins = 0;  // results that precede those of due_
   if (std::exchange(begin_due_, false)) {
     begins = static_cast<std::size_t>(sendBegin());
     if (begins == 0) return lost(what);
@@ -118,7 +118,7 @@ Result<PostgresConnection::ResultPtr> PostgresConnection::behindDue(const std::f
   if (done < begins) return notBegun(errorOf(last.get(), "begin a transaction"));
   if (begins > 0)
     if (const Status durable = requireDurable(); !durable) return notBegun(durable.error());
-  // the savepoint is the last of what was due
+  // the savepoint comes last in due_
   if (savepoint_ == AtSavepoint::kDue) savepoint_ = done >= due ? AtSavepoint::kMade : AtSavepoint::kNone;
   return checked(std::move(last), what);
 }

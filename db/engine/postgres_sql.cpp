@@ -7,10 +7,10 @@
 namespace needlelab {
 namespace {
 
-/// Behind what begins at `at`: a text, a name or a comment; `at` where none of these begins.
+/// The position after the text, name or comment that begins at `at`; `at` if none begins there.
 std::size_t behindQuoted(std::string_view sql, std::size_t at) {
   if (sql[at] == '\'' || sql[at] == '"') {
-    // a doubled quote begins the next text at once
+    // a doubled quote is treated as the start of the next text
     const std::size_t end = sql.find(sql[at], at + 1);
     return end == std::string_view::npos ? sql.size() : end + 1;
   }

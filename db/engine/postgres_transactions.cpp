@@ -1,4 +1,5 @@
-// Transactions of PostgreSQL: BEGIN with the writer's lock, COMMIT and what became of one without an answer.
+// PostgreSQL transactions: BEGIN with the writer's lock, COMMIT, and the outcome of a COMMIT without an
+// answer.
 #include <fmt/core.h>
 
 #include <chrono>
@@ -12,11 +13,11 @@
 namespace needlelab {
 namespace {
 
-/// The name of the prepared statement behind the lock.
+/// Name of the prepared statement sent after the lock.
 constexpr const char* kSettingsStatement = "settings";
 
-/// Takes the writer's lock. Readers and pg_dump do not wait for it. The block, which looks for the table,
-/// costs 0.14 ms with what it adds to COMMIT: not where the table was seen.
+/// Takes the writer's lock. Readers and pg_dump do not wait for it. The block that looks for the table costs
+/// 0.14 ms (including its effect on COMMIT), so it is omitted once the table was seen.
 std::string lockText(bool saw_table) {
   const std::string locks = fmt::format("LOCK TABLE {} IN EXCLUSIVE MODE", kWriterTable);
   if (saw_table) return locks;
@@ -65,13 +66,14 @@ Status PostgresConnection::begin(Begin kind) {
 
 int PostgresConnection::sendBegin() {
   PGconn* const connection = connection_.get();
-  // in this order: the view of each statement behind the lock has all that the holder before committed
+  // in this order: statements after the lock then see everything the previous holder committed
   if (PQsendQueryParams(connection, "BEGIN ISOLATION LEVEL READ COMMITTED", 0, nullptr, nullptr, nullptr,
                         nullptr, 0) == 0)
     return 0;
   const bool prepares = settings_epoch_ != epoch_;
-  // The message makes COMMIT wait for disk and standby also where nothing is changed: else it would
-  // acknowledge what an earlier transaction left at the primary only (RecordTransactionCommit, wrote_xlog).
+  // The message makes COMMIT wait for disk and standby even if nothing changed. Otherwise it would
+  // acknowledge data of an earlier transaction that only the primary has (RecordTransactionCommit,
+  // wrote_xlog).
   const std::string settings = fmt::format(
       "SELECT pg_current_xact_id()::text, to_regclass('{}') IS NOT NULL, {},"
       " pg_logical_emit_message(true, 'needlelab', '')",
@@ -90,7 +92,7 @@ void PostgresConnection::noteBegin(std::size_t step, std::size_t steps, const PG
     noteSettings(result, 2);
     write_xid_ = PQgetvalue(result, 0, 0);
   } else if (step == 1) {
-    settings_epoch_ = epoch_;  // prepared now, or before
+    settings_epoch_ = epoch_;  // prepared now or earlier
   }
 }
 
@@ -104,14 +106,14 @@ Error PostgresConnection::notBegun(Error why) {
 Status PostgresConnection::commit() {
   if (not_begun_) return *not_begun_;
   dropDue();  // COMMIT ends the savepoints, too
-  // nothing was asked: what is committed before must be safe all the same
+  // no statement was sent, but earlier commits must still be safe
   if (begin_due_) RETURN_IF_ERROR(sendDue());
   warning_.reset();
   if (in_lost_transaction_) return requireConnected();
   tellBefore("COMMIT");
   const std::string xid = std::exchange(write_xid_, {});
-  in_transaction_ = false;  // what is lost from here on is asked for
-  // the settings of before the COMMIT may not be those under which it ended its wait
+  in_transaction_ = false;  // if the connection is lost from here on, the outcome is queried
+  // settings read before the COMMIT may not be those under which its wait ended
   const bool reads_settings = !xid.empty() && options_.least == Durability::kDiskLoss;
   const auto done = reads_settings ? commitAndReadSettings() : runCommit();
   if (done) {
@@ -127,10 +129,10 @@ Status PostgresConnection::commit() {
     return {};
   }
   if (isConnected()) return done.error();
-  if (is_beside_) return done.error();  // whoever counts again counts once too often
+  if (is_beside_) return done.error();  // counting again could count twice
   if (xid.empty()) return {};           // it only read
   const Status outcome = askOutcome(xid);
-  if (hasLocks()) connection_.reset();  // the next one takes them
+  if (hasLocks()) connection_.reset();  // the next connection takes them
   return outcome;
 }
 
@@ -143,8 +145,8 @@ Result<PostgresConnection::ResultPtr> PostgresConnection::commitAndReadSettings(
   constexpr const char* kWhat = "commit";
   PGconn* const connection = connection_.get();
   if (PQenterPipelineMode(connection) == 0) return lost(kWhat);
-  // PostgreSQL tells its connections of new settings before it ends their waits, and a connection takes them
-  // in before each message
+  // PostgreSQL notifies its connections of new settings before it ends their waits, and a connection applies
+  // them before each message
   for (const std::string& sql : {std::string("COMMIT"), fmt::format("SELECT {}", kSettingsQuery)})
     if (PQsendQueryParams(connection, sql.c_str(), 0, nullptr, nullptr, nullptr, nullptr, 0) == 0)
       return lost(kWhat);
@@ -162,7 +164,7 @@ Result<std::string> PostgresConnection::statusOf(const std::string& xid) {
   const std::string ask = fmt::format("SELECT pg_xact_status('{}'::xid8)", xid);
   if (PQsendQuery(connection_.get(), ask.c_str()) == 0) return lost(kWhat);
   const auto answer = wait(kWhat);
-  // its number is in this server's future: a standby that was promoted without it
+  // the number lies in this server's future: a standby was promoted without that transaction
   if (!answer && answer.error().code == ErrorCode::kInvalidInput) return std::string("unknown");
   if (!answer) return answer.error();
   return std::string(PQgetvalue(answer->get(), 0, 0));
@@ -172,7 +174,7 @@ Status PostgresConnection::lookBack() {
   if (acknowledged_xid_.empty()) return {};
   const auto status = statusOf(acknowledged_xid_);
   if (!status) {
-    connection_.reset();  // the next one looks again
+    connection_.reset();  // the next one checks again
     return status.error();
   }
   if (*status == "committed" || status->empty()) return {};
@@ -190,29 +192,28 @@ Status PostgresConnection::askOutcome(const std::string& xid) {
   const auto until = std::chrono::steady_clock::now() + options_.answer_timeout;
   std::string why;
   while (std::chrono::steady_clock::now() < until && (cancelled_ == nullptr || !cancelled_->load())) {
-    // without locks: PostgreSQL may keep the connection that was lost, and with it those
+    // without locks: PostgreSQL may still hold the lost connection, and its locks
     if (const auto connected = connect(false); !connected) {
       why = connected.error().message;
     } else if (const auto status = statusOf(xid); !status) {
       why = status.error().message;
     } else {
-      // of a transaction that waited for a standby nobody can tell whether the standby has it
+      // for a transaction that waited for a standby, it is unknown whether the standby has it
       if (*status == "committed")
         return Error{ErrorCode::kUnavailable,
                      shown_url_ +
-                         ": the connection was lost while it was stored; it is stored at this server "
-                         "of PostgreSQL, and nobody can tell whether at its standby, too"};
+                         ": the connection was lost while it was stored; it is stored at this server of "
+                         "PostgreSQL, and it is unknown whether the standby has it, too"};
       if (*status == "aborted" || *status == "unknown")
         return Error{ErrorCode::kUnavailable, shown_url_ + ": the connection was lost; nothing was stored"};
       why = "it is still under way";
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
-  return Error{
-      ErrorCode::kUnavailable,
-      fmt::format("{}: the connection was lost while it was stored, and nobody can tell whether it was "
-                  "({}): look before you try again",
-                  shown_url_, why)};
+  return Error{ErrorCode::kUnavailable,
+               fmt::format("{}: the connection was lost while it was stored, and it is unknown whether it "
+                           "was ({}): look before you try again",
+                           shown_url_, why)};
 }
 
 void PostgresConnection::rollback() {

@@ -34,7 +34,7 @@ std::int64_t held(double value) {
   return static_cast<std::int64_t>(value);
 }
 
-/// numeric_send: the number of digits (in base 10,000), the weight of the first, sign, scale; the digits.
+/// numeric_send: number of digits (base 10,000), weight of the first, sign, scale; then the digits.
 struct Numeric {
   bool negative = false, is_number = false;
   int weight = 0;
@@ -90,8 +90,8 @@ void putBigEndian32(std::string& into, std::size_t value) {
   for (int shift = 24; shift >= 0; shift -= 8) into += static_cast<char>((value >> shift) & 0xff);
 }
 
-/// array_recv: dimensions, whether there are NULLs, the elements' type; length and first index of the
-/// dimension; each element behind its length. `bytes_of` gives an element's bytes.
+/// array_recv: dimensions, NULL flag, element type; the dimension's length and first index; then each element
+/// after its length. `bytes_of` gives an element's bytes.
 template <typename Value, typename BytesOf>
 std::optional<std::string> listOf(PostgresType element, std::span<const Value> values,
                                   const BytesOf& bytes_of) {

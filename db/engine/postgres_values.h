@@ -1,4 +1,4 @@
-/// PostgreSQL's binary forms of values (its source: src/backend/utils/adt, the functions *send and *recv).
+/// PostgreSQL's binary value formats (its source: src/backend/utils/adt, functions *send and *recv).
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@
 
 namespace needlelab {
 
-/// Types by their numbers in PostgreSQL's catalogue (pg_type.dat).
+/// Types by their OIDs (pg_type.dat).
 enum class PostgresType : std::uint32_t {
   kUnspecified = 0,
   kBool = 16,
@@ -31,21 +31,22 @@ enum class PostgresType : std::uint32_t {
   kInt8List = 1016,
 };
 
-/// 8 bytes, greatest first.
+/// 8 bytes, big-endian.
 std::string postgresInteger(std::int64_t value);
 std::string postgresReal(double value);
-/// An array of one dimension (array_send). Nothing: it would have more than the 1 GiB that PostgreSQL takes.
+/// A one-dimensional array (array_send). Nothing if it would exceed PostgreSQL's limit of 1 GiB.
 std::optional<std::string> postgresList(std::span<const std::int64_t> values);
 std::optional<std::string> postgresList(std::span<const std::string_view> values);
 std::optional<std::string> postgresList(std::span<const ByteView> values);
 
-/// The value as a whole number, as SQLite would give it: of a text what it begins with; of a numeric and a
-/// real what is before the point, held to the range of 64 bits; of anything else 0. `bytes` come from a
-/// server and may have any length.
+/// The value as an integer, as SQLite would convert it: the leading number of a text; the integral part of a
+/// numeric or real, clamped to 64 bits; 0 for anything else. `bytes` come from a server and may have any
+/// length.
 std::int64_t integerOfPostgres(PostgresType type, ByteView bytes);
-/// As a real number, in the same way.
+/// The value as a real number, likewise.
 double realOfPostgres(PostgresType type, ByteView bytes);
-/// The digits of a number, as SQLite would give them as a text. Nothing: `bytes` are the text, or the bytes.
+/// The digits of a number, as SQLite would convert it to text. Nothing: `bytes` already are the text or
+/// bytes.
 std::optional<std::string> textOfPostgres(PostgresType type, ByteView bytes);
 
 }  // namespace needlelab

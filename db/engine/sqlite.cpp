@@ -9,14 +9,14 @@
 #include <utility>
 
 #include "common/base/bytes.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/planted_bug.h"
 #include "db/engine/sqlite_files.h"
 
 namespace needlelab {
 namespace {
 
-/// True for failures that put the data on disk in doubt.
+/// Whether the failure puts the data on disk in doubt.
 bool isDamage(int rc) {
   switch (rc & 0xff) {
     case SQLITE_IOERR:
@@ -123,7 +123,7 @@ Result<std::unique_ptr<SqliteConnection>> SqliteConnection::open(const std::file
   if (!options.create && options.vfs == nullptr && ::stat(path.c_str(), &info) != 0) {
     return Error{ErrorCode::kNotFound, path.string() + ": there is no database here"};
   }
-  // SQLite reads a journal that it finds; a pipe of that name would never answer
+  // SQLite reads any journal it finds; a pipe of that name would never answer
   for (const char* suffix : {"", "-wal", "-shm", "-journal"})
     if (options.vfs == nullptr) RETURN_IF_ERROR(requireFileOrNothing(path.string() + suffix));
   const bool foreign = options.mode == Mode::kForeign;
@@ -136,32 +136,31 @@ Result<std::unique_ptr<SqliteConnection>> SqliteConnection::open(const std::file
   sqlite3* handle = nullptr;
   const int rc = openDatabaseFile(foreign ? immutableName(path) : path.string(), &handle, flags,
                                   frozen && options.vfs == nullptr ? "unix-none" : options.vfs);
-  // by new: the constructor is private
+  // `new`: the constructor is private
   std::unique_ptr<SqliteConnection> connection(
       new SqliteConnection(path, options.copy_of.empty() ? path : options.copy_of, handle));
   if (rc != SQLITE_OK) return connection->errorOf(rc, "open the database");
-  // nobody empties the log of a frozen one
+  // the log of a frozen database is never emptied
   if (options.mode == Mode::kReader) connection->limits_.most_log_bytes = options.most_log_bytes;
   if (foreign) {
     connection->limits_.cancelled = options.cancelled;
     connection->limits_.time = options.time;
     connection->limits_.until_ns = options.until_ns;
   }
-  // every 1000 steps of SQLite's virtual machine: well under a millisecond apart; a step of a foreign file
+  // every 1000 steps of SQLite's virtual machine: well under a millisecond apart; a step in a foreign file
   // may read much
   sqlite3_progress_handler(handle, foreign ? 50 : 1000, &SqliteConnection::goesOn, &connection->limits_);
   sqlite3_extended_result_codes(handle, 1);
   sqlite3_busy_timeout(handle, options.busy_timeout_ms);
   connection->busy_timeout_ms_ = options.busy_timeout_ms;
-  // by default the last connection checkpoints on close; only the writer may checkpoint, and it does so
-  // itself
+  // by default the last connection checkpoints on close; only the writer may, and does so itself
   sqlite3_db_config(handle, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
   // a hostile file's schema must not execute functions
   sqlite3_db_config(handle, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
 
   // before anything else: disables automatic checkpoints
   RETURN_IF_ERROR(connection->script("PRAGMA wal_autocheckpoint=0"));
-  // the index of the log is then on the heap of each connection; without locks, several may do so
+  // the log's index is then on each connection's heap; without locks, several connections may do this
   if (frozen) RETURN_IF_ERROR(connection->script("PRAGMA locking_mode=EXCLUSIVE"));
   if (writer) {
     ASSIGN_OR_RETURN(const auto mode, connection->prepare("PRAGMA journal_mode=WAL"));
@@ -175,11 +174,11 @@ Result<std::unique_ptr<SqliteConnection>> SqliteConnection::open(const std::file
   std::string settings =
       "PRAGMA foreign_keys=ON; PRAGMA trusted_schema=OFF; PRAGMA temp_store=MEMORY;"
       "PRAGMA cell_size_check=ON;";
-  // a large enough cache for the pages that the next chunks of a thousand open sessions touch: some
-  // 1,500, where SQLite's default is 500; overwrite deleted rows, so that an erased person cannot be read
+  // the cache holds the pages that the next chunks of a thousand open sessions touch: about 1,500, where
+  // SQLite's default is 500; secure_delete overwrites deleted rows, so that an erased person cannot be read
   // from free pages
   settings += writer ? "PRAGMA cache_size=-16384; PRAGMA secure_delete=ON;" : "PRAGMA query_only=ON;";
-  // this one has SQLite read the schema: of a foreign file only within the bounds of openForeign()
+  // makes SQLite read the schema: for a foreign file only within the limits of openForeign()
   if (!foreign)
     settings +=
         planted(PlantedBug::kSynchronousNormal) ? "PRAGMA synchronous=NORMAL;" : "PRAGMA synchronous=FULL;";
@@ -251,7 +250,7 @@ Status SqliteConnection::commit() {
 void SqliteConnection::rollback() {
   // after some errors SQLite has already rolled back
   if (!inTransaction()) return;
-  noteShortRead();  // a read that was given up must end
+  noteShortRead();  // an aborted read must end
   (void)run(kRollback);
 }
 
@@ -277,7 +276,7 @@ const std::atomic<bool>* SqliteConnection::setCancelled(const std::atomic<bool>*
 Status SqliteConnection::checkpointPassive(WalProgress* progress) {
   int pages = 0, moved = 0;
   const int rc = sqlite3_wal_checkpoint_v2(handle_, nullptr, SQLITE_CHECKPOINT_PASSIVE, &pages, &moved);
-  // SQLite says −1 when it cannot tell
+  // SQLite returns −1 if it does not know
   if (progress != nullptr)
     *progress = {static_cast<std::uint64_t>(std::max(pages, 0)),
                  static_cast<std::uint64_t>(std::max(moved, 0))};

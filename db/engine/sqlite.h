@@ -12,19 +12,19 @@
 #include <string_view>
 
 #include "common/base/result.h"
-#include "common/base/time_source.h"
+#include "common/base/time/time_source.h"
 #include "db/engine/engine.h"
 
 namespace needlelab {
 
-/// A log beside the database above this has long reads given up, because they keep it from being emptied. It
-/// is some ten minutes of a thousand stations: smaller, no check of a large database would end; greater, it
-/// takes room that others lack.
+/// Long reads are aborted when the log beside the database exceeds this, because they keep it from being
+/// emptied. It is about ten minutes of a thousand stations. Smaller: no check of a large database would
+/// finish; greater: it takes disk space that others need.
 inline constexpr std::uint64_t kMostLogBytesOfReaders = std::uint64_t{4} << 30;
 
-/// An open file with the settings of db/README.md: WAL, synchronous=FULL, foreign keys on,
+/// An open file with the settings in db/README.md: WAL, synchronous=FULL, foreign keys on,
 /// wal_autocheckpoint=0, no checkpoint on close. Only the writer checkpoints: SQLite before 3.51.3 can
-/// destroy the database when one connection checkpoints while another commits. Thread: not thread-safe; one
+/// destroy the database if one connection checkpoints while another commits. Thread: not thread-safe; one
 /// thread at a time (SQLite runs without its own mutex).
 class SqliteConnection final : public EngineConnection {
  public:
@@ -32,30 +32,31 @@ class SqliteConnection final : public EngineConnection {
     kWriter,   ///< reads, writes, checkpoints; one per process, and one process per database (lock in
                ///< bootstrap.h)
     kReader,   ///< query_only
-    kFrozen,   ///< query_only, of a file that nobody writes to: writes nothing itself, no lock and no
-               ///< shared memory beside the file, so that it opens on a full disk; includes the log
-    kForeign,  ///< for openForeign() (foreign_database.h): query_only, the file alone, as it is: without what
-               ///< a log or a journal beside it says
+    kFrozen,   ///< query_only, for a file that no one writes to: writes nothing itself and uses no lock or
+               ///< shared memory beside the file, so that it opens on a full disk; reads the log
+    kForeign,  ///< for openForeign() (foreign_database.h): query_only; reads the file alone, ignoring any log
+               ///< or journal beside it
   };
   struct Options {
     Mode mode = Mode::kReader;
     bool create = false;        ///< writer only: create a missing file
     const char* vfs = nullptr;  ///< a VFS registered by a test; null = the system's
     int busy_timeout_ms = 5000;
-    /// Readers only: above this a long read fails with kUnavailable (noteShortRead()).
+    /// Readers only: a long read fails with kUnavailable above this size (noteShortRead()).
     std::uint64_t most_log_bytes = kMostLogBytesOfReaders;
-    std::filesystem::path copy_of = {};  ///< the file that `path` is a copy of, which messages about its
-                                         ///< contents name; empty: none
-    /// Foreign files only: reads fail with kUnavailable once `time` is past `until_ns`. `time` may be null:
-    /// no bound; it must outlive the connection.
+    /// The original of which `path` is a copy; named in messages about the contents. Empty: none.
+    std::filesystem::path copy_of = {};
+    /// Foreign files only: reads fail with kUnavailable once `time` is past `until_ns`. `time` must outlive
+    /// the connection; null: no limit.
     TimeSource* time = nullptr;
     std::int64_t until_ns = 0;
-    /// Foreign files only: as CancelScope, from the opening on. May be null; must outlive the connection.
+    /// Foreign files only: like CancelScope, but also while opening. May be null; must outlive the
+    /// connection.
     const std::atomic<bool>* cancelled = nullptr;
   };
 
-  /// Opens and configures the database. Errors: kNotFound (no file), kInvalidInput (a pipe, device, socket or
-  /// folder in its place, or in that of its log or journal), kCorrupt (not a database), kFailed.
+  /// Opens and configures the database. Errors: kNotFound (no file), kInvalidInput (it, its log or its
+  /// journal is a pipe, device, socket or folder), kCorrupt (not a database), kFailed.
   static Result<std::unique_ptr<SqliteConnection>> open(const std::filesystem::path& path,
                                                         const Options& options);
   ~SqliteConnection() override;
@@ -77,12 +78,12 @@ class SqliteConnection final : public EngineConnection {
   [[nodiscard]] std::string durabilityReason() const override { return "SQLite, synchronous = FULL"; }
   [[nodiscard]] SqliteConnection* sqlite() override { return this; }
 
-  /// The result of a checkpoint: pages in the log, and how many of them are already in the database. 0 when
-  /// the database was busy.
+  /// Result of a checkpoint: pages in the log, and how many of them are already in the database. Both are 0
+  /// if the database was busy.
   struct WalProgress {
     std::uint64_t pages = 0, moved = 0;
   };
-  /// As Connection's.
+  /// As in Connection.
   Status checkpointPassive(WalProgress* progress);
   Result<bool> emptyLog(int patience_ms);
   [[nodiscard]] std::uint64_t walBytes();
@@ -97,16 +98,16 @@ class SqliteConnection final : public EngineConnection {
   Error errorOf(int rc, std::string_view what);
 
  private:
-  /// What interrupts statements that run, by SQLite's progress handler.
+  /// What interrupts running statements, through SQLite's progress handler.
   struct Limits {
     sqlite3* handle = nullptr;
     const std::atomic<bool>* cancelled = nullptr;  ///< null: nothing cancels
     std::uint64_t most_log_bytes = 0;              ///< 0: any size
-    std::uint64_t looks = 0;                       ///< calls of the handler since noteShortRead()
-    std::uint64_t log_bytes = 0;                   ///< for which the last interruption was; 0: cancelled
-    TimeSource* time = nullptr;                    ///< null: no bound of time
+    std::uint64_t looks = 0;                       ///< handler calls since noteShortRead()
+    std::uint64_t log_bytes = 0;  ///< log size that caused the last interruption; 0: cancelled
+    TimeSource* time = nullptr;   ///< null: no time limit
     std::int64_t until_ns = 0;
-    bool is_late = false;  ///< the last interruption was because of `until_ns`
+    bool is_late = false;  ///< the last interruption was due to `until_ns`
   };
   /// Statements that are prepared once.
   enum Fixed : std::uint8_t {

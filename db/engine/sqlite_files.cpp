@@ -11,15 +11,15 @@
 namespace needlelab {
 namespace {
 
-/// In the place of open(2) for SQLite's files.
+/// Replaces open(2) for SQLite's files.
 int openWithoutWaiting(const char* path, int flags, int mode) {
   return ::open(path, flags | O_NONBLOCK, static_cast<mode_t>(mode));
 }
 
-/// Has SQLite open its files so. Returns SQLite's code.
+/// Makes SQLite use openWithoutWaiting(). Returns SQLite's code.
 int replaceOpen() {
   if (const int rc = sqlite3_initialize(); rc != SQLITE_OK) return rc;
-  // all VFSs of the system, also those that tests derive from them, share this one's calls
+  // all of the system's VFSs, including those that tests derive from them, share these calls
   sqlite3_vfs* const files = sqlite3_vfs_find("unix");
   if (files == nullptr || files->iVersion < 3 || files->xSetSystemCall == nullptr) return SQLITE_MISUSE;
   return files->xSetSystemCall(files, "open", reinterpret_cast<sqlite3_syscall_ptr>(&openWithoutWaiting));

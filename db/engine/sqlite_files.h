@@ -1,5 +1,5 @@
-/// SQLite's files: opening them without waiting for anybody, the system's error behind SQLite's, the log's
-/// size. Private to db.
+/// SQLite's files: non-blocking opening, the system error behind an SQLite error, the log's size. Private to
+/// db.
 #pragma once
 
 #include <sqlite3.h>
@@ -10,19 +10,19 @@
 
 namespace needlelab {
 
-/// As sqlite3_open_v2(), by which `handle` is to be closed after an error, too. From the first call on SQLite
-/// waits for no file that it opens (O_NONBLOCK): a look at the name before it cannot tell what lies there
-/// when it is opened, and a pipe waits for its other end, perhaps for ever. A pipe is no database then; on
-/// regular files the flag has no effect. Thread: any.
+/// Like sqlite3_open_v2(); `handle` must be closed even after an error. From the first call on, SQLite opens
+/// all its files with O_NONBLOCK: checking the name first cannot tell what will be there when it is opened,
+/// and opening a pipe waits for its other end, perhaps forever. A pipe then fails as "not a database";
+/// regular files are unaffected. Thread: any.
 int openDatabaseFile(const std::string& name, sqlite3** handle, int flags, const char* vfs);
 
-/// The file by a name that says: nothing else belongs to it, and nobody changes it. For SQLITE_OPEN_URI.
+/// The file's URI with `immutable`: nothing else belongs to it, and no one changes it. For SQLITE_OPEN_URI.
 std::string immutableName(const std::filesystem::path& path);
 
-/// The errno behind SQLite's error, when it concerns the disk; else 0. `handle` may be null.
+/// The errno behind an SQLite error if it concerns the disk; else 0. `handle` may be null.
 int systemErrorOf(int rc, sqlite3* handle, const std::filesystem::path& path);
 
-/// Size of the log's file, through SQLite's own file handle, which is correct for every VFS.
+/// Size of the log file, from SQLite's own file handle, which is correct for every VFS.
 std::uint64_t logBytesOf(sqlite3* handle);
 
 }  // namespace needlelab

@@ -250,7 +250,7 @@ CREATE TABLE audit (
   detail  TEXT NOT NULL
 ) STRICT;
 
--- Tamper evidence of the audit log (db/audit_chain.h): an entry for each line. mac is keyed by DIR/audit.key, which is in
+-- Tamper evidence of the audit log (db/audit/audit_chain.h): an entry for each line. mac is keyed by DIR/audit.key, which is in
 -- no backup, and covers the entry before. Nothing changes or deletes lines.
 CREATE TABLE audit_chain (
   position   INTEGER PRIMARY KEY CHECK (position >= 1),
@@ -504,8 +504,8 @@ CREATE TABLE station_claims (
   since_unix_ns INTEGER NOT NULL                      -- by that server's clock
 ) STRICT, WITHOUT ROWID;
 
--- What servers that work on one database at a time know of each other's log-ins (db/login_store.h), and
--- numbers of changes of access (db/access_numbers.h). One server alone keeps log-ins in its memory, and nothing here.
+-- What servers that work on one database at a time know of each other's log-ins (db/login/login_store.h), and
+-- numbers of changes of access (db/login/access_numbers.h). One server alone keeps log-ins in its memory, and nothing here.
 
 -- Of each account whose access changed, the number of its last change; of all of them each gets the next one. `what`: 0 the last
 -- number given; of a person (people.ref) 1 role, password, disabled, 3 a log-out; 2 of a station its key; 4 that somebody was

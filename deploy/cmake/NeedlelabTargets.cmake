@@ -6,11 +6,11 @@
 #   TOGETHER: all tests of the binary are one ctest test, because their common set-up is expensive
 #   SHORT: with TOGETHER, the tests (patterns) that deploy/test runs; NAME_whole runs all of them in the nightly (ctest -C Long)
 #   OPTIMISED: its own code computes for long, so it is compiled like a library
-#   COST: in place of TIMEOUT, where a long form needs the limit: what may take longest begins first
+#   COST: instead of TIMEOUT, if a long form needs the limit: tests that may take longest begin first
 #   Tests of an area with the same labels share a program (DECISIONS.md).
 #   labels: unit, net, determinism give the kind of test; threads: runs under ThreadSanitizer in .ci/run; memory: runs under
 #   AddressSanitizer and UBSan there (code that reads or keeps bytes from outside, or works on the haptic thread)
-# needlelab_missing(NAME REASON)  -> a test that is skipped for REASON, in place of tests that cannot be built or run here
+# needlelab_missing(NAME REASON)  -> a test that is skipped for REASON, instead of tests that cannot be built or run here
 #
 # Headers are included by their path from the top, "common/haptics/engine.h". ARCHITECTURE.md lists the includes that are
 # allowed between folders, and tests/structure checks them.
@@ -119,7 +119,7 @@ function(needlelab_test name)
     set_tests_properties(${names} PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT} COST ${ARG_COST} ${properties})
     return()
   endif()
-  # What may take longest begins first, or it would run alone at the end.
+  # Tests that may take longest begin first, or they would run alone at the end.
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
     PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT} COST ${ARG_COST} ${properties})
 endfunction()

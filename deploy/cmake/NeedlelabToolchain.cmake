@@ -1,11 +1,11 @@
-# Compiler, warnings, sanitizers, ccache and linker: everything that holds for every target.
+# Compiler, warnings, sanitizers, ccache and linker: the settings of every target.
 set(CMAKE_CXX_STANDARD 20)
 set(CMAKE_CXX_STANDARD_REQUIRED ON)
 set(CMAKE_CXX_EXTENSIONS OFF)
 set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
 set(CMAKE_RUNTIME_OUTPUT_DIRECTORY "${CMAKE_BINARY_DIR}/bin")
-# Most of the code waits for a disk, a network or a person: -O1 takes a third off its compile time. What is in the haptic
-# tick or computes for long is marked OPTIMISED (NeedlelabTargets.cmake) and gets -O2.
+# Most of the code waits for a disk, a network or a person: -O1 takes a third off its compile time. Code in the haptic
+# tick or that computes for long is marked OPTIMISED (NeedlelabTargets.cmake) and gets -O2.
 set(CMAKE_CXX_FLAGS_RELWITHDEBINFO "-O1 -g1 -DNDEBUG")
 set(CMAKE_CXX_FLAGS_DEBUG "-O0 -g1")
 if(CMAKE_CXX_COMPILER_ID STREQUAL "Clang")

@@ -23,20 +23,20 @@ using HttpHeaders = std::vector<std::pair<std::string, std::string>>;
 struct HttpRequest {
   std::string method, target;
   std::string host, origin, fetch_site, cookie, content_type, if_match, if_none_match, csrf;
-  std::string forwarded, x_forwarded_for;  ///< all their values, joined by commas; anybody may send them
+  std::string forwarded, x_forwarded_for;  ///< all values, joined by commas; any client may send them
   std::string body;
   bool is_http_1_1 = true;
   bool upgrade = false;  ///< requests a WebSocket
 
   std::uint64_t connection = 0;
-  std::string address;  ///< of the peer, HOST:PORT; of a trusted proxy's client with port 0
-  /// True: the client no longer waits for the answer. It stays so. Thread: any.
+  std::string address;  ///< the peer's, HOST:PORT; behind a trusted proxy the client's
+  /// True once the client no longer waits for the answer. Never becomes false again. Thread: any.
   std::function<bool()> gone;
 
   // for the log and the metrics; set by the handler
   std::string route = "none";
   std::string who;
-  std::string refused_for;  ///< what the log says of a refusal beside its status
+  std::string refused_for;  ///< logged beside the status of a refusal
 };
 
 /// The next piece of a body, empty at the end.
@@ -46,12 +46,12 @@ struct HttpAnswer {
   unsigned status = 200;
   std::string type = "application/json";
   std::string body = {};
-  std::shared_ptr<const std::string> shared_body = {};  ///< in place of `body`
-  HttpHeaders headers = {};                             ///< in addition to the headers of every answer
-  /// Set: the body is sent in pieces. An error cuts the connection, so that the client cannot mistake a part
-  /// for the whole. The server asks for the next piece after it has sent the last one.
+  std::shared_ptr<const std::string> shared_body = {};  ///< instead of `body`
+  HttpHeaders headers = {};                             ///< in addition to commonHeaders()
+  /// If set, the body is sent in pieces. An error cuts the connection, so that the client cannot mistake a
+  /// part for the whole. The server requests a piece only after it has sent the previous one.
   HttpPieces pieces = {};
-  std::shared_ptr<HttpTakeover> takeover = {};  ///< set: another protocol takes over the connection
+  std::shared_ptr<HttpTakeover> takeover = {};  ///< if set, another protocol takes over the connection
   std::shared_ptr<const void> until_sent =
       {};  ///< released when the answer has been written, or the peer is gone
   bool no_store = true;

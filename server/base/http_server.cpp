@@ -16,7 +16,7 @@
 #include <string_view>
 #include <utility>
 
-#include "common/base/clock.h"
+#include "common/base/time/clock.h"
 #include "server/base/http_stream.h"
 #include "server/base/listen.h"
 
@@ -36,7 +36,7 @@ std::string headerOf(const HttpParser& parser, const char* name) {
   return {value.data(), value.size()};
 }
 
-/// All values of a header that may come several times, in order.
+/// All values of a repeatable header, in order.
 std::string allOf(const HttpParser& parser, const char* name) {
   std::string values;
   const auto [first, last] = parser.get().equal_range(name);
@@ -47,8 +47,8 @@ std::string allOf(const HttpParser& parser, const char* name) {
   return values;
 }
 
-/// Whether the header names a coding of the body, other than "chunked" alone in HTTP/1.1. The parser takes
-/// most of these for requests without a body, and the body for the next request; a proxy in front may not.
+/// True if Transfer-Encoding is anything but "chunked" alone in HTTP/1.1. The parser treats most such
+/// requests as having no body, and their body as the next request; a proxy in front may not.
 bool isCodedOtherwise(const HttpParser& parser) {
   const auto& message = parser.get();
   const std::size_t codings = message.count(bhttp::field::transfer_encoding);
@@ -57,13 +57,13 @@ bool isCodedOtherwise(const HttpParser& parser) {
          !beast::iequals(message[bhttp::field::transfer_encoding], "chunked");
 }
 
-/// HTTP/1.1 wants exactly one Host (RFC 9112, 3.2).
+/// HTTP/1.1 requires exactly one Host (RFC 9112, 3.2).
 bool hasWrongHost(const HttpParser& parser) {
   const auto hosts = parser.get().count(bhttp::field::host);
   return hosts > 1 || (hosts == 0 && parser.get().version() >= 11);
 }
 
-/// "https://HOST/PATH", as a client writes it to a proxy, means the same as "/PATH" (RFC 9112, 3.2.2).
+/// Clients send "https://HOST/PATH" to a proxy; it means the same as "/PATH" (RFC 9112, 3.2.2).
 struct AbsoluteTarget {
   std::string_view host, target;  ///< host empty: origin form
 };
@@ -253,7 +253,7 @@ class StreamConnection : public HttpConnection {
     response.result(answer.status);
     response.set(bhttp::field::date, httpDate(std::time(nullptr)));
     response.set(bhttp::field::content_type, answer.type);
-    // what a browser does not ask a person for: the console has a log-in of its own (RFC 9110, 11.6.1)
+    // a 401 needs this header (RFC 9110, 11.6.1); browsers show no prompt for an unknown scheme
     if (answer.status == 401) response.set(bhttp::field::www_authenticate, "Session realm=\"needlelab\"");
     for (const auto& [name, value] : server_->commonHeaders()) response.set(name, value);
     response.set(bhttp::field::cache_control, answer.no_store ? "no-store" : "no-cache");
@@ -270,7 +270,7 @@ class StreamConnection : public HttpConnection {
     } else {
       const std::string& body = answer.shared_body ? *answer.shared_body : answer.body;
       if (answer.status != 304) response.content_length(body.size());
-      // send a small header and body together; do not copy a shared body for it
+      // send a small header and body together, but do not copy a shared body for that
       if (!head) response.body() = answer.shared_body ? body : std::move(answer.body);
       bhttp::response_serializer<bhttp::string_body> serializer(response);
       if (head || answer.status == 304) {
@@ -287,7 +287,7 @@ class StreamConnection : public HttpConnection {
     co_return sent;
   }
 
-  /// Makes the next piece after the last one was sent: a slow reader costs no memory.
+  /// Makes each piece only after the previous one was sent, so a slow reader costs no memory.
   Task<bool> writePieces(HttpAnswer& answer, const HttpRequest& request) {
     for (;;) {
       noLimit();
@@ -323,7 +323,7 @@ class StreamConnection : public HttpConnection {
     std::memset(room.data(), 0, room.size());
   }
 
-  /// Reads and drops the peer's remaining bytes for a moment: otherwise the peer's kernel would discard our
+  /// Briefly reads and drops the peer's remaining bytes; otherwise the peer's kernel would discard our
   /// answer.
   Task<> drain() {
     if (server_->limits().whole) co_return;
@@ -347,10 +347,10 @@ class StreamConnection : public HttpConnection {
   const std::uint64_t id_;
   const std::string address_;
   HttpStream stream_;
-  std::shared_ptr<HttpTakeover> takeover_;  // now owns the stream
+  std::shared_ptr<HttpTakeover> takeover_;  // the new owner of the stream
   beast::flat_buffer buffer_;
   bool waiting_ = false;    // for the next request
-  bool answering_ = false;  // an answer, or a piece of one, is being made
+  bool answering_ = false;  // an answer or one of its pieces is being made
   const std::shared_ptr<std::atomic<bool>> gone_ = std::make_shared<std::atomic<bool>>(false);
   bool stopping_ = false, cut_ = false;
 };
@@ -403,7 +403,7 @@ std::optional<HttpAnswer> unreadableAnswer(const boost::system::error_code& erro
   if (error == beast::error::timeout) return errorAnswer(408, "timeout", "the request did not come in time");
   const bool cut_off = error == bhttp::error::end_of_stream || error == bhttp::error::partial_message;
   if (isBadRequest(error) && !cut_off)
-    return errorAnswer(400, "invalid_input", "this is no HTTP request: " + error.message());
+    return errorAnswer(400, "invalid_input", "this is not an HTTP request: " + error.message());
   return std::nullopt;
 }
 

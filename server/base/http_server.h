@@ -1,6 +1,6 @@
-/// An HTTP/1.1 server on a port, with or without TLS: accepts connections, reads requests one after the other
-/// within limits of size and time, writes the answers. Subclasses compute the answers: server/web for
-/// browsers, MonitorPort (server/live/monitor.h) for Prometheus and health checks.
+/// An HTTP/1.1 server on a port, with or without TLS. It accepts connections, reads requests one after the
+/// other within limits of size and time, and writes the answers. Subclasses compute the answers: server/web
+/// for browsers, MonitorPort (server/live/monitor/monitor.h) for Prometheus and health checks.
 #pragma once
 
 #include <chrono>
@@ -32,7 +32,7 @@ struct HttpLimits {
   std::chrono::milliseconds header_timeout{10'000};
   std::chrono::milliseconds body_timeout{30'000};
   std::chrono::milliseconds write_timeout{30'000};  ///< for a reply, or for one piece of a stream
-  /// Set: one deadline from accept to the last byte, replacing all others.
+  /// If set, one deadline from accept to the last byte, instead of all others.
   std::optional<std::chrono::milliseconds> whole = {};
 };
 
@@ -44,7 +44,7 @@ struct HttpExchange {
   double seconds = 0;  ///< from the request's last byte read to the reply's last byte written
 };
 
-/// One connection, as seen by the server. Thread: the network's. Ownership: its coroutine.
+/// One connection as the server sees it. Thread: the network's. Ownership: its coroutine.
 class HttpConnection {
  public:
   HttpConnection() = default;
@@ -56,8 +56,8 @@ class HttpConnection {
   virtual void stop() = 0;
   /// Closes the connection now.
   virtual void cut() = 0;
-  /// While a request is answered nothing is read: asks the kernel whether the client has closed its side,
-  /// which HttpRequest::gone says from then on.
+  /// Nothing is read while a request is being answered. So this asks the kernel whether the client has closed
+  /// its side; HttpRequest::gone is true from then on.
   virtual void lookForHangUp() = 0;
 };
 
@@ -76,7 +76,7 @@ class HttpServer : public std::enable_shared_from_this<HttpServer> {
   void cut();
   /// Cuts one connection; ignores unknown ids.
   void cut(std::uint64_t id);
-  /// Looks for clients who have hung up while their requests are answered. Call it by the clock.
+  /// Finds clients that hung up while their requests were being answered. Call it periodically.
   void lookForHangUps();
   [[nodiscard]] std::size_t connections() const { return connections_.size(); }
   [[nodiscard]] std::uint16_t port() const { return port_; }
@@ -84,30 +84,30 @@ class HttpServer : public std::enable_shared_from_this<HttpServer> {
   [[nodiscard]] asio::io_context& io() { return io_; }
   [[nodiscard]] const HttpLimits& limits() const { return limits_; }
   [[nodiscard]] const std::optional<TlsContext>& tls() const { return tls_; }
-  /// For connections from now on; the server must have had one.
+  /// For new connections; the server must have been created with TLS.
   void useTls(TlsContext tls) { tls_ = std::move(tls); }
 
-  // --- for its connections; the subclass decides
+  // --- for its connections; implemented by the subclass
 
   /// Answers a request. Never fails: errors are answers.
   virtual Task<HttpAnswer> answer(std::shared_ptr<HttpRequest> request) = 0;
-  /// The answer to an unreadable, too large or too slow request; nothing: cut the connection.
+  /// The answer to an unreadable, too large or too slow request. Nothing: the connection is cut.
   virtual std::optional<HttpAnswer> unreadable(const boost::system::error_code& error) = 0;
-  /// Maximum size of a body, by the request's line and its Cookie header; asked before the body is read.
+  /// Maximum size of a body, from the request line and the Cookie header. Called before the body is read.
   [[nodiscard]] virtual std::size_t bodyLimit(std::string_view method, std::string_view target,
                                               const std::string& cookie) const;
   /// Headers of every answer.
   [[nodiscard]] virtual const HttpHeaders& commonHeaders() const;
   virtual void handshakeFailed() {}
   virtual void answered(const HttpExchange& exchange);
-  /// The next piece of an answer could not be made: the connection ends without the rest.
+  /// The next piece of an answer could not be made; the connection ends without the rest.
   virtual void streamFailed(const HttpRequest& request, const Error& error);
   /// The connection has ended.
   void ended(std::uint64_t id);
 
  protected:
   HttpServer(asio::io_context& io, Tcp::acceptor acceptor, std::optional<TlsContext> tls, HttpLimits limits);
-  /// Called for a new connection. False: the server closes it without reading.
+  /// Called for a new connection. If false, the server closes it without reading.
   virtual bool admit(std::uint64_t id, const Tcp::endpoint& peer) = 0;
   virtual void left(std::uint64_t /*id*/) {}
 

@@ -15,8 +15,8 @@ PlainHttpStream& HttpStream::next_layer() {
   return std::get<PlainHttpStream>(stream_);
 }
 
-// Beast posts to the handler's executor, which any_completion_handler only gives in a form that it cannot
-// post to; all run on the stream's.
+// Beast posts to the handler's executor, but any_completion_handler provides it only in a form that cannot be
+// posted to. So all handlers run on the stream's executor.
 void HttpStream::read(asio::mutable_buffer buffer, Done done) {
   std::visit(
       [&](auto& stream) {

@@ -23,14 +23,13 @@ namespace needlelab {
 // the executor that kUseTuple resumes on
 using PlainHttpStream = boost::beast::basic_stream<Tcp, asio::any_io_executor>;
 
-/// TCP with TLS or without, as Beast wants a stream. Whoever waits for bytes is behind one type, so TLS and
-/// TCP are compiled once (http_stream.cpp) and not for each of Beast's operations: half of the compile time.
-/// The price is an allocation a read or write. Thread: the network's. Not to be moved while an operation is
-/// under way.
+/// TCP with or without TLS, in the form Beast requires. Completion handlers are type-erased, so TLS and TCP
+/// are compiled once (http_stream.cpp), not for each of Beast's operations; this halves the compile time and
+/// costs one allocation per read or write. Thread: the network's. Must not be moved during an operation.
 class HttpStream {
  public:
   using executor_type = PlainHttpStream::executor_type;
-  using next_layer_type = PlainHttpStream;  // Beast finds the deadline's stream by it
+  using next_layer_type = PlainHttpStream;  // Beast uses it to find the stream with the deadline
   using Done = asio::any_completion_handler<void(boost::system::error_code, std::size_t)>;
   using Ended = asio::any_completion_handler<void(boost::system::error_code)>;
 
@@ -51,7 +50,7 @@ class HttpStream {
     return asio::async_initiate<Token, void(boost::system::error_code, std::size_t)>(
         [this, first](auto done) { read(first, Done(std::move(done))); }, token);
   }
-  /// Writes some of the first buffers.
+  /// Writes a part of the first buffers.
   template <typename Buffers, typename Token>
   auto async_write_some(const Buffers& buffers, Token&& token) {
     Pieces pieces;
@@ -64,11 +63,11 @@ class HttpStream {
     return asio::async_initiate<Token, void(boost::system::error_code, std::size_t)>(
         [this, pieces](auto done) { write(pieces, Done(std::move(done))); }, token);
   }
-  /// TLS only: the handshake, as the server. False: it failed.
+  /// The TLS handshake, as the server; only with TLS. False: it failed.
   Task<bool> shakeHands();
-  /// With TLS says that nothing more comes, and waits for the peer to say so; without it ends the sending.
+  /// With TLS, sends close_notify and waits for the peer's; without, shuts down sending.
   Task<> shutDown();
-  /// How Beast ends a WebSocket's stream.
+  /// Called by Beast to end a WebSocket's stream.
   void tearDown(boost::beast::role_type role, Ended ended);
 
  private:
@@ -88,7 +87,7 @@ class HttpStream {
   std::variant<PlainHttpStream, Secure> stream_;
 };
 
-/// Beast finds it by argument-dependent lookup.
+/// Found by Beast through argument-dependent lookup.
 template <typename Handler>
 void async_teardown(boost::beast::role_type role, HttpStream& stream, Handler&& handler) {
   stream.tearDown(role, HttpStream::Ended(std::forward<Handler>(handler)));
@@ -100,7 +99,7 @@ using HttpParser = boost::beast::http::request_parser<boost::beast::http::string
 std::shared_ptr<HttpRequest> requestOf(HttpParser& parser);
 
 /// Another protocol on a connection that began with HTTP, e.g. a WebSocket. Thread: the network's. serve() is
-/// never called when the connection ends first.
+/// not called if the connection ends first.
 class HttpTakeover {
  public:
   HttpTakeover() = default;

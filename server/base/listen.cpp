@@ -14,14 +14,15 @@
 #include <optional>
 #include <sstream>
 
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 #include "common/wire/endpoint.h"
 #include "server/base/log.h"
 
 namespace needlelab {
 namespace {
 
-/// The inode of the socket that listens on the port, from one of the kernel's tables; empty: no such socket.
+/// The inode of the socket that listens on the port, from one of the kernel's tables; empty if there is no
+/// such socket.
 std::string listeningInode(const char* table, std::uint16_t port) {
   std::ifstream file(table);
   std::string line;
@@ -41,8 +42,8 @@ bool isNumber(const std::string& text) {
   return !text.empty() && text.find_first_not_of("0123456789") == std::string::npos;
 }
 
-/// The program that listens on a TCP port of this machine, as "needlelab-server (process 123)", if this user
-/// may see it in /proc.
+/// The program that listens on a TCP port of this machine, as "needlelab-server (process 123)", if /proc
+/// shows it to this user.
 std::optional<std::string> portHolder(std::uint16_t port) {
   std::string inode = listeningInode("/proc/net/tcp", port);
   if (inode.empty()) inode = listeningInode("/proc/net/tcp6", port);
@@ -91,8 +92,7 @@ Result<Tcp::acceptor> listenOn(asio::io_context& io, const Tcp::endpoint& endpoi
   Tcp::acceptor acceptor(io);
   boost::system::error_code error;
   acceptor.open(endpoint.protocol(), error);
-  // lets a new server start while old connections of the previous one linger; a second server is still
-  // refused
+  // lets a new server start while connections of the previous one linger; a second server is still refused
   if (!error) acceptor.set_option(asio::socket_base::reuse_address(true), error);
   if (!error) boundKernelBytes(acceptor.native_handle());
   if (!error) acceptor.bind(endpoint, error);
@@ -115,7 +115,7 @@ Result<Tcp::acceptor> listenOnHandedOver(asio::io_context& io, int fd) {
   if (::getsockname(fd, reinterpret_cast<sockaddr*>(&address), &size) != 0 ||
       (address.ss_family != AF_INET && address.ss_family != AF_INET6))
     return Error{ErrorCode::kInvalidInput,
-                 "the socket that was handed over is no TCP socket: ListenStream=PORT"};
+                 "the socket passed by systemd is not a TCP socket: ListenStream=PORT"};
   Tcp::acceptor acceptor(io);
   boost::system::error_code error;
   acceptor.assign(address.ss_family == AF_INET ? Tcp::v4() : Tcp::v6(), fd, error);
@@ -136,7 +136,7 @@ void boundKernelBytes(int fd) {
 }
 
 Task<> acceptLoop(Tcp::acceptor& acceptor, std::string event, std::function<void(Tcp::socket)> accepted) {
-  // without these a connection that has gone, or none, would keep accept() waiting
+  // otherwise accept() would block if the pending connection was aborted, or without one
   boost::system::error_code error;
   acceptor.non_blocking(true, error);
   acceptor.set_option(asio::socket_base::enable_connection_aborted(true), error);
@@ -146,7 +146,7 @@ Task<> acceptLoop(Tcp::acceptor& acceptor, std::string event, std::function<void
     for (int count = 0; !error && count < kAcceptsATurn && acceptor.is_open(); ++count) {
       Tcp::socket socket = acceptor.accept(error);
       if (error) break;
-      boundKernelBytes(socket.native_handle());  // one that came before a handed-over socket was bounded
+      boundKernelBytes(socket.native_handle());  // for arrivals before a handed-over socket was bounded
       accepted(std::move(socket));
     }
     if (!acceptor.is_open()) co_return;

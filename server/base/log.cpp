@@ -15,7 +15,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 
 namespace needlelab {
 namespace {
@@ -78,8 +78,8 @@ bool isPlain(std::string_view text) {
   return !text.empty();
 }
 
-/// What of a text takes some 500 bytes of a line, in which a control character becomes `control` bytes and
-/// one above ASCII `high`.
+/// The beginning of a text that takes some 500 bytes of a line. A control character takes `control` bytes, a
+/// byte above ASCII `high`.
 std::string_view cutForLine(std::string_view text, std::size_t control, std::size_t high) {
   constexpr std::size_t kMost = 500;
   std::size_t count = 0, written = 0;
@@ -136,7 +136,7 @@ std::string logLine(std::string_view event, std::initializer_list<LogField> fiel
 
 std::string logMembers(std::string_view event, std::initializer_list<LogField> fields) {
   const auto quoted = [](std::string_view text) {
-    const std::string_view cut = cutForLine(text, 6, 3);  // six bytes for two
+    const std::string_view cut = cutForLine(text, 6, 3);  // "\u0080": six bytes for two
     const nlohmann::json value(std::string(cut) + (cut.size() < text.size() ? "…" : ""));
     return value.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
   };

@@ -26,7 +26,7 @@ struct LogField {
   bool number = false;  ///< `value` is a number
 };
 
-/// A text has at most some 500 bytes of the line. Thread: any.
+/// Each text takes at most about 500 bytes of the line. Thread: any.
 void logEvent(LogLevel level, std::string_view event, std::initializer_list<LogField> fields = {});
 /// A line as in `logEvent`, without time and level.
 std::string logLine(std::string_view event, std::initializer_list<LogField> fields);
@@ -35,25 +35,25 @@ std::string logLine(std::string_view event, std::initializer_list<LogField> fiel
 /// not UTF-8.
 std::string logMembers(std::string_view event, std::initializer_list<LogField> fields);
 
-/// Bounds the lines that anybody on the network can cause: so many a period; further ones are counted
-/// instead. Times: steady clock (ns), from the caller. Thread: one.
+/// Limits the log lines that network peers can cause to a number per period; further ones are only counted.
+/// Times: steady clock (ns), from the caller. Thread: one.
 class LogBound {
  public:
   static constexpr std::int64_t kMinute_ns = 60'000'000'000;
   explicit LogBound(std::uint64_t lines, std::int64_t period_ns = kMinute_ns)
       : lines_(lines), period_ns_(period_ns) {}
-  /// Whether one more line may be written; false: it is counted as left out.
+  /// Whether one more line may be written. If false, it is counted as left out.
   bool take(std::int64_t now_ns);
-  /// How many were left out in periods that are over by now: each is said once. 0: none.
+  /// Number of lines left out in periods that have ended; each is reported once.
   std::uint64_t leftOut(std::int64_t now_ns);
-  /// No period is under way, and there is nothing that leftOut() would still say.
+  /// True when no period is active and leftOut() has nothing left to report.
   bool over(std::int64_t now_ns);
 
  private:
   void turnTo(std::int64_t now_ns);
   const std::uint64_t lines_;
   const std::int64_t period_ns_;
-  std::optional<std::int64_t> began_ns_;  // of the period: with its first line
+  std::optional<std::int64_t> began_ns_;  // of the period; it begins with its first line
   std::uint64_t written_ = 0, left_out_ = 0, to_say_ = 0;
 };
 

@@ -5,7 +5,7 @@
 #include <optional>
 #include <span>
 
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 
 namespace needlelab {
 namespace {
@@ -14,7 +14,7 @@ namespace ip = boost::asio::ip;
 
 constexpr std::size_t kMostAddress = 64;  // characters of an address with its port
 
-/// IPv4 in IPv6 becomes IPv4. Nothing: no address.
+/// Maps IPv4 in IPv6 to IPv4. Nothing: not an address.
 std::optional<ip::address> addressOf(std::string_view text) {
   if (text.size() > kMostAddress) return std::nullopt;
   boost::system::error_code error;

@@ -10,9 +10,9 @@
 
 namespace needlelab {
 
-/// Which peers are reverse proxies, and which header they write. A proxy appends the address of its own
-/// client to what came, so the header is read from its end: the first address that is no trusted proxy is the
-/// client's; what stands before it is only what that client says. Immutable once made.
+/// Which peers are reverse proxies, and which header they write. A proxy appends its client's address to the
+/// header, so it is read from the end: the first address that is not a trusted proxy is the client. Anything
+/// before it is unverified. Immutable once made.
 class TrustedProxies {
  public:
   enum class Header {
@@ -20,10 +20,10 @@ class TrustedProxies {
     kForwarded,      ///< Forwarded: for=ADDRESS;…, for=ADDRESS;… (RFC 7239)
   };
 
-  /// Trusts nobody.
+  /// Trusts no proxy.
   TrustedProxies() = default;
   /// `networks`: ADDRESS or ADDRESS/BITS, IPv4 or IPv6. Only `header` is believed: a proxy that writes one of
-  /// the two passes the other on as its client sent it. Errors: kInvalidInput, with the option's name.
+  /// the two headers passes the other on unchanged. Errors: kInvalidInput, with the option's name.
   static Result<TrustedProxies> parse(const std::vector<std::string>& networks, const std::string& header);
 
   /// `host`: an address without port; IPv4 in IPv6 counts as IPv4.
@@ -31,8 +31,8 @@ class TrustedProxies {
   [[nodiscard]] Header header() const { return header_; }
 
   /// The client of a request as HOST:PORT. `peer`: HOST:PORT of the connection. A peer that is not trusted is
-  /// the client itself. `value`: the values of the header, joined by commas; when its end cannot be read, the
-  /// proxy itself counts as the client. Port 0: known from a header without a port.
+  /// itself the client. `value`: the header's values, joined by commas; if its end cannot be parsed, the
+  /// proxy counts as the client. Port 0: the header has no port.
   [[nodiscard]] std::string clientOf(const std::string& peer, std::string_view value) const;
 
  private:

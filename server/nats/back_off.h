@@ -1,4 +1,4 @@
-/// How long to wait before the next try to connect.
+/// The waiting time before the next attempt to connect.
 #pragma once
 
 #include <algorithm>
@@ -6,19 +6,19 @@
 
 namespace needlelab {
 
-/// Doubles from try to try, and varies, so that servers which lost NATS together do not come back together.
+/// Doubles with each attempt, and is random so that servers which lost NATS together do not return together.
 class BackOff {
  public:
   static constexpr std::chrono::milliseconds kFirst{100}, kLast{2'000};
 
-  /// `drawn`: in [0, 1).
+  /// `drawn`: random, in [0, 1).
   std::chrono::milliseconds next(double drawn) {
     const auto whole = next_;
     next_ = std::min(2 * next_, kLast);
     return std::chrono::milliseconds(
         static_cast<std::chrono::milliseconds::rep>(static_cast<double>(whole.count()) * (0.5 + drawn / 2)));
   }
-  /// A connection was made, and lasted.
+  /// Call when a connection has lasted for some time.
   void reset() { next_ = kFirst; }
 
  private:

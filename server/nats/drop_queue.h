@@ -9,20 +9,20 @@
 
 namespace needlelab {
 
-/// Of what comes faster than it is taken the newest stays: live data. `Item` has `bytes()`. Thread: one at a
-/// time.
+/// For live data: if items arrive faster than they are taken, the newest are kept. `Item` has `bytes()`.
+/// Thread: one at a time.
 template <typename Item>
 class DropQueue {
  public:
   DropQueue(std::size_t most_items, std::size_t most_bytes)
       : most_items_(most_items), most_bytes_(most_bytes) {}
 
-  /// Returns how many were dropped for it.
+  /// Returns how many items were dropped to make room.
   std::uint64_t push(Item item) {
     bytes_ += item.bytes();
     items_.push_back(std::move(item));
     std::uint64_t dropped = 0;
-    // the newest stays, even if it alone is too much
+    // keep the newest even if it alone exceeds the limit
     for (; items_.size() > 1 && (items_.size() > most_items_ || bytes_ > most_bytes_); ++dropped) (void)pop();
     return dropped;
   }
@@ -33,7 +33,7 @@ class DropQueue {
     bytes_ -= item->bytes();
     return item;
   }
-  /// Returns how many there were.
+  /// Returns how many items were removed.
   std::uint64_t clear() {
     const std::uint64_t count = items_.size();
     items_.clear();

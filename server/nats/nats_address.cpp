@@ -8,9 +8,9 @@
 #include <optional>
 #include <utility>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/secret.h"
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 
 namespace needlelab {
 namespace {
@@ -57,17 +57,17 @@ Result<NatsServer> parseServer(std::string_view text) {
   if (host.empty()) return invalidAddress(fmt::format("'{}' has no host", printable(text)));
   for (const char c : host)
     if (!isLetterOrDigit(c) && c != '.' && c != '-' && c != '_' && c != ':')
-      return invalidAddress(fmt::format("'{}' is no host", printable(host)));
+      return invalidAddress(fmt::format("'{}' is not a host", printable(host)));
   server.host = host;
   if (port.empty()) return server;
   port.remove_prefix(1);
   const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), server.port);
   if (error != std::errc() || end != port.data() + port.size() || server.port == 0)
-    return invalidAddress(fmt::format("'{}' is no port", printable(port)));
+    return invalidAddress(fmt::format("'{}' is not a port", printable(port)));
   return server;
 }
 
-/// As of a backup's key (db/encrypted_backup.cpp).
+/// As for a backup's key (db/backup/encrypted_backup.cpp).
 bool isCredential(const fs::path& file) {
   const char* const folder = std::getenv("CREDENTIALS_DIRECTORY");
   std::error_code error;
@@ -98,7 +98,7 @@ Result<NatsAddress> parseNatsAddress(const std::string& text) {
     const bool with_scheme = with_tls || takePrefix(one, kNatsScheme);
     if (!with_scheme && !tls) return invalidAddress(fmt::format("'{}' has no scheme", printable(one)));
     if (with_scheme && tls && *tls != with_tls)
-      return invalidAddress("nats:// and tls:// do not stand together: all servers are reached in one way");
+      return invalidAddress("nats:// and tls:// cannot be mixed: all servers must use the same scheme");
     if (with_scheme) tls = with_tls;
     ASSIGN_OR_RETURN(auto server, parseServer(one));
     address.servers.push_back(std::move(server));
@@ -138,7 +138,7 @@ Result<NatsUser> readNatsUser(const fs::path& file) {
     const auto equals = line.find('=');
     const std::string_view key = trimmed(line.substr(0, equals));
     std::string* const wanted = key == "user" ? &user.user : key == "password" ? &user.password : nullptr;
-    // the line may be a password: it is not repeated
+    // do not repeat the line, it may be a password
     if (wanted == nullptr || equals == std::string_view::npos)
       return invalid("a line is neither 'user = NAME' nor 'password = TEXT'");
     *wanted = trimmed(line.substr(equals + 1));

@@ -16,9 +16,9 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/clock.h"
-#include "common/base/files.h"
-#include "common/base/text.h"
+#include "common/base/files/files.h"
+#include "common/base/text/text.h"
+#include "common/base/time/clock.h"
 #include "server/base/log.h"
 #include "server/nats/back_off.h"
 #include "server/nats/drop_queue.h"
@@ -30,14 +30,14 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr std::int64_t kConnect_ms = 2'000;  // a connection, its TLS, and each answer meanwhile
+constexpr std::int64_t kConnect_ms = 2'000;  // for connecting, TLS, and each answer meanwhile
 constexpr std::int64_t kWrite_ms = 2'000;
-constexpr std::int64_t kPing_ms = 1'000;  // two without an answer end the connection
+constexpr std::int64_t kPing_ms = 1'000;  // two unanswered pings end the connection
 constexpr int kMostPingsOut = 2;
 constexpr std::int64_t kLastFlush_ms = 500;
 constexpr milliseconds kStops{3'000};
-constexpr milliseconds kLasted{10'000};  // a connection of less is no reason to come back sooner
-/// What libnats holds for one subscription; the callback takes it at once.
+constexpr milliseconds kLasted{10'000};  // only a connection that lasted this long resets the waiting time
+/// Queue of libnats per subscription; the callback empties it at once.
 constexpr int kPendingItems = 16'384, kPendingBytes = 16 << 20;
 constexpr std::size_t kPublishedAtOnce = 64, kTakenAtOnce = 256, kTakenBytes = 1u << 20;
 constexpr std::uint64_t kRefusedLinesAMinute = 5;
@@ -56,8 +56,8 @@ struct LinkNews {
   std::string why;
 };
 
-/// What the network's thread, the carrier's own and those of libnats share. libnats calls back as long as it
-/// likes, also after a connection has ended: an exchange lives as long as the program.
+/// Shared by the network's thread, the carrier's own and those of libnats. libnats may call back even after a
+/// connection has ended, so an exchange lives as long as the program.
 struct Exchange {
   explicit Exchange(const NatsSettings& settings)
       : frames_out(settings.queued_items, settings.queued_bytes),
@@ -67,14 +67,14 @@ struct Exchange {
 
   std::mutex mutex;
   std::condition_variable changed;
-  std::string lab;                            // before the threads begin
-  LiveCarrier::Listener* listener = nullptr;  // the network's thread
+  std::string lab;                            // set before the threads start
+  LiveCarrier::Listener* listener = nullptr;  // used on the network's thread
   // guarded by mutex
-  std::optional<asio::any_io_executor> network;  // none: nobody listens any more
+  std::optional<asio::any_io_executor> network;  // nothing: no listener any more
   bool stopping = false, ended = false;
   bool up = false;
   natsConnection* current = nullptr;
-  bool closed = false;  // the current one
+  bool closed = false;  // the current connection
   std::string closed_why;
   std::set<std::string> wanted;  // stations whose frames are wanted
   bool wanted_changed = false;
@@ -93,7 +93,7 @@ Exchange& keptExchange(const NatsSettings& settings) {
   return kept->emplace_back(settings);
 }
 
-/// On the network's thread: what has come, some at a time.
+/// On the network's thread: takes some of the received messages at a time.
 void takeWhatCame(Exchange& exchange) {
   std::vector<Incoming> items;
   std::deque<LinkNews> news;
@@ -118,7 +118,7 @@ void takeWhatCame(Exchange& exchange) {
     if (exchange.listener != nullptr) exchange.listener->onMessage(item.plane, item.name, item.message);
 }
 
-/// With the mutex held.
+/// Call with the mutex held.
 void wakeNetwork(Exchange& exchange) {
   if (!exchange.network || std::exchange(exchange.posted, true)) return;
   asio::post(*exchange.network, [&exchange] { takeWhatCame(exchange); });
@@ -128,7 +128,7 @@ void tellLink(Exchange& exchange, bool up, const std::string& why) {
   const std::lock_guard lock(exchange.mutex);
   exchange.up = exchange.counters.connected = up;
   if (up) ++exchange.counters.connections;
-  // what was not sent is old by the time of the next connection
+  // unsent messages are outdated by the time of the next connection
   if (!up) exchange.counters.dropped_out += exchange.frames_out.clear() + exchange.rest_out.clear();
   exchange.news.push_back({up, why});
   wakeNetwork(exchange);
@@ -150,14 +150,14 @@ void arrived(Exchange& exchange, std::string_view subject, std::string_view mess
   wakeNetwork(exchange);
 }
 
-// --- on libnats's threads; nothing may be thrown through it
+// --- on libnats's threads; no exception may pass through it
 
 void onNatsMessage(natsConnection* /*nc*/, natsSubscription* /*sub*/, natsMsg* message, void* closure) {
   auto& exchange = *static_cast<Exchange*>(closure);
   try {
     arrived(exchange, natsMsg_GetSubject(message),
             {natsMsg_GetData(message), static_cast<std::size_t>(natsMsg_GetDataLength(message))});
-  } catch (...) {  // no memory
+  } catch (...) {  // out of memory
     const std::lock_guard lock(exchange.mutex);
     ++exchange.counters.dropped_in;
   }
@@ -179,14 +179,14 @@ void onNatsClosed(natsConnection* connection, void* closure) {
     exchange.closed = true;
     exchange.closed_why = why;
     exchange.changed.notify_all();
-  } catch (...) {  // no memory for the reason
+  } catch (...) {  // out of memory for the reason
     const std::lock_guard lock(exchange.mutex);
     exchange.closed = exchange.current == connection;
     exchange.changed.notify_all();
   }
 }
 
-/// A subject that the NATS server does not permit, or messages that libnats could not hold.
+/// A subject that the NATS server does not permit, or messages dropped by libnats.
 void onNatsError(natsConnection* connection, natsSubscription* /*sub*/, natsStatus status, void* closure) {
   auto& exchange = *static_cast<Exchange*>(closure);
   try {
@@ -280,7 +280,7 @@ class Carrier final : public NatsCarrier {
   }
 
  private:
-  /// A connection and what it hears. The subscriptions end first.
+  /// A connection and its subscriptions, which are destroyed first.
   struct Link {
     Connection connection;
     std::vector<Subscription> planes;
@@ -291,7 +291,7 @@ class Carrier final : public NatsCarrier {
     std::mt19937_64 random{std::random_device{}()};
     std::uniform_real_distribution<double> unit(0, 1);
     BackOff back_off;
-    // servers that start together spread over the list
+    // servers that start together begin at different places of the list
     std::size_t next = random() % address_.servers.size();
     for (std::string said; !stopping(); next = (next + 1) % address_.servers.size()) {
       const NatsServer& server = address_.servers[next];
@@ -305,7 +305,7 @@ class Carrier final : public NatsCarrier {
         if (steadyNowNs() - began_ns > std::chrono::nanoseconds(kLasted).count()) back_off.reset();
         said.clear();
       }
-      // once for each reason
+      // log each reason only once in a row
       if (!stopping() && std::exchange(said, why) != why) {
         logEvent(LogLevel::kWarning, "live_link", {{"state", "down"}, {"nats", server.url()}, {"text", why}});
         tellLink(exchange_, false, why);
@@ -337,7 +337,7 @@ class Carrier final : public NatsCarrier {
     set(natsOptions_SetAllowReconnect(options, false));
     set(natsOptions_SetIgnoreDiscoveredServers(options, true));
     set(natsOptions_SetNoEcho(options, true));
-    // one thread of the library's delivers, in place of one for each subscription
+    // one thread of the library delivers for all subscriptions
     set(natsOptions_UseGlobalMessageDelivery(options, true));
     set(natsOptions_SetClosedCB(options, onNatsClosed, &exchange_));
     set(natsOptions_SetErrorHandler(options, onNatsError, &exchange_));
@@ -353,7 +353,7 @@ class Carrier final : public NatsCarrier {
     return status;
   }
 
-  /// Null: `why` says what failed.
+  /// Null: `why` has the reason.
   std::unique_ptr<Link> connect(const NatsServer& server, std::string& why) {
     natsOptions* made = nullptr;
     natsStatus status = natsOptions_Create(&made);
@@ -376,7 +376,7 @@ class Carrier final : public NatsCarrier {
         exchange_.closed_why.clear();
       }
       listenToWanted(*link);
-      // it has them once it has answered
+      // the subscriptions are active once it has answered
       status = natsConnection_FlushTimeout(connected, kConnect_ms);
     }
     if (status == NATS_OK) return link;
@@ -413,7 +413,7 @@ class Carrier final : public NatsCarrier {
     }
   }
 
-  /// Publishes until the connection ends, and says why it did.
+  /// Publishes until the connection ends; returns the reason.
   std::string serve(Link& link) {
     std::unique_lock lock(exchange_.mutex);
     for (;;) {
@@ -458,7 +458,7 @@ class Carrier final : public NatsCarrier {
     return why;
   }
 
-  /// The current connection is none any more.
+  /// The current connection has ended.
   void forget() {
     const std::lock_guard lock(exchange_.mutex);
     exchange_.current = nullptr;

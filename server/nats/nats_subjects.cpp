@@ -4,7 +4,7 @@
 
 #include <array>
 
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 
 namespace needlelab {
 namespace {
@@ -45,7 +45,7 @@ std::optional<std::string> nameOfToken(std::string_view token) {
     name += static_cast<char>(16 * high + low);
     at += 2;
   }
-  // one name has one token
+  // each name has exactly one token
   if (name.empty() || subjectToken(name) != token) return std::nullopt;
   return name;
 }

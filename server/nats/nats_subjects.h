@@ -1,18 +1,18 @@
-/// Subjects of NATS: nl.LAB.PLANE.NAME, a token each.
+/// NATS subjects: nl.LAB.PLANE.NAME, one token each.
 #pragma once
 
 #include <optional>
 #include <string>
 #include <string_view>
 
-#include "server/live/live_carrier.h"
+#include "server/together/live_carrier.h"
 
 namespace needlelab {
 
-/// A lab's or a station's name as one token: letters, digits, '-' and '_' stand for themselves, each other
-/// byte is '=' and two digits, for a space "=20".
+/// A lab's or a station's name as one token: letters, digits, '-' and '_' stay; any other byte becomes '='
+/// and two hexadecimal digits, e.g. "=20" for a space.
 std::string subjectToken(std::string_view name);
-/// The inverse; nothing: no token that subjectToken makes.
+/// The inverse; nothing if subjectToken cannot return this token.
 std::optional<std::string> nameOfToken(std::string_view token);
 
 std::string_view nameOf(LivePlane plane);
@@ -23,7 +23,7 @@ struct SubjectParts {
   LivePlane plane = LivePlane::kPresence;
   std::string name;
 };
-/// Nothing: no subject of this lab.
+/// Nothing: not a subject of this lab.
 std::optional<SubjectParts> partsOfSubject(std::string_view lab, std::string_view subject);
 
 }  // namespace needlelab

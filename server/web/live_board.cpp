@@ -4,16 +4,18 @@
 #include <optional>
 #include <utility>
 
-#include "common/base/clock.h"
-#include "common/base/uuid.h"
-#include "common/haptics/force_gate.h"
+#include "common/base/text/uuid.h"
+#include "common/base/time/clock.h"
+#include "common/haptics/gate/force_gate.h"
 #include "common/haptics/sim_state.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
-#include "db/credentials.h"
-#include "db/session_store.h"
+#include "db/login/credentials.h"
+#include "db/sessions/session_store.h"
 #include "server/base/http_message.h"
 #include "server/base/log.h"
+#include "server/live/hub/hub.h"
+#include "server/live/work/server_work.h"
 
 namespace needlelab {
 namespace {
@@ -40,7 +42,7 @@ Result<BoardFacts> readBoardFacts(Store& store, bool stations_too, const std::ve
     if (bytes.size() != id.size()) continue;
     std::copy(bytes.begin(), bytes.end(), id.begin());
     const auto info = SessionStore(*reader).info(id);
-    if (!info) continue;  // its first status came before it was stored: asks again later
+    if (!info) continue;  // its first status arrived before it was stored: retried later
     const auto profile = parseProfile(info->description().profile_json(), "profile");
     facts.layer_names[bytes] = profile ? layerNames(*profile) : std::vector<std::string>();
   }
@@ -111,7 +113,7 @@ Task<> LiveBoard::readStore() {
   std::function<Result<BoardFacts>()> read = [&store = context_.store, stations_too, unknown] {
     return readBoardFacts(store, stations_too, unknown);
   };
-  auto facts = co_await offload(context_.workers, std::move(read));
+  auto facts = co_await offload(context_.work.workers, std::move(read));
   if (!facts.ok()) {
     logEvent(LogLevel::kWarning, "live_read_failed", {{"text", facts.error().message}});
     co_return;
@@ -148,7 +150,7 @@ std::string LiveBoard::make() {
                      {"fault", trouble ? faultText(static_cast<Fault>(std::min(status.fault(), 255u)))
                                        : status.trouble()},
                      {"drops", status.missed_ticks()}});
-    // discard a status that is older than its station's connection
+    // the status is older than its station's connection: discard it
     station.clear_status();
     station.set_online(false);
   }

@@ -10,16 +10,16 @@
 
 #include "needlelab/control.pb.h"
 #include "server/live/context.h"
+#include "server/live/work/offload.h"
 
 namespace needlelab {
 
 /// `{"live_trouble": "…", "tiles":[{station, server, online, session_id, trainee, exercise, phase, depth_m,
-/// layer, force_n, peak_force_n, fault, drops}]}`. `layer` is what people call it, `fault` a problem that
-/// needs a person's attention, `drops` the number of ticks that the station missed, `peak_force_n` the
-/// session's maximum, by the hub: it does not depend on who watches. `server` is the name of the server that
-/// has the station, `live_trouble` why stations of other servers may be missing; both are empty in a lab that
-/// has one server. Built only while there are viewers. Thread: the network's. Ownership: kept
-/// alive by its coroutine.
+/// layer, force_n, peak_force_n, fault, drops}]}`. `layer` is its displayed name, `fault` a problem that
+/// needs attention, `drops` the number of ticks that the station missed. `peak_force_n` is the session's
+/// maximum, kept by the hub regardless of viewers. `server` is the server that has the station,
+/// `live_trouble` why stations of other servers may be missing; both are empty in a lab with one server.
+/// Built only while there are viewers. Thread: the network's. Ownership: kept alive by its coroutine.
 class LiveBoard : public std::enable_shared_from_this<LiveBoard> {
  public:
   LiveBoard(ServerContext& context, std::chrono::milliseconds period)
@@ -32,7 +32,7 @@ class LiveBoard : public std::enable_shared_from_this<LiveBoard> {
 
   [[nodiscard]] std::uint64_t number() const { return number_; }
   [[nodiscard]] std::shared_ptr<const std::string> newest() const { return newest_; }
-  /// Waits for a possible newer board.
+  /// Waits until there may be a newer board.
   Task<> wait() { return fresh_.wait(); }
   void wakeAll() { fresh_.notify(); }
 
@@ -51,7 +51,7 @@ class LiveBoard : public std::enable_shared_from_this<LiveBoard> {
   std::shared_ptr<const std::string> newest_;
   pb::Stations stations_;  // names, from the database
   std::int64_t stations_ns_ = 0;
-  std::map<std::string, std::vector<std::string>> layer_names_;  // of each session on the board, by layer
+  std::map<std::string, std::vector<std::string>> layer_names_;  // for each session on the board, by layer
 };
 
 }  // namespace needlelab

@@ -6,6 +6,8 @@
 #include <utility>
 
 #include "server/base/http_stream.h"
+#include "server/live/counters.h"
+#include "server/live/login/server_logins.h"
 #include "server/web/live_board.h"
 #include "server/web/web_server.h"
 
@@ -67,8 +69,8 @@ class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> 
  private:
   PlainHttpStream& plain() { return socket_->next_layer().next_layer(); }
 
-  /// Reads, which handles pings, pongs and the close. Any message means that a person is looking at the page:
-  /// it extends the session.
+  /// Reads, which also handles pings, pongs and the close. Any message means that a person is looking at the
+  /// page, and extends the session.
   Task<> readAll(std::shared_ptr<Viewer> /*kept alive by it*/) {
     beast::flat_buffer buffer(kMostFromViewer);
     for (;;) {
@@ -76,7 +78,7 @@ class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> 
       auto [error, count] = co_await socket_->async_read(buffer, kUseTuple);
       (void)count;
       if (error) break;
-      server_->context().login->renew(token_);
+      server_->context().logins.state->renew(token_);
     }
     over_ = true;
     reading_ = false;
@@ -89,7 +91,7 @@ class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> 
     websocket::close_reason reason(websocket::close_code::going_away, "the server is shutting down");
     socket_->text(true);
     while (!stopping_ && !over_) {
-      const std::chrono::nanoseconds left = co_await server_->context().login->left(token_);
+      const std::chrono::nanoseconds left = co_await server_->context().logins.state->left(token_);
       if (stopping_ || over_) break;
       if (left.count() <= 0) {
         reason = websocket::close_reason(websocket::close_code::policy_error, "the session has ended");

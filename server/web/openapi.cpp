@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 #include "server/web/routes.h"
 
 namespace needlelab {
@@ -16,7 +16,7 @@ using google::protobuf::FieldDescriptor;
 
 constexpr std::string_view kMessages = "needlelab.pb.";
 
-/// Texts that are JSON themselves: the rows of score_report.h, reference.h and progress.h in common/scoring.
+/// Schemas of texts that are JSON: rows of score_report.h, reference.h and progress.h in common/scoring.
 constexpr const char* kInnerSchemas = R"json({
   "measures": {"type": ["array", "null"], "description": "null: there is none", "items": {"type": "object",
     "properties": {"measure": {"type": "string"}, "value": {"type": ["number", "null"]}, "unit": {"type": "string"},
@@ -43,15 +43,15 @@ constexpr const char* kInnerSchemas = R"json({
     "additionalProperties": false}}
 })json";
 
-/// Which of them a field holds, by message and field.
+/// The schema of each such field, by message and field.
 constexpr std::pair<std::string_view, const char*> kInnerFields[] = {
     {"Score.measures_json", "measures"},    {"Score.comparison_json", "comparison"},
     {"SessionInfo.score_json", "measures"}, {"Attempt.score_json", "measures"},
     {"Progress.measures_json", "progress"},
 };
 
-/// Descriptions that do not follow from a route's messages: `body`, `reply` (a text: its media type), whether
-/// If-Match may be left out.
+/// Descriptions that do not follow from a route's messages: `body`, `reply` (a string is its media type),
+/// whether If-Match is optional.
 constexpr const char* kSpecialRoutes = R"json({
   "POST /session": {"body": {"type": "object", "properties": {"name": {"type": "string"}, "password": {"type": "string"}},
       "required": ["name", "password"], "additionalProperties": false},
@@ -186,7 +186,7 @@ class Description {
     return {{"type", "array"}, {"items", valueSchema(field)}};
   }
 
-  /// True when reply_json.cpp always writes the field. False for inner JSON texts, because lists omit some.
+  /// True if reply_json.cpp always writes the field. False for inner JSON texts, because lists omit some.
   static bool isAlwaysThere(const FieldDescriptor& field) {
     return field.is_repeated() || (!field.has_presence() && !isJsonText(field));
   }
@@ -232,7 +232,7 @@ class Description {
     return rows != nullptr ? listSchema(*rows) : ref(message);
   }
 
-  /// Null when the route has no body.
+  /// Null if the route has no body.
   WebJson bodySchema(const WebRoute& route, const WebJson& special) {
     if (special.contains("body")) return special["body"];
     if (route.call == pb::Request::CALL_NOT_SET || route.how.action != WebAction::kRequest) return nullptr;

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "common/base/uuid.h"
+#include "common/base/text/uuid.h"
 #include "common/profile/message_json.h"
 #include "common/profile/strict_json.h"
 #include "server/web/web_call.h"
@@ -105,7 +105,7 @@ void addField(WebJson& object, const Message& message, const FieldDescriptor& fi
   }
   // omit absent fields; numbers and texts without presence are always written
   if (field.has_presence() && !reflection.HasField(message, &field)) return;
-  // "unix_ns" alone counts as well
+  // includes the name "unix_ns"
   if (field.cpp_type() == FieldDescriptor::CPPTYPE_INT64 && ("_" + name).ends_with(kNsSuffix)) {
     const std::int64_t ns = reflection.GetInt64(message, &field);
     // 0: has not happened

@@ -5,10 +5,15 @@
 #include <functional>
 #include <utility>
 
-#include "common/base/clock.h"
 #include "common/base/secret.h"
-#include "server/live/offload.h"
-#include "server/live/request_effects.h"
+#include "common/base/time/clock.h"
+#include "server/live/counters.h"
+#include "server/live/limits/server_limits.h"
+#include "server/live/login/server_logins.h"
+#include "server/live/port/request_effects.h"
+#include "server/live/work/in_flight.h"
+#include "server/live/work/offload.h"
+#include "server/live/work/server_work.h"
 #include "server/web/reply_json.h"
 
 namespace needlelab {
@@ -21,7 +26,7 @@ Error browserHasGone() {
   return {ErrorCode::kUnavailable, "the browser is gone"};
 }
 
-/// Work that waits for its turn, and is not done for a browser that has gone by then.
+/// Wraps work that waits for its turn: skips it if the browser has disconnected by then.
 template <typename T>
 std::function<T()> unlessGone(const Request& request, T of_gone, std::function<T()> work) {
   return [gone = request->gone, of_gone = std::move(of_gone), work = std::move(work)]() -> T {
@@ -29,7 +34,7 @@ std::function<T()> unlessGone(const Request& request, T of_gone, std::function<T
   };
 }
 
-/// The error's own code if there is one; otherwise a refusal by the running server.
+/// The error's own code if there is one; otherwise by the refusal's reason.
 HttpAnswer refusedAnswer(const Outcome& outcome, const pb::Refusal& refusal) {
   if (outcome.error) return errorAnswer(*outcome.error);
   switch (refusal.reason()) {
@@ -64,11 +69,11 @@ void wipeSecrets(nlohmann::json& body) {
   }
 }
 
-/// Whether the session has been ended: its account was disabled or has another role or password. A session
-/// that only expires while its download runs does not end it.
+/// Whether the session was ended because its account was disabled or its role or password changed. A session
+/// that merely expires during its download does not end it.
 Task<bool> accessEnded(ServerContext& context, AskedBy by) {
   if (!by.account.changed()) co_return false;
-  const std::chrono::nanoseconds left = co_await context.login->left(by.token);
+  const std::chrono::nanoseconds left = co_await context.logins.state->left(by.token);
   co_return left.count() <= 0;
 }
 
@@ -76,27 +81,28 @@ Error accessHasEnded() {
   return {ErrorCode::kDenied, "the session that asked for it has ended"};
 }
 
-/// A stream and who reads it.
+/// A stream and its reader.
 struct SessionStream {
   Request request;
   Principal who;
   WebStream stream;
   AskedBy by;
-  ByteBudget::Share room;  ///< of the piece that is made or sent, and of what is held for the next one
+  ByteBudget::Share room;  ///< of the piece being made or sent, and of what is kept for the next one
   bool has_begun = false;
 };
 
-/// Takes the room of a piece while it is made. Nothing: the browser is gone.
+/// Takes the room for making a piece. Nothing: the browser has disconnected.
 Task<std::optional<ByteBudget::Share>> roomForPiece(Shared server, Request request, Principal who) {
   ServerContext& context = server->context();
-  const std::size_t bytes = std::min(kMostPieceBytes, context.replies.mostBytes(budgetOwner(who)));
+  const std::size_t bytes = std::min(kMostPieceBytes, context.in_flight.replies.mostBytes(budgetOwner(who)));
   std::function<bool()> gone = [request] { return request->gone(); };
-  co_return co_await waitForRoom(context.replies, context.reply_room, who, bytes, std::move(gone));
+  co_return co_await waitForRoom(context.in_flight.replies, context.in_flight.reply_room, who, bytes,
+                                 std::move(gone));
 }
 
 Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<SessionStream> stream) {
   if (std::exchange(stream->has_begun, true)) {
-    // the last piece has been sent: others may have its room before the next one is made
+    // the last piece was sent: release its room before the next one is made
     stream->room.become(0);
     auto room = co_await roomForPiece(server, stream->request, stream->who);
     if (!room) co_return browserHasGone();
@@ -104,10 +110,11 @@ Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<SessionStream
   }
   if (co_await accessEnded(server->context(), stream->by)) co_return accessHasEnded();
   for (;;) {
-    // without `stream`: the room must end on this thread
+    // without `stream`: the room must be released on this thread
     std::function<Result<WebPiece>()> work = stream->stream.next;
     work = unlessGone<Result<WebPiece>>(stream->request, browserHasGone(), std::move(work));
-    auto piece = co_await offload(*server->context().views_of_people, stream->by.turn_name, std::move(work));
+    auto piece =
+        co_await offload(*server->context().work.views_of_people, stream->by.turn_name, std::move(work));
     if (!piece) co_return piece.error();
     if (co_await accessEnded(server->context(), stream->by)) co_return accessHasEnded();
     if (!*piece) continue;
@@ -125,8 +132,8 @@ HttpAnswer browserGone() {
 void noteNoRoom(ServerContext& context, const WebCall& call, const Error& error) {
   if (error.code != ErrorCode::kNoRoom) return;
   ++context.counters.refused_for_room;
-  context.lines.write(turnNameOf(call.who), PeerLine::kNoRoom, steadyNowNs(),
-                      {{"port", "web"}, {"who", call.who.name}, {"text", error.message}});
+  context.limits.lines.write(turnNameOf(call.who), PeerLine::kNoRoom, steadyNowNs(),
+                             {{"port", "web"}, {"who", call.who.name}, {"text", error.message}});
 }
 
 Task<HttpAnswer> throughService(Shared server, Request asked, const WebRoute& route,
@@ -136,7 +143,7 @@ Task<HttpAnswer> throughService(Shared server, Request asked, const WebRoute& ro
   std::function<Result<pb::Request>()> build = [&route, call] { return route.how.build(route, *call); };
   Result<pb::Request> built = Error{ErrorCode::kFailed, ""};
   if (call->body_bytes > kSmallBody)  // not ?: around co_await, which g++ 12 miscompiles
-    built = co_await offload(*context.views_of_people, turnNameOf(call->who), std::move(build));
+    built = co_await offload(*context.work.views_of_people, turnNameOf(call->who), std::move(build));
   else
     built = build();
   wipeSecrets(call->body);
@@ -144,7 +151,7 @@ Task<HttpAnswer> throughService(Shared server, Request asked, const WebRoute& ro
   if (!built) co_return errorAnswer(built.error());
   if (const Status placed = placeBackup(context, *built); !placed) co_return errorAnswer(placed.error());
   if (const std::size_t bytes = built->SpaceUsedLong(); share)
-    share->become(bytes <= context.bounds.uncounted_decoded_bytes ? 0 : bytes);
+    share->become(bytes <= context.limits.bounds.uncounted_decoded_bytes ? 0 : bytes);
   const auto request = wipedWhenReleased(std::move(*built));
   call->request = request;
   std::function<bool()> gone = asked->gone;
@@ -172,7 +179,7 @@ Task<HttpAnswer> throughWork(Shared server, Request request, const WebRoute& rou
     return json ? jsonAnswer(*json, route.how.status) : errorAnswer(json.error());
   };
   work = unlessGone(request, browserGone(), std::move(work));
-  co_return co_await offload(*context.views_of_people, turnNameOf(call->who), std::move(work));
+  co_return co_await offload(*context.work.views_of_people, turnNameOf(call->who), std::move(work));
 }
 
 Task<HttpAnswer> throughSteps(Shared server, Request request, const WebRoute& route,
@@ -182,7 +189,7 @@ Task<HttpAnswer> throughSteps(Shared server, Request request, const WebRoute& ro
     return route.how.steps(service, *call);
   };
   begin = unlessGone<Result<WebSteps>>(request, browserHasGone(), std::move(begin));
-  const auto steps = co_await offload(*context.views_of_people, by.turn_name, std::move(begin));
+  const auto steps = co_await offload(*context.work.views_of_people, by.turn_name, std::move(begin));
   if (!steps) co_return errorAnswer(steps.error());
   while (!request->gone()) {
     if (co_await accessEnded(context, by)) co_return errorAnswer(accessHasEnded());
@@ -192,7 +199,7 @@ Task<HttpAnswer> throughSteps(Shared server, Request request, const WebRoute& ro
       return *json ? std::optional(jsonAnswer(**json, route.how.status)) : std::nullopt;
     };
     work = unlessGone(request, std::optional(browserGone()), std::move(work));
-    auto answer = co_await offload(*context.views_of_people, by.turn_name, std::move(work));
+    auto answer = co_await offload(*context.work.views_of_people, by.turn_name, std::move(work));
     if (answer) co_return std::move(*answer);
   }
   co_return browserGone();
@@ -206,7 +213,7 @@ Task<HttpAnswer> throughStream(Shared server, Request request, const WebRoute& r
     return route.how.stream(service, *call);
   };
   open = unlessGone<Result<WebStream>>(request, browserHasGone(), std::move(open));
-  auto opened = co_await offload(*server->context().views_of_people, by.turn_name, std::move(open));
+  auto opened = co_await offload(*server->context().work.views_of_people, by.turn_name, std::move(open));
   if (!opened) co_return errorAnswer(opened.error());
   HttpAnswer answer;
   answer.type = opened->type;

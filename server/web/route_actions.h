@@ -1,5 +1,5 @@
-/// What a route of the API does with a request that was checked and read: execute it, compute, stream.
-/// Private to this folder.
+/// The second stage of an API request, after it was checked and read: execute, compute or stream it. Private
+/// to this folder.
 #pragma once
 
 #include <cstddef>
@@ -8,9 +8,9 @@
 #include <string>
 
 #include "server/base/http_message.h"
-#include "server/live/access_changes.h"
-#include "server/live/byte_budget.h"
 #include "server/live/context.h"
+#include "server/live/limits/byte_budget.h"
+#include "server/live/login/access_changes.h"
 #include "server/web/routes.h"
 #include "server/web/web_call.h"
 #include "server/web/web_server.h"
@@ -20,21 +20,22 @@ namespace needlelab {
 /// Parsing JSON of this size takes about a millisecond.
 inline constexpr std::size_t kSmallBody = 16u << 10;
 
-/// The session that asked for what takes long.
+/// The session that requested long-running work.
 struct AskedBy {
   std::string turn_name, token;
   AccessWatch account;  ///< since the session was found
 };
 
-/// The answer for a browser that has gone: nobody reads it.
+/// The answer when the browser has disconnected; it is not sent.
 HttpAnswer browserGone();
 
-/// Counts a request that was refused for want of room and logs it, as the stations' port does.
+/// Counts and logs a request refused for lack of room, like the stations' port.
 void noteNoRoom(ServerContext& context, const WebCall& call, const Error& error);
 
-// One function for each WebAction that has work on other threads. `route` outlives the server.
+// One function per WebAction with work on other threads. `route` must outlive the server.
 
-/// `share`: of the body's JSON. Once the request is built it is the request's, which may wait long.
+/// `share`: for the body's JSON. It passes to the request once that is built, because the request may wait
+/// long.
 Task<HttpAnswer> throughService(std::shared_ptr<WebServer> server, std::shared_ptr<HttpRequest> asked,
                                 const WebRoute& route, std::shared_ptr<WebCall> call,
                                 std::optional<ByteBudget::Share> share);

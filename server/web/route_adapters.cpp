@@ -1,5 +1,5 @@
-// The routes that are not plain (defined in routes.h): two kinds of change selected by the body, a document
-// as the body, files made piece by piece, replies from several requests.
+// Routes that are not plain (see routes.h): two kinds of change selected by the body, a document as the body,
+// files made piece by piece, replies from several requests.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -9,11 +9,11 @@
 #include <string_view>
 #include <utility>
 
-#include "common/base/csv.h"
-#include "common/base/text.h"
-#include "common/base/uuid.h"
+#include "common/base/text/csv.h"
+#include "common/base/text/text.h"
+#include "common/base/text/uuid.h"
 #include "common/profile/strict_json.h"
-#include "common/scoring/result_table.h"
+#include "common/scoring/attempts/result_table.h"
 #include "server/web/routes.h"
 #include "server/web/session_views.h"
 
@@ -25,7 +25,7 @@ namespace {
 constexpr std::uint32_t kListedByDefault = 100;
 constexpr std::uint64_t kMostListedSessions = 1000, kMostListedPeople = 500, kMostListedResults = 250;
 
-/// `?limit=`; 100 when it is not given. kInvalidInput.
+/// `?limit=`, 100 by default. kInvalidInput.
 Result<std::uint32_t> limitOf(const WebCall& call, std::uint64_t most) {
   const std::string text = call.query("limit");
   if (text.empty()) return kListedByDefault;
@@ -56,7 +56,7 @@ WebJson addedPerson(const WebCall& call, const pb::Reply& reply) {
   return WebJson{{"name", added.name()}, {"role", pb::Role_Name(added.role())}};
 }
 
-/// Changes role, name and access; or only the consent to studies.
+/// Changes role, name and access, or only the consent to studies.
 Result<pb::Request> changePerson(const WebRoute&, const WebCall& call) {
   pb::Request request;
   if (call.body.is_object() && call.body.contains("consent")) {
@@ -79,7 +79,7 @@ Result<pb::Request> changePerson(const WebRoute&, const WebCall& call) {
   return request;
 }
 
-/// A page without text is not the end, unless it is the last one.
+/// An empty page does not end the stream unless it is the last one.
 WebPiece pieceOf(std::string text, bool ended) {
   return text.empty() && !ended ? WebPiece() : WebPiece(std::move(text));
 }
@@ -219,8 +219,8 @@ Result<pb::Request> listResults(const WebRoute& route, const WebCall& call) {
   return request;
 }
 
-/// A course's results for a spreadsheet, page by page from GetResults. A page of many exercises and groups is
-/// longer as text: it becomes several pieces.
+/// A course's results for a spreadsheet, page by page from GetResults. A page of many exercises and groups
+/// becomes longer as text, so it is split into several pieces.
 class ResultRows {
  public:
   ResultRows(Service& service, WebCall call, const CsvStyle& style)
@@ -266,7 +266,7 @@ class ResultRows {
   Service& service_;
   const WebCall call_;
   ResultTable table_;
-  pb::Results page_;  ///< whose rows are being written
+  pb::Results page_;  ///< the page being written
   int row_ = 0, cell_ = 0;
   bool ended_ = false;
 };
@@ -294,7 +294,7 @@ Result<pb::Request> removeAssignment(const WebRoute&, const WebCall& call) {
 
 // --- sessions
 
-/// A list's row, without the profile, which is its largest part.
+/// A row of a list, without the profile, which is its largest part.
 WebJson sessionRowJson(const pb::SessionInfo& session) {
   WebJson row = jsonOf(session);
   if (row.contains("description")) row["description"].erase("profile");
@@ -364,7 +364,7 @@ Result<TickTimes> tickTimesOf(Service& service, const WebCall& call) {
   if (info.session().chunks() == 0) return times;
   RETURN_IF_ERROR(setSession(call, *request.mutable_seek_session()));
   request.mutable_seek_session()->set_seconds(0);
-  // a deleted recording still has remarks: then convert by the rate alone
+  // a deleted recording still has remarks; then convert by the rate alone
   if (const auto sought = replyOf(service, call, request); sought)
     times.first_tick = sought->sought().recording_first_tick();
   return times;

@@ -6,8 +6,7 @@
 #include <memory>
 #include <utility>
 
-#include "common/base/text.h"
-#include "server/web/openapi.h"
+#include "common/base/text/text.h"
 
 namespace needlelab {
 namespace {
@@ -21,7 +20,7 @@ using Call = pb::Request;
 std::vector<WebRoute> ownRoutes() {
   const RouteAdapter log_in{.action = WebAction::kLogIn}, who_am_i{.action = WebAction::kWhoAmI},
       log_out{.action = WebAction::kLogOut}, live{.action = WebAction::kLive, .status = 101},
-      openapi{.action = WebAction::kText, .text = openApiText};
+      openapi{.action = WebAction::kOpenApi};
   return {
       {"POST", "/session", {}, "Log in; the cookie comes with the reply", Call::CALL_NOT_SET, log_in},
       {"GET", "/session", {}, "Who is logged in, and until when", Call::CALL_NOT_SET, who_am_i},
@@ -125,7 +124,7 @@ std::span<const WebRoute> webRoutes() {
       for (const HttpLine& http : row.http)
         if (!http.line.empty()) routes.push_back(routeOf(http, row.call));
     }
-    // '{' sorts after all letters: a fixed part comes before a {…} at the same position
+    // '{' sorts after all letters, so fixed parts come before {…} at the same position
     std::stable_sort(routes.begin(), routes.end(),
                      [](const WebRoute& a, const WebRoute& b) { return a.pattern < b.pattern; });
     return routes;
@@ -138,7 +137,7 @@ PlainFields plainFieldsOf(const WebRoute& route) {
   PlainFields fields;
   for (const auto& [before, name] : namesIn(route.pattern)) {
     const FieldDescriptor* field = message.FindFieldByName(name);
-    // "sessions" and "id": session_id
+    // e.g. "sessions" and "id": session_id
     if (field == nullptr && !before.empty())
       field = message.FindFieldByName(before.substr(0, before.size() - 1) + "_" + name);
     if (field == nullptr && name == "name") field = message.FindFieldByName("trainee");

@@ -1,11 +1,11 @@
-/// The HTTP routes. The rows of db/service/requests.cpp contain the addresses; this file converts an HTTP
-/// request to its row's call and the reply to JSON.
+/// The HTTP routes. The rows of db/service/requests/requests.cpp contain the addresses; this file converts an
+/// HTTP request to its row's call and the reply to JSON.
 ///
 /// A plain route needs only its row:
 /// - `{id}` of the address fills the call's field `id`, or `session_id` below /sessions, `exercise_id` below
 ///   /exercises and so on; `{name}` fills `name`, or `trainee`;
-/// - `?course` of the query fills `course` or `course_id`; numbers must be whole and at least 1,
-///   what is true or not is yes or no;
+/// - `?course` of the query fills `course` or `course_id`; numbers must be whole and at least 1; booleans are
+///   yes or no;
 /// - the body (JSON) fills the other fields; `base_revision` comes from If-Match;
 /// - the reply's result is written unchanged; a list becomes {"items": […], "next_page": …}.
 /// Any other route has an adapter (route_adapters.cpp).
@@ -19,7 +19,7 @@
 #include <string_view>
 #include <vector>
 
-#include "db/service/requests.h"
+#include "db/service/requests/requests.h"
 #include "db/service/service.h"
 #include "needlelab/control.pb.h"
 #include "server/base/http_message.h"
@@ -39,13 +39,13 @@ WebJson plainReply(const WebCall& call, const pb::Reply& reply);
 enum class WebAction {
   kRequest,  ///< `build` → the service → `shape`
   kWork,     ///< `work` on a worker's thread: several requests that read
-  kSteps,    ///< `steps`: the same for what may take long
+  kSteps,    ///< `steps`: likewise, for slow work
   kLogIn,
   kWhoAmI,
   kLogOut,
-  kLive,    ///< becomes a WebSocket
-  kText,    ///< `text`, the same for every logged-in user
-  kStream,  ///< `stream`
+  kLive,     ///< becomes a WebSocket
+  kOpenApi,  ///< the API's description (openapi.h), the same for every logged-in user
+  kStream,   ///< `stream`
 };
 
 /// The differences of a route from a plain one. `build` runs on the network's thread, or on a worker's when
@@ -58,7 +58,6 @@ struct RouteAdapter {
   Result<WebJson> (*work)(Service& service, const WebCall& call) = nullptr;
   Result<WebSteps> (*steps)(Service& service, const WebCall& call) = nullptr;
   Result<WebStream> (*stream)(Service& service, const WebCall& call) = nullptr;
-  std::string_view (*text)() = nullptr;
   unsigned status = 200;
 };
 std::span<const RouteAdapter> routeAdapters();
@@ -66,15 +65,15 @@ std::span<const RouteAdapter> routeAdapters();
 struct WebRoute {
   std::string_view method;
   std::string_view pattern;                  ///< below kApiBase, e.g. "/people/{name}"
-  std::vector<std::string_view> query = {};  ///< the names that it reads
+  std::vector<std::string_view> query = {};  ///< the accepted parameters
   std::string_view summary = {};
-  /// The call's row in db/service/requests.cpp gives the permitted roles; CALL_NOT_SET: every logged-in user
-  /// (for some routes also before log-in).
+  /// The call's row in db/service/requests/requests.cpp gives the permitted roles; CALL_NOT_SET: every
+  /// logged-in user (for some routes also before log-in).
   pb::Request::CallCase call = pb::Request::CALL_NOT_SET;
   RouteAdapter how = {};
 };
 
-/// All routes; a pattern with a fixed part comes before one with {…} at the same position.
+/// All routes; at the same position, fixed parts come before {…}.
 std::span<const WebRoute> webRoutes();
 
 struct WebMatch {
@@ -94,7 +93,7 @@ struct PlainFields {
   Field base = nullptr;     ///< base_revision, from If-Match
 };
 PlainFields plainFieldsOf(const WebRoute& route);
-/// Whether a request of this route carries something in its body.
+/// Whether a request of this route has fields in its body.
 bool takesBody(const WebRoute& route);
 /// The message's list of rows; null when the message is not a list.
 const google::protobuf::FieldDescriptor* rowsOf(const google::protobuf::Descriptor& message);

@@ -13,6 +13,7 @@
 #include "common/gesture/chunk.h"
 #include "common/gesture/sample_csv.h"
 #include "server/web/reply_json.h"
+#include "server/web/routes.h"
 
 namespace needlelab {
 namespace {
@@ -42,8 +43,8 @@ std::int64_t nsOfSeconds(double seconds) {
   return static_cast<std::int64_t>(std::llround(seconds * 1e9));
 }
 
-/// Reads a session's chunks in order, with the requester's permissions. Holds the bytes of at most so many
-/// chunks and of one reply (1 MiB), and no samples.
+/// Reads a session's chunks in order, with the requester's permissions. Holds the bytes of at most
+/// `chunks_at_once` chunks and of one reply (1 MiB), but no samples.
 class ChunkReader {
  public:
   /// Errors: those of GetSession; kNotFound when the recording was deleted.
@@ -66,7 +67,7 @@ class ChunkReader {
   [[nodiscard]] const pb::SessionInfo& info() const { return info_; }
   [[nodiscard]] std::int64_t firstTimeNs() const { return first_time_ns_; }
 
-  /// Moves to the chunk of a moment; sets firstTimeNs. Not for a session without chunks.
+  /// Moves to the chunk at a time; sets firstTimeNs. Not for a session without chunks.
   Status seek(double seconds) {
     pb::Request request;
     request.mutable_seek_session()->set_session_id(id_);
@@ -88,10 +89,10 @@ class ChunkReader {
     return 0.0;
   }
 
-  /// Whether there is no chunk any more.
+  /// Whether all chunks have been passed.
   [[nodiscard]] bool ended() const { return next_ >= info_.chunks() && at_ == held_.chunks().chunks_size(); }
 
-  /// Decodes the chunk that is next: at most kMaxChunkSamples. Empty: it is damaged, or there is none.
+  /// Decodes the next chunk: at most kMaxChunkSamples. Empty: the chunk is damaged or missing.
   Result<std::vector<GestureSample>> samples(bool skip_damaged) {
     if (at_ == held_.chunks().chunks_size()) {
       if (ended()) return std::vector<GestureSample>{};
@@ -109,7 +110,7 @@ class ChunkReader {
     return decoded;
   }
 
-  /// Goes to the chunk behind the one that samples() gave.
+  /// Skips the chunk that samples() returned.
   void pass() {
     if (at_ < held_.chunks().chunks_size()) ++at_;
   }
@@ -140,9 +141,9 @@ class ChunkReader {
   std::uint32_t chunks_at_once_;
   std::string id_;
   pb::SessionInfo info_;
-  pb::Reply held_;          // chunks that were read
-  int at_ = 0;              // the next of them
-  std::uint64_t next_ = 0;  // the chunk behind them
+  pb::Reply held_;          // chunks read in advance
+  int at_ = 0;              // index of the next one in held_
+  std::uint64_t next_ = 0;  // the chunk after those
   std::int64_t first_time_ns_ = 0;
 };
 
@@ -255,7 +256,7 @@ class CsvPieces {
     for (std::uint32_t n = 0; !ended_ && rows < kMostPieceRows && text_.size() < kMostPieceText &&
                               n < kMostStepChunks && decoded < kMostStepSamples;
          ++n) {
-      // a long chunk is decoded again for each of its pieces, instead of held while the browser does not read
+      // a long chunk is decoded again for each of its pieces, not held while the browser does not read
       ASSIGN_OR_RETURN(const auto samples, reader_.samples(false));
       decoded += samples.size();
       for (; !ended_ && done_ < samples.size() && rows < kMostPieceRows; ++done_) {
@@ -279,11 +280,11 @@ class CsvPieces {
   ChunkReader reader_;
   const std::int64_t from_ns_, to_ns_;
   std::string text_;
-  std::size_t done_ = 0;  // samples of the reader's chunk
+  std::size_t done_ = 0;  // rows done of the reader's chunk
   bool ended_ = false;
 };
 
-/// What a plot asks for.
+/// A plot's parameters.
 struct PlotAsked {
   TimeSpan span;
   std::size_t points = 2000;
@@ -308,7 +309,7 @@ class PlotSteps {
         to_s_(from_s_),
         wanted_to_s_(asked.span.to_s) {}
 
-  /// Finds the span. Before the first step.
+  /// Finds the span. Call before the first step.
   Status begin() {
     past_ = reader_.info().chunks() == 0;
     if (past_) return {};
@@ -400,7 +401,8 @@ Result<WebStream> sampleCsv(Service& service, const WebCall& call) {
     RETURN_IF_ERROR(reader.seek(span.from_s.value_or(0)));
   }
   auto pieces = std::make_shared<CsvPieces>(std::move(reader), span);
-  return WebStream{"text/csv; charset=utf-8", call.parts[0] + ".csv", [pieces] { return pieces->next(); }};
+  return streamFromFirst("text/csv; charset=utf-8", call.parts[0] + ".csv",
+                         [pieces] { return pieces->next(); });
 }
 
 }  // namespace needlelab

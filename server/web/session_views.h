@@ -13,13 +13,13 @@
 namespace needlelab {
 
 /// A step of a plot or of the CSV ends when it has decoded this many samples or chunks. It holds one chunk's
-/// samples, so at most 65,536 (some 13 MB), and decodes fewer than kMostStepSamples + kMaxChunkSamples,
-/// whatever the recording holds.
+/// samples (at most 65,536, some 13 MB) and decodes fewer than kMostStepSamples + kMaxChunkSamples,
+/// regardless of the recording.
 inline constexpr std::size_t kMostStepSamples = kMaxChunkSamples;
 inline constexpr std::uint32_t kMostStepChunks = 256;
-/// A piece of the CSV ends after this many rows (some 4 MB at most) or with its step, usually sooner: samples
-/// outside the span that was asked for are decoded, too, and write nothing. Between two pieces a
-/// download holds the piece, and the bytes of the chunks that it reads next (at most 1 MiB), but no samples.
+/// A piece of the CSV ends after this many rows (some 4 MB at most) or with its step, usually sooner, because
+/// samples outside the requested span are decoded but not written. Between two pieces a download holds the
+/// piece and the bytes of the next chunks (at most 1 MiB), but no samples.
 inline constexpr std::size_t kMostPieceRows = 8'192;
 
 /// `?from_s=&to_s=&points=` (2-10000, by default 2000): {rate_hz, samples, from_s, to_s, decimated, columns:
@@ -31,8 +31,8 @@ inline constexpr std::size_t kMostPieceRows = 8'192;
 Result<WebSteps> samplePlot(Service& service, const WebCall& call);
 
 /// All columns of gesture/sample_csv.h, `?from_s=&to_s=` (`to_s` exclusive); units are in the header. A piece
-/// is some rows, whatever the lengths of the session and of its chunks. A damaged chunk ends the stream with
-/// an error.
+/// is some rows, regardless of the lengths of the session and its chunks. A damaged chunk ends the stream
+/// with an error; before the first piece the request is refused.
 Result<WebStream> sampleCsv(Service& service, const WebCall& call);
 
 }  // namespace needlelab

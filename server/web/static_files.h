@@ -16,8 +16,8 @@ struct StaticFile {
   std::shared_ptr<const std::string> body;
 };
 
-/// Looks a requested path up among the files read at the start: a path from the network never reaches the
-/// file system. Thread: any, once constructed.
+/// Serves requested paths from the files read at the start; a path from the network never reaches the file
+/// system. Thread: any, once constructed.
 class StaticFiles {
  public:
   /// Loads all regular files of the folder and its subfolders that have a web page's extension and do not

@@ -6,7 +6,7 @@
 #include <charconv>
 #include <utility>
 
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 
 namespace needlelab {
 namespace {
@@ -18,7 +18,7 @@ Error targetFault(const std::string& text) {
   return {ErrorCode::kInvalidInput, "the address " + text};
 }
 
-/// Decodes %XX to bytes; in a query '+' is a blank.
+/// Decodes %XX to bytes; in a query '+' is a space.
 Result<std::string> unescaped(std::string_view text, bool is_query) {
   std::string plain;
   for (std::size_t i = 0; i < text.size(); ++i) {
@@ -107,7 +107,7 @@ std::string pathForLog(std::string_view target, std::string_view route) {
   if (begin == std::string_view::npos || !path.starts_with(kApi)) return "*";
   std::string_view pattern = route.substr(begin + 1), given = path.substr(kApi.size());
   std::string shown(kApi);
-  // the route was found for this path: they have as many parts
+  // the route matches this path, so both have the same number of parts
   while (!pattern.empty() && !given.empty()) {
     const std::size_t pattern_end = std::min(pattern.find('/', 1), pattern.size());
     const std::size_t given_end = std::min(given.find('/', 1), given.size());
@@ -151,7 +151,7 @@ bool isSameOrigin(std::string_view origin, std::string_view host) {
   if (host.empty() || origin.size() <= kScheme.size() ||
       !equalIgnoringCase(origin.substr(0, kScheme.size()), kScheme))
     return false;
-  // https has port 443 where none is said (RFC 6454, 4)
+  // the default port of https is 443 (RFC 6454, 4)
   const auto withoutDefault = [](std::string_view authority) {
     constexpr std::string_view kDefault = ":443";
     if (authority.ends_with(kDefault)) authority.remove_suffix(kDefault.size());
@@ -165,7 +165,7 @@ bool mayDemandHttps(std::string_view host) {
   std::string name = lowerCase(host.substr(0, host.find(':')));
   if (name.ends_with('.')) name.pop_back();
   const std::string_view last = std::string_view(name).substr(name.rfind('.') + 1);
-  // no name's last part is a number (RFC 1123, 2.1), so this is an IPv4 address
+  // the last part of a name is never a number (RFC 1123, 2.1), so this is an IPv4 address
   const bool is_number = last.find_first_not_of("0123456789") == std::string_view::npos;
   return !is_number && last != "localhost" && name != "localhost.localdomain";
 }

@@ -13,9 +13,9 @@
 #include <vector>
 
 #include "common/base/result.h"
-#include "db/service/requests.h"
+#include "db/service/requests/requests.h"
 #include "server/base/http_message.h"
-#include "server/live/login_state.h"
+#include "server/live/login/login_state.h"
 
 namespace needlelab {
 
@@ -23,7 +23,7 @@ namespace needlelab {
 struct WebTarget {
   std::vector<std::string> segments;
   std::map<std::string, std::string> query;
-  /// Each decoded segment with '/' before it; "/" when there are none.
+  /// Each decoded segment with '/' before it; "/" without segments.
   [[nodiscard]] std::string path() const;
 };
 
@@ -31,9 +31,9 @@ struct WebTarget {
 /// decoding, broken escapes, empty segments other than the last, "." and "..", '/' or NUL in an escape, a
 /// duplicate name, more than 32 names. Errors: kInvalidInput.
 Result<WebTarget> parseTarget(std::string_view target);
-/// The path of an address for the log, with "*" in place of people's names and of what is no address of this
-/// server, which may be anything: a name, a password that was typed there. `route`: "GET /people/{name}",
-/// "file", or empty when none was found.
+/// An address's path for the log, with "*" instead of people's names and of addresses that this server does
+/// not have, which may contain anything, e.g. a name or a password. `route`: "GET /people/{name}", "file", or
+/// empty if no route was found.
 std::string pathForLog(std::string_view target, std::string_view route);
 
 /// The value of a cookie in a Cookie header; nothing when it is missing or duplicated.
@@ -42,11 +42,11 @@ std::optional<std::string> cookieNamed(std::string_view header, std::string_view
 /// Parses `"7"` or `W/"7"` as a revision. kInvalidInput for anything else.
 Result<std::uint32_t> parseIfMatch(std::string_view header);
 
-/// True when the request comes from a page of this server: `origin` is https:// and `host`.
+/// True if the request comes from a page of this server: `origin` is https:// and `host`.
 bool isSameOrigin(std::string_view origin, std::string_view host);
 
-/// True unless `host` (a Host header) is a name of this machine itself or an address: a browser that is told
-/// to ask localhost by HTTPS only would do so for every other program on its machine, too.
+/// False if `host` (a Host header) is an address or a name of this machine itself: a browser told to use only
+/// HTTPS for localhost would do so for all other programs on its machine, too.
 bool mayDemandHttps(std::string_view host);
 
 /// True for "application/json" with or without parameters.
@@ -65,10 +65,10 @@ std::optional<std::string> bytesOfBase64Url(std::string_view text);
 /// One API request during its processing.
 struct WebCall {
   WebTarget target;
-  std::vector<std::string> parts;  ///< the values of {…} in the route's pattern
-  nlohmann::json body;             ///< null: the request has no body, or `request` has been built from it
+  std::vector<std::string> parts;              ///< the values of {…} in the route's pattern
+  nlohmann::json body;                         ///< null: no body, or `request` has been built from it
   std::shared_ptr<const pb::Request> request;  ///< null: not built yet
-  std::size_t body_bytes = 0;                  ///< of its text
+  std::size_t body_bytes = 0;                  ///< of the body's text
   std::optional<std::uint32_t> if_match;       ///< the change's base revision
   Principal who;
 
@@ -76,19 +76,19 @@ struct WebCall {
   [[nodiscard]] std::string query(const std::string& name) const;
 };
 
-/// A reply whose making takes long, in steps: between two of them others have their turn.
+/// A reply that takes long to make, in steps; between them other work has its turn.
 struct WebSteps {
-  /// Does one step; returns the reply with the last one, and nothing before. On a worker's thread, one call
-  /// at a time.
+  /// Does one step; returns the reply with the last one, otherwise nothing. On a worker's thread, one call at
+  /// a time.
   std::function<Result<std::optional<WebJson>>()> step;
 };
 
-/// A piece of a stream has at most kMostPieceBytes with what is held for the next one, which is
-/// kMostHeldByStream: so much of the budget of unread replies a download has while it makes a piece, then the
-/// piece's length in place of the former.
+/// A piece of a stream has at most kMostPieceBytes, including what is kept for the next one
+/// (kMostHeldByStream). While making a piece, a download holds this much of the budget of unread replies;
+/// afterwards the piece's actual length instead of the maximum.
 inline constexpr std::size_t kMostPieceBytes = 5u << 20, kMostHeldByStream = 1u << 20;
 
-/// A piece of a stream. Nothing: there is no text yet, ask again; an empty text: the end.
+/// A piece of a stream. Nothing: no text yet, call again. Empty text: the end.
 using WebPiece = std::optional<std::string>;
 
 /// A reply too long to hold in memory, made piece by piece. The interface for export formats: each is one
@@ -96,8 +96,8 @@ using WebPiece = std::optional<std::string>;
 struct WebStream {
   std::string type;       ///< Content-Type
   std::string file_name;  ///< the name suggested to the browser; letters, digits, '-', '_', '.'
-  /// Makes the next piece. A call has a bound of work as well as of text: others have their turns between two
-  /// of them, and a browser that has gone ends the stream. On a worker's thread, one call at a time.
+  /// Makes the next piece. Each call is limited in work as well as in text, so that others get turns in
+  /// between and a disconnected browser ends the stream. On a worker's thread, one call at a time.
   std::function<Result<WebPiece>()> next;
 };
 
@@ -106,7 +106,7 @@ struct WebStream {
 inline constexpr std::string_view kSessionCookie = "__Host-needlelab";
 
 struct WebSession {
-  std::string token;  ///< as the store has it
+  std::string token;  ///< as stored
   Tokens::Holder holder;
 };
 
@@ -115,10 +115,10 @@ class WebSessions {
  public:
   explicit WebSessions(LoginState& logins);
 
-  /// Finds the session of a Cookie header; nothing when there is no valid session. `asker`: as
-  /// LoginState::find(). kUnavailable: nobody can tell now.
+  /// Finds the session of a Cookie header; nothing without a valid session. `asker`: as in
+  /// LoginState::find(). kUnavailable: the database is unreachable.
   Task<Result<std::optional<WebSession>>> find(std::string cookie_header, std::string asker) const;
-  /// Whether a Cookie header may be one of a session, without looking into the database.
+  /// Whether a Cookie header may belong to a session, without a database look-up.
   [[nodiscard]] bool mayBeSession(std::string_view cookie_header) const;
   /// The Set-Cookie value for a new session, or, for an empty token, one that deletes the cookie.
   static std::string cookieFor(std::string_view token);

@@ -4,17 +4,23 @@
 
 #include <utility>
 
-#include "common/base/clock.h"
 #include "common/base/secret.h"
-#include "common/base/text.h"
+#include "common/base/text/text.h"
+#include "common/base/time/clock.h"
 #include "common/profile/strict_json.h"
 #include "common/wire/protocol.h"
-#include "db/schema.h"
-#include "db/service/requests.h"
-#include "server/live/disk_room.h"
-#include "server/live/person_login.h"
-#include "server/live/request_effects.h"
+#include "db/service/requests/requests.h"
+#include "db/store/schema.h"
+#include "server/live/counters.h"
+#include "server/live/limits/disk_room.h"
+#include "server/live/limits/server_limits.h"
+#include "server/live/login/person_login.h"
+#include "server/live/login/server_logins.h"
+#include "server/live/port/request_effects.h"
+#include "server/live/work/in_flight.h"
+#include "server/live/work/server_work.h"
 #include "server/web/live_socket.h"
+#include "server/web/openapi.h"
 #include "server/web/reply_json.h"
 #include "server/web/route_actions.h"
 #include "server/web/routes.h"
@@ -25,18 +31,18 @@ namespace {
 using Shared = std::shared_ptr<WebServer>;
 using Request = std::shared_ptr<HttpRequest>;
 
-/// As other servers call it; never sent to anybody.
+/// As in other servers' logs; never sent.
 constexpr unsigned kClientHungUp = 499;
 
-/// The memory of a body's JSON, rather too high, from its punctuation: a value in a list takes 16 bytes of a
-/// block that doubles, a member about 96.
+/// An upper estimate of the memory of a body's JSON, from its punctuation: a value in a list takes 16 bytes
+/// of a block that doubles, a member about 96.
 std::size_t jsonBytes(std::string_view body) {
   std::size_t bytes = body.size();
   for (const char c : body) bytes += c == ',' ? 32u : c == ':' ? 96u : c == '[' || c == '{' ? 64u : 0u;
   return bytes;
 }
 
-/// The asker in whose turn a look for a session is made.
+/// The key for turns when looking for a session.
 std::string askerOf(const HttpRequest& request) {
   return Admission::keyOf(hostOfAddress(request.address));
 }
@@ -66,7 +72,7 @@ HttpAnswer fileAnswer(const WebServer& server, const HttpRequest& request, const
   return answer;
 }
 
-/// Refuses a request that another site's page made through this browser, whatever credentials it carries.
+/// Refuses a request that another site's page made through this browser, even with valid credentials.
 std::optional<HttpAnswer> foreignPage(HttpRequest& request, bool needs_origin) {
   const bool safe = (request.method == "GET" || request.method == "HEAD") && !needs_origin;
   if (safe) return std::nullopt;
@@ -79,21 +85,20 @@ std::optional<HttpAnswer> foreignPage(HttpRequest& request, bool needs_origin) {
   return errorAnswer(403, "wrong_origin", "only pages of this server may ask for that");
 }
 
-/// The room on the database's disk, for administrators, who can make some.
+/// The room on the database's disk, for administrators, who can free some.
 WebJson diskRoom(const ServerContext& context) {
-  const std::uint64_t left = context.disk_room.leftBytes();
+  const std::uint64_t left = context.limits.disk_room.leftBytes();
   const bool read_only = context.store.readOnly().has_value();
-  WebJson room = {{"level", std::string(read_only ? "read_only" : nameOf(context.disk_room.level()))}};
-  if (left != UINT64_MAX) room["left_bytes"] = left;  // before the first look
+  WebJson room = {{"level", std::string(read_only ? "read_only" : nameOf(context.limits.disk_room.level()))}};
+  if (left != UINT64_MAX) room["left_bytes"] = left;  // UINT64_MAX: before the first look
   return room;
 }
 
 constexpr std::int64_t kAskDatabaseAfter_ns = 10'000'000'000;
 constexpr std::int64_t kLongCommit_ns = 2'000'000'000;
 
-/// What an ack survives, what is missing of what had one, and whether what arrives is stored, for
-/// administrators. While nothing is committed,
-/// it asks the database to store something, and the next call says what came of it.
+/// For administrators: what an ack survives, which acknowledged data is missing, and whether incoming data is
+/// stored. While nothing is being committed, starts a test write whose result the next call reports.
 WebJson storeState(ServerContext& context) {
   DbWriter& writer = context.store.writer();
   const DbWriter::Standing standing = writer.standing();
@@ -108,8 +113,8 @@ WebJson storeState(ServerContext& context) {
     state["waits_s"] = static_cast<double>(now - standing.began_ns) / 1e9;
   const bool idle = standing.began_ns == 0 && now - standing.committed_ns > kAskDatabaseAfter_ns &&
                     writer.counters().waiting == 0;
-  // a write that fails for want of room would end the writer
-  if (idle && !context.store.readOnly() && context.disk_room.level() == RoomLevel::kPlenty)
+  // a write that fails because the disk is full would end the writer
+  if (idle && !context.store.readOnly() && context.limits.disk_room.level() == RoomLevel::kPlenty)
     (void)writer.post(
         [](Connection& connection) {
           return MetaStore(connection).set("health_unix_ns", std::to_string(wallNowNs()));
@@ -132,8 +137,8 @@ Task<WebJson> sessionState(Shared server, Principal who, std::string token) {
     return service.execute(who, own);
   };
   const Outcome person =
-      co_await offload(*server->context().workers_of_people, turnNameOf(who), std::move(read));
-  const std::chrono::nanoseconds left = co_await server->context().login->left(token);
+      co_await offload(*server->context().work.workers_of_people, turnNameOf(who), std::move(read));
+  const std::chrono::nanoseconds left = co_await server->context().logins.state->left(token);
   WebJson state = {{"name", who.shown()},
                    {"full_name", person.reply.user().full_name()},
                    {"role", pb::Role_Name(who.role)},
@@ -168,8 +173,8 @@ Task<HttpAnswer> logIn(Shared server, Request request, nlohmann::json body) {
   if (!server->showedSession(request->connection, login.holder.who.name)) co_return noPlace();
   // replaces the browser's earlier session
   const auto before = co_await server->sessions().find(request->cookie, askerOf(*request));
-  if (before.ok() && *before) (void)co_await context.login->end((*before)->token);
-  const auto issued = co_await context.login->issue(login.holder);
+  if (before.ok() && *before) (void)co_await context.logins.state->end((*before)->token);
+  const auto issued = co_await context.logins.state->issue(login.holder);
   if (!issued.ok() && issued.error().code == ErrorCode::kConflict) {
     PersonLogin changed;
     changed.answer = Answer::kTooMany;
@@ -189,7 +194,7 @@ Task<HttpAnswer> logIn(Shared server, Request request, nlohmann::json body) {
   co_return answer;
 }
 
-/// Parses the body as JSON where one is expected. Nothing: no fault.
+/// Parses the body as JSON if one is expected. Nothing: no fault.
 std::optional<HttpAnswer> bodyFault(HttpRequest& request, nlohmann::json& body) {
   const bool carries = request.method == "POST" || request.method == "PUT" || request.method == "PATCH" ||
                        !request.body.empty();
@@ -204,23 +209,24 @@ std::optional<HttpAnswer> bodyFault(HttpRequest& request, nlohmann::json& body) 
   return std::nullopt;
 }
 
-/// Whether there is a body where none is taken. A POST without fields may have an empty object.
+/// Whether there is an unexpected body. A POST without fields may have an empty object.
 bool hasForeignBody(const HttpRequest& request, const WebRoute& route) {
   if (request.body.empty() || takesBody(route)) return false;
   return request.method != "POST" || request.body != "{}";
 }
 
-/// Waits until the JSON of a large body fits beside what is not done yet. An answer: it never does, or the
-/// browser is gone.
+/// Waits until the JSON of a large body fits beside the work in progress. An answer: it can never fit, or the
+/// browser has disconnected.
 Task<std::optional<HttpAnswer>> takeShare(Shared server, Request request, Principal who,
                                           std::optional<ByteBudget::Share>& share) {
   ServerContext& context = server->context();
   if (request->body.size() <= kSmallBody) co_return std::nullopt;
   const std::size_t bytes = jsonBytes(request->body);
-  if (bytes > context.decoded.mostBytes(budgetOwner(who)))
+  if (bytes > context.in_flight.decoded.mostBytes(budgetOwner(who)))
     co_return errorAnswer(413, "too_large", "the body has too many values: send less at once");
   std::function<bool()> gone = [request] { return request->gone(); };
-  share = co_await waitForRoom(context.decoded, context.decoded_room, std::move(who), bytes, std::move(gone));
+  share = co_await waitForRoom(context.in_flight.decoded, context.in_flight.decoded_room, std::move(who),
+                               bytes, std::move(gone));
   if (share) co_return std::nullopt;
   co_return browserGone();
 }
@@ -231,7 +237,7 @@ Task<std::optional<HttpAnswer>> readBody(Shared server, Request request, std::sh
     return bodyFault(*request, call->body);
   };
   if (call->body_bytes <= kSmallBody) co_return read();
-  co_return co_await offload(*server->context().views_of_people, turnNameOf(call->who), std::move(read));
+  co_return co_await offload(*server->context().work.views_of_people, turnNameOf(call->who), std::move(read));
 }
 
 Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
@@ -264,28 +270,29 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   if (!found.ok()) co_return errorAnswer(found.error());
   const std::optional<WebSession>& session = *found;
   if (!session) co_return notLoggedIn();
-  const AccessWatch account = context.access.watch(session->holder.who.name, false);
+  const AccessWatch account = context.logins.access.watch(session->holder.who.name, false);
   request->who = session->holder.who.name;
   call->who = session->holder.who;
   const bool safe = request->method == "GET" || request->method == "HEAD";
   if (!safe && !server->sessions().csrfFits(session->token, request->csrf))
     co_return errorAnswer(403, "csrf", "send the session's csrf_token in the header X-CSRF-Token");
-  std::function<Result<bool>()> check = context.login->check(session->token, call->who);
-  const auto allowed = co_await offload(*context.workers_of_people, turnNameOf(call->who), std::move(check));
+  std::function<Result<bool>()> check = context.logins.state->check(session->token, call->who);
+  const auto allowed =
+      co_await offload(*context.work.workers_of_people, turnNameOf(call->who), std::move(check));
   if (!allowed.ok()) co_return errorAnswer(allowed.error());
   if (!*allowed) {
-    (void)co_await context.login->end(session->token);
+    (void)co_await context.logins.state->end(session->token);
     co_return notLoggedIn();
   }
   if (!server->showedSession(request->connection, session->holder.who.name)) co_return noPlace();
-  // asking for the session's expiry does not extend it, nor does a page that is left open
+  // neither asking for the session's expiry nor a page left open extends the session
   if (route.how.action != WebAction::kWhoAmI && route.how.action != WebAction::kLive)
-    context.login->renew(session->token);
+    context.logins.state->renew(session->token);
 
   if (route.how.action == WebAction::kWhoAmI)
     co_return jsonAnswer(co_await sessionState(server, call->who, session->token));
   if (route.how.action == WebAction::kLogOut) {
-    if (const Status ended = co_await context.login->end(session->token); !ended)
+    if (const Status ended = co_await context.logins.state->end(session->token); !ended)
       co_return errorAnswer(ended.error());
     server->note(call->who.name, PeerLine::kWebLogout,
                  {{"conn", request->connection}, {"who", call->who.name}});
@@ -296,16 +303,16 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
   if (route.call != pb::Request::CALL_NOT_SET) {
     if (const Status role = checkRole(call->who, route.call); !role) co_return errorAnswer(role.error());
   }
-  // before anything else is held; goes on with the answer, until the browser has read it
+  // taken before anything else; held with the answer until the browser has read it
   std::optional<ByteBudget::Share> reply_room;
   if (route.how.action == WebAction::kRequest || route.how.action == WebAction::kWork ||
       route.how.action == WebAction::kSteps) {
     std::function<bool()> gone = [request] { return request->gone(); };
-    reply_room = co_await waitForRoom(context.replies, context.reply_room, call->who,
+    reply_room = co_await waitForRoom(context.in_flight.replies, context.in_flight.reply_room, call->who,
                                       replyRoomOf(context, call->who, route.call), std::move(gone));
     if (!reply_room) co_return browserGone();
   }
-  // of the body's JSON; given back on the network's thread
+  // for the body's JSON; released on the network's thread
   std::optional<ByteBudget::Share> share;
   if (auto refused = co_await takeShare(server, request, call->who, share)) co_return std::move(*refused);
   if (auto fault = co_await readBody(server, request, call)) co_return std::move(*fault);
@@ -331,12 +338,12 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
     answer.takeover = makeLiveSocket(server, session->token, call->who.name);
     co_return answer;
   }
-  if (route.how.action == WebAction::kText) {
+  if (route.how.action == WebAction::kOpenApi) {
     HttpAnswer answer;
-    answer.body = std::string(route.how.text());
+    answer.body = std::string(openApiText());
     co_return answer;
   }
-  // those of kRequest take it as they are executed
+  // for kRequest, it is taken on execution
   const bool is_direct = route.how.action == WebAction::kWork || route.how.action == WebAction::kSteps ||
                          route.how.action == WebAction::kStream;
   DiskRoom::Share disk_room;
@@ -373,7 +380,7 @@ Task<HttpAnswer> WebServer::answer(std::shared_ptr<HttpRequest> request) {
   request->address =
       proxies_.clientOf(request->address, standard ? request->forwarded : request->x_forwarded_for);
   HttpAnswer answer = co_await answerTo(request);
-  // nobody reads it, and nothing failed: not among the metrics' 5xx, which are an alarm
+  // it is not sent, and nothing failed: keep it out of the metrics' 5xx, which raise an alarm
   if (answer.status == 503 && request->gone()) answer.status = kClientHungUp;
   if (mayDemandHttps(request->host))
     answer.headers.emplace_back("Strict-Transport-Security", "max-age=31536000");
@@ -392,7 +399,7 @@ Task<HttpAnswer> WebServer::answerTo(std::shared_ptr<HttpRequest> request) {
   if (request->host.empty()) co_return errorAnswer(400, "invalid_input", "the header Host is missing");
   const auto& segments = target->segments;
   if (segments.size() >= 2 && segments[0] == "api" && segments[1] == "v1") {
-    // an exception in one request (an unexpected stored text, no memory) must not end the server
+    // an exception in one request (unexpected stored text, out of memory) must not end the server
     try {
       co_return co_await apiAnswer(server, request, std::move(*target));
     } catch (const std::exception& fault) {

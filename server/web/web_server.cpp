@@ -5,17 +5,20 @@
 #include <string>
 #include <utility>
 
-#include "common/base/clock.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
+#include "common/base/time/clock.h"
 #include "server/base/listen.h"
 #include "server/base/log.h"
-#include "server/live/request_effects.h"
+#include "server/live/counters.h"
+#include "server/live/limits/server_limits.h"
+#include "server/live/login/server_logins.h"
+#include "server/live/work/turn_queue.h"
 #include "server/web/routes.h"
 
 namespace needlelab {
 namespace {
 
-/// Beside an installed program (PREFIX/bin, PREFIX/share/needlelab/web), else in the build tree.
+/// PREFIX/share/needlelab/web for an installed program (in PREFIX/bin), otherwise in the build tree.
 std::filesystem::path defaultWebRoot() {
   std::error_code error;
   const auto program = std::filesystem::read_symlink("/proc/self/exe", error);
@@ -26,17 +29,17 @@ std::filesystem::path defaultWebRoot() {
   return NEEDLELAB_WEB_ROOT;
 }
 
-/// Whether there is a route at this address that takes a body.
+/// Whether a route at this address accepts a body.
 bool mayHaveBody(std::string_view method, std::string_view target) {
   const auto parsed = parseTarget(target);
   if (!parsed || parsed->segments.size() < 2 || parsed->segments[0] != "api" || parsed->segments[1] != "v1")
     return false;
   const WebMatch match = matchRoute(method, std::span(parsed->segments).subspan(2));
-  // a log-in is short, also of a browser that has a session already
+  // log-in bodies are short, even if the browser already has a session
   return match.route != nullptr && takesBody(*match.route) && match.route->how.action != WebAction::kLogIn;
 }
 
-/// The many that succeed hide none that was refused or failed.
+/// Separate kinds, so that successful requests do not hide refused or failed ones.
 PeerLineKind lineOf(const HttpRequest& request, unsigned status) {
   if (request.route == "file") return PeerLine::kWebFile;
   if (request.who.empty()) return PeerLine::kWebRequestOfStranger;
@@ -84,7 +87,7 @@ WebServer::WebServer(ServerContext& context, TlsContext tls, WebSettings setting
       settings_(std::move(settings)),
       proxies_(std::move(proxies)),
       files_(std::move(files)),
-      sessions_(*context.login),
+      sessions_(*context.logins.state),
       admission_(settings_.admission),
       board_(std::make_shared<LiveBoard>(context, settings_.live_period)) {}
 
@@ -167,9 +170,9 @@ void WebServer::streamFailed(const HttpRequest& request, const Error& error) {
 
 void WebServer::note(const std::string& who, const PeerLineKind& kind,
                      std::initializer_list<LogField> fields) {
-  // stations do not come here
+  // `who` is always a person: stations do not use this port
   const std::string owner = who.empty() ? PeerLines::kStrangers : turnNameOf({.name = who});
-  context_.lines.write(owner, kind, steadyNowNs(), fields);
+  context_.limits.lines.write(owner, kind, steadyNowNs(), fields);
 }
 
 bool WebServer::showedSession(std::uint64_t id, const std::string& who) {

@@ -15,9 +15,9 @@
 #include "server/base/http_server.h"
 #include "server/base/log.h"
 #include "server/base/trusted_proxies.h"
-#include "server/live/admission.h"
 #include "server/live/context.h"
-#include "server/live/peer_lines.h"
+#include "server/live/limits/admission.h"
+#include "server/live/limits/peer_lines.h"
 #include "server/web/live_board.h"
 #include "server/web/static_files.h"
 #include "server/web/web_call.h"
@@ -27,13 +27,13 @@ namespace needlelab {
 /// HttpLimits contains the limits of size and time.
 struct WebSettings : HttpLimits {
   std::string listen;               ///< HOST:PORT; empty or "off": the port is disabled
-  std::filesystem::path port_file;  ///< written after listening; empty: none
-  std::filesystem::path root;       ///< of the console's files; empty: their build or installation folder
+  std::filesystem::path port_file;  ///< written after listening; empty: no file
+  std::filesystem::path root;  ///< folder of the console's files; empty: the build or installation folder
 
-  /// Before log-in, and where no body is taken: it is refused then.
+  /// Limit before log-in, and for routes without a body, which then refuse it.
   std::size_t small_body_bytes = 4u << 10;
-  /// Connections that have not shown a valid session yet are strangers: only they are counted by address, and
-  /// they are cut as on the other port. A connection is used by a request with a session.
+  /// Connections without a valid session are strangers: only these are counted by address, and they are cut
+  /// as on the other port. A request with a session counts as use of a connection.
   Admission::Settings admission = kWebAdmission;
   std::vector<std::string> proxies;              ///< trusted_proxies.h
   std::string proxy_header = "X-Forwarded-For";  ///< or "Forwarded"
@@ -41,9 +41,10 @@ struct WebSettings : HttpLimits {
   std::chrono::milliseconds live_period{200};
   std::size_t live_sockets = 64;
   std::size_t live_sockets_per_person = 8;
-  /// A viewer that does not take a message in this time is cut.
+  /// A viewer that does not accept a message within this time is cut.
   std::chrono::milliseconds live_write_timeout{5'000};
-  /// A viewer from which nothing comes for so long, not even the answer to a ping after half of it, has gone.
+  /// A viewer that sends nothing for this long, not even an answer to a ping at half of it, is considered
+  /// gone.
   std::chrono::milliseconds live_idle_timeout{30'000};
 };
 
@@ -60,10 +61,10 @@ class WebServer : public HttpServer {
   void cutAll(const std::string& reason);
   [[nodiscard]] bool idle() const { return connections() == 0; }
 
-  /// A line of the log, of this person's, or of all strangers' if `who` is empty.
+  /// Writes a log line for this person, or for all strangers if `who` is empty.
   void note(const std::string& who, const PeerLineKind& kind, std::initializer_list<LogField> fields);
 
-  /// web_request.cpp: answers a request.
+  /// Answers a request; in web_request.cpp.
   Task<HttpAnswer> answer(std::shared_ptr<HttpRequest> request) override;
   std::optional<HttpAnswer> unreadable(const boost::system::error_code& error) override;
   [[nodiscard]] std::size_t bodyLimit(std::string_view method, std::string_view target,
@@ -79,12 +80,11 @@ class WebServer : public HttpServer {
   [[nodiscard]] const StaticFiles& files() const { return files_; }
   [[nodiscard]] WebSessions& sessions() { return sessions_; }
   [[nodiscard]] LiveBoard& board() { return *board_; }
-  /// False: there are too many viewers, in total or for this person. Each true must be followed by one
-  /// viewerLeft.
+  /// False: too many viewers, in total or for this person. Each true must be followed by one viewerLeft.
   bool viewerCame(const std::string& who);
   void viewerLeft(const std::string& who);
-  /// A connection has sent a request with a valid session of `who`. False: people who have no more
-  /// connections than this person take all places.
+  /// A connection has sent a request with a valid session of `who`. False: all places are taken by people
+  /// with no more connections than this person.
   [[nodiscard]] bool showedSession(std::uint64_t id, const std::string& who);
 
  protected:

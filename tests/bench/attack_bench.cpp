@@ -10,7 +10,7 @@
 #include <thread>
 #include <vector>
 
-#include "server/live/monitor.h"
+#include "server/live/monitor/monitor.h"
 #include "tests/unit/server/live/raw_peer.h"
 
 namespace needlelab::test {

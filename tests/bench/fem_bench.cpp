@@ -13,7 +13,7 @@
 #include "common/haptics/models/fem_needle.h"
 #include "common/haptics/models/like_for_like.h"
 #include "tests/support/random.h"
-#include "tests/support/scenes.h"
+#include "tests/support/scenes/scenes.h"
 
 namespace {
 

@@ -19,10 +19,10 @@
 #include <thread>
 #include <vector>
 
-#include "client/net/blocking_client.h"
-#include "common/base/clock.h"
-#include "common/base/files.h"
+#include "client/net/link/blocking_client.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
+#include "common/base/time/clock.h"
 #include "common/wire/tls.h"
 #include "tests/bench/result_folder.h"
 #include "tests/load/own_server.h"

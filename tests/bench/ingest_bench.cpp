@@ -12,7 +12,7 @@
 #include <span>
 #include <sstream>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/gesture/chunk.h"
 #include "tests/bench/ingest_stores.h"

@@ -6,7 +6,7 @@
 
 #include "db/engine/postgres.h"
 #include "db/engine/postgres_values.h"
-#include "db/session_rows.h"
+#include "db/sessions/session_rows.h"
 #include "tests/bench/ingest_stores.h"
 
 namespace needlelab::test {

@@ -9,12 +9,12 @@
 #include <mutex>
 #include <system_error>
 
-#include "db/credentials.h"
-#include "db/db_writer.h"
 #include "db/engine/open_postgres.h"
-#include "db/schema.h"
-#include "db/session_rows.h"
-#include "db/session_store.h"
+#include "db/login/credentials.h"
+#include "db/sessions/db_writer.h"
+#include "db/sessions/session_rows.h"
+#include "db/sessions/session_store.h"
+#include "db/store/schema.h"
 
 namespace needlelab::test {
 namespace {

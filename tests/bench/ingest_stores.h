@@ -14,9 +14,9 @@
 
 #include "common/base/bytes.h"
 #include "common/base/result.h"
-#include "common/base/uuid.h"
-#include "db/connection.h"
-#include "db/store_address.h"
+#include "common/base/text/uuid.h"
+#include "db/store/connection.h"
+#include "db/store/store_address.h"
 
 namespace needlelab::test {
 

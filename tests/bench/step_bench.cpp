@@ -9,12 +9,12 @@
 #include <cstring>
 #include <thread>
 
-#include "common/base/clock.h"
+#include "common/base/time/clock.h"
 #include "common/fem/needle_mesh.h"
 #include "common/haptics/models/like_for_like.h"
 #include "tests/bench/step_loops.h"
 #include "tests/bench/step_record.h"
-#include "tests/support/reference_engine.h"
+#include "tests/support/reference/reference_engine.h"
 
 namespace needlelab::test {
 namespace {

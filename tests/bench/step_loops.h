@@ -5,8 +5,8 @@
 #include <string>
 
 #include "common/base/result.h"
-#include "tests/support/motions.h"
-#include "tests/support/scenes.h"
+#include "tests/support/scenes/motions.h"
+#include "tests/support/scenes/scenes.h"
 
 namespace needlelab::test {
 

@@ -10,7 +10,7 @@
 #include <sstream>
 #include <vector>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "tests/bench/result_folder.h"
 

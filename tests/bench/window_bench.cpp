@@ -22,12 +22,12 @@
 
 #include "client/view/model/gesture_plots.h"
 #include "client/view/plots.h"
-#include "client/view/scene_renderer.h"
+#include "client/view/scene/scene_renderer.h"
 #include "client/view/surface.h"
 #include "client/view/theme.h"
 #include "client/view/ultrasound_view.h"
-#include "common/base/clock.h"
 #include "common/base/program.h"
+#include "common/base/time/clock.h"
 #include "tests/bench/result_folder.h"
 #include "tests/support/view_lesson/sample_lesson.h"
 

@@ -8,8 +8,8 @@
 #include <cstdio>
 #include <thread>
 
-#include "client/station/run/signals.h"
-#include "common/base/clock.h"
+#include "client/station/run/loop/signals.h"
+#include "common/base/time/clock.h"
 
 namespace needlelab {
 namespace {

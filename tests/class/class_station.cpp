@@ -7,16 +7,17 @@
 #include <span>
 #include <utility>
 
-#include "client/device/hand_options.h"
-#include "client/device/simulated_device.h"
-#include "client/net/connect.h"
+#include "client/device/hand/hand_options.h"
+#include "client/device/hand/simulated_device.h"
+#include "client/net/link/connect.h"
 #include "client/sim/tools/closed_loop.h"
-#include "client/station/run/lesson.h"
-#include "client/station/run/station_key.h"
+#include "client/station/run/io/station_key.h"
+#include "client/station/run/lesson/lesson.h"
 #include "common/fem/needle_mesh.h"
 #include "common/gesture/chunk.h"
 #include "common/profile/profile.h"
-#include "common/scoring/anatomy.h"
+#include "common/profile/scene_of_profile.h"
+#include "common/scoring/anatomy/anatomy.h"
 
 namespace needlelab {
 namespace {

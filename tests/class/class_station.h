@@ -12,8 +12,8 @@
 #include <string>
 #include <vector>
 
-#include "client/net/spool.h"
-#include "client/net/uplink.h"
+#include "client/net/spool/spool.h"
+#include "client/net/uplink/uplink.h"
 #include "common/base/result.h"
 #include "common/gesture/sample.h"
 #include "common/haptics/scene_model.h"

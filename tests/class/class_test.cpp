@@ -6,9 +6,9 @@
 #include <map>
 #include <set>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/profile/profile.h"
-#include "common/scoring/measures.h"
+#include "common/scoring/measures/measures.h"
 #include "tests/class/class_run.h"
 #include "tests/class/class_station.h"
 #include "tests/support/temp_folder.h"

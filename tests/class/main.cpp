@@ -4,8 +4,8 @@
 #include <cstdio>
 #include <exception>
 
-#include "client/station/run/signals.h"
-#include "common/base/files.h"
+#include "client/station/run/loop/signals.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/base/secret.h"
 #include "common/wire/protocol.h"

@@ -4,7 +4,7 @@
 #include <charconv>
 #include <cmath>
 
-#include "client/device/hand.h"
+#include "client/device/hand/hand.h"
 
 namespace needlelab {
 namespace {

@@ -11,7 +11,7 @@ namespace needlelab {
 
 struct ClassTrainee {
   std::string name;
-  double skill = 0;  ///< on the first day, [0, 1] (client/device/hand_options.h)
+  double skill = 0;  ///< on the first day, [0, 1] (client/device/hand/hand_options.h)
 };
 
 /// Parses NAME=SKILL. Errors: kInvalidInput with the text and the allowed form.

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""deploy/nightly: its table of pieces, what it says of pieces that pass, fail, hang or cannot run, and the committed results."""
+"""deploy/nightly: its table of pieces, its report of pieces that pass, fail, hang or cannot run, and the committed results."""
 import contextlib
 import dataclasses
 import importlib.machinery
@@ -22,13 +22,13 @@ def nightly():
     loader = importlib.machinery.SourceFileLoader("nightly", str(ROOT / "deploy" / "nightly"))
     spec = importlib.util.spec_from_loader("nightly", loader)
     module = importlib.util.module_from_spec(spec)
-    sys.modules["nightly"] = module  # dataclasses look there
+    sys.modules["nightly"] = module  # dataclasses look it up there
     loader.exec_module(module)
     return module
 
 
 def gone(pid_file):
-    """Whether the process has ended, or does so within a minute."""
+    """Whether the process has ended, or ends within a minute."""
     for _ in range(1200):
         try:
             if pathlib.Path("/proc", pid_file.read_text(encoding="ascii").strip(), "stat").read_text(encoding="ascii").split()[2] == "Z":
@@ -40,7 +40,7 @@ def gone(pid_file):
 
 
 class Committed(unittest.TestCase):
-    """What stands in this folder."""
+    """The committed results in this folder."""
 
     def setUp(self):
         self.nightly = nightly()
@@ -109,7 +109,7 @@ class Committed(unittest.TestCase):
 
 
 class Running(unittest.TestCase):
-    """The script on pieces that are shell scripts."""
+    """The script with shell scripts as pieces."""
 
     def setUp(self):
         self.nightly = nightly()
@@ -129,7 +129,7 @@ class Running(unittest.TestCase):
         return self.nightly.Piece(name, 1, f"what {name} shows", (f"{{bin}}/{name}",), numbers, programs)
 
     def run_pieces(self, *pieces, arguments=()):
-        """(exit code, what it printed, {piece: result})."""
+        """(exit code, output, {piece: result})."""
         self.nightly.PIECES = pieces
         with contextlib.redirect_stdout(io.StringIO()) as said:
             code = self.nightly.main(["--build", str(self.folder), "--fuzz-build", str(self.folder), *arguments])

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What deploy/run_ctest prints of tests that pass, fail, crash, hang, are skipped, and its exit code."""
+"""deploy/run_ctest's output for tests that pass, fail, crash, hang or are skipped, and its exit code."""
 import importlib.machinery
 import importlib.util
 import os
@@ -40,7 +40,7 @@ def printing(name, text, code=0):
 
 BY_CODE = ['add_test(shy sh -c "echo looking; echo skipped: there is no browser; exit 77")',
            "set_tests_properties(shy PROPERTIES SKIP_RETURN_CODE 77)"]
-# a GoogleTest program that runs as one test; its output is longer than what ctest keeps of a passed test
+# a GoogleTest program that runs as one test; its output is longer than what ctest keeps for a passed test
 GTEST = """[ RUN      ] Disk.isFull
 /src/disk_test.cpp:12: Skipped
 this user may not mount a small disk

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""deploy/packages.txt, deploy/setup and deploy/Containerfile agree; --demo and --no-setup do what they say."""
+"""deploy/packages.txt, deploy/setup and deploy/Containerfile agree; --demo and --no-setup do what they promise."""
 import os
 import pathlib
 import re
@@ -14,7 +14,7 @@ SETUP = ROOT / "deploy" / "setup"
 
 
 def packages():
-    """{name: group} of deploy/packages.txt; fails at a line of another form."""
+    """{name: group} from deploy/packages.txt; fails on a line in another form."""
     found = {}
     for line in (ROOT / "deploy" / "packages.txt").read_text(encoding="utf-8").splitlines():
         if line.startswith("#"):
@@ -31,7 +31,7 @@ def listed(*arguments):
 
 
 class OtherSystem:
-    """A folder of commands for PATH: those that the scripts need themselves, and `more`; no dpkg, no apt."""
+    """A folder of commands for PATH: those that the scripts themselves need, and `more`; no dpkg, no apt."""
 
     def __init__(self, test, *more):
         self.folder = tempfile.TemporaryDirectory(prefix="needlelab-other-system-")
@@ -86,7 +86,7 @@ class Setup(unittest.TestCase):
         self.assertEqual(complete.run("--demo", "--check"), (0, ""))
 
     def test_no_setup_goes_on_to_the_build_and_names_what_is_missing(self):
-        with tempfile.TemporaryDirectory() as folder:  # a checkout in which the scripts may write
+        with tempfile.TemporaryDirectory() as folder:  # a checkout that the scripts may write to
             shutil.copytree(ROOT / "deploy", f"{folder}/deploy")
             system = OtherSystem(self)
             system.add("cmake", 'echo "cmake was asked: $*"; exit 1\n')
@@ -116,14 +116,14 @@ class Setup(unittest.TestCase):
 
 class Containerfile(unittest.TestCase):
     def test_its_packages_are_those_of_packages_txt(self):
-        """It runs deploy/setup on Debian 12, after it copied all that setup reads, and installs nothing by itself."""
+        """It runs deploy/setup on Debian 12 after copying everything that setup reads, and installs nothing by itself."""
         lines = [line for line in (ROOT / "deploy" / "Containerfile").read_text(encoding="utf-8").splitlines()
                  if line and not line.startswith("#")]
         self.assertEqual([line for line in lines if line.startswith("FROM")], ["FROM debian:bookworm"])
         self.assertEqual([line for line in lines if line.startswith("RUN")], ["RUN deploy/setup"])
         before = lines[:lines.index("RUN deploy/setup")]
         copied = " ".join(line for line in before if line.startswith("COPY")).split()
-        with tempfile.TemporaryDirectory() as folder:  # --list and the npm packages' lock file work with these files alone
+        with tempfile.TemporaryDirectory() as folder:  # --list and the npm packages' lock file work with only these files
             for name in copied:
                 if (ROOT / name).is_file():
                     target = pathlib.Path(folder, name)

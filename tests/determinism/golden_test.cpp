@@ -15,12 +15,12 @@
 #include <memory>
 #include <sstream>
 
-#include "common/base/csv.h"
+#include "common/base/text/csv.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/engine.h"
-#include "tests/support/model_scenes.h"
-#include "tests/support/motions.h"
-#include "tests/support/scenes.h"
+#include "tests/support/scenes/model_scenes.h"
+#include "tests/support/scenes/motions.h"
+#include "tests/support/scenes/scenes.h"
 #ifdef NEEDLELAB_RECORDINGS
 #include "tests/support/recordings/recordings.h"
 #endif

@@ -1,4 +1,4 @@
-// In the server under test only: a VFS in front of SQLite's own. It reports in a shared page whether a commit
+// Only in the server under test: a VFS in front of SQLite's own. It reports in a shared page whether a commit
 // or a checkpoint is running, and kills its own process (kill -9) at the requested operation.
 // NEEDLELAB_CRASH_PAGE names the page's file; without it nothing changes.
 #include <fcntl.h>
@@ -19,15 +19,15 @@ namespace {
 
 /// The shared page, a file mapped into memory: the server's phase, and the operation at which it must die.
 /// Little-endian words; harness/crash_page.py reads and writes the same. The harness arms `die_in` before the
-/// server starts or while it runs; the server alone writes the others.
+/// server starts or while it runs; only the server writes the others.
 struct CrashPage {
   std::atomic<std::uint64_t> phase;        ///< current phase, a CrashPhase
   std::atomic<std::uint64_t> commits;      ///< syncs of the log outside of checkpoints
-  std::atomic<std::uint64_t> checkpoints;  ///< begun
+  std::atomic<std::uint64_t> checkpoints;  ///< started checkpoints
   std::atomic<std::uint64_t> operations;   ///< writes and syncs in the armed phase since it was armed
-  std::atomic<std::uint64_t> die_in;       ///< a CrashPhase; 0: go on living
+  std::atomic<std::uint64_t> die_in;       ///< a CrashPhase; 0: do not die
   std::atomic<std::uint64_t> die_at;       ///< before this operation of that phase, counted from 1
-  std::atomic<std::uint64_t> hold_ms;      ///< stand still there for so long before
+  std::atomic<std::uint64_t> hold_ms;      ///< first hang there for this long
 };
 
 enum CrashPhase : std::uint64_t { kElsewhere = 0, kInCommit = 1, kInCheckpoint = 2 };
@@ -38,7 +38,7 @@ sqlite3_vfs ours;
 // of the writer's thread, the only one that writes
 bool checkpointing = false, log_written = false;
 
-/// Behind the system's own file, in the same allocation.
+/// After the system's own file, in the same allocation.
 struct Behind {
   const sqlite3_io_methods* methods;  // the system's
   bool is_log;
@@ -63,7 +63,7 @@ int xWrite(sqlite3_file* file, const void* from, int size, sqlite3_int64 offset)
 }
 
 int xSync(sqlite3_file* file, int flags) {
-  // a log to which nothing was written since its last sync is synced by a checkpoint, before it says so
+  // a log without writes since its last sync is synced by a checkpoint before the checkpoint is announced
   const bool commit = behind(file).is_log && log_written;
   before(commit ? kInCommit : kInCheckpoint);
   const int rc = behind(file).methods->xSync(file, flags);
@@ -71,7 +71,7 @@ int xSync(sqlite3_file* file, int flags) {
     log_written = false;
     ++page->commits;
   }
-  // a checkpoint goes on until SQLite says that it is done
+  // a checkpoint lasts until SQLite says that it is done
   if (commit || (!behind(file).is_log && !checkpointing)) page->phase = kElsewhere;
   return rc;
 }
@@ -105,7 +105,7 @@ int xOpen(sqlite3_vfs*, const char* name, sqlite3_file* file, int flags, int* ou
   return rc;
 }
 
-/// Before main(), and so before the first connection.
+/// Before main(), and therefore before the first connection.
 const bool registered = [] {
   const char* path = std::getenv("NEEDLELAB_CRASH_PAGE");
   if (path == nullptr) return false;

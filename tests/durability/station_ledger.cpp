@@ -7,9 +7,9 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "client/net/spool_json.h"
-#include "common/base/clock.h"
-#include "common/base/files.h"
+#include "client/net/spool/spool_json.h"
+#include "common/base/files/files.h"
+#include "common/base/time/clock.h"
 
 namespace needlelab::test {
 namespace {
@@ -43,8 +43,8 @@ StationLedger::~StationLedger() {
   ::close(fd_);
 }
 
-/// The kernel ends a write at a page's end when the program is killed there: the next line must not be joined
-/// to such a part of one.
+/// The kernel ends a write at a page boundary if the program is killed there: the next line must not be
+/// joined to such a fragment.
 void StationLedger::removeCutLine(const std::string& path) {
   const off_t end = ::lseek(fd_, 0, SEEK_END);
   off_t whole = end;

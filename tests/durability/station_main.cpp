@@ -10,9 +10,9 @@
 #include <set>
 #include <thread>
 
-#include "client/net/uplink.h"
-#include "common/base/clock.h"
-#include "common/base/files.h"
+#include "client/net/uplink/uplink.h"
+#include "common/base/files/files.h"
+#include "common/base/time/clock.h"
 #include "common/wire/tls.h"
 #include "tests/durability/station_ledger.h"
 
@@ -25,10 +25,10 @@ struct Options {
   std::string server, ca, key_file, spool, ledger;
   std::uint64_t seed = 1;
   int sessions = 1, samples = 300;
-  double rate_hz = 100;   ///< as declared: a chunk is one second of it
-  double push_hz = 1000;  ///< as pushed
+  double rate_hz = 100;   ///< declared rate: a chunk is one second
+  double push_hz = 1000;  ///< actual rate
   int drain_s = 20;
-  bool as_station = false;  ///< shows its samples to viewers, and waits before it tries again, as a station
+  bool as_station = false;  ///< like a station: shows its samples to viewers, and waits before it tries again
 };
 
 std::atomic<bool> stop{false};
@@ -94,7 +94,7 @@ pb::SessionDescription describe(const std::string& station, double rate_hz) {
   return description;
 }
 
-/// Records one session in real time. Returns false when the spool refused.
+/// Records one session in real time. Returns false if the spool refused.
 bool record(const Options& options, Spool& spool, Uplink& uplink, StationLedger& ledger,
             const std::string& station, std::mt19937_64& random) {
   // before the spool has it: a kill in between leaves a session without samples
@@ -151,7 +151,7 @@ int run(const Options& options) {
   }
   for (const std::string& note : (*spool)->notes()) std::fprintf(stderr, "%s\n", note.c_str());
   const auto waiting = (*spool)->unfinished();
-  // a kill may have come between a session's end and the ledger's line of it
+  // a kill may have come between a session's end and its ledger line
   for (const auto& session : waiting) ledger.end(*session);
   for (const auto& session : (*spool)->closedButNotSafe()) ledger.end(*session);
   SpoolKeep keep;
@@ -189,7 +189,7 @@ int run(const Options& options) {
   const auto until = std::chrono::steady_clock::now() + patience;
   for (const auto& session : not_safe) {
     const std::string& id = session->description().session_id();
-    // a session without chunks is not asked for: the server names it when it connects, if it is open there
+    // a session without chunks is not asked about: the server names it on connection if it is open there
     const bool asked = session->contents().chunks > 0;
     const auto answered = [&] { return asked ? heard.contains(id) : uplink.state().connections > 0; };
     while (!answered() && !stop && std::chrono::steady_clock::now() < until) std::this_thread::sleep_for(5ms);

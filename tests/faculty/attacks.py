@@ -1,5 +1,5 @@
-"""What happens to a faculty while its stations send and people watch. Each scenario plays in a lab of its own and returns the judgement of its end;
-nothing that was acknowledged has been missing until then. A number from `dice` decides whatever a seed is to repeat."""
+"""Attacks on a faculty while its stations send and people watch. Each scenario runs in its own lab and returns its final judgement; up to then
+nothing acknowledged has been missing. A number from `dice` decides everything that a seed must repeat."""
 import functools
 import signal
 import time
@@ -11,9 +11,9 @@ from peers import Person, Refused, StationPeer
 from scenarios import kill_and_promote, new_standby
 
 PAUSE_S = 10
-UNTOUCHED_S = 10  # longer than a busy machine keeps a station that nothing happens to
-LONG_CUT_EVERY, LONG_CUT_S = 3, (34, 38)  # longer than the 30 s after which a silent peer is dead to a server
-PRESENCE_ENDS_S = 8  # a server that is silent for 3 s has no stations any more
+UNTOUCHED_S = 10  # longer than a busy machine delays a station that is not affected
+LONG_CUT_EVERY, LONG_CUT_S = 3, (34, 38)  # longer than the 30 s after which a server considers a silent peer dead
+PRESENCE_ENDS_S = 8  # a server that is silent for 3 s counts as having no stations
 ACCESS_ENDS_S = 5  # the promise is 1 s
 HOUR = 3600
 
@@ -23,7 +23,7 @@ def now_ns():
 
 
 def again_and_again(lab, dice, rounds, fault, **how):
-    """`fault(lab, dice, round_number)` returns a Fault once the lab has all that it needs again."""
+    """`fault(lab, dice, round_number)` returns a Fault once the lab again has everything it needs."""
     lab.open(**how)
     lab.stream(dice)
     for round_number in range(rounds):
@@ -40,18 +40,18 @@ def again_and_again(lab, dice, rounds, fault, **how):
 
 
 def is_caught(lab):
-    """A planted bug is found: what else it may do is of no interest."""
+    """A planted bug counts as found; its other effects do not matter."""
     return lab.plant is not None and bool(lab.findings)
 
 
 def no_acks(lab, seconds):
-    """For whatever is under way first."""
+    """Waits first for whatever is in progress."""
     time.sleep(0.3)
     lab.silent_for(seconds)
 
 
 def untouched(lab, fault):
-    """Lessons and their storage do not notice it."""
+    """Lessons and their storage are not affected."""
     lab.acks.read()
     end = now_ns()
     for name in lab.names:
@@ -64,7 +64,7 @@ def untouched(lab, fault):
 # --- killed
 
 def kill_server(lab, dice, _):
-    """The stations go to the other one."""
+    """Its stations go to the other one."""
     name = lab.busier(dice)
     there, begin = lab.stations_at(name), now_ns()
     lab.kill(name)
@@ -96,7 +96,7 @@ def kill_standby(lab, dice, _):
 
 
 def kill_nats(lab, dice, _):
-    """Lessons and their storage do not notice it."""
+    """Lessons and their storage are not affected."""
     begin = now_ns()
     lab.nats.kill()
     lab.nats.wait()
@@ -108,7 +108,7 @@ def kill_nats(lab, dice, _):
 # --- stopped for a while
 
 def pause_server(lab, dice, _):
-    """Its stations wait for it: a peer is dead after 30 s."""
+    """Its stations wait for it: a peer counts as dead after 30 s."""
     name = lab.busier(dice)
     there, begin = lab.stations_at(name), now_ns()
     with stopped(lab.servers[name]):
@@ -140,8 +140,7 @@ def pause_nats(lab, _dice, _):
 
 
 def depose_server(lab, dice, _):
-    """It stands still, with what its stations have sent in its hands, until they are at the other one; then it goes on: it acknowledges nothing of
-    theirs."""
+    """It hangs, holding what its stations have sent, until they are at the other one; then it continues and must acknowledge none of it."""
     name = lab.busier(dice)
     there, begin = lab.stations_at(name), now_ns()
     repeated, deposed = lab.chunks(name, "repeated"), lab.metric("needlelab_stations_deposed_total", name)
@@ -172,7 +171,7 @@ def long_or_short(dice, round_number):
 
 
 def cut_server_from_postgres(lab, dice, _):
-    """It acknowledges nothing; the other server's stations go on."""
+    """It acknowledges nothing; the other server's stations continue."""
     name, way = lab.busier(dice), dice.choice(["to", "from", "both"])
     there, begin = lab.stations_at(name), now_ns()
     for cluster in (lab.primary, lab.standby):
@@ -180,7 +179,7 @@ def cut_server_from_postgres(lab, dice, _):
     time.sleep(1)
     quiet = now_ns()
     time.sleep(dice.uniform(3, 9))
-    # what was heard first, and then who is there: whoever has left by then may have acks of the other server
+    # first what was received, then which stations are there: one that has left by then may have acks from the other server
     heard = lab.acks.read()
     still = [one for one in there if one in lab.stations_at(name)]
     if (acks := heard.since(still, quiet)) > 0:
@@ -198,7 +197,7 @@ def cut_server_from_nats(lab, dice, _):
 
 
 def cut_stations_from_server(lab, dice, round_number):
-    """Every third time for longer than TCP and both ends bear: the stations go to the other server."""
+    """Every third time longer than TCP and both ends tolerate: the stations go to the other server."""
     name, way = lab.busier(dice), dice.choice(["to", "from", "both"])
     at = lab.stations_at(name)
     group = dice.choice([one for one in GROUPS if any(lab.group_of(station) == one for station in at)])
@@ -210,8 +209,8 @@ def cut_stations_from_server(lab, dice, round_number):
 
 
 def depose_primary(lab, dice, _):
-    """One server sees the old primary only, which nobody has ended; its standby is promoted and has a standby of its own. The old primary's server
-    acknowledges nothing, the other one goes on."""
+    """One server sees only the old primary, which is still running; its standby is promoted and has its own standby. The old primary's server
+    acknowledges nothing, the other one continues."""
     a, b, c = lab.primary, lab.standby, lab.spare
     name = lab.busier(dice)
     there, others, begin = lab.stations_at(name), lab.stations_at(OTHER[name]), now_ns()
@@ -240,7 +239,7 @@ def depose_primary(lab, dice, _):
 # --- others
 
 def slow_viewers(lab, dice, _):
-    """People at the other server want all samples of all stations, and read nothing: nobody else notices."""
+    """People at the other server request all samples of all stations and read nothing: nothing else is affected."""
     name = lab.busier(dice)
     at, begin = OTHER[name], now_ns()
     dropped = lab.metric("needlelab_live_frames_dropped_total", at)
@@ -248,7 +247,7 @@ def slow_viewers(lab, dice, _):
     try:
         for one in slow:
             one.watch(lab.names)
-        time.sleep(8)  # a peer that takes nothing is cut off after 10 s
+        time.sleep(8)  # a peer that accepts nothing is cut off after 10 s
         queued = lab.metric("needlelab_live_queue_bytes", at)
         more = lab.metric("needlelab_live_frames_dropped_total", at) - dropped
     finally:
@@ -260,11 +259,11 @@ def slow_viewers(lab, dice, _):
 
 
 def clocks_apart(lab, dice, rounds):
-    """Server a is five hours behind, b four ahead, each station somewhere between: nobody's clock decides what is newer."""
+    """Server a is five hours behind, b four ahead, each station somewhere between: no clock decides which data are newer."""
     if not (lab.template_of.bin / CLOCK_SHIM).exists():
         raise CannotPlay(f"{lab.template_of.bin / CLOCK_SHIM} is not built")
     lab.ahead_s.update({"a": -5 * HOUR, "b": 4 * HOUR})
-    # the certificates are of the clock that is furthest behind
+    # the certificates are made with the clock that is furthest behind
     lab.ahead_s.update({name: dice.randrange(-4 * HOUR, 5 * HOUR) for name in lab.names})
     lab.acks.ahead_ns.update({name: lab.ahead_s[name] * 10**9 for name in lab.names})
     return again_and_again(lab, dice, rounds, kill_server)
@@ -303,12 +302,12 @@ def presence_ends(lab, dice, rounds):
 
 
 def access_ends(lab, _dice, rounds):
-    """Somebody's account, and a station's key, end at server a: connections and tokens end at b."""
+    """An account and a station's key are ended at server a: their connections and tokens end at b."""
     lab.open(standby=False)
     judgement, ended, most = Judgement(), [], lab.within(ACCESS_ENDS_S)
     lab.admin("a", "user", "add", "mia", "--role", "instructor", "--password-file", lab.template / "password")
     for number in range(rounds):
-        station = lab.names[number]  # a revoked one stays so: the key is the template's
+        station = lab.names[number]  # a revoked one stays revoked: the key is the template's
         first = Person(lab, "a", "mia", PASSWORD)
         here = Person(lab, "b", token=first.token)  # b knows the token now
         there = StationPeer(lab, "b", station)
@@ -339,8 +338,8 @@ def access_ends(lab, _dice, rounds):
 
 
 def stop_after_a_takeover(lab, dice, rounds):
-    """A station has gone from a server that stood still to the other one, its old connection is still there: a stop reaches the new one only, whichever
-    server is asked."""
+    """A station has moved from a hung server to the other one, and its old connection still exists: a stop reaches only the new one, whichever server
+    is asked."""
     lab.open(standby=False)
     judgement = Judgement()
     for number in range(rounds):
@@ -360,7 +359,7 @@ def stop_after_a_takeover(lab, dice, rounds):
             except Refused as why:
                 judgement.faults.append(("stop-refused", f"server {asked}: {why}"))
             person.socket.close()
-            time.sleep(0.5)  # the server answers when the station has confirmed it
+            time.sleep(0.5)  # the server answers once the station has confirmed it
             if reason in old.stops:
                 judgement.faults.append(("stop-at-the-wrong-place", f"asked at server {asked}: the connection at {old_at}, which had lost the station, got it"))
             elif reason not in new.stops:

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The attacks' own arithmetic, plan and table, and their network where namespaces can be had; no server is started."""
+"""The attacks' own arithmetic, plan and table, and their network where namespaces are available; no server is started."""
 import collections
 import importlib.machinery
 import importlib.util
@@ -33,7 +33,7 @@ S = 10**9
 def nightly():
     loader = importlib.machinery.SourceFileLoader("nightly", str(ROOT / "deploy" / "nightly"))
     module = importlib.util.module_from_spec(importlib.util.spec_from_loader("nightly", loader))
-    sys.modules["nightly"] = module  # dataclasses look there
+    sys.modules["nightly"] = module  # dataclasses look it up there
     loader.exec_module(module)
     return module
 
@@ -58,7 +58,7 @@ class Silences(unittest.TestCase):
         away = Away()
         away.add([10 * S, 20 * S, 23 * S, 24 * S], Fault(begin=11 * S, healed=18 * S, stations=[]), 24 * S)
         self.assertEqual((away.again, away.away), ([2.0], [9.0]))
-        # before it was healed: nobody had to wait for that
+        # before it was healed: no station had to wait for that
         away.add([10 * S, 13 * S, 14 * S], Fault(begin=11 * S, healed=18 * S, stations=[]), 14 * S)
         self.assertEqual((away.again[1], away.away[1]), (0, 2.0))
 
@@ -150,7 +150,7 @@ class Plans(unittest.TestCase):
         labs = list(plan([], False, 7))
         self.assertEqual({lab.rounds for lab in labs}, {1})
         self.assertEqual({lab.bug for lab in labs} - {None}, set(PLANTED))
-        # what never comes is found in a bounded time; what must come may take its time beside other tests
+        # waiting for what never comes is bounded; what must come may take its time beside other tests
         self.assertTrue(all(lab.is_timed == (lab.bug is not None) for lab in labs))
         self.assertTrue(all(lab.is_timed for lab in plan([], True, 7)))
         self.assertLess(len([lab for lab in labs if not lab.bug]), len(SCENARIOS))
@@ -164,7 +164,7 @@ class Plans(unittest.TestCase):
                 self.assertTrue({(lab.name, lab.seed) for lab in alone} <= among)
 
     def test_bugs_are_those_of_the_programs(self):
-        # those that other branches have still to bring are named by nobody
+        # bugs of branches that are not merged yet are not in the header
         names = (ROOT / "common/base/planted_bug.h").read_text(encoding="utf-8")
         if "takeover-unfenced" in names:
             for bug in PLANTED:
@@ -243,7 +243,7 @@ class Network(unittest.TestCase):
     def test_each_direction_vanishes_and_comes_back_and_others_stay(self):
         self.assertEqual((lost_ways("a", "b", "to"), lost_ways("a", "b", "from")), ([("a", "b")], [("b", "a")]))
         if os.getuid() != 0:
-            return  # Switch says so
+            return  # Switch reports it
         try:
             switch = Switch(["a", "b", "c"])
         except NoNamespaces as why:
@@ -282,7 +282,7 @@ class Network(unittest.TestCase):
         self.addCleanup(switch.close)
         with self.assertRaises(ZeroDivisionError):
             switch.machines["a"].call(lambda: 1 // 0)
-        # the caller's thread is where it was
+        # the caller's thread is unaffected
         self.assertEqual(threading.current_thread(), threading.main_thread())
         self.assertNotEqual(os.readlink(f"/proc/{switch.machines['a'].pid}/ns/net"), os.readlink("/proc/thread-self/ns/net"))
 

@@ -29,15 +29,15 @@ from faculty_lab import NATS, CannotPlay, FacultyLab, faculty_template, nats_is_
 from measures import GOAL_S, Away  # noqa: E402
 
 STATIONS, SHORT_STATIONS, FEW = 50, 12, 6
-KILLS, OTHERS, SEEDS = 10, 3, 2  # of the long form: twenty kills of each, six faults of every other kind
+KILLS, OTHERS, SEEDS = 10, 3, 2  # for the long form: twenty kills of each kind, six faults of every other kind
 
 
 @dataclasses.dataclass(frozen=True)
 class Scenario:
     play: object
-    short: bool = False     # in the short form, too
-    separate: bool = False  # each part is a machine of its own
-    few: bool = False       # it is not about many stations
+    short: bool = False     # also in the short form
+    separate: bool = False  # each part is a separate machine
+    few: bool = False       # it does not need many stations
     goal: bool = True       # stations stream and people see again within the goal
     rounds: int = OTHERS
 
@@ -62,7 +62,7 @@ SCENARIOS = {
     "access": Scenario(attacks.access_ends, short=True, few=True),
     "stop": Scenario(attacks.stop_after_a_takeover, short=True, few=True),
 }
-# what NEEDLELAB_PLANT has -> the scenario that finds it, and as what
+# value of NEEDLELAB_PLANT -> the scenario that finds it, and as what
 PLANTED = {
     "takeover-unfenced": ("server-deposed", {"acknowledged-by-a-deposed-server"}),
     "revoked-token-honoured": ("access", {"token-outlives-access"}),
@@ -91,7 +91,7 @@ class Planned:
 
 
 def plan(names, is_long, seed, stations=None):
-    """The labs to come. A seed is drawn for each name, asked for or not: a scenario alone has the seeds that it has among all."""
+    """The labs to run. A seed is drawn for each name, requested or not: a scenario alone gets the same seeds as among all."""
     dice = random.Random(seed)
     for name in KNOWN:
         bug = name.removesuffix(SUFFIX) if name.endswith(SUFFIX) else None
@@ -106,7 +106,7 @@ def plan(names, is_long, seed, stations=None):
 
 
 def play(template, folder, planned):
-    """One scenario in a lab of its own; its judgement, and the lab."""
+    """Runs one scenario in its own lab; returns its judgement and the lab."""
     scenario = planned.scenario
     with FacultyLab(template, folder, planned.stations, planned.bug, scenario.separate) as lab:
         lab.is_timed = planned.is_timed
@@ -125,7 +125,7 @@ def play(template, folder, planned):
 
 
 class Table:
-    """What all labs of a scenario have together."""
+    """The combined results of all labs of a scenario."""
     COUNTED = ("labs", "faults played", "chunks acknowledged", "samples compared", "chunks lost", "samples doubled")
     TIMES = ("stations again, s", "stations away, s", "viewers again, s", "viewers away, s")
 
@@ -151,7 +151,7 @@ class Table:
         return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
 
     def slow(self):
-        """Lines of text: whose p90 is over the goal."""
+        """Lines of text: those with a p90 over the goal."""
         for name in self.sums:
             if name in SCENARIOS and SCENARIOS[name].goal:
                 for who, away in (("stations", self.stations[name]), ("viewers", self.viewers[name])):
@@ -203,7 +203,7 @@ def main():
     labs = list(plan(given.names, is_long, given.seed, given.stations))
     print(f"seed {given.seed}", flush=True)
     scratch = pathlib.Path(tempfile.mkdtemp(prefix="nl-att-", dir=given.folder))  # a socket's path has at most 107 bytes
-    scratch.chmod(0o755)  # the user postgres goes through it
+    scratch.chmod(0o755)  # the user postgres must be able to enter it
     give(scratch)
     table, played, bad, template = Table(), 0, 0, None
     try:

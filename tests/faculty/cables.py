@@ -1,4 +1,4 @@
-"""Machines of a lab as network namespaces on one switch; what one of them sends to another one can be made to vanish, and nobody is told."""
+"""The machines of a lab as network namespaces on one switch; traffic from one to another can be dropped silently."""
 import ctypes
 import os
 import subprocess
@@ -6,13 +6,13 @@ import threading
 import time
 
 NETWORK = "10.77.1"
-NOBODY = "02:00:00:00:de:ad"  # no machine's hardware address: the switch brings the frame to all, and none takes it
+NOBODY = "02:00:00:00:de:ad"  # no machine's hardware address: the switch forwards the frame to all, and none accepts it
 CLONE_NEWNET = 0x40000000
 IP = next((path for path in ("/usr/sbin/ip", "/sbin/ip", "/usr/bin/ip") if os.access(path, os.X_OK)), None)
 
 
 class NoNamespaces(Exception):
-    """Why there are none here."""
+    """Why there are no namespaces here."""
 
 
 class Here:
@@ -25,7 +25,7 @@ class Here:
 
 
 class Machine:
-    """A network namespace with one address, held by a process that ends with this one. `enter`: the command in front of a program's."""
+    """A network namespace with one address, held by a process that ends with this one. `enter`: the command to put before a program's."""
 
     def __init__(self, address):
         self.address = address
@@ -50,7 +50,7 @@ class Machine:
             raise NoNamespaces(f"{' '.join(arguments)}: {done.stderr.strip()}")
 
     def call(self, work):
-        """What `work` returns, in a thread that is in this network: sockets that it makes stay there."""
+        """Runs `work` in a thread inside this network and returns its result: sockets that it creates stay there."""
         outcome = {}
 
         def inside():
@@ -75,7 +75,7 @@ class Machine:
 
 
 def lost_ways(one, other, way):
-    """(from, to) of what vanishes: "to": from `one` to `other`; "from": the answers; "both"."""
+    """(from, to) of dropped traffic: "to": from `one` to `other`; "from": the answers; "both"."""
     return {"to": [(one, other)], "from": [(other, one)], "both": [(one, other), (other, one)]}[way]
 
 
@@ -109,7 +109,7 @@ class Switch:
         machine.run(IP, "link", "set", "lo", "up")
 
     def cut(self, one, other, way="both"):
-        """From now on what lost_ways() names vanishes, also on connections that are there."""
+        """From now on drops the traffic named by lost_ways(), also on existing connections."""
         for sender, receiver in lost_ways(one, other, way):
             self.machines[sender].run(IP, "neigh", "replace", self.machines[receiver].address, "lladdr", NOBODY, "nud", "permanent", "dev", "eth0")
             self._lost.add((sender, receiver))

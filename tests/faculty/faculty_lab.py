@@ -1,4 +1,4 @@
-"""A faculty under test: two servers on one database with a synchronous standby, NATS between them, stations that know both, people who watch."""
+"""A faculty under test: two servers on one database with a synchronous standby, NATS between them, stations that know both servers, and viewers."""
 import contextlib
 import json
 import os
@@ -20,27 +20,27 @@ from fault_lab import FaultLab, Template  # noqa: E402
 from programs import PATIENCE_S, fetched, free_port, metric_in, start, stop  # noqa: E402
 from scenarios import POWER_CUT, TWO_DISKS, CannotPlay, sound  # noqa: E402,F401  pylint: disable=unused-import
 
-__all__ = ["sound"]  # for those who import them from here
+__all__ = ["sound"]  # for modules that import them from here
 import measures  # noqa: E402
 from cables import Here, NoNamespaces, Switch  # noqa: E402
 from viewers import Viewer  # noqa: E402
 
-clusters.MOST_CONNECTIONS = 80  # of two servers
+clusters.MOST_CONNECTIONS = 80  # for two servers
 NATS = "nats-server"
-# name -> how the servers are told apart: in station_claims (serverNameOf: the folder that made the database is "first"), and by --live-name
+# name -> how the servers are distinguished: in station_claims (serverNameOf: the folder that created the database is "first"), and by --live-name
 SERVERS = {"a": "first", "b": "b"}
 OTHER = {"a": "b", "b": "a"}
-GROUPS = ("stations-1", "stations-2")  # every second station; the first ask server a first
+GROUPS = ("stations-1", "stations-2")  # every second station; those in the first group ask server a first
 MACHINES = ("a", "b", "db-a", "db-b", "db-c", "nats", *GROUPS, "viewers")
-PORT, NATS_PORT = 7750, 4222  # on machines of their own
-# Two chunks a second of each station: what 1 kHz would cost says nothing here, and two cores are not to be the cause of a wait.
+PORT, NATS_PORT = 7750, 4222  # if they are separate machines
+# Two chunks per second from each station: the cost of 1 kHz does not matter here, and two cores must not cause delays.
 RATE_HZ, PUSH_HZ, SAMPLES = 20, 40, 600
 VIEW_HZ, OVERVIEW_HZ = 5, 2
-GUARD_NS = 150_000_000  # what is under way at the moment of a fault still arrives
+GUARD_NS = 150_000_000  # what is in transit at the moment of a fault still arrives
 SETTLE_S = 1.5
 ROOM_FOR_SPOOLS = 1 << 30
 CLOCK_SHIM = "needlelab_clock_shim"
-# as deploy/faculty/nats-server.conf, but for TLS and users
+# like deploy/faculty/nats-server.conf, except for TLS and users
 NATS_CONF = """max_payload: 256KB
 max_pending: 16MB
 write_deadline: "2s"
@@ -54,7 +54,7 @@ def nats_is_here():
 
 
 def faculty_template(bin_folder, folder, stations):
-    """As Template, with servers that may come from other machines of the lab's network."""
+    """Like Template, with servers that may be on other machines of the lab's network."""
     template = Template(bin_folder, folder, stations)
     with open(template.cluster.data / "pg_hba.conf", "a", encoding="ascii") as rules:
         rules.write("host all needlelab 10.77.1.0/24 trust\n")
@@ -62,8 +62,8 @@ def faculty_template(bin_folder, folder, stations):
 
 
 class FacultyLab(FaultLab):
-    """`separate`: each part is a machine of its own (cables.py); else all are on this one. `stations`: how many. `ahead_s`: by how much the clock of a
-    server or a station is ahead. Use it as a context manager."""
+    """`separate`: each part is a separate machine (cables.py); otherwise all are on this one. `stations`: their number. `ahead_s`: how far the clock
+    of a server or a station is ahead. Use it as a context manager."""
 
     def __init__(self, template, folder, stations, plant=None, separate=False, ahead_s=None):
         super().__init__(template, folder, plant)
@@ -72,8 +72,8 @@ class FacultyLab(FaultLab):
         self.acks = measures.AckTimes(folder / "ledger", {name: seconds * 10**9 for name, seconds in self.ahead_s.items()})
         self.stations_away, self.viewers_away = measures.Away(), measures.Away()
         self.is_timed = True  # within()
-        self.findings = []  # (name, text), as the judge's
-        self.notes = []  # what a scenario measured besides
+        self.findings = []  # (name, text), like the judge's
+        self.notes = []  # further measurements of a scenario
         self.servers, self.ports, self.viewers, self.nats = {}, {}, [], None
         self.primary = self.standby = self.spare = None
         self.servers_of_stations, self.durability = None, TWO_DISKS
@@ -81,7 +81,7 @@ class FacultyLab(FaultLab):
         self.viewers_log = open(folder / "viewers.log", "ab")  # pylint: disable=consider-using-with
         shared = pathlib.Path("/dev/shm")
         room = shutil.disk_usage(shared).free if shared.is_dir() and os.access(shared, os.W_OK) else 0
-        # a station's spool syncs every few milliseconds; nothing here cuts its power
+        # a station's spool syncs every few milliseconds; its power is never cut here
         self.spools = pathlib.Path(tempfile.mkdtemp(prefix="nl-spools-", dir=shared if room > ROOM_FOR_SPOOLS else folder))
         try:
             self.cables = Switch(MACHINES) if separate else None
@@ -108,7 +108,8 @@ class FacultyLab(FaultLab):
             self._clean_up()
 
     def within(self, seconds):
-        """For how long something must have happened. In a short form, beside all other tests, it must happen; how soon is the long form's."""
+        """The time limit for something that must happen. In the short form, beside all other tests, it must only happen; the long form also judges
+        how soon."""
         return seconds if self.is_timed else PATIENCE_S
 
     def said(self):
@@ -120,7 +121,7 @@ class FacultyLab(FaultLab):
         return Here if self.cables is None else self.cables.machines[name]
 
     def environment_of(self, name):
-        """Of a server's or a station's program."""
+        """For a server's or a station's program."""
         if name not in self.ahead_s:
             return self._environment
         shim = self.template_of.bin / CLOCK_SHIM
@@ -169,12 +170,12 @@ class FacultyLab(FaultLab):
         return self.folder / ("data" if name == "a" else f"data-{name}")
 
     def host_names(self, _name):
-        """What a server's certificate has."""
+        """The names in a server's certificate."""
         return [word for one in SERVERS for word in ("--host-name", self.place(one).address)]
 
     def served(self, name):
-        """Options of a server: what it serves beside the protocol's port."""
-        # the first one's authority may sign the names that it knows at its first start, and no others
+        """A server's options for what it serves besides the protocol's port."""
+        # the first one's authority may sign only the names known at its first start
         return [*([] if self.cables is None else self.host_names(name)), "--metrics", "0", "--web", "off"]
 
     def monitored_at(self, _name):
@@ -215,7 +216,7 @@ class FacultyLab(FaultLab):
         self.servers[name].wait()
 
     def open(self, standby=True, spare=False):
-        """Starts all but stations and viewers."""
+        """Starts everything except stations and viewers."""
         self.primary = self.cluster("a")
         self.durability = TWO_DISKS if standby else POWER_CUT
         if standby:
@@ -225,7 +226,7 @@ class FacultyLab(FaultLab):
         store = self.data("a") / "store"
         store.write_text(re.sub(r"^url = .*$", f"url = {self.url(*self.clusters)}", store.read_text(), flags=re.MULTILINE))
         if self.ahead_s:
-            shutil.rmtree(self.data("a") / "tls", ignore_errors=True)  # the authority is to be made by the wrong clock, too
+            shutil.rmtree(self.data("a") / "tls", ignore_errors=True)  # the wrong clock must also create the authority
         self.start_nats()
         self.start("a")
         run(self.template_of.bin / "needlelab-admin", "--data", self.data("b"), "server", "join", "--from", self.data("a"), "--name", SERVERS["b"],
@@ -259,23 +260,23 @@ class FacultyLab(FaultLab):
             env=self.environment_of(name), stdin=subprocess.DEVNULL, stdout=self._log, stderr=self._log)
 
     def stream(self, dice):
-        """All stations record and send."""
+        """Makes all stations record and send."""
         began = time.time_ns()
         self.start_stations(dice.randrange(1, 1000), self.names, samples=SAMPLES)
         self.all_acknowledged(self.names, began)
 
     def stations_at(self, name):
-        """Those that logged in there last."""
+        """The stations that last logged in there."""
         there = self.primary.sql(f"SELECT station FROM needlelab.station_claims WHERE server = '{SERVERS[name]}'").split()
         return [one for one in self.names if one in there]
 
     def busier(self, dice):
-        """A server, that with more stations."""
+        """The server with more stations."""
         at = {name: len(self.stations_at(name)) for name in SERVERS}
         return dice.choice(sorted(SERVERS)) if len(set(at.values())) == 1 else max(at, key=at.get)
 
     def all_acknowledged(self, stations, since_ns, seconds=90):
-        """Each of these has heard an ack since then."""
+        """Whether each of these has received an ack since then."""
         def waiting():
             self.acks.read()
             return [name for name in stations if self.acks.since([name], since_ns) == 0]
@@ -290,12 +291,12 @@ class FacultyLab(FaultLab):
 
     # --- viewers ---
     def place_viewers(self, dice):
-        """At each server one who watches a station, of the other one if it has any, and one who has an overview."""
+        """At each server one viewer of a station, of the other server if it has any, and one with an overview."""
         self.end_viewers()
         for name in SERVERS:
             elsewhere = self.stations_at(OTHER[name]) or self.names
             servers = name + OTHER[name]
-            # one after the other: a password takes a core for a while, and a server of two has 5 s for a log-in
+            # one after the other: a password check takes a core for a while, and a server with two viewers allows 5 s for a log-in
             for station, rate_hz in ((dice.choice(elsewhere), VIEW_HZ), (None, OVERVIEW_HZ)):
                 self.viewers.append(Viewer(self, servers, station, rate_hz))
                 self.all_seen(time.time_ns())
@@ -319,17 +320,17 @@ class FacultyLab(FaultLab):
 
     # --- what a fault did ---
     def measure(self, fault):
-        """Waits until all stations stream and all viewers see again; notes how long they did not."""
+        """Waits until all stations stream and all viewers see again; records how long they did not."""
         since = max(fault.begin, fault.healed, fault.for_viewers().healed) + GUARD_NS
         self.all_acknowledged(self.names, since)
         self.all_seen(since)
-        time.sleep(SETTLE_S)  # who is lost once more counts
+        time.sleep(SETTLE_S)  # a repeated loss counts
         self.acks.read()
         now = time.time_ns()
         for name in fault.stations:
             self.stations_away.add(self.acks.times[name], fault, now)
         for viewer in self.viewers:
-            # an overview sees again when it sees the last one again
+            # an overview sees again when it sees its last station again
             each = [measures.Away() for _ in self.seen_by(viewer)]
             for away, name in zip(each, self.seen_by(viewer)):
                 away.add(viewer.times(name), fault.for_viewers(), now)
@@ -337,7 +338,7 @@ class FacultyLab(FaultLab):
             self.viewers_away.extend(worst)
 
     def nothing_missing(self, cluster=None):
-        """All that is acknowledged is there, without waiting for a spool; what the judge says at the end comes too late for that."""
+        """Everything acknowledged is there, without waiting for a spool; the judge's verdict at the end would be too late for that."""
         committed = dict(self.acks.read().committed)
         rows = (cluster or self.primary).sql("SELECT encode(id, 'hex'), (SELECT count(*) FROM needlelab.chunks WHERE session = s.number) FROM needlelab.sessions s")
         stored = {one: int(count) for one, count in (row.split("|") for row in rows.splitlines())}
@@ -345,7 +346,7 @@ class FacultyLab(FaultLab):
             raise Failed(f"acknowledged-but-missing: {'; '.join(lacking[:3])}")
 
     def finish(self):  # pylint: disable=arguments-differ
-        """All is delivered, servers are healthy and end in order; the judgement of the end."""
+        """Waits until everything is delivered; servers must be healthy and end cleanly. Returns the final judgement."""
         self.end_viewers()
         self.end_stations()
         for name in SERVERS:

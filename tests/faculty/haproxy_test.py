@@ -34,18 +34,18 @@ from measures import GOAL_S, Fault  # noqa: E402
 
 EXAMPLE = HERE.parents[1] / "deploy/faculty/haproxy.cfg"
 HAPROXY = shutil.which("haproxy", path=f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin")
-NAME = "lab.example.org"  # as people call HAProxy
-NETWORK = "127.0.0."  # in place of the file's 192.0.2.: this machine has all of them
-PROXY, SEEN_AS = NETWORK + "10", NETWORK + "1"  # a connection to the loopback device comes from .1 unless it says otherwise
+NAME = "lab.example.org"  # what people call HAProxy
+NETWORK = "127.0.0."  # replaces the file's 192.0.2.: this machine has all of these addresses
+PROXY, SEEN_AS = NETWORK + "10", NETWORK + "1"  # a connection to the loopback device comes from .1 by default
 STATIONS = 6
 BROWSERS = [f"{NETWORK}{last}" for last in range(21, 37)]
-PAUSE_GOAL_S = 10  # until HAProxy has found out, and a station's wait
+PAUSE_GOAL_S = 10  # until HAProxy has noticed, plus a station's wait
 LIVE_S, DATABASE_STILL_S = 3, 5
-MOST_CONNECTIONS = 256  # of an address, as the file's console has it
+MOST_CONNECTIONS = 256  # per address, from the file's console block
 
 
 class At:
-    """A server's place: this machine, by an address of its own."""
+    """A server's place: this machine, with its own address."""
     enter = []
 
     def __init__(self, address):
@@ -57,14 +57,14 @@ class At:
 
 
 class ProxiedLab(FacultyLab):
-    """Servers on addresses of their own; whoever wants one asks HAProxy."""
+    """Servers with their own addresses; clients reach them through HAProxy."""
     PLACES = {"a": At(NETWORK + "11"), "b": At(NETWORK + "12")}
 
     def __init__(self, template, folder):
         super().__init__(template, folder, STATIONS)
         self.port, self.web_port, self.check_port = (free_port() for _ in range(3))
         self.ports |= {name: self.port for name in SERVERS}
-        self.believes = []  # whose header the servers believe, from their next start on
+        self.believes = []  # the peer whose header the servers trust from their next start on
 
     def place(self, name):
         return self.PLACES.get(name) or super().place(name)
@@ -88,7 +88,7 @@ class ProxiedLab(FacultyLab):
         return super().said() + ("\n--- haproxy.log\n" + log.read_text(errors="replace")[-3000:] if log.exists() else "")
 
     def who_answers(self, certificate):
-        """The server that has this certificate."""
+        """The server with this certificate."""
         for name in SERVERS:
             text = (self.data(name) / "tls/server.crt").read_text()
             if ssl.PEM_cert_to_DER_cert(re.search(r"-----BEGIN.*?-----END CERTIFICATE-----\n", text, re.DOTALL)[0]) == certificate:
@@ -97,12 +97,12 @@ class ProxiedLab(FacultyLab):
 
 
 class HaProxy:
-    """Runs with the example's file, for a lab. `console`: with that block in place of "browsers"."""
+    """Runs with the example's file, for a lab. `console`: with that block instead of "browsers"."""
 
     def __init__(self, lab, console=False):
         self.lab, self.log, self.file = lab, lab.folder / "haproxy.log", lab.folder / "haproxy.cfg"
         self.file.write_text(self._console(self._here(EXAMPLE.read_text())) if console else self._here(EXAMPLE.read_text()))
-        run(HAPROXY, "-c", "-dW", "-f", self.file)  # a warning is a fault
+        run(HAPROXY, "-c", "-dW", "-f", self.file)  # a warning is an error
         self._from = self.log.stat().st_size if self.log.exists() else 0
         with open(self.log, "ab") as log:
             self.process = subprocess.Popen(  # pylint: disable=consider-using-with
@@ -137,21 +137,21 @@ class HaProxy:
             return False
 
     def states(self):
-        """What it said of its servers since it runs: [(block, server, UP or DOWN, why)]."""
+        """Its reports about its servers since it started: [(block, server, UP or DOWN, why)]."""
         said = self.log.read_bytes()[self._from:].decode(errors="replace")
         return re.findall(r"Server (\w+)/(\w) is (UP|DOWN)(?:, reason: ([^,.]*))?", said)
 
     def counts(self, name):
-        """How often each block found this server UP and DOWN."""
+        """How often each block reported this server UP and DOWN."""
         return {(block, state): sum(1 for one in self.states() if one[:3] == (block, name, state))
                 for block in ("stations", "browsers", "console") for state in ("UP", "DOWN")}
 
     def are_all_up(self):
-        """Neither server has been found down since it runs."""
+        """Neither server has been reported down since it started."""
         return not any(state == "DOWN" for _, _, state, _ in self.states())
 
     def wait_for(self, name, state, before, *blocks):
-        """Until these blocks have found it so once more than `before` says."""
+        """Waits until these blocks have reported it once more than in `before`."""
         until(lambda: all(self.counts(name)[block, state] > before[block, state] for block in blocks), f"HAProxy finds {name} {state}", PATIENCE_S, 0.05)
 
     def end(self):
@@ -161,7 +161,7 @@ class HaProxy:
 
 
 class Browser(http.client.HTTPSConnection):
-    """A person at an address of their own who has HAProxy's name only."""
+    """A person with their own address who knows only HAProxy's name."""
 
     def __init__(self, lab, address, authority=None):
         self.lab, self.address, self.cookie = lab, address, ""
@@ -172,11 +172,11 @@ class Browser(http.client.HTTPSConnection):
         self.sock = self._context.wrap_socket(plain, server_hostname=NAME)
 
     def server(self):
-        """That of the connection, which must go on to it unread."""
+        """The connection's server; the connection must be passed to it unread."""
         return self.lab.who_answers(self.sock.getpeercert(True))
 
     def ask(self, method, path, body=None, **headers):
-        """Status and reply, by a new connection; `server()` says whose."""
+        """Status and reply, over a new connection; `server()` tells whose."""
         self.close()
         if self.cookie:
             headers["Cookie"] = self.cookie
@@ -193,14 +193,14 @@ class Browser(http.client.HTTPSConnection):
             raise Failed(f"a log-in through HAProxy: {status} {reply}")
 
     def is_known(self):
-        """Whether the session goes on."""
+        """Whether the session continues."""
         status, reply = self.ask("GET", "/api/v1/session")
         if status not in (200, 401):
             raise Failed(f"GET session: {status} {reply}")
         return status == 200
 
     def live(self):
-        """Opens the live page's WebSocket on a connection of its own."""
+        """Opens the live page's WebSocket on a separate connection."""
         self.close()
         self.request("GET", "/api/v1/live", None, {
             "Cookie": self.cookie, "Origin": f"https://{NAME}:{self.port}", "Upgrade": "websocket", "Connection": "Upgrade",
@@ -235,7 +235,7 @@ class Browser(http.client.HTTPSConnection):
                 return json.loads(data)
 
     def watch(self, seconds):
-        """How many texts come within that time; each has the stations."""
+        """How many texts arrive within that time; each contains the stations."""
         count, end = 0, time.monotonic() + seconds
         while time.monotonic() < end:
             if {tile["station"] for tile in self.message()["tiles"]} < set(self.lab.names):
@@ -255,7 +255,7 @@ def of_servers(lab):
 
 
 def again(lab, what, goal):
-    """What lab.measure found last."""
+    """lab.measure's latest result."""
     stations, viewers = lab.stations_away.again, lab.viewers_away.again
     print(f"{what}: {len(stations)} stations stream again within {max(stations):.1f} s, the instructor sees all within {max(viewers):.1f} s", flush=True)
     if lab.is_timed and max(stations + viewers) > goal:
@@ -265,7 +265,7 @@ def again(lab, what, goal):
 
 
 def connected(lab, dice):
-    """Stations and an instructor by HAProxy's address: TLS is the servers'."""
+    """Stations and an instructor through HAProxy's address: the servers do the TLS."""
     lab.stream(dice)
     if min(len(lab.stations_at(name)) for name in SERVERS) < STATIONS // 3:
         raise Failed(f"stations are not spread: {of_servers(lab)}")
@@ -298,7 +298,7 @@ def browsers_stay(lab):
 
 
 def kill(lab, proxy, browser, name):
-    """Its stations and its browser go on at the other one."""
+    """Its stations and its browser continue at the other one."""
     there, begin, before = lab.stations_at(name), time.time_ns(), proxy.counts(name)
     lab.kill(name)
 
@@ -323,7 +323,7 @@ def kill(lab, proxy, browser, name):
 
 
 def pause(lab, proxy, name):
-    """The check finds it, its stations go on at the other one, and when it goes on it acknowledges nothing."""
+    """The health check notices it, its stations continue at the other one, and when it continues it acknowledges nothing."""
     there, before, begin = lab.stations_at(name), proxy.counts(name), time.time_ns()
     repeated, deposed = lab.chunks(name, "repeated"), lab.metric("needlelab_stations_deposed_total", name)
     with stopped(lab.servers[name]):
@@ -340,7 +340,7 @@ def pause(lab, proxy, name):
     told = lab.metric("needlelab_stations_deposed_total", name) - deposed
     lab.nothing_missing()
     print(f"it goes on and acknowledges nothing; {told:.0f} connections were told that they are deposed", flush=True)
-    # it is started again, as the other one was
+    # it is restarted, like the other one before
     lab.servers[name].terminate()
     if lab.servers[name].wait(60) != 0:
         raise Failed(f"server {name} ended with {lab.servers[name].returncode}")
@@ -349,12 +349,12 @@ def pause(lab, proxy, name):
 
 
 def console(lab, proxy):
-    """HAProxy ends TLS, and the servers know who asks."""
+    """HAProxy terminates TLS, and the servers know the client's address."""
     def peers(name):
         return re.findall(r"web_login .*?\bpeer=(\S+)", (lab.folder / f"log-{name}").read_text(errors="replace"))
     earlier = {name: len(peers(name)) for name in SERVERS}
     browser = Browser(lab, BROWSERS[1], lab.folder / "lab.crt")
-    browser.log_in(**{"X-Forwarded-For": "203.0.113.5"})  # what a browser writes there itself is not believed
+    browser.log_in(**{"X-Forwarded-For": "203.0.113.5"})  # a value that a browser sends itself is not trusted
     seen = {name: peers(name)[earlier[name]:] for name in SERVERS}
     found = [peer for name in SERVERS for peer in seen[name]]
     if len(found) != 1 or found[0].strip('"').rsplit(":", 1)[0] != BROWSERS[1]:
@@ -375,7 +375,7 @@ def console(lab, proxy):
     except (ConnectionError, ssl.SSLError):
         pass
     took = seconds_until(browser.is_known, "the browser's session goes on")
-    lab.start(name)  # so that the lab ends in order
+    lab.start(name)  # so that the lab ends cleanly
     lab.hear_each_other()
     print(f"console: logged in at {name}, which knows the browser's address; the live page is open for {LIVE_S + DATABASE_STILL_S + 2} s with {texts} texts, also while "
           f"PostgreSQL stands still (/healthz says 503) and while another address has too many connections; server {name} killed: "
@@ -383,22 +383,22 @@ def console(lab, proxy):
 
 
 def database_stands_still(lab, proxy):
-    """/healthz says 503 after 2 s, at every server. Nobody is cut off for that."""
+    """/healthz returns 503 after 2 s at every server. Connections are not cut for that."""
     begun = time.monotonic()
     lab.primary.signal_all(signal.SIGSTOP)
     try:
-        # what was read within the last second is answered once more
+        # a state read within the last second is reported once more
         until(lambda: not lab.health("a")["healthy"], "/healthz says that PostgreSQL stands still", PATIENCE_S, 0.1)
         time.sleep(max(0, begun + DATABASE_STILL_S - time.monotonic()))
     finally:
         lab.primary.signal_all(signal.SIGCONT)
-    time.sleep(1)  # answers that are under way
+    time.sleep(1)  # answers in progress
     if not proxy.are_all_up():
         raise Failed(f"PostgreSQL stands still, and HAProxy finds a server down: {proxy.states()}")
 
 
 def crowd_is_refused(lab, browser):
-    """One address with too many connections; nobody else notices."""
+    """One address with too many connections; others are not affected."""
     crowd = []
     try:
         for _ in range(MOST_CONNECTIONS + 1):
@@ -443,7 +443,7 @@ def main():
             return 77
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that clusters, which are sessions of their own, end with it
     scratch = pathlib.Path(tempfile.mkdtemp(prefix="nl-ha-", dir=given.folder))  # a socket's path has at most 107 bytes
-    scratch.chmod(0o755)  # the user postgres goes through it
+    scratch.chmod(0o755)  # the user postgres must be able to enter it
     give(scratch)
     template, begun = None, time.monotonic()
     try:

@@ -1,4 +1,4 @@
-"""How long stations and viewers were away: from the ledgers' acks and the viewers' lines. Times: ns since 1970, of this machine's clock."""
+"""How long stations and viewers were away: from the ledgers' acks and the viewers' lines. Times: ns since 1970, by this machine's clock."""
 import bisect
 import collections
 import dataclasses
@@ -7,13 +7,13 @@ import math
 import pathlib
 import statistics
 
-UNNOTICED_NS = 10**9  # as long as nothing is said now and then without any fault: two chunks or lines a second
-GOAL_S = 5  # p90, from when the lab has all that it needs until a station streams, and a viewer sees, again
+UNNOTICED_NS = 10**9  # normal silence, even without a fault: two chunks or lines per second
+GOAL_S = 5  # p90, from the moment the lab has everything it needs until a station streams, and a viewer sees, again
 
 
 def longest_silence(times, begin, end):
-    """(from, to): the longest time without an event that reaches into [begin, end]. It may have begun before; `to` is None: it lasts still.
-    `times` are in order."""
+    """(from, to): the longest time without an event that overlaps [begin, end]. It may have begun earlier; `to` is None if it has not ended. `times`
+    must be sorted."""
     first = bisect.bisect_right(times, begin)
     last = bisect.bisect_right(times, end)
     points = [times[first - 1] if first > 0 else begin, *times[first:last]]
@@ -24,19 +24,19 @@ def longest_silence(times, begin, end):
 
 
 def percentile(values, share):
-    """By nearest rank; None of nothing."""
+    """By nearest rank; None for an empty list."""
     ordered = sorted(values)
     return ordered[max(0, math.ceil(share * len(ordered)) - 1)] if ordered else None
 
 
 @dataclasses.dataclass
 class Fault:
-    """`begin`: of the fault; `healed`: from when the lab has all that it needs, which of a killed server is the same moment: the other one is there.
-    `stations`: whom it concerns. `viewers_healed`: where it is another moment for those who watch."""
+    """`begin`: of the fault; `healed`: when the lab has everything it needs; for a killed server both are the same moment, because the other one is
+    there. `stations`: those affected. `viewers_healed`: if that moment differs for viewers."""
     begin: int
     healed: int
     stations: list
-    restore: object = lambda: None  # what else is to be done once all is measured
+    restore: object = lambda: None  # what remains to be done once everything is measured
     viewers_healed: int | None = None
 
     def for_viewers(self):
@@ -44,8 +44,8 @@ class Fault:
 
 
 class Away:
-    """Of many stations or viewers and faults: `again`, seconds from `healed` until the longest silence ended; `away`, how long it was, from the
-    fault on."""
+    """For many stations or viewers and faults: `again`, seconds from `healed` until the longest silence ended; `away`, its duration, counted from the
+    fault."""
 
     def __init__(self):
         self.again, self.away = [], []
@@ -54,7 +54,7 @@ class Away:
         since, until = longest_silence(times, fault.begin, end)
         first = bisect.bisect_right(times, fault.begin)
         if (until or end) - since < UNNOTICED_NS and first < len(times):
-            # any of its silences may be the longest: the one of the fault's moment counts
+            # any of its silences may be the longest: the one at the fault's moment counts
             since, until = fault.begin, times[first]
         if until is None:
             until = end
@@ -72,16 +72,16 @@ class Away:
         return both(self.again), both(self.away)
 
     def over_goal(self):
-        """The p90 of `again` where it is over the goal, else None."""
+        """The p90 of `again` if it is over the goal, otherwise None."""
         found = percentile(self.again, 0.9)
         return found if found is not None and found > GOAL_S else None
 
 
 class AckTimes:
-    """Reads the stations' ledgers as they grow: when each station heard an ack, and how far each session is acknowledged."""
+    """Reads the stations' ledgers as they grow: when each station received an ack, and how far each session is acknowledged."""
 
     def __init__(self, folder, ahead_ns=None):
-        """`ahead_ns`: of stations whose clock is ahead."""
+        """`ahead_ns`: for stations whose clock is ahead."""
         self.folder, self.ahead_ns = pathlib.Path(folder), ahead_ns or {}
         self.times, self.committed = collections.defaultdict(list), {}
         self._read = {}  # bytes by file
@@ -103,12 +103,12 @@ class AckTimes:
         self.committed[event["id"]] = max(event["committed"], self.committed.get(event["id"], 0))
 
     def since(self, stations, begin):
-        """How many acks these stations heard after `begin`."""
+        """How many acks these stations received after `begin`."""
         return sum(len(self.times[name]) - bisect.bisect_right(self.times[name], begin) for name in stations)
 
 
 def missing(committed, stored):
-    """What is acknowledged and not stored, as text. Both: chunks by session."""
+    """What is acknowledged but not stored, as text. Both: chunks by session."""
     return [f"session {one}: {count} chunks were acknowledged, {stored.get(one, 0)} are there"
             for one, count in committed.items() if stored.get(one, 0) < count]
 

@@ -1,5 +1,5 @@
-"""People and stations that speak the protocol alone, for what the users' programs do not do: use a token elsewhere, stay at a server that has lost the
-station, read nothing."""
+"""People and stations that use the protocol directly, for things the users' programs do not do: use a token elsewhere, stay at a server that has lost
+the station, read nothing."""
 import pathlib
 import socket
 import sys
@@ -16,7 +16,7 @@ CALL_STOP_LESSON = 83  # Request
 
 
 class Refused(Exception):
-    """What the server says."""
+    """The server's message."""
 
 
 def welcome_of(peer):
@@ -30,7 +30,7 @@ def welcome_of(peer):
 
 
 class Person(Peer):
-    """Logs in with a password or a token; `token` is that of the Welcome."""
+    """Logs in with a password or a token; `token` is from the Welcome."""
 
     def __init__(self, lab, server, name=None, password=None, token=None, **how):
         super().__init__(lab.place(server).address, lab.ports[server], lab.ca, **how)
@@ -55,7 +55,7 @@ class Person(Peer):
                 return
 
     def watch(self, stations):
-        """Wants all samples of these; does not read."""
+        """Requests all samples of these; does not read."""
         for number, name in enumerate(stations, 1):
             self.send(SUBSCRIBE, field(1, number) + field(2, name))
 
@@ -80,7 +80,7 @@ def pong(ping):
 
 
 class StationPeer(Peer):
-    """A station that confirms what it is sent, on a thread of its own: `stops` has the reasons with which its lesson was stopped."""
+    """A station that confirms what it receives, on its own thread: `stops` contains the reasons with which its lesson was stopped."""
 
     def __init__(self, lab, server, station):
         super().__init__(lab.place(server).address, lab.ports[server], lab.ca)

@@ -1,4 +1,4 @@
-"""People who watch, as needlelab-instructor in a terminal: when each line came."""
+"""Viewers: needlelab-instructor in a terminal, and when each line arrived."""
 import bisect
 import collections
 import json
@@ -8,7 +8,7 @@ import time
 
 
 class Viewer:
-    """Watches a station, or with None has an overview of all. The first of `servers` is asked first."""
+    """Watches a station, or with None an overview of all. The first of `servers` is asked first."""
 
     def __init__(self, lab, servers, station, rate_hz):
         self.station, self.name = station, f"{station or 'overview'} at {servers[0]}"

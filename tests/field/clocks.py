@@ -1,4 +1,4 @@
-"""Stations whose clock is wrong."""
+"""Stations with a wrong clock."""
 import json
 import shutil
 import time

@@ -1,4 +1,4 @@
-"""Measured force curves (needlelab-sim benchmark): headers, directions, and what comes back."""
+"""Measured force curves (needlelab-sim benchmark): headers, directions, and the result."""
 import math
 
 from lab import says

@@ -1,4 +1,4 @@
-"""The programs, and a lab with a server for the questions that need one."""
+"""The programs, and a lab with a server for questions that need one."""
 import os
 import pathlib
 import re
@@ -41,7 +41,7 @@ class Programs:
 
 
 class Lab:
-    """A data folder and, once it is asked for, a server with one station."""
+    """A data folder and, on demand, a server with one station."""
 
     def __init__(self, programs):
         self.programs, self.clock, self.server = programs, programs.bin / "needlelab_clock_shim", None
@@ -94,13 +94,13 @@ class Lab:
                                  env=env)
 
     def tls(self, port, groups=None):
-        """A connection, its certificate checked; nothing when the server refuses the handshake."""
+        """A connection with its certificate checked; None if the server refuses the handshake."""
         context = ssl.create_default_context(cafile=str(self.ca))
         plain = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S)
         return context.wrap_socket(plain, server_hostname="localhost")
 
     def http(self, request, port=None):
-        """What the web port answers to these bytes, until it closes."""
+        """The web port's answer to these bytes, until it closes."""
         self.start()
         with self.tls(port or self.web) as connection:
             connection.sendall(request.encode() if isinstance(request, str) else request)
@@ -128,13 +128,13 @@ def until(holds, what):
 
 
 def number(text, name):
-    """The number behind a name in a report."""
+    """The number after a name in a report."""
     found = re.search(rf"{re.escape(name)}\D*?(-?\d+(?:\.\d+)?(?:e-?\d+)?)", text)
     return float(found.group(1)) if found else float("nan")
 
 
 def says(run, code, *texts):
-    """Nothing when the program ended with this code and said all of this; else what is wrong."""
+    """None if the program ended with this code and printed all of this; otherwise what is wrong."""
     if run.code != code:
         return f"exit {run.code}, not {code}: {run.all.strip()[-300:]}"
     for text in texts:

@@ -1,8 +1,9 @@
-"""Tables that leave: a course's results by the console and by needlelab-admin, as Python's reader of CSV finds them."""
+"""Exported tables: a course's results from the console and needlelab-admin, as read by Python's CSV reader."""
 import csv
 import http.client
 import io
 import json
+import re
 import ssl
 
 from lab import SAMPLES, says, until
@@ -12,7 +13,7 @@ COURSE, EXERCISE = "rheumatology-basics", "shoulder-bursa"
 EXERCISES = len(json.loads((SAMPLES / "curriculum.json").read_text(encoding="utf-8"))["exercises"])
 # separator, decimal sign
 STYLES = {"comma": (",", "."), "semicolon": (";", ","), "tab": ("\t", ".")}
-# what a spreadsheet could take for the end of a cell, for a formula, or for Windows-1252
+# what a spreadsheet could mistake for the end of a cell, for a formula, or for Windows-1252
 NAMES = {"zoe": '=1+1; "Zoë", ß', "yan": "Łukasz Дмитрий"}
 
 
@@ -20,7 +21,7 @@ def rows(lab):
     made = []
 
     def lesson():
-        """Two people in two groups, and a lesson of one of them."""
+        """Two people in two groups, and a lesson by one of them."""
         if made:
             return
         listed = io.StringIO()
@@ -67,7 +68,8 @@ def rows(lab):
             seen, value = tried[0][title], measures.get(name)
             if (seen == "") != (value is None) or (seen and abs(float(seen.replace(sign, ".")) - value * factor) > 1e-6):
                 return f"{title} is {seen}, not {value} * {factor}"
-        return "" if tried[0]["Date of best attempt"].endswith("Z") else f"date {tried[0]['Date of best attempt']}"
+        date = tried[0]["Date of best attempt (UTC)"]
+        return "" if re.fullmatch(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d", date) else f"date {date}"
 
     def command(style):
         lesson()

@@ -65,7 +65,7 @@ def rows(lab):
 
 
 def recorded(lab):
-    """A session of 500 Hz, exported as a recording and as CSV: the server's score, and tables that somebody changed."""
+    """A session at 500 Hz, exported as a recording and as CSV: the server's score, and tables modified by hand."""
     run, file, folder = lab.programs.run, lab.programs.file, lab.programs.folder
     once = {}
 

@@ -4,8 +4,8 @@
 
 #include "common/wire/envelope_scan.h"
 #include "common/wire/protocol.h"
-#include "db/service/requests.h"
-#include "server/live/rules.h"
+#include "db/service/requests/requests.h"
+#include "server/live/port/rules.h"
 #include "tests/fuzz/quiet_protobuf.h"
 #include "tests/fuzz/target.h"
 

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "tests/fuzz/target.h"
 #include "tests/support/random.h"
 #include "tests/support/run_form.h"

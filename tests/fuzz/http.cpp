@@ -4,7 +4,7 @@
 #include <string>
 
 #include "common/profile/strict_json.h"
-#include "db/service/requests.h"
+#include "db/service/requests/requests.h"
 #include "server/base/http_message.h"
 #include "server/base/http_stream.h"
 #include "server/web/reply_json.h"

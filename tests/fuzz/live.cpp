@@ -6,7 +6,7 @@
 #include "common/gesture/chunk.h"
 #include "common/haptics/cut_snapshot.h"
 #include "common/wire/live_frames.h"
-#include "server/live/hub.h"
+#include "server/live/hub/hub.h"
 #include "tests/fuzz/quiet_protobuf.h"
 #include "tests/fuzz/target.h"
 

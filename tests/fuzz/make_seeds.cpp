@@ -5,9 +5,9 @@
 #include <fstream>
 #include <vector>
 
-#include "client/net/lesson_cache.h"
-#include "client/net/spool.h"
-#include "common/base/files.h"
+#include "client/net/spool/lesson_cache.h"
+#include "client/net/spool/spool.h"
+#include "common/base/files/files.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/session_hash.h"
 #include "common/haptics/cut_snapshot.h"

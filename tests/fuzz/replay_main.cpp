@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "tests/fuzz/target.h"
 
 int main(int argc, char** argv) {

@@ -2,8 +2,8 @@
 #include <array>
 #include <cstring>
 
-#include "client/net/lesson_cache.h"
-#include "client/net/spool.h"
+#include "client/net/spool/lesson_cache.h"
+#include "client/net/spool/spool.h"
 #include "common/base/crc32c.h"
 #include "common/gesture/chunk.h"
 #include "tests/fuzz/quiet_protobuf.h"

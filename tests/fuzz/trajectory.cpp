@@ -1,7 +1,7 @@
 // Fuzzes text written by people: recorded trajectories (CSV), HOST:PORT and lists of it.
 #include <array>
 
-#include "client/device/recording_device.h"
+#include "client/device/recording/recording_device.h"
 #include "common/wire/endpoint.h"
 #include "tests/fuzz/target.h"
 

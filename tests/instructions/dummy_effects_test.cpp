@@ -14,7 +14,7 @@
 #include "client/view/model/gesture_replica.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/models/axial_entry.h"
-#include "tests/support/scenes.h"
+#include "tests/support/scenes/scenes.h"
 
 namespace needlelab::test {
 namespace {

@@ -15,7 +15,7 @@
 #include "common/haptics/effects/step_live.h"
 #include "common/haptics/models/axial_entry.h"
 #include "tests/support/sanitized.h"
-#include "tests/support/scenes.h"
+#include "tests/support/scenes/scenes.h"
 
 namespace needlelab::test {
 namespace {

@@ -1,4 +1,4 @@
-// FAULT in the whole program: reported, waited out, acknowledged outside the tissue, and shown by the exit
+// FAULT in the whole program: reported, waited out, acknowledged outside the tissue, and shown in the exit
 // code.
 #include <gmock/gmock.h>
 
@@ -17,7 +17,7 @@ using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
-// outside the tissue, still for a second; then the device jumps to another position and stays there
+// starts outside the tissue and rests for a second; then the device jumps to another position and stays there
 class FaultProgram : public testing::Test {
  protected:
   FaultProgram() {
@@ -46,7 +46,7 @@ class FaultProgram : public testing::Test {
   [[nodiscard]] bool says(const std::string& text) {
     return eventually([&] { return station_->said().find(text) != std::string::npos; });
   }
-  // acknowledges, and again when the station answers "not yet", because the cause lasts for some ticks
+  // acknowledges, and again if the station answers "not yet", because the cause lasts for some ticks
   [[nodiscard]] bool acknowledged() {
     std::size_t sent = 0;
     return eventually([&] {

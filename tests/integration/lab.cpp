@@ -6,15 +6,15 @@
 
 #include <stdexcept>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 
 namespace needlelab::test {
 namespace {
 
 using namespace std::chrono_literals;
 
-// A free port below those that the kernel gives to anybody who asks for any (ip_local_port_range): nobody
-// takes it while the server restarts.
+// A free port below the range in which the kernel assigns arbitrary ports (ip_local_port_range): no other
+// program gets it while the server restarts.
 int ownPort() {
   static int next = static_cast<int>(::getpid()) * 16;
   for (int tried = 0; tried < 12'000; ++tried) {

@@ -9,15 +9,15 @@
 #include <string>
 #include <vector>
 
-#include "client/net/blocking_client.h"
-#include "client/net/spool.h"
+#include "client/net/link/blocking_client.h"
+#include "client/net/spool/spool.h"
 #include "common/gesture/chunk.h"
 #include "tests/integration/process.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
 
-/// A session as the database has it.
+/// A session as stored in the database.
 struct StoredSession {
   pb::SessionInfo info;
   std::vector<std::string> chunks;
@@ -26,7 +26,7 @@ struct StoredSession {
 
 class Lab {
  public:
-  /// `store`: where its database is, as --store takes it; empty: in its folder.
+  /// `store`: the address of its database, as for --store; empty: in its folder.
   explicit Lab(const std::string& store = {});
   ~Lab() = default;
 
@@ -35,16 +35,16 @@ class Lab {
   std::string listen_host = "127.0.0.1";
   void startServer();
   void killServer();
-  /// SIGSTOP: the server is silent, SIGCONT: it goes on.
+  /// SIGSTOP: the server hangs, SIGCONT: it continues.
   void signalServer(int number) { server_->signal(number); }
-  /// SIGTERM; the exit code.
+  /// Sends SIGTERM; returns the exit code.
   int stopServer();
   /// Command line for a station of this lab, plus these arguments; `spool` replaces the lab's own.
   [[nodiscard]] std::vector<std::string> stationArguments(const std::vector<std::string>& more,
                                                           const std::filesystem::path& spool = {}) const;
   /// Starts a station of this lab for trainee tom, plus these arguments; its log is `name`.log.
   std::unique_ptr<Process> startStation(const std::string& name, const std::vector<std::string>& more);
-  /// The closing summary of that station.
+  /// That station's final summary.
   [[nodiscard]] nlohmann::json summary(const std::string& name) const;
 
   [[nodiscard]] Result<BlockingClient> instructor() const;
@@ -54,10 +54,10 @@ class Lab {
   /// The server's own check of a session's chunks and hash.
   [[nodiscard]] bool verifies(const std::string& session_id) const;
 
-  /// needlelab-admin on the stopped server's folder, with these arguments; the exit code.
+  /// Runs needlelab-admin on the stopped server's folder with these arguments; returns the exit code.
   [[nodiscard]] int admin(const std::vector<std::string>& arguments) const;
 
-  /// The spool's own record of a session.
+  /// A session as recorded in the spool.
   [[nodiscard]] static std::vector<std::string> spooledChunks(const std::filesystem::path& spool,
                                                               const std::string& session_id);
   [[nodiscard]] int port() const { return port_; }
@@ -70,7 +70,7 @@ class Lab {
   int port_ = 0;
 };
 
-/// A measure in a summary's or a results file's row; -1 without it.
+/// A measure from a row of a summary or results file; -1 if missing.
 [[nodiscard]] double scoreOf(const nlohmann::json& row, const std::string& measure);
 
 }  // namespace needlelab::test

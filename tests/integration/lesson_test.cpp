@@ -4,12 +4,12 @@
 #include <cstdlib>
 #include <random>
 
-#include "client/device/hand_plan.h"
+#include "client/device/hand/hand_plan.h"
 #include "client/device/pose_option.h"
-#include "client/device/recording_device.h"
-#include "common/base/csv.h"
+#include "client/device/recording/recording_device.h"
 #include "common/base/program.h"
-#include "common/haptics/tool_transform.h"
+#include "common/base/text/csv.h"
+#include "common/haptics/geometry.h"
 #include "tests/integration/lab.h"
 #include "tests/support/recordings/recordings.h"
 #include "tests/support/run_form.h"
@@ -20,8 +20,7 @@ namespace {
 using namespace std::chrono_literals;
 using testing::HasSubstr;
 
-// A synthetic stroke through the training ball and out again, with receive times that jitter like a real
-// device's.
+// A synthetic stroke through the training ball and back, with receive times that jitter like a real device's.
 PoseTrack makeStroke(double seconds) {
   std::mt19937_64 random(42);
   const auto uniform = [&] { return static_cast<double>(random() >> 11) * 0x1p-53; };
@@ -186,7 +185,7 @@ TEST_F(LessonTest, theStationIsKilledInMidLessonAndItsNextStartBringsTheRest) {
   ASSERT_EQ(first->wait(), -SIGKILL);
   const std::string id = idText(onlySession());
 
-  // the spool as the crash left it: a copy shows what recovery must return
+  // the spool as left by the crash: a copy shows what recovery must return
   std::filesystem::copy(lab_.path("spool"), lab_.path("copy"), std::filesystem::copy_options::recursive);
   std::vector<std::string> expected;
   {
@@ -197,7 +196,7 @@ TEST_F(LessonTest, theStationIsKilledInMidLessonAndItsNextStartBringsTheRest) {
   }
   ASSERT_GE(expected.size(), 3u);
 
-  // a short lesson, which also uploads the old session
+  // a short lesson that also uploads the old session
   auto second = lab_.startStation("second", {"--exercise", "ball-free-practice", "--seconds", "0.5"});
   ASSERT_EQ(second->wait(), kExitDone) << second->said();
   EXPECT_EQ(lab_.summary("second")["state"], "COMPLETE");
@@ -260,7 +259,7 @@ TEST_F(LessonTest, withoutTheServerTheCacheTeachesAndTheSamplesFollowLater) {
   EXPECT_EQ(summary["samples_acked"], 0);
   EXPECT_GE(summary["spool_left"], 2);
   EXPECT_EQ(summary["score_source"], "station");
-  // an exercise that was never fetched cannot be practised
+  // an exercise that was never fetched is not available
   auto unknown = lab_.startStation("unknown", {"--exercise", "knee-recess", "--seconds", "1"});
   EXPECT_EQ(unknown->wait(), kExitFailed) << unknown->said();
 
@@ -382,7 +381,7 @@ TEST_F(LessonTest, wrongInputIsRefusedWithItsExitCode) {
     EXPECT_EQ(station.wait(), wrong.code) << wrong.said << ": " << station.said();
     EXPECT_THAT(station.said(), HasSubstr(wrong.said));
   }
-  // the server keeps serving the others
+  // the server continues to serve the others
   EXPECT_EQ(lab_.startStation("good", {"--exercise", "ball-free-practice", "--seconds", "0.3"})->wait(),
             kExitDone);
 }
@@ -396,7 +395,7 @@ TEST_P(RecordedHand, isExportedAsItWasPlayed) {
   const std::filesystem::path file = recordings.folder / "virtuose" / (std::string(GetParam()) + ".csv");
   const PoseTrack track = *readPoseTrack(file);
 
-  // the ball's centre half way along the stroke, the needle along the stroke there
+  // the ball's centre is half-way along the stroke; the needle points along the stroke there
   double length = 0, so_far = 0;
   for (std::size_t i = 1; i < track.X_WH.size(); ++i) length += norm(track.X_WH[i].p - track.X_WH[i - 1].p);
   std::size_t middle = 1, before = 0;

@@ -4,7 +4,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/haptics/axial_model.h"
 #include "tests/integration/lab.h"
@@ -22,7 +22,7 @@ TEST(LiveModels, everyModelRendersAnInsertionInTheStation) {
     std::string model;
     std::unique_ptr<Process> station;
   };
-  // all in parallel: a tick takes some µs of each ms, and the test lasts only as long as one run
+  // all in parallel: a tick takes some µs of each ms, so the test lasts as long as one run
   std::vector<Run> runs;
   for (const std::string_view name : kAxialModelNames) {
     const std::string model(name);

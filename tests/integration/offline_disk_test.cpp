@@ -1,5 +1,4 @@
-// A real disk that is full or may not be written: a small file system of our own, in a mount namespace of its
-// own.
+// A real disk that is full or read-only: a small file system in a mount namespace of its own.
 #include <gmock/gmock.h>
 
 #include "common/base/program.h"
@@ -12,7 +11,7 @@ using namespace std::chrono_literals;
 using testing::HasSubstr;
 using testing::Not;
 
-// runs a command in a mount namespace of its own
+// runs a command in its own mount namespace
 constexpr const char* kPrivateMounts = NEEDLELAB_SOURCE "/tests/support/private_mounts";
 
 class OfflineDiskTest : public testing::Test {
@@ -25,8 +24,8 @@ class OfflineDiskTest : public testing::Test {
     std::filesystem::create_directory(lab_.path("disk"));
   }
 
-  // A lesson on a disk of 600 KiB. `script` runs beside it, in the same namespace, from the moment when the
-  // session has begun; it may use fill and $disk. What is left on the disk is copied to left/ at the end.
+  // A lesson on a disk of 600 KiB. `script` runs beside it in the same namespace once the session has begun;
+  // it may use fill and $disk. At the end the disk's content is copied to left/.
   std::unique_ptr<Process> lessonOnSmallDisk(const std::string& name, const std::string& seconds,
                                              const std::string& script) {
     std::string command = quoted(std::string(NEEDLELAB_BIN) + "/needlelab-station");
@@ -51,7 +50,7 @@ class OfflineDiskTest : public testing::Test {
     for (const char c : text) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
     return out + "'";
   }
-  // the station's trouble texts that instructors see until it ends
+  // the station's trouble texts shown to instructors until it ends
   std::vector<std::string> troublesUntil(Process& station, std::optional<int>& code,
                                          std::chrono::seconds limit) {
     std::vector<std::string> troubles;
@@ -125,7 +124,7 @@ TEST_F(OfflineDiskTest, aDiskThatStaysFullCostsSamplesWhichAreCountedAndSaidEver
                lab_.path("show.log"));
   ASSERT_EQ(show.wait(), kExitDone) << show.said();
   EXPECT_THAT(show.said(), AllOf(HasSubstr("interrupted"), HasSubstr("station station-1"), HasSubstr(loss)));
-  // both name the first lost tick: the next after the stored ones that the loop did not miss
+  // both name the first lost tick: the one after the stored ticks, not counting those that the loop missed
   const std::uint64_t missed = summary["missed_ticks"], next_tick = stored.samples.back().tick + 1;
   for (const std::string& said : {show.said(), station->said()}) {
     const std::uint64_t first_lost = std::stoull(said.substr(said.find(loss) + loss.size()));

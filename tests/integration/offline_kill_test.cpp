@@ -1,16 +1,16 @@
-// The station dies at any instant: only the last moment is missing, nothing before it, and the server gets
-// the rest.
+// The station dies at any moment: only the last moment is missing, nothing before it, and the server gets the
+// rest.
 //
 // The witness is the clock: a sample carries the time at which its tick was due, on the machine's monotonic
-// clock, which this program reads as well, immediately before it kills the station. Samples due before that
-// instant but not recovered are the loss, which this test reports: how long a machine keeps loop and writer
-// from running is not theirs to promise. That a sample waits at most 14 ms for the tail is asserted on a fake
-// clock (spool_writer_test).
+// clock, which this program also reads immediately before it kills the station. Samples due before that
+// moment but not recovered are the loss, which this test reports: how long a machine keeps loop and writer
+// from running is beyond their control. spool_writer_test asserts on a fake clock that a sample waits at most
+// 14 ms for the tail.
 #include <gmock/gmock.h>
 #include <random>
 
-#include "common/base/clock.h"
 #include "common/base/program.h"
+#include "common/base/time/clock.h"
 #include "tests/integration/lab.h"
 #include "tests/support/run_form.h"
 
@@ -98,8 +98,8 @@ TEST_F(OfflineKillTest, atAnyInstantOnlyTheLastMomentIsMissing) {
       ASSERT_GT(kill.recovered[i].tick, kill.recovered[i - 1].tick);
       gaps += kill.recovered[i].tick - kill.recovered[i - 1].tick - 1;
     }
-    // A gap, also one before the first sample, is a tick that the loop missed on a busy machine, not a loss
-    // in the spool: every chunk but the last has its 1000 samples, the tail's pieces are numbered, and `loss`
+    // A gap, also before the first sample, is a tick that the loop missed on a busy machine, not a loss in
+    // the spool: every chunk except the last has its 1000 samples, the tail's pieces are numbered, and `loss`
     // (above) has the samples that the writer itself gave up.
     missed += gaps;
     for (std::size_t seq = 0; seq + 1 < kill.chunks.size(); ++seq)

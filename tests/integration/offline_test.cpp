@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "tests/integration/lab.h"
 
@@ -18,7 +18,7 @@ using testing::Not;
 
 class OfflineTest : public testing::Test {
  protected:
-  // a lesson with the server, so that the exercise is in the cache, then the server goes
+  // a lesson with the server, so that the exercise is in the cache; then the server stops
   void fillCacheAndStopServer() {
     lab_.startServer();
     auto online = lab_.startStation("online", {"--exercise", "ball-free-practice", "--seconds", "0.3"});
@@ -103,9 +103,9 @@ TEST_F(OfflineTest, anUnknownNameIsRefusedWithTheServerAndTakenAndFlaggedWithout
   for (const auto& lesson : lessons) {
     auto refused = as_tmo("refused", lesson);
     EXPECT_EQ(refused->wait(), kExitFailed) << refused->said();
-    EXPECT_THAT(refused->said(), HasSubstr("nobody named 'tmo' who may practise. Did you mean 'tom'?"));
+    EXPECT_THAT(refused->said(), HasSubstr("no one named 'tmo' who may practise. Did you mean 'tom'?"));
   }
-  // the next lesson brings what was recorded without the server
+  // the next lesson uploads what was recorded without the server
   auto next =
       lab_.startStation("next", {"--exercise", "ball-free-practice", "--seconds", "0.3", "--drain", "30"});
   ASSERT_EQ(next->wait(), kExitDone) << next->said();
@@ -117,7 +117,7 @@ TEST_F(OfflineTest, anUnknownNameIsRefusedWithTheServerAndTakenAndFlaggedWithout
   ASSERT_EQ(lab_.stopServer(), kExitDone);
   ASSERT_EQ(lab_.admin({"session", "assign", id, "--to", "tom"}), kExitDone);
 
-  // the station asks again for sessions that no backup covers: it is answered, and nothing is sent twice
+  // the station asks again about sessions that no backup covers: it gets an answer, and nothing is sent twice
   lab_.startServer();
   auto last =
       lab_.startStation("last", {"--exercise", "ball-free-practice", "--seconds", "0.3", "--drain", "30"});
@@ -167,7 +167,7 @@ TEST_F(OfflineTest, aCodeIsAskedForWithTheServerAndASessionBegunWithoutItWaits) 
   EXPECT_FALSE(checked.info.unknown_trainee());
   EXPECT_FALSE(checked.info.code_unchecked());
 
-  // without the server the lesson begins all the same, and the trainee learns what becomes of it
+  // without the server the lesson still begins, and the trainee learns what happens to it
   ASSERT_EQ(lab_.stopServer(), kExitDone);
   auto away = lab_.startStation("away", {"--exercise", "ball-free-practice", "--seconds", "0.3", "--drain",
                                          "0.2", "--code-file", right_file});
@@ -184,7 +184,7 @@ TEST_F(OfflineTest, aCodeIsAskedForWithTheServerAndASessionBegunWithoutItWaits) 
   EXPECT_TRUE(unchecked.info.code_unchecked());
   EXPECT_FALSE(lab_.stored(lab_.summary("next")["session_id"]).info.unknown_trainee());
 
-  // the station keeps the code nowhere, and says it nowhere
+  // the station neither stores nor shows the code
   for (const auto& entry : std::filesystem::recursive_directory_iterator(lab_.path("spool")))
     if (entry.is_regular_file()) {
       EXPECT_EQ(readWholeFile(entry.path())->find("badge-of-tom"), std::string::npos) << entry.path();
@@ -207,7 +207,7 @@ TEST_F(OfflineTest, aDisabledPersonIsRefusedWithAProfileFromAFileToo) {
   lab_.startServer();
   auto refused = lab_.startStation("refused", lesson);
   EXPECT_EQ(refused->wait(), kExitFailed) << refused->said();
-  EXPECT_THAT(refused->said(), HasSubstr("nobody named 'tom' who may practise"));
+  EXPECT_THAT(refused->said(), HasSubstr("no one named 'tom' who may practise"));
   EXPECT_TRUE(lab_.sessions().empty());
 }
 
@@ -216,7 +216,7 @@ TEST_F(OfflineTest, aSilentServerHoldsUpAProfileFromAFileForThreeSecondsOnly) {
   lab_.signalServer(SIGSTOP);
   auto station = lab_.startStation(
       "station", {"--profile", NEEDLELAB_SAMPLES "/knee-adult.json", "--seconds", "60", "--drain", "0"});
-  // a lesson from the server may take ten
+  // a lesson from the server may take ten seconds
   const auto goesOn = [&] {
     return station->said().find("the server did not say within 3 s whether it knows the trainee") !=
            std::string::npos;
@@ -232,7 +232,7 @@ TEST_F(OfflineTest, aServerThatIsAwayIsNotWaitedForAtTheEnd) {
   auto station =
       lab_.startStation("away", {"--exercise", "ball-free-practice", "--seconds", "0.5", "--drain", "60"});
   ASSERT_EQ(station->wait(), kExitDone) << station->said();
-  // else it says what could not be sent within --drain (DrainEnd::kTimeOver)
+  // otherwise it reports what could not be sent within --drain (DrainEnd::kTimeOver)
   EXPECT_THAT(station->said(), HasSubstr("not connected"));
   EXPECT_THAT(station->said(), HasSubstr("the spool keeps everything"));
   EXPECT_THAT(station->said(), testing::Not(HasSubstr("within --drain")));
@@ -251,7 +251,7 @@ TEST_F(OfflineTest, aServerThatComesInMidLessonGetsAllOfIt) {
   EXPECT_EQ(summary["samples_acked"], summary["samples"]);
   const auto stored = lab_.stored(summary["session_id"]);
   EXPECT_EQ(stored.samples.size(), summary["samples"]);
-  // from its beginning on: only ticks that a busy machine's loop missed stand before the first sample
+  // complete from its beginning: only ticks that a busy machine's loop missed precede the first sample
   EXPECT_LE(stored.samples.front().tick, summary["missed_ticks"].get<std::uint64_t>());
 }
 

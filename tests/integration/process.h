@@ -20,7 +20,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/result.h"
 #include "tests/support/patience.h"
 
@@ -29,9 +29,9 @@ namespace needlelab::test {
 /// Its destructor kills and reaps the process.
 class Process {
  public:
-  /// What of the test's open files the program has, beside its standard output and error.
+  /// Which of the test's open files the program inherits, beside its standard output and error.
   enum class Inherits : std::uint8_t { kNothing, kAll };
-  /// `program` is a name in the build's bin folder, or an absolute path; its standard output and error go to
+  /// `program` is a name in the build's bin folder or an absolute path; its standard output and error go to
   /// `log`.
   Process(const std::string& program, const std::vector<std::string>& arguments, std::filesystem::path log,
           Inherits inherits = Inherits::kNothing)
@@ -45,7 +45,7 @@ class Process {
     posix_spawn_file_actions_addopen(&files, 0, "/dev/null", O_RDONLY, 0);
     posix_spawn_file_actions_addopen(&files, 1, log_.c_str(), O_WRONLY | O_CREAT | O_APPEND, 0600);
     posix_spawn_file_actions_adddup2(&files, 1, 2);
-    // a socket of the test's own, which the test then cuts, must not live on in the program
+    // a socket that the test cuts later must not stay open in the program
     if (inherits == Inherits::kNothing) posix_spawn_file_actions_addclosefrom_np(&files, 3);
     const int error = ::posix_spawn(&pid_, path.c_str(), &files, nullptr, argv.data(), environ);
     posix_spawn_file_actions_destroy(&files);
@@ -61,7 +61,7 @@ class Process {
   void signal(int number) {
     if (!status_) ::kill(pid_, number);
   }
-  /// Returns the exit code, −signal when it was killed, or empty when it still runs after `limit`.
+  /// Returns the exit code, −signal if it was killed, or empty if it still runs after `limit`.
   std::optional<int> wait(std::chrono::milliseconds limit = kPatience) {
     const auto end = std::chrono::steady_clock::now() + limit;
     while (!status_) {
@@ -90,7 +90,7 @@ class Process {
   std::optional<int> status_;
 };
 
-/// What a server writes into this file once it listens there. Errors: kFailed with the end of what it said.
+/// The port that a server writes to this file once it listens. Errors: kFailed with the end of its output.
 inline Result<std::uint16_t> portOf(Process& server, const std::filesystem::path& file) {
   std::string text;
   (void)eventually([&] {

@@ -1,10 +1,10 @@
-// The injection itself, from the plunger to the database: real programs over TLS on loopback.
+// The injection, from the plunger to the database: real programs over TLS on loopback.
 #include <gmock/gmock.h>
 
 #include <cmath>
 #include <fstream>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "tests/integration/lab.h"
 
@@ -70,7 +70,7 @@ TEST_F(SyringeLessonTest, aRecordingsPlungerBecomesStoredEventsWithPlaceAndTime)
   EXPECT_NEAR(events[1].at("begin_s").get<double>(), 2.5, 0.03);
   EXPECT_NEAR(events[1].at("end_s").get<double>(), 4, 0.03);
   EXPECT_NEAR(events[1].at("plunger_to").get<double>(), 0.85, 0.001);
-  // the ball's needle: 21G, bevel of 0.3 rad; the tip is 24 mm deep, the target's middle 25 mm
+  // the ball's needle: 21G, bevel of 0.3 rad; the tip is 24 mm deep, the target's centre 25 mm
   const double behind = 0.0008 / (2 * std::tan(0.3));
   const Json& place = events[1].at("begin");
   EXPECT_NEAR(place.at("depth_m").get<double>(), 0.024 - behind, 2e-6);

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "client/device/virtuose/virtuose_api.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "tests/integration/lab.h"
 #include "tests/integration/process.h"
@@ -19,7 +19,7 @@ namespace {
 using namespace std::chrono_literals;
 using testing::HasSubstr;
 
-// straight into the shoulder from above, and out; times from the first reading on
+// straight into the shoulder from above, and out; times count from the first reading
 const char* const kStroke =
     "0.0 place 0 0 0.02 1 0 0 0\n"
     "0.2 hand 0 0 -0.02 1 0 0 0 0.6\n"

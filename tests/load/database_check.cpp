@@ -14,7 +14,7 @@
 namespace needlelab::test {
 namespace {
 
-// half a step, and the rounding of a double in a value of up to a metre
+// half a step, plus the rounding of a double in a value of up to a metre
 bool near(double made, double stored, double step) {
   if (std::isnan(made) || std::isnan(stored)) return std::isnan(made) && std::isnan(stored);
   return std::abs(made - stored) <= 0.5 * step + 1e-12;
@@ -42,7 +42,7 @@ void addTo(DatabaseCheck& all, const DatabaseCheck& one) {
   for (const std::string& fault : one.faults) addFault(all, fault);
 }
 
-// chunks of one session, in the order in which they are stored
+// the chunks of one session, in stored order
 class SessionReading {
  public:
   SessionReading(const LoadShared& shared, std::size_t station, std::uint64_t ticks)
@@ -154,7 +154,7 @@ void SessionComparison::take(std::span<const GestureSample> stored) {
       ++i;
       continue;
     }
-    // a stretch of consecutive ticks is generated at once
+    // a run of consecutive ticks is generated at once
     std::size_t end = i + 1;
     while (end < stored.size() && stored[end].tick == stored[end - 1].tick + 1 &&
            stored[end].tick < seen_.size())
@@ -222,7 +222,7 @@ Result<DatabaseCheck> checkDatabase(const StoreAddress& database, const LoadShar
   other.join();
   if (error) return *error;
 
-  // rows that belong to no station of this run: the database was new
+  // rows of stations outside this run: the database was new
   auto connection = openAt(database, Connection::Mode::kReader);
   if (!connection.ok()) return connection.error();
   ASSIGN_OR_RETURN(auto sessions, countOf(*connection, "SELECT count(*) FROM sessions"));

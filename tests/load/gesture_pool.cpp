@@ -2,12 +2,13 @@
 
 #include <algorithm>
 
-#include "client/device/hand.h"
-#include "client/device/simulated_device.h"
+#include "client/device/hand/hand.h"
+#include "client/device/hand/simulated_device.h"
 #include "client/sim/tools/closed_loop.h"
 #include "common/haptics/scene_model.h"
 #include "common/profile/profile.h"
-#include "db/schema.h"
+#include "common/profile/scene_of_profile.h"
+#include "db/store/schema.h"
 
 namespace needlelab::test {
 namespace {
@@ -21,7 +22,7 @@ Result<pb::Profile> sampleProfile() {
   return Error{ErrorCode::kNotFound, "the program holds no profile " + std::string(kProfile)};
 }
 
-// straight in at the top of the limb, as deep and as fast as this hand likes
+// straight in at the top of the limb, at this hand's depth and speed
 HandPlan planOf(const SceneSpec& scene, HandRandom& random, HandOptions& hand) {
   const auto between = [&](double low, double high) { return low + (high - low) * random.uniform(); };
   const auto& sphere = std::get<SphereLimb>(scene.limb);
@@ -37,7 +38,7 @@ HandPlan planOf(const SceneSpec& scene, HandRandom& random, HandOptions& hand) {
   return insertionPlan(sphere.center_m + normal * sphere.radius_m, -normal, between(0.012, 0.032), style);
 }
 
-// in steps of the stored resolution, so that the displacement itself is stored exactly
+// a multiple of the stored resolution, so that the displacement itself is stored exactly
 constexpr double kPlacementStep_m = 1e-4;
 constexpr std::size_t kPlacementsPerRow = 64;
 
@@ -81,7 +82,7 @@ std::size_t StationStream::partOf(std::uint64_t tick) {
   while (parts_.empty() || parts_.back().end_tick <= tick) {
     const std::uint64_t from = parts_.empty() ? 0 : parts_.back().end_tick;
     const PoolGesture& gesture = pool_.gestures[random_.next() % pool_.gestures.size()];
-    // starts somewhere within the first gesture, so that the stations are not in step
+    // starts somewhere within the first gesture, so that the stations are out of phase
     const std::size_t skip = from == 0 ? random_.next() % gesture.size() : 0;
     parts_.push_back({&gesture, from + gesture.size() - skip, skip});
   }
@@ -106,7 +107,7 @@ void StationStream::fill(std::uint64_t first_tick, std::span<GestureSample> out)
     s.wall_W_m[0] += placement_m_.x;
     s.wall_W_m[1] += placement_m_.y;
     s.wall_W_m[2] += placement_m_.z;
-    // the times of device and engine vary from tick to tick, as on a real machine
+    // the device's and engine's times vary from tick to tick, as on a real machine
     const std::uint64_t noise = mixed(noise_seed_, tick);
     s.device_ns = static_cast<std::int32_t>(8'000 + noise % 4'000);
     s.engine_ns = static_cast<std::int32_t>(30 + (noise >> 32) % 400);

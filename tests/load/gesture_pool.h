@@ -1,4 +1,4 @@
-/// Some dozens of whole insertions by simulated hands, made once; they feed a thousand stations.
+/// Some dozens of whole insertions by simulated hands, generated once; they feed a thousand stations.
 #pragma once
 
 #include <cstddef>
@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "client/device/hand.h"
+#include "client/device/hand/hand.h"
 #include "common/base/result.h"
 #include "common/gesture/sample.h"
 #include "common/haptics/geometry.h"
@@ -21,24 +21,24 @@ using PoolGesture = std::vector<GestureSample>;
 /// They begin and end at about the same place, so that they can follow each other. Read-only after
 /// construction.
 struct GesturePool {
-  std::string profile_id, profile_json;  ///< canonical; the scene that they were done in
+  std::string profile_id, profile_json;  ///< canonical; the gestures' scene
   std::vector<PoolGesture> gestures;
 };
 
-/// `count` gestures, the same for the same seed. Errors: those of the engine's closed loop.
+/// Generates `count` gestures, the same for the same seed. Errors: those of the engine's closed loop.
 Result<GesturePool> makeGesturePool(std::uint64_t seed, std::size_t count);
 
 // The samples of one load station: reproducible, and different from every other station's.
 
 inline constexpr std::int64_t kTick_ns = 1'000'000;
-/// Offset between the clocks of two stations. No run is as long (2.7 h), so a time identifies its station.
+/// Offset between the clocks of two stations. Every run is shorter (2.7 h), so a time identifies its station.
 inline constexpr std::int64_t kStationClock_ns = 10'000'000'000'000;
 
 /// A seeded mix of the pool's gestures, with a displacement and times unique to this station. Depends only on
-/// (pool, seed, station, tick). Thread: one (the mix grows as it is asked for).
+/// (pool, seed, station, tick). Thread: one (the mix grows on demand).
 class StationStream {
  public:
-  /// `pool` must outlive it and hold a gesture.
+  /// `pool` must outlive it and contain a gesture.
   StationStream(const GesturePool& pool, std::uint64_t seed, std::size_t station);
 
   /// Writes the samples of the ticks first, first + 1, … into `out`.
@@ -54,8 +54,8 @@ class StationStream {
  private:
   struct Part {
     const PoolGesture* gesture = nullptr;
-    std::uint64_t end_tick = 0;  // the first tick behind it
-    std::size_t skip = 0;        // samples of the gesture that are left out at its beginning
+    std::uint64_t end_tick = 0;  // the first tick after it
+    std::size_t skip = 0;        // samples skipped at the gesture's beginning
   };
   std::size_t partOf(std::uint64_t tick);
 

@@ -3,7 +3,7 @@
 
   growth   1 to 1,000 stations on SQLite (load.md), some five minutes
   stores   1,000 stations on SQLite, on PostgreSQL, with a synchronous standby, and half of them there with one server, and with two servers and NATS; also what a second of one
-           station costs in each process (load_stores.md), some fifteen minutes. tests/load/scale.py multiplies it.
+           station costs in each process (load_stores.md), some fifteen minutes.
 
 PostgreSQL's clusters are those of tests/bench/ingest_clusters (with fsync, on /tmp).
 """
@@ -24,7 +24,7 @@ FOLDER = pathlib.Path("/tmp/needlelab-labs")
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """A lab. `viewers` share its stations. `cluster`: of tests/bench/ingest_clusters; None: SQLite. `servers`: names of several."""
+    """A lab. `viewers` share its stations. `cluster`: from tests/bench/ingest_clusters; None: SQLite. `servers`: the names, if several."""
     name: str
     stations: int = 1000
     viewers: int = 10
@@ -48,7 +48,7 @@ COSTS = (  # key of a process, column, unit of a station-second
 
 
 def median(values):
-    """None if any of them is."""
+    """None if any of them is None."""
     values = list(values)
     return None if not values or None in values else statistics.median(values)
 
@@ -58,21 +58,21 @@ def wrong(run):
 
 
 def use_of(run, process, key):
-    """Of one process; of "servers", all of them together. None: unknown, or there is no such process."""
+    """For one process; for "servers", all of them together. None: unknown, or no such process."""
     found = [one[key] for one in run["processes"]
              if one["name"] == process or (process == "servers" and one["name"].split()[0] == "server")]
     return None if not found or None in found else sum(found)
 
 
 def cost(runs, process, key):
-    """Median over the runs of what a second of one station costs there: µs, bytes, messages. None: unknown."""
+    """Median over the runs of the cost of one station for one second: µs, bytes, messages. None: unknown."""
     scale = next(scale for name, _, scale in COSTS if name == key)
     used = [(use_of(run, process, key), run["station_s"]) for run in runs]
     return median(None if value is None else scale * value / station_s for value, station_s in used)
 
 
 def share_elsewhere(run):
-    """Of the frames that viewers saw, those of stations at another server."""
+    """Of the frames that viewers saw, the share from stations at another server."""
     return run["live_frames_elsewhere"] / run["live_frames_seen"] if run["live_frames_seen"] else 0
 
 
@@ -87,25 +87,25 @@ def markdown(head, lines, left=1):
 
 
 def costs_table(runs_of):
-    """`runs_of`: row -> its runs. One line a process."""
+    """`runs_of`: row -> its runs. One line per process."""
     lines = []
     for row, runs in runs_of.items():
         for index, process in enumerate(one["name"] for one in runs[0]["processes"]):
-            # messages of a tenth of a second, other numbers whole
+            # messages with one decimal, other numbers whole
             cells = [numbered(cost(runs, process, key), 1 if key.startswith("messages") else 0) for key, _, _ in COSTS]
             lines.append([row.name if index == 0 else "", process, *cells])
     return markdown(["store", "process", *(column for _, column, _ in COSTS)], lines, 2)
 
 
 def write(path, about, runs_of):
-    """A run a line. `about`: a dict of commit and when."""
+    """One run per line. `about`: a dict with commit and time."""
     rows = ",\n".join(f'  {{"row": {json.dumps(row.name)}, "runs": [\n' + ",\n".join("   " + json.dumps(run) for run in runs) + "\n  ]}"
                       for row, runs in runs_of.items())
     path.write_text(json.dumps(about)[:-1] + f', "rows": [\n{rows}\n]}}\n', encoding="utf-8")
 
 
 def read(path):
-    """(about, runs_of); a row that the file lacks is not there."""
+    """(about, runs_of); rows missing in the file are omitted."""
     whole = json.loads(path.read_text(encoding="utf-8"))
     by_name = {row.name: row for row in STORES}
     return whole, {by_name[one["row"]]: one["runs"] for one in whole["rows"]}
@@ -152,7 +152,7 @@ OF_STORES = tuple(name for name in COLUMNS if name not in ("viewers", "live p50 
 
 
 def table(runs_of, columns):
-    """The greatest count of what is wrong, medians of the rest."""
+    """The maximum for error counts, medians of the rest."""
     lines = []
     for row, runs in runs_of.items():
         cells = []
@@ -166,7 +166,7 @@ def table(runs_of, columns):
 
 
 def goals(runs_of):
-    """(met, text) of each, over all sizes; latency at the largest."""
+    """(met, text) for each, over all sizes; latency at the largest."""
     most, bad = list(runs_of.values())[-1], sum(wrong(run) for runs in runs_of.values() for run in runs)
     whole = all(run["good"] for runs in runs_of.values() for run in runs)
     live = median(COLUMNS["live p99 ms"][1](run) for run in most)

@@ -1,12 +1,11 @@
 #!/usr/bin/env python3
-"""The arithmetic of labs.py and scale.py, with runs that are made up."""
+"""The arithmetic of labs.py, with runs that are made up."""
 import pathlib
 import tempfile
 import unittest
 
 import labs
-import scale
-from labs import GROWTH, ONE_SERVER, STORES as ROWS, TWO_SERVERS, UNWATCHED
+from labs import GROWTH, STORES as ROWS, TWO_SERVERS, UNWATCHED
 
 
 def process(name, **used):
@@ -34,15 +33,6 @@ def made_up(row, lost=0, factor=1):
 
 
 ABOUT = {"commit": "abc", "when": "today"}
-INGEST = """## PostgreSQL
-| 64 | 29779 | 1 |
-## PostgreSQL with a synchronous standby on the same machine
-| group | ours rows/s | MB/s |
-|---:|---:|---:|
-| 16 | 12728 | 67.1 |
-| 32 | 18379 | 96.8 |
-| 64 | 18957 | 99.9 |
-"""
 
 
 class StationSecond(unittest.TestCase):
@@ -105,65 +95,6 @@ class Growth(unittest.TestCase):
         text = labs.growth_page({row: [made_up(row)] for row in GROWTH}, ABOUT)
         self.assertIn("| 1 | 1 | 1 | 0.60 | 0.75 | 100.0 | 20.0 | 40.0 | 21.0 | 26.0 | 60.0 | 0 | 2.0 | 100.0 | 3.50 | 0 |", text)
         self.assertIn("- PASS: capture to viewer p99 at 1,000 stations: 26.0 ms", text)
-
-
-class Scale(unittest.TestCase):
-    def setUp(self):
-        self.runs_of = {row: [made_up(row)] for row in ROWS}
-        self.costs = scale.costs_of(self.runs_of)
-
-    def test_the_writers_ceiling_is_that_with_a_standby(self):
-        self.assertEqual(scale.ceiling_of(INGEST), 18379)
-
-    def test_costs(self):
-        self.assertEqual((self.costs.stations, self.costs.together), (1000, 500))
-        self.assertEqual((self.costs.server_us, self.costs.server_watched_us), (400, 200))
-        self.assertEqual((self.costs.postgres_us, self.costs.standby_us, self.costs.log, self.costs.disk, self.costs.database), (50, 25, 4000, 10_000, 5000))
-        self.assertEqual(self.costs.presence, 1000)
-        self.assertAlmostEqual(self.costs.frame_messages, 51)
-        self.assertAlmostEqual(self.costs.frame_bytes, 5000)
-
-    def test_a_lab(self):
-        lab = scale.Lab(10_000, self.costs, 20_000)
-        self.assertEqual(lab.servers, 11)
-        self.assertAlmostEqual(lab.server_us, 4.2e6)  # 400 µs, and 200 more of a tenth
-        self.assertEqual(lab.writer, 0.5)
-        self.assertAlmostEqual(lab.elsewhere, 10_000 * 0.1 * 10 / 11)
-        messages, bytes_ = lab.nats_in
-        presence = 10_000 * 1000 / scale.PRESENCE_BYTES  # ten a second of each server would be fewer
-        self.assertAlmostEqual(messages, presence + lab.elsewhere * 51)
-        self.assertAlmostEqual(bytes_, 10_000_000 + lab.elsewhere * 5000)
-        # presence to ten others, and who watches, once a second of each; 50 frames to one
-        self.assertAlmostEqual(lab.nats_out[0], 10 * presence + lab.elsewhere * (50 + 10))
-        self.assertAlmostEqual(lab.nats_out[1], 100_000_000 + lab.elsewhere * 5000)
-        self.assertEqual(lab.log_day, 10_000 * 4000 * 4 * 3600)
-        self.assertEqual(lab.database_year, 10_000 * 5000 * 4 * 3600 * 150)
-        self.assertEqual(lab.too_much(), {"writer": False, "log": False, "presence": True, "elsewhere": False, "servers": False})
-
-    def test_limits(self):
-        self.assertAlmostEqual(scale.largest(self.costs, 20_000, "writer") / 10_000, 1, delta=0.03)
-        self.assertAlmostEqual(scale.largest(self.costs, 20_000, "log") / (62.5e6 / 4000), 1, delta=0.03)
-        most = scale.largest(self.costs, 20_000, "presence")
-        self.assertTrue(scale.Lab(most, self.costs, 20_000).too_much()["presence"])
-        self.assertFalse(scale.Lab(int(most / 1.03), self.costs, 20_000).too_much()["presence"])
-
-    def test_sizes_and_digits(self):
-        self.assertEqual([scale.size(value) for value in (0, 999, 4000, 39_600_000, 2.16e15, 2.2e18)], ["0 B", "999 B", "4.0 kB", "40 MB", "2.2 PB", "2,200.0 PB"])
-        self.assertEqual([scale.rounded(value) for value in (0, 7.4, 84, 9478, 123_456)], ["0", "7", "84", "9,500", "120,000"])
-        self.assertEqual([scale.cores(value) for value in (50_000, 4_200_000)], ["0.05", "4.2"])
-
-    def test_page(self):
-        text = scale.page(ABOUT, self.runs_of, 18379)
-        for words in ("100,000 stations", "**100,000, 544 %**", "shards by site", "partitioned tables", "a subject tree", "What was not measured", "Nothing here was run at these sizes"):
-            self.assertIn(words, text)
-        self.assertNotIn("None", text)
-
-    def test_what_is_unknown_ends_it(self):
-        self.runs_of[TWO_SERVERS][0]["processes"][3]["cpu_s"] = None
-        with self.assertRaises(SystemExit) as ended:
-            scale.costs_of(self.runs_of)
-        self.assertIn("cpu_s of standby", str(ended.exception))
-        self.assertEqual(ONE_SERVER.cluster, "primary")
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@
 #include <set>
 
 #include "common/base/range.h"
-#include "db/store_address.h"
+#include "db/store/store_address.h"
 
 namespace needlelab::test {
 namespace {
@@ -22,7 +22,7 @@ Error invalid(const std::string& text) {
   return {ErrorCode::kInvalidInput, text};
 }
 
-// they go to `server join --name`, to --live-name, and to folders
+// they become `server join --name`, --live-name, and folder names
 Status checkNames(const std::vector<std::string>& names) {
   const std::string wanted = fmt::format("--servers: names of 2 to {} servers, such as a,b", kMostServers);
   if (names.size() < 2 || names.size() > kMostServers)
@@ -86,7 +86,7 @@ FaultPlan::FaultPlan(const LoadOptions& options)
 }
 
 void FaultPlan::planNext() {
-  // limited to a quarter and three times the mean, so that every run has faults, but not a storm of them
+  // clamped between a quarter and three times the mean, so that every run has faults, but not a storm of them
   next_s_ += every_s_ * std::clamp(-std::log(1 - random_.uniform()), 0.25, 3.0);
 }
 

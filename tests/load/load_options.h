@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "client/device/hand.h"
+#include "client/device/hand/hand.h"
 #include "common/base/result.h"
 #include "common/wire/endpoint.h"
 
@@ -21,39 +21,39 @@ struct LoadOptions {
   std::uint64_t seed = 1;
   std::size_t gestures = 24;  ///< in the pool
 
-  // servers of one lab that run already; else own ones are started
+  // servers of one lab that already run; otherwise the run starts its own
   Endpoints server;
   std::filesystem::path ca_file;        ///< with `server`
   std::string user = "load";            ///< with `server`: an administrator
   std::filesystem::path password_file;  ///< with `server`
 
-  // own servers
-  /// Names of own servers that work together on `store`, connected by an own NATS: 2 to kMostServers. Empty:
-  /// one server, alone.
+  // the run's own servers
+  /// Names of the run's own servers that work together on `store`, connected by their own NATS: 2 to
+  /// kMostServers. Empty: one server, alone.
   std::vector<std::string> servers;
-  std::filesystem::path bin;  ///< where needlelab-server is
-  std::string store;          ///< its database on PostgreSQL, an empty one; empty: SQLite
-  /// The postmaster.pid of the database's standby on this computer, for what it costs; empty: there is none.
+  std::filesystem::path bin;  ///< the folder of needlelab-server
+  std::string store;          ///< an empty PostgreSQL database for it; empty: SQLite
+  /// The postmaster.pid of the database's standby on this computer, to measure its cost; empty: no standby.
   std::filesystem::path standby;
 
-  bool faults = false;        ///< random faults (FaultPlan); needs an own server
+  bool faults = false;        ///< random faults (FaultPlan); only with the run's own server
   double fault_every_s = 10;  ///< on average
   bool quiet = false;         ///< no progress on standard error
 };
 
 inline constexpr std::size_t kMostServers = 8;
 
-/// Which server a station asks first, of so many: a viewer that asks server `viewer % servers` first watches
-/// stations of every server (LoadViewer). Without viewers the stations take turns.
+/// Which of `servers` servers a station asks first: a viewer that asks server `viewer % servers` first
+/// watches stations of every server (LoadViewer). Without viewers the stations take turns.
 std::size_t firstServerOf(std::size_t station, std::size_t viewers, std::size_t servers);
 
-/// kInvalidInput names the option, its value and the allowed range.
+/// kInvalidInput states the option, its value and the allowed range.
 Status checkOptions(const LoadOptions& options);
 
 struct PlannedFault {
   enum class Kind : std::uint8_t {
-    kCut,         ///< connections of some stations, without a word
-    kKillServer,  ///< kill -9; started again after `time`
+    kCut,         ///< cuts connections of some stations silently
+    kKillServer,  ///< kill -9; restarted after `time`
     kSlowViewer,  ///< reads nothing for `time`
   };
   Kind kind = Kind::kCut;
@@ -61,10 +61,10 @@ struct PlannedFault {
   std::chrono::milliseconds time{0};
 };
 
-inline constexpr double kKillShare = 0.25;  ///< of a run's time, in which the server is killed
+inline constexpr double kKillShare = 0.25;  ///< the share of a run in which the server may be killed
 
 /// Exponential times between faults, `fault_every_s` on average. The first is a cut, the second a kill, so
-/// that a short run has both; later kills come in the first part only (kKillShare): after it one server lives
+/// that a short run has both; later kills come only in the first part (kKillShare): after it one server lives
 /// long enough to show whether its memory stays flat. The same seed plans the same faults. Thread: one.
 class FaultPlan {
  public:

@@ -1,4 +1,4 @@
-// Tests without a server: gestures, comparison, schedule, faults, profile.
+// Parts tested without a server: gestures, comparison, schedule, faults, profile.
 #include <gtest/gtest.h>
 
 #include <unistd.h>
@@ -7,9 +7,9 @@
 #include <functional>
 #include <set>
 
-#include "common/base/clock.h"
+#include "common/base/time/clock.h"
 #include "common/gesture/chunk.h"
-#include "common/haptics/force_gate.h"
+#include "common/haptics/gate/force_gate.h"
 #include "tests/load/database_check.h"
 #include "tests/load/load_options.h"
 #include "tests/load/load_report.h"
@@ -34,7 +34,7 @@ std::vector<GestureSample> samplesOf(std::size_t station, std::uint64_t first, s
   return samples;
 }
 
-// as the database gives them back
+// as the database returns them
 std::vector<GestureSample> storedOf(const std::vector<GestureSample>& samples) {
   return decodeChunk(encodeChunk(Resolution::standard(), samples)).value();
 }
@@ -75,7 +75,7 @@ TEST(GesturePool, isTheSameForTheSameSeedOnly) {
 TEST(StationStream, givesTheSameSampleWheneverItIsAsked) {
   const auto whole = samplesOf(7, 0, 60'000);
   StationStream stream(pool(), 1, 7);
-  // forwards in frames, then somewhere in the middle and back
+  // forwards in frames, then in the middle and back
   for (const std::uint64_t first : {0u, 20u, 40u, 31'000u, 59'980u, 12'345u, 5u}) {
     std::vector<GestureSample> part(20);
     stream.fill(first, part);
@@ -95,7 +95,7 @@ TEST(StationStream, noSampleIsLikeOneOfAnotherStation) {
     for (const GestureSample& s : samples) times.insert(s.time_ns);
     const Vec3 at = StationStream(pool(), 1, station).placement_m();
     places.insert({at.x, at.y, at.z});
-    // the longest run's last time is still this station's own
+    // the longest run's last time still belongs to this station
     EXPECT_LT(StationStream(pool(), 1, station).timeOf(7'200'000),
               StationStream(pool(), 1, station + 1).timeOf(0));
   }
@@ -195,7 +195,7 @@ TEST_F(Compared, findsAChangeInEveryField) {
   }
 }
 
-// a station without a connection: its schedule alone
+// a station without a connection: only its schedule
 struct LonelyStation {
   explicit LonelyStation(std::uint64_t ticks, std::int64_t start_ns) {
     shared.pool = &pool();
@@ -222,7 +222,7 @@ TEST(LoadStation, framesAreDueAtFixedTimesHoweverLateTheyAreMade) {
   }
   EXPECT_EQ(lonely.station->ticks(), 2010u);
   EXPECT_EQ(lonely.totals.late.total(), 101u);
-  EXPECT_EQ(lonely.totals.late.quantile_ns(0.9), 0);  // the others were in time
+  EXPECT_EQ(lonely.totals.late.quantile_ns(0.9), 0);  // the others were on time
   // three chunks wait: 1000, 1000 and 10 samples
   EXPECT_EQ(lonely.totals.unsent_peak, 3u);
   EXPECT_EQ(lonely.totals.samples_sent, 0u);
@@ -335,7 +335,7 @@ TEST(LoadOptions, viewersOfEachServerWatchStationsOfAll) {
   for (const std::size_t servers : {2u, 3u})
     for (const std::size_t viewers : {0u, 1u, 2u, 3u, 4u, 10u}) {
       std::vector<std::size_t> at(servers);
-      // as LoadViewer shares them out
+      // as LoadViewer assigns them
       std::set<std::pair<std::size_t, std::size_t>> watched;
       for (std::size_t station = 0; station < 60; ++station) {
         const std::size_t server = firstServerOf(station, viewers, servers);
@@ -410,7 +410,7 @@ TEST(ProcessUse, hasAProcessAndItsChildren) {
     return "i=0; while [ $i -lt 60000 ]; do i=$((i + 1)); done; head -c 400000 /dev/zero >" +
            (folder.path() / file).string();
   };
-  // a child that has ended, one that lives, and the parent, which waits for it
+  // a child that has ended, one that is alive, and the parent, which waits for it
   Process parent("/bin/sh",
                  {"-c", "(" + busy("one") + "); (" + busy("two") + "; touch " +
                             (folder.path() / "done").string() + "; sleep 100) & wait"},
@@ -419,7 +419,7 @@ TEST(ProcessUse, hasAProcessAndItsChildren) {
   const ProcessUse alone = useOf(parent.pid()), all = useWithChildren(parent.pid());
   ASSERT_TRUE(alone.cpu_s && all.cpu_s);
   EXPECT_GT(*all.cpu_s, *alone.cpu_s + 0.02);
-  // nothing where the kernel does not count, or the folder is in memory
+  // nothing if the kernel does not count, or the folder is in memory
   if (all.disk_bytes.value_or(0) > 0) EXPECT_GE(*all.disk_bytes, 800'000u);
   EXPECT_FALSE(useOf(0).cpu_s || useWithChildren(0).disk_bytes);
 }
@@ -463,7 +463,7 @@ LoadResult quietRun(double growth_KiB_per_min, double handles_per_min) {
   for (int s = 0; s < 1800; ++s) {
     ServerRow row;
     row.time_s = s;
-    row.starts = s < 600 ? 1 : 2;  // killed after ten minutes: its memory begins again
+    row.starts = s < 600 ? 1 : 2;  // killed after ten minutes: its memory starts over
     const double min = s / 60.0;
     row.server.rss_KiB = static_cast<std::uint64_t>(
         50'000 + (s < 600 ? 3000 * min : growth_KiB_per_min * min) + 40 * std::sin(s));

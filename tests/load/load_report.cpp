@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "tests/bench/result_folder.h"
 
@@ -36,13 +36,13 @@ Json processesJson(const LoadResult& r) {
   return list;
 }
 
-// What 200 stations fill once: buffers of connections, SQLite's pages, the C library's caches of each thread.
-// On a quiet machine the live heap grew by 450 KiB in the first 5 min, then by 14 KiB/min, and after 10 min
-// by 7 (README.md).
+// The time in which 200 stations fill what is filled once: connections' buffers, SQLite's pages, the C
+// library's per-thread caches. On a quiet machine the live heap grew by 450 KiB in the first 5 min, then by
+// 14 KiB/min, and after 10 min by 7 (README.md).
 constexpr double kWarmUp_s = 600;
 constexpr double kLeastJudged_s = 300;
-// resident beside the live heap: program, libraries, stacks, mapped files, and what malloc holds between
-// blocks
+// resident in addition to the live heap: program, libraries, stacks, mapped files, and what malloc holds
+// between blocks
 constexpr double kMostBesideHeap_KiB = 64 * 1024;
 
 // rows of the last server, after its warm-up
@@ -54,7 +54,7 @@ std::span<const ServerRow> judgedRows(const LoadResult& result) {
   if (rows.empty()) return {};
   const auto born = std::find_if(rows.begin(), rows.end(),
                                  [&](const ServerRow& row) { return row.starts == rows.back().starts; });
-  // of a life that is too short to be judged, the last part is shown
+  // if its life is too short to be judged, the last part is shown
   const double from_s = born->time_s + std::min(kWarmUp_s, (rows.back().time_s - born->time_s) / 2);
   const auto first =
       std::find_if(born, rows.end(), [&](const ServerRow& row) { return row.time_s >= from_s; });
@@ -130,7 +130,7 @@ Json loadJson(const LoadResult& r) {
       {"generator_cpu_s", r.generator_cpu_s},
       {"bytes_per_sample",
        d.stored > 0 ? static_cast<double>(r.stored.chunk_bytes) / static_cast<double>(d.stored) : 0},
-      // beside the fields that all results have
+      // in addition to the fields that all results have
       {"different", d.different},
       {"foreign", d.foreign},
       {"samples_made", r.samples_made},
@@ -231,7 +231,7 @@ std::vector<Finding> judgeLoad(const LoadResult& r, const SoakLimits& limits) {
       live_KiB.push_back(static_cast<double>(row.live_KiB));
     }
     // Resident memory cannot be judged by its slope: it keeps the pages of the largest burst so far, and
-    // small blocks that live on spread over more of them (README.md)
+    // surviving small blocks spread over more of them (README.md)
     findings.push_back(flatMemory("live heap of the server", live_s, live_KiB, soakForm(r.options), limits));
     findings.push_back(
         flatMemory("resident memory of the server", time_s, rss_KiB, SoakForm::kShort, limits));

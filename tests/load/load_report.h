@@ -1,4 +1,4 @@
-/// A run as JSON and as text, and a long run with faults judged.
+/// A run as JSON and as text, and the verdict on a long run with faults.
 #pragma once
 
 #include <filesystem>
@@ -13,17 +13,17 @@
 namespace needlelab::test {
 
 nlohmann::ordered_json loadJson(const LoadResult& result);
-/// A line for each of its fields; the last line is the verdict.
+/// One line per field; the last line is the verdict.
 std::string loadText(const LoadResult& result);
 
-// A long run with faults, judged: nothing lost, the server's memory and file handles flat.
+// The verdict on a long run with faults: nothing lost, the server's memory and file handles flat.
 
-/// What counts is how long the last server lives after its warm-up; with faults, kills end early
+/// What counts is how long the last server lives after its warm-up; with faults, kills stop early
 /// (kKillShare).
 SoakForm soakForm(const LoadOptions& options);
 
-/// In table order. Memory and handles are those of the last server process, after a warm-up of
-/// ten minutes: both start again with each restart.
+/// In table order. Memory and handles are those of the last server process, after a warm-up of ten minutes:
+/// both start over with each restart.
 std::vector<Finding> judgeLoad(const LoadResult& result, const SoakLimits& limits = {});
 
 /// Creates `out` and writes samples.csv (one row per second), table.txt (the verdict is its last line) and

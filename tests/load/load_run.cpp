@@ -10,9 +10,9 @@
 #include <optional>
 #include <thread>
 
-#include "client/net/credentials.h"
-#include "common/base/clock.h"
-#include "common/base/files.h"
+#include "client/net/link/credentials.h"
+#include "common/base/files/files.h"
+#include "common/base/time/clock.h"
 #include "tests/bench/result_folder.h"
 #include "tests/load/load_options.h"
 #include "tests/load/load_viewer.h"
@@ -28,8 +28,8 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr double kLiveEvery_s = 10;
-constexpr double kSpread_s = 1;         // within which the stations begin
-constexpr double kConnect_per_s = 400;  // log-ins of stations before the streaming
+constexpr double kSpread_s = 1;         // the stations begin within this time
+constexpr double kConnect_per_s = 400;  // log-ins of stations before streaming
 
 double seconds(std::int64_t ns) {
   return static_cast<double>(ns) * 1e-9;
@@ -132,12 +132,12 @@ class LoadRun {
     return startServers(folder);
   }
 
-  // where data and log of one of the own servers are
+  // data and log folder of one of the run's own servers
   [[nodiscard]] std::filesystem::path ownFolder(const std::filesystem::path& folder, std::size_t i) const {
     return options_.servers.empty() ? folder : folder / options_.servers[i];
   }
 
-  // core NATS without TLS and users, as the servers of one machine
+  // core NATS without TLS and users, for servers on one machine
   Status startNats() {
     if (::access(NEEDLELAB_NATS_SERVER, X_OK) != 0)
       return Error{ErrorCode::kFailed,
@@ -209,7 +209,7 @@ class LoadRun {
     for (;;) {
       const CrowdState state = crowd_->state();
       const std::size_t watching = viewers_->watching();
-      // who watches at another server asks for it through NATS
+      // a viewer at another server requests it through NATS
       const std::size_t watched = options_.viewers > 0 ? options_.stations : 0;
       if (state.opened == options_.stations && watching == options_.viewers && state.watched >= watched)
         break;
@@ -272,12 +272,12 @@ class LoadRun {
     return {};
   }
 
-  // since each began: the own servers, then PostgreSQL; the generator last
+  // since each began: the run's own servers, then PostgreSQL; the generator last
   Result<std::vector<ProcessUse>> uses() {
     std::vector<ProcessUse> all;
     for (std::size_t i = 0; i < servers_.size(); ++i) {
       const OwnServer& server = servers_[i];
-      // a server that is killed forgets all but this
+      // with faults only CPU time is known: a killed server loses its other counters
       ProcessUse use = options_.faults ? ProcessUse() : useOf(server.pid());
       if (!options_.faults) addScrape(use, server.scrape());
       const auto now = server.sample();
@@ -331,7 +331,7 @@ class LoadRun {
     return {};
   }
 
-  // all samples are acknowledged and all sessions closed
+  // waits until all samples are acknowledged and all sessions closed
   Status drain() {
     const std::int64_t begin_ns = steadyNowNs();
     std::int64_t moved_ns = begin_ns;
@@ -405,7 +405,7 @@ class LoadRun {
     const OwnServer& first = servers_.front();
     const auto sample = first.sample();
     if (!sample) return;
-    // the metrics cost the server a look into its database
+    // for its metrics the server reads its database
     if (options_.faults && time_s >= live_due_s_) {
       live_due_s_ = time_s + kLiveEvery_s;
       if (const auto live = first.liveHeapBytes()) live_ = {starts_, *live / 1024};
@@ -435,10 +435,10 @@ class LoadRun {
   pb::Login login_;
   std::optional<TempFolder> temporary_;
   std::optional<NatsServerProcess> nats_;  // with several servers
-  std::vector<OwnServer> servers_;         // none: they run already
+  std::vector<OwnServer> servers_;         // empty: they already run
   std::optional<Connection> postgres_;     // with --store: for its sizes
   std::uint64_t starts_ = 0;
-  std::pair<std::uint64_t, std::uint64_t> live_;  // which server, KiB
+  std::pair<std::uint64_t, std::uint64_t> live_;  // server's number, KiB
   double live_due_s_ = 0;
   std::optional<StationCrowd> crowd_;
   std::optional<ViewerCrowd> viewers_;

@@ -13,9 +13,9 @@
 #include <utility>
 #include <vector>
 
-#include "client/net/connect.h"
-#include "client/net/server_link.h"
-#include "common/base/uuid.h"
+#include "client/net/link/connect.h"
+#include "client/net/link/server_link.h"
+#include "common/base/text/uuid.h"
 #include "common/wire/asio.h"
 #include "tests/load/gesture_pool.h"
 
@@ -25,8 +25,8 @@ namespace needlelab::test {
 struct StationPlan {
   std::string name, key;
   Uuid session{};
-  std::size_t first_server = 0;        ///< the station asks it first (LoadShared::clientOf)
-  std::atomic<std::size_t> server{0};  ///< at which it is, or was last
+  std::size_t first_server = 0;        ///< the station asks this one first (LoadShared::clientOf)
+  std::atomic<std::size_t> server{0};  ///< its current or last server
   /// This machine's steady clock; 0: not known yet. Set once, before the station's first frame.
   std::atomic<std::int64_t> start_ns{0};
 };
@@ -37,14 +37,14 @@ struct LoadShared {
   std::uint64_t seed = 1;
   std::uint64_t ticks = 0;  ///< of each station
   ClientConfig client;      ///< without log-in; knows all servers
-  /// Of the stations; by itself also soon again after the cuts of a fault plan.
+  /// For the stations; also reconnects soon after the cuts of a fault plan.
   LinkSettings link{.retry = {.most = std::chrono::milliseconds(5000)},
                     .lasting = std::chrono::milliseconds(0)};
   std::vector<StationPlan> stations;
   /// Samples of a live frame, and of a chunk.
   static constexpr std::uint64_t kFrameTicks = 20, kChunkTicks = 1000;
 
-  /// `client`, with the servers from this one on, and then those before it.
+  /// `client`, with its servers from this one on, followed by those before it.
   [[nodiscard]] ClientConfig clientOf(std::size_t server) const {
     Endpoints all = client.servers();
     std::rotate(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(server % all.size()), all.end());
@@ -52,7 +52,7 @@ struct LoadShared {
     config.setServers(all);
     return config;
   }
-  /// Which of the client's servers it is.
+  /// The server's number among the client's.
   [[nodiscard]] std::size_t numberOf(const Endpoint& server) const {
     const Endpoints all = client.servers();
     const auto found =
@@ -63,8 +63,8 @@ struct LoadShared {
 
 // An io_context with its own thread, and calls into that thread.
 
-/// Thread: `call` from any thread but its own. Destruction stops the thread: its work must have ended, or is
-/// dropped.
+/// Thread: `call` from any thread except its own. Destruction stops the thread: its work must have ended, or
+/// is dropped.
 class NetThread {
  public:
   NetThread() : thread_([this] { io_.run(); }) {}

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <utility>
 
-#include "client/net/uplink.h"
-#include "common/base/clock.h"
+#include "client/net/uplink/uplink.h"
+#include "common/base/time/clock.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/sample.h"
 #include "common/wire/protocol.h"
@@ -19,7 +19,7 @@ constexpr std::uint64_t kWindow = 64;
 constexpr std::size_t kMostQueuedBytes = 1u << 20;
 constexpr std::uint64_t kFramesPerStatus = 5;  // 10 Hz
 
-// one work space per thread: a thousand stations with a chunk's samples each would not fit the caches
+// one buffer per thread: a chunk's samples for each of a thousand stations would not fit in the caches
 std::span<GestureSample> scratch(std::size_t count) {
   thread_local std::vector<GestureSample> samples(LoadShared::kChunkTicks);
   return std::span(samples).first(count);

@@ -7,7 +7,7 @@
 #include <memory>
 #include <string>
 
-#include "client/net/server_link.h"
+#include "client/net/link/server_link.h"
 #include "common/base/histogram.h"
 #include "common/gesture/session_hash.h"
 #include "tests/load/gesture_pool.h"
@@ -17,14 +17,14 @@ namespace needlelab::test {
 
 /// Totals of the stations of one thread. Thread: one writes.
 struct StationTotals {
-  LatencyHistogram late;  ///< the generator's own: a frame was made so long after it was due
-  LatencyHistogram ack;   ///< from when a chunk's last sample was due to its acknowledgement
+  LatencyHistogram late;  ///< the generator's delay: from a frame's due time until it was made
+  LatencyHistogram ack;   ///< from the due time of a chunk's last sample to its acknowledgement
   std::uint64_t samples_sent = 0, samples_acked = 0;  ///< each counted once
   std::uint64_t chunks_resent = 0;
   std::uint64_t chunk_bytes = 0;  ///< of the chunks made
   std::uint64_t live_frames = 0, status_lines = 0;
   std::uint64_t connections = 0;
-  std::uint64_t unsent_peak = 0;  ///< most chunks that waited for an acknowledgement at one station
+  std::uint64_t unsent_peak = 0;  ///< largest number of unacknowledged chunks at one station
 
   /// Adds the totals of another thread.
   void add(const StationTotals& other);
@@ -43,7 +43,7 @@ class LoadStation {
   bool step(std::int64_t now_ns);
   /// Due time of the next frame, which is that of its last sample. Steady clock.
   [[nodiscard]] std::int64_t nextDue_ns() const;
-  /// Makes no more samples; sends the rest.
+  /// Stops making samples; sends the rest.
   void end();
   /// Allows the session to close once everything is acknowledged.
   void close();
@@ -53,15 +53,15 @@ class LoadStation {
   void cut();
 
   [[nodiscard]] bool opened() const { return state_ == State::kOpen || state_ == State::kClosing; }
-  /// Since when, by the steady clock, all that was made before this connection is acknowledged; 0: it is not.
+  /// Since when, by the steady clock, everything made before this connection is acknowledged; 0: it is not.
   [[nodiscard]] std::int64_t whole_ns() const { return whole_ns_; }
   [[nodiscard]] bool watched() const { return watched_; }
   [[nodiscard]] bool closed() const { return state_ == State::kClosed; }
   [[nodiscard]] bool finished() const { return closed() || !trouble_.empty(); }
   [[nodiscard]] std::uint64_t ticks() const { return next_tick_; }  ///< made so far
-  /// The reason of an early end, for a person.
+  /// The reason of an early end, in words.
   [[nodiscard]] const std::string& trouble() const { return trouble_; }
-  /// The reason why the last connection failed or was lost.
+  /// Why the last connection failed or was lost.
   [[nodiscard]] const std::string& lastError() const { return last_error_; }
 
  private:
@@ -69,7 +69,7 @@ class LoadStation {
   struct Chunk {
     std::string bytes;
     std::uint64_t samples = 0;
-    std::int64_t due_ns = 0;  // its last sample
+    std::int64_t due_ns = 0;  // when its last sample is due
     bool sent = false;
   };
 
@@ -94,9 +94,9 @@ class LoadStation {
   std::string session_id_;
   State state_ = State::kNew;
   bool watched_ = false, ended_ = false, may_close_ = false;
-  std::uint64_t next_tick_ = 0, chunk_tick_ = 0;  // the first tick that is in no frame, in no chunk
+  std::uint64_t next_tick_ = 0, chunk_tick_ = 0;  // the first tick not yet in a frame, not yet in a chunk
   std::uint64_t frame_seq_ = 0, frames_ = 0;
-  std::deque<Chunk> chunks_;                              // not acknowledged
+  std::deque<Chunk> chunks_;                              // unacknowledged
   std::uint64_t committed_ = 0, sent_ = 0, backlog_ = 0;  // backlog_: made before this connection
   std::int64_t whole_ns_ = 0;
   std::uint64_t samples_closed_ = 0;

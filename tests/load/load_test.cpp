@@ -6,17 +6,17 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "common/base/clock.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
+#include "common/base/time/clock.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/session_hash.h"
-#include "db/session_store.h"
+#include "db/sessions/session_store.h"
 #include "tests/integration/process.h"
 #include "tests/load/database_check.h"
 #include "tests/load/load_report.h"
 #include "tests/load/load_run.h"
 #include "tests/load/own_server.h"
-#include "tests/support/postgres_database.h"
+#include "tests/support/store/postgres_database.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
@@ -32,7 +32,7 @@ class LoadProgram : public testing::Test {
     said_ = load.said();
     return code;
   }
-  // the server that it has started
+  // the server that it started
   static pid_t childOf(pid_t parent) {
     std::ifstream children(fmt::format("/proc/{}/task/{}/children", parent, parent));
     pid_t child = 0;
@@ -73,8 +73,8 @@ TEST_F(LoadProgram, aStalledServerShowsInTheLatenciesAndNothingIsLost) {
     EXPECT_EQ(result[key], 24'000) << key;
   for (const char* key : {"lost", "duplicated", "different", "foreign", "live_corrupt"})
     EXPECT_EQ(result[key], 0) << key;
-  // every station makes a chunk each second, so some were due while the server was down: no pause of the
-  // generator hides it. The same holds for frames, which the queues drop or deliver late.
+  // every station makes a chunk each second, so some were due while the server was down: a pause of the
+  // generator cannot hide it. The same holds for frames, which the queues drop or deliver late.
   EXPECT_GT(result["ack_max_ms"], 300);
   EXPECT_TRUE(result["live_max_ms"] > 300 || result["live_dropped_frames"] > 8 * 10) << result;
   EXPECT_EQ(result["live_frames_sent"], 8 * 150);
@@ -124,7 +124,7 @@ LoadOptions smallRun(std::size_t stations, double seconds) {
   return options;
 }
 
-// on PostgreSQL, too
+// also on PostgreSQL
 TEST(LoadRun, faultsLoseNothing) {
   const TempFolder folder;
   const PostgresBelow given_back{folder.path()};
@@ -153,15 +153,15 @@ TEST(LoadRun, faultsLoseNothing) {
   // all chunks go through its log
   EXPECT_GT(postgres->log_bytes.value_or(0), result->stored.chunk_bytes);
   EXPECT_GT(result->database_bytes, result->stored.chunk_bytes);
-  // it is not a new database any more
+  // the database is no longer new
   const auto again = runLoad(options, interrupt);
   ASSERT_FALSE(again.ok());
   EXPECT_EQ(again.error().code, ErrorCode::kInvalidInput);
   EXPECT_NE(again.error().message.find("in use by a lab"), std::string::npos) << again.error().message;
 }
 
-// on PostgreSQL only: two servers, and NATS, with half of the stations each; who watches at one of them sees
-// those of both
+// only on PostgreSQL: two servers and NATS, each with half of the stations; a viewer at one sees the stations
+// of both
 TEST(LoadRun, twoServersLoseNothing) {
   const TempFolder folder;
   const PostgresBelow given_back{folder.path()};
@@ -181,7 +181,7 @@ TEST(LoadRun, twoServersLoseNothing) {
   EXPECT_EQ(result->stored.samples.stored, 32'000u);
   EXPECT_EQ(result->stations_at, (std::vector<std::size_t>{4, 4}));
   EXPECT_EQ(result->viewers.connections, 2u);
-  // 50 a second of each; those of four stations come from the other server, through NATS
+  // 50 per second from each; those of four stations come from the other server, through NATS
   EXPECT_EQ(result->stations.live_frames, 1600u);
   EXPECT_EQ(result->viewers.frames, 1600u);
   EXPECT_EQ(result->viewers.elsewhere.total(), 800u);
@@ -200,7 +200,7 @@ TEST(LoadRun, twoServersLoseNothing) {
     EXPECT_GT(server.received_bytes.value_or(0), result->stations.chunk_bytes / 2) << server.name;
   }
   EXPECT_GT(result->processes[2].log_bytes.value_or(0), result->stored.chunk_bytes);
-  // the frames of four stations, and what the servers say of all eight
+  // the frames of four stations, and the servers' status of all eight
   const ProcessUse& nats = result->processes[3];
   EXPECT_GT(nats.messages_in.value_or(0), 800u);
   EXPECT_GT(nats.messages_out.value_or(0), 800u);

@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "common/base/clock.h"
+#include "common/base/time/clock.h"
 #include "common/gesture/chunk.h"
 #include "common/wire/protocol.h"
 
@@ -80,7 +80,7 @@ void LoadViewer::onFrame(const pb::LiveFrame& frame) {
     ++totals_.corrupt;
     return;
   }
-  // the station begins with 0 again on each of its connections
+  // the station restarts with 0 on each connection
   if (watched.seen && frame.frame_seq() > watched.next_frame)
     totals_.gaps += frame.frame_seq() - watched.next_frame;
   watched.seen = true;

@@ -7,7 +7,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "client/net/server_link.h"
+#include "client/net/link/server_link.h"
 #include "common/base/histogram.h"
 #include "tests/load/gesture_pool.h"
 #include "tests/load/load_shared.h"
@@ -16,19 +16,19 @@ namespace needlelab::test {
 
 /// Totals of the viewers. Thread: one writes.
 struct ViewerTotals {
-  LatencyHistogram live;       ///< from when a frame's oldest sample was due to its arrival here, decoded
-  LatencyHistogram elsewhere;  ///< … of those of stations that are at another server than the viewer
+  LatencyHistogram live;       ///< from the due time of a frame's oldest sample to its arrival here, decoded
+  LatencyHistogram elsewhere;  ///< … of those from stations at another server than the viewer
   std::uint64_t frames = 0, samples = 0, bytes = 0;
-  std::uint64_t gaps = 0;     ///< frames of a station's connection that never came, by their numbers
-  std::uint64_t told = 0;     ///< … of them, by the server's count for this viewer
-  std::uint64_t corrupt = 0;  ///< frames without a valid chunk, or of another station than they name
+  std::uint64_t gaps = 0;     ///< missing frames of a station's connection, by their numbers
+  std::uint64_t told = 0;     ///< … of these, counted by the server for this viewer
+  std::uint64_t corrupt = 0;  ///< frames without a valid chunk, or from a different station than stated
   std::uint64_t connections = 0;
 };
 
 /// Thread: its io_context's.
 class LoadViewer {
  public:
-  /// Watches the stations index, index + of, index + 2·of, … and asks the server of its index first.
+  /// Watches the stations index, index + of, index + 2·of, … and asks the server with its index first.
   LoadViewer(LoadShared& shared, pb::Login login, std::size_t index, std::size_t of, ViewerTotals& totals,
              asio::io_context& io);
 
@@ -38,7 +38,7 @@ class LoadViewer {
   /// Stops reading for the given time.
   void pause(std::chrono::milliseconds time) { link_.pauseReading(time); }
 
-  /// All subscriptions were answered.
+  /// Whether all subscriptions were answered.
   [[nodiscard]] bool watching() const { return subscribed_ == watched_; }
   [[nodiscard]] const std::string& lastError() const { return last_error_; }
 
@@ -77,12 +77,12 @@ class ViewerCrowd {
   [[nodiscard]] std::size_t watching();
   [[nodiscard]] std::string lastError();
   void pause(std::size_t viewer, std::chrono::milliseconds time);
-  /// After the end.
+  /// Valid after the end.
   [[nodiscard]] const ViewerTotals& totals() const { return totals_; }
   void stop();
 
  private:
-  NetThread net_;  // destroyed last: viewers have timers on it; stop() has ended its thread before
+  NetThread net_;  // destroyed last: viewers have timers on it; stop() has already ended its thread
   ViewerTotals totals_;
   bool stopped_ = false;
   std::vector<std::unique_ptr<LoadViewer>> viewers_;

@@ -5,7 +5,7 @@
 #include <iostream>
 
 #include "client/sim/tools/json_output.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "tests/load/load_report.h"
 #include "tests/load/load_run.h"
@@ -19,7 +19,7 @@ std::atomic<bool> interrupted{false};
 
 void onSignal(int number) {
   interrupted.store(true, std::memory_order_relaxed);
-  std::signal(number, SIG_DFL);  // a second one ends it at once
+  std::signal(number, SIG_DFL);  // a second signal ends it at once
 }
 
 int fail(const Error& error) {

@@ -3,11 +3,11 @@
 #include <fmt/core.h>
 #include <sodium.h>
 
-#include "common/base/clock.h"
-#include "common/base/files.h"
-#include "db/credentials.h"
-#include "db/people.h"
-#include "db/service/bootstrap.h"
+#include "common/base/files/files.h"
+#include "common/base/time/clock.h"
+#include "db/login/credentials.h"
+#include "db/people/people.h"
+#include "db/service/start/bootstrap.h"
 
 namespace needlelab::test {
 namespace {
@@ -100,7 +100,7 @@ Status OwnServer::start() {
   arguments.insert(arguments.end(), arguments_.begin(), arguments_.end());
   process_ = std::make_unique<Process>(server_, arguments, log());
   ASSIGN_OR_RETURN(port_, portOf(*process_, port_file));
-  // written before that of the stations
+  // written before the stations' port
   ASSIGN_OR_RETURN(const auto metrics, readWholeFile(metrics_port_file));
   metrics_port_ = static_cast<std::uint16_t>(std::stoi(metrics));
   return {};

@@ -24,16 +24,16 @@ struct Enrolled {
   std::string user, password;
 };
 
-/// Creates the folder's database with the stations and one administrator. No server may run on it. Names are
-/// load-0001 …. `store`: as Store::Options::store_url; the folder remembers it. Errors: those of the store,
-/// which refuses the database of a lab whose keys are in another folder.
+/// Creates the folder's database with the stations and one administrator. No server may be running on it.
+/// Names are load-0001 …. `store`: as Store::Options::store_url; the folder remembers it. Errors: the
+/// store's, which refuses the database of a lab whose keys are in another folder.
 Result<Enrolled> enrol(const std::filesystem::path& data, std::size_t stations,
                        const std::string& store = {});
 
 /// Thread: one at a time.
 class OwnServer {
  public:
-  /// `server`: the program. `folder` holds data/ and the server's log. `arguments`: further ones.
+  /// `server`: the program. `folder` contains data/ and the server's log. `arguments`: additional ones.
   OwnServer(std::filesystem::path server, std::filesystem::path folder,
             std::vector<std::string> arguments = {});
 
@@ -42,7 +42,7 @@ class OwnServer {
   Status start();
   /// kill -9.
   void kill();
-  /// Sends SIGTERM; kFailed when the exit code is not 0.
+  /// Sends SIGTERM; kFailed if the exit code is not 0.
   Status stop();
   [[nodiscard]] std::uint16_t port() const { return port_; }
   [[nodiscard]] pid_t pid() const { return process_ ? process_->pid() : 0; }
@@ -50,12 +50,12 @@ class OwnServer {
   [[nodiscard]] std::filesystem::path data() const { return folder_ / "data"; }
   [[nodiscard]] std::filesystem::path caFile() const { return data() / "tls" / "ca.crt"; }
   [[nodiscard]] std::filesystem::path log() const { return folder_ / "server.log"; }
-  /// CPU time of the servers that were killed or stopped, up to the last sample of each; `sample` gives that
-  /// of the running one.
+  /// CPU time of the servers that were killed or stopped, up to the last sample of each; `sample` gives the
+  /// running one's.
   [[nodiscard]] std::optional<ProcessSample> sample() const;
-  /// What its metrics say; nothing is in it when it does not answer within seconds.
+  /// Its metrics; empty if it does not answer within seconds.
   [[nodiscard]] Scrape scrape(std::chrono::milliseconds limit = kPatience) const;
-  /// Live bytes of its heap, from its metrics; none when it does not answer at once.
+  /// Live bytes of its heap, from its metrics; nothing if it does not answer at once.
   [[nodiscard]] std::optional<std::uint64_t> liveHeapBytes() const;
   [[nodiscard]] double earlierCpu_s() const { return earlier_cpu_s_; }
 
@@ -68,8 +68,8 @@ class OwnServer {
   double earlier_cpu_s_ = 0;
 };
 
-/// Makes the data folder of a further server on the database of the one whose folder is `from`, which has run
-/// with --together: `needlelab-admin server join`, the program in `bin`. Errors: kFailed with its words.
+/// Creates the data folder of a further server on the database of the server in `from`, which has run with
+/// --together: runs `needlelab-admin server join` from `bin`. Errors: kFailed with its output.
 Status joinServer(const std::filesystem::path& bin, const std::filesystem::path& from,
                   const std::filesystem::path& data, const std::string& name);
 

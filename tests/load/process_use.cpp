@@ -9,7 +9,7 @@
 #include <sstream>
 #include <vector>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 
 namespace needlelab::test {
 namespace {
@@ -28,10 +28,10 @@ std::string procFolder(pid_t pid) {
   return "/proc/" + std::to_string(pid);
 }
 
-// what /proc/PID/stat says after the name, from the state on; empty: there is no such process
+// /proc/PID/stat after the name, from the state on; empty: no such process
 std::string statOf(pid_t pid, std::string_view name = {}) {
   std::ifstream file(procFolder(pid) + "/stat");
-  // a process that ends meanwhile is a fault of reading, which an iterator would throw
+  // if a process ends meanwhile, reading fails, which an iterator would report by throwing
   std::ostringstream whole;
   whole << file.rdbuf();
   const std::string text = whole.str();
@@ -52,7 +52,7 @@ std::optional<double> cpuOf(pid_t pid, int last) {
   return ticks / static_cast<double>(::sysconf(_SC_CLK_TCK));
 }
 
-// those of children that were waited for are in it; only their owner and root may read it
+// includes children that were waited for; only the owner and root may read it
 std::optional<std::uint64_t> writtenBy(pid_t pid) {
   std::ifstream file(procFolder(pid) + "/io");
   std::string key;
@@ -61,7 +61,7 @@ std::optional<std::uint64_t> writtenBy(pid_t pid) {
   return std::nullopt;
 }
 
-// nothing: there is no such process, or it is not one of PostgreSQL
+// nothing: no such process, or not one of PostgreSQL's
 std::optional<pid_t> postgresParentOf(std::int64_t pid) {
   std::istringstream fields(statOf(static_cast<pid_t>(pid), "(postgres)"));
   std::string state;
@@ -129,7 +129,7 @@ void addVarz(ProcessUse& use, std::string_view text) {
     if (!json.is_object() || !json.contains(key) || !json[key].is_number_integer()) return std::nullopt;
     return json[key].get<std::uint64_t>();
   };
-  // as NATS sees it: what comes in was published
+  // from NATS's point of view: incoming messages were published
   use.messages_in = number("in_msgs");
   use.messages_out = number("out_msgs");
   use.received_bytes = number("in_bytes");
@@ -145,7 +145,7 @@ Result<PostgresUse> postgresUse(Connection& connection) {
   ASSIGN_OR_RETURN(const bool there, query.step());
   if (!there) return Error{ErrorCode::kFailed, "PostgreSQL does not say its process and sizes"};
   PostgresUse found;
-  // a connection's process is a child of the server's first one, as are all others
+  // a connection's process is a child of the postmaster, like all others
   if (const auto first = postgresParentOf(query.integer(0)); first && postgresParentOf(*first))
     found.use = useWithChildren(*first);
   found.use.name = "PostgreSQL";

@@ -3,14 +3,14 @@
 #include <algorithm>
 #include <queue>
 
-#include "common/base/clock.h"
+#include "common/base/time/clock.h"
 
 namespace needlelab::test {
 namespace {
 
-// the network gets a turn after so many frames, also when the schedule is behind
+// the network gets a turn after this many frames, even when behind schedule
 constexpr std::size_t kFramesAtOnce = 32;
-// one wake-up serves all frames that are due within it
+// one wake-up serves all frames due within this time
 constexpr std::int64_t kGrid_ns = 1'000'000;
 
 }  // namespace
@@ -70,7 +70,7 @@ Task<> StationThread::schedule() {
       co_await timer.async_wait(kUseTuple);
     }
   }
-  // all at once, as at the end of a lab; the streaming's figures do not include the server's scoring
+  // all at once, as at the end of a lab; the streaming figures do not include the server's scoring
   for (const auto& station : stations_) station->close();
 }
 

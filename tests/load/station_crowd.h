@@ -14,29 +14,29 @@ namespace needlelab::test {
 struct CrowdState {
   std::size_t opened = 0, whole = 0, watched = 0, ended = 0, closed = 0, finished = 0;
   std::uint64_t samples_made = 0, samples_sent = 0, samples_acked = 0;
-  std::string trouble;  ///< of one that has any
+  std::string trouble;  ///< of one station that has any
 };
 
-/// Every `of`-th station, from `first` on. Thread: the owner's; its own for the network.
+/// Every `of`-th station, starting with `first`. Thread: the owner's; its own for the network.
 class StationThread {
  public:
   StationThread(LoadShared& shared, std::size_t first, std::size_t of);
   ~StationThread();
 
-  /// Begins to connect them, so many a second.
+  /// Starts connecting them, this many per second.
   void connect(double per_s);
-  /// Every station's plan has its start_ns: streams until all have made all their ticks.
+  /// Every station's plan must have its start_ns: streams until all have made all their ticks.
   void stream();
-  /// Each ends with what it has made.
+  /// Ends each with what it has made so far.
   void endNow();
-  /// `station`: by its number in the run, one of this thread's.
+  /// `station`: its number in the run; one of this thread's.
   void cut(std::size_t station);
   /// Adds the state of this thread's stations.
   void tell(CrowdState& state);
   void addTotals(StationTotals& totals);
   /// LoadStation::whole_ns of each that is whole.
   void tellWhole(std::vector<std::int64_t>& since_ns);
-  /// After stop(): the number of samples that each station made, indexed by station of the run.
+  /// Call after stop(): the number of samples that each station made, indexed by station of the run.
   void tellTicks(std::vector<std::uint64_t>& ticks) const;
   /// Closes all connections and ends the thread.
   void stop();
@@ -46,7 +46,7 @@ class StationThread {
   Task<> schedule();
   LoadShared& shared_;
   const std::size_t first_, of_;
-  NetThread net_;  // destroyed last: stations have timers on it; stop() has ended its thread before
+  NetThread net_;  // destroyed last: stations have timers on it; stop() has already ended its thread
   StationTotals totals_;
   bool end_now_ = false, stopping_ = false;
   std::vector<std::unique_ptr<LoadStation>> stations_;
@@ -58,20 +58,20 @@ class StationThread {
 /// Thread: the owner's.
 class StationCrowd {
  public:
-  /// Uses two threads: one thread alone is limited to one core and would be late with a thousand stations'
-  /// frames while the machine's other core has time left.
+  /// Uses two threads: a single thread is limited to one core and would be late with a thousand stations'
+  /// frames while the machine's other core is idle.
   explicit StationCrowd(LoadShared& shared, std::size_t threads = 2);
 
-  /// Begins to connect them, so many a second.
+  /// Starts connecting them, this many per second.
   void connect(double per_s);
-  /// Every station's plan has its start_ns: streams until all have made all their ticks.
+  /// Every station's plan must have its start_ns: streams until all have made all their ticks.
   void stream();
-  /// Each ends with what it has made.
+  /// Ends each with what it has made so far.
   void endNow();
   void cut(std::size_t station);
   [[nodiscard]] CrowdState state();
   [[nodiscard]] std::vector<std::int64_t> wholeSince_ns();
-  /// After stop(): the number of samples that each station made.
+  /// Call after stop(): the number of samples that each station made.
   [[nodiscard]] std::vector<std::uint64_t> ticks() const;
   [[nodiscard]] StationTotals totals();
   /// Closes all connections and ends the threads.

@@ -10,12 +10,12 @@
 #include <tuple>
 #include <vector>
 
-#include "common/base/clock.h"
+#include "common/base/time/clock.h"
 #include "common/wire/certificates.h"
 #include "server/base/log.h"
-#include "server/live/remote_live.h"
+#include "server/together/remote_live.h"
 #include "tests/nats/nats_server.h"
-#include "tests/unit/server/live/live_bus.h"
+#include "tests/unit/server/together/live_bus.h"
 
 namespace needlelab {
 namespace {

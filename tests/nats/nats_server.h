@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "tests/integration/process.h"
 #include "tests/support/patience.h"
 #include "tests/support/temp_folder.h"

@@ -9,8 +9,8 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "client/net/blocking_client.h"
-#include "common/base/files.h"
+#include "client/net/link/blocking_client.h"
+#include "common/base/files/files.h"
 #include "common/wire/asio.h"
 #include "common/wire/certificates.h"
 #include "tests/integration/lab.h"

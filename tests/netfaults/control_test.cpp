@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <atomic>
 
-#include "client/net/uplink.h"
-#include "common/base/clock.h"
+#include "client/net/uplink/uplink.h"
+#include "common/base/time/clock.h"
 #include "common/wire/certificates.h"
 #include "tests/netfaults/fault_station.h"
 #include "tests/support/patience.h"

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "tests/unit/client/net/spool_samples.h"
+#include "tests/unit/client/net/spool/spool_samples.h"
 
 namespace needlelab::test {
 
@@ -12,7 +12,7 @@ using namespace std::chrono_literals;
 
 ChannelLimits shortLimits() {
   ChannelLimits limits;
-  limits.handshake_timeout = kPatience;  // a password is checked in it, on a machine that may be busy
+  limits.handshake_timeout = kPatience;  // includes a password check, on a possibly busy machine
   limits.idle_timeout = 1000ms;
   limits.write_timeout = 600ms;
   limits.keepalive = 300ms;
@@ -92,7 +92,7 @@ void FaultStation::watchAcks() {
 
 bool FaultStation::waitUntilDone(std::chrono::milliseconds patience) {
   const auto end = std::chrono::steady_clock::now() + patience;
-  // waitUntilDone gives up at a refused log-in; a bad network can briefly look like one
+  // waitUntilDone gives up on a refused log-in; a bad network can briefly look like one
   while (std::chrono::steady_clock::now() < end) {
     if (uplink_->waitUntilDone(50ms) && session_->contents().ended)
       return state().current_verdict.has_value();
@@ -111,7 +111,7 @@ void FaultStation::expectWhole(RunningServer& server) const {
   EXPECT_EQ(state.chunks_left, 0u);
   EXPECT_EQ(went_back_.load(), 0u) << "an acknowledgement went back";
 
-  // once: exactly so many chunks, each the spool's own bytes, in the spool's order
+  // exactly once: this number of chunks, with the spool's bytes, in the spool's order
   std::vector<std::string> stored;
   for (;;) {
     pb::Request request;

@@ -10,15 +10,15 @@
 #include <thread>
 #include <vector>
 
-#include "client/net/spool.h"
-#include "client/net/uplink.h"
+#include "client/net/spool/spool.h"
+#include "client/net/uplink/uplink.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/server/live/running_server.h"
 
 namespace needlelab::test {
 
-/// Timeouts of about a twentieth of the real ones, for both ends, so that a test need not wait for 30 s.
-/// keepalive < idle/3 as in ChannelLimits' own values.
+/// Timeouts of about a twentieth of the real ones, for both ends, so that a test does not wait for 30 s.
+/// keepalive < idle/3 as in ChannelLimits' defaults.
 ChannelLimits shortLimits();
 
 /// Options of a server with these limits that prints nothing.
@@ -26,24 +26,24 @@ void withShortLimits(ServerOptions& options);
 
 struct StationSettings {
   std::uint64_t chunks = 40;
-  std::size_t samples = 50;             ///< in a chunk
-  std::chrono::milliseconds period{0};  ///< between chunks; 0: all are there from the beginning
+  std::size_t samples = 50;             ///< per chunk
+  std::chrono::milliseconds period{0};  ///< between chunks; 0: all exist from the beginning
   ChannelLimits limits = shortLimits();
   std::chrono::milliseconds connect_timeout{5000};
   std::vector<std::uint16_t> other_ports = {};  ///< of further servers that it knows
 };
 
-/// One session, recorded by a thread of its own while the uplink sends. Thread: the test's.
+/// One session, recorded by its own thread while the uplink sends. Thread: the test's.
 class FaultStation {
  public:
-  /// `port`: the proxy's, or the server's own.
+  /// `port`: the proxy's or the server's.
   FaultStation(RunningServer& server, const std::string& name, std::uint16_t port,
                const StationSettings& settings);
   ~FaultStation();
   FaultStation(const FaultStation&) = delete;
   FaultStation& operator=(const FaultStation&) = delete;
 
-  /// Until the server has closed the session. False when `patience` passed before.
+  /// Waits until the server has closed the session. False if `patience` passes first.
   bool waitUntilDone(std::chrono::milliseconds patience);
   /// Checks that the database holds every recorded sample once, in order and complete by its hash, and that
   /// acknowledgements never decreased.

@@ -104,15 +104,15 @@ TEST(FaultsTest, eachFaultAloneLosesAndDoublesNothing) {
     EXPECT_EQ(counts.corrupted > 0, script.up.corrupt_at || script.down.corrupt_at);
     EXPECT_EQ(counts.stalls > 0, script.up.stall_at || script.down.stall_at);
     EXPECT_GE(counts.duplicates, script.duplicates);
-    // a merely slow network ends no connection
+    // a merely slow network does not end a connection
     if (cases[i].connections == 99) {
       EXPECT_EQ(station.state().connections, 1u) << station.state().error;
     }
   }
 }
 
-// A station that knows two servers, here two ways to the same store. The way in use is lost again and again,
-// by a reset, by an end, and without a word, and comes back while the station is on the other one.
+// A station that knows two servers, here two routes to the same store. The current route is lost again and
+// again, by a reset, by an end, and silently, and comes back while the station uses the other one.
 TEST(FaultsTest, eitherOfTwoServersWillDoAndNothingIsLostOrDoubled) {
   RunningServer server(withShortLimits);
   FaultProxy first(server.server().port(), 1), second(server.server().port(), 2);
@@ -140,12 +140,12 @@ TEST(FaultsTest, eitherOfTwoServersWillDoAndNothingIsLostOrDoubled) {
   EXPECT_EQ(station.state().connections, connections) << "it stays where it is well";
 }
 
-// Nothing passes any more, and nobody says so: the server's promise of a word every 0.3 s is what tells.
+// Nothing passes any more, without notice: only the server's promise of a message every 0.3 s reveals it.
 TEST(FaultsTest, aWayThatFallsSilentIsLeftForTheOtherAfterThreeMissingWords) {
   RunningServer server(withShortLimits);  // keepalive: 300 ms
   FaultProxy first(server.server().port(), 1), second(server.server().port(), 2);
   StationSettings settings{.chunks = 300, .samples = 50, .period = 10ms, .other_ports = {second.port()}};
-  settings.limits = ChannelLimits{};  // 30 s of silence, were it the only server
+  settings.limits = ChannelLimits{};  // 30 s of silence if it were the only server
   FaultStation station(server, "of-two", first.port(), settings);
   ASSERT_TRUE(eventually([&] { return station.state().current_committed > 0; }));
   first.stallAll(true);
@@ -175,8 +175,8 @@ void runRound(std::uint64_t seed, std::size_t count) {
                                                    [span](std::uint64_t n, Random& mine) {
                                                      if (n >= 12) return ConnectionScript{};
                                                      ConnectionScript script = randomScript(mine, span);
-                                                     // every station loses its first connection somewhere,
-                                                     // besides all other faults
+                                                     // every station loses its first connection somewhere, in
+                                                     // addition to all other faults
                                                      if (n == 0 && !script.cut_at)
                                                        script.cut_at = mine.below(span);
                                                      return script;
@@ -217,7 +217,7 @@ TEST(FaultMixTest, randomFaultsLoseAndDoubleNothing) {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-/// Online at the server, by name.
+/// Whether the station with this name is online at the server.
 bool isOnline(BlockingClient& instructor, const std::string& name) {
   pb::Request request;
   request.mutable_list_stations();
@@ -247,7 +247,7 @@ void run(const ChannelLimits& limits) {
   FaultStation station(server, "s1", proxy.port(), settings);
   ASSERT_TRUE(eventually([&] { return station.state().current_committed >= 5; }));
 
-  // the network discards everything: neither side sees an end, and new connections fail too
+  // the network discards everything: neither side sees an end, and new connections also fail
   proxy.refuseAll(true);
   proxy.cutAll(Cut::kSilent);
   ASSERT_TRUE(isOnline(*instructor, "s1"));

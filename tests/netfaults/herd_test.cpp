@@ -7,8 +7,8 @@
 #include <iostream>
 #include <thread>
 
-#include "common/base/clock.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
+#include "common/base/time/clock.h"
 #include "tests/load/database_check.h"
 #include "tests/load/own_server.h"
 #include "tests/load/station_crowd.h"
@@ -44,7 +44,7 @@ void run(std::size_t stations, std::chrono::milliseconds outage) {
   shared.client.program = programText("herd");
   shared.client.server.port = server.port();
   shared.client.tls = *makeClientTls(server.caFile());
-  // in the short form, beside other tests, nothing is said of how soon
+  // in the short form, beside other tests, nothing is asserted about how soon
   if (!longForm()) shared.client.connect_timeout = kPatience;
   shared.stations = std::vector<StationPlan>(stations);
   for (std::size_t i = 0; i < stations; ++i) {
@@ -74,7 +74,7 @@ void run(std::size_t stations, std::chrono::milliseconds outage) {
   std::this_thread::sleep_for(outage);
   const std::uint64_t before = crowd.totals().connections;
   const std::int64_t start_ns = steadyNowNs();
-  const Status again = server.start();  // the stations keep trying meanwhile
+  const Status again = server.start();  // the stations keep trying in the meantime
   ASSERT_TRUE(again.ok()) << again.error().message;
   const std::int64_t listening_ns = steadyNowNs();
   ASSERT_TRUE(eventually([&] { return crowd.state().whole == stations; }))
@@ -90,7 +90,7 @@ void run(std::size_t stations, std::chrono::milliseconds outage) {
             << " s; whole again (logged in, resumed, backlog acknowledged) after the server listens: median "
             << whole_s[whole_s.size() / 2] << " s, 95 % " << whole_s[whole_s.size() * 95 / 100] << " s, last "
             << whole_s.back() << " s; server " << (sample ? sample->rss_KiB / 1024 : 0) << " MiB\n";
-  // connected stations stay connected: the reconnecting others end no connection
+  // connected stations stay connected: those that reconnect do not end others' connections
   EXPECT_EQ(crowd.totals().connections - before, stations);
 
   crowd.endNow();

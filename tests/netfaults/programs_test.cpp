@@ -12,8 +12,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Two stations at once, one of them behind a network that stands still for most of its lesson. That the loop
-// waits for nothing is shown without a clock (loop_proof_test).
+// Two stations at once, one of them behind a network that hangs for most of its lesson. loop_proof_test shows
+// without a clock that the loop waits for nothing.
 TEST(StalledStationTest, practisesItsWholeLessonAndLosesNoSample) {
   Lab lab;
   ASSERT_EQ(lab.admin({"station", "add", "station-2", "--out", lab.path("station-2.key")}), 0);
@@ -35,7 +35,7 @@ TEST(StalledStationTest, practisesItsWholeLessonAndLosesNoSample) {
   stalled_arguments.insert(stalled_arguments.end(), {"--json", lab.path("stalled.json")});
   Process stalled("needlelab-station", stalled_arguments, lab.path("stalled.log"));
   auto beside = lab.startStation("beside", {"--exercise", "ball-free-practice", "--seconds", "4"});
-  // both have their lesson when their sessions are in the server
+  // both lessons run once their sessions are on the server
   ASSERT_TRUE(eventually([&] { return lab.sessions().size() == 2; })) << stalled.said() << beside->said();
   std::this_thread::sleep_for(300ms);
   proxy.stallAll(true);
@@ -53,7 +53,7 @@ TEST(StalledStationTest, practisesItsWholeLessonAndLosesNoSample) {
   EXPECT_TRUE(lab.verifies(bad.at("session_id").get<std::string>()));
 }
 
-// A station and an instructor that know two servers, here two ways to one, of which the first is cut in the
+// A station and an instructor that know two servers, here two routes to one; the first route is cut in the
 // middle of the lesson.
 TEST(TwoServersTest, lessonAndViewGoOnAtTheOtherOne) {
   Lab lab;

@@ -1,4 +1,4 @@
-// Tests that the bad network follows its script; the other tests rely on this.
+// The bad network follows its script; the other tests rely on this.
 #include <gtest/gtest.h>
 #include <poll.h>
 
@@ -34,7 +34,7 @@ class EchoServer {
     const std::scoped_lock lock(mutex_);
     return seen_;
   }
-  /// Empty when that connection has not come yet.
+  /// Empty if that connection has not come yet.
   Seen seen(std::size_t n) {
     const std::scoped_lock lock(mutex_);
     return n < seen_.size() ? seen_[n] : Seen{};
@@ -83,7 +83,7 @@ class Peer {
     socket_.connect(Tcp::endpoint(asio::ip::address_v4::loopback(), port));
     socket_.set_option(Tcp::no_delay(true));
   }
-  /// From a thread of its own, too.
+  /// May also be called from another thread.
   void send(const std::string& bytes) {
     boost::system::error_code ignored;
     asio::write(socket_, asio::buffer(bytes), ignored);

@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "common/base/clock.h"
+#include "common/base/time/clock.h"
 #include "common/gesture/chunk.h"
 
 namespace needlelab::test {
@@ -160,7 +160,7 @@ Crowd::Crowd(std::uint16_t server_port, const Instructor& instructor, std::size_
     : slow_network_(server_port, 1,
                     [](std::uint64_t, Random&) {
                       ConnectionScript script;
-                      script.down.slow_from = 4000;  // behind the log-in
+                      script.down.slow_from = 4000;  // after the log-in
                       script.down.piece_bytes = 1;
                       script.down.bytes_per_s = 100;
                       return script;

@@ -10,7 +10,7 @@
 #include <thread>
 #include <vector>
 
-#include "client/net/blocking_client.h"
+#include "client/net/link/blocking_client.h"
 #include "tests/support/proxy/fault_proxy.h"
 #include "tests/unit/server/live/running_server.h"
 
@@ -26,7 +26,7 @@ struct Delays {
 };
 
 /// A streaming station: a live frame every 20 ms, a chunk every 100 ms; measures each acknowledgement's
-/// delay. Adds itself to the server. Throws std::runtime_error when it cannot log in.
+/// delay. Adds itself to the server. Throws std::runtime_error if it cannot log in.
 class Streamer {
  public:
   Streamer(RunningServer& server, const std::string& name, std::uint64_t seed);
@@ -34,7 +34,7 @@ class Streamer {
   Streamer(const Streamer&) = delete;
   Streamer& operator=(const Streamer&) = delete;
 
-  /// Returns when each chunk is acknowledged.
+  /// Returns once each chunk is acknowledged.
   void stop();
   /// The acknowledgements' delays since the last call. Any thread.
   Delays take();
@@ -53,13 +53,13 @@ class Streamer {
   std::thread thread_;
 };
 
-/// A log-in as an instructor, by token: cheap however often it is used.
+/// A log-in as an instructor by token: cheap, however often it is used.
 class Instructor {
  public:
   explicit Instructor(RunningServer& server);
   /// `small_buffers`: the socket is full after a few frames.
   [[nodiscard]] ClientConfig config(bool small_buffers) const;
-  /// Throws std::runtime_error when it cannot log in.
+  /// Throws std::runtime_error if it cannot log in.
   [[nodiscard]] BlockingClient connect(bool small_buffers) const;
 
  private:
@@ -78,7 +78,7 @@ class GoodViewer {
   GoodViewer(const GoodViewer&) = delete;
   GoodViewer& operator=(const GoodViewer&) = delete;
 
-  /// From a frame's capture to its arrival here, since the last call. Any thread.
+  /// Delays from a frame's capture to its arrival here, since the last call. Any thread.
   Delays take();
   [[nodiscard]] std::uint64_t frames() const { return frames_; }
 
@@ -93,12 +93,12 @@ class GoodViewer {
   std::thread thread_;
 };
 
-/// Many viewers at once: a third reads nothing, a third gets single bytes through a bad network, a third dies
+/// Many viewers at once: a third read nothing, a third get single bytes through a bad network, a third die
 /// silently. All log in first, which may take long; then they subscribe and stop reading.
 class Crowd {
  public:
   Crowd(std::uint16_t server_port, const Instructor& instructor, std::size_t viewers);
-  /// The viewers that read nothing; they still could.
+  /// The viewers that read nothing but still could.
   [[nodiscard]] std::vector<BlockingClient*> mute();
 
  private:
@@ -106,7 +106,7 @@ class Crowd {
   std::vector<BlockingClient> viewers_;
 };
 
-/// Options of a server for such viewers: a socket is full after few bytes, and a silent connection stands for
+/// Options of a server for such viewers: a socket is full after few bytes, and a silent connection stays for
 /// an hour. `patience`: how long one write may take.
 void withSlowViewers(ServerOptions& options, std::chrono::milliseconds patience);
 

@@ -1,5 +1,5 @@
-// Viewers that read nothing, read a byte at a time, or die: they lose their own frames and do not affect
-// others. What they cost others in time: tests/bench/realtime.
+// Viewers that read nothing, read one byte at a time, or die: they lose their own frames and do not affect
+// others. tests/bench/realtime measures what they cost others in time.
 #include <fmt/core.h>
 #include <gtest/gtest.h>
 
@@ -10,8 +10,8 @@
 #include <optional>
 #include <set>
 
-#include "client/net/connect.h"
-#include "common/base/clock.h"
+#include "client/net/link/connect.h"
+#include "common/base/time/clock.h"
 #include "common/wire/protocol.h"
 #include "tests/netfaults/viewers.h"
 #include "tests/operations/prometheus_text.h"
@@ -74,7 +74,7 @@ std::string readUntil(BlockingClient& viewer, LossLedger& ledger,
   return "what was awaited did not come";
 }
 
-/// The server never gives a viewer up.
+/// The server never gives up on a viewer.
 class ViewersTest : public testing::Test {
  protected:
   explicit ViewersTest(milliseconds patience = 1h)
@@ -86,7 +86,7 @@ class ViewersTest : public testing::Test {
     for (std::size_t i = 0; i < kStreamers; ++i)
       stations_.push_back(std::make_unique<Streamer>(server_, fmt::format("s{}", i), i));
   }
-  // Until each station had `chunks` more acknowledged
+  // Waits until each station had `chunks` more acknowledged.
   [[nodiscard]] bool acknowledges(std::uint64_t chunks) const {
     for (const auto& station : stations_)
       if (!eventually([&, goal = station->acked() + chunks] { return station->acked() >= goal; }))
@@ -190,7 +190,7 @@ TEST_F(ViewersTest, aViewerWhoDoesNotReadItsRepliesIsEndedByTheQueuesLimit) {
   expectAllAcknowledged();
 }
 
-/// The server gives a viewer up as soon as a write takes too long.
+/// The server gives up on a viewer as soon as a write takes too long.
 class ImpatientServerTest : public ViewersTest {
  protected:
   ImpatientServerTest() : ViewersTest(500ms) {}

@@ -1,5 +1,6 @@
-"""needlelab-admin on a stopped server's folder: its tables, JSON and files beside the database."""
+"""needlelab-admin on a stopped server's folder: its tables, JSON and files compared with the database."""
 import csv
+import datetime
 import json
 import math
 
@@ -81,7 +82,7 @@ def sessions(held, facts, lab):
         score = {m["measure"]: m["value"] for m in s["score"]}
         for name, value in row["figures"].items():
             held.same(screen, "figures", f"{s['uuid']} {name}", score[name], value)
-    # filters: of what the list is
+    # filters: by the list's columns
     count = lambda keep: sum(1 for s in facts.sessions if keep(s))
     some = facts.sessions[len(facts.sessions) // 2]
     from_ns = some["started_unix_ns"] // 60_000_000_000 * 60_000_000_000
@@ -123,7 +124,7 @@ def words(held, screen, where, m, text):
 
 
 def session(held, facts, lab, s):
-    """`session show`, `score`, `events`, `verify` of one session, which has a score."""
+    """`session show`, `score`, `events`, `verify` for one session with a score."""
     zone, ident = ZONES[s["number"] % 2], s["uuid"]
     screen = "admin session show"
     text = lab.admin("session", "show", ident, zone=zone).stdout
@@ -152,14 +153,14 @@ def session(held, facts, lab, s):
 
 
 def compare(held, facts, lab, s, newest):
-    """Beside the experts: n, least and greatest are those of the reference's sessions, the place is that of the value in them."""
+    """Compared with the experts: n, least and greatest come from the reference's sessions, and the place is the value's among them."""
     screen = "admin session score --json"
     row = lab.admin_rows("session", "score", s["uuid"])[0]
     values = {m["measure"]: m for m in json.loads(newest["measures"])}
     bands = facts.bands(s["exercise_id"])
     for c in row["comparison"]:
         where = f"{s['uuid']} {c['measure']}"
-        if c["measure"] == "dtw_distance_m":  # its band is of the references among themselves: README of common/scoring
+        if c["measure"] == "dtw_distance_m":  # its band compares the references with each other: README of common/scoring
             continue
         band = bands[c["measure"]]
         held.same(screen, "value beside the experts", where, values[c["measure"]]["value"], c["value"])
@@ -185,7 +186,7 @@ def compare(held, facts, lab, s, newest):
 
 
 def exports(held, facts, lab, s, gesture):
-    """`session export` in three formats, of one session."""
+    """`session export` of one session in three formats."""
     ident, g = s["uuid"], gesture
     names = ("t_s,tick,time_ns,px_m,py_m,pz_m,qx,qy,qz,qw,speed_m_s,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,wx_m,wy_m,wz_m,phase,layer,"
              "insertion_m,lateral_error_m,plunger,buttons,device_ns,engine_ns,flags,fault").split(",")
@@ -224,7 +225,7 @@ def exports(held, facts, lab, s, gesture):
     lab.admin("session", "export", ident, "--format", "recording", "--out", file)
     data = file.read_bytes()
     held.same("admin session export, recording", "holds every chunk, byte for byte", ident, True, all(c in data for c in facts.chunks(s)))
-    # the same recording scored away from the server, and what the samples give
+    # the same recording scored away from the server, and the result computed from the samples
     profile = lab.folder / "profile.json"
     profile.write_text(s["profile_json"])
     report = lab.folder / "score.json"
@@ -259,6 +260,12 @@ def progress(held, facts, lab, now_ns):
             held.same(screen, "LATE: begun after the due date", s["uuid"], "yes" if facts.late(s) else "no", row["LATE"])
 
 
+def iso_ms(unix_ns):
+    """A moment in ISO 8601 UTC, rounded down to milliseconds."""
+    moment = datetime.datetime.fromtimestamp(unix_ns // 1_000_000_000, datetime.timezone.utc)
+    return f"{moment:%Y-%m-%dT%H:%M:%S}.{unix_ns % 1_000_000_000 // 1_000_000:03}Z"
+
+
 def scores(held, facts, lab, better):
     file = lab.folder / "scores.csv"
     said = lab.admin("scores", "export", "--out", file).stdout
@@ -278,7 +285,7 @@ def scores(held, facts, lab, better):
         m = measures[s["number"]][row["measure"]]
         where = f"{s['uuid']} {row['measure']}"
         for name, expected in (("trainee", s["trainee"]), ("exercise", s["exercise_id"]), ("attempt", str(s["attempt"])),
-                               ("started_unix_ns", str(s["started_unix_ns"])), ("definition_version", str(score["definition_version"])),
+                               ("started", iso_ms(s["started_unix_ns"])), ("definition_version", str(score["definition_version"])),
                                ("unit", m["unit"])):
             held.same(screen, name, where, expected, row[name])
         for name in ("value", "min", "max"):
@@ -305,7 +312,7 @@ def references(held, facts, lab):
                 if band[key] is None:
                     held.same(screen, title, where, "-", row[title])
                 else:
-                    # a spread of rounding errors alone has no digits
+                    # a spread of pure rounding errors has no digits
                     most = max(abs(band["least"]), abs(band["greatest"]))
                     held.same(screen, title, where, float(band[key]), float(row[title]), 0.51e-5 * abs(band[key]) + 1e-15 * most)
 
@@ -340,7 +347,7 @@ def lists(held, facts, lab):
 
 
 def records(held, facts, lab):
-    """export-all, person export, study export: how many rows of what, and the numbers in them."""
+    """export-all, person export, study export: the number of rows of each kind, and the numbers in them."""
     rows = [json.loads(line) for line in lab.admin("export-all").stdout.splitlines()]
     tables = {}
     for row in rows:

@@ -1,4 +1,4 @@
-"""What the screens should show, from the rows of the database alone: db/migrations and the pages of db/ say what they mean."""
+"""What the screens should show, computed only from the rows of the database: db/migrations and the pages of db/ define their meaning."""
 import json
 import os
 import sqlite3
@@ -13,7 +13,7 @@ S = 1_000_000_000
 
 
 def local(unix_ns, zone, form="%Y-%m-%d %H:%M:%S %Z"):
-    """A moment in a zone of POSIX's form, as a clock there shows it; whole seconds are cut, not rounded."""
+    """A moment in a zone in POSIX's form, as a clock there shows it; seconds are truncated, not rounded."""
     if not unix_ns:
         return "-"
     before = os.environ.get("TZ")
@@ -69,7 +69,7 @@ class Facts:
         self.audit = self.rows("SELECT * FROM audit ORDER BY id DESC")
 
     def rows(self, sql, *values):
-        """Rows with names in the place of the refs of people."""
+        """Rows with names instead of people's refs."""
         return [{k: self.names.get(v, v) if isinstance(v, str) else v for k, v in dict(row).items()} for row in self.db.execute(sql, values)]
 
     def one(self, sql, *values):
@@ -90,12 +90,12 @@ class Facts:
         return [s for s in self.sessions if (s["trainee"], s["exercise_id"]) == (trainee, exercise) and not s["excused"]]
 
     def passed(self, trainee, exercise):
-        """Whether any attempt that counts was passed; nothing: none has a verdict."""
+        """Whether any attempt that counts was passed; None: none has a verdict."""
         verdicts = [s["verdict"] for s in self.counted(trainee, exercise) if s["verdict"] is not None]
         return any(verdicts) if verdicts else None
 
     def done(self, trainee, exercise):
-        """Passed; or, where nothing is asked for, tried."""
+        """Passed; or, if nothing is required, tried."""
         text = self.exercises[exercise]["json"]
         if not text.get("requirements") and "time_limit_s" not in text:
             return bool(self.counted(trainee, exercise))
@@ -109,7 +109,8 @@ class Facts:
         return None if most is None else max(0, most - len(self.counted(trainee, exercise)))
 
     def due(self, trainee, exercise):
-        """db/assignments.h: a person's date before a group's, an exercise's before its course's, the latest of several; else the course's own."""
+        """db/teaching/assignments.h: a person's date before a group's, an exercise's before its course's, the latest of several; otherwise the
+        course's own."""
         course = self.exercises[exercise]["curriculum_id"]
         dates = {}
         for a in self.assignments:
@@ -128,7 +129,7 @@ class Facts:
         return bool(due) and due < now_ns and not self.done(trainee, exercise)
 
     def trainees_of(self, course):
-        """All who have the course or an exercise of it, or tried one."""
+        """Everyone assigned the course or an exercise of it, or who tried one."""
         ids = {e["id"] for e in self.course(course)}
         names = {s["trainee"] for s in self.sessions if s["exercise_id"] in ids and s["trainee"] and not s["erased"]}
         for a in self.assignments:
@@ -137,7 +138,7 @@ class Facts:
         return sorted(names)
 
     def best(self, trainee, exercise):
-        """Passed before not passed, then the most requirements met, then the newest."""
+        """Passed before not passed, then most requirements met, then newest."""
         tried = [s for s in self.counted(trainee, exercise) if s["state"] != OPEN]
         met = lambda s: sum(1 for row in s["score"] or [] if row.get("passed"))
         return max(tried, key=lambda s: (bool(s["verdict"]), met(s), s["attempt"]), default=None)
@@ -181,7 +182,7 @@ class Facts:
 
 
 def trend(values):
-    """Theil-Sen slope and Kendall's tau of values over attempts, from 4 on."""
+    """Theil-Sen slope and Kendall's tau of values over attempts, from 4 attempts on."""
     if len(values) < 4:
         return None
     slopes = sorted((values[j] - values[i]) / (j - i) for i in range(len(values)) for j in range(i + 1, len(values)))

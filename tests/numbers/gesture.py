@@ -1,8 +1,7 @@
 """A stored recording: its samples, and the measures of common/scoring/README.md computed from them.
 
-Written from that page, from the docstrings of common/scoring/*.h and from FORMAT.md; no code of the product is used. Lengths in m,
-times in s, forces in N. Only limbs in their own frame (no placement), as simulated stations have them.
-"""
+Written from that page, from the docstrings of common/scoring and from FORMAT.md; none of the product's code is used. Lengths in m, times in s, forces
+in N. Only limbs in their own frame (no placement), as with simulated stations."""
 import bisect
 import cmath
 import itertools
@@ -13,7 +12,7 @@ import sys
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "durability" / "judge"))
 from database import message  # noqa: E402, F401  a reader of Protobuf's fields
 
-__all__ = ["message"]  # for those who import them from here
+__all__ = ["message"]  # for modules that import them from here
 from gesture_chunk import Chunk  # noqa: E402  a reader made from FORMAT.md alone
 
 ENTRY, TURN, NOT_STEPPED, BEYOND_NEEDLE = 1 << 0, 1 << 4, 1 << 8, 1 << 10
@@ -63,7 +62,7 @@ def to_segment(p, a, b):
 
 
 def between_segments(p, q, a, b):
-    """Distance of two segments: the least over one segment of the (convex) distance from the other, by ternary search."""
+    """Distance of two segments: the minimum along one segment of the (convex) distance to the other, by ternary search."""
     low, high = 0.0, 1.0
     along = sub(q, p)
     for _ in range(80):
@@ -77,7 +76,7 @@ def between_segments(p, q, a, b):
 
 
 class Gesture:
-    """tick, time_ns, tip, axis, force (size), forces, insertion, lateral, plunger, flags, layer, phase: a list each."""
+    """tick, time_ns, tip, axis, force (size), forces, insertion, lateral, plunger, flags, layer, phase: one list each."""
 
     def __init__(self, chunks, rate_hz, profile):
         columns = [[] for _ in range(31)]
@@ -125,7 +124,7 @@ class Gesture:
         return (self.bottoms[layer - 1] if layer else 0.0, math.inf if last else self.bottoms[layer])
 
     def way(self, p, anchor):
-        """From a region's centre to where its anchor wants it: along the line through the limb's middle, or its normal."""
+        """From a region's centre to where its anchor requires it: along the line through the limb's centre, or along its normal."""
         if anchor is None:
             return (0.0, 0.0, 0.0)
         top = self.span(self.layer_names.index(anchor["layer"]))[0]
@@ -141,7 +140,7 @@ class Gesture:
         return tuple((self.depth(p) - wanted) * x for x in out)
 
     def from_target(self, target, p):
-        """How far a point is from the ball or from its tissues, the greater of the two; not above 0: in the target."""
+        """A point's distance from the ball or from its tissues, whichever is greater; at most 0: in the target."""
         _, centre, radius, spans = target
         depth = self.depth(p)
         beside = min((max(top - depth, depth - bottom) for top, bottom in spans), default=-math.inf)
@@ -158,7 +157,7 @@ class Gesture:
         return capsule["radius_m"] - to_segment(p, point(capsule["a_m"]), point(capsule["b_m"]))
 
     def weight_s(self, i):
-        """The time that a sample stands for: half of the way to each neighbour, if that is no gap."""
+        """The time represented by a sample: half of the time to each neighbour, unless that is a gap."""
         gaps = [self.at_s[b] - self.at_s[a] for a, b in ((i - 1, i), (i, i + 1)) if a >= 0 and b < self.count]
         return sum(0.5 * gap for gap in gaps if gap <= BRIDGE_S)
 
@@ -210,7 +209,7 @@ def smoothed(values, period_s):
 
 
 class Run:
-    """A stretch without a gap of more than 0.1 s: points at equal times of at most 10 ms."""
+    """A stretch without a gap of more than 0.1 s: points at equal intervals of at most 10 ms."""
 
     def __init__(self, g, first, last):
         times = [t - g.at_s[first] for t in g.at_s[first:last + 1]]
@@ -283,8 +282,8 @@ def ldlj(speed, rate_hz):
 
 
 def movements(steps, period_s, begin, end, least):
-    """Stretches of `least` or more that begin above one speed and end when it stays below another for 0.1 s: of each the
-    steps from where the speed last rose above the lower one to where it was last above it, and its way."""
+    """Stretches of at least `least` that begin above one speed and end when it stays below another for 0.1 s: for each the steps from where the speed
+    last rose above the lower one to where it was last above it, and its length."""
     found, way, slow, moving = [], 0.0, 0, False
     patience = math.ceil(0.1 / period_s * (1 - 1e-9))
     rise = first = last = 0
@@ -306,7 +305,7 @@ def movements(steps, period_s, begin, end, least):
 
 
 def chords(values, count):
-    """Each step as a share of the straight line over the 0.1 s (ten steps) around it."""
+    """Each step as a share of the straight line over the surrounding 0.1 s (ten steps)."""
     steps = []
     for i in range(count):
         a, b = max(0, i - 4), min(i + 5, count)
@@ -315,7 +314,7 @@ def chords(values, count):
 
 
 def swept(run, i):
-    """Area that the part of the shaft in tissue sweeps across itself in one step: midpoints of 8 pieces."""
+    """The area that the part of the shaft in tissue sweeps sideways in one step: midpoints of 8 pieces."""
     a, b = run.axis[i], run.axis[i + 1]
     mean = add(a, b)
     along = tuple(c / norm(mean) for c in mean)
@@ -329,14 +328,14 @@ def swept(run, i):
 # --- the syringe
 
 def strokes(g):
-    """(kind, first sample, last sample, from, to) of each stroke: 2 % of the travel or more in one direction, of means over 10 ms."""
+    """(kind, first sample, last sample, from, to) of each stroke: at least 2 % of the travel in one direction, in means over 10 ms."""
     bins = {}
     for i, t in enumerate(g.at_s):
         bins.setdefault(math.floor(t / 0.01 + 1e-6), []).append(i)
     means = [(where, sum(g.plunger[i] for i in where) / len(where)) for where in bins.values()]
     found, start = [], 0
     while start < len(means):
-        # from a level, the first movement beyond 0.2 %, then on until it turns by 1 % or rests for 0.3 s
+        # from a level, the first movement beyond 0.2 %, until it reverses by 1 % or rests for 0.3 s
         level, i = means[start][1], start
         while i < len(means) and abs(means[i][1] - level) <= 0.002:
             i += 1
@@ -416,7 +415,7 @@ def motion(g, runs, result):
         rank = (bool(within), (span[1] - span[0]) * r.period_s)
         if longest is None or rank > longest[0]:
             longest = (rank, r.speed[span[0]:span[1] + 1], r.period_s)
-    # of each movement of the tip that reaches into tissue (of all where none does), by its way; of the whole where there is none
+    # for each movement of the tip that reaches into tissue (for all if none does), by its length; for the whole if there are none
     arcs = []
     for r in runs:
         for first, last, way in movements(chords(r.tip, len(r.steps)), r.period_s, *TIP_MOVES):
@@ -447,7 +446,7 @@ def tissue(g, runs, result):
     result["largest_lateral_error_m"] = max([0.0] + [g.lateral[i] for i in within])
     seconds = sum(g.weight_s(i) for i in within)
     result["mean_force_in_tissue_n"] = sum(g.force[i] * g.weight_s(i) for i in within) / seconds if seconds else 0
-    # by layer; not in the first 10 ms behind a boundary between layers
+    # by layer; not in the first 10 ms after a boundary between layers
     peaks, impulses, times = ([0.0] * len(g.tissues) for _ in range(3))
     changed = None
     for i in range(g.count):
@@ -493,12 +492,12 @@ def tissue(g, runs, result):
 
 
 def touches(g, within, a, b, radius):
-    """Whether the shaft in tissue, from the tip straight back to the skin, comes to a hazard at any sample."""
+    """Whether the shaft in tissue, from the tip straight back to the skin, touches a hazard at any sample."""
     last, room = None, 0.0  # the last sample whose distance was computed, and how far the shaft may still move
     for i in within:
         skin = add(g.tip[i], g.axis[i], -g.insertion[i])
         if last is not None:
-            # no point of the shaft moves further than its ends do
+            # no point of the shaft moves further than its ends
             if max(norm(sub(g.tip[i], last[0])), norm(sub(skin, last[1]))) < room:
                 continue
         distance = between_segments(g.tip[i], skin, a, b) - radius
@@ -509,8 +508,8 @@ def touches(g, within, a, b, radius):
 
 
 def contacts(moments):
-    """How many contacts begin at (time, whether it touches): less than 0.2 s away does not begin another."""
-    count, left = 0, None  # left: since when it is away
+    """How many contacts begin at (time, whether it touches): an interruption of less than 0.2 s does not begin another one."""
+    count, left = 0, None  # left: the time since it left
     for at_s, touching in moments:
         if touching:
             count += left is None and count == 0 or left is not None and at_s - left >= 0.2 * (1 - 1e-9)
@@ -528,7 +527,7 @@ def aim(g, result):
     result["bone_contacts"] = contacts(
         (g.at_s[i], g.inside[i] and (g.tissues[g.layer[i]] == "BONE" or any(to_segment(g.tip[i], a, b) <= r for _, _, a, b, r in bones)))
         for i in range(g.count))
-    # a tick that was not stepped does not say where the hub is
+    # a tick that was not stepped does not tell where the hub is
     result["hub_contacts"] = contacts(
         (at_s, flags & BEYOND_NEEDLE) for at_s, flags in zip(g.at_s, g.flags) if flags & BEYOND_NEEDLE or not flags & NOT_STEPPED)
     if not g.targets:
@@ -546,7 +545,7 @@ def aim(g, result):
 
 
 def plan(g, planned, result):
-    """The errors against an exercise's planned line: {"entry_m", "direction" or "target_m"}, in the limb's frame."""
+    """The errors relative to an exercise's planned line: {"entry_m", "direction" or "target_m"}, in the limb's frame."""
     within = [i for i in range(g.count) if g.inside[i]]
     if not within:
         return
@@ -573,7 +572,7 @@ def plan(g, planned, result):
 
 
 def measures_of(g, planned=None):
-    """name -> value of every measure but dtw_distance_m, which needs the references."""
+    """name -> value for every measure except dtw_distance_m, which needs the references."""
     result = {}
     runs = runs_of(g)
     motion(g, runs, result)

@@ -1,8 +1,8 @@
-"""What a screen shows beside what it should show: every comparison is kept, so that a person can read which numbers were held."""
+"""A screen's values compared with the expected ones: every comparison is kept, so that a person can read which numbers were checked."""
 import math
 import re
 
-# of a shown number's unit: what it is in SI
+# a displayed number's unit -> its factor to SI
 UNITS = {"": 1, "s": 1, "N": 1, "mm": 1e-3, "m": 1, "mm/s": 1e-3, "m/s": 1, "mJ": 1e-3, "J": 1, "cm²": 1e-4, "%": 1e-2, "ms": 1e-3,
          "°": math.pi / 180, "B": 1, "kB": 1e3, "MB": 1e6, "GB": 1e9}
 
@@ -11,7 +11,7 @@ YES_OR_NO = ("target_reached", "aspirated_before_injection")
 
 
 def differs(expected, seen, within):
-    """True if `seen` is not what was expected; a number may be `within` away."""
+    """True if `seen` differs from the expected value; a number may be off by `within`."""
     if isinstance(expected, bool) or isinstance(seen, bool) or not isinstance(expected, (int, float)):
         return type(expected) is not type(seen) or expected != seen
     if not isinstance(seen, (int, float)):
@@ -22,7 +22,7 @@ def differs(expected, seen, within):
 
 
 def spoilt(seen, within):
-    """A wrong value that is as near to the right one as a person could still notice."""
+    """A wrong value as close to the right one as a person could still notice."""
     if isinstance(seen, bool):
         return not seen
     if isinstance(seen, int):
@@ -40,7 +40,7 @@ def spoilt(seen, within):
 
 
 def last_quantity(text):
-    """"Peak force 3.03 N" -> "3.03 N"; "Angle to the planned line 6.38°" -> "6.38°"; without one, the text itself."""
+    """"Peak force 3.03 N" -> "3.03 N"; "Angle to the planned line 6.38°" -> "6.38°"; without a quantity, the text itself."""
     found = re.search(r"-?\d+(?:\.\d+)?(?: ?[^\d\s]+)?$", text)
     return found[0] if found else text
 
@@ -64,18 +64,18 @@ class Held:
             self.differences.append((screen, number, where, expected, seen))
 
     def close(self, screen, number, where, expected, seen, relative=1e-9, absolute=1e-12):
-        """A number that was computed twice: only the order of the sums may differ."""
+        """A number computed twice: only the order of the sums may differ."""
         if not isinstance(expected, (int, float)) or isinstance(expected, bool):
             return self.same(screen, number, where, expected, seen)
         seen = float(seen) if isinstance(seen, (int, float)) and not isinstance(seen, bool) else seen
         return self.same(screen, number, where, float(expected), seen, max(absolute, relative * abs(expected)))
 
     def digits(self, screen, number, where, expected, text):
-        """A number as printf's %.6g writes it."""
+        """A number in printf's %.6g form."""
         self.same(screen, number, where, "-" if expected is None else f"{expected:.6g}" if isinstance(expected, float) else str(expected), text)
 
     def shown(self, screen, number, where, value, unit, text):
-        """"3.03 N", "0.397 cm²", "12": in the unit that it names, to as many decimals as its size is shown with."""
+        """"3.03 N", "0.397 cm²", "12": in the unit it names, to as many decimals as are shown for its size."""
         found = re.fullmatch(r"(-?\d+(?:\.\d+)?)(?: ?([^\d\s].*))?", text)
         if not found or (found[2] or "") not in UNITS:
             self.same(screen, number, where, f"a number in {unit or 'nothing'}", text)
@@ -90,7 +90,7 @@ class Held:
         self.same(screen, number, where, float(scaled), float(found[1]), 0.5000001 * 10.0**-decimals)
 
     def measure(self, screen, number, where, measure, value, unit, text):
-        """A measure as `shown`; a share in whole percents, a yes or no in words."""
+        """A measure like `shown`; a share in whole percents, a yes or no in words."""
         if measure in YES_OR_NO:
             self.same(screen, number, where, "yes" if value > 0 else "no", text)
         elif measure.endswith("_share"):

@@ -26,7 +26,7 @@ def run(arguments, zone, timeout=120):
 
 
 def table(text):
-    """The rows of a table for a person: title -> cell. The columns begin where their titles do; the last may have none ("")."""
+    """The rows of a table made for people: title -> cell. The columns begin where their titles do; the last one may have none ("")."""
     lines = text.splitlines()
     starts = [(m.start(), m[0]) for m in re.finditer(r"\S+(?: \S+)*", lines[0])]
     if lines[0].endswith("  "):
@@ -52,7 +52,7 @@ def pairs(text):
 
 
 class Lab:
-    """A copy of a class's folder (deploy/demo --class), so that nothing in the original changes."""
+    """A copy of a class's folder (deploy/demo --class), so that the original does not change."""
 
     def __init__(self, class_folder, bin_folder, folder):
         self.bin, self.folder = pathlib.Path(bin_folder), pathlib.Path(folder)
@@ -61,7 +61,7 @@ class Lab:
         self.process = None
 
     def settle(self):
-        """Opens and closes the stopped server's database, so that its log is in the file, and the file is as large as it says."""
+        """Opens and closes the stopped server's database, so that its log is merged into the file, and the file has its stated size."""
         self.admin("check")
         db = sqlite3.connect(self.database())
         db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
@@ -77,7 +77,7 @@ class Lab:
         return ["--user", name, "--password-file", self.folder / f"{name}.password"]
 
     def admin(self, *arguments, zone="UTC0", who=None):
-        """Text of a command: on the stopped folder, or as `who` on the running server."""
+        """A command's output: on the stopped folder, or as `who` on the running server."""
         head = [self.bin / "needlelab-admin", *(self._peer() + self._person(who) if who else ["--data", self.data])]
         return run([*head, *arguments], zone)
 

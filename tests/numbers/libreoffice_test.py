@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A course's results as LibreOffice opens them, beside the database: columns, texts, numbers that are numbers.
+"""A course's results as LibreOffice opens them, beside the database: columns, texts, numbers that are numbers, dates that are dates.
 
 usage: libreoffice_test.py --bin DIR --out FOLDER
   Makes a small class of data in FOLDER (deploy/demo --class), has needlelab-admin write its results with each separator, and
@@ -7,6 +7,7 @@ usage: libreoffice_test.py --bin DIR --out FOLDER
 Exit code 0: every cell is right; 1: some differ, each is named; 2: the comparison could not be made; 77: LibreOffice is missing.
 """
 import argparse
+import datetime
 import os
 import pathlib
 import shutil
@@ -21,7 +22,7 @@ from held import Held
 from lab import Broken, Lab
 from numbers_test import newest_class
 
-# of the filter "Text - txt - csv (StarCalc)": the separator's code; Windows' number of the language (English, German)
+# for the filter "Text - txt - csv (StarCalc)": the separator's code; Windows' language number (English, German)
 READERS = {"comma": (ord(","), 1033), "semicolon": (ord(";"), 1031), "tab": (ord("\t"), 1033)}
 SPACES = {"office": "urn:oasis:names:tc:opendocument:xmlns:office:1.0", "table": "urn:oasis:names:tc:opendocument:xmlns:table:1.0",
           "text": "urn:oasis:names:tc:opendocument:xmlns:text:1.0"}
@@ -32,11 +33,11 @@ def opened(office, file, separator, folder):
     code, language = READERS[separator]
     sheet = folder / f"{separator}.fods"
     file = shutil.copy(file, folder / f"{separator}.csv")
-    # columns in double quotes, UTF-8, from line 1; no column has a type of its own; quoted numbers are numbers, too
+    # columns in double quotes, UTF-8, from line 1; no column types; quoted numbers are numbers, too
     options = f"{code},34,76,1,,{language},false,true,false"
     command = [office, "--headless", "--norestore", f"-env:UserInstallation=file://{folder}/profile", f"--infilter=Text - txt - csv (StarCalc):{options}",
                "--convert-to", "fods", "--outdir", str(folder), str(file)]
-    for _ in range(2):  # a first start may only make the profile
+    for _ in range(2):  # a first start may only create the profile
         done = subprocess.run(command, capture_output=True, text=True, timeout=300)
         if sheet.exists():
             return sheet
@@ -44,7 +45,7 @@ def opened(office, file, separator, folder):
 
 
 def cells_of(sheet):
-    """Rows of cells: None, text, a number; (type, text) of anything else, such as a date that nobody wrote."""
+    """Rows of cells: None, text, a number; (type, value) for anything else: a date, or something unexpected."""
     def name(space, word):
         return f"{{{SPACES[space]}}}{word}"
 
@@ -54,7 +55,7 @@ def cells_of(sheet):
         for cell in row.iter(name("table", "table-cell")):
             kind = cell.get(name("office", "value-type"))
             text = "\n".join("".join(part.itertext()) for part in cell.iter(name("text", "p")))
-            value = None if kind is None else text if kind == "string" else float(cell.get(name("office", "value"))) if kind == "float" else (kind, text)
+            value = None if kind is None else text if kind == "string" else float(cell.get(name("office", "value"))) if kind == "float" else (kind, cell.get(name("office", f"{kind}-value"), text))
             line += [value] * (int(cell.get(name("table", "number-columns-repeated"), "1")) if value is not None or len(line) < 100 else 0)
         rows.append(line)
     while rows and all(cell is None for cell in rows[-1]):
@@ -63,16 +64,16 @@ def cells_of(sheet):
 
 
 def rows_of(sheet):
-    """(header, rows) in the types of spreadsheet.expected."""
+    """(header, rows) with the types of spreadsheet.expected."""
     head, *rows = cells_of(sheet)
     while head and head[-1] is None:
         head.pop()
 
     def moment(cell):
-        try:
-            return cell if cell is None else spreadsheet.seconds_of(cell)
-        except (TypeError, ValueError):
-            return cell
+        if not isinstance(cell, tuple) or cell[0] != "date":
+            return cell  # a text is not a date
+        # a sheet stores days as a number: its seconds may be off by some microseconds
+        return round(datetime.datetime.fromisoformat(cell[1][:26]).replace(tzinfo=datetime.timezone.utc).timestamp())
     rows = [(row + [None] * len(head))[:len(head)] for row in rows]
     return head, [[*row[:8], moment(row[8]), *row[9:]] for row in rows]
 
@@ -83,7 +84,7 @@ def walk(options, office, held):
     with tempfile.TemporaryDirectory(prefix="needlelab-libreoffice-") as name:
         folder = pathlib.Path(name)
         lab = Lab(newest_class(options.out), options.bin, folder / "class")
-        # what a spreadsheet could take for the end of a cell, or a formula
+        # what a spreadsheet could mistake for the end of a cell, or for a formula
         lab.admin("user", "change", "anna", "--full-name", 'Keller; "Anna", ß')
         lab.settle()
         facts = Facts(lab.database())

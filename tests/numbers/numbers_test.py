@@ -41,7 +41,7 @@ def gesture_of(facts, s):
 
 
 def some_of(sessions, count):
-    """Evenly over all, the last one included: those of the live stations come last."""
+    """Evenly over all, including the last one: those of the live stations come last."""
     if len(sessions) <= count:
         return list(sessions)
     return [sessions[round(k * (len(sessions) - 1) / (count - 1))] for k in range(count)]
@@ -52,7 +52,7 @@ def plan_of(facts, s):
 
 
 def measured(held, facts, sessions):
-    """The stored scores beside the measures that the samples give."""
+    """The stored scores compared with the measures computed from the samples."""
     gestures = {}
     for s in sessions:
         g = gestures[s["number"]] = gesture_of(facts, s)
@@ -144,7 +144,7 @@ def walk(options, held):
             commands.scores(held, Facts(lab.database()), lab, better)
 
 
-# of exercises with a plan only
+# only for exercises with a plan
 PLANNED = ("planned_entry_error_m", "planned_angle_error_rad", "mean_planned_line_error_m", "largest_planned_line_error_m")
 
 
@@ -161,7 +161,7 @@ class Kinds(Held):
 
 
 def self_check(options, held):
-    """Each kind of number that was held once spoilt; then a database of which the script's facts do not know. Returns what nobody noticed."""
+    """Spoils each kind of checked number once; then uses a database unknown to the script's facts. Returns what was not noticed."""
     missed = [kind for kind, (expected, seen, within) in held.examples.items() if not differs(expected, spoilt(seen, within), within)]
     for screen, number in missed:
         print(f"NOT NOTICED: {screen}: {number}, spoilt by hand")
@@ -172,7 +172,7 @@ def self_check(options, held):
     with tempfile.TemporaryDirectory(prefix="needlelab-numbers-") as folder:
         lab = Lab(newest_class(options.class_folder), options.bin, folder)
         lab.settle()
-        # what is changed, the screen that shows it, and who holds that screen
+        # what is changed, the screen that shows it, and the function that checks that screen
         changes = {
             "closed an hour later": ("UPDATE sessions SET closed_unix_ns = closed_unix_ns + 3600000000000 WHERE number = 1", "admin session list --json",
                                      commands.sessions),

@@ -1,4 +1,4 @@
-"""What a running server tells browsers, stations and the instructor's terminal, beside the database."""
+"""What a running server sends to browsers, stations and the instructor's terminal, compared with the database."""
 import csv
 import html
 import io
@@ -18,7 +18,7 @@ def ms(unix_ns):
 
 
 def same_ms(held, screen, number, where, unix_ns, seen):
-    """Milliseconds as a JSON number: a double holds them to 0.25 µs; 0 and nothing are null."""
+    """Milliseconds as a JSON number: a double keeps them to 0.25 µs; 0 and missing are null."""
     if not unix_ns:
         held.same(screen, number, where, None, seen)
     else:
@@ -93,7 +93,7 @@ def recording(held, facts, browser, s, g):
     for i, t in enumerate(g.time_ns):
         spans.setdefault(span_of(i), []).append(i)
         if reply["decimated"] and i and (t - g.time_ns[0]) * 1000 % whole_ns == 0:
-            edges |= {span_of(i) - 1, span_of(i)}  # the last digit decides to which of both a sample on the edge belongs
+            edges |= {span_of(i) - 1, span_of(i)}  # the last digit decides which of the two a sample on the edge belongs to
     states = dict(zip("px_m py_m pz_m qx qy qz qw".split(), range(2, 9))) | {"phase": 28, "layer": 27, "fault": 29}
     extremes = dict(zip("speed_m_s fx_n fy_n fz_n".split(), range(9, 13))) | {"insertion_m": 19, "lateral_error_m": 20, "plunger": 21}
     values = {name: g.columns[c] for name, c in extremes.items()} | {"force_n": g.force}
@@ -155,7 +155,7 @@ def events(held, facts, browser, s, g, strokes):
 
 
 def ladder(held, facts, lab, name, now_ns):
-    """needlelab-station --list-exercises: the numbered steps, as a person and as a program reads them."""
+    """needlelab-station --list-exercises: the numbered steps, as people and programs read them."""
     groups = facts.groups_of(name)
     mine = [a for a in facts.assignments if a["trainee"] == name or a["group_id"] in groups]
     courses = {a["course_id"] for a in mine if a["course_id"]}
@@ -172,7 +172,7 @@ def ladder(held, facts, lab, name, now_ns):
         text = lab.station("lab-1", "--trainee", name, "--list-exercises", "--json", document, "--spool", lab.folder / "spool", zone=zone).stdout
         full = facts.people[name]["full_name"]
         held.same(screen, "the full name", name, full or name, text.splitlines()[0])
-        # the ladder comes before the list of what is in the cache
+        # the ladder precedes the list of cached exercises
         steps = dict(re.findall(r"^ +(?:\d+\.|-)  (\S+) (.*)$", text.split("\nEXERCISE")[0], re.M))
         held.same(screen, "all exercises", name, sorted(facts.exercises), sorted(steps))
         for ident, line in steps.items():
@@ -275,7 +275,7 @@ def report(held, facts, lab, s, g, zone):
 
 
 def live(held, facts_after, lab, gesture_of):
-    """A lesson while it runs, watched by an instructor's terminal; afterwards beside what was stored."""
+    """A lesson while it runs, watched by an instructor's terminal; afterwards compared with the stored data."""
     names = sorted(n for n, p in facts_after().people.items() if p["role"] == 1)
     exercise = "step-1-straight"
     environment = dict(os.environ, TZ="UTC0")
@@ -298,7 +298,7 @@ def live(held, facts_after, lab, gesture_of):
     held.same(screen, "samples, acknowledged, chunks, state", s["uuid"], [s["samples"], s["samples"], s["chunks"], STATES[s["state"]].upper()],
               [row["samples"], row["samples_acked"], row["chunks"], row["state"]])
     held.same(screen, "ticks: samples and missed ones", s["uuid"], g.count, row["ticks"] - row["missed_ticks"])
-    # those behind the last sample leave no gap
+    # those after the last sample leave no gap
     held.same(screen, "missed ticks: at least the gaps", s["uuid"], True, row["missed_ticks"] >= g.tick[-1] - g.tick[0] + 1 - g.count)
     held.same(screen, "bytes_per_sample", s["uuid"], s["stored_bytes"] / s["samples"], float(row["bytes_per_sample"]), 0.0005001)
     held.same(screen, "entries", s["uuid"], sum(1 for f in g.flags if f & 1), row["events"].get("entries into the tissue", 0))

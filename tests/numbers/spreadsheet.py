@@ -1,4 +1,4 @@
-"""A course's results as a table for a spreadsheet: what it should hold by the database, and what a reader of CSV finds in it."""
+"""A course's results as a table for a spreadsheet: its expected content by the database, and what a CSV reader finds in it."""
 import csv
 import datetime
 import io
@@ -8,8 +8,8 @@ import re
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 STYLES = {"comma": (",", "."), "semicolon": (";", ","), "tab": ("\t", ".")}
-HEAD = ["Person", "Full name", "Groups", "Exercise", "Verdict", "Attempts", "Attempts left", "Best attempt", "Date of best attempt"]
-# shown values of one in SI, by the end of a measure's name; the longest that fits
+HEAD = ["Person", "Full name", "Groups", "Exercise", "Verdict", "Attempts", "Attempts left", "Best attempt", "Date of best attempt (UTC)"]
+# displayed units per SI unit, by the end of a measure's name; the longest match
 UNITS = {"_m": (1e3, "mm"), "_m_s": (1e3, "mm/s"), "_m2": (1e4, "cm²"), "_s": (1, "s"), "_n": (1, "N"), "_j": (1e3, "mJ"),
          "_rad": (180 / math.pi, "°"), "_share": (100, "%")}
 
@@ -20,7 +20,7 @@ def unit_of(name):
 
 
 def words_of(name):
-    """As the page about measures calls it."""
+    """The name used by the page about measures."""
     layer = re.search(r"_layer_(\d+)_", name)
     row = name.replace(layer[0], "_layer_K_") if layer else name
     found = re.search(rf"^\| `{row}` \|(?:[^|]*\|){{2}} ([^|]+) \|", (ROOT / "common/scoring/README.md").read_text(encoding="utf-8"), re.MULTILINE)
@@ -28,7 +28,7 @@ def words_of(name):
 
 
 def measures_of(facts, course):
-    """What the exercises ask for, each once."""
+    """The measures required by the exercises, each once."""
     names = []
     for exercise in facts.course(course):
         names += [r["measure"] for r in exercise["json"].get("requirements", [])] + ["elapsed_s"] * ("time_limit_s" in exercise["json"])
@@ -36,7 +36,7 @@ def measures_of(facts, course):
 
 
 def expected(facts, course, names):
-    """(header, rows): cells as Python's values; None: empty."""
+    """(header, rows): cells as Python values; None: empty."""
     measures = measures_of(facts, course)
     titles = [words_of(name) + (f" [{unit_of(name)[1]}]" if unit_of(name)[1] else "") for name in measures]
     rows = []
@@ -55,7 +55,7 @@ def expected(facts, course, names):
 
 
 def held_rows(held, screen, where, wanted, header, rows):
-    """Cells that were read: None, text, or a number."""
+    """The cells read: None, text, or a number."""
     titles, lines = wanted
     held.same(screen, "columns", where, titles, header)
     held.same(screen, "rows: people, exercises", where, [line[:4] for line in lines], [row[:4] for row in rows])
@@ -69,12 +69,12 @@ def held_rows(held, screen, where, wanted, header, rows):
 
 
 def seconds_of(text):
-    """Of a moment by ISO 8601 in UTC."""
-    return int(datetime.datetime.strptime(text, "%Y-%m-%dT%H:%M:%SZ").replace(tzinfo=datetime.timezone.utc).timestamp())
+    """A moment in UTC, in seconds, as spreadsheets read it."""
+    return int(datetime.datetime.strptime(text, "%Y-%m-%d %H:%M:%S").replace(tzinfo=datetime.timezone.utc).timestamp())
 
 
 def cells(content, separator):
-    """(header, rows) of the file's bytes, by Python's reader, in the types of `expected`."""
+    """(header, rows) of the file's bytes, by Python's reader, with the types of `expected`."""
     delimiter, sign = STYLES[separator]
     lines = list(csv.reader(io.StringIO(content.decode("utf-8-sig"), newline=""), delimiter=delimiter, strict=True))
 

@@ -4,9 +4,9 @@
 
 #include <functional>
 
-#include "common/base/files.h"
-#include "db/backup.h"
-#include "db/service/restore.h"
+#include "common/base/files/files.h"
+#include "db/backup/backup.h"
+#include "db/service/folder/restore.h"
 #include "tests/unit/db/test_db.h"
 #include "tests/unit/server/live/running_server.h"
 
@@ -108,7 +108,7 @@ TEST_F(EncryptedRestore, needsTheRightKeyAndTakesNoPlainFileForAnEncryptedOne) {
   // whoever can write to the backups puts a forged one there
   const auto forged =
       folder_.write("forged.nlbk", std::string("SQLite format 3\0", 16) + std::string(4'080, '\0'));
-  refused(forged, keyFile(), ErrorCode::kInvalidInput, "is no encrypted backup, but --key was given");
+  refused(forged, keyFile(), ErrorCode::kInvalidInput, "is not an encrypted backup, but --key was given");
 }
 
 TEST_F(EncryptedRestore, refusesEveryDamageAndChangesNothing) {

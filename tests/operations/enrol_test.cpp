@@ -3,8 +3,8 @@
 
 #include <fstream>
 
-#include "client/net/credentials.h"
-#include "common/base/files.h"
+#include "client/net/link/credentials.h"
+#include "common/base/files/files.h"
 #include "tests/integration/lab.h"
 
 namespace needlelab {

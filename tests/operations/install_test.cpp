@@ -4,7 +4,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "tests/integration/process.h"
 #include "tests/support/temp_folder.h"
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <ctime>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "tests/integration/lab.h"
 #include "tests/operations/prometheus_text.h"
 #include "tests/support/patience.h"

@@ -10,7 +10,7 @@
 #include <future>
 #include <nlohmann/json.hpp>
 
-#include "server/live/metrics.h"
+#include "server/live/monitor/metrics.h"
 #include "tests/operations/prometheus_text.h"
 #include "tests/unit/server/live/running_server.h"
 

@@ -6,7 +6,7 @@
 #include <sys/socket.h>
 #include <sys/un.h>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "tests/integration/lab.h"
 #include "tests/operations/prometheus_text.h"
 #include "tests/support/patience.h"

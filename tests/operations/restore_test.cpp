@@ -1,5 +1,5 @@
 // A restored backup replaces the database completely or not at all.
-#include "db/service/restore.h"
+#include "db/service/folder/restore.h"
 
 #include <gmock/gmock.h>
 
@@ -7,11 +7,13 @@
 #include <fstream>
 #include <thread>
 
-#include "common/base/files.h"
-#include "db/backup.h"
-#include "db/old_backups.h"
-#include "db/schema.h"
-#include "tests/support/backup_start.h"
+#include "common/base/files/files.h"
+#include "db/backup/backup.h"
+#include "db/backup/old_backups.h"
+#include "db/service/folder/data_folder.h"
+#include "db/service/start/restored_access.h"
+#include "db/store/schema.h"
+#include "tests/support/store/backup_start.h"
 #include "tests/unit/server/live/running_server.h"
 
 namespace needlelab {
@@ -264,7 +266,7 @@ TEST_F(RestoreTest, refusesWhatIsNoGoodBackupAndChangesNothing) {
   folder_.write("bad.db", std::string(20'000, 'x'));
   refused(bad, ErrorCode::kCorrupt, "");
   folder_.write("bad.db", "");
-  refused(bad, ErrorCode::kCorrupt, "no database of needlelab");
+  refused(bad, ErrorCode::kCorrupt, "not a needlelab database");
   // one great hole
   fs::resize_file(bad, fs::space(data()).available + (std::uintmax_t{1} << 30));
   refused(bad, ErrorCode::kNoRoom, "make room, nothing was changed");

@@ -1,5 +1,5 @@
 // Each start-up fault: the message, the advice and the exit code.
-#include "server/live/startup.h"
+#include "server/live/limits/startup.h"
 
 #include <gmock/gmock.h>
 #include <netinet/in.h>
@@ -12,11 +12,11 @@
 #include <cstdlib>
 #include <fstream>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/wire/certificates.h"
-#include "db/connection.h"
-#include "db/service/bootstrap.h"
+#include "db/service/start/bootstrap.h"
+#include "db/store/connection.h"
 #include "server/service_manager.h"
 #include "tests/integration/lab.h"
 #include "tests/support/time_zone.h"

@@ -17,14 +17,14 @@ import subprocess
 import sys
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-# files that are changed, and the suites that should notice, the quickest first
+# files to change, and the suites that should notice, quickest first
 SUBJECTS = {
-    "engine": (["common/haptics/engine.cpp", "common/haptics/effects/*.cpp", "common/haptics/models/*.cpp"], ["determinism_test", "haptics_test"]),
-    "gate": (["common/haptics/force_gate.cpp", "common/haptics/passivity_control.cpp"], ["haptics_test", "stability_test"]),
-    "writer": (["db/db_writer.cpp", "db/session_appends.cpp", "db/session_store.cpp"], ["db_test", "server_net_test"]),
-    "spool": (["client/net/spool*.cpp"], ["net_test", "spool_order_test"]),
-    "hub": (["server/live/hub*.cpp"], ["server_test", "server_net_test"]),
-    "permissions": (["db/service/requests.cpp", "db/service/*_handlers.cpp", "server/live/rules.cpp"], ["server_test", "service_test"]),
+    "engine": (["common/haptics/tick.cpp", "common/haptics/effects/*.cpp", "common/haptics/models/*.cpp"], ["determinism_test", "haptics_test"]),
+    "gate": (["common/haptics/gate/force_gate.cpp", "common/haptics/gate/passivity_control.cpp"], ["haptics_test", "stability_test"]),
+    "writer": (["db/sessions/db_writer.cpp", "db/sessions/session_appends.cpp", "db/sessions/session_store.cpp"], ["db_test", "server_net_test"]),
+    "spool": (["client/net/spool/spool*.cpp"], ["net_test", "spool_order_test"]),
+    "hub": (["server/live/hub/hub*.cpp"], ["server_test", "server_net_test"]),
+    "permissions": (["db/service/requests/requests.cpp", "db/service/**/*_handlers.cpp", "server/live/port/rules.cpp"], ["server_test", "service_test"]),
 }
 SWAPS = [("<=", "<"), (">=", ">"), (" < ", " <= "), (" > ", " >= "), ("==", "!="), ("!=", "=="), ("&&", "||"), ("||", "&&"), (" + ", " - "), (" - ", " + "),
          (" * ", " / "), ("true", "false"), ("false", "true"), ("std::min", "std::max"), ("std::max", "std::min"), ("if (!", "if ("), ("++", "--")]
@@ -56,7 +56,7 @@ def run(*command, seconds=LONGEST_S):
 
 
 def found_by(build, suites):
-    """The suite that fails; "" when none does; None when the change does not compile."""
+    """The suite that fails; "" if none does; None if the change does not compile."""
     if run("ninja", "-C", build, *suites, seconds=3600) != 0:
         return None
     for suite in suites:

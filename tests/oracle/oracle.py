@@ -32,7 +32,7 @@ MASKS = [(re.compile(r"\b[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f
          (re.compile(r"\b\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)"), "TIME"),
          (re.compile(r"\b1[789]\d{8}\b"), "TIME"),
          (re.compile(r"\b[0-9a-f]{32,}\b"), "HASH")]
-# of the seeded lab's sessions: what depends on the clock of the run
+# for the seeded lab's sessions: what depends on the run's clock
 TIMES = re.compile(r"unix_ns|_at$|^at$|received|started|closed|stored_bytes|offset|last_seen")
 EXERCISES = ["shoulder-bursa", "knee-recess"]
 

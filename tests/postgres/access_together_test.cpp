@@ -1,4 +1,4 @@
-// Two servers on one database of PostgreSQL: what ends an access at one ends it at the other.
+// Two servers on one PostgreSQL database: what ends an access at one ends it at the other.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -17,11 +17,11 @@
 #include <vector>
 
 #include "db/engine/open_postgres.h"
-#include "db/service/bootstrap.h"
+#include "db/service/start/bootstrap.h"
 #include "server/web/web_call.h"
-#include "tests/support/password_cost.h"
 #include "tests/support/patience.h"
-#include "tests/support/postgres_database.h"
+#include "tests/support/store/password_cost.h"
+#include "tests/support/store/postgres_database.h"
 #include "tests/unit/db/planted_here.h"
 #include "tests/unit/server/live/access_requests.h"
 #include "tests/unit/server/live/running_server.h"
@@ -51,7 +51,7 @@ pb::Request erasureOf(const std::string& name) {
   return request;
 }
 
-/// Nobody reaches the database, as long as this lives.
+/// The database is unreachable during its lifetime.
 class DatabaseAway {
  public:
   explicit DatabaseAway(std::string url) {
@@ -118,7 +118,7 @@ class AccessAtTwoServers : public testing::Test {
     EXPECT_EQ(reply.status, 200) << reply.body;
     return browser;
   }
-  /// The same browser, whose next request goes to another server.
+  /// The same browser, with its next request going to another server.
   static Browser movedTo(RunningServer& server, const Browser& from) {
     Browser moved(server.server().webPort());
     moved.cookie = from.cookie;
@@ -159,7 +159,7 @@ class AccessAtTwoServers : public testing::Test {
   static constexpr const char* kListeners =
       " FROM pg_stat_activity WHERE datname = current_database() AND application_name = 'needlelab access'";
 
-  // a test of NOTIFY must not be helped by the look of each second
+  // a test of NOTIFY must not be helped by the poll every second
   static void onlyNotices(ServerOptions& options) {
     options.access.look_every = std::chrono::hours(1);
     options.access.deaf_after = std::chrono::hours(1);
@@ -167,10 +167,10 @@ class AccessAtTwoServers : public testing::Test {
 
   TempFolder folder_;
   std::filesystem::path files_;
-  std::unique_ptr<RunningServer> a_, b_;  // B ends first: the database is A's
+  std::unique_ptr<RunningServer> a_, b_;  // B ends first: A owns the database
 };
 
-/// What ends an access, and of whom.
+/// What ends an access, and whose.
 struct Ending {
   const char* what;
   pb::Request request;
@@ -240,7 +240,7 @@ TEST_F(AccessAtTwoServers, aLogOutAtOneEndsTheSessionAtTheOther) {
   EXPECT_EQ(live->closeCode(), 1008);
 }
 
-/// Whether B honours a browser's session, and its token at the other port, after A has ended it; with the
+/// Whether B accepts a browser's session, and its token at the other port, after A has ended it; with the
 /// planted bug it does.
 struct Honoured {
   bool session = false, token = false;
@@ -293,7 +293,7 @@ TEST_F(AccessAtTwoServers, whatAPageShowsAndSendsGoesToEitherServer) {
   EXPECT_EQ(
       at_b.ask("PATCH", "/api/v1/people/mara", R"({"full_name": "Mara B."})", {{"If-Match", "\"1\""}}).status,
       200);
-  // as long as only a session may send
+  // while only a session may send
   const std::string body = json{{"csv", "name,role\n" + std::string(50'000, ' ')}}.dump();
   EXPECT_NE(movedTo(b(), browserOf(a(), "ada")).ask("POST", "/api/v1/people/import", body).status, 413);
 }
@@ -357,7 +357,7 @@ TEST_F(AccessAtTwoServers, wrongCodesAtBothTogetherAreNoMoreThanAtOne) {
   EXPECT_EQ(waits, 3);
 }
 
-// The listeners' connections are ended, and the account is disabled before there are new ones.
+// The listeners' connections are cut, and the account is disabled before they reconnect.
 TEST_F(AccessAtTwoServers, aChangeWhoseNoticeWasMissedIsSeenAfterTheReconnection) {
   start([](ServerOptions& options) {
     onlyNotices(options);
@@ -375,7 +375,7 @@ TEST_F(AccessAtTwoServers, aChangeWhoseNoticeWasMissedIsSeenAfterTheReconnection
   EXPECT_TRUE(isOpen(ben));
 }
 
-// A password that was changed leaves role and account as they are: the number says it.
+// A changed password leaves role and account as they are: only the number changes.
 TEST_F(AccessAtTwoServers, whileNobodyHearsOfChangesEachUseAsksTheDatabase) {
   start([](ServerOptions& options) {
     onlyNotices(options);
@@ -415,8 +415,8 @@ TEST_F(AccessAtTwoServers, aServerThatCannotListenLooksAtAllAccountsEachSecond) 
   EXPECT_TRUE(isOpen(ben));
 }
 
-// Somebody may have been disabled meanwhile: at a server that is cut off nobody begins to watch after a
-// while.
+// Somebody may have been disabled in the meantime: after a while no one can start watching at a server that
+// is cut off.
 TEST_F(AccessAtTwoServers, aServerThatDoesNotReachTheDatabaseLetsNobodyBeginToWatch) {
   start([](ServerOptions& options) {
     options.access.deaf_after = milliseconds(300);
@@ -430,7 +430,7 @@ TEST_F(AccessAtTwoServers, aServerThatDoesNotReachTheDatabaseLetsNobodyBeginToWa
     subscribe.mutable_subscribe()->set_subscription(++number);
     subscribe.mutable_subscribe()->set_station("bench");
     EXPECT_TRUE(ines.send(subscribe).ok());
-    // all that has come by now: what was answered before, too
+    // everything received so far, including earlier answers
     for (auto got = ines.receive(milliseconds(100)); got.ok(); got = ines.receive(milliseconds(100)))
       if (got->has_refusal() &&
           got->refusal().text().find("does not reach its database") != std::string::npos)
@@ -442,7 +442,7 @@ TEST_F(AccessAtTwoServers, aServerThatDoesNotReachTheDatabaseLetsNobodyBeginToWa
   EXPECT_TRUE(eventually(isRefused));
 }
 
-// Nor does anybody stay for longer than a log-in lasts. A station does.
+// Nor does anyone stay longer than a log-in lasts. A station does.
 TEST_F(AccessAtTwoServers, aServerThatDoesNotReachTheDatabaseEndsPeoplesConnectionsAfterALogInsTime) {
   start([](ServerOptions& options) {
     options.access.deaf_after = milliseconds(300);
@@ -475,7 +475,7 @@ TEST_F(AccessAtTwoServers, whoeverChangesItsOwnPasswordKeepsThatConnectionAlone)
   const auto changed = std::chrono::steady_clock::now();
   (void)textAtEnd(at_b);
   (void)textAtEnd(second);
-  // a server's own changes are told to it a second later
+  // a server is notified of its own changes a second later
   std::this_thread::sleep_until(changed + milliseconds(1'300));
   EXPECT_TRUE(isOpen(asks));
   EXPECT_TRUE(b().connect(personLogin("ines", "another horse battery")).ok());
@@ -485,12 +485,12 @@ TEST_F(AccessAtTwoServers, aLogInFromOnePlaceHasOneLineAnHourAtWhicheverServer) 
   start();
   const Principal ada{"ada", pb::ADMINISTRATOR, true, 7};
   for (RunningServer* server : {&a(), &b(), &a()})
-    ASSERT_TRUE(server->service().noteLogin(ada, "10.1.2.3").ok());
+    ASSERT_TRUE(server->service().notes().noteLogin(ada, "10.1.2.3").ok());
   EXPECT_EQ(sqlOf("SELECT count(*) FROM needlelab.audit WHERE action = 'log-in' AND detail LIKE '%10.1.2.3'"),
             "1");
 }
 
-// An erasure leaves a person's session under a pseudonym, and the row of the change has no name.
+// An erasure leaves a person's session under a pseudonym, and the change's row contains no name.
 TEST_F(AccessAtTwoServers, theNameOfWhoIsErasedAtOneIsInNoLiveStatusOfTheOther) {
   start();
   a().addUser("tina", pb::TRAINEE, "");
@@ -528,7 +528,7 @@ TEST_F(AccessAtTwoServers, theNameOfWhoIsErasedAtOneIsInNoLiveStatusOfTheOther) 
   EXPECT_EQ(shown(1), "tom");
 }
 
-// Somebody has changed the schema while the servers run.
+// Somebody changed the schema while the servers run.
 TEST_F(AccessAtTwoServers, aTriggerThatIsOffIsSaidAndAllAccountsAreLookedAtMeanwhile) {
   start([](ServerOptions& options) {
     options.metrics = "127.0.0.1:0";

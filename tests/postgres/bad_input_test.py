@@ -32,7 +32,7 @@ local  all   plain      trust
 
 
 class OldServer:
-    """Says that it is PostgreSQL 14, to whoever connects."""
+    """Claims to be PostgreSQL 14 to every client."""
 
     def __init__(self):
         self.listening = socket.create_server(("127.0.0.1", 0))
@@ -55,7 +55,7 @@ class OldServer:
 
         while True:
             length, code = struct.unpack(">II", peer.recv(8, socket.MSG_WAITALL))
-            if code not in (80877103, 80877104):  # wants TLS, or GSSAPI
+            if code not in (80877103, 80877104):  # requests TLS or GSSAPI
                 break
             peer.sendall(b"N")
         peer.recv(length - 8, socket.MSG_WAITALL)
@@ -66,7 +66,7 @@ class OldServer:
 
 
 class Programs:
-    """needlelab-server and needlelab-admin, and what they may not do."""
+    """needlelab-server and needlelab-admin, and what they must not do."""
 
     def __init__(self, bin_folder, scratch):
         self.bin, self.scratch = bin_folder, scratch
@@ -86,7 +86,7 @@ class Programs:
         return subprocess.run([str(a) for a in command], capture_output=True, text=True, timeout=90, check=False, env={**self.environment, **(environment or {})})
 
     def refused(self, what, data, url, words, code=2, environment=None):
-        """Both programs end with this code and one line that has these words."""
+        """Both programs end with this code and one line with these words."""
         for command in (self.server(data, url), self.add_user(data, url)):
             done = self.run(command, environment)
             said = done.stdout + done.stderr
@@ -103,7 +103,7 @@ class Programs:
 
     @contextlib.contextmanager
     def serving(self, data, url, environment=None):
-        """The server starts, and ends in order."""
+        """The server starts, and ends cleanly."""
         log = self.scratch / "server.log"
         with open(log, "w", encoding="utf-8") as out, subprocess.Popen([str(a) for a in self.server(data, url)], stdout=out, stderr=out,
                                                                        env={**self.environment, **(environment or {})}) as server:
@@ -118,7 +118,7 @@ class Programs:
             (self.scratch / port).unlink()
 
     def works(self, data, url, environment=None):
-        """The server starts and ends in order; no password is where others can look, nor in a file of the data folder."""
+        """The server starts and ends cleanly; no password is visible to others or in a file of the data folder."""
         with self.serving(data, url, environment) as server:
             places = {name: (pathlib.Path("/proc") / str(server.pid) / name).read_bytes() for name in ("cmdline", "environ")}
         log = self.scratch / "server.log"
@@ -128,12 +128,12 @@ class Programs:
             assert RIGHT.encode() not in content, f"{place} has the password"
 
     def health(self):
-        """Code and problems of the server that runs."""
+        """Code and problems of the running server."""
         status, text = fetched(self.scratch / "metrics", "/healthz")
         return status, json.loads(text)["problems"]
 
     def is_told(self, what, words):
-        """/healthz is 503 with a problem that has these words, soon."""
+        """/healthz soon returns 503 with a problem that has these words."""
         found = []
 
         def told():
@@ -149,7 +149,7 @@ class Programs:
 
     @contextlib.contextmanager
     def station_at_work(self, data):
-        """A station records, and tries again what is refused."""
+        """A station records, and retries what is refused."""
         command = [self.bin / "needlelab-load", "--stations", "1", "--seconds", "600", "--viewers", "0", "--server",
                    f"127.0.0.1:{(self.scratch / 'port').read_text().strip()}", "--ca", data / "tls/ca.crt", "--user", "ada", "--password-file",
                    self.scratch / "password", "--quiet"]
@@ -162,7 +162,7 @@ class Programs:
 
 
 def prepare(cluster):
-    """A database for each role that may have one: `own` of `owner`, `kept` of `keeper`, who has a password; `closed` of nobody of these."""
+    """A database for each role that may have one: `own` for `owner`, `kept` for `keeper`, who has a password; `closed` for neither."""
     cluster.make()
     cluster.sql("".join(f"CREATE ROLE {role} LOGIN;" for role in ROLES) + f"ALTER ROLE keeper PASSWORD '{RIGHT}'", "postgres")
     like = "TEMPLATE template0 ENCODING 'UTF8' LC_COLLATE 'C' LC_CTYPE 'C'"
@@ -177,11 +177,11 @@ def prepare(cluster):
 
 def addresses(programs, scratch):
     new = scratch / "new"
-    for url, words in (("mysql://lab", ["is no address of PostgreSQL", "postgresql://USER@HOST:5432/DATABASE"]),
+    for url, words in (("mysql://lab", ["is not a PostgreSQL address", "postgresql://USER@HOST:5432/DATABASE"]),
                        (f"postgresql://anna:{WRONG.replace(' ', '%20')}@127.0.0.1:1/lab", ["has a password", "passfile=FILE"]),
                        ("postgresql://anna@127.0.0.1:1/lab?sslmode=very", ["invalid sslmode value", "Look at the address"])):
         programs.refused("a wrong URL", new, url, words)
-    # no resolver can be asked everywhere; by the C library's own answer
+    # no resolver is available everywhere; by the C library's own answer
     name = "no-such-host.invalid"
     try:
         socket.getaddrinfo(name, 5432)
@@ -210,7 +210,7 @@ def access_and_rights(programs, scratch, cluster):
                      ["may not make the schema needlelab", "GRANT CREATE ON DATABASE closed TO plain"])
     cluster.sql("REVOKE CONNECT ON DATABASE closed FROM PUBLIC", "postgres")
     programs.refused("no right to connect", new, url("plain", "closed"), ["permission denied for database \"closed\""])
-    programs.refused("an encoding without order", new, url("owner", "bytes"), ["SQL_ASCII", "make it anew"])
+    programs.refused("an encoding without order", new, url("owner", "bytes"), ["SQL_ASCII", "create it again"])
 
     right, wrong = scratch / "right", scratch / "wrong"
     for file, word in ((right, RIGHT), (wrong, WRONG)):
@@ -222,7 +222,7 @@ def access_and_rights(programs, scratch, cluster):
     programs.works(kept, url("keeper", "kept", f"&passfile={right}"))
     programs.works(kept, url("keeper", "kept"), {"PGPASSFILE": str(right)})
     programs.refused("a wrong password of a lab in use", kept, url("keeper", "kept"), ["password authentication failed"], environment={"PGPASSFILE": str(wrong)})
-    # the server's own place is taken, for now
+    # the server's own connection slot is blocked for now
     cluster.sql("ALTER ROLE keeper CONNECTION LIMIT 0", "postgres")
     programs.refused("too many connections", kept, url("keeper", "kept"), ["too many connections for role"], 1, {"PGPASSFILE": str(right)})
     cluster.sql("ALTER ROLE keeper CONNECTION LIMIT -1", "postgres")
@@ -254,7 +254,7 @@ def schemas(programs, scratch, cluster):
 
 
 def exchange(cluster, name, other):
-    """Each of the two databases gets the other's name, and whoever is connected to one connects again."""
+    """Swaps the names of two databases, and makes their clients reconnect."""
     both = f"('{name}', '{other}')"
     cluster.sql(f"ALTER DATABASE {name} ALLOW_CONNECTIONS false; ALTER DATABASE {other} ALLOW_CONNECTIONS false", "postgres")
     end(cluster, both)
@@ -269,7 +269,7 @@ def end(cluster, databases):
 
 
 def while_it_runs(programs, scratch, cluster):
-    """What becomes wrong under a server that runs: it ends nothing, and stores and reads nothing that is not the lab's."""
+    """Faults that begin while a server runs: it does not end, and neither stores nor reads anything that is not the lab's."""
     own, url = scratch / "own", f"postgresql://owner@/own?host={cluster.folder}"
     done = programs.run(programs.add_user(own, url))
     assert done.returncode == 0, done.stderr

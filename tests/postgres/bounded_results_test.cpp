@@ -1,5 +1,5 @@
-// PostgreSQL's driver reads a result whole before its first row: what is read of a recording, a log or a list
-// is what was asked for, whatever there is behind it. And what a connection keeps at its server has bounds.
+// PostgreSQL's driver reads a result completely before its first row: from a recording, a log or a list only
+// the requested part is read, however much follows. And what a connection keeps at its server is bounded.
 #include <gtest/gtest.h>
 
 #include <fmt/core.h>
@@ -11,15 +11,15 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/files.h"
-#include "common/scoring/step_work.h"
-#include "db/audit.h"
-#include "db/audit_chain.h"
-#include "db/people.h"
-#include "db/reader_pool.h"
-#include "db/service/session_samples.h"
-#include "db/session_results.h"
-#include "tests/support/chunk_files.h"
+#include "common/base/files/files.h"
+#include "common/scoring/motion/recorded_samples.h"
+#include "db/audit/audit.h"
+#include "db/audit/audit_chain.h"
+#include "db/people/people.h"
+#include "db/service/scoring/session_samples.h"
+#include "db/sessions/session_results.h"
+#include "db/store/reader_pool.h"
+#include "tests/support/store/chunk_files.h"
 #include "tests/unit/db/test_db.h"
 
 namespace needlelab {
@@ -28,7 +28,7 @@ namespace {
 /// Rows and bytes of other, small answers: the session's row, the view.
 constexpr std::uint64_t kRowsBesides = 16, kBytesBesides = 16 << 10;
 
-/// What came over the connection while `work` ran.
+/// What the connection received while `work` ran.
 template <typename Work>
 ResultsSoFar cameDuring(Connection& connection, const Work& work) {
   const ResultsSoFar before = connection.results();
@@ -37,7 +37,7 @@ ResultsSoFar cameDuring(Connection& connection, const Work& work) {
   return {after.rows - before.rows, after.bytes - before.bytes, after.largest};
 }
 
-/// One session of chunks with noise in them, so that they are large.
+/// One session of chunks with noise, so that they are large.
 class BoundedResults : public testing::Test {
  protected:
   static constexpr std::uint64_t kChunks = 200;
@@ -70,7 +70,7 @@ class BoundedResults : public testing::Test {
   std::uint64_t largest_chunk = 0, all_bytes = 0;
 };
 
-// as the thief of a key sends them: each is stored on the writer
+// as the thief of a key sends them: each is stored through the writer
 TEST_F(BoundedResults, ofTheChunksThatCannotBeDecodedNoneIsReadForTheNext) {
   const auto refused = test::namedChunks(std::filesystem::path(NEEDLELAB_TEST_DATA) / "gesture/refused.tsv");
   ASSERT_FALSE(refused.empty());
@@ -108,7 +108,7 @@ TEST_F(BoundedResults, ofARecordingComesWhatWasAskedFor) {
                cameDuring(reader, [&] { EXPECT_GE(store.readChunks(id, 3, 1000, most_bytes)->size(), 4u); }),
                kChunks / 10, most_bytes);
 
-  // a hash in turns reads each chunk once, but for the one that each turn ends with
+  // hashing in turns reads each chunk once, except the one that ends a turn
   HashSoFar so_far;
   const std::uint64_t turn = 10 * largest_chunk;
   std::uint64_t turns = 0, rows = 0;
@@ -145,7 +145,7 @@ TEST_F(BoundedResults, ofARecordingComesWhatWasAskedFor) {
     EXPECT_FALSE(*all);
   });
   expectAtMost("a step of a score", step, 1, profile.size());
-  // the session's row and the chunk's, for each chunk; the view is the step's
+  // for each chunk the session's row and the chunk's; the view is the step's
   const std::uint64_t trips = reader.roundTrips();
   StepWork some(20'000);
   ASSERT_OK(reading.step(reader, some));
@@ -154,7 +154,7 @@ TEST_F(BoundedResults, ofARecordingComesWhatWasAskedFor) {
 }
 
 TEST_F(BoundedResults, whatIsMissingIsFoundAtTheEndsOfPiecesToo) {
-  constexpr std::uint64_t kAll = 600;  // a piece has 256 at most
+  constexpr std::uint64_t kAll = 600;  // a piece has at most 256
   record(kAll, 5);
   const std::set<std::uint64_t> missing = {0, 255, 256, 257, 300, 511, 599};
   for (const std::uint64_t seq : missing) ASSERT_OK(db.writer.run("DELETE FROM chunks WHERE seq = ?", seq));
@@ -197,7 +197,7 @@ TEST_F(BoundedResults, aListOfSessionsHasNoProfilesAndWhatItIsAskedFor) {
   EXPECT_LE(came.largest, (1u << 20) + 2 * kScore);
   EXPECT_LE(reader.roundTrips() - trips, 12u) << "not row by row";
 
-  // whoever has enough after some has not read the others
+  // a caller that stops early has not read the others
   constexpr std::size_t kTaken = 5;
   const auto some = cameDuring(reader, [&] {
     std::size_t taken = 0;
@@ -235,7 +235,7 @@ TEST_F(BoundedResults, ofASessionsRemarksComeThoseOfThePageOrTheOneThatIsSought)
       for (const StoredAnnotation& one : *page) EXPECT_GT(one.id, std::exchange(seen, one.id));
       after = AnnotationPlace{page->back().tick, page->back().id};
     });
-    // what is asked for next is at most twice what was asked for before
+    // the next request is at most twice the previous one
     EXPECT_LE(came.rows, 2 * kPage + kRowsBesides);
     EXPECT_LE(came.largest, (1u << 20) + 4 * kText);
   }
@@ -297,7 +297,7 @@ TEST_F(BoundedResults, thousandsOfTextsLeaveFewPreparedStatements) {
   EXPECT_LE(namesAt(db.writer), 256 + 8);
   EXPECT_GT(namesAt(db.writer), 200);
 
-  // within a transaction, between savepoints, too
+  // also within a transaction, between savepoints
   auto transaction = Transaction::begin(db.writer, Transaction::Kind::kWriteSoon);
   ASSERT_OK(transaction);
   for (int i = 0; i < 300; ++i) {
@@ -306,7 +306,7 @@ TEST_F(BoundedResults, thousandsOfTextsLeaveFewPreparedStatements) {
     const std::uint64_t before = db.writer.roundTrips();
     if (i % 3 == 0) {
       EXPECT_FALSE(db.writer.run(fmt::format("SELECT {} AS b FROM not_there", i)).ok());
-      continue;  // it is undone
+      continue;  // is undone
     }
     ask(fmt::format("SELECT {} AS c", i));
     EXPECT_EQ(db.writer.roundTrips() - before, 2u) << "to forget others has no round trip of its own";

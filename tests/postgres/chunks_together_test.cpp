@@ -1,5 +1,5 @@
-// What only PostgreSQL does with chunks. That they are stored as on SQLite:
-// tests/unit/db/append_many_test.cpp.
+// What only PostgreSQL does with chunks. tests/unit/db/sessions/append_many_test.cpp tests that they are
+// stored as on SQLite.
 #include <gtest/gtest.h>
 
 #include <deque>
@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "db/db_writer.h"
+#include "db/sessions/db_writer.h"
 #include "tests/unit/db/test_db.h"
 
 namespace needlelab {
@@ -33,7 +33,7 @@ TEST(ChunksTogether, aGroupWhoseConnectionIsLostIsRefusedAndStoredWhenItComesAga
   std::deque<Bytes> bytes;
   for (std::uint64_t seq = 0; seq < 20; ++seq) bytes.push_back(test::chunkOf(seq, 5));
   std::deque<Appended> outcomes(20);
-  int stored = 0, refused = 0;  // the writer's thread's
+  int stored = 0, refused = 0;  // used on the writer's thread
   const auto post = [&](DbWriter& writer) {
     for (std::uint64_t seq = 0; seq < 20; ++seq)
       ASSERT_OK(writer.postChunk({id, seq, bytes[seq], "station-1", &outcomes[seq]},
@@ -43,7 +43,7 @@ TEST(ChunksTogether, aGroupWhoseConnectionIsLostIsRefusedAndStoredWhenItComesAga
   post(writer);
   ASSERT_OK(writer.post(
       [](Connection& connection) {
-        // it ends this connection's own server, behind what has been stored in the transaction
+        // it ends this connection's own backend, after data were stored in the transaction
         (void)connection.run("SELECT pg_terminate_backend(pg_backend_pid())");
         return Status();
       },

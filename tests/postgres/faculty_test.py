@@ -32,7 +32,7 @@ def as_postgres(*arguments, environment=None, code=0):
 
 
 def localised(file, *replaced):
-    """The text of a file of deploy/faculty, for this machine."""
+    """The text of a file from deploy/faculty, adapted to this machine."""
     text = (FACULTY / file).read_text()
     for pattern, value in replaced:
         text, found = re.subn(pattern, value, text, flags=re.MULTILINE)
@@ -64,7 +64,7 @@ class Machine:
         self.give(file, 0o600)
 
     def configure(self):
-        """What every machine has: needlelab.conf and pg_hba.conf. initdb has tried which shared memory there is."""
+        """Common to all machines: needlelab.conf and pg_hba.conf. initdb has found out which shared memory is available."""
         config = self.data / "postgresql.conf"
         found = re.search(r"^dynamic_shared_memory_type = \w+", config.read_text() if config.exists() else "", re.M)
         self.write("postgresql.conf", f"""include_dir = 'conf.d'
@@ -78,7 +78,7 @@ shared_buffers = '32MB'
         self.write("conf.d/a-needlelab.conf", localised(
             "primary.conf", (r"^listen_addresses = .*", "listen_addresses = '127.0.0.1,127.0.1.1'"), (r"^shared_buffers.*", ""),
             ("/var/backups/needlelab-postgres", f"{self.scratch}/backups")))
-        # the socket has no user of the system's for each role here
+        # there is not a system user for each role here, so the socket cannot use them
         self.write("pg_hba.conf", localised("pg_hba.conf", (r"192\.0\.2\.\d+/32", "127.0.0.1/32"), (r"^local +all +postgres +peer", "local all postgres trust")))
 
     def follow(self, other):
@@ -96,7 +96,7 @@ shared_buffers = '32MB'
             as_postgres(f"{PG}/pg_ctl", "-D", self.data, "-w", "-m", mode, "stop")
 
     def sql(self, text):
-        """As the administrator; waits for no standby, as deploy/OPERATIONS.md says."""
+        """As the administrator; does not wait for a standby, as deploy/FACULTY.md says."""
         return run(f"{PG}/psql", "-XAtq", "-h", self.scratch, "-p", self.port, "-U", "postgres", "-v", "ON_ERROR_STOP=1", "-f", "-", text_in=text,
                    environment={"PGOPTIONS": "-c synchronous_commit=local"}).strip()
 
@@ -146,7 +146,7 @@ class Lab(Monitored):
         stop(self.server)
 
     def acks_of_a_station(self, name):
-        """A station of this name records two short sessions and delivers them: what each ack said, (committed, Safe)."""
+        """A station of this name records and delivers two short sessions; returns each ack's (committed, Safe)."""
         key, ledger = self.scratch / f"{name}.key", self.scratch / f"{name}.jsonl"
         self.admin("station", "add", name, "--out", key)
         run(self.bin / "needlelab-durability-station", "--server", f"127.0.0.1:{self.port}", "--ca", self.scratch / "ca.crt", "--key", key, "--spool",
@@ -171,7 +171,7 @@ class Lab(Monitored):
 
 
 def make_backup(lab, machine, scratch, *options, host="127.0.0.1", bin_folder=None, code=0):
-    """deploy/faculty/backup, as its timer runs it; the restored cluster is reached by the server through TCP."""
+    """Runs deploy/faculty/backup as its timer does; the server reaches the restored cluster over TCP."""
     port = free_port()
     settings = scratch / "restored.conf"
     settings.write_text(f"listen_addresses = '127.0.0.1'\nport = {port}\n")
@@ -183,7 +183,7 @@ def make_backup(lab, machine, scratch, *options, host="127.0.0.1", bin_folder=No
 
 
 def prepare(scratch):
-    """Certificate, passwords, and the folders of backups."""
+    """Certificate, passwords, and the backup folders."""
     run("openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "2", "-subj", "/CN=db",
         "-addext", "subjectAltName=IP:127.0.0.1,IP:127.0.1.1", "-keyout", scratch / "db.key", "-out", scratch / "db.crt")
     (scratch / "standby.pass").write_text(f"*:*:*:needlelab_standby:{PASSWORDS['needlelab_standby']}\n")
@@ -210,7 +210,7 @@ def start_both(a, b):
 
 
 def acks_without_two_disks(lab, machines):
-    """The same machines, but the lab did not ask for two disks: an ack makes nothing Safe, and there is no backup."""
+    """The same machines, but the lab did not request two disks: an ack makes nothing Safe, and there is no backup."""
     lab.start("power-cut")
     acks = lab.acks_of_a_station("one-disk")
     assert max(committed for committed, _ in acks) > 1 and all(safe == 0 for _, safe in acks), acks
@@ -220,7 +220,7 @@ def acks_without_two_disks(lab, machines):
 
 
 def acks_of_two_disks(lab):
-    """Safe = ack, without a backup: of what is stored now, and of what was before."""
+    """Safe = ack, without a backup: for data stored now, and for earlier data."""
     until(lambda: lab.metric("needlelab_unsafe_chunks") == 0, "no chunk is unsafe")
     acks = lab.acks_of_a_station("two-disks")
     assert max(committed for committed, _ in acks) > 1 and all(safe == committed for committed, safe in acks), acks
@@ -234,7 +234,7 @@ def lesson(lab, scratch, a, b):
     found = lab.health()
     assert found["ack_survives"] == "the loss of a disk", found
     assert lab.metric("needlelab_ack_survives") == 3
-    # neither without a password nor without TLS, and the server's role is not more than it must be
+    # neither without a password nor without TLS, and the server's role has no more rights than needed
     for conninfo in (f"host=127.0.0.1 port={a.port} user=needlelab dbname=needlelab sslmode=disable",
                      f"host=127.0.0.1 port={a.port} user=needlelab dbname=needlelab sslmode=require"):
         run(f"{PG}/psql", "-w", "-XAtqc", "SELECT 1", conninfo, code=2, environment={"PGPASSFILE": "/dev/null"})
@@ -243,16 +243,16 @@ def lesson(lab, scratch, a, b):
     acks_of_two_disks(lab)
     load = lab.load(4)
     until(lambda: lab.metric("needlelab_sessions_open") == 6, "all stations send")
-    # while stations send; the folder lies on the cluster's disk, or on one that is not known, also where the machine's name leads to 127.0.1.1
+    # while stations send; the folder is on the cluster's disk, or on an unknown one, also if the machine's name resolves to 127.0.1.1
     said = make_backup(lab, a, scratch, host="127.0.1.1")
     assert "made and verified" in said and re.search(r"^Safe +no$", said, re.MULTILINE), said
     lab.judge(load)
     assert lab.health()["backup_age_s"] is not None
     in_no_backup = "\\connect needlelab\nSELECT count(*) FROM needlelab.sessions WHERE safe_chunks < chunks"
     assert int(a.sql(in_no_backup)) > 0 and lab.metric("needlelab_unsafe_chunks") == 0
-    # of the standby: the primary is not held up. Every session was closed before
+    # on the standby: the primary is not held up. Every session was closed before
     until(lambda: a.sql("SELECT replay_lsn >= pg_current_wal_lsn() FROM pg_stat_replication") == "t", "b has replayed all")
-    # the clock was ahead for a moment: its backup is the older one all the same
+    # the clock was ahead for a moment: its backup is still the older one
     ahead = scratch / "backups/base-20991231T235959Z"
     next((scratch / "backups").glob("base-*")).rename(ahead)
     said = make_backup(lab, b, scratch, "--keep", "1", "--counts-as-safe")
@@ -277,7 +277,7 @@ def crc32c(data):
 
 
 def damaged_chunk(a):
-    """An open session of which a station sealed a chunk that nobody can decode (common/gesture/FORMAT.md), as the server stores it."""
+    """An open session with a sealed but undecodable chunk (common/gesture/FORMAT.md), as the server stores it."""
     sealed = b"NLGC" + bytes([1, 2]) + struct.pack("<HQQqqI", 9, 0, 9, 0, 1_000_000, 0) + bytes(range(200))
     sealed += struct.pack("<I", crc32c(sealed))
     columns = a.sql("\\connect needlelab\nSELECT string_agg(column_name, ', ') FROM information_schema.columns WHERE table_schema = 'needlelab'"
@@ -292,7 +292,7 @@ INSERT INTO quarantined_chunks SELECT number, 0, 'test' FROM sessions WHERE stat
 
 
 def backups_go_on(lab, scratch, a):
-    """A station's damaged chunk and an erasure are no reason to keep no backup; what a killed backup leaves goes with the next one."""
+    """A station's damaged chunk and an erasure do not prevent backups; the next one removes the leftovers of a killed one."""
     damaged_chunk(a)
     lab.admin("user", "add", "otto", "--role", "trainee")
     lab.admin("person", "erase", "otto", "--confirm", "otto")
@@ -327,14 +327,14 @@ def standby_lost(lab, a, b):
 
 
 def promoted(lab, a, b):
-    """deploy/OPERATIONS.md, "The primary is lost", step by step, while stations send."""
+    """deploy/FACULTY.md, "The primary is lost", step by step, while stations send."""
     load = lab.load(8)
     until(lambda: lab.metric("needlelab_sessions_open") == 6, "all stations send")
     a.stop("immediate")
     as_postgres(f"{PG}/pg_ctl", "-D", b.data, "-w", "promote")
     # before its first checkpoint pg_rewind finds nothing to do
     b.sql("CHECKPOINT; SELECT pg_create_physical_replication_slot('a')")
-    # the old primary may have what nobody acknowledged
+    # the old primary may have data that were never acknowledged
     said = as_postgres(f"{PG}/pg_rewind", "--target-pgdata", a.data, "--source-server", b.standby_conninfo() + " dbname=postgres")
     assert "no rewind required" not in said, said
     a.configure()
@@ -348,7 +348,7 @@ def promoted(lab, a, b):
 
 
 def restored(b, scratch):
-    """deploy/OPERATIONS.md, "Restore": the base backup from before the promotion, and the archive across it."""
+    """deploy/FACULTY.md, "Restore": the base backup from before the promotion, and the archive across it."""
     wal = b.sql("SELECT pg_walfile_name(pg_switch_wal())")
     until(lambda: b.sql(f"SELECT coalesce(max(last_archived_wal), '') >= '{wal}' FROM pg_stat_archiver") == "t", "the log is archived")
     r = Machine("r", scratch)

@@ -41,7 +41,7 @@ class Lab(Monitored):
         return self.clusters[-1]
 
     def start(self, cluster):
-        """Returns whether the log of this start says that something is missing."""
+        """Returns whether the log of this start reports missing data."""
         files = [self.scratch / "port", self.metrics_file]
         with open(self.log, "w", encoding="utf-8") as log:
             self.server = start(
@@ -52,7 +52,7 @@ class Lab(Monitored):
         return bool(said)
 
     def number(self):
-        """What the folder says; 0: nothing yet."""
+        """The folder's number; 0: nothing yet."""
         file = self.data / "acknowledged"
         if not file.exists():
             return 0
@@ -68,7 +68,7 @@ class Lab(Monitored):
             "administrator", "--password-file", self.password)
 
     def wait_for_acks(self):
-        """Something is stored, and the folder knows."""
+        """Waits until something is stored and the folder has recorded it."""
         before = self.number()
         self.stations += 1
         run(self.bin / "needlelab-admin", "--server", f"127.0.0.1:{(self.scratch / 'port').read_text().strip()}", "--ca", self.data / "tls/ca.crt", "--user",
@@ -83,7 +83,7 @@ class Lab(Monitored):
         stop(self.server)
 
     def says(self, wanted, what):
-        """That of /healthz and the metrics, too."""
+        """Also checks /healthz and the metrics."""
         problems = [text for text in self.health()["problems"] if LACKS in text]
         assert bool(problems) == wanted, f"{what}: {problems}"
         said = self.metric("needlelab_acknowledged_missing")
@@ -103,7 +103,7 @@ def older_copy(lab, a):
     lab.wait_for_acks()
     lab.kill()
     assert lab.number() > at_copy
-    # also after a kill between the commit and the file, the database has more than the folder, never less
+    # also after a kill between the commit and the file, the database has at least what the folder says
     stored = int(a.sql("SELECT value FROM needlelab.meta WHERE key = 'acknowledged'"))
     assert stored >= lab.number(), (stored, lab.number())
     a.stop()
@@ -120,7 +120,7 @@ def older_copy(lab, a):
 
 
 def lagging_standby(lab, a):
-    """`a` is stopped, and the folder knows more than it has: that is said once, too."""
+    """`a` is stopped, and the folder has recorded more than it has: also reported once."""
     a.start()
     assert lab.start(a), "what was stored in the older copy is not here"
     b = lab.cluster("b")
@@ -145,7 +145,7 @@ def lagging_standby(lab, a):
     lab.stop()
     assert not lab.start(b)
     lab.stop()
-    # a file of something else is not read over
+    # an invalid file is not silently ignored
     (lab.data / "acknowledged").write_text("lab = x\nnumber = many\n", encoding="ascii")
     said = subprocess.run([lab.bin / "needlelab-admin", "--data", lab.data, "check"], capture_output=True, text=True, timeout=60, check=False)
     assert said.returncode == 2 and "acknowledged: is not as needlelab-server writes it" in said.stderr, said

@@ -1,4 +1,4 @@
-// The engine on a cluster that tests/postgres/cluster has started; NEEDLELAB_TEST_POSTGRES names it.
+// The engine on a cluster started by tests/postgres/cluster; NEEDLELAB_TEST_POSTGRES names it.
 #include "db/engine/postgres.h"
 
 #include <gmock/gmock.h>
@@ -32,7 +32,7 @@ std::string urlOf(const std::string& database) {
   return std::string(cluster) + " dbname=" + database;
 }
 
-/// A database of its own, with the table `kinds`.
+/// A separate database with the table `kinds`.
 class PostgresEngine : public testing::Test {
  protected:
   PostgresEngine() : control_(connect("postgres")) {
@@ -100,7 +100,7 @@ TEST_F(PostgresEngine, keepsValuesOfEveryKind) {
               insert->bind(3, std::string_view()).ok() && insert->bind(4, ByteView()).ok());
   EXPECT_FALSE(*insert->step());
   insert->reset();
-  // what is not bound is NULL
+  // unbound parameters are NULL
   ASSERT_TRUE(insert->bind(1, std::int64_t{1}).ok() && insert->bindNull(2).ok());
   EXPECT_FALSE(*insert->step());
 
@@ -216,7 +216,7 @@ TEST_F(PostgresEngine, savepointsThatGoWithTheNextStatementTakeBackWhatCameSince
   must(db->savepoint());
   must(add(1));
   must(db->releaseSavepoint());
-  must(db->savepoint());  // goes with the release before it
+  must(db->savepoint());  // removed by the earlier release
   must(add(2));
   EXPECT_FALSE(add(1).ok());
   EXPECT_FALSE(db->releaseSavepoint().ok()) << "its statement has failed";
@@ -236,7 +236,7 @@ TEST_F(PostgresEngine, savepointsThatGoWithTheNextStatementTakeBackWhatCameSince
   EXPECT_EQ(count(), 2);
   must(db->commit());
   EXPECT_EQ(count(), 2);
-  // a transaction that has failed, or is gone, takes none
+  // a transaction that failed or is gone does not allow one
   must(db->begin(EngineConnection::Begin::kWrite));
   EXPECT_FALSE(add(1).ok());
   EXPECT_FALSE(db->savepoint().ok());
@@ -296,12 +296,12 @@ TEST_F(PostgresEngine, aTransactionThatBeginsSoonBeginsWithItsFirstStatementInOn
     must(addSoon(id));
     must(db->releaseSavepoint());
     must(db->commit());
-    // the first time, the statements are prepared
+    // the first time the statements are prepared
     EXPECT_EQ(db->roundTrips() - before, id == 1 ? 3u : 2u);
   }
   EXPECT_EQ(count(), 3);
 
-  // nobody else writes meanwhile
+  // no other writes in the meantime
   must(db->begin(soon));
   must(addSoon(4));
   const std::string held =
@@ -313,7 +313,7 @@ TEST_F(PostgresEngine, aTransactionThatBeginsSoonBeginsWithItsFirstStatementInOn
   EXPECT_EQ(number(*control_, held), 0);
   EXPECT_FALSE(db->inTransaction());
   EXPECT_EQ(count(), 3);
-  // one that asks nothing begins with its end, and is safe then
+  // without statements it only begins when it ends, and is safe then
   must(db->begin(soon));
   must(db->commit());
   must(db->begin(soon));
@@ -340,9 +340,9 @@ TEST_F(PostgresEngine, theWritersLockIsTheTableWhereThereIsOne) {
   };
   EXPECT_EQ(heldWithin(), "advisory ExclusiveLock");
   must(db->script(std::string("CREATE TABLE ") + kWriterTable + " (version BIGINT)"));
-  // from the second one on it is known to be there
+  // from the second one on it is known to exist
   for (int i = 0; i < 3; ++i) EXPECT_EQ(heldWithin(), "relation ExclusiveLock");
-  // somebody else takes it away
+  // somebody else drops it
   must(connect(name_)->script(std::string("DROP TABLE ") + kWriterTable));
   const Status refused = db->begin(EngineConnection::Begin::kWrite);
   ASSERT_FALSE(refused.ok());
@@ -367,7 +367,7 @@ TEST_F(PostgresEngine, theSavepointAtItsBeginningTakesBackTheTransactionAndItGoe
   must(db->savepoint());
   must(add(3));
   must(db->releaseSavepoint());
-  must(db->savepoint());  // one like any other
+  must(db->savepoint());  // an ordinary one
   must(add(4));
   must(db->undoSavepoint());
   EXPECT_EQ(count(), 1);
@@ -489,8 +489,8 @@ TEST_F(PostgresEngine, aViewDoesNotChangeAndAReaderChangesNothing) {
   EXPECT_FALSE(run(*reader, "DELETE FROM kinds").ok());
 }
 
-// each adds one to the number that it has read: without the lock one of two is lost
-// The finding: with the address of a faculty, whose primary is one of two hosts, nobody could read.
+// each adds one to the number it read: without the lock one of the two is lost
+// The finding: with a faculty's address, whose primary is one of two hosts, readers could not connect.
 TEST_F(PostgresEngine, aReaderFindsThePrimaryByTheSameAddressAsTheWriter) {
   auto opened = openPostgres({.url = urlOf(name_) + " target_session_attrs=read-write", .read_only = true});
   ASSERT_TRUE(opened.ok()) << opened.error().message;
@@ -551,7 +551,7 @@ TEST_F(PostgresEngine, aLostConnectionLosesItsTransactionAndTheNextOneConnectsAg
   EXPECT_FALSE(db->damaged());
 }
 
-// else its later reads would be of another time than the first
+// otherwise its later reads would show another time than the first
 TEST_F(PostgresEngine, aLostViewIsNotGoneOnWithOnANewConnection) {
   must(add(1));
   must(db->begin(EngineConnection::Begin::kView));
@@ -601,7 +601,7 @@ TEST_F(PostgresEngine, aCommitWithoutAnAnswerIsAskedForAndNeverGuessed) {
   EXPECT_EQ(count(), 0);
 }
 
-// The finding: a second host of the address with another lab, or an older backup, was taken as it came.
+// The finding: a second host in the address, with another lab or an older backup, was accepted.
 TEST_F(PostgresEngine, connectsAgainToTheDatabaseOfItsLabOnly) {
   must(
       db->script("CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);"
@@ -714,7 +714,7 @@ TEST_F(PostgresEngine, whoWorksAloneAndWhoWorksTogetherKeepEachOtherOut) {
   EXPECT_EQ(alone.error().code, ErrorCode::kUnavailable);
   EXPECT_THAT(alone.error().message, HasSubstr("end it (each, where servers work together)"));
 
-  // as long as any of them is there
+  // while any of them exists
   first->reset();
   EXPECT_FALSE(openPostgres(beside(url, Others::kNone)).ok());
   second->reset();
@@ -732,7 +732,7 @@ TEST_F(PostgresEngine, afterAReconnectionAServerIsAloneOrTogetherAsBefore) {
   };
   auto first = openPostgres(beside(url, Others::kTogether, "a"));
   ASSERT_TRUE(first.ok()) << first.error().message;
-  // while it does what wants the database for itself, it gets it back for itself only
+  // during work that needs exclusive access it reconnects only with exclusive access
   cut(**first);
   {
     const auto intruder = openPostgres(beside(url, Others::kTogether, "b"));
@@ -753,7 +753,7 @@ TEST_F(PostgresEngine, afterAReconnectionAServerIsAloneOrTogetherAsBefore) {
   EXPECT_FALSE(openPostgres(beside(url, Others::kNone)).ok());
 }
 
-// a server that is stopped (SIGSTOP) within a transaction must not keep the others waiting
+// a server stopped (SIGSTOP) within a transaction must not block the others
 TEST_F(PostgresEngine, aTransactionOfAProgramThatIsStoppedEndsAndStoresNothing) {
   must(db->script("CREATE TABLE schema_version (version BIGINT NOT NULL)"));
   const auto open = [&](std::chrono::milliseconds most_idle) {
@@ -766,7 +766,7 @@ TEST_F(PostgresEngine, aTransactionOfAProgramThatIsStoppedEndsAndStoresNothing) 
   const auto stopped = open(std::chrono::milliseconds(300)), other = open(std::chrono::seconds(30));
   must(stopped->begin(EngineConnection::Begin::kWrite));
   must(run(*stopped, "INSERT INTO kinds (id) VALUES (1)"));
-  // waits for the lock of the store until PostgreSQL has ended the other transaction
+  // waits for the store's lock until PostgreSQL has ended the other transaction
   must(other->begin(EngineConnection::Begin::kWrite));
   must(run(*other, "INSERT INTO kinds (id) VALUES (2)"));
   must(other->commit());
@@ -776,11 +776,11 @@ TEST_F(PostgresEngine, aTransactionOfAProgramThatIsStoppedEndsAndStoresNothing) 
   EXPECT_THAT(late.error().message, HasSubstr("nothing was stored"));
   EXPECT_EQ(number(*db, "SELECT count(*) FROM kinds WHERE id = 1"), 0);
   EXPECT_EQ(number(*db, "SELECT count(*) FROM kinds WHERE id = 2"), 1);
-  // and goes on
+  // and continues
   must(stopped->begin(EngineConnection::Begin::kWrite));
   must(run(*stopped, "INSERT INTO kinds (id) VALUES (3)"));
   must(stopped->commit());
-  // the same between two statements: the transaction went with the connection
+  // the same between two statements: the transaction ended with the connection
   must(stopped->begin(EngineConnection::Begin::kWrite));
   must(run(*stopped, "INSERT INTO kinds (id) VALUES (4)"));
   must(other->begin(EngineConnection::Begin::kWrite));
@@ -792,7 +792,7 @@ TEST_F(PostgresEngine, aTransactionOfAProgramThatIsStoppedEndsAndStoresNothing) 
   EXPECT_EQ(number(*db, "SELECT count(*) FROM kinds"), 2);
 }
 
-// --- notices, and what is written beside the writer
+// --- notices, and writes beside the writer
 
 TEST_F(PostgresEngine, aNoticeIsHeardOnceItIsCommittedAndOnlyOnItsChannel) {
   const auto listener = connect(otherName(), true);
@@ -813,7 +813,7 @@ TEST_F(PostgresEngine, aNoticeIsHeardOnceItIsCommittedAndOnlyOnItsChannel) {
   EXPECT_THAT(heard(50), ElementsAre()) << "not before the COMMIT";
   must(db->commit());
   EXPECT_THAT(heard(60'000), ElementsAre("one", "two"));
-  // one that comes with the answer to a statement is kept
+  // one that arrives with the answer to a statement is kept
   must(run(*db, "SELECT pg_notify('told', 'three')"));
   EXPECT_EQ(number(*listener, "SELECT 7"), 7);
   EXPECT_THAT(heard(60'000), ElementsAre("three"));
@@ -844,7 +844,7 @@ TEST_F(PostgresEngine, aConnectionThatEndedWhileNobodyUsedItCostsNobodyAnError) 
     EXPECT_EQ(number(*pooled, "SELECT 7"), 7);
     must(pooled->commit());
     EXPECT_EQ(pooled->timesConnected(), connected + 1);
-    // not one that is lost within a transaction
+    // but not one lost within a transaction
     must(pooled->begin(kind));
     EXPECT_EQ(number(*pooled, "SELECT 7"), 7);
     const std::string again = std::to_string(number(*pooled, "SELECT pg_backend_pid()"));
@@ -925,7 +925,7 @@ TEST_F(PostgresEngine, noOtherRoleOfTheClusterKeepsAWriterWaiting) {
   must(control_->script("DROP ROLE " + role));
 }
 
-// As kDenied it would be a wrong password of whoever logs in meanwhile.
+// kDenied would be shown as a wrong password to users logging in at that time.
 TEST_F(PostgresEngine, aUserWhoMayNoLongerConnectIsAnOutageOfAConnectionThatWas) {
   const std::string role = otherName() + "_role";
   must(control_->script("DROP ROLE IF EXISTS " + role + "; CREATE ROLE " + role + " LOGIN"));

@@ -1,5 +1,5 @@
-// Both engines have the same schema, as far as PostgreSQL can tell: what SQLite's catalogue says is made
-// there, too, and PostgreSQL writes both down. And each CHECK refuses on both engines what it is there for.
+// Both engines have the same schema, as far as PostgreSQL can tell: SQLite's catalogue is recreated there,
+// and PostgreSQL describes both. And each CHECK refuses on both engines what it is meant to refuse.
 #include <gmock/gmock.h>
 
 #include <map>
@@ -8,16 +8,15 @@
 #include <string>
 #include <vector>
 
-#include "db/postgres_schema.h"
-#include "db/schema.h"
-#include "tests/support/postgres_database.h"
+#include "db/store/postgres_schema.h"
+#include "db/store/schema.h"
+#include "tests/support/store/postgres_database.h"
 #include "tests/unit/db/test_db.h"
 
 namespace needlelab::test {
 namespace {
 
-/// What PostgreSQL has in a schema, in its own words: columns with type, NULL, default and order of texts,
-/// constraints, indexes.
+/// A schema described by PostgreSQL: columns with type, NULL, default and collation, constraints, indexes.
 constexpr const char* kCatalogue = R"sql(
 WITH tables AS (SELECT c.oid, c.relname FROM pg_class c JOIN pg_namespace n ON n.oid = c.relnamespace
  WHERE n.nspname = ?1 AND c.relkind = 'r' AND c.relname NOT IN ('last_numbers', 'schema_version'))
@@ -32,9 +31,8 @@ UNION ALL SELECT concat_ws(' ', 'constraint', t.relname, pg_get_constraintdef(k.
 UNION ALL SELECT replace(pg_get_indexdef(i.indexrelid), ?1 || '.', '') FROM tables t JOIN pg_index i ON i.indrelid = t.oid
 )sql";
 
-/// A definition of SQLite's catalogue as PostgreSQL takes it. The last two are sessions_by_verdict, whose
-/// expression wants parentheses of its own there, and which ends, as each index of SQLite does by itself,
-/// with the row's number.
+/// A definition from SQLite's catalogue in PostgreSQL's syntax. The last two are sessions_by_verdict, whose
+/// expression needs its own parentheses there, and which, like any SQLite index, ends with the row's number.
 std::string forPostgresCatalogue(std::string sql) {
   const std::pair<const char*, const char*> replaced[] = {
       {"--[^\n]*", ""},
@@ -56,7 +54,7 @@ class SameCatalogue : public testing::Test {
     EXPECT_OK(sqlite.script("PRAGMA query_only=OFF; PRAGMA foreign_keys=ON"));
     for (const EmbeddedFile& file : embeddedMigrations()) EXPECT_OK(sqlite.script(std::string(file.text)));
   }
-  /// Makes what SQLite's catalogue says, in the schema `like_sqlite`.
+  /// Creates what SQLite's catalogue describes, in the schema `like_sqlite`.
   void makeLikeSqlite() {
     ASSERT_OK(postgres.script("CREATE SCHEMA like_sqlite; SET search_path TO like_sqlite"));
     auto waiting = TestDb::must(
@@ -64,7 +62,7 @@ class SameCatalogue : public testing::Test {
             .prepare("SELECT sql FROM sqlite_schema WHERE type IN ('table', 'index') AND sql IS NOT NULL"
                      " AND name NOT LIKE 'sqlite%'")
             .all(firstText));
-    // each behind what it refers to
+    // each after what it refers to
     for (std::size_t before = 0; !waiting.empty() && before != waiting.size();) {
       before = waiting.size();
       std::erase_if(waiting,
@@ -74,7 +72,7 @@ class SameCatalogue : public testing::Test {
                                  << postgres.script(forPostgresCatalogue(waiting.front())).error().message;
   }
   static std::multiset<std::string> catalogueOf(Connection& connection, const std::string& schema) {
-    // what is in this schema is written without its name
+    // objects in this schema are written without its name
     EXPECT_OK(connection.script("SET search_path TO " + schema));
     const auto lines = TestDb::must(connection.query(kCatalogue, schema).all(firstText));
     EXPECT_OK(connection.script("SET search_path TO needlelab"));
@@ -114,7 +112,7 @@ TEST_F(SameCatalogue, columnsDefaultsConstraintsAndIndexesAreTheSame) {
 
 // --- one row for each CHECK
 
-/// A column's value in rows that nothing refuses, where it is not 1, 1.0, 'x' or 32 bytes.
+/// A column's value in valid rows, where it is not 1, 1.0, 'x' or 32 bytes.
 const std::map<std::string, std::string> kRightValues = {{"sessions.number", "9"},
                                                          {"sessions.id", "zeroblob(16)"},
                                                          {"sessions.station", "'s'"},
@@ -133,7 +131,7 @@ const std::map<std::string, std::string> kRightValues = {{"sessions.number", "9"
 
 struct WrongRow {
   const char* table;
-  std::map<std::string, std::string> values;  ///< of these columns, by which one CHECK refuses it
+  std::map<std::string, std::string> values;  ///< values of these columns that one CHECK refuses
 };
 const std::vector<WrongRow> kWrongRows = {
     {"people", {{"uuid", "zeroblob(15)"}}},
@@ -211,7 +209,7 @@ const std::vector<WrongRow> kWrongRows = {
 class SameChecks : public SameCatalogue {
  protected:
   SameChecks() {
-    // what the rows refer to
+    // the rows that others refer to
     for (Connection* db : {&sqlite, &postgres}) {
       EXPECT_OK(
           db->run("INSERT INTO people (uuid, role, created_unix_ns, changed_unix_ns) VALUES (?, 1, 1, 1)",
@@ -231,7 +229,7 @@ class SameChecks : public SameCatalogue {
                      " VALUES (2, 0, zeroblob(32), '', 1, 1)"));
     }
   }
-  /// An INSERT of a row with right values, but for these.
+  /// An INSERT of a valid row, except for these values.
   std::string insertOf(const std::string& table, const std::map<std::string, std::string>& but) {
     std::map<std::string, std::string> values;
     auto columns = sqlite.query(
@@ -252,7 +250,7 @@ class SameChecks : public SameCatalogue {
     }
     return "INSERT INTO " + table + " (" + names + ") VALUES (" + all + ")";
   }
-  /// What stands behind `before` in a refusal, up to `end`.
+  /// The part of a refusal after `before`, up to `end`.
   static std::string part(const std::string& message, const std::string& before, const std::string& end) {
     const std::size_t at = message.find(before);
     if (at == std::string::npos) return "";

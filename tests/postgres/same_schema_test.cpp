@@ -1,5 +1,5 @@
-// What the schema on PostgreSQL does as SQLite's, and what a start refuses in it. Columns, constraints and
-// indexes: same_catalogue_test.cpp.
+// The schema's behaviour on PostgreSQL, equal to SQLite's, and what a start refuses in it. Columns,
+// constraints and indexes: same_catalogue_test.cpp.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "db/connection.h"
 #include "db/engine/open_postgres.h"
-#include "db/postgres_schema.h"
-#include "db/schema.h"
+#include "db/store/connection.h"
+#include "db/store/postgres_schema.h"
+#include "db/store/schema.h"
 
 namespace needlelab {
 namespace {
@@ -59,11 +59,12 @@ class SameSchema : public testing::Test {
 TEST_F(SameSchema, whatSomebodyPutIntoItOrChangedIsNamed) {
   Connection connection(connect(name_), "lab");
   const auto faults = [&] {
-    auto found = postgresSchemaFaults(connection);
+    auto found = postgresSchemaFaults(connection, kMaxSchemaFaults);
     if (!found) throw std::runtime_error(found.error().message);
     return *found;
   };
-  EXPECT_EQ(faults(), std::vector<std::string>()) << "db/postgres_objects.cpp has what the migrations make";
+  EXPECT_EQ(faults(), std::vector<std::string>())
+      << "db/store/postgres_objects.cpp has what the migrations make";
   struct Change {
     const char *sql, *named, *undo;
   };

@@ -1,4 +1,4 @@
-// Two servers on one database, over TLS: a station that logs in at one of them is the other one's no more.
+// Two servers on one database, over TLS: when a station logs in at one of them, the other loses it.
 #include <gmock/gmock.h>
 #include <unistd.h>
 
@@ -10,10 +10,10 @@
 #include <stdexcept>
 
 #include "client/admin/app.h"
-#include "common/base/uuid.h"
-#include "db/schema.h"
-#include "db/session_store.h"
-#include "db/station_claims.h"
+#include "common/base/text/uuid.h"
+#include "db/sessions/session_store.h"
+#include "db/sessions/station_claims.h"
+#include "db/store/schema.h"
 #include "tests/unit/server/live/running_server.h"
 
 namespace needlelab::test {
@@ -26,11 +26,11 @@ void together(ServerOptions& options) {
   options.erasures_every = std::chrono::milliseconds(100);
 }
 
-/// Server `a`, which made the database, and `b`, whose folder was made from a's while that ran.
+/// Server `a`, which created the database, and `b`, whose folder was made from a's while a ran.
 class TwoServers : public testing::Test {
  protected:
   TwoServers() {
-    // what a server's start wants its certificate for: the same machine is both servers'
+    // the names that a server's start requires in its certificate: both servers are on this machine
     std::array<char, 256> machine{};
     (void)gethostname(machine.data(), machine.size() - 1);
     const std::string folder = dataOfB().string(), from = (a.folder() / "data").string();
@@ -43,7 +43,7 @@ class TwoServers : public testing::Test {
     b.emplace([this](ServerOptions& options) {
       together(options);
       options.data = dataOfB();
-      // the folder says where the database is
+      // the folder contains the database's address
       options.store_url = readStoreFile(options.data)->value().url;
     });
     key = a.addStation("bench-1");
@@ -59,7 +59,7 @@ class TwoServers : public testing::Test {
     ASSERT_TRUE(client.send(session.open()).ok());
     (void)waitFor(client, [](const pb::Envelope& e) { return e.has_session_opened(); });
   }
-  /// Everything until the server closes.
+  /// Everything received until the server closes.
   static std::vector<pb::Envelope> untilClosed(BlockingClient& client) {
     std::vector<pb::Envelope> all;
     for (;;) {
@@ -75,7 +75,8 @@ class TwoServers : public testing::Test {
     const auto there = row.step();
     return there && *there ? row.integer(0) : -1;
   }
-  /// What comes by this connection is refused for good, and nothing is acknowledged beyond `acked` chunks.
+  /// Expects that everything from this connection is refused for good, and nothing is acknowledged beyond
+  /// `acked` chunks.
   static void expectDeposed(BlockingClient& client, std::uint64_t acked) {
     std::size_t deposed = 0;
     for (const pb::Envelope& envelope : untilClosed(client)) {
@@ -111,7 +112,7 @@ TEST_F(TwoServers, aStationThatLogsInElsewhereGoesOnThere) {
   ASSERT_TRUE(now.send(session.chunk(1)).ok());
   session.waitForAck(now, 2);
 
-  // what was on its way to the first one: known there already, and the next one
+  // in transit to the first one: one already known there, and the next one
   ASSERT_TRUE(old.send(session.chunk(1)).ok());
   ASSERT_TRUE(old.send(session.chunk(2)).ok());
   expectDeposed(old, 1);
@@ -125,7 +126,7 @@ TEST_F(TwoServers, aStationThatLogsInElsewhereGoesOnThere) {
   EXPECT_EQ(rows("SELECT count(*) FROM chunks"), 3);
   EXPECT_EQ(rows("SELECT epoch FROM station_claims WHERE station = 'bench-1' AND server = 'b'"), 2);
 
-  // and comes back
+  // and moves back
   BlockingClient back = logIn(a);
   FakeSession next("bench-1");
   open(back, next);
@@ -159,7 +160,7 @@ TEST_F(TwoServers, aClockOffsetByTheOlderLogInIsNotStored) {
     ASSERT_TRUE(client.send(envelope).ok());
   };
   offsetOf(old, 7);
-  // behind it in the same queue
+  // after it in the same queue
   ASSERT_TRUE(old.send(session.chunk(0)).ok());
   expectDeposed(old, 0);
   EXPECT_EQ(rows("SELECT count(*) FROM sessions WHERE clock_offset_ns IS NOT NULL"), 0);

@@ -1,15 +1,15 @@
 // A lab whose database is on PostgreSQL: which folder may serve which database.
-#include "db/store_address.h"
+#include "db/store/store_address.h"
 
 #include <gmock/gmock.h>
 
 #include <fstream>
 
-#include "common/base/files.h"
-#include "db/people.h"
-#include "db/schema.h"
-#include "db/service/bootstrap.h"
-#include "tests/support/postgres_database.h"
+#include "common/base/files/files.h"
+#include "db/people/people.h"
+#include "db/service/start/bootstrap.h"
+#include "db/store/schema.h"
+#include "tests/support/store/postgres_database.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/db/test_db.h"
 
@@ -27,7 +27,7 @@ class StoreOnPostgres : public testing::Test {
     options.least_durability = least;
     return Store::open(folder.path() / name, options);
   }
-  /// The message of a start that must be refused as wrong input.
+  /// The message of a start that must be refused as invalid input.
   std::string refusal(const std::string& name, const std::string& at) {
     auto store = open(name, at);
     if (store) return "it was opened";
@@ -92,10 +92,10 @@ TEST_F(StoreOnPostgres, anotherLabsDatabaseIsRefused) {
   ASSERT_OK(open("other", other));
   EXPECT_THAT(refusal("lab", other), HasSubstr("check the address"));
   EXPECT_EQ((*readStoreFile(folder.path() / "lab"))->url, url) << "nothing was changed";
-  // a folder without the keys of the lab
+  // a folder without the lab's keys
   EXPECT_THAT(refusal("new", url), HasSubstr("keys are in another folder"));
   EXPECT_FALSE(std::filesystem::exists(folder.path() / "new" / kStoreFile));
-  // an empty database in the place of the lab's
+  // an empty database instead of the lab's
   EXPECT_THAT(refusal("lab", postgresUrlOf(folder.path() / "three")), HasSubstr("is new"));
 }
 
@@ -109,7 +109,7 @@ TEST_F(StoreOnPostgres, aFolderWithItsOwnDatabaseKeepsIt) {
 
 TEST_F(StoreOnPostgres, wrongAddressesAreNamedWithoutTheirPassword) {
   for (const auto& [wrong, words] : {std::pair{"postgresql://anna:hush@127.0.0.1:1/lab", "has a password"},
-                                     std::pair{"mysql://lab", "is no address of PostgreSQL"}}) {
+                                     std::pair{"mysql://lab", "is not a PostgreSQL address"}}) {
     const std::string message = refusal("new", wrong);
     EXPECT_THAT(message, HasSubstr(words));
     EXPECT_THAT(message, testing::Not(HasSubstr("hush")));

@@ -1,12 +1,13 @@
-// Copies of a whole store between the two engines: every row as it was, however often the copy is killed.
-#include "db/store_copy.h"
+// Copies of a whole store between the two engines: every row stays the same, however often the copy is
+// killed.
+#include "db/backup/store_copy.h"
 
 #include <gmock/gmock.h>
 
-#include "common/base/files.h"
-#include "db/attempt_sums.h"
-#include "db/check.h"
-#include "db/copied_tables.h"
+#include "common/base/files/files.h"
+#include "db/backup/check.h"
+#include "db/backup/copied_tables.h"
+#include "db/teaching/attempt_sums.h"
 #include "tests/unit/db/dump.h"
 #include "tests/unit/db/test_db.h"
 
@@ -35,7 +36,7 @@ class StoreCopyTest : public testing::Test {
                                Connection::Mode::kWriter));
   }
   static CopyMark mark() { return {"copy-1"}; }
-  /// All steps of a copy; fails the test where one fails.
+  /// All steps of a copy; a failed step fails the test.
   static void copyAll(Connection& from, Connection& to) {
     ASSERT_TRUE(TestDb::must(isEmptyStore(to)));
     ASSERT_OK(beginCopy(to, mark()));
@@ -99,7 +100,7 @@ TEST_F(StoreCopyTest, keysGoOnAsTheyWouldHaveAtTheSource) {
 
 TEST_F(StoreCopyTest, rowsComeAsTheyAreWithoutWhatTriggersWouldMakeOfThem) {
   Connection source = filledSqlite();
-  // what no program leaves: a trigger would move the counters, and count the attempts
+  // a state that no program leaves: a trigger would update the counters and count the attempts
   ASSERT_OK(source.script(
       "UPDATE sessions SET chunks = 9 WHERE state = 1; DELETE FROM session_progress WHERE session = 2;"
       "UPDATE attempt_sums SET attempts = 77"));

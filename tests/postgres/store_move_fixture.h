@@ -8,11 +8,12 @@
 #include <string>
 #include <vector>
 
-#include "common/base/clock.h"
-#include "common/base/files.h"
-#include "db/schema.h"
-#include "db/service/store_move.h"
-#include "tests/support/postgres_database.h"
+#include "common/base/files/files.h"
+#include "common/base/time/clock.h"
+#include "db/service/folder/data_folder.h"
+#include "db/service/start/store_move.h"
+#include "db/store/schema.h"
+#include "tests/support/store/postgres_database.h"
 #include "tests/unit/client/admin/run_admin.h"
 
 namespace needlelab::test {
@@ -35,7 +36,7 @@ class StoreMoveTest : public AdminTest {
     all.insert(all.end(), more.begin(), more.end());
     return run(all);
   }
-  /// Whether the lab works, on which engine, and has what it had.
+  /// Expects that the lab works, on the right engine, with its data.
   void expectSound(bool on_postgres, std::uint64_t sessions) const {
     {
       const auto store = Store::open(data(), {.create = false});
@@ -53,7 +54,8 @@ class StoreMoveTest : public AdminTest {
     const Run verify = onData({"audit", "verify"});
     EXPECT_EQ(verify.code, 0) << verify.err << verify.out;
   }
-  /// A copy that ended before it was compared: `pages` pages of a row each are there, of `table`, if named.
+  /// A copy that ended before it was compared: `pages` pages of one row each exist, those of `table` if
+  /// given.
   void leaveUnfinished(int pages, const std::string& table = "") const {
     StoreMove move = toPostgres();
     move.copy = {.on_progress = [pages, table](const CopyProgress& progress) mutable -> Status {
@@ -71,11 +73,11 @@ class StoreMoveTest : public AdminTest {
   const std::string url = postgresUrlOf(folder.path() / "one");
 };
 
-/// A user of PostgreSQL who may nothing but log in, and a database.
+/// A PostgreSQL user who may only log in, and a database.
 class PlainUser {
  public:
-  /// `owns`: the database is the user's, and empty; else it has the tables of another user, which this one
-  /// may change.
+  /// `owns`: the user owns the database, and it is empty; otherwise it has another user's tables, which this
+  /// one may change.
   explicit PlainUser(bool owns)
       : cluster_(std::getenv("NEEDLELAB_TEST_POSTGRES")),
         control_(connect("postgres")),

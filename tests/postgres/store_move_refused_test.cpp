@@ -1,4 +1,4 @@
-// Copies between the engines that do not begin, do not go on, or do not end with a switch: the lab stays
+// Copies between the engines that do not begin, do not continue, or do not end with a switch: the lab stays
 // where it was.
 #include <utility>
 
@@ -18,7 +18,7 @@ TEST_F(StoreMoveTest, nobodyWorksWithAnUnfinishedCopy) {
   ASSERT_FALSE(refused.ok());
   EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
   EXPECT_THAT(refused.error().message, HasSubstr("unfinished copy"));
-  // the command goes on
+  // the command continues
   const Run there = copyTo();
   ASSERT_EQ(there.code, 0) << there.err;
   expectSound(true, 1);
@@ -47,7 +47,7 @@ TEST_F(StoreMoveTest, theWayBackBeginsAgainAndRefusesInTheSameWay) {
   };
   ASSERT_FALSE(moveStore(move).ok());
   EXPECT_TRUE(std::filesystem::exists(lab(kCopyingDatabase)));
-  expectSound(true, 1);  // the lab works with the source meanwhile
+  expectSound(true, 1);  // meanwhile the lab works with the source
   EXPECT_EQ(copyBack().code, 2);
   const Run again = copyBack({"--begin-again"});
   ASSERT_EQ(again.code, 0) << again.err;
@@ -118,7 +118,7 @@ TEST_F(StoreMoveTest, wrongFoldersAndAddressesAreNamed) {
   };
   EXPECT_THAT(refusal(data(), data()), HasSubstr("one of --from and --to"));
   EXPECT_THAT(refusal(url, url), HasSubstr("one of --from and --to"));
-  EXPECT_THAT(refusal(file("none"), url), HasSubstr("is no folder"));
+  EXPECT_THAT(refusal(file("none"), url), HasSubstr("is not a folder"));
   std::filesystem::create_directory(file("empty"));
   EXPECT_THAT(refusal(file("empty"), url), HasSubstr("no needlelab.db"));
   EXPECT_THAT(refusal(url, file("empty")), HasSubstr("The lab's keys lie in that folder"));

@@ -1,4 +1,4 @@
-// A lab moves to PostgreSQL and back with `needlelab-admin store copy`, whatever is killed in between.
+// A lab moves to PostgreSQL and back with `needlelab-admin store copy`, with programs killed at any point.
 #include <signal.h>
 #include <sys/wait.h>
 
@@ -29,7 +29,7 @@ TEST_F(StoreMoveTest, aLabGoesToPostgresAndBackWithItsKeysAndItsLog) {
   EXPECT_EQ((*TestDb::must(readStoreFile(data()))).url, url);
   expectSound(true, 2);
   addSession(2);
-  // given again, by mistake
+  // run again by mistake
   const Run again = copyTo();
   EXPECT_EQ(again.code, 0) << again.err;
   EXPECT_THAT(again.out, HasSubstr("nothing to do"));
@@ -61,7 +61,7 @@ std::map<std::string, std::string> tablesOf(const std::string& dump) {
   return tables;
 }
 
-/// The rows of a table that it has, and `other` has not.
+/// The rows of a table that this dump has and `other` has not.
 std::vector<std::string> rowsBeyond(const std::string& table, const std::string& other) {
   const auto rowsOf = [](const std::string& text) {
     std::vector<std::string> rows;
@@ -93,7 +93,7 @@ TEST_F(StoreMoveTest, aFolderWithRowsInEveryTableGoesToPostgresAndBackAsItIs) {
   auto before = TestDb::must(Connection::open(moved->kept, {}));
   auto after = TestDb::must(Connection::open(database, {}));
   auto tables = tablesOf(dump(before)), moved_tables = tablesOf(dump(after));
-  // the way back has a line of its own, and its proof; all others are as they were
+  // the way back has its own line and proof; all others are unchanged
   for (const char* log : {"audit", "audit_chain"}) {
     EXPECT_THAT(rowsBeyond(tables[log], moved_tables[log]), testing::IsEmpty()) << log;
     EXPECT_EQ(rowsBeyond(moved_tables[log], tables[log]).size(), 1u) << log;
@@ -137,7 +137,7 @@ TEST_F(StoreMoveTest, killedWithSignalNineItGoesOn) {
       if (progress.table == "chunks" && !progress.comparing) chunks = progress.rows;
       return {};
     };
-    // PostgreSQL notices the end of the program soon
+    // PostgreSQL soon notices that the program has ended
     auto moved = moveStore(move);
     for (int i = 0; i < 100 && !moved && moved.error().code == ErrorCode::kUnavailable; ++i) {
       ::usleep(50'000);
@@ -176,7 +176,7 @@ TEST_F(StoreMoveTest, afterALostConnectionItGoesOn) {
 TEST_F(StoreMoveTest, aSwitchThatWasKilledIsCompletedByTheNextStart) {
   addSession(2);
   ASSERT_EQ(copyTo().code, 0);
-  // killed between DIR/store and the old database's new name
+  // killed after writing DIR/store but before renaming the old database
   const auto kept = [&] {
     for (const auto& entry : std::filesystem::directory_iterator(data()))
       if (entry.path().filename().string().starts_with("needlelab.db.replaced-") &&
@@ -194,7 +194,7 @@ TEST_F(StoreMoveTest, aSwitchThatWasKilledIsCompletedByTheNextStart) {
   EXPECT_FALSE(std::filesystem::exists(lab("needlelab.db")));
   EXPECT_TRUE(std::filesystem::exists(lab("needlelab.db.replaced-again")));
 
-  // killed between the end of DIR/store and the copy's new name
+  // killed after removing DIR/store but before renaming the copy
   ASSERT_EQ(copyBack().code, 0);
   {
     auto copy = TestDb::must(Connection::open(lab("needlelab.db"), {.mode = Connection::Mode::kWriter}));
@@ -205,7 +205,7 @@ TEST_F(StoreMoveTest, aSwitchThatWasKilledIsCompletedByTheNextStart) {
   expectSound(false, 1);
   EXPECT_FALSE(std::filesystem::exists(lab(kCopyingDatabase)));
 
-  // a copy that nobody compared gets into nobody's place
+  // a copy that was not compared never replaces a database
   {
     auto copy = TestDb::must(Connection::open(lab("needlelab.db"), {.mode = Connection::Mode::kWriter}));
     ASSERT_OK(writeCopyMark(copy, {"copy-1"}));
@@ -224,7 +224,7 @@ TEST_F(StoreMoveTest, aUserWhoOwnsTheDatabaseAndNothingElseIsEnough) {
   const Run there = run({"store", "copy", "--from", data(), "--to", user.url()});
   ASSERT_EQ(there.code, 0) << there.err;
   expectSound(true, 1);
-  addSession(2);  // with the triggers that this user turned on again
+  addSession(2);  // with the triggers that this user turned back on
   const Run back = run({"store", "copy", "--from", user.url(), "--to", data()});
   ASSERT_EQ(back.code, 0) << back.err;
   expectSound(false, 2);

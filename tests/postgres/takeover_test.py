@@ -22,12 +22,12 @@ from clusters import main_on_postgres, run, until  # noqa: E402
 from fault_lab import FaultLab, Template  # noqa: E402
 from programs import fetched, metric_in, start, stop  # noqa: E402
 
-clusters.MOST_CONNECTIONS = 60  # of two servers
+clusters.MOST_CONNECTIONS = 60  # for two servers
 
 
 class Proxy:
-    """Leads each connection to the server of the moment. move() lets go of the stations, and keeps what leads to the server of before open: whatever
-    it has received stays there."""
+    """Forwards each connection to the current server. move() drops the stations, but keeps connections to the previous server open: what it has
+    received stays there."""
 
     def __init__(self):
         self.listener = socket.create_server(("127.0.0.1", 0))
@@ -79,7 +79,7 @@ class Proxy:
 
 
 class TwoServers(FaultLab):
-    """Servers `a` and `b` on one database, and stations that reach them by a proxy."""
+    """Servers `a` and `b` on one database, and stations that reach them through a proxy."""
 
     def __init__(self, *arguments):
         super().__init__(*arguments)
@@ -122,11 +122,11 @@ class TwoServers(FaultLab):
 
 
 def stop_between_transactions(server, cluster):
-    """SIGSTOP at a moment without an open transaction: PostgreSQL ends the connection of one after 3 s, and the server then lets go of its stations
-    before it looks at what they sent."""
+    """SIGSTOP at a moment without an open transaction: PostgreSQL ends a connection with one after 3 s, and the server would then drop its stations
+    before it reads what they sent."""
     def has_stopped():
         server.send_signal(signal.SIGSTOP)
-        time.sleep(0.1)  # statements on their way come to their end
+        time.sleep(0.1)  # statements in progress finish
         if cluster.sql("SELECT count(*) FROM pg_stat_activity WHERE state LIKE 'idle in transaction%'") == "0":
             return True
         server.send_signal(signal.SIGCONT)
@@ -135,7 +135,7 @@ def stop_between_transactions(server, cluster):
 
 
 def play(lab):
-    """Returns how many chunks the server that stood still acknowledged although the other one had stored them."""
+    """Returns how many chunks the hung server acknowledged although the other one had stored them."""
     cluster = lab.cluster("p")
     store = lab.data("a") / "store"
     store.write_text(re.sub(r"^url = .*$", f"url = {lab.url(cluster)}", store.read_text(), flags=re.MULTILINE))
@@ -143,13 +143,13 @@ def play(lab):
     lab.join("b")
     lab.start("b")
     lab.move_to("a")
-    # sessions that outlast it, so that chunks are on their way at every moment: a station sends none while it waits for its session's opening
+    # sessions that outlast it, so that chunks are always in transit: a station sends none while it waits for its session to be opened
     lab.start_stations(7, samples=1_000_000)
     lab.wait_for_more("ack", 30)
 
     a, stations = lab.servers["a"], len(lab.stations)
     stop_between_transactions(a, cluster)
-    # goes to the sockets of a server that reads nothing; what was committed a moment ago may still be acknowledged
+    # goes to the sockets of a server that reads nothing; data committed a moment ago may still be acknowledged
     time.sleep(1.5)
     lab.move_to("b")
     until(lambda: cluster.sql("SELECT count(*) FROM needlelab.station_claims WHERE server = 'b'") == str(stations), "all stations are at b")
@@ -164,18 +164,18 @@ def play(lab):
     repeated = lab.chunks_of("a", "repeated")
     if not fenced:
         return repeated
-    # each row is of one server's, and both say how many they stored
+    # each row belongs to one server, and both report how many they stored
     lab.end_stations()
     stored = [lab.chunks_of(name, "stored") for name in "ab"]
     rows = int(cluster.sql("SELECT count(*) FROM needlelab.chunks"))
     assert sum(stored) == rows and min(stored) > 0, (stored, rows)
 
-    # and back: the server that stood still takes them again
+    # and back: the server that hung takes them again
     lab.move_to("a")
     lab.start_stations(8)
     lab.wait_for_more("ack", 30)
     assert cluster.sql("SELECT count(*) FROM needlelab.station_claims WHERE server = 'first'") == str(stations)
-    # a server that is killed takes no other with it, and its daily duties are free
+    # a server that is killed does not affect the other, and its daily duties are free
     lab.servers["a"].kill()
     lab.servers["a"].wait()
     lab.move_to("b")

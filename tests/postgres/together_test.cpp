@@ -1,5 +1,5 @@
-// Servers that work together on one database, each with a data folder of its own: who keeps whom out, what
-// one of them does at a time, and what each has for itself.
+// Servers that work together on one database, each with its own data folder: which exclude each other, which
+// work only one does at a time, and what each has separately.
 #include <gmock/gmock.h>
 
 #include <sstream>
@@ -7,17 +7,17 @@
 #include <vector>
 
 #include "client/admin/app.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/wire/certificates.h"
-#include "db/duties.h"
 #include "db/engine/open_postgres.h"
-#include "db/erasure.h"
-#include "db/erasure_list.h"
-#include "db/people.h"
-#include "db/schema.h"
-#include "db/service/bootstrap.h"
+#include "db/erasure/erasure.h"
+#include "db/erasure/erasure_list.h"
+#include "db/people/people.h"
+#include "db/service/start/bootstrap.h"
+#include "db/store/duties.h"
+#include "db/store/schema.h"
 #include "tests/support/patience.h"
-#include "tests/support/postgres_database.h"
+#include "tests/support/store/postgres_database.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/db/test_db.h"
 
@@ -39,7 +39,7 @@ class Together : public testing::Test {
     if (name == "a") options.store_url = url;
     return Store::open(at(name), options);
   }
-  /// Makes the folder of a further server. "a" must have been opened once.
+  /// Creates a further server's folder. "a" must have been opened once.
   void join(const std::string& name) {
     ASSERT_OK(ensureTlsFiles(tlsFilesIn(at("a") / "tls"), {.hosts = {"localhost"}}));
     const std::string folder_of = at(name).string(), from = at("a").string();
@@ -78,7 +78,7 @@ TEST_F(Together, whoIsAloneAndWhoIsNotRefuseEachOther) {
     const auto alone = open("a", false);
     ASSERT_OK(alone);
     EXPECT_EQ((*alone)->togetherAs(), "");
-    // so that the folder can be joined: what --together does at its start
+    // so that the folder can be joined: --together does this at its start
     ASSERT_OK(PseudonymKey::ofFolder(at("a")));
     join("b");
     const auto refused = open("b");
@@ -128,7 +128,7 @@ TEST_F(Together, aNewerSchemaIsMadeByWhoHasTheDatabaseForItself) {
   const auto a = open("a");
   ASSERT_OK(a);
   join("b");
-  // there is no version before the first: one without its table
+  // no version is older than the first: imitate one, without the table of versions
   const auto rename = [&](const std::string& from, const std::string& to) {
     const auto own = openPostgres({.url = url});
     ASSERT_OK(own);
@@ -150,7 +150,7 @@ TEST_F(Together, theDailyWorkIsOneServersUntilItEnds) {
   const auto b = open("b");
   ASSERT_OK(b);
   const auto runs = [](Store& store) {
-    const auto report = store.service().dailyRetention();
+    const auto report = store.service().retention().daily();
     EXPECT_OK(report);
     return report && report->has_value();
   };
@@ -203,7 +203,7 @@ TEST_F(Together, whatOneServerDoesAtATimeIsRefusedAtAnother) {
   {
     const auto erasure = elsewhere.take(Duty::kErasure);
     refused(erase(**b, "anna"), "an erasure is under way at another server");
-    // a start completes those of its own folder first
+    // a start first completes those of its own folder
     join("c");
     const auto start = open("c");
     ASSERT_FALSE(start.ok());
@@ -214,7 +214,7 @@ TEST_F(Together, whatOneServerDoesAtATimeIsRefusedAtAnother) {
   ASSERT_OK(open("c"));
 }
 
-// its connection is lost, and with it the lock
+// its connection is lost, and the lock with it
 TEST_F(Together, aDutyWhoseConnectionIsLostMayBeAnothersThen) {
   const auto a = open("a");
   ASSERT_OK(a);
@@ -236,7 +236,7 @@ TEST_F(Together, aDutyWhoseConnectionIsLostMayBeAnothersThen) {
     ASSERT_TRUE(next.has_value());
     EXPECT_FALSE(TestDb::must(held->isHeld()));
   }
-  // PostgreSQL takes the lock back a moment after the connection that held it has ended
+  // PostgreSQL releases the lock a moment after its connection has ended
   EXPECT_TRUE(eventually([&] { return TestDb::must(held->isHeld()); }))
       << "nobody has it, so it is had again";
 }
@@ -253,9 +253,9 @@ TEST_F(Together, eachServerListsTheErasuresOfTheOthers) {
   const auto listed = TestDb::must(readErasures(at("a")));
   ASSERT_EQ(listed.size(), 2u);
   EXPECT_THAT(TestDb::must(readErasures(at("b"))), IsEmpty());
-  ASSERT_OK((*b)->service().completeErasureList());
+  ASSERT_OK((*b)->service().erasures().completeList());
   EXPECT_EQ(TestDb::must(readErasures(at("b"))), listed);
-  // and at its start, of what came while it did not run
+  // and at its start, for what arrived while it did not run
   b->reset();
   ASSERT_OK((*a)->writer().run([](Connection& c) {
     return PeopleStore(c).add({"carl", pb::TRAINEE, "", false, 1});
@@ -278,7 +278,7 @@ TEST_F(Together, eachServerKnowsWhatItAcknowledgedItself) {
       return PeopleStore(c).add({name, pb::TRAINEE, "", false, 1});
     }));
     ASSERT_OK(server.keepAcknowledged());
-    ASSERT_OK(server.writer().run([](Connection&) { return Status(); }));  // behind the number
+    ASSERT_OK(server.writer().run([](Connection&) { return Status(); }));  // waits for the number
     ASSERT_OK(server.keepAcknowledged());
   };
   store(**b, "one");
@@ -288,11 +288,11 @@ TEST_F(Together, eachServerKnowsWhatItAcknowledgedItself) {
   EXPECT_GT(of_b, of_a);
   a->reset();
   b->reset();
-  // one that is alone again keeps its name
+  // a server that is alone again keeps its name
   b = open("b", false);
   ASSERT_OK(b);
   EXPECT_EQ((*b)->acknowledgedMissing(), "");
-  // an older database: its own number is missing, whatever another server's says
+  // an older database: its own number is missing, whatever number another server has
   b->reset();
   a = open("a", false);
   ASSERT_OK(a);
@@ -304,7 +304,7 @@ TEST_F(Together, eachServerKnowsWhatItAcknowledgedItself) {
   EXPECT_THAT((*b)->acknowledgedMissing(), HasSubstr("does not have all that was acknowledged"));
 }
 
-// a standby that lagged was promoted, and another server's transactions have taken the missing ones' numbers
+// a lagging standby was promoted, and another server's transactions took the missing numbers
 TEST_F(Together, aServerThatRunsFindsThatItsNumberIsMissing) {
   const auto a = open("a");
   ASSERT_OK(a);

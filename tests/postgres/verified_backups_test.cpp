@@ -13,10 +13,10 @@
 #include <thread>
 #include <utility>
 
-#include "db/audit.h"
-#include "db/schema.h"
-#include "db/store_address.h"
-#include "tests/support/postgres_url.h"
+#include "db/audit/audit.h"
+#include "db/store/schema.h"
+#include "db/store/store_address.h"
+#include "tests/support/store/postgres_database.h"
 #include "tests/unit/db/service/test_service.h"
 
 namespace needlelab {
@@ -24,7 +24,7 @@ namespace {
 
 using testing::HasSubstr;
 
-/// A "PostgreSQL" that asks each connection for its password in clear, and a passfile with that of
+/// A fake PostgreSQL that asks each connection for its password in clear text, and a passfile with that of
 /// db-a.example.
 class CleartextListener {
  public:
@@ -51,7 +51,7 @@ class CleartextListener {
   CleartextListener& operator=(const CleartextListener&) = delete;
   [[nodiscard]] int port() const { return port_; }
   [[nodiscard]] std::string passfile() const { return folder_.path() / "db.pass"; }
-  /// Everything that came since the last call but requests for TLS.
+  /// Everything received since the last call, except requests for TLS.
   std::string received() {
     const std::scoped_lock lock(mutex_);
     return std::exchange(received_, {});
@@ -67,7 +67,7 @@ class CleartextListener {
     for (std::size_t i = 0; i < 4; ++i) value = value << 8 | static_cast<unsigned char>(text[i]);
     return value;
   }
-  /// Messages without a type byte, then with one.
+  /// Reads messages without a type byte, then with one.
   void serve() {
     for (int peer = -1; (peer = ::accept4(socket_, nullptr, nullptr, SOCK_CLOEXEC)) >= 0; ::close(peer)) {
       const timeval patience{5, 0};
@@ -170,7 +170,7 @@ TEST_F(VerifiedBackups, anAddressThatWouldTakeAPasswordElsewhereIsRefusedBeforeA
   CleartextListener attacker;
   ::setenv("PGPASSFILE", attacker.passfile().c_str(), 1);
   const std::string trap = fmt::format("hostaddr=127.0.0.1&port={}", attacker.port());
-  // what the listener gets where nothing checks the address
+  // what the listener receives if the address is not checked
   EXPECT_FALSE(openAt(StoreAddress("needlelab.db", "postgresql://needlelab@db-a.example/needlelab?" + trap),
                       Connection::Mode::kReader)
                    .ok());
@@ -196,7 +196,7 @@ TEST_F(VerifiedBackups, anAddressThatWouldTakeAPasswordElsewhereIsRefusedBeforeA
     EXPECT_THAT(outcome.error->message, HasSubstr(words)) << address;
   }
   EXPECT_EQ(attacker.received(), "") << "nothing more has connected";
-  // what does connect has its line before
+  // when it does connect, its line is written first
   const std::string nobody = fmt::format("postgresql://ada@127.0.0.1:{}/needlelab", attacker.port());
   ASSERT_TRUE(ask(admin, verified(nobody, true)).error.has_value());
   pb::Request audit;

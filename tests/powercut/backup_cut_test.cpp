@@ -3,8 +3,8 @@
 
 #include <cerrno>
 
-#include "db/backup.h"
-#include "db/check.h"
+#include "db/backup/backup.h"
+#include "db/backup/check.h"
 #include "tests/powercut/campaign.h"
 #include "tests/powercut/watched_disk.h"
 #include "tests/unit/db/test_db.h"
@@ -24,7 +24,7 @@ TEST(BackupCut, whatHasTheBackupsNameIsWhole) {
   ASSERT_OK(store.open(describe(id), 1));
   for (std::uint64_t seq = 0; seq < kChunks; ++seq) ASSERT_OK(store.append(id, seq, chunkOf(seq, 200)));
 
-  const TempFolder disk;  // another one than the database's
+  const TempFolder disk;  // a different disk from the database's
   const auto target = disk.path() / "monday.db";
   DiskLog log;
   {
@@ -55,7 +55,7 @@ TEST(BackupCut, whatHasTheBackupsNameIsWhole) {
     }
     ++absent;
     if (instant > done) return "the backup that was said to be done is not there";
-    // the remains do not block the next backup
+    // the leftovers do not block the next backup
     Connection reader = db.reader();
     const auto again = backupTo(reader, file);
     return again.ok() ? std::string() : again.error().message;

@@ -12,7 +12,7 @@
 
 namespace needlelab::test {
 
-/// True in the run that `runPlanted` starts: a few cuts suffice.
+/// True in the run started by `runPlanted`: a few cuts suffice.
 bool plantedRun();
 
 /// Results of a campaign of cuts.
@@ -21,18 +21,17 @@ struct CutCounts {
   std::uint64_t in_commit = 0, in_checkpoint = 0;  ///< cuts
   std::uint64_t bad = 0;                           ///< outcomes in which something was lost or wrong
   std::uint64_t double_cuts = 0;                   ///< … with a second cut during the repair
-  std::string first;                               ///< of the bad ones, in words
+  std::string first;                               ///< the first bad one, in words
 };
 /// "name: 60 cuts (…), 300 outcomes, bad 0", to standard output and as a property of the test.
 void report(const std::string& name, const CutCounts& counts);
 
-/// Judges the state in `folder` after a cut before event `instant`; returns a message when something is
-/// wrong.
+/// Judges the state in `folder` after a cut before event `instant`; returns a message if something is wrong.
 using CutJudge =
     std::function<std::string(const std::filesystem::path& folder, std::size_t instant, Random& random)>;
 
-/// Cuts a log at `cuts` random instants from `first` to `last`, each with every outcome, and has each judged.
-/// `seed` names the run in words.
+/// Cuts a log at `cuts` random instants from `first` to `last`, each with every outcome, and judges each.
+/// `seed` identifies the run in messages.
 void cutLog(const DiskLog& log, std::size_t first, std::size_t last, int cuts, std::uint64_t seed,
             const CutJudge& judge, CutCounts& counts);
 

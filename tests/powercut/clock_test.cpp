@@ -6,13 +6,13 @@
 
 #include <atomic>
 
-#include "client/net/spool_writer.h"
-#include "client/net/uplink.h"
-#include "client/net/uplink_session.h"
-#include "common/base/clock.h"
-#include "common/base/uuid.h"
+#include "client/net/spool/spool_writer.h"
+#include "client/net/uplink/uplink.h"
+#include "client/net/uplink/uplink_session.h"
+#include "common/base/text/uuid.h"
+#include "common/base/time/clock.h"
 #include "tests/support/patience.h"
-#include "tests/unit/client/net/spool_samples.h"
+#include "tests/unit/client/net/spool/spool_samples.h"
 #include "tests/unit/db/test_db.h"
 #include "tests/unit/server/live/running_server.h"
 
@@ -22,7 +22,7 @@ std::atomic<std::int64_t> wall_jump_s = 0;
 }
 }  // namespace needlelab::test
 
-// in place of libc's
+// replaces libc's function
 extern "C" int clock_gettime(clockid_t id, timespec* now) noexcept {
   const long rc = ::syscall(SYS_clock_gettime, id, now);
   if (id == CLOCK_REALTIME) now->tv_sec += needlelab::test::wall_jump_s;
@@ -107,7 +107,7 @@ TEST_F(ClockJump, tokensAndLockOutsFollowTheSteadyClock) {
     const auto again = server.connect(by_token);
     EXPECT_TRUE(again.ok()) << again.error().message;
   }
-  // a password guesser still waits, however the clock jumps
+  // a password guesser still has to wait, however the clock jumps
   wall_jump_s = 0;
   for (int i = 0; i < 6; ++i) EXPECT_FALSE(server.connect(personLogin("ines", "guess")).ok());
   for (const std::int64_t jump : {kDay_s, -kDay_s}) {

@@ -5,9 +5,9 @@
 #include <fstream>
 #include <map>
 
-#include "db/check.h"
-#include "db/connection.h"
-#include "db/service/bootstrap.h"
+#include "db/backup/check.h"
+#include "db/service/start/bootstrap.h"
+#include "db/store/connection.h"
 #include "tests/powercut/campaign.h"
 #include "tests/unit/db/test_db.h"
 
@@ -135,7 +135,7 @@ TEST(Corruption, aFlippedBitInAnyPageIsFoundOrHarmlessAndTheRestIsReadable) {
       const auto copy = folder.path() / "needlelab.db";
       fs::copy_file(db.path, copy);
       const std::uint64_t page = numbers[random.below(numbers.size())];
-      // in the head of the page half of the time, where it hurts most
+      // half of the time in the page header, where it does most harm
       const std::uint64_t within = random.chance(0.5) ? random.below(100) : random.below(4096);
       flip(copy, (page - 1) * 4096 + within, random);
       const Found found = look(copy);

@@ -1,14 +1,14 @@
-// Power cuts while the database's writer works: all acknowledged data are there, bit by bit, and work goes
-// on.
+// Power cuts while the database's writer works: all acknowledged data are there, bit by bit, and work
+// continues.
 #include <gtest/gtest.h>
 #include <sqlite3.h>
 
 #include <cerrno>
 #include <map>
 
-#include "db/check.h"
-#include "db/connection.h"
-#include "db/db_writer.h"
+#include "db/backup/check.h"
+#include "db/sessions/db_writer.h"
+#include "db/store/connection.h"
 #include "tests/powercut/campaign.h"
 #include "tests/powercut/watched_disk.h"
 #include "tests/unit/db/test_db.h"
@@ -25,7 +25,7 @@ Uuid idOf(std::uint64_t session) {
   return id;
 }
 
-/// The bytes of chunk `seq` of a session: different in every session, of very different lengths.
+/// The bytes of chunk `seq` of a session: different in every session, with very different lengths.
 Bytes chunkFor(std::uint64_t session, std::uint64_t seq) {
   Random random(session * 1'000'003 + seq);
   const std::size_t count = random.chance(0.1) ? 200 + random.below(300) : 1 + random.below(40);
@@ -37,7 +37,7 @@ std::uint64_t chunkMark(std::uint64_t session, std::uint64_t seq) {
   return session * 1'000'000 + seq;
 }
 
-/// The chunks of a session so far.
+/// A session's chunks so far.
 struct Given {
   std::uint64_t chunks = 0, samples = 0;
   SessionHash hash;
@@ -68,7 +68,7 @@ class Load {
     options.window = 60s;  // a group is taken when it is full
     options.max_group = 1 + random_.below(6);
     options.checkpoint_every = random_.chance(0.6) ? 0ms : std::chrono::milliseconds(1h);
-    // a reader with an old view: checkpoints stop there, and the log grows on
+    // a reader with an old view: checkpoints stop there, and the log keeps growing
     std::optional<Connection> reader;
     std::optional<Transaction> view;
     if (random_.chance(0.3)) {
@@ -79,7 +79,7 @@ class Load {
     const std::uint64_t groups = 2 + random_.below(7);
     for (std::uint64_t g = 0; g < groups && !writer.failed(); ++g) {
       for (std::size_t i = 0; i < options.max_group; ++i) post(writer);
-      // each group completes before the next, for the same calls in the same order each time
+      // each group completes before the next, so that the calls are the same in the same order each time
       while (pending_ > 0) std::this_thread::sleep_for(50us);
     }
     view.reset();
@@ -97,7 +97,7 @@ class Load {
       };
     };
     const std::uint64_t at = random_.below(4);
-    // of four sessions at a time; a closed one makes room for the next
+    // four sessions at a time; a closed one makes room for the next
     std::uint64_t& session = open_[at];
     const bool begins = session == 0;
     if (begins) session = ++last_session_;
@@ -160,7 +160,7 @@ class Load {
 /// The chunks acknowledged before an instant.
 struct Acknowledged {
   std::map<std::uint64_t, std::uint64_t> chunks;  // by session: how many
-  std::map<std::uint64_t, std::uint64_t> closed;  // with so many chunks
+  std::map<std::uint64_t, std::uint64_t> closed;  // number of chunks
 };
 Acknowledged acknowledgedBefore(const DiskLog& log, std::size_t instant) {
   Acknowledged all;
@@ -191,7 +191,7 @@ std::string judgeDatabase(const DiskLog& log, const std::filesystem::path& folde
     if (*next < count)
       return name + " has " + std::to_string(*next) + " chunks, " + std::to_string(count) +
              " were acknowledged";
-    // chunks beyond the acknowledged ones are correct as well
+    // chunks beyond the acknowledged ones are also correct
     const auto chunks = store.readChunks(idOf(session), 0, UINT32_MAX, SIZE_MAX);
     if (!chunks) return chunks.error().message;
     if (chunks->size() != *next) return name + " gives another number of chunks than it has";
@@ -282,7 +282,7 @@ TEST(DatabaseCut, nothingAcknowledgedIsLost) {
 }
 
 TEST(DatabaseCut, aFailedSyncBeforeTheCutLosesNothingAcknowledged) {
-  // one sync fails, of the log or of the database, and then the power goes
+  // one sync fails, of the log or of the database, and then the power fails
   const std::uint64_t seed = seedOr(77);
   int failed = 0;
   const auto fails_once = [&failed](Random& random) {

@@ -1,4 +1,4 @@
-// Full, read-only or failing disks under a server: it stops acknowledging and reports the remedy; after that
+// Full, read-only or failing disks under a server: it stops acknowledging and reports the remedy; afterwards
 // nothing is missing.
 #include <gtest/gtest.h>
 #include <sched.h>
@@ -10,15 +10,15 @@
 #include <fstream>
 #include <thread>
 
-#include "client/net/uplink.h"
-#include "common/base/files.h"
+#include "client/net/uplink/uplink.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
-#include "db/check.h"
+#include "db/backup/check.h"
 #include "tests/integration/process.h"
 #include "tests/powercut/campaign.h"
 #include "tests/powercut/watched_disk.h"
 #include "tests/support/patience.h"
-#include "tests/unit/client/net/spool_samples.h"
+#include "tests/unit/client/net/spool/spool_samples.h"
 #include "tests/unit/db/test_db.h"
 #include "tests/unit/server/live/running_server.h"
 
@@ -42,7 +42,7 @@ class RecordedStation {
       sessions_.push_back(session);
     }
   }
-  /// Uploads until `enough` or until all is closed; returns true then.
+  /// Uploads until `enough`, or until all is closed; then returns true.
   template <typename Enough>
   bool upload(const ClientConfig& client, Enough enough) {
     UplinkConfig config;
@@ -65,7 +65,7 @@ class RecordedStation {
   std::vector<std::shared_ptr<SpoolSession>> sessions_;
 };
 
-/// Returns a message when the database lacks acknowledged data.
+/// Returns a message if the database lacks acknowledged data.
 std::string missingOf(const fs::path& database, const RecordedStation& station, bool everything) {
   auto opened = Connection::open(database, {.mode = Connection::Mode::kWriter});
   if (!opened) return opened.error().message;
@@ -133,7 +133,7 @@ TEST(DiskFault, aServerWhoseDiskRefusesStopsInWordsAndNothingIsLost) {
       EXPECT_EQ(server.stop(), kExitFailed);
       WatchedDisk::clearFault();
       EXPECT_EQ(missingOf(data / "needlelab.db", station, false), "");
-      // room is made
+      // space is freed
       server.start();
       EXPECT_TRUE(station.upload(server.config(stationLogin("station-1", key)), [] { return false; }));
       (void)server.stop();
@@ -178,7 +178,7 @@ TEST(DiskFault, aServerWhoseDiskTakesNoByteStartsReadOnlyAndReadsEverything) {
   ASSERT_TRUE(station.upload(server.config(stationLogin("station-1", key)), [] { return false; }));
   EXPECT_EQ(server.stop(), kExitDone);
   const auto data = server.folder() / "data";
-  // SQLite has to make it again, and cannot: an ordinary connection does not even read then
+  // SQLite must recreate it and cannot: then an ordinary connection cannot even read
   fs::remove(data / "needlelab.db-shm");
   WatchedDisk::setFault(
       data, [](DiskCall call, const std::string&) { return call == DiskCall::kWrite ? ENOSPC : 0; });
@@ -216,7 +216,7 @@ TEST(DiskFault, aPageThatCannotBeReadIsSaidAndTheServerGoesOn) {
     return SessionStore(reader).readChunks(station.sessions()[0]->id(), 0, UINT32_MAX, SIZE_MAX);
   };
   ASSERT_OK(read());
-  // for this reader's page: meanwhile the server's own threads score the session and read too
+  // only for this reader's page: meanwhile the server's own threads score the session and also read
   auto reads = std::make_shared<int>(0);
   WatchedDisk::setFault(
       database, [reads, reader = std::this_thread::get_id()](DiskCall call, const std::string&) {
@@ -244,9 +244,9 @@ std::string keyOf(const std::string& line) {
   return key;
 }
 
-/// Gives this process, and the children that it starts later, a mount namespace of their own, as
-/// tests/support/private_mounts does for a command. Returns why the system refuses, or nothing. Call it
-/// before there is a second thread.
+/// Gives this process, and children started later, their own mount namespace, as tests/support/private_mounts
+/// does for a command. Returns why the system refuses, or an empty text. Call it before there is a second
+/// thread.
 std::string enterPrivateMounts() {
   const uid_t uid = ::geteuid();
   const gid_t gid = ::getegid();
@@ -279,7 +279,7 @@ class SmallDisk {
   }
   SmallDisk(const SmallDisk&) = delete;
   SmallDisk& operator=(const SmallDisk&) = delete;
-  /// Returns why there is no small disk, or nothing.
+  /// Returns why there is no small disk, or an empty text.
   [[nodiscard]] const std::string& trouble() const { return trouble_; }
   [[nodiscard]] const fs::path& path() const { return folder_.path(); }
   void resize(const char* size) const {

@@ -94,14 +94,14 @@ const char* nameOf(CutOutcome outcome) {
   return "?";
 }
 
-/// The choices of one power cut that apply to the whole disk.
+/// The choices of one power cut for the whole disk.
 struct DiskReplay::Choice {
   CutOutcome outcome = CutOutcome::kNothing;
   std::uint64_t sector = 512;
-  double survives = 0.5;     ///< chance of each sector, or of each file
+  double survives = 0.5;     ///< probability for each sector, or each file
   std::size_t in_order = 0;  ///< events before this one survive, this one torn
-  double size_survives = 0;  ///< chance that a file grew without its bytes
-  bool garbage = false;      ///< such bytes are not zeros
+  double size_survives = 0;  ///< probability that a file grew without its bytes
+  bool garbage = false;      ///< such bytes are garbage instead of zeros
 };
 
 void DiskReplay::advanceTo(std::size_t instant) {
@@ -298,7 +298,7 @@ void DiskReplay::cut(CutOutcome outcome, Random& random, const std::filesystem::
   choice.survives = kChances[random.below(3)];
   choice.size_survives = outcome == CutOutcome::kSectors ? 0.3 : 0;
   choice.garbage = random.chance(0.3);
-  // some instant among those since the oldest that is still unsynced
+  // some instant since the oldest event that is still unsynced
   std::size_t first = at_;
   for (const auto& [node, file] : files_)
     if (!file.since.empty()) first = std::min(first, file.since.front().event);

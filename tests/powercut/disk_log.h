@@ -12,8 +12,8 @@
 
 namespace needlelab::test {
 
-/// One call, or a mark that a test set between calls. Files and folders are numbered. Unlike an inode number,
-/// a number is never used twice.
+/// One call, or a mark that a test set between calls. Files and folders are numbered. Unlike inode numbers,
+/// the numbers are never reused.
 struct DiskEvent {
   enum class Kind {
     kFile,        ///< a file existed at the start, synced, with the content `data`
@@ -23,11 +23,11 @@ struct DiskEvent {
     kWrite,       ///< of `data` at `offset` of `node`
     kTruncate,    ///< `node` to `offset` bytes
     kSync,        ///< fsync or fdatasync of the file or folder `node` succeeded
-    kSyncFailed,  ///< … failed: unsynced data may or may not be on the disk, and no later sync writes it
+    kSyncFailed,  ///< … failed: unsynced data may or may not be on the disk, and no later sync writes them
     kRename,      ///< entry `name` of `folder` to `to_name` of `to_folder`
-    kLink,        ///< `node` has the entry `to_name` of `to_folder`, too
+    kLink,        ///< `node` also gets the entry `to_name` of `to_folder`
     kRemove,      ///< entry `name` of `folder`
-    kMark,        ///< the test's: `name`, `offset`, `data`
+    kMark,        ///< set by the test: `name`, `offset`, `data`
   };
   Kind kind = Kind::kMark;
   std::uint32_t node = 0, folder = 0, to_folder = 0;
@@ -38,11 +38,11 @@ struct DiskEvent {
 /// The root folder's number.
 inline constexpr std::uint32_t kRootNode = 1;
 
-/// Appended to while a program runs; read afterwards. Thread: `add` and `mark` by any.
+/// Appended to while a program runs; read afterwards. Thread: any for `add` and `mark`.
 class DiskLog {
  public:
   void add(DiskEvent event);
-  /// Records a message that the program has just sent, e.g. an acknowledgement, between the calls.
+  /// Records, between the calls, a message that the program has just sent, e.g. an acknowledgement.
   void mark(std::string name, std::uint64_t number = 0, std::string data = {});
   [[nodiscard]] const std::vector<DiskEvent>& events() const { return events_; }
   /// Events before this one describe the disk's state at the start.
@@ -63,27 +63,27 @@ class DiskLog {
   std::vector<DiskEvent> events_;
 };
 
-/// The part of the unsynced data that survives a power cut.
+/// Which unsynced data survive a power cut.
 enum class CutOutcome {
   kNothing,     ///< only synced data
-  kEverything,  ///< as after kill −9
+  kEverything,  ///< like after kill −9
   kInOrder,     ///< everything before some instant, the last write torn
-  kPerFile,     ///< of some files everything, of others nothing: reordered between files
+  kPerFile,     ///< all data of some files, none of others: reordered between files
   kSectors,     ///< any subset of sectors, sizes and folder entries: reordered and torn
 };
 inline constexpr int kOutcomes = 5;
 const char* nameOf(CutOutcome outcome);
 
 /// Replays a log up to an instant and creates the possible disk states after a power cut there. Rules: a
-/// synced file has its bytes and its size, yet its name only when its folder was synced after; a rename
-/// happens whole or not at all; of unsynced bytes any sector (512 or 4096, aligned) may be there or not;
-/// where only a file's size got to the disk, it holds zeros or garbage; a failed sync makes nothing sure,
-/// then or later.
+/// synced file has its bytes and its size, but its name only if its folder was synced afterwards; a rename
+/// happens completely or not at all; any sector (512 or 4096, aligned) of unsynced bytes may or may not be
+/// there; if only a file's size reached the disk, it holds zeros or garbage; a failed sync guarantees
+/// nothing, then or later.
 class DiskReplay {
  public:
   explicit DiskReplay(const DiskLog& log) : log_(log) {}
 
-  /// Plays the events before number `instant`. Instants only grow.
+  /// Replays the events before number `instant`. Instants must not decrease.
   void advanceTo(std::size_t instant);
 
   /// True if files with this name suffix have bytes that are written but not synced at this instant.
@@ -96,12 +96,12 @@ class DiskReplay {
   struct Change {
     std::size_t event = 0;
     bool doomed = false;  ///< a sync of it failed
-    bool sure = false;    ///< synced, yet above something doomed
+    bool sure = false;    ///< synced, but above something doomed
   };
   struct File {
     std::string synced;
     std::vector<Change> since;
-    std::string name;  ///< the last it had, for hasUnsynced
+    std::string name;  ///< its last name, for hasUnsynced
   };
   struct Folder {
     std::map<std::string, std::uint32_t> synced;

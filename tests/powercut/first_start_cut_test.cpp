@@ -1,9 +1,9 @@
 // Power cuts while a server creates its folder: the next start works, and a published CA stays valid.
 #include <gtest/gtest.h>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/wire/certificates.h"
-#include "db/credentials.h"
+#include "db/login/credentials.h"
 #include "server/base/log.h"
 #include "server/server.h"
 #include "tests/powercut/campaign.h"
@@ -27,7 +27,7 @@ std::string textOfFile(const fs::path& path) {
   return text.ok() ? *text : std::string();
 }
 
-/// The server's published state before an instant.
+/// What the server had published before an instant.
 struct Known {
   std::string ca;
   bool station = false;

@@ -1,11 +1,12 @@
-// If a reader checkpoints beside the writer, SQLite before 3.51.3 can lose data committed meanwhile
-// (tests/unit/db/wal_reset_test.cpp). The product's readers, used as in the server, never checkpoint.
+// If a reader checkpoints beside the writer, SQLite before 3.51.3 can lose data committed in the meantime
+// (tests/unit/db/sessions/wal_reset_test.cpp). The product's readers, used as in the server, never
+// checkpoint.
 #include <gtest/gtest.h>
 #include <sqlite3.h>
 
-#include "db/check.h"
-#include "db/credentials.h"
-#include "db/reader_pool.h"
+#include "db/backup/check.h"
+#include "db/login/credentials.h"
+#include "db/store/reader_pool.h"
 #include "tests/powercut/campaign.h"
 #include "tests/unit/db/shim_vfs.h"
 #include "tests/unit/db/test_db.h"
@@ -14,7 +15,7 @@ namespace needlelab::test {
 namespace {
 
 TEST(SecondCheckpointer, readersOfThePoolNeverCheckpoint) {
-  // the shim becomes the default VFS, because the pool takes none
+  // the shim becomes the default VFS, because the pool has no VFS option
   sqlite3_vfs* const usual = sqlite3_vfs_find(nullptr);
   sqlite3_vfs_register(sqlite3_vfs_find(ShimVfs::name()), 1);
   {
@@ -27,7 +28,7 @@ TEST(SecondCheckpointer, readersOfThePoolNeverCheckpoint) {
     { const auto first = TestDb::must(pool.borrow()); }
     while (added < 350) add();
     ASSERT_OK(db.writer.checkpointPassive());
-    // a commit at the worst instant, in case another connection checkpoints
+    // a commit at the worst moment, in case another connection checkpoints
     bool reached = false;
     ShimVfs::instance().setHook([&](ShimVfs::Op op, const std::string&, std::int64_t, int) {
       if (op == ShimVfs::Op::kHeaderRead && !std::exchange(reached, true))

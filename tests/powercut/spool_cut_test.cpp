@@ -5,14 +5,14 @@
 #include <map>
 #include <optional>
 
-#include "client/net/lesson_cache.h"
-#include "client/net/spool_writer.h"
-#include "client/net/uplink_session.h"
+#include "client/net/spool/lesson_cache.h"
+#include "client/net/spool/spool_writer.h"
+#include "client/net/uplink/uplink_session.h"
 #include "common/gesture/chunk.h"
 #include "tests/powercut/campaign.h"
 #include "tests/powercut/watched_disk.h"
 #include "tests/support/patience.h"
-#include "tests/unit/client/net/spool_samples.h"
+#include "tests/unit/client/net/spool/spool_samples.h"
 
 namespace needlelab::test {
 namespace {
@@ -21,7 +21,7 @@ using namespace std::chrono_literals;
 namespace fs = std::filesystem;
 
 constexpr std::uint64_t kMany = 1'000'000;
-constexpr double kRateHz = 100;  // 100 samples a chunk, one a piece of the tail
+constexpr double kRateHz = 100;  // 100 samples per chunk, one per piece of the tail
 
 Uuid sessionId(std::uint64_t session) {
   Uuid id{};
@@ -64,7 +64,7 @@ class StationDay {
     spool_.reset();
     spool_ = open();
     record(3, true);
-    // sessions that are Safe leave the spool
+    // sessions that are Safe are removed from the spool
     log_.mark("removing", 1);
     SpoolKeep keep;
     keep.min_free_bytes = 0;
@@ -229,7 +229,7 @@ std::string judgeSpool(const DiskLog& log, const fs::path& folder, std::size_t i
   for (const auto& [number, expected] : all.sessions) {
     const std::string name = "session " + std::to_string(number) + " ";
     if (!found.contains(number)) {
-      if (expected.closing) continue;  // its receipt may be on disk; then it is done, or removed
+      if (expected.closing) continue;  // its receipt may be on disk; then it is done or removed
       // a folder without a mark: the cut came before `create` returned
       bool created = false;
       for (std::size_t i = 0; i < instant; ++i)
@@ -245,7 +245,7 @@ std::string judgeSpool(const DiskLog& log, const fs::path& folder, std::size_t i
       return name + "has " + std::to_string(contents.chunks) + " chunks, synced were " +
              std::to_string(expected.synced_chunks);
     if (contents.loss.samples < expected.lost) return name + "has forgotten that samples are lost";
-    // what was not synced may be missing before what the cut left; the spool counts it
+    // unsynced data may be missing before those that survived; the spool counts them
     std::uint64_t tick = 0, missing = 0;
     for (std::uint64_t seq = 0; seq < contents.chunks; ++seq) {
       const auto bytes = session.readChunk(seq);
@@ -302,7 +302,7 @@ void cutSpool(const DiskLog& log, std::uint64_t seed, int cuts, CutCounts& count
     return judgeSpoolTwice(log, folder, instant, random, counts);
   };
   cutLog(log, log.begin(), log.events().size(), cuts, seed, judge, counts);
-  // a removal is short among the rest
+  // a removal is a small part of the log
   for (std::size_t i = log.begin(); i + 20 < log.events().size(); ++i)
     if (log.events()[i].name == "removing") cutLog(log, i, i + 20, cuts / 2, seed, judge, counts);
 }

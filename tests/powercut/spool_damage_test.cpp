@@ -1,15 +1,15 @@
-// Flipped bits in every file of a spool: never a crash, never wrong samples, the other sessions unharmed.
+// Flipped bits in every file of a spool: never a crash, never wrong samples, other sessions unharmed.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <fstream>
 #include <set>
 
-#include "client/net/lesson_cache.h"
-#include "client/net/spool.h"
+#include "client/net/spool/lesson_cache.h"
+#include "client/net/spool/spool.h"
 #include "common/gesture/chunk.h"
 #include "tests/powercut/campaign.h"
-#include "tests/unit/client/net/spool_samples.h"
+#include "tests/unit/client/net/spool/spool_samples.h"
 
 namespace needlelab::test {
 namespace {
@@ -114,7 +114,7 @@ TEST(SpoolDamage, aFlippedBitInAnyFileHarmsOnlyWhatItHits) {
         if (hit && name != "chunks" && name != "tail") {
           EXPECT_EQ(tick, number == 2 ? 520u : 500u) << where;
         }
-        // what is damaged in chunks is counted to the sample, and all else is there
+        // damage in chunks is counted to the sample, and everything else is there
         const std::uint64_t missing = contents.damage.samples;
         EXPECT_EQ(contents.samples + gap, tick) << where;
         EXPECT_GE(missing, gap) << where;
@@ -127,7 +127,7 @@ TEST(SpoolDamage, aFlippedBitInAnyFileHarmsOnlyWhatItHits) {
           EXPECT_TRUE(contents.interrupted) << where;
         }
       }
-      // a damaged description has a copy, so every session is uploaded; what was mended is said
+      // a damaged description has a copy, so every session is uploaded; repairs are reported
       EXPECT_EQ(seen, (std::set<std::uint8_t>{1, 2, 3})) << where;
       if (file.filename() == "session.json") {
         const std::string id = file.parent_path().filename().string();

@@ -26,7 +26,7 @@ namespace fs = std::filesystem;
 
 std::atomic<bool> watching = false, faulty = false;
 
-/// The state of the watched folder. Guarded by its mutex; never destroyed, for calls during exit.
+/// The state of the watched folder. Guarded by its mutex; never destroyed, because of calls during exit.
 struct World {
   std::mutex mutex;
   DiskLog* log = nullptr;
@@ -308,7 +308,7 @@ void WatchedDisk::setFault(const fs::path& folder, Fault fault) {
 
 }  // namespace needlelab::test
 
-// in place of libc's, for everything in this program and its libraries
+// replace libc's functions for everything in this program and its libraries
 using namespace needlelab::test;  // NOLINT(google-build-using-namespace)
 extern "C" {
 

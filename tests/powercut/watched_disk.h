@@ -1,6 +1,6 @@
-/// Records this program's disk calls for a simulated power cut, and makes them fail on command. It sits below
+/// Records this program's disk calls for a simulated power cut, and makes them fail on command. It is below
 /// everything: watched_disk.cpp defines libc's functions in the test program, so the calls of SQLite's own
-/// VFS, std::filesystem and our code all come here.
+/// VFS, std::filesystem and our code all arrive here.
 #pragma once
 
 #include <filesystem>
@@ -17,19 +17,19 @@ enum class DiskCall { kRead, kWrite, kSync, kCreate, kTruncate, kRename, kOpenTo
 /// for the real disk.
 class WatchedDisk {
  public:
-  /// Logs the current content of `folder` (as synced), then every call below it. Both must last until the
-  /// next `stop`. Shared-memory files (`-shm`) are left out: they do not reach a disk.
+  /// Logs the current content of `folder` (as synced), then every call below it. Both must exist until the
+  /// next `stop`. Shared-memory files (`-shm`) are omitted: they do not reach a disk.
   static void watch(const std::filesystem::path& folder, DiskLog& log);
   static void stop();
 
-  /// Called before each call on a file below `folder`: returns 0 to go on, or the errno to fail with. It runs
-  /// under a lock and must not access the disk. Empty: no faults.
+  /// Called before each call on a file below `folder`: returns 0 to continue, or the errno to fail with. It
+  /// runs under a lock and must not access the disk. Empty: no faults.
   using Fault = std::function<int(DiskCall call, const std::string& path)>;
   static void setFault(const std::filesystem::path& folder, Fault fault);
   static void clearFault() { setFault({}, {}); }
 };
 
-/// Watches in a scope.
+/// Watches for the scope's duration.
 class Watching {
  public:
   Watching(const std::filesystem::path& folder, DiskLog& log) { WatchedDisk::watch(folder, log); }

@@ -10,7 +10,7 @@
 #include <memory>
 #include <random>
 
-#include "client/net/connect.h"
+#include "client/net/link/connect.h"
 #include "common/wire/protocol.h"
 #include "common/wire/tls.h"
 
@@ -227,7 +227,7 @@ void Attackers::pings() {
       ++counts_.turned_away;
       continue;
     }
-    // at most 20,000 per second; reads the answers from time to time
+    // at most 20,000 per second; occasionally reads the answers
     while (peer.write(many) && goOn(10)) {
       counts_.pings += 200;
       (void)peer.readSome();

@@ -6,17 +6,17 @@
 #include <optional>
 #include <thread>
 
-#include "client/net/server_link.h"
-#include "common/base/clock.h"
+#include "client/net/link/server_link.h"
+#include "common/base/time/clock.h"
 #include "tests/load/database_check.h"
 #include "tests/load/load_viewer.h"
 #include "tests/load/own_server.h"
 #include "tests/load/station_crowd.h"
 #include "tests/security/attackers.h"
-#include "tests/support/password_cost.h"
 #include "tests/support/patience.h"
 #include "tests/support/run_form.h"
 #include "tests/support/sanitized.h"
+#include "tests/support/store/password_cost.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
@@ -28,8 +28,8 @@ double ms(std::int64_t ns) {
   return static_cast<double>(ns) * 1e-6;
 }
 
-/// Returns the duration of a log-in including TLS, with retries as a station makes them. Returns nothing if
-/// it fails for kPatience.
+/// Returns the duration of a log-in including TLS, with a station's retries. Returns nothing if it fails for
+/// kPatience.
 std::optional<std::int64_t> logInTime(const LoadShared& shared, const pb::Login& login) {
   ClientConfig config = shared.client;
   config.login = login;
@@ -46,7 +46,7 @@ std::optional<std::int64_t> logInTime(const LoadShared& shared, const pb::Login&
 }
 
 TEST(Flood, stationsAndViewersNoticeNothing) {
-  const ProductPasswordCost product;  // of the administrator, whose log-in stands beside the guesses
+  const ProductPasswordCost product;  // for the administrator, whose log-in competes with the guesses
   const bool long_form = longForm();
   constexpr std::size_t kStations = 50, kViewers = 2;
   const double phase_s = long_form ? 20 : 2.5;
@@ -114,7 +114,7 @@ TEST(Flood, stationsAndViewersNoticeNothing) {
         if (count->load() <= 3) return false;
       return c.pings > 1000;
     };
-    // A slow machine gets the time that every attack, the stations and the viewers need.
+    // Gives a slow machine the time that every attack, the stations and the viewers need.
     const auto goesOn = [&] {
       const auto elapsed = std::chrono::steady_clock::now() - begin;
       if (elapsed < std::chrono::duration<double>(phase_s)) return true;
@@ -140,7 +140,7 @@ TEST(Flood, stationsAndViewersNoticeNothing) {
   }
   const LatencyHistogram ack = crowd.totals().ack.since(ack_before);
   const LatencyHistogram live = viewers.totals().live.since(live_before);
-  // Said, not judged: how long things take depends on the machine (tests/bench/realtime, tests/load).
+  // Reported, not asserted: durations depend on the machine (tests/bench/realtime, tests/load).
   const auto report = [](const char* what, const LatencyHistogram& before, const LatencyHistogram& during) {
     std::fprintf(stderr, "flood: %s p50 %.1f ms before, %.1f during; p99 %.1f before, %.1f during\n", what,
                  ms(before.quantile_ns(0.5)), ms(during.quantile_ns(0.5)), ms(before.quantile_ns(0.99)),

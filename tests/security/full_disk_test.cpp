@@ -1,5 +1,5 @@
-// A station's key, stolen or mistaken, cannot fill the disk; a disk that is full all the same stops neither
-// reading nor the server.
+// A station's key, stolen or mistaken, cannot fill the disk; a disk that is full anyway stops neither reading
+// nor the server.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -9,8 +9,8 @@
 
 #include "common/base/crc32c.h"
 #include "common/base/program.h"
-#include "common/base/text.h"
-#include "db/retention_store.h"
+#include "common/base/text/text.h"
+#include "db/erasure/retention_store.h"
 #include "tests/support/patience.h"
 #include "tests/unit/server/live/running_server.h"
 
@@ -36,13 +36,13 @@ struct RoomyServer {
   RunningServer server;
 };
 
-/// The answer to an OpenSession: session_opened, or a refusal.
+/// The answer to an OpenSession: session_opened or a refusal.
 pb::Envelope answerTo(BlockingClient& client, const pb::Envelope& open) {
   EXPECT_TRUE(client.send(open).ok());
   return waitFor(client, [](const pb::Envelope& e) { return e.has_session_opened() || e.has_refusal(); });
 }
 
-/// Sends it until the server answers as wanted: the server looks at its disk from time to time only.
+/// Sends it until the server answers as wanted: the server checks its disk only from time to time.
 template <typename Wanted>
 pb::Envelope answerAsWanted(BlockingClient& client, const std::function<pb::Envelope()>& open,
                             Wanted wanted) {
@@ -60,7 +60,7 @@ bool isOpened(const pb::Envelope& answer) {
   return answer.has_session_opened();
 }
 
-/// Chunks of the session that a person can read now.
+/// How many of the session's chunks a person can read now.
 int readableChunks(BlockingClient& person, const FakeSession& session) {
   pb::Request request;
   request.mutable_read_chunks()->set_session_id(session.id());
@@ -70,7 +70,7 @@ int readableChunks(BlockingClient& person, const FakeSession& session) {
 }
 
 TEST(FullDisk, oneStationsKeyBringsNoMoreThanItsShareOfProfiles) {
-  RoomyServer s([](ServerOptions& options) {  // four, with the other fields of their descriptions
+  RoomyServer s([](ServerOptions& options) {  // for four, with the other fields of their descriptions
     options.quotas.description_bytes = 1'010'000;
   });
   auto thief = s.server.connect(stationLogin("bench-1", s.server.addStation("bench-1")));
@@ -78,7 +78,7 @@ TEST(FullDisk, oneStationsKeyBringsNoMoreThanItsShareOfProfiles) {
   ASSERT_TRUE(thief.ok() && honest.ok());
   const std::string profile = "{" + std::string(249'998, ' ') + "}";
   int opened = 0, refused = 0;
-  // more refusals than a peer that makes mistakes may have: who has no room asks again
+  // more refusals than a faulty peer may have: refused for lack of room, it asks again
   for (int i = 0; i < 455; ++i) {
     const auto answer = answerTo(*thief, FakeSession("bench-1").open(profile));
     if (answer.has_session_opened()) {
@@ -128,7 +128,7 @@ TEST(FullDisk, oneStationsKeyBringsNoMoreThanItsShareOfChunksAndLosesNothing) {
   double share = 0;
   for (std::uint64_t seq = 0; seq < kTaken; ++seq)
     share += static_cast<double>(FakeSession::bytes(seq).size() + StationQuotas::kChunkRowBytes);
-  share += 1;  // for rounding: too little for a chunk, and for opening a session
+  share += 1;  // for rounding: too little for a chunk, or for opening a session
   RoomyServer s([share](ServerOptions& options) { options.quotas.chunk_bytes = share; });
   const std::string key = s.server.addStation("bench-1");
   s.server.addUser("chief", pb::ADMINISTRATOR, kPassword);
@@ -196,7 +196,7 @@ TEST(FullDisk, chunksThatCannotBeDecodedHaveASmallShareAndTheSessionGoesOnWithSo
 }
 
 TEST(FullDisk, oneAccountHasNoMoreThanItsShareStoredOverAllItsConnections) {
-  RoomyServer s([](ServerOptions& options) {  // of the longest consents, with what each costs besides
+  RoomyServer s([](ServerOptions& options) {  // of the longest consents, including overhead
     options.shares.own_bytes = 5.0 * (1100 + PeopleShares::kRequestBytes);
   });
   for (const char* name : {"tina", "tom"}) s.server.addUser(name, pb::TRAINEE, kPassword);
@@ -251,7 +251,7 @@ TEST(FullDisk, everyLineOfTheAuditLogCostsWhoeverAsksForIt) {
   for (const auto& [who, request] : {std::pair{"tina", &code}, {"ina", &stop}, {"mia", &disable}}) {
     auto client = s.server.connect(personLogin(who, kPassword));
     ASSERT_TRUE(client.ok());
-    // others are refused for other reasons: there is no such station online
+    // others are refused for another reason: no such station is online
     int for_room = 0;
     for (int i = 0; i < 2 * kShares; ++i) {
       const auto reply = client->call(*request);
@@ -321,7 +321,7 @@ TEST(FullDisk, takesNothingElseThatIsToBeKeptAndReadsErasesAndEndsAccess) {
   EXPECT_TRUE(erased.ok()) << erased.error().message;
 }
 
-/// Looks at the disk once, at the start, and finds so much more than new sessions need.
+/// Checks the disk once, at the start, and finds this much more than new sessions need.
 RoomyServer serverWithRoomFor(std::uint64_t bytes) {
   return RoomyServer([bytes](ServerOptions& options) {
     options.min_free_bytes = kMiB;
@@ -331,7 +331,7 @@ RoomyServer serverWithRoomFor(std::uint64_t bytes) {
     };
   });
 }
-/// Free pages of its database, which are room besides.
+/// Free pages of its database, which count as room, too.
 std::uint64_t freePageBytes(RoomyServer& s) {
   auto reader = s.server.server().store().readers().borrow();
   const auto space = RetentionStore(**reader).space();
@@ -339,7 +339,7 @@ std::uint64_t freePageBytes(RoomyServer& s) {
   return space.ok() ? space->free_bytes : 0;
 }
 
-// The finding: each chunk that came again counted as room until the second look after it.
+// The finding: each repeated chunk used up room until the second check after it.
 TEST(FullDisk, chunksThatComeAgainTakeNoRoomFromNewSessions) {
   constexpr std::uint64_t kRoom = 128u << 10;
   RoomyServer s = serverWithRoomFor(kRoom);
@@ -347,7 +347,7 @@ TEST(FullDisk, chunksThatComeAgainTakeNoRoomFromNewSessions) {
   ASSERT_TRUE(station.ok());
   const FakeSession lesson("bench-1");
   ASSERT_TRUE(isOpened(answerTo(*station, lesson.open())));
-  // each byte counts twice, so half of them would be enough
+  // each byte counts twice, so half of them would suffice
   const std::uint64_t times = (kRoom + freePageBytes(s)) / FakeSession::bytes(0).size();
   for (std::uint64_t time = 0; time <= times; ++time) {
     ASSERT_TRUE(station->send(lesson.chunk(0)).ok());
@@ -384,7 +384,7 @@ TEST(FullDisk, refusesFirstNewSessionsThenChunksAndReadsOn) {
   const auto late = answerAsWanted(*station, fresh, isRefused);
   ASSERT_EQ(late.refusal().reason(), pb::Refusal::NO_ROOM);
   EXPECT_THAT(late.refusal().text(), HasSubstr("make room"));
-  // the lesson that has begun is stored on
+  // a lesson that has begun is still stored
   ASSERT_TRUE(station->send(lesson.chunk(1)).ok());
   lesson.waitForAck(*station, 2);
   EXPECT_TRUE(isOpened(answerTo(*station, lesson.open()))) << "and may be opened again after a lost link";
@@ -454,7 +454,7 @@ TEST(FullDisk, aServerThatStartsThereServesReadsAndEndsWhenThereIsRoom) {
   auto station = s.server.connect(stationLogin("bench-1", key));
   ASSERT_TRUE(station.ok()) << station.error().message;
   EXPECT_EQ(answerTo(*station, lesson.open()).refusal().reason(), pb::Refusal::NO_ROOM);
-  // of all levels only this one needs another start
+  // this is the only level that needs a restart
   s.leave(10'000);
   const auto end = std::chrono::steady_clock::now() + kPatience;
   while (s.server.connect(stationLogin("bench-1", key)).ok() && std::chrono::steady_clock::now() < end)

@@ -1,12 +1,12 @@
-// A trainee sends requests that are small on the wire and large in memory, and not for a trainee: the server
-// must refuse each by its first bytes, and go on with everybody else meanwhile.
+// A trainee sends requests that are small on the wire, large in memory, and not allowed for trainees: the
+// server must refuse each by its first bytes, and continue with everyone else in the meantime.
 #include <gtest/gtest.h>
 
 #include <cstdio>
 #include <memory>
 #include <vector>
 
-#include "server/live/monitor.h"
+#include "server/live/monitor/monitor.h"
 #include "tests/support/sanitized.h"
 #include "tests/unit/server/live/raw_peer.h"
 
@@ -15,7 +15,7 @@ namespace {
 
 constexpr const char* kTheirPassword = "correct horse battery";
 constexpr std::size_t kConnections = 8, kRounds = 4;
-constexpr int kIds = 524'200;  // as many empty ones as a message of 1 MiB holds
+constexpr int kIds = 524'200;  // as many empty ones as fit in a message of 1 MiB
 
 std::string referenceOfNothing(std::uint64_t id) {
   pb::Envelope envelope;
@@ -42,7 +42,7 @@ TEST(Parsing, whatATraineeMayNotAskCostsNobodyAnything) {
   std::size_t refused = 0;
   for (std::size_t round = 0; round < kRounds; ++round) {
     for (auto& attacker : attackers) attacker->write(bytes);
-    // Nobody has read a refusal yet: the other's ping waits for none of them.
+    // No refusal has been read yet: the other's ping waits for none of them.
     pb::Envelope ping;
     ping.mutable_ping()->set_id(round + 1);
     other.send(ping);
@@ -67,7 +67,7 @@ TEST(Parsing, whatATraineeMayNotAskCostsNobodyAnything) {
   EXPECT_LT(counters.decoded_bytes, 64u << 10);
   std::fprintf(stderr, "parsing: resident memory grew by %llu KiB\n",
                static_cast<unsigned long long>((most - before) >> 10));
-  // each connection's buffer holds a message and the rest of a read, in both directions of its growth
+  // each connection's buffer holds a message and the rest of a read, twice while it grows
   if (!kSanitized) {
     EXPECT_LT(most - before, 64u << 20);
   }

@@ -12,12 +12,12 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/files.h"
-#include "db/connection.h"
+#include "common/base/files/files.h"
 #include "db/engine/open_postgres.h"
+#include "db/store/connection.h"
 #include "tests/integration/lab.h"
 #include "tests/support/patience.h"
-#include "tests/support/postgres_database.h"
+#include "tests/support/store/postgres_database.h"
 
 namespace needlelab::test {
 namespace {
@@ -54,14 +54,13 @@ std::vector<std::string> formsOf(const std::string& secret) {
   return {secret, hex, hex.substr(0, 16), upper.substr(0, 16), escaped.substr(0, 32)};
 }
 
-// Each program sees to that in its first milliseconds. Not 0: that would not keep the dump from
-// a pipe.
+// Each program sets this limit in its first milliseconds. Not 0: that would not prevent a dump to a pipe.
 bool writesNoCore(pid_t pid) {
   return readProc(pid, "limits").find("Max core file size        1                    1 ") !=
          std::string::npos;
 }
 
-/// A database on PostgreSQL that wants a password (tests/postgres/cluster), and the file that has it.
+/// A PostgreSQL database with a password (tests/postgres/cluster), and the file that contains it.
 class StoreWithPassword {
  public:
   static constexpr const char* kPassword = "Planted-8-Lebkuchen";
@@ -84,8 +83,8 @@ class StoreWithPassword {
   StoreWithPassword(const StoreWithPassword&) = delete;
   StoreWithPassword& operator=(const StoreWithPassword&) = delete;
 
-  // of several values of one word libpq takes the last
-  /// From now on programs have another password, which PostgreSQL refuses.
+  // if a keyword has several values, libpq takes the last
+  /// From now on programs use another password, which PostgreSQL refuses.
   void usePassword(const std::string& other) const {
     folder_.write("db.password", "*:*:*:by_password:" + other + "\n");
   }
@@ -97,7 +96,7 @@ class StoreWithPassword {
     if (!text) throw std::runtime_error(text.error().message);
     return *text;
   }
-  /// Everything that the database has, as text, into `file`.
+  /// Writes everything in the database as text to `file`.
   void dump(const fs::path& file) const {
     Process dumped("/usr/lib/postgresql/15/bin/pg_dump", {"--dbname", url(), "--no-password"}, file);
     ASSERT_EQ(dumped.wait(), 0) << dumped.said();
@@ -132,7 +131,7 @@ class Secrets : public testing::Test {
     EXPECT_TRUE(writesNoCore(pid)) << name;
   }
 
-  /// The database on PostgreSQL, where the test is of one.
+  /// The database on PostgreSQL, if the test uses one.
   std::optional<StoreWithPassword> store_;
   std::map<std::string, std::string> secrets_;
   int looked_ = 0;
@@ -196,9 +195,9 @@ TEST_F(Secrets, areInNoLogNoArgumentNoEnvironmentAndNoFileOfOthers) {
     all.insert(all.end(), arguments.begin(), arguments.end());
     return std::make_unique<Process>("needlelab-admin", all, lab.path(name + ".log"));
   };
-  // Wrong passwords, keys and tokens are secrets too: often they are valid elsewhere.
+  // Wrong passwords, keys and tokens are secrets, too: often they are valid elsewhere.
   EXPECT_NE(remote("wrong", wrong, {"user", "list"})->wait(), 0);
-  // a password that was typed where the name belongs, by a person and at a station
+  // a password typed where the name belongs, by a person and at a station
   secrets_["typed as a name"] = "Planted-7-typed";
   config.login = personLogin(secrets_["typed as a name"], "whatever it is");
   EXPECT_FALSE(BlockingClient::connect(config).ok());
@@ -226,7 +225,7 @@ TEST_F(Secrets, areInNoLogNoArgumentNoEnvironmentAndNoFileOfOthers) {
   ASSERT_TRUE(second.ok());
   secrets_["second key in hexadecimal"] = second->substr(second->find(':') + 1, 64);
 
-  // a lesson that is watched, with the trainee's code
+  // a lesson being watched, with the trainee's code
   Process station("needlelab-station",
                   {"--server",
                    address,

@@ -6,14 +6,14 @@
 #include <utility>
 #include <vector>
 
-#include "client/net/blocking_client.h"
+#include "client/net/link/blocking_client.h"
 #include "tests/support/silent_peer.h"
 #include "tests/unit/server/live/running_server.h"
 
 namespace needlelab::test {
 namespace {
 
-constexpr std::size_t kSilent = 300;  ///< in all; several times the places for handshakes
+constexpr std::size_t kSilent = 300;  ///< in total; several times the places for handshakes
 constexpr std::size_t kStations = 50;
 constexpr auto kHour = std::chrono::hours(1);
 
@@ -31,7 +31,7 @@ struct Attack {
 
 class SilentHandshakes : public testing::TestWithParam<Attack> {};
 
-// A place is held for an hour here, and a handshake may last as long: whoever had to wait for a silent
+// A place is held for an hour here, and a handshake may last as long: a station that had to wait for a silent
 // stranger would never get in.
 TEST_P(SilentHandshakes, everyStationGetsInWhileTheyAreHeld) {
   const auto [addresses, known] = GetParam();
@@ -52,7 +52,7 @@ TEST_P(SilentHandshakes, everyStationGetsInWhileTheyAreHeld) {
     peers.push_back(
         std::make_unique<SilentPeer>("127.0.0." + std::to_string(address), server.server().port(), hello));
   }
-  // the attack has begun when the server has answered as many as have a place
+  // the attack has begun once the server has answered as many as have a place
   const HandshakeTurns::Settings turns;
   const std::size_t most =
       std::min(turns.places, static_cast<std::size_t>(addresses) * turns.places_of_address);
@@ -80,8 +80,8 @@ INSTANTIATE_TEST_SUITE_P(From, SilentHandshakes,
                          testing::Values(Attack{2, false}, Attack{20, false}, Attack{2, true},
                                          Attack{20, true}));
 
-// All stations and all attackers at one address (a NAT): its connections give way to each other, so that it
-// goes on at the pace of its own places.
+// All stations and all attackers at one address (a NAT): its connections give way to each other, so it
+// advances at the pace of its own places.
 TEST(SilentHandshakesOfOneAddress, delayTheirOwnAddressForTheirPatienceOnly) {
   RunningServer server([](ServerOptions& options) {
     options.handshakes.patience = milliseconds(20);

@@ -6,7 +6,7 @@
 #include <sstream>
 #include <string>
 
-#include "db/database_files.h"
+#include "db/backup/database_files.h"
 
 namespace needlelab::test {
 

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 
 namespace needlelab::test {

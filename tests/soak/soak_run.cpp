@@ -12,10 +12,10 @@
 #include <set>
 #include <thread>
 
-#include "client/net/blocking_client.h"
-#include "client/net/spool.h"
-#include "common/base/files.h"
-#include "common/base/uuid.h"
+#include "client/net/link/blocking_client.h"
+#include "client/net/spool/spool.h"
+#include "common/base/files/files.h"
+#include "common/base/text/uuid.h"
 #include "common/gesture/chunk.h"
 #include "tests/integration/process.h"
 #include "tests/support/patience.h"

@@ -8,12 +8,12 @@
 #include <string_view>
 
 #include "client/sim/stability/case.h"
-#include "tests/support/reference_source.h"
+#include "tests/support/reference/reference_source.h"
 #include "tests/support/run_form.h"
 
 namespace needlelab::test {
 
-/// The case of that name of `file`. A failure of the running test when there is none, or when it cannot run.
+/// The case with that name in `file`. Fails the running test if there is none, or if it cannot run.
 inline CaseRow rowFrom(const CaseSettings& settings, std::string_view name,
                        const ForceSourceFactory& source = engineSource(),
                        AxialModel model = AxialModel::kEnhancedTrackingWall) {
@@ -45,7 +45,7 @@ inline CaseRow rowWithField(std::string_view name, const char* field, const nloh
   return rowFrom({file, false, control}, name, source);
 }
 
-/// Bad samples that meet no gate.
+/// Bad samples that do not pass a gate.
 inline CaseControl withoutGate() {
   CaseControl control;
   control.gate = false;
@@ -66,7 +66,7 @@ inline testing::AssertionResult isStable(const CaseRow& row) {
          << row.case_name << " " << rowText(row);
 }
 
-/// The control: the reference with a planted defect, in the wall's place.
+/// Control: the reference with a planted defect, replacing the wall.
 inline CaseRow rowWith(Defect planted, std::string_view name) {
   return rowOf(name, AxialModel::kEnhancedTrackingWall, referenceSource(planted));
 }

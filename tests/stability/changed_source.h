@@ -1,15 +1,15 @@
-/// The shipped engine with a defect behind it: the controls of the cases of prescribed motion.
+/// The shipped engine followed by a defect: controls for the cases of prescribed motion.
 #pragma once
 
 #include <functional>
 #include <memory>
 #include <utility>
 
-#include "client/sim/stability/plant.h"
+#include "client/sim/stability/loop/plant.h"
 
 namespace needlelab::test {
 
-/// What is done to the report of a tick after the engine.
+/// Applied to a tick's report after the engine.
 using Change = std::function<void(const TipSample& tip, ForceSource& inner, StepReport& report)>;
 /// A source that wraps another one.
 class ChangedSource final : public ForceSource {
@@ -30,7 +30,7 @@ class ChangedSource final : public ForceSource {
   std::unique_ptr<ForceSource> inner_;
   Change change_;
 };
-/// The engine with `change` behind it.
+/// The engine followed by `change`.
 inline ForceSourceFactory changed(Change change) {
   return [change = std::move(change)](const SceneSpec& scene,
                                       double rate_hz) -> Result<std::unique_ptr<ForceSource>> {
@@ -39,7 +39,7 @@ inline ForceSourceFactory changed(Change change) {
     return std::unique_ptr<ForceSource>(std::make_unique<ChangedSource>(std::move(*inner), change));
   };
 }
-/// The engine, but the scene is changed before it is compiled.
+/// The engine, but with the scene changed before it is compiled.
 inline ForceSourceFactory ofScene(std::function<void(SceneSpec&)> change) {
   return [change = std::move(change)](SceneSpec scene, double rate_hz) {
     change(scene);

@@ -1,4 +1,4 @@
-// What a device or its clock does wrong: the wall passes each case, and a control fails it.
+// Faults of a device or its clock: the wall passes each case, and a control fails it.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -15,7 +15,7 @@ namespace {
 
 constexpr AxialModel kShipped = AxialModel::kEnhancedTrackingWall;
 
-// every model has a row in every case, good or bad; a mesh of FEM takes a second, so not here
+// every model has a row in every case, good or bad; an FEM mesh takes a second, so it is skipped here
 TEST(DeviceCases, everyModelHasAFiniteRow) {
   for (const StabilityCase& one : deviceCases())
     for (const AxialModel model :
@@ -35,7 +35,7 @@ TEST(GlitchUnderGate, aSpringWithoutEndDepartsByMoreThanTissueCan) {
   };
   const CaseRow row = rowOf("glitch_under_gate", kShipped, spring);
   EXPECT_FALSE(row.passed) << rowText(row);
-  // K · 4.9 mm; the gate lets through 2 N of it in the tick
+  // K · 4.9 mm; the gate lets 2 N of it through in the tick
   EXPECT_NEAR(*row.measured, 2.0, 0.1) << rowText(row);
 }
 
@@ -47,8 +47,7 @@ TEST(GlitchUnderGate, theGateTakesNoneOfALargerOne) {
   EXPECT_LT(*over.measured, 0.03) << "the held force of one tick";
 }
 
-// a source that takes a jump for a new zero, as a device that is clutched, is off by it until the needle is
-// out
+// a source that treats a jump as a new zero, like a clutched device, is off by it until the needle is out
 TEST(FrozenAxis, aJumpTakenForANewZeroFails) {
   class NewZero final : public ForceSource {
    public:
@@ -79,7 +78,7 @@ TEST(FrozenAxis, aJumpTakenForANewZeroFails) {
   EXPECT_GT(*row.measured, 0.1) << rowText(row);
 }
 
-// an angle from the scalar part alone: 2·acos(w) of −q is the other way round
+// an angle from the scalar part alone: 2·acos(w) of −q turns the other way round
 TEST(QuaternionSign, aTorqueFromTheScalarPartAloneFails) {
   const CaseRow row =
       rowOf("quaternion_sign", kShipped, changed([](const TipSample& tip, ForceSource&, StepReport& r) {
@@ -93,7 +92,7 @@ TEST(QuaternionSign, aTorqueFromTheScalarPartAloneFails) {
 TEST(ClockSteps, withoutTheGateTheForceIsThereAtOnce) {
   const CaseRow row = rowOf("clock_steps", kShipped, engineSource(), withoutGate());
   EXPECT_FALSE(row.passed) << rowText(row);
-  // at its lowest the share is zero: all of the cutting force of 1 N
+  // at its minimum the share is zero: all of the cutting force of 1 N
   EXPECT_NEAR(*row.measured, 1.0, 0.01);
 }
 

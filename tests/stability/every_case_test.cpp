@@ -1,4 +1,4 @@
-// The wall is stable in every hard case; the other files have what each case says besides, and its controls.
+// The wall is stable in every hard case; the other files have each case's further checks and its controls.
 #include <gtest/gtest.h>
 
 #include <string>
@@ -18,7 +18,7 @@ INSTANTIATE_TEST_SUITE_P(
     [] {
       std::vector<std::string> names;
       for (const StabilityCase& one : allCases())
-        if (one.name != "random_energy") names.push_back(one.name);  // long: RandomEnergy runs it
+        if (one.name != "random_energy") names.push_back(one.name);  // slow: RandomEnergy runs it
       return testing::ValuesIn(names);
     }(),
     [](const auto& test) { return test.param; });

@@ -21,9 +21,9 @@ TEST(HoldQuantised, voigtWithAnAdaptiveWindowStandsInItsNote) {
 
 TEST(HoldTremorRandom, voigtItselfDoesNotPass) {
   const CaseRow row = rowOf("hold_tremor_random", AxialModel::kVoigt);
-  // it chatters; with one of the nightly form's 300 hands it diverges, and the worst hand is the verdict
+  // it chatters; with one of the nightly form's 300 hands it diverges, and the worst hand gives the verdict
   EXPECT_EQ(row.verdict, longForm() ? Verdict::kDiverges : Verdict::kChatters) << rowText(row);
-  // it fails by its own chatter, not only because it cannot be an eighth of itself
+  // it fails by its own chatter, not only because the limit is an eighth of it
   EXPECT_GT(*row.measured, *row.limit) << rowText(row);
 }
 

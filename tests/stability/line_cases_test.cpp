@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "common/haptics/force_gate.h"
+#include "common/haptics/gate/force_gate.h"
 #include "tests/stability/case_rows.h"
 
 namespace needlelab::test {
@@ -48,14 +48,14 @@ INSTANTIATE_TEST_SUITE_P(Line, LineDefectFails,
                                          LineControl{"eighty_degrees", Defect::kEntryJumpsAt80, 10}),
                          [](const auto& test) { return std::string(test.param.name); });
 
-// the other half of re_aim: what follows the hand near the skin must not follow it deep in
+// the other half of re_aim: what follows the hand near the skin must not follow it when deep
 TEST(ReAim, aTrajectoryThatTurnsAtNothingFails) {
   const CaseRow row = rowWith(Defect::kTurnsFreely, "re_aim");
   EXPECT_FALSE(row.passed) << rowText(row);
   EXPECT_NE(row.note.find("not so: the page's force"), std::string::npos) << row.note;
 }
 
-// as the gate did before: each part with a share of its own, which rises in contact
+// like an earlier gate: force and torque each with their own share, which rises in contact
 WrenchLimiter separateShares(double rate_hz) {
   struct Part {
     double peak;
@@ -82,7 +82,7 @@ TEST(LeaningOnTool, separateSharesOfForceAndTorquePayTheHand) {
   EXPECT_GE(*row.measured, 1e-3) << rowText(row);
 }
 
-// eq. 8 alone is not conservative: the same loops pay the hand where no cap binds
+// eq. 8 alone is not conservative: the same loops give the hand energy where no cap binds
 TEST(CapOnSum, proportionalPaysTheHandWithoutACap) {
   const CaseRow row =
       rowOf("cap_on_sum", AxialModel::kEnhancedTrackingWall, [](SceneSpec scene, double rate_hz) {

@@ -17,11 +17,11 @@ constexpr AxialModel kLoaded = AxialModel::kEnhancedTrackingWall;
 TEST(ReleaseUnderLoad, controlAForceThatKeepsItsSizeGivesMore) {
   const CaseRow row = rowOf("release_under_load", AxialModel::kDirect);
   EXPECT_FALSE(isStable(row));
-  // 4 N over 18 mm of tissue against 4²/(2·500) J
+  // 4 N over 18 mm of tissue, compared with 4²/(2·500) J
   EXPECT_GT(*row.measured, 3.5) << rowText(row);
 }
 TEST(ReleaseUnderLoad, controlAMembraneThatPushesHarderOutThanInGivesMore) {
-  // 1.2 times the force while the depth falls
+  // 1.2 times the force while the depth decreases
   double depth_m = 0;
   const CaseRow row = rowOf("release_under_load", kLoaded,
                             changed([depth_m](const TipSample&, ForceSource&, StepReport& r) mutable {
@@ -38,8 +38,8 @@ TEST(DeratedRelease, theForceFallsAndRisesWithoutAStep) {
   // the gate lets it rise by 10 N/s
   EXPECT_LE(*row.measured, 0.0101) << rowText(row);
 }
-// a switch in place of a level: half of the force once and for all where the mean square of the last seconds
-// is above that of 3.5 N
+// a switch instead of a level: halves the force permanently once the mean square of the last seconds exceeds
+// that of 3.5 N
 TEST(DeratedRelease, controlAThermostatSteps) {
   double heat_N2 = 0;
   bool hot = false;
@@ -57,12 +57,12 @@ TEST(DeratedRelease, controlAThermostatSteps) {
 TEST(LeverClamping, thePushAsideDiesOut) {
   const CaseRow row = rowOf("lever_clamping");
   EXPECT_TRUE(isStable(row));
-  // b + b_hand of 3.5 N·s/m and 0.06 N·m·s/rad behind the lever, over T (½ + d) and 400 N/m
+  // b + b_hand of 3.5 N·s/m and 0.06 N·m·s/rad through the lever, over T (½ + d) and 400 N/m
   const double lever2 = 0.012 * 0.012 + 0.008 * 0.008 + 0.13 * 0.13;
   EXPECT_NEAR(*row.coupled_margin, 1 / (1 / 3.5 + lever2 / 0.06) / 1.5e-3 / 400, 1e-9);
   EXPECT_NEAR(*row.passive_margin, 1 / (1 / 0.5 + lever2 / 0.01) / 1.5e-3 / 400, 1e-9);
 }
-// 2.0 kN/m: with the hand at the needle theory allows 2,333, through the lever 1,170
+// 2.0 kN/m: with the hand at the needle, theory allows 2,333; through the lever, 1,170
 void stiffFixture(SceneSpec& scene) {
   for (LayerSpec& layer : scene.layers) layer.lateral_stiffness_N_per_m2 *= 10;
   scene.virtual_fixture.max_stiffness_N_per_m = 2000;
@@ -97,7 +97,7 @@ TEST(ObliqueBone, controlBoneStifferThanTheLoopHoldsSwings) {
 TEST(FreeHandNoFriction, itSwingsAboutTheWallAndNoFurther) {
   const CaseRow row = rowOf("free_hand_no_friction");
   EXPECT_TRUE(isStable(row));
-  // no hand: coupled and passive are the same, and 0.5 N·s/m are passive up to 333 N/m
+  // no hand: coupled and passive limits are the same, and 0.5 N·s/m are passive up to 333 N/m
   EXPECT_NEAR(*row.passive_margin, 0.5 / 1.5e-3 / 500, 1e-9);
   EXPECT_EQ(*row.coupled_margin, *row.passive_margin);
 }

@@ -1,5 +1,5 @@
 // The measures of a run, compared with hand-calculated numbers.
-#include "client/sim/stability/measures.h"
+#include "client/sim/stability/loop/measures.h"
 
 #include <gtest/gtest.h>
 
@@ -29,7 +29,7 @@ TEST(BandPassed, hasTheGainOfAButterworthHighPass) {
   for (const int order : {2, 4, 6, 8})
     for (const double hz : {10.0, 30.0, 50.0, 80.0, 200.0, 400.0}) {
       const auto passed = bandPassed(sine(hz, 1, 4), kRate, {50, 500, order});
-      // the first second is the filter's own
+      // the first second is the filter's transient
       const double rms = rmsOf(std::span(passed).subspan(1000));
       EXPECT_NEAR(rms * std::numbers::sqrt2, highPassGain(hz, 50, order), 2e-3)
           << hz << " Hz, order " << order;
@@ -63,7 +63,7 @@ TEST(UnexplainedStep, isWhatTheSpringsDoNotExplain) {
   // 0.1 mm against 500 N/m explains 0.05 N of the step of 0.2 N
   PlantRun run = runOf({0, 0.05, 0.25}, {0, 1e-4, 2e-4});
   EXPECT_NEAR(maxUnexplainedStep_N(run), 0.15, 1e-12);
-  // the fixture's stiffness explains more of it, twice: across, and by its push
+  // the fixture's stiffness explains more of it, in two ways: across, and by its push
   run.ticks[2].report.clamping_stiffness_N_per_m = 400;
   EXPECT_NEAR(maxUnexplainedStep_N(run), 0.07, 1e-12);
   // and so does a slanted path
@@ -88,7 +88,7 @@ TEST(UnexplainedStep, aDeclaredReleaseExplainsAFallAndNoRise) {
 }
 
 TEST(UnexplainedStep, aReleaseThatUncoversAForceAgainstItIsNoRise) {
-  // attracted by 0.4 N against 0.25 N of friction; the next layer does not attract
+  // attracted by 0.4 N with 0.25 N of friction; the next layer does not attract
   PlantRun run = runOf({0.15, -0.25}, {0, 0});
   run.ticks[0].report.attracted_N = 0.4;
   run.ticks[0].report.friction_N = run.ticks[1].report.friction_N = -0.25;
@@ -100,7 +100,7 @@ TEST(UnexplainedStep, aReleaseThatUncoversAForceAgainstItIsNoRise) {
 
 TEST(UnexplainedStep, passesOverTicksThatWereNotStepped) {
   PlantRun turned = runOf({0, 1}, {0, 0});
-  turned.ticks[1].report.flags = kFlagTurn | kFlagEntry;  // no release
+  turned.ticks[1].report.flags = kFlagTurn | kFlagEntry;  // not a release
   EXPECT_EQ(maxUnexplainedStep_N(turned), 1);
   PlantRun missed = runOf({0, 5, 0}, {0, 0, 0});
   missed.ticks[1].stepped = false;
@@ -116,18 +116,18 @@ TEST(TicksIn, takesTheHalfOpenWindow) {
 }
 
 TEST(ChatterOf, isTheRmsInTheBandOfTheWindowAlongTheDirection) {
-  // quiet for a second, then a shake of 0.2 N at 100 Hz
+  // quiet for a second, then a vibration of 0.2 N at 100 Hz
   std::vector<double> force_N(1000, 2.0);
   for (const double value : sine(100, 0.2, 3)) force_N.push_back(2 + value);
   const PlantRun run = runOf(force_N, std::vector<double>(force_N.size(), 0));
   const double expected_N = 0.2 / std::numbers::sqrt2 * highPassGain(100, 50, 4);
   EXPECT_NEAR(chatterOf(run, {0, 0, 1}, {2, 4}, {}), expected_N, 1e-4);
-  // a direction aslant sees its share, one across sees nothing
+  // an oblique direction sees its share, a perpendicular one sees nothing
   EXPECT_NEAR(chatterOf(run, {0.6, 0, 0.8}, {2, 4}, {}), 0.8 * expected_N, 1e-4);
   EXPECT_EQ(chatterOf(run, {1, 0, 0}, {2, 4}, {}), 0);
   EXPECT_EQ(chatterOf(run, {0, 0, 1}, {0, 1}, {}), 0);
   EXPECT_EQ(chatterOf(run, {0, 0, 1}, {9, 10}, {}), 0) << "an empty window";
-  // ten ticks a period: the greatest is at 72 degrees
+  // ten ticks per period: the maximum is at 72 degrees
   EXPECT_NEAR(maxForce_N(run), 2 + 0.2 * std::sin(0.4 * std::numbers::pi), 1e-9);
 }
 

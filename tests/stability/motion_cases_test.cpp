@@ -7,7 +7,7 @@
 #include "common/haptics/models/like_for_like.h"
 #include "tests/stability/case_rows.h"
 #include "tests/stability/changed_source.h"
-#include "tests/support/reference_source.h"
+#include "tests/support/reference/reference_source.h"
 
 namespace needlelab::test {
 namespace {
@@ -19,7 +19,7 @@ CaseRow wallRow(std::string_view name, const ForceSourceFactory& source = engine
 // the reference is a second engine written from the text alone: if it failed a case, the case would be wrong
 TEST(ReferenceStands, allCasesWithoutAPlantedDefect) {
   for (const StabilityCase& one : motionCases()) {
-    if (one.name == "flipped_axis") continue;  // long with the reference
+    if (one.name == "flipped_axis") continue;  // slow with the reference
     const CaseRow row = wallRow(one.name, referenceSource());
     EXPECT_TRUE(row.passed) << rowText(row);
   }
@@ -45,7 +45,7 @@ INSTANTIATE_TEST_SUITE_P(Motion, DefectFails,
                                          Control{"starts_inside", Defect::kEntersFromInside, 1}),
                          [](const auto& test) { return std::string(test.param.name); });
 
-// a tip that is let on by one layer of 0.2 mm in a tick of 1 ms and no further
+// a tip that may advance by only one layer of 0.2 mm per tick of 1 ms
 TEST(LayersInOneTick, anEngineThatTakesThemOneByOneFails) {
   class OneByOne final : public ForceSource {
    public:
@@ -86,7 +86,7 @@ TEST(BeyondTheNeedle, cuttingTheForceOffThereFails) {
   EXPECT_GE(*row.measured, 1.0);
 }
 
-// fuzzing finds a defect in far fewer ticks than it needs to show that there is none
+// fuzzing finds a defect in far fewer ticks than are needed to show that there is none
 CaseRow flippedRow(const ForceSourceFactory& source) {
   return rowWithField("flipped_axis", "fuzzed_ticks", 20'000, source);
 }
@@ -99,7 +99,7 @@ TEST_P(NoGateFails, theSameCheck) {
 INSTANTIATE_TEST_SUITE_P(Motion, NoGateFails, testing::Values("teleport", "not_a_number", "frozen_device"),
                          [](const auto& test) { return std::string(test.param); });
 
-// a plain spring in the wall's place goes on pushing a hand that rests, or a device that froze
+// a plain spring instead of the wall keeps pushing a hand that rests, or a device that froze
 TEST(FrozenDevice, aSpringDoesNotLetGo) {
   for (const AxialModel model : {AxialModel::kDirect, AxialModel::kVoigt}) {
     const CaseRow row = wallRow("frozen_device", [model](const SceneSpec& scene, double rate_hz) {
@@ -157,7 +157,7 @@ TEST(FlippedAxis, aForceAboveTheScenesGreatestIsFound) {
   EXPECT_TRUE(row.finite);
 }
 
-// results of the other models in the axial cases, good and bad
+// the other models' results in the axial cases, good and bad
 TEST(OtherModels, runTheAxialCasesOnly) {
   for (const StabilityCase& one : motionCases()) {
     if (one.name == "flipped_axis") continue;

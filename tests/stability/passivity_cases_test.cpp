@@ -21,12 +21,11 @@ TEST(PassivityControlCases, theFadeInGivesNothing) {
 TEST(PassivityControlCases, aDeratedLoadGivesNothingAndIsHardlyTouched) {
   const CaseRow row = rowOf("passivity_derated");
   EXPECT_EQ(row.verdict, Verdict::kStable) << rowText(row);
-  // a hundredth of the load: the loop is not passive, and the free needle swings about a wall that stands
-  // still
+  // a hundredth of the load: the loop is not passive, and the free needle swings about a stationary wall
   EXPECT_LE(*row.distortion_N, 0.045);
 }
 
-// 1.5 times the force on the way out: what an engine with such a fault would give is taken off
+// 1.5 times the force on the way out: the energy that such a faulty engine would give is removed
 TEST(PassivityControlCases, controlAnEngineThatGivesEnergyIsNotLeftAsItIs) {
   double depth_m = 0;
   const CaseRow row = rowOf("passivity_transparent", AxialModel::kEnhancedTrackingWall,
@@ -37,7 +36,8 @@ TEST(PassivityControlCases, controlAnEngineThatGivesEnergyIsNotLeftAsItIs) {
   EXPECT_FALSE(row.passed) << rowText(row);
 }
 
-// ten times the fixture that the station would have lowered: no hand of the case holds it through the lever
+// ten times the fixture that the station would have lowered: no hand in the case can hold it through the
+// lever
 TEST(ToolGestures, controlAFixtureThatNobodyLoweredGivesEnergy) {
   const ForceSourceFactory stiff = [](SceneSpec scene, double rate_hz) {
     for (LayerSpec& layer : scene.layers) layer.lateral_stiffness_N_per_m2 *= 20;

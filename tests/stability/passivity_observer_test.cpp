@@ -1,12 +1,12 @@
 // The observer's arithmetic, and its input gestures.
-#include "client/sim/stability/passivity_observer.h"
+#include "client/sim/stability/gestures/passivity_observer.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <set>
 
-#include "client/sim/stability/passivity_gesture.h"
+#include "client/sim/stability/gestures/passivity_gesture.h"
 #include "tests/stability/search/shrink.h"
 
 namespace needlelab::test {
@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kStiffness_N_per_m = 100;
 
-// a tip on the z axis, with a force along it
+// a tip on the z axis with a force along it
 TipSample tipAt(double z_m) {
   return {{0, 0, z_m}, {}};
 }
@@ -101,15 +101,15 @@ TEST(RandomGesture, sameSeedSameGestureOtherSeedAnother) {
     return a.profile.SerializeAsString() == b.profile.SerializeAsString() &&
            a.strokes.size() == b.strokes.size();
   };
-  const PassivityGesture a = randomGesture(5, LimbShape::kSphere);
-  EXPECT_TRUE(same(a, randomGesture(5, LimbShape::kSphere)));
-  EXPECT_FALSE(same(a, randomGesture(6, LimbShape::kSphere)));
+  const PassivityGesture a = randomGesture(5);
+  EXPECT_TRUE(same(a, randomGesture(5)));
+  EXPECT_FALSE(same(a, randomGesture(6)));
 }
 
 TEST(RandomGesture, startsAndEndsOutsideAndIsNoFasterThanAHand) {
   std::set<StrokeKind> kinds;
   for (std::uint64_t seed = 1; seed <= 200; ++seed) {
-    const PassivityGesture gesture = randomGesture(seed, static_cast<LimbShape>(seed % 3));
+    const PassivityGesture gesture = randomGesture(seed);
     EXPECT_LT(gesture.start.depth_m, 0);
     EXPECT_LT(gesture.strokes.back().depth_m, 0);
     for (const PassivityStroke& stroke : gesture.strokes) kinds.insert(stroke.kind);
@@ -119,7 +119,7 @@ TEST(RandomGesture, startsAndEndsOutsideAndIsNoFasterThanAHand) {
     for (std::size_t k = 1; k < samples.size(); ++k)
       ASSERT_LE(norm(samples[k].p_WT_m - samples[k - 1].p_WT_m), 0.1501e-3) << seed << " " << k;
   }
-  EXPECT_EQ(kinds.size(), kStrokeNames.size() - 1);  // all but `start`
+  EXPECT_EQ(kinds.size(), kStrokeNames.size() - 1);  // all except `start`
 }
 
 TEST(RoundNumber, givesTheDecimalThatAPersonWouldWrite) {

@@ -1,5 +1,5 @@
 // The counter-examples in regressions/: each fails with its original force source, and the shipped wall
-// passes it. gesture_search (search/) finds and writes them again.
+// passes it. gesture_search (search/) finds them and writes them again.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <utility>
 
-#include "tests/support/reference_source.h"
+#include "tests/support/reference/reference_source.h"
 
 namespace needlelab::test {
 

@@ -49,7 +49,7 @@ TEST(FrictionReversal, controlFrictionBySignOfTheSpeedChatters) {
   EXPECT_FALSE(isStable(rowWith(Defect::kFrictionBySign, "friction_reversal")));
 }
 
-// a damper of 5 N·s/m beside the wall, its speed from the last two ticks
+// a damper of 5 N·s/m beside the wall; its speed comes from the last two ticks
 TEST(LateAndMissingTicks, controlADamperOverOneTickShakes) {
   const auto damper =
       changed([before_W_m = Vec3{}](const TipSample& tip, ForceSource&, StepReport& r) mutable {

@@ -1,4 +1,4 @@
-// The study of the largest stable stiffness against theory.
+// The study of the largest stable stiffness, compared with theory.
 #include "client/sim/stability/scan_limits.h"
 
 #include <gtest/gtest.h>
@@ -34,7 +34,7 @@ TEST(StiffnessLimits, everyModelStandsWhereItsLinearLoopDoes) {
   EXPECT_TRUE(limits->notes.empty()) << limits->notes.front();
   ASSERT_EQ(limits->rows.size(), kAxialModelCount * (test::kSanitized ? 2 : 4));
   for (const StiffnessLimitRow& row : limits->rows) {
-    // device of 0.5 and hand of 3 N·s/m: what is stable with the hand is seven times what is passive
+    // device 0.5 and hand 3 N·s/m: the stable limit with the hand is seven times the passive one
     EXPECT_NEAR(row.passive_N_per_m, 0.5 * row.rate_hz / (0.5 + row.delay_ticks), 1e-9);
     EXPECT_NEAR(row.coupled_N_per_m, 7 * row.passive_N_per_m, 1e-9);
     const std::string words = std::string(axialModelName(row.model)) + ", " + std::to_string(row.rate_hz) +
@@ -42,20 +42,11 @@ TEST(StiffnessLimits, everyModelStandsWhereItsLinearLoopDoes) {
     if (row.at_cap) {
       EXPECT_GT(row.sampled_N_per_m, 0.95 * row.stiffness_N_per_m) << words;
     } else {
-      // bisection to 2 %, the quantised encoder, integration in steps: 10 % in all
+      // bisection to 2 %, the quantised encoder, integration in steps: 10 % in total
       EXPECT_NEAR(row.stiffness_N_per_m / row.sampled_N_per_m, 1, 0.1) << words;
       EXPECT_NEAR(row.felt_N_per_m / row.stiffness_N_per_m, 1, 0.1) << words;  // the felt stiffness was K
     }
   }
-
-  // beyond the limit the wall stays within the tissue's 1 N and 0.5 N; only a damper's force needs the gate
-  for (const BeyondRow& row : limits->beyond)
-    if (row.model == AxialModel::kEnhancedTrackingWall) {
-      EXPECT_LE(row.swing_N, 1.5 + 1e-9);
-      EXPECT_FALSE(row.held);
-    } else if (row.model == AxialModel::kVoigt) {
-      EXPECT_GT(row.swing_N, 1.5);
-    }
 
   // at rest: almost zero without friction; with friction at least the theory's safe bound
   ASSERT_EQ(limits->rest.size(), 3u);

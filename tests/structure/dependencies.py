@@ -8,7 +8,9 @@ usage: dependencies.py SOURCE_DIR BUILD_DIR
 3. No folder reaches itself: there is no circle.
 4. What the compiler read for an object file (ninja -t deps), of this project and of libraries, is within what the rows
    reach, transitively.
-5. Each product folder has a row, each row a folder.
+5. Each product folder has a row or is a room in the table of rooms; each row and each room has sources.
+6. A room includes only rooms that its table names before it. Files beside the rooms come last, or where "." stands.
+7. No product folder has more than 25 files.
 """
 import collections
 import functools
@@ -42,6 +44,7 @@ LIBRARIES = {
     "utf8proc": "/usr/include/utf8proc.h",
 }
 PRODUCT = ("client", "common", "db", "proto", "server")
+MOST_FILES = 25
 
 
 def read_table(path):
@@ -59,8 +62,32 @@ def read_table(path):
     return rows
 
 
+def read_rooms(path):
+    """{folder: [its rooms, as paths, in order]} from the table of rooms; the folder itself stands for the files beside them."""
+    rooms = {}
+    with open(path, encoding="utf-8") as file:
+        for line in file:
+            cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
+            if len(cells) != 2 or not re.fullmatch(r"`[a-z_/]+`", cells[0]):
+                continue
+            folder = cells[0].strip("`")
+            listed = [os.path.normpath(os.path.join(folder, name)) for name in re.findall(r"`((?:\.\./)?[a-z_/]+|\.)`", cells[1])]
+            rooms[folder] = listed if folder in listed else [*listed, folder]
+    return rooms
+
+
+def owner_of(folder, rows, rooms=None):
+    """The row that a folder belongs to: its own, or that of the folder whose room it is. None: it has no row."""
+    for owner, listed in (rooms or {}).items():
+        if folder in listed and owner in rows:
+            return owner
+    while folder and folder not in rows:
+        folder = os.path.dirname(folder)
+    return folder or None
+
+
 def reached(rows, start):
-    """All folders that START may use through others, itself only when there is a circle."""
+    """All folders that START may use through others; includes itself only if there is a circle."""
     seen, todo = set(), list(rows[start][0])
     while todo:
         folder = todo.pop()
@@ -79,7 +106,7 @@ def product_files(source):
 
 
 def own_includes(source):
-    """{(folder, included folder): a file that does it}"""
+    """{(folder, included folder): a file with such an include}"""
     found = {}
     for path in product_files(source):
         folder = os.path.dirname(path)
@@ -101,7 +128,7 @@ def compiled(source, build):
     for block in listing.split("\n\n"):
         lines = block.strip().split("\n")
         read[lines[0].split(":")[0]] = {whole(line.strip()) for line in lines[1:]}
-    # Clang lists what it took from precompiled headers, too
+    # Clang also lists what it read from precompiled headers
     precompiled = {whole(target.removesuffix(".pch")): paths for target, paths in read.items() if target.endswith(".hxx.pch")}
     for target, paths in read.items():
         if not target.startswith(PRODUCT) or not target.endswith(".o"):
@@ -126,7 +153,7 @@ def compiled(source, build):
 
 
 def product_objects(build):
-    """how many objects the product's own sources make"""
+    """the number of objects made from the product's own sources"""
     with open(os.path.join(build, "compile_commands.json"), encoding="utf-8") as file:
         commands = json.load(file)
     made = [re.search(r" -o (\S+\.o) ", entry["command"]) for entry in commands]
@@ -134,27 +161,38 @@ def product_objects(build):
 
 
 def check(source, build):
-    rows = read_table(os.path.join(source, "ARCHITECTURE.md"))
+    table = os.path.join(source, "ARCHITECTURE.md")
+    rows, rooms = read_table(table), read_rooms(table)
     faults = []
-    folders = {os.path.dirname(path) for path in product_files(source)}
-    faults += [f"ARCHITECTURE.md has no row for {folder}" for folder in sorted(folders - rows.keys())]
-    faults += [f"ARCHITECTURE.md has a row for {folder}, which has no sources" for folder in sorted(rows.keys() - folders)]
+    files = collections.Counter(os.path.dirname(path) for path in product_files(source))
+    named = rows.keys() | {room for listed in rooms.values() for room in listed}
+    faults += [f"ARCHITECTURE.md has no row for {folder}" for folder in sorted(files.keys() - named)]
+    faults += [f"ARCHITECTURE.md has a row for {folder}, which has no sources" for folder in sorted(named - files.keys())
+               if folder not in rooms]
+    faults += [f"{folder} has {count} files; give them rooms, {MOST_FILES} files each at most" for folder, count in sorted(files.items())
+               if count > MOST_FILES]
     for folder in sorted(rows):
         if folder in reached(rows, folder):
             faults.append(f"a circle: {folder} reaches itself through {', '.join(sorted(f for f in rows[folder][0] if folder in {f} | reached(rows, f)))}")
-    includes = own_includes(source)
-    for (folder, other), where in sorted(includes.items()):
-        if folder in rows and other not in rows[folder][0]:
-            faults.append(f"{folder} may not include {other}: {where}")
+    included = set()
+    for (folder, other), where in sorted(own_includes(source).items()):
+        owner, owns = owner_of(folder, rows, rooms), owner_of(other, rows, rooms)
+        included.add((owner, owns))
+        if owner != owns:
+            if owner and owns not in rows[owner][0]:
+                faults.append(f"{folder} may not include {other}: {where}")
+        elif owner and folder in rooms.get(owner, ()) and other in rooms[owner] and rooms[owner].index(folder) < rooms[owner].index(other):
+            faults.append(f"{folder} may not include {other}, a later room: {where}")
     for folder, (uses, _) in sorted(rows.items()):
-        faults += [f"{folder} lists {other}, and includes nothing of it" for other in sorted(uses) if (folder, other) not in includes]
+        faults += [f"{folder} lists {other}, and includes nothing of it" for other in sorted(uses) if (folder, other) not in included]
     if faults:
         return faults, 0
     objects = 0
     used = collections.defaultdict(set)
     for target, sources, read, libraries in compiled(source, build):
         objects += 1
-        allowed = set().union(*({folder} | reached(rows, folder) for folder in sources))
+        sources, read = ({owner_of(folder, rows, rooms) or folder for folder in folders} for folders in (sources, read))
+        allowed = set().union(*({folder} | reached(rows, folder) for folder in sources if folder in rows))
         faults += [f"{target} read a header of {folder}, which {', '.join(sorted(sources))} does not reach" for folder in sorted(read - allowed)]
         may = set().union(*(rows[folder][1] for folder in allowed))
         faults += [f"{target} read a header of {name}, which no row that it reaches names" for name in sorted(libraries - may)]

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The check of dependencies finds what it is there for: each fault is planted in a small tree and must be named."""
+"""The dependency check finds what it should: each fault is planted in a small tree and must be named."""
 import json
 import os
 import sys
@@ -20,13 +20,18 @@ TABLE = """
 | `db` | store | `common/base` | |
 """
 FILES = {
-    "common/base/text.h": "",
-    "common/wire/channel.h": '#include "common/base/text.h"\n',
-    "client/net/link.cpp": '#include "common/wire/channel.h"\n#include "common/base/text.h"\n',
-    "db/store.cpp": '#include "common/base/text.h"\n',
+    "common/base/words.h": "",
+    "common/wire/channel.h": '#include "common/base/words.h"\n',
+    "client/net/link.cpp": '#include "common/wire/channel.h"\n#include "common/base/words.h"\n',
+    "db/store.cpp": '#include "common/base/words.h"\n',
 }
+ROOMS = TABLE + """
+| folder | its rooms |
+|---|---|
+| `db` | `store` rows, `people` who is who |
+"""
 PRECOMPILED = "common/headers.dir/cmake_pch.hxx"
-ALL_READ = ["client/net/link.cpp", "common/wire/channel.h", "common/base/text.h", "/usr/include/boost/asio.hpp"]
+ALL_READ = ["client/net/link.cpp", "common/wire/channel.h", "common/base/words.h", "/usr/include/boost/asio.hpp"]
 
 
 class Dependencies(unittest.TestCase):
@@ -62,7 +67,7 @@ class Dependencies(unittest.TestCase):
         self.assertTrue(any("only 59 of 60 object files" in fault for fault in found), found)
 
     def test_an_include_that_the_row_does_not_list(self):
-        found = self.faults(files={"db/store.cpp": '#include "common/base/text.h"\n#include "common/wire/channel.h"\n'})
+        found = self.faults(files={"db/store.cpp": '#include "common/base/words.h"\n#include "common/wire/channel.h"\n'})
         self.assertTrue(any("db may not include common/wire" in fault for fault in found), found)
 
     def test_a_message_counts_as_proto(self):
@@ -81,6 +86,25 @@ class Dependencies(unittest.TestCase):
         found = self.faults(files={"server/main.cpp": ""}, table=TABLE + "| `server/web` | gone | | |\n")
         self.assertIn("ARCHITECTURE.md has no row for server", found)
         self.assertTrue(any("row for server/web" in fault for fault in found), found)
+
+    def test_a_room_includes_rooms_before_it_only(self):
+        people, store = {"db/people/people.h": '#include "db/store/rows.h"\n'}, {"db/store/rows.h": '#include "db/people/people.h"\n'}
+        self.assertEqual(self.faults(table=ROOMS, files={**people, "db/store/rows.h": ""}), [])
+        found = self.faults(table=ROOMS, files={"db/people/people.h": "", **store})
+        self.assertTrue(any("db/store may not include db/people, a later room" in fault for fault in found), found)
+
+    def test_a_room_keeps_to_the_row_of_its_folder(self):
+        rooms = {"db/people/people.h": "", "db/store/rows.h": '#include "common/wire/channel.h"\n'}
+        self.assertIn("db/store may not include common/wire: db/store/rows.h includes common/wire/channel.h", self.faults(table=ROOMS, files=rooms))
+
+    def test_a_room_that_no_table_names_and_one_without_sources(self):
+        found = self.faults(table=ROOMS, files={"db/people/people.h": "", "db/audit/audit.h": ""})
+        self.assertIn("ARCHITECTURE.md has no row for db/audit", found)
+        self.assertIn("ARCHITECTURE.md has a row for db/store, which has no sources", found)
+
+    def test_a_folder_with_too_many_files(self):
+        found = self.faults(files={f"db/row{number}.h": "" for number in range(25)})
+        self.assertIn("db has 26 files; give them rooms, 25 files each at most", found)
 
     def test_a_header_that_the_compiler_read_beyond_the_rows(self):
         found = self.faults(files={"db/store.h": ""}, read=ALL_READ + ["db/store.h"])

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The check of the pictures' sources finds what it is for."""
+"""The check of the pictures' sources finds what it should."""
 import os
 import sys
 import tempfile
@@ -101,7 +101,7 @@ class Tables(unittest.TestCase):
 
 
 class Pages(unittest.TestCase):
-    """What the pages say in words follows from their tables."""
+    """The pages' statements follow from their tables."""
 
     def page(self, name, part):
         with open(os.path.join(stamp.HERE, "..", name), encoding="utf-8") as file:

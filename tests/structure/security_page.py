@@ -6,7 +6,7 @@ usage: security_page.py SOURCE_DIR
 1. Each promise of the table names a test, and each file and folder named on the page exists.
 2. README.md and ARCHITECTURE.md link to the page.
 3. It stays short: at most 150 lines.
-4. Each limit of server/live/limits.h has a row of tests/security/limits.tsv: the attack that it stops, and the test that shows it.
+4. Each limit of server/live/limits/limits.h has a row of tests/security/limits.tsv: the attack that it stops, and the test that shows it.
 """
 import os
 import re
@@ -18,8 +18,8 @@ PATH = re.compile(r"`((?:client|common|db|deploy|proto|server|tests)/[A-Za-z0-9_
 
 
 def limits(source):
-    """Faults of the table of limits; none where the server's table is not there."""
-    header, table = (os.path.join(source, *path.split("/")) for path in ("server/live/limits.h", "tests/security/limits.tsv"))
+    """Faults of the table of limits; none if the server's table is missing."""
+    header, table = (os.path.join(source, *path.split("/")) for path in ("server/live/limits/limits.h", "tests/security/limits.tsv"))
     if not os.path.exists(header):
         return []
     with open(header, encoding="utf-8") as file:

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The check of SECURITY.md finds what it is for."""
+"""The check of SECURITY.md finds what it should."""
 import os
 import tempfile
 import unittest
@@ -56,7 +56,7 @@ class SecurityPage(unittest.TestCase):
             (row.format("most", "aTest") + row.format("a_second", "aTest") + row.format("gone", "aTest"), 1),
         ):
             with tempfile.TemporaryDirectory() as root:
-                files = {"server/live/limits.h": header, "tests/security/limits.tsv": "limit\n" + rows, "tests/a_test.cpp": "TEST(A, aTest) {\n"}
+                files = {"server/live/limits/limits.h": header, "tests/security/limits.tsv": "limit\n" + rows, "tests/a_test.cpp": "TEST(A, aTest) {\n"}
                 for name, text in files.items():
                     os.makedirs(os.path.dirname(os.path.join(root, name)), exist_ok=True)
                     with open(os.path.join(root, name), "w", encoding="utf-8") as file:

@@ -1,4 +1,4 @@
-/// Signals that a test sends to itself and takes where the program takes them.
+/// Signals that a test sends to itself and receives where the program receives them.
 #pragma once
 
 #include <csignal>
@@ -7,8 +7,8 @@
 
 namespace needlelab::test {
 
-/// Blocks `signals` in this thread, and in those that it starts, while it lives; drops those that are still
-/// pending at its end. `raise` then makes one pending for this thread. Thread: one.
+/// Blocks `signals` in this thread, and in those it starts, during its lifetime; drops those still pending at
+/// its end. `raise` then makes one pending for this thread. Thread: one.
 class BlockedSignals {
  public:
   BlockedSignals(std::initializer_list<int> signals) {

@@ -1,4 +1,5 @@
-/// How long a test waits for what must happen. It measures nothing: a wait that ends so is a hang.
+/// How long a test waits for something that must happen. It measures nothing: a wait that reaches it is a
+/// hang.
 #pragma once
 
 #include <chrono>
@@ -8,7 +9,7 @@ namespace needlelab::test {
 
 inline constexpr std::chrono::seconds kPatience{120};
 
-/// Waits until `condition` holds, which it asks every few milliseconds. Returns false after `limit`.
+/// Waits until `condition` holds, checking every few milliseconds. Returns false after `limit`.
 template <typename Condition>
 bool eventually(Condition condition, std::chrono::milliseconds limit = kPatience) {
   const auto end = std::chrono::steady_clock::now() + limit;

@@ -1,4 +1,4 @@
-"""What the harnesses in Python share: waiting, commands, servers and what they say of themselves, and the stations' ledgers."""
+"""Shared by the Python harnesses: waiting, commands, servers and their reports, and the stations' ledgers."""
 import argparse
 import collections
 import json
@@ -15,12 +15,12 @@ import time
 import urllib.error
 import urllib.request
 
-PATIENCE_S = 120  # a wait that ends so is a hang
+PATIENCE_S = 120  # a wait that reaches it is a hang
 PG = pathlib.Path("/usr/lib/postgresql/15/bin")
 
 
 class Failed(Exception):
-    """The harness could not go on: something did not start, end or answer."""
+    """The harness could not continue: something did not start, end or answer."""
 
 
 def until(holds, what, seconds=PATIENCE_S, pause=0.02):
@@ -32,7 +32,7 @@ def until(holds, what, seconds=PATIENCE_S, pause=0.02):
 
 
 def run(*arguments, text_in=None, environment=None, code=0):
-    """The command's output; with another `code` also what it said. Raises Failed with both when its exit code is another."""
+    """The command's output; with another `code` also its errors. Raises Failed with both if the exit code differs."""
     done = subprocess.run([str(a) for a in arguments], capture_output=True, text=True, timeout=PATIENCE_S, input=text_in, cwd="/", check=False,
                           env={**os.environ, "HOME": "/", **(environment or {})})
     if done.returncode != code:
@@ -41,7 +41,7 @@ def run(*arguments, text_in=None, environment=None, code=0):
 
 
 def free_port():
-    """Not one that the system gives to connections (32768 and above): a client of a dead server there may get itself."""
+    """A port below those that the system assigns to connections (32768 and above): a client of a dead server there could connect to itself."""
     while True:
         with socket.socket() as probe:
             try:
@@ -68,14 +68,14 @@ def start(command, files, log, environment=None, what="the server"):
 
 
 def stop(process, what="the server"):
-    """By SIGTERM, in order."""
+    """With SIGTERM; it must end cleanly."""
     process.terminate()
     if process.wait(PATIENCE_S) != 0:
         raise Failed(f"{what} ended with {process.returncode} at SIGTERM")
 
 
 def fetched(port_file, path, host="127.0.0.1"):
-    """(status, text) of what a server's monitor answers."""
+    """(status, text) of a server monitor's answer."""
     try:
         with urllib.request.urlopen(f"http://{host}:{port_file.read_text().strip()}{path}", timeout=PATIENCE_S) as answer:
             return answer.status, answer.read().decode()
@@ -91,7 +91,7 @@ def metric_in(text, name):
 
 
 class Monitored:
-    """Has `metrics_file`: the port of its server's --metrics."""
+    """Requires `metrics_file`: the port of its server's --metrics."""
 
     def health(self):
         return json.loads(fetched(self.metrics_file, "/healthz")[1])
@@ -101,7 +101,7 @@ class Monitored:
 
 
 class LedgerFolder:
-    """Has `folder`, in which ledger/ has what the stations and the harness note."""
+    """Requires `folder`; its ledger/ contains the events recorded by stations and harness."""
 
     def __init__(self):
         (self.folder / "ledger").mkdir()
@@ -136,7 +136,7 @@ def main_on_postgres(text, prefix, play):
     if not os.access(PG / "initdb", os.X_OK):
         print("PostgreSQL 15 is not installed; deploy/setup installs it")
         return 77
-    # a socket's path has at most 107 bytes, and the user postgres goes through the folder
+    # a socket's path has at most 107 bytes, and the user postgres must be able to enter the folder
     scratch = pathlib.Path(tempfile.mkdtemp(prefix=prefix, dir="/tmp"))
     scratch.chmod(0o755)
     try:

@@ -1,4 +1,4 @@
-/// A small generator of our own (splitmix64), so that a seed means the same on every machine and library.
+/// Our own small generator (splitmix64), so that a seed means the same on every machine and library.
 #pragma once
 
 #include <cstdint>

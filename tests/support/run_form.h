@@ -1,4 +1,4 @@
-/// What the environment asks of a test's run: its form and its seed.
+/// A test run's settings in the environment: its form and its seed.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-/// Peers that begin a TLS handshake and then say nothing more.
+/// Peers that begin a TLS handshake and then send nothing more.
 #pragma once
 
 #include <arpa/inet.h>
@@ -20,7 +20,7 @@ namespace needlelab::test {
 /// message and then nothing.
 class SilentPeer {
  public:
-  /// Throws std::runtime_error when the server does not accept.
+  /// Throws std::runtime_error if the server does not accept.
   SilentPeer(const std::string& from, std::uint16_t port, const std::string& bytes)
       : fd_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
     sockaddr_in address{};
@@ -45,7 +45,7 @@ class SilentPeer {
     char byte = 0;
     return ::poll(&waits, 1, static_cast<int>(limit.count())) == 1 && ::recv(fd_, &byte, 1, MSG_PEEK) == 1;
   }
-  /// Whether the server has not closed it.
+  /// Whether the server has kept it open.
   [[nodiscard]] bool isOpen() const {
     pollfd asked{fd_, POLLRDHUP, 0};
     return ::poll(&asked, 1, 0) == 0;

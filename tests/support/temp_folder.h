@@ -1,4 +1,4 @@
-/// A fresh folder for one test, removed with everything in it at the end.
+/// A fresh folder for one test, removed with its content at the end.
 #pragma once
 
 #include <cstdlib>
@@ -25,7 +25,7 @@ class TempFolder {
   TempFolder& operator=(const TempFolder&) = delete;
 
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-  /// Writes `text` to a file of that name and returns its path; throws on failure.
+  /// Writes `text` to a file with that name and returns its path; throws on failure.
   std::filesystem::path write(const std::string& name, std::string_view text) const {
     const auto file = path_ / name;
     std::ofstream stream(file, std::ios::binary);

@@ -8,11 +8,11 @@
 
 namespace needlelab::test {
 
-/// St. John's by its rule alone, so that no table of zones is needed: 3½ hours behind UTC, from the second
-/// Sunday of March to the first of November 2½.
+/// St. John's by its rule, so that no zone tables are needed: 3½ hours behind UTC, and 2½ from the second
+/// Sunday of March to the first of November.
 inline constexpr const char* kStJohns = "NST3:30NDT,M3.2.0,M11.1.0";
 
-/// Sets TZ, and sets it back at the end. Thread: the only one.
+/// Sets TZ, and restores it at the end. Thread: the only one.
 class WithZone {
  public:
   explicit WithZone(const char* zone) {

@@ -24,11 +24,11 @@ class XDisplay {
     if (::pipe(ends) != 0) return;
     const std::string out = std::to_string(ends[1]);
     const std::string screen = std::to_string(width_px) + "x" + std::to_string(height_px) + "x24";
-    // A number of its own: servers that choose one themselves at the same time can choose the same, and the
-    // second takes the first one's socket. It reports the number once it is up.
+    // The test chooses the number: servers that choose one themselves at the same time can choose the same,
+    // and the second takes the first one's socket. It reports the number once it is up.
     const std::string own = ":" + std::to_string(100 + ::getpid() % 50'000);
-    // -noreset: otherwise the server begins anew when its last client leaves, and drops whoever connects in
-    // that moment. An xdotool that looks for a window which is not there yet is such a last client.
+    // -noreset: otherwise the server resets when its last client leaves, and drops clients that connect at
+    // that moment. An xdotool that searches for a window that does not exist yet is such a last client.
     pid_ = start({"Xvfb", own, "-displayfd", out, "-screen", "0", screen, "-nolisten", "tcp", "-noreset"},
                  ends[1]);
     ::close(ends[1]);
@@ -70,7 +70,7 @@ class XDisplay {
     if (pid <= 0 || ::waitpid(pid, &status, 0) != pid) return -1;
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   }
-  /// Presses the key and lets it go. A window of ours sees both, each in a frame of its own.
+  /// Presses and releases the key. A window of ours sees both, each in its own frame.
   void key(const std::string& name) { tool({"key", name}); }
   void keyDown(const std::string& name) { tool({"keydown", name}); }
   void keyUp(const std::string& name) { tool({"keyup", name}); }

@@ -24,7 +24,7 @@ const shown = async (room) => {
 };
 
 test('the levels are those that the server names, and read only', () => {
-  const source = readFileSync(new URL('../../server/live/disk_room.cpp', import.meta.url), 'utf8');
+  const source = readFileSync(new URL('../../server/live/limits/disk_room.cpp', import.meta.url), 'utf8');
   const names = [...source.matchAll(/case RoomLevel::\w+:\s+return "(\w+)";/g)].map(([, name]) => name);
   assert.deepEqual(Object.keys(kRoomLevels), [...names, 'read_only']);
 });

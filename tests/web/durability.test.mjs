@@ -51,7 +51,7 @@ test('a standby that is lost is told, and that it is back', async () => {
   const lost = await shown({ ack_survives: 'the loss of a disk', waits_s: 12.4 });
   assert.match(lost, /!\s*waits.*not confirmed a change for 12 s.*stations keep.*whether the standby runs/s);
   const refused = await shown({ ack_survives: 'the loss of a disk', refused: 'the connection was lost' });
-  assert.match(refused, /✗\s*not stored.*the connection was lost.*stations keep.*goes on by itself/s);
+  assert.match(refused, /✗\s*not stored.*the connection was lost.*stations keep.*continues by itself/s);
   assert.doesNotMatch(await shown({ ack_survives: 'the loss of a disk' }), /waits|not stored/);
 });
 

@@ -13,9 +13,9 @@ import {
 test('a text is a document if the server could read it', () => {
   assert.deepEqual(documentOf('{"a": [1, null, "x", {"b": -0.5}]}'), { a: [1, null, 'x', { b: -0.5 }] });
   const refused = {
-    NaN: /^This is no JSON yet: /,
-    '{"a": NaN}': /^This is no JSON yet: /,
-    '{"a": Infinity}': /^This is no JSON yet: /,
+    NaN: /^This is not JSON yet: /,
+    '{"a": NaN}': /^This is not JSON yet: /,
+    '{"a": Infinity}': /^This is not JSON yet: /,
     null: /^A document must be an object in braces, found null$/,
     5: /found the number 5$/,
     '"x"': /found the text "x"$/,
@@ -70,7 +70,7 @@ test('a text that is a document goes along with the form, and the form with it',
 test('what the form changes under a text that is no document is not overwritten by the next key', () => {
   const [broken, none] = withText(textOf(a), '{"a": 1,');
   assert.equal(none, undefined);
-  assert.match(broken.problem, /^This is no JSON yet/);
+  assert.match(broken.problem, /^This is not JSON yet/);
   assert.equal(broken.apart, false);
   const apart = withDocument(broken, b);
   assert.deepEqual([apart.text, apart.apart], ['{"a": 1,', true], 'what was typed stays');

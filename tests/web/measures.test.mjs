@@ -1,4 +1,4 @@
-// The words of the console, by tables that hold for the programs in C++, too (tests/unit/common/scoring/words_test.cpp).
+// The words of the console, by tables that hold for the programs in C++, too (tests/unit/common/scoring/measures/words_test.cpp).
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
 import { test } from 'node:test';

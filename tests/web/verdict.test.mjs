@@ -2,6 +2,7 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { moment } from '../../client/web/app/lib/time.js';
 import { kVerdicts, stiffnessShareText, verdictOf } from '../../client/web/app/lib/verdict.js';
+import { CourseName } from '../../client/web/app/pages/courses.js';
 import { cellState } from '../../client/web/app/pages/results.js';
 import { Verdict, whyItWaits } from '../../client/web/app/pages/sessions.js';
 import { Row } from '../../client/web/app/session/score.js';
@@ -42,16 +43,16 @@ test('a verdict has one name, whatever page it stands on', () => {
 test('a session that was rendered softer than its profile says so beside the score, in the words of the station', () => {
   assert.equal(
     stiffnessShareText({ stiffness_share: 0.551 }),
-    "Fixture, bone and orientation limit were rendered at 55 % of the profile's stiffness. Device and tool hold no more.",
+    "Fixture, bone and orientation limit were rendered at 55 % of the profile's stiffness. This device and tool cannot hold more.",
   );
   const device_notes = ['The needle is mounted.', 'Across … N·m/rad. BONE is not live: the needle cuts bone.'];
   assert.equal(
     stiffnessShareText({ stiffness_share: 0.551, device_notes }),
-    "Bone was left out: the needle cut it as it cuts a layer of tissue. Fixture and orientation limit were rendered at 55 % of the profile's stiffness. Device and tool hold no more.",
+    "Bone was left out: the needle cut it as it cuts a layer of tissue. Fixture and orientation limit were rendered at 55 % of the profile's stiffness. This device and tool cannot hold more.",
   );
   assert.equal(
     stiffnessShareText({ device_notes }),
-    'Bone was left out: the needle cut it as it cuts a layer of tissue. Device and tool hold no more.',
+    'Bone was left out: the needle cut it as it cuts a layer of tissue. This device and tool cannot hold more.',
   );
   // absent: all of it; others are no shares
   for (const stiffness_share of [undefined, null, 1, 0, -1, 2, 'NaN'])
@@ -75,4 +76,9 @@ test('a session that waits says why, and first what nobody can confirm', () => {
     ),
     ['clock', 'not assigned', 'no code', 'unknown'],
   );
+});
+
+test('the list of courses says of an exam that it is one, beside its name', () => {
+  assert.match(textOf(CourseName({ course: { id: 'e', name: 'Autumn', exam: true } })), /^\s*Autumn\s+exam\s*$/);
+  assert.match(textOf(CourseName({ course: { id: 'e', name: 'Autumn', exam: false } })), /^\s*Autumn\s*$/);
 });

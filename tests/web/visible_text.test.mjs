@@ -10,7 +10,7 @@ const pointsOf = (rows) =>
   new Set(rows.flatMap(([first, last]) => Array.from({ length: last - first + 1 }, (_, i) => first + i)));
 
 test('the console writes out the characters that the server refuses in new names', () => {
-  const source = readFileSync(new URL('../../common/base/text.cpp', import.meta.url), 'utf8');
+  const source = readFileSync(new URL('../../common/base/text/text.cpp', import.meta.url), 'utf8');
   const table = source.slice(source.indexOf('kHidden[] = {'), source.indexOf('};', source.indexOf('kHidden[] = {')));
   const rows = [...table.matchAll(/\{0x([0-9a-f]+), 0x([0-9a-f]+), "/g)].map(([, first, last]) => [
     hex(first),

@@ -3,7 +3,7 @@
 #include <cstdlib>
 #include <fstream>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 
 namespace needlelab::test {

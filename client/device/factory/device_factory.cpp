@@ -8,11 +8,11 @@
 #include <utility>
 
 #include "client/device/falcon/falcon_device.h"
-#include "client/device/recording_device.h"
-#include "client/device/simulated_device.h"
+#include "client/device/hand/simulated_device.h"
+#include "client/device/recording/recording_device.h"
+#include "client/device/recording/whole_recording.h"
 #include "client/device/virtuose/virtuose_device.h"
 #include "client/device/virtuose/virtuose_link.h"
-#include "client/device/whole_recording.h"
 
 namespace needlelab {
 namespace {

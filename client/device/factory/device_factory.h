@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "client/device/device.h"
-#include "client/device/hand.h"
-#include "client/device/hand_options.h"
+#include "client/device/hand/hand.h"
+#include "client/device/hand/hand_options.h"
 #include "common/base/result.h"
 #include "common/haptics/scene_spec.h"
 

@@ -8,7 +8,7 @@
 #include "client/device/falcon/falcon_geometry.h"
 #include "client/device/falcon/falcon_link.h"
 #include "common/base/range.h"
-#include "common/haptics/device_condition.h"
+#include "common/haptics/gate/force_gate.h"
 
 namespace needlelab {
 namespace {

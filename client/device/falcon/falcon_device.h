@@ -13,7 +13,7 @@
 #include "client/device/falcon/falcon_kinematics.h"
 #include "client/device/falcon/falcon_link.h"
 #include "client/device/turns.h"
-#include "common/base/time_source.h"
+#include "common/base/time/time_source.h"
 
 namespace needlelab {
 

@@ -1,5 +1,5 @@
 /// The work of the Falcon's USB thread, pass by pass: opens the device, loads its firmware, exchanges
-/// packets, looks for a lost device, says the last command.
+/// packets, looks for a lost device, sends the last command.
 #pragma once
 
 #include <atomic>
@@ -14,7 +14,7 @@
 #include "client/device/falcon/falcon_link.h"
 #include "client/device/turns.h"
 #include "common/base/result.h"
-#include "common/base/time_source.h"
+#include "common/base/time/time_source.h"
 
 namespace needlelab {
 
@@ -30,7 +30,7 @@ struct FalconOptions {
 
 namespace falcon {
 
-/// Thread: `open` by the owner while nobody calls turns; `turn` and `rest` by the USB thread; the haptic
+/// Thread: `open` by the owner while no turns are called; `turn` and `rest` by the USB thread; the haptic
 /// thread uses `boxes`; the rest by any thread but the haptic one.
 class FalconDriver final : public Turns {
  public:
@@ -44,7 +44,7 @@ class FalconDriver final : public Turns {
   /// Opens the device and loads its firmware if needed, which takes some seconds. The next turn begins the
   /// exchange. Errors: as FalconBus::open and FirmwareLoader.
   Status open();
-  /// Asks for the end: the last command, then no more turns.
+  /// Asks for the end: sends the last command, then takes no more turns.
   void stop() noexcept { stop_ = true; }
 
   std::optional<std::int64_t> turn() noexcept override;
@@ -76,7 +76,7 @@ class FalconDriver final : public Turns {
   // the USB thread's
   std::unique_ptr<FalconLink> link_;
   std::optional<Exchange> exchange_;  // of the stream; none: the device is away or has just been opened
-  bool closing_ = false;              // the last command is on its way
+  bool closing_ = false;              // the last command is being sent
   std::int64_t tell_ns_ = 0;
 
   std::mutex mutex_;  // between the USB thread and statusText(): never taken by the haptic thread

@@ -4,7 +4,7 @@
 
 #include "client/device/falcon/falcon_geometry.h"
 #include "common/base/planted_bug.h"
-#include "common/haptics/device_condition.h"
+#include "common/haptics/gate/force_gate.h"
 
 namespace needlelab::falcon {
 

@@ -59,7 +59,7 @@ class Exchange final : public LinkListener {
   /// From now on `step` sends only the last command, zero torque with the lights off, and again every 6 ms
   /// until its answer or for `patience_ns`.
   void startFinalCommand(std::int64_t now_ns, std::int64_t patience_ns) noexcept;
-  /// The last command was answered, or the time for that is over, or the device is lost: no more steps.
+  /// Whether the last command was answered or timed out, or the device is lost: no more steps.
   [[nodiscard]] bool finalCommandOver(std::int64_t now_ns) const noexcept;
   /// The device has answered the last command.
   [[nodiscard]] bool finalCommandAnswered() const noexcept;

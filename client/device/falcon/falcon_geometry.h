@@ -25,7 +25,7 @@
 #include <cstdint>
 #include <numbers>
 
-#include "common/haptics/force_gate.h"
+#include "common/haptics/gate/force_gate.h"
 #include "common/haptics/geometry.h"
 
 namespace needlelab::falcon {
@@ -53,7 +53,7 @@ inline constexpr int kCountsPerTurn = 4 * kEncoderSlots;  ///< quadrature
 inline constexpr double kGearRatio = 7.62;                ///< motor turns per turn of a thigh: [MH]
 /// θ = kThetaAtZero_rad + counts / kCountsPerRad, both growing together.
 inline constexpr double kCountsPerRad = kCountsPerTurn * kGearRatio / (2 * std::numbers::pi);
-/// θ where a homed encoder says 0. [LN] 35°, [MH] 50°, a user of both measured 40°: we use 40°, and ±10° of
+/// θ where a homed encoder reads 0. [LN] 35°, [MH] 50°, a user of both measured 40°: we use 40°, and ±10° of
 /// it is [A]. That moves the origin along z by about 5 mm and changes lengths by a few per cent.
 inline constexpr double kThetaAtZero_rad = 40 * std::numbers::pi / 180;
 /// A thigh's stops, slightly outside the range in [MH] (±1600 counts, ±59°).

@@ -11,7 +11,7 @@
 #include "client/device/device.h"
 #include "client/device/falcon/falcon_packet.h"
 #include "common/base/result.h"
-#include "common/base/time_source.h"
+#include "common/base/time/time_source.h"
 
 namespace needlelab::falcon {
 

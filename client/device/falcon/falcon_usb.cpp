@@ -20,7 +20,7 @@
 #include "client/device/crash_packet.h"
 #include "client/device/falcon/falcon_geometry.h"
 #include "client/device/falcon/falcon_link.h"
-#include "common/base/time_source.h"
+#include "common/base/time/time_source.h"
 
 namespace needlelab::falcon {
 namespace {
@@ -303,7 +303,7 @@ void UsbLink::wait(std::int64_t until_ns) noexcept {
     if (ready <= 0) continue;
     handleEvents(0);
     if (happened_ != before || lost_) return;
-    // a file with a meaningless ready state, as an emulated device's, must not make this thread spin
+    // a file with a meaningless ready state, such as an emulated device's, must not make this thread spin
     time_.sleepUntilNs(std::min(until_ns, time_.nowNs() + kRest_ns));
   }
 }
@@ -454,7 +454,7 @@ class UsbBus final : public FalconBus {
     }
     if (const std::string serial = serialOf(device, handle); !serial.empty())
       found.name += ", serial " + serial;
-    // a program that uses it has claimed it; the kernel's driver would make room
+    // a program that uses it has claimed it; a kernel driver would give way
     if (libusb_kernel_driver_active(handle, 0) != 1) {
       const int code = libusb_claim_interface(handle, 0);
       if (code != 0)

@@ -231,7 +231,7 @@ Status FirmwareLoader::exchange(std::span<const std::uint8_t> question, std::spa
   RETURN_IF_ERROR(input_.read(answer.size(), kAnswer, got));
   if (std::equal(got.begin(), got.end(), answer.begin(), answer.end())) return {};
   return Error{ErrorCode::kUnavailable, std::string("its ") + what + " " + hex(question) +
-                                            " was answered by " + hex(got) + " in place of " + hex(answer) +
+                                            " was answered by " + hex(got) + " instead of " + hex(answer) +
                                             "; check its power supply, unplug it from power and USB, plug in "
                                             "both again"};
 }

@@ -1,4 +1,4 @@
-/// Loads the vendor's firmware into a Falcon, which loses it when its power goes. The user provides the file;
+/// Loads the vendor's firmware into a Falcon, which loses it when switched off. The user provides the file;
 /// we may not ship it.
 #pragma once
 
@@ -11,7 +11,7 @@
 
 #include "client/device/falcon/falcon_link.h"
 #include "common/base/result.h"
-#include "common/base/time_source.h"
+#include "common/base/time/time_source.h"
 
 namespace needlelab::falcon {
 

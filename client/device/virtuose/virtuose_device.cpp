@@ -6,7 +6,7 @@
 
 #include "client/device/virtuose/virtuose_errors.h"
 #include "common/base/planted_bug.h"
-#include "common/haptics/device_condition.h"
+#include "common/haptics/gate/force_gate.h"
 
 namespace needlelab {
 namespace {
@@ -186,7 +186,7 @@ DeviceRead VirtuoseDevice::read(DeviceReading& reading) noexcept {
     return DeviceRead::kNoUpdate;
   }
 
-  // check each answer before the next query: a lost connection is not ours any more
+  // check each answer before the next query: a lost connection is no longer ours
   float pose[7] = {}, speed[6] = {};
   int held = 0, operational = 0;
   const bool answered =

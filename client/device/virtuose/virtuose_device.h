@@ -14,7 +14,7 @@
 #include "client/device/turns.h"
 #include "client/device/virtuose/virtuose_api.h"
 #include "client/device/virtuose/virtuose_link.h"
-#include "common/base/time_source.h"
+#include "common/base/time/time_source.h"
 
 namespace needlelab {
 
@@ -24,8 +24,8 @@ struct VirtuoseOptions {
   double timeout_s = 0.05;  ///< see VirtuoseSetup
   /// Wait between attempts to reconnect a lost device; doubles after each, up to the longest.
   std::chrono::milliseconds first_retry{500}, longest_retry{5000};
-  /// Period of zero force while the device is open and no loop runs: its watchdog cuts the link 2 s after the
-  /// last command, and preparing a lesson may take longer.
+  /// Period of zero force while the device is open and no loop runs, because its watchdog cuts the link 2 s
+  /// after the last command, and preparing a lesson may take longer.
   std::chrono::milliseconds keep_alive{500};
 };
 

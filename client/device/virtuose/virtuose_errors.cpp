@@ -2,7 +2,7 @@
 
 #include <fmt/core.h>
 
-#include "common/haptics/device_condition.h"
+#include "common/haptics/gate/force_gate.h"
 
 namespace needlelab {
 namespace {

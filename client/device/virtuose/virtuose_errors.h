@@ -49,7 +49,7 @@ std::string virtuoseErrorText(int code, const char* vendors_text);
 
 /// Returns one sentence per set bit; empty for 0. Shows unknown bits as a number.
 std::string virtuoseAlarmText(std::uint32_t alarm);
-/// The same for `virtGetFailure`.
+/// Likewise for `virtGetFailure`.
 std::string virtuoseFailureText(std::uint32_t failure);
 
 /// Returns the state of a responding device as text, from its DeviceFlag bits, alarms and failures; empty

@@ -7,8 +7,8 @@
 #include "client/device/virtuose/virtuose_errors.h"
 #include "common/base/planted_bug.h"
 #include "common/base/range.h"
-#include "common/haptics/device_condition.h"
-#include "common/haptics/limits.h"
+#include "common/haptics/gate/force_gate.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 namespace {
@@ -29,7 +29,7 @@ Error failedCall(const VirtuoseApi& api, VirtContext context, const std::string&
                             virtuoseErrorText(code, api.virtGetErrorMessage(code))};
 }
 
-// x y z qx qy qz qw; the library takes it without const
+// x y z qx qy qz qw; the library takes a non-const array
 int setIdentity(int (*set)(VirtContext, float*), VirtContext context) {
   float identity[7] = {0, 0, 0, 0, 0, 0, 1};
   return set(context, identity);

@@ -8,7 +8,7 @@
 #include "client/device/device.h"
 #include "client/device/virtuose/virtuose_api.h"
 #include "common/base/result.h"
-#include "common/haptics/force_gate.h"
+#include "common/haptics/gate/force_gate.h"
 
 namespace needlelab {
 

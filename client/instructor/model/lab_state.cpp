@@ -4,8 +4,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "common/base/files.h"
-#include "common/base/text.h"
+#include "common/base/files/files.h"
+#include "common/base/text/text.h"
 #include "common/profile/profile.h"
 
 namespace needlelab {
@@ -140,7 +140,7 @@ void LabState::askForScene() {
     // the server may not have the session yet: request it again later
     if (alive.expired() || !live_ || !reply.ok()) return;
     live_->setSession(reply->session(), prepare_);
-    // this lesson may be of an exercise that was changed or added since
+    // this lesson's exercise may be new or changed
     readExercises();
   });
 }
@@ -208,7 +208,7 @@ bool LabState::annotate(const std::string& text) {
     });
   }
   if (!analysis.first()) {
-    notices.trouble("there is nothing to annotate: look over a station or load a session");
+    notices.trouble("there is nothing to annotate: watch a station or load a session");
     return false;
   }
   const auto& gesture = *analysis.first();
@@ -232,7 +232,7 @@ std::vector<PlotRequirement> LabState::requirementsNow() const {
 
 std::optional<PlanView> LabState::planNow() const {
   const pb::Exercise* const exercise = exerciseNow();
-  // without a scene the plan has no place in W
+  // without a scene the plan's position in W is unknown
   if (exercise == nullptr || !live_->scene().view) return std::nullopt;
   return planViewOf(*live_->scene().view, *exercise);
 }

@@ -9,13 +9,13 @@
 #include <string>
 #include <vector>
 
-#include "client/instructor/model/lab_connection.h"
-#include "client/instructor/model/lab_overview.h"
-#include "client/instructor/model/live_station.h"
-#include "client/instructor/model/notices.h"
-#include "client/instructor/model/session_analysis.h"
-#include "client/instructor/model/session_search.h"
-#include "client/instructor/model/station_commands.h"
+#include "client/instructor/model/live/lab_connection.h"
+#include "client/instructor/model/live/lab_overview.h"
+#include "client/instructor/model/live/live_station.h"
+#include "client/instructor/model/live/notices.h"
+#include "client/instructor/model/live/station_commands.h"
+#include "client/instructor/model/stored/session_analysis.h"
+#include "client/instructor/model/stored/session_search.h"
 #include "client/view/model/screen_actions.h"
 #include "common/base/result.h"
 
@@ -24,7 +24,7 @@ namespace needlelab {
 /// The window's current screen.
 enum class WindowScreen : std::uint8_t { kLogin, kLab, kLive, kSessions, kReplay, kCompare, kRerun, kScores };
 
-/// The fields of the log-in screen, as typed. `server` may name several (common/wire/endpoint.h).
+/// Fields of the log-in screen, as typed. `server` may name several (common/wire/endpoint.h).
 struct LoginForm {
   std::string server = "127.0.0.1:7750", ca_file, user, password;
 };
@@ -33,29 +33,28 @@ struct LoginForm {
 struct ExerciseChoice {
   std::string id, name;
 };
-/// A patient's profile in such a list.
+/// A patient's profile in a list for selection.
 struct ProfileChoice {
   std::string id, name;
 };
 
-/// What the screens offer, as tables: Enter is the highlighted button.
+/// Actions that the screens offer, as tables. Enter presses the highlighted button.
 enum LabAct : int { kActLogIn, kActAdvice, kActSearch, kActStop, kActStopNow, kActGoOn, kActReconnect };
 std::vector<ScreenAction> loginActions(bool busy);
-/// The way out of an empty screen.
+/// The button that leads out of an empty screen.
 ScreenAction adviceAction(std::string label);
-/// `advised`: the screen is empty, and Enter is its way out.
+/// `advised`: the screen is empty, so Enter belongs to its advice button.
 std::vector<ScreenAction> searchActions(bool advised);
-/// "Stop lesson …", and then its question.
+/// "Stop lesson …", then its confirmation.
 std::vector<ScreenAction> stopActions(bool asking);
-/// The banner over every screen while the connection is away or refused: without a key, because Enter is the
-/// screen's own.
+/// Banner over every screen while the connection is lost or refused. No key: Enter belongs to the screen.
 std::vector<ScreenAction> linkActions(LinkPhase phase);
 
-/// The question whether to stop a lesson. It is about one lesson: an answer never reaches another one.
+/// Confirmation before stopping a lesson. It is bound to one lesson: an answer never reaches another one.
 class StopQuestion {
  public:
   void ask(const LiveStation& live);
-  /// Withdraws the question unless this station's present lesson is the one that it is about.
+  /// Withdraws the question unless this station's current lesson is the one in question.
   void keepOnlyFor(const LiveStation* live);
   void withdraw();
   [[nodiscard]] bool asking() const { return asking_; }
@@ -83,7 +82,7 @@ class LabState {
   void logIn();
   void logOut();
   [[nodiscard]] const LinkState& link() const { return link_; }
-  /// Returns whether the user has ever logged in: the lab stays visible after a loss of the connection.
+  /// Returns whether the user has ever logged in; then the lab stays visible when the connection is lost.
   [[nodiscard]] bool inside() const { return inside_; }
 
   // --- the lab
@@ -91,7 +90,7 @@ class LabState {
   TileOrder order = TileOrder::kNeed;
   TileFilter filter;
   [[nodiscard]] const std::vector<ExerciseChoice>& exercises() const { return exercises_; }
-  /// Returns the exercise's name; its id if the server does not list it, or not yet.
+  /// Returns the exercise's name, or its id if the server has not listed it (yet).
   [[nodiscard]] std::string exerciseName(const std::string& id) const;
   [[nodiscard]] const std::vector<ProfileChoice>& profiles() const { return profiles_; }
 
@@ -103,9 +102,9 @@ class LabState {
   bool annotate(const std::string& text);
   /// Returns the watched trainee's aids: those set here in this session, otherwise the exercise's.
   [[nodiscard]] AidList aidsNow() const;
-  /// Returns what the exercise of the watched lesson requires; nothing where it is not known.
+  /// Returns the requirements of the watched lesson's exercise; empty if unknown.
   [[nodiscard]] std::vector<PlotRequirement> requirementsNow() const;
-  /// Returns that exercise's planned line in W; nothing without a plan, and until the scene is known.
+  /// Returns that exercise's planned line in W; nullopt without a plan or while the scene is unknown.
   [[nodiscard]] std::optional<PlanView> planNow() const;
   void setAids(const AidList& aids);
   void resetAids();
@@ -127,9 +126,9 @@ class LabState {
 
  private:
   void readLists();
-  /// Reads all exercises page by page, and takes them in at the end; on an error keeps those of before.
+  /// Reads all exercises page by page and replaces the list at the end; keeps the old list on an error.
   void readExercises(std::string page = {}, std::vector<pb::Exercise> read = {});
-  /// The watched lesson's; null where it is not known.
+  /// The watched lesson's exercise; null if unknown.
   [[nodiscard]] const pb::Exercise* exerciseNow() const;
   void askForScene();
   LinkState link_;

@@ -134,7 +134,7 @@ void CompareScreen::show(LabState& lab) {
     return;
   }
   showChoice(lab);
-  // after loading a second session: compare with the chosen alignment
+  // after a second session was loaded, compare with the chosen alignment
   if (lab.analysis.second() && !lab.analysis.comparison() && !lab.analysis.busy() &&
       lab.analysis.troubleOf(AnalysisJob::kCompare).empty())
     lab.analysis.compare(alignment);
@@ -149,7 +149,7 @@ void CompareScreen::show(LabState& lab) {
   }
   takeIn(lab);
   if (x_.empty()) {
-    showEmpty("Both needles met nowhere", "There is no depth that both reached.");
+    showEmpty("No common depth", "There is no depth that both needles reached.");
     return;
   }
   const ImVec2 room = ImGui::GetContentRegionAvail();

@@ -132,7 +132,7 @@ void actInReplay(InstructorWindow& window) {
   if (pressed(GLFW_KEY_L))
     player.setLoop(player.loop() ? std::nullopt
                                  : std::optional(ReplayLoop{player.at_s(), player.at_s() + 2}));
-  // without a session there is no field for it
+  // without a session the remark field does not exist
   if (pressed(GLFW_KEY_N) && window.lab().analysis.first()) window.replay_screen.focusRemark();
 }
 
@@ -142,7 +142,7 @@ void actOnKeys(InstructorWindow& window) {
   if (actEverywhere(window)) return;
   if (ImGui::GetIO().WantTextInput || !lab.inside()) return;
   if (pressed(GLFW_KEY_SLASH) && ImGui::GetIO().KeyShift) window.show_help = !window.show_help;
-  // Esc is then the question's
+  // Esc then belongs to the question
   const bool asking = lab.screen == WindowScreen::kLive && lab.stop_question.asking();
   if (pressed(GLFW_KEY_ESCAPE) && !asking) {
     if (window.show_help)
@@ -165,8 +165,8 @@ void actOnKeys(InstructorWindow& window) {
   }
 }
 
-/// Where arrows and Space are the screen's own keys, Dear ImGui's walk from button to button would press the
-/// button where it stands, too. An open list keeps its arrows. Holds from the next frame on.
+/// On screens that use the arrows and Space, Dear ImGui's keyboard navigation must be off: it would press the
+/// focused button too. An open list keeps its arrows. Takes effect in the next frame.
 void shareKeys(const LabState& lab) {
   const bool own_keys = lab.screen == WindowScreen::kLive || lab.screen == WindowScreen::kReplay;
   ImGuiIO& io = ImGui::GetIO();

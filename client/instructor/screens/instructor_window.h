@@ -1,4 +1,4 @@
-/// The instructor's window: screens, keys, and the text that they show.
+/// The instructor's window: screens, keys, and displayed text.
 #pragma once
 
 #include <filesystem>
@@ -19,9 +19,9 @@ class InstructorWindow {
   /// Errors: from SceneRenderer::make.
   static Result<std::unique_ptr<InstructorWindow>> make(Surface& surface, LabState& lab);
 
-  /// Draws one frame between beginFrame and endFrame. `read_text`: keeps the screen's text for `text()`.
+  /// Draws one frame between beginFrame and endFrame. `read_text`: keep the screen's text for `text()`.
   void draw(bool read_text);
-  /// Returns the text of the last frame in one line.
+  /// Returns the text of the last frame as one line.
   [[nodiscard]] const std::string& text() const { return text_; }
 
   [[nodiscard]] LabState& lab() { return lab_; }
@@ -44,10 +44,10 @@ class InstructorWindow {
   std::string text_;
 };
 
-/// Returns the text with each run of whitespace as one space.
+/// Returns the text with each run of whitespace replaced by one space.
 std::string flatText(const std::string& text);
 
-// --- the window from options to the exit code
+// --- running the window, from options to exit code
 
 struct WindowRunOptions {
   LoginForm form;  ///< initial values; with a password, logs in at once
@@ -55,11 +55,10 @@ struct WindowRunOptions {
   std::filesystem::path login_memory;  ///< written after a log-in; empty: none
   std::filesystem::path screenshot;    ///< empty: none
   double screenshot_at_s = 2;          ///< since the first frame; the program ends after it
-  std::optional<double> seconds;       ///< end after this time
+  std::optional<double> seconds;       ///< end after this time; empty: no limit
   std::string station;                 ///< watched after the log-in; empty: show the lab
   std::string session;                 ///< replayed after the log-in
-  /// Called after each frame, with its text, by what drives the window in a person's place; false ends the
-  /// run. It logs in by itself.
+  /// Called after each frame by a test driver instead of a person; false ends the run. It must log in itself.
   std::function<bool(InstructorWindow&)> driver;
 };
 

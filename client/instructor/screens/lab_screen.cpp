@@ -12,7 +12,7 @@
 
 #include "client/view/plots.h"
 #include "client/view/theme.h"
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 
 namespace needlelab {
 namespace {
@@ -21,7 +21,7 @@ float tileHeight_px() {
   return 14.6F * space();
 }
 
-/// Draws the tile's lines in small letters, inside the open child window.
+/// Draws the tile's lines in small letters into the open child window.
 void tileLines(const LabState& lab, const StationTile& tile, float inner, float height_px) {
   WithFont small(Letters::kSmall);
   {
@@ -29,10 +29,10 @@ void tileLines(const LabState& lab, const StationTile& tile, float inner, float 
     textLine(lessonWords(tile, lab.exerciseName(tile.exercise)), inner);
     textLine(needsHelp(tile.need) ? tile.why : depthWords(tile), inner);
   }
-  // present force against its limit, with the peak; the last seconds as a line
+  // current force with its limit and peak, and the last seconds as a line
   if (tile.online && !tile.session_id.empty()) {
     const std::string words = forceWords(tile);
-    // wide enough for its text and the sign of excessive force
+    // wide enough for its text and the sign for excessive force
     const float needed = ImGui::CalcTextSize(words.c_str()).x + ImGui::GetFontSize() + 2 * space();
     const float bar = std::min(inner, std::max(inner * 0.58F, needed));
     levelBar(tile.force_N / tile.force_limit_N, words, kSkyBlue, bar);
@@ -48,7 +48,7 @@ void tileLines(const LabState& lab, const StationTile& tile, float inner, float 
   textLine(healthWords(tile), inner);
 }
 
-/// What a click on a tile asks for.
+/// Result of a click on a tile.
 enum class TileClick { kNone, kOpen, kSeen };
 
 TileClick stationTile(const LabState& lab, const StationTile& tile, float width_px) {
@@ -65,7 +65,7 @@ TileClick stationTile(const LabState& lab, const StationTile& tile, float width_
             {corner.x + width_px - 1, corner.y + height_px - 1},
             calls ? mixed(kPanelGrey, style.colour, 0.16F) : kPanelGrey);
   const float inner = ImGui::GetContentRegionAvail().x;
-  // the station, and its need at the right edge; a long name is cut, so that the need stays visible
+  // Station, and its need at the right edge; a long name is cut so that the need stays visible.
   const std::string word = std::string(style.sign) + " " + std::string(nameOf(tile.need));
   const float word_px = ImGui::CalcTextSize(word.c_str()).x;
   textLine(tile.station, std::max(space(), inner - word_px - 2 * space()));
@@ -99,7 +99,7 @@ void showCounts(const LabState& lab) {
   for (std::size_t i = 0; i < kNeedCount; ++i)
     if (needsHelp(static_cast<Need>(i))) help += counts[i];
   conditionLine(help > 0 ? Condition::kTrouble : Condition::kGood,
-                help == 0 ? std::string("nobody needs help")
+                help == 0 ? std::string("no one needs help")
                           : fmt::format("{} need{} help", help, help == 1 ? "s" : ""));
   for (const Need need : {Need::kPractising, Need::kWaiting, Need::kDone, Need::kOffline}) {
     ImGui::SameLine(0, 2 * space());

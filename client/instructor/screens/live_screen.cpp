@@ -13,8 +13,8 @@
 #include "client/view/input_queue.h"
 #include "client/view/model/scene_view.h"
 #include "client/view/theme.h"
-#include "common/base/text.h"
-#include "common/haptics/force_gate.h"
+#include "common/base/text/text.h"
+#include "common/haptics/gate/force_gate.h"
 
 namespace needlelab {
 namespace {
@@ -34,7 +34,7 @@ bool lineAndButton(const char* id, const char* hint, std::string& text, const ch
 void CommandPanel::showTexts(LabState& lab) {
   const float width = ImGui::GetContentRegionAvail().x * 0.34F;
   if (lineAndButton("##message", "say to the trainee", message_, "Send", focus_message_, width)) {
-    // what was not sent stays in its field
+    // unsent text stays in its field
     if (lab.commands.message(lab.live()->station(), message_)) message_.clear();
   }
   ImGui::SameLine(0, 3 * space());
@@ -79,7 +79,7 @@ void CommandPanel::showStop(LabState& lab) {
     if (actionLine(actions) == kActStop) question.ask(*lab.live());
     return;
   }
-  // asks for confirmation, within the panel
+  // confirmation within the panel
   ImGui::SetNextItemWidth(26 * space());
   ImGui::InputTextWithHint("##reason", "reason, for the trainee", &question.reason);
   ImGui::SameLine();
@@ -107,12 +107,12 @@ namespace {
 
 constexpr double kTrail_s = 8;
 
-/// The station's state, with its trouble if any.
+/// The station's state, with its problem if any.
 void stationState(const LiveStation& live) {
   const auto& status = live.status();
   if (!status.online())
     return conditionLine(Condition::kAttention, "the station is not online: waiting for it");
-  // a paused view does not hide a present fault, and a fault does not outlive its lesson
+  // Pausing the view does not hide a current fault, and a fault does not outlive its lesson.
   const std::uint32_t fault = live.shown().fault != 0 ? live.shown().fault : status.fault();
   if (fault != 0 && !status.session_id().empty())
     return conditionLine(Condition::kTrouble, std::string("FAULT: ") + faultText(static_cast<Fault>(fault)));
@@ -135,14 +135,14 @@ void LiveScreen::showHead(LabState& lab) {
   ImGui::TextUnformatted(lab.exerciseName(d.exercise_id()).c_str());
   ImGui::SameLine(0, 2 * space());
   stationState(live);
-  // latency and losses: at the right end of the second line
+  // latency and losses, at the right end of the second line
   if (ImGui::Button(live.paused() ? "▶ Follow (Space)" : "❚❚ Pause (Space)"))
     live.paused() ? live.resume() : live.pause();
   ImGui::SameLine();
   ImGui::Checkbox("as the trainee sees it", &as_trainee_);
   ImGui::SameLine(0, 2 * space());
   const auto& stats = live.stats();
-  // a long line is cut at its end: what a reader must know of the picture comes first
+  // a long line is cut at its end, so the most important text comes first
   std::string words;
   if (live.approximate()) words = "forces by effect: approximate   ";
   if (live.paused())
@@ -197,7 +197,8 @@ void LiveScreen::showPlots(LiveStation& live, std::span<const PlotRequirement> r
 
 void LiveScreen::show(LabState& lab) {
   if (lab.live() == nullptr) {
-    if (showEmpty("Nobody is looked over", "Choose a station in the lab: click its tile.", "To the lab"))
+    if (showEmpty("No station is being watched", "Choose a station in the lab: click its tile.",
+                  "To the lab"))
       lab.screen = WindowScreen::kLab;
     return;
   }

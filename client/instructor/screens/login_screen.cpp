@@ -52,7 +52,7 @@ void showLogin(LabState& lab) {
   const bool busy = lab.link().phase == LinkPhase::kConnecting;
   const auto actions = loginActions(busy);
   go |= actionButtons(actions, 20 * space()) == kActLogIn;
-  // Enter in a field and Enter elsewhere are the same
+  // Enter logs in from a field and from anywhere else
   if (!ImGui::GetIO().NavVisible) go |= actionByKey(actions) == kActLogIn;
   if (go && !busy) lab.logIn();
   ImGui::Dummy({0, 0.5F * space()});

@@ -13,9 +13,9 @@
 #include "client/view/input_queue.h"
 #include "client/view/model/plot.h"
 #include "client/view/theme.h"
-#include "common/base/text.h"
-#include "common/scoring/measures.h"
-#include "common/scoring/syringe_events.h"
+#include "common/base/text/text.h"
+#include "common/scoring/measures/measures.h"
+#include "common/scoring/measures/syringe_events.h"
 
 namespace needlelab {
 namespace {
@@ -62,7 +62,7 @@ void timeLine(ReplayPlayer& player, const StoredGesture& gesture, const std::vec
   const auto timeAt = [&](float px) {
     return player.first_s() + static_cast<double>((px - low.x) / width) * length_s;
   };
-  // the line, the loop, ticks
+  // line, loop, ticks
   const float middle = low.y + height_px * 0.55F;
   list.AddRectFilled({low.x, low.y}, {low.x + width, low.y + height_px}, packed(kPanelGrey), 4);
   if (player.loop())
@@ -73,11 +73,11 @@ void timeLine(ReplayPlayer& player, const StoredGesture& gesture, const std::vec
   for (const double at : ticks.at) {
     const float px = x(player.first_s() + at);
     list.AddLine({px, middle - 3}, {px, middle + 3}, packed(kDimText));
-    if (px + 5 * space() > low.x + width) continue;  // no room for its number
+    if (px + 5 * space() > low.x + width) continue;  // too narrow for its number
     list.AddText(fontOf(Letters::kSmall), fontOf(Letters::kSmall)->FontSize, {px + 3, middle + 4},
                  packed(kDimText), clockText(at, length_s < 20 ? 1 : 0).c_str());
   }
-  // marks, with the text of the nearest one
+  // marks, with the text of the nearest
   const float mouse = ImGui::GetIO().MousePos.x;
   const LineMark* near = nullptr;
   float least = 8;

@@ -4,7 +4,7 @@
 
 #include "client/view/plots.h"
 #include "client/view/theme.h"
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 #include "common/haptics/axial_model.h"
 
 namespace needlelab {
@@ -34,7 +34,7 @@ void RerunScreen::showForces(LabState& lab) {
     plot.series.push_back({run.what, kSecondGesture, run.trace.source(channel), true, false});
     return plot;
   };
-  // bone and the like have a plot where the session or the re-run has them
+  // an effect such as bone has a plot if the session or the re-run has it
   const auto isAsked = [&](const EffectEntry& effect) {
     const auto isLive = [&](const SessionScene& scene) {
       return scene.model && scene.model->isLive(effect.effect);

@@ -8,12 +8,12 @@
 
 #include "client/view/plots.h"
 #include "client/view/theme.h"
-#include "common/scoring/measure_table.h"
+#include "common/scoring/measures/measure_table.h"
 
 namespace needlelab {
 namespace {
 
-/// The experts' range as a bar, this value as a diamond.
+/// Draws the experts' range as a bar, this value as a diamond.
 void placeBar(const PlaceMarks& marks, float width) {
   const ImVec2 low = ImGui::GetCursorScreenPos();
   const float height = ImGui::GetFontSize();
@@ -104,7 +104,7 @@ void ScoresScreen::show(LabState& lab) {
       lab.screen = WindowScreen::kSessions;
     return;
   }
-  // one request, when the screen first opens; after an error the user asks again
+  // requests once when the screen opens; after an error the user retries
   if (!lab.analysis.report() && !lab.analysis.busy() &&
       (asked_for_ != lab.analysis.first().get() || lab.analysis.troubleOf(AnalysisJob::kScore).empty())) {
     asked_for_ = lab.analysis.first().get();

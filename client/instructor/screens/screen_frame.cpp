@@ -8,7 +8,7 @@
 
 #include "client/view/action_bar.h"
 #include "client/view/theme.h"
-#include "common/base/clock.h"
+#include "common/base/time/clock.h"
 
 namespace needlelab {
 namespace {
@@ -48,13 +48,13 @@ void showNavigation(LabState& lab, bool& show_help) {
     if (ImGui::Button(place.label)) lab.screen = place.screen;
     ImGui::PopStyleColor();
     if (here) {
-      // not by colour alone
+      // not only by colour
       const ImVec2 low = ImGui::GetItemRectMin(), high = ImGui::GetItemRectMax();
       ImGui::GetWindowDrawList()->AddRectFilled({low.x, high.y - 3}, high, packed(kYellow));
     }
     ImGui::SameLine();
   }
-  // the right end: user, connection, log out, help
+  // at the right end: user, connection, log out, help
   const std::string who = lab.link().user + " @ " + lab.link().server;
   const float width = ImGui::CalcTextSize(who.c_str()).x + 30 * space();
   ImGui::SameLine(std::max(ImGui::GetCursorPosX() + space(), ImGui::GetWindowWidth() - width));
@@ -83,7 +83,7 @@ void showLinkBanner(LabState& lab) {
   const double next_s = 1e-9 * static_cast<double>(link.next_try_ns - steadyNowNs());
   std::string words = link.trouble.what;
   if (!refused)
-    words += fmt::format("  Away for {:.0f} s; next try in {:.0f} s. What is shown stays.",
+    words += fmt::format("  Away for {:.0f} s; next try in {:.0f} s. The screen keeps the last data.",
                          std::max(0.0, away_s), std::max(0.0, std::ceil(next_s)));
   conditionLine(refused ? Condition::kTrouble : Condition::kAttention, words);
   {
@@ -141,7 +141,7 @@ bool showEmpty(std::string_view headline, std::string_view advice, const char* a
 }
 
 std::optional<int> pressedAction(std::span<const ScreenAction> actions) {
-  // in a field, Enter is the field's; in an open list, the list's
+  // Enter belongs to a focused field or an open list
   const ImGuiIO& io = ImGui::GetIO();
   if (io.WantTextInput || io.NavVisible || ImGui::IsPopupOpen("", ImGuiPopupFlags_AnyPopup))
     return std::nullopt;

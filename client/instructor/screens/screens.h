@@ -17,27 +17,27 @@ namespace needlelab {
 
 // --- around every screen: screen_frame.cpp
 
-/// Draws the bar at the top. The user can also select empty screens, which give advice.
+/// Draws the bar at the top. Empty screens can be selected too; they show advice.
 void showNavigation(LabState& lab, bool& show_help);
 /// Draws a banner below the bar while the connection is lost or refused: cause, advice, time of the next
 /// attempt.
 void showLinkBanner(LabState& lab);
-/// Draws the notices over everything at the lower edge.
+/// Draws the notices over everything else at the lower edge.
 void showNotices(LabState& lab);
 /// Explains in the middle of an empty screen what is missing and how to get it. `action`: a button's label,
 /// or null. Returns true if the button was pressed.
 bool showEmpty(std::string_view headline, std::string_view advice, const char* action = nullptr);
-/// The action whose key was pressed; none while a person types or walks by the keyboard's arrows.
+/// Returns the action whose key was pressed; none during text input or keyboard navigation.
 std::optional<int> pressedAction(std::span<const ScreenAction> actions);
 /// Shows the running job with a progress bar; draws nothing without a job.
 void showWork(const LabState& lab);
 
 // --- the screens
 
-/// The first screen: server, CA file, name, password; explains errors in plain words.
+/// The first screen: server, CA file, name, password. Explains errors in plain words.
 void showLogin(LabState& lab);
 
-/// The whole lab: a tile for each station; those that need help come first.
+/// The whole lab: a tile for each station, those that need help first.
 void showLab(LabState& lab);
 
 /// Commands to the watched station: message, remark, next exercise, aids, stop.
@@ -45,7 +45,7 @@ class CommandPanel {
  public:
   /// `lab.live()` must not be null.
   void show(LabState& lab);
-  /// Puts the cursor there in the next frame.
+  /// Moves the cursor there in the next frame.
   void focusMessage() { focus_message_ = true; }
   void focusRemark() { focus_remark_ = true; }
 
@@ -88,7 +88,7 @@ class SessionsScreen {
   void showTable(LabState& lab);
 };
 
-/// Plays a recording again.
+/// Replays a recording.
 class ReplayScreen {
  public:
   explicit ReplayScreen(ScenePane pane) : pane_(std::move(pane)) {}
@@ -103,7 +103,7 @@ class ReplayScreen {
   ScenePane pane_;
   std::string remark_;
   bool focus_remark_ = false;
-  bool whole_ = true;  ///< plots show the whole gesture, otherwise 10 s around the present moment
+  bool whole_ = true;  ///< plots show the whole gesture, otherwise 10 s around the current moment
 };
 
 /// Two recordings side by side or overlaid.
@@ -125,7 +125,7 @@ class CompareScreen {
   [[nodiscard]] const ComparedPoint& pointAt(const GestureComparison& comparison) const;
 
   ScenePane first_, second_;
-  // what the curves show; not an address, which another comparison may get later
+  // What the curves show. Not an address, which another comparison may get later.
   std::weak_ptr<const StoredGesture> of_first_, of_second_;
   std::optional<Alignment> of_alignment_;
   std::vector<double> x_;
@@ -156,7 +156,7 @@ class ScoresScreen {
   void showProgress(const ReportData& data);
   void showExport(LabState& lab);
   std::string file_ = "report.html";
-  const void* asked_for_ = nullptr;  // the gesture of the requested score
+  const void* asked_for_ = nullptr;  // gesture whose score was requested
 };
 
 }  // namespace needlelab

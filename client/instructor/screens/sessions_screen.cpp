@@ -8,10 +8,10 @@
 
 #include "client/view/action_bar.h"
 #include "client/view/theme.h"
-#include "common/base/local_time.h"
-#include "common/base/text.h"
-#include "common/scoring/measure_table.h"
-#include "common/scoring/measures.h"
+#include "common/base/text/text.h"
+#include "common/base/time/local_time.h"
+#include "common/scoring/measures/measure_table.h"
+#include "common/scoring/measures/measures.h"
 
 namespace needlelab {
 namespace {
@@ -79,7 +79,7 @@ void SessionsScreen::showTable(LabState& lab) {
                                      ImGuiTableFlags_SizingStretchProp;
   if (!ImGui::BeginTable("sessions", 8, kFlags)) return;
   ImGui::TableSetupScrollFreeze(0, 1);
-  // each column has one direction (SessionOrder): the arrow beside its name never points the other way
+  // Each column sorts in one direction only (SessionOrder), so its arrow never changes.
   constexpr ImGuiTableColumnFlags kNoSort = ImGuiTableColumnFlags_NoSort,
                                   kUp = ImGuiTableColumnFlags_NoSortDescending,
                                   kDown = ImGuiTableColumnFlags_NoSortAscending;

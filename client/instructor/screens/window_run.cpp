@@ -6,7 +6,7 @@
 
 #include "client/instructor/model/lab_state.h"
 #include "client/instructor/screens/instructor_window.h"
-#include "common/base/clock.h"
+#include "common/base/time/clock.h"
 #include "common/fem/needle_mesh.h"
 
 namespace needlelab {
@@ -40,7 +40,7 @@ Status runInstructorWindow(const WindowRunOptions& options, const std::function<
     }
     window->draw(options.driver != nullptr);
     surface->endFrame();
-    // wait for the end of drawing: the latency ends here
+    // wait until drawing has finished: the latency ends here
     glFinish();
     lab.presented(wallNowNs());
     if (options.driver && !options.driver(*window)) break;

@@ -1,29 +1,14 @@
 #include "client/instructor/terminal/options.h"
 
 #include <charconv>
-#include <cmath>
 #include <utility>
 
 #include <fmt/core.h>
 
-#include "common/profile/aid_list.h"
-
 namespace needlelab {
-namespace {
-
-Status inRange(const char* option, double value, double least, double most) {
-  if (std::isfinite(value) && value >= least && value <= most) return {};
-  return Error{ErrorCode::kInvalidInput,
-               fmt::format("{} {:f} is not in [{:f}, {:f}]", option, value, least, most)};
-}
-
-Status refuse(const std::string& text) {
-  return Error{ErrorCode::kInvalidInput, text};
-}
-
-}  // namespace
 
 Status checkOptions(const InstructorOptions& options) {
+  const auto refuse = [](const std::string& text) { return Error{ErrorCode::kInvalidInput, text}; };
   // the window asks for missing values
   if (!options.window()) {
     for (const auto& [name, missing] :
@@ -35,51 +20,39 @@ Status checkOptions(const InstructorOptions& options) {
     if (const auto servers = parseEndpoints(options.server); !servers.ok())
       return refuse("--server " + servers.error().message);
   }
-  if (!options.report.empty() && (options.session.empty() || options.headless || options.replay))
-    return refuse("--report FILE needs --session ID, and neither --headless nor --replay");
-  if (options.headless && !options.screenshot.empty())
-    return refuse("--screenshot is of the window: leave --headless out");
-  RETURN_IF_ERROR(inRange("--font-scale", options.font_scale, 0.8, 2.5));
   RETURN_IF_ERROR(windowSizeOf(options));
   if (!options.session.empty()) {
     if (const auto id = parseUuid(options.session); !id.ok())
       return refuse("--session " + id.error().message);
-    if (!options.station.empty())
-      return refuse("--station and --session exclude each other: a session runs at one station");
   }
-  if (options.replay && options.session.empty()) return refuse("--replay needs --session ID");
-  const bool to_station =
-      !options.message.empty() || !options.next_exercise.empty() || !options.aids.empty() || options.stop;
-  if (options.window() && (to_station || !options.annotate.empty() || options.once))
-    return refuse(
-        "--message, --next-exercise, --aids, --stop, --annotate and --once need --headless: the window has "
-        "them all");
-  if (to_station && options.station.empty())
-    return refuse("--message, --next-exercise, --aids and --stop need --station NAME");
-  if (!options.aids.empty() && options.aids != kResetAids) {
-    if (const auto aids = parseAids(options.aids); !aids.ok())
-      return refuse("--aids " + aids.error().message + ", or " + kResetAids);
-  }
-  if (!options.annotate.empty() && (options.replay || (options.station.empty() && options.session.empty())))
-    return refuse("--annotate needs --station NAME, or --session ID without --replay");
-  if (options.at_s) {
-    if (options.annotate.empty() && options.screenshot.empty())
-      return refuse("--at needs --annotate TEXT, or --screenshot FILE");
-    RETURN_IF_ERROR(inRange("--at", *options.at_s, 0, 1e7));
-  }
-  if (options.once && !to_station && options.annotate.empty())
-    return refuse("--once needs something to say: --message, --next-exercise, --aids, --stop or --annotate");
-  if (options.from_s) {
-    if (!options.replay) return refuse("--from needs --replay");
-    RETURN_IF_ERROR(inRange("--from", *options.from_s, 0, 1e7));
-  }
-  if (options.rate_hz) {
-    RETURN_IF_ERROR(inRange("--rate", *options.rate_hz, 0, 10'000));
-  }
-  if (options.seconds) {
-    RETURN_IF_ERROR(inRange("--seconds", *options.seconds, 0, 1e7));
-  }
-  return inRange("--speed", options.speed, 0, 1000);
+  const bool station = !options.station.empty(), session = !options.session.empty();
+  const bool says = !options.message.empty();
+  const std::pair<bool, const char*> wrong[] = {
+      {!options.report.empty() && (!session || options.headless || options.replay),
+       "--report FILE needs --session ID, and neither --headless nor --replay"},
+      {options.headless && !options.screenshot.empty(),
+       "--screenshot is of the window: leave --headless out"},
+      {station && session, "--station and --session exclude each other: a session runs at one station"},
+      {options.replay && !session, "--replay needs --session ID"},
+      {options.window() && (says || options.once),
+       "--message and --once need --headless: the window has a field for messages"},
+      {says && !station, "--message needs --station NAME"},
+      {options.once && !says, "--once needs something to say: --message"},
+  };
+  for (const auto& [so, text] : wrong)
+    if (so) return refuse(text);
+  const struct {
+    const char* option;
+    double value, least, most;
+  } numbers[] = {{"--font-scale", options.font_scale, 0.8, 2.5},
+                 {"--at", options.at_s, 0, 1e7},
+                 {"--rate", options.rate_hz.value_or(0), 0, 10'000},
+                 {"--seconds", options.seconds.value_or(0), 0, 1e7},
+                 {"--speed", options.speed, 0, 1000}};
+  for (const auto& [option, value, least, most] : numbers)
+    if (!(value >= least && value <= most))
+      return refuse(fmt::format("{} {:f} is not in [{:f}, {:f}]", option, value, least, most));
+  return {};
 }
 
 Result<WindowSize> windowSizeOf(const InstructorOptions& options) {

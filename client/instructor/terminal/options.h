@@ -5,17 +5,14 @@
 #include <optional>
 #include <string>
 
-#include "client/net/connect.h"
+#include "client/net/link/connect.h"
 #include "common/base/result.h"
-#include "common/base/uuid.h"
+#include "common/base/text/uuid.h"
 
 namespace needlelab {
 
-/// Replaces a list of aids: back to the exercise's aids.
-inline constexpr const char* kResetAids = "reset";
-
 struct InstructorOptions {
-  std::string server;  ///< HOST:PORT, or several of which any will do
+  std::string server;  ///< HOST:PORT, or several equivalent ones
   std::filesystem::path ca;
   std::string user;
   std::filesystem::path password_file;
@@ -24,25 +21,17 @@ struct InstructorOptions {
   bool replay = false;
   std::string station;
   std::string session;            ///< text of a UUID
-  std::optional<double> rate_hz;  ///< lines per second; 0: every frame of the station
-  std::optional<double> from_s;   ///< replay: start this long after the first sample
+  std::optional<double> rate_hz;  ///< lines per second; 0: every frame from the station
   double speed = 1;               ///< replay; 0: as fast as possible
   std::optional<double> seconds;  ///< end after this time; none: on Ctrl-C
-  // commands, each sent once and as soon as possible: to an online station, in a running lesson, at a moment
-  // of it
-  std::string message;  ///< to the trainee
-  std::string next_exercise;
-  std::string aids;   ///< "depth, force", "none", "all", or "reset" for the exercise's aids
-  bool stop = false;  ///< stop the running lesson
-  std::string stop_reason;
-  std::string annotate;        ///< a remark on the lesson's present moment, or on `at_s`
-  std::optional<double> at_s;  ///< since the session's first sample
-  bool once = false;           ///< end after sending all commands
+  std::string message;            ///< to the trainee; sent once, as soon as the station is online
+  bool once = false;              ///< end after sending it
   std::filesystem::path
       report;            ///< HTML file with the report on --session; needs neither window nor --headless
-  bool replace = false;  ///< `report` may be there already
+  bool replace = false;  ///< `report` may exist already
   // the window
   std::filesystem::path screenshot;
+  double at_s = 2;  ///< time of the screenshot, since the window opened
   bool off_screen = false;
   double font_scale = 1;
   std::string window_size;  ///< "1280x720"; empty: the last size
@@ -63,7 +52,7 @@ Result<WindowSize> windowSizeOf(const InstructorOptions& options);
 /// Returns servers, CA and limits, without the log-in. `options` must be checked.
 ClientConfig clientConfig(const InstructorOptions& options);
 
-/// Returns the session's 16 bytes; empty without a session. `options` must be checked.
+/// Returns the session's 16 bytes; empty if no session was given. `options` must be checked.
 std::string sessionBytes(const InstructorOptions& options);
 
 }  // namespace needlelab

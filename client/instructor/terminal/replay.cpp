@@ -1,7 +1,8 @@
-// Replays a stored session at its recorded speed, with its remarks.
+// Replays a stored session at its recorded speed, with remarks.
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <vector>
 
 #include <fmt/core.h>
@@ -18,7 +19,7 @@ namespace {
 
 constexpr double kReplayRateHz = 10;
 constexpr std::uint32_t kChunksAtOnce = 16;
-constexpr std::int64_t kNap_ns = 100'000'000;  // between two looks at the connection
+constexpr std::int64_t kNap_ns = 100'000'000;  // between two checks of the connection
 
 class Replay {
  public:
@@ -26,12 +27,11 @@ class Replay {
 
   Status run() {
     RETURN_IF_ERROR(readHead());
-    ASSIGN_OR_RETURN(const auto first, seek());
-    std::uint64_t next = first;
+    std::uint64_t next = 0;
     bool end = info_.chunks() == 0;
     while (!end && !run_.over()) {
       ASSIGN_OR_RETURN(auto chunks, readChunks(next));
-      for (const auto& damaged : chunks.damaged()) run_.note("damaged, left out: " + damaged.text());
+      for (const auto& damaged : chunks.damaged()) run_.note("damaged, omitted: " + damaged.text());
       const std::uint64_t behind =
           std::max(chunks.next_seq(), next + static_cast<std::uint64_t>(chunks.chunks_size()));
       end = chunks.end() || behind == next;
@@ -50,7 +50,7 @@ class Replay {
   }
 
  private:
-  /// The description and the annotations.
+  /// Reads description and annotations.
   Status readHead() {
     pb::Request request;
     request.mutable_get_session()->set_session_id(sessionBytes(run_.options));
@@ -72,20 +72,6 @@ class Replay {
     return {};
   }
 
-  /// The chunk to begin with.
-  Result<std::uint64_t> seek() {
-    const double from_s = run_.options.from_s.value_or(0);
-    if (from_s <= 0 || info_.chunks() == 0) return std::uint64_t{0};
-    pb::Request request;
-    request.mutable_seek_session()->set_session_id(sessionBytes(run_.options));
-    request.mutable_seek_session()->set_seconds(from_s);
-    ASSIGN_OR_RETURN(const auto reply, run_.client.call(request));
-    first_ns_ = reply.sought().recording_first_time_ns();
-    known_first_ = true;
-    next_line_s_ = from_s;
-    return reply.sought().seq();
-  }
-
   Result<pb::Chunks> readChunks(std::uint64_t from) {
     pb::Request request;
     request.mutable_read_chunks()->set_skip_damaged(true);
@@ -97,24 +83,16 @@ class Replay {
       auto reply = run_.client.call(request);
       if (reply.ok()) return std::move(*reply->mutable_chunks());
       if (reply.error().code != ErrorCode::kUnavailable) return reply.error();
-      RETURN_IF_ERROR(run_.recover(reply.error()));
+      RETURN_IF_ERROR(recover(run_, reply.error()));
     }
   }
 
-  /// False: the time is over.
+  /// Returns false when the time is over.
   bool show(const std::vector<GestureSample>& samples) {
     const double rate_hz = run_.options.rate_hz.value_or(kReplayRateHz);
-    const double from_s = run_.options.from_s.value_or(0);
     for (const GestureSample& sample : samples) {
-      if (!known_first_) first_ns_ = sample.time_ns;
-      known_first_ = true;
-      plunger_.add(sample);
-      const double time_s = 1e-9 * static_cast<double>(sample.time_ns - first_ns_);
-      if (time_s < from_s) {
-        // also skips the remarks on skipped samples
-        while (noted_ < annotations_.size() && annotations_[noted_].tick() <= sample.tick) ++noted_;
-        continue;
-      }
+      if (!first_ns_) first_ns_ = sample.time_ns;
+      const double time_s = 1e-9 * static_cast<double>(sample.time_ns - *first_ns_);
       ++samples_;
       for (; noted_ < annotations_.size() && annotations_[noted_].tick() <= sample.tick; ++noted_) {
         run_.note(annotations_[noted_].author() + ": " + annotations_[noted_].text());
@@ -124,12 +102,11 @@ class Replay {
         next_line_s_ += 1 / rate_hz * std::max(1.0, 1 + std::floor((time_s - next_line_s_) * rate_hz));
       if (!waitUntil(time_s)) return false;
       Update update = updateOf(sample, layer_names_);
-      update.syringe = plunger_.action();
       update.time_s = time_s;
       update.station = info_.description().station();
       update.trainee = info_.description().trainee();
       update.session = run_.options.session;
-      run_.line(run_.options.json ? jsonLine(update) : textLine(update));
+      run_.update(update);
       ++lines_;
     }
     return !run_.over();
@@ -137,11 +114,10 @@ class Replay {
 
   bool waitUntil(double time_s) {
     if (run_.options.speed <= 0) return !run_.over();
-    const double replay_s = (time_s - run_.options.from_s.value_or(0)) / run_.options.speed;
-    const std::int64_t due_ns = started_ns_ + std::llround(1e9 * replay_s);
+    const std::int64_t due_ns = started_ns_ + std::llround(1e9 * (time_s / run_.options.speed));
     for (std::int64_t now_ns = run_.time.nowNs(); now_ns < due_ns; now_ns = run_.time.nowNs()) {
       if (run_.over()) return false;
-      // keeps the connection alive; the next chunk reveals a loss
+      // keeps the connection alive; a loss shows with the next chunk
       if (run_.client.connected()) (void)run_.client.receive(std::chrono::milliseconds(0)).ok();
       run_.time.sleepUntilNs(std::min(due_ns, now_ns + kNap_ns));
     }
@@ -164,10 +140,8 @@ class Replay {
   std::vector<std::string> layer_names_;
   std::vector<pb::Annotation> annotations_;
   std::size_t noted_ = 0;
-  PlungerWatch plunger_;
   std::uint64_t samples_ = 0, lines_ = 0;
-  std::int64_t first_ns_ = 0;
-  bool known_first_ = false;
+  std::optional<std::int64_t> first_ns_;
   double next_line_s_ = 0;
   const std::int64_t started_ns_ = run_.time.nowNs();
 };

@@ -1,34 +1,26 @@
 #include "client/instructor/terminal/update_line.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include <fmt/core.h>
 #include <nlohmann/json.hpp>
 
-#include "common/base/text.h"
-#include "common/base/uuid.h"
-#include "common/haptics/force_gate.h"
+#include "client/instructor/model/live/session_scene.h"
+#include "common/base/text/text.h"
+#include "common/haptics/gate/force_gate.h"
 #include "common/haptics/sim_state.h"
 
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kMostTrouble = 1000;  // bytes of a line from the network
+constexpr std::size_t kMostTrouble = 1000;  // limit in bytes for a line from the network
 
 std::string phaseText(std::uint32_t phase) {
   return phase <= static_cast<std::uint32_t>(Phase::kWithdrawing) ? phaseName(static_cast<Phase>(phase))
                                                                   : "?";
 }
 
-std::string sessionText(const std::string& bytes) {
-  Uuid id{};
-  if (bytes.size() != id.size()) return {};
-  std::copy(bytes.begin(), bytes.end(), id.begin());
-  return uuidText(id);
-}
-
-/// A name from the network, safe for a terminal, at least so many bytes wide.
+/// A name from the network, safe for a terminal, padded to at least `width` bytes.
 std::string printable(const std::string& text, std::size_t width) {
   std::string out = needlelab::printable(text);
   if (out.size() < width) out.resize(width, ' ');
@@ -50,20 +42,11 @@ Update updateOf(const GestureSample& sample, std::span<const std::string> layer_
   return update;
 }
 
-std::string syringeAction(const GestureSample& before, const GestureSample& now) {
-  // at rest: slower than a stroke of 50 s, or below tremor
-  constexpr double kLeastSpeed_per_s = 0.02, kLeastWay = 0.004;
-  const double seconds = 1e-9 * static_cast<double>(now.time_ns - before.time_ns);
-  const double way = now.plunger - before.plunger;
-  if (!(seconds > 0) || !(std::abs(way) >= std::max(kLeastWay, kLeastSpeed_per_s * seconds))) return {};
-  return way > 0 ? "injecting" : "aspirating";
-}
-
 Update updateOf(const pb::StationStatus& status) {
   Update update;
   update.station = status.station();
   update.trainee = status.trainee();
-  update.session = sessionText(status.session_id());
+  if (!status.session_id().empty()) update.session = sessionIdText(status.session_id());
   update.phase = phaseText(status.phase());
   update.layer = status.layer();
   update.layer_name = status.tissue().substr(0, kMaxNameBytes);
@@ -92,7 +75,6 @@ std::string textLine(const Update& update) {
   line += fmt::format("  insertion {:>7} mm  |F| {:6.3f} N", fixedText(1e3 * update.insertion_m, 2),
                       update.force_n);
   if (update.plunger) line += fmt::format("  plunger {:3.0f} %", 100 * *update.plunger);
-  if (!update.syringe.empty()) line += "  " + update.syringe;
   if (update.latency_ms) line += fmt::format("  latency {:6.1f} ms", *update.latency_ms);
   if (update.drops) line += fmt::format("  drops {}", *update.drops);
   if (update.fault != 0) line += std::string("  FAULT: ") + faultText(static_cast<Fault>(update.fault));
@@ -106,7 +88,7 @@ std::string jsonLine(const Update& update) {
                                  {"trainee", update.trainee},
                                  {"session", update.session}};
   if (update.online) json["online"] = *update.online;
-  // a station's status keeps what the last lesson ended with: without a lesson there is no needle to speak of
+  // A station's status keeps the last lesson's values, so omit the needle without a lesson.
   if (!update.online || (*update.online && !update.session.empty())) {
     json["phase"] = update.phase;
     json["layer"] = update.layer;
@@ -115,7 +97,6 @@ std::string jsonLine(const Update& update) {
     json["force_n"] = update.force_n;
   }
   if (update.plunger) json["plunger"] = *update.plunger;
-  if (!update.syringe.empty()) json["syringe"] = update.syringe;
   json["fault"] = update.fault;
   if (update.latency_ms) json["latency_ms"] = *update.latency_ms;
   if (update.drops) json["drops"] = *update.drops;
@@ -128,32 +109,6 @@ std::string noteLine(const std::string& text, bool json) {
   if (!json) return "-- " + printable(text, 0);
   const nlohmann::ordered_json line = {{"type", "note"}, {"text", text}};
   return line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
-}
-
-std::string outcomeLine(const std::string& what, bool ok, const std::string& text, bool json) {
-  if (!json) return noteLine(ok ? text : what + ": " + text, false);
-  const nlohmann::ordered_json line = {{"type", "note"}, {"said", what}, {"ok", ok}, {"text", text}};
-  return line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
-}
-
-namespace {
-
-constexpr std::int64_t kWindow_ns = 200'000'000;
-constexpr std::int64_t kStep_ns = 10'000'000;      // denser samples add nothing
-constexpr std::int64_t kStale_ns = 2'000'000'000;  // after such a gap older samples are useless
-
-}  // namespace
-
-void PlungerWatch::add(const GestureSample& sample) {
-  const std::int64_t now_ns = sample.time_ns;
-  if (now_ns < newest_.time_ns || now_ns - newest_.time_ns > kStale_ns) kept_.clear();
-  newest_ = sample;
-  if (kept_.empty() || now_ns - kept_.back().time_ns >= kStep_ns) kept_.push_back(sample);
-  while (kept_.size() > 1 && now_ns - kept_[1].time_ns >= kWindow_ns) kept_.pop_front();
-}
-
-std::string PlungerWatch::action() const {
-  return kept_.empty() ? std::string() : syringeAction(kept_.front(), newest_);
 }
 
 }  // namespace needlelab

@@ -25,14 +25,14 @@ double topOf(std::size_t layer) {
   return static_cast<double>(layer) * kThick_m;
 }
 
-// "Tracking wall": on the way in the spring is stretched by each way, up to the layer's reach
+// "Tracking wall": on the way in each distance stretches the spring, up to the layer's limit
 double wallStretchIn_m(double x_m) {
   double z_m = 0;
   for (std::size_t i = 0; i <= layerAt(x_m); ++i)
     z_m = std::min(z_m + std::min(x_m, topOf(i + 1)) - topOf(i), kCutting_N[i] / kWall_N_per_m);
   return z_m;
 }
-// on the way out it gives the stretch back, and pulls up to the attracted force, which fades out at the skin
+// On the way out the spring relaxes, then pulls with up to the attracted force, which fades out at the skin.
 double wall_N(const TurnGesture& gesture, double x_m, bool out, double attracted_N) {
   if (!out) return -kWall_N_per_m * wallStretchIn_m(x_m);
   const double z_m = wallStretchIn_m(gesture.deepest_m) - (gesture.deepest_m - x_m);
@@ -43,11 +43,11 @@ double topForce_N(double z_m, double quadratic_N_per_m2) {
   return kLinear_N_per_m * z_m + quadratic_N_per_m2 * z_m * z_m;
 }
 
-// "Axial models", the three with tops: where the needle is behind them
+// "Axial models": state of the three models with tops
 struct BehindTops {
-  double held_N = 0;  // by the top of this layer
+  double held_N = 0;  // by this layer's top
   double cut_m = 0;   // stretch of the cutting wall
-  double free_m = 0;  // x_c: no cutting or friction beyond a top that holds
+  double free_m = 0;  // x_c: no cutting or friction beyond a top that still holds
 };
 BehindTops behindTops(double x_m, double quadratic_N_per_m2) {
   BehindTops now;
@@ -56,20 +56,20 @@ BehindTops behindTops(double x_m, double quadratic_N_per_m2) {
     now.free_m = topOf(i);
     now.held_N = passed_m < kHeld_m[i] ? topForce_N(passed_m, quadratic_N_per_m2) : 0;
     if (passed_m < kHeld_m[i]) continue;
-    // the walls move on with a rupture: what comes behind it stretches them
+    // the walls move with a rupture; only the distance after it stretches them
     now.cut_m = std::min(now.cut_m + passed_m - kHeld_m[i], kBehind_N[i] / kWall_N_per_m);
     now.free_m = topOf(i) + passed_m;
   }
   return now;
 }
 
-// cutting on the way out: none, once the spring has given its stretch back
+// Cutting on the way out; zero once the spring has relaxed.
 double cuttingOut_N(const TurnGesture& gesture, double x_m, double quadratic_N_per_m2) {
   const double cut_m = behindTops(gesture.deepest_m, quadratic_N_per_m2).cut_m;
   return -kWall_N_per_m * std::max(0.0, cut_m - (gesture.deepest_m - x_m));
 }
 
-// Coulomb's friction by a dragged spring: full on the way in but for the ways behind the tops
+// Coulomb friction by a dragged spring: full on the way in, except while a top holds.
 double rubbedIn_m(double x_m) {
   double z_m = 0;
   for (std::size_t i = 0; i <= layerAt(x_m); ++i) {
@@ -86,7 +86,7 @@ double coulomb_N(const TurnGesture& gesture, double x_m, bool out, double rub_ou
   return -kShaft_N_per_m * std::max(z_m, -rub_out_N_per_m * x_m / kShaft_N_per_m);
 }
 
-// Dahl: dz/dx = 1 − q z/x in, with q = K_f/friction: z = x/(1 + q) + C x^−q
+// Dahl: dz/dx = 1 − q z/x in, with q = K_f/friction: z = x/(1 + q) + C x^−q.
 double dahlIn_m(double x_m) {
   constexpr double q = kShaft_N_per_m / kRubIn_N_per_m;
   double z_m = 0;
@@ -97,7 +97,7 @@ double dahlIn_m(double x_m) {
   }
   return z_m;
 }
-// out: dz/dx = 1 + q z/x while z > 0, then with the friction of the way out: z = C x^q − x/(q − 1)
+// Out: dz/dx = 1 + q z/x while z > 0, then with the outward friction: z = C x^q − x/(q − 1).
 double dahl_N(const TurnGesture& gesture, double x_m, bool out) {
   if (!out) return -kShaft_N_per_m * dahlIn_m(x_m);
   constexpr double q = kShaft_N_per_m / kRubIn_N_per_m, r = kShaft_N_per_m / kRubOut_N_per_m;
@@ -116,7 +116,7 @@ SceneSpec layersOf(AxialModel model) {
   scene.max_force_N = 50;
   scene.effects = bitOf(Effect::kCutting) | bitOf(Effect::kAttracted);
   scene.tracking_wall.stiffness_N_per_m = kWall_N_per_m;
-  // slower than any gesture here: a turn is no stop
+  // slower than any gesture here: reversing does not count as a stop
   scene.tracking_wall.stop_speed_mps = 1e-4;
   scene.friction_stiffness_N_per_m = kShaft_N_per_m;
   for (std::size_t i = 0; i < kLayers; ++i) {
@@ -166,7 +166,7 @@ std::vector<ClosedForm> makeClosedForms() {
   forms.push_back(
       {AxialModel::kVoigt, "velocity over an adaptive window", scene(AxialModel::kVoigt), voigt_N, ""});
   forms.back().scene.voigt.velocity_noise_m = 1e-5;
-  // the proxy holds on a top up to the layer's force, then moves with the tip; it never pulls
+  // The proxy holds on a top up to the layer's force, then moves with the tip; it never pulls.
   forms.push_back({AxialModel::kGodObject, "", scene(AxialModel::kGodObject),
                    [](const TurnGesture&, double x, bool out) {
                      const std::size_t layer = out ? kLayers - 1 : layerAt(x);

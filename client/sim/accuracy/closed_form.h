@@ -1,5 +1,5 @@
-/// The models' forces as formulas, for a needle that goes straight in at a constant speed, turns at once and
-/// comes straight out. Written from common/haptics/FORCE_MODEL.md, without the engine's code.
+/// The models' forces as formulas, for a needle that goes straight in at constant speed, reverses at once and
+/// comes straight out. Written from common/haptics/FORCE_MODEL.md, independent of the engine's code.
 #pragma once
 
 #include <functional>
@@ -11,7 +11,7 @@
 
 namespace needlelab {
 
-/// In from `from_m` above the skin to `deepest_m`, and out again to there, at one speed.
+/// In from `from_m` above the skin to `deepest_m` and back, at constant speed.
 struct TurnGesture {
   double from_m = 0.001, deepest_m = 0, speed_mps = 0;
   [[nodiscard]] double depth_m(double t_s) const;
@@ -19,7 +19,7 @@ struct TurnGesture {
   [[nodiscard]] double seconds() const { return 2 * turn_s(); }
 };
 
-/// A model with the scene in which its answer is a formula.
+/// A model with a scene for which its answer is a formula.
 struct ClosedForm {
   AxialModel model = AxialModel::kEnhancedTrackingWall;
   std::string variant;
@@ -27,14 +27,14 @@ struct ClosedForm {
   /// Force along the trajectory at a depth below the skin (above 0), in N; negative pushes the needle out.
   /// `out`: on the way out.
   std::function<double(const TurnGesture& gesture, double depth_m, bool out)> force_N;
-  std::string leaves_out;  ///< of the law, because the gesture does not ask for it; may be empty
+  std::string leaves_out;  ///< parts of the law that the gesture does not test; may be empty
 };
 
-/// All models but STATISTICAL, which has a distribution only, and FEM, whose answer is no formula. Three
+/// All models except STATISTICAL, which only has a distribution, and FEM, which has no closed form. Three
 /// layers of 10 mm with rising forces; gestures must turn between 24.5 and 27.5 mm.
 const std::vector<ClosedForm>& closedForms();
 
-/// The needle at a depth of the closed forms' scenes.
+/// The needle at a depth in these scenes.
 TipSample straightTip(double depth_m);
 
 }  // namespace needlelab

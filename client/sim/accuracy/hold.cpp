@@ -7,14 +7,14 @@
 #include <limits>
 #include <string>
 
-#include "common/base/csv.h"
+#include "common/base/text/csv.h"
 
 namespace needlelab {
 namespace {
 
 constexpr double kHoldRate_hz = 1000;
 constexpr double kInsertionSpeed_mps = 0.003;
-constexpr double kInsertion_s = 1.2;  // 3.6 mm: the wall is stretched fully by then
+constexpr double kInsertion_s = 1.2;  // 3.6 mm: then the wall is fully stretched
 constexpr int kMostHoldEvaluations = 600;
 
 TimeCurve curveOf(const std::vector<ForceAtTime>& rows, double from_s, double to_s, double bin_s,
@@ -34,7 +34,7 @@ Error noRows(const char* what, double from_s, double to_s) {
                fmt::format("no rows to fit the {} on between {:f} s and {:f} s", what, from_s, to_s)};
 }
 
-// one layer without end that is cut with `force_N`
+// One infinite layer that is cut with `force_N`.
 SceneSpec holdScene(double force_N) {
   SceneSpec scene = fittedSceneBase();
   scene.effects = bitOf(Effect::kCutting) | bitOf(Effect::kAttracted);
@@ -72,11 +72,11 @@ void take(HoldFit& fit, const std::vector<double>& values) {
   }
 }
 
-// in at 3 mm/s, at rest at kHoldFrom_s, until `to_s`
+// In at 3 mm/s, at rest from kHoldFrom_s until `to_s`.
 StraightGesture insertThenHold(double to_s) {
   const auto in = static_cast<std::size_t>(kInsertion_s * kHoldRate_hz);
   StraightGesture gesture{kHoldRate_hz, {}};
-  // the first tick is outside: an insertion begins with an entry
+  // start outside: an insertion begins with an entry
   for (std::size_t i = 0; i <= in; ++i)
     gesture.depth_m.push_back((static_cast<double>(i) - 0.5) * kInsertionSpeed_mps / kHoldRate_hz);
   const auto all = static_cast<std::size_t>(std::ceil((to_s - kHoldFrom_s) * kHoldRate_hz)) + in + 1;
@@ -170,11 +170,11 @@ Result<WithdrawalFit> fitWithdrawal(const std::vector<ForceAtTime>& rows, const 
 
   WithdrawalFit fit;
   const auto gestureOf = [&](double speed_mps, double depth_m) {
-    // the hold as it was, but at this depth: the insertion just before it starts further out
+    // the same hold at this depth: the insertion before it starts further out
     StraightGesture gesture = insertThenHold(kHoldTo_s);
     const double shift_m = depth_m - gesture.depth_m.back();
     for (double& d : gesture.depth_m) d += shift_m;
-    // with more depth than 3.6 mm the first tick must still be outside
+    // beyond 3.6 mm the first tick must still be outside
     std::vector<double> before;
     for (double d = gesture.depth_m.front(); d > 0; d -= kInsertionSpeed_mps / kHoldRate_hz)
       before.push_back(d - kInsertionSpeed_mps / kHoldRate_hz);

@@ -16,7 +16,7 @@ Result<FemScene> femScene() {
 }
 
 FinestError finestError(double size_a, double error_a, double size_b, double error_b, double finest) {
-  // error_a/error_b = (a^−q − f^−q)/(b^−q − f^−q): falls in q from below, found by bisection
+  // error_a/error_b = (a^−q − f^−q)/(b^−q − f^−q): decreases with q, so solve by bisection
   const auto ratio = [&](double q) {
     return (std::pow(size_a / finest, -q) - 1) / (std::pow(size_b / finest, -q) - 1);
   };

@@ -8,8 +8,8 @@
 #include <cstddef>
 #include <system_error>
 
-#include "client/device/hand_plan.h"
-#include "client/device/recording_device.h"
+#include "client/device/hand/hand_plan.h"
+#include "client/device/recording/recording_device.h"
 #include "client/sim/accuracy/study.h"
 #include "client/sim/accuracy/study_models.h"
 #include "common/haptics/engine.h"
@@ -18,8 +18,8 @@ namespace needlelab {
 namespace {
 
 constexpr double kFineRate_hz = kReplayFactor * kStationRate_hz;
-constexpr std::size_t kHalfMean = 5 * kReplayFactor;  // of 10 ms
-constexpr double kBall_m = 0.04;                      // radius at the most: so deep is a needle's length
+constexpr std::size_t kHalfMean = 5 * kReplayFactor;  // half of 10 ms
+constexpr double kBall_m = 0.04;                      // maximum radius: limits the depth to a needle's length
 
 std::vector<Vec3> smoothed(const std::vector<Pose>& poses) {
   std::vector<Vec3> sums(poses.size() + 1), path_m;
@@ -51,7 +51,7 @@ Result<std::vector<RecordedHand>> recordedHands(const std::filesystem::path& dat
   if (data.empty()) return hands;
   for (const char* name : {"backward", "downward", "lateral_left", "virtuose_x_backward"}) {
     const auto file = data / "virtuose" / (std::string(name) + ".csv");
-    std::error_code unreadable;  // then it counts as missing
+    std::error_code unreadable;  // treat as missing
     if (!std::filesystem::is_regular_file(file, unreadable)) continue;
     ASSIGN_OR_RETURN(const auto track, readPoseTrack(file));
     RecordedHand hand{name, smoothed(resamplePoses(track, kFineRate_hz)), {}, {}};

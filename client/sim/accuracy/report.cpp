@@ -13,9 +13,9 @@
 #include "client/sim/accuracy/sentences.h"
 #include "client/sim/accuracy/study_models.h"
 #include "client/sim/tools/hand_thresholds.h"
-#include "common/base/columns.h"
 #include "common/base/program.h"
-#include "common/base/text.h"
+#include "common/base/text/columns.h"
+#include "common/base/text/text.h"
 
 namespace needlelab {
 namespace {
@@ -45,7 +45,7 @@ std::string rowCell(const AccuracyRow& row) {
   if (row.comparator == Comparator::kValidation) {
     const bool engine = std::find(std::begin(kAxialModelNames), std::end(kAxialModelNames), row.model) !=
                         std::end(kAxialModelNames);
-    // of a fitted scene's words only what tells two rows apart
+    // of a fitted scene's name keep only what distinguishes rows
     if (row.scene.rfind("insertion", 0) != 0)
       name += row.variant.empty() ? "" : ", " + row.variant;
     else if (row.variant.rfind("PUNCTURE", 0) == 0)
@@ -87,7 +87,7 @@ void appendTable(const std::vector<const AccuracyRow*>& rows, std::string& out) 
   for (const AccuracyRow* row : rows) line([row](std::size_t c) { return kColumns[c].cell(*row); });
 }
 
-// The picture's panels, by place: verification, replay, validation, refinement, cost, FEM.
+// Panels of the picture, by position: verification, replay, validation, refinement, cost, FEM.
 constexpr int kVerified = 0, kReplayed = 1, kValidated = 2, kRefined = 3, kTimed = 4, kFemTimed = 5;
 constexpr std::size_t kPanelWidth = 98, kShownWidth = 116;
 constexpr char kCostShows[] =
@@ -104,7 +104,7 @@ struct PanelRange {
   double x_from = 0, x_to = 0, y_from = 0, y_to = 0;
 };
 
-// Rows of the dot panels by their names, in the order of their first dots.
+// Rows of the dot panels by name, in order of their first dots.
 class Panels {
  public:
   explicit Panels(PlotBlocks& blocks) : blocks_(blocks) {}
@@ -117,7 +117,8 @@ class Panels {
     blocks_.row(fmt::format("names {};", panel), {static_cast<double>(place)}, {name});
     return place;
   }
-  // on a logarithmic axis: an interval that reaches 0 begins at a hundredth; without an interval a mere point
+  // Logarithmic axis: an interval that reaches 0 starts at a hundredth; without an interval only a point is
+  // drawn.
   void dot(int panel, int series, int place, double value, double low, double high,
            const std::string& label) {
     const bool known = std::isfinite(high);
@@ -140,7 +141,7 @@ class Panels {
     blocks_.row(fmt::format("curve {} {};", panel, series), {x, y, low, high},
                 {fmt::format("{:.0f}", *row.nodes)});
   }
-  // x from and to, y from and to; 0 and 0: nothing was drawn
+  // Minima and maxima of x and y; 0 and 0 if nothing was drawn.
   [[nodiscard]] std::vector<double> range(double(PanelRange::*bound)) const {
     std::vector<double> bounds;
     for (const PanelRange& range : ranges_) bounds.push_back(range.*bound);
@@ -160,7 +161,7 @@ class Panels {
 };
 
 void addVerified(const AccuracyRow& row, Panels& panels) {
-  // its first series is the station's; a law that is a mean over insertions has no other
+  // The first series is the station's. A law that is a mean over insertions has no other.
   constexpr std::array<std::pair<double, double>, 5> kSeries = {
       {{1000, 1e-5}, {250, 1e-5}, {4000, 1e-5}, {1000, 5e-5}, {1000, 1e-6}}};
   const std::pair<double, double> at = {*row.rate_hz, row.encoder_m.value_or(kStationEncoder_m)};
@@ -171,7 +172,7 @@ void addVerified(const AccuracyRow& row, Panels& panels) {
              series == 1 ? beyondCell(row) : "");
 }
 
-// the picture's series of a question
+// The picture's series for a question.
 int seriesOf(const AccuracyRow& row) {
   if (row.scene.rfind("hold", 0) == 0) return 3;
   if (row.scene.rfind("withdrawal", 0) == 0) return 4;
@@ -188,7 +189,7 @@ void addValidated(const AccuracyRow& row, Panels& panels) {
   panels.dot(kValidated, seriesOf(row), panels.place(kValidated, validatedName(row)), row, "");
 }
 
-// the better baseline of each question, along its rows
+// Draws the better baseline of each question along its rows.
 void addLines(const AccuracyRows& rows, Panels& panels) {
   for (int series = 1; series <= 4; ++series) {
     double best_N = 0, from = 0, to = 0;
@@ -206,7 +207,7 @@ void addLines(const AccuracyRows& rows, Panels& panels) {
   }
 }
 
-// a curve for each number of stations; `stations` gets those that have one
+// One curve per number of stations; `stations` gets those with a curve.
 void addMeshes(const AccuracyRows& rows, Panels& panels, std::vector<std::string>& stations) {
   for (const int count : kStationCounts) {
     std::string name;
@@ -222,7 +223,7 @@ void addMeshes(const AccuracyRows& rows, Panels& panels, std::vector<std::string
   }
 }
 
-// each model once, with the tick that all its rows have
+// Each model once, with the tick time common to its rows.
 void addTimes(const AccuracyRows& rows, Panels& panels) {
   std::vector<std::string> seen;
   for (const AccuracyRow& row : rows) {
@@ -319,7 +320,7 @@ AccuracyPicture accuracyPicture(const AccuracyRows& rows) {
   }
   std::vector<std::string> stations;
   addMeshes(rows, panels, stations);
-  if (stations.empty()) stations.emplace_back();  // gnuplot has no empty arrays
+  if (stations.empty()) stations.emplace_back();  // gnuplot does not support empty arrays
   addLines(rows, panels);
   addTimes(rows, panels);
   const auto shown = [](Comparator comparator) {

@@ -1,4 +1,4 @@
-/// The accuracy report: one table, a sentence for each comparator, CSV, and the data of its picture.
+/// The accuracy report: one table, a sentence per comparator, CSV, and the picture's data.
 #pragma once
 
 #include <string>
@@ -9,14 +9,14 @@
 
 namespace needlelab {
 
-/// The table, a block for each comparator and scene, with the sentence below. Of the verification the rows at
-/// 1 kHz and 10 µm: the others are in CSV and picture.
+/// The table: a block per comparator and scene, followed by the sentence. Of the verification it only has the
+/// rows at 1 kHz and 10 µm; CSV and picture have all.
 std::string accuracyTable(const AccuracyRows& rows);
 
-/// All rows with the JSON's columns, in the same order. Texts in double quotes; empty where absent.
+/// All rows with the JSON's columns, in the same order. Texts in double quotes; missing values are empty.
 std::string accuracyCsv(const AccuracyRows& rows);
 
-/// What plots/accuracy.gp reads: blocks, and the variables beside `data`.
+/// Input of plots/accuracy.gp: the blocks in `data`, and the variables.
 struct AccuracyPicture {
   std::string data;
   std::vector<PlotVariable> variables;

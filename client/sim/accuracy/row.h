@@ -1,4 +1,4 @@
-/// One row of the accuracy report: a model in a comparator, its error, and what its tick costs.
+/// A row of the accuracy report: a model in a comparator, its error, and the cost of its tick.
 #pragma once
 
 #include <cmath>
@@ -14,17 +14,16 @@
 
 namespace needlelab {
 
-/// What a model's force is compared with. Each shows something else, and none of them ranks models for
-/// tissue.
+/// The reference for a model's force. Each shows something different; none of them ranks models for tissue.
 enum class Comparator : std::uint8_t {
-  kVerification,  ///< its own closed form: is the law computed as it is written
+  kVerification,  ///< its own closed form: is the law computed as written
   kRefinement,    ///< FEM with more stations and a finer mesh, at the same E
-  kValidation,    ///< measured curves, on parts that were not fitted on
+  kValidation,    ///< measured curves, on parts that were held out
   kReplay,        ///< itself at 16 times the rate, along a recorded hand
 };
 inline constexpr std::size_t kComparatorCount = 4;
 
-/// Its word on the command line, its title, and what it shows.
+/// Its name on the command line, its title, and what it shows.
 struct ComparatorText {
   std::string_view name, title, shows;
 };
@@ -35,36 +34,38 @@ struct LoopTimes {
   double p50_ns = 0, p99_ns = 0, p999_ns = 0;
 };
 
-/// A value that a comparator does not have is absent, null in JSON.
+/// Missing values are empty, and null in JSON.
 struct AccuracyRow {
   Comparator comparator = Comparator::kVerification;
   std::string scene;    ///< e.g. "three layers", "insertion: all beyond half of the depth"
   std::string model;    ///< a name of kAxialModelNames, or of a baseline or formula
-  std::string variant;  ///< of the model; empty as it ships
-  std::string against;  ///< the comparator of the error, never empty
-  bool line = false;    ///< a baseline: drawn as a line, and no model
+  std::string variant;  ///< of the model; empty for the default
+  std::string against;  ///< reference of the error, never empty
+  bool line = false;    ///< a baseline, drawn as a line, instead of a model
   std::optional<double> rate_hz, encoder_m, nodes, stations;
-  /// Rms of force, over gestures, halves of a curve or recordings. Of FEM the interval is what the finest
-  /// mesh itself may miss.
+  /// RMS of force over gestures, halves of a curve or recordings. For FEM the interval is the possible error
+  /// of the finest mesh.
   std::optional<MeanInterval> error_N;
-  std::optional<double> beyond;  ///< share of ticks (or bins) whose error a hand may notice (ForceError)
+  std::optional<double> beyond;  ///< share of ticks (or bins) with an error that a hand may notice
+                                 ///< (ForceError)
   std::optional<LoopTimes> time;
-  std::optional<double> instructions;  ///< of a tick, mean over a gesture
-  std::optional<double> margin;        ///< stiffness that the device alone can render, over the scene's
+  std::optional<double> instructions;  ///< per tick, mean over a gesture
+  std::optional<double> margin;        ///< stiffness that the device alone can render, relative to the
+                                       ///< scene's
   std::string cannot_show;             ///< limits of this row's evidence, never empty
 };
 using AccuracyRows = std::vector<AccuracyRow>;
 
-/// The row as JSON: its columns in their order; null where absent.
+/// Returns the row as JSON: its columns in order, null where missing.
 nlohmann::ordered_json jsonOf(const AccuracyRow& row);
 
 /// "VOIGT, adaptive window".
 std::string nameOf(const AccuracyRow& row);
 
-/// 7 % of the local force, and never less than the step that a hand notices beside little force: in N.
+/// 7 % of the local force, in N, but at least the step that a hand notices at low force.
 double localLimit_N(double force_N);
 
-/// Errors of one gesture, added one after the other.
+/// Accumulates the errors of one gesture.
 class ForceError {
  public:
   void add(double force_N, double right_N) {
@@ -86,7 +87,7 @@ class ForceError {
   std::size_t beyond_ = 0, count_ = 0;
 };
 
-/// Fills error and share from one sum for each gesture, each with the same weight. At least one.
+/// Sets error and share from one sum per gesture, equally weighted. Requires at least one.
 void setError(AccuracyRow& row, const std::vector<ForceError>& gestures);
 
 }  // namespace needlelab

@@ -28,7 +28,7 @@ double error_mN(const AccuracyRow& row) {
   return 1e3 * row.error_N->mean;
 }
 
-// from the least on
+// ascending
 void sort(Rows& rows, double (*by)(const AccuracyRow&)) {
   std::stable_sort(rows.begin(), rows.end(),
                    [by](const AccuracyRow* a, const AccuracyRow* b) { return by(*a) < by(*b); });
@@ -64,7 +64,7 @@ std::string verificationSentence(const AccuracyRows& rows) {
       "with both: pay for {}.",
       main.size(), error_mN(*main.front()), nameOf(*main.front()), error_mN(*main.back()),
       nameOf(*main.back()), now_mN, rate_mN, encoder_mN, both_mN, advice);
-  // a law that a faster loop makes worse
+  // laws that become worse with a faster loop
   for (const AccuracyRow* row : main)
     for (const AccuracyRow& fast : rows)
       if (fast.comparator == Comparator::kVerification && fast.model == row->model &&
@@ -74,7 +74,7 @@ std::string verificationSentence(const AccuracyRows& rows) {
   return text;
 }
 
-// rows of FEM with this many stations, from the coarsest mesh on
+// FEM rows with this many stations, coarsest mesh first
 Rows meshesOf(const AccuracyRows& rows, double stations) {
   return chosen(rows, [stations](const AccuracyRow& row) {
     return row.comparator == Comparator::kRefinement && row.error_N && row.stations == stations && row.nodes;
@@ -199,7 +199,7 @@ std::string femSentence(const AccuracyRows& rows) {
 }
 
 std::string costSentence(const AccuracyRows& rows) {
-  // a model's tick is in several comparators, at the same cost
+  // A model's tick is listed in several comparators, at the same cost.
   Rows timed = chosen(rows, [](const AccuracyRow& row) { return row.time.has_value() && !row.line; });
   if (timed.empty()) return {};
   sort(timed, [](const AccuracyRow& row) { return row.time->p50_ns; });
@@ -217,10 +217,10 @@ std::string costSentence(const AccuracyRows& rows) {
       "In the station's own loop a tick takes {:.2g} to {:.2g} µs in the median, and 99 % take "
       "below {:.2g} µs, {:.1f} % of the millisecond: none asks for a faster computer. ",
       1e-3 * least.time->p50_ns, 1e-3 * most.time->p50_ns, 1e-3 * worst_ns, 1e-4 * worst_ns);
-  // an order only beyond the printed ranges; instructions repeat exactly
+  // State an order only if the printed ranges do not overlap; instruction counts repeat exactly.
   text += least.time->p999_ns < most.time->p50_ns
               ? fmt::format("{} is quicker than {}.", label(least), label(most))
-              : std::string("Ranges meet: time orders none of them.");
+              : std::string("The ranges overlap, so time does not rank them.");
   Rows counted = chosen(rows, [](const AccuracyRow& row) { return row.instructions && !row.line; });
   if (!counted.empty()) {
     sort(counted, [](const AccuracyRow& row) { return *row.instructions; });

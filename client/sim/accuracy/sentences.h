@@ -1,4 +1,4 @@
-/// The report's sentences: one for each panel, true of these rows, with their numbers.
+/// The report's sentences: one per panel, derived from these rows, with numbers.
 #pragma once
 
 #include <string>
@@ -7,16 +7,16 @@
 
 namespace needlelab {
 
-/// The rows that the table shows: all but the verification's at other rates and encoder steps than the
-/// station's, which the picture shows.
+/// Whether the table shows the row. The verification's rows at rates and encoder steps other than the
+/// station's appear only in the picture.
 bool isMain(const AccuracyRow& row);
 
-/// For who buys a loop, an encoder, a mesh or a model. Empty without rows.
+/// Advice for choosing a loop, encoder, mesh or model. Empty without rows.
 std::string sentenceOf(Comparator comparator, const AccuracyRows& rows);
 
-/// What FEM's error costs in time. Empty without rows of FEM that have a time.
+/// What lower FEM errors cost in time. Empty without timed FEM rows.
 std::string femSentence(const AccuracyRows& rows);
-/// What a tick costs at all. Empty without rows that have a time.
+/// What a tick costs overall. Empty without timed rows.
 std::string costSentence(const AccuracyRows& rows);
 
 }  // namespace needlelab

@@ -8,13 +8,13 @@
 #include <thread>
 #include <utility>
 
-#include "client/device/hand_plan.h"
-#include "client/device/simulated_device.h"
+#include "client/device/hand/hand_plan.h"
+#include "client/device/hand/simulated_device.h"
 #include "client/effect_cost/instruction_count.h"
 #include "client/sim/tools/closed_loop.h"
-#include "client/station/run/real_time.h"
-#include "client/station/run/servo_loop.h"
-#include "common/base/clock.h"
+#include "client/station/run/loop/real_time.h"
+#include "client/station/run/loop/servo_loop.h"
+#include "common/base/time/clock.h"
 #include "common/fem/needle_mesh.h"
 #include "common/fem/needle_study.h"
 
@@ -26,7 +26,7 @@ constexpr int kCountedNodes = 500;
 constexpr std::size_t kRounds = 3;
 constexpr double kDeepest_m = 0.03, kSpeed_mps = 0.03;
 
-// in, a rest, out, as often as `seconds` ask for
+// In, rest, out, repeated for `seconds`.
 HandPlan planOf(const SceneSpec& scene, double seconds) {
   const auto& limb = std::get<PlaneLimb>(scene.limb);
   const Vec3 outward = normalized(limb.normal);
@@ -117,7 +117,7 @@ Result<std::vector<ModelCost>> measureCosts(double seconds, const AccuracyProgre
     const double limit_N_per_m = DeviceLimits{}.damping_Ns_per_m * kStationRate_hz / (0.5 + kDelayTicks);
     costs.back().margin = limit_N_per_m / model.axial_stiffness_N_per_m;
   }
-  // by turns, so that a slow minute of the machine is every model's
+  // in turns, so that a slow minute of the machine affects all models
   std::vector<std::array<LoopTimes, kRounds>> times(models.size());
   for (std::size_t round = 0; round < kRounds; ++round)
     for (std::size_t m = 0; m < models.size(); ++m) {
@@ -167,7 +167,7 @@ Status stepForCounting() {
 void addCosts(const std::vector<ModelCost>& costs, AccuracyRows& rows) {
   for (AccuracyRow& row : rows) {
     if (row.line || (row.rate_hz && *row.rate_hz != kStationRate_hz)) continue;
-    // FEM by its stations, where it has any; a fitted model's variant is its scene, not another tick
+    // FEM by its stations, if given; a fitted model's variant is its scene and has the same tick
     const auto fits = [&](const ModelCost& cost) {
       if (cost.model != row.model) return false;
       if (cost.stations > 0) return row.stations && *row.stations == cost.stations;

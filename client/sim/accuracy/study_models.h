@@ -1,4 +1,4 @@
-/// The models that are compared, at equal stiffness, and what a tick of each costs.
+/// The compared models, at equal stiffness, and the cost of a tick of each.
 #pragma once
 
 #include <optional>
@@ -15,13 +15,13 @@
 namespace needlelab {
 
 inline constexpr double kStationRate_hz = 1000, kStationEncoder_m = 1e-5;
-/// Stations of FEM that are compared: the tick's cost depends on them, not on the mesh.
+/// Compared numbers of FEM stations: the tick's cost depends on them, not on the mesh.
 inline constexpr int kStationCounts[] = {15, 30, 60};
 
 /// A scene rendered by one of the models.
 struct StudyModel {
   AxialModel model = AxialModel::kEnhancedTrackingWall;
-  std::string variant;  ///< empty for the model as it ships
+  std::string variant;  ///< empty for the default
   SceneSpec spec;       ///< like for like; FEM: with its compliance
   int stations = 0;     ///< of FEM
 };
@@ -29,15 +29,15 @@ struct StudyModel {
 /// The paper's six layers.
 Result<SceneSpec> studyScene();
 
-/// Every axial model at the stiffness of the scene's walls (likeForLike, femLikeForLike), VOIGT a second time
-/// with a velocity over an adaptive window, FEM with each number of kStationCounts on a mesh of about
-/// `fem_nodes`. Errors: as femLikeForLike.
+/// All axial models at the stiffness of the scene's walls (likeForLike, femLikeForLike); VOIGT also with a
+/// velocity over an adaptive window; FEM with each number of kStationCounts on a mesh of about `fem_nodes`.
+/// Errors: as femLikeForLike.
 Result<std::vector<StudyModel>> studyModels(const SceneSpec& scene, int fem_nodes = 3000);
 
-/// Force along the trajectory: cutting, attracted, friction and puncture together.
+/// Force along the trajectory: sum of cutting, attracted, friction and puncture.
 double axialForce_N(const StepReport& report);
 
-/// What a model costs, wherever it is compared.
+/// Cost of a model, the same in all comparators.
 struct ModelCost {
   std::string model, variant;
   int stations = 0;
@@ -46,20 +46,20 @@ struct ModelCost {
   double margin = 0;
 };
 
-/// The time of a tick in the station's own loop (ServoLoop with the simulated device and hand, at 1 kHz and
-/// ordinary priority), three rounds of `seconds` by turns: p50 to p99.9 of its histogram of tool, gate and
-/// engine, each the median of the rounds. The margin: `b/(T(½ + delay))/K`, with the device's own damping and
-/// the model's stiffness along the needle (FORCE_MODEL.md, "Sum and cap"). Thread: starts one. Errors: those
-/// of `compile`; kFailed when the loop ended early.
+/// Times a tick in the station's own loop (ServoLoop with the simulated device and hand, at 1 kHz and normal
+/// priority), in three rounds of `seconds` in turns: p50 to p99.9 of its histogram of tool, gate and engine,
+/// each the median of the rounds. Margin: `b/(T(½ + delay))/K`, with the device's own damping and the model's
+/// stiffness along the needle (FORCE_MODEL.md, "Sum and cap"). Thread: starts one. Errors: those of
+/// `compile`; kFailed if the loop ended early.
 Result<std::vector<ModelCost>> measureCosts(double seconds, const AccuracyProgress& progress);
 
-/// Counts the instructions of a tick of each model over one gesture: `command` must be a program that calls
+/// Counts the instructions of a tick of each model over one gesture. `command` must be a program that calls
 /// `stepForCounting`. Errors: as countStepInstructions.
 Status countInstructions(const std::vector<std::string>& command, std::vector<ModelCost>& costs);
-/// Steps every model through the gesture, with a mark behind each (instruction_count.h).
+/// Steps every model through the gesture, and marks the end of each (instruction_count.h).
 Status stepForCounting();
 
-/// Gives each row the cost of its model: of those that are no baseline, at the station's rate.
+/// Adds each model's cost to its rows: only models (no baselines), at the station's rate.
 void addCosts(const std::vector<ModelCost>& costs, AccuracyRows& rows);
 
 }  // namespace needlelab

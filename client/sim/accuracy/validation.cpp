@@ -27,14 +27,14 @@ AccuracyRow rowOf(std::string scene, std::string model, std::string variant, boo
   return row;
 }
 
-// the mean over a bin's rows of model − recorded, as an error of the bin
+// Mean of model − recorded over a bin's rows, as the bin's error.
 void addBin(const CurveBin& bin, const std::vector<double>& model, ForceError& error) {
   double said = 0;
   for (const std::size_t row : bin.rows) said += model[row] / static_cast<double>(bin.rows.size());
   error.add(said, bin.value);
 }
 
-// even and odd blocks held out, in turn
+// Even and odd blocks, held out in turn.
 using Halves = std::vector<ForceError>;
 std::string sceneOf(HoldOut what) {
   return what == HoldOut::kEnd      ? "insertion: all beyond half of the depth"
@@ -42,7 +42,7 @@ std::string sceneOf(HoldOut what) {
                                     : fmt::format("insertion: each {} in turn", nameOf(what));
 }
 
-// baselines through the bins that are fitted on
+// Baselines through the bins that are fitted on.
 Halves baselineHalves(const TimeCurve& curve, Baseline baseline) {
   Halves halves(2);
   for (const int half : {0, 1}) {
@@ -111,7 +111,7 @@ Result<AccuracyRows> insertionRows(const CurveSet& set, const AccuracyProgress& 
   AccuracyRows rows;
   for (const HoldOut what : kHoldOuts) {
     const std::vector<Fold> folds = foldsOf(what, curves);
-    // by the model's place in the list, which is the same in every fold
+    // by the model's position in the list, which is the same in every fold
     std::vector<std::vector<ForceError>> errors;
     std::vector<AccuracyRow> of_question;
     for (const Fold& fold : folds) {
@@ -151,10 +151,10 @@ Result<AccuracyRows> insertionRows(const CurveSet& set, const AccuracyProgress& 
 Result<AccuracyRows> validationRows(const AccuracyOptions& options, const AccuracyProgress& progress,
                                     std::vector<std::string>& notes) {
   const auto folder = options.data / "needle_force";
-  std::error_code unreadable;  // then it counts as missing
+  std::error_code unreadable;  // treat as missing
   if (options.data.empty() || !std::filesystem::is_directory(folder, unreadable)) {
     notes.push_back("validation: " + folder.string() +
-                    " is not there: set NEEDLELAB_DATA (or --data) to the folder that holds needle_force");
+                    " does not exist: set NEEDLELAB_DATA (or --data) to the folder that holds needle_force");
     return AccuracyRows{};
   }
   ASSIGN_OR_RETURN(const auto set, readCurveSet(folder));
@@ -164,7 +164,8 @@ Result<AccuracyRows> validationRows(const AccuracyOptions& options, const Accura
     ASSIGN_OR_RETURN(const auto more, holdRows(folder / kHoldFile));
     rows.insert(rows.end(), more.begin(), more.end());
   } else {
-    notes.push_back("validation: " + (folder / kHoldFile).string() + " is not there: no hold, no withdrawal");
+    notes.push_back("validation: " + (folder / kHoldFile).string() +
+                    " does not exist: no hold, no withdrawal");
   }
   return rows;
 }

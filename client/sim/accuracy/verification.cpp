@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "client/device/hand.h"
+#include "client/device/hand/hand.h"
 #include "client/sim/accuracy/closed_form.h"
 #include "client/sim/accuracy/study.h"
 #include "client/sim/accuracy/study_models.h"
@@ -17,7 +17,7 @@ namespace {
 constexpr char kScene[] = "three layers, straight in and out";
 constexpr std::array<double, 5> kRates_hz = {250, 500, 1000, 2000, 4000};
 constexpr std::array<double, 3> kEncoders_m = {1e-6, 1e-5, 5e-5};
-constexpr int kPartsOfTick = 4;  // a force is held for a tick, in which the needle goes on
+constexpr int kPartsOfTick = 4;  // a force is held for a tick, while the needle moves on
 
 AccuracyRow rowOf(AxialModel model, const std::string& variant, std::string_view scene) {
   AccuracyRow row;
@@ -28,7 +28,7 @@ AccuracyRow rowOf(AxialModel model, const std::string& variant, std::string_view
   return row;
 }
 
-// the mean force of many insertions at a depth against the table's
+// Compares the mean force of many insertions at a depth with the table's.
 Result<AccuracyRow> statisticalRow(int insertions) {
   constexpr double kDepth_m = 0.02, kStep_m = 1e-4, kMean_N = 2, kSd_N = 0.4;
   SceneSpec scene = closedForms().front().scene;

@@ -1,4 +1,4 @@
-/// The engine beside a closed form, along one gesture.
+/// Compares the engine with a closed form along one gesture.
 #pragma once
 
 #include <vector>
@@ -12,9 +12,9 @@ namespace needlelab {
 /// Seeded gestures of 5 to 20 mm/s that turn between 24.5 and 27.5 mm.
 std::vector<TurnGesture> turnGestures(int count);
 
-/// The error of the engine with the scene of `rendered` against the formula of `right`, while the needle is
-/// in the tissue: the force of each tick is held until the next one, the formula goes on in between. The
-/// depth is read in steps of `encoder_m` (0: exact). Errors: those of `compile`.
+/// Error of the engine with the scene of `rendered` relative to the formula of `right`, while the needle is
+/// in tissue. Each tick's force is held until the next; the formula continues in between. The depth is read
+/// in steps of `encoder_m` (0: exact). Errors: those of `compile`.
 Result<ForceError> errorOf(const ClosedForm& rendered, const ClosedForm& right, const TurnGesture& gesture,
                            double rate_hz, double encoder_m);
 

@@ -15,14 +15,14 @@
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kLeastBins = 8;  // to fit on
+constexpr std::size_t kLeastBins = 8;  // minimum to fit on
 
-// what the engine's models cost and give back, measured once
+// Cost and released energy of the engine's models, measured once.
 struct Rendered {
   std::optional<double> median_ns, energy_given_J;
 };
 
-// questions that the same fits answer
+// Questions answered by the same fits.
 struct Asked {
   std::vector<HoldOut> questions;
   std::vector<Fold> folds;
@@ -35,11 +35,11 @@ class Run {
       : curves_(curves), options_(options), progress_(progress), notes_(notes) {}
 
   void expect(std::size_t folds) { all_folds_ = folds; }
-  /// Fits and judges; no rows where every fold had too little to fit on or to judge.
+  /// Fits and judges; no rows if all folds had too little data to fit on or to judge.
   Result<std::vector<QuestionResult>> ask(const Asked& asked);
 
  private:
-  /// A model's errors on what the fold holds out.
+  /// A model's errors on the fold's held-out bins.
   Status addErrors(HoldOut what, const Fold& fold, const FittedModel& model,
                    const std::vector<SaidBins>& said, Tally& tally) const;
   void render(const std::vector<FittedModel>& models, double to_m);
@@ -49,7 +49,7 @@ class Run {
   const BenchmarkProgress& progress_;
   std::vector<std::string>& notes_;
   std::size_t all_folds_ = 1, folds_done_ = 0;
-  std::vector<Rendered> rendered_;  // in the order of fitModels; from the first fold of all
+  std::vector<Rendered> rendered_;  // in the order of fitModels; from the very first fold
 };
 
 void Run::render(const std::vector<FittedModel>& models, double to_m) {
@@ -74,7 +74,7 @@ Status Run::addErrors(HoldOut what, const Fold& fold, const FittedModel& model,
       const auto [start, rest] = cutAt(said[k], options_.calibration_m);
       if (!start.empty()) tally.add(unit, rest, factorOf(start));
     } else if (what == HoldOut::kSpecimenInsertion) {
-      // the next insertion of the specimen, and for the last the first
+      // the specimen's next insertion; for the last one, the first
       std::size_t other = k;
       do other = (other + 1) % said.size();
       while (said[other].empty() && other != k);
@@ -86,7 +86,7 @@ Status Run::addErrors(HoldOut what, const Fold& fold, const FittedModel& model,
   return {};
 }
 
-// what tells insertions of a tissue apart
+// A property by which a tissue's insertions differ.
 struct Trait {
   HoldOut what;
   std::string (*value)(const BinnedCurve&);
@@ -96,7 +96,7 @@ constexpr std::array<Trait, 3> kTraits = {
      {HoldOut::kNeedle, [](const BinnedCurve& one) { return one.source->needle; }},
      {HoldOut::kSpeed, [](const BinnedCurve& one) { return numberText(one.kind.speed_mps); }}}};
 
-// two traits that always change together cannot be told apart
+// Two traits that always change together cannot be separated.
 bool entangled(const std::vector<BinnedCurve>& curves, const Trait& a, const Trait& b) {
   std::map<std::string, std::set<std::string>> bs, as;
   for (const BinnedCurve& curve : curves) {
@@ -159,7 +159,7 @@ Result<std::vector<QuestionResult>> Run::ask(const Asked& asked) {
       const Tally& tally = tallies[q][m];
       if (!tally.fault.empty())
         notes_.push_back(
-            fmt::format("{}: {} is left out: {}", nameOf(question.what), tally.name, tally.fault));
+            fmt::format("{}: {} is omitted: {}", nameOf(question.what), tally.name, tally.fault));
       if (!tally.fault.empty() || tally.units.empty()) continue;
       if (question.units.empty())
         for (const auto& [name, sum] : tally.units) question.units.push_back(name);
@@ -179,7 +179,7 @@ Result<std::vector<QuestionResult>> Run::ask(const Asked& asked) {
   return results;
 }
 
-// why a question cannot be asked; empty: it can
+// Returns why a question cannot be asked; empty if it can.
 std::string lacking(HoldOut what, const std::vector<BinnedCurve>& curves, const std::vector<Fold>& folds) {
   const auto any = [&](auto has) { return std::any_of(curves.begin(), curves.end(), has); };
   if (what == HoldOut::kHold && !any([](const BinnedCurve& one) { return !one.source->hold.t_s.empty(); }))
@@ -220,7 +220,7 @@ Result<BenchmarkReport> runBenchmark(const CurveSet& set, const BenchmarkOptions
     for (std::size_t b = a + 1; b < kTraits.size(); ++b)
       if (entangled(curves, kTraits[a], kTraits[b]))
         report.notes.push_back(
-            fmt::format("{} and {} always change together: what is said of one may be the other's",
+            fmt::format("{} and {} always change together: an effect of one may be due to the other",
                         nameOf(kTraits[a].what), nameOf(kTraits[b].what)));
 
   std::vector<Asked> all;
@@ -233,7 +233,7 @@ Result<BenchmarkReport> runBenchmark(const CurveSet& set, const BenchmarkOptions
       report.notes.push_back(fmt::format("{} is not asked: {}", nameOf(what), why));
       continue;
     }
-    // the same fits answer the three about specimens, and the two about phases
+    // The same fits answer the three questions about specimens, and the two about phases.
     if (!all.empty() && (holdsSpecimensOut(what) || asksForPhase(what)) &&
         holdsSpecimensOut(what) == holdsSpecimensOut(all.back().questions.front()) &&
         asksForPhase(what) == asksForPhase(all.back().questions.front())) {

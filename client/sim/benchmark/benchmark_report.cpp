@@ -8,9 +8,9 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "client/sim/stability/passivity_observer.h"
-#include "common/base/columns.h"
-#include "common/base/text.h"
+#include "client/sim/stability/gestures/passivity_observer.h"
+#include "common/base/text/columns.h"
+#include "common/base/text/text.h"
 
 namespace needlelab {
 namespace {

@@ -12,17 +12,17 @@
 #include <utility>
 
 #include "client/sim/benchmark/curve_phases.h"
-#include "common/base/csv_rows.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/range.h"
-#include "common/base/text.h"
+#include "common/base/text/csv_rows.h"
+#include "common/base/text/text.h"
 
 namespace needlelab {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMostCells = 256;  // of a line
+constexpr std::size_t kMostCells = 256;  // per line
 
 enum CurveCell : std::size_t {
   kForceCell,
@@ -52,9 +52,9 @@ class CurveFile {
   CurveFile(fs::path path, CurveFacts facts, CurveReading reading)
       : path_(std::move(path)), facts_(std::move(facts)), reading_(reading) {}
 
-  /// Reads the header. `missing`: what neither columns nor facts say, as text; empty: nothing.
+  /// Reads the header. `missing`: what neither columns nor facts give, as text; empty if complete.
   Status open(std::string& missing);
-  /// All curves of the file. `rows_left` is lowered by the rows read.
+  /// Returns all curves of the file. Reduces `rows_left` by the rows read.
   Result<std::vector<ForceCurve>> read(std::size_t& rows_left);
 
  private:
@@ -75,7 +75,7 @@ class CurveFile {
   CurveReading reading_;
   std::string text_;
   std::optional<CsvRows> rows_;  // of text_
-  std::string header_;           // as it was read, for a message
+  std::string header_;           // as read, for messages
   std::size_t cell_count_ = 0;
   std::array<std::optional<std::size_t>, kCellKinds> at_;
   std::span<const std::string_view> cells_;
@@ -101,7 +101,7 @@ Status CurveFile::header() {
         if (at_[c]) return lineError("column " + shown(cells_[i]) + " stands twice in the header");
         at_[c] = i;
       }
-  // a fact that is said twice may be said differently
+  // a fact given twice might be contradictory
   const std::pair<CurveCell, bool> said[] = {{kSpecimenCell, !facts_.specimen.empty()},
                                              {kNeedleCell, !facts_.needle.empty()},
                                              {kTissueCell, !facts_.tissue.empty()},
@@ -109,8 +109,8 @@ Status CurveFile::header() {
                                              {kDiameterCell, facts_.diameter_m > 0}};
   for (const auto& [column, in_facts] : said)
     if (in_facts && has(column))
-      return lineError(fmt::format("column '{}': the description says it, too; take it out of one of them",
-                                   kCellNames[column]));
+      return lineError(
+          fmt::format("column '{}': the description gives it too; remove one of them", kCellNames[column]));
   return {};
 }
 
@@ -164,7 +164,7 @@ Result<CurvePhase> CurveFile::phaseIn() const {
   const auto* const found = std::find_if(kCurvePhases.begin(), kCurvePhases.end(),
                                          [&](CurvePhase one) { return nameOf(one) == cell; });
   if (found == kCurvePhases.end())
-    return lineError(fmt::format("column 'phase': {} is none of insert, hold, withdraw", shown(cell)));
+    return lineError(fmt::format("column 'phase': {} is not insert, hold or withdraw", shown(cell)));
   const CurvePhase phase = *found;
   if (phase == CurvePhase::kHold && !has(kTimeCell))
     return lineError("column 'phase': a hold needs a column 't_s', as its force changes with time");

@@ -1,4 +1,4 @@
-/// One CSV file of force curves: columns to curves, with the phases of each. The file is not trusted.
+/// Reads one CSV file of force curves, with the phases of each. The file is not trusted.
 #pragma once
 
 #include <cstddef>
@@ -6,25 +6,25 @@
 #include <string>
 #include <vector>
 
-#include "client/sim/benchmark/curve_set.h"
+#include "client/sim/benchmark/force_curve.h"
 #include "common/base/result.h"
 
 namespace needlelab {
 
-/// What is known of a file's curves beside its columns; empty or 0: not said.
+/// Facts about a file's curves besides its columns; empty or 0 if unknown.
 struct CurveFacts {
   std::string file, specimen, needle, tissue;
   double speed_mps = 0, diameter_m = 0;
-  bool digitised = false;  ///< points of a figure, in any order
+  bool digitised = false;  ///< points from a figure, in any order
 };
 
 struct CurveFileContent {
   std::vector<ForceCurve> curves;
-  std::string missing;  ///< what neither columns nor facts say, as text; then there are no curves
+  std::string missing;  ///< what neither columns nor facts give, as text; then there are no curves
 };
 
-/// All curves of the file; `rows_left` is lowered by the rows read. Errors (kInvalidInput) name file, line,
-/// column and value.
+/// Returns all curves of the file; reduces `rows_left` by the rows read. Errors (kInvalidInput) name file,
+/// line, column and value.
 Result<CurveFileContent> readCurveFile(const std::filesystem::path& path, const CurveFacts& facts,
                                        const CurveReading& reading, std::size_t& rows_left);
 

@@ -9,7 +9,7 @@
 namespace needlelab {
 namespace {
 
-// depths and forces that are counted the other way, and rows that go back in the midst of an insertion
+// Detects depths and forces with the wrong sign, and rows that go back in the middle of an insertion.
 Status checkDirections(const std::string& where, const std::vector<double>& depth_m,
                        const std::vector<double>& force_N, bool digitised) {
   const auto count = static_cast<double>(depth_m.size());
@@ -67,7 +67,7 @@ void recognisePhases(const std::vector<double>& t_s, const std::vector<double>& 
     phases[i] = i < end ? CurvePhase::kHold : CurvePhase::kWithdraw;
 }
 
-// the rows of one phase, in order of depth: digitised curves go back here and there
+// Sorts the rows of one phase by depth: digitised curves go back in places.
 void sortByDepth(std::vector<double>& depth_m, std::vector<double>& force_N) {
   std::vector<std::size_t> order(depth_m.size());
   std::iota(order.begin(), order.end(), std::size_t{0});

@@ -1,4 +1,4 @@
-/// The rows of one curve, in the order of the file, to insertion, hold and withdrawal.
+/// Splits the rows of one curve, in file order, into insertion, hold and withdrawal.
 #pragma once
 
 #include <array>
@@ -8,37 +8,37 @@
 #include <string_view>
 #include <vector>
 
-#include "client/sim/benchmark/curve_set.h"
+#include "client/sim/benchmark/force_curve.h"
 #include "common/base/result.h"
 
 namespace needlelab {
 
-/// kInvalidInput: the place, and what is wrong there.
+/// kInvalidInput with the place and the problem.
 inline Error wrongInput(const std::string& where, const std::string& why) {
   return {ErrorCode::kInvalidInput, where + ": " + why};
 }
 
-enum class CurvePhase : std::uint8_t { kInsert, kHold, kWithdraw };  ///< in this order in time
+enum class CurvePhase : std::uint8_t { kInsert, kHold, kWithdraw };  ///< in this order over time
 inline constexpr std::array<CurvePhase, 3> kCurvePhases = {CurvePhase::kInsert, CurvePhase::kHold,
                                                            CurvePhase::kWithdraw};
-/// "insert", "hold", "withdraw": as files say it.
+/// "insert", "hold", "withdraw", as in files.
 std::string_view nameOf(CurvePhase phase);
 
 struct CurveRows {
-  ForceCurve curve;                ///< its names; all rows in `depth_m` and `force_N`
-  std::vector<double> t_s;         ///< not going back; empty: not known
-  std::vector<CurvePhase> phases;  ///< of each row; all kInsert where the file says none
+  ForceCurve curve;                ///< names; all rows are in `depth_m` and `force_N`
+  std::vector<double> t_s;         ///< not descending; empty if unknown
+  std::vector<CurvePhase> phases;  ///< per row; all kInsert if the file does not give them
   std::size_t first_line = 0;
   std::string where;                            ///< for messages
-  bool has_depth = false, says_phases = false;  ///< else depth is time × speed; phases are recognised
-  bool digitised = false;                       ///< points of an insertion in any order
+  bool has_depth = false, says_phases = false;  ///< otherwise depth is time × speed, and phases are detected
+  bool digitised = false;                       ///< points of an insertion, in any order
 };
 
-/// Phases that no column says are recognised where depth is known: with time, what lies within 0.1 mm of the
-/// greatest depth is the hold; what comes behind is the withdrawal. A moment at the turning point is no hold,
-/// and a few rows that go back are no withdrawal. Errors (kInvalidInput): a phase with too few rows, too
-/// short a way, a speed or a time out of range; an insertion whose depth falls, is negative, or goes back by
-/// more than an instrument does (unless `digitised`); a mean force that pulls the needle in.
+/// Phases without a column are detected if depth is known: with time, rows within 0.1 mm of the greatest
+/// depth are the hold, and later rows the withdrawal. A brief turning point does not count as a hold, nor a
+/// few rows that go back as a withdrawal. Errors (kInvalidInput): a phase with too few rows or too short a
+/// distance, a speed or time out of range; an insertion whose depth falls, is negative, or goes back more
+/// than an instrument does (unless `digitised`); a mean force that pulls the needle in.
 Result<ForceCurve> curveOf(CurveRows rows);
 
 }  // namespace needlelab

@@ -16,9 +16,9 @@
 
 #include "client/sim/benchmark/curve_file.h"
 #include "client/sim/benchmark/curve_phases.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 #include "common/profile/strict_json.h"
 
 namespace needlelab {
@@ -63,7 +63,7 @@ Status onlyFields(const nlohmann::json& object, std::span<const char* const> kno
   for (const auto& item : object.items())
     if (std::none_of(known.begin(), known.end(), [&](const char* name) { return item.key() == name; }))
       return wrongInput(where,
-                        fmt::format("{} is no field; known are {}", quotedText(item.key()),
+                        fmt::format("unknown field {}; known fields are {}", quotedText(item.key()),
                                     std::accumulate(known.begin() + 1, known.end(), std::string(known[0]),
                                                     [](const std::string& all, const char* name) {
                                                       return all + ", " + name;
@@ -109,7 +109,7 @@ Result<Description> parseDescription(std::string_view text, const std::string& s
   return description;
 }
 
-// names of the folder's *.csv, sorted: a folder's own order is chance
+// Names of the folder's *.csv, sorted, because directory order is arbitrary.
 Result<std::vector<std::string>> csvFilesOf(const fs::path& folder) {
   std::error_code failed;
   std::vector<std::string> names;
@@ -126,11 +126,11 @@ Result<std::vector<std::string>> csvFilesOf(const fs::path& folder) {
 }
 
 bool hasFile(const fs::path& path) {
-  std::error_code unreadable;  // then it is not there
+  std::error_code unreadable;  // treat as missing
   return fs::is_regular_file(path, unreadable);
 }
 
-// where the facts come from, for a note
+// Where the facts come from, for a note.
 Result<Description> descriptionOf(const fs::path& folder, const fs::path& given, CurveSet& set) {
   const fs::path own = given.empty() ? folder / kDescriptionName : given;
   if (!given.empty() || hasFile(own)) {
@@ -151,7 +151,7 @@ Result<Description> descriptionOf(const fs::path& folder, const fs::path& given,
   return Description{};
 }
 
-// one name, one diameter
+// Each needle name must have one diameter.
 Status checkNeedles(const CurveSet& set) {
   std::map<std::string, const ForceCurve*> first;
   for (const ForceCurve& curve : set.curves) {
@@ -197,7 +197,7 @@ Result<CurveSet> readCurveSet(const fs::path& folder, const fs::path& descriptio
     if (!content.missing.empty()) {
       const std::string why = "says nothing of " + content.missing;
       if (is_described) return wrongInput((folder / name).string(), why + ", and its description neither");
-      set.notes.push_back(printable(name) + " is left out: it " + why);
+      set.notes.push_back(printable(name) + " is omitted: it " + why);
       continue;
     }
     if (set.curves.size() + content.curves.size() > kMostCurves)

@@ -11,16 +11,16 @@
 
 #include "client/sim/benchmark/formula.h"
 #include "client/sim/curves/force_band.h"
-#include "client/sim/stability/passivity_observer.h"
-#include "common/haptics/limits.h"
+#include "client/sim/stability/gestures/passivity_observer.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 namespace {
 
 constexpr double kNormal975 = 1.959963984540054;  // quantile of the unit normal at 0.975
 constexpr double kFitStep_m = 3e-5;               // per tick, an eighth of a bin
-constexpr double kMostFitTicks = 3000;            // of an insertion: deeper ones take longer steps
-constexpr double kFitRate_hz = 100;               // of models that know no speed
+constexpr double kMostFitTicks = 3000;            // per insertion: deeper ones use longer steps
+constexpr double kFitRate_hz = 100;               // for models that ignore speed
 constexpr int kStatisticalInsertions = 20;
 
 using Forces = std::vector<double>;
@@ -35,7 +35,7 @@ std::vector<double> depthsOf(const PooledBins& pooled) {
   return depth_m;
 }
 
-// squares of a model about the single curves' bins of one kind
+// Sum of squares between a model and the single curves' bins of one kind.
 double squaresOf(const PooledBins& pooled, const Forces& force_N) {
   double sum = 0;
   for (std::size_t i = 0; i < pooled.bins.size(); ++i)
@@ -49,7 +49,7 @@ double countOf(const PooledBins& pooled) {
   return count;
 }
 
-// with the parameters' own steps and with larger ones: the first valley is not always the deepest
+// Searches with the parameters' own steps and with larger ones: the first valley is not always the deepest.
 std::vector<double> bestSearch(const std::function<double(const std::vector<double>&)>& cost,
                                const std::vector<FitParameter>& parameters) {
   FitResult best = searchAgain(cost, parameters);
@@ -59,7 +59,7 @@ std::vector<double> bestSearch(const std::function<double(const std::vector<doub
   return other.cost < best.cost ? std::move(other.values) : std::move(best.values);
 }
 
-// what a model was fitted on, and how far it is off there
+// Computes a model's error on the data that it was fitted on.
 Status addFitError(const TrainingSet& training, FittedModel& model) {
   double squares = 0, count = 0;
   for (const PooledBins& kind : training.kinds) {
@@ -77,7 +77,7 @@ Status addFitError(const TrainingSet& training, FittedModel& model) {
   return {};
 }
 
-// straight lines through bins; without bins no force
+// Straight lines through bins; zero force without bins.
 FittedModel dotsModel(const char* name, ModelKind kind, const char* variant, std::vector<CurveBin> through) {
   FittedModel model;
   model.name = name;
@@ -93,7 +93,7 @@ FittedModel dotsModel(const char* name, ModelKind kind, const char* variant, std
   model.forces = [at](const InsertionKind&, const std::vector<double>& depth_m) -> Result<Forces> {
     return at(depth_m);
   };
-  // knows nothing of phases: at rest as where it came to rest, on the way out as on the way in
+  // Ignores phases: at rest as where it came to rest, on the way out as on the way in.
   model.afterwards = [at](const ForceCurve& curve) -> Result<Afterwards> {
     return Afterwards{at(Forces(curve.hold.t_s.size(), curve.hold.depth_m)), at(curve.withdrawal.depth_m)};
   };
@@ -134,17 +134,17 @@ double fitStep_m(const TrainingSet& training) {
   return std::max(kFitStep_m, training.to_m / kMostFitTicks);
 }
 
-// the engine's force at depths, for an insertion at that speed
+// The engine's force at depths, for an insertion at that speed.
 Result<Forces> engineForces(const CurveScene& scene, double speed_mps, double step_m,
                             const std::vector<double>& depth_m) {
   ASSIGN_OR_RETURN(const auto run, runCurve(scene, depth_m.back(), rateFor(speed_mps, step_m), speed_mps));
   return forceAtDepths(run, scene.surface_m, depth_m);
 }
 
-// in at one speed, at rest as long as recorded, out at another: a gesture of the tip below the surface
+// In at one speed, at rest as long as recorded, out at another: a gesture of the tip below the surface.
 Result<Afterwards> engineAfterwards(const CurveScene& scene, const ForceCurve& curve, double in_mps,
                                     double out_mps, double step_m) {
-  constexpr double kMostTicks = 1e6;  // behind the way in
+  constexpr double kMostTicks = 1e6;  // after the way in
   const CurveHold& hold = curve.hold;
   const CurveWithdrawal& out = curve.withdrawal;
   double deepest_m = std::max(curve.depth_m.back(), hold.depth_m);
@@ -172,7 +172,7 @@ Result<Afterwards> engineAfterwards(const CurveScene& scene, const ForceCurve& c
 }
 
 FittedModel engineModel(const CurveModel& curve_model, const TrainingSet& training) {
-  // a damper or viscous friction feels the speed; for the others one kind is as good as all
+  // A damper or viscous friction depends on speed; for the others any kind will do.
   const bool feels_speed = curve_model.model == AxialModel::kVoigt ||
                            curve_model.model == AxialModel::kOkamura ||
                            curve_model.model == AxialModel::kDahl;
@@ -212,7 +212,7 @@ FittedModel engineModel(const CurveModel& curve_model, const TrainingSet& traini
   return model;
 }
 
-// the sd about the table within a millimetre of each row, of the single curves
+// Standard deviation of the single curves about the table, within a millimetre of each row.
 StatisticalSpec spreadAbout(const PooledBins& pooled, const CurveScene& table, const Forces& table_N) {
   constexpr double kLeast_N = 0.005;
   const auto& rows = table.spec.precomputed.table;
@@ -228,13 +228,14 @@ StatisticalSpec spreadAbout(const PooledBins& pooled, const CurveScene& table, c
     }
     const double mean_N = std::max(kLeast_N, row.cutting_N);
     const double sd_N = count > 0 ? std::sqrt(squares / count) : 0;
-    // more spread than the mean would only give a log-normal law a heavier tail
+    // a spread above the mean would only make the log-normal tail heavier
     spec.table.push_back({row.depth_m, mean_N, std::clamp(sd_N, kLeast_N, mean_N)});
   }
   return spec;
 }
 
-// a table of half as many rows, each with a mean and an sd; what it says is the mean of many insertions
+// A table with half as many rows, each with mean and standard deviation; its force is the mean of many
+// insertions.
 FittedModel statisticalModel(const TrainingSet& training, std::size_t most_numbers) {
   FittedModel model;
   model.name = axialModelName(AxialModel::kStatistical);

@@ -1,5 +1,4 @@
-/// Baselines, laws and the engine's models, fitted to a training set, ready to say the force of an insertion
-/// that they have not seen.
+/// Baselines, laws and engine models, fitted to a training set, to predict the force of unseen insertions.
 #pragma once
 
 #include <cstdint>
@@ -15,8 +14,8 @@
 namespace needlelab {
 
 enum class ModelKind : std::uint8_t {
-  kFloor,    ///< the data themselves, every bin of them: the noise floor, no competitor
-  kTrivial,  ///< one number or none: what a law must beat
+  kFloor,    ///< every bin of the data themselves: the noise floor, not a competitor
+  kTrivial,  ///< one number or none: a law must beat it
   kFormula,  ///< a fitted law that the engine does not have
   kEngine,   ///< a model of the engine, run through it
 };
@@ -26,13 +25,13 @@ constexpr bool isModel(ModelKind kind) {
   return kind == ModelKind::kFormula || kind == ModelKind::kEngine;
 }
 
-/// What a model says of the phases behind an insertion.
+/// A model's forces in the phases after an insertion.
 struct Afterwards {
   std::vector<double> hold_N;  ///< at each time of the curve's hold
   std::vector<double> out_N;   ///< at each depth of its withdrawal
 };
 
-/// The limits within which a model expects 95 % of the bins.
+/// Range in which a model expects 95 % of the bins.
 struct ForceLimits {
   double low_N = 0, high_N = 0;
 };
@@ -41,37 +40,37 @@ struct FittedModel {
   std::string name, variant;
   ModelKind kind = ModelKind::kEngine;
   std::size_t parameters = 0;
-  /// rms over the single curves' bins that it was fitted on.
+  /// RMS over the single curves' bins that it was fitted on.
   double fit_error_N = 0;
-  /// The same, for as many numbers as were fitted: the root of the squares over (bins − numbers). 0: as many
-  /// numbers as bins.
+  /// The same, corrected for the number of fitted parameters: root of the squares over (bins − numbers). 0 if
+  /// there are as many numbers as bins.
   double spread_N = 0;
   /// At each depth, ascending. Errors: those of `compile`.
   std::function<Result<std::vector<double>>(const InsertionKind& kind, const std::vector<double>& depth_m)>
       forces;
-  /// Of a whole curve, whose forces it does not look at; null: the model knows the way in only.
+  /// For a whole curve, without using its forces; null if the model only covers the insertion.
   std::function<Result<Afterwards>(const ForceCurve& curve)> afterwards;
-  std::function<ForceLimits(double depth_m, double force_N)> limits;  ///< of a force that it said
-  std::optional<CurveScene> scene;                                    ///< of the engine's
-  std::string fault;  ///< why it could not be fitted; empty: it was. Then nothing above but the name counts
+  std::function<ForceLimits(double depth_m, double force_N)> limits;  ///< around a predicted force
+  std::optional<CurveScene> scene;                                    ///< for engine models
+  std::string fault;  ///< why it could not be fitted; empty if it was. If set, only the name is valid
 };
 
 using FitProgress = std::function<void(std::string_view model)>;
 
-/// All models, each with at most `most_numbers` (at least kLeastNumbers) but for CONNECT_THE_DOTS, which
-/// joins all bins: CONNECT_THE_DOTS, HOLD_THE_LAST (the last bin's force everywhere), MEAN_FORCE, NO_FORCE,
-/// both formulas, the engine's models in the order of curveModels, STATISTICAL. The engine's know no
-/// diameter, and only VOIGT, OKAMURA and DAHL a speed. Always the same models in the same order.
+/// All models, each with at most `most_numbers` (at least kLeastNumbers) except CONNECT_THE_DOTS, which joins
+/// all bins: CONNECT_THE_DOTS, HOLD_THE_LAST (the last bin's force everywhere), MEAN_FORCE, NO_FORCE, both
+/// formulas, the engine's models in the order of curveModels, STATISTICAL. The engine's models ignore the
+/// diameter, and all except VOIGT, OKAMURA and DAHL the speed. Always the same models in the same order.
 /// Deterministic. Errors: kInvalidInput for an empty set.
 Result<std::vector<FittedModel>> fitModels(const TrainingSet& training, std::size_t most_numbers,
                                            const FitProgress& progress);
 
-/// Energy that a scene gives to the hand at the worst moment of a prescribed motion, in J: in to a third, two
-/// thirds and all of `to_m`, 20 mm/s, each time with three strokes of 1 mm back and forth, and out. 0 is
-/// passive; stability's limit is 50 µJ (PassivityLimits). Errors: those of `compile`.
+/// Largest energy that a scene has given to the hand at any moment of a prescribed motion, in J: in to a
+/// third, two thirds and all of `to_m` at 20 mm/s, each with three strokes of 1 mm back and forth, and out. 0
+/// is passive; the stability limit is 50 µJ (PassivityLimits). Errors: those of `compile`.
 Result<double> energyGiven_J(const CurveScene& scene, double to_m);
 
-/// Median time of the engine's tick along the insertion, in ns. Hot.
+/// Median time of the engine's hot tick along the insertion, in ns.
 Result<double> tickTime_ns(const CurveScene& scene, double to_m);
 
 }  // namespace needlelab

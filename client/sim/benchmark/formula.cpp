@@ -24,7 +24,7 @@ std::string ruptures(std::size_t count) {
   return fmt::format("{} rupture{}", count, count == 1 ? "" : "s");
 }
 
-// a spring beside a Maxwell element, stretched at constant speed; `length_m` is speed × relaxation time
+// A spring parallel to a Maxwell element, stretched at constant speed. `length_m`: speed × relaxation time.
 struct Kelvin {
   double stiffness_N_per_m = 0, share = 0, length_m = 0;
   // of the Maxwell element's spring
@@ -83,8 +83,8 @@ Formula rateDependentFracture(const TrainingSet& training, std::size_t most_numb
     const double wider =
         scales && kind.diameter_m > 0 ? std::pow(kind.diameter_m / reference.diameter_m, of_diameter) : 1;
     const std::size_t count = (values.size() - shared) / kOwn;
-    // numbers are those of the reference's speed: what holds and what is stored there gives the work of
-    // fracture
+    // The numbers are for the reference speed: the rupture force and the energy stored there give the work of
+    // fracture.
     std::vector<double> tops_m(count), works_J(count);
     std::vector<Kelvin> springs(count);
     for (std::size_t i = 0; i < count; ++i) {
@@ -140,7 +140,7 @@ Formula gordonExponential(const TrainingSet& training, std::size_t most_numbers)
     std::vector<double> force_N;
     force_N.reserve(depth_m.size());
     for (const double depth : depth_m) {
-      // the fall behind the piece before: it is where the next rise begins
+      // the decay after the previous piece: the next rise starts from it
       double behind_N = 0, risen_N = 0, from_m = depth, value_N = 0;
       const auto fallen_N = [&](double at_m) {
         return behind_N + (risen_N - behind_N) * std::exp(-std::max(0.0, at_m - from_m) / fall_m);

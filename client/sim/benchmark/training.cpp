@@ -10,7 +10,7 @@
 namespace needlelab {
 namespace {
 
-// the bins of several curves, by their place in the grid
+// Bins of several curves, by position in the grid.
 class Pool {
  public:
   void add(const CurveBin& bin) {
@@ -22,7 +22,7 @@ class Pool {
     const auto n = static_cast<double>(cell.count);
     cell.block = bin.block;
     cell.at += (bin.at - cell.at) / n;
-    const double off = bin.value - cell.value;  // Welford: no difference of large sums
+    const double off = bin.value - cell.value;  // Welford: avoids differences of large sums
     cell.value += off / n;
     cell.squares += off * (bin.value - cell.value);
   }
@@ -80,7 +80,7 @@ double medianOf(std::vector<double> values) {
   return values[(values.size() - 1) / 2];
 }
 
-// what tells the held-out insertions from the others
+// How held-out insertions differ from the others.
 std::string valueOf(HoldOut what, const BinnedCurve& curve) {
   switch (what) {
     case HoldOut::kSpecimen:

@@ -1,4 +1,4 @@
-/// Force curves by bins: which are fitted on and which are held out, and what a model sees of the first.
+/// Force curves in bins: which are fitted on, which are held out, and what a model sees of the former.
 #pragma once
 
 #include <array>
@@ -14,10 +14,10 @@
 
 namespace needlelab {
 
-/// What is known of an insertion before its force is.
+/// What is known of an insertion before its force.
 struct InsertionKind {
   double speed_mps = 0;
-  double diameter_m = 0;  ///< 0: not known
+  double diameter_m = 0;  ///< 0 if unknown
   friend bool operator==(const InsertionKind&, const InsertionKind&) = default;
 };
 
@@ -27,40 +27,41 @@ struct BinnedCurve {
   InsertionKind kind;
   DepthCurve curve;
 };
-/// The set must outlive them.
+/// The set must outlive the result.
 std::vector<BinnedCurve> binnedCurves(const CurveSet& set);
 
-/// Insertions of one kind: their bins' means at each place of the grid, each curve with the same weight.
+/// Insertions of one kind: means of their bins at each position of the grid, all curves equally weighted.
 struct PooledBins {
   InsertionKind kind;
-  std::vector<CurveBin> bins;   ///< in order of depth; `rows` empty
-  std::vector<double> counts;   ///< curves that each bin is of
+  std::vector<CurveBin> bins;   ///< ordered by depth; `rows` empty
+  std::vector<double> counts;   ///< number of curves in each bin
   std::vector<double> squares;  ///< of the curves' bins about the mean
 };
 
-/// All that a model is fitted on.
+/// All the data that a model is fitted on.
 struct TrainingSet {
   std::vector<PooledBins> kinds;
-  PooledBins all;          ///< whatever the kind; its `kind` is the reference
-  double to_m = 0;         ///< greatest depth of any curve, held out or not: known before its force is
-  bool diameters = false;  ///< every curve has one
+  PooledBins all;          ///< of any kind; its `kind` is the reference
+  double to_m = 0;         ///< greatest depth of any curve, held out or not, because it is known before the
+                           ///< force
+  bool diameters = false;  ///< all curves have one
 };
 
-/// A way to hold out: the curves and bins to fit on. A curve is named by its place in the list.
+/// One way of holding out: the curves and bins to fit on. Curves are identified by their index.
 struct Fold {
-  std::string held_out;             ///< for a person, e.g. "specimen 3"
-  std::vector<std::size_t> curves;  ///< all that take part: of one tissue
+  std::string held_out;             ///< for people, e.g. "specimen 3"
+  std::vector<std::size_t> curves;  ///< all that take part; from one tissue
   std::function<bool(std::size_t curve, const CurveBin& bin)> fit_on;
 };
 
-/// A question to the data: what is held out, and what may be calibrated.
+/// A question to the data: what is held out, and what may be used for calibration.
 enum class HoldOut : std::uint8_t {
   kSpecimen,           ///< a specimen: zero-shot
-  kSpecimenStart,      ///< the same, but its first millimetres give the model a common factor
-  kSpecimenInsertion,  ///< the same, but another of its insertions gives the factor
+  kSpecimenStart,      ///< the same, with a common factor from its first millimetres
+  kSpecimenInsertion,  ///< the same, with the factor from another of its insertions
   kNeedle,
   kSpeed,
-  kHold,        ///< the force at rest behind an insertion
+  kHold,        ///< the force at rest after an insertion
   kWithdrawal,  ///< and on the way out
   kEnd,
   kBlocks,
@@ -72,10 +73,10 @@ inline constexpr std::array<HoldOut, 9> kHoldOuts = {
 /// "specimen", "specimen-start", "specimen-insertion", "needle", "speed", "hold", "withdrawal", "end",
 /// "blocks".
 std::string_view nameOf(HoldOut what);
-/// What it asks, for a person.
+/// What it asks, for people.
 std::string_view questionOf(HoldOut what);
-/// "an unseen specimen", …: what a model that is named there predicts. Empty for end and blocks, where the
-/// held-out rows are of insertions that were fitted on.
+/// "an unseen specimen", …: what a model named there predicts. Empty for end and blocks, where the held-out
+/// rows belong to insertions that were fitted on.
 std::string_view predictedIn(HoldOut what);
 constexpr bool holdsSpecimensOut(HoldOut what) {
   return what == HoldOut::kSpecimen || what == HoldOut::kSpecimenStart || what == HoldOut::kSpecimenInsertion;
@@ -84,15 +85,15 @@ constexpr bool asksForPhase(HoldOut what) {
   return what == HoldOut::kHold || what == HoldOut::kWithdrawal;
 }
 
-/// The folds of a question, tissue by tissue: a tissue's own curves are fitted on and held out. A tissue that
-/// has only one specimen (needle, speed) has none for it.
+/// The folds of a question, tissue by tissue: only a tissue's own curves are fitted on and held out. A tissue
+/// with only one specimen (needle, speed) has no folds for it.
 /// - blocks: every second 0.5 mm of all curves, both halves in turn;
-/// - end: all beyond half of the depth that any curve of the tissue reaches;
+/// - end: everything beyond half of the greatest depth of the tissue's curves;
 /// - specimen (each of the three), needle, speed: all curves of one of them, each in turn;
-/// - hold, withdrawal: all insertions are fitted on, what comes behind them is held out.
+/// - hold, withdrawal: fitted on all insertions; what follows them is held out.
 std::vector<Fold> foldsOf(HoldOut what, const std::vector<BinnedCurve>& curves);
 
-/// Pools what the fold is fitted on. Must not be empty.
+/// Pools the data that the fold is fitted on. Must not be empty.
 TrainingSet trainingSet(const std::vector<BinnedCurve>& curves, const Fold& fold);
 
 }  // namespace needlelab

@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kHoldBins = 20;
 
-// bins beside the means of what is said at their rows
+// Bins with the means of the predictions at their rows.
 SaidBins saidAt(const std::vector<CurveBin>& bins, const std::vector<double>& force_N) {
   SaidBins said;
   for (const CurveBin& bin : bins) {
@@ -30,7 +30,7 @@ double squaresOf(const SaidBins& bins, double factor) {
   return squares;
 }
 
-// the verdict about a band, from the units where there are enough, else from the blocks of the curve itself
+// Verdict about a band, from the units if there are enough, otherwise from the blocks of the curve itself.
 std::string bandText(const Tally& tally, double share) {
   std::vector<double> shares;
   std::size_t bins = 0;

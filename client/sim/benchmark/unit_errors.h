@@ -1,4 +1,4 @@
-/// A model's errors on what was held out, added up by unit.
+/// A model's errors on held-out data, summed by unit.
 #pragma once
 
 #include <cstddef>
@@ -8,37 +8,37 @@
 #include <utility>
 #include <vector>
 
-#include "client/sim/benchmark/benchmark.h"
 #include "client/sim/benchmark/fitted_model.h"
 #include "client/sim/benchmark/training.h"
+#include "client/sim/benchmark/verdict.h"
 #include "common/base/result.h"
 
 namespace needlelab {
 
-/// A held-out bin: what was measured there, and what a model says.
+/// A held-out bin: the measured value and the model's.
 struct SaidBin {
   double at = 0, value_N = 0, said_N = 0;
 };
 using SaidBins = std::vector<SaidBin>;
 
-/// At the held-out bins of each of the fold's curves; none of a curve that was fitted on. Errors: the
+/// Returns the held-out bins of each curve in the fold; empty for curves that were fitted on. Errors: the
 /// model's.
 Result<std::vector<SaidBins>> saidOf(const std::vector<BinnedCurve>& curves, const Fold& fold,
                                      const FittedModel& model);
-/// At the bins of a curve's hold (20 equal ones in time) or withdrawal; none where it has none. Errors: the
-/// model's; kInvalidInput for a model that knows the way in only.
+/// Returns the bins of a curve's hold (20 equal ones over time) or withdrawal; empty if it has none. Errors:
+/// the model's; kInvalidInput for a model that only covers the insertion.
 Result<SaidBins> saidAfterwards(HoldOut what, const FittedModel& model, const ForceCurve& curve);
 
-/// Those before a depth, and the others.
+/// Bins before a depth, and the others.
 std::pair<SaidBins, SaidBins> cutAt(const SaidBins& bins, double at_m);
 
-/// The factor by which the model's forces come closest to the measured ones, by least squares; 0.2 to 5.
+/// Least-squares factor between the model's forces and the measured ones, clamped to 0.2-5.
 double factorOf(const SaidBins& bins);
 
-/// Who answers for a curve: specimen × speed, and needle where needles are held out.
+/// The unit of a curve: specimen × speed, and needle if needles are held out.
 std::string unitOf(HoldOut what, const ForceCurve& curve);
 
-/// What is added up of a model in a unit.
+/// Sums of a model in a unit.
 struct UnitSum {
   double squares = 0;
   std::size_t bins = 0, inside = 0;
@@ -53,13 +53,13 @@ struct Tally {
   std::map<std::string, UnitSum> units;
 
   void addFold(const FittedModel& model);
-  /// Errors of `factor` × the model's forces, but for a trivial baseline, which has the factor or not, by
-  /// what is better on these bins: it is what must be beaten. `limits`: the band, where that is asked.
+  /// Adds errors of `factor` × the model's forces. A trivial baseline uses the factor only if that is better
+  /// on these bins, because it is what must be beaten. `limits`: the band, if asked.
   void add(const std::string& unit, const SaidBins& bins, double factor = 1,
            const std::function<ForceLimits(double depth_m, double force_N)>& limits = {});
 };
 
-/// All of a row that a tally knows. The tally has a unit.
+/// Fills all of a row that a tally provides. The tally must have a unit.
 BenchmarkRow rowOf(HoldOut what, const Tally& tally);
 
 }  // namespace needlelab

@@ -34,7 +34,7 @@ PairedDifference difference(const BenchmarkRow& from, const BenchmarkRow& row) {
   return paired;
 }
 
-// why no verdict can be given; empty: it can
+// Returns why no verdict can be given; empty if it can.
 std::string tooFew(const QuestionResult& question) {
   if (question.units.size() < kLeastUnits)
     return fmt::format("{} {}, at least {} are needed", question.units.size(),
@@ -75,7 +75,7 @@ std::string namesOf(const QuestionResult& question, BenchmarkVerdict verdict) {
   return listOf(names);
 }
 
-// the least error, what is as good, and which of them has the fewest numbers
+// The smallest error, what counts as equally good, and which of them has the fewest numbers.
 std::string namedText(const std::vector<const BenchmarkRow*>& named) {
   std::vector<std::string> others;
   const BenchmarkRow* fewest = named.front();
@@ -90,7 +90,7 @@ std::string namedText(const std::vector<const BenchmarkRow*>& named) {
   return text;
 }
 
-// every model shown to be no better than the trivial, or behind one that is
+// Whether every model is shown to be no better than the trivial one, or worse than one that is.
 bool noLaw(const QuestionResult& question) {
   const BenchmarkRow* best = question.best();
   return best != nullptr && best->verdict == BenchmarkVerdict::kTrivial && question.named().empty();

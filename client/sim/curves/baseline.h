@@ -1,5 +1,5 @@
-/// What no model must lose to: curves drawn through the bins themselves. They know nothing of tissue, and are
-/// no models of the engine.
+/// Baselines that every model must beat: curves drawn through the bins themselves. They know nothing of
+/// tissue and are not engine models.
 #pragma once
 
 #include <array>
@@ -12,19 +12,19 @@
 namespace needlelab {
 
 enum class Baseline : std::uint8_t {
-  kConnectTheDots,  ///< straight lines from bin to bin; the end bins' values beyond them
-  kHoldTheLast,     ///< the value of the last bin that is not behind; the first bin's before it
+  kConnectTheDots,  ///< straight lines from bin to bin; constant beyond the end bins
+  kHoldTheLast,     ///< the value of the last bin at or before; before the first bin, its value
 };
 inline constexpr std::array<Baseline, 2> kBaselines = {Baseline::kConnectTheDots, Baseline::kHoldTheLast};
 
-/// "CONNECT_THE_DOTS", "HOLD_THE_LAST": their names among models, in tables and JSON.
+/// "CONNECT_THE_DOTS", "HOLD_THE_LAST": names among the models, in tables and JSON.
 std::string_view nameOf(Baseline baseline);
 
-/// The baseline's value at a depth or time. `bins` in order, at least one. It uses one number for each bin.
+/// The baseline's value at a depth or time. `bins`: ordered, at least one. It uses one number per bin.
 double baselineAt(Baseline baseline, const std::vector<CurveBin>& bins, double at);
 
-/// The means of `bins` over equal stretches, at most `most` of them: a baseline of so many numbers. Stretches
-/// without bins give none. `most` at least 1; bins in order; their `rows` are not kept.
+/// Means of `bins` over at most `most` equal intervals: a baseline with that many numbers. Empty intervals
+/// are skipped. `most` is at least 1; bins are ordered; their `rows` are dropped.
 std::vector<CurveBin> thinned(const std::vector<CurveBin>& bins, std::size_t most);
 
 }  // namespace needlelab

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "common/base/clock.h"
+#include "common/base/time/clock.h"
 
 namespace needlelab {
 FitResult patternSearch(const std::function<double(const std::vector<double>&)>& cost,
@@ -22,7 +22,7 @@ FitResult patternSearch(const std::function<double(const std::vector<double>&)>&
   };
   best.cost = evaluate(best.values);
 
-  // one parameter after the other: a move that helps is kept and its step grows, one that does not shrinks it
+  // One parameter at a time: a move that helps is kept and its step grows; otherwise the step shrinks.
   std::vector<double> before = best.values;
   while (best.evaluations < most_evaluations) {
     bool fine = true;
@@ -46,7 +46,7 @@ FitResult patternSearch(const std::function<double(const std::vector<double>&)>&
     }
     if (fine) break;
 
-    // the pattern move: all of the round's changes once more
+    // pattern move: repeats all of the round's changes
     std::vector<double> tried = best.values;
     for (std::size_t i = 0; i < tried.size(); ++i)
       tried[i] = std::clamp(2 * tried[i] - before[i], parameters[i].low, parameters[i].high);

@@ -7,18 +7,18 @@
 
 #include "client/sim/curves/baseline.h"
 #include "client/sim/curves/curve_fit.h"
-#include "common/haptics/limits.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 namespace {
 
 constexpr double kThinLayer_m = 0.0005, kTableStep_m = 0.001;
-constexpr double kWallStiffness_N_per_m = 1000;  // the most that the Desktop renders
+constexpr double kWallStiffness_N_per_m = 1000;  // the maximum that the Desktop renders
 constexpr double kMostForce_N = 20;
 constexpr double kLeastDrop_N = 0.3;
 constexpr double kThinnest_m = 1e-4;
 
-// where the force first stays above 5 % of its maximum: the needle is in contact
+// Where the force first stays above 5 % of its maximum: the needle is in contact.
 double contactDepth(const std::vector<CurveBin>& bins) {
   double most_N = 0;
   for (const CurveBin& bin : bins) most_N = std::max(most_N, bin.value);
@@ -58,8 +58,8 @@ std::string nth(const char* name, std::size_t i) {
   return fmt::format("{}{}", name, i);
 }
 
-// the numbers of a top that holds, from a piece of the curve: where it is pierced, how far it was stretched
-// until then, and the force there
+// Adds the parameters of a top from a piece of the curve: where it is pierced, how far it was stretched by
+// then, and the force there.
 void addTop(CurveModel& made, std::size_t i, const CurvePiece& piece, const char* force_name) {
   const double length_m = piece.rupture_m - piece.top_m;
   made.parameters.push_back({nth("rupture_m ", i), piece.rupture_m, 0, 0.9, 0.0005});
@@ -67,8 +67,8 @@ void addTop(CurveModel& made, std::size_t i, const CurvePiece& piece, const char
   made.parameters.push_back(forceParameter(nth(force_name, i), piece.peak_N - piece.before_N));
 }
 
-// … with the share of that force which is linear in the stretch, the rest being quadratic, and the cutting
-// force behind
+// Also the share of that force that is linear in the stretch (the rest is quadratic), and the cutting force
+// after it.
 void addQuadraticTop(CurveModel& made, std::size_t i, const CurvePiece& piece, const char* force_name,
                      double least_share) {
   addTop(made, i, piece, force_name);
@@ -76,9 +76,9 @@ void addQuadraticTop(CurveModel& made, std::size_t i, const CurvePiece& piece, c
   made.parameters.push_back(forceParameter(nth("cutting_n ", i), piece.after_N));
 }
 
-constexpr std::size_t kTopNumbers = 5;  // of addQuadraticTop
+constexpr std::size_t kTopNumbers = 5;  // added by addQuadraticTop
 
-// the top that these numbers stand for, `values[at]` being the first
+// The top given by these numbers, starting at `values[at]`.
 struct FittedTop {
   double top_m, force_N, linear_N_per_m, quadratic_N_per_m2, cutting_N;
 };
@@ -88,7 +88,7 @@ FittedTop quadraticTop(const std::vector<double>& values, std::size_t at) {
           values[at + 4]};
 }
 
-// layer i begins at tops[i] and ends at the next; they are put in order, at least 0.1 mm apart
+// Layer i lies between tops[i] and the next; tops are sorted and at least 0.1 mm apart.
 void setThicknesses(CurveScene& scene, std::vector<double> tops_m) {
   for (std::size_t i = 1; i < tops_m.size(); ++i)
     tops_m[i] = std::max(tops_m[i], tops_m[i - 1] + kThinnest_m);
@@ -97,8 +97,8 @@ void setThicknesses(CurveScene& scene, std::vector<double> tops_m) {
     scene.spec.layers[i].thickness_m = i + 1 < tops_m.size() ? tops_m[i + 1] - tops_m[i] : 0.05;
 }
 
-// Tops of layers: cuts the curve repeatedly where the cut reduces the squares about the parts' means most,
-// until it has `most` layers or no cut gains a hundredth of a newton.
+// Tops of layers: cuts the curve repeatedly where that reduces the squares about the parts' means most, until
+// it has `most` layers or no cut gains a hundredth of a newton.
 std::vector<double> layerTops(const std::vector<CurveBin>& bins, std::size_t most) {
   struct Part {
     std::size_t from, to;  // bins
@@ -118,7 +118,7 @@ std::vector<double> layerTops(const std::vector<CurveBin>& bins, std::size_t mos
     for (std::size_t p = 0; p < parts.size(); ++p) {
       const double whole = squares(parts[p].from, parts[p].to);
       for (std::size_t cut = parts[p].from + 1; cut < parts[p].to; ++cut) {
-        // both parts must be thick enough to be felt
+        // both parts must be thick enough to feel
         if (bins[cut].at - bins[parts[p].from].at < kThinLayer_m ||
             bins[parts[p].to - 1].at - bins[cut].at < kThinLayer_m)
           continue;
@@ -153,7 +153,7 @@ std::vector<Rupture> findRuptures(const std::vector<CurveBin>& bins, double leas
       now.valley_m = bin.at;
     }
     if (now.peak_N - now.valley_N > least_drop_N) falling = true;
-    // up again by a third of the least fall: the rupture is over; before one, a new peak
+    // a rise by a third of the minimum fall ends a rupture; before a rupture it means a new peak
     const bool rises = bin.value > now.valley_N + least_drop_N / 3;
     if (falling && rises) ruptures.push_back(now);
     if (bin.value > now.peak_N || (falling && rises)) {
@@ -166,7 +166,7 @@ std::vector<Rupture> findRuptures(const std::vector<CurveBin>& bins, double leas
 }
 
 std::vector<CurvePiece> curvePieces(const std::vector<CurveBin>& bins, std::size_t most) {
-  // a least fall that leaves few enough
+  // the minimum fall that leaves few enough ruptures
   double least_drop_N = kLeastDrop_N;
   std::vector<Rupture> ruptures = findRuptures(bins, least_drop_N);
   while (ruptures.size() > most) {
@@ -257,7 +257,7 @@ CurveModel godObjectModel(const std::vector<CurveBin>& fit_on, std::size_t most_
   made.model = AxialModel::kGodObject;
   const auto pieces = curvePieces(fit_on, (most_numbers - 1) / 2);
   made.variant = counted(pieces.size(), "top") + ", one per rupture";
-  // one slope for all pieces: their least squares
+  // one slope for all pieces, by least squares
   double force_length = 0, length_squared = 0;
   for (const CurvePiece& piece : pieces) {
     const double length_m = piece.rupture_m - piece.top_m;
@@ -275,8 +275,8 @@ CurveModel godObjectModel(const std::vector<CurveBin>& fit_on, std::size_t most_
     scene.spec.god_object.stiffness_N_per_m = values[0];
     std::vector<double> tops_m;
     for (std::size_t i = 1; i + 1 < values.size(); i += 2) {
-      // the proxy passes where the spring reaches the layer's force: position and slope fit better than force
-      // and slope
+      // The proxy passes when the spring reaches the layer's force: position and slope are easier to fit than
+      // force and slope.
       const double force_N = values[0] * std::max(0.0, values[i + 1] - values[i]);
       tops_m.push_back(values[i]);
       scene.spec.layers.push_back(layerOf(0, std::min(force_N, kMostForce_N)));
@@ -327,7 +327,7 @@ CurveModel okamuraModel(AxialModel model, const std::vector<CurveBin>& fit_on, s
   for (std::size_t i = 0; i < pieces.size(); ++i) addQuadraticTop(made, i, pieces[i], "puncture_n ", 0.01);
   made.scene = [model](const std::vector<double>& values) {
     CurveScene scene = emptyScene(model);
-    scene.spec.tracking_wall.stop_speed_mps = 5e-5;  // slower than any recording: the needle slips
+    scene.spec.tracking_wall.stop_speed_mps = 5e-5;  // slower than any recording, so the needle slips
     std::vector<double> tops_m;
     for (std::size_t i = kShared; i + kTopNumbers <= values.size(); i += kTopNumbers) {
       const FittedTop top = quadraticTop(values, i);

@@ -11,7 +11,7 @@ namespace {
 constexpr int kMostEvaluations = 4000, kRestarts = 8;
 
 StraightGesture gestureTo(double surface_m, double to_m, double rate_hz, double speed_mps) {
-  // the first tick is outside: an insertion begins with an entry
+  // start outside: an insertion begins with an entry
   const double step_m = speed_mps / rate_hz;
   return constantSpeed(-0.5 * step_m, std::max(to_m - surface_m, step_m), speed_mps, rate_hz);
 }

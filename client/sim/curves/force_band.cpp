@@ -25,7 +25,7 @@ ForceBand centralBand95(double mean_N, double sd_N) {
 }
 
 BandVerdict bandVerdict(double share, std::size_t independent) {
-  // fewer than this many keep a band of 95 % whatever they are
+  // with fewer data, any share is compatible with a 95 % band
   constexpr std::size_t kLeast = 8;
   constexpr double kAsked = 0.95;
   BandVerdict verdict;

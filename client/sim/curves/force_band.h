@@ -1,4 +1,4 @@
-/// The 95 % band of a distribution of forces, and what the share of data within it says.
+/// The 95 % band of a distribution of forces, and what the share of data within it means.
 #pragma once
 
 #include <cstddef>
@@ -10,22 +10,22 @@
 
 namespace needlelab {
 
-/// The log-normal law of a mean and a standard deviation: quantiles of its central 95 %.
+/// Central 95 % of the log-normal distribution with this mean and standard deviation.
 struct ForceBand {
   double low_N = 0, high_N = 0;
 };
 ForceBand centralBand95(double mean_N, double sd_N);
 
-/// What the share of data within a 95 % band says of it: "kept", "MISSED: too narrow", "MISSED: too wide" or
-/// "cannot tell", with Wilson's 95 % interval of the share. `independent`: how many data there were, counting
-/// those that follow one another as one. `kept` means not contradicted.
+/// Verdict from the share of data within a 95 % band: "kept", "MISSED: too narrow", "MISSED: too wide" or
+/// "cannot tell", with Wilson's 95 % interval of the share. `independent`: number of data, where consecutive
+/// correlated ones count once. `kept` means not contradicted.
 struct BandVerdict {
   double low = 0, high = 1;  ///< the interval
   std::string text;
 };
 BandVerdict bandVerdict(double share, std::size_t independent);
 
-/// The law of the section at a depth, linear between rows.
+/// The section's distribution at a depth, interpolated linearly between rows.
 struct ForceLaw {
   double mean_N = 0, sd_N = 0;
 };

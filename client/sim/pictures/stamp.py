@@ -20,20 +20,20 @@ HERE = os.path.dirname(os.path.realpath(__file__))
 FOLDER = "client/sim"
 STAMPS = f"{FOLDER}/pictures/made_from.json"
 ENGINE = ["common/haptics/**/*.cpp", "common/haptics/**/*.h"]
-LOOP = ENGINE + ["client/device/hand*", "client/device/simulated_device*", "client/device/haptic_chain*", "client/sim/tools/closed_loop*"]
+LOOP = ENGINE + ["client/device/hand/hand*", "client/device/hand/simulated_device*", "client/device/haptic_chain*", "client/sim/tools/closed_loop*"]
 FIGURES = LOOP + ["client/sim/figures.cpp", "client/sim/plots/style.gp"]
 REPORT = LOOP + ["client/sim/accuracy/*.cpp", "client/sim/accuracy/*.h", "client/sim/curves/*", "client/sim/benchmark/*.cpp", "client/sim/benchmark/*.h",
                  "client/sim/plots/style.gp", "client/sim/plots/accuracy.gp",
                  "common/fem/*.cpp", "common/fem/*.h", "db/samples/paper-1dof.json", "db/samples/paper-six-layers.json"]
-CASES = LOOP + ["client/sim/stability/*.cpp", "client/sim/stability/*.h", "client/sim/stability_command.cpp", "tests/stability/cases.json",
+CASES = LOOP + ["client/sim/stability/**/*.cpp", "client/sim/stability/**/*.h", "client/sim/stability_command.cpp", "tests/stability/cases.json",
                 "client/sim/plots/style.gp", "client/sim/plots/models.gp", "common/fem/*.cpp", "common/fem/*.h"]
 SKILL = LOOP + ["client/sim/skill/*.cpp", "client/sim/skill/*.h", "client/sim/skill_command.cpp", "client/sim/tools/small_sample*",
-                "common/fem/*.cpp", "common/fem/*.h", "common/gesture/*.cpp", "common/gesture/*.h", "common/scoring/*.cpp", "common/scoring/*.h",
+                "common/fem/*.cpp", "common/fem/*.h", "common/gesture/*.cpp", "common/gesture/*.h", "common/scoring/**/*.cpp", "common/scoring/**/*.h",
                 "db/samples/deltoid-adult.json", "db/samples/shoulder-posterior.json", "db/samples/knee-adult.json",
                 "db/samples/hip-adult.json", "db/samples/finger-adult.json", "db/samples/carpal-tunnel.json"]
 BENCHMARK = ENGINE + ["client/sim/benchmark/**/*.cpp", "client/sim/benchmark/**/*.h", "client/sim/benchmark/known/needle_force.json",
                       "client/sim/benchmark_command.cpp", "client/sim/curves/*",
-                      "client/sim/stability/passivity_observer*", "client/sim/stability/passivity_gesture*", "client/sim/tools/small_sample*"]
+                      "client/sim/stability/gestures/passivity_observer*", "client/sim/stability/gestures/passivity_gesture*", "client/sim/tools/small_sample*"]
 TABLES = ["client/sim/pictures/tables.py"]
 SOURCES = {
     "pictures/six-layers.png": FIGURES + ["client/sim/plots/fig09.gp", "client/sim/plots/phases.gp", "db/samples/paper-six-layers.json"],

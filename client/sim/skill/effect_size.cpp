@@ -47,7 +47,7 @@ double hedgesG(std::span<const double> a, std::span<const double> b) {
 Interval bootstrapG(std::span<const double> a, std::span<const double> b, std::size_t resamples,
                     HandRandom& random) {
   std::vector<double> drawn_a(a.size()), drawn_b(b.size()), values;
-  // equal values would be drawn forever
+  // limits the tries, because equal values would be redrawn forever
   for (std::size_t tries = 0; values.size() < resamples && tries < 2 * resamples; ++tries) {
     for (double& v : drawn_a) v = a[indexBelow(a.size(), random)];
     for (double& v : drawn_b) v = b[indexBelow(b.size(), random)];
@@ -110,7 +110,7 @@ double LabelTest::distance(const std::vector<bool>& is_first) const {
 double LabelTest::p(const std::vector<bool>& is_first) const {
   const double seen = distance(is_first) - 1e-9;
   const auto as_far = distances_.end() - std::lower_bound(distances_.begin(), distances_.end(), seen);
-  const double extra = exact_ ? 0 : 1;  // the given labelling is one of those that might have been
+  const double extra = exact_ ? 0 : 1;  // the actual labelling is one of the possible ones
   return (static_cast<double>(as_far) + extra) / (static_cast<double>(distances_.size()) + extra);
 }
 

@@ -6,47 +6,47 @@
 #include <span>
 #include <vector>
 
-#include "client/device/hand.h"
+#include "client/device/hand/hand.h"
 
 namespace needlelab {
 
-/// Cliff's delta: P(b > a) − P(b < a) over all pairs; −1 … 1. Both groups at least one value.
+/// Cliff's delta: P(b > a) − P(b < a) over all pairs; −1 … 1. Both groups need at least one value.
 double cliffsDelta(std::span<const double> a, std::span<const double> b);
 
 /// Hedges' g: (mean b − mean a) over the pooled standard deviation, times 1 − 3/(4 (n_a + n_b) − 9), which
-/// takes the bias of small samples away (Hedges 1981). 0 where the means are equal, ±infinity where the
-/// spread alone is 0. Both groups at least two values.
+/// removes the small-sample bias (Hedges 1981). 0 if the means are equal, ±infinity if only the spread is 0.
+/// Both groups need at least two values.
 double hedgesG(std::span<const double> a, std::span<const double> b);
 
 struct Interval {
   double low = 0, high = 0;
 };
 /// 95 % percentile bootstrap of g: `resamples` draws with replacement within each group. Resamples without
-/// spread are drawn again. For groups as small as six the interval is too narrow; it shows the spread and is
-/// not a test.
+/// spread are redrawn. For groups as small as six the interval is too narrow; it shows the spread and is not
+/// a test.
 Interval bootstrapG(std::span<const double> a, std::span<const double> b, std::size_t resamples,
                     HandRandom& random);
 
-/// The permutation test of |Cliff's delta|: of all ways to give the labels, the share that parts the values
-/// at least as far. Exact up to 20,000 ways (12 values in halves: 924); else by 20,000 random ones, the given
-/// one included.
+/// Permutation test of |Cliff's delta|: the share of all labellings that separate the values at least as far.
+/// Exact up to 20,000 labellings (12 values in halves: 924); otherwise from 20,000 random ones, plus the
+/// given one.
 class LabelTest {
  public:
-  /// `first`: how many values belong to the first group; from 1 to one less than all.
+  /// `first`: size of the first group; from 1 to one less than all.
   LabelTest(std::vector<double> values, std::size_t first, HandRandom& random);
-  /// `is_first[i]`: whether value i is labelled as of the first group; exactly `first` are.
+  /// `is_first[i]`: whether value i is labelled as in the first group; exactly `first` are.
   [[nodiscard]] double p(const std::vector<bool>& is_first) const;
   [[nodiscard]] bool exact() const { return exact_; }
 
  private:
   [[nodiscard]] double distance(const std::vector<bool>& is_first) const;
-  std::vector<double> ranks_;  // midranks: delta is a function of their sum in a group
+  std::vector<double> ranks_;  // midranks: delta depends only on their sum in a group
   std::size_t first_ = 0;
   bool exact_ = false;
-  std::vector<double> distances_;  // sorted, of all labellings looked at
+  std::vector<double> distances_;  // of all examined labellings, sorted
 };
 
-/// A labelling with `first` of `n` in the first group, all equally likely.
+/// A random labelling with `first` of `n` in the first group, all equally likely.
 std::vector<bool> randomLabels(std::size_t n, std::size_t first, HandRandom& random);
 
 }  // namespace needlelab

@@ -9,15 +9,16 @@
 #include <optional>
 #include <span>
 
-#include "client/device/simulated_device.h"
+#include "client/device/hand/simulated_device.h"
 #include "client/sim/tools/closed_loop.h"
 #include "client/sim/tools/small_sample.h"
 #include "common/base/program.h"
 #include "common/fem/needle_mesh.h"
 #include "common/profile/profile.h"
-#include "common/scoring/anatomy.h"
-#include "common/scoring/measure_table.h"
-#include "common/scoring/measures.h"
+#include "common/profile/scene_of_profile.h"
+#include "common/scoring/anatomy/anatomy.h"
+#include "common/scoring/measures/measure_table.h"
+#include "common/scoring/measures/measures.h"
 
 namespace needlelab {
 
@@ -61,7 +62,7 @@ Result<std::vector<SkillScene>> loadScenes(std::size_t count) {
   return scenes;
 }
 
-/// One attempt in closed loop. Empty: the gate ended it.
+/// One attempt in closed loop. Empty if the gate ended it.
 std::vector<GestureSample> attempt(const SkillScene& scene, double rate_hz, const HandSkill& skill,
                                    std::uint64_t seed) {
   const auto model = compile(scene.spec, rate_hz);
@@ -79,7 +80,7 @@ std::vector<GestureSample> attempt(const SkillScene& scene, double rate_hz, cons
   return samples;
 }
 
-/// The same movement, each `step`-th tick of it, through an engine of the lower rate.
+/// The same movement, every `step`-th tick, through an engine of the lower rate.
 std::vector<GestureSample> slower(const SkillScene& scene, const std::vector<GestureSample>& fast,
                                   std::size_t step, double rate_hz) {
   const auto model = compile(scene.spec, rate_hz);
@@ -118,13 +119,13 @@ double spreadOf(const std::vector<double>& v) {
   return std::sqrt(sum / static_cast<double>(v.size() - 1));
 }
 
-/// Treats a spread of rounding size as zero.
+/// Treats a spread as small as rounding errors as zero.
 double realSpread(const std::vector<double>& v) {
   const double spread = spreadOf(v);
   return spread > 1e-12 * std::max(1e-6, std::abs(meanOf(v))) ? spread : 0;
 }
 
-/// values[measure][exercise][trainee]: means over the attempts that had the measure.
+/// values[measure][exercise][trainee]: means over the attempts that have the measure.
 using SkillTable = std::map<std::string, std::vector<std::vector<std::vector<double>>>>;
 
 class SkillStudy {
@@ -252,7 +253,7 @@ class SkillStudy {
         ++separate;
         report_.rows[k].shuffled_share += 1 / static_cast<double>(report_.options.shuffles);
       }
-      // the least p is the first that Holm's method lets through
+      // the smallest p is the first that passes Holm's method
       const double least = *std::min_element(p.begin(), p.end()) * static_cast<double>(p.size());
       if (least <= kLevel) report_.shuffled_any_share += 1 / static_cast<double>(report_.options.shuffles);
       const double share = separate / static_cast<double>(tests.size());

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "common/haptics/models/like_for_like.h"
+
 namespace needlelab {
 
 std::vector<StabilityCase> allCases() {
@@ -18,7 +20,7 @@ namespace {
 
 constexpr double kRestless_N = 0.05;
 
-// `passed` and `verdict` from `measured ≤ limit`, `finite` and whether it grows
+// Sets `passed` and `verdict` from `measured ≤ limit`, `finite` and whether the run grows.
 void judgeRow(CaseRow& row, bool growing) {
   // two encoder counts of 5 mN equal 0.01 N up to rounding
   constexpr double kRounding = 1 + 1e-9;
@@ -30,7 +32,7 @@ void judgeRow(CaseRow& row, bool growing) {
     row.verdict = !row.finite || growing ? Verdict::kDiverges : Verdict::kChatters;
 }
 
-// an infinite margin is that of a run without stiffness: no number
+// An infinite margin comes from a run without stiffness; report no number.
 std::optional<double> finiteOf(double value) {
   return std::isfinite(value) ? std::optional(value) : std::nullopt;
 }
@@ -42,8 +44,9 @@ Result<CaseOutcome> runCase(const StabilityCase& hard_case, const CaseSettings& 
   CaseOutcome outcome;
   if (hard_case.axial || model == AxialModel::kEnhancedTrackingWall) {
     Trial trial(settings, hard_case.name, model, source);
-    if (hard_case.scene) trial.scene = trial.CaseEntry::scene(model);
+    if (hard_case.scene) trial.wall = trial.CaseEntry::scene();
     RETURN_IF_ERROR(trial.status());
+    if (hard_case.scene) trial.scene = likeForLike(trial.wall, model);
     RETURN_IF_ERROR(hard_case.run(trial));
     RETURN_IF_ERROR(trial.status());
     if (trial.row().limit) trial.require(true);
@@ -59,8 +62,7 @@ Trial::Trial(const CaseSettings& of, std::string_view name, AxialModel with, For
       settings(of),
       model(with),
       source(std::move(from)),
-      plant(CaseEntry::plant()),
-      band(chatterFilter()) {
+      plant(CaseEntry::plant()) {
   row().finite = true;
 }
 
@@ -101,18 +103,18 @@ Result<PlantRun> Trial::loop(const HandPlan& plan) {
 }
 
 void Trial::add(const PlantRun& run, TimeWindow window, double measured, bool run_grows) {
-  worsen(row(), measuredRow(run, window, band));
+  worsen(row(), measuredRow(run, window));
   growing = growing || run_grows;
-  // NaN counts as the worst measure
+  // NaN counts as the worst value
   if (row().measured && !std::isnan(measured) && !(measured > *row().measured)) return;
   row().measured = measured;
   outcome.trace = traceOf(run, window);
 }
 
 Status Trial::onPath(const CaseMeasure& measure, const PathChange& change) {
-  const TimedPlan path = CaseEntry::path("path", change);
-  const TimeWindow of = window(path);
-  ASSIGN_OR_RETURN(const auto run, loop(path.plan));
+  const TimedPlan timed = path("path", change);
+  const TimeWindow of = window(timed);
+  ASSIGN_OR_RETURN(const auto run, loop(timed.plan));
   add(run, of, measure(run, of));
   return {};
 }
@@ -126,14 +128,17 @@ Result<MotionRun> Trial::move(const std::vector<TipSample>& samples, double rate
 
 Result<std::vector<GatedTick>> Trial::gated(const std::vector<DeviceSample>& samples, bool in_row) {
   RETURN_IF_ERROR(status());
-  ASSIGN_OR_RETURN(auto ticks,
-                   runGated(source, scene, samples, DeviceScript::kRate_hz, settings.control.gate));
+  ASSIGN_OR_RETURN(auto made, source(scene, kMotionRate_hz));
+  GatedSource behind(std::move(made), scene.limb, settings.control.gate);
+  std::vector<GatedTick> ticks;
+  ticks.reserve(samples.size());
   CaseRow sent;
   sent.finite = true;
   sent.max_force_N = 0;
-  for (const GatedTick& tick : ticks) {
-    sent.finite = sent.finite && isFinite(tick.out_W.force_N) && isFinite(tick.out_W.torque_Nm);
-    sent.max_force_N = std::max(*sent.max_force_N, norm(tick.out_W.force_N));
+  for (const DeviceSample& sample : samples) {
+    const Wrench& out = ticks.emplace_back(behind.next(sample)).out_W;
+    sent.finite = sent.finite && isFinite(out.force_N) && isFinite(out.torque_Nm);
+    sent.max_force_N = std::max(*sent.max_force_N, norm(out.force_N));
   }
   if (in_row) worsen(row(), sent);
   return ticks;
@@ -148,7 +153,7 @@ Result<PlantRun> runScene(const ForceSourceFactory& source, const SceneSpec& sce
 Result<MotionRun> runMotion(const ForceSourceFactory& make_source, const SceneSpec& scene,
                             const std::vector<TipSample>& samples, double rate_hz) {
   ASSIGN_OR_RETURN(auto source, make_source(scene, rate_hz));
-  MotionRun run{rate_hz, source->axialStiffness_N_per_m(), {}};
+  MotionRun run{source->axialStiffness_N_per_m(), {}};
   run.ticks.reserve(samples.size());
   for (const TipSample& tip : samples) {
     MotionTick& tick = run.ticks.emplace_back();
@@ -165,12 +170,12 @@ PassivityRecord observed(const MotionRun& run) {
   return observer.record();
 }
 
-CaseRow measuredRow(const PlantRun& run, TimeWindow window, const BandFilter& band) {
+CaseRow measuredRow(const PlantRun& run, TimeWindow window) {
   CaseRow row;
   row.finite = allFinite(run);
   row.max_force_N = maxForce_N(run);
   row.max_unexplained_step_N = maxUnexplainedStep_N(run);
-  row.chatter_N = chatterOf(run, kInward_W, window, band);
+  row.chatter_N = chatterOf(run, kInward_W, window);
   row.energy_J = run.ticks.empty() ? 0 : run.ticks.back().energy_J;
   row.coupled_margin = finiteOf(run.margins.coupled);
   row.passive_margin = finiteOf(run.margins.passive);

@@ -3,15 +3,16 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <span>
 #include <utility>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/base/range.h"
-#include "common/haptics/models/like_for_like.h"
 #include "common/profile/profile.h"
+#include "common/profile/scene_of_profile.h"
 #include "common/profile/strict_json.h"
 
 namespace needlelab {
@@ -30,7 +31,7 @@ Result<CaseFile> CaseFile::parse(std::string_view text, std::string_view source)
   file.json_ = std::move(json);
   if (!file.json_.is_object() || file.json_.value("version", nlohmann::json()) != kVersion)
     return Error{ErrorCode::kInvalidInput, fmt::format("{}: version: must be {}", file.source_, kVersion)};
-  for (const char* part : {"filters", "plant", "scenes", "cases"})
+  for (const char* part : {"plant", "scenes", "cases"})
     if (!file.json_.contains(part) || !file.json_[part].is_object())
       return Error{ErrorCode::kInvalidInput, file.source_ + ": " + part + ": must be an object"};
   return file;
@@ -55,10 +56,17 @@ const nlohmann::json kNothing;
 CaseEntry::CaseEntry(const CaseFile& file, std::string_view case_name, bool long_form)
     : file_(&file), name_(case_name), long_form_(long_form) {
   const auto& cases = file.json().at("cases");
-  if (const auto found = cases.find(name_); found != cases.end() && found->is_object())
-    entry_ = *found;
-  else
-    status_ = Error{ErrorCode::kInvalidInput, file.source() + ": cases." + name_ + ": missing"};
+  const auto entryOf = [&](const std::string& name) {
+    const auto found = cases.find(name);
+    if (found != cases.end() && found->is_object()) return *found;
+    status_ = Error{ErrorCode::kInvalidInput, file.source() + ": cases." + name + ": missing"};
+    return nlohmann::json::object();
+  };
+  entry_ = entryOf(name_);
+  if (!has("like")) return;
+  auto like = entryOf(text("like"));
+  like.merge_patch(entry_);
+  entry_ = std::move(like);
 }
 
 void CaseEntry::fail(const std::string& field, const std::string& message) {
@@ -138,25 +146,14 @@ SceneSpec CaseEntry::scene() {
   nlohmann::json profile = scenes.at(name);
   if (const auto* patch = find("scene_patch")) profile.merge_patch(*patch);
   const auto parsed = parseProfile(profile.dump(), file_->source() + ": cases." + name_ + ": scene " + name);
-  if (!parsed.ok()) {
-    if (status_.ok()) status_ = parsed.error();
-    return {};
-  }
-  auto spec = sceneSpecOf(*parsed);
-  if (!spec.ok()) {
-    if (status_.ok()) status_ = spec.error();
-    return {};
-  }
-  return *std::move(spec);
-}
-
-SceneSpec CaseEntry::scene(AxialModel model) {
-  const SceneSpec spec = scene();
-  return status_.ok() ? likeForLike(spec, model) : spec;
+  auto spec = parsed.ok() ? sceneSpecOf(*parsed) : Result<SceneSpec>(parsed.error());
+  if (spec.ok()) return *std::move(spec);
+  if (status_.ok()) status_ = spec.error();
+  return {};
 }
 
 PlantOptions CaseEntry::plant() {
-  // the case's own numbers stand above the file's
+  // the case's own numbers override the file's
   nlohmann::json merged = file_->json().at("plant");
   if (const auto* own = find("plant")) merged.merge_patch(*own);
   PlantOptions options;
@@ -193,7 +190,7 @@ PlantOptions CaseEntry::plant() {
       {"seed", &seed},
   };
   for (const auto& item : merged.items()) {
-    // no structured binding: clang 14 takes none into a lambda
+    // no structured binding: clang 14 cannot capture it in a lambda
     const std::string& key = item.key();
     const nlohmann::json& value = item.value();
     const auto* row =
@@ -218,45 +215,30 @@ PlantOptions CaseEntry::plant() {
 }
 
 TimedPlan CaseEntry::path(const std::string& field, const PathChange& change) {
-  const Quat down = orientationAlong({0, 0, -1});
+  constexpr std::array<std::pair<std::string_view, Motion>, 3> kMotions = {
+      {{"LINEAR", Motion::kLinear}, {"TRAPEZOID", Motion::kTrapezoid}, {"MIN_JERK", Motion::kMinJerk}}};
   TimedPlan timed;
-  const nlohmann::json& list = need(field);
-  if (!list.is_array() || list.size() < 2 || !list.front().is_object() ||
-      !list.front().contains("from_depth_m")) {
-    fail(field, "must be a list whose first element has from_depth_m");
-    return timed;
-  }
-  const auto value = [&](const nlohmann::json& step, const char* key, double least, double most) {
-    const auto found = step.find(key);
-    const NumberRange range{least, most};
-    if (found != step.end() && found->is_number() && range.contains(found->get<double>()))
-      return found->get<double>();
-    fail(field, std::string(key) + " must be a number within " + rangeText(range));
-    return std::max(least, 0.01);
-  };
-  timed.plan = HandPlan({{0, 0, -value(list.front(), "from_depth_m", -1, 1)}, down});
-  for (std::size_t i = 1; i < list.size() && status_.ok(); ++i) {
-    const nlohmann::json& step = list[i];
-    if (!step.is_object() || step.contains("hold_s") == step.contains("to_depth_m")) {
-      fail(field, "each step has either hold_s or to_depth_m");
-      break;
-    }
+  timed.plan = HandPlan(upright(number(field + ".0.from_depth_m", -1, 1)));
+  const std::size_t elements = need(field).size();
+  for (std::size_t i = 1; i < elements && status_.ok(); ++i) {
+    const std::string at = fmt::format("{}.{}.", field, i);
+    const std::string name = has(at + "name") ? text(at + "name") : "";
     const double from_s = timed.plan.duration_s();
-    if (step.contains("hold_s")) {
-      timed.plan.hold(value(step, "hold_s", 1e-3, 600));
+    if (has(at + "hold_s")) {
+      timed.plan.hold(number(at + "hold_s", 1e-3, 600));
     } else {
-      const std::string motion = step.value("motion", "LINEAR");
-      const Motion kind = motion == "TRAPEZOID"  ? Motion::kTrapezoid
-                          : motion == "MIN_JERK" ? Motion::kMinJerk
-                                                 : Motion::kLinear;
-      if (kind == Motion::kLinear && motion != "LINEAR")
-        fail(field, "motion must be LINEAR, TRAPEZOID or MIN_JERK");
-      const double depth = value(step, "to_depth_m", -1, 1);
-      const bool faster = change.speed_step.empty() || change.speed_step == step.value("name", "");
-      timed.plan.moveTo({{0, 0, -(depth > 0 ? depth + change.depth_offset_m : depth)}, down},
-                        value(step, "speed_m_s", 1e-5, 5) * (faster ? change.speed_factor : 1), kind);
+      const std::string motion = has(at + "motion") ? text(at + "motion") : "LINEAR";
+      const auto* const kind = std::find_if(kMotions.begin(), kMotions.end(),
+                                            [&](const auto& one) { return one.first == motion; });
+      if (kind == kMotions.end()) fail(at + "motion", "must be LINEAR, TRAPEZOID or MIN_JERK");
+      const double depth_m = number(at + "to_depth_m", -1, 1);
+      const bool faster = change.speed_step.empty() || change.speed_step == name;
+      const double speed_mps = number(at + "speed_m_s", 1e-5, 5) * (faster ? change.speed_factor : 1);
+      if (status_.ok())
+        timed.plan.moveTo(upright(depth_m > 0 ? depth_m + change.depth_offset_m : depth_m), speed_mps,
+                          kind->second);
     }
-    timed.steps.push_back({step.value("name", ""), from_s, timed.plan.duration_s()});
+    timed.steps.push_back({name, from_s, timed.plan.duration_s()});
   }
   return timed;
 }
@@ -273,26 +255,6 @@ TimeWindow CaseEntry::window(const TimedPlan& plan, const std::string& field) {
   const double from = number(field + ".from_s", 0, length);
   const double to = has(field + ".to_s") ? number(field + ".to_s", from, length) : length;
   return {found->from_s + from, found->from_s + to};
-}
-
-BandFilter CaseEntry::chatterFilter() {
-  BandFilter band;
-  const auto& filters = file_->json().at("filters");
-  const auto read = [&](const char* key, double& value, const NumberRange& range) {
-    const auto found =
-        filters.contains("chatter") ? filters["chatter"].value(key, nlohmann::json()) : kNothing;
-    if (found.is_number() && range.contains(found.get<double>()))
-      value = found.get<double>();
-    else if (status_.ok())
-      status_ = Error{ErrorCode::kInvalidInput, file_->source() + ": filters.chatter." + key +
-                                                    ": must be a number within " + rangeText(range)};
-  };
-  double order = band.order;
-  read("low_hz", band.low_hz, {0, 1e5, true});
-  read("high_hz", band.high_hz, {0, 1e5, true});
-  read("order", order, {2, 8});
-  band.order = static_cast<int>(order / 2) * 2;
-  return band;
 }
 
 PassivityGesture CaseEntry::motion() {

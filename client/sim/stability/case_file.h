@@ -1,5 +1,5 @@
-/// Reads tests/stability/cases.json, the only place of the hard cases' scenes, paths, durations, filters,
-/// limits and seeds. The file is compiled into the program.
+/// Reads tests/stability/cases.json, the only source of the hard cases' scenes, paths, durations, limits and
+/// seeds. The file is compiled into the program.
 #pragma once
 
 #include <filesystem>
@@ -9,18 +9,16 @@
 #include <string_view>
 #include <vector>
 
-#include "client/device/hand_plan.h"
-#include "client/sim/stability/measures.h"
-#include "client/sim/stability/passivity_gesture.h"
-#include "client/sim/stability/plant.h"
+#include "client/device/hand/hand_plan.h"
+#include "client/sim/stability/gestures/passivity_gesture.h"
+#include "client/sim/stability/loop/measures.h"
+#include "client/sim/stability/loop/plant.h"
 #include "common/base/result.h"
-#include "common/haptics/axial_model.h"
 #include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 
-/// The file: `{"version": 1, "filters": {"chatter": …}, "plant": …, "scenes": {NAME: profile}, "cases":
-/// {NAME: …}}`.
+/// The file: `{"version": 1, "plant": …, "scenes": {NAME: profile}, "cases": {NAME: …}}`.
 class CaseFile {
  public:
   /// `source` names the text in messages. Errors: kInvalidInput naming file, field, value and range.
@@ -37,6 +35,13 @@ class CaseFile {
   std::string source_;
 };
 
+/// Into the tissue, in W: the direction of the paths in cases.json.
+inline constexpr Vec3 kInward_W{0, 0, -1};
+/// A needle that points down, with its tip at this depth and offset.
+inline Pose upright(double depth_m, double aside_m = 0) {
+  return {{aside_m, 0, -depth_m}, orientationAlong(kInward_W)};
+}
+
 /// A hand's plan with the times of its steps.
 struct TimedPlan {
   struct Step {
@@ -50,12 +55,13 @@ struct TimedPlan {
 /// Changes to a path, for cases that draw it at random.
 struct PathChange {
   double depth_offset_m = 0;  ///< added to every `to_depth_m` above 0
-  double speed_factor = 1;    ///< of the steps named `speed_step`; of all of them where that is empty
+  double speed_factor = 1;    ///< of the steps named `speed_step`; if that is empty, of all steps
   std::string speed_step = {};
 };
 
-/// Reads one case's entry. The entry keeps the first error, and every later read returns a harmless value:
-/// read everything, then check `status()`. Field names are paths with dots: "window.from_s".
+/// Reads one case's entry; "like" takes another case's entry, overridden by this one's fields (RFC 7386).
+/// Keeps the first error, and every later read returns a harmless value: read everything, then check
+/// `status()`. Field names are dotted paths: "window.from_s".
 class CaseEntry {
  public:
   /// `case_name` must be in the file (kInvalidInput otherwise, through `status`).
@@ -67,26 +73,23 @@ class CaseEntry {
   double number(const std::string& field, double least = -1e9, double most = 1e9);
   /// A list of finite numbers, at least one.
   std::vector<double> numbers(const std::string& field);
-  /// A whole number, at least `least`; or `{"short": n, "long": n}`, taken by the form.
+  /// A whole number of at least `least`, or `{"short": n, "long": n}` for the two forms.
   std::uint64_t whole(const std::string& field, std::uint64_t least = 0);
   std::string text(const std::string& field);
-  /// `{"low": a, "high": b}` at share `s` (0-1) of the way.
+  /// Interpolates `{"low": a, "high": b}` at `s` (0-1).
   double between(const std::string& field, double s);
 
-  /// The scene named by "scene", changed by the entry's "scene_patch" (RFC 7386) when there is one.
+  /// The scene named by "scene", changed by the entry's "scene_patch" (RFC 7386) if present.
   SceneSpec scene();
-  /// The same, rendered by another model: likeForLike.
-  SceneSpec scene(AxialModel model);
-  /// The file's "plant", with the entry's "plant" on top.
+  /// The file's "plant", overridden by the entry's "plant".
   PlantOptions plant();
   /// The list `field` of steps, straight along W's −z: first `{"from_depth_m"}`, then `{"hold_s"}` or
   /// `{"to_depth_m", "speed_m_s", "motion"}`; each may have a "name". Depth −10 mm to 1 m.
   TimedPlan path(const std::string& field = "path", const PathChange& change = {});
-  /// `field`: `{"step", "from_s", "to_s"}`, seconds after the beginning of the path's step of that name;
-  /// without "to_s" to its end.
+  /// `field`: `{"step", "from_s", "to_s"}`, in seconds after the start of that step of the path; without
+  /// "to_s" until its end.
   TimeWindow window(const TimedPlan& plan, const std::string& field = "window");
-  BandFilter chatterFilter();
-  /// The prescribed motion in "motion"; it has no scene.
+  /// The prescribed motion in "motion", without a scene.
   PassivityGesture motion();
 
  private:

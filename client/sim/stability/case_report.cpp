@@ -7,7 +7,7 @@
 
 #include "client/sim/stability/case.h"
 #include "client/sim/tools/hand_thresholds.h"
-#include "common/base/columns.h"
+#include "common/base/text/columns.h"
 
 namespace needlelab {
 
@@ -30,12 +30,17 @@ std::vector<AxialModel> modelsOf(const std::vector<CaseRow>& rows) {
 
 namespace {
 
-constexpr double kShownAsZero = 1e-9;  // rounding, in any unit of a row
+constexpr double kShownAsZero = 1e-9;  // rounding errors, in any unit of a row
 constexpr AxialModel kWall = AxialModel::kEnhancedTrackingWall;
 constexpr std::size_t kName = 24, kColumn = 13;
 
-nlohmann::ordered_json orNull(std::optional<double> value) {
+template <typename T>
+nlohmann::ordered_json orNull(const std::optional<T>& value) {
   return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json(nullptr);
+}
+template <typename T>
+nlohmann::ordered_json ifJudged(const CaseRow& row, const T& value) {
+  return row.applicable ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
 }
 
 std::string column(const std::string& text, std::size_t width) {
@@ -50,73 +55,50 @@ std::string cell(const CaseRow* row) {
   return shortNumber(row->measured) + mark;
 }
 
-// the wall's notes, notes of another model where the wall has none, and the reasons of failures
+// The wall's notes, another model's notes if the wall has none, and the reasons of failures.
 bool worthReading(const std::vector<CaseRow>& rows, const CaseRow& row) {
   const CaseRow* wall = rowOf(rows, row.case_name, kWall);
   return wall == nullptr || wall == &row || wall->note.empty() || !row.passed;
 }
 
-// cases in which another model measured no more than the wall
-std::string noWorse(const std::vector<CaseRow>& rows) {
+// One line per case for which `cells` returns text.
+template <typename Cells>
+std::string perCase(const std::vector<CaseRow>& rows, const std::string& title, Cells&& cells) {
   std::string text;
-  for (const std::string& name : caseNames(rows)) {
-    const CaseRow* wall = rowOf(rows, name, kWall);
-    if (wall == nullptr || !wall->measured) continue;
-    std::string models;
-    for (const CaseRow& row : rows)
-      if (row.case_name == name && row.model != kWall && row.passed && row.measured &&
-          *row.measured <= *wall->measured + 1e-6 * std::abs(*wall->measured))
-        models += (models.empty() ? "" : ", ") + std::string(shortName(row.model));
-    if (!models.empty()) text += "  " + column(name, kName) + models + "\n";
-  }
-  return text;
+  for (const std::string& name : caseNames(rows))
+    if (const std::string line = cells(name); !line.empty()) text += "  " + column(name, kName) + line + "\n";
+  return text.empty() ? text : title + text;
 }
 
-// coupled stability and passivity of the wall's closed loops, told apart
+// Coupled stability and passivity of the wall's closed loops, separately.
 std::string marginsText(const std::vector<CaseRow>& rows) {
-  std::string text;
-  for (const std::string& name : caseNames(rows)) {
-    const CaseRow* row = rowOf(rows, name, kWall);
-    if (row == nullptr || !row->passive_margin || !row->coupled_margin) continue;
-    text += "  " + column(name, kName) + column(shortNumber(row->coupled_margin), kColumn) +
-            column(shortNumber(row->passive_margin) + (*row->passive_margin < 1 ? " not" : ""), kColumn) +
-            shortNumber(row->grip_energy_J) + "\n";
-  }
-  if (text.empty()) return text;
-  return "\nWhat theory allows over the wall's stiffness: with the case's hand (coupled stability); with the "
-         "device's own damping alone (passivity: below 1 the loop is not passive); energy got at the grip "
-         "[J]\n" +
-         text;
-}
-
-std::string controlText(const std::vector<CaseRow>& rows) {
-  std::string text;
-  for (const std::string& name : caseNames(rows)) {
-    const CaseRow* row = rowOf(rows, name, kWall);
-    if (row == nullptr || !row->controlled_energy_J) continue;
-    text += "  " + column(name, kName) + column(shortNumber(row->grip_energy_J), kColumn) +
-            column(shortNumber(row->controlled_energy_J), kColumn) + shortNumber(row->distortion_N) + "\n";
-  }
-  if (text.empty()) return text;
-  return "\nPassivity control (the wall): energy got at the grip without it, with it [J]; force taken off "
-         "[N]\n" +
-         text;
+  return perCase(rows,
+                 "\nWhat theory allows over the wall's stiffness: with the case's hand (coupled stability); "
+                 "with the device's own damping alone (passivity: below 1 the loop is not passive); energy "
+                 "got at the grip [J]\n",
+                 [&](const std::string& name) -> std::string {
+                   const CaseRow* row = rowOf(rows, name, kWall);
+                   if (row == nullptr || !row->passive_margin || !row->coupled_margin) return {};
+                   const char* mark = *row->passive_margin < 1 ? " not" : "";
+                   return column(shortNumber(row->coupled_margin), kColumn) +
+                          column(shortNumber(row->passive_margin) + mark, kColumn) +
+                          shortNumber(row->grip_energy_J);
+                 });
 }
 
 std::string noticeableSteps(const std::vector<CaseRow>& rows) {
-  std::string text;
-  for (const std::string& name : caseNames(rows)) {
-    std::string models;
-    for (const CaseRow& row : rows)
-      if (row.case_name == name && row.applicable && stepIsNoticeable(row).value_or(false))
-        models += (models.empty() ? "" : ", ") + std::string(shortName(row.model)) + " " +
-                  shortNumber(row.max_unexplained_step_N);
-    if (!models.empty()) text += "  " + column(name, kName) + models + "\n";
-  }
-  if (text.empty()) return text;
-  return fmt::format("\nForce steps that no spring explains and that a hand may notice (above {:g} N) [N]\n",
-                     kNoticeableStep_N) +
-         text;
+  return perCase(
+      rows,
+      fmt::format("\nForce steps that no spring explains and that a hand may notice (above {:g} N) [N]\n",
+                  kNoticeableStep_N),
+      [&](const std::string& name) {
+        std::string models;
+        for (const CaseRow& row : rows)
+          if (row.case_name == name && row.applicable && stepIsNoticeable(row).value_or(false))
+            models += fmt::format("{}{} {}", models.empty() ? "" : ", ", shortName(row.model),
+                                  shortNumber(row.max_unexplained_step_N));
+        return models;
+      });
 }
 
 }  // namespace
@@ -188,31 +170,27 @@ std::string findingOf(const std::vector<CaseRow>& rows) {
 
 nlohmann::ordered_json rowsJson(const std::vector<CaseRow>& rows) {
   auto list = nlohmann::ordered_json::array();
-  for (const CaseRow& row : rows) {
-    const bool judged = row.applicable;
-    list.push_back(
-        {{"case", row.case_name},
-         {"model", axialModelName(row.model)},
-         {"applicable", row.applicable},
-         {"finite", judged ? nlohmann::ordered_json(row.finite) : nlohmann::ordered_json()},
-         {"max_force_n", orNull(row.max_force_N)},
-         {"max_unexplained_step_n", orNull(row.max_unexplained_step_N)},
-         {"chatter_n", orNull(row.chatter_N)},
-         {"step_noticeable",
-          stepIsNoticeable(row) ? nlohmann::ordered_json(*stepIsNoticeable(row)) : nlohmann::ordered_json()},
-         {"energy_j", orNull(row.energy_J)},
-         {"coupled_margin", orNull(row.coupled_margin)},
-         {"passive_margin", orNull(row.passive_margin)},
-         {"grip_energy_j", orNull(row.grip_energy_J)},
-         {"controlled_energy_j", orNull(row.controlled_energy_J)},
-         {"distortion_n", orNull(row.distortion_N)},
-         {"measured", orNull(row.measured)},
-         {"limit", orNull(row.limit)},
-         {"passed", judged ? nlohmann::ordered_json(row.passed) : nlohmann::ordered_json()},
-         {"verdict", judged ? nlohmann::ordered_json(verdictText(row.verdict)) : nlohmann::ordered_json()},
-         {"quantity", row.quantity},
-         {"note", row.note}});
-  }
+  for (const CaseRow& row : rows)
+    list.push_back({{"case", row.case_name},
+                    {"model", axialModelName(row.model)},
+                    {"applicable", row.applicable},
+                    {"finite", ifJudged(row, row.finite)},
+                    {"max_force_n", orNull(row.max_force_N)},
+                    {"max_unexplained_step_n", orNull(row.max_unexplained_step_N)},
+                    {"chatter_n", orNull(row.chatter_N)},
+                    {"step_noticeable", orNull(stepIsNoticeable(row))},
+                    {"energy_j", orNull(row.energy_J)},
+                    {"coupled_margin", orNull(row.coupled_margin)},
+                    {"passive_margin", orNull(row.passive_margin)},
+                    {"grip_energy_j", orNull(row.grip_energy_J)},
+                    {"controlled_energy_j", orNull(row.controlled_energy_J)},
+                    {"distortion_n", orNull(row.distortion_N)},
+                    {"measured", orNull(row.measured)},
+                    {"limit", orNull(row.limit)},
+                    {"passed", ifJudged(row, row.passed)},
+                    {"verdict", ifJudged(row, verdictText(row.verdict))},
+                    {"quantity", row.quantity},
+                    {"note", row.note}});
   return list;
 }
 
@@ -242,10 +220,7 @@ std::string rowsText(const std::vector<CaseRow>& rows) {
       notes += "  " + column(row.case_name, kName) + column(std::string(shortName(row.model)), kColumn) +
                row.note + "\n";
   if (!notes.empty()) text += "\nNotes\n" + notes;
-  text += marginsText(rows) + controlText(rows) + noticeableSteps(rows);
-  if (const std::string same = noWorse(rows); !same.empty())
-    text += "\nPassed, and measured no more than the enhanced tracking wall\n" + same;
-  return text + "\n" + findingOf(rows) + ".\n";
+  return text + marginsText(rows) + noticeableSteps(rows) + "\n" + findingOf(rows) + ".\n";
 }
 
 }  // namespace needlelab

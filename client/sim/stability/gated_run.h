@@ -1,5 +1,4 @@
-/// Runs good and bad device samples through the gate, and checks the force against the timeline of
-/// FORCE_MODEL.md, "Gate".
+/// Good and bad samples from a device, and the gate's reaction.
 #pragma once
 
 #include <cmath>
@@ -9,75 +8,70 @@
 #include <utility>
 #include <vector>
 
-#include "client/device/hand_plan.h"
-#include "client/sim/stability/plant.h"
-#include "common/haptics/axial_model.h"
-#include "common/haptics/force_gate.h"
+#include "client/device/hand/hand_plan.h"
+#include "client/sim/stability/loop/plant.h"
+#include "common/haptics/gate/force_gate.h"
 
 namespace needlelab {
 
-/// The report of the device in one tick.
+/// Tick rate of prescribed motions and of samples before the gate, unless a case sets its own.
+inline constexpr double kMotionRate_hz = 1000;
+
+/// The device's report in one tick.
 struct DeviceSample {
   TipSample tip;
-  bool fresh = true;               ///< false: it said nothing
+  bool fresh = true;               ///< false: no report
   bool acknowledge = false;        ///< a person acknowledges the fault in this tick
-  std::int64_t elapsed_ticks = 1;  ///< periods since the sample before, by the loop's clock
+  std::int64_t elapsed_ticks = 1;  ///< periods since the previous sample, by the loop's clock
 };
 
-/// The same rotation.
+/// The other quaternion of the same rotation.
 inline Quat otherSign(Quat q) {
   return {-q.x, -q.y, -q.z, -q.w};
 }
 
 struct GatedTick {
   DeviceSample sample;
-  StepReport report;  ///< of the last tick that was stepped
+  StepReport report;  ///< of the last stepped tick
   Wrench out_W;       ///< to the device
   Fault fault = Fault::kNone;
   double depth_m = 0;
 };
 
-/// A source behind the gate, as in the haptic loop; `with_gate` false gives the source's wrench to the device
-/// as it is, and steps every sample. A plane's normal must have unit length.
+/// A source behind the gate, as in the haptic loop. `with_gate` false passes the source's wrench to the
+/// device unchanged and steps every sample. A plane's normal must have unit length.
 class GatedSource {
  public:
-  GatedSource(std::unique_ptr<ForceSource> source, const Limb& limb, double rate_hz, bool with_gate)
-      : source_(std::move(source)), limb_(limb), gate_(DeviceLimits{}, rate_hz), with_gate_(with_gate) {}
-  GatedTick next(const DeviceSample& sample);
+  GatedSource(std::unique_ptr<ForceSource> source, const Limb& limb, bool with_gate)
+      : source_(std::move(source)), limb_(limb), with_gate_(with_gate) {}
+  GatedTick next(const DeviceSample& sample) {
+    const bool admitted = gate_.admit(sample.tip, sample.fresh, 0.0, sample.elapsed_ticks);
+    Wrench wanted;
+    if (with_gate_ ? admitted : sample.fresh) {
+      source_->step(sample.tip, report_);
+      wanted = report_.wrench_W;
+    } else if (!with_gate_) {
+      wanted = report_.wrench_W;  // no new sample: the device keeps the last wrench
+    }
+    const double depth_m = signedDepth(limb_, sample.tip.p_WT_m);
+    gate_.noteOutside(depth_m <= 0);
+    if (sample.acknowledge) gate_.acknowledge();
+    const Wrench guarded = gate_.guard(wanted).wrench();
+    return {sample, report_, with_gate_ ? guarded : wanted, with_gate_ ? gate_.fault() : Fault::kNone,
+            depth_m};
+  }
 
  private:
   std::unique_ptr<ForceSource> source_;
   Limb limb_;
-  ForceGate gate_;
+  ForceGate gate_{DeviceLimits{}, kMotionRate_hz};
   bool with_gate_;
   StepReport report_;
 };
 
-/// Runs a new source over the samples. Errors: those of the source.
-Result<std::vector<GatedTick>> runGated(const ForceSourceFactory& source, const SceneSpec& scene,
-                                        const std::vector<DeviceSample>& samples, double rate_hz,
-                                        bool with_gate);
-
-/// What FORCE_MODEL.md, "Gate", allows after the samples turn bad at tick `from`.
-struct FaultTimeline {
-  std::size_t from = 0;         ///< first bad tick
-  std::size_t held_ticks = 5;   ///< the last force is held for so many, then FAULT
-  std::size_t slack_ticks = 0;  ///< that the fault may come late
-  std::size_t fade_ticks = 20;  ///< force is zero so many ticks after the fault at the latest
-  std::size_t restart = 0;      ///< first tick at which the tip is outside and the fault was acknowledged
-  Fault fault = Fault::kSampleNotFinite;
-};
-
-/// The greatest violation of the timeline in N; infinite when the fault is not raised or another one is, or
-/// when a force is not finite. A run without a gate (a control) never raises the fault. The check then judges
-/// the forces alone, as if the fault had come at the last tick allowed.
-double violationOf(const std::vector<GatedTick>& ticks, const FaultTimeline& timeline, bool with_gate);
-
-/// Put together piece by piece; starts upright, 5 mm outside. Ticks of 1 ms.
+/// Built piece by piece; starts upright, 5 mm outside, at kMotionRate_hz.
 class DeviceScript {
  public:
-  static constexpr double kRate_hz = 1000;
-
   DeviceScript() { now_.tip = {{0, 0, 0.005}, orientationAlong({0, 0, -1})}; }
   DeviceScript& rest(double seconds) {
     for (std::size_t k = ticksOf(seconds); k > 0; --k) samples_.push_back(now_);
@@ -110,23 +104,11 @@ class DeviceScript {
   [[nodiscard]] const std::vector<DeviceSample>& samples() const { return samples_; }
 
  private:
-  static std::size_t ticksOf(double seconds) { return static_cast<std::size_t>(seconds * kRate_hz + 0.5); }
+  static std::size_t ticksOf(double seconds) {
+    return static_cast<std::size_t>(seconds * kMotionRate_hz + 0.5);
+  }
   DeviceSample now_;
   std::vector<DeviceSample> samples_;
 };
-
-struct FuzzFindings {
-  bool finite = true;
-  std::uint64_t ticks = 0;
-  double max_force_N = 0;
-  double excess_force_N = 0;     ///< of the source, above the scene's greatest force
-  double excess_rendered_N = 0;  ///< after the gate, above the device's peak
-  double direction_error = 0;    ///< | |u| − 1 |
-};
-
-/// Steps new sources of random scenes for `ticks` ticks in all; every sample is given to one source, and to
-/// another one behind the gate. Deterministic. Errors: those of the source.
-Result<FuzzFindings> fuzzSource(const ForceSourceFactory& source, AxialModel model, std::uint64_t ticks,
-                                bool with_gate);
 
 }  // namespace needlelab

@@ -8,19 +8,20 @@
 #include <utility>
 
 #include "client/sim/stability/case.h"
+#include "client/sim/stability/loop/stiffness_theory.h"
 #include "client/sim/stability/scan_nudge.h"
 #include "client/sim/tools/gnuplot.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 
 namespace needlelab {
 namespace {
 
 constexpr double kLeastStiffness_N_per_m = 20;
-constexpr double kStep = 1.25;       // on the way up from a stiffness that is stable
+constexpr double kStep = 1.25;       // factor on the way up from a stable stiffness
 constexpr double kPrecision = 1.02;  // of the bisection
 
-// the largest K of (least, cap] that `stable` accepts, coming from below: the first that it does not accept
-// ends the search, whatever comes above
+// The largest K in (least, cap] that `stable` accepts when searching upward: the first rejected K ends the
+// search, whatever lies above.
 struct Found {
   double stiffness_N_per_m = 0;
   bool at_cap = false;
@@ -66,11 +67,6 @@ struct Study {
   PlantOptions plant;
   NudgeOptions nudge;
   std::vector<double> rates_hz, delays;
-  // beyond the limit
-  SceneSpec tissue;
-  PlantOptions beyond_plant;
-  NudgeOptions beyond_nudge;
-  double beyond_factor = 1;
   // coarse encoders and dry friction
   double rest_rate_hz = 0;
   double rest_delay = 0;
@@ -93,17 +89,10 @@ Result<Study> readStudy(const CaseSettings& settings) {
   study.rest_encoder_steps_m = entry.numbers("rest.encoder_steps_m");
   study.rest_frictions_N = entry.numbers("rest.frictions_n");
   if (!entry.status().ok()) return entry.status().error();
-
-  CaseEntry beyond(settings.file, "stiffness_beyond", settings.long_form);
-  study.tissue = beyond.scene();
-  study.beyond_plant = beyond.plant();
-  study.beyond_nudge = nudgeOptionsOf(beyond);
-  study.beyond_factor = beyond.number("factor", 1, 100);
-  if (!beyond.status().ok()) return beyond.status().error();
   return study;
 }
 
-// the model of the study's scene at one rate and delay
+// Finds one model's limit in the study's scene at one rate and delay.
 Result<StiffnessLimitRow> limitAt(const Study& study, const ScannedModel& scene, double rate_hz,
                                   unsigned delay) {
   const SimulatedDeviceOptions& device = study.plant.device;
@@ -133,25 +122,7 @@ Result<StiffnessLimitRow> limitAt(const Study& study, const ScannedModel& scene,
   return row;
 }
 
-// the response to a nudge beyond `limit_N_per_m`, in realistic tissue
-Result<BeyondRow> beyondLimit(const Study& study, const ScannedModel& tissue, double limit_N_per_m) {
-  const PlantOptions& plant = study.beyond_plant;
-  BeyondRow row;
-  row.model = tissue.model();
-  row.rate_hz = plant.rate_hz;
-  row.delay_ticks = plant.device.delay_ticks;
-  row.stiffness_N_per_m = std::min(study.beyond_factor * limit_N_per_m, kMaxProfileStiffness_N_per_m);
-  ASSIGN_OR_RETURN(const auto run, nudge(engineSource(), tissue.with(row.stiffness_N_per_m),
-                                         row.stiffness_N_per_m, plant, study.beyond_nudge));
-  row.swing_N = run.outcome.force_end_N;
-  row.max_force_N = maxForce_N(run.run);
-  row.held = heldIn(run.run, run.watch);
-  row.trace = traceOf(run.run, {run.watch.from_s - 0.1, run.watch.to_s});
-  for (double& time_s : row.trace.time_s) time_s -= run.watch.from_s;
-  return row;
-}
-
-// the wall of the paper with a coarse encoder and dry friction: does the needle come to a full rest?
+// The paper's wall with a coarse encoder and dry friction: does the needle come to complete rest?
 Result<RestLimitRow> restLimit(const Study& study, double encoder_step_m, double friction_N) {
   RestLimitRow row;
   row.encoder_step_m = encoder_step_m;
@@ -179,38 +150,31 @@ Result<RestLimitRow> restLimit(const Study& study, double encoder_step_m, double
   return row;
 }
 
-// one model at all rates and delays, and beyond. Rows that were found stay when it fails
+// Scans one model at all rates and delays. Rows found before a failure are kept.
 Status scanModel(const Study& study, AxialModel model, const std::function<void(double)>& tell,
                  StiffnessLimits& limits) {
   ASSIGN_OR_RETURN(const auto scene, ScannedModel::prepare(study.wall, model, study.plant, study.nudge));
-  ASSIGN_OR_RETURN(const auto tissue,
-                   ScannedModel::prepare(study.tissue, model, study.beyond_plant, study.beyond_nudge));
-  for (std::size_t r = 0; r < study.rates_hz.size(); ++r)
+  for (std::size_t r = 0; r < study.rates_hz.size(); ++r) {
+    tell(static_cast<double>(r) / static_cast<double>(study.rates_hz.size()));
     for (const double delay : study.delays) {
-      tell(static_cast<double>(r) / static_cast<double>(study.rates_hz.size()));
       ASSIGN_OR_RETURN(const auto row,
                        limitAt(study, scene, study.rates_hz[r], static_cast<unsigned>(delay)));
       limits.rows.push_back(row);
     }
-  // beyond the stable stiffness at the rate and delay of that part
-  const PlantOptions& plant = study.beyond_plant;
-  ASSIGN_OR_RETURN(const auto limit, limitAt(study, scene, plant.rate_hz, plant.device.delay_ticks));
-  ASSIGN_OR_RETURN(auto beyond, beyondLimit(study, tissue, limit.stiffness_N_per_m));
-  limits.beyond.push_back(std::move(beyond));
+  }
   return {};
 }
 
-// ---- tables and pictures; the first column of a model's row is its place in kAxialModelNames
+// ---- tables and pictures; the first column of a model's row is its index in kAxialModelNames
 
 double place(AxialModel model) {
   return static_cast<double>(model);
 }
 
 nlohmann::ordered_json jsonOf(const StiffnessLimits& limits) {
-  nlohmann::ordered_json rows = nlohmann::ordered_json::array(), rest = rows, beyond = rows;
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array(), rest = rows;
   for (const StiffnessLimitRow& row : limits.rows)
     rows.push_back({{"model", axialModelName(row.model)},
-                    {"parameter", stiffnessParameter(row.model)},
                     {"rate_hz", row.rate_hz},
                     {"delay_ticks", row.delay_ticks},
                     {"stiffness_n_per_m", row.stiffness_N_per_m},
@@ -226,15 +190,7 @@ nlohmann::ordered_json jsonOf(const StiffnessLimits& limits) {
                     {"stiffness_n_per_m", row.stiffness_N_per_m},
                     {"at_cap", row.at_cap},
                     {"theory_n_per_m", row.theory_N_per_m}});
-  for (const BeyondRow& row : limits.beyond)
-    beyond.push_back({{"model", axialModelName(row.model)},
-                      {"rate_hz", row.rate_hz},
-                      {"delay_ticks", row.delay_ticks},
-                      {"stiffness_n_per_m", row.stiffness_N_per_m},
-                      {"swing_n", row.swing_N},
-                      {"max_force_n", row.max_force_N},
-                      {"held", row.held}});
-  return {{"rows", rows}, {"rest", rest}, {"beyond", beyond}, {"notes", limits.notes}};
+  return {{"rows", rows}, {"rest", rest}, {"notes", limits.notes}};
 }
 
 std::string limitsCsv(const StiffnessLimits& limits) {
@@ -256,53 +212,6 @@ std::string restCsv(const StiffnessLimits& limits) {
                row.theory_N_per_m});
   return table.take();
 }
-
-std::string beyondCsv(const StiffnessLimits& limits) {
-  PlotTable table("model_index,time_s,force_n,model");
-  for (const BeyondRow& row : limits.beyond)
-    for (std::size_t i = 0; i < row.trace.time_s.size(); ++i)
-      table.row({place(row.model), row.trace.time_s[i], row.trace.force_N[i]}, {axialModelName(row.model)});
-  return table.take();
-}
-
-// variables of the plot files beside the tables; none for a table without rows, which gets no picture
-std::vector<PlotVariable> limitsVariables(const StiffnessLimits& limits) {
-  if (limits.rows.empty()) return {};
-  return {{"rows", static_cast<double>(limits.rows.size())}};
-}
-
-std::vector<PlotVariable> restVariables(const StiffnessLimits& limits) {
-  if (limits.rest.empty()) return {};
-  return {{"bound", limits.rest.front().bound_N_per_m}};
-}
-
-std::vector<PlotVariable> beyondVariables(const StiffnessLimits& limits) {
-  if (limits.beyond.empty()) return {};
-  std::vector<double> models, stiffness, swing, force;
-  for (const BeyondRow& row : limits.beyond) {
-    models.push_back(place(row.model));
-    stiffness.push_back(row.stiffness_N_per_m);
-    swing.push_back(row.swing_N);
-    force.push_back(row.max_force_N);
-  }
-  return {{"rate_hz", limits.beyond.front().rate_hz},
-          {"delay_ticks", static_cast<double>(limits.beyond.front().delay_ticks)},
-          {"model", models},
-          {"stiffness_n_per_m", stiffness},
-          {"swing_n", swing},
-          {"max_force_n", force}};
-}
-
-struct Picture {
-  const char* name;  // of table, plot file and picture
-  std::string (*csv)(const StiffnessLimits&);
-  std::vector<PlotVariable> (*variables)(const StiffnessLimits&);
-};
-constexpr Picture kPictures[] = {
-    {"stiffness_limits", limitsCsv, limitsVariables},
-    {"stiffness_rest", restCsv, restVariables},
-    {"stiffness_beyond", beyondCsv, beyondVariables},
-};
 
 }  // namespace
 
@@ -337,14 +246,19 @@ Result<StiffnessLimits> drawStiffnessLimits(const std::filesystem::path& dir, co
   const std::string json = jsonOf(limits).dump(2) + "\n";
   RETURN_IF_ERROR(writeFileAtomically(dir / "stiffness_limits.json", viewOf(json)));
   const bool draw = hasGnuplot();
-  for (const Picture& picture : kPictures) {
-    const auto csv = dir / fmt::format("{}.csv", picture.name);
-    RETURN_IF_ERROR(writeFileAtomically(csv, viewOf(picture.csv(limits))));
-    auto variables = picture.variables(limits);
-    if (!draw || variables.empty()) continue;
+  // tables without rows get no picture
+  const auto table = [&](const std::string& name, const std::string& text, bool rows,
+                         std::vector<PlotVariable> variables) -> Status {
+    const auto csv = dir / (name + ".csv");
+    RETURN_IF_ERROR(writeFileAtomically(csv, viewOf(text)));
+    if (!draw || !rows) return {};
     variables.emplace_back("csv", csv.string());
-    RETURN_IF_ERROR(drawPlot(picture.name, dir / fmt::format("{}.png", picture.name), variables));
-  }
+    return drawPlot(name, dir / (name + ".png"), variables);
+  };
+  RETURN_IF_ERROR(table("stiffness_limits", limitsCsv(limits), !limits.rows.empty(),
+                        {{"rows", static_cast<double>(limits.rows.size())}}));
+  RETURN_IF_ERROR(table("stiffness_rest", restCsv(limits), !limits.rest.empty(),
+                        {{"bound", limits.rest.empty() ? 0 : limits.rest.front().bound_N_per_m}}));
   if (!draw) limits.notes.push_back("gnuplot is not on the PATH: tables only, no pictures");
   return limits;
 }

@@ -1,5 +1,5 @@
-/// The largest stable stiffness of every axial model over rate and delay, found in closed loop, beside the
-/// theory.
+/// The largest stable stiffness of each axial model over rate and delay, found in closed loop and compared
+/// with theory.
 #pragma once
 
 #include <filesystem>
@@ -18,16 +18,16 @@ struct StiffnessLimitRow {
   AxialModel model = AxialModel::kEnhancedTrackingWall;
   double rate_hz = 0;
   unsigned delay_ticks = 0;
-  double stiffness_N_per_m = 0;  ///< the largest that was found stable, to 2 %
-  bool at_cap = false;           ///< stable still at the largest stiffness of a profile: the limit lies above
+  double stiffness_N_per_m = 0;  ///< largest stable one found, to 2 %
+  bool at_cap = false;           ///< still stable at the largest stiffness of a profile: the limit is higher
   double felt_N_per_m = 0;       ///< force over depth at that stiffness, measured in the nudge
   double coupled_N_per_m = 0;    ///< (b + b_hand)/(T(½ + d)): Colgate and Schenkel, with delay and this hand
-  double passive_N_per_m = 0;    ///< b/(T(½ + d)): of the device alone, whatever the hand
-  double sampled_N_per_m = 0;    ///< the exact limit of the linear loop, with the model's own damper
-  int runs = 0;                  ///< closed-loop runs that it took
+  double passive_N_per_m = 0;    ///< b/(T(½ + d)): device alone, any hand
+  double sampled_N_per_m = 0;    ///< exact limit of the linear loop, with the model's own damper
+  int runs = 0;                  ///< number of closed-loop runs
 };
 
-/// One dry friction at one encoder step: the largest stiffness at which the wall comes to a full rest.
+/// For one dry friction and one encoder step: the largest stiffness at which the wall comes to complete rest.
 struct RestLimitRow {
   double encoder_step_m = 0;
   double dry_friction_N = 0;
@@ -37,35 +37,21 @@ struct RestLimitRow {
   double bound_N_per_m = 0;   ///< 2b/T
 };
 
-/// The response to a nudge of one model beyond its largest stable stiffness.
-struct BeyondRow {
-  AxialModel model = AxialModel::kEnhancedTrackingWall;
-  double rate_hz = 0;
-  unsigned delay_ticks = 0;
-  double stiffness_N_per_m = 0;  ///< the largest that was found stable, times the factor of cases.json
-  double swing_N = 0;            ///< force peak-to-peak near the end
-  double max_force_N = 0;        ///< of the whole run
-  bool held = false;             ///< only the cap of the sum or the gate held it
-  CaseTrace trace;               ///< from the nudge on, t = 0 at its end
-};
-
 struct StiffnessLimits {
   std::vector<StiffnessLimitRow> rows;
-  std::vector<BeyondRow> beyond;
   std::vector<RestLimitRow> rest;
   std::vector<std::string> notes;  ///< models that could not be scanned, and why
 };
 
-/// Called now and then with the current work and the share that is done (0-1).
+/// Called now and then with the current work and the finished share (0-1).
 using StabilityProgress = std::function<void(std::string_view doing, double share)>;
 
-/// By bisection on K; scenes, plant, nudge, rates and delays are those of "stiffness_limits" and
-/// "stiffness_beyond" in cases.json. About 20 s on one core.
-/// Deterministic. Errors: kInvalidInput when the entry does not fit.
+/// Bisects K; scenes, plant, nudge, rates and delays come from "stiffness_limits" in cases.json. About 20 s
+/// on one core. Deterministic. Errors: kInvalidInput if the entry is invalid.
 Result<StiffnessLimits> findStiffnessLimits(const CaseSettings& settings, const StabilityProgress& progress);
 
-/// The same, written into `dir`, which must exist: stiffness_limits.csv, stiffness_rest.csv,
-/// stiffness_beyond.csv, all of it in stiffness_limits.json, and where gnuplot is found a .png of each.
+/// The same, written into the existing `dir`: stiffness_limits.csv, stiffness_rest.csv, both in
+/// stiffness_limits.json, and a .png of each if gnuplot is found.
 Result<StiffnessLimits> drawStiffnessLimits(const std::filesystem::path& dir, const CaseSettings& settings,
                                             const StabilityProgress& progress);
 

@@ -6,9 +6,10 @@
 #include <string>
 #include <utility>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/profile/profile.h"
+#include "common/profile/scene_of_profile.h"
 
 namespace needlelab {
 namespace {

@@ -1,20 +1,20 @@
-/// The haptic chain with the device, on virtual time: the ticks run one after another without waiting.
+/// The haptic chain with the device in virtual time: ticks run one after another without waiting.
 #pragma once
 
 #include <cstdint>
 #include <string_view>
 #include <vector>
 
+#include "client/device/hand/simulated_device.h"
 #include "client/device/haptic_chain.h"
-#include "client/device/simulated_device.h"
 #include "common/base/result.h"
 #include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 
-/// Runs until the device has finished, or for `max_ticks`. `model` must be compiled for the rate of the
-/// opened device. Errors: those of the device's `open`; kFailed when the gate took the force away, with the
-/// tick and the reason.
+/// Runs until the device has finished, or for `max_ticks`. `model` must be compiled for the opened device's
+/// rate. Errors: those of the device's `open`; kFailed if the gate removed the force, with the tick and the
+/// reason.
 Result<std::vector<ChainTick>> runClosedLoop(const SceneModel& model, Device& device, const Pose& X_HT,
                                              std::uint64_t max_ticks);
 
@@ -22,10 +22,10 @@ Result<std::vector<ChainTick>> runClosedLoop(const SceneModel& model, Device& de
 /// "paper-clamping". `X_WL` places it.
 Result<SceneModel> paperScene(std::string_view id, const Pose& X_WL, double rate_hz);
 
-/// The same, not yet compiled.
+/// The same, not compiled.
 Result<SceneSpec> paperSceneSpec(std::string_view id, const Pose& X_WL);
 
-/// A run that a figure shows. Times are those of the figure: `t0_s` belongs to tick 0.
+/// A run shown in a figure. Times are the figure's: `t0_s` is tick 0.
 struct FigureRun {
   double rate_hz = 1000;
   double t0_s = 0;

@@ -12,9 +12,9 @@
 #include <cstring>
 #include <system_error>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 
-extern char** environ;  // POSIX: the environment that the child gets
+extern char** environ;  // POSIX: the child's environment
 
 namespace needlelab {
 
@@ -28,7 +28,7 @@ std::string inGnuplotQuotes(const std::string& text) {
   return quoted + "'";
 }
 
-// the commands that set the variables
+// The commands that set the variables.
 std::string assignments(const std::vector<PlotVariable>& variables) {
   std::string text;
   for (const auto& [name, value] : variables) {
@@ -48,7 +48,7 @@ std::string assignments(const std::vector<PlotVariable>& variables) {
   return text;
 }
 
-// the file's last lines, for an error message
+// The file's last lines, for an error message.
 std::string tailOf(const std::filesystem::path& path) {
   auto text = readWholeFile(path, 1u << 20);
   if (!text.ok()) return "no message";
@@ -106,7 +106,7 @@ Status drawPlot(std::span<const EmbeddedFile> files, std::string_view plot, cons
   const std::string own = fmt::format("{}.gp", plot);
   if (std::none_of(files.begin(), files.end(), [&](const EmbeddedFile& file) { return file.name == own; }))
     return Error{ErrorCode::kNotFound, fmt::format("this program has no plot file '{}'", plot)};
-  // all files are beside the picture, under its name, until the picture is complete
+  // until the picture is complete, all files are beside it, named after it
   const std::filesystem::path part = png.string() + ".part", folder = png.string() + ".plots",
                               messages = png.string() + ".err";
   std::error_code failed;
@@ -122,7 +122,7 @@ Status drawPlot(std::span<const EmbeddedFile> files, std::string_view plot, cons
     std::filesystem::rename(part, png, failed);
     if (failed) status = Error{ErrorCode::kFailed, png.string() + ": " + failed.message()};
   }
-  std::error_code ignored;  // left-overs do no harm
+  std::error_code ignored;  // leftovers do no harm
   for (const auto& path : {part, folder, messages}) std::filesystem::remove_all(path, ignored);
   return status;
 }

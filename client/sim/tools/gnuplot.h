@@ -1,4 +1,4 @@
-/// Draws pictures with gnuplot, found at run time, from plot files and the tables that they read.
+/// Draws pictures with gnuplot, found at run time, from plot files and their tables.
 #pragma once
 
 #include <filesystem>
@@ -18,21 +18,21 @@ namespace needlelab {
 /// Whether `gnuplot` is on the PATH.
 bool hasGnuplot();
 
-/// A variable of a plot file, by its name: a number, a text, or an array of numbers or texts.
+/// A variable of a plot file and its name: a number, a text, or an array of numbers or texts.
 using PlotVariable =
     std::pair<std::string, std::variant<double, std::string, std::vector<double>, std::vector<std::string>>>;
 
-/// Draws `png` with the plot file `plot` of client/sim/plots ("fig07"). The picture file appears only when it
-/// is complete; the plot file gets its path as `png`, besides the `variables`. Errors: kFailed with gnuplot's
+/// Draws `png` with the plot file `plot` of client/sim/plots ("fig07"). The picture appears only when
+/// complete; the plot file gets its path as `png`, in addition to `variables`. Errors: kFailed with gnuplot's
 /// own message, kNotFound for an unknown plot file.
 Status drawPlot(std::string_view plot, const std::filesystem::path& png,
                 const std::vector<PlotVariable>& variables);
 
-/// The same with a plot file of `files`, which may load the others.
+/// The same with a plot file from `files`, which may load the others.
 Status drawPlot(std::span<const EmbeddedFile> files, std::string_view plot, const std::filesystem::path& png,
                 const std::vector<PlotVariable>& variables);
 
-/// A CSV under construction. Numbers have 9 significant digits: a picture's data, not a recording.
+/// A CSV under construction. Numbers have 9 significant digits: enough for a picture.
 class PlotTable {
  public:
   explicit PlotTable(std::string_view header) : text_(std::string(header) + "\n") {}
@@ -47,14 +47,14 @@ class PlotTable {
   std::string text_;
 };
 
-/// Data of a picture in blocks. A plot file finds a block by `index 'name;'` (gnuplot compares the first
-/// letters only, so a name must end in a mark). Tab-separated, so that texts may hold commas.
+/// A picture's data in blocks. A plot file finds a block by `index 'name;'` (gnuplot compares prefixes, so a
+/// name must end in a mark). Tab-separated, so texts may contain commas.
 class PlotBlocks {
  public:
   /// Adds a row to a block: the numbers, then the texts.
   void row(std::string_view block, std::initializer_list<double> numbers,
            std::initializer_list<std::string_view> texts = {});
-  /// Rows of a block by columns; columns of unequal length end with the shortest.
+  /// A block's rows, given by columns; the shortest column sets the number of rows.
   void columns(std::string_view block, const std::vector<std::vector<double>>& columns);
   /// All blocks, in the order of their first rows.
   [[nodiscard]] std::string text() const;

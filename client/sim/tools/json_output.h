@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/result.h"
 
 namespace CLI {
@@ -14,7 +14,7 @@ class App;
 
 namespace needlelab {
 
-/// `--json [FILE]`: not given, given without a file (standard output), or a file.
+/// `--json [FILE]`: absent, without a file (standard output), or with a file.
 struct JsonOption {
   bool wanted = false;
   std::string file;  ///< empty = standard output
@@ -22,14 +22,14 @@ struct JsonOption {
 /// `option` must outlive the parsing.
 void addJsonOption(CLI::App& app, JsonOption& option);
 
-/// As checkOutputs, for a command that writes files of these names into `folder` (with its option; an empty
-/// path: none), which is there already, and JSON.
+/// Like checkOutputs, for a command that writes files of these names into `folder` (with its option; an empty
+/// path: none), which must exist, and JSON.
 Status checkFolderOutputs(const std::vector<NamedFile>& inputs, const NamedFile& folder,
                           const std::vector<std::string>& names, const JsonOption& json);
 
 /// Writes `{"version", "machine", "rows"}` to the option's target.
 Status writeJson(const JsonOption& option, const nlohmann::ordered_json& rows);
-/// The same with the keys of `more` (an object) behind "rows".
+/// The same with the keys of `more` (an object) after "rows".
 Status writeJson(const JsonOption& option, const nlohmann::ordered_json& rows,
                  const nlohmann::ordered_json& more);
 

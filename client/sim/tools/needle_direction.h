@@ -1,5 +1,4 @@
-/// Whether a needle enters the skin tip first: hub first shows a quaternion in another order, or another
-/// frame.
+/// Checks whether a needle enters the skin tip first: hub first indicates another quaternion order or frame.
 #pragma once
 
 #include <cstddef>
@@ -13,8 +12,8 @@
 
 namespace needlelab {
 
-/// The needle points along z of its frame. `tip`: of row i, in the limb's frame W. Returns a warning for a
-/// person about the first entry at which it points out of the skin; nothing when there is none.
+/// The needle points along z of its frame. `tip`: returns row i, in the limb's frame W. Returns a warning for
+/// people about the first entry where it points out of the skin; empty if there is none.
 std::optional<std::string> needleDirectionWarning(const Limb& limb, std::size_t rows,
                                                   const std::function<TipSample(std::size_t)>& tip);
 

@@ -9,10 +9,12 @@
 #include "client/device/pose_option.h"
 #include "common/base/range.h"
 #include "common/fem/needle_mesh.h"
-#include "common/haptics/limits.h"
+#include "common/haptics/geometry.h"
 #include "common/haptics/scene_model.h"
-#include "common/haptics/tool_transform.h"
+#include "common/haptics/scene_spec.h"
 #include "common/profile/profile.h"
+#include "common/profile/rules.h"
+#include "common/profile/scene_of_profile.h"
 
 namespace needlelab {
 namespace {
@@ -44,7 +46,7 @@ Result<PoseTrack> readTrackAt(const std::filesystem::path& path, double rate_hz,
   for (std::size_t i = 0; i < at_ticks.X_WH.size(); ++i) {
     const double t_s = track.t_s.front() + static_cast<double>(i) / rate_hz;
     while (row + 1 < track.t_s.size() && track.t_s[row + 1] <= t_s + kOnTick_s) ++row;
-    // of a row on the tick its own time, bit for bit
+    // a row at the tick keeps its own time, bit for bit
     at_ticks.t_s.push_back(std::abs(track.t_s[row] - t_s) <= kOnTick_s ? track.t_s[row] : t_s);
   }
   return at_ticks;

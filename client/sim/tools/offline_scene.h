@@ -1,4 +1,4 @@
-/// A profile and a trajectory, ready for the engine; input of `run` and `score`.
+/// A profile and a trajectory, ready for the engine: input of `run` and `score`.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "client/device/recording_device.h"
+#include "client/device/recording/recording_device.h"
 #include "common/base/result.h"
 #include "common/haptics/engine.h"
 #include "needlelab/profile.pb.h"
@@ -19,14 +19,14 @@ class App;
 
 namespace needlelab {
 
-/// As on the command line.
+/// As given on the command line.
 struct OfflineOptions {
   std::filesystem::path profile;
   std::filesystem::path trajectory;  ///< empty = no track
-  std::size_t lines_above = 0;       ///< of the trajectory: lines above its header
-  std::optional<double> rate_hz;     ///< nothing: 1000 Hz, or that of a recording
-  std::string model;                 ///< instead of the profile's `axial_model`; empty = the profile's
-  std::string placement;             ///< the limb in W, see parsePoseOption; empty = at W's origin
+  std::size_t lines_above = 0;       ///< lines above the trajectory's header
+  std::optional<double> rate_hz;     ///< empty: 1000 Hz, or the recording's rate
+  std::string model;                 ///< replaces the profile's `axial_model`; empty = the profile's
+  std::string placement;             ///< the limb's pose in W, see parsePoseOption; empty = at W's origin
   std::string tool;                  ///< the tip in the handle's frame; empty = the rows are the tip itself
 };
 
@@ -35,12 +35,12 @@ struct OfflineScene {
   Pose X_WL, X_HT;
   double rate_hz = 0;
   SceneModel model;
-  PoseTrack track;  ///< at the ticks, by its times; of the handle where there is a tool
-  /// The tip at row `i`.
+  PoseTrack track;  ///< at each tick, by its times; of the handle if there is a tool
+  /// The tip in row `i`.
   [[nodiscard]] TipSample tip(std::size_t i) const;
 };
 
-/// A trajectory's poses at the ticks, as a device that plays it has them (resamplePoses). Errors: those of
+/// A trajectory's poses at the ticks, as for a device that plays it (resamplePoses). Errors: those of
 /// readPoseTrack.
 Result<PoseTrack> readTrackAt(const std::filesystem::path& path, double rate_hz, std::size_t lines_above = 0);
 /// Errors: kInvalidInput naming file, field, value and range.
@@ -55,8 +55,8 @@ void addOfflineOptions(CLI::App& app, OfflineOptions& options);
 /// Prints the profile's warnings on stderr, one per line.
 void printWarnings(const OfflineScene& scene);
 
-/// FNV-1a, 64 bits, of a text: as every double is written so that it reads back the same, equal hashes mean
-/// equal bits.
+/// FNV-1a, 64 bits, of a text. Doubles are written so that they read back exactly, so equal hashes mean equal
+/// bits.
 std::uint64_t fnv1a(std::string_view text);
 
 }  // namespace needlelab

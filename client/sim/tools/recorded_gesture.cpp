@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <utility>
 
+#include "common/base/median.h"
 #include "common/base/range.h"
 
 namespace needlelab {
@@ -30,15 +31,7 @@ Status checkOrder(const std::filesystem::path& path, const std::vector<GestureSa
   return {};
 }
 
-/// The middle one of at least one.
-template <typename T>
-T medianOf(std::vector<T> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
-/// The median of a tick's time; 0: fewer than two samples.
+/// The median duration of a tick; 0 with fewer than two samples.
 double tickOf_s(const std::vector<GestureSample>& samples) {
   std::vector<double> periods;
   for (std::size_t i = 1; i < samples.size(); ++i)
@@ -47,7 +40,7 @@ double tickOf_s(const std::vector<GestureSample>& samples) {
   return periods.empty() ? 0 : medianOf(std::move(periods));
 }
 
-/// A station's rate is a whole number of ticks a second, its times are not exactly so.
+/// A station's rate is a whole number of ticks per second, but its times are not exact.
 double wholeRate(double tick_s) {
   constexpr double kOff = 5e-3;
   if (!(tick_s > 0)) return 0;
@@ -55,10 +48,10 @@ double wholeRate(double tick_s) {
   return rate_hz > 0 && std::abs(rate_hz * tick_s - 1) <= kOff ? rate_hz : 0;
 }
 
-/// A busy computer may miss so much; the recording is whole then.
+/// A busy computer may miss this much; the recording still counts as complete.
 constexpr double kMostMissed_s = 0.1;
 
-/// Rows that somebody deleted; a thinned recording has every n-th tick.
+/// Detects deleted rows; a thinned recording has every n-th tick.
 std::vector<std::string> holesOf(const std::vector<GestureSample>& samples, double tick_s) {
   std::vector<std::uint64_t> steps;
   for (std::size_t i = 1; i < samples.size(); ++i) steps.push_back(samples[i].tick - samples[i - 1].tick);
@@ -95,12 +88,12 @@ Result<RecordedGesture> readRecordedGesture(const std::filesystem::path& path, D
   if (!gesture.holes.empty() && damaged == DamagedRecording::kRefuse)
     return Error{
         ErrorCode::kCorrupt,
-        fmt::format("{}: is not whole: {}{}", path.string(), gesture.holes.front(),
+        fmt::format("{}: incomplete: {}{}", path.string(), gesture.holes.front(),
                     gesture.holes.size() == 1 ? std::string()
                                               : fmt::format(" (and {} more)", gesture.holes.size() - 1))};
   if (gesture.rate_hz == 0 && !rate_hz)
     return Error{ErrorCode::kInvalidInput,
-                 fmt::format("{}: its ticks take {} s, which is no rate of a station: give --rate",
+                 fmt::format("{}: its ticks take {} s, which is not a station's rate: give --rate",
                              path.string(), numberText(tick_s))};
   if (gesture.rate_hz == 0) gesture.rate_hz = *rate_hz;
   if (rate_hz && *rate_hz != gesture.rate_hz)

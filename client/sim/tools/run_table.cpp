@@ -2,7 +2,7 @@
 
 #include <fmt/core.h>
 
-#include "common/base/csv.h"
+#include "common/base/text/csv.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/scene_model.h"
 

@@ -1,4 +1,4 @@
-/// The CSV of `run`: a row for each tick, a column for each effect's term.
+/// The CSV of `run`: one row per tick, one column per effect's term.
 #pragma once
 
 #include <string>
@@ -7,10 +7,10 @@
 
 namespace needlelab {
 
-/// The columns, with a newline.
+/// The column names, with a newline.
 std::string runHeader();
 
-/// Appends the row of a tick: 17 significant digits, wall `nan` when there is none, phase by name.
+/// Appends the row of a tick: 17 significant digits, wall `nan` if there is none, phase by name.
 /// `needle_length_m` is for alpha_rad.
 void appendRunRow(std::string& out, double t_s, const StepReport& report, double needle_length_m);
 

@@ -38,7 +38,7 @@ double meanOf(std::span<const double> values) {
   return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
-// standard error of the mean
+// Standard error of the mean.
 double errorOfMean(std::span<const double> values, double mean) {
   double squares = 0;
   for (const double v : values) squares += (v - mean) * (v - mean);
@@ -65,7 +65,7 @@ std::vector<double> holmCorrected(std::span<const double> p) {
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return p[a] < p[b]; });
   std::vector<double> corrected(p.size());
-  double least = 0;  // a larger p never becomes a smaller one
+  double least = 0;  // keeps the corrected values in the order of p
   for (std::size_t k = 0; k < order.size(); ++k) {
     least = std::max(least, std::min(1.0, static_cast<double>(order.size() - k) * p[order[k]]));
     corrected[order[k]] = least;

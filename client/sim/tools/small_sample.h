@@ -1,4 +1,4 @@
-/// What few independent values tell: intervals of a mean, and tests with a correction for how many there are.
+/// Statistics for few independent values: intervals of a mean, and tests corrected for their number.
 #pragma once
 
 #include <cstddef>
@@ -7,13 +7,13 @@
 
 namespace needlelab {
 
-/// The probability that |t| is at least this, of Student's t with so many degrees of freedom (at least 1).
+/// Probability that |t| is at least this, for Student's t with `freedom` degrees of freedom (at least 1).
 /// Closed form (Abramowitz and Stegun 26.7.3 and 26.7.4).
 double studentTail(double t, std::size_t freedom);
 /// The t that |t| exceeds with probability `tail`, in (0, 1).
 double studentQuantile(double tail, std::size_t freedom);
 
-/// A mean of independent values with its 95 % interval by Student's t, cut nowhere. With one value there is
+/// A mean of independent values with its 95 % interval by Student's t, not clamped. With one value there is
 /// no interval: low and high are infinite.
 struct MeanInterval {
   double mean = 0, low = 0, high = 0;
@@ -21,9 +21,9 @@ struct MeanInterval {
 };
 MeanInterval meanInterval(std::span<const double> values);
 
-/// The p values of several tests, corrected by Holm's method (1979), in the order given: each at least its
-/// own p, at most 1. The chance that any test whose groups do not differ comes to α or below is at most α,
-/// however the tests depend on each other.
+/// The p values of several tests, corrected by Holm's method (1979), in the given order: each at least its
+/// own p, at most 1. The chance that any test whose groups do not differ reaches α is at most α, however the
+/// tests depend on each other.
 std::vector<double> holmCorrected(std::span<const double> p);
 
 }  // namespace needlelab

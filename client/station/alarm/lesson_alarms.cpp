@@ -39,7 +39,7 @@ std::vector<ActiveAlarm> LessonAlarms::update(const AlarmFacts& facts) {
   return now;
 }
 
-// an alarm that came and went between two calls sounds, too
+// also sounds an alarm that came and went between two calls
 void LessonAlarms::soundNew(const std::vector<ActiveAlarm>& now, const std::vector<AlarmCount>& counts,
                             bool gesture_shown) {
   bool any = false, danger = false;

@@ -1,4 +1,4 @@
-/// What alarms a lesson: its gesture, the loop, the device, the time; and the tone for what begins.
+/// A lesson's alarms, from gesture, loop, device and time; and the tone when one begins.
 #pragma once
 
 #include <cstdint>
@@ -7,18 +7,18 @@
 #include <vector>
 
 #include "client/station/alarm/tone.h"
-#include "common/haptics/force_gate.h"
-#include "common/scoring/alarms.h"
+#include "common/haptics/gate/force_gate.h"
+#include "common/scoring/alarms/alarms.h"
 
 namespace needlelab {
 
-/// The time is an alarm when less is left.
+/// Less time left than this is an alarm.
 inline constexpr double kTimeAlarm_s = 10;
 
-/// The lesson, 20 times a second.
+/// The lesson's state, 20 times a second.
 struct AlarmFacts {
   Fault fault = Fault::kNone;
-  std::string hold;                ///< why there is no force without a fault; empty: there is
+  std::string hold;                ///< reason for zero force without a fault; empty: force is on
   double time_s = 0, limit_s = 0;  ///< since the first tick; 0: no limit
   bool gesture_shown = true;       ///< the trainee has the aid ALARMS
 };
@@ -30,10 +30,10 @@ class LessonAlarms {
 
   /// Takes the gesture's alarms so far. Thread: the spool writer's.
   void take(const GestureAlarms& gesture);
-  /// Returns what lasts, most urgent first, and sounds what has begun since the last call. Alarms of the
-  /// gesture are left out where the trainee is not to see them. Thread: the lesson's.
+  /// Returns the present alarms, most urgent first, and sounds those that began since the last call. Omits
+  /// the gesture's alarms if the trainee must not see them. Thread: the lesson's.
   std::vector<ActiveAlarm> update(const AlarmFacts& facts);
-  /// The gesture's, for the summary. Thread: any.
+  /// The gesture's alarms, for the summary. Thread: any.
   [[nodiscard]] std::vector<AlarmCount> counts() const;
 
  private:

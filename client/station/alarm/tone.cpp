@@ -14,7 +14,7 @@ namespace {
 
 constexpr unsigned kRate_Hz = 48'000;
 
-/// A tone, then as long a pause, `times` times; faded in and out, so that it does not click.
+/// A tone and an equally long pause, `times` times; fades in and out to avoid clicks.
 std::vector<std::int16_t> beeps(double pitch_Hz, double length_s, int times) {
   const auto count = static_cast<std::size_t>(length_s * kRate_Hz);
   std::vector<std::int16_t> samples(2 * count * static_cast<std::size_t>(times), 0);
@@ -29,7 +29,8 @@ std::vector<std::int16_t> beeps(double pitch_Hz, double length_s, int times) {
   return samples;
 }
 
-/// The five functions of ALSA that a tone needs (alsa/pcm.h): the program does not depend on the library.
+/// The five ALSA functions that a tone needs (alsa/pcm.h), loaded at run time, so that the program does not
+/// depend on the library.
 class Alsa {
  public:
   Alsa() {

@@ -15,16 +15,16 @@ enum class ToneChoice { kOff, kDanger, kAll };
 class Tone {
  public:
   virtual ~Tone() = default;
-  /// `danger`: three high tones, else one low one.
+  /// `danger`: three high tones; otherwise one low tone.
   virtual void sound(bool danger) = 0;
 };
 
-/// Plays through ALSA (libasound, loaded when the first tone is due); without it or without a card, rings the
-/// terminal's bell; without a terminal, is silent. A tone that is due while another plays is left out.
+/// Plays through ALSA (libasound, loaded for the first tone); without it or without a card, rings the
+/// terminal's bell; without a terminal, stays silent. Omits a tone that is due while another plays.
 class AudibleTone final : public Tone {
  public:
   AudibleTone();
-  /// Waits for a tone that plays.
+  /// Waits for a playing tone.
   ~AudibleTone() override;
   void sound(bool danger) override;
 

@@ -9,10 +9,10 @@
 #include <utility>
 #include <vector>
 
-#include "client/net/lesson_cache.h"
-#include "client/net/uplink.h"
-#include "client/station/run/curriculum.h"
-#include "client/station/run/terminal.h"
+#include "client/net/spool/lesson_cache.h"
+#include "client/net/uplink/uplink.h"
+#include "client/station/run/io/terminal.h"
+#include "client/station/run/lesson/curriculum.h"
 #include "common/base/secret.h"
 
 namespace needlelab {
@@ -21,9 +21,10 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto kLessonPatience = 10s;  // time limit for a lesson from the server
-constexpr auto kCheckPatience = 3s;    // for its word on the trainee alone, which a lesson does not need
+constexpr auto kCheckPatience = 3s;    // time limit for a check of the trainee alone, which a lesson does not
+                                       // need
 
-// what the server says of the trainee, with a lesson or alone
+// what the server reports about the trainee, with a lesson or alone
 const pb::Lesson& ofTrainee(const pb::Lesson& lesson) {
   return lesson;
 }
@@ -31,7 +32,7 @@ const pb::TraineeChecked& ofTrainee(const pb::Reply& reply) {
   return reply.trainee_checked();
 }
 
-// without what is one trainee's
+// removes what belongs to one trainee
 pb::Lesson lessonOfAnyone(pb::Lesson lesson) {
   lesson.clear_person_ref();
   lesson.clear_code_checked();
@@ -52,7 +53,7 @@ const ServerExercise* exerciseIn(const Curriculum& curriculum, const std::string
   return nullptr;
 }
 
-// the names of what this trainee can practise without the server
+// names of exercises that this trainee can practise without the server
 std::vector<std::string> lessonsKept(const StationOptions& options) {
   const Curriculum curriculum = CurriculumCache(options.spool, options.key_file).find();
   const TraineeStanding* const standing = standingIn(curriculum, options.trainee);
@@ -89,12 +90,12 @@ class LessonFetch {
   GivenCode& code_;
   const std::function<bool()>& stopped_;
   bool code_asked_ = false;    // by the server, for this lesson
-  bool code_checked_ = false;  // it accepted it
-  std::string person_;         // as the server says it
+  bool code_checked_ = false;  // the server accepted it
+  std::string person_;         // as the server reports it
 };
 
-// asks the server with the trainee's code, and again while it is missing or wrong and somebody gives another;
-// kCode, too, when a server that is there does not say in time whether it is right
+// Asks the server with the trainee's code; repeats while the code is missing or wrong and a person gives
+// another. Also returns kCode if a reachable server does not check the code in time.
 template <typename Ask>
 auto LessonFetch::askWithCode(Ask&& ask) {
   for (;;) {
@@ -119,7 +120,7 @@ auto LessonFetch::askWithCode(Ask&& ask) {
   }
 }
 
-// for the time without the server: it alone knows who has a code
+// for times without the server, which alone knows who has a code
 void LessonFetch::keepAsksCode(bool asks) const {
   if (const Status kept =
           CurriculumCache(options_.spool, options_.key_file).keepAsksCode(options_.trainee, asks);
@@ -127,7 +128,7 @@ void LessonFetch::keepAsksCode(bool asks) const {
     logMessage("it is not kept whether a code is asked for: " + kept.error().message);
 }
 
-// a profile from a file needs no server; but one that is there says whether it knows the trainee
+// a profile from a file needs no server, but a reachable one says whether it knows the trainee
 Status LessonFetch::checkTrainee() {
   Uplink* const uplink = home_.uplink();
   if (uplink == nullptr) return {};
@@ -137,7 +138,7 @@ Status LessonFetch::checkTrainee() {
     pb::Request request;
     request.mutable_check_trainee()->set_trainee(options_.trainee);
     request.mutable_check_trainee()->set_code(code);
-    // whoever typed a code waits for its check
+    // a person who typed a code waits for its check
     code_sent = !code.empty();
     patience = code_sent ? kLessonPatience : kCheckPatience;
     return uplink->ask(std::move(request), patience, true, stopped_);
@@ -148,19 +149,19 @@ Status LessonFetch::checkTrainee() {
   if (code == ErrorCode::kUnavailable)
     logMessage(fmt::format("the server did not say within {} s whether it knows the trainee ({})",
                            patience.count(), reply.error().message));
-  // kDenied also comes when the server refuses the station itself, whose lesson goes on without it
+  // kDenied may also mean that the server refuses the station; its lesson then continues without the server
   const bool said_no = code == ErrorCode::kNotFound ||
                        (code == ErrorCode::kDenied && !uplink->state().denied) ||
                        ((code_asked_ || code_sent) && code != ErrorCode::kUnavailable);
   return said_no ? Status(reply.error()) : Status();
 }
 
-// an exam's attempts are counted here as far as this station knows them; the server counts them all
+// counts an exam's attempts as far as this station knows them; the server counts them all
 Status LessonFetch::mayBeginAlone(const pb::Lesson& lesson) const {
   const Curriculum kept = CurriculumCache(options_.spool, options_.key_file).find();
   const TraineeStanding* const standing = standingIn(kept, options_.trainee);
   const ServerExercise* const exercise = exerciseIn(kept, options_.exercise);
-  // what the server said last may be newer than the lesson
+  // the server's last report may be newer than the lesson
   const bool exam = lesson.exam() || (exercise != nullptr && exercise->exam);
   const bool assigned_only = lesson.assigned_only() || (exercise != nullptr && exercise->assigned_only);
   if (!assigned_only) return {};
@@ -180,7 +181,7 @@ Status LessonFetch::mayBeginAlone(const pb::Lesson& lesson) const {
   return {};
 }
 
-// what the trainee can do now
+// says what the trainee can do now
 Error LessonFetch::needsServer() const {
   constexpr std::size_t kMostNames = 8;
   const std::vector<std::string> kept = lessonsKept(options_);
@@ -203,7 +204,7 @@ Result<StationLesson> LessonFetch::get() {
   }
   const LessonCache cache(options_.spool);
   auto cached = cache.find(options_.exercise);
-  if (!cached.ok() && cached.error().code == ErrorCode::kInvalidInput) return cached.error();  // no id at all
+  if (!cached.ok() && cached.error().code == ErrorCode::kInvalidInput) return cached.error();  // invalid id
   if (Uplink* uplink = home_.uplink()) {
     const auto fetched = askWithCode([&](const std::string& code) {
       return uplink->getLesson(options_.exercise, options_.trainee, kLessonPatience, cached.ok(), stopped_,
@@ -214,7 +215,7 @@ Result<StationLesson> LessonFetch::get() {
         logMessage("the lesson is not cached: " + kept.error().message);
       return lessonOfMessage(options_, *fetched);
     }
-    // accepts the server's refusal; does not wait for an absent server
+    // accepts a refusal; does not wait for an absent server
     if (fetched.error().code != ErrorCode::kUnavailable) return fetched.error();
     logMessage("the server is away (" + fetched.error().message + ")" +
                (cached.ok() ? "; exercise " + options_.exercise +
@@ -245,7 +246,7 @@ Result<FetchedLesson> fetchLesson(StationHome& home, const StationOptions& optio
   ASSIGN_OR_RETURN(fetched.lesson, fetch.get());
   for (const std::string& warning : fetched.lesson.warnings)
     logMessage("profile " + fetched.lesson.profile.id() + ": " + warning);
-  // the lesson needs it no longer
+  // the lesson no longer needs it
   wipe(code.code);
   code.ask = nullptr;
   fetched.code_checked = fetch.codeChecked();

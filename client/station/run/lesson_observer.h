@@ -1,4 +1,4 @@
-/// A window observes lessons through this interface. Without a window it does nothing.
+/// The interface through which a window observes lessons. Without a window it does nothing.
 #pragma once
 
 #include <cstdint>
@@ -7,23 +7,23 @@
 #include <vector>
 
 #include "client/device/device.h"
-#include "client/device/hand.h"
-#include "client/device/hand_plan.h"
-#include "client/net/spool_writer.h"
-#include "client/net/uplink.h"
-#include "client/station/run/lesson.h"
-#include "client/station/run/local_score.h"
+#include "client/device/hand/hand.h"
+#include "client/device/hand/hand_plan.h"
+#include "client/net/spool/spool_writer.h"
+#include "client/net/uplink/uplink.h"
+#include "client/station/run/lesson/lesson.h"
+#include "client/station/run/lesson/local_score.h"
 #include "client/station/run/summary.h"
 #include "common/base/histogram.h"
 #include "common/haptics/geometry.h"
-#include "common/scoring/alarms.h"
+#include "common/scoring/alarms/alarms.h"
 
 namespace needlelab {
 
 /// The data of a lesson that stay constant while it runs.
 struct LessonBeginning {
   std::string session_id, trainee;
-  bool code_unchecked = false;  ///< the trainee is to know: kCodeUnchecked
+  bool code_unchecked = false;  ///< the trainee must be told: kCodeUnchecked
   StationLesson lesson;
   Pose X_WL;
   double rate_hz = 1000;
@@ -47,7 +47,7 @@ struct LessonStatus {
   std::uint64_t missed_ticks = 0;
   std::string spool, server;        ///< short state, as on the live line
   std::string room;                 ///< free space of the spool, or of the server; empty unless it is urgent
-  std::vector<ActiveAlarm> alarms;  ///< that the trainee is to see, most urgent first
+  std::vector<ActiveAlarm> alarms;  ///< visible to the trainee, most urgent first
 };
 
 /// The outcome of a finished lesson so far; the server's score may come later.

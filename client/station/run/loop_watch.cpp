@@ -69,7 +69,7 @@ void LoopWatch::look() {
   if (watched_.home.uplink() != nullptr) reportToServer();
 }
 
-// of the window and of instructors
+// from the window and from instructors
 void LoopWatch::handleRequests() {
   LessonRequests& requests = watched_.home.requests();
   if (auto stop = requests.takeStop(); stop && !stopped_) {
@@ -124,7 +124,7 @@ void LoopWatch::showStatus(const WatchedState& state) {
   if (liveLine().due(now_ns)) liveLine().show(view, now_ns);
 }
 
-// what instructors see of the station
+// reports what instructors see of the station
 void LoopWatch::reportToServer() {
   Uplink& uplink = *watched_.home.uplink();
   const ServoLoop& loop = watched_.loop;

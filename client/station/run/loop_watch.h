@@ -1,4 +1,4 @@
-/// What the lesson's thread does while the loop runs: it looks at loop, device, requests and signals.
+/// The lesson thread's work while the loop runs: watches loop, device, requests and signals.
 #pragma once
 
 #include <csignal>
@@ -7,19 +7,19 @@
 
 #include "client/device/device.h"
 #include "client/device/turns.h"
-#include "client/net/spool_writer.h"
+#include "client/net/spool/spool_writer.h"
 #include "client/station/alarm/lesson_alarms.h"
-#include "client/station/run/fault_watch.h"
-#include "client/station/run/lesson.h"
+#include "client/station/run/io/live_line.h"
+#include "client/station/run/io/terminal.h"
+#include "client/station/run/lesson/lesson.h"
 #include "client/station/run/lesson_requests.h"
-#include "client/station/run/live_line.h"
-#include "client/station/run/servo_loop.h"
+#include "client/station/run/loop/fault_watch.h"
+#include "client/station/run/loop/servo_loop.h"
 #include "client/station/run/station.h"
-#include "client/station/run/terminal.h"
 
 namespace needlelab {
 
-/// What a LoopWatch looks at. All of it must outlive the watch.
+/// What a LoopWatch observes. All of it must outlive the watch.
 struct WatchedLesson {
   StationHome& home;
   const StationOptions& options;
@@ -29,15 +29,15 @@ struct WatchedLesson {
   const DeviceMaintenance& maintenance;
   FaultPolicy on_fault = FaultPolicy::kEnd;
   LessonAlarms& alarms;
-  double limit_s = 0;  ///< of the lesson; 0: none
+  double limit_s = 0;  ///< time limit of the lesson; 0: none
 };
 
-/// Looks every 50 ms of the home's time, first 50 ms after the beginning and for the last time when the loop
-/// has ended. A look
-/// - stops the loop on a stop signal, or when a person or an instructor asks for it;
+/// Looks every 50 ms of the home's time: first 50 ms after the beginning, for the last time after the loop
+/// ended. A look
+/// - stops the loop on a stop signal, or at a person's or an instructor's request;
 /// - acknowledges a reported fault when a person pressed Enter or a button of the window, or sent SIGUSR1;
-/// - tells person, observer and server how loop, device and disk are, and what alarms.
-/// A signal brings the next look forward. Thread: one, the lesson's.
+/// - reports loop, device, disk and alarms to the person, the observer and the server.
+/// A signal triggers the next look early. Thread: one, the lesson's.
 class LoopWatch final : public Turns {
  public:
   /// `stop_signals`: from blockStopSignals. `enter` must outlive the watch.
@@ -45,7 +45,7 @@ class LoopWatch final : public Turns {
 
   /// Looks until the loop has ended.
   void run();
-  /// One look of `run`, but for the first call.
+  /// One look of `run`; the first call only sets the time.
   std::optional<std::int64_t> turn() noexcept override;
   void rest(std::int64_t until_ns) noexcept override;
 
@@ -62,14 +62,14 @@ class LoopWatch final : public Turns {
   void reportToServer();
 
   WatchedLesson watched_;
-  sigset_t signals_;  // SIGUSR1 too
+  sigset_t signals_;  // also SIGUSR1
   EnterKey& enter_;
   FaultWatch faults_;
   LiveViewer viewer_;
   LiveAids aids_;
   bool alarms_shown_;
   bool begun_ = false;
-  int signal_ = 0;  // that ended the last rest
+  int signal_ = 0;  // the signal that ended the last rest; 0: none
   bool interrupted_ = false;
   std::optional<StopCause> stopped_;
 };

@@ -4,10 +4,8 @@
 
 #include <utility>
 
-#include "client/station/run/station_key.h"
-#include "client/station/run/station_run.h"
-#include "client/station/run/terminal.h"
-#include "client/station/run/trainee_code.h"
+#include "client/station/run/io/station_key.h"
+#include "client/station/run/io/terminal.h"
 #include "common/base/program.h"
 #include "common/wire/protocol.h"
 #include "common/wire/tls.h"
@@ -48,14 +46,13 @@ Status StationHome::connect() {
   if (!options_.key_file.empty()) {
     key = loadStationKey(options_.key_file);
     if (!key.ok()) return key.error();
-    // also without a server: a later upload uses this name
+    // even without a server, for a later upload
     if (station_.empty()) station_ = key->station;
   }
   if (options_.servers.empty()) {
     if (const auto waiting = spool_->unfinished().size(); waiting > 0)
       logMessage(fmt::format(
-          "{} session(s) of before wait in the spool for a server; without --server they go on waiting",
-          waiting));
+          "{} earlier session(s) wait in the spool for a server; without --server they stay there", waiting));
     return {};
   }
   UplinkConfig config;
@@ -76,27 +73,6 @@ Status StationHome::connect() {
 
 void StationHome::close() {
   if (uplink_) uplink_->stop();
-}
-
-int runStation(const StationOptions& options, const sigset_t& stop_signals) {
-  LessonObserver nobody;
-  StationHome home(options, nobody);
-  const auto failed = [](const Status& status) {
-    logMessage(status.error().message);
-    return exitCodeOf(status.error());
-  };
-  auto ask_for_code = askForCodeWithoutWindow(options);
-  if (!ask_for_code.ok()) return failed(ask_for_code.error());
-  if (const Status status = home.openSpool(); !status.ok()) return failed(status);
-  if (const Status status = home.connect(); !status.ok()) return failed(status);
-  StationRun run(home, options, stop_signals, {"", std::move(*ask_for_code)});
-  if (const Status status = run.prepare(); !status.ok()) return failed(status);
-  static_cast<void>(run.practise());  // the outcome contains its status
-  run.drain();
-  const LessonOutcome outcome = run.outcome();
-  home.close();
-  home.guard().report();
-  return run.report(outcome);
 }
 
 }  // namespace needlelab

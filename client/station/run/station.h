@@ -1,17 +1,15 @@
-/// The station's shared state between lessons (spool and server link), and a whole lesson without a window.
+/// The station's shared state between lessons: spool and server link.
 #pragma once
 
-#include <csignal>
 #include <memory>
 #include <string>
 
-#include "client/net/spool_outlook.h"
-#include "client/net/uplink.h"
+#include "client/net/spool/spool_outlook.h"
+#include "client/net/uplink/uplink.h"
+#include "client/station/run/io/options.h"
 #include "client/station/run/lesson_observer.h"
 #include "client/station/run/lesson_requests.h"
-#include "client/station/run/options.h"
-#include "client/station/run/signals.h"
-#include "common/base/time_source.h"
+#include "common/base/time/time_source.h"
 
 namespace needlelab {
 
@@ -37,7 +35,7 @@ class StationHome {
   [[nodiscard]] const std::string& station() const { return station_; }
   [[nodiscard]] LessonObserver& observer() { return observer_; }
   [[nodiscard]] LessonRequests& requests() { return requests_; }
-  /// Of all of the station's threads but the haptic one.
+  /// The time of all the station's threads except the haptic one.
   [[nodiscard]] TimeSource& time() { return time_; }
 
  private:
@@ -52,10 +50,5 @@ class StationHome {
   std::unique_ptr<SpoolGuard> guard_;
   std::unique_ptr<Uplink> uplink_;  // last: its events use the others
 };
-
-/// Runs one lesson without a window and prints its summary. `stop_signals`: from blockStopSignals; the first
-/// signal ends the lesson properly; the second also ends the wait for the server. Returns the program's exit
-/// code (common/base/program.h). Thread: main. Starts and joins all others.
-int runStation(const StationOptions& options, const sigset_t& stop_signals);
 
 }  // namespace needlelab

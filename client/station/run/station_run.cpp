@@ -1,4 +1,4 @@
-// A lesson in its order: prepare (lesson, device, session), practise (the loop on its own thread, watched by
+// The phases of a lesson: prepare (lesson, device, session), practise (the loop on its own thread, watched by
 // this one), drain (sends the rest to the server), outcome and report.
 
 #include "client/station/run/station_run.h"
@@ -18,22 +18,22 @@
 
 #include "client/device/factory/device_factory.h"
 #include "client/device/rehearsed_fault.h"
-#include "client/net/uplink.h"
-#include "client/station/run/curriculum.h"
-#include "client/station/run/cut_follower.h"
-#include "client/station/run/lesson.h"
+#include "client/net/uplink/uplink.h"
+#include "client/station/run/checks/measure_delay.h"
+#include "client/station/run/io/terminal.h"
+#include "client/station/run/lesson/curriculum.h"
+#include "client/station/run/lesson/cut_follower.h"
+#include "client/station/run/lesson/lesson.h"
+#include "client/station/run/lesson/local_score.h"
 #include "client/station/run/lesson_fetch.h"
-#include "client/station/run/local_score.h"
+#include "client/station/run/loop/real_time.h"
+#include "client/station/run/loop/signals.h"
 #include "client/station/run/loop_watch.h"
-#include "client/station/run/measure_delay.h"
-#include "client/station/run/real_time.h"
-#include "client/station/run/signals.h"
-#include "client/station/run/terminal.h"
-#include "common/base/clock.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
+#include "common/base/time/clock.h"
 #include "common/profile/profile.h"
-#include "common/scoring/lesson_watch.h"
+#include "common/scoring/alarms/lesson_watch.h"
 
 namespace needlelab {
 namespace {
@@ -72,7 +72,7 @@ Status StationRun::prepare() {
   };
   for (const auto& [name, step] : steps) {
     // a person at the window may cancel; the waiting code handles signals
-    if (home_.requests().takeStop()) return Error{ErrorCode::kFailed, "it was called off"};
+    if (home_.requests().takeStop()) return Error{ErrorCode::kFailed, "it was cancelled"};
     home_.observer().preparing(name);
     RETURN_IF_ERROR((this->*step)());
   }
@@ -164,7 +164,7 @@ Status StationRun::openSession() {
   if (!(options_.X_HT == Pose{})) putPose(*d.mutable_tool(), options_.X_HT);
   ASSIGN_OR_RETURN(session_, home_.spool().create(d));
   if (Uplink* uplink = home_.uplink()) uplink->add(session_, true);
-  // for the time without the server, which may begin now
+  // for times without the server, which may begin now
   if (const Status kept =
           CurriculumCache(options_.spool, options_.key_file).keepBegun(options_.trainee, options_.exercise);
       !kept.ok())
@@ -172,7 +172,7 @@ Status StationRun::openSession() {
   return {};
 }
 
-// by the server's clock where it was there since this program began: this computer's may be wrong
+// uses the server's clock if it was reachable since this program began: this computer's may be wrong
 void StationRun::dateBegin(pb::SessionDescription& d) const {
   constexpr std::int64_t kBehind_ns = 300'000'000'000;
   const Uplink* const uplink = home_.uplink();
@@ -215,7 +215,7 @@ Status StationRun::practise() {
   SpoolWriter::Callbacks callbacks;
   callbacks.trouble = logMessage;
   Uplink* const uplink = home_.uplink();
-  // the lesson's figures for the instructor's overview; on the writer's thread
+  // computes the figures for the instructor's overview, on the writer's thread
   const auto lesson_watch = std::make_shared<LessonWatch>(lesson_.profile, options_.X_WL,
                                                           lesson_.exercise ? &*lesson_.exercise : nullptr);
   const auto cut_follower = std::make_shared<CutFollower>(lesson_.model);
@@ -225,7 +225,7 @@ Status StationRun::practise() {
   };
   callbacks.piece = [this, uplink, lesson_watch, cut_follower](const SamplePiece& samples) {
     SamplePiece piece = samples;
-    piece.cut_memory = cut_follower->due();  // its last sample is the last that was followed
+    piece.cut_memory = cut_follower->due();  // its last sample is the last one followed
     lesson_watch->add(*piece.samples);
     alarms_.take(lesson_watch->alarms());
     if (uplink != nullptr) {
@@ -316,7 +316,7 @@ void StationRun::drain() {
   if (const std::string text = drainText(end, uplink->state()); !text.empty()) logMessage(text);
 }
 
-// of an exam; by the server's clock alone, because this computer's may be wrong
+// for an exam; uses only the server's clock, because this computer's may be wrong
 std::int64_t StationRun::resultsHeldUntil() const {
   const Uplink* const uplink = home_.uplink();
   const auto ahead = uplink != nullptr ? uplink->state().server_minus_steady_ns : std::nullopt;

@@ -1,4 +1,4 @@
-/// Runs one lesson from beginning to end, for `runStation` and the window.
+/// Runs one lesson from beginning to end, without a window (main.cpp) or with one.
 #pragma once
 
 #include <csignal>
@@ -10,16 +10,16 @@
 #include <vector>
 
 #include "client/device/device.h"
-#include "client/device/hand.h"
+#include "client/device/hand/hand.h"
 #include "client/station/alarm/lesson_alarms.h"
-#include "client/station/run/black_box.h"
-#include "client/station/run/lesson.h"
+#include "client/station/run/lesson/lesson.h"
+#include "client/station/run/lesson/local_score.h"
+#include "client/station/run/lesson/trainee_code.h"
 #include "client/station/run/lesson_observer.h"
-#include "client/station/run/local_score.h"
-#include "client/station/run/servo_loop.h"
+#include "client/station/run/loop/black_box.h"
+#include "client/station/run/loop/servo_loop.h"
 #include "client/station/run/station.h"
 #include "client/station/run/summary.h"
-#include "client/station/run/trainee_code.h"
 
 namespace needlelab {
 
@@ -33,11 +33,11 @@ class StationRun {
       : home_(home), options_(std::move(options)), signals_(stop_signals), code_(std::move(code)) {}
 
   /// Prepares lesson, device and session. Errors include advice; after an error there is no recording. kCode:
-  /// the server asks for the trainee's code, and nobody gave the right one.
+  /// the server asks for the trainee's code and did not get the right one.
   Status prepare();
   /// Runs the loop until the lesson ends. Errors: part of the recording is not stored safely.
   Status practise();
-  /// Waits until the server has everything, within limits.
+  /// Waits, within limits, until the server has everything.
   void drain();
   /// Returns the result so far.
   [[nodiscard]] LessonOutcome outcome();
@@ -70,7 +70,7 @@ class StationRun {
   const sigset_t& signals_;
   GivenCode code_;
   bool code_checked_ = false, code_unchecked_ = false;  // as in FetchedLesson
-  std::string person_;                                  // the same
+  std::string person_;                                  // likewise
   std::shared_ptr<HandSteering> steering_;              // input of the simulated hand steered in the window
   SampleRing ring_;
   StationLesson lesson_;
@@ -82,7 +82,7 @@ class StationRun {
   std::unique_ptr<ServoLoop> loop_;
   AudibleTone tone_;
   LessonAlarms alarms_{tone_, options_.tone};
-  std::unique_ptr<SpoolWriter> writer_;  // tells the alarms
+  std::unique_ptr<SpoolWriter> writer_;  // reports to the alarms
   std::vector<RtStep> realtime_;
   BlackBoxCounts black_box_;
   double time_limit_s_ = 0;

@@ -9,13 +9,12 @@
 #include <string_view>
 #include <utility>
 
-#include "common/base/local_time.h"
 #include "common/base/program.h"
-#include "common/haptics/device_condition.h"
+#include "common/base/time/local_time.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/engine.h"
-#include "common/haptics/force_gate.h"
-#include "common/haptics/handle_stiffness.h"
+#include "common/haptics/gate/force_gate.h"
+#include "common/haptics/gate/handle_stiffness.h"
 
 namespace needlelab {
 namespace {
@@ -185,7 +184,7 @@ Json faultsOf(const StationSummary& s) {
   return faults;
 }
 
-// what a tick's time goes into: in the JSON, and in the text where it has a line
+// the parts of a tick's time: in the JSON, and in the text if it has a line
 struct TickPart {
   const char* name;
   const char* line;

@@ -8,14 +8,14 @@
 #include <vector>
 
 #include "client/effect_cost/calibration.h"
-#include "client/net/spool_writer.h"
-#include "client/net/uplink.h"
-#include "client/station/run/black_box.h"
+#include "client/net/spool/spool_writer.h"
+#include "client/net/uplink/uplink.h"
 #include "client/station/run/lesson_requests.h"
-#include "client/station/run/real_time.h"
-#include "client/station/run/servo_loop.h"
-#include "common/scoring/alarms.h"
-#include "common/scoring/miss.h"
+#include "client/station/run/loop/black_box.h"
+#include "client/station/run/loop/real_time.h"
+#include "client/station/run/loop/servo_loop.h"
+#include "common/scoring/alarms/alarms.h"
+#include "common/scoring/targets/miss.h"
 
 namespace needlelab {
 
@@ -46,8 +46,8 @@ struct StationSummary {
   std::string score_json;    ///< rows; empty: no score
   std::string syringe_json;  ///< aspirations and injections, as in eventsJson; empty: not computed
   std::string score_source;  ///< "server" or "station"
-  std::optional<Miss> miss;  ///< by the station; nothing without a target or an insertion
-  /// Of an exam: when its results are shown; until then there is neither score nor syringe here. 0: they are
+  std::optional<Miss> miss;  ///< computed by the station; none without a target or an insertion
+  /// Exam: when its results are shown; before that, there is neither score nor syringe here. 0: they are
   /// shown.
   std::int64_t results_from_unix_ns = 0;
   std::string spool;
@@ -70,7 +70,7 @@ std::string summaryText(const StationSummary& summary);
 std::string summaryJson(const StationSummary& summary, const std::vector<StationSummary>& earlier = {});
 /// "Your result is shown from 3 June 2026, 14:00 on."
 std::string resultsText(std::int64_t results_from_unix_ns);
-/// Returns e.g. "stopped by ines: wrong side" or "stopped at the window"; empty if nobody stopped it.
+/// Returns e.g. "stopped by ines: wrong side" or "stopped at the window"; empty if no one stopped it.
 std::string stopText(const std::optional<StopCause>& stopped);
 
 }  // namespace needlelab

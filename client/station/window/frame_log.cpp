@@ -6,7 +6,7 @@
 
 #include <fmt/core.h>
 
-#include "common/base/csv.h"
+#include "common/base/text/csv.h"
 
 namespace needlelab {
 namespace {
@@ -58,7 +58,7 @@ Result<FrameLog> FrameLog::open(const std::filesystem::path& file) {
   return log;
 }
 
-// errno 0: nothing has failed before
+// errno 0: no earlier failure
 Status FrameLog::write(const std::string& line) {
   out_ << line << std::flush;
   if (out_) return {};

@@ -1,6 +1,10 @@
 #include "client/station/window/trainee_app.h"
 
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+
 #include <fmt/core.h>
+#include <imgui/imgui.h>
 
 #include <algorithm>
 #include <atomic>
@@ -13,18 +17,17 @@
 #include <thread>
 #include <utility>
 
-#include "client/device/hand_options.h"
-#include "client/station/run/real_time.h"
-#include "client/station/run/signals.h"
-#include "client/station/run/terminal.h"
+#include "client/device/hand/hand_options.h"
+#include "client/station/run/io/terminal.h"
+#include "client/station/run/loop/real_time.h"
+#include "client/station/run/loop/signals.h"
 #include "client/station/window/frame_log.h"
-#include "client/station/window/keys.h"
-#include "client/station/window/lesson_sequence.h"
+#include "client/station/window/lessons/lesson_sequence.h"
 #include "client/station/window/trainee_window.h"
 #include "client/view/surface.h"
-#include "common/base/clock.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
+#include "common/base/time/clock.h"
 
 namespace needlelab {
 namespace {
@@ -57,7 +60,7 @@ std::vector<PictureRequest> PicturePlan::due(Stage stage, double lesson_s) {
 
 bool PicturePlan::done() const {
   const auto left = missing();
-  // behind the lesson only its end can still be seen
+  // after the lesson, only its end can still be seen
   return std::none_of(left.begin(), left.end(), [&](const PictureRequest& picture) {
     return last_ != Stage::kEnd || picture.when == PictureRequest::When::kEnd;
   });
@@ -103,7 +106,7 @@ SurfaceOptions surfaceOptions(const StationOptions& options, bool display) {
   // the command line takes precedence over the stored size
   if (display && !options.window.size_given) {
     surface.state_file = defaultSpool().parent_path() / "station-window.json";
-    // the spool's folder will be made in it; without it the size is not stored
+    // the spool's folder will be created in it; without it, the size is not stored
     (void)makePrivateFolder(surface.state_file.parent_path());
   }
   return surface;
@@ -148,8 +151,8 @@ class LessonThread {
   }
 
  private:
-  // Xlib calls `exit` when its display or its window is lost: end the lesson properly before that. What the
-  // lessons' thread uses must not be freed by a handler that is younger than this one (keepTlsAtExit).
+  // Xlib calls `exit` when its display or its window is lost: end the lesson properly before that. A handler
+  // registered later than this one must not free what the lessons' thread uses (keepTlsAtExit).
   static void atExit() {
     LessonThread* const here = current_.load();
     if (here == nullptr || here->thread_.get_id() == std::this_thread::get_id()) return;
@@ -182,14 +185,14 @@ class FrameLoop {
         frame_log_(std::move(frame_log)),
         plan_(options.window.pictures) {}
 
-  /// False when a picture is missing.
+  /// Returns false if a picture is missing.
   bool run() {
     Stopwatch watch;
     while (!lessons_.ended()) {
       if (signalWithin(signals_, 0ms) != 0) lessons_.requestEndAgain();
       if (!surface_.beginFrame()) break;
       if (surface_.takeCloseWish()) {
-        // while the program ends, nothing is left to ask
+        // while the program ends, there is nothing left to ask
         if (window_.shown().stage == Stage::kClosing) surface_.close();
         window_.askToQuit();
       }
@@ -219,7 +222,7 @@ class FrameLoop {
     if (more != less) surface_.setFontScale(surface_.fontScale() + (more ? 0.1 : -0.1));
   }
 
-  // after the first failure there is no log
+  // stops the log after the first failure
   void logFrame() {
     if (!frame_log_) return;
     if (const Status added = frame_log_->add(window_.shownFrame(), steadyNowNs()); !added.ok()) {
@@ -250,7 +253,7 @@ class FrameLoop {
       begun_ = true;
       board_.ask({BoardRequest::Kind::kBegin, state.choice});
     }
-    // the server's verdict, or no more pictures
+    // ends after the server's verdict, or without further pictures
     if (state.stage == Stage::kEnd && (plan_.done() || !wantsPicture(options_, PictureRequest::When::kEnd)))
       lessons_.requestEnd();
   }

@@ -6,8 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "client/station/run/options.h"
-#include "client/station/window/lesson_board.h"
+#include "client/station/run/io/options.h"
+#include "client/station/window/lessons/lesson_board.h"
 
 namespace needlelab {
 
@@ -20,7 +20,7 @@ class PicturePlan {
   /// Returns the pictures due at a frame of `stage`, `lesson_s` into the lesson. Start and End are due at
   /// their third frame, when the layout is final.
   std::vector<PictureRequest> due(Stage stage, double lesson_s);
-  /// Returns whether all pictures are taken, or are of a lesson that has ended at the last frame.
+  /// Returns whether all pictures are taken, or belong to a lesson that had ended at the last frame.
   [[nodiscard]] bool done() const;
   /// Returns the pictures not taken.
   [[nodiscard]] std::vector<PictureRequest> missing() const;
@@ -35,7 +35,7 @@ class PicturePlan {
 /// Runs lessons in a window until a person closes it, a stop signal comes or the display is lost. Without a
 /// display it runs one lesson, for pictures only. `stop_signals`: from blockStopSignals. Returns the
 /// program's exit code. The lessons run on their own thread, so a closed, lost or slow window does not end or
-/// delay a tick. If the window goes during a lesson, the lesson ends as after its stop, and the recording is
+/// delay a tick. If the window is lost during a lesson, the lesson ends as if stopped, and the recording is
 /// stored and sent. Thread: main (GLFW).
 int runTrainee(const StationOptions& options, const sigset_t& stop_signals);
 

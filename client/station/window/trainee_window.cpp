@@ -2,8 +2,8 @@
 
 #include <imgui/imgui.h>
 
-#include "client/station/run/terminal.h"
-#include "client/station/window/station_actions.h"
+#include "client/station/run/io/terminal.h"
+#include "client/station/window/screens/station_actions.h"
 
 namespace needlelab {
 

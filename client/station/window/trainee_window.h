@@ -6,14 +6,14 @@
 #include <vector>
 
 #include "client/station/run/lesson_requests.h"
-#include "client/station/window/end_screen.h"
 #include "client/station/window/frame_log.h"
-#include "client/station/window/lesson_board.h"
-#include "client/station/window/lesson_follow.h"
-#include "client/station/window/lesson_screen.h"
-#include "client/station/window/start_screen.h"
+#include "client/station/window/lessons/lesson_board.h"
+#include "client/station/window/screens/end_screen.h"
+#include "client/station/window/screens/lesson_follow.h"
+#include "client/station/window/screens/lesson_screen.h"
+#include "client/station/window/screens/start_screen.h"
 #include "client/view/action_bar.h"
-#include "client/view/scene_renderer.h"
+#include "client/view/scene/scene_renderer.h"
 #include "common/base/result.h"
 
 namespace needlelab {
@@ -28,7 +28,7 @@ class TraineeWindow {
 
   /// Call between Surface::beginFrame and endFrame.
   void frame();
-  /// A person wants to quit: asks, and says what happens to the lesson. Does nothing without `may_quit`.
+  /// Asks whether to quit, and says what happens to the lesson. Does nothing without `may_quit`.
   void askToQuit();
 
   /// Returns the state shown in the last frame.

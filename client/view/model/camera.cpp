@@ -10,7 +10,7 @@ namespace {
 constexpr double kMaxElevation_rad = 85 * std::numbers::pi / 180;
 constexpr double kNearest_m = 0.02, kFarthest_m = 2;
 
-// returns the unit vector perpendicular to the unit vector `up` and nearest to `wanted`
+// Returns the unit vector perpendicular to the unit vector `up` that is nearest to `wanted`.
 Vec3 levelled(Vec3 wanted, Vec3 up) {
   const Vec3 level = wanted - up * dot(up, wanted);
   if (normSquared(level) > 1e-6) return normalized(level);
@@ -18,7 +18,7 @@ Vec3 levelled(Vec3 wanted, Vec3 up) {
   return normalized(other - up * dot(up, other));
 }
 
-// seen from the focus, unit
+// unit, as seen from the focus
 Vec3 outward(const OrbitCamera& camera) {
   const Vec3 side = cross(camera.up_W, camera.front_W);
   const Vec3 level = camera.front_W * std::cos(camera.azimuth_rad) - side * std::sin(camera.azimuth_rad);
@@ -64,7 +64,7 @@ Matrix4 OrbitCamera::view() const {
 }
 
 Matrix4 OrbitCamera::projection(double width_px, double height_px) const {
-  // the nearest relevant object is a needle in front of the focus; 24 bits of depth then resolve micrometres
+  // The nearest relevant object is a needle in front of the focus; 24-bit depth then resolves micrometres.
   const double near_m = distance_m * 0.1, far_m = distance_m * 10;
   const double scale = 1 / std::tan(field_of_view_rad / 2);
   const double aspect = std::max(width_px, 1.0) / std::max(height_px, 1.0);
@@ -102,13 +102,13 @@ std::optional<PicturePoint> OrbitCamera::project(Vec3 p_W_m, double width_px, do
 
 std::optional<PictureSegment> OrbitCamera::projectSegment(Vec3 a_W_m, Vec3 b_W_m, double width_px,
                                                           double height_px) const {
-  // the planes through the eye: distances inside the picture are positive; slightly inside the near plane,
-  // where `project` begins
+  // The planes through the eye; distances inside the picture are positive. Slightly inside the near plane,
+  // where `project` begins.
   const Vec3 ahead = -outward(*this), eye = eye_W_m();
   const double up_share = std::tan(field_of_view_rad / 2), right_share = up_share * width_px / height_px;
   const std::array<Vec3, 4> edges = {ahead * right_share + right_W(), ahead * right_share - right_W(),
                                      ahead * up_share + upward_W(), ahead * up_share - upward_W()};
-  double from = 0, to = 1;  // shares of the segment
+  double from = 0, to = 1;  // fractions of the segment
   const auto clip = [&](double inside_a, double inside_b) {
     if (inside_a < 0 && inside_b > 0) from = std::max(from, inside_a / (inside_a - inside_b));
     if (inside_a > 0 && inside_b < 0) to = std::min(to, inside_a / (inside_a - inside_b));

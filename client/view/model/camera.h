@@ -22,32 +22,32 @@ struct PictureSegment {
   PicturePoint from, to;
 };
 
-/// Looks at `focus_W_m` from `distance_m`; `up_W` (unit) is the upright direction of the picture.
+/// Looks at `focus_W_m` from `distance_m`; `up_W` (unit) points up in the picture.
 struct OrbitCamera {
   Vec3 focus_W_m;
   Vec3 up_W{0, 0, 1};
-  Vec3 front_W{1, 0, 0};     ///< unit, at right angles to `up_W`: from the focus to the eye at azimuth 0
+  Vec3 front_W{1, 0, 0};     ///< unit, perpendicular to `up_W`: from the focus to the eye at azimuth 0
   double azimuth_rad = 0;    ///< to the left of `front_W`, seen from the eye
   double elevation_rad = 0;  ///< clamped to ±85°
   double distance_m = 0.3;
-  double field_of_view_rad = 0.6;  ///< from the picture's lower to its upper edge
+  double field_of_view_rad = 0.6;  ///< vertical, full angle
   friend bool operator==(const OrbitCamera&, const OrbitCamera&) = default;
 
   [[nodiscard]] Vec3 eye_W_m() const;
   [[nodiscard]] Vec3 right_W() const;   ///< unit, to the right in the picture
   [[nodiscard]] Vec3 upward_W() const;  ///< unit, up in the picture
-  /// Turns the scene with a pointer drag in pixels, in a picture of the given height.
+  /// Turns the scene by a pointer drag in pixels, in a picture of this height.
   void orbit(double dx_px, double dy_px, double height_px);
-  /// Shifts the focus in the picture's plane with a pointer drag.
+  /// Shifts the focus in the picture's plane by a pointer drag.
   void pan(double dx_px, double dy_px, double height_px);
-  /// Positive moves the eye nearer; one step of a wheel is 1. The distance is clamped to 2 cm - 2 m.
+  /// Positive: the eye moves nearer; one wheel step is 1. The distance is clamped to 2 cm - 2 m.
   void zoom(double steps);
 
   [[nodiscard]] Matrix4 view() const;
   [[nodiscard]] Matrix4 projection(double width_px, double height_px) const;
-  /// Returns a W point's place in the picture; empty behind the eye.
+  /// Returns where a W point appears in the picture; empty behind the eye.
   [[nodiscard]] std::optional<PicturePoint> project(Vec3 p_W_m, double width_px, double height_px) const;
-  /// Returns the part of a segment that the picture shows, in the segment's order; empty if it shows none.
+  /// Returns the visible part of a segment, in the segment's direction; empty if none is visible.
   [[nodiscard]] std::optional<PictureSegment> projectSegment(Vec3 a_W_m, Vec3 b_W_m, double width_px,
                                                              double height_px) const;
   /// Returns the unit vector from the eye through a pixel.
@@ -56,7 +56,7 @@ struct OrbitCamera {
   [[nodiscard]] double metresPerPixel(double height_px) const;
 };
 
-/// Returns the scene's first look: limb, target and needle in the picture, the surface's normal up, the
+/// Returns the scene's initial view: limb, target and needle in the picture, the surface's normal up, the
 /// user's side (W's x) in front.
 OrbitCamera firstLook(const SceneView& scene);
 /// Views along the surface's normal from above, and from the side.

@@ -6,18 +6,18 @@
 #include <utility>
 
 #include "client/view/model/palette.h"
-#include "common/scoring/measure_table.h"
+#include "common/scoring/measures/measure_table.h"
 
 namespace needlelab {
 namespace {
 
-/// The measures that judge what a plot shows, over the same ticks.
+/// Measures that judge a plotted quantity over the same ticks.
 struct JudgingMeasure {
   std::string_view measure;
   GesturePlot plot;
   TraceChannel channel;
-  std::string_view more = {};  ///< behind the limit's words
-  bool both_ways = false;      ///< also below zero
+  std::string_view more = {};  ///< appended to the limit's text
+  bool both_ways = false;      ///< also drawn below zero
 };
 constexpr JudgingMeasure kJudgingMeasures[] = {
     {"peak_force_n", GesturePlot::kForces, TraceChannel::kForce},
@@ -83,7 +83,7 @@ void addDepth(Plot& plot, const GestureTrace& trace, const SceneView* scene, dou
   if (scene == nullptr) return;
   for (const LayerView& layer : scene->layers)
     plot.bands.push_back({layer.top_m * mm, layer.bottom_m * mm, tissueColour(layer.tissue), layer.name});
-  // at least as deep as the target, so that the remaining way is visible
+  // at least down to the target, so that the remaining distance is visible
   double deepest_m = leastSpanOf(PlotQuantity::kDepth) / mm;
   for (const TargetView& target : scene->targets)
     deepest_m = std::max(deepest_m, depthAt(*scene, target.center_W_m) + 2 * target.radius_m);
@@ -223,7 +223,7 @@ void addLimits(Plot& plot, const PlotRequirement& requirement, double shown_per_
     if (!bound || !std::isfinite(*bound)) continue;
     const double at = *bound * shown_per_si;
     plot.limits.push_back({at, word + measureText(requirement.measure, *bound, unit)});
-    // axes with given ends make room
+    // extend fixed axis ends
     if (plot.low && at < *plot.low) plot.low = at;
     if (plot.high && at > *plot.high) plot.high = at;
   }

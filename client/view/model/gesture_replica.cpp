@@ -10,10 +10,10 @@
 namespace needlelab {
 namespace {
 
-// a live frame may begin with the tip on the skin: replica and recording may differ for this many ticks
+// A live frame may begin with the tip on the skin: replica and recording may differ for this many ticks.
 constexpr int kPatience_ticks = 5;
-/// Nobody goes into the tissue and out again in a shorter time: a first sample so early is the session's
-/// beginning, although the loop missed some ticks.
+/// No one enters the tissue and leaves it again in a shorter time: a first sample this early is the session's
+/// start, even if the loop missed some ticks.
 constexpr double kBeginning_s = 0.1;
 
 Vec3 vectorOf(const double (&v)[3]) {
@@ -25,7 +25,7 @@ bool canBeStepped(const GestureSample& sample) {
          isFinite(Quat{sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]});
 }
 
-// where the fixture pushes the tip of the last step
+// the direction in which the fixture pushes the tip in the last step
 Vec3 clampingDirection(const SceneModel& model, SimState& engine) {
   Tick tick;
   project(engine, engine.p_prev_W_m, tick);
@@ -70,11 +70,11 @@ struct GestureReplica::State {
   StepReport report;
   Moment now;
   std::uint64_t fed = 0;
-  bool differs = false;       // in this tick the engine does not give what the sample says
+  bool differs = false;       // in this tick the engine's result differs from the sample
   bool lost = false;          // samples are missing since the tip was last outside
   int disagreements = 0;      // consecutive ticks in which replica and recording differ on being inside
   bool cuts_unknown = false;  // CUT_MEMORY: insertions before this one were not seen
-  bool guessed = false;       // entry and u were guessed from the pose, because the entry was missed
+  bool guessed = false;       // entry and u were guessed from the pose, because the entry was not seen
   Vec3 guessed_entry_W_m, guessed_u_W;
 
   void forgetCuts();
@@ -115,7 +115,7 @@ void GestureReplica::noteGap() {
 
 void GestureReplica::takeCuts(const CutSnapshot& snapshot) {
   State& state = *state_;
-  // an insertion under way already has a wall by what was known at its entry
+  // during an insertion the wall already follows from the memory at its entry
   const bool outside = state.fed > 0 && !state.now.inside && state.now.layer < 0;
   if (!outside || snapshot.tick != state.now.tick || !state.model->isLive(Effect::kCutMemory)) return;
   state.engine.cuts = snapshot.cuts;
@@ -152,7 +152,7 @@ void GestureReplica::State::stepAlong(const GestureSample& sample) {
   differs = stepAsStored(*model, {now.p_WT_m, now.q_WT}, storedTickOf(sample), engine, report).isReal();
 }
 
-// the recording decides whether there is an insertion; the replica follows it
+// The recording decides whether the needle is inserted; the replica follows.
 void GestureReplica::State::compareWith(const GestureSample& sample) {
   const bool recorded_inside = sample.layer >= 0;
   if (!recorded_inside && report.depth_m <= 0) lost = guessed = false;
@@ -165,7 +165,7 @@ void GestureReplica::State::compareWith(const GestureSample& sample) {
   lost = true;
   forgetCuts();
   if (!recorded_inside) {
-    // the engine started differently, e.g. inside the tissue: no force until it has been outside
+    // The engine started in a different state, e.g. inside the tissue: no force until the tip was outside.
     engine = {};
   } else if (!guessed) {
     guessed = true;
@@ -181,7 +181,7 @@ void GestureReplica::State::tellInsertion() {
   now.alpha_rad = orientationLimitAngle(model->needle_length_m, now.inside ? now.insertion_m : 0);
   now.tilt_rad = 0;
   now.clamping_W = {};
-  // in a FAULT the engine does not step, and the force is zero
+  // during a FAULT the engine does not step, and the force is zero
   const bool forces = engine.inside && now.fault == 0;
   now.terms = forces ? termsOf(report) : std::array<double, kEffectCount>{};
   if (!now.inside) return;

@@ -1,6 +1,6 @@
-/// Computes the values that samples do not contain (entry, trajectory, α, forces by effect): runs the engine
-/// again along the samples' poses, on the view's side. What samples contain (contact, layer, phase, ruptures,
-/// the wall's place) it takes from them in each tick, because rounded poses would decide some of it otherwise
+/// Computes the values that samples do not contain (entry, trajectory, α, forces by effect) by running the
+/// engine again along the samples' poses. Values that samples contain (contact, layer, phase, ruptures, the
+/// wall's position) override the engine's in each tick, because rounded poses would change some of them
 /// (common/haptics/effects/resume.h).
 #pragma once
 
@@ -17,10 +17,10 @@
 
 namespace needlelab {
 
-/// The values of a tick for a view. Forces act on the hand; along u, cutting is negative.
+/// One tick's values for a view. Forces act on the hand; along u, cutting is negative.
 struct Moment {
   std::uint64_t tick = 0;
-  double time_s = 0;  ///< tick/rate: since the session's tick 0, missed ticks included
+  double time_s = 0;  ///< tick/rate: since the session's tick 0, including missed ticks
   // from the sample
   Vec3 p_WT_m;
   Quat q_WT;
@@ -33,55 +33,55 @@ struct Moment {
   std::uint32_t flags = 0, buttons = 0;
   std::uint8_t fault = 0;
   // from the replica
-  bool inside = false;                       ///< during an insertion; else entry, u and tilt are meaningless
+  bool inside = false;                       ///< during an insertion; otherwise entry, u and tilt are
+                                             ///< meaningless
   double depth_m = 0;                        ///< δ, always
   Vec3 p_entry_W_m;                          ///< P0
-  Vec3 u_W;                                  ///< the trajectory's direction, unit
+  Vec3 u_W;                                  ///< direction of the trajectory, unit
   double alpha_rad = 0;                      ///< α(d_t); π/4 outside
   double tilt_rad = 0;                       ///< θ, between the needle's axis and u
   std::array<double, kEffectCount> terms{};  ///< force terms by Effect: along u and signed, or a magnitude
   Vec3 clamping_W;                           ///< unit vector of the clamping force; zero without one
-  /// Ticks are missing, or samples were thinned, since the tip was last outside, or the scene has CUT_MEMORY
-  /// and what was cut before is not known, or in this tick the engine's force, layer or contact differs from
-  /// the sample's by more than rounding explains (`kRoundingExplains_N`): the replica's values may be inexact
-  /// (the sample's own are not affected).
+  /// The replica's values may be inexact (the sample's own are not affected): since the tip was last outside,
+  /// ticks are missing or samples were thinned; or the scene has CUT_MEMORY and earlier cuts are unknown; or
+  /// in this tick the engine's force, layer or contact differs from the sample's by more than rounding
+  /// explains (`kRoundingExplains_N`).
   bool approximate = false;
 
   double& term(Effect effect) { return terms[static_cast<std::size_t>(effect)]; }
   [[nodiscard]] double term(Effect effect) const { return terms[static_cast<std::size_t>(effect)]; }
 };
 
-/// Copies the sample's values into the moment. Keeps the last position or rotation when the sample's is
+/// Copies the sample's values into the moment. Keeps the last position or rotation if the sample's is
 /// invalid. `loop_rate_hz`: rate of the tick numbers.
 void copySample(const GestureSample& sample, double loop_rate_hz, Moment& moment);
 
-/// Thread: one at a time. Memory: about 40 KiB. `feed` costs about a tick of the engine (well under 1 µs).
-/// Same samples, same bits; samples that are not rounded give the bits of the station's engine.
+/// Thread: one at a time. Memory: about 40 KiB. `feed` costs about as much as an engine tick (well under 1
+/// µs). Deterministic; unrounded samples give bit-identical results to the station's engine.
 class GestureReplica {
  public:
   /// `model`: the session's scene, compiled for the rate of the *stream*. If only every n-th sample arrives
-  /// (a thinned recording, a viewer with a lower rate), compile it for 1/n of the loop's rate and set
-  /// `thinned`: everything inside the tissue is then `approximate`. `loop_rate_hz`: rate of the tick numbers;
-  /// 0: the model's.
+  /// (a thinned recording, a slower viewer), compile it for 1/n of the loop's rate and set `thinned`: then
+  /// everything inside the tissue is `approximate`. `loop_rate_hz`: rate of the tick numbers; 0: the model's.
   explicit GestureReplica(std::shared_ptr<const SceneModel> model, bool thinned = false,
                           double loop_rate_hz = 0);
   GestureReplica(GestureReplica&&) noexcept;
   GestureReplica& operator=(GestureReplica&&) noexcept;
   ~GestureReplica();
 
-  /// Processes the next sample. The station did not step missed ticks either, so a mere gap in the tick
-  /// numbers stays exact. A sample older than the last one, or of another session, restarts the replica.
-  /// Samples that are not finite are not stepped; their finite values are shown.
+  /// Processes the next sample. The station did not step missed ticks either, so a gap in the tick numbers
+  /// alone stays exact. A sample that is older than the last one, or from another session, restarts the
+  /// replica. Samples that are not finite are not stepped; their finite values are shown.
   const Moment& feed(const GestureSample& sample);
   /// Feeds each sample; returns the last one's Moment.
   const Moment& feed(std::span<const GestureSample> samples);
-  /// Reports lost samples (a dropped live frame, skipped chunks): until the tip is outside again, entry and
-  /// trajectory stay unchanged, or are guessed from the pose when the entry was missed. With CUT_MEMORY
-  /// everything inside is `approximate` from then on, as it is when the first sample fed is not of the
-  /// session's beginning: until `takeCuts`, or `restart`.
+  /// Reports lost samples (a dropped live frame, skipped chunks). Until the tip is outside again, entry and
+  /// trajectory stay unchanged, or are guessed from the pose if the entry was missed. With CUT_MEMORY
+  /// everything inside is `approximate` until `takeCuts` or `restart`; likewise if the first sample is not
+  /// from the session's start.
   void noteGap();
-  /// Takes the memory of the cut as the station has it after the sample that was fed last, with the tip
-  /// outside; any other is ignored. The next insertions are exact again.
+  /// Takes the station's cut memory after the last fed sample, with the tip outside; ignores any other. The
+  /// following insertions are exact again.
   void takeCuts(const CutSnapshot& snapshot);
   /// Forgets everything, for a new session or a jump in a replay.
   void restart();
@@ -98,7 +98,7 @@ class GestureReplica {
   std::unique_ptr<State> state_;
 };
 
-/// Computes the Moments of a session's samples in tick order; keeps every `keep_every`-th one and the last (1
+/// Computes the Moments of a session's samples in tick order; keeps every `keep_every`-th and the last (1
 /// keeps all). For replays and reports.
 std::vector<Moment> momentsOf(std::shared_ptr<const SceneModel> model, std::span<const GestureSample> samples,
                               std::size_t keep_every = 1);
@@ -110,8 +110,8 @@ std::array<double, kEffectCount> termsOf(const StepReport& report);
 /// Returns an effect's contribution to the moment's force or torque; the torque is the sample's own.
 double termOf(const EffectEntry& effect, const Moment& moment);
 
-/// Returns a Moment from a sample alone, for cases without the engine: entry, trajectory, α and the force
-/// terms stay unknown. `loop_rate_hz`: rate of the tick numbers.
+/// Returns a Moment from a sample alone, without the engine: entry, trajectory, α and the force terms stay
+/// unknown. `loop_rate_hz`: rate of the tick numbers.
 Moment momentOfSample(const GestureSample& sample, double loop_rate_hz);
 
 }  // namespace needlelab

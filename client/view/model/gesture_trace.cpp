@@ -14,8 +14,8 @@ namespace {
 constexpr std::size_t kBlock = 1024, kPart = 32, kParts = kBlock / kPart;
 constexpr double kMomentPeriod_s = 0.01;
 constexpr std::size_t kMostEvents = 4000;
-constexpr double kSameTurn_s = 0.2;  // turns closer than this are one event
-constexpr double kSameGap_s = 0.2;   // and gaps
+constexpr double kSameTurn_s = 0.2;  // turns within this time count as one event
+constexpr double kSameGap_s = 0.2;   // likewise gaps
 constexpr double kDegrees = 180 / std::numbers::pi;
 
 float shortened(double value) {
@@ -189,7 +189,7 @@ AlarmTick alarmTickOf(const Moment& moment) {
 
 }  // namespace
 
-// a page of ticks, with each channel's minimum and maximum for every 32 ticks and for the whole page
+// A page of ticks, with each channel's minimum and maximum per 32 ticks and for the whole page.
 struct GestureTrace::Store {
   struct Block {
     std::size_t count = 0;
@@ -266,7 +266,7 @@ void GestureTrace::push(const Moment& moment) {
   const std::size_t events_before = store.events.size();
   store.findGap(moment);
   store.findEvents(moment);
-  // keep whole moments every hundredth of a second, and at events
+  // keep whole moments at 100 Hz and at events
   if (store.moments.empty() || moment.time_s >= store.moments.back().time_s + kMomentPeriod_s - 1e-9 ||
       store.events.size() != events_before)
     store.moments.push_back(moment);
@@ -294,8 +294,8 @@ void GestureTrace::Store::addEvent(TraceEvent event) {
 void GestureTrace::Store::findGap(const Moment& moment) {
   if (!any || moment.tick <= last.tick) return;
   const double ticks = static_cast<double>(moment.tick - last.tick);
-  // the thinner keeps the first tick at or behind each point of its grid: two neighbours are less than a step
-  // and a tick apart
+  // The thinner keeps the first tick at or after each point of its grid, so neighbours are less than a step
+  // plus a tick apart.
   const double missing = std::floor((ticks - 1) / ticks_per_sample);
   if (missing < 1) return;
   gaps.push_back({last.time_s, moment.time_s});
@@ -418,7 +418,7 @@ double GestureTrace::peakForce_N() const {
   return peak_N;
 }
 
-// adds a run of ticks within one column at once, by its minimum and maximum
+// Adds a run of ticks within one column by its minimum and maximum.
 void GestureTrace::Store::addBlock(const Block& block, std::size_t channel, double from_s, double to_s,
                                    std::span<PixelColumn> out) {
   const double per_s = static_cast<double>(out.size()) / (to_s - from_s);

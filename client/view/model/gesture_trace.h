@@ -1,4 +1,4 @@
-/// The last minutes of a gesture, for plots and for scrolling back during the gesture.
+/// The last minutes of a gesture, for plots and for scrolling back while it continues.
 #pragma once
 
 #include <array>
@@ -13,12 +13,12 @@
 
 #include "client/view/model/gesture_replica.h"
 #include "client/view/model/plot.h"
-#include "common/scoring/alarms.h"
-#include "common/scoring/bone_contacts.h"
+#include "common/scoring/alarms/alarms.h"
+#include "common/scoring/anatomy/bone_contacts.h"
 
 namespace needlelab {
 
-/// A quantity that can be plotted over time, besides the effects' terms (`channelOf`).
+/// A quantity to plot over time, besides the effects' terms (`channelOf`).
 enum class TraceChannel : std::uint8_t {
   kForce,  ///< |force| after the gate
   kDepth,  ///< δ
@@ -77,33 +77,33 @@ struct TraceEvent {
   double time_s = 0;
   int layer = -1;  ///< the entered layer
   std::uint8_t fault = 0;
-  std::string text;           ///< of a remark; of a hazard, its name
-  std::uint64_t missing = 0;  ///< samples that a kGap has lost
-  double missing_s = 0;       ///< the time of those samples
+  std::string text;           ///< of a remark, or a hazard's name
+  std::uint64_t missing = 0;  ///< samples lost in a kGap
+  double missing_s = 0;       ///< duration of those samples
 };
-/// What is said of an event: a remark's text, the numbers of a gap ("20 samples missing (20 ms)"), else the
-/// kind's name.
+/// An event in words: a remark's text, the size of a gap ("20 samples missing (20 ms)"), otherwise the kind's
+/// name.
 std::string wordsOf(const TraceEvent& event);
-/// A short text for people: "in", "out", "rupture", … and one glyph.
+/// A short text ("in", "out", "rupture", …) and one glyph.
 std::string_view nameOf(TraceEvent::Kind kind);
 std::string_view signOf(TraceEvent::Kind kind);
 
-/// Every moment's channels as 32-bit floats for `span_s` seconds, oldest overwritten; whole Moments at up to
-/// 100 Hz (for the 3-D view of a past time); events. Memory: about 120 B a tick and 40 KiB/s: 50 MiB for
-/// 5 minutes at 1 kHz, allocated as it fills. Thread: one at a time.
+/// All channels of every moment as 32-bit floats for `span_s` seconds (the oldest are overwritten), whole
+/// Moments at up to 100 Hz (for the 3-D view of a past time), and events. Memory: about 120 B per tick plus
+/// 40 KiB/s: 50 MiB for 5 minutes at 1 kHz, allocated as needed. Thread: one at a time.
 class GestureTrace {
  public:
-  /// `bones`: where the tip makes a contact with bone; none by default. `ticks_per_sample`: above 1 where the
-  /// samples were thinned; more ticks from one sample to the next are a gap. `alarms`: of the scene.
+  /// `bones`: where the tip touches bone; none by default. `ticks_per_sample`: above 1 for thinned samples; a
+  /// larger step between samples is a gap. `alarms`: the scene's.
   explicit GestureTrace(double span_s = 300, BoneContacts bones = {}, double ticks_per_sample = 1,
                         GestureAlarms alarms = {});
   GestureTrace(GestureTrace&&) noexcept;
   GestureTrace& operator=(GestureTrace&&) noexcept;
   ~GestureTrace();
 
-  /// Times must ascend; an earlier one clears the trace (another session has begun).
+  /// Times must ascend; an earlier time clears the trace (another session started).
   void push(const Moment& moment);
-  void add(TraceEvent event);  ///< such as a remark; `push` finds entries, exits, layers, gaps …
+  void add(TraceEvent event);  ///< e.g. a remark; `push` finds entries, exits, layers, gaps …
   void clear();
 
   [[nodiscard]] bool empty() const;
@@ -116,22 +116,22 @@ class GestureTrace {
   [[nodiscard]] std::vector<Moment> between(double from_s, double to_s) const;
   /// The alarms at the last moment.
   [[nodiscard]] std::vector<ActiveAlarm> alarms() const;
-  /// Gaps that follow each other within 0.2 s are one event, with all that is missing.
+  /// Gaps within 0.2 s of each other form one event with all that is missing.
   [[nodiscard]] const std::deque<TraceEvent>& events() const;
   /// Where samples are missing, oldest first; a curve has no value there.
   [[nodiscard]] const std::deque<PlotGap>& gaps() const;
-  /// Returns the channel's value at the last tick at or before `time_s`, in SI; empty when nothing is kept or
+  /// Returns the channel's value at the last tick at or before `time_s`, in SI; empty if no tick is kept or
   /// the channel has no value there.
   [[nodiscard]] std::optional<float> value(TraceChannel channel, double time_s) const;
-  /// Returns the peak |force| in the kept time, in N.
+  /// Returns the peak |force| over the kept time, in N.
   [[nodiscard]] double peakForce_N() const;
 
-  /// In SI; fast through a pyramid of minima and maxima (a few µs for any span).
+  /// In SI; fast, from a pyramid of minima and maxima (a few µs for any span).
   void columns(TraceChannel channel, double from_s, double to_s, std::span<PixelColumn> out) const;
-  /// Returns the channel as a plot's source, in shown units (ChannelInfo); it refers to this trace.
+  /// Returns the channel as a plot's source, in shown units (ChannelInfo). Refers to this trace.
   [[nodiscard]] ColumnSource source(TraceChannel channel) const;
-  /// Returns the channel of the kept Moment of a time, in shown units: the figure beside a picture of that
-  /// Moment. Nothing outside of the kept time, and where samples are missing. It refers to this trace.
+  /// Returns a reader of the channel at the kept Moments, in shown units: for the number beside a picture of
+  /// that Moment. Gives no value outside the kept time and where samples are missing. Refers to this trace.
   [[nodiscard]] PlotReader reader(TraceChannel channel) const;
 
  private:

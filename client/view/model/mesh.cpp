@@ -47,7 +47,7 @@ Mesh gridMesh(int rows, int columns, const std::function<Vec3(double, double)>& 
   for (int row = 0; row <= rows; ++row) {
     for (int column = 0; column <= columns; ++column) {
       const double r = static_cast<double>(row) / rows, c = static_cast<double>(column) / columns;
-      // beside a pole, where one of the two differences is zero
+      // at a pole one of the two differences is zero, so step aside
       const double beside = std::clamp(r, 2 * kStep, 1 - 2 * kStep);
       const Vec3 along_row = place(beside + kStep, c) - place(beside - kStep, c);
       const Vec3 along_column = place(beside, c + kStep) - place(beside, c - kStep);
@@ -94,14 +94,14 @@ namespace {
 
 constexpr double kTurn = 2 * std::numbers::pi;
 
-// returns the pose that takes z to `axis` and the origin to `p`
+// Returns the pose that maps z to `axis` and the origin to `p`.
 Pose poseAlong(Vec3 p, Vec3 axis) {
   const double w = 1 + axis.z;
   if (w < 1e-9) return {p, {1, 0, 0, 0}};
   return {p, normalized(Quat{-axis.y, axis.x, 0, w})};
 }
 
-// a ball's profile from its lower to its upper pole
+// A ball's profile from its lower to its upper pole.
 std::vector<LathePoint> roundProfile(double radius_m, double from_rad, double to_rad, double z_m, int rings) {
   std::vector<LathePoint> profile;
   for (int ring = 0; ring <= rings; ++ring) {
@@ -177,7 +177,7 @@ Mesh layerSurface(const SceneView& scene, double depth_m) {
   }
   const auto& capsule = std::get<CapsuleLimb>(scene.limb_W);
   if (!(depth_m < capsule.radius_m)) return {};
-  // show a long limb only near the focus
+  // long limbs are only shown near the focus
   const Vec3 along = capsule.b_m - capsule.a_m;
   const double length_m = norm(along);
   const Vec3 axis = along / length_m;
@@ -188,7 +188,7 @@ Mesh layerSurface(const SceneView& scene, double depth_m) {
   const Vec3 a_m = capsule.a_m + axis * from_m, b_m = capsule.a_m + axis * to_m;
   const bool whole_a = from_m <= 0, whole_b = to_m >= length_m;
   if (whole_a && whole_b) return tubeMesh(a_m, b_m, radius_m, 12, 56);
-  // its ends are open where the limb continues
+  // open ends where the limb continues
   std::vector<LathePoint> profile;
   if (whole_a) profile = roundProfile(radius_m, -kTurn / 4, 0, 0, 12);
   constexpr int kRings = 12;
@@ -214,8 +214,8 @@ Mesh needleMesh(const NeedleSpec& needle, double drawn_diameter_m) {
   if (needle.tip == NeedleTip::kPencilPoint)
     return latheMesh({{0, -needle.length_m}, {radius_m, -needle.length_m}, {radius_m, -bevel_m}, {0, 0}},
                      kSides);
-  // the shaft, about T's axis, is cut by a plane that begins at the sharp point (at −y) and rises to the far
-  // side
+  // The shaft, about T's axis, is cut by a plane that starts at the sharp point (at −y) and rises to the
+  // opposite side.
   Mesh mesh;
   const auto cut = [&](double angle) { return -bevel_m * 0.5 * (1 + std::sin(angle)); };
   for (int side = 0; side <= kSides; ++side) {
@@ -242,7 +242,7 @@ Mesh needleMesh(const NeedleSpec& needle, double drawn_diameter_m) {
 }
 
 SyringeMesh syringeMesh(double needle_length_m) {
-  // choose a size for the needle: short needles come on small syringes
+  // the syringe's size follows the needle's length
   const double size = std::clamp(needle_length_m / 0.05, 0.55, 1.15);
   const double hub_m = 0.012 * size, barrel_m = 0.05 * size, radius_m = 0.0062 * size;
   const double hub_z = -needle_length_m, barrel_z = hub_z - hub_m, end_z = barrel_z - barrel_m;
@@ -273,7 +273,7 @@ SyringeMesh syringeMesh(double needle_length_m) {
     });
     append(syringe.scale, line);
   }
-  // drawn out: the stopper is near the barrel's end; rod and thumb plate follow behind
+  // drawn out: the stopper is near the barrel's rear end, followed by rod and thumb plate
   syringe.stroke_m = barrel_m - 0.012 * size;
   const double stopper_z = end_z + 0.004 * size;
   syringe.stopper_z_m = stopper_z + 0.004 * size;

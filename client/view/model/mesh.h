@@ -1,4 +1,4 @@
-/// Triangles, made from the scene's numbers; the renderer only uploads them.
+/// Triangle meshes computed from the scene's numbers; the renderer only uploads them.
 #pragma once
 
 #include <cstdint>
@@ -30,11 +30,11 @@ Mesh tubeMesh(Vec3 a_m, Vec3 b_m, double radius_m, int rings = 8, int sides = 24
 /// An arrow from the origin along +z, 1 long, with a head of 0.3; shaft radius 0.04.
 Mesh arrowMesh(int sides = 16);
 
-/// Returns the limb's surface at depth `depth_m`, near the scene's focus (radius: 1.2 extents); empty when
-/// the limb is not that deep. Normals point out of the tissue.
+/// Returns the limb's surface at depth `depth_m`, near the scene's focus (radius: 1.2 extents); empty if the
+/// limb is not that deep. Normals point out of the tissue.
 Mesh layerSurface(const SceneView& scene, double depth_m);
 
-/// Needle in its own frame T: tip at the origin, the shaft along −z. The bevel faces +y. A pencil point is a
+/// The needle in its own frame T: tip at the origin, shaft along −z. The bevel faces +y. A pencil point is a
 /// cone.
 Mesh needleMesh(const NeedleSpec& needle, double drawn_diameter_m);
 
@@ -43,7 +43,7 @@ Mesh needleMesh(const NeedleSpec& needle, double drawn_diameter_m);
 struct SyringeMesh {
   Mesh hub, barrel, scale, plunger;
   double stroke_m = 0;
-  // of the barrel's inside, along T's z: the stopper's front when drawn out, and the end toward the hub
+  // Inside of the barrel, along T's z: the stopper's front when drawn out, and the hub's end.
   double stopper_z_m = 0, outlet_z_m = 0, radius_m = 0;
   double end_z_m = 0;  ///< of the drawn-out plunger's plate: the rearmost point
 };
@@ -58,21 +58,21 @@ std::uint32_t addVertex(Mesh& mesh, Vec3 p_m, Vec3 normal);
 void addTriangle(Mesh& mesh, std::uint32_t a, std::uint32_t b, std::uint32_t c);
 /// Appends `part` to `mesh`.
 void append(Mesh& mesh, const Mesh& part);
-/// Returns the mesh moved by the pose.
+/// Returns the mesh transformed by the pose.
 Mesh moved(Mesh mesh, const Pose& X);
 
 /// A grid of (rows + 1)·(columns + 1) vertices over the unit square, with normals from the neighbours'
 /// positions; outward is row × column.
 Mesh gridMesh(int rows, int columns, const std::function<Vec3(double row, double column)>& place);
 
-/// A surface of revolution about the z axis: `profile` are (radius, z) from one end to the other, in
-/// ascending z; each piece has its own normal, so that edges stay sharp.
+/// A surface of revolution about the z axis. `profile`: (radius, z) points with ascending z; each piece has
+/// its own normal, so edges stay sharp.
 struct LathePoint {
   double radius_m = 0, z_m = 0;
 };
 Mesh latheMesh(const std::vector<LathePoint>& profile, int sides);
 
-/// Two unit vectors that make a right-handed frame with the unit vector `axis`.
+/// Two unit vectors that form a right-handed frame with the unit vector `axis`.
 struct SideAxes {
   Vec3 a, b;
 };

@@ -1,6 +1,6 @@
-/// One colour *and* one word or sign for each tissue, effect, hazard and state, the same in every window,
-/// plot and report. Based on Okabe and Ito's colours, which colour-blind people can distinguish; colour alone
-/// never conveys a meaning.
+/// One colour *and* one word or sign for each tissue, effect, hazard and state, the same in all windows,
+/// plots and reports. Based on Okabe and Ito's colours, which colour-blind people can distinguish; colour
+/// alone never conveys meaning.
 #pragma once
 
 #include <array>
@@ -26,7 +26,7 @@ constexpr Rgb rgbOf(std::uint32_t hex) {
 }
 /// "#rrggbb", for HTML and SVG.
 std::string hexText(Rgb colour);
-/// `share` of `b` in `a`, 0-1.
+/// Mixes `share` (0-1) of `b` into `a`.
 constexpr Rgb mixed(Rgb a, Rgb b, float share) {
   return {a.red + (b.red - a.red) * share, a.green + (b.green - a.green) * share,
           a.blue + (b.blue - a.blue) * share};
@@ -72,7 +72,7 @@ inline constexpr std::array<Rgb, 3> kAxisColours = {kVermillion, kBluishGreen, k
 /// Colours of the tip, the wall, the target, and two compared gestures.
 inline constexpr Rgb kTipColour = kWhite, kWallColour = kYellow, kTargetColour = kBluishGreen,
                      kFirstGesture = kSkyBlue, kSecondGesture = kOrange;
-/// Colour of the planned line, and of nothing else: no effect, hazard, limit or own line has it.
+/// Colour of the planned line; not used for anything else.
 inline constexpr Rgb kPlanColour = rgbOf(0x7C6CFF);
 
 }  // namespace needlelab

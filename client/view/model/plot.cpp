@@ -6,14 +6,14 @@
 
 #include <fmt/core.h>
 
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 
 namespace needlelab {
 namespace {
 
-constexpr double kLargest = 1e12;  // above this an axis is unreadable
+constexpr double kLargest = 1e12;  // larger values make an axis unreadable
 
-// returns the smallest 1, 2 or 5 times a power of ten that is at least `rough`
+// Returns the smallest 1, 2 or 5 times a power of ten that is at least `rough`.
 double roundStep(double rough) {
   const double power = std::pow(10.0, std::floor(std::log10(rough)));
   for (const double factor : {1.0, 2.0, 5.0})
@@ -21,27 +21,28 @@ double roundStep(double rough) {
   return 10 * power;
 }
 
-constexpr double kZeroIsNear = 0.6;  // of the largest value: zero within as much again joins the axis
+constexpr double kZeroIsNear = 0.6;  // of the largest value: the axis includes zero if it is at most this far
+                                     // away
 
 struct QuantityRow {
   PlotQuantity quantity;
   std::string_view unit;
   double least_span;
 };
-/// Each span is large beside the devices' noise (0.03 mm, 0.01 N, 0.1°), and small beside what a teacher
-/// corrects. The first row of a unit is the one of `quantityOfUnit`.
+/// Each span is large compared with the devices' noise (0.03 mm, 0.01 N, 0.1°) and small compared with what a
+/// teacher corrects. `quantityOfUnit` returns a unit's first row.
 constexpr std::array kQuantities{
     QuantityRow{PlotQuantity::kNumber, "", 1},        // counts are whole
-    QuantityRow{PlotQuantity::kForce, "N", 2},        // a skin gives way at 1 to 3 N
+    QuantityRow{PlotQuantity::kForce, "N", 2},        // skin yields at 1 to 3 N
     QuantityRow{PlotQuantity::kTorque, "N·m", 0.05},  // 1 N at 50 mm, a needle's length
     QuantityRow{PlotQuantity::kDistance, "mm", 5},    // a few needle diameters
-    QuantityRow{PlotQuantity::kDepth, "mm", 10},      // skin and fat; a tremor of 0.5 mm stays flat
+    QuantityRow{PlotQuantity::kDepth, "mm", 10},      // skin and fat; a tremor of 0.5 mm looks flat
     QuantityRow{PlotQuantity::kSpeed, "mm/s", 20},    // a slow insertion
-    QuantityRow{PlotQuantity::kAngle, "°", 10},       // what the eye sees as oblique
-    QuantityRow{PlotQuantity::kTime, "s", 5},         // attempts that differ by less take equally long
+    QuantityRow{PlotQuantity::kAngle, "°", 10},       // visibly oblique
+    QuantityRow{PlotQuantity::kTime, "s", 5},         // smaller differences between attempts do not matter
     QuantityRow{PlotQuantity::kArea, "cm²", 0.5},     // 10 mm aside at a depth of 5 mm
     QuantityRow{PlotQuantity::kWork, "J", 0.05},      // 1 N over 50 mm
-    QuantityRow{PlotQuantity::kShare, "%", 100},      // the whole
+    QuantityRow{PlotQuantity::kShare, "%", 100},      // all of it
     QuantityRow{PlotQuantity::kOther, "another unit", 0},
 };
 
@@ -79,7 +80,7 @@ AxisSpan fittedSpan(const Plot& plot, const std::optional<AxisSpan>& data) {
   if (plot.high) return {span.low - missing, span.high};
   span.low -= 0.5 * missing;
   span.high += 0.5 * missing;
-  // the width stays: what zero takes at one end is added at the other
+  // keep the width: what is cut at zero is added at the other end
   if (above && span.low < 0) return {0, span.high - span.low};
   if (below && span.high > 0) return {span.low - span.high, 0};
   return span;
@@ -98,9 +99,9 @@ AxisTicks axisTicks(double low, double high, int wanted, bool widen, double leas
     high += half;
   }
   AxisTicks ticks;
-  // uses indices of the multiples, so that steps do not accumulate errors
+  // multiples by index, so that steps do not accumulate errors
   double first = 0, last = 0;
-  // a range may contain one multiple or none; a single tick does not show a scale
+  // A range may contain one multiple or none; a single tick does not show the scale.
   for (double rough = (high - low) / std::max(wanted, 2);; rough *= 0.5) {
     ticks.step = roundStep(std::max(rough, least_step));
     first = std::ceil(low / ticks.step - 1e-9);
@@ -130,7 +131,7 @@ std::string clockText(double seconds, int decimals) {
   // round first, so that 59.96 does not become 0:60.0
   const double unit = decimals > 0 ? 10 : 1;
   const auto units = static_cast<long long>(std::floor(std::fmin(std::fabs(seconds), 1e9) * unit + 0.5));
-  // a time that rounds to zero has no sign
+  // a time that rounds to zero has no minus
   const std::string sign = seconds < 0 && units > 0 ? "\u2212" : "";
   const long long per_minute = 60 * static_cast<long long>(unit);
   const long long minutes = units / per_minute, rest = units % per_minute;
@@ -146,7 +147,7 @@ void fillColumns(std::span<const double> x, std::span<const double> y, double fr
   const std::size_t count = std::min(x.size(), y.size());
   const auto begin = x.begin(), end = x.begin() + static_cast<std::ptrdiff_t>(count);
   for (auto at = std::lower_bound(begin, end, from); at != end && *at < to; ++at) {
-    // also leaves out what is infinite as a float: it would take the axis from all other values
+    // Also skips values that are infinite as a float: they would ruin the axis for all others.
     const auto value = static_cast<float>(y[static_cast<std::size_t>(at - begin)]);
     if (!std::isfinite(value)) continue;
     const auto column = std::min(static_cast<std::size_t>((*at - from) * per_x), out.size() - 1);
@@ -162,7 +163,7 @@ bool isBroken(const Plot& plot, std::size_t left, std::size_t right, std::size_t
   const double width = (plot.to - plot.from) / static_cast<double>(count);
   if (!(width > 0)) return false;
   const auto columnOf = [&](double x) { return std::floor((x - plot.from) / width); };
-  // the first gap that ends in `right` or behind it
+  // the first gap that ends in or after `right`
   const auto gap = std::partition_point(plot.gaps.begin(), plot.gaps.end(), [&](const PlotGap& each) {
     return columnOf(each.to) < static_cast<double>(right);
   });

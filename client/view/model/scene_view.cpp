@@ -10,16 +10,17 @@
 #include "common/haptics/scene_model.h"
 #include "common/haptics/surface.h"
 #include "common/profile/layer_names.h"
-#include "common/profile/profile.h"
-#include "common/scoring/anatomy.h"
+#include "common/profile/scene_of_profile.h"
+#include "common/scoring/anatomy/anatomy.h"
 
 namespace needlelab {
 namespace {
 
-constexpr double kUsualDiameter_m = 0.0008;  // a 21G needle's
-constexpr double kInPlane_m = 0.001;         // nearer than this, a hazard counts as in the picture's plane
-constexpr double kHalved_m = 0.008;          // farther by this, a hazard is half as strong
-constexpr double kRingExtents = 0.045;       // radius of the ring at a planned entry, in the scene's extents
+constexpr double kUsualDiameter_m = 0.0008;  // of a 21G needle
+constexpr double kInPlane_m = 0.001;         // hazards nearer than this count as in the picture's plane
+constexpr double kHalved_m = 0.008;          // opacity halves over this distance
+constexpr double kRingExtents = 0.045;       // radius of the ring at a planned entry, as a fraction of the
+                                             // scene's extent
 constexpr int kRingCorners = 32;
 
 std::vector<LayerView> layersOf(const pb::Profile& profile) {
@@ -39,7 +40,7 @@ std::vector<LayerView> layersOf(const pb::Profile& profile) {
   return views;
 }
 
-// returns a limb's depth below its surface; infinite for a plane
+// Returns a limb's maximum depth; infinite for a plane.
 double reachOf(const Limb& limb) {
   if (const auto* sphere = std::get_if<SphereLimb>(&limb)) return sphere->radius_m;
   if (const auto* capsule = std::get_if<CapsuleLimb>(&limb)) return capsule->radius_m;
@@ -55,7 +56,7 @@ Vec3 middleOf(const Limb& limb) {
 }  // namespace
 
 Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL) {
-  // the engine's own conversion of the profile checks it and places the limb
+  // the engine's own conversion checks the profile and places the limb
   ASSIGN_OR_RETURN(auto spec, sceneSpecOf(profile, X_WL));
   SceneView view;
   view.profile_id = profile.id();
@@ -64,13 +65,13 @@ Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL) {
   view.limb_W = spec.limb;
   if (auto* plane = std::get_if<PlaneLimb>(&view.limb_W)) plane->normal = normalized(plane->normal);
   view.layers = layersOf(profile);
-  // the last layer has no end: it fills a round limb
+  // the last layer has no lower end: it fills a round limb
   if (const double reach_m = reachOf(view.limb_W); std::isfinite(reach_m))
     view.layers.back().bottom_m = std::max(view.layers.back().bottom_m, reach_m);
   view.needle = needleOf(profile.needle());
   view.max_force_N = spec.max_force_N;
 
-  // use the same region positions as the score
+  // same region positions as for the score
   Anatomy anatomy = anatomyOf(profile, X_WL);
   view.layer_end_m = anatomy.layer_end_m;
   for (const Target& target : anatomy.targets) {
@@ -86,7 +87,7 @@ Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL) {
                             region.b_W_m, region.radius_m});
   }
 
-  // focus above the target; where a limb has no normal (its middle), the profile's z is up
+  // Focus above the target; if a limb has no normal there (in its middle), the profile's z is up.
   const Vec3 from = view.targets.empty() ? middleOf(view.limb_W) : view.targets.front().center_W_m;
   view.focus_normal_W = surfaceNormal(view.limb_W, from, -zAxis(view.X_WL.q));
   const double below_m = signedDepth(view.limb_W, from);
@@ -133,7 +134,7 @@ PlanView planViewOf(const SceneView& scene, const PlannedLine& plan_W) {
                 plan_W.entry_m + plan_W.direction * reach_m,
                 {}};
   const Vec3 normal = surfaceNormal(scene.limb_W, plan_W.entry_m, plan_W.direction);
-  // any two directions across the normal
+  // any two directions perpendicular to the normal
   const Vec3 across = normalized(cross(normal, std::fabs(normal.x) < 0.7 ? Vec3{1, 0, 0} : Vec3{0, 1, 0}));
   const Vec3 along = cross(normal, across);
   for (int i = 0; i < kRingCorners; ++i) {

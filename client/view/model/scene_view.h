@@ -1,5 +1,5 @@
-/// A scene for display, all in W: for the 3-D view, the ultrasound slice and plots' layer bands; and the aids
-/// that select the shown parts.
+/// A scene for display, all in W: for the 3-D view, the ultrasound slice and the plots' layer bands. Also the
+/// aids that select the displayed parts.
 #pragma once
 
 #include <cstdint>
@@ -19,9 +19,9 @@ namespace needlelab {
 
 struct LayerView {
   pb::Layer::Tissue tissue = pb::Layer::OTHER;
-  std::string name;      ///< what people call it: "ligamentum flavum", "skin" (common/profile/layer_names.h)
+  std::string name;      ///< for people: "ligamentum flavum", "skin" (common/profile/layer_names.h)
   double top_m = 0;      ///< depth δ below the surface, [top, bottom)
-  double bottom_m = 0;   ///< as drawn; the last layer has no end in the engine
+  double bottom_m = 0;   ///< as drawn; in the engine the last layer has no end
   double cutting_N = 0;  ///< f_cut
   bool has_membrane = false;
 };
@@ -31,12 +31,12 @@ struct TargetView {
   Vec3 center_W_m;
   double radius_m = 0;
   Vec3 middle_W_m,
-      normal_W;  ///< the middle of the part that counts; the surface's unit normal there, outwards
+      normal_W;  ///< middle of the relevant part; the surface's unit normal there, outwards
   double top_m = 0,
-         bottom_m = 0;  ///< depths between which it lies at its centre: the ball's, within its tissues
+         bottom_m = 0;  ///< depth range at its centre: the ball's, limited to its tissues
 };
 
-/// A ball (a = b), or a capsule of `radius_m` about the segment a-b.
+/// A ball (a = b) or a capsule of `radius_m` about the segment a-b.
 struct HazardView {
   std::string name;
   pb::Hazard::Kind kind = pb::Hazard::OTHER;
@@ -44,7 +44,7 @@ struct HazardView {
   double radius_m = 0;
 };
 
-/// Immutable once made. Thread: any may read.
+/// Immutable after construction. Thread: any may read.
 struct SceneView {
   std::string profile_id, profile_name;
   Limb limb_W;                      ///< a plane's normal is a unit vector
@@ -52,72 +52,76 @@ struct SceneView {
   std::vector<double> layer_end_m;  ///< as in Anatomy
   std::vector<TargetView> targets;
   std::vector<HazardView> hazards;
-  NeedleSpec needle;        ///< an unknown diameter is 0
-  double max_force_N = 10;  ///< the profile's cap: the scale of force arrows
+  NeedleSpec needle;        ///< diameter 0 if unknown
+  double max_force_N = 10;  ///< the profile's limit: scales force arrows
   Pose X_WL;
-  /// The view's focus: the surface point above the first target, else above the limb's middle; and the
-  /// surface's unit normal there, out of the tissue.
+  /// The view's focus: the surface point above the first target, otherwise above the limb's middle; and the
+  /// unit normal there, out of the tissue.
   Vec3 focus_W_m, focus_normal_W;
-  double extent_m = 0.1;  ///< radius about the focus for a first look: target, needle, limb
+  double extent_m = 0.1;  ///< radius about the focus for the initial view: target, needle, limb
 };
 
-/// `profile` as it ran (an exercise's own needle already in it, as in SessionDescription.profile_json);
-/// `X_WL`: pose of the profile's frame in W; normalises its quaternion. Errors: kInvalidInput, for a profile
-/// that did not come from `parseProfile` or a placement that is not finite.
+/// `profile`: as it ran (with an exercise's own needle already applied, as in
+/// SessionDescription.profile_json). `X_WL`: pose of the profile's frame in W; its quaternion is normalised.
+/// Errors: kInvalidInput for a profile that did not come from `parseProfile` or a placement that is not
+/// finite.
 Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL = {});
 
 /// Returns δ at a point of W, as the engine computes it: negative outside.
 double depthAt(const SceneView& scene, Vec3 p_W_m);
 /// Returns the index of the layer at depth δ; −1 outside.
 int layerAt(const SceneView& scene, double depth_m);
-/// "skin", "deltoid muscle", … ; "outside" for −1, and for an index that the scene does not have "?".
+/// "skin", "deltoid muscle", …; "outside" for −1, "?" for an index that the scene does not have.
 const std::string& layerName(const SceneView& scene, int layer);
-/// Returns the middle of the needle's opening, where an injection goes: `openingBehindTip_m` behind the tip.
+/// Returns the middle of the needle's opening, where an injection leaves: `openingBehindTip_m` behind the
+/// tip.
 Vec3 openingOf(const SceneView& scene, Vec3 tip_W_m, Quat q_WT);
 /// Returns the diameter to draw: the needle's, or 0.8 mm if unknown.
 double drawnDiameter_m(const SceneView& scene);
-/// Returns the distance from a hazard's or target's surface to the straight shaft between tip and `skin`;
+/// Returns the distance between a hazard's (or target's) surface and the straight shaft from tip to `skin`;
 /// negative inside.
 double distanceToHazard_m(const HazardView& hazard, Vec3 tip_W_m, Vec3 skin_W_m);
 
-/// Returns how far a picture's line goes on into the tissue from `entry_W_m` along the unit vector
-/// `direction_W`: the needle's length, at least a little beyond the foot of every target on the line.
+/// Returns how far a drawn line continues into the tissue from `entry_W_m` along the unit vector
+/// `direction_W`: the needle's length, but at least slightly beyond the foot of the farthest target on the
+/// line.
 double lineReach_m(const SceneView& scene, Vec3 entry_W_m, Vec3 direction_W);
 
-/// What a picture shows of a planned line, in W.
+/// Picture of a planned line, in W.
 struct PlanView {
   Vec3 entry_W_m;
-  Vec3 from_W_m, to_W_m;       ///< half a needle's length before the entry, `lineReach_m` behind it
-  std::vector<Vec3> ring_W_m;  ///< corners of a circle on the skin about the entry; closed by the first
+  Vec3 from_W_m, to_W_m;       ///< half a needle's length before the entry, `lineReach_m` after it
+  std::vector<Vec3> ring_W_m;  ///< corners of a circle on the skin about the entry; the last connects to the
+                               ///< first
 };
 PlanView planViewOf(const SceneView& scene, const PlannedLine& plan_W);
-/// Returns the exercise's planned line in W. Nothing without a plan, and where the exercise is for another
-/// patient than the scene's.
+/// Returns the exercise's planned line in W; nullopt without a plan or if the exercise is for another
+/// patient.
 std::optional<PlannedLine> planOn(const SceneView& scene, const pb::Exercise& exercise);
-/// As planOn, to be drawn.
+/// Like planOn, for drawing.
 std::optional<PlanView> planViewOf(const SceneView& scene, const pb::Exercise& exercise);
 
-/// A plane that a picture shows: a cut, an ultrasound slice. `to_viewer_W` is its unit normal.
+/// A plane shown by a picture: a cut or an ultrasound slice. `to_viewer_W` is its unit normal.
 struct PicturePlane {
   Vec3 place_W_m, to_viewer_W;
 };
 /// Returns the distance from the plane to the hazard's nearest point: positive in front of the plane (on the
-/// viewer's side), negative behind it, 0 where the plane cuts the hazard.
+/// viewer's side), negative behind it, 0 if the plane cuts the hazard.
 double offPlane_m(const HazardView& hazard, const PicturePlane& plane);
-/// Returns how strongly a picture draws a hazard at that distance: 1 within 1 mm, then half for every 8 mm.
+/// Returns the opacity of a hazard at that distance: 1 within 1 mm, then halved every 8 mm.
 double offPlaneOpacity(double off_plane_m);
-/// Returns "artery", or where it is more than 1 mm off the plane "artery, 8 mm behind" or "…, 8 mm in front".
+/// Returns "artery", or, more than 1 mm off the plane, "artery, 8 mm behind" or "…, 8 mm in front".
 std::string hazardLabel(const HazardView& hazard, double off_plane_m);
 
-/// The set of active aids; cheap to query and compare in each frame. common/profile/aid_list.h has the aids
-/// that an exercise allows, and their names.
+/// The set of active aids; cheap to query and to compare in each frame. See common/profile/aid_list.h for the
+/// aids that an exercise allows and their names.
 class AidSet {
  public:
-  constexpr AidSet() = default;  ///< none
+  constexpr AidSet() = default;  ///< no aids
   explicit AidSet(const AidList& aids);
   [[nodiscard]] constexpr bool has(pb::Exercise::Aid aid) const { return (bits_ & bit(aid)) != 0; }
   constexpr void set(pb::Exercise::Aid aid, bool on) { bits_ = on ? bits_ | bit(aid) : bits_ & ~bit(aid); }
-  /// Returns the aids in the order of their numbers, as messages require.
+  /// Returns the aids in numerical order, as messages require.
   [[nodiscard]] AidList list() const;
   friend constexpr bool operator==(const AidSet&, const AidSet&) = default;
 
@@ -126,12 +130,12 @@ class AidSet {
   std::uint32_t bits_ = 0;
 };
 
-/// All but ULTRASOUND: as `usualAids`.
+/// All aids except ULTRASOUND, as `usualAids`.
 AidSet usualAidSet();
-/// All aids, ULTRASOUND included, for onlookers.
+/// All aids including ULTRASOUND, for onlookers.
 AidSet allAidSet();
 
-/// A name for people: "ultrasound picture". The name in JSON is that of pb::Exercise::Aid_Name.
+/// A name for people: "ultrasound picture". JSON uses pb::Exercise::Aid_Name.
 std::string_view aidWord(pb::Exercise::Aid aid);
 
 }  // namespace needlelab

@@ -1,6 +1,5 @@
-/// What a person can do on a screen: one table a screen. Its buttons, its keys and the hints at its foot come
-/// from it. Enter is the default, so that the highlighted button and the key cannot differ. A question's
-/// default leaves everything as it is.
+/// The actions of a screen: one table per screen, from which its buttons, keys and footer hints come. Enter
+/// is the default, so the highlighted button and the key always agree. A question's default changes nothing.
 #pragma once
 
 #include <cstdint>
@@ -16,17 +15,17 @@ enum class ActionKey : std::uint8_t {
   kEnter,
   kEscape,
   kO,
-  kDelete,         ///< does what a question asks
-  kEnterOrEscape,  ///< leaves everything as it is: a question's default
+  kDelete,         ///< confirms a question
+  kEnterOrEscape,  ///< changes nothing: a question's default
 };
 
 struct ScreenAction {
-  int id = 0;         ///< the screen's own number
-  std::string label;  ///< the button's
+  int id = 0;         ///< chosen by the screen
+  std::string label;  ///< of the button
   ActionKey key = ActionKey::kNone;
   std::string hint;  ///< at the screen's foot, beside the key; empty: none
   bool enabled = true;
-  /// Drawn as the most likely choice; at most one of a table.
+  /// Highlighted as the most likely choice; at most one per table.
   [[nodiscard]] bool isDefault() const {
     return key == ActionKey::kEnter || key == ActionKey::kEnterOrEscape;
   }
@@ -36,7 +35,7 @@ struct ScreenAction {
 std::string_view keyWord(ActionKey key);
 /// "End it (Del)": for questions, which have no hints.
 std::string labelWithKey(const ScreenAction& action);
-/// The id of the action that the key means; none if there is none or it is not possible now.
+/// Returns the id of the key's action; nullopt if there is none or it is disabled.
 std::optional<int> actionOf(std::span<const ScreenAction> actions, ActionKey key);
 
 }  // namespace needlelab

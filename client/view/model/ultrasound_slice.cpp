@@ -13,15 +13,15 @@ namespace needlelab {
 namespace {
 
 constexpr double kDeepest_m = 0.12, kShallowest_m = 0.02;
-constexpr double kMaxTurn_rad = 0.2;      // of the plane, from one picture to the next
-constexpr double kDepthStep_m = 0.00005;  // of the table of echoes over depth
-constexpr double kFaintest = 0.02;        // hazards that are fainter are left out
-constexpr float kThrough = 0.6F;          // strength of what lies beside the section of a hazard
+constexpr double kMaxTurn_rad = 0.2;      // maximum turn of the plane between pictures
+constexpr double kDepthStep_m = 0.00005;  // step of the table of echoes over depth
+constexpr double kFaintest = 0.02;        // fainter hazards are not drawn
+constexpr float kThrough = 0.6F;          // opacity of hazard parts outside their section
 constexpr int kGrainSize = 256;           // a tile of speckle, repeated
 constexpr double kGrainAcross_m = 0.00022,
                  kGrainDown_m = 0.00012;  // wider than high, because sound resolves better along its path
 
-/// The echo of a tissue: 0 black to 1 white, and its grain.
+/// A tissue's echo: 0 black to 1 white, and its grain.
 struct Echo {
   float mean = 0.3F, grain = 0.5F;
   bool stops_sound = false;
@@ -46,7 +46,7 @@ Echo echoOf(pb::Layer::Tissue tissue) {
     case pb::Layer::BONE:
       return {0.3F, 0.3F, true};
     default:
-      return {0.1F, 0.3F, false};  // fluid, mostly
+      return {0.1F, 0.3F, false};  // mostly fluid
   }
 }
 
@@ -63,8 +63,8 @@ Echo echoOf(pb::Hazard::Kind kind) {
   }
 }
 
-// speckle: magnitude of a sum of random phases (Rayleigh distribution), mean about 1; slightly smoothed,
-// tiles seamlessly
+// Speckle: magnitude of a sum of random phases (Rayleigh distribution), mean about 1; slightly smoothed,
+// tiles seamlessly.
 std::array<float, kGrainSize * kGrainSize> makeGrain() {
   std::array<float, kGrainSize * kGrainSize> raw{}, smooth{};
   std::uint64_t state = 0x9E3779B97F4A7C15u;
@@ -98,8 +98,7 @@ float grainAt(const GrainTile& tile, int x, int y) {
   return tile[static_cast<std::size_t>((y & 255) * kGrainSize + (x & 255))];
 }
 
-/// Table of echoes by depth below the skin, one look-up per pixel: the layers, and a bright line at the start
-/// of each.
+/// Echoes by depth below the skin, one look-up per pixel: the layers, and a bright line at each one's start.
 struct EchoTable {
   std::vector<Echo> echoes;
   std::vector<float> line;
@@ -128,15 +127,15 @@ struct EchoTable {
   }
 };
 
-/// A hazard's section in the plane, with distances in the plane's own coordinates.
+/// A hazard's section in the plane, in the plane's coordinates.
 struct Shape {
   Vec3 a, b;  // x right, y down, z out of the plane, from the picture's origin
   double radius_m = 0;
   Echo echo;
 
-  /// The hazard's part that projects onto a point of the picture.
+  /// The part of the hazard that projects onto a point of the picture.
   struct Projection {
-    double away_m = 0;  // in the picture, from the outline, negative inside
+    double away_m = 0;  // in the picture, from the outline; negative inside
     double off_m = 0;   // from the plane
   };
   [[nodiscard]] Projection projectionAt(double x_m, double y_m) const {
@@ -146,14 +145,14 @@ struct Shape {
     return {std::hypot(x_m - a.x - t * dx, y_m - a.y - t * dy) - radius_m,
             std::max(0.0, std::fabs(a.z + t * (b.z - a.z)) - radius_m)};
   }
-  // distance from the surface, negative inside
+  // Distance from the surface; negative inside.
   [[nodiscard]] double distance_m(double x_m, double y_m) const {
     const Vec3 p{x_m, y_m, 0}, ab = b - a;
     const double squared = normSquared(ab);
     const double t = squared > 0 ? std::clamp(dot(p - a, ab) / squared, 0.0, 1.0) : 0.0;
     return norm(p - (a + ab * t)) - radius_m;
   }
-  /// Whether a point of the picture is near the hazard, so that most pixels skip the distances.
+  /// Whether a point of the picture is near the hazard; lets most pixels skip the distances.
   [[nodiscard]] bool isNear(double x_m, double y_m, double margin_m) const {
     const double reach_m = radius_m + margin_m;
     return y_m > std::min(a.y, b.y) - reach_m && y_m < std::max(a.y, b.y) + reach_m &&
@@ -170,8 +169,7 @@ std::uint8_t greyOf(float share) {
   return static_cast<std::uint8_t>(std::clamp(share, 0.0F, 1.0F) * 255.0F + 0.5F);
 }
 
-/// The needle: a bright line, brighter at its tip, with fainter echoes of itself below; weaker where it
-/// leaves the plane.
+/// The needle: a bright line, brighter at its tip, with fainter echoes below; weaker off the plane.
 void drawNeedle(const SlicePlane& plane, const Moment& moment, double needle_length_m, double m_per_px,
                 GreyImage& out) {
   const Vec3 tip = inPlane(plane, moment.p_WT_m);
@@ -220,15 +218,15 @@ SlicePlane slicePlaneOf(const SceneView& scene, const Moment& moment, const Slic
   plane.down_W = -out_W;
   plane.origin_W_m =
       moment.inside ? moment.p_entry_W_m : moment.p_WT_m + out_W * signedDepth(scene.limb_W, moment.p_WT_m);
-  // the needle's direction across the skin, if it has one; else the previous plane
+  // the needle's direction across the skin, if defined; otherwise the previous plane
   const auto level = [&](Vec3 v) { return v - plane.down_W * dot(plane.down_W, v); };
   Vec3 across = level(axis_W);
-  // outside, a needle wavers; in the tissue it has a trajectory, and a plane beside that would lose it
+  // Outside, a needle wavers. In the tissue it has a trajectory, and a plane beside that would lose it.
   const double open = moment.inside ? 0.02 : 0.09;
   const Vec3 kept = before != nullptr ? level(before->right_W) : level({1, 0, 0});
   const Vec3 usual = normalized(normSquared(kept) > 1e-6 ? kept : level({0, 1, 0}));
   if (normSquared(across) < open * open) across = usual;
-  // keep the same side, so that the picture does not flip; turn no faster than a hand turns a probe
+  // Keep the same side, so that the picture does not flip; turn no faster than a hand turns a probe.
   across = normalized(dot(across, usual) < 0 ? -across : across);
   if (before == nullptr) {
     plane.right_W = across;
@@ -252,7 +250,7 @@ std::vector<SliceLabel> sliceLabels(const SceneView& scene, const SlicePlane& pl
     const double off_m = offPlane_m(hazard, picturePlaneOf(plane)), opacity = offPlaneOpacity(off_m);
     if (opacity < kFaintest) continue;
     const Vec3 a = inPlane(plane, hazard.a_W_m), b = inPlane(plane, hazard.b_W_m);
-    // where the axis crosses the plane, else its end that is nearer
+    // where the axis crosses the plane, otherwise its nearer end
     const double rise_m = b.z - a.z;
     const double share = rise_m == 0 ? 0.5 : std::clamp(-a.z / rise_m, 0.0, 1.0);
     const Vec3 at = a + (b - a) * share;
@@ -285,7 +283,7 @@ void drawSlice(const SceneView& scene, const SlicePlane& plane, const Moment& mo
       shapes.push_back(
           {inPlane(plane, hazard.a_W_m), inPlane(plane, hazard.b_W_m), hazard.radius_m, echoOf(hazard.kind)});
 
-  // go down from the probe, so that anything that stops sound darkens everything below it
+  // Proceed downward from the probe: whatever stops sound darkens everything below it.
   std::vector<float> sound(static_cast<std::size_t>(out.width), 1.0F);
   const auto lost_in_bone = static_cast<float>(std::exp(-m_per_px / 0.0008));
   // the grain belongs to the tissue: it stays fixed in W when the plane moves
@@ -312,7 +310,7 @@ void drawSlice(const SceneView& scene, const SlicePlane& plane, const Moment& mo
       float line = table.line[at];
       for (const Shape& shape : shapes) {
         if (!shape.isNear(x_m, y_m, 0.001)) continue;
-        // what lies off the plane shines through; it casts no shadow
+        // off-plane parts shine through and cast no shadow
         const Shape::Projection through = shape.projectionAt(x_m, y_m);
         if (through.away_m < 0) {
           const float seen = kThrough * static_cast<float>(offPlaneOpacity(through.off_m));
@@ -325,7 +323,7 @@ void drawSlice(const SceneView& scene, const SlicePlane& plane, const Moment& mo
           echo = shape.echo;
           line = 0;
         }
-        // its wall; bone shows only the side facing the sound
+        // its wall; of bone only the side facing the sound
         const double wide_m = shape.echo.stops_sound ? 0.0005 : 0.00025;
         if (std::fabs(away_m) < 3 * wide_m)
           line = std::max(line, (shape.echo.stops_sound ? 0.85F : 0.45F) *

@@ -1,5 +1,5 @@
 /// An ultrasound-like picture of the scene in the needle's plane: layers with speckle, a bright needle, a
-/// shadow behind bone. A teaching picture, not a simulation of sound.
+/// shadow behind bone. For teaching; not a simulation of sound.
 #pragma once
 
 #include <string>
@@ -11,7 +11,7 @@
 
 namespace needlelab {
 
-/// The picture's place in W: `origin_W_m` is the middle of its upper edge, on the skin under the probe.
+/// The picture's pose in W. `origin_W_m`: middle of its upper edge, on the skin under the probe.
 struct SlicePlane {
   Vec3 origin_W_m;
   Vec3 right_W;  ///< unit, to the right in the picture
@@ -19,24 +19,23 @@ struct SlicePlane {
   friend constexpr bool operator==(const SlicePlane&, const SlicePlane&) = default;
 };
 
-/// Returns a probe's plane: it contains the needle and the normal at its entry (before entry: at the surface
-/// point below the tip). A needle nearly along the normal does not define the plane: then uses that of
-/// `before`, or without one W's x. The plane turns by at most 0.2 rad from `before`, so that the picture
-/// neither spins nor flips.
+/// Returns a probe's plane: it contains the needle and the surface normal at the entry (before entry: at the
+/// surface point below the tip). If the needle is almost along the normal, uses the plane of `before`, or W's
+/// x without one. The plane turns by at most 0.2 rad from `before`, so the picture neither spins nor flips.
 SlicePlane slicePlaneOf(const SceneView& scene, const Moment& moment, const SlicePlane* before = nullptr);
 
-/// The same plane for `offPlane_m`: who looks at the picture stands where right_W × down_W comes from.
+/// The same plane for `offPlane_m`. The viewer is on the side of right_W × down_W.
 PicturePlane picturePlaneOf(const SlicePlane& plane);
 
-/// A hazard's name at its place in the picture.
+/// A hazard's name and its position in the picture.
 struct SliceLabel {
   double right_m = 0, down_m = 0;  ///< from the middle of the upper edge
   std::string text;                ///< as hazardLabel
   pb::Hazard::Kind kind = pb::Hazard::OTHER;
   double opacity = 1;  ///< as offPlaneOpacity
 };
-/// Returns the labels of hazards whose place lies in a picture of that half width and depth, by
-/// the scene's order. The place is the part of the hazard nearest to the plane.
+/// Returns the labels of hazards that lie in a picture of this half width and depth, in the scene's order.
+/// Each label is at the hazard's point nearest to the plane.
 std::vector<SliceLabel> sliceLabels(const SceneView& scene, const SlicePlane& plane, double half_width_m,
                                     double depth_m);
 
@@ -46,9 +45,8 @@ struct SliceSettings {
 };
 double sliceDepth_m(const SceneView& scene, const SliceSettings& settings);
 
-/// What lies of a hazard off the plane shines through faintly, by `offPlaneOpacity`, and stops no sound.
-/// Pure: the same scene, plane, pose and settings give the same bytes. Costs about 20-60 ns a pixel; the
-/// caller measures and shows it. Thread: any.
+/// Off-plane parts of a hazard shine through faintly, by `offPlaneOpacity`, and stop no sound. Pure: the same
+/// inputs give the same bytes. Costs about 20-60 ns per pixel; the caller measures and shows it. Thread: any.
 void drawSlice(const SceneView& scene, const SlicePlane& plane, const Moment& moment,
                const SliceSettings& settings, GreyImage& out);
 

@@ -1,44 +1,44 @@
-/// How large letters must be on a screen that is read from afar. Pure.
+/// How large letters must be on a screen that is read from a distance. Pure.
 #pragma once
 
 namespace needlelab {
 
 inline constexpr double kInch_m = 0.0254;
 
-/// Where a screen stands: a setting of the station.
+/// Size and distance of a screen: a setting of the station.
 struct Viewing {
-  double diagonal_m = 24 * kInch_m;  ///< of the monitor's picture; kLeast… to kMost…
+  double diagonal_m = 24 * kInch_m;  ///< of the monitor's visible area; kLeast… to kMost…
   double distance_m = 2;             ///< from the eyes
 };
 inline constexpr double kLeastDiagonal_m = 10 * kInch_m, kMostDiagonal_m = 120 * kInch_m;
 inline constexpr double kLeastDistance_m = 0.3, kMostDistance_m = 6;
 
-/// Sizes of the fonts in pixels, as Dear ImGui counts them: ascent and descent. As they are: on a desk, in a
-/// window of 720 pixels.
+/// Font sizes in pixels as in Dear ImGui: ascent plus descent. The defaults are for a desk, in a window of
+/// 720 pixels.
 struct LetterSizes {
   double body_px = 18, small_px = 15, heading_px = 24, figure_px = 44;
   friend bool operator==(const LetterSizes&, const LetterSizes&) = default;
 };
 
-/// The height of a capital H over a font's size: 1493 of 1901 + 483 units in DejaVu Sans, regular and bold.
+/// Height of a capital H relative to the font size: 1493 of 1901 + 483 units in DejaVu Sans, regular and
+/// bold.
 inline constexpr double kCapitalHeight = 1493.0 / (1901 + 483);
 
-/// Least heights of a capital letter without accent, in minutes of arc (character height of
-/// ISO 9241-303:2011: 16 at least, 20 to 22 preferred; less only for what is incidental to the task).
+/// Minimum heights of a capital letter without accent, in minutes of arc (character height of ISO
+/// 9241-303:2011: at least 16, preferably 20 to 22; less only for text incidental to the task).
 inline constexpr double kFigureArcmin = 20;   ///< Letters::kFigure: force, insertion
 inline constexpr double kHeadingArcmin = 16;  ///< Letters::kHeading: state, time, alarm, message, verdict
 inline constexpr double kBodyArcmin = 10.5;   ///< Letters::kBody: the rest …
 inline constexpr double kSmallArcmin = 10;    ///< Letters::kSmall: … and captions
 
-/// The angle of one pixel, in minutes of arc, in the middle of a screen with this resolution. Pixels are
-/// squares.
+/// Angle of one pixel in the middle of a screen with this resolution, in minutes of arc. Pixels are square.
 double arcminPerPixel(const Viewing& viewing, int width_px, int height_px);
 
-/// The least whole sizes that have these angles in a window of this size that fills the monitor, times
-/// `scale` (a person's choice); never a smaller share of the window's height than on a desk.
+/// The smallest integer sizes with these angles in a window of this size that fills the monitor, times
+/// `scale` (the user's choice); never a smaller fraction of the window's height than on a desk.
 LetterSizes letterSizes(const Viewing& viewing, int width_px, int height_px, double scale = 1);
 
-/// The share of the window's height that headings take on a monitor of 16:9; screens are laid out for at most
+/// The fraction of the window's height taken by headings on a 16:9 monitor; screens are laid out for at most
 /// kMostHeadingShare.
 double headingShare(const Viewing& viewing);
 inline constexpr double kMostHeadingShare = 0.053;

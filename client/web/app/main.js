@@ -1,4 +1,4 @@
-// The console: who is logged in, which page, and the frame around it.
+// The console: the log-in, the page, and the frame around it.
 import { match } from './lib/routes.js';
 import { may } from './lib/roles.js';
 import { giveUp, resume, session, stillIn } from './net/session.js';
@@ -40,7 +40,7 @@ function Page({ person }) {
   return html`<${Shell} person=${person} section=${route?.section}>${content}<//>`;
 }
 
-/** Appears above the page, which stays as it is. */
+/** Shown above the page, which stays as it is. */
 function LoginAgain({ name }) {
   const element = useModal();
   return html`<dialog ref=${element} aria-labelledby="again-title" onCancel=${(event) => event.preventDefault()}>
@@ -57,7 +57,7 @@ function App() {
     resume();
   }, []);
   useEffect(() => {
-    // another page of this browser may have logged in or out meanwhile, or logged in as another person
+    // another page of this browser may have logged in or out meanwhile, even as another person
     const look = () =>
       document.visibilityState === 'visible' && session.get().state === 'in' && stillIn().catch(() => {});
     document.addEventListener('visibilitychange', look);

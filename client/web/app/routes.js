@@ -1,4 +1,4 @@
-// Every page: its address, who may see it (lib/roles.js), and which section it belongs to.
+// Every page: its address, the roles that may see it (lib/roles.js), and its section.
 import { AccountPage } from './pages/account.js';
 import { AssignmentsPage } from './pages/assignments.js';
 import { AuditPage } from './pages/audit.js';

@@ -1,16 +1,16 @@
 /// BONE, a stage: a stiff contact with the outermost layer of bone, which no needle enters (FORCE_MODEL.md,
-/// "Bone"). The needle that is rendered, the proxy, stays on the bone's surface (Zilles and Salisbury 1995);
-/// a spring of the bone's stiffness joins it to the measured tip, and it sticks or slips along the bone by
-/// Coulomb's cone (Harwin and Melder 2002). Meanwhile the tissue feels the tip where it met the bone, so that
-/// its springs do not add to the bone's.
+/// "Bone"). The rendered needle (the proxy) stays on the bone's surface (Zilles and Salisbury 1995). A spring
+/// with the bone's stiffness joins it to the measured tip; it sticks or slips along the bone by Coulomb's
+/// cone (Harwin and Melder 2002). Meanwhile the tissue acts on the tip as if it had stayed where it met the
+/// bone, so that its springs do not add to the bone's.
 ///
-/// No steps: in a tick the stretch changes by little more than the tip's way. What the proxy would move
-/// further, over an edge of the bone, it does in the next ticks; and near the skin the spring shortens with
-/// the depth, so that nothing is left of it where the tip comes out.
+/// No force steps: in a tick the stretch changes by little more than the tip's movement. If the proxy would
+/// move further, over an edge of the bone, it does so over the next ticks. Near the skin the spring shortens
+/// with the depth, so that it is gone when the tip comes out.
 ///
-/// Energy: the proxy moves only where that shortens the spring, as the wall. The tissue's force along u acts
-/// on the hand over a way h that the tissue does not feel; h begins and ends at 0, and while it is not 0 this
-/// force only falls and never pulls in, so ∫ f dh ≤ 0.
+/// Energy: like the wall, the proxy moves only if that shortens the spring. The tissue's force along u acts
+/// on the hand over a distance h that the tissue does not feel; h begins and ends at 0, and while it is not 0
+/// this force only falls and never pulls in, so ∫ f dh ≤ 0.
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -28,16 +28,16 @@ namespace needlelab {
 namespace {
 
 constexpr std::size_t kBoneOwn = stageOf(Effect::kBone);
-/// A tick's way is looked at in at most so many steps: what passes is a cut through a round bone's edge
-/// shorter than one of them.
+/// Maximum steps for testing a tick's path; a cut through a round bone's edge shorter than a step may be
+/// missed.
 constexpr int kMostSteps = 64;
-/// On a curved bone the cone turns under the proxy as it slips: so many slips in a tick follow it.
+/// On a curved bone the cone turns under the proxy as it slips; at most this many slips per tick follow it.
 constexpr int kMostSlips = 8;
-/// The tissue feels the tip at a tenth of its depth at least: it stays in the tissue.
+/// The tissue feels the tip at no less than a tenth of its depth, so that it stays in the tissue.
 constexpr double kMostHeld = 0.9;
-/// Nearer than this to the bone's surface is on it.
+/// A place closer than this to the bone's surface is on it.
 constexpr double kOnSurface_m = 1e-9;
-/// The proxy falls over an edge of the bone so much faster than the tip's way moves it: 4 mm in 0.2 s.
+/// How much faster than the tip the proxy may fall over an edge of the bone: 4 mm in 0.2 s.
 constexpr double kFallSpeed_mps = 0.020;
 /// A direction shorter than this has no meaning after rounding.
 constexpr double kShortestNormal = 1e-6;
@@ -56,13 +56,13 @@ double belowBonePlane(const SceneModel& model, Vec3 p_W_m) {
   return -dot(model.bone_normal, p_W_m - model.bone_point_m);
 }
 
-// positive in the bone; like δ it changes by no more than the way. A bone that slants ends at the skin
+// positive in the bone; like δ it changes by no more than the tip moves. A slanting bone ends at the skin
 double depthInBone(const SceneModel& model, Vec3 p_W_m) {
   if (model.bone_is_plane) return std::min(belowBonePlane(model, p_W_m), depthIn(model, p_W_m));
   return depthIn(model, p_W_m) - model.bone_top_m;
 }
 
-// out of the bone at the surface's nearest place; at a centre against `motion`
+// the outward normal at the nearest place on the surface; at a centre, against `motion`
 Vec3 boneNormal(const SceneModel& model, Vec3 p_W_m, Vec3 motion) {
   if (!model.bone_is_plane) return surfaceNormal(model.limb, p_W_m, motion);
   return belowBonePlane(model, p_W_m) <= depthIn(model, p_W_m) ? model.bone_normal : model.plane_normal;
@@ -73,13 +73,13 @@ Vec3 ontoBone(const SceneModel& model, Vec3 p_W_m, Vec3 normal_W) {
   return p_W_m + normal_W * depthInBone(model, p_W_m);
 }
 
-// a place outside the bone comes onto its surface, one in it (let go near the skin) stays
+// moves a place outside the bone onto its surface; one inside it (contact ended near the skin) stays
 Vec3 outOfBone(const SceneModel& model, Vec3 p_W_m, Vec3 motion) {
   if (depthInBone(model, p_W_m) > kOnSurface_m) return p_W_m;
   return ontoBone(model, p_W_m, boneNormal(model, p_W_m, motion));
 }
 
-// whether the way in the tissue from one tick's tip to the next meets the bone; sets where
+// whether the tip's path between two ticks, in the tissue, meets the bone; sets where
 bool meetsBone(const SceneModel& model, Vec3 from_W_m, Vec3 to_W_m, Vec3& at_W_m) {
   const Vec3 way = to_W_m - from_W_m;
   if (model.bone_is_plane) {
@@ -90,8 +90,8 @@ bool meetsBone(const SceneModel& model, Vec3 from_W_m, Vec3 to_W_m, Vec3& at_W_m
   }
   const double gap_m = std::max(0.0, -depthInBone(model, from_W_m)), end_gap_m = -depthInBone(model, to_W_m);
   const double length_m = norm(way);
-  if (gap_m + end_gap_m > length_m) return false;  // no point between is as near to the bone
-  // on a round bone, also where it is left again: on, each time by as far as no bone can be
+  if (gap_m + end_gap_m > length_m) return false;  // no point in between reaches the bone
+  // a round bone may be left again within the path: advance each time by a distance that cannot contain bone
   double gone_m = gap_m;
   for (int i = 0; i < kMostSteps && gone_m < length_m; ++i) {
     at_W_m = from_W_m + way * (gone_m / length_m);
@@ -103,15 +103,15 @@ bool meetsBone(const SceneModel& model, Vec3 from_W_m, Vec3 to_W_m, Vec3& at_W_m
   return end_gap_m < 0.0;
 }
 
-// √(1 + μ²): a spring at the edge of the cone of friction is so much longer than it is pressed
+// √(1 + μ²): at the edge of the friction cone, the ratio of the spring's length to its pressed depth
 double coneLength(const SceneModel& model) {
   const double friction = model.stage_numbers[kBoneOwn][kBoneFriction];
   return std::sqrt(1.0 + friction * friction);
 }
 
-// how far the stretch may change in a tick. Along a flat bone, and where the skin shortens it, the tip's way
-// never changes it by more than the first term; what a proxy does that falls over an edge waits for the next
-// ticks
+// how far the stretch may change in a tick. Along a flat bone, and where the skin shortens it, the tip's
+// movement never changes it by more than the first term. A proxy that falls over an edge spreads its movement
+// over the next ticks
 double mostChange(const SceneModel& model, double way_m) {
   const double friction = model.stage_numbers[kBoneOwn][kBoneFriction];
   return std::sqrt(2.0 + friction * friction) * way_m + kFallSpeed_mps * model.period_s;
@@ -125,8 +125,8 @@ double shareWithin(Vec3 change, Vec3 move, double most_m) {
   return std::clamp((std::sqrt(along * along + size * room) - along) / size, 0.0, 1.0);
 }
 
-// Near the skin, and past the middle of a round bone, the spring is no longer than that: its force ends where
-// the tip leaves the limb. On a bone that is parallel to a flat skin it never is
+// Near the skin, and past the middle of a round bone, limits the spring's length so that its force ends where
+// the tip leaves the limb. On a bone parallel to a flat skin, the limit is never reached
 void bindToSkin(const SceneModel& model, Vec3 tip_W_m, double depth_m, double most_change_m,
                 BoneContact& bone) {
   const double most_m = coneLength(model) * depth_m;
@@ -138,7 +138,7 @@ void bindToSkin(const SceneModel& model, Vec3 tip_W_m, double depth_m, double mo
   bone.p_proxy_W_m = bone.p_proxy_W_m + move * share;
 }
 
-// a proxy that came after a tip outside the bone comes back with it: onto the surface, as the slip
+// moves a proxy that followed the tip outside the bone back onto the surface, in the same way as a slip
 void backOntoBone(const SceneModel& model, Vec3 tip_W_m, double most_m, BoneContact& bone) {
   const Vec3 proxy_W_m = bone.p_proxy_W_m, stretch = proxy_W_m - tip_W_m;
   if (!(depthInBone(model, proxy_W_m) < -kOnSurface_m)) return;
@@ -147,9 +147,9 @@ void backOntoBone(const SceneModel& model, Vec3 tip_W_m, double most_m, BoneCont
   bone.p_proxy_W_m = proxy_W_m + move * shareWithin(stretch - bone.stretch_W_m, move, most_m);
 }
 
-// Moves the proxy along the bone toward the tip until friction holds it, or the stretch has changed by
-// most_m. Returns false where the tip has left the bone and the proxy has reached it. The surface is convex:
-// where the tip is beyond the plane that touches it at the proxy, no bone is between.
+// Moves the proxy along the bone toward the tip until friction holds it or the stretch has changed by most_m.
+// Returns false when the tip has left the bone and the proxy has reached it. The surface is convex: if the
+// tip is beyond the tangent plane at the proxy, there is no bone in between.
 bool followTip(const SceneModel& model, Vec3 tip_W_m, double most_m, BoneContact& bone) {
   const double friction = model.stage_numbers[kBoneOwn][kBoneFriction];
   Vec3& proxy_W_m = bone.p_proxy_W_m;
@@ -168,7 +168,7 @@ bool followTip(const SceneModel& model, Vec3 tip_W_m, double most_m, BoneContact
     const double along_m = norm(along), sticks_m = friction * pressed_m;
     if (along_m <= sticks_m || slip == kMostSlips) return true;
     const Vec3 move = along * (1.0 - sticks_m / along_m);
-    // on a curved bone a long slip could lengthen the spring: then a shorter one
+    // on a curved bone a long slip could lengthen the spring: then try a shorter one
     const double most_share = shareWithin(change, move, most_m);
     const bool outside = depthInBone(model, proxy_W_m) < -kOnSurface_m;
     bool moved = false, cut = most_share < 1.0;
@@ -187,20 +187,20 @@ bool followTip(const SceneModel& model, Vec3 tip_W_m, double most_m, BoneContact
   return true;
 }
 
-// the tissue may hold the needle with any force
+// removes the limits on the force with which the tissue holds the needle
 void forgetTissue(BoneContact& bone) {
   bone.cutting_N = bone.friction_N = bone.place_m = kNoLimit;
 }
 
-// where the needle first stands on the bone: on its surface. A tip that is in the bone already was let go
-// near the skin: the bone holds it from there
+// where the needle first rests on the bone: on its surface. If the tip is already in the bone, its last
+// contact ended near the skin, and the bone holds it from there
 Vec3 firstProxy(const SceneModel& model, Vec3 from_W_m, Vec3 at_W_m, Vec3 way) {
   if (depthInBone(model, from_W_m) > kOnSurface_m) return from_W_m;
   return ontoBone(model, at_W_m, boneNormal(model, at_W_m, way));
 }
 
-// brings the contact to this tick's tip, which is `depth_m` under the skin. `from_W_m`: the last tip, where
-// that did not touch the bone
+// updates the contact for this tick's tip, which is `depth_m` under the skin. `from_W_m`: the last tip; used
+// when it did not touch the bone
 void updateContact(const SceneModel& model, Vec3 from_W_m, Vec3 tip_W_m, double depth_m, BoneContact& bone) {
   if (bone.touching) {
     const Vec3 before_W_m = bone.p_proxy_W_m - bone.stretch_W_m;
@@ -220,8 +220,8 @@ void updateContact(const SceneModel& model, Vec3 from_W_m, Vec3 tip_W_m, double 
     bone = {};
 }
 
-// The tissue feels the tip no deeper along u than the proxy. A wall ahead of that, whose force pulls in, is
-// first passed; and the tip stays in the tissue.
+// The tissue feels the tip no deeper along u than the proxy, unless a wall whose force pulls in is ahead of
+// the proxy: the tip must pass it first. The tip stays in the tissue.
 TipSample holdTip(const SceneModel& model, const TipSample& sample, SimState& state) noexcept {
   TipSample felt = sample;
   if (!isFinite(sample)) return felt;
@@ -241,7 +241,7 @@ TipSample holdTip(const SceneModel& model, const TipSample& sample, SimState& st
   return felt;
 }
 
-// the force of a wall at `wall_m`, not above `most_N`: else the wall moves on; returns the change along u
+// limits the force of the wall at `wall_m` to `most_N` by moving the wall; returns the change along u
 double limitWall(double stiffness_N_per_m, double x_cut_m, double& most_N, double& wall_m, double& force_N) {
   const double before_N = force_N;
   if (-force_N > most_N) {
@@ -252,8 +252,8 @@ double limitWall(double stiffness_N_per_m, double x_cut_m, double& most_N, doubl
   return force_N - before_N;
 }
 
-// intact membranes are not stretched further than in the last tick: by as much they move on, and with them
-// what they hold back; returns the change of the force along u
+// keeps intact membranes from stretching further than in the last tick: they move along, together with the
+// walls that they hold back; returns the change of the force along u
 double limitMembranes(const SceneModel& model, double x_m, SimState& state, StepReport& report) {
   const double gone_m = x_m - state.x_shift_m - state.bone.place_m;
   state.bone.place_m = x_m - state.x_shift_m;
@@ -271,7 +271,7 @@ double limitMembranes(const SceneModel& model, double x_m, SimState& state, Step
   return report.puncture_N - before_N;
 }
 
-// what the tissue holds the needle with on the bone only falls; returns the change of the force along u
+// lets the tissue's force on a needle that rests on bone only fall; returns the change of the force along u
 double limitTissue(const SceneModel& model, const TipSample& felt, SimState& state, StepReport& report) {
   BoneContact& bone = state.bone;
   if (!(bone.held_m > 0.0)) {
@@ -295,10 +295,10 @@ double limitTissue(const SceneModel& model, const TipSample& felt, SimState& sta
 
 Vec3 pressBone(const SceneModel& model, const TipSample& felt, SimState& state, StepReport& report) noexcept {
   BoneContact& bone = state.bone;
-  // before its first tick an insertion has no u: the tissue feels this tip as it is
+  // an insertion has no u before its first tick, so the tissue feels this tip where it is
   if ((report.flags & kFlagEntry) != 0)
     updateContact(model, state.p_entry_W_m, felt.p_WT_m, report.depth_m, bone);
-  // the needle is on the bone or in the tissue, whatever layer its depth says
+  // the needle is either on the bone or in the tissue, even if its depth says otherwise
   const auto layer = static_cast<std::int32_t>(model.bone_layer);
   report.layer = bone.touching ? layer : std::min(report.layer, layer - 1);
   if (!bone.touching) return {};
@@ -312,15 +312,15 @@ void checkNormal(const SceneSpec& spec, SpecChecker& check) {
   const Vec3 normal = *spec.bone_normal;
   const auto* plane = std::get_if<PlaneLimb>(&spec.limb);
   check.require(plane != nullptr, "normal",
-                "is given, and limb is no plane: its bone is as round as its skin");
+                "is given, but limb is not a plane: its bone is as round as its skin");
   check.point("normal", normal);
   check.require(norm(normal) >= kShortestNormal, "normal",
-                "is no direction: give a vector that is not zero, pointing out of the bone");
+                "is not a direction: give a vector that is not zero, pointing out of the bone");
   check.require(plane == nullptr || dot(normal, plane->normal) >= 0.5 * norm(normal) * norm(plane->normal),
                 "normal", "is more than 60 degrees from the skin's normal");
 }
 
-// the springs of the tissue do not act with the bone's: only what the bone is stiffer adds to them
+// the tissue's springs and the bone's do not act together: only the excess of the bone's stiffness is added
 double stifferThanTissue(const SceneModel& model) {
   double tissue_N_per_m = 0;
   if (model.isLive(Effect::kCutting) || model.isLive(Effect::kAttracted))

@@ -15,7 +15,7 @@ constexpr std::array<EffectField, 2> kFixtureFields = {
      {"max_force_n", "Greatest clamping force", kForce, 4,
       [](SceneSpec& spec) -> double& { return spec.virtual_fixture.max_force_N; }}}};
 constexpr std::array<EffectChoice::Option, 2> kModes = {
-    {{"CONSERVATIVE", "Conservative: gives back what it took, and no more"},
+    {{"CONSERVATIVE", "Conservative: returns only the energy it took"},
      {"PROPORTIONAL", "Proportional: as in the paper"}}};
 
 }  // namespace

@@ -14,9 +14,9 @@ struct FixturePull {
   double entry_N_per_m = 0;  ///< toward P0
 };
 
-/// The pull of a fixture that holds the tip with k times `stretch_m`, which is at most |e|: eq. 8, and, of a
-/// CONSERVATIVE one, ½ k′ stretch² toward P0. −∇U of U = ½ k(d_t) e², linear in e beyond the greatest force.
-/// The tip must not be at P0.
+/// The pull of a fixture that holds the tip with k times `stretch_m` (at most |e|): eq. 8, and in
+/// CONSERVATIVE mode also ½ k′ stretch² toward P0. It is −∇U for U = ½ k(d_t) e², linear in e beyond the
+/// maximum force. The tip must not be at P0.
 [[gnu::always_inline]] inline FixturePull fixturePull(const SceneModel& model, const Tick& tick,
                                                       double line_N_per_m, double slope_N_per_m2,
                                                       double stretch_m) {
@@ -24,7 +24,7 @@ struct FixturePull {
           model.fixture_push * slope_N_per_m2 * (stretch_m * stretch_m) * tick.inverse_insertion_per_m};
 }
 
-/// At least the clamping force's magnitude.
+/// An upper bound of the clamping force's magnitude.
 [[gnu::always_inline]] inline double mostOf(const FixturePull& pull, const Tick& tick) {
   return pull.line_N_per_m * tick.lateral_m + pull.entry_N_per_m * tick.insertion_m;
 }
@@ -36,7 +36,7 @@ struct FixturePull {
 }
 
 /// Returns the clamping force's pull and writes k and the flags into the report. May turn u: compute
-/// everything that depends on u after it.
+/// everything that depends on u afterwards.
 [[gnu::always_inline]] inline FixturePull applyClamping(const SceneModel& model, const TipSample& sample,
                                                         SimState& state, Tick& tick, StepReport& report) {
   LateralStiffness of = lateralStiffness(state.along, tick.insertion_m);
@@ -68,7 +68,7 @@ struct ClampingStep {
                                                   SimState& state, Tick& tick, StepReport& report) {
     return applyClamping(model, sample, state, tick, report);
   }
-  /// Runs in place of `apply` when the effect is not live.
+  /// Runs instead of `apply` when the effect is not live.
   [[gnu::always_inline]] static void clear(StepReport& report) {
     report.clamping_N = report.clamping_stiffness_N_per_m = 0.0;
   }

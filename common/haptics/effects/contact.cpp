@@ -30,7 +30,7 @@ std::uint32_t beginInsertion(const SceneModel& model, SimState& state, const Tip
   state.x_shift_m = 0.0;
   state.history_mask = model.history_mask;
   state.x_history_m[0] = 0.0;
-  // a tip that comes in backward along u is not pulled on
+  // a tip that enters backwards along u is not pulled further
   state.wall_m = state.friction_wall_m = std::min(0.0, dot(state.u_W, sample.p_WT_m - state.p_entry_W_m));
   state.wall_stiffness_N_per_m = model.layers[0].wall_stiffness_N_per_m;
   state.band_low_m = state.band_high_m = 0.0;
@@ -52,8 +52,8 @@ std::uint32_t beginInsertion(const SceneModel& model, SimState& state, const Tip
   return std::fabs(dot(axis, state.normal_W)) < kCos80Degrees ? kFlagEntry | kFlagFlatEntry : kFlagEntry;
 }
 
-// out of a round limb beyond the line's deepest place: the needle is through, and what is in the limb stays
-// until the tip is back in it, or on P0's side of the plane that touches the skin there
+// true if the tip left a round limb beyond the line's deepest place: the needle is through. The insertion
+// lasts until the tip is back in the limb, or on P0's side of the tangent plane to the skin there
 bool isThrough(const SimState& state, const TipSample& sample, double depth_m, bool was_in_limb) {
   const Vec3 arm = sample.p_WT_m - state.p_entry_W_m;
   return state.inside && !(depth_m > 0.0) && dot(state.normal_W, arm) < 0.0 &&

@@ -1,11 +1,12 @@
-/// CUT_MEMORY, a stage: tissue that was cut is not cut again (FORCE_MODEL.md, "Memory of the cut"). Along a
-/// track that an insertion left, cutting costs a share of what it costs in whole tissue (spreading stays),
-/// and a membrane stays open near the hole in it. The effect has no force of its own: it moves the wall on,
-/// up to the cut's end, and opens membranes that hold, in the tick in which the needle meets them. Both only
-/// shorten what is stretched.
+/// CUT_MEMORY, a stage: tissue that was cut is not cut again (FORCE_MODEL.md, "Memory of the cut"). Along the
+/// track of an earlier insertion, cutting takes only a share of the force in intact tissue (spreading
+/// remains), and a membrane stays open near its hole. The effect has no force of its own: it moves the wall
+/// forward, up to the end of the cut, and opens intact membranes in the tick in which the needle meets them.
+/// Both only shorten what is stretched.
 ///
-/// The begin of `cutting_share`: of a needle's force in tissue 61 % are tearing, 18 % spreading and 21 %
-/// friction (Barnett, Lee and Moore 2016, in the mean): 18/(61 + 18) of what is cutting here.
+/// Initial value of `cutting_share`: on average, 61 % of a needle's force in tissue is tearing, 18 %
+/// spreading and 21 % friction (Barnett, Lee and Moore 2016); "cutting" here is tearing and spreading, so
+/// 18/(61 + 18).
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -22,13 +23,13 @@ namespace {
 constexpr std::size_t kCutOwn = stageOf(Effect::kCutMemory);
 // the author's numbers
 constexpr std::size_t kCutShare = 0, kCutRadius_m = 1;
-/// Above the rounding of places, far below a step that can be felt.
+/// Larger than the rounding of places, far smaller than a step that can be felt.
 constexpr double kPassRounding_m = 1e-12;
-/// Less than this beyond a cut is no new cut.
+/// The shortest extension of a cut that counts as a new cut.
 constexpr double kNewCut_m = 1e-6;
-/// The squared sine below which two lines leave each other by less than a micrometre a metre.
+/// The squared sine below which two lines diverge by less than a micrometre per metre.
 constexpr double kParallel = 1e-12;
-/// A wall that stands on the side of a track stays in it, whatever rounding says.
+/// Tolerance that keeps a wall at the side of a track in the track despite rounding.
 constexpr double kSide_m = 1e-9;
 
 template <std::size_t kIndex>
@@ -46,7 +47,7 @@ Vec3 pointAt(const SimState& state, double x_m) {
   return state.p_entry_W_m + state.u_W * x_m;
 }
 
-// where a point lies: along a track, and aside from its line
+// a point's position along a track, and its offset from the track's line
 struct OnTrack {
   double along_m = 0;
   Vec3 aside_W_m;
@@ -60,7 +61,8 @@ OnTrack onTrack(const CutTrack& track, Vec3 p_W_m, double radius_m) {
   return {along_m, aside_W_m, normSquared(aside_W_m) <= radius_m * radius_m};
 }
 
-// how far the tissue is cut along u from a point in a track: to the track's end, or to where u leaves it
+// how far the tissue is cut along u from a point in a track: to the track's end, or to where u leaves the
+// track
 double cutFrom(const CutTrack& track, const OnTrack& at, Vec3 u_W, double radius_m) {
   const double cosine = dot(u_W, track.u_W);
   if (!(cosine > 0.0)) return at.along_m <= track.length_m ? 0.0 : -kNoWay;
@@ -74,7 +76,7 @@ double cutFrom(const CutTrack& track, const OnTrack& at, Vec3 u_W, double radius
   return cut_m;
 }
 
-// the insertion's own track goes with P0 and u, as all lengths along u
+// the insertion's own track moves with P0 and u, as do all lengths along u
 void turnOwnTrack(SimState& state) {
   CutMemory& cuts = state.cuts;
   if (cuts.own < kMaxCutTracks) {
@@ -120,7 +122,8 @@ double openMembranes(const SceneModel& model, SimState& state, double x_m, doubl
   return report.puncture_N - before_N;
 }
 
-// the place along u up to which the tissue at the wall is cut; below the wall's own place: it is not
+// the place along u up to which the tissue at the wall is cut; less than the wall's own place if it is not
+// cut
 double endOfCut(const SceneModel& model, const SimState& state) {
   const CutMemory& cuts = state.cuts;
   const double radius_m = model.stage_numbers[kCutOwn][kCutRadius_m];
@@ -136,7 +139,7 @@ double endOfCut(const SceneModel& model, const SimState& state) {
   return end_m;
 }
 
-// moves the wall on to where a cut's smaller force holds it; returns the change of the force along u
+// moves the wall forward to where a cut's smaller force holds it; returns the change of the force along u
 double followCut(const SceneModel& model, SimState& state, double x_m, double x_before_m, double end_m,
                  StepReport& report) {
   const double x_cut_m = cuttingPosition(state, x_m);
@@ -145,7 +148,7 @@ double followCut(const SceneModel& model, SimState& state, double x_m, double x_
   const double to_m = std::min(x_cut_m - reach_m, end_m);
   const double move_m = to_m - state.wall_m;
   if (!(move_m > 0.0)) return 0.0;
-  // the needle came into an old cut from the side: a release, as into a softer layer
+  // the needle entered an old cut from the side: a release, as on entering a softer layer
   if (move_m > std::max(0.0, x_m - x_before_m) + kPassRounding_m) report.flags |= kFlagLayerChange;
   state.wall_m = to_m;
   const double before_N = report.cutting_N + report.attracted_N;
@@ -154,8 +157,8 @@ double followCut(const SceneModel& model, SimState& state, double x_m, double x_
   return report.cutting_N - before_N;
 }
 
-// the place of a track for this insertion: that of one which it makes longer along the same line, else the
-// next
+// the index of this insertion's track: a track that it extends along the same line, otherwise the next free
+// one
 std::uint32_t placeOfTrack(CutMemory& cuts, const SimState& state, double radius_m, bool wall_cuts) {
   const Vec3 wall_W_m = pointAt(state, state.wall_m);
   for (std::uint32_t i = 0; wall_cuts && i < cuts.count; ++i) {
@@ -171,7 +174,7 @@ std::uint32_t placeOfTrack(CutMemory& cuts, const SimState& state, double radius
   return place;
 }
 
-// writes down what is cut or ruptured now and was not before
+// records what is newly cut or ruptured
 void record(const SceneModel& model, SimState& state, double end_m, bool wall_cuts) {
   CutMemory& cuts = state.cuts;
   if (cuts.own == kMaxCutTracks) {
@@ -207,7 +210,7 @@ Vec3 remember(const SceneModel& model, const TipSample& sample, SimState& state,
   return state.u_W * along_N;
 }
 
-// the other models have no such wall: there only membranes are remembered
+// other models have no such wall: for them, only membranes are remembered
 bool cutsByAWall(AxialModel model) {
   return model == AxialModel::kEnhancedTrackingWall || model == AxialModel::kTrackingWall ||
          model == AxialModel::kStatistical || model == AxialModel::kPrecomputed;
@@ -219,7 +222,7 @@ extern const EffectEntry kCutMemoryEntry;
 constinit const EffectEntry kCutMemoryEntry = {
     .effect = Effect::kCutMemory,
     .name = "CUT_MEMORY",
-    .label = "Memory of the cut: what was cut stays cut",
+    .label = "Cut memory: cut tissue stays cut",
     .short_name = "memory",
     .term = "cut memory",
     .place = 6,

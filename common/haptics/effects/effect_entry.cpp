@@ -4,12 +4,12 @@
 #include <array>
 #include <iterator>
 
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 
 namespace needlelab {
 
-// To add an effect: a file here that makes its entry, an enumerator in scene_spec.h, and a line in each of
-// these two lists.
+// To add an effect: add a file here that makes its entry, an enumerator in scene_spec.h, and a line in each
+// of these two lists.
 extern const EffectEntry kCuttingEntry, kAttractedEntry, kClampingEntry, kOrientationLimitEntry,
     kShaftFrictionEntry, kPunctureEntry, kCutMemoryEntry, kBoneEntry, kHubEntry;
 extern const std::array<EffectEntry, kDummyEffectCount> kDummyEntries;  // only in tests/instructions

@@ -22,34 +22,34 @@ struct EffectField {
   std::string_view label;               ///< in the editor: "Greatest stiffness"
   NumberRange range;                    ///< the same as in profile.proto
   double begins_with = 0;               ///< value in a new section of the editor
-  double& (*of)(SceneSpec&) = nullptr;  ///< its place in the scene
+  double& (*of)(SceneSpec&) = nullptr;  ///< accesses it in the scene
 };
 
 /// A choice in that section. Option i stands for the enumerator i of the message.
 struct EffectChoice {
   struct Option {
     std::string_view name;   ///< "CONSERVATIVE"
-    std::string_view label;  ///< "Conservative: gives back what it took"
+    std::string_view label;  ///< "Conservative: returns only the energy it took"
   };
-  std::string_view name;  ///< "mode"; empty: the section has none
+  std::string_view name;  ///< "mode"; empty: the section has no choice
   std::string_view label;
-  std::span<const Option> options;  ///< as the editor shows them; named by `name`, in any order
+  std::span<const Option> options;  ///< in the editor's order; identified by `name`
   std::string_view begins_with;
   void (*set)(SceneSpec&, int number) = nullptr;
 };
 
-/// An effect. CONTRIBUTING.md explains how to add one. An effect that only adds a force to the others is a
-/// stage: `stage` is all its code. An effect that changes other effects has its place in step_live.h.
+/// An effect; CONTRIBUTING.md explains how to add one. An effect that only adds a force is a stage, and
+/// `stage` is all of its code. An effect that changes other effects is placed in step_live.h.
 struct EffectEntry {
   Effect effect;
   std::string_view name;        ///< in profiles and on command lines: "SHAFT_FRICTION"
   std::string_view label;       ///< for people: "Shaft friction"
   std::string_view short_name;  ///< head of a narrow column: "frict"
 
-  // its term of the report; an effect that only changes the terms of others has none, and `value` is null
+  // its term in the report; an effect that only changes other effects' terms has none, and `value` is null
   std::string_view term;        ///< in legends, and with "_n" in CSV: "friction"
   std::string_view unit = "N";  ///< "N", or "N·m" for a torque
-  bool along_u = true;          ///< signed, cutting is negative; else a magnitude
+  bool along_u = true;          ///< true: signed, cutting is negative; false: a magnitude
   std::uint32_t colour = 0;     ///< 0xRRGGBB, in every plot
   int place = 0;                ///< in legends and columns; forces are summed in this order
   double (*value)(const StepReport&) = nullptr;
@@ -59,11 +59,11 @@ struct EffectEntry {
       {};  ///< section of a profile: "shaft_friction"; empty: the numbers are in the layers or the model
   std::span<const EffectField> fields = {};
   EffectChoice choice = {};
-  /// Checks the effect's number in a layer; null if it has none.
+  /// Checks the effect's number in a layer; null if it has no such number.
   void (*checkLayer)(const LayerSpec&, SpecChecker&) = nullptr;
   /// Checks conditions beyond single fields and layers; null: none.
   void (*check)(const SceneSpec&, SpecChecker&) = nullptr;
-  /// Whether its numbers are not all zero; null: the axial model decides (CUTTING and ATTRACTED).
+  /// Whether any of its numbers is not zero; null: the axial model decides (CUTTING and ATTRACTED).
   bool (*hasNumbers)(const SceneSpec&) = nullptr;
   /// The greatest stiffness that the effect adds along the trajectory; null: none.
   double (*stiffness_N_per_m)(const SceneModel&) = nullptr;
@@ -77,7 +77,7 @@ struct EffectEntry {
 
 /// All effects, in the order of `Effect`.
 std::span<const EffectEntry* const, kEffectCount> effectEntries();
-/// The effects with a term, in the order of `place`: the order of the sum and of the display.
+/// The effects with a term, in the order of `place`, in which they are summed and displayed.
 std::span<const EffectEntry* const> effectsAsShown();
 const EffectEntry& effectEntry(Effect effect);
 
@@ -87,9 +87,9 @@ void useUsualNumbers(const EffectEntry& entry, SceneSpec& spec);
 inline std::string_view effectName(Effect effect) {
   return effectEntry(effect).name;
 }
-/// Names of a set, in the order of `Effect`.
+/// The names of a set of effects, in the order of `Effect`.
 std::vector<std::string> effectNames(EffectMask effects);
-/// "orientation limit": the name as words; with `between` '_' as in the columns of a CSV.
+/// The name as words, e.g. "orientation limit"; with '_' as `between`, as in CSV columns.
 std::string effectWords(const EffectEntry& entry, char between = ' ');
 
 }  // namespace needlelab

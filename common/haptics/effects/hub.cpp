@@ -1,6 +1,6 @@
-/// HUB: a needle that is in to its hub goes no deeper. A spring between skin and hub pushes it out toward P0
-/// (FORCE_MODEL.md, "Hub"). A function of the tip's place alone as long as P0 stays: it gives back what it
-/// took, and begins at 0.
+/// HUB: stops a needle that is inserted to its hub. A spring between skin and hub pushes it out toward P0
+/// (FORCE_MODEL.md, "Hub"). While P0 stays, the force depends only on the tip's place: it begins at 0 and is
+/// conservative.
 #include "common/haptics/effects/hub.h"
 
 #include <algorithm>
@@ -20,8 +20,8 @@ double& stiffnessOf(SceneSpec& spec) {
 constexpr std::array<EffectField, 1> kHubFields = {
     {{"stiffness_n_per_m", "Stiffness of the skin under the hub", kStiffness, 300, stiffnessOf}}};
 
-// where the hub is on the skin the membranes are behind the tip, and the fixture's push no longer grows: only
-// what the hub is stiffer adds to them
+// when the hub is on the skin, the membranes are behind the tip and the fixture's push no longer grows, so
+// only the excess of the hub's stiffness is added
 double stifferThanBefore(const SceneModel& model) {
   double before_N_per_m = 0;
   for (const Effect effect : {Effect::kPuncture, Effect::kClamping})

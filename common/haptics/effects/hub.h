@@ -5,10 +5,11 @@
 
 namespace needlelab {
 
-/// K_h, 0 where HUB is not live.
+/// K_h; 0 if HUB is not live.
 double hubStiffness_N_per_m(const SceneModel& model);
 
-/// In a tick with d_t > L: sets the flag and report.hub_N; returns the force. `arm_W_m`: p − P0, d_t long.
+/// For ticks with d_t > L: sets the flag and report.hub_N, and returns the force. `arm_W_m`: p − P0, of
+/// length d_t.
 Vec3 pressHub(const SceneModel& model, Vec3 arm_W_m, double insertion_m, StepReport& report) noexcept;
 
 }  // namespace needlelab

@@ -9,7 +9,7 @@
 namespace needlelab {
 
 void followTurn(const SceneModel& model, SimState& state, Vec3 axis_W, Vec3 u_before_W) noexcept {
-  // no rise is possible if the cosine grew by more than rounding: the usual case, without angles
+  // θ did not rise if the cosine grew by more than rounding: the usual case, which needs no angles
   if (dot(axis_W, state.u_W) > dot(axis_W, u_before_W) + 1e-12) return;
   const double rise = angleBetween(axis_W, state.u_W) - angleBetween(axis_W, u_before_W);
   if (rise <= 0.0) return;
@@ -42,7 +42,7 @@ void tiltNearCone(const SceneModel& model, SimState& state, double insertion_m, 
     limit = tilt;  // more than α here
     state.tilt_limit_insertion_m = insertion_m;
   } else if (insertion_m < state.tilt_limit_insertion_m) {
-    // α falls with depth: only where the needle is less deep than where θ_l ≥ α was seen last can α be more
+    // α falls with depth, so it can exceed θ_l only at a smaller depth than where θ_l ≥ α was last seen
     limit = std::max(limit, detAtan2Inline(length - insertion_m, length + insertion_m));
     state.tilt_limit_insertion_m = insertion_m;
   }

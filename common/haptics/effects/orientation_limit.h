@@ -17,7 +17,7 @@ inline double tiltLimit(const SceneModel& model, const SimState& state) {
                                   : state.tilt_limit_rad;
 }
 
-/// A turn of u that raises θ raises θ_l by as much.
+/// Raises θ_l by as much as a turn of u raised θ.
 void followTurn(const SceneModel& model, SimState& state, Vec3 axis_W, Vec3 u_before_W) noexcept;
 
 /// The needle's axis for the quick test of the cone; its length is 1 up to the quaternion's error.

@@ -17,7 +17,7 @@ void checkMembrane(const LayerSpec& layer, SpecChecker& check) {
   check.number("puncture.force_n", layer.membrane->force_N, kPositiveForce);
 }
 
-// membranes are met one by one, but a short one behind a long one can act with it: the steepest counts
+// membranes are met one by one, but a short one behind a long one can act together with it: use the steepest
 double steepestMembrane(const SceneModel& model) {
   double steepest = 0;
   for (std::uint32_t i = 0; i < model.membrane_count; ++i)

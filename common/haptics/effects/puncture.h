@@ -21,7 +21,7 @@ inline double cuttingPosition(const SimState& state, double x_m) {
   return x_cut;
 }
 
-/// The force along u of the membranes that hold, never positive.
+/// The force of the intact membranes along u, never positive.
 inline double membranesForce(const SceneModel& model, const SimState& state, double x_m) {
   double force_N = 0.0;
   for (std::uint32_t left = intactMembranes(state); left != 0; left &= left - 1) {
@@ -32,7 +32,7 @@ inline double membranesForce(const SceneModel& model, const SimState& state, dou
   return force_N;
 }
 
-/// Updates the places of membranes that the tip reaches, the ruptures, and x_c. Returns the membranes' force
+/// Updates the places of membranes that the tip reaches, ruptures, and x_c. Returns the membranes' force
 /// along u (never positive). `x_before_m`, `depth_before_m`: the previous tick; 0 and 0 (P0) at the entry
 /// tick.
 [[gnu::always_inline]] inline double applyMembranes(const SceneModel& model, SimState& state, Tick& tick,

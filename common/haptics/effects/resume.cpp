@@ -11,7 +11,7 @@
 namespace needlelab {
 namespace {
 
-/// Half a micrometre in each of three coordinates: the most by which a stored place can be off (FORMAT.md).
+/// Half a micrometre in each of three coordinates: the maximum error of a stored place (FORMAT.md).
 constexpr double kRounding_m = 0.867e-6;
 /// A place is moved this far beyond a boundary.
 constexpr double kBeyond_m = 1e-9;
@@ -20,19 +20,20 @@ double xOf(const SimState& state) {
   return dot(state.u_W, state.p_prev_W_m - state.p_entry_W_m);
 }
 
-// K_t of this tick: only the layered walls have one a layer
+// K_t of this tick: only layered walls have one per layer
 double wallSpring(const SceneModel& model, const SimState& state) {
   const bool layered = model.axial_model == AxialModel::kEnhancedTrackingWall ||
                        model.axial_model == AxialModel::kTrackingWall;
   return layered ? model.layers[state.layer].wall_stiffness_N_per_m : model.wall.stiffness_N_per_m;
 }
 
-// GOD_OBJECT's place follows from the tops in each tick, and what it calls a rupture is no membrane's
+// false for GOD_OBJECT: each tick computes its place from the layer tops, and its ruptures are not of
+// membranes
 bool dragsWall(const SceneModel& model) {
   return model.axial_model != AxialModel::kGodObject;
 }
 
-// the pose within its rounding that lies where the station's did
+// the pose, moved within its rounding so that it lies in the station's layer
 TipSample withinRounding(const SceneModel& model, TipSample sample, const StoredTick& stored) {
   if (stored.layer >= static_cast<std::int32_t>(model.layer_count)) return sample;
   const double depth_m = depthIn(model, sample.p_WT_m);
@@ -51,7 +52,7 @@ TipSample withinRounding(const SceneModel& model, TipSample sample, const Stored
   return sample;
 }
 
-// the walls follow x_c when membranes hold or give way, and their forces do not change
+// lets the walls follow x_c when membranes hold or give way; the walls' forces do not change
 double followed(const SceneModel& model, SimState& state, StepReport& report, std::uint32_t ruptured) {
   const double x_m = xOf(state), x_cut_before_m = cuttingPosition(state, x_m);
   state.membranes_ruptured = ruptured;
@@ -63,7 +64,7 @@ double followed(const SceneModel& model, SimState& state, StepReport& report, st
   return report.puncture_N - before_N;
 }
 
-// the membrane that is nearest to its rupture; membrane_count: none holds
+// the membrane that is closest to rupture; membrane_count if none holds
 std::uint32_t nearestToRupture(const SceneModel& model, const SimState& state) {
   const double x_m = xOf(state);
   std::uint32_t nearest = model.membrane_count;
@@ -80,14 +81,14 @@ std::uint32_t nearestToRupture(const SceneModel& model, const SimState& state) {
   return nearest;
 }
 
-// ruptures in the tick in which the station's membrane did; returns the change of the force along u
+// ruptures a membrane in the same tick as the station did; returns the change of the force along u
 double takeRupture(const SceneModel& model, const StoredTick& stored, std::uint32_t ruptured_before,
                    SimState& state, StepReport& report) {
   const std::uint32_t wanted = stored.flags & kFlagRupture;
   if (!dragsWall(model) || model.membrane_count == 0 || wanted == (report.flags & kFlagRupture)) return 0.0;
   if (wanted == 0) {
     report.flags &= ~kFlagRupture;
-    // what opened at a hole of CUT_MEMORY stays open, what this needle opened is not remembered
+    // membranes that opened at a hole of CUT_MEMORY stay open; those that this needle opened are forgotten
     const std::uint32_t ruptured = ruptured_before | state.cuts.opened;
     if (state.cuts.own < kMaxCutTracks)
       state.cuts.tracks[state.cuts.own].membranes &= ~(state.membranes_ruptured & ~ruptured);
@@ -112,7 +113,7 @@ double takeWall(const SceneModel& model, const StoredTick& stored, SimState& sta
   return along_N - before_N;
 }
 
-// begins or ends a stop in the tick in which the station did
+// begins or ends a stop in the same tick as the station did
 void takePhase(const SceneModel& model, const StoredTick& stored, SimState& state, StepReport& report) {
   if (stored.phase == state.phase || stored.phase == Phase::kFree) return;
   const double x_m = xOf(state);

@@ -50,7 +50,7 @@ concept KnowsLive = requires(const SceneModel& model, SimState& state, const Tic
   Axial::template apply<Live, Steps>(model, state, tick, true, report);
 };
 
-/// The effects that an axial model replaces by its own: a scene that lists them is refused.
+/// The effects that an axial model replaces with its own: a scene that lists them is refused.
 template <class Axial>
 constexpr EffectMask replacedBy() {
   if constexpr (requires { Axial::kReplaces; })
@@ -71,14 +71,14 @@ constexpr bool relaxes() {
 /// One tick with the effects of `Live` compiled in and the others absent: unused effects cost nothing.
 /// `Axial` gives the force along u:
 ///   static constexpr EffectMask kRenders;   // the effects of CUTTING and ATTRACTED that it can render
-///   static constexpr EffectMask kReplaces;  // optional: the effects that it replaces by its own
+///   static constexpr EffectMask kReplaces;  // optional: the effects that it replaces with its own
 ///   static constexpr bool kHasWall;  // state.wall_m is a place on the trajectory, to be reported
 ///   static constexpr bool kRelaxes;  // optional: that wall relaxes in a stop
 ///   static double apply(model, state, tick, stop_begins, report);
-///     // fills report.cutting_N or attracted_N, which are 0 before (so are friction_N and puncture_N when
+///     // fills report.cutting_N or attracted_N, which are initially 0 (as are friction_N and puncture_N when
 ///     // that effect is not live). If it is a template over the EffectMask, it writes both
 /// The model keeps its state in SimState: a place along u either as `wall_m` (0 at entry, a turn of u moves
-/// it), or less `x_shift_m`, which a turn changes instead.
+/// it), or with `x_shift_m` subtracted, which a turn changes instead.
 ///
 /// The common tick runs straight through; rare events (start or end of contact, another layer, a turn, a
 /// tilted needle) are handled out of line on a copy of `tick`, so that the compiler can keep the original in
@@ -98,7 +98,7 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
   tick.depth_m = depthIn(model, sample.p_WT_m);
   const double pose_size = orientation.readPose(sample);
 
-  // contact: quick path if the tip is in the same layer of the tissue as before
+  // contact: quick path if the tip is in the same layer as before
   bool entry = false;
   tick.layer = &model.layers[state.layer];
   report.flags = 0;
@@ -123,7 +123,7 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
   else
     clamping.clear(report);
 
-  // orientation limit: after u may have turned
+  // orientation limit, because u may have turned
   orientation.apply(model, state, tick.insertion_m, report);
 
   // speed
@@ -134,10 +134,10 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
   tick.x_cut_m = tick.x_m;
   [[maybe_unused]] const double membranes_N = membranes.apply(model, state, tick, entry, report);
 
-  // stop and phase: after ruptures have moved the wall
+  // stop and phase, after ruptures have moved the wall
   [[maybe_unused]] const bool stop_begins = updatePhase < kActs && relaxes<Axial>() > (model, state, tick);
 
-  // along u: axial, friction, puncture
+  // forces along u: axial, friction, puncture
   double along_N = 0.0;
   friction.clear(report);
   if constexpr (!kActs) {
@@ -174,7 +174,7 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
     capForce(model, force, report);
   report.wrench_W.force_N = force;
 
-  // report: a root that nothing else needs; here it delays nothing
+  // report: this square root is only for the report, and here it delays nothing
   if constexpr (live(Effect::kClamping)) report.clamping_N = magnitudeOf(pull, tick);
   report.phase = state.phase;
   report.layer = static_cast<std::int32_t>(state.layer);

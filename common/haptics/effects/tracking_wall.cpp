@@ -5,7 +5,7 @@
 
 namespace needlelab {
 
-// every scene has their section, tracking_wall: stops and phases need it, too
+// every scene has their section, tracking_wall, because stops and phases also need it
 
 extern const EffectEntry kCuttingEntry;
 constinit const EffectEntry kCuttingEntry = {

@@ -1,7 +1,7 @@
 /// Cutting and attracted force: the enhanced tracking wall (paper eq. 1–6; FORCE_MODEL.md, "Tracking wall").
 /// The needle drags one wall w behind it on the way in and ahead of it on the way out; in a stop the wall
-/// comes up to the needle once and then waits, so that the next move meets it again. Every move of the wall
-/// shrinks |x − w|: the element only dissipates, so it needs no damper.
+/// comes up to the needle once and then waits, so that the next movement meets it again. Every move of the
+/// wall shrinks |x − w|: the element only dissipates, so it needs no damper.
 #pragma once
 
 #include <algorithm>
@@ -11,21 +11,22 @@
 
 namespace needlelab {
 
-/// A hand that stays within this band for kRest_s rests, however it trembles: tremor of 4–12 Hz has at most
-/// 0.1 mm peak in a supported hand. It is a mean speed of 0.43 mm/s.
+/// A hand that stays within this band for kRest_s counts as resting, despite tremor: in a supported hand,
+/// tremor of 4–12 Hz peaks at 0.1 mm at most. The band corresponds to a mean speed of 0.43 mm/s.
 inline constexpr double kRestBand_m = 0.34e-3;
 inline constexpr double kRest_s = 0.8;
-/// A stop at v_stop needs a movement of this many v_stop before it: a slow advance has none.
+/// A stop at v_stop requires an earlier movement of this many v_stop: a slow advance does not stop.
 inline constexpr double kArmingSpeeds = 2.5;
-/// A stretch that has grown by this tells a hand that cuts from one that yields to the falling force.
+/// A stretch that has grown by this much means that the hand cuts, and does not just yield to the falling
+/// force.
 inline constexpr double kStopGrowth_m = 0.6e-3;
-/// A compliant hand follows the wall of the ramp: it has this many times the way of a hand at rest.
+/// A compliant hand follows the ramp's wall: the ramp may move this many times as far as for a hand at rest.
 inline constexpr double kRampWays = 6.0;
-/// After the ramp the wall follows a hand that drifts, and no faster.
+/// After the ramp the wall follows a drifting hand at up to this speed.
 inline constexpr double kDriftSpeed_mps = 0.12e-3;
 
-/// Keeps the band of places in which the needle has been; returns true in the tick in which it leaves it, and
-/// a new one begins there. Places are kept less `x_shift_m`: a turn of u is no movement.
+/// Tracks the band of places where the needle has been; returns true in the tick in which the needle leaves
+/// it, where a new band begins. Places are stored with `x_shift_m` subtracted: a turn of u is not a movement.
 [[gnu::always_inline]] inline bool leavesBand(SimState& state, double x_m) {
   const double place_m = x_m - state.x_shift_m;
   if (place_m > state.band_high_m)
@@ -42,7 +43,7 @@ inline constexpr double kDriftSpeed_mps = 0.12e-3;
   return true;
 }
 
-/// Whether a stop that is under way ends. Where the wall relaxes, the stretch tells it; elsewhere the band.
+/// Whether the current stop ends: judged by the stretch if the wall relaxes, otherwise by the band.
 template <bool kRelaxes>
 [[gnu::always_inline]] inline bool stopEnds(const SceneModel& model, SimState& state, double x_cut_m,
                                             double speed_mps, bool moved) {
@@ -54,7 +55,7 @@ template <bool kRelaxes>
   return false;
 }
 
-/// Whether a stop begins with this tick, which is slower than v_stop.
+/// Whether a stop begins with this tick; call it for ticks slower than v_stop.
 inline bool stopBegins(const SceneModel& model, const SimState& state) {
   const std::uint64_t now = state.ticks_inside;
   return (state.armed && now - state.fast_tick >= model.dwell_ticks) ||
@@ -99,8 +100,8 @@ template <bool kRelaxes>
   return false;
 }
 
-/// How far the wall of a RAMP moves in a tick of a stop, toward a needle that is `gap_m` beyond the rest. The
-/// ramp closes the gap and lasts a dwell longer, because a hand yields a little longer; then the wall only
+/// How far a RAMP's wall moves in a tick of a stop, toward a needle that is `gap_m` beyond the rest. The ramp
+/// closes the gap and lasts one dwell longer, because a hand still yields for a while; then the wall only
 /// follows a drift.
 [[gnu::always_inline]] inline double rampStep(const SceneModel& model, SimState& state, double gap_m,
                                               bool begins) {
@@ -133,8 +134,8 @@ template <bool kRelaxes>
   return state.wall_m + std::copysign(move, stretch);
 }
 
-/// Sets the spring K_t of this tick's layer. Into a stiffer layer the stretch shrinks, so that the force goes
-/// on without a step; into a softer one it stays, and the force falls: a release.
+/// Sets the spring K_t of this tick's layer. On entering a stiffer layer the stretch shrinks, so that the
+/// force has no step; on entering a softer one the stretch stays and the force falls: a release.
 inline void changeStiffness(SimState& state, double x_m, double stiffness_N_per_m) {
   const double share = state.wall_stiffness_N_per_m / stiffness_N_per_m;
   if (share < 1.0) state.wall_m = x_m - share * (x_m - state.wall_m);

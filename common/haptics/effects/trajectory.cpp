@@ -21,7 +21,7 @@ double slantOf(Vec3 normal_W, Vec3 u_W) {
   return std::max(kLeastSlant, -dot(normal_W, u_W));
 }
 
-// all lengths along u move with P0 and u
+// moves P0 and u, and all lengths along u with them
 void moveLine(const SceneModel& model, const TipSample& sample, SimState& state, Vec3 p_entry_W_m,
               Vec3 normal_W, Vec3 u_W, Tick& tick) {
   const double x_before_m = tick.x_m;
@@ -38,7 +38,7 @@ void moveLine(const SceneModel& model, const TipSample& sample, SimState& state,
   const double shift_m = tick.x_m - x_before_m;
   state.wall_m += shift_m;
   state.friction_wall_m += shift_m;
-  // at an entry membranes have no places yet: the walls begin where the line is now
+  // at an entry, membranes have no places yet: the walls begin at the line's current place
   if (state.ticks_inside == 0) state.wall_m = state.friction_wall_m = std::min(0.0, tick.x_m);
   state.x_shift_m += shift_m;
   for (std::uint32_t i = 0; i < state.membranes_met; ++i) state.membrane_place_m[i] += shift_m;
@@ -114,7 +114,7 @@ Reach reachBelow(const SceneModel& model, double top_m, Vec3 from_W_m, Vec3 u_W,
   return reach;
 }
 
-// appends spans, with the integral of friction running on
+// appends spans and accumulates the integral of friction
 class Layering {
  public:
   explicit Layering(LayersAlong& along) : along_(along) { along_.count = along_.at = 0; }
@@ -135,8 +135,8 @@ class Layering {
   double friction_N_ = 0;
 };
 
-// the fixture's k: ∫ lateral stiffness up to its greatest, averaged. A bend of the integral at `kinks`
-// spreads over ±kBlend_m
+// the fixture's k: ∫ lateral stiffness up to its maximum, averaged. A kink of the integral spreads over
+// ±kBlend_m
 void blendStiffness(const SceneModel& model, LayersAlong& along) {
   const auto lateral = [&](const LayerSpan& span) {
     return span.layer < 0 ? 0.0 : model.layers[static_cast<std::size_t>(span.layer)].lateral_N_per_m2;
@@ -175,7 +175,7 @@ void blendStiffness(const SceneModel& model, LayersAlong& along) {
     const double t = at_m - span.begin_m;
     span = {at_m, kNoEnd, span.k_N_per_m + t * (span.slope_N_per_m2 + t * span.half_bend_N_per_m3),
             span.slope_N_per_m2 + 2.0 * t * span.half_bend_N_per_m3, span.half_bend_N_per_m3 + bend};
-    // nothing of it is left by rounding
+    // clear what rounding leaves of it
     if (off == count) span.slope_N_per_m2 = span.half_bend_N_per_m3 = 0.0;
   }
   along.stiffness[along.stiffness_count++] = span;
@@ -244,7 +244,7 @@ double fixtureEnergy(const SceneModel& model, double k_N_per_m, double lateral_m
 }
 
 Follow followNearSkin(const SceneModel& model, const TipSample& sample, Tick tick, SimState& state) noexcept {
-  // on the way out at the side of P0 the skin counts, else the plane that touches it at P0
+  // on the way out, use the skin on P0's side, otherwise the tangent plane at P0
   const double below_m = heightOf(model, state, tick);
   const double height_m = tick.x_m < state.along.deepest_m && state.in_limb ? tick.depth_m : below_m;
   Vec3 u = state.u_W;
@@ -270,7 +270,7 @@ Follow followNearSkin(const SceneModel& model, const TipSample& sample, Tick tic
   if (far) {
     p_entry = p_entry + off * (1.0 - slack_m / std::sqrt(off_m2));
     if (deep) {
-      // the fixture's energy only falls: where it would rise, P0 waits
+      // the fixture's energy may only fall: if it would rise, P0 waits
       const Vec3 arm = sample.p_WT_m - p_entry;
       const double before_J =
           fixtureEnergy(model, lateralStiffness(state.along, tick.insertion_m).k_N_per_m, tick.lateral_m);
@@ -282,7 +282,7 @@ Follow followNearSkin(const SceneModel& model, const TipSample& sample, Tick tic
       p_entry = p_entry + normal * signedDepth(model.limb, p_entry);
     }
   }
-  // deeper, the needle keeps the layers that it went in through
+  // deeper down, the needle keeps the layers through which it entered
   const bool same_layers = deep || (model.is_plane && u == state.u_W);
   moveLine(model, sample, state, p_entry, normal, u, tick);
   if (!same_layers) layLayers(model, state.p_entry_W_m, state.u_W, state.slant, state.along);
@@ -322,7 +322,7 @@ bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& 
     moveLine(model, sample, state, state.p_entry_W_m, state.normal_W, u, tick);
     return true;
   }
-  // the layers turn, too, where u follows the hand; the fixture's energy only falls
+  // where u follows the hand, the layers turn, too; the fixture's energy may only fall
   LayersAlong turned;
   const Vec3 lateral = tick.arm_W_m - u * dot(u, tick.arm_W_m);
   layLayers(model, state.p_entry_W_m, u, slantOf(state.normal_W, u), turned);

@@ -1,6 +1,6 @@
 /// The trajectory: the line from P0 along u, the layers on it, and how it moves (FORCE_MODEL.md, "Contact",
-/// "Near the skin", "Change of trajectory"). What each tick needs is inline, the rest rare and out of line.
-/// Real-time safe.
+/// "Near the skin", "Change of trajectory"). Code that each tick needs is inline; the rest is rare and out of
+/// line. Real-time safe.
 #pragma once
 
 #include <algorithm>
@@ -9,23 +9,24 @@
 
 namespace needlelab {
 
-/// A needle whose axis has no more than this along the skin's normal at its entry lies on the skin.
+/// A needle lies flat on the skin if its axis has at most this component along the skin's normal at entry.
 inline constexpr double kCos80Degrees = 0.17364817766693034885;
 
-/// Nearer to the skin than this, P0 and u are those of a needle that enters as the hand holds it.
+/// Closer to the skin than this, P0 and u follow the needle as the hand holds it.
 inline constexpr double kFollow_m = 0.6e-3;
-/// P0 may be so far from the line through the tip: half a needle's radius.
+/// How far P0 may be from the line through the tip: half a needle's radius.
 inline constexpr double kHole_m = 0.05e-3;
-/// Deeper, P0 may be so many times further from the line than the tip is below that.
+/// Deeper than kFollow_m, P0 may be this many times further from the line than the tip is below kFollow_m.
 inline constexpr double kSlack = 5;
-/// The fixture's k is averaged over so much to both sides: it pushes with k′, which would jump at a boundary.
+/// The fixture's k is averaged over this distance to both sides, because its push uses k′, which would jump
+/// at a boundary.
 inline constexpr double kBlend_m = 4e-3;
-/// Up to this d_t (a quarter of the needle's length, if that is less) u follows the hand.
+/// Up to this d_t (or a quarter of the needle's length, if less) u follows the hand.
 inline constexpr double kFreeTurn_m = 5e-3;
 /// Below this force u is not turned.
 inline constexpr double kTurnsFrom_N = 1e-3;
 
-/// The force up to which the fixture holds u: 1 mN where u follows the hand, the fixture's greatest from half
+/// The force up to which the fixture holds u: 1 mN where u follows the hand, the fixture's maximum from half
 /// the needle's length on, and never for a deviation above `hold_m`.
 [[gnu::always_inline]] inline double turningForce(const SceneModel& model, const LayersAlong& along,
                                                   double k_N_per_m, double insertion_m) {
@@ -34,7 +35,7 @@ inline constexpr double kTurnsFrom_N = 1e-3;
   return std::min(std::max(kTurnsFrom_N, held_N), model.fixture.max_force_N);
 }
 
-/// A quick test that the fixture's force does not reach `turningForce`, nor its greatest.
+/// A quick test that the fixture's force reaches neither `turningForce` nor its maximum.
 [[gnu::always_inline]] inline bool surelyHolds(const SceneModel& model, const LayersAlong& along,
                                                const Tick& tick, double force_N) {
   const double rising_N = model.turn_slope_N_per_m * (tick.insertion_m - model.turn_begins_m);
@@ -42,15 +43,15 @@ inline constexpr double kTurnsFrom_N = 1e-3;
          force_N <= model.fixture.max_force_N;
 }
 
-/// u of a needle that enters with this axis: the axis, mirrored at the skin if it points out, and at most 80°
-/// from −n.
+/// Returns u for a needle that enters with this axis: the axis, mirrored at the skin if it points out, and at
+/// most 80° from −n.
 Vec3 entryDirection(Vec3 axis_W, Vec3 normal_W) noexcept;
 
-/// The layers along a line that enters at `p_entry_W_m` along `u_W`. The fixture's k ends at its greatest
-/// stiffness.
+/// The layers along a line that enters at `p_entry_W_m` along `u_W`. The fixture's k is limited to its
+/// maximum stiffness.
 void layLayers(const SceneModel& model, Vec3 p_entry_W_m, Vec3 u_W, double slant,
                LayersAlong& along) noexcept;
-/// The same for a line straight in, under a plane.
+/// As layLayers, for a line straight in under a plane.
 void layStraight(const SceneModel& model, LayersAlong& along) noexcept;
 
 /// Stiffness of the fixture at an inserted length.
@@ -59,7 +60,7 @@ struct LateralStiffness {
   double slope_N_per_m2 = 0;  ///< k′
 };
 
-/// Makes `stiffness_here` the span of this inserted length.
+/// Sets `stiffness_here` to the span of this inserted length.
 void findStiffness(LayersAlong& along, double insertion_m) noexcept;
 
 [[gnu::always_inline]] inline LateralStiffness lateralStiffness(LayersAlong& along, double insertion_m) {
@@ -70,16 +71,17 @@ void findStiffness(LayersAlong& along, double insertion_m) noexcept;
   return {span.k_N_per_m + t * (span.slope_N_per_m2 + bend), span.slope_N_per_m2 + 2.0 * bend};
 }
 
-/// The energy of the fixture: ½ k e², linear in e beyond the greatest force.
+/// The energy of the fixture: ½ k e², linear in e beyond the maximum force.
 double fixtureEnergy(const SceneModel& model, double k_N_per_m, double lateral_m) noexcept;
 
 enum class Follow { kStays, kNearSkin, kDeeper };  ///< the line's move; kDeeper: below kFollow_m
 
-/// Near the skin, or far aside close to it: P0 and u come after the needle. Project again unless it stays.
+/// Near the skin, or far off the line close to it, moves P0 and u after the needle. Project again unless the
+/// line stays.
 Follow followNearSkin(const SceneModel& model, const TipSample& sample, Tick tick, SimState& state) noexcept;
 
 /// Change of trajectory: where the fixture's force exceeds `turningForce`, turns u about P0 toward the tip
-/// until it does not. Returns whether it turned; then project again.
+/// until it does not. Returns whether it turned; if so, project again.
 bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& state) noexcept;
 
 }  // namespace needlelab

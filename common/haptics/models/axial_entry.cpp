@@ -28,8 +28,8 @@ void refuseReplacedEffects(const SceneSpec& spec, EffectMask replaced, std::stri
 
 namespace {
 
-// stands for a model that this build does not have: `validate` refuses the scene by name, so that another
-// model never renders it silently
+// stands for a model that is not in this build: `validate` refuses such a scene by name, so that no other
+// model renders it silently
 constinit const AxialEntry kNotBuiltEntry = {
     nullptr,
     [](const SceneSpec& spec, SpecChecker& check) {

@@ -12,18 +12,17 @@
 
 namespace needlelab {
 
-/// To add a model: a file here that makes an entry (see direct.cpp, the smallest), a line in axial_entry.cpp,
-/// a name in axial_model.h, a section in proto/needlelab/profile.proto.
+/// To add a model: add a file here that makes an entry (see direct.cpp, the smallest), a line in
+/// axial_entry.cpp, a name in axial_model.h, a section in proto/needlelab/profile.proto.
 struct AxialEntry {
   const StepTable* steps;
   /// Checks the model's own section; the rest of the scene is already checked.
   void (*check)(const SceneSpec& spec, SpecChecker& check);
-  /// Returns the effects of CUTTING and ATTRACTED with numbers that are not all zero under this model, listed
-  /// or not.
+  /// Returns which of CUTTING and ATTRACTED have nonzero numbers under this model, listed or not.
   EffectMask (*effectsWithNumbers)(const SceneSpec& spec);
   /// Fills the model's values for a tick. `model` is otherwise complete, `model.live` included.
   void (*compile)(const SceneSpec& spec, SceneModel& model);
-  /// The effects that the model replaces by its own: a scene that lists them is refused.
+  /// The effects that the model replaces with its own: a scene that lists them is refused.
   EffectMask replaces = 0;
 };
 
@@ -32,7 +31,8 @@ const AxialEntry& axialEntry(AxialModel model);
 /// Returns CUTTING and ATTRACTED if the layers' own forces are not all zero.
 EffectMask effectsOfLayers(const SceneSpec& spec);
 
-/// Refuses a scene that lists an effect which its model has its own of. `section`: where the model has it.
+/// Refuses a scene that lists an effect that its model replaces with its own. `section`: the model's section
+/// for it.
 void refuseReplacedEffects(const SceneSpec& spec, EffectMask replaced, std::string_view section,
                            SpecChecker& check);
 

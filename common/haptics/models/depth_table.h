@@ -19,7 +19,7 @@ struct DepthTable {
   struct Pair {
     double a = 0, b = 0;
   };
-  /// `row` is the start of the search and is set to the row found. Real-time safe.
+  /// `row` is where the search starts; set to the row found. Real-time safe.
   [[nodiscard]] Pair at(double depth_m, std::uint32_t& row) const noexcept {
     const auto count = static_cast<std::uint32_t>(rows.size());
     // nearly always the same row or the next

@@ -1,6 +1,6 @@
 /// DIRECT: a spring from the surface to the tip, as the simplest simulators render a needle:
-/// f = −K·max(0, x), with `step_at_layers` at most the cutting force of the tip's layer (FORCE_MODEL.md,
-/// "Axial models"). The force steps where the tip enters another layer: the model is here to show that.
+/// f = −K·max(0, x), limited by `step_at_layers` to the cutting force of the tip's layer (FORCE_MODEL.md,
+/// "Axial models"). The force steps when the tip enters another layer; the model exists to show that.
 #include <algorithm>
 
 #include "common/haptics/effects/step_live.h"

@@ -1,8 +1,8 @@
 /// FEM: the reaction of linear elastic tissue to a needle that sticks to it, slips and cuts it
-/// (FORCE_MODEL.md, "Axial models"), with the mesh's compliance in place of the mesh (fem_needle.h). Rendered
+/// (FORCE_MODEL.md, "Axial models"), with the mesh's compliance instead of the mesh (fem_needle.h). Rendered
 /// directly, without a wall. On the way in, the needle tents the tissue until the cutting force is reached;
-/// on the way out, the shaft's friction pulls. A stop relaxes nothing: the tissue is elastic. `cutting_N` is
-/// the tip's force, `friction_N` the shaft's.
+/// on the way out, the shaft's friction pulls. Nothing relaxes in a stop, because the tissue is elastic.
+/// `cutting_N` is the tip's force, `friction_N` the shaft's.
 #include <fmt/core.h>
 
 #include "common/haptics/effects/step_live.h"

@@ -6,17 +6,17 @@
 namespace needlelab {
 namespace {
 
-// tolerance for zero: far below perceptible forces, far above rounding
+// tolerances for zero: far below perceptible forces, far above rounding
 constexpr double kForceNear_N = 1e-10, kPlaceNear_m = 1e-13;
-/// The greatest number of stations by which the cut runs ahead of the needle in a tick: further ahead, it
-/// would leave its force behind.
+/// How far the cut may run ahead of the needle in a tick, in stations: further ahead, the force would not
+/// keep up.
 constexpr double kCutAhead = 0.25;
 constexpr std::size_t kMaxUnknowns = kMaxNeedleStations + 1;  // shaft and tip
 
 // The tip's force on the stations: a cubic B-spline of the contact's length about the tip, integrated over
-// each station and reflected at the skin and at the path's end. A length, so that more stations refine it; a
-// spline, so that the force does not ripple as the tip crosses stations (a hat of one station would give 17
-// %).
+// each station and reflected at the skin and at the path's end. It is a length, so that more stations refine
+// it, and a spline, so that the force does not ripple as the tip crosses stations (a hat one station wide
+// would give 17 %).
 struct TipSpread {
   std::size_t first = 0, count = 0;
   std::array<double, kMaxNeedleStations> weight;
@@ -65,13 +65,13 @@ double meanOver(const TipSpread& spread, const double* values) {
   return sum;
 }
 
-// to += factor·from; element by element, so that it may be vectorised without other bits
+// to += factor·from; element by element, so that vectorising does not change the bits
 void addScaled(double* __restrict to, const double* __restrict from, double factor, std::size_t count) {
   for (std::size_t i = 0; i < count; ++i) to[i] += factor * from[i];
 }
 
-// Solves the upper triangle `a` (rows of `stride`, symmetric positive definite) · x = b in place of b, by
-// Cholesky; destroys `a`.
+// Solves the upper triangle `a` (rows of `stride`, symmetric positive definite) · x = b by Cholesky, writing
+// x into b; destroys `a`.
 void solvePositive(double* a, std::size_t stride, std::size_t size, double* b) {
   for (std::size_t k = 0; k < size; ++k) {
     double* row = a + k * stride;
@@ -128,7 +128,7 @@ Contact::Contact(const FemNeedle& needle, const NeedlePose& pose, NeedleState& s
   const double tip_depth = state.cut_m * pose.slant;
   spreadTip(tip_depth);
 
-  // the motion of this tick divides into tissue motion and slip
+  // this tick's motion splits into tissue motion and slip
   const double motion = pose.x_m - state.x_m;
   for (std::size_t i = 0; i < shaft_; ++i) {
     target_[i] = motion + state.moved_m[i];
@@ -222,12 +222,12 @@ std::size_t Contact::findWrong(std::array<std::size_t, kMaxUnknowns>& which) con
   return wrong;
 }
 
-// Block principal pivoting (Portugal, Júdice and Vicente 1994): all violations change at once while their
-// number falls; if it does not fall three times in a row, only the last violation changes (this must end)
-// until it falls again.
+// Block principal pivoting (Portugal, Júdice and Vicente 1994): changes all violations at once while their
+// number falls. If it does not fall three times in a row, changes only the last violation, which must
+// terminate, until the number falls again.
 void Contact::solve() {
   constexpr int kPatience = 3;
-  // no friction to hold the station: it slips in either direction
+  // without friction to hold it, a station slips in either direction
   for (std::size_t n = 0; n < count_; ++n)
     if (low_[n] == high_[n] && hold_[n] == Hold::kSticks) hold_[n] = Hold::kSlipsIn;
   std::array<std::size_t, kMaxUnknowns> wrong;
@@ -257,7 +257,7 @@ void Contact::solve() {
   }
   state_.solves = kMostSolves;
   ++state_.unsettled;
-  // keep within bounds anyway: the remainder is slip of this tick
+  // clamp in any case: the remainder is slip in this tick
   for (std::size_t n = 0; n < count_; ++n) force_[n] = std::clamp(force_[n], low_[n], high_[n]);
 }
 
@@ -278,7 +278,7 @@ NeedleForce Contact::finish() {
   state.tip_hold = hold_[shaft_];
   if (state.tip_N != 0.0) addScaled(state.moved_m.data(), tip_column_.data(), state.tip_N, stations_);
 
-  // the tip: motion beyond the tissue's motion cuts, motion short of it leaves a gap
+  // the tip: moving more than the tissue cuts, moving less leaves a gap
   state.tip_moved_m = meanOver(spread_, state.moved_m.data());
   const double slip = rest_[shaft_];
   state.gap_m = state.tip_hold == Hold::kSticks ? 0.0 : std::max(0.0, -slip);
@@ -333,7 +333,7 @@ FemNeedle compileNeedle(const SceneSpec& spec) {
   }
   needle.bevel_m = 2 * compliance.radius_m;
   needle.contact_m = kBevelPerDiameter * 2 * compliance.radius_m;
-  // keeps the tip's equation independent of the shaft's equations where all of it sticks
+  // keeps the tip's equation independent of the shaft's when everything sticks
   needle.tip_give_m_per_N = 0.01 * mean_give;
 
   std::vector<double> matrix = compliance.give_m_per_N, force(stations, 1.0);

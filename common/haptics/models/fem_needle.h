@@ -3,10 +3,10 @@
 ///
 /// The tissue moves by w = C f under the axial forces f of the needle on its stations. Along the shaft the
 /// tissue sticks to the needle or slips: |f_j| is at most the friction of the inserted part of station j. The
-/// tip pushes (never pulls) the tissue with at most the cutting force of the layer there; beyond that it
-/// cuts, and the cut stays. Force and displacement of a tick are the solution of this complementarity problem
-/// with box bounds, solved implicitly, so that the work of the hand is at least the energy stored in the
-/// tissue: see `stepNeedle`.
+/// tip pushes (never pulls) the tissue with at most the local layer's cutting force; beyond that it cuts, and
+/// the cut stays. Force and displacement of a tick are the solution of this complementarity problem with box
+/// bounds, solved implicitly, so that the hand's work is at least the energy stored in the tissue (see
+/// `stepNeedle`).
 #pragma once
 
 #include <array>
@@ -16,40 +16,40 @@
 #include <string>
 #include <vector>
 
-#include "common/haptics/limits.h"
 #include "common/haptics/scene_spec.h"
 #include "common/haptics/sim_state.h"
 
 namespace needlelab {
 
 /// The tissue's finite-element mesh as the needle feels it: the displacement along u of each piece of the
-/// path under an axial force on each other piece. Made by common/fem, then shared and never changed.
+/// path under an axial force on each piece. Made by common/fem, then shared and never changed.
 ///
 /// The path is cut into stations of equal length; station i is the piece of the surface r = radius_m between
 /// the depths i·spacing_m and (i + 1)·spacing_m. Depths run along the surface normal, from the skin.
 struct NeedleCompliance {
   double spacing_m = 0;              ///< length of a station
-  double radius_m = 0;               ///< r₀, of the surface that the needle's load is spread over
+  double radius_m = 0;               ///< r₀ of the surface over which the needle's load is spread
   std::vector<double> depth_m;       ///< middle of each station, 1-kMaxNeedleStations of them
   std::vector<double> give_m_per_N;  ///< C, row-major: mean displacement of i per axial force spread over j.
                                      ///< Symmetric, positive definite
 
   // origin
-  std::int32_t nodes = 0, elements = 0;              ///< of the mesh: a quarter of the tissue, by symmetry
+  std::int32_t nodes = 0, elements = 0;              ///< size of the mesh: a quarter of the tissue, by
+                                                     ///< symmetry
   double assemble_s = 0, factor_s = 0, solve_s = 0;  ///< wall time; solve: all stations
   double one_solve_s = 0;                            ///< one right-hand side
-  /// With the needle at its full depth, under all friction and the cutting force: share of the elements with
-  /// a largest principal strain above 10 %, where linear elasticity does not hold; and share of the volume
-  /// within 5·radius_m of the path, which does not depend on the grading of the mesh.
+  /// With the needle at full depth, under all friction and the cutting force: the share of elements whose
+  /// largest principal strain exceeds 10 %, where linear elasticity does not hold; and the same as a share of
+  /// the volume within 5·radius_m of the path, which does not depend on the grading of the mesh.
   double strained_share = 0, strained_near_share = 0;
-  std::string source;  ///< in words: mesh, elements, boundary
+  std::string source;  ///< a description: mesh, elements, boundary
 
   [[nodiscard]] std::size_t stations() const { return depth_m.size(); }
   [[nodiscard]] double give(std::size_t i, std::size_t j) const { return give_m_per_N[i * stations() + j]; }
 };
 
-/// ∫ of a number that is constant in each layer, from the skin along the normal; above the skin, the value of
-/// the first layer.
+/// Integrates a number that is constant in each layer from the skin along the normal; above the skin, the
+/// first layer's value applies.
 class LayerIntegral {
  public:
   /// Adds a layer below the existing layers.
@@ -69,11 +69,11 @@ struct FemNeedle {
   std::shared_ptr<const NeedleCompliance> compliance;
   LayerIntegral cutting_N_m, friction_N;
   std::array<double, kMaxNeedleStations>
-      station_friction_N{};      ///< of a whole station, for a straight insertion
+      station_friction_N{};      ///< friction of a whole station, for a straight insertion
   double bevel_m = 0;            ///< the cutting force is the mean over this length behind the tip
-  double contact_m = 0;          ///< the tip's force is spread over this length about it: the needle's bevel
-  double tip_give_m_per_N = 0;   ///< of the tip itself, in series with the tissue's
-  double stiffness_N_per_m = 0;  ///< of a needle that sticks over its whole length: the greatest value
+  double contact_m = 0;          ///< the tip's force is spread over this length around it: the needle's bevel
+  double tip_give_m_per_N = 0;   ///< compliance of the tip itself, in series with the tissue's
+  double stiffness_N_per_m = 0;  ///< stiffness of a needle that sticks over its whole length: the maximum
 };
 /// `spec.fem` must be valid and have its compliance.
 FemNeedle compileNeedle(const SceneSpec& spec);
@@ -89,14 +89,14 @@ struct NeedlePose {
 struct NeedleForce {
   double cutting_N = 0;   ///< at the tip, ≤ 0
   double friction_N = 0;  ///< along the shaft
-  /// The tip cuts into a layer that is softer to cut, or the cut runs ahead of the needle because tissue
-  /// springs back there: the force may change faster than by any spring.
+  /// The tip cuts into a layer that is easier to cut, or the cut runs ahead of the needle because tissue
+  /// springs back there: the force may change faster than any spring's.
   bool releases = false;
 };
 
-/// One tick. The state is that of the needle outside (`NeedleState{}`) or of the tick before; the first pose
-/// is near x = 0. Solves at most `kMostSolves` small systems: a contact that has not settled by then settles
-/// in the next tick (`state.unsettled` counts such ticks).
+/// Steps one tick. The state is that of the needle outside (`NeedleState{}`) or of the previous tick; the
+/// first pose is near x = 0. Solves at most `kMostSolves` small systems: a contact that has not settled by
+/// then continues in the next tick (`state.unsettled` counts such ticks).
 ///
 /// Why it only dissipates: with E = ½ fᵀ C f (and the tip's own spring) convex, E_new − E_old ≤ f_newᵀ (w_new
 /// − w_old); each station's force times the needle's motion is this term plus its force times its slip, and
@@ -106,7 +106,7 @@ NeedleForce stepNeedle(const FemNeedle& needle, const NeedlePose& pose, NeedleSt
 /// Elastic energy in the tissue, in J.
 double storedEnergy(const FemNeedle& needle, const NeedleState& state) noexcept;
 
-/// The tissue's displacement per force of the tip alone at that depth, the tip's own spring included.
+/// The tissue's displacement per force of the tip alone at that depth, including the tip's own spring.
 double tipGive_m_per_N(const FemNeedle& needle, double depth_m) noexcept;
 
 inline constexpr int kMostSolves = 40;

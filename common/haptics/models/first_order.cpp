@@ -1,12 +1,11 @@
-/// FIRST_ORDER: the needle's force as the sum of three, after Okamura, Simone and O'Leary 2004, with their
-/// quadratic stiffness taken linear and their Karnopp friction without its static and viscous parts
-/// (okamura.cpp has all of it): stiffness before puncture, then cutting and friction (FORCE_MODEL.md,
-/// "Axial models"). Each layer has a surface at its top that holds with k (x − s) until this reaches its
-/// puncture force. While a surface holds, there is no cutting or friction beyond it (x_c of FORCE_MODEL.md,
-/// "Puncture"). Cutting is constant in a layer, and friction is ∫ friction ds over the length beyond the
-/// surfaces; both use dragged walls (K_t and K_f): cutting on the way in only, friction in both directions.
-/// The model has no relaxation in a stop. It has its own puncture and friction: a scene that lists PUNCTURE
-/// or SHAFT_FRICTION is refused.
+/// FIRST_ORDER: the needle's force as the sum of stiffness before puncture, then cutting and friction, after
+/// Okamura, Simone and O'Leary 2004, but with linear instead of quadratic stiffness, and Karnopp friction
+/// without its static and viscous parts (okamura.cpp has the full model; FORCE_MODEL.md, "Axial models").
+/// Each layer has a surface at its top that holds with k (x − s) up to its puncture force. While a surface
+/// holds, there is no cutting or friction beyond it (x_c of FORCE_MODEL.md, "Puncture"). Cutting is constant
+/// in a layer, and friction is ∫ friction ds over the length beyond the surfaces; both use dragged walls (K_t
+/// and K_f): cutting on the way in only, friction in both directions. The model has no relaxation in a stop.
+/// It has its own puncture and friction: a scene that lists PUNCTURE or SHAFT_FRICTION is refused.
 #include <fmt/core.h>
 
 #include <algorithm>

@@ -1,9 +1,9 @@
 /// GOD_OBJECT: the proxy of surface rendering (Zilles and Salisbury 1995: a point that stays on the surface
-/// while the tip goes through it) put onto the tops of layers (FORCE_MODEL.md, "Axial models"). It lies on
+/// while the tip goes through it), applied to the tops of layers (FORCE_MODEL.md, "Axial models"). It lies on
 /// the top of the layer that the tip meets and pulls the tip back with f = −K (x − x_proxy); when K (x −
 /// x_proxy) exceeds that layer's cutting force, the proxy passes this top for the rest of the insertion and
 /// moves with the tip to the next top. Between tops the force is zero, and it drops to zero where the proxy
-/// passes: the model is here to show that. It never pulls inward. A top's place along u is determined like a
+/// passes; the model exists to show that. It never pulls inward. A top's place along u is determined like a
 /// membrane's (FORCE_MODEL.md, "Puncture"): the x interpolated by δ between the previous tick and this tick.
 #include <algorithm>
 
@@ -40,7 +40,7 @@ struct GodObject {
     return report.cutting_N = -pressed_N;
   }
 
-  // stores where the tip first crossed the top of each layer
+  // stores where the tip first crosses the top of each layer
   static void meetTops(const SceneModel& model, SimState& state, const Tick& tick) {
     if (state.tops_met >= model.layer_count || tick.depth_m < model.layers[state.tops_met].top_m) return;
     const TickBefore before = tickBefore(state);

@@ -1,5 +1,5 @@
-/// What FIRST_ORDER, OKAMURA and DAHL share: every layer's top holds like a membrane until it is punctured,
-/// and while one holds, there is no cutting or friction beyond it (FORCE_MODEL.md, "Axial models").
+/// Shared by FIRST_ORDER, OKAMURA and DAHL: every layer's top holds like a membrane until it is punctured,
+/// and an unpunctured top prevents cutting and friction beyond it (FORCE_MODEL.md, "Axial models").
 #pragma once
 
 #include <algorithm>
@@ -11,20 +11,20 @@
 
 namespace needlelab {
 
-/// The effects of such a model; its `apply` stands in the derived one.
+/// The effects of such a model; derived types define `apply`.
 struct LayerTops {
   static constexpr EffectMask kRenders = bitOf(Effect::kCutting);
   static constexpr EffectMask kReplaces = bitOf(Effect::kPuncture) | bitOf(Effect::kShaftFriction);
   static constexpr bool kHasWall = true;
 };
 
-/// The steepest stiffness along u: while a top holds, x_c and both walls stand still, so it is that of the
-/// steepest top, or of wall and friction together.
+/// The steepest stiffness along u. While a top holds, x_c and both walls stand still, so it is that of the
+/// steepest top or that of wall and friction together.
 inline double stiffnessWithTops(const SceneSpec& spec, double steepest_top_N_per_m, double friction_N_per_m) {
   return std::max(steepest_top_N_per_m, spec.tracking_wall.stiffness_N_per_m + friction_N_per_m);
 }
 
-/// Constant cutting in the open layer at x_c, on the way in only, by a dragged wall with the spring K_t.
+/// Constant cutting in the open layer at x_c, only on the way in, by a dragged wall with the spring K_t.
 [[gnu::always_inline]] inline double cutBeyondTops(const SceneModel& model, SimState& state, const Tick& tick,
                                                    StepReport& report) {
   const auto closed = static_cast<std::uint32_t>(std::countr_zero(intactMembranes(state)));
@@ -34,7 +34,7 @@ inline double stiffnessWithTops(const SceneSpec& spec, double steepest_top_N_per
   return report.cutting_N = -model.wall.stiffness_N_per_m * (tick.x_cut_m - state.wall_m);
 }
 
-/// The length in tissue beyond the tops that hold.
+/// The length in tissue up to the first intact top.
 inline double lengthBeyondTops(const Tick& tick) {
   return std::min(tick.insertion_m, std::max(0.0, tick.x_cut_m));
 }

@@ -10,10 +10,10 @@
 namespace needlelab {
 namespace {
 
-constexpr double kChange_m = 1e-5;  // within which a table's force falls
+constexpr double kChange_m = 1e-5;  // the distance over which a table's force falls
 // E over k', from 2(1 + ν)(3 − 4ν) ln 100/(8π(1 − ν)) at ν = 0.45
 constexpr double kYoungPerLateral = 1.16;
-constexpr double kLeastPuncture_N = 1e-3;  // FIRST_ORDER and OKAMURA want one above 0
+constexpr double kLeastPuncture_N = 1e-3;  // FIRST_ORDER and OKAMURA require a value above 0
 
 bool lists(const SceneSpec& scene, Effect effect) {
   return (scene.effects & bitOf(effect)) != 0;
@@ -57,8 +57,9 @@ void deriveFirstOrder(SceneSpec& scene) {
   scene.effects |= bitOf(Effect::kCutting);
 }
 
-// Ratios to kinetic friction: assumptions. Remembered as bovine liver's (Okamura, Simone and O'Leary
-// 2004: 18.57 and 11.96 N/m, 293 N·s/m² on the way in; 18.45, 10.57, 212 out); the paper was not at hand.
+// Ratios to kinetic friction: assumptions, quoted from memory as those of bovine liver (Okamura, Simone and
+// O'Leary 2004: 18.57 and 11.96 N/m, 293 N·s/m² on the way in; 18.45, 10.57, 212 out), without access to the
+// paper.
 constexpr double kStaticIn = 1.55, kStaticOut = 1.75, kViscousIn_s_per_m = 24.5, kViscousOut_s_per_m = 20.1;
 
 void deriveOkamura(SceneSpec& scene) {
@@ -142,7 +143,7 @@ std::vector<PrecomputedSpec::Row> forceTableOfLayers(const SceneSpec& scene) {
     attracted_N = lists(scene, Effect::kAttracted) ? layer.attracted_force_N : 0.0;
     if (i == 0) table.push_back({0, 0, attracted_N});
 
-    // a fall and the attracted force follow at once, a rise follows the wall's spring
+    // a fall and the attracted force take effect at once, a rise follows the wall's spring
     const double rise_m = std::max(0.0, wanted_N - before_N) / stiffness;
     const double change_m = std::min(kChange_m, layer.thickness_m / 4);
     if (wanted_N < before_N || (i > 0 && attracted_N != attracted_before_N)) {

@@ -1,14 +1,15 @@
-/// OKAMURA: the needle's force as the sum of three (Okamura, Simone and O'Leary, "Force modeling for needle
-/// insertion into soft tissue", 2004): a stiffness a1 z + a2 z² up to puncture, then constant cutting, and
-/// modified Karnopp friction along the shaft. DAHL: the same stiffness and cutting, and the shaft's friction
-/// after Kim and Lee ("An empirical model of friction force between a needle and soft tissue", 2016): Dahl's
-/// element, with limits of each direction and a viscous term. FORCE_MODEL.md, "Axial models", has the rules.
+/// OKAMURA: the needle's force as the sum of three parts (Okamura, Simone and O'Leary, "Force modeling for
+/// needle insertion into soft tissue", 2004): a stiffness a1 z + a2 z² up to puncture, then constant cutting,
+/// and modified Karnopp friction along the shaft. DAHL: the same stiffness and cutting, and the shaft's
+/// friction after Kim and Lee ("An empirical model of friction force between a needle and soft tissue",
+/// 2016): Dahl's element, with limits for each direction and a viscous term. FORCE_MODEL.md, "Axial models",
+/// has the rules.
 ///
-/// Both frictions are a spring K_f from the needle to a place w_f in the tissue, as shaft friction is: a
-/// device measures places, and the force that Karnopp's law needs at rest is what holds the spring. Every
-/// move of w_f shortens the spring, whatever the limits do, so the element can only take energy. Speeds are
-/// means over 100 ms; therefore the viscous part raises the limit and is no force of its own, which would
-/// push the hand on for 50 ms after it turned back.
+/// Like shaft friction, both frictions are a spring K_f from the needle to a place w_f in the tissue: a
+/// device measures places, and the spring supplies the force that Karnopp's law needs at rest. For any
+/// limits, every move of w_f shortens the spring, so the element can only take energy. Speeds are means over
+/// 100 ms; therefore the viscous part raises the limit instead of being a separate force, which would keep
+/// pushing the hand for 50 ms after it reversed.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -45,9 +46,9 @@ void add(SideLimit& limit, const ShaftFrictionSpec& side, double length_m) {
   limit.viscous_Ns_per_m += side.viscous_Ns_per_m2 * length_m;
 }
 
-/// The reach of the spring in a direction: at rest up to static friction; in motion kinetic and viscous, and
-/// what static friction is above them at the speed where motion begins fades over the way on which the spring
-/// gives it back: the force does not step.
+/// The reach of the spring in a direction: at rest up to static friction, in motion kinetic plus viscous. The
+/// excess of static friction when motion begins fades over the distance on which the spring gives it back, so
+/// that the force does not step.
 struct Karnopp {
   static void drag(const SceneModel& model, SimState& state, const Tick& tick, double slid_m,
                    const SideLimit& in, const SideLimit& out) {
@@ -66,8 +67,8 @@ struct Karnopp {
   }
 };
 
-/// dz/dx = 1 − sign(dx)·z/reach for the spring's length z: exactly, for any way in a tick. While z is
-/// shortened, the reach is that of its own side.
+/// Integrates dz/dx = 1 − sign(dx)·z/reach for the spring's length z exactly, for any distance in a tick.
+/// While z shortens, the reach is that of its own side.
 struct Dahl {
   static void drag(const SceneModel& model, SimState& state, const Tick& tick, double slid_m,
                    const SideLimit& in, const SideLimit& out) {
@@ -80,7 +81,7 @@ struct Dahl {
     state.friction_wall_m = tick.x_cut_m - std::min(std::max(z_m, -reach_out_m), reach_in_m);
   }
 
-  /// z after a way > 0 towards positive z.
+  /// z after a distance > 0 towards positive z.
   static double stretched(double z_m, double way_m, double ahead_m, double behind_m) {
     if (z_m < 0) {
       const double left_m = wayToZero(z_m, behind_m);
@@ -103,7 +104,7 @@ struct ThreeForces : LayerTops {
     const double x_cut_before_m = cuttingPosition(state, before.x_m), wall_before_m = state.wall_m;
     Tick own = tick;
     const double held_N = applyMembranes(model, state, own, before.x_m, before.depth_m, report);
-    // a rupture lets walls and x_c go on together: nothing slides in that
+    // a rupture moves walls and x_c together, so nothing slides
     const double slid_m = own.x_cut_m - (state.wall_m - wall_before_m) - x_cut_before_m;
     const double cutting_N = cutBeyondTops(model, state, own, report);
 
@@ -191,7 +192,7 @@ constinit const AxialEntry kOkamuraEntry = {
     [](const SceneSpec& spec, SceneModel& model) { compileThreeForces(spec, model, 1); },
     LayerTops::kReplaces};
 
-// turned back at its limit, Dahl's spring gives way twice as fast as K_f
+// when reversed at its limit, Dahl's spring yields twice as fast as K_f
 constinit const AxialEntry kDahlEntry = {
     &kDahlSteps, checkThreeForces, alwaysCutting,
     [](const SceneSpec& spec, SceneModel& model) { compileThreeForces(spec, model, 2); },

@@ -1,7 +1,7 @@
-/// PRECOMPUTED: a table of force over depth, made beforehand (by FEM, by a fit, by hand), in and out, linear
-/// between its rows, rendered by the enhanced tracking wall: Δ_cut = cutting(δ)/K_t, Δ_att = attracted(δ)/K_t
-/// (FORCE_MODEL.md, "Axial models"; precomputed tables are the future work of the paper). The stop leaves the
-/// layer's rejection force, as the wall does.
+/// PRECOMPUTED: a table of force over depth, made in advance (by FEM, by a fit, by hand), for both
+/// directions, linear between its rows, rendered by the enhanced tracking wall: Δ_cut = cutting(δ)/K_t, Δ_att
+/// = attracted(δ)/K_t (FORCE_MODEL.md, "Axial models"; the paper names precomputed tables as future work). A
+/// stop leaves the layer's rejection force, as with the wall.
 #include <fmt/core.h>
 
 #include <algorithm>

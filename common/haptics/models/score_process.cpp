@@ -9,7 +9,7 @@
 namespace needlelab {
 namespace {
 
-constexpr double kRange_m = 1.0;  // no table is deeper
+constexpr double kRange_m = 1.0;  // maximum depth of a table
 constexpr double kCellsPerLength = 4;
 
 // SplitMix64's finaliser (Steele, Lea and Flood 2014): every bit of the result depends on every bit of the
@@ -59,7 +59,7 @@ double ScoreProcess::at(std::uint64_t key, double depth_m, ScorePath& path) cons
       path.low[0] = normalOf(key, 0);
       path.high[0] = root_rho_ * path.low[0] + std::sqrt(1 - root_rho_ * root_rho_) * normalOf(key, 1);
     } else {
-      // levels with the same cell for the old and the new place stay
+      // keep levels at which the old and the new place share a cell
       level = levels_ - std::bit_width(static_cast<std::uint32_t>(cell ^ path.cell));
     }
     for (; level < levels_; ++level) {

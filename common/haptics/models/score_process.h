@@ -1,7 +1,7 @@
-/// A unit Ornstein-Uhlenbeck process over depth that is a function of (key, depth) alone: depths can be
-/// evaluated in any order, the path to a depth does not matter, and only the neighbourhood of the last
-/// evaluation is kept. On nodes of a dyadic grid over 1 m it is exact: the ends are drawn jointly, each
-/// midpoint from its neighbours a and b at distance h by the process's own bridge,
+/// A unit Ornstein-Uhlenbeck process over depth that depends only on (key, depth): depths can be evaluated in
+/// any order, and only the neighbourhood of the last evaluation is kept. On nodes of a dyadic grid over 1 m
+/// it is exact: the ends are drawn jointly, and each midpoint from its neighbours a and b at distance h by
+/// the process's own bridge,
 ///   mean ρ(a + b)/(1 + ρ²), variance (1 − ρ²)/(1 + ρ²), ρ = e^(−h/length)
 /// (the conditional law of a Gaussian Markov process: Rasmussen and Williams 2006, app. B). Between nodes the
 /// score is linear and scaled to variance 1, so that it is a unit normal at every depth and continuous.

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::size_t kMaxStatisticalRows = 256;
 constexpr NumberRange kFactor{0, 10, true};
-// above this share of the mean a log-normal force has no meaning; it follows that sd is 0 where the mean is 0
+// above this share of the mean a log-normal force is meaningless; consequently sd is 0 where the mean is 0
 constexpr double kMostSdShare = 10;
 
 struct Statistical {

@@ -9,7 +9,7 @@
 
 namespace needlelab {
 
-/// The target force of insertions: at each depth log-normal with the table's mean m and sd s (with the
+/// The target force of insertions: log-normal at each depth, with the table's mean m and sd s (times the
 /// patient's factors), i.e. with σ² = ln(1 + s²/m²)
 ///   target = m·e^(σ z − σ²/2) = m/√(1 + s²/m²)·e^(σ z)
 /// where z is the normal score of that insertion at that depth. 0 where m is 0. Const; any thread.
@@ -18,8 +18,8 @@ class StatisticalTarget {
   /// The section must be valid (see `validate`).
   explicit StatisticalTarget(const StatisticalSpec& spec);
 
-  /// In N. `insertion` counts from 0; `path` and `row` are caches of that insertion (start: {} and 0).
-  /// Real-time safe.
+  /// Returns the force in N. `insertion` counts from 0; `path` and `row` are caches of that insertion (start:
+  /// {} and 0). Real-time safe.
   double at(std::uint64_t insertion, double depth_m, ScorePath& path, std::uint32_t& row) const noexcept;
 
   [[nodiscard]] const ScoreProcess& process() const { return process_; }
@@ -30,7 +30,7 @@ class StatisticalTarget {
   std::uint64_t seed_;
 };
 
-/// One insertion's target as a function of depth, for studies and tests: exactly as the engine renders it.
+/// One insertion's target as a function of depth, exactly as the engine renders it; for studies and tests.
 class StatisticalInsertion {
  public:
   /// `target` must outlive this object.

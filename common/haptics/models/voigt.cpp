@@ -1,9 +1,9 @@
 /// VOIGT: a spring and a damper side by side from the surface to the tip, the Kelvin-Voigt element that many
-/// simulators use for soft tissue (e.g. Fung 1993, §2.11): f = min(0, −K x − B ẋ), it never pulls
-/// (FORCE_MODEL.md, "Axial models"). ẋ is the difference over one tick, x = 0 at the tick before entry: a
-/// quantised position causes force steps of B·quantum/T there; the model is here to show that, too. With
-/// `velocity_noise_m` ẋ comes from an adaptive window (Janabi-Sharifi, Hayward and Chen 2000): what a careful
-/// programmer would write.
+/// simulators use for soft tissue (e.g. Fung 1993, §2.11): f = min(0, −K x − B ẋ), which never pulls
+/// (FORCE_MODEL.md, "Axial models"). ẋ is the difference over one tick, with x = 0 at the tick before entry:
+/// a quantised position causes force steps of B·quantum/T, which the model exists to show, too. With
+/// `velocity_noise_m`, ẋ comes from an adaptive window (Janabi-Sharifi, Hayward and Chen 2000), as a careful
+/// programmer would do it.
 #include <algorithm>
 #include <cmath>
 
@@ -15,8 +15,8 @@ namespace {
 
 constexpr NumberRange kDamping{0, 1000}, kNoise{0, 1e-3};
 
-// Way per tick over the longest window, 16 ticks at most, whose end points' line is within the noise of every
-// position between them: long while the needle rests, short while it accelerates.
+// Movement per tick over the longest window of at most 16 ticks in which the line between the end points is
+// within the noise of every position: long while the needle rests, short while it accelerates.
 double adaptiveMove_m(const SceneModel& model, const SimState& state) {
   constexpr std::uint64_t kMostTicks = 16;
   const auto back_m = [&](std::uint64_t ticks) {
@@ -42,7 +42,7 @@ struct Voigt {
   static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool /*stop_begins*/,
                       StepReport& report) {
     // uses stored positions, so that a turn of u does not count as motion; the zero before the entry tick is
-    // one of them
+    // stored, too
     double moved_m = state.x_history_m[state.ticks_inside & state.history_mask] -
                      state.x_history_m[(state.ticks_inside - 1) & state.history_mask];
     if (model.velocity_noise_m > 0) moved_m = adaptiveMove_m(model, state);

@@ -34,12 +34,12 @@ double slopeAtRupture(const MembraneSpec& m) {
   return std::sqrt(m.linear_N_per_m * m.linear_N_per_m + 4 * m.quadratic_N_per_m2 * m.force_N);
 }
 
-// layer boundaries and stretches (FORCE_MODEL.md, "Tracking wall")
+// computes layer boundaries and stretches (FORCE_MODEL.md, "Tracking wall")
 void compileLayers(const SceneSpec& spec, SceneModel& model) {
   double top = 0;
   const LayerSpec* tissue = nullptr;
   for (const LayerSpec& layer : spec.layers) {
-    // BONE: the tissue above goes on, no needle enters the bone
+    // BONE: no needle enters the bone, so the tissue above continues
     const bool is_bone = layer.is_bone && model.isLive(Effect::kBone);
     if (is_bone && model.bone_top_m == 0.0) {
       model.bone_layer = model.layer_count;
@@ -75,8 +75,8 @@ void compileTurn(SceneModel& model) {
   model.turn_slope_N_per_m = model.fixture.max_force_N / (0.5 * model.needle_length_m - model.turn_begins_m);
 }
 
-// the second derivatives of U = ½ k(d) e², with d = |p − P0|, of a needle that is held as far aside as u does
-// not turn. s = e/d and c are the sine and cosine of the angle between p − P0 and u
+// the second derivatives of U = ½ k(d) e², with d = |p − P0|, for a needle held at the largest deviation at
+// which u does not turn. s = e/d and c are the sine and cosine of the angle between p − P0 and u
 FixtureSteepness steepnessOf(const SceneModel& model) {
   if (!model.isLive(Effect::kClamping)) return {};
   FixtureSteepness steepest{model.fixture.max_stiffness_N_per_m, 0.0};
@@ -103,7 +103,7 @@ FixtureSteepness steepnessOf(const SceneModel& model) {
   return steepest;
 }
 
-// where the limb is a plane: the plane through the bone's top below the limb's point
+// for a plane limb: the plane through the bone's top below the limb's point
 void compileBone(const SceneSpec& spec, SceneModel& model) {
   if (!model.isLive(Effect::kBone) || !model.is_plane) return;
   model.bone_is_plane = true;
@@ -111,7 +111,7 @@ void compileBone(const SceneSpec& spec, SceneModel& model) {
   model.bone_normal = spec.bone_normal ? normalized(*spec.bone_normal) : model.plane_normal;
 }
 
-// the live stages; the cap comes after them
+// prepares the live stages; the cap follows them
 void compileStages(const SceneSpec& spec, SceneModel& model) {
   model.stage_numbers = spec.stage_numbers;
   for (const EffectEntry* entry : effectEntries()) {

@@ -4,7 +4,6 @@
 
 #include "common/base/range.h"
 #include "common/haptics/effects/effect_entry.h"
-#include "common/haptics/limits.h"
 #include "common/haptics/models/axial_entry.h"
 #include "common/haptics/scene_spec.h"
 #include "common/haptics/spec_checker.h"
@@ -23,7 +22,7 @@ void checkLimb(const Limb& limb, SpecChecker& check) {
     check.point("point_m", plane->point_m);
     check.point("normal", plane->normal);
     check.require(norm(plane->normal) >= kShortestVector, "normal",
-                  "is no direction: give a vector that is not zero, pointing out of the tissue");
+                  "is not a direction: give a vector that is not zero, pointing out of the tissue");
   } else if (const auto* sphere = std::get_if<SphereLimb>(&limb)) {
     check.enter("limb.sphere.");
     check.point("center_m", sphere->center_m);
@@ -73,7 +72,7 @@ void checkLayers(const SceneSpec& spec, SpecChecker& check) {
   }
 }
 
-// a field's accessor can write: pass it a mutable scene
+// accessors return a mutable reference, so pass a mutable scene
 double numberOf(const EffectField& field, const SceneSpec& spec) {
   return field.of(const_cast<SceneSpec&>(spec));
 }
@@ -97,7 +96,7 @@ void checkSections(const SceneSpec& spec, SpecChecker& check) {
 
   for (const EffectEntry* entry : effectEntries()) {
     check.enter(std::string(entry->section) + (entry->section.empty() ? "" : "."));
-    // without the section of a later effect its numbers are zero: it is not live
+    // without its section, a later effect's numbers are zero and it is not live
     if (!isPlaced(entry->effect) && !hasAnyNumber(*entry, spec)) continue;
     for (const EffectField& field : entry->fields)
       check.number(field.name, numberOf(field, spec), field.range);

@@ -551,7 +551,7 @@ BEGIN
     ON CONFLICT (what, name) DO UPDATE SET number = excluded.number, how = excluded.how, server = excluded.server;
 END $$;
 
--- Conditions are in the functions, whose text is compared at each start (db/postgres_objects.cpp), and not in the triggers.
+-- Conditions are in the functions, whose text is compared at each start (db/store/postgres_objects.cpp), and not in the triggers.
 
 -- With the COMMIT: servers read then what has changed. Many of one transaction are one.
 CREATE FUNCTION tell_access() RETURNS trigger LANGUAGE plpgsql AS $$

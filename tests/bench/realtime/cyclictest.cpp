@@ -6,7 +6,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "tests/bench/realtime/loop_slices.h"
 #include "tests/support/temp_folder.h"
 

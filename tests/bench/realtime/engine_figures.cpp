@@ -3,10 +3,10 @@
 
 #include "client/effect_cost/calibration.h"
 #include "client/effect_cost/tick_run.h"
-#include "client/station/run/black_box.h"
-#include "common/base/clock.h"
+#include "client/station/run/loop/black_box.h"
+#include "common/base/time/clock.h"
 #include "tests/bench/realtime/figures.h"
-#include "tests/support/scenes.h"
+#include "tests/support/scenes/scenes.h"
 
 namespace needlelab::test {
 

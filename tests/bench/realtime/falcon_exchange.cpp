@@ -11,10 +11,10 @@
 #include <thread>
 
 #include "client/device/falcon/falcon_device.h"
-#include "common/base/clock.h"
 #include "common/base/program.h"
-#include "common/base/time_source.h"
-#include "common/haptics/force_gate.h"
+#include "common/base/time/clock.h"
+#include "common/base/time/time_source.h"
+#include "common/haptics/gate/force_gate.h"
 #include "tests/bench/realtime/figures.h"
 #include "tests/support/falcon_emulator/falcon_emulator.h"
 

@@ -13,12 +13,12 @@
 #include <thread>
 
 #include "client/device/factory/device_factory.h"
-#include "client/net/spool_writer.h"
-#include "client/station/run/black_box.h"
-#include "client/station/run/real_time.h"
-#include "client/station/run/servo_loop.h"
-#include "common/base/clock.h"
-#include "tests/support/scenes.h"
+#include "client/net/spool/spool_writer.h"
+#include "client/station/run/loop/black_box.h"
+#include "client/station/run/loop/real_time.h"
+#include "client/station/run/loop/servo_loop.h"
+#include "common/base/time/clock.h"
+#include "tests/support/scenes/scenes.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "client/station/run/real_time.h"
+#include "client/station/run/loop/real_time.h"
 #include "common/base/histogram.h"
 #include "common/base/result.h"
 

@@ -7,12 +7,12 @@
 #include <span>
 #include <thread>
 
-#include "common/base/clock.h"
+#include "common/base/time/clock.h"
 #include "common/gesture/chunk.h"
-#include "db/credentials.h"
-#include "db/schema.h"
-#include "db/service/retention.h"
-#include "db/session_store.h"
+#include "db/login/credentials.h"
+#include "db/service/records/retention.h"
+#include "db/sessions/session_store.h"
+#include "db/store/schema.h"
 #include "tests/bench/realtime/figures.h"
 #include "tests/support/temp_folder.h"
 

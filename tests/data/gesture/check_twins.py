@@ -137,7 +137,7 @@ def read_chunk(data):
 
 
 def record_at(data, at):
-    """(kind, content, end) or None; content is None when its CRC does not agree."""
+    """(kind, content, end) or None; content is None if its CRC does not match."""
     head = data[at:at + 16]
     if len(head) < 16 or head[:4] != b"\xa7NLr" or struct.unpack_from("<I", head, 12)[0] != crc32c(head[:12]):
         return None

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes refused.tsv: chunks with a right CRC that common/gesture/FORMAT.md says a reader refuses, one a kind of fault.
+"""Writes refused.tsv: chunks with a valid CRC that a reader must refuse according to common/gesture/FORMAT.md, one per kind of fault.
 Written from that page alone. A line has the kind of fault, a tab, and the chunk's bytes in hexadecimal digits."""
 import pathlib
 import struct
@@ -36,7 +36,7 @@ def block(columns=(), mask=None):
 
 
 def steady(base, bits=0):
-    """A column block of mode 1: every value `base` above the one before."""
+    """A column block of mode 1: every value is `base` above the previous one."""
     return bytes([1 << 6 | bits]) + varint(zigzag(base))
 
 
@@ -45,7 +45,7 @@ def sealed(body):
 
 
 def chunk(code=1, samples=SAMPLES, last=None, raw=0, steps=b"", cuts=None, row=None, blocks=None):
-    """`cuts`: the memory of the cut with its length, of version 2."""
+    """`cuts`: the memory of the cut with its length (version 2)."""
     last = 100 + samples - 1 if last is None else last
     head = b"NLGC" + struct.pack("<BBHQQqqI", 1 if cuts is None else 2, code, samples - 1, 100, last, 5_000_000, 1_000_000, raw)
     blocks = [block(), block()] if blocks is None else blocks
@@ -58,7 +58,7 @@ def listed(length=1e-6):
 
 def refused():
     good = chunk()
-    wide = first_row(coded={2: bytes(8)})  # column 2 raw, as bit 2 of the mask says
+    wide = first_row(coded={2: bytes(8)})  # column 2 raw, as indicated by bit 2 of the mask
     yield "an unknown resolution code", chunk(code=3)
     yield "a step below 1e-12", chunk(code=0, steps=listed(1e-13))
     yield "a step above 1", chunk(code=0, steps=listed(1.5))
@@ -102,7 +102,7 @@ def main():
 
 
 def accepted():
-    """Strange chunks that a reader takes, with what makes them strange."""
+    """Unusual chunks that a reader accepts, with what is unusual about them."""
     yield "varints longer than they need be", chunk(row=first_row(coded={2: b"\x80" * 4 + b"\0", 3: b"\x81\x80\0"}))
     yield "ticks that repeat", chunk(last=100, blocks=[block({0: steady(-1)}), block({0: steady(-1)})])
     yield "ticks that go backwards", chunk(last=100 - 39, blocks=[block({0: steady(-2)}), block({0: steady(-2)})])

@@ -31,7 +31,7 @@ def kill_server(lab, draw, must_hit):
         return lab.kill_server()
     try:
         until(lambda: lab.server.poll() is not None, "the armed operation", seconds=3)
-    except Failed:  # that many never came: kill at any point
+    except Failed:  # that many did not come: kill at any point
         lab.server.kill()
     return lab.server_died()
 

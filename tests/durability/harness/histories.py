@@ -27,7 +27,7 @@ class History:
         self.told.append(text)
 
     def play(self, steps):
-        """The faults, as (name, text)."""
+        """Returns the faults, as (name, text)."""
         self.lab.start_server()
         for name in self.names:
             self._station(name)

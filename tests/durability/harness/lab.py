@@ -16,15 +16,15 @@ from ledger import Ledgers  # noqa: E402
 from programs import PATIENCE_S, Failed, LedgerFolder, run, start, stop, until  # noqa: E402,F401
 from verdict import judge_all  # noqa: E402
 
-__all__ = ["until"]  # for those who import them from here
+__all__ = ["until"]  # for modules that import them from here
 
 LOSS_MS = 20  # allowed loss of a killed station if its writer may have real-time priority (client/net/README.md)
 REACH_NS = 60_000_000  # a stall of the machine up to this long before a kill may matter
 
 
 def loss_ms(given):
-    """As given; else the promise, which the short form, run beside others, stretches by 50 ms; or five times the promise
-    where the writer is an ordinary thread."""
+    """As given; otherwise the promise, which the short form stretches by 50 ms because it runs beside others, or five times the promise if the writer
+    is an ordinary thread."""
     if given is not None:
         return given
     if real_time_allowed():
@@ -169,9 +169,9 @@ class Lab(LedgerFolder):
 
     # --- the judge ---
     def judge(self, at_end):
-        """The faults, as (name, text). The server does not run."""
+        """Returns the faults, as (name, text). The server must not be running."""
         if self.server is not None and self.server.poll() is None:
             raise Failed("a running server's database cannot be judged")
-        time.sleep(0.03)  # the server's last messages are on their way into the ledgers
+        time.sleep(0.03)  # the server's last messages are still on their way to the ledgers
         ledgers = Ledgers(self.folder / "ledger", self.loss_ns)
         return judge_all(Database(self.folder / "data" / "needlelab.db"), ledgers, [chunks_in(b) for b in self.backups], at_end)

@@ -37,7 +37,7 @@ def repeated_chunk_stored_twice(lab):
             client.chunk(seq)
         client.end(2)
     except ConnectionError:
-        if not lab.plant:  # stored twice, chunk 0 takes the place of chunk 1: a contradiction, which ends the connection
+        if not lab.plant:  # stored twice, chunk 0 replaces chunk 1: a contradiction, which ends the connection
             raise
     lab.stop_server()
     return lab.judge(at_end=True).faults
@@ -83,7 +83,7 @@ def spool_purged_at_ack(lab):
 
 
 def sample_lost_at_reconnection(lab):
-    """The station records until it is told to end, so that it surely has more to send when it comes back."""
+    """The station records until it is told to end, so that it certainly has more to send when it comes back."""
     lab.start_server()
     lab.start_station("station-1", sessions=100, samples=2000)
     lab.wait_for_more("ack", 3)
@@ -96,7 +96,7 @@ def sample_lost_at_reconnection(lab):
     return lab.judge(at_end=True).faults
 
 
-# bug -> the history, and the names that its faults may have
+# bug -> the history, and the possible names of its faults
 BUGS = {
     "ack-before-commit": (ack_before_commit, {"acknowledged-but-missing"}),
     "repeated-chunk-stored-twice": (repeated_chunk_stored_twice, {"doubled"}),

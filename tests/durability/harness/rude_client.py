@@ -36,7 +36,8 @@ def field(number, value):
 
 
 def chunk_bytes(seq, shift=0):
-    """SAMPLES samples at rest: after the first row no column changes. With it, their values for the ledger. `shift`: steps from that place."""
+    """SAMPLES samples at rest: after the first row no column changes. Also returns their values for the ledger. `shift`: steps away from that place.
+    """
     first = seq * SAMPLES
     steps_x = 7 * seq + 1 + shift
     data = b"NLGC" + struct.pack("<BBHQQqqI", 1, 1, SAMPLES - 1, first, first + SAMPLES - 1, first * 10**6, 10**6, 0)
@@ -53,13 +54,13 @@ def chunk_bytes(seq, shift=0):
 
 
 class Peer:
-    """A connection to a server, by the protocol alone. It says Hello; the log-in is the caller's."""
+    """A connection to a server, using only the protocol. It sends Hello; the caller logs in."""
 
     def __init__(self, address, port, ca, receive_bytes=None):
         context = ssl.create_default_context(cafile=ca)
         plain = socket.socket()
         if receive_bytes is not None:
-            plain.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_bytes)  # before the window is said
+            plain.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_bytes)  # before the window is announced
         plain.settimeout(60)
         plain.connect((address, port))
         self.socket = context.wrap_socket(plain, server_hostname=address)
@@ -102,7 +103,7 @@ class RudeClient(Peer):
             file.write(json.dumps(event) + "\n")
 
     def wait_for(self, *wanted):
-        """The next such message: (number, its fields). Acks go into the ledger."""
+        """The next such message: (number, its fields). Acks are written to the ledger."""
         while True:
             for number, body in self.next().items():
                 if number == ACK:
@@ -120,7 +121,7 @@ class RudeClient(Peer):
                 self.note(e="s", t=time.monotonic_ns(), v=v)
 
     def chunk(self, seq, acknowledged=None, shift=0):
-        """Gives REFUSAL, or ACK once so many are acknowledged: all up to this one, when not said otherwise. `shift`: with other bytes than recorded."""
+        """Returns REFUSAL, or ACK once this many are acknowledged: by default all up to this one. `shift`: with bytes other than those recorded."""
         self.send(CHUNK, field(1, self.id) + field(2, seq) + field(3, chunk_bytes(seq, shift)[0]))
         while True:
             number, body = self.wait_for(ACK, REFUSAL)

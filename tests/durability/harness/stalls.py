@@ -1,9 +1,7 @@
 """Measures the machine's stalls of real-time threads: one witness per processor, at the priority of a station's writer.
 
-A starved virtual machine stops every thread for some milliseconds, and a busy disk delays every write.
-A killed station then loses more than promised. The ledger records the witnesses' stall with the kill, and
-the judge allows exactly that.
-"""
+A starved virtual machine stops every thread for some milliseconds, and a busy disk delays every write. A killed station then loses more than
+promised. The ledger records the witnesses' stall with the kill, and the judge allows exactly that."""
 import mmap
 import os
 import pathlib
@@ -13,9 +11,9 @@ import sys
 import tempfile
 import time
 
-PRIORITY = 10  # as client/net's spool_writer
+PRIORITY = 10  # like client/net's spool_writer
 PERIOD_NS = 2_000_000
-ENTRIES = 256  # the last so many wake-ups: when, and how late; half a second of them
+ENTRIES = 256  # the latest wake-ups: when, and how late; half a second of them
 SIZE = 16 * ENTRIES
 
 
@@ -43,7 +41,7 @@ def _witness(path, processor):
     while os.getppid() == parent:
         before = time.monotonic_ns()
         time.sleep(PERIOD_NS / 1e9)
-        # writes and restarts a file like a spool's tail: a busy disk delays this as well
+        # writes and restarts a file like a spool's tail, which a busy disk also delays
         size += os.pwrite(tail, bytes(300), size)
         if size > 30_000:
             os.ftruncate(tail, 0)
@@ -75,7 +73,7 @@ class Witnesses:
         worst = 0
         for page in self._pages:
             end = time.monotonic() + 1
-            # its next wake-up reports a stall that is still going on
+            # its next wake-up reports a stall that has not ended yet
             while max(t for t, _ in struct.iter_unpack("<QQ", page[:])) <= until and time.monotonic() < end:
                 time.sleep(0.001)
             worst = max(worst, sum(late for t, late in struct.iter_unpack("<QQ", page[:]) if t > since and t - late - PERIOD_NS < until))

@@ -45,31 +45,31 @@ def message(data):
 
 
 class Session:
-    """A row of `sessions` with its chunks in order of seq: (seq, samples, crc, bytes). A decoded one takes some 30 times its bytes."""
+    """A row of `sessions` with its chunks in order of seq: (seq, samples, crc, bytes). A decoded chunk takes some 30 times its bytes."""
 
     def __init__(self, row, chunks, progress, quarantined=frozenset()):
         self.id = row["id"].hex()
         self.station, self.state = row["station"], row["state"]
-        # the counters of an open session stand in session_progress, and only its
+        # an open session's counters are only in session_progress
         self.progress_fault = None
         if (progress is not None) != (self.state == OPEN):
             self.progress_fault = "is open without counters" if self.state == OPEN else "is closed, but has counters of an open one"
         sums = progress or row
         self.row_chunks, self.row_samples, self.row_bytes = sums["chunks"], sums["samples"], sums["stored_bytes"]
-        # 1: the original; retention may have thinned (2) or deleted (3) a recording, by a policy
+        # 1: the original; by a policy, retention may have thinned (2) or deleted (3) a recording
         self.recording = row["recording"]
         self.hash = row["hash"].hex() if row["hash"] is not None else None
         self.steps, self.fault = None, None
         self._describe(row["description"])
         self.chunks = chunks
-        self.quarantined = quarantined  # seqs of chunks that came so that they cannot be decoded
+        self.quarantined = quarantined  # seqs of chunks that arrived undecodable
         digest = hashlib.blake2b(digest_size=32)
         for entry in chunks:
             digest.update(entry[3])
         self.true_hash = digest.hexdigest()
 
     def decoded(self):
-        """Each chunk in order, once more with what is in its bytes: (seq, samples, crc, bytes, Chunk or None, why not or None)."""
+        """Each chunk in order, with its decoded content: (seq, samples, crc, bytes, Chunk or None, reason or None)."""
         return ((*entry, *_decoded(entry[3])) for entry in self.chunks)
 
     def _describe(self, data):

@@ -7,7 +7,7 @@ MOST_CUT_MEMORY = 1024
 COLUMNS = 31
 STANDARD = (1e-6, 2.0**-15, 1e-3, 1e-4, 1e-6, 1e-4)
 LENGTH, QUATERNION, FORCE, TORQUE, TIME, SPEED = range(6)
-# of the columns 2 to 21, which hold real numbers
+# for columns 2 to 21, which contain real numbers
 KINDS = [LENGTH] * 3 + [QUATERNION] * 4 + [SPEED] + [FORCE] * 3 + [TORQUE] * 3 + [LENGTH] * 3 + [LENGTH] * 2 + [QUATERNION]
 REALS = range(2, 22)
 WALL = range(16, 19)
@@ -106,8 +106,8 @@ def _doubles(values):
 
 
 class Chunk:
-    """count, first_tick, last_tick, steps (six), raw (mask), crc, and columns: the samples' fields by column number.
-    Columns 2 to 21 are numbers in SI units; of 22 on the integers; 0 the tick, 1 time_ns. cut_memory: bytes, of version 1 none."""
+    """count, first_tick, last_tick, steps (six), raw (mask), crc, and columns: the samples' fields by column number. Columns 2 to 21 are numbers in
+    SI units; from 22 on integers; 0 is the tick, 1 time_ns. cut_memory: bytes; absent in version 1."""
 
     def __init__(self, data):
         if len(data) < HEADER + 4 or data[:4] != b"NLGC":

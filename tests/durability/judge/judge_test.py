@@ -318,12 +318,12 @@ class Spoilt(unittest.TestCase):
             return bytes_used
 
         few, many = peak(range(2, 4)), peak(range(4, 10))
-        # Python's objects of a chunk that is not decoded, and of a session
+        # Python's objects for a chunk that is not decoded, and for a session
         besides = 300 * len(chunks) + 5000
         self.assertLess((many - few) / 6, sum(map(len, chunks)) + 8 * SAMPLES * len(chunks) + besides)
 
     def test_what_a_station_writes_is_read_like_any_json(self):
-        """A sample's line in the station's own form is looked at for its time first, and read when its session is judged."""
+        """A sample's line in the station's own form is first scanned for its time, and parsed when its session is judged."""
         self.write()
         ledger = self.folder / "ledger" / "s.jsonl"
         as_stations = "".join(json.dumps(json.loads(line), sort_keys=True, separators=(",", ":")) + "\n" for line in ledger.read_text().splitlines())

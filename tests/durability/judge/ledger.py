@@ -3,7 +3,7 @@ import array
 import json
 import pathlib
 
-SAMPLE = b'{"e":"s","t":'  # as the station writes it; whatever looks different is parsed at once
+SAMPLE = b'{"e":"s","t":'  # as the station writes it; lines that look different are parsed at once
 
 
 class Recorded:
@@ -12,11 +12,11 @@ class Recorded:
     def __init__(self, event):
         self.id, self.station = event["id"], event["station"]
         self.steps = tuple(event["resolution"])
-        self.times = array.array("q")  # of the samples, steady clock, ns
-        self.parts = []  # [path, from, to]: bytes of ledgers that have these samples, and no other session's
-        self.required = None  # how many samples have to arrive, when the station was killed
+        self.times = array.array("q")  # the samples' times, steady clock, ns
+        self.parts = []  # [path, from, to]: bytes of ledgers that contain these samples and no other session's
+        self.required = None  # how many samples must arrive if the station was killed
         self.acks = []  # (unix ns, committed, safe)
-        self.closed = []  # (unix ns, state, the hash that was offered, where that is known)
+        self.closed = []  # (unix ns, state, the offered hash if known)
         self.end = None
 
     def samples(self):
@@ -45,12 +45,12 @@ class Ledgers:
         session, part, end = None, None, 0
         with open(path, "rb") as file:
             for line in file:
-                # the station writes a line before it gives the sample to the spool: the sample of a cut-off line does
+                # the station writes a line before it passes the sample to the spool: the sample of a cut-off line does
                 # not exist
                 if not line.endswith(b"\n"):
                     break
                 end += len(line)
-                # all that is wanted of a sample now is its time
+                # now only a sample's time is needed
                 quick = line.startswith(SAMPLE)
                 event = {"e": "s", "t": int(line[len(SAMPLE):line.index(b",", len(SAMPLE))])} if quick else json.loads(line)
                 if event["e"] == "s":
@@ -86,13 +86,13 @@ class Ledgers:
                 continue
             # it may have written more between that clock reading and its death
             if session.times[0] <= kill["t"] and (session.end is None or session.end["interrupted"]):
-                # a sample's line comes before the spool gets it: only the next line proves that the spool has
+                # a sample's line is written before the spool gets it: only the next line proves that the spool has
                 # it
                 limit = kill["t"] - self.loss_ns - kill.get("held_up", 0)
                 session.required = sum(t < limit for t in session.times[1:])
 
     def acknowledged(self, session, at_end):
-        """How many chunks the server said that it has: all in all, or since the database was last replaced."""
+        """How many chunks the server acknowledged: in total, or since the database was last replaced."""
         since = 0 if at_end or not self.restores else max(r["t"] for r in self.restores)
         return max((committed for t, committed, _ in session.acks if t >= since), default=0)
 

@@ -11,7 +11,7 @@ FAULTS = ("acknowledged-but-missing", "recorded-but-missing", "doubled", "change
 class Judgement:
     def __init__(self):
         self.faults, self.sessions, self.chunks, self.samples, self.acknowledged = [], 0, 0, 0, 0
-        self.lost = 0  # chunks that were acknowledged, and are not there
+        self.lost = 0  # chunks that were acknowledged but are missing
 
     def fault(self, name, text):
         assert name in FAULTS, name
@@ -25,7 +25,7 @@ def _near(stored, recorded, step):
         return math.isnan(stored)
     if step == 0 or math.isinf(recorded):
         return stored == recorded
-    # half a step, and the rounding of a double
+    # half a step, plus the rounding of a double
     return abs(stored - recorded) <= step * 0.5 + 1e-9 * step + 1e-15 * abs(recorded)
 
 
@@ -77,7 +77,7 @@ def _check_samples(decoded, recorded, judge, name):
     place = {values[0]: i for i, values in enumerate(recorded_samples)}
     expected = 0
     for seq, samples, _, _, chunk, _ in decoded:
-        if chunk is None:  # quarantined: how many samples it has stands in its header alone
+        if chunk is None:  # quarantined: only its header tells how many samples it has
             expected += samples
             continue
         for row, tick in enumerate(chunk.columns[0]):
@@ -161,7 +161,7 @@ def _check_session(recorded, database, ledgers, at_end, judge):
 
 
 def judge_all(database, ledgers, backups, at_end):
-    """`backups`: one dict a backup file, session -> chunks. `at_end`: all stations have drained."""
+    """`backups`: one dict per backup file, session -> chunks. `at_end`: all stations have drained."""
     judge = Judgement()
     for text in database.faults:
         judge.fault("unreadable", text)

@@ -1,4 +1,4 @@
-"""Clusters of PostgreSQL that keep their promises (fsync), with standbys, and what can happen to them."""
+"""PostgreSQL clusters that keep their promises (fsync), with standbys, and what can happen to them."""
 import os
 import pathlib
 import shutil
@@ -11,7 +11,7 @@ import time
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "support"))
 from programs import PG, Failed, main_on_postgres, run, until  # noqa: E402,F401  pylint: disable=unused-import
 
-__all__ = ["Failed", "main_on_postgres"]  # for those who import them from here
+__all__ = ["Failed", "main_on_postgres"]  # for modules that import them from here
 
 AS_POSTGRES = ["setpriv", "--reuid", "postgres", "--regid", "postgres", "--clear-groups"] if os.getuid() == 0 else []
 MOST_CONNECTIONS = 24
@@ -23,8 +23,8 @@ def give(path):
 
 
 class Cluster:
-    """One server of PostgreSQL; FOLDER/data, reached through a socket in FOLDER, whose name a standby has, too. `environment`: of its processes.
-    With `address` it listens there, too, in the network that `enter` (a command in front of its own) leads to."""
+    """One PostgreSQL server; FOLDER/data, reached through a socket in FOLDER, whose name is also its standby name. `environment`: for its processes.
+    With `address` it also listens there, in the network that `enter` (a command before its own) leads to."""
 
     def __init__(self, folder):
         self.folder, self.data = pathlib.Path(folder), pathlib.Path(folder) / "data"
@@ -36,19 +36,19 @@ class Cluster:
         """An empty one with the lab's database."""
         run(*AS_POSTGRES, PG / "initdb", "-D", self.data, "-U", "needlelab", "-A", "trust", "-E", "UTF8", "--locale=C", "--no-sync", "--wal-segsize=1")
         with open(self.data / "postgresql.conf", "a", encoding="ascii") as settings:
-            # all that may differ between two of them is given at the start
+            # everything that may differ between two of them is passed at the start
             settings.write(f"listen_addresses = ''\nmax_connections = {MOST_CONNECTIONS}\nshared_buffers = 16MB\nmin_wal_size = 2MB\n"
                            "max_wal_size = 8MB\nwal_keep_size = 16MB\nwal_receiver_status_interval = 1s\nwal_retrieve_retry_interval = 100ms\n")
         self.start()
         self.sql("CREATE DATABASE lab TEMPLATE template0 ENCODING 'UTF8' LC_COLLATE 'C' LC_CTYPE 'C'", "postgres")
 
     def copy_of(self, other):
-        """Takes the data of one that does not run, for the same role."""
+        """Copies the data of one that is not running, for the same role."""
         run("cp", "-a", other.data, self.folder)
         return self
 
     def follow(self, primary):
-        """Becomes a standby of `primary`, whose synchronous one it is by the name of its folder. Both run afterwards."""
+        """Becomes a standby of `primary`, synchronous under the name of its folder. Both are running afterwards."""
         shutil.rmtree(self.data, ignore_errors=True)
         run(*AS_POSTGRES, PG / "pg_basebackup", "-h", primary.folder, "-U", "needlelab", "-D", self.data, "-R", "--checkpoint=fast", "--no-sync")
         with open(self.data / "postgresql.auto.conf", "a", encoding="ascii") as settings:
@@ -59,9 +59,9 @@ class Cluster:
               f"{self.folder.name} follows {primary.folder.name}")
 
     def start(self):
-        # it may have been killed a moment ago, and its children see that
+        # it may have been killed a moment ago, and its children must notice that
         until(lambda: not self.everybody(), "the processes of before end")
-        # for PostgreSQL alone: not for a program that is root's still
+        # only for PostgreSQL: not for a program that is still root's
         added = [f"{name}={value}" for name, value in self.environment.items()]
         listens = f"-k {self.folder}" + (f" -h {self.address}" if self.address else "")
         run(*self.enter, *AS_POSTGRES, "env", *added, PG / "pg_ctl", "-D", self.data, "-w", "-l", self.folder / "log", "-o", listens, "start")
@@ -71,7 +71,7 @@ class Cluster:
             run(*AS_POSTGRES, PG / "pg_ctl", "-D", self.data, "-w", "-m", mode, "stop")
 
     def everybody(self):
-        """The processes that have this data folder as their own: the postmaster and its children."""
+        """The processes with this data folder: the postmaster and its children."""
         found = []
         for process in pathlib.Path("/proc").iterdir():
             try:
@@ -89,18 +89,18 @@ class Cluster:
                 pass
 
     def kill(self):
-        """All of it at once, as when the machine is lost."""
+        """Kills everything at once, as if the machine were lost."""
         self.signal_all(signal.SIGSTOP)  # so that no child sees another one's end
         gone = self.everybody()
         self.signal_all(signal.SIGKILL)
-        # also who waits for his parent: PostgreSQL does not start where the old postmaster's number is taken
+        # also those waiting for their parent: PostgreSQL does not start while the old postmaster's number is in use
         until(lambda: not any(pathlib.Path(f"/proc/{pid}").exists() for pid in gone), "all processes end")
 
     def promote(self):
         run(*AS_POSTGRES, PG / "pg_ctl", "-D", self.data, "-w", "promote")
 
     def sql(self, text, database="lab"):
-        """As the administrator, who waits for no standby."""
+        """As the administrator, without waiting for a standby."""
         return run(PG / "psql", "-XAtq", "-h", self.folder, "-U", "needlelab", "-d", database, "-v", "ON_ERROR_STOP=1", "-f", "-", text_in=text,
                    environment={"PGOPTIONS": "-c synchronous_commit=local"}).strip()
 
@@ -111,13 +111,13 @@ class Cluster:
         until(lambda: self.sql(f"SELECT current_setting('{name}')", "postgres") == value, f"{name} = {value}")
 
     def caught_up(self, primary):
-        """Has replayed all that the primary has."""
+        """Whether it has replayed everything that the primary has."""
         at = primary.sql("SELECT pg_current_wal_lsn()")
         until(lambda: self.sql(f"SELECT pg_last_wal_replay_lsn() >= '{at}'") == "t", "the standby has replayed all")
 
     def replayed(self):
-        """Of a standby: all that is on its disk can be read, but the beginning of a record of which the primary never sent the rest:
-        PostgreSQL's startup process then waits for it, in two looks."""
+        """For a standby: everything on its disk can be read, except the beginning of a record whose rest the primary never sent: PostgreSQL's startup
+        process then waits for it; checked twice."""
         look = ("SELECT pg_last_wal_receive_lsn(), pg_last_wal_replay_lsn() >= pg_last_wal_receive_lsn(), "
                 "(SELECT wait_event FROM pg_stat_activity WHERE backend_type = 'startup') = 'RecoveryWalStream'")
 
@@ -129,7 +129,7 @@ class Cluster:
 
 
 class Session:
-    """One connection to a cluster, by the protocol alone: it takes a place, and asks."""
+    """One connection to a cluster, using only the protocol: it occupies a slot, and runs queries."""
 
     def __init__(self, cluster):
         self.socket = socket.socket(socket.AF_UNIX)

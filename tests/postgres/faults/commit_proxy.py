@@ -1,4 +1,4 @@
-"""A network between needlelab-server and PostgreSQL that goes away in the middle of a COMMIT."""
+"""A network between needlelab-server and PostgreSQL that fails in the middle of a COMMIT."""
 import pathlib
 import select
 import socket
@@ -11,13 +11,13 @@ HOLD_S = 0.3
 
 
 class Frontend:
-    """The messages of a client, as far as a COMMIT of the writer's is to be seen; one in a pipeline comes with all up to its end."""
+    """A client's messages, as far as the writer's COMMIT is visible; one in a pipeline arrives with everything up to the pipeline's end."""
 
     def __init__(self):
         self.data, self.started, self.writes, self.bytes, self.held = b"", False, False, 0, b""
 
     def messages(self, data):
-        """Splits what came into whole messages; whether each is a COMMIT of a transaction that stores much."""
+        """Splits received bytes into whole messages; tells for each whether it is a COMMIT of a transaction that stores much."""
         self.data += data
         while True:
             head = 1 if self.started else 0
@@ -51,10 +51,10 @@ class Frontend:
 
 
 class CommitProxy:
-    """127.0.0.1:port → the cluster's socket. arm() says what happens at the next such COMMIT:
-    request  it does not reach PostgreSQL, and both ends are cut (after HOLD_S)
-    answer   PostgreSQL does it, its answer does not come back, and both ends are cut
-    silent   PostgreSQL does it, no answer comes back, and nothing is cut: the connection is half open
+    """127.0.0.1:port → the cluster's socket. arm() sets what happens at the next such COMMIT:
+    request: it does not reach PostgreSQL, and both ends are cut (after HOLD_S);
+    answer: PostgreSQL executes it, its answer does not come back, and both ends are cut;
+    silent: PostgreSQL executes it, no answer comes back, and nothing is cut: the connection is half open.
     Afterwards every new connection is cut at once, until heal()."""
 
     def __init__(self, cluster):

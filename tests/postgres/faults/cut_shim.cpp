@@ -1,11 +1,10 @@
-// A disk below PostgreSQL that may lose what was not synced: preloaded (LD_PRELOAD) into all its processes.
+// A disk below PostgreSQL that may lose unsynced data: preloaded (LD_PRELOAD) into all its processes.
 //
-// Before each write to a regular file it appends to NEEDLELAB_CUT_LOG what the write is about to replace;
-// each sync is noted there in place of being done. After the processes have been killed, power_cuts.py takes
-// back any part of what was written after a file's last sync. Files are told apart by their inode, because
-// one process writes a file and another one syncs it. Names (new, renamed, removed files) are on the disk at
-// once, and so is what stdio writes. The log's lock is shared by all processes: its order is that of the
-// calls.
+// Before each write to a regular file it appends to NEEDLELAB_CUT_LOG the data about to be replaced; each
+// sync is logged instead of executed. After the processes have been killed, power_cuts.py undoes any part of
+// what was written after a file's last sync. Files are identified by their inode, because one process writes
+// a file and another one syncs it. Names (new, renamed, removed files) are on the disk at once, and so is
+// stdio output. All processes share the log's lock: its order is that of the calls.
 #include <fcntl.h>
 #include <pthread.h>
 #include <sys/mman.h>
@@ -25,14 +24,14 @@
 
 namespace {
 
-/// As power_cuts.py reads it; `length` bytes follow.
+/// Read by power_cuts.py; `length` bytes follow.
 struct Record {
   std::uint64_t
-      kind;  ///< 'W': at `offset` were `length` bytes, and the file had `size`; 'S': synced; 'D': gone
+      kind;  ///< 'W': the old `length` bytes at `offset`, and the old file size; 'S': synced; 'D': deleted
   std::uint64_t inode, offset, size, length;
 };
 
-/// In a file that all processes map.
+/// In a file mapped by all processes.
 struct Shared {
   pthread_mutex_t mutex;
 };
@@ -49,7 +48,7 @@ __attribute__((constructor)) void openLog() {
   const char* path = std::getenv("NEEDLELAB_CUT_LOG");
   if (path == nullptr) return;
   const std::string lock_path = std::string(path) + ".lock";
-  // the first process makes the lock before any other is there: it starts the others
+  // the first process creates the lock before it starts the others
   const int made = ::open(lock_path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
   const int fd = made >= 0 ? made : ::open(lock_path.c_str(), O_RDWR | O_CLOEXEC);
   if (fd < 0 || (made >= 0 && ::syscall(SYS_ftruncate, fd, sizeof(Shared)) != 0)) fail(lock_path.c_str());
@@ -68,7 +67,7 @@ __attribute__((constructor)) void openLog() {
   if (log_fd < 0) fail(path);
 }
 
-/// No signal comes while it is held: a handler that ends the process, or writes, would wait for itself.
+/// Blocks signals while the lock is held: a handler that ends the process, or writes, would deadlock.
 class Locked {
  public:
   Locked() {
@@ -97,13 +96,13 @@ void append(const Record& record, const std::string& bytes = {}) {
     fail("the log of cuts");
 }
 
-/// A regular file's state; false: something else, which is let through.
+/// A regular file's state; false: something else, which is passed through.
 bool isFile(int fd, struct stat& found) {
   return log_fd >= 0 && fd > STDERR_FILENO && ::fstat(fd, &found) == 0 && S_ISREG(found.st_mode);
 }
 
-/// Notes what is in [offset, offset + count) before it changes, or is cut off. `path`: for a file that is not
-/// open for reading. Call with the lock.
+/// Logs the content of [offset, offset + count) before it changes or is cut off. `path`: for a file that is
+/// not open for reading. Call with the lock.
 void noteOld(const std::string& path, const struct stat& found, std::uint64_t offset, std::uint64_t count) {
   const auto size = static_cast<std::uint64_t>(found.st_size);
   std::string old(offset < size ? std::min(count, size - offset) : 0, '\0');

@@ -1,4 +1,4 @@
-"""A lab on PostgreSQL under test: server, stations with ledgers, and the judge of tests/durability over what PostgreSQL has."""
+"""A lab on PostgreSQL under test: server, stations with ledgers, and the judge of tests/durability applied to PostgreSQL's data."""
 import os
 import pathlib
 import re
@@ -17,11 +17,11 @@ from verdict import Judgement, judge_all  # noqa: E402,F401  pylint: disable=unu
 from clusters import PG, Cluster, Failed, run, until  # noqa: E402
 from programs import LedgerFolder, Monitored, start, stop  # noqa: E402
 
-__all__ = ["Judgement"]  # for those who import them from here
+__all__ = ["Judgement"]  # for modules that import them from here
 
 PASSWORD = "correct horse battery 15"
 STATIONS = 3
-# what a station says of a server that lacks what it had acknowledged
+# a station's message about a server that lacks acknowledged data
 LACKS = re.compile(r"^session .*: the server (?:lacks what it had acknowledged|has not all of it any more).*$", re.MULTILINE)
 
 # the tables that the judge reads, with their columns; those in BYTES are written as hexadecimal digits
@@ -35,7 +35,7 @@ BYTES = {"id", "hash", "description", "bytes"}
 
 
 def rows_in(cluster, path):
-    """Copies what a cluster has, as of one instant, into a file that the judge reads. Returns its Database."""
+    """Copies a cluster's data, as of one instant, to a file that the judge reads. Returns its Database."""
     def columns(table):
         return [name.strip() for name in TABLES[table].split(",")]
 
@@ -70,7 +70,7 @@ def rows_in(cluster, path):
 
 
 class Template:
-    """A cluster and a data folder with people and keys, which every lab copies."""
+    """A cluster and a data folder with people and keys, copied by every lab."""
 
     def __init__(self, bin_folder, folder, stations=STATIONS):
         self.bin, self.folder = pathlib.Path(bin_folder).resolve(), folder
@@ -89,7 +89,7 @@ class Template:
 
 
 class FaultLab(LedgerFolder, Monitored):
-    """Use it as a context manager: its exit ends all processes. Its clusters are made by cluster() and standby_of()."""
+    """Use it as a context manager: its exit ends all processes. cluster() and standby_of() create its clusters."""
 
     def __init__(self, template, folder, plant=None):
         self.template_of, self.folder, self.plant = template, folder, plant
@@ -99,7 +99,7 @@ class FaultLab(LedgerFolder, Monitored):
         self.metrics_file = folder / "metrics"
         shutil.copytree(template.folder / "lab", folder / "data")
         self.clusters, self.server, self.stations, self.port = [], None, {}, 0
-        self.expect_lacks = False  # of the server, of what it had acknowledged
+        self.expect_lacks = False  # that the server lacks acknowledged data
         self.weakened = False
         self.faults_played = 0
         self.mounted = None
@@ -134,7 +134,7 @@ class FaultLab(LedgerFolder, Monitored):
 
     # --- PostgreSQL ---
     def new_cluster(self, name, environment=None):
-        """A cluster that is still to be made."""
+        """A cluster that is not created yet."""
         made = Cluster(self.folder / name)
         self.clusters.append(made)
         made.environment = environment or {}
@@ -152,7 +152,7 @@ class FaultLab(LedgerFolder, Monitored):
         return made
 
     def small_disk(self, name, mebibytes):
-        """A cluster that is still to be made, on a disk of its own."""
+        """A cluster that is not created yet, on its own disk."""
         made = self.new_cluster(name)
         run("mount", "-t", "tmpfs", "-o", f"size={mebibytes}m,mode=0755", "tmpfs", made.folder)
         self.mounted = made.folder
@@ -166,7 +166,7 @@ class FaultLab(LedgerFolder, Monitored):
         return made
 
     def copy_of_stopped(self, other, name):
-        """What a standby that does not run has, for later."""
+        """Keeps the data of a standby that is not running, for later."""
         made = Cluster(self.folder / name).copy_of(other)
         self.clusters.append(made)
         return made
@@ -211,7 +211,7 @@ class FaultLab(LedgerFolder, Monitored):
             env=self._environment, stdin=subprocess.DEVNULL, stdout=self._log, stderr=self._log)
 
     def end_stations(self):
-        """They stop recording, and the server gets all that their spools have: some minutes' work on a busy machine."""
+        """They stop recording, and the server gets everything in their spools: some minutes' work on a busy machine."""
         for process in self.stations.values():
             process.terminate()
         for again in (False, True):
@@ -230,22 +230,22 @@ class FaultLab(LedgerFolder, Monitored):
 
     # --- ledgers ---
     def silent_for(self, seconds):
-        """Raises Failed when anything is acknowledged within this time."""
+        """Raises Failed if anything is acknowledged within this time."""
         before = self.count("ack")
         time.sleep(seconds)
         if (more := self.count("ack") - before) > 0:
             raise Failed(f"{more} acks that may not be")
 
     def lines(self, event):
-        """How often the server's log has it."""
+        """How often the server's log contains it."""
         return len(re.findall(rf"\b{event}\b", (self.folder / "log").read_text(errors="replace")))
 
     # --- the judge ---
     def judge(self, cluster, at_end, others=()):
-        """The judgement of what the cluster has; what was called Safe must be in each of `others`, too. Nothing may be acknowledged meanwhile."""
+        """The judgement of the cluster's data; data reported as Safe must be in each of `others`, too. Nothing may be acknowledged meanwhile."""
         rows = rows_in(cluster, self.folder / "judged.db")
         covered = [{s.id: len(s.chunks) for s in rows_in(other, self.folder / "other.db").sessions.values()} for other in others]
-        time.sleep(0.05)  # acks are on their way into the ledgers
+        time.sleep(0.05)  # acks are still on their way to the ledgers
         judgement = judge_all(rows, Ledgers(self.folder / "ledger", 100e6), covered, at_end)
         log = (self.folder / "log").read_text(errors="replace")
         if not self.expect_lacks:
@@ -253,7 +253,7 @@ class FaultLab(LedgerFolder, Monitored):
         return judgement
 
     def finish(self, cluster, *others):
-        """All is delivered, the server is healthy and ends in order; the judgement of the end."""
+        """Waits until everything is delivered; the server must be healthy and end cleanly. Returns the final judgement."""
         self.end_stations()
         until(lambda: self.health()["healthy"] or self.expect_lacks, "the server is healthy")
         self.stop_server()

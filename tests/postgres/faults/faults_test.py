@@ -28,7 +28,7 @@ from clusters import PG, Failed, give  # noqa: E402
 from fault_lab import FaultLab, Template  # noqa: E402
 
 def under_both(name, scenario, short_rounds, seeds, rounds):
-    """Rows of a scenario with a server of PostgreSQL alone, which acknowledges what survives a power cut, and with its synchronous standby."""
+    """Rows of a scenario with a single PostgreSQL server, where acks survive a power cut, and with its synchronous standby."""
     yield name, (functools.partial(scenario, durability=scenarios.POWER_CUT), 0, seeds, rounds)
     yield f"{name}-{scenarios.TWO_DISKS}", (functools.partial(scenario, durability=scenarios.TWO_DISKS), short_rounds, seeds, rounds)
 
@@ -53,12 +53,12 @@ SCENARIOS = {
     "power-cut": (power_cuts.power_cut, 1, 6, 8),
     "power-cut-two-disks": (power_cuts.power_cut_promotion, 0, 2, 4),
 }
-AT_ONCE = 3  # labs; most of them wait
+AT_ONCE = 3  # labs at a time; most of them wait
 LONG_SEEDS_PLANTED = 2
 
 
 def plan(given):
-    """(name, seed, rounds) of each lab to come."""
+    """(name, seed, rounds) of each lab to run."""
     long = given.long or bool(os.environ.get("NEEDLELAB_LONG"))
     dice = random.Random(given.seed)
     for name, (_, short_rounds, seeds, rounds) in SCENARIOS.items():
@@ -75,7 +75,7 @@ def plan(given):
 
 
 def play(template, folder, name, seed, rounds):
-    """One scenario in a lab of its own; its judgement, and how many faults were played."""
+    """Runs one scenario in its own lab; returns its judgement and the number of faults played."""
     dice = random.Random(seed)
     bug = name.removesuffix("-planted")
     plant = planted.PLANTED[bug][1] if bug in planted.PLANTED and name != bug else None
@@ -93,7 +93,7 @@ def play(template, folder, name, seed, rounds):
 
 
 class Rows:
-    """What all labs of a scenario have together; the judge ends a planted one at its first fault."""
+    """The combined results of all labs of a scenario; the judge ends a planted one at its first fault."""
     COLUMNS = ("scenario", "labs", "faults played", "chunks acknowledged", "samples compared", "chunks lost", "samples doubled", "seeds")
 
     def __init__(self):
@@ -135,14 +135,14 @@ def main():
     print(f"seed {given.seed}")
     # a socket's path has at most 107 bytes
     scratch = pathlib.Path(tempfile.mkdtemp(prefix="nl-flt-", dir="/tmp"))
-    scratch.chmod(0o755)  # the user postgres goes through it
+    scratch.chmod(0o755)  # the user postgres must be able to enter it
     give(scratch)
     template, rows = None, Rows()
     try:
         template = Template(given.bin, scratch)
 
         def played(numbered):
-            """A lab's line of text, and whether it has failed; its judgement goes to the rows."""
+            """A lab's line of text, and whether it has failed; adds its judgement to the rows."""
             number, (name, seed, rounds) = numbered
             began, folder = time.monotonic(), scratch / f"l{number}"
             try:

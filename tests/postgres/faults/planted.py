@@ -1,5 +1,5 @@
-"""Planted bugs and settings that break the promise: each must be caught by the judge, and the same history without it must be sound.
-The returned judgement is the first that has a fault; the caller knows which names it may have."""
+"""Planted bugs and settings that break the promise: the judge must catch each, and the same history without it must be sound. The returned judgement
+is the first with a fault; the caller knows the possible names."""
 import sys
 import time
 
@@ -13,7 +13,7 @@ import rude_client  # noqa: E402  pylint: disable=wrong-import-position
 
 
 def ack_before_commit(lab, dice):
-    """The network goes away before the COMMIT of what is acknowledged already."""
+    """The network fails before the COMMIT of data already acknowledged."""
     a = lab.cluster("a")
     proxy = CommitProxy(a)
     try:
@@ -37,7 +37,7 @@ def warning_ignored(lab, dice):
 
 
 def standby_only(lab, a, b):
-    """The primary is lost; its standby, which runs no more, is started and promoted."""
+    """The primary is lost; its standby, which is no longer running, is started and promoted."""
     a.kill()
     b.start()
     b.promote()
@@ -45,7 +45,7 @@ def standby_only(lab, a, b):
 
 
 def synchronous_commit_local(lab, dice):
-    """The server's role waits for no standby, and the server was not told to want two disks."""
+    """The server's role does not wait for a standby, and the server was not told to require two disks."""
     a = lab.cluster("a")
     b = lab.standby_of(a, "b")
     if lab.weakened:
@@ -60,7 +60,7 @@ def synchronous_commit_local(lab, dice):
 
 
 def repeated_chunk_overwrites(lab, _dice):
-    """A station with a spool that is not its own sends other bytes in the place of a stored chunk."""
+    """A station with somebody else's spool sends other bytes for a stored chunk."""
     a = lab.cluster("a")
     lab.start_server(lab.url(a))
     client = rude_client.RudeClient(lab)
@@ -76,7 +76,7 @@ def repeated_chunk_overwrites(lab, _dice):
     return lab.judge(a, False)
 
 
-# name -> (history, what NEEDLELAB_PLANT has, the faults that it may be seen as)
+# name -> (history, value of NEEDLELAB_PLANT, the faults it may appear as)
 PLANTED = {
     "ack-before-commit": (ack_before_commit, "ack-before-commit", {MISSING}),
     "warning-ignored": (warning_ignored, "warning-ignored", {MISSING}),
@@ -86,7 +86,7 @@ PLANTED = {
 
 
 def play(lab, dice, name, weakened):
-    """Returns the judgement; raises Failed when the judge does not say what it must."""
+    """Returns the judgement; raises Failed if it is not the required one."""
     history, _, names = PLANTED[name]
     lab.weakened = weakened
     lab.faults_played += 1

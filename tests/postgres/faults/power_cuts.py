@@ -1,5 +1,5 @@
-"""Power cuts below PostgreSQL: cut_shim.cpp is preloaded into its processes and notes what each write replaces, and each sync. After a kill of all of
-them, any part of what was written since a file's last sync is taken back. Names of files survive, as with LazyFS; tests/powercut has more states."""
+"""Power cuts below PostgreSQL: cut_shim.cpp is preloaded into its processes and records what each write replaces, and each sync. After killing all of
+them, any part of what was written since a file's last sync is undone. File names survive, as with LazyFS; tests/powercut covers more states."""
 import struct
 
 from clusters import Failed
@@ -10,7 +10,7 @@ SECTOR = 512
 
 
 def unsynced(log):
-    """inode → what was replaced since its last sync: (offset, size of the file, old bytes), in order."""
+    """inode → what was replaced since its last sync: (offset, file size, old bytes), in order."""
     files = {}
     with open(log, "rb") as records:
         while len(head := records.read(RECORD.size)) == RECORD.size:
@@ -39,7 +39,7 @@ def survivors(now, old, outcome, dice):
         outcome = dice.choice(["nothing", "everything"])
     if outcome != "sectors":
         return old if outcome == "nothing" else now
-    mixed = bytearray(dice.choice([now, old]))  # whether it has grown, or was cut off
+    mixed = bytearray(dice.choice([now, old]))  # whether it has grown or was cut off
     for at in range(0, len(mixed), SECTOR):
         source = dice.choice([now, old])[at:at + SECTOR]
         mixed[at:at + SECTOR] = source.ljust(min(SECTOR, len(mixed) - at), b"\0")[:len(mixed) - at]
@@ -47,7 +47,7 @@ def survivors(now, old, outcome, dice):
 
 
 def cut(cluster, dice, outcome):
-    """Kills the cluster, and takes back some of what it had not synced. Returns how many files had such bytes."""
+    """Kills the cluster and undoes some of its unsynced writes. Returns how many files had unsynced bytes."""
     cluster.kill()
     log = cluster.folder / "cut.log"
     files, touched = unsynced(log), 0
@@ -67,7 +67,7 @@ def cut(cluster, dice, outcome):
 
 
 def such_a_disk(lab, name):
-    """What the processes of the cluster of that name are started with."""
+    """The environment of the processes of the cluster of that name."""
     shim = lab.template_of.bin / "needlelab_cut_shim"
     if not shim.exists():
         raise CannotPlay(f"{shim} is not built")
@@ -75,7 +75,7 @@ def such_a_disk(lab, name):
 
 
 def cuts(lab, dice, rounds, durability, outcomes, weaken=None):
-    """The judgement after the last cut, or after the first that has faults."""
+    """The judgement after the last cut, or after the first with faults."""
     a = lab.cluster("a", such_a_disk(lab, "a"))
     if weaken is not None:
         weaken(a)
@@ -84,7 +84,7 @@ def cuts(lab, dice, rounds, durability, outcomes, weaken=None):
     for round_number in range(rounds):
         lab.wait_for_more("ack", dice.randrange(3, 20))
         if round_number % 3 == 2:
-            a.sql("CHECKPOINT")  # begins again what is torn, and makes the next change of each page whole in the log
+            a.sql("CHECKPOINT")  # replaces torn data, and makes each page's next change whole in the log
         lab.kill_server()
         lab.faults_played += 1
         touched += cut(a, dice, outcomes[round_number % len(outcomes)])
@@ -96,7 +96,7 @@ def cuts(lab, dice, rounds, durability, outcomes, weaken=None):
         lab.wait_for_more("ack", 3)
     if touched == 0:
         raise Failed("no cut met a byte that was not synced")
-    # in one piece: other labs are played at the same time
+    # as one piece: other labs run at the same time
     print(f"{rounds} power cuts below PostgreSQL, {touched} files with bytes that were not synced\n", end="", flush=True)
     return lab.finish(a)
 
@@ -106,7 +106,7 @@ def power_cut(lab, dice, rounds):
 
 
 def power_cut_promotion(lab, dice, rounds):
-    """The primary's power is cut, in every second round its standby's, too; the standby is promoted and has all that was acknowledged."""
+    """The primary's power is cut, in every second round also its standby's; the standby is promoted and has everything acknowledged."""
     a = lab.cluster("a", such_a_disk(lab, "a"))
     b = lab.standby_of(a, "b", such_a_disk(lab, "b"))
     streaming(lab, dice, lab.url(a, b), TWO_DISKS)
@@ -138,12 +138,12 @@ def fsync_off(a):
     a.setting("fsync", "off")
 
 
-# name -> what makes it weak; the server is not told to want more
+# name -> what makes it weak; the server is not told to require more
 PLANTED = {"synchronous-commit-off": commits_off, "fsync-off": fsync_off}
 
 
 def play(lab, dice, name, weakened):
-    """Returns the judgement; raises Failed when the judge does not say what it must."""
+    """Returns the judgement; raises Failed if it is not the required one."""
     judgement = cuts(lab, dice, 4 if weakened else 2, "any", ["nothing"], PLANTED[name] if weakened else None)
     if not weakened:
         return sound(judgement)

@@ -1,5 +1,5 @@
-"""What happens to PostgreSQL while stations send. Each scenario plays in a lab of its own and returns the judge's last judgement; the judge has found
-nothing until then. A number from `dice` decides whatever a seed is to repeat."""
+"""What happens to PostgreSQL while stations send. Each scenario runs in its own lab and returns the judge's last judgement; the judge has found
+nothing until then. A number from `dice` decides everything that a seed must repeat."""
 import contextlib
 import json
 import os
@@ -13,7 +13,7 @@ from fault_lab import STATIONS, Judgement
 
 MISSING = "acknowledged-but-missing"
 ANSWER_TIMEOUT_S = 30  # PostgresOptions::answer_timeout
-POWER_CUT, TWO_DISKS = "power-cut", "two-disks"  # what an ack must survive, as needlelab-server has it
+POWER_CUT, TWO_DISKS = "power-cut", "two-disks"  # what an ack must survive, as named by needlelab-server
 
 
 class CannotPlay(Exception):
@@ -21,7 +21,7 @@ class CannotPlay(Exception):
 
 
 def sound(judgement):
-    """The judgement; raises Failed when it has a fault."""
+    """Returns the judgement; raises Failed if it has a fault."""
     if judgement.faults:
         raise Failed(f"{len(judgement.faults)} faults: " + "; ".join(f"{name}: {text}" for name, text in judgement.faults[:3]))
     return judgement
@@ -36,7 +36,7 @@ def streaming(lab, dice, url, durability=POWER_CUT, samples=2000):
 
 
 def two_disks(lab, dice, samples=2000):
-    """A primary, its synchronous standby, and a server that wants both."""
+    """A primary, its synchronous standby, and a server that requires both."""
     a = lab.cluster("a")
     b = lab.standby_of(a, "b")
     streaming(lab, dice, lab.url(a, b), TWO_DISKS, samples)
@@ -50,7 +50,7 @@ def standbys_of(lab, a, durability):
 
 
 def alone_have_all(lab, standbys):
-    """While nothing can be acknowledged: what was is at each standby, whatever becomes of the primary."""
+    """While nothing can be acknowledged: acknowledged data are at each standby, whatever happens to the primary."""
     for b in standbys:
         b.replayed()
         sound(lab.judge(b, False, [b]))
@@ -101,14 +101,14 @@ def pause(lab, dice, rounds, durability):
 
 
 def pause_long(lab, dice, rounds, durability):
-    """Longer than the server waits for an answer: it gives the connection up, and asks afterwards what became of a COMMIT."""
+    """Longer than the server waits for an answer: it drops the connection, and later asks about the outcome of a COMMIT."""
     a = lab.cluster("a")
     standbys = standbys_of(lab, a, durability)
     streaming(lab, dice, lab.url(a, *standbys), durability)
     for _ in range(rounds):
         a.signal_all(signal.SIGSTOP)
         lab.faults_played += 1
-        time.sleep(0.3)  # acks that were under way
+        time.sleep(0.3)  # acks in progress
         lab.silent_for(ANSWER_TIMEOUT_S + dice.uniform(1, 5))
         if lab.health()["healthy"]:
             raise Failed("the server says that it is healthy while PostgreSQL stands still")
@@ -118,11 +118,11 @@ def pause_long(lab, dice, rounds, durability):
 
 
 def connections(lab, dice, rounds, durability):
-    """Others take every connection that PostgreSQL has, those of the server included."""
+    """Others occupy all of PostgreSQL's connections, including the server's."""
     @contextlib.contextmanager
     def fault(a):
         hogs, end = [Session(a)], time.monotonic() + dice.uniform(1, 2)
-        # at its end all are taken: what was terminated last leaves its place a moment later
+        # at its end all are occupied: a terminated one frees its slot a moment later
         while time.monotonic() < end or (len(hogs) < MOST_CONNECTIONS and time.monotonic() < end + 60):
             hogs[0].ask("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE application_name = 'needlelab'")
             while not (more := Session(a)).refused:
@@ -140,7 +140,7 @@ def connections(lab, dice, rounds, durability):
 
 
 def fill(folder, ballast):
-    """Takes every byte that is free, also where PostgreSQL takes some meanwhile."""
+    """Takes every free byte, even while PostgreSQL also takes some."""
     with open(ballast, "wb") as file:
         while (free := os.statvfs(folder)).f_bavail > 0:
             with contextlib.suppress(OSError):
@@ -149,7 +149,7 @@ def fill(folder, ballast):
 
 
 def disk_full(lab, dice, rounds, durability):
-    """The disk of PostgreSQL has no byte left: it refuses, or ends and starts again once there is room."""
+    """PostgreSQL's disk is full: it refuses, or ends and restarts once there is room."""
     if os.getuid() != 0:
         raise CannotPlay("a small disk can only be mounted by root")
     a = lab.room_for("a", 160)
@@ -158,7 +158,7 @@ def disk_full(lab, dice, rounds, durability):
     ballast = a.folder / "ballast"
     for _ in range(rounds):
         fill(a.folder, ballast)
-        # 1 MiB segments of its log and pages of its tables are full soon
+        # 1 MiB segments of its log and pages of its tables soon fill up
         until(lambda: not lab.health()["healthy"], "the server says that nothing is stored", 90, 0.2)
         lab.faults_played += 1
         time.sleep(dice.uniform(0, 1))
@@ -171,7 +171,7 @@ def disk_full(lab, dice, rounds, durability):
 
 
 def load(lab, dice, rounds, durability):
-    """needlelab-load is the judge: it reads all samples back through the server, and ends with 0 when they are those that it has made."""
+    """needlelab-load is the judge: it reads all samples back through the server, and exits with 0 if they are those it made."""
     a = lab.cluster("a")
     lab.start_server(lab.url(a, *standbys_of(lab, a, durability)), durability)
     made = lab.start_load(12, 8 * rounds)
@@ -200,7 +200,7 @@ def load(lab, dice, rounds, durability):
 # --- the network between
 
 def cut_commits(lab, dice, rounds, durability, modes):
-    """In the middle of a COMMIT; the outcome is unknown until PostgreSQL can be asked, and not acknowledged before."""
+    """In the middle of a COMMIT; until PostgreSQL can be asked, the outcome is unknown and not acknowledged."""
     a = lab.cluster("a")
     standbys = standbys_of(lab, a, durability)
     proxy = CommitProxy(a)
@@ -229,7 +229,7 @@ def commit_lost(lab, dice, rounds, durability):
 
 
 def commit_silent(lab, dice, rounds, durability):
-    """The connection is half open: the server gives it up after 30 s."""
+    """The connection is half open: the server drops it after 30 s."""
     return cut_commits(lab, dice, rounds, durability, ["silent"])
 
 
@@ -241,13 +241,13 @@ def kill_and_promote(a, b):
 
 
 def new_standby(old, primary):
-    """The lost machine becomes a standby of the one that was promoted; until then nothing is acknowledged."""
+    """The lost machine becomes a standby of the promoted one; until then nothing is acknowledged."""
     shutil.rmtree(old.data)
     old.follow(primary)
 
 
 def promotion(lab, dice, rounds):
-    """The primary is lost, and its synchronous standby promoted: it has all that was acknowledged."""
+    """The primary is lost, and its synchronous standby promoted: it has everything acknowledged."""
     a, b = two_disks(lab, dice)
     for _ in range(rounds):
         time.sleep(dice.uniform(0, 0.5))
@@ -261,12 +261,12 @@ def promotion(lab, dice, rounds):
 
 
 def standby_lost(lab, dice, rounds):
-    """Nothing is acknowledged without the standby, nor when somebody cancels the waits for it; the primary alone is not enough."""
+    """Nothing is acknowledged without the standby, not even when somebody cancels the waits for it; the primary alone is not enough."""
     a, b = two_disks(lab, dice)
     for _ in range(rounds):
         b.kill()
         lab.faults_played += 1
-        time.sleep(0.3)  # acks that were under way
+        time.sleep(0.3)  # acks in progress
         before = lab.count("ack")
         end = time.monotonic() + dice.uniform(0.7, 1.5)
         cancelled = 0
@@ -285,23 +285,23 @@ def standby_lost(lab, dice, rounds):
 
 
 def says_why(lab, words):
-    """/healthz has a problem with these words, soon."""
+    """/healthz soon reports a problem with these words."""
     until(lambda: any(words in problem for problem in lab.health()["problems"]), f"/healthz says '{words}'")
 
 
 def commits_waiting(a):
-    """COMMITs that are done on the primary's disk, and wait for the standby."""
+    """COMMITs done on the primary's disk that wait for the standby."""
     return int(a.sql("SELECT count(*) FROM pg_stat_activity WHERE wait_event = 'SyncRep'"))
 
 
 def commit_late(lab, dice, rounds):
-    """The standby stands still: a COMMIT is answered later than the server waits for. It is not acknowledged, and asked for again."""
+    """The standby hangs: a COMMIT is answered later than the server waits. It is not acknowledged, and its outcome is queried."""
     a, b = two_disks(lab, dice)
     for _ in range(rounds):
         b.signal_all(signal.SIGSTOP)
         until(lambda: commits_waiting(a) > 0, "a COMMIT waits for the standby")
         lab.faults_played += 1
-        time.sleep(0.3)  # acks that were under way
+        time.sleep(0.3)  # acks in progress
         chunks = "SELECT count(*) FROM needlelab.chunks"
         before = int(a.sql(chunks))
         lab.silent_for(ANSWER_TIMEOUT_S + dice.uniform(1, 5))
@@ -314,7 +314,7 @@ def commit_late(lab, dice, rounds):
 
 
 def weak_settings(lab, dice, rounds):
-    """Somebody takes the second disk away by a setting: nothing is stored until he puts it back, and /healthz says why."""
+    """Somebody disables the second disk by a setting: nothing is stored until it is restored, and /healthz says why."""
     a, b = two_disks(lab, dice)
     why = "an ack must survive the loss of a disk (--durability), and would survive "
     for _ in range(rounds):
@@ -340,7 +340,7 @@ def weak_settings(lab, dice, rounds):
 
 
 def standby_disk_full(lab, dice, rounds):
-    """The standby's disk has no byte left: it gets nothing more, so nothing is acknowledged. Then the primary is lost."""
+    """The standby's disk is full: it receives nothing more, so nothing is acknowledged. Then the primary is lost."""
     if os.getuid() != 0:
         raise CannotPlay("a small disk can only be mounted by root")
     a = lab.cluster("a")
@@ -356,7 +356,7 @@ def standby_disk_full(lab, dice, rounds):
 
     for _ in range(rounds):
         fill(b.folder, ballast)
-        # segments that are there already are filled first
+        # existing segments are filled first
         until(a_commit_waits, "a COMMIT waits for the standby", 90)
         lab.faults_played += 1
         lab.silent_for(dice.uniform(0.5, 2))
@@ -378,8 +378,8 @@ def standby_disk_full(lab, dice, rounds):
 
 
 def lagging(lab, dice, rounds):
-    """A standby that lags is promoted by mistake. The server says that it has less than it acknowledged, stores nothing while
-    synchronous_standby_names is empty, and gets from the spools what it lacks: sessions that were closed and Safe, too."""
+    """A lagging standby is promoted by mistake. The server reports that it has less than was acknowledged, stores nothing while
+    synchronous_standby_names is empty, and gets the missing data from the spools, including sessions that were closed and Safe."""
     a, b = two_disks(lab, dice, samples=600)
     lab.expect_lacks = True
     for round_number in range(rounds):
@@ -387,7 +387,7 @@ def lagging(lab, dice, rounds):
         c = lab.copy_of_stopped(b, f"c{round_number}")
         b.start()
         lab.wait_for_more("ack", dice.randrange(20, 40))
-        # one station at least has begun and closed a session that the lagging one never had: no Welcome names it
+        # at least one station has begun and closed a session that the lagging one never had: no Welcome names it
         lab.wait_for_more("closed", 3 * STATIONS + 1)
         lab.kill_clusters(a, b)
         lab.faults_played += 1

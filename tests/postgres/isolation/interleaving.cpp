@@ -9,7 +9,8 @@
 namespace needlelab::test {
 namespace {
 
-/// Whether a program waits for a lock that another one has. The one that is held waits for none.
+/// Whether a program waits for a lock held by another. The one that is held at the gate does not wait for a
+/// lock.
 bool somebodyWaits(Connection& control) {
   auto waiting = control.prepare(
       "SELECT 1 FROM pg_stat_activity WHERE datname = current_database() AND wait_event_type = 'Lock'"

@@ -1,8 +1,8 @@
-// What two servers do on one database at a time comes out as if one had come after the other: every request
-// that has something stored, and what stations send, in forced interleavings.
+// The results of two servers working on one database at the same time equal one of the two sequential orders:
+// every request that stores something, and everything stations send, in forced interleavings.
 // The short form takes each eighth pair and holds its first one before up to 5 of its statements; the long
 // form (NEEDLELAB_LONG=1) takes all pairs and up to 60 statements. NEEDLELAB_ISOLATION_ONLY=TEXT: only the
-// pairs whose name has this text.
+// pairs whose name contains this text.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@
 #include <string_view>
 #include <vector>
 
-#include "db/service/requests.h"
+#include "db/service/requests/requests.h"
 #include "tests/postgres/isolation/interleaving.h"
 #include "tests/postgres/isolation/pairs_at_a_time.h"
 #include "tests/postgres/isolation/shared_world.h"
@@ -27,7 +27,7 @@ namespace needlelab::test {
 namespace {
 
 /// At how many of its statements the first one is held; NEEDLELAB_ISOLATION_HOLDS=N: at N. Within a
-/// transaction, behind the lock, one is as good as another: so the beginnings and ends come first.
+/// transaction, after the lock, all are equivalent: so the beginnings and ends come first.
 std::size_t mostHolds() {
   if (const char* given = std::getenv("NEEDLELAB_ISOLATION_HOLDS"))
     return static_cast<std::size_t>(std::max(1, std::atoi(given)));
@@ -42,13 +42,13 @@ std::vector<std::size_t> someOf(const std::vector<std::size_t>& all, std::size_t
   return some;
 }
 
-/// Numbers of statements of those that `gate` counted. Not the first: it would be the other order.
+/// Statement numbers from those counted by `gate`. Not the first: that would be the other order.
 std::vector<std::size_t> holdsOf(const StatementGate& gate, std::size_t most) {
   std::vector<std::size_t> edges = gate.edges(), others;
   std::erase(edges, 0);
   for (std::size_t i = 1; i < gate.count(); ++i)
     if (!std::binary_search(edges.begin(), edges.end(), i)) others.push_back(i);
-  // one of the others at least
+  // at least one of the others
   std::vector<std::size_t> holds = someOf(edges, std::max<std::size_t>(most, 2) - 1);
   const auto more = someOf(others, most - std::min(most, holds.size()));
   holds.insert(holds.end(), more.begin(), more.end());
@@ -56,7 +56,7 @@ std::vector<std::size_t> holdsOf(const StatementGate& gate, std::size_t most) {
   return holds;
 }
 
-/// Without the sentence that begins with `beginning`; nothing: the whole.
+/// Without the sentence that begins with `beginning`; if that is empty, unchanged.
 std::string withoutSentence(std::string text, const std::string& beginning) {
   const std::size_t at = beginning.empty() ? std::string::npos : text.find(beginning);
   constexpr std::string_view kEnd = ". ";
@@ -69,7 +69,7 @@ struct RunOutcome {
   bool operator==(const RunOutcome&) const = default;
 };
 
-/// The first line that one text has, and the other has not.
+/// The first line that one text has and the other has not.
 std::string firstDifference(const std::string& found, const std::string& wanted) {
   std::size_t at = 0, line = 0;
   while (at < found.size() && at < wanted.size() && found[at] == wanted[at]) {
@@ -89,8 +89,8 @@ std::string differences(const RunOutcome& found, const RunOutcome& wanted) {
          "\n    database: " + firstDifference(found.contents, wanted.contents);
 }
 
-/// Pairs of the same kind, by the beginnings of their names, that need no lock of the store: one statement,
-/// or a row's own lock, orders them. All others must come out otherwise without it.
+/// Pairs of the same kind, by the beginnings of their names, that do not need the store's lock: one
+/// statement, or a row's own lock, orders them. All others must give a different result without it.
 constexpr const char* kOrderedAnyway[] = {
     "ada: set_password",
     "ada: set_code { name: 'anna'",
@@ -138,7 +138,7 @@ class Isolation : public testing::Test {
                            indivisibleOf(pair.second_call) != Indivisible::kSteps);
   }
 
-  /// What came out, as far as the two requests promise it; puts the world back.
+  /// The result, as far as the two requests guarantee it; restores the world.
   static RunOutcome outcomeOf(const PairAtATime& pair, const TwoAnswers& answers) {
     RunOutcome outcome;
     if (indivisibleOf(pair.first_call) == Indivisible::kWhole)
@@ -150,7 +150,7 @@ class Isolation : public testing::Test {
     return outcome;
   }
 
-  /// What comes out when one of them comes between the two commits of the other; nothing: none has two.
+  /// The result if one of them comes between the two commits of the other; nothing: neither has two.
   static std::optional<RunOutcome> betweenCommits(const PairAtATime& pair) {
     if (!pair.first_commits && !pair.second_commits) return {};
     for (OneServer* server : {&world->one(), &world->other()}) server->startAnew();
@@ -162,10 +162,10 @@ class Isolation : public testing::Test {
   }
 
   struct PairVerdict {
-    std::optional<std::string> fault;  ///< the first interleaving that is as none of the two orders
+    std::optional<std::string> fault;  ///< the first interleaving that equals neither order
     std::size_t runs = 0, waited = 0;
-    /// It changes something that is compared, alone or behind the other one, or is answered otherwise there:
-    /// else the pair proves nothing.
+    /// It changes something that is compared, alone or after the other one, or is answered differently there:
+    /// otherwise the pair proves nothing.
     bool first_matters = false, second_matters = false;
   };
 
@@ -224,7 +224,7 @@ TEST_F(Isolation, everyRequestThatHasSomethingStoredIsAPairWithItself) {
   }
   for (const RequestRow& row : requestRows()) {
     if (row.handler.storing == Storing::kNothing) continue;
-    // of one program only one erasure is under way (erasures.cpp): it would wait where nobody sees it
+    // one program runs only one erasure at a time (erasures.cpp): it would wait in a way not visible here
     const bool is_there = row.call == pb::Request::kErasePerson ? with_others.contains(row.call)
                                                                 : with_itself.contains(row.call);
     EXPECT_TRUE(is_there) << row.action << ": add it to pairs_at_a_time.cpp, from two people";
@@ -245,12 +245,12 @@ TEST_F(Isolation, twoServersAtATimeAreAsOneAfterTheOther) {
   };
   for (const PairAtATime& pair : pairsOfThisForm()) {
     look(pair);
-    // of the same request the mirrored order is the same but for names
+    // for two equal requests the mirrored order differs only in names
     if (pair.first_call != pair.second_call || pair.first_call == pb::Request::CALL_NOT_SET)
       look({"mirrored: " + pair.name, pair.second, pair.first, pair.second_call, pair.first_call,
             pair.told_later, pair.second_commits, pair.first_commits});
   }
-  // one waits for the other, and PostgreSQL ends none: there is nothing to repeat
+  // one waits for the other, and PostgreSQL ends neither: nothing is repeated
   EXPECT_EQ(world->deadlocks(), deadlocks_before);
   EXPECT_GT(waited, runs / 4);
   std::printf("%zu interleavings; in %zu one waited for the other\n", runs, waited);

@@ -7,13 +7,13 @@
 #include <stdexcept>
 #include <utility>
 
-#include "db/audit_chain.h"
-#include "db/service/requests.h"
+#include "db/audit/audit_chain.h"
+#include "db/service/requests/requests.h"
 
 namespace needlelab::test {
 namespace {
 
-/// Two requests, as protobuf writes messages as text; {name} stands for a text of the world.
+/// Two requests in protobuf's text format; {name} stands for a text of the world.
 struct TwoRequests {
   const char* first_by;
   const char* first;
@@ -22,12 +22,12 @@ struct TwoRequests {
   const char* told_later = "";  ///< PairAtATime
 };
 
-/// Of an erasure: it looks where the name still stands behind its transaction, and somebody of this name may
-/// be there by then. That is true when the administrator reads it.
+/// For an erasure: after its transaction it looks for the name elsewhere, and somebody with this name may
+/// exist by then. That is true when the administrator reads it.
 constexpr const char* kWhoElseHasTheName = "These have the letters of a name of this person";
 
 // clang-format off
-/// Each request that has something stored beside itself.
+/// Each request that stores something, twice at the same time.
 constexpr TwoRequests kSameRequests[] = {
   {"ada", "add_user { name: 'tom' role: TRAINEE full_name: 'Tom One' }",
    "mia", "add_user { name: 'tom' role: TRAINEE full_name: 'Tom Two' }"},
@@ -119,7 +119,7 @@ constexpr TwoRequests kOtherRequests[] = {
   {"ada", "add_user { name: 'nobody' role: TRAINEE }", "mia", "assign_session { session_id: 'waits--session-4' trainee: 'anna' }"},
   {"ada", "backup { path: {restored} counts_as_safe: true }", "mia", "run_retention {}"},
   {"ada", "backup { path: {older} counts_as_safe: true }", "mia", "run_retention {}"},
-  // an erasure; in one program only one at a time (erasures.cpp)
+  // an erasure; one program runs only one at a time (erasures.cpp)
   {"ada", "erase_person { name: 'carl' confirm: 'carl' with_open_sessions: true }", "mia", "change_user { name: 'carl' base_revision: 1 full_name: 'Carl Two' }"},
   {"ada", "erase_person { name: 'carl' confirm: 'carl' with_open_sessions: true }", "mia", "add_user { name: 'carl' role: TRAINEE }", kWhoElseHasTheName},
   {"ada", "erase_person { name: 'carl' confirm: 'carl' with_open_sessions: true }", "mia", "disable_user { name: 'carl' }"},
@@ -190,7 +190,7 @@ Indivisible indivisibleOf(pb::Request::CallCase call) {
     case pb::Request::kExportAll:
     case pb::Request::kExportStudy:
       return Indivisible::kStored;
-    case pb::Request::kBackup:  // its line comes before it connects
+    case pb::Request::kBackup:  // its line is written before it connects
     case pb::Request::kRescoreAll:
     case pb::Request::kRunRetention:
       return Indivisible::kSteps;

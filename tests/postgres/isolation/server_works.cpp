@@ -4,18 +4,18 @@
 #include <map>
 #include <utility>
 
-#include "common/base/clock.h"
-#include "db/seen_time.h"
-#include "db/service/code_guard.h"
-#include "db/session_rows.h"
+#include "common/base/text/uuid.h"
+#include "common/base/time/clock.h"
+#include "db/service/context/code_guard.h"
+#include "db/sessions/seen_time.h"
 #include "tests/postgres/isolation/shared_world.h"
-#include "tests/support/chunk_files.h"
+#include "tests/support/store/chunk_files.h"
 #include "tests/unit/db/test_db.h"
 
 namespace needlelab::test {
 namespace {
 
-/// What stations send, through the writer as server/live does it.
+/// What stations send, through the writer as in server/live.
 ServerWork onWriter(std::function<Result<std::string>(Connection&)> work) {
   return [work = std::move(work)](OneServer& server) {
     std::string text;
@@ -29,7 +29,7 @@ ServerWork onWriter(std::function<Result<std::string>(Connection&)> work) {
   };
 }
 
-/// These bytes as chunk `seq` of the open session.
+/// Appends these bytes as chunk `seq` of the open session.
 ServerWork appendingBytes(std::uint64_t seq, const Bytes& bytes) {
   return [=](OneServer& server) {
     Appended appended;
@@ -62,7 +62,7 @@ std::string closedText(const Closed& closed) {
 }  // namespace
 
 Principal principalOf(const std::string& name) {
-  // the first people whom SharedWorld::fill() adds, in this order
+  // the first people added by SharedWorld::fill(), in this order
   static const std::map<std::string, std::pair<const char*, pb::Role>> kStaff{
       {"ada", {"@1", pb::ADMINISTRATOR}},
       {"abe", {"@2", pb::ADMINISTRATOR}},
@@ -102,8 +102,9 @@ ServerWork appendingUndecodable(std::uint64_t seq) {
 
 ServerWork loggingIn(const char* who) {
   return [=](OneServer& server) {
-    const Status first = server.service().noteLogin(principalOf(who), "10.0.0.1");
-    return doneText(first) + ", " + doneText(server.service().noteLogin(principalOf(who), "10.0.0.1"));
+    const Status first = server.service().notes().noteLogin(principalOf(who), "10.0.0.1");
+    return doneText(first) + ", " +
+           doneText(server.service().notes().noteLogin(principalOf(who), "10.0.0.1"));
   };
 }
 
@@ -115,20 +116,20 @@ ServerWork typingWrongCodes() {
     std::string text;
     for (unsigned i = 0; i < CodeGuard::Settings().allowed; ++i)
       text = answerText(server.service().execute({"station-1", pb::STATION}, request));
-    // behind the line
+    // after the line
     return text + ", " + doneText(server.writer().run([](Connection&) { return Status(); }));
   };
 }
 
 ServerWork noting(const char* action, const char* subject, const char* detail) {
   return [=](OneServer& server) {
-    return doneText(server.service().note("local:tess", action, subject, detail));
+    return doneText(server.service().notes().note("local:tess", action, subject, detail));
   };
 }
 
 ServerWork closing(std::uint64_t chunks, const char* session) {
   return [=](OneServer& server) {
-    const auto closed = server.service().closeSession(closeOfOpen(chunks, session), "station-1");
+    const auto closed = server.service().scoring().closeSession(closeOfOpen(chunks, session), "station-1");
     if (!closed) return "refused: " + closed.error().message;
     return closedText(closed->closed) + closed->score_json + closed->score_fault;
   };
@@ -143,7 +144,8 @@ InTwoCommits closingInTwoCommits(std::uint64_t chunks, const char* session) {
     return closedText(closed);
   });
   return {close, [=](OneServer& server) -> std::string {
-            const auto again = server.service().closeSession(closeOfOpen(chunks, session), "station-1");
+            const auto again =
+                server.service().scoring().closeSession(closeOfOpen(chunks, session), "station-1");
             return again ? again->score_json + again->score_fault : "refused: " + again.error().message;
           }};
 }

@@ -1,4 +1,4 @@
-/// What one of two servers does in the tests of isolation: what stations send, and lines that it writes down.
+/// The work of one of two servers in the isolation tests: what stations send, and the lines it records.
 #pragma once
 
 #include <cstdint>
@@ -10,30 +10,31 @@
 
 namespace needlelab::test {
 
-/// Of the staff of SharedWorld.
+/// Of SharedWorld's staff.
 Principal principalOf(const std::string& name);
 std::string answerText(const Outcome& outcome);
 
 ServerWork opening(const std::string& id, const std::string& trainee, const std::string& device);
-/// Chunk `seq` of the open session. `samples`: another number makes another chunk.
+/// Appends chunk `seq` of the open session. `samples`: another number gives another chunk.
 ServerWork appending(std::uint64_t seq, std::size_t samples);
-/// One that its station sealed, and nobody can decode.
+/// Appends one that its station sealed but that cannot be decoded.
 ServerWork appendingUndecodable(std::uint64_t seq);
 /// Closes the open session, or another open one.
 ServerWork closing(std::uint64_t chunks, const char* session = kOpenSession);
 
-/// The two commits of a piece of work that promises no more than that each is as if nobody had come between.
+/// The two commits of a piece of work that only guarantees that each commit is unaffected by others.
 struct InTwoCommits {
-  ServerWork begins, ends;  ///< their answers, one behind the other, are the whole one's
+  ServerWork begins, ends;  ///< their answers, concatenated, equal the whole one's
 };
-/// The score of a long session takes a while, in which its person may be erased.
+/// Scoring a long session takes a while, in which its person may be erased.
 InTwoCommits closingInTwoCommits(std::uint64_t chunks, const char* session = kOpenSession);
 
-/// Twice: once an hour a person and host have a line, as each server remembers it.
+/// Twice: a person and host get one line per hour, remembered by each server.
 ServerWork loggingIn(const char* who);
-/// As many wrong codes of cora as are allowed: her code is locked, by a line that nobody waits for.
+/// Types as many wrong codes of cora's as allowed: her code gets locked, with a line that no request waits
+/// for.
 ServerWork typingWrongCodes();
-/// What needlelab-admin has done itself, and writes down.
+/// Records what needlelab-admin has done itself.
 ServerWork noting(const char* action, const char* subject, const char* detail);
 
 }  // namespace needlelab::test

@@ -10,15 +10,14 @@
 #include <stdexcept>
 #include <utility>
 
-#include "common/base/clock.h"
-#include "common/base/files.h"
-#include "db/audit_chain.h"
-#include "db/credentials.h"
-#include "db/documents.h"
+#include "common/base/files/files.h"
+#include "common/base/text/uuid.h"
+#include "common/base/time/clock.h"
+#include "db/audit/audit_chain.h"
 #include "db/engine/open_postgres.h"
-#include "db/people.h"
-#include "db/session_rows.h"
-#include "tests/support/postgres_url.h"
+#include "db/login/credentials.h"
+#include "db/people/people.h"
+#include "db/teaching/documents.h"
 #include "tests/unit/db/service/test_service.h"
 
 namespace needlelab::test {
@@ -33,7 +32,7 @@ void orThrow(const Status& status) {
   if (!status) throw std::runtime_error(status.error().message);
 }
 
-/// In place of libsodium's: keys, salts and pseudonyms are the same whoever makes them, and when.
+/// Replaces libsodium's: keys, salts and pseudonyms are the same for everyone at any time.
 const char* constantName() {
   return "constant";
 }
@@ -123,7 +122,7 @@ SharedWorld::SharedWorld()
                                   ->prepare("SELECT tablename::text FROM pg_tables"
                                             " WHERE schemaname = 'needlelab' ORDER BY 1")
                                   .all(firstText));
-  // each erasure has all tables analyzed; small ones need no statistics
+  // each erasure analyzes all tables; small ones need no statistics
   orThrow(control_->script(
       "DO $$ DECLARE one record; BEGIN FOR one IN SELECT attrelid::regclass AS named, attname FROM "
       "pg_attribute"
@@ -133,11 +132,11 @@ SharedWorld::SharedWorld()
       " END LOOP; END $$"));
   orThrow(control_->script("CREATE SCHEMA kept"));
   for (const std::string& table : tables) {
-    // a row that is inserted or updated has a transaction of its own
+    // an inserted or updated row has its own transaction
     all_stamps_ += (all_stamps_.empty() ? "" : " UNION ALL ") + ("SELECT '" + table) +
                    "', concat(count(*), ' ', max(xmin::text::bigint)) FROM needlelab." + table;
     orThrow(control_->script("CREATE TABLE kept." + table + " AS TABLE needlelab." + table));
-    // without those that are generated
+    // without generated columns
     columns_[table] =
         orThrow(control_
                     ->query("SELECT string_agg(quote_ident(attname), ', ' ORDER BY attnum) FROM pg_attribute"
@@ -159,13 +158,13 @@ void SharedWorld::connectAnew() {
 }
 
 std::string SharedWorld::restoredNow(const char* folder, std::int64_t made_unix_ns) {
-  // so it is removed at the end
+  // so that it is removed at the end
   const std::string address = postgresUrlOf(folder_.path() / folder);
   const std::string name = databaseOf(address);
   {
     const std::string everywhere = address.substr(0, address.rfind('=') + 1) + "postgres";
     Connection control(orThrow(openPostgres({.url = everywhere})), address_.path);
-    // those who keep databases for tests are connected to both, and drop what has lost its connection
+    // the keepers of test databases are connected to both; each drops a database whose connection has ended
     const std::string source = databaseOf(address_.url);
     orThrow(control.script("DROP DATABASE " + name + " WITH (FORCE)"));
     orThrow(control.script("SELECT pg_terminate_backend(pid, 30000) FROM pg_stat_activity WHERE datname = '" +
@@ -174,7 +173,7 @@ std::string SharedWorld::restoredNow(const char* folder, std::int64_t made_unix_
   }
   Connection restored(orThrow(openPostgres({.url = address})), address_.path);
   const std::string made = std::to_string(made_unix_ns);
-  // without the triggers that keep the log as it is
+  // without the triggers that protect the log
   orThrow(restored.script("SET session_replication_role = replica; UPDATE audit SET unix_ns = " + made +
                           "; INSERT INTO meta (key, value) VALUES ('latest_unix_ns', '" + made +
                           "') ON CONFLICT (key) DO UPDATE SET value = excluded.value"));
@@ -221,7 +220,7 @@ void SharedWorld::fill() {
         {"ina", pb::INSTRUCTOR},    {"rea", pb::RESEARCHER},    {"anna", pb::TRAINEE},
         {"bob", pb::TRAINEE},       {"carl", pb::TRAINEE},      {"cora", pb::TRAINEE}};
     for (const auto& [name, role] : kPeople) {
-      // staff has some password, or none of them could log in
+      // staff have some password; otherwise none of them could log in
       std::string hash = role == pb::TRAINEE ? "" : "$hash";
       RETURN_IF_ERROR(PeopleStore(c).add({name, role, hash, false, 1, std::string("Full ") + name}));
     }
@@ -243,7 +242,8 @@ void SharedWorld::fill() {
   store = openStore(folder_.path() / "data");
   for (const char* id :
        {kScoredSession, kOtherSession, kWaitingSession, kOldSession, kErasedSession, kUnsafeSession})
-    orThrow(store->service().closeSession(closeOf(idOf(id), kChunksOfSession, kSamplesOfChunk), "station-1"));
+    orThrow(store->service().scoring().closeSession(closeOf(idOf(id), kChunksOfSession, kSamplesOfChunk),
+                                                    "station-1"));
   {
     pb::Request request;
     auto* group = request.mutable_put_group()->mutable_group();
@@ -283,12 +283,12 @@ void SharedWorld::fill() {
     for (const char* id : {kOldSession, kUnsafeSession})
       RETURN_IF_ERROR(c.run("UPDATE sessions SET closed_unix_ns = 2 WHERE id = ?", ByteView(idOf(id))));
     RETURN_IF_ERROR(c.run("UPDATE meta SET value = '1' WHERE key = 'created_unix_ns'"));
-    // samples that nothing here uses: each run reads everything
+    // samples not used here: each run reads everything
     for (const char* remove :
          {"DELETE FROM exercises WHERE curriculum_id <> 'course'",
           "DELETE FROM curricula WHERE id <> 'course'", "DELETE FROM profiles WHERE id <> 'knee-adult'"})
       RETURN_IF_ERROR(c.run(remove));
-    // of older definitions than the program's
+    // with definitions older than the program's
     return c.run("UPDATE scores SET definition_version = 1");
   }));
   pb::Request request;
@@ -318,7 +318,7 @@ std::set<std::string> SharedWorld::changedTables() {
 std::map<std::string, std::string> SharedWorld::rowsOf(const std::set<std::string>& tables) {
   std::string select;
   for (const std::string& table : tables) {
-    // salts and MACs depend on times; what they prove is looked at by faultOfAuditChain()
+    // salts and MACs depend on times; faultOfAuditChain() checks what they prove
     const std::string row = table == "audit_chain" ? "(x.position, x.line, x.key_id)"
                             // a new person's UUID is random
                             : table == "people" ? "(to_jsonb(x) - 'uuid')"
@@ -368,7 +368,7 @@ void SharedWorld::putBack() {
     // without triggers and foreign keys
     orThrow(control_->script("SET session_replication_role = replica;" + script +
                              "SET session_replication_role = origin"));
-    // the rows that were put back leave dead ones, which each statement would read
+    // restored rows leave dead ones, which each statement would read
     constexpr std::uint64_t kVacuumEvery = 16;
     if (++times_put_back_ % kVacuumEvery == 0) {
       for (const std::string& table : bloated_) orThrow(control_->script("VACUUM needlelab." + table));

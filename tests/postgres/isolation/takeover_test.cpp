@@ -1,5 +1,5 @@
-// A station goes from one server to another while the first one stands still with what it had sent: the first
-// one stores and acknowledges nothing of it when it goes on.
+// A station moves from one server to another while the first one hangs with data it had sent: when the first
+// continues, it stores and acknowledges none of it.
 #include <gtest/gtest.h>
 
 #include <cstdint>
@@ -10,11 +10,11 @@
 #include <string>
 #include <utility>
 
-#include "db/credentials.h"
-#include "db/session_rows.h"
-#include "db/station_claims.h"
+#include "common/base/text/uuid.h"
+#include "db/login/credentials.h"
+#include "db/sessions/station_claims.h"
 #include "tests/postgres/isolation/interleaving.h"
-#include "tests/support/postgres_database.h"
+#include "tests/support/store/postgres_database.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/db/planted_here.h"
 #include "tests/unit/db/test_db.h"
@@ -25,7 +25,7 @@ namespace {
 constexpr const char* kStation = "station-1";
 constexpr std::size_t kSamples = 20;
 
-/// What a server has to say about what a station sent.
+/// A server's answer about what a station sent.
 struct Told {
   Status status;
   Appended appended;
@@ -35,10 +35,10 @@ struct Told {
   }
 };
 
-/// A chunk on its way.
+/// A chunk in transit.
 struct Sent {
   explicit Sent(std::uint64_t of) : seq(of), bytes(chunkOf(of, kSamples)) {
-    appended.kind = Appended::Kind::kUnknownSession;  // until somebody says something else
+    appended.kind = Appended::Kind::kUnknownSession;  // until an answer arrives
   }
   std::uint64_t seq;
   Bytes bytes;
@@ -69,7 +69,7 @@ class Takeover : public testing::Test {
       return opened ? Status() : Status(opened.error());
     });
   }
-  /// As a connection posts it; does not wait.
+  /// Posts it like a connection; does not wait.
   void send(OneServer& server, const StationClaim& claim, Sent& sent) {
     ArrivedChunk chunk{session_, sent.seq, sent.bytes, kStation, &sent.appended};
     chunk.claim = &claim;
@@ -90,9 +90,9 @@ class Takeover : public testing::Test {
                                             std::uint64_t chunks) {
     CloseUnderWay close{closeOf(session_, chunks, kSamples), kStation};
     close.claim = std::make_shared<const StationClaim>(claim);
-    return server.service().closeStep(close);
+    return server.service().scoring().closeStep(close);
   }
-  /// Rows of chunks, and how many different ones.
+  /// The number of chunk rows, and of distinct ones.
   std::pair<std::int64_t, std::int64_t> stored() {
     auto reader = TestDb::must(openAt(address_, Connection::Mode::kReader));
     auto row = reader.prepare("SELECT count(*), count(DISTINCT seq) FROM chunks");
@@ -101,7 +101,7 @@ class Takeover : public testing::Test {
   }
 
   /// The first server has chunks 1 to 3 and is held before its transaction; meanwhile the station logs in at
-  /// the other one and sends chunk 1 again. Returns what the first one says of each when it goes on.
+  /// the other one and sends chunk 1 again. Returns the first one's answer for each when it continues.
   std::vector<Told> goOnAfterATakeover() {
     const StationClaim old = logIn(first_, "first");
     EXPECT_OK(open(first_, old));
@@ -115,7 +115,7 @@ class Takeover : public testing::Test {
     first_.gate().release();
     std::vector<Told> told;
     for (Sent& each : sent) told.push_back(waitFor(each));
-    // the lesson goes on at the other one, from what that one has
+    // the lesson continues at the other one, from the state there
     for (std::uint64_t seq = 2; seq < 4; ++seq) EXPECT_TRUE(store(other_, now, seq).isAcknowledged());
     const auto closed = close(other_, now, 4);
     EXPECT_OK(closed);
@@ -125,7 +125,7 @@ class Takeover : public testing::Test {
   TempFolder folder_;
   PostgresBelow dropped_at_end_{folder_.path()};
   StoreAddress address_{folder_.path() / "data" / "needlelab.db", postgresUrlOf(folder_.path() / "data")};
-  // random numbers are constant where other tests of this program came first
+  // random numbers are constant if other tests of this program ran first
   const Uuid session_ = *uuidOf(std::string("takeover-session"));
   OneServer first_{address_}, other_{address_};
 };
@@ -165,12 +165,12 @@ TEST_F(Takeover, itsCloseAndItsBeginningOfASessionAreRefused) {
   }
 }
 
-// the other order: what was committed before the other log-in is there, and known to it
+// the other order: data committed before the other log-in are there, and known to it
 TEST_F(Takeover, aTransactionThatIsUnderWayEndsBeforeTheOtherLogIn) {
   const StationClaim old = logIn(first_, "first");
   EXPECT_OK(open(first_, old));
   Sent sent(0);
-  // held before its COMMIT, with the lock of the store
+  // held before its COMMIT, with the store's lock
   first_.gate().arm(2);
   send(first_, old, sent);
   EXPECT_TRUE(first_.gate().waitForHoldOrEnd());

@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "common/base/range.h"
-#include "common/haptics/limits.h"
+#include "common/haptics/scene_spec.h"
 #include "common/profile/profile.h"
 #include "tests/stability/search/shrink.h"
 
@@ -73,7 +73,7 @@ Status readFound(const json& found, const std::string& where, CounterExample& ex
   return number("limit", example.finding.limit);
 }
 
-// the numbers that a file has beside the strokes
+// the numbers in a file other than the strokes
 Status readSampling(json& motion, const std::string& where, PassivityGesture& gesture) {
   struct Field {
     const char* name;

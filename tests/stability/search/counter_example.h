@@ -1,4 +1,4 @@
-/// The counter-examples of the passivity observer: gestures that once failed, as kept in ../regressions.
+/// Counter-examples for the passivity observer: gestures that once failed, as kept in ../regressions.
 #pragma once
 
 #include <cstddef>
@@ -8,8 +8,8 @@
 #include <string_view>
 #include <vector>
 
-#include "client/sim/stability/passivity_gesture.h"
-#include "client/sim/stability/passivity_observer.h"
+#include "client/sim/stability/gestures/passivity_gesture.h"
+#include "client/sim/stability/gestures/passivity_observer.h"
 #include "common/base/result.h"
 #include "common/haptics/axial_model.h"
 
@@ -17,20 +17,20 @@ namespace needlelab::test {
 
 /// A gesture that once failed, and its failure.
 struct CounterExample {
-  std::string source;  ///< what gave the forces, e.g. "reference engine, TILT_WITHOUT_STATE"
+  std::string source;  ///< the source of the forces, e.g. "reference engine, TILT_WITHOUT_STATE"
   AxialModel model = AxialModel::kEnhancedTrackingWall;
-  std::uint64_t seed = 0;  ///< of the random gesture that it was shrunk from
+  std::uint64_t seed = 0;  ///< of the random gesture it was shrunk from
   PassivityFinding finding;
   PassivityGesture gesture;
 };
 
-/// One stroke a line; a stroke's fields that are as in the one before are left out. Ends with a newline.
+/// One stroke per line; a stroke's fields that equal the previous one's are omitted. Ends with a newline.
 std::string counterExampleJson(const CounterExample& example);
 /// Errors: kInvalidInput naming `source`, field, value and range.
 Result<CounterExample> parseCounterExample(std::string_view json, std::string_view source);
 Result<CounterExample> loadCounterExample(const std::filesystem::path& path);
 
-/// The first `most` gestures of the search that fail, shrunk. Deterministic. Errors: as searchGestures.
+/// The first `most` failing gestures of the search, shrunk. Deterministic. Errors: as searchGestures.
 Result<std::vector<CounterExample>> counterExamples(const GestureSearch& search, std::string_view source_name,
                                                     AxialModel model, const ForceSourceFactory& source,
                                                     std::size_t most = 1);

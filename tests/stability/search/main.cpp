@@ -1,5 +1,5 @@
 // Searches random gestures for those that give energy to the hand or step without a cause, shrinks the first
-// one of each source, and writes them into a folder: the files of ../regressions.
+// one of each source, and writes them to a folder: the files of ../regressions.
 #include <fmt/core.h>
 #include <CLI/CLI.hpp>
 
@@ -9,7 +9,7 @@
 #include <filesystem>
 #include <string>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "tests/stability/planted_sources.h"
 #include "tests/stability/search/counter_example.h"
 

@@ -24,10 +24,10 @@ int significantDigits(double value) {
 
 namespace {
 
-// called with each number in turn, in an order that stays the same; its changes are written back
+// called with each number in turn, always in the same order; its changes are written back
 using NumberVisit = std::function<void(double&)>;
 
-// a number of a message, by value and back
+// visits a message's number by value and writes it back
 template <typename Message, typename Get, typename Set>
 void visit(Message& message, Get get, Set set, const NumberVisit& number) {
   double value = (message.*get)();
@@ -99,14 +99,14 @@ void visitLayers(PassivityGesture& gesture, const NumberVisit& number) {
   for (auto& layer : *gesture.profile.mutable_layers()) visitLayer(layer, number);
 }
 
-// both, and the sections of the scene that must stay above zero
+// both, and the scene's sections that must stay above zero
 void visitAll(PassivityGesture& gesture, const NumberVisit& number) {
   visitStrokes(gesture, number);
   visitLayers(gesture, number);
   visitSections(gesture.profile, number);
 }
 
-// the distance between two strokes' ends, and the sum of the changes of their tilts' tangents
+// the distance between two strokes' ends, plus the sum of the changes of their tilts' tangents
 double wayBetween(const PassivityStroke& a, const PassivityStroke& b) {
   return norm(Vec3{a.x_m - b.x_m, a.y_m - b.y_m, a.depth_m - b.depth_m});
 }
@@ -118,7 +118,7 @@ double turnBetween(const PassivityStroke& a, const PassivityStroke& b) {
 }  // namespace
 
 double sizeOf(const PassivityGesture& gesture) {
-  PassivityGesture copy = gesture;  // the visitors hand out references
+  PassivityGesture copy = gesture;  // the visitors pass references
   double digits = 0, seconds = 0, magnitudes = 0;
   visitAll(copy, [&](double& value) { digits += significantDigits(value); });
   visitStrokes(copy, [&](double& value) { magnitudes += std::min(std::abs(value), 10.0); });
@@ -151,7 +151,7 @@ bool beginsAndEndsOutside(const PassivityGesture& gesture) {
          gesture.strokes.back().depth_m <= kOutside_m;
 }
 
-// … and no faster than the original: strokes that are too fast get more time
+// … and not faster than the original: strokes that are too fast get more time
 void giveTime(PassivityGesture& gesture, double most_speed_mps, double most_turn_per_s) {
   const PassivityStroke* before = &gesture.start;
   for (PassivityStroke& stroke : gesture.strokes) {
@@ -205,7 +205,7 @@ class Shrinker {
   }
 
  private:
-  // keeps the candidate when it is smaller and still fails
+  // keeps the candidate if it is smaller and still fails
   bool take(PassivityGesture candidate) {
     // a hundredth of a millimetre is the least that a reader can picture
     visitStrokes(candidate, [](double& value) { value = std::abs(value) < 1e-5 ? 0 : value; });
@@ -280,7 +280,7 @@ class Shrinker {
     tryWith([](PassivityGesture& g) {
       g.profile.mutable_tracking_wall()->set_stop_mode(pb::TrackingWall::RAMP);
     });
-    // a stroke along fewer directions: as the one before it in one number
+    // a stroke in fewer directions: equal to the previous one in one number
     for (std::size_t i = 0; i < best_.gesture.strokes.size(); ++i)
       for (double PassivityStroke::*member : {&PassivityStroke::x_m, &PassivityStroke::y_m,
                                               &PassivityStroke::tilt_x, &PassivityStroke::tilt_y}) {
@@ -291,7 +291,7 @@ class Shrinker {
       }
   }
 
-  // tries every number in turn: `change` gives the next value to try in its place, false when none is left
+  // tries every number in turn: `change` gives the next value to try instead, or false when none is left
   template <typename Change>
   void eachNumber(void (*visitor)(PassivityGesture&, const NumberVisit&), const Change& change) {
     std::size_t count = 0;
@@ -319,7 +319,7 @@ class Shrinker {
   }
 
   void roundNumbers() {
-    // shorter, shallower, less aside: or the same number with fewer digits
+    // shorter, shallower, less sideways: or the same number with fewer digits
     eachNumber(visitStrokes, [](int attempt, double& value) {
       static constexpr std::array<double, 6> kFactors = {0.5, 1, 1.5, 2, 0.75, 1};
       static constexpr std::array<int, 6> kDigits = {1, 1, 1, 1, 2, 2};
@@ -338,7 +338,7 @@ class Shrinker {
   std::size_t most_tries_;
   ShrinkResult best_;
   double size_;
-  double most_speed_mps_ = 1e-3, most_turn_per_s_ = 1e-3;  // mean, of a stroke of the gesture that came in
+  double most_speed_mps_ = 1e-3, most_turn_per_s_ = 1e-3;  // mean speed, of a stroke of the original gesture
 };
 
 }  // namespace

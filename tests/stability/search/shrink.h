@@ -4,12 +4,12 @@
 #include <cstddef>
 #include <functional>
 
-#include "client/sim/stability/passivity_gesture.h"
+#include "client/sim/stability/gestures/passivity_gesture.h"
 
 namespace needlelab::test {
 
-/// How many significant decimal digits the shortest text of `value` has: 0 for 0, 1 for 300 or 0.02, 3 for
-/// 0.125.
+/// The number of significant decimal digits in the shortest text of `value`: 0 for 0, 1 for 300 or 0.02, 3
+/// for 0.125.
 int significantDigits(double value);
 
 /// Complexity of a gesture for a reader: less is simpler. Strokes, effects and layers weigh most, then times
@@ -22,8 +22,8 @@ struct ShrinkResult {
 };
 
 /// `fails` must hold for `gesture`; it is called at most `most_tries` times. Removes strokes, effects,
-/// layers, membranes, tremor and encoder, replaces the limb by a plane, shortens, and rounds numbers, over
-/// and over until nothing helps. Each step makes `sizeOf` less, so it ends. Deterministic.
+/// layers, membranes, tremor and encoder, replaces the limb by a plane, shortens, and rounds numbers,
+/// repeatedly until nothing helps. Each step reduces `sizeOf`, so it ends. Deterministic.
 ShrinkResult shrunk(const PassivityGesture& gesture,
                     const std::function<bool(const PassivityGesture&)>& fails, std::size_t most_tries = 3000);
 

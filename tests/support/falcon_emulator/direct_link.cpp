@@ -33,7 +33,7 @@ class DirectBus final : public falcon::FalconBus {
     }
     return std::unique_ptr<falcon::FalconLink>(std::make_unique<DirectLink>(falcon_, time_));
   }
-  /// Returns at the latest after 5 ms, to keep tests in real time fast.
+  /// Returns after 5 ms at the latest, to keep tests in real time fast.
   void waitForArrival(std::int64_t until_ns) noexcept override {
     {
       const std::scoped_lock lock(falcon_->mutex);

@@ -1,6 +1,5 @@
-/// A Falcon without USB: a bus and a link of the device's own, straight to the board, in any time. Answers
-/// stand ready at once unless their fate says otherwise, in reads of at most 64 bytes with two modem bytes at
-/// the head.
+/// A Falcon without USB: its own bus and link, straight to the board, in any time. Answers are available at
+/// once unless their fate says otherwise, in reads of at most 64 bytes that begin with two modem bytes.
 #pragma once
 
 #include <deque>
@@ -18,22 +17,22 @@ struct Look {
 
 class DirectLink;
 
-/// Shared by all links to it and by the test.
+/// Shared by all its links and by the test.
 class DirectFalcon : public FalconBoard {
  public:
   bool plugged = true;
-  std::int64_t write_ns = 0;  ///< a write of the stream takes so long
+  std::int64_t write_ns = 0;  ///< duration of a write to the stream
 
   // for an observer; called under the mutex, may be empty
   std::function<void()> on_stream;                                           ///< a stream begins
   std::function<void()> on_write;                                            ///< outside a stream
   std::function<void(const falcon::Command&, std::int64_t now_ns)> on_send;  ///< the host sends, heard or not
-  /// The host is about to read an answer of the stream; nothing: one that cannot be read.
+  /// The host is about to read an answer of the stream; nothing: an unreadable one.
   std::function<void(const std::optional<falcon::Report>&, std::int64_t now_ns)> on_reply;
 
-  // seen
+  // recorded
   int opened = 0, open_links = 0;
-  int refused = 0;                ///< commands that came while another one was written
+  int refused = 0;                ///< commands that arrived while another one was being written
   std::vector<Look> looks;        ///< when the bus was asked to open it
   DirectLink* streams = nullptr;  ///< the link with a stream
 
@@ -41,14 +40,14 @@ class DirectFalcon : public FalconBoard {
   void plugIn();
   /// Opens it, as the bus does.
   static std::unique_ptr<falcon::FalconBus> bus(std::shared_ptr<DirectFalcon> falcon, TimeSource& time);
-  /// When something will happen that the host's USB thread waits for; the greatest int64: nothing.
+  /// When the next event for the host's USB thread is due; the greatest int64: none.
   [[nodiscard]] std::int64_t nextEventNs();
 
  private:
   friend class DirectLink;
   friend class DirectBus;
-  bool arrived_ = false;     // plugged in since the host last waited for that
-  int times_unplugged_ = 0;  // a link from before is lost, however soon it is plugged in again
+  bool arrived_ = false;     // plugged in since the host last waited for it
+  int times_unplugged_ = 0;  // an earlier link is lost, however soon it is plugged in again
 };
 
 class DirectLink final : public falcon::FalconLink {

@@ -45,7 +45,7 @@ bool FalconBoard::request(std::uint8_t request, std::uint16_t value, std::uint16
   requests.push_back({request, value, index});
   const bool dtr_before = settings_.dtr;
   switch (request) {
-    case 0:  // the chip's buffers, named as the chip sees them
+    case 0:  // the chip's buffers, named from the chip's point of view
       if (value == 1) settings_.purged_input = true;
       if (value == 2) settings_.purged_output = true;
       return value <= 2;
@@ -100,7 +100,7 @@ void FalconBoard::receive(std::uint8_t byte, std::int64_t now_ns) {
     case Mode::kLoads:
       if (baudIs(settings_, 140'000)) return load(byte, now_ns);
       if (!baudIs(settings_, 1'456'312)) return ignore("firmware neither at 140000 baud nor ended");
-      // the host says that the image is complete
+      // the host signals that the image is complete
       if (loaded.empty() || (!firmware.empty() && loaded != firmware))
         return ignore("the image of " + std::to_string(loaded.size()) +
                       " bytes is not this device's firmware");

@@ -1,6 +1,5 @@
-/// A Falcon's own computer: its bootloader, then its firmware. One for all tests, with what goes wrong as
-/// data: behind a link of the device's own in any time (direct_link.h), or behind the USB chip
-/// (falcon_emulator.h).
+/// A Falcon's own computer: its bootloader, then its firmware. One for all tests, with its faults as data:
+/// behind a link of its own in any time (direct_link.h), or behind the USB chip (falcon_emulator.h).
 #pragma once
 
 #include <array>
@@ -20,24 +19,24 @@ using Bytes = std::vector<std::uint8_t>;
 using Requests = std::vector<std::array<std::uint16_t, 3>>;
 using Motors = std::array<std::int16_t, 3>;
 
-/// The serial line, as the host has set it by the chip's requests.
+/// The serial line, as set by the host through the chip's requests.
 struct SerialSettings {
   double baud = 0;    ///< 0: never set
   unsigned data = 0;  ///< 8: 8N1
   bool flow_control_off = false;
-  bool dtr = false, rts = true;  ///< RTS is low only when the host has said so
+  bool dtr = false, rts = true;  ///< RTS is low only if the host has set it low
   unsigned latency_ms = 16;
   bool purged_input = false, purged_output = false;
 };
 /// Baud rate from the two words of the chip's request: 3 MHz over n + eighths.
 double baudOf(std::uint16_t value, std::uint16_t index);
 
-/// What becomes of a command on its way and of its answer.
+/// What happens to a command in transit and to its answer.
 struct Fate {
   bool arrives = true;        ///< the board hears the command
   bool is_answered = true;    ///< and its answer arrives
-  bool is_garbled = false;    ///< with a byte that no packet has
-  bool is_torn = false;       ///< its second half comes half a millisecond later
+  bool is_garbled = false;    ///< with a byte that no packet contains
+  bool is_torn = false;       ///< its second half arrives half a millisecond later
   std::int64_t reply_ns = 0;  ///< after the command; answers keep their order
 };
 
@@ -57,21 +56,21 @@ class FalconBoard {
   std::uint8_t homed = 0x70;  ///< as in a report
   std::uint8_t buttons = 0;
   Motors encoder{};
-  Bytes firmware;  ///< the only image that starts; empty: any that is not empty
+  Bytes firmware;  ///< the only image that starts; empty: any non-empty one
 
-  // what goes wrong
-  bool silent = false;                      ///< hears and answers nothing
-  bool garbage = false;                     ///< answers nonsense
-  std::optional<std::size_t> echo_wrong;    ///< this byte of the firmware comes back changed
-  std::optional<std::size_t> echo_missing;  ///< from this byte on nothing comes back
+  // faults
+  bool silent = false;                      ///< receives and answers nothing
+  bool garbage = false;                     ///< answers garbage
+  std::optional<std::size_t> echo_wrong;    ///< this firmware byte is echoed wrongly
+  std::optional<std::size_t> echo_missing;  ///< from this byte on nothing is echoed
   std::function<Fate()> fate;               ///< of each command to the running firmware; empty: none is lost
 
   // for an observer; called under the mutex, may be empty
-  std::function<void(const falcon::Command&, std::int64_t now_ns)> on_command;  ///< the firmware has heard it
+  std::function<void(const falcon::Command&, std::int64_t now_ns)> on_command;  ///< the firmware got it
   std::function<void(std::size_t place)> on_loaded_byte;
   std::function<void()> on_reset;
 
-  // seen
+  // recorded
   Requests requests;
   Bytes loaded;
   int loads = 0;
@@ -79,9 +78,9 @@ class FalconBoard {
   std::vector<Heard> heard;
   std::string silent_because;  ///< why the board last ignored a byte
 
-  /// Takes a request of the host to the chip; false: no such request.
+  /// Handles a request of the host to the chip; false: no such request.
   bool request(std::uint8_t request, std::uint16_t value, std::uint16_t index);
-  /// The host's bytes; the board's go to `say`, each with the time when it arrives there.
+  /// The host's bytes; the board's go to `say`, each with its arrival time at the host.
   void receive(std::span<const std::uint8_t> bytes, std::int64_t now_ns);
   std::function<void(std::uint8_t byte, std::int64_t at_ns)> say;
 

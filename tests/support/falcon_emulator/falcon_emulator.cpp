@@ -10,7 +10,7 @@ FalconEmulator::FalconEmulator(UsbTestbed& testbed, const std::string& serial)
     : port_(testbed, chip_, serial) {
   grip_.is_soft = false;
   board_.on_reset = [this] {
-    // the encoders count from where the arms are
+    // the encoders count from the arms' current position
     board_.homed = 0;
     zero_ = grip_.encoders();
     grip_.motors = {};
@@ -19,7 +19,7 @@ FalconEmulator::FalconEmulator(UsbTestbed& testbed, const std::string& serial)
   board_.on_reset();
 }
 
-// an encoder that looks for its zero finds it when the thigh passes the mark
+// an encoder that searches for its zero finds it when the thigh passes the mark
 void FalconEmulator::obey(const falcon::Command& command) {
   const Motors before = grip_.encoders();
   grip_.advance(grip_.at_ns + 1'000'000);

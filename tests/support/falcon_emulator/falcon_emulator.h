@@ -1,5 +1,5 @@
-/// A Novint Falcon on an emulated USB, with a hand on it. The hand moves by a millisecond with each command:
-/// a host that stands still finds the grip where it was.
+/// A Novint Falcon on an emulated USB, held by a hand. The hand moves by a millisecond with each command: a
+/// host that stalls finds the grip where it was.
 #pragma once
 
 #include <string>
@@ -34,7 +34,7 @@ class FalconEmulator {
     const std::scoped_lock lock(board_.mutex);
     return use(board_, chip_, grip_);
   }
-  /// The hand holds the grip and does not give way.
+  /// The hand holds the grip and does not yield.
   void hold(HandPath path);
   void holdAt(Vec3 p_W_m) {
     hold([p_W_m](double) { return p_W_m; });
@@ -43,7 +43,7 @@ class FalconEmulator {
   void letGive() {
     with([](FalconBoard&, FtdiChip&, FalconGrip& grip) { grip.is_soft = true; });
   }
-  /// All transfers hang from now on; or not any more.
+  /// Makes all transfers hang, or stops that.
   void hang(bool hangs) {
     with([hangs](FalconBoard&, FtdiChip& chip, FalconGrip&) { chip.hangs = hangs; });
   }
@@ -57,7 +57,7 @@ class FalconEmulator {
 
   FalconBoard board_;
   FalconGrip grip_;
-  std::array<std::int16_t, 3> zero_{};  // of the encoders, in counts of the homed ones
+  std::array<std::int16_t, 3> zero_{};  // the encoders' offset, in counts of homed ones
   FtdiChip chip_{board_};
   UsbPort port_;
 };

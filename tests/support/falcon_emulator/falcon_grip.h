@@ -1,5 +1,5 @@
 /// The grip of a Falcon and the hand that holds it, in W. Encoders and forces come from falcon_kinematics,
-/// which its own tests hold against equations apart from it.
+/// which has its own tests with independent equations.
 #pragma once
 
 #include <array>
@@ -11,12 +11,12 @@
 
 namespace needlelab::test {
 
-/// Where the hand wants the grip, `t_s` after it was told.
+/// Where the hand wants the grip, `t_s` after the path was set.
 using HandPath = std::function<Vec3(double t_s)>;
 
 struct FalconGrip {
   Vec3 p_m, v_mps;
-  bool is_soft = true;  ///< a spring pulls the grip to the path; false: it is there, whatever the motors do
+  bool is_soft = true;  ///< a spring pulls it to the path; false: it follows exactly, whatever the motors do
   Motors motors{};      ///< they hold until the next command
   std::int64_t at_ns = 0;
 
@@ -24,9 +24,9 @@ struct FalconGrip {
     path_ = std::move(path);
     since_ns_ = at_ns;
   }
-  /// Goes on to `now_ns`; of a longer gap the last 0.2 s.
+  /// Simulates up to `now_ns`; of a longer gap only the last 0.2 s.
   void advance(std::int64_t now_ns);
-  /// Of encoders that know their zero.
+  /// For encoders that know their zero.
   [[nodiscard]] Motors encoders() const;
   /// Of the motors on the hand.
   [[nodiscard]] Vec3 force_N() const;

@@ -15,13 +15,13 @@ bool FtdiChip::out(std::span<const std::uint8_t> data, std::int64_t now_ns) {
   return true;
 }
 
-// a transfer ends with a partial packet, or when it is full itself
+// a transfer ends with a partial packet, or when it is full
 std::optional<Bytes> FtdiChip::in(std::size_t room, std::int64_t now_ns) {
   if (hangs || (to_host_.empty() && now_ns < deadline_ns_)) return std::nullopt;
   Bytes bytes;
   std::size_t size = falcon::kUsbPacketBytes;
   while (size == falcon::kUsbPacketBytes && bytes.size() + size <= room) {
-    bytes.insert(bytes.end(), {0x01, 0x60});  // as an FT232 shows with nothing on its inputs
+    bytes.insert(bytes.end(), {0x01, 0x60});  // like an FT232 without inputs
     for (size = falcon::kModemBytes; size < falcon::kUsbPacketBytes && !to_host_.empty(); ++size) {
       bytes.push_back(to_host_.front());
       to_host_.pop_front();

@@ -27,7 +27,7 @@ std::string threeDigits(int number) {
   return std::string(3 - std::min<std::size_t>(3, text.size()), '0') + text;
 }
 
-// GLib hands things over to umockdev's thread, but ThreadSanitizer cannot see how: this lock shows it
+// GLib hands data over to umockdev's thread, but ThreadSanitizer cannot see how: this lock makes it visible
 std::mutex hand_over;
 
 // runs `work` on the thread of `context` and waits for it
@@ -109,7 +109,7 @@ UsbPort::UsbPort(UsbTestbed& testbed, FtdiChip& chip, std::string serial)
 
 UsbPort::~UsbPort() {
   unplug();
-  // umockdev's thread must not call this object any more
+  // umockdev's thread must not call this object from now on
   const auto let_go = [this] {
     for (const gulong signal : signals_) g_signal_handler_disconnect(handler_, signal);
     if (timer_source_ != nullptr) g_source_destroy(timer_source_);

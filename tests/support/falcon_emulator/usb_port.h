@@ -18,7 +18,7 @@ struct _GSource;
 namespace needlelab::test {
 
 /// Plugs the chip into the testbed and unplugs it. umockdev's own thread answers every ioctl of the host, and
-/// ends transfers without data by a timer. Call the public functions from the test's thread only.
+/// a timer ends transfers without data. Call the public functions from the test's thread only.
 ///
 /// The device's node is a kernel terminal, because a test can make it ready (flow on), not ready (flow off)
 /// or broken (hung up). poll() then reports the same as for a real usbfs node.
@@ -29,14 +29,14 @@ class UsbPort {
   UsbPort(const UsbPort&) = delete;
   UsbPort& operator=(const UsbPort&) = delete;
 
-  /// Appears under a new number, as a real device does, and notifies udev. Does nothing when already plugged.
+  /// Appears under a new number, like a real device, and notifies udev. Does nothing if already plugged.
   void plug();
   /// Ends transfers in flight with −ESHUTDOWN and later calls with ENODEV; then notifies udev.
   void unplug();
 
-  /// Claiming the interface fails with EBUSY, as when another program holds it.
+  /// Claiming the interface fails with EBUSY, as if another program held it.
   void setBusy(bool busy);
-  /// Rights of the node, e.g. 0600; held through replugs.
+  /// Permissions of the node, e.g. 0600; kept across replugs.
   void setMode(unsigned mode);
   /// A kernel driver holds the interface from the next plug on, until it is detached.
   void setKernelDriver(const std::string& name);
@@ -44,7 +44,7 @@ class UsbPort {
 
   /// How many programs have the node open.
   [[nodiscard]] int openClients();
-  /// After a change of the device's state.
+  /// Call after changing the device's state.
   void wake();
 
  private:
@@ -52,7 +52,7 @@ class UsbPort {
     _UMockdevIoctlData* urb = nullptr;
     _UMockdevIoctlClient* client = nullptr;
   };
-  /// A bulk transfer to the device for which its caller waits in the ioctl.
+  /// A bulk transfer to the device whose caller waits in the ioctl.
   struct WaitingWrite {
     _UMockdevIoctlClient* client = nullptr;
     Bytes bytes;
@@ -80,7 +80,7 @@ class UsbPort {
   const int port_;
   std::mutex& mutex_;
   bool plugged_ = false;
-  bool gone_ = false;  ///< unplugged, while programs still have it open
+  bool gone_ = false;  ///< unplugged while programs still have it open
   bool busy_ = false;
   unsigned mode_ = 0666;
   std::string kernel_driver_;
@@ -100,7 +100,7 @@ class UsbPort {
   std::deque<WaitingWrite> waiting_writes_;
 };
 
-/// What udev shows of the device, device and configuration descriptor, in hexadecimal digits.
+/// What udev shows of the device: device and configuration descriptors, in hexadecimal digits.
 std::string usbDescriptors();
 /// The device's answer to GET_DESCRIPTOR; nothing: stalled.
 std::optional<Bytes> usbDescriptor(std::uint16_t value, const std::string& serial);

@@ -1,4 +1,4 @@
-// The usbfs ioctls and the transfers that they start and end; the rest of UsbPort is in usb_port.cpp.
+// The usbfs ioctls and the transfers they start and end; the rest of UsbPort is in usb_port.cpp.
 #include <sys/ioctl.h>
 
 #include <fmt/core.h>
@@ -11,7 +11,7 @@
 #include <cstring>
 #include <limits>
 
-#include "common/base/time_source.h"
+#include "common/base/time/time_source.h"
 #include "tests/support/falcon_emulator/usb_port.h"
 
 namespace needlelab::test {
@@ -20,7 +20,7 @@ namespace {
 constexpr std::uint8_t kIn = 0x81, kOut = 0x02;  // endpoints
 // USB 2.0, FTDI's number for the Falcon, strings for maker, product and serial number
 const Bytes kDevice{18, 1, 0, 2, 0, 0, 0, 8, 0x03, 0x04, 0x48, 0xcb, 0, 4, 1, 2, 3, 1};
-// 32 bytes in all; one interface of the vendor's own class, bulk in and out of 64 bytes
+// 32 bytes in total; one interface of vendor-specific class, bulk in and out of 64 bytes
 const Bytes kConfiguration{9,    2, 32, 0, 1,   1, 0,  0xA0, 45, 9, 4, 0,    0, 2,  0xFF, 0xFF,
                            0xFF, 2, 7,  5, kIn, 2, 64, 0,    0,  7, 5, kOut, 2, 64, 0,    0};
 
@@ -62,7 +62,7 @@ void UsbPort::finish(const Transfer& transfer, int status, std::size_t actual) {
   finished_.push_back(transfer);
 }
 
-// ends all bulk transfers that can end now; then sleeps until the next one can
+// ends all bulk transfers that can end now, then sleeps until the next one can
 void UsbPort::pump() {
   if (gone_) return;
   const std::int64_t now_ns = machineTime().nowNs();
@@ -120,7 +120,7 @@ bool UsbPort::submit(_UMockdevIoctlClient* client) {
   if (urb.buffer_length > 0) {
     UMockdevIoctlData* const buffer = umockdev_ioctl_data_resolve(
         urb_data, offsetof(usbdevfs_urb, buffer), static_cast<gsize>(urb.buffer_length), nullptr);
-    if (buffer != nullptr) umockdev_ioctl_data_unref(buffer);  // the transfer holds it
+    if (buffer != nullptr) umockdev_ioctl_data_unref(buffer);  // the transfer owns it
   }
   const Transfer transfer{urb_data, client};
   int error = 0;
@@ -129,7 +129,7 @@ bool UsbPort::submit(_UMockdevIoctlClient* client) {
   else if (urb.type != USBDEVFS_URB_TYPE_BULK)
     error = EINVAL;
   else if (claimed_by_ != client)
-    error = busy_ || claimed_by_ != nullptr ? EBUSY : EINVAL;  // stricter than the kernel, which claims
+    error = busy_ || claimed_by_ != nullptr ? EBUSY : EINVAL;  // stricter than the kernel, which claims it
   else if (urb.endpoint == kIn)
     in_.push_back(transfer);
   else if (urb.endpoint == kOut)
@@ -211,7 +211,7 @@ bool UsbPort::handle(_UMockdevIoctlClient* client) {
     umockdev_ioctl_client_complete(client, error == 0 ? 0 : -1, error);
     return true;
   };
-  // hands `size` bytes of the caller to `use`
+  // passes `size` bytes of the caller to `use`
   const auto with = [argument](std::size_t size, const auto& use) {
     UMockdevIoctlData* const data = umockdev_ioctl_data_resolve(argument, 0, size, nullptr);
     if (data == nullptr) return;
@@ -281,7 +281,7 @@ bool UsbPort::handle(_UMockdevIoctlClient* client) {
   }
 }
 
-// as the kernel does when a node is closed: drops transfers in flight and releases claims
+// like the kernel when a node is closed: drops transfers in flight and releases claims
 void UsbPort::forgetClient(_UMockdevIoctlClient* client) {
   const auto known = std::find(clients_.begin(), clients_.end(), client);
   if (known == clients_.end()) return;

@@ -8,12 +8,12 @@
 namespace needlelab::test {
 
 UsbTestbed::UsbTestbed() : testbed_(umockdev_testbed_new()) {
-  // a terminal stands for the device's node: its hang-up must not end a session leader
+  // a terminal represents the device's node: its hang-up must not end a session leader
   if (::getsid(0) == ::getpid()) std::signal(SIGHUP, SIG_IGN);
   gchar* const root = umockdev_testbed_get_root_dir(testbed_);
   root_ = root;
   g_free(root);
-  // the hub that devices hang on: they ask for their parent
+  // the hub that devices are attached to: they ask for their parent
   const char* const hub =
       "P: /devices/usb1\n"
       "E: SUBSYSTEM=usb\n"

@@ -9,7 +9,7 @@ struct _UMockdevTestbed;
 
 namespace needlelab::test {
 
-/// One at a time in a process. Make it before libusb is initialised, and let it live longer.
+/// One at a time per process. Create it before libusb is initialised; it must live longer.
 class UsbTestbed {
  public:
   UsbTestbed();
@@ -23,7 +23,7 @@ class UsbTestbed {
   [[nodiscard]] _UMockdevTestbed* get() const { return testbed_; }
   /// The folder that stands for /.
   [[nodiscard]] const std::string& root() const { return root_; }
-  /// A free device number on bus 1: the next one, after 127 again from 2, as the kernel assigns them.
+  /// A free device number on bus 1: the next one, restarting with 2 after 127, as the kernel assigns them.
   int takeDeviceNumber();
   void giveBackDeviceNumber(int number) { device_numbers_.erase(number); }
   /// A port of the root hub for a new socket: 1, 2, …

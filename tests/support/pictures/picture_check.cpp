@@ -21,7 +21,7 @@ void blacken(RgbaImage& image, const std::vector<PictureArea>& areas) {
                     std::uint8_t{0});
 }
 
-// five bits a channel: half the size in git, and far within the tolerance
+// five bits per channel: half the size in git, and far within the tolerance
 void coarsen(RgbaImage& image) {
   for (std::uint8_t& value : image.pixels) value = static_cast<std::uint8_t>((value & 0xF8u) | (value >> 5));
 }

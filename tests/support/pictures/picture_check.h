@@ -1,9 +1,9 @@
 /// Compares pictures with their references.
 ///
 /// A reference is a small PNG in git, `reference/NAME.png` beside the test. `NEEDLELAB_PICTURES_OUT=1` in the
-/// environment writes the references again (look at every one before you commit it). When a picture differs
-/// from its reference, the test writes three PNGs into the folder named in the failure: the picture, the
-/// reference, and the difference.
+/// environment rewrites the references (look at every one before you commit it). If a picture differs from
+/// its reference, the test writes three PNGs to the folder named in the failure: the picture, the reference,
+/// and the difference.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -23,16 +23,16 @@ struct PictureArea {
 
 /// Tolerances: other processors and versions of llvmpipe round differently at edges.
 struct PictureTolerance {
-  int per_channel = 28;            ///< of 255: less is the same
-  double share_of_pixels = 0.012;  ///< so many may differ more
+  int per_channel = 28;            ///< of 255: smaller differences count as equal
+  double share_of_pixels = 0.012;  ///< this share may differ more
   int shrink =
-      2;  ///< both are averaged over squares of so many pixels before (and the reference is stored so)
-  std::vector<PictureArea> passed_over;  ///< clocks, costs and other things that are not the same each time
+      2;  ///< before comparing, both are averaged over squares of this size (the reference is stored so)
+  std::vector<PictureArea> passed_over;  ///< clocks, costs and other things that differ each time
 };
 
-/// The share of pixels that differ by more than `per_channel` in some channel; 1 where the sizes differ.
+/// The share of pixels that differ by more than `per_channel` in some channel; 1 if the sizes differ.
 double shareThatDiffers(const RgbaImage& a, const RgbaImage& b, int per_channel);
-/// Averaged over squares of `by` pixels; the rest at the edges is cut off.
+/// Averaged over squares of `by` pixels; the remainder at the edges is cut off.
 RgbaImage shrunk(const RgbaImage& image, int by);
 /// Of a pixel, as 0xRRGGBB; 0 outside.
 unsigned pixelAt(const RgbaImage& image, double x_px, double y_px);
@@ -42,7 +42,7 @@ struct MeanColour {
 };
 MeanColour meanAround(const RgbaImage& image, double x_px, double y_px, int half);
 
-/// `reference`: the whole path, ".png" included.
+/// `reference`: the whole path, including ".png".
 ::testing::AssertionResult looksLike(const RgbaImage& picture, const std::filesystem::path& reference,
                                      const PictureTolerance& tolerance = {});
 

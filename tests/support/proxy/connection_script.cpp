@@ -45,7 +45,7 @@ ConnectionScript randomScript(Random& random, std::uint64_t span_bytes) {
   for (WayScript* way : {&script.up, &script.down}) {
     if (random.chance(0.3)) way->delay = ms(30);
     if (random.chance(0.3)) way->jitter = ms(30);
-    // small pieces only at some bandwidth: a thousand writes a second is slow enough
+    // small pieces only with enough bandwidth: a thousand writes per second is slow enough
     if (random.chance(0.15)) way->piece_bytes = 1 + below(700);
     if (random.chance(0.15)) way->bytes_per_s = 50'000 + below(2'000'000);
     if (random.chance(0.2)) {

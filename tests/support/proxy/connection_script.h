@@ -13,13 +13,13 @@ namespace needlelab::test {
 
 /// Faults of one direction. Byte counts are of received bytes; all faults can be combined.
 struct WayScript {
-  std::chrono::milliseconds delay{0};     ///< of every byte
-  std::chrono::milliseconds jitter{0};    ///< more, uniform; bytes never overtake each other
-  std::uint64_t bytes_per_s = 0;          ///< bandwidth; 0: no limit
-  std::size_t piece_bytes = 0;            ///< at most so many in one write (1: single bytes); 0: as they came
-  std::uint64_t slow_from = 0;            ///< bandwidth and pieces count after so many bytes
-  std::optional<std::uint64_t> stall_at;  ///< after so many bytes nothing passes for `stall`, once
-  std::chrono::milliseconds stall{0};     ///< then it goes on
+  std::chrono::milliseconds delay{0};   ///< of every byte
+  std::chrono::milliseconds jitter{0};  ///< added, uniform; bytes never overtake each other
+  std::uint64_t bytes_per_s = 0;        ///< bandwidth; 0: no limit
+  std::size_t piece_bytes = 0;          ///< at most this many in one write (1: single bytes); 0: as they came
+  std::uint64_t slow_from = 0;          ///< bandwidth and pieces apply after this many bytes
+  std::optional<std::uint64_t> stall_at;    ///< after this many bytes nothing passes for `stall`, once
+  std::chrono::milliseconds stall{0};       ///< then it continues
   std::optional<std::uint64_t> corrupt_at;  ///< one bit of this byte is flipped
 };
 
@@ -35,11 +35,11 @@ enum class Way : std::uint8_t { kUp, kDown };  ///< client â†’ server, server â†
 struct ConnectionScript {
   WayScript up, down;
   bool refuse = false;                  ///< accepted and reset at once
-  std::optional<std::uint64_t> cut_at;  ///< after exactly so many bytes passed on `cut_way`
+  std::optional<std::uint64_t> cut_at;  ///< after exactly this many bytes passed on `cut_way`
   Way cut_way = Way::kUp;
   Cut cut = Cut::kReset;
-  /// Reordering of reconnects: after so many bytes up nothing passes in either direction. The client's bytes
-  /// and its end reach the server `late_after` after this proxy accepted the next connection.
+  /// Reordering of reconnects: after this many bytes up nothing passes in either direction. The client's
+  /// bytes and its end reach the server `late_after` after this proxy accepted the next connection.
   std::optional<std::uint64_t> hold_at;
   std::chrono::milliseconds late_after{0};
   /// Number of extra connections to the server that repeat the client's bytes (a replay that TLS must
@@ -50,7 +50,8 @@ struct ConnectionScript {
   [[nodiscard]] std::string text() const;
 };
 
-/// A random mix of faults: delays, pieces, stalls, cuts. `span_bytes`: the faults lie within so many bytes.
+/// A random mix of faults: delays, pieces, stalls, cuts. `span_bytes`: the faults fall within this many
+/// bytes.
 ConnectionScript randomScript(Random& random, std::uint64_t span_bytes);
 
 }  // namespace needlelab::test

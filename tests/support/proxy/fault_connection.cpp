@@ -8,7 +8,7 @@
 namespace needlelab::test {
 namespace {
 
-constexpr std::size_t kMostQueued = 64u << 10;  // of one direction; above, the sender is not read
+constexpr std::size_t kMostQueued = 64u << 10;  // per direction; beyond it the sender is not read
 constexpr std::size_t kFirstBytes = 4096;       // repeated by a duplicate
 constexpr auto kStallLook = std::chrono::milliseconds(2);
 
@@ -79,7 +79,7 @@ Task<> FaultConnection::readLane(std::shared_ptr<FaultConnection> self, Way way)
   const WayScript& script = it.script(way);
   std::array<char, 16384> buffer;
   while (!it.ended_) {
-    // when the receiver stops reading, stop reading from the sender too
+    // if the receiver stops reading, stop reading from the sender, too
     if (lane.queued >= kMostQueued && !it.silent_ && !lane.over) {
       co_await it.change(lane);
       continue;
@@ -108,7 +108,7 @@ Task<> FaultConnection::readLane(std::shared_ptr<FaultConnection> self, Way way)
       ++it.proxy_.counts_.corrupted;
     }
     lane.in += count;
-    if (lane.over) continue;  // its receiver is gone already
+    if (lane.over) continue;  // its receiver is already gone
     lane.queue.push_back({std::string(buffer.data(), count), lane.last_due});
     lane.queued += count;
     lane.wake.cancel();
@@ -149,7 +149,7 @@ Task<> FaultConnection::writeLane(std::shared_ptr<FaultConnection> self, Way way
       co_return;
     }
 
-    // one piece, no further than to the next event of the script
+    // one piece, at most up to the script's next event
     std::string& bytes = lane.queue.front().bytes;
     std::size_t count = bytes.size();
     const auto upTo = [&](const std::optional<std::uint64_t>& at) {
@@ -188,7 +188,7 @@ Task<> FaultConnection::writeLane(std::shared_ptr<FaultConnection> self, Way way
   }
 }
 
-// the sender has ended and all of it was passed on, or the receiver takes no more
+// the sender has ended and everything was passed on, or the receiver accepts no more
 void FaultConnection::laneOver(Way way, bool reset) {
   Lane& mine = lane(way);
   mine.over = true;

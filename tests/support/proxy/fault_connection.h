@@ -23,7 +23,7 @@ class FaultConnection : public std::enable_shared_from_this<FaultConnection> {
 
   static Task<> run(std::shared_ptr<FaultConnection> self, std::uint16_t server_port);
   void cut(Cut how);
-  /// Tells it that the next connection was accepted: the held bytes continue after `late_after`.
+  /// Notifies it that the next connection was accepted: the held bytes continue after `late_after`.
   void overtaken();
 
  private:
@@ -65,7 +65,7 @@ class FaultConnection : public std::enable_shared_from_this<FaultConnection> {
   Random random_;
   Tcp::socket client_, server_;
   Lane up_, down_;
-  std::string first_bytes_;  // of the client, for duplicates
+  std::string first_bytes_;  // the client's, for duplicates
   asio::steady_timer late_;
   bool silent_ = false, released_ = false, ended_ = false;
 };

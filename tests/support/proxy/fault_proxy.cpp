@@ -19,7 +19,7 @@ FaultProxy::FaultProxy(std::uint16_t server_port, std::uint64_t seed, Scripts sc
 }
 
 FaultProxy::~FaultProxy() {
-  // in one go: without an acceptor and connections the thread has nothing to wait for, and ends
+  // in one go: without an acceptor and connections the thread has nothing to wait for and ends
   onThread([this] {
     boost::system::error_code ignored;
     acceptor_.close(ignored);
@@ -66,7 +66,7 @@ void FaultProxy::setServer(std::uint16_t server_port) {
 
 void FaultProxy::cutAll(Cut how) {
   onThread([&] {
-    const auto all = open_;  // cutting takes them out of the list
+    const auto all = open_;  // cutting removes them from the list
     for (const auto& [id, connection] : all) connection->cut(how);
   });
 }

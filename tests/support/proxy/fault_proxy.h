@@ -19,9 +19,9 @@ class FaultConnection;
 /// Counters so far.
 struct ProxyCounts {
   std::uint64_t connections = 0;               ///< accepted
-  std::uint64_t open = 0;                      ///< of them, now; half-open ones included
+  std::uint64_t open = 0;                      ///< of these, open now; including half-open ones
   std::uint64_t bytes_up = 0, bytes_down = 0;  ///< passed on
-  std::uint64_t cuts = 0;                      ///< by the proxy, scripts and cutAll together
+  std::uint64_t cuts = 0;                      ///< by the proxy: scripts and cutAll together
   std::uint64_t silent = 0;                    ///< … of them half-open
   std::uint64_t stalls = 0, corrupted = 0, refused = 0, late = 0, duplicates = 0;
 };

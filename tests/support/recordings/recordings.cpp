@@ -7,7 +7,7 @@
 #include <fstream>
 #include <stdexcept>
 
-#include "client/device/simulated_device.h"
+#include "client/device/hand/simulated_device.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
@@ -23,7 +23,7 @@ struct Stroke {
   Vec3 from_m, to_m;
   double seconds;
 };
-// strokes as one moves a Virtuose in free air: 0.3 to 0.4 m, up to about 0.45 m/s
+// strokes as a person moves a Virtuose in free air: 0.3 to 0.4 m, up to about 0.45 m/s
 constexpr Stroke kStrokes[] = {
     {"backward", {0.58, 0.02, 0.02}, {0.25, 0.06, 0.07}, 1.6},
     {"downward", {0.52, -0.06, 0.30}, {0.48, -0.02, -0.05}, 1.5},
@@ -91,7 +91,7 @@ std::string forceOverDepth() {
 }
 
 // Insertion to 0.45 N, a hold that relaxes from 0.337 N to 0.257 N with 1.9 s, withdrawal down to −0.147 N.
-// The exponential is summed up step by step, without the C library.
+// The exponential is accumulated step by step, without the C library.
 std::string forceOverTime() {
   constexpr double kStep_s = 8e-3, kHold_s = 2.2, kOut_s = 9.85, kEnd_s = 11.75;
   HandRandom random(12);

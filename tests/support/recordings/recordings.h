@@ -1,6 +1,6 @@
 /// Recordings that tests play and fit. The real ones, a Virtuose's poses and published needle forces, are not
-/// in the repository, because their licences do not allow that. Tests that want recordings therefore also run
-/// on ones that we make; these are marked as such and prove nothing about real hands or tissue.
+/// in the repository, because their licences do not allow that. Tests that need recordings therefore also run
+/// on generated ones; these are marked as such and prove nothing about real hands or tissue.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@ namespace needlelab::test {
 /// A folder with virtuose/*.csv and needle_force/*.csv.
 struct Recordings {
   std::filesystem::path folder;
-  bool real = false;  ///< false: made by us
+  bool real = false;  ///< false: generated
   [[nodiscard]] std::string name() const { return real ? "real" : "made"; }
 };
 
@@ -21,20 +21,20 @@ struct Recordings {
 inline constexpr std::array<const char*, 4> kPoseRecordings = {"backward", "downward", "lateral_left",
                                                                "virtuose_x_backward"};
 
-/// Where real recordings are looked for: the variable NEEDLELAB_DATA, otherwise ../shared/data beside the
+/// Where real recordings are searched for: the variable NEEDLELAB_DATA, otherwise ../shared/data beside the
 /// repository. May not exist.
 std::filesystem::path realRecordingsFolder();
 
-/// The recordings that we make, written to a temporary folder at the first call and removed when the process
+/// The generated recordings, written to a temporary folder at the first call and removed when the process
 /// ends. The same bits on every machine. Poses: a simulated hand with tremor moves the simulated Virtuose
-/// along four strokes, 1 kHz, encoder steps, jittered times of receipt. Forces: curves by formula with the
-/// figures that are published about the real ones, and noise.
+/// along four strokes, 1 kHz, encoder steps, jittered receive times. Forces: curves by formula with the
+/// published figures of the real ones, plus noise.
 const Recordings& madeRecordings();
 
-/// The made ones, and the real ones if they are present: for tests that are quick enough to run on both.
+/// The generated ones, and the real ones if present: for tests quick enough to run on both.
 std::vector<Recordings> allRecordings();
 
-/// The real ones if they are present, otherwise the made ones.
+/// The real ones if present, otherwise the generated ones.
 Recordings preferredRecordings();
 
 }  // namespace needlelab::test

@@ -8,7 +8,8 @@
 #include "client/view/model/camera.h"
 #include "common/haptics/engine.h"
 #include "common/profile/profile.h"
-#include "tests/support/stored_sample.h"
+#include "common/profile/scene_of_profile.h"
+#include "tests/support/scenes/stored_sample.h"
 
 namespace needlelab::test {
 namespace {

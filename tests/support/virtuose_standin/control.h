@@ -11,11 +11,11 @@
 
 namespace needlelab::test {
 
-/// Paths of the stand-in and of a library that lacks functions. Both are in the build tree.
+/// Paths of the stand-in and of a library with missing functions. Both are in the build tree.
 inline const std::string kStandinLibrary = NEEDLELAB_STANDIN;
 inline const std::string kIncompleteLibrary = NEEDLELAB_STANDIN_INCOMPLETE;
 
-/// The constructor resets the stand-in: a fresh device at rest, powered by its switch, held, on virtual time.
+/// The constructor resets the stand-in: a fresh device at rest, switched on, held, on virtual time.
 class Standin {
  public:
   Standin() : library_(::dlopen(kStandinLibrary.c_str(), RTLD_NOW | RTLD_LOCAL)) {
@@ -27,7 +27,7 @@ class Standin {
   Standin& operator=(const Standin&) = delete;
 
   void useRealTime() const { find<void(int)>("standin_virtual_time")(0); }
-  /// `time.who` must live until the next Standin is made, or this is not used any more.
+  /// `time.who` must live until the next Standin is created or this one is no longer used.
   void useTime(const StandinTime& time) const { find<void(const StandinTime*)>("standin_time")(&time); }
   void advance(double seconds) const { find<void(double)>("standin_advance")(seconds); }
   void command(const std::string& text) const {

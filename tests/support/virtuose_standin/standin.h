@@ -28,29 +28,29 @@ extern "C" {
 
 /// A time from outside.
 struct StandinTime {
-  void* who;                               ///< for both
-  double (*now_s)(void* who);              ///< since any moment
-  void (*wait)(void* who, double time_s);  ///< while a call waits for its answer; other calls may come in
+  void* who;                               ///< passed to both
+  double (*now_s)(void* who);              ///< since an arbitrary moment
+  void (*wait)(void* who, double time_s);  ///< while a call waits for its answer; other calls may be made
 };
 
 /// The true state, in SI units and in the device's base frame.
 struct StandinState {
   double position_m[3], orientation[4];  ///< of the handle; x y z w
   double velocity_mps[3];
-  double commanded[6];  ///< the last wrench that virtSetForce brought
+  double commanded[6];  ///< the last wrench set by virtSetForce
   double felt[6];       ///< the wrench that acts on the handle in this millisecond
   int is_powered, is_permitted;
   long openings;      ///< virtOpen calls, successful or not
-  int open_contexts;  ///< as the service counts them
+  int open_contexts;  ///< as counted by the service
   unsigned alarms;
   long exchanges, overruns;  ///< virtSetForce calls; calls that came too fast
 };
 
-/// A fresh device: powered by its switch, held, at rest at the origin; virtual time. No script.
+/// A fresh device: switched on, held, at rest at the origin; virtual time. No script.
 void standin_reset(void);
 /// 0: real time from now on.
 void standin_virtual_time(int on);
-/// Everything goes on in this time, until the next reset.
+/// Everything runs in this time until the next reset.
 void standin_time(const StandinTime* time);
 /// Virtual time only.
 void standin_advance(double seconds);

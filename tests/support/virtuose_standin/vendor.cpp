@@ -14,7 +14,7 @@ auto locked(Use use) {
   return use(world());
 }
 
-// the connection behind a pointer, after the time that the call takes; meanwhile others may call
+// the connection behind a pointer, after the call's duration; meanwhile other calls may be made
 Context* reached(std::unique_lock<std::mutex>& lock, void* pointer, const char* name) {
   World& w = world();
   w.catchUp();

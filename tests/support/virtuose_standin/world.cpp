@@ -16,7 +16,7 @@ namespace {
 constexpr double kWatchdog_s = 2;  // without a command the device cuts force and link
 constexpr double kOverrunShown_s = 0.1;
 constexpr double kEncoder_m = 10e-6, kEncoder_rad = 100e-6;
-// the motors' heat: mean square of the force over 10 s against the continuous 3 N
+// the motors' heat: mean square of the force over 10 s, compared with the continuous 3 N
 constexpr double kHeatTime_s = 10, kTooHot_N2 = 3.9 * 3.9, kCool_N2 = 2.7 * 2.7;
 constexpr double kHotShare = 0.5;  // a hot device renders less
 constexpr int kOutOfMemory = 1, kCommunication = 2, kTimeOut = 6, kIncompatible = 20;
@@ -120,7 +120,7 @@ void World::millisecond() {
   index();
 }
 
-// the controller's own cycle: applies the command of the last millisecond to the motors
+// the controller's own cycle: applies the last millisecond's command to the motors
 void World::render() {
   const Context* context = active();
   felt_ = isPowered() && context != nullptr && context->command_type == kImpedance ? next_

@@ -1,4 +1,4 @@
-/// The stand-in's device, service and link: the vendor's rules as FACTS.md gives them, in one object.
+/// The stand-in's device, service and link: the vendor's rules from FACTS.md, in one object.
 #pragma once
 
 #include <array>
@@ -17,7 +17,7 @@ namespace standin {
 // the vendor's codes and modes used by both rule files
 inline constexpr int kInvalidContext = 3, kImpedance = 3;
 
-/// A connection, as the library and the service see it.
+/// A connection, as seen by the library and the service.
 struct Context {
   enum class State {
     kFree,
@@ -33,7 +33,7 @@ struct Context {
   bool permits_power = false;
 };
 
-/// Allows one exchange a millisecond (5 % more, so that a burst is forgotten), and a short burst so that a
+/// Allows one exchange per millisecond (5 % more, so that a burst is forgotten), and a short burst so that a
 /// late caller can catch up. The tolerance is ours: the vendor only says "one a millisecond at most".
 class ExchangeRule {
  public:
@@ -71,7 +71,7 @@ class World {
   [[nodiscard]] int openError() const { return open_error_; }
   /// The context behind a pointer, or null.
   Context* find(void* pointer);
-  /// How long a call waits for its answer, at most its time-out. In virtual time it waits for nothing.
+  /// How long a call waits for its answer, at most its time-out. In virtual time it does not wait.
   [[nodiscard]] double waitOf(const Context& context, const char* call) const;
   /// The time to wait in.
   [[nodiscard]] StandinTime time() const { return time_; }
@@ -80,7 +80,7 @@ class World {
   /// Records the call and its result; returns 0 or −1.
   int answer(Context* context, const char* call, int error, bool sets);
   int close(Context& context);
-  /// The watchdog runs from the choice of a command type on.
+  /// The watchdog runs once a command type is chosen.
   void startWatching(Context& context) const { context.last_update_s = now_s_; }
   void setForce(Context& context, const float wrench[6]);
   /// Both return 0.

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "db/connection.h"
+#include "db/store/connection.h"
 
 namespace needlelab::test {
 

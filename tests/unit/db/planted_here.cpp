@@ -2,7 +2,7 @@
 
 namespace needlelab {
 
-// in place of the library's
+// replaces the library's function
 bool planted(PlantedBug bug) noexcept {
   return test::bugPlantedHere() == bug;
 }

@@ -1,4 +1,4 @@
-/// The bug that is planted in this program now, by a test.
+/// The bug that a test has planted in this program.
 #pragma once
 
 #include <optional>

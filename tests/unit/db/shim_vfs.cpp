@@ -52,7 +52,7 @@ int xTruncate(sqlite3_file* file, sqlite3_int64 size) {
 int xSync(sqlite3_file* file, int flags) {
   auto& vfs = ShimVfs::instance();
   if (const int rc = vfs.ask(ShimVfs::Op::kSync, *shim(file)->path, 0, 0); rc != SQLITE_OK) return rc;
-  // Does not wait for the real disk: our own record determines the surviving bytes. This keeps the tests
+  // Does not wait for the real disk: our own record determines which bytes survive. This keeps the tests
   // fast.
   (void)flags;
   vfs.noteSync(*shim(file)->path);
@@ -94,7 +94,7 @@ int xFetch(sqlite3_file*, sqlite3_int64, int, void** out) {
   *out = nullptr;
   return SQLITE_OK;
 }
-/// SQLite calls this in a checkpoint between reading the log's header and working by it.
+/// SQLite calls this in a checkpoint between reading the log's header and using it.
 int xUnfetch(sqlite3_file* file, sqlite3_int64, void*) {
   return ShimVfs::instance().ask(ShimVfs::Op::kHeaderRead, *shim(file)->path, 0, 0);
 }
@@ -148,7 +148,7 @@ ShimVfs& ShimVfs::instance() {
 ShimVfs::ShimVfs() {
   sqlite3_vfs* system = sqlite3_vfs_find(nullptr);
   static sqlite3_vfs ours;
-  ours = *system;  // the other functions are the system's, which use none of our data
+  ours = *system;  // the other functions are the system's and use none of our data
   ours.pNext = nullptr;
   ours.zName = kName;
   ours.pAppData = system;
@@ -225,7 +225,7 @@ void ShimVfs::writeAfterPowerCut(const std::string& folder, std::mt19937_64& ran
   constexpr std::size_t kSector = 512;
   for (const auto& [path, file] : files_) {
     std::string bytes = file.synced;
-    // a disk may have kept any of the unsynced sectors, and none of the others
+    // a disk may have kept any subset of the unsynced sectors
     bool any = file.exists;
     for (const Change& change : file.since) {
       if (change.truncate) {

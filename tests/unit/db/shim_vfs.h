@@ -11,7 +11,7 @@
 
 namespace needlelab::test {
 
-/// Registered with SQLite under name() for as long as the process lives. Thread-safe.
+/// Registered with SQLite under name() for the lifetime of the process. Thread-safe.
 class ShimVfs {
  public:
   enum class Op {
@@ -33,9 +33,9 @@ class ShimVfs {
 
   /// Starts to track the synced bytes.
   void startRecording();
-  /// Writes a possible disk state after a power cut at this instant into `folder`: every file as last synced,
+  /// Writes a possible disk state after a power cut at this moment into `folder`: every file as last synced,
   /// plus a random selection of the later writes in random order, torn at sectors of 512 bytes. Keeps the
-  /// file names and leaves out the shared-memory file. May be called while connections are working.
+  /// file names and omits the shared-memory file. May be called while connections are working.
   void writeAfterPowerCut(const std::string& folder, std::mt19937_64& random);
 
   // for the C callbacks
@@ -49,12 +49,12 @@ class ShimVfs {
   ShimVfs();
   struct Change {
     bool truncate = false;
-    std::int64_t offset = 0;  ///< of a truncation: the new size
+    std::int64_t offset = 0;  ///< for a truncation: the new size
     std::string data;
   };
   struct File {
     bool exists =
-        false;  ///< its directory entry has been synced (SQLite syncs it with the file's first sync)
+        false;  ///< whether its directory entry was synced (SQLite syncs it with the file's first sync)
     std::string synced;
     std::vector<Change> since;
   };

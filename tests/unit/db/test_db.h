@@ -9,13 +9,13 @@
 #include <vector>
 
 #include "common/gesture/chunk.h"
-#include "db/connection.h"
-#include "db/credentials.h"
-#include "db/schema.h"
-#include "db/session_store.h"
-#include "db/store_address.h"
+#include "db/login/credentials.h"
+#include "db/sessions/session_store.h"
+#include "db/store/connection.h"
+#include "db/store/schema.h"
+#include "db/store/store_address.h"
 #include "needlelab/teaching.pb.h"
-#include "tests/support/postgres_database.h"
+#include "tests/support/store/postgres_database.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
@@ -64,20 +64,20 @@ class TestDb {
   Connection writer;
 };
 
-/// SQL of somebody who has the database itself: neither triggers nor foreign keys hold it up, on SQLite no
+/// SQL of somebody with direct access to the database: neither triggers nor foreign keys apply, on SQLite no
 /// CHECKs either. On PostgreSQL for a superuser.
 inline std::string lawless(const std::string& sql) {
   if (!onPostgres()) return "PRAGMA foreign_keys=OFF; PRAGMA ignore_check_constraints=ON;" + sql;
   return "SET session_replication_role = replica;" + sql + ";RESET session_replication_role";
 }
-/// The bytes with these hexadecimal digits, in SQL.
+/// SQL for bytes with these hexadecimal digits.
 inline std::string bytesSql(const std::string& hex) {
   return onPostgres() ? "decode('" + hex + "', 'hex')" : "x'" + hex + "'";
 }
 inline std::string zerosSql(std::size_t count) {
   return bytesSql(std::string(2 * count, '0'));
 }
-/// The column `bytes` with another byte in the place of the one at `at`, counted from 1, in SQL.
+/// SQL for the column `bytes` with the byte at `at`, counted from 1, replaced.
 inline std::string byteReplacedSql(int at, const std::string& hex) {
   if (onPostgres())
     return "overlay(bytes PLACING " + bytesSql(hex) + " FROM " + std::to_string(at) + " FOR 1)";
@@ -85,8 +85,7 @@ inline std::string byteReplacedSql(int at, const std::string& hex) {
          std::to_string(at + 1) + ") AS BLOB)";
 }
 
-/// What the connection's statements have done since the last call, in instructions of SQLite's virtual
-/// machine.
+/// Instructions of SQLite's virtual machine that the connection's statements have run since the last call.
 inline int stepsOfStatements(Connection& connection) {
   int steps = 0;
   for (sqlite3_stmt* s = sqlite3_next_stmt(connection.handle(), nullptr); s != nullptr;

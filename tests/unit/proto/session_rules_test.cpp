@@ -12,7 +12,7 @@ namespace {
 TEST(SessionRules, aGoodDescriptionIsTaken) {
   auto d = test::describe(makeUuidV7());
   EXPECT_OK(checkDescription(d));
-  d.set_rate_hz(40'000);  // the fastest loop of a station
+  d.set_rate_hz(40'000);  // a station's fastest loop
   EXPECT_OK(checkDescription(d));
   d.set_stiffness_share(0.55);
   EXPECT_OK(checkDescription(d));

@@ -157,6 +157,14 @@ export function painted(dialog) {
   return dialog.and(dialog.page().locator('[data-painted]')).waitFor();
 }
 
+/** Presses a button that asks first, and answers with the button of that name in its dialog. */
+export async function confirmed(page, button, answer) {
+  const dialog = page.getByRole('dialog');
+  await button.click();
+  await painted(dialog);
+  await dialog.getByRole('button', { name: answer, exact: true }).click();
+}
+
 /** Presses keys while the page stands still: for half a second when `open` has opened a dialog, before it is painted. */
 export async function pressedWhileItOpens(page, open, keys) {
   await page.evaluate(() => {

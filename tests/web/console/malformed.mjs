@@ -1,6 +1,6 @@
 // Documents whose JSON has values of wrong types: the editors show what they can, name each fault, and write nothing.
 import assert from 'node:assert/strict';
-import { accessible, done, open, single } from './browser.mjs';
+import { accessible, confirmed, done, open, single } from './browser.mjs';
 import { api } from './week.mjs';
 
 /** What is done to a profile, and the faults that the editor names: field, and the beginning of what is said. */
@@ -132,8 +132,8 @@ const kCourses = [
 ];
 /** Texts that are no document: said under the text, and the document stays as it is. */
 const kTexts = [
-  ['NaN', 'This is no JSON yet'],
-  ['{"name": NaN}', 'This is no JSON yet'],
+  ['NaN', 'This is not JSON yet'],
+  ['{"name": NaN}', 'This is not JSON yet'],
   ['null', 'A document must be an object in braces, found null'],
   ['5', 'A document must be an object in braces, found the number 5'],
   ['[]', 'A document must be an object in braces, found a list'],
@@ -228,7 +228,7 @@ export function malformed(t) {
     const now = async () => JSON.parse(await json.inputValue());
     await page.getByRole('button', { name: 'Move layer 1 down' }).click();
     assert.deepEqual(await now(), { ...odd, layers: [null, whole.layers[0], 'fat'] });
-    await page.getByRole('button', { name: 'Remove layer 3' }).click();
+    await confirmed(page, page.getByRole('button', { name: 'Remove layer 3' }), 'Remove');
     assert.deepEqual(await now(), { ...odd, layers: [null, whole.layers[0]] });
     await page.getByLabel(/^Shaft friction$/).check();
     assert.deepEqual((await now()).effects, ['CUTTING', 'SHAFT_FRICTION', 'LATER']);
@@ -241,7 +241,7 @@ export function malformed(t) {
       '"NaN"',
     );
     assert.ok(await page.getByRole('button', { name: 'Save', exact: true }).isDisabled(), 'a field holds no number');
-    await page.getByRole('button', { name: 'Discard changes' }).click();
+    await confirmed(page, page.getByRole('button', { name: 'Discard changes' }), 'Discard');
     await page.getByText('✓ No problems found').waitFor();
     assert.deepEqual(await now(), whole);
     await done(page);
@@ -257,7 +257,7 @@ export function malformed(t) {
     const json = page.getByLabel('JSON', { exact: true }),
       name = page.getByLabel('Name', { exact: true }).first(),
       save = page.getByRole('button', { name: 'Save', exact: true });
-    const reason = page.getByText('The text of the JSON is not in the document'),
+    const reason = page.getByText('The JSON text is not in the document'),
       meanwhile = page.getByText('The form was changed meanwhile');
     const whole = JSON.parse(await json.inputValue());
     await name.fill('Knee A');
@@ -275,7 +275,7 @@ export function malformed(t) {
     // a document again, but not the form's: neither replaces the other
     const typed = JSON.stringify({ ...whole, description: 'typed' });
     await json.fill(typed);
-    await page.getByText('This is no JSON yet').waitFor({ state: 'detached' });
+    await page.getByText('This is not JSON yet').waitFor({ state: 'detached' });
     assert.equal(await name.inputValue(), 'Knee B');
     assert.ok(await save.isDisabled());
     await accessible(page, 'a JSON beside another form');
@@ -295,7 +295,7 @@ export function malformed(t) {
 
     await json.fill('x');
     await reason.waitFor();
-    await page.getByRole('button', { name: 'Discard changes' }).click();
+    await confirmed(page, page.getByRole('button', { name: 'Discard changes' }), 'Discard');
     await reason.waitFor({ state: 'detached' });
     await page.getByRole('heading', { level: 1, name: whole.name }).waitFor();
     await page.getByText('not saved yet').waitFor({ state: 'detached' });
@@ -308,7 +308,7 @@ export function malformed(t) {
     await json.fill('{');
     await reason.waitFor();
     assert.ok(await save.isDisabled());
-    await page.getByRole('button', { name: 'Discard changes' }).click();
+    await confirmed(page, page.getByRole('button', { name: 'Discard changes' }), 'Discard');
     await done(page);
   });
 
@@ -331,7 +331,7 @@ export function malformed(t) {
     assert.equal(await drawing.getByText(/φ/).count(), 0);
     answer();
     await drawing.getByText(/φ/).first().waitFor();
-    await page.getByRole('button', { name: 'Discard changes' }).click();
+    await confirmed(page, page.getByRole('button', { name: 'Discard changes' }), 'Discard');
     await done(page);
   });
 
@@ -346,7 +346,7 @@ export function malformed(t) {
     await page.getByRole('button', { name: 'Save', exact: true }).click();
     await page.getByText("id: is not 'knee-adult', as in the address").first().waitFor();
     assert.deepEqual(await api(page, 'profiles/shoulder-adult'), others);
-    await page.getByRole('button', { name: 'Discard changes' }).click();
+    await confirmed(page, page.getByRole('button', { name: 'Discard changes' }), 'Discard');
     await done(page);
   });
 
@@ -392,7 +392,7 @@ export function malformed(t) {
     assert.equal(await page.evaluate(() => document.activeElement.dataset.path), 'needle.length_m');
     await link(last).waitFor({ state: 'detached' });
     assert.ok((await scrolled()) < before, 'the list moved when it was released');
-    await page.getByRole('button', { name: 'Discard changes' }).click();
+    await confirmed(page, page.getByRole('button', { name: 'Discard changes' }), 'Discard');
     await done(page);
   });
 }

@@ -33,7 +33,7 @@ const kPages = [
     'people/ines',
     {
       Save: 'ma',
-      Disable: 'ma',
+      'Disable …': 'ma',
       'Set the password': 'ma',
       'Give a code': 'ma',
       'Download as JSON': 'ma',

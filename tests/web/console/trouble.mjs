@@ -1,6 +1,6 @@
 // Trouble in a lab: two managers edit at once, the server dies, a log-in ends. Nothing that was typed is lost.
 import assert from 'node:assert/strict';
-import { accessible, done, open, single } from './browser.mjs';
+import { accessible, confirmed, done, open, single } from './browser.mjs';
 import { kPassword } from './lab.mjs';
 import { api } from './week.mjs';
 
@@ -205,7 +205,7 @@ export function trouble(t) {
         .inputValue(),
       '4.4',
     );
-    await page.getByRole('button', { name: 'Discard changes' }).click();
+    await confirmed(page, page.getByRole('button', { name: 'Discard changes' }), 'Discard');
     await page.getByText('not saved yet').waitFor({ state: 'detached' });
     await done(page);
   });

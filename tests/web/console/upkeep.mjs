@@ -4,6 +4,7 @@ import { existsSync } from 'node:fs';
 import {
   accessible,
   chooseFrom,
+  confirmed,
   done,
   downloaded,
   open,
@@ -79,7 +80,7 @@ export function upkeep(t) {
     await page.keyboard.press('Escape');
 
     await page.getByRole('link', { name: 'gina.gone' }).click();
-    await page.getByRole('button', { name: 'Disable' }).click();
+    await confirmed(page, page.getByRole('button', { name: 'Disable' }), 'Disable');
     await page.getByText('gina.gone is disabled.').waitFor();
     const gina = await t.browser.window();
     await gina.goto(t.lab.base);
@@ -106,7 +107,7 @@ export function upkeep(t) {
     await open(page, t.lab, '#/people/gina.leaving', 'gina.leaving');
     await page.getByRole('button', { name: 'Find texts that name the person' }).click();
     await page.getByRole('link', { name: "the name of group 'hers'" }).waitFor();
-    await page.getByRole('button', { name: 'Take the name out of group hers' }).click();
+    await confirmed(page, page.getByRole('button', { name: 'Take the name out of group hers' }), 'Redact');
     await page.getByText("The name was taken out of the name of group 'hers'.").waitFor();
     assert.equal((await api(page, 'groups/hers')).name, 'Friends of [name removed]');
 
@@ -192,7 +193,7 @@ export function upkeep(t) {
       .waitFor();
     assert.ok(await page.getByRole('button', { name: /^Run now/ }).isDisabled(), 'there is nothing to do');
     await accessible(page, 'retention');
-    await row.getByRole('button', { name: /^Take away/ }).click();
+    await confirmed(page, row.getByRole('button', { name: /^Take away/ }), 'Take away');
     await page.getByText('Nothing is set').waitFor();
     await done(page);
   });
@@ -211,7 +212,7 @@ export function upkeep(t) {
     // with the server the name is refused, and a similar one suggested; the next lesson brings what was recorded
     const refused = t.lab.practise('station-2', 'tino', 'knee-recess', ['--seconds', '1']);
     assert.equal(await refused.ended, 1, refused.said);
-    assert.match(refused.said, /nobody named 'tino' who may practise\. Did you mean 'tina'/);
+    assert.match(refused.said, /no one named 'tino' who may practise\. Did you mean 'tina'/);
     const next = t.lab.practise('station-2', 'guest', 'knee-recess', ['--seconds', '1', '--drain', '60']);
     assert.equal(await next.ended, 0, next.said);
 
@@ -294,8 +295,8 @@ export function upkeep(t) {
     await page.getByRole('button', { name: 'Confirm the session of tina' }).click();
     await page.getByText('No session waits').waitFor();
     assert.equal(await counted(), before + 1);
-    const confirmed = (await api(page, 'sessions?trainee=tina')).items.find((s) => s.given_trainee === 'tina');
-    await open(page, t.lab, `#/sessions/${confirmed.description.session_id}`, /^tina: /);
+    const known = (await api(page, 'sessions?trainee=tina')).items.find((s) => s.given_trainee === 'tina');
+    await open(page, t.lab, `#/sessions/${known.description.session_id}`, /^tina: /);
     await page.getByText('tina; the station named tina, a manager confirmed it').waitFor();
 
     await open(page, t.lab, '#/people/tina', 'tina');
@@ -304,7 +305,15 @@ export function upkeep(t) {
     await badge.fill('0007');
     await page.getByRole('button', { name: 'Set the code' }).click();
     await page.getByText('The code of tina was set.').waitFor();
+    // Enter leaves it
+    const question = page.getByRole('dialog', { name: 'Remove the code of tina?' });
     await page.getByRole('button', { name: 'Remove code' }).click();
+    await painted(question);
+    assert.equal(await page.evaluate(() => document.activeElement?.textContent), 'Cancel');
+    await page.keyboard.press('Enter');
+    await question.waitFor({ state: 'detached' });
+    assert.equal((await api(page, 'people/tina')).has_code, true);
+    await confirmed(page, page.getByRole('button', { name: 'Remove code' }), 'Remove');
     await page.getByText('tina has no code any more.').waitFor();
     assert.equal((await api(page, 'people/tina')).has_code, false);
     await done(page);

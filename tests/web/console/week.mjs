@@ -117,7 +117,7 @@ export function week(t) {
     // an invalid profile has no force to draw
     page.expected.add(400);
     await field.fill('abc');
-    await page.getByText('“abc” is no number; such as 3.5').waitFor();
+    await page.getByText('“abc” is not a number; write it like 3.5').waitFor();
     assert.equal(await field.getAttribute('aria-invalid'), 'true');
     await field.fill('-3');
     await page

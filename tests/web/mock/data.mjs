@@ -76,7 +76,7 @@ export function scoreOf(session, exercise) {
       row.min = rule.min;
       row.max = rule.max;
       row.passed = (rule.min === undefined || value >= rule.min) && (rule.max === undefined || value <= rule.max);
-      // as common/scoring/score_report.cpp says it
+      // as common/scoring/measures/score_report.cpp says it
       const asked = rule.min !== undefined;
       const verdict = asked ? ['at least', 'below', 'asked for'] : ['within', 'above', 'allowed'];
       row.words = `${words} ${said(measure, value, unit)}: ${verdict[row.passed ? 0 : 1]} the ${said(measure, rule.min ?? rule.max, unit)} ${verdict[2]}`;
@@ -92,7 +92,7 @@ export function comparisonOf(rows, bands) {
     const { value, unit, words } = rows.find((row) => row.measure === measure);
     const text = (v) => said(measure, v, unit);
     const side = value < least ? 'below' : value > greatest ? 'above' : 'within';
-    // as common/scoring/reference.cpp says it
+    // as common/scoring/attempts/reference.cpp says it
     const place = n < 5 || text(least) === text(greatest) ? null : side;
     const name = words.split(' ' + text(value))[0];
     return {

@@ -579,6 +579,7 @@ export const kTable = [
       name: r.at(-1).json.name,
       revision: r.length,
       exercise_ids: r.at(-1).json.exercises.map((e) => e.id),
+      exam: !!r.at(-1).json.exam,
       created_unix_ms: r.at(-1).created_unix_ms,
       author: r.at(-1).author,
     })),

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "client/instructor/screens/instructor_window.h"
-#include "client/net/credentials.h"
+#include "client/net/link/credentials.h"
 #include "common/base/program.h"
 #include "common/wire/protocol.h"
 #include "common/wire/tls.h"
@@ -57,6 +57,9 @@ int main(int argc, char** argv) {
   app.add_option("--password-file", password_file, "First line is the password")->required();
   app.add_option("--script", script, "Do what this file lists, then end")->required();
   app.add_flag("--off-screen", off_screen, "Draw the window into memory: needs no display");
+  app.add_option("--width", run.surface.width_px, "Of the window, in pixels: 1280 unless given");
+  app.add_option("--height", run.surface.height_px, "720 unless given");
+  app.add_option("--font-scale", run.surface.font_scale, "Size of the letters: 1 unless given");
   CLI11_PARSE(app, argc, argv);
   run.surface.kind = off_screen ? SurfaceOptions::Kind::kOffScreen : SurfaceOptions::Kind::kAny;
   std::signal(SIGINT, onSignal);

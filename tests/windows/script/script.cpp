@@ -8,8 +8,8 @@
 
 #include <fmt/core.h>
 
-#include "common/base/files.h"
-#include "common/base/text.h"
+#include "common/base/files/files.h"
+#include "common/base/text/text.h"
 
 namespace needlelab {
 namespace {

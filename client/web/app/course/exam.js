@@ -19,7 +19,7 @@ export function ExamFields({ f }) {
       label="Exam"
       checked=${exam}
       disabled=${f.readonly}
-      help="no aids but those that an exercise lists, one attempt where it says no other number, and nobody changes the aids meanwhile"
+      help="only the aids that an exercise lists, which cannot be changed during a lesson, and one attempt unless the exercise gives another number"
       onValue=${(on) => (on ? f.set('exam')(true) : f.change(withoutExam))}
     />
     ${

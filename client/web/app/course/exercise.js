@@ -1,8 +1,9 @@
-// One exercise: patient, needle, aids, attempts, time, what must be passed first, requirements.
+// One exercise: patient, needle, aids, attempts, time, prerequisites, requirements.
 import { fromInput, toInput } from '../lib/time.js';
 import { exerciseName, numbered, planGivenBy, withExerciseId } from '../lib/course_rules.js';
 import { toggled } from '../lib/paths.js';
 import { href } from '../lib/routes.js';
+import { DangerButton, kOfTheForm } from '../ui/widgets.js';
 import { Broken, CheckField, SelectField, TextField, problemsAt } from '../ui/fields.js';
 import { useLoad } from '../ui/hooks.js';
 import { html, useMemo } from '../ui/html.js';
@@ -95,7 +96,7 @@ function Plan({ f, at: exercise }) {
     plan = f.at(at);
   const put = f.set(at),
     by = plan?.target_m ? 'target_m' : 'direction';
-  // what concerns a whole vector, or the plan; the fields show what concerns them
+  // problems of a whole vector, or of the plan; the fields show their own
   const problems = ['', '.frame', '.entry_m', '.direction', '.target_m'].flatMap((part) =>
     problemsAt(f.problems, at + part),
   );
@@ -230,7 +231,7 @@ export function Requirements({ f, at, measures, layers }) {
   const named = (name) => measureNamed(measures, name, layers);
   const options = (name) => {
     const all = measuresOf(measures, layers),
-      // a layer that the patient does not have, or not yet: the patient is still being loaded
+      // a layer that the patient does not have, perhaps because the patient is still being loaded
       other = name && !all.some((m) => m.name === name) ? [named(name) ?? { name }] : [];
     return [['', 'Choose …'], ...[...all, ...other].map((m) => [m.name, m.words ?? m.name])];
   };
@@ -253,14 +254,15 @@ export function Requirements({ f, at, measures, layers }) {
         ${
           !f.readonly &&
           html`<div class="actions">
-            <button
-              type="button"
-              class="small danger"
-              aria-label=${`Remove requirement ${i + 1}`}
-              onClick=${() => edit((all) => all.filter((_, k) => k !== i))}
+            <${DangerButton}
+              small
+              text="Remove"
+              label=${`Remove requirement ${i + 1}`}
+              title=${`Remove requirement ${i + 1}, ${name}?`}
+              act=${() => edit((all) => all.filter((_, k) => k !== i))}
             >
-              Remove
-            </button>
+              ${kOfTheForm}
+            <//>
           </div>`
         }
       </div>`;

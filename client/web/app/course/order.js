@@ -1,7 +1,7 @@
 // The row of exercises: click to choose one; buttons, Alt and arrows, or dragging change the order.
 import { exerciseName, numbered } from '../lib/course_rules.js';
 import { moved } from '../lib/paths.js';
-import { announce } from '../ui/widgets.js';
+import { announce, DangerButton, kOfTheForm } from '../ui/widgets.js';
 import { Broken } from '../ui/fields.js';
 import { html, useState } from '../ui/html.js';
 
@@ -88,9 +88,15 @@ export function ExerciseOrder({ f, chosen, choose, add, remove, faulty }) {
             >
               ↓
             </button>
-            <button type="button" class="small danger" aria-label=${`Remove ${nameOf(i)}`} onClick=${() => remove(i)}>
-              Remove
-            </button>
+            <${DangerButton}
+              small
+              text="Remove"
+              label=${`Remove ${nameOf(i)}`}
+              title=${`Remove ${nameOf(i)}?`}
+              act=${() => remove(i)}
+            >
+              ${kOfTheForm}
+            <//>
           </div>`
         }
       </li>`,

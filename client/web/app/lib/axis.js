@@ -1,8 +1,8 @@
-// The y axis of a plot: what it spans at least, so that noise does not look like a movement. Pure.
+// The y axis of a plot: its least span, so that noise does not look like a movement. Pure.
 
 /**
- * Least spans in shown units; large beside the devices' noise (0.03 mm, 0.01 N), small beside what a teacher corrects.
- * The windows' table, with the reasons, is in client/view/model/plot.cpp.
+ * Least spans in shown units: large compared with the devices' noise (0.03 mm, 0.01 N), small compared with what a
+ * teacher corrects. The windows' table, with the reasons, is in client/view/model/plot.cpp.
  */
 export const kLeastSpans = {
   number: 1,
@@ -29,8 +29,8 @@ const kQuantities = {
   J: 'work',
   '%': 'share',
 };
-const kZeroIsNear = 0.6, // of the largest value: zero within as much again joins the axis
-  kAir = 0.05; // beyond the data, not beyond zero
+const kZeroIsNear = 0.6, // share of the largest value: zero nearer than this joins the axis
+  kAir = 0.05; // margin beyond the data, not beyond zero
 
 /** The quantity of a shown unit; undefined for a unit that has none. */
 export const quantityOfUnit = (unit) => kQuantities[unit];
@@ -38,8 +38,8 @@ export const quantityOfUnit = (unit) => kQuantities[unit];
 /** A limit that the exercise sets, as a line in the plot. @typedef {{at: number, label: string}} Limit */
 
 /**
- * The range of the y axis. It contains data and limits, zero when that is near, and spans at least that of the
- * quantity: centred on the data, but not beyond zero when all data lie on one side.
+ * The range of the y axis. It contains data, limits, and zero if that is near, and spans at least the quantity's least
+ * span: centred on the data, but not beyond zero if all data lie on one side.
  * @param {number|null|undefined} low of the data; null: an empty plot
  * @param {number|null|undefined} high
  * @param {string} [quantity] a name of kLeastSpans
@@ -65,15 +65,15 @@ export function axisRange(low, high, quantity, limits = []) {
   return [from, to];
 }
 
-/** Measures that judge what a plot of a recording shows, by the plot's quantity there. */
+/** Measures that judge a quantity plotted from a recording, by quantity. */
 const kJudging = { force: 'peak_force_n', depth: 'greatest_depth_m' };
 
 /**
- * The limits of an exercise in a plot of that quantity.
+ * The exercise's limits in a plot of that quantity.
  * @param {string} quantity
  * @param {{measure: string, min?: number, max?: number}[]} rows of a score
  * @param {number} factor shown = SI · factor
- * @param {(value: number) => string} say the limit with its unit
+ * @param {(value: number) => string} say returns the limit as text with its unit
  * @returns {Limit[]}
  */
 export function limitsOf(quantity, rows, factor, say) {

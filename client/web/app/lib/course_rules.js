@@ -1,4 +1,4 @@
-// Rules of a course beyond the ranges of single numbers, checked while one types.
+// Rules of a course beyond the ranges of single numbers, checked while the user types.
 import { isObject } from './shape.js';
 
 /** @typedef {{path: string, message: string, severity: 'ERROR'}} Fault */
@@ -19,12 +19,12 @@ function leadsTo(exercises, from, to) {
   return false;
 }
 
-/** Measures that only an exercise with a plan has, as in common/scoring/measure_table.cpp. */
+/** Measures that only an exercise with a plan has, as in common/scoring/measures/measure_table.cpp. */
 const needsPlan = (measure) => /^planned_|_planned_line_/.test(measure);
-/** The way to a point on the line has to be so long, in m; a direction only has to have one, whatever its unit. */
+/** Least length of the way to a point on the line, in m; a direction may have any length but 0, in any unit. */
 const leastLength = (direction) => (direction ? Number.MIN_VALUE : 1e-6);
 
-/** What of a plan can be seen without the patient; the server holds it against the skin. */
+/** Faults of a plan that show without the patient; the server checks the plan against the skin. */
 function planFaults(plan, at, say) {
   const axes = ['x', 'y', 'z'];
   const whole = (name) => {
@@ -53,7 +53,7 @@ function planFaults(plan, at, say) {
 
 /**
  * @param {any} course as a form shows it (lib/shape.js)
- * @param {{profiles?: string[], measures?: string[]}} known ids and names that exist; absent: not looked at
+ * @param {{profiles?: string[], measures?: string[]}} known ids and names that exist; absent: not checked
  * @returns {Fault[]}
  */
 export function courseFaults(course, { profiles, measures } = {}) {
@@ -109,7 +109,7 @@ export function courseFaults(course, { profiles, measures } = {}) {
   return faults;
 }
 
-/** The course when it is an exam no more: nothing is held back. */
+/** The course after it stops being an exam: nothing is held back. */
 export function withoutExam(course) {
   const { exam, results_from_unix_ms, ...rest } = course;
   return rest;
@@ -118,12 +118,12 @@ export function withoutExam(course) {
 /** "2. Knee"; a name that already has a number stays as it is. */
 export const numbered = (index, name) => (/^\d/.test(name) ? name : `${index + 1}. ${name}`);
 
-/** What an exercise is called while its name, or its id, may be missing. */
+/** What to call an exercise whose name or id may be missing. */
 export const exerciseName = (exercise, index) => exercise?.name || exercise?.id || `Exercise ${index + 1}`;
 
 /**
- * Whether a trainee is done with an exercise, as the server sees it: passed; tried, where nothing is required, or where
- * an exam's results are not shown yet.
+ * Whether a trainee has done an exercise, by the server's rules: passed; or tried, if nothing is required or an exam's
+ * results are not shown yet.
  */
 export function isDone(exercise, cell) {
   if (cell?.results_from_unix_ms) return cell.attempts > 0;
@@ -132,10 +132,10 @@ export function isDone(exercise, cell) {
 }
 
 /**
- * The next date of a course for one trainee: the earliest among the exercises that are not done; it may be over.
+ * A trainee's next due date in a course: the earliest of the exercises that are not done; it may have passed.
  * @param {any[]} exercises of the course
- * @param {any[]} cells the trainee's results; `due_unix_ms` is the server's answer which assignment counts
- * @returns {number|undefined} nothing: no date is left
+ * @param {any[]} cells the trainee's results; `due_unix_ms` is from the assignment that counts, as the server decides
+ * @returns {number|undefined} undefined: no date is left
  */
 export function nextDue(exercises, cells) {
   const open = exercises
@@ -145,8 +145,8 @@ export function nextDue(exercises, cells) {
 }
 
 /**
- * A plan's other way to give the same line: `by` is 'direction' or 'target_m'; a point is put 30 mm along it. Of a plan
- * that has both, the chosen one stays.
+ * Gives a plan's line in the other way: `by` is 'direction' or 'target_m'; a point is put 30 mm along it. If a plan has
+ * both, the chosen one stays.
  */
 export function planGivenBy(plan, by) {
   const { direction, target_m, ...rest } = isObject(plan) ? plan : {};
@@ -156,7 +156,7 @@ export function planGivenBy(plan, by) {
     direction ? at(direction, axis) : at(target_m, axis) - at(rest.entry_m, axis),
   );
   const size = Math.hypot(...along);
-  // 12 digits, as the fields have them
+  // 12 digits, as in the fields
   const rounded = (value) => Number(value.toPrecision(12)) || 0;
   const vector = (of) => ({ x: rounded(of('x', 0)), y: rounded(of('y', 1)), z: rounded(of('z', 2)) });
   const one = size < leastLength(direction) ? [0, 0, -1] : along.map((v) => v / size);
@@ -176,7 +176,7 @@ export function freshId(exercises, stem = 'exercise') {
 
 const isPrerequisite = (id, e) => id !== undefined && Array.isArray(e?.prerequisites) && e.prerequisites.includes(id);
 
-/** The exercises without one, which is also removed from the prerequisites of the others. */
+/** The exercises without the one at `index`, which is also removed from the others' prerequisites. */
 export function withoutExercise(exercises, index) {
   const id = exercises[index]?.id;
   return exercises
@@ -189,7 +189,7 @@ export function withoutExercise(exercises, index) {
     });
 }
 
-/** The exercises with another id for one, also where it is a prerequisite of others. */
+/** The exercises with a new id for one, also as a prerequisite of others. */
 export function withExerciseId(exercises, index, id) {
   const before = exercises[index]?.id;
   return exercises.map((e, i) => {

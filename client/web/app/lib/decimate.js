@@ -1,10 +1,10 @@
 // Fewer points for a plot, without losing its peaks.
 
 /**
- * Least and greatest value of each of `buckets` equal stretches of indices, in their order; first and last point stay.
- * A plot of the result looks like one of all points as long as a bucket is no wider than a pixel.
+ * Least and greatest value of each of `buckets` equal stretches of indices, in their order; keeps the first and last
+ * point. A plot of the result looks like one of all points if a bucket is at most one pixel wide.
  * @param {ArrayLike<number>} x increasing
- * @param {ArrayLike<number|null>} y null and NaN: no value there
+ * @param {ArrayLike<number|null>} y null and NaN: no value
  * @param {number} buckets at least 1
  * @returns {{x: number[], y: (number|null)[]}} at most 2·buckets + 2 points
  */

@@ -3,7 +3,7 @@ import { joinedOrder, namingOf, samePlaces } from './list_merge.js';
 import { withValue, writePath } from './paths.js';
 import { isObject } from './shape.js';
 
-/** @typedef {{path: string, before: any, after: any}} Change undefined: not there */
+/** @typedef {{path: string, before: any, after: any}} Change undefined: absent */
 /** @typedef {{path: string, base: any, mine: any, theirs: any}} Clash */
 
 /** Whether two JSON values are the same; the order of keys does not count. */
@@ -33,12 +33,10 @@ export function changes(before, after, at = []) {
 }
 
 /**
- * Merges two people's changes to one document. A change by only one of them is taken over; two different changes of
- * one value are a clash, which keeps
- * mine for now. Items of lists that move are followed by their names (list_merge.js); a list whose items have no
- * names, or that two people
- * rearranged differently, is one value.
- * @param {any} base what both began with
+ * Merges two people's changes to one document. Takes over a change by only one of them; two different changes of one
+ * value are a clash, which keeps mine for now. Follows items of lists that move by their names (list_merge.js); a list
+ * whose items have no names, or that two people rearranged differently, is one value.
+ * @param {any} base the common original
  * @param {any} mine
  * @param {any} theirs
  * @returns {{merged: any, taken: Change[], clashes: Clash[]}} `taken`: their changes that are in `merged`

@@ -1,4 +1,5 @@
-// The levels of the room on the disk of the server's database (server/live/disk_room.h), and what to do at each.
+// The levels of free space on the disk of the server's database (server/live/limits/disk_room.h), and what to do at
+// each.
 
 /** @typedef {{kind: 'good'|'warn'|'bad', name: string, means: string, next: string}} RoomLevel */
 /** @type {Object<string, RoomLevel>} */
@@ -29,13 +30,13 @@ export const kRoomLevels = {
   },
 };
 
-/** The level's row; one that this console does not know is no good news. */
+/** The level's row; a level that this console does not know counts as bad. */
 export function roomLevel(level) {
   return (
     kRoomLevels[level] ?? {
       kind: 'bad',
       name: String(level),
-      means: 'The server refuses something for want of room.',
+      means: 'The server refuses something for lack of disk space.',
       next: 'Make room on the disk.',
     }
   );

@@ -1,7 +1,7 @@
-// What an acknowledgement survives (db/engine/durability.h), what that means, and what to do.
+// What an acknowledgement survives (db/engine/durability.h), its meaning, and what to do.
 
 /** @typedef {{kind: 'good'|'info'|'warn'|'bad', means: string, next: string}} Durability */
-/** @type {Object<string, Durability>} By the server's words, the weakest first. */
+/** @type {Object<string, Durability>} By the server's words, weakest first. */
 export const kDurabilities = {
   nothing: {
     kind: 'bad',
@@ -26,7 +26,7 @@ export const kDurabilities = {
   },
 };
 
-/** The words' row; one that this console does not know is no good news. */
+/** The words' row; words that this console does not know count as bad. */
 export function durability(ack_survives) {
   return (
     kDurabilities[ack_survives] ?? {
@@ -37,32 +37,32 @@ export function durability(ack_survives) {
   );
 }
 
-/** Nothing: the database has all that was confirmed. Else what is missing, and what to do. */
+/** What is missing, and what to do; undefined if the database has everything that was confirmed. */
 export function missing({ lack }) {
   if (lack === undefined) return undefined;
   return {
     kind: 'bad',
     name: 'confirmed recordings are missing',
     means: lack,
-    next: 'deploy/OPERATIONS.md has the steps ("The wrong standby was promoted"). It stays said until the server is started again.',
+    next: 'deploy/FACULTY.md has the steps ("The wrong standby was promoted"). This message stays until the server is restarted.',
   };
 }
 
-/** Nothing: changes are stored. Else what is wrong, and what to do. */
+/** What is wrong, and what to do; undefined if changes are stored. */
 export function storingTrouble({ refused, waits_s }) {
   if (refused !== undefined)
     return {
       kind: 'bad',
       name: 'not stored',
       means: `The database did not store a change: ${refused}. The stations keep what they record.`,
-      next: 'Look whether PostgreSQL and its standby run, the disk has room and the role of the server its rights; the server goes on by itself then.',
+      next: 'Check that PostgreSQL and its standby run, the disk has room and the server’s role has its rights; the server then continues by itself.',
     };
   if (waits_s !== undefined)
     return {
       kind: 'warn',
       name: 'waits',
       means: `The database has not confirmed a change for ${Math.round(waits_s)} s. The stations keep what they record.`,
-      next: 'Look whether the standby runs and reaches the database: until it confirms, nothing counts as stored.',
+      next: 'Check whether the standby runs and reaches the database: until it confirms, nothing counts as stored.',
     };
   return undefined;
 }

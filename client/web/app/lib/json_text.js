@@ -1,14 +1,14 @@
-// A document as text that a person edits: what the text must be, and what becomes of it when the form changes the
+// A document as text that a person edits: what the text must be, and what happens to it if the form changes the
 // document meanwhile. Pure.
 import { found, isObject } from './shape.js';
 
-const kDeepest = 32; // as the server reads (common/profile/strict_json.cpp)
-// the parts of a text that is JSON: a text, a number, a bracket or comma; the rest says nothing about names or sizes
+const kDeepest = 32; // the server's limit (common/profile/strict_json.cpp)
+// the relevant parts of a JSON text: a string, a number, a bracket or comma; the rest does not affect names or sizes
 const kParts = /"(?:[^"\\]|\\.)*"|-?\d[\d.eE+-]*|[{}[\],]/g;
 
 /**
- * Refuses what JSON.parse takes but cannot give back: a name given twice, a number that would be rounded.
- * @param {string} text that JSON.parse takes
+ * Refuses what JSON.parse accepts but cannot reproduce: a name given twice, a number that would be rounded.
+ * @param {string} text that JSON.parse accepts
  */
 function checkParts(text) {
   // the objects and lists around the part: `name` of the current field, `index` of the current item
@@ -49,15 +49,15 @@ function checkParts(text) {
 /**
  * The document that a text holds.
  * @param {string} text
- * @returns {Record<string, any>} what can be written as JSON again without a change
- * @throws {Error} with words for a person: the text is no JSON, or the server would not read it
+ * @returns {Record<string, any>} which can be written as JSON again without a change
+ * @throws {Error} with words for a person: the text is not JSON, or the server would not read it
  */
 export function documentOf(text) {
   let document;
   try {
     document = JSON.parse(text);
   } catch (error) {
-    throw new Error(`This is no JSON yet: ${error.message}`);
+    throw new Error(`This is not JSON yet: ${error.message}`);
   }
   if (!isObject(document)) throw new Error(`A document must be an object in braces, ${found(document)}`);
   checkParts(text);
@@ -70,18 +70,18 @@ export const written = (document) => JSON.stringify(document, null, 2);
 /**
  * A text beside the form that edits the same document.
  * @typedef {object} JsonText
- * @property {string} text what stands there
- * @property {string} held the document that the text last was, `written`
- * @property {string} problem why the text is no document; '': it is one
- * @property {boolean} apart the form changed the document while the text was none: neither replaces the other until a
- *   person chooses
+ * @property {string} text the present text
+ * @property {string} held the last document that the text was, `written`
+ * @property {string} problem why the text is not a document; '': it is one
+ * @property {boolean} apart the form changed the document while the text was not one: neither replaces the other until
+ *   a person chooses
  */
 
-/** The text of a document as the form has it. @param {string} now `written` @returns {JsonText} */
+/** The text of the form's document. @param {string} now `written` @returns {JsonText} */
 export const textOf = (now) => ({ text: now, held: now, problem: '', apart: false });
 
 /**
- * After the document changed, here or in the form: a text that is a document follows; one that is none stays.
+ * After the document changed, here or in the form: updates a text that is a document; keeps one that is not.
  * @param {JsonText} before
  * @param {string} now the document, `written`
  * @returns {JsonText}
@@ -108,5 +108,5 @@ export function withText(before, text) {
   }
 }
 
-/** A person chose the text, over what the form changed meanwhile. @param {JsonText} before */
+/** A person chose the text instead of the form's changes meanwhile. @param {JsonText} before */
 export const withOwnText = (before) => withText({ ...before, apart: false }, before.text);

@@ -1,6 +1,6 @@
-// What a tile of the live page says of its station. Pure.
+// What a tile of the live page shows about its station. Pure.
 
-/** Whether a lesson goes on, with or without a name that the server knows. */
+/** Whether a lesson is running, with or without a name that the server knows. */
 export const isPractising = (tile) => !!tile.online && !!(tile.session_id || tile.trainee);
 
 /**
@@ -14,5 +14,5 @@ export function tileState(tile) {
   return isPractising(tile) ? ['good', 'practising'] : ['info', 'idle'];
 }
 
-/** Who practises; the server knows it as soon as it has the session. */
+/** The trainee's name, which the server knows once it has the session. */
 export const traineeWords = (tile) => tile.trainee || 'Name not known yet';

@@ -3,9 +3,8 @@
 const kNameFields = ['id', 'measure', 'tissue', 'name'];
 
 /**
- * How the items of these lists are identified when they move: texts by themselves, objects by the first field whose
- * value is unique in each
- * list. Null: only by their place.
+ * How to identify the items of these lists when they move: texts by themselves, objects by the first field whose value
+ * is unique in each list. Null: only by their place.
  * @param {any[][]} lists
  * @returns {((item: any) => string)|null}
  */
@@ -36,9 +35,8 @@ export function samePlaces(lists) {
 }
 
 /**
- * The names of the merged list in its order: the moves of one side, and the items that either side added or removed.
- * Null if the two contradict each other: both
- * moved items differently, or one changed an item that the other removed.
+ * The names of the merged list in its order: one side's moves, and the items that either side added or removed. Null if
+ * the two contradict each other: both moved items differently, or one changed an item that the other removed.
  * @param {any[]} base
  * @param {any[]} mine
  * @param {any[]} theirs
@@ -60,7 +58,7 @@ export function joinedOrder(base, mine, theirs, name, same) {
   if (mine_moved && theirs_moved && !same(kept(m), kept(t))) return null;
   const [lead, other] = mine_moved ? [m, t] : [t, m];
   const order = [...lead.keys()].filter((key) => !b.has(key) || other.has(key));
-  // an item that only the other side added goes behind the item that it followed there
+  // an item that only the other side added comes after the item that it followed there
   const others = [...other.keys()];
   others.forEach((key, i) => {
     if (b.has(key) || lead.has(key)) return;

@@ -1,5 +1,5 @@
-// What the measures of a score are called. The server lists the kinds; a kind that each layer has is one row with a K in
-// place of the layer's number (common/scoring/measure_table.h). Pure.
+// Names of a score's measures. The server lists the kinds; a kind that each layer has is one row with a K instead of
+// the layer's number (common/scoring/measures/measure_table.h). Pure.
 
 import { measureTitle, measureUnit, quantity } from './units.js';
 
@@ -9,7 +9,7 @@ const kYesOrNo = ['target_reached', 'aspirated_before_injection'];
 const isShare = (measure) => measure.endsWith('_share');
 
 /**
- * A measure's value or limit in its form: "3.2 N", "8 %", "yes"; tests/data/scoring/measure_texts.json has examples, as
+ * A measure's value or limit as text: "3.2 N", "8 %", "yes". tests/data/scoring/measure_texts.json has examples, also
  * for measureText of common/scoring.
  * @param {string} measure
  * @param {number|null|undefined} value
@@ -21,7 +21,7 @@ export function measureText(measure, value, unit, options) {
   return quantity(value, isShare(measure) ? 'share' : unit, options);
 }
 
-/** The same for a mean or a spread: yes-or-no in percent, because half a yes is no value. */
+/** Likewise for a mean or a spread: yes-or-no in percent, because half a yes is not a value. */
 export const meanText = (measure, value, unit, options) =>
   kYesOrNo.includes(measure) ? quantity(value, 'share', options) : measureText(measure, value, unit, options);
 
@@ -48,7 +48,7 @@ export function shownUnit(measure, unit) {
 }
 
 /**
- * What a row of a score is called. Its words begin with the name, but for what could not be measured.
+ * The title of a score's row. Its words begin with the name, unless it could not be measured.
  * @param {{measure: string, value: number|null, words?: string}} row
  * @param {Kind[]} kinds
  * @param {string[]} [layers]
@@ -59,7 +59,7 @@ export function rowTitle(row, kinds, layers = []) {
 }
 
 /**
- * Where the ends of the experts' range and the value lie in a picture, from 0 to 1, as placeMarks of common/scoring.
+ * Positions of the experts' range and of the value in a picture, from 0 to 1, like placeMarks of common/scoring.
  * @param {{least: number, greatest: number, value: number}} beside a row of the comparison that has a place
  */
 export function placeMarks({ least, greatest, value }) {
@@ -70,11 +70,11 @@ export function placeMarks({ least, greatest, value }) {
 }
 
 /**
- * A measure by its name, "Peak force in dura"; with the layer's number where the patient has no such layer.
+ * A measure by its name, "Peak force in dura"; with the layer's number if the patient has no such layer.
  * @param {Kind[]} kinds
  * @param {string} name "peak_force_layer_3_n"
  * @param {string[]} layers `layerNames` of the patient
- * @returns {Kind|undefined} nothing: no score has it
+ * @returns {Kind|undefined} undefined: no score has it
  */
 export function measureNamed(kinds, name, layers) {
   for (const kind of kinds) {
@@ -91,7 +91,7 @@ export function measureNamed(kinds, name, layers) {
 }
 
 /**
- * All measures of scores of one patient: those that each layer has once for each.
+ * All measures of one patient's scores; kinds that each layer has, once per layer.
  * @param {Kind[]} kinds
  * @param {string[]} layers
  * @returns {Kind[]}

@@ -19,7 +19,7 @@ export function writePath(steps) {
 /**
  * @param {any} document
  * @param {string} path
- * @returns {any} undefined where there is nothing
+ * @returns {any} undefined if there is nothing
  */
 export function valueAt(document, path) {
   return parsePath(path).reduce((at, step) => at?.[step], document);
@@ -36,7 +36,7 @@ export function valueAt(document, path) {
 export function withValue(document, path, value) {
   const change = (at, [step, ...rest]) => {
     if (step === undefined) return value;
-    // what cannot hold the step, such as a number, gives way to what can
+    // replaces a value that cannot hold the step, such as a number
     const copy = typeof step === 'number' ? (Array.isArray(at) ? [...at] : []) : isObject(at) ? { ...at } : {};
     const next = change(copy[step], rest);
     if (next !== undefined) copy[step] = next;
@@ -70,7 +70,7 @@ export function moved(items, from, to) {
 }
 
 /**
- * A list of names with one of them put in or taken out. The known ones come in their order; others stay, at the end.
+ * A list of names with one of them added or removed. Known names come in their order; others stay at the end.
  * @param {string[]} known
  * @param {any[]} list
  * @param {string} name

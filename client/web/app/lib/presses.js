@@ -1,18 +1,18 @@
-// What a person presses goes to what it was meant for: a dialog takes only what was pressed after it was painted, and a form
-// is sent once.
+// Makes a press count only for what it was meant for: a dialog takes only what was pressed after it was painted, and a
+// form is sent once.
 
-/** What can answer a dialog, and what Escape and a system's "back" become. */
+/** The events that can answer a dialog, including those of Escape and of a system's "back". */
 export const kPresses = ['keydown', 'pointerdown', 'mousedown', 'click', 'cancel'];
 const kBegins = new Set(['keydown', 'pointerdown', 'mousedown']);
 
 /**
- * Judges a dialog's events in their order. Times are ms of `performance.now()`, as events have them: when something was
- * pressed, however late a busy page hears of it.
+ * Judges a dialog's events in their order. Times are ms of `performance.now()`, as in events: when something was
+ * pressed, even if a busy page hears of it late.
  * @returns {{painted: (now_ms: number) => void, takes: (event: {type: string, timeStamp: number, repeat?: boolean}) => boolean}}
  */
 export function dialogGate() {
   let painted_ms = Infinity;
-  // whether the newest press, and the newest key's, was made before the dialog was there
+  // whether the newest press, and the newest key press, was made before the dialog was there
   let is_early = false,
     is_early_key = true;
   return {
@@ -23,7 +23,7 @@ export function dialogGate() {
     takes({ type, timeStamp, repeat }) {
       const is_seen = timeStamp >= painted_ms;
       if (kBegins.has(type)) {
-        // a key that is held since before goes on being what it was
+        // a key held since before keeps its state
         if (type === 'keydown' && !repeat) is_early_key = !is_seen;
         is_early = !is_seen || (type === 'keydown' && is_early_key);
         return !is_early;
@@ -35,7 +35,7 @@ export function dialogGate() {
 }
 
 /**
- * Does one work at a time: what is asked for meanwhile is not done, and gives undefined.
+ * Does one task at a time: a call during another one is ignored, and gives undefined.
  * @returns {<T>(work: () => Promise<T>) => Promise<T|undefined>}
  */
 export function oneAtATime() {

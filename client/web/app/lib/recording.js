@@ -7,7 +7,7 @@ export function columnsOf(reply) {
   return reply?.columns ?? reply ?? {};
 }
 
-/** |force| of each sample, in N. The server's own if it sends one: decimated components are not of one moment. */
+/** |force| of each sample, in N. Prefers the server's own, because decimated components are not of one moment. */
 export function forceOf({ force_n, fx_n = [], fy_n = [], fz_n = [] }) {
   return force_n ?? fx_n.map((x, i) => Math.hypot(x, fy_n[i], fz_n[i]));
 }
@@ -30,13 +30,13 @@ export function layerSpans({ t_s = [], layer = [] }) {
 }
 
 /**
- * A pose of a frame in W, as `placement` of a session: x y z qx qy qz qw; empty: identity.
+ * A pose of a frame in W, like `placement` of a session: x y z qx qy qz qw; empty: identity.
  * @returns {(p: {x: number, y: number, z: number}, free?: boolean) => {x: number, y: number, z: number}} from W into the frame; `free`: a direction
  */
 export function intoLimb(placement) {
   if (!Array.isArray(placement) || placement.length !== 7) return (p) => p;
   const [x, y, z, qx, qy, qz, qw] = placement;
-  // the inverse rotation is that of the conjugate: v + 2 q × (q × v + w v)
+  // the conjugate gives the inverse rotation: v + 2 q × (q × v + w v)
   const rotate = (v) => {
     const a = -qx,
       b = -qy,
@@ -48,7 +48,7 @@ export function intoLimb(placement) {
 }
 
 /**
- * The way of the tip in the frame of its first insertion: the side view's plane holds the skin's normal and the needle.
+ * The tip's path in the frame of its first insertion: the side view's plane holds the skin's normal and the needle.
  * @param {Record<string, number[]>} columns
  * @param {any} profile
  * @param {number[]} [placement]
@@ -88,7 +88,7 @@ export function wayOf(columns, profile, placement) {
   };
 }
 
-/** What touches has to be away for this long before it can make another contact: common/scoring/contacts.h. */
+/** How long a contact must be over before the next one can begin: common/scoring/anatomy/contacts.h. */
 const kContactAway_s = 0.2;
 
 /** Distance of p from the segment a-b, which may be a point. */
@@ -100,7 +100,9 @@ function segmentDistance(p, a, b) {
   return Math.hypot(p.x - a.x - s * d.x, p.y - a.y - s * d.y, p.z - a.z - s * d.z);
 }
 
-/** Least distance between the segments p-q and a-b: by ternary search, as the distance along one of them is convex. */
+/**
+ * Least distance between the segments p-q and a-b: by ternary search, because the distance along one of them is convex.
+ */
 function segmentsDistance(p, q, a, b) {
   const at = (s) =>
     segmentDistance({ x: p.x + s * (q.x - p.x), y: p.y + s * (q.y - p.y), z: p.z + s * (q.z - p.z) }, a, b);
@@ -131,7 +133,7 @@ function beginnings(t_s, touches) {
   return found;
 }
 
-/** Whether the tip is in bone, a layer or a hazard, at a sample. */
+/** Whether the tip is in bone (a layer or a hazard) at a sample. */
 function inBone(columns, profile, placement) {
   const limb = intoLimb(placement),
     bones = (placed(profile).hazards ?? []).filter((h) => h.kind === 'BONE');
@@ -144,7 +146,7 @@ function inBone(columns, profile, placement) {
   };
 }
 
-/** Whether the tip or the shaft in tissue touches a hazard that is no bone. */
+/** Whether the tip or the shaft in tissue touches a hazard other than bone. */
 function inHazard(columns, profile, placement) {
   const limb = intoLimb(placement),
     hazards = (placed(profile).hazards ?? []).filter((h) => h.kind !== 'BONE');
@@ -158,7 +160,9 @@ function inHazard(columns, profile, placement) {
   };
 }
 
-/** The kinds of contacts: the measure that counts them, the event's name, their number in words; a new one is one row. */
+/**
+ * The kinds of contacts: the measure that counts them, the event's name, their number in words. A new kind is one row.
+ */
 const kContacts = [
   { measure: 'bone_contacts', name: 'bone contact', one: '1 bone contact', more: 'contacts with bone', at: inBone },
   {
@@ -180,8 +184,8 @@ const kContacts = [
 /** @typedef {{measure: string, name: string, one: string, more: string, moments_s: number[]}} ContactsOfKind */
 
 /**
- * When the tip came into bone, the hub onto the skin, and the needle to a hazard, by the rule of the measures. Between two points of a decimated
- * recording nothing is known: the score's rows have the numbers of contacts.
+ * When the tip came into bone, the hub onto the skin, and the needle to a hazard, by the rule of the measures. Nothing
+ * is known between two points of a decimated recording; the score's rows have the numbers of contacts.
  * @param {Record<string, number[]>} columns
  * @param {any} profile
  * @param {number[]} [placement]
@@ -195,11 +199,11 @@ export function contactsOf(columns, profile, placement) {
 }
 
 /**
- * What is said of one kind of contacts. The score counts them over all samples; moments are known only where the points
- * of the plot show them, which can be fewer.
+ * The words about one kind of contacts. The score counts them over all samples; moments are known only if the points of
+ * the plot show them, which can be fewer.
  * @param {any[]|undefined} measures of the score, if there is one
  * @param {ContactsOfKind} contacts
- * @returns {{many: string, moments: string}|null} `many`: how many there were, or their name without a score; null: none
+ * @returns {{many: string, moments: string}|null} `many`: their number, or their name without a score; null: none
  */
 export function contactWords(measures, { measure, name, one, more, moments_s: { length: shown } }) {
   const counted = measures?.find((row) => row.measure === measure)?.value;
@@ -223,10 +227,10 @@ export const atRest = (from_s, to_s) => ({ at_s: from_s, playing: false, speed: 
 
 const within = (p, at_s) => Math.max(p.from_s, Math.min(p.to_s, at_s));
 
-/** Before the recording is there, keeps the moment that is wanted. @param {Playback} p */
+/** Before the recording is there, keeps the wanted moment. @param {Playback} p */
 export const seek = (p, at_s) => ({ ...p, at_s: within(p, at_s), wanted_s: p.from_s < p.to_s ? undefined : at_s });
 
-/** Another recording, or the first: goes to the moment that was wanted meanwhile. @param {Playback} p */
+/** Another recording, or the first: goes to the moment wanted meanwhile. @param {Playback} p */
 export const loaded = (p, from_s, to_s) => seek(atRest(from_s, to_s), p.wanted_s ?? from_s);
 
 /** Playing at the end begins again. */

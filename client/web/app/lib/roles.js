@@ -1,5 +1,5 @@
 // What each role may do, so that the console hides what the server would refuse. The server decides
-// (db/service/requests.cpp).
+// (db/service/requests/requests.cpp).
 
 const kStaff = ['instructor', 'curriculum-manager', 'administrator'];
 const kManagers = ['curriculum-manager', 'administrator'];
@@ -48,7 +48,7 @@ export function may(role, action) {
   return rule.includes(role);
 }
 
-/** Roles that `role` may give to others: a manager makes no researchers and no administrators. */
+/** Roles that `role` may give to others; a manager cannot make researchers or administrators. */
 export function grantable(role) {
   if (role === 'administrator') return kRoles;
   return role === 'curriculum-manager' ? ['trainee', 'instructor', 'curriculum-manager'] : [];

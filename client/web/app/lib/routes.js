@@ -1,10 +1,10 @@
-// Addresses of pages: #/profiles/shoulder-adult?revision=3. Pure: no window here.
+// Addresses of pages: #/profiles/shoulder-adult?revision=3. Pure: uses no window.
 
 /** @typedef {{path: string, [key: string]: any}} Route `path` as in '/profiles/:id' */
 
 /**
- * @param {Route[]} routes the first that fits is taken
- * @param {string} hash as of location.hash
+ * @param {Route[]} routes the first match is taken
+ * @param {string} hash as in location.hash
  * @returns {{route: Route|null, params: Record<string, string>, query: Record<string, string>, path: string}}
  */
 export function match(routes, hash) {
@@ -32,7 +32,7 @@ export function match(routes, hash) {
 
 /**
  * @param {string[]} parts of the path, encoded here
- * @param {Record<string, any>} [query] what is undefined, null or '' is left out
+ * @param {Record<string, any>} [query] undefined, null and '' are omitted
  */
 export function href(parts, query = {}) {
   const given = Object.entries(query).filter(([, value]) => value !== undefined && value !== null && value !== '');

@@ -12,7 +12,7 @@ export const dot = (a, b) => a.x * b.x + a.y * b.y + a.z * b.z;
 export const cross = (a, b) => ({ x: a.y * b.z - a.z * b.y, y: a.z * b.x - a.x * b.z, z: a.x * b.y - a.y * b.x });
 export const length = (a) => Math.sqrt(dot(a, a));
 const scaled = (a, k) => ({ x: a.x * k, y: a.y * k, z: a.z * k });
-/** `a` with length 1, or `instead` when it has none. */
+/** `a` with length 1, or `instead` if it has none. */
 export const unit = (a, instead) => (length(a) > 1e-12 ? scaled(a, 1 / length(a)) : instead);
 
 function nearestOnSegment(p, a, b) {
@@ -25,7 +25,7 @@ function nearestOnSegment(p, a, b) {
 /**
  * Signed depth under the skin (common/haptics/FORCE_MODEL.md, "Contact"): negative outside.
  * @param {any} limb of a profile
- * @returns {(p: Vec) => number} NaN for a limb that is none
+ * @returns {(p: Vec) => number} NaN if it is not a limb
  */
 export function depthOf(limb) {
   if (limb?.plane) {
@@ -47,7 +47,7 @@ export function depthOf(limb) {
   return () => NaN;
 }
 
-/** The unit normal out of the body at the skin nearest to `p`; at a limb's centre the frame's z. */
+/** The unit normal out of the body at the skin nearest to `p`; at a limb's centre, the frame's z. */
 function normalAt(limb, p) {
   const up = { x: 0, y: 0, z: 1 };
   if (limb?.plane) return unit(vec(limb.plane.normal), up);
@@ -62,7 +62,9 @@ function middleOf(region) {
   return scaled(add(vec(from), vec(to)), 0.5);
 }
 
-/** How far the middle of a target or hazard is under the top of a layer, in metres, to a hundredth of a millimetre. */
+/**
+ * Depth of a target's or hazard's middle under the top of a layer, in metres, rounded to a hundredth of a millimetre.
+ */
 export function offsetUnder(profile, region, layer) {
   const top_m = layerBounds(profile).find((l) => l.name === layer)?.from_m ?? 0,
     under_m = depthOf(profile.limb)(middleOf(region)) - top_m;
@@ -70,8 +72,8 @@ export function offsetUnder(profile, region, layer) {
 }
 
 /**
- * The profile with its targets and hazards where their anchors put them, as common/profile/anchors.h says it; a region
- * whose anchor names no layer stays.
+ * The profile with its targets and hazards where their anchors put them, as in common/profile/anchors.h; a region whose
+ * anchor names no layer stays.
  */
 export function placed(profile) {
   const layers = layerBounds(profile),
@@ -92,11 +94,10 @@ export function placed(profile) {
 }
 
 /**
- * The place of insertion: the point of the skin nearest to the profile's origin; `n` points out, `e1` and `e2` along
- * the skin.
+ * The place of insertion: the skin point nearest to the profile's origin; `n` points out, `e1` and `e2` along the skin.
  * @param {any} limb
- * @param {Vec} [near] another point than the origin, e.g. where a recording went in
- * @param {Vec} [lean] the direction in the skin that e1 follows, e.g. the needle's; x where it has none
+ * @param {Vec} [near] another point than the origin, e.g. where a recording's needle entered
+ * @param {Vec} [lean] the direction in the skin that e1 follows, e.g. the needle's; x if it has none
  * @returns {{o: Vec, n: Vec, e1: Vec, e2: Vec}}
  */
 export function frameOf(limb, near = { x: 0, y: 0, z: 0 }, lean = { x: 1, y: 0, z: 0 }) {
@@ -131,8 +132,8 @@ export function inFrame({ o, n, e1, e2 }, p) {
   return { u: dot(r, e1), v: dot(r, e2), d: -dot(r, n) };
 }
 
-const kInPlane_m = 0.001, // nearer than this, a shape counts as in the side view's plane
-  kHalved_m = 0.008; // farther by this, it is half as strong
+const kInPlane_m = 0.001, // a shape nearer than this counts as in the side view's plane
+  kHalved_m = 0.008; // this much farther, it is half as strong
 
 /**
  * The distance of a ball or rounded line from the side view's plane (v = 0): positive behind it, negative in front, 0
@@ -157,12 +158,12 @@ export const offPlaneLabel = (name, off_m) =>
     : name;
 
 /**
- * The line in the cut (u, d) through the frame at which the depth is `level`.
+ * The line in the cut (u, d) through the frame on which the depth is `level`.
  * @param {(p: Vec) => number} depth
  * @param {{o: Vec, n: Vec, e1: Vec}} frame
  * @param {number} level
  * @param {{from_u: number, to_u: number, from_d: number, to_d: number, columns?: number}} window
- * @returns {{u: number, d: number}[]} columns without a crossing are left out
+ * @returns {{u: number, d: number}[]} columns without a crossing are omitted
  */
 export function levelLine(depth, { o, n, e1 }, level, { from_u, to_u, from_d, to_d, columns = 60 }) {
   const line = [],
@@ -206,12 +207,11 @@ export function layerBounds(profile) {
   });
 }
 
-const kLetter_px = 7.5, // the width of a letter of 13 px, on the safe side: of those in "mm" in a wide font
+const kLetter_px = 7.5, // the width of a letter of 13 px, on the safe side: as in "mm" in a wide font
   kLeader_px = 24;
 
 /**
- * The labels beside a cut, "Skin 3 mm, φ 0.93", and the width that they take; a name is cut where `most_px` is too
- * little.
+ * The labels beside a cut, "Skin 3 mm, φ 0.93", and their width; cuts a name if `most_px` is too little.
  * @param {{name: string, from_m: number, to_m: number}[]} layers
  * @param {(number|null)[]|undefined} fidelity
  * @returns {{texts: string[], width_px: number}}
@@ -220,7 +220,7 @@ export function layerLabels(layers, fidelity, least_px, most_px) {
   const names = layers.map((l) => atStart(l.name));
   const sizes = layers.map((l, i) => {
     const phi = fidelity?.[i];
-    // a thickness that is not given, or no number, has no size
+    // a missing or invalid thickness has no size
     return ` ${l.to_m > l.from_m ? quantity(l.to_m - l.from_m, 'm') : '–'}${Number.isFinite(phi) ? `, φ ${number(phi, 2)}${phi < 0.5 ? ' !' : ''}` : ''}`;
   });
   const longest = Math.max(0, ...names.map((name, i) => name.length + sizes[i].length));
@@ -231,7 +231,7 @@ export function layerLabels(layers, fidelity, least_px, most_px) {
 }
 
 /**
- * Heights at which labels stand clear of each other: each at its wish, or below those that it would cover.
+ * Heights at which labels do not overlap: each at its wish, or below those that it would cover.
  * @param {{x: number, y: number, width: number}[]} labels x: of the middle
  * @param {number} gap least distance of two lines
  * @returns {number[]}
@@ -242,7 +242,7 @@ export function clearLabels(labels, gap) {
   const covers = (a, b) => Math.abs(a.x - b.x) < (a.width + b.width) / 2 && Math.abs(a.y - b.y) < gap - 1e-6;
   for (const label of [...labels].sort((a, b) => a.y - b.y)) {
     const here = { ...label, of: label };
-    // it only goes down, so it passes each placed label at most once
+    // it only moves down, so it passes each placed label at most once
     for (let turn = 0; turn < placed.length; turn++) {
       const other = placed.find((p) => covers(p, here));
       if (!other) break;

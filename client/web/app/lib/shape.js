@@ -1,16 +1,16 @@
 // What a form can show of a document while its JSON is being typed: lists that are lists, objects that are objects,
-// texts that are texts. The rest of the document, and the document itself, stay as they are. Pure.
+// texts that are texts. Does not change the document. Pure.
 
 /**
  * @typedef {'text'|'flag'|'number'|'length'|[any]|Record<string, any>} Shape 'length': a number that can be drawn; a
- * list has the shape of its items; of an object's fields, those that are not named may hold anything
+ *   list has its items' shape; fields of an object that are not named may hold anything
  */
 
 const kVector = { x: 'length', y: 'length', z: 'length' };
 const kAnchor = { layer: 'text', offset_m: 'length' };
 const kNeedle = { length_m: 'length', tip: 'text' };
 
-/** @type {Shape} of the fields that the editor reads; the server's check knows all (proto/needlelab/profile.proto) */
+/** @type {Shape} of the fields that the editor reads; the server checks all (proto/needlelab/profile.proto) */
 export const kProfileShape = {
   id: 'text',
   name: 'text',
@@ -86,8 +86,8 @@ export function found(value) {
  * of lists keep their places.
  * @param {any} document
  * @param {Shape} shape
- * @returns {{shown: any, faults: {path: string, message: string, severity: 'ERROR'}[]}} `faults`: what `shown` leaves
- *   out, but for numbers, whose fields show them
+ * @returns {{shown: any, faults: {path: string, message: string, severity: 'ERROR'}[]}} `faults`: what `shown` omits,
+ *   except numbers, whose fields show them
  */
 export function shownOf(document, shape) {
   const faults = [];

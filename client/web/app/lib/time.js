@@ -3,7 +3,7 @@
 const kMoment = { dateStyle: 'medium', timeStyle: 'short' };
 
 /**
- * @param {number|null|undefined} unix_ms 0 and nothing: "–"
+ * @param {number|null|undefined} unix_ms 0, null and undefined: "–"
  * @param {string} [locale]
  */
 export function moment(unix_ms, locale = undefined) {
@@ -15,7 +15,7 @@ export function day(unix_ms, locale = undefined) {
   return unix_ms ? new Intl.DateTimeFormat(locale, { dateStyle: 'medium' }).format(unix_ms) : '–';
 }
 
-/** Seconds of a recording: "1:05.3"; "–" where there are none, as of a recording without a rate. */
+/** Seconds of a recording: "1:05.3"; "–" without them, as for a recording without a rate. */
 export function clock(seconds) {
   if (!Number.isFinite(seconds)) return '–';
   const tenths = Math.round(Math.max(0, seconds) * 10);
@@ -25,7 +25,7 @@ export function clock(seconds) {
 
 const kLastInput_ms = Date.UTC(9999, 11, 30); // later years have more than four digits
 
-/** For <input type="datetime-local">, in local time; nothing for what that cannot show. */
+/** For <input type="datetime-local">, in local time; '' for what that cannot show. */
 export function toInput(unix_ms) {
   if (!unix_ms || !(Math.abs(unix_ms) < kLastInput_ms)) return '';
   const local = new Date(unix_ms - new Date(unix_ms).getTimezoneOffset() * 60_000);

@@ -17,8 +17,9 @@ const kColors = {
 export const tissueColor = (tissue) => kColors[tissue] ?? kColors.OTHER;
 
 /**
- * What people call each layer, from the skin inwards, as common/profile/layer_names.h says it (the cases of both:
- * tests/data/profile/layer_names.json). While one types a profile, a tissue may be missing, and a value of any type.
+ * The usual names of the layers, from the skin inwards, as in common/profile/layer_names.h (the cases of both:
+ * tests/data/profile/layer_names.json). While a profile is being typed, a tissue may be missing, or a value of any
+ * type.
  * @param {{layers?: {tissue?: string, name?: string}[]}|null|undefined} profile
  * @returns {string[]}
  */
@@ -40,8 +41,8 @@ export function layerNames(profile) {
 }
 
 /**
- * `after` with the names of layers that targets and hazards mention as the layers are called now: a layer in the same
- * place whose old name no layer has any more was renamed.
+ * `after`, in which targets and hazards mention the layers by their present names: a layer in the same place whose old
+ * name no layer has any more was renamed.
  */
 export function followLayerNames(before, after) {
   const old = layerNames(before),
@@ -63,7 +64,7 @@ export function followLayerNames(before, after) {
   };
 }
 
-/** Curves: told apart by their dashes as well. */
+/** Curves, which also differ by their dashes. */
 export const kCurves = [
   { color: '#0b4f6c', dash: [] },
   { color: '#b3430b', dash: [8, 4] },

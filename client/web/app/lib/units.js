@@ -9,7 +9,7 @@ const kPrefixes = [
   [1e-6, 'µ'],
   [1e-9, 'n'],
 ];
-// units without a prefix, or with one of their own: nobody says 8.7 mN
+// units without a prefix, or with a fixed one: 8.7 mN would be unusual
 const kFixed = {
   N: [1, 'N'],
   'N·m': [1, 'N·m'],
@@ -20,9 +20,9 @@ const kFixed = {
   rad: [180 / Math.PI, '°'],
   'rad/s': [180 / Math.PI, '°/s'],
 };
-// below 1 in thousandths, as the server's sentences say
+// below 1 in thousandths, as in the server's sentences
 const kInThousandths = { m: 'mm', J: 'mJ' };
-const kFinest = 1e3; // shown units per least step: what is below 0.001 N or 0.001 mm is noise
+const kFinest = 1e3; // shown units per least step: less than 0.001 N or 0.001 mm is noise
 
 /**
  * @param {number} value
@@ -34,7 +34,7 @@ export function number(value, digits = 3, locale = undefined) {
 }
 
 /**
- * What a spreadsheet of this locale takes for the end of a cell: where the decimal sign is a comma, a semicolon.
+ * What a spreadsheet of this locale takes as the end of a cell: a semicolon if the decimal sign is a comma.
  * @param {string} [locale]
  * @returns {'comma'|'semicolon'} as `separator` of the table's address
  */
@@ -48,7 +48,7 @@ export const csvSeparator = (locale = undefined) => (number(1.5, 3, locale).incl
  */
 export function quantity(value, unit, { digits = 3, locale } = {}) {
   if (value === null || value === undefined || !Number.isFinite(value)) return '–';
-  // whole percents, as percentText of common/scoring says them
+  // whole percents, as in percentText of common/scoring
   if (unit === 'share') return `${number(Math.round(100 * value) || 0, 15, locale)}\u00a0%`;
   const size = Math.abs(value);
   const small = Number(size.toPrecision(digits)) < 1 && kInThousandths[unit];
@@ -65,7 +65,7 @@ export function quantity(value, unit, { digits = 3, locale } = {}) {
 }
 
 /**
- * Units in which fields of a document are edited, by the end of their name: the longest that fits. [suffix, SI per
+ * Units in which fields of a document are edited, by the end of their name; the longest match wins. [suffix, SI per
  * shown unit, shown, SI's own]
  */
 const kFieldUnits = [
@@ -107,9 +107,9 @@ const kOutOfRange = /^(\S+) is out of range ([[(])([^\s,]+), ([^\s,\])]+)([\])])
 
 /**
  * A message of the server, which is in SI, under a field in another unit: "-0.003 is out of range (0, 1]" in a field in
- * mm is "-3 is out of range (0, 1000] mm". Of another message with a number the unit is said.
+ * mm is "-3 is out of range (0, 1000] mm". Adds the unit to other messages with a number.
  * @param {string} message
- * @param {{factor: number, unit: string, si: string}} shown_unit as of fieldUnit
+ * @param {{factor: number, unit: string, si: string}} shown_unit as from fieldUnit
  */
 export function messageIn(message, { factor, unit, si }) {
   const found = kOutOfRange.exec(message);
@@ -132,7 +132,7 @@ export const unitAt = (path) =>
 
 /**
  * The text of a field for an SI value, rounded to 12 digits so that 0.003 m is 3 mm and not 3.0000000000000004. A value
- * of a wrong type is shown as JSON, which is no number to `typed`.
+ * of a wrong type is shown as JSON, which `typed` does not take for a number.
  * @param {any} value
  * @param {number} factor
  */
@@ -142,10 +142,10 @@ export function shown(value, factor) {
 }
 
 /**
- * The SI value of what was typed; a decimal comma is accepted, too.
+ * The SI value of typed text; a decimal comma is also accepted.
  * @param {string} text
  * @param {number} factor
- * @returns {number|undefined|null} undefined: empty; null: no number
+ * @returns {number|undefined|null} undefined: empty; null: not a number
  */
 export function typed(text, factor) {
   const plain = text
@@ -188,7 +188,8 @@ export function words(name) {
 
 // a value in a sentence: "2.52 N", "6.38°", "-16.6", "3.2e-05 m"
 const kValue = String.raw`[-−]?\d[\d.]*(?:e[-+]?\d+)?(?:\s?(?:%|[^\s\d(]{1,5}))?`;
-// the whole of a verdict, as common/scoring/score_report.cpp writes it: a layer's own name may have the same words
+// a whole verdict, as common/scoring/measures/score_report.cpp writes it, because a layer's own name may have the same
+// words
 const kVerdict = new RegExp(
   `: (?:(?:within|(?:just )?above) the ${kValue} allowed|(?:at least|(?:just )?below) the ${kValue} asked for|` +
     `within ${kValue} to ${kValue}|it had to be|it was not to be done|it was to be left alone)$`,

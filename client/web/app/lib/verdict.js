@@ -10,7 +10,7 @@ export const kVerdicts = [
 
 /**
  * The kind of mark, and its words.
- * @param {boolean|undefined|null} passed absent: there is no score, or nothing is required
+ * @param {boolean|undefined|null} passed absent: no score, or nothing is required
  * @returns {['good'|'bad'|'open', string]}
  */
 export function verdictOf(passed) {
@@ -21,7 +21,7 @@ export function verdictOf(passed) {
 }
 
 /**
- * As stiffnessShareText of common/haptics: beside the score of a session that was not rendered as its profile says.
+ * As stiffnessShareText of common/haptics: beside the score of a session that was not rendered as in its profile.
  * @param {{stiffness_share?: any, device_notes?: string[]}} description
  */
 export function stiffnessShareText({ stiffness_share: share, device_notes }) {
@@ -32,5 +32,5 @@ export function stiffnessShareText({ stiffness_share: share, device_notes }) {
     sentences.push(
       `${without_bone ? 'Fixture and orientation limit' : 'Fixture, bone and orientation limit'} were rendered at ${(100 * share).toFixed(0)} % of the profile's stiffness.`,
     );
-  return sentences.length === 0 ? '' : [...sentences, 'Device and tool hold no more.'].join(' ');
+  return sentences.length === 0 ? '' : [...sentences, 'This device and tool cannot hold more.'].join(' ');
 }

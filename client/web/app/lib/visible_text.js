@@ -1,7 +1,7 @@
-// Characters that nobody sees. They turn the direction of the text behind them, or make two names look alike. New names may not
-// hold them (checkVisible of common/base/text.h); names from before are shown with such a character written out.
+// Invisible characters. They turn the direction of the text behind them, or make two names look alike. New names may
+// not contain them (checkVisible of common/base/text/text.h); in older names such a character is written out.
 
-/** First and last code point of each row: the table `kHidden` of common/base/text.cpp. */
+/** First and last code point of each row: the table `kHidden` of common/base/text/text.cpp. */
 export const kHidden = [
   [0x00ad, 0x00ad],
   [0x061c, 0x061c],
@@ -14,7 +14,7 @@ export const kHidden = [
   [0xfff9, 0xfffb],
   [0xe0000, 0xe007f],
 ];
-/** Joiners spell Persian and Indian names: they are no hidden characters between two characters from this one on. */
+/** Joiners spell Persian and Indian names: between two characters from this one on, they are not hidden characters. */
 const kFirstJoined = 0x0590;
 
 const isHidden = (point) => kHidden.some(([first, last]) => point >= first && point <= last);

@@ -11,7 +11,7 @@ let csrf_token = '';
 let renew = () => Promise.reject(new ApiError('expired', 'Log in first.'));
 
 /**
- * Takes over the token of a log-in that another page of this browser made; fails if it is another person's. Set by
+ * Takes over the token of a log-in by another page of this browser; fails if it belongs to another person. Set by
  * session.js.
  */
 let takeOver = () => Promise.reject(new ApiError('expired', 'Log in first.'));
@@ -26,9 +26,9 @@ export function setRenewal(ask, take_over) {
 
 /**
  * @typedef {object} Ask
- * @property {Record<string, any>} [query] values that are undefined or '' are left out
+ * @property {Record<string, any>} [query] undefined and '' are omitted
  * @property {any} [body] sent as JSON
- * @property {number} [base_revision] sent as If-Match: the revision that a change was made from; 0 for something new
+ * @property {number} [base_revision] sent as If-Match: the revision that was changed; 0 for something new
  * @property {AbortSignal} [signal]
  * @property {boolean} [may_expire] false: a 401 is an error and does not lead to a log-in
  */
@@ -37,7 +37,7 @@ export function setRenewal(ask, take_over) {
  * @param {string} method
  * @param {string[]} parts of the path
  * @param {Ask} [ask]
- * @returns {Promise<any>} the reply's JSON; null when it has none
+ * @returns {Promise<any>} the reply's JSON; null if it has none
  * @throws {ApiError} ('away' when the server cannot be reached) or the signal's AbortError
  */
 export async function request(method, parts, ask = {}) {
@@ -85,7 +85,7 @@ async function once(method, parts, ask) {
     body = text ? JSON.parse(text) : null;
   } catch {
     if (reply.ok)
-      throw new ApiError('failed', `The server's answer to ${method} ${address(parts)} is no JSON.`, {
+      throw new ApiError('failed', `The server's answer to ${method} ${address(parts)} is not JSON.`, {
         status: reply.status,
       });
   }
@@ -125,7 +125,7 @@ export const remove = (parts, ask) => request('DELETE', parts, ask);
  * All pages of a list, one after another.
  * @param {string[]} parts
  * @param {Ask} [ask]
- * @param {number} [most] how many items are loaded at most
+ * @param {number} [most] greatest number of items to load
  * @returns {Promise<any[]>}
  */
 export async function getAll(parts, ask = {}, most = 5000) {

@@ -5,7 +5,7 @@ import { stay, stillIn } from './session.js';
 const kPath = '/api/v1/live';
 // the server sends five messages a second: a silence of this length means that the line is dead
 const kSilence_ms = 5000;
-// tiles that the server pushes do not prolong the log-in: a visible page sends a message now and then
+// pushed tiles do not prolong the log-in, so a visible page sends a message now and then
 const kLook_ms = 4 * 60 * 1000;
 
 /**

@@ -1,11 +1,11 @@
-// A function for each request that pages make. Lists are arrays even when the reply leaves them out.
+// A function for each request that pages make. Lists are arrays even if the reply omits them.
 import { get, getAll, patch, post, put, remove } from './api.js';
 import { roleName } from '../lib/roles.js';
 
-/** How many a search offers to choose from. */
+/** Number of choices that a search offers. */
 const kOffered = 20;
 
-/** The first of those that fit, to choose from (ui/search_field.js). */
+/** The first matches, to choose from (ui/search_field.js). */
 async function offered(parts, text, query, option, signal) {
   const reply = await get(parts, { signal, query: { ...query, search: text.trim(), limit: kOffered } });
   return { options: reply.items.map(option), more: !!reply.next_page };
@@ -20,7 +20,7 @@ const group = (g) => ({ ...g, members: g.members ?? [] });
 const groupOption = (g) => ({ key: g.id, text: g.name === g.id ? g.id : `${g.name} (${g.id})` });
 
 export const people = {
-  /** Those whose name, full name or group has the text. @param {{role?: string}} query */
+  /** People whose name, full name or group contains the text. @param {{role?: string}} query */
   find: (text, query, signal) => offered(['people'], text, query, personOption, signal),
   /** `query`: search, role, page. @returns {Promise<{items: any[], next_page: string, total?: number}>} `total` with the first page */
   page: async (query, signal) => {
@@ -36,33 +36,36 @@ export const people = {
   /** To change your own password, give the old one, too. */
   setPassword: (name, password, old_password) =>
     post(['people', name, 'password'], { password, ...(old_password && { old_password }) }),
-  /** `change`: { make: true }, or { code }; an empty code removes it. @returns {Promise<{name: string, code: string}>} a made one */
+  /** `change`: { make: true }, or { code }; an empty code removes it. @returns {Promise<{name: string, code: string}>} the made one */
   setCode: (name, change) => post(['people', name, 'code'], change),
   importCsv: (csv, lines_above, dry_run) => post(['people', 'import'], { csv, lines_above, dry_run }),
-  /** Texts that name the person, or have the words, all pages. @returns {Promise<{where: string, about: string, text: string, link: string}[]>} */
+  /** All texts that name the person or contain the words. @returns {Promise<{where: string, about: string, text: string, link: string}[]>} */
   mentions: (name, text) => getAll(['people', name, 'mentions'], { text }, Infinity),
   redact: (name, text, where) => post(['people', name, 'mentions'], { text, where }),
   erase: (name, reason, with_waiting_sessions) =>
     remove(['people', name, 'data'], { body: { confirm: name, reason, with_waiting_sessions } }),
-  /** All stored data of one person, all pages. */
+  /** All stored data of one person, from all pages. */
   everything: (name) => getAll(['people', name, 'export'], {}, Infinity),
-  /** At which exercises there are attempts, the one tried last first. @returns {Promise<{exercise_id: string, attempts: number}[]>} */
+  /** The exercises that the person attempted, last tried first. @returns {Promise<{exercise_id: string, attempts: number}[]>} */
   tried: async (name, signal) => (await get(['people', name, 'exercises'], { signal })).items,
-  /** Attempts at an exercise, newest first; with the first page the course of each measure over the attempts, null where there are too few. */
+  /**
+   * Attempts at an exercise, newest first; the first page also has each measure's course over the attempts, null if
+   * there are too few.
+   */
   attempts: (name, exercise, page, signal) =>
     get(['people', name, 'progress'], { signal, query: { exercise, newest_first: 'yes', page } }),
 };
 
-/** What holds for the whole lab. */
+/** Settings of the whole lab. */
 export const lab = {
   settings: (signal) => get(['lab', 'settings'], { signal }),
   change: (changes) => patch(['lab', 'settings'], changes),
 };
 
 export const groups = {
-  /** Those whose id or name has the text. */
+  /** Groups whose id or name contains the text. */
   find: (text, signal) => offered(['groups'], text, { brief: 'yes' }, groupOption, signal),
-  /** With the number of members in place of their names. */
+  /** With the number of members instead of their names. */
   page: (query, signal) => get(['groups'], { signal, query: { ...query, brief: 'yes', limit: 100 } }),
   one: async (id, signal) => group(await get(['groups', id], { signal })),
   add: (body) => post(['groups'], body),
@@ -80,7 +83,7 @@ export const documents = (kind) => ({
   put: (id, json, base_revision) => put([kind, id], json, { base_revision }),
 });
 
-/** What is wrong with a profile or course; warnings name their field before a colon. */
+/** The problems of a profile or course; warnings name their field before a colon. */
 async function check(path, json, signal) {
   const reply = await post(path, json, { signal });
   const warnings = (reply.warnings ?? []).map((text) => {
@@ -108,7 +111,7 @@ export const assignments = {
 };
 
 /**
- * A page of trainees; their number and how many of them passed each exercise come with the first one.
+ * A page of trainees; the first one also has their number and how many of them passed each exercise.
  * @returns {Promise<{exercises: {id: string, name: string}[], items: any[], next_page: string, trainees?: number, passed: number[]}>}
  */
 export async function results({ course, group, page }, signal) {
@@ -127,15 +130,15 @@ export async function results({ course, group, page }, signal) {
 
 export const sessions = {
   page: (query, signal) => get(['sessions'], { signal, query }),
-  /** Those whose trainee nobody knew when they came, or whose code nobody gave; they wait to be assigned. */
+  /** Sessions whose trainee was not known when they came, or that came without a code; they wait to be assigned. */
   unknown: (query, signal) => get(['unknown-trainees'], { signal, query }),
-  /** `was`: whose it is, as the page shows it; refused if somebody gave it to another meanwhile. */
-  /** `started_unix_ms`: when it began, where the station's clock was wrong. */
+  /** `was`: the trainee that the page shows; refused if the session was given to another one meanwhile. */
+  /** `started_unix_ms`: when it began, if the station's clock was wrong. */
   assign: (id, trainee, reason, was, started_unix_ms) =>
     post(['sessions', id, 'trainee'], { trainee, reason, was, ...(started_unix_ms && { started_unix_ms }) }),
   one: (id, signal) => get(['sessions', id], { signal }),
   score: (id, signal) => get(['sessions', id, 'score'], { signal }),
-  /** The session as an attempt; null: it is none. */
+  /** The session as an attempt; null: it is not one. */
   attempt: async (id, signal) => {
     try {
       return await get(['sessions', id, 'attempt'], { signal });
@@ -148,7 +151,7 @@ export const sessions = {
   excuse: (id, excused, reason) => post(['sessions', id, 'excuse'], { excused, reason }),
   events: (id, signal) => getAll(['sessions', id, 'events'], { signal }),
   samples: (id, query, signal) => get(['sessions', id, 'samples'], { signal, query }),
-  /** Remarks stand at moments: `t_s` since the first sample. */
+  /** Remarks have a moment: `t_s` since the first sample. */
   annotations: (id, signal) => getAll(['sessions', id, 'annotations'], { signal }),
   annotate: (id, t_s, text) => post(['sessions', id, 'annotations'], { t_s, text }),
 };
@@ -162,12 +165,12 @@ export const references = {
 export const retention = {
   all: (signal) => get(['retention'], { signal }),
   put: (policy) => put(['retention'], { policy }),
-  /** Removes the exercise's own policy: the policy of all others applies. */
+  /** Removes the exercise's own policy, so that the policy of all others applies. */
   drop: (exercise_id) => put(['retention'], { policy: { exercise_id }, as_default: true }),
   run: (dry_run) => post(['retention', 'run'], { dry_run }),
 };
 
-/** Records of a study, page by page; `said` is called with the number so far. */
+/** Records of a study, page by page; calls `said` with the number so far. */
 export async function studyRecords(study, { exercise, remarks }, said) {
   const records = [];
   for (let page = ''; ;) {
@@ -182,9 +185,9 @@ export async function studyRecords(study, { exercise, remarks }, said) {
 export const upkeep = {
   backup: (path, counts_as_safe) => post(['backup'], { ...(path && { path }), counts_as_safe }),
   check: () => post(['check'], {}),
-  /** The room on the disk of the server's database; it does not prolong the log-in. */
+  /** The free space on the disk of the server's database; does not prolong the log-in. */
   room: async (signal) => (await get(['session'], { signal })).disk_room,
-  /** What an acknowledgement survives, and whether changes are stored; it does not prolong the log-in. */
+  /** What an acknowledgement survives, and whether changes are stored; does not prolong the log-in. */
   store: async (signal) => (await get(['session'], { signal })).store,
   rescore: (exercise_id, dry_run) => post(['scores', 'rescore'], { exercise_id, dry_run }),
   audit: (query, signal) => get(['audit'], { signal, query }),

@@ -1,4 +1,4 @@
-// Who is logged in. When a log-in expires, a dialog above the page asks for a new one, and nothing typed is lost.
+// The log-in. When it expires, a dialog above the page asks for a new one, and nothing typed is lost.
 import { roleName } from '../lib/roles.js';
 import { store } from '../lib/store.js';
 import { ApiError, get, post, remove, setCsrfToken, setRenewal } from './api.js';
@@ -35,7 +35,7 @@ setRenewal(() => {
   return waiting.promise;
 }, takeOver);
 
-/** Another page of this browser has logged in: the cookie is that page's, and the CSRF token must be, too. */
+/** Another page of this browser has logged in: the cookie is that page's, so the CSRF token must be, too. */
 async function takeOver() {
   const before = session.get().person;
   const reply = await get(['session'], { may_expire: false });
@@ -46,7 +46,7 @@ async function takeOver() {
   accept(reply);
 }
 
-/** For a visible page that sends no requests by itself: any request but that for the session prolongs the log-in. */
+/** For a visible page that sends no requests by itself: any request except the session's prolongs the log-in. */
 export async function stay() {
   const { state, person } = session.get();
   if (state === 'in') await get(['people', person.name]).catch(() => {});

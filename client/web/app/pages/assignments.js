@@ -1,8 +1,8 @@
-// Assignments: who has to do what by when.
+// Assignments: people, their tasks and due dates.
 import { href } from '../lib/routes.js';
 import { fromInput, moment } from '../lib/time.js';
 import { assignments, documents, exercises, groups, people } from '../net/requests.js';
-import { announce, Confirm, Empty, Heading, Loaded, Mark, Problem, Table, usePages } from '../ui/widgets.js';
+import { announce, DangerButton, Empty, Heading, Loaded, Mark, Problem, Table, usePages } from '../ui/widgets.js';
 import { SelectField, TextField } from '../ui/fields.js';
 import { SearchField } from '../ui/search_field.js';
 import { useAction, useLoad } from '../ui/hooks.js';
@@ -12,7 +12,7 @@ import { html, useState } from '../ui/html.js';
 const chosen = (choice) => [choice.slice(0, choice.indexOf(':')), choice.slice(choice.indexOf(':') + 1)];
 const kKeys = { course: 'course_id', exercise: 'exercise_id', group: 'group_id', person: 'trainee' };
 
-/** Groups first: most assignments are theirs. */
+/** Groups first, because most assignments are theirs. */
 async function findWhom(text, signal) {
   const [some_groups, trainees] = await Promise.all([
     groups.find(text, signal),
@@ -82,12 +82,9 @@ export function AssignmentsPage() {
     return { courses, exercises: all_exercises };
   }, []);
   const pages = usePages((page, signal) => assignments.page(page, signal), []);
-  const [removing, setRemoving] = useState(null);
-  const action = useAction();
-  const drop = async () => {
-    if (!(await action.run(() => assignments.remove(removing.id)))) return;
+  const drop = async (id) => {
+    await assignments.remove(id);
     announce('The assignment was taken back.');
-    setRemoving(null);
     pages.load.reload();
   };
   return html`
@@ -124,33 +121,19 @@ export function AssignmentsPage() {
                   <td>${moment(a.created_unix_ms)}</td>
                   <td>${a.by}</td>
                   <td>
-                    <button
-                      type="button"
-                      class="small danger"
-                      aria-label=${`Take back ${whatName(a)} from ${whomName(a)}`}
-                      onClick=${() => setRemoving({ ...a, what: whatName(a), whom: whomName(a) })}
+                    <${DangerButton}
+                      small
+                      text="Take back"
+                      label=${`Take back ${whatName(a)} from ${whomName(a)}`}
+                      title="Take the assignment back?"
+                      act=${() => drop(a.id)}
                     >
-                      Take back …
-                    </button>
+                      ${whatName(a)} for ${whomName(a)}. Results so far stay.
+                    <//>
                   </td>
                 </tr>`,
               )}<//>${pages.button}`}<//>
       `;
     }}<//>
-    ${
-      removing &&
-      html`<${Confirm}
-        title="Take the assignment back?"
-        word="Take back"
-        act=${drop}
-        close=${() => setRemoving(null)}
-        busy=${action.busy}
-        error=${action.error}
-      >
-        <p>
-          ${removing.what} for ${removing.whom}. Results so far stay.
-        </p>
-      <//>`
-    }
   `;
 }

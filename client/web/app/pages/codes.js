@@ -1,11 +1,11 @@
-// Codes of trainees: a PIN, or what a badge reader types. A person's own, and whether the lab requires them.
+// Codes of trainees: a PIN, or what a badge reader types. One person's code, and whether the lab requires codes.
 import { lab, people } from '../net/requests.js';
-import { announce, Dialog, Loaded, Mark, Problem } from '../ui/widgets.js';
+import { announce, DangerButton, Dialog, Loaded, Mark, Problem } from '../ui/widgets.js';
 import { CheckField, TextField } from '../ui/fields.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 
-/** A made PIN: the server keeps its hash only. */
+/** A made PIN; the server keeps only its hash. */
 function NewPin({ made, full_name, close }) {
   return html`<${Dialog} title="A new code" close=${close}>
     <p>${full_name ? `${full_name} (${made.name})` : made.name}</p>
@@ -64,14 +64,15 @@ export function CodeForm({ shown, load }) {
         </button>
         ${
           has_code &&
-          html`<button
-            type="button"
-            class="danger"
+          html`<${DangerButton}
+            text="Remove code"
             disabled=${action.busy}
-            onClick=${() => ask({ code: '' }, false, `${name} has no code any more.`)}
+            title=${`Remove the code of ${name}?`}
+            word="Remove"
+            act=${() => ask({ code: '' }, false, `${name} has no code any more.`)}
           >
-            Remove code
-          </button>`
+            Stations ask ${name} for none then; where codes are required, ${name} cannot practise. A new one can be set.
+          <//>`
         }
       </div>
       ${made && html`<${NewPin} made=${made} full_name=${shown.full_name} close=${() => setMade(null)} />`}

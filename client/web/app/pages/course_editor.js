@@ -57,7 +57,7 @@ export function CourseEditor({ params, person }) {
   const refused = editing.saving.error?.field
     ? [{ path: editing.saving.error.field, message: editing.saving.error.message, severity: 'ERROR' }]
     : [];
-  // the server checks more: names of measures, bounds of numbers; a problem that is found here is not shown twice
+  // the server also checks names of measures and bounds of numbers; a problem found here is not shown twice
   const problems = [...faults, ...[...said, ...refused].filter((p) => !faults.some((f) => isWithin(f.path, p.path)))];
   const f = formOf({ doc, shape: kCourseShape, change: editing.change, problems, onBad, readonly });
   const exercises = f.doc.exercises ?? [];

@@ -5,7 +5,14 @@ import { moment } from '../lib/time.js';
 import { documents } from '../net/requests.js';
 import { useLoad } from '../ui/hooks.js';
 import { html } from '../ui/html.js';
-import { Empty, Heading, Loaded, number, Table } from '../ui/widgets.js';
+import { Empty, Heading, Loaded, Mark, number, Table } from '../ui/widgets.js';
+
+/** A course's name, and whether it is an exam. */
+export function CourseName({ course }) {
+  return html`
+    <a href=${href(['courses', course.id])}>${course.name}</a> ${course.exam && html`<${Mark} kind="info">exam<//>`}
+  `;
+}
 
 export function CoursesPage({ person }) {
   const load = useLoad((signal) => documents('courses').all(signal), []);
@@ -23,7 +30,7 @@ export function CoursesPage({ person }) {
             head=${['Course', 'Id', number('Exercises'), number('Revision'), 'Changed', 'More']}
           >${all.map(
             (c) => html`<tr key=${c.id}>
-              <th scope="row"><a href=${href(['courses', c.id])}>${c.name}</a></th>
+              <th scope="row"><${CourseName} course=${c} /></th>
               <td>${c.id}</td>
               <td class="number">${c.exercise_ids?.length ?? 0}</td>
               <td class="number">${c.revision}</td>

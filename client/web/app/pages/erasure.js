@@ -1,11 +1,11 @@
-// A person's erasure, what of it stays, and the texts of others that name the person.
+// A person's erasure, what remains, and others' texts that name the person.
 import { lab, people } from '../net/requests.js';
-import { announce, Confirm, Mark, Problem, Table } from '../ui/widgets.js';
+import { announce, Confirm, DangerButton, Mark, Problem, Table } from '../ui/widgets.js';
 import { CheckField, TextField } from '../ui/fields.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 
-/** Remarks, titles and notes that name the person: nothing changes them by itself. */
+/** Remarks, titles and notes that name the person; nothing changes them automatically. */
 function Mentions({ name }) {
   const [text, setText] = useState('');
   const [found, setFound] = useState(null);
@@ -15,7 +15,7 @@ function Mentions({ name }) {
     if (all) setFound(all);
   };
   const redact = async (one) => {
-    if (!(await action.run(() => people.redact(name, text, one.where)))) return;
+    await people.redact(name, text, one.where);
     announce(`The name was taken out of ${one.about}.`);
     setFound((before) => before.filter((other) => other.where !== one.where));
   };
@@ -38,15 +38,16 @@ function Mentions({ name }) {
           <th scope="row">${one.link ? html`<a href=${one.link}>${one.about}</a>` : one.about}</th>
           <td>${one.text}</td>
           <td>
-            <button
-              type="button"
-              class="small danger"
-              aria-label=${`Take the name out of ${one.where}`}
+            <${DangerButton}
+              small
+              text="Redact"
+              label=${`Take the name out of ${one.where}`}
               disabled=${action.busy}
-              onClick=${() => redact(one)}
+              title=${`Take the name out of ${one.about}?`}
+              act=${() => redact(one)}
             >
-              Redact
-            </button>
+              The words go for ever, the rest of the text stays: ${one.text}
+            <//>
           </td>
         </tr>`,
       )}<//>`

@@ -48,7 +48,7 @@ function Scores({ all }) {
   </fieldset>`;
 }
 
-/** The people who consent, under pseudonyms: one record a line, as the command line writes it. */
+/** The people who consent, under pseudonyms: one record per line, in the command line's format. */
 function Study({ all }) {
   const [ask, setAsk] = useState({ study: '', exercise: '', remarks: false });
   const [count, setCount] = useState(0);

@@ -1,16 +1,27 @@
-// Groups, and who belongs to one.
+// Groups and their members.
 import { merge, resolved } from '../lib/diff.js';
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { counted, shownOf } from '../lib/units.js';
 import { groups, people } from '../net/requests.js';
-import { announce, Confirm, Dialog, Empty, Heading, Loaded, number, Problem, Table, usePages } from '../ui/widgets.js';
+import {
+  announce,
+  DangerButton,
+  Dialog,
+  Empty,
+  Heading,
+  Loaded,
+  number,
+  Problem,
+  Table,
+  usePages,
+} from '../ui/widgets.js';
 import { ConflictDialog } from '../ui/conflict.js';
 import { CheckField, TextField } from '../ui/fields.js';
 import { useAction, useDebounced, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 
-/** How many members are drawn before somebody asks for more. */
+/** How many members are drawn before a person asks for more. */
 const kShownMembers = 100;
 
 function AddGroup({ close }) {
@@ -80,7 +91,7 @@ export function GroupsPage({ person }) {
   `;
 }
 
-/** The trainees that fit what is typed, a page at a time: each is a member or not. */
+/** The trainees that match the typed text, a page at a time; each is a member or not. */
 function Candidates({ members, toggle }) {
   const [text, setText] = useState('');
   const search = useDebounced(text.trim(), 300);
@@ -112,7 +123,7 @@ function Candidates({ members, toggle }) {
   `;
 }
 
-/** Those who are members, or were when the page was loaded. */
+/** Present members, and those who were members when the page was loaded. */
 function Present({ names, members, toggle }) {
   const [shown, setShown] = useState(kShownMembers);
   if (names.length === 0) return html`<p class="help">Nobody yet: choose trainees below.</p>`;
@@ -135,7 +146,6 @@ function Present({ names, members, toggle }) {
 function Members({ group, load, edit }) {
   const [name, setName] = useState(group.name);
   const [members, setMembers] = useState(group.members);
-  const [removing, setRemoving] = useState(false);
   const [base, setBase] = useState(group);
   const [conflict, setConflict] = useState(null);
   const action = useAction();
@@ -163,10 +173,9 @@ function Members({ group, load, edit }) {
     return and_save ? action.run(() => put(both, theirs)) : undefined;
   };
   const drop = async () => {
-    if (await action.run(() => groups.remove(group))) {
-      announce(`${group.name} was removed.`);
-      location.hash = '#/groups';
-    }
+    await groups.remove(group);
+    announce(`${group.name} was removed.`);
+    location.hash = '#/groups';
   };
   const toggle = (who) => (on) => setMembers(on ? [...members, who].sort() : members.filter((m) => m !== who));
   if (!edit)
@@ -190,21 +199,10 @@ function Members({ group, load, edit }) {
     ${conflict && html`<${ConflictDialog} conflict=${conflict} settle=${settle} close=${() => setConflict(null)} />`}
     <div class="actions">
       <button type="submit" class="main" disabled=${action.busy}>Save</button>
-      <button type="button" class="danger" onClick=${() => setRemoving(true)}>Remove the group …</button>
+      <${DangerButton} text="Remove the group" title=${`Remove ${group.name}?`} word="Remove" act=${drop}>
+        Its assignments go with it. The people and their results stay.
+      <//>
     </div>
-    ${
-      removing &&
-      html`<${Confirm}
-        title=${`Remove ${group.name}?`}
-        word="Remove"
-        act=${drop}
-        close=${() => setRemoving(false)}
-        busy=${action.busy}
-        error=${action.error}
-      >
-        <p>Its assignments go with it. The people and their results stay.</p>
-      <//>`
-    }
   </form>`;
 }
 

@@ -15,7 +15,7 @@ function wordsOf(error, locked_s) {
   return error.message;
 }
 
-/** @param {{name?: string}} props given: only the password is asked for */
+/** @param {{name?: string}} props with a name, asks only for the password */
 export function LoginForm({ name: known }) {
   const [name, setName] = useState(known ?? '');
   const [password, setPassword] = useState('');

@@ -1,4 +1,4 @@
-// A trainee's own page: what is assigned, what is passed, what comes next.
+// A trainee's own page: assigned, passed and next exercises.
 import { nextDue, numbered } from '../lib/course_rules.js';
 import { href } from '../lib/routes.js';
 import { moment } from '../lib/time.js';
@@ -9,7 +9,7 @@ import { html } from '../ui/html.js';
 import { Empty, Heading, Loaded, Mark } from '../ui/widgets.js';
 import { Cell } from './results.js';
 
-/** Course by course, this person's own row. */
+/** This person's own row of each course. */
 async function ownCourses(person, signal) {
   const [given, courses, all] = await Promise.all([
     assignments.of(person.name, signal),
@@ -46,7 +46,7 @@ function Course({ row, person }) {
   });
   const nameOf = (id) => list.find((e) => e.id === id)?.name ?? id;
   return html`<section aria-label=${course.name}>
-    <h2>${course.name}</h2>
+    <h2>${course.name} ${course.exam && html`<${Mark} kind="info">exam<//>`}</h2>
     <p>
       ${
         passed === list.length

@@ -19,7 +19,7 @@ const kMost_bytes = 1 << 20;
  * The text of a file. A spreadsheet's "CSV" is often Windows-1252.
  * @param {ArrayBuffer} bytes
  * @param {string} [encoding] what a person has chosen
- * @returns {string | null} null: it is in another encoding
+ * @returns {string | null} null: the text is in another encoding
  */
 export function textOf(bytes, encoding) {
   const [a, b] = new Uint8Array(bytes);

@@ -4,7 +4,7 @@ import { href } from '../lib/routes.js';
 import { moment } from '../lib/time.js';
 import { words } from '../lib/units.js';
 import { people } from '../net/requests.js';
-import { announce, Confirm, Heading, JsonDownload, Loaded, Mark, Problem } from '../ui/widgets.js';
+import { announce, DangerButton, Heading, JsonDownload, Loaded, Mark, Problem } from '../ui/widgets.js';
 import { CheckField, SelectField, TextField } from '../ui/fields.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
@@ -17,7 +17,7 @@ function Data({ shown, me, load }) {
   const [role, setRole] = useState(shown.role);
   const action = useAction();
   const roles = grantable(me.role);
-  // nobody changes a person with a higher role
+  // a person with a higher role cannot be changed
   const fixed = !roles.includes(shown.role);
   const change = async (changes, text) => {
     const person = await action.run(() => people.change(shown, changes));
@@ -73,22 +73,33 @@ function Data({ shown, me, load }) {
         !fixed &&
         html`<div class="actions">
           <button type="submit" class="main" disabled=${action.busy}>Save</button>
-          <button
-            type="button"
-            disabled=${action.busy}
-            onClick=${() =>
-              change(
-                { disabled: !shown.disabled },
-                `${shown.name} is ${shown.disabled ? 'active again' : 'disabled'}.`,
-              )}
-          >${shown.disabled ? 'Enable again' : 'Disable'}</button>
+          ${
+            shown.disabled
+              ? html`<button
+                  type="button"
+                  disabled=${action.busy}
+                  onClick=${() => change({ disabled: false }, `${shown.name} is active again.`)}
+                >
+                  Enable again
+                </button>`
+              : html`<${DangerButton}
+                  text="Disable"
+                  disabled=${action.busy}
+                  title=${`Disable ${shown.name}?`}
+                  act=${() => change({ disabled: true }, `${shown.name} is disabled.`)}
+                >
+                  Every log-in and download of ${shown.name} ends now. Recordings and results stay, and the person can be enabled again.
+                <//>`
+          }
         </div>`
       }
     </fieldset>
   </form>`;
 }
 
-/** `own`: of the person who is logged in, who proves to know the old one; its other log-ins end with this one. */
+/**
+ * `own`: the logged-in person's form, which asks for the old password; the person's other log-ins end with the change.
+ */
 export function PasswordForm({ name, own = false }) {
   const [old, setOld] = useState('');
   const [password, setPassword] = useState('');

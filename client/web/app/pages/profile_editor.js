@@ -12,7 +12,7 @@ import { AsJson } from '../ui/as_json.js';
 import { formOf, ProblemList } from '../ui/fields.js';
 import { released, useDebounced } from '../ui/hooks.js';
 import { html, useCallback, useEffect, useRef, useState } from '../ui/html.js';
-import { Heading, Mark, Problem } from '../ui/widgets.js';
+import { DangerButton, Heading, Mark, Problem } from '../ui/widgets.js';
 import { Legend, SideView } from '../ui/section.js';
 import { DirectionFields, Hazards, LimbFields, Targets } from '../profile/anatomy.js';
 import { Layers } from '../profile/layers.js';
@@ -60,7 +60,9 @@ export function useCheck(doc, check) {
   return state;
 }
 
-/** Which fields hold what the document cannot: `why` nothing can be saved, '' if all is well; `onBad` tells it. */
+/**
+ * Fields with values that the document cannot hold: `why` nothing can be saved, '' if all is well; `onBad` reports one.
+ */
 export function useBadFields() {
   const [paths, setPaths] = useState([]);
   const onBad = useCallback(
@@ -69,9 +71,9 @@ export function useBadFields() {
     [],
   );
   const why = paths.includes('json')
-    ? 'The text of the JSON is not in the document: mend it, or take the form’s. Nothing is saved before.'
+    ? 'The JSON text is not in the document: correct it, or use the form’s text. Until then nothing can be saved.'
     : paths.length > 0
-      ? 'A field holds no number: it is not saved.'
+      ? 'A field does not contain a number: nothing can be saved.'
       : '';
   return { why, onBad };
 }
@@ -92,7 +94,7 @@ export function useSaveKey(save) {
   }, []);
 }
 
-/** Whether there are unsaved changes, and the result of saving; `why`: in words, what forbids it. */
+/** Whether there are unsaved changes, and the result of saving; `why`: in words, what prevents it. */
 export function SaveBar({ editing, save, what, bad, why, readonly }) {
   if (readonly) return html`<p class="help">Your role may look at this, not change it.</p>`;
   const { saving, dirty, base, restored, discard } = editing;
@@ -104,7 +106,15 @@ export function SaveBar({ editing, save, what, bad, why, readonly }) {
       <button type="button" class="main" disabled=${!dirty || saving.busy || bad || !!why} onClick=${save}>${
         saving.busy ? 'Saving …' : 'Save'
       }</button>
-      <button type="button" disabled=${!dirty} onClick=${discard}>Discard changes</button>
+      <${DangerButton}
+        text="Discard changes"
+        disabled=${!dirty}
+        title="Discard all changes?"
+        word="Discard"
+        act=${discard}
+      >
+        What was changed here since the ${what} was saved last goes.
+      <//>
       ${
         dirty
           ? html`<${Mark} kind="warn">not saved yet<//>`
@@ -153,7 +163,7 @@ export function ProfileEditor({ params, query, person }) {
   const change = (next) => editing.change((before) => followLayerNames(before, next(before)));
   const f = formOf({ doc, shape: kProfileShape, change, problems: all, onBad, readonly });
   const profile = f.doc;
-  // what is not rendered, or cannot be, has no fidelity: that of the last version is another patient's
+  // a profile that is not or cannot be rendered has no fidelity: the last version's belongs to another patient
   const fidelity = rendered.error || rendered.stale ? undefined : rendered.preview?.layers?.map((l) => l.fidelity);
   return html`
     <${Heading} title=${title} above=${above}>${

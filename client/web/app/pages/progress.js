@@ -51,7 +51,7 @@ function Curve({ attempts, measure, titleOf }) {
   return html`<${Chart} ...${drawn} points />`;
 }
 
-/** The server's sentence on the course of a measure. */
+/** The server's sentence on a measure's course. */
 function Trend({ trends, measure }) {
   const row = trends?.find((r) => r.measure === measure);
   return row ? html`<p class="explained">${row.words}</p>` : null;

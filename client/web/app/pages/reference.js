@@ -1,4 +1,4 @@
-// The experts of one exercise: their sessions, with which all others are compared, and the bands made from them.
+// The experts of one exercise: their sessions, to which all others are compared, and the bands made from them.
 import { meanText, measureNamed } from '../lib/measures.js';
 import { href } from '../lib/routes.js';
 import { layerNames } from '../lib/tissue.js';
@@ -46,7 +46,7 @@ function Choice({ exercise, name, reference, reload }) {
     announce(`${counted(chosen.length, 'session makes', 'sessions make')} the reference of ${name} now.`);
     reload();
   };
-  // some may be further down than the list has been loaded
+  // some may be beyond the loaded part of the list
   const elsewhere = chosen.filter((id) => !pages.items.some((s) => s.description.session_id === id));
   return html`
     <${Loaded} load=${pages.load}>${() =>

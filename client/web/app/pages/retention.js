@@ -3,7 +3,7 @@ import { may } from '../lib/roles.js';
 import { moment } from '../lib/time.js';
 import { bytes, number } from '../lib/units.js';
 import { exercises, lab, retention } from '../net/requests.js';
-import { announce, Confirm, Empty, Heading, Loaded, Mark, Problem, Table } from '../ui/widgets.js';
+import { announce, Confirm, DangerButton, Empty, Heading, Loaded, Mark, Problem, Table } from '../ui/widgets.js';
 import { CheckField, NumberField, SelectField } from '../ui/fields.js';
 import { useAction, useExerciseName, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
@@ -17,7 +17,7 @@ function thinWords(p) {
 }
 const kBlank = { exercise_id: '', without_backup: false };
 
-/** Faults that the server would refuse, found before it is asked. */
+/** Faults that the server would refuse, found before asking it. */
 function faultsOf(p) {
   const faults = [];
   const say = (path, message) => faults.push({ path, message });
@@ -262,15 +262,20 @@ export function RetentionPage({ person: me }) {
                       >
                         Change
                       </button>
-                      <button
-                        type="button"
-                        class="small danger"
+                      <${DangerButton}
+                        small
+                        text="Take away"
                         disabled=${action.busy}
-                        aria-label=${`Take away the policy of ${nameOf(p.exercise_id)}`}
-                        onClick=${() => drop({ ...p, name: nameOf(p.exercise_id) })}
+                        label=${`Take away the policy of ${nameOf(p.exercise_id)}`}
+                        title="Take the policy away?"
+                        act=${() => drop({ ...p, name: nameOf(p.exercise_id) })}
                       >
-                        Take away
-                      </button>
+                        ${nameOf(p.exercise_id)}: ${
+                          p.exercise_id
+                            ? 'the policy of all other exercises holds then; without one recordings are kept whole.'
+                            : 'recordings without a policy of their own are kept whole then.'
+                        }
+                      <//>
                     </div>
                   </td>
                 </tr>`,

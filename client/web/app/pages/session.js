@@ -21,7 +21,7 @@ const kPoints = 2000;
 /** Downloads of a session; a new format is one line. */
 const kFormats = [['Samples as CSV', (id) => address(['sessions', id, 'samples.csv'])]];
 
-/** Why it waits for a manager, with the trainee. */
+/** Why the session waits for a manager, with the trainee. */
 function waitingFor(session) {
   const { trainee } = session.description;
   if (session.not_assigned) return `it was not assigned to ${trainee} when the session came`;
@@ -114,8 +114,14 @@ function Recording({ id, session, measures, person }) {
             </section>
           `}<//>
     <${Annotations} id=${id} at_s=${playback.at_s} seek=${act.seek} load=${notes} person=${person} />
-    ${!session.results_from_unix_ms && html`<${SyringeEvents} id=${id} seek=${act.seek} />`}
+    <${SyringeEvents} id=${id} seek=${act.seek} />
   `;
+}
+
+/** The part of an exam's recording that is shown before its results. */
+function Remarks({ id, person }) {
+  const notes = useLoad((signal) => sessions.annotations(id, signal), [id]);
+  return html`<${Annotations} id=${id} at_s=${0} load=${notes} person=${person} />`;
 }
 
 /** Score and recording: the plots draw the limits of the same score. */
@@ -123,7 +129,11 @@ function Judged({ id, session, exercise, person }) {
   const load = useScore(session);
   return html`
     <${Score} session=${session} exercise=${exercise} load=${load} person=${person} />
-    <${Recording} id=${id} session=${session} measures=${load.data?.score?.measures} person=${person} />
+    ${
+      session.results_from_unix_ms
+        ? html`<${Remarks} id=${id} person=${person} />`
+        : html`<${Recording} id=${id} session=${session} measures=${load.data?.score?.measures} person=${person} />`
+    }
   `;
 }
 
@@ -153,7 +163,11 @@ export function SessionPage({ params, person }) {
     <${Heading}
       title=${d ? `${d.trainee}: ${nameOf(d.exercise_id)}` : 'Session'}
       above=${html`<a href="#/sessions">Sessions</a>`}
-    >${kFormats.map(([name, link]) => html`<a class="button" href=${link(id)} download>${name}</a>`)}<//>
+    >${
+      load.data &&
+      !load.data.results_from_unix_ms &&
+      kFormats.map(([name, link]) => html`<a class="button" href=${link(id)} download>${name}</a>`)
+    }<//>
     <${Loaded} load=${load}>${(session) => html`
       <dl class="facts">
         <dt>Begun</dt>

@@ -10,7 +10,7 @@ import { useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 import { Empty, Heading, Loaded, Mark, number, Table, usePages } from '../ui/widgets.js';
 
-/** Midnight, local time, of a day as an input has it ("2026-12-01"), plus some days; '' stays ''. */
+/** Midnight, local time, of a day as in an input ("2026-12-01"), plus some days; '' stays ''. */
 function midnight_ms(day, more = 0) {
   const [year, month, date] = day.split('-').map(Number);
   return day ? new Date(year, month - 1, date + more).getTime() : '';
@@ -23,7 +23,7 @@ export function whyItWaits(session) {
   return session.code_unchecked ? ['no code', 'nobody gave the code'] : ['unknown', 'nobody had the name'];
 }
 
-/** Of a session or attempt: the verdict of its first score; of an exam, from when on its result is shown. */
+/** For a session or attempt, the verdict of its first score; for an exam, when its result is shown. */
 export function Verdict({ of }) {
   if (of.results_from_unix_ms) return html`<${Mark} kind="open">result from ${moment(of.results_from_unix_ms)}<//>`;
   const [kind, word] = verdictOf(of.passed);

@@ -1,5 +1,5 @@
-// Sessions whose trainee nobody knew when they came, whose code nobody gave, or to whom nobody had assigned the exercise:
-// each to be given to the right person.
+// Sessions whose trainee was not known when they came, that came without a code, or whose exercise was not assigned to
+// the trainee. Each must be given to the right person.
 import { href } from '../lib/routes.js';
 import { clock, moment } from '../lib/time.js';
 import { people, sessions } from '../net/requests.js';
@@ -10,10 +10,10 @@ import { html, useState } from '../ui/html.js';
 import { announce, Dialog, Empty, Heading, Loaded, number, Problem, Table, usePages } from '../ui/widgets.js';
 import { Verdict, whyItWaits } from './sessions.js';
 
-/** Sessions of nobody in particular; the key is the server's name for them. */
+/** Sessions of no particular person; the key is the server's name for them. */
 const kGuest = { key: 'guest', text: 'Nobody in particular (guest)' };
 
-/** Anybody, and the guest. */
+/** Any person, and the guest. */
 async function findPerson(text, signal) {
   const { options, more } = await people.find(text, {}, signal);
   const part = text.trim().toLowerCase();

@@ -1,4 +1,5 @@
-// Room on the disk, what recordings survive, a backup now, whether everything can be read, scores anew, and what holds for the whole lab.
+// Free space on the disk, what recordings survive, a backup now, a check that everything can be read, scores computed
+// again, and settings of the whole lab.
 import { roomLevel } from '../lib/disk_room.js';
 import { durability, missing, storingTrouble } from '../lib/durability.js';
 import { moment } from '../lib/time.js';
@@ -10,7 +11,7 @@ import { html, useEffect, useState } from '../ui/html.js';
 import { Heading, Loaded, Mark, Problem } from '../ui/widgets.js';
 import { CodesRequired } from './codes.js';
 
-/** Shows that something long is under way: a moving bar, and how long it has taken so far. */
+/** Shows that a long task is running: a moving bar and the time taken so far. */
 function Working({ busy, children }) {
   const [since_ms, setSince] = useState(0);
   const [now_ms, setNow] = useState(0);
@@ -31,7 +32,7 @@ function Working({ busy, children }) {
 
 const kRoomAgain_ms = 15_000;
 
-/** The room on the database's disk, what the server refuses, and what to do. */
+/** The free space on the database's disk, what the server refuses, and what to do. */
 export function RoomText({ room }) {
   const { kind, name, means, next } = roomLevel(room.level);
   const left = room.left_bytes === undefined ? 'not known yet' : bytes(room.left_bytes);
@@ -165,8 +166,8 @@ function Check() {
 }
 
 /**
- * Definitions of measures change with the program's version: sessions scored by older ones can be scored by today's,
- * too.
+ * Definitions of measures change with the program's version: sessions scored by older versions can also be scored by
+ * today's.
  */
 function Rescore() {
   const known = useLoad((signal) => exercises(signal), []);

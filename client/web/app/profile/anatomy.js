@@ -3,6 +3,7 @@ import { toggled } from '../lib/paths.js';
 import { offsetUnder } from '../lib/scene.js';
 import { layerNames } from '../lib/tissue.js';
 import { words } from '../lib/units.js';
+import { DangerButton, kOfTheForm } from '../ui/widgets.js';
 import { Broken, CheckField, SelectField } from '../ui/fields.js';
 import { html } from '../ui/html.js';
 
@@ -54,7 +55,7 @@ const kWays = [
   ['minus_z', '−z'],
 ];
 
-/** What people call the ways along the axes, for the words of a miss. */
+/** The usual names of the directions along the axes, for the words of a miss. */
 export function DirectionFields({ f }) {
   return html`<fieldset>
     <legend>Directions</legend>
@@ -70,18 +71,19 @@ export function DirectionFields({ f }) {
 function Remove({ f, list, i, what }) {
   return (
     !f.readonly &&
-    html`<button
-      type="button"
-      class="small danger"
-      aria-label=${`Remove ${what} ${i + 1}`}
-      onClick=${() => f.edit(list, (all) => all.filter((_, k) => k !== i))}
+    html`<${DangerButton}
+      small
+      text="Remove"
+      label=${`Remove ${what} ${i + 1}`}
+      title=${`Remove ${what} ${i + 1}?`}
+      act=${() => f.edit(list, (all) => all.filter((_, k) => k !== i))}
     >
-      Remove
-    </button>`
+      ${kOfTheForm}
+    <//>`
   );
 }
 
-/** What a target or hazard moves with; an anchor that is chosen leaves it where it is now. */
+/** The layer with which a target or hazard moves; choosing one does not move it. */
 function AnchorFields({ f, path }) {
   const anchor = f.at(path)?.anchor;
   const choose = (layer) =>
@@ -100,7 +102,7 @@ function AnchorFields({ f, path }) {
   </div>`;
 }
 
-/** The layers that count; a layer that was renamed stays, so that it can be unticked. */
+/** The layers that count; a renamed layer stays, so that it can be unticked. */
 function TargetTissues({ f, i, tissues }) {
   const path = `targets[${i}].tissues`,
     layers = layerNames(f.doc),

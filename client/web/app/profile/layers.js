@@ -2,7 +2,7 @@
 import { moved } from '../lib/paths.js';
 import { kTissues, layerNames, tissueColor } from '../lib/tissue.js';
 import { atStart, quantity, words } from '../lib/units.js';
-import { announce } from '../ui/widgets.js';
+import { announce, DangerButton, kOfTheForm } from '../ui/widgets.js';
 import { Broken, CheckField } from '../ui/fields.js';
 import { html } from '../ui/html.js';
 
@@ -24,7 +24,7 @@ function Swatch({ tissue }) {
   </svg>`;
 }
 
-/** @param {{f: any, i: number, layer: any, name: string}} props `name`: what people call it */
+/** @param {{f: any, i: number, layer: any, name: string}} props `name`: its usual name */
 function LayerFields({ f, i, layer, name }) {
   return html`
     <div class="fields">
@@ -149,14 +149,15 @@ export function Layers({ f }) {
               >
                 Add below
               </button>
-              <button
-                type="button"
-                class="small danger"
-                aria-label=${`Remove layer ${i + 1}`}
-                onClick=${() => remove(i)}
+              <${DangerButton}
+                small
+                text="Remove"
+                label=${`Remove layer ${i + 1}`}
+                title=${`Remove layer ${i + 1}, ${names[i]}?`}
+                act=${() => remove(i)}
               >
-                Remove
-              </button>
+                ${kOfTheForm}
+              <//>
             </div>`
           }
         </div>

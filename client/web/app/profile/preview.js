@@ -1,4 +1,4 @@
-// Force over depth as the engine will render it; the server computes it while one types.
+// Force over depth as the engine will render it; the server computes it while the user types.
 import { kCurves, tissueColor } from '../lib/tissue.js';
 import { atStart, number, quantity, words } from '../lib/units.js';
 import { previewProfile } from '../net/requests.js';
@@ -7,7 +7,7 @@ import { released, useDebounced } from '../ui/hooks.js';
 import { html, useEffect, useMemo, useState } from '../ui/html.js';
 
 /**
- * The newest preview that could be made; `stale` if the document has changed since, or cannot be rendered.
+ * The newest successful preview; `stale` if the document has changed since, or cannot be rendered.
  * @returns {{preview: any, stale: boolean, error: Error|null}}
  */
 export function usePreview(doc) {

@@ -35,12 +35,16 @@ export function Annotations({ id, at_s, seek, load, person }) {
         : html`<ul class="notes">${all.map(
             (a) =>
               html`<li key=${a.id}>
-                <button
-                  type="button"
-                  class="small"
-                  aria-label=${`${clock(a.t_s)}: go to this moment`}
-                  onClick=${() => seek(a.t_s)}
-                >${clock(a.t_s)}</button> <span>${a.text}</span> <span class="help">
+                ${
+                  seek
+                    ? html`<button
+                        type="button"
+                        class="small"
+                        aria-label=${`${clock(a.t_s)}: go to this moment`}
+                        onClick=${() => seek(a.t_s)}
+                      >${clock(a.t_s)}</button>`
+                    : clock(a.t_s)
+                } <span>${a.text}</span> <span class="help">
                   ${a.author}, ${moment(a.created_unix_ms)}
                 </span>
               </li>`,

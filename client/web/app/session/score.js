@@ -56,7 +56,7 @@ export function Row({ row, title, beside }) {
 }
 
 /**
- * The score of a session and its exercise's reference, null where there is none; of an exam, once it is shown; `kinds`: the
+ * The score of a session and its exercise's reference, null without one; of an exam, once it is shown; `kinds`: the
  * measures by name.
  */
 export function useScore({ description: { session_id, exercise_id }, results_from_unix_ms }) {
@@ -101,7 +101,7 @@ export function Score({ session, exercise, load, person }) {
     <${Loaded} load=${load}>${({ score, reference, kinds }) => {
       if (session.results_from_unix_ms)
         return html`<${Empty} title="This is an exam">
-          Your result is shown from ${moment(session.results_from_unix_ms)} on.
+          Your result and its recording are shown from ${moment(session.results_from_unix_ms)} on.
         <//>`;
       const rows = score?.measures ?? [];
       if (rows.length === 0)

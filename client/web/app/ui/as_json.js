@@ -1,18 +1,18 @@
-// The whole document as text: for values without a field, and for what no field can mend.
+// The whole document as text: for values without a field, and for what no field can correct.
 import { textOf, withDocument, withOwnText, withText, written } from '../lib/json_text.js';
 import { TextField } from './fields.js';
 import { html, useLayoutEffect, useState } from './html.js';
 
 /**
  * @param {{whole: any, change: (next: any) => void, onBad: (path: string, bad: boolean) => void, turn: number, readonly?: boolean}} props
- *   `whole`: the document itself; `onBad` is told while the text holds what the document does not; `turn`: a new one
+ *   `whole`: the document itself; `onBad` is called while the text holds what the document does not; a new `turn`
  *   drops what was typed
  */
 export function AsJson({ whole, change, onBad, turn, readonly }) {
   const now = written(whole);
   const [state, setState] = useState(() => textOf(now));
   const takeForms = () => setState(textOf(now));
-  // before the next key: it may save
+  // before the next key, which may save
   useLayoutEffect(() => setState((before) => withDocument(before, now)), [now]);
   useLayoutEffect(takeForms, [turn]);
   const { text, problem, apart } = state;

@@ -1,4 +1,4 @@
-// A plot by uPlot: curves with different dashes, bands of tissue behind them, marks, and a text for those who cannot
+// A plot by uPlot: curves with different dashes, bands of tissue behind them, marks, and a text for people who cannot
 // see it.
 import uPlot from '../../vendor/uPlot.js';
 import { axisRange } from '../lib/axis.js';
@@ -12,7 +12,7 @@ import { html, useEffect, useRef } from './html.js';
  * @property {{label: string, values: number[]}} x in shown units
  * @property {{label: string, values: (number|null)[], color: string, dash: number[], width?: number}[]} series in shown units
  * @property {string} y_label
- * @property {string} [quantity] of the y axis: what it spans at least (lib/axis.js)
+ * @property {string} [quantity] of the y axis: determines its least span (lib/axis.js)
  * @property {import('../lib/axis.js').Limit[]} [limits] of the exercise, always within the axis
  * @property {{from: number, to: number, label: string, color: string}[]} [bands] along x
  * @property {{x: number, label: string}[]} [marks]
@@ -74,7 +74,7 @@ function drawMarks(plot, marks, at) {
   ctx.restore();
 }
 
-/** Limits as dashed lines, their words at the right end below the line, at the lower edge above it. */
+/** Limits as dashed lines, their words at the right end: below the line, or above it at the lower edge. */
 function drawLimits(plot, limits) {
   const { ctx, bbox } = plot,
     ratio = devicePixelRatio;

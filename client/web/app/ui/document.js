@@ -1,4 +1,4 @@
-// Editing a document with revisions: draft, saving, and the conflict when somebody else was faster.
+// Editing a document with revisions: draft, saving, and the conflict if another person was faster.
 import { merge, resolved, same } from '../lib/diff.js';
 import { isObject } from '../lib/shape.js';
 import { documents } from '../net/requests.js';
@@ -9,7 +9,7 @@ import { useCallback, useEffect, useMemo, useState } from './html.js';
 /**
  * @param {'profiles'|'courses'} kind
  * @param {string} id '' for a new one
- * @param {() => Promise<any>} [begin] what a new one begins with
+ * @param {() => Promise<any>} [begin] the contents of a new one
  */
 export function useDocument(kind, id, begin) {
   const store = documents(kind);
@@ -59,7 +59,7 @@ export function useDocument(kind, id, begin) {
 
   const put = async (json, revision) => {
     try {
-      // the address is that of the document that was opened, whatever the JSON calls it: the server refuses another id
+      // the address is the opened document's, even if its JSON has another id, which the server refuses
       const saved = await store.put(id || json.id, json, revision);
       draft.drop();
       setConflict(null);
@@ -101,7 +101,7 @@ export function useDocument(kind, id, begin) {
     discard,
     closeConflict: () => setConflict(null),
     reload: () => setTurn((t) => t + 1),
-    /** counts how often the document was loaded: what was typed before is dropped */
+    /** counts how often the document was loaded; a new number drops what was typed before */
     turn,
   };
 }

@@ -10,7 +10,7 @@ import { shownOf } from '../lib/shape.js';
 /** @param {FieldProblem[]|undefined} problems @param {string} path */
 export const problemsAt = (problems, path) => (problems ?? []).filter((p) => p.path === path);
 
-/** A label, what belongs to it, its help and its problems. */
+/** A label with its field, help and problems. */
 export function Frame({ id, label, unit, help, problems, wide, children }) {
   const errors = problems.filter((p) => p.severity !== 'WARNING');
   return html`<div class=${`field ${wide ? 'field-wide' : ''} ${errors.length ? 'field-bad' : ''}`}>
@@ -51,7 +51,7 @@ export function TextField({ label, value, onValue, path = '', problems, help, wi
 
 /**
  * A number in the unit that people use; the value is SI. Text that is not a number stays in the field, is reported
- * here and is not passed on.
+ * here, and is not passed on.
  * @param {{label: string, value: number|undefined, onValue: (value: number|undefined) => void, factor?: number, unit?: string, path?: string, problems?: FieldProblem[], [more: string]: any}} props
  */
 export function NumberField({
@@ -82,7 +82,7 @@ export function NumberField({
   const bad = typed(text, factor) === null;
   const said = problemsAt(problems, path);
   const mine = [
-    ...(bad ? [{ path, message: `“${text}” is no number; such as 3.5` }] : []),
+    ...(bad ? [{ path, message: `“${text}” is not a number; write it like 3.5` }] : []),
     ...said.map((p) => ({ ...p, message: messageIn(p.message, { factor, unit, si }) })),
   ];
   useEffect(() => {
@@ -114,7 +114,7 @@ export function NumberField({
 }
 
 /**
- * A value that is none of the options is shown as it is.
+ * Shows a value that is not an option as it is.
  * @param {{label: string, value: any, options: [any, string][], onValue: (value: string) => void, [more: string]: any}} props
  */
 export function SelectField({ label, value, options, onValue, path = '', problems, help, wide, ...more }) {
@@ -155,7 +155,7 @@ export function CheckField({ label, checked, onValue, help, ...more }) {
   </div>`;
 }
 
-/** Opens the whole document as JSON (ui/as_json.js), for what no field can mend. */
+/** Opens the whole document as JSON (ui/as_json.js), for what no field can correct. */
 function focusJson() {
   const json = document.querySelector('[data-path="json"]');
   json?.closest('details')?.setAttribute('open', '');
@@ -167,7 +167,7 @@ export function ProblemList({ problems }) {
   const errors = (problems ?? []).filter((p) => p.severity !== 'WARNING');
   const warnings = (problems ?? []).filter((p) => p.severity === 'WARNING');
   const go = (path) => {
-    // a vector, or a group, has its first field
+    // a vector or a group leads to its first field
     const inside = path && document.querySelector(`[data-path^="${CSS.escape(path)}."]`);
     if (inside && !document.querySelector(`[data-path="${CSS.escape(path)}"]`)) return inside.focus();
     const parts = path.split(/(?=[.[])/);
@@ -203,7 +203,7 @@ export function ProblemList({ problems }) {
   </div>`;
 }
 
-/** By document, each of which has one shape: what is drawn of it is drawn again only when it changes. */
+/** By document, each of which has one shape, so that its drawing is repeated only when it changes. */
 const kShown = new WeakMap();
 function shownOnce(document, shape) {
   if (!kShown.has(document)) kShown.set(document, shownOf(document, shape));
@@ -211,7 +211,7 @@ function shownOnce(document, shape) {
 }
 
 /**
- * In place of fields that a document's value cannot have: what is wrong, and the way to mend it.
+ * Replaces the fields of a value with a wrong type: says what is wrong and how to correct it.
  * @param {{f: ReturnType<typeof formOf>, path: string}} props nothing if the value is right
  */
 export function Broken({ f, path }) {
@@ -224,8 +224,8 @@ export function Broken({ f, path }) {
 
 /**
  * @param {{doc: any, shape: import('../lib/shape.js').Shape, change: (next: any) => void, problems: FieldProblem[], onBad?: (path: string, bad: boolean) => void, readonly?: boolean}} given
- * @returns `doc` and `at`: the document as far as its values are of the right types; `set` and `edit` change the
- *   document itself, and only at their path; `problems`: with those of the shape
+ * @returns `doc` and `at`: the document as far as its values have the right types; `set` and `edit` change the
+ *   document itself, only at their path; `problems`: includes those of the shape
  */
 export function formOf({ doc: whole, shape, change, problems: said, onBad, readonly }) {
   const { shown: doc, faults } = shownOnce(whole, shape);

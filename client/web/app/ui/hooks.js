@@ -16,7 +16,7 @@ export function useStore(source) {
 }
 
 /**
- * Loads when `inputs` change, and again when the server is back after it was away.
+ * Loads when `inputs` change, and again when the server is back.
  * @template T
  * @param {(signal: AbortSignal) => Promise<T>} load
  * @param {any[]} inputs
@@ -41,15 +41,15 @@ export function useLoad(load, inputs) {
 }
 const key = (inputs) => JSON.stringify(inputs);
 
-/** What people call an exercise: its name; its id until the names are here, and where no course has it any more. */
+/** An exercise's usual name; its id until the names are loaded, and if no course has it any more. */
 export function useExerciseName() {
   const load = useLoad((signal) => exercises(signal), []);
   return (id) => load.data?.find((e) => e.id === id)?.name || id;
 }
 
 /**
- * The work of a button: whether it is under way, and what went wrong.
- * @returns {{busy: boolean, error: Error|null, run: (work: () => Promise<any>) => Promise<any>, clear: () => void}} `run` resolves to undefined after an error, and at once while a work is under way
+ * A button's action: whether it is running, and what went wrong.
+ * @returns {{busy: boolean, error: Error|null, run: (work: () => Promise<any>) => Promise<any>, clear: () => void}} `run` resolves to undefined after an error, and at once while an action is running
  */
 export function useAction() {
   const [state, setState] = useState({ busy: false, error: null });
@@ -74,8 +74,8 @@ export function useAction() {
 }
 
 /**
- * A document that is being edited, kept in this tab's storage until it is saved or discarded. Each person has drafts
- * of their own.
+ * A document that is being edited, kept in this tab's storage until it is saved or discarded. Each person has separate
+ * drafts.
  * @template T
  * @param {string} name
  * @returns {{read: () => T|null, write: (draft: T) => void, drop: () => void}}
@@ -102,8 +102,8 @@ export function draftOf(name) {
 }
 
 /**
- * Shows a dialog above the page as long as it is there. It takes nothing that was pressed before it was painted
- * (`data-painted` from then on); afterwards the focus goes back to where it was.
+ * Shows a dialog above the page while it exists. It ignores what was pressed before it was painted (`data-painted` from
+ * then on); afterwards the focus returns to where it was.
  * @returns {{current: HTMLDialogElement|null}} for the dialog's `ref`
  */
 export function useModal() {
@@ -119,7 +119,7 @@ export function useModal() {
     };
     for (const type of kPresses) dialog.addEventListener(type, guard, true);
     dialog.showModal();
-    // a frame's callbacks run before it is painted, those of the next one after that
+    // a frame's callbacks run before it is painted, the next frame's after that
     let frame = requestAnimationFrame(() => {
       frame = requestAnimationFrame(() => {
         gate.painted(performance.now());
@@ -145,16 +145,16 @@ export function useDebounced(value, ms) {
 }
 
 /**
- * Resolves once nothing is pressed. An answer of the server that is shown between press and release may move the page
- * under the pointer, and the click is lost.
+ * Resolves once nothing is pressed. A server's answer shown between press and release may move the page under the
+ * pointer, and the click would be lost.
  */
 export async function released() {
   while (document.querySelector(':active')) await new Promise(requestAnimationFrame);
 }
 
 /**
- * How wide an element is, in CSS pixels, as it changes.
- * @param {number} first before it is known
+ * An element's width in CSS pixels, as it changes.
+ * @param {number} first until it is known
  * @returns {[{current: Element|null}, number]} the first for its `ref`
  */
 export function useWidth(first) {

@@ -3,8 +3,8 @@ import { h, options, render } from '../../vendor/preact.js';
 import htm from '../../vendor/htm.js';
 import { visibleText } from '../lib/visible_text.js';
 
-// Each text of a page comes by here (a node without type): hidden characters in names from before are written out. What a field
-// holds (`value`) stays as it is.
+// Each text of a page passes through here (a node without type): writes out hidden characters in older names. A field's
+// contents (`value`) stay as they are.
 options.vnode = (node) => {
   if (node.type === null && typeof node.props === 'string') node.props = visibleText(node.props);
 };

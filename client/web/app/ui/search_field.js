@@ -1,5 +1,5 @@
-// A choice out of a list that may be long: the server looks for what is typed, and offers some of what fits. A combobox as the
-// ARIA practices have it: arrows, Enter, Escape; the pointer, too.
+// A choice from a list that may be long: the server searches for the typed text and offers some matches. A combobox as
+// in the ARIA practices: arrows, Enter, Escape, and the pointer.
 import { html, useEffect, useId, useLayoutEffect, useRef, useState } from './html.js';
 import { described, Frame, problemsAt } from './fields.js';
 import { useDebounced, useLoad } from './hooks.js';
@@ -9,7 +9,7 @@ const kWait_ms = 200;
 
 /** @typedef {{key: string, text: string}} Option */
 
-/** What the list says of itself, for the eye and for a screen reader. */
+/** The list's state in words, for the eye and for a screen reader. */
 function said(load, text, is_current) {
   if (!is_current || load.data === undefined) return is_current && load.error ? '' : 'Looking …';
   const { options, more } = load.data;
@@ -43,7 +43,7 @@ function Offers({ id, options, load, is_current, again, at, setAt, choose, text,
 /**
  * @param {{label: string, chosen: Option|null, onChoose: (option: Option|null) => void,
  *   find: (text: string, signal: AbortSignal) => Promise<{options: Option[], more: boolean}>, failed?: string, [more: string]: any}} props
- *   `find`: with '' what is offered before anything is typed; the same function at each turn of the page
+ *   `find`: called with '' for the offers before anything is typed; must be the same function at each drawing
  */
 export function SearchField({
   label,
@@ -62,7 +62,7 @@ export function SearchField({
   const mine = problemsAt(problems, path);
   const input = useRef(null);
   const [typed, setTyped] = useState('');
-  // what is chosen stays until something else is, or the field is emptied; but a required field shows what is typed instead
+  // the choice stays until another is made or the field is emptied, but a required field shows the typed text instead
   const [editing, setEditing] = useState(false);
   const [open, setOpen] = useState(false);
   const [at, setAt] = useState(0);
@@ -70,7 +70,7 @@ export function SearchField({
   const wanted = open && asked === typed;
   const load = useLoad((signal) => (wanted ? find(asked, signal) : Promise.resolve(undefined)), [asked, wanted]);
   const text = chosen && !editing ? chosen.text : typed;
-  // what was found for another text is not offered: an Enter before the answer comes chooses nothing
+  // matches for another text are not offered: Enter before the answer comes chooses nothing
   const is_current = wanted && !load.loading;
   const offers = is_current ? (load.data?.options ?? []) : [];
   useEffect(() => setAt(0), [load.data]);
@@ -94,7 +94,7 @@ export function SearchField({
     if (chosen && !editing) input.current.select();
   };
   const again = () => {
-    // the button goes: the focus stays in the field
+    // the button disappears: the focus stays in the field
     input.current.focus();
     load.reload();
   };
@@ -114,7 +114,7 @@ export function SearchField({
       event.preventDefault();
       if (offers[at]) choose(offers[at]);
     } else if (event.key === 'Escape' && open) {
-      // a dialog stays
+      // a dialog stays open
       event.preventDefault();
       event.stopPropagation();
       setOpen(false);

@@ -118,7 +118,7 @@ export function SideView({ profile, frame: given, fidelity, to_m, label, over })
     const lines = layers.map((l) => levelLine(depth, frame, l.from_m, window));
     const all = shapes(profile, frame, 'd');
     return { layers, frame, bottom_m, scale, half_m, height: height_m * scale, lines, all, texts: beside.texts };
-    // the numbers, not their list: the page makes a new one each time
+    // the numbers, because the page makes a new list each time
   }, [profile, given, to_m, width, fidelity?.join()]);
   const { texts, layers, scale, half_m, height, lines, all, bottom_m } = drawn;
   const x = (u) => (u + half_m) * scale,

@@ -25,7 +25,7 @@ export const kSections = [
   ['Upkeep', '#/upkeep', 'upkeep', 'k'],
 ];
 
-/** Two keys within a second and a half: g, then the section's letter. Not while something is being typed. */
+/** Two keys within a second and a half: g, then the section's letter. Not while a person is typing. */
 function useKeys(sections, showHelp) {
   useEffect(() => {
     let armed_ms = 0;
@@ -110,7 +110,7 @@ export function Shell({ person, section, children }) {
   const leaving = useAction();
   useKeys(sections, () => setHelp(true));
   const skip = (event) => {
-    // the address is that of the page, not of a place in it
+    // the address names the page, not a place in it
     event.preventDefault();
     document.getElementById('main').focus();
   };

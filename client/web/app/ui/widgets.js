@@ -1,4 +1,4 @@
-// What every page is made of: heading, problem, table, dialog, notice, list in pages, download.
+// The parts of every page: heading, problem, table, dialog, notice, list in pages, download.
 import { html, useCallback, useEffect, useState } from './html.js';
 import { store } from '../lib/store.js';
 import { newest } from '../lib/units.js';
@@ -43,7 +43,7 @@ export function Loaded({ load, children }) {
         html`<${Problem}
           error=${load.error}
           retry=${load.reload}
-          title="Could not be loaded anew; below is what was there before"
+          title="Could not be reloaded; the earlier contents are below"
         />`
       }
       ${children(load.data)}
@@ -104,8 +104,8 @@ export function Dialog({ title, close, children, wide }) {
 }
 
 /**
- * Asks before something that cannot be undone. The browser gives the focus to the first that can have it: a field that
- * must be filled, or Cancel. So Enter destroys nothing.
+ * Asks before something that cannot be undone. The browser gives the focus to the first element that can have it: a
+ * field that must be filled, or Cancel. So Enter destroys nothing.
  */
 export function Confirm({ title, children, word, act, close, busy, error }) {
   return html`<${Dialog} title=${title} close=${close}>
@@ -116,6 +116,45 @@ export function Confirm({ title, children, word, act, close, busy, error }) {
       <button type="button" class="danger" disabled=${busy} onClick=${act}>${word}</button>
     </div>
   <//>`;
+}
+
+/** What a question says about a part of a form that is removed. */
+export const kOfTheForm = 'It is removed from this form. The stored version does not change until the form is saved.';
+
+/**
+ * A button for something destructive: asks before it acts, and so ends in "…".
+ * @param {{text: string, label?: string, small?: boolean, disabled?: boolean, title: string, word?: string, act: () => any, children: any}} props
+ * `label`: for a screen reader, if `text` says too little; `word`: of the button that acts, otherwise `text`;
+ * `children`: what is removed and what stays; if `act` throws, the question stays open and says why
+ */
+export function DangerButton({ text, label, small, disabled, title, word = text, act, children }) {
+  const [asking, setAsking] = useState(false);
+  const action = useAction();
+  const close = () => {
+    setAsking(false);
+    action.clear();
+  };
+  const go = async () => {
+    const done = await action.run(async () => {
+      await act();
+    });
+    if (done) close();
+  };
+  return html`
+    <button
+      type="button"
+      class=${small ? 'small danger' : 'danger'}
+      disabled=${disabled}
+      aria-label=${label}
+      onClick=${() => setAsking(true)}
+    >${text} …</button>
+    ${
+      asking &&
+      html`<${Confirm} title=${title} word=${word} act=${go} close=${close} busy=${action.busy} error=${action.error}>
+        <p>${children}</p>
+      <//>`
+    }
+  `;
 }
 
 /** @type {ReturnType<typeof store<{text: string, at: number}>>} */
@@ -173,7 +212,7 @@ export function saveAs(file, text, type) {
 }
 
 /**
- * @param {{file: string, make: () => Promise<any>, children: any}} props `make` gives what is saved as JSON
+ * @param {{file: string, make: () => Promise<any>, children: any}} props `make` returns what is saved as JSON
  */
 export function JsonDownload({ file, make, children }) {
   const action = useAction();

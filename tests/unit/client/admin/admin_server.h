@@ -1,4 +1,4 @@
-/// A running server on the test's data folder, and needlelab-admin as somebody who logs in to it.
+/// A running server on the test's data folder, and needlelab-admin logged in to it.
 #pragma once
 
 #include <memory>
@@ -11,7 +11,7 @@
 
 namespace needlelab::test {
 
-/// Everybody has the password of `password_`'s file.
+/// Every user has the password in the file `password_`.
 class AdminServerTest : public AdminTest {
  protected:
   void TearDown() override { stop(); }

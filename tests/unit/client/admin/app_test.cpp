@@ -13,9 +13,9 @@
 #include "client/admin/backend.h"
 #include "client/admin/command.h"
 #include "common/base/crc32c.h"
-#include "common/base/files.h"
-#include "db/schema.h"
-#include "db/session_results.h"
+#include "common/base/files/files.h"
+#include "db/sessions/session_results.h"
+#include "db/store/schema.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/admin/run_admin.h"
 
@@ -26,7 +26,7 @@ using Admin = test::AdminTest;
 using Arguments = std::vector<std::string>;
 
 TEST_F(Admin, sessionsAreSearchedByDateVerdictExerciseAndName) {
-  const std::string id = uuidText(addSession(2));  // of anna, at knee-1, started 2023-11-14T22:13:20Z
+  const std::string id = uuidText(addSession(2));  // anna's, at knee-1, started 2023-11-14T22:13:20Z
   const auto found = [&](const Arguments& more) {
     Arguments arguments = {"session", "list", "--json"};
     arguments.insert(arguments.end(), more.begin(), more.end());
@@ -53,7 +53,7 @@ TEST_F(Admin, sessionsAreSearchedByDateVerdictExerciseAndName) {
 TEST_F(Admin, rootIsRefusedOnTheFolderOfSomebodyElseWithTheRightCommand) {
   good({"user", "add", "tom", "--role", "trainee"});
   const std::filesystem::path database = std::filesystem::path(data()) / "needlelab.db";
-  constexpr uid_t kOther = 61234;  // nobody's
+  constexpr uid_t kOther = 61234;  // owned by no user
   const bool root = ::geteuid() == 0;
   const std::string owner = root ? "'#61234'" : localName().substr(std::string("local:").size());
   if (root) {
@@ -89,8 +89,8 @@ TEST_F(Admin, setsUpAFolderBeforeTheFirstServerStart) {
 
   // the password and the key work
   auto store = test::TestDb::must(Store::open(data(), {}));
-  EXPECT_OK(store->service().loginPerson("ines", "correct horse"));
-  EXPECT_OK(store->service().loginPerson("ada", "correct horse"));
+  EXPECT_OK(store->service().logins().loginPerson("ines", "correct horse"));
+  EXPECT_OK(store->service().logins().loginPerson("ada", "correct horse"));
   struct stat info {};
   ASSERT_EQ(::stat(file("lab1.key").c_str(), &info), 0);
   EXPECT_EQ(info.st_mode & 0777u, 0600u);
@@ -102,7 +102,7 @@ TEST_F(Admin, setsUpAFolderBeforeTheFirstServerStart) {
   std::string key;
   for (std::size_t i = 6; i < line.size(); i += 2)
     key += static_cast<char>(std::stoi(line.substr(i, 2), nullptr, 16));
-  EXPECT_OK(store->service().loginStation("lab 1", key));
+  EXPECT_OK(store->service().logins().loginStation("lab 1", key));
 }
 
 TEST_F(Admin, wrongUsageAndInputAreTwoAndMakeNothing) {
@@ -209,7 +209,7 @@ TEST_F(Admin, aCommandThatFailsLeavesNoNewFolder) {
     EXPECT_EQ(onData(command).code, 2) << command[0] << " " << command[1];
     EXPECT_FALSE(std::filesystem::exists(data())) << command[0] << " " << command[1];
   }
-  // a folder that was there stays, with what is in it
+  // an existing folder stays, with its content
   std::filesystem::create_directory(data());
   folder.write("data/notes.txt", "mine");
   for (const Arguments& command : commands) EXPECT_EQ(onData(command).code, 2);
@@ -217,7 +217,7 @@ TEST_F(Admin, aCommandThatFailsLeavesNoNewFolder) {
   for (const auto& entry : std::filesystem::directory_iterator(data()))
     left.push_back(entry.path().filename());
   EXPECT_EQ(left, std::vector<std::string>{"notes.txt"});
-  // and so does a database, whatever fails afterwards
+  // so does a database, whatever fails afterwards
   good({"user", "add", "tom", "--role", "trainee"});
   for (const Arguments& command : commands) EXPECT_EQ(onData(command).code, 2);
   EXPECT_EQ(good({"user", "list", "--json"}).rows().size(), 1u);
@@ -237,7 +237,7 @@ TEST_F(Admin, aCommandThatFailsLeavesNoNewParentFolders) {
   // the parents can be made, the folder cannot
   EXPECT_NE(fails(file("a/b/" + std::string(300, 'x'))), 0);
   EXPECT_FALSE(std::filesystem::exists(file("a")));
-  // what somebody else put there keeps its folder
+  // a folder with somebody else's file in it is kept
   std::filesystem::create_directories(file("a"));
   EXPECT_EQ(fails(file("a/b/c")), 2);
   EXPECT_TRUE(std::filesystem::exists(file("a")));
@@ -248,7 +248,7 @@ TEST_F(Admin, aDatabaseThatCannotBeWrittenLeavesNoNewFolder) {
   rlimit usual{};
   ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &usual), 0);
   const auto handler = std::signal(SIGXFSZ, SIG_IGN);
-  // no room for the name in the lock file; room for that, but for no page of the database
+  // no room for the name in the lock file; then room for it, but not for a page of the database
   for (const rlim_t bytes : {rlim_t{0}, rlim_t{200}}) {
     const rlimit least{bytes, usual.rlim_max};
     ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &least), 0);
@@ -281,7 +281,7 @@ TEST_F(Admin, aDatabaseOfAPendingRestoreIsNeverRemoved) {
   std::filesystem::copy_file(file("other/needlelab.db"), data() + "/needlelab.db.restoring");
   folder.write("data/restore.pending", "needlelab.db.replaced-20260101");
   {
-    // completes the restore; nothing is in the restored database's audit log
+    // completes the restore; the restored database's audit log is empty
     const auto backend = openFolder(data(), true);
     ASSERT_TRUE(backend.ok()) << backend.error().message;
     (*backend)->discardIfNew();
@@ -345,6 +345,7 @@ TEST_F(Admin, curriculaAndAssignments) {
   const auto curricula = good({"curriculum", "list", "--json"}).rows();
   ASSERT_EQ(curricula.size(), 2u) << "the sample courses";
   const std::string exercise = curricula[0].at("exercise_ids")[0];
+  EXPECT_EQ(curricula[0].at("exam"), false);
   // Export and import give the same text.
   for (const auto& [id, sample] : std::map<std::string, std::string>{
            {"rheumatology-basics", NEEDLELAB_SAMPLES "/curriculum.json"},
@@ -491,25 +492,6 @@ TEST_F(Admin, helpAndVersionAreZero) {
   EXPECT_EQ(run({"--help"}).code, 0);
   EXPECT_EQ(run({"user", "add", "--help"}).code, 0);
   EXPECT_EQ(run({"--version"}).out, "needlelab-admin " NEEDLELAB_VERSION "\n");
-}
-
-TEST(PasswordFile, itsFirstLineCounts) {
-  const test::TempFolder folder;
-  EXPECT_EQ(*passwordFromFile(folder.write("a", "secret word\nnot this")), "secret word");
-  EXPECT_EQ(*passwordFromFile(folder.write("b", "secret\r\n")), "secret");
-  EXPECT_EQ(*passwordFromFile(folder.write("c", "no end")), "no end");
-}
-
-TEST(PasswordFile, missingEmptyOrHugeIsWrongInput) {
-  const test::TempFolder folder;
-  for (const auto& path : {folder.path() / "none", folder.write("a", ""), folder.write("b", "\nsecond line"),
-                           folder.write("c", std::string(10'000, 'x'))}) {
-    const auto refused = passwordFromFile(path);
-    ASSERT_FALSE(refused.ok());
-    EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
-    EXPECT_NE(refused.error().message.find(path.string()), std::string::npos);
-    EXPECT_EQ(refused.error().message.find("xxx"), std::string::npos);
-  }
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// The audit log: what it tells, and what `audit verify` says of it.
+// The audit log: its entries, and what `audit verify` reports.
 #include <gmock/gmock.h>
 
 #include <algorithm>
@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "common/base/files.h"
-#include "db/audit.h"
-#include "db/connection.h"
+#include "common/base/files/files.h"
+#include "db/audit/audit.h"
+#include "db/store/connection.h"
 #include "tests/support/time_zone.h"
 #include "tests/unit/client/admin/run_admin.h"
 
@@ -71,13 +71,13 @@ TEST_F(AuditCommands, verifyFindsWhatSomebodyWithTheFileDidToTheLog) {
   EXPECT_EQ(fresh.at("lines"), 2);
   EXPECT_THAT(good({"audit", "verify"}).out, HasSubstr("Nothing is promised about lines that were removed"));
   good({"backup", file("copy.db")});
-  // beside a server, too: it holds the folder
+  // works beside a server, which holds the folder
   {
     const auto server = test::TestDb::must(Store::open(data(), {}));
     EXPECT_EQ(good({"audit", "verify", "--anchor", file("copy.db"), "--json"}).rows().at(0).at("anchored"),
               2);
   }
-  // whoever has the file takes the last line away: the backup knows it
+  // somebody with access to the file removes the last line: the backup still has it
   {
     auto writer =
         test::TestDb::must(Connection::open(data() + "/needlelab.db", {.mode = Connection::Mode::kWriter}));
@@ -85,7 +85,7 @@ TEST_F(AuditCommands, verifyFindsWhatSomebodyWithTheFileDidToTheLog) {
         writer.script("PRAGMA foreign_keys=OFF; DELETE FROM audit_chain WHERE line > 1;"
                       "DELETE FROM audit WHERE id > 1"));
   }
-  // and audit.head knows the backup's own line, too
+  // audit.head also has the backup's own line
   const Run alone = onData({"audit", "verify"});
   EXPECT_EQ(alone.code, 1);
   EXPECT_THAT(alone.out, HasSubstr("fault: audit.head: the log ends with entry 1, and had 3"));
@@ -96,7 +96,7 @@ TEST_F(AuditCommands, verifyFindsWhatSomebodyWithTheFileDidToTheLog) {
   EXPECT_EQ(onData({"audit", "verify", "--anchor", file("junk")}).code, 2);
   EXPECT_EQ(run({"--server", "localhost:1", "audit", "verify"}).code, 2) << "needs --data";
   fs::remove(data() + "/audit.key");
-  EXPECT_THAT(onData({"audit", "verify"}).err, HasSubstr("audit.key: is not there"));
+  EXPECT_THAT(onData({"audit", "verify"}).err, HasSubstr("audit.key: does not exist"));
 }
 
 TEST_F(AuditCommands, verifySaysInPlainWordsWhatNobodyCanCheckAndWhatARestoreLeftOut) {
@@ -104,10 +104,10 @@ TEST_F(AuditCommands, verifySaysInPlainWordsWhatNobodyCanCheckAndWhatARestoreLef
   good({"user", "add", "ida", "--role", "trainee"});
   EXPECT_THAT(good({"audit", "verify"}).out, Not(HasSubstr("note: ")));
   good({"restore", "--from", file("copy.db")});
-  // the backup has the line of tom; the lines of the backup and of ida are lost
+  // tom's line is in the backup; the lines of the backup and of ida are lost
   EXPECT_THAT(good({"audit", "verify"}).out, HasSubstr("the log had 3 entries until then, and the backup 1"));
   fs::remove(data() + "/audit.head");
-  EXPECT_THAT(good({"audit", "verify"}).out, HasSubstr("note: audit.head is not there"));
+  EXPECT_THAT(good({"audit", "verify"}).out, HasSubstr("note: audit.head does not exist"));
   folder.write("data/audit.head", "needlelab audit head 1\n");
   EXPECT_EQ(onData({"audit", "verify"}).code, 1);
 }
@@ -125,9 +125,9 @@ TEST_F(AuditCommands, aBreakIsAFaultUntilItIsAcknowledgedAndTheNextOneIsAFaultAg
   const Run none = onData({"audit", "acknowledge", "1"});
   EXPECT_EQ(none.code, 2);
   EXPECT_THAT(none.err,
-              HasSubstr("line 1 of the audit log is no \"audit break\" of this log; there is none"));
+              HasSubstr("line 1 of the audit log is not an \"audit break\" of this log; there is nothing"));
   cutLast();
-  const Run found = onData({"audit", "acknowledge", "1"});  // a start, which finds the break
+  const Run found = onData({"audit", "acknowledge", "1"});  // a start finds the break
   EXPECT_EQ(found.code, 2);
   EXPECT_THAT(found.err, HasSubstr("there are: 3"));
   const Run broken = onData({"audit", "verify"});
@@ -173,7 +173,8 @@ TEST_F(AuditCommands, verifyTakesTheNewestBackupForAnAnchorOrAFolderOfThem) {
   good({"user", "add", "ida", "--role", "trainee"});
   EXPECT_EQ(good({"audit", "verify", "--json"}).rows().at(0).at("anchored"), 1);
   EXPECT_EQ(good({"audit", "verify", "--anchor", file("kept"), "--json"}).rows().at(0).at("anchored"), 1);
-  // whoever writes the whole folder takes the chain away with audit.head: the next start makes both anew
+  // somebody who can write the whole folder removes the chain and audit.head: the next start creates both
+  // again
   {
     auto writer =
         test::TestDb::must(Connection::open(data() + "/needlelab.db", {.mode = Connection::Mode::kWriter}));
@@ -191,7 +192,7 @@ TEST_F(AuditCommands, verifyTakesTheNewestBackupForAnAnchorOrAFolderOfThem) {
   }
   fs::remove(backup);
   const Run without = good({"audit", "verify"});
-  EXPECT_THAT(without.out, HasSubstr("note: the newest backup is no anchor here: " + backup));
+  EXPECT_THAT(without.out, HasSubstr("note: the newest backup is not an anchor here: " + backup));
   EXPECT_EQ(onData({"audit", "verify", "--anchor", file("kept")}).code, 2);
 }
 

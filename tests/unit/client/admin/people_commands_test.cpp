@@ -1,4 +1,4 @@
-// Commands for people: hard names, bad tables, people who are gone.
+// Commands for people: difficult names, malformed tables, deleted people.
 #include <gmock/gmock.h>
 
 #include <algorithm>
@@ -8,7 +8,7 @@
 #include <tuple>
 #include <utility>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "tests/unit/client/admin/run_admin.h"
 
 namespace needlelab {
@@ -39,7 +39,8 @@ class PeopleCommands : public test::AdminTest {
       if (row.at("name") != "ada") all[row.at("name")] = row;
     return all;
   }
-  /// The records of an export without the audit log, in which each export leaves a line, and the last line.
+  /// The records of an export without the audit log: each export adds a line there. Also without the last
+  /// line.
   static std::vector<nlohmann::json> records(const std::string& text) {
     std::vector<nlohmann::json> all;
     std::istringstream lines(text);
@@ -51,7 +52,7 @@ class PeopleCommands : public test::AdminTest {
   }
   bool logsIn(const std::string& name, const std::string& password) const {
     const auto store = test::TestDb::must(Store::open(data(), {}));
-    return store->service().loginPerson(name, password).ok();
+    return store->service().logins().loginPerson(name, password).ok();
   }
   std::string password_;
 };
@@ -69,14 +70,16 @@ TEST_F(PeopleCommands, aNameOrRoleThatIsNotAllowedIsNamedAndNobodyIsAdded) {
       {"tom\nadded", "trainee", "", "name: holds a control character"},
       {"tom\x1b[2J", "trainee", "", "name: holds a control character"},
       {"tom\xc2\x9b", "trainee", "", "name: holds a control character"},
-      {"tom\xff", "trainee", "", "name: is no valid UTF-8 text"},
+      {"tom\xff", "trainee", "", "name: is not valid UTF-8 text"},
       {"tom", "boss", "", "--role: 'boss', allowed are trainee, instructor"},
       {"tom", "station", "", "--role: 'station', allowed are"},
       {"tom", "", "", "--role: '', allowed are"},
       {"tom", "trainee", std::string(201, 'x'), "full_name: has 201 bytes, allowed are 0 to 200"},
       {"tom", "trainee", "two\nlines", "full_name: holds a control character (U+000A)"},
-      {"tom", "trainee", "Tom \u202eegroeG", "full_name: holds U+202E (right-to-left override) at byte 5"},
-      {"to\u200bm", "trainee", "", "name: holds U+200B (zero width space) at byte 3"},
+      {"tom", "trainee", "Tom \u202eegroeG",
+       "full_name: contains the invisible character U+202E (right-to-left override) at byte 5"},
+      {"to\u200bm", "trainee", "",
+       "name: contains the invisible character U+200B (zero width space) at byte 3"},
   };
   for (const Case& c : cases) {
     const Run result = onData({"user", "add", "--role", c.role, "--full-name", c.full_name, "--", c.name});
@@ -182,7 +185,7 @@ TEST_F(PeopleCommands, aCodeIsMadeSetFromAFileAndRemoved) {
   EXPECT_TRUE(practises(pin));
   EXPECT_FALSE(practises(""));
   EXPECT_THAT(good({"user", "code", "tom", "--make"}).out, HasSubstr("only its hash is kept"));
-  // a file that holds the PIN is its owner's only, also one that others could read before
+  // only the owner can read a file with the PIN, even if others could before
   const std::string kept = folder.write("code.json", "").string();
   std::filesystem::permissions(kept, std::filesystem::perms(0644));
   good({"user", "code", "tom", "--make", "--json=" + kept});
@@ -236,7 +239,7 @@ TEST_F(PeopleCommands, aNewPasswordReplacesTheOldOneAndABadFileDoesNot) {
 TEST_F(PeopleCommands, aTableWithOneBadRowChangesNothing) {
   good({"user", "add", "tom", "--role", "trainee", "--full-name", "Tom T"});
   struct Case {
-    std::string row;  ///< the third line; the second is a good one
+    std::string row;  ///< in the third line; the second is valid
     std::string column, words;
   };
   const Case cases[] = {
@@ -249,7 +252,8 @@ TEST_F(PeopleCommands, aTableWithOneBadRowChangesNothing) {
       {"local:root,,,,", "name", "'local:root' begins with 'local:', as the audit log calls"},
       {"\"two\nlines\",,,,", "name", "holds a control character"},
       {"zoe," + std::string(201, 'z') + ",,,", "full_name", "has 201 bytes"},
-      {"zoe,Zo\u2067e,,,", "full_name", "holds U+2067 (right-to-left isolate) at byte 3"},
+      {"zoe,Zo\u2067e,,,", "full_name",
+       "contains the invisible character U+2067 (right-to-left isolate) at byte 3"},
       {"zoe,,instructor,,", "password", "is missing"},
       {"zoe,,,,short", "password", "has 5 bytes, allowed are 8 to 256"},
       {"anna,,,,", "name", "stands in line 2 already"},
@@ -264,7 +268,7 @@ TEST_F(PeopleCommands, aTableWithOneBadRowChangesNothing) {
     const Run result = onData({"user", "import", csv, "--json"});
     EXPECT_EQ(result.code, 2) << c.words;
     EXPECT_EQ(result.err, "needlelab-admin: " + csv + ": 1 rows cannot be taken: nothing was changed\n");
-    const auto fault = result.rows().at(0);  // faults come first
+    const auto fault = result.rows().at(0);  // faults are listed first
     EXPECT_EQ(fault.at("what"), "fault");
     EXPECT_EQ(fault.at("line"), 3) << c.words;
     EXPECT_EQ(fault.at("column"), c.column) << c.words;

@@ -1,9 +1,9 @@
-// Commands for patients, courses and assignments: bad files, revisions, what is given to whom.
+// Commands for patients, courses and assignments: bad files, revisions, assignments to people and classes.
 #include <gmock/gmock.h>
 
 #include <filesystem>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "tests/support/time_zone.h"
 #include "tests/unit/client/admin/run_admin.h"
 
@@ -66,7 +66,7 @@ TEST_F(ProfileCommands, aBadProfileIsNamedByFileFieldAndRangeAndNoneOfTheFilesIs
 
 TEST_F(ProfileCommands, aProfileWhoseSkinLeavesAPlanIsImportedWithAWarning) {
   auto shoulder = json::parse(*readWholeFile(NEEDLELAB_SAMPLES "/shoulder-adult.json"));
-  shoulder["limb"]["sphere"]["center_m"]["z"] = -0.063;  // its top was at the plan's entry
+  shoulder["limb"]["sphere"]["center_m"]["z"] = -0.063;  // before, its top was at the plan's entry
   const auto file = write("sunk.json", shoulder);
   const Run done = good({"profile", "import", file});
   EXPECT_EQ(done.out, "profile 'shoulder-adult' is revision 2\n");
@@ -108,7 +108,7 @@ TEST_F(ProfileCommands, aProfileThatDiffersIsANewRevisionAndTheOldOneStays) {
     EXPECT_EQ(missing.out, "");
     EXPECT_EQ(onData({"profile", command, "mine", "--revision", "-1"}).code, 2) << command;
   }
-  // in the list it is one row, of the newest revision, with its name as it was written
+  // the list has one row: the newest revision, with the name as typed
   int rows = 0;
   for (const auto& row : good({"profile", "list", "--json"}).rows()) {
     if (row.at("id") != "mine") continue;
@@ -175,7 +175,7 @@ TEST_F(CurriculumCommands, aBadCourseIsNamedByItsFileAndNothingOfItIsStored) {
       {twice, 2, "exercises[1].id: \"x1\" is used twice"},
       {none, 2, "exercises: has 0 items, allowed are 1 to 1000"},
       {requiring({{"measure", "peak_force_n"}}), 2, "give min, max or both"},
-      {requiring({{"measure", "luck"}, {"max", 1}}), 2, "\"luck\" is none of elapsed_s"},
+      {requiring({{"measure", "luck"}, {"max", 1}}), 2, "\"luck\" is not one of elapsed_s"},
       {courseOf({{"profile_id", "nobody"}}), 1, "profile_id: there is no profile 'nobody': import it first"},
       {courseOf({{"id", "knee-recess"}}), 1,
        "already an exercise of this id in curriculum 'rheumatology-basics'"},
@@ -217,10 +217,10 @@ TEST_F(CurriculumCommands, aWrongAssignmentIsNamedAndNotMade) {
       {{"tom"}, 2, "give an exercise or --course"},
       {{"tom", "knee-recess", "--group", "g"}, 2, "give a trainee or --group"},
       {{"tom", "knee-recess", "--course", "rheumatology-basics"}, 2, "give an exercise or --course"},
-      {{"tom", "knee-recess", "--due", "tomorrow"}, 2, "--due: 'tomorrow' is no moment"},
-      {{"tom", "knee-recess", "--due", "2026-02-30T12:00Z"}, 2, "is no day or time that there is"},
+      {{"tom", "knee-recess", "--due", "tomorrow"}, 2, "--due: 'tomorrow' is not a time"},
+      {{"tom", "knee-recess", "--due", "2026-02-30T12:00Z"}, 2, "is not a valid date or time"},
       {{"tom", "knee-recess", "--due", "2026-02-03T12:00"}, 2, "has no time zone"},
-      {{"ines", "knee-recess"}, 2, "'ines' is no trainee"},
+      {{"ines", "knee-recess"}, 2, "'ines' is not a trainee"},
       {{"nobody", "knee-recess"}, 1, "no person named 'nobody'"},
       {{"--group", "nobody", "--course", "rheumatology-basics"}, 1, "no group 'nobody'"},
       {{"tom", "nothing"}, 1, "nothing"},

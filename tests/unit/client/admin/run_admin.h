@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "client/admin/app.h"
-#include "db/service/bootstrap.h"
+#include "db/service/start/bootstrap.h"
 #include "tests/unit/db/test_db.h"
 
 namespace needlelab::test {

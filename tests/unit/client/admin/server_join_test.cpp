@@ -6,12 +6,12 @@
 #include <filesystem>
 #include <fstream>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/wire/certificates.h"
-#include "db/audit_chain.h"
-#include "db/erasure_list.h"
-#include "db/pseudonyms.h"
-#include "db/store_address.h"
+#include "db/audit/audit_chain.h"
+#include "db/erasure/erasure_list.h"
+#include "db/people/pseudonyms.h"
+#include "db/store/store_address.h"
 #include "tests/unit/client/admin/run_admin.h"
 
 namespace needlelab {
@@ -23,7 +23,7 @@ using testing::HasSubstr;
 
 class ServerJoin : public test::AdminTest {
  protected:
-  /// A folder as a server that works with others leaves it.
+  /// A folder as left by a server that works with others.
   void SetUp() override {
     fs::create_directory(from());
     ASSERT_OK(writeStoreFile(from(), {"postgresql://needlelab@db/lab", "the-lab"}));
@@ -32,7 +32,7 @@ class ServerJoin : public test::AdminTest {
     ASSERT_OK(writeErasures(from(), {{makeUuidV7(), makeUuidV7(), 5}}));
     ASSERT_OK(
         ensureTlsFiles(tlsFilesIn(from() / "tls"), {.hosts = {"a.example.org"}, .domains = {"example.org"}}));
-    // what is that server's own
+    // files that belong to that server alone
     for (const char* const own : {"lock", "acknowledged"}) write(own, "1\n");
   }
   [[nodiscard]] fs::path from() const { return folder.path() / "first"; }
@@ -56,7 +56,7 @@ class ServerJoin : public test::AdminTest {
     EXPECT_EQ(::lstat(path.c_str(), &info), 0) << path;
     return info.st_mode & 07777;
   }
-  /// A refusal that leaves what was there.
+  /// Expects a refusal that leaves everything as it was.
   void refuses(const std::string& words,
                std::vector<std::string> more = {"--host-name", "b.example.org"}) const {
     const auto before = filesIn(folder.path());
@@ -80,7 +80,7 @@ TEST_F(ServerJoin, theFolderHasTheLabsKeysAndACertificateOfItsOwn) {
   const auto facts = test::TestDb::must(readCertificate(to() / "tls/server.crt"));
   EXPECT_THAT(facts.hosts, testing::IsSupersetOf({"b.example.org", "localhost", "127.0.0.1"}));
   EXPECT_NE(*readWholeFile(to() / "tls/server.key"), *readWholeFile(from() / "tls/server.key"));
-  // nobody else reads keys
+  // others cannot read the keys
   EXPECT_EQ(modeOf(to()), 0700u);
   EXPECT_EQ(modeOf(to() / "tls"), 0700u);
   for (const char* const own : {"audit.key", "pseudonym.key", "erasures", "store", "tls/server.key"})
@@ -90,7 +90,7 @@ TEST_F(ServerJoin, theFolderHasTheLabsKeysAndACertificateOfItsOwn) {
 }
 
 TEST_F(ServerJoin, theAuthorityComesAlongWhereItIsAskedFor) {
-  fs::create_directory(to());  // an empty folder is as good as none
+  fs::create_directory(to());  // an empty folder counts as missing
   const Run result = join({"--with-authority"});
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_EQ(*readWholeFile(to() / "tls/ca.key"), *readWholeFile(from() / "tls/ca.key"));
@@ -104,7 +104,7 @@ TEST_F(ServerJoin, wrongPlacesAreRefused) {
   refuses("server join: give each --host-name", {});
   refuses("is another server's name", {"--host-name", "b.example.org", "--name", "first"});
   refuses("letters, digits and '-'", {"--host-name", "b.example.org", "--name", "b c"});
-  // a name that the lab's authority may not sign
+  // the lab's authority may not sign this name
   refuses("elsewhere.net", {"--host-name", "b.elsewhere.net"});
   fs::create_directory(to());
   std::ofstream(to() / "something") << "x";
@@ -112,7 +112,7 @@ TEST_F(ServerJoin, wrongPlacesAreRefused) {
   fs::remove(to() / "something");
   fs::remove(to());
   std::ofstream(to().string()) << "x";
-  refuses("is no folder");
+  refuses("is not a folder");
   fs::remove(to());
   Run inside = run({"--data", (from() / "b").string(), "server", "join", "--from", from().string(),
                     "--host-name", "b.example.org"});
@@ -134,7 +134,7 @@ TEST_F(ServerJoin, wrongSourcesAreRefused) {
   without("pseudonym.key", "start that server once with --together, then join");
   without("tls/ca.key", "put it back (chmod 600) for this command");
   without("tls/ca.crt", "start that server once, then join");
-  without("store", "is no server's data folder");
+  without("store", "is not a server's data folder");
   fs::rename(from() / "store", folder.path() / "kept");
   write("needlelab.db", "");
   refuses("its database is an SQLite file, which one server has for itself");
@@ -150,7 +150,7 @@ TEST_F(ServerJoin, wrongSourcesAreRefused) {
   EXPECT_FALSE(fs::exists(to().string() + ".joining"));
 }
 
-// what a command that was killed left is no obstacle
+// leftovers of a killed command do no harm
 TEST_F(ServerJoin, aFolderThatWasHalfMadeIsMadeAnew) {
   fs::create_directories(to().string() + ".joining/tls");
   std::ofstream(to().string() + ".joining/audit.key") << "half";

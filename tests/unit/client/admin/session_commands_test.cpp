@@ -1,13 +1,13 @@
-// Commands for sessions, remarks, scores and references: searches, odd texts, tables for other programs.
+// Commands for sessions, remarks, scores and references: searches, unusual texts, tables for other programs.
 #include <gmock/gmock.h>
 
 #include <algorithm>
 #include <filesystem>
 #include <map>
 
-#include "common/base/files.h"
-#include "common/scoring/measures.h"
-#include "db/session_results.h"
+#include "common/base/files/files.h"
+#include "common/scoring/measures/measures.h"
+#include "db/sessions/session_results.h"
 #include "tests/unit/client/admin/run_admin.h"
 
 namespace needlelab {
@@ -22,7 +22,7 @@ const std::string kCommaName = "O'Neil, \"Zoë\"";
 
 class SessionCommands : public test::AdminTest {
  protected:
-  /// Adds a closed session without samples. `measures`: its score; none when empty.
+  /// Adds a closed session without samples. `measures`: its score; empty: no score.
   std::string attempt(const std::string& trainee, const std::string& exercise,
                       const std::string& measures) const {
     auto store = test::TestDb::must(Store::open(data(), {}));
@@ -43,7 +43,7 @@ class SessionCommands : public test::AdminTest {
     return json::array({{{"measure", "peak_force_n"}, {"value", newton}, {"unit", "N"}, {"words", ""}}})
         .dump();
   }
-  /// Rows of cells of a CSV with quotes.
+  /// The rows and cells of a CSV with quotes.
   static std::vector<Arguments> cells(const std::string& csv) {
     std::vector<Arguments> rows(1, Arguments(1));
     bool quoted = false;
@@ -115,7 +115,7 @@ TEST_F(SessionCommands, sessionsThatWaitForACodeAreConfirmedAllAtOnce) {
   }
   const std::string toms = attempt("tom", "knee-recess", ""), tims = attempt("tim", "knee-recess", ""),
                     ghosts = attempt("tmo", "knee-recess", "");
-  // open, of a name that nobody has: its row says that it is tom's, without a code
+  // open, under a name that no account has: its row says that it is tom's, without a code
   addSession(1, true,
              "UPDATE sessions SET trainee = (SELECT ref FROM accounts WHERE name = 'tom') WHERE state = 1;"
              "UPDATE unknown_trainees SET code_unchecked = 1 WHERE session IN (SELECT number FROM sessions"
@@ -216,7 +216,7 @@ TEST_F(SessionCommands, aWrongRemarkIsNamedAndNotStored) {
       {{id, "--text", ""}, 2, "text: has 0 bytes, allowed are 1 to 4096"},
       {{id, "--text", std::string(4097, 'x')}, 2, "text: has 4097 bytes, allowed are 1 to 4096"},
       {{id, "--text", "a\x1b[2J"}, 2, "text: holds a control character"},
-      {{id, "--text", "caf\xe9"}, 2, "text: is no valid UTF-8 text"},
+      {{id, "--text", "caf\xe9"}, 2, "text: is not valid UTF-8 text"},
       {{id, "--text", "x", "--tick", "-1"}, 2, "-1"},
       {{id, "--text", "x", "--tick", "soon"}, 2, "soon"},
       {{id.substr(1), "--text", "x"}, 2, "is not a session id: 36 characters"},
@@ -347,7 +347,8 @@ TEST_F(SessionCommands, aSessionThatCannotBeScoredIsLeftAloneAndNamed) {
   EXPECT_THAT(good({"scores", "rescore", "--exercise", "knee-recess"}).out, HasSubstr("scored: 0 sessions"));
   const Run unknown = onData({"scores", "rescore", "--exercise", "hip-1"});
   EXPECT_EQ(unknown.code, 1);
-  EXPECT_THAT(unknown.err, HasSubstr("'hip-1' is no exercise of a curriculum and no session's; there are: "));
+  EXPECT_THAT(unknown.err,
+              HasSubstr("'hip-1' is not an exercise of any curriculum or stored session; there are: "));
   EXPECT_THAT(unknown.err, HasSubstr("knee-recess"));
   const Run again = good({"scores", "rescore", "--json"});
   ASSERT_EQ(again.rows().size(), 1u);

@@ -7,8 +7,8 @@
 #include <thread>
 
 #include "client/admin/session_export.h"
-#include "common/base/clock.h"
-#include "common/base/csv.h"
+#include "common/base/text/csv.h"
+#include "common/base/time/clock.h"
 #include "common/gesture/recording.h"
 #include "common/gesture/sample_csv.h"
 #include "server/base/log.h"
@@ -131,7 +131,7 @@ class RangeOfExport : public test::AdminTest {
   }
 };
 
-// chunkOf(): a sample each ms, 20 a chunk, ticks from 0
+// chunkOf(): a sample each ms, 20 per chunk, ticks from 0
 TEST_F(RangeOfExport, fromAndToCutAtTheSample) {
   const std::string id = uuidText(addSession(50));
   good({"session", "export", id, "--format", "json", "--from", "0.333", "--to", "0.5", "--out",
@@ -143,7 +143,7 @@ TEST_F(RangeOfExport, fromAndToCutAtTheSample) {
   EXPECT_EQ(ticks("a.json"), range(0, 21));
   good({"session", "export", id, "--format", "json", "--from", "7", "--out", file("a.json"), "--replace"});
   EXPECT_TRUE(ticks("a.json").empty());
-  // Times of a part count from the first sample of the session.
+  // Times in a part count from the first sample of the session.
   good({"session", "export", id, "--from", "0.5", "--to", "0.502", "--out", file("a.csv")});
   const std::string csv = content("a.csv");
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 3);
@@ -156,7 +156,7 @@ TEST_F(RangeOfExport, fromAndToCutAtTheSample) {
   ASSERT_EQ(reader->entries().size(), 9u);
   EXPECT_EQ(reader->entries().front().first_tick, 320u);
   EXPECT_EQ(reader->entries().back().last_tick, 499u);
-  // the numbers in its metadata are the session's, and it says so
+  // the numbers in its metadata are the session's, and the metadata say so
   const auto metadata = nlohmann::json::parse(reader->metadata());
   EXPECT_EQ(metadata.at("samples"), 1000);
   EXPECT_EQ(metadata.at("part").at("from_s"), 0.333);
@@ -197,7 +197,7 @@ TEST_F(RangeOfExport, damagedChunksAreNamedAndTheRestWritten) {
                 .code,
             0);
   EXPECT_EQ(ticks("d.json"), range(500, 1000));
-  // the first chunk, too
+  // also damage the first chunk
   const std::string first = uuidText(addSession(5, false, "UPDATE chunks SET crc = 1 WHERE seq = 0"));
   EXPECT_EQ(
       onData({"session", "export", first, "--format", "json", "--damaged", "--out", file("f.json")}).code, 1);
@@ -219,7 +219,7 @@ TEST_F(RangeOfExport, aHashThatDisagreesIsNamedToo) {
 
 class ExportMemory : public test::AdminTest {
  protected:
-  /// A session of this many seconds at 1 kHz.
+  /// Adds a session of this many seconds at 1 kHz.
   Uuid addLong(std::uint64_t seconds) const {
     auto store = test::TestDb::must(Store::open(data(), {}));
     const Uuid id = makeUuidV7();
@@ -285,14 +285,14 @@ TEST_F(ExportMemory, doesNotGrowWithTheLength) {
     std::cout << run.out;
     std::filesystem::remove(out);
   };
-  take(longer, "csv", 1000 * seconds);  // fills the pages that SQLite keeps of it
+  take(longer, "csv", 1000 * seconds);  // fills SQLite's page cache
   for (const std::string format : {"csv", "json"}) {
     take(minute, format, 60'000);  // fills pools
     const auto small = peakKiB([&] { take(minute, format, 60'000); });
     const auto large = peakKiB([&] { take(longer, format, 1000 * seconds); });
     std::cout << format << ": peak " << small << " KiB for a minute, " << large << " KiB for " << seconds / 60
               << " minutes\n";
-    // who kept the longer session would need this much for its samples alone
+    // keeping the longer session in memory would take this much for its samples alone
     const auto kept_KiB = (1000 * seconds - 60'000) * sizeof(GestureSample) / 1024;
     if (!test::kSanitized) {
       EXPECT_LT(large, small + kept_KiB / 4) << format;

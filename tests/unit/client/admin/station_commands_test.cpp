@@ -1,4 +1,4 @@
-// Commands for stations: names, files and addresses that cannot be, enrolments, keys.
+// Commands for stations: invalid names, files and addresses; enrolments; keys.
 #include <gmock/gmock.h>
 #include <CLI/CLI.hpp>
 
@@ -7,8 +7,8 @@
 #include <sstream>
 
 #include "client/admin/command.h"
-#include "client/net/credentials.h"
-#include "common/base/files.h"
+#include "client/net/link/credentials.h"
+#include "common/base/files/files.h"
 #include "tests/unit/client/admin/run_admin.h"
 
 namespace needlelab {
@@ -19,7 +19,7 @@ using Arguments = std::vector<std::string>;
 
 class StationCommands : public test::AdminTest {
  protected:
-  /// Whether the station's key in this file opens the server.
+  /// Whether the server accepts the station's key in this file.
   bool opens(const std::string& key_file) const {
     const std::string line = *readWholeFile(key_file);
     const auto at = line.rfind(':');
@@ -28,7 +28,7 @@ class StationCommands : public test::AdminTest {
       key += static_cast<char>(std::stoi(line.substr(i, 2), nullptr, 16));
     EXPECT_EQ(key.size(), 32u);
     const auto store = test::TestDb::must(Store::open(data(), {}));
-    return store->service().loginStation(line.substr(0, at), key).ok();
+    return store->service().logins().loginStation(line.substr(0, at), key).ok();
   }
   const std::string name_ = "läb: \"1\"";
 };
@@ -48,7 +48,7 @@ TEST_F(StationCommands, wrongNamesAddressesAndFilesAreNamedAndMakeNoKey) {
       {"s", "lab", file("taken"), "taken is there already; a key file is never overwritten"},
       {"s", "lab", file("dangling"), "dangling is there already"},
       {"s", "lab", folder.path().string(), "is there already"},
-      {"s", "lab", file("none/k"), "none is no folder that can be written to"},
+      {"s", "lab", file("none/k"), "none is not a folder that can be written to"},
       {"s", "", file("k"), "--server-name '' is no HOST:PORT"},
       {"s", "two words", file("k"), "--server-name 'two words' is no HOST:PORT"},
       {"s", "lab:99999", file("k"), "--server-name 'lab:99999' is no HOST:PORT"},
@@ -72,13 +72,13 @@ TEST_F(StationCommands, aStationMayKnowSeveralServersOfWhichThisFoldersIsOne) {
   const auto hosts = [this] {
     return good({"certificate", "show", "--json"}).rows()[1].at("hosts").get<std::string>();
   };
-  // the folder has no certificate yet: it gets all of them
+  // the folder has no certificate yet: it gets all these names
   good({"station", "enrol", "one", "--server-name", "a.example,b.example:7751", "--out", file("one")});
   const auto bundle = parseBundle(*readWholeFile(file("one")), "one");
   ASSERT_TRUE(bundle.ok()) << bundle.error().message;
   EXPECT_EQ(endpointsText(bundle->servers), "a.example:7750,b.example:7751");
   EXPECT_EQ(hosts(), "a.example, b.example");
-  // later one of them is enough, and the others' names are theirs
+  // once there is a certificate one of its names suffices: c.example is another server's and is not added
   good({"station", "enrol", "two", "--server-name", "c.example,A.example", "--out", file("two")});
   EXPECT_EQ(hosts(), "a.example, b.example");
   const Run bad =
@@ -87,7 +87,7 @@ TEST_F(StationCommands, aStationMayKnowSeveralServersOfWhichThisFoldersIsOne) {
   EXPECT_THAT(bad.err, HasSubstr("--server-name 'a.example,,b' is no list of servers (an entry is empty)"));
 }
 
-/// Has one station, "lab-1"; counts the keys that it makes, and makes none with a `refusal`.
+/// Has one station, "lab-1". Counts the keys it makes; makes none if it has a `refusal`.
 class OneStation : public Backend {
  public:
   explicit OneStation(bool revoked, std::optional<Error> refusal = {})
@@ -128,7 +128,7 @@ TEST_F(StationCommands, anEnrolmentMakesItsKeyAfterAllElseThatCanFail) {
   };
   const auto ca = folder.write("ca.crt", authority).string();
 
-  // a name in use: the refusal is the server's, before anything else is looked at
+  // a name in use: the server refuses it before anything else is checked
   for (const Error& refusal : {Error{ErrorCode::kAlreadyExists, "it is there"},
                                Error{ErrorCode::kDenied, "not for an instructor"}}) {
     OneStation active(false, refusal);
@@ -139,7 +139,7 @@ TEST_F(StationCommands, anEnrolmentMakesItsKeyAfterAllElseThatCanFail) {
   }
   EXPECT_FALSE(std::filesystem::exists(file("s.enrol")));
 
-  // revoked by somebody between the question and the answer: the key is not thrown away
+  // revoked between the question and the answer: the key is not thrown away
   OneStation just_revoked(false);
   const auto keyless = enrolled(just_revoked, file("none.crt"), file("s.enrol"));
   ASSERT_FALSE(keyless.ok());
@@ -163,7 +163,7 @@ TEST_F(StationCommands, anEnrolmentMakesItsKeyAfterAllElseThatCanFail) {
   EXPECT_EQ(bundle->key, std::string(32, '1'));
   EXPECT_EQ(bundle->ca_pem, authority);
 
-  // a folder that goes after the command's checks
+  // a folder that disappears after the command's checks
   const auto lost = enrolled(revoked, ca, file("gone/s.enrol"));
   ASSERT_FALSE(lost.ok());
   EXPECT_THAT(lost.error().message,

@@ -14,8 +14,8 @@
 
 #include "client/admin/backend.h"
 #include "client/admin/command.h"
-#include "common/base/files.h"
-#include "db/people.h"
+#include "common/base/files/files.h"
+#include "db/people/people.h"
 #include "tests/unit/client/admin/admin_server.h"
 
 namespace needlelab {
@@ -220,7 +220,7 @@ TEST_F(RetentionCommands, setShowRunAndWhatIsLeft) {
   EXPECT_EQ(shown[1].at("thin_coarser"), 2);
   EXPECT_EQ(shown[1].at("delete_after_days"), 36'500);
 
-  // no backup covers it yet
+  // no backup contains it yet
   const auto waits = good({"retention", "run", "--json"}).rows();
   ASSERT_EQ(waits.size(), 1u);
   EXPECT_EQ(waits[0].at("action"), "waits for a backup");

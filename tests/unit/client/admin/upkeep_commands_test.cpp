@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "common/base/files.h"
-#include "tests/support/backup_start.h"
+#include "common/base/files/files.h"
+#include "tests/support/store/backup_start.h"
 #include "tests/unit/client/admin/run_admin.h"
 
 namespace needlelab {
@@ -24,7 +24,7 @@ class UpkeepCommands : public test::AdminTest {
     for (const auto& row : good({"user", "list", "--json"}).rows()) all.push_back(row.at("name"));
     return all;
   }
-  // not whole rows: the days that are left change from one second to the next
+  // not whole rows: the remaining days change over time
   static std::vector<std::string> fingerprints(const nlohmann::json& rows) {
     std::vector<std::string> all;
     for (const auto& row : rows) all.push_back(row.at("sha256"));
@@ -165,7 +165,7 @@ TEST_F(UpkeepCommands, aRenewedCertificateKeepsItsNamesAndABadNameChangesNothing
   EXPECT_EQ(first[1].at("sha256").get<std::string>().size(), 64u);
   const Run bad = onData({"certificate", "renew", "--host-name", "two words"});
   EXPECT_EQ(bad.code, 2);
-  EXPECT_THAT(bad.err, HasSubstr("'two words' is no host name or IP address"));
+  EXPECT_THAT(bad.err, HasSubstr("'two words' is not a host name or IP address"));
   EXPECT_EQ(good({"certificate", "show", "--json"}).rows()[1].at("sha256"), first[1].at("sha256"));
   EXPECT_THAT(good({"certificate", "renew", "--host-name", "10.0.0.7"}).out,
               HasSubstr("a new certificate for "));
@@ -177,7 +177,7 @@ TEST_F(UpkeepCommands, aRenewedCertificateKeepsItsNamesAndABadNameChangesNothing
   good({"certificate", "renew", "--host-name", "one.lab.example.org,10.0.0.8"});
   EXPECT_THAT(good({"certificate", "show", "--json"}).rows()[1].at("hosts").get<std::string>(),
               testing::AllOf(HasSubstr("one.lab.example.org"), HasSubstr("10.0.0.8")));
-  // each name once, whatever its form
+  // each name once, in whichever form it is given
   good({"certificate", "renew", "--host-name", "10.0.0.7", "--host-name", "LAB.example.org", "--host-name",
         "::1", "--host-name", "0:0:0:0:0:0:0:1", "--host-name", "two.lab.example.org", "--host-name",
         "two.lab.example.org"});

@@ -6,7 +6,7 @@
 #include <numbers>
 #include <vector>
 
-#include "client/device/hand.h"
+#include "client/device/hand/hand.h"
 
 namespace needlelab {
 namespace {
@@ -59,7 +59,7 @@ TEST(DelayFit, findsDelayLagAndMassBehindTremorDriftAndEncoder) {
                                     << bench.mass_kg << " kg");
     const auto fit = fitDelay(measured(bench), bench.rate_hz);
     ASSERT_TRUE(fit.ok()) << fit.error().message;
-    // of twelve seeds the worst was 0.26 ms off; with 8 ms of lag 0.9 ms
+    // over twelve seeds the worst error was 0.26 ms; with 8 ms of lag 0.9 ms
     EXPECT_NEAR(fit->total_s(), bench.delay_ticks / bench.rate_hz + bench.lag_s,
                 bench.lag_s > 5e-3 ? 1e-3 : 0.5e-3);
     EXPECT_NEAR(fit->mass_kg, bench.mass_kg, 0.15 * bench.mass_kg);

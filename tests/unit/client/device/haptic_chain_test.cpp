@@ -6,11 +6,11 @@
 #include <numbers>
 
 #include "client/device/haptic_chain.h"
-#include "common/haptics/device_condition.h"
 #include "common/haptics/effects/effect_entry.h"
+#include "common/haptics/gate/force_gate.h"
 #include "common/haptics/surface.h"
 #include "tests/support/random.h"
-#include "tests/support/scenes.h"
+#include "tests/support/scenes/scenes.h"
 
 namespace needlelab::test {
 namespace {
@@ -18,7 +18,7 @@ namespace {
 constexpr double kChainRate_hz = 1000;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-// a needle that points down, its hub on the handle, 100 mm beside it
+// a needle that points down; its hub is on the handle, 100 mm to the side
 const Pose kTool{{0.1, 0, 0}, {1, 0, 0, 0}};
 
 DeviceReading at(double z_m) {
@@ -29,8 +29,7 @@ DeviceReading at(double z_m) {
 
 class HapticChainTest : public testing::Test {
  protected:
-  // the tip slides down at 10 mm/s from 2 mm above the skin; the gate's start ramp is over before it gets
-  // there
+  // the tip moves down at 10 mm/s from 2 mm above the skin; the gate's start ramp has ended before it arrives
   void insert(int ticks) {
     for (int k = 0; k < ticks; ++k) chain_.tick(at(0.002 - 1e-5 * k), true, 1, 1.0, tick_);
   }
@@ -45,14 +44,14 @@ TEST_F(HapticChainTest, theHandleGetsForceAndItsLever) {
   EXPECT_NEAR(tick_.rendered_W.force_N.z, 1, 1e-9);
   EXPECT_NEAR(tick_.rendered_W.torque_Nm.y, -0.1, 1e-9);  // (0.1, 0, 0) × (0, 0, 1)
   const GestureSample sample = sampleOf(tick_, 7, 8, 9);
-  EXPECT_NEAR(sample.torque_W_Nm[1], 0, 1e-12);  // none about the tip
+  EXPECT_NEAR(sample.torque_W_Nm[1], 0, 1e-12);  // no torque about the tip
   EXPECT_EQ(sample.tick, 999u);
   EXPECT_EQ(sample.time_ns, 7);
   EXPECT_EQ(sample.device_ns, 8);
   EXPECT_EQ(sample.engine_ns, 9);
 }
 
-// CUT_MEMORY: the cuts belong to the lesson, which has a chain of its own
+// CUT_MEMORY: the cuts belong to the lesson, and each lesson has its own chain
 TEST_F(HapticChainTest, aNewChainKnowsNoCutsOfTheOneBefore) {
   SceneSpec scene = paperOneDof();
   scene.effects |= bitOf(Effect::kCutMemory);
@@ -66,7 +65,7 @@ TEST_F(HapticChainTest, aNewChainKnowsNoCutsOfTheOneBefore) {
   };
   HapticChain lesson(remembering, DeviceLimits{}, kTool), next(remembering, DeviceLimits{}, kTool);
   EXPECT_NEAR(insertInto(lesson), -1, 1e-9);
-  // cut to 11 mm, where the wall was: up to there it costs the share
+  // cut to 11 mm, where the wall was: up to there the push costs only the share
   double most_N = 0;
   for (int k = 0; k < 1200; ++k) {
     lesson.tick(at(0.002 - 1e-5 * k), true, 1, 1.0, tick_);
@@ -116,7 +115,8 @@ TEST_F(HapticChainTest, aFaultStaysUntilItIsAcknowledged) {
   EXPECT_EQ(tick_.fault, Fault::kSampleNotFinite);
 }
 
-// On the far side of a limb the fixture holds a needle that is through; after a FAULT it is a free one.
+// On the far side of a limb the fixture still guides a needle that went through; after a FAULT the needle is
+// free.
 TEST(HapticChainFault, aNeedleThroughALimbPullsNoMoreAfterAFault) {
   SceneSpec scene = allEffects();
   scene.limb = SphereLimb{{0, 0, -0.013}, 0.013};
@@ -143,7 +143,7 @@ TEST(HapticChainFault, aNeedleThroughALimbPullsNoMoreAfterAFault) {
   }
   EXPECT_EQ(tick.fault, Fault::kNone);
   EXPECT_EQ(tick.report.layer, -1);
-  // from there it goes in as from any side
+  // from there it enters as from any side
   for (int k = 0; k <= 300; ++k) go(beyond + Vec3{0, 0, 5e-5 * k});
   EXPECT_GT(tick.report.insertion_m, 0.002);
 }
@@ -203,7 +203,7 @@ TEST(AssumedAxis, theRotationTakesZToTheAxisEverywhere) {
   for (const Vec3 axis : {Vec3{0, 0, 1}, Vec3{0, 0, -1}}) EXPECT_EQ(zAxis(rotationOfAxis(axis)), axis);
 }
 
-// a path through each kind of limb: where it enters, and which way is out of the tissue there, by formula
+// a path through each kind of limb: its entry point, and the outward direction there, by formula
 struct Path {
   Limb limb;
   Vec3 from, to;
@@ -268,7 +268,7 @@ TEST_P(PointDevice, theAxisIsTheInwardNormalOutsideAndThatOfTheEntryInside) {
   EXPECT_GT(force_N, 0.5) << "and it is felt";
 }
 
-// The engine gives the same bits if the axis −n is set explicitly: u is that −n.
+// The engine gives the same bits if the axis −n is set explicitly, since u is −n.
 TEST_P(PointDevice, theEngineGoesAlongTheNormal) {
   HapticChain chain(model_, pointDevice(), {});
   ChainTick tick;
@@ -356,8 +356,8 @@ TEST(PointDeviceChain, aReadingThatIsNoNumberIsRejectedAsEver) {
   EXPECT_EQ(tick.report.phase, Phase::kInserting);
 }
 
-// a spring of 500 N/m, pressed while the gate fades in and drawn back: without the control the handle gets
-// more than it gave
+// a spring of 500 N/m, pressed while the gate fades in, then released: without the control the handle gets
+// more energy than it gave
 double givenInTheFadeIn_J(bool with_control, bool no_orientation = false) {
   SceneSpec spec = paperOneDof();
   for (LayerSpec& layer : spec.layers) layer.cutting_force_N = 4;

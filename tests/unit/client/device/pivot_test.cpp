@@ -6,9 +6,9 @@
 #include <numbers>
 #include <random>
 
+#include "client/device/hand/simulated_device.h"
 #include "client/device/pivot.h"
-#include "client/device/recording_device.h"
-#include "client/device/simulated_device.h"
+#include "client/device/recording/recording_device.h"
 #include "tests/support/recordings/recordings.h"
 
 namespace needlelab {
@@ -27,7 +27,7 @@ PivotMotion motionOf(double noise_m) {
   return motion;
 }
 
-// as the station reads it
+// in the form the station reads
 std::vector<PivotSample> samplesOf(const PivotMotion& motion, double seconds, double rate_hz) {
   PivotDevice device(motion);
   EXPECT_TRUE(device.open(rate_hz).ok());
@@ -133,7 +133,7 @@ TEST(Pivot, scattersAsItsCovarianceSays) {
       mean_mm[i] += mm[i] / kRuns;
     }
   }
-  // a variance of 300 runs is known to 8 % (1σ); means to σ/√300
+  // 300 runs give a variance to 8 % (1σ) and means to σ/√300
   for (int i = 0; i < 3; ++i) {
     EXPECT_NEAR(is_mm2[i] / said_mm2[i], 1, 0.3) << "coordinate " << i;
     EXPECT_LT(std::abs(mean_mm[i]), 4 * std::sqrt(is_mm2[i] / kRuns)) << "coordinate " << i;
@@ -142,8 +142,8 @@ TEST(Pivot, scattersAsItsCovarianceSays) {
   EXPECT_NEAR(correlation, 1, 0.15);
 }
 
-// Noise that drifts (0.2 s memory) at 100 Hz: treated as white noise, it would predict an error four times
-// too small.
+// Drifting noise (0.2 s memory) at 100 Hz: treated as white noise, it would predict an error four times too
+// small.
 TEST(Pivot, doesNotCountCorrelatedSamplesAsNews) {
   constexpr int kRuns = 100;
   const double memory = std::exp(-1 / (100 * 0.2));
@@ -253,7 +253,7 @@ TEST(Pivot, refusesWhatIsNoPose) {
   EXPECT_FALSE(fitPivot(std::vector<PivotSample>(100)).ok());  // at rest
 }
 
-// Free movements contain no pivot, so none must be found.
+// Free movements contain no pivot, so the fit must not find one.
 TEST(Pivot, refusesMovementsThatAreNoPivot) {
   for (const test::Recordings& recordings : test::allRecordings())
     for (const std::string name : test::kPoseRecordings) {

@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "client/device/plunger.h"
-#include "tests/support/no_alloc.h"
+#include "tests/support/realtime/no_alloc.h"
 
 namespace needlelab {
 namespace {
@@ -21,7 +21,7 @@ PlungerSettings buttons() {
 DeviceReading pressing(std::uint32_t bits) {
   DeviceReading reading;
   reading.buttons = bits;
-  reading.plunger = 0.77;  // not queried if there are buttons
+  reading.plunger = 0.77;  // not queried on a device with buttons
   return reading;
 }
 
@@ -75,10 +75,10 @@ TEST(Plunger, aLostDeviceDoesNotGoOnInjecting) {
   hold(plunger, kPush, 300);
   for (int i = 0; i < 2000; ++i) plunger.update(pressing(kPush), false, 1);
   EXPECT_NEAR(plunger.position(), 0.3, 1e-12);
-  // The first reading after a gap contains its own state, not that of the gap.
+  // The first reading after a gap contains only its own state, not the gap's.
   plunger.update(pressing(0), true, 1);
   EXPECT_NEAR(plunger.position(), 0.3, 1e-12);
-  // Every second tick is fresh, as with a slow device: nothing is lost.
+  // Every second tick is fresh, as with a slow device: no press is lost.
   for (int i = 0; i < 300; ++i) plunger.update(pressing(kPush), i % 2 == 1, 1);
   EXPECT_NEAR(plunger.position(), 0.4, 1e-12);
 }

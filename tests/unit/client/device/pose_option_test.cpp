@@ -47,8 +47,8 @@ TEST(PoseOption, normalisesASlightlyLongQuaternion) {
 TEST(PoseOption, refusesWrongNumbersByName) {
   EXPECT_THAT(messageOf("0,0,0.1"), HasSubstr("--tool: 3 numbers"));
   EXPECT_THAT(messageOf("0,0,0,0,0,0,1,0"), HasSubstr("8 numbers"));
-  EXPECT_THAT(messageOf("0,0,,0,0,0,1"), HasSubstr("'' is no number"));
-  EXPECT_THAT(messageOf("0,0,1e,0,0,0,1"), HasSubstr("'1e' is no number"));
+  EXPECT_THAT(messageOf("0,0,,0,0,0,1"), HasSubstr("'' is not a number"));
+  EXPECT_THAT(messageOf("0,0,1e,0,0,0,1"), HasSubstr("'1e' is not a number"));
   EXPECT_THAT(messageOf("0,0,0,0,0,0,0.9"), HasSubstr("length of the quaternion: 0.9"));
   EXPECT_THAT(messageOf("0,2000,0,0,0,0,1"), HasSubstr("--tool: y: 2000 is out of range [-1000, 1000]"));
   EXPECT_THAT(messageOf(""), HasSubstr("--tool"));

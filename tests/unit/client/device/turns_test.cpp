@@ -1,4 +1,4 @@
-// A thread's work pass by pass: on a thread of the machine, and in the simulated world.
+// A thread's work pass by pass: on a real thread and in the simulated world.
 #include "client/device/turns.h"
 
 #include <gtest/gtest.h>
@@ -10,12 +10,12 @@
 #include <vector>
 
 #include "client/device/device.h"
-#include "tests/support/device_world.h"
+#include "tests/support/time/device_world.h"
 
 namespace needlelab::test {
 namespace {
 
-/// Runs a function a turn.
+/// Runs a function once per turn.
 class ScriptedTurns final : public Turns {
  public:
   explicit ScriptedTurns(std::function<std::optional<std::int64_t>()> turn) : turn_(std::move(turn)) {}
@@ -36,13 +36,13 @@ TEST(MachineThreads, aThreadCallsTurnAndRestsBetweenUntilTheEnd) {
     ++turns;
     return turns < 4 ? std::optional<std::int64_t>(100 * turns) : std::nullopt;
   });
-  machineThreads().start(work, {"turns", 0}).reset();  // waits for its end
+  machineThreads().start(work, {"turns", 0}).reset();  // waits for it to end
   EXPECT_EQ(turns, 4);
   EXPECT_TRUE(is_other);
   EXPECT_EQ(work.rests, (std::vector<std::int64_t>{100, 200, 300}));
 }
 
-/// Says its letter each `period`, `left` times.
+/// Appends its letter every `period`, `left` times.
 ScriptedTurns sayer(DeviceWorld& world, std::string& said, char letter, std::int64_t period_ns, int& left) {
   return ScriptedTurns([&world, &said, letter, period_ns, &left]() -> std::optional<std::int64_t> {
     if (left-- == 0) return std::nullopt;
@@ -60,7 +60,7 @@ TEST(DeviceWorld, threadsTakeTurnsInTheOrderOfTheirDueTimes) {
   world.at(world.nowNs() + 5 * kMs, [&] { said += '!'; });
   const std::int64_t start_ns = world.nowNs();
   world.sleepForNs(8 * kMs);
-  EXPECT_EQ(said, "ababa!aba");  // at 0, 2, 3, 4, 6 and 8 ms; 6 ms: first a, which began first
+  EXPECT_EQ(said, "ababa!aba");  // at 0, 2, 3, 4, 6 and 8 ms; at 6 ms a goes first because it began first
   EXPECT_EQ(world.nowNs(), start_ns + 8 * kMs);
   a_left = b_left = 0;
 }

@@ -6,12 +6,12 @@
 #include <memory>
 #include <set>
 
-#include "tests/support/scenes.h"
+#include "tests/support/scenes/scenes.h"
 
 namespace needlelab::test {
 namespace {
 
-// The effect of a gesture on a scene.
+// What a gesture does in a scene.
 struct Seen {
   std::set<int> layers;
   std::set<Phase> phases;
@@ -42,7 +42,7 @@ TEST(MeasuringGesture, goesThroughAllLayersAndPhasesAndIsInTheTissueButForOneTic
       const SceneSpec scene = withLimb(allEffects(), kind);
       const Seen seen = seenBy(scene, rate_hz, measuringGesture(scene, rate_hz));
       EXPECT_EQ(seen.outside, 1u) << limbName(kind) << " " << rate_hz;
-      // a capsule of 45 mm ends before the sixth layer's 10 mm, but not before its top
+      // a capsule of 45 mm ends inside the sixth layer, after its top but before its full 10 mm
       for (int layer = 0; layer < 6; ++layer)
         EXPECT_TRUE(seen.layers.contains(layer)) << limbName(kind) << layer;
       EXPECT_EQ(seen.phases.size(), 4u) << limbName(kind) << " " << rate_hz;

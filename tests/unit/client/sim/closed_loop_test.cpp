@@ -8,10 +8,11 @@
 #include <filesystem>
 #include <limits>
 
-#include "client/device/hand_options.h"
-#include "client/device/simulated_device.h"
+#include "client/device/hand/hand_options.h"
+#include "client/device/hand/simulated_device.h"
 #include "common/profile/profile.h"
-#include "tests/support/scenes.h"
+#include "common/profile/scene_of_profile.h"
+#include "tests/support/scenes/scenes.h"
 
 namespace needlelab {
 namespace {
@@ -62,7 +63,7 @@ TEST(ClosedLoop, holdsStillInTissueWithinTheDevicesLimits) {
     deepest = std::max(deepest, tick.report.insertion_m);
   }
   EXPECT_GT(deepest, 0.02);
-  // the last second of the hold: rest 0.5 s, 50 mm at 20/0.85 mm/s, 5 s; the force keeps still
+  // the last second of the hold: rest 0.5 s, 50 mm at 20/0.85 mm/s, 5 s; the force is steady
   const auto in_hold = static_cast<std::size_t>((0.5 + 0.05 / 0.02 / 0.85 + 4) * kRate);
   double least = 1e9, greatest = -1e9;
   for (std::size_t k = in_hold; k < in_hold + 900; ++k) {
@@ -71,7 +72,7 @@ TEST(ClosedLoop, holdsStillInTissueWithinTheDevicesLimits) {
     greatest = std::max(greatest, (*ticks)[k].report.wrench_W.force_N.z);
   }
   EXPECT_LT(greatest - least, 0.02);
-  // outside at the end, and free
+  // at the end outside and free
   EXPECT_EQ(ticks->back().report.phase, Phase::kFree);
   EXPECT_EQ(ticks->back().rendered_W.force_N, Vec3{});
 }
@@ -135,7 +136,7 @@ TEST(ClosedLoop, theHandFeelsTheWrenchAtTheHandle) {
   // (0.1, 0, 0) × (0, 0, 1) = (0, −0.1, 0)
   EXPECT_NEAR(last.rendered_W.torque_Nm.y, -0.1, 1e-9);
 
-  // a recording has it at the tip
+  // a recording refers the torque to the tip
   const GestureSample sample = sampleOf(last, 999'000'000, 0, 0);
   EXPECT_EQ(sample.tick, 999u);
   EXPECT_EQ(sample.time_ns, 999'000'000);
@@ -152,7 +153,7 @@ TEST(ClosedLoop, theHandFeelsTheWrenchAtTheHandle) {
 TEST(ClosedLoop, aJumpEndsTheRunWithItsReason) {
   const auto model = compile(test::paperOneDof(), kRate);
   std::vector<Vec3> places(300, Vec3{0, 0, 0.01});
-  places.resize(600, Vec3{0, 0, -0.5});  // half a metre in a tick
+  places.resize(600, Vec3{0, 0, -0.5});  // half a metre in one tick
   ScriptedDevice device(places);
   const auto ticks = runClosedLoop(*model, device, {}, 10'000);
   ASSERT_FALSE(ticks.ok());

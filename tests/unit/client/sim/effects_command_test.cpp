@@ -10,7 +10,7 @@
 #include "client/effect_cost/instruction_count.h"
 #include "client/sim/effects_study.h"
 #include "client/sim/tools/gnuplot.h"
-#include "common/base/csv.h"
+#include "common/base/text/csv.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/temp_folder.h"
@@ -49,7 +49,7 @@ TEST(MarginalCosts, areNotCountedWhereACountIsMissing) {
   EXPECT_FALSE(costs[0].instructions);
 }
 
-// By words, since columns only add blanks between them.
+// Compares words, since the columns differ only in blanks between them.
 std::vector<std::string> wordsOf(const std::string& line) {
   std::istringstream text(line);
   std::vector<std::string> words;
@@ -64,7 +64,7 @@ std::vector<std::string> tableLines(const std::string& text) {
   return lines;
 }
 
-// "x" at the effects of the set, "." at the others
+// "x" for the effects in the set, "." for the others
 std::vector<std::string> marksOf(EffectMask effects) {
   std::vector<std::string> marks;
   for (const EffectEntry* effect : effectEntries())
@@ -92,7 +92,7 @@ TEST(EffectsTable, hasTheSetsFromTheCheapestOnAndWhatEachEffectAdds) {
   EXPECT_EQ(wordsOf(lines[4]), joined(marksOf(kCut | kClamp), {"15.0", "20.0", "8.0", "190.2"}));
   EXPECT_EQ(lines[5], "");
   EXPECT_EQ(lines[6], "what an effect adds, over all pairs of sets that differ in it only");
-  // cutting: 9 − 7 and 15.04 − 10; clamping: 10 − 7 and 15.04 − 9; a count is missing in a pair of both
+  // cutting: 9 − 7 and 15.04 − 10; clamping: 10 − 7 and 15.04 − 9; in one pair of each a count is missing
   EXPECT_EQ(wordsOf(lines[8]), (std::vector<std::string>{"cutting", "3.5", "2.0", "5.0", "-"}));
   EXPECT_EQ(wordsOf(lines[9]), (std::vector<std::string>{"clamping", "4.5", "3.0", "6.0", "-"}));
   EXPECT_THAT(lines[10], HasSubstr("median and p99 of 400 batches of 64 ticks"));
@@ -102,7 +102,7 @@ TEST(EffectsTable, itsFilesHaveTheSameNumbers) {
   constexpr EffectMask kCut = bitOf(Effect::kCutting);
   const TempFolder folder;
   const std::string path = std::getenv("PATH");
-  ::setenv("PATH", folder.path().c_str(), 1);  // no gnuplot
+  ::setenv("PATH", folder.path().c_str(), 1);  // gnuplot is missing
   const Status drawn = drawEffects({cost(kCut, 9.25), cost(0, 7.5)}, folder.path());
   ::setenv("PATH", path.c_str(), 1);
   ASSERT_TRUE(drawn.ok()) << drawn.error().message;
@@ -116,7 +116,7 @@ TEST(EffectsTable, itsFilesHaveTheSameNumbers) {
   EXPECT_EQ(text.str(), "place,mean_ns,least_ns,most_ns,effect\n0,1.75,1.75,1.75,cutting\n");
 }
 
-// times order these sets the other way: the picture follows what repeats
+// times order these sets the other way: the picture uses what is reproducible
 TEST(EffectsPicture, showsInstructionsWhereTheyWereCounted) {
   constexpr EffectMask kCut = bitOf(Effect::kCutting), kClamp = bitOf(Effect::kClamping);
   const TempFolder folder;
@@ -187,7 +187,7 @@ TEST(EffectsCommand, badInputNamesFileOrValueAndIsNumberTwo) {
   EXPECT_EQ(sim({"effects", "--instructions", "--no-instructions"}).code, 2);
 }
 
-// The program itself, which runs itself again under callgrind.
+// The real program, which runs itself under callgrind.
 TEST(EffectsCommand, countsInstructionsWhereValgrindIs) {
   if (kSanitized) GTEST_SKIP() << "valgrind cannot run a program built with a sanitizer";
   if (!hasValgrind()) GTEST_SKIP() << "valgrind is not on the PATH (Debian: valgrind)";

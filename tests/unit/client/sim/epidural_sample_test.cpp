@@ -10,6 +10,7 @@
 #include "client/sim/curves/curve_fit.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
+#include "common/profile/scene_of_profile.h"
 
 namespace needlelab {
 namespace {
@@ -30,7 +31,7 @@ double tableAt(const pb::Precomputed& table, double depth_m) {
   return a.cutting_n() + t * (b.cutting_n() - a.cutting_n());
 }
 
-// force on the polynomial of the layer that `depth_mm` lies in
+// force of the polynomial for the layer at `depth_mm`
 double polynomialAt(double depth_mm) {
   struct Piece {
     double thickness_mm, c0, c1, c2, c3;
@@ -57,7 +58,7 @@ TEST(Epidural, theSamplesTableIsWithinAHundredthOfANewtonOfThePolynomials) {
   for (const auto& layer : profile.layers()) {
     const double top_mm = end_mm;
     end_mm += layer.thickness_m() * 1e3;
-    // inside the layer, away from the two micrometres around its ends
+    // inside the layer, except for two micrometres at its ends
     for (double d = top_mm + 0.002; d < end_mm - 0.002; d += 0.003)
       worst = std::max(worst, std::fabs(tableAt(profile.precomputed(), d * 1e-3) - polynomialAt(d)));
   }
@@ -84,9 +85,9 @@ TEST(Epidural, theEngineRendersTheTableUpToItsSpring) {
   for (std::size_t i = 0; i < gesture.depth_m.size(); ++i) {
     const double depth_mm = gesture.depth_m[i] * 1e3;
     if (depth_mm <= 0.01) continue;
-    // A wall never gives more force than the table, and drops with it at once.
+    // A wall never gives more force than the table, and drops together with it.
     EXPECT_LE(soft_run->force_N[i], tableAt(profile.precomputed(), depth_mm * 1e-3) + 1e-9) << depth_mm;
-    // at 10,000 N/m it is there within 0.15 mm of the jump at 20 mm
+    // at 10,000 N/m it follows within 0.15 mm of the jump at 20 mm
     if (std::fabs(depth_mm - 20.07) > 0.15) {
       EXPECT_NEAR(stiff_run->force_N[i], tableAt(profile.precomputed(), depth_mm * 1e-3), 1e-6) << depth_mm;
     }

@@ -1,4 +1,4 @@
-// Checks the figures against the paper's section IV: the numbers below are the paper's.
+// Checks the figures against section IV of the paper: the numbers below are the paper's.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <algorithm>
@@ -10,7 +10,7 @@
 
 #include "client/sim/figures.h"
 #include "client/sim/tools/gnuplot.h"
-#include "common/base/csv.h"
+#include "common/base/text/csv.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/sim/sim_run.h"
 
@@ -58,13 +58,13 @@ TEST(Figure07, oneNewtonInDecayInTheStopHalfANewtonOut) {
   ASSERT_TRUE(run.ok()) << run.error().message;
   const Table t(figure07(*run), {"t_s", "z_m", "force_z_n", "rendered_force_z_n", "depth_m"});
 
-  // free motion: nothing
+  // free motion: no force
   EXPECT_EQ(greatest(t.between("force_z_n", 22, 23.9)), 0);
   EXPECT_EQ(least(t.between("force_z_n", 22, 23.9)), 0);
-  // insertion, 24 to 27 s: up to 1 N ± 2 %, and the plateau lasts
+  // insertion, 24 to 27 s: up to 1 N ± 2 %, with a lasting plateau
   EXPECT_NEAR(greatest(t.between("force_z_n", 24, 27)), 1, 0.02);
   EXPECT_NEAR(least(t.between("force_z_n", 24.8, 26.8)), 1, 0.02);
-  // intentional stop, 27 to 29.5 s: the force falls all the time (except for the tremor) and ends at zero
+  // intentional stop, 27 to 29.5 s: the force falls throughout (except for the tremor) and ends at zero
   double before = 1.001;
   for (double from = 27; from < 29.4; from += 0.2) {
     const double now = greatest(t.between("force_z_n", from, from + 0.2));
@@ -79,7 +79,7 @@ TEST(Figure07, oneNewtonInDecayInTheStopHalfANewtonOut) {
   // free again
   EXPECT_LT(greatest(t.between("depth_m", 31.8, 33)), 0);
   EXPECT_EQ(least(t.between("force_z_n", 31.8, 33)), 0);
-  // The gate did not limit the force: the hand got the engine's force, except for the slew limit at the exit.
+  // The gate did not limit the force: the hand got the engine's force, apart from the slew limit at the exit.
   for (std::size_t i = 0; i < t.rows(); ++i)
     ASSERT_NEAR(t.at("force_z_n", i), t.at("rendered_force_z_n", i), 1e-6) << t.at("t_s", i);
 }
@@ -90,8 +90,8 @@ TEST(Figure09, sixPlateausInAndFourTenthsOut) {
   const Table t(figure09(*run), {"t_s", "cutting_force_n", "attracted_force_n", "layer", "depth_m"});
   const double forces[] = {1, 2, 1.5, 2.5, 3, 4};
   for (int layer = 0; layer < 6; ++layer) {
-    // the way in through this layer: from its first tick to the first tick in the next layer, or to the
-    // deepest tick
+    // the way in through this layer: from its first tick to the next layer's first tick, or to the deepest
+    // tick
     std::size_t first = 0;
     while (t.at("layer", first) != layer) ++first;
     std::size_t last = first;
@@ -104,7 +104,7 @@ TEST(Figure09, sixPlateausInAndFourTenthsOut) {
   }
   EXPECT_NEAR(least(t.between("attracted_force_n", 0, 2)), -0.4, 0.008);
   EXPECT_NEAR(greatest(t.between("attracted_force_n", 1.0, 1.3)), -0.4, 0.008);
-  // in by 0.75 s, out by 1.5 s, only one of the two forces at a time
+  // in by 0.75 s, out by 1.5 s; only one of the two forces at a time
   EXPECT_GT(greatest(t.between("depth_m", 0.5, 0.8)), 0.045);
   EXPECT_LT(greatest(t.between("depth_m", 1.5, 2)), 0);
   for (std::size_t i = 0; i < t.rows(); ++i)
@@ -152,7 +152,7 @@ TEST(Figure10, theForcePullsBackToTheTrajectoryWhichChangesInTheEnd) {
     ASSERT_NEAR(norm(r.wrench_W.force_N), r.clamping_N, 1e-9);
     angle = std::max(angle, r.lateral_error_m);
   }
-  EXPECT_EQ(entries, 1);           // drawn back, but not totally
+  EXPECT_EQ(entries, 1);           // drawn back, but not completely
   EXPECT_GT(deepest_first, 0.03);  // point 1
   EXPECT_LT(shallowest_between, 0.016);
   EXPECT_GT(shallowest_between, 0.005);
@@ -161,8 +161,8 @@ TEST(Figure10, theForcePullsBackToTheTrajectoryWhichChangesInTheEnd) {
   EXPECT_GT(angle, 0.004);
 }
 
-// The paper's text: the start is the insertion, the user gives up at 1, changes the trajectory at 2, and
-// reaches the target afterwards.
+// The paper's text: the start is the insertion; the user gives up at 1, changes the trajectory at 2, and then
+// reaches the target.
 TEST(Figure10, theMarksAreThoseOfThePapersText) {
   const auto run = runClamping();
   ASSERT_TRUE(run.ok()) << run.error().message;
@@ -205,7 +205,7 @@ TEST(Figure11, theForceIsSmallAtFirstRisesWithDepthAndFallsOnTheWayBack) {
   const auto run = runClamping();
   ASSERT_TRUE(run.ok());
   const Table t(figure11(*run), {"t_s", "clamping_n", "insertion_m", "turning"});
-  // At a small depth the user almost follows the trajectory.
+  // At small depth the user follows the trajectory almost exactly.
   const auto first_way = [&](double from_m, double to_m) {
     bool back = false;
     double most = 0;
@@ -221,7 +221,7 @@ TEST(Figure11, theForceIsSmallAtFirstRisesWithDepthAndFallsOnTheWayBack) {
   EXPECT_LT(shallow, 0.15);
   EXPECT_GT(middle, 2 * shallow);
   EXPECT_GT(deep, 1.5 * middle);
-  // while it turns, the fixture holds the page's force: from 0 at 5 mm to 1.5 N at half of the needle
+  // while it turns, the fixture holds the page's force: from 0 at 5 mm to 1.5 N at half the needle
   for (std::size_t i = 0; i < t.rows(); ++i) {
     const double holds_N = 1.5 * std::clamp((t.at("insertion_m", i) - 0.005) / 0.025, 0.0, 1.0);
     if (t.at("turning", i) > 0 && t.at("insertion_m", i) > 0.006)

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <string>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab {
@@ -18,7 +18,7 @@ std::size_t filesIn(const std::filesystem::path& folder) {
   return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(folder), {}));
 }
 
-// with a plot file of the test's own
+// with the test's own plot file
 Status drawScript(std::string_view script, const std::filesystem::path& png,
                   const std::vector<PlotVariable>& variables = {}) {
   const EmbeddedFile files[] = {
@@ -27,7 +27,7 @@ Status drawScript(std::string_view script, const std::filesystem::path& png,
   return drawPlot(files, "script", png, variables);
 }
 
-// The picture of the demonstration's session, deploy/session.gp.
+// The picture of the demonstration's session, from deploy/session.gp.
 TEST(Gnuplot, aSessionOfNoiseSpansWhatTheWindowsPlotsSpan) {
   if (!hasGnuplot()) GTEST_SKIP() << "gnuplot is not on the PATH";
   const test::TempFolder folder;
@@ -121,7 +121,7 @@ TEST(Gnuplot, isNotThereWhenThePathHasNone) {
   EXPECT_FALSE(found_nowhere);
 }
 
-// ---- the data of a picture
+// ---- a picture's data
 
 TEST(PlotTable, hasItsHeaderThenNumbersWithNineDigitsThenTexts) {
   PlotTable table("a,b,c");
@@ -138,7 +138,7 @@ TEST(PlotBlocks, areInTheOrderOfTheirFirstRowsAndRowsFindTheirBlock) {
   blocks.row("a", {}, {"one, with a comma", "two"});
   blocks.row("b", {1.0 / 7}, {"text"});
   blocks.columns("nothing", {});
-  // gnuplot parts blocks by two empty lines
+  // gnuplot separates blocks by two empty lines
   EXPECT_EQ(blocks.text(), "# b;\n1\t2.5\n0.142857143\ttext\n\n\n# a;\none, with a comma\ttwo\n");
 }
 

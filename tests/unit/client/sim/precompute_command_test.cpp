@@ -1,11 +1,12 @@
-// Tests `needlelab-sim precompute` by whole command lines on small meshes.
+// `needlelab-sim precompute` with whole command lines, on small meshes.
 #include <gmock/gmock.h>
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/profile/profile.h"
+#include "common/profile/scene_of_profile.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/sim/sim_run.h"
 
@@ -71,7 +72,7 @@ TEST(PrecomputeCommand, sameInputGivesTheSameTable) {
   EXPECT_EQ(text[0], text[1]);
 }
 
-// E from lateral stiffness alone was so soft that the tip met some 20 N/m: the table hardly rose
+// with E from the lateral stiffness alone the tip met only some 20 N/m: the table hardly rose
 TEST(PrecomputeCommand, aProfileWithoutFemIsTakenByItsLayersAtTheStiffnessOfItsWallsAndSaysSo) {
   const test::TempFolder folder;
   const auto out = folder.path() / "table.json";
@@ -82,7 +83,7 @@ TEST(PrecomputeCommand, aProfileWithoutFemIsTakenByItsLayersAtTheStiffnessOfItsW
   EXPECT_THAT(outcome.out, HasSubstr("21 rows to 20.0 mm"));
   const auto profile = loadProfile(out);
   ASSERT_TRUE(profile.ok()) << profile.error().message;
-  // without friction the tip alone presses: 500 N/m until it cuts at 1 N
+  // without friction only the tip presses: 500 N/m until it cuts at 1 N
   const auto& table = profile->precomputed().table();
   EXPECT_NEAR(table[1].cutting_n(), 500 * 0.001, 0.005);
   EXPECT_NEAR(table[5].cutting_n(), 1, 0.005);

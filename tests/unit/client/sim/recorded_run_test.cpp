@@ -1,4 +1,4 @@
-// `run --recorded`: a recording once more through the engine, and how far that is from what was recorded.
+// `run --recorded`: replays a recording in the engine and reports how far the result is from the recording.
 #include <gmock/gmock.h>
 
 #include <cmath>
@@ -10,15 +10,16 @@
 #include <vector>
 
 #include "client/sim/tools/recorded_run.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/recording.h"
 #include "common/gesture/sample_csv.h"
-#include "common/haptics/force_gate.h"
+#include "common/haptics/gate/force_gate.h"
 #include "common/profile/profile.h"
-#include "tests/support/motions.h"
-#include "tests/support/scenes.h"
-#include "tests/support/stored_sample.h"
+#include "common/profile/scene_of_profile.h"
+#include "tests/support/scenes/motions.h"
+#include "tests/support/scenes/scenes.h"
+#include "tests/support/scenes/stored_sample.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/sim/sim_run.h"
 
@@ -49,7 +50,7 @@ Motion atTheThreshold(std::uint64_t seed) {
   return test::withTremor(builder.take(), kRateHz, 30e-6, seed);
 }
 
-// what the station records of it
+// what the station records of this motion
 std::vector<GestureSample> recorded(const SceneModel& model, const Motion& motion,
                                     const Resolution& resolution) {
   const auto state = std::make_unique<SimState>();
@@ -96,7 +97,7 @@ RecordedDifference differenceOf(const SceneModel& model, const std::vector<Gestu
   return run.difference();
 }
 
-// ticks in which the engine alone, from the first sample on, is further from what was recorded
+// ticks in which the engine alone, from the first sample on, deviates more from the recording
 std::size_t differsAlone(const SceneModel& model, const std::vector<GestureSample>& samples) {
   const auto state = std::make_unique<SimState>();
   StepReport report;
@@ -127,7 +128,7 @@ TEST(RecordedRun, whatIsNotRoundedIsTheSameToTheBit) {
   }
 }
 
-// a second after the engine has decided otherwise, the recording is right again
+// one second after the engine's decision differed, the recording matches again
 TEST(RecordedRun, eachSecondBeginsWithWhatIsRecorded) {
   const SceneModel model = shoulder();
   std::size_t alone = 0, again = 0, hard = 0;
@@ -148,7 +149,7 @@ TEST(RecordedRun, countsTheTicksThatDifferAndByHowMuch) {
   std::vector<GestureSample*> inside;
   for (GestureSample& sample : samples)
     if (sample.layer >= 0) inside.push_back(&sample);
-  // of a hundred ticks in tissue, the first is off by half a newton, two by what nobody feels
+  // of a hundred ticks in tissue, the first is off by half a newton, two by an imperceptible amount
   inside.resize(100);
   samples.resize(static_cast<std::size_t>(inside.back() - samples.data()) + 1);
   inside[0]->force_W_N[0] += 0.5;
@@ -164,7 +165,7 @@ TEST(RecordedRun, countsTheTicksThatDifferAndByHowMuch) {
             "ticks in tissue that differ by more than 0.02 N from the recorded force: 1 of 100\n"
             "difference: 0.0000 N in the median, 0.5000 N at the 99th percentile, 0.5000 N at most\n");
 
-  // what the gate let through is not the engine's force
+  // the force after the gate is not the engine's
   inside[0]->flags |= kGateThermalLimited;
   difference = differenceOf(model, samples);
   EXPECT_EQ(difference.compared_ticks, 99u);

@@ -13,10 +13,11 @@
 
 #include "client/device/pose_option.h"
 #include "client/sim/tools/offline_scene.h"
-#include "common/base/csv.h"
-#include "common/base/files.h"
-#include "common/haptics/tool_transform.h"
+#include "common/base/files/files.h"
+#include "common/base/text/csv.h"
+#include "common/haptics/geometry.h"
 #include "common/profile/profile.h"
+#include "common/profile/scene_of_profile.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/sim/sim_run.h"
 
@@ -48,7 +49,7 @@ std::string csvOf(const std::vector<Pose>& poses) {
   return text;
 }
 
-// A table of `run` as columns of text.
+// A table from `run`, as columns of text.
 std::map<std::string, std::vector<std::string>> tableOf(const std::filesystem::path& path) {
   std::map<std::string, std::vector<std::string>> table;
   std::istringstream in(*readWholeFile(path));
@@ -79,7 +80,7 @@ TEST(RunCommand, writesWhatTheEngineSaysBitForBit) {
                             "--out", out.string(), "--hash"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
 
-  // the same through the engine's own functions
+  // the same, using the engine's own functions
   const auto model = compile(*sceneSpecOf(*loadProfile(profile)), 1000);
   ASSERT_TRUE(model.ok());
   auto table = tableOf(out);
@@ -175,7 +176,7 @@ TEST(RunCommand, findsColumnsByNameInAnyOrder) {
   ASSERT_EQ(sim({"run", "--profile", profile, "--trajectory", plain.string(), "--out", a.string()}).code, 0);
   ASSERT_EQ(sim({"run", "--profile", profile, "--trajectory", mixed.string(), "--out", b.string()}).code, 0);
   EXPECT_EQ(*readWholeFile(a), *readWholeFile(b));
-  // 2 mm of stretch in one step: 500 N/m make 1 N, along W's z
+  // 2 mm of stretch in one step: 500 N/m give 1 N, along W's z
   EXPECT_NEAR(std::strtod(tableOf(a)["fz_n"][1].c_str(), nullptr), 1, 1e-12);
 }
 
@@ -249,7 +250,7 @@ TEST(RunCommand, toolAndPlacementOnlyMoveTheScene) {
   EXPECT_GT(greatest, 1);
 }
 
-// every kind of wrong input: exit code 2, a message that names the file and the fault, and no output
+// every kind of wrong input: exit code 2, a message that names the file and the error, and no output
 TEST(RunCommand, refusesWrongInputByNameAndWritesNothing) {
   const test::TempFolder folder;
   const std::string header = "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n";
@@ -380,10 +381,10 @@ TEST(EveryCommand, refusesAJsonFileThatIsItsInput) {
   EXPECT_FALSE(std::filesystem::exists(out));
 }
 
-// Without the check, the one that is written last would replace the other, and the exit code would be 0.
+// Without the check, the file written last would replace the other, and the exit code would be 0.
 TEST(EveryCommand, refusesAJsonFileThatIsOneOfItsTablesOrPictures) {
   const struct {
-    std::vector<std::string> arguments;  // the folder's option is the last one
+    std::vector<std::string> arguments;  // the folder's option comes last
     std::vector<std::string> names;
   } commands[] = {
       {{"figures", "--out"}, {"fig07.csv", "fig09.png", "fig11.csv", "fig11.png"}},
@@ -392,7 +393,7 @@ TEST(EveryCommand, refusesAJsonFileThatIsOneOfItsTablesOrPictures) {
        {"skill.csv", "skill.png"}},
       {{"stability", "--case", "boundary_hold", "--model", "DIRECT", "--out"},
        {"stability.dat", "stability.png", "stability-holds.csv", "stiffness_limits.json",
-        "stiffness_beyond.png"}},
+        "stiffness_rest.png"}},
       {{"accuracy", "--study", "verification", "--out"}, {"accuracy.csv"}}};
   for (const auto& command : commands)
     for (const std::string& name : command.names) {

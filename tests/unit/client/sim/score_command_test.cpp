@@ -5,14 +5,14 @@
 #include <nlohmann/json.hpp>
 #include <span>
 
-#include "common/base/csv.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
+#include "common/base/text/csv.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/recording.h"
 #include "common/gesture/sample_csv.h"
 #include "common/profile/profile.h"
-#include "common/scoring/dtw.h"
-#include "common/scoring/measures.h"
+#include "common/scoring/measures/measures.h"
+#include "common/scoring/motion/dtw.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/sim/sim_run.h"
 
@@ -23,7 +23,7 @@ using nlohmann::json;
 using test::sim;
 using testing::HasSubstr;
 
-// straight down from 10 mm above the skin to `depth_m`, a second of rest, and out the same way; 40 mm/s
+// straight down from 10 mm above the skin to `depth_m`, a second of rest, and back out; 40 mm/s
 std::string strokeCsv(double depth_m) {
   std::string text = "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n";
   const double way_s = (depth_m + 0.01) / 0.04;
@@ -143,8 +143,8 @@ TEST(ScoreCommand, comparesWithReferences) {
 }
 
 TEST(ScoreCommand, scoresWhatWasRecordedAsItIs) {
-  // Samples as a device records them: as a recording, as exported CSV, and directly through the server's
-  // code, they give the same score, bit for bit.
+  // Samples as a device records them give the same score, bit for bit, as a recording, as exported CSV, and
+  // directly through the server's code.
   std::vector<GestureSample> samples(3000);
   for (std::size_t i = 0; i < samples.size(); ++i) {
     GestureSample& s = samples[i];
@@ -186,7 +186,7 @@ TEST(ScoreCommand, scoresWhatWasRecordedAsItIs) {
       EXPECT_EQ(whole.at("rows")[i].at("value").get<double>(), expected[i].value) << expected[i].name;
     }
   }
-  // one of the two options, and complete rows
+  // exactly one of the two options, and complete rows
   const auto profile = (test::kSamples / "paper-1dof.json").string();
   EXPECT_EQ(sim({"score", "--profile", profile}).code, 2);
   EXPECT_EQ(sim({"score", "--profile", profile, "--recorded", csv, "--trajectory", csv}).code, 2);
@@ -263,7 +263,7 @@ TEST(ScoreCommand, measuresAgainstTheExercisesPlan) {
   const test::TempFolder folder;
   const auto trajectory = folder.write("t.csv", strokeCsv(0.02)).string();
   const auto profile = (test::kSamples / "paper-1dof.json").string();
-  // 3 and 4 mm aside of the stroke, which goes straight down at (0, 0)
+  // 3 and 4 mm beside the stroke, which goes straight down at (0, 0)
   const auto scoredWith = [&](const std::string& z) {
     const auto exercise = folder.write("e.json", R"({"id": "e", "name": "Planned", "profile_id": "paper-1dof",
         "plan": {"frame": "LIMB", "entry_m": {"x": 0.003, "y": 0.004, "z": )" +
@@ -315,7 +315,7 @@ TEST(ScoreCommand, tellsWhatTheSyringeDidByThePlungerColumn) {
   EXPECT_NEAR(injection.at("end_s").get<double>(), 7, 0.03);
   EXPECT_NEAR(injection.at("begin").at("depth_m").get<double>(), 0.03, 1e-6);
   EXPECT_EQ(injection.at("begin").at("tissue"), "OTHER");
-  // the target is a ball of 3 mm about 30 mm deep
+  // the target is a sphere of 3 mm about 30 mm deep
   EXPECT_NEAR(injection.at("begin").at("target_distance_m").get<double>(), -0.003, 1e-6);
   EXPECT_EQ(injection.at("in_target_share"), 1);
   EXPECT_EQ(valueOf(whole, "aspirated_before_injection"), 1);

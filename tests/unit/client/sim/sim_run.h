@@ -1,4 +1,4 @@
-/// Runs needlelab-sim in the test's own process, and returns its output.
+/// Runs needlelab-sim in the test's own process and returns its output.
 #pragma once
 
 #include <gmock/gmock.h>
@@ -33,12 +33,12 @@ inline Outcome sim(std::vector<std::string> arguments) {
   return outcome;
 }
 
-/// A wrong command line, and what its message has to name.
+/// A wrong command line, and what its message must name.
 struct Refused {
   std::vector<std::string> arguments, named;
 };
 
-/// `command` refuses each with exit code 2, before it has written anything to standard output.
+/// Expects that `command` refuses each with exit code 2 before it writes anything to standard output.
 inline void expectRefused(const std::string& command, const std::vector<Refused>& cases) {
   for (const Refused& one : cases) {
     std::vector<std::string> arguments = {command};

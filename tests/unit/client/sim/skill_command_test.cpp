@@ -1,4 +1,4 @@
-// The study's own numbers are in skill/skill_study_test.cpp; here is what the command says of them.
+// The command's texts; skill/skill_study_test.cpp tests the study's numbers.
 #include <gmock/gmock.h>
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/sim/sim_run.h"
 
@@ -19,7 +19,7 @@ namespace {
 
 using testing::HasSubstr;
 
-/// The smallest study: two novices and two experts, one attempt each at one exercise.
+/// The smallest study: two novices and two experts, with one attempt each at one exercise.
 std::vector<std::string> smallest(const std::vector<std::string>& more) {
   std::vector<std::string> arguments = {"skill", "--trainees", "4", "--attempts", "1", "--exercises", "1"};
   arguments.insert(arguments.end(), more.begin(), more.end());
@@ -49,7 +49,7 @@ TEST(SkillCommand, aRowsNumbersFollowFromItsMeansAndSpreads) {
       EXPECT_LE(std::abs(number("hedges_g")), greatest) << "not in order: " << measure;
       greatest = std::abs(number("hedges_g"));
     }
-    // of the 6 labellings 2, 4 or all part four values as far; so none can be rarer than 1 in 20
+    // 2, 4 or all of the 6 labellings separate four values equally far; so none can be rarer than 1 in 20
     EXPECT_NEAR(std::fmod(number("p") * 6 + 1e-9, 1), 0, 1e-8) << measure;
     EXPECT_GE(number("p"), 2 / 6.0 - 1e-12) << measure;
     EXPECT_EQ(row.at("separates"), "no") << measure;
@@ -86,7 +86,7 @@ TEST(SkillCommand, withoutGnuplotGivesTheTableAndSaysSo) {
   EXPECT_EQ(outcome.code, 0);
   EXPECT_THAT(outcome.err, HasSubstr("gnuplot is not on the PATH"));
   EXPECT_FALSE(std::filesystem::exists(pictures / "skill.png"));
-  // a line for each measure, the last at place 1, and the same measures for people
+  // one line per measure, the last with rank 1, and the same measures for people
   std::istringstream csv(*readWholeFile(pictures / "skill.csv"));
   std::string line, last;
   ASSERT_TRUE(std::getline(csv, line));

@@ -1,4 +1,4 @@
-// Intervals and tests against the tables of any textbook.
+// Intervals and tests, checked with textbook tables.
 #include "client/sim/tools/small_sample.h"
 
 #include <gtest/gtest.h>
@@ -8,7 +8,7 @@
 #include <cmath>
 #include <vector>
 
-#include "client/device/hand.h"
+#include "client/device/hand/hand.h"
 
 namespace needlelab {
 namespace {
@@ -46,7 +46,7 @@ TEST(SmallSample, oneValueHasNoInterval) {
 }
 
 TEST(HolmCorrected, byHand) {
-  // 4 tests: 0.01·4, 0.02·3, 0.03·2 (not below the one before), 0.5·1
+  // 4 tests: 0.01·4, 0.02·3, 0.03·2 (not below the previous one), 0.5·1
   const auto corrected = holmCorrected(std::vector<double>{0.03, 0.01, 0.5, 0.02});
   const std::vector<double> expected{0.06, 0.04, 0.5, 0.06};
   ASSERT_EQ(corrected.size(), expected.size());
@@ -56,7 +56,7 @@ TEST(HolmCorrected, byHand) {
   EXPECT_TRUE(holmCorrected(std::vector<double>{}).empty());
 }
 
-// k tests without a difference: uncorrected some p is below 0.05 nearly always, corrected in 1 study of 20
+// k tests without a difference: uncorrected, some p is almost always below 0.05; corrected, in 1 study of 20
 TEST(HolmCorrected, keepsTheChanceOfAnyErrorAtTheLevel) {
   HandRandom random(9);
   int plain = 0, corrected = 0;

@@ -5,7 +5,7 @@
 
 #include "client/sim/stability/case_file.h"
 #include "client/sim/tools/gnuplot.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/sim/sim_run.h"
 
@@ -78,7 +78,7 @@ TEST(StabilityCommand, aWallThatIsNotStableIsAFailure) {
   EXPECT_THAT(run.err, HasSubstr("the enhanced tracking wall is not stable in hold_quantised"));
 }
 
-// a case that is known to fail is told and does not end the program with an error
+// a case that is known to fail is reported and does not end the program with an error
 TEST(StabilityCommand, theGestureOfTheEnergySearchIsStableAndSaysWithoutWhatItIsNot) {
   const Outcome run =
       sim({"stability", "--case", "random_energy_500981", "--model", "ENHANCED_TRACKING_WALL"});
@@ -98,7 +98,7 @@ TEST(StabilityCommand, wrongInputIsNamed) {
   const auto broken = folder.write("cases.json", R"({"version": 1})");
   const Outcome wrong = sim({"stability", "--cases", broken.string()});
   EXPECT_EQ(wrong.code, 2);
-  EXPECT_THAT(wrong.err, HasSubstr("cases.json: filters: must be an object"));
+  EXPECT_THAT(wrong.err, HasSubstr("cases.json: plant: must be an object"));
   const Outcome none = sim({"stability", "--cases", (folder.path() / "none.json").string()});
   EXPECT_NE(none.code, 0);
   EXPECT_THAT(none.err, HasSubstr("none.json"));

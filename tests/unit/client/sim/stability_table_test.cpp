@@ -1,4 +1,4 @@
-// What `needlelab-sim stability` prints of rows that the test makes.
+// What `needlelab-sim stability` prints for rows made by the test.
 #include <gmock/gmock.h>
 
 #include <cmath>
@@ -91,9 +91,6 @@ TEST(StabilityTable, hasALineForEachCaseAndAColumnForEachModel) {
   EXPECT_THAT(text, HasSubstr("\n\nNotes\n  " + line({"hold", "wall"}, "of the wall") + "\n  " +
                               line({"hold", "FEM"}, "swells") + "\n  " +
                               line({"slip", "direct"}, "of direct") + "\n"));
-  // equal is no more, for numbers below zero, too
-  EXPECT_THAT(text, HasSubstr("\nPassed, and measured no more than the enhanced tracking wall\n  " +
-                              line({"slip"}, "direct") + "\n"));
   EXPECT_THAT(text,
               EndsWith("\n\nThe enhanced tracking wall is stable in 2 of 2 hard cases; not stable: direct "
                        "in 1 of 2, FEM in 1 of 1.\n"));
@@ -105,7 +102,6 @@ TEST(StabilityTable, aNoteOfAModelThatPassedGivesWayToTheWalls) {
                 judgedRow("hold", AxialModel::kVoigt, 0.2, 1, Verdict::kStable, "force [N]", "of Voigt")});
   EXPECT_THAT(text, HasSubstr("of the wall"));
   EXPECT_THAT(text, Not(HasSubstr("of Voigt")));
-  EXPECT_THAT(text, Not(HasSubstr("Passed, and"))) << "0.2 is more than 0.1";
 }
 
 TEST(StabilityTable, tellsCoupledStabilityFromPassivity) {
@@ -124,7 +120,7 @@ TEST(StabilityTable, tellsCoupledStabilityFromPassivity) {
   EXPECT_EQ(text.find("prescribed"), text.rfind("prescribed")) << "no margins: the table alone names it";
 }
 
-// 20.8 mN: a pen that is held (Lee and Hannaford 2003)
+// 20.8 mN: the noticeable step for a held pen (Lee and Hannaford 2003)
 TEST(StabilityTable, listsTheStepsThatAHandMayNotice) {
   CaseRow wall = judgedRow("hold", kWall, 0.1, 1, Verdict::kStable);
   CaseRow direct = judgedRow("hold", AxialModel::kDirect, 0.1, 1, Verdict::kStable);
@@ -145,7 +141,7 @@ TEST(StabilityTable, columnsCountCharactersAndNotBytes) {
 }
 
 TEST(StabilityFinding, countsTheModelsThatAreNotStable) {
-  // so many of three cases in which the model is not stable
+  // this many of three cases in which the model is not stable
   const auto ofThree = [](AxialModel model, int bad) {
     std::vector<CaseRow> rows;
     for (int i = 0; i < 3; ++i)

@@ -9,8 +9,8 @@ namespace {
 
 using Kind = InputEvent::Kind;
 
-/// "+a" the key goes down, "-a" up; "=a" its text; "(0" a button goes down, ")0" up; ">7" the mouse is there;
-/// "^1" notches of the wheel.
+/// "+a" the key goes down, "-a" up; "=a" its text; "(0" a button goes down, ")0" up; ">7" moves the mouse
+/// there; "^1" notches of the wheel.
 void add(InputQueue& queue, const std::string& events) {
   for (std::size_t i = 0; i + 1 < events.size(); i += 2) {
     const char what = events[i], which = events[i + 1];
@@ -54,7 +54,7 @@ std::string textOf(const InputEvent& event) {
   return {'^', static_cast<char>('0' + static_cast<int>(event.y))};
 }
 
-/// What each frame sees until nothing waits; frames are separated by blanks.
+/// What each frame sees until the queue is empty; frames are separated by blanks.
 std::string framesOf(InputQueue& queue) {
   std::string text;
   while (!queue.empty()) {
@@ -137,7 +137,7 @@ TEST(InputQueue, whatWasPressedBeforeAFrameWasSeenIsDroppedAndWhatGoesUpIsNot) {
   add(queue, "+E=x-E(0>3)0-w");
   queue.dropBefore(8);
   queue.shown(7);
-  add(queue, "+E-E");  // still before the frame 8 is there
+  add(queue, "+E-E");  // while the frame still shows 8
   EXPECT_EQ(framesOf(queue), "-E>3)0 -w-E");
   queue.shown(8);
   add(queue, "+E-E");

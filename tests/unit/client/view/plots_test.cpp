@@ -195,7 +195,7 @@ TEST_F(PlotsTest, downwardAxesPutDepthBelow) {
   const auto [first, last] = rowsOf(picture, middle + 7, kWhite);
   const float height_px = field_.high_px.y - field_.low_px.y;
   EXPECT_NEAR(0.5 * (first + last) + 0.5, static_cast<double>(field_.low_px.y + height_px * 0.75F), 1.6);
-  // the bands tint their stretch: more red below, more green above
+  // the bands tint the background: more red below, more green above
   const auto above =
       test::meanAround(picture, middle + 11, static_cast<double>(field_.low_px.y + height_px * 0.12F), 1);
   const auto below =
@@ -330,7 +330,7 @@ TEST_F(PlotsTest, oneBrokenSampleDoesNotTakeTheAxisFromTheOthers) {
   }
 }
 
-// only the strip above the field: the lines in it all lie on one another
+// only the strip above the field: its lines coincide
 TEST_F(PlotsTest, aLegendWithoutRoomSaysSo) {
   const auto legendWith = [&](std::size_t count) {
     const std::vector<PlotSeries> series(count, seriesThrough({0, 10}, {1, 1}, {1, 0, 0}));
@@ -340,7 +340,7 @@ TEST_F(PlotsTest, aLegendWithoutRoomSaysSo) {
       for (int x = 0; x < picture.width; ++x) strip.push_back(test::pixelAt(picture, x, y));
     return strip;
   };
-  // some ten have room; each one more changes the count at the end
+  // about ten fit; each further one changes the count at the end
   const auto many = legendWith(20), one_more = legendWith(21);
   EXPECT_NE(many, one_more);
   EXPECT_EQ(many, legendWith(20));

@@ -1,5 +1,5 @@
-// A question takes no key and no click that a person made before it was to be seen. The frames stand still
-// here: everything is pressed between two of them.
+// A question accepts no key or click made before it was visible. The frames stand still here: everything is
+// pressed between two of them.
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
 #include <gtest/gtest.h>
@@ -33,7 +33,7 @@ class QuestionTest : public test::ViewStage {
     surface_->setMouseButton(0, true);
     surface_->setMouseButton(0, false);
   }
-  /// A button that asks, and the question above the screen.
+  /// A button that asks a question, which appears above the screen.
   std::function<void()> above() {
     return [this] {
       beginScreen("s");
@@ -43,7 +43,7 @@ class QuestionTest : public test::ViewStage {
       endScreen();
     };
   }
-  /// A button in whose place the question's own stands.
+  /// A button that is replaced by its own question.
   std::function<void()> within() {
     return [this] {
       beginScreen("s");
@@ -88,7 +88,7 @@ TEST_F(QuestionTest, itCanBeAnsweredFromItsSecondFrameOn) {
   draw(above(), 1);
   EXPECT_TRUE(question_.asked());
   EXPECT_FALSE(question_.shown()) << "measured, and not drawn yet";
-  tap(GLFW_KEY_DELETE);  // the person sees the frame before
+  tap(GLFW_KEY_DELETE);  // the person still sees the previous frame
   draw(above(), 1);
   EXPECT_TRUE(question_.shown());
   EXPECT_TRUE(answers_.empty());

@@ -14,10 +14,10 @@
 #include <vector>
 
 #include "client/view/theme.h"
-#include "tests/support/fake_time.h"
 #include "tests/support/pictures/picture_check.h"
 #include "tests/support/pictures/view_stage.h"
 #include "tests/support/temp_folder.h"
+#include "tests/support/time/fake_time.h"
 
 namespace needlelab {
 namespace {
@@ -110,8 +110,8 @@ TEST_F(SurfaceTest, mouseKeysAndTextReachTheWidgets) {
   EXPECT_TRUE(escape);
 }
 
-// Everything is done between two frames, as while one of them stands still. The button is drawn before the
-// field, and a click on it takes the keyboard from the field.
+// Everything happens between two frames, as if one stood still. The button is drawn before the field, and a
+// click on it takes the keyboard from the field.
 TEST_F(SurfaceTest, aMessageIsSentBeforeTheClickAfterItCounts) {
   std::array<char, 32> text{};
   std::vector<std::string> done;
@@ -214,7 +214,7 @@ TEST(SurfacePacing, framesComeAtTheirRateAndALateOneDoesNotHurryTheNext) {
   auto surface = Surface::open(options);
   if (!surface) GTEST_SKIP() << surface.error().message;
   constexpr std::int64_t kMs = 1'000'000;
-  time.late_ns = {{1, 50 * kMs}, {3, 5 * kMs}};  // the third frame by more than a period, the fifth by less
+  time.late_ns = {{1, 50 * kMs}, {3, 5 * kMs}};  // third frame: over a period late, fifth: less
   std::vector<std::int64_t> begins_ms;
   for (int i = 0; i < 7; ++i) {
     ASSERT_TRUE((*surface)->beginFrame());

@@ -8,7 +8,7 @@
 
 #include <string>
 
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 #include "tests/support/pictures/picture_check.h"
 #include "tests/support/pictures/view_stage.h"
 

@@ -46,7 +46,7 @@ TEST_F(UltrasoundViewTest, followsTheNeedleAtItsOwnRate) {
   // frames of 1/30 s: two more show the same picture, within four it is new
   const RgbaImage soon = drawn(view, 1);
   const RgbaImage later = drawn(view, 4);
-  // The text above the picture's middle is the cost, which varies.
+  // The text above the picture's middle is the measured cost, which varies.
   const auto below = [](RgbaImage image) {
     image.pixels.erase(image.pixels.begin(), image.pixels.begin() + 4 * 420 * 60);
     image.height -= 60;

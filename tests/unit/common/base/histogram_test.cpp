@@ -30,7 +30,7 @@ TEST(Histogram, quantilesAreStraightWithinABucketAndNeverAboveTheGreatest) {
   EXPECT_EQ(seen.quantile(0.5), 0);
   for (int i = 0; i < 100; ++i) seen.add(15);
   EXPECT_DOUBLE_EQ(seen.quantile(0.25), 12.5);
-  EXPECT_DOUBLE_EQ(seen.quantile(0.99), 15);  // 19.9 by the bucket, but no value is above 15
+  EXPECT_DOUBLE_EQ(seen.quantile(0.99), 15);  // the bucket says 19.9, but no value is above 15
   seen.add(200);
   EXPECT_DOUBLE_EQ(seen.quantile(1), 200);
 }

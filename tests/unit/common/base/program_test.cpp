@@ -11,13 +11,13 @@
 namespace needlelab {
 namespace {
 
-/// Ends as a program does whose library keeps a thread and has something to do at exit.
+/// Ends like a program whose library keeps a thread and has work to do at exit.
 [[noreturn]] void endBesideALibrary() {
   std::thread([] {
     for (;;) ::pause();
   }).detach();
   std::atexit([] { ::_exit(99); });
-  // the test reads this one
+  // the test reads this stream
   ::dup2(STDERR_FILENO, STDOUT_FILENO);
   std::cout << "the summary ";
   std::printf("and its last line");

@@ -10,19 +10,19 @@
 namespace needlelab {
 namespace {
 
-/// What a process has after keepOutOfCoreDumps().
+/// A process's limits after keepOutOfCoreDumps().
 struct Limits {
   rlim_t soft = 0, hard = 0;
   int dumpable = -1;
 };
 
-/// Runs keepOutOfCoreDumps() in a child process that has no rights over its limits, with this limit before.
+/// Runs keepOutOfCoreDumps() with this limit in a child process that may not raise limits.
 Limits afterwards(const rlimit& before) {
   int pipe[2] = {-1, -1};
   EXPECT_EQ(::pipe(pipe), 0);
   const pid_t child = ::fork();
   if (child == 0) {
-    // root may raise a hard limit; another user may not. A change of user makes a process not dumpable.
+    // root may raise a hard limit; another user may not. Changing the user makes a process not dumpable.
     if (::setrlimit(RLIMIT_CORE, &before) != 0) ::_exit(1);
     if (::geteuid() == 0 && ::setuid(65534) != 0) ::_exit(2);
     if (::prctl(PR_SET_DUMPABLE, 1, 0, 0, 0) != 0) ::_exit(3);

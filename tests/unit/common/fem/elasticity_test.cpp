@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kYoung_Pa = 12e3;
 
-// a block of crooked cells: corners inside are moved at random, the outside stays a box
+// a block of irregular cells: inner corners are moved at random, the outside stays a box
 GridMesh crookedBlock(std::uint64_t seed) {
   Random random(seed);
   static constexpr int n = 3;
@@ -98,7 +98,7 @@ TEST(TetElements, exactlySixRigidModesCostNothing) {
   EXPECT_LT(std::fabs(values[5]), 1e-12 * greatest);
   EXPECT_GT(values[6], 1e-6 * greatest);
 
-  // the modes themselves: moved and turned about any point
+  // the modes themselves: translation, and rotation about any point
   for (int mode = 0; mode < 6; ++mode) {
     Eigen::VectorXd u(values.size());
     for (std::size_t n = 0; n < mesh.node_m.size(); ++n)
@@ -109,7 +109,7 @@ TEST(TetElements, exactlySixRigidModesCostNothing) {
   }
 }
 
-// a bar pulled at its ends, free at its sides
+// a bar pulled at its ends, with free sides
 TEST(TetElements, pulledBarStretchesByYoungAndNarrowsByPoisson) {
   constexpr double kPoisson = 0.37, kWidth = 0.01, kLength = 0.04, kStretch = 1e-4;
   const GridMesh grid(
@@ -149,7 +149,7 @@ TEST(TetElements, pulledBarStretchesByYoungAndNarrowsByPoisson) {
 namespace {
 
 // Near incompressibility: ten-node tetrahedra keep the closed form of a thick cylinder at ν = 0.49 and
-// beyond; the four-node ones inside them (the same mesh, its middle nodes tied to the corners) do not.
+// beyond; four-node ones (the same mesh, with the middle nodes tied to the corners) do not.
 
 constexpr double kInner_m = 0.01, kOuter_m = 0.02, kThick_m = 0.002, kWiden_m = 1e-4;
 constexpr double kShear_Pa = 3000;
@@ -166,7 +166,7 @@ double exactEnergy(double poisson) {
   return 0.5 * pressure * kWiden_m * (std::numbers::pi / 2 * kInner_m) * kThick_m;
 }
 
-// least energy of the displacements  u = T q + u0, q free
+// minimum energy over displacements  u = T q + u0, q free
 double leastEnergy(const Eigen::SparseMatrix<double>& stiffness, const Eigen::SparseMatrix<double>& tie,
                    const Eigen::VectorXd& start) {
   const Eigen::SparseMatrix<double> reduced = tie.transpose() * stiffness * tie;
@@ -206,7 +206,7 @@ Energies energiesAt(double poisson) {
     if (inner) start.segment<2>(static_cast<Eigen::Index>(3 * n)) = kWiden_m / r * p.head<2>();
   }
 
-  // ten nodes: every unknown that is not held; four nodes: middles are the mean of their corners
+  // ten nodes: every unknown not held; four nodes: a middle is the mean of its corners
   std::vector<int> column(index.size(), -1);
   int columns = 0;
   std::vector<Eigen::Triplet<double>> ten;

@@ -8,8 +8,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "tests/support/no_alloc.h"
 #include "tests/support/random.h"
+#include "tests/support/realtime/no_alloc.h"
 #include "tests/unit/common/fem/soft_tissue.h"
 
 namespace needlelab::test {
@@ -39,13 +39,13 @@ SceneSpec madeScene(double friction_N_per_m = kFriction_N_per_m, double cutting_
   return scene;
 }
 
-// cubic B-spline by de Boor's recursion, centred on 0, its pieces one apart
+// cubic B-spline by de Boor's recursion, centred on 0, knots one apart
 double spline(double at, int degree = 3) {
   if (degree == 0) return at >= -0.5 && at < 0.5 ? 1.0 : 0.0;
   const double half = 0.5 * (degree + 1);
   return ((at + half) * spline(at + 0.5, degree - 1) + (half - at) * spline(at - 0.5, degree - 1)) / degree;
 }
-// ∫ of the cubic spline up to there, which the splines of degree 4 add up to
+// ∫ of the cubic spline up to there: the sum of splines of degree 4
 double splineUpTo(double at) {
   double sum = 0;
   for (int k = 0; k < 5; ++k) sum += spline(std::min(at, 2.0) - 0.5 - k, 4);
@@ -63,7 +63,7 @@ Eigen::VectorXd tipWeights(double depth_m) {
   return weights;
 }
 
-// tip depths of a random stroke: in, out, in part, stand still, several times
+// tip depths of a random stroke: in, out, partly, standing still, several times
 std::vector<double> randomStroke(std::uint64_t seed, int legs = 8, double deepest_m = 0.036) {
   Random random(seed);
   std::vector<double> depths;
@@ -84,7 +84,7 @@ std::vector<double> randomStroke(std::uint64_t seed, int legs = 8, double deepes
 NeedlePose straight(double x_m) {
   return {x_m, std::max(0.0, x_m), 1.0};
 }
-double push(const NeedleForce& force) {  // of the hand, into the tissue positive
+double push(const NeedleForce& force) {  // the hand's push, positive into the tissue
   return -(force.cutting_N + force.friction_N);
 }
 
@@ -162,7 +162,7 @@ TEST(FemNeedle, neverGivesMoreThanItStored) {
       const double force = push(stepNeedle(needle, straight(x), state));
       work += force * (x - x_before);
       trapezoid += 0.5 * (force + push_before) * (x - x_before);
-      // Passive including the stored energy: this is stronger than never giving net energy.
+      // Passive including the stored energy: stronger than never giving net energy.
       ASSERT_GE(work, storedEnergy(needle, state) - 1e-12) << "seed " << seed;
       ASSERT_GE(trapezoid, -1e-7) << "seed " << seed;
       push_before = force;
@@ -185,7 +185,7 @@ TEST(FemNeedle, withoutFrictionOrCuttingOnlyTheElasticPartIsLeftAndComesBack) {
     work += 0.5 * (force + before) * (x - x_before);
     before = force;
     x_before = x;
-    // Nothing is cut: the needle is a spring with the tip's stiffness at the surface.
+    // Nothing is cut: the needle acts as a spring with the tip's stiffness at the surface.
     EXPECT_NEAR(force, x / tipGive_m_per_N(needle, 0), 1e-9);
   }
   EXPECT_NEAR(work, 0, 1e-12);
@@ -206,7 +206,7 @@ TEST(FemNeedle, cuttingForceIsReachedAndHeldInHomogeneousTissue) {
     }
   }
   EXPECT_NEAR(reached_m, kCutting_N * tipGive_m_per_N(needle, 0), 2e-5);
-  // The cut is behind the tip by the displacement of the tissue.
+  // The cut lags behind the tip by the tissue's displacement.
   EXPECT_NEAR(state.x_m - state.cut_m, kCutting_N * tipGive_m_per_N(needle, state.cut_m), 2e-4);
 }
 
@@ -215,11 +215,11 @@ TEST(FemNeedle, reversesWithTheStiffnessOfAllThatSticks) {
   NeedleState state{};
   double force = 0, x = 0;
   for (int k = 1; k <= 3000; ++k) force = push(stepNeedle(needle, straight(x = 1e-5 * k), state));
-  // First at rest: the position of the last cut settles.
+  // First a rest, so that the last cut settles.
   for (int k = 0; k < 20; ++k) force = push(stepNeedle(needle, straight(x), state));
   const NeedleState at_turn = state;
   const double back = push(stepNeedle(needle, straight(x - 1e-6), state));
-  // the stations inside and the tip, as one rigid piece
+  // the stations inside and the tip, moving as one rigid piece
   const auto inside = static_cast<Eigen::Index>(std::ceil(at_turn.cut_m / kSpacing_m));
   const Eigen::Map<const Eigen::MatrixXd> give(needle.compliance->give_m_per_N.data(), kStations, kStations);
   const Eigen::VectorXd weights = tipWeights(at_turn.cut_m);
@@ -235,7 +235,7 @@ TEST(FemNeedle, reversesWithTheStiffnessOfAllThatSticks) {
 
 TEST(FemNeedle, forceNeverStepsAsStationsAreCrossed) {
   // slowly through all stations and back: no tick may change the force by more than the stiffest response to
-  // its motion, give or take the cutting force's own change, which is none here
+  // its motion plus the change of the cutting force, which is 0 here
   const FemNeedle needle = compileNeedle(madeScene());
   NeedleState state{};
   double before = 0, x_before = 0, worst = 0;
@@ -247,7 +247,7 @@ TEST(FemNeedle, forceNeverStepsAsStationsAreCrossed) {
     x_before = x;
   }
   EXPECT_LE(worst, 1.05 * needle.stiffness_N_per_m);
-  EXPECT_NEAR(before, 0.0, 1e-3);  // nothing is left at the exit
+  EXPECT_NEAR(before, 0.0, 1e-3);  // no force remains at the exit
 }
 
 TEST(FemNeedle, cutStaysCut) {
@@ -263,9 +263,9 @@ TEST(FemNeedle, cutStaysCut) {
   const double cut = state.cut_m;
   go(0.02, 0.002);
   EXPECT_EQ(state.tip_N, 0.0);
-  EXPECT_LT(go(0.002, cut - 1e-4), 1e-9);  // without force through its own channel
+  EXPECT_LT(go(0.002, cut - 1e-4), 1e-9);  // no force through its own channel
   EXPECT_EQ(state.cut_m, cut);
-  EXPECT_NEAR(go(cut - 1e-4, 0.03), kCutting_N, 1e-9);  // then it cuts on
+  EXPECT_NEAR(go(cut - 1e-4, 0.03), kCutting_N, 1e-9);  // then it continues to cut
 }
 
 TEST(FemNeedle, forceFallsInDeclaredReleasesOnlyWhereALayerIsSofterToCut) {

@@ -6,15 +6,15 @@
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/engine.h"
 #include "common/haptics/models/like_for_like.h"
-#include "tests/support/motions.h"
-#include "tests/support/no_alloc.h"
+#include "tests/support/realtime/no_alloc.h"
+#include "tests/support/scenes/motions.h"
 #include "tests/unit/common/fem/soft_tissue.h"
 
 namespace needlelab::test {
 namespace {
 
-// the six layers, clamped passively, with membranes; one mesh for all tests of this file The tissue is so
-// stiff that a needle cuts soon and does not only indent the skin.
+// the six layers, clamped passively, with membranes; one mesh for all tests of this file. The tissue is so
+// stiff that a needle soon cuts instead of only indenting the skin.
 SceneSpec sixLayers(LimbKind limb = LimbKind::kPlane) {
   SceneSpec scene =
       likeForLike(withClamping(withLimb(allEffects(), limb), ClampingMode::kConservative), AxialModel::kFem);
@@ -28,8 +28,8 @@ SceneSpec sixLayers(LimbKind limb = LimbKind::kPlane) {
 
 struct FemRun {
   std::vector<StepReport> reports;
-  double energy_to_hand_J = 0;  ///< by force, trapezoidal
-  double worst_step_N = 0;      ///< change of axial force in a tick, beyond the stiffest response
+  double energy_to_hand_J = 0;  ///< by the force, trapezoidal
+  double worst_step_N = 0;      ///< change of axial force in a tick, in excess of the stiffest response
   std::uint32_t flags = 0, unsettled = 0;
   std::uint64_t hash = 0;
 };
@@ -64,7 +64,7 @@ FemRun runThrough(const SceneSpec& scene, const Motion& motion, double rate_hz) 
 TEST(FemScene, isRefusedWithoutItsMesh) {
   SceneSpec scene = sixLayers();
   scene.fem.compliance = nullptr;
-  EXPECT_TRUE(validate(scene).ok());  // a server need not mesh
+  EXPECT_TRUE(validate(scene).ok());  // a server does not need the mesh
   const auto model = compile(scene, 1000);
   ASSERT_FALSE(model.ok());
   EXPECT_NE(model.error().message.find("mesh was not computed"), std::string::npos);
@@ -113,8 +113,8 @@ double cuttingWork(const std::vector<StepReport>& reports, std::size_t from, std
   return work_J;
 }
 
-// FEM cuts its tissue once: CUT_MEMORY's direction, within an insertion. What its tip does not press costs
-// nothing.
+// FEM cuts its tissue once: CUT_MEMORY along the needle, within one insertion. Where its tip does not press,
+// cutting is free.
 TEST(FemScene, tissueThatItCutCostsLessOnTheWayInAgainAsWithTheMemoryOfTheCut) {
   SceneSpec scene = sixLayers();
   scene.effects = bitOf(Effect::kCutting);

@@ -21,8 +21,7 @@ Matrix matrixOf(const NeedleCompliance& compliance) {
   return {compliance.give_m_per_N.data(), n, n};
 }
 
-// force per displacement of the needle stuck over its whole length: by Eigen, not by the live needle's own
-// solver
+// force per displacement of a needle stuck over its whole length: by Eigen, not by the live needle's solver
 double stiffnessOf(const NeedleCompliance& compliance) {
   const Eigen::MatrixXd give = matrixOf(compliance);
   return give.ldlt().solve(Eigen::VectorXd::Ones(give.rows())).sum();
@@ -43,7 +42,7 @@ TEST(NeedleCompliance, shaftIsAsStiffAsRandolphAndWrothSay) {
   const auto compliance = complianceOf(factsScene(), 10'000, 20);
   const double stiffness = stiffnessOf(*compliance);
   EXPECT_NEAR(stiffness / randolphWroth(), 1.0, 0.10);
-  // The mesh has tissue below the tip, too: with the base, 4 G r₀/(1 − ν), the theory agrees with the mesh.
+  // The mesh has tissue below the tip, too: with the base, 4 G r₀/(1 − ν), theory and mesh agree.
   const double base = 4 * kBlockShear_Pa * kNeedleRadius_m / (1 - kBlockPoisson);
   EXPECT_NEAR(stiffness / (randolphWroth() + base), 1.0, 0.05);
 }
@@ -59,7 +58,7 @@ double mindlin(double r, double z, double c) {
 }
 
 // A load along the path that is 0 at both ends, spread around r₀, in a half-space: its displacement is an
-// integral of Mindlin's. Returns how far the mesh is off, as rms of its mean displacements by station.
+// integral of Mindlin's. Returns the mesh's error, as rms of its mean displacements by station.
 double offFromMindlin(int nodes) {
   constexpr int kStations = 20, kPieces = 4000, kAngles = 24;
   const auto load = [](double depth_m) {
@@ -67,7 +66,7 @@ double offFromMindlin(int nodes) {
     return 10 * s * s;
   };
   const auto compliance = complianceOf(factsScene(), nodes, kStations);
-  // what the compliance adds to each station, README.md
+  // the part that README.md adds to each station's compliance
   const double own_give = matrixOf(*compliance).diagonal().mean() * 0.01 / 1.01;
   double off = 0, all = 0;
   for (int i = 0; i < kStations; ++i) {
@@ -119,7 +118,7 @@ TEST(NeedleCompliance, changesLittleBetweenTheTwoFinestMeshes) {
 }
 
 TEST(NeedleCompliance, isSymmetricAndPositiveDefinite) {
-  // more stations than the mesh can tell apart, too
+  // including more stations than the mesh can resolve
   for (const int stations : {1, 10, 60}) {
     const auto compliance = complianceOf(factsScene(), 1000, stations);
     const Eigen::MatrixXd give = matrixOf(*compliance);
@@ -127,7 +126,7 @@ TEST(NeedleCompliance, isSymmetricAndPositiveDefinite) {
     const Eigen::VectorXd values =
         Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(give, Eigen::EigenvaluesOnly).eigenvalues();
     EXPECT_GT(values.minCoeff(), 1e-4 * give.diagonal().mean()) << stations << " stations";
-    EXPECT_GT(give.minCoeff(), 0.0);  // all of the tissue goes with the needle
+    EXPECT_GT(give.minCoeff(), 0.0);  // all tissue moves with the needle
   }
 }
 
@@ -148,7 +147,7 @@ TEST(NeedleCompliance, ofTwoLayersLiesBetweenTheirs) {
   const auto hard = complianceOf(softBlock(20e3, 0.45, 0.03), 3000, 12);
   EXPECT_LT(stiffnessOf(*layered), stiffnessOf(*hard));
   EXPECT_GT(stiffnessOf(*layered), stiffnessOf(*soft));
-  // Deep in a layer, it is nearly that layer's own value.
+  // Deep in a layer it is almost that layer's own value.
   EXPECT_NEAR(layered->give(2, 2) / soft->give(2, 2), 1.0, 0.12);
   EXPECT_NEAR(layered->give(10, 10) / hard->give(10, 10), 1.0, 0.12);
 }

@@ -1,4 +1,4 @@
-// Tests offline FEM as a table, and the loss of accuracy.
+// Offline FEM as a table, and its loss of accuracy.
 #include <fmt/core.h>
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 
 #include "common/fem/needle_study.h"
 #include "common/haptics/models/like_for_like.h"
-#include "tests/support/scenes.h"
+#include "tests/support/scenes/scenes.h"
 #include "tests/unit/common/fem/soft_tissue.h"
 
 namespace needlelab::test {
@@ -33,7 +33,7 @@ TEST(ForceTable, isTheLiveNeedlesForceOnTheWayInAndOut) {
   EXPECT_EQ(table->front().cutting_N, 0.0);
   EXPECT_NEAR(table->back().depth_m, 0.035, 1e-15);
 
-  // the same stroke, ten times as fine
+  // the same stroke, ten times finer
   std::vector<double> depths;
   for (int k = 1; k <= 17'500; ++k) depths.push_back(2e-6 * k);
   for (int k = 17'499; k >= 1; --k) depths.push_back(2e-6 * k);
@@ -97,7 +97,7 @@ TEST(MeshStudy, errorsAreToTheFinestMeshAndFall) {
   EXPECT_FALSE(meshStudy(scene, {}).ok());
 }
 
-// the load is spread over a length, so that stations refine it: the paper's layers, as stiff as its walls
+// the load is spread over a length, so more stations refine it: the paper's layers, as stiff as its walls
 TEST(MeshStudy, moreStationsConvergeAtTheSameStiffness) {
   const auto fem = femLikeForLike(paperSixLayers());
   ASSERT_TRUE(fem.ok()) << fem.error().message;
@@ -139,7 +139,8 @@ TEST(MeshLimits, areThoseOfTheFormulaWhateverTheRatiosOfTheMeshes) {
 }
 
 TEST(MeshLimits, theErrorIsWhatTheThreeMeshesBeforeSaidOtherwise) {
-  // halves, then thirds: the first three promise a rest of 1, of which 2/3 came; the last three promise 1/3
+  // halves, then thirds: the first three predict a remainder of 1, of which 2/3 came; the last three predict
+  // 1/3
   const auto limits = limitsOf({1000, 2000, 4000, 8000}, {2, 1, 1.0 / 3});
   ASSERT_TRUE(limits[2] && limits[3]);
   EXPECT_NEAR(limits[2]->rest, 1, 1e-9);
@@ -159,7 +160,7 @@ TEST(MeshLimits, changesThatDoNotFallHaveNoLimit) {
   EXPECT_FALSE(converges({1000, 2000, 4000}, {1, -0.2})) << "to and fro";
   EXPECT_FALSE(converges({1000, 2000, 2000}, {1, 0.1})) << "the same mesh twice";
   EXPECT_TRUE(converges({1000, 2000, 4000}, {1, 0}));
-  // a step of 10 in nodes, then one of 2: the last change is less, but not by any power of the nodes
+  // a step of 10 in nodes, then one of 2: the last change is smaller, but not by any power of the nodes
   EXPECT_FALSE(converges({1000, 10'000, 20'000}, {1, 0.4}));
   EXPECT_TRUE(converges({1000, 10'000, 20'000}, {1, 0.2}));
 }
@@ -179,14 +180,14 @@ TEST(MeshStudy, aFinerMeshLiesWhereTheLimitSays) {
   options.stations = 30;
   SceneSpec fine = twoLayers();
   fine.fem.compliance = *precomputeCompliance(fine, options);
-  // what is left of the rest on the finer mesh
+  // the remaining error on the finer mesh
   const double left =
       limit.rest * std::pow(static_cast<double>(fine.fem.compliance->nodes) / last.nodes, -limit.order);
   const double change = compileNeedle(fine).stiffness_N_per_m - last.stiffness_N_per_m;
   EXPECT_NEAR(change, limit.rest - left, 0.5 * std::fabs(change));
 }
 
-// one layer without friction, in which the tip at the skin first cuts at `share` of the stroke
+// one layer without friction, in which the tip at the skin first cuts after `share` of the stroke
 SceneSpec cutsAt(double share) {
   constexpr double kMeshCutting_N = 0.6;
   SceneSpec scene = softBlock(10e3, 0.45, 0.04, 0, kMeshCutting_N);
@@ -220,7 +221,7 @@ TEST(MeshStudy, theFirstCutIsWhereTheTissueHasGivenWay) {
   EXPECT_EQ(cutRemark(row), "");
 }
 
-// the trap of a scene so soft that 2 % of compliance decide whether a mesh cuts at all
+// a scene can be so soft that 2 % of compliance decide whether a mesh cuts at all
 TEST(MeshStudy, aStrokeThatHangsOnWhetherItCutsSaysSo) {
   const MeshRow late = onOneMesh(cutsAt(0.98)), never = onOneMesh(cutsAt(1.02));
   ASSERT_TRUE(late.first_cut_m);
@@ -239,7 +240,7 @@ TEST(MeshStudy, theWorkOfAStrokeIsThatOfTheCut) {
   with_mesh.fem.compliance = complianceOf(scene, scene.fem.nodes, kDefaultStations);
   const double cut_m = row.stroke_m - 0.6 * tipGive_m_per_N(compileNeedle(with_mesh), row.stroke_m);
   EXPECT_NEAR(row.work_J, -0.6 * cut_m, 0.02 * 0.6 * cut_m);
-  // without a cut the tissue gives all of it back
+  // without a cut the tissue gives all work back
   EXPECT_NEAR(onOneMesh(cutsAt(1.1)).work_J, 0, 1e-3 * 0.6 * row.stroke_m);
 }
 

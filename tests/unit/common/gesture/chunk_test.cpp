@@ -189,7 +189,7 @@ TEST(Chunk, clockColumnsAreExactForAnyClock) {
     s.time_ns = static_cast<std::int64_t>(random());
   }
   check();
-  // equal ticks, a clock that runs backwards, and the ends of the integers
+  // equal ticks, a clock that runs backwards, and the integer limits
   for (std::size_t i = 0; i < samples.size(); ++i) {
     samples[i].tick = 42;
     samples[i].time_ns = -static_cast<std::int64_t>(i) * 999'983;
@@ -207,18 +207,18 @@ TEST(Chunk, regularClockWithMissedTicksCostsNothing) {
   std::uint64_t tick = 0;
   for (std::size_t i = 0; i < samples.size(); ++i) {
     samples[i] = samples[0];
-    tick += i % 100 == 99 ? 3 : 1;  // two ticks missed now and then
+    tick += i % 100 == 99 ? 3 : 1;  // occasionally two ticks are missed
     samples[i].tick = tick;
     samples[i].time_ns = static_cast<std::int64_t>(tick) * 1'000'000;
   }
   const Bytes chunk = encodeChunk(Resolution::standard(), samples);
   expectClose(Resolution::standard(), samples, *decodeChunk(chunk));
-  EXPECT_LT(chunk.size(), 44u + 4u + 90u + 4u * 32u + 10u * 20u);  // a few bytes for each gap
+  EXPECT_LT(chunk.size(), 44u + 4u + 90u + 4u * 32u + 10u * 20u);  // a few bytes per gap
 }
 
 TEST(Chunk, columnsThatDoNotFitAreStoredExactlyAndNamed) {
   auto samples = smoothGesture(100);
-  samples[70].p_WT_m[1] = 2147.4836475;  // one step and a bit too far
+  samples[70].p_WT_m[1] = 2147.4836475;  // slightly more than one step too far
   samples[99].force_W_N[2] = -std::numeric_limits<double>::infinity();
   samples[3].q_WT[0] = std::numeric_limits<double>::quiet_NaN();
   samples[50].wall_W_m[0] = 1e300;
@@ -261,7 +261,7 @@ TEST(Chunk, encodingIsTotalForAnyBits) {
     const auto samples = anySamples(1 + seed % 90, seed);
     const auto back = roundTrip(Resolution::standard(), samples);
     ASSERT_EQ(back.size(), samples.size());
-    // random bits nearly always hold a value beyond the steps, so that most columns are exact; all are within
+    // random bits almost always contain a value beyond the steps, so most columns are exact; all are within
     // half a step
     for (std::size_t i = 0; i < samples.size(); ++i) {
       ASSERT_EQ(back[i].tick, samples[i].tick);
@@ -287,8 +287,7 @@ TEST(Chunk, equalSamplesGiveEqualBytes) {
 }
 
 TEST(Chunk, storedSamplesEncodeToTheSameBytesAgain) {
-  // A value that was rounded once lies on its step, so a derived recording with the same resolution does not
-  // drift.
+  // A value rounded once stays on its step, so re-encoding a recording at the same resolution does not drift.
   const Bytes chunk = encodeChunk(Resolution::standard(), smoothGesture(500));
   EXPECT_EQ(encodeChunk(Resolution::standard(), *decodeChunk(chunk)), chunk);
 }
@@ -336,7 +335,7 @@ TEST(Chunk, cutOffBytesAreRefusedByName) {
   EXPECT_NE(refused.error().message.find("cut off"), std::string::npos) << refused.error().message;
 }
 
-// Built from the bytes of version 1: nothing else of them changes.
+// Built from the bytes of version 1; nothing else changes.
 TEST(Chunk, aMemoryOfTheCutStandsBehindTheStepsOfVersion2AndWithoutOneTheVersionIs1) {
   const auto samples = smoothGesture(100);
   const std::pair<Resolution, std::ptrdiff_t> kinds[] = {

@@ -48,8 +48,8 @@ TYPED_TEST(ColumnCoding, everyWidthAndEveryNumberOfRows) {
       for (std::size_t i = 2; i < column.size(); ++i)
         column[i] = width == 0 ? 5 : static_cast<U>(random() >> (64 - width));
       const std::size_t bytes = roundTrip(column);
-      // a level from zig-zag at most: head, base of up to width + 3 bits in groups of 7, packed rows (63 bits
-      // take 64)
+      // at most a zig-zag level: head, base of up to width + 3 bits in groups of 7, packed rows (63 bits take
+      // 64)
       const auto bits = static_cast<std::size_t>(width == 63 ? 64 : width);
       EXPECT_LE(bytes, 1 + (bits + 3 + 6) / 7 + (rows * bits + 7) / 8)
           << width << " bits, " << rows << " rows";
@@ -64,12 +64,12 @@ TYPED_TEST(ColumnCoding, eachModeIsChosenWhereItIsGoodFor) {
     return static_cast<int>(room[0]);
   };
   std::vector<U> column(34);
-  // a level: noise about 1000, after a jump
+  // a level: noise around 1000, after a jump
   std::mt19937_64 random(2);
   for (std::size_t i = 2; i < column.size(); ++i) column[i] = static_cast<U>(1000 + random() % 4);
   EXPECT_EQ(head(column) >> 6, kFromLast);
   roundTrip(column);
-  // steady motion: constant steps take no bits at all
+  // steady motion: constant steps take no bits
   for (std::size_t i = 0; i < column.size(); ++i) column[i] = static_cast<U>(7 * i);
   EXPECT_EQ(head(column), kSecondDifference << 6);
   EXPECT_EQ(roundTrip(column), 1u);

@@ -1,4 +1,4 @@
-// FORMAT.md names the values of phase, fault and flags, and the columns of exports: they must be the code's.
+// FORMAT.md names the values of phase, fault and flags, and the columns of exports: they must match the code.
 #include <gmock/gmock.h>
 
 #include <bit>
@@ -7,11 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/gesture/sample_csv.h"
-#include "common/haptics/device_condition.h"
 #include "common/haptics/engine.h"
-#include "common/haptics/force_gate.h"
+#include "common/haptics/gate/force_gate.h"
 #include "common/haptics/sim_state.h"
 
 namespace needlelab {
@@ -25,14 +24,14 @@ std::string page() {
   return text.ok() ? *text : std::string();
 }
 
-/// "value name" of each row of the page's table whose first column has this head.
+/// "value name" for each row of the page's table whose first column has this header.
 std::set<std::string> rowsOf(const std::string& head) {
   const std::string text = page();
   std::set<std::string> rows;
   auto at = text.find("\n| " + head + " | code |");
   EXPECT_NE(at, std::string::npos) << head;
   if (at == std::string::npos) return rows;
-  at = text.find('\n', text.find('\n', at + 1) + 1) + 1;  // behind the head and the line below it
+  at = text.find('\n', text.find('\n', at + 1) + 1) + 1;  // after the header and the line below it
   for (; text.compare(at, 2, "| ") == 0; at = text.find('\n', at) + 1) {
     const auto bar = text.find(" | `", at), end = text.find('`', bar + 4);
     rows.insert(text.substr(at + 2, bar - at - 2) + " " + text.substr(bar + 4, end - bar - 4));
@@ -94,7 +93,7 @@ TEST(FormatPage, namesTheBitsOfFlags) {
                                       NEEDLELAB_BIT(kDeviceTrouble),
                                       NEEDLELAB_BIT(kDeviceNotReady)};
   EXPECT_EQ(rowsOf("flag's bit"), code);
-  // all of the device's bits, and the tables of the page, have a name here
+  // all of the device's bits, and the page's tables, have a name here
   std::uint32_t device_bits = 0;
   for (const std::string& row : code)
     if (row.find(" kDevice") != std::string::npos) device_bits |= 1u << std::stoi(row);

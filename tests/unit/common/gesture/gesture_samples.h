@@ -1,4 +1,4 @@
-/// Samples for the tests of common/gesture: made from a seed, the same on every machine.
+/// Samples for the tests of common/gesture: made from a seed, equal on every machine.
 #pragma once
 
 #include <cmath>
@@ -18,7 +18,7 @@ inline double uniform(std::mt19937_64& random, double low, double high) {
   return low + (high - low) * (static_cast<double>(random() >> 11) * 0x1p-53);
 }
 
-/// A plausible gesture at 1 kHz: smooth path, rests, contact with a wall for part of it.
+/// A plausible gesture at 1 kHz: smooth path, rests, wall contact for part of it.
 inline std::vector<GestureSample> smoothGesture(std::size_t count, std::uint64_t seed = 1) {
   std::mt19937_64 random(seed);
   std::vector<GestureSample> samples(count);
@@ -71,7 +71,7 @@ inline std::vector<GestureSample> anySamples(std::size_t count, std::uint64_t se
   return samples;
 }
 
-/// |stored − given| ≤ half a step; `slack` allows for the rounding of doubles, as a share of a step.
+/// |stored − given| ≤ half a step; `slack`: allowance for the rounding of doubles, as a share of a step.
 inline bool within(double stored, double given, double step) {
   if (std::isnan(given)) return std::isnan(stored);
   return std::fabs(stored - given) <= 0.5 * step * (1 + 1e-6);
@@ -81,7 +81,7 @@ inline bool sameBits(double a, double b) {
   return std::memcmp(&a, &b, sizeof a) == 0;
 }
 
-/// The chunk with the checksum of its bytes as they are now.
+/// The chunk with a checksum that matches its current bytes.
 inline Bytes withGoodCrc(Bytes chunk) {
   const std::uint32_t crc = crc32c(ByteView(chunk).first(chunk.size() - 4));
   std::memcpy(chunk.data() + chunk.size() - 4, &crc, 4);

@@ -6,8 +6,8 @@
 #include <cstdlib>
 #include <optional>
 
-#include "common/base/csv.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
+#include "common/base/text/csv.h"
 #include "common/gesture/recording.h"
 #include "common/gesture/sample_csv.h"
 #include "common/haptics/cut_snapshot.h"
@@ -26,7 +26,7 @@ bool writing() {
   return std::getenv("NEEDLELAB_WRITE_GOLDEN") != nullptr;
 }
 
-// only sums, products and quotients: the same bits with every mathematical library
+// only sums, products and quotients: same bits with any maths library
 std::vector<GestureSample> madeSamples(std::size_t count, int variant) {
   std::vector<GestureSample> samples(count);
   std::mt19937_64 random(static_cast<std::uint64_t>(variant));
@@ -204,8 +204,8 @@ TEST(Golden, chunksEncodeToTheStoredBytesAndDecodeToTheirTwins) {
 }
 
 TEST(Golden, recordingsAreWrittenAsStoredAndSeenAsTheirTwinsSay) {
-  // a complete file, the same cut within its third chunk, and the same with a byte of its second chunk
-  // changed
+  // a complete file, the same cut off within its third chunk, and the same with a changed byte in its second
+  // chunk
   const test::TempFolder folder;
   const fs::path made = folder.path() / "made.rec";
   auto writer = RecordingWriter::create(made, R"({"session":"golden","exercise":"made"})");

@@ -3,10 +3,10 @@
 #include <cmath>
 #include <limits>
 
-#include "common/base/csv.h"
+#include "common/base/text/csv.h"
 #include "common/haptics/engine.h"
-#include "common/haptics/force_gate.h"
-#include "tests/support/scenes.h"
+#include "common/haptics/gate/force_gate.h"
+#include "tests/support/scenes/scenes.h"
 
 namespace needlelab::test {
 namespace {
@@ -25,7 +25,8 @@ std::vector<TipSample> resampled(const CsvTable& table) {
     while (row + 2 < t.size() && t[row + 1] <= now) ++row;
     const double span = t[row + 1] - t[row];
     const double part = span > 0 ? (now - t[row]) / span : 0;
-    // a quaternion and its negative are the same pose: of two neighbours with opposite signs, one is negated
+    // a quaternion and its negative are the same orientation: if neighbours have opposite signs, one is
+    // negated
     double along = 0;
     for (int k = 3; k < 7; ++k) along += (*pose[k])[row] * (*pose[k])[row + 1];
     double value[7], square = 0;
@@ -42,7 +43,7 @@ std::vector<TipSample> resampled(const CsvTable& table) {
 }
 
 RecordedGesture gestureOf(const std::string& name, const std::vector<TipSample>& ticks) {
-  // the sphere lies around the point that is farthest from the start
+  // the sphere is around the point farthest from the start
   Vec3 far = ticks.front().p_WT_m;
   for (const TipSample& tick : ticks)
     if (norm(tick.p_WT_m - ticks.front().p_WT_m) > norm(far - ticks.front().p_WT_m)) far = tick.p_WT_m;

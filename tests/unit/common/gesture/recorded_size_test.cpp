@@ -9,7 +9,7 @@
 namespace needlelab {
 namespace {
 
-// chunks of one second, as the station makes them
+// chunks of one second, as the station writes them
 std::size_t encodedBytes(const std::vector<GestureSample>& samples, const Resolution& resolution) {
   std::size_t bytes = 0;
   for (std::size_t at = 0; at < samples.size(); at += 1000)
@@ -28,11 +28,11 @@ void addTickTimes(std::vector<GestureSample>& samples) {
 }
 void addClockJitter(std::vector<GestureSample>& samples) {
   std::mt19937_64 random(2);
-  for (GestureSample& s : samples)  // wake-ups late by about 0-20 µs
+  for (GestureSample& s : samples)  // wake-ups about 0-20 µs late
     s.time_ns += static_cast<std::int64_t>((random() % 10'000) + (random() % 10'000));
 }
 
-// Prints and checks what the gestures take; `most` bytes per sample in all.
+// Prints and checks the gestures' sizes; `most`: bytes per sample in total.
 void measureSizes(const test::Recordings& recordings, double most) {
   const auto gestures = test::recordedGestures(recordings);
   ASSERT_EQ(gestures.size(), 4u);

@@ -7,7 +7,7 @@
 #include <fstream>
 
 #include "common/base/crc32c.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/gesture/recording_format.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/common/gesture/gesture_samples.h"
@@ -20,7 +20,7 @@ using test::smoothGesture;
 
 class Recording : public testing::Test {
  protected:
-  // A finished recording of small chunks; keeps their samples for comparison.
+  // Writes a finished recording of small chunks; keeps their samples for comparison.
   fs::path write(std::size_t chunks, std::size_t samples_a_chunk,
                  const std::string& metadata = R"({"exercise":"e1"})") {
     const fs::path path = folder_ / "gesture.rec";
@@ -91,7 +91,7 @@ TEST_F(Recording, cutAtEveryByteGivesEveryWholeChunkBeforeTheCut) {
     const auto reader = RecordingReader::open(store(ByteView(whole).first(size)));
     ASSERT_TRUE(reader.ok()) << reader.error().message;
     EXPECT_EQ(reader->complete(), size == whole.size());
-    // expected: the chunks whose record (16 bytes before, 4 behind) ends before the cut
+    // expected: the chunks whose record (16 bytes before, 4 after) ends before the cut
     std::size_t expected = 0;
     std::uint64_t end = 0;
     for (const RecordingEntry& entry : complete->entries())
@@ -166,7 +166,8 @@ TEST_F(Recording, damagedChunkIsNamedAndTheOthersStayReadable) {
 }
 
 TEST_F(Recording, aLengthBeyondTheFileHidesNoGoodRecordBehindIt) {
-  // bytes went missing from the second chunk's record: its header's length reaches beyond the end of the file
+  // bytes are missing from the second chunk's record: the length in its header points beyond the end of the
+  // file
   const fs::path path = write(4, 12);
   const auto entries = RecordingReader::open(path)->entries();
   Bytes bytes = load(path);
@@ -207,7 +208,7 @@ TEST_F(Recording, everyChangedByteIsNoticed) {
       continue;
     }
     EXPECT_TRUE(!reader->verify().ok() || !reader->complete());
-    // damage to one place costs one chunk at most
+    // damage in one place costs at most one chunk
     std::size_t readable = 0;
     for (std::size_t i = 0; i < reader->entries().size(); ++i) readable += reader->samples(i).ok();
     EXPECT_GE(readable, 1u);
@@ -215,7 +216,7 @@ TEST_F(Recording, everyChangedByteIsNoticed) {
 }
 
 TEST_F(Recording, wrongHashInTheIndexIsFoundByVerify) {
-  // an index with good CRCs over another hash: only the comparison with the chunks finds it
+  // an index with valid CRCs but another hash: only comparing it with the chunks reveals it
   const fs::path path = write(2, 8);
   Bytes bytes = load(path);
   std::uint64_t index_offset;
@@ -322,7 +323,7 @@ TEST_F(Recording, writerRefusesBadChunksAndWorkAfterTheEnd) {
 TEST_F(Recording, metadataAboveTheWritersBoundAreADamageThatIsNamedAndTheChunksStayReadable) {
   using namespace recording_format;
   const Bytes chunk = encodeChunk(Resolution::standard(), smoothGesture(12));
-  // the same as the writer's, which refuses such metadata
+  // same limit as the writer's, which refuses such metadata
   const auto recordingWith = [&](std::size_t metadata_bytes, bool complete) {
     Bytes file, index;
     putStart(file);

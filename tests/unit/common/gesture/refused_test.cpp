@@ -1,5 +1,5 @@
-// What a reader refuses, and what it takes although it is strange: chunks written by another program
-// (tests/data/gesture/make_refused.py), and changed ones.
+// What a reader refuses, and what it accepts although unusual: chunks written by another program
+// (tests/data/gesture/make_refused.py), and modified ones.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -8,7 +8,7 @@
 
 #include "common/base/crc32c.h"
 #include "common/gesture/chunk.h"
-#include "tests/support/chunk_files.h"
+#include "tests/support/store/chunk_files.h"
 #include "tests/unit/common/gesture/gesture_samples.h"
 
 namespace needlelab {
@@ -20,7 +20,7 @@ using test::withGoodCrc;
 
 const std::filesystem::path kFolder = std::filesystem::path(NEEDLELAB_SOURCE_DIR) / "tests/data/gesture";
 
-/// The check must say what the decoder says: a chunk passes exactly when it can be decoded.
+/// The check must agree with the decoder: a chunk passes exactly when it can be decoded.
 void expectSameAnswer(const Bytes& chunk) {
   const auto samples = decodeChunk(chunk);
   const auto checked = checkChunk(chunk);

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "common/base/csv.h"
+#include "common/base/text/csv.h"
 #include "tests/unit/common/gesture/gesture_samples.h"
 
 namespace needlelab {
@@ -95,7 +95,7 @@ TEST(SampleCsv, whatIsNoNumberLeavesAsFormatMdSaysAndIsRefusedWhereScoresNeedIt)
   EXPECT_NE(text.find(",-0,"), std::string::npos) << text;
   EXPECT_NE(text.find(",inf,-inf,nan,"), std::string::npos) << text;
   const auto path = std::filesystem::temp_directory_path() / "needlelab_sample_csv_not_finite.csv";
-  // ticks beyond 2^53 do not fit a double, so the sample of this test gets a smaller one
+  // ticks beyond 2^53 do not fit in a double, so this test uses a smaller one
   s.tick = 3;
   text.clear();
   appendSampleCsvHeader(text);

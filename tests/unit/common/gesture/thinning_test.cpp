@@ -1,4 +1,4 @@
-// Tests thinning: the exact values, the averaged values, and that no important value is lost.
+// Thinning: which values are exact, which are averaged, and that no important value is lost.
 #include "common/gesture/thinning.h"
 
 #include <gtest/gtest.h>
@@ -40,7 +40,7 @@ TEST(Thinning, keepsTheGridTheFirstAndTheLast) {
     EXPECT_EQ(out[i].time_ns, samples[10 * i].time_ns);
   }
   EXPECT_EQ(out.back().tick, samples.back().tick);
-  // a rate that does not divide: the first sample at or behind each point
+  // a rate that does not divide evenly: the first sample at or after each point
   const auto odd = thinned(samples, 1000, 300);
   for (std::size_t i = 0; i + 1 < odd.size(); ++i)
     EXPECT_EQ(odd[i].tick - 5000,
@@ -49,7 +49,7 @@ TEST(Thinning, keepsTheGridTheFirstAndTheLast) {
   EXPECT_EQ(thinned(made(1, [](GestureSample&, double) {}), 1000, 100).size(), 1u);
 }
 
-// A linear search through the window, or a move of it with each sample, costs a step of the grid a sample.
+// Searching the window linearly, or moving it with each sample, would cost a grid step per sample.
 TEST(Thinning, aVeryLowRateCostsHardlyMoreWorkThanAHighOne) {
   constexpr std::size_t kSamples = 200'000;
   const auto samples = made(kSamples, [](GestureSample& s, double t) { s.insertion_m = 1e-3 * t; });
@@ -59,8 +59,8 @@ TEST(Thinning, aVeryLowRateCostsHardlyMoreWorkThanAHighOne) {
     for (const GestureSample& sample : samples) thinner.add(sample, out);
     thinner.finish(out);
     EXPECT_NEAR(static_cast<double>(out.size()), 200 * target_hz, 2);
-    // Each sample counts in two means at either rate, and in a third where a mean begins and ends. A search
-    // of the window, of at most four grid steps, halves it; each of them is moved once in a grid step.
+    // At either rate each sample counts in two means, and in a third where a mean begins or ends. The search
+    // is binary, over a window of at most four grid steps; each window moves once per grid step.
     const double step = 1000 / target_hz;
     const double a_sample = 3 + (std::ceil(std::log2(4 * step)) + 1) * (1 + 1 / step) + 4;
     EXPECT_LE(static_cast<double>(thinner.steps()), a_sample * kSamples) << target_hz << " Hz";
@@ -122,7 +122,7 @@ TEST(Thinning, noFlagButtonFaultOrPeakOfTimeIsLost) {
 TEST(Thinning, missingTicksShiftNothingAndWhatIsNoNumberDoesNotSpread) {
   auto samples = made(400, [](GestureSample& s, double t) {
     s.p_WT_m[0] = 2 * t;
-    // the same orientation, written as either of its quaternions
+    // the same orientation, with either sign of the quaternion
     const double sign = static_cast<int>(t * 1000) % 3 == 0 ? -1 : 1;
     s.q_WT[0] = 0.6 * sign;
     s.q_WT[3] = 0.8 * sign;

@@ -1,4 +1,4 @@
-// The memory of the cut as bytes: every number comes back, and hostile bytes are refused.
+// The memory of the cut as bytes: every number is restored, and hostile bytes are refused.
 #include "common/haptics/cut_snapshot.h"
 
 #include <gmock/gmock.h>

@@ -1,4 +1,4 @@
-// Our own elementary functions (common/haptics/det_math.h) against the C library's.
+// Our elementary functions (common/haptics/det_math.h) compared with the C library's.
 #include "common/haptics/det_math.h"
 
 #include <gtest/gtest.h>
@@ -12,7 +12,7 @@
 namespace needlelab::test {
 namespace {
 
-// distance in units of the last place of `expected`
+// distance in ulps of `expected`
 double ulps(double value, double expected) {
   if (value == expected) return 0;
   const double unit = std::nextafter(std::abs(expected), HUGE_VAL) - std::abs(expected);
@@ -74,7 +74,7 @@ TEST(DetMath, sineAndCosineAgreeWithTheLibrary) {
   Random random(3);
   for (int i = 0; i < kTries; ++i) {
     const double x = spread(random, 10);
-    // near a zero of the function the last place is tiny: absolute there, relative elsewhere
+    // near a zero of the function an ulp is tiny: absolute there, relative elsewhere
     ASSERT_NEAR(detSin(x), std::sin(x), 4e-16) << x;
     ASSERT_NEAR(detCos(x), std::cos(x), 4e-16) << x;
     if (std::abs(x) < 0.7) {

@@ -1,5 +1,5 @@
 // Properties over random gestures (tests/stability/README.md, `random_energy`, with prescribed motion): with
-// CONSERVATIVE clamping the scene gives the hand no energy, and outside declared releases no force jumps.
+// CONSERVATIVE clamping the scene gives the hand no energy, and no force jumps outside declared releases.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -85,7 +85,7 @@ TEST(RandomEnergy, noForceStepWithoutADeclaredRelease) {
         constexpr std::uint32_t kReleases = kFlagExit | kFlagLayerChange | kFlagRupture;
         if (!(now.flags & kReleases)) {
           double sum_K = 500 + 140 + now.clamping_stiffness_N_per_m + steepest;
-          // a hole that is dragged along under the skin goes up to five times as far as the tip
+          // a hole dragged along under the skin moves up to five times as far as the tip
           LayersAlong along = run.state().along;
           if ((now.flags & kFlagTurn) != 0)
             sum_K += kSlack * (now.clamping_stiffness_N_per_m +

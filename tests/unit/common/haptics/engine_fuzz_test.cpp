@@ -1,12 +1,12 @@
-// Hostile motion: the force stays finite and within the limit, |u| = 1 ± 1e-12, whatever the tip does.
+// Hostile motion: the force stays finite and within the limit, |u| = 1 ± 1e-12, for any tip motion.
 #include <gtest/gtest.h>
 
 #include <bit>
 #include <cmath>
 
-#include "common/haptics/force_gate.h"
-#include "tests/support/model_scenes.h"
+#include "common/haptics/gate/force_gate.h"
 #include "tests/support/random.h"
+#include "tests/support/scenes/model_scenes.h"
 #include "tests/unit/common/haptics/probe.h"
 
 namespace needlelab::test {
@@ -68,7 +68,7 @@ class HostileTip {
   Quat q_;
 };
 
-// rendered by any of the models; two of them replace listed effects by their own
+// rendered by any model; two of them replace listed effects with their own
 SceneSpec anyModel(SceneSpec scene, Random& random) {
   const AxialModel model = kAllModels[random.below(kAllModels.size())];
   const EffectMask listed = scene.effects;

@@ -1,5 +1,5 @@
-// The paper's own figures from prescribed motions: 1 N in and 0.5 N out (Fig. 7), six layers and 0.4 N out
-// (Figs. 8, 9), the stop (eq. 4, 5), in any direction.
+// The paper's figures from prescribed motions: 1 N in and 0.5 N out (Fig. 7), six layers and 0.4 N out (Figs.
+// 8, 9), the stop (eq. 4, 5), in any direction.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -85,7 +85,7 @@ TEST(PaperStop, forceGoesDownInAStraightLineToTheRejectionForceInTheGivenTime) {
     ASSERT_LT(first + static_cast<std::size_t>(n), hold.size());
     EXPECT_NEAR(hold[first - 1].cutting_N, -1.0, 1e-9);
     for (int i = 1; i <= n; ++i) {
-      const double expected = 1.0 - 0.9 * i / n;  // eq. 5: the wall goes m = (x − ω)/n a tick
+      const double expected = 1.0 - 0.9 * i / n;  // eq. 5: the wall moves m = (x − ω)/n per tick
       ASSERT_NEAR(hold[first + static_cast<std::size_t>(i) - 1].cutting_N, -expected, 1e-9) << i;
     }
     for (std::size_t i = first + static_cast<std::size_t>(n); i < hold.size(); ++i)
@@ -122,7 +122,7 @@ TEST(PaperSixLayers, everyLayerHasItsOwnForceAndTheWayOutHasFourTenths) {
     }
     for (std::size_t i = kForce_N.size(); i-- > 0;) {
       bottom -= scene.layers[i].thickness_m;
-      // the way from cutting to attracted is Δ_cut + Δ_att long: 8.8 mm in the last layer
+      // the transition from cutting to attracted is Δ_cut + Δ_att long: 8.8 mm in the last layer
       if (i == 0) break;
       probe.go(200, bottom + 1e-4);
       EXPECT_NEAR(probe.last().attracted_N, 0.4, 1e-9) << "layer " << i;
@@ -155,7 +155,7 @@ TEST(PaperSixLayers, elsewhereTheForceFollowsTheSpringWithoutAJump) {
   auto reports = probe.go(800, 0.038);
   for (const auto& more : {probe.stay(600), probe.go(700, -0.002)})
     reports.insert(reports.end(), more.begin(), more.end());
-  const double step_m = 0.04 / 700;                // the longest of a tick
+  const double step_m = 0.04 / 700;                // the longest step of a tick
   const double stop_step_m = 1.5 * 0.003 * 0.001;  // the wall's largest step in a tick of a stop
   for (std::size_t k = 1; k < reports.size(); ++k) {
     if (reports[k].flags & (kFlagLayerChange | kFlagExit)) continue;

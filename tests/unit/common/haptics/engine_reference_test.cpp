@@ -1,5 +1,6 @@
-// The engine against its literal transcription (tests/support/reference_engine.h): every set of effects,
-// every limb, both clamping modes, both stop modes, many rates; to 1e-9 N and 1e-9 N·m at every tick.
+// The engine compared with its literal transcription (tests/support/reference/reference_engine.h): every set
+// of effects, every limb, both clamping modes, both stop modes, many rates; to 1e-9 N and 1e-9 N·m at every
+// tick.
 #include <gtest/gtest.h>
 
 #include "tests/support/random.h"
@@ -48,7 +49,7 @@ TEST_P(ReferencePerLimb, everySetOfEffectsAndEveryModeOverRandomGestures) {
       for (const auto stop : {StopMode::kRamp, StopMode::kExponential}) {
         ++run;
         for (std::size_t r = 0; r < kRates_hz.size(); ++r) {
-          // the short form takes one rate a combination, the fastest of them rarely
+          // the short form takes one rate per combination, the fastest one rarely
           const std::size_t turn = run % 24 == 0 ? 5 : run % 5;
           if (!longForm() && r != turn) continue;
           const std::uint64_t seed = run * 100 + r * 10 + static_cast<std::uint64_t>(limb);
@@ -93,7 +94,7 @@ INSTANTIATE_TEST_SUITE_P(Limbs, ReferencePerLimb, ::testing::ValuesIn(kLimbKinds
   return name;
 });
 
-// wide sideways sweeps while deep make u turn, up to the cone and along it
+// wide sideways sweeps at depth make u turn, up to the cone and along it
 TEST(EngineReference, trajectoryChangesUpToTheConeAndAlongIt) {
   const Site site = defaultSite();
   for (const auto clamping : {ClampingMode::kProportional, ClampingMode::kConservative})

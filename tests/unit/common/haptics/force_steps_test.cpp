@@ -1,5 +1,5 @@
-// Wherever a stage, a layer or a membrane begins or ends, the force changes by no more than its springs give
-// at the needle's speed and 0.05 N; a greater step is a release that the report names. One scan over edges of
+// Wherever a stage, a layer or a membrane begins or ends, the force changes by at most what its springs give
+// at the needle's speed plus 0.05 N; a larger step is a release that the report names. A scan over edges of
 // the bone, frictions, speeds, effects, models and limbs.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "common/haptics/effects/effect_entry.h"
-#include "tests/support/model_scenes.h"
+#include "tests/support/scenes/model_scenes.h"
 #include "tests/unit/common/haptics/probe.h"
 
 namespace needlelab::test {
@@ -19,18 +19,18 @@ namespace {
 
 constexpr double kRate_Hz = 1000, kEdge_N_per_m = 600, kMostStep_N = 0.05;
 constexpr EffectMask kOnBone = bitOf(Effect::kBone), kMemory = bitOf(Effect::kCutMemory);
-/// Each of them says that something was let go in this tick.
+/// Each of these flags a release in this tick.
 constexpr std::uint32_t kNamed = kFlagLayerChange | kFlagRupture | kFlagTurn;
 
-/// The greatest step beyond what the springs give, and where.
+/// The largest step beyond the springs' change, and where.
 struct Step {
   double beyond_N = 0;
   std::string where;
 };
 
-/// The sum of the springs that the scene has. A bone gives √(2 + μ²) of its stiffness where friction follows
-/// the pressure, or the skin shortens its spring (FORCE_MODEL.md, "Bone"): up to 30 mm/s that is within the
-/// 0.05 N.
+/// The sum of the scene's springs. A bone gives √(2 + μ²) of its stiffness where friction follows the
+/// pressure or the skin shortens its spring (FORCE_MODEL.md, "Bone"): up to 30 mm/s that is within the 0.05
+/// N.
 double springs_N_per_m(const SceneModel& model, double speed_mps) {
   double sum = 0;
   if (model.isLive(Effect::kCutting) || model.isLive(Effect::kAttracted))
@@ -47,8 +47,8 @@ double springs_N_per_m(const SceneModel& model, double speed_mps) {
   return sum;
 }
 
-/// `forget_m`: plants a fault, the force ends the first time that the bone's spring has this length on the
-/// way back.
+/// `forget_m` plants a fault: the force ends the first time the bone's spring has this length on the way
+/// back.
 Step greatestStep(const SceneSpec& scene, const Motion& motion, double forget_m = 0) {
   const auto model = std::make_unique<SceneModel>(compiled(scene, kRate_Hz));
   const auto state = std::make_unique<SimState>();
@@ -64,7 +64,7 @@ Step greatestStep(const SceneSpec& scene, const Motion& motion, double forget_m 
   for (std::size_t k = 0; k < motion.size(); ++k) {
     step(*model, motion[k], *state, report);
     const Vec3 force_N = forgotten ? Vec3{} : report.wrench_W.force_N, tip_m = motion[k].p_WT_m;
-    // the tissue lets go of a needle that leaves it; the bone has done so before
+    // the tissue releases a needle that leaves it; the bone has done so before
     const double change_N = (report.flags & kFlagExit) != 0 ? bone_N : norm(force_N - before_N);
     const double beyond_N = change_N - springs * norm(tip_m - before_m);
     if (beyond_N > most.beyond_N && (report.flags & kNamed) == 0)
@@ -115,14 +115,14 @@ Motion through(const Site& site, Vec3 axis, double speed_mps, const std::vector<
   return builder.take();
 }
 
-/// Over every edge of a bone that meets the skin `edge_m` beside the site, and slants down from it by
+/// Across every edge of a bone that meets the skin `edge_m` beside the site and slopes down from there by
 /// `slope`.
 std::vector<Motion> overTheEdges(const Site& site, Vec3 axis, double speed_mps, double edge_m, double slope) {
   std::vector<Motion> motions;
   for (const double deep_m : {0.002, 0.006}) {
     const double foot_m = edge_m - 0.012, foot_depth_m = 0.012 * slope;
     const std::vector<std::vector<Place>> ways = {
-        // up along the slant and out of the skin, pressed by deep_m; and down again
+        // up the slope and out of the skin, pressed by deep_m; and down again
         {{-0.003, foot_m}, {foot_depth_m + deep_m, foot_m}, {deep_m, edge_m}, {-0.001, edge_m + 0.004}},
         {{-0.003, foot_m}, {foot_depth_m + deep_m, foot_m}, {-0.004, edge_m + 0.01}},
         {{-0.001, edge_m + 0.004},
@@ -136,7 +136,7 @@ std::vector<Motion> overTheEdges(const Site& site, Vec3 axis, double speed_mps, 
         // straight up beside the edge, where the spring is stretched most
         {{-0.003, foot_m}, {foot_depth_m, foot_m}, {deep_m, edge_m + 0.003}, {-0.001, edge_m + 0.003}},
         {{-0.003, foot_m}, {foot_depth_m, foot_m}, {deep_m, edge_m - 0.001, 0.004}, {-0.001, edge_m, 0.004}},
-        // round and round the edge
+        // repeatedly around the edge
         {{-0.001, edge_m - 0.003},
          {deep_m, edge_m - 0.003},
          {deep_m, edge_m + 0.003},
@@ -154,8 +154,8 @@ std::vector<Motion> overTheEdges(const Site& site, Vec3 axis, double speed_mps, 
   return motions;
 }
 
-/// The scene rendered by that model; a table that goes straight from the skin to the depth, because a step in
-/// a table is the author's.
+/// The scene rendered by that model; its table rises straight from the skin to the depth, because a step in a
+/// table is the author's.
 SceneSpec modelled(const SceneSpec& scene, AxialModel model) {
   SceneSpec other = renderedBy(scene, model);
   other.statistical.table = {{0, 0.2, 0.05}, {0.02, 1.5, 0.3}};
@@ -201,7 +201,7 @@ TEST(ForceSteps, onABoneThatSlantsToTheSkin) {
   EXPECT_GT(runs, 1500);
 }
 
-// a finger: 12 mm of radius, 8 mm of it bone. Pressed on, round, through the middle and out on the far side
+// a finger of 12 mm radius, 8 mm of it bone. Pressed on, around, through the centre and out on the far side
 TEST(ForceSteps, onARoundBone) {
   const std::vector<std::vector<Place>> ways = {
       {{-0.002, 0}, {0.009, 0}, {0.009, 0.006}, {-0.002, 0.012}},
@@ -231,7 +231,7 @@ TEST(ForceSteps, onARoundBone) {
         }
 }
 
-// a contact that is forgotten with its spring stretched by 0.2 mm
+// a contact that is dropped while its spring is stretched by 0.2 mm
 TEST(ForceSteps, aPlantedStepIsFound) {
   const Site site = defaultSite();
   SceneSpec scene = overBone(0.004, 0.3, 0);

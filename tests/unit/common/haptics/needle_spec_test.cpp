@@ -29,8 +29,8 @@ TEST(Needle, aThickerGaugeHasASmallerNumberAndNoDiameterFitsTwo) {
 
 TEST(Needle, theOpeningIsHalfABevelBehindTheTip) {
   const NeedleSpec needle{0.05, 0.0007, NeedleTip::kHypodermic, 0.2};
-  // the ellipse that the bevel cuts out of the tube is d/tan β long along the axis; its centre is in its
-  // middle
+  // the ellipse that the bevel cuts out of the tube is d/tan β long along the axis; its centre is at half of
+  // that
   EXPECT_NEAR(bevelLength_m(needle), 0.0007 * std::cos(0.2) / std::sin(0.2), 1e-12);
   EXPECT_NEAR(openingBehindTip_m(needle), 0.00035 * std::cos(0.2) / std::sin(0.2), 1e-12);
 }

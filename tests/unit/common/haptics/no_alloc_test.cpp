@@ -1,11 +1,11 @@
-// The haptic tick and the gate use no heap.
-#include "tests/support/no_alloc.h"
+// The haptic tick and the gate do not use the heap.
+#include "tests/support/realtime/no_alloc.h"
 
 #include <gtest/gtest.h>
 
 #include <vector>
 
-#include "common/haptics/force_gate.h"
+#include "common/haptics/gate/force_gate.h"
 #include "tests/unit/common/haptics/runs.h"
 
 namespace needlelab::test {

@@ -1,4 +1,4 @@
-/// Moves a needle by hand through a scene, tick by tick, for tests that predict by formula.
+/// Moves a needle through a scene tick by tick, for tests that predict by formula.
 #pragma once
 
 #include <cmath>
@@ -10,8 +10,7 @@ namespace needlelab::test {
 
 inline constexpr double kDegree = std::numbers::pi / 180;
 
-/// The needle at a site. Coordinates are the depth along the site's inward direction and two lateral
-/// distances.
+/// The needle at a site. Coordinates: the depth along the site's inward direction and two lateral distances.
 class Probe {
  public:
   Probe(const SceneSpec& spec, double rate_hz, const Site& site = defaultSite())

@@ -4,7 +4,7 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "tests/support/reference_engine.h"
+#include "tests/support/reference/reference_engine.h"
 
 namespace needlelab::test {
 namespace {
@@ -33,9 +33,9 @@ class Difference {
   std::ostringstream text_;
 };
 
-// Where the cone holds a turn back, FORCE_MODEL.md, "Clamping" asks for 1e-12 rad a tick only, and sliding
-// along the cone enlarges that by the ratio of lengths: two correct results then agree to about 1e-8 N, and
-// the limit is 1e-6 N. It is 1e-9 N everywhere else.
+// Where the cone limits a turn, FORCE_MODEL.md, "Clamping" requires only 1e-12 rad per tick, and sliding
+// along the cone amplifies that by the ratio of lengths: two correct results then agree to about 1e-8 N, so
+// the limit is 1e-6 N. Everywhere else it is 1e-9 N.
 std::string differences(const StepReport& a, const StepReport& b, const ReferenceEngine& reference) {
   const double more = reference.coneBoundTicks() > 0 ? 1e-6 : 0.0, more_m = 1e-2 * more;
   const std::uint32_t undecided = reference.undecidedFlags();

@@ -7,15 +7,15 @@
 #include <vector>
 
 #include "common/haptics/engine.h"
-#include "tests/support/motions.h"
 #include "tests/support/run_form.h"
-#include "tests/support/scenes.h"
+#include "tests/support/scenes/motions.h"
+#include "tests/support/scenes/scenes.h"
 
 namespace needlelab::test {
 
 enum class Defect : std::uint8_t;
 
-/// Compiles a spec that must be valid; throws with the message otherwise.
+/// Compiles a spec that must be valid; otherwise throws with the message.
 SceneModel compiled(const SceneSpec& spec, double rate_hz);
 
 /// The engine with its own state, for tick-by-tick tests.
@@ -51,7 +51,7 @@ struct Seen {
 };
 
 /// Describes the first tick at which engine and reference differ. Returns nothing if they agree to 1e-9 N and
-/// 1e-9 N·m. `planted`: the reference's fault, as a control; none by default.
+/// 1e-9 N·m. `planted`: the reference's fault, as a control; by default there is none.
 std::optional<std::string> firstDifference(const SceneSpec& spec, double rate_hz, const Motion& motion,
                                            Seen* seen = nullptr, Defect planted = Defect{});
 

@@ -1,5 +1,4 @@
-// validate(): refuses every number of a scene that is outside its range in any way, with its path, value and
-// range.
+// validate(): refuses every number of a scene that is out of range, naming its path, value and range.
 #include "common/haptics/scene_spec.h"
 
 #include <gmock/gmock.h>
@@ -10,7 +9,7 @@
 #include <limits>
 
 #include "common/haptics/scene_model.h"
-#include "tests/support/scenes.h"
+#include "tests/support/scenes/scenes.h"
 
 namespace needlelab::test {
 namespace {
@@ -20,7 +19,7 @@ using ::testing::HasSubstr;
 
 struct Field {
   std::string path;
-  std::string range;  ///< as db/samples/README.md writes it
+  std::string range;  ///< in the notation of db/samples/README.md
   double most;        ///< greatest allowed
   bool zero_allowed;
   std::function<double&(SceneSpec&)> in;

@@ -15,7 +15,7 @@ using ::testing::HasSubstr;
 
 constexpr double kLength_m = 0.1;
 
-/// Skin 3 mm and muscle 20 mm under a plane, a ball or a rod, the normal of the plane with length 2.
+/// Skin 3 mm and muscle 20 mm under a plane, a ball or a rod; the plane's normal has length 2.
 nlohmann::json profileUnder(int limb) {
   nlohmann::json profile = nlohmann::json::parse(kGoodProfile);
   if (limb == 0) profile["limb"]["plane"]["normal"]["z"] = 2;
@@ -58,7 +58,7 @@ TEST(Anchors, placeTheCentreUnderTheTopOfTheLayer) {
     profile["targets"][0]["anchor"] = anchor("muscle", 0.004);
     const Vec3 p = targetOf(profile);
     EXPECT_NEAR(depthBy(limb, p.y, p.z), 0.015, 1e-12);
-    // along the normal: on the line through the middle of the limb and the old place
+    // along the normal: on the line through the limb's centre and the old place
     const double middle_z = limb == 1 ? -0.06 : -0.05;
     if (limb == 0)
       EXPECT_EQ(p.y, 0.012);
@@ -68,7 +68,7 @@ TEST(Anchors, placeTheCentreUnderTheTopOfTheLayer) {
 }
 
 TEST(Anchors, goOnBeyondTheMiddleOfALimb) {
-  // the ball's middle is 57 mm under the muscle's top; 17 mm more of skin, and it is 77 mm under the skin
+  // the ball's centre is 57 mm under the muscle's top; with 17 mm more skin it is 77 mm under the skin
   nlohmann::json profile = profileUnder(1);
   profile["targets"][0]["center_m"]["z"] = -0.06;
   profile["targets"][0]["anchor"] = anchor("muscle", 0.057);

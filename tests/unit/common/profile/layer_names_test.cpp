@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/profile/profile.h"
 #include "tests/unit/common/profile/good_profile.h"
 
@@ -18,7 +18,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-/// The good profile with these layers' tissues and names in front of its own numbers; "" is no name.
+/// The good profile with layers of these tissues and names in front of its own; "" means no name.
 std::string withLayers(const std::vector<std::pair<const char*, std::string>>& layers) {
   auto tree = nlohmann::json::parse(kGoodProfile);
   const nlohmann::json layer = tree["layers"][1];
@@ -64,7 +64,7 @@ TEST(LayerNames, twoLayersAreNeverCalledAlike) {
   } cases[] = {
       {{{"SKIN", ""}, {"TENDON", "dura"}, {"OTHER", "dura"}},
        "p: layers[2].name: \"dura\" is the name of layers[1], too: give each layer a name of its own"},
-      // a default counts as well, whichever of the two comes first
+      // a default name counts, too, whichever of the two comes first
       {{{"SKIN", ""}, {"FAT", "skin"}},
        "p: layers[1].name: \"skin\" is what layers[0] is called, which has no name"},
       {{{"FAT", "skin"}, {"SKIN", ""}},
@@ -72,7 +72,7 @@ TEST(LayerNames, twoLayersAreNeverCalledAlike) {
       {{{"FAT", "tendon 2"}, {"TENDON", ""}, {"TENDON", ""}},
        "p: layers[0].name: \"tendon 2\" is what layers[2] is called"},
       {{{"OTHER", ""}, {"SKIN", "layer 1"}}, "p: layers[1].name: \"layer 1\" is what layers[0] is called"},
-      // a screen that begins a line with a capital would show both alike
+      // a screen that capitalises the start of a line would show both alike
       {{{"SKIN", ""}, {"TENDON", "dura"}, {"OTHER", "Dura"}},
        "p: layers[2].name: \"Dura\" is the name of layers[1], too; capitals do not tell names apart: give "
        "each"},

@@ -39,7 +39,7 @@ pb::Profile profileOn(const std::string& limb) {
   return profile.ok() ? *profile : pb::Profile();
 }
 
-/// What checkPlan says of a readable plan; empty: nothing.
+/// What checkPlan reports about a readable plan; empty: nothing.
 std::string faultOn(const pb::Profile& profile, const std::string& plan) {
   const auto exercise = withPlan(plan);
   EXPECT_TRUE(exercise.ok()) << exercise.error().message;
@@ -60,7 +60,7 @@ TEST(Plan, isReadAndWrittenBackTheSame) {
     ASSERT_TRUE(again.ok());
     EXPECT_EQ(exerciseJson(*again), exerciseJson(*exercise));
   }
-  // an exercise without one is written as before
+  // an exercise without a plan is written as before
   const auto plain = parseCurriculum(kGoodCurriculum, "c");
   ASSERT_TRUE(plain.ok());
   EXPECT_EQ(exerciseJson(plain->exercises(0)).find("plan"), std::string::npos);
@@ -98,9 +98,9 @@ TEST(Plan, whatIsNoLineIsRefusedByField) {
   EXPECT_FALSE(
       withPlan(mutated(planWith("/direction", ""), "/target_m", R"({"x": 0, "y": 0, "z": -5e-7})")).ok())
       << "too near to give a direction";
-  // JSON has no NaN at all
+  // JSON has no NaN
   EXPECT_FALSE(parseExercise(R"({"plan": {"entry_m": {"x": NaN}}})", "e.json").ok());
-  // in a course the path says which exercise
+  // in a course the path names the exercise
   auto course = nlohmann::json::parse(kGoodCurriculum);
   course["exercises"][1]["plan"] = nlohmann::json::parse(planWith("/direction", ""));
   const auto parsed = parseCurriculum(course.dump(), "c.json");
@@ -120,7 +120,7 @@ TEST(Plan, mustLieOnTheSkinOfItsProfile) {
             "exercises[3].plan.entry_m: (0, 0, 30) mm is 10 mm above the skin of profile 'shoulder-adult', "
             "allowed is 1 mm: the nearest point of the skin is (0, 0, 20) mm");
   EXPECT_THAT(faultOn(plane, at("0.018")), HasSubstr("(0, 0, 18) mm is 2 mm below the skin"));
-  // a ball of 60 mm with its top at 0: straight above its middle, and at its middle
+  // a ball of 60 mm with its top at 0: straight above its centre, and at its centre
   const pb::Profile ball =
       profileOn(R"({"sphere": {"center_m": {"x": 0, "y": 0, "z": -0.06}, "radius_m": 0.06}})");
   EXPECT_EQ(faultOn(ball, kPlan), "");
@@ -148,7 +148,7 @@ TEST(Plan, mustGoIntoTheTissue) {
             "exercises[3].plan.direction: the line goes in at 9° to the skin of profile 'shoulder-adult': it "
             "has to go in at 10° to the skin or more");
   EXPECT_THAT(faultOn(plane, at(-90)), HasSubstr("plan.direction: the line comes out of the tissue at 90°"));
-  // to a target: above the skin, and further than the needle of 60 mm
+  // to a target: above the skin, and farther than the needle's 60 mm
   const auto to = [](const std::string& point) {
     return mutated(planWith("/direction", ""), "/target_m", point);
   };
@@ -169,13 +169,13 @@ TEST(Plan, mustGoIntoTheTissue) {
 TEST(PlannedLine, isPlacedAndNormalised) {
   const auto exercise = withPlan(planWith("/entry_m/x", "0.01"));
   ASSERT_TRUE(exercise.ok());
-  // 90° about z, then moved: x becomes y; the quaternion of a caller need not be a unit one
+  // 90° about z, then moved: x becomes y; a caller's quaternion need not be normalised
   const Pose X{{1, 2, 3}, {0, 0, std::sqrt(2.0), std::sqrt(2.0)}};
   const auto line = plannedLineOf(*exercise, X);
   ASSERT_TRUE(line);
   EXPECT_NEAR(norm(line->entry_m - Vec3{1, 2.01, 3}), 0, 1e-15);
   EXPECT_NEAR(norm(line->direction - Vec3{0, 0, -1}), 0, 1e-15) << "of the length 2 in the plan";
-  // the same line, by its target
+  // the same line, given by its target
   const auto by_target = withPlan(mutated(mutated(planWith("/entry_m/x", "0.01"), "/direction", ""),
                                           "/target_m", R"({"x": 0.01, "y": 0, "z": -0.04})"));
   ASSERT_TRUE(by_target.ok());
@@ -195,7 +195,7 @@ TEST(PlannedLine, itsDirectionMayHaveAnyLengthButNone) {
 TEST(PlannedLine, isNoneWithoutALine) {
   pb::Exercise exercise;
   EXPECT_FALSE(plannedLineOf(exercise));
-  // only by hand: parseExercise refuses these
+  // only in code: parseExercise refuses these
   exercise.mutable_plan()->mutable_entry_m();
   EXPECT_FALSE(plannedLineOf(exercise)) << "the target is absent, and so the entry itself";
   exercise.mutable_plan()->mutable_direction();
@@ -218,7 +218,7 @@ TEST(PlannedLine, measuresDistancesAndAngles) {
   EXPECT_EQ(angleTo(line, {0, 0, -1}), 0);
   EXPECT_NEAR(angleTo(line, {0, 0, 1}), std::numbers::pi, 1e-15) << "the other way round is no agreement";
   EXPECT_NEAR(angleTo(line, {0, 1, 0}), std::numbers::pi / 2, 1e-15);
-  // an arc cosine would lose such an angle to rounding
+  // an arc cosine would lose such a small angle to rounding
   EXPECT_NEAR(angleTo(line, normalized(Vec3{1e-9, 0, -1})), 1e-9, 1e-20);
 }
 

@@ -1,4 +1,5 @@
 #include "common/profile/profile.h"
+#include "common/profile/scene_of_profile.h"
 
 #include <gmock/gmock.h>
 #include <google/protobuf/util/message_differencer.h>
@@ -117,7 +118,7 @@ TEST(ProfileJson, aNegativeZeroIsWrittenAsZero) {
 }
 
 TEST(ProfileJson, doesNotDependOnTheOrderOfTheFile) {
-  // nlohmann's tree sorts by key: another order than the .proto's
+  // nlohmann's tree sorts by key, not in the .proto's order
   const auto sorted = parseProfile(nlohmann::json::parse(kGoodProfile).dump(), "sorted");
   ASSERT_TRUE(sorted.ok());
   EXPECT_EQ(profileJson(*sorted), profileJson(good()));
@@ -213,7 +214,7 @@ TEST(Curriculum, anExamIsAssignedOnlyAndAddsWhatItsExercisesDoNotSay) {
   EXPECT_EQ(plain.attempts(), 1u);
   EXPECT_TRUE(plain.has_aids());
   EXPECT_TRUE(plain.aids().allowed().empty());
-  // as the station reads it again
+  // as the station reads it back
   EXPECT_TRUE(parseExercise(exerciseJson(plain), "e")->has_aids());
   EXPECT_EQ(exerciseJson(exerciseInCourse(exam, exam.exercises(1))), exerciseJson(exam.exercises(1)));
 }

@@ -1,9 +1,11 @@
-// Tests the errors in a profile that are refused, and the warnings to its author.
+// Errors in a profile that are refused, and warnings to its author.
 //
-// Every profile error that we could think of, with its message.
+// Every profile error we could think of, with its message.
 #include <gmock/gmock.h>
 
 #include "common/profile/profile.h"
+#include "common/profile/rules.h"
+#include "common/profile/scene_of_profile.h"
 #include "tests/unit/common/profile/good_profile.h"
 
 namespace needlelab {
@@ -153,7 +155,7 @@ const WrongField kWrongProfiles[] = {
     {"/limb", "{}", "limb: give exactly one of plane, sphere, capsule; found none"},
     {"/limb/sphere", R"({"center_m": {"x": 0, "y": 0, "z": 0}, "radius_m": 0.05})",
      "limb: give exactly one of plane, sphere, capsule; found plane, sphere"},
-    {"/limb/plane/normal/z", "0", "limb.plane.normal: is no direction"},
+    {"/limb/plane/normal/z", "0", "limb.plane.normal: is not a direction"},
     {"/limb", R"({"capsule": {"a_m": {"x": 1, "y": 2, "z": 3}, "b_m": {"x": 1, "y": 2, "z": 3}, "radius_m": 0.05}})",
      "limb.capsule.b_m: is the same point as a_m"},
     {"/limb", R"({"sphere": {"center_m": {"x": 0, "y": 0, "z": 0}, "radius_m": 0}})",
@@ -239,7 +241,7 @@ TEST(WrongProfiles, tooManyLayersAreRefusedBeforeTheyAreRead) {
   const auto layer = tree["layers"][1];
   while (tree["layers"].size() < 32) tree["layers"].push_back(layer);
   EXPECT_TRUE(parseProfile(tree.dump(), "p").ok());
-  tree["layers"].push_back(7);  // the thirty-third: the message must not report its own fault
+  tree["layers"].push_back(7);  // the thirty-third: the message must not report its own error
   const auto profile = parseProfile(tree.dump(), "p");
   ASSERT_FALSE(profile.ok());
   EXPECT_THAT(profile.error().message, HasSubstr("layers: has 33 items, allowed are 1 to 32"));
@@ -365,7 +367,7 @@ TEST(NeedleSection, whatContradictsItselfIsRefusedWithTheNumbers) {
 }
 
 TEST(NeedleSection, realTubesOfAGaugeAreTaken) {
-  // outer diameters as makers state them, by wire gauge, beside the metric sizes of ISO 9626
+  // outer diameters as manufacturers state them, by wire gauge, beside the metric sizes of ISO 9626
   const struct {
     int gauge;
     const char* diameter_m;
@@ -402,7 +404,7 @@ std::vector<std::string> warningsWith(const std::vector<std::pair<std::string, s
 }
 
 TEST(Fidelity, isTheShareOfTheLayerWithTheRightForce) {
-  // 0 to 1 N at 500 N/m: within 10 % of 1 N after 0.9 N / 500 N/m = 1.8 mm, of a layer of 3.6 mm half is left
+  // 0 to 1 N at 500 N/m: within 10 % of 1 N after 0.9 N / 500 N/m = 1.8 mm; half of a 3.6 mm layer is left
   EXPECT_DOUBLE_EQ(fidelity(0, 1, 500, 0.0036), 0.5);
   EXPECT_DOUBLE_EQ(fidelity(0, 1, 500, 0.018), 0.9);
   // 1 to 2 N: within 0.2 N of 2 N after 0.8 N

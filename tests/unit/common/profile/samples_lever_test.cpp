@@ -6,10 +6,11 @@
 #include <filesystem>
 #include <set>
 
-#include "common/base/files.h"
-#include "common/haptics/handle_stiffness.h"
+#include "common/base/files/files.h"
+#include "common/haptics/gate/handle_stiffness.h"
 #include "common/haptics/scene_model.h"
 #include "common/profile/profile.h"
+#include "common/profile/scene_of_profile.h"
 
 namespace needlelab {
 namespace {
@@ -30,7 +31,7 @@ Held held(const SceneSpec& spec, double lever_m) {
           heldStiffnessShare(spec, axial, DeviceLimits{}, X_HT)};
 }
 
-// one cell: the stiffness at the handle of a Desktop and the share of it that a station renders
+// one cell: the stiffness at a Desktop's handle, and the share of it that a station renders
 std::string cellOf(SceneSpec spec, double lever_m) {
   const std::string_view all = "", less = " without bone";
   std::string_view which = all;
@@ -54,7 +55,7 @@ std::string rowOf(const std::string& file) {
   return row;
 }
 
-// the tools of BRINGUP.md: that of `--calibrate --device simulated`, and that of the stand-in
+// the tools of BRINGUP.md: that of `--calibrate --device simulated`, and the stand-in's
 TEST(SamplesWithTools, patientsAreNotRefusedWithTheToolsThatWeShow) {
   for (const Vec3 tip_m : {Vec3{0.012, -0.008, 0.142}, Vec3{0.004, -0.003, 0.135}}) {
     // the needle points along the line from handle to tip
@@ -62,7 +63,7 @@ TEST(SamplesWithTools, patientsAreNotRefusedWithTheToolsThatWeShow) {
     for (const auto& entry : std::filesystem::directory_iterator(kLeverSamples)) {
       const std::string name = entry.path().filename().string();
       if (entry.path().extension() != ".json" || name.find("curriculum") != std::string::npos) continue;
-      // the paper's 400 N/m, and a table that is beyond a Desktop's force
+      // the paper's 400 N/m, and a table that exceeds a Desktop's force
       if (name == "paper-clamping.json" || name == "epidural-porcine.json") continue;
       const auto profile = loadProfile(entry.path());
       ASSERT_TRUE(profile.ok()) << profile.error().message;

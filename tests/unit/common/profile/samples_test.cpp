@@ -1,4 +1,4 @@
-// Checks the profiles and the curriculum in db/samples against their README.
+// Checks the profiles and the curricula in db/samples against their README.
 #include <gmock/gmock.h>
 
 #include <algorithm>
@@ -7,11 +7,13 @@
 #include <memory>
 #include <set>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/haptics/engine.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/planned_line.h"
 #include "common/profile/profile.h"
+#include "common/profile/rules.h"
+#include "common/profile/scene_of_profile.h"
 
 namespace needlelab {
 namespace {
@@ -128,7 +130,7 @@ TEST(Samples, theDirectionsAreThoseOfTheReadme) {
   }
 }
 
-/// A hazard's middle, in L.
+/// A hazard's centre, in L.
 Vec3 middleOf(const pb::Profile& profile, const std::string& name) {
   for (const auto& hazard : profile.hazards())
     if (hazard.name() == name)
@@ -152,7 +154,7 @@ TEST(Samples, theDirectionsAgreeWithTheAnatomy) {
 
 TEST(Samples, noLayerOfAPatientIsCalledByANumber) {
   for (const std::string& id : all()) {
-    if (id == "paper-1dof") continue;  // the paper's one layer is of no tissue
+    if (id == "paper-1dof") continue;  // the paper's single layer has no tissue
     for (const std::string& name : layerNames(sample(id)))
       EXPECT_EQ(name.find_first_of("0123456789"), std::string::npos) << id << ": " << name;
   }
@@ -184,7 +186,7 @@ TEST(Samples, fourHaveBoneThatNoNeedleEntersAndTwoRememberACut) {
   }
 }
 
-// the wrist's: 11.2 mm below the skin, 0.2 mm behind the target; with the fixture's 300 N/m within the
+// the wrist: bone 11.2 mm below the skin, 0.2 mm behind the target; with the fixture's 300 N/m within the
 // Desktop's 1000
 TEST(Samples, theWristsBoneHoldsTheNeedle) {
   const auto model = compile(*sceneSpecOf(sample("wrist-adult")), 1000);
@@ -342,8 +344,7 @@ TEST(Samples, smallJointsAreInjectedWithoutTouchingTheBoneBelowTheirTarget) {
   EXPECT_EQ(required, (std::set<std::string>{"step-5-small", "wrist-joint"}));
 }
 
-// graded: the first with all aids and no conditions, the last without aids and only after the first was
-// passed
+// graded: the first with all aids and no conditions, the last without aids and only after the first is passed
 TEST(Samples, theStepsAreGraded) {
   const auto steps = loadCurriculum(kSamples / "injection-steps-curriculum.json");
   ASSERT_TRUE(steps.ok()) << steps.error().message;
@@ -372,7 +373,7 @@ TEST(Samples, theStepsAreGraded) {
     nearest =
         std::min(nearest, distance(shoulder.hazards(0), target + out * (depth(shoulder, target) * i / 100)));
   EXPECT_LT(nearest, 0);
-  // the nerve beside the path
+  // the nerve is beside the path
   const pb::Profile wrist = sample("carpal-tunnel");
   EXPECT_EQ(wrist.hazards(0).kind(), pb::Hazard::NERVE);
   EXPECT_NEAR(distance(wrist.hazards(0), vec(wrist.targets(0).center_m())), 0.003, 0.0005);

@@ -10,6 +10,8 @@
 #include "common/haptics/models/like_for_like.h"
 #include "common/haptics/scene_model.h"
 #include "common/profile/profile.h"
+#include "common/profile/rules.h"
+#include "common/profile/scene_of_profile.h"
 #include "needlelab/options.pb.h"
 #include "tests/unit/common/profile/good_profile.h"
 
@@ -160,7 +162,7 @@ TEST(SceneOfProfile, theEnginesRangesAreThoseOfTheProto) {
     int visited = 0;
     const auto check = [&](google::protobuf::Message& part, const google::protobuf::FieldDescriptor& field,
                            const std::string& path) {
-      // the engine uses only the needle's length, and FEM its diameter
+      // the engine uses only the needle's length, FEM also its diameter
       if (path.starts_with("needle.") && path != "needle.length_m") return;
       ++visited;
       const auto& reflection = *part.GetReflection();
@@ -174,7 +176,7 @@ TEST(SceneOfProfile, theEnginesRangesAreThoseOfTheProto) {
                spec.error().message.find("is out of range") != std::string::npos;
       };
       const double inf = std::numeric_limits<double>::infinity();
-      // just outside is refused, for this reason; just inside is not
+      // just outside is refused for this reason; just inside is not
       const double lowest = range.min_open() ? std::nextafter(range.min(), inf) : range.min();
       const double highest = range.max_open() ? std::nextafter(range.max(), -inf) : range.max();
       EXPECT_TRUE(refused(std::nextafter(lowest, -inf))) << path;
@@ -359,7 +361,7 @@ const WrongSection kWrongSections[] = {
     {"STATISTICAL", "/statistical/seed", "true", "statistical.seed: must be a number, found true"},
     {"STATISTICAL", "/statistical/factors/mean", "0", "statistical.factors.mean: 0 is out of range (0, 10]"},
     {"STATISTICAL", "/statistical/factors/thickness", "11", "statistical.factors.thickness: 11 is out of range (0, 10]"},
-    {"STATISTICAL", "/statistical/synthetic/0", "\"luck\"", "statistical.synthetic[0]: \"luck\" is none of mean_n, sd_n, correlation_length_m, factors"},
+    {"STATISTICAL", "/statistical/synthetic/0", "\"luck\"", "statistical.synthetic[0]: \"luck\" is not one of mean_n, sd_n, correlation_length_m, factors"},
     {"PRECOMPUTED", "/precomputed/table", "[]", "precomputed.table: has 0 items, allowed are 1 to 1024"},
     {"PRECOMPUTED", "/precomputed/table/1/depth_m", "0.001", "precomputed.table[1].depth_m: 0.001 is not above that of the row before"},
     {"PRECOMPUTED", "/precomputed/table/0/cutting_n", "-1", "precomputed.table[0].cutting_n: -1 is out of range [0, 50]"},
@@ -452,7 +454,7 @@ TEST(ProfileWarnings, sayWhatAModelDoesNotHaveAndWhatIsSynthetic) {
   profile.mutable_precomputed()->clear_source();
   EXPECT_THAT(profileWarnings(profile), Contains(HasSubstr("precomputed: says no source")));
   ASSERT_TRUE(chooseModel(profile, "FIRST_ORDER").ok());
-  profile.mutable_layers(0)->mutable_first_order()->set_stiffness_n_per_m(200);  // 0.8 N at 4 mm of 3 mm
+  profile.mutable_layers(0)->mutable_first_order()->set_stiffness_n_per_m(200);  // 0.8 N at 4 mm > 3 mm
   EXPECT_THAT(profileWarnings(profile),
               Contains(AllOf(HasSubstr("layers[0]"), HasSubstr("0.8 N only 4 mm"))));
   ASSERT_TRUE(chooseModel(profile, "OKAMURA").ok());

@@ -1,4 +1,4 @@
-// However a needle is steered, it does not come to a sample's target without tissue.
+// However a needle is steered, it cannot reach a sample's target without going through tissue.
 #include <fmt/core.h>
 #include <gtest/gtest.h>
 
@@ -11,8 +11,10 @@
 #include "common/haptics/engine.h"
 #include "common/haptics/surface.h"
 #include "common/profile/profile.h"
-#include "tests/support/motions.h"
+#include "common/profile/scene_of_profile.h"
 #include "tests/support/random.h"
+#include "tests/support/run_form.h"
+#include "tests/support/scenes/motions.h"
 
 namespace needlelab::test {
 namespace {
@@ -21,8 +23,8 @@ struct Cost {
   double work_J = 0, peak_N = 0;
 };
 
-// what the hand puts in (what a spring gives back on the way out does not make a way cheaper), and its
-// greatest force
+// the work done by the hand (energy returned by a spring on the way out is not subtracted), and its largest
+// force
 Cost costOf(const SceneModel& model, const Motion& motion) {
   const auto state = std::make_unique<SimState>();
   StepReport report;
@@ -42,7 +44,7 @@ struct Way {
   double depth_m = 0;
 };
 
-// straight in over the target
+// straight in above the target
 Way wayTo(const SceneModel& model, Vec3 target_m) {
   Way way;
   way.target_m = target_m;
@@ -60,14 +62,14 @@ Motion straight(const Way& way) {
   return motion.slideTo(way.target_m, 0.02).take();
 }
 
-// through random places, the needle pointing anywhere into the limb
+// through random places, with the needle pointing anywhere into the limb
 Motion steered(const Way& way, std::uint64_t seed) {
   Random random(seed);
   const auto axis = [&] {
     const double around = random.in(0, 6.283), tangent = std::tan(random.in(0, 1.3));
     return tilted(way.inward, tangent, way.across_1 * std::cos(around) + way.across_2 * std::sin(around));
   };
-  // along the needle, across it, or anyhow
+  // along the needle, across it, or in any direction
   Vec3 points = axis();
   MotionBuilder motion(500, way.skin_m - way.inward * 0.004, points);
   motion.moveTo(way.skin_m - way.inward * 0.0005, points, 0.2);
@@ -85,6 +87,7 @@ Motion steered(const Way& way, std::uint64_t seed) {
 }
 
 TEST(SteeredPaths, noneComesToATargetForLessThanHalfOfTheStraightOne) {
+  const std::uint64_t paths = longForm() ? 2000 : 250;
   int targets = 0;
   for (const auto& entry : std::filesystem::directory_iterator(NEEDLELAB_SAMPLES)) {
     const std::string name = entry.path().filename().string();
@@ -94,18 +97,18 @@ TEST(SteeredPaths, noneComesToATargetForLessThanHalfOfTheStraightOne) {
     if (profile->targets_size() == 0 || profile->axial_model() == pb::Profile::FEM) continue;
     const auto spec = sceneSpecOf(*profile);
     ASSERT_TRUE(spec.ok());
-    // the fixture takes part in what steering costs: a scene without it is not asked
+    // the fixture contributes to the cost of steering: scenes without it are skipped
     if ((spec->effects & bitOf(Effect::kClamping)) == 0) continue;
     const auto model = compile(*spec, 500);
     ASSERT_TRUE(model.ok()) << model.error().message;
     const auto& center = profile->targets(0).center_m();
     const Way way = wayTo(*model, {center.x(), center.y(), center.z()});
     const Cost whole = costOf(*model, straight(way));
-    if (whole.work_J == 0) continue;  // nothing along the needle
+    if (whole.work_J == 0) continue;  // no force along the needle
     ++targets;
     Cost least{1e9, 1e9};
     std::uint64_t least_work = 0, least_peak = 0;
-    for (std::uint64_t seed = 0; seed < 2000; ++seed) {
+    for (std::uint64_t seed = 0; seed < paths; ++seed) {
       const Cost cost = costOf(*model, steered(way, seed));
       if (cost.work_J < least.work_J) least.work_J = cost.work_J, least_work = seed;
       if (cost.peak_N < least.peak_N) least.peak_N = cost.peak_N, least_peak = seed;

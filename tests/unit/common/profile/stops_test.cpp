@@ -1,4 +1,4 @@
-// A stop eases the force once, and a needle that goes on meets the tissue again, at any speed: over the
+// A stop eases the force once, and a needle that continues meets the tissue again, at any speed: over the
 // samples whose model drags a wall (FORCE_MODEL.md, "Stop").
 #include <fmt/core.h>
 #include <gtest/gtest.h>
@@ -15,6 +15,7 @@
 
 #include "common/haptics/engine.h"
 #include "common/profile/profile.h"
+#include "common/profile/scene_of_profile.h"
 
 namespace needlelab {
 namespace {
@@ -30,10 +31,10 @@ bool dragsAWall(AxialModel model) {
 struct Sample {
   std::string name;
   SceneSpec spec;
-  double depth_m = 0;  ///< of the straight strokes: in the last layer but one, at most 40 mm
+  double depth_m = 0;  ///< of the straight strokes: into the second last layer, at most 40 mm
 };
 
-// the scene with forces along the needle alone, under a plane: what is judged is the wall
+// the scene with only forces along the needle, under a plane: the test is about the wall
 std::vector<Sample> samplesWithAWall() {
   std::vector<Sample> found;
   for (const auto& entry : std::filesystem::directory_iterator(NEEDLELAB_SAMPLES)) {
@@ -75,7 +76,7 @@ class Stroke {
     time_s_ += kTick_s;
     const double before_N = force_N();
     step(model_, {{0, 0, -tip_m}, {1, 0, 0, 0}}, *state_, report_);
-    // what the hand gives: against the mean force of the tick
+    // the hand's work, with the tick's mean force
     work_J += 0.5 * (before_N + force_N()) * (tip_m - tip_m_);
     tip_m_ = tip_m;
     peak_N = std::max(peak_N, force_N());
@@ -98,7 +99,7 @@ class Stroke {
   void rest(double seconds) {
     for (int i = 0; i < std::lround(seconds * kRate_hz); ++i) at(depth_m_);
   }
-  /// Out of the tissue, on the hand.
+  /// Positive out of the tissue, acting on the hand.
   [[nodiscard]] double force_N() const { return report_.wrench_W.force_N.z; }
   [[nodiscard]] double alongWall_N() const { return -(report_.cutting_N + report_.attracted_N); }
   [[nodiscard]] const StepReport& report() const { return report_; }
@@ -118,8 +119,8 @@ class Stroke {
   Phase before_ = Phase::kFree;
 };
 
-// the wall's greatest force just beyond the way on which its spring is stretched again: within 0.5 mm a
-// tremor stretches it whole
+// the wall's largest force just after its spring is stretched again: a tremor stretches it fully within 0.5
+// mm
 class ProbeBeyond {
  public:
   void begin(double at_m, double reach_m, double sign) {
@@ -129,13 +130,13 @@ class ProbeBeyond {
   }
   void watch(const Stroke& stroke) {
     if (sign_ == 0 || done_) return;
-    // a softer layer or a rupture releases force on its own: such a probe says nothing about the rest
+    // a softer layer or a rupture releases force by itself: such a probe says nothing about the rest
     crossed_ = crossed_ || (stroke.report().flags & (kFlagLayerChange | kFlagRupture)) != 0;
     const double beyond_m = sign_ * (stroke.depth_m() - from_m_);
     if (beyond_m >= 0) force_N_ = std::max(force_N_, std::abs(stroke.alongWall_N()));
     done_ = beyond_m >= 0.5e-3;
   }
-  /// Nothing: another layer was met before.
+  /// Nothing if another layer was met before.
   [[nodiscard]] std::optional<double> force_N() const {
     if (!done_ || crossed_) return {};
     return force_N_;
@@ -154,11 +155,11 @@ struct Outcome {
 
 double cutReach_m(const Stroke& stroke) {
   if (stroke.model().cut_reach == nullptr) return 0;
-  auto state = std::make_unique<SimState>(stroke.state());  // the table's caches
+  auto state = std::make_unique<SimState>(stroke.state());  // because of the table's caches
   return stroke.model().cut_reach(stroke.model(), *state, stroke.depth_m());
 }
 
-// in with three rests, or without; a rest at the turn; out
+// in with three rests or none; a rest at the turn; out
 Outcome strokesAt(const Sample& sample, double speed_mps, bool rests, Tremor tremor = {}) {
   Stroke stroke(sample.spec, tremor);
   std::array<ProbeBeyond, 4> probes;
@@ -190,7 +191,7 @@ double shareAllowed(double speed_mps) {
   return speed_mps < 0.001 ? 0.1 : 0.05;
 }
 
-// work and force at `speed_mps` are those at 10 mm/s
+// work and force at `speed_mps` equal those at 10 mm/s
 void expectTheSame(const Sample& sample, const Outcome& of, const Outcome& at_10, double speed_mps,
                    double tremor_hz = 0) {
   const std::string where =
@@ -226,7 +227,7 @@ TEST(StopsOfSamples, tremorHidesNoTissue) {
   }
 }
 
-// what a score reads: it cannot be lowered by going on slowly after a rest
+// the values that a score reads: continuing slowly after a rest cannot lower them
 TEST(StopsOfSamples, peakForceAndLayerMeansDoNotDependOnTheSpeedAfterARest) {
   for (const Sample& sample : samplesWithAWall()) {
     std::array<double, 2> peak_N{};

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "common/haptics/engine.h"
-#include "common/scoring/measures.h"
+#include "common/scoring/measures/measures.h"
 
 namespace needlelab {
 
@@ -18,7 +18,7 @@ inline void setTip(GestureSample& sample, Vec3 p) {
   sample.p_WT_m[2] = p.z;
 }
 
-/// The needle points down (from +z to −z), then turned by `angle` about x.
+/// The needle points down (from +z to −z), then is turned by `angle` about x.
 inline void setDown(GestureSample& sample, double angle = 0) {
   const double half = 0.5 * (std::acos(-1.0) + angle);
   sample.q_WT[0] = std::sin(half);

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/wire/authority.h"
 #include "common/wire/tls_folder.h"
 #include "common/wire/x509.h"
@@ -75,7 +75,7 @@ TEST(Certificates, withoutTheAuthoritysKeyOnlyTheNamesThatAreAskedForMustBeThere
   const auto refused = ensureTlsFiles(files, {.hosts = {"c.example.org"}, .own = {"box.example.org"}});
   ASSERT_FALSE(refused.ok());
   EXPECT_THAT(refused.error().message, testing::HasSubstr("is not for"));
-  // with the key it gets the machine's, too
+  // together with the key it gets the machine's name, too
   std::filesystem::rename(key, files.ca_key);
   EXPECT_TRUE(*ensureTlsFiles(files, {.hosts = {"b.example.org"}, .own = {"box.example.org"}}));
 }
@@ -140,8 +140,8 @@ TEST(Certificates, aRefusedNameMakesNoFile) {
   EXPECT_FALSE(std::filesystem::exists(files.ca_key));
 }
 
-// a server compares fingerprints to see whether it has to take new files: one of the files, with the context
-// of those before, would keep it from ever taking them
+// a server compares fingerprints to see whether it must load new files: a fingerprint of the new files with
+// the old context would keep it from ever loading them
 TEST(Certificates, whatAContextShowsStaysWhenTheFilesAreReplaced) {
   const TempFolder folder;
   const auto files = tlsFilesIn(folder.path());
@@ -189,7 +189,7 @@ Status handshakeWith(const TlsContext& client_tls, const std::string& host) {
   return handshake(test::TestTls::get().server, client_tls, host);
 }
 
-/// Signs a server's certificate for `host` with the authority's key, past maySign.
+/// Signs a server's certificate for `host` with the authority's key, bypassing maySign.
 void forge(const TlsFiles& files, const std::string& host) {
   const auto authority = loadAuthority(files);
   ASSERT_TRUE(authority.ok());
@@ -217,7 +217,7 @@ TEST(Tls, theServersNameOrAddressMustBeInItsCertificate) {
   }
 }
 
-// what a thief of ca.key would make: OpenSSL's client refuses the name, whoever signed it
+// what a thief of ca.key would make: OpenSSL's client refuses the name despite the valid signature
 TEST(Tls, aNameThatTheAuthorityMayNotSignIsRefusedByEveryPeer) {
   const TempFolder folder;
   const auto files = tlsFilesIn(folder.path());
@@ -282,8 +282,8 @@ Authority authorityOf(long begin_days, long end_days) {
   return std::move(*made);
 }
 
-// The clock was ahead when it was made, or is behind now: nobody can tell here, and peers have clocks of
-// their own.
+// The clock was ahead when it was made, or is behind now: impossible to tell here, and peers have their own
+// clocks.
 TEST(Certificates, anAuthorityThatIsNotValidByTheClockHereIsNamedAndTheServerKeepsItsCertificate) {
   const struct {
     long begin_days, end_days;
@@ -330,7 +330,7 @@ TEST(Certificates, aPreparedAuthorityThatNoPeerAcceptsYetIsNotSwitchedTo) {
   ASSERT_FALSE(refused.ok());
   EXPECT_THAT(refused.error().message, testing::HasSubstr("then `certificate authority drop`"));
   EXPECT_FALSE(*ensureTlsFiles(files, {{"localhost"}})) << "the old one serves on";
-  // as the text says
+  // following the text's advice
   std::filesystem::remove(files.next_ca_certificate);
   std::filesystem::remove(files.next_ca_key);
   EXPECT_TRUE(dropOldAuthorities(files).ok());
@@ -410,7 +410,7 @@ TEST(Certificates, aLostAuthorityIsNotFollowedByAnotherWhateverIsLeftOfItsFiles)
     EXPECT_THAT(refused.error().message, testing::HasSubstr("put ca.crt back"));
     EXPECT_FALSE(std::filesystem::exists(files.ca_certificate));
     EXPECT_EQ(*readWholeFile(files.ca_key), key);
-    // a station's copy mends it, for all others, too
+    // a station's copy repairs it for all others, too
     folder.write("tls/ca.crt", authority);
     EXPECT_TRUE(ensureTlsFiles(files, {{"localhost"}}).ok());
     EXPECT_EQ(*readWholeFile(files.ca_key), key);
@@ -430,14 +430,14 @@ TEST(Tls, aKeyThatAFirstStartLeftWhenItWasCutOffIsTakenAndNotReplaced) {
       << "who trusts the authority of before goes on";
 }
 
-/// A writer of `path` that is killed before it has done.
+/// A writer of `path` that is killed before it finishes.
 void leaveCutOff(const std::filesystem::path& path) {
   const pid_t child = ::fork();
   ASSERT_GE(child, 0);
   if (child == 0) {
     auto file = GrowingFile::create(path);
     if (file.ok()) (void)file->append(viewOf(std::string_view("half a key")));
-    ::_exit(0);  // as by a kill: nothing tidies up
+    ::_exit(0);  // like a kill: no clean-up
   }
   ASSERT_EQ(::waitpid(child, nullptr, 0), child);
 }
@@ -475,7 +475,7 @@ TEST(TlsFolder, whatAKilledWriterLeavesIsRemovedAndNothingElse) {
   const auto files = tlsFilesIn(folder.path() / "tls");
   EXPECT_TRUE(removeTlsLeftovers(files)->empty()) << "without a folder";
   ASSERT_TRUE(ensureTlsFiles(files, {{"localhost"}}).ok());
-  // names that a person may have given, a folder, and links
+  // names that a person may have chosen, a folder, and links
   for (const char* name :
        {"ca.key.backup", "ca.key.202611", "ca.key.being-written-a-b_cd", "other.key.being-written-Ab12Cd",
         "ca.keyXAb12Cd", "ca.key.being-written-Ab12Cd.crt", "being-written-Ab12Cd"})

@@ -1,4 +1,4 @@
-// Tests what TLS records may cost the thread of a channel: changes of keys, and records with next to nothing.
+// The load that TLS records may put on a channel's thread: key changes, and nearly empty records.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <openssl/ssl.h>
@@ -23,7 +23,7 @@ pb::Envelope numberedChunk(std::uint64_t seq, std::size_t bytes = 10) {
   return envelope;
 }
 
-/// The KeyUpdate leaves with what the channel sends next.
+/// The KeyUpdate is sent with the channel's next message.
 void changeKeys(Channel& channel) {
   ASSERT_EQ(SSL_key_update(channel.ssl(), SSL_KEY_UPDATE_NOT_REQUESTED), 1);
   ASSERT_EQ(SSL_do_handshake(channel.ssl()), 1);
@@ -33,7 +33,7 @@ struct SendingEnds {
   std::shared_ptr<Channel> from, to;
 };
 
-/// The ends of `loop`: first the client sends, then the server.
+/// The ends of `loop`: the sender first, then the receiver; `client_sends`: the client is the sender.
 SendingEnds endsOf(const Loopback& loop, bool client_sends) {
   return client_sends ? SendingEnds{loop.client, loop.server} : SendingEnds{loop.server, loop.client};
 }
@@ -46,7 +46,7 @@ class ChannelKeys : public testing::TestWithParam<bool> {
     loop_.client->established();
     ends_ = endsOf(loop_, GetParam());
   }
-  /// Whether what `from` sends next arrives.
+  /// Whether the next message from `from` arrives.
   bool arrives(std::size_t bytes = 10) {
     ends_.from->send(numberedChunk(++seq_, bytes));
     const auto got = loop_.receive(ends_.to);
@@ -105,8 +105,8 @@ INSTANTIATE_TEST_SUITE_P(BothEnds, ChannelKeys, testing::Bool(), [](const auto& 
 });
 
 struct ReadTurns {
-  std::vector<std::uint64_t> bytes;       // that each turn of the reader took
-  std::vector<std::uint64_t> neighbours;  // turns of the neighbour until then
+  std::vector<std::uint64_t> bytes;       // taken by each turn of the reader
+  std::vector<std::uint64_t> neighbours;  // the neighbour's turns until then
   std::uint64_t neighbour = 0;
   bool over = false;
 };
@@ -141,7 +141,7 @@ TEST(ChannelRecords, ofTheOnesThatAreThereATurnTakesABoundedNumberAndOthersHaveT
     std::size_t written = 0;
     ASSERT_EQ(SSL_write_ex(loop.client->ssl(), &byte, 1, &written), 1);
   }
-  // this sends them all, and itself as one record
+  // sends them all, and itself as one record
   ASSERT_TRUE(loop.client->send(numberedChunk(6)));
   ASSERT_TRUE(loop.runUntil([&] { return loop.client->bytesSent() > 0; }));
 
@@ -150,7 +150,7 @@ TEST(ChannelRecords, ofTheOnesThatAreThereATurnTakesABoundedNumberAndOthersHaveT
   asio::co_spawn(loop.io, readInTurns(loop.server, bytes.size(), turns), rethrow);
   ASSERT_TRUE(loop.runUntil([&] { return turns->over; }));
   ASSERT_GE(turns->bytes.size(), bytes.size() / Channel::kRecordsATurn);
-  // the last turn also has the record of the other message
+  // the last turn also has the other message's record
   for (std::size_t turn = 0; turn + 1 < turns->bytes.size(); ++turn) {
     EXPECT_LE(turns->bytes[turn], static_cast<std::uint64_t>(Channel::kRecordsATurn)) << turn;
     EXPECT_LT(turns->neighbours[turn], turns->neighbours[turn + 1]) << turn;
@@ -160,7 +160,7 @@ TEST(ChannelRecords, ofTheOnesThatAreThereATurnTakesABoundedNumberAndOthersHaveT
     ASSERT_TRUE(got.ok()) << got.error().message;
     EXPECT_EQ(got->chunk().seq(), seq);
   }
-  // the neighbour ends before the loop does
+  // the neighbour must end before the loop
   loop.runFor(Loopback::Ms(1));
 }
 

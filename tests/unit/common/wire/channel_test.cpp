@@ -156,7 +156,7 @@ TEST(Channel, aPeerThatNeverLogsInTimesOutEvenIfItKeepsSending) {
   EXPECT_LT(at, slow.size()) << "it was heard to its end";
 }
 
-/// The server's side of the handshake: how it ended, if it did.
+/// The server's side of the handshake: its result, once it has ended.
 std::optional<Status> serverHandshake(Loopback& loop, const std::shared_ptr<Channel>& server) {
   const auto result = std::make_shared<std::optional<Status>>();
   asio::co_spawn(
@@ -266,7 +266,7 @@ TEST(Channel, aSlowReaderOfLiveFramesLosesTheOldestAndHearsHowMany) {
   loop.connect(limits, limits);
   loop.server->established();
   loop.client->established();
-  // one second of frames without a reader: kernel buffers fill, then the queue drops frames
+  // one second of frames without a reader: kernel buffers fill up, then the queue drops frames
   std::uint64_t seq = 0;
   for (; seq < 100; ++seq) {
     loop.server->sendLive(liveFrame(seq, 20'000), true);
@@ -279,7 +279,7 @@ TEST(Channel, aSlowReaderOfLiveFramesLosesTheOldestAndHearsHowMany) {
   std::uint64_t received = 0, next = 0, told = 0;
   while (received + loop.server->live().dropped() < seq) {
     const auto got = loop.receive(loop.client, milliseconds(20));
-    if (!got.ok()) continue;  // each frame comes or is dropped, meanwhile too
+    if (!got.ok()) continue;  // meanwhile, too, each frame arrives or is dropped
     const auto& frame = got->live_frame();
     EXPECT_GE(frame.frame_seq(), next);
     next = frame.frame_seq() + 1;
@@ -304,7 +304,7 @@ TEST(Channel, liveFramesThatFollowCloselyLeaveTogetherAndInOrder) {
   constexpr std::uint64_t kFrames = 200;
   for (std::uint64_t seq = 0; seq < kFrames; ++seq) {
     loop.server->sendLive(liveFrame(seq, 100), true);
-    // as single frames from many stations: each arrives in its own turn
+    // like single frames from many stations: each arrives in its own turn
     loop.io.poll();
   }
   for (std::uint64_t seq = 0; seq < kFrames; ++seq) {
@@ -312,7 +312,7 @@ TEST(Channel, liveFramesThatFollowCloselyLeaveTogetherAndInOrder) {
     ASSERT_TRUE(got.ok()) << got.error().message;
     ASSERT_EQ(got->live_frame().frame_seq(), seq);
   }
-  // a record of TLS 1.3 takes 22 bytes beside its content: header, kind, tag
+  // a TLS 1.3 record adds 22 bytes to its content: header, type, tag
   const std::uint64_t records = (written() - cipher_before - (loop.server->bytesSent() - plain_before)) / 22;
   EXPECT_LT(records, kFrames / 2) << "each frame had a record of its own";
 }
@@ -326,7 +326,7 @@ TEST(Channel, aFrameAloneDoesNotWaitForOthers) {
   loop.client->established();
   loop.server->sendLive(liveFrame(0, 100), true);
   ASSERT_TRUE(loop.receive(loop.client).ok());
-  // The next frame would wait; a control message sends it along.
+  // Alone the next frame would wait; a control message sends it along.
   loop.server->sendLive(liveFrame(1, 100), true);
   EXPECT_FALSE(loop.receive(loop.client, milliseconds(50)).ok());
   loop.server->send(chunk(7));
@@ -340,7 +340,7 @@ TEST(Channel, manyRecordsThatAreThereAtOnceAreAllTaken) {
   Loopback loop;
   RawClient client(loop);
   loop.server->established();
-  // small ones, a very great one that begins in the middle of a record, small ones again
+  // small ones, a very large one that begins in the middle of a record, small ones again
   std::string bytes;
   for (std::uint64_t seq = 0; seq < 700; ++seq) {
     const std::string body = chunk(seq, seq == 300 ? 1'000'000 : seq % 90).SerializeAsString();

@@ -1,4 +1,4 @@
-// When a channel's limits end: exact, on times given by the test.
+// When a channel's limits expire: exact, on times given by the test.
 #include <gtest/gtest.h>
 
 #include <cstdint>
@@ -11,8 +11,7 @@ namespace {
 
 constexpr std::int64_t kMilli = 1'000'000, kStart = 5'000 * kMilli;
 
-/// A channel whose handshake and log-in are done, that waits for its peer and has sent and received at
-/// kStart.
+/// A channel after handshake and log-in that waits for its peer; it sent and received at kStart.
 ChannelTimes quiet() {
   ChannelTimes times;
   times.made_ns = times.last_received_ns = times.last_sent_ns = kStart;
@@ -59,7 +58,7 @@ TEST(ChannelTimes, eachLimitIsOverOneNanosecondAfterItsTimeAndNotBefore) {
 
 TEST(ChannelTimes, theWatchNoticesEachLimitWithinAQuarterOfItAndAtMost2500Milliseconds) {
   for (const LimitCase& each : cases()) {
-    // the watch as the channel keeps it: it asks, and sleeps for the period
+    // the watch as the channel runs it: it checks, then sleeps for the period
     std::int64_t now = kStart;
     while (dueAt(now, each.times, each.limits) == ChannelDue::kNothing)
       now += std::chrono::nanoseconds(watchPeriod(each.times, each.limits)).count();

@@ -16,7 +16,7 @@ namespace {
 
 using testing::HasSubstr;
 
-/// A field of bytes, written by hand: number below 16.
+/// A bytes field encoded by hand: field number below 16.
 std::string field(int number, const std::string& bytes) {
   std::string out(1, static_cast<char>(number << 3 | 2));
   std::size_t size = bytes.size();
@@ -24,7 +24,7 @@ std::string field(int number, const std::string& bytes) {
   return out + static_cast<char>(size) + bytes;
 }
 
-/// An Envelope with SetReference (136: two bytes of tag) of `ids` empty ids of sessions.
+/// An Envelope with SetReference (136: a two-byte tag) of `ids` empty session ids.
 std::string referenceOfNothing(std::size_t ids) {
   std::string call;
   for (std::size_t i = 0; i < ids; ++i) call += std::string("\x12\x00", 2);
@@ -44,7 +44,7 @@ TEST(EnvelopeScan, readsTheCallTheIdAndTheBodyFromTheTagsAlone) {
   EXPECT_EQ(head->call, pb::Request::kSetReference);
   EXPECT_EQ(head->request_id, 77u);
   EXPECT_EQ(head->payload, envelope.request().SerializeAsString());
-  // Nothing inside the call is read: there it may be no message at all.
+  // The call's content is not read: it need not be a valid message.
   std::string broken = field(1, "\xff\xff\xff");
   broken.replace(0, 1, "\xc2\x08");
   const auto seen = scanEnvelope(viewOf(field(7, broken)));

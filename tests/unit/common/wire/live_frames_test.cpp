@@ -145,7 +145,7 @@ TEST(LiveQueue, ageDropsTheOldestAndCountsThem) {
   LiveQueue queue(100 * kMs, 1'000'000);
   // 50 frames per second for one second, without a reader
   for (int i = 0; i < 50; ++i) queue.push(frameOf(std::to_string(i)), true, i * 20 * kMs);
-  // at the last push (980 ms) those since 880 ms are left: 44 … 49
+  // at the last push (980 ms) those since 880 ms remain: 44 … 49
   const auto first = queue.pop(980 * kMs);
   ASSERT_TRUE(first.has_value());
   EXPECT_EQ(*first->frame, "44");

@@ -1,5 +1,5 @@
-// Every message of the wire with its number, as published. Append only: a number never changes its meaning
-// and is never used again.
+// Every message of the protocol with its number, as published. Append only: a number never changes its
+// meaning and is never reused.
 #include <google/protobuf/descriptor.h>
 #include <gtest/gtest.h>
 
@@ -198,7 +198,7 @@ constexpr NumberedName kRefusalReasons[] = {
     {20, "DEPOSED"},
 };
 
-/// Of each message between servers.
+/// The messages between servers.
 constexpr std::pair<std::string_view, int> kFacultyFields[] = {
     {"Origin.lab", 1},
     {"Origin.server", 2},

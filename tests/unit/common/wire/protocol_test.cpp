@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "common/base/text.h"
+#include "common/base/text/text.h"
 #include "common/wire/protocol.h"
 
 namespace needlelab {
@@ -61,7 +61,7 @@ TEST(Framing, anEnvelopeComesBackAsItWas) {
 }
 
 TEST(Framing, aTextThatIsNoUtf8IsRefusedWithoutALineOnStandardError) {
-  // a program name that none of ours sends
+  // a program name that we do not use
   pb::Envelope envelope;
   envelope.mutable_hello()->set_program("needlelab");
   std::string bytes = envelope.SerializeAsString();
@@ -182,7 +182,7 @@ TEST(Framing, everyTruncationOfAnEnvelopeIsRefusedOrAnEnvelope) {
   description.set_session_id(std::string(16, 's'));
   description.set_profile_json(R"({"id":"x"})");
   const std::string bytes = envelope.SerializeAsString();
-  // inside the one length-delimited body every cut is an error
+  // inside the only length-delimited body every cut is an error
   for (std::size_t length = 1; length < bytes.size(); ++length) {
     EXPECT_FALSE(decodeFrame(viewOf(std::string_view(bytes).substr(0, length))).ok()) << length;
   }

@@ -1,4 +1,4 @@
-// TLS at the end of a program, and what a peer's handshake may have.
+// TLS while a program ends, and limits of a peer's handshake.
 #include "common/wire/tls.h"
 
 #include <gmock/gmock.h>
@@ -18,14 +18,14 @@ namespace {
 
 constexpr int kStillWorks = 7, kWorksNoMore = 9;
 
-/// Returns whether TLS works: then the missing file is what is wrong.
+/// Returns whether TLS works: then only the file is missing.
 bool tlsWorks() {
   const auto made = makeClientTls("/nowhere/ca.crt");
   return !made.ok() && made.error().code == ErrorCode::kInvalidInput;
 }
 
-/// Xlib calls `exit` when its display is lost. The station's handler, which is older than its first use of
-/// TLS, then lets the lesson be sent.
+/// Xlib calls `exit` when its display is lost. The station's handler, registered before its first use of TLS,
+/// then lets the lesson be sent.
 [[noreturn]] void exitWhileALessonIsSent() {
   keepTlsAtExit();
   std::atexit([] { ::_exit(tlsWorks() ? kStillWorks : kWorksNoMore); });
@@ -33,13 +33,13 @@ bool tlsWorks() {
   std::exit(1);
 }
 
-// in a process of its own, which has not used TLS before
+// in a separate process that has not used TLS before
 TEST(TlsDeathTest, isThereForAThreadThatSendsWhileTheProgramExits) {
   GTEST_FLAG_SET(death_test_style, "threadsafe");
   EXPECT_EXIT(exitWhileALessonIsSent(), testing::ExitedWithCode(kStillWorks), "");
 }
 
-/// The first `records` records of a ClientHello of 65,536 bytes, one byte in each: 6 bytes of TLS.
+/// The first `records` records of a ClientHello of 65,536 bytes, with one byte each: 6 bytes of TLS.
 Bytes helloInRecordsOfOneByte(std::size_t records) {
   const Bytes message_header{1, 1, 0, 0};  // ClientHello, its length
   Bytes all;
@@ -71,7 +71,7 @@ Bytes bytesOfOutput(const TlsEngine& engine) {
   return {engine.output().begin(), engine.output().end()};
 }
 
-/// Both sides' handshake where each knows these groups; empty: as our programs do.
+/// A handshake in which both sides offer these groups; empty: our programs' own.
 bool shakeHands(std::string clients_groups, std::string servers_groups) {
   SSL* const near = SSL_new(test::TestTls::get().client->native_handle());
   SSL* const far = SSL_new(test::TestTls::get().server->native_handle());
@@ -84,7 +84,7 @@ bool shakeHands(std::string clients_groups, std::string servers_groups) {
   SSL_free(near);
   SSL_free(far);
   TlsStep client_step = TlsStep::kWantsInput, server_step = TlsStep::kWantsInput;
-  Bytes hello, answer;  // what an engine is fed stays until it was read
+  Bytes hello, answer;  // an engine's input must exist until it was read
   for (int flight = 0; flight < 4; ++flight) {
     client_step = client.handshake(false);
     hello = bytesOfOutput(client);

@@ -1,4 +1,4 @@
-// What stores rely on, whichever engine they are on. Runs on SQLite and, in db_postgres_test, on PostgreSQL.
+// What stores rely on with either engine. Runs on SQLite and, in db_postgres_test, on PostgreSQL.
 #include <gmock/gmock.h>
 
 #include <atomic>
@@ -84,7 +84,7 @@ TEST_F(BothEngines, anotherStatementRunsWhileRowsAreRead) {
     names.push_back(rows.text(0));
     ASSERT_OK(
         db.writer.run("INSERT INTO meta (key, value) VALUES (?, ?)", names.back(), "of " + names.back()));
-    // the same text as the one under way
+    // the same text as the statement in progress
     auto again = db.writer.prepare("SELECT id FROM groups ORDER BY id");
     EXPECT_TRUE(*again.step());
     EXPECT_EQ(again.text(0), "anna");
@@ -108,7 +108,7 @@ TEST_F(BothEngines, errorsSayWhatKindTheyAre) {
   EXPECT_THAT(wrong.error().message, HasSubstr("nowhere"));
   EXPECT_FALSE(db.writer.damaged());
   EXPECT_EQ(groups(), 1);
-  // a number that is none of the engine's
+  // a number that the engine cannot represent
   const Status large = db.writer.run("UPDATE groups SET revision = ?", ~std::uint64_t{0});
   EXPECT_EQ(code(large), ErrorCode::kInvalidInput);
 }
@@ -172,7 +172,7 @@ TEST_F(BothEngines, returningGivesTheKeyAndChangesCountsRows) {
     EXPECT_EQ(std::to_string(*id), expected);
     EXPECT_EQ(db.writer.changes(), 1);
   }
-  // a numbered table never uses a number again, another does
+  // one numbered table never reuses a number, the other does
   ASSERT_OK(db.writer.run("DELETE FROM audit WHERE id = 3"));
   ASSERT_OK(db.writer.run("UPDATE audit SET detail = ''"));
   EXPECT_EQ(db.writer.changes(), 2);

@@ -17,7 +17,7 @@ TEST(Durability, followsFromPostgresSettings) {
       {{"on", "on", "on", "ANY 1 (b, c)"}, kDiskLoss},
       {{"on", "on", "remote_apply", "FIRST 1 (b)"}, kDiskLoss},
       {{"on", "on", "on", "b"}, kDiskLoss},
-      // no wait for the standby, or not for its disk
+      // does not wait for the standby, or not for its disk
       {{"on", "on", "local", "ANY 1 (b, c)"}, kPowerCut},
       {{"on", "on", "remote_write", "ANY 1 (b, c)"}, kPowerCut},
       // any standby

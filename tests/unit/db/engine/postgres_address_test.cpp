@@ -1,4 +1,4 @@
-// What is said of a connection that could not be made, by libpq's words for it.
+// The messages for a failed connection, by libpq's wording.
 #include "db/engine/postgres_address.h"
 
 #include <gmock/gmock.h>
@@ -46,7 +46,7 @@ TEST(PostgresAddress, whatIsRefusedIsToldFromWhatIsDown) {
       {"could not translate host name \"dbb\" to address: Temporary failure in name resolution\n",
        ErrorCode::kUnavailable},
       {"invalid sslmode value: \"very\"\n", ErrorCode::kInvalidInput},
-      // what ends by itself, also of a user whose password was right
+      // conditions that end by themselves, also for a user with the right password
       {at + "FATAL:  too many connections for role \"needlelab\"\n", ErrorCode::kUnavailable},
       {at + "FATAL:  remaining connection slots are reserved\n", ErrorCode::kUnavailable},
       {at + "FATAL:  the database system is starting up\n", ErrorCode::kUnavailable},

@@ -19,7 +19,7 @@ TEST(PostgresSql, numbersParametersAsSqliteDoes) {
       {"SELECT 1", "SELECT 1"},
       {"SELECT a FROM t WHERE b = ? AND c = ?", "SELECT a FROM t WHERE b = $1 AND c = $2"},
       {"VALUES (?1, ?1, ?2)", "VALUES ($1, $1, $2)"},
-      // the next one comes after the greatest
+      // the next one follows the largest
       {"VALUES (?3, ?, ?1, ?)", "VALUES ($3, $4, $1, $5)"},
       {"VALUES (?12)", "VALUES ($12)"},
       {"", ""},
@@ -42,7 +42,7 @@ TEST(PostgresSql, leavesTextsNamesAndCommentsAsTheyAre) {
       {"SELECT 'it''s ?', ?", "SELECT 'it''s ?', $1"},
       {"SELECT \"a?\" -- why?\n WHERE ?", "SELECT \"a?\" -- why?\n WHERE $1"},
       {"SELECT ? -- to the end ?", "SELECT $1 -- to the end ?"},
-      // broken: the engine says so
+      // invalid: the engine reports it
       {"SELECT ?, 'open ?", "SELECT $1, 'open ?"},
       {"SELECT a - ?", "SELECT a - $1"},
   };
@@ -72,7 +72,7 @@ TEST(PostgresSql, theFilesThatAskForTheEngineAreThoseThatTheHeaderNames) {
   EXPECT_GE(asking.size(), 15u);
   for (const std::string& name : asking)
     EXPECT_TRUE(std::regex_search(header, std::regex("\\b" + name + "\\b"))) << name << " is not in the list";
-  // and no name that asks no more
+  // and no name that is no longer used
   const std::regex names("\\b[a-z]+(_[a-z]+)+\\b");
   for (std::sregex_iterator name(header.begin(), header.end(), names), end; name != end; ++name)
     EXPECT_TRUE(asking.contains(name->str())) << name->str();

@@ -36,7 +36,7 @@ TEST(PostgresValues, wholeNumbersHaveTheGreatestByteFirst) {
   EXPECT_EQ(integer(PostgresType::kBool, bytesOf({0})), 0);
 }
 
-// array_recv: dimensions, NULLs, type, length, first index; each element behind its length
+// array_recv: dimensions, NULLs, type, length, first index; each element preceded by its length
 TEST(PostgresValues, listsAreArraysOfOneDimension) {
   const std::vector<std::int64_t> numbers = {1, -1};
   const std::string list = *postgresList(std::span<const std::int64_t>(numbers));
@@ -48,7 +48,7 @@ TEST(PostgresValues, listsAreArraysOfOneDimension) {
             bytesOf({0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 25, 0, 0,   0,
                      2, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0,  2, 'a', 'b'}));
   EXPECT_EQ(*postgresList(std::span<const ByteView>()), bytesOf({0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 17}));
-  // more than PostgreSQL takes is not even copied
+  // more than PostgreSQL accepts is not even copied
   const Bytes some(1 << 20);
   const std::vector<ByteView> many(1024, ByteView(some));
   EXPECT_FALSE(postgresList(std::span<const ByteView>(many)).has_value());
@@ -63,7 +63,7 @@ TEST(PostgresValues, realsKeepTheirBits) {
   EXPECT_TRUE(std::isnan(realOfPostgres(PostgresType::kFloat8, viewOf(postgresReal(std::nan(""))))));
   // 1.5 as float4
   EXPECT_EQ(realOfPostgres(PostgresType::kFloat4, viewOf(bytesOf({0x3f, 0xc0, 0, 0}))), 1.5);
-  // held to the range, as SQLite does
+  // clamped to the range, as SQLite does
   EXPECT_EQ(integer(PostgresType::kFloat8, postgresReal(1e300)), std::numeric_limits<std::int64_t>::max());
   EXPECT_EQ(integer(PostgresType::kFloat8, postgresReal(-1e300)), std::numeric_limits<std::int64_t>::min());
   EXPECT_EQ(integer(PostgresType::kFloat8, postgresReal(std::nan(""))),
@@ -78,7 +78,7 @@ TEST(PostgresValues, sumsAreReadExactly) {
   EXPECT_EQ(integer(PostgresType::kNumeric, some), 12'345'678);
   EXPECT_EQ(realOfPostgres(PostgresType::kNumeric, viewOf(some)), 12'345'678);
   EXPECT_EQ(*textOfPostgres(PostgresType::kNumeric, viewOf(some)), "12345678");
-  // digits that are 0 at the end are left out: 20,000 is one digit of weight 1
+  // trailing zero digits are omitted: 20,000 is one digit of weight 1
   EXPECT_EQ(integer(PostgresType::kNumeric, bytesOf({0, 1, 0, 1, 0x40, 0, 0, 0, 0, 2})), -20'000);
   // 0.5: weight −1
   const std::string half = bytesOf({0, 1, 0xff, 0xff, 0, 0, 0, 1, 0x13, 0x88});

@@ -4,9 +4,9 @@
 #include <memory>
 #include <string>
 
-#include "db/people.h"
-#include "db/person_refs.h"
-#include "db/service/bootstrap.h"
+#include "db/people/people.h"
+#include "db/people/person_refs.h"
+#include "db/service/start/bootstrap.h"
 #include "tests/unit/db/test_db.h"
 
 namespace needlelab::test {
@@ -24,7 +24,7 @@ inline std::unique_ptr<Store> openStore(const std::filesystem::path& folder,
 
 class ServiceTest : public testing::Test {
  protected:
-  /// `who` by name, as one who has logged in where there is such an account.
+  /// `who` by name, as a logged-in user if there is such an account.
   Outcome ask(const Principal& who, const pb::Request& request) {
     return store->service().execute(loggedIn(who), request);
   }
@@ -37,7 +37,7 @@ class ServiceTest : public testing::Test {
   }
   /// The ref of an account.
   std::string refOf(const std::string& name) {
-    const auto account = store->service().principalOf(name);
+    const auto account = store->service().logins().principalOf(name);
     return account && *account ? (*account)->name : "no account " + name;
   }
   /// Returns the reply. Fails the test if the request is refused.

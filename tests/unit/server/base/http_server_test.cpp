@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "server/live/offload.h"
+#include "server/live/work/offload.h"
 #include "tests/unit/common/wire/loopback.h"
 
 namespace needlelab {
@@ -35,7 +35,7 @@ class PatientServer : public HttpServer {
   bool admit(std::uint64_t /*id*/, const Tcp::endpoint& /*peer*/) override { return true; }
 };
 
-/// Answers at once with what it was asked.
+/// Echoes each request at once.
 class EchoServer : public HttpServer {
  public:
   EchoServer(asio::io_context& loop, Tcp::acceptor acceptor, HttpLimits limits)
@@ -68,7 +68,7 @@ class HttpAnswers : public testing::Test {
     server_->cut();
     loop_.runUntil([&] { return server_->connections() == 0; });
   }
-  /// What comes to a client that sends this, up to `until`.
+  /// What a client receives after sending this, up to `until`.
   std::string told(const std::string& request, const std::string& until = "\n\n") {
     Tcp::socket client(loop_.io);
     client.connect(address_);

@@ -69,7 +69,7 @@ TEST(Listen, theKernelTakesLittleOfWhatAPeerDoesNotRead) {
   io.run_for(std::chrono::milliseconds(20));
 }
 
-/// The server's end of a connection that an acceptLoop has accepted, and its peer.
+/// The server's end of a connection accepted by an acceptLoop, and its peer.
 struct AcceptedPair {
   asio::io_context io;
   Result<Tcp::acceptor> acceptor = listenOn(io, *resolveListen("127.0.0.1:0"), "127.0.0.1:0");
@@ -92,7 +92,7 @@ struct AcceptedPair {
   }
 };
 
-/// What the kernel takes at once, bytes.
+/// Bytes that the kernel accepts at once.
 std::size_t takenFrom(Tcp::socket& socket) {
   const std::string piece(std::size_t{64} << 10, 'x');
   for (std::size_t taken = 0;;) {
@@ -103,7 +103,7 @@ std::size_t takenFrom(Tcp::socket& socket) {
   }
 }
 
-/// Reads what is there. Returns how much, bytes.
+/// Reads what is available. Returns its size in bytes.
 std::size_t drainedFrom(Tcp::socket& socket) {
   std::string room(std::size_t{64} << 10, '\0');
   for (std::size_t all = 0;;) {
@@ -161,7 +161,7 @@ TEST(Listen, theKernelTakesLittleOfWhatAPeerDoesNotAcknowledge) {
     (void)takenFrom(*pair.accepted);
     read += drainedFrom(pair.peer);
   }
-  // from now on the peer's kernel drops all that comes
+  // from now on the peer's kernel drops everything that arrives
   sock_filter drop_all{BPF_RET | BPF_K, 0, 0, 0};
   const sock_fprog filter{1, &drop_all};
   ASSERT_EQ(::setsockopt(pair.peer.native_handle(), SOL_SOCKET, SO_ATTACH_FILTER, &filter, sizeof filter), 0);
@@ -189,7 +189,7 @@ TEST(Listen, allWhoWaitAreAcceptedInTurnsOfABoundedNumber) {
   while (accepted.empty()) io.run_one_for(std::chrono::milliseconds(20));
   EXPECT_EQ(accepted.size(), static_cast<std::size_t>(kAcceptsATurn));
   while (accepted.size() < kWaiting) io.run_one_for(std::chrono::milliseconds(20));
-  // the next is accepted when it comes
+  // the next one is accepted when it arrives
   peers.emplace_back(io);
   peers.back().connect(acceptor->local_endpoint());
   while (accepted.size() < kWaiting + 1) io.run_one_for(std::chrono::milliseconds(20));

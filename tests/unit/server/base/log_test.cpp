@@ -11,7 +11,7 @@
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab {
@@ -117,7 +117,7 @@ TEST(LogBound, aMinuteHasSoManyLinesAndTheOthersAreSaidOnceAsANumber) {
   EXPECT_EQ(written, 3u);
   EXPECT_EQ(bound.leftOut(160 * second_ns), 57u);
   EXPECT_EQ(bound.leftOut(160 * second_ns), 0u) << "once";
-  // the next minute begins with its first line
+  // the next minute starts with its first line
   EXPECT_TRUE(bound.take(500 * second_ns));
   EXPECT_TRUE(bound.take(559 * second_ns));
   EXPECT_TRUE(bound.take(559 * second_ns));

@@ -1,4 +1,4 @@
-/// What tests of accesses ask for.
+/// Requests for the access tests.
 #pragma once
 
 #include <string>

@@ -25,7 +25,7 @@ inline std::size_t countOf(const std::string& text, const std::string& word) {
   return count;
 }
 
-/// The end of a line that says how many were left out.
+/// The end of a line that states how many lines were left out.
 inline std::string leftOut(const std::string& who, const std::string& of, std::size_t count) {
   return "lines_left_out who=" + who + " of=" + of + " count=" + std::to_string(count) + "\n";
 }

@@ -28,7 +28,7 @@ class RawPeer {
       socket_.bind({asio::ip::make_address(from), 0});
     }
     socket_.connect({asio::ip::address_v4::loopback(), port});
-    // OpenSSL works on the socket directly, without a buffer, so poll() shows whether data is available.
+    // OpenSSL works on the socket directly, without a buffer, so poll() shows whether data are available.
     SSL_set_fd(ssl_.get(), static_cast<int>(socket_.native_handle()));
     if (SSL_connect(ssl_.get()) != 1) throw std::runtime_error("no TLS with the server");
   }
@@ -40,7 +40,7 @@ class RawPeer {
     return bytes + body;
   }
   void write(const std::string& bytes) {
-    // The server may have closed already: no error and no signal.
+    // The server may have closed already: neither an error nor a signal.
     std::signal(SIGPIPE, SIG_IGN);
     (void)SSL_write(ssl_.get(), bytes.data(), static_cast<int>(bytes.size()));
   }
@@ -54,7 +54,7 @@ class RawPeer {
       if (!frame.ok()) return std::nullopt;
       if (frame->has_value()) return *decodeFrame(**frame);
       if (SSL_pending(ssl_.get()) == 0) {
-        // rounded up: a wait of one millisecond is a wait
+        // rounded up: a wait of one millisecond must wait
         const auto left = std::chrono::ceil<milliseconds>(end - std::chrono::steady_clock::now()).count();
         pollfd wait{socket_.native_handle(), POLLIN, 0};
         if (left <= 0 || ::poll(&wait, 1, static_cast<int>(left)) <= 0) return std::nullopt;
@@ -77,7 +77,7 @@ class RawPeer {
   /// Returns true if the server has closed the connection. Valid after a receive() that returned nothing.
   [[nodiscard]] bool closed() const { return closed_; }
 
-  /// Sends Hello and returns the answer.
+  /// Sends Hello and reads the answer.
   void greet() {
     pb::Envelope hello;
     *hello.mutable_hello()->mutable_version() = ourVersion();

@@ -12,15 +12,15 @@
 #include <utility>
 #include <vector>
 
-#include "client/net/blocking_client.h"
-#include "common/base/clock.h"
-#include "common/base/uuid.h"
+#include "client/net/link/blocking_client.h"
+#include "common/base/text/uuid.h"
+#include "common/base/time/clock.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/session_hash.h"
 #include "server/base/log.h"
 #include "server/server.h"
 #include "tests/support/patience.h"
-#include "tests/support/postgres_database.h"
+#include "tests/support/store/postgres_database.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {
@@ -64,7 +64,7 @@ class RunningServer {
     return code;
   }
 
-  /// Of the server that was stopped last.
+  /// Of the last stopped server.
   [[nodiscard]] const ServerCounters& counters() const { return counters_; }
 
   Server& server() { return *server_; }

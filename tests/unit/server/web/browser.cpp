@@ -256,7 +256,7 @@ WebReply Browser::ask(const std::string& method, const std::string& path, const 
     if (!given) headers.push_back(header);
   }
   const std::string text = requestText(method, path, body, headers);
-  // Keeps the connection, and replaces it if the server has closed it meanwhile.
+  // Keeps the connection, and replaces it if the server has closed it in the meantime.
   for (int tries = 0; tries < 2; ++tries) {
     const bool kept = wire_ != nullptr;
     if (!kept) wire_ = std::make_unique<WebWire>(port_);

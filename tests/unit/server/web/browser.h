@@ -39,10 +39,9 @@ class WebWire {
   [[nodiscard]] bool connected() const { return fd_ >= 0 && ssl_ != nullptr; }
   bool send(const std::string& bytes);
   bool sendPlain(const std::string& bytes);  ///< sends outside TLS
-  /// Sends a KeyUpdate of TLS. False: there is no connection any more.
+  /// Sends a TLS KeyUpdate. False: the connection has ended.
   bool changeKeys();
-  /// From now on the kernel keeps only some kilobytes that were not read, so that the peer's writes soon
-  /// wait.
+  /// From now on the kernel buffers only some kilobytes of unread data, so that the peer's writes soon wait.
   void keepLittle();
   /// Reads outside TLS until the peer closes.
   std::string receivePlain();

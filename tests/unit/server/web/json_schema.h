@@ -1,5 +1,5 @@
-/// Implements the part of JSON Schema that the API description uses: type, enum, $ref, properties, required,
-/// additionalProperties, items, minimum, maxProperties, format uuid. Anything else in a schema is a fault.
+/// Implements the part of JSON Schema used by the API description: type, enum, $ref, properties, required,
+/// additionalProperties, items, minimum, maxProperties, format uuid. Anything else in a schema is an error.
 #pragma once
 
 #include <nlohmann/json.hpp>

@@ -55,7 +55,6 @@ TEST(Routes, eachIsThereOnceAndHasWhatItsActionNeeds) {
                      : how.action == WebAction::kWork   ? how.work != nullptr
                      : how.action == WebAction::kSteps  ? how.steps != nullptr
                      : how.action == WebAction::kStream ? how.stream != nullptr
-                     : how.action == WebAction::kText   ? how.text != nullptr
                                                         : true;
     EXPECT_TRUE(has) << route.method << " " << route.pattern;
     // The service's table of roles checks the routes that call the service.

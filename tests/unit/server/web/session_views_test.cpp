@@ -1,12 +1,12 @@
-// Tests that plots and downloads are made in steps whose work and memory have bounds, whatever a recording's
-// chunks hold. What they show is in web_lessons_test.cpp.
+// Plots and downloads are made in steps of bounded work and memory, whatever a recording's chunks hold.
+// web_lessons_test.cpp tests their content.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <string>
 #include <vector>
 
-#include "common/base/uuid.h"
+#include "common/base/text/uuid.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/session_hash.h"
 #include "server/web/session_views.h"
@@ -18,8 +18,7 @@ namespace {
 using test::FakeSession;
 using test::WebLab;
 
-/// Samples of a hand that does not move, by 1 kHz from a tick and a time on: a whole chunk of them is some 8
-/// KiB.
+/// Samples of a motionless hand at 1 kHz, from a given tick and time: a whole chunk of them is some 8 KiB.
 Bytes stillChunk(std::size_t count, std::uint64_t first_tick, std::int64_t first_time_ns) {
   std::vector<GestureSample> samples(count);
   for (std::size_t i = 0; i < samples.size(); ++i) {
@@ -29,7 +28,7 @@ Bytes stillChunk(std::size_t count, std::uint64_t first_tick, std::int64_t first
   return encodeChunk(Resolution::standard(), samples);
 }
 
-/// Adds a session of tina in these chunks, of so many samples in all. Returns its id as text.
+/// Adds a session of tina's in these chunks, with this many samples in total. Returns its id as text.
 std::string recordedIn(WebLab& lab, const std::vector<Bytes>& chunks, std::uint64_t samples) {
   pb::Login login;
   login.mutable_station()->set_station("bench");
@@ -61,7 +60,7 @@ std::string recordedIn(WebLab& lab, const std::vector<Bytes>& chunks, std::uint6
   return uuidText(id);
 }
 
-/// The same in so many chunks of the most samples, one behind the other.
+/// The same in this many chunks of maximum length, one after the other.
 std::string recordedInLongChunks(WebLab& lab, std::uint64_t count) {
   std::vector<Bytes> chunks;
   for (std::uint64_t seq = 0; seq < count; ++seq) {
@@ -71,8 +70,8 @@ std::string recordedInLongChunks(WebLab& lab, std::uint64_t count) {
   return recordedIn(lab, chunks, count * kMaxChunkSamples);
 }
 
-/// A recording of 8 chunks whose times go back. The search for 500 s looks at chunks 7, 3 and 1, which are
-/// one sample at 1000 s each, and so ends at chunk 0; the 5 others last 65.5 s from 0 s on.
+/// A recording of 8 chunks whose times go back. The search for 500 s reads chunks 7, 3 and 1, which are one
+/// sample each at 1000 s, and so ends at chunk 0; the 5 others last 65.5 s from 0 s on.
 std::string recordedBackInTime(WebLab& lab) {
   constexpr std::int64_t kLate_ns = 1'000'000'000'000;
   std::vector<Bytes> chunks;
@@ -92,7 +91,7 @@ WebCall callOf(const std::string& session) {
   return call;
 }
 
-/// The steps until the plot is there, which `plot` gets.
+/// The number of steps until the plot is complete; sets `plot`.
 std::size_t stepsOf(WebLab& lab, const std::string& session, WebJson& plot) {
   const auto steps = samplePlot(lab.server().service(), callOf(session));
   if (!steps.ok()) throw std::runtime_error(steps.error().message);
@@ -153,7 +152,7 @@ TEST(SessionViews, aPieceOfTheCsvHasABoundOfRowsHoweverLongTheChunksAre) {
     csv += *piece;
   }
   EXPECT_EQ(pieces, kChunks * kMaxChunkSamples / kMostPieceRows);
-  // no row twice, none left out: the last sample's tick is their number less one
+  // no row twice, none omitted: the last sample's tick is the number of rows minus one
   const std::string last = csv.substr(csv.rfind('\n', csv.size() - 2) + 1);
   EXPECT_EQ(last.substr(last.find(',') + 1).substr(0, 7), "131071,");
 }
@@ -164,7 +163,7 @@ TEST(SessionViews, aPieceOfTheCsvDecodesOneOfTheLongestChunksThoughNoneOfTheirRo
   call.target.query["from_s"] = "500";
   const auto stream = sampleCsv(lab.server().service(), call);
   ASSERT_TRUE(stream.ok()) << stream.error().message;
-  // lines of each piece, the header first; -1: there is no text yet
+  // lines of each piece, the header first; -1: no text yet
   std::vector<int> pieces;
   for (;;) {
     const auto piece = stream->next();
@@ -173,7 +172,7 @@ TEST(SessionViews, aPieceOfTheCsvDecodesOneOfTheLongestChunksThoughNoneOfTheirRo
     if (text && text->empty()) break;
     pieces.push_back(text ? static_cast<int>(std::count(text->begin(), text->end(), '\n')) : -1);
   }
-  // each piece ends behind the long chunk of 0 | 1, 2 | 3, 4 | 5 | 6 | 7
+  // each piece ends after the long chunk in 0 | 1, 2 | 3, 4 | 5 | 6 | 7
   EXPECT_EQ(pieces, (std::vector<int>{1, 1, 1, -1, -1, 1}));
 }
 

@@ -1,4 +1,4 @@
-// Tests access over HTTPS: log-in, sessions, forged requests, roles.
+// Access over HTTPS: log-in, sessions, forged requests, roles.
 #include <algorithm>
 #include <set>
 #include <sstream>
@@ -42,7 +42,7 @@ TEST(WebLogIn, sharesLockOutsAndAuditWithTheOtherPort) {
   const WebReply unknown = browser.logIn("nobody", "wrong");
   EXPECT_EQ(unknown.status, 401);
   EXPECT_EQ(browser.logIn("ines", "wrong").body, unknown.body) << "unknown and wrong must look the same";
-  // After the second failure even the right password waits, on both ports.
+  // After the second failure even the right password must wait, on both ports.
   const WebReply locked = fits("POST", "/api/v1/session", browser.logIn("ines", kWebPassword));
   EXPECT_EQ(locked.status, 429);
   EXPECT_GE(std::stoi("0" + locked.header("retry-after")), 1);
@@ -73,7 +73,7 @@ TEST(WebLogIn, whatIsNoLogInIsRefused) {
         askChecked(browser, "POST", "/api/v1/session", body, {{"Content-Type", "application/json"}});
     EXPECT_EQ(reply.status, 400) << body;
   }
-  // a form of another page could send these
+  // a form on another page could send these
   EXPECT_EQ(askChecked(browser, "POST", "/api/v1/session", good, {{"Content-Type", "text/plain"}}).status,
             415);
   EXPECT_EQ(askChecked(browser, "POST", "/api/v1/session", good, {{"Origin", "https://evil"}}).status, 403);
@@ -93,7 +93,7 @@ TEST(WebLogIn, saysTheFullNameAndEndsTheSessionThatTheBrowserHad) {
   Browser rhea = lab.browserOf("rhea"), before = lab.browser();
   before.cookie = rhea.cookie;
   EXPECT_EQ(askChecked(rhea, "GET", "/api/v1/session").json()["full_name"], "Rhea Sato");
-  // A researcher sees only its own data.
+  // A researcher sees only their own data.
   EXPECT_EQ(askChecked(rhea, "GET", "/api/v1/people/rhea").json()["full_name"], "Rhea Sato");
   EXPECT_EQ(askChecked(rhea, "GET", "/api/v1/people/ada").status, 403);
   const std::string body = json{{"name", "rhea"}, {"password", kWebPassword}}.dump();
@@ -152,7 +152,7 @@ TEST(WebSession, aChangeNeedsTheTokenOfItsOwnSession) {
 }
 
 TEST(WebSession, endsWithItsTime) {
-  // no time at all: Tokens' own tests have the clock
+  // expires at once: Tokens' own tests use the clock
   WebLab lab([](ServerOptions& options) { options.token_lifetime = milliseconds(0); });
   Browser ines = lab.browserOf("ines");
   EXPECT_EQ(askChecked(ines, "GET", "/api/v1/profiles").status, 401);
@@ -172,7 +172,7 @@ TEST(WebSession, endsWithTheAccountAndThePassword) {
           .status,
       200);
   EXPECT_EQ(askChecked(mara, "GET", "/api/v1/profiles").status, 401);
-  // disabled behind the server's back (needlelab-admin would not, but the store is asked each time)
+  // disabled behind the server's back (needlelab-admin would not do this, but the store is queried each time)
   pb::Request request;
   request.mutable_disable_user()->set_name("tina");
   lab.server().asAdmin(request);
@@ -180,7 +180,7 @@ TEST(WebSession, endsWithTheAccountAndThePassword) {
   EXPECT_EQ(askChecked(ada, "GET", "/api/v1/profiles").status, 200);
 }
 
-/// One row a route, written by hand: a route without a row fails, and so does a row without a route.
+/// One row per route, written by hand: a route without a row fails, and so does a row without a route.
 TEST(WebRoles, everyRouteIsForTheRolesOfTheTable) {
   WebLab lab;
   std::ifstream file(std::string(NEEDLELAB_SOURCE_DIR) + "/tests/unit/server/web/permissions_web.tsv");
@@ -205,7 +205,7 @@ TEST(WebRoles, everyRouteIsForTheRolesOfTheTable) {
     for (const std::string& name : who) {
       ASSERT_TRUE(cells >> cell) << line;
       if (method == "DELETE" || pattern == "/backup")
-        continue;  // log-out: another test; a backup needs a path
+        continue;  // log-out has its own test; a backup needs a path
       const std::string body = method == "GET"             ? ""
                                : method == "PATCH"         ? R"({"consent": true})"
                                : pattern.ends_with("word") ? R"({"password": "another horse battery"})"

@@ -5,15 +5,15 @@
 #include <fstream>
 #include <random>
 
-#include "common/base/clock.h"
-#include "common/base/uuid.h"
+#include "common/base/text/uuid.h"
+#include "common/base/time/clock.h"
 #include "common/profile/profile.h"
 #include "needlelab/control.pb.h"
 #include "server/base/http_message.h"
 #include "server/web/reply_json.h"
 #include "server/web/static_files.h"
-#include "tests/support/fake_time.h"
 #include "tests/support/temp_folder.h"
+#include "tests/support/time/fake_time.h"
 
 namespace needlelab {
 namespace {
@@ -29,7 +29,7 @@ TEST(WebTarget, isTakenApartAndDecoded) {
   EXPECT_EQ(target->query.at("empty"), "");
   EXPECT_EQ(target->path(), "/api/v1/people/anna b\u00fc");
   EXPECT_EQ(parseTarget("/")->path(), "/");
-  // a line's end belongs to the last part
+  // a final slash belongs to the last part
   EXPECT_EQ(parseTarget("/app/")->segments.size(), 1u);
 }
 
@@ -51,7 +51,7 @@ TEST(WebTarget, namesNobodyInTheLog) {
       << "an id is what one looks for";
   EXPECT_EQ(pathForLog("/api/v1/audit?who=anna", "GET /audit"), "/api/v1/audit");
   EXPECT_EQ(pathForLog("/app/main.js?anna", "file"), "/app/main.js");
-  // no address of this server: it may be anything
+  // not an address of this server: it may contain anything
   EXPECT_EQ(pathForLog("/api/v1/persons/anna", ""), "*");
   EXPECT_EQ(pathForLog("/my password", ""), "*");
   EXPECT_EQ(pathForLog("/api/v9/people/anna", "GET /people/{name}"), "*");
@@ -258,7 +258,7 @@ TEST(Tokens, lastLongerByUseAndEndWhenTold) {
   const auto issued = tokens.issue({{"anna", pb::INSTRUCTOR}, 0}, 0);
   EXPECT_EQ(tokens.renew(issued.token, 900'000'000), 1'900'000'000);
   EXPECT_EQ(tokens.renew(issued.token, 1'800'000'000),
-            2'500'000'000);  // not longer than this after the password
+            2'500'000'000);  // maximum time after the password
   EXPECT_EQ(tokens.endOf(issued.token, 2'400'000'000), 2'500'000'000);
   EXPECT_FALSE(tokens.renew(issued.token, 2'500'000'000).has_value());
   const auto next = tokens.issue({{"anna", pb::INSTRUCTOR}, 0}, 0);

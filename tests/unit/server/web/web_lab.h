@@ -27,7 +27,7 @@ class WebLab {
           std::ofstream(files_.path() / "app" / "main.js") << "export const one = 1;\n";
           options.web.listen = "127.0.0.1:0";
           options.web.root = files_.path();
-          // what ends before has another reason
+          // other timeouts must not end it first
           options.web.handshake_timeout = options.web.header_timeout = options.web.idle_timeout =
               options.web.body_timeout = std::chrono::hours(1);
           if (tweak) tweak(options);
@@ -49,7 +49,7 @@ class WebLab {
     return browser;
   }
 
-  /// Adds a session of tina that a station has recorded and closed. Returns its id as text.
+  /// Adds a session of tina's that a station recorded and closed. Returns its id as text.
   std::string recorded(std::uint64_t chunks, const std::string& profile_json = "{}") {
     if (station_key_.empty()) station_key_ = server_.addStation("bench");
     pb::Login login;

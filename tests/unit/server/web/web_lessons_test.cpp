@@ -1,5 +1,4 @@
-// Tests the console's data: people, profiles, courses, sessions with their samples. Every reply fits
-// openapi.json.
+// The console's data: people, profiles, courses, sessions with their samples. Every reply fits openapi.json.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -8,7 +7,7 @@
 #include <sstream>
 #include <string>
 
-#include "server/live/monitor.h"
+#include "server/live/monitor/monitor.h"
 #include "tests/support/run_form.h"
 #include "tests/support/sanitized.h"
 #include "tests/unit/server/web/web_lab.h"
@@ -190,7 +189,7 @@ TEST(WebLessons, aManagersWeekGoesThroughAndTwoWhoEditAtOnceHearOfIt) {
   const json results = done("GET", "/results?course=autumn-course&group=autumn", "");
   EXPECT_EQ(results["rows"].size(), 2u);
   EXPECT_EQ(results["exercise_ids"], json({"autumn-1"}));
-  // a page at a time; the first one says how many there are
+  // one page at a time; the first one states the total
   const json first = done("GET", "/results?course=autumn-course&group=autumn&limit=1", "");
   EXPECT_EQ(first["rows"].size(), 1u);
   EXPECT_EQ(first["trainees"], 2);
@@ -293,7 +292,7 @@ TEST(WebLessons, resultsForASpreadsheetHaveEverybodyOnceWhateverThePages) {
 TEST(WebLessons, filtersHoldAcrossPages) {
   WebLab lab;
   Browser ada = lab.browserOf("ada"), mara = lab.browserOf("mara");
-  // mara's lines are among ada's: a page of the audit has 200
+  // mara's lines are mixed with ada's: an audit page has 200
   for (int i = 0; i < 450; ++i) {
     pb::Request request;
     request.mutable_set_consent()->set_name("tina");
@@ -319,7 +318,7 @@ TEST(WebLessons, filtersHoldAcrossPages) {
   EXPECT_EQ(all("action=consent"), 450u);
   EXPECT_EQ(all("action=consent&who=mara"), 150u);
 
-  // sessions of one trainee, of one exercise: three of them, one a page
+  // three sessions of one trainee at one exercise, one per page
   for (int i = 0; i < 3; ++i) (void)lab.recorded(1);
   std::set<std::string> seen;
   std::string page;
@@ -401,6 +400,26 @@ TEST(WebLessons, theCsvHasEverySampleAndThePlotItsExtremes) {
   EXPECT_EQ(few["columns"]["t_s"].size(), 51u);
 }
 
+TEST(WebLessons, aTraineeGetsTheSamplesOfAnExamOnceItsResultsAreShown) {
+  WebLab lab;
+  const std::string session = "/api/v1/sessions/" + lab.recorded(2);
+  json course{
+      {"id", "exam"}, {"name", "An exam"}, {"exam", true}, {"results_from_unix_ms", 9'000'000'000'000}};
+  course["exercises"].push_back({{"id", "practice"}, {"name", "Practice"}, {"profile_id", "knee-adult"}});
+  Browser mara = lab.browserOf("mara"), tina = lab.browserOf("tina"), ines = lab.browserOf("ines");
+  for (const bool shown : {false, true}) {
+    if (shown) course["results_from_unix_ms"] = 1;
+    ASSERT_EQ(askChecked(mara, "PUT", "/api/v1/courses/exam", course.dump(),
+                         {{"If-Match", shown ? "\"1\"" : "\"0\""}})
+                  .status,
+              200);
+    for (const char* below : {"/samples", "/samples.csv"}) {
+      EXPECT_EQ(askChecked(tina, "GET", session + below).status, shown ? 200 : 403) << below;
+      EXPECT_EQ(askChecked(ines, "GET", session + below).status, 200) << below;
+    }
+  }
+}
+
 TEST(WebLessons, aLongCsvTakesNoMoreMemoryThanAShortOneHoweverSlowlyItIsRead) {
   WebLab lab;
   const bool is_long = test::longForm();
@@ -432,7 +451,7 @@ TEST(WebLessons, aLongCsvTakesNoMoreMemoryThanAShortOneHoweverSlowlyItIsRead) {
 
 TEST(WebLessons, aDownloadEndsWhenItsAccountIsDisabled) {
   WebLab lab;
-  const std::string id = lab.recorded(1500);  // some 13 MB of CSV, more than the sockets hold
+  const std::string id = lab.recorded(1500);  // some 13 MB of CSV, more than the sockets' buffers
   Browser ines = lab.browserOf("ines"), ada = lab.browserOf("ada");
   const std::string path = "/api/v1/sessions/" + id + "/samples.csv";
   for (const bool disabled : {false, true}) {
@@ -441,7 +460,7 @@ TEST(WebLessons, aDownloadEndsWhenItsAccountIsDisabled) {
     ASSERT_EQ(wire.readHeader().status, 200);
     bool broken = false;
     ASSERT_TRUE(wire.readChunk(broken).has_value());
-    // somebody else's account ends nobody's download
+    // disabling another account does not end the download
     const std::string who = disabled ? "ines" : "rhea";
     ASSERT_EQ(
         ada.ask("PATCH", "/api/v1/people/" + who, R"({"disabled": true})", {{"If-Match", "\"1\""}}).status,

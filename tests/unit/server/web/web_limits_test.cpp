@@ -1,4 +1,4 @@
-// Tests the limits for every peer: sizes, times, numbers, and input that is not HTTP.
+// The limits for every peer: sizes, times, numbers, and input that is not HTTP.
 #include <algorithm>
 #include <atomic>
 #include <future>
@@ -104,13 +104,13 @@ TEST(WebLimits, aHeaderAndABodyHaveTheirSizes) {
       ada.ask("POST", "/api/v1/profiles/check", json{{"description", std::string(1'100'000, 'a')}}.dump())
           .status,
       413);
-  // a log-in is short for those, too, who have a session
+  // a log-in must be short even with a session
   EXPECT_EQ(ada.ask("POST", "/api/v1/session", body).status, 413);
   EXPECT_EQ(ada.get("/api/v1/session").status, 200) << "the server goes on";
 }
 
-// The finding: bodies of plots, which nobody reads, held the budget of parsed messages as long as the plots
-// were made.
+// The finding: bodies of plot requests, which are never read, used the budget of parsed messages while the
+// plots were made.
 TEST(WebLimits, aBodyWhereNoneIsTakenIsRefusedAndALongOneUnread) {
   WebLab lab;
   const std::string plot = "/api/v1/sessions/" + lab.recorded(1) + "/samples?points=10";
@@ -126,7 +126,7 @@ TEST(WebLimits, aBodyWhereNoneIsTakenIsRefusedAndALongOneUnread) {
     const WebReply refused = askChecked(ada, method, path, "[1]");
     EXPECT_EQ(refused.status, 400) << method << " " << path;
     EXPECT_EQ(refused.json()["error"]["message"], "this address takes no body") << method << " " << path;
-    // only the header comes: a server that read the body would wait for it
+    // only the header is sent: a server that read the body would wait for it
     WebWire wire(lab.port());
     WebHeaders headers = ada.own(method);
     headers.emplace_back("Content-Type", "application/json");
@@ -160,7 +160,8 @@ TEST(WebLimits, aRequestThatIsBuiltNoLongerHasTheRoomOfItsJson) {
   (void)waits.send(requestText("POST", "/api/v1/groups",
                                padded({{"id", "autumn"}, {"name", "Autumn"}, {"members", json::array()}}),
                                headers));
-  // no two fit beside each other: once the group waits for the writer, none would be answered any more
+  // no two bodies fit in the budget: if the request that waits for the writer kept its share, no other
+  // would be answered
   for (int i = 0; i < 50; ++i)
     ASSERT_EQ(ada.ask("POST", "/api/v1/profiles/check", padded(json::object())).status, 200) << i;
   go.set_value();
@@ -205,7 +206,7 @@ TEST(WebLimits, whoChangesKeysOfTlsAFewTimesIsServedAndIsEndedAtTheNext) {
   (void)wire.send(requestText("GET", "/"));
   EXPECT_EQ(wire.read().status, 0);
   EXPECT_TRUE(wire.ends());
-  // on a WebSocket, too
+  // also on a WebSocket
   Browser ada = lab.browserOf("ada");
   const auto live = ada.live();
   ASSERT_NE(live, nullptr);
@@ -238,7 +239,7 @@ TEST(WebLimits, aBodyThatIsCodedInAnotherWayIsNotTakenForTheNextRequest) {
                     "GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
     return wire.read();
   };
-  // the body is read as one, and the request behind it
+  // the body is read as one, and so is the request after it
   for (const char* coding : {"Transfer-Encoding: chunked\r\n", "transfer-encoding: \t CHUNKED \r\n"}) {
     WebWire wire(lab.port());
     EXPECT_EQ(ask(wire, coding).status, 401) << coding;
@@ -290,14 +291,14 @@ TEST(WebLimits, whoDawdlesIsCut) {
     }
     EXPECT_TRUE(dripping.ends());
   }
-  // a body that does not come
+  // a body that does not arrive
   WebWire bodyless(lab.port());
   if (bodyless.connected()) {
     (void)bodyless.send(requestText("POST", "/api/v1/session", "",
                                     {{"Content-Length", "100"}, {"Content-Type", "application/json"}}));
     EXPECT_TRUE(bodyless.ends());
   }
-  // nothing at all after a request
+  // nothing after the first request
   WebWire idle(lab.port());
   if (idle.connected()) {
     (void)idle.send(requestText("GET", "/"));
@@ -319,8 +320,8 @@ TEST(WebLimits, requestsBehindEachOtherAreAnsweredInOrderUntilTheirNumber) {
   EXPECT_EQ(wire.read().status, 0) << "the fourth is not answered";
 }
 
-// A reverse proxy or a NAT: strangers and people share an address. Silent connections do not lock the people
-// out, neither those who are logged in nor those who come.
+// A reverse proxy or a NAT: strangers and people share an address. Silent connections do not lock people out,
+// neither those logged in nor new ones.
 TEST(WebLimits, silentConnectionsOfAnAddressDoNotKeepItsPeopleOut) {
   WebLab lab([](ServerOptions& options) { options.web.handshake_timeout = std::chrono::hours(1); });
   Browser ines = lab.browserOf("ines");
@@ -347,7 +348,7 @@ TEST(WebLimits, onlyStrangersAreCountedByAddress) {
     (void)open.back()->send(requestText("GET", "/api/v1/session", "", ines.own("GET")));
     EXPECT_EQ(open.back()->read().status, 200);
   }
-  // a log-in makes its connection known as well
+  // a log-in also makes its connection known
   WebWire fresh(lab.port());
   (void)fresh.send(
       requestText("POST", "/api/v1/session", json{{"name", "mara"}, {"password", kWebPassword}}.dump()));
@@ -363,7 +364,7 @@ TEST(WebLimits, onlyStrangersAreCountedByAddress) {
 }
 
 TEST(WebLimits, whoHasUsedUpTheShareIsCountedAndInTheLogOnce) {
-  WebLab lab([](ServerOptions& options) {  // of two consents, with what each costs besides
+  WebLab lab([](ServerOptions& options) {  // for two consents, including overhead
     options.shares.own_bytes = 2.0 * (200 + PeopleShares::kRequestBytes);
     options.metrics = "127.0.0.1:0";
   });
@@ -394,7 +395,7 @@ TEST(WebLimits, whoHasUsedUpTheShareIsCountedAndInTheLogOnce) {
 
 TEST(WebLimits, strangersHaveSoManyLinesOfTheLogAndTheNumberOfTheOthers) {
   WebLab lab([](ServerOptions& options) { options.bounds.log_lines.a_minute = 5; });
-  Browser tina = lab.browserOf("tina"), stranger = lab.browser();  // the log-in was a stranger's, too
+  Browser tina = lab.browserOf("tina"), stranger = lab.browser();  // the log-in was a stranger's request, too
   const std::string log = logOf(LogLevel::kInfo, [&] {
     for (int i = 0; i < 12; ++i) EXPECT_EQ(stranger.get("/api/v1/people").status, 401);
     for (int i = 0; i < 7; ++i) EXPECT_EQ(tina.get("/api/v1/session").status, 200);
@@ -405,7 +406,7 @@ TEST(WebLimits, strangersHaveSoManyLinesOfTheLogAndTheNumberOfTheOthers) {
   EXPECT_EQ(countOf(log, "who=@1 method=GET"), 7u) << log;
 }
 
-// The finding: each request of a trainee had a line, 1 MB a second.
+// The finding: each request of a trainee wrote a line, 1 MB per second.
 TEST(WebLimits, whoIsLoggedInHasSoManyLinesOfTheLogAndRefusedRequestsHaveTheirOwn) {
   constexpr std::size_t kLines = 2, kAnswered = 4;
   WebLab lab([](ServerOptions& options) {
@@ -440,7 +441,7 @@ TEST(WebLimits, whoIsLoggedInHasSoManyLinesOfTheLogAndRefusedRequestsHaveTheirOw
 
 constexpr std::uint64_t kMiB = 1u << 20;
 
-// a disk with so much room, at which the server looks every 5 ms; it keeps 64 MiB free
+// a disk with this much room, which the server checks every 5 ms; it keeps 64 MiB free
 auto aDiskWith(std::shared_ptr<std::atomic<std::uint64_t>> free_bytes) {
   return [free_bytes = std::move(free_bytes)](ServerOptions& options) {
     options.free_bytes = [free_bytes](const std::filesystem::path&) {
@@ -455,7 +456,7 @@ TEST(WebLogIn, tellsAdministratorsTheRoomOnTheDisk) {
   const auto free_bytes = std::make_shared<std::atomic<std::uint64_t>>(10'000 * kMiB);
   WebLab lab(aDiskWith(free_bytes));
   Browser ada = lab.browserOf("ada"), mara = lab.browserOf("mara");
-  // the server looks from time to time only
+  // the server checks only from time to time
   const auto levelBecomes = [&](const std::string& wanted) {
     json room;
     for (int i = 0; i < 2000; ++i) {
@@ -466,7 +467,7 @@ TEST(WebLogIn, tellsAdministratorsTheRoomOnTheDisk) {
     return std::uint64_t{0};
   };
   EXPECT_GE(levelBecomes("plenty"), 10'000 * kMiB);
-  *free_bytes = 200 * kMiB;  // below four floors
+  *free_bytes = 200 * kMiB;  // less than four times the minimum
   EXPECT_GE(levelBecomes("no_new_sessions"), 100 * kMiB);
   *free_bytes = 20 * kMiB;
   EXPECT_LT(levelBecomes("no_chunks"), 64 * kMiB);
@@ -477,7 +478,7 @@ TEST(WebLogIn, tellsAdministratorsWhatAnAckSurvives) {
   WebLab lab;
   Browser ada = lab.browserOf("ada"), mara = lab.browserOf("mara");
   const json store = askChecked(ada, "GET", "/api/v1/session").json()["store"];
-  // the tests' cluster keeps no promise
+  // the tests' cluster guarantees nothing
   EXPECT_EQ(store["ack_survives"], onPostgres() ? "nothing" : "a power cut") << store.dump();
   EXPECT_FALSE(store.contains("refused")) << store.dump();
   EXPECT_FALSE(store.contains("waits_s")) << store.dump();
@@ -497,7 +498,7 @@ TEST(WebStore, tellsAdministratorsWhatIsMissingAndWhatIsNotStored) {
   EXPECT_EQ(store()["refused"], failed.error().message) << "others are stored meanwhile";
 }
 
-// The finding: remarks by this port took no share of a day and no room, so one instructor filled the disk
+// The finding: remarks through this port used no daily share and no room, so one instructor filled the disk
 // until the server ended.
 TEST(WebLimits, aRemarkTakesItsPersonsShareAndIsRefusedOnAFullDisk) {
   const auto free_bytes = std::make_shared<std::atomic<std::uint64_t>>(10'000 * kMiB);
@@ -517,8 +518,8 @@ TEST(WebLimits, aRemarkTakesItsPersonsShareAndIsRefusedOnAFullDisk) {
   EXPECT_EQ(askChecked(ines, "GET", "/api/v1/sessions/" + id + "/annotations").json()["items"].size(), 1u);
 }
 
-// The finding: remarks on sessions that are not there counted as room that was taken, so one instructor kept
-// lessons from beginning.
+// The finding: remarks on missing sessions counted as used room, so one instructor prevented lessons from
+// beginning.
 TEST(WebLimits, aRemarkThatIsRefusedTakesNoRoomOnTheDiskAndOneThatIsStoredDoes) {
   WebLab lab([](ServerOptions& options) { options.room_every = std::chrono::hours(1); });
   const std::string id = lab.recorded(1);
@@ -558,13 +559,13 @@ TEST(WebProxy, aTrustedOneIsNoStrangerAndSaysWhoAsks) {
     (void)wire->send(requestText("GET", "/"));
     EXPECT_EQ(wire->read().status, 200) << "none of them gave way";
   }
-  // guesses are counted at the client's address
+  // guesses count for the client's address
   EXPECT_EQ(guess(lab, "203.0.113.5"), 401);
   EXPECT_EQ(guess(lab, "203.0.113.5"), 401);
   EXPECT_EQ(guess(lab, "203.0.113.5"), 429);
   EXPECT_EQ(guess(lab, "203.0.113.6"), 401);
 
-  // who is not trusted cannot choose an address to be counted at
+  // an untrusted client cannot choose the address it is counted under
   WebLab plain([](ServerOptions& options) {
     options.guard.allowed_per_address = 2;
     options.guard.refill_address = std::chrono::hours(1);
@@ -586,7 +587,7 @@ TEST(WebLimits, onePersonsConnectionsGiveWayAmongThemselves) {
   EXPECT_EQ(ask(mara, of_mara), 200);
   for (int i = 0; i < 3; ++i) open.push_back(std::make_unique<WebWire>(lab.port()));
   for (const auto& wire : open) EXPECT_EQ(ask(ines, *wire), 200);
-  EXPECT_EQ(ask(ines, *open[0]), 200);  // now the second one is the idlest
+  EXPECT_EQ(ask(ines, *open[0]), 200);  // now the second one has been idle longest
   WebWire fourth(lab.port());
   EXPECT_EQ(ask(ines, fourth), 200);
   EXPECT_TRUE(open[1]->ends());
@@ -596,7 +597,7 @@ TEST(WebLimits, onePersonsConnectionsGiveWayAmongThemselves) {
 }
 
 TEST(WebLimits, whoHasTheMostConnectionsGivesWayToPeopleWhoHaveFewer) {
-  WebLab lab([](ServerOptions& options) {  // four places of people
+  WebLab lab([](ServerOptions& options) {  // four places for people
     options.web.admission.max_connections = 8;
     options.web.admission.newcomers_one_in = 2;
   });
@@ -610,7 +611,7 @@ TEST(WebLimits, whoHasTheMostConnectionsGivesWayToPeopleWhoHaveFewer) {
   for (WebWire* wire : {&second, &third}) EXPECT_EQ(logIn(*wire, "ines").status, 200);
   (void)first.send(
       requestText("GET", "/api/v1/session", "", {{"Cookie", cookie.substr(0, cookie.find(';'))}}));
-  EXPECT_EQ(first.read().status, 200);  // now the second one is the idlest
+  EXPECT_EQ(first.read().status, 200);  // now the second one has been idle longest
   WebWire of_mara(lab.port()), of_tina(lab.port()), of_ada(lab.port()), of_rhea(lab.port());
   EXPECT_EQ(logIn(of_mara, "mara").status, 200);
   EXPECT_EQ(logIn(of_tina, "tina").status, 200);
@@ -628,7 +629,7 @@ TEST(WebLimits, whoHasTheMostConnectionsGivesWayToPeopleWhoHaveFewer) {
 }
 
 TEST(WebLimits, repliesOfOnePersonHaveABoundInBytesOverAllConnectionsAndAllCome) {
-  constexpr std::size_t kLongest = 1u << 20;  // the room of a reply while it is made
+  constexpr std::size_t kLongest = 1u << 20;  // the memory of a reply while it is made
   WebLab lab([](ServerOptions& options) { options.bounds.replies.person = 2 * kLongest; });
   Browser ines = lab.browserOf("ines"), mara = lab.browserOf("mara");
   std::vector<std::unique_ptr<WebWire>> open;
@@ -649,7 +650,7 @@ TEST(WebLimits, downloadsThatNobodyReadsHaveABoundInBytesOverAllConnectionsAndOt
     options.bounds.replies.person = kOfOne;
     options.bounds.replies.people = kOfPeople;
   });
-  constexpr std::uint64_t kChunks = 1500;  // of 100 samples; some 13 MB of CSV, more than the sockets hold
+  constexpr std::uint64_t kChunks = 1500;  // 100 samples each; 13 MB of CSV, more than the sockets hold
   const std::string path = "/api/v1/sessions/" + lab.recorded(kChunks) + "/samples.csv";
   const auto linesOf = [&](Browser& who) {
     const WebReply reply = who.get(path);

@@ -4,9 +4,9 @@
 #include <thread>
 #include <utility>
 
-#include "common/base/files.h"
-#include "tests/support/fake_time.h"
+#include "common/base/files/files.h"
 #include "tests/support/patience.h"
+#include "tests/support/time/fake_time.h"
 #include "tests/unit/server/web/web_lab.h"
 
 namespace needlelab {
@@ -92,7 +92,7 @@ TEST(WebLive, theLayerHasTheNameOfTheSessionsProfile) {
     ASSERT_TRUE(station->send(envelope).ok());
     (void)station->receive(milliseconds(50));  // it sends while it waits
     json tile;
-    // a tile comes without a name until the board has read the session's profile
+    // a tile has no name until the board has read the session's profile
     for (int i = 0; i < 50 && (tile.is_null() || tile["force_n"] != layer + 10 || tile["layer"] != name);
          ++i) {
       const auto text = viewer->readText();
@@ -114,12 +114,12 @@ TEST(WebLive, thePeakIsTheSessionsWhoeverBeganToWatchLate) {
   status.set_session_id(std::string(16, 'x'));
   status.set_force_n(1);
   Browser ines = lab.browserOf("ines");
-  // the station's own peak, from before anybody looked; then what the server saw
+  // the station's own peak, from before anyone watched; then what the server saw
   for (const double own_peak_N : {6.5, 0.0}) {
     status.set_peak_force_n(own_peak_N);
     status.set_session_id(std::string(16, own_peak_N > 0 ? 'x' : 'y'));
     if (own_peak_N == 0) {
-      // a higher force while nobody watches
+      // a higher force while no one watches
       status.set_force_n(4);
       ASSERT_TRUE(station->send(envelope).ok());
       (void)station->receive(milliseconds(50));  // it sends while it waits
@@ -144,7 +144,7 @@ TEST(WebLive, whoDoesNotReadIsCutWhenItsBufferIsFull) {
     options.web.live_period = milliseconds(10);
     // longer than a busy machine delays the reader
     options.web.live_write_timeout = milliseconds(3000);
-    options.web.live_idle_timeout = std::chrono::hours(1);  // until its buffer is full it is silent, too
+    options.web.live_idle_timeout = std::chrono::hours(1);  // it stays silent until its buffer is full
     options.metrics = "127.0.0.1:0";
   });
   // updates of about 10 KB
@@ -161,7 +161,7 @@ TEST(WebLive, whoDoesNotReadIsCutWhenItsBufferIsFull) {
     metrics = wire.receivePlain();
     return metrics.find("needlelab_web_live_dropped_total 1\n") != std::string::npos;
   };
-  // reads all the time: what takes longer than the timeout must not get in its way
+  // reads all the time: it must not be disturbed when it takes longer than the timeout
   std::atomic<bool> over{false}, broken{false};
   std::atomic<int> texts{0};
   std::thread reader([&] {
@@ -172,10 +172,10 @@ TEST(WebLive, whoDoesNotReadIsCutWhenItsBufferIsFull) {
         broken = true;
     }
   });
-  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(300);  // ends a hang only
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(300);  // only ends a hang
   const auto until = [&](auto holds) {
     while (!holds() && !broken && std::chrono::steady_clock::now() < end)
-      std::this_thread::sleep_for(milliseconds(500));  // asking costs the server more than a text
+      std::this_thread::sleep_for(milliseconds(500));  // a request costs the server more than a text
     return holds();
   };
   EXPECT_TRUE(until(dropped)) << texts << " texts read; the server says:\n" << metrics;
@@ -188,7 +188,8 @@ TEST(WebLive, whoDoesNotReadIsCutWhenItsBufferIsFull) {
 
 TEST(WebLive, comesAtTheSetPeriodWhichIsFiveTimesASecondUnlessSet) {
   EXPECT_EQ(ServerOptions().web.live_period, milliseconds(200));
-  // Neither server depends on the machine's speed: one has nothing to send for an hour, the other always has.
+  // Neither server depends on the machine's speed: one has nothing to send for an hour, the other always has
+  // something.
   WebLab rare([](ServerOptions& options) { options.web.live_period = std::chrono::hours(1); });
   WebLab often([](ServerOptions& options) { options.web.live_period = milliseconds(10); });
   const auto waiting = rare.browserOf("ines").live(), viewer = often.browserOf("ines").live();
@@ -240,7 +241,7 @@ TEST(WebLive, lastsAsLongAsSomebodyLooksAtIt) {
   Browser ines = lab.browserOf("ines"), mara = lab.browserOf("mara");
   const auto looked_at = ines.live(), left_open = mara.live();
   ASSERT_TRUE(looked_at && left_open);
-  // asking does not extend the session
+  // requests do not extend the session
   const auto left_min = [](Browser& browser) {
     return (browser.get("/api/v1/session").json()["expires_unix_ms"].get<double>() -
             static_cast<double>(wallNowNs()) / 1e6) /

@@ -1,5 +1,5 @@
-// The Falcon as a Device, in simulated time; at the end with real threads, for ThreadSanitizer. What goes
-// wrong stands in tests/unit/client/device/world/falcon_faults_test.cpp.
+// The Falcon as a Device, in simulated time; at the end with real threads, for ThreadSanitizer. Faults are
+// tested in tests/unit/client/device/world/falcon_faults_test.cpp.
 #include <gmock/gmock.h>
 
 #include <atomic>
@@ -11,11 +11,11 @@
 
 #include "client/device/falcon/falcon_device.h"
 #include "client/device/falcon/falcon_geometry.h"
-#include "common/haptics/device_condition.h"
-#include "tests/support/device_world.h"
+#include "common/haptics/gate/force_gate.h"
 #include "tests/support/falcon_emulator/direct_link.h"
-#include "tests/support/no_alloc.h"
+#include "tests/support/realtime/no_alloc.h"
 #include "tests/support/temp_folder.h"
+#include "tests/support/time/device_world.h"
 
 namespace needlelab::falcon {
 namespace {
@@ -141,7 +141,8 @@ TEST_F(FalconDeviceTest, motorsDoTheWorkOfTheNewestForce) {
   device->write(guarded(f_W_N));
   time_.sleepForNs(2 * test::kMs);
   const Motors motor = falcon_->last().motor;
-  // torque of a thigh from its motor by published constants; work of a small move from the inverse kinematics
+  // the thigh's torque from its motor by published constants; the work of a small move from the inverse
+  // kinematics
   const Vec3 p = forwardKinematics(anglesOfEncoders(encodersAt(p_F_m))).p_F_m;
   for (const Vec3 step_W : {Vec3{1e-6, 0, 0}, Vec3{0, 1e-6, 0}, Vec3{0, 0, 1e-6}}) {
     const Vec3 step_F = vectorToF(step_W);
@@ -305,7 +306,7 @@ TEST(FalconSpec, whatFollowsTheKind) {
         << bad;
 }
 
-// ---- real threads, without bounds on time
+// ---- real threads, without time limits
 
 class FalconDeviceThreads : public FalconDeviceTest {
  protected:
@@ -331,7 +332,7 @@ TEST_F(FalconDeviceThreads, closeInMidLoadOfALostDeviceGivesTheLoadUp) {
   const auto device = opened(withFirmware(kLong));
   falcon_->unplug();
   ASSERT_TRUE(loopUntilLost(*device));
-  // the loading thread holds the board's lock nearly always: a look at `loaded` might wait for the end of the
+  // the loading thread holds the board's lock almost always: reading `loaded` might wait for the end of the
   // load
   std::atomic<bool> loads = false;
   with([&](DirectFalcon& f) {
@@ -339,7 +340,7 @@ TEST_F(FalconDeviceThreads, closeInMidLoadOfALostDeviceGivesTheLoadUp) {
     f.on_write = [&] {
       loads = f.loads > 0;
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    };  // the whole load takes long
+    };  // during the whole load
   });
   falcon_->plugIn();
   ASSERT_TRUE(loopUntil(*device, [&] { return loads.load(); }));

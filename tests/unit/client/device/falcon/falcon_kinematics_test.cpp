@@ -27,7 +27,7 @@ double equation(std::size_t leg, Vec3 p, double theta) {
   return u * u + w * w - length * length;
 }
 
-// a grid over the specified cube and beyond, as far as the legs reach
+// a grid over the specified cube and beyond, to the limit of the legs' reach
 std::vector<Vec3> reachable(double half_m, int steps) {
   std::vector<Vec3> places;
   for (int i = 0; i <= steps; ++i)
@@ -54,7 +54,7 @@ TEST(FalconKinematics, inverseFitsTheLegsEquation) {
 }
 
 // Joint by joint, without the leg's equation: hip, thigh, knee, the shin between its short links and out of
-// the leg's plane, foot. Angles: thigh, the shin's direction in the plane, its inclination out of it.
+// the leg's plane, foot. Angles: thigh, the shin's direction in the plane, its inclination out of the plane.
 Vec3 gripOfLeg(std::size_t leg, double thigh, double shin, double aside) {
   const double reach = kShortLinks_m + kShin_m * std::sin(aside);
   const double u = kBaseRadius_m + kThigh_m * std::cos(thigh) + reach * std::cos(shin) - kPlatformRadius_m;
@@ -71,7 +71,7 @@ TEST(FalconKinematics, inverseFindsTheThighOfAMechanismBuiltJointByJoint) {
       const double thigh = random.in(kThetaMin_rad, kThetaMax_rad);
       const Vec3 p = gripOfLeg(leg, thigh, thigh + random.in(0.3, 2.5), random.in(kPi / 3, 2 * kPi / 3));
       const Legs legs = inverseKinematics(p);
-      if (legs.flags != 0) continue;  // another leg does not reach there
+      if (legs.flags != 0) continue;  // out of reach for another leg
       ++found;
       ASSERT_NEAR(legs.theta_rad[leg], thigh, 1e-9) << leg << ": " << text(p);
     }
@@ -112,8 +112,8 @@ TEST(FalconKinematics, everyAngleWithinTheStopsGivesAPlaceThatFits) {
 }
 
 TEST(FalconKinematics, homedDeviceInTheMiddleOfItsAxis) {
-  // all θ equal: with no foot aside the grip is on the axis, at a height from one triangle; 1 mm aside turns
-  // it by less than 0.1 mm
+  // all θ equal: with no foot aside the grip is on the axis, its height follows from one triangle; 1 mm aside
+  // turns it by less than 0.1 mm
   for (const double theta : {-0.2, 0.3, kThetaAtZero_rad, 1.2, 1.6}) {
     const Place place = forwardKinematics({theta, theta, theta});
     const double shin = kShortLinks_m + kShin_m;
@@ -172,7 +172,7 @@ TEST(FalconKinematics, torquesDoTheForcesWork) {
     const Vec3 force{8 * part(), 8 * part(), 8 * part()};
     const Torques torques = torquesForForce(legJacobian(p, theta), force);
     if (torques.flags != 0) continue;
-    // the work of a small move, by inverse kinematics alone
+    // the work of a small move, from inverse kinematics alone
     const Vec3 step = 1e-6 * Vec3{part(), part(), part()};
     const Legs ahead = inverseKinematics(p + step), behind = inverseKinematics(p - step);
     if ((ahead.flags | behind.flags) != 0) continue;
@@ -191,7 +191,7 @@ TEST(FalconKinematics, pullTowardTheUserInTheMiddleIsTheSameForAllLegs) {
   EXPECT_GT(torques.thigh_Nm[0], 0) << "a thigh that rises pushes the grip out";
   EXPECT_NEAR(torques.thigh_Nm[1], torques.thigh_Nm[0], 1e-12);
   EXPECT_NEAR(torques.thigh_Nm[2], torques.thigh_Nm[0], 1e-12);
-  // one third of the work each: dz/dθ of a triangle with sides a and the shin
+  // each does one third of the work: dz/dθ of a triangle with sides a and the shin
   const double shin = kShortLinks_m + std::sqrt(kShin_m * kShin_m - kFootAside_m * kFootAside_m);
   const double t = theta[0];
   const double out = kBaseRadius_m - kPlatformRadius_m + kThigh_m * std::cos(t);
@@ -206,7 +206,7 @@ TEST(FalconKinematics, motorsAreToldByTheirOwnUnits) {
   EXPECT_EQ(units.value[0], std::lround(-0.1 / 7.62 / 1.9835e-5));
   EXPECT_EQ(units.value[1], std::lround(0.2 / 7.62 / 1.9835e-5));
   EXPECT_EQ(units.value[2], 0);
-  // Too much for one motor: all are scaled, so that the force keeps its direction.
+  // Too much for one motor: all are scaled, so the force keeps its direction.
   const MotorUnits held = motorUnits({{1.0, -0.5, 0.25}, 0});
   EXPECT_EQ(held.flags, kTorqueLimited);
   EXPECT_EQ(held.value[0], -kMotorMax);
@@ -215,8 +215,8 @@ TEST(FalconKinematics, motorsAreToldByTheirOwnUnits) {
 }
 
 TEST(FalconKinematics, motorsAtTheirMostGiveTheMakersPeakForceInTheMiddle) {
-  // the weakest direction, by the literature's torque constant and lengths, against the maker's 2 lbf: two
-  // independent sources
+  // the weakest direction, by the literature's torque constant and lengths, checked with the manufacturer's 2
+  // lbf: two independent sources
   const LegJacobian legs = legJacobian(kOrigin_F_m, inverseKinematics(kOrigin_F_m).theta_rad);
   const double most_Nm = kMotorMax * kMotorNm_per_unit * kGearRatio;
   double weakest_N = 1e9;
@@ -260,7 +260,7 @@ TEST(FalconKinematics, beyondTheEdgeTheNearestIsTakenAndSaid) {
       EXPECT_LE(theta, kThetaMax_rad);
     }
   }
-  // Pulled out fully: at the limit of the legs' reach, not beyond.
+  // Pulled out fully: at the limit of the legs' reach, not beyond it.
   const Place out = forwardKinematics({kThetaMax_rad, kThetaMax_rad, kThetaMax_rad});
   EXPECT_EQ(out.flags & ~kNearSingular, 0);
   const Place more = forwardKinematics({9, 9, 9});
@@ -327,7 +327,7 @@ TEST(FalconKinematics, torquesFadeWhereTheLegsCannotBearTheForce) {
 }
 
 TEST(FalconKinematics, placeOfSomeEncodersToTheLastBit) {
-  // The same result on every machine and in every build.
+  // Same result on every machine and in every build.
   const LegAngles theta = anglesOfEncoders({-350, 120, 511});
   const Place place = forwardKinematics(theta);
   EXPECT_EQ(place.flags, 0);

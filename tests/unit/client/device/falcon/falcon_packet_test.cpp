@@ -36,9 +36,9 @@ TEST(FalconPacket, torquesAndLightsAsTheDeviceWantsThem) {
       // 0x0123 → 3 2 1 0 → D C B A; −1 → F F F F → P P P P; −4095 = 0xF001 → 1 0 0 F → B A A P
       // bits 1 + 4 (home, blue) = 5 → F
       {{{0x0123, -1, -4095}, kOutHome | kOutBlue}, "<DCBAPPPPBAAPFA>"},
-      // beyond the motors it is held: 4095 = 0x0FFF → P P P A
+      // beyond the motors' range it is clamped: 4095 = 0x0FFF → P P P A
       {{{32767, -32768, 4096}, 0}, "<PPPABAAPPPPAAA>"},
-      // bits that do not exist are not sent
+      // undefined bits are not sent
       {{{}, 0xF0}, "<AAAAAAAAAAAAAA>"},
   };
   for (const auto& row : rows) EXPECT_EQ(encodeCommand(row.command), packet(row.text)) << row.text;
@@ -149,7 +149,7 @@ TEST(FalconPacket, modemBytesAtTheHeadOfEachUsbPacketAreLeftOut) {
   EXPECT_EQ(payload[61], 63);
   EXPECT_EQ(payload[62], 66);
   EXPECT_EQ(payload[124], 130);
-  // nothing, and only the chip's own status bytes
+  // nothing; and only the chip's own status bytes
   for (const std::size_t n : {0u, 1u, 2u}) {
     std::size_t count = 0;
     eachPayloadByte(std::span(read).first(n), [&](std::uint8_t) { ++count; });

@@ -5,9 +5,9 @@
 #include <string>
 
 #include "client/device/falcon/firmware_loader.h"
-#include "tests/support/fake_time.h"
 #include "tests/support/falcon_emulator/direct_link.h"
 #include "tests/support/temp_folder.h"
+#include "tests/support/time/fake_time.h"
 
 namespace needlelab::falcon {
 namespace {
@@ -104,7 +104,7 @@ TEST_F(FalconFirmware, whatGoesWrongIsSaidInTime) {
       {[](DirectFalcon& f) { f.echo_missing = 200; }, "byte 200 (0xC8) of 'fw.bin'", 1'000},
       {[](DirectFalcon& f) { f.echo_missing = 200; }, "did not come back within 1 s", 1'000},
       {[](DirectFalcon& f) { f.silent = true; },
-       "greeting its loader: its greeting 0A 43 0D was answered by nothing in place of 0A 44 2C 0D", 1'000},
+       "greeting its loader: its greeting 0A 43 0D was answered by nothing instead of 0A 44 2C 0D", 1'000},
       {[](DirectFalcon& f) { f.silent = true; }, "power supply", 1'000},
       {[](DirectFalcon& f) {
          f.on_loaded_byte = [&f](std::size_t place) { f.plugged = f.plugged && place != 130; };
@@ -122,7 +122,7 @@ TEST_F(FalconFirmware, whatGoesWrongIsSaidInTime) {
               falcon_->echo_wrong || falcon_->echo_missing ? ErrorCode::kCorrupt : ErrorCode::kUnavailable);
     EXPECT_THAT(done.error().message, HasSubstr(row.words));
     EXPECT_EQ(took_ms_, row.took_ms) << row.words;
-    // the next load works
+    // the next load succeeds
     falcon_->echo_wrong.reset();
     falcon_->echo_missing.reset();
     falcon_->on_loaded_byte = nullptr;
@@ -167,7 +167,7 @@ TEST(FalconFirmwareFile, badFilesAreRefusedInWords) {
   EXPECT_EQ(readFirmware(folder.write("good.bin", "firmware"))->size(), 8u);
 }
 
-// The board refuses a host that does other than the facts say: without that the tests above would prove
+// The simulated board rejects a host that deviates from the facts; otherwise the tests above would prove
 // nothing.
 TEST(FalconBoard, staysSilentToAHostThatDoesWrong) {
   const test::Requests hello = {{0, 1, 0}, {0, 2, 0},      {9, 16, 0},     {3, 0x4138, 0}, {4, 8, 0},
@@ -178,7 +178,7 @@ TEST(FalconBoard, staysSilentToAHostThatDoesWrong) {
     std::array<std::uint16_t, 3> instead;
     const char* because;
   } rows[] = {
-      {9, 0, {}, ""},  // all as it should be
+      {9, 0, {}, ""},  // all correct
       {0, 0, {4, 8, 0}, "not purged"},
       {0, 1, {4, 8, 0}, "not purged"},
       {0, 2, {9, 1, 0}, "latency 1 ms"},

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <utility>
 
-#include "common/base/time_source.h"
+#include "common/base/time/time_source.h"
 
 namespace needlelab::test {
 

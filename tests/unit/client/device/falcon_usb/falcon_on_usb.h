@@ -1,4 +1,4 @@
-/// Our device `falcon` on the emulated USB, driven by ticks as the station's loop drives it.
+/// Our device `falcon` on the emulated USB; ticks drive it as the station's loop does.
 #pragma once
 
 #include <gmock/gmock.h>
@@ -7,7 +7,7 @@
 #include <memory>
 
 #include "client/device/falcon/falcon_device.h"
-#include "common/haptics/force_gate.h"
+#include "common/haptics/gate/force_gate.h"
 #include "tests/support/falcon_emulator/falcon_emulator.h"
 #include "tests/support/patience.h"
 
@@ -22,13 +22,13 @@ class FalconOnUsb : public testing::Test {
   static FalconOptions options(const std::string& which = {});
   /// Plugs in the only Falcon, with its firmware running, and opens it.
   void openDevice(FalconOptions options = FalconOnUsb::options());
-  /// Reads in each tick of 1 ms with this force until `holds`; skips late ticks. Returns false if it does not
-  /// hold within kPatience. The force comes as fast as the gate's ramps let it.
+  /// Reads once per tick of 1 ms, with this force, until `holds`; skips late ticks. Returns false if it does
+  /// not hold within kPatience. The force rises as fast as the gate's ramps allow.
   bool tickUntil(const std::function<bool()>& holds, Vec3 force_W_N = {});
   bool waitForFresh();
-  /// The hand pulls the grip out and pushes it in, until the encoders have found their zero.
+  /// The hand pulls the grip out and pushes it in until the encoders have found their zero.
   void moveOutAndIn();
-  /// So it does until the device reads; it leaves the grip in the middle.
+  /// Repeats this until the device gives readings; leaves the grip in the middle.
   void home();
 
   UsbTestbed testbed_;

@@ -1,4 +1,4 @@
-// Tests how the device `falcon` is found over USB. Nothing here depends on how fast the machine is.
+// Tests how the device `falcon` is found over USB. Nothing here depends on the machine's speed.
 #include <sys/types.h>
 #include <unistd.h>
 
@@ -93,7 +93,7 @@ TEST_F(FalconOnUsb, usedByAnotherProgramItSaysSo) {
   EXPECT_EQ(error.code, ErrorCode::kUnavailable);
   EXPECT_THAT(error.message, HasSubstr("another program"));
   EXPECT_FALSE(listFalcons()[0].ready);
-  // so it is while we use it
+  // it is busy while we use it
   falcon_.port().setBusy(false);
   openDevice();
   EXPECT_THAT(refusal(options()).message, HasSubstr("another program"));
@@ -109,7 +109,7 @@ TEST_F(FalconOnUsb, theKernelsDriverMakesRoomAndComesBack) {
   EXPECT_TRUE(falcon_.port().kernelDriverAttached());
 }
 
-// the bus is told of an arrival, and does not wait for its next look
+// the bus is notified of an arrival and does not wait for its next poll
 TEST_F(FalconOnUsb, itsArrivalIsSeen) {
   const auto bus = falcon::makeUsbBus();
   EXPECT_FALSE(bus->open("").ok());

@@ -1,11 +1,11 @@
-// The whole way from device `falcon` over libusb and usbfs to an emulated Falcon. These tests wait for what
-// has to happen and bound no time: rates and delays are measured by tests/bench/realtime, and what has to
-// happen when (torque, faults, reconnection) is asserted on simulated time.
+// The whole way from device `falcon` over libusb and usbfs to an emulated Falcon. These tests wait for events
+// and bound no time: tests/bench/realtime measures rates and delays; the timing of torque, faults and
+// reconnection is asserted on simulated time.
 #include <filesystem>
 #include <fstream>
 
 #include "client/device/falcon/falcon_geometry.h"
-#include "common/haptics/device_condition.h"
+#include "common/haptics/gate/force_gate.h"
 #include "tests/support/run_form.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/temp_folder.h"
@@ -39,7 +39,7 @@ TEST_F(FalconOnUsb, theHandFeelsTheForceUntilTheHapticThreadFallsSilent) {
   openDevice();
   home();
   for (const Vec3 wanted_N : {Vec3{2.5, 0, 0}, Vec3{0, 2.5, 0}, Vec3{-1.5, 1.5, 1.2}})
-    // motors round to units of 2.5 mN at the end of a thigh: far below a percent
+    // motors round to units of 2.5 mN at the end of a thigh: far less than a percent
     EXPECT_TRUE(
         tickUntil([&] { return norm(falcon_.force_N() - wanted_N) < 0.01 * norm(wanted_N); }, wanted_N));
   EXPECT_TRUE(eventually([this] { return norm(falcon_.force_N()) == 0; })) << "no tick comes";

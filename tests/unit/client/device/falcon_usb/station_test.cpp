@@ -1,5 +1,5 @@
 // The station as a child process that inherits the emulated USB: its lesson, its self-test, its crash. No
-// test bounds a time: where the machine stands still for 20 ms, the station takes the force away as it must.
+// test bounds a time: if the machine stalls for 20 ms, the station rightly takes the force away.
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -10,7 +10,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "tests/integration/process.h"
 #include "tests/support/run_form.h"
@@ -64,7 +64,7 @@ class StationWithFalcon : public FalconOnUsb {
   const TempFolder folder_;
 };
 
-// over the skin, in, rest, out again, and so on
+// from above the skin: in, rest, out again, and so on
 HandPath strokes() {
   return [](double t) {
     t = std::fmod(t, 2.4);
@@ -84,12 +84,12 @@ TEST_F(StationWithFalcon, aLessonRunsToItsEndAndLeavesNoTorque) {
   if (summary["fault"].is_null()) {
     EXPECT_EQ(code, kExitDone) << child->said();
   } else {
-    // the machine stood still: the only fault that a test may cause
+    // the machine stalled: the only fault that a test may cause
     EXPECT_THAT(summary["fault"].get<std::string>(), testing::StartsWith("the device stopped reporting"))
         << child->said();
   }
   EXPECT_EQ(summary["samples"].get<int>() + summary["missed_ticks"].get<int>(), summary["ticks"].get<int>());
-  // what this device cannot render is said, listed and not live
+  // effects that this device cannot render are reported, listed and not live
   EXPECT_THAT(child->said(), testing::HasSubstr("does not measure how it is turned"));
   EXPECT_THAT(child->said(), testing::HasSubstr("ORIENTATION_LIMIT is not live"));
   EXPECT_GE(summary["device_notes"].size(), 2u) << summary["device_notes"];
@@ -107,14 +107,14 @@ pid_t threadOf(pid_t process, const std::string& name) {
   return -1;
 }
 
-// Beside other work the emulated device reports too late, and there is no force that a crash could leave.
+// On a busy machine the emulated device reports too late; then there is no force for a crash to leave behind.
 TEST_F(StationWithFalcon, aCrashOfTheDevicesOwnThreadLeavesNoTorque) {
   if (!longForm()) GTEST_SKIP() << "needs a device that reports in time: NEEDLELAB_LONG=1";
   falcon_.plug();
   const auto child = station(lesson("600", "wait"));
   home(*child);
   falcon_.hold(strokes());
-  // Where the machine stands still the force goes; a person acknowledges that outside the tissue, as asked.
+  // If the machine stalls, the force goes to zero; then acknowledge outside the tissue, as asked.
   std::size_t acknowledged = 0;
   ASSERT_TRUE(eventually([&] {
     std::size_t asked = 0;
@@ -130,7 +130,7 @@ TEST_F(StationWithFalcon, aCrashOfTheDevicesOwnThreadLeavesNoTorque) {
   ASSERT_GT(thread, 0);
   ASSERT_EQ(::syscall(SYS_tgkill, child->pid(), thread, SIGSEGV), 0);
   EXPECT_EQ(child->wait(kPatience), -SIGSEGV) << child->said();
-  EXPECT_THAT(child->said(), testing::HasSubstr("it was told that there is no force"));
+  EXPECT_THAT(child->said(), testing::HasSubstr("zero force was sent to the device"));
   expectNoTorqueAtTheEnd();
 }
 

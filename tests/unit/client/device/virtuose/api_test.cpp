@@ -1,4 +1,4 @@
-// Finds the vendor's library, and the address.
+// Finding the vendor's library, and parsing the address.
 #include <gmock/gmock.h>
 
 #include <cstdlib>
@@ -61,7 +61,7 @@ TEST(VirtuoseApi, theVariableComesFirstAndIsNotPassedOver) {
     EXPECT_THAT(api.error().message, HasSubstr("that NEEDLELAB_VIRTUOSE_LIBRARY names"));
     EXPECT_THAT(api.error().message, HasSubstr("/nowhere/x.so"));
   }
-  // An empty variable counts as unset: the plain name is searched on the system.
+  // An empty variable counts as unset: the system is searched for the plain name.
   const LibraryVariable set("");
   const auto api = loadVirtuoseApi();
   if (!api.ok()) {
@@ -119,7 +119,7 @@ TEST(VirtuoseList, saysWhetherLibraryDeviceAndStateAreThere) {
     EXPECT_THAT(found.state, HasSubstr(row.words));
     if (&row == rows) {
       EXPECT_THAT(found.name, HasSubstr("library 3.98, device software 3.98"));
-      EXPECT_EQ(standin.calls(), "virtOpen virtClose");  // no power, no force, no setting
+      EXPECT_EQ(standin.calls(), "virtOpen virtClose");  // no power, no force, no settings
     }
     EXPECT_EQ(standin.state().open_contexts, 0);
     standin.command(row.undo);

@@ -10,8 +10,8 @@
 #include "client/device/haptic_chain.h"
 #include "client/device/virtuose/virtuose_device.h"
 #include "client/device/virtuose/virtuose_errors.h"
-#include "common/haptics/device_condition.h"
-#include "tests/support/device_world.h"
+#include "common/haptics/gate/force_gate.h"
+#include "tests/support/time/device_world.h"
 #include "tests/support/virtuose_standin/control.h"
 
 namespace needlelab::test {
@@ -38,7 +38,7 @@ class VirtuoseTest : public testing::Test {
     const Status status = device_.open(rate_hz);
     ASSERT_TRUE(status.ok()) << status.error().message;
   }
-  /// One tick: a millisecond passes, the device is read, `wanted` is written through the gate.
+  /// One tick: a millisecond passes, the device is read, and `wanted` is written through the gate.
   DeviceRead tick(const Wrench& wanted = {}) {
     standin_.advance(kTick_s);
     const DeviceRead read = device_.read(reading_);

@@ -1,7 +1,7 @@
 // The backend's readings, states and errors against the stand-in.
 #include <cmath>
 
-#include "tests/support/no_alloc.h"
+#include "tests/support/realtime/no_alloc.h"
 #include "tests/unit/client/device/virtuose/bench.h"
 
 namespace needlelab::test {
@@ -114,7 +114,7 @@ TEST_F(VirtuoseReading, noCallFailsUnseen) {
       askAll();
       EXPECT_EQ(reading_.condition, 0u);  // it continues when the device works again
       device_.close();
-      standin_.advance(0.2);  // closing and opening at once would be too fast for the device
+      standin_.advance(0.2);  // closing and reopening at once would be too fast for the device
     }
 }
 

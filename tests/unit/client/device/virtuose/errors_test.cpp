@@ -1,8 +1,8 @@
-// Every error code and alarm has a message that helps a person.
+// Every error code and alarm has a message that tells the user what to do.
 #include <gmock/gmock.h>
 
 #include "client/device/virtuose/virtuose_errors.h"
-#include "common/haptics/device_condition.h"
+#include "common/haptics/gate/force_gate.h"
 
 namespace needlelab {
 namespace {

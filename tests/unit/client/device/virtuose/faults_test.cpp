@@ -1,14 +1,14 @@
-// What goes wrong with a Virtuose: one row a fault, with what the device layer must do and by when, exact to
-// the tick in a simulated world. The gate's rules hold in every row.
+// Faults of a Virtuose: one row per fault, with what the device layer must do and by when, exact to the tick
+// in a simulated world. The gate's rules hold in every row.
 #include <atomic>
 #include <chrono>
 #include <ostream>
 #include <sstream>
 #include <thread>
 
-#include "tests/support/gate_rules.h"
-#include "tests/support/haptic_thread.h"
-#include "tests/support/scenes.h"
+#include "tests/support/scenes/scenes.h"
+#include "tests/support/time/gate_rules.h"
+#include "tests/support/time/haptic_thread.h"
 #include "tests/unit/client/device/virtuose/bench.h"
 
 namespace needlelab::test {
@@ -17,7 +17,7 @@ namespace {
 using namespace std::chrono_literals;
 using testing::HasSubstr;
 
-/// The device's own controller: a cycle each millisecond.
+/// The device's own controller: one cycle per millisecond.
 class StandinCycles final : public Turns {
  public:
   StandinCycles(TimeSource& time, Standin& standin) : time_(time), standin_(standin) {}
@@ -34,8 +34,8 @@ class StandinCycles final : public Turns {
   Standin& standin_;
 };
 
-/// A lesson with haptic thread, keeper and device, where the hand has pushed the needle in at 20 mm/s and
-/// goes on for another 0.9 s. The next tick is in a millisecond.
+/// A lesson with haptic thread, keeper and device; the hand has pushed the needle in at 20 mm/s and continues
+/// for another 0.9 s. The next tick is in a millisecond.
 class VirtuoseLesson {
  public:
   VirtuoseLesson() {
@@ -65,7 +65,7 @@ class VirtuoseLesson {
   VirtuoseLesson& operator=(const VirtuoseLesson&) = delete;
 
   void goOnMs(double ms) { world.sleepForNs(static_cast<std::int64_t>(ms * kMs)); }
-  /// Commands of the stand-in, and `hang MS` of the haptic thread, separated by semicolons.
+  /// Commands of the stand-in, plus `hang MS` for the haptic thread, separated by semicolons.
   void commands(const std::string& text) {
     std::istringstream all(text);
     for (std::string one; std::getline(all, one, ';');)
@@ -101,22 +101,22 @@ struct VirtuoseFault {
   const char* begins;
   std::int64_t lasts_ms;
   const char* ends;
-  // while it lasts
+  // during the fault
   std::uint32_t condition;         ///< of the reading at its end
-  std::int64_t said_ms;            ///< the first tick whose reading has it, at the latest
+  std::int64_t said_ms;            ///< the latest first tick whose reading has the condition
   Fault fault;                     ///< of the gate
-  std::int64_t force_ms, felt_ms;  ///< from then on none is written, or felt, at the latest; kNot: it goes on
+  std::int64_t force_ms, felt_ms;  ///< the end, at the latest, of writing and feeling it; kNot: none
   const char* words;               ///< of the status
   // afterwards
-  std::int64_t good_ms;       ///< position and no condition, at the latest
-  const char* tries_ms = "";  ///< to open it again: each at the latest, and 49 ms before at most
+  std::int64_t good_ms;       ///< the latest tick with a position and no condition
+  const char* tries_ms = "";  ///< attempts to reopen: the latest time of each; at most 49 ms earlier
 };
 
 constexpr const char *kAway = "the link is lost and is looked for again. ",
                      *kNoService = "connecting failed with error 2";
 
 const VirtuoseFault kVirtuoseFaults[] = {
-    // sensors: position, dead man and emergency stop are asked each tick, the others in turn
+    // sensors: position, dead man and emergency stop are read each tick, the others in turn
     {"estop press", 100, "estop free;switch 1", kDeviceEmergencyStop | kDevicePowerOff, 6,
      Fault::kEmergencyStop, 21, 1, "emergency stop", 6},
     {"dead_man 0", 200, "dead_man 1", kDeviceReleased | kDevicePowerOff, 6, Fault::kNone, 20, 1,
@@ -138,13 +138,14 @@ const VirtuoseFault kVirtuoseFaults[] = {
      "virtGetSpeed failed with error 11, the device reports a hardware error", 1},
     {"fail virtGetSpeed 11", 1'040, "fail virtGetSpeed 0", kDeviceTrouble, 1, Fault::kDeviceTrouble, 21, 23,
      "error 11", 1, "1000"},
-    // the link: the keeper looks 20 times a second; a connection whose end was not heard is kept for 2 s
+    // the link: the keeper looks 20 times a second; the service keeps a connection for 2 s if it did not see
+    // it end
     {"link_down 0.02", 49, "link_down 0", kDeviceLost, 1, Fault::kDeviceLost, 21, kNot, kAway, 3, "50"},
     {"link_down 0.2", 600, "link_down 0", kDeviceLost, 1, Fault::kDeviceLost, 21, kNot, kNoService, 3'100,
      "50 550 1550 3550"},
     {"daemon 0", 30'000, "daemon 1", kDeviceLost, 1, Fault::kDeviceLost, 21, 1, kNoService, 5'001,
      "50 550 1550 3550 7550 12550 17550 22550 27550 32550"},
-    // the haptic thread: the device's own watchdog cuts it after two seconds
+    // the haptic thread: the device's own watchdog cuts the connection after two seconds
     {"hang 100", 99, "link_down 0", 0, kNot, Fault::kNone, kNot, kNot, "", 2},
     {"hang 3000", 2'999, "link_down 0", 0, kNot, Fault::kNone, kNot, 2'003, "", 60, "3000"},
 };
@@ -302,7 +303,7 @@ TEST_F(VirtuoseTest, closingALostDeviceLeavesNothingOpen) {
   EXPECT_EQ(device_.status(), "");
   standin_.command("daemon 1");
   EXPECT_EQ(standin_.state().open_contexts, 0);
-  device_.maintain();  // and it is not opened behind the owner's back
+  device_.maintain();  // and it is not reopened on its own
   EXPECT_EQ(standin_.state().open_contexts, 0);
 }
 
@@ -335,7 +336,7 @@ TEST_F(VirtuoseTest, threadsHandTheConnectionOverCleanly) {
       std::this_thread::sleep_for(1ms);
     }
   });
-  // a busy machine may need long; what never comes is ended by ctest
+  // a busy machine may take long; ctest's time limit ends a wait for something that never happens
   const auto awaitFive = [](const std::atomic<int>& count) {
     const int before = count.load();
     while (count.load() < before + 5) std::this_thread::sleep_for(1ms);

@@ -1,13 +1,14 @@
-// Whole strokes into a shoulder: gate and engine in a closed loop with the stand-in's mechanics, a call a
+// Whole strokes into a shoulder: gate and engine in a closed loop with the stand-in's mechanics, one call per
 // tick.
-#include "client/device/simulated_device.h"
+#include "client/device/hand/simulated_device.h"
 #include "common/profile/profile.h"
+#include "common/profile/scene_of_profile.h"
 #include "tests/unit/client/device/virtuose/bench.h"
 
 namespace needlelab::test {
 namespace {
 
-// a needle that points down, straight above the shoulder; the handle's frame is the tip's
+// a needle that points down, straight above the shoulder; the handle's frame equals the tip's
 SceneModel shoulder() {
   const auto profile = loadProfile(NEEDLELAB_SAMPLES "/shoulder-adult.json");
   if (!profile.ok()) throw std::runtime_error(profile.error().message);
@@ -50,13 +51,13 @@ TEST_F(VirtuoseLoop, aStrokeFeelsAsOnTheSimulatedDevice) {
       "0.0 place 0 0 0.02 1 0 0 0\n0.4 hand 0 0 -0.02 1 0 0 0 1.0\n2.2 hand 0 0 0.02 1 0 0 0 1.0\n");
   open();
   double worst_m = 0, worst_N = 0, most_N = 0, deepest_m = 0;
-  Vec3 asked, asked_last;  // in the tick before the last, and in the last
+  Vec3 asked, asked_last;  // in the last tick but one, and in the last
   for (int k = 0; k < 3500; ++k) {
     step();
     ASSERT_EQ(simulated.read(other_reading), DeviceRead::kFresh) << k;
     simulated.write(other.tick(other_reading, true, 1, 1.0, other_tick));
-    // The current force was commanded two readings ago: one millisecond each for the transfer and the
-    // device's cycle.
+    // The current force was commanded two readings ago: the transfer and the device's cycle take one
+    // millisecond each.
     ASSERT_NEAR(standin_.state().felt[2], asked.z, 1e-6) << k;
     asked = asked_last;
     asked_last = now_.rendered_W.force_N;

@@ -1,4 +1,4 @@
-// The vendor's rules (FACTS.md), one by one: the stand-in refuses a backend that breaks the rule, and accepts
+// The vendor's rules (FACTS.md), one by one: the stand-in rejects a backend that breaks the rule, and accepts
 // ours.
 #include <cmath>
 #include <limits>
@@ -34,7 +34,7 @@ Steps without(Steps steps, const std::string& call) {
 class VirtuoseRules : public VirtuoseTest {
  protected:
   Result<VirtContext> openWith(const Steps& steps) { return openVirtuose(api_, VirtuoseSetup{}, steps); }
-  /// With a connection that is closed afterwards.
+  /// Opens a connection, uses it and closes it.
   template <typename Use>
   void with(const Steps& steps, Use&& use) {
     auto context = openWith(steps);
@@ -46,7 +46,7 @@ class VirtuoseRules : public VirtuoseTest {
     float wrench[6] = {x, 0, 0, 0, torque, 0};
     return api_.virtSetForce(context, wrench);
   }
-  /// Of `x` N in each of five milliseconds.
+  /// The felt force while `x` N is commanded for five milliseconds.
   double felt(VirtContext context, float x = 1, float torque = 0) const {
     for (int k = 0; k < 5; ++k) {
       force(context, x, torque);
@@ -193,7 +193,7 @@ TEST_F(VirtuoseRules, watchdog_twoSecondsOfSilenceCutForceAndLink) {
 
 TEST_F(VirtuoseRules, watchdog_oursIsKeptAliveUntilTheLoopBegins) {
   open();
-  // ten seconds of preparation: a zero force each half second
+  // ten seconds of preparation: a zero force every half second
   const long before = standin_.state().exchanges;
   for (int k = 0; k < 100; ++k) {
     standin_.advance(0.1);
@@ -202,7 +202,7 @@ TEST_F(VirtuoseRules, watchdog_oursIsKeptAliveUntilTheLoopBegins) {
   EXPECT_EQ(standin_.state().exchanges - before, 20);
   EXPECT_EQ(device_.read(reading_), DeviceRead::kFresh);
   EXPECT_EQ(reading_.condition & kDeviceLost, 0u);
-  // the loop has the connection: nobody else commands
+  // the loop has the connection: no other thread sends commands
   world_.sleepForNs(1'000 * kMs);
   EXPECT_EQ(standin_.state().exchanges - before, 20);
 }
@@ -223,7 +223,7 @@ TEST_F(VirtuoseRules, rate_moreThanOneExchangeAMillisecondIsAnOverrun) {
 TEST_F(VirtuoseRules, rate_oursIsOneExchangeAMillisecondAlsoWithLateTicks) {
   open();
   ticks(100);
-  for (int k = 0; k < 50; ++k) {  // each second tick comes 0.9 ms late
+  for (int k = 0; k < 50; ++k) {  // every second tick is 0.9 ms late
     standin_.advance(0.0009);
     tick();
     device_.read(reading_);
@@ -248,7 +248,7 @@ TEST_F(VirtuoseRules, saturation_theDeviceHoldsOurLimitsAndSaysSo) {
   open();
   double most_N = 0;
   for (int k = 0; k < 300; ++k) {
-    tick({{0, 50, 0}, {0, 2, 0}});  // one share for both: the force is the further beyond its limit
+    tick({{0, 50, 0}, {0, 2, 0}});  // one factor for both; the force exceeds its limit by more
     ASSERT_EQ(standin_.state().alarms & kVirtAlarmSaturation, 0u) << k;
     most_N = std::max(most_N, standin_.state().felt[1]);
   }

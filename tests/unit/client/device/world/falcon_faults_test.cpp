@@ -1,6 +1,5 @@
-// What goes wrong with a Falcon: one row a fault, with what the device layer must do and by when, exact to
-// the tick in a simulated world where nothing else is late. The rules of FalconRun and of the gate hold in
-// every row.
+// Faults of a Falcon: one row per fault, with what the device layer must do and by when, exact to the tick in
+// a simulated world where nothing else is late. The rules of FalconRun and of the gate hold in every row.
 #include <gmock/gmock.h>
 
 #include <algorithm>
@@ -8,7 +7,7 @@
 #include <ostream>
 
 #include "client/device/falcon/falcon_geometry.h"
-#include "common/haptics/device_condition.h"
+#include "common/haptics/gate/force_gate.h"
 #include "tests/unit/client/device/world/falcon_run.h"
 
 namespace needlelab::test {
@@ -17,7 +16,7 @@ namespace {
 using Sent = FalconRun::Sent;
 using testing::HasSubstr;
 
-// the USB thread sends on the whole millisecond, the haptic thread ticks in the middle; an answer comes 0.3
+// the USB thread sends on the whole millisecond, the haptic thread ticks in the middle; an answer arrives 0.3
 // ms after its command
 FalconPlan exactPlan() {
   FalconPlan plan;
@@ -31,8 +30,8 @@ bool torque(const Sent& sent) {
   return sent.command.motor != Motors{};
 }
 
-/// A lesson where the hand has pushed the needle in at 35 mm/s and goes on for another 0.3 s. From now on a
-/// millisecond is one command and one tick.
+/// A lesson where the hand has pushed the needle in at 35 mm/s and continues for another 0.3 s. From now on
+/// each millisecond has one command and one tick.
 struct FalconLesson : FalconRun {
   explicit FalconLesson(const FalconPlan& plan = exactPlan()) : FalconRun(plan) {
     keeps_sent = true;
@@ -86,17 +85,17 @@ struct FalconFault {
   const char* name;
   std::int64_t lasts_ms;
   Happens begins, ends;
-  // while it lasts
-  std::uint32_t condition = 0;    ///< at its end, of the reading; without kDeviceOverrun
-  std::int64_t said_ms = kNot;    ///< the first tick whose reading has it
+  // during the fault
+  std::uint32_t condition = 0;    ///< of the reading at its end; without kDeviceOverrun
+  std::int64_t said_ms = kNot;    ///< the first tick whose reading has the condition
   Fault fault = Fault::kNone;     ///< of the gate
   std::int64_t fault_ms = kNot;   ///< its first tick
-  std::int64_t torque_ms = kNot;  ///< the last command with torque; kNot: it goes on
+  std::int64_t torque_ms = kNot;  ///< the last command with torque; kNot: torque continues
   const char* words = "";         ///< of the status
-  const char* looks_ms = "";      ///< for a lost device
+  const char* looks_ms = "";      ///< when it looks for a lost device
   // afterwards
   std::int64_t fresh_ms = 1;  ///< the first tick with a position
-  int loads = 0, opened = 0;  ///< of the firmware; of links
+  int loads = 0, opened = 0;  ///< loads of the firmware; links opened
 };
 
 Happens fates(const std::function<Fate(int n)>& fate_of) {
@@ -153,7 +152,7 @@ std::vector<FalconFault> falconFaults() {
     run.falcon->silent = false;
   };
   const auto starvedOnce = [](FalconLesson& run) { EXPECT_EQ(run.device->counts().starved_times, 1u); };
-  // what must not be noticed: no fault, no words, the torque goes on
+  // faults that must not be noticed: no fault, no message, the torque continues
   const auto unnoticed = [&](const char* name, Happens begins, std::int64_t fresh_ms = 1) {
     FalconFault fault{name, 60, std::move(begins), answers};
     fault.fresh_ms = fresh_ms;
@@ -167,7 +166,7 @@ std::vector<FalconFault> falconFaults() {
     run.falcon->homed = falcon::kInHomed;
     answers(run);
   };
-  // without an answer, two commands go out every 7 ms
+  // without an answer, two commands are sent every 7 ms
   std::vector<FalconFault> rows = {
       unnoticed("answers come in two pieces", fates([](int) { return torn(); })),
       unnoticed("answers come 1.2 ms late", fates([](int) { return answered(1'200'000); })),
@@ -260,7 +259,7 @@ TEST_P(FalconFaults, isToldAndMendedInTime) {
   run.goOn(50 * kMs);
   if (run.fault() != Fault::kNone)
     EXPECT_TRUE(std::none_of(run.sent.begin(), run.sent.end(), torque)) << "without an acknowledgement";
-  // the hand goes outside, a person acknowledges, and pushes in again
+  // the hand goes outside, a person acknowledges, and the hand pushes in again
   run.stroke(0);
   run.goOn(400 * kMs);
   run.haptic->acknowledge();
@@ -300,7 +299,8 @@ TEST(FalconWorld, torqueEndsTwentyMillisecondsAfterTheHapticThreadsLastRequest) 
   FalconLesson run;
   run.haptic->hangUntil(run.since_ns + 500 * kMs);
   run.goOn(200 * kMs);
-  // the first command after the last tick takes the request: it and those of the next 20 ms carry torque
+  // the first command after the last tick takes the request: this one and those of the next 20 ms carry
+  // torque
   for (const Sent& sent : run.sent) EXPECT_EQ(torque(sent), sent.at_ns <= run.sent[0].at_ns + 20 * kMs);
 }
 

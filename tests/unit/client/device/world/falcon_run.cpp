@@ -135,7 +135,7 @@ void FalconRun::play() {
     world.at(start_ns + planned.at_ns, [this, planned] { trouble(planned); });
   acknowledgeAsPlanned(plan_);
   world.sleepUntilNs(start_ns + plan_.lasts_ns);
-  // the troubles are over, the hand is outside: the device is as before in time
+  // the troubles are over and the hand is outside: the device recovers in time
   stroke(0);
   plan_.lost_share = 0;
   recoverWithin(kRecovery_ns, [this] { return (haptic->reading().condition & ~kDeviceOverrun) == 0; });
@@ -241,10 +241,10 @@ void FalconRun::onStream() {
   homed_seen_ = any_request_ = request_waits_ = false;
   last_report_ns_ = world.nowNs();
   bad_in_a_row_ = under_way_ = 0;
-  counts_ = {};  // a link's counts begin at 0
+  counts_ = {};  // counts start at 0 for each link
 }
 
-// each command, whether it arrives or not
+// called for each command, whether it arrives or not
 void FalconRun::onSend(const falcon::Command& command, std::int64_t now_ns) {
   fold(static_cast<std::uint64_t>(now_ns));
   for (const std::int16_t motor : command.motor) fold(static_cast<std::uint16_t>(motor));
@@ -307,7 +307,7 @@ void FalconRun::checkCounts() {
   counts_ = now;
 }
 
-// a lost device is looked for every 500 ms, and when one arrives
+// a lost device is searched for every 500 ms, and when one arrives
 void FalconRun::checkLooks() {
   const std::int64_t most_ns =
       FalconDriver::kLookAgain_ns + std::max(plan_.usb_late_ns, greatest_usb_late_ns_);

@@ -1,6 +1,5 @@
 /// A lesson with a Falcon in a simulated world: haptic thread, USB thread, keeper, the board behind its
-/// serial line, the hand at the grip, and what goes wrong. Rules that hold in every run are checked all the
-/// time.
+/// serial line, the hand at the grip, and faults. The rules that hold in every run are checked continuously.
 #pragma once
 
 #include <array>
@@ -21,19 +20,19 @@ namespace needlelab::test {
 enum class Trouble : std::uint8_t {
   kHapticHangs,  ///< for `lasts_ns`
   kUsbHangs,     ///< the USB thread, once, for `lasts_ns`
-  kUnplugged,    ///< keeps its power; at the same time the haptic thread may hang
+  kUnplugged,    ///< keeps its power; the haptic thread may hang at the same time
   kPowerCut,     ///< comes back without firmware and without its zero
-  kBoardSilent,  ///< hears and answers nothing
-  kGarbled,      ///< answers cannot be read
+  kBoardSilent,  ///< receives and answers nothing
+  kGarbled,      ///< answers are unreadable
   kLossy,        ///< half of the packets are lost
-  kZeroLost,     ///< the encoders do not know their zero
+  kZeroLost,     ///< the encoders lose their zero
   kGripJumps,    ///< the encoders are off by some millimetres
 };
 inline constexpr int kTroubles = 9;
 
 struct PlannedTrouble {
   Trouble what;
-  std::int64_t at_ns, lasts_ns;      ///< from the beginning of the lesson
+  std::int64_t at_ns, lasts_ns;      ///< at_ns: from the beginning of the lesson
   std::int64_t haptic_hangs_ns = 0;  ///< at the same time
 };
 
@@ -42,14 +41,14 @@ struct FalconPlan : LessonPlan {
   std::int64_t usb_late_ns = 0;  ///< greatest lateness of the USB thread's wake-ups
   std::int64_t write_ns = 0, reply_ns = 0, reply_spread_ns = 0;
   double lost_share = 0;           ///< of commands, and of answers
-  std::int64_t usb_phase_ns = 0;   ///< the haptic thread begins so much after the USB thread
-  bool haptic_dies_first = false;  ///< it hangs when the device is closed
+  std::int64_t usb_phase_ns = 0;   ///< the haptic thread starts this much after the USB thread
+  bool haptic_dies_first = false;  ///< the haptic thread hangs when the device is closed
   std::vector<PlannedTrouble> troubles;
 };
 
-/// The same seed, the same plan, on any machine.
+/// The same seed gives the same plan on any machine.
 FalconPlan falconPlanOf(std::uint64_t seed);
-/// For a person.
+/// Readable text.
 std::string textOf(const FalconPlan& plan);
 
 class FalconRun : public WorldRun {
@@ -62,11 +61,11 @@ class FalconRun : public WorldRun {
   /// The whole run: the troubles, recovery, the end.
   void play();
   void goOn(std::int64_t for_ns) { world.sleepForNs(for_ns); }
-  /// The device is plugged in again, and the host is told.
+  /// Plugs the device in again and notifies the host.
   void plugIn();
-  /// The hand goes in and out at constant speed, from outside to the deepest place; 0: it stays outside.
+  /// The hand goes in and out at constant speed, from outside to the deepest point; 0: it stays outside.
   void stroke(double stroke_s, double deepest_m = 0.014);
-  /// The encoders slip by so much; 0: they are right again.
+  /// Shifts the encoders by this many counts; 0: correct again.
   void jumpGrip(std::int16_t counts) { jump_counts_ = counts; }
   /// Ends all threads and closes the device.
   void end();
@@ -79,8 +78,8 @@ class FalconRun : public WorldRun {
   FalconGrip hand;
   std::unique_ptr<FalconDevice> device;
   bool keeps_sent = false;
-  std::vector<Sent> sent;      ///< with `keeps_sent`: each command, heard or not
-  std::int64_t closed_ns = 0;  ///< the device was closed
+  std::vector<Sent> sent;      ///< with `keeps_sent`: each command, received or not
+  std::int64_t closed_ns = 0;  ///< when the device was closed
 
  private:
   Fate fateOfPacket();
@@ -96,13 +95,13 @@ class FalconRun : public WorldRun {
   FalconPlan plan_;
   TempFolder folder_;
 
-  // what the run is in
+  // current faults
   bool is_lossy_ = false, is_garbled_ = false;
   std::int16_t jump_counts_ = 0;
   std::int64_t usb_hangs_ns_ = 0, greatest_usb_late_ns_ = 0;
   std::vector<std::int64_t> arrivals_ns_;
 
-  // what the USB thread may know at a time, seen from outside
+  // what the USB thread may know at this time, seen from outside
   bool homed_seen_ = false, any_request_ = false, request_waits_ = false;
   std::int64_t request_taken_ns_ = 0, last_report_ns_ = 0;
   int bad_in_a_row_ = 0, under_way_ = 0;

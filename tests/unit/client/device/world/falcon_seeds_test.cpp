@@ -1,6 +1,6 @@
-// Thousands of simulated lessons with a Falcon, each from a seed: what goes wrong, when, and who wakes first.
-// In every one the rules of FalconRun hold. A failing seed is printed with the command that plays it again;
-// keep it in the file `falcon_regressions`, with its reason.
+// Thousands of simulated lessons with a Falcon. A seed decides what goes wrong, when, and who wakes first.
+// The rules of FalconRun hold in each. A failing seed is printed with the command that replays it; keep it in
+// the file `falcon_regressions`, with its reason.
 #include <fmt/core.h>
 #include <gtest/gtest.h>
 
@@ -15,7 +15,7 @@
 namespace needlelab::test {
 namespace {
 
-/// The short form's; a bug must show within as many.
+/// Of the short form; each planted bug must show within this many.
 constexpr std::uint64_t kFalconSeeds = 2'000;
 
 std::string falconBrokenBy(std::uint64_t seed, double gate_rate_hz = 1000) {

@@ -8,7 +8,7 @@
 
 namespace needlelab {
 
-// in place of the library's: one bug at a time, chosen by a test
+// replaces the library's function: one bug at a time, chosen by a test
 bool planted(PlantedBug bug) noexcept {
   return test::bugHere() == bug;
 }

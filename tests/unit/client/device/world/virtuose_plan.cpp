@@ -10,7 +10,7 @@
 namespace needlelab::test {
 namespace {
 
-// calls that may fail, and with what
+// calls that may fail, and their error codes
 constexpr const char* kMayFail[] = {"virtGetPosition",      "virtGetSpeed",   "virtGetDeadMan",
                                     "virtGetEmergencyStop", "virtGetPowerOn", "virtGetAlarm",
                                     "virtGetFailure",       "virtSetForce"};

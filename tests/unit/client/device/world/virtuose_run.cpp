@@ -8,21 +8,21 @@
 #include <stdexcept>
 
 #include "client/device/virtuose/virtuose_errors.h"
-#include "common/haptics/device_condition.h"
+#include "common/haptics/gate/force_gate.h"
 
 namespace needlelab::test {
 namespace {
 
 constexpr double kOutsideVirtuose_m = 0.008;
 
-// what client/device/virtuose/README.md promises
+// promised by client/device/virtuose/README.md
 constexpr std::int64_t kTimeout_ns = 50 * kMs, kWatchdog_ns = 2'000 * kMs, kKeepAlive_ns = 520 * kMs;
 constexpr std::int64_t kFirstRetry_ns = 500 * kMs, kLongestRetry_ns = 5'000 * kMs;
 constexpr std::int64_t kKeeperPause_ns = 50 * kMs, kCallsOfARead = 5;
 constexpr std::int64_t kTurns = 6, kMostRefusedInARow = 1'000;
-/// A command reaches the motors a cycle after the next; somebody looks each millisecond.
+/// A command reaches the motors one cycle after the next; the checks run every millisecond.
 constexpr std::int64_t kOnItsWay_ns = 3 * kMs;
-/// The longest wait between two tries, an old connection that the service holds, and a try.
+/// The longest wait between two attempts, plus an old connection that the service holds, plus an attempt.
 constexpr std::int64_t kVirtuoseRecovery_ns = kLongestRetry_ns + kWatchdog_ns + 1'000 * kMs;
 constexpr double kEncoder_m = 10e-6;
 
@@ -78,7 +78,7 @@ void VirtuoseRun::play() {
   end();
 }
 
-// the device is open, no loop runs: zero force keeps the connection
+// the device is open and no loop runs: zero force keeps the connection alive
 void VirtuoseRun::prepare() {
   if (const Status done = device_->open(1000); !done.ok()) throw std::runtime_error(done.error().message);
   observer_ = world.start(*this, {"observer", 0});
@@ -93,7 +93,7 @@ void VirtuoseRun::prepare() {
   if (state.openings != 1) breakRule("the connection was lost during the preparation");
 }
 
-// the troubles are over, a person acknowledges, the hand is outside: the device is as before in time
+// the troubles are over, a person acknowledges, the hand is outside: the device recovers in time
 void VirtuoseRun::recover() {
   endTroubles();
   recoverWithin(kVirtuoseRecovery_ns, [this] {
@@ -113,7 +113,7 @@ void VirtuoseRun::end() {
   const bool was_good = was_fresh_ && !linkIsBroken() && !isCut() && refused_.empty();
   device_->close();
   const StandinState after = standin_.state();
-  // a link that changed after the last tick may have been lost unseen
+  // a link that changed after the last tick may have been lost unnoticed
   if (was_good && link_changed_ns_ < haptic->lastTickNs() && broken().empty()) {
     if (after.exchanges != before.exchanges + 1) breakRule("the device was closed without a zero force");
     if (after.is_permitted != 0 || after.open_contexts != 0) breakRule("power or connection outlive the end");
@@ -121,7 +121,7 @@ void VirtuoseRun::end() {
     if (!standin_.calls().ends_with("virtSetForce virtSetPowerOn virtClose"))
       breakRule("the last calls are in another order");
   }
-  // the service hears the end at the latest by the silence: so it is when the link breaks during the last
+  // the service notices the end by the silence at the latest; needed when the link breaks during the last
   // calls
   const bool is_heard = was_good && link_changed_ns_ <= since_ns;
   world.sleepForNs(is_heard ? 20 * kMs : kWatchdog_ns + kOnItsWay_ns);
@@ -149,7 +149,7 @@ void VirtuoseRun::acknowledge() {
   if (!haptic->gate().causeLasts()) acknowledged_ = true;
 }
 
-// ---- what goes wrong
+// ---- troubles
 
 void VirtuoseRun::command(const char* commands, const PlannedVirtuoseTrouble& planned) {
   std::istringstream all(fmt::format(fmt::runtime(commands), fmt::arg("amount", planned.amount),
@@ -189,7 +189,7 @@ void VirtuoseRun::begin(const PlannedVirtuoseTrouble& planned) {
 
 void VirtuoseRun::finish(const PlannedVirtuoseTrouble& planned) {
   command(rowOf(planned.what).ends, planned);
-  // the end of a connection may not have been heard
+  // the service may have missed the end of a connection
   const std::int64_t unheard_until_ns = now() + kWatchdog_ns + kOnItsWay_ns;
   switch (planned.what) {
     case VirtuoseTrouble::kHapticHangs:
@@ -222,7 +222,7 @@ void VirtuoseRun::setTruth(VirtuoseTrouble trouble, bool begins) {
   if (trouble == VirtuoseTrouble::kFailure) has_failure_ = begins;
 }
 
-// each has ended by itself; the hand goes outside
+// each one ended by itself; the hand goes outside
 void VirtuoseRun::endTroubles() {
   plan_.stroke_s = 0;
   standin_.command(fmt::format("hand 0 0 {} 1 0 0 0 0.1", kOutsideVirtuose_m));
@@ -263,7 +263,7 @@ DeviceRead VirtuoseRun::read(DeviceReading& reading) noexcept {
   refused_in_a_row_ = 0;
   if (was_broken && linkIsBroken() && truth_changes_ == changes)
     breakRule("a fresh position through a broken link");
-  // what changes during the calls may be read before or after
+  // what changes during the calls may be read before or after the change
   if (truth_changes_ == changes) {
     ++fresh_in_a_row_;
     checkFresh(reading, since_ns);
@@ -282,7 +282,7 @@ void VirtuoseRun::checkFresh(const DeviceReading& reading, std::int64_t since_ns
          {reading.X_WH.p.x - state.position_m[0], reading.X_WH.p.y - state.position_m[1],
           reading.X_WH.p.z - state.position_m[2]})
       if (std::abs(error_m) > kEncoder_m) breakRule(fmt::format("a position off by {} m", error_m));
-  // one of these is asked each tick
+  // one of these is read each tick
   if (fresh_in_a_row_ < kTurns) return;
   if (says(kDevicePowerOff) != (state.is_powered == 0)) breakRule("the power is told wrongly");
   if (says(kDeviceOverheated) != ((state.alarms & kVirtAlarmOverheat) != 0))
@@ -337,7 +337,7 @@ void VirtuoseRun::maintain() {
   if (state.openings == openings) return;
   if (state.openings != openings + 1) breakRule("more than one try at a time");
   const bool has_connected = !device_->status().starts_with("the link is lost");
-  // opening the device asks for neither position nor speed
+  // opening the device reads neither position nor speed
   const bool asks_what_fails =
       !refused_.empty() && refused_ != "virtGetPosition" && refused_ != "virtGetSpeed";
   const bool may_fail = was_broken || linkIsBroken() || truth_changes_ != changes || asks_what_fails ||
@@ -357,7 +357,7 @@ void VirtuoseRun::maintain() {
   ++reconnections_;
 }
 
-// after 0.5, 1, 2, 4 and then every 5 s
+// after 0.5, 1, 2, 4 s and then every 5 s
 void VirtuoseRun::checkTry(std::int64_t since_ns) {
   const std::int64_t most_late_ns = kKeeperPause_ns + plan_.keeper_late_ns;
   std::int64_t due_ns = any_try_ ? last_try_end_ns_ + kFirstRetry_ns : 0;
@@ -365,7 +365,7 @@ void VirtuoseRun::checkTry(std::int64_t since_ns) {
     due_ns = last_try_end_ns_ +
              std::min(kFirstRetry_ns << std::min<std::uint64_t>(failed_tries_ - 1, 10), kLongestRetry_ns);
   if (since_ns < due_ns) breakRule(fmt::format("a try {} ms too early", inMs(due_ns - since_ns)));
-  if (failed_tries_ == 0 && !was_lost_) return;  // the haptic thread does not know yet that it is lost
+  if (failed_tries_ == 0 && !was_lost_) return;  // not yet noticed by the haptic thread
   if (failed_tries_ == 0) due_ns = std::max(due_ns, lost_since_ns_);
   if (since_ns > due_ns + most_late_ns) breakRule(fmt::format("a try {} ms late", inMs(since_ns - due_ns)));
 }

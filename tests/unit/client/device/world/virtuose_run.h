@@ -1,6 +1,6 @@
 /// A lesson with a Virtuose in a simulated world: haptic thread, keep-alive, keeper, the vendor's library
-/// with service and device behind it (tests/support/virtuose_standin), the hand, and what goes wrong. Rules
-/// that hold in every run are checked all the time.
+/// with service and device behind it (tests/support/virtuose_standin), the hand, and troubles. The rules that
+/// hold in every run are checked continuously.
 #pragma once
 
 #include <array>
@@ -25,11 +25,11 @@ class VirtuoseRun final : public WorldRun, private Device, private Turns {
   /// The whole run: preparation, the lesson with its troubles, recovery, the end.
   void play();
 
-  /// How often the device was opened anew.
+  /// How often the device was reopened.
   [[nodiscard]] std::uint64_t reconnections() const { return reconnections_; }
 
  private:
-  // the device, watched from both sides
+  // the device, observed from both sides
   [[nodiscard]] const DeviceInfo& info() const override { return device_->info(); }
   Status open(double rate_hz) override { return device_->open(rate_hz); }
   DeviceRead read(DeviceReading& reading) noexcept override;
@@ -37,7 +37,7 @@ class VirtuoseRun final : public WorldRun, private Device, private Turns {
   void maintain() override;
   [[nodiscard]] std::string status() override { return device_->status(); }
   void close() noexcept override { device_->close(); }
-  // each millisecond somebody looks at the device itself
+  // looks at the device itself each millisecond
   std::optional<std::int64_t> turn() noexcept override;
   void rest(std::int64_t until_ns) noexcept override { world.sleepUntilNs(until_ns); }
 
@@ -48,7 +48,7 @@ class VirtuoseRun final : public WorldRun, private Device, private Turns {
   void begin(const PlannedVirtuoseTrouble& planned);
   void finish(const PlannedVirtuoseTrouble& planned);
   void command(const char* commands, const PlannedVirtuoseTrouble& planned);
-  /// Of what is either so or not.
+  /// For troubles that are either on or off.
   void setTruth(VirtuoseTrouble trouble, bool begins);
   void endTroubles();
   void acknowledge() override;
@@ -69,7 +69,7 @@ class VirtuoseRun final : public WorldRun, private Device, private Turns {
   std::unique_ptr<RunningTurns> observer_;
   bool observer_stops_ = false;
 
-  // the truth
+  // the true state
   bool held_ = true, stopped_ = false, has_failure_ = false, service_runs_ = true;
   std::uint32_t buttons_ = 0;
   std::string refused_;  // the function that fails
@@ -78,14 +78,14 @@ class VirtuoseRun final : public WorldRun, private Device, private Turns {
   std::uint64_t truth_changes_ = 0;
   std::int64_t link_changed_ns_ = 0;
 
-  // what the device said and did
+  // what the device reported and did
   std::int64_t fresh_in_a_row_ = 0, refused_in_a_row_ = 0;
   bool was_lost_ = false, was_fresh_ = false;
   std::int64_t lost_since_ns_ = 0, last_read_ns_ = 0;
   bool any_try_ = false;
   std::int64_t last_try_end_ns_ = 0;
-  std::uint64_t failed_tries_ = 0, reconnections_ = 0;  // the former in a row
-  std::array<double, 6> last_wrench_{};                 // that was sent
+  std::uint64_t failed_tries_ = 0, reconnections_ = 0;  // failed tries: in a row
+  std::array<double, 6> last_wrench_{};                 // the last one sent
   std::int64_t last_sent_ns_ = 0;
   // faults
   bool in_fault_ = false, acknowledged_ = false;

@@ -1,13 +1,13 @@
-// Hundreds of simulated lessons with a Virtuose, each from a seed: what goes wrong, when, and who wakes
-// first. In every one the rules of VirtuoseRun hold. A failing seed is printed with the command that plays it
-// again; keep it in the file `virtuose_regressions`, with its reason.
+// Hundreds of simulated lessons with a Virtuose. A seed decides what goes wrong, when, and who wakes first.
+// The rules of VirtuoseRun hold in each. A failing seed is printed with the command that replays it; keep it
+// in the file `virtuose_regressions`, with its reason.
 #include <fmt/core.h>
 #include <gtest/gtest.h>
 
 #include <set>
 #include <string>
 
-#include "common/haptics/device_condition.h"
+#include "common/haptics/gate/force_gate.h"
 #include "tests/support/run_form.h"
 #include "tests/support/sanitized.h"
 #include "tests/unit/client/device/world/seeds.h"
@@ -16,7 +16,7 @@
 namespace needlelab::test {
 namespace {
 
-/// The short form's; a bug must show within as many.
+/// Of the short form; each planted bug must show within this many.
 constexpr std::uint64_t kVirtuoseSeeds = 500;
 
 std::string virtuoseBrokenBy(std::uint64_t seed, double gate_rate_hz = 1000, std::uint32_t hides = 0) {
@@ -39,7 +39,7 @@ TEST(VirtuoseSeeds, seedsThatOnceFailedKeepTheRules) {
 }
 
 TEST(VirtuoseSeeds, theSameSeedIsTheSameRunToTheBit) {
-  // the stand-in is one device in a program, so one run follows the other
+  // the program has a single stand-in, so runs are sequential
   const auto traceOf = [](std::uint64_t seed) {
     VirtuoseRun run(virtuosePlanOf(seed));
     run.play();

@@ -4,7 +4,7 @@
 
 #include <bit>
 
-#include "tests/support/scenes.h"
+#include "tests/support/scenes/scenes.h"
 
 namespace needlelab::test {
 

@@ -20,7 +20,7 @@ inline void putCourse(BlockingClient& manager, const pb::Curriculum& course) {
   ASSERT_TRUE(stored.ok()) << stored.error().message;
 }
 
-/// Changes an exercise in the course that has it. Fails the test if no course has it.
+/// Changes an exercise in the course that contains it. Fails the test if no course does.
 inline void changeExercise(BlockingClient& manager, const std::string& exercise_id,
                            const std::function<void(pb::Exercise&)>& change) {
   pb::Request list;

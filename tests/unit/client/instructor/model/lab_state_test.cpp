@@ -4,7 +4,7 @@
 
 #include <sys/stat.h>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab {
@@ -33,7 +33,7 @@ TEST(LabActions, aLessonIsStoppedByAQuestionWithTheKeysOfAQuestion) {
   EXPECT_EQ(actionOf(question, ActionKey::kDelete), kActStopNow);
 }
 
-/// A station with a lesson of this session.
+/// A station with a lesson in this session.
 LiveStation withLesson(const std::string& station, const std::string& session) {
   LiveStation live(station);
   LiveArrival arrival;

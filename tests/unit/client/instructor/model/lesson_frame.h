@@ -1,4 +1,4 @@
-/// What an instructor's program gets of a lesson while it runs.
+/// What an instructor's program receives from a running lesson.
 #pragma once
 
 #include <algorithm>
@@ -6,13 +6,12 @@
 #include <span>
 #include <vector>
 
-#include "client/instructor/model/live_station.h"
+#include "client/instructor/model/live/live_station.h"
 #include "common/gesture/chunk.h"
 
 namespace needlelab::test {
 
-/// Returns a live frame of bench-1 with the samples from `first` on, at most 20; nobody says when it was
-/// made.
+/// Returns a live frame of bench-1 with at most 20 samples from `first` on; it does not say when it was made.
 inline LiveArrival lessonFrame(const pb::SessionInfo& info, const std::vector<GestureSample>& samples,
                                std::size_t first) {
   const auto rest = std::span(samples).subspan(first);

@@ -1,4 +1,4 @@
-// What clicks and keys do in the lab and while a person looks over a lesson, and what is then to be read.
+// What clicks and keys do in the lab and while watching a lesson, and the texts that result.
 #include "tests/unit/client/instructor/screens/mouse.h"
 
 #define GLFW_INCLUDE_NONE
@@ -36,7 +36,7 @@ TEST_F(FrameActions, theBarAndItsKeysLeadToEveryScreenAndOut) {
   }
   for (int i = 0; i < 7; ++i) {
     press(GLFW_KEY_1 + i, /*ctrl=*/true);
-    // "Lab" is the first key and the last of the list
+    // "Lab" is on the first key, and last in the list
     EXPECT_EQ(lab_->screen, places[(i + 6) % 7].second) << i + 1;
   }
   EXPECT_TRUE(stands("anna @ " + lab_->form.server + " ")) << window_->text();
@@ -131,9 +131,9 @@ TEST_F(FrameActions, aTileIsAButtonAndTheFiltersAreBoxesAListAndAField) {
   EXPECT_EQ(lab_->screen, WindowScreen::kLive);
 }
 
-// --- look over
+// --- watching a lesson
 
-/// The live screen with a lesson's samples given to it by hand; the person has logged in.
+/// The live screen, fed with a lesson's samples by hand; the person has logged in.
 class LiveActions : public WithMouse {
  protected:
   void openWithSamples() {
@@ -177,7 +177,7 @@ TEST_F(LiveActions, keysScrollPauseAndFollow) {
   EXPECT_TRUE(live.paused());
   press(GLFW_KEY_SPACE);
   EXPECT_FALSE(live.paused());
-  // and presses no button, also not after an arrow
+  // and presses no button, not even after an arrow key
   press(GLFW_KEY_LEFT);
   press(GLFW_KEY_SPACE);
   EXPECT_FALSE(live.paused());
@@ -265,7 +265,7 @@ TEST_F(LiveActions, theTraineeHearsWhatIsTypedClickedAndChosen) {
   ASSERT_TRUE(click("As the exercise has it"));
   EXPECT_TRUE(hasAid(lab_->aidsNow(), pb::Exercise::DEPTH));
   EXPECT_TRUE(heard("aids 0\n")) << "as it is reset: " << bench.heard();
-  press(GLFW_KEY_ESCAPE);  // the list's
+  press(GLFW_KEY_ESCAPE);  // the list's Escape
 
   lab_->screen = WindowScreen::kLive;
   frames(2);
@@ -274,7 +274,7 @@ TEST_F(LiveActions, theTraineeHearsWhatIsTypedClickedAndChosen) {
   ASSERT_TRUE(click(exercise.name + "##" + exercise.id));
   EXPECT_TRUE(heard("next " + exercise.id + "\n")) << bench.heard();
 
-  // a lesson is stopped by a question, whose Escape is not the screen's
+  // stopping a lesson asks a question; its Escape must not reach the screen
   for (const int harmless : {GLFW_KEY_ESCAPE, GLFW_KEY_ENTER}) {
     ASSERT_TRUE(click("Stop lesson …"));
     ASSERT_TRUE(lab_->stop_question.asking());
@@ -286,7 +286,7 @@ TEST_F(LiveActions, theTraineeHearsWhatIsTypedClickedAndChosen) {
   ASSERT_TRUE(click("Stop lesson …"));
   ASSERT_TRUE(click("##reason"));
   type("wrong side");
-  press(GLFW_KEY_ENTER);  // the field's
+  press(GLFW_KEY_ENTER);  // the field's Enter
   EXPECT_THAT(bench.heard(), Not(HasSubstr("stop ")));
   press(GLFW_KEY_DELETE);
   EXPECT_TRUE(heard("stop wrong side\n")) << bench.heard();

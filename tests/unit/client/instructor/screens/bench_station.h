@@ -15,7 +15,7 @@ namespace needlelab::test {
 /// A station with a running lesson that repeats the same hand motion. Keeps the instructor's messages.
 class BenchStation {
  public:
-  /// `change` modifies every status line. `placement`: the limb's in W, as in a session's description.
+  /// `change` modifies every status line. `placement`: the limb's pose in W, as in a session's description.
   BenchStation(RunningServer& server, const std::string& name, std::string key, const std::string& trainee,
                std::function<void(pb::StationStatus&)> change = {}, const std::vector<double>& placement = {})
       : change_(std::move(change)),

@@ -1,4 +1,4 @@
-// Fifty tiles with news ten times a second: the work of a frame stays bounded.
+// Fifty tiles that update ten times a second: the work per frame stays bounded.
 #include <imgui/imgui.h>
 
 #include <algorithm>
@@ -18,7 +18,7 @@ TEST_F(Frames, fiftyTilesDrawNoMoreThanOneListOfVerticesHolds) {
   ASSERT_TRUE(until([&] { return lab_->overview.size() == 50; }));
   int most = 0;
   for (int n = 0; n < 30; ++n) {
-    // the status lines of fifty stations in a tenth of a second
+    // the status lines of fifty stations, every tenth of a second
     if (n % 3 == 0) {
       for (int i = 1; i <= 50; ++i) {
         pb::StationStatus status;

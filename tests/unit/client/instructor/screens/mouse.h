@@ -1,4 +1,4 @@
-/// A mouse on the instructor's window off screen.
+/// A mouse for the instructor's off-screen window.
 #pragma once
 
 #include "tests/unit/client/instructor/screens/window_lab.h"
@@ -12,8 +12,8 @@
 
 namespace needlelab::test {
 
-/// Finds what can be clicked by its label, wherever it stands, and clicks on it as a hand does: what is
-/// disabled, hidden or covered does not react.
+/// Finds a widget by its label, wherever it is, and clicks on it like a user: disabled, hidden or covered
+/// widgets do not react.
 class WithMouse : public WindowLab {
  protected:
   void logIn() {
@@ -21,7 +21,7 @@ class WithMouse : public WindowLab {
     ASSERT_TRUE(until([&] { return lab_->inside(); })) << window_->text();
   }
 
-  /// Clicks at a place in pixels.
+  /// Clicks at a position in pixels.
   void clickAt(ImVec2 place) {
     surface_->moveMouse(static_cast<double>(place.x), static_cast<double>(place.y));
     frame();
@@ -30,14 +30,14 @@ class WithMouse : public WindowLab {
     surface_->setMouseButton(0, false);
     frames(2);
   }
-  /// Clicks on the widget with this label (with what follows its "##"); `row`: of a table. Returns whether
-  /// there is one.
+  /// Clicks on the widget with this label (including what follows its "##"); `row`: in a table. Returns
+  /// whether it exists.
   bool click(const std::string& label, std::optional<int> row = {}) {
     const auto place = placeOf(label, row);
     if (place) clickAt(*place);
     return place.has_value();
   }
-  /// Clicks on a station's tile. Returns whether there is one.
+  /// Clicks on a station's tile. Returns whether it exists.
   bool clickTile(const std::string& station) {
     for (ImGuiWindow* const parent : windows()) {
       const ImGuiID id = ImHashStr("tile", 0, ImHashStr(station.c_str(), 0, parent->ID));
@@ -49,8 +49,8 @@ class WithMouse : public WindowLab {
     }
     return false;
   }
-  /// Clicks on the head of a column of the shown table with so many columns. Returns the direction in which
-  /// its arrow then points; none: there is no such table.
+  /// Clicks on a column's header in the shown table with this many columns. Returns the direction of its
+  /// arrow afterwards; nothing if there is no such table.
   std::optional<ImGuiSortDirection> clickHead(int columns, int column) {
     ImGuiTable* const table = tableOf(columns);
     if (table == nullptr) return {};
@@ -63,7 +63,7 @@ class WithMouse : public WindowLab {
     surface_->typeText(text);
     frames(2);
   }
-  /// Returns the middle of the widget.
+  /// Returns the widget's centre.
   std::optional<ImVec2> placeOf(const std::string& label, std::optional<int> row = {}) {
     for (ImGuiWindow* const window : windows()) {
       std::vector<ImGuiID> seeds = {window->ID};
@@ -99,14 +99,14 @@ class WithMouse : public WindowLab {
       if (table->ColumnsCount == columns) return table;
     return nullptr;
   }
-  /// The keyboard's focus tells where the widget of this number stands.
+  /// The keyboard focus shows where the widget with this ID is.
   std::optional<ImVec2> placeOf(ImGuiWindow* window, ImGuiID id) {
     ImGuiContext& context = *ImGui::GetCurrentContext();
     context.NavWindow = window;
     context.NavId = id;
     context.NavIdIsAlive = false;
     frame();
-    // without such a widget the focus goes elsewhere
+    // without such a widget the focus moves elsewhere
     const bool there = context.NavIdIsAlive && context.NavId == id && context.NavWindow == window;
     const ImVec2 middle = ImGui::WindowRectRelToAbs(window, window->NavRectRel[0]).GetCenter();
     context.NavId = 0;

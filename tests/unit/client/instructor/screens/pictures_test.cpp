@@ -4,8 +4,8 @@
 #include <algorithm>
 
 #include "tests/support/pictures/picture_check.h"
-#include "tests/support/status_alarms.h"
 #include "tests/unit/client/instructor/model/upload_lesson.h"
+#include "tests/unit/client/instructor/status_alarms.h"
 
 namespace needlelab {
 namespace {
@@ -89,7 +89,7 @@ TEST_F(Pictures, lookOver) {
   ASSERT_TRUE(
       until([&] { return lab_->live()->trace().lastTime_s() - lab_->live()->trace().firstTime_s() > 6.5; }));
   lab_->live()->setSpan(2);
-  // The hand repeats its motion every 3 s: 0.9 s into a round it is moving in.
+  // The hand repeats its motion every 3 s: 0.9 s into a round it is on the way in.
   const double newest_s = lab_->live()->trace().lastTime_s();
   lab_->live()->scrollTo(std::floor((newest_s - 3) / 3) * 3 + 0.9);
   looksAsIs("look-over", {{380, 80, 900, 30}, {680, 570, 600, 40}});

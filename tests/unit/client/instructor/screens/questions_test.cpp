@@ -1,5 +1,5 @@
-// The question whether to stop a lesson takes no key and no click that was meant for something else. The
-// frames stand still here: everything is typed and clicked between two of them.
+// The question whether to stop a lesson accepts no key or click that was meant for something else. The frames
+// stand still here: everything is typed and clicked between two of them.
 #include "tests/unit/client/instructor/screens/mouse.h"
 
 #define GLFW_INCLUDE_NONE
@@ -109,7 +109,7 @@ TEST_F(LiveQuestions, theFirstLettersOfAMessageAreNoShortcuts) {
   const BenchStation bench(server_, "bench-1", server_.addStation("bench-1"), "tina");
   ASSERT_NO_FATAL_FAILURE(watch(bench));
   const PlotSet plots = window_->live_screen.plots;
-  // M leads into the message's field, N would lead into the remark's
+  // M leads to the message field, N would lead to the remark field
   for (const auto& [key, text] : {std::pair(GLFW_KEY_M, "m"), std::pair(GLFW_KEY_N, "n"),
                                   std::pair(GLFW_KEY_O, "o"), std::pair(GLFW_KEY_P, "p")}) {
     surface_->setKey(key, true);

@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/files.h"
-#include "tests/support/status_alarms.h"
+#include "common/base/files/files.h"
 #include "tests/unit/client/instructor/model/change_course.h"
 #include "tests/unit/client/instructor/model/upload_lesson.h"
+#include "tests/unit/client/instructor/status_alarms.h"
 
 namespace needlelab {
 namespace {
@@ -76,7 +76,7 @@ TEST_F(Screens, whoNeedsHelpComesFirstAndIsLookedOverByOneKey) {
   ASSERT_TRUE(plan) << "the sample course's exercise shoulder-bursa has one, straight down";
   EXPECT_NEAR(norm(plan->entry_W_m), 0, 1e-12);
   EXPECT_NEAR(norm(normalized(plan->to_W_m - plan->entry_W_m) - Vec3{0, 0, -1}), 0, 1e-12);
-  // Pause: the picture stops, the stream continues.
+  // Paused: the picture stops, the stream continues.
   press(GLFW_KEY_SPACE);
   EXPECT_TRUE(lab_->live()->paused());
   const double stands_s = lab_->live()->viewEnd_s(), newest_s = lab_->live()->trace().lastTime_s();
@@ -90,7 +90,8 @@ TEST_F(Screens, whoNeedsHelpComesFirstAndIsLookedOverByOneKey) {
   EXPECT_GT(lab_->live()->latency().count(), 0u);
 }
 
-/// A course of so many and such long exercises that a page of them all does not hold the courses behind it.
+/// A course with so many long exercises that one page with all of them leaves no room for the courses after
+/// it.
 pb::Curriculum longCourse(const std::string& id) {
   pb::Curriculum course;
   course.set_id(id);
@@ -163,13 +164,13 @@ TEST_F(Screens, aLostServerTakesNothingAwayAndComesBackByItself) {
   lab_->open("bench-1");
   ASSERT_TRUE(until([&] { return lab_->live() != nullptr && lab_->live()->trace().lastTime_s() > 0.5; }));
   (void)server_.stop();
-  ASSERT_TRUE(untilText("What is shown stays")) << window_->text();
+  ASSERT_TRUE(untilText("The screen keeps the last data")) << window_->text();
   EXPECT_EQ(lab_->screen, WindowScreen::kLive);
   EXPECT_FALSE(lab_->live()->trace().empty());
   const double before_s = lab_->live()->trace().lastTime_s();
   server_.start();
   ASSERT_TRUE(until([&] { return lab_->live()->trace().lastTime_s() > before_s + 0.5; })) << window_->text();
-  EXPECT_THAT(window_->text(), Not(HasSubstr("What is shown stays")));
+  EXPECT_THAT(window_->text(), Not(HasSubstr("The screen keeps the last data")));
   bench.reset();
 }
 
@@ -215,9 +216,12 @@ TEST_F(Screens, whereThereIsNothingItSaysWhatToDo) {
   (void)server_.addStation("bench-1");
   logIn();
   const std::vector<std::pair<WindowScreen, const char*>> rows = {
-      {WindowScreen::kLive, "Nobody is looked over"},  {WindowScreen::kSessions, "No session matches"},
-      {WindowScreen::kReplay, "No session is loaded"}, {WindowScreen::kCompare, "Nothing to compare yet"},
-      {WindowScreen::kRerun, "No session is loaded"},  {WindowScreen::kScores, "No session is loaded"}};
+      {WindowScreen::kLive, "No station is being watched"},
+      {WindowScreen::kSessions, "No session matches"},
+      {WindowScreen::kReplay, "No session is loaded"},
+      {WindowScreen::kCompare, "Nothing to compare yet"},
+      {WindowScreen::kRerun, "No session is loaded"},
+      {WindowScreen::kScores, "No session is loaded"}};
   for (const auto& [screen, words] : rows) {
     lab_->screen = screen;
     EXPECT_TRUE(untilText(words)) << words << ": " << window_->text();

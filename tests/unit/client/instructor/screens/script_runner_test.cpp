@@ -1,4 +1,4 @@
-// Faults in a script, and their messages.
+// Errors in a script, and their messages.
 #include "tests/unit/client/instructor/screens/window_lab.h"
 
 #include "tests/unit/client/instructor/model/upload_lesson.h"
@@ -83,7 +83,7 @@ TEST_F(ScriptRunnerTest, openFirstLooksOverTheFirstTileThatIsShown) {
   ASSERT_NE(lab_->live(), nullptr);
   EXPECT_EQ(lab_->live()->station(), "bench-2");
   EXPECT_EQ(lab_->screen, WindowScreen::kLive);
-  // a station that is not there is waited for
+  // the script waits for a station that is not there
   frame_s_ = 0.125;
   EXPECT_THAT(script("timeout 0.2\nopen station bench-9").error().message, HasSubstr("not so within 0.2 s"));
   EXPECT_EQ(lab_->live()->station(), "bench-2");

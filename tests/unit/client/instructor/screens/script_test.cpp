@@ -5,7 +5,7 @@
 
 #include <set>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab {
@@ -73,7 +73,7 @@ TEST(Script, theReadmeListsEachVerbAsItIs) {
   const auto readme = readWholeFile(NEEDLELAB_SCRIPT_README);
   ASSERT_TRUE(readme.ok());
   for (const ScriptVerb& verb : scriptVerbs()) {
-    // within a table's cell
+    // inside a table cell
     std::string usage;
     for (const char c : verb.usage) usage += c == '|' ? std::string("\\|") : std::string(1, c);
     EXPECT_THAT(*readme, HasSubstr("| `" + usage + "` | " + std::string(verb.meaning) + " |\n"));
@@ -81,7 +81,7 @@ TEST(Script, theReadmeListsEachVerbAsItIs) {
 }
 
 TEST(Script, anythingButText) {
-  // Any file content must neither crash the parser nor be accepted.
+  // No file content may crash the parser or be accepted.
   std::string bytes;
   for (int i = 0; i < 256; ++i) bytes += static_cast<char>(i);
   EXPECT_FALSE(parseScript(bytes, "bytes").ok());

@@ -1,4 +1,4 @@
-// What the screens say for each state of the model. The model is filled by hand; no news arrives.
+// The screens' texts for each state of the model. The test fills the model; no news arrives.
 #include "tests/unit/client/instructor/screens/window_lab.h"
 
 #include <algorithm>
@@ -7,11 +7,11 @@
 #include <limits>
 #include <utility>
 
-#include "common/base/text.h"
-#include "common/haptics/force_gate.h"
+#include "common/base/text/text.h"
+#include "common/haptics/gate/force_gate.h"
 #include "tests/support/pictures/picture_check.h"
-#include "tests/support/status_alarms.h"
 #include "tests/unit/client/instructor/model/lesson_frame.h"
+#include "tests/unit/client/instructor/status_alarms.h"
 
 namespace needlelab {
 namespace {
@@ -32,7 +32,7 @@ bool isNear(const RgbaImage& picture, int x, int y, Rgb colour, int tolerance) {
 
 class States : public WindowLab {
  protected:
-  /// Draws what the model holds and returns the screen's text.
+  /// Draws the model and returns the screen's text.
   const std::string& shown(int times = 2) {
     for (int i = 0; i < times; ++i) {
       EXPECT_TRUE(surface_->beginFrame());
@@ -71,7 +71,7 @@ TEST_F(States, aTileSaysWhatItsStationDoesAndNeeds) {
       {"a lesson",
        [](auto&) {},
        {"bench-1", "practising", "tina · shoulder-bursa", "going in, 18.7 mm, tip in muscle",
-        "loop: 99 % within 43 µs", "nobody needs help", "1 practising"},
+        "loop: 99 % within 43 µs", "no one needs help", "1 practising"},
        {"missed", "spool", "no news"}},
       {"an unnamed layer", [](auto& s) { s.clear_tissue(); }, {"18.7 mm, tip in layer 3"}, {}},
       {"a layer that cannot be",
@@ -86,7 +86,10 @@ TEST_F(States, aTileSaysWhatItsStationDoesAndNeeds) {
        [nan](auto& s) { s.set_force_n(nan), s.set_insertion_m(nan), s.set_force_limit_n(nan); },
        {"going in, 0.0 mm"},
        {"nan"}},
-      {"idle", [](auto& s) { s.clear_session_id(), s.clear_trainee(); }, {"nobody", "1 waiting"}, {"18.7"}},
+      {"idle",
+       [](auto& s) { s.clear_session_id(), s.clear_trainee(); },
+       {"no one needs help", "1 waiting"},
+       {"18.7"}},
       {"missed ticks and a spool",
        [](auto& s) { s.set_missed_ticks(12), s.set_spool_left(3); },
        {"12 ticks missed"},
@@ -106,7 +109,7 @@ TEST_F(States, aTileSaysWhatItsStationDoesAndNeeds) {
       {"trouble", [](auto& s) { s.set_trouble("disk full"); }, {"trouble", "disk full", "1 needs help"}, {}},
       {"never online",
        [](auto& s) { s.set_online(false); },
-       {"offline", "1 offline", "nobody needs help"},
+       {"offline", "1 offline", "no one needs help"},
        {"18.7 mm", "loop: 99 %"}}};
   lab_->screen = WindowScreen::kLab;
   for (const Row& row : rows) {
@@ -133,7 +136,7 @@ TEST_F(States, aStationOfWhichNothingIsHeardIsNotShownAsHealthy) {
   auto away = practising("bench-1");
   away.set_online(false);
   lab_->overview.onStatus(away, kStale_s + 3);
-  EXPECT_THAT(shown(), AllOf(HasSubstr("lost in mid-lesson"), HasSubstr("the lesson goes on"),
+  EXPECT_THAT(shown(), AllOf(HasSubstr("lost in mid-lesson"), HasSubstr("the lesson continues"),
                              HasSubstr("1 needs help")));
 }
 
@@ -149,7 +152,7 @@ TEST_F(States, theNeedOfATileIsVisibleBesideTheLongestNameAtEveryScale) {
       lab_->overview.onStatus(status, 0);
       shown(3);
       const RgbaImage picture = surface_->picture();
-      // the tile has a ground of its own; on it, letters in the colour of trouble
+      // the tile has its own background; on it, letters in the colour of trouble
       const Rgb trouble = styleOf(Condition::kTrouble).colour;
       const Rgb ground = mixed(kPanelGrey, trouble, 0.16F);
       int left = picture.width, right = -1, top = picture.height, bottom = -1;
@@ -170,7 +173,7 @@ TEST_F(States, theNeedOfATileIsVisibleBesideTheLongestNameAtEveryScale) {
 
 TEST_F(States, ofFiftyStationsThoseInNeedStandFirst) {
   lab_->screen = WindowScreen::kLab;
-  // by name they would stand the other way round
+  // sorted by name they would be the other way round
   for (int i = 0; i < 50; ++i) {
     auto status = practising((i < 3 ? "z-" : i < 8 ? "y-" : i < 15 ? "x-" : "w-") + std::to_string(i));
     if (i < 3) status.set_fault(2);
@@ -209,7 +212,7 @@ TEST_F(States, theLogInSaysWhichFieldIsWrong) {
   }
 }
 
-/// The live screen, with a lesson's samples given to it by hand.
+/// The live screen, fed with a lesson's samples by hand.
 class LiveStates : public States {
  protected:
   void SetUp() override {
@@ -279,7 +282,7 @@ TEST_F(LiveStates, lossesAreCounted) {
   lab_->live()->setSession(info_);
   EXPECT_THAT(shown(), HasSubstr("35 frames, 0 dropped"));
   feed(800, 840);
-  // both fit into the line of a window of 1280 pixels
+  // both fit into one line of a 1280-pixel window
   EXPECT_THAT(shown(), AllOf(HasSubstr("forces by effect: approximate"), HasSubstr("37 frames, 5 dropped")));
   lab_->live()->pause();
   EXPECT_THAT(shown(), AllOf(HasSubstr("forces by effect: approximate"), HasSubstr("PAUSED 0.0 s behind")));

@@ -14,7 +14,7 @@ using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
-/// Two stored lessons, of ada and, a minute later, of tina; each has 2.5 s.
+/// Two stored lessons of 2.5 s: ada's and, a minute later, tina's.
 class StoredActions : public WithMouse {
  protected:
   void SetUp() override {
@@ -99,11 +99,11 @@ TEST_F(StoredActions, aSearchGoesByFieldListAndKeyAndSaysWhichDayIsNone) {
   ASSERT_TRUE(click("##verdict"));
   ASSERT_TRUE(click("passed"));
   EXPECT_EQ(lab_->sessions.query().verdict, pb::ListSessions::PASSED) << "a choice searches at once";
-  // Enter is the search's; on an empty list it is the way out
+  // Enter starts the search; on an empty list it leaves the screen
   window_->sessions_screen.query = {};
   window_->sessions_screen.query.from = "yesterday";
   ASSERT_TRUE(click("Search"));
-  EXPECT_TRUE(stands("from: 'yesterday' is no day; it is written 2026-11-21")) << window_->text();
+  EXPECT_TRUE(stands("from: 'yesterday' is not a date; write it as 2026-11-21")) << window_->text();
   EXPECT_FALSE(stands("0 sessions")) << "nothing was looked for";
   window_->sessions_screen.query = {};
   window_->sessions_screen.query.search = "nobody";

@@ -1,4 +1,4 @@
-/// A server, its stations, and an instructor's window that is rendered into memory.
+/// A server, its stations, and an instructor's window rendered into memory.
 #pragma once
 
 // Included before the palette: otherwise GCC warns that enumerators of a scoped enum of the server shadow the
@@ -33,8 +33,8 @@ class WindowLab : public testing::Test {
   std::unique_ptr<InstructorWindow> window_;
   std::vector<std::string> printed_;
   const std::int64_t began_ns_ = steadyNowNs();
-  double frame_s_ = 0;  ///< how much further each frame puts the lab's clock, so that nothing waits for it
-  double ahead_s_ = 0;  ///< of the machine's clock
+  double frame_s_ = 0;  ///< advances the lab's clock by this much per frame, so nothing has to wait
+  double ahead_s_ = 0;  ///< relative to the machine's clock
 
   void SetUp() override {
     port_ = server_.server().port();

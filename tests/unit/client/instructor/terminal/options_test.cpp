@@ -31,12 +31,8 @@ TEST(InstructorOptions, whatMakesSensePasses) {
   EXPECT_TRUE(checkOptions(options).ok());
   auto speaker = good();
   speaker.station = "bench-1";
-  speaker.aids = "Depth, force";
-  speaker.stop = true;
-  speaker.annotate = "now";
+  speaker.message = "well done";
   speaker.once = true;
-  EXPECT_TRUE(checkOptions(speaker).ok());
-  speaker.aids = kResetAids;
   EXPECT_TRUE(checkOptions(speaker).ok());
   EXPECT_EQ(sessionBytes(options).size(), 16u);
   EXPECT_EQ(sessionBytes(options)[1], '\x9a');
@@ -68,13 +64,6 @@ TEST(InstructorOptions, whatDoesNotIsRefusedByName) {
       {"--station", [](auto& o) { o.session = kSession, o.station = "bench-1"; }},
       {"--replay", [](auto& o) { o.replay = true; }},
       {"--message", [](auto& o) { o.message = "hello"; }},
-      {"--stop", [](auto& o) { o.stop = true; }},
-      {"--aids", [](auto& o) { o.aids = "depth"; }},
-      {"--aids", [](auto& o) { o.aids = "fish", o.station = "bench-1"; }},
-      {"--annotate", [](auto& o) { o.annotate = "hm"; }},
-      {"--annotate", [](auto& o) { o.annotate = "hm", o.session = kSession, o.replay = true; }},
-      {"--at", [](auto& o) { o.at_s = 1, o.station = "bench-1"; }},
-      {"--at", [](auto& o) { o.at_s = -1, o.annotate = "hm", o.station = "bench-1"; }},
       {"--once", [](auto& o) { o.once = true, o.station = "bench-1"; }},
       {"--rate", [](auto& o) { o.rate_hz = -1; }},
       {"--rate", [](auto& o) { o.rate_hz = std::nan(""); }},

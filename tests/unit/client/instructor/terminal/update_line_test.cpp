@@ -1,9 +1,7 @@
 #include "client/instructor/terminal/update_line.h"
 
-#include <cmath>
 #include <span>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -48,7 +46,7 @@ TEST(UpdateLine, aLayerIsCalledByItsNameWhereItIsKnown) {
   const auto json = nlohmann::json::parse(jsonLine(known));
   EXPECT_EQ(json["layer_name"], "dura\x1b[2J");
   EXPECT_EQ(json["layer"], 2) << "for computers it stays, from 0";
-  // the profile has fewer layers, or is not known: people count from 1
+  // the profile has fewer layers or is unknown: counted from 1
   for (const Update& update : {updateOf(sample(), std::span(layers).first(2)), updateOf(sample())}) {
     EXPECT_THAT(textLine(update), HasSubstr("  layer 3  insertion"));
     EXPECT_FALSE(nlohmann::json::parse(jsonLine(update)).contains("layer_name"));
@@ -56,7 +54,7 @@ TEST(UpdateLine, aLayerIsCalledByItsNameWhereItIsKnown) {
   GestureSample outside = sample();
   outside.layer = -1;
   EXPECT_THAT(textLine(updateOf(outside, layers)), HasSubstr("  outside  insertion"));
-  // an overview's station says it itself
+  // in an overview the station reports it itself
   pb::StationStatus status;
   status.set_online(true);
   status.set_session_id(std::string(16, '\x01'));
@@ -67,25 +65,12 @@ TEST(UpdateLine, aLayerIsCalledByItsNameWhereItIsKnown) {
   EXPECT_LT(textLine(updateOf(status)).size(), 2000u);
 }
 
-TEST(UpdateLine, tellsOfTheSyringe) {
-  GestureSample before = sample(), now = sample();
-  before.plunger = 0.2;
-  now.plunger = 0.3;
-  now.time_ns = before.time_ns + 200'000'000;
-  EXPECT_EQ(syringeAction(before, now), "injecting");
-  EXPECT_EQ(syringeAction(before, before), "");
-  std::swap(before.plunger, now.plunger);
-  EXPECT_EQ(syringeAction(before, now), "aspirating");
-  Update update = updateOf(now);
-  EXPECT_THAT(textLine(update), HasSubstr("layer 3"));
-  EXPECT_THAT(textLine(update), HasSubstr("plunger  20 %"));
-  EXPECT_THAT(textLine(update), Not(HasSubstr("aspirating")));
-  update.syringe = syringeAction(before, now);
-  EXPECT_THAT(textLine(update), HasSubstr("plunger  20 %  aspirating"));
-  const auto json = nlohmann::json::parse(jsonLine(update));
-  EXPECT_EQ(json["syringe"], "aspirating");
-  EXPECT_DOUBLE_EQ(json["plunger"], 0.2);
-  // A status line has no plunger data.
+TEST(UpdateLine, onlyASampleTellsOfThePlunger) {
+  GestureSample now = sample();
+  now.plunger = 0.2;
+  const Update update = updateOf(now);
+  EXPECT_THAT(textLine(update), AllOf(HasSubstr("layer 3"), HasSubstr("plunger  20 %")));
+  EXPECT_DOUBLE_EQ(nlohmann::json::parse(jsonLine(update))["plunger"], 0.2);
   EXPECT_THAT(textLine(updateOf(pb::StationStatus())), Not(HasSubstr("plunger")));
 }
 
@@ -104,7 +89,7 @@ TEST(UpdateLine, jsonIsOneLineInSiUnits) {
 }
 
 TEST(UpdateLine, aStationWithoutALessonHasNoNeedle) {
-  // it goes on saying what its last lesson ended with
+  // it keeps reporting how its last lesson ended
   pb::StationStatus status;
   status.set_station("bench-1");
   status.set_online(true);
@@ -178,56 +163,6 @@ TEST(UpdateLine, overviewsTellOfflineAndIdle) {
   EXPECT_THAT(textLine(updateOf(status)), HasSubstr("idle"));
   status.set_session_id(std::string(16, '\x01'));
   EXPECT_THAT(textLine(updateOf(status)), HasSubstr("FREE"));
-}
-
-GestureSample at(double t_s, double plunger) {
-  GestureSample sample;
-  sample.time_ns = static_cast<std::int64_t>(t_s * 1e9) + 5'000'000'000;
-  sample.plunger = plunger;
-  return sample;
-}
-
-TEST(PlungerWatch, saysWhatThePlungerDoesAtOnceAndWhenItIsOver) {
-  for (const double rate : {1000.0, 100.0, 10.0}) {
-    SCOPED_TRACE(rate);
-    PlungerWatch watch;
-    for (int i = 0; i <= static_cast<int>(6 * rate); ++i) {
-      const double t = i / rate;
-      // back from 1 to 2 s, rest, pressed from 3 to 4 s
-      const double plunger = t < 1   ? 0.3
-                             : t < 2 ? 0.3 - 0.1 * (t - 1)
-                             : t < 3 ? 0.2
-                             : t < 4 ? 0.2 + 0.3 * (t - 3)
-                                     : 0.5;
-      watch.add(at(t, plunger));
-      const std::string expected = t > 1.25 && t < 2 ? "aspirating" : t > 3.25 && t < 4 ? "injecting" : "";
-      const double edge = std::round(t);  // the window's length after each change, either answer
-      const bool in_between = t >= edge - 0.051 && t <= edge + 0.351 && edge >= 1 && edge <= 4;
-      if (!in_between) {
-        EXPECT_EQ(watch.action(), expected) << t;
-      }
-    }
-  }
-}
-
-TEST(PlungerWatch, tremblingIsRest) {
-  PlungerWatch watch;
-  for (int i = 0; i < 3000; ++i) {
-    watch.add(at(0.001 * i, 0.5 + 0.0015 * std::sin(0.06 * i)));
-    ASSERT_EQ(watch.action(), "");
-  }
-}
-
-TEST(PlungerWatch, aGapOrAnotherSessionBeginsAnew) {
-  PlungerWatch watch;
-  EXPECT_EQ(watch.action(), "");
-  watch.add(at(1, 0.1));
-  watch.add(at(1.1, 0.3));
-  EXPECT_EQ(watch.action(), "injecting");
-  watch.add(at(5, 0.9));
-  EXPECT_EQ(watch.action(), "");
-  watch.add(at(0.5, 0.2));
-  EXPECT_EQ(watch.action(), "");
 }
 
 }  // namespace

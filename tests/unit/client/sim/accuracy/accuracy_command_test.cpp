@@ -1,4 +1,4 @@
-/// `needlelab-sim accuracy` from its command line.
+/// `needlelab-sim accuracy` through its command line.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -27,8 +27,8 @@ std::vector<ForceAtTime> exponentialHold(double rest_N, double drop_N, double ta
 TEST(Hold, exponentialFitFindsTheNumbersOfAnExponential) {
   const auto fit = fitHold(exponentialHold(0.26, 0.07, 1.7), StopMode::kExponential, evenBlock);
   ASSERT_TRUE(fit.ok()) << fit.error().message;
-  // the stop begins when the speed over 100 ms is below a sixth of 3 mm/s, and 10 ms of dwell later: until
-  // then the engine's force stays
+  // the stop begins when the speed over 100 ms falls below a sixth of 3 mm/s and 10 ms of dwell have passed;
+  // until then the engine's force stays
   const double late_s = 0.1 * 5 / 6 + 0.01;
   EXPECT_NEAR(fit->relax_time_s, 1.7, 0.05);
   EXPECT_NEAR(fit->force_N, 0.26 + 0.07 * std::exp(-late_s / 1.7), 0.001);
@@ -74,7 +74,7 @@ TEST(Hold, exponentialStopFollowsTheBovineHoldToAHundredthOfANewton) {
       ASSERT_TRUE(fit.ok() && ramp.ok());
       EXPECT_LE(fit->held_out.rms, 0.01);
       EXPECT_LT(fit->held_out.rms, ramp->held_out.rms);
-      // README of the data: one exponential, about 1.9 s, 0.257/0.337 left
+      // from the data's README: one exponential, about 1.9 s, 0.257/0.337 left
       EXPECT_NEAR(fit->relax_time_s, 1.9, 0.6);
       EXPECT_NEAR(fit->relax_residual, 0.76, 0.05);
       // single rows scatter by 0.009 N around the digitised line

@@ -1,4 +1,4 @@
-// Rates and intervals of meshes whose errors are made by a formula.
+// Rates and intervals of meshes whose errors follow a formula.
 #include "client/sim/accuracy/refinement.h"
 
 #include <gmock/gmock.h>
@@ -10,7 +10,7 @@ namespace needlelab {
 namespace {
 
 TEST(FinestError, findsTheOrderAndWhatTheFinestMisses) {
-  // true errors 100/n: against the mesh of 1600 they are less by 1/16
+  // true errors 100/n: compared with the mesh of 1600 they are smaller by 1/16
   const auto against = [](double n) { return 100 / n - 100 / 1600.0; };
   const FinestError found = finestError(100, against(100), 400, against(400), 1600);
   EXPECT_NEAR(found.order, 1, 1e-9);
@@ -59,7 +59,7 @@ TEST(MeshRows, nameAStrokeThatHangsOnWhetherItCuts) {
   EXPECT_THAT(rows[1].cannot_show, testing::Not(testing::HasSubstr("first cuts")));
 }
 
-// the trap of before: the needle indented 57 mm, the whole stroke, before it cut
+// an earlier mistake: the needle indented 57 mm, the whole stroke, before it cut
 TEST(FemScene, meetsTheStiffnessOfTheScenesWallsAndCutsEarly) {
   const auto scene = femScene();
   ASSERT_TRUE(scene.ok()) << scene.error().message;
@@ -68,7 +68,7 @@ TEST(FemScene, meetsTheStiffnessOfTheScenesWallsAndCutsEarly) {
   ASSERT_TRUE(meshes.ok());
   const MeshRow& mesh = meshes->front();
   ASSERT_TRUE(mesh.first_cut_m);
-  // the first layer's cutting force at the walls' stiffness, and the coarse mesh is stiffer
+  // the first layer's cutting force at the walls' stiffness; the coarse mesh is stiffer
   const double indent_m = scene->spec.fem.layers[0].cutting_N / scene->spec.tracking_wall.stiffness_N_per_m;
   EXPECT_GT(*mesh.first_cut_m, 0.5 * indent_m);
   EXPECT_LT(*mesh.first_cut_m, 1.02 * indent_m);

@@ -1,4 +1,4 @@
-// Recorded hands: the engine at the station's rate against itself, on paths whose answer is known.
+// Recorded hands: the engine at the station's rate compared with itself, on paths with a known answer.
 #include "client/sim/accuracy/replay.h"
 
 #include <gmock/gmock.h>
@@ -21,7 +21,7 @@ RecordedHand straightHand(double speed_mps) {
   return hand;
 }
 
-// a spring that follows: the held force lags by half a tick in the mean, v·T/2·K, spread over the tick
+// a spring that follows: the held force lags by half a tick on average, v·T/2·K, spread over the tick
 TEST(Replay, aSpringsErrorIsThatOfTheHeldTickAndTheEncodersStep) {
   SceneSpec scene;
   scene.axial_model = AxialModel::kVoigt;
@@ -36,7 +36,7 @@ TEST(Replay, aSpringsErrorIsThatOfTheHeldTickAndTheEncodersStep) {
   constexpr double kSpeed = 0.2;
   const auto error = replayError(scene, straightHand(kSpeed));
   ASSERT_TRUE(error.ok()) << error.error().message;
-  // rms of 0 … 15 sixteenths of a tick's way, at 500 N/m; the encoder's 10 µm add at most 2.5 mN
+  // rms of 0 … 15 sixteenths of a tick's distance, at 500 N/m; the encoder's 10 µm add at most 2.5 mN
   const double tick_N = 500 * kSpeed / kStationRate_hz;
   const double held_N = tick_N * std::sqrt(15.0 * 31 / 6) / 16;
   EXPECT_NEAR(error->rms_N(), held_N, 0.0026);

@@ -110,7 +110,7 @@ TEST(Sentences, ofMeshesSayWhatToBuyFirst) {
               HasSubstr("15 stations take 1.0 µs and miss 250 mN, 60 take 4.0 µs and miss 50 mN"));
 }
 
-// line nearer than the best model: no model is bought for its place
+// a line closer than the best model: do not choose a model for its rank
 TEST(Sentences, ofCurvesDoNotRankModels) {
   AccuracyRows rows = {rowOf(Comparator::kValidation, "VOIGT", 0.1),
                        rowOf(Comparator::kValidation, "DIRECT", 0.2),
@@ -127,7 +127,7 @@ TEST(Sentences, ofCostOrderTicksBeyondTheirPrintedRangesOnly) {
   rows[1].margin = 0.5;
   EXPECT_THAT(costSentence(rows), HasSubstr("takes 1 to 2.5 µs in the median"));
   EXPECT_THAT(costSentence(rows), HasSubstr("99 % take below 50 µs, 5.0 % of the millisecond"));
-  EXPECT_THAT(costSentence(rows), HasSubstr("time orders none of them"));
+  EXPECT_THAT(costSentence(rows), HasSubstr("time does not rank them"));
   EXPECT_THAT(costSentence(rows), HasSubstr("K margin: 0.5 (VOIGT)"));
   rows[1].time->p50_ns = 4000;
   EXPECT_THAT(costSentence(rows), HasSubstr("DIRECT is quicker than VOIGT"));

@@ -1,4 +1,4 @@
-// A row's error and share, against formulas.
+// A row's error and share, checked by formulas.
 #include "client/sim/accuracy/row.h"
 
 #include <gtest/gtest.h>
@@ -19,14 +19,14 @@ TEST(ForceErrors, beyondIsSevenPercentOfTheLocalForceAndNeverLessThanAStepThatAH
   ForceError error;
   error.add(10.6, 10);  // 6 %
   error.add(10.8, 10);  // 8 %
-  error.add(0.01, 0);   // 10 mN beside nothing
+  error.add(0.01, 0);   // 10 mN where the truth is 0
   error.add(-0.03, 0);  // 30 mN
   EXPECT_EQ(error.count(), 4u);
   EXPECT_DOUBLE_EQ(error.beyond(), 0.5);
   EXPECT_NEAR(error.rms_N(), std::sqrt((0.36 + 0.64 + 0.0001 + 0.0009) / 4), 1e-12);
 }
 
-// the same 0.3 N is 3 % of a great force and 30 % of a small one: one limit for a whole scene hid that
+// the same 0.3 N is 3 % of a large force and 30 % of a small one: a single limit for the whole scene hid that
 TEST(ForceErrors, theSameErrorIsBeyondBesideLittleForceOnly) {
   ForceError great, small;
   great.add(10.3, 10);
@@ -40,7 +40,7 @@ TEST(ForceErrors, aRowsIntervalIsStudentsOverItsGestures) {
   for (std::size_t i = 0; i < 3; ++i) gestures[i].add(0.1 * static_cast<double>(i + 1), 0);
   AccuracyRow row;
   setError(row, gestures);
-  // mean 0.2, standard deviation 0.1; t of 2 degrees of freedom 4.303
+  // mean 0.2, standard deviation 0.1; t with 2 degrees of freedom 4.303
   EXPECT_NEAR(row.error_N->mean, 0.2, 1e-12);
   EXPECT_NEAR(row.error_N->high, 0.2 + 4.303 * 0.1 / std::sqrt(3.0), 1e-4);
   EXPECT_EQ(row.error_N->low, 0) << "no error is negative";

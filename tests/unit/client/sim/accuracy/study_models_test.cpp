@@ -33,13 +33,13 @@ TEST(StudyModels, haveTheStiffnessOfTheScenesWalls) {
   EXPECT_EQ(stations, std::set<int>(std::begin(kStationCounts), std::end(kStationCounts)));
 }
 
-// whether the printed intervals of two ticks, p50 to p99.9, leave their order open
+// false if the printed intervals of two ticks, p50 to p99.9, leave their order open
 bool surelyLess(const LoopTimes& a, const LoopTimes& b) {
   return a.p999_ns < b.p50_ns;
 }
 
-// Idle and beside two busy threads: outside the printed intervals no pair of models changes its order. The
-// margins are formulas and the same.
+// Idle and beside two busy threads: no pair of models changes its order beyond the printed intervals. The
+// margins are formulas and stay the same.
 TEST(MeasureCosts, twoRunsIdleAndBesideLoadGiveTheSameOrderOutsideTheirIntervals) {
   if (!test::longForm()) GTEST_SKIP() << "compares times: NEEDLELAB_LONG=1";
   const auto idle = measureCosts(0.3, quiet);
@@ -64,7 +64,7 @@ TEST(MeasureCosts, twoRunsIdleAndBesideLoadGiveTheSameOrderOutsideTheirIntervals
                    surelyLess(*(*loaded)[b].time, *(*loaded)[a].time))
           << (*idle)[a].model << " and " << (*idle)[b].model;
   }
-  // b/(T (1/2 + delay))/K: 1.7 N·s/m, a tick of delay, 500 N/m
+  // b/(T (1/2 + delay))/K: 1.7 N·s/m, one tick of delay, 500 N/m
   EXPECT_NEAR(idle->front().margin, 1.7 * 1000 / 1.5 / 500, 1e-9);
 }
 

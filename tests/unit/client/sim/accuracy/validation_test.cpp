@@ -1,4 +1,4 @@
-// Models beside measured curves: baselines in each question, and what a curve cannot show.
+// Models compared with measured curves: baselines in each question, and the limits of what a curve shows.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

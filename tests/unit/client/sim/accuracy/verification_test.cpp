@@ -1,4 +1,4 @@
-// The engine beside closed forms: each law as it is written is accepted, a wrong one is rejected.
+// The engine compared with closed forms: each law as documented is accepted, a wrong one is rejected.
 #include "client/sim/accuracy/verification.h"
 
 #include <gtest/gtest.h>
@@ -26,7 +26,7 @@ TEST(ClosedForms, areThereForEveryModelButThoseWithoutAFormula) {
   EXPECT_EQ(models.count(AxialModel::kStatistical) + models.count(AxialModel::kFem), 0u);
 }
 
-// by hand: layers of 10 mm with 2, 3 and 4 N, walls of 500 N/m; in, the spring is full after 4 mm
+// by hand: layers of 10 mm with 2, 3 and 4 N, walls of 500 N/m; on the way in the spring is full after 4 mm
 TEST(ClosedForms, theWallsForceIsThatOfTheScene) {
   const ClosedForm& wall = formOf(AxialModel::kEnhancedTrackingWall);
   const TurnGesture gesture{0.001, 0.025, 0.01};
@@ -34,14 +34,15 @@ TEST(ClosedForms, theWallsForceIsThatOfTheScene) {
   EXPECT_DOUBLE_EQ(wall.force_N(gesture, 0.008, false), -2);
   EXPECT_DOUBLE_EQ(wall.force_N(gesture, 0.011, false), -2.5);
   EXPECT_DOUBLE_EQ(wall.force_N(gesture, 0.02, false), -3);
-  // out: it gives 4 N back over 8 mm, then pulls with up to 1 N, which fades out over the last 2 mm
+  // out: it gives back 4 N over 8 mm, then pulls with up to 1 N, which fades out over the last 2 mm
   EXPECT_DOUBLE_EQ(wall.force_N(gesture, 0.021, true), -2);
   EXPECT_NEAR(wall.force_N(gesture, 0.017, true), 0, 1e-12);
   EXPECT_DOUBLE_EQ(wall.force_N(gesture, 0.01, true), 1);
   EXPECT_DOUBLE_EQ(wall.force_N(gesture, 0.001, true), 0.5);
 }
 
-// without steps of encoder and at a high rate the engine gives the formula: what is left falls with the rate
+// without encoder steps and at a high rate the engine gives the formula: the remaining error falls with the
+// rate
 TEST(Verification, everyModelGoesToItsClosedFormWithTheRate) {
   const TurnGesture gesture = turnGestures(1).front();
   for (const ClosedForm& form : closedForms()) {
@@ -55,7 +56,7 @@ TEST(Verification, everyModelGoesToItsClosedFormWithTheRate) {
   }
 }
 
-// A scene that we make: the model's own law is accepted. The same law with 10 % more stiffness or cutting,
+// A manufactured scene: the model's own law is accepted. The same law with 10 % more stiffness or cutting,
 // the law of 2018 (no attraction) and other models' laws are rejected.
 TEST(ManufacturedScene, acceptsTheTrueLawAndRejectsWrongOnes) {
   const ClosedForm& wall = formOf(AxialModel::kEnhancedTrackingWall);

@@ -1,4 +1,4 @@
-// `needlelab-sim benchmark` from its command line.
+// `needlelab-sim benchmark` through its command line.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "client/sim/tools/gnuplot.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "tests/support/recordings/recordings.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/sim/sim_run.h"
@@ -24,7 +24,7 @@ std::string madeData() {
 
 TEST(BenchmarkCommand, givesTablesJsonCsvAndPicture) {
   const TempFolder folder;
-  // To inspect them: NEEDLELAB_PICTURES=folder.
+  // To keep them for inspection: NEEDLELAB_PICTURES=folder.
   const char* keep = std::getenv("NEEDLELAB_PICTURES");
   const auto out = keep != nullptr ? std::filesystem::path(keep) : folder.path() / "new" / "out";
   const auto json_file = folder.path() / "rows.json";
@@ -56,7 +56,7 @@ TEST(BenchmarkCommand, givesTablesJsonCsvAndPicture) {
 
 TEST(BenchmarkCommand, aFolderOfSpecimensIsAskedAboutAnUnseenOne) {
   const TempFolder folder;
-  // 100, 110 and 120 N/m from the surface on: the mean of two others is off by 15, 0 and 15 N/m
+  // 100, 110 and 120 N/m from the surface on: the mean of the two others is off by 15, 0 and 15 N/m
   for (int specimen = 0; specimen < 3; ++specimen) {
     std::string text = "depth_m,force_n\n";
     for (int i = 0; i <= 100; ++i)

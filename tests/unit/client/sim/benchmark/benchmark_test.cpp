@@ -1,4 +1,4 @@
-// The benchmark against sets whose truth is known.
+// The benchmark on sets whose truth is known.
 #include "client/sim/benchmark/benchmark.h"
 
 #include <gmock/gmock.h>
@@ -78,7 +78,7 @@ TEST(Benchmark, findsTheEnginesModelThatMadeTheCurves) {
   const QuestionResult& speed = report.questions.at(0);
   const BenchmarkRow& voigt = rowOf(speed, "VOIGT");
   EXPECT_EQ(voigt.verdict, BenchmarkVerdict::kNamed) << benchmarkText(report);
-  // rows scatter by 0.02/√3 N, a bin has two or three of them
+  // rows scatter by 0.02/√3 N, and a bin has two or three of them
   EXPECT_LT(voigt.error_N, 0.012);
   EXPECT_LE(voigt.error_N, 1.02 * speed.best()->error_N) << benchmarkText(report);
   ASSERT_TRUE(voigt.energy_given_J.has_value());
@@ -117,11 +117,11 @@ TEST(Benchmark, oneRecordedCurveIsFittedAndPredictsNothing) {
     const QuestionResult& blocks = report.questions[1];
     EXPECT_EQ(blocks.what, HoldOut::kBlocks);
     if (recordings.real) {
-      // no model of 20 numbers follows the curve as closely as its own dots do
+      // no model with 20 parameters follows the curve as closely as its own dots
       EXPECT_LT(rowOf(blocks, "CONNECT_THE_DOTS").error_N, blocks.best()->error_N);
       EXPECT_NEAR(rowOf(blocks, "CONNECT_THE_DOTS").error_N, 0.081, 0.002);
     }
-    // a baseline through all dots has no residue, so no width: its band is missed
+    // a baseline through all dots has no residue and therefore no width: its band is missed
     EXPECT_THAT(rowOf(blocks, "CONNECT_THE_DOTS").band, HasSubstr("too narrow"));
   }
 }
@@ -173,14 +173,15 @@ TEST(Benchmark, holdAndWithdrawalAreAskedOfModelsThatCanAnswer) {
   const BenchmarkReport report = ran(madeSet(madeVoigt(), made), {HoldOut::kHold, HoldOut::kWithdrawal}, 10);
   ASSERT_EQ(report.questions.size(), 2u) << benchmarkText(report);
   for (const QuestionResult& question : report.questions) {
-    // the damper is 0.1 and 0.4 N, gone at rest and against the spring on the way out: only VOIGT says so
+    // the damper gives 0.1 and 0.4 N, nothing at rest, and opposes the spring on the way out: only VOIGT
+    // models this
     EXPECT_EQ(question.best()->model, "VOIGT") << benchmarkText(report);
     EXPECT_EQ(question.best()->verdict, BenchmarkVerdict::kNamed) << benchmarkText(report);
     EXPECT_LT(question.best()->error_N, 0.03);
     for (const BenchmarkRow& row : question.rows) EXPECT_NE(row.model, "GORDON_EXPONENTIAL");
   }
   EXPECT_THAT(report.notes,
-              testing::Contains(HasSubstr("GORDON_EXPONENTIAL is left out: it knows the way in only")));
+              testing::Contains(HasSubstr("GORDON_EXPONENTIAL is omitted: it knows the way in only")));
 }
 
 TEST(Benchmark, optionsOutOfRangeAreRefused) {

@@ -1,4 +1,4 @@
-// Force curves from files that are not trusted.
+// Force curves from untrusted files.
 #include "client/sim/benchmark/curve_set.h"
 
 #include <gmock/gmock.h>
@@ -17,7 +17,7 @@ namespace {
 using test::TempFolder;
 using testing::HasSubstr;
 
-/// A row a 0.5 mm, 100 N/m.
+/// One row per 0.5 mm, 100 N/m.
 std::string rows(int count, const std::string& behind = "", double step_m = 5e-4) {
   std::string text;
   for (int i = 0; i < count; ++i)
@@ -28,7 +28,8 @@ std::string rows(int count, const std::string& behind = "", double step_m = 5e-4
 const std::string kHeader = "depth_m,force_n,specimen,needle,tissue,speed_m_s\n";
 const std::string kWords = ",s1,18G,liver,0.003";
 
-/// Rows of one phase, 10 ms apart, from 5 mm on by `step_m` (an insertion: to 5 mm, from the surface on).
+/// Rows of one phase, 10 ms apart, from 5 mm on in steps of `step_m` (an insertion: up to 5 mm, from the
+/// surface on).
 std::string phaseRows(const std::string& phase, int from, int count, double step_m = 0) {
   std::string text;
   for (int i = 0; i < count; ++i)
@@ -58,7 +59,7 @@ TEST(CurveSet, columnsSayAllThatIsKnown) {
   ASSERT_EQ(set->curves.size(), 3u);
   EXPECT_EQ(set->curves[0].tissue, "gel");
   EXPECT_EQ(set->curves[0].speed_mps, 0.01);
-  // the row that goes back is put in order, with its force
+  // the row that goes back is sorted in, with its force
   for (std::size_t i = 0; i < 8; ++i) {
     EXPECT_DOUBLE_EQ(set->curves[0].depth_m[i], i == 3 ? 0.0037 : 0.001 * static_cast<double>(i));
     EXPECT_DOUBLE_EQ(set->curves[0].force_N[i], static_cast<double>(i));
@@ -127,7 +128,7 @@ TEST(CurveSet, phasesAreReadFromTheirColumn) {
   EXPECT_EQ(curve.hold.t_s.front(), 0);
   EXPECT_NEAR(curve.hold.t_s.back(), 0.49, 1e-9);
   EXPECT_EQ(curve.hold.force_N.front(), 11);
-  // in order of depth: the last row first
+  // sorted by depth: the last row first
   ASSERT_EQ(curve.withdrawal.depth_m.size(), 10u);
   EXPECT_NEAR(curve.withdrawal.depth_m.front(), 0.0005, 1e-12);
   EXPECT_EQ(curve.withdrawal.force_N.front(), 70);
@@ -136,7 +137,7 @@ TEST(CurveSet, phasesAreReadFromTheirColumn) {
 
 TEST(CurveSet, phasesAreRecognisedFromDepthOverTime) {
   const TempFolder folder;
-  // 10 mm in 2 s, 3 s of rest that shakes by 20 µm, 10 mm out in 1 s; a row each 20 ms
+  // 10 mm in 2 s, 3 s of rest with 20 µm of tremor, 10 mm out in 1 s; one row per 20 ms
   std::string text = "t_s,depth_m,force_n,specimen,needle,tissue\n";
   for (int i = 0; i <= 300; ++i) {
     const double t = 0.02 * i;
@@ -182,7 +183,7 @@ TEST(CurveSet, aDescriptionSaysWhatColumnsDoNot) {
   ASSERT_EQ(set->curves.size(), 1u);
   EXPECT_EQ(set->curves[0].diameter_m, 0.00127);
   ASSERT_EQ(set->notes.size(), 2u);
-  EXPECT_THAT(set->notes[1], HasSubstr("other.csv is left out: it says nothing of force_n"));
+  EXPECT_THAT(set->notes[1], HasSubstr("other.csv is omitted: it says nothing of force_n"));
 }
 
 TEST(CurveSet, aKnownDataSetNeedsNoDescription) {
@@ -219,7 +220,7 @@ TEST(CurveSet, whatIsWrongIsNamedWithFileLineFieldAndValue) {
       {"depth_m,depth_m,force_n\n0,0,0\n", {"line 1", "'depth_m'", "twice"}},
       {kHeader + rows(7, kWords), {"line 2", "7 rows", "at least 8"}},
       {"phase,t_s," + kHeader + "pull,0,0,0" + kWords + "\n",
-       {"line 2", "'phase'", "'pull'", "insert, hold, withdraw"}},
+       {"line 2", "'phase'", "'pull'", "insert, hold or withdraw"}},
       {"phase,t_s," + kHeader + "hold,0,0,0" + kWords + "\ninsert,1,0,0" + kWords + "\n",
        {"line 3", "'phase'", "'insert' comes after 'hold'"}},
       {"phase," + kHeader + "hold,0,0" + kWords + "\n", {"line 2", "'phase'", "'t_s'"}},
@@ -241,7 +242,7 @@ TEST(CurveSet, whatIsWrongIsNamedWithFileLineFieldAndValue) {
       {"t_s,force_n,specimen,needle,tissue,speed_m_s\n0,0,s,n,t,1\n1,0,s,n,t,1\n2,0,s,n,t,1\n3,0,s,n,t,1\n"
        "4,0,s,n,t,1\n5,0,s,n,t,1\n6,0,s,n,t,1\n7,0,s,n,t,1\n",
        {"line 2", "depth of 2 m", "[-0.05, 1]"}},
-      {"depth_m,force_n\n0,0\n", {"no force curve", "specimen", "bad.csv is left out"}},
+      {"depth_m,force_n\n0,0\n", {"no force curve", "specimen", "bad.csv is omitted"}},
   };
   for (const auto& one : cases) {
     const TempFolder folder;

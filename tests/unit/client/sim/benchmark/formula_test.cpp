@@ -1,4 +1,4 @@
-// The laws by their own formulas: what a rupture costs, and how speed and diameter change it.
+// The laws checked by their own formulas: what a rupture costs, and how speed and diameter change it.
 #include "client/sim/benchmark/formula.h"
 
 #include <gtest/gtest.h>
@@ -9,7 +9,7 @@
 namespace needlelab {
 namespace {
 
-/// Bins of a line of 100 N/m from 2 mm to a rupture at 10 mm, 0.3 N behind, for each kind.
+/// Bins of a line of 100 N/m from 2 mm to a rupture at 10 mm, then 0.3 N, for each kind.
 TrainingSet trainedOn(const std::vector<InsertionKind>& kinds) {
   TrainingSet training;
   PooledBins pooled;
@@ -44,7 +44,7 @@ bool has(const Formula& formula, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
-// where the force falls: the first depth behind its greatest value
+// where the force drops: the first depth after its maximum
 double ruptureAt(const Formula& law, const std::vector<double>& values, const InsertionKind& kind) {
   std::vector<double> depth_m;
   for (double d = 0; d < 0.02; d += 1e-6) depth_m.push_back(d);
@@ -77,8 +77,8 @@ TEST(RateDependentFracture, aFasterNeedleRupturesEarlierAndNeverBelowTheElasticL
     EXPECT_LT(at_m, before_m) << speed;
     before_m = at_m;
   }
-  // infinitely fast the Maxwell element is a spring of 2 k: the same work at z₀ √((1 + 2 s²)/3), where
-  // s = L/z₀ (1 − e^(−z₀/L)) of the reference
+  // infinitely fast, the Maxwell element is a spring of 2 k: the same work at z₀ √((1 + 2 s²)/3), where s =
+  // L/z₀ (1 − e^(−z₀/L)) of the reference
   const double L = 0.0015, z = 0.008, s = L / z * (1 - std::exp(-z / L));
   EXPECT_NEAR(ruptureAt(law, kOneRupture, {1000, 0}) - 0.002, z * std::sqrt((1 + 2 * s * s) / 3), 1e-5);
 }
@@ -90,7 +90,7 @@ TEST(RateDependentFracture, speedAndDiameterHaveExponentsOnlyWhereTheyVaried) {
   const Formula none = rateDependentFracture(trainedOn({{0.003, 0.001}}), 20);
   EXPECT_FALSE(has(none, "exponent of speed"));
   EXPECT_FALSE(has(none, "exponent of diameter"));
-  // with one diameter fitted on, force grows in proportion to it
+  // fitted on one diameter, the force grows in proportion to it
   const auto thin = none.forces(kOneRupture, {0.003, 0.001}, {0.008});
   const auto wide = none.forces(kOneRupture, {0.003, 0.0015}, {0.008});
   EXPECT_NEAR(wide[0] / thin[0], 1.5, 1e-12);
@@ -108,7 +108,7 @@ TEST(RateDependentFracture, cuttingGrowsWithTheFittedPowerOfSpeed) {
 TEST(GordonExponential, risesToItsForceAndFallsWithItsLength) {
   const Formula law = gordonExponential(trainedOn({{0.003, 0}}), 20);
   ASSERT_EQ(law.parameters.size(), 6u);
-  // curvature, fall, top, rupture, force, behind
+  // curvature, fall, top, rupture, force, force after it
   const std::vector<double> values = {2, 0.001, 0.002, 0.01, 0.8, 0.3};
   const auto force_N = law.forces(values, {0.003, 0}, {0.001, 0.006, 0.00999999, 0.011, 0.019});
   EXPECT_EQ(force_N[0], 0);

@@ -1,4 +1,4 @@
-// What a fold shows to a model, and what it keeps from it.
+// What a fold shows to a model, and what it withholds.
 #include "client/sim/benchmark/training.h"
 
 #include <gtest/gtest.h>
@@ -9,7 +9,7 @@
 namespace needlelab {
 namespace {
 
-/// A line of `slope` N/m to 10 mm, ten rows a millimetre.
+/// A line of `slope` N/m to 10 mm, ten rows per millimetre.
 ForceCurve lineOf(const std::string& specimen, const std::string& needle, double speed_mps, double slope) {
   ForceCurve curve;
   curve.name = specimen + needle;
@@ -43,12 +43,12 @@ TEST(Folds, eachSpecimenIsHeldOutOnceAndNeverSeenThen) {
       if (!fold.fit_on(i, curves[i].curve.bins.front())) held_out.insert(i);
   EXPECT_EQ(held_out, (std::set<std::size_t>{0, 1, 2}));
 
-  // held out: a. The others are 200 and 600 N/m, their mean 400 N/m
+  // held out: a. The others have 200 and 600 N/m, mean 400 N/m
   const TrainingSet training = trainingSet(curves, folds[0]);
   for (std::size_t i = 0; i < training.all.bins.size(); ++i) {
     EXPECT_NEAR(training.all.bins[i].value, 400 * training.all.bins[i].at, 1e-12);
     EXPECT_EQ(training.all.counts[i], 2);
-    // each is off by 200 N/m
+    // each one is off by 200 N/m
     EXPECT_NEAR(training.all.squares[i], 2 * std::pow(200 * training.all.bins[i].at, 2), 1e-9);
   }
   ASSERT_EQ(training.kinds.size(), 1u);

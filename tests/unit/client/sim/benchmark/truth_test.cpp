@@ -1,4 +1,4 @@
-// Whether the benchmark names the law that made the curves, or one that is as good; and none for noise.
+// Whether the benchmark names the law that generated the curves, or an equally good one, and none for noise.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -21,8 +21,8 @@ using test::MadeSet;
 struct KnownTruth {
   const char* name;
   MadeLaw law;
-  std::vector<std::string> right;  ///< any of these must be named; empty: none may be
-  std::vector<std::string> wrong;  ///< none of these may be named: they lack what the law depends on
+  std::vector<std::string> right;  ///< one of these must be named; empty: none may be
+  std::vector<std::string> wrong;  ///< none of these may be named: they lack a dependency of the law
   double specimens_off;
   std::uint64_t seed = 1;
 };
@@ -74,7 +74,7 @@ std::vector<KnownTruth> truths() {
                     "FIRST_ORDER", "OKAMURA", "DAHL", "STATISTICAL", "GORDON_EXPONENTIAL"},
                    off,
                    seed});
-    // walls and DIRECT with a force for each layer are one law on the way in
+    // walls, and DIRECT with a force per layer, are the same law on the way in
     all.push_back({"layers",
                    test::madeLayers(),
                    {"ENHANCED_TRACKING_WALL", "TRACKING_WALL", "DIRECT"},
@@ -82,7 +82,7 @@ std::vector<KnownTruth> truths() {
                     "GORDON_EXPONENTIAL"},
                    off,
                    seed});
-    // on the way in DAHL is OKAMURA with another friction
+    // on the way in DAHL is OKAMURA with a different friction
     all.push_back({"Okamura", test::madeOkamura(), {"OKAMURA", "DAHL"}, {"VOIGT", "GOD_OBJECT"}, off, seed});
     all.push_back({"noise", test::madeNoise(6 + seed), {}, {}, off, seed});
   }

@@ -1,4 +1,4 @@
-// The baselines through bins whose values are known.
+// The baselines through bins with known values.
 #include "client/sim/curves/baseline.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// Tests the search and the error measures of the fits.
+// The search and the error measures of the fits.
 #include "client/sim/curves/curve_fit.h"
 
 #include <gtest/gtest.h>
@@ -57,7 +57,7 @@ TEST(CurveBins, doNotStraddleBlocksAndKeepEveryRow) {
 }
 
 TEST(CurveBins, errorIsThatOfMeansAndTheScatterIsTheFloorOfRows) {
-  // one bin of 0 and 2, one of 5; the model says 1.5 and 5.5
+  // one bin with 0 and 2, one with 5; the model says 1.5 and 5.5
   const auto bins = binned({0.1, 0.2, 1.1}, {0, 2, 5}, 0.5, 0.5);
   const auto error = curveError(bins, {0, 2, 5}, {1.5, 1.5, 5.5}, [](const CurveBin&) { return true; });
   EXPECT_DOUBLE_EQ(error.rms, 0.5);

@@ -1,4 +1,4 @@
-// The models' first guesses on curves whose numbers are known in closed form.
+// The models' initial guesses on curves whose parameters are known in closed form.
 #include "client/sim/curves/curve_models.h"
 
 #include <gtest/gtest.h>
@@ -6,7 +6,7 @@
 #include <cmath>
 #include <functional>
 
-#include "common/haptics/limits.h"
+#include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 namespace {
@@ -31,7 +31,7 @@ std::vector<double> startsOf(const CurveModel& model) {
   return starts;
 }
 
-/// 100 N/m from 2 mm on; falls to 0.2 N behind 10 mm, and rises again with 50 N/m.
+/// 100 N/m from 2 mm on; falls to 0.2 N after 10 mm, and rises again at 50 N/m.
 double oneRupture(double depth_m) {
   if (depth_m < 2e-3) return 0;
   return depth_m <= 10e-3 ? 100 * (depth_m - 2e-3) : 0.2 + 50 * (depth_m - 10e-3 - kBin_m);
@@ -55,7 +55,7 @@ TEST(FindRuptures, aFallAtTheEndCountsAndAWobbleOnTheWayDownDoesNotCutItInTwo) {
   ASSERT_EQ(ruptures.size(), 1u);
   EXPECT_NEAR(ruptures[0].valley_N, 0.2, 1e-12);
   EXPECT_NEAR(ruptures[0].valley_m, 20e-3, 1e-12);
-  // up by less than a third of the least fall in between
+  // rises by less than a third of the smallest fall between them
   const auto wobbles = [&](double depth_m) {
     return falls(depth_m) + (std::abs(depth_m - 15e-3) < 0.5 * kBin_m ? 0.09 : 0);
   };
@@ -71,7 +71,7 @@ TEST(LayeredModel, cutsAStaircaseAtItsStepsAndTakesEachStepsForce) {
   const CurveScene scene = model.scene(startsOf(model));
   EXPECT_EQ(scene.surface_m, 0);
   ASSERT_EQ(scene.spec.layers.size(), 3u);
-  // a step lies halfway between the last bin before it and the first behind
+  // a step lies halfway between the last bin before it and the first after it
   EXPECT_NEAR(scene.spec.layers[0].thickness_m, 5e-3 - 0.5 * kBin_m, 1e-12);
   EXPECT_NEAR(scene.spec.layers[1].thickness_m, 7e-3, 1e-12);
   EXPECT_DOUBLE_EQ(scene.spec.layers[0].cutting_force_N, 0.5);
@@ -90,7 +90,7 @@ TEST(LineModel, beginsAtTheContactWithTheSlopeOfTheCurve) {
   const auto line = [](double depth_m) { return std::max(0.0, 200 * (depth_m - 4e-3)); };
   const CurveModel direct = lineModel(AxialModel::kDirect, binsOf(line));
   ASSERT_EQ(direct.parameters.size(), 2u);
-  // the contact is the last bin with at most 5 % of the greatest force: 0.16 N, at 4.75 mm
+  // the contact is the last bin with at most 5 % of the maximum force: 0.16 N, at 4.75 mm
   EXPECT_NEAR(direct.parameters[0].start, 4.75e-3, 1e-12);
   EXPECT_NEAR(direct.parameters[1].start, 200 * 16e-3 / (20e-3 - 4.75e-3), 1e-9);
   const CurveModel voigt = lineModel(AxialModel::kVoigt, binsOf(line));
@@ -103,7 +103,8 @@ TEST(LineModel, beginsAtTheContactWithTheSlopeOfTheCurve) {
 
 TEST(GodObjectModel, hasOneSlopeAndATopPerRupture) {
   const CurveModel model = godObjectModel(binsOf(oneRupture));
-  // stiffness, top and place of the rupture; the contact is the last bin up to 5 % of 0.8 N, at 2.25 mm
+  // stiffness, top and position of the rupture; the contact is the last bin with at most 5 % of 0.8 N, at
+  // 2.25 mm
   ASSERT_EQ(model.parameters.size(), 3u);
   EXPECT_NEAR(model.parameters[1].start, 2.25e-3, 1e-12);
   EXPECT_NEAR(model.parameters[2].start, 10e-3, 1e-12);
@@ -123,7 +124,7 @@ TEST(TableModel, hasARowPerMillimetreWithTheCurvesForce) {
 }
 
 TEST(CurveModels, keepToTheNumbersThatTheyMayHave) {
-  // a sawtooth of eight ruptures of 0.25 to 2 N: the smallest are left out first
+  // a sawtooth of eight ruptures of 0.25 to 2 N: the smallest are dropped first
   const auto saw = [](double depth_m) {
     const double tooth = std::floor(depth_m / 2.5e-3);
     return (depth_m - 2.5e-3 * tooth) * 100 * (4 + tooth);

@@ -1,4 +1,4 @@
-// Bands of a distribution of forces, against formulas.
+// Bands of a distribution of forces, checked by formulas.
 #include "client/sim/curves/force_band.h"
 
 #include <gtest/gtest.h>

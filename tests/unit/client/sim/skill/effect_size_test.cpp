@@ -17,7 +17,7 @@ TEST(EffectSize, cliffsDeltaByHand) {
 }
 
 TEST(EffectSize, hedgesGByHand) {
-  // means 2 and 5, both of variance 1: d = 3, n = 6: times 1 − 3/15
+  // means 2 and 5, both with variance 1: d = 3, n = 6: times 1 − 3/15
   EXPECT_DOUBLE_EQ(hedgesG(std::vector<double>{1, 2, 3}, std::vector<double>{4, 5, 6}), 3 * (1 - 3 / 15.0));
   EXPECT_EQ(hedgesG(std::vector<double>{1, 1}, std::vector<double>{1, 1}), 0);
   EXPECT_EQ(hedgesG(std::vector<double>{1, 1}, std::vector<double>{2, 2}), INFINITY);
@@ -44,7 +44,7 @@ TEST(EffectSize, turnsItsSignWithTheGroupsAndBearsShiftAndScale) {
     EXPECT_NEAR(hedgesG(a_moved, b_moved), hedgesG(a, b), 1e-9);
     EXPECT_EQ(cliffsDelta(b, a), -cliffsDelta(a, b));
     EXPECT_EQ(cliffsDelta(a_moved, b_moved), cliffsDelta(a, b));
-    // Welch's t of groups of one size is g without its correction, by √(n/2)
+    // for groups of one size Welch's t is g without its correction, times √(n/2)
     if (a.size() != b.size()) continue;
     double mean[2] = {}, square[2] = {};
     for (std::size_t i = 0; i < 5; ++i) mean[0] += a[i] / 5, mean[1] += b[i] / 5;
@@ -67,7 +67,7 @@ TEST(EffectSize, groupsWithoutSpreadHaveAnIntervalOfOnePoint) {
 }
 
 TEST(LabelTest, sampledLabellingsCountTheGivenOne) {
-  // 40 values in halves: 1.4e11 ways; none of 20,000 parts them as far as the given one
+  // 40 values in halves: 1.4e11 ways; none of 20,000 separates them as far as the given one
   HandRandom random(4);
   std::vector<double> values(40);
   std::iota(values.begin(), values.end(), 0.0);
@@ -76,7 +76,7 @@ TEST(LabelTest, sampledLabellingsCountTheGivenOne) {
   std::fill(labels.begin(), labels.begin() + 20, true);
   EXPECT_FALSE(test.exact());
   EXPECT_DOUBLE_EQ(test.p(labels), 1 / 20'001.0);
-  // the most even one is parted as far by all
+  // every split separates at least as far as the most balanced one
   for (std::size_t i = 0; i < 40; ++i) labels[i] = i % 4 == 0 || i % 4 == 3;
   EXPECT_EQ(test.p(labels), 1);
 }
@@ -88,7 +88,7 @@ TEST(LabelTest, countsAllLabellings) {
   EXPECT_TRUE(test.exact());
   EXPECT_DOUBLE_EQ(test.p({true, true, true, false, false, false}), 2 / 20.0);
   EXPECT_DOUBLE_EQ(test.p({false, false, false, true, true, true}), 2 / 20.0);
-  // the next: 1 2 4 against 3 5 6
+  // the second best: 1 2 4 and 3 5 6
   EXPECT_DOUBLE_EQ(test.p({true, true, false, true, false, false}), 4 / 20.0);
   const LabelTest same({5, 5, 5, 5}, 2, random);
   EXPECT_EQ(same.p({true, true, false, false}), 1);

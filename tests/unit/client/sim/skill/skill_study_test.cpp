@@ -41,8 +41,8 @@ TEST(SkilledHand, aPlanEndsWhereItBeganAndReachesTheDepthOfTheTarget) {
   }
 }
 
-// A seed gives the same hand whichever compiler built it: the first twelve numbers move the entry along one
-// axis, the next twelve along the other. A plan begins 20 mm before its entry.
+// A seed gives the same hand with any compiler: the first twelve numbers move the entry along one axis, the
+// next twelve along the other. A plan begins 20 mm before its entry.
 TEST(SkilledHand, theEntrysTwoAxesAreDrawnInAFixedOrder) {
   HandRandom random(5), same(5);
   const auto nearlyNormal = [&same] {
@@ -81,7 +81,7 @@ TEST(SkillStudy, refusesWhatItCannotPart) {
   EXPECT_THAT(runSkillStudy(options).error().message, HasSubstr("--exercises"));
 }
 
-// Random labels must separate in at most one case of twenty, whatever the seed.
+// Random labels may separate in at most one of twenty cases, for any seed.
 TEST(SkillStudy, shuffledLabelsSeparateInFivePercentAtMostForSeveralSeeds) {
   SkillStudyOptions options;
   options.attempts = 1;
@@ -90,17 +90,17 @@ TEST(SkillStudy, shuffledLabelsSeparateInFivePercentAtMostForSeveralSeeds) {
     const auto report = runSkillStudy(options);
     ASSERT_TRUE(report.ok()) << report.error().message;
     ASSERT_GT(report->rows.size(), 15u);
-    // 2,000 shuffles have a spread of half a percent
+    // 2,000 shuffles have a standard deviation of half a percent
     const double most = 0.05 + 4 * std::sqrt(0.05 * 0.95 / 2000);
     EXPECT_LE(report->shuffled_any_share, most) << "any of them, seed " << options.seed;
     EXPECT_LE(report->shuffled_mean_share, most) << "seed " << options.seed;
-    // each measure by itself, uncorrected
+    // each measure alone, uncorrected
     for (const SkillRow& r : report->rows)
       EXPECT_LE(r.shuffled_share, most) << r.measure << ", seed " << options.seed;
   }
 }
 
-// A measure that puts experts at the worse end is no success of the measures: the headline does not count it.
+// A measure that puts experts at the worse end is not a success: the headline does not count it.
 TEST(SkillStudy, theFindingCountsOnlyMeasuresThatSeparateTowardsTheirBetterEnd) {
   const auto row = [](const char* better, double delta, double p_holm) {
     SkillRow made;
@@ -151,17 +151,17 @@ TEST(SkillStudy, measuresTellHandsApartAndShuffledLabelsDoNot) {
     EXPECT_LE(row(name).p_holm, 0.05);
   }
   EXPECT_LT(row("target_nearest_m").hedges_g, 0);
-  // What experts are the reference for: they inject into the target and touch no hazard.
+  // Experts set the reference: they inject into the target and touch no hazard.
   EXPECT_EQ(row("injected_in_target_share").expert_mean, 1);
   if (test::longForm()) {
     EXPECT_EQ(row("hazards_touched").expert_mean, 0);  // the first exercises have no hazards
   }
   EXPECT_GT(row("ldlj").hedges_g, 0);
-  // The same gesture at 500 Hz and 2 kHz scores the same, each measure within its tolerance. A pause that
-  // ends a movement at one rate and is just too short at the other makes two of one, for SPARC, too: at most
-  // once here. So does a step back that is just long enough at one rate: one withdrawal. A hand that turns
-  // the line turns it by other steps at another rate: once more at one of them, and its work against the
-  // fixture differs by up to a sixth, 1e-4 J at most.
+  // The same gesture scores the same at 500 Hz and 2 kHz, each measure within its tolerance. A pause that
+  // ends a movement at one rate but is just too short at the other splits one movement into two, for SPARC,
+  // too: at most once here. Likewise a step back that is just long enough at one rate counts as one
+  // withdrawal. A hand that turns the line turns it in other steps at another rate: once more at one of them;
+  // its work against the fixture differs by up to a sixth, at most 1e-4 J.
   EXPECT_EQ(report->rate_gestures, options.trainees);
   const double miscounted = row("translational_actions").rate_difference;
   EXPECT_LE(miscounted, test::longForm() ? 1 : 0);
@@ -182,7 +182,7 @@ TEST(SkillStudy, measuresTellHandsApartAndShuffledLabelsDoNot) {
   // That is a small part of the differences between hands.
   for (const char* const name : {"path_length_m", "tissue_damage_m2", "time_at_target_s", "elapsed_s"})
     EXPECT_LT(row(name).rate_share_of_spread, 0.1) << name;
-  // the same seed, the same numbers
+  // the same seed gives the same numbers
   options.attempts = 1;
   options.trainees = 4;
   options.exercises = 1;

@@ -65,11 +65,11 @@ TEST(LessonAlarms, aToneSoundsOnceForWhatBegins) {
   alarms.update({});
   alarms.update({});
   EXPECT_THAT(tone.sounds, ElementsAre("high"));
-  gesture.add(tickAt(1, 0.02, 9));  // too much force is no danger by itself
+  gesture.add(tickAt(1, 0.02, 9));  // too much force alone is not a danger
   alarms.take(gesture);
   alarms.update({});
   EXPECT_THAT(tone.sounds, ElementsAre("high"));
-  // away, there and away between two looks
+  // away, there and away between two polls
   gesture.add(tickAt(3, -0.01));
   gesture.add(tickAt(4, 0.005));
   gesture.add(tickAt(6, -0.01));

@@ -1,4 +1,4 @@
-// Which lessons begin without the server, and what a trainee is told of those that do not.
+// Which lessons begin without the server, and what a trainee reads about those that do not.
 #include "client/station/run/lesson_fetch.h"
 
 #include <gmock/gmock.h>
@@ -6,13 +6,13 @@
 #include <filesystem>
 #include <memory>
 
-#include "client/net/lesson_cache.h"
-#include "client/station/run/curriculum.h"
+#include "client/net/spool/lesson_cache.h"
+#include "client/station/run/lesson/curriculum.h"
 #include "client/station/run/station.h"
 #include "client/station/run/station_run.h"
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "tests/support/temp_folder.h"
-#include "tests/unit/client/net/fake_server.h"
+#include "tests/unit/client/net/uplink/fake_server.h"
 
 namespace needlelab::test {
 namespace {
@@ -25,7 +25,7 @@ class LessonFetchTest : public testing::Test {
   LessonFetchTest() {
     sigemptyset(&signals_);
     options_.headless = true;
-    options_.servers = {{"127.0.0.1", 1}};  // nobody is there
+    options_.servers = {{"127.0.0.1", 1}};  // no server there
     options_.ca_file = FakeServer::caFile();
     options_.key_file = folder_.write("station.key", "station-1:" + std::string(64, '0') + "\n");
     fs::permissions(options_.key_file, fs::perms::owner_read);
@@ -34,7 +34,7 @@ class LessonFetchTest : public testing::Test {
     options_.exercise = "ball";
     fs::create_directories(options_.spool / "lessons");
   }
-  // Keeps a lesson, as one from the server.
+  // Stores a lesson as if it came from the server.
   void keep(const std::string& id, bool exam) {
     pb::Lesson lesson;
     lesson.set_exercise_json(R"({"id": ")" + id + R"(", "name": "The )" + id +
@@ -45,7 +45,7 @@ class LessonFetchTest : public testing::Test {
     lesson.set_exam(exam);
     ASSERT_TRUE(LessonCache(options_.spool).keep(id, lesson).ok());
   }
-  // What the server said of the exam's exercises: ball, and box, which comes after it; tom has the exam.
+  // The server's answer for the exam's exercises: ball, followed by box; tom is assigned the exam.
   void keepStandings(std::uint32_t attempts_left) {
     Curriculum curriculum;
     for (const char* id : {"ball", "box"})
@@ -128,7 +128,7 @@ TEST_F(LessonFetchTest, whatNeedsTheServerIsSaidInTheWordsOfALab) {
   EXPECT_EQ(refusal(),
             "The server cannot be reached. These lessons are kept here: \"The ball\". Others need the "
             "server: ask the instructor.");
-  keepStandings(1);  // ball is of the exam now, by what the server said last
+  keepStandings(1);  // by the server's last answer, ball now belongs to the exam
   EXPECT_EQ(refusal(),
             "The server cannot be reached. These lessons are kept here: \"The ball\", \"The box\". Others "
             "need the server: ask the instructor.");

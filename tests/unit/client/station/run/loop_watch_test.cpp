@@ -1,5 +1,5 @@
-// The lesson's thread beside the real loop in a simulated world. The first tick is due 2 ms after the
-// beginning, then one each ms; looks come every 50 ms, at a time that both have before the tick.
+// The lesson's thread beside the real loop in a simulated world. The first tick is due after 2 ms, then one
+// per ms; polls come every 50 ms, before a tick of the same time.
 #include "client/station/run/loop_watch.h"
 
 #include <gmock/gmock.h>
@@ -10,13 +10,13 @@
 #include <memory>
 #include <vector>
 
-#include "common/base/uuid.h"
+#include "common/base/text/uuid.h"
 #include "tests/support/blocked_signals.h"
-#include "tests/support/device_world.h"
-#include "tests/support/scenes.h"
+#include "tests/support/scenes/scenes.h"
 #include "tests/support/temp_folder.h"
-#include "tests/unit/client/net/spool_samples.h"
-#include "tests/unit/client/station/run/fake_loop.h"
+#include "tests/support/time/device_world.h"
+#include "tests/unit/client/net/spool/spool_samples.h"
+#include "tests/unit/client/station/run/loop/fake_loop.h"
 
 namespace needlelab::test {
 namespace {
@@ -25,7 +25,7 @@ using testing::ElementsAre;
 
 constexpr double kWatchRate_hz = 1000;
 
-/// Keeps what the window would be told.
+/// Stores what the window would be told.
 class KeptStatus final : public LessonObserver {
  public:
   explicit KeptStatus(DeviceWorld& world) : world_(world), begun_ns_(world.nowNs()) {}
@@ -78,7 +78,7 @@ class LoopWatchTest : public testing::Test {
         stop_signals_, enter);
     auto running = world_.start(*watch_, {"lessons", 0});
     loop_->run();
-    running.reset();  // its last look
+    running.reset();  // its last poll
     return loop_->stats();
   }
   [[nodiscard]] std::vector<std::int64_t> multiplesOf50(std::int64_t last) const {
@@ -87,8 +87,8 @@ class LoopWatchTest : public testing::Test {
     return all;
   }
 
-  // The device is silent from tick 100 (101 ms after the beginning: its first silent tick would come at 102
-  // ms) to tick 200, then outside the tissue. The gate's FAULT comes in the 21st silent tick, at 122 ms.
+  // The device is silent from tick 100 (101 ms after the beginning: its first silent tick would be at 102 ms)
+  // to tick 200, then outside the tissue. The gate's FAULT comes in the 21st silent tick, at 122 ms.
   const ServoStats& runSilent() {
     FakeDevice device([](std::uint64_t tick, DeviceReading& reading) {
       if (tick < 100) return goingDown(0.02, kWatchRate_hz)(tick, reading);
@@ -131,7 +131,7 @@ TEST_F(LoopWatchTest, looksTwentyTimesASecondAndOnceWhenTheLoopHasEnded) {
   EXPECT_FALSE(watch_->interrupted());
   EXPECT_FALSE(watch_->stopped());
   for (std::size_t i = 0; i + 1 < observer_.statuses.size(); ++i) {
-    // before the tick of the same time: the newest sample is of the ms before
+    // before the tick of the same time: the newest sample is from the previous ms
     EXPECT_DOUBLE_EQ(observer_.statuses[i].time_s, 1e-3 * static_cast<double>(observer_.at_ms[i] - 3));
     EXPECT_EQ(observer_.statuses[i].missed_ticks, 0u);
     EXPECT_FALSE(observer_.statuses[i].waits);
@@ -191,7 +191,7 @@ TEST_F(LoopWatchTest, inAnExamNobodyChangesWhatIsShown) {
 
 TEST_F(LoopWatchTest, enterCountsOnlyAfterTheFaultWasReported) {
   at(90, [this] { pressEnter(); });
-  at(130, [this] { pressEnter(); });  // in FAULT, which nobody has reported yet
+  at(130, [this] { pressEnter(); });  // in a FAULT that has not been reported yet
   const ServoStats& stats = runSilent();
   EXPECT_EQ(stats.fault, Fault::kDeviceSilent);
   EXPECT_EQ(stats.faults, 1u);

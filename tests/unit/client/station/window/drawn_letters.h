@@ -1,5 +1,5 @@
-/// What a frame has drawn, letter by letter, with the font of each: found again by the letters' places in the
-/// fonts' picture. Blanks are not drawn.
+/// The text of a frame, letter by letter, with the font of each, recovered from the letters' positions in the
+/// fonts' texture. Blanks are not drawn.
 #pragma once
 
 #include <imgui/imgui.h>
@@ -38,13 +38,13 @@ class DrawnLetters {
     }
   }
 
-  /// All that was drawn in these letters, without blanks, in the order of drawing.
+  /// All text drawn in these letters, without blanks, in the order of drawing.
   [[nodiscard]] std::string in(Letters letters) const {
     const auto found = text_.find(letters);
     return found == text_.end() ? "" : found->second;
   }
   [[nodiscard]] const std::string& all() const { return all_; }
-  /// Whether a letter was drawn in another size than its font's.
+  /// Whether a letter was drawn in a size other than its font's.
   [[nodiscard]] bool scaled() const { return scaled_; }
 
  private:
@@ -61,8 +61,8 @@ class DrawnLetters {
   bool scaled_ = false;
 };
 
-/// The height of a capital H over a font's size, by the font's own outline: drawn 1000 pixels large. At most;
-/// a part of a pixel counts as one.
+/// Upper bound of the height of a capital H over the font's size, from the font's outline drawn 1000 pixels
+/// large; a partial pixel counts as one.
 inline double capitalHeight(const char* font_file) {
   constexpr float kLarge_px = 1000;
   constexpr ImWchar kOnlyH[] = {'H', 'H', 0};

@@ -4,7 +4,7 @@
 
 #include <sstream>
 
-#include "common/base/files.h"
+#include "common/base/files/files.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab {

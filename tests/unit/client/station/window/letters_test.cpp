@@ -1,5 +1,5 @@
-// How large the letters of the trainee's window are on a 24-inch monitor at 2 m, by the fonts that each word
-// was drawn in, and that what is shown has room in the window.
+// The letter sizes of the trainee's window on a 24-inch monitor at 2 m, by the font of each word; and
+// everything shown fits in the window.
 #include <gmock/gmock.h>
 #include <imgui/imgui.h>
 #include <imgui/imgui_internal.h>
@@ -7,7 +7,7 @@
 #include <cmath>
 #include <string>
 
-#include "common/scoring/measures.h"
+#include "common/scoring/measures/measures.h"
 #include "tests/unit/client/station/window/drawn_letters.h"
 #include "tests/unit/client/station/window/stage.h"
 
@@ -31,12 +31,12 @@ class LettersOnAMonitor : public TraineeStage, public testing::WithParamInterfac
     options_.viewing = Viewing{24 * 0.0254, 2};
   }
 
-  /// By geometry: the diagonal has so many pixels.
+  /// By geometry: pixels along the diagonal.
   static double arcminOf(double height_px) {
     const double pixel_m = 24 * 0.0254 / std::hypot(GetParam().width_px, GetParam().height_px);
     return std::atan(height_px * pixel_m / 2) * 180 * 60 / std::acos(-1.0);
   }
-  /// Of a capital letter, less the part of a pixel that its outline may be shorter.
+  /// Of a capital letter, minus the partial pixel that its outline may be shorter.
   static double arcminOf(Letters letters) {
     const bool bold = letters == Letters::kHeading || letters == Letters::kFigure;
     const double share = capitalHeight(bold ? "/usr/share/fonts/truetype/dejavu/DejaVuSans-Bold.ttf"
@@ -50,8 +50,8 @@ class LettersOnAMonitor : public TraineeStage, public testing::WithParamInterfac
     EXPECT_FALSE(letters.scaled());
     return letters;
   }
-  /// Of all windows of the last frame whose name contains this: none has more in it than it shows, or reaches
-  /// out of the window.
+  /// Expects that no window of the last frame whose name contains this has more content than it shows or
+  /// extends beyond the window.
   static void expectRoom(const std::string& name) {
     int windows = 0;
     for (const ImGuiWindow* window : ImGui::GetCurrentContext()->Windows) {

@@ -1,5 +1,5 @@
-// No question of the trainee's window takes a key that was pressed before it was to be seen. The frames stand
-// still here: everything is pressed between two of them.
+// No question in the trainee's window accepts a key that was pressed before the question was visible. The
+// frames stand still here: everything is pressed between two of them.
 #include <initializer_list>
 #include <memory>
 
@@ -66,7 +66,7 @@ TEST_F(TraineeQuestions, enterOfBeforeAFaultWasSeenDoesNotAcknowledgeIt) {
   }
 }
 
-// 0.7 s after the outcome came, keys count: 21 frames of 1/30 s, and each tap has a frame
+// keys count from 0.7 s after the outcome: 21 frames of 1/30 s; each tap takes a frame
 TEST_F(TraineeQuestions, enterOfBeforeTheOutcomeWasSeenBeginsNoNextTry) {
   showLesson(6);
   picture(2);

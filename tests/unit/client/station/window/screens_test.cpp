@@ -1,13 +1,13 @@
-// Compares every screen of the trainee's window with its reference picture, and checks the requests of its
-// keys and buttons.
+// Compares every screen of the trainee's window with its reference picture, and checks the requests made by
+// its keys and buttons.
 #include <gmock/gmock.h>
 
 #include <cmath>
 
-#include "client/station/run/local_score.h"
-#include "common/haptics/device_condition.h"
-#include "common/scoring/measures.h"
-#include "common/scoring/miss.h"
+#include "client/station/run/lesson/local_score.h"
+#include "common/haptics/gate/force_gate.h"
+#include "common/scoring/measures/measures.h"
+#include "common/scoring/targets/miss.h"
 #include "tests/unit/client/station/window/stage.h"
 
 namespace needlelab::test {
@@ -23,7 +23,7 @@ class TraineeScreens : public TraineeStage {
     change();
     return shareThatDiffers(before, picture(), 28);
   }
-  /// The server asks for tom's code, or says that the one before was wrong.
+  /// The server asks for tom's code, or says that the last one was wrong.
   void askForCode(bool wrong) {
     board_.change([&](BoardState& state) {
       state.code_question =
@@ -78,7 +78,7 @@ TEST_F(TraineeScreens, startBeginsByEnterOrButton) {
   BoardRequest request = board_.waitForRequest(0ms);
   ASSERT_EQ(request.kind, BoardRequest::Kind::kBegin);
   EXPECT_EQ(request.choice, (LessonChoice{"tom", "shoulder-bursa", false}));
-  // another trainee and exercise by keys
+  // select another trainee and exercise by keys
   press(screen(), GLFW_KEY_RIGHT);
   press(screen(), GLFW_KEY_UP);
   press(screen(), GLFW_KEY_ENTER);
@@ -107,7 +107,7 @@ TEST_F(TraineeScreens, startShowsTheLadderAndBeginsTheNextStepByOneKey) {
   EXPECT_EQ(board_.waitForRequest(0ms).kind, BoardRequest::Kind::kNothing) << "the standing is of now";
   press(screen(), GLFW_KEY_ENTER);
   EXPECT_EQ(board_.waitForRequest(0ms).choice, (LessonChoice{"tom", "knee-recess", false}));
-  // another trainee, of whom nothing is known yet: the window asks by itself
+  // another trainee, not known yet: the window asks for them by itself
   press(screen(), GLFW_KEY_RIGHT);
   const BoardRequest request = board_.waitForRequest(0ms);
   EXPECT_EQ(request.kind, BoardRequest::Kind::kTrainee);
@@ -141,12 +141,12 @@ TEST_F(TraineeScreens, startTakesABadgeAtOnceOfWhomTheServerAskedBefore) {
   showStart();
   board_.change([](BoardState& state) { state.lists.asks_code = {"tom"}; });
   picture(4);
-  // the arrows still choose
+  // the arrow keys still choose
   press(screen(), GLFW_KEY_RIGHT);
   picture(4);
   press(screen(), GLFW_KEY_LEFT);
   picture(4);
-  press(screen(), GLFW_KEY_DOWN);  // another trainee chooses anew
+  press(screen(), GLFW_KEY_DOWN);  // another trainee starts a new choice
   surface_->typeText("badge-4711");
   picture(2);
   press(screen(), GLFW_KEY_ENTER);
@@ -198,7 +198,7 @@ TEST_F(TraineeScreens, theFieldOfTheCodeIsGoneWithTheTrainee) {
   picture();
   surface_->typeText("4711");
   picture(2);
-  click(screen(), 1000, 712);  // at the foot: out of the field
+  click(screen(), 1000, 712);  // below, outside the field
   press(screen(), GLFW_KEY_RIGHT);
   const RgbaImage without = picture();
   board_.change([](BoardState& state) { state.code_question.reset(); });
@@ -234,7 +234,7 @@ TEST_F(TraineeScreens, lessonWithUltrasound) {
   aids.Add(pb::Exercise::ULTRASOUND);
   showLesson(3.2, aids);
   PictureTolerance tolerance;
-  tolerance.share_of_pixels = 0.03;  // The screen shows the cost, which varies.
+  tolerance.share_of_pixels = 0.03;  // The screen shows the measured cost, which varies.
   EXPECT_TRUE(looksLike(picture(), referenceOf("lesson_ultrasound"), tolerance));
 }
 
@@ -243,7 +243,7 @@ TEST_F(TraineeScreens, lessonByFeel) {
   EXPECT_TRUE(looksLike(picture(), referenceOf("lesson_by_feel")));
 }
 
-// Each aid hides the item that it names, at once.
+// Each aid at once hides the item it names.
 TEST_F(TraineeScreens, everyAidShowsSomethingAndCanBeTakenAway) {
   with_plan_ = true;
   standing_.alarms = {{Alarm::kHazard, "axillary nerve"}};
@@ -322,7 +322,7 @@ TEST_F(TraineeScreens, mouseAndKeysBecomeWishesOfTheHand) {
   SteeringTarget request;
   ASSERT_TRUE(steering_->fetch(request));
   EXPECT_EQ(request.X_WT.p, (Vec3{0, 0, 0.03}));
-  // from above, right is W's y
+  // seen from above, right is W's y
   press(screen(), GLFW_KEY_3);
   surface_->moveMouse(400, 400);
   picture(2);
@@ -340,7 +340,7 @@ TEST_F(TraineeScreens, mouseAndKeysBecomeWishesOfTheHand) {
   ASSERT_TRUE(steering_->fetch(request));
   EXPECT_NEAR(request.X_WT.p.z, 0.03 - 3 * PointerSteering::kWheel_m, 1e-9);
   EXPECT_EQ(window_->shownFrame().aim_WT_m, request.X_WT.p);
-  // W for ten frames of 1/30 s
+  // W held for ten frames of 1/30 s
   surface_->setKey(GLFW_KEY_W, true);
   picture(10);
   surface_->setKey(GLFW_KEY_W, false);
@@ -348,7 +348,7 @@ TEST_F(TraineeScreens, mouseAndKeysBecomeWishesOfTheHand) {
   ASSERT_TRUE(steering_->fetch(request));
   EXPECT_NEAR(request.X_WT.p.z, 0.027 - PointerSteering::kAdvance_mps * 10 / 30,
               PointerSteering::kAdvance_mps / 30);
-  // The side panel is not part of the picture.
+  // The side panel does not belong to the picture.
   const Vec3 before = request.X_WT.p;
   surface_->moveMouse(1100, 400);
   picture(2);

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "client/station/run/options.h"
+#include "client/station/run/io/options.h"
 #include "client/station/window/trainee_window.h"
 #include "tests/support/pictures/picture_check.h"
 #include "tests/support/pictures/view_stage.h"
@@ -69,9 +69,8 @@ class TraineeStage : public ViewStage {
     });
   }
 
-  /// Gives the Start screen what the server says: tom has passed the first of a course's three steps, the
-  /// last is locked; one exercise is assigned alone, one may be practised freely. Two people share a full
-  /// name.
+  /// Gives the Start screen a server's data: tom has passed the first of a course's three steps, the last is
+  /// locked; one exercise is assigned alone, one is free to practise. Two people share a full name.
   void addLadder(std::int64_t now_unix_ns) {
     Curriculum curriculum;
     const auto add = [&](const char* id, const char* name, const char* course_id, const char* course) {
@@ -153,7 +152,7 @@ class TraineeStage : public ViewStage {
   LessonRequests requests_;
   std::unique_ptr<TraineeWindow> window_;
   SampleLesson sample_;
-  bool with_plan_ = false;  ///< the lesson's exercise has a planned line
+  bool with_plan_ = false;  ///< whether the lesson's exercise has a planned line
   LessonStatus standing_;
   std::shared_ptr<HandSteering> steering_;
 };

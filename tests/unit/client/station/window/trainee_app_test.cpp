@@ -17,7 +17,7 @@ TEST(PicturePlan, takesEachOnceWhenItsTimeHasCome) {
     for (const auto& picture : plan.due(stage, s)) text += picture.file.string() + " ";
     return text;
   };
-  // The layout of a screen settles in its first frames.
+  // A screen's layout settles in its first frames.
   EXPECT_EQ(names(Stage::kStart, 0) + names(Stage::kStart, 0), "");
   EXPECT_EQ(names(Stage::kStart, 0), "start ");
   EXPECT_EQ(names(Stage::kStart, 0), "");
@@ -40,7 +40,7 @@ TEST(PicturePlan, aLessonThatEndedBeforeLeavesItMissing) {
   EXPECT_TRUE(PicturePlan({}).done());
 }
 
-// a program without a display ends by it, however few frames a loaded machine drew
+// a program without a display relies on this to end, however few frames a busy machine drew
 TEST(PicturePlan, isDoneWithAnEndedLessonOnceItsEndIsTaken) {
   PicturePlan plan({{"late", When::kLesson, 1}, {"end", When::kEnd, 0}});
   EXPECT_TRUE(plan.due(Stage::kLesson, 0.5).empty());
@@ -52,7 +52,7 @@ TEST(PicturePlan, isDoneWithAnEndedLessonOnceItsEndIsTaken) {
   EXPECT_EQ(plan.due(Stage::kEnd, 3).size(), 1u);
   EXPECT_TRUE(plan.done());
   ASSERT_EQ(plan.missing().size(), 1u);
-  // a person begins another one
+  // a person begins another lesson
   EXPECT_TRUE(plan.due(Stage::kLesson, 0).empty());
   EXPECT_FALSE(plan.done());
 }

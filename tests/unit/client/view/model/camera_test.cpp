@@ -141,31 +141,31 @@ TEST(OrbitCamera, aSegmentIsClippedToThePictureAndTheNearPlane) {
   camera.distance_m = 0.3;
   const double px_per_m = kHeight / 2 / std::tan(camera.field_of_view_rad / 2) / camera.distance_m;
   const auto clipped = [&](Vec3 a, Vec3 b) { return camera.projectSegment(a, b, kWidth, kHeight); };
-  // across the focus, within the picture: its ends
+  // across the focus, within the picture: unchanged ends
   const Vec3 right = camera.right_W();
   const auto inner = clipped(right * -0.01, right * 0.02);
   ASSERT_TRUE(inner);
   EXPECT_NEAR(inner->from.x_px, kWidth / 2.0 - 0.01 * px_per_m, 1e-6);
   EXPECT_NEAR(inner->to.x_px, kWidth / 2.0 + 0.02 * px_per_m, 1e-6);
   EXPECT_NEAR(inner->to.y_px, kHeight / 2.0, 1e-6);
-  // far beyond both sides: from edge to edge, in its order
+  // far beyond both sides: from edge to edge, in the same direction
   const auto across = clipped(right * 5, right * -5);
   ASSERT_TRUE(across);
   EXPECT_NEAR(across->from.x_px, kWidth, 1e-6);
   EXPECT_NEAR(across->to.x_px, 0, 1e-6);
-  // upwards from the focus to above the picture: to its upper edge
+  // upwards from the focus to above the picture: up to its upper edge
   const auto up = clipped({0, 0, 0}, {0, 0, 1});
   ASSERT_TRUE(up);
   EXPECT_NEAR(up->to.y_px, 0, 1e-6);
   EXPECT_NEAR(up->from.y_px, kHeight / 2.0, 1e-6);
-  // from 10 cm behind the eye to a point in the picture: the part before the near plane, on the same line
+  // from 10 cm behind the eye to a point in the picture: the part beyond the near plane, on the same line
   const Vec3 eye = camera.eye_W_m(), behind = eye + normalized(eye) * 0.1, seen = right * 0.01;
   const auto from_behind = clipped(behind, seen);
   ASSERT_TRUE(from_behind);
   EXPECT_NEAR(from_behind->to.x_px, kWidth / 2.0 + 0.01 * px_per_m, 1e-6);
   EXPECT_NEAR(from_behind->from.y_px, kHeight / 2.0, 1e-6);
   EXPECT_GE(from_behind->from.depth, 0);
-  // outside: beside the picture, across one of its corners, and behind the eye
+  // invisible: beside the picture, across one of its corners, and behind the eye
   EXPECT_FALSE(clipped(right * 5, right * 6));
   const double half_width_m = kWidth / 2.0 / px_per_m, half_height_m = kHeight / 2.0 / px_per_m;
   EXPECT_FALSE(clipped(right * (3 * half_width_m), camera.upward_W() * (3 * half_height_m)));

@@ -1,4 +1,4 @@
-// What each plot of a gesture holds: series, colours, units, ranges and marks, by formula.
+// The content of each plot of a gesture: series, colours, units, ranges and marks, by formula.
 #include "client/view/model/gesture_plots.h"
 
 #include <gtest/gtest.h>
@@ -74,7 +74,7 @@ TEST(GesturePlots, theForcesAreTheTotalAndThenTheEffectsAsTheirTableOrdersAndCol
     const PlotSeries& series = plot.series[i + 1];
     EXPECT_EQ(series.name, entry.term);
     EXPECT_EQ(hexText(series.colour), hexText(rgbOf(entry.colour))) << entry.term;
-    // along u, what pushes the hand out is above zero
+    // along u, a force that pushes the hand out is above zero
     const double term = 0.5 * static_cast<double>(static_cast<std::size_t>(entry.effect) + 1);
     EXPECT_FLOAT_EQ(valueIn(series).last, static_cast<float>(entry.along_u ? -term : term)) << entry.term;
   }
@@ -107,7 +107,7 @@ TEST(GesturePlots, everyQuantityIsShownInTheUnitOfItsAxis) {
   struct Row {
     GesturePlot which;
     const char* heading;
-    std::vector<float> values;  ///< by series
+    std::vector<float> values;  ///< per series
   };
   Moment moment = momentAtDepth(1, 0.0123);
   moment.inside = true;
@@ -255,7 +255,7 @@ TEST(GesturePlots, aGapIsAMarkWithItsNumberAndBreaksTheCurve) {
   ASSERT_EQ(plot.marks.size(), 1u);
   EXPECT_EQ(plot.marks[0].text, "50 samples missing (50 ms)");
   EXPECT_EQ(plot.marks[0].sign, signOf(TraceEvent::Kind::kGap));
-  // 200 columns of 5 ms: the last value before is in column 59, the first one behind in column 70
+  // 200 columns of 5 ms: the last value before the gap is in column 59, the first one after it in column 70
   EXPECT_TRUE(isBroken(plot, 59, 70, 200));
   EXPECT_FALSE(isBroken(plot, 58, 59, 200));
   EXPECT_FALSE(isBroken(plot, 70, 71, 200));
@@ -263,7 +263,7 @@ TEST(GesturePlots, aGapIsAMarkWithItsNumberAndBreaksTheCurve) {
 }
 
 TEST(GesturePlots, noiseFillsNoPlot) {
-  // an encoder's noise about a needle at rest
+  // an encoder's noise around a needle at rest
   GestureTrace trace;
   for (int i = 0; i < 100; ++i) {
     Moment moment = momentAtDepth(0.01 * i, 0.1497 + (i % 2) * 3e-5);

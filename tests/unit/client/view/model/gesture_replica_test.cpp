@@ -8,8 +8,8 @@
 #include <span>
 
 #include "common/gesture/chunk.h"
-#include "common/profile/profile.h"
-#include "tests/support/stored_sample.h"
+#include "common/profile/scene_of_profile.h"
+#include "tests/support/scenes/stored_sample.h"
 #include "tests/support/view_lesson/sample_lesson.h"
 
 namespace needlelab {
@@ -43,7 +43,7 @@ std::vector<std::uint64_t> bitsOf(const StepReport& r) {
                             r.clamping_stiffness_N_per_m};
   std::vector<std::uint64_t> bits;
   for (const double number : numbers) {
-    // nan is "no wall", whatever its bits are
+    // nan means "no wall", whatever its bits
     std::uint64_t word = 0;
     if (!std::isnan(number)) std::memcpy(&word, &number, sizeof word);
     bits.push_back(word);
@@ -78,7 +78,7 @@ TEST(GestureReplica, findsEntryLineAndAlpha) {
     ASSERT_NEAR(now.alpha_rad, std::atan((length_m - now.insertion_m) / (length_m + now.insertion_m)), 1e-12);
     if (!now.inside) continue;
     seen_inside = true;
-    // P0 lies on the skin, and the sample's own lateral error is the distance from the line through it.
+    // P0 lies on the skin, and the sample's lateral error is its distance from the line through P0.
     ASSERT_NEAR(depthAt(*lesson.scene, now.p_entry_W_m), 0, 1e-6);
     ASSERT_NEAR(norm(now.u_W), 1, 1e-9);
     const Vec3 from = now.p_WT_m - now.p_entry_W_m;
@@ -127,7 +127,7 @@ TEST(GestureReplica, lostSamplesAreFlaggedUntilTheTipIsOutside) {
   for (std::size_t i = 0; i < lesson.samples.size(); ++i) {
     const GestureSample& sample = lesson.samples[i];
     if (!gap && sample.layer >= 1) {
-      // 200 ms are lost while in the tissue
+      // 200 ms are lost in the tissue
       gap = true;
       replica.noteGap();
       i += 200;
@@ -139,7 +139,7 @@ TEST(GestureReplica, lostSamplesAreFlaggedUntilTheTipIsOutside) {
     } else if (now.inside) {
       ASSERT_TRUE(now.approximate);
       flagged = true;
-      // The entry and the line were received before.
+      // The entry and the line were received earlier.
       ASSERT_NEAR(depthAt(*lesson.scene, now.p_entry_W_m), 0, 1e-6);
     } else {
       ASSERT_FALSE(now.approximate);
@@ -245,9 +245,9 @@ TEST(GestureReplica, anEarlierTickBeginsAnew) {
   EXPECT_EQ(bitsOf(replica.report()), bitsOf(lesson.reports[2499]));
 }
 
-// ---- CUT_MEMORY: what was cut before acts on later insertions ----
+// ---- CUT_MEMORY: earlier cuts act on later insertions ----
 
-/// The sample lesson's hand three times, in a scene that remembers; the engine's reports and its memory after
+/// The sample lesson's hand three times, in a scene with memory; the engine's reports and its memory after
 /// each sample.
 struct RememberingLesson {
   std::shared_ptr<const SceneModel> model;
@@ -313,7 +313,7 @@ TEST(ReplicaOfCuts, fromAnyChunkIsTheSameAsFromTheFirstOnceTheMemoryHasCome) {
     GestureReplica replica(lesson.model);
     replica.feed(lesson.samples[begin - 1]);
     replica.takeCuts(overTheWire(lesson.cuts[begin - 1]));
-    bool seen = lesson.reports[begin - 1].layer < 0;  // a memory has come while the tip was outside
+    bool seen = lesson.reports[begin - 1].layer < 0;  // a memory arrived while the tip was outside
     for (std::size_t i = begin; i < lesson.samples.size(); ++i) {
       const Moment& now = replica.feed(lesson.samples[i]);
       if (seen) {
@@ -337,8 +337,8 @@ TEST(ReplicaOfCuts, aGapIsOverWithTheMemoryOfTheSameSampleFromOutside) {
   GestureReplica replica(lesson.model);
   std::size_t i = 0;
   for (; i < once; ++i) replica.feed(lesson.samples[i]);
-  replica.noteGap();                                  // outside: an insertion may have been in it
-  replica.takeCuts(overTheWire(lesson.cuts[i - 2]));  // another sample's
+  replica.noteGap();                                  // outside: an insertion may have happened in the gap
+  replica.takeCuts(overTheWire(lesson.cuts[i - 2]));  // belongs to another sample
   for (; i < 2 * once; ++i) {
     const Moment& now = replica.feed(lesson.samples[i]);
     ASSERT_EQ(now.approximate, now.inside) << i;

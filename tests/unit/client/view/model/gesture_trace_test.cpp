@@ -69,7 +69,7 @@ TEST(GestureTrace, theValueAtATimeIsThatOfTheTickBefore) {
   EXPECT_FLOAT_EQ(trace.value(TraceChannel::kForce, 0.0104).value(), 10);
   EXPECT_FLOAT_EQ(trace.value(TraceChannel::kForce, 1.5005).value(), 1500);
   EXPECT_FLOAT_EQ(trace.value(TraceChannel::kForce, 99).value(), 2999);
-  EXPECT_FALSE(trace.value(TraceChannel::kTilt, 1));  // outside there is none
+  EXPECT_FALSE(trace.value(TraceChannel::kTilt, 1));  // undefined outside
   EXPECT_DOUBLE_EQ(trace.peakForce_N(), 2999);
 }
 
@@ -149,7 +149,7 @@ TEST(GestureTrace, gapsCloseToEachOtherAreOneEventWithAllThatIsMissing) {
 }
 
 TEST(GestureTrace, aThinnedRecordingHasGapsOnlyWhereItsSamplesAreMissing) {
-  // of 1000 a second: 300 in steps of 3 and 4 ticks, 800 and 999 in steps of 1 and 2
+  // out of 1000 per second: 300 in steps of 3 and 4 ticks, 800 and 999 in steps of 1 and 2
   for (const double rate_hz : {300.0, 333.333333333, 800.0, 999.0}) {
     const double step_ticks = 1000 / rate_hz;
     const auto gapsAt = [&](const std::vector<int>& lost) {
@@ -160,7 +160,7 @@ TEST(GestureTrace, aThinnedRecordingHasGapsOnlyWhereItsSamplesAreMissing) {
       return gapsOf(trace);
     };
     EXPECT_TRUE(gapsAt({}).empty()) << rate_hz;
-    if (rate_hz > 900) continue;  // a step of two ticks is usual there: it does not tell of a loss
+    if (rate_hz > 900) continue;  // a step of two ticks is normal there: it does not indicate a loss
     const auto one = gapsAt({200}), three = gapsAt({200, 201, 202});
     ASSERT_EQ(one.size(), 1u) << rate_hz;
     EXPECT_EQ(one[0].missing, 1u) << rate_hz;
@@ -173,7 +173,7 @@ TEST(GestureTrace, aThinnedRecordingHasGapsOnlyWhereItsSamplesAreMissing) {
 TEST(GestureTrace, findsContactsWithBone) {
   const test::SampleLesson lesson = test::sampleLesson("shoulder-adult");
   const BoneContacts bones(lesson.profile, anatomyOf(lesson.profile, {}));
-  // skin, then in the last layer, which is bone: tremor, a withdrawal, and bone again
+  // skin, then the last layer, which is bone: tremor, a withdrawal, and bone again
   const int bone = lesson.profile.layers_size() - 1;
   ASSERT_EQ(lesson.profile.layers(bone).tissue(), pb::Layer::BONE);
   const auto contactsOf = [&](GestureTrace trace) {
@@ -190,14 +190,14 @@ TEST(GestureTrace, findsContactsWithBone) {
   EXPECT_EQ(contactsOf(GestureTrace(300, bones)), (std::vector<double>{0.5, 1.5}));
   EXPECT_TRUE(contactsOf(GestureTrace()).empty()) << "of a scene that is not known";
   EXPECT_EQ(nameOf(TraceEvent::Kind::kBoneContact), "bone contact");
-  // another session in the same scene begins anew, with the same bones
+  // another session in the same scene starts over, with the same bones
   GestureTrace trace(300, bones);
   trace.push(momentAt(7, 0, bone));
   EXPECT_EQ(contactsOf(std::move(trace)), (std::vector<double>{0.5, 1.5}));
 }
 
 TEST(GestureTrace, findsContactsOfTheHubWithTheSkin) {
-  // in to its hub with tremor, drawn back, and in to its hub again
+  // in to the hub with tremor, drawn back, and in to the hub again
   GestureTrace trace;
   for (int i = 0; i < 2000; ++i) {
     Moment moment = momentAt(0.001 * i, 0, 0);
@@ -297,13 +297,13 @@ TEST(GestureTrace, whatGoesOnIsOneEventAndWhatComesAgainIsAnother) {
       if (event.kind == kind) found.push_back(static_cast<int>(std::lround(10 * event.time_s)));
     return found;
   };
-  // a turn that lasts from 0.3 to 0.8 s, and one 0.5 s later
+  // a turn from 0.3 to 0.8 s, and one 0.5 s later
   EXPECT_EQ(timesOf(Kind::kTurn,
                     [](int i, Moment& m) {
                       if ((i >= 3 && i <= 8) || i == 13) m.flags |= kFlagTurn;
                     }),
             (std::vector<int>{3, 13}));
-  // a fault that stays, becomes another, goes and comes again
+  // a fault that stays, changes to another one, ends and returns
   EXPECT_EQ(timesOf(Kind::kFault,
                     [](int i, Moment& m) {
                       m.fault = i < 4 ? 0 : i < 8 ? 2 : i < 10 ? 4 : i < 15 ? 0 : 4;

@@ -38,7 +38,7 @@ void expectSound(const Mesh& mesh, const char* what) {
     ASSERT_TRUE(isFinite(placeOf(vertex))) << what;
     ASSERT_NEAR(norm(normalOf(vertex)), 1, 1e-4) << what;
   }
-  // normals look to the side from which a triangle runs counter-clockwise
+  // normals point to the side from which a triangle runs counter-clockwise
   for (std::size_t i = 0; i + 2 < mesh.triangles.size(); i += 3) {
     const MeshVertex &a = mesh.vertices[mesh.triangles[i]], &b = mesh.vertices[mesh.triangles[i + 1]],
                      &c = mesh.vertices[mesh.triangles[i + 2]];

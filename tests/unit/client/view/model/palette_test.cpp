@@ -37,7 +37,7 @@ TEST(Palette, hexAndLuminanceAreThoseOfTheStandard) {
   EXPECT_EQ(hexText({2, -1, 0.5F}), "#ff0080");
   EXPECT_DOUBLE_EQ(relativeLuminance(kBlack), 0);
   EXPECT_NEAR(relativeLuminance(kWhite), 1, 1e-12);
-  EXPECT_NEAR(relativeLuminance(rgbOf(0x808080)), 0.2159, 1e-4);  // WCAG's own figure of mid-grey
+  EXPECT_NEAR(relativeLuminance(rgbOf(0x808080)), 0.2159, 1e-4);  // WCAG's own value for mid-grey
 }
 
 TEST(Palette, lettersStandOutFromTheirGround) {

@@ -238,7 +238,7 @@ TEST(FittedSpan, ofAnEmptyPlotIsTheLeastSpanFromZero) {
   }
 }
 
-// nobody can forget the quantity of a plot that has a unit
+// a plot with a unit always has a quantity
 TEST(FittedSpan, isThatOfTheUnitWhereNoQuantityIsGiven) {
   Plot plot;
   for (const PlotQuantity quantity : {PlotQuantity::kForce, PlotQuantity::kSpeed, PlotQuantity::kAngle}) {
@@ -317,7 +317,7 @@ TEST(PlotGaps, aCurveIsBrokenWhereAGapLiesBetweenItsColumns) {
   Plot plot;
   plot.from = 100;
   plot.to = 110;
-  // ten columns of 1: gaps from column 1 to 4, within column 6, from column 7 to its neighbour
+  // ten columns of 1: gaps from column 1 to 4, within column 6, and from column 7 to the next
   plot.gaps = {{101.5, 104.5}, {106.2, 106.4}, {107.9, 108.1}};
   for (std::size_t left = 0; left + 1 < 10; ++left)
     EXPECT_EQ(isBroken(plot, left, left + 1, 10), (left >= 1 && left <= 3) || left == 7) << left;

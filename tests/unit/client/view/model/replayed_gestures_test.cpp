@@ -1,5 +1,5 @@
-// A replay of what is stored is the same gesture, or says that it is not: 500 random gestures, rounded as
-// chunks round them, near the thresholds that decide a stop or a rupture, too.
+// A replay of stored data is the same gesture, or reports that it is not: 500 random gestures, rounded as
+// chunks round them, also near the thresholds that decide a stop or a rupture.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -16,16 +16,17 @@
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/effects/resume.h"
 #include "common/profile/profile.h"
-#include "tests/support/motions.h"
+#include "common/profile/scene_of_profile.h"
 #include "tests/support/random.h"
-#include "tests/support/scenes.h"
-#include "tests/support/stored_sample.h"
+#include "tests/support/scenes/motions.h"
+#include "tests/support/scenes/scenes.h"
+#include "tests/support/scenes/stored_sample.h"
 
 namespace needlelab::test {
 namespace {
 
 constexpr double kRateHz = 1000;
-/// What a replay may be off without saying so.
+/// How far a replay may be off without reporting it.
 constexpr double kTold_N = 0.02;
 
 struct Gesture {
@@ -33,7 +34,7 @@ struct Gesture {
   Motion motion;
 };
 
-/// What the station rendered, and what it stored.
+/// What the station rendered and what it stored.
 struct Recorded {
   std::vector<StepReport> reports;
   std::vector<GestureSample> samples;
@@ -59,11 +60,11 @@ Recorded recorded(const SceneModel& model, const Motion& motion) {
   return all;
 }
 
-/// Ticks of a number of gestures.
+/// Tick counts of several gestures.
 struct Counted {
   std::size_t ticks = 0, inside = 0, approximate = 0;
-  std::size_t untold = 0;  ///< off by more than kTold_N, and not called approximate
-  double worst_N = 0;      ///< of those that are not approximate
+  std::size_t untold = 0;  ///< off by more than kTold_N, but not marked approximate
+  double worst_N = 0;      ///< of those not marked approximate
   std::string first_untold;
 };
 
@@ -98,7 +99,7 @@ void replay(const Gesture& gesture, Counted& counted) {
   }
 }
 
-/// The engine alone along the stored poses.
+/// Runs the engine alone along the stored poses.
 void stepAlone(const Gesture& gesture, Counted& counted) {
   const Recorded all = recorded(*gesture.model, gesture.motion);
   const auto state = std::make_unique<SimState>();
@@ -115,13 +116,13 @@ SceneSpec remembering(SceneSpec scene) {
   return scene;
 }
 
-/// A ball of 20 mm, which these gestures run through.
+/// A ball of 20 mm, so that these gestures go right through it.
 SceneSpec ballOf(SceneSpec scene) {
   scene.limb = SphereLimb{{0, 0, -0.02}, 0.02};
   return scene;
 }
 
-/// Ten scenes: every limb, laws of clamping and of stops, CUT_MEMORY, and profiles of the samples.
+/// Ten scenes: every limb, laws of clamping and of stops, CUT_MEMORY, and sample profiles.
 struct ReplayScene {
   SceneSpec spec;
   Site site;
@@ -179,7 +180,7 @@ Gesture gestureOf(std::uint64_t seed) {
           seed % 3 == 2 ? slowInsertion(seed, scene.site) : randomGesture(seed, kRateHz, scene.site, range)};
 }
 
-/// As the gesture that showed it: 3 mm/s, which is v_stop, with 30 µm of tremor, after a fast begin.
+/// Like the gesture that revealed it: 3 mm/s, which is v_stop, with 30 µm of tremor, after a fast start.
 Gesture atTheThreshold(std::uint64_t seed) {
   const ReplayScene scene = sceneOf(4);
   const Site& site = scene.site;
@@ -234,7 +235,7 @@ TEST(ReplayedGestures, roundedPosesAloneAreOtherGestures) {
   EXPECT_GE(other, 6);
 }
 
-// what the gate let through is not the engine's force: there is nothing to compare
+// the force after the gate is not the engine's, so nothing is compared
 TEST(ReplayedGestures, aForceThatTheGateChangedIsNoDifference) {
   const Gesture gesture = gestureOf(4);
   Recorded all = recorded(*gesture.model, gesture.motion);
@@ -252,8 +253,7 @@ TEST(ReplayedGestures, aForceThatTheGateChangedIsNoDifference) {
   EXPECT_GE(told, inside) << "half of the force, and no reason";
 }
 
-// STATISTICAL draws another curve for each insertion: who did not see the ones before has the wall all the
-// same
+// STATISTICAL draws another curve for each insertion: without the earlier ones the wall is still known
 TEST(ReplayedGestures, theForcesAreThoseOfAnInsertionWhoseNumberIsNotKnown) {
   auto profile = *loadProfile(std::string(NEEDLELAB_SAMPLES) + "/shoulder-models.json");
   ASSERT_TRUE(chooseModel(profile, "STATISTICAL").ok());

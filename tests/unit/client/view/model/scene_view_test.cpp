@@ -114,7 +114,7 @@ TEST(SceneView, layersHaveTheProfilesNames) {
   EXPECT_EQ(layerName(*lumbar.scene, 3), "ligamentum flavum");
   EXPECT_EQ(layerName(*lumbar.scene, 99), "?");
   EXPECT_TRUE(lumbar.scene->layers[3].has_membrane);
-  // a profile may have none
+  // a profile may have no names
   pb::Profile unnamed = lumbar.profile;
   for (pb::Layer& layer : *unnamed.mutable_layers()) layer.clear_name();
   const auto before = sceneViewOf(unnamed);
@@ -152,7 +152,7 @@ TEST(PlanView, goesFromBeforeTheSkinToBeyondTheTargetAlongThePlan) {
 }
 
 TEST(PlanView, anObliqueLineGoesOnBeyondItsTarget) {
-  // a plane at 0 with a target 26 mm deep; at 60° to the normal the way to it is twice as long: 52 mm
+  // a plane at 0 with a target 26 mm deep; at 60° to the normal the path to it is twice as long: 52 mm
   constexpr double kDeep_m = 0.026, kWay_m = 2 * kDeep_m;
   SceneView scene;
   scene.limb_W = PlaneLimb{{0, 0, 0}, {0, 0, 1}};
@@ -273,7 +273,7 @@ TEST(SceneView, depthIsTheDistanceBelowTheSurfaceOfEachShape) {
     const Vec3 out = normalized(b);
     scene.limb_W = PlaneLimb{a, out};
     EXPECT_NEAR(depthAt(scene, p), out.x * (a.x - p.x) + out.y * (a.y - p.y) + out.z * (a.z - p.z), 1e-12);
-    // a capsule: the nearest of many balls along its axis
+    // a capsule, compared with the nearest of many balls along its axis
     scene.limb_W = CapsuleLimb{a, b, radius_m};
     constexpr int kBalls = 4000;
     double nearest_m = 1;
@@ -325,7 +325,7 @@ TEST(SceneView, theDistanceToAHazardIsTheLeastOverAllPointsOfBoth) {
       }
     const double found_m = distanceToHazard_m(hazard, tip, skin) + hazard.radius_m;
     EXPECT_LE(found_m, least_m + 1e-12) << round;
-    // both segments are at most 0.104 m long: half a step of each
+    // both segments are at most 0.104 m long: half a step each
     EXPECT_GE(found_m, least_m - 0.104 / kPoints) << round;
   }
 }

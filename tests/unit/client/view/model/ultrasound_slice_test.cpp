@@ -134,7 +134,7 @@ TEST(UltrasoundSlice, thePlaneHoldsTheNeedleAndDoesNotFlip) {
     if (any) {
       ASSERT_GT(dot(plane.right_W, before.right_W), std::cos(0.25)) << sample.tick;
     }
-    // Within a quarter turn it has found the needle: the tip lies in the plane within the visible thickness.
+    // Within a quarter turn it has found the needle: the tip lies in the plane, within the visible thickness.
     if (pictures_inside > 8) {
       const Vec3 out = cross(plane.right_W, plane.down_W);
       ASSERT_LT(std::fabs(dot(now.p_WT_m - plane.origin_W_m, out)), 0.0015) << sample.tick;
@@ -269,7 +269,7 @@ TEST(UltrasoundSlice, aNeedleBesideThePlaneIsNotShown) {
 }
 
 TEST(UltrasoundSlice, aHazardOffThePlaneFadesWithItsDistance) {
-  // a vessel's ball in muscle: the nearer to the plane, the darker its place
+  // a vessel's ball in muscle: the closer to the plane, the darker
   constexpr double kRadius_m = 0.004, kDown_m = 0.02;
   SliceSettings settings;
   settings.depth_m = 0.04;
@@ -288,7 +288,7 @@ TEST(UltrasoundSlice, aHazardOffThePlaneFadesWithItsDistance) {
   const double muscle = greyAt({}), near = greyAt(0.0009);
   EXPECT_LT(near, 0.7 * muscle);
   for (const double off_m : {0.005, 0.009, 0.017}) {
-    // light is echo times grain and fading: what the vessel takes away is as strong as its opacity
+    // brightness is echo times grain and fading: the vessel removes light in proportion to its opacity
     const double share = (muscle - greyAt(off_m)) / (muscle - near);
     EXPECT_NEAR(share, offPlaneOpacity(off_m), 0.05) << off_m;
   }
@@ -298,7 +298,7 @@ TEST(UltrasoundSlice, aHazardOffThePlaneFadesWithItsDistance) {
 TEST(UltrasoundSlice, labelsSayWhereAHazardIs) {
   SceneView scene = flatMuscle();
   const SlicePlane plane{{0, 0, 0}, {1, 0, 0}, {0, 0, -1}};
-  // who looks from where right × down comes from looks along +y
+  // an eye on the right × down side looks along +y
   const auto add = [&](const char* name, Vec3 a, Vec3 b) {
     scene.hazards.push_back({name, pb::Hazard::NERVE, a, b, 0.002});
   };
@@ -323,7 +323,7 @@ TEST(UltrasoundSlice, labelsSayWhereAHazardIs) {
 
 TEST(UltrasoundSlice, aHazardStandsWhereTheSectionOfItsBallIs) {
   struct Row {
-    double right_m, depth_m, aside_m;  ///< of the ball's middle, in the plane's frame
+    double right_m, depth_m, aside_m;  ///< of the ball's centre, in the plane's frame
   };
   constexpr double kRadius_m = 0.003;
   SliceSettings settings;
@@ -337,7 +337,7 @@ TEST(UltrasoundSlice, aHazardStandsWhereTheSectionOfItsBallIs) {
     scene.hazards.push_back({"artery", pb::Hazard::VESSEL, middle, middle, kRadius_m});
     drawSlice(scene, slice.plane, needleAway(), settings, slice.image);
     slice.m_per_px = settings.depth_m / slice.image.height;
-    // a plane at that distance from the middle cuts the ball in a circle
+    // a plane at that distance from the centre cuts the ball in a circle
     const double circle_m = std::sqrt(kRadius_m * kRadius_m - row.aside_m * row.aside_m);
     double inside = 0, around = 0, mirrored = 0;
     int n_inside = 0, n_around = 0, n_mirrored = 0;

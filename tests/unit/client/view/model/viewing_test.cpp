@@ -13,7 +13,7 @@ constexpr std::array kScreens = {std::pair(1280, 720), std::pair(1920, 1080), st
                                  std::pair(3840, 2160)};
 
 TEST(Viewing, aPixelHasTheAngleOfItsHeight) {
-  // 24 inches of 16:9 are 531.3 mm wide; small angles are their tangents to 1e-7
+  // 24 inches at 16:9 are 531.3 mm wide; small angles equal their tangents to 1e-7
   const double pixel_mm = 24 * 25.4 * 16 / std::sqrt(16.0 * 16 + 9 * 9) / 1920;
   EXPECT_NEAR(pixel_mm, 0.2767, 1e-4);
   EXPECT_NEAR(arcminPerPixel({}, 1920, 1080), pixel_mm / 2000 * (180 * 60 / std::acos(-1.0)), 1e-6);

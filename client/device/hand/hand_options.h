@@ -1,0 +1,83 @@
+/// The hand's command line: the `--hand-…` options, levels of skill, and the plans of `--hand-plan`.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/device/hand/hand.h"
+#include "client/device/hand/hand_plan.h"
+#include "common/base/result.h"
+#include "common/haptics/scene_spec.h"
+
+namespace CLI {
+class App;
+}
+
+namespace needlelab {
+
+/// Default of `correction_per_s` on a command line, because humans correct their aim; see HandOptions.
+inline constexpr double kCommandLineCorrection_per_s = 2;
+
+/// Default of `bracing_N_per_m` on a command line, and for an expert. A hand without it springs millimetres
+/// forward when the resistance drops, into the bone behind a knee's recess. Chosen by us, not measured.
+inline constexpr double kBracing_N_per_m = 700;
+
+/// Adds the options to `app`, and sets the command line's defaults in `options`, which must live until
+/// parsing ends. Values out of range are CLI11 parse errors.
+void addHandOptions(CLI::App& app, HandOptions& options);
+
+/// Properties of a hand that depend on its skill. We chose the two ends within the range of human hands; they
+/// are not measurements.
+struct HandSkill {
+  double tremor_m = 0;         ///< peak per axis
+  double speed_mps = 0;        ///< peak speed of insertion and withdrawal
+  double aim_m = 0;            ///< spread of entry and aim point, across the way, per axis
+  double overshoot_m = 0;      ///< mean distance beyond the target before drawing back
+  double pieces = 1;           ///< number of movements in the insertion: smoothness
+  double bracing_N_per_m = 0;  ///< linear from 0, a beginner's
+};
+
+/// `level`: 0 is a beginner, 1 an expert; each other quantity is interpolated geometrically between them.
+HandSkill skillOf(double level);
+
+/// Returns the entry that the profile's author marked on the skin: the origin of the limb's frame, if it lies
+/// on the surface (as in all of db/samples); else nullopt.
+std::optional<Vec3> markedEntry(const Limb& limb_W, const Pose& X_WL);
+
+/// Plans one attempt at `target_W_m` with this skill, through `entry_W_m` or, without one, by the shortest
+/// way. Draws aim, overshoot and hesitations from `random`. Always aspirates and injects at the end.
+HandPlan attemptPlan(const HandSkill& skill, const Limb& limb_W, Vec3 target_W_m, HandRandom& random,
+                     std::optional<Vec3> entry_W_m = std::nullopt);
+
+/// Returns the options of a hand with this skill.
+HandOptions handOf(const HandSkill& skill, std::uint64_t seed);
+
+/// The plan of a steered hand.
+inline constexpr const char* kPointerPlan = "pointer";
+
+/// A target of the profile, placed in W.
+struct PlanTarget {
+  std::string name;
+  Vec3 center_W_m;
+  std::optional<Vec3> entry_W_m = std::nullopt;  ///< the marked entry on the skin
+};
+
+/// Makes the plan that `options.plan` names:
+/// - `target` or `target:NAME`: straight to that target (without a name, the first one; without targets, as
+///   `depth`); with `options.skill`, an attempt of that skill (attemptPlan) through the marked entry;
+/// - `retry` or `retry:NAME`: first beside the target, then back, turned, and into it (paper, Fig. 10);
+/// - `depth:METRES`: straight in by that depth above the limb's reference point; `depth` alone: half of the
+///   layers;
+/// - `rest`: stays 20 mm outside for the time of the hold;
+/// - anything else: a CSV file of tip poses in W (readPoseTrack), with straight lines between its rows.
+///
+/// Errors: kInvalidInput; also for `pointer`, which has no plan (see steeredStart).
+Result<HandPlan> choosePlan(const HandOptions& options, const SceneSpec& scene_W,
+                            const std::vector<PlanTarget>& targets_W);
+
+/// Returns the start of a steered hand (kPointerPlan): upright, 30 mm outside the marked entry of the first
+/// target, or else the limb's reference point, and 15 mm beside it, because aiming is part of the exercise.
+HandPlan steeredStart(const SceneSpec& scene_W, const std::vector<PlanTarget>& targets_W);
+
+}  // namespace needlelab

@@ -1,0 +1,257 @@
+#include "client/instructor/model/live/lab_overview.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include <fmt/core.h>
+
+#include "common/base/text/text.h"
+#include "common/haptics/gate/force_gate.h"
+
+namespace needlelab {
+namespace {
+
+struct NeedStyle {
+  std::string_view word;
+  Condition condition;
+};
+constexpr std::array<NeedStyle, kNeedCount> kNeeds = {{{"FAULT", Condition::kTrouble},
+                                                       {"alarm", Condition::kTrouble},
+                                                       {"trouble", Condition::kAttention},
+                                                       {"lost in mid-lesson", Condition::kAttention},
+                                                       {"waiting", Condition::kUnknown},
+                                                       {"done", Condition::kGood},
+                                                       {"practising", Condition::kGood},
+                                                       {"offline", Condition::kUnknown}}};
+
+bool holds(const StationTile& tile, const std::string& part) {
+  return lowerCase(tile.station).find(part) != std::string::npos ||
+         lowerCase(tile.trainee).find(part) != std::string::npos ||
+         lowerCase(tile.exercise).find(part) != std::string::npos;
+}
+
+/// Replaces non-finite numbers from the network by 0.
+double sane(double value) {
+  return std::isfinite(value) ? value : 0;
+}
+
+const AlarmKind* kindNamed(std::string_view name) {
+  const auto kinds = alarmKinds();
+  const auto kind =
+      std::find_if(kinds.begin(), kinds.end(), [&](const AlarmKind& k) { return k.name == name; });
+  return kind == kinds.end() ? nullptr : &*kind;
+}
+
+}  // namespace
+
+std::string_view nameOf(Need need) {
+  return kNeeds[static_cast<std::size_t>(need)].word;
+}
+Condition conditionOf(Need need) {
+  return kNeeds[static_cast<std::size_t>(need)].condition;
+}
+
+std::string lessonWords(const StationTile& tile, const std::string& exercise) {
+  if (tile.online && tile.session_id.empty() && tile.need != Need::kDone) return "no lesson";
+  if (tile.trainee.empty()) return tile.online ? "name not known yet · " + exercise : std::string();
+  return tile.trainee + " · " + exercise;
+}
+
+std::string depthWords(const StationTile& tile) {
+  if (!tile.online || tile.session_id.empty()) return {};
+  const std::string phase(phaseWord(tile.phase <= 3 ? static_cast<Phase>(tile.phase) : Phase::kFree));
+  if (tile.layer < 0) return phase;
+  const std::string where =
+      tile.layer_name.empty() ? fmt::format("layer {}", std::int64_t{tile.layer} + 1) : tile.layer_name;
+  return phase + ", " + fixedText(1e3 * tile.insertion_m, 1) + " mm, tip in " + where;
+}
+
+std::string forceWords(const StationTile& tile) {
+  return fixedText(tile.force_N, 1) + " N, peak " + fixedText(tile.peak_force_N, 1) + " N";
+}
+
+std::string healthWords(const StationTile& tile) {
+  if (!tile.online) return "offline";
+  if (tile.stale) return "no news";
+  std::string words;
+  const auto add = [&](const std::string& part) { words += (words.empty() ? "" : ", ") + part; };
+  const auto counted = [](std::uint64_t n, const char* one, const char* many) {
+    return fmt::format("{} {}", n, n == 1 ? one : many);
+  };
+  if (tile.wakeup_p99_us > 0) add(fmt::format("loop: 99 % within {} µs", tile.wakeup_p99_us));
+  if (tile.missed_ticks > 0) add(counted(tile.missed_ticks, "tick missed", "ticks missed"));
+  if (tile.spool_left > 0) add(counted(tile.spool_left, "chunk waits", "chunks wait"));
+  if (!tile.server.empty()) add("server " + tile.server);
+  return words;
+}
+
+void LabOverview::setStations(const pb::Stations& stations, double now_s) {
+  std::set<std::string> known;
+  for (const pb::StationInfo& info : stations.stations()) {
+    if (info.revoked() && !info.online()) continue;  // a revoked station cannot come back
+    known.insert(info.name());
+    Entry& entry = entries_[info.name()];
+    entry.tile.station = printable(info.name());
+    entry.tile.revoked = info.revoked();
+    pb::StationStatus status = info.status();
+    status.set_station(info.name());
+    status.set_online(info.online());
+    onStatus(status, now_s);
+  }
+  std::erase_if(entries_, [&](const auto& each) { return !known.contains(each.first); });
+}
+
+void LabOverview::onStatus(const pb::StationStatus& status, double now_s) {
+  Entry& entry = entries_[status.station()];
+  StationTile& tile = entry.tile;
+  tile.station = printable(status.station());
+  const bool had_lesson = !tile.session_id.empty();
+  const bool was_online = tile.online;
+  entry.news_s = now_s;
+  tile.online = status.online();
+  tile.stale = false;
+  if (!tile.online) {
+    // its last values stay visible
+    if (was_online) entry.lost_in_lesson = had_lesson;
+    judge(entry, now_s);
+    return;
+  }
+  entry.lost_in_lesson = false;
+  if (status.session_id() != tile.session_id) {
+    if (had_lesson && status.session_id().empty()) entry.ended_s = now_s;
+    if (!status.session_id().empty()) {
+      entry.began_s = now_s;
+      entry.ended_s = -1e9;
+      entry.alarms.clear();
+      entry.seen.clear();
+      tile.trainee.clear();  // another trainee may be next
+      tile.exercise.clear();
+      tile.peak_force_N = 0;
+      tile.forces_N.clear();
+    }
+    tile.session_id = status.session_id();
+  }
+  if (!status.trainee().empty()) tile.trainee = printable(status.trainee());
+  if (!status.exercise_id().empty()) tile.exercise = printable(status.exercise_id());
+  tile.phase = status.phase();
+  tile.layer = status.layer();
+  tile.insertion_m = sane(status.insertion_m());
+  tile.force_N = sane(status.force_n());
+  tile.fault = status.fault();
+  tile.trouble = printable(status.trouble());
+  tile.server = printable(status.server());
+  tile.missed_ticks = status.missed_ticks();
+  tile.samples = status.samples();
+  tile.spool_left = status.spool_left();
+  tile.wakeup_p99_us = status.wakeup_p99_us();
+  tile.layer_name = printable(status.tissue());
+  tile.force_limit_N = sane(status.force_limit_n()) > 0 ? status.force_limit_n() : kUsualForceLimit_N;
+  if (!tile.session_id.empty()) {
+    tile.peak_force_N = std::max({tile.peak_force_N, tile.force_N, sane(status.peak_force_n())});
+    entry.alarms.assign(status.alarms().begin(), status.alarms().end());
+    tile.forces_N.push_back(static_cast<float>(tile.force_N));
+    if (tile.forces_N.size() > kForcesKept) tile.forces_N.pop_front();
+  }
+  judge(entry, now_s);
+}
+
+void LabOverview::judge(Entry& entry, double now_s) const {
+  StationTile& tile = entry.tile;
+  const bool lesson = !tile.session_id.empty();
+  tile.lesson_s = lesson ? std::max(0.0, now_s - entry.began_s) : 0;
+  tile.why.clear();
+  tile.alarms.clear();
+  for (const pb::AlarmCount& count : entry.alarms) {
+    const AlarmKind* const kind = kindNamed(count.alarm());
+    if (kind == nullptr) continue;
+    const auto seen = entry.seen.find(count.alarm());
+    const bool acknowledged = seen != entry.seen.end() && seen->second >= count.begun();
+    const bool now = count.now() && lesson && tile.online;
+    if (acknowledged && !now) continue;
+    tile.alarms.push_back({std::string(kind->name), std::string(kind->word) + " " + printable(count.detail()),
+                           now, acknowledged, kind->danger});
+  }
+  const auto alarm =
+      std::find_if(tile.alarms.begin(), tile.alarms.end(), [](const TileAlarm& each) { return !each.seen; });
+  if (!tile.online) {
+    tile.need = entry.lost_in_lesson ? Need::kLost : Need::kOffline;
+    if (entry.lost_in_lesson) tile.why = "the lesson continues at the station and is stored there";
+    return;
+  }
+  if (lesson && tile.fault != 0) {
+    tile.need = Need::kFault;
+    tile.why = faultText(static_cast<Fault>(tile.fault));
+  } else if (alarm != tile.alarms.end()) {
+    tile.need = Need::kAlarm;
+    tile.why = alarm->words;
+  } else if (!tile.trouble.empty()) {
+    tile.need = Need::kTrouble;
+    tile.why = tile.trouble;
+  } else if (lesson) {
+    tile.need = Need::kPractising;
+  } else {
+    tile.need = now_s - entry.ended_s <= kDoneLasts_s ? Need::kDone : Need::kWaiting;
+  }
+}
+
+void LabOverview::acknowledge(const std::string& station) {
+  const auto found = entries_.find(station);
+  if (found == entries_.end()) return;
+  for (const pb::AlarmCount& count : found->second.alarms) found->second.seen[count.alarm()] = count.begun();
+}
+
+void LabOverview::tick(double now_s) {
+  for (auto& [name, entry] : entries_) {
+    entry.tile.stale = entry.tile.online && now_s - entry.news_s > kStale_s;
+    judge(entry, now_s);
+  }
+}
+
+void LabOverview::connectionLost() {
+  for (auto& [name, entry] : entries_) {
+    entry.tile.stale = true;
+    entry.news_s = -1e9;
+  }
+}
+
+const StationTile* LabOverview::find(const std::string& station) const {
+  const auto found = entries_.find(station);
+  return found == entries_.end() ? nullptr : &found->second.tile;
+}
+
+std::vector<const StationTile*> LabOverview::tiles(TileOrder order, const TileFilter& filter) const {
+  std::vector<const StationTile*> chosen;
+  const std::string part = lowerCase(filter.text);
+  for (const auto& [name, entry] : entries_) {
+    const StationTile& tile = entry.tile;
+    if (filter.only_help && !needsHelp(tile.need)) continue;
+    if (filter.only_online && !tile.online) continue;
+    if (!part.empty() && !holds(tile, part)) continue;
+    chosen.push_back(&tile);
+  }
+  // the map is ordered by name, and a stable sort keeps that order among equals
+  const auto by = [&](auto before) { std::stable_sort(chosen.begin(), chosen.end(), before); };
+  switch (order) {
+    case TileOrder::kNeed:
+      by([](const auto* a, const auto* b) { return a->need < b->need; });
+      break;
+    case TileOrder::kTrainee:
+      by([](const auto* a, const auto* b) { return a->trainee < b->trainee; });
+      break;
+    case TileOrder::kPeakForce:
+      by([](const auto* a, const auto* b) { return a->peak_force_N > b->peak_force_N; });
+      break;
+    case TileOrder::kName:
+      break;
+  }
+  return chosen;
+}
+
+std::array<std::size_t, kNeedCount> LabOverview::counts() const {
+  std::array<std::size_t, kNeedCount> counts{};
+  for (const auto& [name, entry] : entries_) ++counts[static_cast<std::size_t>(entry.tile.need)];
+  return counts;
+}
+
+}  // namespace needlelab

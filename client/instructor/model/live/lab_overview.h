@@ -1,0 +1,125 @@
+/// Overview of the lab: a tile for each station, ordered by need for help. Pure; has no clock.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "client/view/model/palette.h"
+#include "common/scoring/alarms/alarms.h"
+#include "needlelab/control.pb.h"
+
+namespace needlelab {
+
+/// Reasons to look at a station, most urgent first.
+enum class Need : std::uint8_t {
+  kFault,       ///< the gate removed the force
+  kAlarm,       ///< of the gesture (common/scoring/alarms/alarms.h), until acknowledged
+  kTrouble,     ///< the station reports trouble: disk, device, loop
+  kLost,        ///< went offline during a lesson
+  kWaiting,     ///< online, without a lesson
+  kDone,        ///< a lesson ended within kDoneLasts_s
+  kPractising,  ///< a lesson without problems
+  kOffline,
+};
+inline constexpr std::size_t kNeedCount = 8;
+std::string_view nameOf(Need need);
+Condition conditionOf(Need need);
+/// For a filter: "help" is kFault … kLost.
+inline bool needsHelp(Need need) {
+  return need <= Need::kLost;
+}
+
+/// How long a tile keeps the need kDone.
+inline constexpr double kDoneLasts_s = 120;
+/// A station without a status line for this long is stale. Lines come at 10 Hz, or slower with many stations.
+inline constexpr double kStale_s = 3;
+
+/// An alarm that is active, or that the instructor has not acknowledged.
+struct TileAlarm {
+  std::string name, words;  ///< "hazard"; "HAZARD axillary nerve"
+  bool now = false, seen = false, danger = false;
+};
+
+/// The contents of a tile.
+struct StationTile {
+  std::string station, trainee, exercise;
+  std::string session_id;  ///< 16 bytes; empty: idle
+  bool online = false, stale = false, revoked = false;
+  std::uint32_t phase = 0;
+  int layer = -1;
+  std::string layer_name;
+  double insertion_m = 0, force_N = 0, peak_force_N = 0, force_limit_N = kUsualForceLimit_N;
+  double lesson_s = 0;  ///< since the session's start if known, otherwise since its first status line
+  std::uint32_t fault = 0;
+  std::vector<TileAlarm> alarms;  ///< most urgent first; without those that are over and acknowledged
+  std::string trouble;
+  std::string server;  ///< of this station; empty if the lab has only one server
+  std::uint64_t missed_ticks = 0, samples = 0, spool_left = 0;
+  std::uint32_t wakeup_p99_us = 0;
+  Need need = Need::kOffline;
+  std::string why;             ///< reason for the need, for people: "force 9.1 N, allowed 6 N"
+  std::deque<float> forces_N;  ///< from the last status lines, oldest first, for a sparkline
+};
+
+/// Trainee and exercise: "anna · Knee: suprapatellar recess". Idle (and no longer kDone): "no lesson". Until
+/// the server reports the trainee: "name not known yet · …". `exercise`: its name.
+std::string lessonWords(const StationTile& tile, const std::string& exercise);
+/// Needle position: "inserting, 12.3 mm, tip in fat"; empty without a lesson.
+std::string depthWords(const StationTile& tile);
+/// "2.3 N, peak 3.1 N"
+std::string forceWords(const StationTile& tile);
+/// Short state of loop and connection: "loop: 99 % within 12 µs, 3 ticks missed, 2 chunks wait". Omits values
+/// that the station does not send.
+std::string healthWords(const StationTile& tile);
+
+enum class TileOrder : std::uint8_t { kNeed, kName, kTrainee, kPeakForce };
+struct TileFilter {
+  bool only_help = false, only_online = false;
+  std::string text = {};  ///< part of station, trainee or exercise; ignores case
+};
+
+/// Thread: one.
+class LabOverview {
+ public:
+  static constexpr std::size_t kForcesKept = 100;
+
+  /// Takes the server's list of stations with their statuses. Removes stations that are not in it.
+  void setStations(const pb::Stations& stations, double now_s);
+  /// Takes a status line. `now_s`: the view's clock, ascending.
+  void onStatus(const pb::StationStatus& status, double now_s);
+  /// Marks the station's alarms so far as seen by the instructor.
+  void acknowledge(const std::string& station);
+  /// Ages the tiles. Call it once a frame.
+  void tick(double now_s);
+  /// Marks all stations as stale until they send again.
+  void connectionLost();
+
+  [[nodiscard]] const StationTile* find(const std::string& station) const;
+  /// Returns the filtered tiles in order. kNeed: most urgent first, then by name. Equal tiles keep their
+  /// order, so nothing jumps under the pointer.
+  [[nodiscard]] std::vector<const StationTile*> tiles(TileOrder order, const TileFilter& filter = {}) const;
+  [[nodiscard]] std::size_t size() const { return entries_.size(); }
+  /// Returns the number of tiles for each need.
+  [[nodiscard]] std::array<std::size_t, kNeedCount> counts() const;
+
+ private:
+  struct Entry {
+    StationTile tile;
+    double news_s = -1e9;                       // time of the last status line
+    double began_s = 0;                         // time of the session's first status line
+    std::vector<pb::AlarmCount> alarms;         // of the last status line
+    std::map<std::string, std::uint32_t> seen;  // how many of each alarm the instructor acknowledged
+    double ended_s = -1e9;                      // end of the last lesson
+    bool lost_in_lesson = false;
+  };
+  void judge(Entry& entry, double now_s) const;
+  std::map<std::string, Entry> entries_;
+};
+
+}  // namespace needlelab

@@ -1,0 +1,86 @@
+#include "client/station/run/lesson/local_score.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "common/gesture/chunk.h"
+#include "common/haptics/scene_model.h"
+#include "common/scoring/measures/measures.h"
+#include "common/scoring/measures/syringe_events.h"
+
+namespace needlelab {
+namespace {
+
+double forceIn(const GestureSample& s) {
+  return std::hypot(s.force_W_N[0], s.force_W_N[1], s.force_W_N[2]);
+}
+
+Vec3 tipOf(const GestureSample& s) {
+  return {s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]};
+}
+
+bool isFinitePoint(const GestureSample& s) {
+  return std::isfinite(s.p_WT_m[0] + s.p_WT_m[1] + s.p_WT_m[2] + forceIn(s) + s.insertion_m +
+                       s.lateral_error_m + s.speed_mps);
+}
+
+constexpr std::uint64_t kMostSamples = 2'000'000;  // half an hour at 1 kHz, half a gigabyte
+
+}  // namespace
+
+GestureCurve gestureCurve(std::span<const GestureSample> samples, const Limb& limb_W, std::size_t most_points,
+                          const std::optional<PlannedLine>& plan_W) {
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  GestureCurve curve;
+  if (samples.empty() || most_points == 0) return curve;
+  const std::size_t group = (samples.size() + most_points - 1) / most_points;
+  curve.reserve((samples.size() + group - 1) / group);
+  for (std::size_t begin = 0; begin < samples.size(); begin += group) {
+    const GestureSample* strongest = nullptr;
+    double lateral_m = nan, planned_m = nan;  // greatest in tissue, where the measures are taken
+    for (const GestureSample& s : samples.subspan(begin, std::min(group, samples.size() - begin))) {
+      if (!isFinitePoint(s)) continue;
+      if (strongest == nullptr || forceIn(s) > forceIn(*strongest)) strongest = &s;
+      if (s.layer < 0) continue;
+      lateral_m = std::fmax(lateral_m, s.lateral_error_m);
+      if (plan_W) planned_m = std::fmax(planned_m, distanceFrom(*plan_W, tipOf(s)));
+    }
+    if (strongest == nullptr) continue;
+    const GestureSample& s = *strongest;
+    curve.push_back({static_cast<float>(1e-9 * static_cast<double>(s.time_ns - samples.front().time_ns)),
+                     static_cast<float>(signedDepth(limb_W, tipOf(s))), static_cast<float>(s.insertion_m),
+                     static_cast<float>(forceIn(s)),
+                     static_cast<float>(std::isnan(lateral_m) ? s.lateral_error_m : lateral_m),
+                     static_cast<float>(s.speed_mps), static_cast<float>(planned_m)});
+  }
+  return curve;
+}
+
+Result<LocalScore> localScore(const SpoolSession& session, const StationLesson& lesson, const Pose& X_WL) {
+  const SpoolContents contents = session.contents();
+  if (contents.samples > kMostSamples)
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("the session has {} samples, the station scores at most {}; the server will",
+                             contents.samples, kMostSamples)};
+  std::vector<GestureSample> samples;
+  samples.reserve(contents.samples);
+  for (std::uint64_t seq = 0; seq < contents.chunks; ++seq) {
+    ASSIGN_OR_RETURN(auto chunk, session.readChunk(seq));
+    ASSIGN_OR_RETURN(auto some, decodeChunk(chunk));
+    samples.insert(samples.end(), some.begin(), some.end());
+  }
+  if (samples.empty()) return Error{ErrorCode::kNotFound, "nothing was recorded"};
+  const auto measures = scoreGesture(samples, session.description().rate_hz(), lesson.profile, X_WL,
+                                     lesson.exercise ? &*lesson.exercise : nullptr);
+  const auto plan = lesson.exercise ? plannedLineOf(*lesson.exercise, X_WL) : std::nullopt;
+  const auto events = syringeEvents(samples, session.description().rate_hz(), lesson.profile, X_WL);
+  return LocalScore{scoreJson(measures), eventsJson(events),
+                    gestureCurve(samples, lesson.model.limb, kCurvePoints, plan),
+                    missOf(samples, events, lesson.profile, X_WL)};
+}
+
+}  // namespace needlelab

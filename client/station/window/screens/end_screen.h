@@ -1,0 +1,86 @@
+/// The window after a lesson: verdict, reasons, and the choices for the next one.
+#pragma once
+
+#include <imgui/imgui.h>
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "client/station/run/lesson/local_score.h"
+#include "client/station/run/lesson_observer.h"
+#include "client/station/window/lessons/lesson_board.h"
+#include "client/view/model/plot.h"
+#include "client/view/model/scene_view.h"
+#include "common/scoring/measures/measures.h"
+#include "common/scoring/targets/miss.h"
+
+namespace needlelab {
+
+struct VerdictRow {
+  std::string words;           ///< the measure and its requirement as a sentence
+  std::optional<bool> passed;  ///< none: no requirement
+};
+
+struct LessonVerdict {
+  enum class Kind : std::uint8_t { kPassed, kNotPassed, kNoRequirements, kNoScore };
+  Kind kind = Kind::kNoScore;
+  std::string title;                 ///< "Passed", "Not passed: 2 of 8 requirements are not met"; resultsText
+  std::vector<VerdictRow> required;  ///< unmet requirements come first
+  std::vector<VerdictRow> others;    ///< all other measures
+  std::string ended;                 ///< how the lesson ended: "time is over", "stopped by ines: wrong side"
+  std::string kept;                  ///< where the recording is, or what is wrong with it, as a sentence
+  bool kept_well = true;             ///< false: part of it is lost or refused
+  std::string waits;                 ///< why it does not count yet; empty: it counts
+  std::string lowered;               ///< stiffnessShareText
+  std::string by;                    ///< "scored by the server"; empty without a score
+};
+
+/// Pure.
+LessonVerdict verdictOf(const LessonOutcome& outcome);
+
+/// The plot's range: from outside the skin to the deepest point, up to the greatest force.
+struct DepthPlotRange {
+  double from_m = -0.01, to_m = 0.01;
+  double force_N = 1;
+};
+DepthPlotRange depthPlotRange(const GestureCurve& curve, const SceneView& scene);
+
+/// The tip's distance from its own line over time, and from the planned one, with the exercise's limits;
+/// refers to the spans. `planned_mm`: empty without a plan. `measures`: of the score.
+Plot lateralPlot(std::span<const double> time_s, std::span<const double> lateral_mm,
+                 std::span<const double> planned_mm, std::span<const Measure> measures);
+
+/// Draws insertion and withdrawal in different colours, layers as named bands, and marks the targets.
+void depthPlot(const GestureCurve& curve, const SceneView& scene, ImVec2 size_px);
+
+/// Thread: the window's.
+class EndScreen {
+ public:
+  /// Draws one frame. `changed`: `state` is newer than in the last call. `scene`: the lesson's; may be null.
+  /// `keys`: whether this screen gets the keys. Returns whether the person wants to quit.
+  bool show(const BoardState& state, bool changed, const SceneView* scene, bool keys, bool may_quit,
+            LessonBoard& board);
+  /// Returns whether keys count yet: only a moment after the outcome came.
+  [[nodiscard]] bool takesKeys() const;
+
+ private:
+  void take(const LessonOutcome& outcome);
+  void showVerdict();
+  void showMiss(const Miss& miss);
+  void showPlots(const LessonOutcome& outcome, const SceneView* scene);
+  bool showNext(const BoardState& state, bool keys, bool may_quit, LessonBoard& board);
+
+  std::shared_ptr<const LessonOutcome> shown_;
+  std::string session_;            // session of shown_
+  double keys_from_s_ = 0;         // earlier keys were meant for the lesson
+  bool characters_typed_ = false;  // since then; by a badge reader, because nothing is typed here
+  LessonVerdict verdict_;
+  std::vector<double> time_s_, lateral_mm_, planned_mm_;
+  std::vector<Measure> measures_;
+};
+
+}  // namespace needlelab

@@ -1,0 +1,287 @@
+#include "client/station/window/screens/lesson_panel.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "client/station/window/screens/station_light.h"
+#include "client/view/model/gesture_plots.h"
+#include "client/view/model/palette.h"
+#include "client/view/model/plot.h"
+#include "client/view/model/scene_view.h"
+#include "client/view/plots.h"
+#include "client/view/theme.h"
+#include "common/base/text/text.h"
+
+namespace needlelab {
+
+// --- the ladder of layers ---
+
+namespace {
+
+constexpr double kOutside = 0.12;  // fraction of the ladder above the skin
+
+struct LadderScale {
+  ImVec2 corner, size;
+  double depth_m;
+  [[nodiscard]] float y(double depth) const {
+    const double share = kOutside + (1 - kOutside) * depth / depth_m;
+    return corner.y + size.y * static_cast<float>(std::clamp(share, 0.0, 1.0));
+  }
+};
+
+void drawText(ImDrawList* draw, ImVec2 at, Rgb colour, const std::string& text) {
+  draw->AddText(at, packed(colour), text.c_str());
+}
+
+// dark letters on light tissue, light letters on dark tissue
+Rgb lettersOn(Rgb background) {
+  return relativeLuminance(background) > 0.3 ? kBlack : kWhite;
+}
+
+}  // namespace
+
+double ladderDepth_m(const SceneView& scene) {
+  double deepest = 0;
+  for (const TargetView& target : scene.targets) deepest = std::max(deepest, target.bottom_m);
+  if (deepest > 0) return 1.2 * deepest;
+  const double layers = scene.layers.empty() ? 0.05 : scene.layers.back().bottom_m;
+  return std::max(1e-3, std::min(layers, scene.needle.length_m > 0 ? scene.needle.length_m : layers));
+}
+
+void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, ImVec2 size_px) {
+  const bool names = aids.has(pb::Exercise::LAYER), depth = aids.has(pb::Exercise::DEPTH),
+             anatomy = aids.has(pb::Exercise::ANATOMY);
+  if (!names && !depth) return;
+  const WithFont small(Letters::kSmall);
+  const ImVec2 corner = ImGui::GetCursorScreenPos();
+  if (size_px.x <= 0) size_px.x = ImGui::GetContentRegionAvail().x;
+  ImGui::Dummy(size_px);
+  ImDrawList* const draw = ImGui::GetWindowDrawList();
+  const float scale_width = depth ? 4.2F * space() : 0, mark_width = 2.2F * space();
+  const LadderScale ladder{{corner.x + scale_width, corner.y},
+                           {size_px.x - scale_width - mark_width, size_px.y},
+                           ladderDepth_m(scene)};
+  const float left = ladder.corner.x, right = left + ladder.size.x, bottom = corner.y + size_px.y;
+  const float line = ImGui::GetTextLineHeight();
+
+  draw->PushClipRect(corner, {corner.x + size_px.x, bottom}, true);
+  draw->AddRectFilled({left, corner.y}, {right, ladder.y(0)}, packed(kPanelGrey));
+  for (std::size_t i = 0; i < scene.layers.size(); ++i) {
+    const LayerView& layer = scene.layers[i];
+    if (layer.top_m >= ladder.depth_m) break;
+    const float top = ladder.y(layer.top_m),
+                end = i + 1 == scene.layers.size() ? bottom : ladder.y(layer.bottom_m);
+    const Rgb colour = names ? tissueColour(layer.tissue) : kLineGrey;
+    const bool here = names && now.layer == static_cast<int>(i);
+    draw->AddRectFilled({left, top}, {right, end}, packed(colour, here || !names ? 1.0F : 0.65F));
+    draw->AddLine({left, top}, {right, top}, packed(kBlack, 0.6F));
+    if (here) draw->AddRect({left, top}, {right, end}, packed(kWhite), 0, 0, 2.5F);
+    // omits names that do not fit; the highlight shows them
+    if (names && (end - top >= 0.8F * line || here))
+      drawText(draw, {left + 0.6F * space(), 0.5F * (top + end - line)}, lettersOn(colour),
+               fittedText(layer.name, right - left - 1.2F * space()));
+  }
+  if (anatomy)
+    for (const TargetView& target : scene.targets) {
+      const float y = ladder.y(0.5 * (target.top_m + target.bottom_m)),
+                  reach = std::max(3.0F, ladder.y(target.bottom_m) - y);
+      draw->AddRectFilled({right - 0.9F * space(), y - reach}, {right, y + reach}, packed(kTargetColour));
+      draw->AddRect({right - 0.9F * space(), y - reach}, {right, y + reach}, packed(kWhite));
+    }
+  if (depth) {
+    const AxisTicks ticks = axisTicks(0, 1e3 * ladder.depth_m, 5, false);
+    for (const double mm : ticks.at) {
+      const float y = ladder.y(1e-3 * mm);
+      draw->AddLine({left - 0.5F * space(), y}, {left, y}, packed(kDimText));
+      drawText(draw, {corner.x, std::min(y - 0.5F * line, bottom - line)}, kDimText,
+               tickText(mm, ticks.decimals));
+    }
+    // the tip, even outside the tissue
+    const float y = ladder.y(std::max(now.depth_m, -kOutside / (1 - kOutside) * ladder.depth_m));
+    draw->AddLine({left, y}, {right, y}, packed(kWhite), 2);
+    draw->AddTriangleFilled({right + 0.2F * space(), y}, {right + 1.6F * space(), y - 0.8F * space()},
+                            {right + 1.6F * space(), y + 0.8F * space()}, packed(kWhite));
+    // the opening, where an injection goes
+    const double opening_m = depthAt(scene, openingOf(scene, now.p_WT_m, now.q_WT));
+    if (opening_m > 0 && opening_m < now.depth_m)
+      draw->AddCircle({right - 0.9F * space(), ladder.y(opening_m)}, 0.45F * space(), packed(kWhite), 0, 2);
+  }
+  draw->AddRect({left, corner.y}, {right, bottom}, packed(kLineGrey));
+  draw->PopClipRect();
+}
+
+// --- the panel ---
+
+std::vector<float> cellColumns(std::span<const float> needed_px, float gap_px, float room_px) {
+  for (std::size_t columns = needed_px.size(); columns > 1; columns = (columns + 1) / 2) {
+    std::vector<float> widths_px(columns, 0.0F);
+    for (std::size_t i = 0; i < needed_px.size(); ++i)
+      widths_px[i % columns] = std::max(widths_px[i % columns], needed_px[i]);
+    const float rest_px = room_px - std::accumulate(widths_px.begin(), widths_px.end(), 0.0F) -
+                          gap_px * static_cast<float>(columns - 1);
+    if (rest_px < 0) continue;
+    for (float& width_px : widths_px) width_px += rest_px / static_cast<float>(columns);
+    return widths_px;
+  }
+  return {room_px};
+}
+
+namespace {
+
+constexpr double kPlotSpan_s = 20;
+
+std::string mm(double metres, int decimals = 1) {
+  return fixedText(1e3 * metres, decimals);
+}
+
+void showFigures(const LessonFollow& lesson, const AidSet& aids, float width) {
+  const Moment& now = lesson.now();
+  std::vector<std::pair<int, std::string>> shown;  // which, value
+  if (aids.has(pb::Exercise::FORCE)) shown.emplace_back(0, tickText(forceOf(now), *momentDecimals("N")));
+  if (aids.has(pb::Exercise::DEPTH)) shown.emplace_back(1, now.inside ? mm(now.insertion_m) : "–");
+  if (shown.empty()) return;
+  const float each = width / static_cast<float>(shown.size());
+  const float left = ImGui::GetCursorPosX();
+  for (std::size_t i = 0; i < shown.size(); ++i) {
+    if (i > 0) ImGui::SameLine(left + each * static_cast<float>(i));
+    ImGui::BeginGroup();
+    if (shown[i].first == 0)
+      figure(shown[i].second, "N", "force on the hand");
+    else
+      figure(shown[i].second, "mm", "inserted");
+    ImGui::EndGroup();
+  }
+}
+
+// one line each; the lines keep their place while the needle is outside, so that nothing below them moves
+void showState(const LessonFollow& lesson, const AidSet& aids) {
+  const Moment& now = lesson.now();
+  const SceneView& scene = *lesson.scene();
+  const bool phase = aids.has(pb::Exercise::PHASE), layer = aids.has(pb::Exercise::LAYER);
+  const int opening =
+      now.inside ? layerAt(scene, depthAt(scene, openingOf(scene, now.p_WT_m, now.q_WT))) : now.layer;
+  const auto showOpening = [&] {
+    // a tick that was not stepped has an earlier tick's layer
+    if (!layer || opening == now.layer || (now.flags & kFlagNotStepped) != 0) return;
+    ImGui::SameLine();
+    textLine(opening < 0 ? "opening outside" : "opening in " + layerName(scene, opening));
+  };
+  if (phase) {
+    {
+      const WithFont heading(Letters::kHeading);
+      const WithTextColour colour(phaseColour(now.phase));
+      textLine(phaseWord(now.phase));
+    }
+    showOpening();
+  }
+  if (!layer) return;
+  {
+    const WithFont heading(Letters::kHeading);
+    textLine(now.inside ? "in " + layerName(scene, now.layer) : "–");
+  }
+  if (!phase) showOpening();
+}
+
+void showAlignment(const LessonFollow& lesson) {
+  const Moment& now = lesson.now();
+  struct Cell {
+    std::string caption, value;
+    const char* widest;  ///< a usual value, so that the columns do not move
+  };
+  const auto degrees = [](double rad) { return fmt::format("{:.0f}°", rad * 180 / 3.14159265358979); };
+  const std::vector<Cell> cells = {
+      {"from own line", now.inside ? mm(now.lateral_error_m) + " mm" : "–", "10.0 mm"},
+      {"tilt", now.inside ? degrees(now.tilt_rad) : "–", "90°"},
+      {"speed", now.inside ? fmt::format("{:.0f} mm/s", 1e3 * std::abs(now.speed_mps)) : "–", "100 mm/s"}};
+  std::vector<float> needed_px;
+  for (const Cell& cell : cells) {
+    const float value_px =
+        std::max(ImGui::CalcTextSize(cell.value.c_str()).x, ImGui::CalcTextSize(cell.widest).x);
+    const WithFont small(Letters::kSmall);
+    needed_px.push_back(std::max(value_px, ImGui::CalcTextSize(cell.caption.c_str()).x));
+  }
+  const float gap_px = ImGui::GetStyle().ItemSpacing.x;
+  const std::vector<float> columns_px = cellColumns(needed_px, gap_px, ImGui::GetContentRegionAvail().x);
+  const float left_px = ImGui::GetCursorPosX();
+  float x_px = left_px;
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    const std::size_t column = i % columns_px.size();
+    if (column == 0) x_px = left_px;
+    if (column > 0) ImGui::SameLine(x_px);
+    ImGui::BeginGroup();
+    {
+      const WithFont small(Letters::kSmall);
+      const WithTextColour dim(kDimText);
+      ImGui::TextUnformatted(cells[i].caption.c_str());
+    }
+    ImGui::TextUnformatted(cells[i].value.c_str());
+    ImGui::EndGroup();
+    x_px += columns_px[column] + gap_px;
+  }
+}
+
+void showPlunger(const LessonFollow& lesson) {
+  const double plunger = lesson.now().plunger;
+  levelBar(plunger, fmt::format("plunger {:.0f} %", 100 * plunger), kSkyBlue,
+           ImGui::GetContentRegionAvail().x);
+}
+
+// plots the last seconds of the forces, with the exercise's limits
+void showForces(const LessonFollow& lesson, ImVec2 size_px) {
+  const double now_s = std::max(lesson.trace().lastTime_s(), kPlotSpan_s);
+  std::vector<Plot> plots;
+  plots.push_back(
+      gesturePlot(GesturePlot::kForces, lesson.trace(), lesson.scene().get(), now_s - kPlotSpan_s, now_s));
+  if (const auto& exercise = lesson.beginning().lesson.exercise)
+    addLimits(plots.back(), GesturePlot::kForces, requirementsOf(*exercise));
+  plotStack("forces", plots, size_px);
+}
+
+}  // namespace
+
+bool lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidSet& aids,
+                 UltrasoundView& ultrasound, ImVec2 size_px) {
+  beginPanel("figures", "", size_px.x, size_px.y);
+  const float width = ImGui::GetContentRegionAvail().x, gap = ImGui::GetStyle().ItemSpacing.y;
+  showState(lesson, aids);
+  showFigures(lesson, aids, width);
+  if (aids.has(pb::Exercise::ALIGNMENT)) showAlignment(lesson);
+  showPlunger(lesson);
+
+  // ladder, slice and plot share the remaining height; the light is the last line
+  const float light = ImGui::GetTextLineHeight() + 2 + gap;
+  const float rest = std::max(8 * space(), ImGui::GetContentRegionAvail().y - light);
+  const bool ladder = aids.has(pb::Exercise::LAYER) || aids.has(pb::Exercise::DEPTH);
+  const bool slice = aids.has(pb::Exercise::ULTRASOUND);
+  const bool forces = aids.has(pb::Exercise::FORCE);
+  // if letters are large for the window, the plot moves beside the ladder, or gives way to the slice
+  const bool below = forces && rest > 26 * space();
+  const bool beside = forces && !below && !slice;
+  const float upper = !ladder && !slice ? (beside ? rest : 0) : below ? 0.52F * rest : rest;
+  const float ladder_width = slice || (beside && ladder) ? 0.42F * width : width;
+  if (ladder) {
+    layerLadder(*lesson.scene(), lesson.now(), aids, {ladder_width, upper - gap});
+    if (slice || beside) ImGui::SameLine();
+  }
+  if (slice)
+    ultrasound.show("ultrasound", *lesson.scene(), lesson.now(), {0, upper - gap},
+                    aids.has(pb::Exercise::ANATOMY));
+  if (beside) showForces(lesson, {0, upper - gap});
+  if (below) showForces(lesson, {width, rest - upper});
+  if (!ladder && !slice && !forces && !aids.has(pb::Exercise::PHASE) && !aids.has(pb::Exercise::ALIGNMENT)) {
+    const WithTextColour dim(kDimText);
+    textBlock("This exercise is done by feel.");
+  }
+  const auto facts = lessonFacts(state, lesson.beginning(), lesson.dropped(), lesson.now().alpha_rad);
+  const bool clicked = stationLight(lightOf(facts));
+  endPanel();
+  return clicked;
+}
+
+}  // namespace needlelab

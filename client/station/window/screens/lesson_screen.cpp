@@ -1,0 +1,396 @@
+#include "client/station/window/screens/lesson_screen.h"
+
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+
+#include <fmt/core.h>
+#include <imgui/imgui.h>
+
+#include <algorithm>
+#include <span>
+#include <string>
+
+#include "client/station/run/lesson/trainee_code.h"
+#include "client/station/run/loop/fault_watch.h"
+#include "client/station/window/lessons/start_choice.h"
+#include "client/station/window/screens/lesson_panel.h"
+#include "client/station/window/screens/station_actions.h"
+#include "client/station/window/screens/station_light.h"
+#include "client/view/action_bar.h"
+#include "client/view/model/palette.h"
+#include "client/view/model/plot.h"
+#include "client/view/theme.h"
+#include "common/base/text/text.h"
+#include "common/base/time/local_time.h"
+#include "common/haptics/gate/force_gate.h"
+
+namespace needlelab {
+
+// --- no force: cause and advice ---
+
+namespace {
+
+std::string sentence(std::string text) {
+  if (!text.empty()) text.front() = upperCase(text.front());
+  if (!text.empty() && text.back() != '.') text += '.';
+  return text;
+}
+
+Overlay faultOverlay(const LessonStatus& status) {
+  Overlay overlay;
+  overlay.kind = Overlay::Kind::kFault;
+  overlay.title = "The force was taken away";
+  overlay.what = sentence(faultText(status.fault));
+  if (!status.device_status.empty()) overlay.what += " " + sentence(status.device_status);
+  const std::string remedy = remedyOf(status.fault);
+  if (!status.waits || status.fault == Fault::kProgramTrouble)
+    overlay.todo = "The lesson ends; everything up to here is stored.";
+  else if (status.acknowledged)
+    overlay.todo = "Seen. Take the needle out of the tissue: then the force comes back.";
+  else if (status.cause_lasts)
+    overlay.todo = "First " + (remedy.empty() ? std::string("wait until the cause is over") : remedy) +
+                   ". Then take the needle out of the tissue and press Enter.";
+  else {
+    overlay.todo = "Take the needle out of the tissue, then press Enter: the force comes back.";
+    overlay.can_acknowledge = true;
+  }
+  return overlay;
+}
+
+}  // namespace
+
+Overlay overlayOf(const LessonStatus& status) {
+  if (status.fault != Fault::kNone) return faultOverlay(status);
+  if (status.hold.empty()) return {};
+  Overlay overlay;
+  overlay.kind = Overlay::Kind::kHold;
+  overlay.title = "No force at the moment";
+  overlay.what = sentence(status.device_status.empty() ? status.hold : status.device_status);
+  if ((status.condition & kDeviceReleased) != 0)
+    overlay.todo = "Take the handle: the force comes back by itself.";
+  else if ((status.condition & kDevicePowerOff) != 0)
+    overlay.todo = "Switch the device's motors on: the force comes back by itself.";
+  else if ((status.condition & kDeviceNotReady) != 0)
+    overlay.todo = "Wait a moment: the force comes when the device is ready.";
+  else
+    overlay.todo = "Draw the needle out of the tissue: then the force comes.";
+  return overlay;
+}
+
+// --- over the picture ---
+
+namespace {
+
+constexpr std::size_t kMessagesShown = 2;
+constexpr double kFresh_s = 20;
+constexpr ImGuiWindowFlags kLaidOver = ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove |
+                                       ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoSavedSettings |
+                                       ImGuiWindowFlags_NoNav | ImGuiWindowFlags_NoFocusOnAppearing;
+
+// an old message takes only one line, so that it hides nothing
+bool hasFreshMessage(const BoardState& state) {
+  return !state.messages.empty() && state.messages.back().lesson_s + kFresh_s > state.status.time_s;
+}
+
+}  // namespace
+
+void lessonOverlay(const LessonStatus& status, bool keys, AnswerGate& gate, LessonRequests& requests,
+                   ImVec2 corner_px, ImVec2 size_px) {
+  const Overlay overlay = overlayOf(status);
+  const bool fault = overlay.kind == Overlay::Kind::kFault;
+  // another fault is a new question
+  const bool answerable = gate.opens(fault ? static_cast<int>(status.fault) : 0, /*hidden=*/1);
+  if (overlay.kind == Overlay::Kind::kNone) return;
+  const auto actions = faultActions();
+  if (answerable && keys && actionByKey(actions) == kActSeen) requests.acknowledge();
+
+  const Condition condition = fault ? Condition::kTrouble : Condition::kAttention;
+  const float width = std::min(0.94F * size_px.x, 72 * space());
+  // a fault in the middle; a hold at the top, where it hides least
+  ImGui::SetNextWindowPos(
+      {corner_px.x + 0.5F * size_px.x, corner_px.y + (fault ? 0.5F * size_px.y : space())}, ImGuiCond_Always,
+      {0.5F, fault ? 0.5F : 0.0F});
+  ImGui::SetNextWindowSize({width, 0});
+  ImGui::SetNextWindowBgAlpha(0.94F);
+  ImGui::PushStyleColor(ImGuiCol_Border, colourOf(styleOf(condition).colour));
+  ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 3);
+  ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, {2 * space(), 1.5F * space()});
+  if (ImGui::Begin("##overlay", nullptr, kLaidOver)) {
+    {
+      const WithFont heading(Letters::kHeading);
+      conditionLine(condition, overlay.title);
+      textBlock(overlay.what);
+      ImGui::Spacing();
+      textBlock(overlay.todo);
+    }
+    if (overlay.can_acknowledge) {
+      ImGui::Spacing();
+      ImGui::BeginDisabled(!answerable);
+      if (actionButtons(actions, 0, true) == kActSeen) requests.acknowledge();
+      ImGui::EndDisabled();
+    }
+  }
+  ImGui::End();
+  ImGui::PopStyleVar(2);
+  ImGui::PopStyleColor();
+}
+
+void lessonAlarms(const std::vector<ActiveAlarm>& alarms, ImVec2 corner_px, ImVec2 size_px) {
+  constexpr std::size_t kMostShown = 3;
+  ImDrawList* const draw = ImGui::GetWindowDrawList();
+  draw->PushClipRect(corner_px, {corner_px.x + size_px.x, corner_px.y + size_px.y}, true);
+  float top = corner_px.y;
+  bool danger = false;
+  for (std::size_t i = 0; i < std::min(alarms.size(), kMostShown); ++i) {
+    const AlarmKind& kind = kindOf(alarms[i].alarm);
+    danger = danger || kind.danger;
+    const Rgb letters = kind.danger ? kWhite : kBlack;
+    const WithFont large(i == 0 ? Letters::kFigure : Letters::kHeading);
+    const float height = ImGui::GetTextLineHeight() + space(), low = top + height - 0.6F * space();
+    draw->AddRectFilled({corner_px.x, top}, {corner_px.x + size_px.x, top + height},
+                        packed(kind.danger ? kVermillion : kOrange));
+    const std::string word(kind.word);
+    const float x = corner_px.x + space(), after = x + ImGui::CalcTextSize(word.c_str()).x + 1.5F * space();
+    draw->AddText({x, top + 0.5F * space()}, packed(letters), word.c_str());
+    const WithFont smaller(i == 0 ? Letters::kHeading : Letters::kBody);
+    draw->AddText({after, low - ImGui::GetTextLineHeight()}, packed(letters),
+                  fittedText(alarms[i].detail, corner_px.x + size_px.x - space() - after).c_str());
+    top += height;
+  }
+  if (!alarms.empty())
+    draw->AddRect(corner_px, {corner_px.x + size_px.x, corner_px.y + size_px.y},
+                  packed(danger ? kVermillion : kOrange), 0, 0, 0.6F * space());
+  draw->PopClipRect();
+}
+
+void lessonMessages(const BoardState& state, ImVec2 corner_px, ImVec2 size_px) {
+  if (state.messages.empty() && !state.next) return;
+  ImGui::SetNextWindowPos({corner_px.x + space(), corner_px.y + size_px.y - space()}, ImGuiCond_Always,
+                          {0, 1});
+  const bool fresh = hasFreshMessage(state);
+  ImGui::SetNextWindowSize({(fresh ? 0.94F : 0.62F) * size_px.x, 0});
+  ImGui::SetNextWindowBgAlpha(0.88F);
+  ImGui::PushStyleColor(ImGuiCol_Border, colourOf(kSkyBlue));
+  ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 2);
+  if (ImGui::Begin("##messages", nullptr, kLaidOver | ImGuiWindowFlags_NoInputs)) {
+    const std::size_t shown = fresh ? kMessagesShown : 1;
+    const std::size_t first = state.messages.size() - std::min(state.messages.size(), shown);
+    for (std::size_t i = first; i < state.messages.size(); ++i) {
+      const BoardMessage& message = state.messages[i];
+      if (fresh) {
+        const WithTextColour colour(kSkyBlue);
+        textLine(message.from + ", " + localTime(message.unix_ns, TimeForm::kClock));
+      }
+      const WithFont heading(Letters::kHeading);
+      const bool newest = i + 1 == state.messages.size();
+      const WithTextColour colour(fresh && newest ? kText : kDimText);
+      if (fresh && newest)
+        textBlock(message.text);
+      else
+        textLine(fresh ? message.text : message.from + ": " + message.text);
+    }
+    if (state.next) {
+      const WithTextColour colour(kSkyBlue);
+      textLine(state.next->from + " wants next: " + exerciseName(state.lists, state.next->exercise));
+    }
+  }
+  ImGui::End();
+  ImGui::PopStyleVar();
+  ImGui::PopStyleColor();
+}
+
+// --- the screen ---
+
+namespace {
+
+struct KeyRow {
+  const char* keys;
+  const char* does;
+};
+constexpr KeyRow kSteeringKeys[] = {{"W S, wheel", "in, out"},
+                                    {"arrows, drag", "across"},
+                                    {"Ctrl+arrows, right drag", "tilt"},
+                                    {"Space, X", "plunger in, out"},
+                                    {"Shift", "slowly"}};
+constexpr KeyRow kLessonKeys[] = {
+    {"1 2 3", "views"}, {"Ctrl + −", "letter size"}, {"I", "this window"}, {"Esc", "end"}};
+
+// shows the facts behind the light, and all keys, over the picture
+void showDetails(std::span<const StationFact> facts, bool steers, ImVec2 corner_px, ImVec2 size_px) {
+  ImGui::SetNextWindowPos({corner_px.x + space(), corner_px.y + space()});
+  ImGui::SetNextWindowSize({size_px.x - 2 * space(), 0});
+  ImGui::SetNextWindowBgAlpha(0.94F);
+  ImGui::PushStyleColor(ImGuiCol_Border, colourOf(kLineGrey));
+  ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 2);
+  if (ImGui::Begin("##details", nullptr, kLaidOver | ImGuiWindowFlags_NoInputs)) {
+    showFacts(facts);
+    ImGui::Separator();
+    if (steers)
+      for (const KeyRow& row : kSteeringKeys) keyHint(row.keys, row.does);
+    for (const KeyRow& row : kLessonKeys) keyHint(row.keys, row.does);
+  }
+  ImGui::End();
+  ImGui::PopStyleVar();
+  ImGui::PopStyleColor();
+}
+
+int keyAxis(int plus, int minus) {
+  return (ImGui::IsKeyDown(plus) ? 1 : 0) - (ImGui::IsKeyDown(minus) ? 1 : 0);
+}
+
+// a lesson from a profile file has no exercise
+std::string titleOf(const LessonFollow& lesson) {
+  const auto& exercise = lesson.beginning().lesson.exercise;
+  return exercise ? exercise->name() : lesson.beginning().lesson.profile.name();
+}
+
+void showHead(const BoardState& state, const LessonFollow& lesson) {
+  const LessonBeginning& beginning = lesson.beginning();
+  const double limit = beginning.time_limit_s, now = state.status.time_s;
+  {
+    const WithFont heading(Letters::kHeading);
+    const std::string clock = limit > 0 ? clockText(std::max(0.0, limit - now)) + " left" : clockText(now);
+    const float wide = ImGui::CalcTextSize(clock.c_str()).x;
+    const float x = ImGui::GetContentRegionAvail().x;
+    textLine(titleOf(lesson), x - wide - 3 * space());
+    ImGui::SameLine(x - wide + ImGui::GetStyle().WindowPadding.x);
+    const WithTextColour colour(limit > 0 && limit - now < 10 ? kOrange : kText);
+    ImGui::TextUnformatted(clock.c_str());
+  }
+  const WithTextColour colour(beginning.code_unchecked ? styleOf(Condition::kAttention).colour : kDimText);
+  textLine(AidSet(state.aids).has(pb::Exercise::ALARMS)
+               ? lessonLine(beginning)
+               : "by feel, without alarms; " + lessonLine(beginning));
+}
+
+}  // namespace
+
+std::string lessonLine(const LessonBeginning& beginning) {
+  std::string who = beginning.trainee;
+  if (beginning.code_unchecked) return who + ": " + kCodeUnchecked;
+  if (beginning.lesson.attempt > 0) who += fmt::format(", attempt {}", beginning.lesson.attempt);
+  if (beginning.lesson.attempts_left)
+    who += fmt::format(" ({} left, this one included)", *beginning.lesson.attempts_left);
+  if (beginning.lesson.exercise && !beginning.lesson.exercise->description().empty())
+    who += ": " + beginning.lesson.exercise->description();
+  return who;
+}
+
+void LessonScreen::begin(const LessonFollow& lesson) {
+  renderer_.setScene(lesson.scene());
+  frame_ = SceneFrame{};
+  frame_.camera = firstLook(*lesson.scene());
+  steering_.reset();
+  if (lesson.beginning().steering)
+    steering_.emplace(
+        SteeringTarget{lesson.beginning().hand_start.X_WT, lesson.beginning().hand_start.plunger});
+  held_across_ = held_tilt_ = shows_details_ = false;
+}
+
+void LessonScreen::show(const BoardState& state, const LessonFollow& lesson, bool keys,
+                        LessonRequests& requests) {
+  keys_ = keys;
+  beginScreen("lesson");
+  showHead(state, lesson);
+  const float foot = 3.4F * space();
+  const ImVec2 rest = ImGui::GetContentRegionAvail();
+  const float gap = ImGui::GetStyle().ItemSpacing.x;
+  // large letters need a wider panel, but the picture remains the larger part
+  const float panel = std::max(0.34F * rest.x, std::min(0.46F * rest.x, 42 * space()));
+  const ImVec2 picture{rest.x - panel - gap, rest.y - foot};
+  const ImVec2 corner = ImGui::GetCursorScreenPos();
+  ImGui::BeginGroup();
+  showScene(state, lesson, picture);
+  lessonAlarms(state.status.alarms, corner, picture);
+  ImGui::EndGroup();
+  ImGui::SameLine();
+  ImGui::BeginGroup();
+  const bool clicked = lessonPanel(state, lesson, AidSet(state.aids), ultrasound_, {panel, picture.y});
+  ImGui::EndGroup();
+  if (steering_) {
+    keyHint("W S", "in, out");
+    ImGui::SameLine();
+    keyHint("arrows", "across");
+    ImGui::SameLine();
+    keyHint("Ctrl+arrows", "tilt");
+    ImGui::SameLine();
+    keyHint("Space X", "plunger");
+    ImGui::SameLine();
+  }
+  keyHint("1 2 3", "views");
+  ImGui::SameLine();
+  keyHint("I", "station, keys");
+  ImGui::SameLine();
+  keyHint("Esc", "end");
+  if (clicked || (keys && ImGui::IsKeyPressed(GLFW_KEY_I, false))) shows_details_ = !shows_details_;
+  lessonMessages(state, corner, picture);
+  // alarms and messages take precedence
+  if (shows_details_ && !hasFreshMessage(state) && overlayOf(state.status).kind == Overlay::Kind::kNone)
+    showDetails(lessonFacts(state, lesson.beginning(), lesson.dropped(), lesson.now().alpha_rad),
+                steering_.has_value(), corner, picture);
+  lessonOverlay(state.status, keys && !end_question_.asked(), fault_gate_, requests, corner, picture);
+  if (keys) askForEnd(requests);
+  endScreen();
+}
+
+void LessonScreen::showScene(const BoardState& state, const LessonFollow& lesson, ImVec2 size_px) {
+  chooseView(lesson);
+  frame_.moment = lesson.now();
+  frame_.show_needle = lesson.begun();
+  frame_.aids = AidSet(state.aids);
+  frame_.plan_W = lesson.plan_W();
+  SceneWidgetOptions options;
+  // steering a hand uses the mouse; with Alt it rotates the picture instead
+  options.mouse_moves_camera = !steering_ || ImGui::GetIO().KeyAlt;
+  const SceneWidgetResult result = sceneWidget("scene", renderer_, frame_, size_px, options);
+  if (steering_) steer(lesson, result.hovered);
+}
+
+void LessonScreen::chooseView(const LessonFollow& lesson) {
+  if (ImGui::IsKeyPressed(GLFW_KEY_1, false)) frame_.camera = firstLook(*lesson.scene());
+  if (ImGui::IsKeyPressed(GLFW_KEY_2, false)) frame_.camera = lookFromTheSide(*lesson.scene());
+  if (ImGui::IsKeyPressed(GLFW_KEY_3, false)) frame_.camera = lookFromAbove(*lesson.scene());
+}
+
+// sends this frame's mouse and key input to the hand
+void LessonScreen::steer(const LessonFollow& lesson, bool hovered) {
+  const ImGuiIO& io = ImGui::GetIO();
+  const bool asks = end_question_.asked() || !keys_;
+  const bool mouse = !io.KeyAlt && !asks;
+  // a drag from inside the picture continues beyond its edge
+  if (!ImGui::IsMouseDown(ImGuiMouseButton_Left)) held_across_ = false;
+  if (!ImGui::IsMouseDown(ImGuiMouseButton_Right)) held_tilt_ = false;
+  if (hovered && mouse && ImGui::IsMouseClicked(ImGuiMouseButton_Left)) held_across_ = true;
+  if (hovered && mouse && ImGui::IsMouseClicked(ImGuiMouseButton_Right)) held_tilt_ = true;
+
+  SteerInput input;
+  input.dt_s = static_cast<double>(io.DeltaTime);
+  input.fine = io.KeyShift;
+  if (held_across_)
+    input.across_right_px = static_cast<double>(io.MouseDelta.x),
+    input.across_up_px = -static_cast<double>(io.MouseDelta.y);
+  if (held_tilt_)
+    input.tilt_right_px = static_cast<double>(io.MouseDelta.x),
+    input.tilt_up_px = -static_cast<double>(io.MouseDelta.y);
+  if (hovered && mouse) input.wheel = static_cast<double>(io.MouseWheel);
+  if (!io.WantTextInput && !asks) {
+    input.advance = keyAxis(GLFW_KEY_W, GLFW_KEY_S);
+    const int right = keyAxis(GLFW_KEY_RIGHT, GLFW_KEY_LEFT), up = keyAxis(GLFW_KEY_UP, GLFW_KEY_DOWN);
+    (io.KeyCtrl ? input.tilt_right : input.across_right) = right;
+    (io.KeyCtrl ? input.tilt_up : input.across_up) = up;
+    input.press = ImGui::IsKeyDown(GLFW_KEY_SPACE);
+    input.draw = ImGui::IsKeyDown(GLFW_KEY_X);
+  }
+  const SteerView view{frame_.camera.right_W(), frame_.camera.upward_W()};
+  const Vec3 tip = lesson.begun() ? lesson.now().p_WT_m : lesson.beginning().hand_start.X_WT.p;
+  lesson.beginning().steering->setTarget(steering_->update(input, view, tip));
+}
+
+// asks first, because a single key press could end a lesson by mistake
+void LessonScreen::askForEnd(LessonRequests& requests) {
+  if (ImGui::IsKeyPressed(GLFW_KEY_ESCAPE, false) && !end_question_.asked()) end_question_.ask();
+  if (end_question_.show("Everything up to here is kept and scored.", endLessonActions()) == kActYes)
+    requests.stop({});
+}
+
+}  // namespace needlelab

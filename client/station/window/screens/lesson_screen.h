@@ -1,0 +1,77 @@
+/// The window during a lesson: limb and needle, side panel, overlays, the instructor's messages.
+#pragma once
+
+#include <imgui/imgui.h>
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "client/station/run/lesson_observer.h"
+#include "client/station/run/lesson_requests.h"
+#include "client/station/window/lessons/lesson_board.h"
+#include "client/station/window/screens/lesson_follow.h"
+#include "client/station/window/screens/pointer_steering.h"
+#include "client/view/action_bar.h"
+#include "client/view/scene/scene_renderer.h"
+#include "client/view/ultrasound_view.h"
+
+namespace needlelab {
+
+struct Overlay {
+  enum class Kind : std::uint8_t { kNone, kHold, kFault };
+  Kind kind = Kind::kNone;
+  std::string title;             ///< "The force was taken away"
+  std::string what;              ///< the reason
+  std::string todo;              ///< the advice
+  bool can_acknowledge = false;  ///< Enter and the button work now
+};
+
+/// Pure.
+Overlay overlayOf(const LessonStatus& status);
+/// Trainee and lesson: "tom, attempt 2 (3 left, this one included): Feel the capsule give way." If the server
+/// could not check the code, says so instead of the attempt, which does not count yet. Pure.
+std::string lessonLine(const LessonBeginning& beginning);
+
+/// A lesson's screen and its state between frames. Thread: the window's.
+class LessonScreen {
+ public:
+  explicit LessonScreen(SceneRenderer& renderer) : renderer_(renderer) {}
+  /// Begins a new lesson.
+  void begin(const LessonFollow& lesson);
+  /// Draws one frame. `requests` receives stop and acknowledge. `keys`: whether this screen gets the keys.
+  void show(const BoardState& state, const LessonFollow& lesson, bool keys, LessonRequests& requests);
+  /// Returns the computing time of the last ultrasound picture in s; for measurements.
+  [[nodiscard]] double ultrasoundCost_s() const { return ultrasound_.lastCost_s(); }
+  /// Returns whether the last frame showed the question whether to end the lesson.
+  [[nodiscard]] bool asksForEnd() const { return end_question_.shown(); }
+  /// Returns where mouse and keys want the tip, in W; nothing if they do not steer.
+  [[nodiscard]] std::optional<Vec3> aim_W_m() const {
+    return steering_ ? std::optional(steering_->target().X_WT.p) : std::nullopt;
+  }
+
+ private:
+  void showScene(const BoardState& state, const LessonFollow& lesson, ImVec2 size_px);
+  void chooseView(const LessonFollow& lesson);
+  void steer(const LessonFollow& lesson, bool hovered);
+  void askForEnd(LessonRequests& requests);
+
+  SceneRenderer& renderer_;
+  UltrasoundView ultrasound_;
+  SceneFrame frame_;
+  std::optional<PointerSteering> steering_;
+  bool held_across_ = false, held_tilt_ = false, shows_details_ = false, keys_ = true;
+  Question end_question_{"End this lesson?"};
+  AnswerGate fault_gate_;
+};
+
+/// Draws alarms as bars over the picture's top, the most urgent in the largest letters, and a frame about the
+/// picture.
+void lessonAlarms(const std::vector<ActiveAlarm>& alarms, ImVec2 corner_px, ImVec2 size_px);
+/// Draws a fault or hold over the picture, with a button to acknowledge. `keys`: whether it gets the keys.
+void lessonOverlay(const LessonStatus& status, bool keys, AnswerGate& gate, LessonRequests& requests,
+                   ImVec2 corner_px, ImVec2 size_px);
+/// Draws instructors' messages, newest last, over the picture's lower left corner.
+void lessonMessages(const BoardState& state, ImVec2 corner_px, ImVec2 size_px);
+
+}  // namespace needlelab

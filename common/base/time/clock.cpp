@@ -1,0 +1,87 @@
+#include <time.h>
+
+#include <fmt/core.h>
+#include <cmath>
+
+#include "common/base/time/clock.h"
+
+namespace needlelab {
+namespace {
+
+std::int64_t readNs(clockid_t id) noexcept {
+  timespec now{};
+  clock_gettime(id, &now);
+  return static_cast<std::int64_t>(now.tv_sec) * 1'000'000'000 + now.tv_nsec;
+}
+
+double quantile(const std::vector<double>& sorted, double q) {
+  if (sorted.empty()) return 0;
+  const double rank = std::ceil(q * static_cast<double>(sorted.size()));
+  return sorted[static_cast<std::size_t>(std::max(rank, 1.0)) - 1];
+}
+
+double measuredClock_ns() {
+  constexpr int kReadings = 1000;
+  std::vector<double> costs_ns;
+  for (int i = 0; i < kReadings; ++i) {
+    // ten at a time, because one reading takes about one clock step
+    const std::int64_t from_ns = steadyNowNs();
+    for (int k = 0; k < 9; ++k) keep(steadyNowNs());
+    costs_ns.push_back(static_cast<double>(steadyNowNs() - from_ns) / 10);
+  }
+  std::sort(costs_ns.begin(), costs_ns.end());
+  return quantile(costs_ns, 0.5);
+}
+
+}  // namespace
+
+std::int64_t steadyNowNs() noexcept {
+  return readNs(CLOCK_MONOTONIC);
+}
+std::int64_t wallNowNs() noexcept {
+  return readNs(CLOCK_REALTIME);
+}
+
+Timing timingOf(std::vector<double> means_ns, std::size_t per_batch) {
+  std::sort(means_ns.begin(), means_ns.end());
+  Timing timing;
+  timing.batches = means_ns.size();
+  timing.per_batch = per_batch;
+  if (means_ns.empty() || per_batch == 0) return timing;
+  timing.median_ns = quantile(means_ns, 0.5);
+  timing.p99_ns = quantile(means_ns, 0.99);
+  timing.least_ns = means_ns.front();
+  timing.resolution_ns = clockCost_ns() / static_cast<double>(per_batch);
+  return timing;
+}
+
+Timing timingOfRuns(const std::vector<double>& means_ns, std::size_t per_batch, std::size_t runs) {
+  Timing timing = timingOf(means_ns, per_batch);
+  const std::size_t count = means_ns.size();
+  runs = std::min(runs, count);
+  std::vector<double> medians_ns, tails_ns;
+  for (std::size_t r = 0; r < runs; ++r) {
+    const auto begin = means_ns.begin() + static_cast<std::ptrdiff_t>(r * count / runs);
+    const auto end = means_ns.begin() + static_cast<std::ptrdiff_t>((r + 1) * count / runs);
+    const Timing run = timingOf({begin, end}, per_batch);
+    medians_ns.push_back(run.median_ns);
+    tails_ns.push_back(run.p99_ns);
+  }
+  std::sort(medians_ns.begin(), medians_ns.end());
+  std::sort(tails_ns.begin(), tails_ns.end());
+  timing.median_ns = quantile(medians_ns, 0.5);
+  timing.p99_ns = quantile(tails_ns, 0.5);
+  return timing;
+}
+
+double clockCost_ns() {
+  static const double cost_ns = measuredClock_ns();
+  return cost_ns;
+}
+
+std::string timingText(const Timing& timing) {
+  return fmt::format("time: {} batches of {}, clock {:.2g} ns", timing.batches, timing.per_batch,
+                     timing.resolution_ns);
+}
+
+}  // namespace needlelab

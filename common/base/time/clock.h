@@ -1,0 +1,115 @@
+/// The programs' two clocks (engine and gate count ticks and read no clock), and timing of short operations:
+/// median and p99 over batches, so that the cost of reading the clock does not matter.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/base/time/clock.h"
+
+namespace needlelab {
+
+/// Monotonic time of this machine since some start, in ns (CLOCK_MONOTONIC). No system call through the vDSO.
+std::int64_t steadyNowNs() noexcept;
+
+/// Time of day, ns since 1970-01-01 UTC (CLOCK_REALTIME). May jump.
+std::int64_t wallNowNs() noexcept;
+
+/// The duration of a short operation, in ns per operation.
+struct Timing {
+  double median_ns = 0;
+  double p99_ns = 0;    ///< p99 of the batches' means: a single slow operation is averaged over its batch
+  double least_ns = 0;  ///< the quickest batch: the machine's speed when nothing disturbs it
+  double resolution_ns =
+      0;  ///< clock resolution per operation: one reading of the clock, divided by the batch size
+  std::size_t batches = 0, per_batch = 0;
+};
+
+/// Stopwatch for the stages of long work (wall time).
+class Stopwatch {
+ public:
+  /// Seconds since the last lap, or since construction.
+  double lap() {
+    const std::int64_t now_ns = steadyNowNs();
+    const double seconds = static_cast<double>(now_ns - since_ns_) * 1e-9;
+    since_ns_ = now_ns;
+    return seconds;
+  }
+
+ private:
+  std::int64_t since_ns_ = steadyNowNs();
+};
+
+/// Quantiles of the batches' means (ns per operation); `values` may be in any order. Zero batches give zeros.
+/// Quantile q is the smallest value that at least the share q of all values does not exceed.
+Timing timingOf(std::vector<double> means_ns, std::size_t per_batch);
+/// For work whose speed drifts: cuts `means_ns`, in the order of measurement, into `runs` equal runs (at
+/// least 1, at most one per value). Each quantile is the median over the runs (for an even number of runs,
+/// the lower of the two middle ones), so p99 is never below the median.
+Timing timingOfRuns(const std::vector<double>& means_ns, std::size_t per_batch, std::size_t runs);
+
+/// The cost of one reading of the clock (median of 1,000), in ns; measured once per process.
+double clockCost_ns();
+
+/// "median of 400 batches of 64, clock ±0.4 ns": for a row's uncertainty.
+std::string timingText(const Timing& timing);
+
+/// Keeps the compiler from optimising away the work that computed `value`.
+template <typename T>
+inline void keep(const T& value) {
+  asm volatile("" : : "g"(&value) : "memory");
+}
+
+/// Calls `operation()` `batches` × `per_batch` times, after one batch to warm up (hot caches), and appends
+/// the batches' means, in ns per operation. The cost of one reading of the clock is subtracted. Thread: any;
+/// run it alone on its core for good figures.
+template <typename Operation>
+void measureBatches(std::size_t batches, std::size_t per_batch, Operation&& operation,
+                    std::vector<double>& means_ns) {
+  for (std::size_t i = 0; i < per_batch; ++i) operation();
+  const double clock_ns = clockCost_ns();
+  for (std::size_t b = 0; b < batches; ++b) {
+    const std::int64_t from_ns = steadyNowNs();
+    for (std::size_t i = 0; i < per_batch; ++i) operation();
+    const auto took_ns = static_cast<double>(steadyNowNs() - from_ns);
+    means_ns.push_back(std::max(0.0, took_ns - clock_ns) / static_cast<double>(per_batch));
+  }
+}
+
+/// As measureBatches, returning quantiles.
+template <typename Operation>
+Timing timeBatches(std::size_t batches, std::size_t per_batch, Operation&& operation) {
+  std::vector<double> means_ns;
+  means_ns.reserve(batches);
+  measureBatches(batches, per_batch, operation, means_ns);
+  return timingOf(std::move(means_ns), per_batch);
+}
+
+/// As timeBatches, for about `budget_s`: batches are at least 100 times as long as a reading of the clock,
+/// and there are 50 to 4,000 of them.
+template <typename Operation>
+Timing timeFor(double budget_s, Operation&& operation) {
+  constexpr std::size_t kMostPerBatch = 4096;
+  const double least_batch_ns = 100 * clockCost_ns();
+  // estimate the cost: double the count until the run is long enough to measure
+  std::size_t per_batch = 1;
+  double batch_ns = 0;
+  while (true) {
+    // take the quickest of three: an interruption would make a run look long enough
+    for (int look = 0; look < 3; ++look) {
+      const std::int64_t from_ns = steadyNowNs();
+      for (std::size_t i = 0; i < per_batch; ++i) operation();
+      const auto took_ns = static_cast<double>(steadyNowNs() - from_ns);
+      batch_ns = look == 0 ? took_ns : std::min(batch_ns, took_ns);
+    }
+    if (batch_ns >= least_batch_ns || per_batch >= kMostPerBatch) break;
+    per_batch *= 2;
+  }
+  const double wanted = budget_s * 1e9 / std::max(batch_ns, 1.0);
+  return timeBatches(static_cast<std::size_t>(std::clamp(wanted, 50.0, 4000.0)), per_batch, operation);
+}
+
+}  // namespace needlelab

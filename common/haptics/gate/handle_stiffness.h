@@ -1,0 +1,45 @@
+/// Converts the stiffnesses at the needle's tip to the handle, at the end of the tool's lever, and computes
+/// how much of them a device can hold (FORCE_MODEL.md, "Device limits").
+#pragma once
+
+#include <string>
+
+#include "common/haptics/gate/force_gate.h"
+#include "common/haptics/geometry.h"
+#include "common/haptics/scene_model.h"
+#include "common/haptics/scene_spec.h"
+
+namespace needlelab {
+
+/// A scene's maximum stiffnesses; 0 if the effect is not live.
+struct HandleStiffness {
+  double fixture_N_per_m = 0;         ///< across the needle, at the tip
+  double bone_N_per_m = 0;            ///< in every direction, where the needle sticks on it
+  double orientation_Nm_per_rad = 0;  ///< of the orientation limit
+  double handle_Nm_per_rad = 0;       ///< of all together, about the handle's worst axis
+  /// Across the needle, at the tip: both bone and fixture hold a needle that sticks on bone.
+  [[nodiscard]] double across_N_per_m() const { return fixture_N_per_m + bone_N_per_m; }
+};
+
+/// A stiffness k across the needle becomes k·lever² about the handle; wall or bone along the needle act with
+/// the lever's component across the needle; the orientation limit adds its own.
+/// `spec` is the scene and `axial_N_per_m` its stiffness along the needle (axialStiffness_N_per_m).
+HandleStiffness handleStiffness(const SceneSpec& spec, double axial_N_per_m, const Pose& X_HT);
+
+/// With less than this share of a profile's stiffness, a lesson would not be the same, and is refused.
+inline constexpr double kLeastStiffnessShare = 0.5;
+
+/// The share of fixture, bone and orientation limit, in [0, 1], with which a device of `limits` can hold the
+/// scene: fixture and bone at the tip, everything about the handle. 1: nothing needs lowering. 0: the walls
+/// alone are too stiff for a tool so far off its axis. Does not check the stiffness along the needle.
+double heldStiffnessShare(const SceneSpec& spec, double axial_N_per_m, const DeviceLimits& limits,
+                          const Pose& X_HT);
+
+/// Lowers all numbers of the fixture, and the stiffnesses of bone and orientation limit, to `share`, in (0,
+/// 1].
+void lowerStiffness(SceneSpec& spec, double share);
+
+/// A text for people, shown beside a score; empty if `share` is 1 and bone was not left out.
+std::string stiffnessShareText(double share, bool bone_left_out);
+
+}  // namespace needlelab

@@ -1,0 +1,181 @@
+#include "common/haptics/gate/passivity_control.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "common/haptics/det_math.h"
+
+namespace needlelab {
+namespace {
+
+// in addition to the delay: how long the tank lasts at the present power
+constexpr double kHorizonTicks = 4;
+// below this power, encoder steps decide the sign: the reduction fades in with power
+constexpr double kSmallPower_W = 1e-3;
+constexpr double kLeastReserve_J = 1e-6;
+constexpr double kShareStep = 0.1;  // greatest rise of the share in a tick
+
+// rotation vector of a small turn, in W
+Vec3 turnBetween(Quat from, Quat to) {
+  const Quat turn = to * conjugate(from);
+  return Vec3{turn.x, turn.y, turn.z} * (turn.w < 0 ? -2.0 : 2.0);
+}
+
+// 1 for a debt of the reserve or more: then only a wrench that clearly takes energy returns, and slowly,
+// because after the motion reverses the mean speed still has the old direction
+double debtOf(const PassivityState& state, double reserve_J) {
+  return std::clamp(-state.level_J / std::max(reserve_J, kLeastReserve_J), 0.0, 1.0);
+}
+
+double workOf(const Wrench& wrench, const Pose& from, const Pose& to) {
+  return dot(wrench.force_N, to.p - from.p) + dot(wrench.torque_Nm, turnBetween(from.q, to.q));
+}
+
+class Fnv {
+ public:
+  void add(std::uint64_t word) {
+    for (int byte = 0; byte < 8; ++byte) value_ = (value_ ^ ((word >> (8 * byte)) & 0xffu)) * 1099511628211u;
+  }
+  void add(double number) { add(std::bit_cast<std::uint64_t>(number)); }
+  void add(Vec3 v) { add(v.x), add(v.y), add(v.z); }
+  [[nodiscard]] std::uint64_t value() const { return value_; }
+
+ private:
+  std::uint64_t value_ = 14695981039346656037u;
+};
+
+}  // namespace
+
+std::uint64_t hashOf(const PassivityState& state) {
+  Fnv hash;
+  hash.add(state.level_J);
+  hash.add(state.share);
+  for (const Pose& pose : state.poses) {
+    hash.add(pose.p);
+    for (const double part : {pose.q.x, pose.q.y, pose.q.z, pose.q.w}) hash.add(part);
+  }
+  for (const Wrench& wrench : state.rendered) {
+    hash.add(wrench.force_N);
+    hash.add(wrench.torque_Nm);
+  }
+  for (const Wrench& wrench : {state.acting, state.given}) {
+    hash.add(wrench.force_N);
+    hash.add(wrench.torque_Nm);
+  }
+  hash.add(std::uint64_t{state.next_pose} | std::uint64_t{state.known_poses} << 32);
+  hash.add(std::uint64_t{state.next_wrench} | std::uint64_t{state.unseen_ticks} << 32);
+  return hash.value();
+}
+
+PassivityControl::PassivityControl(const PassivitySettings& settings, double rate_hz) noexcept
+    : settings_(settings), period_s_(1 / rate_hz) {
+  settings_.delay_ticks = std::min(settings.delay_ticks, PassivitySettings::kMostDelay);
+  settings_.damping_Ns_per_m = std::max(0.0, settings.damping_Ns_per_m);
+  settings_.rotational_damping_Nms_per_rad = std::max(0.0, settings.rotational_damping_Nms_per_rad);
+  settings_.reserve_J = std::max(0.0, settings.reserve_J);
+  settings_.capacity_J = std::max(settings_.reserve_J, settings.capacity_J);
+  settings_.lag_s = std::max(0.0, settings.lag_s);
+  horizon_s_ = (static_cast<double>(settings_.delay_ticks) + kHorizonTicks) * period_s_ + settings_.lag_s;
+  if (settings_.lag_s > 0) {
+    const double ticks = period_s_ / settings_.lag_s;
+    left_ = detExp(-ticks);
+    mean_left_ = (1 - left_) / ticks;
+  }
+  state_.level_J = settings_.reserve_J;
+}
+
+// Accounts for the wrenches that acted since the newest pose. If that pose is several ticks old, it is
+// unknown in which tick the handle moved, and the worst case counts.
+void PassivityControl::observe(const Pose& X_WH) noexcept {
+  constexpr std::size_t kPoses = PassivityState::kPoses, kWrenches = PassivityState::kWrenches;
+  if (state_.known_poses > 0) {
+    const Pose& before = state_.poses[(state_.next_pose + kPoses - 1) % kPoses];
+    const std::size_t ticks =
+        std::clamp<std::size_t>(state_.unseen_ticks, 1, kWrenches - 1 - settings_.delay_ticks);
+    double given_J = -HUGE_VAL;
+    for (std::size_t back = 1; back <= ticks; ++back) {
+      const std::size_t at = (state_.next_wrench + 2 * kWrenches - back - settings_.delay_ticks) % kWrenches;
+      given_J = std::max(given_J, workOf(state_.rendered[at], before, X_WH));
+    }
+    // |way|² over n ticks is at most n times the sum of the squares, so the device lost at least this much
+    const Pose& oldest = state_.poses[(state_.next_pose + kPoses - state_.known_poses) % kPoses];
+    const double over_ticks = static_cast<double>(state_.known_poses);
+    const Vec3 turn = turnBetween(oldest.q, X_WH.q);
+    const double lost_J = (settings_.damping_Ns_per_m * normSquared(X_WH.p - oldest.p) +
+                           settings_.rotational_damping_Nms_per_rad * normSquared(turn)) /
+                          (over_ticks * over_ticks * period_s_);
+    // after a gap the window for speed and damping restarts; damping counts only while the window is complete
+    const bool is_whole = ticks == 1 && state_.known_poses == kPoses;
+    if (ticks > 1) state_.known_poses = 0;
+    state_.level_J = std::min(settings_.capacity_J, state_.level_J - given_J + (is_whole ? lost_J : 0));
+  }
+  state_.poses[state_.next_pose] = X_WH;
+  state_.next_pose = (state_.next_pose + 1) % kPoses;
+  state_.known_poses = std::min<std::uint32_t>(kPoses, state_.known_poses + 1);
+  state_.unseen_ticks = 0;
+}
+
+// The impulse of wrenches that were given but have not acted yet: d ticks of them, and the decay behind the
+// lag.
+Wrench PassivityControl::underWay() const noexcept {
+  constexpr std::size_t kWrenches = PassivityState::kWrenches;
+  Wrench sum{state_.acting.force_N * settings_.lag_s, state_.acting.torque_Nm * settings_.lag_s};
+  for (std::size_t back = 1; back <= settings_.delay_ticks; ++back) {
+    const Wrench& one = state_.rendered[(state_.next_wrench + kWrenches - back) % kWrenches];
+    sum.force_N += one.force_N * period_s_;
+    sum.torque_Nm += one.torque_Nm * period_s_;
+  }
+  return sum;
+}
+
+double PassivityControl::wantedShare(const Wrench& wanted) const noexcept {
+  constexpr std::size_t kPoses = PassivityState::kPoses;
+  if (state_.known_poses < 2) return state_.share;
+  const Pose& newest = state_.poses[(state_.next_pose + kPoses - 1) % kPoses];
+  const Pose& oldest = state_.poses[(state_.next_pose + kPoses - state_.known_poses) % kPoses];
+  const double power_W =
+      workOf(wanted, oldest, newest) / (static_cast<double>(state_.known_poses - 1) * period_s_);
+  const double debt = debtOf(state_, settings_.reserve_J);
+  const double gives = std::clamp(power_W / kSmallPower_W + debt, 0.0, 1.0);
+  if (gives <= 0) return 1;
+  // wrenches under way will act regardless of what is rendered now, so they are paid first
+  const double under_way_J =
+      workOf(underWay(), oldest, newest) / (static_cast<double>(state_.known_poses - 1) * period_s_);
+  const double level_J = std::max(0.0, state_.level_J - std::max(0.0, under_way_J));
+  const double affordable = power_W > 0 ? std::min(1.0, level_J / (power_W * horizon_s_))
+                            : debt > 0  ? 0.0
+                                        : 1.0;
+  return 1 - gives * (1 - affordable);
+}
+
+Wrench PassivityControl::limited(const Pose& X_WH, bool fresh, const Wrench& wanted,
+                                 std::int64_t elapsed_ticks) noexcept {
+  // the device kept rendering the last wrench while the loop missed ticks
+  const auto missed = std::clamp<std::int64_t>(elapsed_ticks - 1, 0, PassivityState::kWrenches);
+  const Wrench last = state_.given;
+  for (std::int64_t i = 0; i < missed; ++i) rendered(last);
+  // the gate refuses wrenches that are not finite
+  if (fresh && isFinite(wanted.force_N) && isFinite(wanted.torque_Nm)) {
+    // without a force no spring is loaded: energy that the tissue took earlier expires, and so does any debt
+    if (wanted == Wrench{}) state_.level_J = settings_.reserve_J;
+    observe(X_WH);
+    const double next = wantedShare(wanted);
+    const double rise = kShareStep * (1 - 0.9 * debtOf(state_, settings_.reserve_J));
+    state_.share = std::min(next, state_.share + rise);
+  }
+  return {wanted.force_N * state_.share, wanted.torque_Nm * state_.share};
+}
+
+void PassivityControl::rendered(const Wrench& at_handle_W) noexcept {
+  const Vec3 force = state_.acting.force_N - at_handle_W.force_N;
+  const Vec3 torque = state_.acting.torque_Nm - at_handle_W.torque_Nm;
+  state_.rendered[state_.next_wrench] = {at_handle_W.force_N + force * mean_left_,
+                                         at_handle_W.torque_Nm + torque * mean_left_};
+  state_.given = at_handle_W;
+  state_.acting = {at_handle_W.force_N + force * left_, at_handle_W.torque_Nm + torque * left_};
+  state_.next_wrench = (state_.next_wrench + 1) % PassivityState::kWrenches;
+  state_.unseen_ticks = std::min<std::uint32_t>(PassivityState::kWrenches, state_.unseen_ticks + 1);
+}
+
+}  // namespace needlelab

@@ -1,0 +1,71 @@
+/// The profile's limb, targets and hazards, placed in W, and distances to them; for scores and windows.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "common/haptics/scene_spec.h"
+#include "needlelab/profile.pb.h"
+
+namespace needlelab {
+
+/// A ball (a = b), or all points within `radius_m` of the segment a-b.
+struct Region {
+  std::string name;
+  Vec3 a_W_m, b_W_m;
+  double radius_m = 0;
+};
+
+/// A range of depths under the surface, along its normal; empty if top ≥ bottom.
+struct DepthSpan {
+  double top_m = 0, bottom_m = 0;
+};
+
+/// A ball, and the layers that count. A point is in the target if it is in both.
+struct Target {
+  Region ball;
+  std::vector<DepthSpan> tissues;  ///< depths of the layers that count, from the skin inward; empty: all
+};
+
+struct Anatomy {
+  Limb limb;
+  bool has_limb = false;
+  std::vector<double> layer_end_m;  ///< depths of the layers' lower boundaries; the last layer has no end
+  std::vector<Target> targets;
+  std::vector<Region> hazards;
+};
+
+/// `X_WL` as for `sceneSpecOf`; its quaternion is normalised. A profile without a limb (never from
+/// `parseProfile`) gives an anatomy without one.
+Anatomy anatomyOf(const pb::Profile& profile, const Pose& X_WL);
+
+/// Depth under the surface, negative outside; 0 without a limb.
+double depthAt(const Anatomy& anatomy, Vec3 p_W_m);
+/// The index of the layer at a point, −1 outside. Scores, events and views all use this.
+int layerAt(const Anatomy& anatomy, Vec3 p_W_m);
+/// As layerAt, for a depth.
+int layerAtDepth(std::span<const double> layer_end_m, double depth_m);
+
+/// Distance from a target: the greater of the distances from the ball and from the tissues; negative inside.
+/// (The signed distance of an intersection is at least the greatest of its parts' distances, and has its
+/// sign.)
+double distanceTo(const Anatomy& anatomy, const Target& target, Vec3 p_W_m);
+/// The target's range of depths at its centre: the ball's, limited to the tissues.
+DepthSpan depthSpanOf(const Anatomy& anatomy, const Target& target);
+/// Where the tip of a straight needle from `entry_W_m` (or along the normal if absent) must be for an
+/// injection into the target. Tip and opening (`opening_behind_tip_m` behind the tip) are equally far from
+/// the ends of the target's depth span; if the span is too short for both, the opening is in its middle.
+Vec3 tipForTarget(const Anatomy& anatomy, const Target& target, double opening_behind_tip_m,
+                  std::optional<Vec3> entry_W_m);
+
+/// Minimum distance between the segments p-q and a-b (Lumelsky's clamped solution; either may be a point).
+double segmentDistance(Vec3 p, Vec3 q, Vec3 a, Vec3 b);
+
+/// Distance from the region's surface, in W; negative inside. The first form is for a point, the second for a
+/// straight shaft between two points.
+double distanceTo(const Region& region, Vec3 p_W_m);
+double distanceTo(const Region& region, Vec3 tip_W_m, Vec3 skin_W_m);
+
+}  // namespace needlelab

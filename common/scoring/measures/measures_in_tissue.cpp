@@ -1,0 +1,420 @@
+// Measures of the needle in tissue: depth and forces, targets and hazards, the plan, the syringe.
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "common/haptics/engine.h"
+#include "common/haptics/scene_model.h"
+#include "common/haptics/sim_state.h"
+#include "common/profile/layer_names.h"
+#include "common/scoring/anatomy/bone_contacts.h"
+#include "common/scoring/anatomy/contacts.h"
+#include "common/scoring/measures/measure_groups.h"
+#include "common/scoring/measures/measure_table.h"
+#include "common/scoring/measures/syringe_events.h"
+
+namespace needlelab {
+namespace {
+
+/// Turns closer together than this are one change of trajectory, because the limit on turning speed makes the
+/// engine pause between them.
+constexpr double kTurnPause_s = 0.2;
+/// Shorter insertions have no straight path to compare with.
+constexpr double kLeastWay_m = 1e-3;
+/// An insertion ends when within this distance of its greatest length, because at rest, tremor may reach the
+/// greatest length at any time.
+constexpr double kEndWithin_m = 0.25e-3;
+
+/// For this time after a change of layer, the force counts for neither layer: the drop behind a boundary
+/// takes several ticks, depending on the loop's rate.
+constexpr double kLayerChange_s = 0.01;
+
+double forceOf(const GestureSample& s) {
+  return norm({s.force_W_N[0], s.force_W_N[1], s.force_W_N[2]});
+}
+
+/// Entries, withdrawals and turns of a gesture.
+class Counts {
+ public:
+  explicit Counts(double rate_hz) : rate_hz_(rate_hz) {}
+
+  void add(const GestureSample& sample) {
+    const bool inside = isInside(sample);
+    // the flag reveals an entry whose preceding exit was lost in missing ticks
+    const bool entered = inside && (!was_inside_ || (sample.flags & kFlagEntry) != 0);
+    if (entered) {
+      ++entries;
+      was_withdrawing_ = false;
+    }
+    if (inside && sample.phase == static_cast<std::uint8_t>(Phase::kWithdrawing)) {
+      if (!was_withdrawing_) ++withdrawals;
+      was_withdrawing_ = true;
+    } else if (inside && sample.phase == static_cast<std::uint8_t>(Phase::kInserting)) {
+      was_withdrawing_ = false;
+    }
+    if ((sample.flags & kFlagTurn) != 0) {
+      const bool goes_on = last_turn_ && secondsBetween(*last_turn_, sample, rate_hz_) <= kTurnPause_s;
+      if (!goes_on) ++turns;
+      last_turn_ = sample;
+    }
+    was_inside_ = inside;
+  }
+
+  int entries = 0, withdrawals = 0, turns = 0;
+
+ private:
+  const double rate_hz_;
+  bool was_inside_ = false, was_withdrawing_ = false;
+  std::optional<GestureSample> last_turn_;
+};
+
+/// The path length in tissue up to the end of the longest insertion, divided by the straight line from its
+/// entry to that end. Paths before that entry (of abandoned insertions) count, too. The insertion ends where
+/// it first comes within kEndWithin_m of its greatest length.
+class Inefficiency {
+ public:
+  explicit Inefficiency(const Gesture& gesture) : gesture_(gesture) {}
+
+  void add(std::size_t i) {
+    const GestureSample& sample = gesture_.samples[i];
+    const bool inside = isInside(sample);
+    if (inside && (!was_inside_ || (sample.flags & kFlagEntry) != 0)) entry_ = i;
+    if (inside && sample.insertion_m > greatest_m_) {
+      greatest_m_ = sample.insertion_m;
+      deepest_ = i;
+      end_ = deepest_entry_ = entry_;
+    }
+    was_inside_ = inside;
+  }
+
+  /// Looks for the insertion's end. Returns true when found.
+  bool finish(StepWork& work) {
+    const auto& samples = gesture_.samples;
+    while (end_ < deepest_ && samples[end_].insertion_m < greatest_m_ - kEndWithin_m) {
+      if (work.isOver()) return false;
+      work.spend(1);
+      ++end_;
+    }
+    return true;
+  }
+
+  /// The inefficiency; 0 without an insertion.
+  [[nodiscard]] double value() const {
+    const auto& samples = gesture_.samples;
+    if (samples.empty()) return 0;
+    const double straight_m = norm(tipOf(samples[end_]) - tipOf(samples[deepest_entry_]));
+    if (straight_m < kLeastWay_m) return 0;
+    const double end_s = secondsBetween(samples.front(), samples[end_], gesture_.rate_hz);
+    double way_m = 0;
+    for (const Run& run : gesture_.runs) {
+      for (std::size_t i = 0; i < run.inside.size(); ++i) {
+        // the last step counts partially
+        const double from_s = run.start_s + static_cast<double>(i) * run.period_s;
+        const double share = std::clamp((end_s - from_s) / run.period_s, 0.0, 1.0);
+        way_m += share * run.inside[i] * norm(run.points[i + 1].p_WT_m - run.points[i].p_WT_m);
+      }
+    }
+    return std::max(1.0, way_m / straight_m);
+  }
+
+ private:
+  const Gesture& gesture_;
+  std::size_t entry_ = 0, deepest_ = 0, deepest_entry_ = 0, end_ = 0;
+  double greatest_m_ = 0;
+  bool was_inside_ = false;
+};
+
+Vec3 axisOf(const GestureSample& s) {
+  return zAxis(normalized(Quat{s.q_WT[0], s.q_WT[1], s.q_WT[2], s.q_WT[3]}));
+}
+
+/// The shaft's point at the skin: back from the tip by the inserted length, along the needle.
+Vec3 skinPointOf(const GestureSample& s) {
+  return tipOf(s) - s.insertion_m * axisOf(s);
+}
+
+/// The point where the tip passed through the skin, as in the engine (FORCE_MODEL.md, "Contact"): where the
+/// depth is 0 on the straight line between the last tick outside and the first one inside (sample `first`).
+/// If the previous tick is missing, back along the needle by its inserted length.
+Vec3 entryAt(const Gesture& gesture, std::size_t first) {
+  const auto& samples = gesture.samples;
+  if (first > 0 && gesture.anatomy.has_limb &&
+      secondsBetween(samples[first - 1], samples[first], gesture.rate_hz) <= kLongestBridge_s) {
+    const Vec3 before = tipOf(samples[first - 1]), tip = tipOf(samples[first]);
+    const double outside_m = -signedDepth(gesture.anatomy.limb, before),
+                 inside_m = signedDepth(gesture.anatomy.limb, tip);
+    if (outside_m >= 0 && inside_m > 0) return before + outside_m / (outside_m + inside_m) * (tip - before);
+  }
+  return skinPointOf(samples[first]);
+}
+
+/// Distance of the tip from the nearest target's centre, and whether it is in that target.
+struct Aim {
+  double distance_m = std::numeric_limits<double>::infinity();
+  bool reached = false;
+};
+
+Aim aimOf(const Anatomy& anatomy, Vec3 tip_W_m) {
+  Aim aim;
+  for (const Target& target : anatomy.targets) {
+    aim.distance_m = std::min(aim.distance_m, norm(tip_W_m - target.ball.a_W_m));
+    aim.reached = aim.reached || distanceTo(anatomy, target, tip_W_m) <= 0;
+  }
+  return aim;
+}
+
+}  // namespace
+
+double Gesture::weight_s(std::size_t i) const {
+  const auto half = [&](std::size_t a, std::size_t b) {
+    const double gap_s = secondsBetween(samples[a], samples[b], rate_hz);
+    return gap_s <= kLongestBridge_s ? 0.5 * gap_s : 0.0;
+  };
+  return (i > 0 ? half(i - 1, i) : 0) + (i + 1 < samples.size() ? half(i, i + 1) : 0);
+}
+
+namespace {
+
+/// - `greatest_depth_m`: of the tip under the surface, along its normal. `greatest_insertion_m`: along the
+///   trajectory.
+/// - `peak_force_n`: greatest force on the hand in any tick. `peak_force_layer_K_n`: while the tip was in
+///   layer K (1 is the skin), 0 if it never was. `mean_force_in_tissue_n`: mean over the time in tissue.
+///   `mean_force_layer_K_n`: mean over the time in layer K; no row if there was none.
+/// - `largest_lateral_error_m`: distance of the tip from its own trajectory, the line begun at its entry.
+/// - `entries`: number of times the tip went in. `withdrawals`: number of times it was drawn back (a stop on
+///   the way does not begin another). `trajectory_changes`: runs of turns, including pauses up to 0.2 s.
+/// - `path_inefficiency`: path in tissue over the straight line to within 0.25 mm of the furthest point; 1 is
+///   straight.
+class TissueGroup : public SampleGroup {
+ public:
+  explicit TissueGroup(const Gesture& gesture)
+      : gesture_(gesture),
+        layer_peaks_(static_cast<std::size_t>(gesture.profile->layers_size()), 0.0),
+        layer_impulses_(layer_peaks_),
+        layer_times_(layer_peaks_),
+        counts_(gesture.rate_hz),
+        inefficiency_(gesture) {}
+
+  void add(std::size_t i) override {
+    const GestureSample& sample = gesture_.samples[i];
+    counts_.add(sample);
+    inefficiency_.add(i);
+    const double force_N = forceOf(sample);
+    peak_N_ = std::max(peak_N_, force_N);
+    if (sample.layer != layer_before_) {
+      changed_ = sample;
+      has_changed_ = layer_before_ >= 0 && isInside(sample);
+    }
+    layer_before_ = sample.layer;
+    if (!isInside(sample)) return;
+    if (gesture_.anatomy.has_limb)
+      depth_m_ = std::max(depth_m_, signedDepth(gesture_.anatomy.limb, tipOf(sample)));
+    insertion_m_ = std::max(insertion_m_, sample.insertion_m);
+    lateral_m_ = std::max(lateral_m_, sample.lateral_error_m);
+    const double weight_s = gesture_.weight_s(i);
+    impulse_Ns_ += force_N * weight_s;
+    time_s_ += weight_s;
+    const auto layer =
+        static_cast<std::size_t>(static_cast<unsigned char>(sample.layer));  // not negative here
+    const bool changing =
+        has_changed_ && secondsBetween(changed_, sample, gesture_.rate_hz) < kLayerChange_s * (1 - 1e-9);
+    if (layer >= layer_peaks_.size() || changing) return;
+    layer_peaks_[layer] = std::max(layer_peaks_[layer], force_N);
+    layer_impulses_[layer] += force_N * weight_s;
+    layer_times_[layer] += weight_s;
+  }
+
+  bool finish(StepWork& work) override { return inefficiency_.finish(work); }
+
+  void addRows(Rows& rows) const override {
+    rows.add("greatest_depth_m", depth_m_);
+    rows.add("greatest_insertion_m", insertion_m_);
+    rows.add("peak_force_n", peak_N_);
+    rows.add("mean_force_in_tissue_n", time_s_ > 0 ? impulse_Ns_ / time_s_ : 0);
+    const std::vector<std::string> names = layerNames(*gesture_.profile);
+    const auto addOfLayer = [&](std::string name, double value) {
+      std::string words = measureWords(name, names);
+      rows.add(std::move(name), value, std::move(words));
+    };
+    for (std::size_t i = 0; i < layer_peaks_.size(); ++i)
+      addOfLayer(fmt::format("peak_force_layer_{}_n", i + 1), layer_peaks_[i]);
+    for (std::size_t i = 0; i < layer_peaks_.size(); ++i) {
+      if (layer_times_[i] > 0)
+        addOfLayer(fmt::format("mean_force_layer_{}_n", i + 1), layer_impulses_[i] / layer_times_[i]);
+    }
+    rows.add("largest_lateral_error_m", lateral_m_);
+    rows.add("entries", counts_.entries);
+    rows.add("withdrawals", counts_.withdrawals);
+    rows.add("trajectory_changes", counts_.turns);
+    const double inefficiency = inefficiency_.value();
+    if (inefficiency > 0) rows.add("path_inefficiency", inefficiency);
+  }
+
+ private:
+  const Gesture& gesture_;
+  double depth_m_ = 0, insertion_m_ = 0, lateral_m_ = 0, peak_N_ = 0, impulse_Ns_ = 0, time_s_ = 0;
+  std::vector<double> layer_peaks_, layer_impulses_, layer_times_;
+  int layer_before_ = -1;
+  GestureSample changed_;  // sample at the tip's last change of layer
+  bool has_changed_ = false;
+  Counts counts_;
+  Inefficiency inefficiency_;
+};
+
+/// Counted while the tip is in tissue.
+/// - `target_reached` (1 or 0): the tip was in a target, i.e. within its radius and in one of its tissues.
+///   `time_at_target_s`: the total time there.
+/// - `target_distance_m`: distance of the tip from the nearest target's centre at the furthest point of the
+///   last insertion; `target_nearest_m`: the least distance at any time.
+/// - `hazards_touched`: number of hazards touched by the tip or by the shaft in tissue (straight back along
+///   the needle). `bone_contacts`: how often the tip met bone (bone_contacts.h). `hub_contacts`: how often
+///   the hub met the skin (contacts.h).
+class AimGroup : public SampleGroup {
+ public:
+  explicit AimGroup(const Gesture& gesture)
+      : gesture_(gesture),
+        touched_(gesture.anatomy.hazards.size(), false),
+        bones_(*gesture.profile, gesture.anatomy) {}
+
+  void add(std::size_t i) override {
+    const std::vector<Region>& hazards = gesture_.anatomy.hazards;
+    const GestureSample& sample = gesture_.samples[i];
+    const Vec3 tip = tipOf(sample);
+    const double time_s = secondsBetween(gesture_.samples.front(), sample, gesture_.rate_hz);
+    if (bones_.add(time_s, sample.layer, tip)) ++bone_contacts_;
+    if (hub_.add(time_s, sample.flags)) ++hub_contacts_;
+    final_.add(sample, i);
+    if (!isInside(sample)) return;
+    const Vec3 skin = skinPointOf(sample);
+    for (std::size_t h = 0; h < hazards.size(); ++h) {
+      if (!touched_[h] && distanceTo(hazards[h], tip, skin) <= 0) touched_[h] = true;
+    }
+    if (gesture_.anatomy.targets.empty()) return;
+    const Aim aim = aimOf(gesture_.anatomy, tip);
+    nearest_m_ = std::min(nearest_m_, aim.distance_m);
+    if (!aim.reached) return;
+    reached_ = true;
+    time_s_ += gesture_.weight_s(i);
+  }
+
+  void addRows(Rows& rows) const override {
+    std::string names;
+    for (std::size_t h = 0; h < touched_.size(); ++h) {
+      if (touched_[h]) names += (names.empty() ? " (" : ", ") + gesture_.anatomy.hazards[h].name;
+    }
+    rows.add("hazards_touched", static_cast<double>(std::count(touched_.begin(), touched_.end(), true)),
+             "Hazards touched" + (names.empty() ? names : names + ")"));
+    rows.add("bone_contacts", bone_contacts_);
+    rows.add("hub_contacts", hub_contacts_);
+    if (gesture_.anatomy.targets.empty()) return;
+    rows.add("target_reached", reached_ ? 1 : 0);
+    rows.add("time_at_target_s", time_s_);
+    if (!final_.index) return;
+    rows.add("target_distance_m", aimOf(gesture_.anatomy, tipOf(gesture_.samples[*final_.index])).distance_m);
+    rows.add("target_nearest_m", nearest_m_);
+  }
+
+ private:
+  const Gesture& gesture_;
+  std::vector<bool> touched_;  // by hazard
+  BoneContacts bones_;
+  HubContacts hub_;
+  int bone_contacts_ = 0, hub_contacts_ = 0;
+  FinalPoint final_;
+  double nearest_m_ = std::numeric_limits<double>::infinity(), time_s_ = 0;  // of targets
+  bool reached_ = false;
+};
+
+/// E is the planned entry and d the planned direction (unit, into the tissue), both in W; no rows without a
+/// plan, nor if the needle was never in tissue.
+/// - `planned_entry_error_m`: |P − E|, where P is where the tip first passed through the skin. The straight
+///   distance: on a limb of radius R it is shorter than along the skin by less than 0.2 % up to R/5.
+/// - `planned_angle_error_rad`: atan2(|a × d|, a · d), with a the needle's axis (hub to tip) at the furthest
+///   point of the last insertion (as for `target_distance_m`). 0 along the plan, π for a needle that
+///   points back.
+/// - `mean_planned_line_error_m`: Σ w |r − (r·d) d| / Σ w over the ticks in tissue, r = tip − E and w a
+///   tick's time; no row where that time is 0. `largest_planned_line_error_m`: the greatest |r − (r·d) d|
+///   in tissue. The line is infinite.
+class PlanGroup : public SampleGroup {
+ public:
+  explicit PlanGroup(const Gesture& gesture) : gesture_(gesture) {}
+
+  void add(std::size_t i) override {
+    if (!gesture_.plan_W) return;
+    const GestureSample& sample = gesture_.samples[i];
+    final_.add(sample, i);
+    if (!isInside(sample)) return;
+    if (!entry_m_) entry_m_ = entryAt(gesture_, i);
+    const double off_m = distanceFrom(*gesture_.plan_W, tipOf(sample));
+    const double weight_s = gesture_.weight_s(i);
+    largest_m_ = std::max(largest_m_, off_m);
+    sum_ms_ += off_m * weight_s;
+    time_s_ += weight_s;
+  }
+
+  void addRows(Rows& rows) const override {
+    if (!entry_m_ || !final_.index) return;
+    const PlannedLine& plan = *gesture_.plan_W;
+    rows.add("planned_entry_error_m", norm(*entry_m_ - plan.entry_m));
+    rows.add("planned_angle_error_rad", angleTo(plan, axisOf(gesture_.samples[*final_.index])));
+    if (time_s_ > 0) rows.add("mean_planned_line_error_m", sum_ms_ / time_s_);
+    rows.add("largest_planned_line_error_m", largest_m_);
+  }
+
+ private:
+  const Gesture& gesture_;
+  std::optional<Vec3> entry_m_;
+  FinalPoint final_;
+  double sum_ms_ = 0, time_s_ = 0, largest_m_ = 0;
+};
+
+}  // namespace
+
+std::vector<std::unique_ptr<SampleGroup>> sampleGroups(const Gesture& gesture) {
+  std::vector<std::unique_ptr<SampleGroup>> groups;
+  groups.push_back(std::make_unique<TissueGroup>(gesture));
+  groups.push_back(std::make_unique<AimGroup>(gesture));
+  groups.push_back(std::make_unique<PlanGroup>(gesture));
+  return groups;
+}
+
+/// - `aspirations`, `injections`: strokes of the plunger (syringe_events.h). `injected_share`: share of the
+///   syringe pressed out by all injections together, in or outside tissue; above 1 if it was drawn
+///   up and pressed again.
+/// - `injected_in_target_share`: the part of it that left the needle's opening in a target; only if
+///   something was injected and the profile has a target.
+/// - `aspirated_before_injection` (1 or 0): an aspiration that began in tissue came before the
+///   first injection with a part in tissue; only if there was such an injection.
+void addSyringe(const Gesture& gesture, std::span<const pb::SyringeEvent> events, Rows& rows) {
+  int aspirations = 0, injections = 0;
+  double injected = 0, in_target = 0;
+  bool aspirated = false, injected_in_tissue = false, was_aspirated = false;
+  for (const pb::SyringeEvent& event : events) {
+    if (event.kind() == pb::SyringeEvent::ASPIRATION) {
+      ++aspirations;
+      aspirated = aspirated || event.begin().in_tissue();
+      continue;
+    }
+    ++injections;
+    const double stroke = event.plunger_to() - event.plunger_from();
+    injected += stroke;
+    in_target += stroke * event.in_target_share();
+    if (!injected_in_tissue && event.in_tissue_share() > 0) {
+      injected_in_tissue = true;
+      was_aspirated = aspirated;
+    }
+  }
+  rows.add("aspirations", aspirations);
+  rows.add("injections", injections);
+  rows.add("injected_share", injected);
+  if (injections > 0 && !gesture.anatomy.targets.empty())
+    rows.add("injected_in_target_share", injected > 0 ? std::min(1.0, in_target / injected) : 0);
+  if (injected_in_tissue) rows.add("aspirated_before_injection", was_aspirated ? 1 : 0);
+}
+
+}  // namespace needlelab

@@ -1,0 +1,37 @@
+/// The rule for account names: two names with the same key are the same name. A name is stored and shown as
+/// typed; `people.folded` has its key.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "common/base/result.h"
+#include "db/store/connection.h"
+
+namespace needlelab {
+
+/// The name under which the server itself writes remarks and audit lines.
+inline constexpr const char* kServerName = "server";
+
+/// Removes white space (Unicode's White_Space) at both ends. Bytes that are not UTF-8 stay.
+std::string_view trimmedName(std::string_view name);
+
+/// The key by which names are compared: normalisation form C of Unicode's full case folding, without
+/// characters that have no shape of their own (Default_Ignorable_Code_Point). `name`: UTF-8; other bytes are
+/// unchanged.
+std::string nameKey(std::string_view name);
+
+/// kInvalidInput: not allowed as a new account name. Checks checkNewName(), white space at the ends, a
+/// leading '@' (used by ids), U+FFFD, invisible characters, and the server's reserved names: "server",
+/// "guest", "local", "local:…", "retention", "erasure".
+Status checkNewPersonName(std::string_view field, std::string_view name);
+
+/// The words after "there is already": names the account and asks whether it is the same person.
+std::string sameNameQuestion(std::string_view there, std::string_view typed);
+
+/// Recomputes the keys if this program's Unicode tables differ from those used before (meta `names_unicode`).
+/// kInvalidInput: two names would become the same; the message names both and says what to do. Needs the
+/// writer's connection, in a transaction.
+Status refreshNameKeys(Connection& connection);
+
+}  // namespace needlelab

@@ -1,0 +1,82 @@
+/// A class as a table of people: parses and checks its cells, without the database. Private to db/service.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/base/text/csv_rows.h"
+#include "db/people/people.h"
+#include "needlelab/teaching.pb.h"
+
+namespace needlelab {
+
+/// Limit on the memberships named in one table, and on the total size of the groups it adds people to: the
+/// writer stores all of them again, for which others wait about 0.5 s.
+inline constexpr std::size_t kMostImportMemberships = 20'000;
+inline constexpr std::size_t kMostImportRows = 5000;
+/// Passwords and codes; each takes 0.1 s to hash.
+inline constexpr std::size_t kMostImportSecrets = 200;
+
+/// A row to import.
+struct ImportRow {
+  std::uint32_t line = 0;
+  Person person;
+  std::string password, code;
+  std::vector<std::string> groups;
+  pb::PeopleImport::What what = pb::PeopleImport::ADD;
+  std::string text, column;  ///< the problem and its column
+  bool role_given = false, full_name_given = false, has_password = false, has_code = false;
+  bool role_changes = false;
+  bool code_taken = false;  ///< the code is accepted as the person's
+
+  /// For compared rows: see people_import.cpp.
+  [[nodiscard]] bool givesRights() const {
+    const bool is_new = what == pb::PeopleImport::ADD;
+    return (is_new && (person.role != pb::TRAINEE || has_password)) ||
+           ((is_new || what == pb::PeopleImport::CHANGE) && (role_changes || code_taken));
+  }
+
+  void fault(const std::string& in_column, const std::string& words) {
+    if (what == pb::PeopleImport::FAULT) return;
+    what = pb::PeopleImport::FAULT;
+    column = in_column;
+    text = words;
+  }
+};
+
+/// Reads a table and checks each row on its own. Wipes its secrets on destruction. Thread: a single one.
+class ImportTable {
+ public:
+  /// `now_unix_ns`: creation time of the people in its rows.
+  explicit ImportTable(std::int64_t now_unix_ns) : now_unix_ns_(now_unix_ns) {}
+  ImportTable(const ImportTable&) = delete;
+  ImportTable& operator=(const ImportTable&) = delete;
+  ~ImportTable() { wipeSecrets(); }
+
+  /// kInvalidInput: a fault of the table as a whole. Faults of rows are noted in them.
+  Status read(const std::string& csv, std::size_t lines_above);
+  [[nodiscard]] std::vector<ImportRow>& rows() { return rows_; }
+  [[nodiscard]] const std::vector<ImportRow>& rows() const { return rows_; }
+  void wipeSecrets();
+
+ private:
+  [[nodiscard]] Status checkMemberships() const;
+  void faultEqualCodes();
+  Status readHeader(bool is_there, const CsvRows& rows);
+  void add(const CsvRows& rows);
+
+  const std::int64_t now_unix_ns_;
+  std::map<std::string, std::size_t, std::less<>> columns_;
+  std::vector<std::size_t> unnamed_;          ///< columns without a name
+  std::size_t width_ = 0;                     ///< cells in the header, up to its last name
+  std::map<std::string, std::size_t> lines_;  ///< indices into rows_, by nameKey()
+  std::vector<ImportRow> rows_;
+};
+
+}  // namespace needlelab

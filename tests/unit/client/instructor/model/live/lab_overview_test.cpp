@@ -1,0 +1,387 @@
+#include "client/instructor/model/live/lab_overview.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <functional>
+#include <limits>
+#include <set>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include <cmath>
+
+#include "common/haptics/gate/force_gate.h"
+#include "tests/unit/client/instructor/status_alarms.h"
+
+namespace needlelab {
+namespace {
+
+const std::string kSession(16, 's');
+
+pb::StationStatus practising(const std::string& station) {
+  pb::StationStatus status;
+  status.set_station(station);
+  status.set_online(true);
+  status.set_session_id(kSession);
+  status.set_trainee("tina");
+  status.set_exercise_id("knee-recess");
+  status.set_phase(1);
+  status.set_layer(2);
+  status.set_insertion_m(0.02);
+  status.set_force_n(2);
+  return status;
+}
+
+std::vector<std::string> names(const std::vector<const StationTile*>& tiles) {
+  std::vector<std::string> list;
+  for (const StationTile* tile : tiles) list.push_back(tile->station);
+  return list;
+}
+
+/// Each state of a station and what it needs.
+TEST(LabOverview, whatAStationNeeds) {
+  struct Row {
+    const char* name;
+    Need need;
+    std::function<void(LabOverview&)> happens;
+  };
+  const auto report = [](LabOverview& lab, double at_s, auto change) {
+    auto status = practising("one");
+    change(status);
+    lab.onStatus(status, at_s);
+  };
+  const std::vector<Row> rows = {
+      {"a lesson", Need::kPractising, [&](auto& lab) { report(lab, 0, [](auto&) {}); }},
+      {"idle", Need::kWaiting, [&](auto& lab) { report(lab, 0, [](auto& s) { s.clear_session_id(); }); }},
+      {"a lesson that ended", Need::kDone,
+       [&](auto& lab) {
+         report(lab, 0, [](auto&) {});
+         report(lab, 1, [](auto& s) { s.clear_session_id(); });
+       }},
+      {"a lesson that ended long ago", Need::kWaiting,
+       [&](auto& lab) {
+         report(lab, 0, [](auto&) {});
+         report(lab, 1, [](auto& s) { s.clear_session_id(); });
+         lab.tick(1 + kDoneLasts_s + 1);
+       }},
+      {"a fault", Need::kFault,
+       [&](auto& lab) {
+         report(lab, 0, [](auto& s) { s.set_fault(static_cast<std::uint32_t>(Fault::kTipTooFast)); });
+       }},
+      {"an alarm", Need::kAlarm,
+       [&](auto& lab) { report(lab, 0, [](auto& s) { addAlarm(s, "hazard", 1, true, "nerve"); }); }},
+      {"an alarm that is over", Need::kAlarm,
+       [&](auto& lab) {
+         report(lab, 0, [](auto& s) { addAlarm(s, "hazard", 1, true, "nerve"); });
+         report(lab, 600, [](auto& s) { addAlarm(s, "hazard", 1, false, "nerve"); });
+       }},
+      {"an alarm of a lesson that has ended", Need::kAlarm,
+       [&](auto& lab) {
+         report(lab, 0, [](auto& s) { addAlarm(s, "force", 1, true, "9.0 N, allowed 8 N"); });
+         report(lab, 1, [](auto& s) { s.clear_session_id(); });
+       }},
+      {"an alarm that was acknowledged", Need::kPractising,
+       [&](auto& lab) {
+         report(lab, 0, [](auto& s) { addAlarm(s, "hazard", 1, true, "nerve"); });
+         lab.acknowledge("one");
+         report(lab, 1, [](auto& s) { addAlarm(s, "hazard", 1, true, "nerve"); });
+       }},
+      {"the same alarm again", Need::kAlarm,
+       [&](auto& lab) {
+         report(lab, 0, [](auto& s) { addAlarm(s, "hazard", 1, true, "nerve"); });
+         lab.acknowledge("one");
+         report(lab, 1, [](auto& s) { addAlarm(s, "hazard", 2, false, "nerve"); });
+       }},
+      {"an alarm that this program does not know", Need::kPractising,
+       [&](auto& lab) { report(lab, 0, [](auto& s) { addAlarm(s, "flood", 1, true, "water"); }); }},
+      {"the device rests", Need::kTrouble,
+       [&](auto& lab) { report(lab, 0, [](auto& s) { s.set_trouble("disk nearly full"); }); }},
+      {"a fault goes before an alarm", Need::kFault,
+       [&](auto& lab) {
+         report(lab, 0, [](auto& s) {
+           s.set_fault(2);
+           addAlarm(s, "bone", 1, true, "bone contact");
+         });
+       }},
+      {"gone in mid-lesson", Need::kLost,
+       [&](auto& lab) {
+         report(lab, 0, [](auto&) {});
+         report(lab, 1, [](auto& s) { s.set_online(false); });
+       }},
+      {"switched off", Need::kOffline,
+       [&](auto& lab) {
+         report(lab, 0, [](auto& s) { s.clear_session_id(); });
+         report(lab, 1, [](auto& s) { s.set_online(false); });
+       }},
+  };
+  for (const Row& row : rows) {
+    LabOverview lab;
+    row.happens(lab);
+    const StationTile* tile = lab.find("one");
+    ASSERT_NE(tile, nullptr) << row.name;
+    EXPECT_EQ(nameOf(tile->need), nameOf(row.need)) << row.name;
+    EXPECT_EQ(lab.counts()[static_cast<std::size_t>(row.need)], 1u) << row.name;
+  }
+}
+
+TEST(LabOverview, aTileSaysWhoPractisesAndNeverThatNobodyDoes) {
+  const std::string exercise = "Knee: suprapatellar recess";
+  LabOverview lab;
+  const auto words = [&] { return lessonWords(*lab.find("one"), exercise); };
+  auto status = practising("one");
+  status.set_trainee("tom");
+  lab.onStatus(status, 0);
+  EXPECT_EQ(words(), "tom · " + exercise);
+  auto idle = status;
+  idle.clear_session_id();
+  idle.clear_trainee();
+  lab.onStatus(idle, 1);
+  EXPECT_EQ(words(), "tom · " + exercise) << "who is done";
+  lab.tick(1 + kDoneLasts_s + 1);
+  EXPECT_EQ(words(), "no lesson");
+  // the next lesson, before the server has its session: do not show the previous name
+  auto next = practising("one");
+  next.set_session_id("another-session-");
+  next.clear_trainee();
+  lab.onStatus(next, 200);
+  EXPECT_EQ(nameOf(lab.find("one")->need), "practising");
+  EXPECT_EQ(words(), "name not known yet · " + exercise);
+  next.set_trainee("zoe");
+  lab.onStatus(next, 201);
+  EXPECT_EQ(words(), "zoe · " + exercise);
+}
+
+TEST(LabOverview, aTileLeavesOutWhatTheStationDoesNotSayAndGivesEachFigureItsUnit) {
+  StationTile tile;
+  EXPECT_EQ(healthWords(tile), "offline");
+  tile.online = true;
+  EXPECT_EQ(healthWords(tile), "") << "no 0 µs of a station that does not say";
+  tile.wakeup_p99_us = 12;
+  EXPECT_EQ(healthWords(tile), "loop: 99 % within 12 µs");
+  tile.missed_ticks = 1;
+  tile.spool_left = 3;
+  tile.server = "b";
+  EXPECT_EQ(healthWords(tile), "loop: 99 % within 12 µs, 1 tick missed, 3 chunks wait, server b");
+  tile.wakeup_p99_us = 0;
+  EXPECT_EQ(healthWords(tile), "1 tick missed, 3 chunks wait, server b");
+  tile.force_N = 2.34;
+  tile.peak_force_N = 4;
+  EXPECT_EQ(forceWords(tile), "2.3 N, peak 4.0 N");
+  tile.session_id = "a-session";
+  tile.phase = 1;
+  tile.layer = 1;
+  tile.insertion_m = 0.0123;
+  EXPECT_THAT(depthWords(tile), testing::EndsWith(", 12.3 mm, tip in layer 2"));
+}
+
+TEST(LabOverview, urgentOnesComeFirstAndEqualsStayInTheOrderOfNames) {
+  LabOverview lab;
+  for (const char* name : {"c", "a", "d", "b"}) lab.onStatus(practising(name), 0);
+  auto bad = practising("d");
+  bad.set_fault(4);
+  lab.onStatus(bad, 1);
+  EXPECT_EQ(names(lab.tiles(TileOrder::kNeed)), (std::vector<std::string>{"d", "a", "b", "c"}));
+  lab.onStatus(practising("d"), 2);
+  EXPECT_EQ(names(lab.tiles(TileOrder::kNeed)), (std::vector<std::string>{"a", "b", "c", "d"}));
+  EXPECT_EQ(names(lab.tiles(TileOrder::kName)), (std::vector<std::string>{"a", "b", "c", "d"}));
+  auto strong = practising("c");
+  strong.set_force_n(5);
+  lab.onStatus(strong, 3);
+  EXPECT_EQ(lab.tiles(TileOrder::kPeakForce).front()->station, "c");
+}
+
+TEST(LabOverview, filtersByHelpByTextAndByWhoIsThere) {
+  LabOverview lab;
+  lab.onStatus(practising("bench-1"), 0);
+  auto bad = practising("bench-2");
+  bad.set_trouble("no disk");
+  bad.set_trainee("Tom");
+  lab.onStatus(bad, 0);
+  auto away = practising("bench-3");
+  away.clear_session_id();
+  away.set_online(false);
+  lab.onStatus(away, 0);
+  EXPECT_EQ(names(lab.tiles(TileOrder::kName, {.only_help = true})), std::vector<std::string>{"bench-2"});
+  EXPECT_EQ(names(lab.tiles(TileOrder::kName, {.only_online = true})).size(), 2u);
+  EXPECT_EQ(names(lab.tiles(TileOrder::kName, {.text = "TOM"})), std::vector<std::string>{"bench-2"});
+  EXPECT_EQ(lab.tiles(TileOrder::kName, {.text = "KNEE-rec"}).size(), 2u);
+  EXPECT_TRUE(lab.tiles(TileOrder::kName, {.text = "nobody"}).empty());
+}
+
+TEST(LabOverview, thePeakIsThatOfTheLesson) {
+  LabOverview lab;
+  const auto force = [&](double newtons, char session, double at_s) {
+    auto status = practising("one");
+    status.set_session_id(std::string(16, session));
+    status.set_force_n(newtons);
+    lab.onStatus(status, at_s);
+    return lab.find("one")->peak_force_N;
+  };
+  EXPECT_EQ(force(1, 'a', 0), 1);
+  EXPECT_EQ(force(3, 'a', 1), 3);
+  EXPECT_EQ(force(2, 'a', 2), 3);
+  EXPECT_EQ(lab.find("one")->lesson_s, 2);
+  EXPECT_EQ(lab.find("one")->forces_N.size(), 3u);
+  EXPECT_EQ(force(1, 'b', 3), 1);
+  EXPECT_EQ(lab.find("one")->lesson_s, 0);
+}
+
+TEST(LabOverview, stationsThatTheServerNoLongerKnowsGoAndOthersComeOffline) {
+  LabOverview lab;
+  lab.onStatus(practising("old"), 0);
+  pb::Stations stations;
+  stations.add_stations()->set_name("new");
+  auto& revoked = *stations.add_stations();
+  revoked.set_name("stolen");
+  revoked.set_revoked(true);
+  lab.setStations(stations, 1);
+  EXPECT_EQ(names(lab.tiles(TileOrder::kName)), std::vector<std::string>{"new"});
+  EXPECT_EQ(lab.find("new")->need, Need::kOffline);
+}
+
+TEST(LabOverview, whatIsHeardNoMoreIsStale) {
+  LabOverview lab;
+  lab.onStatus(practising("one"), 0);
+  lab.tick(kStale_s - 0.1);
+  EXPECT_FALSE(lab.find("one")->stale);
+  lab.tick(kStale_s + 0.1);
+  EXPECT_TRUE(lab.find("one")->stale);
+  lab.onStatus(practising("one"), 5);
+  EXPECT_FALSE(lab.find("one")->stale);
+  lab.connectionLost();
+  EXPECT_TRUE(lab.find("one")->stale);
+}
+
+TEST(LabOverview, whatTheNetworkSaysIsMadeSafeToShow) {
+  LabOverview lab;
+  auto status = practising("one");
+  status.set_trainee("a\x1b[31mb");
+  status.set_force_n(std::numeric_limits<double>::quiet_NaN());
+  status.set_insertion_m(std::numeric_limits<double>::infinity());
+  status.set_fault(4'000'000'000u);
+  lab.onStatus(status, 0);
+  EXPECT_EQ(lab.find("one")->trainee, "a?[31mb");
+  EXPECT_EQ(lab.find("one")->force_N, 0);
+  EXPECT_EQ(lab.find("one")->insertion_m, 0);
+  EXPECT_EQ(lab.find("one")->need, Need::kFault);
+}
+
+TEST(LabOverview, eachNeedHasAWordOfItsOwn) {
+  std::set<std::string_view> words;
+  for (std::size_t i = 0; i < kNeedCount; ++i) words.insert(nameOf(static_cast<Need>(i)));
+  EXPECT_EQ(words.size(), kNeedCount);
+}
+
+TEST(LabOverview, theReasonIsSaidWithItsNumbersAndNames) {
+  struct Row {
+    const char* why;
+    std::vector<std::function<void(pb::StationStatus&)>> lines;  ///< one per second
+  };
+  const auto force = [](double newtons, double limit_N) {
+    return [=](pb::StationStatus& s) {
+      s.set_force_n(newtons);
+      if (limit_N != 0) s.set_force_limit_n(limit_N);
+    };
+  };
+  const std::vector<Row> rows = {
+      {"", {force(2, 5)}},
+      {"TOO MUCH FORCE 9.1 N, allowed 6 N",
+       {[](auto& s) { addAlarm(s, "force", 1, true, "9.1 N, allowed 6 N"); }}},
+      {"HAZARD nerve?", {[](auto& s) { addAlarm(s, "hazard", 1, true, "nerve\n"); }}},
+      {"the disk is full?", {[](auto& s) { s.set_trouble("the disk is full\n"); }}},
+      {"the needle's tip jumped faster than 5 m/s",
+       {[](auto& s) { s.set_fault(static_cast<std::uint32_t>(Fault::kTipTooFast)); }}},
+      {"the lesson continues at the station and is stored there",
+       {force(1, 6), [](auto& s) { s.set_online(false); }}}};
+  for (const Row& row : rows) {
+    LabOverview lab;
+    double at_s = 0;
+    for (const auto& change : row.lines) {
+      auto status = practising("one");
+      change(status);
+      lab.onStatus(status, at_s++);
+    }
+    EXPECT_EQ(lab.find("one")->why, row.why);
+  }
+}
+
+TEST(LabOverview, aTileNamesTheServerThatHasTheStation) {
+  LabOverview lab;
+  auto status = practising("one");
+  lab.onStatus(status, 0);
+  EXPECT_EQ(lab.find("one")->server, "");
+  status.set_server("b\n");
+  lab.onStatus(status, 0);
+  EXPECT_EQ(lab.find("one")->server, "b?");
+}
+
+TEST(LabOverview, fiftyStationsStandInTheOrderOfTheirNeedsAndEachIsCountedOnce) {
+  LabOverview lab;
+  std::array<std::size_t, kNeedCount> expected{};
+  for (int i = 0; i < 50; ++i) {
+    auto status = practising("bench-" + std::to_string(i * 37 % 50));
+    status.set_trainee("trainee " + std::to_string(i % 9));
+    Need need = Need::kPractising;
+    if (i % 5 == 1) status.set_fault(2), need = Need::kFault;
+    if (i % 5 == 2) addAlarm(status, "hazard", 1, true, "nerve"), need = Need::kAlarm;
+    if (i % 5 == 3) status.clear_session_id(), need = Need::kWaiting;
+    if (i % 5 == 4) status.clear_session_id(), status.set_online(false), need = Need::kOffline;
+    if (i == 0) status.set_peak_force_n(std::numeric_limits<double>::quiet_NaN());
+    status.set_force_n(0.1 * (i % 7));
+    lab.onStatus(status, 0);
+    ++expected[static_cast<std::size_t>(need)];
+  }
+  EXPECT_EQ(lab.counts(), expected);
+  for (const TileOrder order :
+       {TileOrder::kNeed, TileOrder::kName, TileOrder::kTrainee, TileOrder::kPeakForce}) {
+    const auto tiles = lab.tiles(order);
+    ASSERT_EQ(tiles.size(), 50u);
+    const auto key = [&](const StationTile& tile) {
+      switch (order) {
+        case TileOrder::kNeed:
+          return std::tuple(static_cast<double>(tile.need), std::string(), tile.station);
+        case TileOrder::kTrainee:
+          return std::tuple(0.0, tile.trainee, tile.station);
+        case TileOrder::kPeakForce:
+          return std::tuple(-tile.peak_force_N, std::string(), tile.station);
+        case TileOrder::kName:
+          break;
+      }
+      return std::tuple(0.0, std::string(), tile.station);
+    };
+    for (std::size_t i = 1; i < tiles.size(); ++i)
+      EXPECT_LT(key(*tiles[i - 1]), key(*tiles[i])) << static_cast<int>(order) << ", tile " << i;
+  }
+  // all are lost with the connection, and no station that is not calm is called calm
+  lab.connectionLost();
+  for (const StationTile* tile : lab.tiles(TileOrder::kName)) EXPECT_TRUE(tile->stale) << tile->station;
+  EXPECT_EQ(lab.counts(), expected);
+}
+
+TEST(LabOverview, aStationThatComesBackIsNoLongerLostAndItsNextLessonBeginsAnew) {
+  LabOverview lab;
+  auto status = practising("one");
+  status.set_force_n(9);
+  lab.onStatus(status, 0);
+  auto away = practising("one");
+  away.set_online(false);
+  lab.onStatus(away, 1);
+  lab.onStatus(away, 2);  // reported again
+  EXPECT_EQ(lab.find("one")->need, Need::kLost);
+  EXPECT_EQ(lab.find("one")->peak_force_N, 9) << "its last values stay";
+  auto idle = practising("one");
+  idle.clear_session_id();
+  lab.onStatus(idle, 3);
+  EXPECT_EQ(lab.find("one")->need, Need::kDone) << "its lesson ended while it was away";
+  auto next = practising("one");
+  next.set_session_id(std::string(16, 'n'));
+  lab.onStatus(next, 4);
+  EXPECT_EQ(lab.find("one")->need, Need::kPractising);
+  EXPECT_EQ(lab.find("one")->peak_force_N, 2);
+}
+
+}  // namespace
+}  // namespace needlelab

@@ -1,0 +1,193 @@
+// The line of an insertion: its length, how the hand leads it near the skin and changes it deeper
+// (FORCE_MODEL.md, "Contact", "Near the skin", "Change of trajectory").
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/haptics/scene_model.h"
+#include "tests/unit/common/haptics/probe.h"
+
+namespace needlelab::test {
+namespace {
+
+SceneSpec softTissue() {
+  SceneSpec scene = withClamping(oneLayer(1, 0.3, 0.1), ClampingMode::kConservative);
+  scene.layers[0].lateral_stiffness_N_per_m2 = 7600;
+  scene.layers[0].friction_N_per_m = 15;
+  scene.effects = kAxial | bitOf(Effect::kClamping) | bitOf(Effect::kShaftFriction);
+  scene.needle_length_m = 0.09;
+  return scene;
+}
+
+double degreesBetween(Vec3 a, Vec3 b) {
+  return std::atan2(norm(cross(a, b)), dot(a, b)) / kDegree;
+}
+
+/// A needle moved along straight lines between places, in the frame of a site on any limb.
+class Hand {
+ public:
+  Hand(const SceneSpec& scene, const Site& site, Vec3 axis) : run_(scene, 1000), site_(site), axis_(axis) {
+    p_ = site.p_surface_m - axis * 0.004;
+    run_.step({p_, pointing(axis_)});
+  }
+  StepReport to(Vec3 p_m, double speed_mps = 0.02) {
+    const int ticks = std::max(1, static_cast<int>(norm(p_m - p_) / speed_mps * 1000));
+    const Vec3 from = p_;
+    for (int i = 1; i <= ticks; ++i) {
+      p_ = from + (p_m - from) * (static_cast<double>(i) / ticks);
+      last_ = run_.step({p_, pointing(axis_)});
+      greatest_N_ = std::max(greatest_N_, last_.clamping_N);
+    }
+    return last_;
+  }
+  /// Turns the axis without moving.
+  void aim(Vec3 axis, double seconds) {
+    const Vec3 from = axis_;
+    const int ticks = static_cast<int>(seconds * 1000);
+    for (int i = 1; i <= ticks; ++i) {
+      axis_ = normalized(from + (axis - from) * (static_cast<double>(i) / ticks));
+      last_ = run_.step({p_, pointing(axis_)});
+    }
+  }
+  [[nodiscard]] Vec3 place() const { return p_; }
+  [[nodiscard]] const StepReport& last() const { return last_; }
+  [[nodiscard]] double greatest_N() const { return greatest_N_; }
+  [[nodiscard]] const SimState& state() const { return run_.state(); }
+
+ private:
+  EngineRun run_;
+  Site site_;
+  Vec3 axis_, p_;
+  StepReport last_;
+  double greatest_N_ = 0;
+};
+
+TEST(Trajectory, aStraightNeedleHasItsTrueLengthInEveryLimb) {
+  for (const LimbKind kind : kLimbKinds)
+    for (const double degrees : {0.0, 20.0, 45.0, 60.0, 75.0, 79.99, 80.0}) {
+      const SceneSpec scene = withLimb(softTissue(), kind);
+      const Site site = siteOf(kind);
+      const Vec3 axis = tilted(site.inward, std::tan(degrees * kDegree), site.across_2);
+      const double reach = kind == LimbKind::kSphere || kind == LimbKind::kCapsule
+                               ? std::min(0.05, 0.06 * std::cos(degrees * kDegree))
+                               : 0.05;
+      Hand hand(scene, site, axis);
+      double before = 0;
+      for (double way = 0.001; way < reach; way += 0.001) {
+        const StepReport report = hand.to(site.p_surface_m + axis * way);
+        ASSERT_NEAR(report.insertion_m, way, 1e-8) << limbName(kind) << ", " << degrees << " degrees";
+        ASSERT_GT(report.insertion_m, before);
+        ASSERT_NEAR(report.friction_N, -15 * way, 1e-6);
+        ASSERT_LT(report.clamping_N, 1e-6);
+        before = report.insertion_m;
+      }
+    }
+}
+
+// needles a hundredth of a degree apart are the same needle
+TEST(Trajectory, theDirectionOfEntryHasNoJump) {
+  for (double degrees = 0; degrees < 180; degrees += 0.5) {
+    const auto direction = [&](double at) {
+      EngineRun run(softTissue(), 1000);
+      const Vec3 axis{std::sin(at * kDegree), 0, -std::cos(at * kDegree)};
+      run.step({{0, 0, 1e-5}, pointing(axis)});
+      run.step({{0, 0, -1e-5}, pointing(axis)});
+      return run.state().u_W;
+    };
+    EXPECT_LE(degreesBetween(direction(degrees), direction(degrees + 0.01)), 0.0101) << degrees;
+  }
+}
+
+// paper: near the skin the change is free within α
+TEST(Trajectory, atFiveMillimetresAChangeOfTwentyDegreesFollowsTheHand) {
+  const Site site = defaultSite();
+  Hand hand(softTissue(), site, site.inward);
+  hand.to(site.p_surface_m + site.inward * 0.0045);
+  const Vec3 aim = tilted(site.inward, std::tan(20 * kDegree), site.across_1);
+  hand.to(site.p_surface_m + aim * 0.0049, 0.005);
+  EXPECT_LE(degreesBetween(hand.state().u_W, aim), 0.5);
+  EXPECT_LE(hand.greatest_N(), 0.3);
+  hand.to(site.p_surface_m + aim * 0.035);
+  EXPECT_LE(hand.greatest_N(), 0.3) << "and it goes on along the new line";
+}
+
+TEST(Trajectory, fromHalfTheNeedlesLengthNothingTurnsBelowTheGreatestForce) {
+  const SceneSpec scene = softTissue();
+  const Site site = defaultSite();
+  double before_N = 0;
+  for (double depth : {0.006, 0.01, 0.015, 0.02, 0.03, 0.0449, 0.05, 0.07}) {
+    Hand hand(scene, site, site.inward);
+    hand.to(site.p_surface_m + site.inward * depth);
+    double held_N = 0;
+    for (int i = 1; i < 4000 && (hand.last().flags & kFlagTurn) == 0; ++i) {
+      hand.to(site.p_surface_m + site.inward * depth + site.across_1 * (1e-5 * i));
+      if ((hand.last().flags & kFlagTurn) == 0)
+        held_N = hand.last().clamping_stiffness_N_per_m * hand.last().lateral_error_m;
+    }
+    EXPECT_GE(held_N, before_N - 0.01) << "the deeper, the firmer: at " << depth;
+    if (depth > 0.045) {
+      EXPECT_NEAR(held_N, scene.virtual_fixture.max_force_N, 0.01);
+    }
+    before_N = held_N;
+  }
+}
+
+// drawn back to just inside or just outside, the needle starts a new insertion elsewhere
+TEST(Trajectory, drawnBackToTheSkinTheNeedleIsFree) {
+  for (const LimbKind kind : kLimbKinds) {
+    const Site site = siteOf(kind);
+    double force_N[2];
+    for (const bool inside : {false, true}) {
+      Hand hand(withLimb(softTissue(), kind), site, site.inward);
+      hand.to(site.p_surface_m + site.inward * 0.03);
+      const Vec3 at = site.p_surface_m + site.inward * (inside ? 0.0005 : -0.001);
+      hand.to(at);
+      const Vec3 aim = tilted(site.inward, std::tan(20 * kDegree), site.across_1);
+      hand.aim(aim, 0.5);
+      force_N[inside ? 1 : 0] = hand.to(at + aim * 0.03).clamping_N;
+    }
+    EXPECT_NEAR(force_N[0], force_N[1], 0.1) << limbName(kind);
+  }
+}
+
+// Fig. 10 of the paper: in, partly out, another direction, in
+TEST(Trajectory, theHandChangesALineThatItPartlyLeft) {
+  const Site site = defaultSite();
+  Hand hand(softTissue(), site, site.inward);
+  hand.to(site.p_surface_m + site.inward * 0.03);
+  hand.to(site.p_surface_m + site.inward * 0.004);
+  const Vec3 aim = tilted(site.inward, std::tan(15 * kDegree), site.across_1);
+  hand.aim(aim, 0.3);
+  hand.to(site.p_surface_m + aim * 0.0045, 0.005);
+  hand.to(site.p_surface_m + aim * 0.035);
+  EXPECT_NEAR(degreesBetween(hand.state().u_W, site.inward), 15, 1.5);
+}
+
+// no step where a needle far aside comes out
+TEST(Trajectory, aNeedleHeldFarAsideComesOutWithoutAStep) {
+  for (const LimbKind kind : kLimbKinds)
+    for (const double aside : {0.003, 0.01, 0.02}) {
+      const Site site = siteOf(kind);
+      EngineRun run(withLimb(softTissue(), kind), 1000);
+      const auto at = [&](double depth, double across) {
+        return site.p_surface_m + site.inward * depth + site.across_1 * across;
+      };
+      MotionBuilder path(1000, at(-0.003, 0), site.inward);
+      path.slideTo(at(0.015, 0), 0.02).slideTo(at(0.015, aside), 0.02).slideTo(at(-0.004, aside), 0.01);
+      StepReport before{};
+      double out_N = 0, worst_N = 0;
+      for (const TipSample& sample : path.samples()) {
+        const StepReport now = run.step(sample);
+        if ((now.flags & kFlagExit) != 0) out_N = norm(before.wrench_W.force_N);
+        if (before.layer >= 0 && now.layer >= 0)
+          worst_N = std::max(worst_N, norm(now.wrench_W.force_N - before.wrench_W.force_N));
+        before = now;
+      }
+      EXPECT_LE(out_N, 0.02) << limbName(kind) << ", " << aside;
+      EXPECT_LE(worst_N, 0.06) << limbName(kind) << ", " << aside;
+    }
+}
+
+}  // namespace
+}  // namespace needlelab::test
