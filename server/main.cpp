@@ -19,7 +19,7 @@
 #include "server/nats/nats_address.h"
 #include "server/server.h"
 #include "server/service_manager.h"
-#include "server/web/openapi.h"
+#include "server/web/routes.h"
 
 namespace {
 
@@ -62,7 +62,7 @@ int main(int argc, char** argv) try {
       {"power-cut", needlelab::Durability::kPowerCut},
       {"two-disks", needlelab::Durability::kDiskLoss}};
   app.add_option(
-         "--durability", options.least_durability,
+         "--durability", options.min_durability,
          "What an ack must survive, or nothing is stored: any, power-cut or two-disks (PostgreSQL with "
          "a synchronous standby by name; an ack then makes a recording Safe)")
       ->transform(CLI::CheckedTransformer(levels))

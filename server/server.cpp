@@ -76,7 +76,7 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   Store::Options store_options;
   store_options.store_url = p.options.store_url;
   store_options.together = p.options.together;
-  store_options.least_durability = p.options.least_durability;
+  store_options.min_durability = p.options.min_durability;
   store_options.writer = p.options.writer;
   store_options.writer.on_thrown = logThrown;
   store_options.writer.on_durability = logDurability;
@@ -153,11 +153,11 @@ Result<std::unique_ptr<Server>> Server::start(ServerOptions options) {
                                            .shares = PeopleShares(p.options.shares),
                                            .handshakes = HandshakeTurns(p.options.handshakes)},
                                 .hub = Hub(p.options.hub),
-                                .together = {.claims_as = p.store->togetherAs()},
-                                .acks_are_safe = p.options.least_durability >= Durability::kDiskLoss});
+                                .together = {.claims_as = p.store->sharedServerName()},
+                                .acks_are_safe = p.options.min_durability >= Durability::kDiskLoss});
   p.context = &p.state->context;
   p.beginLogins();
-  p.noteRoom(p.lookAtRoom());
+  p.noteRoom(p.measureRoom());
   if (p.carrier) RETURN_IF_ERROR(p.startRemote());
   RETURN_IF_ERROR(p.startMonitor());
   if (const std::string& web = p.options.web.listen; !web.empty() && web != "off") {
@@ -200,14 +200,14 @@ void ServerParts::beginLogins() {
     return;
   }
   context->logins.state = std::make_unique<LoginsInStore>(
-      LoginsInStore::Uses{io, *context->work.logins_in_turn, store->readers(), *shared},
+      LoginsInStore::Uses{io, *context->work.login_pool, store->readers(), *shared},
       LoginsInStore::Settings{.guard = options.guard, .lifetime = options.token_lifetime},
       *options.token_time);
   AccessListener::Tell tell;
   tell.changes = [this](std::vector<AccessChange> changes) {
-    asio::post(io, [this, changes = std::move(changes)] { accessChangedElsewhere(*context, changes); });
+    asio::post(io, [this, changes = std::move(changes)] { onRemoteAccessChanges(*context, changes); });
   };
-  tell.look_at_all = [this] { asio::post(io, [this] { lookAtAllAccess(*context); }); };
+  tell.look_at_all = [this] { asio::post(io, [this] { recheckAllAccess(*context); }); };
   tell.fault = [](const std::string& fault) {
     if (fault.empty())
       logEvent(LogLevel::kInfo, "access_heard", {{"text", "changes of access at other servers are heard"}});
@@ -243,7 +243,7 @@ Status ServerParts::startRemote() {
   for (std::size_t i = 0; i < sizeof settings.instance; ++i)
     settings.instance = settings.instance << 8 | drawn[drawn.size() - 1 - i];
   remote = std::make_unique<RemoteLive>(context->hub, *carrier, std::move(settings));
-  remote->deliverBy(deliverForOthers(*context));
+  remote->deliverBy(remoteDelivery(*context));
   context->together.remote = remote.get();
   carrier->start(*remote, lab, live.name);
   logEvent(LogLevel::kInfo, "live", {{"nats", live.nats.address}, {"lab", lab}, {"name", live.name}});
@@ -308,8 +308,8 @@ int Server::run() {
   if (p.remote) asio::co_spawn(p.io, p.remoteLoop(), rethrow);
   p.io.run();
   if (p.carrier) p.carrier->stop();
-  p.context->limits.lines.sayLeftOut(INT64_MAX);
-  p.context->clock_offsets.sayLeftOut(INT64_MAX);
+  p.context->limits.lines.reportOmitted(INT64_MAX);
+  p.context->clock_offsets.reportOmitted(INT64_MAX);
   // all connections have ended; the writer commits its queue before it ends
   p.store->stopWriting();
   if (const auto failed = p.store->writer().failed(); failed && !p.store->readOnly()) {
@@ -335,13 +335,13 @@ void ServerParts::accepted(Tcp::socket socket) {
     refuseConnection(peer.address().to_string());
     return;  // closes the socket
   }
-  if (arrival.gives_way) {
-    const auto found = context->connections.find(*arrival.gives_way);
+  if (arrival.displaced) {
+    const auto found = context->connections.find(*arrival.displaced);
     if (found != context->connections.end()) found->second->cut("too many wait for their log-in");
   }
   auto channel = Channel::make(TlsStream(std::move(socket), *tls), options.limits);
   auto connection = std::make_shared<PeerConnection>(*context, id, std::move(channel));
-  asio::co_spawn(io, PeerConnection::run(connection), PeerConnection::endsAlone(connection));
+  asio::co_spawn(io, PeerConnection::run(connection), PeerConnection::endOnException(connection));
 }
 
 void ServerParts::refuseConnection(const std::string& host) {
@@ -394,8 +394,8 @@ void ServerParts::beginStop(const std::string& reason) {
 
 Task<> ServerParts::drainLoop() {
   const auto end = std::chrono::steady_clock::now() + options.drain;
-  const auto all_gone = [this] { return context->connections.empty() && (!web || web->idle()); };
-  while (!all_gone() && std::chrono::steady_clock::now() < end) {
+  const auto all_closed = [this] { return context->connections.empty() && (!web || web->idle()); };
+  while (!all_closed() && std::chrono::steady_clock::now() < end) {
     drain_timer.expires_after(std::chrono::milliseconds(20));
     co_await drain_timer.async_wait(kUseTuple);
   }
@@ -421,7 +421,7 @@ Store& Server::store() {
 }
 const ServerCounters& Server::counters() const {
   ServerContext& context = *parts_->context;
-  context.counters.most_reply_bytes = context.in_flight.replies.mostTaken();
+  context.counters.max_reply_bytes = context.in_flight.replies.mostTaken();
   return context.counters;
 }
 const WebCounters& Server::webCounters() const {

@@ -38,7 +38,7 @@ struct ServerOptions {
   std::string store_url;       ///< as in Store::Options
   bool together = false;       ///< as in Store::Options
   /// What an ack must survive. With kDiskLoss, an ack also makes a chunk Safe.
-  Durability least_durability = Durability::kNothing;
+  Durability min_durability = Durability::kNothing;
   AccessListener::Settings access;        ///< for a server that works together with others
   std::string listen = "127.0.0.1:7750";  ///< HOST:PORT; port 0 picks one
   int listen_fd = -1;                     ///< use this listening socket instead of `listen`; takes ownership

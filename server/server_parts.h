@@ -88,7 +88,7 @@ struct ServerParts {
   Task<> retentionLoop();
   Task<> heapLoop();
   Task<> certificateLoop();
-  [[nodiscard]] std::optional<DiskRoom::Look> lookAtRoom() const;
+  [[nodiscard]] std::optional<DiskRoom::Look> measureRoom() const;
   void noteRoom(const std::optional<DiskRoom::Look>& look);
   Task<> roomLoop();
   Task<> hangUpLoop();

@@ -49,7 +49,7 @@ Task<> ServerParts::retentionLoop() {
     co_await retention_timer.async_wait(kUseTuple);
     if (stopping) co_return;
     std::function<Result<std::optional<pb::RetentionReport>>()> work = [this] {
-      yieldToOthers();
+      yieldThread();
       return store->service().retention().daily();
     };
     const auto ran = co_await offload(retention_workers, std::move(work));
@@ -110,7 +110,7 @@ Task<> ServerParts::certificateLoop() {
 }
 
 /// Thread: any; blocks while the disk hangs. Nothing: the system does not report it.
-std::optional<DiskRoom::Look> ServerParts::lookAtRoom() const {
+std::optional<DiskRoom::Look> ServerParts::measureRoom() const {
   const auto free = options.free_bytes(options.data);
   if (!free) return std::nullopt;
   DiskRoom::Look look{.disk_bytes = *free};
@@ -138,9 +138,9 @@ Task<> ServerParts::roomLoop() {
     if (stopping) co_return;
     using Seen = std::optional<DiskRoom::Look>;
     std::function<Result<Seen>()> look = [this]() -> Result<Seen> {
-      (void)store->keepAuditHead();
+      (void)store->storeAuditHead();
       (void)store->keepAcknowledged();
-      return lookAtRoom();
+      return measureRoom();
     };
     const auto looked = co_await offload(room_worker, std::move(look));
     if (stopping) co_return;
@@ -162,9 +162,9 @@ Task<> ServerParts::hangUpLoop() {
     co_await hang_up_timer.async_wait(kUseTuple);
     if (stopping) co_return;
     for (const auto& [id, connection] : context->connections) {
-      if (connection->hasRequests() || connection->isLoggingIn()) connection->lookForHangUp();
+      if (connection->hasRequests() || connection->isLoggingIn()) connection->checkHangUp();
     }
-    if (web) web->lookForHangUps();
+    if (web) web->checkHangUps();
     // those that wait for room check whether their client is still there
     context->in_flight.reply_room->notify();
     context->in_flight.decoded_room->notify();
@@ -178,8 +178,8 @@ Task<> ServerParts::linesLoop() {
     co_await lines_timer.async_wait(kUseTuple);
     if (stopping) co_return;
     const std::int64_t now_ns = steadyNowNs();
-    context->limits.lines.sayLeftOut(now_ns);
-    context->clock_offsets.sayLeftOut(now_ns);
+    context->limits.lines.reportOmitted(now_ns);
+    context->clock_offsets.reportOmitted(now_ns);
   }
 }
 
@@ -202,7 +202,7 @@ Task<> ServerParts::erasuresLoop() {
     const auto backup = co_await offload(workers, std::move(newest));
     if (stopping) co_return;
     if (!backup.ok()) continue;
-    if (known != *backup) tellSafe(*context);
+    if (known != *backup) sendSafe(*context);
     known = *backup;
   }
 }

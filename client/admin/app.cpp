@@ -1,5 +1,3 @@
-#include "client/admin/app.h"
-
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -78,6 +76,12 @@ CLI::Option* addNewFile(CLI::App* command, ChosenCommand& chosen, std::string& f
   return command->add_option("--out", file, help)->type_name("FILE");
 }
 
+CLI::Option* addFormat(CLI::App* command, std::string& name, ExportPlace place, const std::string& help) {
+  std::vector<std::string> names;
+  for (const ExportFormat* const format : formatsAt(place)) names.emplace_back(format->name);
+  return command->add_option("--format", name, help)->check(CLI::IsMember(names));
+}
+
 int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream& err) try {
   CLI::App app{
       "needlelab-admin: people, groups, stations, profiles, courses, results, sessions, studies, backup"};
@@ -140,8 +144,8 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
     if (const auto valid = chosen.check(); !valid) return fail(err, valid.error());
   }
   Output output(out, err, json);
-  if (chosen.run_alone) {
-    if (const auto done = chosen.run_alone(output); !done) return fail(err, done.error());
+  if (chosen.run_without_folder) {
+    if (const auto done = chosen.run_without_folder(output); !done) return fail(err, done.error());
     return kExitDone;
   }
   if (!global.data.empty()) {
@@ -233,8 +237,8 @@ Result<std::string> askPassword(const std::string& prompt, const std::string& op
                               prompt + ": there is no terminal to ask on; give " + option + " FILE");
 }
 
-Result<std::string> askNewSecret(const std::string& what, const std::string& name,
-                                 const std::string& option) {
+Result<std::string> promptNewSecret(const std::string& what, const std::string& name,
+                                    const std::string& option) {
   auto first = askPassword("new " + what + " of " + name, option);
   if (!first) return first;
   const auto second = askPassword("the same again", option);

@@ -13,10 +13,10 @@
 
 #include "client/admin/backend.h"
 #include "client/admin/command.h"
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
 #include "db/audit/audit_chain.h"
 #include "db/audit/audit_head.h"
-#include "db/service/records/audit_anchor.h"
+#include "db/service/records/record_end.h"
 #include "db/service/start/bootstrap.h"
 #include "db/store/connection.h"
 #include "db/store/schema.h"
@@ -56,7 +56,7 @@ Status audit(CommandContext& context, std::uint32_t limit) {
 }
 
 /// Remarks on a log without faults: what cannot be checked, and what a restore left behind.
-Result<std::vector<std::string>> notesOn(Connection& log, const std::optional<KeptAuditHead>& kept) {
+Result<std::vector<std::string>> notesOn(Connection& log, const std::optional<StoredAuditHead>& kept) {
   const auto time = [&] { return localTime(kept->made_unix_ns, TimeForm::kZoned); };
   std::vector<std::string> notes;
   if (!kept) {
@@ -117,8 +117,8 @@ Status verifyLog(const std::filesystem::path& folder, Output& output,
     std::move(found.begin(), found.end(), std::back_inserter(anchors));
   }
   // before the database is read: beside a running server the log only grows
-  std::optional<KeptAuditHead> kept;
-  if (auto found = readKeptAuditHead(folder / kAuditHeadFile, keys)) {
+  std::optional<StoredAuditHead> kept;
+  if (auto found = readStoredAuditHead(folder / kAuditHeadFile, keys)) {
     kept = *found;
   } else if (found.error().code != ErrorCode::kNotFound) {
     return found.error();

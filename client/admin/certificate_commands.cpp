@@ -10,7 +10,6 @@
 
 #include "client/admin/command.h"
 #include "common/base/time/clock.h"
-#include "common/base/time/local_time.h"
 #include "common/wire/certificates.h"
 #include "common/wire/tls_folder.h"
 

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <iosfwd>
 #include <string>
 
 #include "client/admin/backend.h"
@@ -11,6 +12,7 @@
 #include "common/base/files/files.h"
 #include "common/base/result.h"
 #include "common/base/text/uuid.h"
+#include "common/export/export_formats.h"
 
 namespace CLI {
 class App;
@@ -42,7 +44,7 @@ struct ChosenCommand {
   /// Replaces `run` for commands that only need the files of --data, without opening the database.
   std::function<Status(const std::filesystem::path& folder, Output&)> run_on_files;
   /// Likewise for commands that need only the files they name.
-  std::function<Status(Output&)> run_alone;
+  std::function<Status(Output&)> run_without_folder;
   NamedFile new_file;                  ///< the file that --out writes; empty: standard output
   bool replace = false;                ///< --replace: `new_file` may already exist
   bool may_create = false;             ///< with --data: creates a missing folder
@@ -56,6 +58,9 @@ void runs(CLI::App* command, ChosenCommand& chosen, std::function<Status(Command
 /// Adds --out FILE and --replace to `command`. `file` must live as long as `chosen`.
 CLI::Option* addNewFile(CLI::App* command, ChosenCommand& chosen, std::string& file,
                         const std::string& help = "default: standard output");
+
+/// Adds --format to `command`: one of the formats of `place`. Without it, `name` stays empty (formatFor).
+CLI::Option* addFormat(CLI::App* command, std::string& name, ExportPlace place, const std::string& help);
 
 void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& chosen);
 void addStationCommands(CLI::App& app, ChosenCommand& chosen);
@@ -98,6 +103,13 @@ Result<std::int64_t> momentOf(const std::string& field, const std::string& text)
 Result<std::string> askPassword(const std::string& prompt, const std::string& option);
 
 /// Asks twice for a new secret; `what`: "password" or "code".
-Result<std::string> askNewSecret(const std::string& what, const std::string& name, const std::string& option);
+Result<std::string> promptNewSecret(const std::string& what, const std::string& name,
+                                    const std::string& option);
+
+// --- the admin program as a function, for tests
+
+/// Returns 0 (done), 1 (failed or refused) or 2 (wrong usage or input). Results go to `out`, everything else
+/// to `err`.
+int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream& err);
 
 }  // namespace needlelab

@@ -1,6 +1,6 @@
 #include <iostream>
 
-#include "client/admin/app.h"
+#include "client/admin/command.h"
 #include "common/base/program.h"
 #include "common/base/secret.h"
 #include "common/wire/protocol.h"

@@ -34,7 +34,7 @@ Result<pb::Role> parseRole(std::string text) {
 }
 
 Result<std::string> newPassword(const std::string& name, const std::string& file) {
-  return file.empty() ? askNewSecret("password", name, "--new-password-file") : passwordFromFile(file);
+  return file.empty() ? promptNewSecret("password", name, "--new-password-file") : passwordFromFile(file);
 }
 
 Status listUsers(CommandContext& context) {
@@ -75,7 +75,7 @@ Status listUsers(CommandContext& context) {
                              rows, "nobody yet");
 }
 
-constexpr std::size_t kMostPeopleFile = 900'000;
+constexpr std::size_t kMaxPeopleFile = 900'000;
 
 /// Imports a table of people; shows the outcome of each row and the errors.
 Status importPeople(CommandContext& context, const std::string& file, const std::string& text,
@@ -138,7 +138,7 @@ Status setCode(CommandContext& context, const std::string& name, const std::stri
   call->set_name(name);
   call->set_make(make);
   if (!make && !remove) {
-    ASSIGN_OR_RETURN(const auto code, file.empty() ? askNewSecret("code", name, "--code-file")
+    ASSIGN_OR_RETURN(const auto code, file.empty() ? promptNewSecret("code", name, "--code-file")
                                                    : passwordFromFile(file, "code"));
     call->set_code(code);
   }
@@ -224,7 +224,7 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
     chosen.may_create = true;
     // an unreadable file must not create a folder
     chosen.check = [values]() -> Status {
-      ASSIGN_OR_RETURN(auto bytes, readWholeFile(values->file, kMostPeopleFile));
+      ASSIGN_OR_RETURN(auto bytes, readWholeFile(values->file, kMaxPeopleFile));
       ASSIGN_OR_RETURN(values->text,
                        utf8TextOf(values->file, std::move(bytes),
                                   values->encoding == "windows-1252" ? TextEncoding::kWindows1252

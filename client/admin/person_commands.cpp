@@ -14,22 +14,23 @@
 namespace needlelab {
 namespace {
 
-/// Writes pages of records as lines, to a file (atomically, readable only by its owner) or to the output.
-/// `with_end`: the last line has the count and hash of those before it (recordsEnd).
-Status writeRecords(CommandContext& context, const std::string& file,
-                    const std::function<void(pb::Request&, const std::string&)>& ask, const std::string& what,
-                    bool with_end) {
+/// Writes pages of records to a file (atomically, readable only by its owner) or to the output.
+/// `place`: kRecords has a last line with the count and hash of those before it (recordsEnd).
+Status writeRecords(CommandContext& context, ExportPlace place, const std::string& file,
+                    const std::function<void(pb::Request&, const std::string&)>& ask,
+                    const std::string& what) {
+  ASSIGN_OR_RETURN(const auto* const format, formatFor(place, "", file));
   std::string text;
   std::uint64_t count = 0;
   const auto done = eachPage(context.backend, ask, [&](const pb::Reply& reply) {
     for (const std::string& record : reply.records().records()) {
-      text += record + "\n";
+      format->record(text, record);
       ++count;
     }
     return reply.records().next_page();
   });
   if (!done) return done;
-  if (with_end) text += recordsEnd(count, text) + "\n";
+  if (place == ExportPlace::kRecords) text += recordsEnd(count, text) + "\n";
   if (file.empty()) {
     if (!text.empty()) text.pop_back();
     context.output.document(text);
@@ -38,6 +39,10 @@ Status writeRecords(CommandContext& context, const std::string& file,
   RETURN_IF_ERROR(writeFileAtomically(file, viewOf(text), 0600));
   context.output.done(fmt::format("wrote {} records of {} to {}", count, what, file));
   return {};
+}
+
+std::string recordsHelp(ExportPlace place, std::string_view as) {
+  return fmt::format("{}{}{}", formatsAt(place).front()->words, as, formatList(place, &ExportFormat::title));
 }
 
 void addConsentCommands(CLI::App& app, ChosenCommand& chosen) {
@@ -138,17 +143,17 @@ void addOnePersonCommands(CLI::App& app, ChosenCommand& chosen) {
   const auto values = std::make_shared<Values>();
   auto* person = app.add_subcommand("person", "all of a person's data");
   person->require_subcommand(1);
-  auto* out = person->add_subcommand("export", "everything but recordings, as JSON lines");
+  auto* out = person->add_subcommand("export", recordsHelp(ExportPlace::kRecords, ", as "));
   out->add_option("name", values->name)->required();
   addNewFile(out, chosen, values->out);
   runs(out, chosen, [values](CommandContext& context) {
     return writeRecords(
-        context, values->out,
+        context, ExportPlace::kRecords, values->out,
         [&](pb::Request& request, const std::string& page) {
           request.mutable_export_person()->set_name(values->name);
           request.mutable_export_person()->set_page(page);
         },
-        "'" + values->name + "'", true);
+        "'" + values->name + "'");
   });
   addMentionCommands(*person, chosen);
   auto* erase = person->add_subcommand("erase", "erase a person's data for ever");
@@ -204,7 +209,7 @@ void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
   const auto values = std::make_shared<Values>();
   auto* study = app.add_subcommand("study", "for researchers: those who consent, under pseudonyms");
   study->require_subcommand(1);
-  auto* out = study->add_subcommand("export", "sessions and scores as JSON lines");
+  auto* out = study->add_subcommand("export", recordsHelp(ExportPlace::kStudyExport, " as "));
   out->add_option("study", values->study,
                   "its name: pseudonyms are the same within it, and others in another")
       ->required();
@@ -215,7 +220,7 @@ void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
                 "with device, placement and tool, by which stations can be told apart");
   runs(out, chosen, [values](CommandContext& context) {
     return writeRecords(
-        context, values->out,
+        context, ExportPlace::kStudyExport, values->out,
         [&](pb::Request& request, const std::string& page) {
           auto* call = request.mutable_export_study();
           call->set_with_setup(values->setup);
@@ -224,31 +229,31 @@ void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
           call->set_with_remarks(values->remarks);
           call->set_page(page);
         },
-        "study '" + values->study + "'", false);
+        "study '" + values->study + "'");
   });
   auto* recording =
       study->add_subcommand("recording", "the samples of one of its sessions; times begin with 0");
   recording->add_option("study", values->study)->required();
   recording->add_option("session", values->session, "as study export names it")->required();
-  recording->add_option("--format", values->format)->check(CLI::IsMember({"csv", "json", "recording"}));
+  addFormat(recording, values->format, ExportPlace::kStudyRecording, "");
   addNewFile(recording, chosen, values->out, "the new file")->required();
   runs(recording, chosen, [values](CommandContext& context) -> Status {
-    const auto format = sampleFormat(values->format, values->out);
-    if (!format) return format.error();
+    ASSIGN_OR_RETURN(const auto* const format,
+                     formatFor(ExportPlace::kStudyRecording, values->format, values->out));
     return exportStudyRecording(context.backend, context.output, values->study, values->session, *format,
                                 values->out);
   });
-  auto* all = app.add_subcommand("export-all", "everything but recordings, as JSON lines");
+  auto* all = app.add_subcommand("export-all", recordsHelp(ExportPlace::kRecords, ", as "));
   addNewFile(all, chosen, values->out);
   all->add_flag("--with-passwords", values->passwords, "with the hashes of passwords and of stations' keys");
   runs(all, chosen, [values](CommandContext& context) {
     return writeRecords(
-        context, values->out,
+        context, ExportPlace::kRecords, values->out,
         [&](pb::Request& request, const std::string& page) {
           request.mutable_export_all()->set_with_passwords(values->passwords);
           request.mutable_export_all()->set_page(page);
         },
-        "everything", true);
+        "everything");
   });
 }
 

@@ -9,7 +9,7 @@
 
 #include "client/admin/command.h"
 #include "common/base/text/uuid.h"
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
 
 namespace needlelab {
 namespace {

@@ -8,7 +8,6 @@
 #include "client/admin/command.h"
 #include "common/base/files/files.h"
 #include "common/profile/strict_json.h"
-#include "common/scoring/measures/measures.h"
 
 namespace needlelab {
 namespace {
@@ -20,17 +19,19 @@ Json rowsOfText(const std::string& json) {
 }
 
 struct ScoreChoice {
-  std::string course, group, format = "csv", out, exercise;
+  std::string course, group, format, out, exercise;
   std::uint32_t version = 0;
   bool dry_run = false;
   std::vector<std::string> sessions;
 };
 
-/// To add a format, write another pair of functions for the rows of ListScores.
 Status exportScores(CommandContext& context, const ScoreChoice& choice) {
+  ASSIGN_OR_RETURN(const auto* const format,
+                   formatFor(ExportPlace::kScoresExport, choice.format, choice.out));
   ASSIGN_OR_RETURN(auto file, GrowingFile::create(choice.out));
+  const auto writer = format->scores();
   std::string text;
-  appendScoreCsvHeader(text);
+  writer->begin(text);
   std::uint64_t scores = 0;
   Status fault;
   const auto done = eachPage(
@@ -43,18 +44,8 @@ Status exportScores(CommandContext& context, const ScoreChoice& choice) {
       },
       [&](const pb::Reply& reply) {
         for (const pb::ScoreRow& row : reply.scores().scores()) {
-          const auto& attempt = row.attempt();
-          Uuid id{};
-          if (attempt.session_id().size() == id.size())
-            std::copy(attempt.session_id().begin(), attempt.session_id().end(), id.begin());
-          const ScoreCsvAttempt beside{
-              uuidText(id),     attempt.trainee(),         attempt.exercise_id(),
-              attempt.number(), attempt.started_unix_ns(), row.score().definition_version()};
-          fault = appendScoreCsvRows(text, beside, row.score().measures_json());
-          if (!fault) {
-            fault = Error{fault.error().code, "session " + beside.session + ": " + fault.error().message};
-            return std::string();
-          }
+          fault = writer->add(text, row);
+          if (!fault) return std::string();
           ++scores;
         }
         fault = file.append(viewOf(text));
@@ -63,6 +54,8 @@ Status exportScores(CommandContext& context, const ScoreChoice& choice) {
       });
   if (!done) return done;
   if (!fault) return fault;
+  writer->end(text);
+  RETURN_IF_ERROR(file.append(viewOf(text)));
   RETURN_IF_ERROR(file.finish());
   context.output.done(fmt::format("{} scores in {}", scores, choice.out));
   return {};
@@ -165,8 +158,11 @@ void addScoreCommands(CLI::App& app, ChosenCommand& chosen) {
       app.add_subcommand("scores", "measures of sessions, and the definitions they were made with");
   scores->require_subcommand(1);
 
-  auto* out = scores->add_subcommand("export", "one row for each attempt and measure");
-  out->add_option("--format", choice->format, "csv")->check(CLI::IsMember({"csv"}))->capture_default_str();
+  const ExportFormat& usual = *formatsAt(ExportPlace::kScoresExport).front();
+  auto* out = scores->add_subcommand("export", std::string(usual.words));
+  addFormat(out, choice->format, ExportPlace::kScoresExport,
+            formatList(ExportPlace::kScoresExport, &ExportFormat::name))
+      ->default_str(std::string(usual.name));
   addNewFile(out, chosen, choice->out, "the new file")->required();
   out->add_option("--course", choice->course, "exercises of this course only");
   out->add_option("--group", choice->group, "people of this group only");

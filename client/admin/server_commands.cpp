@@ -18,7 +18,7 @@
 #include "common/wire/certificates.h"
 #include "db/audit/audit_chain.h"
 #include "db/audit/audit_head.h"
-#include "db/erasure/erasure_list.h"
+#include "db/erasure/erasure.h"
 #include "db/store/store_address.h"
 
 namespace needlelab {

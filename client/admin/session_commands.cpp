@@ -7,7 +7,7 @@
 
 #include "client/admin/command.h"
 #include "client/admin/session_export.h"
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
 #include "common/scoring/measures/syringe_events.h"
 
 namespace needlelab {
@@ -266,8 +266,8 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
   auto* session = app.add_subcommand("session", "recorded gestures");
   session->require_subcommand(1);
   struct Values {
-    std::string id, station, trainee, exercise, from, to, verdict, search, format, out, text, to_whom, reason,
-        begin;
+    std::string id, station, trainee, exercise, from, to, verdict, search, format, out, text, recipient,
+        reason, begin;
     bool unknown = false;
     std::uint32_t limit = 100, version = 0;
     std::uint64_t tick = 0;
@@ -326,7 +326,9 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
   with_id(session->add_subcommand("show", "what it is, its score and remarks"), showSession);
   auto* assign = session->add_subcommand(
       "assign", "give a session that waits to the right person, whose attempt it is from then on");
-  assign->add_option("--to", values->to_whom, "the person, or guest: nobody")->required()->type_name("NAME");
+  assign->add_option("--to", values->recipient, "the person, or guest: nobody")
+      ->required()
+      ->type_name("NAME");
   assign->add_option("--reason", values->reason, "for the audit log");
   assign->add_option("--begin", values->begin, "when it began, of a session whose station's clock was wrong")
       ->type_name("TIME");
@@ -336,7 +338,7 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
     ASSIGN_OR_RETURN(const auto seen, context.backend.call(show));
     request.mutable_assign_session()->set_session_id(id.data(), id.size());
     request.mutable_assign_session()->set_was(seen.session().description().trainee());
-    request.mutable_assign_session()->set_trainee(values->to_whom);
+    request.mutable_assign_session()->set_trainee(values->recipient);
     request.mutable_assign_session()->set_reason(values->reason);
     if (!values->begin.empty()) {
       ASSIGN_OR_RETURN(const auto begin_ns, momentOf("--begin", values->begin));
@@ -364,10 +366,9 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
     return showSessionScore(context, id, values->version);
   });
   auto* export_command = session->add_subcommand("export", "its samples, for other programs");
-  export_command
-      ->add_option("--format", values->format,
-                   "csv, json or recording (common/gesture/FORMAT.md); else what the file's name says")
-      ->check(CLI::IsMember({"csv", "json", "recording"}));
+  addFormat(export_command, values->format, ExportPlace::kSessionExport,
+            formatList(ExportPlace::kSessionExport, &ExportFormat::name) +
+                " (common/gesture/FORMAT.md); else what the file's name says");
   addNewFile(export_command, chosen, values->out, "the new file")->required();
   export_command->add_option("--from", values->range.from_s, "from this moment on, since the first sample")
       ->type_name("SECONDS");
@@ -375,8 +376,8 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
   export_command->add_flag("--damaged", values->range.around_damage,
                            "write what can be read around damaged chunks, name those, exit 1");
   with_id(export_command, [values](CommandContext& context, const Uuid& id) -> Status {
-    const auto format = sampleFormat(values->format, values->out);
-    if (!format) return format.error();
+    ASSIGN_OR_RETURN(const auto* const format,
+                     formatFor(ExportPlace::kSessionExport, values->format, values->out));
     return exportSession(context.backend, context.output, id, *format, values->out, values->range);
   });
 

@@ -15,19 +15,15 @@
 
 #include "common/base/bytes.h"
 #include "common/base/files/files.h"
-#include "common/base/program.h"
-#include "common/base/text/text.h"
 #include "common/base/text/uuid.h"
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/recording.h"
-#include "common/gesture/sample_csv.h"
-#include "common/gesture/session_hash.h"
 
 namespace needlelab {
 namespace {
 
-// --- output files in one of three formats
+// --- output files
 
 /// The exported samples. Times are ns since the recording's first sample.
 struct SampleWindow {
@@ -55,19 +51,17 @@ class SampleSink {
   bool past_ = false;
 };
 
-/// CSV and JSON: text, sample by sample.
+std::string jsonText(const Json& session) {
+  return session.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+/// Text, sample by sample.
 class TextSink : public SampleSink {
  public:
-  TextSink(GrowingFile file, const Json* session, const SampleWindow& window)
-      : file_(std::move(file)), json_(session != nullptr), window_(window) {
-    if (!json_) {
-      appendSampleCsvHeader(text_);
-      return;
-    }
-    const Json head = {{"version", NEEDLELAB_VERSION}, {"machine", machineText()}, {"session", *session}};
-    text_ = head.dump(-1, ' ', false, Json::error_handler_t::replace);
-    text_.back() = ',';  // replaces the closing brace
-    text_ += "\"rows\":[\n";
+  TextSink(GrowingFile file, std::unique_ptr<SampleWriter> writer, const Json& session,
+           const SampleWindow& window)
+      : file_(std::move(file)), writer_(std::move(writer)), window_(window) {
+    writer_->begin(text_, [&session] { return jsonText(session); });
   }
 
   Status take(ByteView chunk) override {
@@ -77,12 +71,7 @@ class TextSink : public SampleSink {
       const std::int64_t time_ns = sample.time_ns - *window_.first_time_ns;
       if (time_ns >= window_.to_ns) past_ = true;
       if (time_ns < window_.from_ns || time_ns >= window_.to_ns) continue;
-      if (json_) {
-        if (samples_ != 0) text_ += ",\n";
-        appendSampleJson(text_, sample, *window_.first_time_ns);
-      } else {
-        appendSampleCsvRow(text_, sample, *window_.first_time_ns);
-      }
+      writer_->add(text_, sample, *window_.first_time_ns);
       ++samples_;
     }
     auto done = file_.append(viewOf(text_));
@@ -91,14 +80,14 @@ class TextSink : public SampleSink {
   }
 
   Status finish() override {
-    if (json_) text_ += "\n]}\n";
+    writer_->end(text_);
     RETURN_IF_ERROR(file_.append(viewOf(text_)));
     return file_.finish();
   }
 
  private:
   GrowingFile file_;
-  const bool json_;
+  std::unique_ptr<SampleWriter> writer_;
   SampleWindow window_;
   std::string text_;  ///< not yet written
 };
@@ -128,17 +117,16 @@ class RecordingSink : public SampleSink {
   SampleWindow window_;
 };
 
-Result<std::unique_ptr<SampleSink>> openSampleSink(const std::string& format,
+Result<std::unique_ptr<SampleSink>> openSampleSink(const ExportFormat& format,
                                                    const std::filesystem::path& file, const Json& session,
                                                    const SampleWindow& window) {
-  if (format == "recording") {
-    ASSIGN_OR_RETURN(auto writer, RecordingWriter::create(
-                                      file, session.dump(-1, ' ', false, Json::error_handler_t::replace)));
+  if (format.samples == nullptr) {
+    ASSIGN_OR_RETURN(auto writer, RecordingWriter::create(file, jsonText(session)));
     return std::unique_ptr<SampleSink>(std::make_unique<RecordingSink>(std::move(writer), window));
   }
   ASSIGN_OR_RETURN(auto growing, GrowingFile::create(file));
   return std::unique_ptr<SampleSink>(
-      std::make_unique<TextSink>(std::move(growing), format == "json" ? &session : nullptr, window));
+      std::make_unique<TextSink>(std::move(growing), format.samples(), session, window));
 }
 
 const char* stateName(pb::SessionState state) {
@@ -162,7 +150,7 @@ std::string idText(const std::string& bytes) {
 }
 
 /// Ten years: fits an integer of ns, and is longer than any session.
-constexpr double kMostSeconds = 3.2e8;
+constexpr double kMaxSeconds = 3.2e8;
 constexpr std::size_t kFaultsNamed = 20;
 
 std::int64_t nsOf(double seconds) {
@@ -171,9 +159,9 @@ std::int64_t nsOf(double seconds) {
 
 Status checkRange(const ExportRange& range) {
   for (const auto& [name, value] : {std::pair{"--from", range.from_s}, std::pair{"--to", range.to_s}}) {
-    if (value && !(*value >= 0 && *value <= kMostSeconds))
+    if (value && !(*value >= 0 && *value <= kMaxSeconds))
       return Error{ErrorCode::kInvalidInput,
-                   fmt::format("{} {:f}: allowed is 0 to {:f} s", name, *value, kMostSeconds)};
+                   fmt::format("{} {:f}: allowed is 0 to {:f} s", name, *value, kMaxSeconds)};
   }
   if (range.from_s && range.to_s && *range.to_s <= *range.from_s)
     return Error{ErrorCode::kInvalidInput,
@@ -212,7 +200,7 @@ class Export {
   Export(Backend& backend, Output& output, const Uuid& id, const ExportRange& range)
       : backend_(backend), output_(output), id_(id.begin(), id.end()), range_(range) {}
 
-  Status run(const std::string& format, const std::filesystem::path& file) {
+  Status run(const ExportFormat& format, const std::filesystem::path& file) {
     RETURN_IF_ERROR(checkRange(range_));
     pb::Request get;
     get.mutable_get_session()->set_session_id(id_);
@@ -438,27 +426,13 @@ Json sessionRow(const pb::SessionInfo& session) {
   return row;
 }
 
-Result<std::string> sampleFormat(const std::string& given, const std::filesystem::path& file) {
-  const std::string ending = lowerCase(file.extension().string());
-  const std::string named = ending == ".csv"     ? "csv"
-                            : ending == ".json"  ? "json"
-                            : ending == ".nlrec" ? "recording"
-                                                 : "";
-  if (given.empty()) return named.empty() ? "csv" : named;
-  if (named.empty() || named == given) return given;
-  return Error{
-      ErrorCode::kInvalidInput,
-      fmt::format("--out {}: the name says {}, --format says {}: leave --format out, or take another name",
-                  file.string(), named, given)};
-}
-
-Status exportSession(Backend& backend, Output& output, const Uuid& session, const std::string& format,
+Status exportSession(Backend& backend, Output& output, const Uuid& session, const ExportFormat& format,
                      const std::filesystem::path& file, const ExportRange& range) {
   return Export(backend, output, session, range).run(format, file);
 }
 
 Status exportStudyRecording(Backend& backend, Output& output, const std::string& study,
-                            const std::string& session, const std::string& format,
+                            const std::string& session, const ExportFormat& format,
                             const std::filesystem::path& file) {
   std::unique_ptr<SampleSink> sink;
   for (std::uint64_t next = 0;;) {

@@ -10,6 +10,7 @@
 #include "client/admin/output.h"
 #include "common/base/result.h"
 #include "common/base/text/uuid.h"
+#include "common/export/export_formats.h"
 #include "needlelab/types.pb.h"
 
 namespace needlelab {
@@ -22,16 +23,11 @@ struct ExportRange {
       false;  ///< write the readable part around damaged chunks; the result is still a failure
 };
 
-/// The format of a file of samples: `given`, otherwise by the name's ending (.csv, .json, .nlrec), otherwise
-/// "csv". kInvalidInput: they contradict each other.
-Result<std::string> sampleFormat(const std::string& given, const std::filesystem::path& file);
-
-/// `format`: "csv" (columns of gesture/sample_csv.h), "json" ({"version", "machine", "session", "rows"}) or
-/// "recording" (common/gesture/FORMAT.md; a part of a session in whole chunks). Checks every chunk; after a
-/// whole export, compares the hash over all chunks with the recording's. A fault leaves no file, except with
-/// `around_damage`: then each fault is reported, the file is written, and kCorrupt is returned. Exports a
-/// thinned recording as it is, and the stored part of an open session.
-Status exportSession(Backend& backend, Output& output, const Uuid& session, const std::string& format,
+/// `format`: of kSessionExport; a format of whole chunks has a part of a session in whole chunks. Checks
+/// every chunk; after a whole export, compares the hash over all chunks with the recording's. A fault leaves
+/// no file, except with `around_damage`: then each fault is reported, the file is written, and kCorrupt is
+/// returned. Exports a thinned recording as it is, and the stored part of an open session.
+Status exportSession(Backend& backend, Output& output, const Uuid& session, const ExportFormat& format,
                      const std::filesystem::path& file, const ExportRange& range = {});
 
 // A session as JSON.
@@ -43,11 +39,11 @@ std::string hexOfBytes(const std::string& bytes);
 
 // `needlelab-admin study recording`: the samples of one session of a study's export.
 
-/// Writes the recording of a session's pseudonym; ticks and times start at 0. `format`: csv, json or
-/// recording, as in `session export`. Errors: kNotFound if the session is not, or no longer, in the study. A
-/// fault leaves no file. Thread: the caller's.
+/// Writes the recording of a session's pseudonym; ticks and times start at 0. `format`: of kStudyRecording.
+/// Errors: kNotFound if the session is not, or no longer, in the study. A fault leaves no file. Thread: the
+/// caller's.
 Status exportStudyRecording(Backend& backend, Output& output, const std::string& study,
-                            const std::string& session, const std::string& format,
+                            const std::string& session, const ExportFormat& format,
                             const std::filesystem::path& file);
 
 }  // namespace needlelab

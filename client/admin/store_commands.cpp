@@ -129,7 +129,7 @@ void addStoreCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand&
                      "PostgreSQL to PostgreSQL by pg_dump and pg_restore"};
       return {};
     };
-    chosen.run_alone = [values](Output& output) {
+    chosen.run_without_folder = [values](Output& output) {
       const bool to_postgres = isAddress(values->to);
       return copyStore(output, {.folder = to_postgres ? values->from : values->to,
                                 .url = to_postgres ? values->to : values->from,

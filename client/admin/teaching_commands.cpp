@@ -15,7 +15,6 @@
 #include "client/admin/command.h"
 #include "common/base/files/files.h"
 #include "common/base/text/csv.h"
-#include "common/scoring/attempts/result_table.h"
 #include "common/scoring/measures/measures.h"
 
 namespace needlelab {
@@ -139,18 +138,19 @@ Status eachResult(CommandContext& context, const ResultChoice& choice,
 
 Status exportResults(CommandContext& context, const ResultChoice& choice) {
   ASSIGN_OR_RETURN(const auto style, csvStyleOf(choice.separator));
+  ASSIGN_OR_RETURN(const auto* const format, formatFor(ExportPlace::kResults, "", choice.out));
   ASSIGN_OR_RETURN(auto file, GrowingFile::create(choice.out));
-  ResultTable table(style);
+  const auto table = format->results(style);
   std::size_t people = 0, rows = 0;
   bool begun = false;
   Status fault;
   RETURN_IF_ERROR(eachResult(context, choice, [&](const pb::Results& page) {
     std::string text;
-    if (!std::exchange(begun, true)) table.begin(text, page);
+    if (!std::exchange(begun, true)) table->begin(text, page);
     for (const pb::ResultRow& person : page.rows()) {
       ++people;
       for (const pb::ResultCell& cell : person.cells()) {
-        fault = table.add(text, person, cell);
+        fault = table->add(text, person, cell);
         if (!fault) return false;
         ++rows;
       }
@@ -159,6 +159,9 @@ Status exportResults(CommandContext& context, const ResultChoice& choice) {
     return fault.ok();
   }));
   if (!fault) return fault;
+  std::string end;
+  table->end(end);
+  RETURN_IF_ERROR(file.append(viewOf(end)));
   RETURN_IF_ERROR(file.finish());
   context.output.done(fmt::format("{} rows of {} people in {}", rows, people, choice.out));
   return {};
@@ -179,7 +182,7 @@ Status showResults(CommandContext& context, const ResultChoice& choice) {
   }));
   std::vector<Column> columns{{"trainee", "TRAINEE"}};
   for (const std::string& exercise : exercises) columns.push_back({exercise, exercise});
-  return context.output.list(columns, rows, "nobody has this course yet");
+  return context.output.list(columns, rows, "no one has this course yet");
 }
 
 Status showProgress(CommandContext& context, const std::string& trainee, const std::string& exercise) {
@@ -285,10 +288,10 @@ void addTeachingCommands(CLI::App& app, ChosenCommand& chosen) {
   results->add_option("--trainee", values->results.trainee, "this one alone");
   results->add_option("--limit", values->results.most, "so many trainees at most, by name")
       ->check(CLI::Range(1u, 1'000'000u));
-  auto* out =
-      addNewFile(results, chosen, values->results.out,
-                 "a table for a spreadsheet (CSV) into this new file: a row for each person and exercise, "
-                 "with the measures that the course asks for");
+  auto* out = addNewFile(results, chosen, values->results.out,
+                         fmt::format("a table for a spreadsheet ({}) into this new file: {}",
+                                     formatList(ExportPlace::kResults, &ExportFormat::title),
+                                     formatsAt(ExportPlace::kResults).front()->words));
   results
       ->add_option("--separator", values->results.separator,
                    "of the table's columns: comma, semicolon (with decimal commas) or tab")

@@ -11,9 +11,8 @@
 #include "common/base/time/clock.h"
 #include "db/backup/check.h"
 #include "db/backup/encrypted_backup.h"
-#include "db/service/folder/restore.h"
+#include "db/service/folder/data_folder.h"
 #include "db/service/start/bootstrap.h"
-#include "db/service/start/restored_access.h"
 #include "db/store/schema.h"
 #include "db/store/store_address.h"
 
@@ -300,7 +299,7 @@ void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand
       ->required()
       ->type_name("FILE");
   new_key->callback([&chosen, values] {
-    chosen.run_alone = [values](Output& output) { return newBackupKey(output, values->key); };
+    chosen.run_without_folder = [values](Output& output) { return newBackupKey(output, values->key); };
   });
 
   auto* lab = app.add_subcommand("lab", "what holds for the whole lab");

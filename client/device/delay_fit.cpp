@@ -15,10 +15,10 @@ using Complex = std::complex<double>;
 
 constexpr double kPeriod_s = 0.5;
 constexpr std::array<double, 8> kSines_hz = {14, 18, 24, 30, 38, 46, 56, 68};
-constexpr std::size_t kLeastPeriods = 6;
-constexpr double kMost_s = 15e-3, kCoarse_s = 0.5e-3, kFine_s = 0.01e-3;
-constexpr double kMostWeight = 300;  // a model of a hand is not more accurate than this
-constexpr double kMostUnexplained = 0.2;
+constexpr std::size_t kMinPeriods = 6;
+constexpr double kMax_s = 15e-3, kCoarse_s = 0.5e-3, kFine_s = 0.01e-3;
+constexpr double kMaxWeight = 300;  // a model of a hand is not more accurate than this
+constexpr double kMaxUnexplained = 0.2;
 
 std::size_t periodTicks(double rate_hz) {
   return static_cast<std::size_t>(std::lround(kPeriod_s * rate_hz));
@@ -57,8 +57,8 @@ std::vector<Line> linesOf(std::span<const ResponseSample> samples, double rate_h
     for (const double aside : {-1.5, -1.0, 1.0, 1.5})
       noise += std::norm(componentOf(samples, rate_hz, hz + aside * apart_hz, &ResponseSample::place_m)) / 4;
     const double turn = hz / rate_hz, x = std::numbers::pi * turn;
-    Line line{2 * std::numbers::pi * hz, std::polar(std::sin(x) / x, -x), place / force, kMostWeight};
-    if (noise > 0) line.weight = std::min(kMostWeight, std::abs(place) / std::sqrt(noise));
+    Line line{2 * std::numbers::pi * hz, std::polar(std::sin(x) / x, -x), place / force, kMaxWeight};
+    if (noise > 0) line.weight = std::min(kMaxWeight, std::abs(place) / std::sqrt(noise));
     lines.push_back(line);
   }
   return lines;
@@ -105,7 +105,7 @@ Found search(std::span<const Line> lines) {
         if (const Fitted model = fitted(lines, delay, lag); model.error < best.model.error)
           best = {delay, lag, model};
   };
-  scan(0, kMost_s, 0, kMost_s, kCoarse_s);
+  scan(0, kMax_s, 0, kMax_s, kCoarse_s);
   for (double step = kCoarse_s / 5; step >= kFine_s; step /= 5) {
     const Found at = best;
     scan(at.delay_s - 8 * step, at.delay_s + 8 * step, at.lag_s - 8 * step, at.lag_s + 8 * step, step);
@@ -115,7 +115,7 @@ Found search(std::span<const Line> lines) {
 
 }  // namespace
 
-std::vector<double> probeForce(double rate_hz, double seconds, double most_N) {
+std::vector<double> probeForce(double rate_hz, double seconds, double max_N) {
   const std::size_t period = periodTicks(rate_hz);
   std::vector<double> force(period, 0.0);
   double most = 0;
@@ -131,16 +131,16 @@ std::vector<double> probeForce(double rate_hz, double seconds, double most_N) {
   const auto periods = static_cast<std::size_t>(seconds / kPeriod_s + 1e-9);
   std::vector<double> all;
   all.reserve(periods * period);
-  for (std::size_t i = 0; i < periods * period; ++i) all.push_back(force[i % period] * most_N / most);
+  for (std::size_t i = 0; i < periods * period; ++i) all.push_back(force[i % period] * max_N / most);
   return all;
 }
 
 Result<DelayFit> fitDelay(std::span<const ResponseSample> samples, double rate_hz) {
   const std::size_t period = periodTicks(rate_hz), periods = samples.size() / period;
-  if (periods < kLeastPeriods)
+  if (periods < kMinPeriods)
     return Error{ErrorCode::kInvalidInput,
                  fmt::format("{:.1f} s were measured; {:.1f} s are needed",
-                             static_cast<double>(samples.size()) / rate_hz, kLeastPeriods * kPeriod_s)};
+                             static_cast<double>(samples.size()) / rate_hz, kMinPeriods * kPeriod_s)};
   const auto used = samples.subspan(period, (periods - 1) * period);
   const auto lines = linesOf(used, rate_hz);
   if (lines.empty()) return Error{ErrorCode::kFailed, "the device was given no force"};
@@ -152,7 +152,7 @@ Result<DelayFit> fitDelay(std::span<const ResponseSample> samples, double rate_h
                found.model.stiffness,
                std::sqrt(found.model.error),
                0};
-  if (!(fit.unexplained < kMostUnexplained) || !(fit.mass_kg > 0))
+  if (!(fit.unexplained < kMaxUnexplained) || !(fit.mass_kg > 0))
     return Error{
         ErrorCode::kFailed,
         fmt::format("the handle did not answer the force: {:.0f} % of its movement is something else",

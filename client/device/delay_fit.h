@@ -28,8 +28,8 @@ struct DelayFit {
 };
 
 /// Returns a force for `seconds` (rounded down to whole periods of the pattern, 0.5 s each): a sum of sines
-/// of 14 to 68 Hz, at most `most_N`. One number per tick.
-std::vector<double> probeForce(double rate_hz, double seconds, double most_N);
+/// of 14 to 68 Hz, at most `max_N`. One number per tick.
+std::vector<double> probeForce(double rate_hz, double seconds, double max_N);
 
 /// Fits delay and lag, [0, 15 ms] each. Skips the first period, in which the hand settles. Errors:
 /// kInvalidInput (fewer than 6 periods), kFailed (no response, or one that the model does not explain).

@@ -2,6 +2,8 @@
 /// the table in client/device/factory.
 #pragma once
 
+#include <sys/types.h>
+
 #include <atomic>
 #include <cstdint>
 #include <memory>
@@ -111,6 +113,49 @@ class DeviceMaintenance final : private Turns {
   mutable std::mutex mutex_;
   std::string status_;
   std::unique_ptr<RunningTurns> running_;
+};
+
+// --- the packet without force that a device with its own thread sends when the program crashes
+
+/// Sends the zero-force packet to the device behind the open file. Runs in a signal handler, possibly while
+/// the device's own thread still runs: async-signal-safe, takes at most about 100 ms. Returns false when the
+/// device did not accept the packet.
+using CrashPacketSender = bool (*)(int file) noexcept;
+
+/// Registers `sender` and `file` for the packet, and the calling thread as the device's own. Replaces an
+/// earlier registration.
+void registerCrashPacket(CrashPacketSender sender, int file) noexcept;
+/// Call it before closing the file.
+void unregisterCrashPacket() noexcept;
+
+/// Returns the thread that registered; 0: none. Async-signal-safe.
+[[nodiscard]] pid_t crashPacketThread() noexcept;
+/// Returns false when no device is registered, or the device did not accept the packet. Async-signal-safe.
+bool sendCrashPacket() noexcept;
+
+/// Like `device`, but reports kDeviceTrouble for half a second from `at_s` on. The fault is the gate's own:
+/// the force is removed and returns as after any other.
+class RehearsedFault final : public Device {
+ public:
+  RehearsedFault(std::unique_ptr<Device> device, double at_s) : device_(std::move(device)), at_s_(at_s) {}
+
+  [[nodiscard]] const DeviceInfo& info() const override { return device_->info(); }
+  Status open(double rate_hz) override;
+  DeviceRead read(DeviceReading& reading) noexcept override;
+  void write(const GuardedWrench& at_handle_W) noexcept override { device_->write(at_handle_W); }
+  std::uint64_t skip(std::uint64_t ticks) noexcept override {
+    tick_ += ticks;
+    return device_->skip(ticks);
+  }
+  void maintain() override { device_->maintain(); }
+  [[nodiscard]] std::string status() override;
+  void close() noexcept override { device_->close(); }
+
+ private:
+  std::unique_ptr<Device> device_;
+  double at_s_;
+  std::uint64_t tick_ = 0, from_ = 0, until_ = 0;  // of the haptic thread while the loop runs
+  std::atomic<bool> begun_{false};
 };
 
 }  // namespace needlelab

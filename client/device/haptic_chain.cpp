@@ -1,6 +1,7 @@
 #include "client/device/haptic_chain.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <limits>
 
@@ -49,6 +50,7 @@ Quat AssumedAxis::at(const SceneModel& model, const SimState& before, Vec3 p_WT_
 
 HapticChain::HapticChain(const SceneModel& model, const DeviceLimits& limits, const Pose& X_HT)
     : model_(model), X_HT_(X_HT), gate_(limits, model.rate_hz), plunger_({}, model.rate_hz) {
+  assert(model.step_function != nullptr && "compile() made the model");
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   report_.p_wall_W_m = {nan, nan, nan};
 }
@@ -70,6 +72,7 @@ Pose HapticChain::tipOf(const Pose& X_WH) const noexcept {
 }
 
 Wrench HapticChain::stepped(const Pose& X_WH, const Pose& X_WT, double share) noexcept {
+  assert(isFinite(X_WT.p) && isFinite(X_WT.q) && "the gate admitted it");
   handle_ = X_WH;
   tip_ = {X_WT.p, normalized(X_WT.q)};
   step(model_, {tip_.p, tip_.q}, state_, report_);
@@ -92,6 +95,7 @@ void HapticChain::skipped(const Pose& X_WH, const Pose& X_WT) noexcept {
 
 GuardedWrench HapticChain::tick(const DeviceReading& reading, bool fresh, std::int64_t elapsed_ticks,
                                 double share, ChainTick& out) noexcept {
+  assert(elapsed_ticks > 0 && share >= 0 && share <= 1);
   const Pose X_WT = tipOf(reading.X_WH);
   Wrench wanted_at_handle;
   // a restart after a FAULT begins outside, and the engine forgets the earlier insertion: a needle that is
@@ -100,6 +104,7 @@ GuardedWrench HapticChain::tick(const DeviceReading& reading, bool fresh, std::i
   if (in_fault && fresh && isFinite(X_WT.p)) gate_.noteOutside(signedDepth(model_.limb, X_WT.p) <= 0);
   const bool admitted =
       gate_.admit({X_WT.p, X_WT.q}, fresh, reading.speed_mps, elapsed_ticks, reading.condition);
+  assert(admitted || !in_fault || gate_.fault() != Fault::kNone);
   if (in_fault && gate_.fault() == Fault::kNone) state_.inside = state_.in_limb = false;
   if (admitted)
     wanted_at_handle = stepped(reading.X_WH, X_WT, share);
@@ -132,6 +137,7 @@ GuardedWrench HapticChain::tick(const DeviceReading& reading, bool fresh, std::i
 
 GestureSample sampleOf(const ChainTick& tick, std::int64_t time_ns, std::int64_t device_ns,
                        std::int64_t engine_ns) noexcept {
+  assert(tick.report.layer >= -1 && tick.report.layer < static_cast<std::int32_t>(kMaxLayers));
   GestureSample sample;
   sample.tick = tick.tick;
   sample.time_ns = time_ns;

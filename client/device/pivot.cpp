@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "common/base/median.h"
+#include "common/base/histogram.h"
 
 namespace needlelab {
 namespace {
@@ -256,31 +256,31 @@ double expectedError_m(const PivotFit& fit) {
 }
 
 std::string pivotTrouble(const PivotFit& fit) {
-  if (fit.spread < kLeastSpread)
+  if (fit.spread < kMinSpread)
     return fmt::format(
         "the swing was too small: {:.0f} % of the spread that is needed. Swing the handle by at least 20° to "
         "every side, forward, backward, left and right, and turn it about itself; the tip stays in the "
         "dimple",
-        100 * fit.spread / kLeastSpread);
+        100 * fit.spread / kMinSpread);
   const double left_out = 1 - static_cast<double>(fit.used) / static_cast<double>(fit.samples);
-  if (left_out > kMostSlipped) {
+  if (left_out > kMaxSlipped) {
     std::string text = fmt::format("the tip was out of the dimple in {:.0f} % of the time", 100 * left_out);
     if (!fit.slips.empty())
       text += fmt::format(", first from {:.1f} to {:.1f} s, by {:.1f} mm", fit.slips.front().from_s,
                           fit.slips.front().to_s, 1e3 * fit.slips.front().distance_m);
     return text + ". Take a deeper dimple, press less, swing more slowly, and repeat";
   }
-  if (fit.residual_rms_m > kMostResidual_m)
+  if (fit.residual_rms_m > kMaxResidual_m)
     return fmt::format(
         "the poses do not fit one tip: {:.2f} mm RMS are left, {:.1f} mm are allowed. Was the tip in the "
         "dimple, "
         "is the needle firm in its holder, does the plate with the dimple stand still?",
-        1e3 * fit.residual_rms_m, 1e3 * kMostResidual_m);
-  if (2 * fit.worst_sigma_m > kMostError_m)
+        1e3 * fit.residual_rms_m, 1e3 * kMaxResidual_m);
+  if (2 * fit.worst_sigma_m > kMaxError_m)
     return fmt::format(
         "the tip is known to ±{:.2f} mm only (2σ), ±{:.1f} mm are allowed. Swing longer and further to all "
         "sides",
-        2e3 * fit.worst_sigma_m, 1e3 * kMostError_m);
+        2e3 * fit.worst_sigma_m, 1e3 * kMaxError_m);
   return {};
 }
 

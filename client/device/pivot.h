@@ -37,7 +37,7 @@ class PivotSums {
   void add(const Pose& X_WH);
   [[nodiscard]] std::size_t samples() const { return count_; }
   /// Least eigenvalue of M, in [0, 1]: about the mean square (rad²) of the turns about the axis with the
-  /// least turning. kLeastSpread is enough.
+  /// least turning. kMinSpread is enough.
   [[nodiscard]] double spread() const;
 
   struct Solution {
@@ -73,10 +73,10 @@ struct PivotFit {
   std::vector<PivotSlip> slips;
 };
 
-inline constexpr double kLeastSpread = 0.02;     ///< 8° RMS about every axis: swings of 20° to all sides
-inline constexpr double kMostResidual_m = 2e-3;  ///< RMS; above this the tip was not held in the dimple
-inline constexpr double kMostError_m = 1e-3;     ///< two standard deviations
-inline constexpr double kMostSlipped = 0.2;      ///< share of samples away from the dimple
+inline constexpr double kMinSpread = 0.02;      ///< 8° RMS about every axis: swings of 20° to all sides
+inline constexpr double kMaxResidual_m = 2e-3;  ///< RMS; above this the tip was not held in the dimple
+inline constexpr double kMaxError_m = 1e-3;     ///< two standard deviations
+inline constexpr double kMaxSlipped = 0.2;      ///< share of samples away from the dimple
 
 /// Robust: starts from the best of 300 small subsets (least median of the residuals; Rousseeuw 1984), then
 /// drops samples beyond 5 robust standard deviations (and 0.2 mm), until nothing changes. Up to half of the

@@ -26,11 +26,11 @@ int buttonOf(std::string_view text) {
 Plunger::Plunger(const PlungerSettings& settings, double rate_hz) noexcept
     : settings_(settings),
       per_tick_(1 / (settings.stroke_s * rate_hz)),
-      most_ticks_(std::max<std::int64_t>(1, static_cast<std::int64_t>(kLongestPress_s * rate_hz))),
+      max_ticks_(std::max<std::int64_t>(1, static_cast<std::int64_t>(kLongestPress_s * rate_hz))),
       position_(settings.source == PlungerSource::kButtons ? std::clamp(settings.start, 0.0, 1.0) : 0) {}
 
 double Plunger::update(const DeviceReading& reading, bool fresh, std::int64_t elapsed_ticks) noexcept {
-  waiting_ticks_ = std::min(waiting_ticks_ + std::max<std::int64_t>(elapsed_ticks, 0), most_ticks_);
+  waiting_ticks_ = std::min(waiting_ticks_ + std::max<std::int64_t>(elapsed_ticks, 0), max_ticks_);
   if (!fresh) return position_;
   const auto ticks = static_cast<double>(waiting_ticks_);
   waiting_ticks_ = 0;

@@ -34,7 +34,7 @@ class Plunger {
  private:
   PlungerSettings settings_;
   double per_tick_;
-  std::int64_t most_ticks_;
+  std::int64_t max_ticks_;
   std::int64_t waiting_ticks_ = 0;  // since the last fresh reading
   double position_;
 };

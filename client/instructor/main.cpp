@@ -40,7 +40,7 @@ int main(int argc, char** argv) {
   CLI::App app("needlelab-instructor: watch stations live, replay stored sessions.");
   app.set_version_flag("--version", programText("instructor"));
   app.add_option("--server", options.server,
-                 "HOST:PORT of the server, or of several, of which any will do: A:7750,B:7750");
+                 "HOST:PORT of the server, or of several of which any will do: A:7750,B:7750");
   app.add_option("--ca", options.ca, "The server's tls/ca.crt");
   app.add_option("--user", options.user, "Name of an instructor");
   app.add_option("--password-file", options.password_file,
@@ -49,27 +49,27 @@ int main(int argc, char** argv) {
   app.add_option("--report", options.report, "Write a report about --session as an HTML file");
   app.add_flag("--replace", options.replace, "Allow --report to overwrite an existing file");
   auto* const screenshot =
-      app.add_option("--screenshot", options.screenshot, "Of the window: a PNG of it")->type_name("FILE");
-  app.add_option("--at", options.at_s, "Of --screenshot: so many seconds after the window's beginning")
+      app.add_option("--screenshot", options.screenshot, "Save a PNG of the window")->type_name("FILE");
+  app.add_option("--at", options.at_s, "When to take --screenshot: seconds after the window opens")
       ->needs(screenshot)
       ->capture_default_str();
   app.add_flag("--off-screen", options.off_screen, "Draw the window into memory: needs no display");
   app.add_option("--window", options.window_size,
-                 "The window's size in pixels, e.g. 1280x720; default: as it was left")
+                 "The window's size in pixels, e.g. 1280x720; default: as last used")
       ->type_name("WxH");
-  app.add_option("--font-scale", options.font_scale, "Letters, 0.8 to 2.5")->capture_default_str();
+  app.add_option("--font-scale", options.font_scale, "Letter size, 0.8 to 2.5")->capture_default_str();
   app.add_option("--station", options.station, "Watch this station; without it an overview of all");
   app.add_option("--session", options.session, "Watch this session (its UUID), or replay it");
   app.add_flag("--replay", options.replay, "Replay the stored session");
-  app.add_option("--rate", options.rate_hz,
-                 "Lines per second: 10 by default, 1 in the overview; 0: all that comes. Of a live station "
-                 "or session the "
-                 "server rounds down to 0.1, 0.2, 0.5, 1, 2, 5, 10, 25, 30, 60, 100, 200, 500 or 1000");
-  app.add_option("--speed", options.speed, "Of a replay: 1 is its own clock, 0 as fast as it comes")
+  app.add_option(
+      "--rate", options.rate_hz,
+      "Lines per second: 10 by default, 1 in the overview; 0: all. For a live station or session the "
+      "server rounds down to 0.1, 0.2, 0.5, 1, 2, 5, 10, 25, 30, 60, 100, 200, 500 or 1000");
+  app.add_option("--speed", options.speed, "Speed of a replay: 1 is real time, 0 as fast as possible")
       ->capture_default_str();
-  app.add_option("--seconds", options.seconds, "End after so long; without it on Ctrl-C");
-  app.add_option("--message", options.message, "Say this to the trainee of --station");
-  app.add_flag("--once", options.once, "End when the message has been said; else go on watching");
+  app.add_option("--seconds", options.seconds, "End after this time; default: on Ctrl-C");
+  app.add_option("--message", options.message, "Send this to the trainee at --station");
+  app.add_flag("--once", options.once, "End when the message is sent; otherwise keep watching");
   app.add_flag("--json", options.json, "One JSON object a line");
   try {
     app.parse(argc, argv);

@@ -10,13 +10,11 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
-#include "client/effect_cost/instruction_count.h"
+#include "client/effect_cost/tick_cost.h"
 #include "client/sim/accuracy/report.h"
 #include "client/sim/accuracy/study.h"
-#include "client/sim/accuracy/study_models.h"
 #include "client/sim/command.h"
 #include "client/sim/tools/gnuplot.h"
-#include "client/sim/tools/json_output.h"
 #include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/base/time/clock.h"

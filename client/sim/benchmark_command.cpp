@@ -11,11 +11,9 @@
 #include <system_error>
 
 #include "client/sim/benchmark/benchmark.h"
-#include "client/sim/benchmark/benchmark_report.h"
 #include "client/sim/benchmark/curve_set.h"
 #include "client/sim/command.h"
 #include "client/sim/tools/gnuplot.h"
-#include "client/sim/tools/json_output.h"
 #include "common/base/files/files.h"
 #include "common/base/program.h"
 
@@ -122,9 +120,8 @@ void addBenchmarkCommand(CLI::App& app, SimCommand& chosen) {
   command->add_option("--out", options->out,
                       "folder for benchmark.csv and benchmark.png (gnuplot); created if missing");
   command
-      ->add_option(
-          "--numbers", options->options.most_numbers,
-          fmt::format("that a model may have at most, {} to {}", kLeastNumbers, kMostBenchmarkNumbers))
+      ->add_option("--numbers", options->options.max_numbers,
+                   fmt::format("that a model may have at most, {} to {}", kMinNumbers, kMaxBenchmarkNumbers))
       ->check(CLI::NonNegativeNumber)  // -1 would be read as the largest number
       ->capture_default_str();
   command

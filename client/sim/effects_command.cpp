@@ -8,11 +8,10 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
-#include "client/effect_cost/instruction_count.h"
+#include "client/effect_cost/tick_cost.h"
 #include "client/sim/command.h"
 #include "client/sim/effects_study.h"
 #include "client/sim/tools/gnuplot.h"
-#include "client/sim/tools/json_output.h"
 #include "common/base/files/files.h"
 #include "common/base/program.h"
 

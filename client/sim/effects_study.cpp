@@ -6,8 +6,7 @@
 #include <bit>
 #include <memory>
 
-#include "client/effect_cost/instruction_count.h"
-#include "client/effect_cost/tick_run.h"
+#include "client/effect_cost/tick_cost.h"
 #include "client/sim/tools/closed_loop.h"
 #include "client/sim/tools/gnuplot.h"
 #include "common/base/files/files.h"
@@ -20,9 +19,9 @@ namespace needlelab {
 namespace {
 
 constexpr std::size_t kBatchTicks = 64, kBatchesInTurn = 8;
-constexpr int kRounds = 120;        // half a second in total at 15 ns per tick
-constexpr double kMostTime_s = 20;  // for models with a slow tick
-constexpr std::size_t kLeastRounds = 3;
+constexpr int kRounds = 120;       // half a second in total at 15 ns per tick
+constexpr double kMaxTime_s = 20;  // for models with a slow tick
+constexpr std::size_t kMinRounds = 3;
 
 // A set that is ready to be stepped.
 struct Runner {
@@ -90,8 +89,8 @@ Result<std::vector<EffectSetCost>> timeEffectSets(const SceneSpec& scene, double
   const std::int64_t from_ns = steadyNowNs();
   for (int round = 0; round < kRounds; ++round) {
     const double spent_s = static_cast<double>(steadyNowNs() - from_ns) * 1e-9;
-    if (round >= static_cast<int>(kLeastRounds) && spent_s > kMostTime_s) break;
-    progress(std::max(static_cast<double>(round) / kRounds, spent_s / kMostTime_s));
+    if (round >= static_cast<int>(kMinRounds) && spent_s > kMaxTime_s) break;
+    progress(std::max(static_cast<double>(round) / kRounds, spent_s / kMaxTime_s));
     for (Runner& runner : runners)
       measureBatches(
           kBatchesInTurn, kBatchTicks, [&] { runner.run->tick(); }, runner.means_ns);
@@ -147,13 +146,13 @@ std::vector<MarginalCost> marginalCosts(const std::vector<EffectSetCost>& sets) 
     if (more_ns.empty()) continue;
     const auto pairs = static_cast<double>(more_ns.size());
     for (const double ns : more_ns) cost.mean_ns += ns / pairs;
-    cost.least_ns = *std::min_element(more_ns.begin(), more_ns.end());
-    cost.most_ns = *std::max_element(more_ns.begin(), more_ns.end());
+    cost.min_ns = *std::min_element(more_ns.begin(), more_ns.end());
+    cost.max_ns = *std::max_element(more_ns.begin(), more_ns.end());
     if (more_instructions.size() == more_ns.size()) {
       cost.instructions = 0;
       for (const double more : more_instructions) *cost.instructions += more / pairs;
-      cost.least_instructions = *std::min_element(more_instructions.begin(), more_instructions.end());
-      cost.most_instructions = *std::max_element(more_instructions.begin(), more_instructions.end());
+      cost.min_instructions = *std::min_element(more_instructions.begin(), more_instructions.end());
+      cost.max_instructions = *std::max_element(more_instructions.begin(), more_instructions.end());
     }
     costs.push_back(cost);
   }
@@ -198,7 +197,7 @@ std::string effectsTable(const std::vector<EffectSetCost>& sets) {
       fmt::format("{:<18} {:>8} {:>8} {:>8} {:>12}\n", "effect", "mean ns", "least", "most", "instructions");
   for (const MarginalCost& cost : marginalCosts(sets))
     text += fmt::format("{:<18} {:8.1f} {:8.1f} {:8.1f} ", effectWords(effectEntry(cost.effect)),
-                        cost.mean_ns, cost.least_ns, cost.most_ns) +
+                        cost.mean_ns, cost.min_ns, cost.max_ns) +
             count(cost.instructions) + "\n";
   if (!sets.empty())
     text += fmt::format(
@@ -235,11 +234,10 @@ Status drawEffects(const std::vector<EffectSetCost>& sets, const std::filesystem
     const MarginalCost& cost = costs[i];
     const std::string words = effectWords(effectEntry(cost.effect));
     if (counted)
-      marginal.row(
-          {static_cast<double>(i), *cost.instructions, cost.least_instructions, cost.most_instructions},
-          {words});
+      marginal.row({static_cast<double>(i), *cost.instructions, cost.min_instructions, cost.max_instructions},
+                   {words});
     else
-      marginal.row({static_cast<double>(i), cost.mean_ns, cost.least_ns, cost.most_ns}, {words});
+      marginal.row({static_cast<double>(i), cost.mean_ns, cost.min_ns, cost.max_ns}, {words});
   }
   const auto sets_csv = folder / "effects.csv", marginal_csv = folder / "effects_marginal.csv";
   for (auto& [path, text] : {std::pair{sets_csv, table.take()}, std::pair{marginal_csv, marginal.take()}})

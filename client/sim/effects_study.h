@@ -25,9 +25,9 @@ struct EffectSetCost {
 /// What an effect adds to a tick, over all pairs of sets that differ only in it.
 struct MarginalCost {
   Effect effect = Effect::kCutting;
-  double mean_ns = 0, least_ns = 0, most_ns = 0;         ///< of the pairs' medians
-  std::optional<double> instructions;                    ///< mean; empty if not counted
-  double least_instructions = 0, most_instructions = 0;  ///< over the pairs, if counted
+  double mean_ns = 0, min_ns = 0, max_ns = 0;         ///< of the pairs' medians
+  std::optional<double> instructions;                 ///< mean; empty if not counted
+  double min_instructions = 0, max_instructions = 0;  ///< over the pairs, if counted
 };
 
 /// The study's scene: the profile's, or by default the paper's six layers with shaft friction, three

@@ -22,8 +22,8 @@ struct PhaseSpan {
   double from_s = 0, to_s = 0;
 };
 
-// Ordered, without gaps; spans shorter than `least_s` join the previous one.
-std::vector<PhaseSpan> phaseSpans(const FigureRun& run, double least_s) {
+// Ordered, without gaps; spans shorter than `min_s` join the previous one.
+std::vector<PhaseSpan> phaseSpans(const FigureRun& run, double min_s) {
   std::vector<PhaseSpan> raw;
   for (std::size_t i = 0; i < run.ticks.size(); ++i) {
     const Phase phase = run.ticks[i].report.phase;
@@ -33,7 +33,7 @@ std::vector<PhaseSpan> phaseSpans(const FigureRun& run, double least_s) {
   std::vector<PhaseSpan> spans;
   for (const PhaseSpan& span : raw) {
     const bool joins =
-        !spans.empty() && (span.to_s - span.from_s < least_s || spans.back().phase == span.phase);
+        !spans.empty() && (span.to_s - span.from_s < min_s || spans.back().phase == span.phase);
     if (joins)
       spans.back().to_s = span.to_s;
     else
@@ -43,9 +43,9 @@ std::vector<PhaseSpan> phaseSpans(const FigureRun& run, double least_s) {
 }
 
 // For phases.gp: start, end and name of each span.
-PlotVariable phasesOf(const FigureRun& run, double least_s) {
+PlotVariable phasesOf(const FigureRun& run, double min_s) {
   std::string text;
-  for (const PhaseSpan& span : phaseSpans(run, least_s))
+  for (const PhaseSpan& span : phaseSpans(run, min_s))
     text += fmt::format("{:.4f} {:.4f} {} ", span.from_s, span.to_s, phaseName(span.phase));
   return {"phases", text};
 }

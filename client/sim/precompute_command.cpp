@@ -12,7 +12,6 @@
 #include <nlohmann/json.hpp>
 
 #include "client/sim/command.h"
-#include "client/sim/tools/json_output.h"
 #include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/base/range.h"

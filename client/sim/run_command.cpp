@@ -11,15 +11,12 @@
 
 #include "client/device/recording/whole_recording.h"
 #include "client/sim/command.h"
-#include "client/sim/tools/json_output.h"
-#include "client/sim/tools/needle_direction.h"
 #include "client/sim/tools/offline_scene.h"
-#include "client/sim/tools/recorded_gesture.h"
 #include "client/sim/tools/recorded_run.h"
 #include "client/sim/tools/run_table.h"
 #include "common/base/files/files.h"
 #include "common/base/program.h"
-#include "common/gesture/sample_csv.h"
+#include "common/gesture/sample.h"
 #include "common/profile/scene_of_profile.h"
 
 namespace needlelab {

@@ -14,14 +14,12 @@
 #include "client/device/recording/whole_recording.h"
 #include "client/sim/command.h"
 #include "client/sim/tools/closed_loop.h"
-#include "client/sim/tools/json_output.h"
-#include "client/sim/tools/needle_direction.h"
 #include "client/sim/tools/offline_scene.h"
-#include "client/sim/tools/recorded_gesture.h"
+#include "client/sim/tools/recorded_run.h"
 #include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/base/range.h"
-#include "common/gesture/sample_csv.h"
+#include "common/gesture/sample.h"
 #include "common/haptics/scene_spec.h"
 #include "common/profile/planned_line.h"
 #include "common/profile/profile.h"
@@ -70,7 +68,7 @@ Result<std::vector<GestureSample>> recordedOf(const std::filesystem::path& path,
                                               std::optional<double>& rate_hz,
                                               std::vector<std::string>& holes) {
   auto read = readRecordedGesture(path, damaged ? DamagedRecording::kRead : DamagedRecording::kRefuse,
-                                  WallColumns::kLeftOut, rate_hz);
+                                  WallColumns::kIgnored, rate_hz);
   if (!read.ok())
     return Error{
         read.error().code,

@@ -12,7 +12,6 @@
 #include "client/sim/command.h"
 #include "client/sim/skill/skill_study.h"
 #include "client/sim/tools/gnuplot.h"
-#include "client/sim/tools/json_output.h"
 #include "common/base/files/files.h"
 #include "common/base/program.h"
 

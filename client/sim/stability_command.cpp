@@ -15,7 +15,6 @@
 #include "client/sim/stability/case.h"
 #include "client/sim/stability/scan_limits.h"
 #include "client/sim/tools/gnuplot.h"
-#include "client/sim/tools/json_output.h"
 #include "common/base/files/files.h"
 #include "common/base/program.h"
 

@@ -37,7 +37,7 @@ int runStation(const StationOptions& options, const sigset_t& stop_signals) {
     logMessage(status.error().message);
     return exitCodeOf(status.error());
   };
-  auto ask_for_code = askForCodeWithoutWindow(options);
+  auto ask_for_code = headlessCodePrompt(options);
   if (!ask_for_code.ok()) return failed(ask_for_code.error());
   if (const Status status = home.openSpool(); !status.ok()) return failed(status);
   if (const Status status = home.connect(); !status.ok()) return failed(status);

@@ -16,7 +16,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kMostStateBytes = 4096;
+constexpr std::size_t kMaxStateBytes = 4096;
 
 std::optional<double> numberIn(const nlohmann::json& object, const char* name, double least,
                                double greatest) {
@@ -31,7 +31,7 @@ std::optional<double> numberIn(const nlohmann::json& object, const char* name, d
 
 std::optional<WindowState> readWindowState(const std::filesystem::path& file) {
   if (file.empty()) return std::nullopt;
-  const Result<std::string> text = readWholeFile(file, kMostStateBytes);
+  const Result<std::string> text = readWholeFile(file, kMaxStateBytes);
   if (!text) return std::nullopt;
   const auto json = nlohmann::json::parse(*text, nullptr, /*allow_exceptions=*/false);
   if (!json.is_object()) return std::nullopt;

@@ -26,7 +26,7 @@ Result<unsigned> compiledShader(GLenum kind, const char* name, const char* sourc
   glGetShaderInfoLog(shader, static_cast<GLsizei>(words.size()) - 1, nullptr, words.data());
   glDeleteShader(shader);
   return Error{ErrorCode::kUnavailable,
-               std::string("the graphics driver does not take the shader '") + name + "': " + words.data()};
+               std::string("the graphics driver rejects the shader '") + name + "': " + words.data()};
 }
 
 }  // namespace

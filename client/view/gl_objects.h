@@ -9,7 +9,6 @@
 #include <imgui/imgui.h>
 
 #include "client/view/model/camera.h"
-#include "client/view/model/image.h"
 #include "client/view/model/mesh.h"
 #include "client/view/model/palette.h"
 #include "common/base/result.h"

@@ -21,7 +21,7 @@ bool isPress(const InputEvent& event) {
 
 /// Whether a frame that saw `before` may also see `next`. A click takes the focus from a text field, so text
 /// typed before it gets an earlier frame.
-bool goTogether(const InputEvent& before, const InputEvent& next) {
+bool fitOneFrame(const InputEvent& before, const InputEvent& next) {
   if (before.kind == Kind::kButton) return false;
   if (next.kind == Kind::kButton) return !isPress(before);
   if (before.kind != Kind::kKey || next.kind != Kind::kKey) return true;
@@ -36,7 +36,7 @@ std::vector<InputEvent> InputQueue::take() {
   for (; !waiting_.empty(); waiting_.pop_front()) {
     const Waiting& next = waiting_.front();
     if (isPress(next.event) && next.saw < dropped_before_) continue;
-    const auto has_room = [&](const InputEvent& before) { return goTogether(before, next.event); };
+    const auto has_room = [&](const InputEvent& before) { return fitOneFrame(before, next.event); };
     if (!std::all_of(seen.begin(), seen.end(), has_room)) break;
     seen.push_back(next.event);
   }

@@ -40,9 +40,9 @@ namespace needlelab {
 namespace {
 
 constexpr double kUsualFrames_per_s = 30;
-constexpr int kMostRepeats = 15;
+constexpr int kMaxRepeats = 15;
 
-/// Sizes for a desk at this scale, whatever the window's size; or for the screen's `viewing`.
+/// Sizes for a desk at this scale, for any size of the window; or for the screen's `viewing`.
 LetterSizes wantedLetters(const std::optional<Viewing>& viewing, int width_px, int height_px, double scale) {
   if (viewing) return letterSizes(*viewing, width_px, height_px, scale);
   const LetterSizes desk;
@@ -282,7 +282,7 @@ void Surface::endFrame() {
 void Surface::Parts::showFrame() {
   // This frame is already shown; redraw it occasionally for a display that lost it.
   const std::uint64_t hash = hashOfFrame(*ImGui::GetDrawData(), width_px, height_px);
-  const bool same = hash == drawn_hash && ++repeats < kMostRepeats;
+  const bool same = hash == drawn_hash && ++repeats < kMaxRepeats;
   if (same) {
     cost_s = static_cast<double>(steadyNowNs() - began_ns) * 1e-9;
     return;
@@ -322,7 +322,7 @@ RgbaImage Surface::picture() const {
 void Surface::close() {
   parts_->closed = true;
 }
-bool Surface::takeCloseWish() {
+bool Surface::takeCloseRequest() {
   return std::exchange(parts_->close_wished, false);
 }
 bool Surface::isWindow() const {

@@ -7,7 +7,7 @@
 #include <memory>
 #include <string>
 
-#include "client/view/model/image.h"
+#include "client/view/model/mesh.h"
 #include "client/view/surface_options.h"
 #include "common/base/result.h"
 
@@ -44,7 +44,7 @@ class Surface {
   /// Makes beginFrame return false from now on.
   void close();
   /// With `asks_before_closing`: returns whether the window's close button was pressed since the last call.
-  [[nodiscard]] bool takeCloseWish();
+  [[nodiscard]] bool takeCloseRequest();
 
   [[nodiscard]] bool isWindow() const;
   [[nodiscard]] int width_px() const;

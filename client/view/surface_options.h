@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "client/view/model/viewing.h"
+#include "client/view/model/palette.h"
 #include "common/base/time/time_source.h"
 
 namespace needlelab {
@@ -34,7 +34,7 @@ struct SurfaceOptions {
   /// Decides when a frame is due. Must outlive the surface. Only off screen may it differ from the machine's:
   /// a window also waits for its events, by the machine's time.
   TimeSource* time = &machineTime();
-  /// The window's close button only sets takeCloseWish; the program then asks the user.
+  /// The window's close button only sets takeCloseRequest; the program then asks the user.
   bool asks_before_closing = false;
 };
 

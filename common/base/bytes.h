@@ -69,4 +69,13 @@ class ByteReader {
   bool ok_ = true;
 };
 
+// --- CRC-32C (Castagnoli)
+
+/// Returns the CRC of `bytes`; to continue, pass the CRC of the preceding bytes. Check value:
+/// crc32c("123456789") = 0xE3069283.
+std::uint32_t crc32c(ByteView bytes, std::uint32_t previous = 0) noexcept;
+
+/// Portable version for processors without the CRC instruction; a test compares both.
+std::uint32_t crc32cByTables(ByteView bytes, std::uint32_t previous = 0) noexcept;
+
 }  // namespace needlelab

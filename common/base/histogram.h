@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <vector>
 
 namespace needlelab {
 
@@ -164,5 +165,15 @@ class LatencyHistogram {
   std::array<std::atomic<std::uint64_t>, kExact + (std::size_t{34} << kSubBits)> counts_{};
   std::atomic<std::int64_t> max_ns_{0};
 };
+
+// --- the median of a list
+
+/// `values` must not be empty. For an even number of values, returns the upper of the two middle ones.
+template <typename T>
+[[nodiscard]] T medianOf(std::vector<T> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
 
 }  // namespace needlelab

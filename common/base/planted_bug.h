@@ -21,7 +21,7 @@ enum class PlantedBug {
   kTorqueWithoutZero,         ///< the Falcon's motors run before its encoders have found their zero
   kRequestOutlivesLink,       ///< a torque requested before the Falcon was lost is sent to it afterwards
   kNoLastCommand,             ///< a device is released without a last command of zero force
-  kLookAgainTwice,            ///< a lost Falcon is looked for every second instead of every half second
+  kRescanTooLate,             ///< a lost Falcon is looked for every second instead of every half second
   kRetryNeverDoubles,         ///< a lost Virtuose is looked for every half second for ever
   kNoKeepAlive,               ///< nothing is sent to the Virtuose while a lesson is prepared
   kOldConnectionKept,         ///< a Virtuose is reopened without closing the old connection

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <atomic>
+#include <cassert>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -24,6 +25,7 @@ class SpscRing {
   /// Returns false and counts the item when the ring is full.
   bool push(const T& item) noexcept {
     const std::uint64_t tail = tail_.load(std::memory_order_relaxed);
+    assert(cached_head_ <= tail && tail - cached_head_ <= Capacity);
     if (tail - cached_head_ == Capacity) {
       cached_head_ = head_.load(std::memory_order_acquire);
       if (tail - cached_head_ == Capacity) {
@@ -38,6 +40,7 @@ class SpscRing {
 
   bool pop(T& item) noexcept {
     const std::uint64_t head = head_.load(std::memory_order_relaxed);
+    assert(head <= cached_tail_ && cached_tail_ - head <= Capacity);
     if (head == cached_tail_) {
       cached_tail_ = tail_.load(std::memory_order_acquire);
       if (head == cached_tail_) return false;
@@ -66,6 +69,7 @@ class LatestValue {
 
  public:
   void publish(const T& value) noexcept {
+    assert(write_ < slots_.size());
     slots_[write_] = value;
     write_ = middle_.exchange(static_cast<std::uint8_t>(write_ | kFresh), std::memory_order_acq_rel) & kIndex;
   }
@@ -74,6 +78,7 @@ class LatestValue {
   bool fetch(T& value) noexcept {
     if (!(middle_.load(std::memory_order_relaxed) & kFresh)) return false;
     read_ = middle_.exchange(read_, std::memory_order_acq_rel) & kIndex;
+    assert(read_ < slots_.size());
     value = slots_[read_];
     return true;
   }

@@ -109,7 +109,7 @@ void measureStrain(const NeedleBox& box, const NeedleBoxSpec& spec, const Eigen:
 // times one right-hand side after the other, each of a different station
 Status timeSolves(const ElasticSolver& solver, const Eigen::SparseMatrix<double>& loads, SolveTimes& to) {
   constexpr double kFor_s = 0.5;
-  constexpr std::size_t kMostSolved = 1000, kRuns = 5;
+  constexpr std::size_t kMaxSolved = 1000, kRuns = 5;
   to = {};
   std::vector<double> times_ns;
   Stopwatch watch;
@@ -122,7 +122,7 @@ Status timeSolves(const ElasticSolver& solver, const Eigen::SparseMatrix<double>
     const double took_s = watch.lap();
     times_ns.push_back(took_s * 1e9);
     to.all_s += took_s;
-  } while (to.all_s < kFor_s && times_ns.size() < kMostSolved);
+  } while (to.all_s < kFor_s && times_ns.size() < kMaxSolved);
   const Timing timing = timingOfRuns(times_ns, 1, kRuns);
   to.solves = timing.batches;
   to.p50_s = timing.median_ns * 1e-9;

@@ -210,19 +210,19 @@ double rmsDifference(const std::vector<double>& a, const std::vector<double>& b)
 // With Q(n) = Q∞ + A n^−q, a = ln n2/n1 and b = ln n3/n2: first/second = (e^(qa) − 1)/(1 − e^(−qb)), which
 // grows with q from a/b at q = 0; and the rest is second/(e^(qb) − 1).
 MeshLimit limitOfThree(const int* nodes, double first, double second) {
-  constexpr double kMostOrder = 10;
+  constexpr double kMaxOrder = 10;
   MeshLimit limit;
   if (nodes[1] <= nodes[0] || nodes[2] <= nodes[1]) return limit;
   const double a = std::log(static_cast<double>(nodes[1]) / nodes[0]),
                b = std::log(static_cast<double>(nodes[2]) / nodes[1]);
   if (second == 0) {
     limit.converges = true;
-    limit.order = kMostOrder;
+    limit.order = kMaxOrder;
     return limit;
   }
   const double ratio = first / second;
   if (!(ratio > a / b)) return limit;
-  double low = 0, high = kMostOrder;
+  double low = 0, high = kMaxOrder;
   for (int k = 0; k < 60; ++k) {
     const double q = 0.5 * (low + high);
     (std::expm1(q * a) / -std::expm1(-q * b) < ratio ? low : high) = q;

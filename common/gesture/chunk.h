@@ -1,10 +1,15 @@
 /// A chunk: some samples of a gesture as self-contained, self-checking bytes. FORMAT.md describes every byte.
 #pragma once
 
+#include <sodium.h>
+
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/base/bytes.h"
@@ -66,5 +71,26 @@ std::optional<std::uint32_t> claimedSamples(ByteView chunk);
 /// As claimedSamples, but also requires a correct CRC: the bytes are then as their writer made them, even if
 /// checkChunk refuses them. Safe for any bytes.
 std::optional<std::uint32_t> sealedSamples(ByteView chunk);
+
+// --- the hash that proves that station, server and recording have the same gesture (proto/README.md)
+
+using Digest = std::array<std::uint8_t, 32>;
+
+/// BLAKE2b-256 (RFC 7693, no key) over the chunks' bytes in order. Copyable: a copy continues on its own.
+class SessionHash {
+ public:
+  SessionHash();
+  void update(ByteView chunk);
+  /// Returns the hash of all bytes so far; more bytes may follow.
+  [[nodiscard]] Digest digest() const;
+
+ private:
+  crypto_generichash_state state_;
+};
+
+/// 64 lower-case hexadecimal digits.
+std::string hexOf(const Digest& digest);
+/// Errors: kInvalidInput when `hex` is not 64 hexadecimal digits.
+Result<Digest> digestFromHex(std::string_view hex);
 
 }  // namespace needlelab

@@ -5,7 +5,7 @@
 #include <cstring>
 #include <limits>
 
-#include "common/base/crc32c.h"
+#include "common/base/bytes.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/chunk_format.h"
 #include "common/gesture/column_coding.h"

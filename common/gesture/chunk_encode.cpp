@@ -5,7 +5,7 @@
 #include <cstring>
 #include <memory>
 
-#include "common/base/crc32c.h"
+#include "common/base/bytes.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/chunk_format.h"
 #include "common/gesture/column_coding.h"
@@ -17,7 +17,7 @@ using namespace chunk_format;
 using namespace column_coding;
 
 // the maximum number of steps in a stored integer; a larger value makes its column raw
-constexpr double kMostSteps = 2147483647.0;
+constexpr double kMaxSteps = 2147483647.0;
 // adding this to a double below 2⁵¹ leaves the nearest integer (ties to even) in the low bits: rounding
 // without a call
 constexpr double kRounder = 0x1.8p52;
@@ -139,7 +139,7 @@ class Encoder {
     int good = 1;
     for (std::size_t i = 0; i < rows; ++i) {
       const double steps = loadReal(at + i * sizeof(GestureSample)) * inverse;
-      good &= static_cast<int>(std::fabs(steps) <= kMostSteps);
+      good &= static_cast<int>(std::fabs(steps) <= kMaxSteps);
       v[i] = static_cast<std::uint32_t>(std::bit_cast<std::uint64_t>(steps + kRounder));
     }
     if (good == 0) misfits_ |= 1u << column;
@@ -153,7 +153,7 @@ class Encoder {
     for (std::size_t i = 0; i < rows; ++i) {
       if ((there[i] & bit) != 0) {
         const double steps = loadReal(at + i * sizeof(GestureSample)) * inverse;
-        if (!(std::fabs(steps) <= kMostSteps)) misfits_ |= 1u << column;
+        if (!(std::fabs(steps) <= kMaxSteps)) misfits_ |= 1u << column;
         last = static_cast<std::uint32_t>(std::bit_cast<std::uint64_t>(steps + kRounder));
       }
       v[i] = last;

@@ -12,7 +12,6 @@
 #include "common/base/bytes.h"
 #include "common/base/result.h"
 #include "common/gesture/chunk.h"
-#include "common/gesture/session_hash.h"
 
 namespace needlelab {
 

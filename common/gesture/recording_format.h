@@ -6,7 +6,6 @@
 #include <cstring>
 
 #include "common/base/bytes.h"
-#include "common/base/crc32c.h"
 #include "common/gesture/recording.h"
 
 namespace needlelab::recording_format {

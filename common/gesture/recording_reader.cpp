@@ -177,7 +177,7 @@ bool RecordingReader::openByIndex() {
 
 Result<std::uint64_t> RecordingReader::findRecord(std::uint64_t offset) const {
   // the next record is usually near: long reads for each one could total more than the file's length
-  constexpr std::uint64_t kMostAtOnce = 1u << 20;
+  constexpr std::uint64_t kMaxAtOnce = 1u << 20;
   std::uint64_t at_once = 1u << 12;
   Bytes window;
   while (offset + kRecordHeaderBytes <= size_) {
@@ -191,7 +191,7 @@ Result<std::uint64_t> RecordingReader::findRecord(std::uint64_t offset) const {
     }
     // windows overlap by one byte less than a header
     offset += count - (kRecordHeaderBytes - 1);
-    at_once = std::min(2 * at_once, kMostAtOnce);
+    at_once = std::min(2 * at_once, kMaxAtOnce);
   }
   return size_;
 }

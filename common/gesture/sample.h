@@ -1,10 +1,13 @@
 /// One tick of a gesture, as recorded, and the steps to which its columns are rounded when they are stored
-/// (FORMAT.md).
+/// (FORMAT.md); samples as text for other programs.
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <limits>
+#include <string>
 #include <type_traits>
+#include <vector>
 
 #include "common/base/result.h"
 
@@ -52,5 +55,28 @@ struct Resolution {
 
 /// Every step must be 0 or within [1e-12, 1]. Errors (kInvalidInput) name the field, the value and the range.
 Status validate(const Resolution& resolution);
+
+// --- samples as text for other programs: CSV rows, or one JSON object per sample
+
+/// `t_s,tick,time_ns,px_m,…,fault` and a line feed. Column names carry their unit. Stable: columns are only
+/// added at the end.
+void appendSampleCsvHeader(std::string& out);
+
+/// One row and a line feed: 17 significant digits, `nan` for not-a-number. `first_time_ns` is the time of the
+/// recording's first sample: t_s is the difference of the integer times, so that it is exact to the
+/// nanosecond.
+void appendSampleCsvRow(std::string& out, const GestureSample& sample, std::int64_t first_time_ns);
+
+/// One JSON object with the CSV's names as keys, no line feed; not-a-number and infinities become null,
+/// because JSON does not have them.
+void appendSampleJson(std::string& out, const GestureSample& sample, std::int64_t first_time_ns);
+
+/// Whether the wall's columns are required and read. Scores do not need them.
+enum class WallColumns : std::uint8_t { kIgnored, kRead };
+
+/// Reads the samples of an exported CSV. A wall that is left out is NaN; time_ns is exact up to 2^53 ns.
+/// Errors: those of readCsv; kInvalidInput naming line and column, when a cell does not fit its column.
+Result<std::vector<GestureSample>> readSampleCsv(const std::filesystem::path& path,
+                                                 WallColumns wall = WallColumns::kIgnored);
 
 }  // namespace needlelab

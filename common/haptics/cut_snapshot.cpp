@@ -1,5 +1,6 @@
 #include "common/haptics/cut_snapshot.h"
 
+#include <cassert>
 #include <cmath>
 
 #include <fmt/core.h>
@@ -45,8 +46,9 @@ bool isRing(const CutMemory& cuts) {
 
 Bytes encodeCuts(const CutSnapshot& snapshot) {
   const CutMemory& cuts = snapshot.cuts;
+  assert(isRing(cuts));
   Bytes bytes;
-  bytes.reserve(kMostCutSnapshotBytes);
+  bytes.reserve(kMaxCutSnapshotBytes);
   ByteWriter to(bytes);
   to.put(kCutVersion);
   to.put(static_cast<std::uint8_t>(cuts.count));
@@ -61,6 +63,7 @@ Bytes encodeCuts(const CutSnapshot& snapshot) {
     to.put(track.length_m);
     to.put(track.membranes);
   }
+  assert(bytes.size() <= kMaxCutSnapshotBytes);
   return bytes;
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cassert>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -68,6 +69,7 @@ double detCos(double x) noexcept {
 }
 
 double detLog(double x) noexcept {
+  assert(!(x < 0.0));
   if (x == 0.0) return -std::numeric_limits<double>::infinity();
   // x = m·2^e with m in [√½, √2): ln m = 2 atanh((m − 1)/(m + 1)) by its series, whose argument is below
   // 0.172

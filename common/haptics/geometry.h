@@ -50,6 +50,12 @@ inline Vec3 normalized(Vec3 a) {
 inline bool isFinite(Vec3 a) {
   return std::isfinite(a.x) && std::isfinite(a.y) && std::isfinite(a.z);
 }
+/// For assertions: whether the length is 1 but for rounding. Accepts what a recorded pose that is not a
+/// rotation can make of a direction: zero, infinite or NaN.
+inline bool isUnit(Vec3 a) {
+  const double squared = normSquared(a);
+  return !(squared > 0.0 && std::isfinite(squared)) || std::fabs(squared - 1.0) <= 1e-8;
+}
 
 /// Rotation as a unit quaternion, order x y z w.
 struct Quat {

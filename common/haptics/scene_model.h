@@ -31,7 +31,7 @@ using HoldFunction = TipSample (*)(const SceneModel&, const TipSample&, SimState
 
 /// One layer, ready for the tick. Depths δ run along the surface normal.
 struct CompiledLayer {
-  double least_depth_m =
+  double min_depth_m =
       0;  ///< the layer's top; for the first layer the least positive number, because δ = 0 is outside
   double bottom_m = 0;             ///< the next layer's top; infinite for the last
   double top_m = 0;                ///< half-open [top, bottom)

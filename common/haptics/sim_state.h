@@ -12,7 +12,19 @@ namespace needlelab {
 
 /// The needle's phase (FORCE_MODEL.md, "Tracking wall"). Values are stored in recordings: append only.
 enum class Phase : std::uint8_t { kFree = 0, kInserting = 1, kStopped = 2, kWithdrawing = 3 };
-const char* phaseName(Phase phase);
+constexpr const char* phaseName(Phase phase) {
+  switch (phase) {
+    case Phase::kFree:
+      return "FREE";
+    case Phase::kInserting:
+      return "INSERTING";
+    case Phase::kStopped:
+      return "STOPPED";
+    case Phase::kWithdrawing:
+      return "WITHDRAWING";
+  }
+  return "?";
+}
 
 /// 2^16 cells of 15 µm: a correlation length below 60 µm is rendered as 60 µm.
 inline constexpr int kMaxScoreLevels = 16;

@@ -1,6 +1,7 @@
 #include "common/haptics/surface.h"
 
 #include <algorithm>
+#include <cassert>
 
 #include "common/haptics/scene_model.h"
 
@@ -59,6 +60,7 @@ Vec3 surfaceNormal(const Limb& limb, Vec3 p, Vec3 motion) noexcept {
 }
 
 Vec3 entryPoint(const SimState& before, Vec3 p_W_m, double depth_m) noexcept {
+  assert(!(before.depth_prev_m > 0.0) && depth_m > 0.0);
   const double share = before.depth_prev_m / (before.depth_prev_m - depth_m);
   return before.p_prev_W_m + (p_W_m - before.p_prev_W_m) * share;
 }

@@ -2,6 +2,7 @@
 /// `step`.
 #pragma once
 
+#include <cassert>
 #include <cmath>
 #include <limits>
 
@@ -63,6 +64,7 @@ std::uint32_t findLayer(const SceneModel& model, double depth_m, std::uint32_t i
   LayersAlong& along = state.along;
   while (insertion_m >= along.spans[along.at].end_m) [[unlikely]]++ along.at;
   while (insertion_m < along.spans[along.at].begin_m) [[unlikely]]-- along.at;
+  assert(along.at < along.count);
   return along.spans[along.at];
 }
 
@@ -99,6 +101,7 @@ struct TickBefore {
 
 /// At the entry tick P0: x = 0 and δ = 0 (FORCE_MODEL.md, "Puncture").
 inline TickBefore tickBefore(const SimState& state) {
+  assert(state.inside && state.ticks_inside > 0);
   if (state.ticks_inside == 1) return {};
   return {state.x_history_m[(state.ticks_inside - 1) & state.history_mask] + state.x_shift_m,
           state.depth_prev_m};

@@ -16,7 +16,7 @@ namespace needlelab {
 namespace {
 
 /// Two points closer than this do not define a direction; same limit as for segments of hazards.
-constexpr double kLeastLength_m = 1e-6;
+constexpr double kMinLength_m = 1e-6;
 constexpr double kDegrees = 180 / std::numbers::pi;
 
 Vec3 pointOf(const pb::Vector3& v) {
@@ -33,7 +33,7 @@ Vec3 alongOf(const pb::Exercise::Plan& plan) {
 double lengthOf(const pb::Exercise::Plan& plan) {
   const Vec3 along = alongOf(plan);
   const double length = std::hypot(along.x, along.y, along.z);  // squares of small numbers would vanish
-  return !plan.has_direction() && length < kLeastLength_m ? 0 : length;
+  return !plan.has_direction() && length < kMinLength_m ? 0 : length;
 }
 
 std::string millimetres(Vec3 p_m) {
@@ -93,12 +93,12 @@ Status checkPlan(const pb::Exercise& exercise, const pb::Profile& profile, const
   const bool has_target = exercise.plan().has_target_m();
   const std::string where = plan + (has_target ? ".target_m" : ".direction");
   const double slope_rad = std::asin(std::clamp(-dot(normal, line->direction), -1.0, 1.0));
-  if (slope_rad < kLeastPlanSlope_rad)
+  if (slope_rad < kMinPlanSlope_rad)
     return fieldError(
         where, fmt::format("the line {} at {:.3g}° to the skin of profile '{}': it has to go in "
                            "at {:g}° to the skin or more",
                            slope_rad < 0 ? "comes out of the tissue" : "goes in",
-                           kDegrees * std::abs(slope_rad), profile.id(), kDegrees * kLeastPlanSlope_rad));
+                           kDegrees * std::abs(slope_rad), profile.id(), kDegrees * kMinPlanSlope_rad));
   const double needle_m = (exercise.has_needle() ? exercise.needle() : profile.needle()).length_m();
   if (const double way_m = norm(alongOf(exercise.plan())); has_target && way_m > needle_m)
     return fieldError(where, fmt::format("is {:.3g} mm from the entry, and the needle is {:.3g} mm long",

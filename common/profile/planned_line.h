@@ -16,7 +16,7 @@ namespace needlelab {
 inline constexpr double kPlanOffSkin_m = 1e-3;
 /// The minimum angle between a planned line and the skin. Below it the engine does not follow the needle's
 /// axis.
-inline constexpr double kLeastPlanSlope_rad = 10 * std::numbers::pi / 180;
+inline constexpr double kMinPlanSlope_rad = 10 * std::numbers::pi / 180;
 
 /// An infinite straight line; all values are in one frame.
 struct PlannedLine {
@@ -40,7 +40,7 @@ double angleTo(const PlannedLine& line, Vec3 axis);
 Status checkPlanFields(const pb::Exercise::Plan& plan, const std::string& path);
 
 /// Checks an exercise's plan with its profile: the entry is on the skin (within kPlanOffSkin_m), the line
-/// goes into the tissue at kLeastPlanSlope_rad to the skin or more, and the needle reaches the plan's target.
+/// goes into the tissue at kMinPlanSlope_rad to the skin or more, and the needle reaches the plan's target.
 /// An exercise without a plan passes. Errors: kInvalidInput, `PATH.plan.entry_m: …`, with the remedy; `path`
 /// is the exercise's, empty for a separate exercise.
 Status checkPlan(const pb::Exercise& exercise, const pb::Profile& profile, const std::string& path);

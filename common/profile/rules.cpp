@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -13,6 +14,7 @@
 
 #include "common/base/range.h"
 #include "common/base/text/text.h"
+#include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/profile/aid_list.h"
 #include "common/profile/anchors.h"
@@ -308,7 +310,7 @@ Status checkCurriculumRules(const pb::Curriculum& curriculum) {
 
 namespace {
 
-constexpr double kLeastFidelity = 0.5;
+constexpr double kMinFidelity = 0.5;
 constexpr double kNoticeableShare = 0.1;
 
 /// Three significant digits: enough for a sentence.
@@ -332,43 +334,40 @@ double ruptureDepth(double k1, double k2, double force) {
   return 2 * force / (k1 + std::sqrt(k1 * k1 + 4 * k2 * force));
 }
 
-/// FIRST_ORDER, OKAMURA and DAHL have their own surfaces; PUNCTURE's membranes act under every other model.
-void warnAboutRupture(const pb::Profile& profile, int i, std::vector<std::string>& warnings) {
-  const pb::Layer& layer = profile.layers(i);
-  double depth_m = 0, force_N = 0;
-  const bool is_okamura =
-      profile.axial_model() == pb::Profile::OKAMURA || profile.axial_model() == pb::Profile::DAHL;
-  if (profile.axial_model() == pb::Profile::FIRST_ORDER && layer.has_first_order()) {
-    force_N = layer.first_order().puncture_force_n();
-    depth_m = force_N / layer.first_order().stiffness_n_per_m();
-  } else if (is_okamura && layer.has_okamura()) {
-    force_N = layer.okamura().puncture_force_n();
-    depth_m = ruptureDepth(layer.okamura().linear_n_per_m(), layer.okamura().quadratic_n_per_m2(), force_N);
-  } else if (layer.has_puncture() && lists(profile, pb::Profile::PUNCTURE)) {
-    force_N = layer.puncture().force_n();
-    depth_m = ruptureDepth(layer.puncture().linear_n_per_m(), layer.puncture().quadratic_n_per_m2(), force_N);
-  }
-  if (depth_m > layer.thickness_m())
-    warnings.push_back(describedLayer(profile, i) + ": its membrane ruptures at " + shortNumber(force_N) +
-                       " N only " + shortNumber(depth_m * 1e3) +
+/// Some models have their own membranes; PUNCTURE's act under every other model.
+std::optional<MembraneSpec> membraneOf(const AxialEntry& axial, const LayerSpec& layer, bool punctures) {
+  if (axial.topOf != nullptr) return axial.topOf(layer);
+  return punctures ? layer.membrane : std::nullopt;
+}
+
+void warnAboutRupture(const pb::Profile& profile, const LayerSpec& layer, int i,
+                      std::vector<std::string>& warnings) {
+  const auto membrane = membraneOf(axialEntryOf(profile), layer, lists(profile, pb::Profile::PUNCTURE));
+  if (!membrane) return;
+  const double depth_m =
+      ruptureDepth(membrane->linear_N_per_m, membrane->quadratic_N_per_m2, membrane->force_N);
+  if (depth_m > layer.thickness_m)
+    warnings.push_back(describedLayer(profile, i) + ": its membrane ruptures at " +
+                       shortNumber(membrane->force_N) + " N only " + shortNumber(depth_m * 1e3) +
                        " mm deep, below the layer; make it stiffer or weaker");
 }
 
 /// Only models with a wall follow the layers' cutting forces, with a spring of K_t.
 void warnAboutLayers(const pb::Profile& profile, std::vector<std::string>& warnings) {
-  const bool is_wall = profile.axial_model() <= pb::Profile::TRACKING_WALL;
+  const auto scene = sceneSpecOf(profile);
+  if (!scene) return;
   double force_before_N = 0;
   for (int i = 0; i < profile.layers_size(); ++i) {
     const pb::Layer& layer = profile.layers(i);
-    warnAboutRupture(profile, i, warnings);
+    warnAboutRupture(profile, scene->layers[static_cast<std::size_t>(i)], i, warnings);
     // where no needle enters the bone, the tissue above continues
     if (layer.tissue() == pb::Layer::BONE && lists(profile, pb::Profile::BONE)) continue;
-    if (is_wall && lists(profile, pb::Profile::CUTTING)) {
+    if (axialEntryOf(profile).follows_layers && lists(profile, pb::Profile::CUTTING)) {
       const double stiffness = layer.has_wall_stiffness_n_per_m()
                                    ? layer.wall_stiffness_n_per_m()
                                    : profile.tracking_wall().stiffness_n_per_m();
       const double phi = fidelity(force_before_N, layer.cutting_force_n(), stiffness, layer.thickness_m());
-      if (phi < kLeastFidelity) {
+      if (phi < kMinFidelity) {
         warnings.push_back(describedLayer(profile, i) + ": too thin to be felt, fidelity " +
                            shortNumber(phi) + " is below 0.5: the cutting force rises from " +
                            shortNumber(force_before_N) + " to " + shortNumber(layer.cutting_force_n()) +
@@ -380,36 +379,37 @@ void warnAboutLayers(const pb::Profile& profile, std::vector<std::string>& warni
   }
 }
 
+/// What the listed effects' rows remark.
+void warnAboutEffects(const pb::Profile& profile, std::vector<std::string>& warnings) {
+  const auto scene = sceneSpecOf(profile);
+  if (!scene.ok()) return;
+  for (const EffectEntry* entry : effectEntries()) {
+    if (entry->remark == nullptr || (scene->effects & bitOf(entry->effect)) == 0) continue;
+    if (const std::string remark = entry->remark(*scene); !remark.empty())
+      warnings.push_back(fmt::format("effects: {} is listed, {}", entry->name, remark));
+  }
+}
+
 void warnAboutModel(const pb::Profile& profile, std::vector<std::string>& warnings) {
-  const auto model = profile.axial_model();
-  const bool attracts = model == pb::Profile::AXIAL_MODEL_UNSPECIFIED ||
-                        model == pb::Profile::ENHANCED_TRACKING_WALL || model == pb::Profile::PRECOMPUTED;
+  const AxialEntry& axial = axialEntryOf(profile);
+  const std::string name(axialModelName(axial.model));
+  const bool attracts = (axial.renders & bitOf(Effect::kAttracted)) != 0;
   if (!attracts && lists(profile, pb::Profile::ATTRACTED))
-    warnings.push_back("effects: ATTRACTED is listed, axial_model " + pb::Profile::AxialModel_Name(model) +
-                       " has no attracted force");
-  const bool has_wall = attracts || model == pb::Profile::TRACKING_WALL || model == pb::Profile::STATISTICAL;
-  if (!has_wall && lists(profile, pb::Profile::CUT_MEMORY))
-    warnings.push_back("effects: CUT_MEMORY is listed, axial_model " + pb::Profile::AxialModel_Name(model) +
-                       " has no wall that cuts: only membranes are remembered");
-  const bool has_bone = std::any_of(profile.layers().begin(), profile.layers().end(),
-                                    [](const pb::Layer& l) { return l.tissue() == pb::Layer::BONE; });
-  if (!has_bone && lists(profile, pb::Profile::BONE))
-    warnings.push_back("effects: BONE is listed, and no layer's tissue is BONE");
-  const bool cuts = model != pb::Profile::PRECOMPUTED && model > pb::Profile::ENHANCED_TRACKING_WALL;
-  if (cuts && !lists(profile, pb::Profile::CUTTING))
-    warnings.push_back("effects: CUTTING is not listed, without it axial_model " +
-                       pb::Profile::AxialModel_Name(model) + " gives no force");
-  if (model == pb::Profile::STATISTICAL) {
+    warnings.push_back("effects: ATTRACTED is listed, axial_model " + name + " has no attracted force");
+  warnAboutEffects(profile, warnings);
+  if (!attracts && !lists(profile, pb::Profile::CUTTING))
+    warnings.push_back("effects: CUTTING is not listed, without it axial_model " + name + " gives no force");
+  if (axial.model == AxialModel::kStatistical) {
     std::string names;
-    for (const std::string& name : profile.statistical().synthetic())
-      names += (names.empty() ? "" : ", ") + name;
+    for (const std::string& synthetic : profile.statistical().synthetic())
+      names += (names.empty() ? "" : ", ") + synthetic;
     if (!names.empty())
       warnings.push_back("statistical: synthetic, without data behind it: " + names);
     else if (profile.statistical().source().empty())
       warnings.push_back(
           "statistical: has no source and names nothing as synthetic; take its numbers as synthetic");
   }
-  if (model == pb::Profile::PRECOMPUTED && profile.precomputed().source().empty())
+  if (axial.model == AxialModel::kPrecomputed && profile.precomputed().source().empty())
     warnings.push_back("precomputed: says no source for its table");
 }
 

@@ -1,24 +1,30 @@
 #include "common/profile/scene_of_profile.h"
 
-#include <fmt/core.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
-#include <array>
 #include <cassert>
+#include <span>
 #include <string>
+#include <variant>
 
 #include "common/base/range.h"
+#include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/profile/strict_json.h"
+#include "needlelab/options.pb.h"
 
 namespace needlelab {
 namespace {
+
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
 
 Vec3 vectorOf(const pb::Vector3& v) {
   return {v.x(), v.y(), v.z()};
 }
 
-// effects are numbered one higher in messages than in the engine: 0 means "unspecified"
 static_assert(pb::Profile::Effect_MIN == 0 && pb::Profile::Effect_MAX == kEffectCount);
 
 Result<Limb> limbOf(const pb::Limb& limb) {
@@ -67,20 +73,29 @@ TrackingWallSpec wallOf(const pb::TrackingWall& wall) {
 static_assert(static_cast<StopMode>(pb::TrackingWall::RAMP) == StopMode::kRamp);
 static_assert(static_cast<StopMode>(pb::TrackingWall::EXPONENTIAL) == StopMode::kExponential);
 
+/// The field of a message that an effect's or a model's row names.
+const FieldDescriptor* fieldOfRow(const Message& message, std::string_view name) {
+  const auto* field = message.GetDescriptor()->FindFieldByName(std::string(name));
+  assert(field != nullptr && "a row names a field that profile.proto does not have");
+  return field;
+}
+
+/// The section with that name; null: `message` does not have it.
+const Message* sectionNamed(const Message& message, std::string_view name) {
+  const auto* field = fieldOfRow(message, name);
+  const auto& reflection = *message.GetReflection();
+  return reflection.HasField(message, field) ? &reflection.GetMessage(message, field) : nullptr;
+}
+
 /// Reads the numbers of an effect's section by the names in its entry.
 void readSection(const EffectEntry& effect, const pb::Profile& profile, SceneSpec& spec) {
-  const google::protobuf::Message* const section = sectionOf(effect, profile);
+  const Message* const section = sectionOf(effect, profile);
   if (section == nullptr) return;
   const auto& reflection = *section->GetReflection();
-  const auto fieldOf = [&](std::string_view name) {
-    const auto* field = section->GetDescriptor()->FindFieldByName(std::string(name));
-    assert(field != nullptr && "an effect's entry names a field that profile.proto does not have");
-    return field;
-  };
   for (const EffectField& field : effect.fields)
-    field.of(spec) = reflection.GetDouble(*section, fieldOf(field.name));
+    field.of(spec) = reflection.GetDouble(*section, fieldOfRow(*section, field.name));
   if (!effect.choice.name.empty())
-    effect.choice.set(spec, reflection.GetEnumValue(*section, fieldOf(effect.choice.name)));
+    effect.choice.set(spec, reflection.GetEnumValue(*section, fieldOfRow(*section, effect.choice.name)));
 }
 static_assert(static_cast<ClampingMode>(pb::VirtualFixture::PROPORTIONAL) == ClampingMode::kProportional);
 static_assert(static_cast<ClampingMode>(pb::VirtualFixture::CONSERVATIVE) == ClampingMode::kConservative);
@@ -106,61 +121,7 @@ constexpr AxialModel modelOf(pb::Profile::AxialModel model) {
 constexpr pb::Profile::AxialModel messageOf(AxialModel model) {
   return static_cast<pb::Profile::AxialModel>(static_cast<int>(model) + 1);
 }
-static_assert(messageOf(AxialModel::kEnhancedTrackingWall) == pb::Profile::ENHANCED_TRACKING_WALL);
-static_assert(messageOf(AxialModel::kTrackingWall) == pb::Profile::TRACKING_WALL);
-static_assert(messageOf(AxialModel::kDirect) == pb::Profile::DIRECT);
-static_assert(messageOf(AxialModel::kVoigt) == pb::Profile::VOIGT);
-static_assert(messageOf(AxialModel::kGodObject) == pb::Profile::GOD_OBJECT);
-static_assert(messageOf(AxialModel::kFirstOrder) == pb::Profile::FIRST_ORDER);
-static_assert(messageOf(AxialModel::kStatistical) == pb::Profile::STATISTICAL);
-static_assert(messageOf(AxialModel::kPrecomputed) == pb::Profile::PRECOMPUTED);
-static_assert(messageOf(AxialModel::kFem) == pb::Profile::FEM);
-static_assert(messageOf(AxialModel::kOkamura) == pb::Profile::OKAMURA);
-static_assert(messageOf(AxialModel::kDahl) == pb::Profile::DAHL);
 static_assert(pb::Profile::AxialModel_MAX == kAxialModelCount);
-
-constexpr std::array<std::string_view, 4> kMayBeSynthetic = {"mean_n", "sd_n", "correlation_length_m",
-                                                             "factors"};
-
-OkamuraSpec okamuraOf(const pb::Okamura& from) {
-  OkamuraSpec to{from.linear_n_per_m(),
-                 from.quadratic_n_per_m2(),
-                 from.puncture_force_n(),
-                 from.cutting_force_n(),
-                 {},
-                 {}};
-  to.in.kinetic_N_per_m = from.kinetic_in_n_per_m();
-  to.in.static_N_per_m = from.has_static_in_n_per_m() ? from.static_in_n_per_m() : from.kinetic_in_n_per_m();
-  to.in.viscous_Ns_per_m2 = from.viscous_in_ns_per_m2();
-  to.out.kinetic_N_per_m = from.kinetic_out_n_per_m();
-  to.out.static_N_per_m =
-      from.has_static_out_n_per_m() ? from.static_out_n_per_m() : from.kinetic_out_n_per_m();
-  to.out.viscous_Ns_per_m2 = from.viscous_out_ns_per_m2();
-  return to;
-}
-
-void putOkamura(const OkamuraSpec& from, pb::Okamura& to) {
-  to.set_linear_n_per_m(from.linear_N_per_m);
-  to.set_quadratic_n_per_m2(from.quadratic_N_per_m2);
-  to.set_puncture_force_n(from.puncture_force_N);
-  to.set_cutting_force_n(from.cutting_force_N);
-  to.set_kinetic_in_n_per_m(from.in.kinetic_N_per_m);
-  to.set_kinetic_out_n_per_m(from.out.kinetic_N_per_m);
-  to.set_static_in_n_per_m(from.in.static_N_per_m);
-  to.set_static_out_n_per_m(from.out.static_N_per_m);
-  to.set_viscous_in_ns_per_m2(from.in.viscous_Ns_per_m2);
-  to.set_viscous_out_ns_per_m2(from.out.viscous_Ns_per_m2);
-}
-
-StatisticalSpec statisticalOf(const pb::Statistical& from) {
-  StatisticalSpec to;
-  for (const auto& row : from.table()) to.table.push_back({row.depth_m(), row.mean_n(), row.sd_n()});
-  if (from.has_correlation_length_m()) to.correlation_length_m = from.correlation_length_m();
-  to.seed = from.seed();
-  if (from.factors().has_mean()) to.mean_factor = from.factors().mean();
-  if (from.factors().has_thickness()) to.thickness_factor = from.factors().thickness();
-  return to;
-}
 
 static_assert(static_cast<int>(NeedleTip::kUnknown) == pb::Needle::TIP_UNSPECIFIED);
 static_assert(static_cast<int>(NeedleTip::kHypodermic) == pb::Needle::HYPODERMIC);
@@ -168,41 +129,108 @@ static_assert(static_cast<int>(NeedleTip::kQuincke) == pb::Needle::QUINCKE);
 static_assert(static_cast<int>(NeedleTip::kTuohy) == pb::Needle::TUOHY);
 static_assert(static_cast<int>(NeedleTip::kPencilPoint) == pb::Needle::PENCIL_POINT);
 
-/// Sets `spec.axial_model` and every model's section that the profile has; the others keep their defaults.
-/// `spec.layers` must be filled already. Errors: kInvalidInput for a number without a model.
+/// Passes on the message and the field of a name like "factors.mean".
+template <class Use>
+void atField(const Message& message, std::string_view name, const Use& use) {
+  const auto dot = name.find('.');
+  const auto* field = fieldOfRow(message, name.substr(0, dot));
+  if (dot == std::string_view::npos) return use(message, field);
+  atField(message.GetReflection()->GetMessage(message, field), name.substr(dot + 1), use);
+}
+template <class Use>
+void atField(Message& message, std::string_view name, const Use& use) {
+  const auto dot = name.find('.');
+  const auto* field = fieldOfRow(message, name.substr(0, dot));
+  if (dot == std::string_view::npos) return use(message, field);
+  atField(*message.GetReflection()->MutableMessage(&message, field), name.substr(dot + 1), use);
+}
+
+struct NumberReader {
+  const Message& from;
+  const FieldDescriptor* field;
+  void operator()(double* to) const { *to = from.GetReflection()->GetDouble(from, field); }
+  void operator()(bool* to) const { *to = from.GetReflection()->GetBool(from, field); }
+  void operator()(std::int32_t* to) const { *to = from.GetReflection()->GetInt32(from, field); }
+  void operator()(std::uint64_t* to) const { *to = from.GetReflection()->GetUInt32(from, field); }
+};
+struct NumberWriter {
+  Message* to;
+  const FieldDescriptor* field;
+  void operator()(const double* from) const { to->GetReflection()->SetDouble(to, field, *from); }
+  void operator()(const bool* from) const { to->GetReflection()->SetBool(to, field, *from); }
+  void operator()(const std::int32_t* from) const { to->GetReflection()->SetInt32(to, field, *from); }
+  void operator()(const std::uint64_t* from) const {
+    to->GetReflection()->SetUInt32(to, field, static_cast<std::uint32_t>(*from));
+  }
+};
+
+/// Numbers that the message does not have keep their value.
+void readFields(std::span<const AxialField> fields, const Message& message, std::size_t i, SceneSpec& spec) {
+  for (const AxialField& own : fields) {
+    const auto read = [&](const Message& from, const FieldDescriptor* field) {
+      if (from.GetReflection()->HasField(from, field)) std::visit(NumberReader{from, field}, own.of(spec, i));
+    };
+    if (!own.absent.empty()) atField(message, own.absent, read);
+    atField(message, own.name, read);
+  }
+}
+
+void putFields(std::span<const AxialField> fields, SceneSpec& spec, std::size_t i, Message& message) {
+  for (const AxialField& own : fields)
+    atField(message, own.name, [&](Message& to, const FieldDescriptor* field) {
+      std::visit(NumberWriter{&to, field}, own.of(spec, i));
+    });
+}
+
+/// The number of such sections that a profile may have.
+int countOf(const AxialSection& section, const pb::Profile& profile) {
+  if (section.name.empty()) return 0;
+  return section.inLayers() ? profile.layers_size() : 1;
+}
+
+/// The model's section in the profile, or in layer `i`; null: absent.
+const Message* sectionOf(const AxialSection& section, const pb::Profile& profile, int i) {
+  if (section.inLayers()) return sectionNamed(profile.layers(i), section.name);
+  return sectionNamed(profile, section.name);
+}
+
+/// Reads every model's section that the profile has; the others keep their defaults. `spec.layers` must be
+/// filled already.
+void readModelSections(const pb::Profile& profile, SceneSpec& spec) {
+  for (const AxialEntry* model : axialEntries()) {
+    const AxialSection& own = model->section;
+    for (int k = 0; k < countOf(own, profile); ++k) {
+      const auto i = static_cast<std::size_t>(k);
+      const Message* const section = sectionOf(own, profile, k);
+      if (section == nullptr) continue;
+      if (own.inLayers()) own.addTo(spec.layers[i]);
+      readFields(own.fields, *section, i, spec);
+      if (own.table.empty()) continue;
+      const auto* table = fieldOfRow(*section, own.table);
+      const auto& reflection = *section->GetReflection();
+      const int rows = reflection.FieldSize(*section, table);
+      own.resize(spec, static_cast<std::size_t>(rows));
+      for (int row = 0; row < rows; ++row)
+        readFields(own.row_fields, reflection.GetRepeatedMessage(*section, table, row),
+                   static_cast<std::size_t>(row), spec);
+    }
+  }
+}
+
+/// Errors: kInvalidInput for a number without a model.
 Status readModel(const pb::Profile& profile, SceneSpec& spec) {
   if (!pb::Profile::AxialModel_IsValid(profile.axial_model()))
     return fieldError("axial_model",
                       fmt::format("{} is not a known model", static_cast<int>(profile.axial_model())));
   spec.axial_model = modelOf(profile.axial_model());
-
-  if (profile.direct().has_stiffness_n_per_m())
-    spec.direct.stiffness_N_per_m = profile.direct().stiffness_n_per_m();
-  if (profile.direct().has_step_at_layers()) spec.direct.step_at_layers = profile.direct().step_at_layers();
-  if (profile.voigt().has_stiffness_n_per_m())
-    spec.voigt.stiffness_N_per_m = profile.voigt().stiffness_n_per_m();
-  if (profile.voigt().has_damping_ns_per_m())
-    spec.voigt.damping_Ns_per_m = profile.voigt().damping_ns_per_m();
-  if (profile.god_object().has_stiffness_n_per_m())
-    spec.god_object.stiffness_N_per_m = profile.god_object().stiffness_n_per_m();
-  if (profile.has_statistical()) spec.statistical = statisticalOf(profile.statistical());
-  for (const auto& row : profile.precomputed().table())
-    spec.precomputed.table.push_back({row.depth_m(), row.cutting_n(), row.attracted_n()});
-  if (profile.has_fem()) {
-    spec.fem.nodes = profile.fem().nodes();
-    for (const auto& layer : profile.fem().layers())
-      spec.fem.layers.push_back(
-          {layer.young_pa(), layer.poisson(), layer.friction_n_per_m(), layer.cutting_n()});
-  }
-  for (std::size_t i = 0; i < spec.layers.size(); ++i) {
-    const pb::Layer& layer = profile.layers(static_cast<int>(i));
-    if (layer.has_okamura()) spec.layers[i].okamura = okamuraOf(layer.okamura());
-    if (!layer.has_first_order()) continue;
-    const pb::FirstOrder& own = layer.first_order();
-    spec.layers[i].first_order = FirstOrderSpec{own.stiffness_n_per_m(), own.puncture_force_n(),
-                                                own.cutting_force_n(), own.friction_n_per_m()};
-  }
+  readModelSections(profile, spec);
   return {};
+}
+
+bool anyIsRequired(const google::protobuf::Descriptor& message) {
+  for (int i = 0; i < message.field_count(); ++i)
+    if (message.field(i)->options().GetExtension(pb::required)) return true;
+  return false;
 }
 
 }  // namespace
@@ -225,12 +253,20 @@ NeedleSpec needleOf(const pb::Needle& needle) {
   return spec;
 }
 
-const google::protobuf::Message* sectionOf(const EffectEntry& effect, const pb::Profile& profile) {
-  if (effect.section.empty()) return nullptr;
-  const auto* field = profile.GetDescriptor()->FindFieldByName(std::string(effect.section));
-  assert(field != nullptr && "an effect's entry names a section that profile.proto does not have");
-  const auto& reflection = *profile.GetReflection();
-  return reflection.HasField(profile, field) ? &reflection.GetMessage(profile, field) : nullptr;
+const Message* sectionOf(const EffectEntry& effect, const pb::Profile& profile) {
+  return effect.section.empty() ? nullptr : sectionNamed(profile, effect.section);
+}
+
+const AxialEntry& axialEntryOf(const pb::Profile& profile) {
+  return axialEntry(modelOf(profile.axial_model()));
+}
+
+pb::Profile::Effect numberOfEffect(Effect effect) {
+  pb::Profile::Effect number = pb::Profile::EFFECT_UNSPECIFIED;
+  const bool found = pb::Profile::Effect_Parse(std::string(effectName(effect)), &number);
+  assert(found && "profile.proto does not have an effect of this name");
+  static_cast<void>(found);
+  return number;
 }
 
 Result<SceneSpec> sceneSpecOf(const pb::Profile& profile, const Pose& X_WL) {
@@ -248,141 +284,81 @@ Result<SceneSpec> sceneSpecOf(const pb::Profile& profile, const Pose& X_WL) {
   if (profile.bone().has_normal()) spec.bone_normal = rotate(placement.q, vectorOf(profile.bone().normal()));
   if (profile.has_max_force_n()) spec.max_force_N = profile.max_force_n();
   for (const int effect : profile.effects()) {
-    if (effect <= pb::Profile::Effect_MIN || effect > pb::Profile::Effect_MAX)
+    const auto rows = effectEntries();
+    const auto row = std::find_if(rows.begin(), rows.end(), [effect](const EffectEntry* entry) {
+      return numberOfEffect(entry->effect) == effect;
+    });
+    if (row == rows.end())
       return Error{ErrorCode::kInvalidInput, fmt::format("effects: {} is not a known effect", effect)};
-    spec.effects |= bitOf(static_cast<Effect>(effect - 1));
+    spec.effects |= bitOf((*row)->effect);
   }
   RETURN_IF_ERROR(validate(spec));
   return spec;
 }
 
 Status checkModelSection(const pb::Profile& profile) {
-  const auto model = profile.axial_model();
-  const auto missing = [&](pb::Profile::AxialModel needs_it, bool present) {
-    return model == needs_it && !present;
-  };
-  const std::string words = "is missing, and axial_model is " + pb::Profile::AxialModel_Name(model);
-  if (missing(pb::Profile::DIRECT, profile.has_direct())) return fieldError("direct", words);
-  if (missing(pb::Profile::VOIGT, profile.has_voigt())) return fieldError("voigt", words);
-  if (missing(pb::Profile::GOD_OBJECT, profile.has_god_object())) return fieldError("god_object", words);
-  if (missing(pb::Profile::STATISTICAL, profile.has_statistical())) return fieldError("statistical", words);
-  if (missing(pb::Profile::PRECOMPUTED, profile.has_precomputed())) return fieldError("precomputed", words);
-  if (missing(pb::Profile::FEM, profile.has_fem())) return fieldError("fem", words);
-  for (int i = 0; i < profile.layers_size(); ++i) {
-    if (missing(pb::Profile::FIRST_ORDER, profile.layers(i).has_first_order()))
-      return fieldError(fmt::format("layers[{}].first_order", i), words);
-    const bool has_okamura = profile.layers(i).has_okamura();
-    if (missing(pb::Profile::OKAMURA, has_okamura) || missing(pb::Profile::DAHL, has_okamura))
-      return fieldError(fmt::format("layers[{}].okamura", i), words);
-  }
+  const AxialSection& chosen = axialEntryOf(profile).section;
+  for (int i = 0; i < countOf(chosen, profile); ++i)
+    if (sectionOf(chosen, profile, i) == nullptr)
+      return fieldError(
+          (chosen.inLayers() ? fmt::format("layers[{}].", i) : "") + std::string(chosen.name),
+          "is missing, and axial_model is " + pb::Profile::AxialModel_Name(profile.axial_model()));
 
-  for (int i = 0; i < profile.statistical().synthetic_size(); ++i) {
-    const std::string& name = profile.statistical().synthetic(i);
-    if (std::find(kMayBeSynthetic.begin(), kMayBeSynthetic.end(), name) == kMayBeSynthetic.end())
-      return fieldError(fmt::format("statistical.synthetic[{}]", i),
-                        quotedText(name) + " is not one of mean_n, sd_n, correlation_length_m, factors");
+  for (const AxialEntry* model : axialEntries()) {
+    const AxialSection& own = model->section;
+    if (own.may_be_synthetic.empty()) continue;
+    const Message* const section = sectionOf(own, profile, 0);
+    if (section == nullptr) continue;
+    const auto* synthetic = fieldOfRow(*section, "synthetic");
+    for (int i = 0; i < section->GetReflection()->FieldSize(*section, synthetic); ++i) {
+      const std::string name = section->GetReflection()->GetRepeatedString(*section, synthetic, i);
+      if (std::ranges::find(own.may_be_synthetic, name) == own.may_be_synthetic.end())
+        return fieldError(
+            fmt::format("{}.synthetic[{}]", own.name, i),
+            fmt::format("{} is not one of {}", quotedText(name), fmt::join(own.may_be_synthetic, ", ")));
+    }
   }
   return {};
 }
 
 void putModel(const SceneSpec& spec, pb::Profile& profile) {
   profile.set_axial_model(messageOf(spec.axial_model));
-  switch (spec.axial_model) {
-    case AxialModel::kEnhancedTrackingWall:
-    case AxialModel::kTrackingWall:
-      break;
-    case AxialModel::kDirect:
-      profile.mutable_direct()->set_stiffness_n_per_m(spec.direct.stiffness_N_per_m);
-      profile.mutable_direct()->set_step_at_layers(spec.direct.step_at_layers);
-      break;
-    case AxialModel::kVoigt:
-      profile.mutable_voigt()->set_stiffness_n_per_m(spec.voigt.stiffness_N_per_m);
-      profile.mutable_voigt()->set_damping_ns_per_m(spec.voigt.damping_Ns_per_m);
-      break;
-    case AxialModel::kGodObject:
-      profile.mutable_god_object()->set_stiffness_n_per_m(spec.god_object.stiffness_N_per_m);
-      break;
-    case AxialModel::kFirstOrder:
-      for (int i = 0; i < profile.layers_size(); ++i) {
-        const auto& own = spec.layers.at(static_cast<std::size_t>(i)).first_order;
-        if (!own) continue;
-        pb::FirstOrder& to = *profile.mutable_layers(i)->mutable_first_order();
-        to.set_stiffness_n_per_m(own->stiffness_N_per_m);
-        to.set_puncture_force_n(own->puncture_force_N);
-        to.set_cutting_force_n(own->cutting_force_N);
-        to.set_friction_n_per_m(own->friction_N_per_m);
-      }
-      break;
-    case AxialModel::kOkamura:
-    case AxialModel::kDahl:
-      for (int i = 0; i < profile.layers_size(); ++i)
-        if (const auto& own = spec.layers.at(static_cast<std::size_t>(i)).okamura)
-          putOkamura(*own, *profile.mutable_layers(i)->mutable_okamura());
-      break;
-    case AxialModel::kStatistical: {
-      pb::Statistical& to = *profile.mutable_statistical();
-      to.clear_table();
-      for (const auto& row : spec.statistical.table) {
-        auto& one = *to.add_table();
-        one.set_depth_m(row.depth_m);
-        one.set_mean_n(row.mean_N);
-        one.set_sd_n(row.sd_N);
-      }
-      to.set_correlation_length_m(spec.statistical.correlation_length_m);
-      to.set_seed(static_cast<std::uint32_t>(spec.statistical.seed));
-      to.mutable_factors()->set_mean(spec.statistical.mean_factor);
-      to.mutable_factors()->set_thickness(spec.statistical.thickness_factor);
-      break;
-    }
-    case AxialModel::kPrecomputed: {
-      pb::Precomputed& to = *profile.mutable_precomputed();
-      to.clear_table();
-      for (const auto& row : spec.precomputed.table) {
-        auto& one = *to.add_table();
-        one.set_depth_m(row.depth_m);
-        one.set_cutting_n(row.cutting_N);
-        one.set_attracted_n(row.attracted_N);
-      }
-      break;
-    }
-    case AxialModel::kFem: {
-      pb::Fem& to = *profile.mutable_fem();
-      to.set_nodes(spec.fem.nodes);
-      to.clear_layers();
-      for (const FemLayerSpec& layer : spec.fem.layers) {
-        auto& one = *to.add_layers();
-        one.set_young_pa(layer.young_Pa);
-        one.set_poisson(layer.poisson);
-        one.set_friction_n_per_m(layer.friction_N_per_m);
-        one.set_cutting_n(layer.cutting_N);
-      }
-      break;
-    }
+  const AxialSection& own = axialEntry(spec.axial_model).section;
+  SceneSpec from = spec;  // the accessors take a scene that can be changed
+  for (int k = 0; k < countOf(own, profile); ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    if (own.inLayers() && !own.isIn(from.layers.at(i))) continue;
+    Message& of = own.inLayers() ? static_cast<Message&>(*profile.mutable_layers(k)) : profile;
+    Message* const section = of.GetReflection()->MutableMessage(&of, fieldOfRow(of, own.name));
+    putFields(own.fields, from, i, *section);
+    if (own.table.empty()) continue;
+    const auto* table = fieldOfRow(*section, own.table);
+    section->GetReflection()->ClearField(section, table);
+    for (std::size_t row = 0; row < own.rows(from); ++row)
+      putFields(own.row_fields, from, row, *section->GetReflection()->AddMessage(section, table));
   }
   profile.clear_effects();
   for (std::size_t i = 0; i < kEffectCount; ++i)
     if ((spec.effects & bitOf(static_cast<Effect>(i))) != 0)
-      profile.add_effects(static_cast<pb::Profile::Effect>(i + 1));
+      profile.add_effects(numberOfEffect(static_cast<Effect>(i)));
 }
 
 Status chooseModel(pb::Profile& profile, const std::string& name) {
   pb::Profile::AxialModel model{};
-  if (!pb::Profile::AxialModel_Parse(name, &model) || model == pb::Profile::AXIAL_MODEL_UNSPECIFIED) {
-    std::string known;
-    for (const std::string_view one : kAxialModelNames)
-      known += (known.empty() ? "" : ", ") + std::string(one);
-    return Error{ErrorCode::kInvalidInput, "--model: '" + name + "' is unknown; there is: " + known};
-  }
+  if (!pb::Profile::AxialModel_Parse(name, &model) || model == pb::Profile::AXIAL_MODEL_UNSPECIFIED)
+    return Error{ErrorCode::kInvalidInput, fmt::format("--model: '{}' is unknown; there is: {}", name,
+                                                       fmt::join(kAxialModelNames, ", "))};
   profile.set_axial_model(model);
-  // sections with defaults for every field
-  if (model == pb::Profile::DIRECT) profile.mutable_direct();
-  if (model == pb::Profile::VOIGT) profile.mutable_voigt();
-  if (model == pb::Profile::GOD_OBJECT) profile.mutable_god_object();
+  const AxialSection& own = axialEntryOf(profile).section;
+  if (!own.name.empty() && !own.inLayers()) {
+    // a section with defaults for every field
+    const auto* field = fieldOfRow(profile, own.name);
+    if (!anyIsRequired(*field->message_type())) profile.GetReflection()->MutableMessage(&profile, field);
+  }
   const Status status = checkModelSection(profile);
   if (status.ok()) return {};
   std::string help = "; add it to the profile";
-  if (model == pb::Profile::PRECOMPUTED)
-    help += ", or make one with: needlelab-sim precompute --profile P.json --mesh N --out Q.json";
+  if (!own.made_by.empty()) help.append(", or make one with: ").append(own.made_by);
   return Error{status.error().code, "--model " + name + ": " + status.error().message + help};
 }
 

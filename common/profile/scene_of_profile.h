@@ -10,6 +10,7 @@
 
 namespace needlelab {
 
+struct AxialEntry;
 struct EffectEntry;
 
 /// The skin's surface in the profile's frame; a plane's normal gets length 1. Errors: kInvalidInput without a
@@ -36,6 +37,12 @@ void putModel(const SceneSpec& spec, pb::Profile& profile);
 
 /// Checks that the chosen model has its section, and that `synthetic` names existing parameters.
 Status checkModelSection(const pb::Profile& profile);
+
+/// The row of the profile's axial model.
+const AxialEntry& axialEntryOf(const pb::Profile& profile);
+
+/// The effect of the same name in messages. Its number is append-only; the engine's order is not.
+pb::Profile::Effect numberOfEffect(Effect effect);
 
 /// Returns the section with the effect's numbers; null if the profile or the effect has none.
 const google::protobuf::Message* sectionOf(const EffectEntry& effect, const pb::Profile& profile);

@@ -14,7 +14,7 @@
 
 #include "common/base/files/files.h"
 #include "common/base/text/text.h"
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
 #include "common/wire/tls_folder.h"
 
 namespace needlelab {

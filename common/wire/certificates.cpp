@@ -17,7 +17,7 @@
 
 #include "common/base/files/files.h"
 #include "common/base/text/text.h"
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
 #include "common/wire/authority.h"
 #include "common/wire/tls_folder.h"
 #include "common/wire/x509.h"
@@ -105,7 +105,7 @@ Status checkHosts(const std::vector<std::string>& hosts) {
 
 /// Removes duplicate names: DNS names that differ only in case are equal, and addresses are compared in one
 /// form ("::1").
-std::vector<std::string> eachOnce(const std::vector<std::string>& hosts) {
+std::vector<std::string> withoutDuplicates(const std::vector<std::string>& hosts) {
   const auto formOf = [](const std::string& host) {
     boost::system::error_code error;
     const auto address = boost::asio::ip::make_address(host, error);
@@ -127,7 +127,7 @@ std::vector<std::string> withOldHosts(const TlsFiles& files, std::vector<std::st
   const auto old = loadCertificate(files.certificate);
   if (old.ok())
     for (const std::string& host : hostsOf(old->get())) hosts.push_back(host);
-  return eachOnce(hosts);
+  return withoutDuplicates(hosts);
 }
 
 // the names that the certificate must have, plus the machine's own names that the authority may sign: a
@@ -141,7 +141,7 @@ std::vector<std::string> named(X509* authority, const CertificateNames& names) {
 }
 
 /// If there is no ca.crt, checks whether there used to be one: a new authority would lock out every station.
-Status checkNoneIsLost(const TlsFiles& files) {
+Status checkFilesComplete(const TlsFiles& files) {
   for (const auto& left : {files.certificate, files.key, files.next_ca_certificate, files.next_ca_key}) {
     std::error_code failed;
     if (!std::filesystem::exists(left, failed) && !failed) continue;
@@ -200,7 +200,7 @@ Result<bool> ensureTlsFiles(const TlsFiles& files, const CertificateNames& names
                  "cannot look at " + files.ca_certificate.string() + ": " + failed.message()};
   }
   if (!has_ca) {
-    RETURN_IF_ERROR(checkNoneIsLost(files));
+    RETURN_IF_ERROR(checkFilesComplete(files));
     ASSIGN_OR_RETURN(const auto permitted, permittedNames(names.domains, hosts));
     ASSIGN_OR_RETURN(auto key, keyForNewAuthority(files));
     ASSIGN_OR_RETURN(const auto made, makeAuthority(permitted, std::move(key)));
@@ -210,7 +210,7 @@ Result<bool> ensureTlsFiles(const TlsFiles& files, const CertificateNames& names
     // the key first, so that a published certificate always has its key
     RETURN_IF_ERROR(x509::saveKey(files.ca_key, made.key.get()));
     RETURN_IF_ERROR(x509::saveCertificates(files.ca_certificate, {made.certificate.get()}));
-    RETURN_IF_ERROR(signServer(files, made, eachOnce(signable)));
+    RETURN_IF_ERROR(signServer(files, made, withoutDuplicates(signable)));
     return true;
   }
   ASSIGN_OR_RETURN(const auto authorities, x509::loadCertificates(files.ca_certificate));

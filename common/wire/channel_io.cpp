@@ -31,7 +31,7 @@ std::span<std::uint8_t> landing() {
   return *bytes;
 }
 
-bool isAgain(int error) {
+bool isRetryable(int error) {
   return error == EAGAIN || error == EWOULDBLOCK || error == EINTR;
 }
 
@@ -116,7 +116,7 @@ Task<Status> Channel::shake(bool as_server, const std::function<void()>& waits) 
     const auto room = landing();
     const ssize_t count = ::recv(socket_.native_handle(), room.data(), room.size(), 0);
     if (count == 0) co_return failed("the peer closed the connection");
-    if (count < 0 && !isAgain(errno)) co_return failed(systemErrorText(errno));
+    if (count < 0 && !isRetryable(errno)) co_return failed(systemErrorText(errno));
     tls_.feed(room.first(static_cast<std::size_t>(std::max<ssize_t>(count, 0))));
   }
   if (closed_) co_return closedError();
@@ -165,7 +165,7 @@ bool Channel::takeBytes() {
   const auto room =
       landing().first(std::min(kReadBytes, FrameSplitter::kMostBytes - splitter_.pending() - kRecordBytes));
   const ssize_t count = ::recv(socket_.native_handle(), room.data(), room.size(), 0);
-  if (count < 0 && isAgain(errno)) return false;
+  if (count < 0 && isRetryable(errno)) return false;
   if (count <= 0) {
     const bool ended = count == 0;
     close(ended ? CloseReason::kPeerClosed : CloseReason::kNetwork,
@@ -269,7 +269,7 @@ bool Channel::sendOutput() {
     const ssize_t count = ::send(socket_.native_handle(), output.data(), output.size(), MSG_NOSIGNAL);
     if (count < 0) {
       if (errno == EINTR) continue;
-      if (isAgain(errno)) return false;
+      if (isRetryable(errno)) return false;
       close(times_.handshaken ? CloseReason::kNetwork : CloseReason::kHandshake,
             "writing failed: " + systemErrorText(errno));
       return true;
@@ -306,7 +306,7 @@ Task<> Channel::discardUntilPeerCloses(std::shared_ptr<Channel> self) {
     const auto nothing = landing();
     const ssize_t count = ::recv(channel.socket_.native_handle(), nothing.data(), nothing.size(), 0);
     if (count > 0) continue;
-    if (count == 0 || !isAgain(errno)) break;
+    if (count == 0 || !isRetryable(errno)) break;
     auto [error] = co_await channel.socket_.async_wait(Tcp::socket::wait_read, kUseTuple);
     if (error) break;
   }

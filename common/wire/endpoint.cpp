@@ -78,7 +78,7 @@ Result<Endpoints> parseEndpoints(std::string_view text) {
     if (std::any_of(all.begin(), all.end(),
                     [&](const Endpoint& known) { return sameEndpoint(known, endpoint); }))
       return bad(endpointText(endpoint) + " stands there twice");
-    if (all.size() == kMostEndpoints) return bad(fmt::format("it has more than {}", kMostEndpoints));
+    if (all.size() == kMaxEndpoints) return bad(fmt::format("it has more than {}", kMaxEndpoints));
     all.push_back(std::move(endpoint));
     if (comma == std::string_view::npos) return all;
     rest.remove_prefix(comma + 1);

@@ -25,10 +25,10 @@ bool sameEndpoint(const Endpoint& a, const Endpoint& b);
 
 /// The equivalent servers of one lab, in the order in which they were given; at least one.
 using Endpoints = std::vector<Endpoint>;
-inline constexpr std::size_t kMostEndpoints = 16;
+inline constexpr std::size_t kMaxEndpoints = 16;
 
 /// Parses "a:7750,b:7750" or a single one; blanks around commas are allowed. Errors: kInvalidInput: as
-/// parseEndpoint, an empty entry, a duplicate, more than kMostEndpoints.
+/// parseEndpoint, an empty entry, a duplicate, more than kMaxEndpoints.
 Result<Endpoints> parseEndpoints(std::string_view text);
 /// The inverse of parseEndpoints.
 std::string endpointsText(const Endpoints& endpoints);

@@ -22,24 +22,24 @@ using google::protobuf::FieldDescriptor;
 // bytes, its block's header, and its pointer in a list that doubles as it grows; above 15 bytes it has a
 // second block.
 constexpr std::size_t kTextBytes = 64, kTextInside = 15, kBlockBytes = 16;
-constexpr std::size_t kNumberBytes = 16;      // for a number in a list that doubles as it grows
-constexpr std::size_t kMessageBytes = 512;    // more than any message from a peer needs without its strings
-constexpr std::size_t kUnknownBytes = 64;     // Protobuf keeps unknown fields
-constexpr std::size_t kMostSuffixBytes = 16;  // for droppedSuffix: a tag and a varint
-constexpr std::size_t kDeepest = 16;          // nesting depth; our messages have 5
+constexpr std::size_t kNumberBytes = 16;     // for a number in a list that doubles as it grows
+constexpr std::size_t kMessageBytes = 512;   // more than any message from a peer needs without its strings
+constexpr std::size_t kUnknownBytes = 64;    // Protobuf keeps unknown fields
+constexpr std::size_t kMaxSuffixBytes = 16;  // for droppedSuffix: a tag and a varint
+constexpr std::size_t kDeepest = 16;         // nesting depth; our messages have 5
 
 Error noEnvelope(std::size_t size, const char* why) {
   return {ErrorCode::kCorrupt, fmt::format("a frame of {} bytes is not an Envelope: {}", size, why)};
 }
 
-/// Calls `act` for each field, at most kMostHeadFields. Returns false if the bytes are not a message or `act`
+/// Calls `act` for each field, at most kMaxHeadFields. Returns false if the bytes are not a message or `act`
 /// returned false.
 template <typename Act>
 bool eachHeadField(std::string_view message, Act act) {
   WireReader reader(message);
   for (std::size_t count = 0; !reader.atEnd(); ++count) {
     WireField field;
-    if (count == kMostHeadFields || !reader.field(field) || !act(field)) return false;
+    if (count == kMaxHeadFields || !reader.field(field) || !act(field)) return false;
   }
   return true;
 }
@@ -75,9 +75,9 @@ class Meter {
     while (!reader.atEnd()) {
       WireField field;
       if (!reader.field(field)) return Error{ErrorCode::kCorrupt, pathOf(nullptr) + " is not a message"};
-      if (++cost_.fields > kMostPayloadFields) {
+      if (++cost_.fields > kMaxPayloadFields) {
         return Error{ErrorCode::kInvalidInput, fmt::format("{} has more than {} fields: send less at once",
-                                                           pathOf(nullptr), kMostPayloadFields)};
+                                                           pathOf(nullptr), kMaxPayloadFields)};
       }
       // items of a list repeat the same number
       if (std::exchange(known_number, field.number) != field.number)
@@ -130,7 +130,7 @@ class Meter {
     if (entry == lists_.end()) {
       const std::size_t most = list.options().HasExtension(pb::max_items)
                                    ? list.options().GetExtension(pb::max_items)
-                                   : kMostPayloadFields;
+                                   : kMaxPayloadFields;
       entry = lists_.insert(lists_.end(), List{&list, 0, most});
     }
     entry->items += items;
@@ -169,7 +169,7 @@ Result<EnvelopeHead> scanEnvelope(ByteView envelope) {
     }
     const auto body = static_cast<pb::Envelope::BodyCase>(field.number);
     const bool more_of_frame = body == pb::Envelope::kLiveFrame && head.body == pb::Envelope::kLiveFrame;
-    if (more_of_frame && field.bytes.size() <= kMostSuffixBytes) {
+    if (more_of_frame && field.bytes.size() <= kMaxSuffixBytes) {
       head.beside_bytes += field.bytes.size();
       return true;
     }

@@ -26,11 +26,11 @@ struct EnvelopeHead {
 };
 
 /// scanEnvelope reads at most this many tags of each message.
-inline constexpr std::size_t kMostHeadFields = 64;
+inline constexpr std::size_t kMaxHeadFields = 64;
 
 /// Reads only a few tags, even of a long Envelope. Errors: kCorrupt if the bytes are not an Envelope, or it
 /// has more than one body, or a Request has more than one call (Protobuf would merge them; only
-/// droppedSuffix's second live_frame is accepted), or more than kMostHeadFields fields.
+/// droppedSuffix's second live_frame is accepted), or more than kMaxHeadFields fields.
 Result<EnvelopeHead> scanEnvelope(ByteView envelope);
 
 /// The cost of parsing a body.
@@ -43,11 +43,11 @@ struct PayloadCost {
 
 /// Maximum number of fields in a body at all depths, known or not; limits measurePayload to about a
 /// millisecond.
-inline constexpr std::size_t kMostPayloadFields = 65'536;
+inline constexpr std::size_t kMaxPayloadFields = 65'536;
 
 /// Counts a body's fields without parsing. Errors: kCorrupt if the bytes are not in the wire format;
 /// kInvalidInput, with the field's path and the limit, if a list has more items than its `max_items`
-/// (options.proto), or the body has more than kMostPayloadFields fields.
+/// (options.proto), or the body has more than kMaxPayloadFields fields.
 Result<PayloadCost> measurePayload(const EnvelopeHead& head);
 
 }  // namespace needlelab

@@ -15,7 +15,6 @@
 #include <utility>
 
 #include "common/base/time/clock.h"
-#include "common/base/time/local_time.h"
 
 #if defined(__aarch64__)
 #include <asm/hwcap.h>
@@ -44,8 +43,8 @@ struct KeyUse {
   std::uint64_t handshake_bytes = 0;  // of the peer's records until the handshake is done, including headers
   /// Why TLS reads nothing more from the peer; nullptr if it still reads.
   [[nodiscard]] const char* fault() const {
-    if (handshake_bytes > kMostHandshakeBytes) return "the peer's handshake is too long";
-    if (updates > kMostKeyUpdates + bytes / kBytesOfKeys) return "the peer changes its keys too often";
+    if (handshake_bytes > kMaxHandshakeBytes) return "the peer's handshake is too long";
+    if (updates > kMaxKeyUpdates + bytes / kBytesOfKeys) return "the peer changes its keys too often";
     return nullptr;
   }
 };
@@ -122,8 +121,7 @@ Error fileError(const std::string& what, const std::filesystem::path& path,
 }
 
 constexpr std::size_t kKeptOutput = 64u << 10;  // above this, memory is released when everything is sent
-constexpr std::size_t kMostOutput = 4u
-                                    << 20;  // limit for a peer that makes TLS reply endlessly (key updates)
+constexpr std::size_t kMaxOutput = 4u << 20;  // limit for a peer that makes TLS reply endlessly (key updates)
 
 /// Clears errors that other code left on this thread, which we would mistake for ours.
 void forgetErrors() {
@@ -204,7 +202,7 @@ struct TlsEngine::Bio {
 
   static int write(BIO* bio, const char* data, std::size_t size, std::size_t* written) {
     TlsEngine& engine = of(bio);
-    if (engine.output_.size() + size > kMostOutput) return 0;
+    if (engine.output_.size() + size > kMaxOutput) return 0;
     engine.output_.append(data, size);
     *written = size;
     return 1;

@@ -38,13 +38,13 @@ Status requireHost(TlsStream& stream, const std::string& host);
 /// A connection's peer may change its keys this often, plus once for each kBytesOfKeys that the connection
 /// carries in both directions. One more change ends the connection, on either port: TLS stops reading. Our
 /// programs never change keys; other TLS libraries do so after gigabytes.
-inline constexpr std::uint64_t kMostKeyUpdates = 4;
+inline constexpr std::uint64_t kMaxKeyUpdates = 4;
 inline constexpr std::uint64_t kBytesOfKeys = 1u << 20;
 
 /// Maximum bytes, including headers, of a peer's records until the handshake is done; beyond it the
 /// connection ends, on either port. Our programs need less than 2 KiB. OpenSSL alone would accept a first
 /// message of 128 KiB, and records of one byte: 65 kB of those took the network thread 7.5 ms.
-inline constexpr std::uint64_t kMostHandshakeBytes = 32u << 10;
+inline constexpr std::uint64_t kMaxHandshakeBytes = 32u << 10;
 
 /// How often the peer has changed its keys, i.e. the number of KeyUpdates read (RFC 8446, 4.6.3). `ssl` must
 /// be from a TlsContext.

@@ -11,12 +11,12 @@
 namespace needlelab {
 namespace {
 
-constexpr std::uint32_t kMostLines = 1000;
+constexpr std::uint32_t kMaxLines = 1000;
 constexpr std::size_t kMaxBytes = 1000;
 
 /// Replaces text that is not UTF-8, or that contains a NUL byte, with a note: PostgreSQL would reject it, and
 /// the audit log must always be written.
-void noteWhatIsNoText(std::string& text) {
+void replaceInvalidText(std::string& text) {
   if (!isUtf8(text) || text.find('\0') != std::string::npos)
     text = fmt::format("({} bytes that are not text)", text.size());
 }
@@ -33,7 +33,7 @@ std::string shown(const std::string& text) {
 
 Status AuditStore::add(const AuditRow& line) {
   AuditRow row = line;
-  for (std::string* field : {&row.who, &row.action, &row.subject, &row.detail}) noteWhatIsNoText(*field);
+  for (std::string* field : {&row.who, &row.action, &row.subject, &row.detail}) replaceInvalidText(*field);
   ASSIGN_OR_RETURN(
       const auto id,
       connection_.insert(
@@ -44,7 +44,7 @@ Status AuditStore::add(const AuditRow& line) {
 
 Result<std::vector<AuditRow>> AuditStore::list(std::uint32_t limit, std::uint64_t before_id,
                                                std::string_view who, std::string_view action) {
-  const std::uint32_t most = limit == 0 ? kMostLines : std::min(limit, kMostLines);
+  const std::uint32_t most = limit == 0 ? kMaxLines : std::min(limit, kMaxLines);
   return connection_
       .query(
           "SELECT id, unix_ns, who, action, subject, detail FROM audit WHERE (?1 = 0"

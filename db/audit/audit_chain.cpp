@@ -123,9 +123,9 @@ std::string auditHeadText(const AuditHead& head) {
 }
 
 std::optional<AuditHead> auditHeadOf(std::string_view text) {
-  constexpr std::size_t kMostDigits = 18;
+  constexpr std::size_t kMaxDigits = 18;
   const std::size_t colon = text.find(':');
-  if (!text.starts_with(kHeadWords) || colon > kHeadWords.size() + kMostDigits) return std::nullopt;
+  if (!text.starts_with(kHeadWords) || colon > kHeadWords.size() + kMaxDigits) return std::nullopt;
   AuditHead head;
   const auto mac = bytesOfHex(text.substr(colon + 1));
   if (!mac || mac->size() != head.mac.size()) return std::nullopt;

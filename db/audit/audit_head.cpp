@@ -18,21 +18,21 @@ namespace {
 constexpr std::string_view kTitle = "needlelab audit head 1";
 
 /// All lines except the MAC.
-std::string textOfHead(const KeptAuditHead& kept) {
+std::string textOfHead(const StoredAuditHead& kept) {
   return fmt::format("{}\nmade {} {}\n{}\nreplaced {}\n", kTitle, kept.made_unix_ns, kept.made_position,
                      auditHeadText(kept.head), kept.replaced ? auditHeadText(*kept.replaced) : "nothing");
 }
 
-std::string sealed(const KeptAuditHead& kept, const AuditKey& key) {
+std::string sealed(const StoredAuditHead& kept, const AuditKey& key) {
   const std::string text = textOfHead(kept);
   return text + "mac " + hexDigitsOf(textOf(key.macOf(viewOf(text)))) + "\n";
 }
 
 /// Does not check the MAC, which guarantees the canonical form.
-std::optional<KeptAuditHead> parsed(const std::string& text) {
+std::optional<StoredAuditHead> parsed(const std::string& text) {
   std::istringstream lines(text);
   std::string title, word, head, replaced;
-  KeptAuditHead kept;
+  StoredAuditHead kept;
   std::getline(lines, title);
   lines >> word >> kept.made_unix_ns >> kept.made_position >> std::ws;
   std::getline(lines, head);
@@ -45,13 +45,14 @@ std::optional<KeptAuditHead> parsed(const std::string& text) {
   return kept;
 }
 
-Status writeKept(const std::filesystem::path& path, const KeptAuditHead& kept, const AuditKey& key) {
+Status writeKept(const std::filesystem::path& path, const StoredAuditHead& kept, const AuditKey& key) {
   return writeFileAtomically(path, viewOf(sealed(kept, key)), 0600);
 }
 
 }  // namespace
 
-Result<KeptAuditHead> readKeptAuditHead(const std::filesystem::path& path, std::span<const AuditKey> keys) {
+Result<StoredAuditHead> readStoredAuditHead(const std::filesystem::path& path,
+                                            std::span<const AuditKey> keys) {
   std::error_code error;
   if (!std::filesystem::exists(path, error))
     return Error{ErrorCode::kNotFound, path.string() + ": is not there"};
@@ -79,20 +80,20 @@ Status beginAuditHead(Connection& writer, std::int64_t now_unix_ns) {
   const auto folder = writer.path().parent_path();
   ASSIGN_OR_RETURN(const auto key, AuditKey::ofFolder(folder));
   const std::vector keys{key};
-  const auto found = readKeptAuditHead(folder / kAuditHeadFile, keys);
-  KeptAuditHead kept{now_unix_ns, 0, {}, {}};
+  const auto found = readStoredAuditHead(folder / kAuditHeadFile, keys);
+  StoredAuditHead kept{now_unix_ns, 0, {}, {}};
   {
     ASSIGN_OR_RETURN(auto transaction, Transaction::begin(writer, Transaction::Kind::kWrite));
     AuditChain chain(writer);
     ASSIGN_OR_RETURN(const auto before, chain.head());
-    const auto say_break = [&](const std::string& detail) {
+    const auto add_break = [&](const std::string& detail) {
       return AuditStore(writer).add({0, now_unix_ns, "local", kAuditBreak, "", detail});
     };
     if (found) {
       kept = *found;
       ASSIGN_OR_RETURN(const bool goes_on, chainHas(writer, kept.head));
       if (!goes_on)
-        RETURN_IF_ERROR(say_break(fmt::format(
+        RETURN_IF_ERROR(add_break(fmt::format(
             "the log had {} entries, the last with the MAC {}; this database has {} and not that "
             "one: lines were removed, or an older database was put in its place by hand",
             kept.head.position, hexDigitsOf(textOf(kept.head.mac)).substr(0, 16), before.position)));
@@ -101,10 +102,10 @@ Status beginAuditHead(Connection& writer, std::int64_t now_unix_ns) {
       // an existing but unusable file hides how far the log had come
       if (found.error().code != ErrorCode::kNotFound)
         RETURN_IF_ERROR(
-            say_break(fmt::format("it is unknown how far the log had come; this database has {} entries, and "
+            add_break(fmt::format("it is unknown how far the log had come; this database has {} entries, and "
                                   "{} was created again: {}",
                                   before.position, kAuditHeadFile, found.error().message)));
-      const auto replaced = readKeptAuditHead(folder / kReplacedAuditHeadFile, keys);
+      const auto replaced = readStoredAuditHead(folder / kReplacedAuditHeadFile, keys);
       if (replaced) kept.replaced = replaced->head;
     }
     ASSIGN_OR_RETURN(kept.head, chain.head());
@@ -117,7 +118,7 @@ Status beginAuditHead(Connection& writer, std::int64_t now_unix_ns) {
 Status advanceAuditHead(Connection& connection) {
   const auto folder = connection.path().parent_path();
   ASSIGN_OR_RETURN(const auto key, AuditKey::ofFile(folder / kAuditKeyFile));
-  ASSIGN_OR_RETURN(auto kept, readKeptAuditHead(folder / kAuditHeadFile, std::vector{key}));
+  ASSIGN_OR_RETURN(auto kept, readStoredAuditHead(folder / kAuditHeadFile, std::vector{key}));
   ASSIGN_OR_RETURN(const auto view, Transaction::view(connection));
   ASSIGN_OR_RETURN(const bool goes_on, chainHas(connection, kept.head));
   ASSIGN_OR_RETURN(const auto head, AuditChain(connection).head());

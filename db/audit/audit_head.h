@@ -19,7 +19,7 @@ inline constexpr const char* kReplacedAuditHeadFile = "audit.head.replaced";
 
 /// The file's contents, protected by a MAC with audit.key. Not in backups: an older database has an older
 /// head.
-struct KeptAuditHead {
+struct StoredAuditHead {
   std::int64_t made_unix_ns = 0;      ///< when the file was created
   std::uint64_t made_position = 0;    ///< the chain's entries at that time; 0: the chain began with the file
   AuditHead head;                     ///< the newest head seen
@@ -27,7 +27,8 @@ struct KeptAuditHead {
 };
 
 /// Errors: kNotFound; kCorrupt (damaged, or made with none of `keys`). Thread: any.
-Result<KeptAuditHead> readKeptAuditHead(const std::filesystem::path& path, std::span<const AuditKey> keys);
+Result<StoredAuditHead> readStoredAuditHead(const std::filesystem::path& path,
+                                            std::span<const AuditKey> keys);
 
 /// Whether the chain has this entry. Thread: as the connection.
 Result<bool> chainHas(Connection& connection, const AuditHead& head);

@@ -19,7 +19,6 @@
 #include "db/sessions/session_rows.h"
 #include "db/sessions/session_store.h"
 #include "db/store/connection.h"
-#include "db/store/open_file.h"
 #include "db/store/schema.h"
 
 namespace needlelab {
@@ -50,7 +49,7 @@ Error logTooLarge(std::uint64_t bytes) {
 }
 
 Status copy(Connection& reader, const std::filesystem::path& path, const std::atomic<bool>* cancelled,
-            std::uint64_t most_log_bytes) {
+            std::uint64_t max_log_bytes) {
   // create an empty private file first, so that other users can never read the copy
   const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
   if (fd < 0) return systemError(path, "create the copy");
@@ -76,7 +75,7 @@ Status copy(Connection& reader, const std::filesystem::path& path, const std::at
   if (backup == nullptr) return failure(sqlite3_extended_errcode(target));
   int rc = SQLITE_OK;
   std::uint64_t log_bytes = 0;
-  while (rc == SQLITE_OK && !isSet(cancelled) && log_bytes <= most_log_bytes) {
+  while (rc == SQLITE_OK && !isSet(cancelled) && log_bytes <= max_log_bytes) {
     rc = sqlite3_backup_step(backup, kPagesPerStep);
     log_bytes = reader.walBytes();
   }
@@ -139,8 +138,8 @@ Status checkTarget(const std::filesystem::path& target) {
 
 /// Copies the database to `path` and checks the copy.
 Result<BackupResult> checkedCopy(Connection& reader, const std::filesystem::path& path,
-                                 const std::atomic<bool>* cancelled, std::uint64_t most_log_bytes) {
-  RETURN_IF_ERROR(copy(reader, path, cancelled, most_log_bytes));
+                                 const std::atomic<bool>* cancelled, std::uint64_t max_log_bytes) {
+  RETURN_IF_ERROR(copy(reader, path, cancelled, max_log_bytes));
   ASSIGN_OR_RETURN(auto opened, Connection::open(path, {.mode = Connection::Mode::kReader}));
   const CancelScope may_end(opened, cancelled);
   const auto checked = checkDatabase(opened);
@@ -159,8 +158,8 @@ Result<BackupResult> checkedCopy(Connection& reader, const std::filesystem::path
 }
 
 /// Syncs a finished file and renames it. Returns its size.
-Result<std::uint64_t> putIntoPlace(const std::filesystem::path& finished,
-                                   const std::filesystem::path& target) {
+Result<std::uint64_t> renameIntoPlace(const std::filesystem::path& finished,
+                                      const std::filesystem::path& target) {
   RETURN_IF_ERROR(syncFile(finished));
   struct stat info {};
   if (::stat(finished.c_str(), &info) != 0) return systemError(finished, "look at");
@@ -224,28 +223,28 @@ Status copyToDisk(const std::filesystem::path& from, const std::filesystem::path
 }  // namespace
 
 Result<BackupResult> backupTo(Connection& reader, const std::filesystem::path& target,
-                              const std::atomic<bool>* cancelled, std::uint64_t most_log_bytes,
+                              const std::atomic<bool>* cancelled, std::uint64_t max_log_bytes,
                               std::uint64_t room_left, LinkCopy link) {
   RETURN_IF_ERROR(checkTarget(target));
-  const UnfinishedDatabase plain(plainCopyBeside(reader.path()));
+  const UnfinishedDatabase plain(plainCopyPath(reader.path()));
   RETURN_IF_ERROR(roomForCopy(reader.path(), room_left));
   const UnfinishedDatabase partial(target.string() + ".partial");
-  ASSIGN_OR_RETURN(auto result, checkedCopy(reader, plain.path(), cancelled, most_log_bytes));
+  ASSIGN_OR_RETURN(auto result, checkedCopy(reader, plain.path(), cancelled, max_log_bytes));
   // same disk: no second copy
   if ((link != nullptr ? link : ::link)(plain.path().c_str(), partial.path().c_str()) != 0)
     RETURN_IF_ERROR(copyToDisk(plain.path(), partial.path(), cancelled));
-  ASSIGN_OR_RETURN(result.bytes, putIntoPlace(partial.path(), target));
+  ASSIGN_OR_RETURN(result.bytes, renameIntoPlace(partial.path(), target));
   return result;
 }
 
 Result<BackupResult> encryptedBackupTo(Connection& reader, const std::filesystem::path& target,
                                        const BackupKey& key, const std::atomic<bool>* cancelled,
-                                       std::uint64_t most_log_bytes, std::uint64_t room_left) {
+                                       std::uint64_t max_log_bytes, std::uint64_t room_left) {
   RETURN_IF_ERROR(checkTarget(target));
-  const UnfinishedDatabase plain(plainCopyBeside(reader.path()));
+  const UnfinishedDatabase plain(plainCopyPath(reader.path()));
   RETURN_IF_ERROR(roomForCopy(reader.path(), room_left));
   const UnfinishedDatabase partial(target.string() + ".partial");
-  ASSIGN_OR_RETURN(auto result, checkedCopy(reader, plain.path(), cancelled, most_log_bytes));
+  ASSIGN_OR_RETURN(auto result, checkedCopy(reader, plain.path(), cancelled, max_log_bytes));
   ASSIGN_OR_RETURN(const auto written, encryptFile(plain.path(), partial.path(), key, cancelled));
   // a restore must be able to read the file: verify it from the disk, not from the page cache
   const auto read_back = decryptFile(
@@ -253,11 +252,11 @@ Result<BackupResult> encryptedBackupTo(Connection& reader, const std::filesystem
   if (!read_back && read_back.error().code != ErrorCode::kCorrupt) return read_back.error();
   if (!read_back || *read_back != written)
     return notAsWritten(partial.path(), read_back ? "" : " (" + read_back.error().message + ")");
-  ASSIGN_OR_RETURN(result.bytes, putIntoPlace(partial.path(), target));
+  ASSIGN_OR_RETURN(result.bytes, renameIntoPlace(partial.path(), target));
   return result;
 }
 
-std::filesystem::path plainCopyBeside(const std::filesystem::path& database) {
+std::filesystem::path plainCopyPath(const std::filesystem::path& database) {
   return database.string() + ".backup-copy";
 }
 

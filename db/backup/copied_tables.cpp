@@ -101,13 +101,13 @@ Result<std::vector<CopiedTable>> copiedTables() {
 }
 
 Result<std::vector<CopiedRow>> rowsBehind(Connection& connection, const CopiedTable& table,
-                                          const CopiedRow& after, std::size_t most_rows) {
+                                          const CopiedRow& after, std::size_t max_rows) {
   std::string sql = fmt::format("SELECT {} FROM \"{}\"", namesOfAll(table), table.name);
   if (!after.empty())
     sql += fmt::format(" WHERE ({}) > ({})", namesOf(table, table.key), marksOf(table.key.size()));
   auto rows = connection.prepare(sql + fmt::format(" ORDER BY {} LIMIT ?", namesOf(table, table.key)));
   for (std::size_t i = 0; i < after.size(); ++i) bindCopied(rows, table.columns[table.key[i]].type, after[i]);
-  rows.bind(std::uint64_t{std::min(most_rows, kMostRowsOfPage)});
+  rows.bind(std::uint64_t{std::min(max_rows, kMaxRowsOfPage)});
   return rows.all([&](const Statement& row) {
     CopiedRow values;
     for (std::size_t i = 0; i < table.columns.size(); ++i)

@@ -34,16 +34,16 @@ using CopiedValue = std::variant<std::monostate, std::int64_t, double, std::stri
 using CopiedRow = std::vector<CopiedValue>;
 
 /// Texts and bytes are at most 1 MiB each (the message limit), so a page stays below about 64 MiB.
-inline constexpr std::size_t kMostRowsOfPage = 64;
+inline constexpr std::size_t kMaxRowsOfPage = 64;
 
 /// All tables of this program's schema as SQLite describes them, without SQLite's own, in order of creation:
 /// each follows the tables that its foreign keys reference. `meta` comes last.
 Result<std::vector<CopiedTable>> copiedTables();
 
-/// The rows after the key `after` (empty: from the first), in key order; at most `most_rows` and
-/// kMostRowsOfPage.
+/// The rows after the key `after` (empty: from the first), in key order; at most `max_rows` and
+/// kMaxRowsOfPage.
 Result<std::vector<CopiedRow>> rowsBehind(Connection& connection, const CopiedTable& table,
-                                          const CopiedRow& after, std::size_t most_rows);
+                                          const CopiedRow& after, std::size_t max_rows);
 
 /// The greatest key; empty if the table has no rows.
 Result<CopiedRow> lastKeyOf(Connection& connection, const CopiedTable& table);

@@ -13,7 +13,6 @@
 #include <utility>
 
 #include "common/base/files/files.h"
-#include "db/store/open_file.h"
 
 namespace needlelab {
 namespace {
@@ -80,13 +79,13 @@ Status renameInFolder(const std::filesystem::path& from, const std::filesystem::
 }
 
 Status keepReplacedDatabase(const std::filesystem::path& folder, const std::string& kept,
-                            const std::filesystem::path& said_by) {
+                            const std::filesystem::path& named_in) {
   // the file could contain a path: accept only this program's own names
   if (!kept.starts_with(kReplacedDatabase) || kept.find('/') != std::string::npos)
     return Error{ErrorCode::kInvalidInput,
                  fmt::format("{}: '{}' is not a name that this program writes there ({}TIME): look at the "
                              "files of this folder, and remove it",
-                             said_by.string(), kept, kReplacedDatabase)};
+                             named_in.string(), kept, kReplacedDatabase)};
   const std::filesystem::path database = folder / kDatabaseFile;
   // the log first: the old database must never be opened without it
   RETURN_IF_ERROR(renameInFolder(database.string() + "-wal", folder / (kept + "-wal")));

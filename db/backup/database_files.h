@@ -49,9 +49,9 @@ std::string timeForNames(std::int64_t unix_ns);
 std::string freeNameIn(const std::filesystem::path& folder, std::string_view base, std::int64_t now_unix_ns);
 /// A missing `from` means that it was renamed earlier. kFailed: the new name is taken.
 Status renameInFolder(const std::filesystem::path& from, const std::filesystem::path& to);
-/// Renames DIR/needlelab.db and its log to `kept`. Resumes after a kill. `said_by`: the file that contains
+/// Renames DIR/needlelab.db and its log to `kept`. Resumes after a kill. `named_in`: the file that contains
 /// the name, for messages. kInvalidInput: not a name that this program writes.
 Status keepReplacedDatabase(const std::filesystem::path& folder, const std::string& kept,
-                            const std::filesystem::path& said_by);
+                            const std::filesystem::path& named_in);
 
 }  // namespace needlelab

@@ -14,7 +14,6 @@
 #include "common/base/files/files.h"
 #include "common/base/secret.h"
 #include "common/base/text/text.h"
-#include "db/store/open_file.h"
 
 namespace needlelab {
 namespace {
@@ -25,8 +24,8 @@ constexpr std::string_view kMagic = "NLBACKUP";
 constexpr std::uint32_t kFormat = 1;
 /// Plain bytes per piece. Greater: fewer authenticators (17 bytes each), more memory.
 constexpr std::uint32_t kPieceBytes = 64u << 10;
-constexpr std::uint32_t kLeastPieceBytes = 4u << 10;
-constexpr std::uint32_t kMostPieceBytes = 1u << 20;
+constexpr std::uint32_t kMinPieceBytes = 4u << 10;
+constexpr std::uint32_t kMaxPieceBytes = 1u << 20;
 constexpr std::size_t kTagBytes = crypto_secretstream_xchacha20poly1305_ABYTES;
 /// Magic, format, piece size, key id; authenticated with each piece.
 constexpr std::size_t kPreambleBytes = 8 + 4 + 4 + 16;
@@ -63,7 +62,7 @@ Status ready() {
   return {};
 }
 
-Status goesOn(const std::atomic<bool>* cancelled) {
+Status checkNotCancelled(const std::atomic<bool>* cancelled) {
   if (cancelled == nullptr || !cancelled->load()) return {};
   return Error{ErrorCode::kUnavailable, "the backup was given up because the program ends: make it again"};
 }
@@ -114,11 +113,11 @@ Result<Preamble> checkPreamble(ByteView header, const fs::path& path, const Back
                  fmt::format("{}: its format has version {}, this program (needlelab {}) knows {}: use the "
                              "newer program, or another backup if this one is damaged",
                              path.string(), format, NEEDLELAB_VERSION, kFormat)};
-  if (piece_bytes < kLeastPieceBytes || piece_bytes > kMostPieceBytes)
+  if (piece_bytes < kMinPieceBytes || piece_bytes > kMaxPieceBytes)
     return corrupt(
         fmt::format("its pieces have {} bytes, {} to {} are possible: it is damaged, take another "
                     "backup",
-                    piece_bytes, kLeastPieceBytes, kMostPieceBytes));
+                    piece_bytes, kMinPieceBytes, kMaxPieceBytes));
   if (!std::equal(id.begin(), id.end(), key.id().begin()))
     return Error{
         ErrorCode::kInvalidInput,
@@ -239,7 +238,7 @@ Result<PlainHash> encryptFile(const fs::path& plain, const fs::path& encrypted, 
   Bytes piece(kPieceBytes), next(kPieceBytes), sealed(kPieceBytes + kTagBytes);
   ASSIGN_OR_RETURN(std::size_t count, readFully(in, plain, piece.data(), piece.size()));
   for (bool last = false; !last;) {
-    RETURN_IF_ERROR(goesOn(cancelled));
+    RETURN_IF_ERROR(checkNotCancelled(cancelled));
     std::size_t following = 0;
     if (count == kPieceBytes) {
       ASSIGN_OR_RETURN(following, readFully(in, plain, next.data(), next.size()));
@@ -285,7 +284,7 @@ Result<PlainHash> decryptFile(const fs::path& encrypted, const BackupKey& key,
   Hash hash;
   Bytes sealed(preamble.piece_bytes + kTagBytes), piece(preamble.piece_bytes);
   for (bool last = false; !last;) {
-    RETURN_IF_ERROR(goesOn(cancelled));
+    RETURN_IF_ERROR(checkNotCancelled(cancelled));
     ASSIGN_OR_RETURN(const auto got, readFully(in, encrypted, sealed.data(), sealed.size()));
     if (got < kTagBytes) return refused(fmt::format("is cut off after {} bytes", at + got));
     unsigned char tag = 0;

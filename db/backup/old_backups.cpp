@@ -11,7 +11,6 @@
 #include "common/base/files/files.h"
 #include "db/backup/database_files.h"
 #include "db/backup/encrypted_backup.h"
-#include "db/store/open_file.h"
 #include "db/store/schema.h"
 
 namespace needlelab {
@@ -134,7 +133,7 @@ Result<OldBackups> removeOldBackups(const std::filesystem::path& target, std::si
   return old;
 }
 
-std::string OldBackups::leftText() const {
+std::string OldBackups::remainingText() const {
   std::vector<std::string> parts;
   if (!later.empty())
     parts.push_back(fmt::format(

@@ -48,7 +48,7 @@ struct OldBackups {
   std::string why;                            ///< for the first of `failed`, with its path
 
   /// Summary of what was left behind, for the audit log: counts and one name of each kind. Empty: nothing.
-  [[nodiscard]] std::string leftText() const;
+  [[nodiscard]] std::string remainingText() const;
 };
 
 /// Removes the backups beside `target`, plain and encrypted, except the newest `keep` by the time in their

@@ -15,7 +15,7 @@ namespace needlelab {
 namespace {
 
 /// The log beside an SQLite copy is emptied above this size; nothing else empties it.
-constexpr std::uint64_t kMostLogBytesOfCopy = std::uint64_t{64} << 20;
+constexpr std::uint64_t kMaxLogBytesOfCopy = std::uint64_t{64} << 20;
 
 constexpr std::string_view kCopyingWord = "copying ", kComparedWord = "compared ";
 
@@ -45,13 +45,13 @@ bool isMark(const CopiedTable& table, const CopiedRow& row) {
 /// A table's rows in key order, without marks.
 class RowStream {
  public:
-  RowStream(Connection& connection, const CopiedTable& table, std::size_t most_rows)
-      : connection_(connection), table_(table), most_rows_(most_rows) {}
+  RowStream(Connection& connection, const CopiedTable& table, std::size_t max_rows)
+      : connection_(connection), table_(table), max_rows_(max_rows) {}
   /// Null at the end. Valid until the next call.
   Result<const CopiedRow*> next() {
     for (;;) {
       if (at_ == page_.size()) {
-        ASSIGN_OR_RETURN(page_, rowsBehind(connection_, table_, after_, most_rows_));
+        ASSIGN_OR_RETURN(page_, rowsBehind(connection_, table_, after_, max_rows_));
         at_ = 0;
         if (page_.empty()) return static_cast<const CopiedRow*>(nullptr);
         after_ = keyOf(table_, page_.back());
@@ -64,7 +64,7 @@ class RowStream {
  private:
   Connection& connection_;
   const CopiedTable& table_;
-  const std::size_t most_rows_;
+  const std::size_t max_rows_;
   std::vector<CopiedRow> page_;
   std::size_t at_ = 0;
   CopiedRow after_;
@@ -95,7 +95,7 @@ Status copyTable(Connection& from, Connection& to, const CopiedTable& table, con
   CopyProgress progress{.table = table.name};
   ASSIGN_OR_RETURN(CopiedRow after, lastKeyOf(to, table));
   for (;;) {
-    ASSIGN_OR_RETURN(const auto rows, rowsBehind(from, table, after, options.most_rows));
+    ASSIGN_OR_RETURN(const auto rows, rowsBehind(from, table, after, options.max_rows));
     if (rows.empty()) break;
     if (const Status added = addPage(to, table, rows); !added) {
       if (added.error().code == ErrorCode::kUnavailable) return added;  // the connection is lost
@@ -105,7 +105,7 @@ Status copyTable(Connection& from, Connection& to, const CopiedTable& table, con
           return Error{one.error().code,
                        fmt::format("table {}: {}", rowText(table, row), one.error().message)};
     }
-    if (to.walBytes() > kMostLogBytesOfCopy) {
+    if (to.walBytes() > kMaxLogBytesOfCopy) {
       const auto emptied = to.emptyLog(0);
       if (!emptied) return emptied.error();
     }
@@ -144,7 +144,7 @@ Status compareTable(Connection& from, Connection& to, const CopiedTable& table, 
   CopyProgress progress{.comparing = true, .table = table.name};
   // also reported before the first row is compared
   RETURN_IF_ERROR(tell(options, progress));
-  RowStream left(from, table, options.most_rows), right(to, table, options.most_rows);
+  RowStream left(from, table, options.max_rows), right(to, table, options.max_rows);
   for (;;) {
     ASSIGN_OR_RETURN(const CopiedRow* source, left.next());
     ASSIGN_OR_RETURN(const CopiedRow* copy, right.next());
@@ -157,7 +157,7 @@ Status compareTable(Connection& from, Connection& to, const CopiedTable& table, 
       if ((*source)[i] != (*copy)[i])
         return differs(rowText(table, *copy), "has another value in the column " + table.columns[i].name);
     count(table, *copy, compared, progress);
-    if (progress.rows % kMostRowsOfPage == 0) RETURN_IF_ERROR(tell(options, progress));
+    if (progress.rows % kMaxRowsOfPage == 0) RETURN_IF_ERROR(tell(options, progress));
   }
   progress.table_ended = true;
   return tell(options, progress);

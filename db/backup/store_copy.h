@@ -49,7 +49,7 @@ struct CopyOptions {
   /// Called after each page that was committed or compared. An error ends the copy, which can be resumed
   /// later.
   std::function<Status(const CopyProgress&)> on_progress = {};
-  std::size_t most_rows = SIZE_MAX;  ///< per page, besides kMostRowsOfPage
+  std::size_t max_rows = SIZE_MAX;  ///< per page, besides kMaxRowsOfPage
 };
 
 /// Whether it contains only what its migrations made. Any connection with the newest schema.

@@ -15,9 +15,33 @@
 
 #include "common/base/bytes.h"
 #include "common/base/result.h"
-#include "db/engine/durability.h"
 
 namespace needlelab {
+
+/// What a successful commit survives, and with it every ack. Each level includes the previous ones.
+enum class Durability : std::uint8_t {
+  kNothing,   ///< the last moments are lost when the database's process ends
+  kProcess,   ///< the end of any process, but not a power cut
+  kPowerCut,  ///< a power cut
+  kDiskLoss,  ///< the loss of a disk: a named standby has the data on its own
+};
+
+/// "the loss of a disk".
+std::string_view durabilityText(Durability durability);
+
+/// Settings of PostgreSQL, as SHOW prints them.
+struct PostgresSettings {
+  std::string fsync, full_page_writes, synchronous_commit, synchronous_standby_names;
+  /// "fsync = on, …": the settings that decide.
+  [[nodiscard]] std::string text() const;
+  bool operator==(const PostgresSettings&) const = default;
+};
+
+/// Durability of a COMMIT without a warning under these settings, by PostgreSQL's documentation
+/// (runtime-config-wal, runtime-config-replication). Standbys count only if all are named (`*` accepts any
+/// that connects, even one on the primary's own disk), and only if they have written to disk: remote_write is
+/// not enough.
+Durability durabilityOf(const PostgresSettings& settings);
 
 /// Key of the lab's id in `meta`, in PostgreSQL databases.
 inline constexpr const char* kLabKey = "lab_id";
@@ -112,7 +136,7 @@ class EngineConnection {
     kWriteSoon,
     /// Others continue writing. For tables that stores do not use, whose rows or locks decide who is first.
     /// On SQLite same as kWrite.
-    kBeside,
+    kSide,
   };
   virtual Status begin(Begin kind) = 0;
   /// Returns once the data is as safe as the engine makes it.
@@ -137,8 +161,8 @@ class EngineConnection {
   /// Whether no one else works on the database, for a connection that excludes others. For SQLite the
   /// folder's lock ensures this.
   [[nodiscard]] virtual bool isAlone() const { return true; }
-  /// Ends isAlone() if others may work beside it (PostgresOptions::Others::kTogether).
-  virtual Status letOthersIn() { return {}; }
+  /// Ends isAlone() if others may work beside it (PostgresOptions::Others::kShared).
+  virtual Status admitOthers() { return {}; }
   /// Data that the engine's server lost although commit() on this connection returned success, as found on
   /// reconnecting; human-readable. Empty: nothing. Stays until more is found.
   [[nodiscard]] virtual std::string lack() const { return {}; }
@@ -171,7 +195,7 @@ class EngineConnection {
   [[nodiscard]] virtual ResultsSoFar results() const { return {}; }
   /// False: a pool must not keep the connection, because closing it may free resources (memory) that the
   /// server lacks, or because it is no longer in its initial state.
-  [[nodiscard]] virtual bool mayBeKept() const { return !damaged(); }
+  [[nodiscard]] virtual bool isReusable() const { return !damaged(); }
 
   /// Access to SQLite-only features; null for other engines.
   [[nodiscard]] virtual SqliteConnection* sqlite() { return nullptr; }

@@ -18,8 +18,8 @@ struct PostgresOptions {
   bool read_only = false;  ///< refuses changes
   /// Who else may work on the database while this connection exists; enforced again after each reconnection.
   enum class Others {
-    kAll,       ///< this connection excludes no one
-    kTogether,  ///< excludes all but other kTogether connections; the first one is alone until letOthersIn()
+    kAll,     ///< this connection excludes no one
+    kShared,  ///< excludes all but other kShared connections; the first one is alone until admitOthers()
     kNone,
   };
   Others others = Others::kAll;
@@ -32,7 +32,7 @@ struct PostgresOptions {
   /// PostgreSQL ends a connection that is idle within a transaction for this long: its program may be stopped
   /// while others wait for its locks. Shorter: they wait less; longer: a slow step between two statements
   /// does not lose the transaction.
-  std::chrono::milliseconds most_idle{30'000};
+  std::chrono::milliseconds max_idle{30'000};
   /// If the peer's TCP acknowledges nothing for this long, the connection is lost (tcp_user_timeout): the
   /// network is gone. A server that merely hangs still acknowledges. TCP's own retries become ever rarer, so
   /// that data sent during an outage would arrive only seconds after it ends.

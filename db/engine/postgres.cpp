@@ -7,23 +7,13 @@
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
-#include <iterator>
-#include <map>
-#include <span>
 #include <thread>
 #include <utility>
-
-#include "common/base/bytes.h"
-#include "db/engine/postgres_address.h"
-#include "db/engine/postgres_sql.h"
-#include "db/engine/postgres_values.h"
 
 namespace needlelab {
 namespace {
 
 constexpr int kOldestVersion = 150'000;  // PQserverVersion
-constexpr int kBinary = 1;
-constexpr std::size_t kMostSigns = 8;  // combinations of parameter types per statement, see PostgresStatement
 
 using Steady = std::chrono::steady_clock;
 
@@ -57,140 +47,6 @@ std::string firstLine(const char* text) {
   return std::string(line);
 }
 
-class PostgresStatement final : public EngineStatement {
- public:
-  PostgresStatement(PostgresConnection& connection, const std::string& sql)
-      : connection_(connection), sql_(sql), own_(forPostgres(sql)) {}
-  ~PostgresStatement() override {
-    std::vector<std::string> names;
-    for (auto& [types, name] : names_) names.push_back(std::move(name));
-    connection_.giveUp(std::move(names), epoch_);
-  }
-
-  [[nodiscard]] std::string_view sql() const override { return sql_; }
-  Status bind(int parameter, std::int64_t value) override {
-    return put(parameter, PostgresType::kInt8, postgresInteger(value));
-  }
-  Status bind(int parameter, double value) override {
-    return put(parameter, PostgresType::kFloat8, postgresReal(value));
-  }
-  Status bind(int parameter, std::string_view value) override {
-    if (value.find('\0') != std::string_view::npos) return byteZero();
-    return put(parameter, PostgresType::kText, std::string(value));
-  }
-  Status bind(int parameter, ByteView value) override {
-    return put(parameter, PostgresType::kBytes, std::string(needlelab::textOf(value)));
-  }
-  Status bindNull(int parameter) override {
-    at(parameter) = {};
-    return {};
-  }
-  Status bindList(int parameter, std::span<const std::int64_t> values) override {
-    return putList(parameter, PostgresType::kInt8List, postgresList(values));
-  }
-  Status bindList(int parameter, std::span<const std::string_view> values) override {
-    for (const std::string_view value : values)
-      if (value.find('\0') != std::string_view::npos) return byteZero();
-    return putList(parameter, PostgresType::kTextList, postgresList(values));
-  }
-  Status bindList(int parameter, std::span<const ByteView> values) override {
-    return putList(parameter, PostgresType::kBytesList, postgresList(values));
-  }
-
-  Result<bool> step() override {
-    if (!result_) {
-      RETURN_IF_ERROR(connection_.requireConnected());
-      values_.resize(static_cast<std::size_t>(own_.parameters));  // unbound ones are NULL
-      ASSIGN_OR_RETURN(const std::string name, prepared());
-      ASSIGN_OR_RETURN(result_, connection_.execute(name, values_, sql_));
-      rows_ = PQntuples(result_.get());
-      row_ = -1;
-    }
-    if (row_ + 1 >= rows_) return false;
-    ++row_;
-    texts_.clear();
-    return true;
-  }
-  void reset() override {
-    result_.reset();
-    values_.clear();
-    texts_.clear();
-    rows_ = 0;
-    row_ = -1;
-  }
-
-  [[nodiscard]] std::int64_t integer(int column) const override {
-    return isNull(column) ? 0 : integerOfPostgres(type(column), raw(column));
-  }
-  [[nodiscard]] double real(int column) const override {
-    return isNull(column) ? 0 : realOfPostgres(type(column), raw(column));
-  }
-  [[nodiscard]] ByteView bytes(int column) const override {
-    if (isNull(column)) return {};
-    auto text = textOfPostgres(type(column), raw(column));
-    if (!text) return raw(column);
-    std::string& kept = texts_[column];
-    kept = *std::move(text);
-    return viewOf(kept);
-  }
-  [[nodiscard]] bool isNull(int column) const override {
-    return !isThere(column) || PQgetisnull(result_.get(), row_, column) != 0;
-  }
-
- private:
-  PostgresConnection::Value& at(int parameter) {
-    const auto index = static_cast<std::size_t>(parameter - 1);
-    if (values_.size() <= index) values_.resize(index + 1);
-    return values_[index];
-  }
-  Status put(int parameter, PostgresType type, std::string bytes) {
-    at(parameter) = {static_cast<std::uint32_t>(type), false, std::move(bytes)};
-    return {};
-  }
-  Status putList(int parameter, PostgresType type, std::optional<std::string> bytes) {
-    if (!bytes)
-      return Error{ErrorCode::kInvalidInput, "a list of 1 GiB or more, which PostgreSQL does not take"};
-    return put(parameter, type, *std::move(bytes));
-  }
-  static Error byteZero() {
-    return {ErrorCode::kInvalidInput, "a text has a byte 0, which PostgreSQL does not store"};
-  }
-  [[nodiscard]] bool isThere(int column) const {
-    return result_ != nullptr && row_ >= 0 && column >= 0 && column < PQnfields(result_.get());
-  }
-  [[nodiscard]] PostgresType type(int column) const {
-    return static_cast<PostgresType>(PQftype(result_.get(), column));
-  }
-  [[nodiscard]] ByteView raw(int column) const {
-    return {reinterpret_cast<const std::uint8_t*>(PQgetvalue(result_.get(), row_, column)),
-            static_cast<std::size_t>(PQgetlength(result_.get(), row_, column))};
-  }
-  /// The name under which it is prepared for values of these types. Otherwise PostgreSQL would guess the
-  /// types and take a number in a SELECT for a text.
-  Result<std::string> prepared() {
-    if (epoch_ != connection_.epoch()) names_.clear();
-    epoch_ = connection_.epoch();
-    std::vector<std::uint32_t> types;
-    types.reserve(values_.size());
-    for (const auto& value : values_) types.push_back(value.type);
-    if (const auto found = names_.find(types); found != names_.end()) return found->second;
-    const bool kept = names_.empty() || (names_.size() < kMostSigns && connection_.mayNameMore());
-    ASSIGN_OR_RETURN(std::string name, connection_.prepareNow(own_.text, values_, kept));
-    if (kept) names_.emplace(std::move(types), name);
-    return name;
-  }
-
-  PostgresConnection& connection_;
-  const std::string sql_;
-  const PostgresSql own_;
-  std::vector<PostgresConnection::Value> values_;
-  std::map<std::vector<std::uint32_t>, std::string> names_;
-  std::uint64_t epoch_ = 0;
-  PostgresConnection::ResultPtr result_;
-  int rows_ = 0, row_ = -1;
-  mutable std::map<int, std::string> texts_;  ///< texts of numbers in the current row
-};
-
 }  // namespace
 
 Result<std::unique_ptr<PostgresConnection>> PostgresConnection::open(const PostgresOptions& options) {
@@ -216,7 +72,7 @@ Status PostgresConnection::connect(bool takes_locks) {
       "-c search_path={} -c client_min_messages=warning -c idle_in_transaction_session_timeout={} -c jit=off"
       " -c tcp_keepalives_idle=5 -c tcp_keepalives_interval=2 -c tcp_keepalives_count=3"
       " -c tcp_user_timeout=10000 -c client_connection_check_interval=2000{}{}",
-      kPostgresSchema, options_.most_idle.count(),
+      kPostgresSchema, options_.max_idle.count(),
       options_.local_commits ? " -c synchronous_commit=local" : "",
       options_.server.empty() ? "" : " -c needlelab.server=" + options_.server);
   const std::string unheard = std::to_string(options_.tcp_patience.count());
@@ -257,7 +113,7 @@ Status PostgresConnection::connect(bool takes_locks) {
   }
   if (takes_locks && hasLocks()) RETURN_IF_ERROR(takeLocks());
   RETURN_IF_ERROR(settle());
-  if (!options_.read_only) RETURN_IF_ERROR(lookBack());
+  if (!options_.read_only) RETURN_IF_ERROR(checkLastAcknowledged());
   // a connection made only to query an outcome is closed before the locks are taken
   if (takes_locks || !hasLocks()) ++times_connected_;
   return {};
@@ -325,14 +181,14 @@ Result<bool> PostgresConnection::tryLock(const std::string& sql) {
 }
 
 Status PostgresConnection::takeLocks() {
-  const bool together = options_.others == PostgresOptions::Others::kTogether;
+  const bool together = options_.others == PostgresOptions::Others::kShared;
   // a connection that is alone does what requires that, and stays alone or fails
   const bool may_be_alone = !together || is_alone_ || times_connected_ == 0;
   const bool may_be_shared = together && !is_alone_;
   bool has_store = false, has_name = options_.only_one_named.empty();
   // PostgreSQL releases a lock a moment after the connection that held it has ended
-  constexpr auto kMostWait = std::chrono::seconds(2);
-  for (const auto until = Steady::now() + kMostWait;;) {
+  constexpr auto kMaxWait = std::chrono::seconds(2);
+  for (const auto until = Steady::now() + kMaxWait;;) {
     if (!has_store && may_be_alone) {
       ASSIGN_OR_RETURN(has_store, tryLock(fmt::format("SELECT pg_try_advisory_lock({})", kAloneLock)));
       is_alone_ = is_alone_ || has_store;
@@ -366,8 +222,8 @@ Status PostgresConnection::takeLocks() {
                                "--server")};
 }
 
-Status PostgresConnection::letOthersIn() {
-  if (!is_alone_ || options_.others != PostgresOptions::Others::kTogether) return {};
+Status PostgresConnection::admitOthers() {
+  if (!is_alone_ || options_.others != PostgresOptions::Others::kShared) return {};
   // a connection may hold the lock both ways, so no other connection can become alone in between
   RETURN_IF_ERROR(
       script(fmt::format("SELECT pg_advisory_lock_shared({0}); SELECT pg_advisory_unlock({0})", kAloneLock)));
@@ -377,8 +233,8 @@ Status PostgresConnection::letOthersIn() {
 
 bool PostgresConnection::endedWhileIdle() {
   // first the server's last messages, then the end of the connection
-  constexpr int kMostLooks = 4;
-  for (int n = 0; n < kMostLooks; ++n) {
+  constexpr int kMaxLooks = 4;
+  for (int n = 0; n < kMaxLooks; ++n) {
     pollfd ready{PQsocket(connection_.get()), POLLIN, 0};
     if (::poll(&ready, 1, 0) <= 0) return false;
     if (PQconsumeInput(connection_.get()) == 0) return true;
@@ -442,8 +298,8 @@ Error PostgresConnection::errorOf(const PGresult* result, std::string_view what)
 
 Result<PostgresConnection::ResultPtr> PostgresConnection::nextResult(Waiting& waiting,
                                                                      std::string_view what) {
-  constexpr int kLook_ms = 50, kLookForFlag_ms = 10;
-  const int look_ms = cancelled_ != nullptr ? kLookForFlag_ms : kLook_ms;
+  constexpr int kLook_ms = 50, kFlagPoll_ms = 10;
+  const int look_ms = cancelled_ != nullptr ? kFlagPoll_ms : kLook_ms;
   bool has_work = static_cast<bool>(while_waiting_);
   while (PQisBusy(connection_.get()) != 0) {
     pollfd ready{PQsocket(connection_.get()), POLLIN, 0};
@@ -494,65 +350,9 @@ Result<PostgresConnection::ResultPtr> PostgresConnection::checked(ResultPtr last
   return last;
 }
 
-Result<std::string> PostgresConnection::prepareNow(const std::string& sql, const std::vector<Value>& values,
-                                                   bool kept) {
-  std::string name = kept ? "n" + std::to_string(++prepared_) : "";
-  std::vector<Oid> types;
-  types.reserve(values.size());
-  for (const Value& value : values) types.push_back(value.type);
-  // in the same round trip, and so in the same transaction, which would refuse both if it had failed
-  std::vector<std::string> forgets;
-  for (const std::string& one : given_up_) forgets.push_back("DEALLOCATE " + one);
-  std::vector<const char*> first;  // the savepoint comes last in due_
-  for (const std::string& one : forgets) first.push_back(one.c_str());
-  due_.insert(due_.begin(), first.begin(), first.end());
-  const auto prepared = behindDue(
-      [&] {
-        return PQsendPrepare(connection_.get(), name.c_str(), sql.c_str(), static_cast<int>(types.size()),
-                             types.data());
-      },
-      sql);
-  if (!prepared && !isConnected()) return prepared.error();  // the next connection has no names
-  const std::size_t forgotten = std::min(due_done_, forgets.size());
-  given_up_.erase(given_up_.begin(), given_up_.begin() + static_cast<std::ptrdiff_t>(forgotten));
-  named_ -= forgotten;
-  if (!prepared) return prepared.error();
-  if (kept) ++named_;
-  return name;
-}
-
-void PostgresConnection::giveUp(std::vector<std::string> names, std::uint64_t epoch) {
-  if (epoch != epoch_) return;  // the names were lost with that connection
-  std::move(names.begin(), names.end(), std::back_inserter(given_up_));
-}
-
-bool PostgresConnection::mayBeKept() const {
+bool PostgresConnection::isReusable() const {
   return !damaged_ && !lacks_resources_ && !in_lost_transaction_ && isConnected() &&
          PQtransactionStatus(connection_.get()) == PQTRANS_IDLE;
-}
-
-Result<PostgresConnection::ResultPtr> PostgresConnection::execute(const std::string& prepared,
-                                                                  const std::vector<Value>& values,
-                                                                  std::string_view what) {
-  tellBefore(what);
-  std::vector<const char*> texts;
-  std::vector<int> lengths, forms(values.size(), kBinary);
-  texts.reserve(values.size());
-  lengths.reserve(values.size());
-  for (const Value& value : values) {
-    texts.push_back(value.is_null ? nullptr : value.bytes.data());
-    lengths.push_back(static_cast<int>(value.bytes.size()));
-  }
-  return behindDue(
-      [&] {
-        return PQsendQueryPrepared(connection_.get(), prepared.c_str(), static_cast<int>(values.size()),
-                                   texts.data(), lengths.data(), forms.data(), kBinary);
-      },
-      what);
-}
-
-Result<std::unique_ptr<EngineStatement>> PostgresConnection::prepare(const std::string& sql) {
-  return std::unique_ptr<EngineStatement>(std::make_unique<PostgresStatement>(*this, sql));
 }
 
 Status PostgresConnection::runText(const char* sql) {
@@ -563,7 +363,7 @@ Status PostgresConnection::runText(const char* sql) {
 
 Status PostgresConnection::script(const std::string& sql) {
   RETURN_IF_ERROR(requireConnected());
-  tellBefore(sql);
+  notifyBeforeStatement(sql);
   RETURN_IF_ERROR(sendDue());
   return runText(sql.c_str());
 }

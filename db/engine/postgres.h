@@ -34,7 +34,7 @@ inline constexpr const char* kSettingsQuery =
 inline constexpr const char* kWriterTable = "needlelab.schema_version";
 /// The lock used until that table exists (pg_advisory_xact_lock).
 inline constexpr std::int64_t kWriterLock = 0x6e6c6162;
-/// The lock of PostgresOptions::others: exclusive for kNone, shared for kTogether (pg_try_advisory_lock,
+/// The lock of PostgresOptions::others: exclusive for kNone, shared for kShared (pg_try_advisory_lock,
 /// pg_try_advisory_lock_shared). Any role that may connect to the database can take it and so keep a server
 /// from starting.
 inline constexpr std::int64_t kAloneLock = 0x6e6c6163;
@@ -82,7 +82,7 @@ class PostgresConnection final : public EngineConnection {
   /// another transaction has taken its number meanwhile.
   [[nodiscard]] std::string lack() const override { return lack_; }
   [[nodiscard]] bool isAlone() const override { return is_alone_; }
-  Status letOthersIn() override;
+  Status admitOthers() override;
   std::string takeFull() override { return std::exchange(full_, {}); }
   const std::atomic<bool>* setCancelled(const std::atomic<bool>* cancelled) override;
   void setWhileWaiting(std::function<bool()> piece) override;
@@ -90,7 +90,7 @@ class PostgresConnection final : public EngineConnection {
   Result<std::vector<std::string>> waitForNotices(std::chrono::milliseconds patience) override;
   [[nodiscard]] std::uint64_t roundTrips() const override { return round_trips_; }
   [[nodiscard]] ResultsSoFar results() const override { return results_; }
-  [[nodiscard]] bool mayBeKept() const override;
+  [[nodiscard]] bool isReusable() const override;
 
   /// The URL without a password, for messages.
   [[nodiscard]] const std::string& shownUrl() const { return shown_url_; }
@@ -114,11 +114,11 @@ class PostgresConnection final : public EngineConnection {
   /// next one that is not kept.
   Result<std::string> prepareNow(const std::string& sql, const std::vector<Value>& values, bool kept);
   /// Whether PostgreSQL, which keeps each name's plan in the connection's process, may get another one: at
-  /// most kMostNamed in total, but at least one per statement.
-  [[nodiscard]] bool mayNameMore() const { return named_ < kMostNamed; }
+  /// most kMaxNamed in total, but at least one per statement.
+  [[nodiscard]] bool mayNameMore() const { return named_ < kMaxNamed; }
   /// Releases names that prepareNow() made at this `epoch`: they are deallocated together with the next
   /// statement that is prepared.
-  void giveUp(std::vector<std::string> names, std::uint64_t epoch);
+  void releaseStatements(std::vector<std::string> names, std::uint64_t epoch);
   Result<ResultPtr> execute(const std::string& prepared, const std::vector<Value>& values,
                             std::string_view what);
   /// Reconnects if the connection is lost, unless a transaction was lost with it.
@@ -135,7 +135,7 @@ class PostgresConnection final : public EngineConnection {
   /// `takes_locks`: those of `others` and `only_one_named`, if set.
   Status connect(bool takes_locks = true);
   [[nodiscard]] bool hasLocks() const { return options_.others != PostgresOptions::Others::kAll; }
-  void tellBefore(std::string_view sql) const {
+  void notifyBeforeStatement(std::string_view sql) const {
     if (options_.before_statement) options_.before_statement(sql);
   }
   /// Takes kAloneLock and the named lock; waits at most 2 s for them.
@@ -188,9 +188,9 @@ class PostgresConnection final : public EngineConnection {
   /// "committed", "aborted", "in progress", "" (too long ago), or "unknown": this server never had it.
   Result<std::string> statusOf(const std::string& xid);
   /// Notes in lack_ if this server lacks the last acknowledged transaction.
-  Status lookBack();
+  Status checkLastAcknowledged();
   /// Finds out what became of transaction `xid`, whose COMMIT got no answer.
-  Status askOutcome(const std::string& xid);
+  Status queryOutcome(const std::string& xid);
 
   const PostgresOptions options_;
   std::string shown_url_;
@@ -207,7 +207,7 @@ class PostgresConnection final : public EngineConnection {
   bool damaged_ = false;
   bool in_lost_transaction_ = false;  ///< the connection was lost within a transaction not rolled back yet
   bool in_transaction_ = false;  ///< begin() succeeded, and neither commit() nor rollback() was called since
-  bool is_beside_ = false;       ///< a kBeside transaction: may have written although write_xid_ is empty
+  bool is_side_ = false;         ///< a kSide transaction: may have written although write_xid_ is empty
   bool begin_due_ = false;       ///< BEGIN is sent with the next statement
   std::optional<Error> not_begun_;  ///< why BEGIN failed, until rollback()
   bool saw_writer_table_ = false;   ///< whether kWriterTable existed in the last write transaction
@@ -219,12 +219,23 @@ class PostgresConnection final : public EngineConnection {
   enum class AtSavepoint { kNone, kDue, kMade, kBegin };
   AtSavepoint savepoint_ = AtSavepoint::kNone;
   std::vector<const char*> due_;  ///< statements without results, to be sent with the next one
-  static constexpr std::size_t kMostNamed = 512;
+  static constexpr std::size_t kMaxNamed = 512;
   std::size_t named_ = 0;  ///< names that PostgreSQL knows, including given_up_
   std::vector<std::string> given_up_;
   std::size_t due_done_ = 0;  ///< how many of due_ behindDue() has executed
   ResultsSoFar results_;
   bool lacks_resources_ = false;  ///< an error of class 53 occurred: memory, disk space, connections
 };
+
+// --- what is wrong with an address, before connecting and after a failure to connect
+
+/// host, port, database and user of a URL, for messages. kInvalidInput also if it contains a password.
+Result<std::string> withoutPassword(const std::string& url);
+
+/// `said`: libpq's message about a failed connection, with lines for each host it tried. kDenied: user,
+/// password or pg_hba.conf. kInvalidInput: something does not exist (database, user, host name, file), or a
+/// bad parameter value. kUnavailable: one of the hosts may answer later, or the server's messages are not
+/// English (libpq gives no SQLSTATE for a failed connection).
+Error cannotConnect(const std::string& shown_url, const char* said);
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-#include "db/engine/postgres_address.h"
+#include "db/engine/postgres.h"
 
 #include <fmt/core.h>
 #include <libpq-fe.h>
@@ -102,7 +102,7 @@ Result<std::map<std::string, std::string>> valuesOf(const std::string& url) {
 }
 
 /// Whether `host` of an address is a socket or the loopback device.
-bool isHere(std::string_view host) {
+bool isLocalHost(std::string_view host) {
   return host.empty() || host.front() == '/' || host.front() == '@' || host == "localhost" ||
          host == "127.0.0.1" || host == "::1";
 }
@@ -137,7 +137,7 @@ Status checkAddressFromOutside(const std::string& url) {
   const std::string_view hosts = value("host");
   for (std::size_t at = 0; at <= hosts.size();) {
     const std::size_t end = std::min(hosts.find(',', at), hosts.size());
-    if (!isHere(hosts.substr(at, end - at)))
+    if (!isLocalHost(hosts.substr(at, end - at)))
       return Error{ErrorCode::kInvalidInput,
                    fmt::format("the address names the host {}: write sslmode=verify-full behind it, or "
                                "somebody else may answer there, and get the password",

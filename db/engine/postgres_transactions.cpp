@@ -38,9 +38,9 @@ bool PostgresConnection::inTransaction() const {
 
 Status PostgresConnection::begin(Begin kind) {
   not_begun_.reset();
-  is_beside_ = kind == Begin::kBeside;
+  is_side_ = kind == Begin::kSide;
   RETURN_IF_ERROR(requireConnected());
-  tellBefore("BEGIN");
+  notifyBeforeStatement("BEGIN");
   if (kind == Begin::kView) {
     RETURN_IF_ERROR(runText("BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY"));
     // BEGIN alone does not read; this fixes the view
@@ -49,7 +49,7 @@ Status PostgresConnection::begin(Begin kind) {
     in_transaction_ = fixed.ok();
     return fixed;
   }
-  if (is_beside_) {
+  if (is_side_) {
     const Status begun = runText("BEGIN ISOLATION LEVEL READ COMMITTED");
     in_transaction_ = begun.ok();
     return begun;
@@ -110,7 +110,7 @@ Status PostgresConnection::commit() {
   if (begin_due_) RETURN_IF_ERROR(sendDue());
   warning_.reset();
   if (in_lost_transaction_) return requireConnected();
-  tellBefore("COMMIT");
+  notifyBeforeStatement("COMMIT");
   const std::string xid = std::exchange(write_xid_, {});
   in_transaction_ = false;  // if the connection is lost from here on, the outcome is queried
   // settings read before the COMMIT may not be those under which its wait ended
@@ -129,9 +129,9 @@ Status PostgresConnection::commit() {
     return {};
   }
   if (isConnected()) return done.error();
-  if (is_beside_) return done.error();  // counting again could count twice
-  if (xid.empty()) return {};           // it only read
-  const Status outcome = askOutcome(xid);
+  if (is_side_) return done.error();  // counting again could count twice
+  if (xid.empty()) return {};         // it only read
+  const Status outcome = queryOutcome(xid);
   if (hasLocks()) connection_.reset();  // the next connection takes them
   return outcome;
 }
@@ -170,7 +170,7 @@ Result<std::string> PostgresConnection::statusOf(const std::string& xid) {
   return std::string(PQgetvalue(answer->get(), 0, 0));
 }
 
-Status PostgresConnection::lookBack() {
+Status PostgresConnection::checkLastAcknowledged() {
   if (acknowledged_xid_.empty()) return {};
   const auto status = statusOf(acknowledged_xid_);
   if (!status) {
@@ -188,7 +188,7 @@ Status PostgresConnection::lookBack() {
   return {};
 }
 
-Status PostgresConnection::askOutcome(const std::string& xid) {
+Status PostgresConnection::queryOutcome(const std::string& xid) {
   const auto until = std::chrono::steady_clock::now() + options_.answer_timeout;
   std::string why;
   while (std::chrono::steady_clock::now() < until && (cancelled_ == nullptr || !cancelled_->load())) {

@@ -11,7 +11,6 @@
 #include "common/base/bytes.h"
 #include "common/base/files/files.h"
 #include "common/base/planted_bug.h"
-#include "db/engine/sqlite_files.h"
 
 namespace needlelab {
 namespace {
@@ -141,7 +140,7 @@ Result<std::unique_ptr<SqliteConnection>> SqliteConnection::open(const std::file
       new SqliteConnection(path, options.copy_of.empty() ? path : options.copy_of, handle));
   if (rc != SQLITE_OK) return connection->errorOf(rc, "open the database");
   // the log of a frozen database is never emptied
-  if (options.mode == Mode::kReader) connection->limits_.most_log_bytes = options.most_log_bytes;
+  if (options.mode == Mode::kReader) connection->limits_.max_log_bytes = options.max_log_bytes;
   if (foreign) {
     connection->limits_.cancelled = options.cancelled;
     connection->limits_.time = options.time;
@@ -149,7 +148,7 @@ Result<std::unique_ptr<SqliteConnection>> SqliteConnection::open(const std::file
   }
   // every 1000 steps of SQLite's virtual machine: well under a millisecond apart; a step in a foreign file
   // may read much
-  sqlite3_progress_handler(handle, foreign ? 50 : 1000, &SqliteConnection::goesOn, &connection->limits_);
+  sqlite3_progress_handler(handle, foreign ? 50 : 1000, &SqliteConnection::onProgress, &connection->limits_);
   sqlite3_extended_result_codes(handle, 1);
   sqlite3_busy_timeout(handle, options.busy_timeout_ms);
   connection->busy_timeout_ms_ = options.busy_timeout_ms;
@@ -299,16 +298,16 @@ std::uint64_t SqliteConnection::walBytes() {
   return logBytesOf(handle_);
 }
 
-int SqliteConnection::goesOn(void* limits) {
+int SqliteConnection::onProgress(void* limits) {
   auto& of = *static_cast<Limits*>(limits);
   of.log_bytes = 0;
   if (of.cancelled != nullptr && of.cancelled->load()) return 1;
   of.is_late = of.time != nullptr && of.time->nowNs() > of.until_ns;
   if (of.is_late) return 1;
-  constexpr std::uint64_t kLooksOfAShortRead = 1000;
-  if (of.most_log_bytes == 0 || ++of.looks <= kLooksOfAShortRead) return 0;
+  constexpr std::uint64_t kShortReadChecks = 1000;
+  if (of.max_log_bytes == 0 || ++of.looks <= kShortReadChecks) return 0;
   const std::uint64_t bytes = logBytesOf(of.handle);
-  if (bytes <= of.most_log_bytes) return 0;
+  if (bytes <= of.max_log_bytes) return 0;
   of.log_bytes = bytes;
   return 1;
 }

@@ -20,7 +20,7 @@ namespace needlelab {
 /// Long reads are aborted when the log beside the database exceeds this, because they keep it from being
 /// emptied. It is about ten minutes of a thousand stations. Smaller: no check of a large database would
 /// finish; greater: it takes disk space that others need.
-inline constexpr std::uint64_t kMostLogBytesOfReaders = std::uint64_t{4} << 30;
+inline constexpr std::uint64_t kMaxLogBytesOfReaders = std::uint64_t{4} << 30;
 
 /// An open file with the settings in db/README.md: WAL, synchronous=FULL, foreign keys on,
 /// wal_autocheckpoint=0, no checkpoint on close. Only the writer checkpoints: SQLite before 3.51.3 can
@@ -43,7 +43,7 @@ class SqliteConnection final : public EngineConnection {
     const char* vfs = nullptr;  ///< a VFS registered by a test; null = the system's
     int busy_timeout_ms = 5000;
     /// Readers only: a long read fails with kUnavailable above this size (noteShortRead()).
-    std::uint64_t most_log_bytes = kMostLogBytesOfReaders;
+    std::uint64_t max_log_bytes = kMaxLogBytesOfReaders;
     /// The original of which `path` is a copy; named in messages about the contents. Empty: none.
     std::filesystem::path copy_of = {};
     /// Foreign files only: reads fail with kUnavailable once `time` is past `until_ns`. `time` must outlive
@@ -102,7 +102,7 @@ class SqliteConnection final : public EngineConnection {
   struct Limits {
     sqlite3* handle = nullptr;
     const std::atomic<bool>* cancelled = nullptr;  ///< null: nothing cancels
-    std::uint64_t most_log_bytes = 0;              ///< 0: any size
+    std::uint64_t max_log_bytes = 0;               ///< 0: any size
     std::uint64_t looks = 0;                       ///< handler calls since noteShortRead()
     std::uint64_t log_bytes = 0;  ///< log size that caused the last interruption; 0: cancelled
     TimeSource* time = nullptr;   ///< null: no time limit
@@ -122,7 +122,7 @@ class SqliteConnection final : public EngineConnection {
     kFixedCount
   };
   Status run(Fixed fixed);
-  static int goesOn(void* limits);
+  static int onProgress(void* limits);
   SqliteConnection(std::filesystem::path path, std::filesystem::path origin, sqlite3* handle);
 
   std::filesystem::path path_, origin_;
@@ -132,5 +132,22 @@ class SqliteConnection final : public EngineConnection {
   Limits limits_;
   std::array<std::unique_ptr<EngineStatement>, kFixedCount> fixed_;  ///< null: not used yet
 };
+
+// --- SQLite's files: opening without blocking, the system error behind an SQLite error, the log's size
+
+/// Like sqlite3_open_v2(); `handle` must be closed even after an error. From the first call on, SQLite opens
+/// all its files with O_NONBLOCK: checking the name first cannot tell what will be there when it is opened,
+/// and opening a pipe waits for its other end, perhaps forever. A pipe then fails as "not a database";
+/// regular files are unaffected. Thread: any.
+int openDatabaseFile(const std::string& name, sqlite3** handle, int flags, const char* vfs);
+
+/// The file's URI with `immutable`: nothing else belongs to it, and no one changes it. For SQLITE_OPEN_URI.
+std::string immutableName(const std::filesystem::path& path);
+
+/// The errno behind an SQLite error if it concerns the disk; else 0. `handle` may be null.
+int systemErrorOf(int rc, sqlite3* handle, const std::filesystem::path& path);
+
+/// Size of the log file, from SQLite's own file handle, which is correct for every VFS.
+std::uint64_t logBytesOf(sqlite3* handle);
 
 }  // namespace needlelab

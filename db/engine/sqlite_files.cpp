@@ -1,4 +1,4 @@
-#include "db/engine/sqlite_files.h"
+#include "db/engine/sqlite.h"
 
 #include <fcntl.h>
 #include <fmt/core.h>

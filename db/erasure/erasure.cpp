@@ -5,14 +5,16 @@
 
 #include <algorithm>
 #include <set>
+#include <sstream>
+#include <string>
 
-#include "db/people/erased_people.h"
+#include "common/base/bytes.h"
+#include "common/base/files/files.h"
 #include "db/people/people.h"
 #include "db/people/person_name.h"
 #include "db/people/person_refs.h"
 #include "db/people/pseudonyms.h"
 #include "db/sessions/session_rows.h"
-#include "db/store/lab_settings.h"
 #include "db/store/schema.h"
 
 namespace needlelab {
@@ -105,7 +107,7 @@ Result<pb::Erasure> ErasureStore::erase(const std::string& ref, const ErasureOrd
         connection_.run("INSERT INTO erased_names (hash, until_unix_ns) VALUES (?,?)"
                         " ON CONFLICT (hash) DO UPDATE SET until_unix_ns = excluded.until_unix_ns",
                         ByteView(key.nameHash(nameKey(name))), order.now_unix_ns + kErasedNamesKept_ns));
-  RETURN_IF_ERROR(writeNamesAnew(gone));
+  RETURN_IF_ERROR(rewriteNames(gone));
   for (const char* const sql :
        {"DELETE FROM assignments WHERE trainee = ?", "DELETE FROM consents WHERE person = ?",
         "DELETE FROM group_members WHERE person = ?"})
@@ -186,7 +188,7 @@ Status ErasureStore::eraseSessions(const std::string& ref, const ErasureOrder& o
       " profile_json = '{{}}', clock_offset_ns = NULL, clock_round_trip_ns = NULL WHERE number IN ({})");
 }
 
-Status ErasureStore::writeNamesAnew(std::string_view gone) {
+Status ErasureStore::rewriteNames(std::string_view gone) {
   // SQLite moves rows within a page and leaves their bytes behind. Deleting all rows clears the pages
   // (secure_delete); the remaining names are then written to clean pages.
   struct Row {
@@ -256,6 +258,62 @@ Result<std::size_t> ErasureStore::repeat(const std::vector<ErasureLine>& lines, 
         ByteView(line.person), line.unix_ns, kServerName, "from the list beside the database"));
   }
   return erased;
+}
+
+namespace {
+
+constexpr std::size_t kMostBytes = 16 << 20;
+
+Result<ErasureLine> lineOf(const std::string& text) {
+  std::istringstream cells(text);
+  std::string lab, person, rest;
+  ErasureLine line;
+  cells >> lab >> person >> line.unix_ns;
+  if (!cells || cells >> rest) return Error{ErrorCode::kCorrupt, "is not two UUIDs and a time"};
+  ASSIGN_OR_RETURN(line.lab, parseUuid(lab));
+  ASSIGN_OR_RETURN(line.person, parseUuid(person));
+  return line;
+}
+
+}  // namespace
+
+Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folder, const char* file) {
+  std::vector<ErasureLine> lines;
+  const auto path = folder / file;
+  std::error_code error;
+  if (!std::filesystem::exists(path, error)) return lines;
+  ASSIGN_OR_RETURN(const auto text, readWholeFile(path, kMostBytes));
+  std::istringstream in(text);
+  for (std::string row; std::getline(in, row);) {
+    auto line = lineOf(row);
+    if (!line)
+      return Error{ErrorCode::kCorrupt,
+                   fmt::format("{}: line {}: {}; the file says whom a restored backup must not bring back: "
+                               "put back the copy that lies beside the backups ({})",
+                               path.string(), lines.size() + 1, line.error().message, kErasuresCopy)};
+    lines.push_back(*line);
+  }
+  return lines;
+}
+
+Status addErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
+                   const char* file) {
+  ASSIGN_OR_RETURN(auto all, readErasures(folder, file));
+  const auto before = all.size();
+  for (const ErasureLine& line : lines)
+    if (std::none_of(all.begin(), all.end(), [&](const ErasureLine& known) {
+          return known.lab == line.lab && known.person == line.person;
+        }))
+      all.push_back(line);
+  return all.size() == before ? Status() : writeErasures(folder, all, file);
+}
+
+Status writeErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
+                     const char* file) {
+  std::string text;
+  for (const ErasureLine& line : lines)
+    text += fmt::format("{} {} {}\n", uuidText(line.lab), uuidText(line.person), line.unix_ns);
+  return writeFileAtomically(folder / file, viewOf(text), 0600);
 }
 
 }  // namespace needlelab

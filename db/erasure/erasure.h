@@ -1,7 +1,9 @@
 /// Erases a person: the names go, the id remains as "erased person 17". No other table contains names, so
-/// nothing else is searched.
+/// nothing else is searched. The list of erasures next to the database survives the restore of a backup that
+/// still contains erased people; it contains no names.
 #pragma once
 
+#include <compare>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -11,11 +13,32 @@
 
 #include "common/base/result.h"
 #include "common/base/text/uuid.h"
-#include "db/erasure/erasure_list.h"
 #include "db/store/connection.h"
 #include "needlelab/teaching.pb.h"
 
 namespace needlelab {
+
+/// One erasure. `lab`: kLabKey of the person's database.
+struct ErasureLine {
+  Uuid lab{}, person{};
+  std::int64_t unix_ns = 0;
+  auto operator<=>(const ErasureLine&) const = default;
+};
+
+/// The list in the data folder, and its copy next to backups, for a restore on another machine.
+inline constexpr const char* kErasuresFile = "erasures";
+inline constexpr const char* kErasuresCopy = "needlelab.erasures";
+
+/// Nothing if the file does not exist. kCorrupt names the file and the line.
+Result<std::vector<ErasureLine>> readErasures(const std::filesystem::path& folder,
+                                              const char* file = kErasuresFile);
+/// Replaces the list.
+Status writeErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
+                     const char* file = kErasuresFile);
+/// Adds the missing `lines` to the list, atomically and durably; writes nothing if none are missing. One
+/// thread at a time.
+Status addErasures(const std::filesystem::path& folder, const std::vector<ErasureLine>& lines,
+                   const char* file = kErasuresFile);
 
 /// Who erases, why, and how.
 struct ErasureOrder {
@@ -56,7 +79,7 @@ class ErasureStore {
   Result<std::optional<std::string>> typedAs(std::string_view ref);
   Status eraseSessions(const std::string& ref, const ErasureOrder& order, pb::Erasure& erasure);
   /// Rewrites the names without those of `gone`, a list of people.id in SQL.
-  Status writeNamesAnew(std::string_view gone);
+  Status rewriteNames(std::string_view gone);
   Result<Uuid> lab();
   Connection& connection_;
 };

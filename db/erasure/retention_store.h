@@ -11,7 +11,7 @@
 #include "common/base/bytes.h"
 #include "common/base/result.h"
 #include "common/base/text/uuid.h"
-#include "common/gesture/session_hash.h"
+#include "common/gesture/chunk.h"
 #include "db/audit/audit.h"
 #include "db/store/connection.h"
 #include "needlelab/control.pb.h"
@@ -89,14 +89,14 @@ class RetentionStore {
   /// Sessions with rows still to remove: of replaced or deleted recordings, and of thinnings interrupted by a
   /// crash.
   Result<std::vector<Uuid>> leftovers();
-  struct LookedAt {
+  struct RemovableRows {
     std::uint32_t rows = 0;  ///< how many removeSome() may remove
     bool more = false;       ///< the session has further rows to remove
   };
   /// Reads the rows that removeSome() would remove next, including their overflow pages: deleting a row on
   /// damaged pages would stop the writer or free another row's page. kCorrupt names the first damaged row.
   /// Runs on a reader.
-  Result<LookedAt> checkSome(const Uuid& session, std::uint32_t rows);
+  Result<RemovableRows> checkSome(const Uuid& session, std::uint32_t rows);
   /// Removes at most `rows` rows, last ones first. False: all rows are gone, as is the note of them.
   Result<bool> removeSome(const Uuid& session, std::uint32_t rows);
 

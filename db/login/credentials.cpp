@@ -11,7 +11,6 @@
 #include <system_error>
 
 #include "common/base/text/text.h"
-#include "db/login/password_cost.h"
 
 namespace needlelab {
 namespace {

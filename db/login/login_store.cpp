@@ -1,6 +1,7 @@
 #include "db/login/login_store.h"
 
 #include <fmt/core.h>
+#include <sodium.h>
 
 #include <algorithm>
 
@@ -13,7 +14,7 @@ namespace {
 constexpr std::size_t kHalf = 16;  // bytes of a key from the name; the rest are from the address
 
 /// The account of token `t` is unchanged since the log-in.
-constexpr std::string_view kAccountHolds =
+constexpr std::string_view kAccountIsValid =
     " JOIN people p ON p.ref = t.name AND p.role = t.role"
     " AND p.disabled = 0 AND coalesce((SELECT n.number FROM access_numbers n WHERE n.what = 1"
     " AND n.name = t.name), 0) = t.access_number ";
@@ -115,17 +116,17 @@ Status LoginStore::forgetNames(std::span<const std::string> names) {
   return {};
 }
 
-Result<bool> LoginStore::addToken(std::string_view token, const TokenRow& row, std::uint64_t most_of_person) {
+Result<bool> LoginStore::addToken(std::string_view token, const TokenRow& row, std::uint64_t max_of_person) {
   ASSIGN_OR_RETURN(const auto theirs,
                    connection_.query("SELECT count(*) FROM login_tokens WHERE name = ?", row.name)
                        .first([](const Statement& counted) { return counted.natural(0); }));
-  if (theirs.value_or(0) >= most_of_person)
+  if (theirs.value_or(0) >= max_of_person)
     RETURN_IF_ERROR(
         connection_.run("DELETE FROM login_tokens WHERE hash = (SELECT hash FROM login_tokens WHERE name = ?"
                         " ORDER BY expires_ns, hash LIMIT 1)",
                         row.name));
   const LoginKey::Hash hash = LoginKey::hashOfToken(token);
-  // a concurrent change is not seen here: token() and tokenHolds() compare the number again
+  // a concurrent change is not seen here: token() and isTokenValid() compare the number again
   RETURN_IF_ERROR(connection_.run(
       "INSERT INTO login_tokens (hash, name, role, access_number, password_ns, expires_ns)"
       " SELECT ?1, p.ref, p.role, ?2, ?3, ?4 FROM people p WHERE p.ref = ?5 AND p.role = ?6 AND p.disabled = "
@@ -141,7 +142,7 @@ Result<std::optional<TokenRow>> LoginStore::token(std::string_view token, std::i
       .query(fmt::format("SELECT t.name, t.role, t.access_number, t.password_ns,"
                          " t.expires_ns, (SELECT c.name FROM called c WHERE c.ref = t.name)"
                          " FROM login_tokens t{}WHERE t.hash = ? AND t.expires_ns > ?",
-                         kAccountHolds),
+                         kAccountIsValid),
              ByteView(hash), now_ns)
       .first([](const Statement& row) {
         return TokenRow{row.text(0),    static_cast<int>(row.integer(1)),
@@ -150,9 +151,9 @@ Result<std::optional<TokenRow>> LoginStore::token(std::string_view token, std::i
       });
 }
 
-Result<bool> LoginStore::tokenHolds(std::string_view token) {
+Result<bool> LoginStore::isTokenValid(std::string_view token) {
   const LoginKey::Hash hash = LoginKey::hashOfToken(token);
-  auto row = connection_.query(fmt::format("SELECT 1 FROM login_tokens t{}WHERE t.hash = ?", kAccountHolds),
+  auto row = connection_.query(fmt::format("SELECT 1 FROM login_tokens t{}WHERE t.hash = ?", kAccountIsValid),
                                ByteView(hash));
   return row.step();
 }
@@ -176,7 +177,7 @@ Status LoginStore::endToken(std::string_view token, std::string_view server) {
       connection_.query("SELECT name FROM login_tokens WHERE hash = ?", ByteView(hash)).first(firstText));
   if (!name) return {};  // another request was faster
   // in the order of the triggers: the number, then the tokens
-  RETURN_IF_ERROR(AccessNumberStore(connection_).raise(AccessWhat::kLogOut, *name, "log-out", server));
+  RETURN_IF_ERROR(AccessNumberStore(connection_).raise(AccessKind::kLogOut, *name, "log-out", server));
   return connection_.run("DELETE FROM login_tokens WHERE hash = ?", ByteView(hash));
 }
 
@@ -220,6 +221,47 @@ Result<bool> LoginStore::noteRead(std::string_view what, std::chrono::nanosecond
       connection_.run("INSERT INTO noted_reads (key, at_ns) VALUES (?,?) ON CONFLICT (key) DO NOTHING",
                       ByteView(key), now_ns));
   return connection_.changes() > 0;
+}
+
+namespace {
+
+constexpr std::size_t kRandomBytes = 16, kTokenBytes = 32;
+
+std::string sealOf(const LoginKey& key, std::string_view random) {
+  const auto hash = key.of("token", random);
+  return std::string(textOf(ByteView(hash).first(kTokenBytes - kRandomBytes)));
+}
+
+}  // namespace
+
+LoginKey::Hash LoginKey::of(std::string_view purpose, std::string_view text) const {
+  Bytes bytes;
+  ByteWriter writer(bytes);
+  writer.put(static_cast<std::uint64_t>(purpose.size()));
+  writer.put(viewOf(purpose));
+  writer.put(viewOf(text));
+  Hash hash{};
+  crypto_generichash(hash.data(), hash.size(), bytes.data(), bytes.size(), key_.data(), key_.size());
+  return hash;
+}
+
+std::string LoginKey::makeToken() const {
+  std::string token(kRandomBytes, '\0');
+  randombytes_buf(token.data(), token.size());
+  return token + sealOf(*this, token);
+}
+
+bool LoginKey::madeToken(std::string_view token) const {
+  if (token.size() != kTokenBytes) return false;
+  const std::string seal = sealOf(*this, token.substr(0, kRandomBytes));
+  return sodium_memcmp(seal.data(), token.data() + kRandomBytes, seal.size()) == 0;
+}
+
+LoginKey::Hash LoginKey::hashOfToken(std::string_view token) {
+  Hash hash{};
+  crypto_generichash(hash.data(), hash.size(), reinterpret_cast<const unsigned char*>(token.data()),
+                     token.size(), nullptr, 0);
+  return hash;
 }
 
 }  // namespace needlelab

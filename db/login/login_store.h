@@ -1,6 +1,7 @@
 /// Log-in state shared by the servers on one database: tokens, failures and addresses, noted reads.
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <cstdint>
 #include <map>
@@ -11,10 +12,36 @@
 
 #include "common/base/bytes.h"
 #include "common/base/result.h"
-#include "db/login/login_key.h"
+#include "db/people/pseudonyms.h"
 #include "db/store/connection.h"
 
 namespace needlelab {
+
+// --- the secret for log-ins that a lab's servers share
+
+/// Derived from the lab's pseudonym.key, which is in each server's folder. Thread: immutable.
+class LoginKey {
+ public:
+  using Hash = PseudonymKey::Hash;
+  explicit LoginKey(const PseudonymKey& lab) : key_(lab.derived("log-ins")), id_(lab.id()) {}
+
+  /// Distinguishes the lab's key from others (PseudonymKey::id).
+  [[nodiscard]] const std::string& labKeyId() const { return id_; }
+  /// Keyed BLAKE2b-256: without the key, the text cannot be guessed from it. Each purpose gives other hashes.
+  [[nodiscard]] Hash of(std::string_view purpose, std::string_view text) const;
+
+  /// 32 bytes: 16 random ones, and 16 that let each server of the lab recognise its own tokens, so that other
+  /// input costs no database look-up.
+  [[nodiscard]] std::string makeToken() const;
+  /// Whether one of the lab's servers made the token, valid or not.
+  [[nodiscard]] bool madeToken(std::string_view token) const;
+  /// The stored form of a token: BLAKE2b-256, as in Tokens.
+  static Hash hashOfToken(std::string_view token);
+
+ private:
+  Hash key_;
+  std::string id_;
+};
 
 /// One row of `login_attempts`. LoginGuard (server/live) and CodeGuard (db/service) define its meaning and
 /// counting.
@@ -67,14 +94,14 @@ class LoginStore {
 
   // --- tokens
 
-  /// Stores a token. If the person then has more than `most_of_person`, the one that expires first is
+  /// Stores a token. If the person then has more than `max_of_person`, the one that expires first is
   /// removed. False: the account no longer matches the row.
-  Result<bool> addToken(std::string_view token, const TokenRow& row, std::uint64_t most_of_person);
+  Result<bool> addToken(std::string_view token, const TokenRow& row, std::uint64_t max_of_person);
   /// The row of a valid token whose account is unchanged since the log-in.
   Result<std::optional<TokenRow>> token(std::string_view token, std::int64_t now_ns);
   /// Whether its account is unchanged since the log-in and the token was not ended. Does not check expiry,
   /// which the token's own server knows. One statement, also on a reader.
-  Result<bool> tokenHolds(std::string_view token);
+  Result<bool> isTokenValid(std::string_view token);
   /// Extends the token, up to `longest` after the log-in with the password. Returns the new end; nothing: not
   /// a valid token.
   Result<std::optional<std::int64_t>> renewToken(std::string_view token, std::int64_t now_ns,

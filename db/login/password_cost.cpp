@@ -1,5 +1,5 @@
 // In its own file, so that a test program with its own definition does not link this one from the library.
-#include "db/login/password_cost.h"
+#include "db/login/credentials.h"
 
 namespace needlelab {
 

@@ -11,8 +11,8 @@ constexpr const char* kLoginKeyId = "login_key_id";
 
 }  // namespace
 
-StoreAddress SharedLogins::besideWriter(StoreAddress address) {
-  address.beside_writer = true;
+StoreAddress SharedLogins::sideAddress(StoreAddress address) {
+  address.is_side_connection = true;
   return address;
 }
 

@@ -9,7 +9,7 @@
 #include "common/base/result.h"
 #include "common/base/time/time_source.h"
 #include "db/login/login_store.h"
-#include "db/store/reader_pool.h"
+#include "db/store/store_address.h"
 
 namespace needlelab {
 
@@ -20,7 +20,7 @@ class SharedLogins {
  public:
   /// `server`: as in AccessChange. `clock`: replaces the database's in tests; must outlive this object.
   SharedLogins(StoreAddress address, LoginKey key, std::string server, TimeSource* clock = nullptr)
-      : connections_(besideWriter(std::move(address)), kMostIdle, Connection::Mode::kWriter),
+      : connections_(sideAddress(std::move(address)), kMostIdle, Connection::Mode::kWriter),
         key_(std::move(key)),
         server_(std::move(server)),
         clock_(clock) {}
@@ -33,7 +33,7 @@ class SharedLogins {
   template <typename T>
   Result<T> run(const std::function<Result<T>(LoginStore&, std::int64_t now_ns)>& work) {
     ASSIGN_OR_RETURN(auto connection, connections_.borrow());
-    ASSIGN_OR_RETURN(auto transaction, Transaction::begin(*connection, Transaction::Kind::kBeside));
+    ASSIGN_OR_RETURN(auto transaction, Transaction::begin(*connection, Transaction::Kind::kSide));
     LoginStore store(*connection, key_);
     ASSIGN_OR_RETURN(const std::int64_t now_ns, nowNs(store));
     auto done = work(store, now_ns);
@@ -44,7 +44,7 @@ class SharedLogins {
 
  private:
   static constexpr std::size_t kMostIdle = 2;
-  static StoreAddress besideWriter(StoreAddress address);
+  static StoreAddress sideAddress(StoreAddress address);
   Result<std::int64_t> nowNs(LoginStore& store) {
     if (clock_ != nullptr) return clock_->nowNs();
     return store.nowNs();

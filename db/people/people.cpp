@@ -9,9 +9,7 @@
 #include "common/base/text/text.h"
 #include "db/people/person_name.h"
 #include "db/people/person_refs.h"
-#include "db/store/base_revision.h"
-#include "db/store/text_lists.h"
-#include "db/store/text_pages.h"
+#include "db/store/rows.h"
 
 namespace needlelab {
 namespace {
@@ -97,7 +95,7 @@ Error noMember(const std::string& group_id, const std::string& member) {
           "group '" + group_id + "', members: there is no person named '" + printable(member) + "'"};
 }
 
-Error inTooManyGroups(const std::string& group_id, const std::string& member) {
+Error tooManyGroupsError(const std::string& group_id, const std::string& member) {
   return {ErrorCode::kInvalidInput,
           fmt::format("group '{}', members: '{}' is in {} groups, a person is in at most as many", group_id,
                       printable(member), kMaxGroupsOfPerson)};
@@ -280,7 +278,7 @@ Result<pb::Group> GroupStore::put(const pb::Group& group, std::optional<std::uin
                       group.id(), group.name(), last + 1, by, now_unix_ns));
   RETURN_IF_ERROR(connection_.run("DELETE FROM group_members WHERE group_id = ?", group.id()));
   if (connection_.sqlite() == nullptr) {
-    RETURN_IF_ERROR(addMembersAtOnce(group.id(), wanted, present));
+    RETURN_IF_ERROR(addMembersInBulk(group.id(), wanted, present));
     return get(group.id());
   }
   for (const std::string& member : wanted) {
@@ -375,7 +373,7 @@ Result<std::map<std::string, std::vector<std::string>>> GroupStore::groupsOfMany
   }
 }
 
-Status GroupStore::addMembersAtOnce(const std::string& id, const std::vector<std::string>& wanted,
+Status GroupStore::addMembersInBulk(const std::string& id, const std::vector<std::string>& wanted,
                                     const std::vector<std::string>& present) {
   std::vector<std::string_view> all(wanted.begin(), wanted.end()), join;
   std::copy_if(all.begin(), all.end(), std::back_inserter(join), [&](std::string_view member) {
@@ -392,7 +390,7 @@ Status GroupStore::addMembersAtOnce(const std::string& id, const std::vector<std
       " GROUP BY m.person HAVING count(*) >= ?3 ORDER BY m.person LIMIT 1");
   of_many.bindList(std::span<const std::string_view>(join)).bind(id).bind(std::uint64_t{kMaxGroupsOfPerson});
   ASSIGN_OR_RETURN(const auto full, of_many.first(firstText));
-  if (full) return inTooManyGroups(id, *full);
+  if (full) return tooManyGroupsError(id, *full);
   auto insert = connection_.prepare(
       "INSERT INTO group_members (group_id, person) SELECT ?1, m.person FROM unnest(?2) AS m (person)");
   insert.bind(id).bindList(std::span<const std::string_view>(all));
@@ -406,7 +404,7 @@ Status GroupStore::checkMayJoin(const std::string& id, const std::string& person
       person, id, std::uint64_t{kMaxGroupsOfPerson});
   RETURN_IF_ERROR(others.step());
   if (others.natural(0) < kMaxGroupsOfPerson) return {};
-  return inTooManyGroups(id, person);
+  return tooManyGroupsError(id, person);
 }
 
 Result<std::vector<std::string>> GroupStore::members(std::string_view id) {
@@ -454,7 +452,7 @@ Result<std::optional<pb::Consent>> ConsentStore::newest(std::string_view person)
       .first(consentOf);
 }
 
-Result<std::map<std::string, pb::Consent>> ConsentStore::newestOfMany(std::span<const std::string> people) {
+Result<std::map<std::string, pb::Consent>> ConsentStore::newestConsents(std::span<const std::string> people) {
   Statement rows = connection_.prepare(
       "SELECT c.given, c.unix_ns, c.recorded_by, c.note, p.ref FROM people p JOIN consents c ON c.id ="
       " (SELECT n.id FROM consents n WHERE n.person = p.ref ORDER BY n.id DESC LIMIT 1) WHERE p.ref" +

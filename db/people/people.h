@@ -128,7 +128,7 @@ class GroupStore {
   /// kInvalidInput: the person is already in kMaxGroupsOfPerson other groups.
   Status checkMayJoin(const std::string& id, const std::string& person);
   /// Adds all of `wanted` (sorted) with the checks of put(), in three statements: PostgreSQL only.
-  Status addMembersAtOnce(const std::string& id, const std::vector<std::string>& wanted,
+  Status addMembersInBulk(const std::string& id, const std::vector<std::string>& wanted,
                           const std::vector<std::string>& present);
   Connection& connection_;
 };
@@ -148,7 +148,7 @@ class ConsentStore {
   /// Nothing: the person has made no statement.
   Result<std::optional<pb::Consent>> newest(std::string_view person);
   /// Same for several people, by person; one statement, and one index entry per person.
-  Result<std::map<std::string, pb::Consent>> newestOfMany(std::span<const std::string> people);
+  Result<std::map<std::string, pb::Consent>> newestConsents(std::span<const std::string> people);
   /// Refs of people whose latest statement is consent, by name.
   Result<std::vector<std::string>> consenting();
 

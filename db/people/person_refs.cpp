@@ -9,7 +9,7 @@
 #include "common/base/bytes.h"
 #include "common/base/text/text.h"
 #include "db/people/person_name.h"
-#include "db/store/text_lists.h"
+#include "db/store/rows.h"
 #include "needlelab/control.pb.h"
 #include "needlelab/options.pb.h"
 
@@ -25,18 +25,19 @@ bool isDigit(char c) {
 }
 
 /// Whether a word may contain this byte.
-bool isOfWord(char c) {
+bool isNameCharacter(char c) {
   return isLetterOrDigit(c) || c == '_' || c == '-' || static_cast<unsigned char>(c) >= 0x80;
 }
 
 /// The length of the ref at `at`; 0: none. Parts of a word or an address ("user@10.0.0.1") are not refs.
 std::size_t refAt(std::string_view text, std::size_t at) {
-  if (at >= text.size() || text[at] != '@' || (at > 0 && (isOfWord(text[at - 1]) || text[at - 1] == '.')))
+  if (at >= text.size() || text[at] != '@' ||
+      (at > 0 && (isNameCharacter(text[at - 1]) || text[at - 1] == '.')))
     return 0;
   std::size_t end = at + 1;
   while (end < text.size() && isDigit(text[end])) ++end;
-  if (end == at + 1 || (end < text.size() && isOfWord(text[end]))) return 0;
-  if (end + 1 < text.size() && text[end] == '.' && isOfWord(text[end + 1])) return 0;
+  if (end == at + 1 || (end < text.size() && isNameCharacter(text[end]))) return 0;
+  if (end + 1 < text.size() && text[end] == '.' && isNameCharacter(text[end + 1])) return 0;
   return end - at;
 }
 

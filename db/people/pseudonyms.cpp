@@ -67,7 +67,7 @@ bool isBorder(std::uint32_t inside, std::uint32_t neighbour) {
   return !isWord(neighbour) || (inside >= 0x80 && !isWord(inside));
 }
 
-bool standsAlone(std::string_view text, std::size_t begin, std::size_t end) {
+bool isWholeWord(std::string_view text, std::size_t begin, std::size_t end) {
   return (begin == 0 || isBorder(pointAt(text, begin), lastPoint(text.substr(0, begin)))) &&
          (end == text.size() || isBorder(lastPoint(text.substr(begin, end - begin)), pointAt(text, end)));
 }
@@ -79,7 +79,7 @@ std::size_t findWord(std::string_view text, std::string_view word, std::size_t f
     const auto found = std::search(begin, text.end(), word.begin(), word.end(), sameLetter);
     if (found == text.end()) break;
     const auto at = static_cast<std::size_t>(found - text.begin());
-    if (standsAlone(text, at, at + word.size())) return at;
+    if (isWholeWord(text, at, at + word.size())) return at;
     from = at + 1;
   }
   return std::string_view::npos;

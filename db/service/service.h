@@ -26,7 +26,7 @@
 #include "db/service/scoring/session_scoring.h"
 #include "db/sessions/db_writer.h"
 #include "db/store/duties.h"
-#include "db/store/reader_pool.h"
+#include "db/store/store_address.h"
 #include "needlelab/control.pb.h"
 
 namespace needlelab {

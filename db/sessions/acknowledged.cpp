@@ -99,7 +99,7 @@ void AcknowledgedMark::post(DbWriter& writer) {
         // the engine searches for its last transaction, whose number another server's may have reused
         ASSIGN_OR_RETURN(const std::uint64_t stored, numberInMeta(connection, key));
         if (const std::uint64_t committed = under_way->committed; stored < committed)
-          writer.sayLack(lackText(stored, fmt::format("{} was acknowledged", committed)));
+          writer.reportMissing(lackText(stored, fmt::format("{} was acknowledged", committed)));
         return MetaStore(connection).set(key, std::to_string(number));
       },
       [number, under_way](const Status& stored) {

@@ -13,10 +13,10 @@
 #include <string>
 #include <string_view>
 
+#include "common/base/files/files.h"
 #include "common/base/result.h"
 #include "db/sessions/db_writer.h"
 #include "db/store/connection.h"
-#include "db/store/open_file.h"
 
 namespace needlelab {
 
@@ -38,7 +38,7 @@ class AcknowledgedMark {
 
   /// Call about once a second, and once more before the writer stops: makes the writer store the next number
   /// after everything stored since the last one. If the database then has a lower number than was committed,
-  /// the writer reports it (DbWriter::sayLack). Does not block.
+  /// the writer reports it (DbWriter::reportMissing). Does not block.
   void post(DbWriter& writer);
   /// Writes the newest committed number to the file if the file has an older one. Blocks on the disk.
   Status keep();

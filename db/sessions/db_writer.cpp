@@ -4,6 +4,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <cassert>
 #include <future>
 #include <utility>
 
@@ -32,9 +33,10 @@ DbWriter::DbWriter(Connection connection, const Options& options, OnFatal on_fat
       time_(*options.time),
       on_fatal_(std::move(on_fatal)),
       lack_(options_.lack_at_start),
-      lack_said_(options_.lack_at_start),
+      reported_missing_(options_.lack_at_start),
       durability_(connection_.durability()) {
   next_checkpoint_ns_ = time_.nowNs() + nanoseconds(options_.checkpoint_every);
+  assert(options_.max_group > 0 && options_.max_items > 0);
   connection_.setWhileWaiting([this] { return checkWaiting(); });
   thread_ = std::thread([this] { loop(); });
 }
@@ -154,7 +156,7 @@ Status DbWriter::tendLog() {
   bool empty = false;
   {
     const std::lock_guard lock(mutex_);
-    const bool wanted = emptying_asked_ > emptying_done_ || log_bytes_ > options_.most_log_bytes;
+    const bool wanted = emptying_asked_ > emptying_done_ || log_bytes_ > options_.max_log_bytes;
     // immediately after each call of emptyLog(), then at intervals
     empty = emptying_asked_ > emptying_tried_ || (wanted && now_ns >= next_emptying_ns_);
   }
@@ -185,6 +187,7 @@ Status DbWriter::tryToEmptyLog() {
   if (emptied) uncheckpointed_ = false;
   next_emptying_ns_ = time_.nowNs() + nanoseconds(options_.empty_every);
   const std::lock_guard lock(mutex_);
+  assert(emptying_tried_ <= asked && emptying_done_ <= asked && asked <= emptying_asked_);
   emptying_tried_ = asked;
   counters_.wal_bytes = log_bytes_;
   if (!emptied) return {};
@@ -199,7 +202,7 @@ Status DbWriter::tryToEmptyLog() {
 std::optional<std::int64_t> DbWriter::nextTendNs() const {
   std::optional<std::int64_t> next;
   if (uncheckpointed_) next = next_checkpoint_ns_;
-  if (emptying_asked_ > emptying_done_ || log_bytes_ > options_.most_log_bytes)
+  if (emptying_asked_ > emptying_done_ || log_bytes_ > options_.max_log_bytes)
     next = std::min(next.value_or(next_emptying_ns_), next_emptying_ns_);
   return next;
 }
@@ -222,6 +225,7 @@ std::vector<DbWriter::Item> DbWriter::takeGroup() {
                           std::make_move_iterator(queue_.begin() + static_cast<std::ptrdiff_t>(count)));
   queue_.erase(queue_.begin(), queue_.begin() + static_cast<std::ptrdiff_t>(count));
   looked_at_ -= std::min(looked_at_, count);
+  assert(!group.empty() && looked_at_ <= queue_.size());
   return group;
 }
 
@@ -270,10 +274,11 @@ Status DbWriter::runWork(const Item& item) {
   });
 }
 
-std::size_t DbWriter::storeTogether(const std::vector<Item>& group, std::size_t from,
-                                    std::vector<std::optional<Status>>& results) {
+std::size_t DbWriter::storeBatch(const std::vector<Item>& group, std::size_t from,
+                                 std::vector<std::optional<Status>>& results) {
+  assert(from < group.size() && results.size() == group.size());
   std::vector<const ArrivedChunk*> chunks;
-  for (std::size_t i = from; i < group.size() && chunks.size() < SessionStore::kMostTogether; ++i) {
+  for (std::size_t i = from; i < group.size() && chunks.size() < SessionStore::kMaxTogether; ++i) {
     const auto* const chunk = std::get_if<ArrivedChunk>(&group[i].work);
     if (chunk == nullptr) break;
     chunks.push_back(chunk);
@@ -282,11 +287,13 @@ std::size_t DbWriter::storeTogether(const std::vector<Item>& group, std::size_t 
   auto stored = guarded([&] { return SessionStore(connection_).appendMany(chunks); });
   // retried one by one: each may fail alone
   if (!stored) return from + chunks.size();
+  assert(!stored->empty() && stored->size() <= chunks.size());
   std::move(stored->begin(), stored->end(), results.begin() + static_cast<std::ptrdiff_t>(from));
   return from + stored->size();
 }
 
 bool DbWriter::commitGroup(std::vector<Item>& group) {
+  assert(!group.empty());
   const std::int64_t began_ns = time_.nowNs();
   // nothing was stored, so nothing is in doubt
   const auto refuse = [&](const Error& error) {
@@ -322,7 +329,8 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
   std::uint64_t refused = 0, together = 0;
   std::size_t looked_at = is_sqlite ? group.size() : 0;  // first item not yet tried together with others
   for (std::size_t i = 0; i < group.size(); ++i) {
-    if (i >= looked_at) looked_at = storeTogether(group, i, results);
+    if (i >= looked_at) looked_at = storeBatch(group, i, results);
+    assert(looked_at > i);
     Status result;
     if (results[i]) {
       result = *std::exchange(results[i], std::nullopt);
@@ -360,6 +368,7 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
 
   const auto report = [&] {
     for (std::size_t i = 0; i < group.size(); ++i) {
+      assert(results[i].has_value());
       if (group[i].done) group[i].done(*results[i]);
     }
   };
@@ -371,6 +380,7 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
     if (!is_sqlite && !connection_.damaged()) return refuse(done.error());
     return fail(done.error(), group), false;
   }
+  assert(refused + together <= group.size());
   const std::int64_t took = time_.nowNs() - before_ns;
   log_bytes_ = connection_.walBytes();
   uncheckpointed_ = true;
@@ -396,7 +406,7 @@ bool DbWriter::commitGroup(std::vector<Item>& group) {
 
 void DbWriter::noteLack() {
   std::string found = connection_.lack(), full = connection_.takeFull();
-  if (found.empty()) found = lack_said_;
+  if (found.empty()) found = reported_missing_;
   {
     const std::lock_guard lock(mutex_);
     if (!full.empty()) full_ = {std::move(full), time_.nowNs()};
@@ -406,8 +416,8 @@ void DbWriter::noteLack() {
   if (options_.on_lack) options_.on_lack(found);
 }
 
-void DbWriter::sayLack(std::string text) {
-  lack_said_ = std::move(text);
+void DbWriter::reportMissing(std::string text) {
+  reported_missing_ = std::move(text);
 }
 
 std::string DbWriter::lack() const {
@@ -432,7 +442,7 @@ void DbWriter::noteDurability() {
   noteLack();
   const Durability now = connection_.durability();
   const std::uint64_t connection = connection_.timesConnected();
-  if (std::exchange(told_connection_, connection) == connection &&
+  if (std::exchange(reported_connection_, connection) == connection &&
       now == durability_.load(std::memory_order_relaxed))
     return;
   durability_.store(now, std::memory_order_relaxed);
@@ -443,6 +453,7 @@ void DbWriter::fail(const Error& error, std::vector<Item>& group) {
   std::deque<Item> waiting;
   {
     const std::lock_guard lock(mutex_);
+    assert(!failed_ && !ended_ && "a writer fails once");
     failed_ = error;
     standing_.began_ns = 0;
     standing_.refused = error.message;

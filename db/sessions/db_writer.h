@@ -41,7 +41,7 @@ class DbWriter {
     std::chrono::milliseconds checkpoint_every{100};  ///< PASSIVE checkpoints, between commits
     /// A log larger than this is truncated as soon as no reader needs it. A smaller limit costs rewriting
     /// pages in each new log; a greater one only disk space.
-    std::uint64_t most_log_bytes = std::uint64_t{64} << 20;
+    std::uint64_t max_log_bytes = std::uint64_t{64} << 20;
     /// Interval between attempts to empty a log that readers need. Each blocks commits for up to 50 ms.
     std::chrono::milliseconds empty_every{1000};
     std::size_t max_items = 16384;  ///< queue limit; further items are refused
@@ -119,14 +119,15 @@ class DbWriter {
   /// The error that stopped the writer permanently, if any.
   [[nodiscard]] std::optional<Error> failed() const;
 
-  /// Acknowledged data that the engine's server lacks (EngineConnection::lack, sayLack); human-readable.
+  /// Acknowledged data that the engine's server lacks (EngineConnection::lack, reportMissing);
+  /// human-readable.
   [[nodiscard]] std::string lack() const;
   /// An item reports missing data; lack() returns the text until the writer ends. Call on the writer's
   /// thread.
-  void sayLack(std::string text);
+  void reportMissing(std::string text);
 
   /// How long health and console report an item that failed alone; stations retry at least every 15 s.
-  static constexpr std::chrono::seconds kSaidFor{30};
+  static constexpr std::chrono::seconds kReportedFor{30};
   /// The engine's server's message that it had no space, if not older than `within`; other items may have
   /// found space since. Empty: none.
   [[nodiscard]] std::string full(std::chrono::nanoseconds within) const;
@@ -168,8 +169,8 @@ class DbWriter {
   Status runWork(const Item& item);
   /// Stores the chunks starting at group[from] together, as far as possible, and sets their results. Returns
   /// the index of the first item that it has not handled.
-  std::size_t storeTogether(const std::vector<Item>& group, std::size_t from,
-                            std::vector<std::optional<Status>>& results);
+  std::size_t storeBatch(const std::vector<Item>& group, std::size_t from,
+                         std::vector<std::optional<Status>>& results);
   /// Runs one transaction. False: the writer must stop.
   bool commitGroup(std::vector<Item>& group);
   void fail(const Error& error, std::vector<Item>& group);
@@ -191,26 +192,26 @@ class DbWriter {
 
   mutable std::mutex mutex_;
   std::condition_variable wake_;
-  std::deque<Item> queue_;       ///< guarded by mutex_
-  bool stopping_ = false;        ///< guarded by mutex_
-  std::optional<Error> failed_;  ///< guarded by mutex_
-  Counters counters_;            ///< guarded by mutex_
-  std::string lack_;             ///< guarded by mutex_
-  std::string lack_said_;        ///< from sayLack() or the start; the writer's thread only
-  Noted full_, failed_item_;     ///< guarded by mutex_
-  Standing standing_;            ///< guarded by mutex_
+  std::deque<Item> queue_;        ///< guarded by mutex_
+  bool stopping_ = false;         ///< guarded by mutex_
+  std::optional<Error> failed_;   ///< guarded by mutex_
+  Counters counters_;             ///< guarded by mutex_
+  std::string lack_;              ///< guarded by mutex_
+  std::string reported_missing_;  ///< from reportMissing() or the start; the writer's thread only
+  Noted full_, failed_item_;      ///< guarded by mutex_
+  Standing standing_;             ///< guarded by mutex_
   std::condition_variable emptied_;
-  std::uint64_t emptying_asked_ = 0;     ///< calls of emptyLog(); guarded by mutex_
-  std::uint64_t emptying_tried_ = 0;     ///< of these, those followed by an attempt; guarded by mutex_
-  std::uint64_t emptying_done_ = 0;      ///< of these, those finished; guarded by mutex_
-  bool ended_ = false;                   ///< the thread no longer tends the log; guarded by mutex_
-  std::size_t looked_at_ = 0;            ///< queue items that checkWaiting() has handled; guarded by mutex_
-  bool uncheckpointed_ = false;          ///< the writer's thread only
-  std::int64_t next_checkpoint_ns_ = 0;  ///< the writer's thread only
-  std::int64_t next_emptying_ns_ = 0;    ///< the writer's thread only
-  std::uint64_t log_bytes_ = 0;          ///< the writer's thread only
-  std::uint64_t told_connection_ = 0;    ///< timesConnected() at the last report; the writer's thread only
-  std::atomic<Durability> durability_;   ///< written by the writer's thread
+  std::uint64_t emptying_asked_ = 0;       ///< calls of emptyLog(); guarded by mutex_
+  std::uint64_t emptying_tried_ = 0;       ///< of these, those followed by an attempt; guarded by mutex_
+  std::uint64_t emptying_done_ = 0;        ///< of these, those finished; guarded by mutex_
+  bool ended_ = false;                     ///< the thread no longer tends the log; guarded by mutex_
+  std::size_t looked_at_ = 0;              ///< queue items that checkWaiting() has handled; guarded by mutex_
+  bool uncheckpointed_ = false;            ///< the writer's thread only
+  std::int64_t next_checkpoint_ns_ = 0;    ///< the writer's thread only
+  std::int64_t next_emptying_ns_ = 0;      ///< the writer's thread only
+  std::uint64_t log_bytes_ = 0;            ///< the writer's thread only
+  std::uint64_t reported_connection_ = 0;  ///< timesConnected() at the last report; the writer's thread only
+  std::atomic<Durability> durability_;     ///< written by the writer's thread
 
   std::mutex join_mutex_;  ///< one stop() at a time
   std::thread thread_;

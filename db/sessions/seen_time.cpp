@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <string_view>
 
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
 #include "db/store/schema.h"
 
 namespace needlelab {
@@ -16,7 +16,7 @@ constexpr std::string_view kLatest = "latest_unix_ns";
 constexpr std::string_view kClosedBehind = "closed_behind ";  // followed by the session
 
 bool isAhead(std::int64_t seen_unix_ns, std::int64_t now_unix_ns) {
-  return seen_unix_ns != 0 && now_unix_ns - seen_unix_ns > kMostAhead_ns;
+  return seen_unix_ns != 0 && now_unix_ns - seen_unix_ns > kMaxAhead_ns;
 }
 
 }  // namespace

@@ -15,7 +15,7 @@ namespace needlelab {
 /// A clock set back by up to this much was corrected by a time server: neither noted nor reported.
 inline constexpr std::int64_t kClockSlack_ns = 3'600'000'000'000;
 /// A clock further ahead of the latest time is not trusted until a person confirms it.
-inline constexpr std::int64_t kMostAhead_ns = 31LL * 86'400 * 1'000'000'000;
+inline constexpr std::int64_t kMaxAhead_ns = 31LL * 86'400 * 1'000'000'000;
 
 /// Does not own the connection. Thread: as its Connection; changes need the writer's.
 class SeenTimeStore {
@@ -25,7 +25,7 @@ class SeenTimeStore {
   /// The latest time noted; before the first note, the latest time at which a session was closed or the
   /// database made. 0: unknown.
   Result<std::int64_t> latest();
-  /// Notes the clock's time if it is later than the latest time, by at most kMostAhead_ns. Otherwise the
+  /// Notes the clock's time if it is later than the latest time, by at most kMaxAhead_ns. Otherwise the
   /// latest time stays, and aheadText() reports it, also after a restart, until confirm() or until the clock
   /// is set back.
   Status note(std::int64_t now_unix_ns);
@@ -40,7 +40,7 @@ class SeenTimeStore {
   Result<std::map<Uuid, std::int64_t>> closedBehind();
   /// A warning if the clock is behind the latest time; else empty.
   Result<std::string> behindText(std::int64_t now_unix_ns);
-  /// A warning if the clock is more than kMostAhead_ns ahead of the latest time (it jumped, or nothing ran
+  /// A warning if the clock is more than kMaxAhead_ns ahead of the latest time (it jumped, or nothing ran
   /// for that long); else empty.
   Result<std::string> aheadText(std::int64_t now_unix_ns);
 

@@ -2,6 +2,7 @@
 #include <fmt/core.h>
 
 #include <array>
+#include <cassert>
 #include <limits>
 #include <map>
 #include <utility>
@@ -78,13 +79,17 @@ class Heads {
   }
   /// Removes the chunk and the later ones of its session.
   void endBefore(std::size_t chunk) {
+    assert(head_of_[chunk] < heads_.size());
     Head& head = heads_[head_of_[chunk]];
     while (!head.chunks.empty() && head.chunks.back() >= chunk) {
+      assert(head.samples >= samples_[head.chunks.back()]);
+      assert(head.bytes >= chunks_[head.chunks.back()]->bytes.size());
       head_of_[head.chunks.back()] = kNone;
       head.samples -= samples_[head.chunks.back()];
       head.bytes -= chunks_[head.chunks.back()]->bytes.size();
       head.chunks.pop_back();
     }
+    assert(!head.chunks.empty() || (head.samples == 0 && head.bytes == 0));
   }
   /// Removes all chunks of the session.
   void drop(std::size_t head) {
@@ -147,6 +152,7 @@ Result<std::vector<bool>> Heads::take(Connection& connection) const {
       bytes.push_back(chunks_[i]->bytes);
     }
   }
+  assert(ids.size() == sent.size() && bytes.size() <= chunks_.size());
   std::vector<bool> taken(heads_.size());
   if (sent.empty()) return taken;
 
@@ -176,11 +182,11 @@ Result<std::vector<bool>> Heads::take(Connection& connection) const {
 }
 
 /// How many of the first chunks go into one statement.
-std::size_t countTogether(Heads::Chunks chunks) {
+std::size_t batchSize(Heads::Chunks chunks) {
   std::size_t count = 0, bytes = 0;
-  for (; count < chunks.size() && count < SessionStore::kMostTogether; ++count) {
+  for (; count < chunks.size() && count < SessionStore::kMaxTogether; ++count) {
     bytes += chunks[count]->bytes.size();
-    if (count > 0 && bytes > SessionStore::kMostTogetherBytes) break;
+    if (count > 0 && bytes > SessionStore::kMaxTogetherBytes) break;
   }
   return count;
 }
@@ -203,7 +209,8 @@ Status takeAgain(Connection& connection, const Heads& heads,
 
 Result<std::vector<std::optional<Status>>> SessionStore::appendMany(
     std::span<const ArrivedChunk* const> chunks) {
-  const std::size_t count = countTogether(chunks);
+  const std::size_t count = batchSize(chunks);
+  assert(count <= chunks.size());
   chunks = chunks.first(count);
   std::vector<std::optional<Status>> results(count);
   if (connection_.sqlite() != nullptr) return results;
@@ -223,6 +230,7 @@ Result<std::vector<std::optional<Status>>> SessionStore::appendMany(
       Appended appended{Appended::Kind::kStored, chunks[i]->seq + 1, {}};
       results[i] = chunks[i]->admit ? chunks[i]->admit(appended) : Status();
       if (results[i]->ok()) {
+        assert(chunks[i]->appended != nullptr);
         *chunks[i]->appended = std::move(appended);
       } else {
         heads.endBefore(i);

@@ -13,7 +13,7 @@
 #include "db/sessions/session_store.h"
 #include "db/sessions/unknown_trainees.h"
 #include "db/store/connection.h"
-#include "db/store/text_pages.h"
+#include "db/store/rows.h"
 
 namespace needlelab {
 namespace {

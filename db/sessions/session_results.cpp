@@ -13,8 +13,7 @@
 
 #include "common/base/text/text.h"
 #include "db/sessions/session_rows.h"
-#include "db/store/base_revision.h"
-#include "db/store/text_pages.h"
+#include "db/store/rows.h"
 #include "db/teaching/documents.h"
 
 namespace needlelab {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
 #include "common/gesture/chunk.h"
 
 namespace needlelab {
@@ -117,7 +117,7 @@ ChunkScan::ChunkScan(Connection& connection, std::string name, const StoredRecor
       recording_(recording),
       next_(from),
       to_(std::min(to, recording.chunks)),
-      most_bytes_(most_bytes) {}
+      max_bytes_(most_bytes) {}
 
 Error ChunkScan::faultOf(const std::string& what) const {
   return {ErrorCode::kCorrupt, fmt::format("{}, chunk {}: {}", name_, next_, what)};
@@ -141,7 +141,7 @@ void ChunkScan::ask() {
   }
   // up to the row that reaches the piece's size; reading the lengths does not read the bytes
   piece_to_ = std::min(to_, next_ + kPieceChunks);
-  piece_bytes_ = std::clamp<std::uint64_t>(most_bytes_, 1, kPieceBytes);
+  piece_bytes_ = std::clamp<std::uint64_t>(max_bytes_, 1, kPieceBytes);
   in_piece_ = 0;
   rows_.emplace(
       connection_.query("SELECT k.seq, k.samples, k.crc, k.bytes, 1 FROM (SELECT seq, samples, crc, bytes,"
@@ -178,7 +178,7 @@ Result<std::optional<ChunkScan::Item>> ChunkScan::next() {
     if (row_there_) {
       const std::uint64_t cost = rows_->bytes(3).size() + kChunkCost;
       in_piece_ += cost;
-      most_bytes_ -= std::min(most_bytes_, cost);
+      max_bytes_ -= std::min(max_bytes_, cost);
     } else if (isCut()) {
       rows_.reset();
     }

@@ -9,7 +9,7 @@
 #include "common/base/bytes.h"
 #include "common/base/result.h"
 #include "common/base/text/uuid.h"
-#include "common/gesture/session_hash.h"
+#include "common/gesture/chunk.h"
 #include "db/store/connection.h"
 #include "needlelab/types.pb.h"
 
@@ -68,7 +68,7 @@ class ChunkScan {
   const StoredRecording recording_;
   std::uint64_t next_;
   const std::uint64_t to_;
-  std::uint64_t most_bytes_;  ///< remaining budget
+  std::uint64_t max_bytes_;  ///< remaining budget
   std::uint64_t piece_to_ = 0, piece_bytes_ = 0, in_piece_ = 0;
   std::optional<Statement> rows_;
   bool row_there_ = false;  ///< rows_ is at a row not delivered yet

@@ -13,7 +13,7 @@
 #include "common/base/bytes.h"
 #include "common/base/result.h"
 #include "common/base/text/uuid.h"
-#include "common/gesture/session_hash.h"
+#include "common/gesture/chunk.h"
 #include "db/sessions/arrived_chunk.h"
 #include "db/store/connection.h"
 #include "needlelab/control.pb.h"
@@ -168,15 +168,15 @@ class SessionStore {
 
   /// Stores many chunks in one statement, for engines where a statement costs a round trip (PostgreSQL; on
   /// SQLite it stores none). Considers the first of `chunks`, as many as it returns results: at most
-  /// kMostTogether and, after the first, kMostTogetherBytes in total. Result per chunk: nothing - call
+  /// kMaxTogether and, after the first, kMaxTogetherBytes in total. Result per chunk: nothing - call
   /// append() for it, in order with the other chunks left; success - stored, with `appended` as append()
   /// would set it; an error - from its admit(), not stored. A chunk is taken if it is sound, is the next one
   /// of an open session and was sent under its station's newest claim, and if all earlier chunks of that
   /// session are taken too, so the outcome is the same as one by one. Calls admit() once per chunk, in order.
   /// Uses its own savepoint. Errors: nothing is stored, and all `appended` are invalid.
   Result<std::vector<std::optional<Status>>> appendMany(std::span<const ArrivedChunk* const> chunks);
-  static constexpr std::size_t kMostTogether = 512;
-  static constexpr std::size_t kMostTogetherBytes = std::size_t{4} << 20;
+  static constexpr std::size_t kMaxTogether = 512;
+  static constexpr std::size_t kMaxTogetherBytes = std::size_t{4} << 20;
 
   /// Closes a session whose chunks a reader has hashed (hashOn); reads none itself, however long the session
   /// is. kNotHashed: the hash is needed, and `known` covers other chunks than are stored, because more

@@ -3,11 +3,10 @@
 #include <algorithm>
 
 #include "common/base/text/text.h"
-#include "db/people/erased_people.h"
 #include "db/people/people.h"
 #include "db/people/person_name.h"
 #include "db/people/person_refs.h"
-#include "db/store/lab_settings.h"
+#include "db/store/schema.h"
 #include "db/teaching/assignments.h"
 #include "db/teaching/attempts.h"
 #include "db/teaching/documents.h"

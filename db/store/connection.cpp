@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <cassert>
 #include <limits>
 #include <utility>
 
@@ -50,6 +51,7 @@ void Connection::close() {
 }
 
 Statement Connection::prepare(std::string_view sql) {
+  assert(engine_ != nullptr && "the connection was moved away");
   // called five times per incoming chunk: avoids repeated allocations of key and entry
   thread_local std::string key;
   key.assign(sql);
@@ -73,6 +75,7 @@ void Connection::giveBack(std::unique_ptr<EngineStatement> statement) {
 }
 
 void Connection::forgetOldest() {
+  assert(!idle_.empty());
   // a statement in use still has its previous count; if dropped, it comes back as a new entry
   const auto oldest = std::min_element(idle_.begin(), idle_.end(), [](const auto& one, const auto& other) {
     return one.second.used < other.second.used;
@@ -215,6 +218,7 @@ Result<std::int64_t> Statement::runReturning() {
 }
 
 std::int64_t Statement::integer(int column) const {
+  assert(statement_ != nullptr && !failed_);
   return statement_->integer(column);
 }
 
@@ -224,6 +228,7 @@ std::uint64_t Statement::natural(int column) const {
 }
 
 double Statement::real(int column) const {
+  assert(statement_ != nullptr && !failed_);
   return statement_->real(column);
 }
 
@@ -232,19 +237,21 @@ std::string Statement::text(int column) const {
 }
 
 ByteView Statement::bytes(int column) const {
+  assert(statement_ != nullptr && !failed_);
   return statement_->bytes(column);
 }
 
 bool Statement::isNull(int column) const {
+  assert(statement_ != nullptr && !failed_);
   return statement_->isNull(column);
 }
 
 Result<Transaction> Transaction::begin(Connection& connection, Kind kind) {
   using Begin = EngineConnection::Begin;
-  RETURN_IF_ERROR(connection.engine_->begin(kind == Kind::kRead     ? Begin::kView
-                                            : kind == Kind::kWrite  ? Begin::kWrite
-                                            : kind == Kind::kBeside ? Begin::kBeside
-                                                                    : Begin::kWriteSoon));
+  RETURN_IF_ERROR(connection.engine_->begin(kind == Kind::kRead    ? Begin::kView
+                                            : kind == Kind::kWrite ? Begin::kWrite
+                                            : kind == Kind::kSide  ? Begin::kSide
+                                                                   : Begin::kWriteSoon));
   return Transaction(connection);
 }
 
@@ -262,6 +269,7 @@ Transaction::~Transaction() {
 }
 
 Status Transaction::commit() {
+  assert(connection_ != nullptr && "a transaction commits once");
   RETURN_IF_ERROR(connection_->engine_->commit());
   connection_ = nullptr;
   return {};
@@ -281,6 +289,7 @@ Savepoint::~Savepoint() {
 }
 
 Status Savepoint::release() {
+  assert(connection_ != nullptr);
   RETURN_IF_ERROR(connection_->engine_->releaseSavepoint());
   connection_ = nullptr;
   return {};

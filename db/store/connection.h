@@ -215,9 +215,9 @@ class Connection {
   [[nodiscard]] std::uint64_t timesConnected() const { return engine_->timesConnected(); }
   /// Reconnects only to this lab's database (EngineConnection::stayWith).
   void stayWith(LabIdentity lab) { engine_->stayWith(std::move(lab)); }
-  /// Whether no one else works on the database (EngineConnection::isAlone, letOthersIn).
+  /// Whether no one else works on the database (EngineConnection::isAlone, admitOthers).
   [[nodiscard]] bool isAlone() const { return engine_->isAlone(); }
-  Status letOthersIn() { return engine_->letOthersIn(); }
+  Status admitOthers() { return engine_->admitOthers(); }
   /// Data committed here that the engine's server no longer has (EngineConnection::lack).
   [[nodiscard]] std::string lack() const { return engine_->lack(); }
   /// The engine's server's last "no space" error (EngineConnection::takeFull).
@@ -236,8 +236,8 @@ class Connection {
   [[nodiscard]] std::uint64_t roundTrips() const { return engine_->roundTrips(); }
   /// Results received from the engine's server (EngineConnection::results).
   [[nodiscard]] ResultsSoFar results() const { return engine_->results(); }
-  /// Whether a pool may keep it (EngineConnection::mayBeKept).
-  [[nodiscard]] bool mayBeKept() const { return engine_->mayBeKept(); }
+  /// Whether a pool may keep it (EngineConnection::isReusable).
+  [[nodiscard]] bool isReusable() const { return engine_->isReusable(); }
 
   /// The database's file. For other engines: a file of that name in the lab's folder, where its keys are.
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
@@ -280,9 +280,9 @@ class Transaction {
     /// Like kWrite, but on PostgreSQL sent with the first statement (EngineConnection::Begin::kWriteSoon),
     /// which then reports begin()'s errors.
     kWriteSoon,
-    /// Neither waits for writers nor makes them wait (EngineConnection::Begin::kBeside); on its own
+    /// Neither waits for writers nor makes them wait (EngineConnection::Begin::kSide); on its own
     /// connection.
-    kBeside,
+    kSide,
   };
   static Result<Transaction> begin(Connection& connection, Kind kind);
   /// Begins a kRead transaction, or returns nothing inside an existing transaction, which already gives a

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "db/store/postgres_schema.h"
+#include "db/store/schema.h"
 
 namespace needlelab {
 namespace {

@@ -1,4 +1,4 @@
-#include "db/store/postgres_schema.h"
+#include "db/store/schema.h"
 
 #include <fmt/core.h>
 
@@ -8,7 +8,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::int64_t kMostVersion = 9'999;  // as many digits as file names have
+constexpr std::int64_t kMaxVersion = 9'999;  // as many digits as file names have
 
 /// Texts must be compared and case-folded byte by byte, as in SQLite.
 Status requirePlainTexts(Connection& connection) {
@@ -33,7 +33,7 @@ Result<int> postgresSchemaVersion(Connection& connection) {
   if (!there.value_or(false)) return 0;
   ASSIGN_OR_RETURN(const auto versions, connection.prepare("SELECT version FROM schema_version LIMIT 2")
                                             .all([](const Statement& row) { return row.integer(0); }));
-  if (versions.size() == 1 && versions.front() > 0 && versions.front() <= kMostVersion)
+  if (versions.size() == 1 && versions.front() > 0 && versions.front() <= kMaxVersion)
     return static_cast<int>(versions.front());
   return Error{ErrorCode::kCorrupt,
                fmt::format("--store: the table schema_version of the schema needlelab has {}, and not one "

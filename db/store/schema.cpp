@@ -10,7 +10,6 @@
 #include <utility>
 
 #include "db/store/connection.h"
-#include "db/store/postgres_schema.h"
 
 namespace needlelab {
 namespace {
@@ -97,8 +96,8 @@ bool isStatistics(const Definitions::value_type& definition) {
 }
 
 /// Like schemaFaults(), for a file to which exactly `migrations` were applied.
-Result<std::vector<std::string>> faultsBeside(Connection& connection,
-                                              std::span<const EmbeddedFile> migrations) {
+Result<std::vector<std::string>> faultsAfter(Connection& connection,
+                                             std::span<const EmbeddedFile> migrations) {
   ASSIGN_OR_RETURN(auto fresh,
                    Connection::open(":memory:", {.mode = Connection::Mode::kReader, .create = true}));
   RETURN_IF_ERROR(fresh.script("PRAGMA query_only=OFF"));
@@ -153,7 +152,7 @@ Result<std::vector<std::string>> schemaFaults(Connection& connection) {
   if (connection.sqlite() == nullptr)  // older ones are checked when they are migrated
     return found == newestSchemaVersion() ? postgresSchemaFaults(connection, kMaxSchemaFaults)
                                           : std::vector<std::string>();
-  return faultsBeside(connection, embeddedMigrations().first(static_cast<std::size_t>(found)));
+  return faultsAfter(connection, embeddedMigrations().first(static_cast<std::size_t>(found)));
 }
 
 Status migrate(Connection& connection) {
@@ -169,7 +168,7 @@ Status migrate(Connection& connection, std::span<const EmbeddedFile> migrations)
   if (found > known) return newerError(connection, found, known);
   if (on_sqlite) {
     ASSIGN_OR_RETURN(const auto faults,
-                     faultsBeside(connection, migrations.first(static_cast<std::size_t>(found))));
+                     faultsAfter(connection, migrations.first(static_cast<std::size_t>(found))));
     if (!faults.empty()) return foreignSchemaError(connection, faults);
   } else {
     RETURN_IF_ERROR(requirePostgresForSchema(connection));
@@ -212,6 +211,29 @@ Status MetaStore::set(std::string_view key, std::string_view value) {
 
 Result<std::optional<std::string>> MetaStore::get(std::string_view key) {
   return connection_.query("SELECT value FROM meta WHERE key = ?", key).first(firstText);
+}
+
+Result<bool> LabSettingsStore::codesRequired() {
+  return is(kCodesRequiredKey);
+}
+Status LabSettingsStore::setCodesRequired(bool required) {
+  return set(kCodesRequiredKey, required);
+}
+
+Result<bool> LabSettingsStore::keepsRecordingsOfErased() {
+  return is(kKeepErasedKey);
+}
+Status LabSettingsStore::setKeepsRecordingsOfErased(bool keeps) {
+  return set(kKeepErasedKey, keeps);
+}
+
+Result<bool> LabSettingsStore::is(std::string_view key) {
+  ASSIGN_OR_RETURN(const auto value, MetaStore(connection_).get(key));
+  return value == "1";
+}
+
+Status LabSettingsStore::set(std::string_view key, bool value) {
+  return MetaStore(connection_).set(key, value ? "1" : "0");
 }
 
 }  // namespace needlelab

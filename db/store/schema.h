@@ -2,6 +2,7 @@
 /// facts about the database.
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <span>
 #include <string>
@@ -54,7 +55,7 @@ std::span<const EmbeddedFile> embeddedMigrations();
 std::span<const EmbeddedFile> embeddedSamples();
 
 /// Facts about the database, by key: engine_version, created_unix_ns, backup_unix_ns, backup_path; the latest
-/// time (seen_time.h); the lab's settings (lab_settings.h). Does not own the connection. Thread: as its
+/// time (seen_time.h); the lab's settings (LabSettingsStore). Does not own the connection. Thread: as its
 /// Connection; set() needs the writer's.
 class MetaStore {
  public:
@@ -65,5 +66,54 @@ class MetaStore {
  private:
   Connection& connection_;
 };
+
+// --- settings for the whole lab
+
+/// Keys of `meta` that are settings: "1" or "0"; absent: "0". Included in exports.
+inline constexpr std::string_view kCodesRequiredKey = "codes_required";
+inline constexpr std::string_view kKeepErasedKey = "keep_recordings_of_erased";
+
+/// Does not own the connection. Thread: as its Connection; changes need the writer's.
+class LabSettingsStore {
+ public:
+  explicit LabSettingsStore(Connection& connection) : connection_(connection) {}
+
+  /// Whether trainees without a code may practise only as kGuestName.
+  Result<bool> codesRequired();
+  Status setCodesRequired(bool required);
+  /// Whether an erased person's sessions stay, without a name.
+  Result<bool> keepsRecordingsOfErased();
+  Status setKeepsRecordingsOfErased(bool keeps);
+
+ private:
+  Result<bool> is(std::string_view key);
+  Status set(std::string_view key, bool value);
+  Connection& connection_;
+};
+
+// --- PostgreSQL (db/migrations/postgres); private to schema.cpp, which chooses by the engine
+
+/// db/migrations/postgres/*.sql, in order of their numbers.
+std::span<const EmbeddedFile> embeddedPostgresMigrations();
+
+/// 0: the database has no needlelab schema. kCorrupt: its table does not hold exactly one version.
+Result<int> postgresSchemaVersion(Connection& connection);
+
+/// Preconditions of a migration. kInvalidInput: the database's texts do not sort byte by byte. kDenied: as
+/// requireOwnSchema().
+Status requirePostgresForSchema(Connection& connection);
+/// Migrates the schema from the previous version to `version` in one transaction; does nothing if another
+/// server has done it meanwhile.
+Status applyOnPostgres(Connection& connection, const EmbeddedFile& file, int version);
+
+/// Like schemaFaults(), for a schema of the newest version: its triggers, functions, views, rules and row
+/// policies; at most `most`. For views only checks that they exist.
+Result<std::vector<std::string>> postgresSchemaFaults(Connection& connection, std::size_t most);
+
+/// kDenied: the schema, or a table in it, exists and belongs to another role.
+Status requireOwnSchema(Connection& connection);
+
+/// As requireRights().
+Status requirePostgresRights(Connection& connection);
 
 }  // namespace needlelab

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "common/base/files/files.h"
+#include "common/base/planted_bug.h"
 #include "common/base/text/uuid.h"
 #include "db/engine/open_postgres.h"
 #include "db/store/schema.h"
@@ -16,15 +17,15 @@
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kMostStoreFileBytes = 16'384;
+constexpr std::size_t kMaxStoreFileBytes = 16'384;
 constexpr std::string_view kServerLine = "name = ";
-constexpr std::size_t kMostServerName = 64;
+constexpr std::size_t kMaxServerName = 64;
 /// A server that is stopped within a transaction blocks the others for this long.
-constexpr std::chrono::milliseconds kMostIdleTogether{3000};
+constexpr std::chrono::milliseconds kMaxIdleTogether{3000};
 /// After a network cut, stations wait for their server no longer than for another one to take over.
 constexpr std::chrono::milliseconds kTcpPatienceTogether{4000};
 /// A person gives up if a log-in takes longer.
-constexpr std::chrono::milliseconds kConnectBeside{3'000}, kAnswerBeside{5'000};
+constexpr std::chrono::milliseconds kSideConnectTimeout{3'000}, kSideAnswerTimeout{5'000};
 
 bool isOfVersionOrRights(const Error& error) {
   return error.code == ErrorCode::kDenied || error.code == ErrorCode::kVersion;
@@ -55,11 +56,11 @@ Result<Connection> openAt(const StoreAddress& address, Connection::Mode mode, bo
   PostgresOptions options = optionsOf(address);
   options.read_only = mode != Connection::Mode::kWriter;
   options.lab = address.lab;
-  options.local_commits = address.beside_writer;
-  if (address.beside_writer) {
-    options.connect_timeout = kConnectBeside;
-    options.answer_timeout = kAnswerBeside;
-    options.most_idle = kMostIdleTogether;
+  options.local_commits = address.is_side_connection;
+  if (address.is_side_connection) {
+    options.connect_timeout = kSideConnectTimeout;
+    options.answer_timeout = kSideAnswerTimeout;
+    options.max_idle = kMaxIdleTogether;
   }
   ASSIGN_OR_RETURN(auto engine, openPostgres(options));
   return Connection(std::move(engine), address.path);
@@ -80,9 +81,9 @@ Result<Connection> openToServe(const StoreAddress& address, Durability least) {
     options.least = least;
     options.others = PostgresOptions::Others::kNone;
     if (!address.server.empty()) {
-      options.others = PostgresOptions::Others::kTogether;
+      options.others = PostgresOptions::Others::kShared;
       options.only_one_named = address.server;
-      options.most_idle = kMostIdleTogether;
+      options.max_idle = kMaxIdleTogether;
     }
     ASSIGN_OR_RETURN(auto engine, openPostgres(options));
     return Connection(std::move(engine), address.path);
@@ -99,7 +100,7 @@ Result<std::optional<StoreFile>> readStoreFile(const std::filesystem::path& fold
   const auto path = folder / name;
   std::error_code error;
   if (!std::filesystem::exists(path, error)) return std::optional<StoreFile>();
-  ASSIGN_OR_RETURN(const std::string text, readWholeFile(path, kMostStoreFileBytes));
+  ASSIGN_OR_RETURN(const std::string text, readWholeFile(path, kMaxStoreFileBytes));
   StoreFile file;
   std::size_t number = 0;
   const auto wrong = [&](const char* what) {
@@ -137,13 +138,13 @@ Result<std::string> serverNameOf(const std::filesystem::path& folder) {
   const auto path = folder / kServerFile;
   std::error_code error;
   if (!std::filesystem::exists(path, error)) return std::string(kFirstServer);
-  ASSIGN_OR_RETURN(const std::string text, readWholeFile(path, kMostStoreFileBytes));
+  ASSIGN_OR_RETURN(const std::string text, readWholeFile(path, kMaxStoreFileBytes));
   std::string name;
   if (text.starts_with(kServerLine) && text.ends_with('\n'))
     name = text.substr(kServerLine.size(), text.size() - kServerLine.size() - 1);
   constexpr std::string_view kLetters = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz-";
-  const bool is_name = !name.empty() && name.size() <= kMostServerName &&
-                       name.find_first_not_of(kLetters) == std::string::npos;
+  const bool is_name =
+      !name.empty() && name.size() <= kMaxServerName && name.find_first_not_of(kLetters) == std::string::npos;
   if (is_name) return name;
   return Error{
       ErrorCode::kInvalidInput,
@@ -200,6 +201,31 @@ Result<std::string> claimStore(Connection& connection, const StoreAddress& addre
   }
   if (!file || file->url != address.url) RETURN_IF_ERROR(writeStoreFile(folder, {address.url, lab}));
   return lab;
+}
+
+ReaderPool::Lease::~Lease() {
+  // not after a disk error, nor if its server lacks memory, which closing the connection frees
+  if (connection_ == nullptr || !connection_->isReusable()) return;
+  const std::lock_guard lock(pool_->mutex_);
+  if (pool_->idle_.size() < pool_->max_idle_) pool_->idle_.push_back(std::move(connection_));
+}
+
+Result<ReaderPool::Lease> ReaderPool::borrow() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!idle_.empty()) {
+      auto connection = std::move(idle_.back());
+      idle_.pop_back();
+      connection->noteShortRead();
+      if (planted(PlantedBug::kSecondCheckpointer)) (void)connection->checkpointPassive();
+      return Lease(*this, std::move(connection));
+    }
+  }
+  auto connected = openAt(address_, mode_);
+  if (!connected) return address_.isPostgres() ? storeAway(connected.error()) : connected.error();
+  Connection opened = std::move(connected).value();
+  if (planted(PlantedBug::kSecondCheckpointer)) (void)opened.checkpointPassive();
+  return Lease(*this, std::make_unique<Connection>(std::move(opened)));
 }
 
 }  // namespace needlelab

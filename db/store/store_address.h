@@ -1,11 +1,15 @@
-/// The location of the lab's database, and the file DIR/store, which points a folder to a database elsewhere.
+/// The location of the lab's database, the file DIR/store, which points a folder to a database elsewhere, and
+/// a pool of readers.
 #pragma once
 
 #include <filesystem>
 #include <functional>
+#include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "common/base/result.h"
 #include "db/engine/engine.h"
@@ -20,7 +24,7 @@ struct StoreAddress {
   /// Like PostgresOptions::lab. Not set for the connection that creates or migrates the database.
   std::optional<LabIdentity> lab = {};
   /// For log-in state (shared_logins.h): connections wait for no standby, and only briefly for anything else.
-  bool beside_writer = false;
+  bool is_side_connection = false;
   /// The server's name (serverNameOf), if it works with others on the database; PostgresOptions::server of
   /// connections that write.
   std::string server = {};
@@ -87,5 +91,44 @@ Result<StoreAddress> addressOf(const std::filesystem::path& folder, const std::s
 /// missing and the database is new, or if the URL has changed. For a connection to PostgreSQL that may write.
 /// Returns the id. kInvalidInput: another lab's database.
 Result<std::string> claimStore(Connection& connection, const StoreAddress& address);
+
+// --- a pool of query-only connections, borrowed for a short time
+
+/// Opens a connection if none is idle, and keeps at most `max_idle`. Thread: borrow() may be called from any
+/// thread; a Lease is used by one thread at a time. The pool must outlive its leases.
+class ReaderPool {
+ public:
+  /// A borrowed connection; the destructor returns it.
+  class Lease {
+   public:
+    Lease(Lease&&) noexcept = default;
+    Lease& operator=(Lease&&) = delete;
+    ~Lease();
+    Connection& operator*() { return *connection_; }
+    Connection* operator->() { return connection_.get(); }
+
+   private:
+    friend class ReaderPool;
+    Lease(ReaderPool& pool, std::unique_ptr<Connection> connection)
+        : pool_(&pool), connection_(std::move(connection)) {}
+    ReaderPool* pool_;
+    std::unique_ptr<Connection> connection_;  ///< null after a move
+  };
+
+  /// `mode`: kReader, or kFrozen if there is no writer.
+  explicit ReaderPool(StoreAddress address, std::size_t max_idle = 8,
+                      Connection::Mode mode = Connection::Mode::kReader)
+      : address_(std::move(address)), max_idle_(max_idle), mode_(mode) {}
+
+  Result<Lease> borrow();
+  [[nodiscard]] const std::filesystem::path& path() const { return address_.path; }
+
+ private:
+  const StoreAddress address_;
+  const std::size_t max_idle_;
+  const Connection::Mode mode_;
+  std::mutex mutex_;
+  std::vector<std::unique_ptr<Connection>> idle_;  ///< guarded by mutex_
+};
 
 }  // namespace needlelab

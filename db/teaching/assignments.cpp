@@ -10,13 +10,13 @@
 #include <utility>
 
 #include "db/people/people.h"
-#include "db/store/text_lists.h"
+#include "db/store/rows.h"
 #include "db/teaching/documents.h"
 
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kMostDatesKept = 1 << 20;  // of groups; 16 bytes each
+constexpr std::size_t kMaxDatesKept = 1 << 20;  // of groups; 16 bytes each
 
 constexpr std::string_view kAssignment =
     "SELECT id, course_id, exercise_id, group_id, trainee, due_unix_ns, by_whom,"
@@ -120,7 +120,7 @@ namespace {
 constexpr std::string_view kOfTrainee =
     "(trainee = ?1 OR group_id IN (SELECT group_id FROM group_members WHERE person = ?1))";
 
-Result<bool> thereIsOne(Result<std::optional<std::int64_t>> found) {
+Result<bool> isFound(Result<std::optional<std::int64_t>> found) {
   if (!found) return found.error();
   return found->has_value();
 }
@@ -133,16 +133,16 @@ std::int64_t firstInteger(const Statement& row) {
 
 Result<bool> AssignmentStore::isAssigned(std::string_view trainee, std::string_view exercise_id,
                                          std::string_view course_id) {
-  return thereIsOne(connection_
-                        .query(fmt::format("SELECT 1 FROM assignments WHERE {} AND (exercise_id = ?2"
-                                           " OR course_id = ?3) LIMIT 1",
-                                           kOfTrainee),
-                               trainee, exercise_id, course_id)
-                        .first(firstInteger));
+  return isFound(connection_
+                     .query(fmt::format("SELECT 1 FROM assignments WHERE {} AND (exercise_id = ?2"
+                                        " OR course_id = ?3) LIMIT 1",
+                                        kOfTrainee),
+                            trainee, exercise_id, course_id)
+                     .first(firstInteger));
 }
 
 Result<bool> AssignmentStore::isAssignedOf(std::string_view trainee, std::string_view course_id) {
-  return thereIsOne(
+  return isFound(
       connection_
           .query(fmt::format("SELECT 1 FROM assignments WHERE {} AND (course_id = ?2 OR exercise_id IN"
                              " (SELECT id FROM exercises WHERE curriculum_id = ?2)) LIMIT 1",
@@ -200,7 +200,7 @@ Result<std::map<std::string, CourseDates::Dates>> CourseDates::datesWhere(
 Status CourseDates::readFor(std::span<const std::string> trainees) {
   ASSIGN_OR_RETURN(own_, datesWhere("trainee", trainees));
   ASSIGN_OR_RETURN(groups_of_, GroupStore(connection_).groupsOfMany(trainees));
-  if (kept_ > kMostDatesKept) {
+  if (kept_ > kMaxDatesKept) {
     groups_.clear();
     kept_ = 0;
   }

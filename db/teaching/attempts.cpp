@@ -5,7 +5,7 @@
 #include <iterator>
 #include <utility>
 
-#include "db/store/text_lists.h"
+#include "db/store/rows.h"
 
 namespace needlelab {
 namespace {
@@ -117,7 +117,7 @@ Result<std::vector<pb::Attempt>> AttemptStore::page(std::string_view trainee, st
     ASSIGN_OR_RETURN(key, keyOf(connection_, trainee, exercise_id, *after));
   }
   const auto withScore = [](const Statement& row) { return attemptOf(row, true); };
-  const auto most_rows = static_cast<std::uint64_t>(most);
+  const auto max_rows = static_cast<std::uint64_t>(most);
   if (!exercise_id.empty()) {
     std::uint32_t before = 0;
     if (after) {
@@ -125,7 +125,7 @@ Result<std::vector<pb::Attempt>> AttemptStore::page(std::string_view trainee, st
     }
     return connection_
         .query(attemptsAt(kPlacesBehind, kInOrder, true), trainee, exercise_id, key.started_ns, key.number,
-               std::uint64_t{before}, most_rows)
+               std::uint64_t{before}, max_rows)
         .all(withScore);
   }
   const std::string places = fmt::format(
@@ -135,7 +135,7 @@ Result<std::vector<pb::Attempt>> AttemptStore::page(std::string_view trainee, st
   // third value empty: no uncounted session is included
   return connection_
       .query(attemptsAt(places, kInOrder, true), trainee, exercise_id, ByteView(), key.started_ns, key.number,
-             most_rows)
+             max_rows)
       .all(withScore);
 }
 

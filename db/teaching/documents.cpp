@@ -5,7 +5,7 @@
 #include <map>
 
 #include "common/base/text/text.h"
-#include "db/store/base_revision.h"
+#include "db/store/rows.h"
 #include "db/teaching/attempts.h"
 
 namespace needlelab {

@@ -111,7 +111,7 @@ class StreamConnection : public HttpConnection {
     takeover_ ? takeover_->cut() : plain().close();
   }
 
-  void lookForHangUp() override {
+  void checkHangUp() override {
     if (!answering_ || *gone_) return;
     pollfd asked{plain().socket().native_handle(), POLLRDHUP, 0};
     if (::poll(&asked, 1, 0) > 0) *gone_ = true;
@@ -193,7 +193,7 @@ class StreamConnection : public HttpConnection {
     answering_ = false;
     if (cut_) co_return false;
     if (answer.takeover) {
-      co_await giveOver(parser, answer, *request, begun_ns);
+      co_await handOverStream(parser, answer, *request, begun_ns);
       co_return false;
     }
     if (last || stopping_ || server_->stopping() || !parser.keep_alive()) answer.close = true;
@@ -202,7 +202,8 @@ class StreamConnection : public HttpConnection {
     co_return sent && !answer.close;
   }
 
-  Task<> giveOver(HttpParser& parser, HttpAnswer& answer, const HttpRequest& request, std::int64_t begun_ns) {
+  Task<> handOverStream(HttpParser& parser, HttpAnswer& answer, const HttpRequest& request,
+                        std::int64_t begun_ns) {
     if (!stream_.secure()) co_return;
     note(101, request, true, begun_ns);
     auto upgrade = std::make_shared<const HttpTakeover::Upgrade>(parser.release());
@@ -458,9 +459,9 @@ void HttpServer::cut(std::uint64_t id) {
   if (const auto connection = found == connections_.end() ? nullptr : found->second.lock()) connection->cut();
 }
 
-void HttpServer::lookForHangUps() {
+void HttpServer::checkHangUps() {
   for (const auto& [id, weak] : connections_) {
-    if (const auto connection = weak.lock()) connection->lookForHangUp();
+    if (const auto connection = weak.lock()) connection->checkHangUp();
   }
 }
 

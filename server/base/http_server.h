@@ -58,7 +58,7 @@ class HttpConnection {
   virtual void cut() = 0;
   /// Nothing is read while a request is being answered. So this asks the kernel whether the client has closed
   /// its side; HttpRequest::gone is true from then on.
-  virtual void lookForHangUp() = 0;
+  virtual void checkHangUp() = 0;
 };
 
 /// Thread: the network's. Ownership: kept alive by its coroutines.
@@ -77,7 +77,7 @@ class HttpServer : public std::enable_shared_from_this<HttpServer> {
   /// Cuts one connection; ignores unknown ids.
   void cut(std::uint64_t id);
   /// Finds clients that hung up while their requests were being answered. Call it periodically.
-  void lookForHangUps();
+  void checkHangUps();
   [[nodiscard]] std::size_t connections() const { return connections_.size(); }
   [[nodiscard]] std::uint16_t port() const { return port_; }
   [[nodiscard]] bool stopping() const { return stopping_; }

@@ -131,8 +131,8 @@ void boundKernelBytes(int fd) {
   };
   set(SOL_SOCKET, SO_RCVBUF, kKernelBufferBytes);
   set(SOL_SOCKET, SO_SNDBUF, kKernelBufferBytes);
-  set(IPPROTO_TCP, TCP_NOTSENT_LOWAT, kMostUnsentBytes);
-  set(IPPROTO_TCP, TCP_USER_TIMEOUT, kMostUnacknowledgedMs);
+  set(IPPROTO_TCP, TCP_NOTSENT_LOWAT, kMaxUnsentBytes);
+  set(IPPROTO_TCP, TCP_USER_TIMEOUT, kMaxUnacknowledgedMs);
 }
 
 Task<> acceptLoop(Tcp::acceptor& acceptor, std::string event, std::function<void(Tcp::socket)> accepted) {

@@ -24,7 +24,7 @@ Result<Tcp::acceptor> listenOnHandedOver(asio::io_context& io, int fd);
 /// Most unsent bytes of a connection that the kernel accepts (TCP_NOTSENT_LOWAT); some 50 KiB with the last
 /// write. If the peer does not read, the rest waits in the program, where ByteBudget counts it. Does not
 /// limit what is in flight to a peer that reads.
-inline constexpr int kMostUnsentBytes = 32 << 10;
+inline constexpr int kMaxUnsentBytes = 32 << 10;
 
 /// SO_RCVBUF and SO_SNDBUF of a connection. The kernel doubles each (for its bookkeeping): one for what the
 /// server has not read, one for what the peer has not acknowledged. So it holds at most 512 KiB per
@@ -34,7 +34,7 @@ inline constexpr int kKernelBufferBytes = 128 << 10;
 
 /// The kernel ends a connection after this time (TCP_USER_TIMEOUT, ms) if the peer acknowledges nothing, or
 /// has no room for what waits.
-inline constexpr unsigned kMostUnacknowledgedMs = 30'000;
+inline constexpr unsigned kMaxUnacknowledgedMs = 30'000;
 
 /// Sets these bounds on a socket. Connections inherit them from the listening socket, as it was when they
 /// arrived; their windows can grow up to them.

@@ -165,25 +165,25 @@ void LogBound::turnTo(std::int64_t now_ns) {
   if (!began_ns_ || now_ns - *began_ns_ < period_ns_) return;
   began_ns_.reset();
   written_ = 0;
-  to_say_ += std::exchange(left_out_, 0);
+  to_report_ += std::exchange(omitted_, 0);
 }
 
 bool LogBound::take(std::int64_t now_ns) {
   turnTo(now_ns);
   if (!began_ns_) began_ns_ = now_ns;
   const bool fits = written_ < lines_;
-  ++(fits ? written_ : left_out_);
+  ++(fits ? written_ : omitted_);
   return fits;
 }
 
-std::uint64_t LogBound::leftOut(std::int64_t now_ns) {
+std::uint64_t LogBound::takeOmittedCount(std::int64_t now_ns) {
   turnTo(now_ns);
-  return std::exchange(to_say_, 0);
+  return std::exchange(to_report_, 0);
 }
 
 bool LogBound::over(std::int64_t now_ns) {
   turnTo(now_ns);
-  return !began_ns_ && to_say_ == 0;
+  return !began_ns_ && to_report_ == 0;
 }
 
 Result<LogFormat> parseLogFormat(std::string_view name) {

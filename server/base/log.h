@@ -45,8 +45,8 @@ class LogBound {
   /// Whether one more line may be written. If false, it is counted as left out.
   bool take(std::int64_t now_ns);
   /// Number of lines left out in periods that have ended; each is reported once.
-  std::uint64_t leftOut(std::int64_t now_ns);
-  /// True when no period is active and leftOut() has nothing left to report.
+  std::uint64_t takeOmittedCount(std::int64_t now_ns);
+  /// True when no period is active and takeOmittedCount() has nothing left to report.
   bool over(std::int64_t now_ns);
 
  private:
@@ -54,7 +54,7 @@ class LogBound {
   const std::uint64_t lines_;
   const std::int64_t period_ns_;
   std::optional<std::int64_t> began_ns_;  // of the period; it begins with its first line
-  std::uint64_t written_ = 0, left_out_ = 0, to_say_ = 0;
+  std::uint64_t written_ = 0, omitted_ = 0, to_report_ = 0;
 };
 
 enum class LogFormat { kText, kJson };

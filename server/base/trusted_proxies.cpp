@@ -12,11 +12,11 @@ namespace {
 
 namespace ip = boost::asio::ip;
 
-constexpr std::size_t kMostAddress = 64;  // characters of an address with its port
+constexpr std::size_t kMaxAddress = 64;  // characters of an address with its port
 
 /// Maps IPv4 in IPv6 to IPv4. Nothing: not an address.
 std::optional<ip::address> addressOf(std::string_view text) {
-  if (text.size() > kMostAddress) return std::nullopt;
+  if (text.size() > kMaxAddress) return std::nullopt;
   boost::system::error_code error;
   const ip::address address = ip::make_address(std::string(text), error);
   if (error) return std::nullopt;

@@ -22,9 +22,9 @@ struct ServerCounters {
   std::uint64_t messages_refused = 0;
   std::uint64_t messages_refused_unparsed = 0;       ///< of those, by their first bytes
   std::uint64_t messages_parsed = 0;                 ///< all but live frames, which are forwarded as bytes
-  std::uint64_t messages_parsed_elsewhere = 0;       ///< of those, not on the network's thread
+  std::uint64_t messages_parsed_off_thread = 0;      ///< of those, not on the network's thread
   std::uint64_t decoded_bytes = 0;                   ///< of parsed messages: an estimate (PayloadCost)
-  std::uint64_t most_reply_bytes = 0;                ///< being made or unread at once; see Server::counters()
+  std::uint64_t max_reply_bytes = 0;                 ///< being made or unread at once; see Server::counters()
   std::uint64_t refused_for_room = 0;                ///< for lack of room, on both ports
   std::uint64_t live_dropped = 0;                    ///< of connections that have ended
   std::uint64_t connections_refused = 0;             ///< because of too many connections

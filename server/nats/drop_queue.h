@@ -15,7 +15,7 @@ template <typename Item>
 class DropQueue {
  public:
   DropQueue(std::size_t most_items, std::size_t most_bytes)
-      : most_items_(most_items), most_bytes_(most_bytes) {}
+      : max_items_(most_items), max_bytes_(most_bytes) {}
 
   /// Returns how many items were dropped to make room.
   std::uint64_t push(Item item) {
@@ -23,7 +23,7 @@ class DropQueue {
     items_.push_back(std::move(item));
     std::uint64_t dropped = 0;
     // keep the newest even if it alone exceeds the limit
-    for (; items_.size() > 1 && (items_.size() > most_items_ || bytes_ > most_bytes_); ++dropped) (void)pop();
+    for (; items_.size() > 1 && (items_.size() > max_items_ || bytes_ > max_bytes_); ++dropped) (void)pop();
     return dropped;
   }
   std::optional<Item> pop() {
@@ -45,7 +45,7 @@ class DropQueue {
   [[nodiscard]] std::size_t bytes() const { return bytes_; }
 
  private:
-  const std::size_t most_items_, most_bytes_;
+  const std::size_t max_items_, max_bytes_;
   std::deque<Item> items_;
   std::size_t bytes_ = 0;
 };

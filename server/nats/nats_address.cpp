@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 #include <sys/stat.h>
 
+#include <array>
 #include <charconv>
 #include <cstdlib>
 #include <optional>
@@ -17,8 +18,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMostServers = 16;
-constexpr std::size_t kMostUserFileBytes = 16u << 10;
+constexpr std::size_t kMaxServers = 16;
+constexpr std::size_t kMaxUserFileBytes = 16u << 10;
 constexpr std::string_view kNatsScheme = "nats://", kTlsScheme = "tls://";
 constexpr std::string_view kCredsStart = "-----BEGIN NATS USER JWT-----";
 
@@ -103,9 +104,9 @@ Result<NatsAddress> parseNatsAddress(const std::string& text) {
     ASSIGN_OR_RETURN(auto server, parseServer(one));
     address.servers.push_back(std::move(server));
   }
-  if (address.servers.size() > kMostServers)
+  if (address.servers.size() > kMaxServers)
     return invalidAddress(
-        fmt::format("{} servers, at most {} are possible", address.servers.size(), kMostServers));
+        fmt::format("{} servers, at most {} are possible", address.servers.size(), kMaxServers));
   address.tls = *tls;
   return address;
 }
@@ -121,7 +122,7 @@ Result<NatsUser> readNatsUser(const fs::path& file) {
   struct stat info {};
   if (::stat(file.c_str(), &info) == 0 && (info.st_mode & 0077) != 0 && !isCredential(file))
     return invalid("may be read by others: chmod 600 " + file.string());
-  auto text = readWholeFile(file, kMostUserFileBytes);
+  auto text = readWholeFile(file, kMaxUserFileBytes);
   if (!text) return Error{ErrorCode::kInvalidInput, "--live-user " + text.error().message};
   const WipeAtEnd wipe_text(*text);
   NatsUser user;
@@ -156,6 +157,68 @@ fs::path natsUserFile(const fs::path& given) {
   std::error_code error;
   const fs::path file = fs::path(folder) / "nats.user";
   return fs::exists(file, error) ? file : fs::path();
+}
+
+namespace {
+
+constexpr std::array<std::string_view, kLivePlanes> kPlanes = {"presence", "watch", "live", "ask", "answer"};
+
+bool isPlain(char c) {
+  return isLetterOrDigit(c) || c == '-' || c == '_';
+}
+
+}  // namespace
+
+std::string_view nameOf(LivePlane plane) {
+  return kPlanes[static_cast<std::size_t>(plane)];
+}
+
+std::string subjectToken(std::string_view name) {
+  std::string token;
+  for (const char c : name) {
+    if (isPlain(c))
+      token += c;
+    else
+      token += fmt::format("={:02x}", static_cast<unsigned>(static_cast<unsigned char>(c)));
+  }
+  return token;
+}
+
+std::optional<std::string> nameOfToken(std::string_view token) {
+  std::string name;
+  for (std::size_t at = 0; at < token.size(); ++at) {
+    if (isPlain(token[at])) {
+      name += token[at];
+      continue;
+    }
+    if (token[at] != '=' || token.size() - at < 3) return std::nullopt;
+    const int high = hexDigit(token[at + 1]), low = hexDigit(token[at + 2]);
+    if (high < 0 || low < 0) return std::nullopt;
+    name += static_cast<char>(16 * high + low);
+    at += 2;
+  }
+  // each name has exactly one token
+  if (name.empty() || subjectToken(name) != token) return std::nullopt;
+  return name;
+}
+
+std::string subjectOf(std::string_view lab, LivePlane plane, const std::optional<std::string>& name) {
+  return fmt::format("nl.{}.{}.{}", subjectToken(lab), nameOf(plane), name ? subjectToken(*name) : "*");
+}
+
+std::optional<SubjectParts> partsOfSubject(std::string_view lab, std::string_view subject) {
+  const std::string start = "nl." + subjectToken(lab) + ".";
+  if (!subject.starts_with(start)) return std::nullopt;
+  subject.remove_prefix(start.size());
+  const auto dot = subject.find('.');
+  if (dot == std::string_view::npos) return std::nullopt;
+  for (std::size_t plane = 0; plane < kLivePlanes; ++plane) {
+    if (kPlanes[plane] != subject.substr(0, dot)) continue;
+    auto name = nameOfToken(subject.substr(dot + 1));
+    if (!name) return std::nullopt;
+    return SubjectParts{static_cast<LivePlane>(plane), *std::move(name)};
+  }
+  return std::nullopt;
 }
 
 }  // namespace needlelab

@@ -20,10 +20,8 @@
 #include "common/base/text/text.h"
 #include "common/base/time/clock.h"
 #include "server/base/log.h"
-#include "server/nats/back_off.h"
 #include "server/nats/drop_queue.h"
 #include "server/nats/nats_address.h"
-#include "server/nats/nats_subjects.h"
 
 namespace needlelab {
 namespace {
@@ -33,7 +31,7 @@ using std::chrono::milliseconds;
 constexpr std::int64_t kConnect_ms = 2'000;  // for connecting, TLS, and each answer meanwhile
 constexpr std::int64_t kWrite_ms = 2'000;
 constexpr std::int64_t kPing_ms = 1'000;  // two unanswered pings end the connection
-constexpr int kMostPingsOut = 2;
+constexpr int kMaxPingsOut = 2;
 constexpr std::int64_t kLastFlush_ms = 500;
 constexpr milliseconds kStops{3'000};
 constexpr milliseconds kLasted{10'000};  // only a connection that lasted this long resets the waiting time
@@ -94,7 +92,7 @@ Exchange& keptExchange(const NatsSettings& settings) {
 }
 
 /// On the network's thread: takes some of the received messages at a time.
-void takeWhatCame(Exchange& exchange) {
+void drainInbox(Exchange& exchange) {
   std::vector<Incoming> items;
   std::deque<LinkNews> news;
   {
@@ -110,7 +108,7 @@ void takeWhatCame(Exchange& exchange) {
     }
     exchange.posted = !(exchange.rest_in.empty() && exchange.frames_in.empty());
     if (exchange.posted && exchange.network)
-      asio::post(*exchange.network, [&exchange] { takeWhatCame(exchange); });
+      asio::post(*exchange.network, [&exchange] { drainInbox(exchange); });
   }
   for (const LinkNews& each : news)
     if (exchange.listener != nullptr) exchange.listener->onLink(each.up, each.why);
@@ -121,10 +119,10 @@ void takeWhatCame(Exchange& exchange) {
 /// Call with the mutex held.
 void wakeNetwork(Exchange& exchange) {
   if (!exchange.network || std::exchange(exchange.posted, true)) return;
-  asio::post(*exchange.network, [&exchange] { takeWhatCame(exchange); });
+  asio::post(*exchange.network, [&exchange] { drainInbox(exchange); });
 }
 
-void tellLink(Exchange& exchange, bool up, const std::string& why) {
+void reportLink(Exchange& exchange, bool up, const std::string& why) {
   const std::lock_guard lock(exchange.mutex);
   exchange.up = exchange.counters.connected = up;
   if (up) ++exchange.counters.connections;
@@ -299,16 +297,16 @@ class Carrier final : public NatsCarrier {
       std::string why;
       if (auto link = connect(server, why)) {
         logEvent(LogLevel::kInfo, "live_link", {{"state", "up"}, {"nats", server.url()}});
-        tellLink(exchange_, true, "");
+        reportLink(exchange_, true, "");
         why = serve(*link);
-        tellLink(exchange_, false, why);
+        reportLink(exchange_, false, why);
         if (steadyNowNs() - began_ns > std::chrono::nanoseconds(kLasted).count()) back_off.reset();
         said.clear();
       }
       // log each reason only once in a row
       if (!stopping() && std::exchange(said, why) != why) {
         logEvent(LogLevel::kWarning, "live_link", {{"state", "down"}, {"nats", server.url()}, {"text", why}});
-        tellLink(exchange_, false, why);
+        reportLink(exchange_, false, why);
       }
       std::unique_lock lock(exchange_.mutex);
       exchange_.changed.wait_for(lock, back_off.next(unit(random)), [this] { return exchange_.stopping; });
@@ -333,7 +331,7 @@ class Carrier final : public NatsCarrier {
     set(natsOptions_SetTimeout(options, kConnect_ms));
     set(natsOptions_SetWriteDeadline(options, kWrite_ms));
     set(natsOptions_SetPingInterval(options, kPing_ms));
-    set(natsOptions_SetMaxPingsOut(options, kMostPingsOut));
+    set(natsOptions_SetMaxPingsOut(options, kMaxPingsOut));
     set(natsOptions_SetAllowReconnect(options, false));
     set(natsOptions_SetIgnoreDiscoveredServers(options, true));
     set(natsOptions_SetNoEcho(options, true));
@@ -375,7 +373,7 @@ class Carrier final : public NatsCarrier {
         exchange_.closed = natsConnection_IsClosed(connected);
         exchange_.closed_why.clear();
       }
-      listenToWanted(*link);
+      subscribeToWanted(*link);
       // the subscriptions are active once it has answered
       status = natsConnection_FlushTimeout(connected, kConnect_ms);
     }
@@ -397,7 +395,7 @@ class Carrier final : public NatsCarrier {
     return natsSubscription_SetPendingLimits(made, kPendingItems, kPendingBytes);
   }
 
-  void listenToWanted(Link& link) {
+  void subscribeToWanted(Link& link) {
     std::set<std::string> wanted;
     {
       const std::lock_guard lock(exchange_.mutex);
@@ -424,7 +422,7 @@ class Carrier final : public NatsCarrier {
       if (exchange_.closed) break;
       if (exchange_.wanted_changed) {
         lock.unlock();
-        listenToWanted(link);
+        subscribeToWanted(link);
         lock.lock();
         continue;
       }

@@ -46,15 +46,15 @@ void AccessListener::turn() {
       time_.sleepUntilNs(std::min(connect_at_ns_, now_ns + nsOf(settings_.slice)));
     else
       connect();
-    tellOwn();
+    deliverOwnChanges();
     return;
   }
   const auto heard = feed_->wait(settings_.slice);
   if (!heard)
     lose(heard.error());
-  else if (*heard || time_.nowNs() - looked_ns_ >= nsOf(settings_.look_every))
+  else if (*heard || time_.nowNs() - looked_ns_ >= nsOf(settings_.poll_every))
     look();
-  tellOwn();
+  deliverOwnChanges();
 }
 
 void AccessListener::connect() {
@@ -129,7 +129,7 @@ void AccessListener::lose(const Error& error) {
   setFault("changes of access at other servers are not heard: " + error.message);
 }
 
-void AccessListener::tellOwn() {
+void AccessListener::deliverOwnChanges() {
   std::vector<AccessChange> due;
   while (!own_.empty() && own_.front().first <= time_.nowNs()) {
     due.push_back(std::move(own_.front().second));

@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "common/base/time/time_source.h"
-#include "db/login/access_feed.h"
+#include "db/login/access_numbers.h"
 
 namespace needlelab {
 
@@ -26,7 +26,7 @@ namespace needlelab {
 class AccessListener {
  public:
   struct Settings {
-    std::chrono::milliseconds look_every{1'000};
+    std::chrono::milliseconds poll_every{1'000};
     /// Changes count as unknown after this time without a successful look.
     std::chrono::milliseconds deaf_after{3'000};
     std::chrono::milliseconds first_pause{100}, longest_pause{1'000};  ///< between two attempts to connect
@@ -75,7 +75,7 @@ class AccessListener {
   void connect();
   void look();
   void lose(const Error& error);
-  void tellOwn();
+  void deliverOwnChanges();
   void setFault(std::string fault);
 
   const std::unique_ptr<AccessFeed> feed_;

@@ -65,28 +65,28 @@ LoginsInStore::LoginsInStore(Uses uses, Settings settings, TimeSource& time)
       time_(time) {}
 
 template <typename T>
-Task<Result<T>> LoginsInStore::inTurn(std::string turn,
-                                      std::function<Result<T>(LoginStore&, std::int64_t)> work) {
+Task<Result<T>> LoginsInStore::runQueued(std::string turn,
+                                         std::function<Result<T>(LoginStore&, std::int64_t)> work) {
   std::function<Result<T>()> run = [&shared = shared_, work = std::move(work)] {
     return shared.run<T>(work);
   };
   return offload(turns_, std::move(turn), std::move(run));
 }
 
-Task<Status> LoginsInStore::changeInTurn(std::string turn,
+Task<Status> LoginsInStore::changeQueued(std::string turn,
                                          std::function<Status(LoginStore&, std::int64_t)> change) {
   std::function<Result<bool>(LoginStore&, std::int64_t)> work =
       [change = std::move(change)](LoginStore& store, std::int64_t now_ns) -> Result<bool> {
     RETURN_IF_ERROR(change(store, now_ns));
     return true;
   };
-  const auto done = co_await inTurn<bool>(std::move(turn), std::move(work));
+  const auto done = co_await runQueued<bool>(std::move(turn), std::move(work));
   co_return done.ok() ? Status() : Status(done.error());
 }
 
 Task<Result<LoginState::Standing>> LoginsInStore::standing(std::string name, std::string address) {
   std::string turn = turnOfAddress(address);
-  return inTurn<Standing>(
+  return runQueued<Standing>(
       std::move(turn),
       [settings = settings_.guard, name = std::move(name), address = std::move(address)](
           LoginStore& store, std::int64_t now_ns) -> Result<Standing> {
@@ -98,7 +98,7 @@ Task<Result<LoginState::Standing>> LoginsInStore::standing(std::string name, std
 
 Task<Result<LoginState::Try>> LoginsInStore::begin(std::string name, std::string address) {
   std::string turn = turnOfAddress(address);
-  return inTurn<Try>(
+  return runQueued<Try>(
       std::move(turn),
       [settings = settings_.guard, name = std::move(name), address = std::move(address)](
           LoginStore& store, std::int64_t now_ns) -> Result<Try> {
@@ -122,7 +122,7 @@ Task<Result<std::optional<LoginState::Milliseconds>>> LoginsInStore::failed(Try 
   co_return std::optional(tried.then_wait);
 }
 
-Task<Status> LoginsInStore::gaveUp(Try tried) {
+Task<Status> LoginsInStore::abandoned(Try tried) {
   return takeBack(std::move(tried), false);
 }
 
@@ -132,7 +132,7 @@ Task<Status> LoginsInStore::succeeded(Try tried) {
 
 Task<Status> LoginsInStore::takeBack(Try tried, bool is_success) {
   std::string turn = turnOfAddress(tried.address);
-  return changeInTurn(
+  return changeQueued(
       std::move(turn),
       [settings = settings_.guard, tried = std::move(tried), is_success](LoginStore& store,
                                                                          std::int64_t now_ns) -> Status {
@@ -154,14 +154,14 @@ Task<Result<LoginState::Issued>> LoginsInStore::issue(Holder holder) {
     // a clock that is behind, e.g. of a promoted standby, must not extend the time
     row.password_ns = holder.password_ns == 0 ? now_ns : std::min(holder.password_ns, now_ns);
     row.expires_ns = std::min(now_ns + settings.lifetime.count(), row.password_ns + settings.longest.count());
-    ASSIGN_OR_RETURN(const bool is_stored, store.addToken(token, row, TokenLimits{}.most_of_person));
+    ASSIGN_OR_RETURN(const bool is_stored, store.addToken(token, row, TokenLimits{}.max_of_person));
     if (!is_stored && !planted(PlantedBug::kRevokedTokenHonoured))
       return Error{ErrorCode::kConflict, holder.who.name + ": the account was changed during its log-in"};
     return Found{Holder{holder.who, row.password_ns}, Nanoseconds(row.expires_ns - now_ns)};
   };
   const std::uint64_t before = forgotten_;
   std::string turn = turnNameOf(holder.who);
-  const auto stored = co_await inTurn<Found>(std::move(turn), std::move(work));
+  const auto stored = co_await runQueued<Found>(std::move(turn), std::move(work));
   if (!stored.ok()) co_return stored.error();
   issued.left = stored->left;
   if (before == forgotten_) keep(issued.token, *stored->holder, issued.left);
@@ -189,7 +189,7 @@ Task<Result<LoginsInStore::Found>> LoginsInStore::read(std::string token, std::s
   };
   const std::uint64_t before = forgotten_;
   std::string turn = turnOfAddress(asker);
-  auto found = co_await inTurn<Found>(std::move(turn), std::move(work));
+  auto found = co_await runQueued<Found>(std::move(turn), std::move(work));
   if (found.ok()) found->is_current = before == forgotten_;
   co_return found;
 }
@@ -199,7 +199,7 @@ std::function<Result<bool>()> LoginsInStore::check(const std::string& token, con
     return [] { return true; };
   return [&readers = readers_, &key = shared_.key(), token]() -> Result<bool> {
     ASSIGN_OR_RETURN(auto reader, readers.borrow());
-    return LoginStore(*reader, key).tokenHolds(token);
+    return LoginStore(*reader, key).isTokenValid(token);
   };
 }
 
@@ -207,8 +207,8 @@ Task<Nanoseconds> LoginsInStore::left(std::string token) {
   const std::int64_t now_ns = time_.nowNs();
   if (const auto end_ns = kept_.endOf(token, now_ns)) co_return Nanoseconds(*end_ns - now_ns);
   // read again if an account changed meanwhile: the result may be from before
-  constexpr int kMostReads = 10;
-  for (int n = 0; n < kMostReads; ++n) {
+  constexpr int kMaxReads = 10;
+  for (int n = 0; n < kMaxReads; ++n) {
     const auto found = co_await read(token, "a live page");
     if (!found.ok() || !found->holder) break;
     if (!found->is_current) continue;
@@ -236,7 +236,7 @@ Task<> LoginsInStore::renewNow(LoginsInStore& self, std::string token, std::stri
     ASSIGN_OR_RETURN(const auto end_ns, store.renewToken(token, now_ns, settings.lifetime, settings.longest));
     return end_ns ? Nanoseconds(*end_ns - now_ns) : Nanoseconds(0);
   };
-  const auto left = co_await self.inTurn<Nanoseconds>(std::move(turn), std::move(work));
+  const auto left = co_await self.runQueued<Nanoseconds>(std::move(turn), std::move(work));
   self.being_renewed_.erase(LoginKey::hashOfToken(token));
   // if the database is unreachable, the token expires as before
   const auto holder = self.kept_.find(token, self.time_.nowNs());
@@ -245,7 +245,7 @@ Task<> LoginsInStore::renewNow(LoginsInStore& self, std::string token, std::stri
 
 Task<Status> LoginsInStore::end(std::string token) {
   kept_.end(token);
-  return changeInTurn(
+  return changeQueued(
       "log-outs", [&shared = shared_, token = std::move(token)](LoginStore& store, std::int64_t /*now_ns*/) {
         return store.endToken(token, shared.server());
       });
@@ -275,7 +275,7 @@ void LoginsInStore::tidy() {
       return store.tidy(now_ns, bounds);
     };
     std::string turn = "tidying";
-    const Status done = co_await self.changeInTurn(std::move(turn), std::move(change));
+    const Status done = co_await self.changeQueued(std::move(turn), std::move(change));
     self.is_tidying_ = false;
     if (!done.ok()) logEvent(LogLevel::kWarning, "logins_not_tidied", {{"text", done.error().message}});
   };

@@ -10,7 +10,7 @@
 #include "common/base/time/time_source.h"
 #include "common/wire/asio.h"
 #include "db/login/shared_logins.h"
-#include "db/store/reader_pool.h"
+#include "db/store/store_address.h"
 #include "server/live/login/login_state.h"
 #include "server/live/work/fair_queue.h"
 
@@ -42,7 +42,7 @@ class LoginsInStore final : public LoginState {
   Task<Result<Standing>> standing(std::string name, std::string address) override;
   Task<Result<Try>> begin(std::string name, std::string address) override;
   Task<Result<std::optional<Milliseconds>>> failed(Try tried) override;
-  Task<Status> gaveUp(Try tried) override;
+  Task<Status> abandoned(Try tried) override;
   Task<Status> succeeded(Try tried) override;
   Task<Result<Issued>> issue(Holder holder) override;
   Task<Result<std::optional<Holder>>> find(std::string token, std::string asker) override;
@@ -65,8 +65,9 @@ class LoginsInStore final : public LoginState {
   };
 
   template <typename T>
-  Task<Result<T>> inTurn(std::string turn, std::function<Result<T>(LoginStore&, std::int64_t now_ns)> work);
-  Task<Status> changeInTurn(std::string turn, std::function<Status(LoginStore&, std::int64_t now_ns)> change);
+  Task<Result<T>> runQueued(std::string turn,
+                            std::function<Result<T>(LoginStore&, std::int64_t now_ns)> work);
+  Task<Status> changeQueued(std::string turn, std::function<Status(LoginStore&, std::int64_t now_ns)> change);
   /// Queries the database.
   Task<Result<Found>> read(std::string token, std::string asker);
   void keep(const std::string& token, const Holder& holder, std::chrono::nanoseconds left);

@@ -9,13 +9,13 @@
 namespace needlelab {
 namespace {
 
-constexpr unsigned kMostServersAsked = 4;
+constexpr unsigned kMaxServersAsked = 4;
 
 std::string stationText(const std::string& station) {
   return "station '" + printable(station) + "'";
 }
 
-RemoteLive::Asked refusedAsk(pb::Refusal::Reason reason, std::string text) {
+RemoteLive::Asked refusedOutcome(pb::Refusal::Reason reason, std::string text) {
   return {RemoteLive::Asked::Kind::kRefused, makeRefusal(reason, std::move(text))};
 }
 
@@ -44,9 +44,9 @@ std::optional<pb::Envelope> messageIn(const pb::StationAsk& ask) {
       return envelope;
     }
     case pb::StationAsk::kSetAids: {
-      constexpr int kMostAids = 64;  // as max_items
+      constexpr int kMaxAids = 64;  // as max_items
       const pb::SetAids& message = ask.set_aids();
-      if (!fits(message) || message.aids_size() > kMostAids || !isSession(message.session_id()) ||
+      if (!fits(message) || message.aids_size() > kMaxAids || !isSession(message.session_id()) ||
           (message.reset() && message.aids_size() > 0))
         return std::nullopt;
       for (const int aid : message.aids())
@@ -90,29 +90,31 @@ bool putMessage(pb::StationAsk& ask, const pb::Envelope& message) {
 
 }  // namespace
 
-void RemoteLive::ask(const std::string& station, const pb::Envelope& message, AskedDone done) {
+void RemoteLive::ask(const std::string& station, const pb::Envelope& message, AskDone done) {
   const auto found = remotes_.find(station);
-  if (found == remotes_.end() || !isElsewhere(station)) {
-    if (hub_.stationPeer(station) != nullptr) return done({Asked::Kind::kHere, {}});
-    return done(refusedAsk(pb::Refusal::NOT_FOUND, stationText(station) + " is not online"));
+  if (found == remotes_.end() || !isRemote(station)) {
+    if (hub_.stationPeer(station) != nullptr) return done({Asked::Kind::kLocal, {}});
+    return done(refusedOutcome(pb::Refusal::NOT_FOUND, stationText(station) + " is not online"));
   }
   const RemoteStation& remote = *found->second;
   if (!up_)
-    return done(refusedAsk(pb::Refusal::TIMEOUT,
-                           fmt::format("{} is at server '{}', and {}: nothing was sent; try again when it is "
-                                       "back",
-                                       stationText(station), printable(remote.holder), trouble())));
-  if (has_left_) return done(refusedAsk(pb::Refusal::SHUTTING_DOWN, "the server is shutting down"));
-  if (questions_.size() >= settings_.most_asked)
-    return done(refusedAsk(pb::Refusal::RATE_LIMITED,
-                           "too many messages to stations of other servers are under way: try again"));
+    return done(
+        refusedOutcome(pb::Refusal::TIMEOUT,
+                       fmt::format("{} is at server '{}', and {}: nothing was sent; try again when it is "
+                                   "back",
+                                   stationText(station), printable(remote.holder), trouble())));
+  if (has_left_) return done(refusedOutcome(pb::Refusal::SHUTTING_DOWN, "the server is shutting down"));
+  if (questions_.size() >= settings_.max_asked)
+    return done(refusedOutcome(pb::Refusal::RATE_LIMITED,
+                               "too many messages to stations of other servers are under way: try again"));
   Question question;
   question.station = station;
   question.ends_ns = time_.nowNs() + std::chrono::nanoseconds(settings_.ask_lasts).count();
   question.done = std::move(done);
   question.message.set_station(station);
   if (!putMessage(question.message, message))
-    return question.done(refusedAsk(pb::Refusal::INTERNAL, "this message is not sent to stations elsewhere"));
+    return question.done(
+        refusedOutcome(pb::Refusal::INTERNAL, "this message is not sent to stations elsewhere"));
   // a number not used for any message; askAgain assigns the one that is answered
   const std::uint64_t number = ++numbers_[static_cast<std::size_t>(LivePlane::kAsk)];
   questions_.emplace(number, std::move(question));
@@ -146,11 +148,11 @@ void RemoteLive::end(std::uint64_t number, Asked asked) {
 void RemoteLive::endQuestions(pb::Refusal::Reason reason, const std::string& why) {
   while (!questions_.empty())
     end(questions_.begin()->first,
-        refusedAsk(reason, why + ": it may not have arrived; send it again when the station is back"));
+        refusedOutcome(reason, why + ": it may not have arrived; send it again when the station is back"));
 }
 
 /// For stations that were not where they were sought, asks the servers now known to have them.
-void RemoteLive::findAgain(std::int64_t now_ns) {
+void RemoteLive::redirectQuestions(std::int64_t now_ns) {
   std::vector<std::uint64_t> numbers;
   for (const auto& [number, question] : questions_) numbers.push_back(number);
   for (const std::uint64_t number : numbers) {
@@ -161,34 +163,34 @@ void RemoteLive::findAgain(std::int64_t now_ns) {
     if (question.is_asked) {
       if (now_ns < question.ends_ns) continue;
       ++counters_.unanswered;
-      end(number,
-          refusedAsk(pb::Refusal::TIMEOUT,
-                     fmt::format("server '{}', which has {}, did not answer within {} ms: it may not have "
-                                 "arrived; send it again when the station is back",
-                                 printable(question.server), name, settings_.ask_lasts.count())));
+      end(number, refusedOutcome(
+                      pb::Refusal::TIMEOUT,
+                      fmt::format("server '{}', which has {}, did not answer within {} ms: it may not have "
+                                  "arrived; send it again when the station is back",
+                                  printable(question.server), name, settings_.ask_lasts.count())));
       continue;
     }
     const auto remote = remotes_.find(question.station);
-    if (!isElsewhere(question.station)) {
+    if (!isRemote(question.station)) {
       if (hub_.stationPeer(question.station) != nullptr) {
-        end(number, {Asked::Kind::kHere, {}});
+        end(number, {Asked::Kind::kLocal, {}});
         continue;
       }
-    } else if (remote != remotes_.end() && question.asked < kMostServersAsked &&
+    } else if (remote != remotes_.end() && question.asked < kMaxServersAsked &&
                (remote->second->holder != question.server || remote->second->epoch != question.epoch)) {
       askAgain(number, remote->second->holder, remote->second->epoch);
       continue;
     }
     if (now_ns >= question.find_until_ns)
       end(number,
-          refusedAsk(pb::Refusal::NOT_FOUND, fmt::format("{} is not online: server '{}' has it no more", name,
-                                                         printable(question.server))));
+          refusedOutcome(pb::Refusal::NOT_FOUND, fmt::format("{} is not online: server '{}' has it no more",
+                                                             name, printable(question.server))));
   }
 }
 
 bool RemoteLive::onAsk(const std::string& name, std::string_view bytes) {
   pb::StationAsk ask;
-  if (bytes.size() > settings_.most_ask_bytes ||
+  if (bytes.size() > settings_.max_ask_bytes ||
       !ask.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())) || ask.station() != name ||
       !checkName("station", name))
     return malformed();
@@ -199,7 +201,7 @@ bool RemoteLive::onAsk(const std::string& name, std::string_view bytes) {
   ++counters_.asked_here;
   pb::StationAnswer reply;
   const HubPeer* const peer = hub_.stationPeer(name);
-  if (peer == nullptr || peer->isElsewhere() || isNewer(ask.epoch(), hub_.epochOf(name))) {
+  if (peer == nullptr || peer->isRemote() || isNewer(ask.epoch(), hub_.epochOf(name))) {
     pb::NotHere& not_here = *reply.mutable_not_here();
     if (const auto remote = remotes_.find(name); remote != remotes_.end()) {
       not_here.set_server(remote->second->holder);
@@ -208,23 +210,24 @@ bool RemoteLive::onAsk(const std::string& name, std::string_view bytes) {
     answer(ask, std::move(reply));
     return true;
   }
-  if (!deliver_ || asked_here_ >= settings_.most_asked) {
+  if (!deliver_ || asked_here_ >= settings_.max_asked) {
     *reply.mutable_refused() = makeRefusal(
         pb::Refusal::RATE_LIMITED, "server '" + settings_.server + "' has too much under way: try again");
     answer(ask, std::move(reply));
     return true;
   }
   ++asked_here_;
-  deliver_(name, *message, [this, here = std::weak_ptr<int>(here_), ask](std::optional<pb::Refusal> refusal) {
-    if (here.expired()) return;
-    --asked_here_;
-    pb::StationAnswer done;
-    if (refusal)
-      *done.mutable_refused() = *std::move(refusal);
-    else
-      done.set_delivered(true);
-    answer(ask, std::move(done));
-  });
+  deliver_(name, *message,
+           [this, here = std::weak_ptr<int>(alive_), ask](std::optional<pb::Refusal> refusal) {
+             if (here.expired()) return;
+             --asked_here_;
+             pb::StationAnswer done;
+             if (refusal)
+               *done.mutable_refused() = *std::move(refusal);
+             else
+               done.set_delivered(true);
+             answer(ask, std::move(done));
+           });
   return true;
 }
 
@@ -238,7 +241,7 @@ void RemoteLive::answer(const pb::StationAsk& ask, pb::StationAnswer answer) {
 
 bool RemoteLive::onAnswer(std::string_view bytes) {
   pb::StationAnswer answer;
-  if (bytes.size() > settings_.most_ask_bytes ||
+  if (bytes.size() > settings_.max_ask_bytes ||
       !answer.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())))
     return malformed();
   if (!isFresh(answer.origin(), LivePlane::kAnswer)) return false;
@@ -266,7 +269,7 @@ bool RemoteLive::onAnswer(std::string_view bytes) {
       const pb::NotHere& there = answer.not_here();
       // its information may be newer than ours
       if (checkName("server", there.server()).ok() && there.server() != settings_.server &&
-          there.epoch() > question.epoch && question.asked < kMostServersAsked)
+          there.epoch() > question.epoch && question.asked < kMaxServersAsked)
         askAgain(answer.number(), there.server(), there.epoch());
       return true;
     }

@@ -19,10 +19,10 @@ bool isRate(double rate_hz) {
 
 void RemoteLive::onWatched(RemoteStation& remote) {
   carrier_.listenTo(remote.station, remote.watched);
-  sayWatch(remote);
+  publishWatch(remote);
 }
 
-void RemoteLive::sayWatch(RemoteStation& remote) {
+void RemoteLive::publishWatch(RemoteStation& remote) {
   if (!up_) return;
   pb::RemoteWatch watch;
   *watch.mutable_origin() = origin(LivePlane::kWatch);
@@ -30,7 +30,7 @@ void RemoteLive::sayWatch(RemoteStation& remote) {
   watch.set_watched(remote.watched);
   watch.set_rate_hz(remote.rate_hz);
   publish(LivePlane::kWatch, remote.station, watch);
-  remote.watch_said_ns = time_.nowNs();
+  remote.watch_published_ns = time_.nowNs();
 }
 
 bool RemoteLive::onWatch(const std::string& name, std::string_view bytes) {
@@ -47,7 +47,7 @@ bool RemoteLive::onWatch(const std::string& name, std::string_view bytes) {
 void RemoteLive::watchedBy(const std::string& server, const pb::RemoteWatch& watch) {
   const HubPeer* const peer = hub_.stationPeer(watch.station());
   const auto found = outlets_.find(watch.station());
-  if (peer == nullptr || peer->isElsewhere()) {
+  if (peer == nullptr || peer->isRemote()) {
     if (found != outlets_.end()) outlets_.erase(found);
     return;
   }

@@ -29,7 +29,7 @@ RemoteLive::RemoteLive(Hub& hub, LiveCarrier& carrier, RemoteLiveSettings settin
 }
 
 RemoteLive::~RemoteLive() {
-  here_.reset();
+  alive_.reset();
   for (auto& [name, remote] : remotes_) hub_.detachStation(name, *remote);
 }
 
@@ -37,7 +37,7 @@ RemoteLive::~RemoteLive() {
 void RemoteLive::note(LogLevel level, std::string_view event, const std::string& server) {
   const std::int64_t now_ns = time_.nowNs();
   if (lines_.take(now_ns)) logEvent(level, event, {{"server", server}});
-  if (const std::uint64_t count = lines_.leftOut(now_ns); count > 0)
+  if (const std::uint64_t count = lines_.takeOmittedCount(now_ns); count > 0)
     logEvent(LogLevel::kWarning, "lines_left_out", {{"of", event}, {"count", count}});
 }
 
@@ -56,8 +56,8 @@ std::string RemoteLive::trouble() const {
   return why_down_.empty() ? kDownText : fmt::format("{}: {}", kDownText, why_down_);
 }
 
-std::string RemoteLive::nameTaken() const {
-  if (name_taken_ns_ == 0 || time_.nowNs() - name_taken_ns_ > ns(kNameTakenFor)) return {};
+std::string RemoteLive::duplicateName() const {
+  if (duplicate_name_ns_ == 0 || time_.nowNs() - duplicate_name_ns_ > ns(kNameTakenFor)) return {};
   return fmt::format("another server of the lab is called '{}', too: give each a --live-name of its own",
                      settings_.server);
 }
@@ -87,15 +87,15 @@ bool RemoteLive::isFresh(const pb::Origin& origin, LivePlane plane) {
   const std::int64_t now_ns = time_.nowNs();
   if (name == settings_.server) {
     if (origin.instance() == settings_.instance) return stale();
-    if (nameTaken().empty()) {
-      name_taken_ns_ = now_ns;
-      logEvent(LogLevel::kWarning, "live_name_taken", {{"text", nameTaken()}});
+    if (duplicateName().empty()) {
+      duplicate_name_ns_ = now_ns;
+      logEvent(LogLevel::kWarning, "live_name_taken", {{"text", duplicateName()}});
     }
-    name_taken_ns_ = now_ns;
+    duplicate_name_ns_ = now_ns;
     return stale();
   }
   const auto found = servers_.find(name);
-  if (found == servers_.end() && servers_.size() >= settings_.most_servers) return malformed();
+  if (found == servers_.end() && servers_.size() >= settings_.max_servers) return malformed();
   Server& server = found == servers_.end() ? servers_[name] : found->second;
   if (server.instance != origin.instance()) {
     if (std::find(server.ended.begin(), server.ended.end(), origin.instance()) != server.ended.end())
@@ -108,7 +108,7 @@ bool RemoteLive::isFresh(const pb::Origin& origin, LivePlane plane) {
     said_.clear();
     next_presence_ns_ = now_ns;
   }
-  server.heard_ns = now_ns;
+  server.last_message_ns = now_ns;
   if (plane == LivePlane::kLive) return true;
   std::uint64_t& last = server.last[static_cast<std::size_t>(plane)];
   if (origin.number() <= last) return stale();
@@ -156,7 +156,7 @@ void RemoteLive::settle(RemoteStation& remote) {
   if (server == nullptr) {
     remote.holder.clear();
     if (is_attached) hub_.detachStation(remote.station, remote);
-    if (endWatch(remote)) sayWatch(remote);
+    if (endWatch(remote)) publishWatch(remote);
     return;
   }
   const RemoteClaim& claim = remote.claims.at(*server);
@@ -171,9 +171,9 @@ void RemoteLive::settle(RemoteStation& remote) {
     (void)endWatch(remote);
     hub_.attachStation(remote.station, remote, claim.epoch);
   } else if (moved && remote.watched) {
-    sayWatch(remote);
+    publishWatch(remote);
   }
-  (void)hub_.onStatusElsewhere(remote, claim.status, time_.nowNs(), moved || !is_attached);
+  (void)hub_.onRemoteStatus(remote, claim.status, time_.nowNs(), moved || !is_attached);
 }
 
 /// After the hub has detached it, possibly because a connection replaced it. False: it had no viewer.
@@ -183,9 +183,9 @@ bool RemoteLive::endWatch(RemoteStation& remote) {
   return true;
 }
 
-bool RemoteLive::isElsewhere(const std::string& station) const {
+bool RemoteLive::isRemote(const std::string& station) const {
   const HubPeer* const there = hub_.stationPeer(station);
-  return there != nullptr && there->isElsewhere();
+  return there != nullptr && there->isRemote();
 }
 
 void RemoteLive::forgetClaims(const std::string& server) {
@@ -216,7 +216,7 @@ void RemoteLive::expire(std::int64_t now_ns) {
     }
   }
   std::erase_if(servers_, [&](const auto& entry) {
-    const bool is_silent = entry.second.heard_ns < oldest_ns;
+    const bool is_silent = entry.second.last_message_ns < oldest_ns;
     if (is_silent && entry.second.instance != 0) note(LogLevel::kWarning, "other_server_silent", entry.first);
     return is_silent;
   });
@@ -230,7 +230,7 @@ void RemoteLive::expire(std::int64_t now_ns) {
 
 /// After a gap in hearing: restarts the expiry times of everything heard before.
 void RemoteLive::countFrom(std::int64_t now_ns) {
-  for (auto& [name, server] : servers_) server.heard_ns = now_ns;
+  for (auto& [name, server] : servers_) server.last_message_ns = now_ns;
   for (auto& [name, remote] : remotes_)
     for (auto& [server, claim] : remote->claims) claim.last_ns = now_ns;
 }
@@ -238,7 +238,7 @@ void RemoteLive::countFrom(std::int64_t now_ns) {
 void RemoteLive::step() {
   if (has_left_) return;
   const std::int64_t now_ns = time_.nowNs();
-  findAgain(now_ns);
+  redirectQuestions(now_ns);
   const std::int64_t last_ns = std::exchange(last_step_ns_, now_ns);
   // while no server can be heard, silent ones are not forgotten
   if (!up_) return;
@@ -252,9 +252,10 @@ void RemoteLive::step() {
     if ((hub_.stationPeer(name) == remote.get()) != !remote->holder.empty() ||
         hub_.stationPeer(name) == nullptr)
       settle(*remote);
-    if (remote->watched && now_ns - remote->watch_said_ns >= ns(settings_.watch_every)) sayWatch(*remote);
+    if (remote->watched && now_ns - remote->watch_published_ns >= ns(settings_.watch_every))
+      publishWatch(*remote);
   }
-  sayPresence(now_ns);
+  publishPresence(now_ns);
 }
 
 void RemoteLive::leave() {
@@ -274,7 +275,7 @@ void RemoteLive::onLink(bool up, const std::string& why) {
   if (up) {
     countFrom(now_ns);
     for (auto& [name, remote] : remotes_)
-      if (remote->watched) sayWatch(*remote);
+      if (remote->watched) publishWatch(*remote);
     said_.clear();
     next_presence_ns_ = now_ns;
     return;
@@ -284,7 +285,7 @@ void RemoteLive::onLink(bool up, const std::string& why) {
     pb::StationStatus status = remote->claims.at(remote->holder).status;
     status.set_trouble(kDownText);
     status.clear_force_n();
-    (void)hub_.onStatusElsewhere(*remote, status, now_ns, true);
+    (void)hub_.onRemoteStatus(*remote, status, now_ns, true);
   }
   endQuestions(pb::Refusal::TIMEOUT, fmt::format("{} since it was sent", kDownText));
 }

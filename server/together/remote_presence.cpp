@@ -9,7 +9,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kMostHazards = 256, kMostAlarms = 8;  // as max_items of StationStatus
+constexpr std::size_t kMaxHazards = 256, kMaxAlarms = 8;  // as max_items of StationStatus
 
 /// Numbers from another program: replaces NaN and infinity by 0.
 void makeFinite(pb::StationStatus& status) {
@@ -23,12 +23,12 @@ void makeFinite(pb::StationStatus& status) {
 }  // namespace
 
 /// Sends what has changed since the last message, and what was not sent for whole_every.
-void RemoteLive::sayPresence(std::int64_t now_ns) {
+void RemoteLive::publishPresence(std::int64_t now_ns) {
   if (now_ns < next_presence_ns_) return;
   const bool is_alone = servers().empty();
   hub_.keepStatusesFresh(!is_alone);
   const std::int64_t every_ns =
-      std::chrono::nanoseconds(is_alone ? settings_.alone_every : settings_.presence_every).count();
+      std::chrono::nanoseconds(is_alone ? settings_.solo_presence_every : settings_.presence_every).count();
   // after a stall, do not send a burst to catch up
   next_presence_ns_ = std::max(next_presence_ns_ + every_ns, now_ns + every_ns / 2);
   const std::int64_t whole_ns = std::chrono::nanoseconds(settings_.whole_every).count();
@@ -48,7 +48,7 @@ void RemoteLive::sayPresence(std::int64_t now_ns) {
     bytes += size + 8;
   };
   if (!is_alone) {
-    hub_.forEachHere([&](const std::string& name, const pb::StationStatus& status, std::uint64_t epoch) {
+    hub_.forEachLocal([&](const std::string& name, const pb::StationStatus& status, std::uint64_t epoch) {
       pb::PresentStation entry;
       entry.set_station(name);
       entry.set_epoch(epoch);
@@ -94,9 +94,9 @@ bool RemoteLive::onPresence(const std::string& name, std::string_view bytes) {
 void RemoteLive::onPresent(const std::string& server, const pb::PresentStation& entry) {
   const std::string& station = entry.station();
   const pb::StationStatus& status = entry.status();
-  if (!checkName("station", station) || status.ByteSizeLong() > settings_.most_status_bytes ||
-      static_cast<std::size_t>(status.hazards_touched_size()) > kMostHazards ||
-      static_cast<std::size_t>(status.alarms_size()) > kMostAlarms ||
+  if (!checkName("station", station) || status.ByteSizeLong() > settings_.max_status_bytes ||
+      static_cast<std::size_t>(status.hazards_touched_size()) > kMaxHazards ||
+      static_cast<std::size_t>(status.alarms_size()) > kMaxAlarms ||
       (!status.session_id().empty() && status.session_id().size() != 16)) {
     (void)malformed();
     return;
@@ -113,7 +113,7 @@ void RemoteLive::onPresent(const std::string& server, const pb::PresentStation& 
     return;
   }
   if (found == remotes_.end()) {
-    if (remotes_.size() >= settings_.most_stations) {
+    if (remotes_.size() >= settings_.max_stations) {
       (void)malformed();
       return;
     }

@@ -58,13 +58,13 @@ std::string boardSessionText(const std::string& bytes) {
 
 }  // namespace
 
-void LiveBoard::viewerCame() {
+void LiveBoard::onViewerJoined() {
   ++viewers_;
   if (std::exchange(running_, true)) return;
   asio::co_spawn(context_.io, run(shared_from_this()), rethrow);
 }
 
-void LiveBoard::viewerLeft() {
+void LiveBoard::onViewerLeft() {
   --viewers_;
 }
 

@@ -25,8 +25,8 @@ class LiveBoard : public std::enable_shared_from_this<LiveBoard> {
   LiveBoard(ServerContext& context, std::chrono::milliseconds period)
       : context_(context), period_(period), fresh_(context.io.get_executor()), tick_(context.io) {}
 
-  void viewerCame();
-  void viewerLeft();
+  void onViewerJoined();
+  void onViewerLeft();
   /// Ends its coroutine.
   void stop();
 

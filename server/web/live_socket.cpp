@@ -1,5 +1,3 @@
-#include "server/web/live_socket.h"
-
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/websocket.hpp>
 #include <optional>
@@ -7,7 +5,7 @@
 
 #include "server/base/http_stream.h"
 #include "server/live/counters.h"
-#include "server/live/login/server_logins.h"
+#include "server/live/login/login_state.h"
 #include "server/web/live_board.h"
 #include "server/web/web_server.h"
 
@@ -18,7 +16,7 @@ namespace websocket = boost::beast::websocket;
 
 namespace {
 
-constexpr std::size_t kMostFromViewer = 4096;
+constexpr std::size_t kMaxFromViewer = 4096;
 constexpr std::chrono::milliseconds kGoodbye{1000};
 
 class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> {
@@ -28,7 +26,7 @@ class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> 
         token_(std::move(token)),
         who_(std::move(who)),
         deadline_(server_->context().io) {}
-  ~Viewer() override { server_->viewerLeft(who_); }
+  ~Viewer() override { server_->onViewerLeft(who_); }
 
   void stop() override {
     stopping_ = true;
@@ -48,12 +46,12 @@ class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> 
     times.idle_timeout = server_->settings().live_idle_timeout;
     times.keep_alive_pings = true;
     socket_->set_option(times);
-    socket_->read_message_max(kMostFromViewer);
+    socket_->read_message_max(kMaxFromViewer);
     auto [failed] = co_await socket_->async_accept(*request, kUseTuple);
     if (failed) co_return;
     WebCounters& web = server_->context().web;
     ++web.live_open;
-    server_->board().viewerCame();
+    server_->board().onViewerJoined();
     reading_ = true;
     asio::co_spawn(server_->context().io, readAll(shared_from_this()), rethrow);
     co_await sendAll();
@@ -62,7 +60,7 @@ class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> 
       asio::steady_timer pause(server_->context().io, std::chrono::milliseconds(20));
       co_await pause.async_wait(kUseTuple);
     }
-    server_->board().viewerLeft();
+    server_->board().onViewerLeft();
     --web.live_open;
   }
 
@@ -72,7 +70,7 @@ class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> 
   /// Reads, which also handles pings, pongs and the close. Any message means that a person is looking at the
   /// page, and extends the session.
   Task<> readAll(std::shared_ptr<Viewer> /*kept alive by it*/) {
-    beast::flat_buffer buffer(kMostFromViewer);
+    beast::flat_buffer buffer(kMaxFromViewer);
     for (;;) {
       buffer.clear();
       auto [error, count] = co_await socket_->async_read(buffer, kUseTuple);
@@ -138,8 +136,8 @@ class Viewer : public HttpTakeover, public std::enable_shared_from_this<Viewer> 
   const std::string token_, who_;
   std::optional<websocket::stream<HttpStream>> socket_;  // from serve() on
   asio::steady_timer deadline_;
-  std::shared_ptr<int> here_ = std::make_shared<int>(0);
-  std::weak_ptr<int> weak_ = here_;
+  std::shared_ptr<int> alive_ = std::make_shared<int>(0);
+  std::weak_ptr<int> weak_ = alive_;
   bool reading_ = false, over_ = false, stopping_ = false, cut_ = false;
 };
 

@@ -1,5 +1,3 @@
-#include "server/web/openapi.h"
-
 #include <algorithm>
 #include <set>
 #include <utility>
@@ -50,8 +48,7 @@ constexpr std::pair<std::string_view, const char*> kInnerFields[] = {
     {"Progress.measures_json", "progress"},
 };
 
-/// Descriptions that do not follow from a route's messages: `body`, `reply` (a string is its media type),
-/// whether If-Match is optional.
+/// Descriptions that do not follow from a route's messages: `body`, `reply`, whether If-Match is optional.
 constexpr const char* kSpecialRoutes = R"json({
   "POST /session": {"body": {"type": "object", "properties": {"name": {"type": "string"}, "password": {"type": "string"}},
       "required": ["name", "password"], "additionalProperties": false},
@@ -74,14 +71,11 @@ constexpr const char* kSpecialRoutes = R"json({
   "POST /courses/check": {"body": {"type": "object"}},
   "GET /measures": {"list_of": "Measures.measures"},
   "POST /assignments": {"reply": {"$ref": "#/components/schemas/Assignment"}},
-  "GET /scores.csv": {"reply": "text/csv"},
-  "GET /courses/{id}/results.csv": {"reply": "text/csv"},
   "GET /sessions/{id}/samples": {"reply": {"type": "object", "properties": {"rate_hz": {"type": "number"},
       "samples": {"type": "integer"}, "from_s": {"type": "number"}, "to_s": {"type": "number"},
       "decimated": {"type": "boolean"}, "columns": {"type": "object", "required": ["t_s", "force_n"],
         "additionalProperties": {"type": "array", "items": {"type": ["number", "null"]}}}},
     "required": ["rate_hz", "samples", "from_s", "to_s", "decimated", "columns"], "additionalProperties": false}},
-  "GET /sessions/{id}/samples.csv": {"reply": "text/csv"},
   "GET /sessions/{id}/annotations": {"reply": {"type": "object", "properties": {
       "items": {"type": "array", "items": {"$ref": "#/components/schemas/Remark"}},
       "next_page": {"type": "string", "description": "for ?page=; empty: this was the last"}},
@@ -187,7 +181,7 @@ class Description {
   }
 
   /// True if reply_json.cpp always writes the field. False for inner JSON texts, because lists omit some.
-  static bool isAlwaysThere(const FieldDescriptor& field) {
+  static bool isRequired(const FieldDescriptor& field) {
     return field.is_repeated() || (!field.has_presence() && !isJsonText(field));
   }
 
@@ -196,7 +190,7 @@ class Description {
     for (int i = 0; i < message.field_count(); ++i) {
       const FieldDescriptor& field = *message.field(i);
       properties[keyOf(field)] = fieldSchema(field);
-      if (isAlwaysThere(field)) required.push_back(keyOf(field));
+      if (isRequired(field)) required.push_back(keyOf(field));
     }
     WebJson schema = {{"type", "object"}, {"properties", std::move(properties)}};
     if (!required.empty()) schema["required"] = std::move(required);
@@ -286,6 +280,11 @@ class Description {
     return std::string(path.substr(0, path.find_first_of("/.")));
   }
 
+  /// Without parameters such as charset.
+  static std::string mediaTypeOf(const ExportFormat& format) {
+    return std::string(format.media_type.substr(0, format.media_type.find(';')));
+  }
+
   WebJson operation(const WebRoute& route) {
     const std::string line = std::string(route.method) + " " + std::string(route.pattern);
     const WebJson special = special_.value(line, WebJson::object());
@@ -297,9 +296,9 @@ class Description {
     if (auto body = bodySchema(route, special); !body.is_null())
       made["requestBody"] = {{"required", true}, {"content", {{"application/json", {{"schema", body}}}}}};
     WebJson done = {{"description", route.summary}};
-    if (const WebJson reply = replySchema(route, special); reply.is_string())
-      done["content"][reply.get<std::string>()] = WebJson::object();
-    else if (!reply.is_null())
+    if (route.format != nullptr)
+      done["content"][mediaTypeOf(*route.format)] = WebJson::object();
+    else if (const WebJson reply = replySchema(route, special); !reply.is_null())
       done["content"]["application/json"]["schema"] = reply;
     made["responses"][std::to_string(route.how.status)] = std::move(done);
     made["responses"]["default"] = {

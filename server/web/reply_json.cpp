@@ -1,5 +1,3 @@
-#include "server/web/reply_json.h"
-
 #include <fmt/core.h>
 #include <cmath>
 #include <utility>

@@ -9,12 +9,11 @@
 #include "common/base/time/clock.h"
 #include "server/live/counters.h"
 #include "server/live/limits/server_limits.h"
-#include "server/live/login/server_logins.h"
+#include "server/live/login/login_state.h"
 #include "server/live/port/request_effects.h"
-#include "server/live/work/in_flight.h"
 #include "server/live/work/offload.h"
 #include "server/live/work/server_work.h"
-#include "server/web/reply_json.h"
+#include "server/web/web_call.h"
 
 namespace needlelab {
 namespace {
@@ -22,15 +21,15 @@ namespace {
 using Shared = std::shared_ptr<WebServer>;
 using Request = std::shared_ptr<HttpRequest>;
 
-Error browserHasGone() {
+Error disconnectedError() {
   return {ErrorCode::kUnavailable, "the browser is gone"};
 }
 
 /// Wraps work that waits for its turn: skips it if the browser has disconnected by then.
 template <typename T>
-std::function<T()> unlessGone(const Request& request, T of_gone, std::function<T()> work) {
-  return [gone = request->gone, of_gone = std::move(of_gone), work = std::move(work)]() -> T {
-    return gone() ? of_gone : work();
+std::function<T()> unlessDisconnected(const Request& request, T if_disconnected, std::function<T()> work) {
+  return [gone = request->gone, if_disconnected = std::move(if_disconnected), work = std::move(work)]() -> T {
+    return gone() ? if_disconnected : work();
   };
 }
 
@@ -71,7 +70,7 @@ void wipeSecrets(nlohmann::json& body) {
 
 /// Whether the session was ended because its account was disabled or its role or password changed. A session
 /// that merely expires during its download does not end it.
-Task<bool> accessEnded(ServerContext& context, AskedBy by) {
+Task<bool> accessEnded(ServerContext& context, LongRequester by) {
   if (!by.account.changed()) co_return false;
   const std::chrono::nanoseconds left = co_await context.logins.state->left(by.token);
   co_return left.count() <= 0;
@@ -86,7 +85,7 @@ struct SessionStream {
   Request request;
   Principal who;
   WebStream stream;
-  AskedBy by;
+  LongRequester by;
   ByteBudget::Share room;  ///< of the piece being made or sent, and of what is kept for the next one
   bool has_begun = false;
 };
@@ -94,7 +93,7 @@ struct SessionStream {
 /// Takes the room for making a piece. Nothing: the browser has disconnected.
 Task<std::optional<ByteBudget::Share>> roomForPiece(Shared server, Request request, Principal who) {
   ServerContext& context = server->context();
-  const std::size_t bytes = std::min(kMostPieceBytes, context.in_flight.replies.mostBytes(budgetOwner(who)));
+  const std::size_t bytes = std::min(kMaxPieceBytes, context.in_flight.replies.mostBytes(budgetOwner(who)));
   std::function<bool()> gone = [request] { return request->gone(); };
   co_return co_await waitForRoom(context.in_flight.replies, context.in_flight.reply_room, who, bytes,
                                  std::move(gone));
@@ -105,27 +104,27 @@ Task<Result<std::string>> nextPiece(Shared server, std::shared_ptr<SessionStream
     // the last piece was sent: release its room before the next one is made
     stream->room.become(0);
     auto room = co_await roomForPiece(server, stream->request, stream->who);
-    if (!room) co_return browserHasGone();
+    if (!room) co_return disconnectedError();
     stream->room = std::move(*room);
   }
   if (co_await accessEnded(server->context(), stream->by)) co_return accessHasEnded();
   for (;;) {
     // without `stream`: the room must be released on this thread
     std::function<Result<WebPiece>()> work = stream->stream.next;
-    work = unlessGone<Result<WebPiece>>(stream->request, browserHasGone(), std::move(work));
+    work = unlessDisconnected<Result<WebPiece>>(stream->request, disconnectedError(), std::move(work));
     auto piece =
         co_await offload(*server->context().work.views_of_people, stream->by.turn_name, std::move(work));
     if (!piece) co_return piece.error();
     if (co_await accessEnded(server->context(), stream->by)) co_return accessHasEnded();
     if (!*piece) continue;
-    stream->room.become((*piece)->size() + kMostHeldByStream);
+    stream->room.become((*piece)->size() + kMaxHeldByStream);
     co_return std::move(**piece);
   }
 }
 
 }  // namespace
 
-HttpAnswer browserGone() {
+HttpAnswer disconnectedAnswer() {
   return errorAnswer(503, "unavailable", "the browser is gone");
 }
 
@@ -167,7 +166,7 @@ Task<HttpAnswer> throughService(Shared server, Request asked, const WebRoute& ro
   // serialising long lists takes time
   FairPool* const pool = poolForWriting(context, outcome->reply.ByteSizeLong());
   if (pool == nullptr) co_return write();
-  write = unlessGone(asked, browserGone(), std::move(write));
+  write = unlessDisconnected(asked, disconnectedAnswer(), std::move(write));
   co_return co_await offload(*pool, turnNameOf(call->who), std::move(write));
 }
 
@@ -178,17 +177,17 @@ Task<HttpAnswer> throughWork(Shared server, Request request, const WebRoute& rou
     auto json = route.how.work(service, *call);
     return json ? jsonAnswer(*json, route.how.status) : errorAnswer(json.error());
   };
-  work = unlessGone(request, browserGone(), std::move(work));
+  work = unlessDisconnected(request, disconnectedAnswer(), std::move(work));
   co_return co_await offload(*context.work.views_of_people, turnNameOf(call->who), std::move(work));
 }
 
 Task<HttpAnswer> throughSteps(Shared server, Request request, const WebRoute& route,
-                              std::shared_ptr<const WebCall> call, AskedBy by) {
+                              std::shared_ptr<const WebCall> call, LongRequester by) {
   ServerContext& context = server->context();
   std::function<Result<WebSteps>()> begin = [&service = context.store.service(), &route, call] {
     return route.how.steps(service, *call);
   };
-  begin = unlessGone<Result<WebSteps>>(request, browserHasGone(), std::move(begin));
+  begin = unlessDisconnected<Result<WebSteps>>(request, disconnectedError(), std::move(begin));
   const auto steps = co_await offload(*context.work.views_of_people, by.turn_name, std::move(begin));
   if (!steps) co_return errorAnswer(steps.error());
   while (!request->gone()) {
@@ -198,21 +197,21 @@ Task<HttpAnswer> throughSteps(Shared server, Request request, const WebRoute& ro
       if (!json) return std::optional(errorAnswer(json.error()));
       return *json ? std::optional(jsonAnswer(**json, route.how.status)) : std::nullopt;
     };
-    work = unlessGone(request, std::optional(browserGone()), std::move(work));
+    work = unlessDisconnected(request, std::optional(disconnectedAnswer()), std::move(work));
     auto answer = co_await offload(*context.work.views_of_people, by.turn_name, std::move(work));
     if (answer) co_return std::move(*answer);
   }
-  co_return browserGone();
+  co_return disconnectedAnswer();
 }
 
 Task<HttpAnswer> throughStream(Shared server, Request request, const WebRoute& route,
-                               std::shared_ptr<const WebCall> call, AskedBy by) {
+                               std::shared_ptr<const WebCall> call, LongRequester by) {
   auto room = co_await roomForPiece(server, request, call->who);
-  if (!room) co_return browserGone();
+  if (!room) co_return disconnectedAnswer();
   std::function<Result<WebStream>()> open = [&service = server->context().store.service(), &route, call] {
-    return route.how.stream(service, *call);
+    return route.how.stream(service, route, *call);
   };
-  open = unlessGone<Result<WebStream>>(request, browserHasGone(), std::move(open));
+  open = unlessDisconnected<Result<WebStream>>(request, disconnectedError(), std::move(open));
   auto opened = co_await offload(*server->context().work.views_of_people, by.turn_name, std::move(open));
   if (!opened) co_return errorAnswer(opened.error());
   HttpAnswer answer;

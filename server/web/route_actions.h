@@ -10,7 +10,7 @@
 #include "server/base/http_message.h"
 #include "server/live/context.h"
 #include "server/live/limits/byte_budget.h"
-#include "server/live/login/access_changes.h"
+#include "server/live/login/login_state.h"
 #include "server/web/routes.h"
 #include "server/web/web_call.h"
 #include "server/web/web_server.h"
@@ -21,13 +21,13 @@ namespace needlelab {
 inline constexpr std::size_t kSmallBody = 16u << 10;
 
 /// The session that requested long-running work.
-struct AskedBy {
+struct LongRequester {
   std::string turn_name, token;
   AccessWatch account;  ///< since the session was found
 };
 
 /// The answer when the browser has disconnected; it is not sent.
-HttpAnswer browserGone();
+HttpAnswer disconnectedAnswer();
 
 /// Counts and logs a request refused for lack of room, like the stations' port.
 void noteNoRoom(ServerContext& context, const WebCall& call, const Error& error);
@@ -42,8 +42,8 @@ Task<HttpAnswer> throughService(std::shared_ptr<WebServer> server, std::shared_p
 Task<HttpAnswer> throughWork(std::shared_ptr<WebServer> server, std::shared_ptr<HttpRequest> request,
                              const WebRoute& route, std::shared_ptr<const WebCall> call);
 Task<HttpAnswer> throughSteps(std::shared_ptr<WebServer> server, std::shared_ptr<HttpRequest> request,
-                              const WebRoute& route, std::shared_ptr<const WebCall> call, AskedBy by);
+                              const WebRoute& route, std::shared_ptr<const WebCall> call, LongRequester by);
 Task<HttpAnswer> throughStream(std::shared_ptr<WebServer> server, std::shared_ptr<HttpRequest> request,
-                               const WebRoute& route, std::shared_ptr<const WebCall> call, AskedBy by);
+                               const WebRoute& route, std::shared_ptr<const WebCall> call, LongRequester by);
 
 }  // namespace needlelab

@@ -1,19 +1,13 @@
 // Routes that are not plain (see routes.h): two kinds of change selected by the body, a document as the body,
-// files made piece by piece, replies from several requests.
-#include <fmt/core.h>
-
+// replies from several requests.
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <memory>
 #include <string_view>
 #include <utility>
 
-#include "common/base/text/csv.h"
 #include "common/base/text/text.h"
 #include "common/base/text/uuid.h"
-#include "common/profile/strict_json.h"
-#include "common/scoring/attempts/result_table.h"
 #include "server/web/routes.h"
 #include "server/web/session_views.h"
 
@@ -23,7 +17,7 @@ namespace {
 // --- people, groups
 
 constexpr std::uint32_t kListedByDefault = 100;
-constexpr std::uint64_t kMostListedSessions = 1000, kMostListedPeople = 500, kMostListedResults = 250;
+constexpr std::uint64_t kMaxListedSessions = 1000, kMaxListedPeople = 500, kMaxListedResults = 250;
 
 /// `?limit=`, 100 by default. kInvalidInput.
 Result<std::uint32_t> limitOf(const WebCall& call, std::uint64_t most) {
@@ -44,7 +38,7 @@ Result<pb::Request> listPeople(const WebRoute&, const WebCall& call) {
       return Error{ErrorCode::kInvalidInput,
                    "role: must be trainee, instructor, curriculum-manager, administrator or researcher"};
   }
-  ASSIGN_OR_RETURN(const auto limit, limitOf(call, kMostListedPeople));
+  ASSIGN_OR_RETURN(const auto limit, limitOf(call, kMaxListedPeople));
   list.set_limit(limit);
   RETURN_IF_ERROR(setPage(call, *list.mutable_page()));
   return request;
@@ -77,45 +71,6 @@ Result<pb::Request> changePerson(const WebRoute&, const WebCall& call) {
   change.set_name(call.parts[0]);
   change.set_base_revision(base);
   return request;
-}
-
-/// An empty page does not end the stream unless it is the last one.
-WebPiece pieceOf(std::string text, bool ended) {
-  return text.empty() && !ended ? WebPiece() : WebPiece(std::move(text));
-}
-
-/// Streams all of a person's records as one document, page by page from ExportPerson.
-class PersonRecords {
- public:
-  PersonRecords(Service& service, WebCall call) : service_(service), call_(std::move(call)) {}
-
-  Result<WebPiece> next() {
-    if (ended_) return WebPiece(std::string());
-    pb::Request request;
-    request.mutable_export_person()->set_name(call_.parts[0]);
-    request.mutable_export_person()->set_page(page_);
-    ASSIGN_OR_RETURN(const auto reply, replyOf(service_, call_, request));
-    std::string text = page_.empty() ? "{\"items\": [" : "";
-    for (const std::string& record : reply.records().records()) {
-      text += (first_ ? "\n" : ",\n") + record;
-      first_ = false;
-    }
-    page_ = reply.records().next_page();
-    ended_ = page_.empty();
-    if (ended_) text += "\n]}\n";
-    return pieceOf(std::move(text), ended_);
-  }
-
- private:
-  Service& service_;
-  const WebCall call_;
-  std::string page_;
-  bool first_ = true, ended_ = false;
-};
-
-Result<WebStream> personRecords(Service& service, const WebCall& call) {
-  auto records = std::make_shared<PersonRecords>(service, call);
-  return streamFromFirst("application/json", call.parts[0] + ".json", [records] { return records->next(); });
 }
 
 Result<pb::Request> addGroup(const WebRoute&, const WebCall& call) {
@@ -214,69 +169,9 @@ Result<pb::Request> setReference(const WebRoute&, const WebCall& call) {
 
 Result<pb::Request> listResults(const WebRoute& route, const WebCall& call) {
   ASSIGN_OR_RETURN(auto request, plainRequest(route, call));
-  ASSIGN_OR_RETURN(const auto limit, limitOf(call, kMostListedResults));
+  ASSIGN_OR_RETURN(const auto limit, limitOf(call, kMaxListedResults));
   request.mutable_get_results()->set_limit(limit);
   return request;
-}
-
-/// A course's results for a spreadsheet, page by page from GetResults. A page of many exercises and groups
-/// becomes longer as text, so it is split into several pieces.
-class ResultRows {
- public:
-  ResultRows(Service& service, WebCall call, const CsvStyle& style)
-      : service_(service), call_(std::move(call)), table_(style) {}
-
-  Result<WebPiece> next() {
-    std::string text;
-    if (row_ == page_.rows_size()) {
-      if (ended_) return WebPiece(std::string());
-      RETURN_IF_ERROR(readPage(text));
-    }
-    while (row_ < page_.rows_size() && text.size() < kFullPieceBytes) {
-      const pb::ResultRow& person = page_.rows(row_);
-      if (cell_ < person.cells_size()) {
-        RETURN_IF_ERROR(table_.add(text, person, person.cells(cell_++)));
-        continue;
-      }
-      ++row_;
-      cell_ = 0;
-    }
-    return pieceOf(std::move(text), ended_ && row_ == page_.rows_size());
-  }
-
- private:
-  static constexpr std::size_t kFullPieceBytes = 1u << 20;
-
-  Status readPage(std::string& text) {
-    pb::Request request;
-    auto& ask = *request.mutable_get_results();
-    ask.set_course_id(call_.parts[0]);
-    ask.set_group_id(call_.query("group"));
-    ask.set_with_measures(true);
-    ask.set_page(page_.next_page());
-    const bool is_first = page_.next_page().empty();
-    ASSIGN_OR_RETURN(auto reply, replyOf(service_, call_, request));
-    page_ = std::move(*reply.mutable_results());
-    if (is_first) table_.begin(text, page_);
-    ended_ = page_.next_page().empty();
-    row_ = 0;
-    return {};
-  }
-
-  Service& service_;
-  const WebCall call_;
-  ResultTable table_;
-  pb::Results page_;  ///< the page being written
-  int row_ = 0, cell_ = 0;
-  bool ended_ = false;
-};
-
-Result<WebStream> resultsCsv(Service& service, const WebCall& call) {
-  const std::string separator = call.query("separator");
-  ASSIGN_OR_RETURN(const auto style, csvStyleOf(separator.empty() ? kCsvSeparators[0] : separator));
-  auto rows = std::make_shared<ResultRows>(service, call, style);
-  return streamFromFirst("text/csv; charset=utf-8", call.parts[0] + "-results.csv",
-                         [rows] { return rows->next(); });
 }
 
 WebJson addedAssignment(const WebCall&, const pb::Reply& reply) {
@@ -329,7 +224,7 @@ Result<pb::Request> listSessions(const WebRoute&, const WebCall& call) {
     ASSIGN_OR_RETURN(const auto moment_ms, wholeOf(name, text, 0, kLatest_ms));
     (list.*set)(static_cast<std::int64_t>(moment_ms) * 1'000'000);
   }
-  ASSIGN_OR_RETURN(const auto limit, limitOf(call, kMostListedSessions));
+  ASSIGN_OR_RETURN(const auto limit, limitOf(call, kMaxListedSessions));
   list.set_limit(limit);
   RETURN_IF_ERROR(setPage(call, *list.mutable_page()));
   return request;
@@ -416,76 +311,6 @@ Result<WebJson> addAnnotation(Service& service, const WebCall& call) {
 
 // --- scores, studies, the audit log
 
-std::string csvCell(std::string_view text) {
-  std::string cell;
-  appendCsvText(cell, text);
-  return cell;
-}
-
-/// Scores as a long table, one measure per line, page by page from ListScores.
-class ScoreLines {
- public:
-  ScoreLines(Service& service, WebCall call) : service_(service), call_(std::move(call)) {}
-
-  Result<WebPiece> next() {
-    if (ended_) return WebPiece(std::string());
-    pb::Request request;
-    auto& list = *request.mutable_list_scores();
-    list.set_course_id(call_.query("course"));
-    list.set_group_id(call_.query("group"));
-    list.set_page(page_);
-    ASSIGN_OR_RETURN(const auto reply, replyOf(service_, call_, request));
-    std::string text;
-    if (page_.empty())
-      text =
-          "trainee,exercise_id,attempt,session_id,started_unix_ms,passed,definition_version,measure,value,"
-          "unit,min,max,met\r\n";
-    for (const pb::ScoreRow& row : reply.scores().scores()) addLines(text, row);
-    page_ = reply.scores().next_page();
-    ended_ = page_.empty();
-    return pieceOf(std::move(text), ended_);
-  }
-
- private:
-  static std::string numberCell(const nlohmann::json& row, const char* name) {
-    std::string text;
-    if (row.contains(name) && row[name].is_number()) appendNumber(text, row[name].get<double>());
-    return text;
-  }
-  static std::string textCell(const nlohmann::json& row, const char* name) {
-    return row.contains(name) && row[name].is_string() ? csvCell(row[name].get<std::string>())
-                                                       : std::string();
-  }
-  static const char* yesOrNo(bool yes) { return yes ? "yes" : "no"; }
-  static void addLines(std::string& text, const pb::ScoreRow& row) {
-    const pb::Attempt& attempt = row.attempt();
-    const auto measures = readShallowJson<nlohmann::json>(row.score().measures_json());
-    if (!measures.is_array()) return;
-    const WebJson shown = jsonOf(attempt);
-    const std::string head = fmt::format(
-        "{},{},{},{},{},{},{},", csvCell(attempt.trainee()), csvCell(attempt.exercise_id()), attempt.number(),
-        shown.value("session_id", ""), attempt.started_unix_ns() / 1'000'000,
-        row.score().has_passed() ? yesOrNo(row.score().passed()) : "", row.score().definition_version());
-    for (const nlohmann::json& measure : measures) {
-      if (!measure.is_object()) continue;
-      const bool judged = measure.contains("passed") && measure["passed"].is_boolean();
-      text += fmt::format("{}{},{},{},{},{},{}\r\n", head, textCell(measure, "measure"),
-                          numberCell(measure, "value"), textCell(measure, "unit"), numberCell(measure, "min"),
-                          numberCell(measure, "max"), judged ? yesOrNo(measure["passed"].get<bool>()) : "");
-    }
-  }
-
-  Service& service_;
-  const WebCall call_;
-  std::string page_;
-  bool ended_ = false;
-};
-
-Result<WebStream> scoresCsv(Service& service, const WebCall& call) {
-  auto lines = std::make_shared<ScoreLines>(service, call);
-  return streamFromFirst("text/csv; charset=utf-8", "scores.csv", [lines] { return lines->next(); });
-}
-
 Result<pb::Request> exportStudy(const WebRoute&, const WebCall& call) {
   pb::Request request;
   auto& ask = *request.mutable_export_study();
@@ -519,17 +344,26 @@ constexpr RouteAdapter kAdapters[] = {
     {.line = "POST /assignments", .shape = addedAssignment, .status = 201},
     {.line = "DELETE /assignments/{id}", .build = removeAssignment},
     {.line = "GET /results", .build = listResults},
-    {.line = "GET /courses/{id}/results.csv", .action = WebAction::kStream, .stream = resultsCsv},
+    {.line = "GET /courses/{id}/results.*",
+     .action = WebAction::kStream,
+     .stream = resultStream,
+     .place = ExportPlace::kWebResults},
     {.line = "GET /sessions", .build = listSessions, .shape = sessionsJson},
     {.line = "GET /unknown-trainees", .build = listUnknownTrainees, .shape = sessionsJson},
     {.line = "GET /sessions/{id}/samples", .action = WebAction::kSteps, .steps = samplePlot},
-    {.line = "GET /sessions/{id}/samples.csv", .action = WebAction::kStream, .stream = sampleCsv},
+    {.line = "GET /sessions/{id}/samples.*",
+     .action = WebAction::kStream,
+     .stream = sampleStream,
+     .place = ExportPlace::kWebSamples},
     {.line = "GET /sessions/{id}/annotations", .action = WebAction::kWork, .work = listAnnotations},
     {.line = "POST /sessions/{id}/annotations",
      .action = WebAction::kWork,
      .work = addAnnotation,
      .status = 201},
-    {.line = "GET /scores.csv", .action = WebAction::kStream, .stream = scoresCsv},
+    {.line = "GET /scores.*",
+     .action = WebAction::kStream,
+     .stream = scoreStream,
+     .place = ExportPlace::kWebScores},
     {.line = "GET /studies/{study}", .build = exportStudy},
     {.line = "GET /audit", .build = listAudit},
 };

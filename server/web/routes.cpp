@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <deque>
 #include <memory>
 #include <utility>
 
@@ -47,6 +48,23 @@ WebRoute routeOf(const HttpLine& http, pb::Request::CallCase call) {
     if (adapter.line == http.line.substr(0, question)) route.how = adapter;
   }
   return route;
+}
+
+/// Adds the route; of one with formats ("/scores.*") one for each format ("/scores.csv").
+void addRoute(std::vector<WebRoute>& routes, const WebRoute& route) {
+  if (!route.how.place) {
+    routes.push_back(route);
+    return;
+  }
+  static std::deque<std::string> patterns;  // routes refer to them
+  for (const ExportFormat* const format : formatsAt(*route.how.place)) {
+    std::string& pattern = patterns.emplace_back(route.pattern.substr(0, route.pattern.size() - 2));
+    pattern += format->suffix;
+    WebRoute one = route;
+    one.pattern = pattern;
+    one.format = format;
+    routes.push_back(std::move(one));
+  }
 }
 
 /// Matches the pattern's parts with the path's; stores the values of {…} in `parts`.
@@ -122,7 +140,7 @@ std::span<const WebRoute> webRoutes() {
     std::vector<WebRoute> routes = ownRoutes();
     for (const RequestRow& row : requestRows()) {
       for (const HttpLine& http : row.http)
-        if (!http.line.empty()) routes.push_back(routeOf(http, row.call));
+        if (!http.line.empty()) addRoute(routes, routeOf(http, row.call));
     }
     // '{' sorts after all letters, so fixed parts come before {…} at the same position
     std::stable_sort(routes.begin(), routes.end(),
@@ -159,7 +177,7 @@ PlainFields plainFieldsOf(const WebRoute& route) {
   return fields;
 }
 
-bool takesBody(const WebRoute& route) {
+bool acceptsBody(const WebRoute& route) {
   if (route.call == Call::CALL_NOT_SET) return route.how.action == WebAction::kLogIn;
   return !plainFieldsOf(route).body.empty();
 }
@@ -251,6 +269,11 @@ Result<WebStream> streamFromFirst(std::string type, std::string file_name,
                      if (!first->empty()) return WebPiece(std::exchange(*first, std::string()));
                      return next();
                    }};
+}
+
+Result<WebStream> streamFromFirst(const ExportFormat& format, const std::string& name,
+                                  std::function<Result<WebPiece>()> next) {
+  return streamFromFirst(std::string(format.media_type), name + std::string(format.suffix), std::move(next));
 }
 
 Result<std::uint32_t> baseOf(const WebCall& call) {

@@ -14,16 +14,17 @@
 #include <google/protobuf/message.h>
 
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "common/export/export_formats.h"
 #include "db/service/requests/requests.h"
 #include "db/service/service.h"
 #include "needlelab/control.pb.h"
 #include "server/base/http_message.h"
-#include "server/web/reply_json.h"
 #include "server/web/web_call.h"
 
 namespace needlelab {
@@ -44,7 +45,7 @@ enum class WebAction {
   kWhoAmI,
   kLogOut,
   kLive,     ///< becomes a WebSocket
-  kOpenApi,  ///< the API's description (openapi.h), the same for every logged-in user
+  kOpenApi,  ///< the API's description (openApiText), the same for every logged-in user
   kStream,   ///< `stream`
 };
 
@@ -57,8 +58,9 @@ struct RouteAdapter {
   WebJson (*shape)(const WebCall& call, const pb::Reply& reply) = plainReply;
   Result<WebJson> (*work)(Service& service, const WebCall& call) = nullptr;
   Result<WebSteps> (*steps)(Service& service, const WebCall& call) = nullptr;
-  Result<WebStream> (*stream)(Service& service, const WebCall& call) = nullptr;
+  Result<WebStream> (*stream)(Service& service, const WebRoute& route, const WebCall& call) = nullptr;
   unsigned status = 200;
+  std::optional<ExportPlace> place = {};  ///< of a line that ends in ".*": one route for each of its formats
 };
 std::span<const RouteAdapter> routeAdapters();
 
@@ -71,6 +73,7 @@ struct WebRoute {
   /// logged-in user (for some routes also before log-in).
   pb::Request::CallCase call = pb::Request::CALL_NOT_SET;
   RouteAdapter how = {};
+  const ExportFormat* format = nullptr;  ///< of a download at RouteAdapter::place
 };
 
 /// All routes; at the same position, fixed parts come before {…}.
@@ -94,7 +97,7 @@ struct PlainFields {
 };
 PlainFields plainFieldsOf(const WebRoute& route);
 /// Whether a request of this route has fields in its body.
-bool takesBody(const WebRoute& route);
+bool acceptsBody(const WebRoute& route);
 /// The message's list of rows; null when the message is not a list.
 const google::protobuf::FieldDescriptor* rowsOf(const google::protobuf::Descriptor& message);
 
@@ -113,6 +116,9 @@ Result<pb::Reply> replyOf(Service& service, const WebCall& call, const pb::Reque
 /// In `file_name`, any character but letters, digits, '-', '_' and '.' becomes '_'. On a worker's thread.
 Result<WebStream> streamFromFirst(std::string type, std::string file_name,
                                   std::function<Result<WebPiece>()> next);
+/// The same with the format's type and suffix.
+Result<WebStream> streamFromFirst(const ExportFormat& format, const std::string& name,
+                                  std::function<Result<WebPiece>()> next);
 /// The address's {id} as a session's id.
 template <typename Message>
 Status setSession(const WebCall& call, Message& message) {
@@ -122,5 +128,19 @@ Status setSession(const WebCall& call, Message& message) {
 }
 /// The required If-Match: a change must name its base revision.
 Result<std::uint32_t> baseOf(const WebCall& call);
+
+// --- files made piece by piece (route_streams.cpp). On a worker's thread
+
+/// All of a person's records as one document.
+Result<WebStream> personRecords(Service& service, const WebRoute& route, const WebCall& call);
+/// A course's results in the route's format; `?separator=`.
+Result<WebStream> resultStream(Service& service, const WebRoute& route, const WebCall& call);
+/// Scores in the route's format, one measure per line.
+Result<WebStream> scoreStream(Service& service, const WebRoute& route, const WebCall& call);
+
+// --- the API's OpenAPI description, generated from the routes and the messages
+
+/// OpenAPI 3.1 as JSON. Generated on the first call; valid until the program ends.
+std::string_view openApiText();
 
 }  // namespace needlelab

@@ -11,16 +11,15 @@
 #include <vector>
 
 #include "common/gesture/chunk.h"
-#include "common/gesture/sample_csv.h"
-#include "server/web/reply_json.h"
 #include "server/web/routes.h"
+#include "server/web/web_call.h"
 
 namespace needlelab {
 namespace {
 
-constexpr double kMostPlotSeconds = 3.2e8;
-constexpr std::uint32_t kCsvChunksAtOnce = 8;
-constexpr std::size_t kMostPieceText = 256u << 10;
+constexpr double kMaxPlotSeconds = 3.2e8;
+constexpr std::uint32_t kDownloadChunksAtOnce = 8;
+constexpr std::size_t kMaxPieceText = 256u << 10;
 
 struct TimeSpan {
   std::optional<double> from_s, to_s;
@@ -31,7 +30,7 @@ Result<TimeSpan> timeSpanOf(const WebCall& call) {
   for (const auto& [name, into] : {std::pair{"from_s", &span.from_s}, std::pair{"to_s", &span.to_s}}) {
     const std::string text = call.query(name);
     if (text.empty()) continue;
-    ASSIGN_OR_RETURN(const auto number, numberOf(name, text, 0, kMostPlotSeconds));
+    ASSIGN_OR_RETURN(const auto number, numberOf(name, text, 0, kMaxPlotSeconds));
     *into = number;
   }
   if (span.from_s && span.to_s && *span.to_s <= *span.from_s)
@@ -240,31 +239,34 @@ class PlotRows {
   std::array<std::vector<double>, kPlotColumns.size()> columns_;
 };
 
-/// Makes the CSV, some rows at a time.
-class CsvPieces {
+/// Makes a download, some rows at a time.
+class SamplePieces {
  public:
-  CsvPieces(ChunkReader reader, const TimeSpan& span)
+  SamplePieces(ChunkReader reader, std::unique_ptr<SampleWriter> writer, const TimeSpan& span)
       : reader_(std::move(reader)),
+        writer_(std::move(writer)),
         from_ns_(nsOfSeconds(span.from_s.value_or(0))),
         to_ns_(span.to_s ? nsOfSeconds(*span.to_s) : INT64_MAX) {
-    appendSampleCsvHeader(text_);
+    writer_->begin(text_, [this] {
+      return jsonOf(reader_.info()).dump(-1, ' ', false, WebJson::error_handler_t::replace);
+    });
   }
 
   Result<WebPiece> next() {
     // one piece for a small recording, many for a long one
     std::size_t rows = 0, decoded = 0;
-    for (std::uint32_t n = 0; !ended_ && rows < kMostPieceRows && text_.size() < kMostPieceText &&
-                              n < kMostStepChunks && decoded < kMostStepSamples;
+    for (std::uint32_t n = 0; !ended_ && rows < kMaxPieceRows && text_.size() < kMaxPieceText &&
+                              n < kMaxStepChunks && decoded < kMaxStepSamples;
          ++n) {
       // a long chunk is decoded again for each of its pieces, not held while the browser does not read
       ASSIGN_OR_RETURN(const auto samples, reader_.samples(false));
       decoded += samples.size();
-      for (; !ended_ && done_ < samples.size() && rows < kMostPieceRows; ++done_) {
+      for (; !ended_ && done_ < samples.size() && rows < kMaxPieceRows; ++done_) {
         const GestureSample& sample = samples[done_];
         const std::int64_t time_ns = sample.time_ns - reader_.firstTimeNs();
         ended_ = time_ns >= to_ns_;
         if (ended_ || time_ns < from_ns_) continue;
-        appendSampleCsvRow(text_, sample, reader_.firstTimeNs());
+        writer_->add(text_, sample, reader_.firstTimeNs());
         ++rows;
       }
       if (done_ < samples.size()) continue;
@@ -272,16 +274,18 @@ class CsvPieces {
       reader_.pass();
       ended_ = ended_ || reader_.ended();
     }
+    if (ended_ && !std::exchange(has_end_, true)) writer_->end(text_);
     if (text_.empty() && !ended_) return WebPiece();
     return WebPiece(std::exchange(text_, {}));
   }
 
  private:
   ChunkReader reader_;
+  std::unique_ptr<SampleWriter> writer_;
   const std::int64_t from_ns_, to_ns_;
   std::string text_;
   std::size_t done_ = 0;  // rows done of the reader's chunk
-  bool ended_ = false;
+  bool ended_ = false, has_end_ = false;
 };
 
 /// A plot's parameters.
@@ -321,7 +325,7 @@ class PlotSteps {
 
   Result<std::optional<WebJson>> step() {
     std::size_t decoded = 0;
-    for (std::uint32_t n = 0; !past_ && n < kMostStepChunks && decoded < kMostStepSamples; ++n) {
+    for (std::uint32_t n = 0; !past_ && n < kMaxStepChunks && decoded < kMaxStepSamples; ++n) {
       ASSIGN_OR_RETURN(const auto samples, reader_.samples(true));
       reader_.pass();
       decoded += samples.size();
@@ -388,21 +392,20 @@ class PlotSteps {
 
 Result<WebSteps> samplePlot(Service& service, const WebCall& call) {
   ASSIGN_OR_RETURN(const auto asked, plotAskedIn(call));
-  ASSIGN_OR_RETURN(auto reader, ChunkReader::open(service, call, kMostStepChunks));
+  ASSIGN_OR_RETURN(auto reader, ChunkReader::open(service, call, kMaxStepChunks));
   auto steps = std::make_shared<PlotSteps>(std::move(reader), asked);
   RETURN_IF_ERROR(steps->begin());
   return WebSteps{[steps] { return steps->step(); }};
 }
 
-Result<WebStream> sampleCsv(Service& service, const WebCall& call) {
+Result<WebStream> sampleStream(Service& service, const WebRoute& route, const WebCall& call) {
   ASSIGN_OR_RETURN(const auto span, timeSpanOf(call));
-  ASSIGN_OR_RETURN(auto reader, ChunkReader::open(service, call, kCsvChunksAtOnce));
+  ASSIGN_OR_RETURN(auto reader, ChunkReader::open(service, call, kDownloadChunksAtOnce));
   if (reader.info().chunks() > 0) {
     RETURN_IF_ERROR(reader.seek(span.from_s.value_or(0)));
   }
-  auto pieces = std::make_shared<CsvPieces>(std::move(reader), span);
-  return streamFromFirst("text/csv; charset=utf-8", call.parts[0] + ".csv",
-                         [pieces] { return pieces->next(); });
+  auto pieces = std::make_shared<SamplePieces>(std::move(reader), route.format->samples(), span);
+  return streamFromFirst(*route.format, call.parts[0], [pieces] { return pieces->next(); });
 }
 
 }  // namespace needlelab

@@ -1,4 +1,4 @@
-/// A stored session's samples for a browser: decimated for a plot, or complete as CSV.
+/// A stored session's samples for a browser: decimated for a plot, or complete as a download.
 #pragma once
 
 #include <cstddef>
@@ -12,15 +12,17 @@
 
 namespace needlelab {
 
-/// A step of a plot or of the CSV ends when it has decoded this many samples or chunks. It holds one chunk's
-/// samples (at most 65,536, some 13 MB) and decodes fewer than kMostStepSamples + kMaxChunkSamples,
+struct WebRoute;
+
+/// A step of a plot or of a download ends when it has decoded this many samples or chunks. It holds one
+/// chunk's samples (at most 65,536, some 13 MB) and decodes fewer than kMaxStepSamples + kMaxChunkSamples,
 /// regardless of the recording.
-inline constexpr std::size_t kMostStepSamples = kMaxChunkSamples;
-inline constexpr std::uint32_t kMostStepChunks = 256;
-/// A piece of the CSV ends after this many rows (some 4 MB at most) or with its step, usually sooner, because
-/// samples outside the requested span are decoded but not written. Between two pieces a download holds the
-/// piece and the bytes of the next chunks (at most 1 MiB), but no samples.
-inline constexpr std::size_t kMostPieceRows = 8'192;
+inline constexpr std::size_t kMaxStepSamples = kMaxChunkSamples;
+inline constexpr std::uint32_t kMaxStepChunks = 256;
+/// A piece of a download ends after this many rows (some 4 MB at most) or with its step, usually sooner,
+/// because samples outside the requested span are decoded but not written. Between two pieces a download
+/// holds the piece and the bytes of the next chunks (at most 1 MiB), but no samples.
+inline constexpr std::size_t kMaxPieceRows = 8'192;
 
 /// `?from_s=&to_s=&points=` (2-10000, by default 2000): {rate_hz, samples, from_s, to_s, decimated, columns:
 /// {name: []}} with the names of the CSV. Times are s since the recording's first sample. When there are more
@@ -30,9 +32,9 @@ inline constexpr std::size_t kMostPieceRows = 8'192;
 /// Thread: a worker's.
 Result<WebSteps> samplePlot(Service& service, const WebCall& call);
 
-/// All columns of gesture/sample_csv.h, `?from_s=&to_s=` (`to_s` exclusive); units are in the header. A piece
-/// is some rows, regardless of the lengths of the session and its chunks. A damaged chunk ends the stream
-/// with an error; before the first piece the request is refused.
-Result<WebStream> sampleCsv(Service& service, const WebCall& call);
+/// All samples in the route's format, `?from_s=&to_s=` (`to_s` exclusive). A piece is some rows, regardless
+/// of the lengths of the session and its chunks. A damaged chunk ends the stream with an error; before the
+/// first piece the request is refused.
+Result<WebStream> sampleStream(Service& service, const WebRoute& route, const WebCall& call);
 
 }  // namespace needlelab

@@ -11,8 +11,8 @@
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kMostTarget = 2048;
-constexpr std::size_t kMostNames = 32;
+constexpr std::size_t kMaxTarget = 2048;
+constexpr std::size_t kMaxNames = 32;
 
 Error targetFault(const std::string& text) {
   return {ErrorCode::kInvalidInput, "the address " + text};
@@ -65,7 +65,7 @@ Status takeQuery(std::string_view text, WebTarget& target) {
     ASSIGN_OR_RETURN(const auto value, unescaped(pair.substr(std::min(equals + 1, pair.size())), true));
     if (!target.query.emplace(name, value).second)
       return targetFault("gives '" + name.substr(0, 60) + "' twice");
-    if (target.query.size() > kMostNames) return targetFault("gives too many names");
+    if (target.query.size() > kMaxNames) return targetFault("gives too many names");
   }
   return {};
 }
@@ -80,7 +80,7 @@ std::string WebTarget::path() const {
 }
 
 Result<WebTarget> parseTarget(std::string_view target) {
-  if (target.size() > kMostTarget) return targetFault("has more than 2048 bytes");
+  if (target.size() > kMaxTarget) return targetFault("has more than 2048 bytes");
   if (target.empty() || target.front() != '/') return targetFault("does not begin with '/'");
   WebTarget parsed;
   const std::size_t question = std::min(target.find('?'), target.size());

@@ -1,6 +1,8 @@
 /// Parsers for a browser's request: target, cookies, conditions. All input is untrusted.
 #pragma once
 
+#include <google/protobuf/message.h>
+
 #include <array>
 #include <cstdint>
 #include <functional>
@@ -18,6 +20,26 @@
 #include "server/live/login/login_state.h"
 
 namespace needlelab {
+
+// --- converts wire messages to the browser's JSON and back: the only place that defines their differences
+
+/// Returns all fields in the order of the .proto, in snake_case; omits absent messages and lists. Differences
+/// from the canonical JSON of common/profile:
+/// - times `…_unix_ns` become `…_unix_ms`, numbers with a fraction, because ns have too many digits for
+///   JavaScript; 0 (has not happened) becomes null;
+/// - `session_id` is the UUID's text, `hash` and other bytes are hexadecimal, `next_page` is base64url;
+/// - texts that contain JSON (`json`, `…_json`, `records`) become objects and lists; their names lose
+///   `_json`.
+WebJson jsonOf(const google::protobuf::Message& message);
+
+/// Fills `message` strictly (profile/message_json.h) from a browser's JSON; converts `…_unix_ms` to ns.
+Status messageOf(nlohmann::json body, google::protobuf::Message& message);
+
+/// Parses `"018f3a5e-…"` into 16 bytes. kNotFound for other text, because no session can have that name.
+Result<std::string> sessionBytesOf(const std::string& text);
+
+/// Decodes a list's `next_page` from the query. kInvalidInput.
+Result<std::string> pageOf(const std::string& text);
 
 /// `/api/v1/people/anna%20b?page=x`: segments and query decoded.
 struct WebTarget {
@@ -83,16 +105,15 @@ struct WebSteps {
   std::function<Result<std::optional<WebJson>>()> step;
 };
 
-/// A piece of a stream has at most kMostPieceBytes, including what is kept for the next one
-/// (kMostHeldByStream). While making a piece, a download holds this much of the budget of unread replies;
+/// A piece of a stream has at most kMaxPieceBytes, including what is kept for the next one
+/// (kMaxHeldByStream). While making a piece, a download holds this much of the budget of unread replies;
 /// afterwards the piece's actual length instead of the maximum.
-inline constexpr std::size_t kMostPieceBytes = 5u << 20, kMostHeldByStream = 1u << 20;
+inline constexpr std::size_t kMaxPieceBytes = 5u << 20, kMaxHeldByStream = 1u << 20;
 
 /// A piece of a stream. Nothing: no text yet, call again. Empty text: the end.
 using WebPiece = std::optional<std::string>;
 
-/// A reply too long to hold in memory, made piece by piece. The interface for export formats: each is one
-/// function that opens such a stream.
+/// A reply too long to hold in memory, made piece by piece.
 struct WebStream {
   std::string type;       ///< Content-Type
   std::string file_name;  ///< the name suggested to the browser; letters, digits, '-', '_', '.'

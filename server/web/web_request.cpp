@@ -14,16 +14,13 @@
 #include "server/live/counters.h"
 #include "server/live/limits/disk_room.h"
 #include "server/live/limits/server_limits.h"
-#include "server/live/login/person_login.h"
-#include "server/live/login/server_logins.h"
+#include "server/live/login/account_login.h"
+#include "server/live/login/login_state.h"
 #include "server/live/port/request_effects.h"
-#include "server/live/work/in_flight.h"
 #include "server/live/work/server_work.h"
-#include "server/web/live_socket.h"
-#include "server/web/openapi.h"
-#include "server/web/reply_json.h"
 #include "server/web/route_actions.h"
 #include "server/web/routes.h"
+#include "server/web/web_call.h"
 
 namespace needlelab {
 namespace {
@@ -105,8 +102,8 @@ WebJson storeState(ServerContext& context) {
   const std::int64_t now = steadyNowNs();
   WebJson state = {{"ack_survives", std::string(durabilityText(writer.durability()))}};
   std::string refused = standing.refused;
-  if (refused.empty()) refused = writer.failedItem(DbWriter::kSaidFor);
-  if (refused.empty()) refused = writer.full(DbWriter::kSaidFor);
+  if (refused.empty()) refused = writer.failedItem(DbWriter::kReportedFor);
+  if (refused.empty()) refused = writer.full(DbWriter::kReportedFor);
   if (!refused.empty()) state["refused"] = refused;
   if (const std::string lack = writer.lack(); !lack.empty()) state["lack"] = lack;
   if (standing.began_ns != 0 && now - standing.began_ns > kLongCommit_ns)
@@ -123,7 +120,7 @@ WebJson storeState(ServerContext& context) {
   return state;
 }
 
-HttpAnswer noPlace() {
+HttpAnswer noFreeConnection() {
   HttpAnswer answer = errorAnswer(503, "unavailable",
                                   "other people take all connections of this server: try again in a minute");
   answer.close = true;
@@ -170,7 +167,7 @@ Task<HttpAnswer> logIn(Shared server, Request request, nlohmann::json body) {
   if (login.answer == Answer::kRefused)
     co_return errorAnswer(401, "login_refused", "unknown name, wrong password, or disabled");
   if (login.answer != Answer::kWelcome) co_return errorAnswer(500, "failed", textOf(login));
-  if (!server->showedSession(request->connection, login.holder.who.name)) co_return noPlace();
+  if (!server->showedSession(request->connection, login.holder.who.name)) co_return noFreeConnection();
   // replaces the browser's earlier session
   const auto before = co_await server->sessions().find(request->cookie, askerOf(*request));
   if (before.ok() && *before) (void)co_await context.logins.state->end((*before)->token);
@@ -211,7 +208,7 @@ std::optional<HttpAnswer> bodyFault(HttpRequest& request, nlohmann::json& body) 
 
 /// Whether there is an unexpected body. A POST without fields may have an empty object.
 bool hasForeignBody(const HttpRequest& request, const WebRoute& route) {
-  if (request.body.empty() || takesBody(route)) return false;
+  if (request.body.empty() || acceptsBody(route)) return false;
   return request.method != "POST" || request.body != "{}";
 }
 
@@ -228,7 +225,7 @@ Task<std::optional<HttpAnswer>> takeShare(Shared server, Request request, Princi
   share = co_await waitForRoom(context.in_flight.decoded, context.in_flight.decoded_room, std::move(who),
                                bytes, std::move(gone));
   if (share) co_return std::nullopt;
-  co_return browserGone();
+  co_return disconnectedAnswer();
 }
 
 Task<std::optional<HttpAnswer>> readBody(Shared server, Request request, std::shared_ptr<WebCall> call) {
@@ -284,7 +281,7 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
     (void)co_await context.logins.state->end(session->token);
     co_return notLoggedIn();
   }
-  if (!server->showedSession(request->connection, session->holder.who.name)) co_return noPlace();
+  if (!server->showedSession(request->connection, session->holder.who.name)) co_return noFreeConnection();
   // neither asking for the session's expiry nor a page left open extends the session
   if (route.how.action != WebAction::kWhoAmI && route.how.action != WebAction::kLive)
     context.logins.state->renew(session->token);
@@ -310,7 +307,7 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
     std::function<bool()> gone = [request] { return request->gone(); };
     reply_room = co_await waitForRoom(context.in_flight.replies, context.in_flight.reply_room, call->who,
                                       replyRoomOf(context, call->who, route.call), std::move(gone));
-    if (!reply_room) co_return browserGone();
+    if (!reply_room) co_return disconnectedAnswer();
   }
   // for the body's JSON; released on the network's thread
   std::optional<ByteBudget::Share> share;
@@ -329,7 +326,7 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
       answer.headers.emplace_back("Upgrade", "websocket");
       co_return answer;
     }
-    if (!server->viewerCame(call->who.name)) {
+    if (!server->onViewerJoined(call->who.name)) {
       HttpAnswer answer = errorAnswer(429, "rate_limited", "too many live pages are open");
       answer.headers.emplace_back("Retry-After", "5");
       co_return answer;
@@ -355,7 +352,7 @@ Task<HttpAnswer> apiAnswer(Shared server, Request request, WebTarget target) {
     }
     disk_room = std::move(*room);
   }
-  AskedBy by{turnNameOf(call->who), session->token, account};
+  LongRequester by{turnNameOf(call->who), session->token, account};
   HttpAnswer answer;
   if (route.how.action == WebAction::kStream)  // not ?: around co_await, which g++ 12 miscompiles
     answer = co_await throughStream(server, request, route, call, std::move(by));

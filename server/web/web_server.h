@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <initializer_list>
+#include <map>
 #include <memory>
 #include <string>
 #include <unordered_map>
@@ -19,10 +20,32 @@
 #include "server/live/limits/admission.h"
 #include "server/live/limits/peer_lines.h"
 #include "server/web/live_board.h"
-#include "server/web/static_files.h"
 #include "server/web/web_call.h"
 
 namespace needlelab {
+
+struct StaticFile {
+  std::string type;  ///< Content-Type
+  std::string etag;  ///< including its quotes
+  std::shared_ptr<const std::string> body;
+};
+
+/// Serves requested paths from the files read at the start; a path from the network never reaches the file
+/// system. Thread: any, once constructed.
+class StaticFiles {
+ public:
+  /// Loads all regular files of the folder and its subfolders that have a web page's extension and do not
+  /// begin with '.' or '_'. A missing folder gives no files. kInvalidInput: more than 16 MiB or 1000 files,
+  /// or a file cannot be read.
+  static Result<StaticFiles> load(const std::filesystem::path& folder);
+
+  /// Maps "/" to "/index.html". Null for an unknown file.
+  [[nodiscard]] const StaticFile* find(const std::string& path) const;
+  [[nodiscard]] std::size_t size() const { return files_.size(); }
+
+ private:
+  std::map<std::string, StaticFile> files_;  // by path relative to the folder, with a leading '/'
+};
 
 /// HttpLimits contains the limits of size and time.
 struct WebSettings : HttpLimits {
@@ -80,9 +103,9 @@ class WebServer : public HttpServer {
   [[nodiscard]] const StaticFiles& files() const { return files_; }
   [[nodiscard]] WebSessions& sessions() { return sessions_; }
   [[nodiscard]] LiveBoard& board() { return *board_; }
-  /// False: too many viewers, in total or for this person. Each true must be followed by one viewerLeft.
-  bool viewerCame(const std::string& who);
-  void viewerLeft(const std::string& who);
+  /// False: too many viewers, in total or for this person. Each true must be followed by one onViewerLeft.
+  bool onViewerJoined(const std::string& who);
+  void onViewerLeft(const std::string& who);
   /// A connection has sent a request with a valid session of `who`. False: all places are taken by people
   /// with no more connections than this person.
   [[nodiscard]] bool showedSession(std::uint64_t id, const std::string& who);
@@ -106,5 +129,16 @@ class WebServer : public HttpServer {
   std::unordered_map<std::string, std::size_t> viewers_;  // by name
   std::size_t all_viewers_ = 0;
 };
+
+// --- the live page's WebSocket: sends a viewer the board whenever it changes
+
+class HttpTakeover;
+
+/// Sends one message at a time to a viewer and skips changes in between, so that nothing queues up. Cuts a
+/// viewer that does not accept a message within live_write_timeout. Ends with the viewer's session. Ignores
+/// the contents of the viewer's messages; one of more than 4 KiB ends the connection. Calls onViewerLeft at
+/// its end. `token`: of the session. Thread: the network's.
+std::shared_ptr<HttpTakeover> makeLiveSocket(std::shared_ptr<WebServer> server, std::string token,
+                                             std::string who);
 
 }  // namespace needlelab

@@ -6,9 +6,8 @@
 #include <string>
 #include <string_view>
 
-#include "common/base/crc32c.h"
+#include "common/base/bytes.h"
 #include "common/gesture/chunk.h"
-#include "common/gesture/session_hash.h"
 #include "tests/bench/codec_record.h"
 #include "tests/unit/common/gesture/gesture_samples.h"
 #include "tests/unit/common/gesture/recorded_gestures.h"

@@ -223,7 +223,7 @@ Result<std::string> textOfReply(Service& service, const WebRoute& route, const W
       }
     }
     case WebAction::kStream: {
-      ASSIGN_OR_RETURN(auto stream, route.how.stream(service, call));
+      ASSIGN_OR_RETURN(auto stream, route.how.stream(service, route, call));
       for (;;) {
         ASSIGN_OR_RETURN(auto piece, stream.next());
         if (piece) return *std::move(piece);

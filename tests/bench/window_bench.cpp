@@ -130,11 +130,11 @@ struct LessonWindow {
 
   LessonWindow(const SampleLesson& l, Surface& s, SceneRenderer& r)
       : lesson(l), surface(s), renderer(r), replica(l.model) {
-    frame.camera = firstLook(*l.scene);
+    frame.camera = initialView(*l.scene);
     frame.aids = usualAidSet();
     renderer.setScene(l.scene);
   }
-  // a thirtieth of a second of samples; the lesson begins again at its end, its ticks go on
+  // a thirtieth of a second of samples; the lesson begins again at its end, its ticks continue
   void follow() {
     for (int i = 0; i < 33; ++i) {
       GestureSample sample = lesson.samples[next];
@@ -204,7 +204,7 @@ std::vector<Row> measureAll(const SampleLesson& lesson, Surface& surface) {
         window.draw(false);
       },
       kPeriod_s));
-  window.frame.camera = firstLook(*lesson.scene);
+  window.frame.camera = initialView(*lesson.scene);
   {
     LessonWindow other(lesson, surface, **plain);
     for (int i = 0; i < 600; ++i) other.follow();

@@ -78,7 +78,7 @@ class ClassStation {
 
   /// Key and server. Errors: kInvalidInput, kUnavailable, kDenied.
   Status connect();
-  /// Runs all attempts in order; notes a refused attempt and goes on. Errors: those that end the work: a
+  /// Runs all attempts in order; notes a refused attempt and continues. Errors: those that end the work: a
   /// server that stays unavailable, a full disk, a gesture ended by the gate.
   Status practise(std::vector<ClassSession>& attempts, const std::function<bool()>& stopped);
 

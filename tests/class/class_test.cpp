@@ -190,7 +190,7 @@ TEST(Timetable, everybodyDoesEverythingInOrderAndInThePast) {
   }
 }
 
-TEST(Timetable, nobodyComesAtNightOrOnWeekends) {
+TEST(Timetable, noPracticeAtNightOrOnWeekends) {
   TimetableOptions options;
   options.weeks = 8;
   for (std::int64_t day = 0; day < 7; ++day) {
@@ -203,7 +203,7 @@ TEST(Timetable, nobodyComesAtNightOrOnWeekends) {
   }
 }
 
-TEST(Timetable, practiceTakesItsShareOfWhatIsMissing) {
+TEST(Timetable, practiceClosesAFixedShareOfTheSkillGap) {
   TimetableOptions options;
   options.practice = 0.1;
   const auto plan = planClass(kThree, options, kNow);

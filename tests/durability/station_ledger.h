@@ -1,6 +1,6 @@
 /// The ledger that a station under test writes for the judge: one line of JSON per event, each appended with
 /// a single write, so that killing this program cuts off at most its last line; the next start removes that.
-/// Fields: README.md.
+/// Fields: judge/ledger.py.
 #pragma once
 
 #include <mutex>

@@ -167,7 +167,7 @@ int run(const Options& options) {
   config.client.login = stationLogin(station, key);
   if (!options.as_station) {
     config.first_retry = 20ms;
-    config.most_retry = 100ms;
+    config.max_retry = 100ms;
   }
   UplinkEvents events;
   events.report = [](const std::string& words) { std::fprintf(stderr, "%s\n", words.c_str()); };

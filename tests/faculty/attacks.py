@@ -45,7 +45,7 @@ def is_caught(lab):
 
 
 def no_acks(lab, seconds):
-    """Waits first for whatever is in progress."""
+    """Waits first for work in progress."""
     time.sleep(0.3)
     lab.silent_for(seconds)
 

@@ -31,6 +31,7 @@ S = 10**9
 
 
 def nightly():
+    sys.path.insert(0, str(ROOT / "deploy"))  # its pieces lie beside it
     loader = importlib.machinery.SourceFileLoader("nightly", str(ROOT / "deploy" / "nightly"))
     module = importlib.util.module_from_spec(importlib.util.spec_from_loader("nightly", loader))
     sys.modules["nightly"] = module  # dataclasses look it up there

@@ -307,13 +307,13 @@ def kill(lab, proxy, browser, name):
             return browser.is_known()
         except (OSError, http.client.HTTPException):
             return False
-    took = seconds_until(goes_on, "the browser's session goes on")
+    took = seconds_until(goes_on, "the browser's session continues")
     if browser.server() != OTHER[name]:
         raise Failed("the browser is at the killed server")
     lab.measure(Fault(begin, begin, there))
     lab.nothing_missing()
     again(lab, f"server {name} killed", GOAL_S)
-    print(f"its browser's session goes on at {browser.server()} within {took:.1f} s", flush=True)
+    print(f"its browser's session continues at {browser.server()} within {took:.1f} s", flush=True)
     proxy.wait_for(name, "DOWN", before, "stations", "browsers")
     before = proxy.counts(name)
     lab.believes = [SEEN_AS]  # for the console at the end
@@ -334,12 +334,12 @@ def pause(lab, proxy, name):
     print(f"server {name} stands still: HAProxy marks it down after {took:.1f} s ({why})", flush=True)
     again(lab, f"server {name} stands still", PAUSE_GOAL_S)
     proxy.wait_for(name, "UP", before, "stations")
-    time.sleep(1)  # whatever it had received
+    time.sleep(1)  # for data in transit
     if (more := lab.chunks(name, "repeated") - repeated) > 0:
         raise Failed(f"server {name} acknowledged {more} chunks that the other one had stored")
     told = lab.metric("needlelab_stations_deposed_total", name) - deposed
     lab.nothing_missing()
-    print(f"it goes on and acknowledges nothing; {told:.0f} connections were told that they are deposed", flush=True)
+    print(f"it continues and acknowledges nothing; {told:.0f} connections were told that they are deposed", flush=True)
     # it is restarted, like the other one before
     lab.servers[name].terminate()
     if lab.servers[name].wait(60) != 0:
@@ -374,12 +374,12 @@ def console(lab, proxy):
             browser.message()
     except (ConnectionError, ssl.SSLError):
         pass
-    took = seconds_until(browser.is_known, "the browser's session goes on")
+    took = seconds_until(browser.is_known, "the browser's session continues")
     lab.start(name)  # so that the lab ends cleanly
     lab.hear_each_other()
     print(f"console: logged in at {name}, which knows the browser's address; the live page is open for {LIVE_S + DATABASE_STILL_S + 2} s with {texts} texts, also while "
           f"PostgreSQL stands still (/healthz says 503) and while another address has too many connections; server {name} killed: "
-          f"the page ends, and the session goes on at {OTHER[name]} within {took:.1f} s", flush=True)
+          f"the page ends, and the session continues at {OTHER[name]} within {took:.1f} s", flush=True)
 
 
 def database_stands_still(lab, proxy):

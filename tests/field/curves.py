@@ -46,8 +46,8 @@ def rows(lab):
     yield "lines above the header are passed over when a person says so", lambda: says(
         benchmark(folder("above", plain, head_lines=("Instrument 7", "run; 3")), "--lines-above", "2"), 0)
     yield "without that the line that was read is shown", lambda: says(benchmark(folder("above2", plain, head_lines=("Instrument 7", "run; 3"))), 2, "Instrument 7")
-    yield "millimetres are no metres", lambda: says(benchmark(folder("mm", plain, "Depth [mm],Force [N]")), 2, "'Depth [mm],Force [N]'")
-    yield "insertion and withdrawal are split, and it is said", lambda: says(benchmark(folder("back", plain)), 0, "4 of 4 curves were split")
+    yield "millimetres are not metres", lambda: says(benchmark(folder("mm", plain, "Depth [mm],Force [N]")), 2, "'Depth [mm],Force [N]'")
+    yield "insertion and withdrawal are split, with a note", lambda: says(benchmark(folder("back", plain)), 0, "4 of 4 curves were split")
     yield "negative depths are refused", lambda: says(benchmark(folder("negative", plain)), 2, "--negate depth")
     yield "and taken when a person says so", lambda: says(benchmark(folder("negative2", plain), "--negate", "depth"), 0, "depth_m of all files is negated")
     yield "forces that pull are refused", lambda: says(benchmark(folder("pulls", plain)), 2, "--negate force")

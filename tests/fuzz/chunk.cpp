@@ -2,9 +2,9 @@
 #include <array>
 #include <cstring>
 
-#include "common/base/crc32c.h"
+#include "common/base/bytes.h"
 #include "common/gesture/chunk.h"
-#include "common/gesture/sample_csv.h"
+#include "common/gesture/sample.h"
 #include "tests/fuzz/target.h"
 
 namespace needlelab::fuzz {

@@ -70,7 +70,7 @@ void envelope(ByteView data) {
       const auto cost = measurePayload(*head);
       if (!decoded.ok()) continue;
       require(head->body == decoded->body_case() && head->call == decoded->request().call_case(),
-              "what was judged is what is parsed");
+              "the judged bytes are the parsed ones");
       if (cost.ok())
         require(cost->decoded_bytes + sizeof(pb::Envelope) >= decoded->SpaceUsedLong() / 4,
                 "no message takes far more than was reckoned");

@@ -7,7 +7,6 @@
 #include "db/service/requests/requests.h"
 #include "server/base/http_message.h"
 #include "server/base/http_stream.h"
-#include "server/web/reply_json.h"
 #include "server/web/routes.h"
 #include "server/web/web_call.h"
 #include "tests/fuzz/quiet_protobuf.h"

@@ -145,7 +145,7 @@ void live(ByteView data) {
     hub.detachStation(names[i], stations[i]);
     hub.detachViewer(viewers[i]);
   }
-  require(hub.stationsOnline() == 0, "nobody is left behind");
+  require(hub.stationsOnline() == 0, "no one is left behind");
 }
 
 }  // namespace needlelab::fuzz

@@ -9,7 +9,6 @@
 #include "client/net/spool/spool.h"
 #include "common/base/files/files.h"
 #include "common/gesture/chunk.h"
-#include "common/gesture/session_hash.h"
 #include "common/haptics/cut_snapshot.h"
 #include "common/wire/protocol.h"
 #include "tests/fuzz/target.h"

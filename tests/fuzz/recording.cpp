@@ -2,7 +2,7 @@
 #include <array>
 #include <cstring>
 
-#include "common/base/crc32c.h"
+#include "common/base/bytes.h"
 #include "common/gesture/recording.h"
 #include "tests/fuzz/target.h"
 

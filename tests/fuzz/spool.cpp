@@ -4,7 +4,7 @@
 
 #include "client/net/spool/lesson_cache.h"
 #include "client/net/spool/spool.h"
-#include "common/base/crc32c.h"
+#include "common/base/bytes.h"
 #include "common/gesture/chunk.h"
 #include "tests/fuzz/quiet_protobuf.h"
 #include "tests/fuzz/target.h"
@@ -108,7 +108,7 @@ void spool(ByteView data) {
       if (round == 1) {
         require(contents.chunks == first.chunks && contents.samples == first.samples &&
                     contents.hash == first.hash,
-                "what was mended stays as it is");
+                "a mended spool stays as it is");
       }
       first = contents;
       found = true;

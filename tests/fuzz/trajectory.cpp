@@ -27,7 +27,7 @@ void trajectory(ByteView data) {
 
 void address(ByteView data) {
   if (const auto all = parseEndpoints(textOf(data)); all.ok()) {
-    require(!all->empty() && all->size() <= kMostEndpoints, "a list has servers");
+    require(!all->empty() && all->size() <= kMaxEndpoints, "a list has servers");
     const auto again = parseEndpoints(endpointsText(*all));
     require(again.ok() && endpointsText(*again) == endpointsText(*all), "a list comes back");
   }

@@ -1,9 +1,10 @@
 /// Four more effects, stages as CONTRIBUTING.md describes them: dummy i pushes the needle out with k_i N for
 /// each metre inserted.
 #include <array>
+#include <span>
 
+#include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/effect_entry.h"
-#include "common/haptics/models/axial_entry.h"
 #include "common/haptics/spec_checker.h"
 
 namespace needlelab {
@@ -54,8 +55,17 @@ constinit const std::array<EffectEntry, kDummyEffectCount> kDummyEntries = {
     DummyStage<3>::entry("DUMMY_D", "Dummy D", "dummy_d", 0x444444)};
 
 // no other axial model than the wall is compiled with the dummies, because each takes seconds
-constinit const AxialEntry kDirectEntry = {}, kFemEntry = {}, kVoigtEntry = {}, kGodObjectEntry = {},
-                           kFirstOrderEntry = {}, kStatisticalEntry = {}, kPrecomputedEntry = {},
-                           kOkamuraEntry = {}, kDahlEntry = {};
+extern const AxialEntry kTrackingWallEntry;
+std::span<const AxialEntry* const, kAxialModelCount> axialEntries() {
+  static const auto kWalls = [] {
+    std::array<const AxialEntry*, kAxialModelCount> walls{};
+    walls.fill(&kTrackingWallEntry);
+    return walls;
+  }();
+  return kWalls;
+}
+const AxialEntry& axialEntry(AxialModel /*model*/) {
+  return kTrackingWallEntry;
+}
 
 }  // namespace needlelab

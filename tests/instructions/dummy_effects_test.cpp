@@ -8,12 +8,12 @@
 #include <memory>
 #include <tuple>
 
-#include "client/effect_cost/instruction_count.h"
-#include "client/effect_cost/tick_run.h"
+#include "client/effect_cost/tick_cost.h"
 #include "client/sim/tools/run_table.h"
 #include "client/view/model/gesture_replica.h"
+#include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/effect_entry.h"
-#include "common/haptics/models/axial_entry.h"
+#include "common/haptics/effects/step_live.h"
 #include "tests/support/scenes/scenes.h"
 
 namespace needlelab::test {
@@ -77,7 +77,7 @@ TEST(DummyEffects, doNotRunWhereTheyAreNotLive) {
       const SceneModel model = *compile(scene, kRateHz);
       EXPECT_EQ(model.live, effects);
       EXPECT_EQ(model.stage_count, 0U);
-      EXPECT_EQ(model.step_function, (*kTrackingWallEntry.steps)[effects]);
+      EXPECT_EQ(model.step_function, (*axialEntry(AxialModel::kEnhancedTrackingWall).steps)[effects]);
     }
 }
 
@@ -110,7 +110,7 @@ TEST(DummyEffects, addTheirForcesWhereTheyAreLive) {
   }
 }
 
-TEST(DummyEffects, areShownByWhatIteratesOverTheRows) {
+TEST(DummyEffects, areShownByEverythingThatIteratesOverTheRows) {
   StepReport report;
   Moment moment;
   for (std::size_t i = 0; i < kDummyEffectCount; ++i)

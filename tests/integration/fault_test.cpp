@@ -80,11 +80,11 @@ TEST_F(FaultProgram, acknowledgedWhileTheLessonGoesOnItEndsWell) {
   EXPECT_NEAR(fault["time_s"].get<double>(), 1.006, 0.02);
   EXPECT_DOUBLE_EQ(fault["tick"].get<double>(), fault["time_s"].get<double>() * 1000);
   EXPECT_GT(fault["over_s"].get<double>(), fault["time_s"].get<double>());
-  EXPECT_EQ(out["end"], "time is over") << "the lesson went on to its end";
+  EXPECT_EQ(out["end"], "time is over") << "the lesson continued to its end";
   EXPECT_THAT(station_->said(), HasSubstr("acknowledged and over at"));
 }
 
-TEST_F(FaultProgram, anAcknowledgementBeforeTheFaultIsNone) {
+TEST_F(FaultProgram, anAcknowledgementBeforeTheFaultDoesNotCount) {
   start({"--on-fault", "wait", "--seconds", "3"});
   ASSERT_TRUE(says("real time:")) << station_->said();
   station_->signal(SIGUSR1);
@@ -101,7 +101,7 @@ TEST_F(FaultProgram, aStopSignalEndsALessonThatWaitsInFault) {
   EXPECT_EQ(summary()["end"], "stopped");
 }
 
-TEST_F(FaultProgram, whereNobodyIsThereTheLessonEndsWithTheFault) {
+TEST_F(FaultProgram, anUnattendedLessonEndsWithTheFault) {
   start({});
   ASSERT_EQ(station_->wait(), kExitFailed) << station_->said();
   EXPECT_THAT(station_->said(), AllOf(HasSubstr("The lesson ends"), Not(HasSubstr("SIGUSR1"))));

@@ -174,7 +174,7 @@ TEST_F(LessonTest, theServerIsKilledAndRestartedInMidLesson) {
   EXPECT_TRUE(lab_.verifies(summary["session_id"]));
 }
 
-TEST_F(LessonTest, theStationIsKilledInMidLessonAndItsNextStartBringsTheRest) {
+TEST_F(LessonTest, theNextStartUploadsTheRestOfAKilledLesson) {
   lab_.startServer();
   const PoseTrack track = makeStroke(20);
   auto first = lab_.startStation("first", playing(writeStroke(lab_, track)));
@@ -284,7 +284,7 @@ TEST_F(LessonTest, sigtermEndsTheSessionProperly) {
   EXPECT_EQ(lab_.stored(summary["session_id"]).samples.size(), summary["samples"]);
 }
 
-TEST_F(LessonTest, aJumpingRecordingFaultsIsSaidAndStoredNevertheless) {
+TEST_F(LessonTest, faultsOfAJumpingRecordingAreReportedAndStored) {
   lab_.startServer();
   const auto file = lab_.path("jump.csv");
   std::ofstream csv(file);
@@ -389,7 +389,7 @@ TEST_F(LessonTest, wrongInputIsRefusedWithItsExitCode) {
 // the four recordings, through the ball
 class RecordedHand : public testing::TestWithParam<const char*> {};
 
-TEST_P(RecordedHand, isExportedAsItWasPlayed) {
+TEST_P(RecordedHand, isExportedUnchanged) {
   const Recordings recordings = preferredRecordings();
   SCOPED_TRACE(recordings.name());
   const std::filesystem::path file = recordings.folder / "virtuose" / (std::string(GetParam()) + ".csv");

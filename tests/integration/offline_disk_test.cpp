@@ -94,11 +94,11 @@ TEST_F(OfflineDiskTest, aDiskThatIsFullForAWhileLosesNothing) {
   EXPECT_TRUE(lab_.verifies(summary["session_id"]));
 }
 
-TEST_F(OfflineDiskTest, aDiskThatStaysFullCostsSamplesWhichAreCountedAndSaidEverywhere) {
+TEST_F(OfflineDiskTest, samplesLostToAFullDiskAreCountedAndReported) {
   auto station = lessonOnSmallDisk("lesson", "5", "sleep 1.5; fill");
   std::optional<int> code;
   const auto troubles = troublesUntil(*station, code, 90s);
-  ASSERT_EQ(code, kExitFailed) << "a loss is no success\n" << station->said();
+  ASSERT_EQ(code, kExitFailed) << "a loss is not a success\n" << station->said();
   const auto summary = lab_.summary("lesson");
   const std::uint64_t samples = summary["samples"], lost = summary["samples_lost"];
   ASSERT_GT(lost, 1000u);
@@ -133,7 +133,7 @@ TEST_F(OfflineDiskTest, aDiskThatStaysFullCostsSamplesWhichAreCountedAndSaidEver
   }
 }
 
-TEST_F(OfflineDiskTest, aSpoolThatMayNotBeWrittenIsSaidBeforeTheLesson) {
+TEST_F(OfflineDiskTest, anUnwritableSpoolIsReportedBeforeTheLesson) {
   const std::string disk = quoted(lab_.path("disk"));
   Process station(kPrivateMounts,
                   {"/bin/sh", "-c",

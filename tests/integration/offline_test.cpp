@@ -85,7 +85,7 @@ TEST_F(OfflineTest, threeLessonsWithoutAServerAreUploadedInOrderAndOnce) {
   EXPECT_EQ(lab_.sessions().size(), 6u);
 }
 
-TEST_F(OfflineTest, anUnknownNameIsRefusedWithTheServerAndTakenAndFlaggedWithoutIt) {
+TEST_F(OfflineTest, anUnknownNameIsRefusedOnlineAndFlaggedOffline) {
   fillCacheAndStopServer();
   const auto as_tmo = [&](const std::string& name, const std::vector<std::string>& more) {
     auto arguments = lab_.stationArguments({"--seconds", "0.3", "--json", lab_.path(name + ".json")});
@@ -127,7 +127,7 @@ TEST_F(OfflineTest, anUnknownNameIsRefusedWithTheServerAndTakenAndFlaggedWithout
   EXPECT_EQ(lab_.stored(id).info.given_trainee(), "tmo");
 }
 
-TEST_F(OfflineTest, aCodeIsAskedForWithTheServerAndASessionBegunWithoutItWaits) {
+TEST_F(OfflineTest, aCodeIsCheckedOnlineAndAnOfflineSessionWaits) {
   fillCacheAndStopServer();
   const auto code_file = [&](const std::string& name, const std::string& code) {
     std::ofstream(lab_.path(name)) << code << "\n";
@@ -159,7 +159,7 @@ TEST_F(OfflineTest, aCodeIsAskedForWithTheServerAndASessionBegunWithoutItWaits) 
     EXPECT_THAT(wrong->said(), HasSubstr("not the code of tom"));
     EXPECT_THAT(wrong->said(), Not(HasSubstr("badge-of-zoe"))) << "no code is shown";
   }
-  EXPECT_EQ(lab_.sessions().size(), 1u) << "only the lesson of before: nothing was recorded";
+  EXPECT_EQ(lab_.sessions().size(), 1u) << "only the earlier lesson: nothing was recorded";
   auto right = lesson("right", {"--code-file", right_file});
   ASSERT_EQ(right->wait(), kExitDone) << right->said();
   const StoredSession checked = lab_.stored(lab_.summary("right")["session_id"]);
@@ -211,7 +211,7 @@ TEST_F(OfflineTest, aDisabledPersonIsRefusedWithAProfileFromAFileToo) {
   EXPECT_TRUE(lab_.sessions().empty());
 }
 
-TEST_F(OfflineTest, aSilentServerHoldsUpAProfileFromAFileForThreeSecondsOnly) {
+TEST_F(OfflineTest, aSilentServerDelaysAProfileFileAtMostThreeSeconds) {
   lab_.startServer();
   lab_.signalServer(SIGSTOP);
   auto station = lab_.startStation(
@@ -290,7 +290,7 @@ TEST_F(OfflineTest, theListTellsWhatCanBePractisedWithAndWithoutTheServer) {
   EXPECT_THAT(nothing.said(), HasSubstr("no exercise is cached"));
 }
 
-TEST_F(OfflineTest, theLadderOfATraineeIsListedAndOffLineAsOfItsTime) {
+TEST_F(OfflineTest, theLadderIsListedOfflineWithItsTimestamp) {
   fillCacheAndStopServer();
   ASSERT_EQ(lab_.admin({"assign", "tom", "--course", "rheumatology-basics"}), kExitDone);
   lab_.startServer();
@@ -298,7 +298,7 @@ TEST_F(OfflineTest, theLadderOfATraineeIsListedAndOffLineAsOfItsTime) {
   ASSERT_EQ(online.wait(), kExitDone) << online.said();
   const std::string first = "\nRheumatology: needle injection, the basics\n  1.  ball-free-practice";
   EXPECT_THAT(online.said(), HasSubstr(first));
-  EXPECT_THAT(online.said(), HasSubstr("Next")) << "0.3 s of it are no pass";
+  EXPECT_THAT(online.said(), HasSubstr("Next")) << "0.3 s of it are not a pass";
   EXPECT_THAT(online.said(), Not(HasSubstr("as of")));
 
   ASSERT_EQ(lab_.stopServer(), kExitDone);
@@ -309,7 +309,7 @@ TEST_F(OfflineTest, theLadderOfATraineeIsListedAndOffLineAsOfItsTime) {
   EXPECT_THAT(away.said(), HasSubstr(first));
 }
 
-TEST_F(OfflineTest, aDamagedOrHostileCacheIsSaidAndNotFelt) {
+TEST_F(OfflineTest, aDamagedOrHostileCacheIsReportedAndNotRendered) {
   fillCacheAndStopServer();
   const auto file = lab_.path("spool") / "lessons" / "ball-free-practice.json";
   const std::string good = *readWholeFile(file);
@@ -338,7 +338,7 @@ TEST_F(OfflineTest, aDamagedOrHostileCacheIsSaidAndNotFelt) {
   EXPECT_EQ(whole->wait(), kExitDone) << whole->said();
 }
 
-TEST_F(OfflineTest, overTheQuotaLessonsGoOnAndEverybodyIsTold) {
+TEST_F(OfflineTest, lessonsContinueOverTheQuotaAndEveryoneIsTold) {
   lab_.startServer();
   auto online = lab_.startStation("online", {"--exercise", "ball-free-practice", "--seconds", "0.3"});
   ASSERT_EQ(online->wait(), kExitDone) << online->said();

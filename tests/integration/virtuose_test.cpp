@@ -74,14 +74,14 @@ TEST_F(VirtuoseStation, aWholeLessonRunsOnTheStandIn) {
   EXPECT_LE(scoreOf(summary, "peak_force_n"), 10.001);
 }
 
-TEST_F(VirtuoseStation, withoutTheLibraryItSaysWhatToInstall) {
+TEST_F(VirtuoseStation, aMissingLibraryIsReportedWithAdvice) {
   ::setenv(kVirtuoseLibraryVariable, "/nowhere/libVirtuoseAPI.so", 1);
   EXPECT_EQ(lesson(), kExitFailed);
   EXPECT_THAT(said_, HasSubstr("Haption"));
   EXPECT_THAT(said_, HasSubstr("NEEDLELAB_VIRTUOSE_LIBRARY"));
 }
 
-TEST_F(VirtuoseStation, withoutTheServiceItSaysWhereToLook) {
+TEST_F(VirtuoseStation, aMissingServiceIsReportedWithAdvice) {
   script("0 daemon 0\n");
   EXPECT_EQ(lesson(), kExitFailed);
   EXPECT_THAT(said_, HasSubstr("127.0.0.1#53210: connecting failed with error 2"));

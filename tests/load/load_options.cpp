@@ -24,8 +24,8 @@ Error invalid(const std::string& text) {
 
 // they become `server join --name`, --live-name, and folder names
 Status checkNames(const std::vector<std::string>& names) {
-  const std::string wanted = fmt::format("--servers: names of 2 to {} servers, such as a,b", kMostServers);
-  if (names.size() < 2 || names.size() > kMostServers)
+  const std::string wanted = fmt::format("--servers: names of 2 to {} servers, such as a,b", kMaxServers);
+  if (names.size() < 2 || names.size() > kMaxServers)
     return invalid(fmt::format("{}; here are {}", wanted, names.size()));
   for (const std::string& name : names) {
     const bool is_name = !name.empty() && name.size() <= 20 &&

@@ -29,7 +29,7 @@ struct LoadOptions {
 
   // the run's own servers
   /// Names of the run's own servers that work together on `store`, connected by their own NATS: 2 to
-  /// kMostServers. Empty: one server, alone.
+  /// kMaxServers. Empty: one server, alone.
   std::vector<std::string> servers;
   std::filesystem::path bin;  ///< the folder of needlelab-server
   std::string store;          ///< an empty PostgreSQL database for it; empty: SQLite
@@ -41,7 +41,7 @@ struct LoadOptions {
   bool quiet = false;         ///< no progress on standard error
 };
 
-inline constexpr std::size_t kMostServers = 8;
+inline constexpr std::size_t kMaxServers = 8;
 
 /// Which of `servers` servers a station asks first: a viewer that asks server `viewer % servers` first
 /// watches stations of every server (LoadViewer). Without viewers the stations take turns.

@@ -49,15 +49,15 @@ TEST(GesturePool, holdsWholeInsertionsWithForces) {
     ASSERT_GT(gesture.size(), 1000u);
     EXPECT_EQ(gesture.front().layer, -1);
     EXPECT_EQ(gesture.back().layer, -1);
-    double deepest_m = 0, most_N = 0, plunger = 0;
+    double deepest_m = 0, max_N = 0, plunger = 0;
     for (const GestureSample& s : gesture) {
       deepest_m = std::max(deepest_m, s.insertion_m);
-      most_N = std::max(most_N, std::hypot(s.force_W_N[0], s.force_W_N[1], s.force_W_N[2]));
+      max_N = std::max(max_N, std::hypot(s.force_W_N[0], s.force_W_N[1], s.force_W_N[2]));
       plunger = std::max(plunger, s.plunger);
       EXPECT_EQ(s.fault, 0);
     }
     EXPECT_GT(deepest_m, 0.008);
-    EXPECT_GT(most_N, 0.5);
+    EXPECT_GT(max_N, 0.5);
     EXPECT_GT(plunger, 0.9);
   }
 }
@@ -130,7 +130,7 @@ class Compared : public testing::Test {
                                                      storedOf(samplesOf(4, 2000, 1000))};
 };
 
-TEST_F(Compared, countsWhatIsLostStoredTwiceOrNotMade) {
+TEST_F(Compared, countsLostDuplicatedAndForeignSamples) {
   using Chunks = std::vector<std::vector<GestureSample>>;
   const struct {
     const char* what;
@@ -139,7 +139,7 @@ TEST_F(Compared, countsWhatIsLostStoredTwiceOrNotMade) {
     const char* words;
   } cases[] = {
       {"all is there", [](Chunks&) {}, 0, 0, 0, ""},
-      {"the order is no difference", [](Chunks& c) { std::swap(c[0], c[2]); }, 0, 0, 0, ""},
+      {"the order is not a difference", [](Chunks& c) { std::swap(c[0], c[2]); }, 0, 0, 0, ""},
       {"a chunk is lost", [](Chunks& c) { c.erase(c.begin() + 1); }, 1000, 0, 0, "tick 1000"},
       {"a sample is lost", [](Chunks& c) { c[2].erase(c[2].begin() + 17); }, 1, 0, 0, "tick 2017"},
       {"a chunk twice", [](Chunks& c) { c.push_back(c[1]); }, 0, 1000, 0, "twice"},
@@ -349,7 +349,7 @@ TEST(LoadOptions, viewersOfEachServerWatchStationsOfAll) {
   EXPECT_EQ(firstServerOf(7, 10, 1), 0u);
 }
 
-TEST(LoadShared, aStationAsksItsOwnServerFirstAndThenAllOthers) {
+TEST(LoadShared, aStationTriesItsOwnServerFirstAndThenAllOthers) {
   LoadShared shared;
   shared.client.setServers({{"a", 1}, {"b", 2}, {"c", 3}});
   EXPECT_EQ(endpointsText(shared.clientOf(0).servers()), "a:1,b:2,c:3");
@@ -358,7 +358,7 @@ TEST(LoadShared, aStationAsksItsOwnServerFirstAndThenAllOthers) {
   EXPECT_EQ(shared.numberOf({"c", 3}), 2u);
 }
 
-TEST(ProcessUse, isTheDifferenceAndUnknownWhereAProcessBeganAnew) {
+TEST(ProcessUse, isTheDifferenceAndUnknownAfterAProcessRestart) {
   ProcessUse begin, end;
   end.name = "NATS";
   begin.cpu_s = 1.5;
@@ -436,7 +436,7 @@ TEST(ProcessUse, ofPostgresWantsThePidOfOne) {
   EXPECT_FALSE(standbyUse(folder.path() / "missing").ok());
 }
 
-TEST(LoadReport, hasEachProcessWithWhatIsKnown) {
+TEST(LoadReport, listsEachProcessWithItsKnownFigures) {
   LoadResult result;
   result.options.servers = {"a", "b"};
   result.stations_at = {60, 40};
@@ -485,7 +485,7 @@ TEST(SoakOfTheLoad, judgesTheLastServersMemoryAndHandles) {
   EXPECT_EQ(verdictOf(judgeLoad(spread)), Verdict::kBad) << "it holds far more than is live";
   LoadResult silent = quietRun(0, 0);
   for (ServerRow& row : silent.rows) row.live_KiB = 0;
-  EXPECT_EQ(verdictOf(judgeLoad(silent)), Verdict::kBad) << "nobody knows";
+  EXPECT_EQ(verdictOf(judgeLoad(silent)), Verdict::kBad) << "no one knows";
   LoadResult brief = quietRun(40, 0);
   brief.options.seconds = 899;
   EXPECT_EQ(soakForm(brief.options), SoakForm::kShort);

@@ -210,7 +210,7 @@ std::vector<Finding> judgeLoad(const LoadResult& r, const SoakLimits& limits) {
       zero("samples lost", d.lost),
       zero("samples stored twice", d.duplicated),
       zero("samples stored with another value", d.different),
-      zero("samples stored that nobody made", d.foreign),
+      zero("samples stored that no one made", d.foreign),
       zero("sessions not closed as complete",
            r.options.stations - std::min<std::uint64_t>(r.options.stations, r.stations_closed) +
                r.stored.not_complete),

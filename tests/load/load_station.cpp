@@ -16,7 +16,7 @@ namespace needlelab::test {
 namespace {
 
 constexpr std::uint64_t kWindow = 64;
-constexpr std::size_t kMostQueuedBytes = 1u << 20;
+constexpr std::size_t kMaxQueuedBytes = 1u << 20;
 constexpr std::uint64_t kFramesPerStatus = 5;  // 10 Hz
 
 // one buffer per thread: a chunk's samples for each of a thousand stations would not fit in the caches
@@ -138,7 +138,7 @@ void LoadStation::sendStatus() {
 void LoadStation::pump() {
   if (!link_.online() || state_ != State::kOpen) return;
   while (sent_ < committed_ + chunks_.size() && sent_ - committed_ < kWindow &&
-         link_.queuedBytes() < kMostQueuedBytes) {
+         link_.queuedBytes() < kMaxQueuedBytes) {
     Chunk& chunk = chunks_[sent_ - committed_];
     pb::Envelope envelope;
     envelope.mutable_chunk()->set_session_id(session_id_);

@@ -9,7 +9,7 @@
 
 #include "client/net/link/server_link.h"
 #include "common/base/histogram.h"
-#include "common/gesture/session_hash.h"
+#include "common/gesture/chunk.h"
 #include "tests/load/gesture_pool.h"
 #include "tests/load/load_shared.h"
 

@@ -9,7 +9,6 @@
 #include "common/base/files/files.h"
 #include "common/base/time/clock.h"
 #include "common/gesture/chunk.h"
-#include "common/gesture/session_hash.h"
 #include "db/sessions/session_store.h"
 #include "tests/integration/process.h"
 #include "tests/load/database_check.h"

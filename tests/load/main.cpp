@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <iostream>
 
-#include "client/sim/tools/json_output.h"
+#include "client/sim/command.h"
 #include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "tests/load/load_report.h"

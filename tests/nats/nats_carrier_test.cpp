@@ -84,7 +84,7 @@ class NatsCarrierTest : public testing::Test {
   NatsServerProcess nats;
 };
 
-TEST_F(NatsCarrierTest, bringsEachPlaneToThoseWhomItConcerns) {
+TEST_F(NatsCarrierTest, bringsEachPlaneToItsSubscribers) {
   nats.start();
   const auto a = join("a"), b = join("b"), foreign = join("a", "lab 2");
   ASSERT_TRUE(bothUp(*a, *b) && bothUp(*a, *foreign));
@@ -92,7 +92,7 @@ TEST_F(NatsCarrierTest, bringsEachPlaneToThoseWhomItConcerns) {
   a->carrier->publish(LivePlane::kWatch, "bench 1.x", "watched");
   a->carrier->publish(LivePlane::kAsk, "bänk*>", std::string("\0\n\xff", 3));
   a->carrier->publish(LivePlane::kAnswer, "c", "not for b");
-  a->carrier->publish(LivePlane::kLive, "bench-1", "nobody wants it");
+  a->carrier->publish(LivePlane::kLive, "bench-1", "no one wants it");
   a->carrier->publish(LivePlane::kAnswer, "b", "done");
   ASSERT_TRUE(runUntil(io, [&] { return b->heard.messages.size() >= 4; })) << nats.said();
   EXPECT_THAT(b->heard.messages,
@@ -226,7 +226,7 @@ TEST_F(NatsCarrierTest, whatIsNoSubjectOfTheLabIsCounted) {
   EXPECT_EQ(a->carrier->counters().malformed, 1u);
 }
 
-TEST_F(NatsCarrierTest, twoHubsShowEachOthersStationsAndGoOnAfterNatsWasKilled) {
+TEST_F(NatsCarrierTest, twoHubsShareStationsAndRecoverAfterNatsIsKilled) {
   nats.start();
   struct Side {
     Side(asio::io_context& io, const std::string& url, const std::string& name)

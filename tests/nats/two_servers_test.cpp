@@ -118,7 +118,7 @@ class TwoServers : public testing::Test {
   Lab a, b;
 };
 
-TEST_F(TwoServers, anInstructorAtOneWatchesAndStopsALessonAtTheOtherThroughAKillOfNats) {
+TEST_F(TwoServers, anInstructorWatchesAndStopsRemotelyAcrossANatsOutage) {
   const auto station = a.startStation("lesson", kLongLesson);
   auto ines = b.instructor();
   ASSERT_TRUE(ines.ok()) << ines.error().message;
@@ -163,7 +163,7 @@ TEST_F(TwoServers, anInstructorAtOneWatchesAndStopsALessonAtTheOtherThroughAKill
   const auto refused = ines->call(stop);
   ASSERT_FALSE(refused.ok());
   EXPECT_THAT(refused.error().message, HasSubstr("nothing was sent"));
-  EXPECT_FALSE(station->wait(0ms)) << "the lesson goes on";
+  EXPECT_FALSE(station->wait(0ms)) << "the lesson continues";
 
   nats.start();
   ASSERT_TRUE(waitFor(*ines, isFrame)) << "by itself";
@@ -190,7 +190,7 @@ TEST_F(TwoServers, anInstructorAtOneWatchesAndStopsALessonAtTheOtherThroughAKill
   }
 }
 
-TEST_F(TwoServers, aKilledServersStationsAreOfflineAtTheOtherAndComeBackWithIt) {
+TEST_F(TwoServers, stationsOfAKilledServerGoOfflineAndReturnWithIt) {
   const auto station = a.startStation("lesson", kLongLesson);
   auto ines = b.instructor();
   ASSERT_TRUE(ines.ok()) << ines.error().message;

@@ -69,7 +69,7 @@ TEST_F(ControlTest, aReplyMeansThatTheStationHasReadIt) {
             (std::vector<std::string>{"slower", "stop", "well done", "ball-free-practice"}));
 }
 
-TEST_F(ControlTest, aMessageIntoAHalfOpenConnectionIsSaidToBeLost) {
+TEST_F(ControlTest, aMessageIntoAHalfOpenConnectionIsReportedLost) {
   proxy_.refuseAll(true);
   proxy_.cutAll(Cut::kSilent);
   const auto lost = instructor_->call(messageTo("s1", "into nothing"));
@@ -84,7 +84,7 @@ TEST_F(ControlTest, aMessageIntoAHalfOpenConnectionIsSaidToBeLost) {
   EXPECT_EQ(timesHeard("into nothing"), 0u);
 }
 
-TEST_F(ControlTest, underCutsEachMessageIsHeardOrItsLossIsSaid) {
+TEST_F(ControlTest, withCutsEachMessageArrivesOrItsLossIsReported) {
   std::uint64_t confirmed = 0, lost = 0;
   for (int n = 0; n < 16; ++n) {
     const std::string text = fmt::format("message {}", n);
@@ -144,11 +144,11 @@ UplinkConfig configFor(const MuteServer& server, const TempFolder& folder) {
   config.client.login = stationLogin("s1", std::string(32, 'k'));
   config.client.connect_timeout = 50ms;
   config.first_retry = 50ms;
-  config.most_retry = 800ms;
+  config.max_retry = 800ms;
   return config;
 }
 
-TEST(MuteServerTest, whoIsToldToStopDoesNotWaitForIt) {
+TEST(MuteServerTest, aStopEndsAWaitForAnUnresponsiveServer) {
   MuteServer server;
   TempFolder folder;
   UplinkConfig config = configFor(server, folder);

@@ -40,7 +40,7 @@ FaultStation::FaultStation(RunningServer& server, const std::string& name, std::
   config.client.limits = settings.limits;
   config.client.connect_timeout = settings.connect_timeout;
   config.first_retry = 20ms;
-  config.most_retry = 300ms;
+  config.max_retry = 300ms;
   const auto keep = [this](std::vector<std::string>& where, const std::string& text) {
     const std::scoped_lock lock(mutex_);
     where.push_back(text);

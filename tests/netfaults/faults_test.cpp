@@ -141,7 +141,7 @@ TEST(FaultsTest, eitherOfTwoServersWillDoAndNothingIsLostOrDoubled) {
 }
 
 // Nothing passes any more, without notice: only the server's promise of a message every 0.3 s reveals it.
-TEST(FaultsTest, aWayThatFallsSilentIsLeftForTheOtherAfterThreeMissingWords) {
+TEST(FaultsTest, theStationSwitchesServersAfterThreeMissedKeepalives) {
   RunningServer server(withShortLimits);  // keepalive: 300 ms
   FaultProxy first(server.server().port(), 1), second(server.server().port(), 2);
   StationSettings settings{.chunks = 300, .samples = 50, .period = 10ms, .other_ports = {second.port()}};
@@ -204,7 +204,7 @@ void runRound(std::uint64_t seed, std::size_t count) {
   std::cout << "seed " << seed << ": " << count << " stations, " << connections << " connections, " << cuts
             << " cut (" << silent << " half-open), " << late << " with late bytes, " << corrupted
             << " corrupted, " << stalls << " stalled\n";
-  EXPECT_GT(connections, count) << "the network was no bad one";
+  EXPECT_GT(connections, count) << "the network was not a bad one";
 }
 
 TEST(FaultMixTest, randomFaultsLoseAndDoubleNothing) {

@@ -38,7 +38,7 @@ class LossLedger {
     since_mark_.insert(frame.station());
     if (since_mark_.size() < kStreamers) return;
     if (quiet_ = told_ == mark_; quiet_ && !before_) before_ = told_ - gaps_;
-    if (before_ && gaps_ < mark_ - *before_) wrong_ = "told of a loss that is none";
+    if (before_ && gaps_ < mark_ - *before_) wrong_ = "told of a loss that did not happen";
     if (before_ && gaps_ > told_ - *before_) wrong_ = "a loss was not told";
     settled_ = mark_ - before_.value_or(0);
     mark_ = told_;
@@ -71,7 +71,7 @@ std::string readUntil(BlockingClient& viewer, LossLedger& ledger,
     if (!ledger.wrong().empty()) return ledger.wrong();
     if (enough(got->live_frame())) return {};
   }
-  return "what was awaited did not come";
+  return "the expected message did not come";
 }
 
 /// The server never gives up on a viewer.
@@ -103,7 +103,7 @@ class ViewersTest : public testing::Test {
   std::vector<std::unique_ptr<Streamer>> stations_;
 };
 
-TEST_F(ViewersTest, aHundredSlowOrDeadViewersHoldNobodyUp) {
+TEST_F(ViewersTest, aHundredSlowOrDeadViewersDelayNoOne) {
   constexpr std::size_t kCrowd = 100;
   std::vector<std::unique_ptr<GoodViewer>> good;
   for (int i = 0; i < 2; ++i) good.push_back(std::make_unique<GoodViewer>(instructor_.connect(false)));
@@ -127,7 +127,7 @@ TEST_F(ViewersTest, aHundredSlowOrDeadViewersHoldNobodyUp) {
   expectAllAcknowledged();
 }
 
-TEST_F(ViewersTest, aViewerThatReadsAgainGetsFreshFramesAndIsToldOfEachLoss) {
+TEST_F(ViewersTest, aRecoveredViewerGetsFreshFramesAndEachLossCount) {
   ClientConfig config = instructor_.config(false);
   config.limits.socket_buffer_bytes = 16384;  // full after few frames
   auto standing = BlockingClient::connect(config);
@@ -149,7 +149,7 @@ TEST_F(ViewersTest, aViewerThatReadsAgainGetsFreshFramesAndIsToldOfEachLoss) {
 
 // replies are never dropped; the server disconnects a client that keeps asking without reading, with a
 // reason, and the queue's limit bounds its memory
-TEST_F(ViewersTest, aViewerWhoDoesNotReadItsRepliesIsEndedByTheQueuesLimit) {
+TEST_F(ViewersTest, aViewerThatIgnoresRepliesIsClosedAtTheQueueLimit) {
   FakeSession big("s9");
   {
     auto writer = server_.connect(stationLogin("s9", server_.addStation("s9")));

@@ -6,7 +6,7 @@
 
 #include "common/base/files/files.h"
 #include "db/backup/backup.h"
-#include "db/service/folder/restore.h"
+#include "db/service/folder/data_folder.h"
 #include "tests/unit/db/test_db.h"
 #include "tests/unit/server/live/running_server.h"
 
@@ -99,13 +99,13 @@ TEST_F(EncryptedRestore, givesAnEmptyMachineTheSameSessions) {
   EXPECT_TRUE(SessionStore(**reader).verify(session_)->ok);
 }
 
-TEST_F(EncryptedRestore, needsTheRightKeyAndTakesNoPlainFileForAnEncryptedOne) {
+TEST_F(EncryptedRestore, needsTheRightKeyAndRejectsAPlainFile) {
   const fs::path other = folder_.path() / "other.key";
   ASSERT_TRUE(BackupKey::make(other).ok());
   refused(backup_, {}, ErrorCode::kInvalidInput, "is encrypted: give the file of its key (--key FILE)");
   refused(backup_, other, ErrorCode::kInvalidInput, "is encrypted with the key");
   refused(backup_, folder_.path() / "none.key", ErrorCode::kInvalidInput, "none.key");
-  // whoever can write to the backups puts a forged one there
+  // an attacker who can write to the backups puts a forged one there
   const auto forged =
       folder_.write("forged.nlbk", std::string("SQLite format 3\0", 16) + std::string(4'080, '\0'));
   refused(forged, keyFile(), ErrorCode::kInvalidInput, "is not an encrypted backup, but --key was given");
@@ -125,7 +125,7 @@ TEST_F(EncryptedRestore, refusesEveryDamageAndChangesNothing) {
   }
 }
 
-TEST(EncryptedRestoreServer, doesNotStartWithAKeyThatOthersMayReadAndClearsAwayAPlainCopy) {
+TEST(EncryptedRestoreServer, refusesAKeyReadableByOthersAndDeletesAPlainCopy) {
   TempFolder folder;
   ASSERT_TRUE(BackupKey::make(folder.path() / "backup.key").ok());
   fs::permissions(folder.path() / "backup.key", fs::perms::group_read, fs::perm_options::add);

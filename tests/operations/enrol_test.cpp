@@ -15,7 +15,7 @@ using namespace std::chrono_literals;
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-TEST(Bundle, isReadAsItWasWritten) {
+TEST(Bundle, survivesARoundTrip) {
   Enrolment enrolment;
   enrolment.servers = {{"lab.example.org", 7751}, {"two.example.org", 7750}};
   enrolment.station = "station 5";

@@ -10,7 +10,7 @@
 #include <future>
 #include <nlohmann/json.hpp>
 
-#include "server/live/monitor/metrics.h"
+#include "server/live/monitor/monitor.h"
 #include "tests/operations/prometheus_text.h"
 #include "tests/unit/server/live/running_server.h"
 
@@ -56,7 +56,7 @@ TEST(Prometheus, labelsAreEscapedAndNumbersWhole) {
   EXPECT_THAT(parsePrometheus(out.text()).faults, testing::IsEmpty());
 }
 
-TEST(Prometheus, theStrictReaderSeesWhatIsWrong) {
+TEST(Prometheus, theStrictReaderDetectsMalformedText) {
   for (const char* text :
        {"a 1", "a 1\n", "# HELP a x\n# TYPE a counter\na 1\n", "# HELP a x\n# TYPE a gauge\nb 1\n",
         "# HELP a x\n# TYPE a gauge\na 1\na 2\n", "# HELP a x\n# TYPE a gauge\na{b=c} 1\n",
@@ -122,7 +122,7 @@ TEST(Health, anIdleServerProvesThatItCanWrite) {
   EXPECT_EQ(server.server().store().writer().counters().commits, commits + 1);
 }
 
-TEST(Health, aFullDiskAndAMissingBackupAre503AndSaidInWords) {
+TEST(Health, aFullDiskAndAMissingBackupReturn503WithReasons) {
   RunningServer server([](ServerOptions& options) {
     withMetrics(options);
     options.monitor.min_free_bytes = std::uint64_t{1} << 60;
@@ -153,7 +153,7 @@ TEST(Health, whatCannotBeStoredIs503ThoughATrialWriteSucceeds) {
   EXPECT_EQ(json["problems"], nlohmann::json::array({"not all is stored: " + failed.error().message}));
 }
 
-TEST(Health, aDatabaseThatRefusesIsSaidAtOnceWithItsReasonAndTriedAgain) {
+TEST(Health, aRefusingDatabaseIsReportedWithItsReasonAndRetried) {
   RunningServer server(withMetrics);
   const std::uint16_t port = server.server().metricsPort();
   DbWriter& writer = server.server().store().writer();
@@ -177,7 +177,7 @@ TEST(Health, aDatabaseThatRefusesIsSaidAtOnceWithItsReasonAndTriedAgain) {
   EXPECT_EQ(httpGet(port, "/healthz").status, 200) << "the trial write ends it";
 }
 
-TEST(Health, whatIsMissingOfWhatWasAcknowledgedIsSaidAndAMetric) {
+TEST(Health, missingAcknowledgedDataIsReportedAndCounted) {
   const auto missing = [](const char* lack) {
     RunningServer server([&](ServerOptions& options) {
       withMetrics(options);
@@ -193,7 +193,7 @@ TEST(Health, whatIsMissingOfWhatWasAcknowledgedIsSaidAndAMetric) {
   EXPECT_EQ(missing("transaction 7 is unknown here"), 1);
 }
 
-TEST(Health, aDiskThatHangsIsSaidAndNotWaitedFor) {
+TEST(Health, aHangingDiskIsReportedWithoutWaitingForIt) {
   RunningServer server([](ServerOptions& options) {
     withMetrics(options);
     options.monitor.read_patience = milliseconds(300);

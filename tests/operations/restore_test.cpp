@@ -1,6 +1,4 @@
 // A restored backup replaces the database completely or not at all.
-#include "db/service/folder/restore.h"
-
 #include <gmock/gmock.h>
 
 #include <atomic>
@@ -11,7 +9,7 @@
 #include "db/backup/backup.h"
 #include "db/backup/old_backups.h"
 #include "db/service/folder/data_folder.h"
-#include "db/service/start/restored_access.h"
+#include "db/service/start/bootstrap.h"
 #include "db/store/schema.h"
 #include "tests/support/store/backup_start.h"
 #include "tests/unit/server/live/running_server.h"
@@ -83,7 +81,7 @@ class RestoreTest : public testing::Test {
   TempFolder folder_;
 };
 
-TEST_F(RestoreTest, putsTheBackupInPlaceAndKeepsWhatWasThere) {
+TEST_F(RestoreTest, installsTheBackupAndKeepsTheReplacedDatabase) {
   // A write-ahead log without a checkpoint must neither be lost with the old database nor be applied to the
   // new one.
   {
@@ -170,7 +168,7 @@ TEST_F(RestoreTest, accessesThatWereWithdrawnSinceTheBackupAreNamedAndNoted) {
   EXPECT_EQ(rows.integer(0), 4);
 }
 
-TEST_F(RestoreTest, aReplacedDatabaseThatCannotBeReadDoesNotKeepTheRestoreAndItIsSaid) {
+TEST_F(RestoreTest, anUnreadableReplacedDatabaseDoesNotPreventTheRestore) {
   std::ofstream(data() / "needlelab.db", std::ios::trunc) << std::string(20'000, 'x');
   fs::remove(data() / "needlelab.db-wal");
   fs::remove(data() / "needlelab.db-shm");
@@ -235,7 +233,7 @@ TEST_F(RestoreTest, isRefusedWhileAServerRuns) {
   EXPECT_THAT(result.error().message, HasSubstr("a server is running"));
 }
 
-TEST_F(RestoreTest, refusesWhatIsNoGoodBackupAndChangesNothing) {
+TEST_F(RestoreTest, refusesABadBackupAndChangesNothing) {
   const fs::path bad = folder_.path() / "bad.db";
   copyTo(bad);
   {

@@ -104,7 +104,7 @@ TEST_F(StartupTest, theKeyThatAKilledCommandLeftIsRemovedAndNamed) {
   EXPECT_TRUE(fs::exists(kept));
 }
 
-TEST_F(StartupTest, whatAKilledProgramLeftBesideTheDatabaseIsRemovedAndNamed) {
+TEST_F(StartupTest, leftoversOfAKilledProgramAreRemovedAndNamed) {
   const auto left = data() / "audit.head.being-written-aB3dE9";
   std::ofstream(left) << "half a head";
   const auto [code, said] = serveOnce({});
@@ -151,7 +151,7 @@ TEST_F(StartupTest, aNewerSchemaAndADamagedDatabaseAreNamed) {
   EXPECT_THAT(ended.said, AllOf(HasSubstr("needlelab.db"), HasSubstr("not a database")));
 }
 
-TEST_F(StartupTest, aBadCertificateIsMadeAnewOrSaid) {
+TEST_F(StartupTest, aBadCertificateIsReplacedOrReported) {
   const auto good = *readWholeFile(tls().certificate), key = *readWholeFile(tls().key);
   // With the authority's key available, the server repairs itself.
   std::ofstream(tls().certificate) << "spoilt";
@@ -203,13 +203,13 @@ TEST_F(StartupTest, aRenewedCertificateKeepsTheOldNames) {
   EXPECT_EQ(serveOnce({}).code, kExitDone);
 }
 
-TEST_F(StartupTest, onADiskWithoutRoomWhatIsThereCanBeRead) {
+TEST_F(StartupTest, aServerOnAFullDiskIsReadOnly) {
   const auto [code, said] = serveOnce({"--min-free", "9999999999"});
   EXPECT_EQ(code, kExitDone) << said;
   EXPECT_THAT(said, AllOf(HasSubstr("read_only"), HasSubstr("MiB are left"), HasSubstr("make room")));
 }
 
-TEST_F(StartupTest, aDiskWithoutRoomForANewDatabaseIsSaidBeforeAnythingIsWritten) {
+TEST_F(StartupTest, noRoomForANewDatabaseIsReportedBeforeAnyWrite) {
   fs::remove(data() / "needlelab.db");
   const auto [code, said] = serveOnce({"--min-free", "9999999999"});
   EXPECT_EQ(code, kExitFailed);
@@ -235,7 +235,7 @@ TEST_F(StartupTest, aFolderWithoutRightsNamesOwnerAndMode) {
                    "--data", data(), "--listen", "127.0.0.1:0"},
                   log);
   const auto code = process.wait();
-  if (code == 127 || code == 126) GTEST_SKIP() << "the program lies where nobody else may read";
+  if (code == 127 || code == 126) GTEST_SKIP() << "the program lies where no one else may read";
   EXPECT_EQ(code, kExitFailed);
   EXPECT_THAT(process.said(), AllOf(HasSubstr("may not write in " + data().string()),
                                     HasSubstr("mode 0700, owner root"), HasSubstr("chown")));

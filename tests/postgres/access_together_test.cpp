@@ -161,7 +161,7 @@ class AccessAtTwoServers : public testing::Test {
 
   // a test of NOTIFY must not be helped by the poll every second
   static void onlyNotices(ServerOptions& options) {
-    options.access.look_every = std::chrono::hours(1);
+    options.access.poll_every = std::chrono::hours(1);
     options.access.deaf_after = std::chrono::hours(1);
   }
 
@@ -177,7 +177,7 @@ struct Ending {
   const char* says;
 };
 
-TEST_F(AccessAtTwoServers, whatEndsAnAccessAtOneEndsConnectionsAndSessionsAtTheOther) {
+TEST_F(AccessAtTwoServers, revokingAccessAtOneServerEndsSessionsAtTheOther) {
   start(onlyNotices);
   const Ending endings[] = {{"password", passwordOf("ines", "another horse battery"), "password was changed"},
                             {"role", roleOf("ben", pb::RESEARCHER), "log in again"},
@@ -314,7 +314,7 @@ TEST_F(AccessAtTwoServers, aLockOutAtOneHoldsAtTheOther) {
   EXPECT_TRUE(b().connect(personLogin("ben", kPassword)).ok());
 }
 
-TEST_F(AccessAtTwoServers, guessesAtBothTogetherAreNoMoreThanAtOne) {
+TEST_F(AccessAtTwoServers, guessesAtTwoServersShareOneLimit) {
   start([](ServerOptions& options) {
     options.guard.first_wait = std::chrono::minutes(10);
     options.limits.handshake_timeout = std::chrono::minutes(10);
@@ -335,7 +335,7 @@ TEST_F(AccessAtTwoServers, guessesAtBothTogetherAreNoMoreThanAtOne) {
   EXPECT_EQ(limited.load(), 19);
 }
 
-TEST_F(AccessAtTwoServers, wrongCodesAtBothTogetherAreNoMoreThanAtOne) {
+TEST_F(AccessAtTwoServers, wrongCodesAtTwoServersShareOneLimit) {
   start();
   a().addUser("tom", pb::TRAINEE, "");
   pb::Request code;
@@ -369,14 +369,14 @@ TEST_F(AccessAtTwoServers, aChangeWhoseNoticeWasMissedIsSeenAfterTheReconnection
   (void)sqlOf(std::string("SELECT count(pg_terminate_backend(pid))") + kListeners);
   ASSERT_TRUE(eventually([&] { return sqlOf(std::string("SELECT count(*)") + kListeners) == "0"; }));
   (void)a().asAdmin(disable("ines"));
-  EXPECT_EQ(sqlOf(std::string("SELECT count(*)") + kListeners), "0") << "nobody heard of it";
+  EXPECT_EQ(sqlOf(std::string("SELECT count(*)") + kListeners), "0") << "no one heard of it";
   (void)textAtEnd(ines);
   EXPECT_EQ(sqlOf(std::string("SELECT count(*)") + kListeners), "2");
   EXPECT_TRUE(isOpen(ben));
 }
 
 // A changed password leaves role and account as they are: only the number changes.
-TEST_F(AccessAtTwoServers, whileNobodyHearsOfChangesEachUseAsksTheDatabase) {
+TEST_F(AccessAtTwoServers, withoutChangeNoticesEachUseAsksTheDatabase) {
   start([](ServerOptions& options) {
     onlyNotices(options);
     options.access.first_pause = std::chrono::hours(1);
@@ -417,7 +417,7 @@ TEST_F(AccessAtTwoServers, aServerThatCannotListenLooksAtAllAccountsEachSecond) 
 
 // Somebody may have been disabled in the meantime: after a while no one can start watching at a server that
 // is cut off.
-TEST_F(AccessAtTwoServers, aServerThatDoesNotReachTheDatabaseLetsNobodyBeginToWatch) {
+TEST_F(AccessAtTwoServers, aServerWithoutDatabaseRefusesNewViewers) {
   start([](ServerOptions& options) {
     options.access.deaf_after = milliseconds(300);
     options.access.watch_refused_after = milliseconds(500);
@@ -443,7 +443,7 @@ TEST_F(AccessAtTwoServers, aServerThatDoesNotReachTheDatabaseLetsNobodyBeginToWa
 }
 
 // Nor does anyone stay longer than a log-in lasts. A station does.
-TEST_F(AccessAtTwoServers, aServerThatDoesNotReachTheDatabaseEndsPeoplesConnectionsAfterALogInsTime) {
+TEST_F(AccessAtTwoServers, aServerWithoutDatabaseDropsPeopleAfterTheLogInPeriod) {
   start([](ServerOptions& options) {
     options.access.deaf_after = milliseconds(300);
     options.token_lifetime = seconds(1);
@@ -460,7 +460,7 @@ TEST_F(AccessAtTwoServers, aServerThatDoesNotReachTheDatabaseEndsPeoplesConnecti
   EXPECT_TRUE(station.connected());
 }
 
-TEST_F(AccessAtTwoServers, whoeverChangesItsOwnPasswordKeepsThatConnectionAlone) {
+TEST_F(AccessAtTwoServers, changingYourPasswordKeepsOnlyYourConnection) {
   start(onlyNotices);
   auto asks = clientOf(a(), personLogin("ines", kPassword));
   auto second = clientOf(a(), personLogin("ines", kPassword));
@@ -481,7 +481,7 @@ TEST_F(AccessAtTwoServers, whoeverChangesItsOwnPasswordKeepsThatConnectionAlone)
   EXPECT_TRUE(b().connect(personLogin("ines", "another horse battery")).ok());
 }
 
-TEST_F(AccessAtTwoServers, aLogInFromOnePlaceHasOneLineAnHourAtWhicheverServer) {
+TEST_F(AccessAtTwoServers, repeatedLogInsAreAuditedOnceAnHourAcrossServers) {
   start();
   const Principal ada{"ada", pb::ADMINISTRATOR, true, 7};
   for (RunningServer* server : {&a(), &b(), &a()})
@@ -491,7 +491,7 @@ TEST_F(AccessAtTwoServers, aLogInFromOnePlaceHasOneLineAnHourAtWhicheverServer) 
 }
 
 // An erasure leaves a person's session under a pseudonym, and the change's row contains no name.
-TEST_F(AccessAtTwoServers, theNameOfWhoIsErasedAtOneIsInNoLiveStatusOfTheOther) {
+TEST_F(AccessAtTwoServers, anErasedNameLeavesTheLiveStatusOfBothServers) {
   start();
   a().addUser("tina", pb::TRAINEE, "");
   a().addUser("tom", pb::TRAINEE, "");
@@ -529,10 +529,10 @@ TEST_F(AccessAtTwoServers, theNameOfWhoIsErasedAtOneIsInNoLiveStatusOfTheOther) 
 }
 
 // Somebody changed the schema while the servers run.
-TEST_F(AccessAtTwoServers, aTriggerThatIsOffIsSaidAndAllAccountsAreLookedAtMeanwhile) {
+TEST_F(AccessAtTwoServers, aDisabledTriggerIsReportedAndAllAccountsAreChecked) {
   start([](ServerOptions& options) {
     options.metrics = "127.0.0.1:0";
-    options.access.look_every = milliseconds(200);
+    options.access.poll_every = milliseconds(200);
     options.access.faults_every = milliseconds(100);
   });
   auto ines = clientOf(b(), personLogin("ines", kPassword));
@@ -553,7 +553,7 @@ TEST_F(AccessAtTwoServers, aTriggerThatIsOffIsSaidAndAllAccountsAreLookedAtMeanw
   EXPECT_TRUE(eventually([&] { return health().find("a trigger of") == std::string::npos; }));
 }
 
-TEST_F(AccessAtTwoServers, healthSaysWhetherChangesAreHeard) {
+TEST_F(AccessAtTwoServers, healthReportsWhetherChangeNoticesArrive) {
   start([](ServerOptions& options) {
     options.metrics = "127.0.0.1:0";
     options.access.first_pause = seconds(30);

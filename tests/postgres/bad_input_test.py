@@ -265,7 +265,7 @@ def exchange(cluster, name, other):
 
 def end(cluster, databases):
     cluster.sql(f"SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname IN {databases}", "postgres")
-    until(lambda: cluster.sql(f"SELECT count(*) FROM pg_stat_activity WHERE datname IN {databases}", "postgres") == "0", "nobody is connected")
+    until(lambda: cluster.sql(f"SELECT count(*) FROM pg_stat_activity WHERE datname IN {databases}", "postgres") == "0", "no one is connected")
 
 
 def while_it_runs(programs, scratch, cluster):

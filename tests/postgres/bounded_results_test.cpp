@@ -18,7 +18,7 @@
 #include "db/people/people.h"
 #include "db/service/scoring/session_samples.h"
 #include "db/sessions/session_results.h"
-#include "db/store/reader_pool.h"
+#include "db/store/store_address.h"
 #include "tests/support/store/chunk_files.h"
 #include "tests/unit/db/test_db.h"
 
@@ -71,7 +71,7 @@ class BoundedResults : public testing::Test {
 };
 
 // as the thief of a key sends them: each is stored through the writer
-TEST_F(BoundedResults, ofTheChunksThatCannotBeDecodedNoneIsReadForTheNext) {
+TEST_F(BoundedResults, appendingReadsNoEarlierQuarantinedChunk) {
   const auto refused = test::namedChunks(std::filesystem::path(NEEDLELAB_TEST_DATA) / "gesture/refused.tsv");
   ASSERT_FALSE(refused.empty());
   const Bytes& bad = refused.front().second;
@@ -89,7 +89,7 @@ TEST_F(BoundedResults, ofTheChunksThatCannotBeDecodedNoneIsReadForTheNext) {
   EXPECT_LE(last, kRowsBesides);
 }
 
-TEST_F(BoundedResults, ofARecordingComesWhatWasAskedFor) {
+TEST_F(BoundedResults, readingARecordingFetchesOnlyTheRequestedChunks) {
   record(kChunks, 2000);
   ASSERT_GT(all_bytes, 20 * largest_chunk);
   auto reader = db.reader();
@@ -168,7 +168,7 @@ TEST_F(BoundedResults, whatIsMissingIsFoundAtTheEndsOfPiecesToo) {
   for (const auto& chunk : read->chunks) EXPECT_EQ(chunk.bytes, noisyChunk(chunk.seq, 5));
 }
 
-TEST_F(BoundedResults, aListOfSessionsHasNoProfilesAndWhatItIsAskedFor) {
+TEST_F(BoundedResults, listingSessionsFetchesNoProfilesAndOnlyOnePage) {
   constexpr int kSessions = 75;
   constexpr std::size_t kScore = 40'000;
   profile.insert(1, std::string(100'000, ' '));
@@ -213,7 +213,7 @@ TEST_F(BoundedResults, aListOfSessionsHasNoProfilesAndWhatItIsAskedFor) {
   EXPECT_LE(three.rows, 4u);
 }
 
-TEST_F(BoundedResults, ofASessionsRemarksComeThoseOfThePageOrTheOneThatIsSought) {
+TEST_F(BoundedResults, readingRemarksFetchesOnePageOrOneRemark) {
   constexpr std::uint64_t kRemarks = 3000, kText = 4000;
   ASSERT_OK(SessionStore(db.writer).open(test::describe(id), 1));
   ASSERT_OK(

@@ -25,7 +25,7 @@ TEST(ChunksTogether, theirBytesAreNotTriedToBeCompressed) {
   EXPECT_EQ(*storage, (std::vector<std::string>{"chunks e", "derived_chunks e"}));
 }
 
-TEST(ChunksTogether, aGroupWhoseConnectionIsLostIsRefusedAndStoredWhenItComesAgain) {
+TEST(ChunksTogether, aGroupThatLosesItsConnectionIsStoredOnRetry) {
   test::TestDb db;
   auto reader = db.reader();
   const Uuid id = makeUuidV7();

@@ -323,7 +323,7 @@ def standby_lost(lab, a, b):
     until(lambda: "a trial write was not committed in time" in lab.health()["problems"], "/healthz says that nothing is stored", 120)
     b.start()
     a.wait_for_standby("b")
-    until(lambda: lab.health()["healthy"], "the server goes on with the standby", 120)
+    until(lambda: lab.health()["healthy"], "the server continues with the standby", 120)
 
 
 def promoted(lab, a, b):

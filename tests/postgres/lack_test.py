@@ -113,7 +113,7 @@ def older_copy(lab, a):
     lab.wait_for_acks()
     lab.says(True, "it stays said until the server's end")
     lab.stop()
-    assert not lab.start(older), "it is said once"
+    assert not lab.start(older), "it is reported once"
     lab.says(False, "started again")
     lab.stop()
     older.stop()
@@ -122,7 +122,7 @@ def older_copy(lab, a):
 def lagging_standby(lab, a):
     """`a` is stopped, and the folder has recorded more than it has: also reported once."""
     a.start()
-    assert lab.start(a), "what was stored in the older copy is not here"
+    assert lab.start(a), "data of the older copy are not here"
     b = lab.cluster("b")
     b.follow(a)
     a.setting("synchronous_standby_names", "")

@@ -134,7 +134,7 @@ TEST_F(PostgresEngine, readsSumsAndTruthsAsWholeNumbers) {
   EXPECT_EQ(number(*db, "SELECT length('abc')"), 3);
 }
 
-TEST_F(PostgresEngine, aParameterHasTheTypeOfItsValueWhereverItStands) {
+TEST_F(PostgresEngine, aParameterHasTheTypeOfItsValueEverywhere) {
   auto insert = prepared(*db, "INSERT INTO kinds (id, text) SELECT ?1 + id, ?2 FROM (SELECT 1 AS id) AS one");
   ASSERT_TRUE(insert->bind(1, std::int64_t{4}).ok() && insert->bind(2, std::string_view("a")).ok());
   ASSERT_FALSE(*insert->step());
@@ -201,7 +201,7 @@ TEST_F(PostgresEngine, aSavepointTakesItsPartBackAlsoAfterAnError) {
   must(add(2));
   EXPECT_FALSE(add(1).ok());
   must(db->undoSavepoint());
-  EXPECT_EQ(count(), 1) << "the transaction goes on";
+  EXPECT_EQ(count(), 1) << "the transaction continues";
   must(db->savepoint());
   must(add(3));
   must(db->releaseSavepoint());
@@ -209,7 +209,7 @@ TEST_F(PostgresEngine, aSavepointTakesItsPartBackAlsoAfterAnError) {
   EXPECT_EQ(count(), 2);
 }
 
-TEST_F(PostgresEngine, savepointsThatGoWithTheNextStatementTakeBackWhatCameSinceThem) {
+TEST_F(PostgresEngine, aDeferredSavepointRollsBackWhatFollowedIt) {
   must(db->begin(EngineConnection::Begin::kWrite));
   must(db->savepoint());  // without a statement
   must(db->releaseSavepoint());
@@ -279,7 +279,7 @@ TEST_F(PostgresEngine, aStatementBehindASavepointIsCancelledToo) {
   EXPECT_EQ(count(), 1);
 }
 
-TEST_F(PostgresEngine, aTransactionThatBeginsSoonBeginsWithItsFirstStatementInOneRoundTrip) {
+TEST_F(PostgresEngine, aDeferredBeginSharesTheFirstStatementsRoundTrip) {
   const auto soon = EngineConnection::Begin::kWriteSoon;
   const auto insert = prepared(*db, "INSERT INTO kinds (id) VALUES (?)");
   const auto addSoon = [&](std::int64_t id) {
@@ -351,7 +351,7 @@ TEST_F(PostgresEngine, theWritersLockIsTheTableWhereThereIsOne) {
   EXPECT_EQ(heldWithin(), "advisory ExclusiveLock");
 }
 
-TEST_F(PostgresEngine, theSavepointAtItsBeginningTakesBackTheTransactionAndItGoesOn) {
+TEST_F(PostgresEngine, rollingBackTheFirstSavepointKeepsTheTransactionOpen) {
   must(db->begin(EngineConnection::Begin::kWriteSoon));
   must(db->savepoint());  // without a statement
   must(db->undoSavepoint());
@@ -376,7 +376,7 @@ TEST_F(PostgresEngine, theSavepointAtItsBeginningTakesBackTheTransactionAndItGoe
   EXPECT_EQ(number(*db, "SELECT id FROM kinds"), 3);
 }
 
-TEST_F(PostgresEngine, aTransactionThatCannotBeginSaysSoWhateverIsAskedUntilItIsRolledBack) {
+TEST_F(PostgresEngine, aFailedBeginFailsEveryCallUntilRollback) {
   must(db->script("SET lock_timeout = 50"));
   const auto other = connect(otherName());
   must(other->begin(EngineConnection::Begin::kWrite));
@@ -395,7 +395,7 @@ TEST_F(PostgresEngine, aTransactionThatCannotBeginSaysSoWhateverIsAskedUntilItIs
     EXPECT_THAT(begun.error().message, HasSubstr("begin a transaction"));
     EXPECT_FALSE(db->inTransaction() || db->isLost() || db->damaged());
     if (kind == EngineConnection::Begin::kWriteSoon) db->rollback();
-    EXPECT_EQ(count(), 0) << "the next statement is none of it";
+    EXPECT_EQ(count(), 0) << "the next statement is not affected";
   }
   other->rollback();
   must(db->begin(EngineConnection::Begin::kWriteSoon));
@@ -422,7 +422,7 @@ TEST_F(PostgresEngine, aConnectionThatIsGoneAtTheBeginningLosesTheTransactionOnl
   EXPECT_EQ(count(), 1);
 }
 
-TEST_F(PostgresEngine, whileItWaitsTheThreadDoesWhatItIsGiven) {
+TEST_F(PostgresEngine, theThreadRunsGivenWorkWhileItWaits) {
   const auto sleep = prepared(*db, "SELECT pg_sleep(0.1)");
   int pieces = 0;
   const auto piecesOfOneWait = [&] {
@@ -466,7 +466,7 @@ TEST_F(PostgresEngine, aListIsOneParameter) {
   must(insert->bindList(2, std::span<const std::string_view>()));
   must(insert->bindList(3, std::span<const ByteView>()));
   EXPECT_FALSE(*insert->step());
-  EXPECT_EQ(count(), 3) << "empty lists are no error";
+  EXPECT_EQ(count(), 3) << "empty lists are not errors";
   const std::vector<std::string_view> zero = {"a", std::string_view("a\0b", 3)};
   EXPECT_FALSE(insert->bindList(2, std::span<const std::string_view>(zero)).ok());
 }
@@ -475,7 +475,7 @@ TEST_F(PostgresEngine, aTransactionWithAnErrorIsNotReportedAsCommitted) {
   must(db->begin(EngineConnection::Begin::kWrite));
   must(add(1));
   EXPECT_FALSE(add(1).ok());
-  EXPECT_FALSE(db->commit().ok()) << "PostgreSQL answers ROLLBACK, which is no error of its own";
+  EXPECT_FALSE(db->commit().ok()) << "PostgreSQL answers ROLLBACK, which is not an error of its own";
   EXPECT_EQ(count(), 0);
 }
 
@@ -517,7 +517,7 @@ TEST_F(PostgresEngine, writersComeOneAfterAnother) {
   EXPECT_EQ(number(*db, "SELECT real FROM kinds"), 2 * kTimes);
 }
 
-TEST_F(PostgresEngine, aWriterThatStoppedInItsTransactionKeepsTheOthersForABoundedTime) {
+TEST_F(PostgresEngine, theServerEndsTransactionsThatAreIdleFor30Seconds) {
   EXPECT_EQ(number(*db, "SELECT setting FROM pg_settings WHERE name = 'idle_in_transaction_session_timeout'"),
             30'000);
 }
@@ -658,7 +658,7 @@ TEST_F(PostgresEngine, connectsAgainToTheDatabaseOfItsLabOnly) {
 }
 
 // PostgreSQL may keep a connection that the network has lost, and its locks, for minutes
-TEST_F(PostgresEngine, theOutcomeOfACommitIsKnownWhileALostConnectionHoldsTheLockOfTheStore) {
+TEST_F(PostgresEngine, theCommitsOutcomeIsKnownDespiteADeadLockHolder) {
   std::unique_ptr<EngineConnection> holder;
   const auto opened = openPostgres(
       {.url = urlOf(otherName()),
@@ -693,20 +693,20 @@ PostgresOptions beside(std::string url, PostgresOptions::Others others, std::str
 TEST_F(PostgresEngine, whoWorksAloneAndWhoWorksTogetherKeepEachOtherOut) {
   using Others = PostgresOptions::Others;
   const std::string url = urlOf(otherName());
-  auto first = openPostgres(beside(url, Others::kTogether, "a"));
+  auto first = openPostgres(beside(url, Others::kShared, "a"));
   ASSERT_TRUE(first.ok()) << first.error().message;
   EXPECT_TRUE((*first)->isAlone()) << "until it lets others in";
-  const auto early = openPostgres(beside(url, Others::kTogether, "b"));
+  const auto early = openPostgres(beside(url, Others::kShared, "b"));
   ASSERT_FALSE(early.ok());
   EXPECT_EQ(early.error().code, ErrorCode::kUnavailable);
   EXPECT_THAT(early.error().message, HasSubstr("start that server with --together"));
-  must((*first)->letOthersIn());
+  must((*first)->admitOthers());
   EXPECT_FALSE((*first)->isAlone());
 
-  auto second = openPostgres(beside(url, Others::kTogether, "b"));
+  auto second = openPostgres(beside(url, Others::kShared, "b"));
   ASSERT_TRUE(second.ok()) << second.error().message;
   EXPECT_FALSE((*second)->isAlone());
-  const auto same = openPostgres(beside(url, Others::kTogether, "b"));
+  const auto same = openPostgres(beside(url, Others::kShared, "b"));
   ASSERT_FALSE(same.ok());
   EXPECT_THAT(same.error().message, HasSubstr("a server 'b' works on this database already"));
   const auto alone = openPostgres(beside(url, Others::kNone));
@@ -723,29 +723,29 @@ TEST_F(PostgresEngine, whoWorksAloneAndWhoWorksTogetherKeepEachOtherOut) {
   EXPECT_TRUE((*after)->isAlone());
 }
 
-TEST_F(PostgresEngine, afterAReconnectionAServerIsAloneOrTogetherAsBefore) {
+TEST_F(PostgresEngine, aReconnectionKeepsExclusiveOrSharedAccess) {
   using Others = PostgresOptions::Others;
   const std::string url = urlOf(otherName());
   const auto cut = [&](EngineConnection& connection) {
     const std::string pid = std::to_string(number(connection, "SELECT pg_backend_pid()"));
     must(run(*control_, "SELECT pg_terminate_backend(" + pid + ", 10000)"));
   };
-  auto first = openPostgres(beside(url, Others::kTogether, "a"));
+  auto first = openPostgres(beside(url, Others::kShared, "a"));
   ASSERT_TRUE(first.ok()) << first.error().message;
   // during work that needs exclusive access it reconnects only with exclusive access
   cut(**first);
   {
-    const auto intruder = openPostgres(beside(url, Others::kTogether, "b"));
+    const auto intruder = openPostgres(beside(url, Others::kShared, "b"));
     ASSERT_TRUE(intruder.ok()) << intruder.error().message;
-    must((*intruder)->letOthersIn());
+    must((*intruder)->admitOthers());
     const Status refused = run(**first, "SELECT 1");
     ASSERT_FALSE(refused.ok());
     EXPECT_EQ(refused.error().code, ErrorCode::kUnavailable);
   }
   must(run(**first, "SELECT 1"));
   EXPECT_TRUE((*first)->isAlone());
-  must((*first)->letOthersIn());
-  auto second = openPostgres(beside(url, Others::kTogether, "b"));
+  must((*first)->admitOthers());
+  auto second = openPostgres(beside(url, Others::kShared, "b"));
   ASSERT_TRUE(second.ok()) << second.error().message;
   cut(**first);
   must(run(**first, "SELECT 1"));
@@ -756,9 +756,9 @@ TEST_F(PostgresEngine, afterAReconnectionAServerIsAloneOrTogetherAsBefore) {
 // a server stopped (SIGSTOP) within a transaction must not block the others
 TEST_F(PostgresEngine, aTransactionOfAProgramThatIsStoppedEndsAndStoresNothing) {
   must(db->script("CREATE TABLE schema_version (version BIGINT NOT NULL)"));
-  const auto open = [&](std::chrono::milliseconds most_idle) {
+  const auto open = [&](std::chrono::milliseconds max_idle) {
     PostgresOptions options = beside(urlOf(otherName()), PostgresOptions::Others::kAll);
-    options.most_idle = most_idle;
+    options.max_idle = max_idle;
     auto opened = openPostgres(options);
     if (!opened) throw std::runtime_error(opened.error().message);
     return std::move(*opened);
@@ -794,7 +794,7 @@ TEST_F(PostgresEngine, aTransactionOfAProgramThatIsStoppedEndsAndStoresNothing) 
 
 // --- notices, and writes beside the writer
 
-TEST_F(PostgresEngine, aNoticeIsHeardOnceItIsCommittedAndOnlyOnItsChannel) {
+TEST_F(PostgresEngine, aNoticeArrivesAfterCommitOnItsChannelOnly) {
   const auto listener = connect(otherName(), true);
   must(listener->listen("told"));
   const auto heard = [&](int patience_ms) {
@@ -819,7 +819,7 @@ TEST_F(PostgresEngine, aNoticeIsHeardOnceItIsCommittedAndOnlyOnItsChannel) {
   EXPECT_THAT(heard(60'000), ElementsAre("three"));
 }
 
-TEST_F(PostgresEngine, whoWaitsForNoticesIsToldThatTheConnectionIsLost) {
+TEST_F(PostgresEngine, aListenerLearnsThatItsConnectionIsLost) {
   const auto listener = connect(otherName(), true);
   must(listener->listen("told"));
   const std::string pid = std::to_string(number(*listener, "SELECT pg_backend_pid()"));
@@ -830,12 +830,12 @@ TEST_F(PostgresEngine, whoWaitsForNoticesIsToldThatTheConnectionIsLost) {
   EXPECT_FALSE(listener->waitForNotices(std::chrono::milliseconds(0)).ok()) << "it does not connect again";
   const std::uint64_t connected = listener->timesConnected();
   EXPECT_EQ(number(*listener, "SELECT 7"), 7);
-  EXPECT_EQ(listener->timesConnected(), connected + 1) << "a statement does, and nobody listens then";
+  EXPECT_EQ(listener->timesConnected(), connected + 1) << "a statement does, and no one listens then";
 }
 
-TEST_F(PostgresEngine, aConnectionThatEndedWhileNobodyUsedItCostsNobodyAnError) {
+TEST_F(PostgresEngine, aConnectionThatEndedIdleCausesNoError) {
   for (const auto kind :
-       {EngineConnection::Begin::kView, EngineConnection::Begin::kBeside, EngineConnection::Begin::kWrite}) {
+       {EngineConnection::Begin::kView, EngineConnection::Begin::kSide, EngineConnection::Begin::kWrite}) {
     const auto pooled = connect(otherName());
     const std::uint64_t connected = pooled->timesConnected();
     const std::string pid = std::to_string(number(*pooled, "SELECT pg_backend_pid()"));
@@ -854,7 +854,7 @@ TEST_F(PostgresEngine, aConnectionThatEndedWhileNobodyUsedItCostsNobodyAnError) 
   }
 }
 
-TEST_F(PostgresEngine, whatIsWrittenBesideTheWriterWaitsForNoWriter) {
+TEST_F(PostgresEngine, aSideTransactionDoesNotWaitForTheWriter) {
   must(db->begin(EngineConnection::Begin::kWrite));
   must(add(1));
   auto opened = openPostgres({.url = urlOf(otherName()),
@@ -863,11 +863,11 @@ TEST_F(PostgresEngine, whatIsWrittenBesideTheWriterWaitsForNoWriter) {
                               .server = "server-a"});
   ASSERT_TRUE(opened.ok()) << opened.error().message;
   EngineConnection& beside = **opened;
-  must(beside.begin(EngineConnection::Begin::kBeside));
+  must(beside.begin(EngineConnection::Begin::kSide));
   EXPECT_TRUE(beside.inTransaction());
   must(run(beside, "INSERT INTO kinds (id) VALUES (2)"));
   must(beside.commit());
-  must(beside.begin(EngineConnection::Begin::kBeside));
+  must(beside.begin(EngineConnection::Begin::kSide));
   must(run(beside, "INSERT INTO kinds (id) VALUES (3)"));
   beside.rollback();
   must(db->commit());
@@ -877,9 +877,9 @@ TEST_F(PostgresEngine, whatIsWrittenBesideTheWriterWaitsForNoWriter) {
   EXPECT_EQ(number(*db, "SELECT (coalesce(current_setting('needlelab.server', true), '') = '')::int"), 1);
 }
 
-TEST_F(PostgresEngine, aCommitBesideTheWriterThatIsLostIsNoSuccess) {
+TEST_F(PostgresEngine, aCommitLostBesideTheWriterIsNoSuccess) {
   const auto beside = connect(otherName());
-  must(beside->begin(EngineConnection::Begin::kBeside));
+  must(beside->begin(EngineConnection::Begin::kSide));
   must(run(*beside, "INSERT INTO kinds (id) VALUES (2)"));
   const std::string pid = std::to_string(number(*beside, "SELECT pg_backend_pid()"));
   must(run(*control_, "SELECT pg_terminate_backend(" + pid + ")"));
@@ -887,13 +887,13 @@ TEST_F(PostgresEngine, aCommitBesideTheWriterThatIsLostIsNoSuccess) {
   ASSERT_FALSE(ended.ok());
   EXPECT_EQ(ended.error().code, ErrorCode::kUnavailable);
   EXPECT_EQ(count(), 0);
-  must(beside->begin(EngineConnection::Begin::kBeside));
+  must(beside->begin(EngineConnection::Begin::kSide));
   must(run(*beside, "INSERT INTO kinds (id) VALUES (2)"));
   must(beside->commit());
   EXPECT_EQ(count(), 1);
 }
 
-TEST_F(PostgresEngine, postgresqlIsToldToLookWhetherTheConnectionIsThere) {
+TEST_F(PostgresEngine, postgresqlIsSetToCheckItsClients) {
   EXPECT_EQ(number(*db,
                    "SELECT count(*) FROM pg_settings WHERE (name, reset_val) IN"
                    " (('tcp_keepalives_idle', '5'), ('tcp_keepalives_interval', '2'),"
@@ -926,7 +926,7 @@ TEST_F(PostgresEngine, noOtherRoleOfTheClusterKeepsAWriterWaiting) {
 }
 
 // kDenied would be shown as a wrong password to users logging in at that time.
-TEST_F(PostgresEngine, aUserWhoMayNoLongerConnectIsAnOutageOfAConnectionThatWas) {
+TEST_F(PostgresEngine, aRevokedConnectRightIsAnOutageOfAnOpenConnection) {
   const std::string role = otherName() + "_role";
   must(control_->script("DROP ROLE IF EXISTS " + role + "; CREATE ROLE " + role + " LOGIN"));
   {

@@ -8,7 +8,6 @@
 #include <string>
 #include <vector>
 
-#include "db/store/postgres_schema.h"
 #include "db/store/schema.h"
 #include "tests/support/store/postgres_database.h"
 #include "tests/unit/db/test_db.h"

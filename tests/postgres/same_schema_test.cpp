@@ -11,7 +11,6 @@
 
 #include "db/engine/open_postgres.h"
 #include "db/store/connection.h"
-#include "db/store/postgres_schema.h"
 #include "db/store/schema.h"
 
 namespace needlelab {
@@ -162,7 +161,7 @@ TEST_F(SameSchema, theSumsOfAttemptsFollowTheSessions) {
         "SELECT coalesce(sum(1000 * sessions + 100 * attempts + 10 * counted + passed), 0)::bigint"
         " FROM attempt_sums");
   };
-  EXPECT_EQ(sums(), 1111) << "nobody has the name";
+  EXPECT_EQ(sums(), 1111) << "no one has the name";
   must(db->script("UPDATE unknown_trainees SET code_unchecked = 1"));
   EXPECT_EQ(sums(), 1000) << "nobody gave the code: it counts for nobody";
   must(db->script("INSERT INTO unknown_trainees (session, given) VALUES (1, '@1') ON CONFLICT DO NOTHING"));

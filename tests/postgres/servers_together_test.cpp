@@ -9,7 +9,7 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "client/admin/app.h"
+#include "client/admin/command.h"
 #include "common/base/text/uuid.h"
 #include "db/sessions/session_store.h"
 #include "db/sessions/station_claims.h"
@@ -170,7 +170,7 @@ TEST_F(TwoServers, aClockOffsetByTheOlderLogInIsNotStored) {
   EXPECT_EQ(rows("SELECT clock_offset_ns FROM sessions"), 8);
 }
 
-TEST_F(TwoServers, aStationHearsOfABackupThatWasVerifiedByWayOfAnotherServer) {
+TEST_F(TwoServers, aStationLearnsOfABackupVerifiedThroughAnotherServer) {
   FakeSession session("bench-1");
   BlockingClient station = logIn(*b);
   open(station, session);
@@ -191,7 +191,7 @@ TEST_F(TwoServers, aStationHearsOfABackupThatWasVerifiedByWayOfAnotherServer) {
   EXPECT_EQ(safe.ack().safe_seqs(), 1u);
 }
 
-TEST_F(TwoServers, atTheSameServerTheOlderConnectionIsClosedAsByOneThatIsAlone) {
+TEST_F(TwoServers, aSecondLogInAtTheSameServerClosesTheOlder) {
   BlockingClient older = logIn(a), newer = logIn(a);
   const auto refusal = waitForRefusal(older);
   EXPECT_EQ(refusal.reason(), pb::Refusal::CONFLICT);

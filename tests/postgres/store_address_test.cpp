@@ -24,7 +24,7 @@ class StoreOnPostgres : public testing::Test {
                                       Durability least = Durability::kNothing) {
     Store::Options options;
     options.store_url = at;
-    options.least_durability = least;
+    options.min_durability = least;
     return Store::open(folder.path() / name, options);
   }
   /// The message of a start that must be refused as invalid input.
@@ -99,7 +99,7 @@ TEST_F(StoreOnPostgres, anotherLabsDatabaseIsRefused) {
   EXPECT_THAT(refusal("lab", postgresUrlOf(folder.path() / "three")), HasSubstr("is new"));
 }
 
-TEST_F(StoreOnPostgres, aFolderWithItsOwnDatabaseKeepsIt) {
+TEST_F(StoreOnPostgres, aFolderKeepsItsOwnDatabase) {
   ASSERT_OK(open("lab", ""));
   EXPECT_THAT(refusal("lab", url), HasSubstr("has a database of its own"));
   const auto store = open("lab", "");
@@ -130,7 +130,7 @@ TEST_F(StoreOnPostgres, aStoreFileOfSomethingElseIsNamedByItsLine) {
   }
 }
 
-TEST_F(StoreOnPostgres, aStartIsRefusedWhereAnAckWouldSurviveLessThanItMust) {
+TEST_F(StoreOnPostgres, aStoreLessDurableThanRequiredIsRefused) {
   const auto store = open("lab", url, Durability::kDiskLoss);
   ASSERT_FALSE(store.ok());
   EXPECT_EQ(store.error().code, ErrorCode::kInvalidInput);

@@ -136,7 +136,7 @@ TEST_F(StoreCopyTest, killedAtAnyPageItGoesOnAndCopiesNoRowTwice) {
       if (++pages < 3) return {};
       return Error{ErrorCode::kUnavailable, "killed"};
     };
-    const auto ended = copyRows(source, there, {.on_progress = step, .most_rows = 1});
+    const auto ended = copyRows(source, there, {.on_progress = step, .max_rows = 1});
     done = ended.ok();
     if (!done) {
       EXPECT_EQ(ended.error().message, "killed");
@@ -144,13 +144,13 @@ TEST_F(StoreCopyTest, killedAtAnyPageItGoesOnAndCopiesNoRowTwice) {
   }
   EXPECT_EQ(copied, static_cast<std::uint64_t>(rows));
   EXPECT_EQ(runs, rows / 3 + 1);
-  const auto compared = compareRows(source, there, {.most_rows = 1});
+  const auto compared = compareRows(source, there, {.max_rows = 1});
   ASSERT_OK(compared);
   EXPECT_EQ(compared->rows,
             copied + static_cast<std::uint64_t>(numberIn(source, "SELECT count(*) FROM meta")));
 }
 
-TEST_F(StoreCopyTest, whatSomebodyChangedInTheCopyIsFoundByTableKeyAndColumn) {
+TEST_F(StoreCopyTest, anAlteredCopyIsReportedByTableKeyAndColumn) {
   const struct {
     const char* sql;
     const char* row;

@@ -63,7 +63,7 @@ class StoreMoveTest : public AdminTest {
                    if (!counts || --pages > 0) return {};
                    return Error{ErrorCode::kUnavailable, "killed"};
                  },
-                 .most_rows = 1};
+                 .max_rows = 1};
     const auto moved = moveStore(move);
     ASSERT_FALSE(moved.ok());
     EXPECT_EQ(moved.error().message, "killed");

@@ -10,7 +10,7 @@ namespace {
 using testing::HasSubstr;
 using testing::Not;
 
-TEST_F(StoreMoveTest, nobodyWorksWithAnUnfinishedCopy) {
+TEST_F(StoreMoveTest, anUnfinishedCopyCannotBeOpened) {
   addSession(4);
   leaveUnfinished(5);
   EXPECT_TRUE(std::filesystem::exists(lab("needlelab.db")));
@@ -60,12 +60,12 @@ TEST_F(StoreMoveTest, aDatabaseThatIsNotEmptyIsRefusedAndLeftAlone) {
   const Run refused = copyTo();
   EXPECT_EQ(refused.code, 2);
   EXPECT_THAT(refused.err, HasSubstr("is not empty"));
-  EXPECT_EQ(copyTo({"--begin-again"}).code, 2) << "it is no unfinished copy";
+  EXPECT_EQ(copyTo({"--begin-again"}).code, 2) << "it is not an unfinished copy";
   expectSound(false, 1);
   ASSERT_OK(Store::open(folder.path() / "other", {}));
 }
 
-TEST_F(StoreMoveTest, aRowThatIsChangedBehindTheCopysBackKeepsTheLabWhereItWas) {
+TEST_F(StoreMoveTest, aRowChangedDuringTheCopyCancelsTheMove) {
   addSession(2);
   StoreMove move = toPostgres();
   bool changed = false;
@@ -100,7 +100,7 @@ TEST_F(StoreMoveTest, whoWorksWithOneOfTheTwoKeepsTheCopyFromBeginning) {
   }
 }
 
-TEST_F(StoreMoveTest, aUserWhoDoesNotOwnTheTablesIsRefusedBeforeAnythingIsCopied) {
+TEST_F(StoreMoveTest, aUserWithoutTableOwnershipIsRefusedBeforeCopying) {
   addSession(3);
   const PlainUser user(false);
   const Run refused = run({"store", "copy", "--from", data(), "--to", user.url()});

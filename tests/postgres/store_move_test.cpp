@@ -16,7 +16,7 @@ namespace {
 
 using testing::HasSubstr;
 
-TEST_F(StoreMoveTest, aLabGoesToPostgresAndBackWithItsKeysAndItsLog) {
+TEST_F(StoreMoveTest, aLabMovesToPostgresAndBackWithKeysAndLog) {
   addSession(5);
   addSession(3, true);
   const auto key = TestDb::must(readWholeFile(lab("audit.key")));
@@ -77,7 +77,7 @@ std::vector<std::string> rowsBeyond(const std::string& table, const std::string&
   return beyond;
 }
 
-TEST_F(StoreMoveTest, aFolderWithRowsInEveryTableGoesToPostgresAndBackAsItIs) {
+TEST_F(StoreMoveTest, rowsOfEveryTableSurviveAMoveToPostgresAndBack) {
   const std::string at = postgresUrlOf(folder.path() / "filled");
   std::filesystem::create_directory(file("filled"));
   const auto database = folder.path() / "filled/needlelab.db";
@@ -119,7 +119,7 @@ TEST_F(StoreMoveTest, killedWithSignalNineItGoesOn) {
       StoreMove move = toPostgres();
       move.to_postgres = to_postgres;
       std::uint64_t chunks = 0;
-      move.copy.most_rows = 3;
+      move.copy.max_rows = 3;
       move.copy.on_progress = [&](const CopyProgress& progress) -> Status {
         if (progress.table == "chunks" && ++chunks == 4) ::kill(::getpid(), SIGKILL);
         return {};
@@ -145,7 +145,7 @@ TEST_F(StoreMoveTest, killedWithSignalNineItGoesOn) {
     }
     ASSERT_OK(moved);
     EXPECT_TRUE(moved->went_on);
-    EXPECT_EQ(chunks, 20u - 4 * 3) << "what was committed stays";
+    EXPECT_EQ(chunks, 20u - 4 * 3) << "committed data stay";
     EXPECT_EQ(moved->compared.chunks, 20u);
     expectSound(to_postgres, 1);
   }
@@ -154,7 +154,7 @@ TEST_F(StoreMoveTest, killedWithSignalNineItGoesOn) {
 TEST_F(StoreMoveTest, afterALostConnectionItGoesOn) {
   addSession(20);
   StoreMove move = toPostgres();
-  move.copy.most_rows = 3;
+  move.copy.max_rows = 3;
   bool ended = false;
   move.copy.on_progress = [&](const CopyProgress& progress) -> Status {
     if (progress.table != "chunks" || std::exchange(ended, true)) return {};

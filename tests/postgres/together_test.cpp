@@ -6,12 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "client/admin/app.h"
+#include "client/admin/command.h"
 #include "common/base/files/files.h"
 #include "common/wire/certificates.h"
 #include "db/engine/open_postgres.h"
 #include "db/erasure/erasure.h"
-#include "db/erasure/erasure_list.h"
 #include "db/people/people.h"
 #include "db/service/start/bootstrap.h"
 #include "db/store/duties.h"
@@ -77,7 +76,7 @@ TEST_F(Together, whoIsAloneAndWhoIsNotRefuseEachOther) {
   {
     const auto alone = open("a", false);
     ASSERT_OK(alone);
-    EXPECT_EQ((*alone)->togetherAs(), "");
+    EXPECT_EQ((*alone)->sharedServerName(), "");
     // so that the folder can be joined: --together does this at its start
     ASSERT_OK(PseudonymKey::ofFolder(at("a")));
     join("b");
@@ -89,8 +88,8 @@ TEST_F(Together, whoIsAloneAndWhoIsNotRefuseEachOther) {
   const auto a = open("a"), b = open("b");
   ASSERT_OK(a);
   ASSERT_OK(b);
-  EXPECT_EQ((*a)->togetherAs(), kFirstServer);
-  EXPECT_EQ((*b)->togetherAs(), "b");
+  EXPECT_EQ((*a)->sharedServerName(), kFirstServer);
+  EXPECT_EQ((*b)->sharedServerName(), "b");
   join("c");
   const auto refused = open("c", false);
   ASSERT_FALSE(refused.ok());
@@ -138,7 +137,7 @@ TEST_F(Together, aNewerSchemaIsMadeByWhoHasTheDatabaseForItself) {
   const auto refused = open("b");
   rename("away", "schema_version");
   ASSERT_FALSE(refused.ok());
-  EXPECT_EQ(refused.error().code, ErrorCode::kUnavailable) << "whoever ends the others tries again";
+  EXPECT_EQ(refused.error().code, ErrorCode::kUnavailable) << "the one that ends the others tries again";
   EXPECT_THAT(refused.error().message, HasSubstr("end the other servers, start this one"));
   ASSERT_OK(open("b"));
 }
@@ -238,7 +237,7 @@ TEST_F(Together, aDutyWhoseConnectionIsLostMayBeAnothersThen) {
   }
   // PostgreSQL releases the lock a moment after its connection has ended
   EXPECT_TRUE(eventually([&] { return TestDb::must(held->isHeld()); }))
-      << "nobody has it, so it is had again";
+      << "no one has it, so it is had again";
 }
 
 TEST_F(Together, eachServerListsTheErasuresOfTheOthers) {
@@ -267,7 +266,7 @@ TEST_F(Together, eachServerListsTheErasuresOfTheOthers) {
   EXPECT_EQ((*b)->erasuresRepeated(), 0u);
 }
 
-TEST_F(Together, eachServerKnowsWhatItAcknowledgedItself) {
+TEST_F(Together, eachServerTracksItsOwnAcknowledgements) {
   auto a = open("a");
   ASSERT_OK(a);
   join("b");
@@ -292,7 +291,7 @@ TEST_F(Together, eachServerKnowsWhatItAcknowledgedItself) {
   b = open("b", false);
   ASSERT_OK(b);
   EXPECT_EQ((*b)->acknowledgedMissing(), "");
-  // an older database: its own number is missing, whatever number another server has
+  // an older database: its own number is missing, regardless of another server's
   b->reset();
   a = open("a", false);
   ASSERT_OK(a);

@@ -166,7 +166,7 @@ TEST_F(VerifiedBackups, whatIsNoRestoredDatabaseIsRefusedWithTheRemedy) {
   EXPECT_EQ(refusal(manager, verified(restoredUrl(), true)), ErrorCode::kDenied);
 }
 
-TEST_F(VerifiedBackups, anAddressThatWouldTakeAPasswordElsewhereIsRefusedBeforeAnythingConnects) {
+TEST_F(VerifiedBackups, anAddressThatRedirectsAPasswordIsRefusedBeforeConnecting) {
   CleartextListener attacker;
   ::setenv("PGPASSFILE", attacker.passfile().c_str(), 1);
   const std::string trap = fmt::format("hostaddr=127.0.0.1&port={}", attacker.port());

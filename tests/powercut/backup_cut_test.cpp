@@ -30,7 +30,7 @@ TEST(BackupCut, whatHasTheBackupsNameIsWhole) {
   {
     const Watching watching(disk.path(), log);
     Connection reader = db.reader();
-    ASSERT_OK(backupTo(reader, target, nullptr, kMostLogBytesOfBackup, kRoomBesidePlainCopy,
+    ASSERT_OK(backupTo(reader, target, nullptr, kMaxLogBytesOfBackup, kPlainCopyReserveBytes,
                        [](const char*, const char*) {
                          errno = EXDEV;
                          return -1;
@@ -54,7 +54,7 @@ TEST(BackupCut, whatHasTheBackupsNameIsWhole) {
       return {};
     }
     ++absent;
-    if (instant > done) return "the backup that was said to be done is not there";
+    if (instant > done) return "the backup that was reported as done is not there";
     // the leftovers do not block the next backup
     Connection reader = db.reader();
     const auto again = backupTo(reader, file);

@@ -140,7 +140,7 @@ TEST_F(ClockJump, sixtyDaysMoreOrLessRemoveNothingFromTheSpoolAcrossRestarts) {
   }
 }
 
-TEST_F(ClockJump, aStationWithoutTheRightYearIsTakenAndItsTimeStoredAsItIs) {
+TEST_F(ClockJump, aWrongYearOfAStationIsStoredUnchanged) {
   RunningServer server;
   const std::string key = server.addStation("station-1");
   for (const std::int64_t started_ns :

@@ -114,7 +114,7 @@ std::map<std::string, std::vector<std::uint64_t>> pagesByUse(const fs::path& pat
   return pages;
 }
 
-TEST(Corruption, aFlippedBitInAnyPageIsFoundOrHarmlessAndTheRestIsReadable) {
+TEST(Corruption, aFlippedBitInAPageIsDetectedOrHarmless) {
   const std::uint64_t seed = seedOr(20261124);
   TestDb db;
   fill(db.writer, 0, kChunks);
@@ -173,7 +173,7 @@ TEST(Corruption, aFlippedBitInAnyPageIsFoundOrHarmlessAndTheRestIsReadable) {
   EXPECT_GT(static_cast<double>(readable), 0.5 * static_cast<double>(opened * kSessions * kChunks));
 }
 
-TEST(Corruption, aFlippedBitInTheLogGivesAnEarlierStateAndTheStationGoesOn) {
+TEST(Corruption, aFlippedBitInTheWalGivesAnEarlierUsableState) {
   const std::uint64_t seed = seedOr(20261125);
   TestDb db;
   fill(db.writer, 0, 10);

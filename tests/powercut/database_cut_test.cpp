@@ -210,7 +210,7 @@ std::string judgeDatabase(const DiskLog& log, const std::filesystem::path& folde
     auto transaction = Transaction::begin(*opened, Transaction::Kind::kWrite);
     if (!transaction) return transaction.error().message;
     const auto appended = store.append(idOf(session), *next, chunkFor(session, *next));
-    if (!appended || appended->kind != Appended::Kind::kStored) return name + " does not go on";
+    if (!appended || appended->kind != Appended::Kind::kStored) return name + " does not continue";
     if (auto done = transaction->commit(); !done) return done.error().message;
   }
   return {};

@@ -48,7 +48,7 @@ class RecordedStation {
     UplinkConfig config;
     config.client = client;
     config.first_retry = 20ms;
-    config.most_retry = 50ms;
+    config.max_retry = 50ms;
     Uplink uplink(config, {});
     for (const auto& session : sessions_)
       if (!session->receipt().closed) uplink.add(session, false);
@@ -144,7 +144,7 @@ TEST(DiskFault, aServerWhoseDiskRefusesStopsInWordsAndNothingIsLost) {
   std::printf("disk faults under a server: %d runs, nothing lost\n", runs);
 }
 
-TEST(DiskFault, aStartOnARefusingDiskIsSaidInWords) {
+TEST(DiskFault, aStartOnARefusingDiskIsReported) {
   for (const auto& [error, words] :
        {std::pair(ENOSPC, "make room"), std::pair(EROFS, "read-only"), std::pair(EIO, "fails")}) {
     const TempFolder folder;
@@ -171,7 +171,7 @@ TEST(DiskFault, aStartOnARefusingDiskIsSaidInWords) {
   }
 }
 
-TEST(DiskFault, aServerWhoseDiskTakesNoByteStartsReadOnlyAndReadsEverything) {
+TEST(DiskFault, aServerOnAnUnwritableDiskStartsReadOnly) {
   RunningServer server;
   const std::string key = server.addStation("station-1");
   RecordedStation station(2, 30);
@@ -205,7 +205,7 @@ TEST(DiskFault, aServerWhoseDiskTakesNoByteStartsReadOnlyAndReadsEverything) {
   EXPECT_EQ(missingOf(data / "needlelab.db", station, true), "");
 }
 
-TEST(DiskFault, aPageThatCannotBeReadIsSaidAndTheServerGoesOn) {
+TEST(DiskFault, anUnreadablePageIsReportedAndTheServerContinues) {
   RunningServer server;
   const std::string key = server.addStation("station-1");
   RecordedStation station(2, 30);
@@ -295,7 +295,7 @@ class SmallDisk {
   std::string trouble_;
 };
 
-TEST(DiskFault, theProgramOnARealFullDiskExitsWithOneAndGoesOnWhenThereIsRoom) {
+TEST(DiskFault, theProgramExitsOnAFullDiskAndRestartsWithRoom) {
   const SmallDisk disk("3m");
   if (!disk.trouble().empty()) GTEST_SKIP() << "no small disk can be mounted here: " << disk.trouble();
   const TempFolder folder;

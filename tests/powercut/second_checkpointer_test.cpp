@@ -6,7 +6,7 @@
 
 #include "db/backup/check.h"
 #include "db/login/credentials.h"
-#include "db/store/reader_pool.h"
+#include "db/store/store_address.h"
 #include "tests/powercut/campaign.h"
 #include "tests/unit/db/shim_vfs.h"
 #include "tests/unit/db/test_db.h"

@@ -51,7 +51,7 @@ void makeSpool(const fs::path& folder) {
   ASSERT_TRUE(LessonCache(folder).keep("knee-1", lesson).ok());
 }
 
-TEST(SpoolDamage, aFlippedBitInAnyFileHarmsOnlyWhatItHits) {
+TEST(SpoolDamage, aFlippedBitAffectsOnlyItsOwnFile) {
   const std::uint64_t seed = seedOr(20261126);
   const TempFolder original;
   makeSpool(original.path());

@@ -7,7 +7,7 @@
 #include <cstring>
 #include <memory>
 
-#include "common/base/crc32c.h"
+#include "common/base/bytes.h"
 #include "common/base/program.h"
 #include "common/base/text/text.h"
 #include "db/erasure/retention_store.h"
@@ -69,7 +69,7 @@ int readableChunks(BlockingClient& person, const FakeSession& session) {
   return reply.ok() ? reply->chunks().chunks_size() : -1;
 }
 
-TEST(FullDisk, oneStationsKeyBringsNoMoreThanItsShareOfProfiles) {
+TEST(FullDisk, oneStationKeyCannotExceedItsProfileQuota) {
   RoomyServer s([](ServerOptions& options) {  // for four, with the other fields of their descriptions
     options.quotas.description_bytes = 1'010'000;
   });
@@ -123,7 +123,7 @@ TEST(FullDisk, oneStationsKeyBringsSoManyOpenSessionsAndUnknownNames) {
   EXPECT_THAT(eleventh.refusal().text(), HasSubstr("10 open sessions"));
 }
 
-TEST(FullDisk, oneStationsKeyBringsNoMoreThanItsShareOfChunksAndLosesNothing) {
+TEST(FullDisk, oneStationKeyCannotExceedItsChunkQuotaAndLosesNothing) {
   constexpr std::uint64_t kTaken = 5;
   double share = 0;
   for (std::uint64_t seq = 0; seq < kTaken; ++seq)
@@ -143,12 +143,12 @@ TEST(FullDisk, oneStationsKeyBringsNoMoreThanItsShareOfChunksAndLosesNothing) {
   ASSERT_TRUE(thief->send(stolen.chunk(kTaken)).ok());
   const pb::Refusal refused = waitForRefusal(*thief);
   EXPECT_EQ(refused.reason(), pb::Refusal::NO_ROOM) << refused.text();
-  EXPECT_EQ(refused.expected_seq(), kTaken) << "what was stored before is repeated and costs nothing";
+  EXPECT_EQ(refused.expected_seq(), kTaken) << "stored data are repeated and cost nothing";
   EXPECT_TRUE(refused.fatal()) << "so that the station sends again what came after it";
   EXPECT_THAT(refused.text(), testing::AllOf(HasSubstr("of recordings within a day"), HasSubstr(" min")));
 
   thief = s.server.connect(stationLogin("bench-1", key));
-  ASSERT_TRUE(thief.ok()) << "log-in goes on";
+  ASSERT_TRUE(thief.ok()) << "log-in continues";
   for (const auto& open : {stolen.open(), FakeSession("bench-1").open()}) {
     const auto answer = answerTo(*thief, open);
     EXPECT_EQ(answer.refusal().reason(), pb::Refusal::NO_ROOM) << answer.refusal().text();
@@ -159,11 +159,11 @@ TEST(FullDisk, oneStationsKeyBringsNoMoreThanItsShareOfChunksAndLosesNothing) {
   lesson.waitForAck(*honest, kTaken);
   auto chief = s.server.connect(personLogin("chief", kPassword));
   ASSERT_TRUE(chief.ok()) << chief.error().message;
-  EXPECT_EQ(readableChunks(*chief, stolen), static_cast<int>(kTaken)) << "what was acknowledged stays";
+  EXPECT_EQ(readableChunks(*chief, stolen), static_cast<int>(kTaken)) << "acknowledged data stay";
   EXPECT_EQ(readableChunks(*chief, lesson), static_cast<int>(kTaken));
 }
 
-TEST(FullDisk, chunksThatCannotBeDecodedHaveASmallShareAndTheSessionGoesOnWithSoundOnes) {
+TEST(FullDisk, undecodableChunksHaveASmallQuotaAndSoundOnesPass) {
   const FakeSession session("bench-1");
   const auto impossible = [&](std::uint64_t seq) {
     pb::Envelope envelope = session.chunk(seq);
@@ -195,7 +195,7 @@ TEST(FullDisk, chunksThatCannotBeDecodedHaveASmallShareAndTheSessionGoesOnWithSo
   session.waitForAck(*station, 3);
 }
 
-TEST(FullDisk, oneAccountHasNoMoreThanItsShareStoredOverAllItsConnections) {
+TEST(FullDisk, anAccountsQuotaSpansAllItsConnections) {
   RoomyServer s([](ServerOptions& options) {  // of the longest consents, including overhead
     options.shares.own_bytes = 5.0 * (1100 + PeopleShares::kRequestBytes);
   });
@@ -230,11 +230,11 @@ TEST(FullDisk, oneAccountHasNoMoreThanItsShareStoredOverAllItsConnections) {
   pb::Request list;
   list.mutable_list_consents()->set_name("tina");
   const auto listed = first->call(list);
-  ASSERT_TRUE(listed.ok()) << "reading goes on";
+  ASSERT_TRUE(listed.ok()) << "reading continues";
   EXPECT_EQ(listed->consents().consents_size(), 6);
 }
 
-TEST(FullDisk, everyLineOfTheAuditLogCostsWhoeverAsksForIt) {
+TEST(FullDisk, everyAuditedRequestIsChargedToItsSender) {
   constexpr int kShares = 5;
   RoomyServer s([](ServerOptions& options) {  // a request of less than 100 bytes costs its line
     options.shares.own_bytes = kShares * (100.0 + PeopleShares::kRequestBytes);
@@ -284,7 +284,7 @@ TEST(FullDisk, atTheLastFloorNoRequestWritesAndReadingGoesOn) {
   EXPECT_TRUE(chief->call(list).ok());
 }
 
-TEST(FullDisk, takesNothingElseThatIsToBeKeptAndReadsErasesAndEndsAccess) {
+TEST(FullDisk, refusesNewDataAndAllowsReadsErasureAndRevocation) {
   RoomyServer s([](ServerOptions& options) { options.shares.own_bytes = 1e12; });
   s.server.addUser("tina", pb::TRAINEE, kPassword);
   s.server.addUser("chief", pb::ADMINISTRATOR, kPassword);
@@ -406,7 +406,7 @@ TEST(FullDisk, refusesFirstNewSessionsThenChunksAndReadsOn) {
     break;
   }
   station = s.server.connect(stationLogin("bench-1", key));
-  ASSERT_TRUE(station.ok()) << "log-in goes on";
+  ASSERT_TRUE(station.ok()) << "log-in continues";
   EXPECT_EQ(answerTo(*station, lesson.open()).refusal().reason(), pb::Refusal::NO_ROOM);
   auto chief = s.server.connect(personLogin("chief", kPassword));
   ASSERT_TRUE(chief.ok()) << chief.error().message;
@@ -420,13 +420,13 @@ TEST(FullDisk, refusesFirstNewSessionsThenChunksAndReadsOn) {
   const auto again = answerAsWanted(
       *station, [&] { return lesson.open(); }, isOpened);
   ASSERT_TRUE(again.has_session_opened());
-  EXPECT_EQ(again.session_opened().next_seq(), stored) << "what was acknowledged is there, and nothing else";
+  EXPECT_EQ(again.session_opened().next_seq(), stored) << "acknowledged data are there, and nothing else";
   ASSERT_TRUE(station->send(lesson.chunk(stored)).ok());
   lesson.waitForAck(*station, stored + 1);
   EXPECT_FALSE(s.server.server().store().writer().failed());
 }
 
-TEST(FullDisk, aServerThatStartsThereServesReadsAndEndsWhenThereIsRoom) {
+TEST(FullDisk, aServerStartedOnAFullDiskReadsAndRecovers) {
   RoomyServer s;
   const std::string key = s.server.addStation("bench-1");
   s.server.addUser("chief", pb::ADMINISTRATOR, kPassword);

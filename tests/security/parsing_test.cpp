@@ -24,7 +24,7 @@ std::string referenceOfNothing(std::uint64_t id) {
   return RawPeer::framed(envelope);
 }
 
-TEST(Parsing, whatATraineeMayNotAskCostsNobodyAnything) {
+TEST(Parsing, aTraineesForbiddenRequestsCostOthersNothing) {
   RunningServer server;
   server.addUser("tina", pb::TRAINEE, kTheirPassword);
   server.addUser("ines", pb::INSTRUCTOR, kTheirPassword);
@@ -63,7 +63,7 @@ TEST(Parsing, whatATraineeMayNotAskCostsNobodyAnything) {
   const ServerCounters& counters = server.counters();
   EXPECT_EQ(counters.messages_refused_unparsed, refused) << "every one by its first bytes";
   EXPECT_EQ(counters.messages_parsed, 2 * (kConnections + 1) + kRounds) << "Hello, Login, Ping";
-  EXPECT_EQ(counters.messages_parsed_elsewhere, 0u);
+  EXPECT_EQ(counters.messages_parsed_off_thread, 0u);
   EXPECT_LT(counters.decoded_bytes, 64u << 10);
   std::fprintf(stderr, "parsing: resident memory grew by %llu KiB\n",
                static_cast<unsigned long long>((most - before) >> 10));

@@ -137,7 +137,7 @@ class Secrets : public testing::Test {
   int looked_ = 0;
 };
 
-TEST_F(Secrets, areInNoLogNoArgumentNoEnvironmentAndNoFileOfOthers) {
+TEST_F(Secrets, appearInNoLogArgumentEnvironmentOrSharedFile) {
   if (onPostgres()) {
     store_.emplace();
     secrets_["password of PostgreSQL"] = StoreWithPassword::kPassword;
@@ -304,7 +304,7 @@ TEST_F(Secrets, areInNoLogNoArgumentNoEnvironmentAndNoFileOfOthers) {
   EXPECT_GE(looked_, 20) << "logs, database, spool";
 }
 
-TEST_F(Secrets, aPasswordFileThatOthersMayReadIsSaid) {
+TEST_F(Secrets, aPasswordFileReadableByOthersIsReported) {
   Lab lab;
   EXPECT_EQ(::chmod(lab.path("password").c_str(), 0640), 0);
   ASSERT_EQ(lab.admin({"user", "passwd", "ines", "--password-file", lab.path("password")}), 0);

@@ -105,7 +105,7 @@ class Soak {
   }
 
   // SQLite keeps the pages that it wrote, up to 16 MiB. One station fills that within an hour, a hundred
-  // within a minute: what grows after that is no cache.
+  // within a minute: what grows after that is not a cache.
   Status fillCaches() {
     if (options_.form() == SoakForm::kShort) return {};
     Process load(program("needlelab-load"),

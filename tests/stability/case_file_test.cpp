@@ -27,7 +27,7 @@ std::string faultOf(const char* patch) {
   return "no such case";
 }
 
-TEST(CaseFile, everyCaseOfTheProgramStandsInIt) {
+TEST(CaseFile, containsEveryCaseOfTheProgram) {
   const auto file = CaseFile::embedded();
   ASSERT_TRUE(file.ok()) << file.error().message;
   for (const StabilityCase& one : allCases())

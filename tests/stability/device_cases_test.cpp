@@ -40,7 +40,7 @@ TEST(GlitchUnderGate, aSpringWithoutEndDepartsByMoreThanTissueCan) {
 }
 
 // 5 m/s over a tick of 1 ms are 5 mm; on the way in or out 0.02 mm belong to the needle's own motion
-TEST(GlitchUnderGate, theGateTakesNoneOfALargerOne) {
+TEST(GlitchUnderGate, theGateRejectsALargerOne) {
   const CaseRow under = rowOf("glitch_under_gate"),
                 over = rowWithField("glitch_under_gate", "glitch_m", 0.0051);
   EXPECT_GT(*under.measured, 0.5) << "the wall follows it";

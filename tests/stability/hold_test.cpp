@@ -12,7 +12,7 @@ TEST(HoldQuantised, voigtsDamperMakesForceOfEncoderSteps) {
   EXPECT_EQ(row.verdict, Verdict::kChatters) << rowText(row);
 }
 
-TEST(HoldQuantised, voigtWithAnAdaptiveWindowStandsInItsNote) {
+TEST(HoldQuantised, theNoteGivesVoigtWithAnAdaptiveWindow) {
   const CaseRow row = rowOf("hold_quantised", AxialModel::kVoigt);
   const std::string before = "with a velocity over an adaptive window: ";
   ASSERT_EQ(row.note.rfind(before, 0), 0u) << row.note;

@@ -11,9 +11,9 @@ namespace {
 
 class LateCases : public testing::TestWithParam<const char*> {};
 
-TEST_P(LateCases, controlToldOneTickTheHandGetsSome) {
+TEST_P(LateCases, controlAnUnderstatedDelayGivesEnergy) {
   CaseControl control;
-  control.told_as_measured = false;
+  control.uses_measured_delay = false;
   const CaseRow row = rowOf(GetParam(), AxialModel::kEnhancedTrackingWall, engineSource(), control);
   EXPECT_FALSE(row.passed) << rowText(row);
   EXPECT_LT(*row.passive_margin, 1) << "so the passivity control is on";

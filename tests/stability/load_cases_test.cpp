@@ -67,10 +67,10 @@ void stiffFixture(SceneSpec& scene) {
   for (LayerSpec& layer : scene.layers) layer.lateral_stiffness_N_per_m2 *= 10;
   scene.virtual_fixture.max_stiffness_N_per_m = 2000;
 }
-TEST(LeverClamping, controlAFixtureThatOnlyAHandAtTheNeedleCouldHoldSwings) {
+TEST(LeverClamping, controlAFixtureTooStiffForTheLeverSwings) {
   EXPECT_FALSE(isStable(rowOf("lever_clamping", kLoaded, ofScene(stiffFixture))));
 }
-TEST(LeverClamping, theSameFixtureStandsWithoutTheLever) {
+TEST(LeverClamping, theSameFixtureIsStableWithoutTheLever) {
   EXPECT_TRUE(isStable(rowWithField("lever_clamping", "plant", {{"tool_z_m", 0}}, ofScene(stiffFixture))));
 }
 
@@ -101,7 +101,7 @@ TEST(FreeHandNoFriction, itSwingsAboutTheWallAndNoFurther) {
   EXPECT_NEAR(*row.passive_margin, 0.5 / 1.5e-3 / 500, 1e-9);
   EXPECT_EQ(*row.coupled_margin, *row.passive_margin);
 }
-TEST(FreeHandNoFriction, controlARampThatDoesNotLookAtTheNeedlePullsItOut) {
+TEST(FreeHandNoFriction, controlARampIgnoringTheNeedlePullsItOut) {
   EXPECT_FALSE(isStable(rowWith(Defect::kRampIgnoresZ, "free_hand_no_friction")));
 }
 TEST(FreeHandNoFriction, controlAForceStepThrowsTheNeedleOut) {

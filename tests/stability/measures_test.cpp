@@ -36,12 +36,12 @@ TEST(BandPassed, hasTheGainOfAButterworthHighPass) {
     }
 }
 
-TEST(BandPassed, aForceThatStandsStillGivesNothing) {
+TEST(BandPassed, aConstantForceGivesZero) {
   const std::vector<double> still(500, 3.7);
   for (const double value : bandPassed(still, kRate, {})) EXPECT_EQ(value, 0);
 }
 
-TEST(BandPassed, takesOffWhatIsAboveTheBand) {
+TEST(BandPassed, removesWhatIsAboveTheBand) {
   const auto passed = bandPassed(sine(400, 1, 2), kRate, {50, 200, 4});
   EXPECT_LT(rmsOf(std::span(passed).subspan(1000)), 0.02);
 }

@@ -24,6 +24,14 @@ TEST(PassivityControlCases, aDeratedLoadGivesNothingAndIsHardlyTouched) {
   // a hundredth of the load: the loop is not passive, and the free needle swings about a stationary wall
   EXPECT_LE(*row.distortion_N, 0.045);
 }
+// 2.5 N, which the motors bear: without derating the case says nothing, and does not count as stable
+TEST(PassivityControlCases, controlALoadThatIsNotDeratedDoesNotPass) {
+  const auto scene = nlohmann::json::parse(R"({"layers": [{"tissue": "OTHER", "thickness_m": 0.05,
+      "cutting_force_n": 2.5, "attracted_force_n": 0.5, "rejection_force_n": 0.1}]})");
+  const CaseRow row = rowWithField("passivity_derated", "scene_patch", scene);
+  EXPECT_FALSE(isStable(row)) << rowText(row);
+  EXPECT_FALSE(row.applicable) << rowText(row);
+}
 
 // 1.5 times the force on the way out: the energy that such a faulty engine would give is removed
 TEST(PassivityControlCases, controlAnEngineThatGivesEnergyIsNotLeftAsItIs) {
@@ -38,7 +46,7 @@ TEST(PassivityControlCases, controlAnEngineThatGivesEnergyIsNotLeftAsItIs) {
 
 // ten times the fixture that the station would have lowered: no hand in the case can hold it through the
 // lever
-TEST(ToolGestures, controlAFixtureThatNobodyLoweredGivesEnergy) {
+TEST(ToolGestures, controlAnUnloweredFixtureGivesEnergy) {
   const ForceSourceFactory stiff = [](SceneSpec scene, double rate_hz) {
     for (LayerSpec& layer : scene.layers) layer.lateral_stiffness_N_per_m2 *= 20;
     scene.virtual_fixture.max_stiffness_N_per_m = 4000;

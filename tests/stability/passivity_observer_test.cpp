@@ -25,7 +25,7 @@ StepReport forceOf(double force_N, std::uint32_t flags = 0) {
   return report;
 }
 
-TEST(Observer, aSpringGivesBackWhatItTook) {
+TEST(Observer, aSpringReturnsTheEnergyItStored) {
   PassivityObserver observer(kStiffness_N_per_m);
   const auto pressed = [&](double z) { observer.add(tipAt(z), forceOf(-kStiffness_N_per_m * z), 1); };
   for (int k = 0; k <= 50; ++k) pressed(1e-3 * k);

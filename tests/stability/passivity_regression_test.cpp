@@ -62,7 +62,7 @@ TEST(Regressions, theShippedWallPassesThem) {
   }
 }
 
-TEST(CounterExampleFile, comesBackAsItWasWritten) {
+TEST(CounterExampleFile, survivesARoundTrip) {
   for (const fs::path& path : files()) {
     const CounterExample example = loaded(path);
     const std::string text = counterExampleJson(example);
@@ -73,7 +73,7 @@ TEST(CounterExampleFile, comesBackAsItWasWritten) {
   }
 }
 
-TEST(CounterExampleFile, whatIsWrongIsSaidWithFileFieldAndRange) {
+TEST(CounterExampleFile, errorsNameFileFieldAndRange) {
   const std::string good = counterExampleJson(loaded(files().front()));
   const auto messageWith = [&](const std::string& from, const std::string& to) {
     std::string text = good;
@@ -90,7 +90,7 @@ TEST(CounterExampleFile, whatIsWrongIsSaidWithFileFieldAndRange) {
   EXPECT_EQ(messageWith("\"tremor_m\"", "\"tremour_m\""), "file.json: motion.tremour_m: is unknown");
   EXPECT_EQ(messageWith("\"seconds\"", "\"second\""), "file.json: motion.strokes[0].seconds: is missing");
   EXPECT_EQ(messageWith("\"model\": \"", "\"model\": \"X"),
-            "file.json: found.model: 'XENHANCED_TRACKING_WALL' is no model");
+            "file.json: found.model: 'XENHANCED_TRACKING_WALL' is not a model");
   EXPECT_EQ(messageWith("{", "["), "file.json: is not JSON");
   EXPECT_EQ(loadCounterExample("/nowhere/x.json").error().message, "/nowhere/x.json: cannot be read");
 }

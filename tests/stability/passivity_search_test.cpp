@@ -24,7 +24,7 @@ TEST(RandomEnergy, theWallGivesTheHandNothing) {
 
 // a seed's motion and its scene without the stages do not change with them, so that kept seeds keep their
 // meaning; and each stage is drawn
-TEST(RandomEnergy, theStagesAreDrawnBesideASeedsOwnDraws) {
+TEST(RandomEnergy, drawingStagesDoesNotChangeTheOtherDraws) {
   GestureRange with;
   with.stages = true;
   int cut = 0, bones = 0, slanting = 0;

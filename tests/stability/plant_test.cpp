@@ -116,7 +116,7 @@ TEST(GripEnergy, isWhatTheHandGets) {
   // 1 N minus dry friction over the spring's 300 N/m: f²/2K, plus the damper's part over its travel
   EXPECT_GT(held->grip_energy_J, 0.45 * 0.95 * 0.95 / 300);
   EXPECT_LT(held->grip_energy_J, 0.95 * 0.95 / 300);
-  options.device.hand.let_go_s = 1e-6;
+  options.device.hand.release_s = 1e-6;
   const auto free = runPlant(push, plan, options);
   ASSERT_TRUE(free.ok());
   EXPECT_GT(free->ticks.back().energy_J, 0.1) << "it flies off";

@@ -26,7 +26,7 @@ TEST(OverLimitBounded, controlASpringWithoutEndIsNotBounded) {
   EXPECT_FALSE(isStable(rowOf("over_limit_bounded", kWall, spring)));
 }
 
-TEST(FreeHandRelease, controlARampThatDoesNotLookAtTheNeedlePullsItOut) {
+TEST(FreeHandRelease, controlARampIgnoringTheNeedlePullsItOut) {
   EXPECT_FALSE(isStable(rowWith(Defect::kRampIgnoresZ, "free_hand_release")));
 }
 TEST(FreeHandRelease, controlAForceStepThrowsTheNeedleOut) {

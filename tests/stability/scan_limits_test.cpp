@@ -26,7 +26,7 @@ Result<CaseFile> smallStudy() {
   return CaseFile::parse(json.dump(), "small.json");
 }
 
-TEST(StiffnessLimits, everyModelStandsWhereItsLinearLoopDoes) {
+TEST(StiffnessLimits, everyModelReachesItsLinearStiffnessLimit) {
   const auto file = smallStudy();
   ASSERT_TRUE(file.ok()) << file.error().message;
   const auto limits = findStiffnessLimits({*file, false}, {});

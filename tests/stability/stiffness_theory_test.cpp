@@ -39,7 +39,7 @@ double growth(const LinearLoop& loop, double stiffness_N_per_m) {
   return second / first;
 }
 
-TEST(StiffnessTheory, theBoundOfColgateAndSchenkelIsTheLinearLimitOfAFastLoop) {
+TEST(StiffnessTheory, theColgateSchenkelBoundIsAFastLoopsLinearLimit) {
   for (const unsigned delay : {0u, 1u, 2u, 3u})
     for (const double rate : {1000.0, 4000.0, 16'000.0}) {
       LinearLoop loop;

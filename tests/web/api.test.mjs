@@ -101,7 +101,7 @@ test('without the server the request says so, and the connection comes back by i
   assert.ok((await get(['groups'])).items.length > 0);
 });
 
-test('another page of this browser logs in anew: the next change takes its token over and goes through', async () => {
+test('another page of this browser logs in again: the next change takes its token over and goes through', async () => {
   await logIn('mara', kPassword);
   setCsrfToken('of the log-in before');
   browser.sent = [];

@@ -28,7 +28,7 @@ test('changes are named by the smallest place, as the server names fields', () =
   assert.deepEqual(changes(base, structuredClone(base)), []);
 });
 
-test('the order of keys is no change, the order of a list is one', () => {
+test('the order of keys is not a change, the order of a list is one', () => {
   assert.ok(same({ a: 1, b: [1, 2] }, { b: [1, 2], a: 1 }));
   assert.ok(!same([1, 2], [2, 1]));
   assert.ok(!same({ a: undefined }, { b: undefined }));

@@ -32,13 +32,13 @@ test('the levels are those that the server names, and read only', () => {
 test('an administrator reads the room, what is refused and what to do next', async () => {
   await logIn('root', 'correct horse');
   const plenty = await shown({ level: 'plenty', left_bytes: 250e9 });
-  assert.match(plenty, /✓\s*enough room.*250\sGB.*Nothing is to be done/s);
+  assert.match(plenty, /✓\s*enough room.*250\sGB.*Nothing to do/s);
   const sessions = await shown({ level: 'no_new_sessions', left_bytes: 1e9 });
   assert.match(sessions, /!\s*new sessions refused.*1\sGB.*stored to their end.*Make room.*retention/s);
   const chunks = await shown({ level: 'no_chunks', left_bytes: 2e8 });
-  assert.match(chunks, /✗\s*recordings refused.*200\sMB.*Nothing recorded is stored.*at once/s);
+  assert.match(chunks, /✗\s*recordings refused.*200\sMB.*No recording is stored.*at once/s);
   const read_only = await shown({ level: 'read_only' });
-  assert.match(read_only, /✗\s*read only.*not known yet.*nothing can be changed.*starts it again for writing/s);
+  assert.match(read_only, /✗\s*read only.*not known yet.*nothing can be changed.*restarts it for writing/s);
   assert.match(await shown({ level: 'something_new', left_bytes: 1 }), /✗\s*something_new.*Make room/s);
 });
 

@@ -24,7 +24,7 @@ const shown = async (store) => {
 };
 
 test('the words are those of the server, the weakest first', () => {
-  const source = readFileSync(new URL('../../db/engine/durability.cpp', import.meta.url), 'utf8');
+  const source = readFileSync(new URL('../../db/engine/engine.cpp', import.meta.url), 'utf8');
   const words = [...source.matchAll(/case Durability::\w+:\s+return "([\w ]+)";/g)].map(([, text]) => text);
   assert.deepEqual(Object.keys(kDurabilities), words);
   const openapi = readFileSync(new URL('../../server/web/openapi.cpp', import.meta.url), 'utf8');
@@ -35,7 +35,7 @@ test('an administrator reads what a confirmed recording survives, and what to do
   await logIn('root', 'correct horse');
   assert.match(
     await shown({ ack_survives: 'the loss of a disk' }),
-    /✓\s*the loss of a disk.*two disks.*Nothing is to/s,
+    /✓\s*the loss of a disk.*two disks.*Nothing to do/s,
   );
   assert.match(
     await shown({ ack_survives: 'a power cut' }),
@@ -43,7 +43,7 @@ test('an administrator reads what a confirmed recording survives, and what to do
   );
   assert.match(await shown({ ack_survives: 'the end of a program' }), /✗\s*the end.*power cut can lose.*fsync = on/s);
   assert.match(await shown({ ack_survives: 'nothing' }), /✗\s*nothing.*synchronous_commit = on/s);
-  assert.match(await shown({ ack_survives: 'a meteor' }), /✗\s*a meteor.*does not know.*its log says it/s);
+  assert.match(await shown({ ack_survives: 'a meteor' }), /✗\s*a meteor.*does not know.*log says more/s);
 });
 
 test('a standby that is lost is told, and that it is back', async () => {

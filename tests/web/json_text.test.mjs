@@ -67,7 +67,7 @@ test('a text that is a document goes along with the form, and the form with it',
   assert.equal(withDocument(typed, a).text, a, 'changed back elsewhere');
 });
 
-test('what the form changes under a text that is no document is not overwritten by the next key', () => {
+test('what the form changes under a text that is not a document is not overwritten by the next key', () => {
   const [broken, none] = withText(textOf(a), '{"a": 1,');
   assert.equal(none, undefined);
   assert.match(broken.problem, /^This is not JSON yet/);

@@ -126,7 +126,7 @@ test('a range is in the unit of the field that it stands under', () => {
   }
 });
 
-test('a tile never says that nobody practises', () => {
+test('a tile never says that no one practises', () => {
   const idle = { online: true, session_id: '', trainee: '' };
   const lesson = { online: true, session_id: '0199-1', trainee: '' };
   assert.deepEqual(tileState(idle), ['info', 'idle']);
@@ -143,5 +143,5 @@ test('an exercise that was tried in vain is not called open', () => {
   const cell = { locked_by: [], attempts: 3 };
   assert.deepEqual(cellState({ ...cell, passed: false }), ['bad', 'not passed']);
   assert.deepEqual(cellState({ ...cell }), ['info', 'practised']);
-  assert.deepEqual(cellState({ ...cell, attempts: 0 }), ['open', 'not begun']);
+  assert.deepEqual(cellState({ ...cell, attempts: 0 }), ['open', 'not started']);
 });

@@ -5,6 +5,7 @@ import { readFile } from 'node:fs/promises';
 import { createServer } from 'node:http';
 import { extname, join, normalize } from 'node:path';
 import { fileURLToPath } from 'node:url';
+import { kExportFormats } from '../../client/web/app/lib/export_formats.js';
 import { layerNames } from '../../client/web/app/lib/tissue.js';
 import { makeLab } from './mock/data.mjs';
 import { csvOf, kTable, Refusal } from './mock/rest.mjs';
@@ -46,7 +47,7 @@ async function bodyOf(request) {
   try {
     return text ? JSON.parse(text) : undefined;
   } catch {
-    throw new Refusal(400, 'invalid_input', 'the body is no JSON');
+    throw new Refusal(400, 'invalid_input', 'the body is not JSON');
   }
 }
 
@@ -81,6 +82,11 @@ const roomFor = (lab, { role }) =>
         store: lab.store ?? { ack_survives: 'a power cut' },
       }
     : {};
+
+/** The downloads' formats, by the last part of the address: 'scores.csv'. */
+const kDownloads = Object.fromEntries(
+  Object.entries(kExportFormats).flatMap(([name, formats]) => formats.map((f) => [`${name}${f.suffix}`, f])),
+);
 
 function find(method, parts) {
   let other = false;
@@ -127,9 +133,10 @@ async function answer(lab, request, response, url) {
     lab.logins.delete(cookieOf(request));
     return send(response, 200, {}, { 'Set-Cookie': `${kCookie}=; Path=/; Max-Age=0; Secure` });
   }
-  if (request.method === 'GET' && parts.at(-1).endsWith('.csv'))
+  const download = request.method === 'GET' && kDownloads[parts.at(-1)];
+  if (download)
     return send(response, 200, csvOf(lab, parts, query), {
-      'Content-Type': 'text/csv; charset=utf-8',
+      'Content-Type': download.type,
       'Content-Disposition': 'attachment',
     });
   const { roles, handler, status, params } = find(request.method, parts);

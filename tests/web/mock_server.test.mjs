@@ -4,6 +4,7 @@
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { after, before, test } from 'node:test';
+import { kExportFormats } from '../../client/web/app/lib/export_formats.js';
 import { replySchema, schemaFaults } from './json_schema.mjs';
 import { startMock } from './mock_server.mjs';
 
@@ -40,7 +41,8 @@ async function ask(name, method, pattern, { path = pattern, body, base } = {}) {
   }
   const schema = replySchema(api, method, pattern, reply.status);
   if (!schema) {
-    assert.ok(type.startsWith('text/csv'), `${about} is ${type}`);
+    const [described_type] = Object.keys(described.responses[reply.status].content);
+    assert.equal(type.split(';')[0], described_type, about);
     return { status: reply.status, body: text };
   }
   assert.equal(type, 'application/json', about);
@@ -90,12 +92,15 @@ test('every page of every list, and what is below it', async () => {
     '/courses/{id}/revisions': `/courses/${[...lab.courses.keys()][0]}/revisions`,
     '/results': `/results?course=${[...lab.courses.keys()][0]}`,
     '/exercises/{id}/reference': `/exercises/${session.exercise_id}/reference`,
-    '/scores.csv': '/scores.csv',
-    '/courses/{id}/results.csv': `/courses/${[...lab.courses.keys()][0]}/results.csv?separator=semicolon`,
   };
+  for (const { suffix } of kExportFormats.scores) below[`/scores${suffix}`] = `/scores${suffix}`;
+  for (const { suffix } of kExportFormats.results)
+    below[`/courses/{id}/results${suffix}`] =
+      `/courses/${[...lab.courses.keys()][0]}/results${suffix}?separator=semicolon`;
   for (const [pattern, path] of Object.entries(below))
     assert.equal((await ask('ines', 'GET', pattern, { path })).status, 200, path);
-  for (const part of ['', '/attempt', '/score', '/events', '/samples', '/samples.csv', '/annotations']) {
+  const downloads = kExportFormats.samples.map(({ suffix }) => `/samples${suffix}`);
+  for (const part of ['', '/attempt', '/score', '/events', '/samples', ...downloads, '/annotations']) {
     assert.equal(
       (await ask('ines', 'GET', `/sessions/{id}${part}`, { path: `/sessions/${id}${part}` })).status,
       200,

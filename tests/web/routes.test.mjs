@@ -38,7 +38,7 @@ test('what is written into an address comes out of it again', () => {
   }
 });
 
-test('a broken escape is no page instead of an error', () => {
+test('a broken escape gives no page instead of an error', () => {
   assert.equal(match(kTable, '#/people/%zz').route, null);
 });
 

@@ -175,7 +175,7 @@ test('labels are placed at any height, also where height + gap − height is les
   for (const huge of [1e300, Infinity]) assert.deepEqual(clearLabels(labels(3, huge), 13), [huge, huge, huge]);
 });
 
-test('layers add up; a thickness that is no number counts as none', () => {
+test('layers add up; a thickness that is not a number counts as none', () => {
   const bounds = layerBounds({
     layers: [{ tissue: 'SKIN', thickness_m: 0.25 }, { tissue: 'FAT', thickness_m: 'x' }, { thickness_m: 0.5 }],
   });
@@ -400,7 +400,7 @@ test('a plan keeps its line when it is given in the other way', () => {
   assert.deepEqual(back.direction, { x: 0, y: 0.6, z: -0.8 });
   assert.equal(back.target_m, undefined);
   assert.deepEqual(planGivenBy(slanted, 'direction'), slanted);
-  // a direction is a ratio of its numbers, whatever their size
+  // a direction is a ratio of its numbers, at any size
   const tiny = { ...slanted, direction: { x: 0, y: 3e-9, z: -4e-9 } };
   assert.deepEqual(planGivenBy(tiny, 'target_m').target_m, { x: 0.01, y: 0.018, z: -0.022 });
   // no line yet: straight down
@@ -431,7 +431,7 @@ test('an exercise has its number once', () => {
   );
 });
 
-test('an exercise that goes is required by nobody any more; a new one has an id of its own', () => {
+test('an exercise that goes is required by no one any more; a new one has an id of its own', () => {
   assert.deepEqual(withoutExercise(course.exercises, 0), [{ id: 'b', name: 'B', profile_id: 'p' }]);
   assert.equal(freshId([{ id: 'exercise-3' }, { id: 'x' }]), 'exercise-4');
 });
@@ -494,7 +494,7 @@ test('contacts with bone are those of the measure', () => {
     at(3, 0, -0.005),
     at(3.2, 0, -0.019, 0.008), // the hazard of bone, 0.2 s later
     at(4, -1, 0.01),
-    at(5, -1, -0.02), // outside, whatever the place
+    at(5, -1, -0.02), // outside, at any place
   ];
   assert.deepEqual(boneContacts(columnsOf(gesture), profile), [2, 3.2]);
   // the same gesture at a limb that lies 10 cm aside
@@ -572,7 +572,7 @@ test('the number of contacts with bone is that of the score, not that of the poi
   assert.deepEqual(contactWords(scored(1), none), { many: '1 bone contact', moments: 'too short for the plot' });
   // the way back between two points is not seen: the score's number stays
   assert.equal(contactWords(scored(1), all).many, '1 bone contact');
-  // without a score no number is said
+  // without a score there is no number
   for (const unscored of [undefined, [], scored(null)])
     assert.deepEqual(contactWords(unscored, few), { many: 'bone contact', moments: 'moments that are shown' });
   assert.equal(contactWords(scored(0), none), null);

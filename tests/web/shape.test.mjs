@@ -147,7 +147,7 @@ test('an exercise goes, or gets another id, among exercises of any type', () => 
     { ...b, prerequisites: ['x', null] },
     odd,
   ]);
-  // an id that is typed anew is empty for a moment: the others follow it there and back
+  // an id that is typed again is empty for a moment: the others follow it there and back
   const empty = withExerciseId([a, b], 0, '');
   assert.deepEqual(withExerciseId(empty, 0, 'z')[1].prerequisites, ['z', null]);
 });
@@ -172,7 +172,7 @@ test('a name is put in or taken out of a list, and what is not known stays', () 
   assert.deepEqual(toggled(known, ['LATER'], 'LATER', false), []);
 });
 
-test('a field shows a value that is no number as it stands in the JSON, and does not take it for one', () => {
+test('a field shows a value that is not a number as it stands in the JSON, and does not take it for one', () => {
   assert.equal(shown(0.003, 1e-3), '3');
   assert.equal(shown(undefined, 1), '');
   assert.equal(shown(null, 1), '');

@@ -54,7 +54,7 @@ test('a session that was rendered softer than its profile says so beside the sco
     stiffnessShareText({ device_notes }),
     'Bone was left out: the needle cut it as it cuts a layer of tissue. This device and tool cannot hold more.',
   );
-  // absent: all of it; others are no shares
+  // absent: all of it; others are not shares
   for (const stiffness_share of [undefined, null, 1, 0, -1, 2, 'NaN'])
     assert.equal(stiffnessShareText({ stiffness_share }), '');
 });
@@ -66,10 +66,10 @@ test('of an exam whose results are held back a page says from when on they are s
   const cell = { locked_by: [], attempts: 1, attempts_left: 1, results_from_unix_ms };
   assert.deepEqual(cellState(cell), ['info', 'taken']);
   assert.deepEqual(cellState({ ...cell, attempts_left: 0 }), ['info', 'taken'], 'nothing is bad about it');
-  assert.deepEqual(cellState({ ...cell, attempts: 0 }), ['open', 'not begun']);
+  assert.deepEqual(cellState({ ...cell, attempts: 0 }), ['open', 'not started']);
 });
 
-test('a session that waits says why, and first what nobody can confirm', () => {
+test('a session that waits says why, and first what no one can confirm', () => {
   assert.deepEqual(
     [{ begin_unsure: true, not_assigned: true }, { not_assigned: true }, { code_unchecked: true }, {}].map(
       (session) => whyItWaits(session)[0],

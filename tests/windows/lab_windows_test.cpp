@@ -1,5 +1,5 @@
-// The instructor's window and a lab of eight: find the station in trouble, look over, speak, replay, compare,
-// export; and the behaviour when the instructor or the server is killed during a lesson.
+// The instructor's window and a lab of eight: find the station in trouble, watch, send a message, replay,
+// compare, export; and the behaviour when the instructor or the server is killed during a lesson.
 #include <gmock/gmock.h>
 
 #include <algorithm>
@@ -49,7 +49,7 @@ class LabWindows : public testing::Test {
   LabOfEight lab_;
 };
 
-TEST_F(LabWindows, theStationInTroubleIsFoundLookedOverSpokenToReplayedComparedAndExported) {
+TEST_F(LabWindows, aTroubledStationIsFoundWatchedReplayedAndExported) {
   XDisplay display(1280, 720);
   lab_.startServer();
   const std::string first = lab_.practise(7, 0.9, 8), second = lab_.practise(8, 0.2, 8);
@@ -116,7 +116,7 @@ TEST_F(LabWindows, theStationInTroubleIsFoundLookedOverSpokenToReplayedComparedA
   EXPECT_EQ(lab_.verifyAll().size(), 10u);
 }
 
-TEST_F(LabWindows, aServerThatIsKilledInMidViewComesBackAndTheViewGoesOn) {
+TEST_F(LabWindows, aKilledServerReturnsAndTheViewContinues) {
   lab_.startServer();
   lab_.startStations();
   auto window = lab_.window(

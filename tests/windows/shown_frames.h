@@ -67,7 +67,7 @@ class ShownFrames {
   bool untilQuestion(const std::string& question) const {
     return until([&](const SeenFrame& frame) { return frame.question == question; });
   }
-  /// Waits until a frame was drawn that saw all input of before: the next one may have begun already.
+  /// Waits until a frame was drawn that saw all earlier input: the next one may have begun already.
   [[nodiscard]] bool sawInput() const {
     const auto now = newest();
     const std::uint64_t seen = (now ? now->frame : 0) + 2;

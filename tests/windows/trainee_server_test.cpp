@@ -29,7 +29,7 @@ class TraineeServerTest : public testing::Test {
   std::unique_ptr<Process> startWindow(const std::vector<std::string>& more) {
     auto arguments = lab_.stationArguments(more);
     arguments.erase(std::find(arguments.begin(), arguments.end(), "--headless"));
-    // --drain: what was recorded is sent before the end on a busy machine, too
+    // --drain: recordings are sent before the end on a busy machine, too
     arguments.insert(arguments.end(), {"--window", "1280x720", "--json", lab_.path("window.json"),
                                        "--frame-log", lab_.path("frames.csv"), "--drain", "120"});
     return std::make_unique<Process>("needlelab-station", arguments, lab_.path("window.log"));
@@ -100,11 +100,11 @@ TEST_F(TraineeServerTest, anInstructorTalksChangesAidsStopsAndChoosesWhatComesNe
   EXPECT_EQ(out["rows"][0]["stop_reason"], "wrong side");
   EXPECT_EQ(out["rows"][0]["state"], "COMPLETE");
   EXPECT_EQ(out["rows"][1]["exercise"], "knee-recess");
-  EXPECT_EQ(out["rows"][1]["state"], "COMPLETE") << "what was recorded is sent before the end";
+  EXPECT_EQ(out["rows"][1]["state"], "COMPLETE") << "recordings are sent before the end";
   for (const pb::SessionInfo& info : lab_.sessions()) EXPECT_EQ(info.state(), pb::SESSION_COMPLETE);
 }
 
-TEST_F(TraineeServerTest, aBadgeIsReadAtTheStartScreenAndNotAgainForTheNextTry) {
+TEST_F(TraineeServerTest, aBadgeIsReadOnceAndReusedForTheNextTry) {
   ASSERT_EQ(lab_.stopServer(), kExitDone);
   std::ofstream(lab_.path("code")) << "badge-4711\n";
   std::filesystem::permissions(lab_.path("code"), std::filesystem::perms::owner_read);
@@ -147,7 +147,7 @@ TEST_F(TraineeServerTest, aBadgeIsReadAtTheStartScreenAndNotAgainForTheNextTry) 
     EXPECT_EQ(station->said().find(badge), std::string::npos) << badge;
 }
 
-TEST_F(TraineeServerTest, aDisplayThatGoesEndsTheLessonAndTheServerGetsAllOfIt) {
+TEST_F(TraineeServerTest, aLostDisplayEndsTheLessonAndUploadsAllOfIt) {
   auto station = startWindow(
       {"--exercise", "ball-free-practice", "--start", "--hand-plan", "rest", "--hand-repeat", "0"});
   ASSERT_TRUE(eventually([&] { return lab_.sessions().size() == 1; }, 60s)) << station->said();

@@ -322,7 +322,7 @@ TEST(TraineeOnAScreen, takesAllOfItUnlessItIsForADesk) {
   }
 }
 
-TEST(TraineeWithoutADisplay, isToldWhatElseThereIs) {
+TEST(TraineeWithoutADisplay, isToldTheAlternatives) {
   TempFolder folder;
   ::unsetenv("DISPLAY");
   Process station("needlelab-station",

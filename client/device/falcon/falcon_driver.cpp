@@ -95,7 +95,7 @@ std::optional<std::int64_t> FalconDriver::look() noexcept {
   }
   if (stop_) return std::nullopt;
   setStatusText("the Falcon was lost: " + again.error().message);
-  return time_.nowNs() + (planted(PlantedBug::kLookAgainTwice) ? 2 * kLookAgain_ns : kLookAgain_ns);
+  return time_.nowNs() + (planted(PlantedBug::kRescanTooLate) ? 2 * kRescan_ns : kRescan_ns);
 }
 
 std::optional<std::int64_t> FalconDriver::beginStream() noexcept {

@@ -36,7 +36,7 @@ class FalconDriver final : public Turns {
  public:
   static constexpr std::int64_t kFinalCommand_ns = 100'000'000;  ///< patience for the last command's answer
   static constexpr std::int64_t kBreath_ns = 20'000'000;         ///< after a loss, before the first look
-  static constexpr std::int64_t kLookAgain_ns = 500'000'000;  ///< between two looks; an arrival shortens it
+  static constexpr std::int64_t kRescan_ns = 500'000'000;  ///< between two looks; an arrival shortens it
 
   /// `time` must outlive the driver.
   FalconDriver(FalconOptions options, std::unique_ptr<FalconBus> bus, TimeSource& time);

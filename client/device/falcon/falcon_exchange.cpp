@@ -43,7 +43,7 @@ void Exchange::onSent(bool done) noexcept {
 }
 
 void Exchange::judge(std::int64_t now_ns) noexcept {
-  if (reader_.badInARow() >= kMostBadInARow)
+  if (reader_.badInARow() >= kMaxBadInARow)
     trouble_ = Trouble::kBadPackets;
   else if (now_ns - last_report_ns_ > kSilent_ns)
     trouble_ = Trouble::kSilent;
@@ -79,7 +79,7 @@ std::int64_t Exchange::step(std::int64_t now_ns) noexcept {
     counts_.unanswered += static_cast<std::uint64_t>(unanswered_);
     unanswered_ = 0;
   }
-  if (sending_ || unanswered_ >= kMostUnderWay)
+  if (sending_ || unanswered_ >= kMaxUnderWay)
     return std::max(sent_ns_ + kReplyTime_ns + 1, now_ns + kPeriod_ns);
   if (now_ns < due_ns_) return due_ns_;
 

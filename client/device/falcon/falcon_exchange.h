@@ -44,11 +44,11 @@ class Exchange final : public LinkListener {
  public:
   static constexpr std::int64_t kPeriod_ns = 1'000'000;
   static constexpr std::int64_t kWatchdog_ns = 20'000'000;  ///< silence of the haptic thread
-  static constexpr int kMostUnderWay = 2;
+  static constexpr int kMaxUnderWay = 2;
   static constexpr std::int64_t kReplyTime_ns = 6'000'000;   ///< longest wait for a reply
   static constexpr std::int64_t kSilent_ns = 100'000'000;    ///< then it is kDeviceTrouble
   static constexpr std::int64_t kGiveUp_ns = 1'000'000'000;  ///< after this the link is opened again
-  static constexpr std::uint32_t kMostBadInARow = 20;        ///< then it is kDeviceTrouble
+  static constexpr std::uint32_t kMaxBadInARow = 20;         ///< then it is kDeviceTrouble
 
   enum class Trouble : std::uint8_t { kNone, kBadPackets, kSilent };
 

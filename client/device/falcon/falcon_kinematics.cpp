@@ -13,9 +13,9 @@ namespace {
 constexpr double kAxisRadius_m = kBaseRadius_m - kPlatformRadius_m;
 constexpr double kLongestShin_m = kShortLinks_m + kShin_m;
 /// The device cannot bend a parallelogram to the side by more than this share of its length.
-constexpr double kMostAside = 0.95;
+constexpr double kMaxAside = 0.95;
 /// Below this spread torques fade, so that they stay bounded where the legs cannot bear a force.
-constexpr double kLeastSpread = 0.08;
+constexpr double kMinSpread = 0.08;
 constexpr int kNewtonSteps = 12;
 constexpr double kNewtonDone_m = 1e-13, kLongestStep_m = 0.03;
 
@@ -59,7 +59,7 @@ Shin shinOf(std::size_t leg, Vec3 p, double cos_theta, double sin_theta) noexcep
   s.u = dot(p, axes.u) - kAxisRadius_m - kThigh_m * cos_theta;
   s.v = dot(p, axes.v) - kFootAside_m;
   s.w = p.z - kThigh_m * sin_theta;
-  constexpr double kMost = kMostAside * kShin_m;
+  constexpr double kMost = kMaxAside * kShin_m;
   s.too_far_aside = std::fabs(s.v) > kMost;
   s.v = std::clamp(s.v, -kMost, kMost);
   s.reach = std::sqrt(kShin_m * kShin_m - s.v * s.v);
@@ -148,7 +148,7 @@ Place forwardKinematics(const LegAngles& theta_rad) noexcept {
   if (!found || aside || spread < 0 || !isFinite(p)) {
     place.flags |= kOutOfReach;
     p = meeting;
-  } else if (spread < kLeastSpread) {
+  } else if (spread < kMinSpread) {
     place.flags |= kNearSingular;
   }
   place.p_F_m = p;
@@ -176,7 +176,7 @@ Legs inverseKinematics(Vec3 p_F_m) noexcept {
     const double between = detAtan2(std::sqrt(1 - cosine * cosine), cosine);
     legs.theta_rad[i] = clampedAngle(detAtan2(s.w, s.u) - between, legs.flags);
   }
-  if (legJacobian(p_F_m, legs.theta_rad).spread() < kLeastSpread) legs.flags |= kNearSingular;
+  if (legJacobian(p_F_m, legs.theta_rad).spread() < kMinSpread) legs.flags |= kNearSingular;
   return legs;
 }
 
@@ -215,7 +215,7 @@ Torques torquesForForce(const LegJacobian& legs, Vec3 f_F_N) noexcept {
   }
   // the force as a sum of pushes along the shins: Σ x_i n_i = f. Near a singular position, det/least²
   // replaces 1/det: it joins continuously and goes to zero with det
-  const double least = kLeastSpread * scale;
+  const double least = kMinSpread * scale;
   double inverse = 0;
   if (std::fabs(det) >= least) {
     inverse = 1 / det;

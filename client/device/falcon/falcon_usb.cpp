@@ -17,7 +17,7 @@
 #include <utility>
 #include <vector>
 
-#include "client/device/crash_packet.h"
+#include "client/device/device.h"
 #include "client/device/falcon/falcon_geometry.h"
 #include "client/device/falcon/falcon_link.h"
 #include "common/base/time/time_source.h"
@@ -87,7 +87,7 @@ class UsbLink final : public FalconLink {
 constexpr int kInterface = 0;
 constexpr std::uint8_t kVendorRequest = 0x40;  // out, vendor, to the device
 constexpr unsigned kWriteTimeout_ms = 100;
-constexpr int kMostFailuresInARow = 10;
+constexpr int kMaxFailuresInARow = 10;
 constexpr std::int64_t kLastTransfers_ns = 1'000'000'000;
 
 // zero torque with lights off; built before anything can crash
@@ -234,7 +234,7 @@ void UsbLink::onReadEnd(libusb_transfer* transfer) {
       link.lost_ = true;
       return;
     default:
-      if (++link.failures_in_a_row_ >= kMostFailuresInARow) link.lost_ = true;
+      if (++link.failures_in_a_row_ >= kMaxFailuresInARow) link.lost_ = true;
   }
   if (!link.lost_ && !link.stopping_) link.submit(read);
 }
@@ -398,8 +398,8 @@ class UsbBus final : public FalconBus {
     while (context_ != nullptr && !arrived_.exchange(false)) {
       const std::int64_t left_ns = until_ns - time_.nowNs();
       if (left_ns <= 0) return;
-      constexpr std::int64_t kMost_ns = 50'000'000;
-      timeval wait{0, static_cast<suseconds_t>(std::min(left_ns, kMost_ns) / 1000)};
+      constexpr std::int64_t kMax_ns = 50'000'000;
+      timeval wait{0, static_cast<suseconds_t>(std::min(left_ns, kMax_ns) / 1000)};
       // an immediate error must not make a high-priority thread spin
       if (libusb_handle_events_timeout_completed(context_, &wait, nullptr) != 0) time_.sleepForNs(10'000'000);
     }

@@ -21,7 +21,7 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr milliseconds kWrite{1000}, kAnswer{1000}, kReply{50};
-constexpr std::size_t kMostFirmware = 1u << 20;
+constexpr std::size_t kMaxFirmware = 1u << 20;
 
 constexpr std::array<std::uint8_t, 3> kGreeting = {0x0A, 0x43, 0x0D};
 constexpr std::array<std::uint8_t, 4> kGreetingAnswer = {0x0A, 0x44, 0x2C, 0x0D};
@@ -115,15 +115,15 @@ Result<std::vector<std::uint8_t>> readFirmware(const std::string& file) {
                                            "NEEDLELAB_FALCON_FIRMWARE"};
   std::vector<std::uint8_t> bytes;
   std::array<char, 65536> buffer{};
-  while (bytes.size() <= kMostFirmware && (in.read(buffer.data(), buffer.size()), in.gcount() > 0))
+  while (bytes.size() <= kMaxFirmware && (in.read(buffer.data(), buffer.size()), in.gcount() > 0))
     bytes.insert(bytes.end(), buffer.begin(), buffer.begin() + in.gcount());
   if (in.bad()) return Error{ErrorCode::kNotFound, "Falcon firmware '" + file + "': reading it failed"};
-  if (bytes.empty() || bytes.size() > kMostFirmware)
-    return Error{ErrorCode::kInvalidInput,
-                 "Falcon firmware '" + file + "': " +
-                     (bytes.empty() ? std::string("is empty")
-                                    : fmt::format("is longer than {} bytes", kMostFirmware)) +
-                     "; it should be the maker's firmware, some ten thousand bytes"};
+  if (bytes.empty() || bytes.size() > kMaxFirmware)
+    return Error{
+        ErrorCode::kInvalidInput,
+        "Falcon firmware '" + file + "': " +
+            (bytes.empty() ? std::string("is empty") : fmt::format("is longer than {} bytes", kMaxFirmware)) +
+            "; it should be the maker's firmware, some ten thousand bytes"};
   return bytes;
 }
 

@@ -88,13 +88,13 @@ HandAim SteeredAim::next() noexcept {
     target_ = newest;
   }
   Pose& X = aim_.X_WT;
-  v_W_mps_ += (atMost((target_.X_WT.p - X.p) * kFollow_per_s, kMostAimSpeed_mps) - v_W_mps_) * share_;
+  v_W_mps_ += (atMost((target_.X_WT.p - X.p) * kFollow_per_s, kMaxAimSpeed_mps) - v_W_mps_) * share_;
   X.p += v_W_mps_ * step_s_;
   const Vec3 turn = turnVector(X.q, target_.X_WT.q);
-  w_W_radps_ += (atMost(turn * kFollow_per_s, kMostAimTurn_radps) - w_W_radps_) * share_;
+  w_W_radps_ += (atMost(turn * kFollow_per_s, kMaxAimTurn_radps) - w_W_radps_) * share_;
   const Vec3 half = w_W_radps_ * (step_s_ / 2);
   X.q = normalized(Quat{half.x, half.y, half.z, 1} * X.q);
-  const double most = kMostPlungerSpeed_per_s * step_s_;
+  const double most = kMaxPlungerSpeed_per_s * step_s_;
   aim_.plunger += std::clamp(target_.plunger - aim_.plunger, -most, most);
   return aim_;
 }
@@ -151,7 +151,7 @@ Wrench Hand::pull(const HandleState& handle) noexcept {
   const Vec3 w_wanted = turnVector(before.q, wanted_.q) * per_s;
   const double since_start_s = static_cast<double>(step_) * step_s_;
   ++step_;
-  if (options_.let_go_s > 0 && since_start_s >= options_.let_go_s) return {};
+  if (options_.release_s > 0 && since_start_s >= options_.release_s) return {};
 
   Wrench pull = {options_.stiffness_N_per_m * (wanted_.p - handle.X_WH.p) +
                      options_.damping_Ns_per_m * (v_wanted - handle.v_W_mps),

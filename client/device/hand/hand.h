@@ -77,9 +77,9 @@ class HandTremor {
 
 /// Targets come 30 times a second, in steps, and may jump; the aim speeds up over 25 ms, slows down near its
 /// target, and never exceeds these speeds. At rest it is at the target.
-inline constexpr double kMostAimSpeed_mps = 0.1;
-inline constexpr double kMostAimTurn_radps = 1.5;
-inline constexpr double kMostPlungerSpeed_per_s = 0.8;
+inline constexpr double kMaxAimSpeed_mps = 0.1;
+inline constexpr double kMaxAimTurn_radps = 1.5;
+inline constexpr double kMaxPlungerSpeed_per_s = 0.8;
 
 /// The aim of a steered hand: follows the newest target like an arm, smoothly and with limited speed, on the
 /// hand's own steps. Ignores a target that is not finite or has an invalid quaternion. Thread: one at a time.
@@ -118,7 +118,7 @@ struct HandOptions {
   double correction_per_s = 0;
   /// The hand releases the handle at this time under any plan; 0 = never. In s, [0, 1e6]. For studies; not on
   /// a command line.
-  double let_go_s = 0;
+  double release_s = 0;
   /// From this time on the grip's stiffnesses and dampings are `grip_share` times as large; 0 = never. In s,
   /// [0, 1e6], and [0, 100]. For studies; not on a command line.
   double grip_changes_s = 0, grip_share = 1;

@@ -36,7 +36,7 @@ Status checked(const SimulatedDeviceOptions& o, double rate_hz) {
       {"hand rotational stiffness in N·m/rad", h.rotational_stiffness_Nm_per_rad, {0, 100}},
       {"hand rotational damping in N·m·s/rad", h.rotational_damping_Nms_per_rad, {0, 5}},
       {"hand correction per s", h.correction_per_s, {0, 20}},
-      {"hand's letting go in s", h.let_go_s, {0, 1e6}},
+      {"hand's letting go in s", h.release_s, {0, 1e6}},
       {"time of a change of grip in s", h.grip_changes_s, {0, 1e6}},
       {"share of a changed grip", h.grip_share, {0, 100}},
       {"hand tremor in m", h.tremor_m, {0, 0.005}},
@@ -103,15 +103,15 @@ Status SimulatedDevice::open(double rate_hz) {
 // Between the stops of the play, the motors move by themselves against the device's damping. The force
 // reaches the handle where they push on a stop; at the other stop, the handle moves them along.
 Vec3 SimulatedDevice::throughPlay(Vec3 force_N) noexcept {
-  const double most_m = options_.backlash_m / 2;
-  if (most_m == 0) return force_N;
+  const double max_m = options_.backlash_m / 2;
+  if (max_m == 0) return force_N;
   const double damping = std::max(options_.limits.damping_Ns_per_m, 0.1);
   Vec3 through;
   for (double Vec3::*axis : {&Vec3::x, &Vec3::y, &Vec3::z}) {
     const double force = force_N.*axis;
     double& play = play_m_.*axis;
-    play = std::clamp(play + (force / damping - handle_.v_W_mps.*axis) * step_s_, -most_m, most_m);
-    if (force != 0 && play == std::copysign(most_m, force)) through.*axis = force;
+    play = std::clamp(play + (force / damping - handle_.v_W_mps.*axis) * step_s_, -max_m, max_m);
+    if (force != 0 && play == std::copysign(max_m, force)) through.*axis = force;
   }
   return through;
 }

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "client/device/recording/whole_recording.h"
-#include "common/base/median.h"
+#include "common/base/histogram.h"
 #include "common/base/range.h"
 #include "common/base/text/csv.h"
 
@@ -54,9 +54,9 @@ std::optional<std::size_t> gapIn(const std::vector<double>& t_s) {
   if (t_s.size() < 3) return std::nullopt;
   std::vector<double> periods;
   for (std::size_t i = 1; i < t_s.size(); ++i) periods.push_back(t_s[i] - t_s[i - 1]);
-  const double most_s = std::max(3 * medianOf(periods), kMostGap_s) + kOnTick_s;
+  const double max_s = std::max(3 * medianOf(periods), kMaxGap_s) + kOnTick_s;
   const auto found =
-      std::find_if(periods.begin(), periods.end(), [&](double period) { return period > most_s; });
+      std::find_if(periods.begin(), periods.end(), [&](double period) { return period > max_s; });
   if (found == periods.end()) return std::nullopt;
   return static_cast<std::size_t>(found - periods.begin()) + 1;
 }
@@ -102,7 +102,7 @@ Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, std::size_t l
     return fail(*gap, fmt::format("t_s jumps from {} to {}: at most three usual periods, or {} s, may lie "
                                   "between two rows",
                                   numberText(track.t_s[*gap - 1]), numberText(track.t_s[*gap]),
-                                  numberText(kMostGap_s)));
+                                  numberText(kMaxGap_s)));
   if (const int at = table->find("plunger"); at >= 0) {
     track.plunger = table->columns[static_cast<std::size_t>(at)];
     for (std::size_t i = 0; i < track.plunger.size(); ++i)

@@ -21,12 +21,12 @@ struct PoseTrack {
 
 /// Two rows of a file are at most three of its usual periods apart, or this time if that is longer, because a
 /// computer's device may be that late. Longer gaps are holes.
-inline constexpr double kMostGap_s = 0.01;
+inline constexpr double kMaxGap_s = 0.01;
 inline constexpr double kOnTick_s = 1e-9;  ///< rows this close to a tick are used unchanged
 
 /// Reads a CSV with the columns `t_s,px_m,py_m,pz_m,qx,qy,qz,qw` and optionally `plunger`, in any order.
 /// Normalises quaternions with | |q| − 1 | ≤ 1e-3. Errors (kInvalidInput) name file, line, column, value and
-/// range: from readCsv; a quaternion off unit length, a time that does not ascend or jumps (kMostGap_s), a
+/// range: from readCsv; a quaternion off unit length, a time that does not ascend or jumps (kMaxGap_s), a
 /// plunger outside 0-1, a position beyond 1 km.
 Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, std::size_t lines_above = 0);
 

@@ -11,8 +11,8 @@
 #include <string_view>
 #include <utility>
 
+#include "common/gesture/chunk.h"
 #include "common/gesture/recording.h"
-#include "common/gesture/session_hash.h"
 #include "common/profile/strict_json.h"
 
 namespace needlelab {
@@ -152,12 +152,12 @@ class WholeReader {
 /// Checks the declared lengths of the chunks, because decoding takes memory and time.
 Status checkLength(const RecordingReader& reader, const std::filesystem::path& path) {
   const std::uint64_t samples = reader.sampleCount();
-  if (samples <= kMostReadSamples) return {};
+  if (samples <= kMaxReadSamples) return {};
   return Error{
       ErrorCode::kInvalidInput,
       fmt::format("{}: has {} samples in {} chunks, at most {} are read (an hour at 1 kHz): export a "
                   "part of the session (needlelab-admin session export --from --to)",
-                  path.string(), samples, reader.entries().size(), kMostReadSamples)};
+                  path.string(), samples, reader.entries().size(), kMaxReadSamples)};
 }
 
 Result<std::vector<std::string>> readChunks(const RecordingReader& reader, const std::filesystem::path& path,

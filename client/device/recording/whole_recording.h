@@ -26,13 +26,13 @@ enum class DamagedRecording : std::uint8_t { kRefuse, kRead };
 /// The greatest number of samples read from a recording: an hour at 1 kHz, twice what a server scores. A
 /// chunk of 8 kB may hold 65,536 samples, so a file's size does not bound the memory and time that its
 /// samples take.
-inline constexpr std::uint64_t kMostReadSamples = 3'600'000;
+inline constexpr std::uint64_t kMaxReadSamples = 3'600'000;
 
 /// Reads every sample and checks the file against its index (each chunk and its hash) and its metadata, if
 /// they name `samples`, `chunks` and `hash` of the export. (With `part`, an export of part of a session,
 /// these are the session's and are not compared.) Takes some 200 bytes of memory per sample, and at most some
 /// 50 MB for the metadata. Errors: from RecordingReader::open; kInvalidInput, before decoding, if its chunks
-/// declare more than kMostReadSamples; kCorrupt with the first hole and the number of readable samples:
+/// declare more than kMaxReadSamples; kCorrupt with the first hole and the number of readable samples:
 /// always with kRefuse, with kRead if no sample can be read.
 Result<ReadRecording> readRecording(const std::filesystem::path& path,
                                     DamagedRecording damaged = DamagedRecording::kRefuse);

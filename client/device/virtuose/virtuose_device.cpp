@@ -147,7 +147,7 @@ bool VirtuoseDevice::succeeded(int result, const char* call) noexcept {
   return false;
 }
 
-bool VirtuoseDevice::askInTurn() noexcept {
+bool VirtuoseDevice::pollNextState() noexcept {
   const int turn = turn_;
   turn_ = (turn_ + 1) % kTurns;
   if (turn == 0) {
@@ -193,7 +193,8 @@ DeviceRead VirtuoseDevice::read(DeviceReading& reading) noexcept {
       succeeded(api_->virtGetPosition(context_, pose), "virtGetPosition") &&
       succeeded(api_->virtGetSpeed(context_, speed), "virtGetSpeed") &&
       succeeded(api_->virtGetDeadMan(context_, &held), "virtGetDeadMan") &&
-      succeeded(api_->virtGetEmergencyStop(context_, &operational), "virtGetEmergencyStop") && askInTurn();
+      succeeded(api_->virtGetEmergencyStop(context_, &operational), "virtGetEmergencyStop") &&
+      pollNextState();
   reading.condition = std::exchange(trouble_, 0);
   if (!answered) {
     seen_condition_.store(reading.condition, std::memory_order_relaxed);

@@ -81,7 +81,7 @@ class VirtuoseDevice final : public Device {
   void keepAlive() noexcept;
   bool takeConnection() noexcept;
   bool succeeded(int result, const char* call) noexcept;
-  bool askInTurn() noexcept;
+  bool pollNextState() noexcept;
   void giveUpConnection() noexcept;
   void countFailure() noexcept;
   [[nodiscard]] std::uint32_t rememberedCondition() const noexcept;

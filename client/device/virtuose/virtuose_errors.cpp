@@ -138,7 +138,7 @@ std::string virtuoseStateText(std::uint32_t condition, std::uint32_t alarm, std:
         "the emergency stop is pressed (see that all is safe, release it, and press the power switch of the "
         "device again)";
   else if ((condition & kDeviceReleased) != 0)
-    text = "nobody holds the handle (take it so that its sensor feels the hand)";
+    text = "no one holds the handle (take it so that its sensor feels the hand)";
   else if ((condition & kDevicePowerOff) != 0)
     text = "the motors have no power (press the power switch of the device, and hold the handle)";
   if (alarm != 0) text = joined(text, virtuoseAlarmText(alarm));

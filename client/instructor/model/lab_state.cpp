@@ -24,8 +24,8 @@ std::vector<ScreenAction> searchActions(bool advised) {
 
 std::vector<ScreenAction> stopActions(bool asking) {
   if (!asking) return {{kActStop, "Stop lesson …", ActionKey::kNone, "", true}};
-  return {{kActGoOn, "Do not", ActionKey::kEnterOrEscape, "", true},
-          {kActStopNow, "■ Stop it now", ActionKey::kDelete, "", true}};
+  return {{kActGoOn, "Cancel", ActionKey::kEnterOrEscape, "", true},
+          {kActStopNow, "■ Stop now", ActionKey::kDelete, "", true}};
 }
 
 std::vector<ScreenAction> linkActions(LinkPhase phase) {
@@ -67,7 +67,8 @@ void LabState::logIn() {
     form_trouble = "Server: " + servers.error().message;
   else if (form.ca_file.empty())
     form_trouble =
-        "The CA file is missing: the tls/ca.crt of the server's folder. Who runs the server has it.";
+        "The CA file is missing: the tls/ca.crt of the server's folder. The person who runs the server has "
+        "it.";
   else if (form.user.empty())
     form_trouble = "Type your name as an instructor.";
   else if (form.password.empty())
@@ -116,7 +117,7 @@ void LabState::update(double now_s) {
   overview.tick(now_s);
   if (live_) {
     for (const LiveArrival& arrival : news.frames) live_->feed(arrival);
-    askForScene();
+    requestScene();
   }
   stop_question.keepOnlyFor(live_.get());
   analysis.poll();
@@ -131,8 +132,8 @@ void LabState::presented(std::int64_t now_unix_ns) {
     live_->latency().discard();
 }
 
-void LabState::askForScene() {
-  const std::string wanted = live_->sessionToAskFor(now_s_);
+void LabState::requestScene() {
+  const std::string wanted = live_->sessionToRequest(now_s_);
   if (wanted.empty()) return;
   pb::Request request;
   request.mutable_get_session()->set_session_id(wanted);

@@ -130,7 +130,7 @@ class LabState {
   void readExercises(std::string page = {}, std::vector<pb::Exercise> read = {});
   /// The watched lesson's exercise; null if unknown.
   [[nodiscard]] const pb::Exercise* exerciseNow() const;
-  void askForScene();
+  void requestScene();
   LinkState link_;
   bool inside_ = false;
   LinkPhase phase_before_ = LinkPhase::kLoggedOut;

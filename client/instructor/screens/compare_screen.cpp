@@ -6,7 +6,7 @@
 
 namespace needlelab {
 
-void CompareScreen::takeIn(const LabState& lab) {
+void CompareScreen::updateCurves(const LabState& lab) {
   const GestureComparison& comparison = *lab.analysis.comparison();
   if (of_first_.lock() == lab.analysis.first() && of_second_.lock() == lab.analysis.second() &&
       of_alignment_ == comparison.alignment)
@@ -62,14 +62,14 @@ void CompareScreen::showChoice(LabState& lab) {
       ImGui::SameLine();
     }
     ImGui::SameLine(0, 2 * space());
-    ImGui::Checkbox("laid over each other", &overlaid_);
+    ImGui::Checkbox("overlaid", &overlaid_);
     ImGui::SameLine(0, 2 * space());
   }
   if (ImGui::Button("Beside the expert's reference")) {
     lab.analysis.loadSecond("reference");
   }
   ImGui::SameLine();
-  if (ImGui::Button("Another second …")) lab.screen = WindowScreen::kSessions;
+  if (ImGui::Button("Other session …")) lab.screen = WindowScreen::kSessions;
 }
 
 void CompareScreen::showScenes(LabState& lab, ImVec2 size_px) {
@@ -84,7 +84,7 @@ void CompareScreen::showScenes(LabState& lab, ImVec2 size_px) {
   if (overlaid_) {
     const SharedPlan plan = sharedPlanOf(a, b);
     ImGui::BeginChild("over", size_px, false, ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoBackground);
-    if (!plan.why_none.empty()) textLine(plan.why_none);
+    if (!plan.omission_reason.empty()) textLine(plan.omission_reason);
     first_.show("both", a.scene.view, now_a, plan.plan_W, allAidSet(), {0, 0}, now_b,
                 {std::move(trail_a), std::move(trail_b)});
     ImGui::EndChild();
@@ -141,13 +141,13 @@ void CompareScreen::show(LabState& lab) {
   if (!lab.analysis.second() || !lab.analysis.comparison()) {
     const std::string trouble = lab.analysis.troubleOf(AnalysisJob::kCompare);
     if (!lab.analysis.busy())
-      showEmpty(trouble.empty() ? "One session is loaded" : "That does not work",
+      showEmpty(trouble.empty() ? "One session is loaded" : "The comparison failed",
                 trouble.empty() ? "Choose a second one in the list (button “beside”), or the expert's "
                                   "reference of its exercise."
                                 : trouble);
     return;
   }
-  takeIn(lab);
+  updateCurves(lab);
   if (x_.empty()) {
     showEmpty("No common depth", "There is no depth that both needles reached.");
     return;

@@ -50,13 +50,13 @@ void ScenePane::aim() {
   if (!scene_) return;
   switch (look_) {
     case Look::kTrainee:
-      frame_.camera = firstLook(*scene_);
+      frame_.camera = initialView(*scene_);
       break;
     case Look::kAbove:
-      frame_.camera = lookFromAbove(*scene_);
+      frame_.camera = viewFromAbove(*scene_);
       break;
     case Look::kSide:
-      frame_.camera = lookFromTheSide(*scene_);
+      frame_.camera = viewFromSide(*scene_);
       break;
     case Look::kFree:
       break;

@@ -37,21 +37,21 @@ struct Key {
   const char* meaning;
 };
 constexpr std::array kKeys = {Key{"F1  ?", "this list"},
-                              Key{"Ctrl 1 … 7", "lab, look over, sessions, replay, compare, re-run, scores"},
-                              Key{"Ctrl +  Ctrl −  Ctrl 0", "larger, smaller, usual letters"},
+                              Key{"Ctrl 1 … 7", "lab, watch, sessions, replay, compare, re-run, scores"},
+                              Key{"Ctrl +  Ctrl −  Ctrl 0", "larger, smaller, normal letters"},
                               Key{"Space", "pause and follow; play and pause"},
                               Key{"←  →", "scroll back and forward 1 s; a step of 10 ms"},
                               Key{"PgUp  PgDn", "ten times as far"},
                               Key{"Home  End", "to the beginning, to the newest"},
-                              Key{"+  −", "closer and wider plots; faster and slower"},
+                              Key{"+  −", "zoom plots in and out; faster and slower"},
                               Key{"L", "loop 2 s from here, or end the loop (replay)"},
                               Key{"V", "next camera"},
                               Key{"P", "next set of plots"},
-                              Key{"M", "message to the trainee (look over)"},
+                              Key{"M", "message to the trainee (watch)"},
                               Key{"N", "remark at this moment"},
-                              Key{"H", "only who needs help (lab)"},
-                              Key{"1 … 9", "look over that tile, in the order shown (lab)"},
-                              Key{"Esc", "back to the lab; away with notices"}};
+                              Key{"H", "only stations that need help (lab)"},
+                              Key{"1 … 9", "watch that tile's station, in the order shown (lab)"},
+                              Key{"Esc", "back to the lab; dismiss notices"}};
 
 bool pressed(int key, bool repeat = false) {
   return ImGui::IsKeyPressed(key, repeat);

@@ -111,7 +111,7 @@ void showCounts(const LabState& lab) {
 
 void showChoices(LabState& lab) {
   ImGui::SameLine(0, 3 * space());
-  ImGui::Checkbox("only who needs help", &lab.filter.only_help);
+  ImGui::Checkbox("only those that need help", &lab.filter.only_help);
   ImGui::SameLine();
   ImGui::Checkbox("only online", &lab.filter.only_online);
   ImGui::SameLine();
@@ -140,14 +140,14 @@ void showLab(LabState& lab) {
   showChoices(lab);
   const auto tiles = lab.overview.tiles(lab.order, lab.filter);
   if (lab.overview.size() == 0) {
-    showEmpty("No station is known yet",
+    showEmpty("No stations yet",
               "An administrator adds stations: needlelab-admin station add NAME. Then a station is started "
               "with the "
               "key that this made, and appears here by itself.");
     return;
   }
   if (tiles.empty()) {
-    if (showEmpty("No station matches", "The filter hides all of them.", "Show all")) lab.filter = {};
+    if (showEmpty("No station matches", "The filter hides every station.", "Show all")) lab.filter = {};
     return;
   }
   ImGui::BeginChild("tiles", {0, 0}, false, ImGuiWindowFlags_NoBackground);

@@ -33,14 +33,14 @@ bool lineAndButton(const char* id, const char* hint, std::string& text, const ch
 
 void CommandPanel::showTexts(LabState& lab) {
   const float width = ImGui::GetContentRegionAvail().x * 0.34F;
-  if (lineAndButton("##message", "say to the trainee", message_, "Send", focus_message_, width)) {
+  if (lineAndButton("##message", "message to the trainee", message_, "Send", focus_message_, width)) {
     // unsent text stays in its field
     if (lab.commands.message(lab.live()->station(), message_)) message_.clear();
   }
   ImGui::SameLine(0, 3 * space());
   const bool paused = lab.live()->paused();
-  if (lineAndButton("##remark", paused ? "remark at the moment that is shown" : "remark at this moment",
-                    remark_, "Annotate", focus_remark_, width)) {
+  if (lineAndButton("##remark", paused ? "remark at the moment shown" : "remark at this moment", remark_,
+                    "Annotate", focus_remark_, width)) {
     if (lab.annotate(remark_)) remark_.clear();
   }
 }
@@ -67,7 +67,7 @@ void CommandPanel::showAids(LabState& lab) {
     aids.set(aid, on);
     lab.setAids(aids.list());
   }
-  if (ImGui::Button("As the exercise has it")) lab.resetAids();
+  if (ImGui::Button("As the exercise sets it")) lab.resetAids();
   ImGui::EndCombo();
 }
 
@@ -81,7 +81,7 @@ void CommandPanel::showStop(LabState& lab) {
   }
   // confirmation within the panel
   ImGui::SetNextItemWidth(26 * space());
-  ImGui::InputTextWithHint("##reason", "reason, for the trainee", &question.reason);
+  ImGui::InputTextWithHint("##reason", "reason (the trainee sees it)", &question.reason);
   ImGui::SameLine();
   ImGui::BeginDisabled(!answerable);
   auto chosen = actionLine(actions, true);
@@ -214,8 +214,8 @@ void LiveScreen::show(LabState& lab) {
       showEmpty("The lesson cannot be shown", live.scene().why);
     else
       showEmpty("Waiting for the first samples",
-                live.status().online() ? "The station is online; its picture comes with the next lesson."
-                                       : "The station is not online. Its picture comes when it is back.");
+                live.status().online() ? "The station is online; its picture appears with the next lesson."
+                                       : "The station is not online. Its picture appears when it is back.");
     ImGui::EndChild();
   } else {
     showScene(lab, {room.x * 0.52F, height});

@@ -20,7 +20,7 @@ bool field(const char* caption, const char* id, std::string& text, const char* h
   return ImGui::InputTextWithHint(id, hint, &text, flags | ImGuiInputTextFlags_EnterReturnsTrue);
 }
 
-void whatIsWrong(const LabState& lab) {
+void showFormError(const LabState& lab) {
   if (!lab.form_trouble.empty()) return conditionLine(Condition::kAttention, lab.form_trouble);
   const LinkState& link = lab.link();
   if (link.phase == LinkPhase::kConnecting) return conditionLine(Condition::kUnknown, "connecting …");
@@ -41,7 +41,7 @@ void showLogin(LabState& lab) {
   beginPanel("login", "needlelab: instructor", width, room.y * 0.88F);
   {
     WithTextColour dim(kDimText);
-    textBlock("Watch the lab, speak to trainees, go through recordings.");
+    textBlock("Watch the lab, message trainees, review recordings.");
   }
   ImGui::Dummy({0, space()});
   bool go = field("Server (host:port)", "##server", lab.form.server, "lab.example:7750");
@@ -56,7 +56,7 @@ void showLogin(LabState& lab) {
   if (!ImGui::GetIO().NavVisible) go |= actionByKey(actions) == kActLogIn;
   if (go && !busy) lab.logIn();
   ImGui::Dummy({0, 0.5F * space()});
-  whatIsWrong(lab);
+  showFormError(lab);
   endPanel();
 }
 

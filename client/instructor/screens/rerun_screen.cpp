@@ -56,7 +56,7 @@ void RerunScreen::show(LabState& lab) {
   showWork(lab);
   if (!lab.analysis.first()) {
     if (lab.analysis.busy()) return;
-    if (showEmpty("No session is loaded", "Load the recording that is to be felt again.", "To the sessions"))
+    if (showEmpty("No session is loaded", "Load the recording to run again.", "To the sessions"))
       lab.screen = WindowScreen::kSessions;
     return;
   }
@@ -85,11 +85,10 @@ void RerunScreen::show(LabState& lab) {
   if (!lab.analysis.rerunResult()) {
     if (lab.analysis.busy()) return;
     const std::string trouble = lab.analysis.troubleOf(AnalysisJob::kRerun);
-    showEmpty(
-        trouble.empty() ? "Choose a patient or a model, then run" : "That does not run",
-        trouble.empty()
-            ? "The engine steps along the recorded hand and shows the forces beside those that were felt."
-            : trouble);
+    showEmpty(trouble.empty() ? "Choose a patient or a model, then run" : "The re-run failed",
+              trouble.empty()
+                  ? "The engine follows the recorded hand and shows its forces beside those that were felt."
+                  : trouble);
     return;
   }
   for (const std::string& line : lab.analysis.rerunResult()->sentences) textLine(line);

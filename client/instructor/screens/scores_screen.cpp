@@ -81,7 +81,7 @@ void ScoresScreen::showProgress(const ReportData& data) {
   }
   if (!any) {
     WithTextColour dim(kDimText);
-    textBlock("Progress is shown from the second attempt with a score on.");
+    textBlock("Progress appears from the second scored attempt on.");
   }
 }
 
@@ -99,7 +99,7 @@ void ScoresScreen::show(LabState& lab) {
   showWork(lab);
   if (!lab.analysis.first()) {
     if (lab.analysis.busy()) return;
-    if (showEmpty("No session is loaded", "Choose the one whose score is to be looked at.",
+    if (showEmpty("No session is loaded", "Choose the session whose score you want to see.",
                   "To the sessions"))
       lab.screen = WindowScreen::kSessions;
     return;

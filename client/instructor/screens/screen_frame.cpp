@@ -18,7 +18,7 @@ struct Place {
   const char* label;
 };
 constexpr std::array kPlaces = {
-    Place{WindowScreen::kLab, "Lab"},           Place{WindowScreen::kLive, "Look over"},
+    Place{WindowScreen::kLab, "Lab"},           Place{WindowScreen::kLive, "Watch"},
     Place{WindowScreen::kSessions, "Sessions"}, Place{WindowScreen::kReplay, "Replay"},
     Place{WindowScreen::kCompare, "Compare"},   Place{WindowScreen::kRerun, "Re-run"},
     Place{WindowScreen::kScores, "Scores"}};
@@ -83,7 +83,7 @@ void showLinkBanner(LabState& lab) {
   const double next_s = 1e-9 * static_cast<double>(link.next_try_ns - steadyNowNs());
   std::string words = link.trouble.what;
   if (!refused)
-    words += fmt::format("  Away for {:.0f} s; next try in {:.0f} s. The screen keeps the last data.",
+    words += fmt::format("  Disconnected for {:.0f} s; next try in {:.0f} s. The screen keeps the last data.",
                          std::max(0.0, away_s), std::max(0.0, std::ceil(next_s)));
   conditionLine(refused ? Condition::kTrouble : Condition::kAttention, words);
   {

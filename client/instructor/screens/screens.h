@@ -118,7 +118,7 @@ class CompareScreen {
   struct Curves {
     std::vector<double> a, b, difference;
   };
-  void takeIn(const LabState& lab);
+  void updateCurves(const LabState& lab);
   void showChoice(LabState& lab);
   void showScenes(LabState& lab, ImVec2 size_px);
   void showCurves(LabState& lab, ImVec2 size_px);

@@ -9,7 +9,7 @@
 #include "client/view/action_bar.h"
 #include "client/view/theme.h"
 #include "common/base/text/text.h"
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
 #include "common/scoring/measures/measure_table.h"
 #include "common/scoring/measures/measures.h"
 
@@ -17,14 +17,14 @@ namespace needlelab {
 namespace {
 
 std::pair<Condition, const char*> verdictOf(const pb::SessionInfo& row) {
-  if (row.state() == pb::SESSION_OPEN) return {Condition::kUnknown, "going on"};
+  if (row.state() == pb::SESSION_OPEN) return {Condition::kUnknown, "in progress"};
   if (!row.has_passed()) return {Condition::kUnknown, verdictName({})};
   return {row.passed() ? Condition::kGood : Condition::kTrouble, verdictName(row.passed())};
 }
 
-std::string figureText(const pb::SessionInfo& row, const char* measure, double scale, const char* unit) {
-  const double value = figureOf(row, measure);
-  return std::isfinite(value) ? valueText(scale * value, unit) : std::string("–");
+std::string figureText(const pb::SessionInfo& row, const MeasureKind& measure) {
+  const double value = figureOf(row, measure.name);
+  return std::isfinite(value) ? valueText(value, std::string(measure.unit)) : std::string("–");
 }
 
 }  // namespace
@@ -119,8 +119,8 @@ void SessionsScreen::showTable(LabState& lab) {
       ImGui::TableNextColumn();
       const auto [condition, word] = verdictOf(row);
       conditionLine(condition, word);
-      cell(figureText(row, "peak_force_n", 1, "N"));
-      cell(figureText(row, "elapsed_s", 1, "s"));
+      cell(figureText(row, measureOf(MeasureRole::kForce)));
+      cell(figureText(row, measureOf(MeasureRole::kTime)));
       ImGui::TableNextColumn();
       if (ImGui::SmallButton("Replay")) {
         lab.analysis.loadFirst(d.session_id());

@@ -118,7 +118,7 @@ class Watch {
     if (refused_) return *refused_;
     if (!run_.options.once || said_) return {};
     return Error{ErrorCode::kUnavailable,
-                 "the time is over, and the message could not be said: the station was not online"};
+                 "time is up, and the message was not sent: the station was not online"};
   }
 
   Status begin() {
@@ -190,13 +190,12 @@ class Watch {
     if (status.trouble() != trouble_) {
       trouble_ = status.trouble();
       const std::string words = updateOf(status).trouble;
-      run_.note("station " + status.station() +
-                (words.empty() ? ": no trouble any more" : ": TROUBLE: " + words));
+      run_.note("station " + status.station() + (words.empty() ? ": trouble over" : ": TROUBLE: " + words));
     }
-    if (status.online() && !run_.options.message.empty() && !said_) sayMessage();
+    if (status.online() && !run_.options.message.empty() && !said_) sendMessage();
   }
 
-  void sayMessage() {
+  void sendMessage() {
     said_ = true;
     pb::Request request;
     request.mutable_trainee_message()->set_station(run_.options.station);

@@ -37,7 +37,7 @@ Status checkOptions(const InstructorOptions& options) {
       {options.window() && (says || options.once),
        "--message and --once need --headless: the window has a field for messages"},
       {says && !station, "--message needs --station NAME"},
-      {options.once && !says, "--once needs something to say: --message"},
+      {options.once && !says, "--once needs --message"},
   };
   for (const auto& [so, text] : wrong)
     if (so) return refuse(text);

@@ -13,7 +13,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kMostTrouble = 1000;  // limit in bytes for a line from the network
+constexpr std::size_t kMaxTrouble = 1000;  // limit in bytes for a line from the network
 
 std::string phaseText(std::uint32_t phase) {
   return phase <= static_cast<std::uint32_t>(Phase::kWithdrawing) ? phaseName(static_cast<Phase>(phase))
@@ -54,7 +54,7 @@ Update updateOf(const pb::StationStatus& status) {
   update.force_n = status.force_n();
   update.fault = status.fault();
   update.online = status.online();
-  update.trouble = status.trouble().substr(0, kMostTrouble);
+  update.trouble = status.trouble().substr(0, kMaxTrouble);
   update.server = status.server().substr(0, kMaxNameBytes);
   return update;
 }

@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t kInboxMessages = 4096;              // above, the oldest live messages are dropped
 constexpr std::int64_t kLastMessages_ns = 5'000'000'000;  // for remaining messages of a lost connection
-constexpr std::int64_t kLookAtStop_ns = 20'000'000;
+constexpr std::int64_t kStopPoll_ns = 20'000'000;
 constexpr std::int64_t kNever_ns = std::numeric_limits<std::int64_t>::max();
 
 }  // namespace
@@ -106,7 +106,7 @@ Status BlockingClient::reconnect(std::int64_t until_ns, const std::function<bool
   state.link.reconnect(true);
   while (nowNs() < until_ns && !stop()) {
     // in short steps, so that Ctrl-C takes effect
-    state.runUntil(std::min(until_ns, nowNs() + kLookAtStop_ns),
+    state.runUntil(std::min(until_ns, nowNs() + kStopPoll_ns),
                    [&] { return state.link.online() || state.ends != seen; });
     if (state.link.online()) {
       last = {};
@@ -126,8 +126,8 @@ Result<pb::Reply> BlockingClient::call(pb::Request request, std::chrono::millise
   if (!state.link.online()) return state.link.endError();
   std::optional<Result<pb::Reply>> reply;
   const std::uint64_t id = state.link.ask(
-      std::move(request), [&reply](Result<pb::Reply> got) { reply.emplace(std::move(got)); },
-      OnLoss::kAskAgain, ServerLink::kForever);
+      std::move(request), [&reply](Result<pb::Reply> got) { reply.emplace(std::move(got)); }, OnLoss::kResend,
+      ServerLink::kForever);
   const bool done = state.runFor(timeout, [&] { return reply.has_value() || !state.link.online(); });
   state.link.forget(id);
   if (reply) return std::move(*reply);

@@ -34,7 +34,7 @@ std::string keyOf(std::string_view hex) {
   return key;
 }
 
-constexpr int kStopLook_ms = 50;
+constexpr int kStopPoll_ms = 50;
 
 /// Turns off the terminal's echo, and restores it at the end.
 class SilentTerminal {
@@ -65,7 +65,7 @@ class SilentTerminal {
     char c = 0;
     while (line.size() <= most_bytes) {
       pollfd ready{fd_, POLLIN, 0};
-      while (stopped && ::poll(&ready, 1, kStopLook_ms) <= 0)
+      while (stopped && ::poll(&ready, 1, kStopPoll_ms) <= 0)
         if (stopped()) return std::nullopt;
       const ssize_t count = ::read(fd_, &c, 1);
       if (count < 0 && errno == EINTR) continue;

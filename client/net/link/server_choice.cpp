@@ -60,7 +60,7 @@ void ServerChoice::learn(std::size_t server, const std::vector<Address>& found) 
       places.push_back(place);
   const std::size_t old = places.size();
   for (const Address& address : found) {
-    if (places.size() == kMostAddresses) break;
+    if (places.size() == kMaxAddresses) break;
     if (has(places, address)) continue;
     // what happened while the name was unresolved counts for all of its addresses
     Place place = is_first ? of_name : Place{};

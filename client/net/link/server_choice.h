@@ -24,7 +24,7 @@ class ServerChoice {
  public:
   using Address = asio::ip::address;
   /// Per name; further ones are not tried.
-  static constexpr std::size_t kMostAddresses = 16;
+  static constexpr std::size_t kMaxAddresses = 16;
   /// After this time a failed place counts as usable again.
   static constexpr std::int64_t kForgiven_ns = 60'000'000'000;
 

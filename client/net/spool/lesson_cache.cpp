@@ -10,7 +10,7 @@
 #include "common/base/files/files.h"
 #include "common/base/text/text.h"
 #include "common/base/time/clock.h"
-#include "common/gesture/session_hash.h"
+#include "common/gesture/chunk.h"
 
 namespace needlelab {
 namespace {

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cassert>
 #include <cerrno>
 #include <cstring>
 #include <optional>
@@ -143,6 +144,7 @@ Spool::~Spool() {
 }
 
 Result<std::shared_ptr<SpoolSession>> Spool::create(const pb::SessionDescription& description) {
+  assert(lock_fd_ >= 0);
   auto session = SpoolSession::create(folder_, description, clock_);
   if (session.ok()) sessions_.push_back(*session);
   return session;

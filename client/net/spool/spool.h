@@ -13,8 +13,8 @@
 #include "client/net/spool/spool_clock.h"
 #include "client/net/spool/spool_file.h"
 #include "common/base/text/uuid.h"
+#include "common/gesture/chunk.h"
 #include "common/gesture/sample.h"
-#include "common/gesture/session_hash.h"
 #include "needlelab/session.pb.h"
 
 namespace needlelab {
@@ -129,7 +129,7 @@ class SpoolSession {
   [[nodiscard]] SpoolReceipt receipt() const;
   /// Prepares a closed session that the server has lost for sending again: reads its chunks unless already
   /// loaded. Do not call it while another thread writes the session. Errors: kUnavailable, kCorrupt.
-  Status loadAgain();
+  Status reload();
   /// Writes the receipt to disk if it has changed. A lost receipt costs only a question to the server.
   Status setReceipt(const SpoolReceipt& receipt);
 

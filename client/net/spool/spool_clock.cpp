@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <utility>
 
@@ -12,7 +13,7 @@ namespace needlelab {
 namespace {
 
 constexpr std::int64_t kWriteEvery_ns = 60'000'000'000;
-constexpr std::int64_t kMostSeen_ns = INT64_MAX / 2;  // 146 years
+constexpr std::int64_t kMaxSeen_ns = INT64_MAX / 2;  // 146 years
 
 std::int64_t timeAt(const nlohmann::json& json, const char* key, std::int64_t most) {
   return static_cast<std::int64_t>(std::min(countAt(json, key), static_cast<std::uint64_t>(most)));
@@ -23,7 +24,7 @@ std::int64_t timeAt(const nlohmann::json& json, const char* key, std::int64_t mo
 SpoolClock::SpoolClock(std::filesystem::path file) : file_(std::move(file)) {
   const auto json = readSpoolJson(file_);
   if (!json.ok() || !json->is_object()) return;
-  seen_ns_ = timeAt(*json, "seen_ns", kMostSeen_ns);
+  seen_ns_ = timeAt(*json, "seen_ns", kMaxSeen_ns);
   server_unix_ns_ = timeAt(*json, "server_unix_ns", INT64_MAX);
 }
 
@@ -35,8 +36,9 @@ void SpoolClock::note(std::int64_t server_unix_ns, std::int64_t steady_ns) {
   if (server_unix_ns_ != 0 && step_ns > -kWriteEvery_ns && step_ns < kWriteEvery_ns) return;
   const std::int64_t passed_here_ns = steady_ns - steady_ns_;
   const bool known = steady_ns_ != 0 && passed_here_ns >= 0;
-  const std::int64_t most_ns = known ? std::min(passed_here_ns, kMostStep_ns) : kMostStep_ns;
-  seen_ns_ = std::min(seen_ns_ + std::clamp<std::int64_t>(step_ns, 0, most_ns), kMostSeen_ns);
+  const std::int64_t max_ns = known ? std::min(passed_here_ns, kMaxStep_ns) : kMaxStep_ns;
+  seen_ns_ = std::min(seen_ns_ + std::clamp<std::int64_t>(step_ns, 0, max_ns), kMaxSeen_ns);
+  assert(seen_ns_ >= 0);
   server_unix_ns_ = server_unix_ns;
   steady_ns_ = steady_ns;
   static_cast<void>(writeSpoolJson(file_, {{"seen_ns", static_cast<std::uint64_t>(seen_ns_)},

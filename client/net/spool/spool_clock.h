@@ -16,7 +16,7 @@ namespace needlelab {
 /// which also keeps sessions longer. Thread: any.
 class SpoolClock {
  public:
-  static constexpr std::int64_t kMostStep_ns = std::int64_t{86'400} * 1'000'000'000;
+  static constexpr std::int64_t kMaxStep_ns = std::int64_t{86'400} * 1'000'000'000;
 
   /// Continues from the value in the file.
   explicit SpoolClock(std::filesystem::path file);

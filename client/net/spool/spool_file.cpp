@@ -5,12 +5,13 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <cassert>
 #include <cerrno>
 #include <cstring>
 #include <string>
 #include <utility>
 
-#include "common/base/crc32c.h"
+#include "common/base/bytes.h"
 
 namespace needlelab {
 namespace {
@@ -20,7 +21,7 @@ constexpr std::uint32_t kMagic = 0x31534C4E;  // "NLS1"
 // Limit for bytes read in vain during a scan, beyond four times the file: a second's work. A place that only
 // looks like a record costs the length that it states and the search for the next one. Disk damage causes a
 // few of them; a malicious file has one every eight bytes.
-constexpr std::uint64_t kMostInVain = std::uint64_t{1} << 30;
+constexpr std::uint64_t kMaxInVain = std::uint64_t{1} << 30;
 constexpr std::size_t kSearchBlock = 64 * 1024;
 
 // reads all of it, through interruptions; returns the number of bytes
@@ -118,7 +119,7 @@ Result<std::uint64_t> SpoolFile::scan(const std::function<bool(const SpoolRecord
     }
     in_vain += data.size() + kSearchBlock;
     data.clear();
-    if (in_vain > kMostInVain + 4 * size_)
+    if (in_vain > kMaxInVain + 4 * size_)
       return unreadable(
           {ErrorCode::kUnavailable,
            fmt::format(
@@ -155,6 +156,7 @@ void encodeRecord(Bytes& out, std::uint64_t seq, std::uint32_t part, ByteView da
   writer.put(part);
   writer.put(crc32c(data, crc32c(ByteView(out).subspan(4))));
   writer.put(data);
+  assert(out.size() == kSpoolRecordHeader + data.size());
 }
 
 }  // namespace
@@ -176,6 +178,7 @@ Status SpoolFile::append(std::uint64_t seq, std::uint32_t part, ByteView data) {
     return Error{ErrorCode::kInvalidInput,
                  fmt::format("a record of {} bytes is too long for the spool; at most {}", data.size(),
                              kMaxSpoolRecord)};
+  assert(fd_ >= 0);
   // header and data in one write, to reduce the risk of torn records
   encodeRecord(scratch_, seq, part, data);
   if (auto status = writeAt(size_, scratch_); !status.ok()) {

@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "common/base/bytes.h"
-#include "common/base/crc32c.h"
 #include "common/base/files/files.h"
 
 namespace needlelab {

@@ -5,6 +5,7 @@
 #include <google/protobuf/util/json_util.h>
 
 #include <algorithm>
+#include <cassert>
 #include <span>
 #include <string_view>
 #include <utility>
@@ -18,9 +19,9 @@ namespace {
 
 // upper limit per chunk; a lossless chunk of this size fits an envelope
 constexpr std::size_t kMaxTailSamples = 4000;
-constexpr std::uint64_t kMostMissing = 1u << 20;  // chunks between two readable ones: 12 days at 1 kHz
+constexpr std::uint64_t kMaxMissing = 1u << 20;  // chunks between two readable ones: 12 days at 1 kHz
 // a tail has the pieces of one chunk (after a power cut, two); each is synced before the next, some 20 ms
-constexpr std::size_t kMostTailChunks = 8;
+constexpr std::size_t kMaxTailChunks = 8;
 
 /// Whether the numbers in this object (chunks, samples, ticks) are possible for a session.
 bool arePossible(const nlohmann::json& of, const pb::SessionDescription& description) {
@@ -107,11 +108,11 @@ class TailReader {
     return {};
   }
 
-  /// Returns the next chunk; nothing at the end, or after kMostTailChunks.
+  /// Returns the next chunk; nothing at the end, or after kMaxTailChunks.
   Result<std::optional<Chunk>> read() {
-    while (at_ < pieces_.size() && read_ < kMostTailChunks) {
+    while (at_ < pieces_.size() && read_ < kMaxTailChunks) {
       const std::uint64_t seq = pieces_[at_].seq;
-      if (seq >= next && seq - next > kMostMissing) break;
+      if (seq >= next && seq - next > kMaxMissing) break;
       const std::size_t first = at_;
       while (at_ < pieces_.size() && pieces_[at_].seq == seq) ++at_;
       if (seq < next) continue;
@@ -131,7 +132,7 @@ class TailReader {
     std::uint64_t from = tick;
     for (std::size_t i = at_; i < pieces_.size(); ++i) {
       const Piece& piece = pieces_[i];
-      if (piece.seq < next || piece.seq - next > kMostMissing || piece.info.first_tick < from) continue;
+      if (piece.seq < next || piece.seq - next > kMaxMissing || piece.info.first_tick < from) continue;
       addDamage(left, {0, piece.info.count, piece.info.first_tick});
       from = piece.info.last_tick + 1;
     }
@@ -284,7 +285,7 @@ Status SpoolSession::loadChunks() {
     if (!info.ok()) return false;
     listed_as_synced = std::max<std::uint64_t>(listed_as_synced, record.part);
     const std::scoped_lock lock(mutex_);
-    if (record.seq < next_seq_ || record.seq - next_seq_ > kMostMissing) return false;
+    if (record.seq < next_seq_ || record.seq - next_seq_ > kMaxMissing) return false;
     // after damage: an old record that the disk brought back does not belong to this session
     if (record.seq > next_seq_ && !entries_.empty() && info->first_tick <= entries_.back().last_tick)
       return false;
@@ -300,6 +301,7 @@ Status SpoolSession::loadChunks() {
     // interrupted session, and the damaged file is kept for manual rescue
     RETURN_IF_ERROR(keepDamaged("chunks"));
     const std::scoped_lock lock(mutex_);
+    assert(synced_ == 0 && "nothing counts as synced until it agrees with the end");
     const SpoolContents& said = ended_contents_;
     if (!whole_ && said.hash && said.damage == SpoolDamage{})
       whole_ = End{said.chunks, said.samples, *said.hash, interrupted_};
@@ -336,7 +338,7 @@ bool SpoolSession::agreesWithEnd() {
   return agrees;
 }
 
-Status SpoolSession::loadAgain() {
+Status SpoolSession::reload() {
   {
     const std::scoped_lock lock(mutex_);
     if (!entries_.empty() || ended_contents_.chunks == 0) return {};
@@ -391,6 +393,7 @@ Status SpoolSession::recoverTail() {
   for (const auto& chunk : made) {
     {
       const std::scoped_lock lock(mutex_);
+      assert(!chunk.samples.empty() && chunk.seq >= next_seq_);
       next_seq_ = chunk.seq;
       addDamage(tail_damage_, chunk.missing);
     }
@@ -418,6 +421,7 @@ std::uint64_t SpoolSession::recordedChunks() const {
 
 // recordedChunks() if none is missing
 std::uint64_t SpoolSession::firstHole() const {
+  assert(entries_.size() <= recordedChunks());
   if (entries_.size() == recordedChunks()) return entries_.size();
   const auto moved = std::partition_point(entries_.begin(), entries_.end(), [&](const Entry& entry) {
     return entry.seq == static_cast<std::uint64_t>(&entry - entries_.data());
@@ -448,6 +452,7 @@ std::size_t SpoolSession::entriesAmong(std::uint64_t chunks) const {
 std::uint64_t SpoolSession::chunksNow() const {
   if (firstHole() == recordedChunks()) return synced_;
   const std::uint64_t settled = kept();
+  assert(entriesBefore(settled) <= settled);
   return settled + (entries_.size() - entriesBefore(settled));
 }
 

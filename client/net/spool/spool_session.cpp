@@ -3,6 +3,7 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <cassert>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
@@ -137,6 +138,7 @@ Status SpoolSession::appendChunk(ByteView chunk, std::uint64_t samples) {
 }
 
 void SpoolSession::addEntry(const Entry& entry, std::uint64_t samples, std::uint64_t bytes) {
+  assert(entries_.empty() || (entry.seq > entries_.back().seq && entry.offset > entries_.back().offset));
   const Entry before = entries_.empty() ? Entry{} : entries_.back();
   entries_.push_back(entry);
   entries_.back().samples_through = before.samples_through + samples;
@@ -168,6 +170,7 @@ Status SpoolSession::sync() {
   }
   sync_failed_ = false;
   const std::scoped_lock lock(mutex_);
+  assert(synced_ == from && to <= entries_.size());
   synced_ = to;
   return {};
 }
@@ -176,6 +179,7 @@ Status SpoolSession::end(bool interrupted) {
   bool lost = false;
   {
     const std::scoped_lock lock(mutex_);
+    assert(synced_ == entries_.size() && "sync() comes before the end");
     lost = loss_.samples > 0;
   }
   // without this sync, an ended session could lose its loss record in a power cut and look complete
@@ -222,6 +226,7 @@ Status SpoolSession::settle(std::uint64_t next_seq) {
   {
     const std::scoped_lock lock(mutex_);
     if (settled_ || firstHole() == recordedChunks()) return {};
+    assert(firstHole() < recordedChunks());
     settled_ = std::clamp(next_seq, firstHole(), recordedChunks());
     interrupted = interrupted_;
   }
@@ -239,6 +244,7 @@ SpoolContents SpoolSession::contents() const {
 }
 
 SpoolContents SpoolSession::contentsNow() const {
+  assert(synced_ <= entries_.size());
   SpoolContents now;
   if (ended_ && entries_.empty() && receipt_.closed) {
     now = ended_contents_;
@@ -276,12 +282,14 @@ bool SpoolSession::allOnDisk() const {
 std::uint64_t SpoolSession::samplesIn(std::uint64_t chunks) const {
   const std::scoped_lock lock(mutex_);
   const std::size_t some = entriesAmong(chunks);
+  assert(some <= entries_.size());
   return some == 0 ? 0 : entries_[some - 1].samples_through;
 }
 
 std::uint64_t SpoolSession::bytesIn(std::uint64_t chunks) const {
   const std::scoped_lock lock(mutex_);
   const std::size_t some = entriesAmong(chunks);
+  assert(some <= entries_.size());
   return some == 0 ? 0 : entries_[some - 1].bytes_through;
 }
 
@@ -296,6 +304,7 @@ Result<Bytes> SpoolSession::readChunk(std::uint64_t seq) const {
     if (seq < kept() && (at == entries_.size() || entries_[at].seq != seq))
       return Error{ErrorCode::kCorrupt,
                    fmt::format("{}: chunk {} is damaged; only the server had it", folder_.string(), seq)};
+    assert(at < entries_.size());
     offset = entries_[at].offset;
   }
   return chunks_.read(offset);

@@ -5,6 +5,7 @@
 #include <sched.h>
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <span>
 #include <utility>
@@ -20,7 +21,7 @@ constexpr double kPiece_s = 0.02;
 constexpr std::int64_t kTailAge_ns = 10'000'000;  // longest wait of a sample for the tail
 constexpr double kTail_s = 0.01;
 constexpr double kChunk_s = 1;
-constexpr double kMostSamples = 1000;  // a lossless chunk then stays far below an envelope's 1 MiB
+constexpr double kMaxSamples = 1000;  // a lossless chunk then stays far below an envelope's 1 MiB
 constexpr std::int64_t kTailRetry_ns = 20'000'000;
 constexpr std::int64_t kRetry_ns = 500'000'000;      // between retries on a refusing disk
 constexpr std::int64_t kLastRetry_ns = 100'000'000;  // likewise, once the lesson is over
@@ -28,7 +29,7 @@ constexpr std::int64_t kCalm_ns = 400'000'000;       // time without errors befo
 constexpr int kPriority = 10;                        // SCHED_FIFO; the haptic loop has 80
 
 std::size_t samplesIn(double seconds, double rate_hz) {
-  return static_cast<std::size_t>(std::clamp(std::round(seconds * rate_hz), 1.0, kMostSamples));
+  return static_cast<std::size_t>(std::clamp(std::round(seconds * rate_hz), 1.0, kMaxSamples));
 }
 
 // without permission the thread keeps its normal priority, which matters only on a busy machine
@@ -53,6 +54,7 @@ SpoolWriter::SpoolWriter(SampleRing& ring, std::shared_ptr<SpoolSession> session
       chunk_samples_(samplesIn(kChunk_s, options.rate_hz)),
       seq_(session_->contents().chunks),
       ring_dropped_before_(ring.dropped()) {
+  assert(options_.rate_hz > 0 && tail_samples_ > 0 && piece_samples_ > 0);
   chunk_.reserve(chunk_samples_);
   piece_.reserve(piece_samples_);
   if (!options_.threads) return;
@@ -95,6 +97,7 @@ std::int64_t SpoolWriter::writePass() {
 }
 
 void SpoolWriter::takeSample(const GestureSample& sample) {
+  assert(in_tail_ <= chunk_.size() && chunk_.size() < chunk_samples_ && piece_.size() < piece_samples_);
   last_tick_ = sample.tick;
   if (piece_.empty()) piece_began_ns_ = time_.nowNs();
   piece_.push_back(sample);
@@ -133,6 +136,7 @@ void SpoolWriter::rememberCuts(const GestureSample& sample, bool wanted) {
 // would fail too
 void SpoolWriter::writeTail() {
   if (!pending_.empty() || in_tail_ == chunk_.size() || time_.nowNs() < tail_next_try_ns_) return;
+  assert(in_tail_ < chunk_.size());
   const std::span<const GestureSample> missing(chunk_);
   const ByteView cuts = cuts_at_ >= in_tail_ ? ByteView(cuts_) : ByteView();
   const Status status =
@@ -146,6 +150,7 @@ void SpoolWriter::writeTail() {
 
 // passes the piece unencoded: only the uplink knows whether there are viewers
 void SpoolWriter::showPiece() {
+  assert(!piece_.empty());
   SamplePiece piece{std::make_shared<const std::vector<GestureSample>>(piece_), piece_.back(), 0, 0, {}};
   for (const GestureSample& sample : piece_) piece.flags |= sample.flags;
   piece_.clear();
@@ -158,10 +163,12 @@ void SpoolWriter::showPiece() {
 
 // writes the loss into the session, so that it survives a crash of this program
 void SpoolWriter::noteLoss() {
+  assert(ring_.dropped() >= ring_dropped_before_);
   const std::uint64_t dropped = ring_.dropped() - ring_dropped_before_;
   if (dropped > 0 && !lost_from_) lost_from_ = last_tick_ + 1;
   const SpoolLoss loss{lost_ + dropped, lost_from_.value_or(0)};
   if (loss == loss_noted_) return;
+  assert(loss.samples > loss_noted_.samples && lost_from_);
   if (loss_noted_.samples == 0 && callbacks_.trouble)
     callbacks_.trouble(
         "samples are LOST from now on: the spool's disk has refused them for longer than memory lasts. The "
@@ -172,6 +179,7 @@ void SpoolWriter::noteLoss() {
 }
 
 void SpoolWriter::makeChunk() {
+  assert(!chunk_.empty() && in_tail_ <= chunk_.size());
   pending_.push_back({encodeChunk(resolution_, chunk_, cuts_), chunk_.size(), in_tail_,
                       in_tail_ < chunk_.size() ? chunk_[in_tail_].tick : chunk_.back().tick + 1});
   pending_bytes_ += pending_.back().chunk.size();
@@ -198,10 +206,12 @@ void SpoolWriter::flushPending() {
       next_try_ns_ = time_.nowNs() + kRetry_ns;
       break;
     }
+    assert(pending_bytes_ >= pending_.front().chunk.size());
     pending_bytes_ -= pending_.front().chunk.size();
     pending_.pop_front();
     wrote = true;
   }
+  assert(pending_.empty() == (pending_bytes_ == 0));
   if (pending_.empty()) noteDisk(session_->restartTail());
   {
     const std::scoped_lock lock(mutex_);
@@ -310,6 +320,7 @@ Status SpoolWriter::finish(std::chrono::milliseconds patience) {
     const std::scoped_lock lock(mutex_);
     counts_.samples_lost += lost;
     counts_.samples_waiting = 0;
+    assert(counts_.chunks >= pending_.size() && counts_.chunk_bytes >= pending_bytes_);
     // their chunks no longer count either
     counts_.chunks -= pending_.size();
     for (const Pending& chunk : pending_) counts_.chunk_bytes -= chunk.chunk.size();

@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <cassert>
 #include <utility>
 
 #include "common/base/text/text.h"
@@ -10,16 +11,16 @@
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kMostLive = 8;  // queue of 20 ms pieces for the network thread
+constexpr std::size_t kMaxLive = 8;  // queue of 20 ms pieces for the network thread
 constexpr auto kStopGrace = std::chrono::milliseconds(2000);
-constexpr std::int64_t kStopLook_ns = 50'000'000;
+constexpr std::int64_t kStopPollPeriod_ns = 50'000'000;
 
 }  // namespace
 
 Uplink::Uplink(UplinkConfig config, UplinkEvents events)
     : config_(std::move(config)),
       events_(std::move(events)),
-      link_(io_, {.retry = config_.retry(), .lasting = config_.most_retry, .clock = config_.clock},
+      link_(io_, {.retry = config_.retry(), .lasting = config_.max_retry, .clock = config_.clock},
             handlers()) {
   state_.away_since_ns = time().nowNs();
   link_.logIn(config_.client);
@@ -47,6 +48,7 @@ void Uplink::stop() {
 }
 
 void Uplink::add(std::shared_ptr<SpoolSession> session, bool current) {
+  assert(session != nullptr);
   {
     const std::scoped_lock lock(mutex_);
     added_.emplace_back(std::move(session), current);
@@ -70,13 +72,14 @@ void Uplink::wake() {
 }
 
 void Uplink::offer(const SamplePiece& piece) {
+  assert(piece.samples != nullptr && !piece.samples->empty());
   {
     const std::scoped_lock lock(mutex_);
     newest_ = Live{piece, config_.clock->unixNs() - (time().nowNs() - piece.last.time_ns)};
     flags_since_status_ |= piece.flags;
     newest_sent_ = watched_.load(std::memory_order_relaxed);
     if (!newest_sent_) return;
-    if (live_.size() >= kMostLive) {
+    if (live_.size() >= kMaxLive) {
       live_.pop_front();
       ++live_skipped_;
       ++state_.live_dropped;
@@ -126,7 +129,7 @@ Result<pb::Reply> Uplink::ask(pb::Request request, std::chrono::milliseconds pat
       changed_.notify_all();
     };
     // a wrong code repeated after a lost link counts twice; rare, and costs only one attempt
-    call->id = link_.ask(std::move(request), answer, OnLoss::kAskAgain, ServerLink::kForever);
+    call->id = link_.ask(std::move(request), answer, OnLoss::kResend, ServerLink::kForever);
   });
   std::unique_lock lock(mutex_);
   const auto answered = [&] { return call->result.has_value() || state_.denied || (once && all_away_); };
@@ -134,7 +137,7 @@ Result<pb::Reply> Uplink::ask(pb::Request request, std::chrono::milliseconds pat
   const std::int64_t end_ns = time().nowNs() + std::chrono::nanoseconds(patience).count();
   bool stop = false;
   while (!answered() && !stop && time().nowNs() < end_ns) {
-    time().waitUntilNs(changed_, lock, std::min(end_ns, time().nowNs() + kStopLook_ns), answered);
+    time().waitUntilNs(changed_, lock, std::min(end_ns, time().nowNs() + kStopPollPeriod_ns), answered);
     lock.unlock();
     stop = stopped && stopped();
     lock.lock();

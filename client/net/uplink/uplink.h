@@ -27,8 +27,8 @@ namespace needlelab {
 struct UplinkConfig {
   ClientConfig client;
   std::size_t window_chunks = 64;  ///< in flight, over all sessions
-  std::chrono::milliseconds first_retry{200}, most_retry{10'000};
-  [[nodiscard]] Backoff::Settings retry() const { return {.first = first_retry, .most = most_retry}; }
+  std::chrono::milliseconds first_retry{200}, max_retry{10'000};
+  [[nodiscard]] Backoff::Settings retry() const { return {.first = first_retry, .most = max_retry}; }
   std::shared_ptr<LinkClock> clock = std::make_shared<LinkClock>();
 };
 

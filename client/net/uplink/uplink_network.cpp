@@ -2,6 +2,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <utility>
 
@@ -13,7 +14,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kMostQueuedBytes = 1u << 20;  // chunks wait in the spool, not in the channel's queue
+constexpr std::size_t kMaxQueuedBytes = 1u << 20;  // chunks wait in the spool, not in the channel's queue
 constexpr auto kStatusEvery = std::chrono::milliseconds(100);
 constexpr std::uint64_t kFirstProbes = 8;   // one per status line, then
 constexpr std::uint64_t kProbeEvery = 100;  // … one in 100 status lines
@@ -34,7 +35,7 @@ pb::SetAids withKnownAids(const pb::SetAids& set) {
   return known;
 }
 
-constexpr std::size_t kMostHazardBytes = 400;  // of all names together, in addition to 1 KiB of trouble
+constexpr std::size_t kMaxHazardBytes = 400;  // of all names together, in addition to 1 KiB of trouble
 
 /// Cuts the text at a character boundary: servers refuse long status lines (server/live/hub/hub.h).
 void cutText(std::string& text, std::size_t bytes) {
@@ -185,6 +186,7 @@ void Uplink::takeAdded() {
 
 // sends everything allowed now: the current session first, then the others one at a time
 void Uplink::pump() {
+  assert(io_.get_executor().running_in_this_thread());
   takeAdded();
   if (link_.online()) {
     std::uint64_t in_flight = 0;
@@ -193,7 +195,7 @@ void Uplink::pump() {
     for (const auto& session : sessions_) {
       if (session->refused()) continue;
       for (;;) {
-        const bool room = in_flight < config_.window_chunks && link_.queuedBytes() < kMostQueuedBytes;
+        const bool room = in_flight < config_.window_chunks && link_.queuedBytes() < kMaxQueuedBytes;
         auto message = session->next(room);
         if (!message) break;
         if (message->has_chunk()) ++in_flight;
@@ -252,6 +254,7 @@ UplinkSession* Uplink::find(const std::string& session_id) {
 }
 
 void Uplink::handle(const pb::Envelope& envelope) {
+  assert(io_.get_executor().running_in_this_thread());
   switch (envelope.body_case()) {
     case pb::Envelope::kAck:
       if (events_.acknowledged) events_.acknowledged(envelope.ack());
@@ -262,7 +265,7 @@ void Uplink::handle(const pb::Envelope& envelope) {
         const bool was_closed = session->closed();
         session->onOpened(envelope.session_opened().next_seq());
         if (was_closed && !session->closed()) reportSentAgain(*session);
-        if (const std::uint64_t lacking = session->takeLacking(); lacking > 0)
+        if (const std::uint64_t lacking = session->takeMissingCount(); lacking > 0)
           report(
               fmt::format("session {}: the server lacks what it had acknowledged ({} of its chunks); the "
                           "spool has them, and they are sent again",
@@ -342,6 +345,7 @@ void Uplink::setWatched(bool watched) {
 }
 
 void Uplink::pumpLive() {
+  assert(io_.get_executor().running_in_this_thread());
   if (!link_.online() || current_ == nullptr) return;
   std::deque<Live> live;
   {
@@ -391,7 +395,7 @@ void Uplink::sendStatus() {
     status.set_force_limit_n(facts_.force_limit_N);
     status.set_tissue(facts_.layer_name);
     cutText(*status.mutable_tissue(), 64);
-    std::size_t room = kMostHazardBytes;
+    std::size_t room = kMaxHazardBytes;
     for (const std::string& name : facts_.hazards_touched) {
       if (name.size() + 3 > room) break;
       room -= name.size() + 3;  // including its tag and length

@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <cassert>
 #include <utility>
 
 #include "common/base/planted_bug.h"
@@ -15,9 +16,9 @@ namespace {
 constexpr std::int64_t kReceiptEvery_ns = 2'000'000'000;
 constexpr std::int64_t kAskAgain_ns = 2'000'000'000;
 // a full disk lasts a while; after room was made, deliveries resume within this time
-constexpr std::int64_t kAskForRoom_ns = 15'000'000'000;
+constexpr std::int64_t kRoomRetry_ns = 15'000'000'000;
 // limit for demands to go back without an ack in between; beyond it, sending again does not help
-constexpr std::uint32_t kMostReopened = 20;
+constexpr std::uint32_t kMaxReopened = 20;
 
 // the chunk as changed by PlantedBug::kSampleLostAtReconnection
 Bytes withoutLastSample(const pb::SessionDescription& description, const Bytes& chunk) {
@@ -31,6 +32,7 @@ Bytes withoutLastSample(const pb::SessionDescription& description, const Bytes& 
 
 UplinkSession::UplinkSession(std::shared_ptr<SpoolSession> spool, std::string station, TimeSource& time)
     : spool_(std::move(spool)), station_(std::move(station)), time_(time) {
+  assert(spool_ != nullptr);
   const SpoolReceipt receipt = spool_->receipt();
   committed_ = sent_ = receipt.committed;
   safe_ = receipt.safe;
@@ -50,6 +52,7 @@ std::optional<pb::Envelope> UplinkSession::next(bool may_send_chunk) {
     return openMessage();
   }
   if (state_ != State::kOpen) return std::nullopt;
+  assert(sent_ >= committed_);
   const SpoolContents contents = spool_->contents();
   if (sent_ < contents.chunks) return may_send_chunk ? nextChunk() : std::nullopt;
   if (!contents.ended || committed_ < contents.chunks) return std::nullopt;
@@ -67,6 +70,7 @@ pb::Envelope UplinkSession::openMessage() const {
 }
 
 std::optional<pb::Envelope> UplinkSession::nextChunk() {
+  assert(state_ == State::kOpen && sent_ < spool_->contents().chunks);
   auto data = spool_->readChunk(sent_);
   if (!data.ok()) {
     refuse(fmt::format("chunk {} cannot be read from the spool: {}", sent_, data.error().message));
@@ -126,6 +130,7 @@ void UplinkSession::onOpened(std::uint64_t next_seq) {
                        next_seq, contents.chunks, spool_->folder().string()));
     return;
   }
+  assert(state_ == State::kOpening && next_seq <= contents.chunks);
   // the database decides: after a restore it may have fewer chunks than it once acknowledged
   if (next_seq < committed_) lacking_ = committed_ - next_seq;
   committed_ = sent_ = next_seq;
@@ -135,6 +140,7 @@ void UplinkSession::onOpened(std::uint64_t next_seq) {
 
 // the server was restored from an older backup and has lost the closed session
 void UplinkSession::sendAgain(std::uint64_t next_seq) {
+  assert(closed());
   committed_ = sent_ = next_seq;
   // the last chunk is safe only together with the session's end, which no verified backup has
   const std::uint64_t chunks = spool_->contents().chunks;
@@ -143,13 +149,14 @@ void UplinkSession::sendAgain(std::uint64_t next_seq) {
   state_ = State::kNew;
   // save the receipt first: from now on the spool must keep the session
   saveReceipt(true);
-  if (auto loaded = spool_->loadAgain(); !loaded.ok()) {
+  if (auto loaded = spool_->reload(); !loaded.ok()) {
     refuse("the server has lost it, and it cannot be read from the spool: " + loaded.error().message);
   }
 }
 
 // no message can ask whether the server has the end, so it is sent again
 void UplinkSession::endAgain() {
+  assert(closed() && asking_);
   end_due_ = true;
   // until the server reports in the ack after its answer that a backup has the end, too
   const std::uint64_t chunks = spool_->contents().chunks;
@@ -170,6 +177,7 @@ void UplinkSession::onAck(const pb::Ack& ack) {
   committed_ = std::max(committed_, committed);
   safe_ = std::max(safe_, std::min(ack.safe_seqs(), committed_));
   sent_ = std::max(sent_, committed_);
+  assert(inFlight() == sent_ - committed_);
 }
 
 void UplinkSession::onClosed(const pb::SessionClosed& closed) {
@@ -200,10 +208,10 @@ void UplinkSession::onRefusal(const pb::Refusal& refusal) {
       // Ask for the server's position and continue from there. The server also refuses every chunk still in
       // flight; those answers arrive before the answer to our question, and are ignored.
       if (state_ == State::kNew || state_ == State::kOpening) return;
-      if (++reopened_ > kMostReopened)
+      if (++reopened_ > kMaxReopened)
         return refuse(
             fmt::format("the server asked {} times to go back and acknowledged nothing in between: {}",
-                        kMostReopened, refusal.text()));
+                        kMaxReopened, refusal.text()));
       state_ = State::kNew;
       sent_ = committed_;
       return;
@@ -219,7 +227,7 @@ void UplinkSession::onRefusal(const pb::Refusal& refusal) {
       state_ = State::kNew;
       sent_ = committed_;
       waits_for_ = refusal.text();
-      not_before_ns_ = time_.nowNs() + kAskForRoom_ns;
+      not_before_ns_ = time_.nowNs() + kRoomRetry_ns;
       return;
     default:
       // a temporary refusal: ask again a little later, unless it ends the connection
@@ -231,6 +239,7 @@ void UplinkSession::onRefusal(const pb::Refusal& refusal) {
 }
 
 void UplinkSession::refuse(std::string why) {
+  assert(!finished() && !why.empty());
   state_ = State::kRefused;
   trouble_ = std::move(why);
 }

@@ -56,7 +56,7 @@ class UplinkSession {
   [[nodiscard]] bool asking() const { return closed() && asking_; }
   /// Number of chunks that the server had acknowledged but lacked at its last answer to OpenSession; resets
   /// it to 0.
-  [[nodiscard]] std::uint64_t takeLacking() { return std::exchange(lacking_, 0); }
+  [[nodiscard]] std::uint64_t takeMissingCount() { return std::exchange(lacking_, 0); }
   /// Whether nothing is left to do in this run.
   [[nodiscard]] bool finished() const { return closed() || refused(); }
   /// Why the server refused the session, for a person.

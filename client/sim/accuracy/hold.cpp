@@ -15,7 +15,7 @@ namespace {
 constexpr double kHoldRate_hz = 1000;
 constexpr double kInsertionSpeed_mps = 0.003;
 constexpr double kInsertion_s = 1.2;  // 3.6 mm: then the wall is fully stretched
-constexpr int kMostHoldEvaluations = 600;
+constexpr int kMaxHoldEvaluations = 600;
 
 TimeCurve curveOf(const std::vector<ForceAtTime>& rows, double from_s, double to_s, double bin_s,
                   double block_s) {
@@ -147,7 +147,7 @@ Result<HoldFit> fitHold(const std::vector<ForceAtTime>& rows, StopMode mode, con
     runStraight(*model, fit.gesture, run);
     return curveError(curve.bins, curve.force_N, modelAt(curve, fit.gesture, run, fit.from_s), fitted).rms;
   };
-  const FitResult found = patternSearch(cost, parameters, kMostHoldEvaluations, 1.0 / 1024);
+  const FitResult found = patternSearch(cost, parameters, kMaxHoldEvaluations, 1.0 / 1024);
   take(fit, found.values);
   fit.evaluations = found.evaluations;
 
@@ -204,7 +204,7 @@ Result<WithdrawalFit> fitWithdrawal(const std::vector<ForceAtTime>& rows, const 
                                         {{"speed_mps", 0.003, 0.0011, 0.05, 0.001},
                                          {"depth_m", 0.003, 0.0012, 0.02, 0.001},
                                          {"attracted_n", 0.1, 0, 1, 0.03}},
-                                        kMostHoldEvaluations);
+                                        kMaxHoldEvaluations);
   fit.speed_mps = found.values[0];
   fit.depth_m = found.values[1];
   fit.attracted_force_N = found.values[2];

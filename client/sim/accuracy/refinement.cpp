@@ -1,12 +1,9 @@
-#include "client/sim/accuracy/refinement.h"
-
 #include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>
 
 #include "client/sim/accuracy/study.h"
-#include "client/sim/accuracy/study_models.h"
 
 namespace needlelab {
 

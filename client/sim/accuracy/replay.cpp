@@ -1,5 +1,3 @@
-#include "client/sim/accuracy/replay.h"
-
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -11,7 +9,6 @@
 #include "client/device/hand/hand_plan.h"
 #include "client/device/recording/recording_device.h"
 #include "client/sim/accuracy/study.h"
-#include "client/sim/accuracy/study_models.h"
 #include "common/haptics/engine.h"
 
 namespace needlelab {

@@ -10,11 +10,9 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "client/sim/accuracy/sentences.h"
-#include "client/sim/accuracy/study_models.h"
+#include "client/sim/accuracy/study.h"
 #include "client/sim/tools/hand_thresholds.h"
 #include "common/base/program.h"
-#include "common/base/text/columns.h"
 #include "common/base/text/text.h"
 
 namespace needlelab {

@@ -1,4 +1,4 @@
-#include "client/sim/accuracy/sentences.h"
+#include "client/sim/accuracy/report.h"
 
 #include <fmt/core.h>
 
@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "client/sim/accuracy/study_models.h"
+#include "client/sim/accuracy/study.h"
 #include "client/sim/tools/hand_thresholds.h"
 
 namespace needlelab {

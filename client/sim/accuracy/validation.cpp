@@ -6,7 +6,6 @@
 
 #include "client/sim/accuracy/hold.h"
 #include "client/sim/accuracy/study.h"
-#include "client/sim/accuracy/study_models.h"
 #include "client/sim/benchmark/fitted_model.h"
 #include "client/sim/benchmark/training.h"
 #include "client/sim/curves/baseline.h"

@@ -7,8 +7,6 @@
 #include "client/device/hand/hand.h"
 #include "client/sim/accuracy/closed_form.h"
 #include "client/sim/accuracy/study.h"
-#include "client/sim/accuracy/study_models.h"
-#include "client/sim/accuracy/verification.h"
 #include "common/haptics/engine.h"
 
 namespace needlelab {

@@ -15,7 +15,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kLeastBins = 8;  // minimum to fit on
+constexpr std::size_t kMinBins = 8;  // minimum to fit on
 
 // Cost and released energy of the engine's models, measured once.
 struct Rendered {
@@ -41,7 +41,7 @@ class Run {
  private:
   /// A model's errors on the fold's held-out bins.
   Status addErrors(HoldOut what, const Fold& fold, const FittedModel& model,
-                   const std::vector<SaidBins>& said, Tally& tally) const;
+                   const std::vector<PredictedBins>& said, Tally& tally) const;
   void render(const std::vector<FittedModel>& models, double to_m);
 
   const std::vector<BinnedCurve>& curves_;
@@ -63,12 +63,12 @@ void Run::render(const std::vector<FittedModel>& models, double to_m) {
 }
 
 Status Run::addErrors(HoldOut what, const Fold& fold, const FittedModel& model,
-                      const std::vector<SaidBins>& said, Tally& tally) const {
+                      const std::vector<PredictedBins>& said, Tally& tally) const {
   for (std::size_t k = 0; k < fold.curves.size(); ++k) {
     const ForceCurve& source = *curves_[fold.curves[k]].source;
     const std::string unit = unitOf(what, source);
     if (asksForPhase(what)) {
-      ASSIGN_OR_RETURN(const SaidBins after, saidAfterwards(what, model, source));
+      ASSIGN_OR_RETURN(const PredictedBins after, predictHoldOrWithdrawal(what, model, source));
       tally.add(unit, after);
     } else if (what == HoldOut::kSpecimenStart) {
       const auto [start, rest] = cutAt(said[k], options_.calibration_m);
@@ -125,21 +125,21 @@ Result<std::vector<QuestionResult>> Run::ask(const Asked& asked) {
   for (const Fold& fold : asked.folds) {
     const TrainingSet training = trainingSet(curves_, fold);
     const double share = static_cast<double>(folds_done_++) / static_cast<double>(all_folds_);
-    if (training.all.bins.size() < kLeastBins) {
+    if (training.all.bins.size() < kMinBins) {
       notes_.push_back(fmt::format("{}: {} bins of 0.25 mm to fit on, {} are needed: not asked",
-                                   fold.held_out, training.all.bins.size(), kLeastBins));
+                                   fold.held_out, training.all.bins.size(), kMinBins));
       continue;
     }
     ++fitted;
     const auto say = [&](std::string_view model) {
       if (progress_) progress_(fmt::format("{}: fitting {}", fold.held_out, model), share);
     };
-    ASSIGN_OR_RETURN(const auto models, fitModels(training, options_.most_numbers, say));
+    ASSIGN_OR_RETURN(const auto models, fitModels(training, options_.max_numbers, say));
     if (rendered_.empty()) render(models, training.to_m);
     for (std::size_t m = 0; m < models.size(); ++m) {
       const FittedModel& model = models[m];
-      auto said =
-          model.fault.empty() ? saidOf(curves_, fold, model) : Error{ErrorCode::kInvalidInput, model.fault};
+      auto said = model.fault.empty() ? predictionsOf(curves_, fold, model)
+                                      : Error{ErrorCode::kInvalidInput, model.fault};
       for (std::size_t q = 0; q < asked.questions.size(); ++q) {
         tallies[q].resize(models.size());
         Tally& tally = tallies[q][m];
@@ -194,9 +194,9 @@ std::string lacking(HoldOut what, const std::vector<BinnedCurve>& curves, const 
 
 Result<BenchmarkReport> runBenchmark(const CurveSet& set, const BenchmarkOptions& options,
                                      const BenchmarkProgress& progress) {
-  if (options.most_numbers < kLeastNumbers || options.most_numbers > kMostBenchmarkNumbers)
-    return Error{ErrorCode::kInvalidInput, fmt::format("--numbers {}: must be {} to {}", options.most_numbers,
-                                                       kLeastNumbers, kMostBenchmarkNumbers)};
+  if (options.max_numbers < kMinNumbers || options.max_numbers > kMaxBenchmarkNumbers)
+    return Error{ErrorCode::kInvalidInput, fmt::format("--numbers {}: must be {} to {}", options.max_numbers,
+                                                       kMinNumbers, kMaxBenchmarkNumbers)};
   if (!kMargin.contains(options.margin)) return outOfRange("margin", options.margin, kMargin);
   if (!kCalibration_m.contains(options.calibration_m))
     return outOfRange("calibration_m", options.calibration_m, kCalibration_m);
@@ -207,7 +207,7 @@ Result<BenchmarkReport> runBenchmark(const CurveSet& set, const BenchmarkOptions
   report.licence = set.licence;
   report.source = set.source;
   report.notes = set.notes;
-  report.most_numbers = options.most_numbers;
+  report.max_numbers = options.max_numbers;
   report.margin = options.margin;
   report.calibration_m = options.calibration_m;
   report.curves = curves.size();

@@ -1,4 +1,4 @@
-#include "client/sim/benchmark/benchmark_report.h"
+#include "client/sim/benchmark/benchmark.h"
 
 #include <fmt/core.h>
 
@@ -9,7 +9,6 @@
 #include <optional>
 
 #include "client/sim/stability/gestures/passivity_observer.h"
-#include "common/base/text/columns.h"
 #include "common/base/text/text.h"
 
 namespace needlelab {
@@ -131,7 +130,7 @@ std::string benchmarkText(const BenchmarkReport& report) {
           "models have at most {} numbers each; a row's error is the mean over units, its interval "
           "Student's t. Margin: {} % of the held-out rms force. specimen-start calibrates on the first "
           "{} mm",
-          report.most_numbers, numberText(100 * report.margin), numberText(1e3 * report.calibration_m)),
+          report.max_numbers, numberText(100 * report.margin), numberText(1e3 * report.calibration_m)),
       0, kWidth);
   for (const QuestionResult& question : report.questions) {
     out += fmt::format("\nheld out: {}\n", nameOf(question.what)) + tableOf(question.rows);
@@ -204,7 +203,7 @@ Json benchmarkRest(const BenchmarkReport& report) {
             {"specimens", report.specimens},
             {"needles", report.needles},
             {"speeds", report.speeds}}},
-          {"most_numbers", report.most_numbers},
+          {"most_numbers", report.max_numbers},
           {"margin", report.margin},
           {"calibration_m", report.calibration_m},
           {"questions", questions},

@@ -1,4 +1,4 @@
-#include "client/sim/benchmark/curve_file.h"
+#include "client/sim/benchmark/curve_set.h"
 
 #include <fmt/core.h>
 
@@ -22,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMostCells = 256;  // per line
+constexpr std::size_t kMaxCells = 256;  // per line
 
 enum CurveCell : std::size_t {
   kForceCell,
@@ -92,7 +92,7 @@ Result<bool> CurveFile::nextRow() {
 Status CurveFile::header() {
   ASSIGN_OR_RETURN(const bool there, nextRow());
   if (!there) return lineError("the file is empty; a header with force_n and depth_m or t_s is expected");
-  if (cells_.size() > kMostCells) return lineError(fmt::format("more than {} columns", kMostCells));
+  if (cells_.size() > kMaxCells) return lineError(fmt::format("more than {} columns", kMaxCells));
   header_ = headerText(cells_, rows_->separator());
   cell_count_ = cells_.size();
   for (std::size_t i = 0; i < cells_.size(); ++i)
@@ -115,7 +115,7 @@ Status CurveFile::header() {
 }
 
 Status CurveFile::open(std::string& missing) {
-  ASSIGN_OR_RETURN(auto bytes, readWholeFile(path_, kMostCurveBytes));
+  ASSIGN_OR_RETURN(auto bytes, readWholeFile(path_, kMaxCurveBytes));
   ASSIGN_OR_RETURN(text_, utf8TextOf(path_.string(), std::move(bytes)));
   rows_.emplace(text_, reading_.lines_above);
   RETURN_IF_ERROR(header());
@@ -199,7 +199,7 @@ Status CurveFile::addRow(std::vector<CurveRows>& curves) {
   const auto [found, is_new] =
       index_.try_emplace({one.name, one.specimen, one.needle, one.tissue}, curves.size());
   if (is_new) {
-    if (curves.size() == kMostCurves) return lineError(fmt::format("more than {} curves", kMostCurves));
+    if (curves.size() == kMaxCurves) return lineError(fmt::format("more than {} curves", kMaxCurves));
     curves.emplace_back();
     curves.back().curve = std::move(one);
     curves.back().first_line = rows_->line();
@@ -234,7 +234,7 @@ Result<ForceCurve> CurveFile::finished(CurveRows rows) const {
   rows.curve.name = path_.filename().string() + inside;
   rows.where = fmt::format("{} line {}, curve {}", path_.string(), rows.first_line, rows.curve.name);
   rows.has_depth = has(kDepthCell);
-  rows.says_phases = has(kPhaseCell);
+  rows.has_phases = has(kPhaseCell);
   rows.digitised = facts_.digitised || reading_.digitised;
   return curveOf(std::move(rows));
 }
@@ -244,7 +244,7 @@ Result<std::vector<ForceCurve>> CurveFile::read(std::size_t& rows_left) {
   for (;;) {
     ASSIGN_OR_RETURN(const bool there, nextRow());
     if (!there) break;
-    if (rows_left == 0) return lineError(fmt::format("more than {} rows in all files", kMostCurveRows));
+    if (rows_left == 0) return lineError(fmt::format("more than {} rows in all files", kMaxCurveRows));
     --rows_left;
     if (cells_.size() != cell_count_)
       return lineError(fmt::format("{} cells, the header has {}", cells_.size(), cell_count_));

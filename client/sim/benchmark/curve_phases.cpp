@@ -54,13 +54,13 @@ void recognisePhases(const std::vector<double>& t_s, const std::vector<double>& 
   if (!t_s.empty()) {
     const double speed_mps = (depth_m[first] - depth_m.front()) / std::max(1e-9, t_s[first] - t_s.front());
     const double turning_s = speed_mps > 0 ? 5 * kNear_m / speed_mps : 0;
-    holds = end - first > kLeastCurveRows && t_s[end - 1] - t_s[first] >= std::max(kLeastHold_s, turning_s);
+    holds = end - first > kMinCurveRows && t_s[end - 1] - t_s[first] >= std::max(kMinHold_s, turning_s);
   }
   if (!holds) first = end = indexOf(deepest) + 1;
   const bool withdraws =
-      indexOf(deepest) + 1 >= kLeastCurveRows && depth_m.size() - end >= kLeastCurveRows &&
+      indexOf(deepest) + 1 >= kMinCurveRows && depth_m.size() - end >= kMinCurveRows &&
       *deepest - *std::min_element(depth_m.begin() + static_cast<std::ptrdiff_t>(end - 1), depth_m.end()) >=
-          kLeastCurveDepth_m;
+          kMinCurveDepth_m;
   if (!withdraws) end = depth_m.size();
   if (!withdraws && !holds) return;
   for (std::size_t i = holds ? first + 1 : end; i < depth_m.size(); ++i)
@@ -94,7 +94,7 @@ Result<ForceCurve> curveOf(CurveRows rows) {
   const std::vector<double> depth_m = std::move(curve.depth_m), force_N = std::move(curve.force_N);
   curve.depth_m.clear();
   curve.force_N.clear();
-  if (rows.has_depth && !rows.says_phases && !rows.digitised) {
+  if (rows.has_depth && !rows.has_phases && !rows.digitised) {
     recognisePhases(rows.t_s, depth_m, rows.phases);
     curve.phases_recognised = true;
   }
@@ -116,15 +116,15 @@ Result<ForceCurve> curveOf(CurveRows rows) {
     (in ? curve.force_N : curve.withdrawal.force_N).push_back(force_N[i]);
   }
   const auto checkRows = [&](CurvePhase phase, std::size_t count) -> Status {
-    if (count >= kLeastCurveRows) return {};
+    if (count >= kMinCurveRows) return {};
     return wrongInput(
-        where, fmt::format("{} has {} rows; at least {} are needed", nameOf(phase), count, kLeastCurveRows));
+        where, fmt::format("{} has {} rows; at least {} are needed", nameOf(phase), count, kMinCurveRows));
   };
   const auto checkWay = [&](CurvePhase phase, const std::vector<double>& sorted_m) -> Status {
     const double way_m = sorted_m.back() - sorted_m.front();
-    if (way_m >= kLeastCurveDepth_m) return {};
+    if (way_m >= kMinCurveDepth_m) return {};
     return wrongInput(where, fmt::format("{} goes over {} m; at least {} m are needed", nameOf(phase),
-                                         numberText(way_m), numberText(kLeastCurveDepth_m)));
+                                         numberText(way_m), numberText(kMinCurveDepth_m)));
   };
   const auto speedOf = [&](CurvePhase phase, double way_m, const std::vector<double>& t_s) -> Result<double> {
     const double seconds = t_s.back() - t_s.front(), speed_mps = seconds > 0 ? way_m / seconds : 0;
@@ -156,16 +156,16 @@ Result<ForceCurve> curveOf(CurveRows rows) {
     RETURN_IF_ERROR(checkRows(CurvePhase::kHold, hold.t_s.size()));
     hold.depth_m = 0.5 * (held_from_m + held_to_m);
     if (!rows.has_depth) hold.depth_m = curve.depth_m.back();
-    if (held_to_m - held_from_m > kMostHoldWay_m)
+    if (held_to_m - held_from_m > kMaxHoldWay_m)
       return wrongInput(
           where, fmt::format("hold goes from {} m to {} m; at most {} m apart", numberText(held_from_m),
-                             numberText(held_to_m), numberText(kMostHoldWay_m)));
+                             numberText(held_to_m), numberText(kMaxHoldWay_m)));
     const double from_s = hold.t_s.front();
     for (double& t_s : hold.t_s) t_s -= from_s;
-    if (hold.t_s.back() < kLeastHold_s || hold.t_s.back() > kMostHold_s)
+    if (hold.t_s.back() < kMinHold_s || hold.t_s.back() > kMaxHold_s)
       return wrongInput(where,
                         fmt::format("hold lasts {} s, out of range [{}, {}]", numberText(hold.t_s.back()),
-                                    numberText(kLeastHold_s), numberText(kMostHold_s)));
+                                    numberText(kMinHold_s), numberText(kMaxHold_s)));
   }
   if (CurveWithdrawal& out = curve.withdrawal; !out.depth_m.empty()) {
     RETURN_IF_ERROR(checkRows(CurvePhase::kWithdraw, out.depth_m.size()));

@@ -29,9 +29,9 @@ struct CurveRows {
   std::vector<double> t_s;         ///< not descending; empty if unknown
   std::vector<CurvePhase> phases;  ///< per row; all kInsert if the file does not give them
   std::size_t first_line = 0;
-  std::string where;                            ///< for messages
-  bool has_depth = false, says_phases = false;  ///< otherwise depth is time × speed, and phases are detected
-  bool digitised = false;                       ///< points of an insertion, in any order
+  std::string where;                           ///< for messages
+  bool has_depth = false, has_phases = false;  ///< otherwise depth is time × speed, and phases are detected
+  bool digitised = false;                      ///< points of an insertion, in any order
 };
 
 /// Phases without a column are detected if depth is known: with time, rows within 0.1 mm of the greatest

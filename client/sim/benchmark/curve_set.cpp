@@ -14,7 +14,6 @@
 #include <tuple>
 #include <utility>
 
-#include "client/sim/benchmark/curve_file.h"
 #include "client/sim/benchmark/curve_phases.h"
 #include "common/base/files/files.h"
 #include "common/base/program.h"
@@ -30,7 +29,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kDescriptionName = "data_set.json";
-constexpr std::size_t kMostDescriptionBytes = 1u << 20;
+constexpr std::size_t kMaxDescriptionBytes = 1u << 20;
 constexpr std::size_t kMostWords = 500;  // of licence and source
 
 struct Description {
@@ -75,15 +74,15 @@ Result<Description> parseDescription(std::string_view text, const std::string& s
   constexpr std::array<const char*, 4> kFields = {"name", "licence", "source", "curves"};
   constexpr std::array<const char*, 7> kCurveFields = {"file",      "specimen",          "needle",   "tissue",
                                                        "speed_m_s", "needle_diameter_m", "digitised"};
-  ASSIGN_OR_RETURN(const auto json, readStrictJson(text, source, kMostDescriptionBytes));
+  ASSIGN_OR_RETURN(const auto json, readStrictJson(text, source, kMaxDescriptionBytes));
   RETURN_IF_ERROR(onlyFields(json, kFields, source));
   Description description;
   RETURN_IF_ERROR(readText(json, "name", source, kMostWords, description.name));
   RETURN_IF_ERROR(readText(json, "licence", source, kMostWords, description.licence));
   RETURN_IF_ERROR(readText(json, "source", source, kMostWords, description.source));
   const auto curves = json.find("curves");
-  if (curves == json.end() || !curves->is_array() || curves->empty() || curves->size() > kMostCurveFiles)
-    return wrongInput(source + ".curves", fmt::format("must be a list of 1 to {} files", kMostCurveFiles));
+  if (curves == json.end() || !curves->is_array() || curves->empty() || curves->size() > kMaxCurveFiles)
+    return wrongInput(source + ".curves", fmt::format("must be a list of 1 to {} files", kMaxCurveFiles));
   for (std::size_t i = 0; i < curves->size(); ++i) {
     const nlohmann::json& entry = (*curves)[i];
     const std::string where = fmt::format("{}.curves[{}]", source, i);
@@ -116,8 +115,8 @@ Result<std::vector<std::string>> csvFilesOf(const fs::path& folder) {
   for (auto it = fs::directory_iterator(folder, failed); !failed && it != fs::directory_iterator();
        it.increment(failed)) {
     if (it->path().extension() != ".csv") continue;
-    if (names.size() == kMostCurveFiles)
-      return wrongInput(folder.string(), fmt::format("more than {} CSV files", kMostCurveFiles));
+    if (names.size() == kMaxCurveFiles)
+      return wrongInput(folder.string(), fmt::format("more than {} CSV files", kMaxCurveFiles));
     names.push_back(it->path().filename().string());
   }
   if (failed) return wrongInput(folder.string(), "cannot be read: " + failed.message());
@@ -134,7 +133,7 @@ bool hasFile(const fs::path& path) {
 Result<Description> descriptionOf(const fs::path& folder, const fs::path& given, CurveSet& set) {
   const fs::path own = given.empty() ? folder / kDescriptionName : given;
   if (!given.empty() || hasFile(own)) {
-    ASSIGN_OR_RETURN(const auto text, readWholeFile(own, kMostDescriptionBytes));
+    ASSIGN_OR_RETURN(const auto text, readWholeFile(own, kMaxDescriptionBytes));
     set.notes.push_back("described by " + own.string());
     set.files.push_back(own);
     return parseDescription(text, own.string());
@@ -184,7 +183,7 @@ Result<CurveSet> readCurveSet(const fs::path& folder, const fs::path& descriptio
 
   if (reading.negate_depth) set.notes.emplace_back("depth_m of all files is negated");
   if (reading.negate_force) set.notes.emplace_back("force_n of all files is negated");
-  std::size_t rows_left = kMostCurveRows;
+  std::size_t rows_left = kMaxCurveRows;
   for (const std::string& name : names) {
     const auto facts = std::find_if(described.files.begin(), described.files.end(),
                                     [&](const CurveFacts& one) { return one.file == name; });
@@ -200,8 +199,8 @@ Result<CurveSet> readCurveSet(const fs::path& folder, const fs::path& descriptio
       set.notes.push_back(printable(name) + " is omitted: it " + why);
       continue;
     }
-    if (set.curves.size() + content.curves.size() > kMostCurves)
-      return wrongInput(folder.string(), fmt::format("more than {} curves", kMostCurves));
+    if (set.curves.size() + content.curves.size() > kMaxCurves)
+      return wrongInput(folder.string(), fmt::format("more than {} curves", kMaxCurves));
     std::move(content.curves.begin(), content.curves.end(), std::back_inserter(set.curves));
   }
   const auto split = std::count_if(set.curves.begin(), set.curves.end(), [](const ForceCurve& curve) {

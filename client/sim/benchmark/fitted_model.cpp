@@ -12,6 +12,7 @@
 #include "client/sim/benchmark/formula.h"
 #include "client/sim/curves/force_band.h"
 #include "client/sim/stability/gestures/passivity_observer.h"
+#include "common/haptics/axial_entry.h"
 #include "common/haptics/scene_spec.h"
 
 namespace needlelab {
@@ -19,7 +20,7 @@ namespace {
 
 constexpr double kNormal975 = 1.959963984540054;  // quantile of the unit normal at 0.975
 constexpr double kFitStep_m = 3e-5;               // per tick, an eighth of a bin
-constexpr double kMostFitTicks = 3000;            // per insertion: deeper ones use longer steps
+constexpr double kMaxFitTicks = 3000;             // per insertion: deeper ones use longer steps
 constexpr double kFitRate_hz = 100;               // for models that ignore speed
 constexpr int kStatisticalInsertions = 20;
 
@@ -131,7 +132,7 @@ FittedModel formulaModel(const Formula& formula, const TrainingSet& training) {
 }
 
 double fitStep_m(const TrainingSet& training) {
-  return std::max(kFitStep_m, training.to_m / kMostFitTicks);
+  return std::max(kFitStep_m, training.to_m / kMaxFitTicks);
 }
 
 // The engine's force at depths, for an insertion at that speed.
@@ -173,9 +174,7 @@ Result<Afterwards> engineAfterwards(const CurveScene& scene, const ForceCurve& c
 
 FittedModel engineModel(const CurveModel& curve_model, const TrainingSet& training) {
   // A damper or viscous friction depends on speed; for the others any kind will do.
-  const bool feels_speed = curve_model.model == AxialModel::kVoigt ||
-                           curve_model.model == AxialModel::kOkamura ||
-                           curve_model.model == AxialModel::kDahl;
+  const bool feels_speed = axialEntry(curve_model.model).feels_speed;
   const std::vector<PooledBins> merged = {training.all};
   const std::vector<PooledBins>& kinds = feels_speed ? training.kinds : merged;
   const double step_m = fitStep_m(training);
@@ -214,7 +213,7 @@ FittedModel engineModel(const CurveModel& curve_model, const TrainingSet& traini
 
 // Standard deviation of the single curves about the table, within a millimetre of each row.
 StatisticalSpec spreadAbout(const PooledBins& pooled, const CurveScene& table, const Forces& table_N) {
-  constexpr double kLeast_N = 0.005;
+  constexpr double kMin_N = 0.005;
   const auto& rows = table.spec.precomputed.table;
   const double reach_m = rows.size() > 1 ? std::max(0.001, 0.5 * rows[1].depth_m) : 1;
   StatisticalSpec spec;
@@ -226,20 +225,20 @@ StatisticalSpec spreadAbout(const PooledBins& pooled, const CurveScene& table, c
       squares += pooled.counts[i] * std::pow(table_N[i] - pooled.bins[i].value, 2) + pooled.squares[i];
       count += pooled.counts[i];
     }
-    const double mean_N = std::max(kLeast_N, row.cutting_N);
+    const double mean_N = std::max(kMin_N, row.cutting_N);
     const double sd_N = count > 0 ? std::sqrt(squares / count) : 0;
     // a spread above the mean would only make the log-normal tail heavier
-    spec.table.push_back({row.depth_m, mean_N, std::clamp(sd_N, kLeast_N, mean_N)});
+    spec.table.push_back({row.depth_m, mean_N, std::clamp(sd_N, kMin_N, mean_N)});
   }
   return spec;
 }
 
 // A table with half as many rows, each with mean and standard deviation; its force is the mean of many
 // insertions.
-FittedModel statisticalModel(const TrainingSet& training, std::size_t most_numbers) {
+FittedModel statisticalModel(const TrainingSet& training, std::size_t max_numbers) {
   FittedModel model;
   model.name = axialModelName(AxialModel::kStatistical);
-  const CurveModel table = tableModel(training.all.bins, std::max<std::size_t>(2, most_numbers / 2));
+  const CurveModel table = tableModel(training.all.bins, std::max<std::size_t>(2, max_numbers / 2));
   const FittedModel fitted = engineModel(table, training);
   const auto table_N = fitted.forces(training.all.kind, depthsOf(training.all));
   if (!table_N.ok()) {
@@ -280,7 +279,7 @@ std::string_view nameOf(ModelKind kind) {
   return kNames[static_cast<std::size_t>(kind)];
 }
 
-Result<std::vector<FittedModel>> fitModels(const TrainingSet& training, std::size_t most_numbers,
+Result<std::vector<FittedModel>> fitModels(const TrainingSet& training, std::size_t max_numbers,
                                            const FitProgress& progress) {
   if (training.all.bins.empty()) return Error{ErrorCode::kInvalidInput, "no bins to fit on"};
   const auto say = [&](std::string_view model) {
@@ -289,16 +288,16 @@ Result<std::vector<FittedModel>> fitModels(const TrainingSet& training, std::siz
   std::vector<FittedModel> models;
   for (FittedModel& model : baselines(training)) models.push_back(std::move(model));
   for (const Formula& formula :
-       {rateDependentFracture(training, most_numbers), gordonExponential(training, most_numbers)}) {
+       {rateDependentFracture(training, max_numbers), gordonExponential(training, max_numbers)}) {
     say(formula.name);
     models.push_back(formulaModel(formula, training));
   }
-  for (const CurveModel& model : curveModels(training.all.bins, most_numbers)) {
+  for (const CurveModel& model : curveModels(training.all.bins, max_numbers)) {
     say(axialModelName(model.model));
     models.push_back(engineModel(model, training));
   }
   say(axialModelName(AxialModel::kStatistical));
-  models.push_back(statisticalModel(training, most_numbers));
+  models.push_back(statisticalModel(training, max_numbers));
   for (FittedModel& model : models) {
     if (!model.fault.empty()) continue;
     if (const Status status = addFitError(training, model); !status.ok())

@@ -57,12 +57,12 @@ struct FittedModel {
 
 using FitProgress = std::function<void(std::string_view model)>;
 
-/// All models, each with at most `most_numbers` (at least kLeastNumbers) except CONNECT_THE_DOTS, which joins
+/// All models, each with at most `max_numbers` (at least kMinNumbers) except CONNECT_THE_DOTS, which joins
 /// all bins: CONNECT_THE_DOTS, HOLD_THE_LAST (the last bin's force everywhere), MEAN_FORCE, NO_FORCE, both
 /// formulas, the engine's models in the order of curveModels, STATISTICAL. The engine's models ignore the
-/// diameter, and all except VOIGT, OKAMURA and DAHL the speed. Always the same models in the same order.
-/// Deterministic. Errors: kInvalidInput for an empty set.
-Result<std::vector<FittedModel>> fitModels(const TrainingSet& training, std::size_t most_numbers,
+/// diameter, and most of them the speed, too (`AxialEntry::feels_speed`). Always the same models in the same
+/// order. Deterministic. Errors: kInvalidInput for an empty set.
+Result<std::vector<FittedModel>> fitModels(const TrainingSet& training, std::size_t max_numbers,
                                            const FitProgress& progress);
 
 /// Largest energy that a scene has given to the hand at any moment of a prescribed motion, in J: in to a

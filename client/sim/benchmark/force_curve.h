@@ -40,11 +40,11 @@ inline constexpr NumberRange kCurveForce_N{-100, 100};
 inline constexpr NumberRange kCurveTime_s{0, 3600};
 inline constexpr NumberRange kCurveSpeed_mps{1e-4, 1};
 inline constexpr NumberRange kCurveDiameter_m{0, 0.01, true};
-inline constexpr std::size_t kMostCurveBytes = 64u << 20, kMostCurveFiles = 500, kMostCurves = 1000;
-inline constexpr std::size_t kMostCurveRows = 2'000'000;  ///< of all files together
-inline constexpr std::size_t kLeastCurveRows = 8;         ///< per phase
-inline constexpr double kLeastCurveDepth_m = 0.002;       ///< of a way in or out
-inline constexpr double kLeastHold_s = 0.2, kMostHold_s = 600, kMostHoldWay_m = 0.001;
+inline constexpr std::size_t kMaxCurveBytes = 64u << 20, kMaxCurveFiles = 500, kMaxCurves = 1000;
+inline constexpr std::size_t kMaxCurveRows = 2'000'000;  ///< of all files together
+inline constexpr std::size_t kMinCurveRows = 8;          ///< per phase
+inline constexpr double kMinCurveDepth_m = 0.002;        ///< of a way in or out
+inline constexpr double kMinHold_s = 0.2, kMaxHold_s = 600, kMaxHoldWay_m = 0.001;
 
 /// How to read files that were not written for this program. CurveSet::notes lists the changes.
 struct CurveReading {

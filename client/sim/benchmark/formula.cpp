@@ -9,11 +9,11 @@
 namespace needlelab {
 namespace {
 
-constexpr double kMostForce_N = 50, kLeastStretch_m = 1e-4;
+constexpr double kMaxForce_N = 50, kMinStretch_m = 1e-4;
 
 FitParameter forceOf(std::string name, double start_N) {
-  const double held = std::clamp(start_N, 0.0, kMostForce_N);
-  return {std::move(name), held, 0, kMostForce_N, std::max(0.02, 0.1 * held)};
+  const double held = std::clamp(start_N, 0.0, kMaxForce_N);
+  return {std::move(name), held, 0, kMaxForce_N, std::max(0.02, 0.1 * held)};
 }
 
 std::string nth(const char* name, std::size_t i) {
@@ -47,14 +47,14 @@ bool severalOf(const TrainingSet& training, Value value) {
 
 }  // namespace
 
-Formula rateDependentFracture(const TrainingSet& training, std::size_t most_numbers) {
-  constexpr std::size_t kMostShared = 5, kOwn = 4;
+Formula rateDependentFracture(const TrainingSet& training, std::size_t max_numbers) {
+  constexpr std::size_t kMaxShared = 5, kOwn = 4;
   const InsertionKind reference = training.all.kind;
   const bool speeds = severalOf(training, [](const InsertionKind& kind) { return kind.speed_mps; });
   const bool diameters =
       training.diameters && severalOf(training, [](const InsertionKind& kind) { return kind.diameter_m; });
-  const std::size_t shared = kMostShared - (speeds ? 0 : 1) - (diameters ? 0 : 1);
-  const std::size_t most = most_numbers > shared + kOwn ? (most_numbers - shared) / kOwn : 1;
+  const std::size_t shared = kMaxShared - (speeds ? 0 : 1) - (diameters ? 0 : 1);
+  const std::size_t most = max_numbers > shared + kOwn ? (max_numbers - shared) / kOwn : 1;
   const auto pieces = curvePieces(training.all.bins, most);
 
   Formula formula;
@@ -66,9 +66,9 @@ Formula rateDependentFracture(const TrainingSet& training, std::size_t most_numb
   if (speeds) formula.parameters.push_back({"exponent of speed", 0, -1, 1, 0.1});
   if (diameters) formula.parameters.push_back({"exponent of diameter", 1, -1, 3, 0.2});
   for (std::size_t i = 0; i < pieces.size(); ++i) {
-    const double length_m = std::max(kLeastStretch_m, pieces[i].rupture_m - pieces[i].top_m);
+    const double length_m = std::max(kMinStretch_m, pieces[i].rupture_m - pieces[i].top_m);
     formula.parameters.push_back({nth("rupture_m ", i), pieces[i].rupture_m, -0.05, 1, 0.0005});
-    formula.parameters.push_back({nth("stretch_m ", i), length_m, kLeastStretch_m, 0.5, 0.2 * length_m});
+    formula.parameters.push_back({nth("stretch_m ", i), length_m, kMinStretch_m, 0.5, 0.2 * length_m});
     formula.parameters.push_back(forceOf(nth("rupture_n ", i), pieces[i].peak_N - pieces[i].before_N));
     formula.parameters.push_back(forceOf(nth("cutting_n ", i), pieces[i].after_N));
   }
@@ -119,9 +119,9 @@ Formula rateDependentFracture(const TrainingSet& training, std::size_t most_numb
   return formula;
 }
 
-Formula gordonExponential(const TrainingSet& training, std::size_t most_numbers) {
+Formula gordonExponential(const TrainingSet& training, std::size_t max_numbers) {
   constexpr std::size_t kShared = 2, kOwn = 4;
-  const std::size_t most = most_numbers > kShared + kOwn ? (most_numbers - kShared) / kOwn : 1;
+  const std::size_t most = max_numbers > kShared + kOwn ? (max_numbers - kShared) / kOwn : 1;
   const auto pieces = curvePieces(training.all.bins, most);
   Formula formula;
   formula.name = "GORDON_EXPONENTIAL";
@@ -148,7 +148,7 @@ Formula gordonExponential(const TrainingSet& training, std::size_t most_numbers)
       for (std::size_t i = 0; i < count; ++i) {
         const double* own = &values[kShared + kOwn * i];
         if (depth < own[0]) break;
-        const double end_m = std::max(own[1], own[0] + kLeastStretch_m);
+        const double end_m = std::max(own[1], own[0] + kMinStretch_m);
         if (depth < end_m) {
           const double base_N = i > 0 ? fallen_N(own[0]) : 0;
           const double risen = std::expm1(curvature * (depth - own[0]) / (end_m - own[0]));

@@ -29,13 +29,13 @@ struct Formula {
 /// Simpler than the sources: linear springs; stored energy instead of the J integral. β, τ and f are shared,
 /// n if several speeds were fitted on (else 0), m if several diameters were (else 1); per rupture: place,
 /// stretch, force, c.
-Formula rateDependentFracture(const TrainingSet& training, std::size_t most_numbers);
+Formula rateDependentFracture(const TrainingSet& training, std::size_t max_numbers);
 
 /// GORDON_EXPONENTIAL, after Gordon, Kim, Barnett and Moore (MSEC2015-9352), the best of five in Traczynski
 /// et al. (2024, doi 10.1016/j.jmbbm.2023.106247): an exponential rise to each puncture and an exponential
 /// decay after it. Only the abstracts were available: the pieces are theirs, the formula is ours. Independent
 /// of speed and diameter. The curvature of the rise and the length of the decay are shared; per rupture: top,
 /// place, force, and force after it.
-Formula gordonExponential(const TrainingSet& training, std::size_t most_numbers);
+Formula gordonExponential(const TrainingSet& training, std::size_t max_numbers);
 
 }  // namespace needlelab

@@ -14,8 +14,8 @@ namespace {
 constexpr double kHoldBins = 20;
 
 // Bins with the means of the predictions at their rows.
-SaidBins saidAt(const std::vector<CurveBin>& bins, const std::vector<double>& force_N) {
-  SaidBins said;
+PredictedBins predictedBins(const std::vector<CurveBin>& bins, const std::vector<double>& force_N) {
+  PredictedBins said;
   for (const CurveBin& bin : bins) {
     double sum_N = 0;
     for (const std::size_t row : bin.rows) sum_N += force_N[row];
@@ -24,9 +24,9 @@ SaidBins saidAt(const std::vector<CurveBin>& bins, const std::vector<double>& fo
   return said;
 }
 
-double squaresOf(const SaidBins& bins, double factor) {
+double squaresOf(const PredictedBins& bins, double factor) {
   double squares = 0;
-  for (const SaidBin& bin : bins) squares += std::pow(factor * bin.said_N - bin.value_N, 2);
+  for (const PredictedBin& bin : bins) squares += std::pow(factor * bin.predicted_N - bin.value_N, 2);
   return squares;
 }
 
@@ -40,7 +40,7 @@ std::string bandText(const Tally& tally, double share) {
   }
   const auto bins_per_block = static_cast<std::size_t>(std::lround(kDepthBlock_m / kDepthBin_m));
   const BandVerdict of_blocks = bandVerdict(share, std::max<std::size_t>(1, bins / bins_per_block));
-  if (shares.size() < kLeastUnits) return of_blocks.text;
+  if (shares.size() < kMinUnits) return of_blocks.text;
   const MeanInterval of_units = meanInterval(shares);
   const char* found = of_units.high < 0.95                          ? "MISSED: too narrow"
                       : of_units.low > 0.95 && of_blocks.low > 0.95 ? "MISSED: too wide"
@@ -51,9 +51,9 @@ std::string bandText(const Tally& tally, double share) {
 
 }  // namespace
 
-Result<std::vector<SaidBins>> saidOf(const std::vector<BinnedCurve>& curves, const Fold& fold,
-                                     const FittedModel& model) {
-  std::vector<SaidBins> said;
+Result<std::vector<PredictedBins>> predictionsOf(const std::vector<BinnedCurve>& curves, const Fold& fold,
+                                                 const FittedModel& model) {
+  std::vector<PredictedBins> said;
   for (const std::size_t i : fold.curves) {
     std::vector<CurveBin> held_out;
     for (const CurveBin& bin : curves[i].curve.bins)
@@ -61,34 +61,35 @@ Result<std::vector<SaidBins>> saidOf(const std::vector<BinnedCurve>& curves, con
     said.emplace_back();
     if (held_out.empty()) continue;
     ASSIGN_OR_RETURN(const auto force_N, model.forces(curves[i].kind, curves[i].curve.depth_m));
-    said.back() = saidAt(held_out, force_N);
+    said.back() = predictedBins(held_out, force_N);
   }
   return said;
 }
 
-Result<SaidBins> saidAfterwards(HoldOut what, const FittedModel& model, const ForceCurve& curve) {
+Result<PredictedBins> predictHoldOrWithdrawal(HoldOut what, const FittedModel& model,
+                                              const ForceCurve& curve) {
   const bool holds = what == HoldOut::kHold;
   const std::vector<double>& at = holds ? curve.hold.t_s : curve.withdrawal.depth_m;
-  if (at.empty()) return SaidBins();
+  if (at.empty()) return PredictedBins();
   if (!model.afterwards) return Error{ErrorCode::kInvalidInput, "it knows the way in only"};
   ASSIGN_OR_RETURN(const auto after, model.afterwards(curve));
   const double width = holds ? at.back() / kHoldBins : kDepthBin_m;
-  return saidAt(binned(at, holds ? curve.hold.force_N : curve.withdrawal.force_N, width, width),
-                holds ? after.hold_N : after.out_N);
+  return predictedBins(binned(at, holds ? curve.hold.force_N : curve.withdrawal.force_N, width, width),
+                       holds ? after.hold_N : after.out_N);
 }
 
-std::pair<SaidBins, SaidBins> cutAt(const SaidBins& bins, double at_m) {
+std::pair<PredictedBins, PredictedBins> cutAt(const PredictedBins& bins, double at_m) {
   const auto cut =
-      std::find_if(bins.begin(), bins.end(), [at_m](const SaidBin& bin) { return bin.at >= at_m; });
-  return {SaidBins(bins.begin(), cut), SaidBins(cut, bins.end())};
+      std::find_if(bins.begin(), bins.end(), [at_m](const PredictedBin& bin) { return bin.at >= at_m; });
+  return {PredictedBins(bins.begin(), cut), PredictedBins(cut, bins.end())};
 }
 
-double factorOf(const SaidBins& bins) {
+double factorOf(const PredictedBins& bins) {
   constexpr double kLeast = 0.2, kMost = 5, kNothing_N2 = 1e-12;
   double both = 0, said = 0;
-  for (const SaidBin& bin : bins) {
-    both += bin.said_N * bin.value_N;
-    said += bin.said_N * bin.said_N;
+  for (const PredictedBin& bin : bins) {
+    both += bin.predicted_N * bin.value_N;
+    said += bin.predicted_N * bin.predicted_N;
   }
   return said > kNothing_N2 ? std::clamp(both / said, kLeast, kMost) : 1;
 }
@@ -108,17 +109,17 @@ void Tally::addFold(const FittedModel& model) {
   ++folds;
 }
 
-void Tally::add(const std::string& unit, const SaidBins& bins, double factor,
+void Tally::add(const std::string& unit, const PredictedBins& bins, double factor,
                 const std::function<ForceLimits(double depth_m, double force_N)>& limits) {
   if (bins.empty()) return;
   if (kind == ModelKind::kTrivial && squaresOf(bins, 1) < squaresOf(bins, factor)) factor = 1;
   UnitSum& sum = units[unit];
   sum.squares += squaresOf(bins, factor);
   sum.bins += bins.size();
-  for (const SaidBin& bin : bins) {
-    max_error_N = std::max(max_error_N, std::fabs(factor * bin.said_N - bin.value_N));
+  for (const PredictedBin& bin : bins) {
+    max_error_N = std::max(max_error_N, std::fabs(factor * bin.predicted_N - bin.value_N));
     if (!limits) continue;
-    const ForceLimits within = limits(bin.at, bin.said_N);
+    const ForceLimits within = limits(bin.at, bin.predicted_N);
     if (bin.value_N >= within.low_N && bin.value_N <= within.high_N) ++sum.inside;
   }
 }

@@ -16,24 +16,25 @@
 namespace needlelab {
 
 /// A held-out bin: the measured value and the model's.
-struct SaidBin {
-  double at = 0, value_N = 0, said_N = 0;
+struct PredictedBin {
+  double at = 0, value_N = 0, predicted_N = 0;
 };
-using SaidBins = std::vector<SaidBin>;
+using PredictedBins = std::vector<PredictedBin>;
 
 /// Returns the held-out bins of each curve in the fold; empty for curves that were fitted on. Errors: the
 /// model's.
-Result<std::vector<SaidBins>> saidOf(const std::vector<BinnedCurve>& curves, const Fold& fold,
-                                     const FittedModel& model);
+Result<std::vector<PredictedBins>> predictionsOf(const std::vector<BinnedCurve>& curves, const Fold& fold,
+                                                 const FittedModel& model);
 /// Returns the bins of a curve's hold (20 equal ones over time) or withdrawal; empty if it has none. Errors:
 /// the model's; kInvalidInput for a model that only covers the insertion.
-Result<SaidBins> saidAfterwards(HoldOut what, const FittedModel& model, const ForceCurve& curve);
+Result<PredictedBins> predictHoldOrWithdrawal(HoldOut what, const FittedModel& model,
+                                              const ForceCurve& curve);
 
 /// Bins before a depth, and the others.
-std::pair<SaidBins, SaidBins> cutAt(const SaidBins& bins, double at_m);
+std::pair<PredictedBins, PredictedBins> cutAt(const PredictedBins& bins, double at_m);
 
 /// Least-squares factor between the model's forces and the measured ones, clamped to 0.2-5.
-double factorOf(const SaidBins& bins);
+double factorOf(const PredictedBins& bins);
 
 /// The unit of a curve: specimen × speed, and needle if needles are held out.
 std::string unitOf(HoldOut what, const ForceCurve& curve);
@@ -55,7 +56,7 @@ struct Tally {
   void addFold(const FittedModel& model);
   /// Adds errors of `factor` × the model's forces. A trivial baseline uses the factor only if that is better
   /// on these bins, because it is what must be beaten. `limits`: the band, if asked.
-  void add(const std::string& unit, const SaidBins& bins, double factor = 1,
+  void add(const std::string& unit, const PredictedBins& bins, double factor = 1,
            const std::function<ForceLimits(double depth_m, double force_N)>& limits = {});
 };
 

@@ -36,11 +36,11 @@ PairedDifference difference(const BenchmarkRow& from, const BenchmarkRow& row) {
 
 // Returns why no verdict can be given; empty if it can.
 std::string tooFew(const QuestionResult& question) {
-  if (question.units.size() < kLeastUnits)
+  if (question.units.size() < kMinUnits)
     return fmt::format("{} {}, at least {} are needed", question.units.size(),
-                       question.units.size() == 1 ? "unit" : "units", kLeastUnits);
-  if (!predictedIn(question.what).empty() && !asksForPhase(question.what) && question.held_out < kLeastUnits)
-    return fmt::format("{} held out, at least {} are needed", question.held_out, kLeastUnits);
+                       question.units.size() == 1 ? "unit" : "units", kMinUnits);
+  if (!predictedIn(question.what).empty() && !asksForPhase(question.what) && question.held_out < kMinUnits)
+    return fmt::format("{} held out, at least {} are needed", question.held_out, kMinUnits);
   return {};
 }
 
@@ -48,7 +48,7 @@ BenchmarkVerdict verdictOf(const BenchmarkRow& row, double margin_N) {
   if (*row.beats->low_N > margin_N && *row.behind->high_N <= margin_N) return BenchmarkVerdict::kNamed;
   if (*row.beats->high_N <= margin_N) return BenchmarkVerdict::kTrivial;
   if (*row.behind->low_N > margin_N) return BenchmarkVerdict::kInferior;
-  return BenchmarkVerdict::kCannotTell;
+  return BenchmarkVerdict::kUndecided;
 }
 
 std::string errorText(const BenchmarkRow& row) {
@@ -122,7 +122,7 @@ std::string textOf(const QuestionResult& question) {
   };
   add("Worse than the best by more than the margin", BenchmarkVerdict::kInferior);
   add("No better than trivial", BenchmarkVerdict::kTrivial);
-  add("Not decided", BenchmarkVerdict::kCannotTell);
+  add("Not decided", BenchmarkVerdict::kUndecided);
   return text;
 }
 
@@ -158,7 +158,7 @@ void decide(QuestionResult& question, double share) {
       row.beats = difference(*trivial, row);
       row.behind = difference(row, *best);
       if (question.what != HoldOut::kBlocks)
-        row.verdict = decides ? verdictOf(row, question.margin_N) : BenchmarkVerdict::kCannotTell;
+        row.verdict = decides ? verdictOf(row, question.margin_N) : BenchmarkVerdict::kUndecided;
     }
   question.text = textOf(question);
 }

@@ -14,16 +14,16 @@
 namespace needlelab {
 
 /// Fewer units, or fewer held-out specimens (needles, speeds), do not generalise.
-inline constexpr std::size_t kLeastUnits = 3;
+inline constexpr std::size_t kMinUnits = 3;
 
 /// Meaning of a model's result, from 95 % intervals of paired differences over units (`decide`).
 enum class BenchmarkVerdict : std::uint8_t {
-  kNone,        ///< not a model, or a question without a verdict (blocks)
-  kNamed,       ///< beats the trivial baseline by more than the margin, and is not worse than the best by
-                ///< more than that
-  kInferior,    ///< worse than the best by more than the margin
-  kTrivial,     ///< does not beat the trivial baseline by more than the margin
-  kCannotTell,  ///< none of these, or fewer than kLeastUnits units
+  kNone,       ///< not a model, or a question without a verdict (blocks)
+  kNamed,      ///< beats the trivial baseline by more than the margin, and is not worse than the best by
+               ///< more than that
+  kInferior,   ///< worse than the best by more than the margin
+  kTrivial,    ///< does not beat the trivial baseline by more than the margin
+  kUndecided,  ///< none of these, or fewer than kMinUnits units
 };
 /// "", "named", "worse than the best", "no better than trivial", "cannot tell".
 std::string_view nameOf(BenchmarkVerdict verdict);
@@ -74,7 +74,7 @@ struct QuestionResult {
 struct BenchmarkReport {
   std::string data, licence, source;  ///< of the set
   std::size_t curves = 0, tissues = 0, specimens = 0, needles = 0, speeds = 0;
-  std::size_t most_numbers = 0;
+  std::size_t max_numbers = 0;
   double margin = 0, calibration_m = 0;
   std::vector<QuestionResult> questions;  ///< those that the data can answer
   std::vector<std::string> notes;         ///< of the set, and which questions were not asked

@@ -8,7 +8,7 @@
 
 namespace needlelab {
 FitResult patternSearch(const std::function<double(const std::vector<double>&)>& cost,
-                        const std::vector<FitParameter>& parameters, int most_evaluations, double shrink_to) {
+                        const std::vector<FitParameter>& parameters, int max_evaluations, double shrink_to) {
   FitResult best;
   std::vector<double> steps;
   for (const FitParameter& p : parameters) {
@@ -24,9 +24,9 @@ FitResult patternSearch(const std::function<double(const std::vector<double>&)>&
 
   // One parameter at a time: a move that helps is kept and its step grows; otherwise the step shrinks.
   std::vector<double> before = best.values;
-  while (best.evaluations < most_evaluations) {
+  while (best.evaluations < max_evaluations) {
     bool fine = true;
-    for (std::size_t i = 0; i < parameters.size() && best.evaluations < most_evaluations; ++i) {
+    for (std::size_t i = 0; i < parameters.size() && best.evaluations < max_evaluations; ++i) {
       if (steps[i] < shrink_to * parameters[i].step) continue;
       fine = false;
       bool helped = false;

@@ -27,10 +27,10 @@ struct FitResult {
 
 /// Pattern search (Hooke and Jeeves, J. ACM 8, 1961): tries each parameter up and down, repeats moves that
 /// help, and halves a parameter's step if neither helps, until all are below `shrink_to` of their initial
-/// size or `most_evaluations` is reached. Needs no derivatives, so ruptures and layer changes (which jump) do
+/// size or `max_evaluations` is reached. Needs no derivatives, so ruptures and layer changes (which jump) do
 /// not stop it; finds only the nearest valley. Deterministic. Costs that are not finite count as infinite.
 FitResult patternSearch(const std::function<double(const std::vector<double>&)>& cost,
-                        const std::vector<FitParameter>& parameters, int most_evaluations,
+                        const std::vector<FitParameter>& parameters, int max_evaluations,
                         double shrink_to = 1.0 / 256);
 
 /// One bin of a curve: the mean of its digitised rows.

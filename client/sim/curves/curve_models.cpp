@@ -14,17 +14,17 @@ namespace {
 
 constexpr double kThinLayer_m = 0.0005, kTableStep_m = 0.001;
 constexpr double kWallStiffness_N_per_m = 1000;  // the maximum that the Desktop renders
-constexpr double kMostForce_N = 20;
-constexpr double kLeastDrop_N = 0.3;
+constexpr double kMaxForce_N = 20;
+constexpr double kMinDrop_N = 0.3;
 constexpr double kThinnest_m = 1e-4;
 
 // Where the force first stays above 5 % of its maximum: the needle is in contact.
 double contactDepth(const std::vector<CurveBin>& bins) {
-  double most_N = 0;
-  for (const CurveBin& bin : bins) most_N = std::max(most_N, bin.value);
+  double max_N = 0;
+  for (const CurveBin& bin : bins) max_N = std::max(max_N, bin.value);
   double contact_m = bins.front().at;
   for (const CurveBin& bin : bins) {
-    if (bin.value > 0.05 * most_N) break;
+    if (bin.value > 0.05 * max_N) break;
     contact_m = bin.at;
   }
   return contact_m;
@@ -46,8 +46,8 @@ LayerSpec layerOf(double thickness_m, double cutting_N) {
 }
 
 FitParameter forceParameter(const std::string& name, double start_N) {
-  const double held = std::clamp(start_N, 0.0, kMostForce_N);
-  return {name, held, 0, kMostForce_N, std::max(0.02, 0.1 * held)};
+  const double held = std::clamp(start_N, 0.0, kMaxForce_N);
+  return {name, held, 0, kMaxForce_N, std::max(0.02, 0.1 * held)};
 }
 
 std::string counted(std::size_t count, const char* one) {
@@ -70,9 +70,9 @@ void addTop(CurveModel& made, std::size_t i, const CurvePiece& piece, const char
 // Also the share of that force that is linear in the stretch (the rest is quadratic), and the cutting force
 // after it.
 void addQuadraticTop(CurveModel& made, std::size_t i, const CurvePiece& piece, const char* force_name,
-                     double least_share) {
+                     double min_share) {
   addTop(made, i, piece, force_name);
-  made.parameters.push_back({nth("linear share ", i), 0.3, least_share, 1, 0.2});
+  made.parameters.push_back({nth("linear share ", i), 0.3, min_share, 1, 0.2});
   made.parameters.push_back(forceParameter(nth("cutting_n ", i), piece.after_N));
 }
 
@@ -142,7 +142,7 @@ std::vector<double> layerTops(const std::vector<CurveBin>& bins, std::size_t mos
 
 }  // namespace
 
-std::vector<Rupture> findRuptures(const std::vector<CurveBin>& bins, double least_drop_N) {
+std::vector<Rupture> findRuptures(const std::vector<CurveBin>& bins, double min_drop_N) {
   std::vector<Rupture> ruptures;
   if (bins.empty()) return ruptures;
   Rupture now{bins.front().at, bins.front().value, bins.front().value, bins.front().at};
@@ -152,9 +152,9 @@ std::vector<Rupture> findRuptures(const std::vector<CurveBin>& bins, double leas
       now.valley_N = bin.value;
       now.valley_m = bin.at;
     }
-    if (now.peak_N - now.valley_N > least_drop_N) falling = true;
+    if (now.peak_N - now.valley_N > min_drop_N) falling = true;
     // a rise by a third of the minimum fall ends a rupture; before a rupture it means a new peak
-    const bool rises = bin.value > now.valley_N + least_drop_N / 3;
+    const bool rises = bin.value > now.valley_N + min_drop_N / 3;
     if (falling && rises) ruptures.push_back(now);
     if (bin.value > now.peak_N || (falling && rises)) {
       now = {bin.at, bin.value, bin.value, bin.at};
@@ -167,11 +167,11 @@ std::vector<Rupture> findRuptures(const std::vector<CurveBin>& bins, double leas
 
 std::vector<CurvePiece> curvePieces(const std::vector<CurveBin>& bins, std::size_t most) {
   // the minimum fall that leaves few enough ruptures
-  double least_drop_N = kLeastDrop_N;
-  std::vector<Rupture> ruptures = findRuptures(bins, least_drop_N);
+  double min_drop_N = kMinDrop_N;
+  std::vector<Rupture> ruptures = findRuptures(bins, min_drop_N);
   while (ruptures.size() > most) {
-    least_drop_N *= 1.05;
-    ruptures = findRuptures(bins, least_drop_N);
+    min_drop_N *= 1.05;
+    ruptures = findRuptures(bins, min_drop_N);
   }
   std::vector<CurvePiece> pieces;
   double top_m = contactDepth(bins), before_N = 0;
@@ -188,10 +188,10 @@ std::vector<CurvePiece> curvePieces(const std::vector<CurveBin>& bins, std::size
   return pieces;
 }
 
-CurveModel layeredModel(AxialModel model, const std::vector<CurveBin>& fit_on, std::size_t most_numbers) {
+CurveModel layeredModel(AxialModel model, const std::vector<CurveBin>& fit_on, std::size_t max_numbers) {
   CurveModel made;
   made.model = model;
-  const std::vector<double> tops_m = layerTops(fit_on, std::min(kMaxLayers, (most_numbers + 1) / 2));
+  const std::vector<double> tops_m = layerTops(fit_on, std::min(kMaxLayers, (max_numbers + 1) / 2));
   made.chosen = tops_m.size() - 1;
   made.variant = counted(tops_m.size(), "layer") + ", thinnest where the force changes most";
   for (std::size_t i = 0; i < tops_m.size(); ++i) {
@@ -209,9 +209,9 @@ CurveModel layeredModel(AxialModel model, const std::vector<CurveBin>& fit_on, s
   return made;
 }
 
-CurveModel membraneModel(const std::vector<CurveBin>& fit_on, std::size_t most_numbers) {
+CurveModel membraneModel(const std::vector<CurveBin>& fit_on, std::size_t max_numbers) {
   CurveModel made;
-  const auto pieces = curvePieces(fit_on, most_numbers / kTopNumbers);
+  const auto pieces = curvePieces(fit_on, max_numbers / kTopNumbers);
   made.variant = "PUNCTURE: " + counted(pieces.size(), "membrane") + ", cutting behind each";
   for (std::size_t i = 0; i < pieces.size(); ++i) addQuadraticTop(made, i, pieces[i], "rupture_n ", 0);
   made.scene = [](const std::vector<double>& values) {
@@ -252,10 +252,10 @@ CurveModel lineModel(AxialModel model, const std::vector<CurveBin>& fit_on) {
   return made;
 }
 
-CurveModel godObjectModel(const std::vector<CurveBin>& fit_on, std::size_t most_numbers) {
+CurveModel godObjectModel(const std::vector<CurveBin>& fit_on, std::size_t max_numbers) {
   CurveModel made;
   made.model = AxialModel::kGodObject;
-  const auto pieces = curvePieces(fit_on, (most_numbers - 1) / 2);
+  const auto pieces = curvePieces(fit_on, (max_numbers - 1) / 2);
   made.variant = counted(pieces.size(), "top") + ", one per rupture";
   // one slope for all pieces, by least squares
   double force_length = 0, length_squared = 0;
@@ -279,7 +279,7 @@ CurveModel godObjectModel(const std::vector<CurveBin>& fit_on, std::size_t most_
       // force and slope.
       const double force_N = values[0] * std::max(0.0, values[i + 1] - values[i]);
       tops_m.push_back(values[i]);
-      scene.spec.layers.push_back(layerOf(0, std::min(force_N, kMostForce_N)));
+      scene.spec.layers.push_back(layerOf(0, std::min(force_N, kMaxForce_N)));
     }
     setThicknesses(scene, tops_m);
     return scene;
@@ -287,10 +287,10 @@ CurveModel godObjectModel(const std::vector<CurveBin>& fit_on, std::size_t most_
   return made;
 }
 
-CurveModel firstOrderModel(const std::vector<CurveBin>& fit_on, std::size_t most_numbers) {
+CurveModel firstOrderModel(const std::vector<CurveBin>& fit_on, std::size_t max_numbers) {
   CurveModel made;
   made.model = AxialModel::kFirstOrder;
-  const auto pieces = curvePieces(fit_on, most_numbers / 5);
+  const auto pieces = curvePieces(fit_on, max_numbers / 5);
   made.variant = counted(pieces.size(), "layer") +
                  ", one per rupture; without Okamura's viscous (Karnopp) friction and quadratic stiffness";
   for (std::size_t i = 0; i < pieces.size(); ++i) {
@@ -317,11 +317,11 @@ CurveModel firstOrderModel(const std::vector<CurveBin>& fit_on, std::size_t most
   return made;
 }
 
-CurveModel okamuraModel(AxialModel model, const std::vector<CurveBin>& fit_on, std::size_t most_numbers) {
+CurveModel okamuraModel(AxialModel model, const std::vector<CurveBin>& fit_on, std::size_t max_numbers) {
   constexpr std::size_t kShared = 2;
   CurveModel made;
   made.model = model;
-  const auto pieces = curvePieces(fit_on, std::max<std::size_t>(1, (most_numbers - kShared) / kTopNumbers));
+  const auto pieces = curvePieces(fit_on, std::max<std::size_t>(1, (max_numbers - kShared) / kTopNumbers));
   made.variant = counted(pieces.size(), "layer") + ", one per rupture";
   made.parameters = {{"kinetic_n_per_m", 1, 0, 500, 2}, {"viscous_ns_per_m2", 10, 0, 1e5, 50}};
   for (std::size_t i = 0; i < pieces.size(); ++i) addQuadraticTop(made, i, pieces[i], "puncture_n ", 0.01);
@@ -347,12 +347,12 @@ CurveModel okamuraModel(AxialModel model, const std::vector<CurveBin>& fit_on, s
   return made;
 }
 
-CurveModel tableModel(const std::vector<CurveBin>& fit_on, std::size_t most_numbers) {
+CurveModel tableModel(const std::vector<CurveBin>& fit_on, std::size_t max_numbers) {
   CurveModel made;
   made.model = AxialModel::kPrecomputed;
   const double deepest_m = std::max(fit_on.back().at, kTableStep_m);
   const auto whole = static_cast<std::size_t>(std::floor(deepest_m / kTableStep_m)) + 1;
-  const std::size_t rows = std::min(whole, most_numbers);
+  const std::size_t rows = std::min(whole, max_numbers);
   const double step_m = rows < whole ? deepest_m / static_cast<double>(rows - 1) : kTableStep_m;
   made.variant = fmt::format("table of {} rows, {:.3g} mm apart", rows, step_m * 1e3);
   for (std::size_t i = 0; i < rows; ++i)
@@ -369,17 +369,17 @@ CurveModel tableModel(const std::vector<CurveBin>& fit_on, std::size_t most_numb
   return made;
 }
 
-std::vector<CurveModel> curveModels(const std::vector<CurveBin>& fit_on, std::size_t most_numbers) {
-  return {layeredModel(AxialModel::kEnhancedTrackingWall, fit_on, most_numbers),
-          membraneModel(fit_on, most_numbers),
-          layeredModel(AxialModel::kTrackingWall, fit_on, most_numbers),
-          layeredModel(AxialModel::kDirect, fit_on, most_numbers),
+std::vector<CurveModel> curveModels(const std::vector<CurveBin>& fit_on, std::size_t max_numbers) {
+  return {layeredModel(AxialModel::kEnhancedTrackingWall, fit_on, max_numbers),
+          membraneModel(fit_on, max_numbers),
+          layeredModel(AxialModel::kTrackingWall, fit_on, max_numbers),
+          layeredModel(AxialModel::kDirect, fit_on, max_numbers),
           lineModel(AxialModel::kVoigt, fit_on),
-          godObjectModel(fit_on, most_numbers),
-          firstOrderModel(fit_on, most_numbers),
-          okamuraModel(AxialModel::kOkamura, fit_on, most_numbers),
-          okamuraModel(AxialModel::kDahl, fit_on, most_numbers),
-          tableModel(fit_on, most_numbers)};
+          godObjectModel(fit_on, max_numbers),
+          firstOrderModel(fit_on, max_numbers),
+          okamuraModel(AxialModel::kOkamura, fit_on, max_numbers),
+          okamuraModel(AxialModel::kDahl, fit_on, max_numbers),
+          tableModel(fit_on, max_numbers)};
 }
 
 }  // namespace needlelab

@@ -35,8 +35,8 @@ struct Rupture {
   double valley_N = 0;  ///< the minimum force after it, before it rises again
   double valley_m = 0;  ///< where that is
 };
-/// Finds drops by more than `least_drop_N`, ordered by depth.
-std::vector<Rupture> findRuptures(const std::vector<CurveBin>& bins, double least_drop_N);
+/// Finds drops by more than `min_drop_N`, ordered by depth.
+std::vector<Rupture> findRuptures(const std::vector<CurveBin>& bins, double min_drop_N);
 
 /// A part of a curve between ruptures: where the force starts to rise, where it drops, the maximum force, and
 /// the forces before and after.
@@ -48,34 +48,34 @@ struct CurvePiece {
 std::vector<CurvePiece> curvePieces(const std::vector<CurveBin>& bins, std::size_t most);
 
 inline constexpr std::size_t kAnyNumbers = 1000;  ///< more than any model here has
-inline constexpr std::size_t kLeastNumbers = 7;   ///< of the largest model with one rupture
+inline constexpr std::size_t kMinNumbers = 7;     ///< of the largest model with one rupture
 
 /// All models that can follow an insertion's force over depth. They only see `fit_on` (bins ordered by depth,
 /// not empty); layers and tables end at its last bin. Excludes FEM, which is a reference for compliance only,
 /// never for cutting. Stiffnesses are at most what the Desktop renders (1000 N/m). Models have at most
-/// `most_numbers` to fit (at least kLeastNumbers), with fewer layers, ruptures (the smallest drops are
+/// `max_numbers` to fit (at least kMinNumbers), with fewer layers, ruptures (the smallest drops are
 /// omitted) or rows if necessary.
 std::vector<CurveModel> curveModels(const std::vector<CurveBin>& fit_on,
-                                    std::size_t most_numbers = kAnyNumbers);
+                                    std::size_t max_numbers = kAnyNumbers);
 
 /// Layers with one cutting force each, thinnest where the force changes most: for walls and DIRECT. Two
 /// numbers per layer except the first, whose top is the surface.
 CurveModel layeredModel(AxialModel model, const std::vector<CurveBin>& fit_on,
-                        std::size_t most_numbers = kAnyNumbers);
+                        std::size_t max_numbers = kAnyNumbers);
 /// The enhanced tracking wall with one membrane per rupture and a cutting force after each: five numbers per
 /// rupture.
-CurveModel membraneModel(const std::vector<CurveBin>& fit_on, std::size_t most_numbers = kAnyNumbers);
+CurveModel membraneModel(const std::vector<CurveBin>& fit_on, std::size_t max_numbers = kAnyNumbers);
 /// DIRECT without end, or VOIGT: a line from the contact on. Two or three numbers.
 CurveModel lineModel(AxialModel model, const std::vector<CurveBin>& fit_on);
 /// GOD_OBJECT: one proxy top per rupture; two numbers per rupture and a common slope.
-CurveModel godObjectModel(const std::vector<CurveBin>& fit_on, std::size_t most_numbers = kAnyNumbers);
+CurveModel godObjectModel(const std::vector<CurveBin>& fit_on, std::size_t max_numbers = kAnyNumbers);
 /// FIRST_ORDER: one layer per rupture, five numbers each.
-CurveModel firstOrderModel(const std::vector<CurveBin>& fit_on, std::size_t most_numbers = kAnyNumbers);
+CurveModel firstOrderModel(const std::vector<CurveBin>& fit_on, std::size_t max_numbers = kAnyNumbers);
 /// OKAMURA or DAHL: one layer per rupture, five numbers each; common kinetic and viscous friction, which
 /// cannot be separated at a single speed.
 CurveModel okamuraModel(AxialModel model, const std::vector<CurveBin>& fit_on,
-                        std::size_t most_numbers = kAnyNumbers);
+                        std::size_t max_numbers = kAnyNumbers);
 /// PRECOMPUTED: one row per millimetre, or fewer rows at equal steps.
-CurveModel tableModel(const std::vector<CurveBin>& fit_on, std::size_t most_numbers = kAnyNumbers);
+CurveModel tableModel(const std::vector<CurveBin>& fit_on, std::size_t max_numbers = kAnyNumbers);
 
 }  // namespace needlelab

@@ -8,7 +8,7 @@
 namespace needlelab {
 namespace {
 
-constexpr int kMostEvaluations = 4000, kRestarts = 8;
+constexpr int kMaxEvaluations = 4000, kRestarts = 8;
 
 StraightGesture gestureTo(double surface_m, double to_m, double rate_hz, double speed_mps) {
   // start outside: an insertion begins with an entry
@@ -40,11 +40,11 @@ std::vector<double> forceAtDepths(const CurveRun& run, double surface_m, const s
 
 FitResult searchAgain(const std::function<double(const std::vector<double>&)>& cost,
                       const std::vector<FitParameter>& parameters) {
-  FitResult found = patternSearch(cost, parameters, kMostEvaluations);
+  FitResult found = patternSearch(cost, parameters, kMaxEvaluations);
   for (int again = 0; again < kRestarts; ++again) {
     auto from = parameters;
     for (std::size_t i = 0; i < from.size(); ++i) from[i].start = found.values[i];
-    FitResult next = patternSearch(cost, from, kMostEvaluations);
+    FitResult next = patternSearch(cost, from, kMaxEvaluations);
     next.evaluations += found.evaluations;
     const bool better = next.cost < 0.999 * found.cost;
     found = std::move(next);

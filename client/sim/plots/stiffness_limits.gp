@@ -41,7 +41,7 @@ do for [i = 1:words(delays)] {
   # the lines first, then the marks, side by side
   plot damping*x/(0.5 + delay) with lines lc rgb text_colour lw 2.2, \
        csv using 2:($1 == voigt && $3 == delay ? $8 : NaN) skip 1 with lines lc rgb '#CC79A7' lw 2 dt (8,5), \
-       for [m = 0:10] csv using ($1 == m && $3 == delay ? $2*1.032**(m - 5) : NaN):4 skip 1 \
+       for [m = 0:|model_point| - 1] csv using ($1 == m && $3 == delay ? $2*1.032**(m - |model_point|/2) : NaN):4 skip 1 \
            with points pt model_point[m + 1] ps 1.35 lw 1.8 lc rgb model_colour[m + 1]
   unset label 100
   unset label 101

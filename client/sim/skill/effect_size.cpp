@@ -8,7 +8,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kMostLabellings = 20'000;
+constexpr std::size_t kMaxLabellings = 20'000;
 
 double meanOf(std::span<const double> v) {
   return std::accumulate(v.begin(), v.end(), 0.0) / static_cast<double>(v.size());
@@ -88,14 +88,14 @@ LabelTest::LabelTest(std::vector<double> values, std::size_t first, HandRandom& 
   double ways = 1;
   for (std::size_t k = 1; k <= first; ++k)
     ways = ways * static_cast<double>(n - first + k) / static_cast<double>(k);
-  exact_ = ways <= static_cast<double>(kMostLabellings) + 0.5;
+  exact_ = ways <= static_cast<double>(kMaxLabellings) + 0.5;
   if (exact_) {
     std::vector<bool> labels(n, false);
     std::fill(labels.begin(), labels.begin() + static_cast<std::ptrdiff_t>(first), true);
     do distances_.push_back(distance(labels));
     while (std::prev_permutation(labels.begin(), labels.end()));
   } else {
-    for (std::size_t i = 0; i < kMostLabellings; ++i)
+    for (std::size_t i = 0; i < kMaxLabellings; ++i)
       distances_.push_back(distance(randomLabels(n, first, random)));
   }
   std::sort(distances_.begin(), distances_.end());

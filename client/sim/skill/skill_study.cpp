@@ -303,10 +303,8 @@ double rateTolerance(const std::string& measure, const std::string& unit) {
   if (unit == "N") return 0.1;
   if (unit == "m/s") return 2e-3;
   if (unit == "J") return 5e-6;
-  if (measure == "sparc") return 0.5;
-  if (measure == "ldlj") return 0.5;
-  if (measure.ends_with("_share") || measure == "path_inefficiency") return 5e-3;
-  return 0;
+  const MeasureKind* const kind = measureKind(measure);
+  return kind == nullptr ? 0 : kind->rate_tolerance;
 }
 
 double levelOf(std::size_t i, std::size_t n) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "common/haptics/axial_entry.h"
 #include "common/haptics/models/like_for_like.h"
 
 namespace needlelab {
@@ -67,11 +68,10 @@ Trial::Trial(const CaseSettings& of, std::string_view name, AxialModel with, For
 }
 
 bool Trial::hasStop() const {
-  return model == AxialModel::kEnhancedTrackingWall || model == AxialModel::kTrackingWall ||
-         model == AxialModel::kStatistical || model == AxialModel::kPrecomputed;
+  return axialEntry(model).has_tracking_wall;
 }
 
-Status Trial::saysNothing(std::string note) {
+Status Trial::notApplicable(std::string note) {
   outcome = {};
   row().note = std::move(note);
   return {};

@@ -206,10 +206,10 @@ PlantOptions CaseEntry::plant() {
     if (!fits) fail(field, std::string("must be a whole number, ") + allowed);
     return fits ? static_cast<std::uint32_t>(value) : 0;
   };
-  constexpr double kMostDelay = SimulatedDevice::kMaxDelayTicks;
-  device.delay_ticks = whole(delay, kMostDelay, "plant.delay_ticks", "0 to 15");
+  constexpr double kMaxDelay = SimulatedDevice::kMaxDelayTicks;
+  device.delay_ticks = whole(delay, kMaxDelay, "plant.delay_ticks", "0 to 15");
   options.delay_spread_ticks =
-      whole(spread, kMostDelay - delay, "plant.delay_spread_ticks", "with delay_ticks at most 15");
+      whole(spread, kMaxDelay - delay, "plant.delay_spread_ticks", "with delay_ticks at most 15");
   options.seed = device.hand.seed = whole(seed, 1e9, "plant.seed", "0 to 1e9");
   return options;
 }

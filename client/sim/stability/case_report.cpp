@@ -7,7 +7,8 @@
 
 #include "client/sim/stability/case.h"
 #include "client/sim/tools/hand_thresholds.h"
-#include "common/base/text/columns.h"
+#include "common/base/text/text.h"
+#include "common/haptics/axial_entry.h"
 
 namespace needlelab {
 
@@ -104,10 +105,7 @@ std::string noticeableSteps(const std::vector<CaseRow>& rows) {
 }  // namespace
 
 std::string_view shortName(AxialModel model) {
-  static constexpr std::array<std::string_view, kAxialModelCount> kNames = {
-      "wall",        "wall 2018", "direct", "Voigt",   "god object", "first order",
-      "statistical", "table",     "FEM",    "Okamura", "Dahl"};
-  return kNames[static_cast<std::size_t>(model)];
+  return axialEntry(model).short_name;
 }
 
 std::string shortNumber(std::optional<double> value) {

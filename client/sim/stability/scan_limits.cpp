@@ -16,12 +16,12 @@
 namespace needlelab {
 namespace {
 
-constexpr double kLeastStiffness_N_per_m = 20;
+constexpr double kMinStiffness_N_per_m = 20;
 constexpr double kStep = 1.25;       // factor on the way up from a stable stiffness
 constexpr double kPrecision = 1.02;  // of the bisection
 
 // The largest K in (least, cap] that `stable` accepts when searching upward: the first rejected K ends the
-// search, whatever lies above.
+// search, regardless of what lies above.
 struct Found {
   double stiffness_N_per_m = 0;
   bool at_cap = false;
@@ -114,7 +114,7 @@ Result<StiffnessLimitRow> limitAt(const Study& study, const ScannedModel& scene,
     if (run.outcome.stable) row.felt_N_per_m = run.outcome.wall_N_per_m;
     return run.outcome.stable;
   };
-  ASSIGN_OR_RETURN(const auto found, largestStable(0.7 * row.coupled_N_per_m, kLeastStiffness_N_per_m,
+  ASSIGN_OR_RETURN(const auto found, largestStable(0.7 * row.coupled_N_per_m, kMinStiffness_N_per_m,
                                                    kMaxProfileStiffness_N_per_m, stable));
   row.stiffness_N_per_m = found.stiffness_N_per_m;
   row.at_cap = found.at_cap;
@@ -143,8 +143,8 @@ Result<RestLimitRow> restLimit(const Study& study, double encoder_step_m, double
     return run.outcome.finite && run.outcome.swing_end_m <= kAtRest_m;
   };
   ASSIGN_OR_RETURN(const auto found,
-                   largestStable(std::max(row.theory_N_per_m, kLeastStiffness_N_per_m),
-                                 kLeastStiffness_N_per_m, kMaxProfileStiffness_N_per_m, rests));
+                   largestStable(std::max(row.theory_N_per_m, kMinStiffness_N_per_m), kMinStiffness_N_per_m,
+                                 kMaxProfileStiffness_N_per_m, rests));
   row.stiffness_N_per_m = found.stiffness_N_per_m;
   row.at_cap = found.at_cap;
   return row;

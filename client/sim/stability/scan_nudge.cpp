@@ -10,6 +10,7 @@
 #include "common/fem/needle_mesh.h"
 #include "common/haptics/models/fem_needle.h"
 #include "common/haptics/models/like_for_like.h"
+#include "common/haptics/scene_model.h"
 
 namespace needlelab {
 namespace {
@@ -143,9 +144,11 @@ void stiffen(SceneSpec& fem, double factor) {
 Result<ScannedModel> ScannedModel::prepare(const SceneSpec& scene, AxialModel model,
                                            const PlantOptions& plant, const NudgeOptions& options) {
   ScannedModel scanned(scene, likeForLike(scene, model));
+  RETURN_IF_ERROR(addCompliance(scanned.scene_));
+  ASSIGN_OR_RETURN(const auto compiled, compile(scanned.scene_, plant.rate_hz));
+  scanned.damping_Ns_per_m_ = compiled.axial_damping_Ns_per_m;
   if (model != AxialModel::kFem) return scanned;
 
-  RETURN_IF_ERROR(addCompliance(scanned.scene_));
   // the felt stiffness depends on depth: iterate towards the wall's own stiffness in a few steps
   constexpr int kSteps = 4;
   const double wanted = scene.tracking_wall.stiffness_N_per_m;
@@ -168,10 +171,6 @@ SceneSpec ScannedModel::with(double stiffness_N_per_m) const {
   SceneSpec wall = wall_;
   wall.tracking_wall.stiffness_N_per_m = stiffness_N_per_m;
   return likeForLike(wall, model());
-}
-
-double ScannedModel::damping_Ns_per_m() const {
-  return model() == AxialModel::kVoigt ? scene_.voigt.damping_Ns_per_m : 0;
 }
 
 }  // namespace needlelab

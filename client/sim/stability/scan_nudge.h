@@ -56,25 +56,24 @@ Result<NudgeRun> nudge(const ForceSourceFactory& source, const SceneSpec& scene,
 inline constexpr double kMaxProfileStiffness_N_per_m = 10'000;  ///< maximum in a profile
                                                                 ///< (db/samples/README.md)
 
-/// The meaning of "K" per model: K_t of the tracking wall and of models rendered by it (STATISTICAL, and
-/// PRECOMPUTED, whose table rises with K_t too); the section's stiffness of DIRECT, VOIGT and GOD_OBJECT; the
-/// stiffness up to puncture of FIRST_ORDER, OKAMURA and DAHL. All derive from K_t by likeForLike. FEM has no
-/// such number: its E and compliance are scaled until a nudge feels K.
+/// "K" is K_t of the tracking wall; every other model derives its stiffness from it by likeForLike. FEM has
+/// no such number: its E and compliance are scaled until a nudge feels K.
 class ScannedModel {
  public:
   /// `scene` is the wall's. For FEM the constructor solves the mesh and measures the felt stiffness by nudges
-  /// with `plant` and `options`; kFailed if no stiffness is felt.
+  /// with `plant` and `options`; kFailed if no stiffness is felt. Other errors: those of `compile`.
   static Result<ScannedModel> prepare(const SceneSpec& scene, AxialModel model, const PlantOptions& plant,
                                       const NudgeOptions& options);
 
   [[nodiscard]] SceneSpec with(double stiffness_N_per_m) const;
   [[nodiscard]] AxialModel model() const { return scene_.axial_model; }
-  /// B of VOIGT, 0 for the others. In N·s/m.
-  [[nodiscard]] double damping_Ns_per_m() const;
+  /// The steepest slope of the model's force over the speed: B of VOIGT. In N·s/m.
+  [[nodiscard]] double damping_Ns_per_m() const { return damping_Ns_per_m_; }
 
  private:
   explicit ScannedModel(SceneSpec wall, SceneSpec scene) : wall_(std::move(wall)), scene_(std::move(scene)) {}
   SceneSpec wall_, scene_;
+  double damping_Ns_per_m_ = 0;
   double felt_N_per_m_ = 0;  // FEM: felt stiffness of the unscaled `scene_`
 };
 

@@ -1,9 +1,12 @@
 #include "client/sim/tools/offline_scene.h"
 
+#include <fmt/core.h>
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <numbers>
 #include <utility>
 
 #include "client/device/pose_option.h"
@@ -12,6 +15,7 @@
 #include "common/haptics/geometry.h"
 #include "common/haptics/scene_model.h"
 #include "common/haptics/scene_spec.h"
+#include "common/haptics/surface.h"
 #include "common/profile/profile.h"
 #include "common/profile/rules.h"
 #include "common/profile/scene_of_profile.h"
@@ -108,6 +112,38 @@ std::uint64_t fnv1a(std::string_view text) {
   std::uint64_t hash = 14695981039346656037u;
   for (const char c : text) hash = (hash ^ static_cast<unsigned char>(c)) * 1099511628211u;
   return hash;
+}
+
+std::optional<std::string> needleDirectionWarning(const Limb& limb, std::size_t rows,
+                                                  const std::function<TipSample(std::size_t)>& tip) {
+  bool was_outside = false;
+  for (std::size_t i = 0; i < rows; ++i) {
+    const TipSample now = tip(i);
+    const bool outside = signedDepth(limb, now.p_WT_m) < 0;
+    const bool enters = was_outside && !outside;
+    was_outside = outside;
+    if (!enters) continue;
+    const Vec3 axis = zAxis(now.q_WT);
+    const double cosine = -dot(axis, normalized(surfaceNormal(limb, now.p_WT_m, axis)));
+    if (cosine >= 0) continue;
+    return fmt::format(
+        "row {}: the needle's axis points out of the skin where it enters, {:.0f}° from straight in: is the "
+        "quaternion in the order w, x, y, z (the columns are qx, qy, qz, qw), or the frame left-handed? The "
+        "needle points along its z",
+        i + 1, std::acos(std::clamp(cosine, -1.0, 1.0)) * 180 / std::numbers::pi);
+  }
+  return std::nullopt;
+}
+
+void warnOfDirection(const char* command, const Limb& limb, std::size_t rows,
+                     const std::function<TipSample(std::size_t)>& tip) {
+  if (const auto warning = needleDirectionWarning(limb, rows, tip))
+    std::fprintf(stderr, "needlelab-sim %s: warning: %s\n", command, warning->c_str());
+}
+
+TipSample tipOf(const GestureSample& sample) {
+  return {{sample.p_WT_m[0], sample.p_WT_m[1], sample.p_WT_m[2]},
+          {sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]}};
 }
 
 }  // namespace needlelab

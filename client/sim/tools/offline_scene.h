@@ -1,8 +1,10 @@
 /// A profile and a trajectory, ready for the engine: input of `run` and `score`.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -10,7 +12,9 @@
 
 #include "client/device/recording/recording_device.h"
 #include "common/base/result.h"
+#include "common/gesture/sample.h"
 #include "common/haptics/engine.h"
+#include "common/haptics/scene_model.h"
 #include "needlelab/profile.pb.h"
 
 namespace CLI {
@@ -58,5 +62,17 @@ void printWarnings(const OfflineScene& scene);
 /// FNV-1a, 64 bits, of a text. Doubles are written so that they read back exactly, so equal hashes mean equal
 /// bits.
 std::uint64_t fnv1a(std::string_view text);
+
+// --- whether a needle enters the skin tip first: hub first indicates another quaternion order or frame
+
+/// The needle points along z of its frame. `tip`: returns row i, in the limb's frame W. Returns a warning for
+/// people about the first entry where it points out of the skin; empty if there is none.
+std::optional<std::string> needleDirectionWarning(const Limb& limb, std::size_t rows,
+                                                  const std::function<TipSample(std::size_t)>& tip);
+
+/// Prints it on standard error.
+void warnOfDirection(const char* command, const Limb& limb, std::size_t rows,
+                     const std::function<TipSample(std::size_t)>& tip);
+TipSample tipOf(const GestureSample& sample);
 
 }  // namespace needlelab

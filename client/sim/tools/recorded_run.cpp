@@ -4,7 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <utility>
 
+#include "common/base/histogram.h"
+#include "common/base/range.h"
 #include "common/haptics/effects/resume.h"
 #include "common/haptics/tick.h"
 
@@ -39,8 +43,8 @@ const StepReport& RecordedRun::step(const GestureSample& sample) {
   const TipSample tip{{sample.p_WT_m[0], sample.p_WT_m[1], sample.p_WT_m[2]},
                       {sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]}};
   const StoredTick stored = storedTickOf(sample);
-  StepReport as_told;
-  stepAsStored(model_, tip, stored, *told_, as_told);
+  StepReport told_report;
+  stepAsStored(model_, tip, stored, *told_, told_report);
   needlelab::step(model_, tip, *own_, report_);
 
   if (stored.layer < 0 && report_.layer < 0) return report_;
@@ -64,6 +68,98 @@ RecordedDifference RecordedRun::difference() const {
   difference.p99_N = sorted[sorted.size() * 99 / 100];
   difference.greatest_N = sorted.back();
   return difference;
+}
+
+namespace {
+
+Error rowError(const std::filesystem::path& path, std::size_t row, const std::string& why) {
+  return {ErrorCode::kInvalidInput, fmt::format("{} row {}: {}", path.string(), row + 1, why)};
+}
+
+Status checkOrder(const std::filesystem::path& path, const std::vector<GestureSample>& samples) {
+  for (std::size_t i = 1; i < samples.size(); ++i) {
+    const GestureSample &before = samples[i - 1], &now = samples[i];
+    if (now.tick <= before.tick)
+      return rowError(path, i,
+                      fmt::format("tick {} comes after {}: ticks must ascend; were the rows sorted?",
+                                  now.tick, before.tick));
+    if (now.time_ns <= before.time_ns)
+      return rowError(
+          path, i, fmt::format("time_ns {} comes after {}: times must ascend", now.time_ns, before.time_ns));
+  }
+  return {};
+}
+
+/// The median duration of a tick; 0 with fewer than two samples.
+double tickOf_s(const std::vector<GestureSample>& samples) {
+  std::vector<double> periods;
+  for (std::size_t i = 1; i < samples.size(); ++i)
+    periods.push_back(1e-9 * static_cast<double>(samples[i].time_ns - samples[i - 1].time_ns) /
+                      static_cast<double>(samples[i].tick - samples[i - 1].tick));
+  return periods.empty() ? 0 : medianOf(std::move(periods));
+}
+
+/// A station's rate is a whole number of ticks per second, but its times are not exact.
+double wholeRate(double tick_s) {
+  constexpr double kOff = 5e-3;
+  if (!(tick_s > 0)) return 0;
+  const double rate_hz = std::round(1 / tick_s);
+  return rate_hz > 0 && std::abs(rate_hz * tick_s - 1) <= kOff ? rate_hz : 0;
+}
+
+/// A busy computer may miss this much; the recording still counts as complete.
+constexpr double kMaxMissed_s = 0.1;
+
+/// Detects deleted rows; a thinned recording has every n-th tick.
+std::vector<std::string> holesOf(const std::vector<GestureSample>& samples, double tick_s) {
+  std::vector<std::uint64_t> steps;
+  for (std::size_t i = 1; i < samples.size(); ++i) steps.push_back(samples[i].tick - samples[i - 1].tick);
+  if (steps.empty()) return {};
+  const double usual = static_cast<double>(medianOf(steps));
+  const double most = std::max(3 * usual, kMaxMissed_s / std::max(tick_s, 1e-9));
+  std::vector<std::string> holes;
+  for (std::size_t i = 0; i < steps.size(); ++i)
+    if (static_cast<double>(steps[i]) > most)
+      holes.push_back(fmt::format("ticks {} to {} are missing behind row {}", samples[i].tick + 1,
+                                  samples[i + 1].tick - 1, i + 1));
+  return holes;
+}
+
+}  // namespace
+
+Result<RecordedGesture> readRecordedGesture(const std::filesystem::path& path, DamagedRecording damaged,
+                                            WallColumns wall, std::optional<double> rate_hz) {
+  RecordedGesture gesture;
+  const bool is_csv = path.extension() == ".csv";
+  if (is_csv) {
+    ASSIGN_OR_RETURN(gesture.samples, readSampleCsv(path, wall));
+  } else {
+    ASSIGN_OR_RETURN(auto read, readRecording(path, damaged));
+    gesture.samples = std::move(read.samples);
+    gesture.holes = std::move(read.holes);
+    gesture.rate_hz = read.rate_hz;
+  }
+  if (gesture.samples.empty()) return Error{ErrorCode::kInvalidInput, path.string() + ": has no samples"};
+  RETURN_IF_ERROR(checkOrder(path, gesture.samples));
+  const double tick_s = tickOf_s(gesture.samples);
+  if (gesture.rate_hz == 0) gesture.rate_hz = wholeRate(tick_s);
+  if (is_csv) gesture.holes = holesOf(gesture.samples, tick_s);
+  if (!gesture.holes.empty() && damaged == DamagedRecording::kRefuse)
+    return Error{
+        ErrorCode::kCorrupt,
+        fmt::format("{}: incomplete: {}{}", path.string(), gesture.holes.front(),
+                    gesture.holes.size() == 1 ? std::string()
+                                              : fmt::format(" (and {} more)", gesture.holes.size() - 1))};
+  if (gesture.rate_hz == 0 && !rate_hz)
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("{}: its ticks take {} s, which is not a station's rate: give --rate",
+                             path.string(), numberText(tick_s))};
+  if (gesture.rate_hz == 0) gesture.rate_hz = *rate_hz;
+  if (rate_hz && *rate_hz != gesture.rate_hz)
+    return Error{ErrorCode::kInvalidInput,
+                 fmt::format("--rate {}: {} was recorded at {} Hz; leave --rate out", numberText(*rate_hz),
+                             path.string(), numberText(gesture.rate_hz))};
+  return gesture;
 }
 
 }  // namespace needlelab

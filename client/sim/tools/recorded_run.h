@@ -1,16 +1,34 @@
-/// Runs the engine again along a recording, and compares its forces with the recorded ones.
+/// A device's recording, or its samples as CSV (session export): input of `run` and `score`. Runs the engine
+/// again along it, and compares its forces with the recorded ones.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "client/device/recording/whole_recording.h"
+#include "common/base/result.h"
 #include "common/gesture/sample.h"
 #include "common/haptics/engine.h"
 
 namespace needlelab {
+
+struct RecordedGesture {
+  std::vector<GestureSample> samples;  ///< at least one; ticks and times ascend
+  std::vector<std::string> holes;      ///< in a damaged one; empty if complete
+  double rate_hz = 0;                  ///< as given in the file
+};
+
+/// The rate comes from the metadata, otherwise from ticks and times. `rate_hz`: the rate that the caller
+/// expects; empty: any. Errors: those of readRecording and readSampleCsv; kInvalidInput, with the row, for
+/// ticks or times that do not ascend, for a rate other than `rate_hz`, and if the file gives none; kCorrupt
+/// for missing ticks in a CSV (more than three of the usual steps, and 0.1 s), unless `damaged` is kRead.
+Result<RecordedGesture> readRecordedGesture(const std::filesystem::path& path, DamagedRecording damaged,
+                                            WallColumns wall, std::optional<double> rate_hz);
 
 /// Larger differences between a run's force and the recorded one count, in N: what a hand notices.
 inline constexpr double kDiffers_N = 0.02;

@@ -1,4 +1,4 @@
-#include "client/station/run/lesson_fetch.h"
+#include "client/station/run/station_run.h"
 
 #include <fmt/core.h>
 
@@ -60,7 +60,7 @@ std::vector<std::string> lessonsKept(const StationOptions& options) {
   std::vector<std::string> names;
   for (const CachedLesson& lesson : LessonCache(options.spool).list()) {
     const ServerExercise* const exercise = exerciseIn(curriculum, lesson.exercise_id);
-    const bool may = exercise != nullptr ? mayTake(*exercise, standing) : !lesson.assigned_only;
+    const bool may = exercise != nullptr ? canStart(*exercise, standing) : !lesson.assigned_only;
     if (lesson.trouble.empty() && may)
       names.push_back(lesson.name.empty() ? lesson.exercise_id : lesson.name);
   }
@@ -150,10 +150,10 @@ Status LessonFetch::checkTrainee() {
     logMessage(fmt::format("the server did not say within {} s whether it knows the trainee ({})",
                            patience.count(), reply.error().message));
   // kDenied may also mean that the server refuses the station; its lesson then continues without the server
-  const bool said_no = code == ErrorCode::kNotFound ||
-                       (code == ErrorCode::kDenied && !uplink->state().denied) ||
-                       ((code_asked_ || code_sent) && code != ErrorCode::kUnavailable);
-  return said_no ? Status(reply.error()) : Status();
+  const bool is_refusal = code == ErrorCode::kNotFound ||
+                          (code == ErrorCode::kDenied && !uplink->state().denied) ||
+                          ((code_asked_ || code_sent) && code != ErrorCode::kUnavailable);
+  return is_refusal ? Status(reply.error()) : Status();
 }
 
 // counts an exam's attempts as far as this station knows them; the server counts them all
@@ -166,7 +166,7 @@ Status LessonFetch::mayBeginAlone(const pb::Lesson& lesson) const {
   const bool assigned_only = lesson.assigned_only() || (exercise != nullptr && exercise->assigned_only);
   if (!assigned_only) return {};
   const std::string name = "\"" + (exercise != nullptr ? exercise->name : options_.exercise) + "\"";
-  if (exercise == nullptr || standing == nullptr || !mayTake(*exercise, standing))
+  if (exercise == nullptr || standing == nullptr || !canStart(*exercise, standing))
     return Error{ErrorCode::kDenied, name +
                                          " is only for those to whom it is assigned. The server cannot be "
                                          "reached, and this station does not know that it is assigned to "
@@ -183,18 +183,20 @@ Status LessonFetch::mayBeginAlone(const pb::Lesson& lesson) const {
 
 // says what the trainee can do now
 Error LessonFetch::needsServer() const {
-  constexpr std::size_t kMostNames = 8;
+  constexpr std::size_t kMaxNames = 8;
   const std::vector<std::string> kept = lessonsKept(options_);
   std::string names;
-  for (std::size_t i = 0; i < std::min(kept.size(), kMostNames); ++i)
+  for (std::size_t i = 0; i < std::min(kept.size(), kMaxNames); ++i)
     names += (i == 0 ? "\"" : ", \"") + kept[i] + "\"";
-  if (kept.size() > kMostNames) names += fmt::format(" and {} more", kept.size() - kMostNames);
+  if (kept.size() > kMaxNames) names += fmt::format(" and {} more", kept.size() - kMaxNames);
   const bool has_server = home_.uplink() != nullptr;
   const std::string why = has_server ? "The server cannot be reached" : "This station has no server";
   return {has_server ? ErrorCode::kUnavailable : ErrorCode::kInvalidInput,
-          kept.empty() ? why + ", and no lesson is kept here: ask the instructor."
-                       : why + ". These lessons are kept here: " + names +
-                             ". Others need the server: ask the instructor."};
+          kept.empty()
+              ? (has_server ? why + ", and no lessons are stored here" : why + " and no stored lessons") +
+                    ": ask the instructor."
+              : why + ". These lessons are stored here: " + names +
+                    ". Others need the server: ask the instructor."};
 }
 
 Result<StationLesson> LessonFetch::get() {

@@ -60,7 +60,7 @@ void LoopWatch::look() {
   state.faults = loop.faults();
   state.fault = loop.fault();
   state.cause_lasts = loop.causeLasts();
-  state.acknowledged = loop.acknowledgementStands();
+  state.acknowledged = loop.isAcknowledged();
   state.condition = loop.condition();
   state.device_status = watched_.maintenance.status();
   handleFaults(state);

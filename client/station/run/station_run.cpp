@@ -1,6 +1,5 @@
 // The phases of a lesson: prepare (lesson, device, session), practise (the loop on its own thread, watched by
 // this one), drain (sends the rest to the server), outcome and report.
-
 #include "client/station/run/station_run.h"
 
 #include <fmt/core.h>
@@ -16,8 +15,8 @@
 #include <utility>
 #include <vector>
 
+#include "client/device/device.h"
 #include "client/device/factory/device_factory.h"
-#include "client/device/rehearsed_fault.h"
 #include "client/net/uplink/uplink.h"
 #include "client/station/run/checks/measure_delay.h"
 #include "client/station/run/io/terminal.h"
@@ -25,7 +24,6 @@
 #include "client/station/run/lesson/cut_follower.h"
 #include "client/station/run/lesson/lesson.h"
 #include "client/station/run/lesson/local_score.h"
-#include "client/station/run/lesson_fetch.h"
 #include "client/station/run/loop/real_time.h"
 #include "client/station/run/loop/signals.h"
 #include "client/station/run/loop_watch.h"
@@ -256,9 +254,9 @@ Status StationRun::practise() {
   rt_options.rate_hz = options_.rate_hz;
   LoopTime clock(rt_options.spin_ns);
   EnterKey enter(STDIN_FILENO);
-  const bool somebody_there = options_.opensWindow() || enter.isTerminal();
+  const bool is_attended = options_.opensWindow() || enter.isTerminal();
   ServoSettings settings{options_.rate_hz, options_.X_HT, max_ticks_};
-  settings.on_fault = options_.on_fault.value_or(somebody_there ? FaultPolicy::kWait : FaultPolicy::kEnd);
+  settings.on_fault = options_.on_fault.value_or(is_attended ? FaultPolicy::kWait : FaultPolicy::kEnd);
   settings.black_box = &black_box;
   settings.plunger = options_.plunger;
   settings.passivity = lesson_.passivity;
@@ -317,7 +315,7 @@ void StationRun::drain() {
 }
 
 // for an exam; uses only the server's clock, because this computer's may be wrong
-std::int64_t StationRun::resultsHeldUntil() const {
+std::int64_t StationRun::resultsWithheldUntil() const {
   const Uplink* const uplink = home_.uplink();
   const auto ahead = uplink != nullptr ? uplink->state().server_minus_steady_ns : std::nullopt;
   const std::int64_t from_ns = lesson_.results_from_unix_ns;
@@ -326,7 +324,7 @@ std::int64_t StationRun::resultsHeldUntil() const {
 
 // only once, because it reads the whole recording
 void StationRun::scoreHere() {
-  if (local_ || resultsHeldUntil() != 0) return;
+  if (local_ || resultsWithheldUntil() != 0) return;
   local_ = localScore(*session_, lesson_, options_.X_WL);
   if (!local_->ok()) logMessage("no score by this station: " + local_->error().message);
 }
@@ -353,11 +351,11 @@ StationSummary StationRun::summarise() {
   s.device_notes = device_notes_;
   s.alarms = alarms_.counts();
   s.stiffness_share = lesson_.stiffness_share;
-  s.bone_left_out = lesson_.bone_left_out;
+  s.left_out = lesson_.left_out;
   s.spool = options_.spool.string();
   if (stopped_) s.stopped = *stopped_;
   s.state = "OPEN";
-  s.results_from_unix_ns = resultsHeldUntil();
+  s.results_from_unix_ns = resultsWithheldUntil();
   Uplink* const uplink = home_.uplink();
   s.has_server = uplink != nullptr;
   if (uplink != nullptr) {

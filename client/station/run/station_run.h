@@ -3,6 +3,7 @@
 
 #include <csignal>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -12,6 +13,7 @@
 #include "client/device/device.h"
 #include "client/device/hand/hand.h"
 #include "client/station/alarm/lesson_alarms.h"
+#include "client/station/run/io/options.h"
 #include "client/station/run/lesson/lesson.h"
 #include "client/station/run/lesson/local_score.h"
 #include "client/station/run/lesson/trainee_code.h"
@@ -20,8 +22,26 @@
 #include "client/station/run/loop/servo_loop.h"
 #include "client/station/run/station.h"
 #include "client/station/run/summary.h"
+#include "common/base/result.h"
 
 namespace needlelab {
+
+// --- the lesson that a trainee chose: from a profile file, the server, or the cache while the server is away
+
+struct FetchedLesson {
+  StationLesson lesson;
+  bool code_checked = false;    ///< the server accepted the trainee's code
+  bool code_unchecked = false;  ///< the server normally asks for one, but is away
+  std::string person = {};      ///< "@" and the UUID of the trainee's account; empty: not known
+};
+
+/// Asks the server for the lesson, or with a profile file whether it knows the trainee; asks for the code
+/// while it is missing or wrong. Stores the lesson, and whether a code is asked for, in the spool. Wipes the
+/// code when it returns a lesson. `stopped`: whether to stop waiting. Errors: kCode (no right code, or the
+/// server is too busy to check it), kInvalidInput (file, cache, lesson), the server's refusals, kFailed
+/// (stopped). An absent server is an error only if the lesson is not in the cache. Thread: the lesson's.
+Result<FetchedLesson> fetchLesson(StationHome& home, const StationOptions& options, GivenCode& code,
+                                  const std::function<bool()>& stopped);
 
 /// One lesson. Call `prepare`, `practise`, then `drain` to wait for the server, `outcome` any number of
 /// times, and `report` once. Thread: one, which starts and joins all others.
@@ -61,7 +81,7 @@ class StationRun {
   void dateBegin(pb::SessionDescription& description) const;
   void announce();
   // afterwards
-  [[nodiscard]] std::int64_t resultsHeldUntil() const;
+  [[nodiscard]] std::int64_t resultsWithheldUntil() const;
   void scoreHere();
   StationSummary summarise();
 

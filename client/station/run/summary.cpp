@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "common/base/program.h"
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/engine.h"
 #include "common/haptics/gate/force_gate.h"
@@ -87,7 +87,7 @@ constexpr FlagText kFlagTexts[] = {
     {kGateStartRamp, false, "start: force fading in"},
     {kGateFaulted, true, "FAULT: force taken away"},
     {kDeviceEmergencyStop, true, "emergency stop pressed"},
-    {kDeviceReleased, false, "nobody held the handle: no force"},
+    {kDeviceReleased, false, "no one held the handle: no force"},
     {kDevicePowerOff, true, "motors without power: no force"},
     {kDeviceOverheated, true, "motors too hot"},
     {kDeviceSaturated, true, "device rendered less than it was asked for"},
@@ -412,8 +412,8 @@ std::string summaryText(const StationSummary& s) {
     text += fmt::format("alarm        {}: {}{}\n", kindOf(alarm.alarm).name, alarm.detail,
                         alarm.begun > 1 ? fmt::format(", {} times", alarm.begun) : "");
   text += syringeLines(s);
-  if (s.miss) text += "target       " + missText(*s.miss) + " " + missPlaceText(*s.miss) + "\n";
-  if (const std::string lowered = stiffnessShareText(s.stiffness_share, s.bone_left_out); !lowered.empty())
+  if (s.miss) text += "target       " + missText(*s.miss) + " " + missDirectionText(*s.miss) + "\n";
+  if (const std::string lowered = stiffnessShareText(s.stiffness_share, s.left_out); !lowered.empty())
     text += "stiffness    " + lowered + "\n";
   text += "score        " + scoreText(s);
   if (text.back() != '\n') text += '\n';

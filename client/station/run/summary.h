@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "client/effect_cost/calibration.h"
+#include "client/effect_cost/tick_cost.h"
 #include "client/net/spool/spool_writer.h"
 #include "client/net/uplink/uplink.h"
 #include "client/station/run/lesson_requests.h"
@@ -37,7 +37,7 @@ struct StationSummary {
   std::vector<std::string> device_notes;  ///< the device's limits, and the substitutes for them
   std::vector<AlarmCount> alarms;         ///< of the gesture
   double stiffness_share = 1;             ///< as in SessionDescription
-  bool bone_left_out = false;             ///< as in StationLesson
+  EffectMask left_out = 0;                ///< as in StationLesson
   std::optional<EffectCosts>
       effect_costs;  ///< of the live effects, measured before the loop; none if the measurement failed
   std::vector<RtStep> realtime;

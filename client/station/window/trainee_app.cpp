@@ -77,12 +77,12 @@ std::vector<PictureRequest> PicturePlan::missing() const {
 
 namespace {
 
-bool thereIsADisplay() {
+bool hasDisplay() {
   const char* const display = std::getenv("DISPLAY");
   return display != nullptr && *display != '\0';
 }
 
-bool wantsPicture(const StationOptions& options, PictureRequest::When when) {
+bool isPictureRequested(const StationOptions& options, PictureRequest::When when) {
   const auto& pictures = options.window.pictures;
   return std::any_of(pictures.begin(), pictures.end(),
                      [&](const auto& picture) { return picture.when == when; });
@@ -156,7 +156,7 @@ class LessonThread {
   static void atExit() {
     LessonThread* const here = current_.load();
     if (here == nullptr || here->thread_.get_id() == std::this_thread::get_id()) return;
-    logMessage("the display is gone; the lesson ends, what was recorded is kept");
+    logMessage("the display is gone; the lesson ends, and its recording is kept");
     here->finish();
     endProgram(kExitFailed);
   }
@@ -191,7 +191,7 @@ class FrameLoop {
     while (!lessons_.ended()) {
       if (signalWithin(signals_, 0ms) != 0) lessons_.requestEndAgain();
       if (!surface_.beginFrame()) break;
-      if (surface_.takeCloseWish()) {
+      if (surface_.takeCloseRequest()) {
         // while the program ends, there is nothing left to ask
         if (window_.shown().stage == Stage::kClosing) surface_.close();
         window_.askToQuit();
@@ -203,7 +203,7 @@ class FrameLoop {
       drawn_s_ += surface_.frameCost_s();
       logFrame();
       takePictures();
-      if (alone_) goOnAlone();
+      if (alone_) stepWithoutDisplay();
     }
     const double seconds = watch.lap();
     logMessage(fmt::format("window: {} frames, {:.1f} a second, {:.1f} ms each", frames_,
@@ -243,21 +243,22 @@ class FrameLoop {
   }
 
   // without a display no person can begin or quit
-  void goOnAlone() {
+  void stepWithoutDisplay() {
     const BoardState& state = window_.shown();
-    const bool lesson_is_wanted = wantsPicture(options_, PictureRequest::When::kLesson) ||
-                                  wantsPicture(options_, PictureRequest::When::kEnd);
+    const bool lesson_is_requested = isPictureRequested(options_, PictureRequest::When::kLesson) ||
+                                     isPictureRequested(options_, PictureRequest::When::kEnd);
     if (state.stage == Stage::kStart && !state.trouble.empty()) return lessons_.requestEnd();
-    if (state.stage == Stage::kStart && startIsTaken() && !begun_) {
-      if (!lesson_is_wanted) return lessons_.requestEnd();
+    if (state.stage == Stage::kStart && isStartPictureTaken() && !begun_) {
+      if (!lesson_is_requested) return lessons_.requestEnd();
       begun_ = true;
       board_.ask({BoardRequest::Kind::kBegin, state.choice});
     }
     // ends after the server's verdict, or without further pictures
-    if (state.stage == Stage::kEnd && (plan_.done() || !wantsPicture(options_, PictureRequest::When::kEnd)))
+    if (state.stage == Stage::kEnd &&
+        (plan_.done() || !isPictureRequested(options_, PictureRequest::When::kEnd)))
       lessons_.requestEnd();
   }
-  [[nodiscard]] bool startIsTaken() const {
+  [[nodiscard]] bool isStartPictureTaken() const {
     const auto missing = plan_.missing();
     return std::none_of(missing.begin(), missing.end(),
                         [](const auto& picture) { return picture.when == PictureRequest::When::kStart; });
@@ -286,19 +287,19 @@ Status checkDisplay(const StationOptions& options, bool display) {
                  "--screenshot FILE --at S takes pictures of a lesson without one"};
   if (options.hand.plan == kPointerPlan)
     return Error{ErrorCode::kInvalidInput,
-                 "--hand-plan pointer needs a display: nobody could move the hand here"};
-  const bool needs_lesson = wantsPicture(options, PictureRequest::When::kLesson) ||
-                            wantsPicture(options, PictureRequest::When::kEnd);
+                 "--hand-plan pointer needs a display: no one could move the hand here"};
+  const bool needs_lesson = isPictureRequested(options, PictureRequest::When::kLesson) ||
+                            isPictureRequested(options, PictureRequest::When::kEnd);
   if (needs_lesson && options.exercise.empty() && options.profile_file.empty())
     return Error{ErrorCode::kInvalidInput,
-                 "without a display nobody can choose: give --exercise ID or --profile FILE"};
+                 "without a display no one can choose: give --exercise ID or --profile FILE"};
   return {};
 }
 
 }  // namespace
 
 int runTrainee(const StationOptions& given, const sigset_t& stop_signals) {
-  const bool display = thereIsADisplay();
+  const bool display = hasDisplay();
   if (const Status possible = checkDisplay(given, display); !possible.ok())
     return refused(possible.error().message, exitCodeOf(possible.error()));
   StationOptions options = given;
@@ -322,7 +323,8 @@ int runTrainee(const StationOptions& given, const sigset_t& stop_signals) {
   keep_off.reset();
   LessonBoard board;
   const bool alone = !display;
-  const bool begins = options.window.start || (alone && !wantsPicture(options, PictureRequest::When::kStart));
+  const bool begins =
+      options.window.start || (alone && !isPictureRequested(options, PictureRequest::When::kStart));
   LessonSequence sequence(options, stop_signals, board, alone, begins);
   auto window = TraineeWindow::make(board, sequence.requests(), options.window.may_quit);
   if (!window.ok()) return refused(window.error().message, exitCodeOf(window.error()));

@@ -31,11 +31,11 @@ ShownFrame TraineeWindow::shownFrame() const {
   ShownFrame frame;
   frame.stage = state_.stage;
   const bool in_lesson = state_.stage == Stage::kLesson || state_.stage == Stage::kConcluding;
-  frame.question = quit_question_.shown()                     ? ShownQuestion::kQuit
-                   : in_lesson && lesson_screen_.asksForEnd() ? ShownQuestion::kEndLesson
-                                                              : ShownQuestion::kNone;
+  frame.question = quit_question_.shown()                        ? ShownQuestion::kQuit
+                   : in_lesson && lesson_screen_.isOfferingEnd() ? ShownQuestion::kEndLesson
+                                                                 : ShownQuestion::kNone;
   frame.can_begin = !quit_question_.asked() && ((state_.stage == Stage::kStart && start_.canBegin()) ||
-                                                (state_.stage == Stage::kEnd && end_.takesKeys()));
+                                                (state_.stage == Stage::kEnd && end_.acceptsKeys()));
   frame.lesson = state_.lesson;
   frame.lesson_s = lessonTime_s();
   if (follow_ && follow_->begun()) {

@@ -134,7 +134,7 @@ double OrbitCamera::metresPerPixel(double height_px) const {
   return 2 * distance_m * std::tan(field_of_view_rad / 2) / std::max(height_px, 1.0);
 }
 
-OrbitCamera firstLook(const SceneView& scene) {
+OrbitCamera initialView(const SceneView& scene) {
   OrbitCamera camera;
   camera.up_W = scene.focus_normal_W;
   camera.front_W = levelled({1, 0, 0}, camera.up_W);
@@ -146,16 +146,16 @@ OrbitCamera firstLook(const SceneView& scene) {
   return camera;
 }
 
-OrbitCamera lookFromAbove(const SceneView& scene) {
-  OrbitCamera camera = firstLook(scene);
+OrbitCamera viewFromAbove(const SceneView& scene) {
+  OrbitCamera camera = initialView(scene);
   camera.azimuth_rad = 0;
   camera.elevation_rad = kMaxElevation_rad;
   camera.focus_W_m = scene.focus_W_m;
   return camera;
 }
 
-OrbitCamera lookFromTheSide(const SceneView& scene) {
-  OrbitCamera camera = firstLook(scene);
+OrbitCamera viewFromSide(const SceneView& scene) {
+  OrbitCamera camera = initialView(scene);
   camera.azimuth_rad = 90 * std::numbers::pi / 180;
   camera.elevation_rad = 0;
   return camera;

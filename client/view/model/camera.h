@@ -58,10 +58,10 @@ struct OrbitCamera {
 
 /// Returns the scene's initial view: limb, target and needle in the picture, the surface's normal up, the
 /// user's side (W's x) in front.
-OrbitCamera firstLook(const SceneView& scene);
+OrbitCamera initialView(const SceneView& scene);
 /// Views along the surface's normal from above, and from the side.
-OrbitCamera lookFromAbove(const SceneView& scene);
-OrbitCamera lookFromTheSide(const SceneView& scene);
+OrbitCamera viewFromAbove(const SceneView& scene);
+OrbitCamera viewFromSide(const SceneView& scene);
 
 /// Returns the plane in which the scene's picture shows the insertion: upright (it contains the surface's
 /// normal), through the scene's focus, facing the eye. The cut lies slightly behind it.

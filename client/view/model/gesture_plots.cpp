@@ -13,17 +13,17 @@ namespace {
 
 /// Measures that judge a plotted quantity over the same ticks.
 struct JudgingMeasure {
-  std::string_view measure;
+  MeasureRole role;
   GesturePlot plot;
   TraceChannel channel;
   std::string_view more = {};  ///< appended to the limit's text
   bool both_ways = false;      ///< also drawn below zero
 };
 constexpr JudgingMeasure kJudgingMeasures[] = {
-    {"peak_force_n", GesturePlot::kForces, TraceChannel::kForce},
-    {"peak_speed_m_s", GesturePlot::kSpeed, TraceChannel::kSpeed, ", in any direction", true},
-    {"greatest_depth_m", GesturePlot::kDepth, TraceChannel::kDepth},
-    {"largest_lateral_error_m", GesturePlot::kAlignment, TraceChannel::kLateralError},
+    {MeasureRole::kForce, GesturePlot::kForces, TraceChannel::kForce},
+    {MeasureRole::kSpeed, GesturePlot::kSpeed, TraceChannel::kSpeed, ", in any direction", true},
+    {MeasureRole::kDepth, GesturePlot::kDepth, TraceChannel::kDepth},
+    {MeasureRole::kOwnLine, GesturePlot::kAlignment, TraceChannel::kLateralError},
 };
 
 PlotSeries seriesOf(const GestureTrace& trace, TraceChannel channel, Rgb colour, bool dashed = false) {
@@ -204,7 +204,7 @@ void addLimits(Plot& plot, GesturePlot which, std::span<const PlotRequirement> r
   for (const JudgingMeasure& judging : kJudgingMeasures) {
     if (judging.plot != which) continue;
     for (const PlotRequirement& requirement : requirements) {
-      if (requirement.measure != judging.measure) continue;
+      if (roleOf(requirement.measure) != judging.role) continue;
       const std::size_t before = plot.limits.size();
       addLimits(plot, requirement, infoOf(judging.channel).shown_per_si);
       const std::size_t added = plot.limits.size();

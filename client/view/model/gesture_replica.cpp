@@ -80,7 +80,7 @@ struct GestureReplica::State {
   void forgetCuts();
   void stepAlong(const GestureSample& sample);
   void compareWith(const GestureSample& sample);
-  void tellInsertion();
+  void updateMoment();
 };
 
 GestureReplica::GestureReplica(std::shared_ptr<const SceneModel> model, bool thinned, double loop_rate_hz)
@@ -135,7 +135,7 @@ const Moment& GestureReplica::feed(const GestureSample& sample) {
     state.stepAlong(sample);
     state.compareWith(sample);
   }
-  state.tellInsertion();
+  state.updateMoment();
   return state.now;
 }
 
@@ -174,7 +174,7 @@ void GestureReplica::State::compareWith(const GestureSample& sample) {
   }
 }
 
-void GestureReplica::State::tellInsertion() {
+void GestureReplica::State::updateMoment() {
   now.depth_m = report.depth_m;
   now.inside = engine.inside || guessed;
   now.approximate = differs || (now.inside && (lost || thinned || cuts_unknown));

@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t kBlock = 1024, kPart = 32, kParts = kBlock / kPart;
 constexpr double kMomentPeriod_s = 0.01;
-constexpr std::size_t kMostEvents = 4000;
+constexpr std::size_t kMaxEvents = 4000;
 constexpr double kSameTurn_s = 0.2;  // turns within this time count as one event
 constexpr double kSameGap_s = 0.2;   // likewise gaps
 constexpr double kDegrees = 180 / std::numbers::pi;
@@ -280,9 +280,9 @@ void GestureTrace::Store::forgetOld() {
   while (blocks.size() > 1 && blocks.front()->time_s[blocks.front()->count - 1] < oldest_s)
     blocks.pop_front();
   while (moments.size() > 1 && moments[1].time_s <= oldest_s) moments.pop_front();
-  while (!events.empty() && (events.front().time_s < oldest_s || events.size() > kMostEvents))
+  while (!events.empty() && (events.front().time_s < oldest_s || events.size() > kMaxEvents))
     events.pop_front();
-  while (!gaps.empty() && (gaps.front().to < oldest_s || gaps.size() > kMostEvents)) gaps.pop_front();
+  while (!gaps.empty() && (gaps.front().to < oldest_s || gaps.size() > kMaxEvents)) gaps.pop_front();
 }
 
 void GestureTrace::Store::addEvent(TraceEvent event) {

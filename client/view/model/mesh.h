@@ -1,4 +1,5 @@
-/// Triangle meshes computed from the scene's numbers; the renderer only uploads them.
+/// Triangle meshes computed from the scene's numbers, and pictures as plain bytes; the renderer only uploads
+/// them.
 #pragma once
 
 #include <cstdint>
@@ -77,5 +78,17 @@ struct SideAxes {
   Vec3 a, b;
 };
 SideAxes sideAxes(Vec3 axis);
+
+/// Rows from top to bottom, one byte per pixel, 0 black to 255 white.
+struct GreyImage {
+  int width = 0, height = 0;
+  std::vector<std::uint8_t> pixels;  ///< width·height
+};
+
+/// Rows from top to bottom, four bytes per pixel: red, green, blue, opacity (sRGB).
+struct RgbaImage {
+  int width = 0, height = 0;
+  std::vector<std::uint8_t> pixels;  ///< 4·width·height
+};
 
 }  // namespace needlelab

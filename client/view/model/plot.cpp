@@ -27,7 +27,7 @@ constexpr double kZeroIsNear = 0.6;  // of the largest value: the axis includes 
 struct QuantityRow {
   PlotQuantity quantity;
   std::string_view unit;
-  double least_span;
+  double min_span;
 };
 /// Each span is large compared with the devices' noise (0.03 mm, 0.01 N, 0.1°) and small compared with what a
 /// teacher corrects. `quantityOfUnit` returns a unit's first row.
@@ -51,7 +51,7 @@ constexpr std::array kQuantities{
 double leastSpanOf(PlotQuantity quantity) {
   const auto* const row = std::find_if(kQuantities.begin(), kQuantities.end(),
                                        [&](const QuantityRow& each) { return each.quantity == quantity; });
-  return row == kQuantities.end() ? 0 : row->least_span;
+  return row == kQuantities.end() ? 0 : row->min_span;
 }
 
 PlotQuantity quantityOfUnit(std::string_view shown_unit) {
@@ -86,7 +86,7 @@ AxisSpan fittedSpan(const Plot& plot, const std::optional<AxisSpan>& data) {
   return span;
 }
 
-AxisTicks axisTicks(double low, double high, int wanted, bool widen, double least_step) {
+AxisTicks axisTicks(double low, double high, int wanted, bool widen, double min_step) {
   if (!std::isfinite(low)) low = 0;
   if (!std::isfinite(high)) high = low;
   low = std::clamp(low, -kLargest, kLargest);
@@ -103,10 +103,10 @@ AxisTicks axisTicks(double low, double high, int wanted, bool widen, double leas
   double first = 0, last = 0;
   // A range may contain one multiple or none; a single tick does not show the scale.
   for (double rough = (high - low) / std::max(wanted, 2);; rough *= 0.5) {
-    ticks.step = roundStep(std::max(rough, least_step));
+    ticks.step = roundStep(std::max(rough, min_step));
     first = std::ceil(low / ticks.step - 1e-9);
     last = std::floor(high / ticks.step + 1e-9);
-    if (last > first || widen || ticks.step <= least_step) break;
+    if (last > first || widen || ticks.step <= min_step) break;
   }
   ticks.decimals = std::max(0, static_cast<int>(std::ceil(-std::log10(ticks.step) - 1e-9)));
   if (widen) {

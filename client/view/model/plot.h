@@ -1,5 +1,5 @@
 /// A plot as plain data: axes, series, bands, marks. Two back ends draw it: the windows (client/view/plots.h)
-/// and the report's SVG (client/instructor/model/stored/svg_plot.h).
+/// and the report's SVG (client/instructor/model/stored/svg_plot.cpp).
 #pragma once
 
 #include <cstdint>
@@ -149,9 +149,9 @@ struct AxisTicks {
   int decimals = 1;          ///< enough to distinguish the ticks
   std::vector<double> at;    ///< all multiples of step in [low, high]
 };
-/// About `wanted` ticks, and at least 2 unless `least_step` (1 for counts) allows fewer. Replaces an empty,
+/// About `wanted` ticks, and at least 2 unless `min_step` (1 for counts) allows fewer. Replaces an empty,
 /// reversed or non-finite range by a valid one around it.
-AxisTicks axisTicks(double low, double high, int wanted, bool widen, double least_step = 0);
+AxisTicks axisTicks(double low, double high, int wanted, bool widen, double min_step = 0);
 /// Formats the value with `decimals`; minus is U+2212, never "-0".
 std::string tickText(double value, int decimals);
 /// Minutes and seconds "m:ss", with tenths if `decimals` is 1: for time lines.

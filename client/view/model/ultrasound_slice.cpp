@@ -283,7 +283,7 @@ void drawSlice(const SceneView& scene, const SlicePlane& plane, const Moment& mo
       shapes.push_back(
           {inPlane(plane, hazard.a_W_m), inPlane(plane, hazard.b_W_m), hazard.radius_m, echoOf(hazard.kind)});
 
-  // Proceed downward from the probe: whatever stops sound darkens everything below it.
+  // Proceed downward from the probe: anything that stops sound darkens everything below it.
   std::vector<float> sound(static_cast<std::size_t>(out.width), 1.0F);
   const auto lost_in_bone = static_cast<float>(std::exp(-m_per_px / 0.0008));
   // the grain belongs to the tissue: it stays fixed in W when the plane moves

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "client/view/model/gesture_replica.h"
-#include "client/view/model/image.h"
+#include "client/view/model/mesh.h"
 #include "client/view/model/scene_view.h"
 
 namespace needlelab {

@@ -370,13 +370,13 @@ void SceneParts::drawArrows() {
   if (dot(aside, camera.right_W()) < 0) aside = -aside;
   const double m_per_N = frame->arrow_extents_per_N * scene->extent_m;
   const double thick_m = 0.5 * scene->extent_m, beside_m = 0.075 * scene->extent_m;
-  constexpr double kLeast_N = 0.03;
+  constexpr double kMin_N = 0.03;
   double pushing_m = 0, pulling_m = 0;
   glDisable(GL_DEPTH_TEST);
   glEnable(GL_CULL_FACE);
   for (const EffectEntry* effect : effectsAsShown()) {
     const double along_N = moment.term(effect->effect);
-    if (!effect->along_u || !(std::fabs(along_N) >= kLeast_N)) continue;
+    if (!effect->along_u || !(std::fabs(along_N) >= kMin_N)) continue;
     const bool pushes = along_N < 0;
     const Vec3 direction = pushes ? -moment.u_W : moment.u_W;
     double& from_m = pushes ? pushing_m : pulling_m;
@@ -387,7 +387,7 @@ void SceneParts::drawArrows() {
     from_m += length_m;
   }
   const double clamping_N = moment.term(Effect::kClamping);
-  if (clamping_N >= kLeast_N && normSquared(moment.clamping_W) > 0)
+  if (clamping_N >= kMin_N && normSquared(moment.clamping_W) > 0)
     put(arrow,
         modelMatrix(poseTowards(moment.p_WT_m, moment.clamping_W), {thick_m, thick_m, clamping_N * m_per_N}),
         colourOf(effectEntry(Effect::kClamping)), 1, 0.2F);

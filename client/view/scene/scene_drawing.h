@@ -7,7 +7,6 @@
 #include <imgui/imgui.h>
 
 #include "client/view/gl_objects.h"
-#include "client/view/model/image.h"
 #include "client/view/model/mesh.h"
 #include "client/view/model/scene_view.h"
 #include "client/view/scene/scene_frame.h"

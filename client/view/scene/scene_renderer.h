@@ -5,7 +5,7 @@
 
 #include <imgui/imgui.h>
 
-#include "client/view/model/image.h"
+#include "client/view/model/mesh.h"
 #include "client/view/scene/scene_frame.h"
 #include "common/base/result.h"
 

@@ -309,7 +309,7 @@ bool moveCamera(OrbitCamera& camera, const SceneView& scene, ImVec2 size_px) {
   }
   if (ImGui::IsItemHovered()) {
     if (io.MouseWheel != 0) camera.zoom(static_cast<double>(io.MouseWheel));
-    if (ImGui::IsMouseDoubleClicked(0)) camera = firstLook(scene);
+    if (ImGui::IsMouseDoubleClicked(0)) camera = initialView(scene);
   }
   return !(camera == before);
 }

@@ -45,9 +45,9 @@ function LoginAgain({ name }) {
   const element = useModal();
   return html`<dialog ref=${element} aria-labelledby="again-title" onCancel=${(event) => event.preventDefault()}>
     <h2 id="again-title">Log in again</h2>
-    <p>Your log-in has expired. The page behind this is as you left it, with what you typed.</p>
+    <p>Your log-in has expired. The page behind this keeps what you typed.</p>
     <${LoginForm} name=${name} />
-    <p><button type="button" class="link" onClick=${giveUp}>Log in as somebody else instead</button></p>
+    <p><button type="button" class="link" onClick=${giveUp}>Log in as someone else instead</button></p>
   </dialog>`;
 }
 

@@ -14,7 +14,7 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Loop devices on loop devices on RAID: more levels than occur in practice; also ends a cycle.
-constexpr int kMostLevels = 16;
+constexpr int kMaxLevels = 16;
 
 std::optional<dev_t> deviceOf(const fs::path& path, const BlockDevices& where) {
   if (where.device_of) return where.device_of(path);
@@ -47,7 +47,7 @@ class DiskSearch {
  private:
   /// `folder`: a block device's folder in sysfs.
   bool addFolder(const fs::path& folder, int level) {
-    if (level > kMostLevels) return false;
+    if (level > kMaxLevels) return false;
     std::error_code unknown;
     if (fs::exists(folder / "partition", unknown)) return addFolder(folder.parent_path(), level + 1);
     if (fs::exists(folder / "loop", unknown)) {

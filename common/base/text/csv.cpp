@@ -50,14 +50,14 @@ Result<CsvTable> readCsv(const std::filesystem::path& path, const std::vector<st
   CsvTable table;
   std::vector<int> target;
   std::vector<bool> finite;  // whether a column's numbers must be
-  const auto wantedBy = [&](std::string_view cell) -> const std::string* {
+  const auto wantedColumn = [&](std::string_view cell) -> const std::string* {
     for (const auto* names : {&required, &optional})
       for (const std::string& name : *names)
         if (isColumn(cell, name)) return &name;
     return nullptr;
   };
   for (const std::string_view cell : rows.cells()) {
-    const std::string* const name = wantedBy(cell);
+    const std::string* const name = wantedColumn(cell);
     target.push_back(name == nullptr ? -1 : static_cast<int>(table.names.size()));
     if (name == nullptr) continue;
     if (table.find(*name) >= 0) return fail("column " + inQuotes(*name) + " stands twice in the header");

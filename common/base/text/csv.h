@@ -23,10 +23,10 @@ struct CsvTable {
   [[nodiscard]] int find(std::string_view name) const;
 };
 
-inline constexpr std::size_t kMostCsvRows = 50'000'000;
+inline constexpr std::size_t kMaxCsvRows = 50'000'000;
 
 struct CsvReading {
-  std::size_t max_rows = kMostCsvRows;
+  std::size_t max_rows = kMaxCsvRows;
   std::vector<std::string> not_finite = {};  ///< columns that may have `nan` and infinities
   std::size_t lines_above = 0;               ///< lines to skip above the header
 };

@@ -78,9 +78,9 @@ Result<std::string> utf8TextOf(std::string_view field, std::string bytes, TextEn
 
 CsvRows::CsvRows(std::string_view text, std::size_t lines_above) : text_(text) {
   while (lines_above-- > 0 && at_ < text_.size()) passLineEnd(at_ + lineFrom(at_).size());
-  constexpr std::string_view kSays = "sep=";
+  constexpr std::string_view kSeparatorPrefix = "sep=";
   const std::string_view first = lineFrom(at_);
-  if (first.size() == kSays.size() + 1 && first.starts_with(kSays)) {
+  if (first.size() == kSeparatorPrefix.size() + 1 && first.starts_with(kSeparatorPrefix)) {
     separator_ = first.back();
     passLineEnd(at_ + first.size());
     return;

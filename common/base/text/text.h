@@ -1,11 +1,14 @@
 /// Checks of names and notes (stations check before they record, servers before SQL), text that is safe to
-/// print, the case of letters, and hexadecimal digits.
+/// print, the case of letters, hexadecimal digits, columns, and names that are near.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
+#include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "common/base/result.h"
 
@@ -88,5 +91,35 @@ Status checkNote(std::string_view field, std::string_view value, std::size_t min
 /// Requires kMinCodeBytes to kMaxCodeBytes printable ASCII characters (a trainee's code). No message contains
 /// the code.
 Status checkCode(std::string_view code);
+
+// --- columns and lines, for a terminal or a picture; widths count characters (countCharacters)
+
+/// Pads `text` with blanks to at least `width`.
+std::string padded(std::string_view text, std::size_t width);
+/// Wraps `text` at blanks into lines of at most `width`. Each line begins with `indent` blanks and ends with
+/// a newline. A wider word gets its own line.
+std::string wrapped(std::string_view text, std::size_t indent, std::size_t width = 100);
+
+// --- names that a person may have meant by a mistyped one
+
+/// Longer texts have no distance: the work grows with the product of both lengths.
+inline constexpr std::size_t kMaxComparedBytes = 200;
+
+/// The least number of insertions, deletions, replacements, and swaps of two neighbours that turns `a` into
+/// `b`; a swapped pair is not edited again (optimal string alignment). Counts UTF-8 characters, ignoring the
+/// case of A-Z. Returns nothing if the distance is more than `most`, or if a text has more than
+/// kMaxComparedBytes.
+std::optional<std::size_t> editDistance(std::string_view a, std::string_view b, std::size_t most);
+
+struct KnownName {
+  std::string name;
+  std::string full_name;  ///< may be empty
+  friend bool operator==(const KnownName&, const KnownName&) = default;
+};
+
+/// Returns the people in `known` whose name or full name is near `typed`, nearest first, then by name; at
+/// most `count`. Near: at most 1 edit for up to 4 characters of `typed`, 2 for up to 8, else 3.
+std::vector<KnownName> nearNames(std::string_view typed, std::span<const KnownName> known,
+                                 std::size_t count = 3);
 
 }  // namespace needlelab

@@ -1,5 +1,6 @@
 /// The programs' two clocks (engine and gate count ticks and read no clock), and timing of short operations:
-/// median and p99 over batches, so that the cost of reading the clock does not matter.
+/// median and p99 over batches, so that the cost of reading the clock does not matter. Times of day for
+/// people: in this machine's time zone (TZ); files, logs and the database keep UTC.
 #pragma once
 
 #include <algorithm>
@@ -7,8 +8,6 @@
 #include <cstdint>
 #include <string>
 #include <vector>
-
-#include "common/base/time/clock.h"
 
 namespace needlelab {
 
@@ -21,8 +20,8 @@ std::int64_t wallNowNs() noexcept;
 /// The duration of a short operation, in ns per operation.
 struct Timing {
   double median_ns = 0;
-  double p99_ns = 0;    ///< p99 of the batches' means: a single slow operation is averaged over its batch
-  double least_ns = 0;  ///< the quickest batch: the machine's speed when nothing disturbs it
+  double p99_ns = 0;  ///< p99 of the batches' means: a single slow operation is averaged over its batch
+  double min_ns = 0;  ///< the quickest batch: the machine's speed when nothing disturbs it
   double resolution_ns =
       0;  ///< clock resolution per operation: one reading of the clock, divided by the batch size
   std::size_t batches = 0, per_batch = 0;
@@ -92,8 +91,8 @@ Timing timeBatches(std::size_t batches, std::size_t per_batch, Operation&& opera
 /// and there are 50 to 4,000 of them.
 template <typename Operation>
 Timing timeFor(double budget_s, Operation&& operation) {
-  constexpr std::size_t kMostPerBatch = 4096;
-  const double least_batch_ns = 100 * clockCost_ns();
+  constexpr std::size_t kMaxPerBatch = 4096;
+  const double min_batch_ns = 100 * clockCost_ns();
   // estimate the cost: double the count until the run is long enough to measure
   std::size_t per_batch = 1;
   double batch_ns = 0;
@@ -105,11 +104,36 @@ Timing timeFor(double budget_s, Operation&& operation) {
       const auto took_ns = static_cast<double>(steadyNowNs() - from_ns);
       batch_ns = look == 0 ? took_ns : std::min(batch_ns, took_ns);
     }
-    if (batch_ns >= least_batch_ns || per_batch >= kMostPerBatch) break;
+    if (batch_ns >= min_batch_ns || per_batch >= kMaxPerBatch) break;
     per_batch *= 2;
   }
   const double wanted = budget_s * 1e9 / std::max(batch_ns, 1.0);
   return timeBatches(static_cast<std::size_t>(std::clamp(wanted, 50.0, 4000.0)), per_batch, operation);
 }
+
+enum class TimeForm : std::uint8_t {
+  kDay,     ///< 2026-07-01
+  kMinute,  ///< 2026-07-01 09:34
+  kClock,   ///< 09:34:56
+  kWords,   ///< 1 July 2026, 09:34: in a sentence
+  kZoned,   ///< 2026-07-01 09:34:56 NDT: for texts that may be read in another zone
+};
+
+/// A time, ns since 1970, in local form; "-" for 0 (never) and for times that no calendar can express.
+std::string localTime(std::int64_t unix_ns, TimeForm form);
+
+/// "2026-07-01 12:04:56 UTC": for texts that are stored.
+std::string utcTime(std::int64_t unix_ns);
+/// UTC in ISO 8601, "2026-07-01T12:04:56Z": for tables that other programs read. Empty for 0 (never).
+std::string isoTime(std::int64_t unix_ns);
+/// Like isoTime, to the millisecond, rounded down: "2026-07-01T12:04:56.999Z".
+std::string isoTimeMs(std::int64_t unix_ns);
+/// "2026-07-01 12:04:56", UTC: spreadsheets read it as a date and a time, in any language. Empty for 0
+/// (never).
+std::string spreadsheetTime(std::int64_t unix_ns);
+
+/// The beginning of a local day, ns since 1970. `day` may be one past the end of the month; it then means the
+/// first of the next month. A day lasts 23, 24 or 25 hours: it ends at the beginning of `day + 1`.
+std::int64_t localMidnightNs(int year, int month, int day);
 
 }  // namespace needlelab

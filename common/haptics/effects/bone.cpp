@@ -14,6 +14,7 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cassert>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -22,6 +23,7 @@
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/effects/puncture.h"
 #include "common/haptics/spec_checker.h"
+#include "common/haptics/state_hash.h"
 #include "common/haptics/surface.h"
 
 namespace needlelab {
@@ -30,11 +32,11 @@ namespace {
 constexpr std::size_t kBoneOwn = stageOf(Effect::kBone);
 /// Maximum steps for testing a tick's path; a cut through a round bone's edge shorter than a step may be
 /// missed.
-constexpr int kMostSteps = 64;
+constexpr int kMaxSteps = 64;
 /// On a curved bone the cone turns under the proxy as it slips; at most this many slips per tick follow it.
-constexpr int kMostSlips = 8;
+constexpr int kMaxSlips = 8;
 /// The tissue feels the tip at no less than a tenth of its depth, so that it stays in the tissue.
-constexpr double kMostHeld = 0.9;
+constexpr double kMaxHeld = 0.9;
 /// A place closer than this to the bone's surface is on it.
 constexpr double kOnSurface_m = 1e-9;
 /// How much faster than the tip the proxy may fall over an edge of the bone: 4 mm in 0.2 s.
@@ -93,11 +95,11 @@ bool meetsBone(const SceneModel& model, Vec3 from_W_m, Vec3 to_W_m, Vec3& at_W_m
   if (gap_m + end_gap_m > length_m) return false;  // no point in between reaches the bone
   // a round bone may be left again within the path: advance each time by a distance that cannot contain bone
   double gone_m = gap_m;
-  for (int i = 0; i < kMostSteps && gone_m < length_m; ++i) {
+  for (int i = 0; i < kMaxSteps && gone_m < length_m; ++i) {
     at_W_m = from_W_m + way * (gone_m / length_m);
     const double left_m = -depthInBone(model, at_W_m);
     if (left_m < 0.0) return true;
-    gone_m += std::max(left_m, length_m / kMostSteps);
+    gone_m += std::max(left_m, length_m / kMaxSteps);
   }
   at_W_m = to_W_m;
   return end_gap_m < 0.0;
@@ -109,17 +111,23 @@ double coneLength(const SceneModel& model) {
   return std::sqrt(1.0 + friction * friction);
 }
 
+// √(2 + μ²): the greatest change of the stretch over the tip's movement, along a flat bone
+double steepestStretch(double friction) {
+  return std::sqrt(2.0 + friction * friction);
+}
+
 // how far the stretch may change in a tick. Along a flat bone, and where the skin shortens it, the tip's
 // movement never changes it by more than the first term. A proxy that falls over an edge spreads its movement
 // over the next ticks
 double mostChange(const SceneModel& model, double way_m) {
   const double friction = model.stage_numbers[kBoneOwn][kBoneFriction];
-  return std::sqrt(2.0 + friction * friction) * way_m + kFallSpeed_mps * model.period_s;
+  return steepestStretch(friction) * way_m + kFallSpeed_mps * model.period_s;
 }
 
-// the greatest share, at most 1, of `move` with |change + share·move| <= most_m
-double shareWithin(Vec3 change, Vec3 move, double most_m) {
-  const double room = std::max(0.0, most_m * most_m - normSquared(change));
+// the greatest share, at most 1, of `move` with |change + share·move| <= max_m
+double shareWithin(Vec3 change, Vec3 move, double max_m) {
+  assert(!(max_m < 0.0));
+  const double room = std::max(0.0, max_m * max_m - normSquared(change));
   const double along = dot(change, move), size = normSquared(move);
   if (!(size + 2.0 * along > room)) return 1.0;
   return std::clamp((std::sqrt(along * along + size * room) - along) / size, 0.0, 1.0);
@@ -127,55 +135,55 @@ double shareWithin(Vec3 change, Vec3 move, double most_m) {
 
 // Near the skin, and past the middle of a round bone, limits the spring's length so that its force ends where
 // the tip leaves the limb. On a bone parallel to a flat skin, the limit is never reached
-void bindToSkin(const SceneModel& model, Vec3 tip_W_m, double depth_m, double most_change_m,
+void bindToSkin(const SceneModel& model, Vec3 tip_W_m, double depth_m, double max_change_m,
                 BoneContact& bone) {
-  const double most_m = coneLength(model) * depth_m;
+  const double max_m = coneLength(model) * depth_m;
   const Vec3 stretch = bone.p_proxy_W_m - tip_W_m;
   const double stretch_m = norm(stretch);
-  if (!(stretch_m > most_m)) return;
-  const Vec3 move = stretch * (most_m / stretch_m - 1.0);
-  const double share = shareWithin(stretch - bone.stretch_W_m, move, most_change_m);
+  if (!(stretch_m > max_m)) return;
+  const Vec3 move = stretch * (max_m / stretch_m - 1.0);
+  const double share = shareWithin(stretch - bone.stretch_W_m, move, max_change_m);
   bone.p_proxy_W_m = bone.p_proxy_W_m + move * share;
 }
 
 // moves a proxy that followed the tip outside the bone back onto the surface, in the same way as a slip
-void backOntoBone(const SceneModel& model, Vec3 tip_W_m, double most_m, BoneContact& bone) {
+void backOntoBone(const SceneModel& model, Vec3 tip_W_m, double max_m, BoneContact& bone) {
   const Vec3 proxy_W_m = bone.p_proxy_W_m, stretch = proxy_W_m - tip_W_m;
   if (!(depthInBone(model, proxy_W_m) < -kOnSurface_m)) return;
   const Vec3 move = ontoBone(model, proxy_W_m, boneNormal(model, proxy_W_m, stretch)) - proxy_W_m;
   if (!(normSquared(stretch + move) < normSquared(stretch))) return;
-  bone.p_proxy_W_m = proxy_W_m + move * shareWithin(stretch - bone.stretch_W_m, move, most_m);
+  bone.p_proxy_W_m = proxy_W_m + move * shareWithin(stretch - bone.stretch_W_m, move, max_m);
 }
 
-// Moves the proxy along the bone toward the tip until friction holds it or the stretch has changed by most_m.
+// Moves the proxy along the bone toward the tip until friction holds it or the stretch has changed by max_m.
 // Returns false when the tip has left the bone and the proxy has reached it. The surface is convex: if the
 // tip is beyond the tangent plane at the proxy, there is no bone in between.
-bool followTip(const SceneModel& model, Vec3 tip_W_m, double most_m, BoneContact& bone) {
+bool followTip(const SceneModel& model, Vec3 tip_W_m, double max_m, BoneContact& bone) {
   const double friction = model.stage_numbers[kBoneOwn][kBoneFriction];
   Vec3& proxy_W_m = bone.p_proxy_W_m;
-  backOntoBone(model, tip_W_m, most_m, bone);
-  for (int slip = 0; slip <= kMostSlips; ++slip) {
+  backOntoBone(model, tip_W_m, max_m, bone);
+  for (int slip = 0; slip <= kMaxSlips; ++slip) {
     const Vec3 to_tip = tip_W_m - proxy_W_m;
     const Vec3 change = -to_tip - bone.stretch_W_m;
     const Vec3 normal = boneNormal(model, proxy_W_m, to_tip);
     const double pressed_m = -dot(normal, to_tip);
     if (!(pressed_m > 0.0)) {
-      const double share = shareWithin(change, to_tip, most_m);
+      const double share = shareWithin(change, to_tip, max_m);
       proxy_W_m = proxy_W_m + to_tip * share;
       return share < 1.0;
     }
     const Vec3 along = to_tip + normal * pressed_m;
     const double along_m = norm(along), sticks_m = friction * pressed_m;
-    if (along_m <= sticks_m || slip == kMostSlips) return true;
+    if (along_m <= sticks_m || slip == kMaxSlips) return true;
     const Vec3 move = along * (1.0 - sticks_m / along_m);
     // on a curved bone a long slip could lengthen the spring: then try a shorter one
-    const double most_share = shareWithin(change, move, most_m);
+    const double max_share = shareWithin(change, move, max_m);
     const bool outside = depthInBone(model, proxy_W_m) < -kOnSurface_m;
-    bool moved = false, cut = most_share < 1.0;
-    for (double share = most_share; !moved && share > 0.05 * most_share; share *= 0.5) {
+    bool moved = false, cut = max_share < 1.0;
+    for (double share = max_share; !moved && share > 0.05 * max_share; share *= 0.5) {
       Vec3 step = outOfBone(model, proxy_W_m + move * share, to_tip) - proxy_W_m;
       if (outside) {
-        const double step_share = shareWithin(change, step, most_m);
+        const double step_share = shareWithin(change, step, max_m);
         step = step * step_share;
         cut = cut || step_share < 1.0;
       }
@@ -204,9 +212,9 @@ Vec3 firstProxy(const SceneModel& model, Vec3 from_W_m, Vec3 at_W_m, Vec3 way) {
 void updateContact(const SceneModel& model, Vec3 from_W_m, Vec3 tip_W_m, double depth_m, BoneContact& bone) {
   if (bone.touching) {
     const Vec3 before_W_m = bone.p_proxy_W_m - bone.stretch_W_m;
-    const double most_change_m = mostChange(model, norm(tip_W_m - before_W_m));
-    bindToSkin(model, tip_W_m, depth_m, most_change_m, bone);
-    bone.touching = followTip(model, tip_W_m, most_change_m, bone);
+    const double max_change_m = mostChange(model, norm(tip_W_m - before_W_m));
+    bindToSkin(model, tip_W_m, depth_m, max_change_m, bone);
+    bone.touching = followTip(model, tip_W_m, max_change_m, bone);
   } else {
     Vec3 at_W_m;
     if (!meetsBone(model, from_W_m, tip_W_m, at_W_m)) return;
@@ -223,6 +231,7 @@ void updateContact(const SceneModel& model, Vec3 from_W_m, Vec3 tip_W_m, double 
 // The tissue feels the tip no deeper along u than the proxy, unless a wall whose force pulls in is ahead of
 // the proxy: the tip must pass it first. The tip stays in the tissue.
 TipSample holdTip(const SceneModel& model, const TipSample& sample, SimState& state) noexcept {
+  assert(model.isLive(Effect::kBone) && model.bone_layer > 0 && model.bone_layer < model.layer_count);
   TipSample felt = sample;
   if (!isFinite(sample)) return felt;
   const double depth_m = depthIn(model, sample.p_WT_m);
@@ -236,19 +245,21 @@ TipSample holdTip(const SceneModel& model, const TipSample& sample, SimState& st
   const double tip_m = dot(state.u_W, sample.p_WT_m - state.p_entry_W_m);
   const double proxy_m = dot(state.u_W, bone.p_proxy_W_m - state.p_entry_W_m);
   const double felt_m = std::max({proxy_m, state.wall_m, state.friction_wall_m});
-  bone.held_m = std::clamp(tip_m - felt_m, 0.0, kMostHeld * depth_m);
+  bone.held_m = std::clamp(tip_m - felt_m, 0.0, kMaxHeld * depth_m);
+  assert(!(bone.held_m > depth_m) && "the felt tip stays in the tissue");
   felt.p_WT_m = sample.p_WT_m - state.u_W * bone.held_m;
   return felt;
 }
 
-// limits the force of the wall at `wall_m` to `most_N` by moving the wall; returns the change along u
-double limitWall(double stiffness_N_per_m, double x_cut_m, double& most_N, double& wall_m, double& force_N) {
+// limits the force of the wall at `wall_m` to `max_N` by moving the wall; returns the change along u
+double limitWall(double stiffness_N_per_m, double x_cut_m, double& max_N, double& wall_m, double& force_N) {
+  assert(stiffness_N_per_m > 0.0 && max_N >= 0.0);
   const double before_N = force_N;
-  if (-force_N > most_N) {
-    force_N = -most_N;
-    wall_m = x_cut_m - most_N / stiffness_N_per_m;
+  if (-force_N > max_N) {
+    force_N = -max_N;
+    wall_m = x_cut_m - max_N / stiffness_N_per_m;
   }
-  most_N = std::max(0.0, -force_N);
+  max_N = std::max(0.0, -force_N);
   return force_N - before_N;
 }
 
@@ -294,6 +305,7 @@ double limitTissue(const SceneModel& model, const TipSample& felt, SimState& sta
 }
 
 Vec3 pressBone(const SceneModel& model, const TipSample& felt, SimState& state, StepReport& report) noexcept {
+  assert(state.inside);
   BoneContact& bone = state.bone;
   // an insertion has no u before its first tick, so the tissue feels this tip where it is
   if ((report.flags & kFlagEntry) != 0)
@@ -318,6 +330,34 @@ void checkNormal(const SceneSpec& spec, SpecChecker& check) {
                 "is not a direction: give a vector that is not zero, pointing out of the bone");
   check.require(plane == nullptr || dot(normal, plane->normal) >= 0.5 * norm(normal) * norm(plane->normal),
                 "normal", "is more than 60 degrees from the skin's normal");
+}
+
+bool isBone(const LayerSpec& layer) {
+  return layer.is_bone;
+}
+
+bool hasBone(const SceneSpec& spec) {
+  return std::any_of(spec.layers.begin(), spec.layers.end(), isBone);
+}
+
+// finds the outermost bone; on a plane limb it is the plane through the bone's top below the limb's point
+void compileBone(const SceneSpec& spec, SceneModel& model) {
+  model.hold = holdTip;
+  const auto bone = std::find_if(spec.layers.begin(), spec.layers.end(), isBone);
+  model.bone_layer = static_cast<std::uint32_t>(bone - spec.layers.begin());
+  model.bone_top_m = model.layers[model.bone_layer].top_m;
+  if (!model.is_plane) return;
+  model.bone_is_plane = true;
+  model.bone_point_m = model.plane_point_m - model.plane_normal * model.bone_top_m;
+  model.bone_normal = spec.bone_normal ? normalized(*spec.bone_normal) : model.plane_normal;
+}
+
+void hashBone(const SimState& state, StateHash& hash) {
+  const BoneContact& bone = state.bone;
+  if (!bone.touching) return;  // scenes without BONE keep their hash from before it existed
+  hash.add(bone.p_proxy_W_m);
+  hash.add(bone.stretch_W_m);
+  for (const double d : {bone.held_m, bone.cutting_N, bone.friction_N, bone.place_m}) hash.add(d);
 }
 
 // the tissue's springs and the bone's do not act together: only the excess of the bone's stiffness is added
@@ -356,12 +396,32 @@ constinit const EffectEntry kBoneEntry = {
         },
     .hasNumbers =
         [](const SceneSpec& spec) {
-          return spec.stage_numbers[kBoneOwn][kBoneStiffness_N_per_m] > 0 &&
-                 std::any_of(spec.layers.begin(), spec.layers.end(),
-                             [](const LayerSpec& layer) { return layer.is_bone; });
+          return spec.stage_numbers[kBoneOwn][kBoneStiffness_N_per_m] > 0 && hasBone(spec);
         },
     .stiffness_N_per_m = stifferThanTissue,
+    // a proxy that slips along the bone also moves the tissue's springs, which act beside the bone's
+    .slope_N_per_m =
+        [](const SceneSpec& spec) {
+          const StageNumbers& bone = spec.stage_numbers[kBoneOwn];
+          return bone[kBoneStiffness_N_per_m] * steepestStretch(bone[kBoneFriction]);
+        },
+    .remark = [](const SceneSpec& spec) -> std::string {
+      return hasBone(spec) ? "" : "and no layer's tissue is BONE";
+    },
+    .on_device = {.words = "bone",
+                  .across_N_per_m =
+                      [](const SceneSpec& spec) {
+                        return hasBone(spec) ? spec.stage_numbers[kBoneOwn][kBoneStiffness_N_per_m] : 0.0;
+                      },
+                  .lower =
+                      [](SceneSpec& spec, double share) {
+                        spec.stage_numbers[kBoneOwn][kBoneStiffness_N_per_m] *= share;
+                      },
+                  .without = "the needle cuts bone as it cuts a layer of tissue",
+                  .was_without = "the needle cut it as it cuts a layer of tissue"},
     .stage = pressBone,
-    .compileStage = [](SceneModel& model) { model.hold = holdTip; }};
+    .closes = isBone,
+    .compile = compileBone,
+    .hash = hashBone};
 
 }  // namespace needlelab

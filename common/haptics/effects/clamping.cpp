@@ -52,6 +52,15 @@ constinit const EffectEntry kClampingEntry = {
           return std::any_of(spec.layers.begin(), spec.layers.end(),
                              [](const LayerSpec& layer) { return layer.lateral_stiffness_N_per_m2 > 0; });
         },
-    .stiffness_N_per_m = [](const SceneModel& model) { return model.fixture_steepness.along_N_per_m; }};
+    .stiffness_N_per_m = [](const SceneModel& model) { return model.fixture_steepness.along_N_per_m; },
+    .on_device = {.words = "fixture",
+                  .across_N_per_m =
+                      [](const SceneSpec& spec) { return fixtureSteepness(spec).across_N_per_m; },
+                  .lower =
+                      [](SceneSpec& spec, double share) {
+                        for (LayerSpec& layer : spec.layers) layer.lateral_stiffness_N_per_m2 *= share;
+                        spec.virtual_fixture.max_stiffness_N_per_m *= share;
+                        spec.virtual_fixture.max_force_N *= share;
+                      }}};
 
 }  // namespace needlelab

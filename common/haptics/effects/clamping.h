@@ -2,6 +2,7 @@
 /// FORCE_MODEL.md, "Clamping").
 #pragma once
 
+#include <cassert>
 #include <cmath>
 
 #include "common/haptics/effects/trajectory.h"
@@ -20,6 +21,7 @@ struct FixturePull {
 [[gnu::always_inline]] inline FixturePull fixturePull(const SceneModel& model, const Tick& tick,
                                                       double line_N_per_m, double slope_N_per_m2,
                                                       double stretch_m) {
+  assert(tick.insertion_m > 0.0);
   return {line_N_per_m,
           model.fixture_push * slope_N_per_m2 * (stretch_m * stretch_m) * tick.inverse_insertion_per_m};
 }
@@ -42,7 +44,7 @@ struct FixturePull {
   LateralStiffness of = lateralStiffness(state.along, tick.insertion_m);
   double force_N = of.k_N_per_m * tick.lateral_m;
   double line_N_per_m = of.k_N_per_m, stretch_m = tick.lateral_m;
-  if (!surelyHolds(model, state.along, tick, force_N)) [[unlikely]] {
+  if (!certainlyHolds(model, state.along, tick, force_N)) [[unlikely]] {
     if (turnTrajectory(model, sample, state)) report.flags |= kFlagTurn;
     project(state, sample.p_WT_m, tick);
     of = lateralStiffness(state.along, tick.insertion_m);

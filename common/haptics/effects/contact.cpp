@@ -1,6 +1,7 @@
 #include "common/haptics/tick.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 
 #include "common/haptics/det_math.h"
@@ -14,12 +15,14 @@ namespace {
 // tick. Returns the entry's flags
 std::uint32_t beginInsertion(const SceneModel& model, SimState& state, const TipSample& sample,
                              double depth_m) {
+  assert(state.outside_once && !state.inside);
   const Vec3 axis = unitAxis(sample);
   const Vec3 motion = sample.p_WT_m - state.p_prev_W_m;
   state.inside = true;
   state.p_entry_W_m = entryPoint(state, sample.p_WT_m, depth_m);
   state.normal_W = surfaceNormal(model.limb, state.p_entry_W_m, motion);
   state.u_W = state.u0_W = entryDirection(axis, state.normal_W);
+  assert(isUnit(state.normal_W) && isUnit(state.u_W));
   state.slant = std::max(0.05, -dot(state.normal_W, state.u_W));
   state.inverse_slant = 1.0 / state.slant;
   layLayers(model, state.p_entry_W_m, state.u_W, state.slant, state.along);
@@ -111,15 +114,18 @@ bool changeContact(const SceneModel& model, const TipSample& sample, double dept
 }
 
 double orientationLimitAngle(double needle_length_m, double insertion_m) {
+  assert(!(needle_length_m < 0.0));
   const double d = std::clamp(insertion_m, 0.0, needle_length_m);
   return detAtan2(needle_length_m - d, needle_length_m + d);
 }
 
 double angleBetween(Vec3 a, Vec3 b) noexcept {
+  assert(isUnit(a) && isUnit(b));
   return detAtan2(norm(cross(a, b)), dot(a, b));
 }
 
 std::uint32_t findLayer(const SceneModel& model, double depth_m, std::uint32_t index) noexcept {
+  assert(index < model.layer_count);
   while (index + 1 < model.layer_count && depth_m >= model.layers[index + 1].top_m) ++index;
   while (index > 0 && depth_m < model.layers[index].top_m) --index;
   return index;

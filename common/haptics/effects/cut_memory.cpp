@@ -10,12 +10,15 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cassert>
 #include <cmath>
 #include <limits>
 
+#include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/effects/puncture.h"
 #include "common/haptics/spec_checker.h"
+#include "common/haptics/state_hash.h"
 
 namespace needlelab {
 namespace {
@@ -64,6 +67,7 @@ OnTrack onTrack(const CutTrack& track, Vec3 p_W_m, double radius_m) {
 // how far the tissue is cut along u from a point in a track: to the track's end, or to where u leaves the
 // track
 double cutFrom(const CutTrack& track, const OnTrack& at, Vec3 u_W, double radius_m) {
+  assert(isUnit(u_W) && isUnit(track.u_W));
   const double cosine = dot(u_W, track.u_W);
   if (!(cosine > 0.0)) return at.along_m <= track.length_m ? 0.0 : -kNoWay;
   double cut_m = (track.length_m - at.along_m) / cosine;
@@ -89,6 +93,7 @@ void turnOwnTrack(SimState& state) {
 }
 
 bool hasHoleAt(const CutMemory& cuts, std::size_t membrane, Vec3 p_W_m, double radius_m) {
+  assert(membrane < kMaxLayers && cuts.count <= kMaxCutTracks);
   for (std::uint32_t i = 0; i < cuts.count; ++i)
     if ((cuts.tracks[i].membranes >> membrane & 1u) != 0 && onTrack(cuts.tracks[i], p_W_m, radius_m).near)
       return true;
@@ -142,6 +147,7 @@ double endOfCut(const SceneModel& model, const SimState& state) {
 // moves the wall forward to where a cut's smaller force holds it; returns the change of the force along u
 double followCut(const SceneModel& model, SimState& state, double x_m, double x_before_m, double end_m,
                  StepReport& report) {
+  assert(model.cut_reach != nullptr);
   const double x_cut_m = cuttingPosition(state, x_m);
   const double reach_m =
       model.stage_numbers[kCutOwn][kCutShare] * model.cut_reach(model, state, report.depth_m);
@@ -167,6 +173,8 @@ std::uint32_t placeOfTrack(CutMemory& cuts, const SimState& state, double radius
     if (wall.near && wall.along_m >= track.length_m && onTrack(track, state.p_entry_W_m, radius_m).near)
       return i;
   }
+  assert(cuts.next < kMaxCutTracks);
+  assert(cuts.count == kMaxCutTracks || cuts.next == cuts.count);
   const std::uint32_t place = cuts.next;
   cuts.next = (cuts.next + 1) % static_cast<std::uint32_t>(kMaxCutTracks);
   cuts.count = std::min(cuts.count + 1, static_cast<std::uint32_t>(kMaxCutTracks));
@@ -186,6 +194,7 @@ void record(const SceneModel& model, SimState& state, double end_m, bool wall_cu
     cuts.tracks[cuts.own].p_entry_W_m = state.p_entry_W_m;
     cuts.tracks[cuts.own].u_W = state.u_W;
   }
+  assert(cuts.own < cuts.count && "a track of the ring");
   CutTrack& own = cuts.tracks[cuts.own];
   if (wall_cuts) own.length_m = std::max(own.length_m, state.wall_m);
   own.membranes |= state.membranes_ruptured;
@@ -193,6 +202,7 @@ void record(const SceneModel& model, SimState& state, double end_m, bool wall_cu
 
 Vec3 remember(const SceneModel& model, const TipSample& sample, SimState& state,
               StepReport& report) noexcept {
+  assert(state.inside && model.isLive(Effect::kCutMemory));
   if ((report.flags & kFlagEntry) != 0) {
     state.cuts.own = kMaxCutTracks;
     state.cuts.opened = 0;
@@ -210,10 +220,19 @@ Vec3 remember(const SceneModel& model, const TipSample& sample, SimState& state,
   return state.u_W * along_N;
 }
 
-// other models have no such wall: for them, only membranes are remembered
-bool cutsByAWall(AxialModel model) {
-  return model == AxialModel::kEnhancedTrackingWall || model == AxialModel::kTrackingWall ||
-         model == AxialModel::kStatistical || model == AxialModel::kPrecomputed;
+void hashCuts(const SimState& state, StateHash& hash) {
+  const CutMemory& cuts = state.cuts;
+  if (cuts.count == 0) return;  // scenes without CUT_MEMORY keep their hash from before it existed
+  hash.add(std::uint64_t{cuts.count} | std::uint64_t{cuts.next} << 32);
+  for (std::uint32_t i = 0; i < cuts.count; ++i) {
+    hash.add(cuts.tracks[i].p_entry_W_m);
+    hash.add(cuts.tracks[i].u_W);
+    hash.add(cuts.tracks[i].length_m);
+    hash.add(std::uint64_t{cuts.tracks[i].membranes});
+  }
+  if (!state.inside) return;
+  hash.add(std::uint64_t{cuts.own} | std::uint64_t{cuts.opened} << 32);
+  hash.add(cuts.shift_m);
 }
 
 }  // namespace
@@ -231,10 +250,18 @@ constinit const EffectEntry kCutMemoryEntry = {
     .hasNumbers =
         [](const SceneSpec& spec) {
           if (!(spec.stage_numbers[kCutOwn][kCutRadius_m] > 0)) return false;
-          return cutsByAWall(spec.axial_model) || spec.axial_model == AxialModel::kFirstOrder ||
+          // without a wall that cuts, only membranes are remembered
+          return axialEntry(spec.axial_model).has_tracking_wall ||
+                 spec.axial_model == AxialModel::kFirstOrder ||
                  std::any_of(spec.layers.begin(), spec.layers.end(),
                              [](const LayerSpec& layer) { return layer.membrane.has_value(); });
         },
-    .stage = remember};
+    .remark = [](const SceneSpec& spec) -> std::string {
+      if (axialEntry(spec.axial_model).has_tracking_wall) return {};
+      return "axial_model " + std::string(axialModelName(spec.axial_model)) +
+             " has no wall that cuts: only membranes are remembered";
+    },
+    .stage = remember,
+    .hashLasting = hashCuts};
 
 }  // namespace needlelab

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cassert>
 #include <iterator>
 
 #include "common/base/text/text.h"
@@ -45,6 +46,8 @@ std::span<const EffectEntry* const> effectsAsShown() {
 }
 
 const EffectEntry& effectEntry(Effect effect) {
+  assert(static_cast<std::size_t>(effect) < kEffectCount);
+  assert(kEntries[static_cast<std::size_t>(effect)]->effect == effect && "the list has the order of Effect");
   return *kEntries[static_cast<std::size_t>(effect)];
 }
 

@@ -15,6 +15,7 @@
 namespace needlelab {
 
 class SpecChecker;
+class StateHash;
 
 /// A number of the effect's section in a profile.
 struct EffectField {
@@ -38,8 +39,23 @@ struct EffectChoice {
   void (*set)(SceneSpec&, int number) = nullptr;
 };
 
-/// An effect; CONTRIBUTING.md explains how to add one. An effect that only adds a force is a stage, and
-/// `stage` is all of its code. An effect that changes other effects is placed in step_live.h.
+/// What an effect asks of a device besides stiffness along the needle (gate/handle_stiffness.h). All null:
+/// nothing.
+struct OnDevice {
+  std::string_view words = {};  ///< in messages: "fixture"
+  /// The greatest stiffness across the needle, at the tip, in a scene that lists the effect; null: none.
+  double (*across_N_per_m)(const SceneSpec&) = nullptr;
+  /// The greatest stiffness of its torque; null: it has none. A device needs torque and orientation for it.
+  double (*turning_Nm_per_rad)(const SceneSpec&) = nullptr;
+  /// Lowers its stiffnesses to a share; null: it is never lowered.
+  void (*lower)(SceneSpec&, double share) = nullptr;
+  /// What the needle does, and did, without it: a device that cannot hold it renders the scene without it.
+  /// Empty: then the lesson is refused.
+  std::string_view without = {}, was_without = {};
+};
+
+/// An effect; CONTRIBUTING.md explains how to add one. A new effect is a stage, and `stage` is all that a
+/// tick executes of it; step_live.h has the places of the older ones.
 struct EffectEntry {
   Effect effect;
   std::string_view name;        ///< in profiles and on command lines: "SHAFT_FRICTION"
@@ -67,12 +83,24 @@ struct EffectEntry {
   bool (*hasNumbers)(const SceneSpec&) = nullptr;
   /// The greatest stiffness that the effect adds along the trajectory; null: none.
   double (*stiffness_N_per_m)(const SceneModel&) = nullptr;
+  /// How much its force may change with the tip's place besides that, in a scene that lists it; null:
+  /// nothing.
+  double (*slope_N_per_m)(const SceneSpec&) = nullptr;
+  /// What the author of a scene that lists it should know, to follow "… is listed, "; empty or null: nothing.
+  std::string (*remark)(const SceneSpec&) = nullptr;
+  OnDevice on_device = {};
 
-  // for stages only
-  StageFunction stage = nullptr;
-  /// Prepares the stage's numbers for the tick: `model.stage_numbers[stageOf(effect)]` holds the author's
-  /// numbers. Null: no preparation needed.
-  void (*compileStage)(SceneModel&) = nullptr;
+  // for scenes in which it is live
+  StageFunction stage = nullptr;  ///< null: it has a place in the tick
+  /// Whether no needle enters this layer, so that the tissue above it continues; null: none is closed.
+  bool (*closes)(const LayerSpec&) = nullptr;
+  /// Prepares its numbers for the tick, after layers and axial model: `model.stage_numbers[stageOf(effect)]`
+  /// holds the author's. Null: no preparation needed.
+  void (*compile)(const SceneSpec&, SceneModel&) = nullptr;
+
+  // its own state, if it has more than SimState::stage; null: none
+  void (*hashLasting)(const SimState&, StateHash&) = nullptr;  ///< what outlives an insertion
+  void (*hash)(const SimState&, StateHash&) = nullptr;         ///< what belongs to one
 };
 
 /// All effects, in the order of `Effect`.

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cassert>
 #include <cstddef>
 
 #include "common/haptics/effects/effect_entry.h"
@@ -22,7 +23,7 @@ constexpr std::array<EffectField, 1> kHubFields = {
 
 // when the hub is on the skin, the membranes are behind the tip and the fixture's push no longer grows, so
 // only the excess of the hub's stiffness is added
-double stifferThanBefore(const SceneModel& model) {
+double addedStiffness(const SceneModel& model) {
   double before_N_per_m = 0;
   for (const Effect effect : {Effect::kPuncture, Effect::kClamping})
     if (model.isLive(effect)) before_N_per_m += effectEntry(effect).stiffness_N_per_m(model);
@@ -36,6 +37,7 @@ double hubStiffness_N_per_m(const SceneModel& model) {
 }
 
 Vec3 pressHub(const SceneModel& model, Vec3 arm_W_m, double insertion_m, StepReport& report) noexcept {
+  assert(insertion_m > model.needle_length_m);
   report.flags |= kFlagBeyondNeedle;
   report.hub_N = hubStiffness_N_per_m(model) * (insertion_m - model.needle_length_m);
   return arm_W_m * (-report.hub_N / insertion_m);
@@ -59,6 +61,6 @@ constinit const EffectEntry kHubEntry = {
         [](const SceneSpec& spec) {
           return spec.stage_numbers[stageOf(Effect::kHub)][kHubStiffness_N_per_m] > 0;
         },
-    .stiffness_N_per_m = stifferThanBefore};
+    .stiffness_N_per_m = addedStiffness};
 
 }  // namespace needlelab

@@ -1,6 +1,7 @@
 #include "common/haptics/effects/orientation_limit.h"
 
 #include <array>
+#include <cassert>
 
 #include "common/haptics/det_math.h"
 #include "common/haptics/effects/effect_entry.h"
@@ -9,6 +10,7 @@
 namespace needlelab {
 
 void followTurn(const SceneModel& model, SimState& state, Vec3 axis_W, Vec3 u_before_W) noexcept {
+  assert(isUnit(axis_W) && isUnit(u_before_W));
   // θ did not rise if the cosine grew by more than rounding: the usual case, which needs no angles
   if (dot(axis_W, state.u_W) > dot(axis_W, u_before_W) + 1e-12) return;
   const double rise = angleBetween(axis_W, state.u_W) - angleBetween(axis_W, u_before_W);
@@ -19,6 +21,7 @@ void followTurn(const SceneModel& model, SimState& state, Vec3 axis_W, Vec3 u_be
 
 void tiltNearCone(const SceneModel& model, SimState& state, double insertion_m, double axis_x, double axis_y,
                   double axis_z, StepReport& report) noexcept {
+  assert(!(insertion_m > model.needle_length_m));
   report.wrench_W.torque_Nm = {};
   const Vec3 axis = normalized(Vec3{axis_x, axis_y, axis_z});
   const Vec3 across = cross(axis, state.u_W);
@@ -46,6 +49,7 @@ void tiltNearCone(const SceneModel& model, SimState& state, double insertion_m, 
     limit = std::max(limit, detAtan2Inline(length - insertion_m, length + insertion_m));
     state.tilt_limit_insertion_m = insertion_m;
   }
+  assert(!(limit < 0.0));
   state.tilt_limit_rad = limit;
   state.tilt_limit_is_cone = false;
   if (tilt <= limit || sine < 1e-9) return;
@@ -53,6 +57,7 @@ void tiltNearCone(const SceneModel& model, SimState& state, double insertion_m, 
   const double torque =
       std::min(model.orientation.stiffness_Nm_per_rad * (tilt - limit), model.orientation.max_torque_Nm);
   report.wrench_W.torque_Nm = across * (torque / sine);
+  assert(!(norm(report.wrench_W.torque_Nm) > model.orientation.max_torque_Nm * (1 + 1e-9)));
 }
 
 namespace {
@@ -86,6 +91,14 @@ constinit const EffectEntry kOrientationLimitEntry = {
     .hasNumbers =
         [](const SceneSpec& spec) {
           return spec.orientation_limit.stiffness_Nm_per_rad > 0 && spec.orientation_limit.max_torque_Nm > 0;
-        }};
+        },
+    .on_device = {.words = "orientation limit",
+                  .turning_Nm_per_rad =
+                      [](const SceneSpec& spec) {
+                        const OrientationLimitSpec& limit = spec.orientation_limit;
+                        return limit.max_torque_Nm > 0 ? limit.stiffness_Nm_per_rad : 0.0;
+                      },
+                  .lower = [](SceneSpec& spec,
+                              double share) { spec.orientation_limit.stiffness_Nm_per_rad *= share; }}};
 
 }  // namespace needlelab

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cassert>
 
 #include "common/haptics/tick.h"
 
@@ -10,6 +11,8 @@ namespace needlelab {
 
 inline std::uint32_t intactMembranes(const SimState& state) {
   const std::uint32_t met = state.membranes_met == 32 ? ~0u : (1u << state.membranes_met) - 1u;
+  assert(state.membranes_met <= kMaxLayers);
+  assert((state.membranes_ruptured & ~met) == 0 && "only a membrane that was met ruptures");
   return met & ~state.membranes_ruptured;
 }
 
@@ -42,6 +45,7 @@ inline double membranesForce(const SceneModel& model, const SimState& state, dou
          tick.depth_m >= model.membranes[state.membranes_met].top_m) {
     const double share =
         (model.membranes[state.membranes_met].top_m - depth_before_m) / (tick.depth_m - depth_before_m);
+    assert(share >= 0.0 && share <= 1.0);
     state.membrane_place_m[state.membranes_met++] = x_before_m + (tick.x_m - x_before_m) * share;
   }
   tick.x_cut_m = cuttingPosition(state, tick.x_m);
@@ -69,6 +73,7 @@ inline double membranesForce(const SceneModel& model, const SimState& state, dou
     state.friction_wall_m += x_cut - tick.x_cut_m;
     tick.x_cut_m = x_cut;
   }
+  assert(!(force > 0.0));
   return report.puncture_N = force;
 }
 

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <bit>
+#include <cassert>
 
+#include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/puncture.h"
 #include "common/haptics/effects/tracking_wall.h"
 #include "common/haptics/surface.h"
@@ -20,17 +22,9 @@ double xOf(const SimState& state) {
   return dot(state.u_W, state.p_prev_W_m - state.p_entry_W_m);
 }
 
-// K_t of this tick: only layered walls have one per layer
-double wallSpring(const SceneModel& model, const SimState& state) {
-  const bool layered = model.axial_model == AxialModel::kEnhancedTrackingWall ||
-                       model.axial_model == AxialModel::kTrackingWall;
-  return layered ? model.layers[state.layer].wall_stiffness_N_per_m : model.wall.stiffness_N_per_m;
-}
-
-// false for GOD_OBJECT: each tick computes its place from the layer tops, and its ruptures are not of
-// membranes
+// false where each tick computes the wall's place from the layers' tops: such ruptures are not of membranes
 bool dragsWall(const SceneModel& model) {
-  return model.axial_model != AxialModel::kGodObject;
+  return !axialEntry(model.axial_model).places_wall;
 }
 
 // the pose, moved within its rounding so that it lies in the station's layer
@@ -42,8 +36,8 @@ TipSample withinRounding(const SceneModel& model, TipSample sample, const Stored
     if (depth_m > 0) move_m = -depth_m - kBeyond_m;
   } else {
     const CompiledLayer& layer = model.layers[static_cast<std::size_t>(stored.layer)];
-    if (depth_m < layer.least_depth_m)
-      move_m = layer.least_depth_m - depth_m + kBeyond_m;
+    if (depth_m < layer.min_depth_m)
+      move_m = layer.min_depth_m - depth_m + kBeyond_m;
     else if (depth_m >= layer.bottom_m)
       move_m = layer.bottom_m - depth_m - kBeyond_m;
   }
@@ -54,6 +48,7 @@ TipSample withinRounding(const SceneModel& model, TipSample sample, const Stored
 
 // lets the walls follow x_c when membranes hold or give way; the walls' forces do not change
 double followed(const SceneModel& model, SimState& state, StepReport& report, std::uint32_t ruptured) {
+  assert(state.inside);
   const double x_m = xOf(state), x_cut_before_m = cuttingPosition(state, x_m);
   state.membranes_ruptured = ruptured;
   const double follow_m = cuttingPosition(state, x_m) - x_cut_before_m;
@@ -71,6 +66,7 @@ std::uint32_t nearestToRupture(const SceneModel& model, const SimState& state) {
   double most = 0;
   for (std::uint32_t left = intactMembranes(state); left != 0; left &= left - 1) {
     const auto i = static_cast<std::uint32_t>(std::countr_zero(left));
+    assert(i < model.membrane_count);
     const CompiledMembrane& membrane = model.membranes[i];
     const double z_m = x_m - state.membrane_place_m[i];
     const double share = z_m * (membrane.k1_N_per_m + membrane.k2_N_per_m2 * z_m) / membrane.force_N;
@@ -107,7 +103,8 @@ double takeWall(const SceneModel& model, const StoredTick& stored, SimState& sta
   if (std::fabs(wall_m - state.wall_m) <= 2 * kRounding_m) return 0.0;
   state.wall_m = wall_m;
   const double before_N = report.cutting_N + report.attracted_N;
-  const double along_N = -wallSpring(model, state) * (cuttingPosition(state, xOf(state)) - wall_m);
+  const double along_N =
+      -model.layers[state.layer].wall_stiffness_N_per_m * (cuttingPosition(state, xOf(state)) - wall_m);
   report.cutting_N = std::min(along_N, 0.0);
   report.attracted_N = std::max(along_N, 0.0);
   return along_N - before_N;
@@ -116,6 +113,7 @@ double takeWall(const SceneModel& model, const StoredTick& stored, SimState& sta
 // begins or ends a stop in the same tick as the station did
 void takePhase(const SceneModel& model, const StoredTick& stored, SimState& state, StepReport& report) {
   if (stored.phase == state.phase || stored.phase == Phase::kFree) return;
+  assert(state.inside && state.phase != Phase::kFree);
   const double x_m = xOf(state);
   const double stretch_m = std::fabs(cuttingPosition(state, x_m) - state.wall_m);
   if (stored.phase == Phase::kStopped) {

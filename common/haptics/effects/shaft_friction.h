@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cassert>
 
 #include "common/haptics/tick.h"
 
@@ -11,9 +12,10 @@ namespace needlelab {
 /// Force along u, against the motion: at most ∫₀^{d_t} friction ds.
 [[gnu::always_inline]] inline double applyShaftFriction(const SceneModel& model, SimState& state,
                                                         const Tick& tick, StepReport& report) {
+  assert(model.friction_stiffness_N_per_m > 0.0);
   const LayerSpan& span = spanAt(state, tick.insertion_m);
-  const double most_N = span.friction_offset_N + span.friction_N_per_m * tick.insertion_m;
-  const double stretch = most_N / model.friction_stiffness_N_per_m;
+  const double max_N = span.friction_offset_N + span.friction_N_per_m * tick.insertion_m;
+  const double stretch = max_N / model.friction_stiffness_N_per_m;
   state.friction_wall_m =
       std::min(std::max(state.friction_wall_m, tick.x_cut_m - stretch), tick.x_cut_m + stretch);
   return report.friction_N = -model.friction_stiffness_N_per_m * (tick.x_cut_m - state.friction_wall_m);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <cassert>
 #include <cmath>
 #include <cstddef>
 #include <limits>
@@ -20,6 +21,7 @@ namespace needlelab {
 
 /// v = (x_k − x_{k−j})/(jT), j = min(100 ms, ticks since the tick before entry).
 [[gnu::always_inline]] inline double updateSpeed(const SceneModel& model, SimState& state, double x_m) {
+  assert(state.history_mask == model.history_mask && "a state belongs to one model");
   const std::uint64_t now = ++state.ticks_inside;
   const double kept = x_m - state.x_shift_m;
   state.x_history_m[now & model.history_mask] = kept;
@@ -93,6 +95,9 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
   typename Steps::template ShaftFriction<live(Effect::kShaftFriction)> friction;
   typename Steps::template Puncture<live(Effect::kPuncture)> membranes;
 
+  assert(state.layer < model.layer_count);
+  assert((!state.in_limb || state.inside) && (!state.inside || state.outside_once));
+
   // input: depth and axis are finite only if the whole pose is finite
   Tick tick;
   tick.depth_m = depthIn(model, sample.p_WT_m);
@@ -102,12 +107,15 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
   bool entry = false;
   tick.layer = &model.layers[state.layer];
   report.flags = 0;
-  if (!(state.in_limb && tick.depth_m < tick.layer->bottom_m && tick.depth_m >= tick.layer->least_depth_m &&
+  if (!(state.in_limb && tick.depth_m < tick.layer->bottom_m && tick.depth_m >= tick.layer->min_depth_m &&
         pose_size <= std::numeric_limits<double>::max())) [[unlikely]] {
     if (!changeContact(model, sample, tick.depth_m, state, report)) return;
     entry = (report.flags & kFlagEntry) != 0;
     tick.layer = state.in_limb ? &model.layers[state.layer] : &model.beyond;
   }
+
+  assert(state.inside && isUnit(state.u_W) && isUnit(state.u0_W) && isUnit(state.normal_W));
+  assert(state.slant > 0.0 && !(state.slant > 1 + 1e-8));
 
   // trajectory and clamping
   project(state, sample.p_WT_m, tick);
@@ -155,27 +163,30 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
   if constexpr (live(Effect::kShaftFriction)) along_N += friction.apply(model, state, tick, report);
   if constexpr (live(Effect::kPuncture)) along_N += membranes_N;
 
+  assert(!(report.cutting_N > 0.0) && !(report.attracted_N < 0.0));
+
   // sum, capped
   // the cap needs no vector length while the sum of the magnitudes is below it
   Vec3 force;
-  double most_N = std::fabs(along_N);
+  double max_N = std::fabs(along_N);
   if constexpr (live(Effect::kClamping)) {
     force = state.u_W * (along_N + pull.line_N_per_m * tick.x_m) -
             tick.arm_W_m * (pull.line_N_per_m + pull.entry_N_per_m);
-    most_N += mostOf(pull, tick);
+    max_N += mostOf(pull, tick);
   } else {
     force = state.u_W * along_N;
   }
   if (tick.insertion_m > model.needle_length_m) [[unlikely]] {
     force = force + pressHub(model, tick.arm_W_m, tick.insertion_m, report);
-    most_N += report.hub_N;
+    max_N += report.hub_N;
   }
-  if (!(most_N <= model.surely_below_cap_N)) [[unlikely]]
+  if (!(max_N <= model.surely_below_cap_N)) [[unlikely]]
     capForce(model, force, report);
   report.wrench_W.force_N = force;
 
   // report: this square root is only for the report, and here it delays nothing
   if constexpr (live(Effect::kClamping)) report.clamping_N = magnitudeOf(pull, tick);
+  assert(state.phase != Phase::kFree);
   report.phase = state.phase;
   report.layer = static_cast<std::int32_t>(state.layer);
   report.depth_m = tick.depth_m;

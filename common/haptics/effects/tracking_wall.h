@@ -5,6 +5,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 
 #include "common/haptics/tick.h"
@@ -28,6 +29,7 @@ inline constexpr double kDriftSpeed_mps = 0.12e-3;
 /// Tracks the band of places where the needle has been; returns true in the tick in which the needle leaves
 /// it, where a new band begins. Places are stored with `x_shift_m` subtracted: a turn of u is not a movement.
 [[gnu::always_inline]] inline bool leavesBand(SimState& state, double x_m) {
+  assert(!(state.band_low_m > state.band_high_m));
   const double place_m = x_m - state.x_shift_m;
   if (place_m > state.band_high_m)
     state.band_high_m = place_m;
@@ -58,6 +60,7 @@ template <bool kRelaxes>
 /// Whether a stop begins with this tick; call it for ticks slower than v_stop.
 inline bool stopBegins(const SceneModel& model, const SimState& state) {
   const std::uint64_t now = state.ticks_inside;
+  assert(state.fast_tick <= now && state.band_tick <= now);
   return (state.armed && now - state.fast_tick >= model.dwell_ticks) ||
          now - state.band_tick >= model.rest_ticks;
 }
@@ -105,6 +108,7 @@ template <bool kRelaxes>
 /// follows a drift.
 [[gnu::always_inline]] inline double rampStep(const SceneModel& model, SimState& state, double gap_m,
                                               bool begins) {
+  assert(gap_m >= 0.0);
   if (begins) {
     state.ramp_ticks = model.dwell_ticks;
     state.stop_step_m = gap_m / model.stop_ticks;
@@ -112,6 +116,7 @@ template <bool kRelaxes>
   }
   if (state.ramp_ticks == 0) return std::min(gap_m, model.drift_step_m);
   const double step_m = std::min({state.stop_step_m, gap_m, model.max_stop_step_m});
+  assert(step_m >= 0.0);
   state.stop_way_m -= step_m;
   if (step_m == gap_m || state.ramp_ticks < model.dwell_ticks) --state.ramp_ticks;
   if (state.stop_way_m <= 0.0) state.ramp_ticks = 0;
@@ -131,12 +136,14 @@ template <bool kRelaxes>
     const double rest = std::max(rejection_m, model.wall.relax_residual * state.stop_stretch_m);
     move = std::min(std::max(0.0, size - rest) * model.relax_share, model.max_stop_step_m);
   }
+  assert(move >= 0.0 && !(move > size) && "the wall only comes nearer");
   return state.wall_m + std::copysign(move, stretch);
 }
 
 /// Sets the spring K_t of this tick's layer. On entering a stiffer layer the stretch shrinks, so that the
 /// force has no step; on entering a softer one the stretch stays and the force falls: a release.
 inline void changeStiffness(SimState& state, double x_m, double stiffness_N_per_m) {
+  assert(state.wall_stiffness_N_per_m > 0.0 && stiffness_N_per_m > 0.0);
   const double share = state.wall_stiffness_N_per_m / stiffness_N_per_m;
   if (share < 1.0) state.wall_m = x_m - share * (x_m - state.wall_m);
   state.wall_stiffness_N_per_m = stiffness_N_per_m;
@@ -173,6 +180,7 @@ template <class Cutting = CuttingStep<true>, class Attracted = AttractedStep<tru
 [[gnu::always_inline]] inline double applyTrackingWall(const SceneModel& model, SimState& state,
                                                        const Tick& tick, bool stop_begins,
                                                        const WallStretch& stretch, StepReport& report) {
+  assert(state.slant > 0.0 && stretch.stiffness_N_per_m > 0.0);
   [[maybe_unused]] const Cutting cutting;
   [[maybe_unused]] const Attracted attracted;
   const double x = tick.x_cut_m;

@@ -1,6 +1,7 @@
 #include "common/haptics/effects/trajectory.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <limits>
 #include <variant>
@@ -13,17 +14,19 @@ namespace needlelab {
 namespace {
 
 constexpr double kSin80Degrees = 0.98480775301220805937;
-constexpr double kLeastSlant = 0.05;
+constexpr double kMinSlant = 0.05;
 constexpr double kBisection_rad = 1e-12;
 constexpr double kNoEnd = std::numeric_limits<double>::infinity();
 
 double slantOf(Vec3 normal_W, Vec3 u_W) {
-  return std::max(kLeastSlant, -dot(normal_W, u_W));
+  return std::max(kMinSlant, -dot(normal_W, u_W));
 }
 
 // moves P0 and u, and all lengths along u with them
 void moveLine(const SceneModel& model, const TipSample& sample, SimState& state, Vec3 p_entry_W_m,
               Vec3 normal_W, Vec3 u_W, Tick& tick) {
+  assert(state.inside && isUnit(normal_W) && isUnit(u_W));
+  assert(state.membranes_met <= model.membrane_count);
   const double x_before_m = tick.x_m;
   const Vec3 u_before_W = state.u_W;
   const bool turns = !(u_W == u_before_W);
@@ -121,11 +124,13 @@ class Layering {
 
   void add(double begin_m, double end_m, const CompiledLayer& layer, std::int64_t index) {
     if (!(begin_m < end_m)) return;
+    assert(along_.count < along_.spans.size());
     const double friction = layer.friction_N_per_m;
     along_.spans[along_.count++] = {begin_m, end_m, friction, friction_N_ - friction * begin_m, index};
     friction_N_ += friction * (end_m - begin_m);
   }
   void close() {
+    assert(along_.count > 0);
     along_.spans[0].begin_m = -kNoEnd;
     along_.spans[along_.count - 1].end_m = kNoEnd;
   }
@@ -156,6 +161,7 @@ void blendStiffness(const SceneModel& model, LayersAlong& along) {
       if (here != slope) kinks[count++] = {from_m, here - slope};
       slope = here;
     }
+    assert(count < kinks.size());
     const double full_m = slope > 0.0 ? from_m + (model.fixture.max_stiffness_N_per_m - k) / slope : kNoEnd;
     if (!(full_m < along.spans[i].end_m)) continue;
     kinks[count++] = {full_m, -slope};
@@ -167,6 +173,8 @@ void blendStiffness(const SceneModel& model, LayersAlong& along) {
   along.stiffness_count = 0;
   for (std::uint32_t on = 0, off = 0; off < count;) {
     const bool begins = on < count && kinks[on].at_m - kBlend_m <= kinks[off].at_m + kBlend_m;
+    assert((begins || off < on) && "a kink's bend ends after it began");
+    assert(along.stiffness_count + 1 < along.stiffness.size());
     const Kink& kink = begins ? kinks[on++] : kinks[off++];
     const double at_m = begins ? kink.at_m - kBlend_m : kink.at_m + kBlend_m;
     const double bend = (begins ? kink.change_N_per_m2 : -kink.change_N_per_m2) / (4.0 * kBlend_m);
@@ -187,6 +195,7 @@ void blendStiffness(const SceneModel& model, LayersAlong& along) {
 }  // namespace
 
 Vec3 entryDirection(Vec3 axis_W, Vec3 normal_W) noexcept {
+  assert(isUnit(axis_W) && isUnit(normal_W));
   const double inward = -dot(axis_W, normal_W);
   if (inward >= kCos80Degrees) return axis_W;
   const Vec3 aside = axis_W + normal_W * inward;
@@ -197,6 +206,7 @@ Vec3 entryDirection(Vec3 axis_W, Vec3 normal_W) noexcept {
 void findStiffness(LayersAlong& along, double insertion_m) noexcept {
   std::uint32_t at = 0;
   while (insertion_m >= along.stiffness[at].end_m) ++at;
+  assert(at < along.stiffness_count);
   along.stiffness_here = along.stiffness[at];
 }
 
@@ -211,10 +221,11 @@ void layStraight(const SceneModel& model, LayersAlong& along) noexcept {
 
 void layLayers(const SceneModel& model, Vec3 p_entry_W_m, Vec3 u_W, double slant,
                LayersAlong& along) noexcept {
+  assert(slant >= kMinSlant && model.layer_count > 0);
   std::array<Reach, kMaxLayers> reach;
   std::uint32_t met = 0;
   along.deepest_m = kNoEnd;
-  for (; slant > kLeastSlant && met < model.layer_count; ++met) {
+  for (; slant > kMinSlant && met < model.layer_count; ++met) {
     reach[met] = reachBelow(model, model.layers[met].top_m, p_entry_W_m, u_W, slant);
     const double middle_m = 0.5 * (reach[met].begin_m + reach[met].end_m);
     reach[met].begin_m = met == 0 ? 0.0 : std::max(0.0, reach[met].begin_m);
@@ -238,12 +249,14 @@ void layLayers(const SceneModel& model, Vec3 p_entry_W_m, Vec3 u_W, double slant
 }
 
 double fixtureEnergy(const SceneModel& model, double k_N_per_m, double lateral_m) noexcept {
-  const double most_N = model.fixture.max_force_N;
-  if (k_N_per_m * lateral_m <= most_N) return 0.5 * k_N_per_m * lateral_m * lateral_m;
-  return most_N * (lateral_m - 0.5 * most_N / k_N_per_m);
+  assert(!(lateral_m < 0.0));
+  const double max_N = model.fixture.max_force_N;
+  if (k_N_per_m * lateral_m <= max_N) return 0.5 * k_N_per_m * lateral_m * lateral_m;
+  return max_N * (lateral_m - 0.5 * max_N / k_N_per_m);
 }
 
 Follow followNearSkin(const SceneModel& model, const TipSample& sample, Tick tick, SimState& state) noexcept {
+  assert(state.inside);
   // on the way out, use the skin on P0's side, otherwise the tangent plane at P0
   const double below_m = heightOf(model, state, tick);
   const double height_m = tick.x_m < state.along.deepest_m && state.in_limb ? tick.depth_m : below_m;
@@ -295,6 +308,7 @@ bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& 
   const double k_N_per_m = lateralStiffness(state.along, tick.insertion_m).k_N_per_m;
   const double keep_N = turningForce(model, state.along, k_N_per_m, tick.insertion_m);
   if (!(k_N_per_m * tick.lateral_m > keep_N && tick.x_m > 0.0)) return false;
+  assert(k_N_per_m > 0.0 && tick.lateral_m > 0.0 && tick.insertion_m > 0.0);
   const Vec3 side = tick.lateral_W_m / tick.lateral_m;
   const double radius_m = tick.insertion_m;
   const double kept_m = keep_N / k_N_per_m;
@@ -318,6 +332,7 @@ bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& 
   }
   if (!(angle > 0.0)) return false;
   const Vec3 u = turnedBy(angle);
+  assert(!(angleBetween(u, state.u0_W) > limit_rad));
   if (radius_m > model.turn_begins_m) {
     moveLine(model, sample, state, state.p_entry_W_m, state.normal_W, u, tick);
     return true;

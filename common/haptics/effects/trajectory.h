@@ -36,8 +36,8 @@ inline constexpr double kTurnsFrom_N = 1e-3;
 }
 
 /// A quick test that the fixture's force reaches neither `turningForce` nor its maximum.
-[[gnu::always_inline]] inline bool surelyHolds(const SceneModel& model, const LayersAlong& along,
-                                               const Tick& tick, double force_N) {
+[[gnu::always_inline]] inline bool certainlyHolds(const SceneModel& model, const LayersAlong& along,
+                                                  const Tick& tick, double force_N) {
   const double rising_N = model.turn_slope_N_per_m * (tick.insertion_m - model.turn_begins_m);
   return force_N <= std::max(kTurnsFrom_N, rising_N) && tick.lateral_m <= along.hold_m &&
          force_N <= model.fixture.max_force_N;

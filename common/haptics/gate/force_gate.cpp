@@ -1,6 +1,7 @@
 #include "common/haptics/gate/force_gate.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 
 namespace needlelab {
@@ -18,10 +19,10 @@ constexpr std::int64_t kHoldTicks = 5;  // number of rejected samples for which 
 constexpr double kWatchdog_s = 0.02;    // silence of the device after which the force is removed
 
 // the share of a wrench that keeps both parts within their limits
-double shareWithin(const Wrench& w, double most_N, double most_Nm) noexcept {
+double shareWithin(const Wrench& w, double max_N, double max_Nm) noexcept {
   double share = 1;
-  if (const double size = norm(w.force_N); size > most_N) share = most_N / size;
-  if (const double size = norm(w.torque_Nm); size > most_Nm) share = std::min(share, most_Nm / size);
+  if (const double size = norm(w.force_N); size > max_N) share = max_N / size;
+  if (const double size = norm(w.torque_Nm); size > max_Nm) share = std::min(share, max_Nm / size);
   return share;
 }
 
@@ -34,7 +35,7 @@ Wrench scaled(const Wrench& w, double s) noexcept {
 }
 
 // the fault that the device itself reports; a person's action takes precedence
-Fault faultSaid(std::uint32_t condition) noexcept {
+Fault faultOfCondition(std::uint32_t condition) noexcept {
   if ((condition & kDeviceEmergencyStop) != 0) return Fault::kEmergencyStop;
   if ((condition & kDeviceLost) != 0) return Fault::kDeviceLost;
   if ((condition & kDeviceOverheated) != 0) return Fault::kDeviceOverheated;
@@ -55,7 +56,10 @@ ForceGate::ForceGate(const DeviceLimits& limits, double rate_hz)
       silent_limit_ticks_(
           std::max<std::int64_t>(kHoldTicks, static_cast<std::int64_t>(kWatchdog_s * rate_hz + 0.5))),
       force_budget_(limits.peak_force_N, limits.continuous_force_N, period_s_),
-      torque_budget_(limits.peak_torque_Nm, limits.continuous_torque_Nm, period_s_) {}
+      torque_budget_(limits.peak_torque_Nm, limits.continuous_torque_Nm, period_s_) {
+  assert(rate_hz > 0);
+  assert(fade_in_step_ > 0 && fade_out_step_ > 0 && fade_out_step_ <= 1);
+}
 
 Fault ForceGate::judge(const TipSample& tip) const noexcept {
   if (!isFinite(tip.p_WT_m) || !needlelab::isFinite(tip.q_WT)) return Fault::kSampleNotFinite;
@@ -66,6 +70,8 @@ Fault ForceGate::judge(const TipSample& tip) const noexcept {
 }
 
 void ForceGate::raise(Fault fault) noexcept {
+  assert(fault != Fault::kNone);
+  assert(isFinite(out_) && "the gate lets nothing else through");
   fault_ = fault;
   at_fault_ = out_;
   limit_share_ = 1;  // `at_fault_` already excludes what was taken before
@@ -81,6 +87,7 @@ void ForceGate::raise(Fault fault) noexcept {
 }
 
 void ForceGate::raiseFromOutside(Fault fault) noexcept {
+  assert(fault != Fault::kNone);
   cause_outside_ = true;
   if (fault_ == Fault::kNone) raise(fault);
 }
@@ -111,6 +118,7 @@ void ForceGate::noteSilence(bool fresh, std::int64_t elapsed_ticks, std::uint32_
 // in FAULT: returns false when the fault ends with this tick
 bool ForceGate::staysInFault(const TipSample& tip, bool fresh, double handle_speed_mps,
                              std::uint32_t condition) noexcept {
+  assert(fault_ != Fault::kNone);
   // while the tip still jumps, the cause persists; each place is compared with the previous one
   if (fresh) {
     bad_in_fault_ = judge(tip) != Fault::kNone || !(handle_speed_mps <= limits_.fault_speed_mps);
@@ -133,6 +141,7 @@ bool ForceGate::staysInFault(const TipSample& tip, bool fresh, double handle_spe
 
 bool ForceGate::admit(const TipSample& tip, bool fresh, double handle_speed_mps, std::int64_t elapsed_ticks,
                       std::uint32_t condition) noexcept {
+  assert(elapsed_ticks >= 0 && ticks_since_good_ >= 0 && rejected_ticks_ >= 0 && silent_ticks_ >= 0);
   flags_ = 0;
   admitted_ = false;
   ticks_since_good_ += elapsed_ticks;
@@ -147,7 +156,7 @@ bool ForceGate::admit(const TipSample& tip, bool fresh, double handle_speed_mps,
   if (in_fault) return false;
 
   // the device's own report has immediate effect
-  if (const Fault said = faultSaid(condition); said != Fault::kNone) {
+  if (const Fault said = faultOfCondition(condition); said != Fault::kNone) {
     raise(said);
     return false;
   }
@@ -169,12 +178,14 @@ bool ForceGate::admit(const TipSample& tip, bool fresh, double handle_speed_mps,
     raise(Fault::kDeviceTooFast);
     return false;
   }
+  assert(fault_ == Fault::kNone);
   admitted_ = true;
   return true;
 }
 
 // the share fades out by time, so that missed ticks do not delay it
 double ForceGate::lowered(double share) const noexcept {
+  assert(share >= 0 && share <= 1);
   const double next = share - fade_out_step_ * static_cast<double>(std::max<std::int64_t>(1, elapsed_ticks_));
   return next > 1e-9 ? next : 0.0;
 }
@@ -189,6 +200,7 @@ void ForceGate::changeShare() noexcept {
     flags_ |= kGateStartRamp;
     fade_ = std::min(1.0, fade_ + fade_in_step_);
   }
+  assert(fade_ >= 0 && fade_ <= 1);
 }
 
 void ForceGate::lowerLimitShare(double share, std::uint32_t why) noexcept {
@@ -212,6 +224,7 @@ Wrench ForceGate::withinLimits(Wrench wanted) noexcept {
   const double allowed_N = force_budget_.allowed(norm(within_peak.force_N));
   const double allowed_Nm = torque_budget_.allowed(norm(within_peak.torque_Nm));
   lowerLimitShare(shareWithin(within_peak, allowed_N, allowed_Nm), kGateThermalLimited);
+  assert(limit_share_ <= 1 && (limit_share_ < 1) == (limited_by_ != 0));
   flags_ |= limited_by_;
   return scaled(wanted, limit_share_);
 }
@@ -247,6 +260,9 @@ GuardedWrench ForceGate::guard(const Wrench& wanted) noexcept {
     next = {from.force_N + change.force_N * way, from.torque_Nm + change.torque_Nm * way};
   }
 
+  assert(isFinite(next));
+  assert(norm(next.force_N) <= std::max(0.0, limits_.peak_force_N) * (1 + 1e-9));
+  assert(norm(next.torque_Nm) <= std::max(0.0, limits_.peak_torque_Nm) * (1 + 1e-9));
   out_ = next;
   force_budget_.spend(norm(out_.force_N));
   torque_budget_.spend(norm(out_.torque_Nm));
@@ -270,11 +286,14 @@ ThermalBudget::ThermalBudget(double peak, double continuous, double period_s) no
       recovery_(peak * period_s / kThermalRecovery_s),
       allowed_(peak),
       // rounded up, so that the buckets cover the whole window at any rate
-      ticks_per_bucket_(static_cast<std::int64_t>(std::ceil(kBucket_s / period_s - 1e-6))) {}
+      ticks_per_bucket_(static_cast<std::int64_t>(std::ceil(kBucket_s / period_s - 1e-6))) {
+  assert(period_s > 0 && ticks_per_bucket_ > 0);
+}
 
 double ThermalBudget::allowed(double wanted) noexcept {
   const double before = allowed_;
   allowed_ = std::min(limitNow(wanted), before + recovery_);
+  assert(wanted >= 0);
   return allowed_;
 }
 
@@ -305,6 +324,8 @@ double ThermalBudget::limitNow(double wanted) const noexcept {
 }
 
 void ThermalBudget::spend(double magnitude) noexcept {
+  assert(magnitude >= 0 && std::isfinite(magnitude));
+  assert(current_ < kBuckets && ticks_in_bucket_ < ticks_per_bucket_);
   bucket_[current_] += magnitude * magnitude * period_s_;
   if (++ticks_in_bucket_ < ticks_per_bucket_) return;
   ticks_in_bucket_ = 0;

@@ -11,35 +11,33 @@
 
 namespace needlelab {
 
-/// A scene's maximum stiffnesses; 0 if the effect is not live.
+/// The maximum stiffnesses of a scene's effects (EffectEntry::on_device).
 struct HandleStiffness {
-  double fixture_N_per_m = 0;         ///< across the needle, at the tip
-  double bone_N_per_m = 0;            ///< in every direction, where the needle sticks on it
-  double orientation_Nm_per_rad = 0;  ///< of the orientation limit
-  double handle_Nm_per_rad = 0;       ///< of all together, about the handle's worst axis
-  /// Across the needle, at the tip: both bone and fixture hold a needle that sticks on bone.
-  [[nodiscard]] double across_N_per_m() const { return fixture_N_per_m + bone_N_per_m; }
+  double across_N_per_m = 0;      ///< across the needle, at the tip: both bone and fixture hold a needle that
+                                  ///< sticks on bone
+  double turning_Nm_per_rad = 0;  ///< of the torques
+  double handle_Nm_per_rad = 0;   ///< of all together, about the handle's worst axis
 };
 
 /// A stiffness k across the needle becomes k·lever² about the handle; wall or bone along the needle act with
-/// the lever's component across the needle; the orientation limit adds its own.
+/// the lever's component across the needle; torques add their own.
 /// `spec` is the scene and `axial_N_per_m` its stiffness along the needle (axialStiffness_N_per_m).
 HandleStiffness handleStiffness(const SceneSpec& spec, double axial_N_per_m, const Pose& X_HT);
 
 /// With less than this share of a profile's stiffness, a lesson would not be the same, and is refused.
-inline constexpr double kLeastStiffnessShare = 0.5;
+inline constexpr double kMinStiffnessShare = 0.5;
 
-/// The share of fixture, bone and orientation limit, in [0, 1], with which a device of `limits` can hold the
-/// scene: fixture and bone at the tip, everything about the handle. 1: nothing needs lowering. 0: the walls
-/// alone are too stiff for a tool so far off its axis. Does not check the stiffness along the needle.
+/// The share of these effects (fixture, bone, orientation limit), in [0, 1], with which a device of `limits`
+/// can hold the scene: what is across the needle at the tip, everything about the handle. 1: nothing needs
+/// lowering. 0: the walls alone are too stiff for a tool so far off its axis. Does not check the stiffness
+/// along the needle.
 double heldStiffnessShare(const SceneSpec& spec, double axial_N_per_m, const DeviceLimits& limits,
                           const Pose& X_HT);
 
-/// Lowers all numbers of the fixture, and the stiffnesses of bone and orientation limit, to `share`, in (0,
-/// 1].
+/// Lowers these effects to `share`, in (0, 1].
 void lowerStiffness(SceneSpec& spec, double share);
 
-/// A text for people, shown beside a score; empty if `share` is 1 and bone was not left out.
-std::string stiffnessShareText(double share, bool bone_left_out);
+/// A text for people, shown beside a score; empty if `share` is 1 and no effect was left out.
+std::string stiffnessShareText(double share, EffectMask left_out);
 
 }  // namespace needlelab

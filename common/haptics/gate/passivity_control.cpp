@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cassert>
 #include <cmath>
 
 #include "common/haptics/det_math.h"
@@ -13,7 +14,7 @@ namespace {
 constexpr double kHorizonTicks = 4;
 // below this power, encoder steps decide the sign: the reduction fades in with power
 constexpr double kSmallPower_W = 1e-3;
-constexpr double kLeastReserve_J = 1e-6;
+constexpr double kMinReserve_J = 1e-6;
 constexpr double kShareStep = 0.1;  // greatest rise of the share in a tick
 
 // rotation vector of a small turn, in W
@@ -25,7 +26,7 @@ Vec3 turnBetween(Quat from, Quat to) {
 // 1 for a debt of the reserve or more: then only a wrench that clearly takes energy returns, and slowly,
 // because after the motion reverses the mean speed still has the old direction
 double debtOf(const PassivityState& state, double reserve_J) {
-  return std::clamp(-state.level_J / std::max(reserve_J, kLeastReserve_J), 0.0, 1.0);
+  return std::clamp(-state.level_J / std::max(reserve_J, kMinReserve_J), 0.0, 1.0);
 }
 
 double workOf(const Wrench& wrench, const Pose& from, const Pose& to) {
@@ -70,7 +71,8 @@ std::uint64_t hashOf(const PassivityState& state) {
 
 PassivityControl::PassivityControl(const PassivitySettings& settings, double rate_hz) noexcept
     : settings_(settings), period_s_(1 / rate_hz) {
-  settings_.delay_ticks = std::min(settings.delay_ticks, PassivitySettings::kMostDelay);
+  assert(rate_hz > 0);
+  settings_.delay_ticks = std::min(settings.delay_ticks, PassivitySettings::kMaxDelay);
   settings_.damping_Ns_per_m = std::max(0.0, settings.damping_Ns_per_m);
   settings_.rotational_damping_Nms_per_rad = std::max(0.0, settings.rotational_damping_Nms_per_rad);
   settings_.reserve_J = std::max(0.0, settings.reserve_J);
@@ -83,12 +85,16 @@ PassivityControl::PassivityControl(const PassivitySettings& settings, double rat
     mean_left_ = (1 - left_) / ticks;
   }
   state_.level_J = settings_.reserve_J;
+  assert(left_ >= 0 && left_ <= 1 && mean_left_ >= 0);
+  assert(settings_.reserve_J <= settings_.capacity_J);
 }
 
 // Accounts for the wrenches that acted since the newest pose. If that pose is several ticks old, it is
 // unknown in which tick the handle moved, and the worst case counts.
 void PassivityControl::observe(const Pose& X_WH) noexcept {
   constexpr std::size_t kPoses = PassivityState::kPoses, kWrenches = PassivityState::kWrenches;
+  assert(isFinite(X_WH.p) && isFinite(X_WH.q) && "the gate admitted it");
+  assert(state_.next_pose < kPoses && state_.known_poses <= kPoses && state_.next_wrench < kWrenches);
   if (state_.known_poses > 0) {
     const Pose& before = state_.poses[(state_.next_pose + kPoses - 1) % kPoses];
     const std::size_t ticks =
@@ -163,11 +169,15 @@ Wrench PassivityControl::limited(const Pose& X_WH, bool fresh, const Wrench& wan
     const double next = wantedShare(wanted);
     const double rise = kShareStep * (1 - 0.9 * debtOf(state_, settings_.reserve_J));
     state_.share = std::min(next, state_.share + rise);
+    assert(!(state_.share < 0) && !(state_.share > 1));
+    assert(!(state_.level_J > settings_.capacity_J));
   }
   return {wanted.force_N * state_.share, wanted.torque_Nm * state_.share};
 }
 
 void PassivityControl::rendered(const Wrench& at_handle_W) noexcept {
+  assert(isFinite(at_handle_W.force_N) && isFinite(at_handle_W.torque_Nm));
+  assert(state_.next_wrench < PassivityState::kWrenches);
   const Vec3 force = state_.acting.force_N - at_handle_W.force_N;
   const Vec3 torque = state_.acting.torque_Nm - at_handle_W.torque_Nm;
   state_.rendered[state_.next_wrench] = {at_handle_W.force_N + force * mean_left_,

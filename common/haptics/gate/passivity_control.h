@@ -13,7 +13,7 @@
 namespace needlelab {
 
 struct PassivitySettings {
-  std::uint32_t delay_ticks = 1;  ///< the wrench of tick k acts from tick k + delay on; at most kMostDelay
+  std::uint32_t delay_ticks = 1;  ///< the wrench of tick k acts from tick k + delay on; at most kMaxDelay
   double lag_s = 0;               ///< time constant of the actuators' first-order lag, after the delay
   /// Damping of the device alone, which always loses energy. Underestimating it is safe; 0: not counted.
   double damping_Ns_per_m = 0, rotational_damping_Nms_per_rad = 0;
@@ -21,7 +21,7 @@ struct PassivitySettings {
   /// The tank's capacity; energy that tissue took beyond it is lost. It is about what springs hold: 10 N at
   /// 500 N/m are 0.1 J, an orientation limit of 0.2 N·m turned by a right angle is 0.3 J.
   double capacity_J = 0.5;
-  static constexpr std::uint32_t kMostDelay = 15;
+  static constexpr std::uint32_t kMaxDelay = 15;
 };
 
 /// The whole state of a PassivityControl: plain data of fixed size; a copy is a snapshot.
@@ -55,7 +55,7 @@ std::uint64_t hashOf(const PassivityState& state);
 /// Thread: the haptic thread only. Real-time safe: no heap, lock, clock or exception. Same inputs, same bits.
 class PassivityControl {
  public:
-  /// `rate_hz` > 0. A delay above kMostDelay counts as kMostDelay, negative numbers as 0.
+  /// `rate_hz` > 0. A delay above kMaxDelay counts as kMaxDelay, negative numbers as 0.
   PassivityControl(const PassivitySettings& settings, double rate_hz) noexcept;
 
   /// Returns the wrench to hand to the gate. Call once per tick: with `fresh`, the handle's pose `X_WH` of

@@ -1,75 +1,50 @@
-#include "common/haptics/models/axial_entry.h"
+#include "common/haptics/axial_entry.h"
 
+#include <array>
 #include <string>
 
-#include "common/haptics/axial_model.h"
-#include "common/haptics/effects/effect_entry.h"
+#include "common/haptics/spec_checker.h"
 
 namespace needlelab {
 
-EffectMask effectsOfLayers(const SceneSpec& spec) {
-  EffectMask mask = 0;
-  for (const LayerSpec& layer : spec.layers) {
-    if (layer.cutting_force_N > 0) mask |= bitOf(Effect::kCutting);
-    if (layer.attracted_force_N > 0) mask |= bitOf(Effect::kAttracted);
-  }
-  return mask;
-}
-
-void refuseReplacedEffects(const SceneSpec& spec, EffectMask replaced, std::string_view section,
-                           SpecChecker& check) {
-  check.enter("");
-  for (const EffectEntry* entry : effectEntries())
-    check.require((spec.effects & replaced & bitOf(entry->effect)) == 0, "effects",
-                  "lists " + std::string(entry->name) + ", which axial_model " +
-                      std::string(axialModelName(spec.axial_model)) + " has its own of (" +
-                      std::string(section) + "): take it out");
-}
+// To add a model: add a file here that makes its entry, an enumerator in axial_model.h, and a line in each of
+// these two lists.
+extern const AxialEntry kTrackingWallEntry, kPlainWallEntry, kDirectEntry, kVoigtEntry, kGodObjectEntry,
+    kFirstOrderEntry, kStatisticalEntry, kPrecomputedEntry, kFemEntry, kOkamuraEntry, kDahlEntry;
 
 namespace {
+
+constexpr std::array<const AxialEntry*, kAxialModelCount> kAxialEntries = {
+    &kTrackingWallEntry, &kPlainWallEntry,  &kDirectEntry,      &kVoigtEntry,
+    &kGodObjectEntry,    &kFirstOrderEntry, &kStatisticalEntry, &kPrecomputedEntry,
+    &kFemEntry,          &kOkamuraEntry,    &kDahlEntry};
 
 // stands for a model that is not in this build: `validate` refuses such a scene by name, so that no other
 // model renders it silently
 constinit const AxialEntry kNotBuiltEntry = {
-    nullptr,
-    [](const SceneSpec& spec, SpecChecker& check) {
-      const auto index = static_cast<std::size_t>(spec.axial_model);
-      check.enter("");
-      check.require(false, "axial_model",
-                    (index < kAxialModelCount ? std::string(kAxialModelNames[index])
-                                              : "number " + std::to_string(index)) +
-                        " is not built into this version");
-    },
-    [](const SceneSpec&) { return EffectMask{0}; }, [](const SceneSpec&, SceneModel&) {}};
+    .model = {},
+    .label = {},
+    .short_name = {},
+    .steps = nullptr,
+    .renders = 0,
+    .check =
+        [](const SceneSpec& spec, SpecChecker& check) {
+          check.enter("");
+          check.require(false, "axial_model",
+                        "number " + std::to_string(static_cast<int>(spec.axial_model)) +
+                            " is not built into this version");
+        },
+    .compile = [](const SceneSpec&, SceneModel&) {}};
 
 }  // namespace
 
+std::span<const AxialEntry* const, kAxialModelCount> axialEntries() {
+  return kAxialEntries;
+}
+
 const AxialEntry& axialEntry(AxialModel model) {
-  switch (model) {
-    case AxialModel::kEnhancedTrackingWall:
-      return kTrackingWallEntry;
-    case AxialModel::kTrackingWall:
-      return kPlainWallEntry;
-    case AxialModel::kDirect:
-      return kDirectEntry;
-    case AxialModel::kVoigt:
-      return kVoigtEntry;
-    case AxialModel::kGodObject:
-      return kGodObjectEntry;
-    case AxialModel::kFirstOrder:
-      return kFirstOrderEntry;
-    case AxialModel::kStatistical:
-      return kStatisticalEntry;
-    case AxialModel::kPrecomputed:
-      return kPrecomputedEntry;
-    case AxialModel::kFem:
-      return kFemEntry;
-    case AxialModel::kOkamura:
-      return kOkamuraEntry;
-    case AxialModel::kDahl:
-      return kDahlEntry;
-  }
-  return kNotBuiltEntry;
+  const auto index = static_cast<std::size_t>(model);
+  return index < kAxialEntries.size() ? *kAxialEntries[index] : kNotBuiltEntry;
 }
 
 }  // namespace needlelab

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cassert>
 #include <cstdint>
 #include <vector>
 
@@ -22,6 +23,7 @@ struct DepthTable {
   /// `row` is where the search starts; set to the row found. Real-time safe.
   [[nodiscard]] Pair at(double depth_m, std::uint32_t& row) const noexcept {
     const auto count = static_cast<std::uint32_t>(rows.size());
+    assert(row < count);
     // nearly always the same row or the next
     if (row + 1 < count && depth_m >= rows[row + 1].depth_m) ++row;
     if (depth_m < rows[row].depth_m || (row + 1 < count && depth_m >= rows[row + 1].depth_m)) [[unlikely]] {
@@ -35,7 +37,10 @@ struct DepthTable {
   }
 
   /// Add rows in order; `finish` then sets the slopes.
-  void add(double depth_m, double a, double b) { rows.push_back({depth_m, a, 0, b, 0}); }
+  void add(double depth_m, double a, double b) {
+    assert(rows.empty() || depth_m >= rows.back().depth_m);
+    rows.push_back({depth_m, a, 0, b, 0});
+  }
   void finish() {
     for (std::size_t i = 0; i + 1 < rows.size(); ++i) {
       const double length_m = rows[i + 1].depth_m - rows[i].depth_m;

@@ -2,9 +2,12 @@
 /// f = −K·max(0, x), limited by `step_at_layers` to the cutting force of the tip's layer (FORCE_MODEL.md,
 /// "Axial models"). The force steps when the tip enters another layer; the model exists to show that.
 #include <algorithm>
+#include <array>
 
+#include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/step_live.h"
-#include "common/haptics/models/axial_entry.h"
+#include "common/haptics/models/layer_forces.h"
+#include "common/haptics/spec_checker.h"
 
 namespace needlelab {
 namespace {
@@ -22,21 +25,36 @@ struct Direct {
 };
 constexpr StepTable kDirectSteps = stepTable<Direct>();
 
+constexpr std::array<AxialField, 2> kDirectFields = {
+    {{"stiffness_n_per_m", "Stiffness (Direct)", kStiffness,
+      [](SceneSpec& spec, std::size_t) -> SpecNumber { return &spec.direct.stiffness_N_per_m; }},
+     {"step_at_layers", "", {}, [](SceneSpec& spec, std::size_t) -> SpecNumber {
+        return &spec.direct.step_at_layers;
+      }}}};
+
 }  // namespace
 
+extern const AxialEntry kDirectEntry;
 constinit const AxialEntry kDirectEntry = {
-    &kDirectSteps,
-    [](const SceneSpec& spec, SpecChecker& check) {
-      check.enter("direct.");
-      check.number("stiffness_n_per_m", spec.direct.stiffness_N_per_m, kStiffness);
-    },
-    [](const SceneSpec& spec) {
-      return spec.direct.step_at_layers ? effectsOfLayers(spec) & bitOf(Effect::kCutting)
-                                        : bitOf(Effect::kCutting);
-    },
-    [](const SceneSpec& spec, SceneModel& model) {
-      model.axial_stiffness_N_per_m = spec.direct.stiffness_N_per_m;
-      model.step_at_layers = spec.direct.step_at_layers;
-    }};
+    .model = AxialModel::kDirect,
+    .label = "Direct",
+    .short_name = "direct",
+    .steps = &kDirectSteps,
+    .renders = Direct::kRenders,
+    .section = {.name = "direct", .fields = kDirectFields},
+    .effectsWithNumbers =
+        [](const SceneSpec& spec) {
+          const bool cuts = !spec.direct.step_at_layers ||
+                            std::any_of(spec.layers.begin(), spec.layers.end(),
+                                        [](const LayerSpec& layer) { return layer.cutting_force_N > 0; });
+          return cuts ? bitOf(Effect::kCutting) : EffectMask{0};
+        },
+    // the wall's stiffness, with a step at layers
+    .derive = [](const SceneSpec& scene, SceneSpec& other) { deriveStiffness(scene, other.direct); },
+    .compile =
+        [](const SceneSpec& spec, SceneModel& model) {
+          model.axial_stiffness_N_per_m = spec.direct.stiffness_N_per_m;
+          model.step_at_layers = spec.direct.step_at_layers;
+        }};
 
 }  // namespace needlelab

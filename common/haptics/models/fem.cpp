@@ -5,9 +5,16 @@
 /// `cutting_N` is the tip's force, `friction_N` the shaft's.
 #include <fmt/core.h>
 
+#include <algorithm>
+#include <array>
+#include <cassert>
+
+#include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/step_live.h"
-#include "common/haptics/models/axial_entry.h"
 #include "common/haptics/models/fem_needle.h"
+#include "common/haptics/models/layer_forces.h"
+#include "common/haptics/models/like_for_like.h"
+#include "common/haptics/spec_checker.h"
 
 namespace needlelab {
 namespace {
@@ -19,6 +26,7 @@ struct Fem {
 
   static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool /*stop_begins*/,
                       StepReport& report) {
+    assert(model.fem != nullptr);
     if (state.ticks_inside == 1) state.needle = NeedleState{};
     // `wall_m` is the start of the path: turns and ruptures move it, and with it the needle's whole state
     const NeedleForce force =
@@ -31,23 +39,51 @@ struct Fem {
 };
 constexpr StepTable kFemSteps = stepTable<Fem>();
 
+constexpr std::array<AxialField, 1> kFemFields = {
+    {{"nodes", "", {100, 200'000}, [](SceneSpec& spec, std::size_t) -> SpecNumber {
+        return &spec.fem.nodes;
+      }}}};
+constexpr std::array<AxialField, 4> kFemRow = {
+    {{"young_pa",
+      "",
+      {100, 1e9},
+      [](SceneSpec& spec, std::size_t i) -> SpecNumber { return &spec.fem.layers[i].young_Pa; }},
+     {"poisson",
+      "",
+      {0, 0.49},
+      [](SceneSpec& spec, std::size_t i) -> SpecNumber { return &spec.fem.layers[i].poisson; }},
+     {"friction_n_per_m", "", kFrictionPerLength,
+      [](SceneSpec& spec, std::size_t i) -> SpecNumber { return &spec.fem.layers[i].friction_N_per_m; }},
+     {"cutting_n", "", kForce,
+      [](SceneSpec& spec, std::size_t i) -> SpecNumber { return &spec.fem.layers[i].cutting_N; }}}};
+
 void checkFem(const SceneSpec& spec, SpecChecker& check) {
-  check.enter("");
-  check.require((spec.effects & bitOf(Effect::kShaftFriction)) == 0, "effects",
-                "lists SHAFT_FRICTION, which axial_model FEM has its own of (fem.layers): take it out");
   check.enter("fem.");
-  check.number("nodes", spec.fem.nodes, {100, 200'000});
   check.require(spec.fem.layers.size() == spec.layers.size(), "layers",
                 fmt::format("{} given, the scene has {} layers: give one for each, from the skin inward",
                             spec.fem.layers.size(), spec.layers.size()));
-  for (std::size_t i = 0; i < spec.fem.layers.size(); ++i) {
-    const FemLayerSpec& layer = spec.fem.layers[i];
-    check.enter(fmt::format("fem.layers[{}].", i));
-    check.number("young_pa", layer.young_Pa, {100, 1e9});
-    check.number("poisson", layer.poisson, {0, 0.49});
-    check.number("friction_n_per_m", layer.friction_N_per_m, kFrictionPerLength);
-    check.number("cutting_n", layer.cutting_N, kForce);
+}
+
+// E from the lateral stiffness per length k' of a rigid needle, k' = 8πG (1 − ν)/((3 − 4ν) ln(R/r)), the
+// leading term of a rigid disc moved in plane strain (Baguelin, Frank and Said 1977) with R/r = 100; soft
+// tissue where k' is 0. Cutting and friction as for FIRST_ORDER.
+void deriveFem(const SceneSpec&, SceneSpec& other) {
+  constexpr double kPoisson = 0.45, kSoft_Pa = 10e3;
+  // 2(1 + ν)(3 − 4ν) ln 100/(8π(1 − ν))
+  constexpr double kYoungPerLateral = 1.16;
+  if (other.fem.layers.empty()) {
+    other.fem.nodes = kDefaultFemNodes;
+    for (const LayerSpec& layer : other.layers) {
+      FemLayerSpec own;
+      own.poisson = kPoisson;
+      const double young_Pa = kYoungPerLateral * layer.lateral_stiffness_N_per_m2;
+      own.young_Pa = young_Pa > 0 ? std::clamp(young_Pa, 100.0, 1e9) : kSoft_Pa;
+      own.friction_N_per_m = listedFriction_N_per_m(other, layer);
+      own.cutting_N = listedCutting_N(other, layer);
+      other.fem.layers.push_back(own);
+    }
   }
+  other.effects |= bitOf(Effect::kCutting);
 }
 
 EffectMask effectsOfFem(const SceneSpec& spec) {
@@ -64,6 +100,23 @@ void compileFem(const SceneSpec& spec, SceneModel& model) {
 
 }  // namespace
 
-constinit const AxialEntry kFemEntry = {&kFemSteps, checkFem, effectsOfFem, compileFem, Fem::kReplaces};
+extern const AxialEntry kFemEntry;
+constinit const AxialEntry kFemEntry = {
+    .model = AxialModel::kFem,
+    .label = "Finite elements",
+    .short_name = "FEM",
+    .steps = &kFemSteps,
+    .renders = Fem::kRenders,
+    .replaces = Fem::kReplaces,
+    .section = {.name = "fem",
+                .fields = kFemFields,
+                .table = "layers",
+                .row_fields = kFemRow,
+                .rows = [](const SceneSpec& spec) { return spec.fem.layers.size(); },
+                .resize = [](SceneSpec& spec, std::size_t rows) { spec.fem.layers.resize(rows); }},
+    .check = checkFem,
+    .effectsWithNumbers = effectsOfFem,
+    .derive = deriveFem,
+    .compile = compileFem};
 
 }  // namespace needlelab

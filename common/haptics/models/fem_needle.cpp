@@ -1,6 +1,7 @@
 #include "common/haptics/models/fem_needle.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 
 namespace needlelab {
@@ -33,6 +34,7 @@ double splineUpTo(double u) {
 
 TipSpread spreadAt(double depth_m, double contact_m, const NeedleCompliance& compliance) {
   const std::size_t stations = compliance.stations();
+  assert(stations > 0 && stations <= kMaxNeedleStations && compliance.spacing_m > 0.0);
   const double end_m = compliance.spacing_m * static_cast<double>(stations), knot_m = 0.25 * contact_m;
   const double at_m = std::clamp(depth_m, 0.0, end_m), half_m = 0.5 * contact_m;
   const double last = static_cast<double>(stations - 1);
@@ -41,6 +43,7 @@ TipSpread spreadAt(double depth_m, double contact_m, const NeedleCompliance& com
       static_cast<std::size_t>(std::min(last, std::max(0.0, at_m - half_m) / compliance.spacing_m));
   spread.count =
       static_cast<std::size_t>(std::min(last, (at_m + half_m) / compliance.spacing_m)) + 1 - spread.first;
+  assert(spread.count > 0 && spread.first + spread.count <= stations);
   const bool near_skin = at_m<half_m, near_end = at_m> end_m - half_m;
   const auto massUpTo = [&](double z_m) {
     double mass = splineUpTo((z_m - at_m) / knot_m);
@@ -73,6 +76,7 @@ void addScaled(double* __restrict to, const double* __restrict from, double fact
 // Solves the upper triangle `a` (rows of `stride`, symmetric positive definite) · x = b by Cholesky, writing
 // x into b; destroys `a`.
 void solvePositive(double* a, std::size_t stride, std::size_t size, double* b) {
+  assert(size <= stride);
   for (std::size_t k = 0; k < size; ++k) {
     double* row = a + k * stride;
     const double pivot = 1.0 / std::sqrt(row[k]);
@@ -123,6 +127,8 @@ Contact::Contact(const FemNeedle& needle, const NeedlePose& pose, NeedleState& s
       pose_(pose),
       state_(state),
       stations_(compliance_.stations()) {
+  assert(state.stations == 0 || state.stations == stations_);
+  assert(pose.slant > 0.0 && !(state.gap_m < 0.0) && !(state.tip_N < 0.0));
   state.stations = static_cast<std::uint32_t>(stations_);
   boundShaft(std::min({std::max(0.0, pose.x_m), pose.insertion_m, state.cut_m}));
   const double tip_depth = state.cut_m * pose.slant;
@@ -137,6 +143,7 @@ Contact::Contact(const FemNeedle& needle, const NeedlePose& pose, NeedleState& s
   low_[shaft_] = 0.0;
   high_[shaft_] = (needle.cutting_N_m.upTo(tip_depth) - needle.cutting_N_m.upTo(tip_depth - needle.bevel_m)) /
                   needle.bevel_m;
+  assert(!(high_[shaft_] < low_[shaft_]));
   target_[shaft_] =
       motion + meanOver(spread_, state.moved_m.data()) + needle.tip_give_m_per_N * state.tip_N - state.gap_m;
   hold_[shaft_] = state.tip_hold;
@@ -153,6 +160,7 @@ void Contact::boundShaft(double length_m) {
                             ? needle_.station_friction_N[shaft_]
                             : needle_.friction_N.upTo(depth) - needle_.friction_N.upTo(top);
     high_[shaft_] = most / pose_.slant;
+    assert(!(high_[shaft_] < 0.0));
     low_[shaft_] = -high_[shaft_];
     ++shaft_;
   }
@@ -167,6 +175,7 @@ void Contact::spreadTip(double depth_m) {
 }
 
 double Contact::giveBetween(std::size_t a, std::size_t b) const {
+  assert(a < count_ && b < count_);
   if (a == shaft_ && b == shaft_) return meanOver(spread_, tip_column_.data()) + needle_.tip_give_m_per_N;
   if (a == shaft_) return tip_column_[b];
   if (b == shaft_) return tip_column_[a];
@@ -233,7 +242,7 @@ void Contact::solve() {
   std::array<std::size_t, kMaxUnknowns> wrong;
   std::size_t least = kMaxUnknowns + 1;
   int patience = kPatience, solves = 0;
-  while (solves < kMostSolves) {
+  while (solves < kMaxSolves) {
     solveOnce();
     ++solves;
     const std::size_t count = findWrong(wrong);
@@ -255,7 +264,7 @@ void Contact::solve() {
         hold = force_[wrong[i]] > high_[wrong[i]] ? Hold::kSlipsIn : Hold::kSlipsOut;
     }
   }
-  state_.solves = kMostSolves;
+  state_.solves = kMaxSolves;
   ++state_.unsettled;
   // clamp in any case: the remainder is slip in this tick
   for (std::size_t n = 0; n < count_; ++n) force_[n] = std::clamp(force_[n], low_[n], high_[n]);
@@ -300,6 +309,7 @@ NeedleForce Contact::finish() {
 }  // namespace
 
 void LayerIntegral::add(double top_m, double rate) {
+  assert(count_ < kMaxLayers && (count_ == 0 || top_m >= top_m_[count_ - 1]));
   const double sum = count_ == 0 ? 0.0 : sum_[count_ - 1] + rate_[count_ - 1] * (top_m - top_m_[count_ - 1]);
   top_m_[count_] = top_m;
   rate_[count_] = rate;
@@ -308,12 +318,14 @@ void LayerIntegral::add(double top_m, double rate) {
 }
 
 double LayerIntegral::upTo(double depth_m) const noexcept {
+  assert(count_ > 0);
   std::uint32_t n = count_ - 1;
   while (n > 0 && depth_m < top_m_[n]) --n;
   return sum_[n] + rate_[n] * (depth_m - top_m_[n]);
 }
 
 FemNeedle compileNeedle(const SceneSpec& spec) {
+  assert(spec.fem.compliance != nullptr && spec.fem.layers.size() == spec.layers.size());
   FemNeedle needle;
   needle.compliance = spec.fem.compliance;
   const NeedleCompliance& compliance = *needle.compliance;
@@ -324,6 +336,8 @@ FemNeedle compileNeedle(const SceneSpec& spec) {
     top += spec.layers[i].thickness_m;
   }
   const std::size_t stations = compliance.stations();
+  assert(stations > 0 && stations <= kMaxNeedleStations);
+  assert(compliance.give_m_per_N.size() == stations * stations);
   double mean_give = 0;
   for (std::size_t i = 0; i < stations; ++i) {
     const double from = static_cast<double>(i) * compliance.spacing_m;
@@ -359,6 +373,7 @@ double tipGive_m_per_N(const FemNeedle& needle, double depth_m) noexcept {
 }
 
 double storedEnergy(const FemNeedle& needle, const NeedleState& state) noexcept {
+  assert(state.stations == 0 || state.stations == needle.compliance->stations());
   double twice = needle.tip_give_m_per_N * state.tip_N * state.tip_N;
   for (std::size_t i = 0; i < state.stations; ++i) twice += state.shaft_N[i] * state.moved_m[i];
   twice += state.tip_N * state.tip_moved_m;

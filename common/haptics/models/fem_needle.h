@@ -95,7 +95,7 @@ struct NeedleForce {
 };
 
 /// Steps one tick. The state is that of the needle outside (`NeedleState{}`) or of the previous tick; the
-/// first pose is near x = 0. Solves at most `kMostSolves` small systems: a contact that has not settled by
+/// first pose is near x = 0. Solves at most `kMaxSolves` small systems: a contact that has not settled by
 /// then continues in the next tick (`state.unsettled` counts such ticks).
 ///
 /// Why it only dissipates: with E = ½ fᵀ C f (and the tip's own spring) convex, E_new − E_old ≤ f_newᵀ (w_new
@@ -109,6 +109,6 @@ double storedEnergy(const FemNeedle& needle, const NeedleState& state) noexcept;
 /// The tissue's displacement per force of the tip alone at that depth, including the tip's own spring.
 double tipGive_m_per_N(const FemNeedle& needle, double depth_m) noexcept;
 
-inline constexpr int kMostSolves = 40;
+inline constexpr int kMaxSolves = 40;
 
 }  // namespace needlelab

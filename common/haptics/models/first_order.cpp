@@ -6,13 +6,15 @@
 /// in a layer, and friction is ∫ friction ds over the length beyond the surfaces; both use dragged walls (K_t
 /// and K_f): cutting on the way in only, friction in both directions. The model has no relaxation in a stop.
 /// It has its own puncture and friction: a scene that lists PUNCTURE or SHAFT_FRICTION is refused.
-#include <fmt/core.h>
-
 #include <algorithm>
+#include <array>
+#include <cmath>
 
+#include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/step_live.h"
-#include "common/haptics/models/axial_entry.h"
+#include "common/haptics/models/layer_forces.h"
 #include "common/haptics/models/layer_tops.h"
+#include "common/haptics/spec_checker.h"
 
 namespace needlelab {
 namespace {
@@ -34,18 +36,47 @@ struct FirstOrder : LayerTops {
 };
 constexpr StepTable kFirstOrderSteps = stepTable<FirstOrder>();
 
-void checkFirstOrder(const SceneSpec& spec, SpecChecker& check) {
-  refuseReplacedEffects(spec, FirstOrder::kReplaces, "layers[].first_order", check);
-  for (std::size_t i = 0; i < spec.layers.size(); ++i) {
-    check.enter(fmt::format("layers[{}].", i));
-    const auto& own = spec.layers[i].first_order;
-    check.require(own.has_value(), "first_order", "is missing, and axial_model is FIRST_ORDER");
-    if (!own) return;
-    check.number("first_order.stiffness_n_per_m", own->stiffness_N_per_m, kStiffness);
-    check.number("first_order.puncture_force_n", own->puncture_force_N, kPositiveForce);
-    check.number("first_order.cutting_force_n", own->cutting_force_N, kForce);
-    check.number("first_order.friction_n_per_m", own->friction_N_per_m, kFrictionPerLength);
-  }
+constexpr std::array<AxialField, 4> kFirstOrderFields = {
+    {{"stiffness_n_per_m", "Stiffness (first order)", kStiffness,
+      [](SceneSpec& spec, std::size_t i) -> SpecNumber {
+        return &spec.layers[i].first_order->stiffness_N_per_m;
+      }},
+     {"puncture_force_n", "Puncture force (first order)", kPositiveForce,
+      [](SceneSpec& spec, std::size_t i) -> SpecNumber {
+        return &spec.layers[i].first_order->puncture_force_N;
+      }},
+     {"cutting_force_n", "Cutting force (first order)", kForce,
+      [](SceneSpec& spec, std::size_t i) -> SpecNumber {
+        return &spec.layers[i].first_order->cutting_force_N;
+      }},
+     {"friction_n_per_m", "Friction (first order)", kFrictionPerLength,
+      [](SceneSpec& spec, std::size_t i) -> SpecNumber {
+        return &spec.layers[i].first_order->friction_N_per_m;
+      }}}};
+
+// a membrane's force over the depth at which it ruptures
+double secantStiffness(const MembraneSpec& m) {
+  return (m.linear_N_per_m +
+          std::sqrt(m.linear_N_per_m * m.linear_N_per_m + 4 * m.quadratic_N_per_m2 * m.force_N)) /
+         2;
+}
+
+// Cutting and friction of the layer; puncture force and secant stiffness of its membrane. Without one, the
+// puncture force is the rise of the cutting force, with stiffness K_t.
+void deriveFirstOrder(const SceneSpec&, SceneSpec& other) {
+  deriveTops(other, [&](LayerSpec& layer, double cutting_N, double puncture_N) {
+    if (layer.first_order) return;
+    FirstOrderSpec& own = layer.first_order.emplace();
+    own.cutting_force_N = cutting_N;
+    own.friction_N_per_m = listedFriction_N_per_m(other, layer);
+    if (const MembraneSpec* const membrane = listedMembrane(other, layer)) {
+      own.puncture_force_N = membrane->force_N;
+      own.stiffness_N_per_m = std::clamp(secantStiffness(*membrane), 1e-6, 1e4);
+    } else {
+      own.puncture_force_N = puncture_N;
+      own.stiffness_N_per_m = wallStiffness_N_per_m(other, layer);
+    }
+  });
 }
 
 void compileFirstOrder(const SceneSpec& spec, SceneModel& model) {
@@ -68,8 +99,24 @@ void compileFirstOrder(const SceneSpec& spec, SceneModel& model) {
 
 }  // namespace
 
-constinit const AxialEntry kFirstOrderEntry = {&kFirstOrderSteps, checkFirstOrder,
-                                               [](const SceneSpec&) { return bitOf(Effect::kCutting); },
-                                               compileFirstOrder, FirstOrder::kReplaces};
+extern const AxialEntry kFirstOrderEntry;
+constinit const AxialEntry kFirstOrderEntry = {
+    .model = AxialModel::kFirstOrder,
+    .label = "First order",
+    .short_name = "first order",
+    .steps = &kFirstOrderSteps,
+    .renders = FirstOrder::kRenders,
+    .replaces = FirstOrder::kReplaces,
+    .section = {.name = "first_order",
+                .fields = kFirstOrderFields,
+                .isIn = [](const LayerSpec& layer) { return layer.first_order.has_value(); },
+                .addTo = [](LayerSpec& layer) { layer.first_order.emplace(); }},
+    .effectsWithNumbers = [](const SceneSpec&) { return bitOf(Effect::kCutting); },
+    .topOf =
+        [](const LayerSpec& layer) {
+          return MembraneSpec{layer.first_order->stiffness_N_per_m, 0, layer.first_order->puncture_force_N};
+        },
+    .derive = deriveFirstOrder,
+    .compile = compileFirstOrder};
 
 }  // namespace needlelab

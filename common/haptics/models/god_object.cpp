@@ -6,9 +6,13 @@
 /// passes; the model exists to show that. It never pulls inward. A top's place along u is determined like a
 /// membrane's (FORCE_MODEL.md, "Puncture"): the x interpolated by δ between the previous tick and this tick.
 #include <algorithm>
+#include <array>
+#include <cassert>
 
+#include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/step_live.h"
-#include "common/haptics/models/axial_entry.h"
+#include "common/haptics/models/layer_forces.h"
+#include "common/haptics/spec_checker.h"
 
 namespace needlelab {
 namespace {
@@ -28,6 +32,7 @@ struct GodObject {
         ++state.proxy_layer;
         state.proxy_held = true;
       }
+      assert(state.proxy_layer < state.tops_met && "the proxy lies on a top that was met");
       const double place_m = state.top_place_m[state.proxy_layer] + state.x_shift_m;
       pressed_N = model.axial_stiffness_N_per_m * std::max(0.0, tick.x_m - place_m);
       state.wall_m = place_m;
@@ -37,6 +42,7 @@ struct GodObject {
       report.flags |= kFlagRupture;
     }
     if (!state.proxy_held) state.wall_m = tick.x_m;
+    assert(!(pressed_N < 0.0));
     return report.cutting_N = -pressed_N;
   }
 
@@ -47,23 +53,31 @@ struct GodObject {
     do {
       const double share =
           (model.layers[state.tops_met].top_m - before.depth_m) / (tick.depth_m - before.depth_m);
+      assert(share >= 0.0 && share <= 1.0);
       state.top_place_m[state.tops_met++] = before.x_m + (tick.x_m - before.x_m) * share - state.x_shift_m;
     } while (state.tops_met < model.layer_count && tick.depth_m >= model.layers[state.tops_met].top_m);
   }
 };
 constexpr StepTable kGodObjectSteps = stepTable<GodObject>();
 
+constexpr std::array<AxialField, 1> kGodObjectFields = {
+    {{"stiffness_n_per_m", "Stiffness (God object)", kStiffness,
+      [](SceneSpec& spec, std::size_t) -> SpecNumber { return &spec.god_object.stiffness_N_per_m; }}}};
+
 }  // namespace
 
+extern const AxialEntry kGodObjectEntry;
 constinit const AxialEntry kGodObjectEntry = {
-    &kGodObjectSteps,
-    [](const SceneSpec& spec, SpecChecker& check) {
-      check.enter("god_object.");
-      check.number("stiffness_n_per_m", spec.god_object.stiffness_N_per_m, kStiffness);
-    },
-    [](const SceneSpec& spec) { return effectsOfLayers(spec) & bitOf(Effect::kCutting); },
-    [](const SceneSpec& spec, SceneModel& model) {
-      model.axial_stiffness_N_per_m = spec.god_object.stiffness_N_per_m;
-    }};
+    .model = AxialModel::kGodObject,
+    .label = "God object",
+    .short_name = "god object",
+    .steps = &kGodObjectSteps,
+    .renders = GodObject::kRenders,
+    .places_wall = true,
+    .section = {.name = "god_object", .fields = kGodObjectFields},
+    // the wall's stiffness
+    .derive = [](const SceneSpec& scene, SceneSpec& other) { deriveStiffness(scene, other.god_object); },
+    .compile = [](const SceneSpec& spec,
+                  SceneModel& model) { model.axial_stiffness_N_per_m = spec.god_object.stiffness_N_per_m; }};
 
 }  // namespace needlelab

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cassert>
 
 #include "common/haptics/effects/puncture.h"
 #include "common/haptics/scene_spec.h"
@@ -27,6 +28,7 @@ inline double stiffnessWithTops(const SceneSpec& spec, double steepest_top_N_per
 /// Constant cutting in the open layer at x_c, only on the way in, by a dragged wall with the spring K_t.
 [[gnu::always_inline]] inline double cutBeyondTops(const SceneModel& model, SimState& state, const Tick& tick,
                                                    StepReport& report) {
+  assert(state.layer < model.layer_count && model.membrane_count == model.layer_count);
   const auto closed = static_cast<std::uint32_t>(std::countr_zero(intactMembranes(state)));
   double cut_m = 0.0;
   if (closed != 0) cut_m = model.layers[std::min(state.layer, closed - 1)].cut_stretch_m;

@@ -5,11 +5,15 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <array>
+#include <cassert>
 
+#include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/step_live.h"
 #include "common/haptics/effects/tracking_wall.h"
-#include "common/haptics/models/axial_entry.h"
 #include "common/haptics/models/depth_table.h"
+#include "common/haptics/models/like_for_like.h"
+#include "common/haptics/spec_checker.h"
 
 namespace needlelab {
 namespace {
@@ -23,6 +27,7 @@ struct Precomputed {
 
   static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool stop_begins,
                       StepReport& report) {
+    assert(model.depth_table != nullptr);
     const auto [cut_m, attracted_m] = model.depth_table->at(tick.depth_m, state.table_row);
     return applyTrackingWall(
         model, state, tick, stop_begins,
@@ -32,17 +37,19 @@ struct Precomputed {
 };
 constexpr StepTable kPrecomputedSteps = stepTable<Precomputed>();
 
+constexpr std::array<AxialField, 3> kPrecomputedRow = {
+    {{"depth_m", "", kDepth,
+      [](SceneSpec& spec, std::size_t i) -> SpecNumber { return &spec.precomputed.table[i].depth_m; }},
+     {"cutting_n", "", kForce,
+      [](SceneSpec& spec, std::size_t i) -> SpecNumber { return &spec.precomputed.table[i].cutting_N; }},
+     {"attracted_n", "", kForce,
+      [](SceneSpec& spec, std::size_t i) -> SpecNumber { return &spec.precomputed.table[i].attracted_N; }}}};
+
 void checkPrecomputed(const SceneSpec& spec, SpecChecker& check) {
   const auto& table = spec.precomputed.table;
-  check.enter("precomputed.");
-  check.require(!table.empty() && table.size() <= kMaxTableRows, "table",
-                fmt::format("{} rows given, allowed are 1 to {}", table.size(), kMaxTableRows));
-  for (std::size_t i = 0; i < table.size(); ++i) {
+  for (std::size_t i = 1; i < table.size(); ++i) {
     check.enter(fmt::format("precomputed.table[{}].", i));
-    check.number("depth_m", table[i].depth_m, kDepth);
-    check.number("cutting_n", table[i].cutting_N, kForce);
-    check.number("attracted_n", table[i].attracted_N, kForce);
-    check.require(i == 0 || table[i].depth_m > table[i - 1].depth_m, "depth_m",
+    check.require(table[i].depth_m > table[i - 1].depth_m, "depth_m",
                   numberText(table[i].depth_m) + " is not above that of the row before");
   }
 }
@@ -72,7 +79,27 @@ void compileTable(const SceneSpec& spec, SceneModel& model) {
 
 }  // namespace
 
-constinit const AxialEntry kPrecomputedEntry = {&kPrecomputedSteps, checkPrecomputed, effectsWithNumbers,
-                                                compileTable};
+extern const AxialEntry kPrecomputedEntry;
+constinit const AxialEntry kPrecomputedEntry = {
+    .model = AxialModel::kPrecomputed,
+    .label = "Precomputed",
+    .short_name = "table",
+    .steps = &kPrecomputedSteps,
+    .renders = Precomputed::kRenders,
+    .has_tracking_wall = true,
+    .section = {.name = "precomputed",
+                .table = "table",
+                .row_fields = kPrecomputedRow,
+                .max_rows = kMaxTableRows,
+                .rows = [](const SceneSpec& spec) { return spec.precomputed.table.size(); },
+                .resize = [](SceneSpec& spec, std::size_t rows) { spec.precomputed.table.resize(rows); },
+                .made_by = "needlelab-sim precompute --profile P.json --mesh N --out Q.json"},
+    .check = checkPrecomputed,
+    .effectsWithNumbers = effectsWithNumbers,
+    .derive =
+        [](const SceneSpec& scene, SceneSpec& other) {
+          if (other.precomputed.table.empty()) other.precomputed.table = forceTableOfLayers(scene);
+        },
+    .compile = compileTable};
 
 }  // namespace needlelab

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cassert>
 #include <cmath>
 
 #include "common/haptics/det_math.h"
@@ -35,6 +36,7 @@ double normalOf(std::uint64_t key, std::uint64_t index) noexcept {
 }
 
 ScoreProcess::ScoreProcess(double length_m) {
+  assert(length_m > 0.0);
   while (levels_ < kMaxScoreLevels && spacing_m_ * kCellsPerLength > length_m) {
     spacing_m_ /= 2;
     const double rho = detExp(-spacing_m_ / length_m);
@@ -50,6 +52,7 @@ ScoreProcess::ScoreProcess(double length_m) {
 double ScoreProcess::at(std::uint64_t key, double depth_m, ScorePath& path) const noexcept {
   const double place = std::clamp(depth_m, 0.0, kRange_m) * inverse_spacing_;
   const std::int32_t last = (std::int32_t{1} << levels_) - 1;
+  assert(path.cell >= -1 && path.cell <= last);
   const std::int32_t cell = std::min(static_cast<std::int32_t>(place), last);
   if (cell != path.cell) {
     // nodes are numbered as in a heap: the ends 0 and 1, then the midpoint of cell i at level l is 2 + 2^l +
@@ -75,6 +78,7 @@ double ScoreProcess::at(std::uint64_t key, double depth_m, ScorePath& path) cons
   }
   const auto l = static_cast<std::size_t>(levels_);
   const double t = place - cell;
+  assert(t >= 0.0 && t <= 1.0);
   const double z = path.low[l] + t * (path.high[l] - path.low[l]);
   return z / std::sqrt(1 - t * (1 - t) * cell_loss_);
 }

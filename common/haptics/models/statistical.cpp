@@ -3,12 +3,16 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <array>
+#include <cassert>
 #include <cmath>
 
+#include "common/haptics/axial_entry.h"
 #include "common/haptics/det_math.h"
 #include "common/haptics/effects/step_live.h"
 #include "common/haptics/effects/tracking_wall.h"
-#include "common/haptics/models/axial_entry.h"
+#include "common/haptics/models/like_for_like.h"
+#include "common/haptics/spec_checker.h"
 
 namespace needlelab {
 namespace {
@@ -16,7 +20,7 @@ namespace {
 constexpr std::size_t kMaxStatisticalRows = 256;
 constexpr NumberRange kFactor{0, 10, true};
 // above this share of the mean a log-normal force is meaningless; consequently sd is 0 where the mean is 0
-constexpr double kMostSdShare = 10;
+constexpr double kMaxSdShare = 10;
 
 struct Statistical {
   static constexpr EffectMask kRenders = bitOf(Effect::kCutting);
@@ -25,6 +29,7 @@ struct Statistical {
 
   static double apply(const SceneModel& model, SimState& state, const Tick& tick, bool stop_begins,
                       StepReport& report) {
+    assert(model.statistical != nullptr);
     const double target_N =
         model.statistical->at(state.insertions - 1, tick.depth_m, state.score, state.table_row);
     return applyTrackingWall(model, state, tick, stop_begins,
@@ -35,27 +40,42 @@ struct Statistical {
 };
 constexpr StepTable kStatisticalSteps = stepTable<Statistical>();
 
+constexpr std::array<AxialField, 4> kStatisticalFields = {
+    {{"correlation_length_m", "", kLength,
+      [](SceneSpec& spec, std::size_t) -> SpecNumber { return &spec.statistical.correlation_length_m; }},
+     {"seed", "", {}, [](SceneSpec& spec, std::size_t) -> SpecNumber { return &spec.statistical.seed; }},
+     {"factors.mean", "", kFactor,
+      [](SceneSpec& spec, std::size_t) -> SpecNumber { return &spec.statistical.mean_factor; }},
+     {"factors.thickness", "", kFactor,
+      [](SceneSpec& spec, std::size_t) -> SpecNumber { return &spec.statistical.thickness_factor; }}}};
+constexpr std::array<AxialField, 3> kStatisticalRow = {
+    {{"depth_m", "", kDepth,
+      [](SceneSpec& spec, std::size_t i) -> SpecNumber { return &spec.statistical.table[i].depth_m; }},
+     {"mean_n", "", kForce,
+      [](SceneSpec& spec, std::size_t i) -> SpecNumber { return &spec.statistical.table[i].mean_N; }},
+     {"sd_n", "", kForce,
+      [](SceneSpec& spec, std::size_t i) -> SpecNumber { return &spec.statistical.table[i].sd_N; }}}};
+constexpr std::array<std::string_view, 4> kMayBeSynthetic = {"mean_n", "sd_n", "correlation_length_m",
+                                                             "factors"};
+
 void checkStatistical(const SceneSpec& spec, SpecChecker& check) {
-  const StatisticalSpec& own = spec.statistical;
-  check.enter("statistical.");
-  check.require(!own.table.empty() && own.table.size() <= kMaxStatisticalRows, "table",
-                fmt::format("{} rows given, allowed are 1 to {}", own.table.size(), kMaxStatisticalRows));
-  for (std::size_t i = 0; i < own.table.size(); ++i) {
-    const StatisticalSpec::Row& row = own.table[i];
+  const auto& table = spec.statistical.table;
+  for (std::size_t i = 0; i < table.size(); ++i) {
     check.enter(fmt::format("statistical.table[{}].", i));
-    check.number("depth_m", row.depth_m, kDepth);
-    check.number("mean_n", row.mean_N, kForce);
-    check.number("sd_n", row.sd_N, kForce);
-    check.require(row.sd_N <= kMostSdShare * row.mean_N, "sd_n",
-                  numberText(row.sd_N) + " is above " + numberText(kMostSdShare * row.mean_N) +
+    check.require(table[i].sd_N <= kMaxSdShare * table[i].mean_N, "sd_n",
+                  numberText(table[i].sd_N) + " is above " + numberText(kMaxSdShare * table[i].mean_N) +
                       ", 10 times mean_n of this row");
-    check.require(i == 0 || row.depth_m > own.table[i - 1].depth_m, "depth_m",
-                  numberText(row.depth_m) + " is not above that of the row before");
+    check.require(i == 0 || table[i].depth_m > table[i - 1].depth_m, "depth_m",
+                  numberText(table[i].depth_m) + " is not above that of the row before");
   }
-  check.enter("statistical.");
-  check.number("correlation_length_m", own.correlation_length_m, kLength);
-  check.number("factors.mean", own.mean_factor, kFactor);
-  check.number("factors.thickness", own.thickness_factor, kFactor);
+}
+
+// mean as the cutting force of PRECOMPUTED; the spread is synthetic, not measured
+void deriveStatistical(const SceneSpec& scene, SceneSpec& other) {
+  constexpr double kSdShare = 0.1;
+  if (!other.statistical.table.empty()) return;
+  for (const PrecomputedSpec::Row& row : forceTableOfLayers(scene))
+    other.statistical.table.push_back({row.depth_m, row.cutting_N, kSdShare * row.cutting_N});
 }
 
 DepthTable tableOf(const StatisticalSpec& spec) {
@@ -82,20 +102,38 @@ double StatisticalTarget::at(std::uint64_t insertion, double depth_m, ScorePath&
   return mean_N / std::sqrt(spread) * detExp(std::sqrt(detLog(spread)) * score);
 }
 
+extern const AxialEntry kStatisticalEntry;
 constinit const AxialEntry kStatisticalEntry = {
-    &kStatisticalSteps, checkStatistical,
-    [](const SceneSpec& spec) {
-      const bool any = std::any_of(spec.statistical.table.begin(), spec.statistical.table.end(),
-                                   [](const StatisticalSpec::Row& row) { return row.mean_N > 0; });
-      return any ? bitOf(Effect::kCutting) : EffectMask{0};
-    },
-    [](const SceneSpec& spec, SceneModel& model) {
-      model.axial_stiffness_N_per_m = spec.tracking_wall.stiffness_N_per_m;
-      model.statistical = std::make_shared<const StatisticalTarget>(spec.statistical);
-      model.cut_reach = [](const SceneModel& scene, SimState& state, double depth_m) noexcept {
-        return scene.statistical->at(state.insertions - 1, depth_m, state.score, state.table_row) /
-               scene.wall.stiffness_N_per_m;
-      };
-    }};
+    .model = AxialModel::kStatistical,
+    .label = "Statistical",
+    .short_name = "statistical",
+    .steps = &kStatisticalSteps,
+    .renders = Statistical::kRenders,
+    .has_tracking_wall = true,
+    .section = {.name = "statistical",
+                .fields = kStatisticalFields,
+                .table = "table",
+                .row_fields = kStatisticalRow,
+                .max_rows = kMaxStatisticalRows,
+                .rows = [](const SceneSpec& spec) { return spec.statistical.table.size(); },
+                .resize = [](SceneSpec& spec, std::size_t rows) { spec.statistical.table.resize(rows); },
+                .may_be_synthetic = kMayBeSynthetic},
+    .check = checkStatistical,
+    .effectsWithNumbers =
+        [](const SceneSpec& spec) {
+          const bool any = std::any_of(spec.statistical.table.begin(), spec.statistical.table.end(),
+                                       [](const StatisticalSpec::Row& row) { return row.mean_N > 0; });
+          return any ? bitOf(Effect::kCutting) : EffectMask{0};
+        },
+    .derive = deriveStatistical,
+    .compile =
+        [](const SceneSpec& spec, SceneModel& model) {
+          model.axial_stiffness_N_per_m = spec.tracking_wall.stiffness_N_per_m;
+          model.statistical = std::make_shared<const StatisticalTarget>(spec.statistical);
+          model.cut_reach = [](const SceneModel& scene, SimState& state, double depth_m) noexcept {
+            return scene.statistical->at(state.insertions - 1, depth_m, state.score, state.table_row) /
+                   scene.wall.stiffness_N_per_m;
+          };
+        }};
 
 }  // namespace needlelab

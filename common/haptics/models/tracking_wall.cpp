@@ -2,16 +2,13 @@
 /// eq. 1-6), and TRACKING_WALL, its predecessor of 2018: the same wall for insertion and stop, without
 /// attracted force.
 #include "common/haptics/effects/tracking_wall.h"
+#include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/step_live.h"
-#include "common/haptics/models/axial_entry.h"
 
 namespace needlelab {
 namespace {
 
 constexpr StepTable kWallSteps = stepTable<LayeredWall>();
-
-// every scene has this section, and `validate` checks it
-void nothingToCheck(const SceneSpec&, SpecChecker&) {}
 
 void useWall(const SceneSpec&, SceneModel& model) {
   for (std::uint32_t i = 0; i < model.layer_count; ++i)
@@ -24,10 +21,23 @@ void useWall(const SceneSpec&, SceneModel& model) {
 
 }  // namespace
 
-constinit const AxialEntry kTrackingWallEntry = {&kWallSteps, nothingToCheck, effectsOfLayers, useWall};
+extern const AxialEntry kTrackingWallEntry, kPlainWallEntry;
+constinit const AxialEntry kTrackingWallEntry = {.model = AxialModel::kEnhancedTrackingWall,
+                                                 .label = "Enhanced tracking wall",
+                                                 .short_name = "wall",
+                                                 .steps = &kWallSteps,
+                                                 .renders = LayeredWall::kRenders,
+                                                 .has_tracking_wall = true,
+                                                 .follows_layers = true,
+                                                 .compile = useWall};
 
-constinit const AxialEntry kPlainWallEntry = {
-    &kWallSteps, nothingToCheck,
-    [](const SceneSpec& spec) { return effectsOfLayers(spec) & bitOf(Effect::kCutting); }, useWall};
+constinit const AxialEntry kPlainWallEntry = {.model = AxialModel::kTrackingWall,
+                                              .label = "Tracking wall",
+                                              .short_name = "wall 2018",
+                                              .steps = &kWallSteps,
+                                              .renders = bitOf(Effect::kCutting),
+                                              .has_tracking_wall = true,
+                                              .follows_layers = true,
+                                              .compile = useWall};
 
 }  // namespace needlelab

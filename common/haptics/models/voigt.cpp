@@ -5,15 +5,19 @@
 /// `velocity_noise_m`, ẋ comes from an adaptive window (Janabi-Sharifi, Hayward and Chen 2000), as a careful
 /// programmer would do it.
 #include <algorithm>
+#include <array>
+#include <cassert>
 #include <cmath>
 
+#include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/step_live.h"
-#include "common/haptics/models/axial_entry.h"
+#include "common/haptics/models/layer_forces.h"
+#include "common/haptics/spec_checker.h"
 
 namespace needlelab {
 namespace {
 
-constexpr NumberRange kDamping{0, 1000}, kNoise{0, 1e-3};
+constexpr NumberRange kNoise{0, 1e-3};
 
 // Movement per tick over the longest window of at most 16 ticks in which the line between the end points is
 // within the noise of every position: long while the needle rests, short while it accelerates.
@@ -43,6 +47,7 @@ struct Voigt {
                       StepReport& report) {
     // uses stored positions, so that a turn of u does not count as motion; the zero before the entry tick is
     // stored, too
+    assert(state.ticks_inside > 0 && model.period_s > 0.0);
     double moved_m = state.x_history_m[state.ticks_inside & state.history_mask] -
                      state.x_history_m[(state.ticks_inside - 1) & state.history_mask];
     if (model.velocity_noise_m > 0) moved_m = adaptiveMove_m(model, state);
@@ -53,21 +58,37 @@ struct Voigt {
 };
 constexpr StepTable kVoigtSteps = stepTable<Voigt>();
 
+constexpr std::array<AxialField, 2> kVoigtFields = {
+    {{"stiffness_n_per_m", "Stiffness (Voigt)", kStiffness,
+      [](SceneSpec& spec, std::size_t) -> SpecNumber { return &spec.voigt.stiffness_N_per_m; }},
+     {"damping_ns_per_m", "Damping (Voigt)", {0, 1000}, [](SceneSpec& spec, std::size_t) -> SpecNumber {
+        return &spec.voigt.damping_Ns_per_m;
+      }}}};
+
 }  // namespace
 
+extern const AxialEntry kVoigtEntry;
 constinit const AxialEntry kVoigtEntry = {
-    &kVoigtSteps,
-    [](const SceneSpec& spec, SpecChecker& check) {
-      check.enter("voigt.");
-      check.number("stiffness_n_per_m", spec.voigt.stiffness_N_per_m, kStiffness);
-      check.number("damping_ns_per_m", spec.voigt.damping_Ns_per_m, kDamping);
-      check.number("velocity_noise_m", spec.voigt.velocity_noise_m, kNoise);
-    },
-    [](const SceneSpec&) { return bitOf(Effect::kCutting); },
-    [](const SceneSpec& spec, SceneModel& model) {
-      model.axial_stiffness_N_per_m = spec.voigt.stiffness_N_per_m;
-      model.axial_damping_Ns_per_m = spec.voigt.damping_Ns_per_m;
-      model.velocity_noise_m = spec.voigt.velocity_noise_m;
-    }};
+    .model = AxialModel::kVoigt,
+    .label = "Voigt",
+    .short_name = "Voigt",
+    .steps = &kVoigtSteps,
+    .renders = Voigt::kRenders,
+    .feels_speed = true,
+    .section = {.name = "voigt", .fields = kVoigtFields},
+    .check =
+        [](const SceneSpec& spec, SpecChecker& check) {
+          check.enter("voigt.");
+          check.number("velocity_noise_m", spec.voigt.velocity_noise_m, kNoise);
+        },
+    .effectsWithNumbers = [](const SceneSpec&) { return bitOf(Effect::kCutting); },
+    // the wall's stiffness
+    .derive = [](const SceneSpec& scene, SceneSpec& other) { deriveStiffness(scene, other.voigt); },
+    .compile =
+        [](const SceneSpec& spec, SceneModel& model) {
+          model.axial_stiffness_N_per_m = spec.voigt.stiffness_N_per_m;
+          model.axial_damping_Ns_per_m = spec.voigt.damping_Ns_per_m;
+          model.velocity_noise_m = spec.voigt.velocity_noise_m;
+        }};
 
 }  // namespace needlelab

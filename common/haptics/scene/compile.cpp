@@ -2,15 +2,16 @@
 
 #include <algorithm>
 #include <bit>
+#include <cassert>
 #include <cmath>
 #include <limits>
 #include <string>
 
+#include "common/haptics/axial_entry.h"
 #include "common/haptics/det_math.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/effects/tracking_wall.h"
 #include "common/haptics/effects/trajectory.h"
-#include "common/haptics/models/axial_entry.h"
 #include "common/haptics/scene_model.h"
 
 namespace needlelab {
@@ -21,9 +22,21 @@ double ticksOf(double duration_s, double rate_hz) {
   return std::max(1.0, std::floor(duration_s * rate_hz + 0.5));
 }
 
+// CUTTING and ATTRACTED, where the layers' own forces are not all zero
+EffectMask effectsOfLayers(const SceneSpec& spec) {
+  EffectMask mask = 0;
+  for (const LayerSpec& layer : spec.layers) {
+    if (layer.cutting_force_N > 0) mask |= bitOf(Effect::kCutting);
+    if (layer.attracted_force_N > 0) mask |= bitOf(Effect::kAttracted);
+  }
+  return mask;
+}
+
 // an effect is live when the scene lists it and its numbers are not all zero
 EffectMask liveEffects(const SceneSpec& spec) {
-  EffectMask with_numbers = axialEntry(spec.axial_model).effectsWithNumbers(spec);
+  const AxialEntry& axial = axialEntry(spec.axial_model);
+  EffectMask with_numbers = axial.effectsWithNumbers != nullptr ? axial.effectsWithNumbers(spec)
+                                                                : effectsOfLayers(spec) & axial.renders;
   for (const EffectEntry* entry : effectEntries())
     if (entry->hasNumbers != nullptr && entry->hasNumbers(spec)) with_numbers |= bitOf(entry->effect);
   return spec.effects & with_numbers;
@@ -34,23 +47,27 @@ double slopeAtRupture(const MembraneSpec& m) {
   return std::sqrt(m.linear_N_per_m * m.linear_N_per_m + 4 * m.quadratic_N_per_m2 * m.force_N);
 }
 
+bool isClosed(const LayerSpec& layer, const SceneModel& model) {
+  const auto effects = effectEntries();
+  return std::any_of(effects.begin(), effects.end(), [&](const EffectEntry* entry) {
+    return entry->closes != nullptr && model.isLive(entry->effect) && entry->closes(layer);
+  });
+}
+
 // computes layer boundaries and stretches (FORCE_MODEL.md, "Tracking wall")
 void compileLayers(const SceneSpec& spec, SceneModel& model) {
   double top = 0;
   const LayerSpec* tissue = nullptr;
   for (const LayerSpec& layer : spec.layers) {
-    // BONE: no needle enters the bone, so the tissue above continues
-    const bool is_bone = layer.is_bone && model.isLive(Effect::kBone);
-    if (is_bone && model.bone_top_m == 0.0) {
-      model.bone_layer = model.layer_count;
-      model.bone_top_m = top;
-    }
-    if (!is_bone) tissue = &layer;
+    // in a closed layer the tissue above continues
+    if (!isClosed(layer, model)) tissue = &layer;
+    assert(tissue != nullptr && "the skin is not bone");
+    assert(model.layer_count < kMaxLayers);
     const LayerSpec& from = *tissue;
     CompiledLayer& to = model.layers[model.layer_count++];
     const double wall_stiffness = from.wall_stiffness_N_per_m.value_or(spec.tracking_wall.stiffness_N_per_m);
     to.wall_stiffness_N_per_m = wall_stiffness;
-    to.top_m = to.least_depth_m = top;
+    to.top_m = to.min_depth_m = top;
     to.cutting_force_N = model.isLive(Effect::kCutting) ? from.cutting_force_N : 0.0;
     to.cut_stretch_m = to.cutting_force_N / wall_stiffness;
     to.attracted_stretch_m = model.isLive(Effect::kAttracted) ? from.attracted_force_N / wall_stiffness : 0.0;
@@ -63,8 +80,9 @@ void compileLayers(const SceneSpec& spec, SceneModel& model) {
                                                  slopeAtRupture(*layer.membrane)};
     top += layer.thickness_m;
     to.bottom_m = top;
+    assert(to.top_m <= to.bottom_m);
   }
-  model.layers[0].least_depth_m = std::numeric_limits<double>::denorm_min();
+  model.layers[0].min_depth_m = std::numeric_limits<double>::denorm_min();
   model.layers[model.layer_count - 1].bottom_m = std::numeric_limits<double>::infinity();
   model.beyond.wall_stiffness_N_per_m = model.layers[0].wall_stiffness_N_per_m;
 }
@@ -103,21 +121,15 @@ FixtureSteepness steepnessOf(const SceneModel& model) {
   return steepest;
 }
 
-// for a plane limb: the plane through the bone's top below the limb's point
-void compileBone(const SceneSpec& spec, SceneModel& model) {
-  if (!model.isLive(Effect::kBone) || !model.is_plane) return;
-  model.bone_is_plane = true;
-  model.bone_point_m = model.plane_point_m - model.plane_normal * model.bone_top_m;
-  model.bone_normal = spec.bone_normal ? normalized(*spec.bone_normal) : model.plane_normal;
-}
-
-// prepares the live stages; the cap follows them
-void compileStages(const SceneSpec& spec, SceneModel& model) {
+// prepares the live effects and lists their stages; the cap follows the stages
+void compileEffects(const SceneSpec& spec, SceneModel& model) {
   model.stage_numbers = spec.stage_numbers;
   for (const EffectEntry* entry : effectEntries()) {
-    if (entry->stage == nullptr || !model.isLive(entry->effect)) continue;
+    if (!model.isLive(entry->effect)) continue;
+    if (entry->compile != nullptr) entry->compile(spec, model);
+    if (entry->stage == nullptr) continue;
+    assert(model.stage_count < kMaxStages);
     model.stages[model.stage_count++] = entry->stage;
-    if (entry->compileStage != nullptr) entry->compileStage(model);
     model.step_function = model.hold != nullptr ? stepHeld : stepWithStages;
     model.surely_below_cap_N = std::numeric_limits<double>::infinity();
   }
@@ -173,13 +185,22 @@ Result<SceneModel> compile(const SceneSpec& spec, double rate_hz) {
   model.max_turn_rad = 2.0 * model.period_s;
   compileTurn(model);
   compileLayers(spec, model);
-  compileBone(spec, model);
   model.fixture_steepness = steepnessOf(model);
   const AxialEntry& axial = axialEntry(spec.axial_model);
   model.axial_model = spec.axial_model;
   model.step_function = model.placed_step = (*axial.steps)[model.live & kPlacedEffects];
+  assert(model.placed_step != nullptr && "validate() refuses effects that the model replaces");
   axial.compile(spec, model);
-  compileStages(spec, model);
+  compileEffects(spec, model);
+  assert(model.layer_count == spec.layers.size() && model.membrane_count <= model.layer_count);
+  assert(model.speed_window <= model.history_mask && model.history_mask < kHistoryCapacity);
+  assert(std::has_single_bit(model.history_mask + 1));
+  assert(model.relax_share >= 0.0 && model.relax_share <= 1.0);
+  assert(!model.is_plane || isUnit(model.plane_normal));
+  assert(!model.bone_is_plane || isUnit(model.bone_normal));
+  assert(std::isfinite(model.fixture_steepness.across_N_per_m));
+  assert(std::isfinite(model.fixture_steepness.along_N_per_m));
+  assert(!(model.axial_stiffness_N_per_m < 0.0) && !(model.axial_damping_Ns_per_m < 0.0));
   return model;
 }
 

@@ -1,10 +1,13 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <span>
+#include <string>
+#include <variant>
 
 #include "common/base/range.h"
+#include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/effect_entry.h"
-#include "common/haptics/models/axial_entry.h"
 #include "common/haptics/scene_spec.h"
 #include "common/haptics/spec_checker.h"
 
@@ -37,6 +40,14 @@ void checkLimb(const Limb& limb, SpecChecker& check) {
   }
 }
 
+std::string modelsThatFollowLayers() {
+  std::string names;
+  for (const AxialEntry* entry : axialEntries())
+    if (entry->follows_layers)
+      names.append(names.empty() ? "" : " and ").append(axialModelName(entry->model));
+  return names;
+}
+
 void checkLayer(const LayerSpec& layer, AxialModel model, bool attracted_live, SpecChecker& check) {
   check.number("thickness_m", layer.thickness_m, kLength);
   for (const EffectEntry* entry : effectEntries())
@@ -44,10 +55,9 @@ void checkLayer(const LayerSpec& layer, AxialModel model, bool attracted_live, S
   check.number("rejection_force_n", layer.rejection_force_N, kForce);
   if (layer.wall_stiffness_N_per_m) {
     check.number("wall_stiffness_n_per_m", *layer.wall_stiffness_N_per_m, kStiffness);
-    check.require(model == AxialModel::kEnhancedTrackingWall || model == AxialModel::kTrackingWall,
-                  "wall_stiffness_n_per_m",
-                  fmt::format("is of ENHANCED_TRACKING_WALL and TRACKING_WALL, not of {}: leave it out",
-                              axialModelName(model)));
+    check.require(
+        axialEntry(model).follows_layers, "wall_stiffness_n_per_m",
+        fmt::format("is of {}, not of {}: leave it out", modelsThatFollowLayers(), axialModelName(model)));
   }
 
   // the force that remains in a stop cannot exceed the wall's limit in either direction
@@ -104,6 +114,58 @@ void checkSections(const SceneSpec& spec, SpecChecker& check) {
   }
 }
 
+// flags and seeds have no range
+void checkFields(std::span<const AxialField> fields, const SceneSpec& spec, std::size_t i,
+                 SpecChecker& check) {
+  for (const AxialField& field : fields) {
+    const SpecNumber number = field.of(const_cast<SceneSpec&>(spec), i);
+    if (const auto* real = std::get_if<double*>(&number)) check.number(field.name, **real, field.range);
+    if (const auto* whole = std::get_if<std::int32_t*>(&number))
+      check.number(field.name, **whole, field.range);
+  }
+}
+
+void checkModelSection(const AxialSection& section, const SceneSpec& spec, SpecChecker& check) {
+  const std::string name(section.name);
+  if (section.inLayers()) {
+    for (std::size_t i = 0; i < spec.layers.size(); ++i) {
+      const std::string layer = fmt::format("layers[{}].", i);
+      const bool is_in = section.isIn(spec.layers[i]);
+      check.enter(layer);
+      check.require(is_in, name,
+                    fmt::format("is missing, and axial_model is {}", axialModelName(spec.axial_model)));
+      check.enter(layer + name + ".");
+      if (is_in) checkFields(section.fields, spec, i, check);
+    }
+    return;
+  }
+  check.enter(name + ".");
+  checkFields(section.fields, spec, 0, check);
+  if (section.table.empty()) return;
+  const std::size_t rows = section.rows(spec);
+  if (section.max_rows > 0)
+    check.require(rows > 0 && rows <= section.max_rows, section.table,
+                  fmt::format("{} rows given, allowed are 1 to {}", rows, section.max_rows));
+  for (std::size_t i = 0; i < rows; ++i) {
+    check.enter(fmt::format("{}.{}[{}].", name, section.table, i));
+    checkFields(section.row_fields, spec, i, check);
+  }
+}
+
+void checkModel(const SceneSpec& spec, SpecChecker& check) {
+  const AxialEntry& axial = axialEntry(spec.axial_model);
+  const AxialSection& section = axial.section;
+  check.enter("");
+  for (const EffectEntry* entry : effectEntries())
+    check.require(
+        (spec.effects & axial.replaces & bitOf(entry->effect)) == 0, "effects",
+        fmt::format("lists {}, which axial_model {} has its own of ({}{}{}{}): take it out", entry->name,
+                    axialModelName(spec.axial_model), section.inLayers() ? "layers[]." : "", section.name,
+                    section.table.empty() ? "" : ".", section.table));
+  checkModelSection(section, spec, check);
+  if (axial.check != nullptr) axial.check(spec, check);
+}
+
 }  // namespace
 
 Status validate(const SceneSpec& spec) {
@@ -114,7 +176,7 @@ Status validate(const SceneSpec& spec) {
   checkLimb(spec.limb, check);
   checkLayers(spec, check);
   checkSections(spec, check);
-  axialEntry(spec.axial_model).check(spec, check);
+  checkModel(spec, check);
   check.enter("");
   check.number("max_force_n", spec.max_force_N, kPositiveForce);
   check.require((spec.effects & ~kAllEffects) == 0, "effects", "has bits beyond the known effects");

@@ -6,6 +6,7 @@
 #include <array>
 
 #include "common/scoring/anatomy/contacts.h"
+#include "common/scoring/measures/measure_table.h"
 
 namespace needlelab {
 namespace {
@@ -20,10 +21,10 @@ constexpr std::array<AlarmKind, 7> kAlarmKinds = {{
     {Alarm::kTime, "time", "TIME", false, false},
 }};
 
-std::optional<double> limitOf(const pb::Exercise* exercise, std::string_view measure) {
+std::optional<double> limitOf(const pb::Exercise* exercise, MeasureRole role) {
   if (exercise == nullptr) return std::nullopt;
   for (const auto& requirement : exercise->requirements())
-    if (requirement.measure() == measure && requirement.has_max()) return requirement.max();
+    if (roleOf(requirement.measure()) == role && requirement.has_max()) return requirement.max();
   return std::nullopt;
 }
 
@@ -47,8 +48,8 @@ const AlarmKind& kindOf(Alarm alarm) {
 AlarmLimits alarmLimitsOf(const Anatomy& anatomy, const pb::Exercise* exercise) {
   const double usual_m =
       anatomy.targets.empty() ? AlarmLimits{}.depth_m : lowestTarget_m(anatomy) + kTooDeep_m;
-  return {limitOf(exercise, "peak_force_n").value_or(kUsualForceLimit_N),
-          limitOf(exercise, "greatest_depth_m").value_or(usual_m)};
+  return {limitOf(exercise, MeasureRole::kForce).value_or(kUsualForceLimit_N),
+          limitOf(exercise, MeasureRole::kDepth).value_or(usual_m)};
 }
 
 GestureAlarms::GestureAlarms(const pb::Profile& profile, const Anatomy& anatomy, const AlarmLimits& limits)

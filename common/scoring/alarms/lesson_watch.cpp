@@ -8,6 +8,7 @@
 #include "common/scoring/anatomy/anatomy.h"
 #include "common/scoring/anatomy/bone_contacts.h"
 #include "common/scoring/anatomy/contacts.h"
+#include "common/scoring/measures/measure_table.h"
 #include "common/scoring/motion/recorded_samples.h"
 
 namespace needlelab {
@@ -29,7 +30,8 @@ LessonWatch::LessonWatch(const pb::Profile& profile, const Pose& X_WL, const pb:
   scene_->layer_names = layerNames(profile);
   if (exercise == nullptr) return;
   for (const auto& requirement : exercise->requirements()) {
-    if (requirement.measure() == "peak_force_n" && requirement.has_max()) force_limit_N_ = requirement.max();
+    if (roleOf(requirement.measure()) == MeasureRole::kForce && requirement.has_max())
+      force_limit_N_ = requirement.max();
   }
 }
 

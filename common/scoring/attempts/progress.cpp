@@ -17,7 +17,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kMostExactTrend = 50;
+constexpr std::size_t kMaxExactTrend = 50;
 
 /// P(|S| ≥ |s|) for Kendall's S over all orders of n different values, from the numbers of inversions.
 double exactTrendP(std::size_t n, long s) {
@@ -89,7 +89,7 @@ LineFit fitCurve(std::span<const double> y, double attempts) {
 
 std::string trendWords(const MeasureProgress& row) {
   if (!row.trend)
-    return fmt::format("too few attempts for a trend, which needs {} with this measure", kLeastForTrend);
+    return fmt::format("too few attempts for a trend, which needs {} with this measure", kMinForTrend);
   const std::string p = row.trend->p < 0.001 ? "p < 0.001" : fmt::format("p = {:.3f}", row.trend->p);
   if (row.trend->p > 0.05) return "no trend that chance would not often make (" + p + ")";
   const bool rises = row.trend->tau > 0;
@@ -108,7 +108,7 @@ std::optional<Trend> trendOf(std::span<const double> all) {
   std::vector<double> values;
   std::copy_if(all.begin(), all.end(), std::back_inserter(values), [](double v) { return std::isfinite(v); });
   const std::size_t n = values.size();
-  if (n < kLeastForTrend) return std::nullopt;
+  if (n < kMinForTrend) return std::nullopt;
   long s = 0;
   bool ties = false;
   std::vector<double> slopes;
@@ -125,7 +125,7 @@ std::optional<Trend> trendOf(std::span<const double> all) {
   Trend trend;
   trend.slope_per_attempt = slopes.size() % 2 == 1 ? slopes[half] : 0.5 * (slopes[half - 1] + slopes[half]);
   trend.tau = static_cast<double>(s) / static_cast<double>(slopes.size());
-  trend.p = ties || n > kMostExactTrend ? normalTrendP(values, s) : exactTrendP(n, s);
+  trend.p = ties || n > kMaxExactTrend ? normalTrendP(values, s) : exactTrendP(n, s);
   return trend;
 }
 
@@ -134,8 +134,8 @@ std::optional<LearningCurve> learningCurveOf(std::span<const double> values, std
     if (why != nullptr) *why = std::move(reason);
     return std::optional<LearningCurve>();
   };
-  if (values.size() < kLeastForCurve)
-    return none(fmt::format("a learning curve needs {} attempts", kLeastForCurve));
+  if (values.size() < kMinForCurve)
+    return none(fmt::format("a learning curve needs {} attempts", kMinForCurve));
   if (!std::all_of(values.begin(), values.end(), [](double v) { return std::isfinite(v); }))
     return none("not every attempt has a finite value");
   const double n = static_cast<double>(values.size());

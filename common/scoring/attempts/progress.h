@@ -12,9 +12,9 @@
 namespace needlelab {
 
 /// The minimum number of attempts for a trend: with three, no order is rarer than 1 in 6.
-inline constexpr std::size_t kLeastForTrend = 4;
+inline constexpr std::size_t kMinForTrend = 4;
 /// The minimum number of attempts for a curve with three parameters.
-inline constexpr std::size_t kLeastForCurve = 8;
+inline constexpr std::size_t kMinForCurve = 8;
 
 /// The trend of values over attempts; assumes neither a line nor a distribution.
 struct Trend {
@@ -42,10 +42,10 @@ struct MeasureProgress {
   std::string words;  ///< states whether the measure became better, and why there is no curve
 };
 
-/// Empty for fewer than kLeastForTrend finite values.
+/// Empty for fewer than kMinForTrend finite values.
 std::optional<Trend> trendOf(std::span<const double> values);
 
-/// Empty, with the reason in `why`, unless there are kLeastForCurve values, the curve fits better than a
+/// Empty, with the reason in `why`, unless there are kMinForCurve values, the curve fits better than a
 /// constant and a straight line (corrected Akaike criterion lower by at least 2), and its bend lies within
 /// the observed attempts (from 0.5 attempts up to all of them): a later bend would be a guess.
 std::optional<LearningCurve> learningCurveOf(std::span<const double> values, std::string* why = nullptr);

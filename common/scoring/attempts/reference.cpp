@@ -49,7 +49,7 @@ ReferenceBand bandOf(std::string name, std::string unit, std::span<const double>
   band.least = sorted.front();
   band.greatest = sorted.back();
   band.median = percentileOf(sorted, 0.5);
-  if (band.n < kLeastReferences) return band;
+  if (band.n < kMinReferences) return band;
   band.p10 = percentileOf(sorted, 0.1);
   band.p25 = percentileOf(sorted, 0.25);
   band.p75 = percentileOf(sorted, 0.75);
@@ -99,7 +99,7 @@ std::vector<double> distancesAmong(std::size_t references, const DistanceBetween
 }
 
 std::optional<ExpertRange> expertRange(const ReferenceBand& band) {
-  if (band.n < kLeastReferences || formOf(band.name) == MeasureForm::kYesNo) return std::nullopt;
+  if (band.n < kMinReferences || formOf(band.name) == MeasureForm::kYesNo) return std::nullopt;
   if (measureText(band.name, band.least, band.unit) == measureText(band.name, band.greatest, band.unit))
     return std::nullopt;
   return ExpertRange{band.least, band.greatest};
@@ -164,18 +164,14 @@ std::vector<Comparison> compareWithReference(std::span<const Measure> measures,
 }
 
 std::string whyNoReference(std::span<const Measure> measures) {
-  struct Fault {
-    std::string_view measure;
-    const char *one, *many;
-  };
-  constexpr Fault kFaults[] = {{"hazards_touched", "touched 1 hazard", "touched {} hazards"},
-                               {"bone_contacts", "1 contact with bone", "{} contacts with bone"}};
   std::string why;
-  for (const Fault& fault : kFaults)
-    for (const Measure& row : measures)
-      if (row.name == fault.measure && row.measured && row.value > 0)
-        why += (why.empty() ? "" : ", ") +
-               (row.value == 1 ? fault.one : fmt::format(fmt::runtime(fault.many), row.value));
+  for (const Measure& row : measures) {
+    const MeasureKind* const kind = measureKind(row.name);
+    if (kind == nullptr || kind->fault.one.empty() || !row.measured || !(row.value > 0)) continue;
+    why += why.empty() ? "" : ", ";
+    why += row.value == 1 ? std::string(kind->fault.one)
+                          : fmt::format(fmt::runtime(kind->fault.many), row.value);
+  }
   return why;
 }
 

@@ -1,6 +1,6 @@
 /// Bands of expert gestures, and where a gesture lies in them.
 ///
-/// The experts' range is from the least to the greatest value of at least `kLeastReferences` gestures. It
+/// The experts' range is from the least to the greatest value of at least `kMinReferences` gestures. It
 /// assumes no distribution: one more gesture of the same experts lies in it with probability (n − 1)/(n + 1),
 /// 67 % for n = 5 and 95 % for n = 39 (Wilks, "Determination of sample sizes for setting tolerance limits",
 /// Ann. Math. Statist. 12, 1941). There is no range for fewer gestures, or if the experts do not vary.
@@ -20,7 +20,7 @@
 
 namespace needlelab {
 
-inline constexpr std::size_t kLeastReferences = 5;
+inline constexpr std::size_t kMinReferences = 5;
 
 /// A measure over reference gestures; gestures without the measure are omitted.
 struct ReferenceBand {
@@ -29,7 +29,7 @@ struct ReferenceBand {
   double mean = 0;
   double sd = 0;  ///< sample standard deviation (n − 1); 0 for n = 1
   double least = 0, greatest = 0, median = 0;
-  std::optional<double> p10, p25, p75, p90;  ///< interpolated between ranks; for n ≥ kLeastReferences
+  std::optional<double> p10, p25, p75, p90;  ///< interpolated between ranks; for n ≥ kMinReferences
 };
 
 /// Returns the bands in the order of measureKinds(), layers by number.
@@ -50,7 +50,7 @@ std::vector<double> distancesAmong(std::size_t references, const DistanceBetween
 struct ExpertRange {
   double least = 0, greatest = 0;
 };
-/// Returns the experts' range; nothing if there are fewer than kLeastReferences, if they do not vary (least
+/// Returns the experts' range; nothing if there are fewer than kMinReferences, if they do not vary (least
 /// and greatest read the same), or if the measure is yes or no.
 std::optional<ExpertRange> expertRange(const ReferenceBand& band);
 

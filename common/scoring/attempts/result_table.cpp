@@ -4,7 +4,7 @@
 #include <numbers>
 #include <optional>
 
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
 #include "common/scoring/measures/measure_table.h"
 #include "common/scoring/measures/measures.h"
 
@@ -23,9 +23,9 @@ const char* verdictOf(const pb::ResultCell& cell) {
 }  // namespace
 
 ColumnUnit columnUnitOf(std::string_view name) {
-  if (name.ends_with("_share")) return {100, "%"};
   const MeasureKind* const kind = measureKind(name);
   if (kind == nullptr) return {};
+  if (kind->form == MeasureForm::kShare) return {100, "%"};
   if (kind->unit == "m") return {1e3, "mm"};
   if (kind->unit == "m/s") return {1e3, "mm/s"};
   if (kind->unit == "m^2") return {1e4, "cm²"};

@@ -1,4 +1,4 @@
-/// The groups of measures and their common input. Private to common/scoring.
+/// What measures are computed from: a gesture, and the facts that its groups find. Private to common/scoring.
 #pragma once
 
 #include <cstddef>
@@ -56,22 +56,52 @@ class FinalPoint {
   double furthest_m_ = 0;
 };
 
-/// Collects rows.
-class Rows {
- public:
-  /// Adds a row with the unit and words of measure_table.h; `words` replaces the table's words, e.g. with a
-  /// layer's name. Adds no row if the value is not finite or the name is not in the table (asserted).
-  void add(std::string name, double value, std::string words = {});
-  std::vector<Measure> take() { return std::move(rows_); }
-
- private:
-  std::vector<Measure> rows_;
+/// Forces while the tip was in a layer.
+struct LayerFacts {
+  double peak_N = 0;
+  double impulse_Ns = 0, weight_s = 0;  ///< the mean is their quotient
 };
 
-void addMotion(const Gesture& gesture, Rows& rows);   ///< time, path, speed, smoothness
-void addActions(const Gesture& gesture, Rows& rows);  ///< movements, turns, work against clamping
+/// What is found once for all measures of a gesture. The groups say how; the rows in measure_rows.cpp take
+/// their values from here or from `gesture`.
+struct GestureFacts {
+  const Gesture* gesture = nullptr;
 
-/// Measures computed from the samples themselves. All groups share one pass, so that the recording is not
+  // the motion (findMotion)
+  double elapsed_s = 0, path_m = 0, path_in_m = 0, time_s = 0, time_in_s = 0, peak_mps = 0, swept_m2 = 0;
+  std::optional<double> sparc, ldlj;
+  int movements = 0, turns = 0;  // (findActions)
+
+  // the needle in tissue
+  double depth_m = 0, insertion_m = 0, lateral_m = 0, peak_N = 0;
+  double impulse_Ns = 0, weight_s = 0;
+  std::vector<LayerFacts> layers;
+  int entries = 0, withdrawals = 0, trajectory_changes = 0;
+  std::optional<double> inefficiency;
+
+  // hazards and target; empty: the patient has none, or the needle was never in tissue
+  std::vector<std::string> hazards_touched;  ///< their names
+  int bone_contacts = 0, hub_contacts = 0;
+  std::optional<bool> target_reached;
+  std::optional<double> at_target_s, target_distance_m, target_nearest_m;
+
+  // the plan; empty: the exercise has none, or the needle was never in tissue
+  std::optional<double> planned_entry_m, planned_angle_rad, planned_line_m;
+  double planned_line_ms = 0;  ///< over `weight_s`: the mean distance
+
+  // the syringe (findSyringe)
+  int aspirations = 0, injections = 0;
+  double injected = 0, injected_in_target = 0;
+  std::optional<bool> aspirated_before;  ///< empty: no injection in tissue
+
+  // the references (findNearest)
+  std::optional<double> expert_path_m;
+};
+
+void findMotion(GestureFacts& facts);   ///< time, path, speed, smoothness
+void findActions(GestureFacts& facts);  ///< movements, turns
+
+/// Facts that come from the samples themselves. All groups share one pass, so that the recording is not
 /// decoded for each.
 class SampleGroup {
  public:
@@ -82,24 +112,26 @@ class SampleGroup {
 
   /// Takes sample `i` of the gesture. Call it once for each sample, in order.
   virtual void add(std::size_t i) = 0;
-  /// After the last sample: reads some of them again, in steps. Returns true when done.
-  virtual bool finish(StepWork& /*work*/) { return true; }
-  /// Call when done.
-  virtual void addRows(Rows& rows) const = 0;
+  /// After the last sample: reads some of them again, in steps, and completes the facts. Returns true when
+  /// done.
+  virtual bool finish(StepWork& work) = 0;
 };
-/// In the order of their rows: depth, forces and events of the needle in tissue; target and hazards; errors
-/// against the plan, if there is one. `gesture` must outlive them.
-std::vector<std::unique_ptr<SampleGroup>> sampleGroups(const Gesture& gesture);
+/// Depth, forces and events of the needle in tissue; target and hazards; errors against the plan, if there is
+/// one. `facts`, with its gesture, must outlive them; they fill it.
+std::vector<std::unique_ptr<SampleGroup>> sampleGroups(GestureFacts& facts);
 
 /// Aspirations and injections.
-void addSyringe(const Gesture& gesture, std::span<const pb::SyringeEvent> events, Rows& rows);
+void findSyringe(std::span<const pb::SyringeEvent> events, GestureFacts& facts);
 
-/// Adds the distance from the nearest reference gesture.
-void addReferences(const Gesture& gesture, const Pose& X_WL, std::span<const TipPath> references, Rows& rows);
+/// The distance from the nearest reference gesture.
+void findNearest(const Pose& X_WL, std::span<const TipPath> references, GestureFacts& facts);
+
+/// The measures that the gesture has, in the table's order; `layer_names`: the profile's.
+std::vector<Measure> measuresOf(const GestureFacts& facts, std::span<const std::string> layer_names);
 
 /// Fills min, max, passed and the sentence of every row; adds rows for requirements on measures that the
-/// gesture does not have. `layer_names`: the profile's.
-void applyRequirements(const pb::Exercise* exercise, std::span<const std::string> layer_names,
-                       std::vector<Measure>& measures);
+/// gesture does not have, with the reason by `facts`. `layer_names`: the profile's.
+void applyRequirements(const pb::Exercise* exercise, const GestureFacts& facts,
+                       std::span<const std::string> layer_names, std::vector<Measure>& measures);
 
 }  // namespace needlelab

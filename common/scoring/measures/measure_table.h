@@ -1,5 +1,6 @@
-/// The table of all measures of a score, and a row of a score. `GET /measures`, the README of common/scoring,
-/// checks of requirements, and comparisons read the table.
+/// The table of all measures of a score (its rows: measure_rows.cpp), and a row of a score. Scores, `GET
+/// /measures`, the README of common/scoring, checks of requirements, comparisons, screens and the console
+/// read the table; nothing else names a measure.
 #pragma once
 
 #include <cstdint>
@@ -7,12 +8,20 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "common/base/result.h"
 
 namespace needlelab {
 
-/// The direction that a teacher would call better, other things being equal.
+struct GestureFacts;
+
+/// The version of all definitions in common/scoring that affect a value; its history is in measure_rows.cpp.
+/// Stored scores contain their version.
+extern const std::uint32_t kScoreDefinitionVersion;
+
+/// The direction that a teacher would call better, other things being equal. An exercise usually limits
+/// `kLess` from above, `kMore` from below, and `kNeither` from both sides.
 enum class Better : std::uint8_t { kLess, kMore, kNeither };
 
 /// "less", "more" or "neither".
@@ -39,15 +48,56 @@ enum class MeasureNeed : std::uint8_t {
   kReference,  ///< reference gestures
 };
 
-/// One measure. Texts live as long as the program.
+/// What other parts of the program look for a measure by. One measure has each role but kNone.
+enum class MeasureRole : std::uint8_t {
+  kNone,
+  kTime,         ///< an exercise's time limit is a requirement on it
+  kForce,        ///< greatest force: its limits are drawn in plots and raise alarms
+  kSpeed,        ///< greatest speed: its limits are drawn
+  kDepth,        ///< greatest depth: its limits are drawn and raise alarms
+  kOwnLine,      ///< greatest distance from the needle's own line: its limits are drawn
+  kPlannedLine,  ///< greatest distance from the planned line: its limits are drawn
+  kTarget,       ///< what a new exercise requires
+  kHazard,       ///< contacts, of which a replay shows the moments
+  kBone,
+  kHub,
+  kExpertPath,  ///< distance from references: of those of today, not of those at the time of scoring
+};
+inline constexpr std::size_t kMeasureRoleCount = 12;
+
+/// Words of a yes-or-no measure besides its own, which are those of a yes.
+struct YesNoWords {
+  std::string_view no;        ///< "Target not reached"
+  std::string_view unwanted;  ///< said of a yes that the exercise forbids: "it was to be left alone"
+};
+
+/// Why a gesture with this measure above 0 is no reference.
+struct FaultWords {
+  std::string_view one;   ///< "touched 1 hazard"
+  std::string_view many;  ///< a format: "touched {} hazards"
+};
+
+/// One measure: all that the program knows of it. Texts live as long as the program.
 struct MeasureKind {
-  std::string_view name;   ///< as in the rows of a score; K stands for a layer's number, from 1
-  std::string_view unit;   ///< "m", "s", "N", "m/s", "m^2", "J", "rad", or "" for counts and shares
-  std::string_view words;  ///< the display name
+  std::string_view name;       ///< as in the rows of a score; K stands for a layer's number, from 1
+  std::string_view unit = {};  ///< "m", "s", "N", "m/s", "m^2", "J", "rad", or "" for counts and shares
+  std::string_view words;      ///< the display name
   Better better = Better::kNeither;
   std::string_view definition;  ///< one or two sentences; the full definition is beside the code
+  /// Computes the value; nothing, or a value that is not finite: the gesture has no such row. `layer`: from
+  /// 0; 0 for a measure that is not one per layer.
+  std::optional<double> (*value)(const GestureFacts& facts, std::size_t layer) = nullptr;
   MeasureNeed need = MeasureNeed::kRecording;  ///< without it there is no row
   MeasureForm form = MeasureForm::kQuantity;
+  MeasureRole role = MeasureRole::kNone;
+  std::uint8_t in_lists = 0;    ///< place among the main measures in lists of sessions, from 1; 0: none
+  std::uint8_t in_reports = 0;  ///< place among the plots of progress in a report, from 1; 0: none
+  /// For measures without a unit: the largest difference between two rates of the loop that counts as equal
+  /// in studies (client/sim/skill).
+  double rate_tolerance = 0;
+  YesNoWords yes_no = {};                                      ///< for MeasureForm::kYesNo
+  FaultWords fault = {};                                       ///< empty: does not spoil a reference
+  std::string (*detail)(const GestureFacts& facts) = nullptr;  ///< appended to the words of a score's row
 };
 
 /// One row of a score.
@@ -71,6 +121,12 @@ const MeasureKind* measureKind(std::string_view name);
 Better betterOf(std::string_view name);
 /// Returns the form of a row of this name; `kQuantity` for unknown names.
 MeasureForm formOf(std::string_view name);
+/// Returns the role of a row of this name; `kNone` for unknown names.
+MeasureRole roleOf(std::string_view name);
+/// Returns the measure with this role, not kNone.
+const MeasureKind& measureOf(MeasureRole role);
+/// Returns the names of the measures with a place, in its order: `&MeasureKind::in_lists`, `in_reports`.
+std::vector<std::string_view> measuresIn(std::uint8_t MeasureKind::*place);
 
 /// Returns the words for a row: "Peak force in dura" with the profile's `layerNames`, "Peak force in layer 3"
 /// without them; the name itself if it is unknown.
@@ -91,12 +147,6 @@ std::string meanText(std::string_view measure, double value, const std::string& 
 /// The requirement on a measure for people: "at most 5 N", "20 mm to 30 mm", "yes"; empty without one.
 std::string requirementText(std::string_view measure, const std::string& unit, std::optional<double> min,
                             std::optional<double> max);
-/// The main measures of a score, shown in lists of sessions if the score has them: elapsed time, peak force,
-/// depth, distance from the target, distance from the needle's own line, hazards touched.
-std::span<const std::string_view> mainMeasures();
-
-/// The table as JSON: a list of {"measure", "unit", "words", "better", "definition"}.
-std::string measureTableJson();
 /// The table as Markdown, as in the README of common/scoring.
 std::string measureTableMarkdown();
 

@@ -1,7 +1,6 @@
 #include "common/scoring/measures/measures.h"
 
 #include <algorithm>
-#include <cassert>
 #include <cmath>
 #include <memory>
 #include <utility>
@@ -161,96 +160,81 @@ std::optional<double> sparcOfMovements(const Gesture& gesture, const RunStretch&
 }  // namespace
 
 /// - `elapsed_s`: last tick minus first tick.
-/// - `path_length_m`: sum of the tip's steps on the track. `path_in_tissue_m`: each step times the share of
-///   its time in tissue. `time_in_tissue_s`: sum of the time shares in tissue.
-/// - `mean_speed_m_s`: path over the time of the runs. `peak_speed_m_s`: greatest central difference on the
-///   track.
-/// - `tissue_damage_m2`: area swept by the shaft inside tissue; straight in and out sweeps none.
-/// - `sparc`: of the tip's speed (track.h) in each movement, as counted by `translational_actions`; their
-///   mean, weighted by distance. `ldlj`: of the tip's speed from the first entry to the last exit, rests
-///   included.
-void addMotion(const Gesture& gesture, Rows& rows) {
-  double path_m = 0, path_in_m = 0, time_s = 0, time_in_s = 0, peak_mps = 0, area_m2 = 0;
+/// - `path_m`: sum of the tip's steps on the track. `path_in_m`: each step times the share of its time in
+///   tissue. `time_s`: of the runs. `time_in_s`: sum of the time shares in tissue.
+/// - `peak_mps`: greatest central difference on the track.
+/// - `swept_m2`: area swept by the shaft inside tissue; straight in and out sweeps none.
+/// - `sparc`: of the tip's speed (track.h) in each movement, as counted by `movements`; their mean, weighted
+///   by distance. `ldlj`: of the tip's speed from the first entry to the last exit, rests included.
+void findMotion(GestureFacts& facts) {
+  const Gesture& gesture = *facts.gesture;
   for (const Run& run : gesture.runs) {
-    for (const TrackPoint& point : run.points) peak_mps = std::max(peak_mps, norm(point.v_WT_mps));
+    for (const TrackPoint& point : run.points)
+      facts.peak_mps = std::max(facts.peak_mps, norm(point.v_WT_mps));
     for (std::size_t i = 0; i < run.inside.size(); ++i) {
       const TrackPoint &a = run.points[i], &b = run.points[i + 1];
       const double step_m = norm(b.p_WT_m - a.p_WT_m);
-      path_m += step_m;
-      path_in_m += step_m * run.inside[i];
-      time_s += run.period_s;
-      time_in_s += run.period_s * run.inside[i];
-      area_m2 += run.inside[i] * sweptArea(a, b, 0.5 * (a.insertion_m + b.insertion_m));
+      facts.path_m += step_m;
+      facts.path_in_m += step_m * run.inside[i];
+      facts.time_s += run.period_s;
+      facts.time_in_s += run.period_s * run.inside[i];
+      facts.swept_m2 += run.inside[i] * sweptArea(a, b, 0.5 * (a.insertion_m + b.insertion_m));
     }
   }
   const auto& samples = gesture.samples;
-  const double elapsed_s =
-      samples.empty() ? 0 : secondsBetween(samples.front(), samples.back(), gesture.rate_hz);
-  rows.add("elapsed_s", elapsed_s);
-  rows.add("path_length_m", path_m);
-  rows.add("time_in_tissue_s", time_in_s);
-  rows.add("path_in_tissue_m", path_in_m);
-  rows.add("mean_speed_m_s", time_s > 0 ? path_m / time_s : 0);
-  rows.add("peak_speed_m_s", peak_mps);
-  rows.add("tissue_damage_m2", area_m2);
+  if (!samples.empty()) facts.elapsed_s = secondsBetween(samples.front(), samples.back(), gesture.rate_hz);
 
   const RunStretch whole = firstEntryToLastExit(gesture);
   if (whole.run == nullptr) return;
-  if (const auto value = sparcOfMovements(gesture, whole)) rows.add("sparc", *value);
-  if (const auto value = ldlj(speedsOf(*whole.run, whole.stretch), 1 / whole.run->period_s))
-    rows.add("ldlj", *value);
+  facts.sparc = sparcOfMovements(gesture, whole);
+  facts.ldlj = ldlj(speedsOf(*whole.run, whole.stretch), 1 / whole.run->period_s);
 }
 
-/// - `translational_actions`, `rotational_actions`: movements of the tip and turns of the axis, counted on
-/// the track, in tissue and outside.
-/// - `clamping_work_j`: Σ max(0, −F·Δp) over the track's steps in tissue, F the force on the hand averaged
-/// over the step and Δp the tip's movement, both across the needle's axis: the forces along it (cutting,
-/// friction, puncture) do not count.
-void addActions(const Gesture& gesture, Rows& rows) {
-  std::size_t moves = 0, turns = 0;
-  double work_J = 0;
-  for (const Run& run : gesture.runs) {
-    moves += tipMovementsOf(run).size();
-    turns += movementsOf(run, kRotation, [](const TrackPoint& p) { return p.axis_W; }).size();
-    for (std::size_t i = 0; i < run.inside.size(); ++i) {
-      const TrackPoint &a = run.points[i], &b = run.points[i + 1];
-      const Vec3 step_m = b.p_WT_m - a.p_WT_m;
-      const Vec3 sum = a.axis_W + b.axis_W;
-      if (!(run.inside[i] > 0) || !(normSquared(sum) > 1e-12)) continue;
-      const Vec3 axis = normalized(sum);
-      const auto across = [&](Vec3 v) { return v - dot(v, axis) * axis; };
-      work_J += run.inside[i] * std::max(0.0, -dot(across(run.force_W_N[i]), across(step_m)));
-    }
+/// Movements of the tip and turns of the axis, counted on the track, in tissue and outside.
+void findActions(GestureFacts& facts) {
+  for (const Run& run : facts.gesture->runs) {
+    facts.movements += static_cast<int>(tipMovementsOf(run).size());
+    facts.turns +=
+        static_cast<int>(movementsOf(run, kRotation, [](const TrackPoint& p) { return p.axis_W; }).size());
   }
-  rows.add("translational_actions", static_cast<double>(moves));
-  rows.add("rotational_actions", static_cast<double>(turns));
-  rows.add("clamping_work_j", work_J);
 }
 
-/// - `dtw_distance_m`: distance of the path (dtw.h) from the nearest reference, if there are references and
-/// the tip was in tissue.
-void addReferences(const Gesture& gesture, const Pose& X_WL, std::span<const TipPath> references,
-                   Rows& rows) {
+/// Distance of the path (dtw.h) from the nearest reference, if there are references and the tip was in
+/// tissue.
+void findNearest(const Pose& X_WL, std::span<const TipPath> references, GestureFacts& facts) {
   if (references.empty()) return;
-  const TipPath path = pathInTissue(gesture.runs, X_WL, kPathRateHz, kMostPathPoints);
-  std::optional<double> nearest;
+  const TipPath path = pathInTissue(facts.gesture->runs, X_WL, kPathRateHz, kMaxPathPoints);
   for (const TipPath& reference : references) {
     const auto distance = dtwDistance(path, reference);
-    if (distance && (!nearest || *distance < *nearest)) nearest = distance;
+    if (distance && (!facts.expert_path_m || *distance < *facts.expert_path_m))
+      facts.expert_path_m = distance;
   }
-  if (nearest) rows.add("dtw_distance_m", *nearest);
 }
 
-void Rows::add(std::string name, double value, std::string words) {
-  const MeasureKind* const kind = measureKind(name);
-  assert(kind != nullptr);
-  if (!std::isfinite(value) || kind == nullptr) return;
-  Measure row;
-  row.name = std::move(name);
-  row.value = value + 0.0;  // −0 becomes 0
-  row.unit = kind->unit;
-  row.words = words.empty() ? std::string(kind->words) : std::move(words);
-  rows_.push_back(std::move(row));
+std::vector<Measure> measuresOf(const GestureFacts& facts, std::span<const std::string> layer_names) {
+  std::vector<Measure> rows;
+  const auto add = [&](const MeasureKind& kind, std::string name, std::size_t layer) {
+    const std::optional<double> value = kind.value(facts, layer);
+    if (!value || !std::isfinite(*value)) return;
+    Measure row;
+    row.name = std::move(name);
+    row.value = *value + 0.0;  // −0 becomes 0
+    row.unit = kind.unit;
+    row.words = measureWords(row.name, layer_names);
+    if (kind.detail != nullptr) row.words += kind.detail(facts);
+    rows.push_back(std::move(row));
+  };
+  for (const MeasureKind& kind : measureKinds()) {
+    std::string name(kind.name);
+    const std::size_t k = name.find('K');
+    if (k == std::string::npos) {
+      add(kind, std::move(name), 0);
+      continue;
+    }
+    for (std::size_t i = 0; i < facts.layers.size(); ++i)
+      add(kind, std::string(name).replace(k, 1, std::to_string(i + 1)), i);
+  }
+  return rows;
 }
 
 std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double rate_hz,
@@ -282,7 +266,7 @@ struct GestureScore::Parts {
   std::vector<std::unique_ptr<SampleGroup>> groups{};
   std::unique_ptr<SyringeEventsInSteps> syringe{};
   std::size_t next_sample = 0, groups_done = 0;
-  Rows rows{};
+  GestureFacts facts{};
   std::vector<Measure> measures{};
   std::vector<pb::SyringeEvent> events{};
 };
@@ -314,17 +298,18 @@ bool GestureScore::Parts::goOn(StepWork& work) {
       if (!runs.step(work)) return false;
       gesture.emplace(Gesture{samples, rate_hz, runs.take(), anatomyOf(profile, X_WL), &profile,
                               exercise == nullptr ? std::nullopt : plannedLineOf(*exercise, X_WL)});
-      groups = sampleGroups(*gesture);
+      facts.gesture = &*gesture;
+      groups = sampleGroups(facts);
       syringe = syringeEventsInSteps(samples, rate_hz, profile, X_WL);
       stage = Stage::kMotion;
       return true;
     case Stage::kMotion:
-      addMotion(*gesture, rows);
+      findMotion(facts);
       spendPoints();
       stage = Stage::kActions;
       return true;
     case Stage::kActions:
-      addActions(*gesture, rows);
+      findActions(facts);
       spendPoints();
       stage = Stage::kSamples;
       return true;
@@ -333,24 +318,25 @@ bool GestureScore::Parts::goOn(StepWork& work) {
       stage = Stage::kGroups;
       return true;
     case Stage::kGroups:
-      for (; groups_done < groups.size(); ++groups_done) {
+      for (; groups_done < groups.size(); ++groups_done)
         if (!groups[groups_done]->finish(work)) return false;
-        groups[groups_done]->addRows(rows);
-      }
       stage = Stage::kSyringe;
       return true;
     case Stage::kSyringe:
       if (!syringe->finish(work)) return false;
       events = syringe->take();
-      addSyringe(*gesture, events, rows);
+      findSyringe(events, facts);
       stage = Stage::kReferences;
       return true;
-    case Stage::kReferences:
-      addReferences(*gesture, X_WL, references, rows);
-      measures = rows.take();
-      applyRequirements(exercise, layerNames(profile), measures);
+    case Stage::kReferences: {
+      findNearest(X_WL, references, facts);
+      const std::vector<std::string> layer_names = layerNames(profile);
+      measures = measuresOf(facts, layer_names);
+      spendPoints();
+      applyRequirements(exercise, facts, layer_names, measures);
       stage = Stage::kDone;
       return true;
+    }
     case Stage::kDone:
       return true;
   }

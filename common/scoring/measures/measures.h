@@ -20,22 +20,12 @@
 
 namespace needlelab {
 
-/// The version of all definitions in common/scoring that affect a value. Increase it by one whenever the
-/// value of any measure of any gesture changes, or a measure is added or removed; a test over committed
-/// gestures (definition_test.cpp) detects such a change. Stored scores contain their version.
-/// 1: until issue 5. 2: movements, turns, mean force per layer, work against clamping, distance from
-/// references. 3: contacts with bone. 4: errors against the exercise's plan; a gesture without one scores as
-/// in 3. 5: mean SPARC of the movements, weighted by distance, instead of SPARC of the whole stretch in
-/// tissue including rests. 6: contacts of the hub with the skin. 7: being in a target requires being in its
-/// tissues; a profile whose targets name none scores as in 6.
-inline constexpr std::uint32_t kScoreDefinitionVersion = 7;
-
 /// All measures of a gesture, in a fixed order. A measure that does not apply is omitted: layers and targets
 /// that the profile does not have, tissue that was never entered, smoothness without movement, errors against
 /// a plan that the exercise does not have.
 ///
-/// Definitions are beside the code of each group (measures.cpp, measures_in_tissue.cpp) and in track.h, dtw.h
-/// and syringe_events.h. In common:
+/// Definitions are beside the functions (measure_rows.cpp), the code of each group (measures.cpp,
+/// measures_in_tissue.cpp), and in track.h, dtw.h and syringe_events.h. In common:
 /// - Lengths of paths, speeds, swept area and smoothness come from positions averaged to 100 Hz and
 ///   low-passed to 6 Hz (track.h), so that they do not depend on the loop's rate. Depths, distances and
 ///   forces come from the ticks themselves.
@@ -48,9 +38,9 @@ inline constexpr std::uint32_t kScoreDefinitionVersion = 7;
 /// `rate_hz`: rate of the loop; there is no score outside 50-40,000, nor for a motion that is too long or in
 /// too many pieces (checkMotion in motion_cost.h gives the reason). `X_WL`: pose of the profile's frame in W.
 /// `exercise`: errors refer to its plan; its requirements (and its time limit, as a requirement on
-/// `elapsed_s`) fill min, max, passed; a requirement on a measure that this gesture does not have adds a row
-/// that is not passed and states the reason. `references`: paths of gestures to compare with (dtw.h); without
-/// references there is no `dtw_distance_m`. Thread: any; shares no state.
+/// MeasureRole::kTime) fill min, max, passed; a requirement on a measure that this gesture does not have adds
+/// a row that is not passed and states the reason. `references`: paths of gestures to compare with (dtw.h);
+/// without references there is no `dtw_distance_m`. Thread: any; shares no state.
 std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double rate_hz,
                                   const pb::Profile& profile, const Pose& X_WL,
                                   const pb::Exercise* exercise = nullptr,

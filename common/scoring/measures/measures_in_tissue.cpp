@@ -1,6 +1,4 @@
 // Measures of the needle in tissue: depth and forces, targets and hazards, the plan, the syringe.
-#include <fmt/core.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -11,11 +9,9 @@
 #include "common/haptics/engine.h"
 #include "common/haptics/scene_model.h"
 #include "common/haptics/sim_state.h"
-#include "common/profile/layer_names.h"
 #include "common/scoring/anatomy/bone_contacts.h"
 #include "common/scoring/anatomy/contacts.h"
 #include "common/scoring/measures/measure_groups.h"
-#include "common/scoring/measures/measure_table.h"
 #include "common/scoring/measures/syringe_events.h"
 
 namespace needlelab {
@@ -25,7 +21,7 @@ namespace {
 /// engine pause between them.
 constexpr double kTurnPause_s = 0.2;
 /// Shorter insertions have no straight path to compare with.
-constexpr double kLeastWay_m = 1e-3;
+constexpr double kMinWay_m = 1e-3;
 /// An insertion ends when within this distance of its greatest length, because at rest, tremor may reach the
 /// greatest length at any time.
 constexpr double kEndWithin_m = 0.25e-3;
@@ -108,7 +104,7 @@ class Inefficiency {
     const auto& samples = gesture_.samples;
     if (samples.empty()) return 0;
     const double straight_m = norm(tipOf(samples[end_]) - tipOf(samples[deepest_entry_]));
-    if (straight_m < kLeastWay_m) return 0;
+    if (straight_m < kMinWay_m) return 0;
     const double end_s = secondsBetween(samples.front(), samples[end_], gesture_.rate_hz);
     double way_m = 0;
     for (const Run& run : gesture_.runs) {
@@ -180,32 +176,27 @@ double Gesture::weight_s(std::size_t i) const {
 
 namespace {
 
-/// - `greatest_depth_m`: of the tip under the surface, along its normal. `greatest_insertion_m`: along the
-///   trajectory.
-/// - `peak_force_n`: greatest force on the hand in any tick. `peak_force_layer_K_n`: while the tip was in
-///   layer K (1 is the skin), 0 if it never was. `mean_force_in_tissue_n`: mean over the time in tissue.
-///   `mean_force_layer_K_n`: mean over the time in layer K; no row if there was none.
-/// - `largest_lateral_error_m`: distance of the tip from its own trajectory, the line begun at its entry.
+/// - `depth_m`: of the tip under the surface, along its normal. `insertion_m`: along the trajectory.
+/// - `peak_N`: greatest force on the hand in any tick. `impulse_Ns`, `weight_s`: over the time in tissue.
+///   `layers`: while the tip was in the layer.
+/// - `lateral_m`: distance of the tip from its own trajectory, the line begun at its entry.
 /// - `entries`: number of times the tip went in. `withdrawals`: number of times it was drawn back (a stop on
 ///   the way does not begin another). `trajectory_changes`: runs of turns, including pauses up to 0.2 s.
-/// - `path_inefficiency`: path in tissue over the straight line to within 0.25 mm of the furthest point; 1 is
+/// - `inefficiency`: path in tissue over the straight line to within 0.25 mm of the furthest point; 1 is
 ///   straight.
 class TissueGroup : public SampleGroup {
  public:
-  explicit TissueGroup(const Gesture& gesture)
-      : gesture_(gesture),
-        layer_peaks_(static_cast<std::size_t>(gesture.profile->layers_size()), 0.0),
-        layer_impulses_(layer_peaks_),
-        layer_times_(layer_peaks_),
-        counts_(gesture.rate_hz),
-        inefficiency_(gesture) {}
+  explicit TissueGroup(GestureFacts& facts)
+      : gesture_(*facts.gesture), facts_(facts), counts_(gesture_.rate_hz), inefficiency_(gesture_) {
+    facts_.layers.resize(static_cast<std::size_t>(gesture_.profile->layers_size()));
+  }
 
   void add(std::size_t i) override {
     const GestureSample& sample = gesture_.samples[i];
     counts_.add(sample);
     inefficiency_.add(i);
     const double force_N = forceOf(sample);
-    peak_N_ = std::max(peak_N_, force_N);
+    facts_.peak_N = std::max(facts_.peak_N, force_N);
     if (sample.layer != layer_before_) {
       changed_ = sample;
       has_changed_ = layer_before_ >= 0 && isInside(sample);
@@ -213,52 +204,36 @@ class TissueGroup : public SampleGroup {
     layer_before_ = sample.layer;
     if (!isInside(sample)) return;
     if (gesture_.anatomy.has_limb)
-      depth_m_ = std::max(depth_m_, signedDepth(gesture_.anatomy.limb, tipOf(sample)));
-    insertion_m_ = std::max(insertion_m_, sample.insertion_m);
-    lateral_m_ = std::max(lateral_m_, sample.lateral_error_m);
+      facts_.depth_m = std::max(facts_.depth_m, signedDepth(gesture_.anatomy.limb, tipOf(sample)));
+    facts_.insertion_m = std::max(facts_.insertion_m, sample.insertion_m);
+    facts_.lateral_m = std::max(facts_.lateral_m, sample.lateral_error_m);
     const double weight_s = gesture_.weight_s(i);
-    impulse_Ns_ += force_N * weight_s;
-    time_s_ += weight_s;
+    facts_.impulse_Ns += force_N * weight_s;
+    facts_.weight_s += weight_s;
     const auto layer =
         static_cast<std::size_t>(static_cast<unsigned char>(sample.layer));  // not negative here
     const bool changing =
         has_changed_ && secondsBetween(changed_, sample, gesture_.rate_hz) < kLayerChange_s * (1 - 1e-9);
-    if (layer >= layer_peaks_.size() || changing) return;
-    layer_peaks_[layer] = std::max(layer_peaks_[layer], force_N);
-    layer_impulses_[layer] += force_N * weight_s;
-    layer_times_[layer] += weight_s;
+    if (layer >= facts_.layers.size() || changing) return;
+    LayerFacts& in = facts_.layers[layer];
+    in.peak_N = std::max(in.peak_N, force_N);
+    in.impulse_Ns += force_N * weight_s;
+    in.weight_s += weight_s;
   }
 
-  bool finish(StepWork& work) override { return inefficiency_.finish(work); }
-
-  void addRows(Rows& rows) const override {
-    rows.add("greatest_depth_m", depth_m_);
-    rows.add("greatest_insertion_m", insertion_m_);
-    rows.add("peak_force_n", peak_N_);
-    rows.add("mean_force_in_tissue_n", time_s_ > 0 ? impulse_Ns_ / time_s_ : 0);
-    const std::vector<std::string> names = layerNames(*gesture_.profile);
-    const auto addOfLayer = [&](std::string name, double value) {
-      std::string words = measureWords(name, names);
-      rows.add(std::move(name), value, std::move(words));
-    };
-    for (std::size_t i = 0; i < layer_peaks_.size(); ++i)
-      addOfLayer(fmt::format("peak_force_layer_{}_n", i + 1), layer_peaks_[i]);
-    for (std::size_t i = 0; i < layer_peaks_.size(); ++i) {
-      if (layer_times_[i] > 0)
-        addOfLayer(fmt::format("mean_force_layer_{}_n", i + 1), layer_impulses_[i] / layer_times_[i]);
-    }
-    rows.add("largest_lateral_error_m", lateral_m_);
-    rows.add("entries", counts_.entries);
-    rows.add("withdrawals", counts_.withdrawals);
-    rows.add("trajectory_changes", counts_.turns);
+  bool finish(StepWork& work) override {
+    if (!inefficiency_.finish(work)) return false;
+    facts_.entries = counts_.entries;
+    facts_.withdrawals = counts_.withdrawals;
+    facts_.trajectory_changes = counts_.turns;
     const double inefficiency = inefficiency_.value();
-    if (inefficiency > 0) rows.add("path_inefficiency", inefficiency);
+    if (inefficiency > 0) facts_.inefficiency = inefficiency;
+    return true;
   }
 
  private:
   const Gesture& gesture_;
-  double depth_m_ = 0, insertion_m_ = 0, lateral_m_ = 0, peak_N_ = 0, impulse_Ns_ = 0, time_s_ = 0;
-  std::vector<double> layer_peaks_, layer_impulses_, layer_times_;
+  GestureFacts& facts_;
   int layer_before_ = -1;
   GestureSample changed_;  // sample at the tip's last change of layer
   bool has_changed_ = false;
@@ -267,27 +242,32 @@ class TissueGroup : public SampleGroup {
 };
 
 /// Counted while the tip is in tissue.
-/// - `target_reached` (1 or 0): the tip was in a target, i.e. within its radius and in one of its tissues.
-///   `time_at_target_s`: the total time there.
+/// - `target_reached`: the tip was in a target, i.e. within its radius and in one of its tissues.
+///   `at_target_s`: the total time there.
 /// - `target_distance_m`: distance of the tip from the nearest target's centre at the furthest point of the
 ///   last insertion; `target_nearest_m`: the least distance at any time.
-/// - `hazards_touched`: number of hazards touched by the tip or by the shaft in tissue (straight back along
-///   the needle). `bone_contacts`: how often the tip met bone (bone_contacts.h). `hub_contacts`: how often
-///   the hub met the skin (contacts.h).
+/// - `hazards_touched`: hazards touched by the tip or by the shaft in tissue (straight back along the
+///   needle). `bone_contacts`: how often the tip met bone (bone_contacts.h). `hub_contacts`: how often the
+///   hub met the skin (contacts.h).
 class AimGroup : public SampleGroup {
  public:
-  explicit AimGroup(const Gesture& gesture)
-      : gesture_(gesture),
-        touched_(gesture.anatomy.hazards.size(), false),
-        bones_(*gesture.profile, gesture.anatomy) {}
+  explicit AimGroup(GestureFacts& facts)
+      : gesture_(*facts.gesture),
+        facts_(facts),
+        touched_(gesture_.anatomy.hazards.size(), false),
+        bones_(*gesture_.profile, gesture_.anatomy) {
+    if (gesture_.anatomy.targets.empty()) return;
+    facts_.target_reached = false;
+    facts_.at_target_s = 0;
+  }
 
   void add(std::size_t i) override {
     const std::vector<Region>& hazards = gesture_.anatomy.hazards;
     const GestureSample& sample = gesture_.samples[i];
     const Vec3 tip = tipOf(sample);
     const double time_s = secondsBetween(gesture_.samples.front(), sample, gesture_.rate_hz);
-    if (bones_.add(time_s, sample.layer, tip)) ++bone_contacts_;
-    if (hub_.add(time_s, sample.flags)) ++hub_contacts_;
+    if (bones_.add(time_s, sample.layer, tip)) ++facts_.bone_contacts;
+    if (hub_.add(time_s, sample.flags)) ++facts_.hub_contacts;
     final_.add(sample, i);
     if (!isInside(sample)) return;
     const Vec3 skin = skinPointOf(sample);
@@ -298,51 +278,40 @@ class AimGroup : public SampleGroup {
     const Aim aim = aimOf(gesture_.anatomy, tip);
     nearest_m_ = std::min(nearest_m_, aim.distance_m);
     if (!aim.reached) return;
-    reached_ = true;
-    time_s_ += gesture_.weight_s(i);
+    facts_.target_reached = true;
+    *facts_.at_target_s += gesture_.weight_s(i);
   }
 
-  void addRows(Rows& rows) const override {
-    std::string names;
-    for (std::size_t h = 0; h < touched_.size(); ++h) {
-      if (touched_[h]) names += (names.empty() ? " (" : ", ") + gesture_.anatomy.hazards[h].name;
-    }
-    rows.add("hazards_touched", static_cast<double>(std::count(touched_.begin(), touched_.end(), true)),
-             "Hazards touched" + (names.empty() ? names : names + ")"));
-    rows.add("bone_contacts", bone_contacts_);
-    rows.add("hub_contacts", hub_contacts_);
-    if (gesture_.anatomy.targets.empty()) return;
-    rows.add("target_reached", reached_ ? 1 : 0);
-    rows.add("time_at_target_s", time_s_);
-    if (!final_.index) return;
-    rows.add("target_distance_m", aimOf(gesture_.anatomy, tipOf(gesture_.samples[*final_.index])).distance_m);
-    rows.add("target_nearest_m", nearest_m_);
+  bool finish(StepWork& /*work*/) override {
+    for (std::size_t h = 0; h < touched_.size(); ++h)
+      if (touched_[h]) facts_.hazards_touched.push_back(gesture_.anatomy.hazards[h].name);
+    if (gesture_.anatomy.targets.empty() || !final_.index) return true;
+    facts_.target_distance_m = aimOf(gesture_.anatomy, tipOf(gesture_.samples[*final_.index])).distance_m;
+    facts_.target_nearest_m = nearest_m_;
+    return true;
   }
 
  private:
   const Gesture& gesture_;
+  GestureFacts& facts_;
   std::vector<bool> touched_;  // by hazard
   BoneContacts bones_;
   HubContacts hub_;
-  int bone_contacts_ = 0, hub_contacts_ = 0;
   FinalPoint final_;
-  double nearest_m_ = std::numeric_limits<double>::infinity(), time_s_ = 0;  // of targets
-  bool reached_ = false;
+  double nearest_m_ = std::numeric_limits<double>::infinity();  // of targets
 };
 
-/// E is the planned entry and d the planned direction (unit, into the tissue), both in W; no rows without a
+/// E is the planned entry and d the planned direction (unit, into the tissue), both in W; no facts without a
 /// plan, nor if the needle was never in tissue.
-/// - `planned_entry_error_m`: |P − E|, where P is where the tip first passed through the skin. The straight
+/// - `planned_entry_m`: |P − E|, where P is where the tip first passed through the skin. The straight
 ///   distance: on a limb of radius R it is shorter than along the skin by less than 0.2 % up to R/5.
-/// - `planned_angle_error_rad`: atan2(|a × d|, a · d), with a the needle's axis (hub to tip) at the furthest
-///   point of the last insertion (as for `target_distance_m`). 0 along the plan, π for a needle that
-///   points back.
-/// - `mean_planned_line_error_m`: Σ w |r − (r·d) d| / Σ w over the ticks in tissue, r = tip − E and w a
-///   tick's time; no row where that time is 0. `largest_planned_line_error_m`: the greatest |r − (r·d) d|
-///   in tissue. The line is infinite.
+/// - `planned_angle_rad`: atan2(|a × d|, a · d), with a the needle's axis (hub to tip) at the furthest point
+///   of the last insertion (as for `target_distance_m`). 0 along the plan, π for a needle that points back.
+/// - `planned_line_ms`: Σ w |r − (r·d) d| over the ticks in tissue, r = tip − E and w a tick's time, the
+///   parts of `weight_s`. `planned_line_m`: the greatest |r − (r·d) d| in tissue. The line is infinite.
 class PlanGroup : public SampleGroup {
  public:
-  explicit PlanGroup(const Gesture& gesture) : gesture_(gesture) {}
+  explicit PlanGroup(GestureFacts& facts) : gesture_(*facts.gesture), facts_(facts) {}
 
   void add(std::size_t i) override {
     if (!gesture_.plan_W) return;
@@ -351,70 +320,56 @@ class PlanGroup : public SampleGroup {
     if (!isInside(sample)) return;
     if (!entry_m_) entry_m_ = entryAt(gesture_, i);
     const double off_m = distanceFrom(*gesture_.plan_W, tipOf(sample));
-    const double weight_s = gesture_.weight_s(i);
     largest_m_ = std::max(largest_m_, off_m);
-    sum_ms_ += off_m * weight_s;
-    time_s_ += weight_s;
+    facts_.planned_line_ms += off_m * gesture_.weight_s(i);
   }
 
-  void addRows(Rows& rows) const override {
-    if (!entry_m_ || !final_.index) return;
+  bool finish(StepWork& /*work*/) override {
+    if (!entry_m_ || !final_.index) return true;
     const PlannedLine& plan = *gesture_.plan_W;
-    rows.add("planned_entry_error_m", norm(*entry_m_ - plan.entry_m));
-    rows.add("planned_angle_error_rad", angleTo(plan, axisOf(gesture_.samples[*final_.index])));
-    if (time_s_ > 0) rows.add("mean_planned_line_error_m", sum_ms_ / time_s_);
-    rows.add("largest_planned_line_error_m", largest_m_);
+    facts_.planned_entry_m = norm(*entry_m_ - plan.entry_m);
+    facts_.planned_angle_rad = angleTo(plan, axisOf(gesture_.samples[*final_.index]));
+    facts_.planned_line_m = largest_m_;
+    return true;
   }
 
  private:
   const Gesture& gesture_;
+  GestureFacts& facts_;
   std::optional<Vec3> entry_m_;
   FinalPoint final_;
-  double sum_ms_ = 0, time_s_ = 0, largest_m_ = 0;
+  double largest_m_ = 0;
 };
 
 }  // namespace
 
-std::vector<std::unique_ptr<SampleGroup>> sampleGroups(const Gesture& gesture) {
+std::vector<std::unique_ptr<SampleGroup>> sampleGroups(GestureFacts& facts) {
   std::vector<std::unique_ptr<SampleGroup>> groups;
-  groups.push_back(std::make_unique<TissueGroup>(gesture));
-  groups.push_back(std::make_unique<AimGroup>(gesture));
-  groups.push_back(std::make_unique<PlanGroup>(gesture));
+  groups.push_back(std::make_unique<TissueGroup>(facts));
+  groups.push_back(std::make_unique<AimGroup>(facts));
+  groups.push_back(std::make_unique<PlanGroup>(facts));
   return groups;
 }
 
-/// - `aspirations`, `injections`: strokes of the plunger (syringe_events.h). `injected_share`: share of the
+/// - `aspirations`, `injections`: strokes of the plunger (syringe_events.h). `injected`: share of the
 ///   syringe pressed out by all injections together, in or outside tissue; above 1 if it was drawn
-///   up and pressed again.
-/// - `injected_in_target_share`: the part of it that left the needle's opening in a target; only if
-///   something was injected and the profile has a target.
-/// - `aspirated_before_injection` (1 or 0): an aspiration that began in tissue came before the
-///   first injection with a part in tissue; only if there was such an injection.
-void addSyringe(const Gesture& gesture, std::span<const pb::SyringeEvent> events, Rows& rows) {
-  int aspirations = 0, injections = 0;
-  double injected = 0, in_target = 0;
-  bool aspirated = false, injected_in_tissue = false, was_aspirated = false;
+///   up and pressed again. `injected_in_target`: the part of it that left the needle's opening in a target.
+/// - `aspirated_before`: an aspiration that began in tissue came before the first injection with a part in
+///   tissue.
+void findSyringe(std::span<const pb::SyringeEvent> events, GestureFacts& facts) {
+  bool aspirated = false;
   for (const pb::SyringeEvent& event : events) {
     if (event.kind() == pb::SyringeEvent::ASPIRATION) {
-      ++aspirations;
+      ++facts.aspirations;
       aspirated = aspirated || event.begin().in_tissue();
       continue;
     }
-    ++injections;
+    ++facts.injections;
     const double stroke = event.plunger_to() - event.plunger_from();
-    injected += stroke;
-    in_target += stroke * event.in_target_share();
-    if (!injected_in_tissue && event.in_tissue_share() > 0) {
-      injected_in_tissue = true;
-      was_aspirated = aspirated;
-    }
+    facts.injected += stroke;
+    facts.injected_in_target += stroke * event.in_target_share();
+    if (!facts.aspirated_before && event.in_tissue_share() > 0) facts.aspirated_before = aspirated;
   }
-  rows.add("aspirations", aspirations);
-  rows.add("injections", injections);
-  rows.add("injected_share", injected);
-  if (injections > 0 && !gesture.anatomy.targets.empty())
-    rows.add("injected_in_target_share", injected > 0 ? std::min(1.0, in_target / injected) : 0);
-  if (injected_in_tissue) rows.add("aspirated_before_injection", was_aspirated ? 1 : 0);
 }
 
 }  // namespace needlelab

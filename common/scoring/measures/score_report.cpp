@@ -8,7 +8,7 @@
 
 #include "common/base/range.h"
 #include "common/base/text/csv.h"
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
 #include "common/haptics/scene_spec.h"
 #include "common/profile/strict_json.h"
 #include "common/scoring/measures/measure_groups.h"
@@ -24,19 +24,17 @@ std::size_t widthOf(const std::string& text) {
       text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
 }
 
-/// "Peak force 3.2 N", or a plain statement where a number would be awkward.
-std::string statement(const Measure& row) {
-  if (row.name == "target_reached") return row.value > 0 ? "Target reached" : "Target not reached";
-  if (row.name == "aspirated_before_injection")
-    return row.value > 0 ? "Aspirated before the injection" : "Not aspirated before the injection";
-  return row.words + " " + measureText(row.name, row.value, row.unit);
+/// "Peak force 3.2 N", or a plain statement of a yes or no.
+std::string statement(const Measure& row, const MeasureKind& kind) {
+  if (kind.form != MeasureForm::kYesNo) return row.words + " " + measureText(row.name, row.value, row.unit);
+  return std::string(row.value > 0 ? kind.words : kind.yes_no.no);
 }
 
-std::string verdict(const Measure& row) {
-  if (row.name == "aspirated_before_injection")
-    return *row.passed ? "" : row.value > 0 ? ": it was not to be done" : ": it had to be";
-  if (row.name == "target_reached")
-    return *row.passed ? "" : row.value > 0 ? ": it was to be left alone" : ": it had to be";
+std::string verdict(const Measure& row, const MeasureKind& kind) {
+  if (kind.form == MeasureForm::kYesNo) {
+    if (*row.passed) return "";
+    return row.value > 0 ? ": " + std::string(kind.yes_no.unwanted) : ": it had to be";
+  }
   const auto text = [&](double value) { return measureText(row.name, value, row.unit); };
   // if rounding hides the difference, state that there is one
   const auto just = [&](double limit) { return text(limit) == text(row.value) ? "just " : ""; };
@@ -53,32 +51,23 @@ std::string verdict(const Measure& row) {
 
 // --- measures that are missing
 
-bool always(std::span<const Measure> /*measures*/) {
+bool always(const GestureFacts& /*facts*/) {
   return true;
 }
-const Measure* rowNamed(std::span<const Measure> measures, std::string_view name) {
-  const auto row =
-      std::find_if(measures.begin(), measures.end(), [&](const Measure& m) { return m.name == name; });
-  return row == measures.end() ? nullptr : &*row;
+bool neverIn(const GestureFacts& facts) {
+  return facts.entries == 0;
 }
-bool isZero(std::span<const Measure> measures, std::string_view name) {
-  const Measure* const row = rowNamed(measures, name);
-  return row == nullptr || !(row->value > 0);
+bool noTarget(const GestureFacts& facts) {
+  return !facts.target_reached;
 }
-bool neverIn(std::span<const Measure> measures) {
-  return isZero(measures, "entries");
-}
-bool noTarget(std::span<const Measure> measures) {
-  return rowNamed(measures, "target_reached") == nullptr;
-}
-bool noInjection(std::span<const Measure> measures) {
-  return isZero(measures, "injections");
+bool noInjection(const GestureFacts& facts) {
+  return facts.injections == 0;
 }
 
 /// Why a gesture does not have a measure with this need, if `is_so`.
 struct MissingReason {
   MeasureNeed need;
-  bool (*is_so)(std::span<const Measure> measures);
+  bool (*is_so)(const GestureFacts& facts);
   const char* words;
 };
 constexpr const char* kNeverIn = "The needle did not go into tissue.";
@@ -104,12 +93,12 @@ constexpr MissingReason kMissingReasons[] = {
     {MeasureNeed::kReference, always, "There is no reference gesture to compare with."},
 };
 
-std::string whyMissing(const Measure& row, std::span<const Measure> measures,
+std::string whyMissing(const Measure& row, const GestureFacts& facts,
                        std::span<const std::string> layer_names) {
   const MeasureKind* const kind = measureKind(row.name);
   if (kind == nullptr) return row.name + " is not a measure that this program knows";
   for (const MissingReason& reason : kMissingReasons)
-    if (reason.need == kind->need && reason.is_so(measures))
+    if (reason.need == kind->need && reason.is_so(facts))
       return withLayer(reason.words, row.name, layer_names);
   return {};
 }
@@ -215,10 +204,11 @@ std::string scoreText(std::span<const Measure> measures) {
   return text;
 }
 
-void applyRequirements(const pb::Exercise* exercise, std::span<const std::string> layer_names,
-                       std::vector<Measure>& measures) {
+void applyRequirements(const pb::Exercise* exercise, const GestureFacts& facts,
+                       std::span<const std::string> layer_names, std::vector<Measure>& measures) {
   if (exercise != nullptr) {
-    if (exercise->has_time_limit_s()) require(measures, "elapsed_s", {}, exercise->time_limit_s());
+    if (exercise->has_time_limit_s())
+      require(measures, std::string(measureOf(MeasureRole::kTime).name), {}, exercise->time_limit_s());
     for (const auto& r : exercise->requirements()) {
       require(measures, r.measure(), r.has_min() ? std::optional(r.min()) : std::nullopt,
               r.has_max() ? std::optional(r.max()) : std::nullopt);
@@ -228,11 +218,12 @@ void applyRequirements(const pb::Exercise* exercise, std::span<const std::string
     const bool is_required = row.min || row.max;
     if (!row.measured) {
       row.passed = false;
-      row.words = whyMissing(row, measures, layer_names);
+      row.words = whyMissing(row, facts, layer_names);
       continue;
     }
     if (is_required) row.passed = (!row.min || row.value >= *row.min) && (!row.max || row.value <= *row.max);
-    row.words = statement(row) + (is_required ? verdict(row) : "");
+    const MeasureKind& kind = *measureKind(row.name);
+    row.words = statement(row, kind) + (is_required ? verdict(row, kind) : "");
   }
 }
 

@@ -332,7 +332,7 @@ std::vector<Stroke> strokesOf(const std::vector<Bin>& bins) {
   if (bins.empty()) return strokes;
   const auto keep = [&](const Move& move) {
     // rounding of the stored plunger must not decide about strokes of exactly that length
-    if (std::abs(move.to - move.from) < kLeastStroke - 1e-4 || strokes.size() == kMaxSyringeEvents) return;
+    if (std::abs(move.to - move.from) < kMinStroke - 1e-4 || strokes.size() == kMaxSyringeEvents) return;
     strokes.push_back({bins[move.first].last, bins[move.last].last, move.from, move.to});
   };
   std::optional<Move> before;

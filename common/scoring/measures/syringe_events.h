@@ -1,6 +1,6 @@
 /// Aspirations and injections, computed from a recording alone: pure functions, no files, no clock.
 ///
-/// A stroke is a movement of the plunger in one direction by at least `kLeastStroke`. Drawing back is an
+/// A stroke is a movement of the plunger in one direction by at least `kMinStroke`. Drawing back is an
 /// ASPIRATION, pressing is an INJECTION.
 /// - The plunger is averaged over 10 ms, and a movement begins when it leaves a band of `kBand` around its
 ///   rest: trembling on the plunger is not a stroke. A movement that reverses by less than `kTurnBack`
@@ -30,9 +30,9 @@
 
 namespace needlelab {
 
-inline constexpr double kLeastStroke = 0.02;  ///< share of the plunger's whole travel
-inline constexpr double kBand = 0.002;        ///< movements within it count as rest; same unit
-inline constexpr double kTurnBack = 0.01;     ///< a reversal by this share ends a stroke
+inline constexpr double kMinStroke = 0.02;  ///< share of the plunger's whole travel
+inline constexpr double kBand = 0.002;      ///< movements within it count as rest; same unit
+inline constexpr double kTurnBack = 0.01;   ///< a reversal by this share ends a stroke
 inline constexpr double kPause_s = 0.3;
 /// Maximum per recording: two strokes per second without rest over the 30 min at 1 kHz that are scored
 /// (kMaxScoredSamples). A hand makes a few per lesson; a malicious recording with one every 10 ms would cost

@@ -25,7 +25,7 @@ struct Trail {
 
 std::size_t scoreBand(std::size_t a, std::size_t b) {
   const double longer = static_cast<double>(std::max(a, b));
-  return std::max(kLeastBand, static_cast<std::size_t>(std::ceil(kBandShare * longer)));
+  return std::max(kMinBand, static_cast<std::size_t>(std::ceil(kBandShare * longer)));
 }
 
 /// `a` is the longer path.
@@ -74,7 +74,7 @@ std::optional<double> warp(std::span<const Vec3> a, std::span<const Vec3> b, std
 }
 
 bool comparable(std::size_t a, std::size_t b) {
-  return a > 0 && b > 0 && a <= kMostPathPoints && b <= kMostPathPoints;
+  return a > 0 && b > 0 && a <= kMaxPathPoints && b <= kMaxPathPoints;
 }
 
 }  // namespace
@@ -129,7 +129,7 @@ TipPath tipPathOf(std::span<const GestureSample> samples, double rate_hz, const 
 
 TipPath tipPathOf(const RecordedSamples& samples, double rate_hz, const Pose& X_WL) {
   if (!(rate_hz >= kMinRateHz && rate_hz <= kMaxRateHz) || !checkMotion(samples, rate_hz)) return {};
-  return pathInTissue(runsOf(samples, rate_hz), X_WL, kPathRateHz, kMostPathPoints);
+  return pathInTissue(runsOf(samples, rate_hz), X_WL, kPathRateHz, kMaxPathPoints);
 }
 
 }  // namespace needlelab

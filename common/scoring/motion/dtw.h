@@ -18,11 +18,11 @@ namespace needlelab {
 using TipPath = std::vector<Vec3>;
 
 inline constexpr double kPathRateHz = 20;
-/// Alignments may run ahead or behind by this share of the longer path, and by at least `kLeastBand` points.
+/// Alignments may run ahead or behind by this share of the longer path, and by at least `kMinBand` points.
 inline constexpr double kBandShare = 0.2;
-inline constexpr std::size_t kLeastBand = 20;
+inline constexpr std::size_t kMinBand = 20;
 /// 5 minutes: a comparison then takes 14.4 million cells, about 70 ms; longer gestures are not compared.
-inline constexpr std::size_t kMostPathPoints = 6'000;
+inline constexpr std::size_t kMaxPathPoints = 6'000;
 
 /// The symmetric form of Sakoe and Chiba (1978), without a limit on slopes: steps (1,0) and (0,1) count the
 /// distance of their points once, (1,1) and the start twice; the sum is divided by the number of points of
@@ -30,7 +30,7 @@ inline constexpr std::size_t kMostPathPoints = 6'000;
 /// for two paths whose paired points are shifted by d.
 ///
 /// `band`: the number of points by which an alignment may leave the straight line between both ends; at least
-/// 1 is used. Empty: a path has no points, or more than kMostPathPoints. Time O(longer · band), memory
+/// 1 is used. Empty: a path has no points, or more than kMaxPathPoints. Time O(longer · band), memory
 /// O(band).
 std::optional<double> dtwDistance(std::span<const Vec3> a, std::span<const Vec3> b, std::size_t band);
 

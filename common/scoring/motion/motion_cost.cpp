@@ -50,18 +50,18 @@ bool MotionCheck::step(StepWork& work) {
 }
 
 Status MotionCheck::status() const {
-  if (cost_.points > kMostMotionPoints)
+  if (cost_.points > kMaxMotionPoints)
     return Error{
         ErrorCode::kInvalidInput,
         fmt::format("its motion has {} points at {:.0f} Hz, at most {} are scored: {} samples at {} Hz "
                     "last too long",
-                    cost_.points, 1 / kAnalysisPeriod_s, kMostMotionPoints, samples_.size(), rate_hz_)};
-  if (cost_.terms > kMostSmoothingTerms)
+                    cost_.points, 1 / kAnalysisPeriod_s, kMaxMotionPoints, samples_.size(), rate_hz_)};
+  if (cost_.terms > kMaxSmoothingTerms)
     return Error{
         ErrorCode::kInvalidInput,
         fmt::format("its motion at {} Hz is in so many short pieces between gaps that smoothing takes {} "
                     "terms, at most {} are scored",
-                    rate_hz_, cost_.terms, kMostSmoothingTerms)};
+                    rate_hz_, cost_.terms, kMaxSmoothingTerms)};
   return {};
 }
 

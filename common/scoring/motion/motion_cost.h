@@ -20,11 +20,11 @@ inline constexpr double kLongestBridge_s = 0.1;
 
 /// An hour of motion at 100 Hz, twice the longest session that a server scores: 30 minutes at 1 kHz
 /// (kMaxScoredSamples). Needs about 220 bytes per point while it is made, 80 MB.
-inline constexpr std::uint64_t kMostMotionPoints = 360'000;
+inline constexpr std::uint64_t kMaxMotionPoints = 360'000;
 /// A point is smoothed with at most 10 values on either side in a run of many points, and with many more in a
 /// short run between two gaps: with 89 in a run of two ticks at 1 kHz, with 3,534 at 40 kHz. No person's
 /// movement has so many short runs that the total is twice the normal maximum.
-inline constexpr std::uint64_t kMostSmoothingTerms = 20 * kMostMotionPoints;
+inline constexpr std::uint64_t kMaxSmoothingTerms = 20 * kMaxMotionPoints;
 
 struct MotionCost {
   std::uint64_t points = 0;  ///< of all runs
@@ -35,7 +35,7 @@ struct MotionCost {
 /// nothing.
 MotionCost motionCost(const RecordedSamples& samples, double rate_hz);
 
-/// Errors: kInvalidInput if the motion would exceed kMostMotionPoints or kMostSmoothingTerms; the message
+/// Errors: kInvalidInput if the motion would exceed kMaxMotionPoints or kMaxSmoothingTerms; the message
 /// begins with "its motion" and gives number and limit. `scoreGesture` and `tipPathOf` then return nothing.
 Status checkMotion(const RecordedSamples& samples, double rate_hz);
 

@@ -60,16 +60,16 @@ RecordedSamples::RecordedSamples(std::span<const GestureSample> samples) {
   back_ = usable.back();
 }
 
-Result<RecordedSamples> RecordedSamples::inBlocks(std::size_t blocks, Read read, std::size_t most_held) {
-  RecordedSamples all = ofBlocks(std::move(read), most_held);
+Result<RecordedSamples> RecordedSamples::inBlocks(std::size_t blocks, Read read, std::size_t max_held) {
+  RecordedSamples all = ofBlocks(std::move(read), max_held);
   while (all.blocks_.size() < blocks) RETURN_IF_ERROR(all.addBlock());
   return all;
 }
 
-RecordedSamples RecordedSamples::ofBlocks(Read read, std::size_t most_held) {
+RecordedSamples RecordedSamples::ofBlocks(Read read, std::size_t max_held) {
   RecordedSamples none;
   none.read_ = std::move(read);
-  none.limit_ = most_held;
+  none.limit_ = max_held;
   return none;
 }
 
@@ -98,7 +98,7 @@ std::size_t RecordedSamples::countOf(std::size_t block) const {
 
 void RecordedSamples::hold(std::size_t block, std::vector<GestureSample> samples) const {
   // release the least recently used one
-  while (held_.size() >= kLeastHeld && held_samples_ + samples.capacity() > limit_) {
+  while (held_.size() >= kMinHeld && held_samples_ + samples.capacity() > limit_) {
     Block& given_up = blocks_[held_.front()];
     held_samples_ -= given_up.samples.capacity();
     given_up.samples = std::vector<GestureSample>();  // `= {}` would keep the memory
@@ -107,7 +107,7 @@ void RecordedSamples::hold(std::size_t block, std::vector<GestureSample> samples
     held_.pop_front();
   }
   held_samples_ += samples.capacity();
-  most_held_ = std::max(most_held_, held_samples_);
+  max_held_ = std::max(max_held_, held_samples_);
   blocks_[block].samples = std::move(samples);
   blocks_[block].held = true;
   blocks_[block].place = held_.insert(held_.end(), block);

@@ -55,7 +55,7 @@ inline bool isInside(const GestureSample& sample) {
 }
 
 /// Omits the same samples as `cleaned`. Samples that are all in memory stay where they are.
-/// Otherwise the recording comes in blocks (one chunk each), which are decoded when needed; beyond kMostHeld
+/// Otherwise the recording comes in blocks (one chunk each), which are decoded when needed; beyond kMaxHeld
 /// samples, the least recently used are released. Scoring reads a recording from end to end several times,
 /// and a lesson of two minutes is decoded only once. Thread: one.
 class RecordedSamples {
@@ -63,17 +63,17 @@ class RecordedSamples {
   /// Decodes a block; must return the same samples each time. Its errors appear in fault().
   using Read = std::function<Result<std::vector<GestureSample>>(std::size_t block)>;
 
-  /// Maximum number of samples held, about 200 bytes each, but never fewer blocks than kLeastHeld.
-  static constexpr std::size_t kMostHeld = 131'072;
+  /// Maximum number of samples held, about 200 bytes each, but never fewer blocks than kMinHeld.
+  static constexpr std::size_t kMaxHeld = 131'072;
   /// Keeps a reference from operator[] valid while references to three other places are requested.
-  static constexpr std::size_t kLeastHeld = 4;
+  static constexpr std::size_t kMinHeld = 4;
 
   /// `samples` must outlive it.
   explicit RecordedSamples(std::span<const GestureSample> samples);
   /// Reads all blocks once. Errors: as `read`.
-  static Result<RecordedSamples> inBlocks(std::size_t blocks, Read read, std::size_t most_held = kMostHeld);
+  static Result<RecordedSamples> inBlocks(std::size_t blocks, Read read, std::size_t max_held = kMaxHeld);
   /// As inBlocks, but starts without blocks; call addBlock for each.
-  static RecordedSamples ofBlocks(Read read, std::size_t most_held = kMostHeld);
+  static RecordedSamples ofBlocks(Read read, std::size_t max_held = kMaxHeld);
   /// Reads the next block for the first time; returns its number of samples, usable or not. Invalidates
   /// earlier references from operator[], front() and back(). Errors: as `read`.
   Result<std::size_t> addBlock();
@@ -86,7 +86,7 @@ class RecordedSamples {
 
   [[nodiscard]] std::size_t size() const { return size_; }
   [[nodiscard]] bool empty() const { return size_ == 0; }
-  /// `i` < size(). The reference is valid until kLeastHeld other blocks have been requested.
+  /// `i` < size(). The reference is valid until kMinHeld other blocks have been requested.
   const GestureSample& operator[](std::size_t i) const {
     if (i - first_ >= count_) find(i);
     return data_[i - first_];
@@ -99,7 +99,7 @@ class RecordedSamples {
   /// wrong.
   [[nodiscard]] const Status& fault() const { return fault_; }
   /// The maximum number of decoded samples held in memory at once; 0 for samples in memory.
-  [[nodiscard]] std::size_t mostHeld() const { return most_held_; }
+  [[nodiscard]] std::size_t mostHeld() const { return max_held_; }
 
  private:
   struct Block {
@@ -120,12 +120,12 @@ class RecordedSamples {
   GestureSample front_, back_;
   std::vector<GestureSample> storage_;  // in memory: the usable samples, if some are omitted
   Read read_;
-  std::size_t limit_ = kMostHeld;
+  std::size_t limit_ = kMaxHeld;
   std::uint64_t last_tick_ = 0;  // last tick of the usable samples so far
   bool any_ = false;             // whether there are such
   mutable std::vector<Block> blocks_;
   mutable std::list<std::size_t> held_;  // numbers of the held blocks, least recently used first
-  mutable std::size_t held_samples_ = 0, most_held_ = 0;
+  mutable std::size_t held_samples_ = 0, max_held_ = 0;
   mutable Status fault_;
   // the part requested last
   mutable const GestureSample* data_ = nullptr;

@@ -57,7 +57,7 @@ TrackPoint pointOf(const Channels& c) {
   return {{c[0], c[1], c[2]}, length > 1e-9 ? axis / length : Vec3{0, 0, 1}, {}, c[6]};
 }
 
-constexpr double kLeastPeak_mps = 1e-6;
+constexpr double kMinPeak_mps = 1e-6;
 
 double peakOf(std::span<const double> speed_mps) {
   double peak = 0;
@@ -270,7 +270,7 @@ std::vector<Vec3> pathInTissue(std::span<const Run> runs, const Pose& X_WL, doub
 
 std::optional<double> sparc(std::span<const double> speed_mps, double rate_hz) {
   if (speed_mps.size() < 3 || speed_mps.size() > kLongestProfile) return std::nullopt;
-  if (peakOf(speed_mps) < kLeastPeak_mps) return std::nullopt;
+  if (peakOf(speed_mps) < kMinPeak_mps) return std::nullopt;
 
   // amplitude spectrum up to the cut-off, normalised to its maximum there
   std::vector<std::complex<double>> spectrum(std::bit_ceil(speed_mps.size()) << kSparcPadding);
@@ -298,7 +298,7 @@ std::optional<double> sparc(std::span<const double> speed_mps, double rate_hz) {
 std::optional<double> ldlj(std::span<const double> speed_mps, double rate_hz) {
   if (speed_mps.size() < 3) return std::nullopt;
   const double peak = peakOf(speed_mps);
-  if (peak < kLeastPeak_mps) return std::nullopt;
+  if (peak < kMinPeak_mps) return std::nullopt;
   double sum = 0;
   for (std::size_t i = 2; i < speed_mps.size(); ++i) {
     const double second = (speed_mps[i] - 2 * speed_mps[i - 1] + speed_mps[i - 2]) * rate_hz * rate_hz;

@@ -20,7 +20,7 @@ constexpr double kNamed = 0.3826834323650898;
 constexpr double kShown_m = 0.05e-3;
 
 /// Whether a ball extends across the middle of a limb, where depths end and the skin's normal reverses.
-bool holdsTheMiddle(const Anatomy& anatomy, const Region& ball) {
+bool containsCentre(const Anatomy& anatomy, const Region& ball) {
   const double reach_m = depthAt(anatomy, ball.a_W_m) + ball.radius_m;
   if (const auto* sphere = std::get_if<SphereLimb>(&anatomy.limb)) return reach_m > sphere->radius_m;
   if (const auto* capsule = std::get_if<CapsuleLimb>(&anatomy.limb)) return reach_m > capsule->radius_m;
@@ -81,7 +81,7 @@ Miss missAt(const Anatomy& anatomy, const pb::Directions& directions, const Pose
   Miss miss;
   miss.in_target = distance(target) <= 0;
   if (miss.in_target) return miss;
-  if (!anatomy.has_limb || holdsTheMiddle(anatomy, target.ball)) {
+  if (!anatomy.has_limb || containsCentre(anatomy, target.ball)) {
     miss.has_depth = false;
     miss.aside_m = distance(target);
     miss.towards = namesOf(directions, rotate(to_L, p_W_m - center));
@@ -135,7 +135,7 @@ std::string missText(const Miss& miss) {
   return "Missed" + aside + (depth.empty() ? "." : ", " + depth + ".");
 }
 
-std::string missPlaceText(const Miss& miss) {
+std::string missDirectionText(const Miss& miss) {
   return miss.at == Miss::At::kInjection
              ? "Where the last injection began, at the needle's opening."
              : "At the furthest point of the last insertion, at the needle's tip.";

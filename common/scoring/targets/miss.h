@@ -49,6 +49,6 @@ std::optional<Miss> missOf(std::span<const GestureSample> samples, std::span<con
 /// "Missed by 2.1 mm towards the head, 3.9 mm too deep." or "In the target."
 std::string missText(const Miss& miss);
 /// Which point that is, as a sentence: "Where the last injection began, at the needle's opening."
-std::string missPlaceText(const Miss& miss);
+std::string missDirectionText(const Miss& miss);
 
 }  // namespace needlelab

@@ -85,10 +85,10 @@ Status AuditNotes::noteLogin(const Principal& who, const std::string& host) {
   if (who.role == pb::TRAINEE || !exports_->isNew(who, what, wallNowNs())) return {};
   AuditRow line{0, wallNowNs(), who.name, "log-in", "", std::string(roleName(who.role)) + " from " + host};
   Status noted = writer_.run([&](Connection& writer) -> Status {
-    ASSIGN_OR_RETURN(const bool is_new, exports_->isNewElsewhere(writer, who, what));
+    ASSIGN_OR_RETURN(const bool is_new, exports_->isNewOnAllServers(writer, who, what));
     return is_new ? AuditStore(writer).add(line) : Status();
   });
-  if (!noted.ok()) exports_->takeBack(who, what);
+  if (!noted.ok()) exports_->revoke(who, what);
   return noted;
 }
 
@@ -107,7 +107,7 @@ void AuditNotes::noteWatching(const Principal& who, const std::string& station, 
               session.empty() ? station : sessionText(session),
               session.empty() ? "a station" : "a session"};
   line.failed = [exports = exports_, who, what, failed = std::move(failed)](const Error& error) {
-    exports->takeBack(who, what);
+    exports->revoke(who, what);
     failed(error);
   };
   line.wanted = [exports = exports_, who, what, station, session](Connection& writer) -> Result<bool> {
@@ -116,7 +116,7 @@ void AuditNotes::noteWatching(const Principal& who, const std::string& station, 
                                                 viewOf(session), static_cast<int>(pb::SESSION_OPEN));
     ASSIGN_OR_RETURN(const bool found, known.step());
     if (!found) return false;
-    return exports->isNewElsewhere(writer, who, what);
+    return exports->isNewOnAllServers(writer, who, what);
   };
   addSoon(std::move(line));
 }

@@ -59,10 +59,10 @@ Status noteRead(const Context& context, const std::string& subject, const std::s
   const std::string what = std::string(context.action) + "\n" + subject + "\n" + detail;
   if (!context.exports.isNew(context.who, what, context.now_unix_ns)) return {};
   const Status noted = writeIfChanged(context, subject, detail, [&](Connection& writer) {
-    return context.exports.isNewElsewhere(writer, context.who, what);
+    return context.exports.isNewOnAllServers(writer, context.who, what);
   });
   if (context.writer.failed()) return {};
-  if (!noted.ok()) context.exports.takeBack(context.who, what);
+  if (!noted.ok()) context.exports.revoke(context.who, what);
   return noted;
 }
 
@@ -78,11 +78,11 @@ pb::Reply doneReply() {
 
 Status keepOwnAccess(const Context& context, Connection& writer, const std::string& name) {
   if (context.who.name != name || !context.who.access_number) return {};
-  ASSIGN_OR_RETURN(context.under_way.access_number, AccessNumberStore(writer).of(AccessWhat::kPerson, name));
+  ASSIGN_OR_RETURN(context.under_way.access_number, AccessNumberStore(writer).of(AccessKind::kPerson, name));
   return {};
 }
 
-Status ownOnly(const Context& context, const std::string& name, const std::string& what) {
+Status requireOwnData(const Context& context, const std::string& name, const std::string& what) {
   const bool limited = context.who.role == pb::TRAINEE || context.who.role == pb::RESEARCHER;
   if (!limited || name == context.who.name) return {};
   return Error{ErrorCode::kDenied,

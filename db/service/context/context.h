@@ -19,7 +19,7 @@
 #include "db/sessions/db_writer.h"
 #include "db/sessions/session_store.h"
 #include "db/store/connection.h"
-#include "db/store/reader_pool.h"
+#include "db/store/store_address.h"
 #include "needlelab/control.pb.h"
 
 namespace needlelab {
@@ -121,7 +121,7 @@ Status keepOwnAccess(const Context& context, Connection& writer, const std::stri
 /// A reply that only confirms success.
 pb::Reply doneReply();
 /// kDenied if a trainee or a researcher asks for another person's data. `what`: e.g. "results".
-Status ownOnly(const Context& context, const std::string& name, const std::string& what);
+Status requireOwnData(const Context& context, const std::string& name, const std::string& what);
 
 /// A session id from the network. kInvalidInput if the bytes are not an id.
 Result<Uuid> sessionId(const std::string& bytes);

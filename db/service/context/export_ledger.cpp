@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::size_t kSealDigits = 32;
 constexpr std::int64_t kNotedAgainAfter_ns = 3'600LL * 1'000'000'000;
-constexpr std::size_t kMostNoted = 10'000;
+constexpr std::size_t kMaxNoted = 10'000;
 constexpr std::int64_t kSealDay_ns = 24 * kNotedAgainAfter_ns;
 
 }  // namespace
@@ -74,20 +74,20 @@ bool ExportLedger::isNew(const Principal& who, std::string_view what, std::int64
   // if the clock was set back, an old note may follow one that looks young
   if (note != noted_.end() && !isOld(note->second)) return false;
   // an additional line in the audit log is better than an unbounded table
-  if (in_order_.size() >= kMostNoted) dropFirst();
+  if (in_order_.size() >= kMaxNoted) dropFirst();
   noted_[key] = now_unix_ns;
   in_order_.emplace_back(key, now_unix_ns);
   return true;
 }
 
-Result<bool> ExportLedger::isNewElsewhere(Connection& writer, const Principal& who,
-                                          std::string_view what) const {
+Result<bool> ExportLedger::isNewOnAllServers(Connection& writer, const Principal& who,
+                                             std::string_view what) const {
   if (shared_ == nullptr) return true;
   return LoginStore(writer, shared_->key())
       .noteRead(keyOf(who, what), std::chrono::nanoseconds(kNotedAgainAfter_ns));
 }
 
-void ExportLedger::takeBack(const Principal& who, std::string_view what) {
+void ExportLedger::revoke(const Principal& who, std::string_view what) {
   const std::lock_guard lock(mutex_);
   noted_.erase(keyOf(who, what));
 }

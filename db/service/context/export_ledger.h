@@ -41,10 +41,10 @@ class ExportLedger {
   bool isNew(const Principal& who, std::string_view what, std::int64_t now_unix_ns);
   /// Call within the transaction that adds the line: false if another server has noted it within the hour.
   /// Always true with a single server.
-  [[nodiscard]] Result<bool> isNewElsewhere(Connection& writer, const Principal& who,
-                                            std::string_view what) const;
+  [[nodiscard]] Result<bool> isNewOnAllServers(Connection& writer, const Principal& who,
+                                               std::string_view what) const;
   /// Reverts isNew() because the line was not stored: the next read is new again.
-  void takeBack(const Principal& who, std::string_view what);
+  void revoke(const Principal& who, std::string_view what);
 
  private:
   [[nodiscard]] std::string seal16(const Principal& who, std::string_view what, std::string_view place,

@@ -21,7 +21,7 @@ Result<Principal> Logins::loginPerson(const std::string& user, const std::string
     ASSIGN_OR_RETURN(auto reader, readers_.borrow());
     ASSIGN_OR_RETURN(const auto ref, findPerson(*reader, user));
     // read before the account: after a change in between the number is outdated, but not the account
-    ASSIGN_OR_RETURN(number, numberNow(*reader, AccessWhat::kPerson, ref.value_or("")));
+    ASSIGN_OR_RETURN(number, numberNow(*reader, AccessKind::kPerson, ref.value_or("")));
     ASSIGN_OR_RETURN(auto found, PeopleStore(*reader).find(ref.value_or("")));
     person = std::move(found);
   }
@@ -41,13 +41,13 @@ Result<std::optional<Principal>> Logins::principalOf(const std::string& name) {
 
 Result<Principal> Logins::loginStation(const std::string& station, const std::string& key) {
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
-  ASSIGN_OR_RETURN(const auto number, numberNow(*reader, AccessWhat::kStation, station));
+  ASSIGN_OR_RETURN(const auto number, numberNow(*reader, AccessKind::kStation, station));
   ASSIGN_OR_RETURN(const auto right, StationStore(*reader).checkKey(station, key));
   if (!right) return loginRefused();
   return Principal{station, pb::STATION, true, number};
 }
 
-Result<std::optional<std::int64_t>> Logins::numberNow(Connection& reader, AccessWhat what,
+Result<std::optional<std::int64_t>> Logins::numberNow(Connection& reader, AccessKind what,
                                                       const std::string& name) const {
   if (!is_numbered_) return std::optional<std::int64_t>();
   ASSIGN_OR_RETURN(const std::int64_t number, AccessNumberStore(reader).of(what, name));
@@ -62,12 +62,12 @@ Result<bool> Logins::isKnownStation(const std::string& name) {
 
 Result<bool> Logins::stillAllowed(const Principal& principal) {
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
-  return accessHolds(*reader, principal);
+  return isAccessValid(*reader, principal);
 }
 
 Result<std::vector<bool>> Logins::stillAllowed(const std::vector<Principal>& all) {
   ASSIGN_OR_RETURN(auto reader, readers_.borrow());
-  return accessHoldsOf(*reader, all);
+  return areAccessesValid(*reader, all);
 }
 
 }  // namespace needlelab

@@ -9,7 +9,7 @@
 #include "common/base/result.h"
 #include "db/login/access_numbers.h"
 #include "db/service/context/principal.h"
-#include "db/store/reader_pool.h"
+#include "db/store/store_address.h"
 
 namespace needlelab {
 
@@ -37,7 +37,7 @@ class Logins {
 
  private:
   /// Principal::access_number for a log-in now.
-  Result<std::optional<std::int64_t>> numberNow(Connection& reader, AccessWhat what,
+  Result<std::optional<std::int64_t>> numberNow(Connection& reader, AccessKind what,
                                                 const std::string& name) const;
   ReaderPool& readers_;
   const bool is_numbered_;

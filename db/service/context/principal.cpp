@@ -23,7 +23,7 @@ constexpr RoleName kRoleNames[] = {
 };
 
 /// Whether the account still has the access number that `who` logged in with, if numbers are compared.
-Result<bool> hasNumber(Connection& connection, AccessWhat what, const Principal& who) {
+Result<bool> hasNumber(Connection& connection, AccessKind what, const Principal& who) {
   if (!who.access_number) return true;
   ASSIGN_OR_RETURN(const std::int64_t number, AccessNumberStore(connection).of(what, who.name));
   return number == *who.access_number;
@@ -45,26 +45,27 @@ pb::Role roleOfName(std::string_view name) {
   return pb::ROLE_UNSPECIFIED;
 }
 
-Result<bool> accessHolds(Connection& connection, const Principal& who) {
+Result<bool> isAccessValid(Connection& connection, const Principal& who) {
   if (who.role == pb::STATION) {
     ASSIGN_OR_RETURN(const auto station, StationStore(connection).find(who.name));
     if (!station || station->revoked) return false;
-    return hasNumber(connection, AccessWhat::kStation, who);
+    return hasNumber(connection, AccessKind::kStation, who);
   }
-  ASSIGN_OR_RETURN(const bool is_unchanged, hasNumber(connection, AccessWhat::kPerson, who));
+  ASSIGN_OR_RETURN(const bool is_unchanged, hasNumber(connection, AccessKind::kPerson, who));
   if (!is_unchanged) return false;
   ASSIGN_OR_RETURN(const auto person, PeopleStore(connection).find(who.name));
   return person && !person->disabled && person->role == who.role;
 }
 
-Result<std::vector<bool>> accessHoldsOf(Connection& connection, std::span<const Principal> all) {
+Result<std::vector<bool>> areAccessesValid(Connection& connection, std::span<const Principal> all) {
   std::vector<std::string> people, stations;
   for (const Principal& who : all) (who.role == pb::STATION ? stations : people).push_back(who.name);
   ASSIGN_OR_RETURN(const auto view, Transaction::view(connection));
   ASSIGN_OR_RETURN(const auto accounts, PeopleStore(connection).findAll(people));
-  ASSIGN_OR_RETURN(const auto of_people, AccessNumberStore(connection).ofMany(AccessWhat::kPerson, people));
+  ASSIGN_OR_RETURN(const auto of_people,
+                   AccessNumberStore(connection).numbersOf(AccessKind::kPerson, people));
   ASSIGN_OR_RETURN(const auto of_stations,
-                   AccessNumberStore(connection).ofMany(AccessWhat::kStation, stations));
+                   AccessNumberStore(connection).numbersOf(AccessKind::kStation, stations));
   std::map<std::string, bool> in_use;
   if (!stations.empty()) {
     ASSIGN_OR_RETURN(const auto known, StationStore(connection).list());
@@ -88,7 +89,7 @@ Result<std::vector<bool>> accessHoldsOf(Connection& connection, std::span<const 
 
 Status checkAccess(Connection& connection, const Principal& who) {
   if (!who.logged_in) return {};
-  ASSIGN_OR_RETURN(const bool holds, accessHolds(connection, who));
+  ASSIGN_OR_RETURN(const bool holds, isAccessValid(connection, who));
   if (holds) return {};
   return Error{ErrorCode::kDenied,
                who.name + ": access was withdrawn, or the role was changed: log in again"};

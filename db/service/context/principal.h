@@ -37,9 +37,9 @@ pb::Role roleOfName(std::string_view name);
 
 /// Whether the person exists, is not disabled and still has this role and the access it logged in with; or
 /// the station exists and is not revoked.
-Result<bool> accessHolds(Connection& connection, const Principal& who);
+Result<bool> isAccessValid(Connection& connection, const Principal& who);
 /// Same for several, in a few statements in total: for a server's connections.
-Result<std::vector<bool>> accessHoldsOf(Connection& connection, std::span<const Principal> all);
+Result<std::vector<bool>> areAccessesValid(Connection& connection, std::span<const Principal> all);
 /// kDenied if `who` came from a log-in and its access is no longer valid.
 Status checkAccess(Connection& connection, const Principal& who);
 

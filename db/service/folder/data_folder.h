@@ -1,7 +1,9 @@
 /// A data folder before a program uses it: creating it, locking it for one process, checking what blocks its
-/// files, and handling what a killed program left or had decided.
+/// files, and handling what a killed program left or had decided. Replaces its database with a backup, plain
+/// or encrypted: completely or not at all, and keeps the old database.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -61,5 +63,22 @@ Status finishRestore(const std::filesystem::path& folder);
 /// Completes a move that was decided before a crash: DIR/store and the databases get their names. Call under
 /// the folder's lock, before the database is opened. Errors: kInvalidInput (DIR/store), kFailed.
 Status finishStoreSwitch(const std::filesystem::path& folder);
+
+struct RestoreResult {
+  /// The replaced database, with its log beside it; empty: none existed.
+  std::filesystem::path kept;
+  std::uint64_t sessions = 0, chunks = 0;  ///< in the restored database; all checked
+};
+
+/// Copies `from` (read-only) beside DIR's database and checks *the copy* (structure, every chunk, every
+/// hash). Then, under the folder's lock, keeps the old database as needlelab.db.replaced-TIME (with its -wal)
+/// and puts the copy in its place. A crash at any instant leaves the old database; once the decision is in
+/// DIR/restore.pending, the next start of any program on DIR completes the restore. `key_file`: the key of an
+/// encrypted backup; empty: `from` is plain. Errors: kUnavailable (a server runs on DIR), kInvalidInput (no
+/// such file, or it is DIR's own database; the key is missing, wrong, or given for a plain backup), kVersion
+/// (newer schema or format), kCorrupt (the backup or its copy fails its check, or the list of erasures beside
+/// it cannot be read or is too long; nothing was changed), kNoRoom (for the copy), kFailed.
+Result<RestoreResult> restoreFrom(const std::filesystem::path& folder, const std::filesystem::path& from,
+                                  std::int64_t now_unix_ns, const std::filesystem::path& key_file = {});
 
 }  // namespace needlelab

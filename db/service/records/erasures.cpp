@@ -19,7 +19,7 @@
 #include "db/audit/audit.h"
 #include "db/backup/old_backups.h"
 #include "db/erasure/erasure.h"
-#include "db/people/erased_people.h"
+#include "db/people/person_name.h"
 #include "db/service/context/long_work.h"
 #include "db/service/records/retention_runs.h"
 #include "db/service/scoring/session_scoring.h"
@@ -188,7 +188,7 @@ Status completeErasures(Connection& connection) {
   return addErasures(folderOf(connection), known);
 }
 
-Status writeErasuresBeside(Connection& connection, const std::filesystem::path& backups) {
+Status writeErasuresNextToBackups(Connection& connection, const std::filesystem::path& backups) {
   if (backups.empty()) return {};
   const std::scoped_lock lock(listMutex());
   ASSIGN_OR_RETURN(const auto lines, readErasures(folderOf(connection)));
@@ -226,7 +226,7 @@ Result<pb::Reply> Erasures::goOn(RequestUnderWay& under_way) {
   erasure.set_pending(!log.empty());
   std::string beside;
   if (auto reader = readers_.borrow())
-    if (const Status written = writeErasuresBeside(**reader, backupsFolder(**reader)); !written)
+    if (const Status written = writeErasuresNextToBackups(**reader, backupsFolder(**reader)); !written)
       beside = "The list of erasures beside the backups could not be written (" + written.error().message +
                "): the next backup writes it. ";
   erasure.set_text(done.text_on_chunks + log + beside + erasure.text());

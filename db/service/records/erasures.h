@@ -11,7 +11,7 @@
 #include "db/service/records/retention.h"
 #include "db/sessions/db_writer.h"
 #include "db/store/connection.h"
-#include "db/store/reader_pool.h"
+#include "db/store/store_address.h"
 #include "needlelab/control.pb.h"
 
 namespace needlelab {
@@ -35,7 +35,7 @@ Result<std::size_t> agreeOnErasures(Connection& writer, std::int64_t now_unix_ns
 /// Only adds to the list; any connection.
 Status completeErasures(Connection& connection);
 /// Adds the list to the one in the backup folder, for a restore on another machine; empty: no such folder.
-Status writeErasuresBeside(Connection& connection, const std::filesystem::path& backups);
+Status writeErasuresNextToBackups(Connection& connection, const std::filesystem::path& backups);
 
 /// The folder of the last backup; empty: none was made, or the folder is not available now (a stick).
 std::filesystem::path backupsFolder(Connection& reader);

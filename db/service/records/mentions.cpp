@@ -28,7 +28,7 @@ struct Word {
 };
 
 /// Whether a word may contain this character: letters, marks and numbers.
-bool isOfWord(utf8proc_int32_t c) {
+bool isNameCharacter(utf8proc_int32_t c) {
   if (c < 0) return false;
   const auto category = utf8proc_category(c);
   return category >= UTF8PROC_CATEGORY_LU && category <= UTF8PROC_CATEGORY_NO;
@@ -45,7 +45,7 @@ std::vector<Word> wordsOf(std::string_view text) {
     utf8proc_int32_t c = -1;
     const auto bytes = utf8proc_iterate(reinterpret_cast<const utf8proc_uint8_t*>(text.data()) + at,
                                         static_cast<utf8proc_ssize_t>(text.size() - at), &c);
-    if (bytes > 0 && isOfWord(c)) {
+    if (bytes > 0 && isNameCharacter(c)) {
       if (!first) first = at;
     } else {
       end(at);

@@ -18,7 +18,7 @@
 namespace needlelab {
 namespace {
 
-constexpr int kMostSteps = 1000;                // per report
+constexpr int kMaxSteps = 1000;                 // per report
 constexpr std::size_t kSamplesPerChunk = 1000;  // of a thinned recording
 constexpr std::uint32_t kChunksAtOnce = 64;     // per read
 
@@ -75,7 +75,7 @@ class Run {
     step.set_session_id(session.data(), session.size());
     step.set_text(fault);
     count(step);
-    if (report_.steps_size() < kMostSteps) *report_.add_steps() = std::move(step);
+    if (report_.steps_size() < kMaxSteps) *report_.add_steps() = std::move(step);
   }
 
   [[nodiscard]] bool stopped() const { return tools_.stop.load(std::memory_order_relaxed); }
@@ -139,7 +139,7 @@ class Run {
       }
     }
     count(step);
-    if (report_.steps_size() < kMostSteps) *report_.add_steps() = std::move(step);
+    if (report_.steps_size() < kMaxSteps) *report_.add_steps() = std::move(step);
     return {};
   }
 
@@ -314,7 +314,7 @@ class Run {
   Status removeUnreadRows(const std::vector<Uuid>& sessions, std::size_t& next, LeftoversSoFar& so_far) {
     struct Part {
       std::size_t session = 0;  // index in `sessions`
-      RetentionStore::LookedAt looked;
+      RetentionStore::RemovableRows looked;
     };
     std::vector<Part> parts;
     std::size_t end = next;
@@ -389,8 +389,8 @@ Result<pb::RetentionReport> runRetention(const RetentionTools& tools, const Doer
   return Run(tools, by_whom, now_unix_ns).run(dry_run);
 }
 
-Status removeSomeLeftovers(const RetentionTools& tools, std::size_t most_pieces, LeftoversSoFar& so_far) {
-  return Run(tools, {"erasure"}, 0).removeLeftovers(most_pieces, so_far);
+Status removeSomeLeftovers(const RetentionTools& tools, std::size_t max_pieces, LeftoversSoFar& so_far) {
+  return Run(tools, {"erasure"}, 0).removeLeftovers(max_pieces, so_far);
 }
 
 }  // namespace needlelab

@@ -16,7 +16,7 @@
 #include "db/erasure/retention_store.h"
 #include "db/service/context/long_work.h"
 #include "db/sessions/db_writer.h"
-#include "db/store/reader_pool.h"
+#include "db/store/store_address.h"
 
 namespace needlelab {
 
@@ -50,8 +50,8 @@ struct LeftoversSoFar {
   bool more = true;                     ///< false: all other rows are gone
 };
 
-/// Removes at most `most_pieces` pieces. A piece is `pace.rows` rows, from as many sessions as needed; each
+/// Removes at most `max_pieces` pieces. A piece is `pace.rows` rows, from as many sessions as needed; each
 /// session counts as at least one row. Ends early, with `more`, if stopped. Errors: the database's.
-Status removeSomeLeftovers(const RetentionTools& tools, std::size_t most_pieces, LeftoversSoFar& so_far);
+Status removeSomeLeftovers(const RetentionTools& tools, std::size_t max_pieces, LeftoversSoFar& so_far);
 
 }  // namespace needlelab

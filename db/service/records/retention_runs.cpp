@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "common/base/time/clock.h"
-#include "common/base/time/local_time.h"
 #include "db/service/context/backups.h"
 #include "db/service/scoring/session_scoring.h"
 #include "db/sessions/seen_time.h"
@@ -48,7 +47,7 @@ class RetentionTurn {
 
 }  // namespace
 
-Result<pb::RetentionReport> RetentionRuns::runAskedFor(const Doer& by_whom, bool dry_run) {
+Result<pb::RetentionReport> RetentionRuns::runOnRequest(const Doer& by_whom, bool dry_run) {
   // starting a run confirms the clock
   if (!dry_run)
     RETURN_IF_ERROR(
@@ -106,7 +105,7 @@ Result<std::optional<pb::RetentionReport>> RetentionRuns::daily() {
     // reported even if no run was noted: the server or its first policy is new
     ASSIGN_OR_RETURN(ahead, SeenTimeStore(*reader).aheadText(now));
   }
-  if (last != 0 && (now < last || now - last > kMostAhead_ns)) {
+  if (last != 0 && (now < last || now - last > kMaxAhead_ns)) {
     return Error{ErrorCode::kUnavailable,
                  fmt::format("the last run of retention is noted as {} days ago: when the server's clock is "
                              "right, confirm it by: needlelab-admin retention run",
@@ -122,7 +121,7 @@ Result<std::optional<pb::RetentionReport>> RetentionRuns::daily() {
   return std::optional(std::move(*report));
 }
 
-std::string RetentionRuns::removeErased(const RetentionPace& pace, std::size_t most_pieces,
+std::string RetentionRuns::removeErased(const RetentionPace& pace, std::size_t max_pieces,
                                         LeftoversSoFar& so_far) {
   const RetentionTurn turn(mutex_, run_, {{"an erasure"}, wallNowNs()});
   if (!turn.mine()) {
@@ -139,7 +138,7 @@ std::string RetentionRuns::removeErased(const RetentionPace& pace, std::size_t m
   }
   RetentionTools with = tools();
   with.pace = pace;
-  const auto removed = removeSomeLeftovers(with, most_pieces, so_far);
+  const auto removed = removeSomeLeftovers(with, max_pieces, so_far);
   if (removed && so_far.more && !with.stop) return {};
   const bool ended = std::exchange(so_far.more, false);
   if (!removed)

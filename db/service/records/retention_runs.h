@@ -12,7 +12,7 @@
 #include "db/audit/audit.h"
 #include "db/service/records/retention.h"
 #include "db/sessions/db_writer.h"
-#include "db/store/reader_pool.h"
+#include "db/store/store_address.h"
 
 namespace needlelab {
 
@@ -41,10 +41,10 @@ class RetentionRuns {
   /// jumped must not delete anything. A user who starts a run confirms the clock.
   Result<std::optional<pb::RetentionReport>> daily();
   /// run() on a person's request, which confirms the clock unless the run is dry.
-  Result<pb::RetentionReport> runAskedFor(const Doer& by_whom, bool dry_run);
+  Result<pb::RetentionReport> runOnRequest(const Doer& by_whom, bool dry_run);
   /// Removes some of an erasure's chunks. Once `so_far` has no more: returns a sentence about remaining
   /// chunks and the reason; empty: none remain.
-  std::string removeErased(const RetentionPace& pace, std::size_t most_pieces, LeftoversSoFar& so_far);
+  std::string removeErased(const RetentionPace& pace, std::size_t max_pieces, LeftoversSoFar& so_far);
 
  private:
   [[nodiscard]] RetentionTools tools();

@@ -60,12 +60,12 @@ Result<Reply> execute(const ServiceParts& parts, const Principal& who, const pb:
 }
 
 template <typename Message>
-const google::protobuf::Descriptor* takenBy(Result<Reply> (*)(const Context&, const Message&)) {
+const google::protobuf::Descriptor* messageTypeOf(Result<Reply> (*)(const Context&, const Message&)) {
   return Message::descriptor();
 }
 template <typename Message>
-const google::protobuf::Descriptor* takenBy(Result<Reply> (*)(const ServiceParts&, const Principal&,
-                                                              const Message&, RequestUnderWay&)) {
+const google::protobuf::Descriptor* messageTypeOf(Result<Reply> (*)(const ServiceParts&, const Principal&,
+                                                                    const Message&, RequestUnderWay&)) {
   return Message::descriptor();
 }
 
@@ -74,7 +74,7 @@ template <auto kHandler, Storing kStoring = kNothing>
 constexpr RequestHandler to = {
     [](const ServiceParts& parts, const Principal& who, const pb::Request& request,
        RequestUnderWay& under_way) { return execute(parts, who, request, under_way, kHandler); },
-    [] { return takenBy(kHandler); }, kStoring};
+    [] { return messageTypeOf(kHandler); }, kStoring};
 
 // call, name in the audit log, permitted roles, handler (with what it stores), reply, threads; HTTP lines
 // clang-format off
@@ -177,7 +177,7 @@ constexpr RequestRow kRows[] = {
   // stations: names, and the cells of the trainee that they name; the handler checks that
   {Call::kGetResults,              "results",              kAll,                  to<getResults>,                Reply::kResults, kViews,
    {{"GET /results?course&group&limit&page", "Trainee by exercise, by name"},
-     {"GET /courses/{id}/results.csv?group&separator", "A table for a spreadsheet; separator: comma, semicolon (with decimal commas) or tab"}}},
+     {"GET /courses/{id}/results.*?group&separator", "A table for a spreadsheet; separator: comma, semicolon (with decimal commas) or tab"}}},
   {Call::kGetProgress,             "progress",             kPeople,               to<getProgress>,               Reply::kProgress, kViews,
    {{"GET /people/{name}/progress?exercise&newest_first&page", "Attempts in order of time; newest_first=yes: of one exercise"}}},
   {Call::kListTried,               "tried",                kPeople,               to<listTried>,                 Reply::kTriedExercises, kWorkers,
@@ -197,7 +197,7 @@ constexpr RequestRow kRows[] = {
    {{"POST /sessions/{id}/trainee", "Gives a session of an unknown trainee to the right person"}}},
   {Call::kReadChunks,              "session export",       kPeople,               to<readChunks>,                Reply::kChunks, kWorkers,
    {{"GET /sessions/{id}/samples?from_s&to_s&points", "Samples for a plot, decimated"},
-     {"GET /sessions/{id}/samples.csv?from_s&to_s", "All samples; units in the header"}}},
+     {"GET /sessions/{id}/samples.*?from_s&to_s", "All samples; units in the header"}}},
   {Call::kSeekSession,             "session seek",         kPeople,               to<seekSession>,               Reply::kSought},
   {Call::kVerifySession,           "session verify",       kStaff,                to<verifySession>,             Reply::kVerified, kSlow},
   {Call::kListEvents,              "session events",       kPeople,               to<listEvents>,                Reply::kEvents, kWorkers,
@@ -213,7 +213,7 @@ constexpr RequestRow kRows[] = {
   {Call::kRescoreSession,          "rescore",              kStaff,                to<rescore, kStores>,          Reply::kScore, kScores,
    {{"POST /sessions/{id}/rescore", "Scores the session again by the program's present definitions"}}},
   {Call::kListScores,              "score list",           kStaff,                to<listScores>,                Reply::kScores, kViews,
-   {{"GET /scores.csv?course&group", "Scores, a measure a line; units in a column"}}},
+   {{"GET /scores.*?course&group", "Scores, a measure a line; units in a column"}}},
   {Call::kRescoreAll,              "rescore all",          kManagers,             to<rescoreAll, kStores>,       Reply::kRescoreReport, kHours,
    {{"POST /scores/rescore", "All sessions whose newest score is of older definitions"}}},
 

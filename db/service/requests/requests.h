@@ -45,7 +45,8 @@ enum class ServerPart {
 
 /// A line of the HTTP interface: "GET /people/{name}/progress?exercise&page", relative to /api/v1, with the
 /// query's parameter names. server/web copies address, query and body into the call's fields of the same
-/// names (rules in routes.h); other routes have an adapter there.
+/// names (rules in routes.h); other routes have an adapter there. "/scores.*" stands for one address for each
+/// format of the export (common/export), such as "/scores.csv".
 struct HttpLine {
   std::string_view line;
   std::string_view summary;  ///< for the description of the API (OpenAPI)

@@ -2,7 +2,7 @@
 
 #include <fmt/core.h>
 
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
 #include "db/teaching/documents.h"
 
 namespace needlelab {
@@ -22,14 +22,14 @@ Result<bool> isHeld(Connection& reader, const Uuid& session, std::int64_t now_un
   return from.value_or(0) > now_unix_ns;
 }
 
-std::string heldSessions(std::int64_t now_unix_ns) {
+std::string withheldSessions(std::int64_t now_unix_ns) {
   return fmt::format(
       "(SELECT number FROM sessions WHERE exercise_id IN (SELECT id FROM exercises WHERE"
       " results_from_unix_ns > {}))",
       now_unix_ns);
 }
 
-Result<std::int64_t> HeldResults::until(const std::string& exercise_id) {
+Result<std::int64_t> WithheldResults::until(const std::string& exercise_id) {
   if (!is_for_trainee_) return std::int64_t{0};
   const auto known = until_.find(exercise_id);
   if (known != until_.end()) return known->second;
@@ -38,7 +38,7 @@ Result<std::int64_t> HeldResults::until(const std::string& exercise_id) {
   return found;
 }
 
-Status HeldResults::leaveOutOf(pb::Attempt& attempt) {
+Status WithheldResults::leaveOutOf(pb::Attempt& attempt) {
   ASSIGN_OR_RETURN(const auto held_until, until(attempt.exercise_id()));
   if (held_until == 0) return {};
   attempt.clear_passed();
@@ -47,7 +47,7 @@ Status HeldResults::leaveOutOf(pb::Attempt& attempt) {
   return {};
 }
 
-Status HeldResults::leaveOutOf(pb::SessionInfo& session) {
+Status WithheldResults::leaveOutOf(pb::SessionInfo& session) {
   ASSIGN_OR_RETURN(const auto held_until, until(session.description().exercise_id()));
   if (held_until == 0) return {};
   session.clear_passed();

@@ -21,13 +21,13 @@ Result<std::int64_t> heldUntil(Connection& reader, const std::string& exercise_i
 /// them.
 Result<bool> isHeld(Connection& reader, const Uuid& session, std::int64_t now_unix_ns);
 /// SQL: the numbers of the sessions whose results are currently held back.
-std::string heldSessions(std::int64_t now_unix_ns);
+std::string withheldSessions(std::int64_t now_unix_ns);
 
 /// Removes held-back exam results from one request's replies to trainees and stations; staff and researchers
 /// see everything. Use within one view. Thread: as the request.
-class HeldResults {
+class WithheldResults {
  public:
-  explicit HeldResults(const handlers::Context& context)
+  explicit WithheldResults(const handlers::Context& context)
       : context_(context),
         is_for_trainee_(context.who.role == pb::TRAINEE || context.who.role == pb::STATION) {}
 

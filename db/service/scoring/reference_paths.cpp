@@ -13,13 +13,13 @@ namespace needlelab {
 namespace {
 
 /// At most 144 KiB each; if there are more, all paths are dropped and read again on demand.
-constexpr std::size_t kMostKnownPaths = 200;
+constexpr std::size_t kMaxKnownPaths = 200;
 /// About 100 bytes each. If there are more, all are dropped and computed again on demand.
-constexpr std::size_t kMostKnownDistances = 20'000;
+constexpr std::size_t kMaxKnownDistances = 20'000;
 
 std::vector<Uuid> sessionsOf(const pb::Reference& reference, std::optional<Uuid> except) {
   std::vector<Uuid> sessions;
-  const int count = std::min(reference.session_ids_size(), kMostReferencePaths);
+  const int count = std::min(reference.session_ids_size(), kMaxReferencePaths);
   for (int i = 0; i < count; ++i) {
     const auto id = handlers::sessionId(reference.session_ids(i));
     if (id && (!except || *id != *except)) sessions.push_back(*id);
@@ -55,9 +55,9 @@ class ReferencePaths::Turn {
 /// One call's access to the cache. Reads each path at most once, and only if a distance is unknown.
 class ReferencePaths::Lookup {
  public:
-  /// `most_cells`: once spent, no more work is started. `paths`: the caller's; paths that it needs are added.
-  Lookup(ReferencePaths& known, Connection& reader, std::uint64_t most_cells, std::map<Uuid, TipPath>& paths)
-      : known_(known), reader_(reader), most_cells_(most_cells), paths_(paths) {
+  /// `max_cells`: once spent, no more work is started. `paths`: the caller's; paths that it needs are added.
+  Lookup(ReferencePaths& known, Connection& reader, std::uint64_t max_cells, std::map<Uuid, TipPath>& paths)
+      : known_(known), reader_(reader), max_cells_(max_cells), paths_(paths) {
     const std::scoped_lock lock(known_.mutex_);
     forgotten_ = known_.forgotten_;
   }
@@ -78,7 +78,7 @@ class ReferencePaths::Lookup {
     if (!read) return &path;
     const std::scoped_lock keep(known_.mutex_);
     if (known_.forgotten_ != forgotten_) return &path;
-    if (known_.paths_.size() >= kMostKnownPaths) known_.paths_.clear();
+    if (known_.paths_.size() >= kMaxKnownPaths) known_.paths_.clear();
     known_.paths_.emplace(session, path);
     return &path;
   }
@@ -102,7 +102,7 @@ class ReferencePaths::Lookup {
     const std::scoped_lock keep(known_.mutex_);
     ++known_.computed_;
     if (known_.forgotten_ != forgotten_) return distance;
-    if (known_.distances_.size() >= kMostKnownDistances) known_.distances_.clear();
+    if (known_.distances_.size() >= kMaxKnownDistances) known_.distances_.clear();
     known_.distances_.emplace(pair, distance);
     return distance;
   }
@@ -112,7 +112,7 @@ class ReferencePaths::Lookup {
 
  private:
   bool isSpent() {
-    if (spent_cells_ < most_cells_) return false;
+    if (spent_cells_ < max_cells_) return false;
     is_pending_ = true;
     return true;
   }
@@ -132,7 +132,7 @@ class ReferencePaths::Lookup {
 
   ReferencePaths& known_;
   Connection& reader_;
-  const std::uint64_t most_cells_;
+  const std::uint64_t max_cells_;
   std::uint64_t spent_cells_ = 0;
   bool is_pending_ = false;
   std::uint64_t forgotten_ = 0;
@@ -163,7 +163,7 @@ Result<ReferencePaths::NearestPath> ReferencePaths::nearestPath(Connection& read
     under_way.references = sessionsOf(reference, session);
   }
   const std::vector<Uuid>& references = *under_way.references;
-  Lookup lookup(*this, reader, std::min(most_cells_, kMostClosingCells), under_way.paths);
+  Lookup lookup(*this, reader, std::min(max_cells_, kMaxClosingCells), under_way.paths);
   for (; under_way.compared < references.size(); ++under_way.compared) {
     const Uuid& other = references[under_way.compared];
     const auto distance_m = lookup.distance(session, other);
@@ -190,7 +190,7 @@ std::optional<std::vector<double>> ReferencePaths::distancesAmongSessions(Connec
                                                                           const pb::Reference& reference) {
   const auto sessions = sessionsOf(reference, std::nullopt);
   std::map<Uuid, TipPath> paths;
-  Lookup lookup(*this, reader, most_cells_, paths);
+  Lookup lookup(*this, reader, max_cells_, paths);
   auto distances = distancesAmong(sessions.size(), [&](std::size_t i, std::size_t j) {
     return lookup.distance(sessions[i], sessions[j]);
   });
@@ -201,7 +201,7 @@ std::optional<std::vector<double>> ReferencePaths::distancesAmongSessions(Connec
 ReferencePaths::Nearest ReferencePaths::nearestDistance(Connection& reader, const Uuid& session,
                                                         const pb::Reference& reference) {
   std::map<Uuid, TipPath> paths;
-  Lookup lookup(*this, reader, most_cells_, paths);
+  Lookup lookup(*this, reader, max_cells_, paths);
   const auto found = nearestSession(lookup, session, reference);
   Nearest nearest;
   if (found.session) nearest.distance_m = found.distance_m;

@@ -21,12 +21,12 @@
 namespace needlelab {
 
 /// Maximum number of reference sessions in a comparison; the first ones of the list are used.
-inline constexpr int kMostReferencePaths = 20;
+inline constexpr int kMaxReferencePaths = 20;
 /// A comparison starts no more work beyond this, in cells of dtwCells(): about 1 s. 20 gestures of a minute
 /// at 1 kHz take 170 million.
-inline constexpr std::uint64_t kMostComparedCells = 200'000'000;
+inline constexpr std::uint64_t kMaxComparedCells = 200'000'000;
 /// Same for one step of a close, for which others wait: about 0.2 s.
-inline constexpr std::uint64_t kMostClosingCells = 40'000'000;
+inline constexpr std::uint64_t kMaxClosingCells = 40'000'000;
 /// Cost of one sample read for a path; counted before reading.
 inline constexpr std::uint64_t kCellsOfSample = 50;
 
@@ -53,8 +53,8 @@ class ReferencePaths {
     std::map<Uuid, TipPath> paths;  ///< its own, the nearest one, and the next one to compare
   };
   /// The path of the exercise's reference session (other than `session`) that is nearest to a closed session.
-  /// One call costs at most kMostClosingCells; each completes at least one path or distance, so at most 2
-  /// (kMostReferencePaths + 1) calls are needed, even if the references change meanwhile. Errors: the
+  /// One call costs at most kMaxClosingCells; each completes at least one path or distance, so at most 2
+  /// (kMaxReferencePaths + 1) calls are needed, even if the references change meanwhile. Errors: the
   /// database's.
   Result<NearestPath> nearestPath(Connection& reader, const std::string& exercise_id, const Uuid& session,
                                   UnderWay& under_way);
@@ -69,8 +69,8 @@ class ReferencePaths {
   /// The distance to the nearest reference session other than itself.
   Nearest nearestDistance(Connection& reader, const Uuid& session, const pb::Reference& reference);
 
-  /// Replaces kMostComparedCells, and kMostClosingCells if that is greater. Call before the first comparison.
-  void setMostCells(std::uint64_t cells) { most_cells_ = cells; }
+  /// Replaces kMaxComparedCells, and kMaxClosingCells if that is greater. Call before the first comparison.
+  void setMostCells(std::uint64_t cells) { max_cells_ = cells; }
 
   /// Forgets everything, because recordings were removed by an erasure or by retention. Results of reads and
   /// computations in progress are not kept either.
@@ -86,7 +86,7 @@ class ReferencePaths {
   static NearestSession nearestSession(Lookup& lookup, const Uuid& session, const pb::Reference& reference);
   using Pair = std::pair<Uuid, Uuid>;  // the smaller id first
 
-  std::uint64_t most_cells_ = kMostComparedCells;
+  std::uint64_t max_cells_ = kMaxComparedCells;
   mutable std::mutex mutex_;  // guards everything below
   std::condition_variable ended_;
   std::set<Uuid> reading_;  // paths and distances that a call is working on

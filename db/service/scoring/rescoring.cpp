@@ -19,7 +19,7 @@ namespace {
 
 constexpr int kRescoreFaultsListed = 100;
 constexpr int kRescoreAtOnce = 64;
-constexpr std::size_t kMostSumsMended = 100'000;
+constexpr std::size_t kMaxSumsMended = 100'000;
 
 struct DueScore {
   std::int64_t number = 0;
@@ -50,7 +50,7 @@ Result<std::size_t> mendSums(const RescoreTools& tools) {
   std::vector<SumFault> wrong;
   {
     ASSIGN_OR_RETURN(auto reader, tools.readers.borrow());
-    ASSIGN_OR_RETURN(wrong, AttemptSums(*reader).faults(kMostSumsMended));
+    ASSIGN_OR_RETURN(wrong, AttemptSums(*reader).faults(kMaxSumsMended));
   }
   if (wrong.empty()) return wrong.size();
   const auto mend = [&](Connection& writer) -> Status {

@@ -12,7 +12,7 @@
 #include "db/audit/audit.h"
 #include "db/service/context/long_work.h"
 #include "db/sessions/db_writer.h"
-#include "db/store/reader_pool.h"
+#include "db/store/store_address.h"
 #include "needlelab/teaching.pb.h"
 
 namespace needlelab {

@@ -16,7 +16,7 @@ HashSoFar RunningHashes::take(const Uuid& session) {
 void RunningHashes::keep(const Uuid& session, const HashSoFar& so_far, std::uint64_t read_bytes) {
   const std::scoped_lock lock(mutex_);
   bytes_hashed_ += read_bytes;
-  if (kept_.size() >= kMostSessions && !kept_.contains(session)) {
+  if (kept_.size() >= kMaxSessions && !kept_.contains(session)) {
     const auto earlier = [](const auto& a, const auto& b) { return a.second.used < b.second.used; };
     kept_.erase(std::min_element(kept_.begin(), kept_.end(), earlier));
   }
@@ -28,7 +28,7 @@ Result<std::optional<HashedChunks>> RunningHashes::goOn(SessionStore& sessions, 
   HashSoFar so_far = take(session);
   if (so_far.chunks > chunks) so_far = {};
   const std::uint64_t before = so_far.bytes;
-  const Status read = sessions.hashOn(session, chunks, kMostBytesAtOnce, so_far);
+  const Status read = sessions.hashOn(session, chunks, kMaxBytesAtOnce, so_far);
   // also after an error: chunks before a damaged one need not be read again
   keep(session, so_far, so_far.bytes - before);
   if (!read) return read.error();

@@ -20,9 +20,9 @@ namespace needlelab {
 class RunningHashes {
  public:
   /// The number of sessions that one station may have open (StationQuotas).
-  static constexpr std::size_t kMostSessions = 1000;
+  static constexpr std::size_t kMaxSessions = 1000;
   /// Bytes that one call of goOn() reads, counted as in SessionStore::hashOn(): about 40 ms.
-  static constexpr std::uint64_t kMostBytesAtOnce = std::uint64_t{16} << 20;
+  static constexpr std::uint64_t kMaxBytesAtOnce = std::uint64_t{16} << 20;
 
   /// Continues reading chunks 0 … chunks−1 of an open session. Nothing: there are more, call again. Errors:
   /// as SessionStore::hashOn.

@@ -34,7 +34,7 @@ std::string unscoredKey(const Uuid& session) {
 }
 
 // 0.1 points per sample at 1 kHz: the limit is twice the motion of the longest session
-static_assert(kMostMotionPoints == 2 * kMaxScoredSamples / 10);
+static_assert(kMaxMotionPoints == 2 * kMaxScoredSamples / 10);
 
 Pose poseOf(const google::protobuf::RepeatedField<double>& numbers) {
   Pose pose;

@@ -86,10 +86,10 @@ Status storeEvents(Connection& writer, const Uuid& id, const std::vector<pb::Syr
   return added ? Status() : Status(added.error());
 }
 
-constexpr std::size_t kMostKnownFaults = 1000;
+constexpr std::size_t kMaxKnownFaults = 1000;
 
 /// Per close; repeated if chunks arrive between the read and the writer's turn.
-constexpr std::uint32_t kMostLooks = 2;
+constexpr std::uint32_t kMaxLooks = 2;
 
 /// Whether the writer will need the hash; it answers a close that contradicts the counters without it.
 bool needsHash(const pb::SessionInfo& info, const CloseUnderWay& close) {
@@ -123,7 +123,7 @@ Result<std::optional<std::string>> SessionScoring::scoreSome(Connection& reader,
   }
   if (!score.isRead() && isLasting(done.error())) {
     const std::scoped_lock lock(faults_mutex_);
-    if (unreadable_.size() >= kMostKnownFaults) unreadable_.clear();
+    if (unreadable_.size() >= kMaxKnownFaults) unreadable_.clear();
     unreadable_.insert_or_assign(session, done.error());
   }
   return done.error();
@@ -172,7 +172,7 @@ Result<std::optional<CloseOutcome>> SessionScoring::closeStep(CloseUnderWay& clo
   });
   if (!closed) return closed.error();
   if (outcome.closed.kind == Closed::Kind::kNotHashed) {
-    if (++close.looked_again > kMostLooks) return Error{ErrorCode::kUnavailable, outcome.closed.text};
+    if (++close.looked_again > kMaxLooks) return Error{ErrorCode::kUnavailable, outcome.closed.text};
     return std::optional<CloseOutcome>();
   }
   if (!outcome.closed.taken()) return done;
@@ -215,7 +215,7 @@ Result<std::optional<CloseOutcome>> SessionScoring::scoreStep(Connection& reader
   if (settled.fault) {
     outcome.score_fault = settled.fault->message;
     const std::scoped_lock lock(faults_mutex_);
-    if (score_faults_.size() >= kMostKnownFaults) score_faults_.clear();
+    if (score_faults_.size() >= kMaxKnownFaults) score_faults_.clear();
     score_faults_[session] = outcome.score_fault;
   }
   return done;

@@ -19,7 +19,7 @@
 #include "db/sessions/db_writer.h"
 #include "db/sessions/session_store.h"
 #include "db/store/connection.h"
-#include "db/store/reader_pool.h"
+#include "db/store/store_address.h"
 #include "needlelab/control.pb.h"
 #include "needlelab/session.pb.h"
 

@@ -2,10 +2,14 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <chrono>
+#include <map>
 #include <thread>
+#include <tuple>
 #include <utility>
 
+#include "common/base/bytes.h"
 #include "common/base/files/files.h"
 #include "common/base/text/text.h"
 #include "common/base/time/clock.h"
@@ -22,6 +26,7 @@
 #include "db/store/duties.h"
 #include "db/store/schema.h"
 #include "db/store/store_address.h"
+#include "needlelab/types.pb.h"
 
 namespace needlelab {
 namespace {
@@ -104,7 +109,7 @@ Result<Connection> openToWrite(StoreAddress& address, Durability least) {
 }
 
 /// Why a start ends: nothing is served while erased people are back in the database.
-Error mustBeErasedFirst(const std::filesystem::path& folder, const Error& why) {
+Error pendingErasureError(const std::filesystem::path& folder, const Error& why) {
   return {why.code,
           fmt::format("{}: people are in this database again who were erased, and are erased again before "
                       "anything is served, which failed: {}. Make room on the disk, then start again",
@@ -124,7 +129,7 @@ Result<Connection> openFrozen(const std::filesystem::path& path, const Error& wh
   RETURN_IF_ERROR(requireNewestSchema(connection));
   ASSIGN_OR_RETURN(const auto lines, readErasures(path.parent_path()));
   ASSIGN_OR_RETURN(const bool is_back, ErasureStore(connection).isAnyBack(lines));
-  if (is_back) return mustBeErasedFirst(path.parent_path(), why);
+  if (is_back) return pendingErasureError(path.parent_path(), why);
   return connection;
 }
 
@@ -133,7 +138,7 @@ Result<Connection> openFrozen(const std::filesystem::path& path, const Error& wh
 Store::~Store() {
   if (!writer_) return;
   stopWriting();
-  (void)keepAuditHead();
+  (void)storeAuditHead();
 }
 
 Status Store::keepAcknowledged() {
@@ -162,7 +167,7 @@ std::unique_ptr<AccessFeed> Store::accessFeed() const {
   return address_ ? makeAccessFeed(*address_) : nullptr;
 }
 
-Status Store::keepAuditHead() {
+Status Store::storeAuditHead() {
   if (read_only_) return {};
   ASSIGN_OR_RETURN(auto reader, readers_->borrow());
   return advanceAuditHead(*reader);
@@ -211,7 +216,7 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
   std::string read_only_because;
   if (!address.isPostgres() && options.read_only_because) read_only_because = options.read_only_because();
   auto connection = read_only_because.empty()
-                        ? openToWrite(address, options.least_durability)
+                        ? openToWrite(address, options.min_durability)
                         : Result<Connection>(Error{ErrorCode::kNoRoom, read_only_because});
   bool unfinished = false;
   if (connection) {
@@ -237,7 +242,7 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
     if (!repeated) {
       // its log takes the space that this attempt used
       (void)connection->emptyLog(0);
-      return repeated.error().code == ErrorCode::kNoRoom ? mustBeErasedFirst(folder, repeated.error())
+      return repeated.error().code == ErrorCode::kNoRoom ? pendingErasureError(folder, repeated.error())
                                                          : repeated.error();
     }
     duty.reset();
@@ -254,7 +259,7 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
       store->acknowledged_.emplace(std::move(mark));
       writer.lack_at_start = store->acknowledged_->lack();
       // what requires exclusive use of the database is done
-      RETURN_IF_ERROR(connection->letOthersIn());
+      RETURN_IF_ERROR(connection->admitOthers());
     } else {
       // belongs to a database elsewhere, of which this one may be a copy: the next one there starts over
       std::filesystem::remove(folder / kAcknowledgedFile, ignored);
@@ -275,10 +280,76 @@ Result<std::unique_ptr<Store>> Store::openUnlessWrong(const std::filesystem::pat
                         ? std::make_unique<Service>(*store->writer_, *store->readers_, *store->logins_)
                         : std::make_unique<Service>(*store->writer_, *store->readers_, *options.time);
   if (backup_key) store->service_->backups().setKey(std::move(*backup_key));
-  store->together_as_ = address.server;
+  store->shared_server_name_ = address.server;
   if (options.together) store->service_->shareDuties(address);
   if (unfinished) (void)store->service_->erasures().finish();
   return store;
+}
+
+namespace {
+
+/// A person's or a station's row.
+struct AccessRow {
+  std::string secret;  ///< hash of the password or key
+  bool shut = false;
+  int role = 0;
+  std::string name{};  ///< display name; the key is a person's ref
+};
+
+Result<std::map<std::string, AccessRow>> accessRows(Connection& connection, bool stations) {
+  std::map<std::string, AccessRow> all;
+  auto rows = connection.prepare(stations ? "SELECT name, key_hash, revoked, 0, name FROM stations"
+                                          : "SELECT ref, coalesce(password_hash, ''), disabled, role, name"
+                                            " FROM accounts");
+  for (;;) {
+    ASSIGN_OR_RETURN(const bool more, rows.step());
+    if (!more) return all;
+    all[rows.text(0)] = {std::string(textOf(rows.bytes(1))), rows.integer(2) != 0,
+                         static_cast<int>(rows.integer(3)), rows.text(4)};
+  }
+}
+
+/// Why an access of the restored database was no longer valid in the replaced one; empty: it was valid.
+std::string accessEnded(const AccessRow& restored, const AccessRow* replaced, bool station) {
+  if (restored.shut || restored.secret.empty()) return {};
+  if (replaced == nullptr) return "is not in the replaced database";
+  if (replaced->shut) return station ? "its key was revoked" : "was disabled";
+  if (replaced->secret != restored.secret)
+    return station ? "had got a new key; the old one is valid again, the new one is not"
+                   : "had a new password; the old one is valid again";
+  if (replaced->role != restored.role)
+    return "had become " + pb::Role_Name(replaced->role) + ", is " + pb::Role_Name(restored.role) + " again";
+  return {};
+}
+
+}  // namespace
+
+Result<std::vector<RestoredAccess>> noteAccessValidAgain(Store& store, const std::filesystem::path& kept) {
+  // kFrozen: nothing is written beside it
+  ASSIGN_OR_RETURN(auto replaced, Connection::open(kept, {.mode = Connection::Mode::kFrozen}));
+  std::vector<RestoredAccess> all;
+  {
+    ASSIGN_OR_RETURN(auto restored, store.readers().borrow());
+    for (const bool station : {false, true}) {
+      ASSIGN_OR_RETURN(const auto before, accessRows(replaced, station));
+      ASSIGN_OR_RETURN(const auto now, accessRows(*restored, station));
+      for (const auto& [name, row] : now) {
+        const auto found = before.find(name);
+        const std::string why = accessEnded(row, found == before.end() ? nullptr : &found->second, station);
+        if (!why.empty())
+          all.push_back(
+              {row.name, name, station, std::string(station ? "station " : "user ") + row.name + ": " + why});
+      }
+    }
+  }
+  std::sort(all.begin(), all.end(), [](const RestoredAccess& a, const RestoredAccess& b) {
+    return std::tie(a.station, a.name) < std::tie(b.station, b.name);
+  });
+  for (const RestoredAccess& one : all)
+    RETURN_IF_ERROR(store.service().notes().note(
+        "local", "access valid again", one.ref,
+        (one.station ? "station " : "user ") + one.ref + one.text.substr(one.text.find(": "))));
+  return all;
 }
 
 }  // namespace needlelab

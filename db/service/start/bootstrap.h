@@ -11,13 +11,12 @@
 
 #include "common/base/result.h"
 #include "common/base/time/time_source.h"
-#include "db/login/access_feed.h"
+#include "db/login/access_numbers.h"
 #include "db/login/shared_logins.h"
 #include "db/service/folder/data_folder.h"
 #include "db/service/service.h"
 #include "db/sessions/acknowledged.h"
 #include "db/sessions/db_writer.h"
-#include "db/store/reader_pool.h"
 #include "db/store/store_address.h"
 
 namespace needlelab {
@@ -32,7 +31,7 @@ class Store {
     /// PostgreSQL URL of the database; DIR then holds only keys and lists. Empty: the one named by DIR/store,
     /// else DIR/needlelab.db.
     std::string store_url = {};
-    Durability least_durability = Durability::kNothing;  ///< what an ack must survive; else nothing is stored
+    Durability min_durability = Durability::kNothing;  ///< what an ack must survive; else nothing is stored
     /// Other servers with this option may work on the database at the same time, each with its own folder;
     /// the database holds their common log-in state. PostgreSQL only.
     bool together = false;
@@ -60,7 +59,7 @@ class Store {
 
   /// Saves in DIR/audit.head how far the audit log has come (db/audit/audit_head.h). Later lines are not
   /// covered until the next call, or the store's end. One thread at a time.
-  Status keepAuditHead();
+  Status storeAuditHead();
 
   /// Saves in DIR/acknowledged how far the acknowledgements have come (db/sessions/acknowledged.h), as of
   /// about the previous call: call it about once a second. Blocks on the disk only. One thread at a time.
@@ -72,7 +71,7 @@ class Store {
   void stopWriting();
 
   /// The name of this folder's server among those that work together (serverNameOf); empty: it is alone.
-  [[nodiscard]] const std::string& togetherAs() const { return together_as_; }
+  [[nodiscard]] const std::string& sharedServerName() const { return shared_server_name_; }
 
   /// Why nothing can be written until the folder is reopened; nothing: the writer works.
   [[nodiscard]] const std::optional<Error>& readOnly() const { return read_only_; }
@@ -82,7 +81,7 @@ class Store {
   [[nodiscard]] Service& service() { return *service_; }
   /// Log-in state shared by the servers on this database; null: this one is alone.
   [[nodiscard]] SharedLogins* logins() { return logins_.get(); }
-  /// For such a store: receives other servers' changes of access (access_feed.h).
+  /// For such a store: receives other servers' changes of access (access_numbers.h).
   [[nodiscard]] std::unique_ptr<AccessFeed> accessFeed() const;
   [[nodiscard]] const std::filesystem::path& databasePath() const { return readers_->path(); }
   /// Leftovers of a killed program that opening this store removed (removeFolderLeftovers).
@@ -108,9 +107,24 @@ class Store {
   std::unique_ptr<DbWriter> writer_;
   std::unique_ptr<Service> service_;
   std::size_t erasures_repeated_ = 0;
-  std::string clock_behind_, clock_ahead_, together_as_;
+  std::string clock_behind_, clock_ahead_, shared_server_name_;
   std::vector<std::filesystem::path> leftovers_;
   std::optional<AcknowledgedMark> acknowledged_;  ///< PostgreSQL only
 };
+
+// --- access that had been withdrawn and is valid again after a restore
+
+/// A person or station whose access is valid again.
+struct RestoredAccess {
+  std::string name, ref;  ///< for a station both are its name
+  bool station = false;
+  std::string text;  ///< "user tom: was disabled since the backup, and can log in again"
+};
+
+/// Compares people and stations of the replaced database `kept` with the restored one, after its first start,
+/// which repeats erasures. Finds accounts that were disabled, passwords and roles that were changed, and keys
+/// that were revoked or renewed since the backup and are back in their earlier state. Adds an audit line for
+/// each. Errors: a database cannot be read.
+Result<std::vector<RestoredAccess>> noteAccessValidAgain(Store& store, const std::filesystem::path& kept);
 
 }  // namespace needlelab

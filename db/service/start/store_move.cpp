@@ -62,10 +62,11 @@ class StoreMover {
     RETURN_IF_ERROR(finishStoreSwitch(move_.folder));
     ASSIGN_OR_RETURN(const auto file, readStoreFile(move_.folder));
     const bool has_database = std::filesystem::exists(database_, error);
-    return move_.to_postgres ? wantSqlite(has_database, file) : wantPostgres(has_database, file);
+    return move_.to_postgres ? checkSqliteTarget(has_database, file)
+                             : checkPostgresTarget(has_database, file);
   }
 
-  Status wantSqlite(bool has_database, const std::optional<StoreFile>& file) {
+  Status checkSqliteTarget(bool has_database, const std::optional<StoreFile>& file) {
     moved_.was_done = !has_database && file && file->url == move_.url;
     if (moved_.was_done || (has_database && !file)) return {};
     return Error{
@@ -77,7 +78,7 @@ class StoreMover {
   }
 
   /// Whether the folder has worked with --from: a move back has kept its address.
-  [[nodiscard]] bool hasLeft() const {
+  [[nodiscard]] bool hasMoved() const {
     std::error_code error;
     for (std::filesystem::directory_iterator at(move_.folder, error), end; !error && at != end;
          at.increment(error)) {
@@ -89,9 +90,9 @@ class StoreMover {
     return false;
   }
 
-  Status wantPostgres(bool has_database, const std::optional<StoreFile>& file) {
+  Status checkPostgresTarget(bool has_database, const std::optional<StoreFile>& file) {
     if (has_database) {
-      moved_.was_done = !file && hasLeft();
+      moved_.was_done = !file && hasMoved();
       if (moved_.was_done) return {};
     }
     if (has_database || !file)

@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <map>
 #include <utility>
@@ -40,11 +41,11 @@ void HubPeer::onWatched(bool watched, double /*rate_hz*/) {
 }
 
 void Hub::sendStatus(HubPeer& viewer, const pb::StationStatus& status) {
-  if (status.ByteSizeLong() <= kMostStatusBytes) viewer.sendControl(statusEnvelope(status));
+  if (status.ByteSizeLong() <= kMaxStatusBytes) viewer.sendControl(statusEnvelope(status));
 }
 
 /// The station's entry. A new one gets the viewers that wait for this name.
-Hub::Station& Hub::known(const std::string& name) {
+Hub::Station& Hub::stationNamed(const std::string& name) {
   const auto [entry, is_new] = stations_.try_emplace(name);
   // the empty name stands for the viewers of all stations
   if (!is_new || name.empty()) return entry->second;
@@ -59,6 +60,7 @@ Hub::Station& Hub::known(const std::string& name) {
 void Hub::setSession(Station& station, std::string_view session_id) {
   pb::StationStatus& status = station.status;
   if (status.session_id() == session_id) return;
+  assert(status.session_id().empty() || stations_by_session_.contains(status.session_id()));
   if (const auto before = stations_by_session_.find(status.session_id());
       before != stations_by_session_.end()) {
     before->second.erase(&station);
@@ -75,33 +77,35 @@ void Hub::setSession(Station& station, std::string_view session_id) {
 }
 
 /// Updates the counts and resets the watch state sent to the last connection.
-void Hub::setPeer(Station& station, HubPeer* peer) {
+void Hub::switchPeer(Station& station, HubPeer* peer) {
   if (HubPeer* const before = station.peer; before != nullptr) {
+    assert(online_ > 0 && (!before->isRemote() || remote_count_ > 0));
     before->station_ = nullptr;
     --online_;
-    if (before->isElsewhere()) --elsewhere_;
+    if (before->isRemote()) --remote_count_;
   }
   station.peer = peer;
   station.epoch = 0;
-  station.told_watched = false;
-  station.told_rate_hz = station.thinned_hz = 0;
+  station.watch_announced = false;
+  station.announced_rate_hz = station.thinned_hz = 0;
   if (peer == nullptr) return;
   peer->station_ = &station;
   ++online_;
-  if (peer->isElsewhere()) ++elsewhere_;
+  if (peer->isRemote()) ++remote_count_;
+  assert(remote_count_ <= online_ && online_ <= stations_.size());
 }
 
 HubPeer* Hub::attachStation(const std::string& name, HubPeer& peer, std::uint64_t epoch) {
-  Station& station = known(name);
+  Station& station = stationNamed(name);
   HubPeer* const older = station.peer;
-  if (!peer.isElsewhere()) {
+  if (!peer.isRemote()) {
     station.displaced = nullptr;
-  } else if (older != nullptr && !older->isElsewhere()) {
+  } else if (older != nullptr && !older->isRemote()) {
     station.displaced = older;
     station.displaced_epoch = station.epoch;
     older->onDisplaced();
   }
-  setPeer(station, &peer);
+  switchPeer(station, &peer);
   station.epoch = epoch;
   setSession(station, {});
   station.status.Clear();
@@ -134,7 +138,7 @@ void Hub::detachStation(const std::string& name, const HubPeer& peer) {
     (void)attachStation(name, *back, epoch);
     return;
   }
-  setPeer(station, nullptr);
+  switchPeer(station, nullptr);
   station.status.set_online(false);
   // it may be connected to a server that is out of reach
   if (!live_trouble_.empty()) station.status.set_trouble(live_trouble_);
@@ -168,15 +172,16 @@ std::optional<pb::Refusal> Hub::onStatus(const std::string& name, const pb::Stat
   station.status.set_server(settings_.server_name);
   station.status_ns = now_ns;
   if (other_session) refreshWatch(station);
-  tellViewers(station, now_ns);
+  notifyViewers(station, now_ns);
   return std::nullopt;
 }
 
-std::optional<pb::Refusal> Hub::onStatusElsewhere(const HubPeer& from, const pb::StationStatus& status,
-                                                  std::int64_t now_ns, bool news) {
+std::optional<pb::Refusal> Hub::onRemoteStatus(const HubPeer& from, const pb::StationStatus& status,
+                                               std::int64_t now_ns, bool news) {
   if (auto wrong = checkSessionId("station_status", status.session_id())) return wrong;
   if (from.station_ == nullptr) return std::nullopt;
   Station& station = *static_cast<Station*>(from.station_);
+  assert(station.peer == &from);
   const std::string name = station.status.station();
   const bool other_session = status.session_id() != station.status.session_id();
   setSession(station, status.session_id());
@@ -190,12 +195,12 @@ std::optional<pb::Refusal> Hub::onStatusElsewhere(const HubPeer& from, const pb:
   if (news)
     announce(station);
   else
-    tellViewers(station, now_ns);
+    notifyViewers(station, now_ns);
   return std::nullopt;
 }
 
 /// Also sends a status line to this station's viewers, because samples may not arrive.
-void Hub::tellViewers(const Station& station, std::int64_t now_ns) {
+void Hub::notifyViewers(const Station& station, std::int64_t now_ns) {
   if (const auto watchers = watchersOf(station); !watchers.empty()) {
     if (const auto frame = encodeFrame(statusEnvelope(station.status)); frame.ok()) {
       for (Subscription* watcher : watchers) watcher->viewer->sendLive(*frame, false);
@@ -232,6 +237,7 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrame
   // a newer connection of the station has taken over: ignore frames from the older one
   if (from.station_ == nullptr) return std::nullopt;
   Station& station = *static_cast<Station*>(from.station_);
+  assert(station.peer == &from);
   const std::string& name = station.status.station();
   ++frames_in_;
   if (frame.session_id != station.status.session_id()) {
@@ -265,7 +271,7 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrame
   std::erase_if(station.thinned, [&](const auto& entry) { return !thinned.contains(entry.first); });
 
   // a station that sends frames need not send status lines: build overview lines from the samples
-  if ((!overviews_.empty() || keep_fresh_) && !from.isElsewhere() &&
+  if ((!overviews_.empty() || keep_fresh_) && !from.isRemote() &&
       now_ns - station.status_ns >= std::chrono::nanoseconds(settings_.status_period).count()) {
     if (const auto all = samples.all(); !all.empty()) {
       statusFromSamples(station, all.back());
@@ -317,7 +323,7 @@ void Hub::fillStations(pb::Stations& stations) const {
     info.set_online(online);
     if (!online) continue;
     bytes += found->second.status.ByteSizeLong() + 16;
-    if (bytes <= kMostStatusBytes) *info.mutable_status() = found->second.status;
+    if (bytes <= kMaxStatusBytes) *info.mutable_status() = found->second.status;
   }
   stations.set_live_trouble(live_trouble_);
 }
@@ -348,7 +354,7 @@ pb::StationStatus Hub::offlineStatus(const std::string& name) {
 
 bool Hub::isWatched(const std::string& name) const {
   const auto found = stations_.find(name);
-  return found != stations_.end() && found->second.told_watched;
+  return found != stations_.end() && found->second.watch_announced;
 }
 
 std::vector<Hub::Subscription*> Hub::watchersOf(const Station& station) const {
@@ -376,10 +382,10 @@ void Hub::forEachWatcher(const Station& station, Act act) const {
 void Hub::refreshWatch(Station& station) {
   if (station.peer == nullptr) return;
   const bool watched = !station.watchers.empty() || by_session_.contains(station.status.session_id());
-  const double rate_hz = watched && station.peer->isElsewhere() ? commonRate(station) : 0;
-  if (watched == station.told_watched && rate_hz == station.told_rate_hz) return;
-  station.told_watched = watched;
-  station.told_rate_hz = rate_hz;
+  const double rate_hz = watched && station.peer->isRemote() ? commonRate(station) : 0;
+  if (watched == station.watch_announced && rate_hz == station.announced_rate_hz) return;
+  station.watch_announced = watched;
+  station.announced_rate_hz = rate_hz;
   station.peer->onWatched(watched, rate_hz);
 }
 
@@ -392,6 +398,7 @@ double Hub::commonRate(const Station& station) const {
 
 void Hub::forgetIfUnused(const std::string& name) {
   const auto found = stations_.find(name);
+  assert(found != stations_.end());
   Station& station = found->second;
   if (station.peer != nullptr || !station.watchers.empty()) return;
   setSession(station, {});
@@ -408,11 +415,11 @@ void Hub::sendOverview(const Station& station, std::int64_t now_ns) {
   if (overviews_.empty()) return;
   // with many stations, send fewer lines of each so that the overview stays readable
   const double many_ns = 1e9 * static_cast<double>(online_) / settings_.overview_lines_per_s;
-  const double least_ns =
+  const double min_ns =
       std::max(many_ns, static_cast<double>(std::chrono::nanoseconds(settings_.status_period).count()));
   Frame shared;
   for (Subscription* overview : overviews_) {
-    const double period_ns = overview->rate_hz > 0 ? std::max(least_ns, 1e9 / overview->rate_hz) : least_ns;
+    const double period_ns = overview->rate_hz > 0 ? std::max(min_ns, 1e9 / overview->rate_hz) : min_ns;
     const auto [last, first_time] = overview->last_line_ns.try_emplace(&station, 0);
     // accept a line up to a tenth of the period early: lines come at 10 Hz with some jitter
     if (!first_time && static_cast<double>(now_ns - last->second) < 0.9 * period_ns) continue;
@@ -429,6 +436,7 @@ void Hub::sendOverview(const Station& station, std::int64_t now_ns) {
 /// `is_thinned`: another server has already thinned it to this rate.
 Frame Hub::thin(Station& station, double rate_hz, const LiveFrameView& frame, LiveSamples& samples,
                 bool is_thinned) {
+  assert(rate_hz > 0);
   ThinnedFrames& frames = station.thinned.try_emplace(rate_hz, rate_hz).first->second;
   Frame made = is_thinned ? frames.asItIs(frame, station.status.station())
                           : frames.next(frame, samples, station.status.station());

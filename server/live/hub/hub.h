@@ -34,7 +34,7 @@ class HubPeer {
   /// The account that subscriptions count for; empty: only this peer. Constant once the peer subscribes.
   [[nodiscard]] virtual std::string account() const { return {}; }
   /// For a station: true if it is connected to another server and this peer represents it.
-  [[nodiscard]] virtual bool isElsewhere() const { return false; }
+  [[nodiscard]] virtual bool isRemote() const { return false; }
   /// Another server claims the station with a newer log-in. The hub believes it until that claim ends.
   virtual void onDisplaced() {}
   /// For a station: whether it has viewers. `rate_hz`: the thinned rate if all viewers use the same one; 0:
@@ -106,13 +106,13 @@ class Hub {
   /// A status from another server for a station that `from` represents; ignored if it no longer does. `news`:
   /// sent to all viewers of the station at once, regardless of their rate. Returns a refusal and discards the
   /// status like onStatus.
-  std::optional<pb::Refusal> onStatusElsewhere(const HubPeer& from, const pb::StationStatus& status,
-                                               std::int64_t now_ns, bool news);
+  std::optional<pb::Refusal> onRemoteStatus(const HubPeer& from, const pb::StationStatus& status,
+                                            std::int64_t now_ns, bool news);
   /// Calls `act(name, status, epoch)` for each station that is connected to this server.
   template <typename Act>
-  void forEachHere(Act act) const {
+  void forEachLocal(Act act) const {
     for (const auto& [name, station] : stations_)
-      if (station.peer != nullptr && !station.peer->isElsewhere()) act(name, station.status, station.epoch);
+      if (station.peer != nullptr && !station.peer->isRemote()) act(name, station.status, station.epoch);
   }
   /// If set, updates statuses from frames even without an overview here, because other servers may have one.
   void keepStatusesFresh(bool wanted) { keep_fresh_ = wanted; }
@@ -133,7 +133,7 @@ class Hub {
 
   /// Including those on other servers.
   [[nodiscard]] std::size_t stationsOnline() const { return online_; }
-  [[nodiscard]] std::size_t stationsElsewhere() const { return elsewhere_; }
+  [[nodiscard]] std::size_t remoteStations() const { return remote_count_; }
   [[nodiscard]] bool isWatched(const std::string& station) const;
   /// Stations that are online, and offline ones that were online and still have viewers.
   [[nodiscard]] std::size_t stationsKnown() const { return stations_.size(); }
@@ -170,9 +170,9 @@ class Hub {
     // not the hub
     HubPeer* displaced = nullptr;
     std::uint64_t displaced_epoch = 0;
-    bool told_watched = false;
-    double told_rate_hz = 0;  // with told_watched, for a station on another server
-    double thinned_hz = 0;    // of the last frame
+    bool watch_announced = false;
+    double announced_rate_hz = 0;  // with watch_announced, for a station on another server
+    double thinned_hz = 0;         // of the last frame
     pb::StationStatus status;
     std::int64_t status_ns = 0;
     std::string kept_session, trainee_ref;  // the last session that the server stores, and its trainee
@@ -180,11 +180,11 @@ class Hub {
     std::map<double, ThinnedFrames> thinned;  // by rate: those with a viewer at the last frame
   };
   /// Maximum size of the statuses in one message or one overview answer; leaves space for its other fields.
-  static constexpr std::size_t kMostStatusBytes = kMaxFrameBytes - (64u << 10);
+  static constexpr std::size_t kMaxStatusBytes = kMaxFrameBytes - (64u << 10);
 
   /// Skips a message that cannot be encoded, so that the viewer keeps its connection.
   static void sendStatus(HubPeer& viewer, const pb::StationStatus& status);
-  Station& known(const std::string& name);
+  Station& stationNamed(const std::string& name);
   void setSession(Station& station, std::string_view session_id);
   template <typename Act>
   void forEachOfSession(const std::string& session_id, Act act);
@@ -195,8 +195,8 @@ class Hub {
   void sendOverview(const Station& station, std::int64_t now_ns);
   Frame thin(Station& station, double rate_hz, const LiveFrameView& frame, LiveSamples& samples,
              bool is_thinned);
-  void setPeer(Station& station, HubPeer* peer);
-  void tellViewers(const Station& station, std::int64_t now_ns);
+  void switchPeer(Station& station, HubPeer* peer);
+  void notifyViewers(const Station& station, std::int64_t now_ns);
   [[nodiscard]] pb::StationStatus offlineStatus(const std::string& name);
   [[nodiscard]] double commonRate(const Station& station) const;
   static void statusFromSamples(Station& station, const GestureSample& last);
@@ -217,7 +217,7 @@ class Hub {
   std::set<std::string> erased_;  // refs, from forgetTrainee()
   std::string live_trouble_;      // from setLiveTrouble()
   bool keep_fresh_ = false;
-  std::size_t online_ = 0, elsewhere_ = 0;  // online_ includes elsewhere_
+  std::size_t online_ = 0, remote_count_ = 0;  // online_ includes remote_count_
   std::uint64_t looked_at_ = 0;
   std::uint64_t frames_in_ = 0, frames_out_ = 0, frames_decoded_ = 0, frames_thinned_ = 0;
 };

@@ -1,5 +1,6 @@
 // Start and end of viewers' subscriptions.
 #include <fmt/core.h>
+#include <cassert>
 #include <cmath>
 #include <utility>
 
@@ -74,6 +75,7 @@ std::optional<pb::Refusal> Hub::subscribe(HubPeer& viewer, const pb::Subscribe& 
   else
     mine.by_session.emplace(subscription.session_id, subscription.number);
   if (!account.empty()) ++subscriptions_of_[account];
+  assert(mine.by_number.size() == mine.by_station.size() + mine.by_session.size());
 
   pb::Envelope answer;
   answer.mutable_subscribed()->set_subscription(wanted.subscription());
@@ -86,7 +88,7 @@ std::optional<pb::Refusal> Hub::subscribe(HubPeer& viewer, const pb::Subscribe& 
       ++looked_at_;
       if (station.peer == nullptr) continue;
       // not more at once than a viewer's queue can hold; the other statuses follow with their next lines
-      if ((bytes += station.status.ByteSizeLong()) > kMostStatusBytes) break;
+      if ((bytes += station.status.ByteSizeLong()) > kMaxStatusBytes) break;
       sendStatus(viewer, station.status);
       subscription.last_line_ns[&station] = now_ns;
     }
@@ -124,6 +126,7 @@ std::optional<pb::Refusal> Hub::unsubscribe(HubPeer& viewer, std::uint32_t subsc
     all.by_station.erase(owned->station);
   else
     all.by_session.erase(owned->session_id);
+  assert(all.by_number.size() == all.by_station.size() + all.by_session.size());
   remove(all, std::move(owned));
   if (all.by_number.empty()) viewers_.erase(mine);
   return std::nullopt;
@@ -139,11 +142,13 @@ void Hub::detachViewer(const HubPeer& viewer) {
 
 void Hub::remove(const Viewer& of, std::unique_ptr<Subscription> subscription) {
   Subscription* const gone = subscription.get();
+  assert(gone != nullptr);
   if (const auto counted = subscriptions_of_.find(of.account); counted != subscriptions_of_.end()) {
     if (--counted->second == 0) subscriptions_of_.erase(counted);
   }
   if (!gone->session_id.empty()) {
     const auto found = by_session_.find(gone->session_id);
+    assert(found != by_session_.end());
     std::erase(found->second, gone);
     if (found->second.empty()) by_session_.erase(found);
     forEachOfSession(gone->session_id, [this](Station& station) { refreshWatch(station); });

@@ -1,6 +1,7 @@
 #include "server/live/hub/live_thinning.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <iterator>
 #include <utility>
@@ -10,6 +11,7 @@
 namespace needlelab {
 
 double thinnedRateOf(double asked_hz) {
+  assert(asked_hz > 0);
   const auto* const above = std::upper_bound(kThinnedRates_hz.begin(), kThinnedRates_hz.end(), asked_hz);
   return above == kThinnedRates_hz.begin() ? kThinnedRates_hz.front() : *std::prev(above);
 }
@@ -69,6 +71,7 @@ Frame ThinnedFrames::next(const LiveFrameView& frame, LiveSamples& samples, std:
   if (kept.empty()) return nullptr;
   LiveFrameView thinned = frame;
   thinned.frame_seq = number_++;
+  assert(kept.size() <= all.size());
   // the rate exceeds the station's: forward its own bytes
   if (kept.size() == all.size()) return encodeLiveFrame(thinned, station);
   thinned.cut_memory = {};  // only for viewers that get every sample

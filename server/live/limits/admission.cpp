@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <boost/asio/ip/address.hpp>
+#include <cassert>
 
 #include "common/wire/asio.h"
 
@@ -57,13 +58,13 @@ Admission::Arrival Admission::arrive(std::uint64_t id, const std::string& host, 
   Arrival arrival;
   if (strangers_[false].of(key) + strangers_[true].of(key) >= settings_.strangers_of_address) {
     // of those, the ones that arrived while it was unknown are older
-    arrival.gives_way = strangers_[false].oldestOf(key);
-    if (!arrival.gives_way) arrival.gives_way = strangers_[true].oldestOf(key);
+    arrival.displaced = strangers_[false].oldestOf(key);
+    if (!arrival.displaced) arrival.displaced = strangers_[true].oldestOf(key);
   } else if (isFullFor(known)) {
-    arrival.gives_way = strangerToCut(known);
-    if (!arrival.gives_way) return {Answer::kFull, {}};
+    arrival.displaced = strangerToCut(known);
+    if (!arrival.displaced) return {Answer::kFull, {}};
   }
-  if (arrival.gives_way) left(*arrival.gives_way);
+  if (arrival.displaced) left(*arrival.displaced);
   charges.take(1, now_ns);
   strangers_[known].add(key, id);
   return arrival;
@@ -72,9 +73,9 @@ Admission::Arrival Admission::arrive(std::uint64_t id, const std::string& host, 
 Admission::Arrival Admission::arriveFromProxy(std::uint64_t id) {
   Arrival arrival;
   if (connections() >= settings_.max_connections) {
-    arrival.gives_way = strangerToCut(true);
-    if (!arrival.gives_way) return {Answer::kFull, {}};
-    left(*arrival.gives_way);
+    arrival.displaced = strangerToCut(true);
+    if (!arrival.displaced) return {Answer::kFull, {}};
+    left(*arrival.displaced);
   }
   of_proxies_.insert(id);
   return arrival;
@@ -98,19 +99,19 @@ Admission::Arrival Admission::loggedIn(std::uint64_t id, const Account& account,
     return arrival;
   }
   if (accounts_.of(account) >= settings_.connections_of_account) {
-    arrival.gives_way = accounts_.oldestOf(account);
+    arrival.displaced = accounts_.oldestOf(account);
   } else if (before == nullptr && isFullFor(account)) {
     // the reserve belongs to stations: they do not give way to a person
-    arrival.gives_way = accounts_.oldestOfTheGreediest(
+    arrival.displaced = accounts_.oldestOfTheGreediest(
         accounts_.of(account) + 1, [&](const Account& other) { return account.station || !other.station; });
-    if (!arrival.gives_way) arrival.gives_way = accounts_.oldestOf(account);
-    if (!arrival.gives_way) return {Answer::kFull, {}};
+    if (!arrival.displaced) arrival.displaced = accounts_.oldestOf(account);
+    if (!arrival.displaced) return {Answer::kFull, {}};
   }
   if (before == nullptr) {
     charges_.of(*address, chargesOf(true), now_ns).take(-1, now_ns);
     remember(*address, now_ns);
   }
-  if (arrival.gives_way) left(*arrival.gives_way);
+  if (arrival.displaced) left(*arrival.displaced);
   left(id);
   accounts_.add(account, id);
   if (!account.station) ++people_;
@@ -123,8 +124,10 @@ void Admission::used(std::uint64_t id) {
 
 void Admission::left(std::uint64_t id) {
   of_proxies_.erase(id);
-  if (const Account* const account = accounts_.ownerOf(id); account != nullptr && !account->station)
+  if (const Account* const account = accounts_.ownerOf(id); account != nullptr && !account->station) {
+    assert(people_ > 0);
     --people_;
+  }
   accounts_.remove(id);
   for (auto& strangers : strangers_) strangers.remove(id);
 }

@@ -37,7 +37,7 @@ class Admission {
   };
   struct Arrival {
     Answer answer = Answer::kWelcome;
-    std::optional<std::uint64_t> gives_way;  ///< the connection to cut for the new one
+    std::optional<std::uint64_t> displaced;  ///< the connection to cut for the new one
   };
   /// The owner of a connection after log-in. A station and a person of the same name are different accounts.
   struct Account {

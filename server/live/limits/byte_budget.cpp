@@ -1,6 +1,7 @@
 #include "server/live/limits/byte_budget.h"
 
 #include <algorithm>
+#include <cassert>
 #include <utility>
 
 namespace needlelab {
@@ -16,6 +17,8 @@ void ByteBudget::State::add(const BudgetOwner& owner, std::size_t bytes) {
 
 void ByteBudget::State::giveBack(const BudgetOwner& owner, std::size_t bytes) {
   if (bytes == 0) return;
+  assert(server >= bytes && (!owner.person || people >= bytes));
+  assert(by_owner.contains(owner.name) && by_owner.at(owner.name) >= bytes);
   if (const auto theirs = by_owner.find(owner.name); (theirs->second -= bytes) == 0) by_owner.erase(theirs);
   if (owner.person) people -= bytes;
   server -= bytes;
@@ -59,6 +62,7 @@ ByteBudget::Share::~Share() {
 }
 
 void ByteBudget::Share::become(std::size_t bytes) {
+  assert(state_ != nullptr);
   const std::size_t before = std::exchange(bytes_, bytes);
   if (bytes > before)
     state_->add(owner_, bytes - before);

@@ -42,22 +42,23 @@ RoomLevel DiskRoom::levelAt(std::uint64_t left_bytes) const {
   return left_bytes / kSessionFloors < floor_bytes_ ? RoomLevel::kNoNewSessions : RoomLevel::kPlenty;
 }
 
-std::uint64_t DiskRoom::leftWithout(std::uint64_t taken_bytes) const {
+std::uint64_t DiskRoom::remainingAfter(std::uint64_t taken_bytes) const {
   return seen_bytes_ - std::min(seen_bytes_, kWrites * taken_bytes);
 }
 
 std::uint64_t DiskRoom::leftBytes() const {
-  return leftWithout(taken_->stored_bytes + taken_->stored_before + taken_->unsettled_bytes);
+  return remainingAfter(taken_->stored_bytes + taken_->stored_before + taken_->unsettled_bytes);
 }
 
 void DiskRoom::look(const Look& look) {
   Taken& taken = *taken_;
   // ignores unsettled bytes: if refused in the end, they must not have caused a level that is kept
-  const RoomLevel before = std::max(reached_, levelAt(leftWithout(taken.stored_bytes + taken.stored_before)));
+  const RoomLevel before =
+      std::max(reached_, levelAt(remainingAfter(taken.stored_bytes + taken.stored_before)));
   const bool log_may_grow = look.disk_bytes >= floor_bytes_ / kDiskShare;
   seen_bytes_ = look.disk_bytes + (log_may_grow ? look.file_bytes : 0);
   taken.stored_before = std::exchange(taken.stored_bytes, 0);
-  const std::uint64_t left = leftWithout(taken.stored_before);
+  const std::uint64_t left = remainingAfter(taken.stored_before);
   // a level is left at a quarter above its floor: 4/5 of what is left must reach it
   reached_ = std::max(levelAt(left), std::min(before, levelAt(left / 5 * 4)));
 }

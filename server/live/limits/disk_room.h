@@ -82,7 +82,7 @@ class DiskRoom {
   };
   static void settleIn(Taken& taken, std::uint64_t bytes, bool stored);
   [[nodiscard]] RoomLevel levelAt(std::uint64_t left_bytes) const;
-  [[nodiscard]] std::uint64_t leftWithout(std::uint64_t taken_bytes) const;
+  [[nodiscard]] std::uint64_t remainingAfter(std::uint64_t taken_bytes) const;
 
   const std::uint64_t floor_bytes_;
   std::uint64_t seen_bytes_ = UINT64_MAX;                     // at the last look

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cassert>
 #include <cstddef>
 #include <cstdint>
 #include <map>
@@ -18,6 +19,7 @@ class FairPlaces {
   using Id = std::uint64_t;
 
   void add(const Owner& owner, Id id) {
+    assert(!places_.contains(id));
     places_.emplace(id, Place{owner, ++turn_});
     owners_[owner].emplace(turn_, id);
   }
@@ -35,6 +37,7 @@ class FairPlaces {
     const auto place = places_.find(id);
     if (place == places_.end()) return;
     const auto theirs = owners_.find(place->second.owner);
+    assert(theirs != owners_.end() && theirs->second.contains(place->second.used));
     theirs->second.erase(place->second.used);
     if (theirs->second.empty()) owners_.erase(theirs);
     places_.erase(place);

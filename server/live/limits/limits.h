@@ -69,7 +69,7 @@ struct TokenLimits {
   std::chrono::milliseconds lifetime = std::chrono::minutes(15);  ///< without use
   std::size_t max_tokens = 10'000;  ///< above, the one that expires first is dropped
   std::chrono::milliseconds longest = std::chrono::hours(12);  ///< after the password: a working day
-  std::size_t most_of_person = 512;                            ///< above, one of the person's own is dropped
+  std::size_t max_of_person = 512;                             ///< above, one of the person's own is dropped
 };
 
 /// What a station may store (quotas.h). All but the first are per day.
@@ -151,7 +151,7 @@ struct ConnectionBounds {
   /// `closes_of_station` limit them.
   std::size_t uncounted_decoded_bytes = 4u << 10;
   /// Bytes of messages that are parsed but not done, over both ports. A person's limit exceeds what a message
-  /// of 1 MiB can decode to (kMostPayloadFields), a station's exceeds its longest OpenSession.
+  /// of 1 MiB can decode to (kMaxPayloadFields), a station's exceeds its longest OpenSession.
   BudgetLimits decoded{.person = 8u << 20, .people = 32u << 20, .station = 2u << 20, .server = 40u << 20};
   /// Bytes of replies that are being made or not read yet, over both ports. A reply being made reserves the
   /// maximum, 1 MiB, so a person has at most 12 such requests at work.

@@ -22,11 +22,11 @@ void PeerLines::write(const std::string& owner, const PeerLineKind& kind, std::i
   if (bound.take(now_ns)) logEvent(kind.level, kind.event, fields);
 }
 
-void PeerLines::sayLeftOut(std::int64_t now_ns) {
+void PeerLines::reportOmitted(std::int64_t now_ns) {
   for (auto owner = owners_.begin(); owner != owners_.end();) {
     auto& bounds = owner->second;
     for (auto entry = bounds.begin(); entry != bounds.end();) {
-      if (const std::uint64_t count = entry->second.leftOut(now_ns); count > 0) {
+      if (const std::uint64_t count = entry->second.takeOmittedCount(now_ns); count > 0) {
         const PeerLineKind& kind = entry->first;
         const std::string of =
             std::string(kind.event) + (kind.part.empty() ? "" : "/") + std::string(kind.part);

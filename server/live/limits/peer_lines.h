@@ -29,7 +29,7 @@ struct PeerLineKind {
 struct PeerLine {
   static constexpr PeerLineKind kConnectionOpened{LogLevel::kInfo, "connection_opened"};
   static constexpr PeerLineKind kConnectionClosed{LogLevel::kInfo, "connection_closed"};
-  static constexpr PeerLineKind kConnectionGivesWay{LogLevel::kInfo, "connection_gives_way"};
+  static constexpr PeerLineKind kConnectionDisplaced{LogLevel::kInfo, "connection_gives_way"};
   static constexpr PeerLineKind kClockOfStation{LogLevel::kWarning, "clock_of_station"};
   static constexpr PeerLineKind kVersionRefused{LogLevel::kWarning, "version_refused"};
   /// A wrong name, password, key or token.
@@ -80,8 +80,8 @@ class PeerLines {
              std::initializer_list<LogField> fields);
   /// Writes a line `lines_left_out` for each owner and kind whose minute or hour has ended with omitted
   /// lines. Call it periodically, and at the end (INT64_MAX).
-  void sayLeftOut(std::int64_t now_ns);
-  /// Owners that had a line in a minute or hour still running at the last sayLeftOut().
+  void reportOmitted(std::int64_t now_ns);
+  /// Owners that had a line in a minute or hour still running at the last reportOmitted().
   [[nodiscard]] std::size_t known() const { return owners_.size(); }
 
  private:

@@ -11,8 +11,8 @@ Error stationHas(const std::string& station, const std::string& what, const std:
 }
 
 /// `for_what`: what there is room for after `minutes`.
-Error stationBrought(const std::string& station, const std::string& what, const std::string& for_what,
-                     double minutes) {
+Error quotaError(const std::string& station, const std::string& what, const std::string& for_what,
+                 double minutes) {
   return stationHas(
       station, "has brought " + what,
       fmt::format(
@@ -49,10 +49,10 @@ Status StationQuotas::admit(const std::string& station, const NewSession& sessio
   TokenBucket& descriptions =
       descriptions_.of(station, BucketRate::ofDay(settings_.description_bytes), now_ns);
   if (!descriptions.has(bytes, now_ns))
-    return stationBrought(station,
-                          ofADay(descriptions.usedAt(now_ns), "descriptions and profiles") +
-                              fmt::format(", this one has {} bytes", session.description_bytes),
-                          "it", descriptions.minutesUntil(bytes, now_ns));
+    return quotaError(station,
+                      ofADay(descriptions.usedAt(now_ns), "descriptions and profiles") +
+                          fmt::format(", this one has {} bytes", session.description_bytes),
+                      "it", descriptions.minutesUntil(bytes, now_ns));
   if (session.unknown_name) {
     TokenBucket& names = names_.of(station, BucketRate::ofDay(settings_.unknown_names), now_ns);
     if (!names.has(1, now_ns))
@@ -71,13 +71,13 @@ Status StationQuotas::admitChunk(const std::string& station, const NewChunk& chu
   const auto cost = static_cast<double>(chunk.bytes + kChunkRowBytes);
   TokenBucket& chunks = chunks_.of(station, BucketRate::ofDay(settings_.chunk_bytes), now_ns);
   if (!chunks.has(cost, now_ns))
-    return stationBrought(station, ofADay(settings_.chunk_bytes, "recordings"), "this one",
-                          chunks.minutesUntil(cost, now_ns));
+    return quotaError(station, ofADay(settings_.chunk_bytes, "recordings"), "this one",
+                      chunks.minutesUntil(cost, now_ns));
   if (chunk.undecodable) {
     const BucketRate rate = BucketRate::ofDay(settings_.undecodable_bytes);
     if (!undecodable_.take(station, rate, cost, now_ns))
-      return stationBrought(station, ofADay(settings_.undecodable_bytes, "chunks that cannot be decoded"),
-                            "this one", undecodable_.of(station, rate, now_ns).minutesUntil(cost, now_ns));
+      return quotaError(station, ofADay(settings_.undecodable_bytes, "chunks that cannot be decoded"),
+                        "this one", undecodable_.of(station, rate, now_ns).minutesUntil(cost, now_ns));
   }
   chunks.take(cost, now_ns);
   return {};
@@ -87,8 +87,8 @@ Status StationQuotas::roomForChunks(const std::string& station, std::int64_t now
   const double least = settings_.chunk_bytes / kChunksAtOnce;
   const TokenBucket& chunks = chunks_.of(station, BucketRate::ofDay(settings_.chunk_bytes), now_ns);
   if (chunks.has(least, now_ns)) return {};
-  return stationBrought(station, ofADay(settings_.chunk_bytes, "recordings"), "more",
-                        chunks.minutesUntil(least, now_ns));
+  return quotaError(station, ofADay(settings_.chunk_bytes, "recordings"), "more",
+                    chunks.minutesUntil(least, now_ns));
 }
 
 Status PeopleShares::admit(const std::string& name, pb::Role role, std::size_t bytes, std::int64_t now_ns) {

@@ -10,7 +10,7 @@
 
 #include "common/base/files/files.h"
 #include "common/base/text/text.h"
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
 #include "server/live/limits/disk_room.h"
 
 namespace needlelab {

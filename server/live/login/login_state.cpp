@@ -1,6 +1,7 @@
 // Log-in state in memory.
 #include "server/live/login/login_state.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "common/base/time/clock.h"
@@ -29,7 +30,7 @@ Task<Result<std::optional<LoginState::Milliseconds>>> LoginsInMemory::failed(Try
   co_return std::optional(guard.mustWait(tried.name, tried.address, now_ns));
 }
 
-Task<Status> LoginsInMemory::gaveUp(Try /*tried*/) {
+Task<Status> LoginsInMemory::abandoned(Try /*tried*/) {
   co_return Status();
 }
 
@@ -74,6 +75,28 @@ std::optional<std::size_t> LoginsInMemory::forget(const std::string& name) {
 
 bool LoginsInMemory::mayBeToken(std::string_view token) const {
   return tokens.endOf(token, time_.nowNs()).has_value();
+}
+
+AccessWatch AccessChanges::watch(const std::string& name, bool station) {
+  if (watched_.size() >= sweep_at_) {
+    std::erase_if(watched_, [](const auto& entry) { return entry.second.expired(); });
+    sweep_at_ = std::max(kFewNames, 2 * watched_.size());
+  }
+  std::weak_ptr<bool>& held = watched_[{name, station}];
+  auto flag = held.lock();
+  if (!flag) {
+    flag = std::make_shared<bool>(false);
+    held = flag;
+  }
+  return AccessWatch(std::move(flag));
+}
+
+void AccessChanges::changed(const std::string& name, bool station) {
+  const auto found = watched_.find({name, station});
+  if (found == watched_.end()) return;
+  if (const auto flag = found->second.lock()) *flag = true;
+  // a later watch starts with the account as it is now
+  watched_.erase(found);
 }
 
 }  // namespace needlelab

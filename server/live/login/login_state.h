@@ -1,5 +1,6 @@
 /// What a server knows about log-ins beyond the accounts: failures and lock-outs, addresses with earlier
-/// log-ins, tokens. Kept in memory or, for several servers on one database, in the database.
+/// log-ins, tokens. Kept in memory or, for several servers on one database, in the database. Notifies log-ins
+/// and downloads in progress when their account's access has changed.
 #pragma once
 
 #include <array>
@@ -7,6 +8,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -17,8 +20,10 @@
 #include "common/base/time/time_source.h"
 #include "common/wire/asio.h"
 #include "db/service/service.h"
+#include "server/live/limits/limits.h"
 #include "server/live/login/login_guard.h"
 #include "server/live/login/tokens.h"
+#include "server/live/work/turn_queue.h"
 
 namespace needlelab {
 
@@ -56,7 +61,7 @@ class LoginState {
   /// Returns the new waiting time if this failure started a wait; log it in the audit log.
   virtual Task<Result<std::optional<Milliseconds>>> failed(Try tried) = 0;
   /// The password could not be checked.
-  virtual Task<Status> gaveUp(Try tried) = 0;
+  virtual Task<Status> abandoned(Try tried) = 0;
   virtual Task<Status> succeeded(Try tried) = 0;
 
   // --- tokens; also used for browser sessions
@@ -105,7 +110,7 @@ class LoginsInMemory final : public LoginState {
   Task<Result<Standing>> standing(std::string name, std::string address) override;
   Task<Result<Try>> begin(std::string name, std::string address) override;
   Task<Result<std::optional<Milliseconds>>> failed(Try tried) override;
-  Task<Status> gaveUp(Try tried) override;
+  Task<Status> abandoned(Try tried) override;
   Task<Status> succeeded(Try tried) override;
   Task<Result<Issued>> issue(Holder holder) override;
   Task<Result<std::optional<Holder>>> find(std::string token, std::string asker) override;
@@ -123,6 +128,61 @@ class LoginsInMemory final : public LoginState {
  private:
   const Holds holds_;
   TimeSource& time_;
+};
+
+// --- changes of access while log-ins and downloads are in progress
+
+/// Watches an account from the moment of its creation. Thread: changed() on the network's.
+class AccessWatch {
+ public:
+  /// Whether the account was disabled or erased, or its role, password or key changed, since the watch began.
+  [[nodiscard]] bool changed() const { return *changed_; }
+
+ private:
+  friend class AccessChanges;
+  explicit AccessWatch(std::shared_ptr<const bool> changed) : changed_(std::move(changed)) {}
+  std::shared_ptr<const bool> changed_;
+};
+
+/// Reports changes by account name, so a change is seen only by watches of that account. Holds at most twice
+/// as many names as are watched. A watch may outlive it. Thread: the network's.
+class AccessChanges {
+ public:
+  /// Names need not exist. A station and a person of the same name are different accounts.
+  [[nodiscard]] AccessWatch watch(const std::string& name, bool station);
+  void changed(const std::string& name, bool station);
+  /// Number of names held.
+  [[nodiscard]] std::size_t size() const { return watched_.size(); }
+
+ private:
+  static constexpr std::size_t kFewNames = 64;
+  std::map<std::pair<std::string, bool>, std::weak_ptr<bool>> watched_;
+  std::size_t sweep_at_ = kFewNames;  // names
+};
+
+/// The result of `check` on an account that did not change while it ran. If the account changed during a
+/// successful check, the check is repeated, but only once, so that changing an account cannot cause endless
+/// hashing. kConflict: it changed during the second check, too. Thread: the network's; `changes` must outlive
+/// it.
+template <typename T>
+Task<Result<T>> checkUnchanged(AccessChanges& changes, std::string name, bool station,
+                               std::function<Task<Result<T>>()> check) {
+  constexpr int kMaxChecks = 2;
+  for (int n = 0; n < kMaxChecks; ++n) {
+    const AccessWatch watch = changes.watch(name, station);
+    auto result = co_await check();
+    if (!result.ok() || !watch.changed()) co_return result;
+  }
+  co_return Error{ErrorCode::kConflict, "the account was changed while its log-in was checked: try again"};
+}
+
+/// Log-ins of one server: their state, the queue for password checks, concurrent changes of access.
+struct ServerLogins {
+  asio::io_context& io;
+  const LoginQueueLimits& bounds;
+  std::unique_ptr<LoginState> state{};  ///< lock-outs and tokens
+  LoginQueue waiting{io.get_executor(), bounds};
+  AccessChanges access{};  ///< accounts disabled, keys revoked, passwords changed
 };
 
 }  // namespace needlelab

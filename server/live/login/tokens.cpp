@@ -26,7 +26,7 @@ void Tokens::keep(std::string_view token, const Holder& holder, std::int64_t exp
   tidy(now_ns);
   const auto isTheirs = [&](const auto& entry) { return entry.second.holder.who.name == holder.who.name; };
   const bool too_many_of_person = static_cast<std::size_t>(std::count_if(tokens_.begin(), tokens_.end(),
-                                                                         isTheirs)) >= limits_.most_of_person;
+                                                                         isTheirs)) >= limits_.max_of_person;
   if (too_many_of_person || tokens_.size() >= limits_.max_tokens) {
     auto first = tokens_.end();
     for (auto it = tokens_.begin(); it != tokens_.end(); ++it) {

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "db/login/login_key.h"
+#include "db/login/login_store.h"
 #include "db/service/service.h"
 
 #include "server/live/limits/limits.h"

@@ -13,11 +13,10 @@
 #include "server/live/counters.h"
 #include "server/live/hub/hub.h"
 #include "server/live/limits/server_limits.h"
-#include "server/live/login/server_logins.h"
-#include "server/live/monitor/metrics.h"
+#include "server/live/login/login_state.h"
 #include "server/live/monitor/monitor.h"
 #include "server/live/port/live_peer.h"
-#include "server/live/work/in_flight.h"
+#include "server/live/work/server_work.h"
 #include "server/together/remote_live.h"
 #include "server/together/server_together.h"
 
@@ -124,7 +123,7 @@ void histogram(PrometheusText& out, std::string_view name, const Histogram& valu
 /// Sums over the open connections.
 struct Open {
   std::map<std::pair<int, int>, std::uint64_t> by_role_and_state;
-  std::uint64_t control_bytes = 0, most_control_bytes = 0, live_bytes = 0, live_dropped = 0;
+  std::uint64_t control_bytes = 0, max_control_bytes = 0, live_bytes = 0, live_dropped = 0;
   std::uint64_t bytes_received = 0, bytes_sent = 0;
 };
 
@@ -134,7 +133,7 @@ Open openConnections(const ServerContext& context) {
     ++open.by_role_and_state[{static_cast<int>(peer->who().role), static_cast<int>(peer->state())}];
     const Channel& channel = peer->channel();
     open.control_bytes += channel.controlQueueBytes();
-    open.most_control_bytes = std::max<std::uint64_t>(open.most_control_bytes, channel.controlQueueBytes());
+    open.max_control_bytes = std::max<std::uint64_t>(open.max_control_bytes, channel.controlQueueBytes());
     open.live_bytes += channel.live().bytes();
     open.live_dropped += channel.live().dropped();
     open.bytes_received += channel.bytesReceived();
@@ -166,8 +165,8 @@ void connections(PrometheusText& out, const ServerContext& context, const Open& 
   out.counter("needlelab_messages_refused_unparsed_total", real(counters.messages_refused_unparsed),
               "Messages refused by their first bytes.");
   out.metric("needlelab_messages_parsed_total", "counter", "Messages parsed, by thread; not live frames.");
-  out.sample(real(counters.messages_parsed - counters.messages_parsed_elsewhere), {{"thread", "network"}});
-  out.sample(real(counters.messages_parsed_elsewhere), {{"thread", "parsers"}});
+  out.sample(real(counters.messages_parsed - counters.messages_parsed_off_thread), {{"thread", "network"}});
+  out.sample(real(counters.messages_parsed_off_thread), {{"thread", "parsers"}});
   out.counter("needlelab_decoded_bytes_total", real(counters.decoded_bytes),
               "Memory that parsed messages took, an estimate.");
   out.gauge("needlelab_decoded_bytes_in_flight", real(context.in_flight.decoded.taken()),
@@ -230,11 +229,11 @@ void livePlane(PrometheusText& out, const ServerContext& context, const Open& op
               "Live frames given to viewers.");
   out.counter("needlelab_live_frames_dropped_total", real(context.counters.live_dropped + open.live_dropped),
               "Live frames dropped because a viewer was too slow.");
-  out.gauge("needlelab_stations_online", real(context.hub.stationsOnline() - context.hub.stationsElsewhere()),
+  out.gauge("needlelab_stations_online", real(context.hub.stationsOnline() - context.hub.remoteStations()),
             "Stations that are connected to this server.");
   out.gauge("needlelab_control_queue_bytes", real(open.control_bytes),
             "Unsent control messages, all connections.");
-  out.gauge("needlelab_control_queue_bytes_largest", real(open.most_control_bytes),
+  out.gauge("needlelab_control_queue_bytes_largest", real(open.max_control_bytes),
             "Unsent control messages of the connection that has most.");
   out.gauge("needlelab_live_queue_bytes", real(open.live_bytes), "Unsent live frames, all connections.");
 }
@@ -251,11 +250,11 @@ void otherServers(PrometheusText& out, const ServerContext& context) {
               "Connections to NATS that were made.");
   out.gauge("needlelab_live_servers", real(remote.servers().size()),
             "Other servers of the lab that are heard.");
-  out.gauge("needlelab_live_name_taken", remote.nameTaken().empty() ? 0 : 1,
+  out.gauge("needlelab_live_name_taken", remote.duplicateName().empty() ? 0 : 1,
             "1 while another server of the lab has this one's name.");
-  out.gauge("needlelab_stations_elsewhere", real(context.hub.stationsElsewhere()),
+  out.gauge("needlelab_stations_elsewhere", real(context.hub.remoteStations()),
             "Stations that are connected to other servers of the lab.");
-  out.gauge("needlelab_stations_watched_elsewhere", real(remote.watchedElsewhere()),
+  out.gauge("needlelab_stations_watched_elsewhere", real(remote.remotelyWatched()),
             "Stations of this server that are watched at others.");
   out.metric("needlelab_live_link_messages_total", "counter", "Messages between the lab's servers.");
   out.sample(real(carried.messages_in), {{"direction", "in"}});
@@ -377,7 +376,7 @@ void process(PrometheusText& out, const ProcessFacts& facts) {
   out.gauge("needlelab_heap_live_bytes", real(facts.heap_live_bytes),
             "Memory that the program has taken from the C library and not returned.");
   out.gauge("process_open_fds", real(facts.open_files), "Open files.");
-  out.gauge("process_max_fds", real(facts.most_files), "Most files that may be open.");
+  out.gauge("process_max_fds", real(facts.max_files), "Most files that may be open.");
   out.gauge("process_threads", real(facts.threads), "Threads.");
   out.gauge("process_start_time_seconds", facts.started_unix_s,
             "When the process was started, seconds since 1970.");

@@ -72,7 +72,7 @@ ProcessFacts processFacts() {
   const struct mallinfo2 heap = ::mallinfo2();
   facts.heap_live_bytes = heap.uordblks + heap.hblkhd;
   rlimit limit{};
-  if (::getrlimit(RLIMIT_NOFILE, &limit) == 0) facts.most_files = limit.rlim_cur;
+  if (::getrlimit(RLIMIT_NOFILE, &limit) == 0) facts.max_files = limit.rlim_cur;
   return facts;
 }
 
@@ -256,7 +256,7 @@ std::optional<Health::Live> Monitor::live() const {
   const RemoteLive* const remote = context_.together.remote;
   if (remote == nullptr) return std::nullopt;
   std::string trouble = remote->trouble();
-  if (const std::string taken = remote->nameTaken(); !taken.empty())
+  if (const std::string taken = remote->duplicateName(); !taken.empty())
     trouble += (trouble.empty() ? "" : "; ") + taken;
   return Health::Live{std::move(trouble), remote->servers()};
 }
@@ -305,11 +305,11 @@ Task<Health> Monitor::health(const StoreFacts& facts) {
       health.problems.push_back("the last change was refused: " + refused);
   }
   // a test write may be small enough to succeed, and its table may have room, while recordings do not
-  if (const std::string full = writer.full(DbWriter::kSaidFor); !full.empty()) {
+  if (const std::string full = writer.full(DbWriter::kReportedFor); !full.empty()) {
     health.writable = false;
     health.problems.push_back("no room: " + full);
   }
-  if (const std::string failed = writer.failedItem(DbWriter::kSaidFor); !failed.empty()) {
+  if (const std::string failed = writer.failedItem(DbWriter::kReportedFor); !failed.empty()) {
     health.writable = false;
     health.problems.push_back("not all is stored: " + failed);
   }
@@ -351,8 +351,8 @@ void MonitorPort::stop() {
 }
 
 bool MonitorPort::admit(std::uint64_t /*id*/, const Tcp::endpoint& /*peer*/) {
-  constexpr std::size_t kMostConnections = 16;
-  return connections() < kMostConnections;
+  constexpr std::size_t kMaxConnections = 16;
+  return connections() < kMaxConnections;
 }
 
 Task<HttpAnswer> MonitorPort::answer(std::shared_ptr<HttpRequest> request) {

@@ -11,7 +11,7 @@ void ClockOffsets::put(DbWriter& writer, const Uuid& session, std::int64_t offse
   {
     const std::lock_guard lock(state_->mutex);
     auto& open = state_->open;
-    if (open && open->size() >= kMostSessions && !open->contains(session)) open.reset();
+    if (open && open->size() >= kMaxSessions && !open->contains(session)) open.reset();
     if (!open) {
       const auto item = std::make_shared<Item>();
       DbWriter::Work work = [state = state_, item](Connection& connection) -> Status {
@@ -24,13 +24,13 @@ void ClockOffsets::put(DbWriter& writer, const Uuid& session, std::int64_t offse
           // an erased session, or one whose station is elsewhere, must not prevent storing the others
           const ErrorCode code = stored.error().code;
           if (code != ErrorCode::kNotFound && code != ErrorCode::kDeposed) return stored;
-          state->sayNotStored(stored.error());
+          state->reportNotStored(stored.error());
         }
         return {};
       };
       posted = writer.post(std::move(work), [state = state_, item](const Status& stored) {
         state->end(item);  // also if the work did not start
-        if (!stored.ok()) state->sayNotStored(stored.error());
+        if (!stored.ok()) state->reportNotStored(stored.error());
       });
       if (posted.ok()) open = item;
     }
@@ -41,7 +41,7 @@ void ClockOffsets::put(DbWriter& writer, const Uuid& session, std::int64_t offse
         best = {offset_ns, round_trip_ns, std::move(claim)};
     }
   }
-  if (!posted.ok()) state_->sayNotStored(posted.error());
+  if (!posted.ok()) state_->reportNotStored(posted.error());
 }
 
 void ClockOffsets::State::end(const std::shared_ptr<Item>& item) {
@@ -49,15 +49,15 @@ void ClockOffsets::State::end(const std::shared_ptr<Item>& item) {
   if (open == item) open.reset();
 }
 
-void ClockOffsets::State::sayNotStored(const Error& error) {
+void ClockOffsets::State::reportNotStored(const Error& error) {
   const std::lock_guard lock(lines_mutex);
   if (lines.take(steadyNowNs()))
     logEvent(LogLevel::kWarning, "clock_offset_not_stored", {{"text", error.message}});
 }
 
-void ClockOffsets::State::sayLeftOut(std::int64_t now_ns) {
+void ClockOffsets::State::reportOmitted(std::int64_t now_ns) {
   const std::lock_guard lock(lines_mutex);
-  if (const std::uint64_t count = lines.leftOut(now_ns); count > 0)
+  if (const std::uint64_t count = lines.takeOmittedCount(now_ns); count > 0)
     logEvent(LogLevel::kWarning, "lines_left_out", {{"of", "clock_offset_not_stored"}, {"count", count}});
 }
 

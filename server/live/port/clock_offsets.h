@@ -16,12 +16,12 @@
 namespace needlelab {
 
 /// Collects offsets until the writer processes them as one item of its queue, with the best (least round
-/// trip) of each session. So offsets never use up places for chunks. With more than kMostSessions sessions,
+/// trip) of each session. So offsets never use up places for chunks. With more than kMaxSessions sessions,
 /// further items are used. Offsets that are not stored are logged as `clock_offset_not_stored`, at most 60
 /// lines a minute.
 class ClockOffsets {
  public:
-  static constexpr std::size_t kMostSessions = 1024;
+  static constexpr std::size_t kMaxSessions = 1024;
 
   /// Stored before anything posted to the writer after put(). `round_trip_ns`: above 0. `claim`: the log-in
   /// that sent it, as in ArrivedChunk::claim; the offset is dropped if the station has a newer one. Does not
@@ -30,7 +30,7 @@ class ClockOffsets {
            std::shared_ptr<const StationClaim> claim = {});
   /// Logs how many lines were left out in minutes that have ended. Call periodically, and at the end
   /// (INT64_MAX). Thread: any.
-  void sayLeftOut(std::int64_t now_ns) { state_->sayLeftOut(now_ns); }
+  void reportOmitted(std::int64_t now_ns) { state_->reportOmitted(now_ns); }
 
  private:
   struct Offset {
@@ -42,8 +42,8 @@ class ClockOffsets {
   struct State {
     /// No further offset is added to this item.
     void end(const std::shared_ptr<Item>& item);
-    void sayNotStored(const Error& error);
-    void sayLeftOut(std::int64_t now_ns);
+    void reportNotStored(const Error& error);
+    void reportOmitted(std::int64_t now_ns);
     std::mutex mutex;
     std::shared_ptr<Item> open;  ///< guarded by mutex; null: the next offset starts an item
     std::mutex lines_mutex;

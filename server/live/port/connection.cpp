@@ -11,7 +11,7 @@
 #include "server/live/counters.h"
 #include "server/live/hub/hub.h"
 #include "server/live/limits/server_limits.h"
-#include "server/live/work/in_flight.h"
+#include "server/live/work/server_work.h"
 #include "server/live/work/turn_queue.h"
 #include "server/together/server_together.h"
 
@@ -40,7 +40,7 @@ void PeerConnection::setState(ConnectionState next) {
   if (over()) *gone_ = true;
 }
 
-void PeerConnection::lookForHangUp() {
+void PeerConnection::checkHangUp() {
   if (!gone() && (channel_->closing() || channel_->peerHungUp())) *gone_ = true;
 }
 
@@ -111,7 +111,7 @@ Task<Status> PeerConnection::shakeHands() {
   if (const Status spoke = co_await channel_->peerSpoke(); !spoke.ok()) co_return spoke;
   context_.limits.handshakes.came(id_, address_key_,
                                   context_.limits.admission.knows(address_key_, steadyNowNs()));
-  giveTurns(context_);
+  grantTurns(context_);
   while (!my_turn_ && !over() && !channel_->closing()) co_await freed_.wait();
   Status shaken = Error{ErrorCode::kUnavailable, "the peer gave up before its handshake began"};
   if (my_turn_ && !over() && !channel_->closing()) {
@@ -120,17 +120,17 @@ Task<Status> PeerConnection::shakeHands() {
     } else {
       std::function<void()> waits = [this] {
         context_.limits.handshakes.answered(id_, steadyNowNs());
-        giveTurns(context_);
+        grantTurns(context_);
       };
       shaken = co_await channel_->handshake(asio::ssl::stream_base::server, std::move(waits));
     }
   }
   context_.limits.handshakes.left(id_);
-  giveTurns(context_);
+  grantTurns(context_);
   co_return shaken;
 }
 
-void PeerConnection::giveTurns(ServerContext& context) {
+void PeerConnection::grantTurns(ServerContext& context) {
   HandshakeTurns& turns = context.limits.handshakes;
   while (const auto id = turns.next(steadyNowNs())) {
     auto& peer = static_cast<PeerConnection&>(*context.connections.at(*id));
@@ -142,7 +142,7 @@ void PeerConnection::giveTurns(ServerContext& context) {
   if (!at_ns) return;
   context.limits.handshakes_due.expires_at(asio::steady_timer::time_point(std::chrono::nanoseconds(*at_ns)));
   context.limits.handshakes_due.async_wait([&context](const boost::system::error_code& error) {
-    if (!error) giveTurns(context);
+    if (!error) grantTurns(context);
   });
 }
 
@@ -252,7 +252,7 @@ void PeerConnection::refusedByPeer(const pb::Refusal& refusal) {
 }
 
 void PeerConnection::shutDown(const std::string& reason) {
-  asio::co_spawn(context_.io, shutDownOf(shared_from_this(), reason), endsAlone(shared_from_this()));
+  asio::co_spawn(context_.io, shutDownOf(shared_from_this(), reason), endOnException(shared_from_this()));
 }
 
 Task<> PeerConnection::shutDownOf(std::shared_ptr<PeerConnection> self, std::string reason) {
@@ -276,7 +276,7 @@ void PeerConnection::cut(const std::string& reason) {
   freed_.notify();
 }
 
-std::function<void(std::exception_ptr)> PeerConnection::endsAlone(std::shared_ptr<PeerConnection> self) {
+std::function<void(std::exception_ptr)> PeerConnection::endOnException(std::shared_ptr<PeerConnection> self) {
   return [self = std::move(self)](std::exception_ptr error) {
     if (!error) return;
     std::string text = "an unknown fault";
@@ -293,7 +293,7 @@ std::function<void(std::exception_ptr)> PeerConnection::endsAlone(std::shared_pt
     // needed if run() itself failed; otherwise run() finds it done
     self->context_.limits.handshakes.left(self->id_);
     self->leave();
-    giveTurns(self->context_);
+    grantTurns(self->context_);
   };
 }
 

@@ -40,13 +40,13 @@ class PeerConnection : public LivePeer, public std::enable_shared_from_this<Peer
 
   /// For co_spawn of a connection's work. An exception (out of memory) is logged and ends only this
   /// connection.
-  static std::function<void(std::exception_ptr)> endsAlone(std::shared_ptr<PeerConnection> self);
+  static std::function<void(std::exception_ptr)> endOnException(std::shared_ptr<PeerConnection> self);
 
   void refuseAndClose(pb::Refusal refusal) override;
   void cut(const std::string& reason) override;
   void shutDown(const std::string& reason) override;
-  void lookForHangUp() override;
-  void tellSafe() override;
+  void checkHangUp() override;
+  void sendSafe() override;
   Task<bool> sendConfirmed(pb::Envelope envelope) override;
 
   void sendControl(const pb::Envelope& envelope) override;
@@ -69,7 +69,7 @@ class PeerConnection : public LivePeer, public std::enable_shared_from_this<Peer
   struct Watermarks {
     std::uint64_t committed = 0;
     std::uint64_t safe = 0;
-    std::uint64_t most_safe = UINT64_MAX;  // most chunks that acks make Safe, SessionStore::mostSafeSeqs()
+    std::uint64_t max_safe = UINT64_MAX;  // most chunks that acks make Safe, SessionStore::mostSafeSeqs()
     bool ack_due = false;
     bool open = false;        // opened here, and its close has not been answered on this connection
     std::string trainee_ref;  // sessions.trainee
@@ -77,7 +77,7 @@ class PeerConnection : public LivePeer, public std::enable_shared_from_this<Peer
 
     void noteCommitted(std::uint64_t seqs, bool acks_are_safe) {
       committed = std::max(committed, seqs);
-      if (acks_are_safe) safe = std::max(safe, std::min(committed, most_safe));
+      if (acks_are_safe) safe = std::max(safe, std::min(committed, max_safe));
     }
   };
 
@@ -90,7 +90,7 @@ class PeerConnection : public LivePeer, public std::enable_shared_from_this<Peer
   // --- connection.cpp: lifetime
   Task<Status> shakeHands();
   static Task<> shutDownOf(std::shared_ptr<PeerConnection> self, std::string reason);
-  static void giveTurns(ServerContext& context);
+  static void grantTurns(ServerContext& context);
   void setState(ConnectionState next);
   void refuse(pb::Refusal refusal, std::uint64_t request = 0);
   void refuse(pb::Refusal::Reason reason, std::string text, std::uint64_t request = 0);
@@ -131,26 +131,32 @@ class PeerConnection : public LivePeer, public std::enable_shared_from_this<Peer
   bool isLateLogin();
   Task<bool> claimStation();
   void refuseClaim(const Error& why);
-  static Task<> lookAtClaim(std::shared_ptr<PeerConnection> self);
+  static Task<> checkClaim(std::shared_ptr<PeerConnection> self);
 
   // --- connection_session.cpp: the durable plane
   Task<> openSession(pb::OpenSession request);
   [[nodiscard]] bool isStationsPeer() const;
   /// Removes the trainee from a status unless the server keeps the session open under that name.
-  std::optional<pb::Refusal> takeStatus(pb::StationStatus status);
-  void takeChunk(pb::Chunk chunk);
+  std::optional<pb::Refusal> onStationStatus(pb::StationStatus status);
+  void onCloseSession(pb::CloseSession request);
+  static Task<> closeSession(std::shared_ptr<PeerConnection> self, pb::CloseSession request,
+                             std::optional<ByteBudget::Share> place);
+  void onClockOffset(const pb::ClockOffset& offset);
+  bool endedAsDeposed(const Status& status);
+  void onDisplaced() override;
+  Watermarks& watermarks(const std::string& session_id);
+  static Result<Uuid> sessionIdOf(const std::string& bytes);
+  static std::string sessionText(const std::string& bytes);
+  static pb::Refusal sessionRefusal(pb::Refusal::Reason reason, std::string text,
+                                    const std::string& session_id, std::uint64_t expected_seq = 0);
+
+  // --- connection_chunks.cpp: the durable plane's chunks
+  void onChunk(pb::Chunk chunk);
   void chunkDone(const pb::Chunk& chunk, const Status& status, const Appended& appended);
   void refuseChunk(const pb::Chunk& chunk, const Appended& appended);
   void scheduleAcks();
   void sendAcks();
   static Task<> safeOf(std::shared_ptr<PeerConnection> self);
-  void takeClose(pb::CloseSession request);
-  static Task<> closeSession(std::shared_ptr<PeerConnection> self, pb::CloseSession request,
-                             std::optional<ByteBudget::Share> place);
-  void takeClockOffset(const pb::ClockOffset& offset);
-  bool endedAsDeposed(const Status& status);
-  void onDisplaced() override;
-  Watermarks& watermarks(const std::string& session_id);
 
   ServerContext& context_;
   const std::uint64_t id_;
@@ -158,7 +164,7 @@ class PeerConnection : public LivePeer, public std::enable_shared_from_this<Peer
   ConnectionState state_ = ConnectionState::kConnecting;
   Principal who_;
   std::shared_ptr<const StationClaim> claim_;  // of a station; null: no other server uses the database
-  std::string program_;                        // from its Hello, at most kMostProgramBytes
+  std::string program_;                        // from its Hello, at most kMaxProgramBytes
   Signal pong_;                                // a Pong has arrived, or this connection is ending
   // ids of this connection's own Pings; the channel's Pings have no ids
   std::uint64_t pings_asked_ = 0, pings_answered_ = 0;

@@ -10,9 +10,8 @@
 #include "server/live/counters.h"
 #include "server/live/hub/hub.h"
 #include "server/live/limits/server_limits.h"
-#include "server/live/login/person_login.h"
-#include "server/live/login/server_logins.h"
-#include "server/live/login/station_login.h"
+#include "server/live/login/account_login.h"
+#include "server/live/login/login_state.h"
 #include "server/live/port/connection.h"
 #include "server/live/work/server_work.h"
 #include "server/together/server_together.h"
@@ -21,7 +20,7 @@ namespace needlelab {
 namespace {
 
 /// Longer program names in a peer's Hello are cut. Ours have some 30 bytes.
-constexpr std::size_t kMostProgramBytes = 100;
+constexpr std::size_t kMaxProgramBytes = 100;
 
 /// A log-in's name for the log; a key typed as a name must not appear there.
 std::string nameOf(const pb::Login& login, bool is_known) {
@@ -50,7 +49,7 @@ Task<Result<Tokens::Holder>> checkToken(ServerContext& context, std::shared_ptr<
   if (!*holder) co_return tokenRefused();
   const Principal& who = (*holder)->who;
   std::function<Result<bool>()> check = context.logins.state->check(login->token(), who);
-  const auto allowed = co_await offload(*context.work.logins_in_turn, turnNameOf(who), std::move(check));
+  const auto allowed = co_await offload(*context.work.login_pool, turnNameOf(who), std::move(check));
   if (!allowed.ok()) co_return allowed.error();
   if (!*allowed) co_return tokenRefused();
   co_return std::move(**holder);
@@ -59,7 +58,7 @@ Task<Result<Tokens::Holder>> checkToken(ServerContext& context, std::shared_ptr<
 }  // namespace
 
 void PeerConnection::greet(const pb::Hello& hello) {
-  program_ = hello.program().substr(0, kMostProgramBytes);
+  program_ = hello.program().substr(0, kMaxProgramBytes);
   const pb::Version ours = ourVersion();
   if (const Status fits = checkVersion(ours, hello.version()); !fits.ok()) {
     note(PeerLine::kVersionRefused, {{"conn", id_},
@@ -155,10 +154,11 @@ bool PeerConnection::takePlace() {
                                "you: try again in a minute"));
     return false;
   }
-  if (!arrival.gives_way) return true;
-  if (const auto found = context_.connections.find(*arrival.gives_way); found != context_.connections.end()) {
+  if (!arrival.displaced) return true;
+  if (const auto found = context_.connections.find(*arrival.displaced); found != context_.connections.end()) {
     LivePeer& other = *found->second;
-    note(PeerLine::kConnectionGivesWay, {{"conn", other.id()}, {"who", other.who().name}, {"to", who_.name}});
+    note(PeerLine::kConnectionDisplaced,
+         {{"conn", other.id()}, {"who", other.who().name}, {"to", who_.name}});
     other.refuseAndClose(
         makeRefusal(pb::Refusal::RATE_LIMITED,
                     fmt::format("all places of the server are taken and {} has the most connections: the one "
@@ -195,7 +195,7 @@ Task<bool> PeerConnection::claimStation() {
     ASSIGN_OR_RETURN(auto reader, store.readers().borrow());
     return StationClaims(*reader).newest(station);
   };
-  const auto seen = co_await offload(*context_.work.logins_in_turn, turnNameOf(who_), std::move(look));
+  const auto seen = co_await offload(*context_.work.login_pool, turnNameOf(who_), std::move(look));
   if (over() || channel_->closing()) co_return false;
   if (!seen.ok()) {
     refuseClaim(seen.error());

@@ -14,7 +14,6 @@
 #include "server/live/port/connection.h"
 #include "server/live/port/remote_access.h"
 #include "server/live/port/request_effects.h"
-#include "server/live/work/in_flight.h"
 #include "server/live/work/server_work.h"
 
 namespace needlelab {
@@ -137,7 +136,7 @@ Task<Result<pb::Envelope>> PeerConnection::parse(ByteView frame, const PayloadCo
   ++context_.counters.messages_parsed;
   context_.counters.decoded_bytes += cost.decoded_bytes;
   if (cost.parsed_bytes <= context_.limits.bounds.parsed_here_bytes) co_return decodeFrame(frame);
-  ++context_.counters.messages_parsed_elsewhere;
+  ++context_.counters.messages_parsed_off_thread;
   std::function<Result<pb::Envelope>()> work = [frame] { return decodeFrame(frame); };
   co_return co_await offload(context_.work.parsers, std::move(work));
 }
@@ -164,13 +163,13 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope, Shares shares) {
       co_await openSession(std::move(*envelope.mutable_open_session()));
       break;
     case pb::Envelope::kChunk:
-      takeChunk(std::move(*envelope.mutable_chunk()));
+      onChunk(std::move(*envelope.mutable_chunk()));
       break;
     case pb::Envelope::kClockOffset:
-      takeClockOffset(envelope.clock_offset());
+      onClockOffset(envelope.clock_offset());
       break;
     case pb::Envelope::kStationStatus: {
-      auto refusal = takeStatus(std::move(*envelope.mutable_station_status()));
+      auto refusal = onStationStatus(std::move(*envelope.mutable_station_status()));
       if (refusal) refuse(std::move(*refusal));
       break;
     }
@@ -180,13 +179,13 @@ Task<> PeerConnection::dispatch(pb::Envelope envelope, Shares shares) {
       break;
     }
     case pb::Envelope::kCloseSession:
-      takeClose(std::move(*envelope.mutable_close_session()));
+      onCloseSession(std::move(*envelope.mutable_close_session()));
       break;
     case pb::Envelope::kRequest:
       context_.limits.admission.used(id_);
       asio::co_spawn(context_.io,
                      execute(shared_from_this(), std::move(*envelope.mutable_request()), std::move(shares)),
-                     endsAlone(shared_from_this()));
+                     endOnException(shared_from_this()));
       break;
     case pb::Envelope::kSubscribe: {
       context_.limits.admission.used(id_);

@@ -1,11 +1,10 @@
-// The durable plane of a connection: sessions, chunks, acknowledgements.
+// The durable plane of a connection: sessions. Chunks and acknowledgements: connection_chunks.cpp.
 #include <fmt/core.h>
+
 #include <algorithm>
-#include <boost/asio/post.hpp>
 #include <utility>
 
 #include "common/base/time/clock.h"
-#include "common/base/time/local_time.h"
 #include "common/wire/protocol.h"
 #include "db/people/person_refs.h"
 #include "server/base/log.h"
@@ -15,13 +14,11 @@
 #include "server/live/port/clock_offsets.h"
 #include "server/live/port/connection.h"
 #include "server/live/port/request_effects.h"
-#include "server/live/work/in_flight.h"
 #include "server/live/work/server_work.h"
 
 namespace needlelab {
-namespace {
 
-Result<Uuid> uuidOf(const std::string& bytes) {
+Result<Uuid> PeerConnection::sessionIdOf(const std::string& bytes) {
   Uuid id{};
   if (bytes.size() != id.size()) {
     return Error{ErrorCode::kInvalidInput, fmt::format("session_id has {} bytes, not 16", bytes.size())};
@@ -30,20 +27,18 @@ Result<Uuid> uuidOf(const std::string& bytes) {
   return id;
 }
 
-std::string sessionText(const std::string& bytes) {
-  const auto id = uuidOf(bytes);
+std::string PeerConnection::sessionText(const std::string& bytes) {
+  const auto id = sessionIdOf(bytes);
   return id.ok() ? uuidText(*id) : "invalid";
 }
 
-pb::Refusal sessionRefusal(pb::Refusal::Reason reason, std::string text, const std::string& session_id,
-                           std::uint64_t expected_seq = 0) {
+pb::Refusal PeerConnection::sessionRefusal(pb::Refusal::Reason reason, std::string text,
+                                           const std::string& session_id, std::uint64_t expected_seq) {
   pb::Refusal refusal = makeRefusal(reason, std::move(text));
   nameSession(refusal, session_id);
   refusal.set_expected_seq(expected_seq);
   return refusal;
 }
-
-}  // namespace
 
 PeerConnection::Watermarks& PeerConnection::watermarks(const std::string& session_id) {
   // ids are ordered by time (UUIDv7): drop the oldest one without a pending acknowledgement
@@ -59,7 +54,7 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   auto self = shared_from_this();
   const pb::SessionDescription& description = request.description();
   const std::string session_id = description.session_id();
-  const auto id = uuidOf(session_id);
+  const auto id = sessionIdOf(session_id);
   if (!id.ok()) {
     refuse(sessionRefusal(pb::Refusal::INVALID, id.error().message, session_id));
     co_return;
@@ -74,7 +69,7 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
 
   // commit before answering: a session announced to a station survives the server
   struct Opened {
-    std::uint64_t next_seq = 0, safe = 0, most_safe = 0;
+    std::uint64_t next_seq = 0, safe = 0, max_safe = 0;
     bool is_new = false, closed = false;
     std::string trainee_ref, trainee;
     bool begin_unsure = false;
@@ -107,7 +102,7 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
     opened->next_seq = next;
     ASSIGN_OR_RETURN(auto safe, store.safeSeqs(id));
     opened->safe = safe;
-    ASSIGN_OR_RETURN(opened->most_safe, store.mostSafeSeqs(id));
+    ASSIGN_OR_RETURN(opened->max_safe, store.mostSafeSeqs(id));
     auto state = writer.query(
         "SELECT state, trainee, EXISTS (SELECT 1 FROM unknown_trainees WHERE session = number AND"
         " by_whom IS NULL AND begin_unsure = 1) FROM sessions WHERE id = ?",
@@ -138,7 +133,7 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   Watermarks& marks = watermarks(session_id);
   marks.committed = 0;  // a restored store may have fewer than before
   marks.safe = opened->safe;
-  marks.most_safe = opened->most_safe;
+  marks.max_safe = opened->max_safe;
   marks.noteCommitted(opened->next_seq, context_.acks_are_safe);
   // also for a closed session: its station may have missed the answer to CloseSession and sends it again
   marks.open = true;
@@ -167,7 +162,7 @@ bool PeerConnection::isStationsPeer() const {
   return context_.hub.stationPeer(who_.name) == this;
 }
 
-std::optional<pb::Refusal> PeerConnection::takeStatus(pb::StationStatus status) {
+std::optional<pb::Refusal> PeerConnection::onStationStatus(pb::StationStatus status) {
   // an erased person's session is closed; this also works after a restart, when the erased names are unknown
   const auto session = sessions_.find(status.session_id());
   if (session == sessions_.end() || context_.hub.isErased(session->second.trainee_ref))
@@ -177,172 +172,9 @@ std::optional<pb::Refusal> PeerConnection::takeStatus(pb::StationStatus status) 
   return isStationsPeer() ? context_.hub.onStatus(who_.name, status, steadyNowNs()) : std::nullopt;
 }
 
-void PeerConnection::takeChunk(pb::Chunk chunk) {
-  const auto id = uuidOf(chunk.session_id());
-  if (!id.ok()) {
-    refuse(sessionRefusal(pb::Refusal::INVALID, id.error().message, chunk.session_id()));
-    return;
-  }
-  if (context_.limits.disk_room.level() == RoomLevel::kNoChunks) {
-    // ends the connection, so that the station resends everything after this chunk; then opening its session
-    // is refused, which the station retries
-    ++context_.counters.refused_for_room;
-    refuseAndClose(sessionRefusal(pb::Refusal::NO_ROOM, context_.limits.disk_room.text(), chunk.session_id(),
-                                  chunk.seq()));
-    return;
-  }
-  context_.limits.disk_room.take(chunk.data().size());
-  ++chunks_in_flight_;
-  const BudgetOwner owner{.name = who_.name, .person = false};
-  context_.in_flight.chunks.add(owner, 1);
-  context_.in_flight.chunk_bytes.add(owner, chunk.data().size());
-  struct Waiting {
-    pb::Chunk chunk;
-    std::string station;
-    std::shared_ptr<const StationClaim> claim;
-    Appended appended;
-  };
-  // copy only these: the budget does not count the other fields while the chunk waits
-  const auto waiting = std::make_shared<Waiting>();
-  waiting->chunk.set_session_id(chunk.session_id());
-  waiting->chunk.set_seq(chunk.seq());
-  waiting->chunk.set_data(std::move(*chunk.mutable_data()));
-  waiting->station = who_.name;
-  waiting->claim = claim_;
-  const pb::Chunk& known = waiting->chunk;
-  ArrivedChunk arrived{*id, known.seq(), viewOf(known.data()), waiting->station, &waiting->appended};
-  arrived.claim = waiting->claim.get();
-  arrived.admit = [kept = waiting.get(), &quotas = context_.limits.quotas](const Appended& appended) {
-    return quotas.admitChunk(kept->station,
-                             {.bytes = kept->chunk.data().size(), .undecodable = appended.quarantined},
-                             steadyNowNs());
-  };
-  // called on the writer's thread, after the commit
-  DbWriter::Done done = [self = shared_from_this(), waiting](const Status& status) {
-    self->context_.in_flight.committed.put(
-        [self, waiting, status] { self->chunkDone(waiting->chunk, status, waiting->appended); });
-  };
-  if (const Status posted = context_.store.writer().postChunk(std::move(arrived), std::move(done));
-      !posted.ok()) {
-    chunkDone(waiting->chunk, posted, waiting->appended);
-  }
-}
-
-void PeerConnection::chunkDone(const pb::Chunk& chunk, const Status& status, const Appended& appended) {
-  --chunks_in_flight_;
-  context_.limits.disk_room.settle(chunk.data().size(),
-                                   status.ok() && appended.kind == Appended::Kind::kStored);
-  const bool was_full = context_.in_flight.chunksFull();
-  const BudgetOwner owner{.name = who_.name, .person = false};
-  context_.in_flight.chunks.giveBack(owner, 1);
-  context_.in_flight.chunk_bytes.giveBack(owner, chunk.data().size());
-  if (was_full && !context_.in_flight.chunksFull()) context_.in_flight.chunk_room.notify();
-  freed_.notify();
-  // the station may have logged in again, and its newer connection may wait for this chunk's place
-  auto* const newer = dynamic_cast<PeerConnection*>(context_.hub.stationPeer(who_.name));
-  if (newer != nullptr && newer != this) newer->freed_.notify();
-  if (endedAsDeposed(status)) return;
-  if (!status.ok() && status.error().code == ErrorCode::kNoRoom) {
-    // its station's share is used up; handled like a full disk
-    ++context_.counters.refused_for_room;
-    if (over()) return;
-    note(PeerLine::kNoRoom, {{"conn", id_}, {"who", who_.name}, {"text", status.error().message}});
-    refuseAndClose(
-        sessionRefusal(pb::Refusal::NO_ROOM, status.error().message, chunk.session_id(), chunk.seq()));
-    return;
-  }
-  if (!status.ok()) {
-    // not stored and not acknowledged: the station keeps the chunk and resends it on its next connection
-    logEvent(LogLevel::kError, "chunk_not_stored",
-             {{"conn", id_},
-              {"session", sessionText(chunk.session_id())},
-              {"seq", chunk.seq()},
-              {"text", status.error().message}});
-    refuseAndClose(sessionRefusal(pb::Refusal::INTERNAL,
-                                  "the chunk could not be stored: " + status.error().message,
-                                  chunk.session_id(), chunk.seq()));
-    return;
-  }
-  if (!appended.taken()) {
-    refuseChunk(chunk, appended);
-    return;
-  }
-  ++(appended.kind == Appended::Kind::kStored ? context_.counters.chunks_stored
-                                              : context_.counters.chunks_repeated);
-  if (appended.quarantined) {
-    ++context_.counters.chunks_quarantined;
-    note(PeerLine::kChunkQuarantined, {{"conn", id_},
-                                       {"station", who_.name},
-                                       {"session", sessionText(chunk.session_id())},
-                                       {"seq", chunk.seq()},
-                                       {"text", appended.text}});
-  }
-  Watermarks& marks = watermarks(chunk.session_id());
-  if (appended.quarantined) marks.most_safe = std::min(marks.most_safe, chunk.seq());
-  marks.noteCommitted(appended.next_seq, context_.acks_are_safe);
-  marks.ack_due = true;
-  scheduleAcks();
-}
-
-void PeerConnection::refuseChunk(const pb::Chunk& chunk, const Appended& appended) {
-  ++context_.counters.chunks_refused;
-  const bool contradicts = appended.kind == Appended::Kind::kContradiction;
-  if (contradicts) ++context_.counters.chunks_contradicting;
-  // after a chunk that ended the connection, all others of its session are gaps or contradict likewise; one
-  // line is enough
-  if (over() && (contradicts || appended.kind == Appended::Kind::kGap)) return;
-  const auto reason = [&] {
-    switch (appended.kind) {
-      case Appended::Kind::kGap:
-        return pb::Refusal::GAP;
-      case Appended::Kind::kContradiction:
-        return pb::Refusal::CONTRADICTION;
-      case Appended::Kind::kUnknownSession:
-        return pb::Refusal::UNKNOWN_SESSION;
-      default:
-        return pb::Refusal::INVALID;
-    }
-  }();
-  note(PeerLine::kChunkRefused, {{"conn", id_},
-                                 {"station", who_.name},
-                                 {"session", sessionText(chunk.session_id())},
-                                 {"seq", chunk.seq()},
-                                 {"reason", reasonName(reason)},
-                                 {"expected_seq", appended.next_seq}});
-  if (over()) return;
-  pb::Refusal refusal = sessionRefusal(reason, appended.text, chunk.session_id(), appended.next_seq);
-  // two recordings with the same session id: nothing that follows can be stored; SessionStore::append has
-  // written an audit line
-  if (contradicts)
-    refuseAndClose(std::move(refusal));
-  else
-    refuse(std::move(refusal));
-}
-
-void PeerConnection::scheduleAcks() {
-  // the chunks of one commit arrive together and get one acknowledgement
-  if (std::exchange(acks_scheduled_, true)) return;
-  asio::post(context_.io, [self = shared_from_this()] {
-    self->acks_scheduled_ = false;
-    self->sendAcks();
-  });
-}
-
-void PeerConnection::sendAcks() {
-  for (auto& [session_id, marks] : sessions_) {
-    if (!std::exchange(marks.ack_due, false)) continue;
-    pb::Envelope envelope;
-    envelope.mutable_ack()->set_session_id(session_id);
-    envelope.mutable_ack()->set_committed_seqs(marks.committed);
-    envelope.mutable_ack()->set_safe_seqs(marks.safe);
-    ++context_.counters.acks;
-    sendControl(envelope);
-  }
-}
-
-void PeerConnection::takeClose(pb::CloseSession request) {
+void PeerConnection::onCloseSession(pb::CloseSession request) {
   const std::string& session_id = request.session_id();
-  if (const auto id = uuidOf(session_id); !id.ok()) {
+  if (const auto id = sessionIdOf(session_id); !id.ok()) {
     refuse(pb::Refusal::INVALID, "close_session." + id.error().message);
     return;
   }
@@ -367,7 +199,7 @@ void PeerConnection::takeClose(pb::CloseSession request) {
   // a copy: discarding does not free the memory, and the message's share of the budget ends now
   request.DiscardUnknownFields();
   asio::co_spawn(context_.io, closeSession(shared_from_this(), pb::CloseSession(request), std::move(place)),
-                 endsAlone(shared_from_this()));
+                 endOnException(shared_from_this()));
 }
 
 Task<> PeerConnection::closeSession(std::shared_ptr<PeerConnection> self, pb::CloseSession request,
@@ -387,7 +219,7 @@ Task<> PeerConnection::closeSession(std::shared_ptr<PeerConnection> self, pb::Cl
   work.is_long = [close] { return close->is_long; };
   Result<CloseOutcome> outcome = Error{ErrorCode::kFailed, "not done"};
   if (committed.ok()) {
-    outcome = co_await closeInTurn(peer.context_, peer.who_.name, std::move(work));
+    outcome = co_await closeQueued(peer.context_, peer.who_.name, std::move(work));
   } else {
     outcome = committed.error();
   }
@@ -441,8 +273,8 @@ Task<> PeerConnection::closeSession(std::shared_ptr<PeerConnection> self, pb::Cl
   if (!any_open && peer.state_ == ConnectionState::kInSession) peer.setState(ConnectionState::kAuthenticated);
 }
 
-void PeerConnection::takeClockOffset(const pb::ClockOffset& offset) {
-  const auto id = uuidOf(offset.session_id());
+void PeerConnection::onClockOffset(const pb::ClockOffset& offset) {
+  const auto id = sessionIdOf(offset.session_id());
   if (!id.ok() || !sessions_.contains(offset.session_id())) {
     refuse(sessionRefusal(pb::Refusal::UNKNOWN_SESSION, "clock_offset: not a session of this connection",
                           offset.session_id()));
@@ -471,7 +303,7 @@ bool PeerConnection::endedAsDeposed(const Status& status) {
 }
 
 /// Ends the connection only if the database agrees: other servers are trusted for views only.
-Task<> PeerConnection::lookAtClaim(std::shared_ptr<PeerConnection> self) {
+Task<> PeerConnection::checkClaim(std::shared_ptr<PeerConnection> self) {
   PeerConnection& peer = *self;
   std::function<Result<std::string>()> look = [&store = peer.context_.store,
                                                claim = peer.claim_]() -> Result<std::string> {
@@ -481,46 +313,13 @@ Task<> PeerConnection::lookAtClaim(std::shared_ptr<PeerConnection> self) {
     if (holds.error().code == ErrorCode::kDeposed) return holds.error().message;
     return holds.error();
   };
-  const auto lost =
-      co_await offload(*peer.context_.work.logins_in_turn, turnNameOf(peer.who_), std::move(look));
+  const auto lost = co_await offload(*peer.context_.work.login_pool, turnNameOf(peer.who_), std::move(look));
   if (lost.ok() && !lost->empty() && !peer.over())
     (void)peer.endedAsDeposed(Error{ErrorCode::kDeposed, *lost});
 }
 
 void PeerConnection::onDisplaced() {
-  asio::co_spawn(context_.io, lookAtClaim(shared_from_this()), endsAlone(shared_from_this()));
-}
-
-void PeerConnection::tellSafe() {
-  asio::co_spawn(context_.io, safeOf(shared_from_this()), endsAlone(shared_from_this()));
-}
-
-Task<> PeerConnection::safeOf(std::shared_ptr<PeerConnection> self) {
-  PeerConnection& peer = *self;
-  std::vector<std::string> ids;
-  for (const auto& [session_id, marks] : peer.sessions_) ids.push_back(session_id);
-  using Safe = std::map<std::string, std::uint64_t>;
-  std::function<Result<Safe>()> read = [&store = peer.context_.store, ids]() -> Result<Safe> {
-    ASSIGN_OR_RETURN(auto reader, store.readers().borrow());
-    Safe safe;
-    for (const std::string& session_id : ids) {
-      ASSIGN_OR_RETURN(auto seqs, SessionStore(*reader).safeSeqs(*uuidOf(session_id)));
-      safe[session_id] = seqs;
-    }
-    return safe;
-  };
-  auto safe = co_await offload(peer.context_.work.workers, std::move(read));
-  if (!safe.ok()) {
-    logEvent(LogLevel::kError, "read_failed", {{"conn", peer.id_}, {"text", safe.error().message}});
-    co_return;
-  }
-  for (const auto& [session_id, seqs] : *safe) {
-    const auto found = peer.sessions_.find(session_id);
-    if (found == peer.sessions_.end() || seqs <= found->second.safe) continue;
-    found->second.safe = seqs;
-    found->second.ack_due = true;
-  }
-  peer.sendAcks();
+  asio::co_spawn(context_.io, checkClaim(shared_from_this()), endOnException(shared_from_this()));
 }
 
 }  // namespace needlelab

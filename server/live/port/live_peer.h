@@ -36,10 +36,10 @@ class LivePeer : public HubPeer {
 
   /// Asks the kernel whether the peer has hung up, because a peer at its limit of requests is not read. Call
   /// periodically while hasRequests().
-  virtual void lookForHangUp() = 0;
+  virtual void checkHangUp() = 0;
 
   /// After a verified backup: reports to the station the sessions and chunks that it covers.
-  virtual void tellSafe() = 0;
+  virtual void sendSafe() = 0;
 
   /// Sends a message and waits until the peer has read it, confirmed by its answer to a Ping sent after it.
   virtual Task<bool> sendConfirmed(pb::Envelope envelope) = 0;

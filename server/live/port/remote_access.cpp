@@ -13,7 +13,7 @@
 #include "db/people/person_name.h"
 #include "server/base/log.h"
 #include "server/live/hub/hub.h"
-#include "server/live/login/server_logins.h"
+#include "server/live/login/login_state.h"
 #include "server/live/port/live_peer.h"
 #include "server/live/port/request_effects.h"
 #include "server/live/work/server_work.h"
@@ -23,7 +23,7 @@ namespace needlelab {
 namespace {
 
 /// Length of one statement's list.
-constexpr std::size_t kMostAtOnce = 256;
+constexpr std::size_t kMaxAtOnce = 256;
 
 std::string textOfChange(const AccessChange& change) {
   if (change.how == "disabled") return "the account was disabled";
@@ -38,7 +38,7 @@ AccountKey keyOfAccount(const Principal& who) {
 }
 
 /// Accounts in use here, each once.
-std::vector<Principal> accountsHere(ServerContext& context) {
+std::vector<Principal> localAccounts(ServerContext& context) {
   std::map<AccountKey, Principal> all;
   for (const auto& [id, peer] : context.connections)
     if (const Principal& who = peer->who(); who.logged_in && !peer->over()) all[keyOfAccount(who)] = who;
@@ -50,17 +50,17 @@ std::vector<Principal> accountsHere(ServerContext& context) {
 
 Task<> lookAtAll(ServerContext& context) {
   do {
-    context.together.access_look.is_due = false;
-    const std::vector<Principal> accounts = accountsHere(context);
-    for (std::size_t from = 0; from < accounts.size() && !context.stopping; from += kMostAtOnce) {
-      const std::size_t end = std::min(from + kMostAtOnce, accounts.size());
+    context.together.access_recheck.is_due = false;
+    const std::vector<Principal> accounts = localAccounts(context);
+    for (std::size_t from = 0; from < accounts.size() && !context.stopping; from += kMaxAtOnce) {
+      const std::size_t end = std::min(from + kMaxAtOnce, accounts.size());
       const std::vector<Principal> some(accounts.begin() + static_cast<std::ptrdiff_t>(from),
                                         accounts.begin() + static_cast<std::ptrdiff_t>(end));
       std::function<Result<std::vector<bool>>()> look = [&service = context.store.service(), some] {
         return service.logins().stillAllowed(some);
       };
-      const auto hold = co_await offload(*context.work.logins_in_turn, "access of all", std::move(look));
-      std::int64_t& unanswered_ns = context.together.access_look.unanswered_since_ns;
+      const auto hold = co_await offload(*context.work.login_pool, "access of all", std::move(look));
+      std::int64_t& unanswered_ns = context.together.access_recheck.unanswered_since_ns;
       if (!hold.ok()) {
         if (unanswered_ns == 0) unanswered_ns = steadyNowNs();
         break;  // the next check will retry
@@ -69,8 +69,8 @@ Task<> lookAtAll(ServerContext& context) {
       for (std::size_t i = 0; i < some.size(); ++i)
         if (!(*hold)[i]) endAccessOf(context, some[i]);
     }
-  } while (context.together.access_look.is_due && !context.stopping);
-  context.together.access_look.is_under_way = false;
+  } while (context.together.access_recheck.is_due && !context.stopping);
+  context.together.access_recheck.is_under_way = false;
 }
 
 /// Which of the refs are erased.
@@ -100,38 +100,38 @@ Task<> forgetErasedNames(ServerContext& context) {
 
 }  // namespace
 
-void accessChangedElsewhere(ServerContext& context, const std::vector<AccessChange>& changes) {
+void onRemoteAccessChanges(ServerContext& context, const std::vector<AccessChange>& changes) {
   for (const AccessChange& change : changes) {
     switch (change.what) {
-      case AccessWhat::kPerson:
-      case AccessWhat::kStation: {
-        EndedAccess ended{.name = change.name, .is_station = change.what == AccessWhat::kStation};
+      case AccessKind::kPerson:
+      case AccessKind::kStation: {
+        EndedAccess ended{.name = change.name, .is_station = change.what == AccessKind::kStation};
         ended.text = textOfChange(change);
         ended.before_number = change.number;
         endAccess(context, ended, {std::string(kServerName)});
         break;
       }
-      case AccessWhat::kLogOut:
+      case AccessKind::kLogOut:
         (void)context.logins.state->forget(change.name);
         break;
-      case AccessWhat::kErased:
+      case AccessKind::kErased:
         // forget the name and what was learned from the recordings
         context.store.service().scoring().forgetRecordings();
-        lookAtAllAccess(context);
+        recheckAllAccess(context);
         asio::co_spawn(context.io, forgetErasedNames(context), rethrow);
         break;
     }
   }
 }
 
-void lookAtAllAccess(ServerContext& context) {
-  context.together.access_look.is_due = true;
-  if (context.stopping || std::exchange(context.together.access_look.is_under_way, true)) return;
+void recheckAllAccess(ServerContext& context) {
+  context.together.access_recheck.is_due = true;
+  if (context.stopping || std::exchange(context.together.access_recheck.is_under_way, true)) return;
   asio::co_spawn(context.io, lookAtAll(context), rethrow);
 }
 
 std::optional<pb::Refusal> accessUnknown(const ServerContext& context) {
-  const std::int64_t since_ns = context.together.access_look.unanswered_since_ns;
+  const std::int64_t since_ns = context.together.access_recheck.unanswered_since_ns;
   if (since_ns == 0 || !context.together.access_listener) return std::nullopt;
   const std::chrono::nanoseconds bearable = context.together.access_listener->settings().watch_refused_after;
   if (steadyNowNs() - since_ns < bearable.count()) return std::nullopt;
@@ -142,11 +142,11 @@ std::optional<pb::Refusal> accessUnknown(const ServerContext& context) {
 
 void stepUnheardAccess(ServerContext& context, std::chrono::nanoseconds most) {
   const bool is_deaf = context.together.access_listener->hearing().is_deaf;
-  const std::int64_t since_ns = context.together.access_look.unanswered_since_ns;
+  const std::int64_t since_ns = context.together.access_recheck.unanswered_since_ns;
   if (!is_deaf)
-    context.together.access_look.unanswered_since_ns = 0;
+    context.together.access_recheck.unanswered_since_ns = 0;
   else
-    lookAtAllAccess(context);
+    recheckAllAccess(context);
   if (!is_deaf || since_ns == 0 || steadyNowNs() - since_ns < most.count()) return;
   const auto all = context.connections;
   for (const auto& [id, connection] : all) {

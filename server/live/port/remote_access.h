@@ -13,12 +13,12 @@ namespace needlelab {
 
 /// Ends connections, cached tokens and log-ins in progress that began before the change, as for a change made
 /// here. Thread: the network's.
-void accessChangedElsewhere(ServerContext& context, const std::vector<AccessChange>& changes);
+void onRemoteAccessChanges(ServerContext& context, const std::vector<AccessChange>& changes);
 
 /// Checks the accounts of all connections and cached tokens in the database, and ends those whose access is
 /// no longer valid. Only one check runs at a time; a call during one repeats it afterwards. Thread: the
 /// network's; the context must outlive it.
-void lookAtAllAccess(ServerContext& context);
+void recheckAllAccess(ServerContext& context);
 
 /// A refusal if, for AccessListener::Settings::watch_refused_after, no changes were heard and the database
 /// answered no check: a person disabled elsewhere must not start watching. Nothing: changes are heard, or

@@ -13,9 +13,8 @@
 #include "server/live/counters.h"
 #include "server/live/hub/hub.h"
 #include "server/live/limits/server_limits.h"
-#include "server/live/login/server_logins.h"
+#include "server/live/login/login_state.h"
 #include "server/live/port/live_peer.h"
-#include "server/live/work/in_flight.h"
 #include "server/live/work/server_work.h"
 #include "server/live/work/turn_queue.h"
 #include "server/together/server_together.h"
@@ -45,8 +44,8 @@ StationMessage stationMessageOf(const pb::Request& request, const std::string& b
 }
 
 /// Returns a refusal if the message did not, or may not have, reached the station.
-Task<std::optional<pb::Refusal>> deliverHere(ServerContext& context, std::string station,
-                                             pb::Envelope message) {
+Task<std::optional<pb::Refusal>> deliverLocally(ServerContext& context, std::string station,
+                                                pb::Envelope message) {
   auto* const peer = dynamic_cast<LivePeer*>(context.hub.stationPeer(station));
   const std::string name = "station '" + station + "'";
   if (peer == nullptr) {
@@ -65,30 +64,29 @@ Task<std::optional<pb::Refusal>> deliverHere(ServerContext& context, std::string
 }
 
 /// For a station at another server. Nothing: it is connected here now.
-Task<std::optional<RemoteLive::Asked>> deliverElsewhere(ServerContext& context,
-                                                        const StationMessage& wanted) {
+Task<std::optional<RemoteLive::Asked>> deliverRemotely(ServerContext& context, const StationMessage& wanted) {
   auto later = std::make_shared<Later<RemoteLive::Asked>>(context.io.get_executor());
-  RemoteLive::AskedDone done = [later](RemoteLive::Asked asked) { later->set(std::move(asked)); };
+  RemoteLive::AskDone done = [later](RemoteLive::Asked asked) { later->set(std::move(asked)); };
   context.together.remote->ask(wanted.station, wanted.message, std::move(done));
   RemoteLive::Asked asked = co_await Later<RemoteLive::Asked>::wait(std::move(later));
-  if (asked.kind == RemoteLive::Asked::Kind::kHere) co_return std::nullopt;
+  if (asked.kind == RemoteLive::Asked::Kind::kLocal) co_return std::nullopt;
   co_return std::move(asked);
 }
 
 Task<std::optional<pb::Refusal>> deliver(ServerContext& context, const pb::Request& request, std::string by) {
   StationMessage wanted = stationMessageOf(request, by);
-  if (context.together.remote != nullptr && context.together.remote->isElsewhere(wanted.station)) {
-    if (auto asked = co_await deliverElsewhere(context, wanted)) {
+  if (context.together.remote != nullptr && context.together.remote->isRemote(wanted.station)) {
+    if (auto asked = co_await deliverRemotely(context, wanted)) {
       if (asked->kind == RemoteLive::Asked::Kind::kDelivered) co_return std::nullopt;
       co_return std::move(asked->refusal);
     }
   }
-  co_return co_await deliverHere(context, std::move(wanted.station), std::move(wanted.message));
+  co_return co_await deliverLocally(context, std::move(wanted.station), std::move(wanted.message));
 }
 
-Task<> deliverThenSay(ServerContext& context, std::string station, pb::Envelope message,
-                      RemoteLive::DeliverDone done) {
-  auto refusal = co_await deliverHere(context, std::move(station), std::move(message));
+Task<> deliverThenReport(ServerContext& context, std::string station, pb::Envelope message,
+                         RemoteLive::DeliverDone done) {
+  auto refusal = co_await deliverLocally(context, std::move(station), std::move(message));
   done(std::move(refusal));
 }
 
@@ -111,7 +109,7 @@ PasswordLine passwordLineOf(const Principal& who) {
 Status mayWait(ServerContext& context, RequestThreads threads, const Principal& who) {
   const std::size_t most = context.limits.bounds.hashes_waiting;
   if (threads != RequestThreads::kPasswords ||
-      context.work.passwords_in_turn->waitingOf(who.name, passwordLineOf(who)) < most)
+      context.work.password_pool->waitingOf(who.name, passwordLineOf(who)) < most)
     return {};
   return Error{
       who.role == pb::STATION ? ErrorCode::kCode : ErrorCode::kUnavailable,
@@ -120,7 +118,7 @@ Status mayWait(ServerContext& context, RequestThreads threads, const Principal& 
                   most, who.role == pb::STATION ? "station" : "account")};
 }
 
-std::shared_ptr<Outcome> refusedBefore(const pb::Request& request, Error error) {
+std::shared_ptr<Outcome> refusalOutcome(const pb::Request& request, Error error) {
   auto refused = std::make_shared<Outcome>();
   refused->error = std::move(error);
   refused->reply.set_id(request.id());
@@ -134,7 +132,7 @@ Task<Executed> onItsThreads(ServerContext& context, RequestThreads threads, cons
     case RequestThreads::kWorkers:
       break;
     case RequestThreads::kPasswords:
-      return offload(*context.work.passwords_in_turn, who.name, std::move(work), passwordLineOf(who));
+      return offload(*context.work.password_pool, who.name, std::move(work), passwordLineOf(who));
     case RequestThreads::kViews:
       return offload(
           who.role == pb::STATION ? *context.work.views_of_stations : *context.work.views_of_people,
@@ -152,8 +150,8 @@ Task<Executed> onItsThreads(ServerContext& context, RequestThreads threads, cons
 constexpr const char* kAccountChanged = "the account was changed: log in again";
 
 /// Ends the connections for which `are` is true. Returns their number.
-std::size_t closeThose(ServerContext& context, const std::string& text,
-                       const std::function<bool(const LivePeer&)>& are) {
+std::size_t closeMatching(ServerContext& context, const std::string& text,
+                          const std::function<bool(const LivePeer&)>& are) {
   std::size_t count = 0;
   // copy: closing a connection removes it from the map
   const auto all = context.connections;
@@ -185,17 +183,17 @@ Task<Executed> executeRequest(ServerContext& context, Principal who,
                               std::shared_ptr<const pb::Request> request, std::function<bool()> gone) {
   const RequestThreads threads = threadsOf(*request, who.role);
   if (const Status may = mayWait(context, threads, who); !may.ok())
-    co_return refusedBefore(*request, may.error());
+    co_return refusalOutcome(*request, may.error());
   auto room = takeRoom(context, who, request->call_case(), request->ByteSizeLong());
-  if (!room.ok()) co_return refusedBefore(*request, room.error());
+  if (!room.ok()) co_return refusalOutcome(*request, room.error());
   std::unique_ptr<TurnQueue::Place> place;
   const auto under_way = std::make_shared<RequestUnderWay>();
   const std::function<Executed()> step = [&service = context.store.service(), who, request, threads,
                                           under_way, gone = std::move(gone)]() -> Executed {
     // once done, continue: others must be notified, e.g. people who lost access
     if (!under_way->isDone() && gone())
-      return refusedBefore(*request, {ErrorCode::kUnavailable, "the client has disconnected"});
-    if (threads == RequestThreads::kHours) yieldToOthers();
+      return refusalOutcome(*request, {ErrorCode::kUnavailable, "the client has disconnected"});
+    if (threads == RequestThreads::kHours) yieldThread();
     auto outcome = service.executeStep(who, *request, *under_way);
     return outcome ? std::make_shared<Outcome>(*std::move(outcome)) : nullptr;
   };
@@ -218,25 +216,27 @@ Task<Executed> executeRequest(ServerContext& context, Principal who,
   }
 }
 
-Task<Result<CloseOutcome>> closeInTurn(ServerContext& context, std::string station, CloseWork work) {
+Task<Result<CloseOutcome>> closeQueued(ServerContext& context, std::string station, CloseWork work) {
   using Step = Result<std::optional<CloseOutcome>>;
-  const Error has_gone{ErrorCode::kUnavailable, "the client has disconnected"};
+  const Error disconnected{ErrorCode::kUnavailable, "the client has disconnected"};
   std::unique_ptr<TurnQueue::Place> place;
   for (;;) {
     const bool is_long = work.is_long && work.is_long();
     if (is_long && !place) place = co_await context.work.long_scores.take(station);
-    if (work.gone()) co_return has_gone;
-    std::function<Step()> piece = [work, has_gone]() -> Step { return work.gone() ? has_gone : work.step(); };
-    FairPool& turns = is_long ? *context.work.long_scores_in_turn : *context.work.closes_in_turn;
+    if (work.gone()) co_return disconnected;
+    std::function<Step()> piece = [work, disconnected]() -> Step {
+      return work.gone() ? disconnected : work.step();
+    };
+    FairPool& turns = is_long ? *context.work.long_scores_by_station : *context.work.closes_by_station;
     Step done = co_await offload(turns, station, std::move(piece));
     if (!done.ok()) co_return done.error();
     if (done->has_value()) co_return std::move(**done);
   }
 }
 
-RemoteLive::Deliver deliverForOthers(ServerContext& context) {
+RemoteLive::Deliver remoteDelivery(ServerContext& context) {
   return [&context](const std::string& station, const pb::Envelope& message, RemoteLive::DeliverDone done) {
-    asio::co_spawn(context.io, deliverThenSay(context, station, message, std::move(done)), rethrow);
+    asio::co_spawn(context.io, deliverThenReport(context, station, message, std::move(done)), rethrow);
   };
 }
 
@@ -296,18 +296,18 @@ Task<std::optional<pb::Refusal>> complete(ServerContext& context, const pb::Requ
   co_return refusal;
 }
 
-void tellSafe(ServerContext& context) {
+void sendSafe(ServerContext& context) {
   // copy: ending a connection removes it from the map
   const auto all = context.connections;
   for (const auto& [id, peer] : all) {
-    if (peer->who().role == pb::STATION) peer->tellSafe();
+    if (peer->who().role == pb::STATION) peer->sendSafe();
   }
 }
 
 void followUp(ServerContext& context, const Outcome& outcome, const Doer& by, const LivePeer* asker) {
   if (outcome.reply.has_backup_done()) {
     ++context.counters.backups;
-    tellSafe(context);
+    sendSafe(context);
   }
   for (const std::string& ref : outcome.roles_changed)
     endAccess(context, {.name = ref, .text = kAccountChanged}, by);
@@ -339,7 +339,7 @@ void endAccess(ServerContext& context, const EndedAccess& ended, const Doer& by)
   // log-ins in progress are checked again
   context.logins.access.changed(ended.name, ended.is_station);
   const auto tokens = ended.is_station ? std::size_t{0} : context.logins.state->forget(ended.name);
-  const std::size_t connections = closeThose(context, ended.text, [&](const LivePeer& peer) {
+  const std::size_t connections = closeMatching(context, ended.text, [&](const LivePeer& peer) {
     const Principal& who = peer.who();
     return who.name == ended.name && (who.role == pb::STATION) == ended.is_station && &peer != ended.except &&
            who.access_number.value_or(-1) < ended.before_number;
@@ -361,7 +361,7 @@ void endAccessOf(ServerContext& context, const Principal& who) {
   const bool is_station = who.role == pb::STATION;
   context.logins.access.changed(who.name, is_station);
   if (!is_station) (void)context.logins.state->forget(who.name);
-  const std::size_t connections = closeThose(context, kAccountChanged, [&](const LivePeer& peer) {
+  const std::size_t connections = closeMatching(context, kAccountChanged, [&](const LivePeer& peer) {
     const Principal& there = peer.who();
     return there.name == who.name && there.role == who.role && there.access_number == who.access_number;
   });

@@ -28,7 +28,7 @@ struct CloseWork {
 /// among the closes of all stations; steps of a long score are turns among the long ones, after it has a
 /// place (kLongScoresAtOnce). When the connection has ended, no further step is done (kUnavailable). Thread:
 /// the network's.
-Task<Result<CloseOutcome>> closeInTurn(ServerContext& context, std::string station, CloseWork work);
+Task<Result<CloseOutcome>> closeQueued(ServerContext& context, std::string station, CloseWork work);
 
 /// Where a person's reply of this size is written as text. Up to 16 KiB (about a millisecond): null, on the
 /// network's thread. Below 64 KiB: on the workers, so that a page of a list does not wait for plots.
@@ -77,7 +77,7 @@ Task<std::optional<pb::Refusal>> complete(ServerContext& context, const pb::Requ
 void followUp(ServerContext& context, const Outcome& outcome, const Doer& by, const LivePeer* asker);
 
 /// Reports to all stations here what the verified backups cover now. Thread: the network's.
-void tellSafe(ServerContext& context);
+void sendSafe(ServerContext& context);
 
 /// An access that has ended, and why.
 struct EndedAccess {
@@ -98,6 +98,6 @@ void endAccess(ServerContext& context, const EndedAccess& ended, const Doer& by)
 void endAccessOf(ServerContext& context, const Principal& who);
 
 /// Delivers what another server sends to this one's stations through `remote`. The context must outlive it.
-RemoteLive::Deliver deliverForOthers(ServerContext& context);
+RemoteLive::Deliver remoteDelivery(ServerContext& context);
 
 }  // namespace needlelab

@@ -5,9 +5,8 @@
 #include "server/live/counters.h"
 #include "server/live/hub/hub.h"
 #include "server/live/limits/server_limits.h"
-#include "server/live/login/server_logins.h"
+#include "server/live/login/login_state.h"
 #include "server/live/port/clock_offsets.h"
-#include "server/live/work/in_flight.h"
 #include "server/live/work/server_work.h"
 #include "server/together/server_together.h"
 

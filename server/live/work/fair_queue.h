@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <boost/asio/thread_pool.hpp>
+#include <cassert>
 #include <cstddef>
 #include <deque>
 #include <functional>
@@ -27,6 +28,7 @@ class FairQueue {
   explicit FairQueue(std::size_t lines = 1) : lines_(lines) {}
 
   void put(const std::string& who, Item item, std::size_t line = 0) {
+    assert(line < lines_.size());
     auto& theirs = lines_[line].items[who];
     if (theirs.empty()) lines_[line].turns.push_back(who);
     theirs.push_back(std::move(item));
@@ -47,6 +49,7 @@ class FairQueue {
       if (turn == line.turns.end()) continue;
       line.turns.splice(line.turns.end(), line.turns, turn);
       const auto theirs = line.items.find(line.turns.back());
+      assert(theirs != line.items.end() && !theirs->second.empty());
       Taken taken{theirs->first, std::move(theirs->second.front())};
       theirs->second.pop_front();
       line.removedFrom(theirs);
@@ -57,6 +60,7 @@ class FairQueue {
   /// Removes a waiting item.
   void remove(const std::string& who, std::size_t line, const Item& item) {
     const auto theirs = lines_[line].items.find(who);
+    assert(theirs != lines_[line].items.end());
     std::erase(theirs->second, item);
     lines_[line].removedFrom(theirs);
   }
@@ -97,6 +101,7 @@ class FairQueue {
     std::size_t size = 0;
 
     void removedFrom(typename Items::iterator theirs) {
+      assert(size > 0);
       --size;
       if (!theirs->second.empty()) return;
       std::erase(turns, theirs->first);
@@ -117,7 +122,7 @@ class FairPool {
  public:
   using Work = std::function<void()>;
   FairPool(boost::asio::thread_pool& pool, std::size_t threads, std::size_t lines = 1)
-      : pool_(pool), threads_(threads), most_of_one_(threads > 1 ? threads - 1 : 1), queue_(lines) {}
+      : pool_(pool), threads_(threads), max_of_one_(threads > 1 ? threads - 1 : 1), queue_(lines) {}
   FairPool(const FairPool&) = delete;
   FairPool& operator=(const FairPool&) = delete;
 
@@ -129,7 +134,7 @@ class FairPool {
   void runNext();
 
   boost::asio::thread_pool& pool_;
-  const std::size_t threads_, most_of_one_;
+  const std::size_t threads_, max_of_one_;
   std::mutex mutex_;
   FairQueue<Work> queue_;    // guarded by mutex_
   std::size_t running_ = 0;  // guarded by mutex_: pieces in the pool

@@ -26,7 +26,7 @@ void postLogged(asio::thread_pool& pool, std::string event, std::function<Status
   });
 }
 
-void yieldToOthers() {
+void yieldThread() {
   if (::setpriority(PRIO_PROCESS, static_cast<id_t>(::syscall(SYS_gettid)), 10) != 0)
     logEvent(LogLevel::kWarning, "retention_priority_not_lowered", {});
 }

@@ -84,9 +84,9 @@ Error thrownByWork(const std::exception& thrown);
 
 /// Whether T can hold an error itself.
 template <typename T>
-inline constexpr bool kSaysErrors = std::is_same_v<T, Status>;
+inline constexpr bool kCarriesError = std::is_same_v<T, Status>;
 template <typename T>
-inline constexpr bool kSaysErrors<Result<T>> = true;
+inline constexpr bool kCarriesError<Result<T>> = true;
 
 /// Runs `work` where `post` puts it and returns its result on the caller's executor. If T is a Result or
 /// Status, an exception becomes its error, so that only this work fails; otherwise it is rethrown on the
@@ -104,7 +104,7 @@ Task<T> offloadBy(std::function<void(std::function<void()>)> post, std::function
     try {
       answer.value.emplace(work());
     } catch (const std::exception& thrown) {
-      if constexpr (kSaysErrors<T>)
+      if constexpr (kCarriesError<T>)
         answer.value.emplace(thrownByWork(thrown));
       else
         answer.error = std::current_exception();
@@ -146,7 +146,7 @@ void postLogged(asio::thread_pool& pool, std::string event, std::function<Status
 
 /// Lowers this thread's priority below the threads that serve people and stations. For retention, which is
 /// not urgent.
-void yieldToOthers();
+void yieldThread();
 
 /// Runs `work` in the writer's next group; returns the status after the commit.
 Task<Status> commit(DbWriter& writer, DbWriter::Work work);

@@ -1,4 +1,4 @@
-/// The threads of a server, and the order of work on them.
+/// The threads of a server, the order of work on them, and what is in hand at once.
 #pragma once
 
 #include <boost/asio/thread_pool.hpp>
@@ -6,7 +6,10 @@
 #include <memory>
 
 #include "common/wire/asio.h"
+#include "server/live/limits/byte_budget.h"
+#include "server/live/limits/limits.h"
 #include "server/live/work/fair_queue.h"
+#include "server/live/work/offload.h"
 #include "server/live/work/turn_queue.h"
 
 namespace needlelab {
@@ -49,15 +52,38 @@ struct ServerWork {
   std::unique_ptr<FairPool> views_of_stations = std::make_unique<FairPool>(views, kStationViewThreads);
   std::unique_ptr<FairPool> slow_workers_of_people = std::make_unique<FairPool>(slow_workers, kSlowThreads);
   /// Per station, on `closers`.
-  std::unique_ptr<FairPool> closes_in_turn = std::make_unique<FairPool>(closers, kCloserThreads - 1);
-  std::unique_ptr<FairPool> long_scores_in_turn = std::make_unique<FairPool>(closers, kLongScoreThreads);
+  std::unique_ptr<FairPool> closes_by_station = std::make_unique<FairPool>(closers, kCloserThreads - 1);
+  std::unique_ptr<FairPool> long_scores_by_station = std::make_unique<FairPool>(closers, kLongScoreThreads);
   TurnQueue long_scores{io.get_executor(), {.at_once = kLongScoresAtOnce}};
   TurnQueue rescorings{io.get_executor(), {.at_once = kRescoringsAtOnce}};
   /// Checks of keys and tokens, and open sessions, during log-in; on `logins`.
-  std::unique_ptr<FairPool> logins_in_turn = std::make_unique<FairPool>(logins, kLoginThreads);
+  std::unique_ptr<FairPool> login_pool = std::make_unique<FairPool>(logins, kLoginThreads);
   /// Hashing, on `passwords`, in lines (PasswordLine): 0.1 s each. Between two log-ins at most one other
   /// piece runs, however many wait.
-  std::unique_ptr<FairPool> passwords_in_turn = std::make_unique<FairPool>(passwords, 1, kPasswordLines);
+  std::unique_ptr<FairPool> password_pool = std::make_unique<FairPool>(passwords, 1, kPasswordLines);
+};
+
+// --- parsed messages, unread replies, uncommitted chunks
+
+/// `bounds` must outlive it.
+struct InFlight {
+  asio::io_context& io;
+  const ConnectionBounds& bounds;
+  /// A message was completed; there may be room for another.
+  std::shared_ptr<Signal> decoded_room = std::make_shared<Signal>(io.get_executor());
+  ByteBudget decoded{bounds.decoded, [room = decoded_room] { room->notify(); }};
+  /// A reply was read, or was shorter than reserved; there may be room for another.
+  std::shared_ptr<Signal> reply_room = std::make_shared<Signal>(io.get_executor());
+  ByteBudget replies{bounds.replies, [room = reply_room] { room->notify(); }};
+  /// Over all connections: the number of chunks and their bytes. While either is full, connections should not
+  /// read another chunk. Each may already have read one, so the bytes stay below the limit plus one chunk (1
+  /// MiB) per connection.
+  ByteBudget chunks{{.server = bounds.all_chunks_in_flight.chunks}};
+  ByteBudget chunk_bytes{{.server = bounds.all_chunks_in_flight.bytes}};
+  Inbox committed{io.get_executor()};    ///< chunks that the writer has finished
+  Signal chunk_room{io.get_executor()};  ///< neither is full any longer
+
+  [[nodiscard]] bool chunksFull() const { return chunks.full() || chunk_bytes.full(); }
 };
 
 }  // namespace needlelab

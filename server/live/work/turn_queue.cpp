@@ -1,6 +1,7 @@
 #include "server/live/work/turn_queue.h"
 
 #include <algorithm>
+#include <cassert>
 #include <vector>
 
 namespace needlelab {
@@ -22,7 +23,7 @@ struct TurnQueue::State {
     const std::size_t later = size() - waiting.waitingIn(0) - static_cast<std::size_t>(first);
     return size() >= settings.places || (line > 0 && later >= settings.places_of_later_lines);
   }
-  void giveTurns() {
+  void grantTurns() {
     const auto may = [this](const std::string& who) {
       return std::none_of(with_turn.begin(), with_turn.end(),
                           [&](const Place* place) { return place->who_ == who; });
@@ -30,6 +31,7 @@ struct TurnQueue::State {
     while (with_turn.size() < settings.at_once) {
       const auto next = waiting.take(may);
       if (!next) return;
+      assert(!next->item->has_turn_ && !next->item->is_displaced_);
       next->item->has_turn_ = true;
       with_turn.push_back(next->item);
     }
@@ -49,25 +51,25 @@ std::size_t TurnQueue::waiting() const {
 
 std::unique_ptr<TurnQueue::Place> TurnQueue::join(const std::string& who, std::size_t line) {
   if (state_->isFull(line)) {
-    const auto gives_way = state_->waiting.makeRoomFor(who, line);
-    if (!gives_way) return nullptr;
-    (*gives_way)->gave_way_ = true;
+    const auto displaced = state_->waiting.makeRoomFor(who, line);
+    if (!displaced) return nullptr;
+    (*displaced)->is_displaced_ = true;
     state_->changed.notify();
   }
   std::unique_ptr<Place> place(new Place(state_, who, line));
   state_->waiting.put(who, place.get(), line);
-  state_->giveTurns();
+  state_->grantTurns();
   return place;
 }
 
 TurnQueue::Place::~Place() {
-  if (gave_way_) return;
+  if (is_displaced_) return;
   if (!has_turn_) {
     state_->waiting.remove(who_, line_, this);
     return;
   }
   std::erase(state_->with_turn, this);
-  state_->giveTurns();
+  state_->grantTurns();
   state_->changed.notify();
 }
 

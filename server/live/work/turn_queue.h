@@ -57,7 +57,7 @@ class TurnQueue::Place {
 
   [[nodiscard]] bool hasTurn() const { return has_turn_; }
   /// It was given to a newcomer; the turn will not come.
-  [[nodiscard]] bool gaveWay() const { return gave_way_; }
+  [[nodiscard]] bool isDisplaced() const { return is_displaced_; }
   /// Waits until any turn has ended or any place was taken away.
   Task<> changed() const;
 
@@ -68,7 +68,7 @@ class TurnQueue::Place {
   const std::shared_ptr<State> state_;
   const std::string who_;
   const std::size_t line_;
-  bool has_turn_ = false, gave_way_ = false;
+  bool has_turn_ = false, is_displaced_ = false;
 };
 
 /// A password check takes 0.1 s of the only thread with memory for argon2, so an address that requests many

@@ -1,8 +1,7 @@
 #include <memory>
 #include <string>
 
-#include "client/effect_cost/calibration.h"
-#include "client/effect_cost/tick_run.h"
+#include "client/effect_cost/tick_cost.h"
 #include "client/station/run/loop/black_box.h"
 #include "common/base/time/clock.h"
 #include "tests/bench/realtime/figures.h"

@@ -53,8 +53,8 @@ struct SliceResult {
 Result<Wakeups> runCyclictest(const SliceOptions& options);
 
 /// All slices. `progress` is called before each. Errors: the device, the scene or the spool could not be
-/// made, or the loop ended early. A priority that is not permitted is no error: SliceResult::realtime says
-/// it.
+/// made, or the loop ended early. A priority that is not permitted is not an error: SliceResult::realtime
+/// says it.
 Result<SliceResult> runSlices(const SliceOptions& options,
                               const std::function<void(const std::string&)>& progress);
 

@@ -231,7 +231,7 @@ class Spoilt(unittest.TestCase):
         self.note(e="ack", id=ID.hex(), t=5, committed=3, safe=1)
         self.assertEqual(self.names(), set())
         self.db.execute("DELETE FROM quarantined_chunks")
-        self.assertEqual(self.names(), {"unreadable"}, "nobody says that it cannot be decoded")
+        self.assertEqual(self.names(), {"unreadable"}, "no one says that it cannot be decoded")
 
     def test_a_sound_chunk_in_quarantine(self):
         self.quarantine(2, self.chunks[2])

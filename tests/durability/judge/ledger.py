@@ -1,4 +1,9 @@
-"""The ledgers of stations and harness: *.jsonl, one line per event (README.md has the fields)."""
+"""The ledgers of stations and harness: *.jsonl, one line per event; `e` names it. `t` is steady ns in s and kill, unix ns elsewhere.
+
+session: id, station, resolution (six steps). s: t, v (FORMAT.md's columns 0-29; null: no wall). ack: id, t, committed, safe.
+end: id, chunks, samples, hash, interrupted. closed: id, t, state, hash (if the rude client offered one).
+kill: station, t, held_up (the machine's stall, ns). restore: t.
+"""
 import array
 import json
 import pathlib

@@ -175,7 +175,7 @@ def judge_all(database, ledgers, backups, at_end):
         if safe > covered:
             judge.fault("not-safe", f"session {recorded.id} of {recorded.station}: {safe} chunks were called Safe, a backup has {covered}")
     for number in database.sessions.keys() - ledgers.sessions.keys():
-        judge.fault("changed", f"session {number}: nobody recorded it")
+        judge.fault("changed", f"session {number}: no one recorded it")
     return judge
 
 

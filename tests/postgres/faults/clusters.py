@@ -60,7 +60,7 @@ class Cluster:
 
     def start(self):
         # it may have been killed a moment ago, and its children must notice that
-        until(lambda: not self.everybody(), "the processes of before end")
+        until(lambda: not self.everybody(), "the earlier processes end")
         # only for PostgreSQL: not for a program that is still root's
         added = [f"{name}={value}" for name, value in self.environment.items()]
         listens = f"-k {self.folder}" + (f" -h {self.address}" if self.address else "")

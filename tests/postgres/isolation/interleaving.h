@@ -15,7 +15,6 @@
 #include "db/service/service.h"
 #include "db/sessions/db_writer.h"
 #include "db/store/connection.h"
-#include "db/store/reader_pool.h"
 #include "db/store/store_address.h"
 
 namespace needlelab::test {

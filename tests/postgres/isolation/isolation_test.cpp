@@ -256,7 +256,7 @@ TEST_F(Isolation, twoServersAtATimeAreAsOneAfterTheOther) {
   std::printf("%zu interleavings; in %zu one waited for the other\n", runs, waited);
 }
 
-TEST_F(Isolation, withoutTheLockOfTheStoreAllPairsThatNeedItComeOutOtherwise) {
+TEST_F(Isolation, withoutTheStoreLockDependentPairsGiveWrongResults) {
   bugPlantedHere() = PlantedBug::kWritersTogether;
   world->connectAnew();
   std::size_t caught = 0, looked_at = 0;

@@ -51,12 +51,13 @@ Status readFound(const json& found, const std::string& where, CounterExample& ex
   };
   example.source = text("source");
   const auto* const model = std::find(kAxialModelNames.begin(), kAxialModelNames.end(), text("model"));
-  if (model == kAxialModelNames.end()) return wrong(where + ".model", "'" + text("model") + "' is no model");
+  if (model == kAxialModelNames.end())
+    return wrong(where + ".model", "'" + text("model") + "' is not a model");
   example.model = static_cast<AxialModel>(model - kAxialModelNames.begin());
   const auto* const check =
       std::find(kPassivityCheckNames.begin(), kPassivityCheckNames.end(), text("check"));
   if (check == kPassivityCheckNames.end())
-    return wrong(where + ".check", "'" + text("check") + "' is no check");
+    return wrong(where + ".check", "'" + text("check") + "' is not a check");
   example.finding.check = static_cast<PassivityCheck>(check - kPassivityCheckNames.begin());
   const auto seed = found.find("seed");
   if (seed == found.end() || !seed->is_number_unsigned())

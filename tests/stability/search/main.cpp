@@ -58,7 +58,7 @@ int main(int argc, char** argv) {
   std::filesystem::path out;
   CLI::App app{"Searches random gestures for counter-examples of passivity, and shrinks them"};
   app.add_option("--gestures", search.gestures, "how many gestures of each source");
-  app.add_option("--first-seed", search.first_seed, "their seeds go on from here");
+  app.add_option("--first-seed", search.first_seed, "their seeds continue from here");
   app.add_option("--out", out, "the folder for the files, which must exist")->required();
   CLI11_PARSE(app, argc, argv);
   return needlelab::test::searchAll(search, out);

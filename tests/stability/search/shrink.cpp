@@ -155,9 +155,9 @@ bool beginsAndEndsOutside(const PassivityGesture& gesture) {
 void giveTime(PassivityGesture& gesture, double most_speed_mps, double most_turn_per_s) {
   const PassivityStroke* before = &gesture.start;
   for (PassivityStroke& stroke : gesture.strokes) {
-    const double least_s = std::max(
+    const double min_s = std::max(
         {0.02, wayBetween(*before, stroke) / most_speed_mps, turnBetween(*before, stroke) / most_turn_per_s});
-    if (stroke.seconds < least_s) stroke.seconds = roundedTo(1.05 * least_s, 2);
+    if (stroke.seconds < min_s) stroke.seconds = roundedTo(1.05 * min_s, 2);
     before = &stroke;
   }
 }

@@ -16,8 +16,9 @@ using HandPath = std::function<Vec3(double t_s)>;
 
 struct FalconGrip {
   Vec3 p_m, v_mps;
-  bool is_soft = true;  ///< a spring pulls it to the path; false: it follows exactly, whatever the motors do
-  Motors motors{};      ///< they hold until the next command
+  bool is_soft =
+      true;         ///< a spring pulls it to the path; false: it follows exactly, regardless of the motors
+  Motors motors{};  ///< they hold until the next command
   std::int64_t at_ns = 0;
 
   void follow(HandPath path) {

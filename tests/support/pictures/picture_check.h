@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "client/view/model/image.h"
+#include "client/view/model/mesh.h"
 
 namespace needlelab::test {
 

@@ -8,7 +8,7 @@
 namespace needlelab::test {
 namespace {
 
-constexpr int kMostSlips = 8, kMostHalvings = 4, kWaySteps = 64;
+constexpr int kMaxSlips = 8, kMostHalvings = 4, kWaySteps = 64;
 constexpr double kOnSurface_m = 1e-9, kFallSpeed_mps = 0.02;
 
 Vec3 nearestOnAxis(const CapsuleLimb& limb, Vec3 p_W_m) {
@@ -178,7 +178,7 @@ bool ReferenceBone::slipOnce(Vec3 p_W_m, bool last_look) {
 }
 
 void ReferenceBone::slip(Vec3 p_W_m) {
-  const int most = planted_ == BoneDefect::kOneSlip ? 1 : kMostSlips;  // planted: the first
+  const int most = planted_ == BoneDefect::kOneSlip ? 1 : kMaxSlips;  // planted: the first
   for (int i = 0; i <= most; ++i)
     if (!slipOnce(p_W_m, i == most)) return;
 }

@@ -124,13 +124,13 @@ double ReferenceModel::openTo(double x_m) const {
 
 // a top holds with its force at z until that reaches the puncture force; applies to tops that hold together
 template <class Force, class Most>
-double ReferenceModel::heldByTops(double x_m, const Force& force_N, const Most& most_N) {
+double ReferenceModel::heldByTops(double x_m, const Force& force_N, const Most& max_N) {
   double held_N = 0;
   for (std::size_t i = 0; i < tops_.size(); ++i) {
     const double z = x_m - tops_[i].place_m;
     if (tops_[i].through || z <= 0) continue;
     const double pressed_N = force_N(scene_.layers[i], z);
-    if (pressed_N >= most_N(scene_.layers[i]))
+    if (pressed_N >= max_N(scene_.layers[i]))
       tops_[i].through = true;
     else
       held_N -= pressed_N;

@@ -55,9 +55,9 @@ class ReferenceModel {
                  double viscous_N_per_mps) const;
   void meetTops(const ModelTick& tick);
   [[nodiscard]] double openTo(double x_m) const;
-  /// Negative; `force_N(layer, z)` at the stretch z > 0 of its top, `most_N(layer)` where it is pierced.
+  /// Negative; `force_N(layer, z)` at the stretch z > 0 of its top, `max_N(layer)` where it is pierced.
   template <class Force, class Most>
-  double heldByTops(double x_m, const Force& force_N, const Most& most_N);
+  double heldByTops(double x_m, const Force& force_N, const Most& max_N);
   /// Negative; `cutting_N(layer)`.
   template <class Cutting>
   double cutTo(double x_c, double depth_m, const Cutting& cutting_N);

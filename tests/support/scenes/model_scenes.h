@@ -11,17 +11,15 @@
 
 namespace needlelab::test {
 
-inline constexpr std::array<AxialModel, kAxialModelCount> kAllModels = {AxialModel::kEnhancedTrackingWall,
-                                                                        AxialModel::kTrackingWall,
-                                                                        AxialModel::kDirect,
-                                                                        AxialModel::kVoigt,
-                                                                        AxialModel::kGodObject,
-                                                                        AxialModel::kFirstOrder,
-                                                                        AxialModel::kStatistical,
-                                                                        AxialModel::kPrecomputed,
-                                                                        AxialModel::kOkamura,
-                                                                        AxialModel::kDahl,
-                                                                        AxialModel::kFem};
+/// FEM is the last.
+inline constexpr auto kAllModels = [] {
+  std::array<AxialModel, kAxialModelCount> models{};
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < kAxialModelCount; ++i)
+    if (static_cast<AxialModel>(i) != AxialModel::kFem) models[next++] = static_cast<AxialModel>(i);
+  models[next] = AxialModel::kFem;
+  return models;
+}();
 
 /// A synthetic compliance, positive definite: stations 2 mm apart, coupled with their neighbours.
 inline std::shared_ptr<const NeedleCompliance> someCompliance() {

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "db/login/password_cost.h"
+#include "db/login/credentials.h"
 
 namespace needlelab::test {
 

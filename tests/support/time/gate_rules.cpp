@@ -55,8 +55,8 @@ void GateRules::checkFault(const HapticThread& haptic) {
   if (is_new) at_fault_N_ = last_force_N_;
   fault_ticks_ = is_new ? 1 : fault_ticks_ + haptic.elapsedTicks();
   if (!in_fault) return;
-  const double most_N = at_fault_N_ * std::max(0.0, 1 - static_cast<double>(fault_ticks_) / kFadeOutTicks);
-  if (haptic.force_N() > most_N + kRounding_N)
+  const double max_N = at_fault_N_ * std::max(0.0, 1 - static_cast<double>(fault_ticks_) / kFadeOutTicks);
+  if (haptic.force_N() > max_N + kRounding_N)
     broken_(
         fmt::format("{} N, {} ticks after the fault at {} N", haptic.force_N(), fault_ticks_, at_fault_N_));
 }

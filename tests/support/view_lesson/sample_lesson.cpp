@@ -40,7 +40,7 @@ SampleLesson sampleLesson(const std::string& name, const LessonShape& shape) {
 
   const SceneView& scene = *lesson.scene;
   const Vec3 in = -scene.focus_normal_W;
-  const OrbitCamera look = firstLook(scene);
+  const OrbitCamera look = initialView(scene);
   const Vec3 side = normalized(cross(scene.focus_normal_W, look.front_W));
   const Vec3 axis = normalized(in + side * std::tan(shape.tilt_rad));
   const Vec3 aim = (scene.targets.empty() ? scene.focus_W_m + in * 0.02 : scene.targets.front().center_W_m) +

@@ -16,7 +16,7 @@
 ///   slow T                        each call takes T s, at most its time-out
 ///   daemon 0|1                    the vendor's service
 ///   version right|wrong           of the library against the device
-///   overheat 0|1                  the motors' sensor, whatever was rendered
+///   overheat 0|1                  the motors' sensor, regardless of what was rendered
 ///   alarm BITS | failure BITS     further bits (any base)
 ///   button N 0|1                  N = 1-3
 ///   jump DX DY DZ                 the encoders slip

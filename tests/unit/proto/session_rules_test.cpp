@@ -9,7 +9,7 @@
 namespace needlelab {
 namespace {
 
-TEST(SessionRules, aGoodDescriptionIsTaken) {
+TEST(SessionRules, aGoodDescriptionIsAccepted) {
   auto d = test::describe(makeUuidV7());
   EXPECT_OK(checkDescription(d));
   d.set_rate_hz(40'000);  // a station's fastest loop

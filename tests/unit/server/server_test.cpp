@@ -39,7 +39,7 @@ TEST(Server, memoryThatABurstLeftFreeGoesBackToTheSystem) {
   EXPECT_TRUE(eventually([&] { return residentBytes() < before + kBurstBytes / 4; }));
 }
 
-TEST(Server, aNewCertificateIsTakenWithoutARestartAndOldConnectionsGoOn) {
+TEST(Server, aNewCertificateIsUsedWithoutARestart) {
   RunningServer server([](ServerOptions& options) { options.certificate_every = milliseconds(10); });
   auto before = server.connect(stationLogin("bench-1", server.addStation("bench-1")));
   ASSERT_TRUE(before.ok());

@@ -129,7 +129,7 @@ export function access(t) {
     await page.getByLabel('What').waitFor();
     await tabTo(page, /^What/);
     await keyboard.type('Course: Rheum');
-    await tabTo(page, /^To whom/);
+    await tabTo(page, /^Assign to/);
     await keyboard.type('keyb');
     await page.getByRole('option', { name: 'Group: Keyboard (keys)' }).waitFor();
     await keyboard.press('Enter');

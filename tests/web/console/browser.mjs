@@ -240,7 +240,7 @@ export const single = (t) => (name, work) =>
   });
 
 /**
- * Tests that each continue where the one before ended: after a failure the rest is skipped.
+ * Tests that each continue where the previous one ended: after a failure the rest is skipped.
  * @param {{browser: Browser}} t
  */
 export function story(t) {

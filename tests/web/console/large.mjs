@@ -141,13 +141,13 @@ try {
     assert.equal(await page.locator('tbody tr').count(), said.assigned);
   });
   // somebody of 3,000, to whom nothing is assigned yet
-  await chooseFrom(page.getByLabel('To whom'), full_name, `${full_name} (${trainee})`);
+  await chooseFrom(page.getByLabel('Assign to'), full_name, `${full_name} (${trainee})`);
   await page.getByLabel('What').selectOption('exercise:exercise-3');
   await page.getByRole('button', { name: 'Assign', exact: true }).click();
   await page.getByText(`was assigned to ${full_name} (${trainee}).`).waitFor();
-  await page.getByRole('button', { name: new RegExp(`^Take back .* from ${trainee}$`) }).click();
-  await page.getByRole('dialog').getByRole('button', { name: 'Take back' }).click();
-  await page.getByText('The assignment was taken back.').waitFor();
+  await page.getByRole('button', { name: new RegExp(`^Withdraw .* from ${trainee}$`) }).click();
+  await page.getByRole('dialog').getByRole('button', { name: 'Withdraw' }).click();
+  await page.getByText('The assignment was withdrawn.').waitFor();
 
   const csv = await page.evaluate(async (address) => {
     const from = performance.now();

@@ -45,8 +45,8 @@ export function longLists(t) {
     const page = await t.browser.as('mara', { viewport: kTablet });
     await fill(page);
     await open(page, t.lab, '#/assignments', 'Assignments');
-    const field = page.getByLabel('To whom');
-    const options = page.getByRole('listbox', { name: 'What is offered' }).getByRole('option');
+    const field = page.getByLabel('Assign to');
+    const options = page.getByRole('listbox', { name: 'Suggestions' }).getByRole('option');
     const active = async () => page.locator(`[id="${await field.getAttribute('aria-activedescendant')}"]`).innerText();
     assert.equal(await field.getAttribute('aria-expanded'), 'false');
     await field.focus();
@@ -65,16 +65,16 @@ export function longLists(t) {
     await page.keyboard.press('Enter');
     assert.equal(await field.inputValue(), 'Crowd Number 121 (crowd.121)');
     assert.equal(await options.count(), 0);
-    // what is typed over it is no choice: nothing is assigned, the field says what is missing
+    // what is typed over it is not a choice: nothing is assigned, the field says what is missing
     await field.fill('crowd');
-    await page.getByText('The first 20 that fit: type more of the name').waitFor();
+    await page.getByText('The first 20 matches: type more of the name').waitFor();
     await page.keyboard.press('Escape');
     assert.equal(await options.count(), 0);
     await page.getByLabel('What').selectOption('exercise:knee-recess');
     await page.getByRole('button', { name: 'Assign', exact: true }).click();
     assert.match(await field.evaluate((e) => e.validationMessage), /^Choose one/);
     await field.fill('nobody has this');
-    await page.getByText('Nothing fits “nobody has this”').waitFor();
+    await page.getByText('Nothing matches “nobody has this”').waitFor();
     // groups before people, each by id or name
     await chooseFrom(field, 'many-07', 'Group: Many 077 (many-077)');
     await page.getByRole('button', { name: 'Assign', exact: true }).click();
@@ -101,8 +101,8 @@ export function longLists(t) {
     await page.keyboard.press('Escape');
     await dialog.getByRole('option').first().waitFor({ state: 'detached' });
     assert.ok(await dialog.isVisible());
-    // nobody in particular is a choice, too
-    await chooseFrom(person, 'nobody', 'Nobody in particular (guest)');
+    // no one in particular is a choice, too
+    await chooseFrom(person, 'no one', 'No one in particular (guest)');
     assert.ok(await dialog.getByRole('button', { name: 'Give the session' }).isEnabled());
     await page.keyboard.press('Escape');
     await dialog.waitFor({ state: 'detached' });
@@ -127,7 +127,7 @@ export function longLists(t) {
     await page.getByLabel('Find', { exact: true }).fill('MANY 10');
     await until('the groups that fit', async () => (await rows.count()) === 10);
     await page.getByLabel('Find', { exact: true }).fill('no such group');
-    await page.getByText('No group fits').waitFor();
+    await page.getByText('No group matches').waitFor();
 
     await open(page, t.lab, `#/results?course=rheumatology-basics&group=${kFirst}`, 'Results');
     const field = page.getByLabel('Group', { exact: true });

@@ -130,7 +130,7 @@ const kCourses = [
     'must be an object, found a list',
   ],
 ];
-/** Texts that are no document: said under the text, and the document stays as it is. */
+/** Texts that are not documents: said under the text, and the document stays as it is. */
 const kTexts = [
   ['NaN', 'This is not JSON yet'],
   ['{"name": NaN}', 'This is not JSON yet'],
@@ -153,7 +153,7 @@ export function malformed(t) {
     const before = await api(page, `${kind}/${id}`);
     const problems = page.getByRole('status', { name: 'Problems of this form' });
     await problems.getByText('✓ No problems found').waitFor();
-    await page.getByText('The whole as JSON').click();
+    await page.getByText('The whole document as JSON').click();
     const json = page.getByLabel('JSON', { exact: true });
     const whole = JSON.parse(await json.inputValue());
     for (const [what, change, path, words] of cases) {
@@ -207,7 +207,7 @@ export function malformed(t) {
     const page = await t.browser.as('mara');
     page.expected.add(400);
     await open(page, t.lab, '#/profiles/knee-adult');
-    await page.getByText('The whole as JSON').click();
+    await page.getByText('The whole document as JSON').click();
     const json = page.getByLabel('JSON', { exact: true });
     const whole = JSON.parse(await json.inputValue());
     const odd = {
@@ -253,17 +253,17 @@ export function malformed(t) {
     page.expected.add(400);
     await open(page, t.lab, '#/profiles/knee-adult');
     const { revision } = await api(page, 'profiles/knee-adult');
-    await page.getByText('The whole as JSON').click();
+    await page.getByText('The whole document as JSON').click();
     const json = page.getByLabel('JSON', { exact: true }),
       name = page.getByLabel('Name', { exact: true }).first(),
       save = page.getByRole('button', { name: 'Save', exact: true });
     const reason = page.getByText('The JSON text is not in the document'),
-      meanwhile = page.getByText('The form was changed meanwhile');
+      meanwhile = page.getByText('The form has changed meanwhile');
     const whole = JSON.parse(await json.inputValue());
     await name.fill('Knee A');
     assert.ok(await save.isEnabled());
 
-    // a text that is no document: nothing is saved without it, and the page says why
+    // a text that is not a document: nothing is saved without it, and the page says why
     await json.fill('{"name": ');
     await reason.waitFor();
     assert.ok(await save.isDisabled());
@@ -304,7 +304,7 @@ export function malformed(t) {
 
     await open(page, t.lab, '#/courses/malformed');
     await name.fill('Of one');
-    await page.getByText('The whole as JSON').click();
+    await page.getByText('The whole document as JSON').click();
     await json.fill('{');
     await reason.waitFor();
     assert.ok(await save.isDisabled());
@@ -312,7 +312,7 @@ export function malformed(t) {
     await done(page);
   });
 
-  it('a fidelity is that of the patient in the form: none while the engine is asked anew', async () => {
+  it('a fidelity is that of the patient in the form: none while the engine is asked again', async () => {
     const page = await t.browser.as('mara');
     await open(page, t.lab, '#/profiles/knee-adult');
     const drawing = page.getByRole('img', { name: /^Side view of/ });
@@ -340,7 +340,7 @@ export function malformed(t) {
     page.expected.add(400);
     await open(page, t.lab, '#/profiles/knee-adult');
     const others = await api(page, 'profiles/shoulder-adult');
-    await page.getByText('The whole as JSON').click();
+    await page.getByText('The whole document as JSON').click();
     const json = page.getByLabel('JSON', { exact: true });
     await json.fill(JSON.stringify({ ...JSON.parse(await json.inputValue()), id: 'shoulder-adult' }));
     await page.getByRole('button', { name: 'Save', exact: true }).click();
@@ -360,7 +360,7 @@ export function malformed(t) {
     const scrolled = () => beside.evaluate((element) => element.scrollTop);
     const link = (path) => problems.getByRole('button', { name: path, exact: true });
     await problems.getByText('✓ No problems found').waitFor();
-    await page.getByText('The whole as JSON').click();
+    await page.getByText('The whole document as JSON').click();
     const json = page.getByLabel('JSON', { exact: true });
     const whole = JSON.parse(await json.inputValue());
     const last = `layers[${whole.layers.length - 1}].thickness_m`;

@@ -15,7 +15,7 @@ const kPages = [
     'timar',
     /^Welcome/,
     'session',
-    { 'My results': 't', 'Bring in a class': 'ma', 'Backup and check': 'a', Results: 'ima', Exports: 'imar' },
+    { 'My results': 't', 'Import a class': 'ma', 'Backup and check': 'a', Results: 'ima', Exports: 'imar' },
   ],
   [
     '/account',
@@ -156,7 +156,7 @@ export function roles(t) {
     const other = (await api(await t.browser.as('ada'), 'sessions')).items.find((s) => s.description.trainee !== 'tina')
       .description.session_id;
     await page.goto(`${t.lab.base}#/sessions/${other}`);
-    await page.getByText('Not for your role').or(page.getByText('Not there')).first().waitFor();
+    await page.getByText('Not for your role').or(page.getByText('Not found')).first().waitFor();
     await page.goto(`${t.lab.base}#/progress/anna.bauer`);
     await page.getByRole('heading', { name: '403: not for your role' }).waitFor();
     await page.goto(`${t.lab.base}#/mine`);

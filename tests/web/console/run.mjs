@@ -1,6 +1,6 @@
 // Runs the console's tests for ctest by node's own runner. Exits with 77 (skipped) and prints what is missing if they
 // cannot run.
-// usage: node tests/web/console/run.mjs [--large FOLDER]   --large: large.mjs with that folder in place of them
+// usage: node tests/web/console/run.mjs [--large FOLDER]   --large: large.mjs with that folder instead of them
 // environment: NEEDLELAB_BIN, NEEDLELAB_WEB_ROOT, NEEDLELAB_CHROMIUM, NEEDLELAB_SHOTS=DIR, NEEDLELAB_KEEP=1
 import { spawnSync } from 'node:child_process';
 import { accessSync, constants } from 'node:fs';

@@ -42,7 +42,7 @@ export function trouble(t) {
       .nth(1)
       .fill('3.3');
     await second.getByRole('button', { name: 'Save', exact: true }).click();
-    const dialog = second.getByRole('dialog', { name: 'Somebody else was faster' });
+    const dialog = second.getByRole('dialog', { name: 'Someone else saved first' });
     await dialog.getByText('mara saved revision 2').waitFor();
     await accessible(second, 'the conflict');
     // open, put off and open again: everything is still there
@@ -91,7 +91,7 @@ export function trouble(t) {
     await first.getByText(/Both of us was saved/).waitFor();
     await second.getByLabel(/\(tina\)$/).check();
     await second.getByRole('button', { name: 'Save', exact: true }).click();
-    const dialog = second.getByRole('dialog', { name: 'Somebody else was faster' });
+    const dialog = second.getByRole('dialog', { name: 'Someone else saved first' });
     await dialog.getByText('Both of us').first().waitFor();
     await dialog.getByRole('button', { name: 'Save both together' }).click();
     await second.getByText(/was saved: 1 members?/).waitFor();
@@ -101,7 +101,7 @@ export function trouble(t) {
     await done(second);
   });
 
-  it('a log-in that ended is asked for above the page, and the save goes on', async () => {
+  it('a log-in that ended is asked for above the page, and the save continues', async () => {
     const page = await t.browser.as('milo');
     await open(page, t.lab, '#/profiles/shoulder-frail');
     await page.getByLabel('Name', { exact: true }).first().fill('Shoulder, very frail');
@@ -109,7 +109,7 @@ export function trouble(t) {
     const ada = await t.browser.as('ada');
     await open(ada, t.lab, '#/people/milo', 'milo');
     await ada.getByLabel('New password').fill(kPassword);
-    await ada.getByLabel('Once more').fill(kPassword);
+    await ada.getByLabel('Repeat password').fill(kPassword);
     await ada.getByRole('button', { name: 'Set the password' }).click();
     await ada.getByText('The password was set.').waitFor();
 
@@ -156,13 +156,13 @@ export function trouble(t) {
 
     await t.lab.killServer();
     await page.getByRole('button', { name: 'Save', exact: true }).click();
-    await page.getByText('The server is away.').waitFor();
+    await page.getByText('The server cannot be reached.').waitFor();
     await line.getByText('interrupted').waitFor();
     await accessible(page, 'a page without a server');
     await t.lab.startServer();
 
     // log-ins do not survive the server: the console asks for a new one, also on the live page
-    await page.getByText('The server is away.').waitFor({ state: 'detached' });
+    await page.getByText('The server cannot be reached.').waitFor({ state: 'detached' });
     assert.equal(
       await page
         .getByLabel(/^Thickness/)

@@ -107,18 +107,18 @@ export function upkeep(t) {
     await open(page, t.lab, '#/people/gina.leaving', 'gina.leaving');
     await page.getByRole('button', { name: 'Find texts that name the person' }).click();
     await page.getByRole('link', { name: "the name of group 'hers'" }).waitFor();
-    await confirmed(page, page.getByRole('button', { name: 'Take the name out of group hers' }), 'Redact');
-    await page.getByText("The name was taken out of the name of group 'hers'.").waitFor();
+    await confirmed(page, page.getByRole('button', { name: 'Remove the name from group hers' }), 'Redact');
+    await page.getByText("The name was removed from the name of group 'hers'.").waitFor();
     assert.equal((await api(page, 'groups/hers')).name, 'Friends of [name removed]');
 
     await page.getByRole('button', { name: 'Erase all data …' }).click();
     const dialog = page.getByRole('dialog', { name: /^Erase all data of gina/ });
-    const erase = dialog.getByRole('button', { name: 'Erase for ever' });
+    const erase = dialog.getByRole('button', { name: 'Erase for good' });
     await dialog.getByLabel('Name').fill('gina');
-    assert.ok(await erase.isDisabled(), 'half a name is no confirmation');
+    assert.ok(await erase.isDisabled(), 'half a name is not a confirmation');
     await dialog.getByLabel('Name').fill('gina.leaving');
     await dialog.getByLabel('Reason').fill('asked for it');
-    await dialog.getByLabel(/^Sessions that wait for a manager/).check();
+    await dialog.getByLabel(/^Also sessions that wait for a manager/).check();
     await erase.click();
     await page.getByText('The data of gina.leaving were erased.').waitFor();
     const { items } = await api(page, 'audit');
@@ -131,10 +131,10 @@ export function upkeep(t) {
     const page = await t.browser.as('milo');
     await open(page, t.lab, '#/assignments', 'Assignments');
     await page.getByLabel('What').selectOption('exercise:knee-recess');
-    await chooseFrom(page.getByLabel('To whom'), 'tin', 'tina');
+    await chooseFrom(page.getByLabel('Assign to'), 'tin', 'tina');
     await page.getByRole('button', { name: 'Assign', exact: true }).click();
     await page.getByText('Knee: suprapatellar recess was assigned to tina.').waitFor();
-    const ask = page.getByRole('button', { name: 'Take back Knee: suprapatellar recess from tina' }),
+    const ask = page.getByRole('button', { name: 'Withdraw Knee: suprapatellar recess from tina' }),
       dialog = page.getByRole('dialog');
     // Enter leaves everything as it is, and what is pressed before the question is to be seen answers nothing
     await pressedWhileItOpens(page, () => ask.click(), ['Tab', 'Enter', 'Enter', 'Escape']);
@@ -143,8 +143,8 @@ export function upkeep(t) {
     await page.keyboard.press('Enter');
     await dialog.waitFor({ state: 'detached' });
     await ask.click();
-    await dialog.getByRole('button', { name: 'Take back' }).click();
-    await page.getByText('The assignment was taken back.').waitFor();
+    await dialog.getByRole('button', { name: 'Withdraw' }).click();
+    await page.getByText('The assignment was withdrawn.').waitFor();
     assert.deepEqual(
       (await api(page, 'assignments?trainee=tina')).items.filter((a) => a.exercise_id === 'knee-recess'),
       [],
@@ -162,7 +162,7 @@ export function upkeep(t) {
   it('retention: a policy is set, what would happen is shown, and it is taken away again', async () => {
     const page = await t.browser.as('mara');
     await open(page, t.lab, '#/retention', 'Retention');
-    await page.getByText('Nothing is set').waitFor();
+    await page.getByText('No policy is set').waitFor();
     await page.getByLabel('Exercise').selectOption('knee-recess');
     await page.getByLabel(/^Thin out after/).fill('30');
     await page.getByText('how many samples a second are left').waitFor();
@@ -193,12 +193,12 @@ export function upkeep(t) {
       .waitFor();
     assert.ok(await page.getByRole('button', { name: /^Run now/ }).isDisabled(), 'there is nothing to do');
     await accessible(page, 'retention');
-    await confirmed(page, row.getByRole('button', { name: /^Take away/ }), 'Take away');
-    await page.getByText('Nothing is set').waitFor();
+    await confirmed(page, row.getByRole('button', { name: /^Remove/ }), 'Remove');
+    await page.getByText('No policy is set').waitFor();
     await done(page);
   });
 
-  it('a session of a name that nobody has is given to the right person', async () => {
+  it('a session of a name that no one has is given to the right person', async () => {
     // a lesson without the server: the exercise is in the station's cache
     const alone = t.lab.start(
       'needlelab-station',
@@ -227,13 +227,13 @@ export function upkeep(t) {
     await give.click();
     const dialog = page.getByRole('dialog', { name: 'Who is tino?' });
     const person = dialog.getByLabel('Person', { exact: true });
-    // without the people nobody can be chosen: the field says so
+    // without the people no one can be chosen: the field says so
     await person.fill('tina');
-    await page.getByText('Nobody can be chosen: the people could not be loaded').waitFor();
+    await page.getByText('No one can be chosen: the people could not be loaded').waitFor();
     assert.ok(await dialog.getByRole('button', { name: 'Give the session' }).isDisabled());
     await page.unroute(people);
     await page.getByRole('button', { name: 'Try again' }).click();
-    await page.getByText('Nobody can be chosen').waitFor({ state: 'detached' });
+    await page.getByText('No one can be chosen').waitFor({ state: 'detached' });
     await page.getByRole('option', { name: 'tina', exact: true }).click();
     await dialog.getByLabel('Reason').fill('A typing error.');
     await accessible(page, 'an unknown trainee');
@@ -242,7 +242,7 @@ export function upkeep(t) {
     await open(late, t.lab, '#/unknown-trainees', 'Unknown trainees');
     await late.getByRole('button', { name: /^Give .*session of tino/ }).click();
     await dialog.getByRole('button', { name: 'Give the session' }).click();
-    await page.getByText('No session waits').waitFor();
+    await page.getByText('No sessions are waiting').waitFor();
     // the late one is refused: the page says whose the session is now, and keeps what was entered
     late.expected.add(409);
     const too_late = late.getByRole('dialog', { name: 'Who is tino?' });
@@ -290,10 +290,10 @@ export function upkeep(t) {
     const counted = async () => (await api(page, 'people/tina/progress')).items.length;
     const before = await counted();
     await open(page, t.lab, '#/unknown-trainees', 'Unknown trainees');
-    await page.getByText('nobody gave the code').waitFor();
+    await page.getByText('the code was not given').waitFor();
     await accessible(page, 'a session without a code');
     await page.getByRole('button', { name: 'Confirm the session of tina' }).click();
-    await page.getByText('No session waits').waitFor();
+    await page.getByText('No sessions are waiting').waitFor();
     assert.equal(await counted(), before + 1);
     const known = (await api(page, 'sessions?trainee=tina')).items.find((s) => s.given_trainee === 'tina');
     await open(page, t.lab, `#/sessions/${known.description.session_id}`, /^tina: /);
@@ -314,7 +314,7 @@ export function upkeep(t) {
     await question.waitFor({ state: 'detached' });
     assert.equal((await api(page, 'people/tina')).has_code, true);
     await confirmed(page, page.getByRole('button', { name: 'Remove code' }), 'Remove');
-    await page.getByText('tina has no code any more.').waitFor();
+    await page.getByText('tina no longer has a code.').waitFor();
     assert.equal((await api(page, 'people/tina')).has_code, false);
     await done(page);
 
@@ -333,7 +333,7 @@ export function upkeep(t) {
     await done(ada);
   });
 
-  it('backup and check while the lab goes on; scores anew; all of it in the audit', async () => {
+  it('backup and check while the lab continues; scores again; all of it in the audit', async () => {
     const page = await t.browser.as('ada');
     await open(page, t.lab, '#/upkeep', 'Upkeep');
     await page.getByText(/Room left on the disk of the database: \d/).waitFor();
@@ -348,7 +348,7 @@ export function upkeep(t) {
     assert.ok(existsSync(copy));
     // it lies beside the database
     await page
-      .getByText(/not Safe It lies on (the same disk|a disk that the server does not know).*stations keep/s)
+      .getByText(/not Safe It is on (the same disk|a disk that the server does not know).*stations keep/s)
       .first()
       .waitFor();
     await page.getByRole('button', { name: 'Check now' }).click();
@@ -358,7 +358,7 @@ export function upkeep(t) {
     // a second backup to the same file is refused, and the page says so
     page.expected.add(400).add(409).add(500);
     await page.getByRole('button', { name: 'Back up now' }).click();
-    await page.getByText('There is no new backup').waitFor();
+    await page.getByText('No backup was made').waitFor();
 
     await open(page, t.lab, '#/audit?action=backup', 'Audit');
     await page

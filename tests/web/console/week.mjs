@@ -42,7 +42,7 @@ export function week(t) {
     await page.getByText('4 new, 0 changed, 0 unchanged, 0 wrong').first().waitFor();
     await page.getByRole('button', { name: 'Import', exact: true }).click();
     await page.getByText('✓ Imported:').waitFor();
-    await page.getByRole('link', { name: 'See the people' }).click();
+    await page.getByRole('link', { name: 'Show the people' }).click();
     await page.getByRole('link', { name: 'chen.li' }).waitFor();
     assert.match(await page.getByRole('row', { name: /chen\.li/ }).innerText(), /Li, Chen.*autumn/s);
     const group = await api(page, 'groups/autumn');
@@ -61,7 +61,7 @@ export function week(t) {
       .waitFor();
     const drawing = page.getByRole('img', { name: /Side view of 6 layers, 52\smm deep/ });
     await drawing.getByText(/^Fat 6\smm, φ/).waitFor();
-    // 8 mm of fat in place of 6: the drawing's label, and everything below it 2 mm deeper in what the engine renders
+    // 8 mm of fat instead of 6: the drawing's label, and everything below it 2 mm deeper in what the engine renders
     const rendered = page.waitForResponse(
       async (r) => r.url().endsWith('/profiles/preview') && r.ok() && (await r.json()).layers?.[1].to_m > 0.0105,
     );
@@ -165,7 +165,7 @@ export function week(t) {
       await page.getByLabel('Exercise id').fill(name === 'Knee' ? 'autumn-knee' : 'autumn-ball');
       await page.getByLabel('Patient', { exact: true }).selectOption(patient);
     }
-    // "target reached: at least 1" becomes a length: the field says what is stored, whatever the measures' unit
+    // "target reached: at least 1" becomes a length: the field says what is stored, in any unit
     const measure = page.getByLabel('Measure').first();
     await measure.selectOption('greatest_depth_m');
     assert.equal(await page.getByLabel('At least (mm)').inputValue(), '1000', 'the 1 is a metre now');
@@ -187,7 +187,7 @@ export function week(t) {
       .nth(1)
       .fill('6');
     await page.getByLabel(/^Attempts/).fill('3');
-    // a planned line: without a direction it is none, and the link of the problem leads to the vector
+    // a planned line: without a direction it is incomplete, and the link of the problem leads to the vector
     await page.getByLabel('A planned entry and line').check();
     await page.getByLabel('Direction z').fill('0');
     await page.getByRole('button', { name: 'exercises[1].plan.direction' }).click();
@@ -219,7 +219,7 @@ export function week(t) {
 
     await open(page, t.lab, '#/assignments', 'Assignments');
     await page.getByLabel('What').selectOption('course:autumn-course');
-    await chooseFrom(page.getByLabel('To whom'), 'aut', 'Group: autumn');
+    await chooseFrom(page.getByLabel('Assign to'), 'aut', 'Group: autumn');
     await page.getByLabel('Due').fill('2031-01-05T12:00');
     await page.getByRole('button', { name: 'Assign', exact: true }).click();
     await page.getByText('Autumn course was assigned to autumn.').waitFor();
@@ -272,7 +272,7 @@ export function week(t) {
     await row('Ben Osei').getByText('not passed').waitFor();
     // a trainee who has not passed the knee may not begin the ball
     await row('Ben Osei').getByText('locked').waitFor();
-    await row('Li, Chen').getByText('not begun').waitFor();
+    await row('Li, Chen').getByText('not started').waitFor();
     assert.match(await row('Ben Osei').innerText(), /2 left/);
     await accessible(page, 'the results');
     const table = await downloaded(page, () => page.getByRole('link', { name: 'Spreadsheet (CSV)' }).click());

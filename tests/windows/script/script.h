@@ -1,4 +1,4 @@
-/// Scripts that drive the instructor's window, one action per line (README.md lists the actions).
+/// Scripts that drive the instructor's window, one action per line (`scriptVerbs` lists the actions).
 #pragma once
 
 #include <cstddef>
@@ -22,7 +22,7 @@ struct ScriptAction {
 struct ScriptVerb {
   std::string_view verb;
   std::size_t least = 0, most = 0;  ///< number of arguments
-  std::string_view usage, meaning;  ///< "seek SECONDS", "…": for messages and the README
+  std::string_view usage, meaning;  ///< "seek SECONDS", "…": for messages
 };
 std::span<const ScriptVerb> scriptVerbs();
 

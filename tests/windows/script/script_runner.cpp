@@ -163,7 +163,7 @@ Result<bool> ScriptRunner::actOnStation(const ScriptAction& action, InstructorWi
       verb == "pause" ? lab.analysis.player.pause() : lab.analysis.player.play();
       return true;
     }
-    if (live == nullptr) return wrong("no station is looked over: open one first");
+    if (live == nullptr) return wrong("no station is being watched: open one first");
     if (live->trace().empty()) return false;
     verb == "pause" ? live->pause() : live->resume();
     return true;
@@ -172,7 +172,7 @@ Result<bool> ScriptRunner::actOnStation(const ScriptAction& action, InstructorWi
                                                           "next-exercise", "aids",        "stop-lesson"};
   if (std::find(kLiveVerbs.begin(), kLiveVerbs.end(), verb) == kLiveVerbs.end())
     return Error{ErrorCode::kNotFound, {}};
-  if (live == nullptr) return wrong("no station is looked over: open one first");
+  if (live == nullptr) return wrong("no station is being watched: open one first");
   if (verb == "wait-live") {
     const std::size_t shown = live->latency().count();
     if (first) live_before_ = shown;
@@ -308,7 +308,7 @@ Result<bool> ScriptRunner::actOnWindow(const ScriptAction& action, InstructorWin
   }
   if (verb == "latency") {
     LiveStation* const live = window.lab().live();
-    if (live == nullptr) return wrong("no station is looked over: open one first");
+    if (live == nullptr) return wrong("no station is being watched: open one first");
     const LatencyMeter& meter = live->latency();
     if (meter.count() == 0) return false;
     const double p99_ms = meter.quantile_ms(0.99);

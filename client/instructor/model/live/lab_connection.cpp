@@ -25,12 +25,12 @@ bool contains(const Error& error, const std::string& part) {
 
 LinkTrouble denied(const Error& error, const std::string& server) {
   if (contains(error, kNotForThisName)) {
-    return {
-        "The server's certificate is not made for the address " + server + ".",
-        "Use the name that the certificate has (ask who runs the server), or have the server started with "
-        "--host-name for this address.",
-        true,
-        {}};
+    return {"The server's certificate is not valid for the address " + server + ".",
+            "Use the name in the certificate (ask the person who runs the server), or have the server "
+            "started with "
+            "--host-name for this address.",
+            true,
+            {}};
   }
   if (contains(error, "(ROLE)")) {
     return {"This account may not do that.",
@@ -47,7 +47,8 @@ LinkTrouble denied(const Error& error, const std::string& server) {
   }
   return {"The certificate of the server at " + server + " does not belong to the chosen CA file.",
           "Choose the tls/ca.crt of this server; a reinstalled server has a new one. If the file "
-          "is right, something else answers at this address: do not enter a password, ask who runs the lab.",
+          "is right, something else answers at this address: do not enter a password, ask the person who "
+          "runs the lab.",
           true,
           {}};
 }
@@ -57,14 +58,14 @@ LinkTrouble explanationOf(const Error& error, const std::string& server) {
     case ErrorCode::kDenied:
       return denied(error, server);
     case ErrorCode::kVersion:
-      return {"Server and this program speak different versions.",
-              "Bring the older of both up to date; both versions stand in the details.",
+      return {"The server and this program have different versions.",
+              "Update the older one; the details name both versions.",
               true,
               {}};
     case ErrorCode::kInvalidInput:
     case ErrorCode::kNotFound:
       return {"The CA file cannot be used.",
-              "Choose the file tls/ca.crt from the server's folder; who runs the server has it.",
+              "Choose the file tls/ca.crt from the server's folder; the person who runs the server has it.",
               true,
               {}};
     case ErrorCode::kCorrupt:
@@ -75,22 +76,22 @@ LinkTrouble explanationOf(const Error& error, const std::string& server) {
     case ErrorCode::kUnavailable:
       break;
     default:
-      return {"The connection failed.", "It is tried again by itself; the details say more.", false, {}};
+      return {"The connection failed.", "The program keeps trying; the details say more.", false, {}};
   }
   if (contains(error, "(RATE_LIMITED)")) {
-    return {"The server asks for patience: too many log-ins failed.",
-            "Wait a minute; it is tried again by itself.",
+    return {"Too many log-ins failed: the server makes you wait.",
+            "Wait a minute; the program then tries again.",
             false,
             {}};
   }
   if (contains(error, "(SHUTTING_DOWN)") || contains(error, "said bye")) {
     return {"The server at " + server + " is being shut down or restarted.",
-            "Nothing to do: as soon as it is back, the connection is made again.",
+            "Nothing to do: the program reconnects when the server is back.",
             false,
             {}};
   }
   return {"No needlelab-server answers at " + server + ".",
-          "Is the server running, and is this its address? It is tried again by itself.",
+          "Is the server running, and is this its address? The program keeps trying.",
           false,
           {}};
 }
@@ -106,7 +107,7 @@ LinkTrouble troubleOf(const Error& error, const std::string& server) {
 namespace {
 
 constexpr std::uint32_t kOverviewSubscription = 1;
-constexpr std::int64_t kStopLook_ns = 50'000'000;
+constexpr std::int64_t kStopPollPeriod_ns = 50'000'000;
 
 /// Whether the role may list the lab's stations.
 bool isStaff(pb::Role role) {
@@ -119,9 +120,9 @@ Status acceptStaff(const pb::Welcome& welcome) {
                                        "' is not an instructor; this program is for instructors"};
 }
 
-/// Replaces a loss of connection that the server did not explain by kUnavailable, whatever the cause.
+/// Replaces a loss of connection that the server did not explain by kUnavailable, for any cause.
 Error reasonOf(const LinkEnd& end) {
-  if (!end.was_connected || end.said_by_server) return end.error;
+  if (!end.was_connected || end.is_server_reason) return end.error;
   return {ErrorCode::kUnavailable, "the connection is lost: " + end.channel_text};
 }
 
@@ -131,9 +132,9 @@ struct LabConnection::Net {
   explicit Net(LabConnectionSettings chosen)
       : settings(std::move(chosen)),
         link(io,
-             {.retry = {settings.first_retry, settings.most_retry, 2.0},
-              .lasting = settings.most_retry,
-              .most_waiting = settings.most_waiting,
+             {.retry = {settings.first_retry, settings.max_retry, 2.0},
+              .lasting = settings.max_retry,
+              .max_waiting = settings.max_waiting,
               .clock = settings.clock},
              handlers()) {
     thread = std::thread([this] { io.run(); });
@@ -211,7 +212,7 @@ void LabConnection::Net::onMessage(pb::Envelope& envelope) {
     const std::int64_t now_ns = wallNowNs();
     const std::scoped_lock lock(mutex);
     ++state.frames;
-    if (frames.size() >= settings.most_frames) {
+    if (frames.size() >= settings.max_frames) {
       frames.pop_front();
       ++state.frames_dropped;
     }
@@ -351,12 +352,12 @@ Result<pb::Reply> LabConnection::call(pb::Request request, const std::function<b
       shared->reply.emplace(std::move(reply));
       shared->came.notify_all();
     };
-    net->ask(std::move(request), hand_over, OnLoss::kAskAgain);
+    net->ask(std::move(request), hand_over, OnLoss::kResend);
   });
   TimeSource& time = net_->settings.clock->time();
   std::unique_lock lock(shared->mutex);
   while (!shared->reply) {
-    time.waitUntilNs(shared->came, lock, time.nowNs() + kStopLook_ns);
+    time.waitUntilNs(shared->came, lock, time.nowNs() + kStopPollPeriod_ns);
     if (!shared->reply && stopped && stopped()) return Error{ErrorCode::kFailed, "stopped"};
   }
   return std::move(*shared->reply);

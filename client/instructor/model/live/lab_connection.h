@@ -70,10 +70,10 @@ struct LabNews {
 };
 
 struct LabConnectionSettings {
-  std::chrono::milliseconds first_retry{200}, most_retry{5000};
+  std::chrono::milliseconds first_retry{200}, max_retry{5000};
   std::chrono::milliseconds answer_time{60'000};  ///< timeout of a request
-  std::size_t most_frames = 4096;      ///< limit of frames waiting for a poll; beyond it drops the oldest
-  std::size_t most_waiting = 256;      ///< limit of pending requests
+  std::size_t max_frames = 4096;       ///< limit of frames waiting for a poll; beyond it drops the oldest
+  std::size_t max_waiting = 256;       ///< limit of pending requests
   std::string program = "instructor";  ///< its name in messages to the server
   std::shared_ptr<LinkClock> clock = std::make_shared<LinkClock>();
 };
@@ -103,8 +103,8 @@ class LabConnection {
   void unwatch(const std::string& station);
 
   /// `answer` runs within a later `poll`.
-  void ask(pb::Request request, Answer answer, OnLoss on_loss = OnLoss::kAskAgain);
-  /// Blocks until the answer arrives; survives losses of the connection like kAskAgain. Errors: as for `ask`;
+  void ask(pb::Request request, Answer answer, OnLoss on_loss = OnLoss::kResend);
+  /// Blocks until the answer arrives; survives losses of the connection like kResend. Errors: as for `ask`;
   /// kFailed if `stopped` returns true (checked 20 times a second).
   Result<pb::Reply> call(pb::Request request, const std::function<bool()>& stopped = {});
 

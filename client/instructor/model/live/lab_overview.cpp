@@ -19,7 +19,7 @@ struct NeedStyle {
 constexpr std::array<NeedStyle, kNeedCount> kNeeds = {{{"FAULT", Condition::kTrouble},
                                                        {"alarm", Condition::kTrouble},
                                                        {"trouble", Condition::kAttention},
-                                                       {"lost in mid-lesson", Condition::kAttention},
+                                                       {"lost mid-lesson", Condition::kAttention},
                                                        {"waiting", Condition::kUnknown},
                                                        {"done", Condition::kGood},
                                                        {"practising", Condition::kGood},

@@ -122,7 +122,7 @@ void LiveStation::onStatus(const pb::StationStatus& status) {
   status_ = status;
 }
 
-std::string LiveStation::sessionToAskFor(double now_s) {
+std::string LiveStation::sessionToRequest(double now_s) {
   if (described_ || session_id_.empty() || now_s - asked_s_ < kAskAgain_s) return {};
   asked_s_ = now_s;
   return session_id_;

@@ -85,7 +85,7 @@ class LiveStation {
   void onStatus(const pb::StationStatus& status);
   /// Returns the session to request from the server (GetSession); empty if there is none, or it was requested
   /// a moment ago. Each call counts as a request; the id is returned again after kAskAgain_s of `now_s`.
-  [[nodiscard]] std::string sessionToAskFor(double now_s);
+  [[nodiscard]] std::string sessionToRequest(double now_s);
   /// Takes the description, then processes the samples received before it.
   void setSession(const pb::SessionInfo& info, const ScenePreparer& prepare = {});
   void connectionLost();

@@ -29,15 +29,22 @@ double stiffnessShareOf(const pb::SessionDescription& description) {
   return share > 0 && share < 1 ? share : 1;
 }
 
-bool leftBoneOut(const pb::SessionDescription& description, const pb::Profile& profile) {
+EffectMask leftOut(const pb::SessionDescription& description, const pb::Profile& profile) {
   const auto& listed = profile.effects();
   const auto& live = description.live_effects();
-  return !live.empty() && std::find(listed.begin(), listed.end(), pb::Profile::BONE) != listed.end() &&
-         std::find(live.begin(), live.end(), effectName(Effect::kBone)) == live.end();
+  EffectMask left_out = 0;
+  if (live.empty()) return left_out;
+  for (const EffectEntry* entry : effectEntries()) {
+    if (!entry->on_device.without.empty() &&
+        std::find(listed.begin(), listed.end(), numberOfEffect(entry->effect)) != listed.end() &&
+        std::find(live.begin(), live.end(), entry->name) == live.end())
+      left_out |= bitOf(entry->effect);
+  }
+  return left_out;
 }
 
 void makeAsRendered(const pb::SessionDescription& description, const pb::Profile& profile, SceneSpec& spec) {
-  if (leftBoneOut(description, profile)) spec.effects &= ~bitOf(Effect::kBone);
+  spec.effects &= ~leftOut(description, profile);
   lowerStiffness(spec, stiffnessShareOf(description));
 }
 

@@ -40,11 +40,11 @@ Result<Pose> placementOf(const pb::SessionDescription& description);
 /// description has none or it is outside (0, 1].
 double stiffnessShareOf(const pb::SessionDescription& description);
 
-/// Returns whether the station omitted the profile's BONE because its device and tool cannot render it
-/// stably. False if the description has no list of live effects.
-bool leftBoneOut(const pb::SessionDescription& description, const pb::Profile& profile);
+/// Returns the profile's effects that the station omitted because its device and tool cannot hold them
+/// (BONE). None if the description has no list of live effects.
+EffectMask leftOut(const pb::SessionDescription& description, const pb::Profile& profile);
 
-/// Turns the profile's scene into the rendered one: scales its stiffness by that share, and removes bone that
+/// Turns the profile's scene into the rendered one: scales its stiffness by that share, and removes what
 /// was omitted.
 void makeAsRendered(const pb::SessionDescription& description, const pb::Profile& profile, SceneSpec& spec);
 

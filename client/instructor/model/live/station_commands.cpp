@@ -86,7 +86,7 @@ void StationCommands::resetAids(const std::string& station, const std::string& s
   request.mutable_set_aids()->set_station(station);
   request.mutable_set_aids()->set_session_id(session_id);
   request.mutable_set_aids()->set_reset(true);
-  ask(request, "shown at " + station + ": as the exercise has it");
+  ask(request, "shown at " + station + ": as the exercise sets it");
 }
 
 void StationCommands::stopLesson(const std::string& station, const std::string& session_id,

@@ -9,6 +9,7 @@
 #include <fmt/core.h>
 
 #include "common/base/text/text.h"
+#include "common/scoring/measures/measure_table.h"
 #include "common/scoring/motion/dtw.h"
 
 namespace needlelab {
@@ -16,7 +17,7 @@ namespace {
 
 constexpr double kDepthStep_m = 0.00025;
 constexpr double kTimeStep_s = 0.01;
-constexpr std::size_t kMostPoints = 20'000;
+constexpr std::size_t kMaxPoints = 20'000;
 
 double forceOfSample(const GestureSample& s) {
   return norm({s.force_W_N[0], s.force_W_N[1], s.force_W_N[2]});
@@ -94,7 +95,7 @@ Status byDepth(const StoredGesture& a, const StoredGesture& b, std::vector<Compa
   if (!in_b) return neverIn(b);
   const double to_m = std::min(a.samples[in_a->deepest].insertion_m, b.samples[in_b->deepest].insertion_m);
   std::size_t i = in_a->first, j = in_b->first;
-  for (std::size_t k = 0; points.size() < kMostPoints; ++k) {
+  for (std::size_t k = 0; points.size() < kMaxPoints; ++k) {
     const double depth_m = static_cast<double>(k) * kDepthStep_m;
     if (depth_m > to_m) break;
     while (i < in_a->deepest && a.samples[i].insertion_m < depth_m) ++i;
@@ -131,7 +132,7 @@ Status byWarping(const StoredGesture& a, const StoredGesture& b, GestureComparis
   if (!aligned)
     return Error{ErrorCode::kInvalidInput,
                  fmt::format("a gesture of more than {} minutes in tissue cannot be warped; compare by depth",
-                             static_cast<int>(kMostPathPoints / kPathRateHz / 60))};
+                             static_cast<int>(kMaxPathPoints / kPathRateHz / 60))};
   comparison.dtw_distance_m = aligned->distance_m;
   const double steps = std::max<double>(1, static_cast<double>(aligned->pairs.size()) - 1);
   for (std::size_t k = 0; k < aligned->pairs.size(); ++k) {
@@ -153,8 +154,8 @@ Status byTime(const StoredGesture& a, const StoredGesture& b, std::vector<Compar
   const double from_a_s = a.timeOfTick(first_a->tick), from_b_s = b.timeOfTick(first_b->tick);
   const double length_s = std::min(a.timeOfTick(a.samples.back().tick) - from_a_s,
                                    b.timeOfTick(b.samples.back().tick) - from_b_s);
-  const double step_s = std::max(kTimeStep_s, length_s / static_cast<double>(kMostPoints - 1));
-  for (std::size_t k = 0; points.size() < kMostPoints; ++k) {
+  const double step_s = std::max(kTimeStep_s, length_s / static_cast<double>(kMaxPoints - 1));
+  for (std::size_t k = 0; points.size() < kMaxPoints; ++k) {
     const double at_s = static_cast<double>(k) * step_s;
     if (at_s > length_s) break;
     points.push_back(pointOf(a, a.sampleAt(from_a_s + at_s), b, b.sampleAt(from_b_s + at_s)));
@@ -245,7 +246,7 @@ void addLimits(Plot& plot, ComparedSeries series, const StoredGesture& a, const 
   // Only the comparison plots the distance from the planned line.
   if (series != ComparedSeries::kPlanned) return;
   for (const PlotRequirement& requirement : requirements)
-    if (requirement.measure == "largest_planned_line_error_m")
+    if (roleOf(requirement.measure) == MeasureRole::kPlannedLine)
       addLimits(plot, requirement, style.shown_per_si);
 }
 
@@ -345,7 +346,7 @@ Result<GestureComparison> compareGestures(const StoredGesture& a, const StoredGe
   const std::string& exercise_b = b.info.description().exercise_id();
   if (exercise_a != exercise_b)
     comparison.sentences.push_back("two different exercises (" + exercise_a + ", " + exercise_b +
-                                   "): what differs may be the task's, not the hand's");
+                                   "): differences may come from the task, not the hand");
   describeDifferences(comparison);
   return comparison;
 }

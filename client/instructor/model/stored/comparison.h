@@ -47,7 +47,7 @@ void addLimits(Plot& plot, ComparedSeries series, const StoredGesture& a, const 
 /// What a picture of both gestures shows of their plans.
 struct SharedPlan {
   std::optional<PlanView> plan_W;  ///< set only if both have the same plan
-  std::string why_none;            ///< why an existing plan is not shown, as a line for people; otherwise
+  std::string omission_reason;     ///< why an existing plan is not shown, as a line for people; otherwise
                                    ///< empty
 };
 /// For pictures of both gestures in W.

@@ -1,19 +1,18 @@
 #include "client/instructor/model/stored/report.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <utility>
 
-#include <fmt/core.h>
-
-#include "client/instructor/model/stored/svg_plot.h"
 #include "client/view/model/gesture_plots.h"
 #include "client/view/model/palette.h"
 #include "common/base/files/files.h"
 #include "common/base/text/text.h"
-#include "common/gesture/sample_csv.h"
+#include "common/gesture/sample.h"
 #include "common/haptics/gate/handle_stiffness.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
@@ -177,11 +176,11 @@ std::string headOf(const ReportData& data) {
   std::string out = "<h1>" + htmlText(d.trainee().empty() ? "a trainee" : d.trainee()) + ": " +
                     htmlText(data.exercise_name.empty() ? d.exercise_id() : data.exercise_name) +
                     "</h1>\n<p class='v'>" + htmlText(verdictOf(data)) + "</p>\n";
-  if (const auto lowered = stiffnessShareText(stiffnessShareOf(d), leftBoneOut(d, gesture.scene.profile));
+  if (const auto lowered = stiffnessShareText(stiffnessShareOf(d), leftOut(d, gesture.scene.profile));
       !lowered.empty())
     out += "<p>" + htmlText(lowered) + "</p>\n";
   if (const auto miss = missOf(gesture.samples, gesture.events, gesture.scene.profile, gesture.scene.X_WL))
-    out += "<p>" + htmlText(missText(*miss) + " " + missPlaceText(*miss)) + "</p>\n";
+    out += "<p>" + htmlText(missText(*miss) + " " + missDirectionText(*miss)) + "</p>\n";
   if (!data.exercise_text.empty()) out += "<p>" + htmlText(data.exercise_text) + "</p>\n";
   out += "<table>\n" + fact("session", gesture.id) + fact("when and what", gesture.title()) +
          fact("station", d.station()) + fact("device", d.device()) +
@@ -197,7 +196,7 @@ std::string headOf(const ReportData& data) {
   return out;
 }
 
-std::string besideExperts(const ReportData& data, const Measure& measure) {
+std::string expertPlaceCell(const ReportData& data, const Measure& measure) {
   const PlaceRow* const row = placeOf(data, measure.name);
   if (row == nullptr) return {};
   return svgPlace(row->marks) + "<br><span class='d'>" + htmlText(row->words) + "</span>";
@@ -219,7 +218,7 @@ std::string measuresOf(const ReportData& data) {
                                        : measure.words) +
              "</td><td>" + htmlText(requirementText(measure.name, measure.unit, measure.min, measure.max)) +
              "</td>" +
-             (data.places.empty() ? std::string() : "<td>" + besideExperts(data, measure) + "</td>") +
+             (data.places.empty() ? std::string() : "<td>" + expertPlaceCell(data, measure) + "</td>") +
              "</tr>\n";
     }
   }
@@ -257,18 +256,8 @@ std::string eventsOf(const ReportData& data) {
 }
 
 std::string progressOfTrainee(const ReportData& data) {
-  // the measures that matter most to a teacher
-  constexpr std::string_view kShown[] = {"elapsed_s",
-                                         "peak_force_n",
-                                         "largest_lateral_error_m",
-                                         "planned_entry_error_m",
-                                         "planned_angle_error_rad",
-                                         "mean_planned_line_error_m",
-                                         "target_distance_m",
-                                         "tissue_damage_m2",
-                                         "dtw_distance_m"};
   std::string out;
-  for (const std::string_view name : kShown) {
+  for (const std::string_view name : measuresIn(&MeasureKind::in_reports)) {
     const auto row = std::find_if(data.progress.begin(), data.progress.end(),
                                   [&](const ProgressRow& r) { return r.measure == name; });
     if (row == data.progress.end() || row->values.size() < 2) continue;

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "client/instructor/model/stored/stored_gesture.h"
@@ -67,8 +68,25 @@ std::string reportHtml(const ReportData& data);
 Status writeReport(const LabCall& call, const std::string& session_id, const std::filesystem::path& file,
                    const ScenePreparer& prepare = {});
 
-/// Writes the samples as CSV with the columns of gesture/sample_csv.h, as `needlelab-admin session export
+/// Writes the samples as CSV with the columns of gesture/sample.h, as `needlelab-admin session export
 /// --format csv` does. Errors: from the disk, with the file's name.
 Status writeSamplesCsv(const StoredGesture& gesture, const std::filesystem::path& file);
+
+// --- plots as SVG within HTML
+
+/// Escapes other people's text for use between tags and in quoted attributes: & < > " ' become entities;
+/// control characters and invalid UTF-8 become '?'.
+std::string htmlText(std::string_view text);
+
+/// In points.
+struct SvgSize {
+  double width = 720, height = 200;
+};
+/// Returns one <svg> with all names escaped. Draws long series by the minimum and maximum at each point.
+/// Converts the dark window's colours to ink for white paper; shows time in s.
+std::string svgPlot(const Plot& plot, SvgSize size = {});
+
+/// A value compared with the experts: a bar for their range, a diamond for the value.
+std::string svgPlace(const PlaceMarks& marks);
 
 }  // namespace needlelab

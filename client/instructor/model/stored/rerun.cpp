@@ -69,7 +69,7 @@ void describe(Rerun& run, const StoredGesture& gesture) {
                   run.mean_force_in_tissue_N, run.felt_mean_in_tissue_N,
                   fixedText(run.mean_difference_N, 2, Sign::kBoth)));
   run.sentences.push_back(
-      "the recorded hand did not feel this: with other forces it would have moved otherwise");
+      "the recorded hand did not feel this: with other forces it would have moved differently");
   if (gesture.thinned)
     run.sentences.push_back("thinned recording: forces that depend on speed are less exact");
 }

@@ -10,7 +10,8 @@
 #include <fmt/core.h>
 
 #include "common/base/text/text.h"
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
+#include "common/scoring/measures/measure_table.h"
 
 namespace needlelab {
 namespace {
@@ -59,12 +60,12 @@ Result<pb::ListSessions> messageOf(const SessionQuery& query) {
     ASSIGN_OR_RETURN(const auto day, dayOf("to", query.to, 1));
     list.set_to_unix_ns(day);
     if (list.to_unix_ns() <= list.from_unix_ns())
-      return Error{ErrorCode::kInvalidInput, "to: it comes before the other day"};
+      return Error{ErrorCode::kInvalidInput, "to: it is before the first day"};
   }
   return list;
 }
 
-SessionSearch::SessionSearch(SessionAsk ask) : ask_(std::move(ask)) {}
+SessionSearch::SessionSearch(SessionRequester ask) : ask_(std::move(ask)) {}
 
 void SessionSearch::search(const SessionQuery& query) {
   query_ = query;
@@ -146,8 +147,8 @@ void SessionSearch::sort() {
       });
       break;
     case SessionOrder::kPeakForce:
-      by([](const auto& a, const auto& b) {
-        const double fa = figureOf(a, "peak_force_n"), fb = figureOf(b, "peak_force_n");
+      by([force = measureOf(MeasureRole::kForce).name](const auto& a, const auto& b) {
+        const double fa = figureOf(a, force), fb = figureOf(b, force);
         return fa == fa && (!(fb == fb) || fa > fb);
       });
       break;

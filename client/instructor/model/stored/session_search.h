@@ -25,12 +25,12 @@ Result<pb::ListSessions> messageOf(const SessionQuery& query);
 enum class SessionOrder : std::uint8_t { kNewest, kTrainee, kExercise, kPeakForce, kVerdict };
 
 /// Sends a request; the answer comes later, on the same thread. LabConnection::ask, or a test.
-using SessionAsk = std::function<void(pb::Request, LabConnection::Answer)>;
+using SessionRequester = std::function<void(pb::Request, LabConnection::Answer)>;
 
 /// Thread: the one that polls the connection behind `ask`. Ignores answers after its destruction.
 class SessionSearch {
  public:
-  explicit SessionSearch(SessionAsk ask);
+  explicit SessionSearch(SessionRequester ask);
 
   /// Sends the query; keeps the old rows until the answer arrives. A failed search has no rows.
   void search(const SessionQuery& query);
@@ -58,7 +58,7 @@ class SessionSearch {
   void ask(const std::string& page);
   void fail(std::string trouble, bool first_page);
   void sort();
-  SessionAsk ask_;
+  SessionRequester ask_;
   SessionQuery query_;
   SessionOrder order_ = SessionOrder::kNewest;
   std::vector<pb::SessionInfo> rows_;

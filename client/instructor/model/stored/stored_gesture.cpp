@@ -9,7 +9,7 @@
 
 #include "client/view/model/gesture_replica.h"
 #include "common/base/text/text.h"
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
 #include "common/gesture/chunk.h"
 #include "common/haptics/cut_snapshot.h"
 #include "common/profile/profile.h"
@@ -66,7 +66,7 @@ std::shared_ptr<StoredGesture> beginGesture(pb::SessionInfo info, const ScenePre
   if (!gesture->scene.why.empty()) gesture->notes.push_back(printable(gesture->scene.why));
   // Ticks can be missing, so reserve twice the samples' duration.
   const double span_s =
-      2 * static_cast<double>(std::min<std::uint64_t>(samples, kMostLoadedSamples)) / sample_rate_hz;
+      2 * static_cast<double>(std::min<std::uint64_t>(samples, kMaxLoadedSamples)) / sample_rate_hz;
   gesture->trace = traceOf(gesture->scene, std::max(10.0, span_s), gesture->ticks_per_sample);
   return gesture;
 }
@@ -101,7 +101,7 @@ PlanInScore planInScore(const StoredGesture& gesture, const std::vector<Measure>
   }
   if (!largest_m) return PlanInScore::kUnknown;
   const auto scored = std::find_if(measures.begin(), measures.end(), [](const Measure& row) {
-    return row.name == "largest_planned_line_error_m";
+    return roleOf(row.name) == MeasureRole::kPlannedLine;
   });
   if (scored == measures.end()) return PlanInScore::kNone;
   const bool whole = !gesture.thinned && gesture.samples.size() == gesture.info.samples();
@@ -136,7 +136,7 @@ class Loader {
  private:
   Status readSamples() {
     TraceMaker maker(*gesture_);
-    gesture_->samples.reserve(std::min<std::size_t>(gesture_->info.samples(), kMostLoadedSamples));
+    gesture_->samples.reserve(std::min<std::size_t>(gesture_->info.samples(), kMaxLoadedSamples));
     for (std::uint64_t next = 0; next < gesture_->info.chunks();) {
       if (progress_ != nullptr && progress_->stop) return Error{ErrorCode::kFailed, "stopped"};
       pb::Request request;
@@ -171,9 +171,9 @@ class Loader {
     }
     const auto cuts = cutsIn(cutMemoryOf(viewOf(chunk.data())));
     for (const GestureSample& sample : *samples) {
-      if (gesture_->samples.size() >= kMostLoadedSamples) {
+      if (gesture_->samples.size() >= kMaxLoadedSamples) {
         if (!std::exchange(full_, true))
-          note(fmt::format("only the first {} samples are shown", kMostLoadedSamples));
+          note(fmt::format("only the first {} samples are shown", kMaxLoadedSamples));
         return {};
       }
       // Ticks ascend in a station's recording, but hostile data may violate that.
@@ -215,7 +215,7 @@ class Loader {
     if (!gesture_->scene.view) return;
     gesture_->plan_W = planOn(*gesture_->scene.view, **exercise);
     if ((*exercise)->has_plan() && !gesture_->plan_W)
-      note("the exercise is for another patient today: no planned line is shown");
+      note("the exercise now has another patient: no planned line is shown");
   }
 
   /// Without a score the plots have no limits; the score screen says why.
@@ -241,14 +241,14 @@ class Loader {
       case PlanInScore::kSame:
         return;
       case PlanInScore::kUnknown:
-        return note("the planned line is the exercise's of today");
+        return note("the planned line is the exercise's current one");
       case PlanInScore::kOther:
         return note(
-            "the exercise's plan was changed after this session was scored: its score is against the plan of "
+            "the exercise's plan was changed after this session was scored: its score uses the plan of "
             "that time");
       case PlanInScore::kNone:
         gesture_->plan_W.reset();
-        return note("this session was scored without a plan: the exercise's of today is not shown");
+        return note("this session was scored without a plan: the exercise's current plan is not shown");
     }
   }
 
@@ -285,7 +285,7 @@ std::string StoredGesture::title() const {
 }
 
 Result<std::vector<pb::Annotation>> readRemarks(const LabCall& call, const std::string& session_id) {
-  constexpr std::size_t kMostRemarks = 10'000;
+  constexpr std::size_t kMaxRemarks = 10'000;
   std::vector<pb::Annotation> remarks;
   std::string page;
   do {
@@ -296,16 +296,16 @@ Result<std::vector<pb::Annotation>> readRemarks(const LabCall& call, const std::
     const auto& list = reply.annotations();
     remarks.insert(remarks.end(), list.annotations().begin(), list.annotations().end());
     page = list.next_page();
-  } while (!page.empty() && remarks.size() < kMostRemarks);
+  } while (!page.empty() && remarks.size() < kMaxRemarks);
   std::stable_sort(remarks.begin(), remarks.end(),
                    [](const auto& a, const auto& b) { return a.tick() < b.tick(); });
   return remarks;
 }
 
 Result<std::optional<pb::Exercise>> findExercise(const LabCall& call, const std::string& exercise_id) {
-  constexpr int kMostPages = 1000;
+  constexpr int kMaxPages = 1000;
   std::string page;
-  for (int i = 0; i < kMostPages; ++i) {
+  for (int i = 0; i < kMaxPages; ++i) {
     pb::Request request;
     request.mutable_list_exercises()->set_page(page);
     ASSIGN_OR_RETURN(const auto reply, call(request));

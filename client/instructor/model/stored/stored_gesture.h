@@ -20,7 +20,7 @@
 namespace needlelab {
 
 /// The loader omits samples beyond this number (50 min at 1 kHz, 600 MB) and notes it.
-inline constexpr std::size_t kMostLoadedSamples = 3'000'000;
+inline constexpr std::size_t kMaxLoadedSamples = 3'000'000;
 
 /// Immutable after loading. Times are Moment's: s since the session's tick 0.
 struct StoredGesture {

@@ -1,4 +1,4 @@
-#include "client/instructor/model/stored/svg_plot.h"
+#include "client/instructor/model/stored/report.h"
 
 #include <algorithm>
 #include <cmath>

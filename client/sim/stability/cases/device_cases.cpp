@@ -118,11 +118,11 @@ Status frozenAxis(Trial& t) {
   // while an axis is frozen the force cannot follow the hand's motion: at most the tissue's own force over
   // that distance
   const LayerSpec& layer = t.wall.layers.front();
-  const double most_J = (layer.cutting_force_N + layer.attracted_force_N) * speed * frozen_s;
+  const double max_J = (layer.cutting_force_N + layer.attracted_force_N) * speed * frozen_s;
   t.judge(
       "departure, 20 ms after the axis froze [N]", fault ? HUGE_VAL : departure_N, limit,
-      fmt::format("a frozen axis gives the hand {:.2g} mJ, {:.2g} mJ passes", 1e3 * given_J, 1e3 * most_J));
-  t.require(given_J <= most_J);
+      fmt::format("a frozen axis gives the hand {:.2g} mJ, {:.2g} mJ passes", 1e3 * given_J, 1e3 * max_J));
+  t.require(given_J <= max_J);
   return {};
 }
 

@@ -95,8 +95,8 @@ Status disturbances(Trial& t, const std::vector<Disturbance>& all) {
   const double depth_m = t.number("depth_m", 0.0005, 0.05), limit = t.number("limit", 0);
   double violation_N = 0;
   for (const Disturbance& one : all) {
-    ASSIGN_OR_RETURN(const double most_N, disturbed(t, depth_m, one));
-    violation_N = std::max(violation_N, most_N);
+    ASSIGN_OR_RETURN(const double max_N, disturbed(t, depth_m, one));
+    violation_N = std::max(violation_N, max_N);
   }
   t.judge("greatest departure from the timeline of §3.7 [N]", violation_N, limit);
   return {};
@@ -122,7 +122,7 @@ Status notANumber(Trial& t) {
 
 Status frozenDevice(Trial& t) {
   if (!t.hasStop())
-    return t.saysNothing(
+    return t.notApplicable(
         "has no stop: a hand at rest is pushed on; the gate's part is the same for every model");
   // silence: the force is held until the watchdog reacts, then as for any fault
   Disturbance silence;

@@ -186,7 +186,8 @@ Result<ControlledRuns> controlledRuns(Trial& t, const HandPlan& plan, bool alway
   ASSIGN_OR_RETURN(auto without, t.loop(plan));
   if (!always && !(without.margins.passive < 1)) return ControlledRuns{without, without};
   t.plant.passivity = passivityOf(t.plant);
-  if (!t.settings.control.told_as_measured) t.plant.passivity->delay_ticks = 1, t.plant.passivity->lag_s = 0;
+  if (!t.settings.control.uses_measured_delay)
+    t.plant.passivity->delay_ticks = 1, t.plant.passivity->lag_s = 0;
   ASSIGN_OR_RETURN(auto with, t.loop(plan));
   return ControlledRuns{std::move(without), std::move(with)};
 }
@@ -206,12 +207,17 @@ std::string controlledNote(const CaseRow& row) {
                      row.distortion_N.value_or(0));
 }
 
+bool isDerated(const PlantTick& tick) {
+  return (tick.gate_flags & kGateThermalLimited) != 0;
+}
+
 // Runs the path with the control, `always` or only where passivity is not proven, as in a station. The hand
-// lets go in the window "free" and changes its grip in the window "grip_changes", if present.
+// lets go in the window "free" and changes its grip in the window "grip_changes", if present; a case with a
+// window "loaded" is about a load that the gate derates.
 Status controlledPath(Trial& t, bool always) {
   const TimedPlan path = t.path();
   HandOptions& hand = t.plant.device.hand;
-  if (t.has("free")) hand.let_go_s = t.window(path, "free").from_s;
+  if (t.has("free")) hand.release_s = t.window(path, "free").from_s;
   if (t.has("grip_changes")) {
     hand.grip_changes_s = t.window(path, "grip_changes").from_s;
     hand.grip_share = t.number("grip_changes.share", 0, 100);
@@ -219,6 +225,11 @@ Status controlledPath(Trial& t, bool always) {
   const double limit_J = t.number("limit", 0);
   RETURN_IF_ERROR(t.status());
   ASSIGN_OR_RETURN(const auto runs, controlledRuns(t, path.plan, always));
+  if (t.has("loaded")) {
+    const auto loaded = ticksIn(runs.with, t.window(path, "loaded"));
+    if (std::none_of(loaded.begin(), loaded.end(), isDerated))
+      return t.notApplicable("never above the continuous limit for long enough");
+  }
   t.row() = controlledRow(runs);
   t.judge(always ? "energy given to the hand at any moment, with passivity control [J]"
                  : "energy given to the hand at any moment [J]",

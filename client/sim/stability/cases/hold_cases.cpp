@@ -43,7 +43,7 @@ Status holdQuantised(Trial& t) {
 
 // After a creeping advance the force must be the rejection force.
 Status creepThenStop(Trial& t) {
-  if (!t.hasStop()) return t.saysNothing(kNoStop);
+  if (!t.hasStop()) return t.notApplicable(kNoStop);
   t.judges("distance from f_rej [N]", t.number("limit", 0));
   const auto departure = [&](const PlantRun& run, TimeWindow window) {
     double worst = 0;
@@ -59,7 +59,7 @@ Status creepThenStop(Trial& t) {
 
 // Firm tissue, soft hand: the needle advances as the force decays, which must not end the stop.
 Status stopOnce(Trial& t) {
-  if (!t.hasStop()) return t.saysNothing(kNoStop);
+  if (!t.hasStop()) return t.notApplicable(kNoStop);
   t.judges("stops in one hold", t.number("limit", 0));
   bool stopped_at_all = true;
   const auto stops = [&](const PlantRun& run, TimeWindow window) {
@@ -127,7 +127,7 @@ Result<double> stoppedFrom(Trial& t, const std::string& path_field, double limit
   const TimedPlan path = t.path(path_field);
   const TimeWindow hold = t.window(path);
   const std::uint64_t seeds = t.whole("seeds", 1);
-  double least_share = 1;
+  double min_share = 1;
   for (const double tremor_m : t.numbers("tremor_m"))
     for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
       t.plant.device.hand.tremor_m = tremor_m;
@@ -139,26 +139,26 @@ Result<double> stoppedFrom(Trial& t, const std::string& path_field, double limit
       });
       const double after_s = first == ticks.end() ? hold.to_s - hold.from_s : first->time_s - hold.from_s;
       const auto rest = ticksIn(run, {hold.from_s + std::min(after_s, limit_s), hold.to_s});
-      least_share = std::min(least_share, stoppedShare(rest));
+      min_share = std::min(min_share, stoppedShare(rest));
       t.add(run, hold, after_s);
     }
-  return least_share;
+  return min_share;
 }
 
 // With usual tremor, a resting hand must be detected as resting.
 Status tremorStops(Trial& t) {
-  if (!t.hasStop()) return t.saysNothing(kNoStop);
+  if (!t.hasStop()) return t.notApplicable(kNoStop);
   const double limit_s = t.number("limit", 0), share = t.number("share_stopped", 0, 1);
   t.judges("STOPPED after the target rests [s]", limit_s);
   Trial abrupt = t;
-  ASSIGN_OR_RETURN(const auto least_share, stoppedFrom(t, "path", limit_s));
+  ASSIGN_OR_RETURN(const auto min_share, stoppedFrom(t, "path", limit_s));
   // no person stops within a millisecond: reported, not judged
   RETURN_IF_ERROR(stoppedFrom(abrupt, "path_abrupt", limit_s));
-  t.require(least_share >= share);
+  t.require(min_share >= share);
   t.row().note = fmt::format(
       "STOPPED for {:.3g} % of the rest of the hold, {:.3g} % passes; a target that rests within one tick: "
       "{:.3g} s, not judged",
-      100 * least_share, 100 * share, *abrupt.row().measured);
+      100 * min_share, 100 * share, *abrupt.row().measured);
   return {};
 }
 

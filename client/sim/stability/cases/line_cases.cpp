@@ -120,12 +120,12 @@ Status crosswise(Trial& c) {
           HandPlan({axisAt(-slant) * -0.005, slanting(tilt)})};
   ASSIGN_OR_RETURN(const auto run, move(c, way.to(axisAt(-slant) * way_m, tilt).rest(0.5)));
   const StepReport& last = run.ticks.back().report;
-  const double least_m = way_m - led_m;
-  const double eq8_N = lambdaOf(c.scene) * least_m * least_m * std::sin(kPi / 4 - std::asin(led_m / way_m));
-  const double least_N = std::min(eq8_N, turningForce_N(c.scene, least_m));
+  const double min_m = way_m - led_m;
+  const double eq8_N = lambdaOf(c.scene) * min_m * min_m * std::sin(kPi / 4 - std::asin(led_m / way_m));
+  const double min_N = std::min(eq8_N, turningForce_N(c.scene, min_m));
   c.judge("inserted length that is missing [m]", std::abs(last.insertion_m - way_m), led_m,
-          fmt::format("{:.3g} N at the target, {:.3g} N at least", acrossOf(last), least_N));
-  c.require(acrossOf(last) >= least_N, "eq. 8");
+          fmt::format("{:.3g} N at the target, {:.3g} N at least", acrossOf(last), min_N));
+  c.require(acrossOf(last) >= min_N, "eq. 8");
   return {};
 }
 
@@ -138,7 +138,7 @@ double frictionAt_N_per_m(const SceneSpec& scene, double depth_m) {
 
 // Straight in. P0 is the point of entry, and shaft friction is that of the layers along the path.
 Status roundLimbLength(Trial& c) {
-  const double most_m = length(c, "most_m"), chord = c.number("chord_share", 0.1, 0.95);
+  const double max_m = length(c, "most_m"), chord = c.number("chord_share", 0.1, 0.95);
   const auto angles = c.numbers("angles_deg");
   std::vector<std::pair<Limb, double>> limbs = {{c.scene.limb, HUGE_VAL}};
   for (const double r : c.numbers("radii_m")) {
@@ -152,15 +152,15 @@ Status roundLimbLength(Trial& c) {
       const double angle = angle_deg * kPi / 180;
       c.scene.limb = limb;
       ASSIGN_OR_RETURN(const auto run,
-                       move(c, straight(c, std::min(most_m, chord * 2 * radius_m * std::cos(angle)), angle)));
-      double friction_N = 0, before_m = 0, told_m = 0;
+                       move(c, straight(c, std::min(max_m, chord * 2 * radius_m * std::cos(angle)), angle)));
+      double friction_N = 0, before_m = 0, reported_m = 0;
       for (const MotionTick& tick : run.ticks) {
         if (!(tick.report.depth_m > 0)) continue;
         const double way_m = norm(tick.tip.p_WT_m);
         friction_N += frictionAt_N_per_m(c.scene, tick.report.depth_m) * (way_m - before_m);
         worst_m = std::max(worst_m, std::abs(tick.report.insertion_m - way_m));
-        falls = falls || tick.report.insertion_m < told_m;
-        told_m = tick.report.insertion_m;
+        falls = falls || tick.report.insertion_m < reported_m;
+        reported_m = tick.report.insertion_m;
         before_m = way_m;
       }
       worst_share = std::max(worst_share, std::abs(-run.ticks.back().report.friction_N / friction_N - 1));
@@ -175,10 +175,10 @@ Status roundLimbLength(Trial& c) {
 // k|e| in the last tick before u turns, for a needle at this depth that swings about its hole; infinite if u
 // never turns.
 Result<double> turnsAt_N(Trial& c, double length_m) {
-  constexpr double kStep_rad = 2e-4, kMost_rad = 1.2;
+  constexpr double kStep_rad = 2e-4, kMax_rad = 1.2;
   auto samples = straight(c, length_m).samples();
   const std::size_t swings = samples.size();
-  for (double angle = 0; angle < kMost_rad; angle += kStep_rad)
+  for (double angle = 0; angle < kMax_rad; angle += kStep_rad)
     samples.push_back({axisAt(angle) * length_m, slanting(angle)});
   ASSIGN_OR_RETURN(const auto run, c.move(samples));
   for (std::size_t k = swings; k < run.ticks.size(); ++k)
@@ -200,18 +200,18 @@ Status reAim(Trial& c) {
   goOn(straight(c, length_m), axisAt(aim) * length_m, axisAt(aim) * (length_m + deeper_m));
   for (const double left_m : c.numbers("withdrawals_m"))
     goOn(straight(c, deeper_m).to(below(left_m)), below(left_m), below(left_m) + axisAt(aim) * deeper_m);
-  double most_N = 0;
+  double max_N = 0;
   for (const auto& [way, from] : ways) {
     ASSIGN_OR_RETURN(const auto run, move(c, way));
     for (std::size_t k = from; k < run.ticks.size(); ++k)
-      most_N = std::max(most_N, run.ticks[k].report.clamping_N);
+      max_N = std::max(max_N, run.ticks[k].report.clamping_N);
   }
   double worst_N = 0, last_N = 0;
   for (const double one_m : c.numbers("lengths_m")) {
     ASSIGN_OR_RETURN(last_N, turnsAt_N(c, one_m));
     worst_N = std::max(worst_N, std::abs(last_N - turningForce_N(c.scene, one_m)));
   }
-  judge(c, "clamping that a re-aim near the skin meets [N]", most_N,
+  judge(c, "clamping that a re-aim near the skin meets [N]", max_N,
         fmt::format("u turns within {:.2g} N of the page's force, deepest at {:.3g} N", worst_N, last_N));
   c.require(worst_N <= off_N, "the page's force");
   return {};
@@ -221,15 +221,15 @@ Status reAim(Trial& c) {
 Status asideThenDeep(Trial& c) {
   const double shallow_m = length(c, "shallow_m"), deep_m = length(c, "deep_m"),
                greatest_N = c.scene.virtual_fixture.max_force_N;
-  double least_N = HUGE_VAL;
+  double min_N = HUGE_VAL;
   for (const double aside_m : c.numbers("asides_m")) {
     Way way = straight(c, shallow_m);
     way.to(below(shallow_m, aside_m)).to(below(deep_m, aside_m)).rest(0.1);
     ASSIGN_OR_RETURN(const auto run, move(c, way));
-    least_N = std::min(least_N, run.ticks.back().report.clamping_N);
+    min_N = std::min(min_N, run.ticks.back().report.clamping_N);
   }
-  judge(c, "share of the fixture's greatest force that is missing", 1 - least_N / greatest_N,
-        fmt::format("{:.3g} N of {:g}", least_N, greatest_N));
+  judge(c, "share of the fixture's greatest force that is missing", 1 - min_N / greatest_N,
+        fmt::format("{:.3g} N of {:g}", min_N, greatest_N));
   return {};
 }
 
@@ -267,14 +267,14 @@ Status runThrough(Trial& c) {
 // The largest energy that one of the moves between `ends` gives to the hand.
 double mostGain_J(const std::vector<TipSample>& places, const std::vector<Wrench>& wrenches,
                   const std::vector<std::size_t>& ends) {
-  double most_J = -HUGE_VAL;
+  double max_J = -HUGE_VAL;
   for (std::size_t i = 1; i < ends.size(); ++i) {
     double work_J = 0;
     for (std::size_t k = ends[i - 1] + 1; k <= ends[i]; ++k)
       work_J += workBetween(places[k - 1], wrenches[k - 1], places[k], wrenches[k]);
-    most_J = std::max(most_J, work_J);
+    max_J = std::max(max_J, work_J);
   }
-  return most_J;
+  return max_J;
 }
 
 // Pressed in, aside, drawn back, home, in again; or in the reverse order.
@@ -301,17 +301,17 @@ Result<double> loopGain_J(Trial& c, double draw_m, bool aside_first) {
 Status capOnSum(Trial& c) {
   Trial capped = c;  // not in the row
   capped.scene.max_force_N = c.number("cap_n", 0.1, 50);
-  double most_J = -HUGE_VAL, capped_J = -HUGE_VAL;
+  double max_J = -HUGE_VAL, capped_J = -HUGE_VAL;
   for (const EffectMask effects : {c.scene.effects, bitOf(Effect::kClamping)})
     for (const double draw_m : c.numbers("draws_m"))
       for (const bool aside_first : {true, false}) {
         c.scene.effects = capped.scene.effects = effects;
         ASSIGN_OR_RETURN(const double free_J, loopGain_J(c, draw_m, aside_first));
         ASSIGN_OR_RETURN(const double bound_J, loopGain_J(capped, draw_m, aside_first));
-        most_J = std::max(most_J, free_J);
+        max_J = std::max(max_J, free_J);
         capped_J = std::max(capped_J, bound_J);
       }
-  judge(c, "energy given to the hand in a loop, no cap met [J]", most_J,
+  judge(c, "energy given to the hand in a loop, no cap met [J]", max_J,
         fmt::format("with a cap of {:g} N: {:.3g} mJ", capped.scene.max_force_N, 1e3 * capped_J));
   c.require(capped_J <= c.number("capped_limit_j", 0), "what the page says of the cap");
   return {};
@@ -348,7 +348,7 @@ Status leaningOnTool(Trial& c) {
                leg_s = c.number("leg_s", 0.05, 5);
   const Vec3 home = below(length(c, "depth_m") - lever_m);  // of the handle
   const std::uint64_t cycles = c.whole("cycles", 1);
-  double most_J = -HUGE_VAL, least_share = 1;
+  double max_J = -HUGE_VAL, min_share = 1;
   for (const double hold_s : c.numbers("holds_s")) {
     Way way{c.number("speed_m_s", 1e-3, 1), kMotionRate_hz, HandPlan({below(-0.005 - lever_m), slanting(0)})};
     way.rest(0.5).to(home);  // the gate fades in
@@ -368,13 +368,13 @@ Status leaningOnTool(Trial& c) {
       const Wrench wanted = wrenchAtHandle(run.ticks[k].report.wrench_W, tips[k].p_WT_m, handles[k].p_WT_m);
       wrenches.push_back(limited(tips[k], wanted));
       if (norm(wanted.torque_Nm) > 0.1)
-        least_share = std::min(least_share, norm(wrenches.back().torque_Nm) / norm(wanted.torque_Nm));
+        min_share = std::min(min_share, norm(wrenches.back().torque_Nm) / norm(wanted.torque_Nm));
     }
-    most_J = std::max(most_J, mostGain_J(handles, wrenches, ends));
+    max_J = std::max(max_J, mostGain_J(handles, wrenches, ends));
   }
-  judge(c, "energy given to the hand in a cycle [J]", most_J,
-        fmt::format("the torque falls to {:.2g} of the wanted value", least_share));
-  c.require(least_share < 0.9, "a limit was met");
+  judge(c, "energy given to the hand in a cycle [J]", max_J,
+        fmt::format("the torque falls to {:.2g} of the wanted value", min_share));
+  c.require(min_share < 0.9, "a limit was met");
   return {};
 }
 

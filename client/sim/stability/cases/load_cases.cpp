@@ -26,11 +26,11 @@ struct Pressed {
 };
 
 // The largest work done by the rendered force after `from_s`, and the force at that time.
-struct GivenBack {
+struct EnergyReturn {
   double force_N = 0, work_J = 0, retreat_m = 0;
 };
-GivenBack givenBack(const PlantRun& run, double from_s) {
-  GivenBack given;
+EnergyReturn energyReturn(const PlantRun& run, double from_s) {
+  EnergyReturn given;
   const auto ticks = ticksIn(run, {from_s, run.ticks.back().time_s + 1});
   if (ticks.empty()) return given;
   given.force_N = norm(ticks.front().rendered_force_N);
@@ -46,7 +46,7 @@ GivenBack givenBack(const PlantRun& run, double from_s) {
 // together.
 Status releaseUnderLoad(Trial& t) {
   if (t.model == AxialModel::kFem)
-    return t.saysNothing("as soft as its Young's modulus: what it holds is not known by formula");
+    return t.notApplicable("as soft as its Young's modulus: what it holds is not known by formula");
   const SceneSpec& both = t.wall;
   PlantOptions& plant = t.plant;
   const double speed = t.number("speed_m_s", 1e-3, 0.1), rest_s = t.number("rest_s", 1e-3, 1),
@@ -72,17 +72,17 @@ Status releaseUnderLoad(Trial& t) {
     const double aim_m = one.depth_m + one.press_N / plant.device.hand.stiffness_N_per_m;
     HandPlan plan(upright(-0.005));
     plan.hold(0.3).moveTo(upright(aim_m), speed, Motion::kTrapezoid).hold(rest_s);
-    const double let_go_s = plan.duration_s();
+    const double release_s = plan.duration_s();
     plan.hold(free_s);
-    plant.device.hand.let_go_s = let_go_s;
+    plant.device.hand.release_s = release_s;
     t.scene = likeForLike(one.scene, t.model);
     ASSIGN_OR_RETURN(const auto run, t.loop(plan));
-    const GivenBack given = givenBack(run, let_go_s);
+    const EnergyReturn given = energyReturn(run, release_s);
     const double held_J = given.force_N * given.force_N / (2 * one.spring_N_per_m);
     const double turn_per_tick =
         std::sqrt(one.spring_N_per_m / plant.device.limits.apparent_mass_kg) / plant.rate_hz;
     const double late = std::numbers::pi / 2 * (0.5 + plant.device.delay_ticks) * turn_per_tick;
-    const TimeWindow free{let_go_s, plan.duration_s()};
+    const TimeWindow free{release_s, plan.duration_s()};
     // no energy was held if a model let the needle through
     const double share = held_J > 0 ? given.work_J / (held_J * (1 + late)) : given.work_J > 0 ? HUGE_VAL : 0;
     t.add(run, free, share, heldIn(run, free));
@@ -97,18 +97,17 @@ Status releaseUnderLoad(Trial& t) {
 // release explains. The gate takes up to five ticks for a release.
 double renderedStep_N(const PlantRun& run, TimeWindow window) {
   constexpr int kReleaseTicks = 5;
-  double most_N = 0;
+  double max_N = 0;
   int released = 0;
   const PlantTick* before = nullptr;
   for (const PlantTick& tick : ticksIn(run, window)) {
     released = (tick.report.flags & kDeclaredReleases) != 0 ? kReleaseTicks : released - 1;
     if (before != nullptr && released <= 0)
-      most_N =
-          std::max(most_N, norm(tick.rendered_force_N - before->rendered_force_N) -
-                               run.axial_stiffness_N_per_m * norm(tick.seen.p_WT_m - before->seen.p_WT_m));
+      max_N = std::max(max_N, norm(tick.rendered_force_N - before->rendered_force_N) -
+                                  run.axial_stiffness_N_per_m * norm(tick.seen.p_WT_m - before->seen.p_WT_m));
     before = &tick;
   }
-  return most_N;
+  return max_N;
 }
 
 // The largest RMS of the rendered force over any 10 s.
@@ -128,22 +127,22 @@ Status deratedRelease(Trial& t) {
   const TimedPlan path = t.path();
   const TimeWindow loaded = t.window(path, "loaded"), free = t.window(path, "free");
   t.judges("greatest step of the rendered force beyond the springs [N]", t.number("limit", 0));
-  t.plant.device.hand.let_go_s = free.from_s;
+  t.plant.device.hand.release_s = free.from_s;
   ASSIGN_OR_RETURN(const auto run, t.loop(path.plan));
-  double wanted_N = 0, least_share = 1;
+  double wanted_N = 0, min_share = 1;
   for (const PlantTick& tick : ticksIn(run, loaded))
     if ((tick.gate_flags & kGateThermalLimited) != 0) {
       const double force_N = norm(tick.report.wrench_W.force_N);
       wanted_N = std::max(wanted_N, force_N);
-      least_share = std::min(least_share, norm(tick.rendered_force_N) / force_N);
+      min_share = std::min(min_share, norm(tick.rendered_force_N) / force_N);
     }
-  if (wanted_N == 0) return t.saysNothing("never above the continuous limit for long enough");
+  if (wanted_N == 0) return t.notApplicable("never above the continuous limit for long enough");
   const TimeWindow all{loaded.from_s, run.ticks.back().time_s + 1};
   t.add(run, all, renderedStep_N(run, all), heldIn(run, all));
-  const double rms_N = greatestRms_N(run), most_N = t.plant.device.limits.continuous_force_N;
-  t.require(rms_N <= most_N * (1 + 1e-9));
-  t.row().note = fmt::format("down to {:.2g} of {:.2g} N; RMS over 10 s {:.3g} N, {:g} N passes", least_share,
-                             wanted_N, rms_N, most_N);
+  const double rms_N = greatestRms_N(run), max_N = t.plant.device.limits.continuous_force_N;
+  t.require(rms_N <= max_N * (1 + 1e-9));
+  t.row().note = fmt::format("down to {:.2g} of {:.2g} N; RMS over 10 s {:.3g} N, {:g} N passes", min_share,
+                             wanted_N, rms_N, max_N);
   return {};
 }
 
@@ -151,14 +150,14 @@ Status deratedRelease(Trial& t) {
 // grows.
 double swingIn(const PlantRun& run, TimeWindow window, std::initializer_list<Vec3> directions,
                bool& growing) {
-  double most_N = 0;
+  double max_N = 0;
   growing = growing || heldIn(run, window);
   for (const Vec3 direction : directions) {
     const auto force_N = forceAlong(ticksIn(run, window), direction);
-    most_N = std::max(most_N, peakToPeak(force_N));
+    max_N = std::max(max_N, peakToPeak(force_N));
     growing = growing || grows(force_N, 0.05);
   }
-  return most_N;
+  return max_N;
 }
 constexpr Vec3 kX{1, 0, 0}, kY{0, 1, 0}, kZ{0, 0, 1};
 
@@ -244,7 +243,7 @@ Status obliqueBone(Trial& t) {
   t.judges("force at rest on bone, peak-to-peak, over that of four encoder steps", 1);
   RETURN_IF_ERROR(t.status());
   const double top_m = t.scene.layers.front().thickness_m;
-  double most_share = 0;
+  double max_share = 0;
   std::string deepest;
   for (const char* name : {"desktop", "desktop_with_tool", "falcon"}) {
     const double stiffness_N_per_m = putBoneDevice(t, name);
@@ -266,14 +265,14 @@ Status obliqueBone(Trial& t) {
       const double sinks_m = beyond_m * std::cos(angle_rad) * hand_share;
       for (const PlantTick& tick : run.ticks) {
         const double share = (-tick.p_W_m.z - top_m) / sinks_m;
-        if (share <= most_share) continue;
-        most_share = share;
+        if (share <= max_share) continue;
+        max_share = share;
         deepest = fmt::format("{}, {:g} degrees", name, angle_deg);
       }
     }
   }
-  t.require(most_share <= sink_share);
-  t.row().note = fmt::format("sinks by {:.3g} of what bone and hand share ({}), {:g} passes", most_share,
+  t.require(max_share <= sink_share);
+  t.row().note = fmt::format("sinks by {:.3g} of what bone and hand share ({}), {:g} passes", max_share,
                              deepest, sink_share);
   return {};
 }

@@ -41,7 +41,7 @@ Result<MotionRun> moved(Trial& t, const HandPlan& plan) {
 }
 
 Status retreatInRamp(Trial& t) {
-  if (!t.hasStop()) return t.saysNothing("has no stop: there is no ramp to retreat in");
+  if (!t.hasStop()) return t.notApplicable("has no stop: there is no ramp to retreat in");
   const double depth = t.number("depth_m", 0.005, 0.05), speed_in = t.number("speed_in_m_s", 1e-3, 1),
                rest_s = t.number("rest_s", 0.1, 10), limit = t.number("limit", 0);
   double created = 0;

@@ -122,7 +122,7 @@ void judgeNewStops(Trial& t, int stops) {
 // The hand releases the needle in the path's window.
 TimedPlan pathWithRelease(Trial& t) {
   TimedPlan path = t.path();
-  t.plant.device.hand.let_go_s = t.window(path).from_s;
+  t.plant.device.hand.release_s = t.window(path).from_s;
   return path;
 }
 

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "client/device/hand/hand.h"
+#include "common/profile/scene_of_profile.h"
 
 namespace needlelab {
 namespace {
@@ -74,9 +75,9 @@ namespace {
 
 constexpr std::uint64_t kStagesSeed = 1'000'000'007;  // far from the seeds of scenes
 constexpr double kMinJerkPeak = 1.875;                // maximum over mean speed of a minimum-jerk move
-constexpr double kMostDepth_m = 0.045, kMostAside_m = 0.012, kMostSpeed_mps = 0.15, kMostTurn_radps = 6;
-constexpr double kMostTilt = 0.9;  // tangent; grazing strokes use 80-86° regardless
-constexpr int kFewestStrokes = 3, kMostStrokes = 12;
+constexpr double kMaxDepth_m = 0.045, kMaxAside_m = 0.012, kMaxSpeed_mps = 0.15, kMaxTurn_radps = 6;
+constexpr double kMaxTilt = 0.9;  // tangent; grazing strokes use 80-86° regardless
+constexpr int kFewestStrokes = 3, kMaxStrokes = 12;
 
 // One draw per statement, because the evaluation order of arguments is unspecified.
 class Draw {
@@ -140,7 +141,7 @@ void drawEffects(Draw& draw, pb::Profile& profile) {
   const int only = draw.whole(kFirst, kLast);
   for (int effect = kFirst; effect <= kLast; ++effect)
     if (const bool drawn = draw.chance(0.5); all || effect == only || (drawn && !alone))
-      profile.add_effects(static_cast<pb::Profile::Effect>(effect));
+      profile.add_effects(numberOfEffect(static_cast<Effect>(effect - 1)));
 }
 
 void drawScene(Draw& draw, std::uint64_t seed, ClampingMode clamping, pb::Profile& profile) {
@@ -236,7 +237,7 @@ class StrokeDraw {
     now_.kind = kKinds[drawn];
     if (drawn < 2) return insert();
     if (now_.kind == K::kRetreat) now_.depth_m = roundedTo(now_.depth_m * draw_.in(0, 1), 3);
-    if (drawn == kSlanting) now_.depth_m = draw_.in(0.001, kMostDepth_m);
+    if (drawn == kSlanting) now_.depth_m = draw_.in(0.001, kMaxDepth_m);
     if (drawn == kSlanting) moveAside(0.7);
     if (now_.kind == K::kAside) moveAside(0.5);
     if (now_.kind == K::kWide) moveAside(1);
@@ -247,7 +248,7 @@ class StrokeDraw {
   void insert() {
     now_.kind = StrokeKind::kInsert;
     const double before = now_.depth_m;
-    now_.depth_m = draw_.chance(0.3) ? draw_.in(0.0005, 0.006) : draw_.in(0.001, kMostDepth_m);
+    now_.depth_m = draw_.chance(0.3) ? draw_.in(0.0005, 0.006) : draw_.in(0.001, kMaxDepth_m);
     const double way = now_.depth_m - before;
     if (std::abs(now_.tilt_x) + std::abs(now_.tilt_y) < 1.5 && draw_.chance(0.7)) {
       now_.x_m = within(now_.x_m + now_.tilt_x * way);
@@ -264,15 +265,15 @@ class StrokeDraw {
     now_.depth_m = draw_.in(0.0002, 0.004);
   }
   static double within(double aside_m) {
-    return roundedTo(std::clamp(aside_m, -kMostAside_m, kMostAside_m), 3);
+    return roundedTo(std::clamp(aside_m, -kMaxAside_m, kMaxAside_m), 3);
   }
   void moveAside(double share) {
-    const double most = share * kMostAside_m;
+    const double most = share * kMaxAside_m;
     now_.x_m = draw_.in(-most, most);
     now_.y_m = draw_.in(-most, most);
   }
   void tilt() {
-    const double most = draw_.chance(0.5) ? 0.0 : kMostTilt;
+    const double most = draw_.chance(0.5) ? 0.0 : kMaxTilt;
     now_.tilt_x = draw_.in(-most, most);
     now_.tilt_y = draw_.in(-most, most);
   }
@@ -280,10 +281,10 @@ class StrokeDraw {
   void timed(PassivityStroke& stroke) {
     const double drawn = draw_.chance(0.3) ? draw_.in(0.5, 2) : draw_.in(0.05, 0.6);
     const Vec3 way{stroke.x_m - last_.x_m, stroke.y_m - last_.y_m, stroke.depth_m - last_.depth_m};
-    const double least_s = kMinJerkPeak * norm(way) / kMostSpeed_mps;
+    const double min_s = kMinJerkPeak * norm(way) / kMaxSpeed_mps;
     const double turn = std::abs(stroke.tilt_x - last_.tilt_x) + std::abs(stroke.tilt_y - last_.tilt_y);
-    const double least_turn_s = kMinJerkPeak * std::min(turn, 1.6) / kMostTurn_radps;
-    stroke.seconds = roundedTo(1.01 * std::max({drawn, least_s, least_turn_s}), 3);
+    const double min_turn_s = kMinJerkPeak * std::min(turn, 1.6) / kMaxTurn_radps;
+    stroke.seconds = roundedTo(1.01 * std::max({drawn, min_s, min_turn_s}), 3);
     last_ = stroke;
   }
 
@@ -305,7 +306,7 @@ PassivityGesture randomGesture(std::uint64_t seed, const GestureRange& range) {
   gesture.encoder_step_m = draw.chance(0.5) ? 10e-6 : 0.0;
   StrokeDraw strokes(draw);
   gesture.start = strokes.start();
-  const int count = draw.whole(kFewestStrokes, kMostStrokes);
+  const int count = draw.whole(kFewestStrokes, kMaxStrokes);
   for (int i = 0; i < count; ++i) gesture.strokes.push_back(strokes.next());
   gesture.strokes.push_back(strokes.exit());
   // tremor must not leave the tip in the tissue

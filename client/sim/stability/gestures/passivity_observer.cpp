@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "client/sim/stability/loop/measures.h"
+#include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/models/like_for_like.h"
 #include "common/profile/scene_of_profile.h"
 
@@ -47,13 +48,13 @@ void PassivityObserver::add(const TipSample& tip, const StepReport& report, doub
 
 namespace {
 
-// A proxy that slips along the bone also moves the tissue's springs, which act in addition to the bone's. The
-// bone's gives at most √(2 + μ²) of its stiffness (FORCE_MODEL.md, "Bone").
-double slopeOfBone_N_per_m(const SceneSpec& scene) {
-  if ((scene.effects & bitOf(Effect::kBone)) == 0) return 0;
-  const StageNumbers& bone = scene.stage_numbers[stageOf(Effect::kBone)];
-  const double friction = bone[kBoneFriction];
-  return bone[kBoneStiffness_N_per_m] * std::sqrt(2 + friction * friction);
+// what the effects' forces change with the tip's place besides the springs along the needle
+double slopeOfEffects_N_per_m(const SceneSpec& scene) {
+  double slope_N_per_m = 0;
+  for (const EffectEntry* entry : effectEntries())
+    if (entry->slope_N_per_m != nullptr && (scene.effects & bitOf(entry->effect)) != 0)
+      slope_N_per_m += entry->slope_N_per_m(scene);
+  return slope_N_per_m;
 }
 
 }  // namespace
@@ -62,7 +63,7 @@ Result<PassivityRecord> runGesture(const PassivityGesture& gesture, AxialModel m
                                    const ForceSourceFactory& make_source) {
   ASSIGN_OR_RETURN(auto scene, sceneSpecOf(gesture.profile));
   ASSIGN_OR_RETURN(auto source, make_source(likeForLike(scene, model), gesture.rate_hz));
-  PassivityObserver observer(source->axialStiffness_N_per_m() + slopeOfBone_N_per_m(scene));
+  PassivityObserver observer(source->axialStiffness_N_per_m() + slopeOfEffects_N_per_m(scene));
   StepReport report;
   for (const TipSample& tip : samplesOf(gesture)) {
     source->step(tip, report);

@@ -216,10 +216,10 @@ PassivitySettings passivityOf(const PlantOptions& options) {
 }
 
 double greatestDistortion_N(const PlantRun& run) {
-  double most_N = 0;
+  double max_N = 0;
   for (const PlantTick& tick : run.ticks)
-    most_N = std::max(most_N, (1 - tick.passivity_share) * norm(tick.report.wrench_W.force_N));
-  return most_N;
+    max_N = std::max(max_N, (1 - tick.passivity_share) * norm(tick.report.wrench_W.force_N));
+  return max_N;
 }
 
 LoopMargins marginsOf(const PlantRun& run, const PlantOptions& options) {
@@ -240,7 +240,7 @@ LoopMargins marginsOf(const PlantRun& run, const PlantOptions& options) {
     return std::min(over(along, run.axial_stiffness_N_per_m), over(across, clamping_N_per_m));
   };
   const HandOptions& hand = device.hand;
-  const bool lets_go = hand.let_go_s > 0 && !run.ticks.empty() && hand.let_go_s < run.ticks.back().time_s;
+  const bool lets_go = hand.release_s > 0 && !run.ticks.empty() && hand.release_s < run.ticks.back().time_s;
   LoopMargins margins;
   margins.passive = margin(0, 0);
   margins.coupled =

@@ -15,14 +15,12 @@
 #include "client/device/hand/hand_plan.h"
 #include "client/device/hand/simulated_device.h"
 #include "client/device/pose_option.h"
-#include "client/station/run/io/report_output.h"
+#include "client/station/run/io/terminal.h"
 #include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/base/range.h"
-#include "common/base/text/columns.h"
 #include "common/base/text/text.h"
 #include "common/base/time/clock.h"
-#include "common/base/time/local_time.h"
 
 namespace needlelab {
 namespace {
@@ -53,8 +51,8 @@ class ProgressLine {
       text = fmt::format("begins in {:.0f} s: put the tip into the dimple", std::ceil(-now.t_s));
     else
       text = fmt::format("{:4.1f} s  {:6} poses  swing {:3.0f} % of what is needed{}", now.t_s, now.poses,
-                         100 * std::min(9.99, now.spread / kLeastSpread),
-                         now.residual_rms_m && now.spread > kLeastSpread / 4
+                         100 * std::min(9.99, now.spread / kMinSpread),
+                         now.residual_rms_m && now.spread > kMinSpread / 4
                              ? fmt::format("  residual {:.2f} mm", 1e3 * *now.residual_rms_m)
                              : "");
     if (terminal_)
@@ -83,9 +81,9 @@ std::string resultText(const Calibration& found, const Pose& tool, const NeedleA
   const auto mm = [](double m) { return 1e3 * m; };
   const auto place = [&](double m) { return fixedText(mm(m), 2); };
   const std::string swing =
-      fmt::format("swing           {:.0f} % of what is needed\n", 100 * fit.spread / kLeastSpread);
+      fmt::format("swing           {:.0f} % of what is needed\n", 100 * fit.spread / kMinSpread);
   // a tip from too small a swing is meaningless
-  if (fit.spread < kLeastSpread) return swing;
+  if (fit.spread < kMinSpread) return swing;
   std::string text;
   text +=
       fmt::format("tip             x {}  y {}  z {} mm in the handle's frame, {:.1f} mm from its origin\n",
@@ -127,7 +125,7 @@ nlohmann::ordered_json resultRow(const Calibration& found, const Pose& tool, con
                                 {"samples", fit.samples},
                                 {"used", fit.used},
                                 {"spread", fit.spread},
-                                {"spread_needed", kLeastSpread}};
+                                {"spread_needed", kMinSpread}};
   if (found.halves_apart_m) row["halves_apart_m"] = *found.halves_apart_m;
   auto& slips = row["slips"] = nlohmann::ordered_json::array();
   for (const PivotSlip& slip : fit.slips)
@@ -240,7 +238,7 @@ Result<Calibration> calibrateTip(Device& device, TimeSource& clock, const Calibr
     CalibrationProgress now{loop.elapsed_s() - settings.settle_s, sums.samples(), sums.spread(), {}};
     if (const auto solution = sums.solve(); solution.ok()) now.residual_rms_m = solution->residual_rms_m;
     progress(now);
-    return now.t_s < settings.enough_s || now.spread < 2 * kLeastSpread;
+    return now.t_s < settings.enough_s || now.spread < 2 * kMinSpread;
   };
   const RtOptions real_time;
   const ZeroForceRun run = runZeroForceLoop(loop, device, settings.real_time ? &real_time : nullptr,
@@ -262,7 +260,7 @@ Result<Calibration> calibrateTip(Device& device, TimeSource& clock, const Calibr
   Calibration found{fit, {}};
   const std::span<const PivotSample> all(poses);
   const auto first = fitPivot(all.first(all.size() / 2)), second = fitPivot(all.subspan(all.size() / 2));
-  if (first.ok() && second.ok() && std::min(first->spread, second->spread) >= kLeastSpread / 2)
+  if (first.ok() && second.ok() && std::min(first->spread, second->spread) >= kMinSpread / 2)
     found.halves_apart_m = norm(first->p_HT_m - second->p_HT_m);
   return found;
 }

@@ -12,9 +12,8 @@
 #include <thread>
 
 #include "client/device/factory/device_factory.h"
-#include "client/station/run/io/report_output.h"
+#include "client/station/run/io/terminal.h"
 #include "common/base/program.h"
-#include "common/base/text/columns.h"
 #include "common/base/text/text.h"
 
 namespace needlelab {

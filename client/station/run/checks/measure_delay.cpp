@@ -12,12 +12,11 @@
 #include <utility>
 
 #include "client/device/factory/device_factory.h"
-#include "client/station/run/io/report_output.h"
 #include "client/station/run/io/terminal.h"
 #include "client/station/run/loop/signals.h"
 #include "common/base/files/files.h"
 #include "common/base/program.h"
-#include "common/base/text/columns.h"
+#include "common/base/text/text.h"
 #include "common/base/time/clock.h"
 #include "common/haptics/gate/force_gate.h"
 
@@ -26,9 +25,9 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr double kMostMissed = 0.01;
-constexpr double kMostApart_s = 1e-3;
-constexpr std::size_t kMostFile_bytes = 1u << 16;
+constexpr double kMaxMissed = 0.01;
+constexpr double kMaxApart_s = 1e-3;
+constexpr std::size_t kMaxFile_bytes = 1u << 16;
 
 // limits the probe's force, however strong the device is
 DeviceLimits probeLimits(DeviceLimits limits) {
@@ -41,7 +40,7 @@ DeviceLimits probeLimits(DeviceLimits limits) {
 Result<ordered_json> readDelays(const std::filesystem::path& file) {
   std::error_code missing;
   if (!std::filesystem::exists(file, missing)) return ordered_json::object();
-  ASSIGN_OR_RETURN(const std::string text, readWholeFile(file, kMostFile_bytes));
+  ASSIGN_OR_RETURN(const std::string text, readWholeFile(file, kMaxFile_bytes));
   auto json = ordered_json::parse(text, nullptr, false);
   if (!json.is_object())
     return Error{ErrorCode::kInvalidInput, file.string() +
@@ -139,12 +138,12 @@ Result<DelayFit> measureDelay(Device& device, TimeSource& clock, double rate_hz,
                  "motors on"};
   if (stats.fresh == 0)
     return Error{ErrorCode::kUnavailable, "the device gave no pose; needlelab-station --self-test says more"};
-  if (static_cast<double>(stats.missed) > kMostMissed * static_cast<double>(stats.ticks))
+  if (static_cast<double>(stats.missed) > kMaxMissed * static_cast<double>(stats.ticks))
     return Error{ErrorCode::kUnavailable,
                  fmt::format("{} of {} ticks were missed: end other programs, then measure again",
                              stats.missed, stats.ticks)};
   ASSIGN_OR_RETURN(const DelayFit fit, fitDelay(loop.response(), rate_hz));
-  if (fit.halves_apart_s > kMostApart_s)
+  if (fit.halves_apart_s > kMaxApart_s)
     return Error{
         ErrorCode::kFailed,
         fmt::format("two halves of the measurement give delays {:.1f} ms apart: hold the handle still "

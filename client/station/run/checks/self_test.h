@@ -9,17 +9,31 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "client/device/device.h"
-#include "client/station/run/checks/monitor.h"
 #include "client/station/run/io/options.h"
 #include "client/station/run/loop/real_time.h"
 #include "client/station/run/loop/zero_force_loop.h"
-#include "client/view/model/viewing.h"
+#include "client/view/model/palette.h"
 #include "common/base/program.h"
 
 namespace needlelab {
+
+// --- monitors: the sizes that they report (EDID), as suggestions for --monitor ---
+
+struct MonitorSize {
+  std::string plug;  ///< "HDMI-A-1"
+  double diagonal_m = 0;
+};
+
+/// Returns the picture's diagonal from an EDID's base block (VESA E-EDID 1.4): of the preferred timing in mm,
+/// otherwise of the screen in cm. Nothing if `edid` is not an EDID or gives no size (a projector).
+std::optional<double> edidDiagonal_m(std::string_view edid);
+
+/// The connected monitors that report a size. `drm`: the kernel's folder of graphics cards.
+std::vector<MonitorSize> connectedMonitors(const std::filesystem::path& drm = "/sys/class/drm");
 
 // --- facts ---
 

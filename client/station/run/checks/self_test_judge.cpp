@@ -1,10 +1,11 @@
 // Judges the facts of a self-test. All limits are here.
-
 #include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <fstream>
+#include <system_error>
 
 #include "client/station/run/checks/self_test.h"
 #include "common/haptics/gate/force_gate.h"
@@ -43,7 +44,7 @@ constexpr ConditionText kConditions[] = {
      "switch it off and on; see its own words below"},
     {kDeviceNotReady, Verdict::kFailed, "the device is not ready", "see its own words below"},
     {kDevicePowerOff, Verdict::kWarning, "the motors have no power", "press the power button at the device"},
-    {kDeviceReleased, Verdict::kOk, "nobody holds the handle", ""},
+    {kDeviceReleased, Verdict::kOk, "no one holds the handle", ""},
     {kDeviceSaturated, Verdict::kWarning, "the motors were asked for more than they can give",
      "nothing was asked of them here: switch the device off and on"},
     {kDeviceOverrun, Verdict::kWarning, "the device could not keep the rate", "give a lower --rate"},
@@ -239,10 +240,10 @@ void judgeMonitor(const MonitorFacts& f, std::vector<Check>& checks) {
   }
   const double share = headingShare(f.viewing);
   checks.push_back(
-      number("letters", 100 * share, "%", share <= kMostHeadingShare ? Verdict::kOk : Verdict::kWarning,
+      number("letters", 100 * share, "%", share <= kMaxHeadingShare ? Verdict::kOk : Verdict::kWarning,
              fmt::format("{:.0f}′ at {:g} m take {:.1f} % of the window's height", kHeadingArcmin,
                          f.viewing.distance_m, 100 * share),
-             fmt::format("at most {:.1f} %", 100 * kMostHeadingShare),
+             fmt::format("at most {:.1f} %", 100 * kMaxHeadingShare),
              "names are cut and plots are missing: a larger monitor, or nearer to it; then --monitor and "
              "--viewing-distance"));
 }
@@ -313,11 +314,11 @@ void judgeServers(const std::vector<ServerFacts>& servers, std::vector<Check>& c
         {"server", Verdict::kNotChecked, "give --server, --ca and --key to have it checked", "", ""});
     return;
   }
-  const bool one_takes_us =
+  const bool any_accepts =
       std::any_of(servers.begin(), servers.end(), [](const ServerFacts& f) { return f.trouble.empty(); });
   for (const ServerFacts& f : servers)
     judgeServer(f, servers.size() == 1 ? std::string() : " " + f.address,
-                one_takes_us ? Verdict::kWarning : Verdict::kFailed, checks);
+                any_accepts ? Verdict::kWarning : Verdict::kFailed, checks);
 }
 
 }  // namespace
@@ -335,6 +336,49 @@ std::vector<Check> judge(const SelfTestFacts& facts) {
   judgeDisk(facts.disk, facts.device.rate_hz, checks);
   judgeServers(facts.servers, checks);
   return checks;
+}
+
+namespace {
+
+constexpr std::size_t kBlockBytes = 128;
+constexpr std::string_view kHeader("\x00\xFF\xFF\xFF\xFF\xFF\xFF\x00", 8);
+constexpr std::size_t kWidth_cm = 21, kHeight_cm = 22;
+// in the first detailed timing at 54: the low bytes, and the high four bits of both
+constexpr std::size_t kWidth_mm = 66, kHeight_mm = 67, kHigh_mm = 68;
+
+int byteAt(std::string_view edid, std::size_t at) {
+  return static_cast<unsigned char>(edid[at]);
+}
+
+}  // namespace
+
+std::optional<double> edidDiagonal_m(std::string_view edid) {
+  if (edid.size() < kBlockBytes || !edid.starts_with(kHeader)) return std::nullopt;
+  const int high = byteAt(edid, kHigh_mm);
+  const int width_mm = byteAt(edid, kWidth_mm) | (high & 0xF0) << 4,
+            height_mm = byteAt(edid, kHeight_mm) | (high & 0x0F) << 8;
+  if (width_mm > 0 && height_mm > 0) return 1e-3 * std::hypot(width_mm, height_mm);
+  const int width_cm = byteAt(edid, kWidth_cm), height_cm = byteAt(edid, kHeight_cm);
+  if (width_cm > 0 && height_cm > 0) return 1e-2 * std::hypot(width_cm, height_cm);
+  return std::nullopt;
+}
+
+std::vector<MonitorSize> connectedMonitors(const std::filesystem::path& drm) {
+  std::vector<MonitorSize> found;
+  std::error_code none;
+  for (const auto& entry : std::filesystem::directory_iterator(drm, none)) {
+    const std::string name = entry.path().filename();  // "card0-HDMI-A-1"
+    const std::size_t dash = name.find('-');
+    if (!name.starts_with("card") || dash == std::string::npos) continue;
+    // the kernel reports no size for this file; it is empty if nothing is connected
+    std::string edid(kBlockBytes, 0);
+    std::ifstream file(entry.path() / "edid", std::ios::binary);
+    file.read(edid.data(), static_cast<std::streamsize>(edid.size()));
+    edid.resize(static_cast<std::size_t>(file.gcount()));
+    if (const auto diagonal_m = edidDiagonal_m(edid)) found.push_back({name.substr(dash + 1), *diagonal_m});
+  }
+  std::ranges::sort(found, {}, &MonitorSize::plug);
+  return found;
 }
 
 }  // namespace needlelab

@@ -115,7 +115,7 @@ void LiveLine::end() {
 
 std::string holdText(std::uint32_t flags) {
   // first the hold that a person can influence most
-  if ((flags & kDeviceReleased) != 0) return "nobody holds the handle";
+  if ((flags & kDeviceReleased) != 0) return "no one holds the handle";
   if ((flags & kDevicePowerOff) != 0) return "the motors have no power";
   if ((flags & kDeviceNotReady) != 0) return "the device is not ready yet";
   if ((flags & kFlagStartedInside) != 0) return "the needle began in the tissue, take it out once";

@@ -45,7 +45,7 @@ struct RawOptions {
 void addServer(CLI::App& app, StationOptions& o, RawOptions& raw) {
   app.option_defaults()->group("Server");
   app.add_option("--server", raw.server,
-                 "HOST:PORT of the server, or of several, of which any will do: A:7750,B:7750; without it "
+                 "HOST:PORT of the server, or of several of which any will do: A:7750,B:7750; without it "
                  "everything stays in the spool");
   app.add_option("--ca", o.ca_file, "the server's certificate authority (its tls/ca.crt)");
   app.add_option("--key", o.key_file, "this station's key file, made by needlelab-admin station add");
@@ -100,7 +100,7 @@ void addWindow(CLI::App& app, StationOptions& o, RawOptions& raw) {
   app.add_option("--window", raw.window_size, "a window of this size in pixels, e.g. 1280x720")
       ->type_name("WxH");
   app.add_option("--font-scale", o.window.font_scale,
-                 "larger or smaller letters, 1 is ordinary; default: as it was left")
+                 "larger or smaller letters, 1 is ordinary; default: as last used")
       ->check(CLI::Range(0.8, 2.5));
   app.add_option("--frame-log", o.window.frame_log,
                  "CSV of what each frame showed: its screen, the lesson's newest sample; for measurements")
@@ -258,7 +258,7 @@ Status takeEnrolment(StationOptions& options, RawOptions& raw) {
   return {};
 }
 
-constexpr int kLeastWidth_px = 640, kLeastHeight_px = 360, kMostSide_px = 8192;
+constexpr int kMinWidth_px = 640, kMinHeight_px = 360, kMaxSide_px = 8192;
 
 // accepts a number and nothing else
 template <typename Number>
@@ -268,27 +268,27 @@ bool readNumber(const std::string& text, Number& value) {
 }
 
 /// Parses a length with its unit, `unit_m` long, within [least, most].
-Status readLength(const char* option, const std::string& text, const char* unit, double unit_m,
-                  double least_m, double most_m, double& length_m) {
+Status readLength(const char* option, const std::string& text, const char* unit, double unit_m, double min_m,
+                  double max_m, double& length_m) {
   if (text.empty()) return {};
   double number = 0;
   const bool has_unit = text.ends_with(unit);
   if (has_unit && readNumber(text.substr(0, text.size() - std::strlen(unit)), number) &&
-      number * unit_m >= least_m * (1 - 1e-9) && number * unit_m <= most_m * (1 + 1e-9)) {
+      number * unit_m >= min_m * (1 - 1e-9) && number * unit_m <= max_m * (1 + 1e-9)) {
     length_m = number * unit_m;
     return {};
   }
   return Error{ErrorCode::kInvalidInput,
-               fmt::format("{} '{}', allowed is a length from {:g}{} to {:g}{}", option, text,
-                           least_m / unit_m, unit, most_m / unit_m, unit)};
+               fmt::format("{} '{}', allowed is a length from {:g}{} to {:g}{}", option, text, min_m / unit_m,
+                           unit, max_m / unit_m, unit)};
 }
 
 Status takeWindow(WindowOptions& window, const RawOptions& raw) {
   const auto usage = [](const std::string& text) { return Error{ErrorCode::kInvalidInput, text}; };
-  RETURN_IF_ERROR(readLength("--monitor", raw.monitor, "in", kInch_m, kLeastDiagonal_m, kMostDiagonal_m,
+  RETURN_IF_ERROR(readLength("--monitor", raw.monitor, "in", kInch_m, kMinDiagonal_m, kMaxDiagonal_m,
                              window.viewing.diagonal_m));
-  RETURN_IF_ERROR(readLength("--viewing-distance", raw.viewing_distance, "m", 1, kLeastDistance_m,
-                             kMostDistance_m, window.viewing.distance_m));
+  RETURN_IF_ERROR(readLength("--viewing-distance", raw.viewing_distance, "m", 1, kMinDistance_m,
+                             kMaxDistance_m, window.viewing.distance_m));
   if (raw.screenshots.size() != raw.screenshot_times.size())
     return usage(fmt::format("each --screenshot FILE needs its --at S: there are {} and {}",
                              raw.screenshots.size(), raw.screenshot_times.size()));
@@ -307,8 +307,8 @@ Status takeWindow(WindowOptions& window, const RawOptions& raw) {
   const std::size_t x = raw.window_size.find('x');
   window.size_given = x != std::string::npos && readNumber(raw.window_size.substr(0, x), window.width_px) &&
                       readNumber(raw.window_size.substr(x + 1), window.height_px) &&
-                      window.width_px >= kLeastWidth_px && window.height_px >= kLeastHeight_px &&
-                      window.width_px <= kMostSide_px && window.height_px <= kMostSide_px;
+                      window.width_px >= kMinWidth_px && window.height_px >= kMinHeight_px &&
+                      window.width_px <= kMaxSide_px && window.height_px <= kMaxSide_px;
   if (!window.size_given)
     return usage("--window '" + raw.window_size +
                  "', allowed is WIDTHxHEIGHT in pixels from 640x360 to 8192x8192");

@@ -20,8 +20,8 @@ namespace {
 
 using CacheJson = nlohmann::json;
 constexpr std::size_t kMaxCacheBytes = 16u << 20;
-constexpr std::size_t kMostStandings = 500;
-constexpr int kMostListPages = 200;  // bounds a list that never ends
+constexpr std::size_t kMaxStandings = 500;
+constexpr int kMaxListPages = 200;  // bounds a list that never ends
 
 std::string cachedText(const CacheJson& json, const char* key) {
   const auto at = json.is_object() ? json.find(key) : json.end();
@@ -65,7 +65,7 @@ Status resultsBy(const AskServer& ask, const std::string& course, const std::str
   pb::Request request;
   request.mutable_get_results()->set_course_id(course);
   request.mutable_get_results()->set_trainee(trainee);
-  for (int page = 0; page < kMostListPages; ++page) {
+  for (int page = 0; page < kMaxListPages; ++page) {
     ASSIGN_OR_RETURN(const auto reply, ask(request));
     for (const pb::ResultRow& row : reply.results().rows()) take_row(row);
     if (reply.results().next_page().empty()) break;
@@ -87,7 +87,7 @@ StepStanding stepOf(const pb::ResultCell& cell) {
 
 }  // namespace
 
-bool mayTake(const ServerExercise& exercise, const TraineeStanding* standing) {
+bool canStart(const ServerExercise& exercise, const TraineeStanding* standing) {
   const auto holds = [](const std::vector<std::string>& ids, const std::string& id) {
     return std::find(ids.begin(), ids.end(), id) != ids.end();
   };
@@ -176,7 +176,7 @@ Result<TraineeStanding> standingBy(const AskServer& ask, const std::vector<Serve
   pb::Request request;
   request.mutable_list_assignments()->set_trainee(trainee);
   std::set<std::string> courses, single;
-  for (int page = 0; page < kMostListPages; ++page) {
+  for (int page = 0; page < kMaxListPages; ++page) {
     ASSIGN_OR_RETURN(const auto reply, ask(request));
     for (const pb::Assignment& assignment : reply.assignments().assignments()) {
       if (!assignment.course_id().empty()) courses.insert(printable(assignment.course_id()));
@@ -231,7 +231,7 @@ CacheJson readCache(const std::filesystem::path& path, const std::string& key) {
   return readShallowJson<CacheJson>(text);
 }
 
-std::set<std::string> askedForCodes(const CacheJson& json) {
+std::set<std::string> traineesWithCode(const CacheJson& json) {
   const std::vector<std::string> names = cachedTexts(json, "asks_code");
   return {names.begin(), names.end()};
 }
@@ -253,7 +253,7 @@ CurriculumCache::CurriculumCache(const std::filesystem::path& spool, const std::
 }
 
 Status CurriculumCache::keep(const Curriculum& curriculum) const {
-  std::set<std::string> asks_code = askedForCodes(readCache(file_, key_));
+  std::set<std::string> asks_code = traineesWithCode(readCache(file_, key_));
   // an empty list means that the server gave none
   if (!curriculum.trainees.empty())
     std::erase_if(asks_code, [&](const std::string& name) {
@@ -264,7 +264,7 @@ Status CurriculumCache::keep(const Curriculum& curriculum) const {
 }
 
 Status CurriculumCache::keepAsksCode(const std::string& trainee, bool asks) const {
-  std::set<std::string> asks_code = askedForCodes(readCache(file_, key_));
+  std::set<std::string> asks_code = traineesWithCode(readCache(file_, key_));
   const bool changed = asks ? asks_code.insert(trainee).second : asks_code.erase(trainee) > 0;
   return changed ? write(find(), asks_code) : Status();
 }
@@ -275,15 +275,15 @@ Status CurriculumCache::keepBegun(const std::string& trainee, const std::string&
   if (known == curriculum.standings.end()) return {};
   const TraineeStanding before = known->second;
   noteBegun(curriculum, trainee, exercise_id);
-  return known->second == before ? Status() : write(curriculum, allAskedForCodes());
+  return known->second == before ? Status() : write(curriculum, allTraineesWithCode());
 }
 
 bool CurriculumCache::asksCode(const std::string& trainee) const {
-  return allAskedForCodes().contains(trainee);
+  return allTraineesWithCode().contains(trainee);
 }
 
-std::set<std::string> CurriculumCache::allAskedForCodes() const {
-  return askedForCodes(readCache(file_, key_));
+std::set<std::string> CurriculumCache::allTraineesWithCode() const {
+  return traineesWithCode(readCache(file_, key_));
 }
 
 Status CurriculumCache::write(const Curriculum& curriculum, const std::set<std::string>& asks_code) const {
@@ -308,7 +308,7 @@ Status CurriculumCache::write(const Curriculum& curriculum, const std::set<std::
   for (const auto& [name, standing] : curriculum.standings)
     newest.emplace_back(-standing.as_of_unix_ns, name);
   std::sort(newest.begin(), newest.end());
-  if (newest.size() > kMostStandings) newest.resize(kMostStandings);
+  if (newest.size() > kMaxStandings) newest.resize(kMaxStandings);
   for (const auto& [age, name] : newest) {
     const TraineeStanding& standing = curriculum.standings.at(name);
     CacheJson steps = CacheJson::array();

@@ -61,7 +61,7 @@ struct Curriculum {
 
 /// Returns whether a trainee with this standing (null: not known) may take the exercise: it is open to all,
 /// or assigned to the trainee.
-bool mayTake(const ServerExercise& exercise, const TraineeStanding* standing);
+bool canStart(const ServerExercise& exercise, const TraineeStanding* standing);
 /// Records that the trainee begins the exercise, until the server sends the standing again: uses one of
 /// limited attempts, and counts an exam's exercise as done for the exercises that wait for it. Does nothing
 /// if the standing is not known.
@@ -110,7 +110,7 @@ class CurriculumCache {
   /// Returns whether the server asked for this trainee's code when it was last reachable.
   [[nodiscard]] bool asksCode(const std::string& trainee) const;
   /// Returns all trainees for whom asksCode is true.
-  [[nodiscard]] std::set<std::string> allAskedForCodes() const;
+  [[nodiscard]] std::set<std::string> allTraineesWithCode() const;
   /// Returns the kept curriculum. Empty if there is none, or if the file is damaged or made with another key;
   /// the server then sends it again.
   [[nodiscard]] Curriculum find() const;

@@ -6,10 +6,9 @@
 #include <map>
 #include <utility>
 
-#include "client/station/run/io/report_output.h"
-#include "common/base/text/columns.h"
+#include "client/station/run/io/terminal.h"
 #include "common/base/text/text.h"
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
 
 namespace needlelab {
 namespace {
@@ -108,7 +107,7 @@ Ladder ladderOf(const Curriculum& curriculum, const std::string& trainee, std::i
   LadderSection single{"Assigned to you", {}};
   std::string course;  // of the section being filled
   for (const ServerExercise& exercise : curriculum.exercises) {
-    if (!mayTake(exercise, standing)) continue;
+    if (!canStart(exercise, standing)) continue;
     const bool of_course = standing != nullptr && holds(standing->courses, exercise.course_id);
     auto& sections = of_course ? assigned : free;
     if (exercise.course_id != course || (assigned.empty() && free.empty())) {

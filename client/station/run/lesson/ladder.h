@@ -43,7 +43,7 @@ struct LadderSection {
 
 struct Ladder {
   /// Assigned courses, "Assigned to you", the other courses; without a standing, the courses. Omits what the
-  /// trainee may not take (mayTake). Lists each exercise once.
+  /// trainee may not take (canStart). Lists each exercise once.
   std::vector<LadderSection> sections;
   std::string next;                ///< the step marked kNext; empty: none
   std::int64_t as_of_unix_ns = 0;  ///< when the server gave the standing; 0: unknown

@@ -123,17 +123,20 @@ std::optional<std::string> stabilityWarning(const SceneModel& model, const Devic
 }
 
 SceneSpec forDevice(SceneSpec scene, const DeviceInfo& device, std::vector<std::string>& notes) {
-  const EffectMask limit = bitOf(Effect::kOrientationLimit);
   if (!device.has_orientation)
     notes.push_back(
         "The device does not measure how it is turned: the needle is taken to stand on the skin, its axis "
         "the "
         "inward normal at the point of entry, kept for the insertion. Angles of the needle in the recording "
         "and in its measures are those of that axis.");
-  if ((scene.effects & limit) != 0 && (!device.has_orientation || lacksTorque(device))) {
-    scene.effects &= ~limit;
-    notes.push_back(lacksTorque(device) ? "ORIENTATION_LIMIT is not live: the device renders no torque."
-                                        : "ORIENTATION_LIMIT is not live: it needs the needle's angle.");
+  for (const EffectEntry* entry : effectEntries()) {
+    const bool turns = entry->on_device.turning_Nm_per_rad != nullptr;
+    if (!turns || (scene.effects & bitOf(entry->effect)) == 0) continue;
+    if (device.has_orientation && !lacksTorque(device)) continue;
+    scene.effects &= ~bitOf(entry->effect);
+    notes.push_back(
+        fmt::format("{} is not live: {}.", entry->name,
+                    lacksTorque(device) ? "the device renders no torque" : "it needs the needle's angle"));
   }
   return scene;
 }
@@ -144,7 +147,7 @@ std::string acrossText(const HandleStiffness& wanted, const DeviceInfo& device, 
   return fmt::format(
       "Across the needle the scene is {:.4g} N/m at the tip and, with the tool's lever of {:.0f} mm, {:.3g} "
       "N·m/rad at the handle; the {} holds {:.4g} N/m and {:.3g} N·m/rad",
-      wanted.across_N_per_m(), 1e3 * norm(lever.p), wanted.handle_Nm_per_rad, device.name,
+      wanted.across_N_per_m, 1e3 * norm(lever.p), wanted.handle_Nm_per_rad, device.name,
       device.limits.max_stiffness_N_per_m, device.limits.max_rotational_stiffness_Nm_per_rad);
 }
 
@@ -161,30 +164,34 @@ Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const Pos
     return heldStiffnessShare(scene, axial, device.limits, lever);
   };
   double share = shareOf(lesson.scene);
-  // bone this soft would not feel like bone: omit it, as if the device could not render it
-  if (share < kLeastStiffnessShare && (lesson.scene.effects & bitOf(Effect::kBone)) != 0) {
-    notes.push_back(acrossText(handleStiffness(lesson.scene, axial, lever), device, lever) +
-                    ". BONE is not live: the needle cuts bone as it cuts a layer of tissue.");
-    lesson.scene.effects &= ~bitOf(Effect::kBone);
-    lesson.bone_left_out = true;
-    ASSIGN_OR_RETURN(const auto without, compile(lesson.scene, lesson.model.rate_hz));
-    axial = without.axialStiffness_N_per_m();
+  // bone this soft would not feel like bone: such an effect is omitted, as if the device could not render it
+  for (const EffectEntry* entry : effectEntries()) {
+    if (share >= kMinStiffnessShare) break;
+    const std::string_view without = entry->on_device.without;
+    if (without.empty() || (lesson.scene.effects & bitOf(entry->effect)) == 0) continue;
+    notes.push_back(fmt::format("{}. {} is not live: {}.",
+                                acrossText(handleStiffness(lesson.scene, axial, lever), device, lever),
+                                entry->name, without));
+    lesson.scene.effects &= ~bitOf(entry->effect);
+    lesson.left_out |= bitOf(entry->effect);
+    ASSIGN_OR_RETURN(const auto model, compile(lesson.scene, lesson.model.rate_hz));
+    axial = model.axialStiffness_N_per_m();
     share = shareOf(lesson.scene);
   }
   if (share >= 1) return {};
 
   const HandleStiffness wanted = handleStiffness(lesson.scene, axial, lever);
   const std::string what = acrossText(wanted, device, lever);
-  if (share < kLeastStiffnessShare)
+  if (share < kMinStiffnessShare)
     return Error{
         ErrorCode::kInvalidInput,
         fmt::format("{}: {:.0f} % of it, and a lesson needs {:.0f} %; use a shorter tool or a softer "
                     "virtual_fixture and orientation_limit",
-                    what, 100 * share, 100 * kLeastStiffnessShare)};
+                    what, 100 * share, 100 * kMinStiffnessShare)};
   lowerStiffness(lesson.scene, share);
   lesson.stiffness_share = share;
   notes.push_back(fmt::format("{}. It is rendered at {:.0f} %: at most {:.4g} N/m across the needle.", what,
-                              100 * share, share * wanted.across_N_per_m()));
+                              100 * share, share * wanted.across_N_per_m));
   return {};
 }
 
@@ -198,9 +205,9 @@ std::optional<std::string> unprovenPassivity(const StationLesson& lesson, const 
   const double half_more = 0.5 + delay.totalTicks(model.rate_hz);
   const double own = model.isLive(Effect::kCutting) ? model.axial_damping_Ns_per_m : 0.0;
   const double most = std::max(0.0, device.limits.damping_Ns_per_m - own) / (model.period_s * half_more);
-  const double most_turn = device.limits.max_rotational_stiffness_Nm_per_rad * std::min(1.0, 1.5 / half_more);
-  const double steepest = std::max(axial, handle.across_N_per_m());
-  const bool turns = device.renders_torque && handle.handle_Nm_per_rad > most_turn * (1 + 1e-9);
+  const double max_turn = device.limits.max_rotational_stiffness_Nm_per_rad * std::min(1.0, 1.5 / half_more);
+  const double steepest = std::max(axial, handle.across_N_per_m);
+  const bool turns = device.renders_torque && handle.handle_Nm_per_rad > max_turn * (1 + 1e-9);
   if (steepest <= most * (1 + 1e-9) && !turns) return std::nullopt;
   return fmt::format(
       "{} and the device, which damps {:.3g} N·s/m and renders a force {:.2g} ticks late{}, is passive up to "
@@ -209,7 +216,7 @@ std::optional<std::string> unprovenPassivity(const StationLesson& lesson, const 
              : fmt::format("the scene is {:.3g} N·m/rad steep about the handle", handle.handle_Nm_per_rad),
       device.limits.damping_Ns_per_m, delay.totalTicks(model.rate_hz),
       delay.is_known ? "" : " (assumed; --measure-delay finds it)",
-      !turns ? fmt::format("{:.4g} N/m", most) : fmt::format("{:.3g} N·m/rad", most_turn));
+      !turns ? fmt::format("{:.4g} N/m", most) : fmt::format("{:.3g} N·m/rad", max_turn));
 }
 
 PassivitySettings passivityOf(const DeviceInfo& device, const LoopDelay& delay) {

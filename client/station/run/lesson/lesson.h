@@ -42,7 +42,7 @@ struct StationLesson {
   std::vector<std::string> warnings;           ///< warnings about the profile, for a person
   double stiffness_share = 1;                  ///< as in SessionDescription
   std::optional<PassivitySettings> passivity;  ///< none: no passivity control
-  bool bone_left_out = false;                  ///< the profile lists BONE, but device and tool cannot hold it
+  EffectMask left_out = 0;                     ///< effects of the profile that device and tool cannot hold
   std::uint32_t attempt = 0;                   ///< the trainee's attempt number; 0: unknown
   std::optional<std::uint32_t> attempts_left;  ///< including this one; none: unlimited
   bool exam = false;                           ///< its aids cannot be changed
@@ -88,10 +88,11 @@ std::optional<std::string> unprovenPassivity(const StationLesson& lesson, const 
 SceneSpec forDevice(SceneSpec scene, const DeviceInfo& device, std::vector<std::string>& notes);
 
 /// Lowers the stiffness of fixture, bone and orientation limit in `lesson.scene` to what the device can hold
-/// with the tool's lever (FORCE_MODEL.md, "Device limits"), with a note in `notes`. Omits BONE first if less
-/// than kLeastStiffnessShare would be left. A device that renders no force has no limit; one without torque
-/// does not render the lever. `lesson.model` keeps the scene as it was. Errors: kInvalidInput, with the
-/// numbers, if less than kLeastStiffnessShare is left even without bone.
+/// with the tool's lever (FORCE_MODEL.md, "Device limits"), with a note in `notes`. If less than
+/// kMinStiffnessShare would be left, first omits what the needle can do without (BONE). A device that
+/// renders no force has no limit; one without torque does not render the lever. `lesson.model` keeps the
+/// scene as it was. Errors: kInvalidInput, with the numbers, if less than kMinStiffnessShare is left even
+/// without bone.
 Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const Pose& X_HT,
                       std::vector<std::string>& notes);
 

@@ -11,10 +11,9 @@
 
 #include "client/net/link/blocking_client.h"
 #include "client/net/spool/spool_outlook.h"
-#include "client/station/run/io/report_output.h"
 #include "client/station/run/io/station_key.h"
+#include "client/station/run/io/terminal.h"
 #include "common/base/program.h"
-#include "common/base/text/columns.h"
 #include "common/base/text/text.h"
 #include "common/base/time/clock.h"
 #include "common/wire/protocol.h"

@@ -28,16 +28,16 @@ bool isFinitePoint(const GestureSample& s) {
                        s.lateral_error_m + s.speed_mps);
 }
 
-constexpr std::uint64_t kMostSamples = 2'000'000;  // half an hour at 1 kHz, half a gigabyte
+constexpr std::uint64_t kMaxSamples = 2'000'000;  // half an hour at 1 kHz, half a gigabyte
 
 }  // namespace
 
-GestureCurve gestureCurve(std::span<const GestureSample> samples, const Limb& limb_W, std::size_t most_points,
+GestureCurve gestureCurve(std::span<const GestureSample> samples, const Limb& limb_W, std::size_t max_points,
                           const std::optional<PlannedLine>& plan_W) {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   GestureCurve curve;
-  if (samples.empty() || most_points == 0) return curve;
-  const std::size_t group = (samples.size() + most_points - 1) / most_points;
+  if (samples.empty() || max_points == 0) return curve;
+  const std::size_t group = (samples.size() + max_points - 1) / max_points;
   curve.reserve((samples.size() + group - 1) / group);
   for (std::size_t begin = 0; begin < samples.size(); begin += group) {
     const GestureSample* strongest = nullptr;
@@ -62,10 +62,10 @@ GestureCurve gestureCurve(std::span<const GestureSample> samples, const Limb& li
 
 Result<LocalScore> localScore(const SpoolSession& session, const StationLesson& lesson, const Pose& X_WL) {
   const SpoolContents contents = session.contents();
-  if (contents.samples > kMostSamples)
+  if (contents.samples > kMaxSamples)
     return Error{ErrorCode::kInvalidInput,
                  fmt::format("the session has {} samples, the station scores at most {}; the server will",
-                             contents.samples, kMostSamples)};
+                             contents.samples, kMaxSamples)};
   std::vector<GestureSample> samples;
   samples.reserve(contents.samples);
   for (std::uint64_t seq = 0; seq < contents.chunks; ++seq) {

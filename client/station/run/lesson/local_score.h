@@ -35,10 +35,10 @@ struct CurvePoint {
 using GestureCurve = std::vector<CurvePoint>;
 inline constexpr std::size_t kCurvePoints = 4000;
 
-/// Returns at most `most_points` (at least 1), spread evenly over the samples. Skips samples that are not
+/// Returns at most `max_points` (at least 1), spread evenly over the samples. Skips samples that are not
 /// finite. `limb_W`: a plane's normal is a unit vector. `plan_W`: the exercise's, if it has one.
 GestureCurve gestureCurve(std::span<const GestureSample> samples, const Limb& limb_W,
-                          std::size_t most_points = kCurvePoints,
+                          std::size_t max_points = kCurvePoints,
                           const std::optional<PlannedLine>& plan_W = {});
 
 struct LocalScore {

@@ -53,7 +53,7 @@ Result<std::string> codeOfPerson(const std::string& who, const Error& refused, b
 
 }  // namespace
 
-Result<AskForCode> askForCodeWithoutWindow(const StationOptions& options) {
+Result<AskForCode> headlessCodePrompt(const StationOptions& options) {
   if (!options.code_file.empty()) {
     const auto file = std::make_shared<FileCode>();
     ASSIGN_OR_RETURN(file->code, readSecretLine(options.code_file));

@@ -34,6 +34,6 @@ struct GivenCode {
 /// whenever the server asks. Errors: kInvalidInput from the file (missing, no code). The returned function's
 /// errors: kInvalidInput without file and terminal; kCode if the file's code is wrong; kFailed (stopped, no
 /// code typed).
-Result<AskForCode> askForCodeWithoutWindow(const StationOptions& options);
+Result<AskForCode> headlessCodePrompt(const StationOptions& options);
 
 }  // namespace needlelab

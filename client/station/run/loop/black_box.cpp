@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cassert>
 #include <chrono>
 #include <cmath>
 #include <iterator>
@@ -103,7 +104,7 @@ void write(Row row, const BlackBoxTick& t) {
 namespace fs = std::filesystem;
 
 // leaves half of the box's spare second for copying and writing
-constexpr std::int64_t kLookEvery_ns = 50'000'000;
+constexpr std::int64_t kPollPeriod_ns = 50'000'000;
 
 constexpr std::size_t kRowBytes = 600;
 
@@ -128,13 +129,15 @@ BlackBox::BlackBox(double rate_hz, std::uint32_t max_dumps)
     : before_(ticksIn(kBefore_s, rate_hz)),
       after_(ticksIn(kAfter_s, rate_hz)),
       longest_after_(ticksIn(kLongestAfter_s, rate_hz)),
-      max_dumps_(std::clamp(max_dumps, 1u, kMostDumps)),
+      max_dumps_(std::clamp(max_dumps, 1u, kMaxDumps)),
       ring_(before_ + longest_after_ + ticksIn(kSpare_s, rate_hz)) {}
 
 // returns whether the next tick would overwrite one that the reader has not copied yet
 bool BlackBox::full() noexcept {
   const std::uint32_t taken = taken_.load(std::memory_order_acquire);
+  assert(taken <= offered_ && offered_ <= max_dumps_);
   if (taken == offered_) return false;
+  assert(written_ >= firsts_[taken]);
   // ranges are offered in order, so the oldest remaining one begins first
   return written_ - firsts_[taken] >= ring_.size();
 }
@@ -164,6 +167,7 @@ void BlackBox::trigger(BlackBoxCause cause, Fault fault, std::uint64_t tick) noe
     countUp(not_kept_);
     return;
   }
+  assert(offered_ < max_dumps_);
   open_ = true;
   opened_at_ = written_;
   ends_at_ = written_ + 1 + after_;
@@ -171,8 +175,10 @@ void BlackBox::trigger(BlackBoxCause cause, Fault fault, std::uint64_t tick) noe
 }
 
 void BlackBox::offer() noexcept {
+  assert(open_ && offered_ < max_dumps_ && dump_.first <= written_);
   open_ = false;
   dump_.count = written_ - dump_.first;
+  assert(dump_.count <= ring_.size());
   firsts_[offered_++] = dump_.first;
   dumps_.push(dump_);  // never full: there are at most as many ranges as places
 }
@@ -228,7 +234,7 @@ std::int64_t BlackBoxWriter::pass() {
     log_(blackBoxText(dump) + (status.ok() ? "; the 2 s before it and what followed are in " + path.string()
                                            : "; it is not kept: " + status.error().message));
   }
-  return time_.nowNs() + kLookEvery_ns;
+  return time_.nowNs() + kPollPeriod_ns;
 }
 
 void BlackBoxWriter::finish() {
@@ -252,7 +258,7 @@ void BlackBoxWriter::finish() {
 
 BlackBoxCounts BlackBoxWriter::counts() const noexcept {
   return {box_.triggers(), files_.load(std::memory_order_relaxed),
-          not_written_.load(std::memory_order_relaxed), box_.notKept(), box_.ticksRefused()};
+          not_written_.load(std::memory_order_relaxed), box_.droppedDumps(), box_.ticksRefused()};
 }
 
 std::size_t removeOldBlackBoxes(const fs::path& folder, std::int64_t age_s) {

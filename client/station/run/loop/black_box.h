@@ -84,14 +84,16 @@ class BlackBox {
   /// Number of all triggers.
   [[nodiscard]] std::uint64_t triggers() const noexcept { return triggers_.load(std::memory_order_relaxed); }
   /// Number of triggers after `max_dumps`; the box kept no range for them.
-  [[nodiscard]] std::uint64_t notKept() const noexcept { return not_kept_.load(std::memory_order_relaxed); }
+  [[nodiscard]] std::uint64_t droppedDumps() const noexcept {
+    return not_kept_.load(std::memory_order_relaxed);
+  }
   /// Number of ticks refused because the reader was more than a second late.
   [[nodiscard]] std::uint64_t ticksRefused() const noexcept {
     return refused_.load(std::memory_order_relaxed);
   }
 
  private:
-  static constexpr std::uint32_t kMostDumps = 32;
+  static constexpr std::uint32_t kMaxDumps = 32;
   void offer() noexcept;
   [[nodiscard]] bool full() noexcept;
 
@@ -105,10 +107,10 @@ class BlackBox {
   bool open_ = false, refused_last_ = false;
   BlackBoxDump dump_;
   std::uint64_t opened_at_ = 0, ends_at_ = 0;
-  std::uint32_t offered_ = 0;                       // ranges so far
-  std::array<std::uint64_t, kMostDumps> firsts_{};  // the first tick of each
+  std::uint32_t offered_ = 0;                      // ranges so far
+  std::array<std::uint64_t, kMaxDumps> firsts_{};  // the first tick of each
 
-  SpscRing<BlackBoxDump, kMostDumps> dumps_;
+  SpscRing<BlackBoxDump, kMaxDumps> dumps_;
   alignas(64) std::atomic<std::uint32_t> taken_{0};  // ranges copied by the reader
   alignas(64) std::atomic<std::uint64_t> triggers_{0};
   std::atomic<std::uint64_t> not_kept_{0}, refused_{0};

@@ -8,7 +8,7 @@ namespace needlelab {
 namespace {
 
 constexpr double kNotAgain_s = 10;  // shortest time between messages about the same hold
-constexpr double kLongAgo_s = -1e9;
+constexpr double kNever_s = -1e9;
 
 struct HoldText {
   std::uint32_t flag;
@@ -16,7 +16,7 @@ struct HoldText {
   const char* ends;
 };
 constexpr std::array<HoldText, 3> kHoldTexts = {{
-    {kDeviceReleased, "nobody holds the handle: no force", "the handle is held again: the force comes back"},
+    {kDeviceReleased, "no one holds the handle: no force", "the handle is held again: the force comes back"},
     {kDevicePowerOff, "the device's motors have no power: no force; switch them on",
      "the motors have power again: the force comes back"},
     {kDeviceNotReady, "the device is not ready yet: no force", "the device is ready: the force comes"},
@@ -67,8 +67,8 @@ std::string remedyOf(Fault fault) {
 }
 
 FaultWatch::FaultWatch(bool waits, std::string how_to_acknowledge)
-    : waits_(waits), how_to_acknowledge_(std::move(how_to_acknowledge)), device_message_s_(kLongAgo_s) {
-  hold_message_s_.fill(kLongAgo_s);
+    : waits_(waits), how_to_acknowledge_(std::move(how_to_acknowledge)), device_message_s_(kNever_s) {
+  hold_message_s_.fill(kNever_s);
 }
 
 std::string FaultWatch::instructionFor(const WatchedState& state) const {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cassert>
 #include <cmath>
 
 #include "client/station/run/loop/real_time.h"
@@ -26,6 +27,7 @@ ServoLoop::ServoLoop(const SceneModel& model, Device& device, TimeSource& clock,
       after_fault_ticks_(ticksIn(kAfterFault_s, settings.rate_hz)),
       chain_(model, device.info(), settings.X_HT, settings.plunger),
       storm_(settings.rate_hz) {
+  assert(settings.rate_hz > 0 && closing_ticks_ > 0);
   if (settings.passivity) chain_.controlPassivity(*settings.passivity);
 }
 
@@ -70,6 +72,7 @@ std::uint64_t ServoLoop::countMissedTicks(std::uint64_t number, std::int64_t lat
   if (static_cast<double>(late_ns) < period_ns_) return 0;
   const auto missed = static_cast<std::uint64_t>(static_cast<double>(late_ns) / period_ns_);
   ++stats_.late_wakeups;
+  assert(settings_.max_ticks == 0 || number <= settings_.max_ticks);
   const std::uint64_t of_lesson =
       settings_.max_ticks > 0 ? std::min(missed, settings_.max_ticks - number) : missed;
   stats_.missed_ticks += device_.skip(of_lesson);
@@ -98,6 +101,7 @@ double ServoLoop::closingShare(std::uint64_t number) noexcept {
     closing_ = true;
     closing_since_ = number;
   }
+  assert(number >= closing_since_);
   const std::uint64_t done = std::min(number - closing_since_ + 1, closing_ticks_);
   return 1 - static_cast<double>(done) / static_cast<double>(closing_ticks_);
 }
@@ -116,6 +120,7 @@ bool ServoLoop::tick(std::uint64_t number, TickTimes& times) noexcept {
   const auto elapsed_ticks = static_cast<std::int64_t>(times.missed) + 1;
   const GuardedWrench guarded =
       chain_.tick(reading_, read == DeviceRead::kFresh, elapsed_ticks, closingShare(number), chain_tick_);
+  assert(chain_tick_.tick == number && "chain and loop count the same ticks");
   times.computed_ns = clock_.nowNs();
   device_.write(guarded);
   times.wrote_ns = clock_.nowNs();
@@ -127,6 +132,7 @@ bool ServoLoop::tick(std::uint64_t number, TickTimes& times) noexcept {
 
 // checks for the end
 ServoEnd ServoLoop::endAfter(std::uint64_t number) noexcept {
+  assert(!crashing_ || number >= crash_since_);
   if (crashing_ && number - crash_since_ + 1 >= closing_ticks_) return ServoEnd::kCrash;
   if (chain_tick_.fault != Fault::kNone && settings_.on_fault == FaultPolicy::kEnd) {
     if (fault_since_ == 0) fault_since_ = number + 1;
@@ -179,9 +185,10 @@ bool ServoLoop::noteFault() noexcept {
   condition_.store(reading_.condition, std::memory_order_relaxed);
   const ForceGate& gate = chain_.gate();
   cause_lasts_.store(gate.causeLasts(), std::memory_order_relaxed);
-  acknowledgement_stands_.store(gate.acknowledged(), std::memory_order_relaxed);
+  is_acknowledged_.store(gate.acknowledged(), std::memory_order_relaxed);
   if (chain_tick_.fault != Fault::kNone) ++stats_.fault_ticks;
   const std::uint64_t raised = gate.faultsRaised();
+  assert(raised >= stats_.faults);
   stats_.noteFault(chain_tick_.fault, raised != stats_.faults, chain_tick_.tick);
   if (raised == stats_.faults) return false;
   if (stats_.faults == 0) stats_.first_fault = chain_tick_.fault;

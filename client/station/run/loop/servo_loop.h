@@ -43,8 +43,8 @@ struct ServoStats {
   Fault first_fault = Fault::kNone;  ///< first fault of the lesson
   std::uint64_t faults = 0;          ///< number of faults
   std::uint64_t fault_ticks = 0;     ///< ticks in FAULT
-  static constexpr std::size_t kMostFaultNotes = 64;
-  std::array<FaultNote, kMostFaultNotes> fault_notes{};  ///< the first faults
+  static constexpr std::size_t kMaxFaultNotes = 64;
+  std::array<FaultNote, kMaxFaultNotes> fault_notes{};  ///< the first faults
   std::size_t fault_note_count = 0;
   std::uint64_t ticks = 0;    ///< elapsed ticks, including missed ones
   std::uint64_t samples = 0;  ///< executed ticks; each gave one sample
@@ -68,7 +68,7 @@ struct ServoStats {
       fault_notes[fault_note_count - 1].over_tick = tick_number;
       open_fault_ = false;
     }
-    if (!raised || fault_note_count == kMostFaultNotes) return;
+    if (!raised || fault_note_count == kMaxFaultNotes) return;
     fault_notes[fault_note_count++] = {now, tick_number, std::nullopt};
     open_fault_ = true;
   }
@@ -117,8 +117,8 @@ class ServoLoop {
   /// In FAULT: its cause persisted in the last tick, so an acknowledgement does not count yet.
   [[nodiscard]] bool causeLasts() const noexcept { return cause_lasts_.load(std::memory_order_relaxed); }
   /// In FAULT: a person acknowledged it, and the loop waits until the needle is outside the tissue.
-  [[nodiscard]] bool acknowledgementStands() const noexcept {
-    return acknowledgement_stands_.load(std::memory_order_relaxed);
+  [[nodiscard]] bool isAcknowledged() const noexcept {
+    return is_acknowledged_.load(std::memory_order_relaxed);
   }
   /// Number of faults so far.
   [[nodiscard]] std::uint64_t faults() const noexcept { return faults_.load(std::memory_order_relaxed); }
@@ -176,7 +176,7 @@ class ServoLoop {
   std::atomic<bool> crash_{false}, acknowledged_{false};
   alignas(64) std::atomic<bool> ended_{false};
   std::atomic<Fault> fault_{Fault::kNone};
-  std::atomic<bool> cause_lasts_{false}, acknowledgement_stands_{false};
+  std::atomic<bool> cause_lasts_{false}, is_acknowledged_{false};
   std::atomic<std::uint32_t> condition_{0};
   std::atomic<std::uint64_t> faults_{0}, missed_{0};
   LatestValue<GestureSample> latest_;

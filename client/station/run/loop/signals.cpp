@@ -12,7 +12,7 @@
 #include <cstdint>
 #include <cstring>
 
-#include "client/device/crash_packet.h"
+#include "client/device/device.h"
 
 namespace needlelab {
 namespace {

@@ -32,7 +32,7 @@ int signalWithin(const sigset_t& signals, std::chrono::milliseconds time, TimeSo
 /// After a crash on the haptic thread, the program dies 50 ms later. In that time a backend with its own
 /// thread (the Falcon's) notices the missing loop and sends zero; for other devices the device's watchdog
 /// removes the force. If the backend's thread crashes or cannot continue, this handler sends the zero
-/// (crash_packet.h).
+/// (device.h).
 ///
 /// At most one instance. Thread: one thread constructs and destroys it while no loop runs; `setHapticThread`
 /// on the haptic thread. The loop and the time must outlive it; the time must be async-signal-safe.

@@ -125,7 +125,7 @@ void ZeroForceLoop::keep(std::uint64_t number) noexcept {
     return;
   }
   stats_.buttons_seen |= reading_.buttons;
-  stats_.least_plunger = std::min(stats_.least_plunger, reading_.plunger);
+  stats_.min_plunger = std::min(stats_.min_plunger, reading_.plunger);
   stats_.greatest_plunger = std::max(stats_.greatest_plunger, reading_.plunger);
   stats_.greatest_speed_mps = std::max(stats_.greatest_speed_mps, reading_.speed_mps);
   const std::size_t count = kept_count_.load(std::memory_order_relaxed);

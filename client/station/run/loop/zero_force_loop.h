@@ -46,7 +46,7 @@ struct ZeroForceStats {
   std::array<std::uint64_t, 32> condition_ticks{};  ///< number of ticks with bit i of DeviceFlag
   std::uint32_t last_condition = 0;
   std::uint32_t buttons_seen = 0;
-  double least_plunger = 1, greatest_plunger = 0;
+  double min_plunger = 1, greatest_plunger = 0;
   double greatest_speed_mps = 0;  ///< as the device reports it
   bool device_finished = false;   ///< the recording ended
   double seconds = 0;             ///< between the first and the last tick

@@ -22,16 +22,16 @@ bool isAssigned(const StartLists& lists, const ServerExercise& exercise) {
 
 }  // namespace
 
-std::optional<WantedAhead> FetchAhead::wanted(const StartLists& lists, std::int64_t now_unix_ns) const {
-  using Kind = WantedAhead::Kind;
-  const auto mayAsk = [&](const WantedAhead& one) {
+std::optional<PrefetchItem> FetchAhead::wanted(const StartLists& lists, std::int64_t now_unix_ns) const {
+  using Kind = PrefetchItem::Kind;
+  const auto mayAsk = [&](const PrefetchItem& one) {
     const auto refused = refused_unix_ns_.find(one);
     return refused == refused_unix_ns_.end() || now_unix_ns - refused->second >= kAgain_ns;
   };
-  std::optional<WantedAhead> old;
+  std::optional<PrefetchItem> old;
   std::int64_t oldest_ns = now_unix_ns - kAgain_ns;
   // returns whether it is missing; keeps the oldest so far in `old`
-  const auto isMissing = [&](const WantedAhead& one, std::int64_t fetched_unix_ns) {
+  const auto isMissing = [&](const PrefetchItem& one, std::int64_t fetched_unix_ns) {
     if (!mayAsk(one)) return false;
     if (fetched_unix_ns == 0) return true;
     if (fetched_unix_ns <= oldest_ns) {
@@ -46,14 +46,14 @@ std::optional<WantedAhead> FetchAhead::wanted(const StartLists& lists, std::int6
         std::find_if(lists.exercises.begin(), lists.exercises.end(),
                      [&](const ListedExercise& one) { return one.exercise_id == exercise.exercise_id; });
     const bool kept = listed != lists.exercises.end() && listed->cached_revision;
-    const WantedAhead lesson{Kind::kLesson, exercise.exercise_id};
+    const PrefetchItem lesson{Kind::kLesson, exercise.exercise_id};
     if (isMissing(lesson, kept ? listed->fetched_unix_ns : 0)) return lesson;
   }
   for (const KnownTrainee& trainee : lists.curriculum->trainees) {
     const auto known = lists.curriculum->standings.find(trainee.name);
     const std::int64_t as_of_ns =
         known != lists.curriculum->standings.end() ? known->second.as_of_unix_ns : 0;
-    const WantedAhead standing{Kind::kStanding, trainee.name};
+    const PrefetchItem standing{Kind::kStanding, trainee.name};
     if (isMissing(standing, as_of_ns < assigned_unix_ns_ ? 0 : as_of_ns)) return standing;
   }
   return old;
@@ -71,7 +71,7 @@ Result<bool> FetchAhead::step(StartLists& lists, const AskServer& ask, std::int6
     RETURN_IF_ERROR(keep(lists, now_unix_ns));
     return false;
   }
-  const bool is_lesson = next->kind == WantedAhead::Kind::kLesson;
+  const bool is_lesson = next->kind == PrefetchItem::Kind::kLesson;
   const Status fetched = is_lesson ? fetchLesson(lists, next->id, ask, now_unix_ns)
                                    : addStanding(lists, next->id, ask, now_unix_ns);
   if (!fetched.ok()) {

@@ -17,11 +17,11 @@
 namespace needlelab {
 
 /// The next thing to fetch.
-struct WantedAhead {
+struct PrefetchItem {
   enum class Kind : std::uint8_t { kLesson, kStanding };
   Kind kind = Kind::kLesson;
   std::string id;  ///< the exercise's id, or the trainee's name
-  friend bool operator<(const WantedAhead& a, const WantedAhead& b) {
+  friend bool operator<(const PrefetchItem& a, const PrefetchItem& b) {
     return std::tie(a.kind, a.id) < std::tie(b.kind, b.id);
   }
 };
@@ -41,14 +41,14 @@ class FetchAhead {
   Status keep(const StartLists& lists, std::int64_t now_unix_ns);
 
  private:
-  [[nodiscard]] std::optional<WantedAhead> wanted(const StartLists& lists, std::int64_t now_unix_ns) const;
+  [[nodiscard]] std::optional<PrefetchItem> wanted(const StartLists& lists, std::int64_t now_unix_ns) const;
   Status fetchLesson(StartLists& lists, const std::string& id, const AskServer& ask,
                      std::int64_t now_unix_ns);
 
   const StationOptions& options_;
-  std::map<WantedAhead, std::int64_t> refused_unix_ns_;  // when it was requested and refused
-  std::size_t assignments_ = 0;                          // as in the lists of the last step
-  std::int64_t assigned_unix_ns_ = 0;                    // when they changed; earlier standings are outdated
+  std::map<PrefetchItem, std::int64_t> refused_unix_ns_;  // when it was requested and refused
+  std::size_t assignments_ = 0;                           // as in the lists of the last step
+  std::int64_t assigned_unix_ns_ = 0;                     // when they changed; earlier standings are outdated
   bool unkept_ = false;
   std::int64_t kept_unix_ns_ = 0;
 };

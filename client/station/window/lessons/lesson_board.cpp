@@ -10,7 +10,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::size_t kMostMessages = 50;
+constexpr std::size_t kMaxMessages = 50;
 
 }  // namespace
 
@@ -73,7 +73,7 @@ bool LessonBoard::requestWaits() const {
   return quit_ || by_person;
 }
 
-std::uint64_t LessonBoard::droppedPieces() const {
+std::uint64_t LessonBoard::droppedBatches() const {
   const std::scoped_lock lock(mutex_);
   return dropped_;
 }
@@ -124,7 +124,7 @@ void LessonBoard::message(const std::string& from, const std::string& text) {
     BoardMessage message{printable(from), printable(text), wallNowNs(), -1};
     if (state.stage == Stage::kLesson) message.lesson_s = state.status.time_s;
     state.messages.push_back(std::move(message));
-    if (state.messages.size() > kMostMessages) state.messages.erase(state.messages.begin());
+    if (state.messages.size() > kMaxMessages) state.messages.erase(state.messages.begin());
   });
 }
 
@@ -141,7 +141,7 @@ void LessonBoard::nextExercise(const std::string& from, const std::string& exerc
 void LessonBoard::piece(const SamplePiece& piece) {
   if (!piece.samples) return;
   const std::scoped_lock lock(mutex_);
-  if (pieces_.size() >= most_pieces_) {
+  if (pieces_.size() >= max_pieces_) {
     dropped_since_ += pieces_.front().samples->size();
     pieces_.pop_front();
     ++dropped_;

@@ -60,7 +60,7 @@ struct StartLists {
 struct DeviceReadiness {
   std::string name, state;
   bool ready = false;
-  bool known = false;  ///< false: not checked yet
+  bool is_checked = false;  ///< false: not checked yet
 };
 
 struct BoardMessage {
@@ -118,12 +118,12 @@ struct BoardRequest {
 };
 
 /// Thread: any but the haptic one. The window cannot block other threads: samples wait in a queue of
-/// `most_pieces` (drops and counts the oldest), and every lock lasts no longer than a copy.
+/// `max_pieces` (drops and counts the oldest), and every lock lasts no longer than a copy.
 class LessonBoard final : public LessonObserver {
  public:
   /// `time` must outlive it.
-  explicit LessonBoard(std::size_t most_pieces = 500, TimeSource& time = machineTime())
-      : most_pieces_(most_pieces), time_(time) {}
+  explicit LessonBoard(std::size_t max_pieces = 500, TimeSource& time = machineTime())
+      : max_pieces_(max_pieces), time_(time) {}
 
   // --- the window's thread
   /// Copies the state if it is newer than `seen`, and updates `seen`.
@@ -148,7 +148,7 @@ class LessonBoard final : public LessonObserver {
     change(state_);
     ++revision_;
   }
-  [[nodiscard]] std::uint64_t droppedPieces() const;
+  [[nodiscard]] std::uint64_t droppedBatches() const;
 
   void preparing(const std::string& what) override;
   void began(std::shared_ptr<const LessonBeginning> beginning) override;
@@ -165,7 +165,7 @@ class LessonBoard final : public LessonObserver {
     std::uint64_t lesson = 0;
     Bytes cut_memory;
   };
-  const std::size_t most_pieces_;
+  const std::size_t max_pieces_;
   TimeSource& time_;
   mutable std::mutex mutex_;
   std::condition_variable requested_;

@@ -23,12 +23,12 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto kLook = 100ms;
-constexpr std::int64_t kDeviceAgain_ns = 5'000'000'000, kServerAgain_ns = 500'000'000;
+constexpr std::int64_t kDeviceRetry_ns = 5'000'000'000, kServerRetry_ns = 500'000'000;
 constexpr auto kListsPatience = 5s;
 // for others' changes of assignments, people and courses
-constexpr std::int64_t kListsAgain_ns = 300'000'000'000;
+constexpr std::int64_t kListRefresh_ns = 300'000'000'000;
 // Longer: fetching everything takes longer. Shorter: the stations of a lab send more requests at a time.
-constexpr std::int64_t kAheadAgain_ns = 1'000'000'000;
+constexpr std::int64_t kPrefetchPeriod_ns = 1'000'000'000;
 // after this time, another person may be at the End screen
 constexpr std::int64_t kKeepCode_ns = 120'000'000'000;
 
@@ -145,19 +145,19 @@ void LessonSequence::showStart() {
 }
 
 // a person's request interrupts the wait for the answer
-Result<pb::Reply> LessonSequence::askForLists(Uplink& uplink, pb::Request request) {
+Result<pb::Reply> LessonSequence::requestLists(Uplink& uplink, pb::Request request) {
   return uplink.ask(std::move(request), kListsPatience, true, [this] { return board_.requestWaits(); });
 }
 
 void LessonSequence::refreshLists(const std::string& trainee) {
-  keepAhead();
-  lists_again_ns_ = time_.nowNs() + kListsAgain_ns;
+  prefetch();
+  list_refresh_ns_ = time_.nowNs() + kListRefresh_ns;
   StartLists lists = localLists(options_, home_.spool());
   if (Uplink* uplink = home_.uplink()) {
     const auto cached = LessonCache(options_.spool).list();
     const Status status = addServerLists(
-        lists, cached, trainee, [&](pb::Request request) { return askForLists(*uplink, std::move(request)); },
-        wallNowNs());
+        lists, cached, trainee,
+        [&](pb::Request request) { return requestLists(*uplink, std::move(request)); }, wallNowNs());
     keepCurriculum(status, lists);
   }
   board_.change([&](BoardState& state) { state.lists = std::move(lists); });
@@ -169,7 +169,7 @@ void LessonSequence::updateStanding(const std::string& trainee) {
   StartLists lists;
   board_.change([&](const BoardState& state) { lists = state.lists; });
   const Status status = addStanding(
-      lists, trainee, [&](pb::Request request) { return askForLists(*uplink, std::move(request)); },
+      lists, trainee, [&](pb::Request request) { return requestLists(*uplink, std::move(request)); },
       wallNowNs());
   keepCurriculum(status, lists);
   if (status.ok()) board_.change([&](BoardState& state) { state.lists = std::move(lists); });
@@ -194,12 +194,12 @@ void LessonSequence::fetchAhead() {
   Uplink& uplink = *home_.uplink();
   StartLists lists = listsNow();
   const auto fetched = ahead_.step(
-      lists, [&](pb::Request request) { return askForLists(uplink, std::move(request)); }, wallNowNs());
+      lists, [&](pb::Request request) { return requestLists(uplink, std::move(request)); }, wallNowNs());
   if (!fetched.ok()) return reportTrouble(fetched.error());
   if (*fetched) board_.change([&](BoardState& state) { state.lists = std::move(lists); });
 }
 
-void LessonSequence::keepAhead() {
+void LessonSequence::prefetch() {
   reportTrouble(ahead_.keep(listsNow(), wallNowNs()));
 }
 
@@ -215,7 +215,7 @@ void LessonSequence::reportTrouble(const Status& asked) const {
 void LessonSequence::updateDevice() {
   const DeviceReadiness news = deviceReadiness(options_, options_.hand.plan == kPointerPlan, hangs_);
   device_ready_ = news.ready;
-  next_device_look_ns_ = time_.nowNs() + kDeviceAgain_ns;
+  next_device_look_ns_ = time_.nowNs() + kDeviceRetry_ns;
   board_.change([&](BoardState& state) { state.device = news; });
 }
 
@@ -223,7 +223,7 @@ void LessonSequence::updateDevice() {
 void LessonSequence::updateServer() {
   const std::int64_t now_ns = time_.nowNs();
   if (now_ns < next_server_look_ns_) return;
-  next_server_look_ns_ = now_ns + kServerAgain_ns;
+  next_server_look_ns_ = now_ns + kServerRetry_ns;
   home_.guard().check();
   bool at_start = false;
   std::string trainee;
@@ -243,9 +243,9 @@ void LessonSequence::updateServer() {
     if (status == "there") refreshLists(trainee);
   }
   if (at_start && status == "there") {
-    if (now_ns >= lists_again_ns_) refreshLists(trainee);
+    if (now_ns >= list_refresh_ns_) refreshLists(trainee);
     if (now_ns >= next_ahead_ns_) {
-      next_ahead_ns_ = now_ns + kAheadAgain_ns;
+      next_ahead_ns_ = now_ns + kPrefetchPeriod_ns;
       fetchAhead();
     }
   }
@@ -254,7 +254,7 @@ void LessonSequence::updateServer() {
 
 void LessonSequence::practise(const LessonChoice& choice, const std::string& typed_code) {
   reportLast();
-  keepAhead();
+  prefetch();
   StationOptions options = options_;
   options.trainee = choice.trainee.empty() && !home_.uplink() ? std::string(kGuestName) : choice.trainee;
   options.exercise = choice.by_profile ? "" : choice.exercise;
@@ -308,7 +308,8 @@ void LessonSequence::cannotBegin(const Error& error, const LessonChoice& choice,
   if (error.code == ErrorCode::kCode && !alone_) {
     // the refused code was kept from the last lesson, not typed
     const std::string before =
-        code_kept ? choice.trainee + "'s code of the last lesson is refused now; type the present one. " : "";
+        code_kept ? choice.trainee + "'s code from the last lesson no longer works; type the current one. "
+                  : "";
     const CodeQuestion question{choice.trainee, printable(before + error.message), code_typed,
                                 ++code_questions_};
     return board_.change([&](BoardState& state) { state.code_question = question; });

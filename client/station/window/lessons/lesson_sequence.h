@@ -46,10 +46,10 @@ class LessonSequence {
   void updateStanding(const std::string& trainee);
   void keepCurriculum(Status asked, const StartLists& lists);
   void fetchAhead();
-  void keepAhead();
+  void prefetch();
   [[nodiscard]] StartLists listsNow() const;
   void reportTrouble(const Status& asked) const;
-  Result<pb::Reply> askForLists(Uplink& uplink, pb::Request request);
+  Result<pb::Reply> requestLists(Uplink& uplink, pb::Request request);
   void updateDevice();
   void updateServer();
   void handle(const BoardRequest& request);
@@ -74,7 +74,7 @@ class LessonSequence {
   std::uint64_t code_questions_ = 0;
   FetchAhead ahead_{options_};
   std::string lists_made_with_;  // the server's state when the lists were made
-  std::int64_t lists_again_ns_ = 0, next_ahead_ns_ = 0;
+  std::int64_t list_refresh_ns_ = 0, next_ahead_ns_ = 0;
   std::int64_t next_device_look_ns_ = 0, next_server_look_ns_ = 0, drain_until_ns_ = 0;
   std::int64_t keep_code_until_ns_ = 0;
   bool device_ready_ = false;

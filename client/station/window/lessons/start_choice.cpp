@@ -16,16 +16,16 @@
 #include "client/station/run/lesson/trainee_code.h"
 #include "common/base/secret.h"
 #include "common/base/text/text.h"
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
 
 namespace needlelab {
 namespace {
 
 constexpr auto kDevicePatience = std::chrono::seconds(3);
-constexpr int kMostPages = 50;
+constexpr int kMaxPages = 50;
 // Others change a standing: an instructor assigns or returns an attempt, a score comes late. So it is
 // requested again after this time (one request per course), and shown with its time when much older.
-constexpr std::int64_t kStandingAgain_ns = 120'000'000'000, kStandingOld_ns = 300'000'000'000;
+constexpr std::int64_t kStandingRefresh_ns = 120'000'000'000, kStandingOld_ns = 300'000'000'000;
 
 void addName(std::vector<std::string>& names, const std::string& name) {
   if (checkName("trainee", name).ok() && std::find(names.begin(), names.end(), name) == names.end())
@@ -39,7 +39,7 @@ std::string kindOf(const std::string& spec) {
 
 constexpr std::uint64_t kOwnQuestions = 1u << 30;  // the numbers of the station's own questions begin here
 
-const std::string kNeedsServer = "needs the server, which is away";
+const std::string kNeedsServer = "needs the server, which is unreachable";
 
 bool isAssigned(const StartLists& lists, const std::string& trainee, const std::string& exercise) {
   return std::find(lists.assigned.begin(), lists.assigned.end(), std::pair(trainee, exercise)) !=
@@ -62,7 +62,7 @@ StartLists localLists(const StationOptions& options, const Spool& spool) {
   lists.exercises = listExercises(LessonCache(options.spool).list(), std::nullopt);
   lists.profile_file = options.profile_file.string();
   const CurriculumCache cache(options.spool, options.key_file);
-  lists.asks_code = cache.allAskedForCodes();
+  lists.asks_code = cache.allTraineesWithCode();
   if (options.trainee_given) addName(lists.trainees, options.trainee);
   for (const auto& sessions : {spool.unfinished(), spool.closedButNotSafe()})
     for (const auto& session : sessions)  // names as typed
@@ -89,7 +89,7 @@ Status addServerLists(StartLists& lists, const std::vector<CachedLesson>& cached
   std::string all;
   pb::Request request;
   request.mutable_list_assignments();
-  for (int page = 0; page < kMostPages; ++page) {
+  for (int page = 0; page < kMaxPages; ++page) {
     ASSIGN_OR_RETURN(auto reply, ask(request));
     for (const pb::Assignment& assignment : reply.assignments().assignments()) {
       addName(trainees, assignment.trainee());
@@ -136,7 +136,7 @@ DeviceReadiness deviceReadiness(const StationOptions& options, bool steered, boo
     const std::string file = options.device.substr(options.device.find(':') + 1);
     std::error_code error;
     const bool there = std::filesystem::is_regular_file(file, error);
-    return {"recorded motion", there ? file + "; the hand feels nothing" : file + " is not there", there,
+    return {"recorded motion", there ? file + "; the hand feels nothing" : file + " does not exist", there,
             true};
   }
   std::vector<DeviceLister> listers;
@@ -177,23 +177,23 @@ void StartChoice::update(const BoardState& state, std::int64_t now_unix_ns) {
 }
 
 void StartChoice::takeQuestion(const std::optional<CodeQuestion>& question) {
-  if ((!question && !asksItself()) || (question_ && question_->trainee != trainee_)) forgetCode();
-  if (question && question->number != questions_seen_) {
-    questions_seen_ = question->number;
+  if ((!question && !asksWithoutServer()) || (question_ && question_->trainee != trainee_)) forgetCode();
+  if (question && question->number != last_question_) {
+    last_question_ = question->number;
     forgetCode();  // the answer to the question before
     if (question->trainee == trainee_) question_ = question;
   }
-  askBeforeTheServer();
+  askInAdvance();
 }
 
-bool StartChoice::asksItself() const {
+bool StartChoice::asksWithoutServer() const {
   return question_ && question_->number >= kOwnQuestions;
 }
 
 // asks at once, so that a badge held to the reader goes into the code's field
-void StartChoice::askBeforeTheServer() {
+void StartChoice::askInAdvance() {
   const bool asks = lists_.asks_code.contains(trainee_);
-  if (asksItself() && !asks) forgetCode();
+  if (asksWithoutServer() && !asks) forgetCode();
   if (!question_ && asks)
     question_ = CodeQuestion{trainee_, "Type the PIN or hold the badge to the reader.", false,
                              kOwnQuestions + ++own_questions_};
@@ -216,7 +216,7 @@ void StartChoice::typeCode(std::string code) {
 std::string StartChoice::takeCode() {
   std::string code = codeQuestion() != nullptr ? code_ : std::string();
   wipe(code_);
-  if (asksItself()) question_.reset();  // answered; the next person at the Start screen is asked again
+  if (asksWithoutServer()) question_.reset();  // answered; the next person at the Start screen is asked again
   return code;
 }
 
@@ -241,8 +241,8 @@ std::string StartChoice::standingWanted() const {
   if (!server_ || server_away_ || !lists_.curriculum || lists_.curriculum->exercises.empty()) return {};
   if (trainee_.empty() || !checkName("this name", trainee_).ok()) return {};
   const TraineeStanding* const known = standing();
-  return known == nullptr || now_unix_ns_ - known->as_of_unix_ns >= kStandingAgain_ns ? trainee_
-                                                                                      : std::string();
+  return known == nullptr || now_unix_ns_ - known->as_of_unix_ns >= kStandingRefresh_ns ? trainee_
+                                                                                        : std::string();
 }
 
 void StartChoice::list() {
@@ -251,7 +251,7 @@ void StartChoice::list() {
   if (!lists_.profile_file.empty())
     exercises_.push_back({{trainee_, "", true},
                           std::filesystem::path(lists_.profile_file).filename().string(),
-                          "Practice with a profile of your own: " + lists_.profile_file,
+                          "Practice with your own profile: " + lists_.profile_file,
                           "",
                           true});
   addLadder();
@@ -349,7 +349,7 @@ void StartChoice::chooseTrainee(const std::string& name) {
     forgetCode();
   }
   trainee_ = account;
-  askBeforeTheServer();
+  askInAdvance();
   list();
 }
 
@@ -384,19 +384,20 @@ std::optional<LessonChoice> StartChoice::choice() const {
 }
 
 std::string StartChoice::missing() const {
-  if (trainee_.empty() && server_) return "Who practises? Choose or write a name.";
+  if (trainee_.empty() && server_) return "Who is practising? Choose or type a name.";
   if (!trainee_.empty())
     if (const Status valid = checkName("this name", trainee_); !valid.ok()) return valid.error().message;
   if (exercises_.empty())
-    return !server_       ? "This station has no server, and no lesson is kept here: ask the instructor."
-           : server_away_ ? "The server cannot be reached, and no lesson is kept here: ask the instructor."
-                          : "There is no lesson here yet: wait for the server.";
+    return !server_ ? "This station has no server and no stored lessons: ask the instructor."
+           : server_away_
+               ? "The server cannot be reached, and no lessons are stored here: ask the instructor."
+               : "No lessons here yet: wait for the server.";
   const int index = exercise();
   if (index < 0) return "Choose an exercise to practise.";
   const ExerciseRow& chosen = exercises_[static_cast<std::size_t>(index)];
   if (!chosen.usable) return chosen.name + ": " + chosen.note;
   // if the station's own question is unanswered, the server asks, if it still needs to
-  if (codeQuestion() == nullptr || (asksItself() && code_.empty())) return {};
+  if (codeQuestion() == nullptr || (asksWithoutServer() && code_.empty())) return {};
   const Status valid = checkCode(code_);
   if (valid.ok()) return {};
   if (code_.size() >= kMinCodeBytes) return valid.error().message;

@@ -97,8 +97,8 @@ class StartChoice {
  private:
   void list();
   void takeQuestion(const std::optional<CodeQuestion>& question);
-  void askBeforeTheServer();
-  [[nodiscard]] bool asksItself() const;
+  void askInAdvance();
+  [[nodiscard]] bool asksWithoutServer() const;
   void forgetCode();
   void addLadder();
   void addOthers();
@@ -113,7 +113,7 @@ class StartChoice {
   bool by_profile_ = false;
   bool by_person_ = false;                // chosen by a person, not the ladder's next step
   std::optional<CodeQuestion> question_;  // of trainee_
-  std::uint64_t questions_seen_ = 0;
+  std::uint64_t last_question_ = 0;
   std::uint64_t own_questions_ = 0;
   std::string code_;  // as typed
   std::vector<std::string> trainees_;

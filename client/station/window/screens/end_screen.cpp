@@ -56,7 +56,7 @@ void judge(const std::vector<Measure>& measures, LessonVerdict& verdict) {
   const std::size_t all = verdict.required.size();
   if (all == 0) {
     verdict.kind = LessonVerdict::Kind::kNoRequirements;
-    verdict.title = "Done: nothing is required here";
+    verdict.title = "Done: this exercise has no requirements";
   } else if (missing == 0) {
     verdict.kind = LessonVerdict::Kind::kPassed;
     verdict.title = all == 1 ? verdictTitle(true)
@@ -88,7 +88,7 @@ LessonVerdict verdictOf(const LessonOutcome& outcome) {
     verdict.kept = "Not all of the recording is stored: " + outcome.stored.error().message + ".";
     verdict.kept_well = false;
   } else if (!s.uplink.current_trouble.empty() && !s.uplink.current_verdict) {
-    verdict.kept = "The server did not take the recording: " + s.uplink.current_trouble + ".";
+    verdict.kept = "The server did not accept the recording: " + s.uplink.current_trouble + ".";
     verdict.kept_well = false;
   } else if (s.state == "COMPLETE" || s.state == "INTERRUPTED") {
     verdict.kept = "The recording is in the server's database.";
@@ -97,10 +97,10 @@ LessonVerdict verdictOf(const LessonOutcome& outcome) {
   } else if (s.has_server) {
     verdict.kept = "The recording is safe here, and on its way to the server.";
   } else {
-    verdict.kept = "The recording is safe in this station's spool; it is sent when a server is given.";
+    verdict.kept = "The recording is safe in this station's spool; it is sent once the station has a server.";
   }
   if (outcome.code_unchecked) verdict.waits = kCodeUnchecked;
-  verdict.lowered = stiffnessShareText(s.stiffness_share, s.bone_left_out);
+  verdict.lowered = stiffnessShareText(s.stiffness_share, s.left_out);
   return verdict;
 }
 
@@ -233,7 +233,7 @@ Plot lateralPlot(std::span<const double> time_s, std::span<const double> lateral
   for (PlotLimit& limit : plot.limits) limit.text.insert(0, "own line: ");
   const std::size_t own = plot.limits.size();
   for (const PlotRequirement& requirement : requirements)
-    if (requirement.measure == "largest_planned_line_error_m") addLimits(plot, requirement, 1e3);
+    if (roleOf(requirement.measure) == MeasureRole::kPlannedLine) addLimits(plot, requirement, 1e3);
   for (std::size_t i = own; i < plot.limits.size(); ++i) plot.limits[i].text.insert(0, "planned line: ");
   return plot;
 }
@@ -399,7 +399,7 @@ void EndScreen::showMiss(const Miss& miss) {
   {
     const WithFont small(Letters::kSmall);
     const WithTextColour dim(kDimText);
-    textBlock(missPlaceText(miss));
+    textBlock(missDirectionText(miss));
   }
   ImGui::Spacing();
 }
@@ -415,7 +415,7 @@ void EndScreen::showPlots(const LessonOutcome& outcome, const SceneView* scene) 
   linePlot("lateral", lateralPlot(time_s_, lateral_mm_, planned_mm_, measures_), {rest.x, 0.40F * rest.y});
 }
 
-bool EndScreen::takesKeys() const {
+bool EndScreen::acceptsKeys() const {
   return ImGui::GetTime() >= keys_from_s_;
 }
 
@@ -427,7 +427,7 @@ bool EndScreen::showNext(const BoardState& state, bool keys, bool may_quit, Less
   const auto actions = endActions(state, may_quit);
   auto chosen = actionButtons(actions);
   actionHints(actions);
-  if (keys && !chosen && takesKeys()) {
+  if (keys && !chosen && acceptsKeys()) {
     characters_typed_ = characters_typed_ || ImGui::GetIO().InputQueueCharacters.Size > 0;
     if (const auto by_key = actionByKey(actions)) chosen = endActionByKey(*by_key, characters_typed_);
   }

@@ -65,7 +65,7 @@ class EndScreen {
   bool show(const BoardState& state, bool changed, const SceneView* scene, bool keys, bool may_quit,
             LessonBoard& board);
   /// Returns whether keys count yet: only a moment after the outcome came.
-  [[nodiscard]] bool takesKeys() const;
+  [[nodiscard]] bool acceptsKeys() const;
 
  private:
   void take(const LessonOutcome& outcome);

@@ -1,4 +1,4 @@
-#include "client/station/window/screens/lesson_panel.h"
+#include "client/station/window/screens/lesson_screen.h"
 
 #include <fmt/core.h>
 
@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "client/station/window/screens/station_light.h"
+#include "client/station/window/screens/station_actions.h"
 #include "client/view/model/gesture_plots.h"
 #include "client/view/model/palette.h"
 #include "client/view/model/plot.h"

@@ -13,15 +13,13 @@
 #include "client/station/run/lesson/trainee_code.h"
 #include "client/station/run/loop/fault_watch.h"
 #include "client/station/window/lessons/start_choice.h"
-#include "client/station/window/screens/lesson_panel.h"
 #include "client/station/window/screens/station_actions.h"
-#include "client/station/window/screens/station_light.h"
 #include "client/view/action_bar.h"
 #include "client/view/model/palette.h"
 #include "client/view/model/plot.h"
 #include "client/view/theme.h"
 #include "common/base/text/text.h"
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
 #include "common/haptics/gate/force_gate.h"
 
 namespace needlelab {
@@ -46,9 +44,9 @@ Overlay faultOverlay(const LessonStatus& status) {
   if (!status.waits || status.fault == Fault::kProgramTrouble)
     overlay.todo = "The lesson ends; everything up to here is stored.";
   else if (status.acknowledged)
-    overlay.todo = "Seen. Take the needle out of the tissue: then the force comes back.";
+    overlay.todo = "Acknowledged. Take the needle out of the tissue, and the force comes back.";
   else if (status.cause_lasts)
-    overlay.todo = "First " + (remedy.empty() ? std::string("wait until the cause is over") : remedy) +
+    overlay.todo = "First " + (remedy.empty() ? std::string("wait until the cause is gone") : remedy) +
                    ". Then take the needle out of the tissue and press Enter.";
   else {
     overlay.todo = "Take the needle out of the tissue, then press Enter: the force comes back.";
@@ -73,7 +71,7 @@ Overlay overlayOf(const LessonStatus& status) {
   else if ((status.condition & kDeviceNotReady) != 0)
     overlay.todo = "Wait a moment: the force comes when the device is ready.";
   else
-    overlay.todo = "Draw the needle out of the tissue: then the force comes.";
+    overlay.todo = "Take the needle out of the tissue, and the force comes.";
   return overlay;
 }
 
@@ -136,12 +134,12 @@ void lessonOverlay(const LessonStatus& status, bool keys, AnswerGate& gate, Less
 }
 
 void lessonAlarms(const std::vector<ActiveAlarm>& alarms, ImVec2 corner_px, ImVec2 size_px) {
-  constexpr std::size_t kMostShown = 3;
+  constexpr std::size_t kMaxShown = 3;
   ImDrawList* const draw = ImGui::GetWindowDrawList();
   draw->PushClipRect(corner_px, {corner_px.x + size_px.x, corner_px.y + size_px.y}, true);
   float top = corner_px.y;
   bool danger = false;
-  for (std::size_t i = 0; i < std::min(alarms.size(), kMostShown); ++i) {
+  for (std::size_t i = 0; i < std::min(alarms.size(), kMaxShown); ++i) {
     const AlarmKind& kind = kindOf(alarms[i].alarm);
     danger = danger || kind.danger;
     const Rgb letters = kind.danger ? kWhite : kBlack;
@@ -191,7 +189,7 @@ void lessonMessages(const BoardState& state, ImVec2 corner_px, ImVec2 size_px) {
     }
     if (state.next) {
       const WithTextColour colour(kSkyBlue);
-      textLine(state.next->from + " wants next: " + exerciseName(state.lists, state.next->exercise));
+      textLine("Next: " + exerciseName(state.lists, state.next->exercise) + " (" + state.next->from + ")");
     }
   }
   ImGui::End();
@@ -279,7 +277,7 @@ std::string lessonLine(const LessonBeginning& beginning) {
 void LessonScreen::begin(const LessonFollow& lesson) {
   renderer_.setScene(lesson.scene());
   frame_ = SceneFrame{};
-  frame_.camera = firstLook(*lesson.scene());
+  frame_.camera = initialView(*lesson.scene());
   steering_.reset();
   if (lesson.beginning().steering)
     steering_.emplace(
@@ -329,7 +327,7 @@ void LessonScreen::show(const BoardState& state, const LessonFollow& lesson, boo
     showDetails(lessonFacts(state, lesson.beginning(), lesson.dropped(), lesson.now().alpha_rad),
                 steering_.has_value(), corner, picture);
   lessonOverlay(state.status, keys && !end_question_.asked(), fault_gate_, requests, corner, picture);
-  if (keys) askForEnd(requests);
+  if (keys) offerEnd(requests);
   endScreen();
 }
 
@@ -347,9 +345,9 @@ void LessonScreen::showScene(const BoardState& state, const LessonFollow& lesson
 }
 
 void LessonScreen::chooseView(const LessonFollow& lesson) {
-  if (ImGui::IsKeyPressed(GLFW_KEY_1, false)) frame_.camera = firstLook(*lesson.scene());
-  if (ImGui::IsKeyPressed(GLFW_KEY_2, false)) frame_.camera = lookFromTheSide(*lesson.scene());
-  if (ImGui::IsKeyPressed(GLFW_KEY_3, false)) frame_.camera = lookFromAbove(*lesson.scene());
+  if (ImGui::IsKeyPressed(GLFW_KEY_1, false)) frame_.camera = initialView(*lesson.scene());
+  if (ImGui::IsKeyPressed(GLFW_KEY_2, false)) frame_.camera = viewFromSide(*lesson.scene());
+  if (ImGui::IsKeyPressed(GLFW_KEY_3, false)) frame_.camera = viewFromAbove(*lesson.scene());
 }
 
 // sends this frame's mouse and key input to the hand
@@ -387,7 +385,7 @@ void LessonScreen::steer(const LessonFollow& lesson, bool hovered) {
 }
 
 // asks first, because a single key press could end a lesson by mistake
-void LessonScreen::askForEnd(LessonRequests& requests) {
+void LessonScreen::offerEnd(LessonRequests& requests) {
   if (ImGui::IsKeyPressed(GLFW_KEY_ESCAPE, false) && !end_question_.asked()) end_question_.ask();
   if (end_question_.show("Everything up to here is kept and scored.", endLessonActions()) == kActYes)
     requests.stop({});

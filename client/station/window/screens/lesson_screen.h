@@ -5,7 +5,9 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "client/station/run/lesson_observer.h"
 #include "client/station/run/lesson_requests.h"
@@ -13,6 +15,8 @@
 #include "client/station/window/screens/lesson_follow.h"
 #include "client/station/window/screens/pointer_steering.h"
 #include "client/view/action_bar.h"
+#include "client/view/model/gesture_replica.h"
+#include "client/view/model/scene_view.h"
 #include "client/view/scene/scene_renderer.h"
 #include "client/view/ultrasound_view.h"
 
@@ -44,7 +48,7 @@ class LessonScreen {
   /// Returns the computing time of the last ultrasound picture in s; for measurements.
   [[nodiscard]] double ultrasoundCost_s() const { return ultrasound_.lastCost_s(); }
   /// Returns whether the last frame showed the question whether to end the lesson.
-  [[nodiscard]] bool asksForEnd() const { return end_question_.shown(); }
+  [[nodiscard]] bool isOfferingEnd() const { return end_question_.shown(); }
   /// Returns where mouse and keys want the tip, in W; nothing if they do not steer.
   [[nodiscard]] std::optional<Vec3> aim_W_m() const {
     return steering_ ? std::optional(steering_->target().X_WT.p) : std::nullopt;
@@ -54,7 +58,7 @@ class LessonScreen {
   void showScene(const BoardState& state, const LessonFollow& lesson, ImVec2 size_px);
   void chooseView(const LessonFollow& lesson);
   void steer(const LessonFollow& lesson, bool hovered);
-  void askForEnd(LessonRequests& requests);
+  void offerEnd(LessonRequests& requests);
 
   SceneRenderer& renderer_;
   UltrasoundView ultrasound_;
@@ -73,5 +77,24 @@ void lessonOverlay(const LessonStatus& status, bool keys, AnswerGate& gate, Less
                    ImVec2 corner_px, ImVec2 size_px);
 /// Draws instructors' messages, newest last, over the picture's lower left corner.
 void lessonMessages(const BoardState& state, ImVec2 corner_px, ImVec2 size_px);
+
+// --- the side panel: figures, the ladder of layers, plots; each appears only with its aid
+
+/// Returns the ladder's depth in m: a fifth beyond the deepest target; without targets, the end of the layers
+/// or the needle's length, whichever is less.
+double ladderDepth_m(const SceneView& scene);
+
+/// Shows names with Aid LAYER, the tip with DEPTH, targets with ANATOMY. Draws nothing without these aids.
+void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, ImVec2 size_px);
+
+/// Returns the widths of columns for cells of these widths, placed row by row in `room_px`: all in one row,
+/// or in half as many columns until every cell fits. Shares out the remaining width; each column is followed
+/// by `gap_px`. A single column takes all the room, even if a cell needs more.
+std::vector<float> cellColumns(std::span<const float> needed_px, float gap_px, float room_px);
+
+/// Draws figures, ladder, ultrasound and plots, each only with its aid, and the station's light. Returns
+/// whether the light was clicked.
+bool lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidSet& aids,
+                 UltrasoundView& ultrasound, ImVec2 size_px);
 
 }  // namespace needlelab

@@ -13,7 +13,6 @@
 #include "client/station/run/lesson/trainee_code.h"
 #include "client/station/run/lesson_requests.h"
 #include "client/station/window/screens/station_actions.h"
-#include "client/station/window/screens/station_light.h"
 #include "client/view/action_bar.h"
 #include "client/view/input_queue.h"
 #include "client/view/theme.h"
@@ -24,7 +23,7 @@ namespace needlelab {
 namespace {
 
 // dates come nearer without any input; also the time before the same standing is requested again
-constexpr std::int64_t kDatesAgain_ns = 30'000'000'000;
+constexpr std::int64_t kDateRefresh_ns = 30'000'000'000;
 
 Rgb colourOfRow(const ExerciseRow& row) {
   if (!row.usable) return kDimText;
@@ -44,7 +43,7 @@ Rgb colourOfNote(const ExerciseRow& row) {
 
 bool StartScreen::show(const BoardState& state, bool changed, bool keys, bool may_quit, LessonBoard& board) {
   const std::int64_t now_unix_ns = wallNowNs();
-  if (changed || fresh_ || now_unix_ns - updated_unix_ns_ > kDatesAgain_ns) {
+  if (changed || fresh_ || now_unix_ns - updated_unix_ns_ > kDateRefresh_ns) {
     choice_.update(state, now_unix_ns);
     updated_unix_ns_ = now_unix_ns;
     if (fresh_ || !ImGui::GetIO().WantTextInput) typed_ = choice_.shown(choice_.trainee());
@@ -53,17 +52,17 @@ bool StartScreen::show(const BoardState& state, bool changed, bool keys, bool ma
   beginScreen("start");
   {
     const WithFont heading(Letters::kHeading);
-    ImGui::TextUnformatted("Needle injection: a new lesson");
+    ImGui::TextUnformatted("Needle injection: new lesson");
   }
   const float width = ImGui::GetContentRegionAvail().x;
   const float foot = 4.2F * space();
   const float height = ImGui::GetContentRegionAvail().y - foot;
   const float gap = ImGui::GetStyle().ItemSpacing.x;
-  beginPanel("who", "Who", 0.25F * width - gap, height);
+  beginPanel("who", "Trainee", 0.25F * width - gap, height);
   showTrainees();
   endPanel();
   ImGui::SameLine();
-  beginPanel("what", "What", 0.43F * width - gap, height);
+  beginPanel("what", "Exercise", 0.43F * width - gap, height);
   showExercises();
   endPanel();
   ImGui::SameLine();
@@ -89,7 +88,7 @@ bool StartScreen::show(const BoardState& state, bool changed, bool keys, bool ma
         choice_.stepTrainee(by);
         typed_ = choice_.shown(choice_.trainee());
       }
-    askForStanding(board);
+    requestStanding(board);
   }
   // a question over the screen gets the keys
   if (keys && !chosen) chosen = actionByKey(actions);
@@ -98,9 +97,9 @@ bool StartScreen::show(const BoardState& state, bool changed, bool keys, bool ma
 }
 
 // does not ask while a name is being typed
-void StartScreen::askForStanding(LessonBoard& board) {
+void StartScreen::requestStanding(LessonBoard& board) {
   const std::string trainee = choice_.standingWanted();
-  const bool again = trainee == asked_for_ && updated_unix_ns_ - asked_unix_ns_ < kDatesAgain_ns;
+  const bool again = trainee == asked_for_ && updated_unix_ns_ - asked_unix_ns_ < kDateRefresh_ns;
   if (trainee.empty() || again) return;
   asked_for_ = trainee;
   asked_unix_ns_ = updated_unix_ns_;
@@ -129,7 +128,7 @@ void StartScreen::showTrainees() {
   }
   if (choice_.trainees().empty()) {
     const WithTextColour dim(kDimText);
-    textBlock("Write the name above. Names that the server has assigned something to are listed here.");
+    textBlock("Type a name above. Trainees with assignments are listed here.");
   }
 }
 
@@ -208,11 +207,11 @@ void StartScreen::showExercises() {
 
 std::optional<int> StartScreen::showStation(const BoardState& state, bool may_quit) {
   const DeviceReadiness& device = state.device;
-  conditionLine(!device.known  ? Condition::kUnknown
-                : device.ready ? Condition::kGood
-                               : Condition::kTrouble,
-                device.known ? device.name : "looking at the device …");
-  if (device.known) {
+  conditionLine(!device.is_checked ? Condition::kUnknown
+                : device.ready     ? Condition::kGood
+                                   : Condition::kTrouble,
+                device.is_checked ? device.name : "checking the device …");
+  if (device.is_checked) {
     const WithFont small(Letters::kSmall);
     textBlock(device.state);
   }
@@ -221,23 +220,24 @@ std::optional<int> StartScreen::showStation(const BoardState& state, bool may_qu
   if (state.server.empty())
     conditionLine(Condition::kUnknown, "without a server: recordings stay here");
   else if (state.server_away)
-    conditionLine(Condition::kAttention, "The server is away: lessons work on, what is recorded waits here");
+    conditionLine(Condition::kAttention,
+                  "The server is unreachable: lessons still work, recordings wait here");
   else
     conditionLine(server.condition, server.condition == Condition::kGood
                                         ? "connected to the server"
-                                        : "The server does not take recordings now: they wait here");
+                                        : "The server accepts no recordings now: they wait here");
   // the uplink's own words, for a technician
   if (!state.server.empty() && ImGui::TreeNodeEx("more", ImGuiTreeNodeFlags_NoTreePushOnOpen))
     textBlock(state.server);
   if (state.next) {
     ImGui::Spacing();
     conditionLine(Condition::kAttention,
-                  state.next->from + " wants next: " + exerciseName(state.lists, state.next->exercise));
+                  "Next: " + exerciseName(state.lists, state.next->exercise) + " (" + state.next->from + ")");
   }
   if (!state.trouble.empty()) {
     ImGui::Spacing();
     const WithTextColour colour(styleOf(Condition::kTrouble).colour);
-    textBlock("It did not begin: " + state.trouble);
+    textBlock("The lesson did not start: " + state.trouble);
   }
   ImGui::Spacing();
   const std::string missing = choice_.missing();
@@ -279,12 +279,12 @@ void showPreparing(const BoardState& state, LessonRequests& requests) {
   beginNotice("preparing", name.empty() ? "needlelab" : name);
   textBlock((state.preparing.empty() ? std::string("preparing") : state.preparing) + " …");
   ImGui::Spacing();
-  if (state.stage == Stage::kPreparing && bigButton("Not now")) requests.stop({});
+  if (state.stage == Stage::kPreparing && bigButton("Cancel")) requests.stop({});
   endNotice();
 }
 
 bool showFailed(const BoardState& state, bool keys, bool may_quit) {
-  beginNotice("failed", "This station cannot work");
+  beginNotice("failed", "This station cannot run lessons");
   textBlock(state.trouble);
   ImGui::Spacing();
   const auto actions = failedActions(may_quit);

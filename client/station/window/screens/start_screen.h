@@ -26,7 +26,7 @@ class StartScreen {
   /// Returns the button that was pressed.
   std::optional<int> showStation(const BoardState& state, bool may_quit);
   void act(std::optional<int> action, LessonBoard& board);
-  void askForStanding(LessonBoard& board);
+  void requestStanding(LessonBoard& board);
 
   StartChoice choice_;
   std::string typed_;      // the name's field: as shown

@@ -1,10 +1,15 @@
-/// What a trainee can do on each screen, as tables (client/view/model/screen_actions.h). Pure.
+/// What a trainee can do on each screen, as tables (client/view/model/screen_actions.h), and the station's
+/// light.
 #pragma once
 
+#include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "client/station/run/lesson_observer.h"
 #include "client/station/window/lessons/lesson_board.h"
+#include "client/view/model/palette.h"
 #include "client/view/model/screen_actions.h"
 
 namespace needlelab {
@@ -38,5 +43,31 @@ std::vector<ScreenAction> endLessonActions();
 std::vector<ScreenAction> quitActions();
 /// Returns what quitting does now to the lesson and its recording.
 std::string quitText(const BoardState& state);
+
+// --- one light for what a trainee need not read about the station, and the facts behind it, for a technician
+
+/// `kUnknown`: nothing to judge.
+struct StationFact {
+  Condition condition = Condition::kUnknown;
+  std::string words;
+};
+
+/// The server in the uplink's words: "server away, 3 chunks wait". Pure.
+StationFact serverFact(const std::string& server);
+/// During a lesson: loop, recording and server, room, samples missing from the picture, who chose the aids,
+/// the needle's tilt limit, notes of the device. `dropped`: number of samples missing from this picture.
+/// Pure.
+std::vector<StationFact> lessonFacts(const BoardState& state, const LessonBeginning& beginning,
+                                     std::uint64_t dropped, double alpha_rad);
+
+/// Returns the worst condition; kGood if there is nothing to judge.
+Condition lightOf(std::span<const StationFact> facts);
+/// "Station OK", or "Check station".
+const char* lightText(Condition light);
+
+/// Draws the light with its key. Returns whether it was clicked.
+bool stationLight(Condition light);
+/// Draws the facts one below the other.
+void showFacts(std::span<const StationFact> facts);
 
 }  // namespace needlelab

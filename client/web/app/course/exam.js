@@ -9,10 +9,10 @@ export function ExamFields({ f }) {
   const { exam, assigned_only, results_from_unix_ms } = f.doc;
   return html`
     <${CheckField}
-      label="Only for those to whom it is assigned"
+      label="Only for those it is assigned to"
       checked=${exam || assigned_only}
       disabled=${f.readonly || exam}
-      help="others see it neither here nor at a station, and cannot begin it"
+      help="others cannot see it, here or at a station, or begin it"
       onValue=${(on) => f.set('assigned_only')(on || undefined)}
     />
     <${CheckField}

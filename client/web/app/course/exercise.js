@@ -70,7 +70,7 @@ function Needle({ f, at }) {
   const own = f.at(`${at}.needle`);
   return html`
     <${CheckField}
-      label="Another needle than the patient's"
+      label="A needle other than the patient's"
       checked=${!!own}
       disabled=${f.readonly}
       onValue=${(on) => f.set(`${at}.needle`)(on ? { length_m: 0.06, gauge: 22, tip: 'HYPODERMIC' } : undefined)}
@@ -105,7 +105,7 @@ function Plan({ f, at: exercise }) {
       label="A planned entry and line"
       checked=${!!plan}
       disabled=${f.readonly}
-      help="scores then say how far the entry, the angle and the way of the needle are from it"
+      help="scores then say how far the entry, the angle and the path of the needle are from it"
       onValue=${(on) =>
         put(on ? { frame: 'LIMB', entry_m: { x: 0, y: 0, z: 0 }, direction: { x: 0, y: 0, z: -1 } } : undefined)}
     />
@@ -174,7 +174,7 @@ export function ExerciseForm({ f, index, profiles, measures }) {
   const rename = (id) => f.edit('exercises', (all) => withExerciseId(all, index, id));
   const patients = [['', 'Choose …'], ...profiles.map((p) => [p.id, p.name])];
   if (exercise.profile_id && !profiles.some((p) => p.id === exercise.profile_id))
-    patients.push([exercise.profile_id, `${exercise.profile_id} (not there)`]);
+    patients.push([exercise.profile_id, `${exercise.profile_id} (does not exist)`]);
   if (f.faultAt(at))
     return html`<section class="card" aria-label=${name}>
       <h2>${numbered(index, name)}</h2>
@@ -189,7 +189,7 @@ export function ExerciseForm({ f, index, profiles, measures }) {
     ${f.text(`${at}.description`, 'Exercise description', { rows: 2, wide: true })}
     <div class="fields">
       ${f.select(`${at}.profile_id`, 'Patient', patients, { wide: true })}
-      ${f.number(`${at}.attempts`, 'Attempts', { help: f.doc.exam ? 'empty: one' : 'empty: as many as one likes' })}
+      ${f.number(`${at}.attempts`, 'Attempts', { help: f.doc.exam ? 'empty: one' : 'empty: no limit' })}
       ${f.number(`${at}.time_limit_s`, 'Time limit', { help: 'empty: none' })}
       <${TextField}
         label="Due"
@@ -199,13 +199,13 @@ export function ExerciseForm({ f, index, profiles, measures }) {
         value=${toInput(exercise.due_unix_ms)}
         readonly=${f.readonly}
         onValue=${(v) => f.set(`${at}.due_unix_ms`)(fromInput(v))}
-        help="empty: any time; an assignment's own date goes before it"
+        help="empty: any time; an assignment's own date takes precedence"
       />
     </div>
     ${
       exercise.profile_id &&
       html`<p>
-        <a href=${href(['profiles', exercise.profile_id])}>Look at the patient</a> · <a
+        <a href=${href(['profiles', exercise.profile_id])}>View the patient</a> · <a
           href=${href(['references', exercise.id])}
         >
           Choose its experts

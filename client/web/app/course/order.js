@@ -65,7 +65,7 @@ export function ExerciseOrder({ f, chosen, choose, add, remove, faulty }) {
           onClick=${() => choose(i)}
         >
           ${numbered(i, nameOf(i))}
-          ${faulty.has(i) && html` <span class="error">✗ not right yet</span>`}
+          ${faulty.has(i) && html` <span class="error">✗ has problems</span>`}
         </button>
         ${
           !f.readonly &&

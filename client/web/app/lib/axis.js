@@ -1,4 +1,5 @@
 // The y axis of a plot: its least span, so that noise does not look like a movement. Pure.
+import { kMeasures } from './measure_rows.js';
 
 /**
  * Least spans in shown units: large compared with the devices' noise (0.03 mm, 0.01 N), small compared with what a
@@ -66,7 +67,7 @@ export function axisRange(low, high, quantity, limits = []) {
 }
 
 /** Measures that judge a quantity plotted from a recording, by quantity. */
-const kJudging = { force: 'peak_force_n', depth: 'greatest_depth_m' };
+const kJudging = { force: kMeasures.force, depth: kMeasures.depth };
 
 /**
  * The exercise's limits in a plot of that quantity.

@@ -1,4 +1,5 @@
 // Rules of a course beyond the ranges of single numbers, checked while the user types.
+import { kMeasures } from './measure_rows.js';
 import { isObject } from './shape.js';
 
 /** @typedef {{path: string, message: string, severity: 'ERROR'}} Fault */
@@ -19,8 +20,6 @@ function leadsTo(exercises, from, to) {
   return false;
 }
 
-/** Measures that only an exercise with a plan has, as in common/scoring/measures/measure_table.cpp. */
-const needsPlan = (measure) => /^planned_|_planned_line_/.test(measure);
 /** Least length of the way to a point on the line, in m; a direction may have any length but 0, in any unit. */
 const leastLength = (direction) => (direction ? Number.MIN_VALUE : 1e-6);
 
@@ -62,14 +61,14 @@ export function courseFaults(course, { profiles, measures } = {}) {
   if (!kId.test(course.id ?? '')) say('id', "letters, digits, '-', '_', '.', 1 to 64 of them");
   if (!course.name?.trim()) say('name', 'is missing');
   if (course.results_from_unix_ms !== undefined && !course.exam)
-    say('results_from_unix_ms', 'is for an exam, and this course is none');
+    say('results_from_unix_ms', 'is for an exam, and this course is not one');
   const exercises = course.exercises ?? [];
   if (exercises.length === 0) say('exercises', 'a course needs at least one exercise');
   exercises.forEach((exercise, i) => {
     const at = `exercises[${i}]`;
     if (!kId.test(exercise.id ?? '')) say(`${at}.id`, "letters, digits, '-', '_', '.', 1 to 64 of them");
     else if (exercises.findIndex((e) => e.id === exercise.id) < i)
-      say(`${at}.id`, `another exercise is called ${exercise.id}, too`);
+      say(`${at}.id`, `another exercise is also called ${exercise.id}`);
     if (!exercise.name?.trim()) say(`${at}.name`, 'is missing');
     if (!exercise.profile_id) say(`${at}.profile_id`, 'choose a patient');
     else if (profiles && !profiles.includes(exercise.profile_id))
@@ -83,7 +82,7 @@ export function courseFaults(course, { profiles, measures } = {}) {
           `${at}.prerequisites[${k}]`,
           id === exercise.id
             ? 'an exercise cannot come before itself'
-            : `${id} needs this one first, too: nobody could begin either`,
+            : `${id} also needs this one first: neither could begin`,
         );
     });
     (exercise.requirements ?? []).forEach((rule, k) => {
@@ -91,7 +90,7 @@ export function courseFaults(course, { profiles, measures } = {}) {
       if (!rule.measure) say(`${here}.measure`, 'choose a measure');
       else if (measures && !measures.includes(rule.measure))
         say(`${here}.measure`, `no score has a measure ${rule.measure}`);
-      else if (needsPlan(rule.measure) && !exercise.plan)
+      else if (kMeasures.need_plan.includes(rule.measure) && !exercise.plan)
         say(`${here}.measure`, 'needs a planned line, and this exercise has none');
       if (rule.min === undefined && rule.max === undefined) say(`${here}.min`, 'give a least or a greatest value');
       if (rule.min !== undefined && rule.max !== undefined && rule.min > rule.max)

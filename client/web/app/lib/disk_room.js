@@ -8,25 +8,25 @@ export const kRoomLevels = {
     kind: 'good',
     name: 'enough room',
     means: 'Everything is stored.',
-    next: 'Nothing is to be done.',
+    next: 'Nothing to do.',
   },
   no_new_sessions: {
     kind: 'warn',
     name: 'new sessions refused',
-    means: 'Lessons that run are stored to their end. The stations keep new ones and send them when there is room.',
+    means: 'Running lessons are stored to their end. The stations keep new ones and send them when there is room.',
     next: 'Make room on the disk, or let retention delete old recordings.',
   },
   no_chunks: {
     kind: 'bad',
     name: 'recordings refused',
-    means: 'Nothing recorded is stored. The stations keep it and send it when there is room.',
+    means: 'No recording is stored. The stations keep them and send them when there is room.',
     next: 'Make room on the disk at once, or let retention delete old recordings.',
   },
   read_only: {
     kind: 'bad',
     name: 'read only',
     means: 'The disk was too full at the start: recordings can be read and exported, nothing can be changed.',
-    next: 'Make room on the disk: the server ends by itself then, and its service starts it again for writing.',
+    next: 'Make room on the disk: the server then stops by itself, and its service restarts it for writing.',
   },
 };
 

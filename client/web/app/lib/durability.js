@@ -1,4 +1,4 @@
-// What an acknowledgement survives (db/engine/durability.h), its meaning, and what to do.
+// What an acknowledgement survives (db/engine/engine.h), its meaning, and what to do.
 
 /** @typedef {{kind: 'good'|'info'|'warn'|'bad', means: string, next: string}} Durability */
 /** @type {Object<string, Durability>} By the server's words, weakest first. */
@@ -22,7 +22,7 @@ export const kDurabilities = {
   'the loss of a disk': {
     kind: 'good',
     means: 'What the server has confirmed is on two disks: that of the database and that of a standby.',
-    next: 'Nothing is to be done.',
+    next: 'Nothing to do.',
   },
 };
 
@@ -32,7 +32,7 @@ export function durability(ack_survives) {
     kDurabilities[ack_survives] ?? {
       kind: 'bad',
       means: 'This console does not know what that means.',
-      next: 'Ask the server: its log says it (durability).',
+      next: 'The server’s log says more (durability).',
     }
   );
 }

@@ -1,12 +1,13 @@
 // Names of a score's measures. The server lists the kinds; a kind that each layer has is one row with a K instead of
 // the layer's number (common/scoring/measures/measure_table.h). Pure.
 
+import { kMeasures } from './measure_rows.js';
 import { measureTitle, measureUnit, quantity } from './units.js';
 
 /** @typedef {{name: string, unit: string, words: string}} Kind */
 
-const kYesOrNo = ['target_reached', 'aspirated_before_injection'];
-const isShare = (measure) => measure.endsWith('_share');
+const isYesOrNo = (measure) => kMeasures.yes_or_no.includes(measure);
+const isShare = (measure) => kMeasures.shares.includes(measure);
 
 /**
  * A measure's value or limit as text: "3.2 N", "8 %", "yes". tests/data/scoring/measure_texts.json has examples, also
@@ -17,13 +18,13 @@ const isShare = (measure) => measure.endsWith('_share');
  * @param {{digits?: number, locale?: string}} [options]
  */
 export function measureText(measure, value, unit, options) {
-  if (kYesOrNo.includes(measure) && Number.isFinite(value)) return value > 0 ? 'yes' : 'no';
+  if (isYesOrNo(measure) && Number.isFinite(value)) return value > 0 ? 'yes' : 'no';
   return quantity(value, isShare(measure) ? 'share' : unit, options);
 }
 
 /** Likewise for a mean or a spread: yes-or-no in percent, because half a yes is not a value. */
 export const meanText = (measure, value, unit, options) =>
-  kYesOrNo.includes(measure) ? quantity(value, 'share', options) : measureText(measure, value, unit, options);
+  isYesOrNo(measure) ? quantity(value, 'share', options) : measureText(measure, value, unit, options);
 
 /**
  * The requirement on a measure: "at most 5 N", "20 mm to 30 mm", "yes"; '' without one.
@@ -32,7 +33,7 @@ export const meanText = (measure, value, unit, options) =>
 export function requirementText({ measure, unit, min, max }, options) {
   const text = (value) => measureText(measure, value, unit, options);
   if (min === undefined && max === undefined) return '';
-  if (kYesOrNo.includes(measure)) return (min ?? 0) > 0 ? 'yes' : 'no';
+  if (isYesOrNo(measure)) return (min ?? 0) > 0 ? 'yes' : 'no';
   if (min !== undefined && max !== undefined) return `${text(min)} to ${text(max)}`;
   return min !== undefined ? `at least ${text(min)}` : `at most ${text(max)}`;
 }
@@ -44,7 +45,7 @@ export function requirementText({ measure, unit, min, max }, options) {
  */
 export function shownUnit(measure, unit) {
   if (isShare(measure)) return { factor: 0.01, unit: '%' };
-  return kYesOrNo.includes(measure) ? { factor: 1, unit: '1: yes, 0: no' } : measureUnit(unit);
+  return isYesOrNo(measure) ? { factor: 1, unit: '1: yes, 0: no' } : measureUnit(unit);
 }
 
 /**

@@ -1,5 +1,6 @@
 // The columns of a recording as plots and replays need them, and the position of a replay. Pure.
 import { indexAt } from './decimate.js';
+import { kMeasures } from './measure_rows.js';
 import { axisOf, depthOf, frameOf, inFrame, placed } from './scene.js';
 
 /** The columns of a reply of /samples by name, whether they are under `columns` or at the top. */
@@ -164,16 +165,16 @@ function inHazard(columns, profile, placement) {
  * The kinds of contacts: the measure that counts them, the event's name, their number in words. A new kind is one row.
  */
 const kContacts = [
-  { measure: 'bone_contacts', name: 'bone contact', one: '1 bone contact', more: 'contacts with bone', at: inBone },
+  { measure: kMeasures.bone, name: 'bone contact', one: '1 bone contact', more: 'contacts with bone', at: inBone },
   {
-    measure: 'hub_contacts',
+    measure: kMeasures.hub,
     name: 'hub on the skin',
     one: '1 contact of the hub with the skin',
     more: 'contacts of the hub with the skin',
     at: (columns, profile) => (i) => columns.insertion_m?.[i] > profile.needle?.length_m,
   },
   {
-    measure: 'hazards_touched',
+    measure: kMeasures.hazard,
     name: 'hazard touched',
     one: '1 hazard touched',
     more: 'hazards touched',

@@ -1,10 +1,15 @@
 // What a form can show of a document while its JSON is being typed: lists that are lists, objects that are objects,
 // texts that are texts. Does not change the document. Pure.
+import { kModels } from '../profile/models.js';
 
 /**
  * @typedef {'text'|'flag'|'number'|'length'|[any]|Record<string, any>} Shape 'length': a number that can be drawn; a
  *   list has its items' shape; fields of an object that are not named may hold anything
  */
+
+/** The sections of axial models that the editor shows: in the profile, or in each layer. */
+const sectionsOf = (place) =>
+  Object.fromEntries(kModels.flatMap((model) => (model[place] ? [[model[place], {}]] : [])));
 
 const kVector = { x: 'length', y: 'length', z: 'length' };
 const kAnchor = { layer: 'text', offset_m: 'length' };
@@ -23,7 +28,7 @@ export const kProfileShape = {
     sphere: { center_m: kVector, radius_m: 'length' },
     capsule: { a_m: kVector, b_m: kVector, radius_m: 'length' },
   },
-  layers: [{ tissue: 'text', name: 'text', thickness_m: 'length', puncture: {}, first_order: {}, okamura: {} }],
+  layers: [{ tissue: 'text', name: 'text', thickness_m: 'length', puncture: {}, ...sectionsOf('layer_section') }],
   tracking_wall: { stop_mode: 'text' },
   virtual_fixture: { mode: 'text' },
   orientation_limit: {},
@@ -31,9 +36,7 @@ export const kProfileShape = {
   cut_memory: {},
   bone: {},
   hub: {},
-  direct: {},
-  voigt: {},
-  god_object: {},
+  ...sectionsOf('section'),
   targets: [{ name: 'text', center_m: kVector, radius_m: 'length', tissues: ['text'], anchor: kAnchor }],
   hazards: [
     { name: 'text', kind: 'text', center_m: kVector, a_m: kVector, b_m: kVector, radius_m: 'length', anchor: kAnchor },

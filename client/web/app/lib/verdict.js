@@ -1,5 +1,7 @@
 // The verdict on an attempt in words for people. The codes are the server's: `passed` of a session or a score, and the
 // values of the query `verdict`.
+import { kEffects } from '../profile/effects.js';
+import { atStart } from './units.js';
 
 /** Code of the query, and its words. */
 export const kVerdicts = [
@@ -25,12 +27,19 @@ export function verdictOf(passed) {
  * @param {{stiffness_share?: any, device_notes?: string[]}} description
  */
 export function stiffnessShareText({ stiffness_share: share, device_notes }) {
-  const without_bone = (device_notes ?? []).some((note) => note.includes('BONE is not live'));
-  const sentences = [];
-  if (without_bone) sentences.push('Bone was left out: the needle cut it as it cuts a layer of tissue.');
+  // what is across the needle before what turns it
+  const lowered = kEffects
+    .filter((effect) => effect.lowered)
+    .sort((a, b) => Number(a.lowered.turns) - Number(b.lowered.turns));
+  const is_left_out = ({ name, lowered: { without } }) =>
+    without && (device_notes ?? []).some((note) => note.includes(`${name} is not live`));
+  const sentences = lowered
+    .filter(is_left_out)
+    .map(({ lowered: { words, without } }) => `${atStart(words)} was left out: ${without}.`);
+  const words = lowered.filter((effect) => !is_left_out(effect)).map((effect) => effect.lowered.words);
   if (share > 0 && share < 1)
     sentences.push(
-      `${without_bone ? 'Fixture and orientation limit' : 'Fixture, bone and orientation limit'} were rendered at ${(100 * share).toFixed(0)} % of the profile's stiffness.`,
+      `${atStart(`${words.slice(0, -1).join(', ')} and ${words.at(-1)}`)} were rendered at ${(100 * share).toFixed(0)} % of the profile's stiffness.`,
     );
   return sentences.length === 0 ? '' : [...sentences, 'This device and tool cannot hold more.'].join(' ');
 }

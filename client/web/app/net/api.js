@@ -91,7 +91,7 @@ async function once(method, parts, ask) {
   }
   if (reply.status >= 502 && !body) {
     serverIsAway();
-    throw new ApiError('away', 'The server is away for the moment. What you typed is kept.');
+    throw new ApiError('away', 'The server cannot be reached at the moment. What you typed is kept.');
   }
   serverIsThere();
   if (!reply.ok) throw errorOf(reply.status, body, reply.headers.get('Retry-After'));
@@ -173,7 +173,7 @@ const kKinds = {
  */
 export function errorOf(status, body, retry_after) {
   const error = body?.error ?? {};
-  const text = error.message ?? `The server answered with status ${status} and no words.`;
+  const text = error.message ?? `The server answered with status ${status} and no message.`;
   return new ApiError(kKinds[status] ?? 'failed', text, {
     status,
     field: error.field ?? '',

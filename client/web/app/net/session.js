@@ -41,7 +41,7 @@ async function takeOver() {
   const reply = await get(['session'], { may_expire: false });
   if (before && before.name !== reply.name) {
     giveUp();
-    throw new ApiError('expired', `In another page of this browser ${reply.name} has logged in: this was not sent.`);
+    throw new ApiError('expired', `${reply.name} has logged in on another page of this browser: this was not sent.`);
   }
   accept(reply);
 }

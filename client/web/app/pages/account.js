@@ -37,7 +37,7 @@ export function AccountPage({ person }) {
     ${
       person.role !== 'researcher' &&
       html`<fieldset>
-        <legend>Everything that is stored of me</legend>
+        <legend>All data stored about me</legend>
         <${JsonDownload} file=${person.name + '.json'} make=${() => people.everything(person.name)}>Download as JSON<//>
       </fieldset>`
     }

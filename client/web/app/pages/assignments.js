@@ -55,19 +55,19 @@ function AddAssignment({ all, done }) {
       <div class="fields">
         <${SelectField} label="What" required value=${entry.what} options=${whats} onValue=${set('what')} />
         <${SearchField}
-          label="To whom"
+          label="Assign to"
           required
           chosen=${entry.whom}
           find=${findWhom}
           onChoose=${set('whom')}
-          help="type a part of the name of a group or a trainee"
+          help="type part of the name of a group or trainee"
         />
         <${TextField}
           label="Due"
           type="datetime-local"
           value=${entry.due}
           onValue=${set('due')}
-          help="may stay empty"
+          help="optional"
         />
       </div>
       <${Problem} error=${action.error} />
@@ -84,7 +84,7 @@ export function AssignmentsPage() {
   const pages = usePages((page, signal) => assignments.page(page, signal), []);
   const drop = async (id) => {
     await assignments.remove(id);
-    announce('The assignment was taken back.');
+    announce('The assignment was withdrawn.');
     pages.load.reload();
   };
   return html`
@@ -106,7 +106,7 @@ export function AssignmentsPage() {
             ? html`<${Empty} title="Nothing is assigned yet">Choose a course and a group above.<//>`
             : html`<${Table}
                 caption=${pages.caption('assignment')}
-                head=${['What', 'To whom', 'Due', 'Assigned', 'By', html`<span class="visually-hidden">Actions</span>`]}
+                head=${['What', 'Assigned to', 'Due', 'Assigned', 'By', html`<span class="visually-hidden">Actions</span>`]}
               >${pages.items.map(
                 (a) => html`<tr key=${a.id}>
                   <th scope="row">${what(a)}</th>
@@ -123,9 +123,9 @@ export function AssignmentsPage() {
                   <td>
                     <${DangerButton}
                       small
-                      text="Take back"
-                      label=${`Take back ${whatName(a)} from ${whomName(a)}`}
-                      title="Take the assignment back?"
+                      text="Withdraw"
+                      label=${`Withdraw ${whatName(a)} from ${whomName(a)}`}
+                      title="Withdraw the assignment?"
                       act=${() => drop(a.id)}
                     >
                       ${whatName(a)} for ${whomName(a)}. Results so far stay.

@@ -36,7 +36,7 @@ export function AuditPage({ query }) {
     <${Loaded} load=${pages.load}>${() =>
       pages.items.length === 0
         ? html`
-            <${Empty} title="Nothing fits">Every change of data is listed here, with exports and log-ins; change the filter above.<//>
+            <${Empty} title="No entry matches">Change the filter above. Changes of data, exports and log-ins are listed here.<//>
             ${pages.button}
           `
         : html`

@@ -10,7 +10,7 @@ function NewPin({ made, full_name, close }) {
   return html`<${Dialog} title="A new code" close=${close}>
     <p>${full_name ? `${full_name} (${made.name})` : made.name}</p>
     <p class="pin"><output aria-label=${`PIN of ${made.name}`}>${made.code}</output></p>
-    <p>It is shown this once. Write it down, or hand it over, now.</p>
+    <p>It is shown only once. Write it down or hand it over now.</p>
     <div class="actions"><button type="button" class="main" onClick=${close}>Close</button></div>
   <//>`;
 }
@@ -39,8 +39,8 @@ export function CodeForm({ shown, load }) {
       <legend>Code</legend>
       <p>${has_code ? html`<${Mark} kind="good">has a code<//>` : html`<${Mark} kind="open">no code<//>`}</p>
       <p class="help">
-        A station asks for it before a lesson, so that nobody practises as ${name}. A badge reader types what stands on the
-        badge.
+        A station asks for it before a lesson, so that no one else practises as ${name}. A badge reader types the
+        badge's code.
       </p>
       <${TextField}
         label="Badge or PIN"
@@ -69,9 +69,10 @@ export function CodeForm({ shown, load }) {
             disabled=${action.busy}
             title=${`Remove the code of ${name}?`}
             word="Remove"
-            act=${() => ask({ code: '' }, false, `${name} has no code any more.`)}
+            act=${() => ask({ code: '' }, false, `${name} no longer has a code.`)}
           >
-            Stations ask ${name} for none then; where codes are required, ${name} cannot practise. A new one can be set.
+            Stations then do not ask ${name} for one; where codes are required, ${name} cannot practise. You can set a new
+            one.
           <//>`
         }
       </div>
@@ -93,7 +94,8 @@ export function CodesRequired() {
   return html`<fieldset>
     <legend>Codes of trainees</legend>
     <p>
-      A station asks who has a code for it. Where codes are required, who has none cannot practise, except as guest.
+      A station asks a trainee who has a code for it. Where codes are required, a trainee without one can practise only
+      as a guest.
     </p>
     <${Loaded} load=${load}>${(settings) =>
       html`<${CheckField}
@@ -101,7 +103,7 @@ export function CodesRequired() {
         checked=${settings.codes_required}
         disabled=${action.busy}
         onValue=${set}
-        help="Give everybody a code first: on each person’s page, or by a column “code” of a list that is imported. A code that is there stays."
+        help="Give everyone a code first: on each person’s page, or by a column “code” in an imported list. Existing codes stay."
       />`}<//>
     <${Problem} error=${action.error} />
   </fieldset>`;

@@ -1,5 +1,6 @@
 // Edits a course: its exercises in order, and one of them open.
 import { courseFaults, exerciseName, freshId, withoutExercise } from '../lib/course_rules.js';
+import { kMeasures } from '../lib/measure_rows.js';
 import { may } from '../lib/roles.js';
 import { isWithin } from '../lib/paths.js';
 import { href } from '../lib/routes.js';
@@ -67,7 +68,7 @@ export function CourseEditor({ params, person }) {
       id: freshId(exercises),
       name: `Exercise ${exercises.length + 1}`,
       profile_id: '',
-      requirements: [{ measure: 'target_reached', min: 1 }],
+      requirements: [{ measure: kMeasures.target, min: 1 }],
     };
     f.edit('exercises', (all = []) => [...all, exercise]);
     choose(exercises.length);
@@ -94,7 +95,7 @@ export function CourseEditor({ params, person }) {
         <div class="fields">
           ${
             !id &&
-            f.text('id', 'Id', { required: true, help: "letters, digits, '-', '_', '.'; never changed afterwards" })
+            f.text('id', 'Id', { required: true, help: "letters, digits, '-', '_', '.'; cannot be changed later" })
           }
           ${f.text('name', 'Name', { required: true })}
         </div>

@@ -23,7 +23,7 @@ export function CoursesPage({ person }) {
     <${Loaded} load=${load}>${(all) =>
       all.length === 0
         ? html`<${Empty} title="There are no courses yet">
-            A course is a row of exercises: make one, then assign it to a group.
+            A course is a series of exercises: make one, then assign it to a group.
           <//>`
         : html`<${Table}
             caption="Courses"

@@ -16,11 +16,11 @@ function Mentions({ name }) {
   };
   const redact = async (one) => {
     await people.redact(name, text, one.where);
-    announce(`The name was taken out of ${one.about}.`);
+    announce(`The name was removed from ${one.about}.`);
     setFound((before) => before.filter((other) => other.where !== one.where));
   };
   return html`
-    <p>Remarks, titles, names of groups and notes stay as they are. Look first where they name ${name}:</p>
+    <p>Remarks, titles, names of groups and notes stay as they are. First find those that name ${name}:</p>
     <${TextField} label="Other words, such as a nickname" value=${text} onValue=${setText} autocomplete="off" />
     <div class="actions">
       <button type="button" onClick=${look} disabled=${action.busy}>Find texts that name the person</button>
@@ -41,12 +41,12 @@ function Mentions({ name }) {
             <${DangerButton}
               small
               text="Redact"
-              label=${`Take the name out of ${one.where}`}
+              label=${`Remove the name from ${one.where}`}
               disabled=${action.busy}
-              title=${`Take the name out of ${one.about}?`}
+              title=${`Remove the name from ${one.about}?`}
               act=${() => redact(one)}
             >
-              The words go for ever, the rest of the text stays: ${one.text}
+              The words are deleted for good; the rest of the text stays: ${one.text}
             <//>
           </td>
         </tr>`,
@@ -73,7 +73,7 @@ export function Erasure({ name }) {
   };
   if (result) {
     return html`<div class="hint" role="status">
-      <p><strong>The data of ${name} were erased.</strong> They are ${result.pseudonym} from now on.</p>
+      <p><strong>The data of ${name} were erased.</strong> They now appear as ${result.pseudonym}.</p>
       <p>
         ${result.pending && html`<${Mark} kind="warn">pending<//> `}
         ${result.sessions} sessions, ${result.scores} scores. ${result.text}
@@ -86,8 +86,8 @@ export function Erasure({ name }) {
     <p>
       ${
         keeps
-          ? 'Recordings, scores and attempts stay, without a name, as the lab has chosen (Retention).'
-          : 'Recordings, scores and attempts of this person go for ever.'
+          ? 'Recordings, scores and attempts stay, without a name, as set under Retention.'
+          : 'Recordings, scores and attempts of this person are deleted for good.'
       }
     </p>
     <${Mentions} name=${name} />
@@ -98,7 +98,7 @@ export function Erasure({ name }) {
       asking &&
       html`<${Confirm}
         title=${`Erase all data of ${name}?`}
-        word="Erase for ever"
+        word="Erase for good"
         act=${erase}
         close=${() => setAsking(false)}
         busy=${action.busy || typed !== name}
@@ -108,7 +108,7 @@ export function Erasure({ name }) {
         <${TextField} label="Name" value=${typed} onValue=${setTyped} autocomplete="off" />
         <${TextField} label="Reason" value=${reason} onValue=${setReason} />
         <${CheckField}
-          label="Sessions that wait for a manager, too (they may be another person's)"
+          label="Also sessions that wait for a manager (they may be another person's)"
           checked=${waiting}
           onValue=${setWaiting}
         />

@@ -1,4 +1,5 @@
-// Data for other tools. A new format is one line in the list.
+// Data for other tools.
+import { kExportFormats } from '../lib/export_formats.js';
 import { may } from '../lib/roles.js';
 import { counted } from '../lib/units.js';
 import { address } from '../net/api.js';
@@ -9,14 +10,10 @@ import { SearchField } from '../ui/search_field.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 
-/** @type {{name: string, words: string, link: (choice: {course: string, group: string}) => string}[]} */
-const kScoreFormats = [
-  {
-    name: 'CSV',
-    words: 'one row per attempt and measure, units in the header',
-    link: (choice) => address(['scores.csv'], choice),
-  },
-];
+/** What a file of records holds, by the format's name; the browser writes it. */
+const kRecordTexts = {
+  jsonl: (records) => records.map((r) => JSON.stringify(r) + '\n').join(''),
+};
 
 function Scores({ all }) {
   const [choice, setChoice] = useState({ course: '', group: null });
@@ -37,10 +34,10 @@ function Scores({ all }) {
         onChoose=${(group) => setChoice({ ...choice, group })}
       />
     </div>
-    <ul class="plain">${kScoreFormats.map(
+    <ul class="plain">${kExportFormats.scores.map(
       (f) =>
         html`<li>
-          <a class="button main" href=${f.link({ course: choice.course, group: choice.group?.key ?? '' })} download>Download scores as ${f.name}</a> <span
+          <a class="button main" href=${address([`scores${f.suffix}`], { course: choice.course, group: choice.group?.key ?? '' })} download>Download scores as ${f.title}</a> <span
             class="help"
           >${f.words}</span>
         </li>`,
@@ -48,7 +45,7 @@ function Scores({ all }) {
   </fieldset>`;
 }
 
-/** The people who consent, under pseudonyms: one record per line, in the command line's format. */
+/** The people who consent, under pseudonyms, as the command line writes them. */
 function Study({ all }) {
   const [ask, setAsk] = useState({ study: '', exercise: '', remarks: false });
   const [count, setCount] = useState(0);
@@ -62,7 +59,8 @@ function Study({ all }) {
     const study = ask.study.trim(),
       records = await action.run(() => studyRecords(study, ask, setCount));
     if (!records) return;
-    saveAs(`${study}.jsonl`, records.map((r) => JSON.stringify(r) + '\n').join(''), 'application/x-ndjson');
+    const [format] = kExportFormats.study;
+    saveAs(`${study}${format.suffix}`, kRecordTexts[format.name](records), format.type);
     setResult(records.find((r) => r.kind === 'study') ?? { people: 0, sessions: 0 });
   };
   return html`<form onSubmit=${save}>
@@ -70,7 +68,7 @@ function Study({ all }) {
       <legend>Study</legend>
       <p>
         Scores, measures and profiles of people who consent, under pseudonyms that are the same within one study and
-        tell nothing across studies.
+        cannot be linked across studies.
       </p>
       <div class="fields">
         <${TextField}
@@ -80,7 +78,7 @@ function Study({ all }) {
           required
           maxlength="64"
           autocomplete="off"
-          help="its name makes the pseudonyms: the same name, the same people"
+          help="pseudonyms depend on it: the same study gives the same pseudonyms"
         />
         <${SelectField}
           label="Exercise"
@@ -104,7 +102,7 @@ function Study({ all }) {
       <div role="status">${
         result &&
         html`<p>
-          ✓ ${counted(result.people, 'person', 'people')}, ${counted(result.sessions, 'session')}.${result.people === 0 ? ' Nobody consents yet.' : ''}
+          ✓ ${counted(result.people, 'person', 'people')}, ${counted(result.sessions, 'session')}.${result.people === 0 ? ' No one consents yet.' : ''}
         </p>`
       }</div>
     </fieldset>
@@ -126,7 +124,10 @@ export function ExportsPage({ person }) {
           <${Scores} all=${all} />
           <fieldset>
             <legend>Samples of a session</legend>
-            <p>Each <a href="#/sessions">session</a> has its samples as CSV: every tick, units in the header.</p>
+            <p>
+              Each <a href="#/sessions">session</a> has its samples
+              as ${kExportFormats.samples.map((f) => `${f.title}: ${f.words}`).join('; as ')}.
+            </p>
           </fieldset>
         `
       }
@@ -134,7 +135,7 @@ export function ExportsPage({ person }) {
         may(person.role, 'export study') &&
         html`
           <${Study} all=${all} />
-          <p>The same by the command line, for scripts:</p>
+          <p>The same on the command line, for scripts:</p>
           <pre tabindex="0">
             <code>
               needlelab-admin --server HOST:PORT --ca FILE --user ${person.name} study export STUDY --out FILE

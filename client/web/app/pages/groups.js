@@ -77,7 +77,7 @@ export function GroupsPage({ person }) {
     <${Loaded} load=${pages.load}>${() =>
       pages.items.length === 0
         ? search
-          ? html`<${Empty} title="No group fits">Change what is looked for above.<//>`
+          ? html`<${Empty} title="No group matches">Change the search above.<//>`
           : html`<${Empty} title="There are no groups yet">Add one, or import people with a column “group”.<//>`
         : html`<${Table} caption="Groups" head=${['Group', 'Id', number('Members'), 'Results']}>${pages.items.map(
             (g) => html`<tr key=${g.id}>
@@ -103,11 +103,11 @@ function Candidates({ members, toggle }) {
       value=${text}
       onValue=${setText}
       maxlength="64"
-      help="a part of a name or of a group"
+      help="part of a name or group"
     />
     <${Loaded} load=${pages.load}>${() => html`
       <p class="help" role="status">${
-        pages.items.length ? shownOf(pages.items.length, pages.first?.total, 'trainee') : 'No trainee fits'
+        pages.items.length ? shownOf(pages.items.length, pages.first?.total, 'trainee') : 'No trainee matches'
       }</p>
       <div class="choices" role="group" aria-label="Trainees">${pages.items.map(
         (p) =>
@@ -126,7 +126,7 @@ function Candidates({ members, toggle }) {
 /** Present members, and those who were members when the page was loaded. */
 function Present({ names, members, toggle }) {
   const [shown, setShown] = useState(kShownMembers);
-  if (names.length === 0) return html`<p class="help">Nobody yet: choose trainees below.</p>`;
+  if (names.length === 0) return html`<p class="help">No one yet: choose trainees below.</p>`;
   return html`
     <div class="choices" role="group" aria-label="Present members">${names
       .slice(0, shown)

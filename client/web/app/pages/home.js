@@ -5,34 +5,24 @@ import { Heading } from '../ui/widgets.js';
 
 /** [action, title, address, words] */
 const kTasks = [
-  ['see own', 'My results', '#/mine', 'What is assigned to me, what I passed, and how I get better.'],
+  ['see own', 'My results', '#/mine', 'What is assigned to me, what I passed, and how I improve.'],
   ['see live', 'Live lab', '#/live', 'Who is practising now, how deep, with what force.'],
   ['see results', 'Results', '#/results', 'Who passed which exercise; every session with plots, score and replay.'],
-  [
-    'edit people',
-    'Bring in a class',
-    '#/people/import',
-    'A list of people as CSV: see what will happen before it does.',
-  ],
-  [
-    'see profiles',
-    'Patient profiles',
-    '#/profiles',
-    'Layers of tissue, targets, hazards, and the force that they give.',
-  ],
+  ['edit people', 'Import a class', '#/people/import', 'A list of people as CSV, with a preview of what will change.'],
+  ['see profiles', 'Patient profiles', '#/profiles', 'Layers of tissue, targets, hazards, and the forces they give.'],
   ['see courses', 'Courses', '#/courses', 'Exercises in order, with prerequisites, due dates and requirements.'],
   ['assign', 'Assignments', '#/assignments', 'Give a course or an exercise to a group or a trainee.'],
-  ['see people', 'People and groups', '#/people', 'Who is there, and who belongs together.'],
+  ['see people', 'People and groups', '#/people', 'Who is registered, and who is in which group.'],
   [
     'assign sessions',
     'Unknown trainees',
     '#/unknown-trainees',
-    'Sessions from stations without the server: names that nobody has, codes that nobody gave.',
+    'Sessions from stations without the server: unknown names, missing codes.',
   ],
   ['export', 'Exports', '#/exports', 'Scores and samples as CSV with units, for your own tools.'],
-  ['retention', 'Retention', '#/retention', 'How long recordings are kept whole, and when they go.'],
+  ['retention', 'Retention', '#/retention', 'How long recordings are kept in full, and when they are deleted.'],
   ['see audit', 'Audit', '#/audit', 'Who changed what, and when.'],
-  ['upkeep', 'Backup and check', '#/upkeep', 'A copy of the database, whether all of it can be read, and codes.'],
+  ['upkeep', 'Backup and check', '#/upkeep', 'Copy the database, check that all of it can be read, require codes.'],
 ];
 
 export function Home({ person }) {

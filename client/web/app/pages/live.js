@@ -51,7 +51,7 @@ function Tile({ tile, person, nameOf }) {
               ${tile.drops > 0 ? `; the loop missed ${counted(tile.drops, 'tick')}` : ''}
             </p>
           `
-        : html`<p class="help">${tile.online ? 'Nobody is practising here.' : 'The station is not connected.'}</p>`
+        : html`<p class="help">${tile.online ? 'No one is practising here.' : 'The station is not connected.'}</p>`
     }
   </li>`;
 }
@@ -69,7 +69,7 @@ function Line({ line, retry }) {
     <span role="status" aria-label="Connection">${mark}</span> ${
       line.state === 'waiting' &&
       html`
-        <span>What is shown is old. Next try in ${seconds} s.</span> <button
+        <span>This is out of date. Next try in ${seconds} s.</span> <button
           type="button"
           class="small"
           onClick=${retry}

@@ -62,7 +62,7 @@ function Course({ row, person }) {
         <p>${
           cell
             ? html`<${Cell} cell=${cell} trainee=${person.name} nameOf=${nameOf} />`
-            : html`<${Mark} kind="open">not begun<//>`
+            : html`<${Mark} kind="open">not started<//>`
         }</p>
       </li>`;
     })}</ol>
@@ -79,7 +79,7 @@ export function MinePage({ person }) {
     <${Loaded} load=${load}>${(rows) =>
       rows.length === 0
         ? html`<${Empty} title="Nothing is assigned to you yet">
-            Your instructor assigns a course; then it stands here, and you practise at a station.
+            Your instructor assigns a course; it then appears here, and you practise at a station.
           <//>`
         : rows.map((row) => html`<${Course} key=${row.course.id} row=${row} person=${person} />`)}<//>
   `;

@@ -26,7 +26,7 @@ export function AddPerson({ role, close, done }) {
     <form onSubmit=${save}>
       <${TextField}
         label="Name"
-        help="for logging in, e.g. anna.bauer; it is never changed afterwards"
+        help="for logging in, e.g. anna.bauer; it cannot be changed later"
         required
         autocapitalize="none"
         spellcheck="false"
@@ -39,7 +39,7 @@ export function AddPerson({ role, close, done }) {
         label="Password"
         type="password"
         autocomplete="new-password"
-        help="trainees may have none: a station vouches for them"
+        help="optional for trainees: a station vouches for them"
         ...${field('password')}
       />
       <${Problem} error=${action.error?.field ? null : action.error} />
@@ -77,8 +77,8 @@ export function PeoplePage({ person, query }) {
     <${Loaded} load=${pages.load}>${() => {
       const shown = pages.items;
       if (shown.length === 0)
-        return html`<${Empty} title="Nobody fits">${
-          search || role ? 'Change what is looked for above.' : 'Add a person, or import a class from a CSV file.'
+        return html`<${Empty} title="No one matches">${
+          search || role ? 'Change the search above.' : 'Add a person, or import a class from a CSV file.'
         }<//>`;
       return html`<${Table}
         caption=${shownOf(shown.length, pages.first?.total, 'person', 'people')}

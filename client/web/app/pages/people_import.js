@@ -38,7 +38,7 @@ function Report({ report }) {
     ${
       report.done
         ? html`<div class="hint" role="status">
-            <p><strong>✓ Imported:</strong> ${counts}. <a href="#/people">See the people</a></p>
+            <p><strong>✓ Imported:</strong> ${counts}. <a href="#/people">Show the people</a></p>
           </div>`
         : report.faults
           ? html`<div class="problem" role="alert">
@@ -63,7 +63,7 @@ function Report({ report }) {
         ${report.rows_left_out} more rows are not shown:
         ${
           report.faults
-            ? ' rows with faults come first.'
+            ? ' rows with errors come first.'
             : ' none of them gives a role other than trainee, another role, a password or a code.'
         }
       </p>`
@@ -116,8 +116,8 @@ export function PeopleImportPage() {
   return html`
     <${Heading} title="Import people" above=${html`<a href="#/people">People</a>`} />
     <p>
-      Columns <code>${kColumns.join(', ')}</code> in any order; only <code>name</code> must be there. Who is there
-      already is changed, never doubled.
+      Columns <code>${kColumns.join(', ')}</code> in any order; only <code>name</code> must be there. People who
+      exist already are updated, not duplicated.
     </p>
     <div class="field">
       <label for=${id}>CSV file</label>
@@ -144,7 +144,7 @@ export function PeopleImportPage() {
     ${
       unread &&
       html`<div class="problem" role="alert">
-        <p>${unread.name} is not UTF-8. Save the table as “CSV UTF-8”, or read it as what spreadsheets of Western Europe write, and look at the letters:</p>
+        <p>${unread.name} is not UTF-8. Save the table as “CSV UTF-8”, or read it as spreadsheets in Western Europe write it, and check the letters:</p>
         <div class="actions">
           <button type="button" onClick=${readAsWindows}>Read it as Windows-1252</button>
         </div>

@@ -56,7 +56,7 @@ function Data({ shown, me, load }) {
       ${
         action.error?.kind === 'conflict'
           ? html`<div class="problem" role="alert">
-              <p><strong>Somebody else changed this person in the meantime.</strong> Your entries are still here.</p>
+              <p><strong>Someone else changed this person in the meantime.</strong> Your entries are still here.</p>
               <button
                 type="button"
                 onClick=${() => {
@@ -64,7 +64,7 @@ function Data({ shown, me, load }) {
                   load.reload();
                 }}
               >
-                Load what is there now
+                Load the current version
               </button>
             </div>`
           : html`<${Problem} error=${action.error} />`
@@ -130,7 +130,7 @@ export function PasswordForm({ name, own = false }) {
         ${
           own &&
           html`<${TextField}
-            label="Password until now"
+            label="Current password"
             type="password"
             autocomplete="current-password"
             value=${old}
@@ -147,7 +147,7 @@ export function PasswordForm({ name, own = false }) {
           required
         />
         <${TextField}
-          label="Once more"
+          label="Repeat password"
           type="password"
           autocomplete="new-password"
           value=${again}
@@ -246,7 +246,7 @@ export function PersonPage({ params, person: me }) {
       ${
         may(me.role, 'export person') &&
         html`<fieldset>
-          <legend>Everything that is stored</legend>
+          <legend>All stored data</legend>
           <${JsonDownload} file=${shown.name + '.json'} make=${() => people.everything(shown.name)}>Download as JSON<//>
         </fieldset>`
       }

@@ -96,7 +96,7 @@ export function useSaveKey(save) {
 
 /** Whether there are unsaved changes, and the result of saving; `why`: in words, what prevents it. */
 export function SaveBar({ editing, save, what, bad, why, readonly }) {
-  if (readonly) return html`<p class="help">Your role may look at this, not change it.</p>`;
+  if (readonly) return html`<p class="help">Your role can view this, but not change it.</p>`;
   const { saving, dirty, base, restored, discard } = editing;
   return html`<div class="save-bar">
     ${restored && html`<div class="hint"><p>Your unsaved changes are back.</p></div>`}
@@ -113,7 +113,7 @@ export function SaveBar({ editing, save, what, bad, why, readonly }) {
         word="Discard"
         act=${discard}
       >
-        What was changed here since the ${what} was saved last goes.
+        All changes since the ${what} was last saved are lost.
       <//>
       ${
         dirty
@@ -180,7 +180,7 @@ export function ProfileEditor({ params, query, person }) {
             label=${`Side view of ${counted(profile.layers?.length ?? 0, 'layer')}, ${quantity(
               layerBounds(profile).at(-1)?.to_m ?? 0,
               'm',
-            )} deep in all`}
+            )} deep in total`}
           />
           <${Legend} profile=${profile} />
           <p class="help">φ: how much of the step in force into a layer can be felt, 0 to 1; “!” below 0.5.</p>
@@ -190,7 +190,7 @@ export function ProfileEditor({ params, query, person }) {
         ${!checked && unchecked && !readonly && html`<p class="warning wide">! Not checked: ${unchecked.message}</p>`}
         ${
           f.problems.some((p) => p.severity === 'ERROR') &&
-          html`<p class="help wide">The server will refuse this profile until these are mended.</p>`
+          html`<p class="help wide">The server will refuse this profile until these are fixed.</p>`
         }
       </aside>
       <form onSubmit=${(event) => event.preventDefault()} aria-label="Profile">

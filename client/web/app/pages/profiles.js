@@ -23,8 +23,8 @@ export function ProfilesPage({ person }) {
     <${Loaded} load=${load}>${(all) => {
       const shown = all.filter((p) => `${p.name} ${p.id}`.toLowerCase().includes(text.trim().toLowerCase()));
       if (shown.length === 0)
-        return html`<${Empty} title=${all.length ? 'No profile fits' : 'There are no profiles yet'}>${
-          all.length ? 'Change what is looked for above.' : 'Make one: layers of tissue, a target, hazards.'
+        return html`<${Empty} title=${all.length ? 'No profile matches' : 'There are no profiles yet'}>${
+          all.length ? 'Change the search above.' : 'Make one: layers of tissue, a target, hazards.'
         }<//>`;
       return html`<${Table}
         caption=${`${shown.length} of ${counted(all.length, 'profile')}`}

@@ -2,6 +2,7 @@
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { quantityOfUnit } from '../lib/axis.js';
+import { kMeasures } from '../lib/measure_rows.js';
 import { measureText, rowTitle, shownUnit } from '../lib/measures.js';
 import { shownOf } from '../lib/units.js';
 import { moment } from '../lib/time.js';
@@ -88,7 +89,7 @@ function Shown({ attempts, total, trends, exercise, measure, go, me, reload }) {
   const chosen =
     measure && measures.some(([name]) => name === measure)
       ? measure
-      : (measures.find(([name]) => name === 'peak_force_n')?.[0] ?? measures[0]?.[0]);
+      : (measures.find(([name]) => name === kMeasures.force)?.[0] ?? measures[0]?.[0]);
   return html`
     ${
       chosen &&
@@ -122,7 +123,7 @@ function Shown({ attempts, total, trends, exercise, measure, go, me, reload }) {
             .join(', ') || '–'
         }</td>
         <td>
-          ${a.excused && html`<${Mark} kind="info">${a.beyond ? 'beyond the attempts' : 'does not count'}<//>`}
+          ${a.excused && html`<${Mark} kind="info">${a.beyond ? 'beyond the limit' : 'does not count'}<//>`}
           ${a.late && html`<${Mark} kind="warn">late<//>`}
         </td>
         ${excuses && html`<td>${!a.beyond && html`<${Excuse} attempt=${a} done=${reload} />`}</td>`}

@@ -15,7 +15,7 @@ import { Verdict } from './sessions.js';
 function Bands({ reference, title }) {
   if (!reference.bands?.length)
     return html`<${Empty} title="No bands yet">
-      Choose sessions of experts above: the bands are made of their scores.
+      Choose sessions of experts above: the bands are made from their scores.
     <//>`;
   const later = (reference.pending ?? []).map(title).join(', ');
   return html`${later && html`<p class="help">Not computed yet: ${later}. Long gestures take several tries: load the page again.</p>`}<${Table}
@@ -51,7 +51,7 @@ function Choice({ exercise, name, reference, reload }) {
   return html`
     <${Loaded} load=${pages.load}>${() =>
       pages.items.length === 0
-        ? html`<${Empty} title="Nobody has practised this exercise yet">
+        ? html`<${Empty} title="No one has practised this exercise yet">
             Let an expert practise it at a station; then choose the session here.
           <//>`
         : html`
@@ -92,7 +92,7 @@ function Choice({ exercise, name, reference, reload }) {
       action.error?.kind === 'conflict'
         ? html`<div class="problem" role="alert">
             <p>
-              <strong>Somebody else chose other sessions in the meantime.</strong> Your choice is still here; nothing
+              <strong>Someone else chose other sessions in the meantime.</strong> Your choice is still here; nothing
               was saved.
             </p>
             <button
@@ -102,7 +102,7 @@ function Choice({ exercise, name, reference, reload }) {
                 reload();
               }}
             >
-              Show what is chosen now
+              Show the current choice
             </button>
           </div>`
         : html`<${Problem} error=${action.error} />`

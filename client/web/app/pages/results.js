@@ -1,5 +1,6 @@
 // Trainee × exercise: who passed what, at a glance, with a way down to every session.
 import { numbered } from '../lib/course_rules.js';
+import { kExportFormats } from '../lib/export_formats.js';
 import { href } from '../lib/routes.js';
 import { day, moment } from '../lib/time.js';
 import { verdictOf } from '../lib/verdict.js';
@@ -20,7 +21,7 @@ export function cellState(cell) {
   if (cell.attempts_left === 0) return ['bad', 'no attempts left'];
   if (cell.overdue) return ['warn', 'overdue'];
   if (cell.passed === false) return verdictOf(false);
-  return cell.attempts > 0 ? ['info', 'practised'] : ['open', 'not begun'];
+  return cell.attempts > 0 ? ['info', 'practised'] : ['open', 'not started'];
 }
 
 export function Cell({ cell, trainee, nameOf }) {
@@ -70,7 +71,7 @@ function Matrix({ course, group }) {
     const rows = pages.items,
       { exercises, trainees, passed } = pages.first;
     if (rows.length === 0)
-      return html`<${Empty} title="Nobody has this course yet">
+      return html`<${Empty} title="No one has this course yet">
         <a href="#/assignments">Assign it</a> to a group or a trainee.
       <//>`;
     const nameOf = (id) => exercises.find((e) => e.id === id)?.name ?? id;
@@ -128,14 +129,21 @@ export function ResultsPage({ query }) {
     <${Heading} title="Results">${
       course &&
       html`
-        <a
-          class="button"
-          href=${address(['courses', course, 'results.csv'], { group, separator: csvSeparator() })}
-          download
-        >
-          Spreadsheet (CSV)
-        </a>
-        <a class="button" href=${address(['scores.csv'], { course, group })} download>Scores as CSV</a>
+        ${kExportFormats.results.map(
+          (f) => html`
+            <a
+              class="button"
+              href=${address(['courses', course, `results${f.suffix}`], { group, separator: csvSeparator() })}
+              download
+            >
+              Spreadsheet (${f.title})
+            </a>
+          `,
+        )}
+        ${kExportFormats.scores.map(
+          (f) =>
+            html`<a class="button" href=${address([`scores${f.suffix}`], { course, group })} download>Scores as ${f.title}</a>`,
+        )}
       `
     }<//>
     <${Loaded} load=${load}>${(courses) =>

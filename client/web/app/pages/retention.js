@@ -85,7 +85,7 @@ function PolicyForm({ begin, known, done }) {
         label="Exercise"
         value=${policy.exercise_id}
         onValue=${set('exercise_id')}
-        options=${[['', 'All without a policy of their own'], ...known.map((e) => [e.id, e.name])]}
+        options=${[['', 'All without their own policy'], ...known.map((e) => [e.id, e.name])]}
       />
       <div class="fields">
         ${field('thin_after_days', 'Thin out after', 'days', 'empty: never')}
@@ -94,7 +94,7 @@ function PolicyForm({ begin, known, done }) {
         ${field('delete_after_days', 'Delete after', 'days', 'empty: never')}
       </div>
       <${CheckField}
-        label="Also what no verified backup holds"
+        label="Also recordings that no verified backup has"
         checked=${policy.without_backup}
         onValue=${set('without_backup')}
         help="Otherwise a session waits for the next backup."
@@ -126,7 +126,7 @@ function Run({ done }) {
   return html`<fieldset>
     <legend>Run</legend>
     <p>
-      The server does this by itself once a day. What has been thinned or deleted does not come back, but from a backup.
+      The server does this by itself once a day. What has been thinned or deleted can only come back from a backup.
     </p>
     <div class="actions">
       <button type="button" disabled=${action.busy} onClick=${() => run(true)}>${
@@ -188,7 +188,11 @@ function OfErasedPeople() {
     const settings = await action.run(() => lab.change({ keep_recordings_of_erased }));
     if (!settings) return;
     load.setData(settings);
-    announce(keep_recordings_of_erased ? 'Sessions of erased people stay now.' : 'Sessions of erased people go now.');
+    announce(
+      keep_recordings_of_erased
+        ? 'Sessions of erased people are now kept.'
+        : 'Sessions of erased people are now deleted.',
+    );
   };
   return html`<fieldset>
     <legend>When a person is erased</legend>
@@ -198,7 +202,7 @@ function OfErasedPeople() {
         checked=${settings.keep_recordings_of_erased}
         disabled=${action.busy}
         onValue=${set}
-        help="Otherwise recordings, scores and events go with the person. Remarks and titles stay in any case."
+        help="Otherwise recordings, scores and events are deleted with the person. Remarks and titles stay in any case."
       />`}<//>
     <${Problem} error=${action.error} />
   </fieldset>`;
@@ -213,7 +217,7 @@ export function RetentionPage({ person: me }) {
   const action = useAction();
   const drop = async (policy) => {
     if (!(await action.run(() => retention.drop(policy.exercise_id)))) return;
-    announce(`The policy of ${policy.name} was taken away.`);
+    announce(`The policy of ${policy.name} was removed.`);
     load.reload();
   };
   return html`
@@ -232,7 +236,7 @@ export function RetentionPage({ person: me }) {
         </dl>
         ${
           policies.length === 0
-            ? html`<${Empty} title="Nothing is set: all recordings are kept whole">
+            ? html`<${Empty} title="No policy is set: all recordings are kept in full">
                 Set a policy below; scores, events and remarks stay in any case.
               <//>`
             : html`<${Table}
@@ -264,16 +268,16 @@ export function RetentionPage({ person: me }) {
                       </button>
                       <${DangerButton}
                         small
-                        text="Take away"
+                        text="Remove"
                         disabled=${action.busy}
-                        label=${`Take away the policy of ${nameOf(p.exercise_id)}`}
-                        title="Take the policy away?"
+                        label=${`Remove the policy of ${nameOf(p.exercise_id)}`}
+                        title="Remove the policy?"
                         act=${() => drop({ ...p, name: nameOf(p.exercise_id) })}
                       >
                         ${nameOf(p.exercise_id)}: ${
                           p.exercise_id
-                            ? 'the policy of all other exercises holds then; without one recordings are kept whole.'
-                            : 'recordings without a policy of their own are kept whole then.'
+                            ? 'the policy of all other exercises then applies; without one, recordings are kept in full.'
+                            : 'recordings without their own policy are then kept in full.'
                         }
                       <//>
                     </div>

@@ -24,7 +24,7 @@ function Differences({ kind, id, from, to }) {
   );
   return html`<${Loaded} load=${load}>${(all) =>
     all.length === 0
-      ? html`<${Empty} title="No difference">Revisions ${from} and ${to} hold the same.<//>`
+      ? html`<${Empty} title="No difference">Revisions ${from} and ${to} are the same.<//>`
       : html`<${Table}
           caption=${`${counted(all.length, 'change')} from revision ${from} to ${to}`}
           head=${['Field', 'What', `Revision ${from}`, `Revision ${to}`]}

@@ -1,4 +1,5 @@
 // One session: plots, replay, score, remarks, syringe.
+import { kExportFormats } from '../lib/export_formats.js';
 import { advance, atRest, columnsOf, contactsOf, loaded, seek, toggle } from '../lib/recording.js';
 import { href } from '../lib/routes.js';
 import { clock, moment } from '../lib/time.js';
@@ -18,15 +19,14 @@ import { Verdict, whyItWaits } from './sessions.js';
 
 const kPoints = 2000;
 
-/** Downloads of a session; a new format is one line. */
-const kFormats = [['Samples as CSV', (id) => address(['sessions', id, 'samples.csv'])]];
-
 /** Why the session waits for a manager, with the trainee. */
 function waitingFor(session) {
   const { trainee } = session.description;
-  if (session.not_assigned) return `it was not assigned to ${trainee} when the session came`;
-  if (session.code_unchecked) return `nobody gave the code of ${trainee}`;
-  return session.begin_unsure ? 'the station’s clock was wrong' : `nobody was named ${trainee} when the session came`;
+  if (session.not_assigned) return `it was not assigned to ${trainee} when the session arrived`;
+  if (session.code_unchecked) return `the code of ${trainee} was not given`;
+  return session.begin_unsure
+    ? 'the station’s clock was wrong'
+    : `no one was named ${trainee} when the session arrived`;
 }
 
 /** A replay driven by the browser's animation frames. */
@@ -142,10 +142,10 @@ function AttemptFact({ description, person }) {
   const load = useLoad((signal) => sessions.attempt(description.session_id, signal), [description.session_id]);
   return html`<${Loaded} load=${load}>${(attempt) =>
     !attempt
-      ? html`<span>this session is none</span>`
+      ? html`<span>this session is not an attempt</span>`
       : html`
           number ${attempt.number}
-          ${attempt.excused && html`<${Mark} kind="info">${attempt.beyond ? 'beyond the attempts' : 'does not count'}<//>`}
+          ${attempt.excused && html`<${Mark} kind="info">${attempt.beyond ? 'beyond the limit' : 'does not count'}<//>`}
           ${attempt.late && html`<${Mark} kind="warn">late<//>`} ${
             may(person.role, 'excuse') && !attempt.beyond && html`<${Excuse} attempt=${attempt} done=${load.reload} />`
           }
@@ -166,7 +166,10 @@ export function SessionPage({ params, person }) {
     >${
       load.data &&
       !load.data.results_from_unix_ms &&
-      kFormats.map(([name, link]) => html`<a class="button" href=${link(id)} download>${name}</a>`)
+      kExportFormats.samples.map(
+        (f) =>
+          html`<a class="button" href=${address(['sessions', id, `samples${f.suffix}`])} download>Samples as ${f.title}</a>`,
+      )
     }<//>
     <${Loaded} load=${load}>${(session) => html`
       <dl class="facts">
@@ -219,7 +222,7 @@ export function SessionPage({ params, person }) {
       ${
         session.state === 'SESSION_OPEN' &&
         html`<div class="hint">
-          <p>This session is still being recorded: what is below is what has come so far.</p>
+          <p>This session is still being recorded: below is what has arrived so far.</p>
         </div>`
       }
       <${Judged} id=${id} session=${session} exercise=${nameOf(d.exercise_id)} person=${person} />

@@ -20,7 +20,7 @@ function midnight_ms(day, more = 0) {
 export function whyItWaits(session) {
   if (session.begin_unsure) return ['clock', 'the station’s clock was wrong'];
   if (session.not_assigned) return ['not assigned', 'it was not assigned'];
-  return session.code_unchecked ? ['no code', 'nobody gave the code'] : ['unknown', 'nobody had the name'];
+  return session.code_unchecked ? ['no code', 'the code was not given'] : ['unknown', 'no one had the name'];
 }
 
 /** For a session or attempt, the verdict of its first score; for an exam, when its result is shown. */
@@ -83,7 +83,7 @@ export function SessionsPage({ query, person }) {
       pages.items.length === 0
         ? html`
             <${Empty} title="There are no sessions here">
-              They come from the stations: assign an exercise, and let somebody practise.
+              They come from the stations: assign an exercise, and let someone practise.
             <//>
             ${pages.button}
           `

@@ -11,7 +11,7 @@ import { announce, Dialog, Empty, Heading, Loaded, number, Problem, Table, usePa
 import { Verdict, whyItWaits } from './sessions.js';
 
 /** Sessions of no particular person; the key is the server's name for them. */
-const kGuest = { key: 'guest', text: 'Nobody in particular (guest)' };
+const kGuest = { key: 'guest', text: 'No one in particular (guest)' };
 
 /** Any person, and the guest. */
 async function findPerson(text, signal) {
@@ -39,15 +39,15 @@ function Assign({ session, close, done }) {
   };
   return html`<${Dialog} title=${`Who is ${trainee}?`} close=${close}>
     <form onSubmit=${save}>
-      <p>The session counts as an attempt of the person that you choose: verdict, attempts and progress follow.</p>
+      <p>The session counts as an attempt of the person you choose: verdict, attempts and progress follow.</p>
       <${SearchField}
         label="Person"
         required
         chosen=${to}
         find=${findPerson}
         onChoose=${setTo}
-        help="type a part of a name or of a group"
-        failed="Nobody can be chosen: the people could not be loaded"
+        help="type part of a name or group"
+        failed="No one can be chosen: the people could not be loaded"
       />
       ${
         session.begin_unsure &&
@@ -65,7 +65,7 @@ function Assign({ session, close, done }) {
         value=${reason}
         onValue=${setReason}
         maxlength="500"
-        help="may stay empty; stands in the audit"
+        help="optional; appears in the audit"
       />
       <${Problem} error=${action.error} />
       <div class="actions">
@@ -84,19 +84,19 @@ export function UnknownTraineesPage() {
   const confirm = async ({ description: { session_id, trainee }, not_assigned }) => {
     const why = not_assigned ? 'confirmed without an assignment' : 'confirmed without a code';
     if (!(await confirming.run(() => sessions.assign(session_id, trainee, why, trainee)))) return;
-    announce(`The session is of ${trainee}.`);
+    announce(`The session belongs to ${trainee}.`);
     pages.load.reload();
   };
   return html`
     <${Heading} title="Unknown trainees" above=${html`<a href="#/sessions">Sessions</a>`} />
     <p>
-      A station without the server takes any name and asks for no code. These sessions count for nobody: give each to the
-      right person, or confirm that it is of whom it says. Confirm one that was not assigned, and it counts.
+      A station without the server takes any name and asks for no code. These sessions count for no one: give each to
+      the right person, or confirm that its name is right. A session that was not assigned counts once you confirm it.
     </p>
     <${Problem} error=${confirming.error} />
     <${Loaded} load=${pages.load}>${() =>
       pages.items.length === 0
-        ? html`<${Empty} title="No session waits">All have a name that somebody had, and whose code was given.<//>`
+        ? html`<${Empty} title="No sessions are waiting">Each has a known name, and its code was given.<//>`
         : html`
             <${Table}
               caption=${pages.caption('session')}

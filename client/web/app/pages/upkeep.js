@@ -78,9 +78,9 @@ const kDisks = {
 /** What a backup's place means for the stations. */
 function Place({ done }) {
   return html`<p>
-    <${Mark} kind=${done.safe ? 'good' : 'warn'}>${done.safe ? 'Safe' : 'not Safe'}<//> It lies
+    <${Mark} kind=${done.safe ? 'good' : 'warn'}>${done.safe ? 'Safe' : 'not Safe'}<//> It is
     ${` ${kDisks[done.disk] ?? kDisks.DISK_UNKNOWN}: ${
-      done.safe ? 'stations let go of the recordings in it.' : 'stations keep the recordings in it, too.'
+      done.safe ? 'stations delete the recordings in it.' : 'stations keep the recordings in it.'
     }`}
   </p>`;
 }
@@ -99,7 +99,7 @@ function Backup() {
   return html`<form onSubmit=${start}>
     <fieldset>
       <legend>Backup</legend>
-      <p>A copy of the whole database, made while the lab goes on, then read back and verified.</p>
+      <p>A copy of the whole database, made while the lab keeps running, then read back and verified.</p>
       <${TextField}
         label="File on the server's machine"
         value=${path}
@@ -109,10 +109,10 @@ function Backup() {
         spellcheck="false"
       />
       <${CheckField}
-        label="Counts as Safe wherever it lies"
+        label="Counts as Safe on any disk"
         checked=${counts_as_safe}
         onValue=${setCounts}
-        help="Stations delete what is Safe. By itself a backup makes recordings Safe only on another disk than the database: on the same one, a fault takes both."
+        help="Stations delete what is Safe. A backup normally makes recordings Safe only on a different disk from the database: on the same one, a fault takes both."
       />
       <div class="actions">
         <button type="submit" class="main" disabled=${action.busy}>${
@@ -128,7 +128,7 @@ function Backup() {
            </p>
            <${Place} done=${done} />`
       }</div>
-      <${Problem} error=${action.error} title="There is no new backup" />
+      <${Problem} error=${action.error} title="No backup was made" />
     </fieldset>
   </form>`;
 }
@@ -143,7 +143,7 @@ function Check() {
   return html`<fieldset>
     <legend>Check</legend>
     <p>
-      Reads every recording and compares its checksums. It takes a while with many sessions; the lab goes on meanwhile.
+      Reads every recording and compares its checksums. It takes a while with many sessions; the lab keeps running.
     </p>
     <div class="actions">
       <button type="button" class="main" disabled=${action.busy} onClick=${start}>${
@@ -161,7 +161,7 @@ function Check() {
         ${report.faults?.length > 0 && html`<ul>${report.faults.map((fault) => html`<li>${fault}</li>`)}</ul>`}
       `
     }</div>
-    <${Problem} error=${action.error} title="The check could not be made" />
+    <${Problem} error=${action.error} title="The check could not be run" />
   </fieldset>`;
 }
 

@@ -132,7 +132,7 @@ export function Targets({ f }) {
     ${
       targets.length === 0 &&
       !f.faultAt('targets') &&
-      html`<p class="help">Without a target nothing can be reached: the measures of aim are left out.</p>`
+      html`<p class="help">Without a target, the measures of aim are left out.</p>`
     }
     <ul class="cards">${targets.map(
       (target, i) => html`<li class="card" key=${i}>

@@ -5,6 +5,7 @@ import { atStart, quantity, words } from '../lib/units.js';
 import { announce, DangerButton, kOfTheForm } from '../ui/widgets.js';
 import { Broken, CheckField } from '../ui/fields.js';
 import { html } from '../ui/html.js';
+import { kModels } from './models.js';
 
 const kNew = {
   tissue: 'MUSCLE',
@@ -15,7 +16,6 @@ const kNew = {
   lateral_stiffness_n_per_m2: 9000,
   friction_n_per_m: 20,
 };
-const kWallModels = ['ENHANCED_TRACKING_WALL', 'TRACKING_WALL'];
 const kPuncture = { linear_n_per_m: 200, quadratic_n_per_m2: 20000, force_n: 0.6 };
 
 function Swatch({ tissue }) {
@@ -26,6 +26,7 @@ function Swatch({ tissue }) {
 
 /** @param {{f: any, i: number, layer: any, name: string}} props `name`: its usual name */
 function LayerFields({ f, i, layer, name }) {
+  const model = kModels.find((one) => one.name === f.doc.axial_model);
   return html`
     <div class="fields">
       ${f.select(
@@ -40,10 +41,7 @@ function LayerFields({ f, i, layer, name }) {
       ${f.number(`layers[${i}].rejection_force_n`, 'Rejection force')}
       ${f.number(`layers[${i}].lateral_stiffness_n_per_m2`, 'Lateral stiffness')}
       ${f.number(`layers[${i}].friction_n_per_m`, 'Shaft friction')}
-      ${
-        kWallModels.includes(f.doc.axial_model) &&
-        f.number(`layers[${i}].wall_stiffness_n_per_m`, 'Wall stiffness, if its own')
-      }
+      ${model?.follows_layers && f.number(`layers[${i}].wall_stiffness_n_per_m`, 'Wall stiffness, if its own')}
     </div>
     <${CheckField}
       label="Membrane that gives way"
@@ -60,28 +58,10 @@ function LayerFields({ f, i, layer, name }) {
       </div>`
     }
     ${
-      f.doc.axial_model === 'FIRST_ORDER' &&
-      html`<div class="fields">
-        ${f.number(`layers[${i}].first_order.stiffness_n_per_m`, 'Stiffness (first order)')}
-        ${f.number(`layers[${i}].first_order.puncture_force_n`, 'Puncture force (first order)')}
-        ${f.number(`layers[${i}].first_order.cutting_force_n`, 'Cutting force (first order)')}
-        ${f.number(`layers[${i}].first_order.friction_n_per_m`, 'Friction (first order)')}
-      </div>`
-    }
-    ${
-      ['OKAMURA', 'DAHL'].includes(f.doc.axial_model) &&
-      html`<div class="fields">
-        ${f.number(`layers[${i}].okamura.linear_n_per_m`, 'Stiffness (Okamura)')}
-        ${f.number(`layers[${i}].okamura.quadratic_n_per_m2`, 'Stiffening (Okamura)')}
-        ${f.number(`layers[${i}].okamura.puncture_force_n`, 'Puncture force (Okamura)')}
-        ${f.number(`layers[${i}].okamura.cutting_force_n`, 'Cutting force (Okamura)')}
-        ${f.number(`layers[${i}].okamura.kinetic_in_n_per_m`, 'Kinetic friction in')}
-        ${f.number(`layers[${i}].okamura.kinetic_out_n_per_m`, 'Kinetic friction out')}
-        ${f.number(`layers[${i}].okamura.static_in_n_per_m`, 'Static friction in')}
-        ${f.number(`layers[${i}].okamura.static_out_n_per_m`, 'Static friction out')}
-        ${f.number(`layers[${i}].okamura.viscous_in_ns_per_m2`, 'Viscous friction in')}
-        ${f.number(`layers[${i}].okamura.viscous_out_ns_per_m2`, 'Viscous friction out')}
-      </div>`
+      model?.layer_section &&
+      html`<div class="fields">${model.fields.map(([field, label]) =>
+        f.number(`layers[${i}].${model.layer_section}.${field}`, label),
+      )}</div>`
     }
   `;
 }

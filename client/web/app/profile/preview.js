@@ -56,7 +56,7 @@ export function ForceOverDepth({ preview, stale, error }) {
       !error
         ? 'Asking the engine …'
         : error.kind === 'invalid'
-          ? 'The force can be drawn once the problems below are mended.'
+          ? 'The force can be drawn once the problems below are fixed.'
           : error.message
     }</p>`;
   return html`

@@ -2,8 +2,8 @@
 import { Broken, CheckField } from '../ui/fields.js';
 import { html } from '../ui/html.js';
 import { toggled } from '../lib/paths.js';
-import { words } from '../lib/units.js';
 import { kEffects } from './effects.js';
+import { kModels } from './models.js';
 
 const kTips = [
   ['', 'not known'],
@@ -12,27 +12,6 @@ const kTips = [
   ['TUOHY', 'Tuohy (epidural)'],
   ['PENCIL_POINT', 'Pencil point'],
 ];
-const kModels = [
-  ['ENHANCED_TRACKING_WALL', 'Enhanced tracking wall'],
-  ['TRACKING_WALL', 'Tracking wall'],
-  ['DIRECT', 'Direct'],
-  ['VOIGT', 'Voigt'],
-  ['GOD_OBJECT', 'God object'],
-  ['FIRST_ORDER', 'First order'],
-  ['STATISTICAL', 'Statistical'],
-  ['PRECOMPUTED', 'Precomputed'],
-  ['FEM', 'Finite elements'],
-  ['OKAMURA', 'Okamura (Karnopp friction)'],
-  ['DAHL', 'Dahl (Kim and Lee)'],
-];
-const kModelFields = {
-  DIRECT: [['direct.stiffness_n_per_m', 'Stiffness']],
-  VOIGT: [
-    ['voigt.stiffness_n_per_m', 'Stiffness'],
-    ['voigt.damping_ns_per_m', 'Damping'],
-  ],
-  GOD_OBJECT: [['god_object.stiffness_n_per_m', 'Stiffness']],
-};
 
 export function Naming({ f, is_new }) {
   return html`<fieldset>
@@ -40,7 +19,7 @@ export function Naming({ f, is_new }) {
     <div class="fields">
       ${
         is_new &&
-        f.text('id', 'Id', { help: "letters, digits, '-', '_', '.'; never changed afterwards", required: true })
+        f.text('id', 'Id', { help: "letters, digits, '-', '_', '.'; cannot be changed later", required: true })
       }
       ${f.text('name', 'Name', { required: true })}
     </div>
@@ -64,7 +43,8 @@ export function NeedleFields({ f }) {
 }
 
 export function Force({ f }) {
-  const model = f.doc.axial_model ?? 'ENHANCED_TRACKING_WALL';
+  const chosen = f.doc.axial_model ?? 'ENHANCED_TRACKING_WALL';
+  const model = kModels.find(({ name }) => name === chosen);
   const effects = f.doc.effects ?? [];
   const toggle =
     ({ name, section, begin }) =>
@@ -88,21 +68,24 @@ export function Force({ f }) {
   return html`<fieldset>
     <legend>Force</legend>
     <div class="fields">
-      ${f.select('axial_model', 'Model along the needle', kModels, { value: model })}
+      ${f.select(
+        'axial_model',
+        'Model along the needle',
+        kModels.map(({ name, label }) => [name, label]),
+        { value: chosen },
+      )}
       ${f.number('max_force_n', 'Greatest force')}
     </div>
     ${
-      ['STATISTICAL', 'PRECOMPUTED', 'FEM'].includes(model) &&
+      model?.table &&
       html`<p class="help">
         The numbers of this model come from tables: edit them below, in the profile as JSON, or import the file that
         needlelab-sim made.
       </p>`
     }
     ${
-      kModelFields[model] &&
-      html`<div class="fields">${kModelFields[model].map(([path, label]) =>
-        f.number(path, `${label} (${words(model)})`),
-      )}</div>`
+      model?.section &&
+      html`<div class="fields">${model.fields.map(([name, label]) => f.number(`${model.section}.${name}`, label))}</div>`
     }
     <h3>Tracking wall</h3>
     <${Broken} f=${f} path="tracking_wall" />

@@ -16,14 +16,14 @@ function Reason({ attempt, close, done }) {
   };
   return html`<${Dialog} title=${`Excuse attempt ${attempt.number} of ${attempt.trainee}?`} close=${close}>
     <form onSubmit=${save}>
-      <p>It takes none of the attempts that are allowed. Recording and score stay; it can count again later.</p>
+      <p>It does not use up an allowed attempt. Recording and score stay; it can count again later.</p>
       <${TextField}
         label="Reason"
         value=${reason}
         onValue=${setReason}
         required
         maxlength="500"
-        help="e.g. the device lost its force; stands in the audit"
+        help="e.g. the device lost its force; appears in the audit"
       />
       <${Problem} error=${action.error} />
       <div class="actions">

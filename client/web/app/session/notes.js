@@ -30,7 +30,7 @@ export function Annotations({ id, at_s, seek, load, person }) {
     <${Loaded} load=${load}>${(all) =>
       all.length === 0
         ? html`<${Empty} title="No remarks yet">${
-            may(person.role, 'annotate') ? 'Put the replay at a moment and write one below.' : ''
+            may(person.role, 'annotate') ? 'Move the replay to a moment and write one below.' : ''
           }<//>`
         : html`<ul class="notes">${all.map(
             (a) =>

@@ -53,7 +53,7 @@ export function Plots({ columns, profile, requirements, marks, at, seek, window,
   }, [columns, profile, requirements]);
   return html`
     <div class="actions">
-      <p class="help">Drag over a plot to look closer; click to put the replay there.</p>
+      <p class="help">Drag over a plot to zoom in; click to move the replay there.</p>
       ${window && html`<button type="button" onClick=${() => zoom(null)}>Show the whole recording</button>`}
       ${busy && html`<span role="status">Loading …</span>`}
     </div>

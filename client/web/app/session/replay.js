@@ -96,7 +96,7 @@ export function Replay({ columns, session, contacts, measures, playback, act }) 
           profile=${profile}
           frame=${way.frame}
           to_m=${way.deepest_m * 1.1}
-          label="Side view of the tip's way through the layers"
+          label="Side view of the tip's path through the layers"
           over=${tip('d')}
         />
       </div>
@@ -106,7 +106,7 @@ export function Replay({ columns, session, contacts, measures, playback, act }) 
           profile=${profile}
           frame=${way.frame}
           half_m=${half_m}
-          label="View of the tip's way from above"
+          label="View of the tip's path from above"
           over=${tip('v')}
         />
       </div>

@@ -1,4 +1,5 @@
 // A score with its explanation: requirement, verdict in words, and the experts' range.
+import { kMeasures } from '../lib/measure_rows.js';
 import { measureText, placeMarks, requirementText, rowTitle } from '../lib/measures.js';
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
@@ -121,8 +122,11 @@ export function Score({ session, exercise, load, person }) {
               `;
       const besideOf = (row) => score.comparison?.find((c) => c.measure === row.measure);
       // the distance from the experts' paths is measured each time, no matter when the experts were chosen
-      const path = besideOf({ measure: 'dtw_distance_m' }) ?? rows.find((r) => r.measure === 'dtw_distance_m');
-      const others = rows.filter((r) => typeof r.passed !== 'boolean' && !(path && r.measure === 'dtw_distance_m'));
+      const path =
+        besideOf({ measure: kMeasures.expert_path }) ?? rows.find((r) => r.measure === kMeasures.expert_path);
+      const others = rows.filter(
+        (r) => typeof r.passed !== 'boolean' && !(path && r.measure === kMeasures.expert_path),
+      );
       const table = (caption, list) => html`<${Table}
         caption=${caption}
         head=${['Measure', right('Value'), 'Required', 'Verdict', `Experts (${reference?.session_ids?.length ?? 0})`]}

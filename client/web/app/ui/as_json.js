@@ -25,10 +25,10 @@ export function AsJson({ whole, change, onBad, turn, readonly }) {
     setState(next);
     if (document) change(document);
   };
-  const meanwhile = 'The form was changed meanwhile, and this text has nothing of it: choose one of the two';
+  const meanwhile = 'The form has changed meanwhile, and this text lacks those changes: choose one of the two';
   const problems = [problem, apart && meanwhile].filter(Boolean).map((message) => ({ path: 'json', message }));
   return html`<details>
-    <summary>The whole as JSON</summary>
+    <summary>The whole document as JSON</summary>
     <${TextField}
       label="JSON"
       rows="18"

@@ -16,9 +16,9 @@ export function ConflictDialog({ conflict, settle, close }) {
   const { theirs, clashes, taken } = conflict;
   const open = clashes.filter((clash) => !choice[clash.path]).length;
   const all = (side) => setChoice(Object.fromEntries(clashes.map((clash) => [clash.path, side])));
-  return html`<${Dialog} title="Somebody else was faster" close=${close} wide>
+  return html`<${Dialog} title="Someone else saved first" close=${close} wide>
     <p>
-      <strong>${theirs.author || 'Somebody'}</strong> saved revision ${theirs.revision}
+      <strong>${theirs.author || 'Someone'}</strong> saved revision ${theirs.revision}
       ${theirs.created_unix_ms ? ` on ${moment(theirs.created_unix_ms)}` : ''} while you were editing. Nothing of yours
       is lost.
     </p>
@@ -71,7 +71,7 @@ export function ConflictDialog({ conflict, settle, close }) {
         Save both together
       </button>
       <button type="button" disabled=${open > 0} onClick=${() => settle(choice, false)}>
-        Take over and go on editing
+        Merge and keep editing
       </button>
       <button type="button" onClick=${close}>Back, decide later</button>
       ${open > 0 && html`<span class="help">${counted(open, 'choice')} left</span>`}

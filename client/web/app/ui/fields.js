@@ -188,7 +188,7 @@ export function ProblemList({ problems }) {
     ${
       errors.length > 0 &&
       html`
-        <p><strong>✗ ${errors.length === 1 ? 'One field is' : errors.length + ' fields are'} not right yet</strong></p>
+        <p><strong>✗ ${errors.length === 1 ? 'One field has' : errors.length + ' fields have'} problems</strong></p>
         ${list(errors)}
       `
     }
@@ -218,7 +218,7 @@ export function Broken({ f, path }) {
   const fault = f.faultAt(path);
   if (!fault) return null;
   return html`<p class="error">
-    ✗ <code>${path}</code> ${fault.message}. <button type="button" class="link" onClick=${focusJson}>Mend it in the JSON</button>
+    ✗ <code>${path}</code> ${fault.message}. <button type="button" class="link" onClick=${focusJson}>Fix it in the JSON</button>
   </p>`;
 }
 

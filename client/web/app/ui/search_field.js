@@ -13,8 +13,8 @@ const kWait_ms = 200;
 function said(load, text, is_current) {
   if (!is_current || load.data === undefined) return is_current && load.error ? '' : 'Looking …';
   const { options, more } = load.data;
-  if (options.length === 0) return text.trim() ? `Nothing fits “${text.trim()}”` : 'There is nothing to choose from';
-  return more ? `The first ${options.length} that fit: type more of the name` : `${options.length} to choose from`;
+  if (options.length === 0) return text.trim() ? `Nothing matches “${text.trim()}”` : 'There is nothing to choose from';
+  return more ? `The first ${options.length} matches: type more of the name` : `${options.length} to choose from`;
 }
 
 function Offers({ id, options, load, is_current, again, at, setAt, choose, text, failed }) {
@@ -23,7 +23,7 @@ function Offers({ id, options, load, is_current, again, at, setAt, choose, text,
   }, [at, options]);
   // a press of the pointer leaves the focus in the field
   return html`<div class="offers" onMouseDown=${(event) => event.target.closest('button') ?? event.preventDefault()}>
-    <ul role="listbox" id=${id} aria-label="What is offered">${options.map(
+    <ul role="listbox" id=${id} aria-label="Suggestions">${options.map(
       (o, i) => html`<li
         key=${o.key}
         role="option"
@@ -75,7 +75,7 @@ export function SearchField({
   const offers = is_current ? (load.data?.options ?? []) : [];
   useEffect(() => setAt(0), [load.data]);
   useEffect(() => {
-    input.current.setCustomValidity(required && !chosen ? 'Choose one of those that are offered.' : '');
+    input.current.setCustomValidity(required && !chosen ? 'Choose one of the suggestions.' : '');
   }, [chosen, required]);
   const choose = (option) => {
     setTyped('');

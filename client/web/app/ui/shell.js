@@ -56,7 +56,7 @@ function AwayBanner() {
     away &&
     html`<div class="banner">
       <p>
-        <strong>! The server is away.</strong> What you typed is
+        <strong>! The server cannot be reached.</strong> What you typed is
         kept. <span aria-hidden="true">Next try ${seconds > 0 ? `in ${seconds} s` : 'now'}.</span>
       </p>
       <button type="button" onClick=${tryNow}>Try now</button>
@@ -96,7 +96,7 @@ function Keys({ sections, close }) {
       </div>
       <div>
         <dt><kbd>Space</kbd>, <kbd>←</kbd> <kbd>→</kbd></dt>
-        <dd>Play or pause, and 0.1 s back or on, in a replay that has the focus</dd>
+        <dd>Play or pause, and 0.1 s back or forward, in a replay that has the focus</dd>
       </div>
     </dl>
     <div class="actions"><button type="button" onClick=${close}>Close</button></div>

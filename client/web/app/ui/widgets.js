@@ -50,7 +50,7 @@ export function Loaded({ load, children }) {
     `;
   }
   if (load.error) {
-    const title = { denied: 'Not for your role', not_found: 'Not there' }[load.error.kind];
+    const title = { denied: 'Not for your role', not_found: 'Not found' }[load.error.kind];
     return html`<${Problem} error=${load.error} retry=${load.reload} title=${title} />`;
   }
   return html`<p class="loading" role="status">Loading …</p>`;

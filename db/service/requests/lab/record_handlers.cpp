@@ -15,7 +15,7 @@
 #include "db/service/requests/requests.h"
 #include "db/service/scoring/held_results.h"
 #include "db/store/connection.h"
-#include "db/store/text_pages.h"
+#include "db/store/rows.h"
 
 namespace needlelab::handlers {
 namespace {
@@ -104,14 +104,14 @@ Result<pb::Reply> recordsReply(const Context& context, const std::string& what, 
   RowsAtOnce at_once(kMaxReplyBytes);
   // trainees see exam results only where they could see them elsewhere
   const bool own = person != nullptr && context.who.role == pb::TRAINEE;
-  HeldResults held(context);
+  WithheldResults held(context);
   const auto tables = recordTables();
   for (; page.table < tables.size(); ++page.table, page.keys = nullptr) {
     const RecordTable& table = tables[page.table];
     if (person != nullptr && table.of_person.empty()) continue;
     std::string where = person != nullptr ? std::string(table.of_person) : conditionOf(table, page);
     if (own && (table.kind == "score" || table.kind == "event"))
-      where += " AND session NOT IN " + heldSessions(context.now_unix_ns);
+      where += " AND session NOT IN " + withheldSessions(context.now_unix_ns);
     for (bool more = true; more;) {
       ASSIGN_OR_RETURN(
           auto rows, recordsAfter(context.reader, table, where, person, page.keys, secrets, at_once.count()));
@@ -143,7 +143,7 @@ Result<pb::Reply> recordsReply(const Context& context, const std::string& what, 
   return reply;
 }
 
-constexpr std::size_t kMostMentions = 500;
+constexpr std::size_t kMaxMentions = 500;
 
 /// The person's names, and the text. kInvalidInput: there is no word.
 Result<Phrases> phrasesOf(Connection& reader, const std::string& ref, const std::string& text) {
@@ -202,7 +202,7 @@ Result<pb::Reply> listMentions(const Context& context, const pb::ListMentions& c
   pb::Reply reply;
   ASSIGN_OR_RETURN(const auto skipped, numberOfPage(call.page()));
   ASSIGN_OR_RETURN(*reply.mutable_mentions(),
-                   MentionStore(context.reader).find(phrases, skipped, kMostMentions));
+                   MentionStore(context.reader).find(phrases, skipped, kMaxMentions));
   return reply;
 }
 

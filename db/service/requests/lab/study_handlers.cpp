@@ -227,7 +227,7 @@ std::size_t placeBehind(const std::vector<StudySession>& sessions, const Study& 
   return static_cast<std::size_t>(next - sessions.begin());
 }
 
-constexpr std::size_t kMostShiftedSamples = 2 * kMaxChunkSamples;
+constexpr std::size_t kMaxShiftedSamples = 2 * kMaxChunkSamples;
 
 /// A chunk's memory of the cut after a shift of its samples; an unreadable one is omitted.
 Bytes shiftedCuts(ByteView cut_memory, std::uint64_t ticks) {
@@ -241,7 +241,7 @@ Bytes shiftedCuts(ByteView cut_memory, std::uint64_t ticks) {
 /// several people's sessions, with exact gaps.
 ///
 /// A reply may contain 1 MiB of chunks with 65,536 samples each, which all must be decoded and encoded. It
-/// ends with the chunk that reaches kMostShiftedSamples, so that it takes milliseconds.
+/// ends with the chunk that reaches kMaxShiftedSamples, so that it takes milliseconds.
 Status beginWithZero(Connection& reader, const Uuid& session, pb::Chunks& chunks) {
   if (chunks.chunks().empty()) return {};
   const auto first = SessionStore(reader).readChunks(session, 0, 1, kMaxReplyBytes);
@@ -251,7 +251,7 @@ Status beginWithZero(Connection& reader, const Uuid& session, pb::Chunks& chunks
   std::size_t shifted = 0;
   for (int i = 0; i < chunks.chunks_size(); ++i) {
     pb::Chunk& chunk = *chunks.mutable_chunks(i);
-    if (shifted >= kMostShiftedSamples) {
+    if (shifted >= kMaxShiftedSamples) {
       chunks.set_next_seq(chunk.seq());
       chunks.set_end(false);
       chunks.mutable_chunks()->DeleteSubrange(i, chunks.chunks_size() - i);
@@ -334,10 +334,10 @@ Result<pb::Reply> readStudyRecording(const Context& context, const pb::ReadStudy
     const std::string what = call.study() + "\n" + call.session();
     if (context.exports.isNew(context.who, what, context.now_unix_ns)) {
       const Status noted = writeIfChanged(context, call.study(), call.session(), [&](Connection& writer) {
-        return context.exports.isNewElsewhere(writer, context.who, what);
+        return context.exports.isNewOnAllServers(writer, context.who, what);
       });
       if (!noted.ok()) {
-        context.exports.takeBack(context.who, what);
+        context.exports.revoke(context.who, what);
         return noted.error();
       }
     }

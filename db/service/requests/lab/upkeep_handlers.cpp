@@ -8,8 +8,8 @@
 #include "db/audit/audit.h"
 #include "db/backup/backup.h"
 #include "db/backup/check.h"
+#include "db/backup/foreign_database.h"
 #include "db/backup/old_backups.h"
-#include "db/backup/restored_backup.h"
 #include "db/erasure/erasure.h"
 #include "db/erasure/retention_store.h"
 #include "db/service/context/backups.h"
@@ -95,7 +95,7 @@ Result<pb::Reply> verifyRestored(const Context& context, const pb::Backup& call)
   return reply;
 }
 
-Result<pb::Reply> backupInTurn(const Context& context, const pb::Backup& call) {
+Result<pb::Reply> runBackup(const Context& context, const pb::Backup& call) {
   if (context.reader.sqlite() == nullptr) return verifyRestored(context, call);
   const BackupKey* const key = context.parts.backups.key();
   ASSIGN_OR_RETURN(const auto target, backupTarget(context, call));
@@ -118,7 +118,7 @@ Result<pb::Reply> backupInTurn(const Context& context, const pb::Backup& call) {
   RETURN_IF_ERROR(write(context, target.string(), detail, [&](Connection& writer) {
     return recordBackup(writer, result, target, context.now_unix_ns);
   }));
-  const auto list = writeErasuresBeside(context.reader, target.parent_path());
+  const auto list = writeErasuresNextToBackups(context.reader, target.parent_path());
   pb::Reply reply;
   auto* done = reply.mutable_backup_done();
   done->set_disk(disk);
@@ -133,7 +133,7 @@ Result<pb::Reply> backupInTurn(const Context& context, const pb::Backup& call) {
     // remove old backups only after the newer one is verified and recorded
     ASSIGN_OR_RETURN(old, removeOldBackups(target, call.keep()));
     for (const auto& path : old.removed) done->add_removed(path.string());
-    if (const std::string left = old.leftText(); !left.empty())
+    if (const std::string left = old.remainingText(); !left.empty())
       RETURN_IF_ERROR(write(context, target.string(), left, [](Connection&) { return Status(); }));
   }
   // reported last: old backups are removed even if this failed
@@ -173,7 +173,7 @@ Result<pb::Reply> backup(const ServiceParts& parts, const Principal& who, const 
   if (!turn.isMine())
     return Error{ErrorCode::kUnavailable, "another backup is under way: try again when it is done"};
   return withReader(parts, who, callName(pb::Request::kBackup), under_way,
-                    [&](const Context& context) { return backupInTurn(context, call); });
+                    [&](const Context& context) { return runBackup(context, call); });
 }
 
 Result<pb::Reply> check(const Context& context, const pb::Check&) {
@@ -306,7 +306,7 @@ Result<pb::Reply> setRetention(const Context& context, const pb::SetRetention& c
 
 Result<pb::Reply> runRetentionNow(const ServiceParts& parts, const Principal& who,
                                   const pb::RunRetention& call, RequestUnderWay& /*under_way*/) {
-  ASSIGN_OR_RETURN(auto report, parts.retention.runAskedFor(who.doer(), call.dry_run()));
+  ASSIGN_OR_RETURN(auto report, parts.retention.runOnRequest(who.doer(), call.dry_run()));
   pb::Reply reply;
   *reply.mutable_retention_report() = std::move(report);
   return reply;

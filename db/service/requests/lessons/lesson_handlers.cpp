@@ -148,7 +148,7 @@ Result<pb::Reply> importCurriculum(const Context& context, const pb::ImportCurri
 
 Result<pb::Reply> getCurriculum(const Context& context, const pb::GetCurriculum& call) {
   ASSIGN_OR_RETURN(const auto curriculum, CurriculumStore(context.reader).get(call.id(), call.revision()));
-  RETURN_IF_ERROR(requireSeen(context.reader, curriculum, context.who.name, context.who.role));
+  RETURN_IF_ERROR(requireVisible(context.reader, curriculum, context.who.name, context.who.role));
   return curriculumReply(curriculum);
 }
 
@@ -177,7 +177,7 @@ Result<pb::Reply> listCurricula(const Context& context, const pb::ListCurricula&
 Result<pb::Reply> getLesson(const Context& context, const pb::GetLesson& call) {
   // a trainee's progress is private; without a trainee, everyone may see the lesson
   if (!call.trainee().empty()) {
-    RETURN_IF_ERROR(ownOnly(context, call.trainee(), "lessons"));
+    RETURN_IF_ERROR(requireOwnData(context, call.trainee(), "lessons"));
   }
   ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
   ASSIGN_OR_RETURN(const auto exercise, CurriculumStore(context.reader).exercise(call.exercise_id()));

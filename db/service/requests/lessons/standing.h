@@ -35,11 +35,11 @@ struct ReadExercise {
   pb::Exercise exercise;
   struct Before {
     std::string id;
-    bool asks_nothing = false;  ///< any attempt is enough, as in an exam; if removed, only a pass counts
+    bool needs_no_pass = false;  ///< any attempt is enough, as in an exam; if removed, only a pass counts
   };
   std::vector<Before> prerequisites;
 };
-/// Before::asks_nothing of the exercises looked up so far, by id.
+/// Before::needs_no_pass of the exercises looked up so far, by id.
 using KnownPrerequisites = std::map<std::string, bool>;
 /// Reads and parses those prerequisites that are not yet in `known`. kCorrupt: this program cannot read a
 /// stored text.
@@ -78,8 +78,8 @@ Result<bool> stationMayKnow(Connection& reader, const std::optional<Person>& per
 Result<bool> seesCourse(Connection& reader, const StoredCurriculum& course, const std::string& name,
                         pb::Role asked_by);
 /// kNotFound if the course is not visible, as for one that does not exist.
-Status requireSeen(Connection& reader, const StoredCurriculum& course, const std::string& name,
-                   pb::Role asked_by);
+Status requireVisible(Connection& reader, const StoredCurriculum& course, const std::string& name,
+                      pb::Role asked_by);
 /// For an exercise by assignment only: whether it is assigned to the trainee `name` (empty: no one in
 /// particular; allowed for any station). kNotFound for trainees themselves, who do not see it; kDenied, with
 /// a text for the trainee, for all others.

@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "common/base/text/near_names.h"
 #include "common/base/text/text.h"
 #include "db/people/people.h"
 #include "db/people/person_refs.h"
@@ -86,8 +85,8 @@ Result<bool> seesCourse(Connection& reader, const StoredCurriculum& course, cons
   return AssignmentStore(reader).isAssignedOf(name, course.id);
 }
 
-Status requireSeen(Connection& reader, const StoredCurriculum& course, const std::string& name,
-                   pb::Role asked_by) {
+Status requireVisible(Connection& reader, const StoredCurriculum& course, const std::string& name,
+                      pb::Role asked_by) {
   ASSIGN_OR_RETURN(const bool seen, seesCourse(reader, course, name, asked_by));
   if (seen) return {};
   return Error{ErrorCode::kNotFound, "there is no curriculum '" + course.id + "'"};

@@ -14,7 +14,7 @@
 #include "db/service/context/code_tries.h"
 #include "db/service/requests/handlers.h"
 #include "db/store/connection.h"
-#include "db/store/lab_settings.h"
+#include "db/store/schema.h"
 
 namespace needlelab::handlers {
 namespace {

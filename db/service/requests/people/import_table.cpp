@@ -46,7 +46,7 @@ bool isRoundedNumber(std::string_view code) {
   return passDigits() && code.empty();
 }
 
-std::string standsAlready(const ImportRow& first, const std::string& name) {
+std::string duplicateText(const ImportRow& first, const std::string& name) {
   if (first.person.name == name) return fmt::format("stands in line {} already", first.line);
   return fmt::format(
       "stands in line {} already, written '{}': is it the same person? Then leave one of the two "
@@ -66,21 +66,21 @@ Status ImportTable::read(const std::string& csv, std::size_t lines_above) {
     if (is_header) RETURN_IF_ERROR(readHeader(*there, rows));
     if (!*there) break;
     if (is_header) continue;
-    if (rows_.size() == kMostImportRows)
+    if (rows_.size() == kMaxImportRows)
       return Error{ErrorCode::kInvalidInput,
-                   fmt::format("csv: has more than {} rows: split it", kMostImportRows)};
+                   fmt::format("csv: has more than {} rows: split it", kMaxImportRows)};
     add(rows);
   }
   if (rows_.empty()) return Error{ErrorCode::kInvalidInput, "csv: has a header and no rows"};
   RETURN_IF_ERROR(checkMemberships());
   std::size_t secrets = 0;
   for (const ImportRow& row : rows_) secrets += (row.password.empty() ? 0 : 1) + (row.code.empty() ? 0 : 1);
-  if (secrets > kMostImportSecrets)
+  if (secrets > kMaxImportSecrets)
     return Error{ErrorCode::kInvalidInput,
                  fmt::format("csv: has {} passwords and codes, at most {} are taken at once (each takes a "
                              "tenth of a second): split the table; trainees who only practise need no "
                              "password",
-                             secrets, kMostImportSecrets)};
+                             secrets, kMaxImportSecrets)};
   faultEqualCodes();
   return {};
 }
@@ -92,17 +92,17 @@ void ImportTable::wipeSecrets() {
   }
 }
 
-/// kInvalidInput: together, the rows name more groups than kMostImportMemberships.
+/// kInvalidInput: together, the rows name more groups than kMaxImportMemberships.
 Status ImportTable::checkMemberships() const {
   std::size_t named = 0;
   for (const ImportRow& row : rows_) {
     named += row.groups.size();
-    if (named > kMostImportMemberships)
+    if (named > kMaxImportMemberships)
       return Error{
           ErrorCode::kInvalidInput,
           fmt::format("csv: line {}: the people up to here join {} groups, counted for each; at most {} "
                       "are taken at once: split the table",
-                      row.line, named, kMostImportMemberships)};
+                      row.line, named, kMaxImportMemberships)};
   }
   return {};
 }
@@ -204,7 +204,7 @@ void ImportTable::add(const CsvRows& rows) {
               "the codes in again");
   if (row.what != pb::PeopleImport::FAULT) {
     const auto [first, is_new] = lines_.emplace(nameKey(row.person.name), rows_.size());
-    if (!is_new) row.fault("name", standsAlready(rows_[first->second], row.person.name));
+    if (!is_new) row.fault("name", duplicateText(rows_[first->second], row.person.name));
   }
   rows_.push_back(std::move(row));
 }

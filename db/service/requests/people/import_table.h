@@ -18,10 +18,10 @@ namespace needlelab {
 
 /// Limit on the memberships named in one table, and on the total size of the groups it adds people to: the
 /// writer stores all of them again, for which others wait about 0.5 s.
-inline constexpr std::size_t kMostImportMemberships = 20'000;
-inline constexpr std::size_t kMostImportRows = 5000;
+inline constexpr std::size_t kMaxImportMemberships = 20'000;
+inline constexpr std::size_t kMaxImportRows = 5000;
 /// Passwords and codes; each takes 0.1 s to hash.
-inline constexpr std::size_t kMostImportSecrets = 200;
+inline constexpr std::size_t kMaxImportSecrets = 200;
 
 /// A row to import.
 struct ImportRow {

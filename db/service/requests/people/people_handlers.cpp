@@ -48,25 +48,25 @@ Status checkOldPassword(const Context& context, const pb::SetPassword& call) {
 
 /// Before kMaxGroupsOfPerson existed, a person could be in any number of groups: the reply must have room for
 /// a page of people.
-constexpr std::size_t kMostGroupsListed = 1000;
-static_assert(kMostGroupsListed >= kMaxGroupsOfPerson &&
-              kMostGroupsListed * (kMaxNameBytes + 2) < kMaxReplyBytes / 8);
+constexpr std::size_t kMaxGroupsListed = 1000;
+static_assert(kMaxGroupsListed >= kMaxGroupsOfPerson &&
+              kMaxGroupsListed * (kMaxNameBytes + 2) < kMaxReplyBytes / 8);
 
 /// Groups and consents of several people, by ref: two reads, however many people there are.
-struct Besides {
+struct PersonDetails {
   std::map<std::string, std::vector<std::string>> groups;
   std::map<std::string, pb::Consent> consents;
 };
-Result<Besides> besidesOf(Connection& connection, std::span<const Person> people) {
+Result<PersonDetails> detailsOf(Connection& connection, std::span<const Person> people) {
   std::vector<std::string> refs;
   for (const Person& person : people) refs.push_back(person.ref);
-  Besides besides;
+  PersonDetails besides;
   ASSIGN_OR_RETURN(besides.groups, GroupStore(connection).groupsOfMany(refs));
-  ASSIGN_OR_RETURN(besides.consents, ConsentStore(connection).newestOfMany(refs));
+  ASSIGN_OR_RETURN(besides.consents, ConsentStore(connection).newestConsents(refs));
   return besides;
 }
 
-pb::User userOf(const Person& person, Besides& besides) {
+pb::User userOf(const Person& person, PersonDetails& besides) {
   pb::User user;
   user.set_name(person.ref);
   user.set_id(person.ref);
@@ -80,7 +80,7 @@ pb::User userOf(const Person& person, Besides& besides) {
   user.set_changed_unix_ns(person.changed_unix_ns);
   user.set_changed_by(person.changed_by);
   const auto& groups = besides.groups[person.ref];
-  const std::size_t listed = std::min(groups.size(), kMostGroupsListed);
+  const std::size_t listed = std::min(groups.size(), kMaxGroupsListed);
   for (std::size_t i = 0; i < listed; ++i) user.add_groups(groups[i]);
   user.set_more_groups(static_cast<std::uint32_t>(groups.size() - listed));
   if (const auto consent = besides.consents.find(person.ref); consent != besides.consents.end())
@@ -98,7 +98,7 @@ Result<Person> knownPerson(Connection& connection, const std::string& name) {
 /// For the reply after a change: call on the writer, so that it contains that change and no later one.
 Result<pb::Reply> userReply(Connection& connection, const std::string& name) {
   ASSIGN_OR_RETURN(const auto person, knownPerson(connection, name));
-  ASSIGN_OR_RETURN(auto besides, besidesOf(connection, std::span(&person, 1)));
+  ASSIGN_OR_RETURN(auto besides, detailsOf(connection, std::span(&person, 1)));
   pb::Reply reply;
   *reply.mutable_user() = userOf(person, besides);
   return reply;
@@ -213,7 +213,7 @@ Result<pb::Reply> disableUser(const Context& context, const pb::DisableUser& cal
 }
 
 Result<pb::Reply> getUser(const Context& context, const pb::GetUser& call) {
-  RETURN_IF_ERROR(ownOnly(context, call.name(), "data"));
+  RETURN_IF_ERROR(requireOwnData(context, call.name(), "data"));
   return userReply(context.reader, call.name());
 }
 
@@ -272,7 +272,7 @@ Result<pb::Reply> changeUser(const Context& context, const pb::ChangeUser& call)
 namespace {
 
 /// Whether the same person stated or recorded the same: nothing new, and the first time counts.
-bool sameWords(const pb::Consent& before, const pb::Consent& now) {
+bool hasSameText(const pb::Consent& before, const pb::Consent& now) {
   return before.given() == now.given() && before.note() == now.note() &&
          before.recorded_by() == now.recorded_by();
 }
@@ -280,19 +280,19 @@ bool sameWords(const pb::Consent& before, const pb::Consent& now) {
 }  // namespace
 
 Result<pb::Reply> setConsent(const Context& context, const pb::SetConsent& call) {
-  RETURN_IF_ERROR(ownOnly(context, call.name(), "consent"));
+  RETURN_IF_ERROR(requireOwnData(context, call.name(), "consent"));
   pb::Consent consent;
   consent.set_given(call.given());
   consent.set_note(call.note());
   consent.set_recorded_by(context.who.name);
   consent.set_unix_ns(context.now_unix_ns);
   ASSIGN_OR_RETURN(const auto newest, ConsentStore(context.reader).newest(call.name()));
-  if (newest && sameWords(*newest, consent)) return userReply(context.reader, call.name());
+  if (newest && hasSameText(*newest, consent)) return userReply(context.reader, call.name());
   pb::Reply reply;
   const Status written = writeIfChanged(
       context, call.name(), call.given() ? "given" : "withdrawn", [&](Connection& writer) -> Result<bool> {
         ASSIGN_OR_RETURN(const auto before, ConsentStore(writer).newest(call.name()));
-        const bool is_new = !before || !sameWords(*before, consent);
+        const bool is_new = !before || !hasSameText(*before, consent);
         if (is_new) RETURN_IF_ERROR(ConsentStore(writer).add(call.name(), consent));
         ASSIGN_OR_RETURN(reply, userReply(writer, call.name()));
         return is_new;
@@ -302,7 +302,7 @@ Result<pb::Reply> setConsent(const Context& context, const pb::SetConsent& call)
 }
 
 Result<pb::Reply> listConsents(const Context& context, const pb::ListConsents& call) {
-  RETURN_IF_ERROR(ownOnly(context, call.name(), "consent"));
+  RETURN_IF_ERROR(requireOwnData(context, call.name(), "consent"));
   RETURN_IF_ERROR(knownPerson(context.reader, call.name()));
   PageRoom room;
   // limits the list for a person with thousands of statements: the newest are listed
@@ -339,7 +339,7 @@ Result<pb::Reply> listUsers(const Context& context, const pb::ListUsers& call) {
     const auto left = most - static_cast<std::uint64_t>(users->users_size());
     const std::uint64_t wanted = std::min(left + 1, kReadAtOnce);
     ASSIGN_OR_RETURN(const auto people, store.page(filter, after, wanted));
-    ASSIGN_OR_RETURN(auto besides, besidesOf(context.reader, people));
+    ASSIGN_OR_RETURN(auto besides, detailsOf(context.reader, people));
     for (const Person& person : people) {
       pb::User user = userOf(person, besides);
       const bool is_full = static_cast<std::uint64_t>(users->users_size()) == most;

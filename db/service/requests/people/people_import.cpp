@@ -21,13 +21,13 @@ namespace {
 
 /// Limit on rows that give rights: a role other than trainee, a changed role, a password, a code. All of them
 /// are reported, before the other rows.
-constexpr std::size_t kMostRightsGiven = 300;
-constexpr int kMostRowsTold = 2000;
-constexpr std::size_t kMostBytesTold = 600'000;
-static_assert(kMostRightsGiven >= kMostImportSecrets);
+constexpr std::size_t kMaxRightsGiven = 300;
+constexpr int kMaxRowsTold = 2000;
+constexpr std::size_t kMaxReportBytes = 600'000;
+static_assert(kMaxRightsGiven >= kMaxImportSecrets);
 // a row has two full names of 200 bytes, some group names, and words
-static_assert(kMostRightsGiven * (2 * 200 + 10 * kMaxNameBytes + 500) < kMostBytesTold);
-static_assert(kMostBytesTold + kMostImportRows * (kMaxNameBytes + 3) <
+static_assert(kMaxRightsGiven * (2 * 200 + 10 * kMaxNameBytes + 500) < kMaxReportBytes);
+static_assert(kMaxReportBytes + kMaxImportRows * (kMaxNameBytes + 3) <
               kMaxReplyBytes);  // PeopleImport.roles_changed
 
 /// Compares a table's rows with the stored people, and stores them.
@@ -36,7 +36,7 @@ class PeopleImporter {
   PeopleImporter(const Context& context, ImportTable& table)
       : context_(context), table_(table), rows_(table.rows()) {}
 
-  /// Compares with the stored people. Reader or writer. kInvalidInput: more than kMostRightsGiven rows give
+  /// Compares with the stored people. Reader or writer. kInvalidInput: more than kMaxRightsGiven rows give
   /// rights.
   Status compare(Connection& connection) {
     std::size_t giving = 0;
@@ -44,12 +44,12 @@ class PeopleImporter {
       if (row.what == pb::PeopleImport::FAULT) continue;
       RETURN_IF_ERROR(compareRow(connection, row));
       giving += row.givesRights() ? 1 : 0;
-      if (giving > kMostRightsGiven)
+      if (giving > kMaxRightsGiven)
         return at(row, Error{ErrorCode::kInvalidInput,
                              fmt::format("up to here {} rows give a role other than trainee, another role, a "
                                          "password or a code; at most {} are taken at once, because the "
                                          "report names each of them: split the table",
-                                         giving, kMostRightsGiven)});
+                                         giving, kMaxRightsGiven)});
     }
     return {};
   }
@@ -118,12 +118,12 @@ class PeopleImporter {
       if (!group) wanted.set_name(id);
       names.insert(wanted.members().begin(), wanted.members().end());
       memberships += names.size();
-      if (memberships > kMostImportMemberships)
+      if (memberships > kMaxImportMemberships)
         return Error{
             ErrorCode::kInvalidInput,
             fmt::format("csv: line {}: with group '{}', the groups that people join have more than {} "
                         "members together: split the table by groups",
-                        joins.line, id, kMostImportMemberships)};
+                        joins.line, id, kMaxImportMemberships)};
       wanted.clear_members();
       for (const std::string& name : names) wanted.add_members(name);
       ASSIGN_OR_RETURN(const auto put,
@@ -145,7 +145,7 @@ class PeopleImporter {
         const Told kind = row.what == pb::PeopleImport::FAULT ? Told::kFault
                           : row.givesRights()                 ? Told::kRights
                                                               : Told::kOther;
-        if (kind != turn || report.rows_size() >= kMostRowsTold) continue;
+        if (kind != turn || report.rows_size() >= kMaxRowsTold) continue;
         pb::PeopleImport::Row told;
         told.set_line(row.line);
         told.set_name(printable(row.person.name));
@@ -153,7 +153,7 @@ class PeopleImporter {
         told.set_text(row.text);
         told.set_column(row.column);
         bytes += told.ByteSizeLong() + 8;
-        if (bytes <= kMostBytesTold) *report.add_rows() = std::move(told);
+        if (bytes <= kMaxReportBytes) *report.add_rows() = std::move(told);
       }
     }
     report.set_rows_left_out(static_cast<std::uint32_t>(rows_.size()) -
@@ -171,7 +171,7 @@ class PeopleImporter {
   }
 
   /// Lists the people whose connections must end after the import.
-  void tellRoles(pb::PeopleImport& report) const {
+  void reportRoles(pb::PeopleImport& report) const {
     for (const ImportRow& row : rows_) {
       if (row.what == pb::PeopleImport::CHANGE && row.role_changes) report.add_roles_changed(row.person.ref);
     }
@@ -296,7 +296,7 @@ Result<pb::Reply> importPeople(const Context& context, const pb::ImportPeople& c
   });
   if (!written) return written.error();
   people.report(*report);
-  people.tellRoles(*report);
+  people.reportRoles(*report);
   report->set_done(true);
   return reply;
 }

@@ -25,7 +25,7 @@
 namespace needlelab::handlers {
 namespace {
 
-constexpr std::uint32_t kResultsOfPage = 100, kMostResultsOfPage = 250, kNamesOfPage = 1000;
+constexpr std::uint32_t kResultsOfPage = 100, kMaxResultsOfPage = 250, kNamesOfPage = 1000;
 constexpr std::size_t kCellsAtOnce = 2000;
 constexpr std::size_t kScoresAtOnce = 200;  // about 6 KB each
 
@@ -40,7 +40,7 @@ Result<std::vector<ReadExercise>> exercisesOf(Connection& reader, const StoredCu
   return exercises;
 }
 
-/// `held_until_unix_ns`: as HeldResults::until().
+/// `held_until_unix_ns`: as WithheldResults::until().
 pb::ResultCell cellOf(const ReadExercise& exercise, const ExerciseStanding& standing,
                       std::int64_t now_unix_ns, std::int64_t held_until_unix_ns) {
   pb::ResultCell cell;
@@ -59,14 +59,14 @@ pb::ResultCell cellOf(const ReadExercise& exercise, const ExerciseStanding& stan
 }
 
 /// The measures required by the exercises, each once; a time limit is a requirement on the elapsed time.
-std::vector<std::string> measuresAskedFor(const std::vector<ReadExercise>& exercises) {
+std::vector<std::string> requiredMeasures(const std::vector<ReadExercise>& exercises) {
   std::vector<std::string> names;
   const auto add = [&](const std::string& name) {
     if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
   };
   for (const ReadExercise& exercise : exercises) {
     for (const auto& requirement : exercise.exercise.requirements()) add(requirement.measure());
-    if (exercise.exercise.has_time_limit_s()) add("elapsed_s");
+    if (exercise.exercise.has_time_limit_s()) add(std::string(measureOf(MeasureRole::kTime).name));
   }
   return names;
 }
@@ -84,7 +84,7 @@ class Cells {
         exercises_(std::move(exercises)),
         course_id_(std::move(course_id)),
         wanted_(wanted),
-        measures_(measuresAskedFor(exercises_)),
+        measures_(requiredMeasures(exercises_)),
         held_(context),
         dates_(context.reader, course_id_, idsOf(exercises_)) {
     std::set<std::string> ids;
@@ -126,7 +126,7 @@ class Cells {
         *cell.mutable_best() = std::move(found->second);
         cell.mutable_best()->set_late(standing.due_unix_ns != 0 &&
                                       cell.best().started_unix_ns() > standing.due_unix_ns);
-        RETURN_IF_ERROR(keepMeasuresAskedFor(*cell.mutable_best()));
+        RETURN_IF_ERROR(keepRequiredMeasures(*cell.mutable_best()));
       }
       *row.add_cells() = std::move(cell);
     }
@@ -135,7 +135,7 @@ class Cells {
 
  private:
   /// Keeps the required measures of the attempt's score, if it was read, without their sentences.
-  Status keepMeasuresAskedFor(pb::Attempt& best) const {
+  Status keepRequiredMeasures(pb::Attempt& best) const {
     if (best.score_json().empty()) return {};
     ASSIGN_OR_RETURN(const auto id, sessionId(best.session_id()));
     auto measures = parseScore(best.score_json());
@@ -154,7 +154,7 @@ class Cells {
   const std::string course_id_;
   const Best wanted_;
   const std::vector<std::string> measures_;  ///< required by the course
-  HeldResults held_;
+  WithheldResults held_;
   std::vector<std::string> looked_at_;  ///< ids of the exercises and of their prerequisites
   CourseDates dates_;
   AttemptStore::Standings standings_;
@@ -176,7 +176,7 @@ Status addTotals(CourseTrainees& trainees, pb::Results& results) {
 }  // namespace
 
 Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call) {
-  if (!call.trainee().empty()) RETURN_IF_ERROR(ownOnly(context, call.trainee(), "results"));
+  if (!call.trainee().empty()) RETURN_IF_ERROR(requireOwnData(context, call.trainee(), "results"));
   // a station shows one trainee's standing, and a list of names to choose from
   const bool by_station = context.who.role == pb::STATION;
   const bool names_only = by_station && call.trainee().empty();
@@ -184,7 +184,7 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
   ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
   const auto course = CurriculumStore(context.reader).get(call.course_id());
   if (!course) return course.error();
-  RETURN_IF_ERROR(requireSeen(context.reader, *course, context.who.name, context.who.role));
+  RETURN_IF_ERROR(requireVisible(context.reader, *course, context.who.name, context.who.role));
   ASSIGN_OR_RETURN(auto exercises, exercisesOf(context.reader, *course));
   pb::Reply reply;
   auto* results = reply.mutable_results();
@@ -193,9 +193,9 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
     results->add_exercise_names(exercise.stored.name);
   }
   if (with_measures)
-    for (std::string& name : measuresAskedFor(exercises)) results->add_required_measures(std::move(name));
+    for (std::string& name : requiredMeasures(exercises)) results->add_required_measures(std::move(name));
   const std::uint32_t usual = names_only ? kNamesOfPage : kResultsOfPage;
-  const std::uint32_t greatest = names_only ? kNamesOfPage : kMostResultsOfPage;
+  const std::uint32_t greatest = names_only ? kNamesOfPage : kMaxResultsOfPage;
   const std::size_t most = call.limit() == 0 ? usual : std::min(call.limit(), greatest);
   // the page token is the last row's name and ref
   const std::string_view token = call.page();

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
 #include "common/profile/profile.h"
 #include "common/scoring/attempts/progress.h"
 #include "db/people/people.h"
@@ -42,7 +42,7 @@ Result<std::string> measuresOver(Connection& reader, const std::string& trainee,
 }
 
 /// The rest follows on the next page: each attempt is read with its score.
-constexpr std::size_t kMostAttemptsOfPage = 200;
+constexpr std::size_t kMaxAttemptsOfPage = 200;
 
 Error badProgressPage() {
   return {ErrorCode::kInvalidInput,
@@ -62,7 +62,7 @@ Result<std::int64_t> dueOf(Connection& reader, const std::string& trainee, const
 }  // namespace
 
 Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& call) {
-  RETURN_IF_ERROR(ownOnly(context, call.trainee(), "progress"));
+  RETURN_IF_ERROR(requireOwnData(context, call.trainee(), "progress"));
   ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
   // a page begins after an attempt, wherever that is now: late sessions from an offline station may move it
   const bool is_first = call.page().empty();
@@ -76,10 +76,10 @@ Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& cal
     return Error{ErrorCode::kInvalidInput,
                  "exercise_id: is missing: attempts of all exercises come oldest first"};
   AttemptStore store(context.reader);
-  HeldResults held(context);
+  WithheldResults held(context);
   auto attempts = call.newest_first()
-                      ? store.newestPage(call.trainee(), call.exercise_id(), after, kMostAttemptsOfPage + 1)
-                      : store.page(call.trainee(), call.exercise_id(), after, kMostAttemptsOfPage + 1);
+                      ? store.newestPage(call.trainee(), call.exercise_id(), after, kMaxAttemptsOfPage + 1)
+                      : store.page(call.trainee(), call.exercise_id(), after, kMaxAttemptsOfPage + 1);
   if (!attempts) return attempts.error().code == ErrorCode::kNotFound ? badProgressPage() : attempts.error();
   pb::Reply reply;
   auto* list = reply.mutable_progress();
@@ -101,7 +101,7 @@ Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& cal
     }
     attempt.set_late(date->second != 0 && attempt.started_unix_ns() > date->second);
     RETURN_IF_ERROR(held.leaveOutOf(attempt));
-    const bool is_full = list->attempts_size() == static_cast<int>(kMostAttemptsOfPage);
+    const bool is_full = list->attempts_size() == static_cast<int>(kMaxAttemptsOfPage);
     if (is_full || (!room.take(attempt) && list->attempts_size() > 0)) {
       list->set_next_page(list->attempts().rbegin()->session_id());
       break;
@@ -113,7 +113,7 @@ Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& cal
 
 Result<pb::Reply> listTried(const Context& context, const pb::ListTried& call) {
   constexpr std::size_t kMost = 1000;
-  RETURN_IF_ERROR(ownOnly(context, call.trainee(), "progress"));
+  RETURN_IF_ERROR(requireOwnData(context, call.trainee(), "progress"));
   ASSIGN_OR_RETURN(const auto tried, AttemptStore(context.reader).tried(call.trainee(), kMost));
   pb::Reply reply;
   auto* list = reply.mutable_tried_exercises();
@@ -131,7 +131,7 @@ Result<pb::Reply> getAttempt(const Context& context, const pb::GetAttempt& call)
   ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
   AttemptStore store(context.reader);
   ASSIGN_OR_RETURN(auto attempt, store.get(id));
-  RETURN_IF_ERROR(ownOnly(context, attempt.trainee(), "attempts"));
+  RETURN_IF_ERROR(requireOwnData(context, attempt.trainee(), "attempts"));
   ASSIGN_OR_RETURN(const bool waits, store.isUncounted(id));
   if (waits)
     return Error{ErrorCode::kNotFound,
@@ -139,7 +139,7 @@ Result<pb::Reply> getAttempt(const Context& context, const pb::GetAttempt& call)
   ASSIGN_OR_RETURN(const auto due_ns, dueOf(context.reader, attempt.trainee(), attempt.exercise_id()));
   attempt.set_late(due_ns != 0 && attempt.started_unix_ns() > due_ns);
   attempt.clear_score_json();
-  RETURN_IF_ERROR(HeldResults(context).leaveOutOf(attempt));
+  RETURN_IF_ERROR(WithheldResults(context).leaveOutOf(attempt));
   pb::Reply reply;
   *reply.mutable_attempt() = std::move(attempt);
   return reply;
@@ -282,12 +282,12 @@ Result<pb::Exercise> exerciseOf(const StoredExercise& stored) {
 
 namespace {
 
-bool asksNothing(const pb::Exercise& exercise) {
+bool hasNoRequirements(const pb::Exercise& exercise) {
   return exercise.requirements().empty() && !exercise.has_time_limit_s();
 }
 
-bool isDoneBy(const AttemptStanding& attempts, bool asks_nothing) {
-  return asks_nothing ? attempts.counted > 0 : attempts.passed.value_or(false);
+bool isDoneBy(const AttemptStanding& attempts, bool needs_no_pass) {
+  return needs_no_pass ? attempts.counted > 0 : attempts.passed.value_or(false);
 }
 
 /// The exercise's own date; 0: none.
@@ -298,7 +298,7 @@ std::int64_t ownDue(const pb::Exercise& exercise) {
 }  // namespace
 
 bool isDone(const AttemptStanding& attempts, const pb::Exercise& exercise) {
-  return isDoneBy(attempts, asksNothing(exercise));
+  return isDoneBy(attempts, hasNoRequirements(exercise));
 }
 
 Result<std::int64_t> dueOf(Connection& connection, const std::string& trainee, const StoredExercise& stored,
@@ -314,12 +314,12 @@ Result<ReadExercise> readExercise(Connection& connection, const StoredExercise& 
     if (found == known.end()) {
       const auto other = CurriculumStore(connection).exercise(before);
       if (!other && other.error().code != ErrorCode::kNotFound) return other.error();
-      bool asks_nothing = false;
+      bool needs_no_pass = false;
       if (other) {
         ASSIGN_OR_RETURN(const auto text, exerciseOf(*other));
-        asks_nothing = asksNothing(text) || other->rules.exam_attempts.has_value();
+        needs_no_pass = hasNoRequirements(text) || other->rules.exam_attempts.has_value();
       }
-      found = known.emplace(before, asks_nothing).first;
+      found = known.emplace(before, needs_no_pass).first;
     }
     read.prerequisites.push_back({before, found->second});
   }
@@ -340,7 +340,7 @@ ExerciseStanding standingBy(const ReadExercise& read, const std::map<std::string
     standing.attempts_left = read.exercise.attempts() - used;
   }
   for (const ReadExercise::Before& before : read.prerequisites) {
-    if (!isDoneBy(attemptsAt(before.id), before.asks_nothing)) standing.locked_by.push_back(before.id);
+    if (!isDoneBy(attemptsAt(before.id), before.needs_no_pass)) standing.locked_by.push_back(before.id);
   }
   standing.due_unix_ns = assigned_due_unix_ns != 0 ? assigned_due_unix_ns : ownDue(read.exercise);
   return standing;

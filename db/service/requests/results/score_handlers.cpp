@@ -30,24 +30,24 @@
 
 namespace needlelab {
 
-/// The distance from the reference gestures (dtw_distance_m) always uses the current references, for both
-/// values: from each reference to the nearest other one, and from the session to the nearest of all. The
-/// references at the time of scoring do not matter.
+/// The distance from the reference gestures (MeasureRole::kExpertPath) always uses the current references,
+/// for both values: from each reference to the nearest other one, and from the session to the nearest of all.
+/// The references at the time of scoring do not matter.
 
 /// The minimum number of gestures in a band shown to this role. A band of one gesture is the exact result of
 /// a session, and one of few nearly so: people who may read only their own sessions get only bands with
 /// enough gestures for a comparison.
 std::size_t leastInBandFor(pb::Role role) {
-  return role == pb::TRAINEE ? kLeastReferences : 1;
+  return role == pb::TRAINEE ? kMinReferences : 1;
 }
 
-/// Fills in bands of at least `least_n` gestures, what is pending, and definition_version, from the newest
+/// Fills in bands of at least `min_n` gestures, what is pending, and definition_version, from the newest
 /// scores of the reference's sessions. Uses only scores of one version, the newest available.
-Status addBands(Connection& reader, ReferencePaths& paths, std::size_t least_n, pb::Reference& reference);
+Status addBands(Connection& reader, ReferencePaths& paths, std::size_t min_n, pb::Reference& reference);
 
-/// Fills in the comparison (JSON, common/scoring/attempts/reference.h) with bands of at least `least_n`
+/// Fills in the comparison (JSON, common/scoring/attempts/reference.h) with bands of at least `min_n`
 /// gestures, and what is pending; leaves both empty if the exercise has no reference of the score's version.
-Status addComparison(Connection& reader, ReferencePaths& paths, std::size_t least_n,
+Status addComparison(Connection& reader, ReferencePaths& paths, std::size_t min_n,
                      const std::string& exercise_id, pb::Score& score);
 
 }  // namespace needlelab
@@ -219,7 +219,9 @@ Result<ReferenceScores> referenceScores(Connection& reader, const pb::Reference&
   return taken;
 }
 
-constexpr const char* kDistance = "dtw_distance_m";
+const MeasureKind& distanceKind() {
+  return measureOf(MeasureRole::kExpertPath);
+}
 
 struct Bands {
   std::vector<ReferenceBand> bands;
@@ -227,25 +229,27 @@ struct Bands {
 };
 
 /// The bands of stored measures, and of the distances among the current references; bands of fewer than
-/// `least_n` gestures are omitted.
-Bands bandsWith(Connection& reader, ReferencePaths& paths, std::size_t least_n,
-                const pb::Reference& reference, const ReferenceScores& scores) {
+/// `min_n` gestures are omitted.
+Bands bandsWith(Connection& reader, ReferencePaths& paths, std::size_t min_n, const pb::Reference& reference,
+                const ReferenceScores& scores) {
   Bands made{referenceBands(scores.gestures), false};
-  std::erase_if(made.bands, [](const ReferenceBand& band) { return band.name == kDistance; });
+  std::erase_if(made.bands, [](const ReferenceBand& band) { return band.name == distanceKind().name; });
   const auto distances = paths.distancesAmongSessions(reader, reference);
   made.distance_is_pending = !distances;
-  if (distances && !distances->empty()) made.bands.push_back(bandOf(kDistance, "m", *distances));
-  std::erase_if(made.bands, [&](const ReferenceBand& band) { return band.n < least_n; });
+  if (distances && !distances->empty())
+    made.bands.push_back(
+        bandOf(std::string(distanceKind().name), std::string(distanceKind().unit), *distances));
+  std::erase_if(made.bands, [&](const ReferenceBand& band) { return band.n < min_n; });
   return made;
 }
 
 }  // namespace
 
-Status addBands(Connection& reader, ReferencePaths& paths, std::size_t least_n, pb::Reference& reference) {
+Status addBands(Connection& reader, ReferencePaths& paths, std::size_t min_n, pb::Reference& reference) {
   ASSIGN_OR_RETURN(const auto scores, referenceScores(reader, reference, 0));
   reference.set_definition_version(scores.version);
-  const auto made = bandsWith(reader, paths, least_n, reference, scores);
-  if (made.distance_is_pending) reference.add_pending(kDistance);
+  const auto made = bandsWith(reader, paths, min_n, reference, scores);
+  if (made.distance_is_pending) reference.add_pending(std::string(distanceKind().name));
   for (const ReferenceBand& band : made.bands) {
     auto* row = reference.add_bands();
     row->set_measure(band.name);
@@ -264,23 +268,23 @@ Status addBands(Connection& reader, ReferencePaths& paths, std::size_t least_n, 
   return {};
 }
 
-Status addComparison(Connection& reader, ReferencePaths& paths, std::size_t least_n,
+Status addComparison(Connection& reader, ReferencePaths& paths, std::size_t min_n,
                      const std::string& exercise_id, pb::Score& score) {
   ASSIGN_OR_RETURN(const auto reference, ReferenceStore(reader).get(exercise_id));
   if (reference.session_ids().empty()) return {};
   ASSIGN_OR_RETURN(const auto scores, referenceScores(reader, reference, score.definition_version()));
   if (scores.gestures.empty()) return {};
   ASSIGN_OR_RETURN(auto measures, parseScore(score.measures_json()));
-  const auto made = bandsWith(reader, paths, least_n, reference, scores);
-  std::erase_if(measures, [](const Measure& measure) { return measure.name == kDistance; });
+  const auto made = bandsWith(reader, paths, min_n, reference, scores);
+  std::erase_if(measures, [](const Measure& measure) { return measure.name == distanceKind().name; });
   ASSIGN_OR_RETURN(const auto id, handlers::sessionId(score.session_id()));
   ReferencePaths::Nearest nearest{std::nullopt, true};
   if (!made.distance_is_pending) nearest = paths.nearestDistance(reader, id, reference);
-  if (nearest.is_pending) score.add_pending(kDistance);
+  if (nearest.is_pending) score.add_pending(std::string(distanceKind().name));
   if (nearest.distance_m) {
     Measure row;
-    row.name = kDistance;
-    row.unit = "m";
+    row.name = distanceKind().name;
+    row.unit = distanceKind().unit;
     row.value = *nearest.distance_m;
     measures.push_back(row);
   }

@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "common/base/text/text.h"
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
 #include "common/profile/profile.h"
 #include "common/scoring/measures/measure_table.h"
 #include "common/scoring/measures/measures.h"
@@ -54,7 +54,7 @@ void figuresForScore(pb::SessionInfo& session) {
   const auto measures = parseScore(session.score_json());
   session.clear_score_json();
   if (!measures) return;
-  for (const std::string_view name : mainMeasures()) {
+  for (const std::string_view name : measuresIn(&MeasureKind::in_lists)) {
     const auto found = std::find_if(measures->begin(), measures->end(),
                                     [name](const Measure& measure) { return measure.name == name; });
     if (found == measures->end()) continue;
@@ -83,7 +83,7 @@ Result<pb::SessionInfo> visibleSession(const Context& context, const std::string
       (info->description().trainee() != context.who.name || info->unknown_trainee())) {
     return Error{ErrorCode::kNotFound, "there is no session " + uuidText(id)};
   }
-  if (info) RETURN_IF_ERROR(HeldResults(context).leaveOutOf(*info));
+  if (info) RETURN_IF_ERROR(WithheldResults(context).leaveOutOf(*info));
   return info;
 }
 
@@ -102,7 +102,7 @@ Result<pb::Reply> listSessions(const Context& context, const pb::ListSessions& c
   if (own) wanted.set_trainee(context.who.name);
   PageRoom room;
   bool full = false;
-  HeldResults held(context);
+  WithheldResults held(context);
   Status left_out;
   ASSIGN_OR_RETURN(auto sessions, SessionStore(context.reader)
                                       .list(
@@ -164,13 +164,13 @@ Result<pb::Reply> readChunksUnnoted(const Context& context, const pb::ReadChunks
   ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
   ASSIGN_OR_RETURN(const auto info, visibleSession(context, call.session_id()));
   RETURN_IF_ERROR(requireShown(info));
-  constexpr std::uint32_t kMostChunks = 4096;
+  constexpr std::uint32_t kMaxChunks = 4096;
   // texts about damaged chunks take space in the reply: read fewer chunks
-  const std::uint32_t bound = call.skip_damaged() ? kMostChunks / 16 : kMostChunks;
+  const std::uint32_t bound = call.skip_damaged() ? kMaxChunks / 16 : kMaxChunks;
   const std::uint32_t most = call.max_chunks() == 0 ? bound : std::min(call.max_chunks(), bound);
   // each chunk adds an envelope of 40 bytes, each damaged one a text
-  constexpr std::size_t kMostFaultText = 300;
-  constexpr std::size_t kMostBytes = kMaxReplyBytes - kMostChunks * 40;
+  constexpr std::size_t kMaxFaultText = 300;
+  constexpr std::size_t kMostBytes = kMaxReplyBytes - kMaxChunks * 40;
   const auto id = sessionId(call.session_id());
   // return only the requested recording, never parts of two recordings of one session
   if (!call.hash().empty() && call.hash() != info.hash()) {
@@ -200,7 +200,7 @@ Result<pb::Reply> readChunksUnnoted(const Context& context, const pb::ReadChunks
     for (const ChunkFault& fault : read.damaged) {
       auto* damaged = list->add_damaged();
       damaged->set_seq(fault.seq);
-      damaged->set_text(fault.text.substr(0, kMostFaultText));
+      damaged->set_text(fault.text.substr(0, kMaxFaultText));
     }
   }
   list->set_next_seq(next);

@@ -9,10 +9,9 @@
 #include <iterator>
 #include <map>
 
-#include "client/admin/app.h"
 #include "client/admin/backend.h"
 #include "client/admin/command.h"
-#include "common/base/crc32c.h"
+#include "common/base/bytes.h"
 #include "common/base/files/files.h"
 #include "db/sessions/session_results.h"
 #include "db/store/schema.h"
@@ -50,7 +49,7 @@ TEST_F(Admin, sessionsAreSearchedByDateVerdictExerciseAndName) {
   EXPECT_EQ(good({"session", "show", id, "--json"}).code, 0);
 }
 
-TEST_F(Admin, rootIsRefusedOnTheFolderOfSomebodyElseWithTheRightCommand) {
+TEST_F(Admin, rootIsRefusedOnAnotherUsersFolderWithTheRightCommand) {
   good({"user", "add", "tom", "--role", "trainee"});
   const std::filesystem::path database = std::filesystem::path(data()) / "needlelab.db";
   constexpr uid_t kOther = 61234;  // owned by no user
@@ -69,7 +68,7 @@ TEST_F(Admin, rootIsRefusedOnTheFolderOfSomebodyElseWithTheRightCommand) {
   EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
   EXPECT_NE(refused.error().message.find("sudo -u " + owner + " needlelab-admin"), std::string::npos)
       << refused.error().message;
-  EXPECT_TRUE(checkFolderUser(data(), kOther).ok()) << "who is not root gets what the files allow";
+  EXPECT_TRUE(checkFolderUser(data(), kOther).ok()) << "a user who is not root gets what the files allow";
   EXPECT_TRUE(checkFolderUser(folder.path() / "none", 0).ok());
 }
 
@@ -173,7 +172,7 @@ TEST_F(Admin, wrongInputOnAFolderIsTwoAndNamed) {
   }
 }
 
-TEST_F(Admin, aFileInAMissingFolderIsTwoForEachCommandThatWritesOne) {
+TEST_F(Admin, aFileInAMissingFolderExitsWithTwo) {
   good({"user", "add", "anna", "--role", "trainee"});
   const std::string id = uuidText(addSession(1));
   const std::string none = file("none/x");
@@ -217,7 +216,7 @@ TEST_F(Admin, aCommandThatFailsLeavesNoNewFolder) {
   for (const auto& entry : std::filesystem::directory_iterator(data()))
     left.push_back(entry.path().filename());
   EXPECT_EQ(left, std::vector<std::string>{"notes.txt"});
-  // so does a database, whatever fails afterwards
+  // so does a database, even if something fails afterwards
   good({"user", "add", "tom", "--role", "trainee"});
   for (const Arguments& command : commands) EXPECT_EQ(onData(command).code, 2);
   EXPECT_EQ(good({"user", "list", "--json"}).rows().size(), 1u);
@@ -330,7 +329,7 @@ TEST_F(Admin, profilesGoInAndOutUnchanged) {
   good({"profile", "import", NEEDLELAB_SAMPLES "/knee-adult.json", NEEDLELAB_SAMPLES "/wrist-adult.json"});
   const auto rows = good({"profile", "list", "--json"}).rows();
   EXPECT_EQ(rows.size() + 2, embeddedSamples().size()) << "two of them are courses";
-  for (const auto& row : rows) EXPECT_EQ(row.at("revision"), 1) << "an unchanged text is no new revision";
+  for (const auto& row : rows) EXPECT_EQ(row.at("revision"), 1) << "an unchanged text is not a new revision";
   good({"profile", "export", "knee-adult", "--out", file("knee.json")});
   std::ifstream exported(file("knee.json"));
   EXPECT_EQ(nlohmann::json::parse(exported).at("id"), "knee-adult");
@@ -422,7 +421,7 @@ TEST_F(Admin, damageMakesVerifyCheckAndBackupFail) {
   EXPECT_FALSE(std::filesystem::exists(file("copy.db")));
 }
 
-TEST_F(Admin, aChunkThatCannotBeDecodedIsShownAndABackupIsKeptAndSaysSo) {
+TEST_F(Admin, anUndecodableChunkIsShownAndNamedInTheBackup) {
   const Uuid id = addSession(2, true);
   {
     Bytes bad = test::chunkOf(2);
@@ -452,7 +451,7 @@ TEST_F(Admin, aChunkThatCannotBeDecodedIsShownAndABackupIsKeptAndSaysSo) {
   EXPECT_TRUE(std::filesystem::exists(file("copy.db")));
 }
 
-TEST_F(Admin, aCheckOfACopyChangesNothingAndLooksAtNothingBeside) {
+TEST_F(Admin, checkingACopyChangesNothingAndReadsNothingElse) {
   addSession(3);
   good({"user", "add", "tom", "--role", "trainee"});
   good({"person", "erase", "tom", "--confirm", "tom"});

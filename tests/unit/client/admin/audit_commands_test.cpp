@@ -48,7 +48,7 @@ TEST_F(AuditCommands, theAuditLogTellsEachChangeOnceAndNoRefusal) {
   for (const char* wrong : {"-1", "x"}) EXPECT_EQ(onData({"audit", "--limit", wrong}).code, 2) << wrong;
 }
 
-TEST_F(AuditCommands, anAuditLineIsOneLineOfTheTableWhateverItHolds) {
+TEST_F(AuditCommands, anAuditEntryStaysOnOneTableRow) {
   {
     auto store = test::TestDb::must(Store::open(data(), {}));
     ASSERT_OK(store->writer().run([](Connection& c) {
@@ -99,7 +99,7 @@ TEST_F(AuditCommands, verifyFindsWhatSomebodyWithTheFileDidToTheLog) {
   EXPECT_THAT(onData({"audit", "verify"}).err, HasSubstr("audit.key: does not exist"));
 }
 
-TEST_F(AuditCommands, verifySaysInPlainWordsWhatNobodyCanCheckAndWhatARestoreLeftOut) {
+TEST_F(AuditCommands, verifyNamesUnverifiableLinesAndWhatARestoreOmitted) {
   good({"backup", file("copy.db")});
   good({"user", "add", "ida", "--role", "trainee"});
   EXPECT_THAT(good({"audit", "verify"}).out, Not(HasSubstr("note: ")));
@@ -112,7 +112,7 @@ TEST_F(AuditCommands, verifySaysInPlainWordsWhatNobodyCanCheckAndWhatARestoreLef
   EXPECT_EQ(onData({"audit", "verify"}).code, 1);
 }
 
-TEST_F(AuditCommands, aBreakIsAFaultUntilItIsAcknowledgedAndTheNextOneIsAFaultAgain) {
+TEST_F(AuditCommands, eachBreakIsAFaultUntilAcknowledged) {
   good({"user", "add", "ida", "--role", "trainee"});
   const auto cutLast = [&] {
     auto writer =
@@ -167,7 +167,7 @@ TEST_F(AuditCommands, aBreakIsAFaultUntilItIsAcknowledgedAndTheNextOneIsAFaultAg
   EXPECT_EQ(run({"--server", "localhost:1", "audit", "acknowledge", "3"}).code, 2) << "needs --data";
 }
 
-TEST_F(AuditCommands, verifyTakesTheNewestBackupForAnAnchorOrAFolderOfThem) {
+TEST_F(AuditCommands, verifyUsesTheNewestBackupOrAFolderAsAnchor) {
   fs::create_directory(file("kept"));
   const std::string backup = good({"backup", "--dir", file("kept"), "--json"}).rows().at(0).at("path");
   good({"user", "add", "ida", "--role", "trainee"});

@@ -43,7 +43,7 @@ TEST(OutputText, aStoredTextThatIsNoJsonIsNull) {
   for (const char* bad : {"", "{", "not json", "[1] 2"}) EXPECT_EQ(storedJson(bad).dump(), "null") << bad;
 }
 
-TEST(OutputTable, columnsStandUnderEachOtherWhateverTheAlphabet) {
+TEST(OutputTable, columnsAlignInEveryAlphabet) {
   const Json rows = Json::array(
       {{{"name", "Jürgen"}, {"n", 1}}, {{"name", "x"}, {"n", 20.5}}, {{"name", nullptr}, {"n", true}}});
   EXPECT_EQ(tableText({{"name", "NAME"}, {"n", "N"}, {"missing", "M"}}, rows),
@@ -53,7 +53,7 @@ TEST(OutputTable, columnsStandUnderEachOtherWhateverTheAlphabet) {
             "-       yes   -\n");
 }
 
-TEST(OutputTable, aVerdictIsInTheWordsOfTheScreensWhateverItsCode) {
+TEST(OutputTable, verdictsUseTheScreensWordsForEveryCode) {
   Json rows = Json::array();
   for (const Json& code : {Json("passed"), Json("failed"), Json(true), Json(false), Json()})
     rows.push_back({{"verdict", code}});

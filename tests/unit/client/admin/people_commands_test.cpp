@@ -57,7 +57,7 @@ class PeopleCommands : public test::AdminTest {
   std::string password_;
 };
 
-TEST_F(PeopleCommands, aNameOrRoleThatIsNotAllowedIsNamedAndNobodyIsAdded) {
+TEST_F(PeopleCommands, aBadNameOrRoleIsNamedAndAddsNoOne) {
   struct Case {
     std::string name, role, full_name, words;
   };
@@ -115,7 +115,7 @@ TEST_F(PeopleCommands, hardNamesComeBackAsTheyWere) {
   }
 }
 
-TEST_F(PeopleCommands, aNameThatIsTakenKeepsItsRoleAndFullName) {
+TEST_F(PeopleCommands, anExistingNameKeepsItsRoleAndFullName) {
   good({"user", "add", kQuoted, "--role", "trainee", "--full-name", "the first"});
   const Run again = onData({"user", "add", kQuoted, "--role", "instructor", "--full-name", "the second",
                             "--password-file", password_});
@@ -215,7 +215,7 @@ TEST_F(PeopleCommands, aCodeIsMadeSetFromAFileAndRemoved) {
   EXPECT_TRUE(practises(""));
 }
 
-TEST_F(PeopleCommands, aNewPasswordReplacesTheOldOneAndABadFileDoesNot) {
+TEST_F(PeopleCommands, onlyAValidNewPasswordReplacesTheOld) {
   good({"user", "add", "ines", "--role", "instructor", "--password-file", password_});
   const std::pair<std::string, std::string> bad[] = {
       {file("none"), "none: cannot open"},
@@ -279,7 +279,7 @@ TEST_F(PeopleCommands, aTableWithOneBadRowChangesNothing) {
   }
 }
 
-TEST_F(PeopleCommands, aFileThatIsNoTableOfPeopleIsRefusedWithItsName) {
+TEST_F(PeopleCommands, aFileWithoutAPeopleTableIsRefusedByName) {
   const std::pair<std::string, std::string> cases[] = {
       {"", "is empty"},
       {"name\n", "has a header and no rows"},
@@ -301,7 +301,7 @@ TEST_F(PeopleCommands, aFileThatIsNoTableOfPeopleIsRefusedWithItsName) {
   EXPECT_TRUE(people().empty());
 }
 
-TEST_F(PeopleCommands, aSpreadsheetsTableIsTakenAndTheSameAgainChangesNothing) {
+TEST_F(PeopleCommands, importingASpreadsheetTwiceChangesNothing) {
   good({"user", "add", "tom", "--role", "trainee"});
   const auto csv = folder
                        .write("class.csv",
@@ -320,7 +320,7 @@ TEST_F(PeopleCommands, aSpreadsheetsTableIsTakenAndTheSameAgainChangesNothing) {
   EXPECT_EQ(good({"user", "list", "--json"}).rows().size(), 3u);
 }
 
-TEST_F(PeopleCommands, aLongTableTellsWhoGetsRightsAndHowManyRowsAreLeftOut) {
+TEST_F(PeopleCommands, aLongTableListsNewRightsAndTheOmittedRowCount) {
   std::string table = "name,role,password\n";
   for (int i = 0; i < 2000; ++i) table += "s" + std::to_string(i) + ",,\n";
   const auto csv = folder.write("class.csv", table + "zoe,administrator,correct horse\n").string();
@@ -347,7 +347,7 @@ TEST_F(PeopleCommands, anImportOfAFileThatCannotBeReadMakesNoFolder) {
   }
 }
 
-TEST_F(PeopleCommands, anErasedPersonIsNowhereAndANewOneOfThatNameBeginsAnew) {
+TEST_F(PeopleCommands, anErasedPersonIsGoneAndTheNameStartsFresh) {
   good({"user", "add", kQuoted, "--role", "trainee"});
   good({"group", "set", "g 1"});
   good({"group", "join", "g 1", kQuoted});
@@ -384,7 +384,7 @@ TEST_F(PeopleCommands, anErasedPersonIsNowhereAndANewOneOfThatNameBeginsAnew) {
   EXPECT_THAT(good({"consent", "list", kQuoted}).err, HasSubstr("never asked"));
 }
 
-TEST_F(PeopleCommands, anExportPrintsTheSameRecordsAsItsFileWithAndWithoutJson) {
+TEST_F(PeopleCommands, anExportPrintsItsFilesRecordsWithOrWithoutJson) {
   good({"user", "add", kQuoted, "--role", "trainee", "--full-name", "a, \"b\""});
   good({"consent", "give", kQuoted});
   for (const Arguments& what :

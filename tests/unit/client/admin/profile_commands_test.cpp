@@ -31,7 +31,7 @@ class ProfileCommands : public test::AdminTest {
   json profile_;
 };
 
-TEST_F(ProfileCommands, aBadProfileIsNamedByFileFieldAndRangeAndNoneOfTheFilesIsStored) {
+TEST_F(ProfileCommands, aBadProfileNamesTheFaultAndStoresNoFile) {
   const auto other = [&](const char* field, const json& value) {
     json copy = profile_;
     copy["id"] = "other";
@@ -86,7 +86,7 @@ TEST_F(ProfileCommands, aProfileThatTheStoreRefusesIsNamedByItsFile) {
   EXPECT_FALSE(known("mine"));
 }
 
-TEST_F(ProfileCommands, aProfileThatDiffersIsANewRevisionAndTheOldOneStays) {
+TEST_F(ProfileCommands, aDifferentProfileBecomesANewRevision) {
   const auto first = write("first.json", profile_);
   profile_["layers"][1]["thickness_m"] = 0.0075;
   const auto second = write("second.json", profile_);
@@ -119,7 +119,7 @@ TEST_F(ProfileCommands, aProfileThatDiffersIsANewRevisionAndTheOldOneStays) {
   EXPECT_EQ(rows, 1);
 }
 
-TEST_F(ProfileCommands, whatIsShownKeepsToItsLinesAndWarnsOfWhatCannotBeFelt) {
+TEST_F(ProfileCommands, showingAProfileWrapsLinesAndWarnsOfImperceptibleParts) {
   profile_["layers"][0]["thickness_m"] = 0.00001;
   const auto path = write("thin.json", profile_);
   EXPECT_THAT(good({"profile", "import", path}).err,
@@ -134,7 +134,7 @@ TEST_F(ProfileCommands, whatIsShownKeepsToItsLinesAndWarnsOfWhatCannotBeFelt) {
   EXPECT_FALSE(row.at("warnings").empty());
 }
 
-TEST_F(ProfileCommands, anExportPrintsTheSameTextAsItsFileWithAndWithoutJson) {
+TEST_F(ProfileCommands, anExportPrintsItsFilesTextWithOrWithoutJson) {
   good({"profile", "import", write("mine.json", profile_)});
   for (const Arguments& what :
        {Arguments{"profile", "export", "mine"}, {"curriculum", "export", "rheumatology-basics"}}) {
@@ -163,7 +163,7 @@ class CurriculumCommands : public ProfileCommands {
   }
 };
 
-TEST_F(CurriculumCommands, aBadCourseIsNamedByItsFileAndNothingOfItIsStored) {
+TEST_F(CurriculumCommands, aBadCourseIsNamedByItsFileAndStoresNothing) {
   json twice = courseOf();
   twice["exercises"].push_back(twice["exercises"][0]);
   json none = courseOf();
@@ -249,7 +249,7 @@ TEST_F(CurriculumCommands, theSameAssignmentAgainOnlyMovesItsDate) {
   EXPECT_TRUE(good({"assignments", "--trainee", "nobody", "--json"}).rows().empty());
 }
 
-TEST_F(CurriculumCommands, anAssignmentIsTakenBackOnceAndOnlyByItsNumber) {
+TEST_F(CurriculumCommands, anAssignmentIsWithdrawnOnceByItsNumberOnly) {
   good({"assign", "tom", "knee-recess"});
   const std::string number = good({"assignments", "--json"}).rows().at(0).at("id").dump();
   for (const auto& [wrong, code] : {std::pair("77", 1), {"-1", 2}, {"x", 2}}) {

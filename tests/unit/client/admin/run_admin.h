@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "client/admin/app.h"
+#include "client/admin/command.h"
 #include "db/service/start/bootstrap.h"
 #include "tests/unit/db/test_db.h"
 

@@ -111,7 +111,7 @@ TEST_F(AdminOnServer, rolesAreTheServersAffair) {
   EXPECT_EQ(as("ines", {"profile", "import", NEEDLELAB_SAMPLES "/knee-adult.json"}).code, 1);
 }
 
-TEST_F(AdminOnServer, wrongPasswordWrongCaAndNobodyThereAreOne) {
+TEST_F(AdminOnServer, wrongPasswordWrongCaAndNoServerExitWithOne) {
   password_ = folder.write("wrong", "wrong horse").string();
   const Run wrong = as("ada", {"user", "list"});
   EXPECT_EQ(wrong.code, 1);

@@ -9,7 +9,7 @@
 #include "common/base/files/files.h"
 #include "common/wire/certificates.h"
 #include "db/audit/audit_chain.h"
-#include "db/erasure/erasure_list.h"
+#include "db/erasure/erasure.h"
 #include "db/people/pseudonyms.h"
 #include "db/store/store_address.h"
 #include "tests/unit/client/admin/run_admin.h"
@@ -67,7 +67,7 @@ class ServerJoin : public test::AdminTest {
   }
 };
 
-TEST_F(ServerJoin, theFolderHasTheLabsKeysAndACertificateOfItsOwn) {
+TEST_F(ServerJoin, theFolderHasTheLabsKeysAndItsOwnCertificate) {
   const Run result = join({"--host-name", "b.example.org", "--name", "b"});
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_THAT(result.out, HasSubstr("the server 'b'"));
@@ -151,7 +151,7 @@ TEST_F(ServerJoin, wrongSourcesAreRefused) {
 }
 
 // leftovers of a killed command do no harm
-TEST_F(ServerJoin, aFolderThatWasHalfMadeIsMadeAnew) {
+TEST_F(ServerJoin, aHalfMadeFolderIsReplaced) {
   fs::create_directories(to().string() + ".joining/tls");
   std::ofstream(to().string() + ".joining/audit.key") << "half";
   const Run result = join();

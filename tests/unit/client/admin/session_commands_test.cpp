@@ -184,7 +184,7 @@ TEST_F(SessionCommands, aNameOfQuotesAndCommasStaysWholeInTableAndJson) {
   EXPECT_THAT(good({"session", "list"}).out, HasSubstr("  " + kCommaName + "  knee-recess  "));
 }
 
-TEST_F(SessionCommands, aProfileThatCannotBeReadIsNullAndTheRestIsShown) {
+TEST_F(SessionCommands, anUnreadableProfileIsNullAndTheRestIsShown) {
   const std::string id = uuidText(addSession(2, false, "UPDATE sessions SET profile_json = '{broken'"));
   const auto row = good({"session", "show", id, "--json"}).rows().at(0);
   EXPECT_TRUE(row.at("profile").is_null());
@@ -196,7 +196,7 @@ TEST_F(SessionCommands, aProfileThatCannotBeReadIsNullAndTheRestIsShown) {
   EXPECT_EQ(whole.at("rows").size(), 40u);
 }
 
-TEST_F(SessionCommands, aRemarkKeepsItsLinesInJsonAndIsOneLineInTheTable) {
+TEST_F(SessionCommands, aRemarkKeepsItsLinesInJsonOnly) {
   const std::string id = uuidText(addSession(1));
   const std::string remark = "first \"line\"\nsecond, é", longest(4096, 'x');
   good({"annotate", id, "--tick", "7", "--text", remark});
@@ -259,7 +259,7 @@ TEST_F(SessionCommands, aScoreIsShownAsItIsStored) {
   }
 }
 
-TEST_F(SessionCommands, aResultSaysHowOftenSomebodyTried) {
+TEST_F(SessionCommands, aResultCountsThePersonsAttempts) {
   good({"user", "add", "tom", "--role", "trainee"});
   good({"user", "add", "zoe", "--role", "trainee"});
   for (int i = 0; i < 3; ++i) attempt("tom", "knee-recess", force(1));
@@ -319,7 +319,7 @@ TEST_F(SessionCommands, theTableOfScoresKeepsNamesApartAndFormulasHarmless) {
   EXPECT_EQ(exported({"--course", "injection-steps"}).size(), 1u);
 }
 
-TEST_F(SessionCommands, aScoreThatCannotBeReadIsNamedAndTheFileOfBeforeStays) {
+TEST_F(SessionCommands, anUnreadableScoreIsNamedAndTheOldFileStays) {
   attempt("anna", "knee-recess", force(1));
   const std::string bad = attempt("tom", "knee-recess", force(2));
   {

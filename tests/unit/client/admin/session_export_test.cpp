@@ -10,7 +10,7 @@
 #include "common/base/text/csv.h"
 #include "common/base/time/clock.h"
 #include "common/gesture/recording.h"
-#include "common/gesture/sample_csv.h"
+#include "common/gesture/sample.h"
 #include "server/base/log.h"
 #include "server/server.h"
 #include "tests/support/run_form.h"
@@ -78,7 +78,7 @@ TEST_F(SessionExport, emptyAndOpenSessionsCanBeExported) {
   EXPECT_FALSE(content("o.csv").empty());
 }
 
-TEST_F(SessionExport, theNameOfTheFileSaysTheFormat) {
+TEST_F(SessionExport, theFilesNameDeterminesTheFormat) {
   const std::string id = uuidText(addSession(2));
   good({"session", "export", id, "--out", file("x.nlrec")});
   EXPECT_OK(RecordingReader::open(file("x.nlrec")));

@@ -170,7 +170,7 @@ TEST_F(StationCommands, anEnrolmentMakesItsKeyAfterAllElseThatCanFail) {
               HasSubstr("station 'lab-1' was added, but its key is lost: revoke it and enrol it again"));
 }
 
-TEST_F(StationCommands, aNameInUseKeepsItsKeyAndARevokedOneGetsANewOne) {
+TEST_F(StationCommands, onlyARevokedStationNameGetsANewKey) {
   good({"station", "add", name_, "--out", file("first.key")});
   EXPECT_TRUE(opens(file("first.key")));
   for (const Arguments& again :

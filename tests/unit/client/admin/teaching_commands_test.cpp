@@ -122,7 +122,7 @@ TEST_F(TeachingCommands, everythingIsExportedForAdministratorsIntoAFileOfTheOwne
   EXPECT_EQ(as("mia", {"export-all"}).code, 1) << "for administrators";
 }
 
-TEST_F(TeachingCommands, twoClientsWhoEditOneGroupBothGetTheirWayOneAfterTheOther) {
+TEST_F(TeachingCommands, twoConcurrentEditsOfAGroupBothSucceed) {
   for (const char* name : {"t0", "t1"}) good({"user", "add", name, "--role", "trainee"});
   good({"group", "set", "class"});
   start();
@@ -166,7 +166,7 @@ TEST_F(TeachingCommands, twoClientsWhoEditOneGroupBothGetTheirWayOneAfterTheOthe
   EXPECT_EQ(rows[0].at("count"), 0);
 }
 
-TEST_F(TeachingCommands, aRecordingOfAStudyIsFoundByItsPseudonymAndBeginsWithZero) {
+TEST_F(TeachingCommands, aStudyRecordingIsFoundByPseudonymAndStartsAtZero) {
   const std::string id = uuidText(addSession(3));
   const std::string trainee = good({"session", "show", id, "--json"}).rows()[0].at("trainee");
   good({"user", "add", trainee, "--role", "trainee"});
@@ -205,7 +205,7 @@ TEST(Moments, haveATimeZone) {
 
 using RetentionCommands = test::AdminTest;
 
-TEST_F(RetentionCommands, setShowRunAndWhatIsLeft) {
+TEST_F(RetentionCommands, setShowAndRunReportWhatRemains) {
   const std::string id = uuidText(addSession(50));
   EXPECT_NE(good({"retention", "show"}).err.find("kept for ever"), std::string::npos);
   good({"retention", "set", "knee-1", "--thin-after", "0", "--rate", "100", "--coarser", "2",

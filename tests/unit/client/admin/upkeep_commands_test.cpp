@@ -61,7 +61,7 @@ TEST_F(UpkeepCommands, aBackupOverwritesNothingAndWrongUseMakesNone) {
   EXPECT_EQ(filesIn("."), (std::vector<std::string>{"copy.db", "data"}));
 }
 
-TEST_F(UpkeepCommands, aBackupSaysWhetherStationsLetGoOfWhatItContains) {
+TEST_F(UpkeepCommands, aBackupReportsWhetherStationsMayDropItsData) {
   const auto beside = good({"backup", file("beside.db"), "--json"}).rows().at(0);
   EXPECT_EQ(beside.at("safe"), false) << "it lies on the disk of the database";
   EXPECT_NE(beside.at("disk"), "ANOTHER_DISK");
@@ -72,7 +72,7 @@ TEST_F(UpkeepCommands, aBackupSaysWhetherStationsLetGoOfWhatItContains) {
   EXPECT_THAT(asked.at("place").get<std::string>(), HasSubstr("stations let it go"));
 }
 
-TEST_F(UpkeepCommands, aFolderOfBackupsKeepsTheNewestAndWhatIsNotItsOwn) {
+TEST_F(UpkeepCommands, aBackupFolderKeepsTheNewestAndForeignFiles) {
   fs::create_directory(file("kept"));
   for (const char* name : {"needlelab-20200101T000000Z.db", "needlelab-20210101T000000Z.db",
                            "needlelab-20220101T000000Z.db", "mine.db"})
@@ -86,7 +86,7 @@ TEST_F(UpkeepCommands, aFolderOfBackupsKeepsTheNewestAndWhatIsNotItsOwn) {
   EXPECT_EQ(row.at("bytes"), fs::file_size(made));
 }
 
-TEST_F(UpkeepCommands, aRestoreBringsBackThePeopleOfTheBackupAndNamesWhatIsValidAgain) {
+TEST_F(UpkeepCommands, aRestoreBringsBackPeopleAndNamesRestoredAccess) {
   const auto password = folder.write("pw", "correct horse").string();
   good({"user", "add", "ines", "--role", "instructor", "--password-file", password});
   good({"station", "add", "lab 1", "--out", file("lab1.key")});
@@ -136,7 +136,7 @@ TEST_F(UpkeepCommands, anEncryptedBackupIsMadeByAKeyAndRestoredByIt) {
 }
 
 TEST_F(UpkeepCommands, whatIsNoBackupRestoresNothing) {
-  folder.write("junk.db", "this is no database");
+  folder.write("junk.db", "this is not a database");
   fs::create_directory(file("folder.db"));
   for (const auto& [name, code] : {std::pair("none.db", 2), {"junk.db", 1}, {"folder.db", 2}}) {
     const Run result = onData({"restore", "--from", file(name)});
@@ -170,14 +170,14 @@ TEST_F(UpkeepCommands, aRenewedCertificateKeepsItsNamesAndABadNameChangesNothing
   EXPECT_THAT(good({"certificate", "renew", "--host-name", "10.0.0.7"}).out,
               HasSubstr("a new certificate for "));
   const auto second = good({"certificate", "show", "--json"}).rows();
-  EXPECT_EQ(second[0].at("sha256"), first[0].at("sha256")) << "stations trust the authority of before";
+  EXPECT_EQ(second[0].at("sha256"), first[0].at("sha256")) << "stations trust the earlier authority";
   EXPECT_NE(second[1].at("sha256"), first[1].at("sha256"));
   EXPECT_THAT(second[1].at("hosts").get<std::string>(), HasSubstr("lab.example.org"));
   EXPECT_THAT(second[1].at("hosts").get<std::string>(), HasSubstr("10.0.0.7"));
   good({"certificate", "renew", "--host-name", "one.lab.example.org,10.0.0.8"});
   EXPECT_THAT(good({"certificate", "show", "--json"}).rows()[1].at("hosts").get<std::string>(),
               testing::AllOf(HasSubstr("one.lab.example.org"), HasSubstr("10.0.0.8")));
-  // each name once, in whichever form it is given
+  // each name once, in any form
   good({"certificate", "renew", "--host-name", "10.0.0.7", "--host-name", "LAB.example.org", "--host-name",
         "::1", "--host-name", "0:0:0:0:0:0:0:1", "--host-name", "two.lab.example.org", "--host-name",
         "two.lab.example.org"});

@@ -66,12 +66,12 @@ TEST_F(HapticChainTest, aNewChainKnowsNoCutsOfTheOneBefore) {
   HapticChain lesson(remembering, DeviceLimits{}, kTool), next(remembering, DeviceLimits{}, kTool);
   EXPECT_NEAR(insertInto(lesson), -1, 1e-9);
   // cut to 11 mm, where the wall was: up to there the push costs only the share
-  double most_N = 0;
+  double max_N = 0;
   for (int k = 0; k < 1200; ++k) {
     lesson.tick(at(0.002 - 1e-5 * k), true, 1, 1.0, tick_);
-    most_N = std::max(most_N, -tick_.report.cutting_N);
+    max_N = std::max(max_N, -tick_.report.cutting_N);
   }
-  EXPECT_NEAR(most_N, 0.23, 1e-9);
+  EXPECT_NEAR(max_N, 0.23, 1e-9);
   EXPECT_NEAR(insertInto(next), -1, 1e-9);
 }
 
@@ -117,7 +117,7 @@ TEST_F(HapticChainTest, aFaultStaysUntilItIsAcknowledged) {
 
 // On the far side of a limb the fixture still guides a needle that went through; after a FAULT the needle is
 // free.
-TEST(HapticChainFault, aNeedleThroughALimbPullsNoMoreAfterAFault) {
+TEST(HapticChainFault, aFaultRemovesAllForceFromANeedleInALimb) {
   SceneSpec scene = allEffects();
   scene.limb = SphereLimb{{0, 0, -0.013}, 0.013};
   const SceneModel model = *compile(scene, 1000);
@@ -155,7 +155,7 @@ TEST_F(HapticChainTest, plungerIsHeldToItsRange) {
   EXPECT_EQ(tick_.plunger, 1);
   reading.plunger = kNaN;
   chain_.tick(reading, true, 1, 1.0, tick_);
-  EXPECT_EQ(tick_.plunger, 1) << "what is no number moves nothing";
+  EXPECT_EQ(tick_.plunger, 1) << "NaN moves nothing";
   reading.plunger = -2;
   chain_.tick(reading, true, 1, 1.0, tick_);
   EXPECT_EQ(tick_.plunger, 0);
@@ -232,7 +232,7 @@ class PointDevice : public testing::TestWithParam<Path> {
   SceneModel model_;
 };
 
-TEST_P(PointDevice, theAxisIsTheInwardNormalOutsideAndThatOfTheEntryInside) {
+TEST_P(PointDevice, theAxisIsTheInwardNormalAndFrozenInside) {
   HapticChain chain(model_, pointDevice(), {});
   ChainTick tick;
   Vec3 before = place(0), at_entry;
@@ -287,7 +287,7 @@ TEST_P(PointDevice, theEngineGoesAlongTheNormal) {
 
 INSTANTIATE_TEST_SUITE_P(Limbs, PointDevice, testing::ValuesIn(kPaths));
 
-TEST(PointDeviceChain, theToolsOffsetIsTakenAlongWAndItsDirectionNotAtAll) {
+TEST(PointDeviceChain, theToolsOffsetAppliesInWAndItsRotationIsIgnored) {
   const SceneModel model = *compile(paperOneDof(), kAxisRate_hz);
   const Pose X_HT{{0.01, -0.02, -0.15}, normalized(Quat{0.3, 0.1, 0, 1})};
   HapticChain chain(model, pointDevice(), X_HT);
@@ -301,7 +301,7 @@ TEST(PointDeviceChain, theToolsOffsetIsTakenAlongWAndItsDirectionNotAtAll) {
   EXPECT_EQ(sampleOf(tick, 0, 0, 0).torque_W_Nm[0], 0);
 }
 
-TEST(PointDeviceChain, withOrientationButWithoutTorqueTheLeverIsNotAskedForAndTheRecordSaysWhatWasRendered) {
+TEST(PointDeviceChain, withoutTorqueTheLeverIsIgnoredAndTheRenderedForceRecorded) {
   const SceneModel model = *compile(paperOneDof(), kAxisRate_hz);
   DeviceInfo info;
   info.renders_torque = false;
@@ -340,7 +340,7 @@ TEST(PointDeviceChain, startingInsideGivesNoForceAndAFiniteAxis) {
   }
 }
 
-TEST(PointDeviceChain, aReadingThatIsNoNumberIsRejectedAsEver) {
+TEST(PointDeviceChain, aNonFiniteReadingIsRejectedAsUsual) {
   const SceneModel model = *compile(paperOneDof(), kAxisRate_hz);
   HapticChain chain(model, pointDevice(), {});
   ChainTick tick;
@@ -386,7 +386,7 @@ double givenInTheFadeIn_J(bool with_control, bool no_orientation = false) {
   return given_J;
 }
 
-TEST(PassivityInTheChain, theFadeInGivesNoMoreThanItTook) {
+TEST(PassivityInTheChain, theFadeInReturnsNoMoreThanItTook) {
   EXPECT_GT(givenInTheFadeIn_J(false), 0.5e-3) << "control";
   EXPECT_LT(givenInTheFadeIn_J(true), 0.15e-3);
   EXPECT_LT(givenInTheFadeIn_J(true, true), 0.15e-3);

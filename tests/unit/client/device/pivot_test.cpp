@@ -110,7 +110,7 @@ TEST(Pivot, spreadOfARingIsThatOfTheFormula) {
 }
 
 // White noise: the estimates scatter as the covariance predicts, and each fit reports this scatter.
-TEST(Pivot, scattersAsItsCovarianceSays) {
+TEST(Pivot, scattersAccordingToItsCovariance) {
   constexpr int kRuns = 300;
   constexpr double kNoise_m = 2e-4;
   std::vector<Vec3> errors;
@@ -184,12 +184,12 @@ TEST(Pivot, refusesASwingInOnePlane) {
   EXPECT_THAT(fit.error().message, HasSubstr("did not turn enough"));
 }
 
-TEST(Pivot, refusesASmallSwingAndSaysHowMuchIsMissing) {
+TEST(Pivot, refusesASmallSwingAndReportsTheShortfall) {
   PivotMotion motion = motionOf(30e-6);
   motion.swing_rad = 6 * kDegree;
   const auto fit = fitPivot(samplesOf(motion, 30, 100));
   ASSERT_TRUE(fit.ok());
-  EXPECT_LT(fit->spread, kLeastSpread);
+  EXPECT_LT(fit->spread, kMinSpread);
   EXPECT_THAT(pivotTrouble(*fit), HasSubstr("swing was too small"));
   motion.swing_rad = 25 * kDegree;
   EXPECT_EQ(pivotTrouble(*fitPivot(samplesOf(motion, 30, 100))), "");
@@ -221,7 +221,7 @@ TEST(Pivot, aTipThatSlippedForLongIsFoundAndRefused) {
               HasSubstr("out of the dimple in 40 % of the time, first from 18.0 to 30.0 s"));
 }
 
-TEST(Pivot, theWayIntoTheDimpleIsLeftOut) {
+TEST(Pivot, theApproachToTheDimpleIsIgnored) {
   auto samples = samplesOf(motionOf(30e-6), 30, 100);
   for (std::size_t i = 0; i < 300; ++i)
     samples[i].X_WH.p += Vec3{0, 0, 0.05 * (1 - static_cast<double>(i) / 300)};
@@ -242,7 +242,7 @@ TEST(Pivot, aTipThatWandersIsRefused) {
   EXPECT_THAT(pivotTrouble(*fit), HasSubstr("do not fit one tip: 5."));
 }
 
-TEST(Pivot, refusesWhatIsNoPose) {
+TEST(Pivot, refusesAnInvalidPose) {
   auto samples = samplesOf(motionOf(0), 1, 100);
   samples[42].X_WH.p.y = std::nan("");
   EXPECT_THAT(fitPivot(samples).error().message, HasSubstr("pose at 0.420 s"));

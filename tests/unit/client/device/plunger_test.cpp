@@ -137,7 +137,7 @@ TEST(PlungerOption, takesOneOrTwoButtons) {
   EXPECT_EQ(settings.pull_button, -1);
 }
 
-TEST(PlungerOption, refusesTheRestWithWhatIsAllowed) {
+TEST(PlungerOption, refusesOtherValuesAndListsTheAllowedOnes) {
   for (const char* wrong :
        {"", ",", "1,", ",1", "1,1", "32", "-1", "a", "0,b", "0,1,2", "0 ,1", "1.0", "0x1"}) {
     PlungerSettings settings;

@@ -28,7 +28,7 @@ std::string messageOfFile(const std::string& content) {
   return message;
 }
 
-TEST(PoseOption, readsBackWhatItWrites) {
+TEST(PoseOption, survivesARoundTrip) {
   EXPECT_EQ(*parsePoseOption(poseOptionText(kPose), "--tool"), kPose);
   const auto path = std::filesystem::temp_directory_path() / "needlelab,pose_option.json";
   std::ofstream(path) << poseOptionJson(kPose);

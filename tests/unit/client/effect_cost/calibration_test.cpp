@@ -1,4 +1,4 @@
-#include "client/effect_cost/calibration.h"
+#include "client/effect_cost/tick_cost.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "client/effect_cost/tick_run.h"
+#include "client/effect_cost/tick_cost.h"
 
 #include <gtest/gtest.h>
 
@@ -36,7 +36,7 @@ Seen seenBy(const SceneSpec& scene, double rate_hz, const std::vector<TipSample>
   return seen;
 }
 
-TEST(MeasuringGesture, goesThroughAllLayersAndPhasesAndIsInTheTissueButForOneTick) {
+TEST(MeasuringGesture, visitsAllLayersAndPhasesAlmostEntirelyInTissue) {
   for (const LimbKind kind : kLimbKinds)
     for (const double rate_hz : {250.0, 1000.0, 8000.0}) {
       const SceneSpec scene = withLimb(allEffects(), kind);

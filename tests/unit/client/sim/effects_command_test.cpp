@@ -7,7 +7,7 @@
 #include <set>
 #include <sstream>
 
-#include "client/effect_cost/instruction_count.h"
+#include "client/effect_cost/tick_cost.h"
 #include "client/sim/effects_study.h"
 #include "client/sim/tools/gnuplot.h"
 #include "common/base/text/csv.h"
@@ -36,8 +36,8 @@ TEST(MarginalCosts, areTheMeanOverThePairsThatDifferInOneEffectOnly) {
   ASSERT_EQ(costs.size(), 2u) << "effects that no set has are not in it";
   EXPECT_EQ(costs[0].effect, Effect::kCutting);
   EXPECT_DOUBLE_EQ(costs[0].mean_ns, 3.5);
-  EXPECT_DOUBLE_EQ(costs[0].least_ns, 2);
-  EXPECT_DOUBLE_EQ(costs[0].most_ns, 5);
+  EXPECT_DOUBLE_EQ(costs[0].min_ns, 2);
+  EXPECT_DOUBLE_EQ(costs[0].max_ns, 5);
   EXPECT_DOUBLE_EQ(*costs[0].instructions, 35);
   EXPECT_EQ(costs[1].effect, Effect::kClamping);
   EXPECT_DOUBLE_EQ(costs[1].mean_ns, 4.5);

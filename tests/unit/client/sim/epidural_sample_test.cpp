@@ -52,7 +52,7 @@ double polynomialAt(double depth_mm) {
   return 0;
 }
 
-TEST(Epidural, theSamplesTableIsWithinAHundredthOfANewtonOfThePolynomials) {
+TEST(Epidural, theSampleTableMatchesThePolynomialsWithinAHundredthNewton) {
   const pb::Profile profile = sample();
   double worst = 0, end_mm = 0;
   for (const auto& layer : profile.layers()) {
@@ -67,7 +67,7 @@ TEST(Epidural, theSamplesTableIsWithinAHundredthOfANewtonOfThePolynomials) {
   EXPECT_GT(worst, 0.001) << "a table of chords cannot be this good: is the test looking?";
 }
 
-TEST(Epidural, theSourceStandsInTheProfile) {
+TEST(Epidural, theProfileCitesTheSource) {
   const pb::Profile profile = sample();
   EXPECT_NE(profile.sources().find("nitsanti/Epidural-Simulator-Code"), std::string::npos);
   EXPECT_NE(profile.precomputed().source().find("arXiv 2301.11036"), std::string::npos);

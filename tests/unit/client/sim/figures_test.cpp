@@ -201,7 +201,7 @@ TEST(Figures, thoseWhoseScenesAreSetByHandSaySo) {
   }
 }
 
-TEST(Figure11, theForceIsSmallAtFirstRisesWithDepthAndFallsOnTheWayBack) {
+TEST(Figure11, theForceStartsSmallRisesWithDepthAndFallsOnWithdrawal) {
   const auto run = runClamping();
   ASSERT_TRUE(run.ok());
   const Table t(figure11(*run), {"t_s", "clamping_n", "insertion_m", "turning"});
@@ -260,7 +260,7 @@ TEST(FiguresCommand, writesEveryTableAndPicture) {
   EXPECT_EQ(static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(out), {})), files);
 }
 
-TEST(FiguresCommand, jsonListsWhatWasWritten) {
+TEST(FiguresCommand, jsonListsTheWrittenFiles) {
   const test::TempFolder folder;
   const auto outcome = sim({"figures", "--out", folder.path().string(), "--json"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
@@ -272,7 +272,7 @@ TEST(FiguresCommand, jsonListsWhatWasWritten) {
   }
 }
 
-TEST(FiguresCommand, withoutGnuplotGivesTheTablesAndSaysSo) {
+TEST(FiguresCommand, withoutGnuplotTheTablesAreWrittenWithANotice) {
   const test::TempFolder folder;
   const std::string path = std::getenv("PATH");
   ::setenv("PATH", folder.path().c_str(), 1);

@@ -46,7 +46,7 @@ TEST(Gnuplot, aSessionOfNoiseSpansWhatTheWindowsPlotsSpan) {
   EXPECT_GT(std::filesystem::file_size(png), 1000u);
 }
 
-TEST(Gnuplot, aSessionsPictureSaysWhoseHandItWas) {
+TEST(Gnuplot, aSessionsPictureNamesTheHand) {
   if (!hasGnuplot()) GTEST_SKIP() << "gnuplot is not on the PATH";
   const test::TempFolder folder;
   const std::string data = folder
@@ -131,7 +131,7 @@ TEST(PlotTable, hasItsHeaderThenNumbersWithNineDigitsThenTexts) {
   EXPECT_EQ(table.take(), "a,b,c\n0.333333333,1e-12,-2\n0.1,x,y\nonly,texts,\n");
 }
 
-TEST(PlotBlocks, areInTheOrderOfTheirFirstRowsAndRowsFindTheirBlock) {
+TEST(PlotBlocks, followTheirFirstRowsAndRowsFindTheirBlock) {
   PlotBlocks blocks;
   EXPECT_EQ(blocks.text(), "");
   blocks.row("b", {1, 2.5});

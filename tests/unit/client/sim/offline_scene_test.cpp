@@ -24,7 +24,7 @@ std::vector<std::string> cells(std::string text) {
   return found;
 }
 
-TEST(RunOutput, everyCellIsWhereTheHeaderSays) {
+TEST(RunOutput, everyCellIsUnderItsHeader) {
   StepReport report;
   report.wrench_W = {{1, 2, 3}, {4, 5, 6}};
   report.p_wall_W_m = {7, 8, 9};

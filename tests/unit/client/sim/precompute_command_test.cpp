@@ -17,7 +17,7 @@ using nlohmann::json;
 using test::sim;
 using testing::HasSubstr;
 
-TEST(PrecomputeCommand, writesAProfileThatRunsAndSaysHowFarItIsFromLiveFem) {
+TEST(PrecomputeCommand, writesARunnableProfileAndReportsItsErrorAgainstFem) {
   const test::TempFolder folder;
   const auto out = folder.path() / "table.json";
   const auto outcome = sim({"precompute", "--profile", (test::kSamples / "shoulder-models.json").string(),
@@ -73,7 +73,7 @@ TEST(PrecomputeCommand, sameInputGivesTheSameTable) {
 }
 
 // with E from the lateral stiffness alone the tip met only some 20 N/m: the table hardly rose
-TEST(PrecomputeCommand, aProfileWithoutFemIsTakenByItsLayersAtTheStiffnessOfItsWallsAndSaysSo) {
+TEST(PrecomputeCommand, aProfileWithoutFemUsesItsWallStiffnessWithANotice) {
   const test::TempFolder folder;
   const auto out = folder.path() / "table.json";
   const auto outcome = sim({"precompute", "--profile", (test::kSamples / "paper-1dof.json").string(),

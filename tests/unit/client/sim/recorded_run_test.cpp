@@ -13,7 +13,7 @@
 #include "common/base/files/files.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/recording.h"
-#include "common/gesture/sample_csv.h"
+#include "common/gesture/sample.h"
 #include "common/haptics/gate/force_gate.h"
 #include "common/profile/profile.h"
 #include "common/profile/scene_of_profile.h"
@@ -129,7 +129,7 @@ TEST(RecordedRun, whatIsNotRoundedIsTheSameToTheBit) {
 }
 
 // one second after the engine's decision differed, the recording matches again
-TEST(RecordedRun, eachSecondBeginsWithWhatIsRecorded) {
+TEST(RecordedRun, eachSecondStartsFromTheRecordedState) {
   const SceneModel model = shoulder();
   std::size_t alone = 0, again = 0, hard = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
@@ -139,7 +139,7 @@ TEST(RecordedRun, eachSecondBeginsWithWhatIsRecorded) {
     hard += ticks > 1000 ? 1u : 0u;
     again += differenceOf(model, samples).differing_ticks;
   }
-  EXPECT_GE(hard, 1u) << "these gestures are no hard ones";
+  EXPECT_GE(hard, 1u) << "these gestures are not hard ones";
   EXPECT_LT(again, alone / 2);
 }
 
@@ -190,7 +190,7 @@ TEST(RecordedRun, aTickThatTheStationDidNotStepIsNotStepped) {
   EXPECT_EQ(run.difference().greatest_N, 0);
 }
 
-TEST(RecordedRun, saysItInPlainWordsAndRefusesWhatItCannotUse) {
+TEST(RecordedRun, reportsInPlainWordsAndRefusesUnusableInput) {
   const test::TempFolder folder;
   const auto samples = recorded(shoulder(), atTheThreshold(1), Resolution::standard());
   const std::string text = csvOf(samples);

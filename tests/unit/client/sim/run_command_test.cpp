@@ -71,7 +71,7 @@ bool sameBits(double a, double b) {
   return std::memcmp(&a, &b, sizeof a) == 0 || (std::isnan(a) && std::isnan(b));
 }
 
-TEST(RunCommand, writesWhatTheEngineSaysBitForBit) {
+TEST(RunCommand, writesTheEnginesOutputBitForBit) {
   const test::TempFolder folder;
   const auto poses = gesture();
   const auto trajectory = folder.write("t.csv", csvOf(poses)), out = folder.path() / "o.csv";
@@ -180,7 +180,7 @@ TEST(RunCommand, findsColumnsByNameInAnyOrder) {
   EXPECT_NEAR(std::strtod(tableOf(a)["fz_n"][1].c_str(), nullptr), 1, 1e-12);
 }
 
-TEST(RunCommand, jsonSaysWhatTheRunCameTo) {
+TEST(RunCommand, jsonSummarisesTheRun) {
   const test::TempFolder folder;
   const auto trajectory =
       folder.write("t.csv", "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n0,0,0,0.01,1,0,0,0\n0.001,0,0,-0.003,1,0,0,0\n");
@@ -428,7 +428,7 @@ TEST(EveryCommand, refusesAJsonFileInNoFolderBeforeTheWork) {
 }
 
 // a warning, with the numbers
-TEST(RunCommand, saysWhatIsDoubtfulInTheProfile) {
+TEST(RunCommand, warnsOfDoubtfulProfileValues) {
   const test::TempFolder folder;
   std::string thin = *readWholeFile(test::kSamples / "paper-1dof.json");
   const std::string thickness = "\"thickness_m\": 0.05";

@@ -9,7 +9,7 @@
 #include "common/base/text/csv.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/recording.h"
-#include "common/gesture/sample_csv.h"
+#include "common/gesture/sample.h"
 #include "common/profile/profile.h"
 #include "common/scoring/measures/measures.h"
 #include "common/scoring/motion/dtw.h"
@@ -56,7 +56,7 @@ double valueOf(const json& whole, const std::string& measure) {
   return std::nan("");
 }
 
-TEST(ScoreCommand, takesTheTimesOfTheFileWhateverItsRate) {
+TEST(ScoreCommand, usesTheFilesTimesAtAnyRate) {
   const test::TempFolder folder;
   const std::string csv = strokeCsv(0.03);
   for (const int keep : {1, 2, 10}) {
@@ -142,7 +142,7 @@ TEST(ScoreCommand, comparesWithReferences) {
   EXPECT_THAT(refused.err, HasSubstr("never in tissue"));
 }
 
-TEST(ScoreCommand, scoresWhatWasRecordedAsItIs) {
+TEST(ScoreCommand, scoresARecordingUnchanged) {
   // Samples as a device records them give the same score, bit for bit, as a recording, as exported CSV, and
   // directly through the server's code.
   std::vector<GestureSample> samples(3000);

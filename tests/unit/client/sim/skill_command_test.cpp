@@ -76,7 +76,7 @@ TEST(SkillCommand, aRowsNumbersFollowFromItsMeansAndSpreads) {
   EXPECT_EQ(levels, (std::vector<double>{0, 0.4, 0.6, 1}));
 }
 
-TEST(SkillCommand, withoutGnuplotGivesTheTableAndSaysSo) {
+TEST(SkillCommand, withoutGnuplotTheTableIsWrittenWithANotice) {
   const TempFolder folder;
   const auto pictures = folder.path() / "new" / "folder";
   const std::string path = std::getenv("PATH");

@@ -54,7 +54,7 @@ TEST(StabilityCommand, givesTheRowsOfTheContract) {
   EXPECT_GT(direct.at("chatter_n"), wall.at("chatter_n"));
 }
 
-TEST(StabilityCommand, aModelThatACaseSaysNothingAboutIsSaidToBeSo) {
+TEST(StabilityCommand, aModelWithoutAStatementInACaseIsMarked) {
   const Outcome run = sim({"stability", "--case", "creep_then_stop", "--model", "DIRECT", "--json"});
   ASSERT_EQ(run.code, 0) << run.err;
   const json row = json::parse(run.out).at("rows").at(0);
@@ -79,7 +79,7 @@ TEST(StabilityCommand, aWallThatIsNotStableIsAFailure) {
 }
 
 // a case that is known to fail is reported and does not end the program with an error
-TEST(StabilityCommand, theGestureOfTheEnergySearchIsStableAndSaysWithoutWhatItIsNot) {
+TEST(StabilityCommand, theEnergySearchGestureIsStableOnlyWithTheControl) {
   const Outcome run =
       sim({"stability", "--case", "random_energy_500981", "--model", "ENHANCED_TRACKING_WALL"});
   EXPECT_EQ(run.code, 0) << run.err;
@@ -104,7 +104,7 @@ TEST(StabilityCommand, wrongInputIsNamed) {
   EXPECT_THAT(none.err, HasSubstr("none.json"));
 }
 
-TEST(StabilityCommand, drawsWhatItRan) {
+TEST(StabilityCommand, drawsTheCasesThatItRan) {
   if (!hasGnuplot()) GTEST_SKIP() << "gnuplot is not on the PATH";
   const test::TempFolder folder;
   const Outcome run = sim({"stability", "--case", "boundary_hold", "--model", "ENHANCED_TRACKING_WALL",

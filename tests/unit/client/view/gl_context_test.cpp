@@ -9,7 +9,7 @@
 namespace needlelab {
 namespace {
 
-TEST(WindowState, isReadAsItWasWritten) {
+TEST(WindowState, survivesARoundTrip) {
   const test::TempFolder folder;
   const auto file = folder.path() / "new" / "window.json";
   ASSERT_TRUE(writeWindowState(file, {-40, 25, 1600, 900, 1.25}));

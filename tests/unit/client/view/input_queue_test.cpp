@@ -75,7 +75,7 @@ TEST(InputQueue, aTapBetweenTwoFramesIsDownForOneFrame) {
   EXPECT_EQ(framesOf("(0)0"), "(0 )0");
 }
 
-TEST(InputQueue, eachKeyThatGoesDownHasAFrameOfItsOwn) {
+TEST(InputQueue, eachKeyPressHasItsOwnFrame) {
   EXPECT_EQ(framesOf("+a-a+b-b"), "+a -a+b -b");
   EXPECT_EQ(framesOf("+a+b"), "+a +b");
 }
@@ -129,7 +129,7 @@ TEST(InputQueue, aPauseKeepsEverythingForTheFrameAfterIt) {
   EXPECT_EQ(framesOf(queue), "-M+n=n");
 }
 
-TEST(InputQueue, whatWasPressedBeforeAFrameWasSeenIsDroppedAndWhatGoesUpIsNot) {
+TEST(InputQueue, pressesBeforeAFrameWasSeenAreDroppedButNotReleases) {
   InputQueue queue;
   queue.shown(6);
   add(queue, "+w");

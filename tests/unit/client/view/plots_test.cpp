@@ -74,7 +74,7 @@ Plot specFrom(double from, double to) {
   return spec;
 }
 
-TEST_F(PlotsTest, aLineStandsWhereItsNumbersSay) {
+TEST_F(PlotsTest, aLineIsDrawnAtItsValues) {
   std::vector<double> x, y;
   for (int i = 0; i <= 1000; ++i) {
     x.push_back(i * 0.01);
@@ -110,7 +110,7 @@ TEST_F(PlotsTest, aLineIsBrokenWhereSamplesAreMissingAndOnlyThere) {
   EXPECT_LT(rowInTheMiddle(), 0);
 }
 
-TEST(PlotLabels, standWithinTheFieldAndAtItsLeftEndWhereTheyAreWider) {
+TEST(PlotLabels, areCentredInsideTheFieldOrLeftAlignedIfWider) {
   const PlotField field{{100, 0}, {300, 50}};
   EXPECT_EQ(labelLeftAt(field, 200, 40), 180) << "centred";
   EXPECT_EQ(labelLeftAt(field, 100, 40), 92);
@@ -292,7 +292,7 @@ TEST_F(PlotsTest, everyGesturePlotDraws) {
   }
 }
 
-TEST_F(PlotsTest, aLineStandsWhereItsNumbersSayAtEveryScaleOfLetters) {
+TEST_F(PlotsTest, aLineIsDrawnAtItsValuesAtEveryLetterSize) {
   std::vector<double> x, y;
   for (int i = 0; i <= 1000; ++i) {
     x.push_back(i * 0.01);
@@ -331,7 +331,7 @@ TEST_F(PlotsTest, oneBrokenSampleDoesNotTakeTheAxisFromTheOthers) {
 }
 
 // only the strip above the field: its lines coincide
-TEST_F(PlotsTest, aLegendWithoutRoomSaysSo) {
+TEST_F(PlotsTest, aLegendWithoutRoomIsMarked) {
   const auto legendWith = [&](std::size_t count) {
     const std::vector<PlotSeries> series(count, seriesThrough({0, 10}, {1, 1}, {1, 0, 0}));
     const RgbaImage picture = drawn(specFrom(0, 10), series);
@@ -357,7 +357,7 @@ TEST_F(PlotsTest, aSinglePointIsVisible) {
   for (int column = middle - 2; column <= middle + 2; ++column)
     found = found || rowsOf(picture, column, kYellow).first >= 0;
   EXPECT_TRUE(found);
-  EXPECT_LT(rowsOf(picture, middle + 40, kYellow).first, 0) << "and is no line";
+  EXPECT_LT(rowsOf(picture, middle + 40, kYellow).first, 0) << "and is not a line";
 }
 
 }  // namespace

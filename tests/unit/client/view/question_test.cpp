@@ -15,7 +15,7 @@ namespace needlelab {
 namespace {
 
 constexpr int kNo = 1, kYes = 2;
-const std::vector<ScreenAction> kAnswers = {{kNo, "Go on", ActionKey::kEnterOrEscape, "", true},
+const std::vector<ScreenAction> kAnswers = {{kNo, "Continue", ActionKey::kEnterOrEscape, "", true},
                                             {kYes, "Stop it", ActionKey::kDelete, "", true}};
 
 class QuestionTest : public test::ViewStage {
@@ -66,7 +66,7 @@ class QuestionTest : public test::ViewStage {
   std::vector<int> answers_;
 };
 
-TEST_F(QuestionTest, aKeyOfBeforeItWasSeenAnswersNothing) {
+TEST_F(QuestionTest, aKeyPressedBeforeItWasSeenAnswersNothing) {
   draw(above());
   for (const int key : {GLFW_KEY_ENTER, GLFW_KEY_KP_ENTER, GLFW_KEY_ESCAPE, GLFW_KEY_DELETE}) {
     clickAtOnce(70, 40);
@@ -107,7 +107,7 @@ TEST_F(QuestionTest, clicksOnWhatStoodThereBeforeAnswerNothing) {
   EXPECT_EQ(answers_, (std::vector<int>{kYes}));
 }
 
-TEST_F(QuestionTest, anotherQuestionAndOneThatComesBackAreSeenAnew) {
+TEST_F(QuestionTest, anotherOrReturningQuestionMustBeSeenAgain) {
   bool open = false;
   const auto asks = [&](int asked) {
     draw([&] { open = gate_.opens(asked); }, 1);

@@ -36,7 +36,7 @@ void redSquare() {
   ImGui::GetForegroundDrawList()->AddRectFilled({100, 50}, {200, 150}, IM_COL32(255, 0, 0, 255));
 }
 
-TEST_F(SurfaceTest, thePictureStandsTheRightWayUp) {
+TEST_F(SurfaceTest, thePictureIsUpright) {
   const RgbaImage picture = draw(redSquare);
   EXPECT_EQ(picture.width, 400);
   EXPECT_EQ(picture.height, 240);
@@ -179,7 +179,7 @@ TEST_F(SurfaceTest, offScreenTimeGoesByFrames) {
   EXPECT_NEAR(last_s - first_s, 1, 1e-4);
 }
 
-TEST_F(SurfaceTest, aClosedSurfaceHasNoMoreFrames) {
+TEST_F(SurfaceTest, aClosedSurfaceGivesNoFrames) {
   draw([] {});
   surface_->close();
   EXPECT_FALSE(surface_->beginFrame());
@@ -203,7 +203,7 @@ TEST_F(SurfaceTest, pngGoesOutAndComesInTheSame) {
   EXPECT_EQ(loadPng(folder.path() / "d.png").error().code, ErrorCode::kCorrupt);
 }
 
-TEST(SurfacePacing, framesComeAtTheirRateAndALateOneDoesNotHurryTheNext) {
+TEST(SurfacePacing, aLateFrameDoesNotHurryTheNext) {
   test::FakeTime time;
   const std::int64_t first_ns = time.nowNs();
   SurfaceOptions options;
@@ -237,7 +237,7 @@ TEST(SurfacePacing, onlyAPictureTakesAnotherTimeThanTheMachines) {
   }
 }
 
-TEST(SurfaceWindow, withoutADisplaySaysWhatToDo) {
+TEST(SurfaceWindow, withoutADisplayItGivesAdvice) {
   const char* display = std::getenv("DISPLAY");
   const std::string before = display == nullptr ? "" : display;
   ::unsetenv("DISPLAY");

@@ -58,7 +58,7 @@ TEST_F(ThemeTest, aPanelHasItsGroundAndItsWordsLieOverIt) {
   EXPECT_TRUE(light);
 }
 
-TEST_F(ThemeTest, aNameThatIsTooLongIsCutBetweenLettersAndSaysSo) {
+TEST_F(ThemeTest, aTooLongNameIsCutBetweenLettersWithAMark) {
   draw([] {
     beginScreen("s");
     const std::string name = "Gelenkhöhle über dem Knie";

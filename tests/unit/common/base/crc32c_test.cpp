@@ -1,4 +1,4 @@
-#include "common/base/crc32c.h"
+#include "common/base/bytes.h"
 
 #include <gtest/gtest.h>
 

@@ -84,7 +84,7 @@ TEST(LatencyHistogram, oneAddedToAnotherIsAsIfAllWereInOne) {
   for (const double q : {0.01, 0.5, 0.99}) EXPECT_EQ(copy.quantile_ns(q), all.quantile_ns(q));
 }
 
-TEST(LatencyHistogram, readersBesideTheWriterSeeWholeCountsThatOnlyGrow) {
+TEST(LatencyHistogram, concurrentReadersSeeWholeGrowingCounts) {
   LatencyHistogram histogram;
   std::atomic<bool> done{false};
   std::thread reader([&] {

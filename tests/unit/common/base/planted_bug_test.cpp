@@ -9,7 +9,7 @@
 namespace needlelab::test {
 namespace {
 
-// The users' programs contain no planted bug, whatever the environment sets.
+// The users' programs contain no planted bug, regardless of the environment.
 TEST(PlantedBug, isInNoProgramThatUsersRun) {
   std::set<std::string_view> names;
   for (int i = 0; i < kPlantedBugs; ++i) {

@@ -63,7 +63,7 @@ TEST(SpscRing, twoThreadsSeeEachItemOnceWholeAndInOrder) {
   EXPECT_EQ(torn, 0u);
 }
 
-TEST(SpscRing, acceptedAndDroppedTogetherAreWhatWasOffered) {
+TEST(SpscRing, acceptedAndDroppedAddUpToOffered) {
   constexpr std::uint64_t kItems = 50'000;
   SpscRing<std::uint64_t, 16> ring;
   std::atomic<bool> done{false};
@@ -101,7 +101,7 @@ TEST(LatestValue, givesTheNewestOnceAndNothingBeforeTheFirst) {
   EXPECT_EQ(got, 6);
 }
 
-TEST(LatestValue, twoThreadsNeverSeeATornOrOlderValueAndDoSeeTheLast) {
+TEST(LatestValue, readersSeeNoTornOrOlderValueAndSeeTheLast) {
   struct Wide {
     std::uint64_t number = 0;
     std::array<std::uint64_t, 30> copies{};

@@ -173,7 +173,7 @@ TEST(FemNeedle, neverGivesMoreThanItStored) {
   }
 }
 
-TEST(FemNeedle, withoutFrictionOrCuttingOnlyTheElasticPartIsLeftAndComesBack) {
+TEST(FemNeedle, withoutFrictionAndCuttingTheResponseIsElastic) {
   SceneSpec scene = madeScene(0.0, 50.0);  // never cuts
   const FemNeedle needle = compileNeedle(scene);
   NeedleState state{};
@@ -268,7 +268,7 @@ TEST(FemNeedle, cutStaysCut) {
   EXPECT_NEAR(go(cut - 1e-4, 0.03), kCutting_N, 1e-9);  // then it continues to cut
 }
 
-TEST(FemNeedle, forceFallsInDeclaredReleasesOnlyWhereALayerIsSofterToCut) {
+TEST(FemNeedle, forceDropsOnlyInReleasesAtLayersSofterToCut) {
   SceneSpec scene = madeScene(0.0, 2.0);
   scene.layers[0].thickness_m = 0.01;
   scene.layers.push_back(scene.layers[0]);

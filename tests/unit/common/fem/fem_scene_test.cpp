@@ -102,12 +102,12 @@ TEST(FemScene, straightInsertionIsHeldBackAndWithdrawalIsPulledIn) {
 }
 
 // The work of the cutting force on the way in between two depths.
-double cuttingWork(const std::vector<StepReport>& reports, std::size_t from, std::size_t to, double least_m,
-                   double most_m) {
+double cuttingWork(const std::vector<StepReport>& reports, std::size_t from, std::size_t to, double min_m,
+                   double max_m) {
   double work_J = 0;
   for (std::size_t k = from + 1; k < to; ++k) {
     const double moved_m = reports[k].depth_m - reports[k - 1].depth_m;
-    if (moved_m > 0 && reports[k].depth_m > least_m && reports[k].depth_m <= most_m)
+    if (moved_m > 0 && reports[k].depth_m > min_m && reports[k].depth_m <= max_m)
       work_J -= 0.5 * (reports[k].cutting_N + reports[k - 1].cutting_N) * moved_m;
   }
   return work_J;
@@ -115,7 +115,7 @@ double cuttingWork(const std::vector<StepReport>& reports, std::size_t from, std
 
 // FEM cuts its tissue once: CUT_MEMORY along the needle, within one insertion. Where its tip does not press,
 // cutting is free.
-TEST(FemScene, tissueThatItCutCostsLessOnTheWayInAgainAsWithTheMemoryOfTheCut) {
+TEST(FemScene, cutTissueCostsLessOnReinsertionAsWithCutMemory) {
   SceneSpec scene = sixLayers();
   scene.effects = bitOf(Effect::kCutting);
   SceneSpec wall = scene;

@@ -91,7 +91,7 @@ double offFromMindlin(int nodes) {
   return std::sqrt(off / all);
 }
 
-TEST(NeedleCompliance, aLineLoadMovesTheHalfSpaceAsMindlinSays) {
+TEST(NeedleCompliance, aLineLoadMovesTheHalfSpaceAsInMindlinsSolution) {
   const double coarse = offFromMindlin(2000), fine = offFromMindlin(16'000);
   EXPECT_LT(fine, 0.02) << coarse;
   EXPECT_LT(fine, 0.5 * coarse);
@@ -214,7 +214,7 @@ TEST(NeedleCompliance, strainedShareGrowsWithTheForce) {
   EXPECT_GT(more, some);
 }
 
-TEST(NeedleCompliance, refusesWhatItCannotMeshByName) {
+TEST(NeedleCompliance, refusesUnmeshableInputByName) {
   const auto wordsFor = [](const SceneSpec& scene, NeedleMeshOptions options = {}) {
     const auto compliance = precomputeCompliance(scene, options);
     EXPECT_FALSE(compliance.ok());

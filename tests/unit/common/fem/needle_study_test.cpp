@@ -120,7 +120,7 @@ std::vector<double> changesOf(const std::vector<int>& nodes, double factor, doub
   return changes;
 }
 
-TEST(MeshLimits, areThoseOfTheFormulaWhateverTheRatiosOfTheMeshes) {
+TEST(MeshLimits, followTheFormulaForAllMeshRatios) {
   const std::vector<int> nodes = {1000, 1500, 4000, 9000, 30'000};
   for (const double order : {0.3, 1.0, 1.7})
     for (const double factor : {-400.0, 250.0}) {
@@ -138,7 +138,7 @@ TEST(MeshLimits, areThoseOfTheFormulaWhateverTheRatiosOfTheMeshes) {
     }
 }
 
-TEST(MeshLimits, theErrorIsWhatTheThreeMeshesBeforeSaidOtherwise) {
+TEST(MeshLimits, theErrorIsTheChangeFromThePreviousPrediction) {
   // halves, then thirds: the first three predict a remainder of 1, of which 2/3 came; the last three predict
   // 1/3
   const auto limits = limitsOf({1000, 2000, 4000, 8000}, {2, 1, 1.0 / 3});
@@ -165,7 +165,7 @@ TEST(MeshLimits, changesThatDoNotFallHaveNoLimit) {
   EXPECT_TRUE(converges({1000, 10'000, 20'000}, {1, 0.2}));
 }
 
-TEST(MeshStudy, aFinerMeshLiesWhereTheLimitSays) {
+TEST(MeshStudy, aFinerMeshApproachesThePredictedLimit) {
   const auto rows = meshStudy(twoLayers(), {{1000, 30}, {2000, 30}, {4000, 30}, {8000, 30}});
   ASSERT_TRUE(rows.ok()) << rows.error().message;
   for (std::size_t m = 0; m < 2; ++m) EXPECT_FALSE((*rows)[m].force_limit_N);
@@ -200,7 +200,7 @@ MeshRow onOneMesh(const SceneSpec& scene) {
   return meshStudy(scene, {{scene.fem.nodes}})->front();
 }
 
-TEST(ScaleToTipStiffness, theTipMeetsItAtTheSkinAndTheLayersKeepTheirRatio) {
+TEST(ScaleToTipStiffness, theTipMeetsItAtTheSkinAndLayerRatiosStay) {
   SceneSpec scene = twoLayers();
   scene.fem.nodes = 1000;
   const auto factor = scaleToTipStiffness(scene, 500);
@@ -222,7 +222,7 @@ TEST(MeshStudy, theFirstCutIsWhereTheTissueHasGivenWay) {
 }
 
 // a scene can be so soft that 2 % of compliance decide whether a mesh cuts at all
-TEST(MeshStudy, aStrokeThatHangsOnWhetherItCutsSaysSo) {
+TEST(MeshStudy, aStrokeOnTheVergeOfCuttingIsMarked) {
   const MeshRow late = onOneMesh(cutsAt(0.98)), never = onOneMesh(cutsAt(1.02));
   ASSERT_TRUE(late.first_cut_m);
   EXPECT_NE(cutRemark(late).find("the tip first cuts at 37.2 mm of a stroke of 38 mm"), std::string::npos)

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "common/base/crc32c.h"
+#include "common/base/bytes.h"
 #include "tests/unit/common/gesture/gesture_samples.h"
 
 namespace needlelab {
@@ -93,7 +93,7 @@ TEST(Chunk, smoothGestureComesBackWithinHalfAStep) {
   }
 }
 
-TEST(Chunk, everyResolutionHoldsItsOwnPromise) {
+TEST(Chunk, everyResolutionKeepsItsTolerance) {
   const auto samples = smoothGesture(200);
   for (const Resolution& r :
        {Resolution{1e-9, 0x1p-30, 1e-6, 1e-6, 1e-9, 1e-6}, Resolution{1e-3, 0x1p-7, 0.1, 0.01, 1e-3, 0.01},
@@ -336,7 +336,7 @@ TEST(Chunk, cutOffBytesAreRefusedByName) {
 }
 
 // Built from the bytes of version 1; nothing else changes.
-TEST(Chunk, aMemoryOfTheCutStandsBehindTheStepsOfVersion2AndWithoutOneTheVersionIs1) {
+TEST(Chunk, aCutMemoryMakesVersion2AndFollowsTheSteps) {
   const auto samples = smoothGesture(100);
   const std::pair<Resolution, std::ptrdiff_t> kinds[] = {
       {Resolution::standard(), 44}, {Resolution::lossless(), 44}, {{1e-5, 0x1p-12, 0, 1e-3, 1e-8, 1e-2}, 92}};

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "common/base/files/files.h"
-#include "common/gesture/sample_csv.h"
+#include "common/gesture/sample.h"
 #include "common/haptics/engine.h"
 #include "common/haptics/gate/force_gate.h"
 #include "common/haptics/sim_state.h"

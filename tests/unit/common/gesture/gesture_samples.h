@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "common/base/crc32c.h"
+#include "common/base/bytes.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/sample.h"
 

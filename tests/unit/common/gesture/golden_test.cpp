@@ -9,7 +9,7 @@
 #include "common/base/files/files.h"
 #include "common/base/text/csv.h"
 #include "common/gesture/recording.h"
-#include "common/gesture/sample_csv.h"
+#include "common/gesture/sample.h"
 #include "common/haptics/cut_snapshot.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/common/gesture/gesture_samples.h"

@@ -6,7 +6,7 @@
 #include <cstring>
 #include <fstream>
 
-#include "common/base/crc32c.h"
+#include "common/base/bytes.h"
 #include "common/base/files/files.h"
 #include "common/gesture/recording_format.h"
 #include "tests/support/temp_folder.h"
@@ -320,7 +320,7 @@ TEST_F(Recording, writerRefusesBadChunksAndWorkAfterTheEnd) {
       ErrorCode::kInvalidInput);
 }
 
-TEST_F(Recording, metadataAboveTheWritersBoundAreADamageThatIsNamedAndTheChunksStayReadable) {
+TEST_F(Recording, oversizedMetadataIsNamedDamageAndChunksStayReadable) {
   using namespace recording_format;
   const Bytes chunk = encodeChunk(Resolution::standard(), smoothGesture(12));
   // same limit as the writer's, which refuses such metadata
@@ -407,7 +407,7 @@ TEST_F(Recording, whatIsDamagedBetweenTwoChunksIsOneDamageHoweverManyRecords) {
   EXPECT_EQ(reader->unusableTailBytes(), file.size() - end_of_second);
 }
 
-TEST_F(Recording, randomDamageNeverCrashesTheReaderNorGivesWhatWasNotWritten) {
+TEST_F(Recording, randomDamageNeverCrashesTheReaderOrInventsSamples) {
   const auto path = write(3, 20);
   const Bytes whole = load(path);
   std::vector<Bytes> written;

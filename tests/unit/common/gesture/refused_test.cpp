@@ -6,7 +6,7 @@
 #include <cstring>
 #include <map>
 
-#include "common/base/crc32c.h"
+#include "common/base/bytes.h"
 #include "common/gesture/chunk.h"
 #include "tests/support/store/chunk_files.h"
 #include "tests/unit/common/gesture/gesture_samples.h"
@@ -73,7 +73,7 @@ TEST(RefusedChunk, strangeChunksAreReadAsTheyStand) {
   EXPECT_EQ(read.at("values of phase and fault without a name")[0].fault, 255);
 }
 
-TEST(RefusedChunk, theCheckSaysOfAnyChangedChunkWhatTheDecoderSays) {
+TEST(RefusedChunk, theCheckAgreesWithTheDecoderOnChangedChunks) {
   std::mt19937_64 random(21);
   const Bytes chunks[] = {encodeChunk(Resolution::standard(), smoothGesture(100)),
                           encodeChunk(Resolution::lossless(), anySamples(40, 5)),

@@ -1,4 +1,4 @@
-#include "common/gesture/sample_csv.h"
+#include "common/gesture/sample.h"
 
 #include <gtest/gtest.h>
 
@@ -82,7 +82,7 @@ TEST(SampleCsv, writtenNumbersReadBackBitForBit) {
   }
 }
 
-TEST(SampleCsv, whatIsNoNumberLeavesAsFormatMdSaysAndIsRefusedWhereScoresNeedIt) {
+TEST(SampleCsv, nonFiniteNumbersAreWrittenAsSpecifiedAndRefusedForScores) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   GestureSample s = exampleSample();
   s.p_WT_m[1] = -0.0;

@@ -1,4 +1,4 @@
-#include "common/gesture/session_hash.h"
+#include "common/gesture/chunk.h"
 
 #include <gtest/gtest.h>
 

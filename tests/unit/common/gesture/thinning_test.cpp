@@ -119,7 +119,7 @@ TEST(Thinning, noFlagButtonFaultOrPeakOfTimeIsLost) {
   EXPECT_EQ(out[20].layer, 1);
 }
 
-TEST(Thinning, missingTicksShiftNothingAndWhatIsNoNumberDoesNotSpread) {
+TEST(Thinning, missingTicksShiftNothingAndNonFiniteValuesDoNotSpread) {
   auto samples = made(400, [](GestureSample& s, double t) {
     s.p_WT_m[0] = 2 * t;
     // the same orientation, with either sign of the quaternion
@@ -158,7 +158,7 @@ TEST(Thinning, aTargetAtTheRateOrAboveChangesNothing) {
   }
 }
 
-TEST(Thinning, ticksThatDoNotAscendBeginAnew) {
+TEST(Thinning, nonAscendingTicksRestartTheFilter) {
   auto samples = made(100, [](GestureSample&, double) {});
   const auto again = samples;
   samples.insert(samples.end(), again.begin(), again.end());

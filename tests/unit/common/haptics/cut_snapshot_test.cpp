@@ -32,7 +32,7 @@ TEST(CutSnapshot, givesBackEveryNumber) {
     const CutSnapshot sent = snapshotOf(tracks);
     const Bytes bytes = encodeCuts(sent);
     EXPECT_EQ(bytes.size(), 20 + 60 * tracks);
-    EXPECT_LE(bytes.size(), kMostCutSnapshotBytes);
+    EXPECT_LE(bytes.size(), kMaxCutSnapshotBytes);
     const auto got = decodeCuts(bytes);
     ASSERT_TRUE(got.ok()) << got.error().message;
     EXPECT_EQ(got->tick, sent.tick);

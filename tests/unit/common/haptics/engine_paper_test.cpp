@@ -70,7 +70,7 @@ TEST(PaperOneDof, obliqueInsertionGivesTheSameForcesAlongTheTrajectory) {
   }
 }
 
-TEST(PaperStop, forceGoesDownInAStraightLineToTheRejectionForceInTheGivenTime) {
+TEST(PaperStop, forceFallsLinearlyToTheRejectionForceInTheGivenTime) {
   for (const double rate_hz : {250.0, 1000.0, 4000.0}) {
     const SceneSpec scene = paperOneDof();  // 1 N, rejection 0.1 N, 0.8 s
     const int n = static_cast<int>(0.8 * rate_hz);
@@ -105,7 +105,7 @@ TEST(PaperStop, insertingAgainAfterAStopGoesBackToTheFullCuttingForce) {
   EXPECT_NEAR(probe.last().cutting_N, -1.0, 1e-9);
 }
 
-TEST(PaperSixLayers, everyLayerHasItsOwnForceAndTheWayOutHasFourTenths) {
+TEST(PaperSixLayers, everyLayerHasItsForceAndWithdrawalFourTenths) {
   static constexpr std::array<double, 6> kForce_N = {1, 2, 1.5, 2.5, 3, 4};
   for (const Vec3 inward : inwardDirections()) {
     const Site site = siteFacing(inward);

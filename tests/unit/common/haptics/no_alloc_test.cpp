@@ -34,7 +34,7 @@ TEST(NoAllocScope, seesNewAndDeleteAndMalloc) {
   EXPECT_EQ(by_malloc, 2u);
 }
 
-TEST(NoAlloc, stepUsesNoHeapWhateverHappens) {
+TEST(NoAlloc, stepNeverUsesTheHeap) {
   for (const LimbKind limb : kLimbKinds)
     for (const auto mode : {ClampingMode::kProportional, ClampingMode::kConservative}) {
       SceneSpec scene = withClamping(withLimb(allEffects(), limb), mode);

@@ -92,7 +92,7 @@ TEST(SceneSpec, theReadyMadeScenesAreValid) {
     }
 }
 
-TEST(SceneSpec, everyFieldOutOfRangeInEveryWayIsRefusedByPathValueAndRange) {
+TEST(SceneSpec, outOfRangeFieldsAreRefusedByPathValueAndRange) {
   for (const Field& field : fields()) {
     const double inf = std::numeric_limits<double>::infinity();
     std::vector<std::pair<double, std::string>> bad = {

@@ -29,7 +29,7 @@ TEST(AidList, knownAidsOnceEachAreValid) {
   EXPECT_EQ(twice.error().message, "a.b[2]: FORCE is listed twice");
 }
 
-TEST(AidList, whereAnExerciseSaysNothingAllButTheSliceAreOn) {
+TEST(AidList, withoutASettingAllButTheSliceAreOn) {
   pb::Exercise exercise;
   const AidList usual = aidsOfExercise(exercise);
   EXPECT_EQ(usual.size(), 11);

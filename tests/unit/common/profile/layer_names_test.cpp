@@ -49,7 +49,7 @@ TEST(LayerNames, areThoseOfTheTableThatTheConsoleHasToo) {
   }
 }
 
-TEST(LayerNames, everyTissueHasItsOwn) {
+TEST(LayerNames, everyTissueHasItsOwnName) {
   pb::Profile profile;
   for (int tissue = pb::Layer::Tissue_MIN; tissue <= pb::Layer::Tissue_MAX; ++tissue)
     profile.add_layers()->set_tissue(static_cast<pb::Layer::Tissue>(tissue));
@@ -105,7 +105,7 @@ TEST(LayerNames, aNameIsWrittenAfterItsTissueAndReadBack) {
   EXPECT_EQ(layerNames(*again), (std::vector<std::string>{"skin", "Gelenkhöhle", longest}));
 }
 
-TEST(LayerNames, aProfileOfBeforeIsWrittenAsBefore) {
+TEST(LayerNames, aProfileWithoutNamesIsWrittenUnchanged) {
   const auto profile = parseProfile(kGoodProfile, "p");
   ASSERT_TRUE(profile.ok());
   const auto written = nlohmann::json::parse(profileJson(*profile));

@@ -192,7 +192,7 @@ TEST(PlannedLine, itsDirectionMayHaveAnyLengthButNone) {
   }
 }
 
-TEST(PlannedLine, isNoneWithoutALine) {
+TEST(PlannedLine, isAbsentWithoutALine) {
   pb::Exercise exercise;
   EXPECT_FALSE(plannedLineOf(exercise));
   // only in code: parseExercise refuses these
@@ -216,7 +216,7 @@ TEST(PlannedLine, measuresDistancesAndAngles) {
   EXPECT_NEAR(distanceFrom(line, {0.003, 0.004, 7}), 0.005, 1e-12) << "the line has no ends";
   EXPECT_NEAR(distanceFrom(line, {0, 0, -0.5}), 0, 1e-15);
   EXPECT_EQ(angleTo(line, {0, 0, -1}), 0);
-  EXPECT_NEAR(angleTo(line, {0, 0, 1}), std::numbers::pi, 1e-15) << "the other way round is no agreement";
+  EXPECT_NEAR(angleTo(line, {0, 0, 1}), std::numbers::pi, 1e-15) << "the other way round is not agreement";
   EXPECT_NEAR(angleTo(line, {0, 1, 0}), std::numbers::pi / 2, 1e-15);
   // an arc cosine would lose such a small angle to rounding
   EXPECT_NEAR(angleTo(line, normalized(Vec3{1e-9, 0, -1})), 1e-9, 1e-20);

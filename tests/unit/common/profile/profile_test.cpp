@@ -70,7 +70,7 @@ TEST(ParseProfile, camelCaseMeansTheSame) {
   EXPECT_EQ(profileJson(*profile), profileJson(good()));
 }
 
-TEST(ParseProfile, optionalSectionsMayBeLeftOut) {
+TEST(ParseProfile, optionalSectionsMayBeOmitted) {
   nlohmann::json tree = nlohmann::json::parse(kGoodProfile);
   for (const char* key : {"axial_model", "virtual_fixture", "orientation_limit", "shaft_friction",
                           "max_force_n", "targets", "hazards", "description", "sources"}) {
@@ -82,7 +82,7 @@ TEST(ParseProfile, optionalSectionsMayBeLeftOut) {
   EXPECT_EQ(sceneSpecOf(*profile)->effects, 0u);
   EXPECT_EQ(sceneSpecOf(*profile)->max_force_N, 10);
   EXPECT_THAT(profileJson(*profile), HasSubstr("\"effects\": []"))
-      << "what is required is written, even when empty";
+      << "required fields are written, even when empty";
 }
 
 TEST(ProfileJson, readsBackTheSameAndIsStable) {
@@ -194,7 +194,7 @@ TEST(Curriculum, readsBackTheSame) {
   EXPECT_EQ(exercise->time_limit_s(), 60);
 }
 
-TEST(Curriculum, anExamIsAssignedOnlyAndAddsWhatItsExercisesDoNotSay) {
+TEST(Curriculum, anExamIsAssignedOnlyAndSuppliesExerciseDefaults) {
   const auto course = [](const std::string& flags) {
     return *parseCurriculum("{" + flags +
                                 R"("id": "c", "name": "C", "exercises": [

@@ -36,12 +36,12 @@ std::string cellOf(SceneSpec spec, double lever_m) {
   const std::string_view all = "", less = " without bone";
   std::string_view which = all;
   Held of = held(spec, lever_m);
-  if (of.share < kLeastStiffnessShare && (spec.effects & bitOf(Effect::kBone)) != 0) {
+  if (of.share < kMinStiffnessShare && (spec.effects & bitOf(Effect::kBone)) != 0) {
     spec.effects &= ~bitOf(Effect::kBone);
     of.share = held(spec, lever_m).share;
     which = less;
   }
-  if (of.share < kLeastStiffnessShare) return fmt::format(" {:.2f}, refused |", of.handle_Nm_per_rad);
+  if (of.share < kMinStiffnessShare) return fmt::format(" {:.2f}, refused |", of.handle_Nm_per_rad);
   return fmt::format(" {:.2f}, {:.0f} %{} |", of.handle_Nm_per_rad, 100 * of.share, which);
 }
 

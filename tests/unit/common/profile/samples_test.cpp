@@ -152,7 +152,7 @@ TEST(Samples, theDirectionsAgreeWithTheAnatomy) {
       << "the glenoid is medial of the head";
 }
 
-TEST(Samples, noLayerOfAPatientIsCalledByANumber) {
+TEST(Samples, noPatientLayerIsNamedByANumber) {
   for (const std::string& id : all()) {
     if (id == "paper-1dof") continue;  // the paper's single layer has no tissue
     for (const std::string& name : layerNames(sample(id)))
@@ -379,7 +379,7 @@ TEST(Samples, theStepsAreGraded) {
   EXPECT_NEAR(distance(wrist.hazards(0), vec(wrist.targets(0).center_m())), 0.003, 0.0005);
 }
 
-TEST(Samples, everyAxialModelCanBeChosenForTheOneThatHasAllSections) {
+TEST(Samples, everyAxialModelWorksWithTheSampleOfAllSections) {
   for (const std::string_view name : kAxialModelNames) {
     pb::Profile profile = sample(kModels);
     const Status chosen = chooseModel(profile, std::string(name));

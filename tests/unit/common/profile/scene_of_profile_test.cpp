@@ -2,10 +2,14 @@
 #include <gmock/gmock.h>
 #include <google/protobuf/util/message_differencer.h>
 
+#include <algorithm>
 #include <functional>
 #include <limits>
 #include <numbers>
+#include <set>
+#include <span>
 
+#include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/models/like_for_like.h"
 #include "common/haptics/scene_model.h"
@@ -109,7 +113,7 @@ TEST(SceneOfProfile, refusesAPlacementThatIsNoPose) {
       << "rounded files pass, and are mended";
 }
 
-TEST(SceneOfProfile, aMessageThatNobodyCheckedIsChecked) {
+TEST(SceneOfProfile, anUncheckedMessageIsChecked) {
   EXPECT_FALSE(sceneSpecOf(pb::Profile()).ok());
   pb::Profile profile = profileWith("/name", "\"n\"");
   profile.mutable_layers(0)->set_cutting_force_n(std::nan(""));
@@ -198,9 +202,7 @@ TEST(SceneOfProfile, theEnginesRangesAreThoseOfTheProto) {
 TEST(EffectSections, areThoseOfTheMessages) {
   const auto* profile = pb::Profile::descriptor();
   for (const EffectEntry* effect : effectEntries()) {
-    const auto number = static_cast<int>(effect->effect) + 1;
-    ASSERT_TRUE(pb::Profile::Effect_IsValid(number)) << effect->name;
-    EXPECT_EQ(pb::Profile::Effect_Name(static_cast<pb::Profile::Effect>(number)), effect->name);
+    EXPECT_EQ(pb::Profile::Effect_Name(numberOfEffect(effect->effect)), effect->name);
     if (effect->section.empty()) continue;
     const auto* section = profile->FindFieldByName(std::string(effect->section));
     ASSERT_NE(section, nullptr) << effect->section;
@@ -233,6 +235,54 @@ pb::Profile models() {
   auto profile = parseProfile(kGoodModels, "models.json");
   EXPECT_TRUE(profile.ok()) << (profile.ok() ? "" : profile.error().message);
   return profile.ok() ? std::move(profile).value() : pb::Profile();
+}
+
+/// Holds the fields of a model's row against those of the message: the same numbers, with the same ranges.
+void expectFields(const google::protobuf::Descriptor& message, std::span<const AxialField> fields) {
+  std::set<std::string> numbers;
+  const auto visit = [&](const auto& self, const google::protobuf::Descriptor& type,
+                         const std::string& path) -> void {
+    for (int i = 0; i < type.field_count(); ++i) {
+      const auto& field = *type.field(i);
+      const bool is_text = field.cpp_type() == google::protobuf::FieldDescriptor::CPPTYPE_STRING;
+      if (field.is_repeated() || is_text) continue;
+      if (field.message_type() != nullptr)
+        self(self, *field.message_type(), path + field.name() + ".");
+      else
+        numbers.insert(path + field.name());
+      const auto row = std::ranges::find(fields, path + field.name(), &AxialField::name);
+      if (row == fields.end() || !field.options().HasExtension(pb::range)) continue;
+      const pb::Range& range = field.options().GetExtension(pb::range);
+      EXPECT_EQ(range.min(), row->range.min) << field.full_name();
+      EXPECT_EQ(range.max(), row->range.max) << field.full_name();
+      EXPECT_EQ(range.min_open(), row->range.min_open) << field.full_name();
+    }
+  };
+  visit(visit, message, "");
+  std::set<std::string> named;
+  for (const AxialField& field : fields) named.insert(std::string(field.name));
+  EXPECT_EQ(named, numbers) << message.full_name();
+}
+
+// The engine owns the table of models, authors and files use profile.proto: both must match.
+TEST(ModelSections, areThoseOfTheMessages) {
+  for (std::size_t i = 0; i < kAxialModelCount; ++i) {
+    const AxialEntry& entry = *axialEntries()[i];
+    SCOPED_TRACE(kAxialModelNames[i]);
+    EXPECT_EQ(static_cast<std::size_t>(entry.model), i);
+    EXPECT_EQ(pb::Profile::AxialModel_Name(static_cast<int>(i) + 1), kAxialModelNames[i]);
+    const AxialSection& own = entry.section;
+    if (own.name.empty()) continue;
+    const auto* of = own.inLayers() ? pb::Layer::descriptor() : pb::Profile::descriptor();
+    const auto* section = of->FindFieldByName(std::string(own.name));
+    ASSERT_NE(section, nullptr) << own.name;
+    expectFields(*section->message_type(), own.fields);
+    if (own.table.empty()) continue;
+    const auto* table = section->message_type()->FindFieldByName(std::string(own.table));
+    ASSERT_NE(table, nullptr) << own.table;
+    expectFields(*table->message_type(), own.row_fields);
+    if (own.max_rows > 0) EXPECT_EQ(table->options().GetExtension(pb::max_items), own.max_rows);
+  }
 }
 
 TEST(ModelSections, reachTheSceneAsWritten) {
@@ -288,7 +338,7 @@ TEST(ModelSections, readBackTheSame) {
   EXPECT_EQ(nlohmann::json::parse(text), nlohmann::json::parse(kGoodModels));
 }
 
-TEST(ModelSections, fieldsWithADefaultMayBeLeftOut) {
+TEST(ModelSections, defaultedFieldsMayBeOmitted) {
   std::string text = mutated(kGoodModels, "/direct", "{}");
   EXPECT_EQ(sceneSpecOf(*parseProfile(text, "p"))->direct.stiffness_N_per_m, 500);
   EXPECT_TRUE(sceneSpecOf(*parseProfile(text, "p"))->direct.step_at_layers);
@@ -439,7 +489,7 @@ TEST(ChooseModel, givesDefaultsWhereThereAreAnyAndNamesTheSectionOtherwise) {
   EXPECT_THAT(told("direct"), AllOf(HasSubstr("'direct' is unknown"), HasSubstr("GOD_OBJECT")));
 }
 
-TEST(ProfileWarnings, sayWhatAModelDoesNotHaveAndWhatIsSynthetic) {
+TEST(ProfileWarnings, nameUnsupportedEffectsAndSyntheticNumbers) {
   pb::Profile profile = models();
   EXPECT_THAT(profileWarnings(profile), Contains(HasSubstr("ATTRACTED is listed, axial_model DIRECT")));
   ASSERT_TRUE(chooseModel(profile, "STATISTICAL").ok());

@@ -86,7 +86,7 @@ Motion steered(const Way& way, std::uint64_t seed) {
   return motion.moveTo(way.target_m, points, random.in(0.2, 1.5)).take();
 }
 
-TEST(SteeredPaths, noneComesToATargetForLessThanHalfOfTheStraightOne) {
+TEST(SteeredPaths, noneReachesATargetForLessThanHalfTheStraightCost) {
   const std::uint64_t paths = longForm() ? 2000 : 250;
   int targets = 0;
   for (const auto& entry : std::filesystem::directory_iterator(NEEDLELAB_SAMPLES)) {

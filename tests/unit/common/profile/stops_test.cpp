@@ -228,7 +228,7 @@ TEST(StopsOfSamples, tremorHidesNoTissue) {
 }
 
 // the values that a score reads: continuing slowly after a rest cannot lower them
-TEST(StopsOfSamples, peakForceAndLayerMeansDoNotDependOnTheSpeedAfterARest) {
+TEST(StopsOfSamples, forcesAfterARestDoNotDependOnTheSpeed) {
   for (const Sample& sample : samplesWithAWall()) {
     std::array<double, 2> peak_N{};
     std::array<std::vector<double>, 2> mean_N;

@@ -63,7 +63,7 @@ TEST(Certificates, theAuthoritysKeyMayLieElsewhereUntilItIsNeeded) {
   EXPECT_THAT(without.error().message, testing::HasSubstr("ca.key"));
 }
 
-TEST(Certificates, withoutTheAuthoritysKeyOnlyTheNamesThatAreAskedForMustBeThere) {
+TEST(Certificates, withoutTheAuthoritysKeyRequestedNamesMustExist) {
   const TempFolder folder;
   const TlsFiles files = tlsFilesIn(folder.path() / "tls");
   ASSERT_TRUE(ensureTlsFiles(files, {.hosts = {"b.example.org"}, .domains = {"example.org"}}).ok());
@@ -80,7 +80,7 @@ TEST(Certificates, withoutTheAuthoritysKeyOnlyTheNamesThatAreAskedForMustBeThere
   EXPECT_TRUE(*ensureTlsFiles(files, {.hosts = {"b.example.org"}, .own = {"box.example.org"}}));
 }
 
-TEST(Certificates, aHostThatIsNoneIsRefused) {
+TEST(Certificates, anInvalidHostIsRefused) {
   const TempFolder folder;
   for (const char* host : {"", "a b", "x,DNS:y", "evil:1"}) {
     EXPECT_EQ(ensureTlsFiles(tlsFilesIn(folder.path()), {{host}}).error().code, ErrorCode::kInvalidInput)
@@ -218,7 +218,7 @@ TEST(Tls, theServersNameOrAddressMustBeInItsCertificate) {
 }
 
 // what a thief of ca.key would make: OpenSSL's client refuses the name despite the valid signature
-TEST(Tls, aNameThatTheAuthorityMayNotSignIsRefusedByEveryPeer) {
+TEST(Tls, everyPeerRefusesANameTheAuthorityMayNotSign) {
   const TempFolder folder;
   const auto files = tlsFilesIn(folder.path());
   ASSERT_TRUE(ensureTlsFiles(files, {.hosts = {"localhost"}, .domains = {"lab.example.org"}}).ok());
@@ -245,7 +245,7 @@ TEST(Tls, anAuthorityIsFollowedByAnotherWithoutABreak) {
   EXPECT_TRUE(shakes(before));
   EXPECT_TRUE(shakes(between));
   EXPECT_TRUE(switchAuthority(files).ok());
-  EXPECT_FALSE(shakes(before)) << "who did not get the new ca.crt";
+  EXPECT_FALSE(shakes(before)) << "a client without the new ca.crt";
   EXPECT_TRUE(shakes(between));
   EXPECT_FALSE(*ensureTlsFiles(files, {{"localhost"}})) << "a start finds nothing to do";
   EXPECT_TRUE(dropOldAuthorities(files).ok());
@@ -284,7 +284,7 @@ Authority authorityOf(long begin_days, long end_days) {
 
 // The clock was ahead when it was made, or is behind now: impossible to tell here, and peers have their own
 // clocks.
-TEST(Certificates, anAuthorityThatIsNotValidByTheClockHereIsNamedAndTheServerKeepsItsCertificate) {
+TEST(Certificates, anAuthorityInvalidByThisClockIsNamedAndCertificatesStay) {
   const struct {
     long begin_days, end_days;
     std::vector<std::string> words;
@@ -351,7 +351,7 @@ TEST(Certificates, aServersShortNameGoesWithItToTheNewAuthority) {
               testing::UnorderedElementsAre("box", "localhost", "needle.example.org"));
 }
 
-TEST(Tls, aSwitchThatWasCutOffServesAtEachStepAndIsRepeated) {
+TEST(Tls, aCutOffSwitchServesAtEachStepAndIsRepeated) {
   const TempFolder folder;
   const auto files = tlsFilesIn(folder.path());
   ASSERT_TRUE(ensureTlsFiles(files, {{"localhost"}}).ok());
@@ -394,7 +394,7 @@ TEST(Certificates, theMovedKeyIsTheSameAndNothingIsWrittenOver) {
   EXPECT_FALSE(*ensureTlsFiles(files, {{"localhost"}})) << "the server starts without it";
 }
 
-TEST(Certificates, aLostAuthorityIsNotFollowedByAnotherWhateverIsLeftOfItsFiles) {
+TEST(Certificates, aLostAuthorityIsNeverReplaced) {
   for (const auto kept : {&TlsFiles::certificate, &TlsFiles::key}) {
     const TempFolder folder;
     const auto files = tlsFilesIn(folder.path() / "tls");
@@ -417,7 +417,7 @@ TEST(Certificates, aLostAuthorityIsNotFollowedByAnotherWhateverIsLeftOfItsFiles)
   }
 }
 
-TEST(Tls, aKeyThatAFirstStartLeftWhenItWasCutOffIsTakenAndNotReplaced) {
+TEST(Tls, anInterruptedFirstStartsKeyIsReused) {
   const TempFolder folder;
   const auto files = tlsFilesIn(folder.path() / "tls");
   ASSERT_TRUE(ensureTlsFiles(files, {{"localhost"}}).ok());
@@ -427,7 +427,7 @@ TEST(Tls, aKeyThatAFirstStartLeftWhenItWasCutOffIsTakenAndNotReplaced) {
   ASSERT_TRUE(ensureTlsFiles(files, {{"localhost"}}).ok());
   EXPECT_EQ(*readWholeFile(files.ca_key), key);
   EXPECT_TRUE(handshake(*makeServerTls(files.certificate, files.key), client, "localhost").ok())
-      << "who trusts the authority of before goes on";
+      << "a client that trusts the earlier authority continues";
 }
 
 /// A writer of `path` that is killed before it finishes.

@@ -58,8 +58,8 @@ class ChannelKeys : public testing::TestWithParam<bool> {
   std::uint64_t seq_ = 0;
 };
 
-TEST_P(ChannelKeys, aPeerMayChangeThemAFewTimesAndIsCutAtTheNext) {
-  for (std::uint64_t change = 0; change < kMostKeyUpdates; ++change) {
+TEST_P(ChannelKeys, aPeerMayChangeKeysAFewTimesBeforeBeingCut) {
+  for (std::uint64_t change = 0; change < kMaxKeyUpdates; ++change) {
     changeKeys(*ends_.from);
     ASSERT_TRUE(arrives()) << change;
   }
@@ -70,15 +70,15 @@ TEST_P(ChannelKeys, aPeerMayChangeThemAFewTimesAndIsCutAtTheNext) {
   EXPECT_THAT(ends_.to->closeText(), testing::HasSubstr("keys"));
 }
 
-TEST_P(ChannelKeys, ofManyChangesAtOnceTlsReadsOneTooManyAndNoMore) {
+TEST_P(ChannelKeys, ofManyKeyChangesTlsReadsOneTooMany) {
   for (int change = 0; change < 2000; ++change) changeKeys(*ends_.from);
   EXPECT_FALSE(arrives());
   EXPECT_TRUE(ends_.to->closed());
-  EXPECT_EQ(keyUpdatesOf(ends_.to->ssl()), kMostKeyUpdates + 1);
+  EXPECT_EQ(keyUpdatesOf(ends_.to->ssl()), kMaxKeyUpdates + 1);
 }
 
 TEST_P(ChannelKeys, eachMiBThatIsSentAllowsAnotherChange) {
-  for (std::uint64_t change = 0; change < kMostKeyUpdates; ++change) changeKeys(*ends_.from);
+  for (std::uint64_t change = 0; change < kMaxKeyUpdates; ++change) changeKeys(*ends_.from);
   ASSERT_TRUE(arrives());
   // 1.8 MB: one MiB and less than two
   ASSERT_TRUE(arrives(900'000));
@@ -90,7 +90,7 @@ TEST_P(ChannelKeys, eachMiBThatIsSentAllowsAnotherChange) {
 }
 
 TEST_P(ChannelKeys, eachMiBThatIsReceivedAllowsAnotherChange) {
-  for (std::uint64_t change = 0; change < kMostKeyUpdates; ++change) changeKeys(*ends_.from);
+  for (std::uint64_t change = 0; change < kMaxKeyUpdates; ++change) changeKeys(*ends_.from);
   ASSERT_TRUE(arrives());
   for (int i = 0; i < 2; ++i) {
     ends_.to->send(numberedChunk(0, 900'000));
@@ -129,7 +129,7 @@ Task<> takeTurnsBeside(asio::io_context& io, std::shared_ptr<ReadTurns> turns) {
   }
 }
 
-TEST(ChannelRecords, ofTheOnesThatAreThereATurnTakesABoundedNumberAndOthersHaveTheirTurns) {
+TEST(ChannelRecords, aTurnReadsABoundedNumberAndOthersGetTurns) {
   Loopback loop;
   loop.connect();
   loop.server->established();

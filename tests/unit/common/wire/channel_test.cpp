@@ -85,7 +85,7 @@ TEST(Channel, aPeerThatWritesByteByByteIsUnderstood) {
   EXPECT_EQ(got->chunk().seq(), 5u);
 }
 
-TEST(Channel, beforeLogInAFrameOfMoreThan4KiBIsRefused) {
+TEST(Channel, aFrameOver4KiBBeforeLogInIsRefused) {
   Loopback loop;
   RawClient client(loop);
   std::string bytes;
@@ -131,7 +131,7 @@ TEST(Channel, aHalfOpenPeerTimesOut) {
   EXPECT_TRUE(loop.runUntil([&] { return loop.server->closed(); }));
 }
 
-TEST(Channel, aPeerThatNeverLogsInTimesOutEvenIfItKeepsSending) {
+TEST(Channel, aPeerThatNeverLogsInTimesOutDespiteTraffic) {
   Loopback loop;
   ChannelLimits limits;
   limits.handshake_timeout = milliseconds(200);
@@ -220,7 +220,7 @@ TEST(Channel, aSlowReaderOfControlMessagesIsDisconnectedByName) {
   }
 }
 
-TEST(Channel, whatIsHeldForAMessageIsReleasedWhenTheNetworkHasTakenAllOfItOrWillNot) {
+TEST(Channel, aMessagesHoldIsReleasedWhenSentOrDropped) {
   Loopback loop;
   ChannelLimits limits;
   limits.socket_buffer_bytes =
@@ -233,7 +233,7 @@ TEST(Channel, whatIsHeldForAMessageIsReleasedWhenTheNetworkHasTakenAllOfItOrWill
   ASSERT_TRUE(loop.server->send(chunk(1), held));
   for (int turn = 0; turn < 1000; ++turn) loop.io.poll();
   EXPECT_LT(loop.server->controlQueueBytes(), 1000u) << "the long message has left the queue";
-  EXPECT_EQ(held.use_count(), 3) << "but nobody has read it";
+  EXPECT_EQ(held.use_count(), 3) << "but no one has read it";
   ASSERT_TRUE(loop.receive(loop.client).ok());
   ASSERT_TRUE(loop.receive(loop.client).ok());
   EXPECT_TRUE(loop.runUntil([&] { return held.use_count() == 1; }));
@@ -258,7 +258,7 @@ TEST(Channel, aPeerThatStopsReadingIsCutByTheWriteTimeOut) {
   EXPECT_EQ(loop.server->closeReason(), CloseReason::kWriteTimeout);
 }
 
-TEST(Channel, aSlowReaderOfLiveFramesLosesTheOldestAndHearsHowMany) {
+TEST(Channel, aSlowReaderLosesTheOldestFramesAndLearnsTheirCount) {
   Loopback loop;
   ChannelLimits limits;
   limits.socket_buffer_bytes = 65536;
@@ -385,7 +385,7 @@ TEST(Channel, controlOvertakesLive) {
   EXPECT_TRUE(first->has_chunk());
 }
 
-TEST(Channel, finishSendsWhatIsQueuedBeforeItCloses) {
+TEST(Channel, finishSendsTheQueueBeforeClosing) {
   Loopback loop;
   loop.connect();
   loop.client->established();

@@ -56,7 +56,7 @@ TEST(ChannelTimes, eachLimitIsOverOneNanosecondAfterItsTimeAndNotBefore) {
   }
 }
 
-TEST(ChannelTimes, theWatchNoticesEachLimitWithinAQuarterOfItAndAtMost2500Milliseconds) {
+TEST(ChannelTimes, theWatchDetectsEachLimitAtMostAQuarterLate) {
   for (const LimitCase& each : cases()) {
     // the watch as the channel runs it: it checks, then sleeps for the period
     std::int64_t now = kStart;
@@ -69,7 +69,7 @@ TEST(ChannelTimes, theWatchNoticesEachLimitWithinAQuarterOfItAndAtMost2500Millis
   }
 }
 
-TEST(ChannelTimes, whoReceivesIsNotIdleAndWhoSendsPingsNobody) {
+TEST(ChannelTimes, receivingIsNotIdleAndSendingNeedsNoPing) {
   ChannelTimes times = quiet();
   const std::int64_t later = kStart + 40'000 * kMilli;
   ASSERT_NE(dueAt(later, times, {}), ChannelDue::kNothing);
@@ -93,7 +93,7 @@ TEST(ChannelTimes, aPingIsNeverDueWhenKeepaliveIsOff) {
   EXPECT_EQ(dueAt(kStart + 3'600'000 * kMilli, quiet(), limits), ChannelDue::kNothing);
 }
 
-TEST(ChannelTimes, theFirstLimitIsSaidWhenSeveralAreOver) {
+TEST(ChannelTimes, theEarliestExceededLimitIsReported) {
   ChannelTimes times = quiet();
   times.write_started_ns = kStart;
   EXPECT_EQ(dueAt(kStart + 60'000 * kMilli, times, {}), ChannelDue::kWriteTimeout);

@@ -23,7 +23,7 @@ TEST(Endpoint, namesAndAddressesWithAndWithoutPort) {
   }
 }
 
-TEST(Endpoint, whatIsNoneIsRefusedByName) {
+TEST(Endpoint, anInvalidEndpointIsRefusedByName) {
   for (const char* text : {"", ":7750", "h:", "h:65536", "h:-1", "h:x", "h:7750x", "::1", "[::1", "[::1]7750",
                            "[::1]:", "[[::1]:80", "[host]:80", "a b:80", "h\n:80", "caf\xc3\xa9:80"}) {
     const auto endpoint = parseEndpoint(text);
@@ -35,7 +35,7 @@ TEST(Endpoint, whatIsNoneIsRefusedByName) {
 
 // --- several
 
-TEST(Endpoints, oneAloneIsReadAsBefore) {
+TEST(Endpoints, aSingleEndpointIsReadAsBefore) {
   const auto one = parseEndpoints("lab.example:7751");
   ASSERT_TRUE(one.ok()) << one.error().message;
   ASSERT_EQ(one->size(), 1u);
@@ -65,8 +65,8 @@ TEST(Endpoints, anEmptyADoubleOrABadEntryIsNamed) {
   EXPECT_THAT(why("a:1,b:x"), testing::HasSubstr("'b:x' is no HOST:PORT"));
   EXPECT_THAT(why("a:1;b:2"), testing::HasSubstr("'a:1;b:2' is no HOST:PORT"));
   std::string many = "h0";
-  for (std::size_t i = 1; i < kMostEndpoints; ++i) many += ",h" + std::to_string(i);
-  EXPECT_EQ(parseEndpoints(many)->size(), kMostEndpoints);
+  for (std::size_t i = 1; i < kMaxEndpoints; ++i) many += ",h" + std::to_string(i);
+  EXPECT_EQ(parseEndpoints(many)->size(), kMaxEndpoints);
   EXPECT_THAT(why(many + ",one-more"), testing::HasSubstr("more than 16"));
 }
 

@@ -125,7 +125,7 @@ TEST(EnvelopeScan, aStationsLiveFrameMayCarryTheCountOfItsDroppedOnes) {
 
 TEST(EnvelopeScan, readsABoundedNumberOfTagsHoweverLongTheMessageIs) {
   std::string unknown;
-  for (std::size_t i = 0; i < kMostHeadFields; ++i) unknown += std::string("\x78\x01", 2);  // field 15
+  for (std::size_t i = 0; i < kMaxHeadFields; ++i) unknown += std::string("\x78\x01", 2);  // field 15
   EXPECT_TRUE(scanEnvelope(viewOf(unknown)).ok());
   EXPECT_EQ(scanEnvelope(viewOf(unknown + "\x78\x01")).error().code, ErrorCode::kCorrupt);
   pb::Envelope list;
@@ -182,9 +182,9 @@ TEST(PayloadCost, packedNumbersAreItemsToo) {
   EXPECT_THAT(measurePayload(*scanEnvelope(viewOf(bytes))).error().message, HasSubstr("more than 64 items"));
 }
 
-TEST(PayloadCost, soManyFieldsAndNoMore) {
+TEST(PayloadCost, theFieldCountIsBounded) {
   std::string unknown;
-  for (std::size_t i = 0; i < kMostPayloadFields; ++i) unknown += std::string("\x78\x01", 2);
+  for (std::size_t i = 0; i < kMaxPayloadFields; ++i) unknown += std::string("\x78\x01", 2);
   const std::string most = field(5, unknown), more = field(5, unknown + "\x78\x01");
   EXPECT_TRUE(measurePayload(*scanEnvelope(viewOf(most))).ok());
   EXPECT_THAT(measurePayload(*scanEnvelope(viewOf(more))).error().message,
@@ -210,7 +210,7 @@ TEST(PayloadCost, isNoLessThanTheMemoryOfTheParsedMessage) {
   }
 }
 
-TEST(PayloadCost, theBytesOfAChunkAreCopiedAndNotReadOneByOne) {
+TEST(PayloadCost, aChunksBytesAreCopiedWithoutScanning) {
   pb::Envelope chunk;
   chunk.mutable_chunk()->set_session_id("0123456789abcdef");
   chunk.mutable_chunk()->set_data(std::string(500'000, 'x'));

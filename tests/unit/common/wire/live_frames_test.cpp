@@ -63,7 +63,7 @@ TEST(LiveSplice, aSplicedFrameIsTheOneThatProtobufWouldWrite) {
   }
 }
 
-TEST(LiveSplice, whateverTheBytesWhatIsPassedOnIsWhatProtobufReads) {
+TEST(LiveSplice, splicedFramesMatchProtobufForAnyBytes) {
   std::mt19937_64 random(seed());
   int taken = 0;
   for (int i = 0; i < 100'000; ++i) {
@@ -118,7 +118,7 @@ TEST(LiveSplice, whatIsNotPlainIsLeftToTheParser) {
     EXPECT_FALSE(viewLiveFrame(viewOf(plain.substr(0, length)))) << "cut after " << length;
 }
 
-TEST(LiveSplice, aFrameThatWouldBeTooLongIsNone) {
+TEST(LiveSplice, anOversizedFrameIsDropped) {
   const std::string data(kMaxFrameBytes, 'x');
   LiveFrameView frame;
   frame.data = data;

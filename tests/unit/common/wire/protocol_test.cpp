@@ -49,7 +49,7 @@ TEST(Framing, lengthIsFourBytesBigEndian) {
   EXPECT_EQ(out, std::string("\x00\x01\x23\x45", 4));
 }
 
-TEST(Framing, anEnvelopeComesBackAsItWas) {
+TEST(Framing, anEnvelopeSurvivesARoundTrip) {
   pb::Envelope envelope;
   envelope.mutable_ack()->set_committed_seqs(1234567890123);
   envelope.set_refused_request(7);
@@ -60,7 +60,7 @@ TEST(Framing, anEnvelopeComesBackAsItWas) {
   EXPECT_EQ(back->SerializeAsString(), envelope.SerializeAsString());
 }
 
-TEST(Framing, aTextThatIsNoUtf8IsRefusedWithoutALineOnStandardError) {
+TEST(Framing, invalidUtf8IsRefusedWithoutOutputOnStderr) {
   // a program name that we do not use
   pb::Envelope envelope;
   envelope.mutable_hello()->set_program("needlelab");
@@ -104,7 +104,7 @@ TEST(Framing, lengthZeroIsRefused) {
   EXPECT_FALSE(feed(splitter, std::string(4, '\0'), 4, frames));
 }
 
-TEST(Framing, aLengthAboveTheLimitIsRefusedBeforeAnythingIsAllocatedForIt) {
+TEST(Framing, anOversizedLengthIsRefusedBeforeAllocation) {
   for (const std::size_t limit : {kMaxFrameBytesBeforeLogin, kMaxFrameBytes}) {
     for (const std::size_t length : {limit + 1, std::size_t{0x7fffffff}, std::size_t{0xffffffff}}) {
       FrameSplitter splitter(limit);
@@ -221,7 +221,7 @@ pb::Version version(std::uint32_t major, std::uint32_t minor) {
   return v;
 }
 
-TEST(Version, sameMajorSpeaksTogetherWhateverTheMinor) {
+TEST(Version, equalMajorVersionsAreCompatible) {
   EXPECT_TRUE(checkVersion(version(1, 0), version(1, 7)).ok());
   EXPECT_TRUE(checkVersion(version(1, 7), version(1, 0)).ok());
 }
@@ -266,7 +266,7 @@ TEST(Refusal, aSessionIsNamedByAnIdOfSixteenBytesOnly) {
   EXPECT_EQ(refusal.session_id(), "0123456789abcdef");
 }
 
-TEST(Refusal, aCodeThatIsMissingOrWrongIsNeitherARoleNorAnAbsentServer) {
+TEST(Refusal, aMissingOrWrongCodeHasItsOwnReason) {
   EXPECT_EQ(refusalOf(Error{ErrorCode::kCode, "no"}).reason(), pb::Refusal::CODE);
   const Error error = errorOf(makeRefusal(pb::Refusal::CODE, "tom has a code: type it"));
   EXPECT_EQ(error.code, ErrorCode::kCode);

@@ -52,8 +52,8 @@ Bytes helloInRecordsOfOneByte(std::size_t records) {
   return all;
 }
 
-TEST(TlsHandshake, endsAtTheBoundOfItsBytesBeforeThePeersMessageIsComplete) {
-  constexpr std::size_t kRecordsInBound = kMostHandshakeBytes / 6;
+TEST(TlsHandshake, endsAtItsByteBoundBeforeTheMessageIsComplete) {
+  constexpr std::size_t kRecordsInBound = kMaxHandshakeBytes / 6;
   SSL* const ssl = SSL_new(test::TestTls::get().server->native_handle());
   TlsEngine engine(ssl);
   SSL_free(ssl);
@@ -133,7 +133,7 @@ TEST(TlsHandshake, ofOurProgramsHasAThirdOfTheBoundAtMost) {
   }
   EXPECT_EQ(client_step, TlsStep::kDone);
   EXPECT_EQ(server_step, TlsStep::kDone);
-  EXPECT_LE(std::max(from_client, from_server), kMostHandshakeBytes / 3);
+  EXPECT_LE(std::max(from_client, from_server), kMaxHandshakeBytes / 3);
 }
 
 }  // namespace

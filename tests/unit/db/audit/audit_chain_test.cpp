@@ -60,7 +60,7 @@ class AuditChainTest : public testing::Test {
   std::int64_t now = 1'700'000'000'000'000'000;
 };
 
-TEST_F(AuditChainTest, aLogAsItWasWrittenHasNoFaults) {
+TEST_F(AuditChainTest, anUntouchedLogHasNoFaults) {
   addLines(3);
   const auto verdict = verify({anchor()});
   EXPECT_THAT(verdict.texts, IsEmpty());
@@ -167,12 +167,12 @@ TEST_F(AuditChainTest, aLineRemovedAtTheBeginningIsFound) {
   EXPECT_FALSE(verify().ok());
 }
 
-TEST_F(AuditChainTest, removalOfTheEndIsFoundBeforeTheAnchorAndNotBehindIt) {
+TEST_F(AuditChainTest, aRemovedEndIsDetectedUpToTheAnchor) {
   addLines(3);
   const auto kept = anchor();
   addLines(2);
   tamper("DELETE FROM audit WHERE id > 4; DELETE FROM audit_chain WHERE position > 4");
-  EXPECT_THAT(faults({kept}), IsEmpty()) << "what was written behind the anchor is promised to nobody";
+  EXPECT_THAT(faults({kept}), IsEmpty()) << "lines behind the anchor are not promised";
   EXPECT_EQ(verify({kept}).head.position, 4u);
   tamper("DELETE FROM audit WHERE id > 2; DELETE FROM audit_chain WHERE position > 2");
   EXPECT_THAT(faults(), IsEmpty()) << "without an anchor";
@@ -213,7 +213,7 @@ TEST_F(AuditChainTest, aLineForgedWithoutTheKeyIsFound) {
   EXPECT_THAT(faults(), ElementsAre(HasSubstr("line 3:")));
 }
 
-TEST_F(AuditChainTest, anAcknowledgedBreakIsNoFaultAndSaysByWhomAndWhen) {
+TEST_F(AuditChainTest, anAcknowledgedBreakIsNoFaultAndNamesWhoAndWhen) {
   addLines(2);
   std::int64_t line = 0;
   const AuditHead entry = addBreak(line);
@@ -267,7 +267,7 @@ TEST_F(AuditChainTest, anAcknowledgementThatIsRepeatedOrForgedHidesNoOtherBreak)
   EXPECT_THAT(faults(), IsEmpty());
 }
 
-TEST_F(AuditChainTest, aChainThatWasBegunAnewIsNamedByABackupOfBeforeWhateverItsLength) {
+TEST_F(AuditChainTest, anOlderBackupRevealsARestartedChain) {
   addLines(3);
   auto backup = anchor();
   backup.first = test::TestDb::must(AuditChain(db.writer).firstMac());
@@ -337,7 +337,7 @@ TEST_F(AuditChainTest, theChainIsTheOneThatItsPageDescribes) {
   EXPECT_EQ(verdict->lines, 3u);
 }
 
-TEST_F(AuditChainTest, aKeyThatIsNoneIsRefusedByName) {
+TEST_F(AuditChainTest, anInvalidKeyIsRefusedByName) {
   const test::TempFolder folder;
   const auto key = folder.path() / kAuditKeyFile;
   EXPECT_EQ(AuditKey::ofFile(key).error().code, ErrorCode::kNotFound);

@@ -55,7 +55,7 @@ TEST_F(BackupTest, theWatermarkRisesToWhatTheCopyHolds) {
   EXPECT_EQ(*store.safeSeqs(id), 6u);
 }
 
-TEST_F(BackupTest, aSessionClosedDuringTheCopyIsNotSafeBeforeItsEndIs) {
+TEST_F(BackupTest, aSessionClosedDuringTheCopyIsNotSafeYet) {
   const auto result = backupTo(reader, target);
   ASSERT_OK(result);
   // Closed after the copy but before the backup is recorded: the copy has all chunks, but not the hash.
@@ -68,7 +68,7 @@ TEST_F(BackupTest, aSessionClosedDuringTheCopyIsNotSafeBeforeItsEndIs) {
   EXPECT_EQ(*store.safeSeqs(id), 5u);
 }
 
-TEST_F(BackupTest, writersGoOnMeanwhileAndTheCopyIsOneInstant) {
+TEST_F(BackupTest, writersContinueAndTheCopyIsOneInstant) {
   // The copy is one snapshot: a commit during the copy does not change it.
   ASSERT_OK(reader.script("BEGIN; SELECT count(*) FROM sessions"));
   ASSERT_OK(store.append(id, 5, test::chunkOf(5)));

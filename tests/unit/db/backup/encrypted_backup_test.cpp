@@ -55,7 +55,7 @@ class EncryptedFile : public testing::Test {
   std::string plain_;
 };
 
-TEST_F(EncryptedFile, comesBackAsItWasWhateverItsLength) {
+TEST_F(EncryptedFile, survivesARoundTripAtAnyLength) {
   for (const std::size_t bytes :
        {std::size_t{0}, std::size_t{1}, kPiece - 1, kPiece, kPiece + 1, 3 * kPiece, 200'000ul}) {
     const auto file = encrypted(bytes);
@@ -151,7 +151,7 @@ TEST_F(EncryptedFile, namesTheKeyThatItWants) {
   EXPECT_EQ(wrong.plain, "");
 }
 
-TEST_F(EncryptedFile, ofANewerFormatOrWithPiecesOfAnyLengthIsRefusedBeforeAnythingIsAllocated) {
+TEST_F(EncryptedFile, aNewerFormatOrInvalidPieceLengthIsRefusedBeforeAllocation) {
   std::string bytes = *readWholeFile(encrypted(100));
   std::string newer = bytes;
   newer[8] = 2;
@@ -164,7 +164,7 @@ TEST_F(EncryptedFile, ofANewerFormatOrWithPiecesOfAnyLengthIsRefusedBeforeAnythi
   }
 }
 
-TEST_F(EncryptedFile, aKeyIsReadAgainAndNeverOverwrittenOrTakenFromOthersHands) {
+TEST_F(EncryptedFile, aKeyIsReadBackAndNeverOverwrittenOrShared) {
   const auto path = folder.path() / "backup.key";
   const std::string text = *readWholeFile(path);
   EXPECT_EQ(text.size(), 65u) << "64 digits and a line's end";
@@ -237,7 +237,7 @@ TEST_F(EncryptedBackup, isTheDatabaseAndLeavesNothingPlainBehind) {
       << "no plain copy was ever there";
   EXPECT_EQ(result->chunks_verified, 5u);
   EXPECT_EQ(result->bytes, fs::file_size(target));
-  EXPECT_FALSE(fs::exists(plainCopyBeside(db.path)));
+  EXPECT_FALSE(fs::exists(plainCopyPath(db.path)));
   EXPECT_FALSE(fs::exists(target.string() + ".partial"));
   ASSERT_EQ(result->covered.size(), 1u);
   EXPECT_EQ(result->covered[0].chunks, 4u) << "as of a plain backup";
@@ -251,8 +251,8 @@ TEST_F(EncryptedBackup, isTheDatabaseAndLeavesNothingPlainBehind) {
   EXPECT_EQ(test::dump(copy), test::dump(reader));
 }
 
-TEST_F(EncryptedBackup, isNotMadeOfADamagedDatabaseOrWithoutRoomOrOverAFile) {
-  EXPECT_EQ(encryptedBackupTo(reader, target, key, nullptr, kMostLogBytesOfBackup, std::uint64_t{1} << 60)
+TEST_F(EncryptedBackup, isNotMadeFromDamageWithoutRoomOrOverAFile) {
+  EXPECT_EQ(encryptedBackupTo(reader, target, key, nullptr, kMaxLogBytesOfBackup, std::uint64_t{1} << 60)
                 .error()
                 .code,
             ErrorCode::kNoRoom);
@@ -260,7 +260,7 @@ TEST_F(EncryptedBackup, isNotMadeOfADamagedDatabaseOrWithoutRoomOrOverAFile) {
   EXPECT_EQ(encryptedBackupTo(reader, target, key, &ends).error().code, ErrorCode::kUnavailable);
   ASSERT_OK(db.writer.script("UPDATE chunks SET crc = crc + 1 WHERE seq = 3"));
   EXPECT_EQ(encryptedBackupTo(reader, target, key).error().code, ErrorCode::kCorrupt);
-  for (const auto& path : {target, fs::path(target.string() + ".partial"), plainCopyBeside(db.path)})
+  for (const auto& path : {target, fs::path(target.string() + ".partial"), plainCopyPath(db.path)})
     EXPECT_FALSE(fs::exists(path)) << path;
   std::ofstream(target) << "mine";
   EXPECT_EQ(encryptedBackupTo(reader, target, key).error().code, ErrorCode::kAlreadyExists);

@@ -131,7 +131,7 @@ TEST_F(ForeignDatabase, thatIsALinkOrAFolderOrNoneIsRefused) {
   EXPECT_EQ(openForeign(victim).error().code, ErrorCode::kCorrupt);
 }
 
-TEST_F(ForeignDatabase, withAViewOfItsOwnIsRefusedBeforeAnythingIsAsked) {
+TEST_F(ForeignDatabase, withItsOwnViewIsRefusedBeforeAnyQuery) {
   change(
       "CREATE VIEW endless AS WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"
       " SELECT i FROM n");
@@ -142,7 +142,7 @@ TEST_F(ForeignDatabase, withAViewOfItsOwnIsRefusedBeforeAnythingIsAsked) {
 }
 
 // Checking the name cannot tell what is there when SQLite opens it.
-TEST_F(ForeignDatabase, aPipeThatIsPutInItsPlaceAfterTheLookIsNotWaitedFor) {
+TEST_F(ForeignDatabase, aPipeSwappedInAfterTheCheckIsNotWaitedFor) {
   const auto pipe = place.path() / "pipe.db";
   ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
   // with a custom VFS nothing is checked before
@@ -162,7 +162,7 @@ std::int64_t heapOf(const Work& work) {
 /// Per byte of a definition.
 constexpr std::int64_t kMostHeapBytesOfAByte = 100;
 constexpr std::int64_t kOfSchema_bytes =
-    static_cast<std::int64_t>(ForeignSchemaBounds::kMostBytes) + ForeignSchemaBounds::kMostTextBytes;
+    static_cast<std::int64_t>(ForeignSchemaBounds::kMostBytes) + ForeignSchemaBounds::kMaxTextBytes;
 
 TEST_F(ForeignDatabase, aSchemaThatWouldFillMemoryIsGivenUpWithinTheBounds) {
   struct Case {
@@ -219,15 +219,15 @@ TEST_F(ForeignDatabase, theProgramsOwnSchemaStaysFarBelowTheBounds) {
   ASSERT_TRUE(*row.step());
   // SQLite reads it once, the comparison a second time
   EXPECT_LT(2 * row.natural(0), ForeignSchemaBounds::kMostRows / 4);
-  EXPECT_LT(row.integer(1), ForeignSchemaBounds::kMostTextBytes / 4);
+  EXPECT_LT(row.integer(1), ForeignSchemaBounds::kMaxTextBytes / 4);
   EXPECT_LT(2 * row.natural(2), ForeignSchemaBounds::kMostBytes / 4);
   EXPECT_GT(row.integer(3), 20);
-  EXPECT_LT(row.integer(3), ForeignSchemaBounds::kMostColumns / 2);
+  EXPECT_LT(row.integer(3), ForeignSchemaBounds::kMaxColumns / 2);
   change("ANALYZE");
   EXPECT_OK(openForeign(path));
 }
 
-TEST_F(ForeignDatabase, keepsNoMorePagesInMemoryThanOneOfOurs) {
+TEST_F(ForeignDatabase, keepsNoMorePagesInMemoryThanOurOwn) {
   constexpr std::int64_t kRows = 5000, kText_bytes = 3900;
   change("PRAGMA default_cache_size=1000000");  // in its header
   change("WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < " + std::to_string(kRows) +
@@ -245,7 +245,7 @@ TEST_F(ForeignDatabase, keepsNoMorePagesInMemoryThanOneOfOurs) {
 }
 
 TEST_F(ForeignDatabase, aTextThatIsLongerThanWeStoreIsNotRead) {
-  const std::string text = "printf('%.*c', " + std::to_string(kMostForeignTextBytes + 1) + ", '.')";
+  const std::string text = "printf('%.*c', " + std::to_string(kMaxForeignTextBytes + 1) + ", '.')";
   change("INSERT INTO meta (key, value) VALUES ('long', " + text + ")");
   auto opened = openForeign(path);
   ASSERT_OK(opened);
@@ -255,7 +255,7 @@ TEST_F(ForeignDatabase, aTextThatIsLongerThanWeStoreIsNotRead) {
   EXPECT_OK(opened->prepare("SELECT name FROM stations").first(firstText));
 }
 
-TEST_F(ForeignDatabase, keepsTheSchemaThatWasLookedAtWhateverIsWrittenIntoItMeanwhile) {
+TEST_F(ForeignDatabase, keepsTheCheckedSchemaDespiteConcurrentWrites) {
   change(
       "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 2000)"
       " INSERT INTO audit (unix_ns, who, action, subject, detail)"
@@ -274,7 +274,7 @@ TEST_F(ForeignDatabase, endsAReadThatTakesTooLong) {
   const std::string endless =
       "WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i FROM n WHERE i < 0";
   test::FakeTime time;
-  auto late = openForeign(path, nullptr, kMostTimeOfForeign, time);
+  auto late = openForeign(path, nullptr, kMaxTimeOfForeign, time);
   ASSERT_OK(late);
   const std::int64_t began_ns = time.peekNs();
   time.read_cost_ns = 1'000'000;  // each clock read
@@ -283,7 +283,7 @@ TEST_F(ForeignDatabase, endsAReadThatTakesTooLong) {
   EXPECT_EQ(given_up.error().code, ErrorCode::kUnavailable);
   EXPECT_THAT(given_up.error().message, HasSubstr("takes too long"));
   EXPECT_LE(time.peekNs() - began_ns,
-            std::chrono::nanoseconds(kMostTimeOfForeign).count() + time.read_cost_ns);
+            std::chrono::nanoseconds(kMaxTimeOfForeign).count() + time.read_cost_ns);
 
   std::atomic<bool> ends = false;
   auto cancelled = openForeign(path, &ends);
@@ -305,17 +305,17 @@ TEST(BackupBeside, noFileInTheBackupsFolderIsOpenedAsADatabase) {
     return -1;
   };
   const auto result =
-      backupTo(reader, target, nullptr, kMostLogBytesOfBackup, kRoomBesidePlainCopy, other_disk);
+      backupTo(reader, target, nullptr, kMaxLogBytesOfBackup, kPlainCopyReserveBytes, other_disk);
   ASSERT_OK(result);
   EXPECT_EQ(result->bytes, fs::file_size(target));
   EXPECT_OK(openForeign(target));
-  EXPECT_FALSE(fs::exists(plainCopyBeside(db.path)));
+  EXPECT_FALSE(fs::exists(plainCopyPath(db.path)));
   EXPECT_FALSE(fs::exists(target.string() + ".partial"));
-  EXPECT_EQ(backupTo(reader, elsewhere.path() / "tuesday.db", nullptr, kMostLogBytesOfBackup,
-                     std::uint64_t{1} << 60)
-                .error()
-                .code,
-            ErrorCode::kNoRoom);
+  EXPECT_EQ(
+      backupTo(reader, elsewhere.path() / "tuesday.db", nullptr, kMaxLogBytesOfBackup, std::uint64_t{1} << 60)
+          .error()
+          .code,
+      ErrorCode::kNoRoom);
 }
 
 }  // namespace

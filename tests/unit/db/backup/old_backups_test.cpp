@@ -38,7 +38,7 @@ TEST_F(BackupRotation, namesFromAClockThatWasAheadNeverCostTheNewBackup) {
   ASSERT_OK(first);
   EXPECT_EQ(first->removed, std::vector{at("needlelab-20260103T023000Z.db")});
   EXPECT_EQ(first->later.size(), 2u) << "named, neither removed nor counted";
-  EXPECT_THAT(first->leftText(), HasSubstr("2 backups are named by a later time"));
+  EXPECT_THAT(first->remainingText(), HasSubstr("2 backups are named by a later time"));
   ASSERT_OK(removeOldBackups(now, 1));
   ASSERT_OK(removeOldBackups(now, 0));
   EXPECT_TRUE(fs::exists(now));
@@ -72,10 +72,10 @@ TEST_F(BackupRotation, whatABackupWritesIsCounted) {
   const auto old = removeOldBackups(backup("needlelab-20260105T023000Z.db"), 1);
   ASSERT_OK(old);
   EXPECT_EQ(old->removed, (std::vector{plain, encrypted}));
-  EXPECT_EQ(old->leftText(), "");
+  EXPECT_EQ(old->remainingText(), "");
 }
 
-TEST_F(BackupRotation, filesThatOnlyBearABackupsNameTakeNoBackupsPlaceAndStay) {
+TEST_F(BackupRotation, filesWithOnlyABackupsNameAreIgnoredAndStay) {
   const auto now = backup("needlelab-20260105T023000Z.db");
   const std::vector<fs::path> real = {backup("needlelab-20260101T023000Z.db"),
                                       backup("needlelab-20260102T023000Z.nlbk")};
@@ -91,8 +91,8 @@ TEST_F(BackupRotation, filesThatOnlyBearABackupsNameTakeNoBackupsPlaceAndStay) {
   ASSERT_OK(kept);
   EXPECT_THAT(kept->removed, IsEmpty());
   EXPECT_EQ(kept->others, fakes);
-  EXPECT_THAT(kept->leftText(), HasSubstr("4 files are named as backups"));
-  EXPECT_THAT(kept->leftText(), HasSubstr("needlelab-20000101T000000Z.db"));
+  EXPECT_THAT(kept->remainingText(), HasSubstr("4 files are named as backups"));
+  EXPECT_THAT(kept->remainingText(), HasSubstr("needlelab-20000101T000000Z.db"));
   const auto old = removeOldBackups(now, 1);
   ASSERT_OK(old);
   EXPECT_EQ(old->removed, real);
@@ -112,7 +112,7 @@ TEST_F(BackupRotation, filesOfAnotherUserAreNeitherCountedNorRemoved) {
   EXPECT_EQ(left->others, (std::vector{old, partial}));
   EXPECT_EQ(removeOldBackups(now, 1)->removed, (std::vector{old, partial})) << "the owner of the new one";
   EXPECT_EQ(removeOldBackups(at("needlelab-20270101T023000Z.db"), 1).error().code, ErrorCode::kFailed)
-      << "nobody knows whose";
+      << "no one knows whose";
 }
 
 TEST_F(BackupRotation, oneThatCannotBeRemovedIsNamedAndTheOthersGo) {
@@ -134,7 +134,7 @@ TEST_F(BackupRotation, oneThatCannotBeRemovedIsNamedAndTheOthersGo) {
   EXPECT_EQ(result->removed, (std::vector{old[1], old[3]}));
   EXPECT_EQ(result->failed, (std::vector{old[0], old[2]}));
   EXPECT_THAT(result->why, HasSubstr(old[0].string() + ": cannot remove this old backup"));
-  EXPECT_THAT(result->leftText(),
+  EXPECT_THAT(result->remainingText(),
               HasSubstr("2 old backups could not be removed, such as " + old[0].string()));
   for (const auto& path : old) EXPECT_EQ(fs::exists(path), path == old[0] || path == old[2]) << path;
 }

@@ -1,4 +1,4 @@
-#include "db/backup/restored_backup.h"
+#include "db/backup/foreign_database.h"
 
 #include <gmock/gmock.h>
 
@@ -52,7 +52,7 @@ class RestoredBackups : public testing::Test {
   const Uuid id = makeUuidV7();
 };
 
-TEST_F(RestoredBackups, ofASessionThatIsOpenThereTheLastChunkIsNotSafe) {
+TEST_F(RestoredBackups, anOpenSessionsLastChunkIsNotSafe) {
   EXPECT_EQ(safeAfter(), 4u);
   put(live, 8);
   EXPECT_EQ(safeAfter(), 4u) << "what came after the backup is not in it";
@@ -105,7 +105,7 @@ TEST_F(RestoredBackups, aChunkThatIsDamagedThereMakesNothingSafe) {
   expectRefused(ErrorCode::kCorrupt, "fails the check");
 }
 
-TEST_F(RestoredBackups, aSessionThatTheLabHasNoMoreCoversNothing) {
+TEST_F(RestoredBackups, aSessionErasedFromTheLabCoversNothing) {
   const Uuid erased = makeUuidV7();
   SessionStore store(restored.writer);
   ASSERT_OK(store.open(test::describe(erased), 1));
@@ -130,7 +130,7 @@ TEST_F(RestoredBackups, anotherLabsBackupIsRefused) {
   expectRefused(ErrorCode::kInvalidInput, "belongs to the lab 'lab-2', this one is 'lab-1'");
 }
 
-TEST_F(RestoredBackups, theBackupIsAsOldAsWhatItHas) {
+TEST_F(RestoredBackups, theBackupsAgeIsThatOfItsContents) {
   const auto at = [&](std::int64_t unix_ns, std::int64_t now_unix_ns) {
     EXPECT_OK(AuditStore(restored.writer).add({0, unix_ns, "ada", "log in", "", ""}));
     const auto compared = compare();

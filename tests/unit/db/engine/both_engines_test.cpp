@@ -131,7 +131,7 @@ TEST_F(BothEngines, aTransactionThatIsNotCommittedLeavesNothing) {
   EXPECT_EQ(groups(), 1);
 }
 
-TEST_F(BothEngines, aSavepointTakesItsOwnPartBackAlsoAfterAnError) {
+TEST_F(BothEngines, aSavepointRollsBackItsOwnPartEvenAfterAnError) {
   auto transaction = Transaction::begin(db.writer, Transaction::Kind::kWrite);
   ASSERT_OK(transaction);
   ASSERT_OK(addGroup("anna"));
@@ -141,7 +141,7 @@ TEST_F(BothEngines, aSavepointTakesItsOwnPartBackAlsoAfterAnError) {
     ASSERT_OK(addGroup("ben"));
     EXPECT_FALSE(addGroup("anna").ok());
   }
-  EXPECT_EQ(groups(), 1) << "the transaction goes on";
+  EXPECT_EQ(groups(), 1) << "the transaction continues";
   {
     auto savepoint = Savepoint::begin(db.writer);
     ASSERT_OK(savepoint);
@@ -212,7 +212,7 @@ TEST_F(BothEngines, aCancelledReadEnds) {
       "FROM n");
   ASSERT_FALSE(read.ok());
   cancelled = false;
-  EXPECT_EQ(groups(), 0) << "the connection goes on";
+  EXPECT_EQ(groups(), 0) << "the connection continues";
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "db/engine/durability.h"
+#include "db/engine/engine.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // The messages for a failed connection, by libpq's wording.
-#include "db/engine/postgres_address.h"
+#include "db/engine/postgres.h"
 
 #include <gmock/gmock.h>
 
@@ -25,7 +25,7 @@ ErrorCode codeOf(const std::string& said) {
   return cannotConnect("postgresql://needlelab@db-a:5432/lab", said.c_str()).code;
 }
 
-TEST(PostgresAddress, whatIsRefusedIsToldFromWhatIsDown) {
+TEST(PostgresAddress, refusalsAreDistinguishedFromOutages) {
   const std::string at = "connection to server at \"db\" (192.0.2.1), port 5432 failed: ";
   const std::pair<std::string, ErrorCode> cases[] = {
       {kDown, ErrorCode::kUnavailable},
@@ -63,7 +63,7 @@ TEST(PostgresAddress, ofSeveralHostsOneThatMayComeBackCounts) {
   EXPECT_EQ(codeOf(kNoDatabase + kNoDatabase), ErrorCode::kInvalidInput);
 }
 
-TEST(PostgresAddress, theMessageIsOneLineOfWhatEachHostSaid) {
+TEST(PostgresAddress, theMessageIsOneLineWithEachHostsReply) {
   const std::string message = cannotConnect("postgresql://u@h:1/d", (kDown + kWrongPassword).c_str()).message;
   EXPECT_THAT(message, AllOf(HasSubstr("postgresql://u@h:1/d: cannot connect: "),
                              HasSubstr("Connection refused; "), HasSubstr("password authentication failed"),

@@ -1,4 +1,4 @@
-#include "db/engine/postgres_sql.h"
+#include "db/engine/postgres_values.h"
 
 #include <gtest/gtest.h>
 
@@ -49,14 +49,14 @@ TEST(PostgresSql, leavesTextsNamesAndCommentsAsTheyAre) {
   for (const auto& row : rows) EXPECT_EQ(forPostgres(row.sqlite).text, row.postgres) << row.sqlite;
 }
 
-TEST(PostgresSql, theFilesThatAskForTheEngineAreThoseThatTheHeaderNames) {
+TEST(PostgresSql, theFilesThatQueryTheEngineMatchTheHeader) {
   const std::filesystem::path source = NEEDLELAB_SOURCE;
   const auto text_of = [](const std::filesystem::path& path) {
     std::ostringstream text;
     text << std::ifstream(path).rdbuf();
     return text.str();
   };
-  std::string header = text_of(source / "db/engine/postgres_sql.h");
+  std::string header = text_of(source / "db/engine/postgres_values.h");
   const std::size_t at = header.find("Where the two do not do the same");
   ASSERT_NE(at, std::string::npos);
   header = header.substr(at, header.find("What stores may not use") - at);

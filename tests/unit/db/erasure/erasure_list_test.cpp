@@ -1,4 +1,4 @@
-#include "db/erasure/erasure_list.h"
+#include "db/erasure/erasure.h"
 
 #include <gmock/gmock.h>
 
@@ -27,7 +27,7 @@ TEST(ErasureList, keepsEachPersonOnceAndTheOrder) {
   EXPECT_EQ(readErasures(folder.path())->size(), 2u);
 }
 
-TEST(ErasureList, namesTheLineThatIsNone) {
+TEST(ErasureList, namesTheInvalidLine) {
   const test::TempFolder folder;
   const std::string good = uuidText(makeUuidV7()) + " " + uuidText(makeUuidV7()) + " 5\n";
   for (const char* bad : {"anna", "", "1 2 3", " x"}) {

@@ -10,10 +10,10 @@
 
 #include "db/audit/audit.h"
 #include "db/backup/check.h"
-#include "db/people/erased_people.h"
+#include "db/people/person_name.h"
 #include "db/sessions/session_results.h"
 #include "db/sessions/unknown_trainees.h"
-#include "db/store/lab_settings.h"
+#include "db/store/schema.h"
 #include "tests/unit/db/dump.h"
 #include "tests/unit/db/erasure/erasure_fixture.h"
 
@@ -139,7 +139,7 @@ TEST_F(ErasureStoreTest, anIdIsNeverUsedAgain) {
   EXPECT_EQ(nameOf(next), "ben");
 }
 
-TEST_F(ErasureStoreTest, aLateSessionUnderTheTypedNameWaitsAlsoWhereSomebodyHasTheNameAgain) {
+TEST_F(ErasureStoreTest, aLateSessionUnderATypedNameWaitsDespiteANamesake) {
   ASSERT_OK(erase(anna));
   std::string namesake;
   ASSERT_OK(PeopleStore(db.writer).add({"Anna", pb::TRAINEE, "", false, 1}, &namesake));
@@ -166,7 +166,7 @@ TEST_F(ErasureStoreTest, aLateSessionUnderTheTypedNameWaitsAlsoWhereSomebodyHasT
   EXPECT_EQ(traineeOf(long_after), namesake);
 }
 
-TEST_F(ErasureStoreTest, aLateSessionUnderTheIdIsTheErasedPersonsAndStaysEmpty) {
+TEST_F(ErasureStoreTest, aLateSessionUnderAnErasedIdStaysEmpty) {
   const std::string outer = **outerRef(db.writer, anna);
   ASSERT_OK(erase(anna));
   const Uuid id = makeUuidV7();
@@ -180,7 +180,7 @@ TEST_F(ErasureStoreTest, aLateSessionUnderTheIdIsTheErasedPersonsAndStaysEmpty) 
   EXPECT_EQ(SessionStore(db.writer).info(id)->samples(), 0u);
 }
 
-TEST_F(ErasureStoreTest, aSessionUnderTheIdWaitsForTheCodeAsOneUnderTheNameDoes) {
+TEST_F(ErasureStoreTest, anIdsSessionWaitsForTheCodeLikeANames) {
   const std::string outer = **outerRef(db.writer, anna);
   const auto opened = [&](bool checked) {
     const Uuid id = makeUuidV7();
@@ -197,7 +197,7 @@ TEST_F(ErasureStoreTest, aSessionUnderTheIdWaitsForTheCodeAsOneUnderTheNameDoes)
   EXPECT_FALSE(waits(opened(true)));
 }
 
-TEST_F(ErasureStoreTest, aSessionOfAnIdThatARestoredBackupDoesNotKnowWaitsOrIsErased) {
+TEST_F(ErasureStoreTest, anUnknownIdsSessionWaitsOrIsErasedAfterARestore) {
   const Uuid unknown = makeUuidV7(), gone = makeUuidV7();
   const auto lab = parseUuid(**MetaStore(db.writer).get(kLabKey));
   const std::vector<ErasureLine> lines{{*lab, gone, 5}};
@@ -245,7 +245,7 @@ TEST_F(ErasureStoreTest, aMisspeltNameGoesWithThePersonWhoseSessionsItHas) {
   EXPECT_THAT(all, HasSubstr("somebody")) << "it names ben's session, too";
 }
 
-TEST_F(ErasureStoreTest, theListBesideTheDatabaseErasesWhomARestoredBackupBringsBack) {
+TEST_F(ErasureStoreTest, theErasureListErasesPeopleInARestoredBackupAgain) {
   const auto line = ErasureStore(db.writer).lineOf(anna, 7);
   ASSERT_OK(line);
   const std::vector<ErasureLine> lines{*line,

@@ -144,7 +144,7 @@ TEST_F(RetentionStoreTest, openAndUncoveredSessionsAreNotTouched) {
 }
 
 // the server's clock showed day 10 when the sessions were closed; each has one witness for day 100
-TEST_F(RetentionStoreTest, theAgeCountsFromTheNewestTimeThatIsKnownAndNotInTheFuture) {
+TEST_F(RetentionStoreTest, theAgeCountsFromTheNewestKnownPastTime) {
   ASSERT_OK(store.setPolicy(policy("", 20, 30)));
   const Uuid received = add("received", 10), started = add("started", 10), seen = add("seen", 10);
   const std::int64_t day_100 = 100 * test::kDay_ns;
@@ -231,7 +231,7 @@ TEST_F(RetentionStoreTest, badPoliciesAreNamed) {
   EXPECT_EQ(store.setPolicy(bad).error().code, ErrorCode::kInvalidInput);
 }
 
-TEST_F(RetentionStoreTest, aThinnedRecordingStandsInForItsOriginal) {
+TEST_F(RetentionStoreTest, aThinnedRecordingReplacesItsOriginal) {
   const Uuid id = add("knee-1", 10);
   ASSERT_OK(ScoreStore(db.writer).put(test::scoreOf(id, "[1]")));
   const auto before = sessions.info(id);

@@ -28,7 +28,7 @@ TEST(Password, lengthsAreLimited) {
   EXPECT_EQ(hashPassword(std::string(257, 'x')).error().code, ErrorCode::kInvalidInput);
 }
 
-TEST(Password, aHashThatIsNoneNeverVerifies) {
+TEST(Password, anInvalidHashNeverVerifies) {
   for (const std::string& hash : {std::string(), std::string("nonsense"), std::string(10'000, 'x')}) {
     EXPECT_FALSE(*verifyPassword(hash, "password"));
   }

@@ -54,7 +54,7 @@ class LoginStoreTest : public testing::Test {
   }
   bool isValid(const std::string& token) {
     const bool found = TestDb::must(store.token(token, kNow)).has_value();
-    EXPECT_EQ(TestDb::must(store.tokenHolds(token)), found);
+    EXPECT_EQ(TestDb::must(store.isTokenValid(token)), found);
     return found;
   }
   std::int64_t count(const std::string& table) {
@@ -64,16 +64,16 @@ class LoginStoreTest : public testing::Test {
   }
   /// Like SharedLogins.
   Status beside(const std::function<Status()>& work) {
-    ASSIGN_OR_RETURN(auto transaction, Transaction::begin(db.writer, Transaction::Kind::kBeside));
+    ASSIGN_OR_RETURN(auto transaction, Transaction::begin(db.writer, Transaction::Kind::kSide));
     RETURN_IF_ERROR(work());
     return transaction.commit();
   }
   Status tidy(std::int64_t now_ns, const LoginStore::Bounds& bounds) {
     return beside([&] { return store.tidy(now_ns, bounds); });
   }
-  std::int64_t number(const std::string& name, AccessWhat what = AccessWhat::kPerson) {
+  std::int64_t number(const std::string& name, AccessKind what = AccessKind::kPerson) {
     return TestDb::must(
-        AccessNumberStore(db.writer).of(what, what == AccessWhat::kPerson ? refOf(name) : name));
+        AccessNumberStore(db.writer).of(what, what == AccessKind::kPerson ? refOf(name) : name));
   }
 
   TestDb db;
@@ -81,7 +81,7 @@ class LoginStoreTest : public testing::Test {
   LoginStore store{db.writer, key};
 };
 
-TEST(LoginKey, tokensAreKnownToTheServersOfTheLabAndToNobodyElse) {
+TEST(LoginKey, onlyTheLabsServersCanReadTokens) {
   const LoginKey key = keyOf(1), same = keyOf(1), other = keyOf(2);
   const std::string token = key.makeToken();
   EXPECT_EQ(token.size(), 32u);
@@ -99,7 +99,7 @@ TEST(LoginKey, tokensAreKnownToTheServersOfTheLabAndToNobodyElse) {
   EXPECT_NE(key.of("a", "b"), other.of("a", "b"));
 }
 
-TEST_F(LoginStoreTest, aTokenIsValidUpToItsEndAndOnlyItsHashIsStored) {
+TEST_F(LoginStoreTest, aTokenIsValidUntilItsEndAndStoredHashed) {
   const std::string token = issue("anna");
   const auto found = TestDb::must(store.token(token, kNow + 60 * kS - 1));
   ASSERT_TRUE(found);
@@ -127,7 +127,7 @@ TEST_F(LoginStoreTest, aTokenIsLengthenedUpToTheLongestTimeSinceThePassword) {
   EXPECT_FALSE(renewed(kNow + 120 * kS)) << "it is over";
 }
 
-TEST_F(LoginStoreTest, eachChangeOfAccessEndsThePersonsTokensInItsOwnTransaction) {
+TEST_F(LoginStoreTest, eachAccessChangeEndsTheTokensInItsTransaction) {
   PeopleStore people(db.writer);
   const std::map<std::string, std::function<Status()>> changes = {
       {"password", [&] { return people.setPasswordHash("anna", "another"); }},
@@ -147,7 +147,7 @@ TEST_F(LoginStoreTest, eachChangeOfAccessEndsThePersonsTokensInItsOwnTransaction
       ASSERT_OK(change());
       EXPECT_FALSE(isValid(anna));
     }
-    EXPECT_TRUE(isValid(anna)) << "what is rolled back has ended nothing";
+    EXPECT_TRUE(isValid(anna)) << "a rollback has ended nothing";
     const std::int64_t last = TestDb::must(AccessNumberStore(db.writer).last());
     ASSERT_OK(change());
     EXPECT_FALSE(isValid(anna));
@@ -157,7 +157,7 @@ TEST_F(LoginStoreTest, eachChangeOfAccessEndsThePersonsTokensInItsOwnTransaction
     EXPECT_EQ(told[0].how, how);
     EXPECT_EQ(told[0].number, last + 1);
     const bool is_erased = how == "erased";
-    EXPECT_EQ(told[0].what, is_erased ? AccessWhat::kErased : AccessWhat::kPerson);
+    EXPECT_EQ(told[0].what, is_erased ? AccessKind::kErased : AccessKind::kPerson);
     EXPECT_EQ(told[0].name, is_erased ? "" : refOf("anna"));
     // restored for the next change
     if (is_erased) {
@@ -181,11 +181,11 @@ TEST_F(LoginStoreTest, whatIsNoChangeOfAccessHasNoNumber) {
   EXPECT_TRUE(isValid(token));
 }
 
-TEST_F(LoginStoreTest, aStationsKeyHasNumbersOfItsOwn) {
+TEST_F(LoginStoreTest, aStationsKeyHasItsOwnVersions) {
   StationStore stations(db.writer);
   ASSERT_OK(PeopleStore(db.writer).add({"station-1", pb::INSTRUCTOR, "hash", false, 7}));
   ASSERT_OK(stations.revoke("station-1"));
-  EXPECT_EQ(number("station-1", AccessWhat::kStation), 1);
+  EXPECT_EQ(number("station-1", AccessKind::kStation), 1);
   StationKeyBytes other{};
   other.fill(9);
   ASSERT_OK(stations.add("station-1", other, 3));
@@ -204,22 +204,22 @@ TEST_F(LoginStoreTest, numbersAreOfManyAtOnceAndComeInPieces) {
   }
   AccessNumberStore numbers(db.writer);
   const std::vector<std::string> names{refOf("p0"), refOf("p4"), "nobody"};
-  EXPECT_EQ(TestDb::must(numbers.ofMany(AccessWhat::kPerson, names)),
+  EXPECT_EQ(TestDb::must(numbers.numbersOf(AccessKind::kPerson, names)),
             (std::map<std::string, std::int64_t>{{names[0], 1}, {names[1], 5}}));
-  EXPECT_EQ(TestDb::must(numbers.ofMany(AccessWhat::kStation, names)).size(), 0u);
+  EXPECT_EQ(TestDb::must(numbers.numbersOf(AccessKind::kStation, names)).size(), 0u);
   const auto some = TestDb::must(numbers.after(1, 2));
   ASSERT_EQ(some.size(), 2u);
   EXPECT_EQ(some[0].name + some[1].name, refOf("p1") + refOf("p2"));
 }
 
 // Two servers: one checks the password while the other changes it.
-TEST_F(LoginStoreTest, noTokenIsOfAnAccountAsItWasBefore) {
+TEST_F(LoginStoreTest, aTokenOfAChangedAccountIsRefused) {
   const auto refused = [&](const TokenRow& row) {
     return !TestDb::must(store.addToken(key.makeToken(), row, 512));
   };
   EXPECT_FALSE(refused(rowOf("anna")));
   ASSERT_OK(PeopleStore(db.writer).setPasswordHash("anna", "another"));
-  EXPECT_TRUE(refused(rowOf("anna"))) << "with the number of before";
+  EXPECT_TRUE(refused(rowOf("anna"))) << "with the earlier number";
   EXPECT_FALSE(refused(rowOf("anna", 1)));
   TokenRow other = rowOf("anna", 1);
   other.role = pb::ADMINISTRATOR;
@@ -233,14 +233,14 @@ TEST_F(LoginStoreTest, noTokenIsOfAnAccountAsItWasBefore) {
   EXPECT_FALSE(isValid(token));
 }
 
-TEST_F(LoginStoreTest, aLogOutEndsOneTokenAndIsToldToOtherServers) {
+TEST_F(LoginStoreTest, aLogOutEndsOneTokenAndReachesOtherServers) {
   const std::string one = issue("anna"), other = issue("anna");
   ASSERT_OK(store.endToken(one, "server-a"));
   EXPECT_FALSE(isValid(one));
   EXPECT_TRUE(isValid(other));
   const auto told = TestDb::must(AccessNumberStore(db.writer).after(0, 10));
   ASSERT_EQ(told.size(), 1u);
-  EXPECT_EQ(told[0].what, AccessWhat::kLogOut);
+  EXPECT_EQ(told[0].what, AccessKind::kLogOut);
   EXPECT_EQ(told[0].name, refOf("anna"));
   EXPECT_EQ(told[0].server, "server-a");
   EXPECT_EQ(number("anna"), 0) << "the account is as it was";

@@ -5,7 +5,7 @@
 namespace needlelab {
 namespace {
 
-TEST(PeopleStore, keepsWhatWasAdded) {
+TEST(PeopleStore, returnsWhatWasAdded) {
   test::TestDb db;
   PeopleStore people(db.writer);
   ASSERT_OK(people.add({"zoe", pb::TRAINEE, "", false, 7}));
@@ -39,7 +39,7 @@ TEST(PeopleStore, refusesTwiceTheSameNameAndWrongFields) {
   EXPECT_EQ(people.list()->size(), 2u);
 }
 
-TEST(PeopleStore, nobodyIsAddedUnderTheServersName) {
+TEST(PeopleStore, noOneIsAddedUnderTheServersName) {
   test::TestDb db;
   PeopleStore people(db.writer);
   for (const char* name : {"server", "Server", "SERVER"}) {
@@ -52,7 +52,7 @@ TEST(PeopleStore, nobodyIsAddedUnderTheServersName) {
   EXPECT_EQ(people.list()->size(), 1u);
 }
 
-TEST(PeopleStore, aFullNameThatTurnsTheDirectionIsRefusedAndOneFromBeforeHindersNothing) {
+TEST(PeopleStore, aBidirectionalFullNameIsRefusedButOldOnesAreTolerated) {
   test::TestDb db;
   PeopleStore people(db.writer);
   const std::string turned = "Tom \u202eegroeG", hebrew = "אברהם בן־דוד";
@@ -86,7 +86,7 @@ TEST(PeopleStore, setsPasswordsAndDisables) {
   EXPECT_EQ(people.setDisabled("nobody", true).error().code, ErrorCode::kNotFound);
 }
 
-TEST(PeopleStore, setsAndRemovesCodesBesideThePassword) {
+TEST(PeopleStore, setsAndRemovesCodesNextToThePassword) {
   test::TestDb db;
   PeopleStore people(db.writer);
   Person anna{"anna", pb::TRAINEE, "h", false, 1};

@@ -46,14 +46,14 @@ TEST(PersonName, otherNamesHaveOtherKeys) {
     EXPECT_NE(nameKey(one), nameKey(other)) << one << " and " << other;
 }
 
-TEST(PersonName, whiteSpaceOfEveryKindIsTakenFromTheEnds) {
+TEST(PersonName, allWhiteSpaceIsTrimmedFromTheEnds) {
   for (const char* space : {" ", "\t", "\u00a0", "\u1680", "\u2000", "\u2007", "\u200a", "\u2028", "\u202f",
                             "\u205f", "\u3000", "\u0085"}) {
     const std::string all = std::string(space) + "anna k" + space + space;
     EXPECT_EQ(trimmedName(all), "anna k") << all;
     EXPECT_EQ(trimmedName(space), "");
   }
-  EXPECT_EQ(trimmedName("a\xff\u00a0"), "a\xff") << "bytes that are no UTF-8 stay";
+  EXPECT_EQ(trimmedName("a\xff\u00a0"), "a\xff") << "bytes that are not UTF-8 stay";
 }
 
 TEST(PersonName, whatCannotBeReadOrTypedIsRefused) {
@@ -71,7 +71,7 @@ TEST(PersonName, whatCannotBeReadOrTypedIsRefused) {
     EXPECT_EQ(refused(good), "") << good;
 }
 
-TEST(PersonName, anAccountWhoseNameIsThereInAnotherSpellingIsRefusedWithAQuestion) {
+TEST(PersonName, anotherSpellingOfAnExistingNameIsRefusedWithAQuestion) {
   test::TestDb db;
   PeopleStore people(db.writer);
   ASSERT_OK(people.add({"J\u00fcrgen", pb::TRAINEE, "", false, 1}));

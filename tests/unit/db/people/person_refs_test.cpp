@@ -14,7 +14,7 @@ namespace {
 
 class PersonRefs : public test::ErasureTest {};
 
-TEST_F(PersonRefs, aPersonIsFoundByIdUuidAndAnySpellingOfTheName) {
+TEST_F(PersonRefs, aPersonIsFoundByIdUuidOrAnySpelling) {
   const std::string outer = **outerRef(db.writer, anna);
   EXPECT_EQ(outer.size(), 37u);
   for (const std::string& named : {anna, outer, std::string("anna"), std::string(" ANNA\u00a0")})
@@ -23,7 +23,7 @@ TEST_F(PersonRefs, aPersonIsFoundByIdUuidAndAnySpellingOfTheName) {
     EXPECT_FALSE(*findPerson(db.writer, none)) << none;
 }
 
-TEST_F(PersonRefs, aTypedNameIsFoundWhereItIsWantedAndNoAccountHasIt) {
+TEST_F(PersonRefs, aTypedNameIsFoundOnRequestWithoutAccount) {
   session("Zoë", 1, true);
   EXPECT_FALSE(*findPerson(db.writer, "Zoë"));
   const auto typed = findPerson(db.writer, "zoe\u0308", Named::kAccountOrTyped);
@@ -63,7 +63,7 @@ TEST_F(PersonRefs, requestsGetRefsAndRepliesNames) {
   EXPECT_EQ(moved->detail(), address + ", anna.") << "addresses hold no ids";
 }
 
-TEST_F(PersonRefs, everyFieldThatSaysWhoIsMarked) {
+TEST_F(PersonRefs, everyFieldNamingAPersonIsMarked) {
   // request or reply fields with these names identify a person, except those listed
   const std::set<std::string> names{"trainee", "author", "by", "who", "changed_by", "recorded_by", "members"};
   const std::set<std::string> others{"needlelab.pb.StationStatus.trainee"};  // filled in by the hub

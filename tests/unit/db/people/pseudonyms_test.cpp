@@ -57,10 +57,10 @@ TEST(Pseudonym, punctuationOfEveryScriptEndsAName) {
                         "anna\xff",
                         "anna", "", "X"),
             "\xe2\x80X\xff")
-      << "what is no UTF-8 is no letter";
+      << "bytes that are not UTF-8 are not letters";
 }
 
-TEST(Pseudonym, aNameInAScriptWithoutSpacesIsReplacedWhereverItStands) {
+TEST(Pseudonym, aNameInAScriptWithoutSpacesIsReplacedEverywhere) {
   EXPECT_EQ(withoutName("李雷手抖了", "李雷", "", "X"), "X手抖了");
   EXPECT_EQ(withoutName("今天李雷手抖了", "李雷", "", "X"), "今天X手抖了");
   EXPECT_EQ(withoutName("با آناو", "آنا", "", "X"), "با Xو");

@@ -233,7 +233,7 @@ Arrivals copyOf(const Arrivals& arrivals) {
   return arrivals;
 }
 
-TEST(AppendMany, leavesTheSameAsOneByOneWhateverComes) {
+TEST(AppendMany, isEquivalentToAppendingOneByOne) {
   const std::size_t groups[] = {1, 7, 64, 400};
   std::uint64_t together = 0;
   for (std::uint64_t seed = 1; seed <= 12; ++seed) {
@@ -308,10 +308,10 @@ TEST(AppendMany, takesAGroupWithOneStatementWhereThatSavesRoundTrips) {
 TEST(AppendMany, looksAtAsManyAsOneStatementMayHave) {
   test::TestDb db;
   const Uuid id = opened(db.writer, 1).front();
-  std::deque<Appended> outcomes(SessionStore::kMostTogether + 10);
+  std::deque<Appended> outcomes(SessionStore::kMaxTogether + 10);
   std::vector<ArrivedChunk> chunks;
   std::vector<const ArrivedChunk*> wanted;
-  const Bytes bytes = chunkOf(0, 5), large(SessionStore::kMostTogetherBytes / 2);
+  const Bytes bytes = chunkOf(0, 5), large(SessionStore::kMaxTogetherBytes / 2);
   for (std::uint64_t seq = 0; seq < outcomes.size(); ++seq)
     chunks.push_back({id, seq, bytes, "station-1", &outcomes[seq]});
   for (const ArrivedChunk& chunk : chunks) wanted.push_back(&chunk);
@@ -319,12 +319,12 @@ TEST(AppendMany, looksAtAsManyAsOneStatementMayHave) {
   ASSERT_OK(transaction);
   const auto results = SessionStore(db.writer).appendMany(wanted);
   ASSERT_OK(results);
-  EXPECT_EQ(results->size(), SessionStore::kMostTogether);
+  EXPECT_EQ(results->size(), SessionStore::kMaxTogether);
   for (const auto& result : *results) EXPECT_EQ(result.has_value() && result->ok(), test::onPostgres());
-  // limited by bytes: two fit exactly, and the first one is taken whatever its length
+  // limited by bytes: two fit exactly, and the first one is taken at any length
   for (ArrivedChunk& chunk : chunks) chunk.bytes = large;
   EXPECT_EQ(SessionStore(db.writer).appendMany(wanted)->size(), 2u);
-  const Bytes larger(SessionStore::kMostTogetherBytes + 1);
+  const Bytes larger(SessionStore::kMaxTogetherBytes + 1);
   for (ArrivedChunk& chunk : chunks) chunk.bytes = larger;
   const auto first = SessionStore(db.writer).appendMany(wanted);
   EXPECT_EQ(first->size(), 1u);
@@ -333,7 +333,7 @@ TEST(AppendMany, looksAtAsManyAsOneStatementMayHave) {
 }
 
 // the rows say that A has chunk 3, but its counters do not: only a damaged database has this fault
-TEST(AppendMany, aChunkThatTheTableRefusesFailsAloneAndTheOthersAreStored) {
+TEST(AppendMany, aChunkRefusedByTheTableFailsAlone) {
   test::TestDb db;
   auto reader = db.reader();
   const auto ids = opened(db.writer, 2);

@@ -182,7 +182,7 @@ std::uint64_t lostByPowerCut(std::uint64_t seed, bool full) {
   return acknowledged > there ? acknowledged - there : 0;
 }
 
-TEST(Crash, aPowerCutAtTheCloseLeavesASessionOpenOrClosedAndItsNumbersRight) {
+TEST(Crash, aPowerCutDuringAClosePreservesAConsistentSession) {
   // each session: opened, a chunk, a chunk, closed, each in its own commit
   constexpr int kSteps = 4;
   for (std::uint64_t seed = 0; seed < 40; ++seed) {

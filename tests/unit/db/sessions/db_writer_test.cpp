@@ -41,7 +41,7 @@ TEST(DbWriter, reportsSuccessOnlyWhenAnotherConnectionSeesTheRow) {
   }
 }
 
-TEST(DbWriter, saysSinceWhenATransactionIsUnderWayAndWhenOneWasCommitted) {
+TEST(DbWriter, reportsTheRunningTransactionAndTheLastCommit) {
   test::TestDb db;
   DbWriter writer(std::move(db.writer), {.window = 0ms}, {});
   EXPECT_EQ(writer.standing().began_ns, 0);
@@ -87,7 +87,7 @@ TEST(DbWriter, aFailingItemIsUndoneAndReportedAlone) {
   EXPECT_FALSE(writer.failed().has_value());
 }
 
-TEST(DbWriter, anItemThatLacksMemoryIsUndoneAndTheNextOnesAreStored) {
+TEST(DbWriter, anItemOutOfMemoryIsUndoneAlone) {
   test::TestDb db;
   auto reader = db.reader();
   DbWriter writer(std::move(db.writer), {.window = 5ms}, {});
@@ -108,7 +108,7 @@ TEST(DbWriter, anItemThatLacksMemoryIsUndoneAndTheNextOnesAreStored) {
   EXPECT_FALSE(known(reader, "half"));
 }
 
-TEST(DbWriter, anItemThatThrowsIsUndoneAndReportedAloneAndSaid) {
+TEST(DbWriter, anItemThatThrowsIsUndoneAndReportedAlone) {
   test::TestDb db;
   auto reader = db.reader();
   std::vector<std::string> said;
@@ -184,7 +184,7 @@ TEST(DbWriter, aFullQueueRefusesAtOnce) {
   EXPECT_EQ(writer.counters().items, 4u);
 }
 
-TEST(DbWriter, aFullQueueHasPlacesThatAreKeptAndTheyAreBoundedToo) {
+TEST(DbWriter, aFullQueueHasABoundedReserve) {
   test::TestDb db;
   std::promise<void> go;
   auto gate = go.get_future().share();
@@ -207,7 +207,7 @@ TEST(DbWriter, aFullQueueHasPlacesThatAreKeptAndTheyAreBoundedToo) {
   EXPECT_EQ(writer.counters().items, 6u);
 }
 
-TEST(DbWriter, stopCommitsWhatIsQueuedAndThenTakesNothing) {
+TEST(DbWriter, stopCommitsTheQueueAndRefusesMore) {
   test::TestDb db;
   auto reader = db.reader();
   DbWriter writer(std::move(db.writer), {.window = 1h}, {});  // otherwise the test would never end
@@ -247,7 +247,7 @@ TEST(DbWriter, countsTimesGroupsAndTheLogsSize) {
   EXPECT_EQ(counters.checkpoint_ns.count(), counters.checkpoints);
   EXPECT_GT(counters.checkpoint_ns.max(), 0);
   EXPECT_EQ(counters.wal_bytes, std::filesystem::file_size(wal));
-  EXPECT_EQ(counters.wal_pages_waiting, 0u) << "nobody reads, so a checkpoint moves everything";
+  EXPECT_EQ(counters.wal_pages_waiting, 0u) << "no one reads, so a checkpoint moves everything";
 }
 
 /// Whether the log's file contains `word`.
@@ -257,7 +257,7 @@ bool logContains(const test::TestDb& db, const std::string& word) {
   return bytes.find(word) != std::string::npos;
 }
 
-TEST(DbWriter, emptiesTheLogWhenItIsAskedAndNobodyReads) {
+TEST(DbWriter, emptiesTheWalOnRequestWithoutReaders) {
   test::TestDb db;
   DbWriter writer(std::move(db.writer), {.window = 1ms}, {});
   ASSERT_OK(writer.run(addStation("qzxstation")));
@@ -289,7 +289,7 @@ TEST(DbWriter, theLogIsPendingWhileSomebodyReadsAndIsEmptiedAfterwards) {
   EXPECT_FALSE(logContains(db, "qzxstation"));
 }
 
-TEST(DbWriter, aLogThatWasAskedToBeEmptyIsEmptyAfterTheStop) {
+TEST(DbWriter, aRequestedEmptyWalIsEmptyAfterTheStop) {
   test::TestDb db;
   auto reader = db.reader();
   DbWriter writer(std::move(db.writer), {.window = 1ms, .empty_every = 3600s}, {});
@@ -301,13 +301,13 @@ TEST(DbWriter, aLogThatWasAskedToBeEmptyIsEmptyAfterTheStop) {
   }
   writer.stop();
   EXPECT_EQ(std::filesystem::file_size(db.path.string() + "-wal"), 0u);
-  EXPECT_FALSE(writer.emptyLog(60s)) << "nobody does it any more";
+  EXPECT_FALSE(writer.emptyLog(60s)) << "no one does it any more";
 }
 
 TEST(DbWriter, aLogAboveItsBoundIsCutWithoutBeingAsked) {
   test::TestDb db;
   DbWriter writer(std::move(db.writer),
-                  {.window = 0ms, .checkpoint_every = 3600s, .most_log_bytes = 200'000, .empty_every = 0ms},
+                  {.window = 0ms, .checkpoint_every = 3600s, .max_log_bytes = 200'000, .empty_every = 0ms},
                   {});
   ASSERT_TRUE(writer.emptyLog(60s));  // from the migrations
   std::uint64_t most = 0;
@@ -348,25 +348,25 @@ TEST(DbWriter, checkpointsByItselfEvery20ms) {
 }
 
 // The finding: without a privilege on one table every chunk was refused, but /healthz returned 200.
-TEST(DbWriter, anItemThatTheDatabaseFailsIsSaidFor30sThoughItsGroupIsCommitted) {
+TEST(DbWriter, aFailedItemIsReportedFor30sDespiteTheCommit) {
   test::FakeTime time;
   test::TestDb db;
   DbWriter writer(std::move(db.writer), {.window = 1ms, .time = &time}, {});
-  EXPECT_EQ(writer.failedItem(DbWriter::kSaidFor), "");
+  EXPECT_EQ(writer.failedItem(DbWriter::kReportedFor), "");
   EXPECT_FALSE(writer.run(addStation("station-1")).ok());
-  EXPECT_EQ(writer.failedItem(DbWriter::kSaidFor), "") << "it was asked for what cannot be";
+  EXPECT_EQ(writer.failedItem(DbWriter::kReportedFor), "") << "it was asked for what cannot be";
   const Status failed =
       writer.run([](Connection& connection) { return connection.run("INSERT INTO nowhere VALUES (1)"); });
   ASSERT_FALSE(failed.ok());
   EXPECT_EQ(failed.error().code, ErrorCode::kFailed);
   ASSERT_OK(writer.run(addStation("another")));
   EXPECT_EQ(writer.standing().refused, "");
-  EXPECT_EQ(writer.failedItem(DbWriter::kSaidFor), failed.error().message);
+  EXPECT_EQ(writer.failedItem(DbWriter::kReportedFor), failed.error().message);
   // the writer's own waits are some 0.1 s in total
   time.advance(std::chrono::nanoseconds(29s).count());
-  EXPECT_EQ(writer.failedItem(DbWriter::kSaidFor), failed.error().message);
+  EXPECT_EQ(writer.failedItem(DbWriter::kReportedFor), failed.error().message);
   time.advance(std::chrono::nanoseconds(1s).count());
-  EXPECT_EQ(writer.failedItem(DbWriter::kSaidFor), "");
+  EXPECT_EQ(writer.failedItem(DbWriter::kReportedFor), "");
 }
 
 TEST(DbWriter, aLockHeldByAnotherProgramIsNoDiskFailure) {

@@ -2,7 +2,7 @@
 // are never reported as valid or Safe.
 #include <cstring>
 
-#include "common/base/crc32c.h"
+#include "common/base/bytes.h"
 #include "db/audit/audit.h"
 #include "db/backup/backup.h"
 #include "db/backup/check.h"
@@ -107,7 +107,7 @@ TEST_F(Quarantine, aSessionWithSuchChunksIsClosedByItsStationsNumbers) {
   EXPECT_EQ(store.verify(id)->undecodable_chunks, 2u);
 }
 
-TEST_F(Quarantine, aBackupHasSuchChunksButMakesNeitherThemNorLaterOnesSafe) {
+TEST_F(Quarantine, aBackupContainsSuchChunksButStopsSafetyAtThem) {
   const Bytes bad = impossibleChunks().front().second;
   const Uuid sound = closedSession({chunkOf(0), chunkOf(1)});
   const Uuid id = closedSession({chunkOf(0), chunkOf(1), bad, chunkOf(3)});
@@ -183,7 +183,7 @@ TEST_F(Quarantine, theLogGetsOneLineASession) {
 
 /// The rest of an erased person's recording is read before it is removed: such a chunk does not prevent the
 /// removal.
-TEST_F(Quarantine, doesNotKeepWhatIsToBeRemoved) {
+TEST_F(Quarantine, doesNotKeepErasedData) {
   const Uuid id = closedSession({chunkOf(0), impossibleChunks().front().second});
   ASSERT_OK(db.writer.script("UPDATE sessions SET recording = 3"));
   RetentionStore retention(db.writer);

@@ -25,7 +25,7 @@ TEST_F(SeenTimeTest, onlyALaterTimeIsNoted) {
   EXPECT_EQ(latest(), 21 * test::kDay_ns);
 }
 
-TEST_F(SeenTimeTest, aDatabaseOfEarlierVersionsHasTheTimesOfItsSessionsAndOfItsMaking) {
+TEST_F(SeenTimeTest, anUpgradedDatabaseKnowsItsSessionsAndCreationTimes) {
   ASSERT_OK(MetaStore(db.writer).set("created_unix_ns", std::to_string(3 * test::kDay_ns)));
   EXPECT_EQ(latest(), 3 * test::kDay_ns);
   const Uuid id = makeUuidV7();
@@ -37,7 +37,7 @@ TEST_F(SeenTimeTest, aDatabaseOfEarlierVersionsHasTheTimesOfItsSessionsAndOfItsM
   EXPECT_EQ(latest(), 7 * test::kDay_ns);
 }
 
-TEST_F(SeenTimeTest, aCloseIsNotedOnlyWhileTheClockIsBehindByMoreThanATimeServerSetsItBack) {
+TEST_F(SeenTimeTest, aCloseIsNotedOnlyIfTheClockIsClearlyBehind) {
   const Uuid right = makeUuidV7(), little = makeUuidV7(), behind = makeUuidV7();
   ASSERT_OK(seen.noteClose(right, 20 * test::kDay_ns));
   ASSERT_OK(seen.noteClose(little, 20 * test::kDay_ns - kClockSlack_ns));
@@ -47,7 +47,7 @@ TEST_F(SeenTimeTest, aCloseIsNotedOnlyWhileTheClockIsBehindByMoreThanATimeServer
   EXPECT_EQ(latest(), 20 * test::kDay_ns);
 }
 
-TEST_F(SeenTimeTest, aClockThatWasAheadIsForgottenWhenAPersonSaysSo) {
+TEST_F(SeenTimeTest, aClockAheadIsForgottenOnConfirmation) {
   ASSERT_OK(seen.note(400 * test::kDay_ns));
   EXPECT_NE(test::TestDb::must(seen.behindText(20 * test::kDay_ns)), "");
   ASSERT_OK(seen.confirm(20 * test::kDay_ns));
@@ -55,8 +55,8 @@ TEST_F(SeenTimeTest, aClockThatWasAheadIsForgottenWhenAPersonSaysSo) {
   EXPECT_EQ(test::TestDb::must(seen.behindText(20 * test::kDay_ns)), "");
 }
 
-TEST_F(SeenTimeTest, aClockThatJumpsAheadIsToldAndNotBelievedUntilAPersonSaysSo) {
-  const std::int64_t most = 20 * test::kDay_ns + kMostAhead_ns;
+TEST_F(SeenTimeTest, aClockJumpingAheadIsReportedAndUntrustedUntilConfirmed) {
+  const std::int64_t most = 20 * test::kDay_ns + kMaxAhead_ns;
   ASSERT_OK(seen.note(20 * test::kDay_ns));
   EXPECT_EQ(test::TestDb::must(seen.aheadText(most)), "");
   for (int start = 0; start < 2; ++start) {
@@ -76,7 +76,7 @@ TEST_F(SeenTimeTest, aClockThatJumpsAheadIsToldAndNotBelievedUntilAPersonSaysSo)
   EXPECT_EQ(test::TestDb::must(seen.aheadText(400 * test::kDay_ns)), "");
 }
 
-TEST_F(SeenTimeTest, whatIsClosedByAClockThatIsAheadIsNoLatestTimeInADatabaseOfEarlierVersionsEither) {
+TEST_F(SeenTimeTest, afterAnUpgradeAFastClocksCloseIsNotTheLatestTime) {
   ASSERT_OK(MetaStore(db.writer).set("created_unix_ns", std::to_string(3 * test::kDay_ns)));
   ASSERT_OK(seen.note(400 * test::kDay_ns));
   const Uuid id = makeUuidV7();
@@ -86,7 +86,7 @@ TEST_F(SeenTimeTest, whatIsClosedByAClockThatIsAheadIsNoLatestTimeInADatabaseOfE
   EXPECT_EQ(latest(), 3 * test::kDay_ns);
 }
 
-TEST_F(SeenTimeTest, aClockThatIsBehindIsToldWithBothTimes) {
+TEST_F(SeenTimeTest, aSlowClockIsReportedWithBothTimes) {
   ASSERT_OK(seen.note(400 * test::kDay_ns));
   EXPECT_EQ(test::TestDb::must(seen.behindText(400 * test::kDay_ns - kClockSlack_ns)), "");
   const std::string text = test::TestDb::must(seen.behindText(20 * test::kDay_ns));

@@ -2,7 +2,7 @@
 #include <random>
 #include <set>
 
-#include "common/base/crc32c.h"
+#include "common/base/bytes.h"
 #include "db/people/person_refs.h"
 #include "db/sessions/session_store.h"
 #include "db/store/connection.h"

@@ -57,13 +57,13 @@ Uuid closedSession(test::TestDb& db) {
   return id;
 }
 
-TEST(EventStore, givesBackWhatWasPutInOrder) {
+TEST(EventStore, returnsEventsInOrder) {
   test::TestDb db;
   const Uuid id = closedSession(db);
   EventStore store(db.writer);
   auto list = store.list(id);
   ASSERT_OK(list);
-  EXPECT_FALSE(list->has_value()) << "nobody has looked for events yet";
+  EXPECT_FALSE(list->has_value()) << "no one has looked for events yet";
 
   const std::vector<pb::SyringeEvent> events = {anEvent(pb::SyringeEvent::ASPIRATION, 500),
                                                 anEvent(pb::SyringeEvent::INJECTION, 2000)};
@@ -108,7 +108,7 @@ TEST(EventStore, wantsAClosedSession) {
   EXPECT_FALSE(store.list(id)->has_value());
 }
 
-TEST(EventStore, theDatabaseRefusesWhatIsNone) {
+TEST(EventStore, theDatabaseRefusesInvalidRows) {
   test::TestDb db;
   const Uuid id = closedSession(db);
   auto event = anEvent(pb::SyringeEvent::INJECTION, 5);

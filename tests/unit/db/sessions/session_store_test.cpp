@@ -83,7 +83,7 @@ TEST_F(SessionStoreTest, aGapIsRefusedAndTheExpectedSeqNamed) {
   }
 }
 
-TEST_F(SessionStoreTest, aChunkThatContradictsAStoredOneIsRefusedAndTheOldOneStays) {
+TEST_F(SessionStoreTest, aContradictingChunkIsRefusedAndTheOldOneStays) {
   openAndAppend(2);
   const auto contradiction = store.append(id, 1, chunkOf(7));
   ASSERT_OK(contradiction);
@@ -260,7 +260,7 @@ TEST_F(SessionStoreTest, closingWithWrongNumbersOrHashLeavesTheSessionOpen) {
   EXPECT_EQ(store.close(closeOf(id, 3), 1)->kind, Closed::Kind::kClosed);
 }
 
-TEST_F(SessionStoreTest, aHashMadeByAReaderIsUsedOnlyWhenItCoversAllChunksAndNoneIsMadeInItsPlace) {
+TEST_F(SessionStoreTest, aReadersHashIsUsedOnlyIfItCoversAllChunks) {
   openAndAppend(3);
   auto reader = db.reader();
   const auto part = SessionStore(reader).hashChunks(id, 2), all = SessionStore(reader).hashChunks(id, 3);
@@ -361,7 +361,7 @@ TEST_F(SessionStoreTest, openSessionsOfAStationAreThoseNotClosed) {
   EXPECT_TRUE(store.openSessions("station-2")->empty());
 }
 
-TEST(SessionStore, aDisabledTraineeOpensNoSessionButOneThatIsKnownGoesOn) {
+TEST(SessionStore, aDisabledTraineeCanOnlyContinueAKnownSession) {
   test::TestDb db;
   PeopleStore people(db.writer);
   ASSERT_OK(people.add({"anna", pb::TRAINEE, "", false, 1}));

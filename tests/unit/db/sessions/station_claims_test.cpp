@@ -46,7 +46,7 @@ TEST(StationClaims, eachLogInIsNewerThanAllBeforeIt) {
   EXPECT_THAT(claims.require(&elsewhere).error().message, HasSubstr("at this server"));
 }
 
-TEST(StationClaims, aLogInThatWaitedTakesTheStationFromNoServerThatHadItMeanwhile) {
+TEST(StationClaims, aDelayedLogInDoesNotSupersedeALaterClaim) {
   test::TestDb db;
   StationClaims claims(db.writer);
   const auto raiseSince = [&](const std::optional<StationClaim>& seen, const std::string& server) {
@@ -154,7 +154,7 @@ TEST_F(FencedChunks, ofAnOlderLogInAreNotStored) {
 }
 
 // the station has sent them to its current server: they are stored, but must not be acknowledged here
-TEST_F(FencedChunks, ofAnOlderLogInAreNotAcknowledgedWhereTheyAreStoredAlready) {
+TEST_F(FencedChunks, ofAnOlderLogInAreNotAcknowledgedEvenIfStored) {
   for (std::uint64_t seq = 0; seq < 2; ++seq) arrives(one_, seq, now_);
   for (std::uint64_t seq = 0; seq < 2; ++seq) arrives(one_, seq, old_);
   arrives(one_, 2, now_);

@@ -38,7 +38,7 @@ class WalReset : public testing::Test {
   }
 };
 
-TEST_F(WalReset, aCheckpointBesideTheCommittingConnectionLosesData) {
+TEST_F(WalReset, aConcurrentCheckpointAndCommitLoseData) {
   // Negative control: shows the bug that the rule avoids, on an SQLite version with the bug.
   if (sqlite3_libversion_number() >= 3'051'003)
     GTEST_SKIP() << "SQLite " << sqlite3_libversion() << " has it mended";
@@ -66,7 +66,7 @@ TEST_F(WalReset, aCheckpointBesideTheCommittingConnectionLosesData) {
   }
 }
 
-TEST_F(WalReset, theWriterNeverCommitsInsideItsCheckpointWhateverComesThen) {
+TEST_F(WalReset, theWriterNeverCommitsInsideItsCheckpoint) {
   test::TestDb db(ShimVfs::name());
   const std::string file = db.path.string();
   std::atomic<int> posted = 0, acknowledged = 0, inside = 0;

@@ -37,14 +37,14 @@ TEST(Connection, aReaderCannotWrite) {
   EXPECT_FALSE(reader.script("CREATE TABLE t (a)").ok());
 }
 
-TEST(Connection, aLongReadIsGivenUpAboveItsBoundOfTheLogSoThatItCanBeEmptied) {
+TEST(Connection, aLongReadIsAbortedAboveItsWalBound) {
   test::TestDb db;
   // more than ten million steps of SQLite's machine; a short read has less than a million
   const std::string a_long_read =
       "WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 1000000)"
       " SELECT count(*) FROM n";
   constexpr std::uint64_t kBound = 4u << 20;
-  auto reader = test::TestDb::must(Connection::open(db.path, {.most_log_bytes = kBound}));
+  auto reader = test::TestDb::must(Connection::open(db.path, {.max_log_bytes = kBound}));
   {
     const auto view = Transaction::begin(reader, Transaction::Kind::kRead);
     ASSERT_OK(view);
@@ -89,7 +89,7 @@ TEST(Connection, aFlagCancelsALongReadAndOnlyWithinItsScope) {
   EXPECT_OK(reader.prepare(a_long_read).first(firstText));
 }
 
-TEST(Connection, nobodyButTheWriterMovesTheLogIntoTheDatabase) {
+TEST(Connection, onlyTheWriterCheckpoints) {
   test::TestDb db;
   ASSERT_OK(db.writer.checkpointPassive());
   const auto size = std::filesystem::file_size(db.path);
@@ -120,7 +120,7 @@ TEST(Connection, aMissingDatabaseIsNamed) {
   EXPECT_NE(missing.error().message.find("none.db"), std::string::npos);
 }
 
-TEST(Connection, ofACopyContentsAreNamedByItsOriginAndTheDiskByItsPath) {
+TEST(Connection, aCopysErrorsNameItsOriginAndDiskErrorsItsPath) {
   const test::TempFolder folder;
   const auto path = folder.write("copy.db", std::string(5'000, 'x'));
   const auto refused =

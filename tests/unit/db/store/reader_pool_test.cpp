@@ -1,4 +1,4 @@
-#include "db/store/reader_pool.h"
+#include "db/store/store_address.h"
 
 #include <thread>
 

@@ -63,7 +63,7 @@ TEST(Migrate, aFlippedBitInTheVersionOfTheHeaderIsDamage) {
   }
 }
 
-TEST(Migrate, whatSomebodyPutIntoTheSchemaChangedInItOrTookFromItIsRefusedByName) {
+TEST(Migrate, anAlteredSchemaIsRefusedByName) {
   const std::string lying = "UPDATE audit SET who = 'mona', subject = 'nobody' WHERE id = NEW.id; END";
   const std::pair<std::string, std::string> changes[] = {
       {"CREATE TRIGGER evil AFTER INSERT ON audit BEGIN " + lying, "trigger 'evil' of 'audit'"},
@@ -167,7 +167,7 @@ TEST(Migrate, numbersMustBeInOrder) {
   EXPECT_EQ(*schemaVersion(connection), 0);
 }
 
-TEST(Migrate, aLaterVersionKeepsTheRowsAndThisProgramThenRefusesTheFile) {
+TEST(Migrate, aLaterVersionKeepsRowsAndIsRefusedByThisProgram) {
   test::TestDb db;
   ASSERT_OK(MetaStore(db.writer).set("k", "1"));
   std::vector<EmbeddedFile> files(embeddedMigrations().begin(), embeddedMigrations().end());

@@ -55,7 +55,7 @@ TEST(ProfileStore, hugeOrEmptyFieldsAreRefused) {
   EXPECT_FALSE(profiles.put(profile("knee", std::string(1'000'000, ' '))).ok());
 }
 
-TEST(ProfileStore, aNameThatHoldsWhatNobodySeesIsRefused) {
+TEST(ProfileStore, aNameWithInvisibleCharactersIsRefused) {
   test::TestDb db;
   ProfileStore profiles(db.writer);
   EXPECT_FALSE(profiles.put({"kn\u200bee", 0, "A knee", "{}", "bea", 1}).ok());
@@ -109,7 +109,7 @@ TEST_F(CurriculumStoreTest, unknownProfilesAndTakenExerciseIdsAreRefused) {
   EXPECT_NE(taken.error().message.find("'basics'"), std::string::npos) << taken.error().message;
 }
 
-TEST_F(CurriculumStoreTest, titlesThatHoldWhatNobodySeesAreRefused) {
+TEST_F(CurriculumStoreTest, titlesWithInvisibleCharactersAreRefused) {
   StoredCurriculum course = curriculum("basics", "{}", {"a"});
   course.exercises[0].name = "Easy\u202e";
   const auto refused = store.put(course);

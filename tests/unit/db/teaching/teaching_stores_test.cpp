@@ -92,7 +92,7 @@ TEST_F(TeachingStores, aGroupsMembersArePeopleEachOnce) {
   EXPECT_EQ(groups.put(group("", {}), 0, "mia", 1).error().code, ErrorCode::kInvalidInput);
 }
 
-TEST_F(TeachingStores, aGroupsNameHoldsNothingThatNobodySeesUnlessItIsFromBefore) {
+TEST_F(TeachingStores, aNewGroupNameMayNotHaveInvisibleCharacters) {
   GroupStore groups(db.writer);
   pb::Group turned = group("g", {kAnna});
   turned.set_name("Monday\u202e");
@@ -111,7 +111,7 @@ TEST_F(TeachingStores, aGroupsNameHoldsNothingThatNobodySeesUnlessItIsFromBefore
   EXPECT_OK(groups.put(turned, 1, "mia", 3));
 }
 
-TEST_F(TeachingStores, aRemovedGroupTakesItsAssignmentsAndGoesOnCountingWhenItComesBack) {
+TEST_F(TeachingStores, aRemovedGroupLosesAssignmentsAndKeepsCountingRevisions) {
   GroupStore groups(db.writer);
   ASSERT_OK(groups.put(group("g", {kAnna}), 0, "mia", 1));
   ASSERT_OK(AssignmentStore(db.writer).put(assignment("basics", "", "g", "")));
@@ -171,7 +171,7 @@ TEST_F(TeachingStores, aDateForOnePersonGoesBeforeItsGroups) {
   EXPECT_EQ(*assignments.dueOf(kZoe, "a", "basics", 7), 7);
 }
 
-TEST_F(TeachingStores, theDatesOfACourseAreThoseOfItsExercisesAndAGroupsAreReadOnceForAllMembers) {
+TEST_F(TeachingStores, aCoursesDatesComeFromItsExercises) {
   AssignmentStore assignments(db.writer);
   ASSERT_OK(GroupStore(db.writer).put(group("g", {kAnna, kBen}), 0, "mia", 1));
   ASSERT_OK(GroupStore(db.writer).put(group("h", {kAnna, kBen}), 0, "mia", 1));
@@ -234,7 +234,7 @@ TEST_F(TeachingStores, attemptsAreNumberedByWhenTheyWereBegunEachExerciseForItse
   EXPECT_EQ(names, "anna ben ");
 }
 
-TEST_F(TeachingStores, theFirstScoreStaysWhateverComesAfterIt) {
+TEST_F(TeachingStores, theFirstScoreIsNeverReplaced) {
   const Uuid id = session(kAnna, "a", 1);
   ScoreStore scores(db.writer);
   const auto put = [&](std::uint32_t version, const std::string& measures, std::optional<bool> passed) {
@@ -283,7 +283,7 @@ TEST_F(TeachingStores, aReferenceIsMadeOfClosedSessionsOfItsExercise) {
 }
 
 // a request for a reference must not keep the writer's thread from the stations' chunks
-TEST_F(TeachingStores, aReferenceIsReadByItsOwnSessionsHoweverManyThereAre) {
+TEST_F(TeachingStores, onlyAReferencesOwnSessionsAreRead) {
   std::vector<Uuid> chosen;
   for (int i = 0; i < 3; ++i) {
     chosen.push_back(session(kAnna, "a", 1 + i));
@@ -324,7 +324,7 @@ TEST_F(TeachingStores, consentIsTheLastWordAndAllWordsAreKept) {
   EXPECT_EQ(say("nobody", true, 1).error().code, ErrorCode::kNotFound);
 }
 
-TEST_F(TeachingStores, ofALongHistoryOfConsentOnlyWhatIsTakenIsRead) {
+TEST_F(TeachingStores, aLongConsentHistoryIsReadOnlyAsNeeded) {
   ConsentStore consents(db.writer);
   pb::Consent consent;
   consent.set_recorded_by("ina");

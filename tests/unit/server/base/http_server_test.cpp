@@ -158,11 +158,11 @@ TEST(HttpServer, whoHangsUpWhileARequestIsAnsweredIsGone) {
   const std::string request = "GET / HTTP/1.1\r\nHost: x\r\n\r\n";
   asio::write(client, asio::buffer(request));
   ASSERT_TRUE(loop.runUntil([&] { return server->asked != nullptr; }));
-  server->lookForHangUps();
+  server->checkHangUps();
   EXPECT_FALSE(server->asked->gone());
   client.close();
   EXPECT_TRUE(loop.runUntil([&] {
-    server->lookForHangUps();
+    server->checkHangUps();
     return server->asked->gone();
   }));
   server->may_answer.notify();

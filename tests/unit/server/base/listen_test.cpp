@@ -23,7 +23,7 @@ using testing::Contains;
 using testing::ElementsAre;
 using testing::IsEmpty;
 
-TEST(Listen, aTakenPortIsSaidPlainly) {
+TEST(Listen, aPortInUseIsReportedPlainly) {
   asio::io_context io;
   const auto first = listenOn(io, *resolveListen("127.0.0.1:0"), "127.0.0.1:0");
   ASSERT_TRUE(first.ok());
@@ -63,8 +63,8 @@ TEST(Listen, theKernelTakesLittleOfWhatAPeerDoesNotRead) {
   EXPECT_GT(taken, 0u);
   int unsent = 0;
   ASSERT_EQ(::ioctl(accepted->native_handle(), SIOCOUTQNSD, &unsent), 0);
-  EXPECT_LE(unsent, 3 * kMostUnsentBytes);
-  EXPECT_LE(taken, 8u * kMostUnsentBytes) << "with what the peer's kernel took";
+  EXPECT_LE(unsent, 3 * kMaxUnsentBytes);
+  EXPECT_LE(taken, 8u * kMaxUnsentBytes) << "with what the peer's kernel took";
   acceptor->close();
   io.run_for(std::chrono::milliseconds(20));
 }
@@ -125,8 +125,8 @@ TEST(Listen, theKernelsMemoryOfAConnectionHasBoundsThatDoNotGrow) {
   Tcp::socket& socket = *pair.accepted;
   EXPECT_EQ(optionOf(socket, SOL_SOCKET, SO_RCVBUF), 2 * kKernelBufferBytes);
   EXPECT_EQ(optionOf(socket, SOL_SOCKET, SO_SNDBUF), 2 * kKernelBufferBytes);
-  EXPECT_EQ(optionOf(socket, IPPROTO_TCP, TCP_NOTSENT_LOWAT), kMostUnsentBytes);
-  EXPECT_EQ(optionOf(socket, IPPROTO_TCP, TCP_USER_TIMEOUT), static_cast<int>(kMostUnacknowledgedMs));
+  EXPECT_EQ(optionOf(socket, IPPROTO_TCP, TCP_NOTSENT_LOWAT), kMaxUnsentBytes);
+  EXPECT_EQ(optionOf(socket, IPPROTO_TCP, TCP_USER_TIMEOUT), static_cast<int>(kMaxUnacknowledgedMs));
   for (int i = 0; i < 200; ++i) {
     (void)takenFrom(pair.peer);
     (void)drainedFrom(socket);

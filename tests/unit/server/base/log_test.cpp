@@ -52,14 +52,14 @@ TEST(Log, whatIsEscapedMakesNoLongerLine) {
   }
 }
 
-TEST(Log, jsonLinesAreOneObjectEachWhateverIsInThem) {
+TEST(Log, jsonLinesAreOneObjectEachForAnyContent) {
   const std::string hostile = "x\n\"},{\"level\":\"error\" \\ \xff\x9b" + std::string(1000, 'y');
   const std::string line =
       "{" + logMembers("login_refused", {{"conn", 7}, {"name", hostile}, {"peer", "[::1]:80"}}) + "}";
   EXPECT_EQ(line.find('\n'), std::string::npos);
   const auto json = nlohmann::json::parse(line, nullptr, false);
   ASSERT_TRUE(json.is_object()) << line;
-  EXPECT_EQ(json.size(), 4u) << "nobody adds a member";
+  EXPECT_EQ(json.size(), 4u) << "no one adds a member";
   EXPECT_EQ(json["event"], "login_refused");
   EXPECT_EQ(json["conn"], 7) << "a number stays one";
   EXPECT_EQ(json["peer"], "[::1]:80");
@@ -105,36 +105,36 @@ TEST(Log, theJournalHearsThePriority) {
   EXPECT_TRUE(lineOnStandardError(LogFormat::kJson, false).starts_with("{\"time\":\"20"));
 }
 
-TEST(LogBound, aMinuteHasSoManyLinesAndTheOthersAreSaidOnceAsANumber) {
+TEST(LogBound, aMinutesLinesAreBoundedAndTheRestCountedOnce) {
   constexpr std::int64_t second_ns = 1'000'000'000;
   LogBound bound(3);
-  EXPECT_EQ(bound.leftOut(0), 0u);
+  EXPECT_EQ(bound.takeOmittedCount(0), 0u);
   std::uint64_t written = 0;
   for (std::int64_t s = 100; s < 160; ++s) {
     written += bound.take(s * second_ns);
-    EXPECT_EQ(bound.leftOut(s * second_ns), 0u) << "the minute is not over";
+    EXPECT_EQ(bound.takeOmittedCount(s * second_ns), 0u) << "the minute is not over";
   }
   EXPECT_EQ(written, 3u);
-  EXPECT_EQ(bound.leftOut(160 * second_ns), 57u);
-  EXPECT_EQ(bound.leftOut(160 * second_ns), 0u) << "once";
+  EXPECT_EQ(bound.takeOmittedCount(160 * second_ns), 57u);
+  EXPECT_EQ(bound.takeOmittedCount(160 * second_ns), 0u) << "once";
   // the next minute starts with its first line
   EXPECT_TRUE(bound.take(500 * second_ns));
   EXPECT_TRUE(bound.take(559 * second_ns));
   EXPECT_TRUE(bound.take(559 * second_ns));
   EXPECT_FALSE(bound.take(560 * second_ns - 1));
-  EXPECT_TRUE(bound.take(560 * second_ns)) << "also if nobody asked in between";
-  EXPECT_EQ(bound.leftOut(560 * second_ns), 1u);
-  EXPECT_EQ(bound.leftOut(INT64_MAX), 0u) << "nothing was left out of the last one";
+  EXPECT_TRUE(bound.take(560 * second_ns)) << "also if no one asked in between";
+  EXPECT_EQ(bound.takeOmittedCount(560 * second_ns), 1u);
+  EXPECT_EQ(bound.takeOmittedCount(INT64_MAX), 0u) << "nothing was left out of the last one";
 }
 
-TEST(LogBound, aPeriodIsOverWhenItsNumberIsSaid) {
+TEST(LogBound, aPeriodEndsWhenItsNumberIsReported) {
   LogBound bound(1, 10);
   EXPECT_TRUE(bound.over(100));
   EXPECT_TRUE(bound.take(100));
   EXPECT_FALSE(bound.take(109));
   EXPECT_FALSE(bound.over(109));
   EXPECT_FALSE(bound.over(110)) << "one is still to be said";
-  EXPECT_EQ(bound.leftOut(110), 1u);
+  EXPECT_EQ(bound.takeOmittedCount(110), 1u);
   EXPECT_TRUE(bound.over(110));
 }
 

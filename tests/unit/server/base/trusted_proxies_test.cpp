@@ -43,7 +43,7 @@ TEST(TrustedProxies, sayWhichOptionIsWrong) {
               HasSubstr("--web-proxy-header 'X-Real-IP'"));
 }
 
-TEST(TrustedProxies, aPeerThatIsNotTrustedIsTheClientWhateverItSays) {
+TEST(TrustedProxies, anUntrustedPeersForwardingHeaderIsIgnored) {
   EXPECT_EQ(proxies({"192.0.2.7"}).clientOf("203.0.113.5:4711", "10.0.0.1"), "203.0.113.5:4711");
   EXPECT_EQ(TrustedProxies().clientOf("127.0.0.1:80", "10.0.0.1"), "127.0.0.1:80");
 }
@@ -57,7 +57,7 @@ TEST(TrustedProxies, theLastAddressThatIsNoProxyIsTheClient) {
   EXPECT_EQ(client("203.0.113.5:51000"), "203.0.113.5:0");
   EXPECT_EQ(client("2001:db8::99"), "[2001:db8::99]:0");
   EXPECT_EQ(client("[2001:db8::99]:51000"), "[2001:db8::99]:0");
-  EXPECT_EQ(client("192.0.2.9"), "192.0.2.9:0") << "nobody but proxies: the first of them";
+  EXPECT_EQ(client("192.0.2.9"), "192.0.2.9:0") << "no one but proxies: the first of them";
   EXPECT_EQ(some.clientOf("[2001:db8::7]:443", "203.0.113.5"), "203.0.113.5:0");
 }
 

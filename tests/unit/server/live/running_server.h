@@ -16,7 +16,6 @@
 #include "common/base/text/uuid.h"
 #include "common/base/time/clock.h"
 #include "common/gesture/chunk.h"
-#include "common/gesture/session_hash.h"
 #include "server/base/log.h"
 #include "server/server.h"
 #include "tests/support/patience.h"

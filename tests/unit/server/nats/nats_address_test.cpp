@@ -32,7 +32,7 @@ TEST(NatsAddress, readsOneServerOrSeveral) {
   EXPECT_TRUE(parseNatsAddress("tls://a,b")->tls);
 }
 
-TEST(NatsAddress, refusesWhatIsNone) {
+TEST(NatsAddress, refusesInvalidAddresses) {
   for (const char* const text :
        {"", "a", "http://a", "nats://", "nats://a:", "nats://a:0", "nats://a:65536", "nats://a:x",
         "nats://a,,b", "nats://a,", "nats://fd00::1", "nats://[fd00::1", "nats://a b", "nats://a/b",
@@ -78,7 +78,7 @@ TEST_F(NatsUserTest, orAFileOfNatssOwn) {
   EXPECT_EQ(user->creds, folder.path() / "nats.user");
 }
 
-TEST_F(NatsUserTest, isRefusedWhenOthersMayReadItOrItIsNone) {
+TEST_F(NatsUserTest, sharedOrInvalidCredentialsAreRefused) {
   EXPECT_THAT(read("user = a\npassword = b\n", std::filesystem::perms(0640)).error().message,
               HasSubstr("chmod 600"));
   for (const char* const text : {"", "user = a\n", "password = hidden\n", "user = a\npassword =\n",

@@ -1,11 +1,10 @@
-#include "server/nats/nats_subjects.h"
+#include "server/nats/nats_address.h"
 
 #include <gtest/gtest.h>
 
 #include <optional>
 #include <string>
 
-#include "server/nats/back_off.h"
 #include "server/nats/drop_queue.h"
 
 namespace needlelab {

@@ -35,7 +35,7 @@ struct FakeDatabase {
 
   void change(const std::string& name, const std::string& server = "") {
     const auto number = static_cast<std::int64_t>(changes.empty() ? 1 : changes.back().number + 1);
-    changes.push_back({number, AccessWhat::kPerson, name, "password", server});
+    changes.push_back({number, AccessKind::kPerson, name, "password", server});
     is_told = tells;
   }
 };
@@ -108,7 +108,7 @@ class AccessListenerTest : public testing::Test {
       time};
 };
 
-TEST_F(AccessListenerTest, aChangeIsToldInTheTurnInWhichItIsHeard) {
+TEST_F(AccessListenerTest, aChangeIsDeliveredInTheTurnItArrives) {
   turns(1);
   db.change("anna");
   turns(1);
@@ -118,7 +118,7 @@ TEST_F(AccessListenerTest, aChangeIsToldInTheTurnInWhichItIsHeard) {
   EXPECT_EQ(listener.hearing().changes, 1u);
 }
 
-TEST_F(AccessListenerTest, whatCameBeforeTheFirstConnectionConcernsNobodyHere) {
+TEST_F(AccessListenerTest, changesBeforeTheFirstConnectionAreIgnored) {
   db.change("anna");
   turns(3);
   EXPECT_THAT(told, IsEmpty());
@@ -126,7 +126,7 @@ TEST_F(AccessListenerTest, whatCameBeforeTheFirstConnectionConcernsNobodyHere) {
 }
 
 // A connection pooler, or a NOTIFY that was not sent.
-TEST_F(AccessListenerTest, aChangeOfWhichNothingIsHeardIsToldWithinASecondAndAPiece) {
+TEST_F(AccessListenerTest, aChangeWithoutNoticeIsDeliveredWithinASecond) {
   turns(1);
   db.tells = false;
   for (int n = 0; n < 20; ++n) {
@@ -136,7 +136,7 @@ TEST_F(AccessListenerTest, aChangeOfWhichNothingIsHeardIsToldWithinASecondAndAPi
   }
 }
 
-TEST_F(AccessListenerTest, whatWasToldWhileTheConnectionWasLostIsReadAfterTheNextOne) {
+TEST_F(AccessListenerTest, changesDuringADisconnectionAreReadAfterwards) {
   turns(1);
   db.breaks = true;
   turns(1);
@@ -163,7 +163,7 @@ TEST_F(AccessListenerTest, pausesBetweenConnectionsGrowUpToASecond) {
   EXPECT_LE(msUntil([this] { return db.connections == 1; }), 1'100);
 }
 
-TEST_F(AccessListenerTest, aServerOfPostgresqlThatLacksNumbersStartsTheCountAnew) {
+TEST_F(AccessListenerTest, aServerThatLostNumbersRestartsTheCount) {
   for (const char* name : {"a", "b", "c"}) db.change(name);
   turns(1);
   db.breaks = true;
@@ -176,7 +176,7 @@ TEST_F(AccessListenerTest, aServerOfPostgresqlThatLacksNumbersStartsTheCountAnew
   EXPECT_THAT(told, ElementsAre("d"));
 }
 
-TEST_F(AccessListenerTest, changesOfItsOwnAreToldASecondLater) {
+TEST_F(AccessListenerTest, itsOwnChangesAreDeliveredASecondLater) {
   turns(1);
   db.change("anna", "own");
   db.change("bert", "other");
@@ -188,7 +188,7 @@ TEST_F(AccessListenerTest, changesOfItsOwnAreToldASecondLater) {
   EXPECT_THAT(told, ElementsAre("bert", "anna"));
 }
 
-TEST_F(AccessListenerTest, isDeafAfterThreeSecondsWithoutAnAnswerAndSaysSo) {
+TEST_F(AccessListenerTest, isDeafAfterThreeSecondsOfSilenceAndReportsIt) {
   EXPECT_FALSE(listener.hearing().is_deaf) << "it has only begun";
   EXPECT_LT(listener.hearing().silence_s, 0);
   turns(1);
@@ -206,7 +206,7 @@ TEST_F(AccessListenerTest, isDeafAfterThreeSecondsWithoutAnAnswerAndSaysSo) {
   EXPECT_EQ(faults.back(), "");
 }
 
-TEST_F(AccessListenerTest, whileNumbersCannotBeReliedOnAllAccountsAreLookedAtEachSecond) {
+TEST_F(AccessListenerTest, unreliableNumbersRecheckAllAccountsEachSecond) {
   turns(1);
   db.fault = "a trigger is missing";
   const auto took = msUntil([this] { return !listener.hearing().fault.empty(); });
@@ -219,7 +219,7 @@ TEST_F(AccessListenerTest, whileNumbersCannotBeReliedOnAllAccountsAreLookedAtEac
   EXPECT_FALSE(listener.hearing().is_deaf);
 }
 
-TEST(AccessListenerThread, endsSoonAlsoWhereNobodyAnswers) {
+TEST(AccessListenerThread, endsSoonEvenWithoutAnAnswer) {
   test::FakeTime clock;
   FakeDatabase db(clock);
   db.answers = false;

@@ -128,7 +128,7 @@ TEST_F(LoginsInStoreTest, triesAtTwoServersWaitAsThoseAtOneDo) {
         one.succeeded(name, address, now_ns);
         ASSERT_OK(at.wait(at.logins.succeeded(std::move(tried))));
       } else if (outcome == 1) {
-        ASSERT_OK(at.wait(at.logins.gaveUp(std::move(tried))));
+        ASSERT_OK(at.wait(at.logins.abandoned(std::move(tried))));
       } else {
         const bool begins = one.failed(name, address, now_ns);
         const auto locked = TestDb::must(at.wait(at.logins.failed(std::move(tried))));
@@ -161,7 +161,7 @@ TEST_F(LoginsInStoreTest, whatCouldNotBeCheckedLeavesNoTrace) {
   for (int n = 0; n < 20; ++n) {
     auto tried = (n % 2 == 0 ? a : b).begin("person anna", "lab");
     ASSERT_EQ(tried.wait.count(), 0) << n;
-    ASSERT_OK(a.wait(a.logins.gaveUp(std::move(tried))));
+    ASSERT_OK(a.wait(a.logins.abandoned(std::move(tried))));
   }
 }
 
@@ -206,7 +206,7 @@ TEST_F(LoginsInStoreTest, usingATokenAtOneServerLengthensItAtTheOther) {
   EXPECT_EQ(b.leftMs(token), 9 * 60'000) << "asks the database before it lets it end";
 }
 
-TEST_F(LoginsInStoreTest, aLogOutAtOneServerEndsTheTokenAtTheOthersNextUse) {
+TEST_F(LoginsInStoreTest, aLogOutEndsTheTokenAtAllServers) {
   const std::string token = a.issue("@1"), other = a.issue("@1");
   EXPECT_TRUE(b.lets(token));
   ASSERT_OK(a.wait(a.logins.end(token)));
@@ -220,7 +220,7 @@ TEST_F(LoginsInStoreTest, aLogOutAtOneServerEndsTheTokenAtTheOthersNextUse) {
   EXPECT_GT(b.leftMs(other), 0);
 }
 
-TEST_F(LoginsInStoreTest, aChangeOfTheAccountEndsItsTokensAtEachServersNextUse) {
+TEST_F(LoginsInStoreTest, anAccountChangeEndsItsTokensAtEachServer) {
   const std::string token = a.issue("@1"), bert = a.issue("@2");
   EXPECT_TRUE(b.lets(token));
   ASSERT_OK(PeopleStore(db.writer).setPasswordHash("@1", "another"));
@@ -233,7 +233,7 @@ TEST_F(LoginsInStoreTest, aChangeOfTheAccountEndsItsTokensAtEachServersNextUse) 
   EXPECT_TRUE(b.lets(a.issue("@1", 1)));
 }
 
-TEST_F(LoginsInStoreTest, whileTheDatabaseIsAwayNobodyIsLetInAndALivePageGoesOnUpToItsEnd) {
+TEST_F(LoginsInStoreTest, aDatabaseOutageBlocksLogInsAndLivePagesContinue) {
   const std::string token = a.issue("@1"), unknown = a.key.makeToken();
   EXPECT_TRUE(b.lets(token));
   ASSERT_OK(db.writer.script("ALTER TABLE login_tokens RENAME TO gone"));
@@ -241,11 +241,11 @@ TEST_F(LoginsInStoreTest, whileTheDatabaseIsAwayNobodyIsLetInAndALivePageGoesOnU
   EXPECT_FALSE(b.logins.check(token, {})().ok());
   EXPECT_GT(b.leftMs(token), 0);
   b.logins.forget("@1");
-  EXPECT_EQ(b.leftMs(token), 0) << "something changed, and nobody can say what";
+  EXPECT_EQ(b.leftMs(token), 0) << "something changed, and no one can say what";
   ASSERT_OK(db.writer.script("ALTER TABLE gone RENAME TO login_tokens"));
 }
 
-TEST_F(LoginsInStoreTest, aPromotedStandbysClockThatIsHoursBehindGivesNobodyHours) {
+TEST_F(LoginsInStoreTest, aStandbysSlowClockDoesNotExtendLogIns) {
   const std::string token = a.issue("@1");
   for (int n = 0; n < 3; ++n) (void)a.begin("person anna", "lab");
   test::FakeTime behind{time.peekNs() - 3 * 3600 * kSec};

@@ -81,8 +81,8 @@ class RemoteAsksTest : public testing::Test {
 TEST_F(RemoteAsksTest, reachTheStationAtItsServer) {
   a.hub.attachStation("bench-1", at_a, 5);
   lab.run(200);
-  ASSERT_TRUE(c.remote->isElsewhere("bench-1"));
-  ASSERT_FALSE(a.remote->isElsewhere("bench-1"));
+  ASSERT_TRUE(c.remote->isRemote("bench-1"));
+  ASSERT_FALSE(a.remote->isRemote("bench-1"));
   pb::Envelope text, next, aids;
   text.mutable_trainee_message()->set_station("bench-1");
   text.mutable_trainee_message()->set_from("ines");
@@ -117,14 +117,14 @@ TEST_F(RemoteAsksTest, areRefusedInTheWordsOfTheServerThatHasTheStation) {
   EXPECT_EQ(answer->refusal.text(), "bring the station up to date");
 }
 
-TEST_F(RemoteAsksTest, ofAStationThatNobodyHasAreRefusedAtOnce) {
+TEST_F(RemoteAsksTest, ofAnUnconnectedStationAreRefusedAtOnce) {
   lab.run(200);
   ask(c, stopAt("bench-1"));
   expectAnswer(Kind::kRefused);
   EXPECT_EQ(answer->refusal.reason(), pb::Refusal::NOT_FOUND);
   c.hub.attachStation("bench-1", at_a);
   ask(c, stopAt("bench-1"));
-  expectAnswer(Kind::kHere);
+  expectAnswer(Kind::kLocal);
 }
 
 TEST_F(RemoteAsksTest, comeOnceHoweverOftenTheyArrive) {
@@ -198,7 +198,7 @@ TEST_F(RemoteAsksTest, thatKnowANewerConnectionDoNotReachTheOldOne) {
   EXPECT_EQ(stops(at_b), 1u);
 }
 
-TEST_F(RemoteAsksTest, whoseStationIsGoneAreAskedAgainWhenItIsHeardOfElsewhere) {
+TEST_F(RemoteAsksTest, areRepeatedWhenTheLostStationAppearsElsewhere) {
   a.hub.attachStation("bench-1", at_a, 5);
   lab.run(200);
   lab.bus.loses = [](const LiveMessage& message, const std::string&) {
@@ -229,7 +229,7 @@ TEST_F(RemoteAsksTest, whoseStationIsGoneForGoodAreRefused) {
   EXPECT_THAT(answer->refusal.text(), HasSubstr("not online"));
 }
 
-TEST_F(RemoteAsksTest, whoseStationComesToTheAskerAreDeliveredThere) {
+TEST_F(RemoteAsksTest, areDeliveredLocallyWhenTheStationArrives) {
   a.hub.attachStation("bench-1", at_a, 5);
   lab.run(200);
   ask(c, stopAt("bench-1"));
@@ -237,11 +237,11 @@ TEST_F(RemoteAsksTest, whoseStationComesToTheAskerAreDeliveredThere) {
   lab.bus.deliver();
   c.hub.attachStation("bench-1", at_b, 6);
   lab.run(50);
-  expectAnswer(Kind::kHere);
+  expectAnswer(Kind::kLocal);
   EXPECT_EQ(stops(at_b), 0u) << "the caller delivers it";
 }
 
-TEST_F(RemoteAsksTest, thatNobodyAnswersMayNotHaveArrived) {
+TEST_F(RemoteAsksTest, withoutAnAnswerMayNotHaveArrived) {
   a.hub.attachStation("bench-1", at_a, 5);
   lab.run(200);
   lab.bus.loses = [](const LiveMessage& message, const std::string&) {
@@ -257,7 +257,7 @@ TEST_F(RemoteAsksTest, thatNobodyAnswersMayNotHaveArrived) {
   EXPECT_EQ(stops(at_a), 1u) << "it is never sent twice";
 }
 
-TEST_F(RemoteAsksTest, withoutTheLinkAreRefusedAndThoseUnderWayMayNotHaveArrived) {
+TEST_F(RemoteAsksTest, withoutTheLinkAreRefusedAndPendingOnesUncertain) {
   a.hub.attachStation("bench-1", at_a, 5);
   a.remote->deliverBy([](const auto&, const auto&, const auto&) {});  // the station does not confirm
   lab.run(200);

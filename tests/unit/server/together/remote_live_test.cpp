@@ -113,7 +113,7 @@ TEST_F(RemoteLiveTest, eachServerListsTheStationsOfAllWithTheirServersNames) {
     EXPECT_TRUE(second.online());
     EXPECT_EQ(second.status().server(), "b");
     EXPECT_EQ(server->hub.stationsOnline(), 2u);
-    EXPECT_EQ(server->hub.stationsElsewhere(), 1u);
+    EXPECT_EQ(server->hub.remoteStations(), 1u);
     EXPECT_FALSE(server->listed("bench-3").online());
   }
   EXPECT_THAT(a.remote->servers(), ElementsAre("b"));
@@ -123,7 +123,7 @@ TEST_F(RemoteLiveTest, eachServerListsTheStationsOfAllWithTheirServersNames) {
   EXPECT_EQ(b.hub.stationsKnown(), 1u) << "nothing is left of it";
 }
 
-TEST_F(RemoteLiveTest, aStateThatChangesIsToldTenTimesASecondAndOneThatDoesNotOnceASecond) {
+TEST_F(RemoteLiveTest, changingStatesAreSentOftenAndIdleOnesEachSecond) {
   a.hub.attachStation("bench-1", bench);
   a.hub.attachStation("bench-2", other_bench);
   lab.run(1000);
@@ -148,7 +148,7 @@ TEST_F(RemoteLiveTest, aStateThatChangesIsToldTenTimesASecondAndOneThatDoesNotOn
   EXPECT_NEAR(told["bench-2"], 10, 1);
 }
 
-TEST_F(RemoteLiveTest, alonePresenceIsAHeartbeatAndANewServerHearsOfAllStationsAtOnce) {
+TEST_F(RemoteLiveTest, aNewServerLearnsOfAllStationsAtOnce) {
   lab.kill(b);
   lab.run(4000);
   EXPECT_THAT(a.remote->servers(), IsEmpty());
@@ -172,7 +172,7 @@ TEST_F(RemoteLiveTest, manyStationsTakeManyMessagesOfABoundedSize) {
     sayStatus(a, name, status);
   }
   lab.run(200);
-  EXPECT_EQ(b.hub.stationsElsewhere(), 700u);
+  EXPECT_EQ(b.hub.remoteStations(), 700u);
   std::size_t largest = 0;
   for (const LiveMessage& each : lab.bus.passed) largest = std::max(largest, each.bytes.size());
   EXPECT_LE(largest, RemoteLiveSettings().presence_bytes + 256);
@@ -192,7 +192,7 @@ void expectPresenceExpires(LiveLab& lab, LiveServer& a, LiveServer& b, bool in_t
   EXPECT_TRUE(b.listed("bench-1").online());
   lab.run(600);
   EXPECT_EQ(!b.listed("bench-1").online(), in_time);
-  EXPECT_EQ(b.hub.stationsElsewhere() == 0, in_time);
+  EXPECT_EQ(b.hub.remoteStations() == 0, in_time);
 }
 
 TEST_F(RemoteLiveTest, theStationsOfAServerThatFallsSilentAreOffline) {
@@ -201,7 +201,7 @@ TEST_F(RemoteLiveTest, theStationsOfAServerThatFallsSilentAreOffline) {
   expectPresenceExpires(lab, a, b, true);
   EXPECT_FALSE(anna.lastTold("bench-1").online());
   EXPECT_THAT(b.remote->servers(), IsEmpty());
-  EXPECT_THAT(b.port.stations, IsEmpty()) << "nobody listens to it any more";
+  EXPECT_THAT(b.port.stations, IsEmpty()) << "no one listens to it any more";
 }
 
 TEST_F(RemoteLiveTest, presenceThatNeverExpiresIsCaught) {
@@ -210,7 +210,7 @@ TEST_F(RemoteLiveTest, presenceThatNeverExpiresIsCaught) {
   expectPresenceExpires(lab, a, b, false);
 }
 
-TEST_F(RemoteLiveTest, aServerThatWasPausedForgetsNobodyWhoIsStillThere) {
+TEST_F(RemoteLiveTest, aPausedServerForgetsNoOneStillThere) {
   a.hub.attachStation("bench-1", bench);
   ASSERT_FALSE(b.hub.subscribe(anna, watchOf(1, "bench-1"), 0));
   lab.run(200);
@@ -224,10 +224,10 @@ TEST_F(RemoteLiveTest, aServerThatWasPausedForgetsNobodyWhoIsStillThere) {
   EXPECT_TRUE(b.listed("bench-1").online());
   lab.run(5000);
   EXPECT_TRUE(b.listed("bench-1").online());
-  EXPECT_TRUE(anna.control.empty()) << "nobody was told of anything";
+  EXPECT_TRUE(anna.control.empty()) << "no one was told of anything";
 }
 
-TEST_F(RemoteLiveTest, aServerThatStopsSaysSo) {
+TEST_F(RemoteLiveTest, aStoppingServerAnnouncesIt) {
   a.hub.attachStation("bench-1", bench);
   lab.run(200);
   a.remote->leave();
@@ -250,7 +250,7 @@ TEST_F(RemoteLiveTest, framesAreOnTheWayOnlyWhileSomebodyWatchesElsewhere) {
   subscribe(b, anna, watchOf(1, "bench-1"));
   EXPECT_EQ(anna.lastTold("bench-1").trainee(), "tina");
   EXPECT_TRUE(bench.isWatched());
-  EXPECT_EQ(a.remote->watchedElsewhere(), 1u);
+  EXPECT_EQ(a.remote->remotelyWatched(), 1u);
   sendFrames(a, bench, 5, 5);
   const auto frames = anna.frames();
   ASSERT_EQ(frames.size(), 5u);
@@ -284,10 +284,10 @@ TEST_F(RemoteLiveTest, theInterestOfAServerThatIsGoneEnds) {
   EXPECT_TRUE(bench.isWatched());
   lab.run(1500);
   EXPECT_FALSE(bench.isWatched());
-  EXPECT_EQ(a.remote->watchedElsewhere(), 0u);
+  EXPECT_EQ(a.remote->remotelyWatched(), 0u);
 }
 
-TEST_F(RemoteLiveTest, whoWaitsForAStationGetsItsFramesFromTheServerWhereItComes) {
+TEST_F(RemoteLiveTest, aWaitingViewerGetsFramesFromTheArrivingStationsServer) {
   subscribe(b, anna, watchOf(1, "bench-1"));
   EXPECT_FALSE(anna.lastTold("bench-1").online());
   lab.run(200);
@@ -299,7 +299,7 @@ TEST_F(RemoteLiveTest, whoWaitsForAStationGetsItsFramesFromTheServerWhereItComes
   EXPECT_EQ(anna.frames().size(), 3u);
 }
 
-TEST_F(RemoteLiveTest, aSessionIsWatchedWhereverItRuns) {
+TEST_F(RemoteLiveTest, aSessionIsWatchedAtAnyServer) {
   pb::Subscribe wanted;
   wanted.set_subscription(1);
   wanted.set_session_id(kLesson);
@@ -346,7 +346,7 @@ TEST_F(RemoteLiveTest, aWatchedStationThatSendsFramesOnlyKeepsItsStatusFresh) {
   EXPECT_EQ(b.listed("bench-1").status().force_n(), 5) << "of the samples";
 }
 
-TEST_F(RemoteLiveTest, framesAreThinnedWhereTheStationIsWhenAllWatchAtOneRate) {
+TEST_F(RemoteLiveTest, aCommonRateIsThinnedAtTheSource) {
   a.hub.attachStation("bench-1", bench);
   sayStatus(a, "bench-1", lessonOf("tina"));
   lab.run(200);
@@ -379,7 +379,7 @@ TEST_F(RemoteLiveTest, framesAreThinnedWhereTheStationIsWhenAllWatchAtOneRate) {
   b.hub.detachViewer(all);
 }
 
-TEST_F(RemoteLiveTest, aSlowViewerLosesItsOwnOldestFramesOnly) {
+TEST_F(RemoteLiveTest, aSlowViewerLosesOnlyItsOwnOldestFrames) {
   /// Like a connection whose peer reads nothing: frames wait in its queue.
   struct Slow : HubPeer {
     LiveQueue queue{1'000'000'000, 4096};
@@ -423,7 +423,7 @@ TEST_F(RemoteLiveTest, theServerWithTheGreaterEpochHasTheStation) {
   for (LiveServer* const server : {&a, &b, &c}) EXPECT_EQ(server->listed("bench-1").status().server(), "b");
   EXPECT_TRUE(other_bench.isWatched());
   sendFrames(a, bench, 1, 5);
-  EXPECT_EQ(anna.frames().size(), 1u) << "what its old connection still says is nobody's view";
+  EXPECT_EQ(anna.frames().size(), 1u) << "what its old connection still says is no one's view";
   EXPECT_EQ(bert.frames().size(), 1u);
   sendFrames(b, other_bench, 0, 3);
   EXPECT_EQ(anna.frames().size(), 4u);
@@ -461,7 +461,7 @@ TEST_F(RemoteLiveTest, whatComesLateFromTheServerThatHadTheStationChangesNothing
 }
 
 // another server's claim may be wrong: a connection that the database does not end becomes active again
-TEST_F(RemoteLiveTest, aDisplacedConnectionIsBackWhenNobodyElseHasTheStation) {
+TEST_F(RemoteLiveTest, aDisplacedConnectionReturnsWhenTheOtherLeaves) {
   a.hub.attachStation("bench-1", bench, 5);
   b.hub.attachStation("bench-1", other_bench, 6);
   lab.run(200);
@@ -472,7 +472,7 @@ TEST_F(RemoteLiveTest, aDisplacedConnectionIsBackWhenNobodyElseHasTheStation) {
 }
 
 // a server that hung still says that it has the station; a database that went back has lower epochs
-TEST_F(RemoteLiveTest, aGreaterEpochThatNobodySaysAnyMoreCountsForAMinute) {
+TEST_F(RemoteLiveTest, aGreaterEpochExpiresAfterAMinuteOfSilence) {
   LiveServer& c = lab.add("c");
   lab.bus.loses = [](const LiveMessage& message, const std::string& to) {
     return message.from == "b" && to == "a";
@@ -488,7 +488,7 @@ TEST_F(RemoteLiveTest, aGreaterEpochThatNobodySaysAnyMoreCountsForAMinute) {
   EXPECT_EQ(c.listed("bench-1").status().server(), "a");
 }
 
-TEST_F(RemoteLiveTest, withoutEpochsTheServerThatSaidSoLastHasIt) {
+TEST_F(RemoteLiveTest, withoutEpochsTheLastClaimWins) {
   LiveServer& c = lab.add("c");
   a.hub.attachStation("bench-1", bench);
   lab.run(200);
@@ -605,7 +605,7 @@ TEST_F(RemoteLiveTest, aServerThatWasStartedAgainIsAnotherOne) {
   EXPECT_TRUE(b.listed("bench-1").online());
 }
 
-TEST_F(RemoteLiveTest, withoutTheLinkViewersAreToldAndItComesBackByItself) {
+TEST_F(RemoteLiveTest, withoutTheLinkViewersAreToldAndItReconnects) {
   a.hub.attachStation("bench-1", bench);
   sayStatus(a, "bench-1", lessonOf("tina"));
   b.hub.attachStation("bench-2", other_bench);
@@ -661,7 +661,7 @@ TEST_F(RemoteLiveTest, withoutTheLinkViewersAreToldAndItComesBackByItself) {
   b.hub.detachViewer(late);
 }
 
-TEST_F(RemoteLiveTest, anErasedPersonsNameIsNotShownElsewhereOnceTheStationsServerKnows) {
+TEST_F(RemoteLiveTest, anErasedNameDisappearsOnceTheStationsServerKnows) {
   a.hub.attachStation("bench-1", bench);
   const auto lesson = lessonOf("tina");
   a.hub.onSession("bench-1", lesson.session_id(), "@7");
@@ -680,7 +680,7 @@ TEST_F(RemoteLiveTest, anotherLabsMessagesAndThoseOfTheSameNameAreRefused) {
   EXPECT_FALSE(a.listed("bench-1").online());
   EXPECT_THAT(a.remote->servers(), ElementsAre("b"));
   EXPECT_GT(a.remote->counters().malformed, 0u);
-  EXPECT_EQ(a.remote->nameTaken(), "");
+  EXPECT_EQ(a.remote->duplicateName(), "");
   // a's own name in another program
   LiveServer twin(lab.bus, lab.time, "a", {.instance = 99});
   // the bus does not deliver to the name that sent it
@@ -690,9 +690,9 @@ TEST_F(RemoteLiveTest, anotherLabsMessagesAndThoseOfTheSameNameAreRefused) {
   claim.mutable_origin()->set_instance(99);
   claim.mutable_origin()->set_number(1);
   a.remote->onMessage(LivePlane::kPresence, "a", claim.SerializeAsString());
-  EXPECT_THAT(a.remote->nameTaken(), HasSubstr("--live-name"));
+  EXPECT_THAT(a.remote->duplicateName(), HasSubstr("--live-name"));
   lab.run(11'000);
-  EXPECT_EQ(a.remote->nameTaken(), "");
+  EXPECT_EQ(a.remote->duplicateName(), "");
   foreign.hub.detachStation("bench-1", bench);
 }
 
@@ -746,7 +746,7 @@ TEST_F(RemoteLiveTest, anyBytesAreRefusedOrDoNoHarm) {
   EXPECT_GT(a.remote->counters().malformed, 100u);
   lab.run(15'000);
   EXPECT_EQ(b.listed("bench-1").status().server(), "b");
-  EXPECT_LE(a.hub.stationsKnown(), 2u) << "what was made up has expired";
+  EXPECT_LE(a.hub.stationsKnown(), 2u) << "the invented entry has expired";
 }
 
 TEST_F(RemoteLiveTest, valuesThatAreNoneAndTooManyStationsAreRefused) {
@@ -790,7 +790,7 @@ TEST_F(RemoteLiveTest, valuesThatAreNoneAndTooManyStationsAreRefused) {
   EXPECT_EQ(a.listed("bench-1").status().peak_force_n(), 0);
   EXPECT_EQ(a.listed("bench-1").status().server(), "z");
 
-  LiveServer& small = lab.add("small", {.most_stations = 10, .most_servers = 3});
+  LiveServer& small = lab.add("small", {.max_stations = 10, .max_servers = 3});
   for (int i = 0; i < 20; ++i) {
     claim.Clear();
     claim.mutable_origin()->set_lab("lab");
@@ -800,7 +800,7 @@ TEST_F(RemoteLiveTest, valuesThatAreNoneAndTooManyStationsAreRefused) {
     *claim.add_stations() = named(fmt::format("room-{}", i));
     small.remote->onMessage(LivePlane::kPresence, "z", claim.SerializeAsString());
   }
-  EXPECT_EQ(small.hub.stationsElsewhere(), 10u);
+  EXPECT_EQ(small.hub.remoteStations(), 10u);
   for (int i = 0; i < 20; ++i) {
     claim.mutable_origin()->set_server(fmt::format("z{}", i));
     small.remote->onMessage(LivePlane::kPresence, claim.origin().server(), claim.SerializeAsString());

@@ -68,7 +68,7 @@ std::string schemaFault(const json& schema, const json& value, const json& root,
     return path + " is too small";
   if (schema.value("format", "") == "uuid" && value.is_string() && !value.get<std::string>().empty() &&
       value.get<std::string>().size() != 36)
-    return path + " is no UUID: " + value.dump();
+    return path + " is not a UUID: " + value.dump();
   if (value.is_object()) return objectFault(schema, value, root, path);
   if (value.is_array() && schema.contains("items")) {
     for (std::size_t i = 0; i < value.size(); ++i) {

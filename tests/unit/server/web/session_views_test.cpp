@@ -8,7 +8,7 @@
 
 #include "common/base/text/uuid.h"
 #include "common/gesture/chunk.h"
-#include "common/gesture/session_hash.h"
+#include "server/web/routes.h"
 #include "server/web/session_views.h"
 #include "tests/unit/server/web/web_lab.h"
 
@@ -17,6 +17,12 @@ namespace {
 
 using test::FakeSession;
 using test::WebLab;
+
+WebRoute csvRoute() {
+  WebRoute route;
+  route.format = formatsAt(ExportPlace::kWebSamples).front();
+  return route;
+}
 
 /// Samples of a motionless hand at 1 kHz, from a given tick and time: a whole chunk of them is some 8 KiB.
 Bytes stillChunk(std::size_t count, std::uint64_t first_tick, std::int64_t first_time_ns) {
@@ -104,23 +110,23 @@ std::size_t stepsOf(WebLab& lab, const std::string& session, WebJson& plot) {
   }
 }
 
-TEST(SessionViews, aStepOfAPlotDecodesOneOfTheLongestChunksThoughAllOfThemFitIntoOneReply) {
+TEST(SessionViews, aPlotStepDecodesOneLongestChunk) {
   WebLab lab;
   constexpr std::uint64_t kChunks = 5;
   const std::string id = recordedInLongChunks(lab, kChunks);
   WebJson plot;
-  EXPECT_EQ(stepsOf(lab, id, plot), kChunks * kMaxChunkSamples / kMostStepSamples);
+  EXPECT_EQ(stepsOf(lab, id, plot), kChunks * kMaxChunkSamples / kMaxStepSamples);
   EXPECT_EQ(plot["samples"], kChunks * kMaxChunkSamples);
   EXPECT_EQ(plot["columns"]["t_s"].size(), 2000u);
   EXPECT_NEAR(plot["to_s"].get<double>(), (kChunks * kMaxChunkSamples - 1) * 1e-3, 1e-9);
 }
 
-TEST(SessionViews, aStepOfAPlotReadsSoManyChunksHoweverShortTheyAre) {
+TEST(SessionViews, aPlotStepReadsABoundedNumberOfChunks) {
   WebLab lab;
-  const std::string id = lab.recorded(2 * kMostStepChunks + 1);
+  const std::string id = lab.recorded(2 * kMaxStepChunks + 1);
   WebJson plot;
   EXPECT_EQ(stepsOf(lab, id, plot), 3u);
-  EXPECT_EQ(plot["samples"], (2 * kMostStepChunks + 1) * 100);
+  EXPECT_EQ(plot["samples"], (2 * kMaxStepChunks + 1) * 100);
   EXPECT_EQ(plot["columns"]["t_s"].size(), 2000u);
 }
 
@@ -131,11 +137,11 @@ TEST(SessionViews, aPlotWithoutChunksIsThereAfterOneStep) {
   EXPECT_EQ(plot["columns"]["t_s"].size(), 0u);
 }
 
-TEST(SessionViews, aPieceOfTheCsvHasABoundOfRowsHoweverLongTheChunksAre) {
+TEST(SessionViews, aCsvPieceHasABoundOfRows) {
   WebLab lab;
   constexpr std::uint64_t kChunks = 2;
   const std::string id = recordedInLongChunks(lab, kChunks);
-  const auto stream = sampleCsv(lab.server().service(), callOf(id));
+  const auto stream = sampleStream(lab.server().service(), csvRoute(), callOf(id));
   ASSERT_TRUE(stream.ok()) << stream.error().message;
   std::string csv;
   std::size_t pieces = 0;
@@ -146,22 +152,22 @@ TEST(SessionViews, aPieceOfTheCsvHasABoundOfRowsHoweverLongTheChunksAre) {
     ASSERT_TRUE(piece.has_value());
     if (piece->empty()) break;
     const auto lines = static_cast<std::size_t>(std::count(piece->begin(), piece->end(), '\n'));
-    EXPECT_EQ(lines, kMostPieceRows + (pieces == 0 ? 1 : 0))
+    EXPECT_EQ(lines, kMaxPieceRows + (pieces == 0 ? 1 : 0))
         << "piece " << pieces << ", the first has the header";
     ++pieces;
     csv += *piece;
   }
-  EXPECT_EQ(pieces, kChunks * kMaxChunkSamples / kMostPieceRows);
+  EXPECT_EQ(pieces, kChunks * kMaxChunkSamples / kMaxPieceRows);
   // no row twice, none omitted: the last sample's tick is the number of rows minus one
   const std::string last = csv.substr(csv.rfind('\n', csv.size() - 2) + 1);
   EXPECT_EQ(last.substr(last.find(',') + 1).substr(0, 7), "131071,");
 }
 
-TEST(SessionViews, aPieceOfTheCsvDecodesOneOfTheLongestChunksThoughNoneOfTheirRowsIsAskedFor) {
+TEST(SessionViews, aCsvPieceDecodesOneLongestChunkEvenWithoutRows) {
   WebLab lab;
   WebCall call = callOf(recordedBackInTime(lab));
   call.target.query["from_s"] = "500";
-  const auto stream = sampleCsv(lab.server().service(), call);
+  const auto stream = sampleStream(lab.server().service(), csvRoute(), call);
   ASSERT_TRUE(stream.ok()) << stream.error().message;
   // lines of each piece, the header first; -1: no text yet
   std::vector<int> pieces;

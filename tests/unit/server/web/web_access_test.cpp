@@ -131,7 +131,7 @@ TEST(WebSession, anErasedNameDoesNotComeBackIntoTheAuditLog) {
   }));
 }
 
-TEST(WebSession, aChangeNeedsTheTokenOfItsOwnSession) {
+TEST(WebSession, aChangeNeedsTheTokenOfItsSession) {
   WebLab lab;
   Browser ada = lab.browserOf("ada"), other = lab.browserOf("ada");
   const std::string body = R"({"disabled": true})";
@@ -224,7 +224,7 @@ TEST(WebRoles, everyRouteIsForTheRolesOfTheTable) {
     const std::string row = std::string(route.method) + " " + std::string(route.pattern);
     EXPECT_TRUE(rows.erase(row) == 1) << row << " has no row";
   }
-  EXPECT_TRUE(rows.empty()) << *rows.begin() << " is no route";
+  EXPECT_TRUE(rows.empty()) << *rows.begin() << " is not a route";
 }
 
 TEST(WebRoles, aTraineeSeesItsOwnSessionsOnly) {

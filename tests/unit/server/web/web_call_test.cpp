@@ -10,8 +10,7 @@
 #include "common/profile/profile.h"
 #include "needlelab/control.pb.h"
 #include "server/base/http_message.h"
-#include "server/web/reply_json.h"
-#include "server/web/static_files.h"
+#include "server/web/web_server.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/time/fake_time.h"
 
@@ -20,7 +19,7 @@ namespace {
 
 using test::TempFolder;
 
-TEST(WebTarget, isTakenApartAndDecoded) {
+TEST(WebTarget, isSplitAndDecoded) {
   const auto target = parseTarget("/api/v1/people/anna%20b%C3%BC?page=x%3D1&who=a+b&empty=");
   ASSERT_TRUE(target.ok());
   EXPECT_EQ(target->segments, (std::vector<std::string>{"api", "v1", "people", "anna b\u00fc"}));
@@ -43,7 +42,7 @@ TEST(WebHost, onlyANameOfTheLabMayDemandHttps) {
     EXPECT_FALSE(mayDemandHttps(host)) << host;
 }
 
-TEST(WebTarget, namesNobodyInTheLog) {
+TEST(WebTarget, namesNoOneInTheLog) {
   EXPECT_EQ(pathForLog("/api/v1/people/anna%20b?x=y", "GET /people/{name}"), "/api/v1/people/*");
   EXPECT_EQ(pathForLog("/api/v1/people/anna/export", "GET /people/{name}/export"), "/api/v1/people/*/export");
   EXPECT_EQ(pathForLog("/api/v1/sessions/019aa0c3/score", "GET /sessions/{id}/score"),
@@ -87,7 +86,7 @@ TEST(WebTarget, everythingDoubtfulIsRefused) {
   }
 }
 
-TEST(Cookies, theOneIsFoundAmongOthersAndNotWhenItIsThereTwice) {
+TEST(Cookies, theCookieIsFoundUnlessItOccursTwice) {
   EXPECT_EQ(cookieNamed("a=1; __Host-needlelab=xyz; b=2", "__Host-needlelab"), "xyz");
   EXPECT_EQ(cookieNamed("__Host-needlelab=x=y", "__Host-needlelab"), "x=y");
   EXPECT_FALSE(cookieNamed("x__Host-needlelab=1", "__Host-needlelab").has_value());
@@ -115,7 +114,7 @@ TEST(Origin, onlyThisServerOverTls) {
   EXPECT_FALSE(isSameOrigin("https://", ""));
 }
 
-TEST(Base64Url, isTakenBackAndOnlyWhatItWrote) {
+TEST(Base64Url, decodesOnlyItsOwnEncoding) {
   std::mt19937 random(7);
   for (std::size_t size = 0; size < 70; ++size) {
     std::string bytes(size, '\0');
@@ -251,7 +250,7 @@ TEST(WebSessions, aTokenAgainstForgedRequestsIsOfItsSessionOnly) {
   EXPECT_FALSE(sessions.mayBeSession(sent));
 }
 
-TEST(Tokens, lastLongerByUseAndEndWhenTold) {
+TEST(Tokens, lastLongerByUseAndEndOnLogOut) {
   Tokens tokens({.lifetime = std::chrono::milliseconds(1000),
                  .max_tokens = 10,
                  .longest = std::chrono::milliseconds(2500)});
@@ -267,12 +266,12 @@ TEST(Tokens, lastLongerByUseAndEndWhenTold) {
   EXPECT_FALSE(tokens.endOf(next.token, 1).has_value());
 }
 
-TEST(Tokens, whoLogsInAgainAndAgainCostsNobodyElseOne) {
+TEST(Tokens, repeatedLogInsCostNoOneElseAToken) {
   Tokens tokens;
   const auto bert = tokens.issue({{"bert", pb::INSTRUCTOR}, 0}, 0);
-  for (std::size_t i = 0; i < TokenLimits{}.most_of_person + 100; ++i)
+  for (std::size_t i = 0; i < TokenLimits{}.max_of_person + 100; ++i)
     (void)tokens.issue({{"anna", pb::INSTRUCTOR}, 0}, static_cast<std::int64_t>(i));
-  EXPECT_EQ(tokens.size(), TokenLimits{}.most_of_person + 1);
+  EXPECT_EQ(tokens.size(), TokenLimits{}.max_of_person + 1);
   EXPECT_TRUE(tokens.endOf(bert.token, 1).has_value());
 }
 

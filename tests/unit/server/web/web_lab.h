@@ -8,7 +8,6 @@
 #include <functional>
 #include <string>
 
-#include "server/web/openapi.h"
 #include "server/web/routes.h"
 #include "tests/unit/server/live/running_server.h"
 #include "tests/unit/server/web/browser.h"

@@ -86,7 +86,7 @@ TEST(WebLessons, listsAndDocumentsAreAsTheyAreDescribed) {
   EXPECT_TRUE(noted);
 }
 
-TEST(WebLessons, aCodeIsShownToWhoMakesItAndToNobodyAfterwards) {
+TEST(WebLessons, aCodeIsShownToItsMakerOnce) {
   WebLab lab;
   Browser mara = lab.browserOf("mara"), tina = lab.browserOf("tina"), ada = lab.browserOf("ada");
   const auto set = [](Browser& who, const std::string& name, const std::string& body) {
@@ -134,7 +134,7 @@ TEST(WebLessons, aProfileIsCheckedAndPushedThroughByTheEngine) {
   EXPECT_EQ(askChecked(mara, "POST", "/api/v1/profiles/preview", profile.dump()).status, 400);
 }
 
-TEST(WebLessons, aManagersWeekGoesThroughAndTwoWhoEditAtOnceHearOfIt) {
+TEST(WebLessons, aManagersWeekWorksAndConcurrentEditorsGetAConflict) {
   WebLab lab;
   Browser mara = lab.browserOf("mara"), ada = lab.browserOf("ada");
   const auto done = [&](const std::string& method, const std::string& path, const std::string& body,
@@ -262,7 +262,7 @@ TEST(WebLessons, aManagersWeekGoesThroughAndTwoWhoEditAtOnceHearOfIt) {
 }
 
 // a page has 100 trainees
-TEST(WebLessons, resultsForASpreadsheetHaveEverybodyOnceWhateverThePages) {
+TEST(WebLessons, exportedResultsListEachPersonOnceAcrossPages) {
   WebLab lab;
   Browser mara = lab.browserOf("mara");
   const json course = {
@@ -400,7 +400,7 @@ TEST(WebLessons, theCsvHasEverySampleAndThePlotItsExtremes) {
   EXPECT_EQ(few["columns"]["t_s"].size(), 51u);
 }
 
-TEST(WebLessons, aTraineeGetsTheSamplesOfAnExamOnceItsResultsAreShown) {
+TEST(WebLessons, aTraineeGetsExamSamplesOnceResultsAreShown) {
   WebLab lab;
   const std::string session = "/api/v1/sessions/" + lab.recorded(2);
   json course{
@@ -420,7 +420,7 @@ TEST(WebLessons, aTraineeGetsTheSamplesOfAnExamOnceItsResultsAreShown) {
   }
 }
 
-TEST(WebLessons, aLongCsvTakesNoMoreMemoryThanAShortOneHoweverSlowlyItIsRead) {
+TEST(WebLessons, aLongCsvTakesConstantMemoryForASlowReader) {
   WebLab lab;
   const bool is_long = test::longForm();
   const std::uint64_t chunks = is_long ? 18'000 : 2500;  // 30 min, or 4 min

@@ -48,7 +48,7 @@ TEST(WebFiles, areServedWithTheirHeadersAndNothingElseIs) {
     EXPECT_EQ(browser.get(path).status, 400) << path;
 }
 
-TEST(WebErrors, areJsonAndSayWhatIsAllowed) {
+TEST(WebErrors, areJsonAndNameTheAllowedMethods) {
   WebLab lab;
   Browser ada = lab.browserOf("ada");
   const WebReply wrong = askChecked(ada, "PUT", "/api/v1/people", "{}");
@@ -106,12 +106,12 @@ TEST(WebLimits, aHeaderAndABodyHaveTheirSizes) {
       413);
   // a log-in must be short even with a session
   EXPECT_EQ(ada.ask("POST", "/api/v1/session", body).status, 413);
-  EXPECT_EQ(ada.get("/api/v1/session").status, 200) << "the server goes on";
+  EXPECT_EQ(ada.get("/api/v1/session").status, 200) << "the server continues";
 }
 
 // The finding: bodies of plot requests, which are never read, used the budget of parsed messages while the
 // plots were made.
-TEST(WebLimits, aBodyWhereNoneIsTakenIsRefusedAndALongOneUnread) {
+TEST(WebLimits, anUnexpectedBodyIsRefusedAndALongOneUnread) {
   WebLab lab;
   const std::string plot = "/api/v1/sessions/" + lab.recorded(1) + "/samples?points=10";
   Browser ada = lab.browserOf("ada");
@@ -134,10 +134,10 @@ TEST(WebLimits, aBodyWhereNoneIsTakenIsRefusedAndALongOneUnread) {
     (void)wire.send(requestText(method, path, "", headers));
     EXPECT_EQ(wire.read().status, 413) << method << " " << path;
   }
-  EXPECT_EQ(askChecked(ada, "POST", "/api/v1/check", "{}").status, 200) << "an empty object is no body";
+  EXPECT_EQ(askChecked(ada, "POST", "/api/v1/check", "{}").status, 200) << "an empty object is not a body";
 }
 
-TEST(WebLimits, aRequestThatIsBuiltNoLongerHasTheRoomOfItsJson) {
+TEST(WebLimits, aParsedRequestReleasesTheRoomOfItsJson) {
   WebLab lab([](ServerOptions& options) { options.bounds.decoded.people = 30'000; });
   Browser mara = lab.browserOf("mara"), ada = lab.browserOf("ada");
   // the lines of their log-ins wait for the writer on the workers' threads
@@ -194,10 +194,10 @@ TEST(WebLimits, whatIsNoHttpIsEnded) {
   EXPECT_EQ(browser.get("/").status, 200);
 }
 
-TEST(WebLimits, whoChangesKeysOfTlsAFewTimesIsServedAndIsEndedAtTheNext) {
+TEST(WebLimits, aPeerMayChangeTlsKeysAFewTimes) {
   WebLab lab;
   WebWire wire(lab.port());
-  for (std::uint64_t change = 0; change < kMostKeyUpdates; ++change) {
+  for (std::uint64_t change = 0; change < kMaxKeyUpdates; ++change) {
     ASSERT_TRUE(wire.changeKeys());
     (void)wire.send(requestText("GET", "/"));
     ASSERT_EQ(wire.read().status, 200) << change;
@@ -210,25 +210,25 @@ TEST(WebLimits, whoChangesKeysOfTlsAFewTimesIsServedAndIsEndedAtTheNext) {
   Browser ada = lab.browserOf("ada");
   const auto live = ada.live();
   ASSERT_NE(live, nullptr);
-  for (std::uint64_t change = 0; change <= kMostKeyUpdates; ++change) (void)live->changeKeys();
+  for (std::uint64_t change = 0; change <= kMaxKeyUpdates; ++change) (void)live->changeKeys();
   (void)live->sendFrame(9, "");
   EXPECT_TRUE(live->ends());
-  EXPECT_EQ(lab.browser().get("/").status, 200) << "the server goes on";
+  EXPECT_EQ(lab.browser().get("/").status, 200) << "the server continues";
 }
 
-TEST(WebLimits, aTlsHandshakeForWhichThePeerSendsMoreThanTheBoundEnds) {
+TEST(WebLimits, anOversizedTlsHandshakeEnds) {
   WebLab lab;
   // the beginning of a ClientHello of 65,536 bytes, in records of one byte (6 bytes each)
   std::string hello;
   for (const char content : {1, 1, 0, 0}) hello += std::string("\x16\x03\x01\x00\x01", 5) + content;
-  while (hello.size() <= kMostHandshakeBytes + 6) hello += std::string("\x16\x03\x01\x00\x01\x00", 6);
+  while (hello.size() <= kMaxHandshakeBytes + 6) hello += std::string("\x16\x03\x01\x00\x01\x00", 6);
   WebWire wire(lab.port(), false);
   ASSERT_TRUE(wire.sendPlain(hello));
   EXPECT_TRUE(wire.ends()) << "the handshake has an hour";
-  EXPECT_EQ(lab.browser().get("/").status, 200) << "the server goes on";
+  EXPECT_EQ(lab.browser().get("/").status, 200) << "the server continues";
 }
 
-TEST(WebLimits, aBodyThatIsCodedInAnotherWayIsNotTakenForTheNextRequest) {
+TEST(WebLimits, aBodyInAnotherCodingIsNotReadAsARequest) {
   WebLab lab;
   const std::string body = R"({"name": "ada", "password": "wrong"})";
   const std::string chunked = "24\r\n" + body + "\r\n0\r\n\r\n";
@@ -333,7 +333,7 @@ TEST(WebLimits, silentConnectionsOfAnAddressDoNotKeepItsPeopleOut) {
   EXPECT_EQ(ask(kept), 200);
   std::vector<std::unique_ptr<WebWire>> silent;
   for (int i = 0; i < 300; ++i) silent.push_back(std::make_unique<WebWire>(lab.port(), false));
-  EXPECT_EQ(ask(kept), 200) << "a connection that has shown its session is no stranger";
+  EXPECT_EQ(ask(kept), 200) << "a connection that has shown its session is not a stranger";
   EXPECT_EQ(ines.get("/api/v1/session").status, 200) << "and a new one of the same person gets in";
   EXPECT_EQ(lab.browser().logIn("mara", kWebPassword).status, 200);
   EXPECT_TRUE(silent.front()->ends()) << "the oldest stranger gave way";
@@ -363,7 +363,7 @@ TEST(WebLimits, onlyStrangersAreCountedByAddress) {
   EXPECT_EQ(fresh.read().status, 200);
 }
 
-TEST(WebLimits, whoHasUsedUpTheShareIsCountedAndInTheLogOnce) {
+TEST(WebLimits, anExhaustedShareIsCountedAndLoggedOnce) {
   WebLab lab([](ServerOptions& options) {  // for two consents, including overhead
     options.shares.own_bytes = 2.0 * (200 + PeopleShares::kRequestBytes);
     options.metrics = "127.0.0.1:0";
@@ -393,7 +393,7 @@ TEST(WebLimits, whoHasUsedUpTheShareIsCountedAndInTheLogOnce) {
   EXPECT_THAT(wire.receivePlain(), HasSubstr("needlelab_refused_for_room_total 5\n"));
 }
 
-TEST(WebLimits, strangersHaveSoManyLinesOfTheLogAndTheNumberOfTheOthers) {
+TEST(WebLimits, strangersLogLinesAreBoundedAndCounted) {
   WebLab lab([](ServerOptions& options) { options.bounds.log_lines.a_minute = 5; });
   Browser tina = lab.browserOf("tina"), stranger = lab.browser();  // the log-in was a stranger's request, too
   const std::string log = logOf(LogLevel::kInfo, [&] {
@@ -407,7 +407,7 @@ TEST(WebLimits, strangersHaveSoManyLinesOfTheLogAndTheNumberOfTheOthers) {
 }
 
 // The finding: each request of a trainee wrote a line, 1 MB per second.
-TEST(WebLimits, whoIsLoggedInHasSoManyLinesOfTheLogAndRefusedRequestsHaveTheirOwn) {
+TEST(WebLimits, aPersonsLogLinesAreBoundedApartFromRefusals) {
   constexpr std::size_t kLines = 2, kAnswered = 4;
   WebLab lab([](ServerOptions& options) {
     options.bounds.log_lines.a_minute = kLines;
@@ -485,7 +485,7 @@ TEST(WebLogIn, tellsAdministratorsWhatAnAckSurvives) {
   EXPECT_FALSE(askChecked(mara, "GET", "/api/v1/session").json().contains("store"));
 }
 
-TEST(WebStore, tellsAdministratorsWhatIsMissingAndWhatIsNotStored) {
+TEST(WebStore, tellsAdministratorsWhatIsMissingAndUnstored) {
   WebLab lab([](ServerOptions& options) { options.writer.lack_at_start = "transaction 7 is unknown here"; });
   Browser ada = lab.browserOf("ada");
   const auto store = [&] { return askChecked(ada, "GET", "/api/v1/session").json()["store"]; };
@@ -500,7 +500,7 @@ TEST(WebStore, tellsAdministratorsWhatIsMissingAndWhatIsNotStored) {
 
 // The finding: remarks through this port used no daily share and no room, so one instructor filled the disk
 // until the server ended.
-TEST(WebLimits, aRemarkTakesItsPersonsShareAndIsRefusedOnAFullDisk) {
+TEST(WebLimits, aRemarkUsesItsAuthorsShareAndNeedsDiskRoom) {
   const auto free_bytes = std::make_shared<std::atomic<std::uint64_t>>(10'000 * kMiB);
   WebLab lab(aDiskWith(free_bytes));
   const std::string id = lab.recorded(1);
@@ -520,7 +520,7 @@ TEST(WebLimits, aRemarkTakesItsPersonsShareAndIsRefusedOnAFullDisk) {
 
 // The finding: remarks on missing sessions counted as used room, so one instructor prevented lessons from
 // beginning.
-TEST(WebLimits, aRemarkThatIsRefusedTakesNoRoomOnTheDiskAndOneThatIsStoredDoes) {
+TEST(WebLimits, onlyAStoredRemarkTakesDiskRoom) {
   WebLab lab([](ServerOptions& options) { options.room_every = std::chrono::hours(1); });
   const std::string id = lab.recorded(1);
   Browser ada = lab.browserOf("ada"), ines = lab.browserOf("ines");
@@ -538,7 +538,7 @@ TEST(WebLimits, aRemarkThatIsRefusedTakesNoRoomOnTheDiskAndOneThatIsStoredDoes) 
   EXPECT_EQ(left(), before - 2 * (body.size() + PeopleShares::kRequestBytes));
 }
 
-TEST(WebProxy, aTrustedOneIsNoStrangerAndSaysWhoAsks) {
+TEST(WebProxy, aTrustedOneIsNoStrangerAndNamesTheClient) {
   const auto guess = [](WebLab& lab, const char* from) {
     WebWire wire(lab.port());
     (void)wire.send(requestText("POST", "/api/v1/session",
@@ -628,7 +628,7 @@ TEST(WebLimits, whoHasTheMostConnectionsGivesWayToPeopleWhoHaveFewer) {
   }
 }
 
-TEST(WebLimits, repliesOfOnePersonHaveABoundInBytesOverAllConnectionsAndAllCome) {
+TEST(WebLimits, onePersonsRepliesAreBoundedOverAllConnectionsAndArrive) {
   constexpr std::size_t kLongest = 1u << 20;  // the memory of a reply while it is made
   WebLab lab([](ServerOptions& options) { options.bounds.replies.person = 2 * kLongest; });
   Browser ines = lab.browserOf("ines"), mara = lab.browserOf("mara");
@@ -640,11 +640,11 @@ TEST(WebLimits, repliesOfOnePersonHaveABoundInBytesOverAllConnectionsAndAllCome)
   EXPECT_EQ(mara.get("/api/v1/people").status, 200);
   for (const auto& wire : open) EXPECT_EQ(wire->read().status, 200);
   EXPECT_EQ(lab.server().stop(), 0);
-  EXPECT_GE(lab.server().counters().most_reply_bytes, kLongest);
-  EXPECT_LE(lab.server().counters().most_reply_bytes, 3 * kLongest) << "two of one person and one of another";
+  EXPECT_GE(lab.server().counters().max_reply_bytes, kLongest);
+  EXPECT_LE(lab.server().counters().max_reply_bytes, 3 * kLongest) << "two of one person and one of another";
 }
 
-TEST(WebLimits, downloadsThatNobodyReadsHaveABoundInBytesOverAllConnectionsAndOthersComplete) {
+TEST(WebLimits, unreadDownloadsAreBoundedInBytesAndOthersComplete) {
   constexpr std::size_t kOfOne = 3u << 20, kOfPeople = 6u << 20;
   WebLab lab([](ServerOptions& options) {
     options.bounds.replies.person = kOfOne;
@@ -668,8 +668,8 @@ TEST(WebLimits, downloadsThatNobodyReadsHaveABoundInBytesOverAllConnectionsAndOt
   unread.clear();
   EXPECT_EQ(linesOf(ines), kChunks * 100 + 1) << "their room came back";
   EXPECT_EQ(lab.server().stop(), 0);
-  EXPECT_GE(lab.server().counters().most_reply_bytes, kOfOne);
-  EXPECT_LE(lab.server().counters().most_reply_bytes, kOfPeople);
+  EXPECT_GE(lab.server().counters().max_reply_bytes, kOfOne);
+  EXPECT_LE(lab.server().counters().max_reply_bytes, kOfPeople);
 }
 
 TEST(WebLimits, strangersGiveWayAndTheOtherPortGoesOn) {
@@ -686,7 +686,7 @@ TEST(WebLimits, strangersGiveWayAndTheOtherPortGoesOn) {
   EXPECT_TRUE(lab.server().connect(login).ok());
 }
 
-TEST(WebServer, endsWithTheServerAfterWhatIsAtWork) {
+TEST(WebServer, endsWithTheServerAfterItsCurrentWork) {
   WebLab lab;
   Browser ines = lab.browserOf("ines");
   WebWire idle(lab.port());

@@ -30,7 +30,7 @@ json tileOf(const std::string& text, const std::string& station) {
   return nullptr;
 }
 
-TEST(WebLive, twoViewersSeeWhatAStationDoesAndOneThatNeverReadsHoldsUpNobody) {
+TEST(WebLive, aViewerThatNeverReadsDelaysNoOtherViewer) {
   WebLab lab;
   auto station = lab.server().connect(ofStation(lab.stationKey()));
   ASSERT_TRUE(station.ok());
@@ -104,7 +104,7 @@ TEST(WebLive, theLayerHasTheNameOfTheSessionsProfile) {
   }
 }
 
-TEST(WebLive, thePeakIsTheSessionsWhoeverBeganToWatchLate) {
+TEST(WebLive, thePeakCoversTheSessionForALateViewer) {
   WebLab lab;
   auto station = lab.server().connect(ofStation(lab.stationKey()));
   ASSERT_TRUE(station.ok());
@@ -180,13 +180,13 @@ TEST(WebLive, whoDoesNotReadIsCutWhenItsBufferIsFull) {
   };
   EXPECT_TRUE(until(dropped)) << texts << " texts read; the server says:\n" << metrics;
   const int texts_at_the_cut = texts;
-  EXPECT_TRUE(until([&] { return texts > texts_at_the_cut + 5; })) << "the other viewer goes on";
+  EXPECT_TRUE(until([&] { return texts > texts_at_the_cut + 5; })) << "the other viewer continues";
   over = true;
   reader.join();
   EXPECT_FALSE(broken);
 }
 
-TEST(WebLive, comesAtTheSetPeriodWhichIsFiveTimesASecondUnlessSet) {
+TEST(WebLive, comesFiveTimesASecondUnlessConfigured) {
   EXPECT_EQ(ServerOptions().web.live_period, milliseconds(200));
   // Neither server depends on the machine's speed: one has nothing to send for an hour, the other always has
   // something.
@@ -199,7 +199,7 @@ TEST(WebLive, comesAtTheSetPeriodWhichIsFiveTimesASecondUnlessSet) {
   EXPECT_FALSE(waiting->readText(milliseconds(100)).has_value());
 }
 
-TEST(WebLive, isForWhoIsLoggedInAndAsksFromAPageOfThisServer) {
+TEST(WebLive, needsALogInAndAPageOfThisServer) {
   WebLab lab;
   Browser ines = lab.browserOf("ines"), tina = lab.browserOf("tina"), nobody = lab.browser();
   WebReply refused;
@@ -235,7 +235,7 @@ TEST(WebLive, endsWithItsSession) {
   EXPECT_EQ(disabled->closeCode(), 1008);
 }
 
-TEST(WebLive, lastsAsLongAsSomebodyLooksAtIt) {
+TEST(WebLive, lastsAsLongAsSomeoneWatches) {
   FakeTime time;
   WebLab lab([&](ServerOptions& options) { options.token_time = &time; });
   Browser ines = lab.browserOf("ines"), mara = lab.browserOf("mara");
@@ -252,7 +252,7 @@ TEST(WebLive, lastsAsLongAsSomebodyLooksAtIt) {
     ASSERT_TRUE(eventually([&] { return left_min(ines) > 10; })) << look;
     time.advance(std::chrono::nanoseconds(std::chrono::minutes(7)).count());
     if (look == 1) {
-      EXPECT_LT(left_min(mara), 2) << "nobody has looked for 14 minutes";
+      EXPECT_LT(left_min(mara), 2) << "no one has looked for 14 minutes";
     }
   }
   EXPECT_EQ(ines.get("/api/v1/session").status, 200) << "after 21 minutes";

@@ -106,7 +106,7 @@ class FalconDeviceTest : public testing::Test {
   DeviceRead last_ = DeviceRead::kNoUpdate;
 };
 
-TEST_F(FalconDeviceTest, saysWhatItIs) {
+TEST_F(FalconDeviceTest, describesItself) {
   const auto device = make();
   EXPECT_FALSE(device->info().renders_torque);
   EXPECT_FALSE(device->info().has_orientation);
@@ -168,7 +168,7 @@ TEST_F(FalconDeviceTest, speedIsThatOfTheGrip) {
   }
 }
 
-TEST_F(FalconDeviceTest, closeSaysZeroTorqueLastAndLetsGoAndItOpensAgain) {
+TEST_F(FalconDeviceTest, closeSendsZeroTorqueLastAndTheDeviceReopens) {
   const auto device = make();
   for (const double rate_hz : {1000.0, 500.0, 1000.0}) {
     ASSERT_TRUE(device->open(rate_hz).ok());
@@ -182,7 +182,7 @@ TEST_F(FalconDeviceTest, closeSaysZeroTorqueLastAndLetsGoAndItOpensAgain) {
   }
 }
 
-TEST_F(FalconDeviceTest, firmwareIsLoadedOnceAndItsProgressSaid) {
+TEST_F(FalconDeviceTest, firmwareIsLoadedOnceWithReportedProgress) {
   falcon_->forgetFirmware();
   FalconOptions options = withFirmware();
   std::vector<std::string> progress;
@@ -204,7 +204,7 @@ TEST_F(FalconDeviceTest, firmwareIsLoadedOnceAndItsProgressSaid) {
   EXPECT_EQ(falcon_->loads, 2);
 }
 
-TEST_F(FalconDeviceTest, pluggedInAgainWithoutFirmwareAndFileSaysSo) {
+TEST_F(FalconDeviceTest, replugWithoutFirmwareFileIsReported) {
   const auto device = opened();
   falcon_->unplug();
   ASSERT_TRUE(loopUntilLost(*device));

@@ -184,7 +184,7 @@ TEST(FalconKinematics, torquesDoTheForcesWork) {
   EXPECT_LT(worst, 1e-6);
 }
 
-TEST(FalconKinematics, pullTowardTheUserInTheMiddleIsTheSameForAllLegs) {
+TEST(FalconKinematics, centrePullTowardTheUserLoadsAllLegsEqually) {
   const LegAngles theta = inverseKinematics(kOrigin_F_m).theta_rad;
   const Torques torques = torquesForForce(legJacobian(kOrigin_F_m, theta), {0, 0, 3});
   EXPECT_EQ(torques.flags, 0);
@@ -200,7 +200,7 @@ TEST(FalconKinematics, pullTowardTheUserInTheMiddleIsTheSameForAllLegs) {
   EXPECT_NEAR(torques.thigh_Nm[0], rise, 1e-9);
 }
 
-TEST(FalconKinematics, motorsAreToldByTheirOwnUnits) {
+TEST(FalconKinematics, motorCommandsUseTheirOwnUnits) {
   const MotorUnits units = motorUnits({{0.1, -0.2, 0}, 0});
   EXPECT_EQ(units.flags, 0);
   EXPECT_EQ(units.value[0], std::lround(-0.1 / 7.62 / 1.9835e-5));
@@ -218,7 +218,7 @@ TEST(FalconKinematics, motorsAtTheirMostGiveTheMakersPeakForceInTheMiddle) {
   // the weakest direction, by the literature's torque constant and lengths, checked with the manufacturer's 2
   // lbf: two independent sources
   const LegJacobian legs = legJacobian(kOrigin_F_m, inverseKinematics(kOrigin_F_m).theta_rad);
-  const double most_Nm = kMotorMax * kMotorNm_per_unit * kGearRatio;
+  const double max_Nm = kMotorMax * kMotorNm_per_unit * kGearRatio;
   double weakest_N = 1e9;
   constexpr int kDirections = 4000;
   for (int i = 0; i < kDirections; ++i) {
@@ -227,7 +227,7 @@ TEST(FalconKinematics, motorsAtTheirMostGiveTheMakersPeakForceInTheMiddle) {
     const Torques torques = torquesForForce(legs, {r * std::cos(around), r * std::sin(around), z});
     double greatest = 0;
     for (const double torque : torques.thigh_Nm) greatest = std::max(greatest, std::fabs(torque));
-    weakest_N = std::min(weakest_N, most_Nm / greatest);
+    weakest_N = std::min(weakest_N, max_Nm / greatest);
   }
   EXPECT_NEAR(weakest_N, kLimits.peak_force_N, 0.2);
 }
@@ -241,7 +241,7 @@ TEST(FalconKinematics, encodersAndAnglesTurnBack) {
   EXPECT_EQ(countsOfTheta(kNan), 0);
 }
 
-TEST(FalconKinematics, anEncoderStepMovesTheGripByLessThanATenthOfAMillimetre) {
+TEST(FalconKinematics, oneEncoderStepMovesTheGripLessThanATenthMillimetre) {
   const LegAngles theta = inverseKinematics(kOrigin_F_m).theta_rad;
   for (const Vec3 column : placePerAngle(legJacobian(kOrigin_F_m, theta))) {
     const double step = norm(column) / kCountsPerRad;
@@ -250,7 +250,7 @@ TEST(FalconKinematics, anEncoderStepMovesTheGripByLessThanATenthOfAMillimetre) {
   }
 }
 
-TEST(FalconKinematics, beyondTheEdgeTheNearestIsTakenAndSaid) {
+TEST(FalconKinematics, beyondTheEdgeTheNearestPoseIsReportedAndFlagged) {
   for (const Vec3 away : {Vec3{0.3, 0, 0}, Vec3{0, -0.3, 0}, Vec3{0, 0, 0.3}, Vec3{0, 0, -0.4}, Vec3{9, 9, 9},
                           Vec3{1e200, 0, 0}, Vec3{0, 0, -0.125}}) {
     const Legs legs = inverseKinematics(kOrigin_F_m + away);

@@ -138,7 +138,7 @@ TEST(FalconPacketReader, noiseNeverGivesMoreThanItHolds) {
   EXPECT_EQ(readAll(reader, "<BAAABAAABAAAAA>").size(), 1u) << "and it recovers at once";
 }
 
-TEST(FalconPacket, modemBytesAtTheHeadOfEachUsbPacketAreLeftOut) {
+TEST(FalconPacket, modemBytesAtTheStartOfUsbPacketsAreSkipped) {
   // one read of three USB packets: 64, 64, 5 bytes
   std::vector<std::uint8_t> read(133);
   for (std::size_t i = 0; i < read.size(); ++i) read[i] = static_cast<std::uint8_t>(i);

@@ -88,7 +88,7 @@ TEST(FalconBaudDivisor, isTheNearestThatTheChipCanMake) {
   }
 }
 
-TEST_F(FalconFirmware, whatGoesWrongIsSaidInTime) {
+TEST_F(FalconFirmware, failuresAreReportedInTime) {
   const Bytes image = someFirmware(300);
   const auto byteText = [&](std::size_t at) {
     return fmt::format(

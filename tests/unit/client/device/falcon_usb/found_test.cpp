@@ -68,7 +68,7 @@ TEST_F(FalconOnUsb, ofTwoOneIsChosenAndTheyDoNotDisturbEachOther) {
   }
 }
 
-TEST_F(FalconOnUsb, withoutRightsItSaysWhoMustGiveThem) {
+TEST_F(FalconOnUsb, missingRightsNameWhoMustGrantThem) {
   falcon_.plug();
   falcon_.port().setMode(0);
   // Root may open any device, so change to another user for this test.
@@ -86,7 +86,7 @@ TEST_F(FalconOnUsb, withoutRightsItSaysWhoMustGiveThem) {
   EXPECT_FALSE(found[0].ready);
 }
 
-TEST_F(FalconOnUsb, usedByAnotherProgramItSaysSo) {
+TEST_F(FalconOnUsb, useByAnotherProgramIsReported) {
   falcon_.port().setBusy(true);
   falcon_.plug();
   const Error error = refusal(options());

@@ -163,7 +163,7 @@ TEST_F(StationWithFalcon, isListedAndTestsItselfWithoutTorque) {
   EXPECT_THAT(calibration->said(), testing::HasSubstr("its grip is the tip"));
 }
 
-TEST_F(StationWithFalcon, withoutAFalconItSaysWhatToDo) {
+TEST_F(StationWithFalcon, aMissingFalconIsReportedWithAdvice) {
   const auto child = station(lesson("1", "wait"));
   EXPECT_EQ(child->wait(kPatience), kExitFailed) << child->said();
   EXPECT_THAT(child->said(), testing::HasSubstr("USB cable"));

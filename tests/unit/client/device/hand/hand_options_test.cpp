@@ -146,7 +146,7 @@ TEST(ChoosePlan, findsTargetsByName) {
   EXPECT_NEAR(deepest(*choose("retry:bursa")), 0.02, 1e-6);
 }
 
-TEST(ChoosePlan, aSkillMakesAnAttemptOfItsOwnByWayOfTheMarkedEntry) {
+TEST(ChoosePlan, aSkilledAttemptVariesAndPassesTheMarkedEntry) {
   HandOptions options;
   options.skill = 1;
   const std::vector<PlanTarget> oblique = {{"joint", {0.01, 0, -0.02}, Vec3{0, 0, 0}}};
@@ -183,7 +183,7 @@ TEST(ChoosePlan, withoutTargetsGoesToHalfOfTheLayers) {
   EXPECT_NEAR(deepest(*choose("depth:0.035")), 0.035, 1e-9);
 }
 
-TEST(ChoosePlan, aPlanThatIsDoneAgainFillsItsSyringeAnew) {
+TEST(ChoosePlan, aRepeatedPlanRefillsItsSyringe) {
   HandOptions options;
   options.aspirate = true;
   const auto once = choosePlan(options, scene(), kTargets);
@@ -202,7 +202,7 @@ TEST(ChoosePlan, restStaysOutside) {
   EXPECT_EQ(plan->duration_s(), 2);
 }
 
-TEST(ChoosePlan, refusesWhatItDoesNotKnowByName) {
+TEST(ChoosePlan, refusesUnknownOptionsByName) {
   const struct {
     const char *words, *part;
   } rows[] = {{"target:hip", "'bursa', 'joint space'"},

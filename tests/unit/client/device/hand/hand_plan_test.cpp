@@ -48,7 +48,7 @@ TEST(ShareOfWay, followsItsFormula) {
   EXPECT_DOUBLE_EQ(shareOfWay(Motion::kTrapezoid, 0.15), 0.15 / 2 / 0.85);
 }
 
-TEST(HandPlan, movesReachTheAskedSpeedAndNoMore) {
+TEST(HandPlan, movesReachTheRequestedSpeedOnly) {
   for (const Motion motion : {Motion::kLinear, Motion::kTrapezoid, Motion::kMinJerk}) {
     const Pose from{{0.1, -0.2, 0.3}, {}};
     const Pose to{{0.1, -0.2, 0.24}, {}};

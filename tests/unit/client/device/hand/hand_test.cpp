@@ -75,7 +75,7 @@ TEST(Hand, pursuesThePlanWithTheTipOfTheTool) {
 TEST(Hand, letsGoAtItsTimeForGood) {
   HandOptions o;
   o.tremor_m = 0;
-  o.let_go_s = 0.01;
+  o.release_s = 0.01;
   Hand hand(o, HandPlan(Pose{}).moveIn(Pose{{0.1, 0, 0}, {}}, 0.1, Motion::kLinear).hold(1), {}, 1e-3);
   const HandleState at_rest{};
   for (int step = 0; step < 200; ++step) {
@@ -241,23 +241,23 @@ TEST(SteeredAim, aWishIsReachedWithoutOvershoot) {
   EXPECT_GT(lowest, 0.02 - 1e-7);
 }
 
-TEST(SteeredAim, aJumpOfTheWishIsGoneAfterAtTheGreatestSpeedAtMost) {
+TEST(SteeredAim, aTargetJumpIsFollowedAtTheSpeedLimit) {
   SteeredRun run;
   run.target({0.5, 0, 0.03});
   run.go(1);
-  EXPECT_LE(run.peak_mps, kMostAimSpeed_mps * (1 + 1e-9));
-  EXPECT_GT(run.peak_mps, 0.99 * kMostAimSpeed_mps);
+  EXPECT_LE(run.peak_mps, kMaxAimSpeed_mps * (1 + 1e-9));
+  EXPECT_GT(run.peak_mps, 0.99 * kMaxAimSpeed_mps);
   // acceleration costs the smoothing's 25 ms
-  EXPECT_NEAR(run.now.X_WT.p.x, kMostAimSpeed_mps * (1 - 0.025), 1e-4);
+  EXPECT_NEAR(run.now.X_WT.p.x, kMaxAimSpeed_mps * (1 - 0.025), 1e-4);
 }
 
-TEST(SteeredAim, aTurnIsGoneAfterAtTheGreatestTurnAtMostAndStaysARotation) {
+TEST(SteeredAim, aTurnIsFollowedAtTheRateLimitAsARotation) {
   SteeredRun run;
   const double half = 0.6;
   run.target({0, 0, 0.03}, {std::sin(half), 0, 0, std::cos(half)});
   run.go(3);
-  EXPECT_LE(run.peak_radps, kMostAimTurn_radps * (1 + 1e-6));
-  EXPECT_GT(run.peak_radps, 0.9 * kMostAimTurn_radps);
+  EXPECT_LE(run.peak_radps, kMaxAimTurn_radps * (1 + 1e-6));
+  EXPECT_GT(run.peak_radps, 0.9 * kMaxAimTurn_radps);
   EXPECT_NEAR(run.now.X_WT.q.x, std::sin(half), 1e-6);
   EXPECT_NEAR(dot(run.now.X_WT.q, run.now.X_WT.q), 1, 1e-12);
 }
@@ -288,7 +288,7 @@ TEST(SteeredAim, thePlungerGoesNoFasterThanAThumb) {
   SteeredRun run;
   run.target({0, 0, 0.03}, {}, 1);
   run.go(0.5);
-  EXPECT_NEAR(run.now.plunger, 0.1 + 0.5 * kMostPlungerSpeed_per_s, 1e-4);
+  EXPECT_NEAR(run.now.plunger, 0.1 + 0.5 * kMaxPlungerSpeed_per_s, 1e-4);
   run.go(2);
   EXPECT_EQ(run.now.plunger, 1);
 }
@@ -312,7 +312,7 @@ SceneSpec flatScene() {
   return scene;
 }
 
-TEST(SteeredStart, isOutsideBesideTheMarkedEntryAndLooksIn) {
+TEST(SteeredStart, isOutsideNearTheMarkedEntryLookingIn) {
   const std::vector<PlanTarget> targets = {{"deep", {0.01, 0, -0.03}, Vec3{0.01, 0, 0}}};
   const HandAim start = steeredStart(flatScene(), targets).start();
   EXPECT_NEAR(start.X_WT.p.z, 0.03, 1e-12);

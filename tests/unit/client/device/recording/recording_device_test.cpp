@@ -86,9 +86,9 @@ TEST_F(PoseTrackFile, timesMayBeLateByThreePeriodsOrTenMilliseconds) {
     }
     return text;
   };
-  for (const auto& [period_s, most_s] : {std::pair{0.001, 0.01}, {0.01, 0.03}, {1.0, 3.0}}) {
-    EXPECT_TRUE(read(rows(period_s, most_s)).ok()) << period_s;
-    EXPECT_THAT(refusal(rows(period_s, 1.1 * most_s)),
+  for (const auto& [period_s, max_s] : {std::pair{0.001, 0.01}, {0.01, 0.03}, {1.0, 3.0}}) {
+    EXPECT_TRUE(read(rows(period_s, max_s)).ok()) << period_s;
+    EXPECT_THAT(refusal(rows(period_s, 1.1 * max_s)),
                 testing::AllOf(HasSubstr("row 7 (line 8)"), HasSubstr("jumps from")))
         << period_s;
   }
@@ -154,7 +154,7 @@ TEST(RecordingDevice, playsATickAReadSkipsMissedOnesAndEnds) {
   EXPECT_EQ(device.skip(3), 3u);
   EXPECT_EQ(next(), 5);
   device.write({});
-  EXPECT_EQ(device.skip(1000), poses.size() - 6) << "ticks after the recording's end are none of it";
+  EXPECT_EQ(device.skip(1000), poses.size() - 6) << "ticks after the recording's end do not count";
   EXPECT_EQ(device.read(reading), DeviceRead::kFinished);
   device.close();
   // Opened again, it starts from the beginning.

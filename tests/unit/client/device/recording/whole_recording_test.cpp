@@ -92,7 +92,7 @@ TEST_F(WholeRecording, everyTruncationIsRefusedAndItsHoleNamed) {
   }
 }
 
-TEST_F(WholeRecording, oneFlippedBitInAnyRecordsHeaderIsAHoleWithItsTicks) {
+TEST_F(WholeRecording, aFlippedHeaderBitLeavesAHoleOfItsTicks) {
   const std::string whole = *readWholeFile(write(5));
   const auto entries = RecordingReader::open(folder_.path() / "whole.nlrec")->entries();
   for (const bool cut : {false, true}) {
@@ -115,7 +115,7 @@ TEST_F(WholeRecording, oneFlippedBitInAnyRecordsHeaderIsAHoleWithItsTicks) {
   }
 }
 
-TEST_F(WholeRecording, damagedChunksInARowAreOneHoleWithOrWithoutAnIndex) {
+TEST_F(WholeRecording, consecutiveDamagedChunksAreOneHoleWithOrWithoutIndex) {
   const std::string whole = *readWholeFile(write(6));
   const auto entries = RecordingReader::open(folder_.path() / "whole.nlrec")->entries();
   for (const bool cut : {false, true}) {
@@ -135,7 +135,7 @@ TEST_F(WholeRecording, damagedChunksInARowAreOneHoleWithOrWithoutAnIndex) {
   }
 }
 
-TEST_F(WholeRecording, aChunkThatIsGoneWithoutATraceIsMissedByTheMetadata) {
+TEST_F(WholeRecording, theMetadataRevealsAChunkMissingWithoutTrace) {
   // the file without its index and without the bytes of the third chunk's record
   const std::string whole = *readWholeFile(write(5));
   const auto entries = RecordingReader::open(folder_.path() / "whole.nlrec")->entries();
@@ -179,7 +179,7 @@ TEST_F(WholeRecording, metadataTakeNoMemoryForEachLevelThatTheyNest) {
   EXPECT_THAT(refused.error().message, HasSubstr("300 samples can be read, its metadata say 301"));
 }
 
-TEST_F(WholeRecording, isPlayedAsItWasRecordedByTheToolThatIsOn) {
+TEST_F(WholeRecording, isReplayedExactlyThroughTheCurrentTool) {
   const auto path = write(2);
   // the tip is 0.1 m in front of the grip; the handle is turned half about x against it
   const Pose X_HT{{0, 0, 0.1}, {1, 0, 0, 0}};
@@ -229,9 +229,9 @@ TEST_F(WholeRecording, whatADeviceCannotPlayIsRefusedByItsSample) {
 
 // A chunk of 65,536 equal samples takes 8 kB: 55 of them hold more than an hour at 1 kHz, and 700 MB of
 // samples.
-TEST_F(WholeRecording, isRefusedBeforeItsSamplesTakeMemoryWhenItHoldsMoreThanAnHour) {
+TEST_F(WholeRecording, moreThanAnHourIsRefusedBeforeAllocation) {
   const auto path = folder_.path() / "long.nlrec";
-  const std::uint64_t chunks = kMostReadSamples / kMaxChunkSamples + 1;
+  const std::uint64_t chunks = kMaxReadSamples / kMaxChunkSamples + 1;
   {
     auto writer = RecordingWriter::create(path, "{}");
     ASSERT_TRUE(writer.ok());

@@ -22,7 +22,7 @@ class LibraryVariable {
   LibraryVariable& operator=(const LibraryVariable&) = delete;
 };
 
-TEST(VirtuoseApi, aMissingLibrarySaysWhoseItIsAndWhereToPutIt) {
+TEST(VirtuoseApi, aMissingLibraryNamesItsVendorAndPlace) {
   const auto api = loadVirtuoseApi("/nowhere/libVirtuoseAPI.so");
   ASSERT_FALSE(api.ok());
   EXPECT_EQ(api.error().code, ErrorCode::kNotFound);

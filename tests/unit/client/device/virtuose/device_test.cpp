@@ -80,7 +80,7 @@ TEST_F(VirtuoseReading, aWrenchArrivesAsForceThenTorque) {
   for (int i = 0; i < 6; ++i) EXPECT_NEAR(truth.commanded[i], expected[i], 1e-3 * std::abs(expected[i])) << i;
 }
 
-TEST_F(VirtuoseReading, aDeviceThatIsNotReadyOpensAllTheSameAndSaysWhatToDo) {
+TEST_F(VirtuoseReading, anUnreadyDeviceOpensAndGivesAdvice) {
   for (const auto& [command, words, flag] : {std::tuple{"switch 0", "power switch", kDevicePowerOff},
                                              {"estop press", "emergency stop", kDeviceEmergencyStop}}) {
     standin_.command(command);
@@ -118,7 +118,7 @@ TEST_F(VirtuoseReading, noCallFailsUnseen) {
     }
 }
 
-TEST_F(VirtuoseReading, aRefusalIsSaidWithItsCallNumberAndWords) {
+TEST_F(VirtuoseReading, aRefusalIsReportedWithCallNumberAndText) {
   open();
   standin_.command("fail virtGetSpeed 11");
   tick();
@@ -176,7 +176,7 @@ TEST_F(VirtuoseReading, closingLeavesNoForceAndNoPower) {
   EXPECT_EQ(tick(), DeviceRead::kFresh);
 }
 
-TEST_F(VirtuoseReading, roundingIsMendedAndAQuaternionThatIsNoneIsLeftToTheGate) {
+TEST_F(VirtuoseReading, roundingIsNormalizedAndAnInvalidQuaternionReachesTheGate) {
   open();
   for (const auto& [scale, length] : {std::pair{1.000001, 1.0}, {0.5, 0.5}}) {
     standin_.command("bad_turn " + std::to_string(scale));

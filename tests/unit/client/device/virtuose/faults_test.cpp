@@ -163,7 +163,7 @@ INSTANTIATE_TEST_SUITE_P(Rows, VirtuoseFaults, testing::ValuesIn(kVirtuoseFaults
   return name;
 });
 
-TEST_P(VirtuoseFaults, isToldAndMendedInTime) {
+TEST_P(VirtuoseFaults, areReportedAndRepairedInTime) {
   const VirtuoseFault& row = GetParam();
   VirtuoseLesson lesson;
   std::vector<std::int64_t> tries_ms;
@@ -232,7 +232,7 @@ TEST_P(VirtuoseFaults, isToldAndMendedInTime) {
   EXPECT_TRUE((expected >> std::ws).eof()) << "more tries";
 }
 
-TEST(VirtuoseWorld, aHoldTakesTheForceIn20TicksAndGivesItBackOver200) {
+TEST(VirtuoseWorld, aHoldRemovesAndRestoresForceGradually) {
   VirtuoseLesson lesson;
   lesson.standin.command("dead_man 0");
   while ((lesson.condition() & kDeviceReleased) == 0) lesson.goOnMs(1);
@@ -267,7 +267,7 @@ TEST(VirtuoseWorld, afterARecoveryTheWaitsBeginAtHalfASecondAgain) {
 
 // ---- without a loop
 
-TEST_F(VirtuoseTest, aLostLinkIsSaidInTheFirstTickAndIsNotTouchedAnyMore) {
+TEST_F(VirtuoseTest, aLostLinkIsReportedAtOnceAndNeverUsedAgain) {
   open();
   ticks(100);
   standin_.command("link_down 0.3");
@@ -280,7 +280,7 @@ TEST_F(VirtuoseTest, aLostLinkIsSaidInTheFirstTickAndIsNotTouchedAnyMore) {
   EXPECT_THAT(device_.status(), HasSubstr("virtGetPosition failed with error 6"));
 }
 
-TEST_F(VirtuoseTest, whatIsNotThereAtTheStartIsSaidAndMayComeLater) {
+TEST_F(VirtuoseTest, aDeviceMissingAtStartIsReportedAndMayAppearLater) {
   standin_.command("daemon 0");
   const Status status = device_.open(1000);
   ASSERT_FALSE(status.ok());

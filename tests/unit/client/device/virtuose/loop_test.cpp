@@ -50,7 +50,7 @@ TEST_F(VirtuoseLoop, aStrokeFeelsAsOnTheSimulatedDevice) {
   standin_.script(
       "0.0 place 0 0 0.02 1 0 0 0\n0.4 hand 0 0 -0.02 1 0 0 0 1.0\n2.2 hand 0 0 0.02 1 0 0 0 1.0\n");
   open();
-  double worst_m = 0, worst_N = 0, most_N = 0, deepest_m = 0;
+  double worst_m = 0, worst_N = 0, max_N = 0, deepest_m = 0;
   Vec3 asked, asked_last;  // in the last tick but one, and in the last
   for (int k = 0; k < 3500; ++k) {
     step();
@@ -63,21 +63,21 @@ TEST_F(VirtuoseLoop, aStrokeFeelsAsOnTheSimulatedDevice) {
     asked_last = now_.rendered_W.force_N;
     worst_m = std::max(worst_m, norm(now_.X_WT.p - other_tick.X_WT.p));
     worst_N = std::max(worst_N, norm(now_.rendered_W.force_N - other_tick.rendered_W.force_N));
-    most_N = std::max(most_N, norm(now_.rendered_W.force_N));
+    max_N = std::max(max_N, norm(now_.rendered_W.force_N));
     deepest_m = std::min(deepest_m, now_.X_WT.p.z);
   }
   // Two programs compute the same mechanics, with floats between them: allow one encoder step, and its force
   // at 500 N/m.
   EXPECT_LE(worst_m, 20e-6);
   EXPECT_LE(worst_N, 0.02);
-  EXPECT_GT(most_N, 1.5);
+  EXPECT_GT(max_N, 1.5);
   EXPECT_LT(deepest_m, -0.012);
   EXPECT_EQ(chain_.gate().fault(), Fault::kNone);
   EXPECT_EQ(standin_.complaints(), "");
   EXPECT_EQ(standin_.state().overruns, 0);
 }
 
-TEST_F(VirtuoseLoop, aBackendThatDoesNotAskForTheDeadManWouldJumpAtTheHand) {
+TEST_F(VirtuoseLoop, aBackendIgnoringTheDeadManSwitchJumps) {
   standin_.script(
       "0.0 place 0 0 0.02 1 0 0 0\n0.4 hand 0 0 -0.03 1 0 0 0 2.0\n1.8 dead_man 0\n2.0 dead_man 1\n");
   open();

@@ -69,7 +69,7 @@ TEST_F(VirtuoseRules, ourSetUpIsInTheVendorsOrderAndNothingIsRefused) {
   EXPECT_EQ(standin_.complaints(), "");
 }
 
-TEST_F(VirtuoseRules, whatBreaksOrderModeVersionOrLinkIsRefusedWithItsNumberAndUndone) {
+TEST_F(VirtuoseRules, aRuleViolationIsRefusedWithItsNumberAndUndone) {
   Steps cartesian = steps_;
   cartesian[placeOf(cartesian, "virtSetCommandType")].run = [](const VirtuoseApi& api, VirtContext vc) {
     return api.virtSetCommandType(vc, 2);
@@ -103,7 +103,7 @@ TEST_F(VirtuoseRules, whatBreaksOrderModeVersionOrLinkIsRefusedWithItsNumberAndU
   }
 }
 
-TEST_F(VirtuoseRules, values_whatTheDeviceCannotTakeIsRefusedAndNeverSentByUs) {
+TEST_F(VirtuoseRules, values_theDeviceRefusesInvalidValuesAndWeSendNone) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   with(without(without(steps_, "virtSetCommandType"), "virtSetForce"), [&](VirtContext context) {
     const auto refused = [&](int result) { return result != 0 && api_.virtGetErrorCode(context) == 9; };
@@ -161,7 +161,7 @@ TEST_F(VirtuoseRules, oneProgram_aSecondConnectionIsRefusedUntilTheFirstIsClosed
 }
 
 TEST_F(VirtuoseRules, power_isOnlyPermittedByUsAndCompletedByTheUser) {
-  // Without our permission there is no force, whatever the user does.
+  // Without our permission there is no force, regardless of the user.
   with(without(steps_, "virtSetPowerOn"), [&](VirtContext context) { EXPECT_EQ(felt(context), 0); });
   with(steps_, [&](VirtContext context) {
     // The emergency stop also turns off the switch.
@@ -234,7 +234,7 @@ TEST_F(VirtuoseRules, rate_oursIsOneExchangeAMillisecondAlsoWithLateTicks) {
   EXPECT_EQ(reading_.condition & kDeviceOverrun, 0u);
 }
 
-TEST_F(VirtuoseRules, saturation_theDeviceHoldsOurLimitsAndSaysSo) {
+TEST_F(VirtuoseRules, saturation_theDeviceEnforcesAndReportsOurLimits) {
   // A backend that does not set its limits gets the motors' full force.
   with(without(steps_, "virtSaturateTorque"),
        [&](VirtContext context) { EXPECT_NEAR(felt(context, 14, 1), 14, 1e-6); });
@@ -246,13 +246,13 @@ TEST_F(VirtuoseRules, saturation_theDeviceHoldsOurLimitsAndSaysSo) {
 
   // Ours never commands more: the gate has the same limits.
   open();
-  double most_N = 0;
+  double max_N = 0;
   for (int k = 0; k < 300; ++k) {
     tick({{0, 50, 0}, {0, 2, 0}});  // one factor for both; the force exceeds its limit by more
     ASSERT_EQ(standin_.state().alarms & kVirtAlarmSaturation, 0u) << k;
-    most_N = std::max(most_N, standin_.state().felt[1]);
+    max_N = std::max(max_N, standin_.state().felt[1]);
   }
-  EXPECT_GT(most_N, 9.5);  // before the thermal budget reduces it
+  EXPECT_GT(max_N, 9.5);  // before the thermal budget reduces it
 }
 
 TEST_F(VirtuoseRules, heat_aLastingForceOverheatsAndOursStaysBelow) {

@@ -216,7 +216,7 @@ INSTANTIATE_TEST_SUITE_P(Rows, FalconFaults, testing::ValuesIn(falconFaults()), 
   return name;
 });
 
-TEST_P(FalconFaults, isToldAndMendedInTime) {
+TEST_P(FalconFaults, areReportedAndRepairedInTime) {
   const FalconFault& row = GetParam();
   FalconLesson run;
   row.begins(run);
@@ -241,7 +241,7 @@ TEST_P(FalconFaults, isToldAndMendedInTime) {
     EXPECT_EQ(last_ms, row.torque_ms);
   const std::string words = run.device->status();
   EXPECT_THAT(words, HasSubstr(row.words));
-  EXPECT_FALSE(words.ends_with('.')) << "the station goes on with \": no force\"";
+  EXPECT_FALSE(words.ends_with('.')) << "the station continues with \": no force\"";
   const bool is_blind = (row.condition & (kDeviceLost | kDeviceTrouble)) != 0;
   EXPECT_EQ(run.haptic->reading().buttons, is_blind ? 0u : 1u) << "the plunger stops";
   std::string looks_ms;
@@ -304,7 +304,7 @@ TEST(FalconWorld, torqueEndsTwentyMillisecondsAfterTheHapticThreadsLastRequest) 
   for (const Sent& sent : run.sent) EXPECT_EQ(torque(sent), sent.at_ns <= run.sent[0].at_ns + 20 * kMs);
 }
 
-TEST(FalconWorld, aHoldTakesTheForceWithinTwentyTicksAndGivesItOverTwoHundred) {
+TEST(FalconWorld, aHoldRemovesAndRestoresForceGradually) {
   FalconLesson run;
   run.falcon->homed = 0x30;
   while ((run.condition() & kDeviceNotReady) == 0) run.goOn(kMs);
@@ -316,17 +316,17 @@ TEST(FalconWorld, aHoldTakesTheForceWithinTwentyTicksAndGivesItOverTwoHundred) {
   EXPECT_EQ(run.sent.back().command, (falcon::Command{{}, falcon::kOutHome | falcon::kOutRed}));
   run.falcon->homed = falcon::kInHomed;
   while ((run.condition() & kDeviceNotReady) != 0) run.goOn(kMs);
-  double most_N = 0;
+  double max_N = 0;
   for (int tick = 1; tick <= 210; ++tick) {
     const double wanted_N = norm(run.haptic->tick().report.wrench_W.force_N);
-    most_N = std::max(most_N, wanted_N);
+    max_N = std::max(max_N, wanted_N);
     ASSERT_NEAR(run.haptic->force_N(), std::min(1.0, tick / 200.0) * wanted_N, 1e-9) << tick;
     run.goOn(kMs);
   }
-  EXPECT_GT(most_N, 0.3);
+  EXPECT_GT(max_N, 0.3);
 }
 
-TEST(FalconWorld, fiveBadTicksHoldTheForceTheSixthTakesItWithinTwentyTicks) {
+TEST(FalconWorld, theSixthBadTickRemovesTheForceWithinTwentyTicks) {
   FalconLesson run;
   run.jumpGrip(1400);
   double at_fault_N = run.haptic->force_N();
@@ -345,7 +345,7 @@ TEST(FalconWorld, fiveBadTicksHoldTheForceTheSixthTakesItWithinTwentyTicks) {
 
 // ---- the end
 
-TEST(FalconWorld, theEndIsOneCommandOfZeroTorqueWhoseOwnAnswerIsAwaited) {
+TEST(FalconWorld, theEndAwaitsTheReplyToOneZeroTorqueCommand) {
   for (const std::int64_t reply_ns : {3 * kMs / 10, 18 * kMs / 10}) {
     FalconPlan plan = exactPlan();
     plan.reply_ns = reply_ns;
@@ -359,7 +359,7 @@ TEST(FalconWorld, theEndIsOneCommandOfZeroTorqueWhoseOwnAnswerIsAwaited) {
   }
 }
 
-TEST(FalconWorld, theEndIsSaidAgainEverySixMillisecondsToADeafDeviceForATenthOfASecond) {
+TEST(FalconWorld, aDeafDeviceGetsRepeatedZeroCommandsForATenthSecond) {
   FalconLesson run;
   run.falcon->silent = true;
   run.end();
@@ -370,7 +370,7 @@ TEST(FalconWorld, theEndIsSaidAgainEverySixMillisecondsToADeafDeviceForATenthOfA
   for (std::size_t i = 1; i < said_ns.size(); ++i) EXPECT_EQ(said_ns[i] - said_ns[i - 1], 6 * kMs);
 }
 
-TEST(FalconWorld, theEndOfADeviceThatIsUnpluggedMeanwhileIsAtOnce) {
+TEST(FalconWorld, endingAnUnpluggedDeviceIsImmediate) {
   FalconLesson run;
   run.falcon->silent = true;
   std::int64_t unplugged_ns = 0;

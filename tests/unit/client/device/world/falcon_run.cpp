@@ -253,7 +253,7 @@ void FalconRun::onSend(const falcon::Command& command, std::int64_t now_ns) {
   if (falcon->streams == nullptr) return;  // the link asks whether the firmware runs
   if (closing_) ++sent_at_the_end_;
   if (now_ns - std::exchange(last_sent_ns_, now_ns) > Exchange::kReplyTime_ns) under_way_ = 0;
-  if (++under_way_ > Exchange::kMostUnderWay && command != falcon::Command{})
+  if (++under_way_ > Exchange::kMaxUnderWay && command != falcon::Command{})
     breakRule("more than two commands under way");
   if (std::exchange(request_waits_, false)) {
     any_request_ = true;
@@ -265,12 +265,12 @@ void FalconRun::onSend(const falcon::Command& command, std::int64_t now_ns) {
   if (closing_) breakRule("torque after the end");
   if (!homed_seen_) breakRule("torque without the encoders' zero");
   if (!any_request_)
-    breakRule("torque that nobody requested since the link was opened");
+    breakRule("torque that no one requested since the link was opened");
   else if (now_ns - request_taken_ns_ > Exchange::kWatchdog_ns)
     breakRule(fmt::format("torque {:.3f} ms after the haptic thread's last request",
                           1e-6 * static_cast<double>(now_ns - request_taken_ns_)));
   if (now_ns - last_report_ns_ > Exchange::kSilent_ns) breakRule("torque for a silent device");
-  if (bad_in_a_row_ >= static_cast<int>(Exchange::kMostBadInARow))
+  if (bad_in_a_row_ >= static_cast<int>(Exchange::kMaxBadInARow))
     breakRule("torque for a device that sends nonsense");
 }
 
@@ -309,8 +309,7 @@ void FalconRun::checkCounts() {
 
 // a lost device is searched for every 500 ms, and when one arrives
 void FalconRun::checkLooks() {
-  const std::int64_t most_ns =
-      FalconDriver::kLookAgain_ns + std::max(plan_.usb_late_ns, greatest_usb_late_ns_);
+  const std::int64_t max_ns = FalconDriver::kRescan_ns + std::max(plan_.usb_late_ns, greatest_usb_late_ns_);
   for (std::size_t i = 0; i + 1 < falcon->looks.size(); ++i) {
     const Look &look = falcon->looks[i], &next = falcon->looks[i + 1];
     if (look.is_found) continue;
@@ -318,9 +317,9 @@ void FalconRun::checkLooks() {
     const bool arrives = std::any_of(arrivals_ns_.begin(), arrivals_ns_.end(), [&](std::int64_t at_ns) {
       return at_ns >= look.at_ns && at_ns <= next.at_ns;
     });
-    if (gap_ns > most_ns)
+    if (gap_ns > max_ns)
       breakRule(fmt::format("the lost device was looked for after {} ms only", gap_ns / kMs));
-    if (gap_ns < FalconDriver::kLookAgain_ns && !arrives)
+    if (gap_ns < FalconDriver::kRescan_ns && !arrives)
       breakRule(fmt::format("the lost device was looked for after {} ms already", gap_ns / kMs));
   }
 }

@@ -55,7 +55,7 @@ TEST(FalconSeeds, theSameSeedIsTheSameRunToTheBit) {
 TEST(FalconSeeds, eachPlantedBugIsCaught) {
   for (const PlantedBug bug :
        {PlantedBug::kDeviceWatchdogTwice, PlantedBug::kTorqueWithoutZero, PlantedBug::kRequestOutlivesLink,
-        PlantedBug::kNoLastCommand, PlantedBug::kLookAgainTwice})
+        PlantedBug::kNoLastCommand, PlantedBug::kRescanTooLate})
     catchBug(falconRuns(), bug, kFalconSeeds);
 }
 

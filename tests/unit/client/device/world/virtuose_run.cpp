@@ -273,8 +273,8 @@ DeviceRead VirtuoseRun::read(DeviceReading& reading) noexcept {
 
 void VirtuoseRun::checkFresh(const DeviceReading& reading, std::int64_t since_ns) {
   const auto says = [&](std::uint32_t flag) { return (reading.condition & flag) != 0; };
-  if (says(kDeviceReleased) == held_) breakRule("the dead man is told wrongly");
-  if (says(kDeviceEmergencyStop) != stopped_) breakRule("the emergency stop is told wrongly");
+  if (says(kDeviceReleased) == held_) breakRule("the dead man is reported wrongly");
+  if (says(kDeviceEmergencyStop) != stopped_) breakRule("the emergency stop is reported wrongly");
   if (says(kDeviceLost)) breakRule("a position from a lost device");
   const StandinState state = standin_.state();
   if (now() == since_ns)
@@ -284,11 +284,11 @@ void VirtuoseRun::checkFresh(const DeviceReading& reading, std::int64_t since_ns
       if (std::abs(error_m) > kEncoder_m) breakRule(fmt::format("a position off by {} m", error_m));
   // one of these is read each tick
   if (fresh_in_a_row_ < kTurns) return;
-  if (says(kDevicePowerOff) != (state.is_powered == 0)) breakRule("the power is told wrongly");
+  if (says(kDevicePowerOff) != (state.is_powered == 0)) breakRule("the power is reported wrongly");
   if (says(kDeviceOverheated) != ((state.alarms & kVirtAlarmOverheat) != 0))
-    breakRule("the heat is told wrongly");
-  if (refused_.empty() && says(kDeviceTrouble) != has_failure_) breakRule("a failure is told wrongly");
-  if (reading.buttons != buttons_) breakRule("the buttons are told wrongly");
+    breakRule("the heat is reported wrongly");
+  if (refused_.empty() && says(kDeviceTrouble) != has_failure_) breakRule("a failure is reported wrongly");
+  if (reading.buttons != buttons_) breakRule("the buttons are reported wrongly");
 }
 
 void VirtuoseRun::checkStale(const DeviceReading& reading, std::int64_t since_ns, bool was_broken) {
@@ -299,7 +299,7 @@ void VirtuoseRun::checkStale(const DeviceReading& reading, std::int64_t since_ns
     breakRule(fmt::format("the link is broken, the condition {:#x}", condition));
   refused_in_a_row_ = is_lost ? 0 : refused_in_a_row_ + 1;
   if (refused_in_a_row_ > kMostRefusedInARow)
-    breakRule("a device that refuses for more than a second is not opened anew");
+    breakRule("a device that refuses for more than a second is not opened again");
   if (is_lost && was_lost_ && now() != since_ns) breakRule("the haptic thread waits for a lost device");
   if (is_lost && was_lost_ && reading.buttons != 0) breakRule("a lost device has buttons");
   if (is_lost && !was_lost_) lost_since_ns_ = now();
@@ -344,7 +344,7 @@ void VirtuoseRun::maintain() {
                         since_ns <= maybe_left_open_until_ns_;
   if (!has_connected && !may_fail) breakRule("the device is there, and a try does not find it");
   if (has_connected && (state.is_permitted == 0 || !isZero(state.commanded)))
-    breakRule("opened anew without permission of power, or with a force");
+    breakRule("opened again without permission of power, or with a force");
   checkTry(since_ns);
   fold(static_cast<std::uint64_t>(since_ns));
   fold(has_connected ? 1 : 0);
@@ -376,7 +376,7 @@ std::optional<std::int64_t> VirtuoseRun::turn() noexcept {
   if (state.open_contexts > 1) breakRule("two connections");
   const bool is_zero = isZero(state.commanded);
   if (!is_zero && !std::equal(last_wrench_.begin(), last_wrench_.end(), state.commanded))
-    breakRule("the device has a wrench that nobody wished");
+    breakRule("the device has a wrench that no one wished");
   const bool is_wish = !isZero(last_wrench_.data());
   if (!isZero(state.felt) && now() - last_sent_ns_ > (is_wish ? kWatchdog_ns : 0) + kOnItsWay_ns)
     breakRule(fmt::format("a force {} ms after the last wish", inMs(now() - last_sent_ns_)));

@@ -31,8 +31,8 @@ void WorldRun::fold(std::uint64_t value) {
   trace_ = (trace_ ^ value) * 0x100000001b3ull;
 }
 
-void WorldRun::lateBy(const std::string& thread, std::int64_t most_ns) {
-  world.wakeLate(thread, [this, most_ns] { return random_.upTo(most_ns); });
+void WorldRun::lateBy(const std::string& thread, std::int64_t max_ns) {
+  world.wakeLate(thread, [this, max_ns] { return random_.upTo(max_ns); });
 }
 
 void WorldRun::watchTick() {
@@ -51,8 +51,8 @@ void WorldRun::acknowledgeAsPlanned(const LessonPlan& plan) {
     world.at(start_ns + at, [this] { acknowledge(); });
 }
 
-void WorldRun::recoverWithin(std::int64_t most_ns, const std::function<bool()>& is_good) {
-  const std::int64_t last_ns = now() + most_ns;
+void WorldRun::recoverWithin(std::int64_t max_ns, const std::function<bool()>& is_good) {
+  const std::int64_t last_ns = now() + max_ns;
   int good_ticks = 0;
   while (good_ticks < 10 && now() < last_ns && broken_.empty()) {
     acknowledge();
@@ -60,7 +60,7 @@ void WorldRun::recoverWithin(std::int64_t most_ns, const std::function<bool()>& 
     good_ticks = haptic->gate().fault() == Fault::kNone && is_good() ? good_ticks + 1 : 0;
   }
   if (good_ticks < 10)
-    breakRule(fmt::format("no recovery within {} ms: fault '{}', condition {:#x}, status '{}'", most_ns / kMs,
+    breakRule(fmt::format("no recovery within {} ms: fault '{}', condition {:#x}, status '{}'", max_ns / kMs,
                           faultText(haptic->gate().fault()), haptic->reading().condition, device_->status()));
 }
 

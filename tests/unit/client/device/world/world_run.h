@@ -49,14 +49,14 @@ class WorldRun {
   void breakRule(const std::string& what);
   void fold(std::uint64_t value);
   /// Each wake-up of this thread is late by up to this much.
-  void lateBy(const std::string& thread, std::int64_t most_ns);
+  void lateBy(const std::string& thread, std::int64_t max_ns);
   /// Call first after a tick: counts it, folds it in, and checks the gate's rules.
   void watchTick();
   /// From now on a person acknowledges as planned.
   void acknowledgeAsPlanned(const LessonPlan& plan);
   virtual void acknowledge() { haptic->acknowledge(); }
   /// A person acknowledges until ten ticks in a row have no fault and are good. Otherwise a rule is broken.
-  void recoverWithin(std::int64_t most_ns, const std::function<bool()>& is_good);
+  void recoverWithin(std::int64_t max_ns, const std::function<bool()>& is_good);
 
   Random random_;
   std::unique_ptr<DeviceMaintenance> keeper_;

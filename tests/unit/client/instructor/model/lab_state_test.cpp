@@ -19,12 +19,12 @@ TEST(LabActions, theHighlightedButtonIsEnterAndWaitsWhileTheProgramConnects) {
   EXPECT_TRUE(adviceAction("To the lab").isDefault());
 }
 
-TEST(LabActions, enterIsTheSearchUnlessAnEmptyScreenHasItsOwnWayOut) {
+TEST(LabActions, enterOpensTheSearchUnlessAnEmptyScreenOverridesIt) {
   EXPECT_EQ(actionOf(searchActions(false), ActionKey::kEnter), kActSearch);
   EXPECT_EQ(actionOf(searchActions(true), ActionKey::kEnter), std::nullopt);
 }
 
-TEST(LabActions, aLessonIsStoppedByAQuestionWithTheKeysOfAQuestion) {
+TEST(LabActions, stoppingALessonNeedsConfirmationByKey) {
   const auto before = stopActions(false), question = stopActions(true);
   ASSERT_EQ(before.size(), 1u);
   EXPECT_EQ(before[0].key, ActionKey::kNone) << "no single key stops somebody's lesson";
@@ -64,7 +64,7 @@ TEST(StopQuestion, isAboutOneLessonAndEndsWithIt) {
   }
 }
 
-TEST(LabState, aQuestionToStopIsDroppedWhenAnotherStationIsOpenedOrOneLogsOut) {
+TEST(LabState, aStopQuestionIsDroppedOnStationChangeOrLogOut) {
   LabState lab;
   lab.open("bench-1");
   lab.stop_question.ask(*lab.live());
@@ -74,7 +74,7 @@ TEST(LabState, aQuestionToStopIsDroppedWhenAnotherStationIsOpenedOrOneLogsOut) {
   EXPECT_FALSE(lab.stop_question.asking());
   lab.stop_question.ask(*lab.live());
   lab.logOut();
-  EXPECT_FALSE(lab.stop_question.asking()) << "Esc would be the answer to a question that nobody sees";
+  EXPECT_FALSE(lab.stop_question.asking()) << "Esc would be the answer to a question that no one sees";
 }
 
 TEST(LabActions, theBannerOfTheConnectionTakesNoKeyFromTheScreen) {

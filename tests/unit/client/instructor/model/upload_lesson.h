@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "common/gesture/chunk.h"
-#include "common/gesture/session_hash.h"
 #include "tests/unit/server/live/running_server.h"
 
 namespace needlelab::test {

@@ -22,13 +22,13 @@ using FrameActions = WithMouse;
 
 TEST_F(FrameActions, theBarAndItsKeysLeadToEveryScreenAndOut) {
   press(GLFW_KEY_3, /*ctrl=*/true);
-  EXPECT_EQ(lab_->screen, WindowScreen::kLogin) << "nobody has logged in";
+  EXPECT_EQ(lab_->screen, WindowScreen::kLogin) << "no one has logged in";
   logIn();
   EXPECT_EQ(lab_->screen, WindowScreen::kLab);
   const std::pair<const char*, WindowScreen> places[] = {
-      {"Look over", WindowScreen::kLive}, {"Sessions", WindowScreen::kSessions},
-      {"Replay", WindowScreen::kReplay},  {"Compare", WindowScreen::kCompare},
-      {"Re-run", WindowScreen::kRerun},   {"Scores", WindowScreen::kScores},
+      {"Watch", WindowScreen::kLive},    {"Sessions", WindowScreen::kSessions},
+      {"Replay", WindowScreen::kReplay}, {"Compare", WindowScreen::kCompare},
+      {"Re-run", WindowScreen::kRerun},  {"Scores", WindowScreen::kScores},
       {"Lab", WindowScreen::kLab}};
   for (const auto& [label, screen] : places) {
     ASSERT_TRUE(click(label)) << label;
@@ -44,7 +44,7 @@ TEST_F(FrameActions, theBarAndItsKeysLeadToEveryScreenAndOut) {
   ASSERT_TRUE(click("Log out"));
   EXPECT_EQ(lab_->screen, WindowScreen::kLogin);
   EXPECT_FALSE(lab_->inside());
-  EXPECT_EQ(lab_->form.password, "") << "whoever sits down next has to know it";
+  EXPECT_EQ(lab_->form.password, "") << "the next user has to know it";
   EXPECT_FALSE(stands("Scores"));
 }
 
@@ -87,7 +87,7 @@ TEST_F(FrameActions, enterIsTheWayOutOfAnEmptyScreen) {
   }
 }
 
-TEST_F(FrameActions, enterLogsInAndAWrongPasswordIsSaidInTheForm) {
+TEST_F(FrameActions, enterLogsInAndTheFormReportsAWrongPassword) {
   lab_->form.password = "wrong";
   press(GLFW_KEY_ENTER);
   ASSERT_TRUE(untilText("does not accept this name and password")) << window_->text();
@@ -100,13 +100,13 @@ TEST_F(FrameActions, enterLogsInAndAWrongPasswordIsSaidInTheForm) {
 
 // --- the lab
 
-TEST_F(FrameActions, aTileIsAButtonAndTheFiltersAreBoxesAListAndAField) {
+TEST_F(FrameActions, tilesAreButtonsAndFiltersAreBoxesListAndField) {
   (void)server_.addStation("bench-1");
   (void)server_.addStation("bench-2");
   logIn();
   ASSERT_TRUE(until([&] { return lab_->overview.size() == 2; }));
   frames(2);
-  ASSERT_TRUE(click("only who needs help"));
+  ASSERT_TRUE(click("only those that need help"));
   EXPECT_TRUE(lab_->filter.only_help);
   EXPECT_TRUE(stands("No station matches")) << "both are offline";
   press(GLFW_KEY_ENTER);
@@ -228,7 +228,7 @@ TEST_F(LiveActions, whatCannotBeSentStaysInItsField) {
   EXPECT_TRUE(stands("too steep"));
 }
 
-TEST_F(LiveActions, theTraineeHearsWhatIsTypedClickedAndChosen) {
+TEST_F(LiveActions, theTraineeReceivesTypedClickedAndChosenMessages) {
   BenchStation bench(server_, "bench-1", server_.addStation("bench-1"), "tina");
   ASSERT_NO_FATAL_FAILURE(logIn());
   ASSERT_TRUE(until([&] {
@@ -253,7 +253,7 @@ TEST_F(LiveActions, theTraineeHearsWhatIsTypedClickedAndChosen) {
   press(GLFW_KEY_ENTER);
   ASSERT_TRUE(heard("anna: hm\n")) << bench.heard();
   EXPECT_TRUE(untilText("message delivered to bench-1"));
-  EXPECT_TRUE(stands("say to the trainee")) << "the field is empty again: " << window_->text();
+  EXPECT_TRUE(stands("message to the trainee")) << "the field is empty again: " << window_->text();
 
   const AidList before = lab_->aidsNow();
   ASSERT_TRUE(hasAid(before, pb::Exercise::DEPTH)) << "else this test shows nothing";
@@ -262,7 +262,7 @@ TEST_F(LiveActions, theTraineeHearsWhatIsTypedClickedAndChosen) {
   EXPECT_FALSE(hasAid(lab_->aidsNow(), pb::Exercise::DEPTH));
   EXPECT_EQ(lab_->aidsNow().size(), before.size() - 1);
   EXPECT_TRUE(heard("aids " + std::to_string(before.size() - 1) + "\n")) << bench.heard();
-  ASSERT_TRUE(click("As the exercise has it"));
+  ASSERT_TRUE(click("As the exercise sets it"));
   EXPECT_TRUE(hasAid(lab_->aidsNow(), pb::Exercise::DEPTH));
   EXPECT_TRUE(heard("aids 0\n")) << "as it is reset: " << bench.heard();
   press(GLFW_KEY_ESCAPE);  // the list's Escape

@@ -12,7 +12,7 @@ using namespace test;
 
 using Frames = WindowLab;
 
-TEST_F(Frames, fiftyTilesDrawNoMoreThanOneListOfVerticesHolds) {
+TEST_F(Frames, fiftyTilesFitIntoOneVertexList) {
   for (int i = 1; i <= 50; ++i) (void)server_.addStation("bench-" + std::to_string(i));
   lab_->logIn();
   ASSERT_TRUE(until([&] { return lab_->overview.size() == 50; }));

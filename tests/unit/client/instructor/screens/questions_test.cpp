@@ -57,9 +57,9 @@ TEST_F(LiveQuestions, aMessageIsSentBeforeTheQuestionAndItsEnterStopsNothing) {
   frames(20);
   EXPECT_TRUE(lab_->stop_question.asking()) << "nothing has answered it";
   ASSERT_TRUE(heard("anna: slower, please\n")) << bench.heard();
-  EXPECT_TRUE(stands("say to the trainee")) << "the field is empty again: " << window_->text();
+  EXPECT_TRUE(stands("message to the trainee")) << "the field is empty again: " << window_->text();
   press(GLFW_KEY_ENTER);
-  EXPECT_FALSE(lab_->stop_question.asking()) << "Enter goes on";
+  EXPECT_FALSE(lab_->stop_question.asking()) << "Enter continues";
   ASSERT_TRUE(click("Stop lesson …"));
   press(GLFW_KEY_DELETE);
   ASSERT_TRUE(heard("stop \n")) << bench.heard();
@@ -90,7 +90,7 @@ TEST_F(LiveQuestions, moreClicksOnStopLessonStopNothing) {
   const BenchStation bench(server_, "bench-1", server_.addStation("bench-1"), "tina");
   ASSERT_NO_FATAL_FAILURE(watch(bench));
   ASSERT_TRUE(click("Stop lesson …"));
-  const auto yes = placeOf("■ Stop it now (Del)");
+  const auto yes = placeOf("■ Stop now (Del)");
   ASSERT_TRUE(yes) << window_->text();
   press(GLFW_KEY_ESCAPE);
   const auto stop = placeOf("Stop lesson …");

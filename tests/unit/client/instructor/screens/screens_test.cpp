@@ -29,7 +29,7 @@ class Screens : public WindowLab {
   }
 };
 
-TEST_F(Screens, logInSaysWhatIsMissingAndWhatIsWrong) {
+TEST_F(Screens, logInReportsMissingAndWrongFields) {
   frames(2);
   EXPECT_THAT(window_->text(), HasSubstr("needlelab: instructor"));
   lab_->form.ca_file.clear();
@@ -42,7 +42,7 @@ TEST_F(Screens, logInSaysWhatIsMissingAndWhatIsWrong) {
   ASSERT_TRUE(untilText("does not accept this name and password")) << window_->text();
   lab_->form.password = "correct horse battery";
   lab_->logIn();
-  ASSERT_TRUE(untilText("No station is known yet")) << window_->text();
+  ASSERT_TRUE(untilText("No stations yet")) << window_->text();
   EXPECT_THAT(window_->text(), HasSubstr("needlelab-admin station add"));
 }
 
@@ -106,7 +106,7 @@ pb::Curriculum longCourse(const std::string& id) {
   return course;
 }
 
-TEST_F(Screens, theLivePlanIsThatOfTheLessonsBeginningFromAnyPageAndStandsWhereTheLimbStands) {
+TEST_F(Screens, theLivePlanFollowsTheLessonAndItsLimb) {
   server_.addUser("mia", pb::CURRICULUM_MANAGER, "battery horse correct");
   auto manager = server_.connect(personLogin("mia", "battery horse correct"));
   ASSERT_TRUE(manager.ok()) << manager.error().message;
@@ -142,7 +142,7 @@ TEST_F(Screens, theLivePlanIsThatOfTheLessonsBeginningFromAnyPageAndStandsWhereT
   EXPECT_NEAR(norm(normalized(plan->to_W_m - plan->entry_W_m) - Vec3{-1, 0, 0}), 0, 1e-9);
 }
 
-TEST_F(Screens, whatTheInstructorSaysArrivesAndIsTold) {
+TEST_F(Screens, anInstructorsMessageArrivesAndIsConfirmed) {
   BenchStation bench(server_, "bench-1", server_.addStation("bench-1"), "tina");
   ASSERT_TRUE(script("login\nwait-station bench-1 lesson\nopen station bench-1\nwait-text latency\n"
                      "message \"slower, please\"\naids \"depth, force\"\n"
@@ -212,7 +212,7 @@ TEST_F(Screens, aRecordingIsFoundReplayedComparedRunAgainAndExported) {
   EXPECT_TRUE(lab_->analysis.first());
 }
 
-TEST_F(Screens, whereThereIsNothingItSaysWhatToDo) {
+TEST_F(Screens, emptyScreensSayWhatToDo) {
   (void)server_.addStation("bench-1");
   logIn();
   const std::vector<std::pair<WindowScreen, const char*>> rows = {

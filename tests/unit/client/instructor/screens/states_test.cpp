@@ -59,7 +59,7 @@ class States : public WindowLab {
   }
 };
 
-TEST_F(States, aTileSaysWhatItsStationDoesAndNeeds) {
+TEST_F(States, aTileShowsWhatItsStationDoesAndNeeds) {
   struct Row {
     const char* name;
     std::function<void(pb::StationStatus&)> change;
@@ -136,11 +136,11 @@ TEST_F(States, aStationOfWhichNothingIsHeardIsNotShownAsHealthy) {
   auto away = practising("bench-1");
   away.set_online(false);
   lab_->overview.onStatus(away, kStale_s + 3);
-  EXPECT_THAT(shown(), AllOf(HasSubstr("lost in mid-lesson"), HasSubstr("the lesson continues"),
+  EXPECT_THAT(shown(), AllOf(HasSubstr("lost mid-lesson"), HasSubstr("the lesson continues"),
                              HasSubstr("1 needs help")));
 }
 
-TEST_F(States, theNeedOfATileIsVisibleBesideTheLongestNameAtEveryScale) {
+TEST_F(States, aTilesNeedIsVisibleNextToTheLongestName) {
   lab_->screen = WindowScreen::kLab;
   for (const double scale : {1.0, 1.5, 2.5}) {
     surface_->setFontScale(scale);
@@ -194,7 +194,7 @@ TEST_F(States, ofFiftyStationsThoseInNeedStandFirst) {
   }
 }
 
-TEST_F(States, theLogInSaysWhichFieldIsWrong) {
+TEST_F(States, logInMarksTheWrongField) {
   struct Row {
     std::function<void(LoginForm&)> change;
     const char* said;
@@ -236,7 +236,7 @@ class LiveStates : public States {
   std::vector<GestureSample> samples_ = lessonSamples(profile_, {.depth_m = 0.02, .seconds = 1});
 };
 
-TEST_F(LiveStates, beforeTheFirstSampleItSaysWhatItWaitsFor) {
+TEST_F(LiveStates, beforeTheFirstSampleItShowsWhatItWaitsFor) {
   EXPECT_THAT(shown(), AllOf(HasSubstr("Waiting for the first samples"),
                              HasSubstr("The station is not online."), HasSubstr("waiting for it")));
   say(true, false);
@@ -246,7 +246,7 @@ TEST_F(LiveStates, beforeTheFirstSampleItSaysWhatItWaitsFor) {
   EXPECT_THAT(shown(), HasSubstr("the disk is full"));
 }
 
-TEST_F(LiveStates, aLessonThatEndsStaysInViewAndIsSaidToHaveEnded) {
+TEST_F(LiveStates, anEndedLessonStaysInViewAndIsMarkedEnded) {
   say(true, true);
   feed(0, 600);
   lab_->live()->setSession(info_);
@@ -259,7 +259,7 @@ TEST_F(LiveStates, aLessonThatEndsStaysInViewAndIsSaidToHaveEnded) {
   EXPECT_THAT(shown(), AllOf(HasSubstr("the station is not online"), HasSubstr("30 frames")));
 }
 
-TEST_F(LiveStates, aFaultIsSaidAlsoWhileTheViewIsPausedAndNotAfterItsLesson) {
+TEST_F(LiveStates, aFaultIsShownWhilePausedAndClearedAfterItsLesson) {
   const auto fault = static_cast<std::uint8_t>(Fault::kTipTooFast);
   for (std::size_t i = 200; i < 400; ++i) samples_[i].fault = fault;
   say(true, true);
@@ -288,7 +288,7 @@ TEST_F(LiveStates, lossesAreCounted) {
   EXPECT_THAT(shown(), AllOf(HasSubstr("forces by effect: approximate"), HasSubstr("PAUSED 0.0 s behind")));
 }
 
-TEST_F(LiveStates, aLessonWithoutAReadableProfileSaysSo) {
+TEST_F(LiveStates, aLessonWithoutAReadableProfileIsMarked) {
   info_.mutable_description()->set_profile_json("{}");
   feed(0, 100);
   lab_->live()->setSession(info_);

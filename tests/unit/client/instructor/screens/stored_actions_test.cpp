@@ -77,7 +77,7 @@ TEST_F(StoredActions, aRowsButtonsLoadItsSession) {
       << window_->text();
   ASSERT_TRUE(click("by time"));
   ASSERT_TRUE(until([&] { return lab_->analysis.comparison()->alignment == Alignment::kTime; }));
-  ASSERT_TRUE(click("Another second …"));
+  ASSERT_TRUE(click("Other session …"));
   EXPECT_EQ(lab_->screen, WindowScreen::kSessions);
   frames(2);
   ASSERT_TRUE(click("Scores", 0));
@@ -88,7 +88,7 @@ TEST_F(StoredActions, aRowsButtonsLoadItsSession) {
   })) << window_->text();
 }
 
-TEST_F(StoredActions, aSearchGoesByFieldListAndKeyAndSaysWhichDayIsNone) {
+TEST_F(StoredActions, aSearchUsesFieldListAndKeyAndFlagsInvalidDays) {
   ASSERT_NO_FATAL_FAILURE(showSessions());
   ASSERT_TRUE(click("##who"));
   type("ad");
@@ -185,27 +185,27 @@ TEST_F(StoredActions, aScreenDoesNotBlameItsWorkForAnothersError) {
   lab_->screen = WindowScreen::kRerun;
   frames(2);
   EXPECT_THAT(window_->text(),
-              AllOf(HasSubstr("Choose a patient or a model, then run"), Not(HasSubstr("That does not run"))));
+              AllOf(HasSubstr("Choose a patient or a model, then run"), Not(HasSubstr("The re-run failed"))));
   lab_->screen = WindowScreen::kCompare;
   frames(2);
   EXPECT_THAT(window_->text(),
-              AllOf(HasSubstr("One session is loaded"), Not(HasSubstr("That does not work"))));
+              AllOf(HasSubstr("One session is loaded"), Not(HasSubstr("The comparison failed"))));
 
   lab_->analysis.rerun("no-such-patient", "");
   ASSERT_TRUE(until([&] { return !lab_->analysis.busy() && !lab_->analysis.trouble().empty(); }));
   frames(2);
   EXPECT_THAT(window_->text(),
-              AllOf(HasSubstr("One session is loaded"), Not(HasSubstr("That does not work"))));
+              AllOf(HasSubstr("One session is loaded"), Not(HasSubstr("The comparison failed"))));
   lab_->screen = WindowScreen::kRerun;
   frames(2);
-  EXPECT_THAT(window_->text(), AllOf(HasSubstr("That does not run"), HasSubstr(lab_->analysis.trouble())));
+  EXPECT_THAT(window_->text(), AllOf(HasSubstr("The re-run failed"), HasSubstr(lab_->analysis.trouble())));
 
   ASSERT_TRUE(click("force model"));
   ASSERT_TRUE(click("direct"));
   ASSERT_TRUE(click("Run"));
   ASSERT_TRUE(until([&] { return lab_->analysis.rerunResult() != nullptr; })) << window_->text();
   frames(2);
-  EXPECT_THAT(window_->text(), AllOf(HasSubstr("did not feel this"), Not(HasSubstr("That does not run"))));
+  EXPECT_THAT(window_->text(), AllOf(HasSubstr("did not feel this"), Not(HasSubstr("The re-run failed"))));
 }
 
 TEST_F(StoredActions, aRemarksKeyBeforeASessionIsLoadedWaitsForNoField) {

@@ -48,7 +48,7 @@ class WindowLab : public testing::Test {
     surface_ = std::move(*surface);
     LabConnectionSettings settings;
     settings.first_retry = milliseconds(20);
-    settings.most_retry = milliseconds(200);
+    settings.max_retry = milliseconds(200);
     lab_ = std::make_unique<LabState>(ScenePreparer{}, settings);
     const auto config = server_.config({});
     lab_->form.server = "127.0.0.1:" + std::to_string(config.server.port);

@@ -123,7 +123,7 @@ class Headless : public testing::Test {
   }
 };
 
-TEST_F(Headless, aStationThatIsNotYetOnlineIsWaitedForAndThenWatched) {
+TEST_F(Headless, watchingWaitsForAStationToComeOnline) {
   options_.station = "bench-1";
   options_.rate_hz = 0;
   options_.message = "slower, please";
@@ -160,7 +160,7 @@ TEST_F(Headless, aStationThatIsNotYetOnlineIsWaitedForAndThenWatched) {
   EXPECT_GT(output.summary["live_p99_ms"], 0.0);
 }
 
-TEST_F(Headless, theMessageIsSaidOnceAndThenItEnds) {
+TEST_F(Headless, theMessageIsSentOnceAndThenItEnds) {
   options_.station = "bench-1";
   options_.message = "well done";
   options_.rate_hz = 0;
@@ -178,7 +178,7 @@ TEST_F(Headless, theMessageIsSaidOnceAndThenItEnds) {
   EXPECT_EQ(output.notes.back()["text"], "message sent");
 }
 
-TEST_F(Headless, aMessageThatIsRefusedOrReachesNobodyFailsTheCommand) {
+TEST_F(Headless, anUndeliveredMessageFailsTheCommand) {
   options_.station = "bench-1";
   options_.message = std::string(5000, 'x');
   options_.once = true;
@@ -214,7 +214,7 @@ TEST_F(Headless, theRateIsLinesPerSecond) {
   EXPECT_EQ(output.summary["samples"], output.updates.size());
 }
 
-TEST_F(Headless, ofSeveralServersItSaysWhichOneAnswered) {
+TEST_F(Headless, withSeveralServersTheAnsweringOneIsNamed) {
   others_ = {{"127.0.0.1", 1}};
   const auto output = run(0.1);
   ASSERT_TRUE(output.status.ok()) << output.status.error().message;
@@ -235,7 +235,7 @@ TEST_F(Headless, theOverviewShowsAllStations) {
   EXPECT_EQ(online, (std::map<std::string, bool>{{"bench-1", true}, {"bench-2", false}}));
 }
 
-TEST_F(Headless, aStoredSessionIsReplayedAtItsOwnPaceWithItsAnnotations) {
+TEST_F(Headless, aStoredSessionReplaysInRealTimeWithAnnotations) {
   FakeSession session("bench-1");
   auto station = server_.connect(stationLogin("bench-1", key_));
   ASSERT_TRUE(station.ok());

@@ -38,7 +38,7 @@ TEST(InstructorOptions, whatMakesSensePasses) {
   EXPECT_EQ(sessionBytes(options)[1], '\x9a');
 }
 
-TEST(InstructorOptions, theWindowAsksForWhatIsMissing) {
+TEST(InstructorOptions, theWindowAsksForMissingOptions) {
   EXPECT_TRUE(checkOptions(InstructorOptions{}).ok());
   EXPECT_TRUE(InstructorOptions{}.window());
   InstructorOptions sized;

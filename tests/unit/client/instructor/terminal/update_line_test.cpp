@@ -39,7 +39,7 @@ TEST(UpdateLine, aPersonReadsMillimetresAndNewtons) {
   }
 }
 
-TEST(UpdateLine, aLayerIsCalledByItsNameWhereItIsKnown) {
+TEST(UpdateLine, aKnownLayerIsShownByName) {
   const std::vector<std::string> layers = {"skin", "subcutaneous fat", "dura\x1b[2J"};
   const Update known = updateOf(sample(), layers);
   EXPECT_THAT(textLine(known), HasSubstr("  dura?[2J  insertion"));
@@ -117,7 +117,7 @@ TEST(UpdateLine, aHostileNameDoesNotReachTheTerminalsControls) {
   EXPECT_THAT(noteLine("a\rb", false), Not(HasSubstr("\r")));
 }
 
-TEST(UpdateLine, aFaultIsSaidInWords) {
+TEST(UpdateLine, aFaultIsShownInWords) {
   auto s = sample();
   s.fault = 2;
   EXPECT_THAT(textLine(updateOf(s)), HasSubstr("FAULT: "));
@@ -126,7 +126,7 @@ TEST(UpdateLine, aFaultIsSaidInWords) {
   EXPECT_THAT(textLine(updateOf(s)), HasSubstr("FAULT: unknown"));
 }
 
-TEST(UpdateLine, whatAStationIsInTroubleWithIsSaid) {
+TEST(UpdateLine, aStationsTroubleIsShown) {
   pb::StationStatus status;
   status.set_station("s1");
   status.set_online(true);
@@ -142,7 +142,7 @@ TEST(UpdateLine, whatAStationIsInTroubleWithIsSaid) {
   EXPECT_LT(textLine(updateOf(status)).size(), 2000u);
 }
 
-TEST(UpdateLine, theServerThatHasTheStationIsSaidWhereALabHasSeveral) {
+TEST(UpdateLine, theStationsServerIsShownWhenThereAreSeveral) {
   pb::StationStatus status;
   status.set_station("s1");
   status.set_online(true);

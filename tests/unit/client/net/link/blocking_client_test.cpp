@@ -19,7 +19,7 @@ using testing::HasSubstr;
 
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 
-TEST(Client, whoAcceptsAndSaysNothingTimesOut) {
+TEST(Client, aPeerThatAcceptsAndStaysSilentTimesOut) {
   asio::io_context io;
   Tcp::acceptor silent(io, Tcp::endpoint(asio::ip::address_v4::loopback(), 0));
   ScriptedServer other(friendly);
@@ -31,7 +31,7 @@ TEST(Client, whoAcceptsAndSaysNothingTimesOut) {
   EXPECT_EQ(client.error().code, ErrorCode::kUnavailable);
 }
 
-TEST(Client, aNameThatNobodyKnowsIsUnavailable) {
+TEST(Client, anUnresolvableNameIsUnavailable) {
   ScriptedServer server(friendly);
   auto config = server.config();
   config.server.host = "no.such.host.invalid";
@@ -126,7 +126,7 @@ TEST(BlockingClient, theReasonOfAnEndIsKept) {
   EXPECT_FALSE(client->connected());
 }
 
-TEST(BlockingClient, theFirstServerThatAnswersIsTaken) {
+TEST(BlockingClient, theFirstServerThatAnswersIsUsed) {
   ScriptedServer server(friendly);
   auto config = server.config();
   const Endpoint there = config.server;
@@ -142,7 +142,7 @@ TEST(BlockingClient, theFirstServerThatAnswersIsTaken) {
               testing::AllOf(HasSubstr("127.0.0.1:1: "), HasSubstr("no.such.host.invalid:1: ")));
 }
 
-TEST(BlockingClient, aWrongPasswordIsSaidByTheFirstAndTriedAtNoOther) {
+TEST(BlockingClient, aWrongPasswordIsReportedWithoutTryingOtherServers) {
   const std::atomic<bool> deny{true};
   ScriptedServer first(friendlyUnless(deny));
   ScriptedServer second(friendly, first.files);
@@ -223,7 +223,7 @@ TEST_F(BlockingClientTime, receiveWaitsExactlyItsTime) {
 
 // The waits match a back-off with the same seed. Meanwhile the client checks every 20 ms, and after each
 // attempt, whether it should stop.
-TEST_F(BlockingClientTime, reconnectTriesByTheBackOffAndLooksForAStopUntilItsTimeIsOver) {
+TEST_F(BlockingClientTime, reconnectBacksOffAndChecksForStopUntilTimeout) {
   std::optional<ScriptedServer> server(std::in_place, friendly);
   ASSERT_NO_FATAL_FAILURE(connect(*server));
   server.reset();
@@ -269,7 +269,7 @@ TEST_F(BlockingClientTime, aStopEndsReconnectAtTheNextLook) {
   EXPECT_EQ(clock_->asked.size(), 1u);
 }
 
-TEST(BlockingClient, reconnectsWhenItIsTold) {
+TEST(BlockingClient, reconnectsOnRequest) {
   std::atomic<bool> deny{false};
   ScriptedServer server(friendlyUnless(deny));
   auto client = BlockingClient::connect(server.config());

@@ -88,11 +88,11 @@ std::size_t mostInASecond(const std::vector<double>& times_ms, double from_ms = 
   return most;
 }
 
-TEST(Reconnection, afterTenSecondsNineOfTenStationsInALessonAreBackWithinTwo) {
+TEST(Reconnection, ninetyPercentOfStationsReconnectWithinTwoSecondsOfAnOutage) {
   const Herd herd = simulate({});
   ASSERT_EQ(herd.back_ms.size(), kStations);
   EXPECT_LE(herd.back_ms[kStations * 9 / 10], 2000);
-  // by then all have probed, and the last one waits for those before it
+  // by then all have probed, and the last one waits for the others
   EXPECT_LE(herd.back_ms.back(), kProbe_ms + 1000 * kStations / 500.0);
 }
 
@@ -134,7 +134,7 @@ TEST(Reconnection, withoutALessonTheWaitsGrowToTenSeconds) {
   EXPECT_LE(static_cast<double>(mostInASecond(herd.tries_ms, 30'000)), 1.5 * kStations / 7.5);
 }
 
-TEST(Reconnection, onlyAnAddressWithoutAServerIsProbedAndOnlyDuringALesson) {
+TEST(Reconnection, onlyAnUnreachedAddressIsProbedDuringALesson) {
   LinkEnd end;
   end.error = {ErrorCode::kUnavailable, "connection refused"};
   EXPECT_EQ(retryOfStation(end, true), Retry::kProbe);
@@ -201,7 +201,7 @@ Herd simulateTwo(double listens_ms, double handshakes_per_s) {
 TEST(ReconnectionOfTwo, whoLosesAServerIsAtTheOtherAfterTheFirstWait) {
   const Herd herd = simulateTwo(0, 500);
   ASSERT_EQ(herd.back_ms.size(), kStations);
-  EXPECT_EQ(herd.tries_ms.size(), kStations) << "nobody asks the dead one";
+  EXPECT_EQ(herd.tries_ms.size(), kStations) << "no one asks the dead one";
   // all arrive within their first waits, 100 to 200 ms, and are served one after the other
   EXPECT_GE(herd.arrived_ms.front(), 100);
   EXPECT_LE(herd.arrived_ms.back(), 200);
@@ -222,7 +222,7 @@ TEST(ReconnectionOfTwo, whileBothAreAwayARoundBacksOffAsOneServerDoes) {
   EXPECT_LE(static_cast<double>(mostInASecond(herd.arrived_ms)), 1.2 * kProbesPerSecond);
 }
 
-TEST(Backoff, aProbeWaitsAtMostItsLimitAndLeavesTheBackOffWhereItBegan) {
+TEST(Backoff, aProbesWaitIsCappedAndLeavesTheBackOffUnchanged) {
   Backoff probing(3, {milliseconds(200), milliseconds(10'000), 2.0, milliseconds(1500)});
   double all = 200;
   for (int n = 0; n < 100; ++n, all = std::min(2 * all, 1500.0)) {

@@ -77,7 +77,7 @@ TEST(ServerChoice, oneServerIsTriedOnceARound) {
   EXPECT_THAT(lab.round(), ElementsAre("a/10.0.0.1"));
 }
 
-TEST(ServerChoice, aRoundGoesThroughAllInTheOrderInWhichTheyAreWritten) {
+TEST(ServerChoice, aRoundTriesAllAddressesInTheirWrittenOrder) {
   Lab lab("b,a,c");
   EXPECT_TRUE(lab.choice.several());
   for (int n = 0; n < 3; ++n) EXPECT_THAT(lab.round(), ElementsAre("b/10.0.0.2", "a/10.0.0.1", "c/10.0.0.3"));
@@ -140,7 +140,7 @@ TEST(ServerChoice, aThousandRandomRoundsFollowTheRule) {
   }
 }
 
-TEST(ServerChoice, aRefusalThatAllWouldSayEndsTheRoundAndTheNextBeginsThere) {
+TEST(ServerChoice, aSharedRefusalEndsTheRoundAndTheNextStartsThere) {
   Lab lab("a,b");
   lab.choice.beginRound();
   ASSERT_EQ(lab.choice.next()->host, "a");
@@ -192,7 +192,7 @@ TEST(ServerChoice, addressesThatComeAreNewAndThoseThatGoAreForgotten) {
   EXPECT_FALSE(lab.choice.several());
   lab.names["a"].clear();
   for (int n = 1; n <= 40; ++n) lab.names["a"].push_back("10.0.1." + std::to_string(n));
-  EXPECT_EQ(lab.round().size(), ServerChoice::kMostAddresses);
+  EXPECT_EQ(lab.round().size(), ServerChoice::kMaxAddresses);
 }
 
 TEST(ServerChoice, aTryAgainIsAtTheSameAddress) {

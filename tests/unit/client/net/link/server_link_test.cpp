@@ -106,7 +106,7 @@ TEST_F(ServerLinkTest, waitsLongerAfterEachFailure) {
   }
 }
 
-TEST_F(ServerLinkTest, aProbedServerIsTriedAgainWithinTheLimitAndFoundOnceItAccepts) {
+TEST_F(ServerLinkTest, aProbedServerIsRetriedWithinTheLimitAndFound) {
   ScriptedServer server(friendly);
   auto config = server.config();
   const std::uint16_t listening = config.server.port;
@@ -137,7 +137,7 @@ TEST_F(ServerLinkTest, aProbedServerIsTriedAgainWithinTheLimitAndFoundOnceItAcce
   EXPECT_TRUE(ends_.back().reached);
 }
 
-TEST_F(ServerLinkTest, aServerThatAcceptsAndSaysNothingWasReachedAndIsTriedEverMoreSeldom) {
+TEST_F(ServerLinkTest, aSilentServerWasReachedAndIsRetriedEverMoreSeldom) {
   asio::io_context other;
   Tcp::acceptor silent(other, Tcp::endpoint(asio::ip::address_v4::loopback(), 0));
   ScriptedServer server(friendly);
@@ -181,7 +181,7 @@ class DeafPort {
   std::array<Tcp::socket, 4> waiting_{Tcp::socket(io_), Tcp::socket(io_), Tcp::socket(io_), Tcp::socket(io_)};
 };
 
-TEST_F(ServerLinkTest, anAddressThatDoesNotAnswerIsGivenUpAtTheLimitAndAProbeSooner) {
+TEST_F(ServerLinkTest, anUnansweringAddressIsAbandonedAtTheLimitAndProbesEarlier) {
   ScriptedServer server(friendly);
   const DeafPort deaf;
   auto config = server.config();
@@ -221,9 +221,9 @@ TEST_F(ServerLinkTest, onlyAConnectionThatLastedResetsTheBackOff) {
   for (std::size_t times = 1; times <= 4; ++times) {
     ASSERT_TRUE(lose(times));
     EXPECT_TRUE(ends_.back().was_connected);
-    EXPECT_FALSE(ends_.back().said_by_server);
+    EXPECT_FALSE(ends_.back().is_server_reason);
     waits.push_back(same.next());
-    EXPECT_EQ(clock_->asked, waits) << "a connection that is lost at once is no success";
+    EXPECT_EQ(clock_->asked, waits) << "a connection that is lost at once is not a success";
     clock_->advance(waits.back());
     ASSERT_TRUE(online());
     // the third lasts just too short, the fourth 1 ms longer
@@ -237,7 +237,7 @@ TEST_F(ServerLinkTest, onlyAConnectionThatLastedResetsTheBackOff) {
   EXPECT_EQ(link_->connections(), 5u);
 }
 
-TEST_F(ServerLinkTest, aLinkThatMayNotReconnectWaitsForTheWordAndThenItsBackOff) {
+TEST_F(ServerLinkTest, aManualLinkReconnectsOnRequestAfterItsBackOff) {
   ScriptedServer server(friendly);
   ASSERT_TRUE(connects(server));
   link_->reconnect(false);
@@ -340,7 +340,7 @@ TEST_F(ServerLinkTest, aRequestIsGivenUpAfterItsPatience) {
   ASSERT_TRUE(connects(server));
   std::optional<Result<pb::Reply>> reply;
   link_->ask(
-      listUsers(), [&](Result<pb::Reply> got) { reply.emplace(std::move(got)); }, OnLoss::kAskAgain,
+      listUsers(), [&](Result<pb::Reply> got) { reply.emplace(std::move(got)); }, OnLoss::kResend,
       milliseconds(60'000));
   settle();
   clock_->advance(milliseconds(59'000));
@@ -362,7 +362,7 @@ TEST_F(ServerLinkTest, noMoreThanSoManyRequestsWait) {
   EXPECT_EQ(refused, 44u);
 }
 
-TEST_F(ServerLinkTest, aServerThatRefusesIsTriedAgainAsItsOwnerSays) {
+TEST_F(ServerLinkTest, aRefusingServerIsRetriedByTheOwnersPolicy) {
   std::atomic<bool> deny{true};
   ScriptedServer server(friendlyUnless(deny));
   makeLink();
@@ -392,7 +392,7 @@ TEST_F(ServerLinkTest, theServersOwnReasonForTheEndIsKept) {
   bye.mutable_bye()->set_reason("moving house");
   server.broadcast(bye);
   ASSERT_TRUE(away(1));
-  EXPECT_TRUE(ends_.back().said_by_server);
+  EXPECT_TRUE(ends_.back().is_server_reason);
   EXPECT_THAT(ends_.back().error.message, HasSubstr("moving house"));
   EXPECT_THAT(ends_.back().channel_text, HasSubstr("moving house"));
   EXPECT_EQ(messages_.size(), 1u);
@@ -414,7 +414,7 @@ TEST_F(ServerLinkTest, pingsAreAnsweredAndOtherMessagesHandedOver) {
   EXPECT_THAT(messages_[0], HasSubstr("slower"));
 }
 
-TEST_F(ServerLinkTest, stopSaysByeAndAnOwnerThatGoesHearsNothing) {
+TEST_F(ServerLinkTest, stopSaysByeAndADestroyedOwnerGetsNoCallbacks) {
   ScriptedServer server(friendly);
   ASSERT_TRUE(connects(server));
   std::optional<Result<pb::Reply>> reply;
@@ -538,7 +538,7 @@ TEST_F(ServerLinkOfTwo, afterALossTheOtherIsTriedAfterTheFirstWait) {
   EXPECT_TRUE(isAt(first()));
 }
 
-TEST_F(ServerLinkOfTwo, aRoundThroughAllBacksOffAndSaysWhatEachDid) {
+TEST_F(ServerLinkOfTwo, aRoundThroughAllBacksOffAndReportsEachOutcome) {
   const Endpoint dead = nobody(), gone = nobody();
   connectTo({dead, gone});
   // usually their database keeps both from serving, and it comes back for both at once
@@ -572,7 +572,7 @@ TEST_F(ServerLinkOfTwo, aSwallowedSynKeepsItFromTheOtherForSoLongOnly) {
   EXPECT_THAT(link_->passedOver(), HasSubstr("no answer within 1500 ms"));
 }
 
-TEST_F(ServerLinkOfTwo, aServerThatAcceptsAndSaysNothingIsPassedOver) {
+TEST_F(ServerLinkOfTwo, aServerThatAcceptsAndStaysSilentIsSkipped) {
   asio::io_context other;
   Tcp::acceptor silent(other, Tcp::endpoint(asio::ip::address_v4::loopback(), 0));
   auto config = first_.config();
@@ -613,7 +613,7 @@ TEST_F(ServerLinkOfTwo, whatIsAboutOneServerGoesToTheOther) {
   EXPECT_TRUE(ends_.empty());
 }
 
-TEST_F(ServerLinkOfTwo, aPersonWhoGuessedTooOftenWaitsAndAStationWithoutAPlaceGoesOn) {
+TEST_F(ServerLinkOfTwo, aLockedOutPersonWaitsAndACrowdedOutStationContinues) {
   first_says_ = refusing(pb::Refusal::RATE_LIMITED);
   connectTo({first(), second()});
   for (std::size_t n = 1; n <= 3; ++n) {
@@ -679,7 +679,7 @@ TEST_F(ServerLinkOfTwo, aTokenGoesAlongAndThePasswordFollowsAtTheSameServer) {
 
 // When servers die one after the other, the next one must not wait. If a server gives a reason for ending the
 // connection (CONFLICT: two stations with one key), the waits grow.
-TEST_F(ServerLinkOfTwo, aConnectionOfTwoSecondsResetsTheBackOffUnlessTheServerSaidWhyItEnded) {
+TEST_F(ServerLinkOfTwo, twoSecondsOnlineResetTheBackOffUnlessRefused) {
   connectTo({first(), second()});
   Backoff same(7, {milliseconds(200), milliseconds(10'000), 2.0});
   std::size_t losses = 0;
@@ -718,7 +718,7 @@ TEST_F(ServerLinkOfTwo, aConnectionOfTwoSecondsResetsTheBackOffUnlessTheServerSa
 }
 
 // it promises a message every 100 ms and sends nothing: it hangs, or the network is cut
-TEST_F(ServerLinkOfTwo, aServerThatFallsSilentIsLeftForTheOtherAndTheOnlyOneIsNot) {
+TEST_F(ServerLinkOfTwo, aSilentServerIsLeftOnlyForAnother) {
   first_says_ = [](const pb::Envelope& got) {
     auto answers = friendly(got);
     if (got.has_login()) answers[0].mutable_welcome()->set_keepalive_ms(100);

@@ -78,7 +78,7 @@ TEST_F(LessonCacheTest, oneFlippedDigitIsFound) {
               AllOf(HasSubstr("knee-1.json"), HasSubstr("hash"), HasSubstr("delete it and connect")));
 }
 
-TEST_F(LessonCacheTest, whatACourseSaysOfItsExamIsKeptAndGuarded) {
+TEST_F(LessonCacheTest, aCoursesExamSettingsAreKeptAndProtected) {
   lesson_.set_assigned_only(true);
   lesson_.set_exam(true);
   lesson_.set_results_from_unix_ns(1'780'495'200'000'000'000);
@@ -140,7 +140,7 @@ TEST_F(LessonCacheTest, hostileFilesAreRefusedInPlainWords) {
   }
 }
 
-TEST_F(LessonCacheTest, theListNamesWhatIsThereAndWhatIsBroken) {
+TEST_F(LessonCacheTest, theListNamesPresentAndBrokenEntries) {
   const auto before_ns = wallNowNs();
   ASSERT_TRUE(cache_.keep("knee-1", lesson_).ok());
   write("broken", "{");

@@ -18,7 +18,7 @@ constexpr std::int64_t kHour_ns = std::int64_t{3600} * 1'000'000'000;
 constexpr std::int64_t kDay_ns = 24 * kHour_ns;
 constexpr std::int64_t kNow_ns = 1'800'000'000'000'000'000;
 
-TEST(SpoolClock, countsTheServersTimeBetweenLogInsAndGoesOnAfterARestart) {
+TEST(SpoolClock, countsServerTimeBetweenLogInsAndAcrossARestart) {
   const TempFolder folder;
   const fs::path file = folder.path() / "clock.json";
   {
@@ -44,7 +44,7 @@ TEST(SpoolClock, aJumpCountsADayAtMostAndNeverBack) {
   clock.note(kNow_ns);
   EXPECT_EQ(clock.nowNs(), kDay_ns);
   clock.note(kNow_ns + kHour_ns);
-  EXPECT_EQ(clock.nowNs(), kDay_ns + kHour_ns) << "and goes on from there";
+  EXPECT_EQ(clock.nowNs(), kDay_ns + kHour_ns) << "and continues from there";
   for (const std::int64_t none : {std::int64_t{0}, std::int64_t{-1}, INT64_MIN}) clock.note(none);
   EXPECT_EQ(clock.nowNs(), kDay_ns + kHour_ns);
   clock.note(INT64_MAX);
@@ -52,7 +52,7 @@ TEST(SpoolClock, aJumpCountsADayAtMostAndNeverBack) {
 }
 
 // Servers whose clocks differ by hours: switching between them must not age the spool's sessions.
-TEST(SpoolClock, twoServersOfDifferentClocksCountNoMoreThanHasPassedHere) {
+TEST(SpoolClock, twoServerClocksAddNoMoreThanLocalTime) {
   constexpr std::int64_t kMinute_ns = 60'000'000'000;
   const TempFolder folder;
   const fs::path file = folder.path() / "clock.json";
@@ -137,7 +137,7 @@ TEST_F(SpoolAge, aJumpOfSixtyDaysRemovesNothing) {
   EXPECT_EQ(spool_->unfinished().size(), 1u);
 }
 
-TEST_F(SpoolAge, afterFourteenDaysOfTheServerTheClosedSessionLeavesAndTheUnsentOneStays) {
+TEST_F(SpoolAge, aClosedSessionExpiresAfterFourteenDaysAndUnsentOnesStay) {
   for (int day = 1; day <= 14; ++day) EXPECT_EQ(removedAt(kNow_ns + day * kDay_ns), 0u) << day;
   EXPECT_EQ(removedAt(kNow_ns + 15 * kDay_ns), 1u);
   EXPECT_EQ(spool_->closedButNotSafe().size(), 0u);

@@ -41,7 +41,7 @@ std::string damageChunks(const fs::path& session, std::initializer_list<std::siz
   return text;
 }
 
-TEST(Spool, aSessionThatEndedAndLostAChunkAfterwardsKeepsTheOthersAndTheFile) {
+TEST(Spool, anEndedSessionThatLostAChunkKeepsTheOthers) {
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), true);
   const std::string text = damageChunks(session, {1}, 3);
@@ -69,7 +69,7 @@ TEST(Spool, aLostLastChunkIsCountedByTheEnd) {
   }
 }
 
-TEST(Spool, aChunkThatHasFewerSamplesThanTheEndSaysIsDamageAndCounted) {
+TEST(Spool, aShortChunkOfAnEndedSessionIsCountedAsDamage) {
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), true);
   fs::remove(session / "chunks");
@@ -119,7 +119,7 @@ TEST(Spool, anEndThatContradictsItsChunksIsNotBelieved) {
   }
 }
 
-TEST(Spool, chunksAndTailBehindDamageAreKeptAndWhatIsMissingIsCounted) {
+TEST(Spool, chunksBehindDamageAreKeptAndTheLossIsCounted) {
   const TempFolder folder;
   damageChunks(fiveChunksAndATail(folder.path()), {1, 3}, 5);
   const auto notes = (*Spool::open(folder.path()))->notes();
@@ -163,7 +163,7 @@ TEST(Spool, aRecordOfAnotherTimeBehindDamageIsNotTaken) {
   EXPECT_EQ(found.contents.damage, SpoolDamage{});
 }
 
-TEST(Spool, aDescriptionThatATechnicianCorrectedHasNoChecksumAndIsReadAndAChangedOneIsNot) {
+TEST(Spool, aHandEditedDescriptionIsReadButNotATamperedOne) {
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), true);
   fs::remove(session / "session.copy.json");
@@ -187,7 +187,7 @@ TEST(Spool, aDescriptionThatATechnicianCorrectedHasNoChecksumAndIsReadAndAChange
   EXPECT_EQ(recover(folder.path()).samples.size(), 300u);
 }
 
-TEST(Spool, aDamagedDescriptionIsTakenFromItsCopyWhicheverByteItIs) {
+TEST(Spool, aDamagedDescriptionIsReadFromItsCopy) {
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), true);
   const std::string text = *readWholeFile(session / "session.json");
@@ -221,7 +221,7 @@ TEST(Spool, aDamagedDescriptionIsTakenFromItsCopyWhicheverByteItIs) {
   EXPECT_TRUE(fs::exists(session / "chunks"));
 }
 
-TEST(Spool, aDescriptionThatNoServerTakesParksItsSessionAloneAndTheOthersAreThere) {
+TEST(Spool, anUnusableDescriptionParksOnlyItsOwnSession) {
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), true);
   std::string id;
@@ -247,7 +247,7 @@ TEST(Spool, aDescriptionThatNoServerTakesParksItsSessionAloneAndTheOthersAreTher
   EXPECT_TRUE(fs::exists(session / "chunks"));
 }
 
-TEST(Spool, damageIsSaidOnceWithWhatIsLeftAndWhereTheRestIs) {
+TEST(Spool, damageIsReportedOnceWithWhatRemainsAndWhere) {
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), true);
   damageChunks(session, {1}, 3);
@@ -258,7 +258,7 @@ TEST(Spool, damageIsSaidOnceWithWhatIsLeftAndWhereTheRestIs) {
   EXPECT_THAT(notes(), testing::IsEmpty());
 }
 
-TEST(Spool, damageInTheMiddleOfASessionThatDidNotEndKeepsTheFileATornEndDoesNot) {
+TEST(Spool, insideDamageKeepsTheFileButATornEndDoesNot) {
   for (const bool torn : {true, false}) {
     const TempFolder folder;
     const fs::path session = sessionOfThreeChunks(folder.path(), false);
@@ -279,7 +279,7 @@ TEST(Spool, damageInTheMiddleOfASessionThatDidNotEndKeepsTheFileATornEndDoesNot)
   }
 }
 
-TEST(Spool, aGapInWhatWasNotSyncedIsCountedButNoDamageOfTheDisk) {
+TEST(Spool, aGapOfUnsyncedDataIsCountedButNoDiskDamage) {
   // A power cut lost the first sectors in flight and kept later ones.
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), false, false);
@@ -307,7 +307,7 @@ TEST(Spool, damagedChunksAreNotCutOffWhileNoCopyCanBeKept) {
   EXPECT_EQ(*readWholeFile(session / "chunks"), text);
 }
 
-TEST(Spool, aSmallFileThatIsNestedDeeplyIsADamagedOneAndEndsNobody) {
+TEST(Spool, aDeeplyNestedSmallFileCountsAsDamaged) {
   const std::string deep = std::string(500'000, '[') + std::string(500'000, ']');
   {
     const TempFolder folder;
@@ -340,7 +340,7 @@ TEST(Spool, aLossIsKnownAfterTheProgramsDeath) {
   EXPECT_EQ(found.contents.loss, (SpoolLoss{1234567, 100}));
 }
 
-TEST(Spool, aLossFileThatIsMissingOrDamagedMakesAnEndedSessionInterrupted) {
+TEST(Spool, aBadLossFileMakesAnEndedSessionInterrupted) {
   const TempFolder original;
   const fs::path session = sessionOfThreeChunks(original.path(), true);
   const std::string text = *readWholeFile(session / "lost");

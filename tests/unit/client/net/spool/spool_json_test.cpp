@@ -9,7 +9,7 @@
 namespace needlelab::test {
 namespace {
 
-TEST(SpoolJson, theSealIsTheCrcOfWhatStandsBefore) {
+TEST(SpoolJson, theSealIsTheCrcOfThePrecedingText) {
   const std::string text = sealed("{}");
   EXPECT_EQ(text.size(), 3 + 16u);
   EXPECT_TRUE(text.starts_with("{}\ncrc32c "));
@@ -52,7 +52,7 @@ TEST(SpoolJson, whatIsNestedDeeperThanAnyFileOfTheSpoolIsRefused) {
   }
 }
 
-TEST(SpoolJson, aPipeOrALinkInTheSpoolIsRefusedAtOnceToReadAndToWrite) {
+TEST(SpoolJson, aPipeOrLinkInTheSpoolIsRefusedAtOnce) {
   const TempFolder folder;
   const auto pipe = folder.path() / "pipe.json", link = folder.path() / "link.json";
   ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);

@@ -153,14 +153,14 @@ TEST_F(SpoolOrder, aSessionIsNamedOnTheDiskBeforeItIsUsed) {
   EXPECT_LT(find(seen, "sync", folder_.path(), names), seen.size()) << text(seen);
 }
 
-TEST_F(SpoolOrder, noChunkMayBeSentBeforeItIsSyncedAndTheEndComesLast) {
+TEST_F(SpoolOrder, chunksAreSentAfterTheirSyncAndTheEndLast) {
   auto spool = std::move(*Spool::open(folder_.path()));
   auto session = *spool->create(describeSession(makeUuidV7()));
   const auto chunks = session->folder() / "chunks";
   start();
   ASSERT_TRUE(session->appendChunk(encodeChunk(Resolution::standard(), samplesFrom(0, 100)), 100).ok());
   EXPECT_EQ(session->contents().chunks, 0u);
-  EXPECT_FALSE(session->readChunk(0).ok()) << "nobody gets it to send";
+  EXPECT_FALSE(session->readChunk(0).ok()) << "no one gets it to send";
   ASSERT_TRUE(session->sync().ok());
   EXPECT_EQ(session->contents().chunks, 1u);
   ASSERT_TRUE(session->end(false).ok());
@@ -183,7 +183,7 @@ TEST_F(SpoolOrder, afterAFailedSyncTheBytesAreWrittenAgainBeforeTheNext) {
   disk_fails = false;
   ASSERT_FALSE(failed.ok());
   EXPECT_THAT(failed.error().message, testing::HasSubstr("Input/output error"));
-  EXPECT_EQ(session->contents().chunks, 0u) << "nobody may send it";
+  EXPECT_EQ(session->contents().chunks, 0u) << "no one may send it";
   start();
   ASSERT_TRUE(session->sync().ok());
   const auto seen = stop();
@@ -193,7 +193,7 @@ TEST_F(SpoolOrder, afterAFailedSyncTheBytesAreWrittenAgainBeforeTheNext) {
   EXPECT_EQ(session->contents().chunks, 1u);
 }
 
-TEST_F(SpoolOrder, aSyncThatFailedIsTriedAgainEveryHalfSecondAndItsChunksAreDurableOnlyThen) {
+TEST_F(SpoolOrder, failedSyncsAreRetriedEveryHalfSecondBeforeDurability) {
   constexpr std::int64_t kHalfSecond_ns = 500'000'000;
   FakeTime time;
   auto spool = std::move(*Spool::open(folder_.path()));

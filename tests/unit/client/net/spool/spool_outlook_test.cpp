@@ -2,7 +2,6 @@
 
 #include <gmock/gmock.h>
 
-#include "client/net/spool/spool_outlook.h"
 #include "common/gesture/chunk.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/time/fake_time.h"
@@ -49,7 +48,7 @@ TEST(SpoolOutlook, aFewSamplesAreNotTakenForTheRule) {
   EXPECT_DOUBLE_EQ(outlookOf(still, 4 * kGiB, 1000).bytes_per_h, 3'600'000);
 }
 
-TEST(SpoolOutlook, aQuotaThatIsNearlyUsedUpIsAWarningThatSaysWhatToDo) {
+TEST(SpoolOutlook, aNearlyFullQuotaWarnsWithAdvice) {
   const auto outlook = outlookOf(usage(4 * kGiB - 200'000'000, 100 * kGiB), 4 * kGiB, 1000);
   EXPECT_EQ(outlook.level, SpoolLevel::kWarn);
   EXPECT_THAT(outlook.text,
@@ -94,7 +93,7 @@ TEST(SpoolOutlook, sizesAndTimesReadWell) {
   EXPECT_EQ(durationText(1e9), "years");
 }
 
-TEST(SpoolGuard, saysAtTheStartWhatWaitsAndIsSilentWhileNothingGetsWorse) {
+TEST(SpoolGuard, reportsWaitingDataAtStartAndThenOnlyWorsening) {
   const TempFolder folder;
   auto spool = std::move(*Spool::open(folder.path()));
   auto session = *spool->create(describeSession(makeUuidV7()));

@@ -31,7 +31,7 @@ fs::path sessionOfOneChunk(const fs::path& folder) {
 }
 
 // Each chunk made from a tail costs a sync, some 20 ms: a tail of 4,000 chunks delayed the lesson by 90 s.
-TEST(SpoolTail, ofManyChunksGivesAFewAndTheRestIsDamageAndKept) {
+TEST(SpoolTail, ofManyChunksGivesAFewAndKeepsTheRest) {
   const TempFolder folder;
   const fs::path session = sessionOfOneChunk(folder.path());
   constexpr std::uint64_t kChunks = 4'000, kMade = 8;
@@ -56,7 +56,7 @@ TEST(SpoolTail, ofManyChunksGivesAFewAndTheRestIsDamageAndKept) {
   }
 }
 
-TEST(SpoolTail, keepsTheOrderOfItsPiecesWhereTheChunksOfTwoAreMixed) {
+TEST(SpoolTail, keepsPieceOrderWhenTwoChunksAreInterleaved) {
   const TempFolder folder;
   const fs::path session = sessionOfOneChunk(folder.path());
   {
@@ -87,7 +87,7 @@ TEST(SpoolTail, keepsTheOrderOfItsPiecesWhereTheChunksOfTwoAreMixed) {
 }
 
 // Record headers of half a MiB, one in every eight bytes: 130 GB would be read.
-TEST(SpoolTail, ofFalseBeginningsIsGivenUpAndItsSessionLeftAsItIs) {
+TEST(SpoolTail, ofFalseRecordHeadersIsAbandonedAndLeftAsItIs) {
   const TempFolder folder;
   const fs::path session = sessionOfOneChunk(folder.path());
   std::string bytes;

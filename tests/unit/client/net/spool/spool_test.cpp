@@ -67,7 +67,7 @@ using testing::HasSubstr;
          ::setenv("TMPDIR", "/dev/shm", 0) == 0;
 }();
 
-TEST(Spool, aSessionThatEndedIsFoundAgainAsItWas) {
+TEST(Spool, anEndedSessionIsReadBackUnchanged) {
   const TempFolder folder;
   const Uuid id = makeUuidV7();
   std::vector<Bytes> chunks = {coded(0, 1000), coded(1000, 1000), coded(2000, 123)};
@@ -100,7 +100,7 @@ TEST(Spool, oneProgramAtATime) {
   EXPECT_THAT(second.error().message, HasSubstr("another station"));
 }
 
-TEST(Spool, eachNewFolderIsItsOwnersOnlyWhateverTheUmask) {
+TEST(Spool, newFoldersArePrivateWhateverTheUmask) {
   const TempFolder folder;
   const fs::path place = folder.path() / "above" / "spool", given = folder.path() / "given";
   const mode_t before = ::umask(0);
@@ -116,7 +116,7 @@ TEST(Spool, eachNewFolderIsItsOwnersOnlyWhateverTheUmask) {
   EXPECT_EQ(fs::status(given).permissions(), fs::perms::all) << "somebody else chose its permissions";
 }
 
-TEST(Spool, aSpoolThatIsGoneIsNotMadeAgainByTheNextSession) {
+TEST(Spool, aDeletedSpoolIsNotRecreatedByTheNextSession) {
   const TempFolder folder;
   auto spool = opened(folder.path() / "spool");
   fs::remove_all(folder.path() / "spool");
@@ -164,7 +164,7 @@ fs::path cutOffSession(const TempFolder& folder) {
   return session->folder();
 }
 
-TEST(Spool, theTailOfASessionThatWasCutOffBecomesItsLastChunk) {
+TEST(Spool, theTailOfACutOffSessionBecomesItsLastChunk) {
   const TempFolder folder;
   cutOffSession(folder);
   const Recovered found = recover(folder.path());
@@ -177,7 +177,7 @@ TEST(Spool, theTailOfASessionThatWasCutOffBecomesItsLastChunk) {
   EXPECT_EQ(recover(folder.path()).chunks, found.chunks);
 }
 
-TEST(Spool, everyTruncationOfChunksAndTailGivesWhatIsWholeAndCountsTheRest) {
+TEST(Spool, everyTruncationKeepsWholeDataAndCountsTheRest) {
   const TempFolder original;
   const fs::path session = cutOffSession(original);
   for (const char* name : {"chunks", "tail"}) {
@@ -232,7 +232,7 @@ TEST(Spool, aTailWhoseChunkIsAlreadyThereIsNotDoubled) {
   EXPECT_EQ(found.samples.size(), 100u);
 }
 
-TEST(Spool, aTailThatKeptPiecesOfTwoChunksGivesBothAlsoAfterASecondCrash) {
+TEST(Spool, aTailOfTwoChunksSurvivesASecondCrash) {
   const TempFolder folder;
   fs::path session;
   {
@@ -283,7 +283,7 @@ TEST(Spool, anEndWithNumbersThatNoSessionHasIsNotBelieved) {
   }
 }
 
-TEST(Spool, aGapOfATailWithNumbersThatNoSessionHasIsNotCounted) {
+TEST(Spool, aTailGapWithImpossibleNumbersIsNotCounted) {
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), false);
   fs::remove(session / "end.json");
@@ -296,7 +296,7 @@ TEST(Spool, aGapOfATailWithNumbersThatNoSessionHasIsNotCounted) {
   EXPECT_EQ(recover(folder.path()).contents.damage, (SpoolDamage{0, 5, 100}));
 }
 
-TEST(Spool, aPipeInPlaceOfAFileHoldsNobodyAndParksTheSessionWhereItIsNeeded) {
+TEST(Spool, aPipeInPlaceOfAFileParksItsSession) {
   for (const char* name :
        {"session.json", "session.copy.json", "chunks", "tail", "end.json", "acked.json", "lost"}) {
     const TempFolder folder;
@@ -337,7 +337,7 @@ TEST(Spool, foldersThatAreNoSessionsAreLeftAloneAndNamed) {
   EXPECT_TRUE(fs::exists(folder.path() / "notes of a technician"));
 }
 
-TEST(Spool, whatTheServerClosedIsNotOfferedAgainAndLeavesByAgeQuotaOrBackup) {
+TEST(Spool, aClosedSessionIsNotOfferedAgainAndLeavesByPolicy) {
   const TempFolder folder;
   const std::int64_t now_ns = 1'000'000'000'000'000'000;
   const auto day_ns = std::int64_t{86'400} * 1'000'000'000;
@@ -384,7 +384,7 @@ std::vector<std::string> fourClosed(Spool& spool) {
   return ids;
 }
 
-TEST(Spool, onAFullDiskClosedSessionsMakeRoomOldestFirstAndUnsentOnesStay) {
+TEST(Spool, onAFullDiskOnlyClosedSessionsAreDeletedOldestFirst) {
   const TempFolder folder;
   auto spool = opened(folder.path());
   const std::vector<std::string> ids = fourClosed(*spool);

@@ -102,7 +102,7 @@ class SpoolWriterTest : public testing::Test {
   std::int64_t next_write_ns_ = 0, next_sync_ns_ = 0;
 };
 
-TEST_F(SpoolWriterTest, itsThreadsMakeEverySamplePartOfAChunkAndOfAPiece) {
+TEST_F(SpoolWriterTest, threadsPutEverySampleIntoAChunkAndAPiece) {
   SpoolWriter writer(ring_, session_, {}, callbacks());
   push(0, 5000);
   push(5000, 2345);
@@ -129,7 +129,7 @@ TEST_F(SpoolWriterTest, itsThreadsMakeEverySamplePartOfAChunkAndOfAPiece) {
 }
 
 // The writer polls every 4 ms; a sample waits at most 10 ms from the poll that took it.
-TEST_F(SpoolWriterTest, aFewSamplesReachTheTailAtTheFirstLookAfter10ms) {
+TEST_F(SpoolWriterTest, aFewSamplesReachTheTailAfter10ms) {
   SpoolWriter writer(ring_, session_, stepped(), callbacks());
   push(0, 7);
   run(writer, 11);
@@ -169,7 +169,7 @@ std::function<Bytes(const GestureSample&, bool)> memoriesTo(std::uint64_t last, 
   };
 }
 
-TEST_F(SpoolWriterTest, aChunkHasTheMemoryAfterTheFirstOfItsSamplesThatHasOne) {
+TEST_F(SpoolWriterTest, aChunkCarriesItsFirstAvailableCutMemory) {
   SpoolWriter::Callbacks with_memories = callbacks();
   std::uint64_t followed = 0;
   with_memories.cut_memory = memoriesTo(2300, followed);
@@ -240,7 +240,7 @@ class FullDisk {
   rlimit before_{};
 };
 
-TEST_F(SpoolWriterTest, aFullDiskIsTriedEveryHalfSecondAndNothingIsLostWhenItTakesAgain) {
+TEST_F(SpoolWriterTest, aFullDiskIsRetriedEveryHalfSecondWithoutLoss) {
   SpoolWriter writer(ring_, session_, stepped(), callbacks());
   push(0, 2000);
   run(writer, 0);
@@ -270,7 +270,7 @@ TEST_F(SpoolWriterTest, aFullDiskIsTriedEveryHalfSecondAndNothingIsLostWhenItTak
   EXPECT_THAT(troubles_[1], HasSubstr("takes samples again"));
 }
 
-TEST_F(SpoolWriterTest, aDiskThatStaysFullEndsInAnErrorThatCountsTheLoss) {
+TEST_F(SpoolWriterTest, aDiskThatStaysFullEndsWithTheCountedLoss) {
   SpoolWriter writer(ring_, session_, stepped(30'000), callbacks());
   FullDisk disk(0);
   push(0, 16'000);
@@ -295,7 +295,7 @@ TEST_F(SpoolWriterTest, aDiskThatStaysFullEndsInAnErrorThatCountsTheLoss) {
   EXPECT_EQ(live_samples_, 16'000u) << "who watches live sees them nevertheless";
 }
 
-TEST_F(SpoolWriterTest, whatWasLostInTheMiddleIsCountedAndTheSessionSaysSo) {
+TEST_F(SpoolWriterTest, aLossInTheMiddleIsCountedInTheSession) {
   SpoolWriter writer(ring_, session_, stepped(10'000), callbacks());
   push(0, 1000);
   run(writer, 4);
@@ -323,7 +323,7 @@ TEST_F(SpoolWriterTest, whatWasLostInTheMiddleIsCountedAndTheSessionSaysSo) {
   run(writer, 4);
   ASSERT_EQ(writer.counts().samples, 20'000u);
   const Status status = writer.finish(5s);
-  ASSERT_FALSE(status.ok()) << "a loss is no success";
+  ASSERT_FALSE(status.ok()) << "a loss is not a success";
   const SpoolLoss loss = session_->contents().loss;
   EXPECT_THAT(status.error().message, HasSubstr(std::to_string(loss.samples) + " samples are lost"));
   EXPECT_TRUE(session_->contents().ended);
@@ -341,7 +341,7 @@ TEST_F(SpoolWriterTest, whatWasLostInTheMiddleIsCountedAndTheSessionSaysSo) {
   EXPECT_EQ(gaps, 1u);
 }
 
-TEST_F(SpoolWriterTest, whatTheTailHoldsOfARefusedChunkIsNotLostAndNotCounted) {
+TEST_F(SpoolWriterTest, samplesOfARefusedChunkInTheTailAreNotLost) {
   {
     SpoolWriter writer(ring_, session_, stepped(), callbacks());
     push(0, 1300);
@@ -405,7 +405,7 @@ TEST_F(SpoolWriterTest, noSampleWaitsLongerThan14msForTheTail) {
   ASSERT_TRUE(writer.finish(5s).ok());
 }
 
-TEST_F(SpoolWriterTest, aTailThatTheDiskRefusedIsTriedEvery20msAndHoldsEverythingAfterwards) {
+TEST_F(SpoolWriterTest, aRefusedTailIsRetriedEvery20msAndCompletedLater) {
   {
     SpoolWriter writer(ring_, session_, stepped(), callbacks());
     FullDisk disk(10);

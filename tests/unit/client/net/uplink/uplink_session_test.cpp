@@ -111,7 +111,7 @@ class DamagedUpload : public UplinkSessionTest {
   SessionHash hash_;
 };
 
-TEST_F(DamagedUpload, chunksBehindDamageCloseUpAndTheEndSaysWhatIsMissing) {
+TEST_F(DamagedUpload, chunksBehindDamageCloseUpAndTheEndReportsTheLoss) {
   damage(false);
   EXPECT_EQ(sends(), Names{"open"});
   upload_->onOpened(0);
@@ -139,17 +139,17 @@ TEST_F(DamagedUpload, chunksBehindDamageCloseUpAndTheEndSaysWhatIsMissing) {
   EXPECT_EQ(close.hash(), std::string(digest.begin(), digest.end()));
 }
 
-TEST_F(DamagedUpload, aWholeSessionWhoseCountOfLostSamplesIsDamagedIsNotClosedAsComplete) {
+TEST_F(DamagedUpload, aDamagedLossCountPreventsClosingAsComplete) {
   ASSERT_TRUE(session_->end(false).ok());
   std::ofstream(session_->folder() / "lost", std::ios::binary) << "";
   start();
   const pb::CloseSession close = endAfter(3, {});
   EXPECT_EQ(close.samples(), 30u);
   EXPECT_TRUE(close.interrupted());
-  EXPECT_EQ(close.samples_lost(), 0u) << "nobody knows how many";
+  EXPECT_EQ(close.samples_lost(), 0u) << "no one knows how many";
 }
 
-TEST_F(DamagedUpload, aSessionOfOtherSamplesThanItsEndSaysIsClosedAsInterruptedWithWhatLacks) {
+TEST_F(DamagedUpload, unexpectedSamplesCloseASessionAsInterrupted) {
   ASSERT_TRUE(session_->end(false).ok());
   auto end = *readSpoolJson(session_->folder() / "end.json");
   end["samples"] = 35;
@@ -175,7 +175,7 @@ TEST_F(DamagedUpload, whatTheServerHasOfItIsNotLost) {
   EXPECT_EQ(close.hash(), std::string(digest.begin(), digest.end()));
 }
 
-TEST_F(DamagedUpload, withoutAnEndTheHashOfWhatTheServerHasIsNotKnown) {
+TEST_F(DamagedUpload, withoutAnEndTheServersHashIsUnknown) {
   damage(false);
   const pb::CloseSession close = endAfter(2, {"chunk 2"});
   EXPECT_EQ(close.chunks(), 3u);
@@ -197,7 +197,7 @@ TEST_F(DamagedUpload, theNumbersThatWereSettledStayAfterARestart) {
   EXPECT_NE(close.hash(), "");
 }
 
-TEST_F(UplinkSessionTest, aSessionRecordedWithoutAKeyGetsTheNameOfTheLogIn) {
+TEST_F(UplinkSessionTest, aSessionRecordedWithoutAKeyGetsTheLogInsName) {
   auto description = describeSession(makeUuidV7());
   UplinkSession named(*spool_->create(description), "s9");
   EXPECT_EQ(named.next(true)->open_session().description().station(), description.station());
@@ -236,12 +236,12 @@ TEST_F(UplinkSessionTest, theServersNextSeqCountsMoreThanTheReceipt) {
   EXPECT_EQ(again.committed(), 3u);
   ASSERT_TRUE(again.next(true)->has_open_session());
   again.onOpened(1);  // restored from a backup older than its acks
-  EXPECT_EQ(again.takeLacking(), 2u);
-  EXPECT_EQ(again.takeLacking(), 0u);
+  EXPECT_EQ(again.takeMissingCount(), 2u);
+  EXPECT_EQ(again.takeMissingCount(), 0u);
   EXPECT_EQ(again.next(true)->chunk().seq(), 1u);
 }
 
-TEST_F(UplinkSessionTest, aServerThatWasRestoredGetsWhatItHadClosedAgain) {
+TEST_F(UplinkSessionTest, aRestoredServerGetsItsClosedSessionsAgain) {
   ASSERT_TRUE(session_->end(false).ok());
   ASSERT_TRUE(session_->setReceipt({3, 1, true, 7}).ok());
   // In the next program run: a closed session's chunks are not read unless they are needed.
@@ -255,9 +255,9 @@ TEST_F(UplinkSessionTest, aServerThatWasRestoredGetsWhatItHadClosedAgain) {
   upload_ = std::make_unique<UplinkSession>(session_, "", time_);
   EXPECT_EQ(sends(), Names{"open"}) << "asks whether the server still has it";
   EXPECT_TRUE(upload_->asking());
-  EXPECT_TRUE(upload_->finished()) << "nobody waits for the answer";
+  EXPECT_TRUE(upload_->finished()) << "no one waits for the answer";
   upload_->onOpened(1);  // the restored backup has one chunk
-  EXPECT_FALSE(session_->receipt().closed) << "from now on the spool keeps it whatever its age";
+  EXPECT_FALSE(session_->receipt().closed) << "from now on the spool keeps it at any age";
   EXPECT_EQ(session_->contents().hash, hash);
   EXPECT_EQ(sends(), Names{"open"});
   upload_->onOpened(1);
@@ -279,7 +279,7 @@ TEST_F(UplinkSessionTest, aRestoredServerThatHasAllButTheEndClosesItAgain) {
 }
 
 // None of its chunks can be called Safe, so the spool keeps it for the next program run, too.
-TEST_F(UplinkSessionTest, aRestoredServerThatLacksTheEndOfAnEmptySessionClosesItAgain) {
+TEST_F(UplinkSessionTest, aRestoredServerGetsAnEmptySessionsEndAgain) {
   auto empty = *spool_->create(describeSession(makeUuidV7()));
   ASSERT_TRUE(empty->end(true).ok());
   ASSERT_TRUE(session_->end(false).ok());
@@ -306,7 +306,7 @@ TEST_F(UplinkSessionTest, aRestoredServerThatLacksTheEndOfAnEmptySessionClosesIt
   EXPECT_TRUE(session_->receipt().closed);
 }
 
-TEST_F(UplinkSessionTest, anEndThatWasLostIsSentAgainAndIsNotSafeUntilABackupHasIt) {
+TEST_F(UplinkSessionTest, aLostEndIsResentAndSafeOnlyAfterABackup) {
   ASSERT_TRUE(session_->end(false).ok());
   EXPECT_EQ(sends(), Names{"open"});
   upload_->onOpened(3);
@@ -337,7 +337,7 @@ TEST_F(UplinkSessionTest, anEndThatWasLostIsSentAgainAndIsNotSafeUntilABackupHas
   EXPECT_EQ(spool_->cleanUp({}).size(), 1u);
 }
 
-TEST_F(UplinkSessionTest, aClosedSessionIsAskedForOnceAConnectionAsLongAsTheSpoolHasIt) {
+TEST_F(UplinkSessionTest, aClosedSessionIsQueriedOncePerConnection) {
   ASSERT_TRUE(session_->end(false).ok());
   ASSERT_TRUE(session_->setReceipt({3, 0, true, 7}).ok());
   upload_ = std::make_unique<UplinkSession>(session_, "", time_);
@@ -359,11 +359,12 @@ TEST_F(UplinkSessionTest, aClosedSessionIsAskedForOnceAConnectionAsLongAsTheSpoo
   EXPECT_LT(session_->receipt().safe, 3u);
   EXPECT_EQ(sends(), Names{"open"});
   upload_->onOpened(1);
-  EXPECT_EQ(upload_->takeLacking(), 0u) << "it was said when the closed session turned out to be gone";
+  EXPECT_EQ(upload_->takeMissingCount(), 0u)
+      << "it was reported when the closed session turned out to be gone";
   EXPECT_EQ(sends(), (Names{"chunk 1", "chunk 2"}));
 }
 
-TEST_F(UplinkSessionTest, whereTheWelcomeWasFullTheEndIsToldAgain) {
+TEST_F(UplinkSessionTest, aSessionMissingFromAFullWelcomeResendsItsEnd) {
   ASSERT_TRUE(session_->end(false).ok());
   ASSERT_TRUE(session_->setReceipt({3, 3, true, 7}).ok());
   upload_ = std::make_unique<UplinkSession>(session_, "", time_);
@@ -390,7 +391,7 @@ TEST_F(UplinkSessionTest, whereTheWelcomeWasFullTheEndIsToldAgain) {
   EXPECT_EQ(sends(), Names{"chunk 2"});
 }
 
-TEST_F(UplinkSessionTest, whoAskedTooOftenAsksAgainAndLetsNobodyElseAskBefore) {
+TEST_F(UplinkSessionTest, aRateLimitedSessionRetriesBeforeAllOthers) {
   ASSERT_TRUE(session_->end(false).ok());
   ASSERT_TRUE(session_->setReceipt({3, 0, true, 7}).ok());
   upload_ = std::make_unique<UplinkSession>(session_, "", time_);
@@ -466,7 +467,7 @@ TEST_F(UplinkSessionTest, aRefusalOfTheMomentIsNotForGood) {
   EXPECT_EQ(sends(), Names{}) << "asked again, but not at once";
 }
 
-TEST_F(UplinkSessionTest, aServerWithoutRoomIsAskedAgainLaterAndNothingIsGivenUp) {
+TEST_F(UplinkSessionTest, aServerWithoutRoomIsAskedAgainLater) {
   ASSERT_TRUE(session_->end(false).ok());
   EXPECT_EQ(sends(), Names{"open"});
   refuse(pb::Refusal::NO_ROOM);
@@ -490,7 +491,7 @@ TEST_F(UplinkSessionTest, aServerWithoutRoomIsAskedAgainLaterAndNothingIsGivenUp
   EXPECT_FALSE(session_->receipt().closed);
 }
 
-TEST_F(UplinkSessionTest, aChunkForWhichItsStationHasNoShareLeftIsDeliveredLaterOnAnotherConnection) {
+TEST_F(UplinkSessionTest, aChunkOverItsQuotaIsDeliveredOnALaterConnection) {
   EXPECT_EQ(sends(), Names{"open"});
   upload_->onOpened(0);
   EXPECT_EQ(sends(), (Names{"chunk 0", "chunk 1", "chunk 2"}));
@@ -499,7 +500,7 @@ TEST_F(UplinkSessionTest, aChunkForWhichItsStationHasNoShareLeftIsDeliveredLater
   upload_->onConnectionLost();  // for a chunk the refusal is fatal
   EXPECT_FALSE(upload_->refused());
   time_.advance(14'900'000'000);
-  EXPECT_EQ(sends(), Names{}) << "the new connection is no reason to ask at once";
+  EXPECT_EQ(sends(), Names{}) << "the new connection is not a reason to ask at once";
   time_.advance(200'000'000);
   EXPECT_EQ(sends(), Names{"open"});
   refuse(pb::Refusal::NO_ROOM);

@@ -48,7 +48,7 @@ class UplinkTest : public testing::Test {
     UplinkConfig config;
     config.client = client;
     config.first_retry = 20ms;
-    config.most_retry = 100ms;
+    config.max_retry = 100ms;
     config.clock = std::move(clock);
     UplinkEvents events;
     events.report = [this](const std::string& text) { note(text); };
@@ -195,7 +195,7 @@ TEST_F(UplinkTest, whoIsThrownOutAtOnceComesBackMoreAndMoreSlowly) {
   }
 }
 
-TEST_F(UplinkTest, aServerThatIsBackBeforeTheSixthTryIsConnectedByIt) {
+TEST_F(UplinkTest, aServerBackBeforeTheSixthTryIsReconnectedByIt) {
   std::uint16_t port = 0;
   {
     FakeServer gone;
@@ -215,7 +215,7 @@ TEST_F(UplinkTest, aServerThatIsBackBeforeTheSixthTryIsConnectedByIt) {
   expectWhole(keptOf(*server, *session), *session);
 }
 
-TEST_F(UplinkTest, aGapIsSentAgainFromWhereTheServerStands) {
+TEST_F(UplinkTest, aGapIsResentFromTheServersPosition) {
   FakeServer server;
   server.faults.forget_every_chunk = 37;
   auto session = makeSession(150, true, 5);
@@ -240,7 +240,7 @@ TEST_F(UplinkTest, aSessionThatTheServerForgotIsOpenedAgain) {
   expectWhole(keptOf(server, *session), *session);
 }
 
-TEST_F(UplinkTest, aContradictionParksThatSessionAndTheOthersGoOnOverANewConnection) {
+TEST_F(UplinkTest, aContradictionParksItsSessionAndTheOthersReconnect) {
   FakeServer server;
   server.faults.contradict = true;
   auto bad = makeSession(3, true), good = makeSession(3, true);
@@ -252,13 +252,13 @@ TEST_F(UplinkTest, aContradictionParksThatSessionAndTheOthersGoOnOverANewConnect
   ASSERT_TRUE(uplink->waitUntilDone(kPatience));
   EXPECT_THAT(uplink->state().current_trouble, HasSubstr("CONTRADICTION"));
   expectWhole(keptOf(server, *good), *good);
-  EXPECT_EQ(uplink->state().chunks_left, 3u) << "what was refused still waits in the spool";
+  EXPECT_EQ(uplink->state().chunks_left, 3u) << "the refused session still waits in the spool";
   uplink->stop();
   EXPECT_FALSE(bad->receipt().closed);
   EXPECT_TRUE(std::filesystem::exists(bad->folder() / "chunks"));
 }
 
-TEST_F(UplinkTest, oldSessionsAreUploadedBesideTheCurrentOne) {
+TEST_F(UplinkTest, oldSessionsUploadAlongsideTheCurrentOne) {
   FakeServer server;
   std::vector<std::shared_ptr<SpoolSession>> old;
   for (int i = 0; i < 4; ++i) old.push_back(makeSession(20, true));
@@ -291,7 +291,7 @@ TEST_F(UplinkTest, theVerdictOnOneSessionIsNeverTakenForTheNextOnes) {
   }
 }
 
-TEST_F(UplinkTest, aQuestionThatIsNoneOfALessonIsAnsweredOrRefusedToo) {
+TEST_F(UplinkTest, aQuestionOutsideALessonIsAnsweredOrRefused) {
   FakeServer server;
   auto uplink = connected(server.clientConfig());
   pb::Request request;
@@ -309,7 +309,7 @@ TEST_F(UplinkTest, aQuestionThatIsNoneOfALessonIsAnsweredOrRefusedToo) {
   EXPECT_EQ(uplink->ask(mute, 50ms, false).error().code, ErrorCode::kUnavailable);
 }
 
-TEST_F(UplinkTest, anUnansweredQuestionLooksForAStopEvery50msAndEndsWithItsPatience) {
+TEST_F(UplinkTest, anUnansweredQuestionChecksForStopsAndTimesOut) {
   FakeTime time;
   FakeServer server;
   auto uplink = connected(server.clientConfig(), std::make_shared<LinkClock>(time));
@@ -357,7 +357,7 @@ ClientConfig configOf(const FakeServer& first, std::uint16_t second) {
   return config;
 }
 
-TEST_F(UplinkTest, theSessionGoesOnAtTheServerThatIsThereAndPeopleHearWhere) {
+TEST_F(UplinkTest, theSessionContinuesAtAnotherServerAndPeopleAreTold) {
   std::optional<FakeServer> first(std::in_place);
   FakeServer second;
   auto session = makeSession(3, false);
@@ -405,7 +405,7 @@ TEST_F(UplinkTest, aKeyThatOneServerRefusesIsNotTriedAtTheOther) {
   EXPECT_EQ(second.statusLines(), 0u);
 }
 
-TEST_F(UplinkTest, aSessionForWhichOneServerHasNoRoomGoesToTheOther) {
+TEST_F(UplinkTest, aSessionRefusedForLackOfRoomGoesElsewhere) {
   FakeServer first, second;
   first.faults.no_room = true;
   auto session = makeSession(5, true);
@@ -417,7 +417,7 @@ TEST_F(UplinkTest, aSessionForWhichOneServerHasNoRoomGoesToTheOther) {
   EXPECT_EQ(uplink->state().server_full, "");
 }
 
-TEST_F(UplinkTest, whereNoServerHasRoomItStaysAndSaysSo) {
+TEST_F(UplinkTest, aSessionRefusedByAllServersStaysAndIsReported) {
   FakeServer first, second;
   first.faults.no_room = second.faults.no_room = true;
   auto uplink = connected(configOf(first, second.port()));
@@ -429,7 +429,7 @@ TEST_F(UplinkTest, whereNoServerHasRoomItStaysAndSaysSo) {
   EXPECT_EQ(uplink->state().server_full, "the disk is full");
 }
 
-TEST_F(UplinkTest, aRefusedLogInIsToldAtOnce) {
+TEST_F(UplinkTest, aRefusedLogInIsReportedAtOnce) {
   FakeServer server;
   server.faults.deny_login = true;
   auto uplink = connected(server.clientConfig());
@@ -499,11 +499,11 @@ TEST_F(UplinkTest, liveFramesOnlyWhileSomebodyWatches) {
   server.broadcast(watch);
   // messages and status lines keep their order: one sent later arrives later
   pb::Envelope after;
-  after.mutable_trainee_message()->set_text("nobody looks");
+  after.mutable_trainee_message()->set_text("no one looks");
   server.broadcast(after);
   ASSERT_TRUE(eventually([&] {
     const auto texts = said();
-    return std::find(texts.begin(), texts.end(), "message nobody looks") != texts.end();
+    return std::find(texts.begin(), texts.end(), "message no one looks") != texts.end();
   }));
   const auto nextLines = [&] {
     const std::uint64_t lines = server.statusLines();
@@ -518,7 +518,7 @@ TEST_F(UplinkTest, liveFramesOnlyWhileSomebodyWatches) {
   EXPECT_EQ(uplink->state().live_encoded, encoded_before);
 }
 
-TEST_F(UplinkTest, theClockOffsetIsMeasuredAndTold) {
+TEST_F(UplinkTest, theClockOffsetIsMeasuredAndReported) {
   FakeServer server;
   auto session = makeSession(0, false);
   auto uplink = connected(server.clientConfig());
@@ -545,7 +545,7 @@ TEST_F(UplinkTest, wordsOfInstructorsAreShown) {
   EXPECT_THAT(said(), testing::Contains("next knee"));
 }
 
-TEST_F(UplinkTest, statusLinesTellWhatIsKnownOfTheLessonAndNeverOutgrowTheirBound) {
+TEST_F(UplinkTest, statusLinesDescribeTheLessonWithinTheirSizeBound) {
   FakeServer server;
   auto session = makeSession(1, false);
   auto uplink = connected(server.clientConfig());
@@ -632,7 +632,7 @@ class DrainTest : public testing::Test {
     UplinkConfig config;
     config.client = client;
     config.first_retry = 20ms;
-    config.most_retry = 100ms;
+    config.max_retry = 100ms;
     auto uplink = std::make_unique<Uplink>(config, UplinkEvents{});
     uplink->add(session_, true);
     return uplink;
@@ -700,7 +700,7 @@ TEST_F(DrainTest, waitsUntilTheServerHasEverything) {
   EXPECT_EQ(drainText(end, uplink->state()), "");
 }
 
-TEST_F(DrainTest, withoutAnyServerInThisRunItDoesNotWaitTheWholeTime) {
+TEST_F(DrainTest, aDrainWithoutAnyServerDoesNotWaitTheFullTime) {
   auto uplink = uplinkTo(FakeServer::clientConfig(1));
   const DrainEnd end = drained(*uplink, {1h, 0s, 1h});
   EXPECT_EQ(end, DrainEnd::kAway);

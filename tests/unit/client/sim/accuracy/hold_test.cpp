@@ -57,7 +57,7 @@ TEST(Hold, rampCannotFollowAnExponential) {
   EXPECT_GT(ramp->held_out.rms, 5 * exponential->held_out.rms);
 }
 
-TEST(Hold, withoutRowsSaysWhichAreMissing) {
+TEST(Hold, missingRowsAreNamed) {
   const auto fit = fitHold({{0.1, 1.0}}, StopMode::kRamp, evenBlock);
   ASSERT_FALSE(fit.ok());
   EXPECT_EQ(fit.error().code, ErrorCode::kInvalidInput);

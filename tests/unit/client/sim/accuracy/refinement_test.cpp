@@ -1,5 +1,5 @@
 // Rates and intervals of meshes whose errors follow a formula.
-#include "client/sim/accuracy/refinement.h"
+#include "client/sim/accuracy/study.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@ TEST(FinestError, findsTheOrderAndWhatTheFinestMisses) {
   EXPECT_NEAR(found.rest, 100 / 1600.0, 1e-9);
 }
 
-TEST(FinestError, whatDoesNotFallHasNoOrderAndTheWholeErrorAsItsRest) {
+TEST(FinestError, aNonDecreasingErrorHasNoOrderAndRemainsWhole) {
   const FinestError found = finestError(100, 0.2, 400, 0.3, 1600);
   EXPECT_EQ(found.order, 0);
   EXPECT_EQ(found.rest, 0.3);

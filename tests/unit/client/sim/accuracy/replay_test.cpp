@@ -1,13 +1,10 @@
 // Recorded hands: the engine at the station's rate compared with itself, on paths with a known answer.
-#include "client/sim/accuracy/replay.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "client/sim/accuracy/study.h"
-#include "client/sim/accuracy/study_models.h"
 #include "tests/support/recordings/recordings.h"
 
 namespace needlelab {
@@ -22,7 +19,7 @@ RecordedHand straightHand(double speed_mps) {
 }
 
 // a spring that follows: the held force lags by half a tick on average, v·T/2·K, spread over the tick
-TEST(Replay, aSpringsErrorIsThatOfTheHeldTickAndTheEncodersStep) {
+TEST(Replay, aSpringsErrorIsHalfATickPlusTheEncoderStep) {
   SceneSpec scene;
   scene.axial_model = AxialModel::kVoigt;
   scene.needle_length_m = 1;

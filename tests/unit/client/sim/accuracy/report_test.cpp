@@ -6,8 +6,6 @@
 
 #include <limits>
 
-#include "client/sim/accuracy/sentences.h"
-
 namespace needlelab {
 namespace {
 
@@ -49,7 +47,7 @@ TEST(AccuracyTable, hasErrorIntervalShareTickAndMargin) {
   EXPECT_EQ(accuracyTable({}), "");
 }
 
-TEST(AccuracyTable, whatHasNoIntervalSaysSo) {
+TEST(AccuracyTable, missingIntervalsAreMarked) {
   AccuracyRows rows = {rowOf(Comparator::kReplay, "DIRECT", 0.02)};
   rows[0].error_N->high = std::numeric_limits<double>::infinity();
   EXPECT_THAT(accuracyTable(rows), HasSubstr("20.00 (no interval)"));
@@ -134,7 +132,7 @@ TEST(Sentences, ofCostOrderTicksBeyondTheirPrintedRangesOnly) {
   EXPECT_EQ(costSentence({}), "");
 }
 
-TEST(AccuracyPicture, hasADotForEachRowACurveForEachStationCountAndBaselinesAsLines) {
+TEST(AccuracyPicture, showsDotsForRowsCurvesForMeshesAndBaselinesAsLines) {
   AccuracyRows rows = {rowOf(Comparator::kVerification, "DIRECT", 0.02),
                        rowOf(Comparator::kReplay, "DIRECT", 0.02),
                        rowOf(Comparator::kValidation, "VOIGT", 0.1),

@@ -12,7 +12,7 @@
 namespace needlelab {
 namespace {
 
-TEST(ForceErrors, beyondIsSevenPercentOfTheLocalForceAndNeverLessThanAStepThatAHandNotices) {
+TEST(ForceErrors, beyondMeansOverSevenPercentOrAPerceptibleStep) {
   EXPECT_DOUBLE_EQ(localLimit_N(10), 0.7);
   EXPECT_DOUBLE_EQ(localLimit_N(-10), 0.7);
   EXPECT_DOUBLE_EQ(localLimit_N(0.1), kNoticeableStep_N);
@@ -27,7 +27,7 @@ TEST(ForceErrors, beyondIsSevenPercentOfTheLocalForceAndNeverLessThanAStepThatAH
 }
 
 // the same 0.3 N is 3 % of a large force and 30 % of a small one: a single limit for the whole scene hid that
-TEST(ForceErrors, theSameErrorIsBeyondBesideLittleForceOnly) {
+TEST(ForceErrors, theSameErrorIsBeyondOnlyAtSmallForces) {
   ForceError great, small;
   great.add(10.3, 10);
   small.add(1.3, 1);
@@ -66,7 +66,7 @@ TEST(AccuracyJson, hasTheReportsColumnsAndNullWhereAComparatorHasNone) {
   EXPECT_EQ(json["baseline"], false);
 }
 
-TEST(Comparators, eachSaysWhatItShowsAndWhatNot) {
+TEST(Comparators, eachSaysWhatItShowsAndWhatItDoesNot) {
   for (std::size_t c = 0; c < kComparatorCount; ++c) {
     const ComparatorText& text = textOf(static_cast<Comparator>(c));
     EXPECT_NE(text.shows.find("not w"), std::string_view::npos) << text.name;

@@ -1,5 +1,5 @@
 // The models at equal stiffness, and what their ticks cost.
-#include "client/sim/accuracy/study_models.h"
+#include "client/sim/accuracy/study.h"
 
 #include <gtest/gtest.h>
 
@@ -40,7 +40,7 @@ bool surelyLess(const LoopTimes& a, const LoopTimes& b) {
 
 // Idle and beside two busy threads: no pair of models changes its order beyond the printed intervals. The
 // margins are formulas and stay the same.
-TEST(MeasureCosts, twoRunsIdleAndBesideLoadGiveTheSameOrderOutsideTheirIntervals) {
+TEST(MeasureCosts, costOrderIsStableIdleAndUnderLoad) {
   if (!test::longForm()) GTEST_SKIP() << "compares times: NEEDLELAB_LONG=1";
   const auto idle = measureCosts(0.3, quiet);
   std::atomic<bool> done{false};

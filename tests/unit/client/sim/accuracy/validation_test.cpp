@@ -5,7 +5,7 @@
 #include <map>
 #include <set>
 
-#include "client/sim/accuracy/sentences.h"
+#include "client/sim/accuracy/report.h"
 #include "client/sim/accuracy/study.h"
 #include "tests/support/recordings/recordings.h"
 

@@ -1,6 +1,4 @@
 // The engine compared with closed forms: each law as documented is accepted, a wrong one is rejected.
-#include "client/sim/accuracy/verification.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,7 +7,6 @@
 #include <set>
 
 #include "client/sim/accuracy/study.h"
-#include "client/sim/accuracy/study_models.h"
 
 namespace needlelab {
 namespace {
@@ -89,7 +86,7 @@ TEST(ManufacturedScene, acceptsTheTrueLawAndRejectsWrongOnes) {
   }
 }
 
-TEST(ManufacturedScene, eachModelIsNearestToItsOwnLaw) {
+TEST(ManufacturedScene, eachModelFitsItsOwnLawBest) {
   const TurnGesture gesture = turnGestures(1).front();
   for (const ClosedForm& truth : closedForms()) {
     if (!truth.variant.empty()) continue;

@@ -8,7 +8,6 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "client/sim/benchmark/benchmark_report.h"
 #include "tests/support/recordings/recordings.h"
 #include "tests/support/run_form.h"
 #include "tests/unit/client/sim/benchmark/made_curves.h"
@@ -24,10 +23,10 @@ using test::madeVoigt;
 using testing::HasSubstr;
 using testing::Not;
 
-BenchmarkReport ran(const CurveSet& set, std::vector<HoldOut> questions, std::size_t most_numbers = 20) {
+BenchmarkReport ran(const CurveSet& set, std::vector<HoldOut> questions, std::size_t max_numbers = 20) {
   BenchmarkOptions options;
   options.questions = std::move(questions);
-  options.most_numbers = most_numbers;
+  options.max_numbers = max_numbers;
   options.times = false;
   auto report = runBenchmark(set, options);
   EXPECT_TRUE(report.ok()) << report.error().message;
@@ -41,7 +40,7 @@ const BenchmarkRow& rowOf(const QuestionResult& question, const std::string& mod
   return question.rows.front();
 }
 
-TEST(Benchmark, findsTheRateDependentFractureThatMadeTheCurvesAtASpeedThatItHasNotSeen) {
+TEST(Benchmark, findsRateDependentFractureAtAnUnseenSpeed) {
   for (std::uint64_t seed = 1; seed <= (test::longForm() ? 2u : 1u); ++seed) {
     MadeSet made;
     made.specimens = 2;
@@ -58,7 +57,7 @@ TEST(Benchmark, findsTheRateDependentFractureThatMadeTheCurvesAtASpeedThatItHasN
   }
 }
 
-TEST(Benchmark, findsTheExponentialThatMadeTheCurvesInASpecimenThatItHasNotSeen) {
+TEST(Benchmark, findsTheExponentialInAnUnseenSpecimen) {
   for (std::uint64_t seed = 1; seed <= (test::longForm() ? 2u : 1u); ++seed) {
     MadeSet made;
     made.specimens = 5;
@@ -91,7 +90,7 @@ TEST(Benchmark, twoSpecimensTellNothing) {
   EXPECT_THAT(report.questions.at(0).text, HasSubstr("at least 3 are needed"));
   for (const BenchmarkRow& row : report.questions[0].rows) {
     EXPECT_EQ(row.verdict, row.kind == ModelKind::kFormula || row.kind == ModelKind::kEngine
-                               ? BenchmarkVerdict::kCannotTell
+                               ? BenchmarkVerdict::kUndecided
                                : BenchmarkVerdict::kNone);
   }
 }
@@ -186,7 +185,7 @@ TEST(Benchmark, holdAndWithdrawalAreAskedOfModelsThatCanAnswer) {
 
 TEST(Benchmark, optionsOutOfRangeAreRefused) {
   BenchmarkOptions options;
-  options.most_numbers = 6;
+  options.max_numbers = 6;
   const auto report = runBenchmark(madeSet(madeVoigt(), {}), options);
   ASSERT_FALSE(report.ok());
   EXPECT_THAT(report.error().message, HasSubstr("--numbers 6"));

@@ -69,7 +69,7 @@ TEST(CurveSet, columnsSayAllThatIsKnown) {
   EXPECT_EQ(set->licence, "not said");
 }
 
-TEST(CurveSet, whatGoesBackIsAWithdrawalOrSaidToBeDigitisedOrRefused) {
+TEST(CurveSet, recedingRowsAreAWithdrawalADigitisationOrRefused) {
   const TempFolder folder;
   const auto write = [&](const std::vector<double>& depths_mm, bool digitised = false) {
     std::string text = "depth_m,force_n,specimen,needle,tissue,speed_m_s\n";
@@ -157,7 +157,7 @@ TEST(CurveSet, phasesAreRecognisedFromDepthOverTime) {
   EXPECT_NEAR(static_cast<double>(curve.depth_m.size()), 100, 2);
 }
 
-TEST(CurveSet, aTurningPointIsNoHoldAndAFewRowsBackAreNoWithdrawal) {
+TEST(CurveSet, aTurningPointIsNoHoldABriefReversalNoWithdrawal) {
   const TempFolder folder;
   std::string text = "t_s,depth_m,force_n,specimen,needle,tissue\n";
   for (int i = 0; i <= 100; ++i)
@@ -170,7 +170,7 @@ TEST(CurveSet, aTurningPointIsNoHoldAndAFewRowsBackAreNoWithdrawal) {
   EXPECT_TRUE(set->curves[0].withdrawal.depth_m.empty());
 }
 
-TEST(CurveSet, aDescriptionSaysWhatColumnsDoNot) {
+TEST(CurveSet, aDescriptionGivesWhatColumnsOmit) {
   const TempFolder folder;
   folder.write("one.csv", "depth_m,force_n\n" + rows(10));
   folder.write("other.csv", "height\n1\n");
@@ -281,7 +281,7 @@ TEST(CurveSet, aDescriptionIsNotTrustedEither) {
   }
 }
 
-TEST(CurveSet, aFactIsSaidOnce) {
+TEST(CurveSet, aFactMayBeGivenOnlyOnce) {
   const TempFolder folder;
   folder.write("one.csv", kHeader + rows(10, kWords));
   folder.write("data_set.json", R"({"curves": [{"file": "one.csv", "needle": "20G"}]})");
@@ -306,7 +306,7 @@ TEST(CurveSet, aPipeInTheFolderIsRefusedAndNotWaitedFor) {
 
 TEST(CurveSet, tooManyFilesAreRefused) {
   const TempFolder folder;
-  for (std::size_t i = 0; i <= kMostCurveFiles; ++i) folder.write(std::to_string(i) + ".csv", "x\n");
+  for (std::size_t i = 0; i <= kMaxCurveFiles; ++i) folder.write(std::to_string(i) + ".csv", "x\n");
   EXPECT_THAT(faultOf(folder), HasSubstr("more than 500"));
 }
 

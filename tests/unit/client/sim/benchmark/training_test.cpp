@@ -56,7 +56,7 @@ TEST(Folds, eachSpecimenIsHeldOutOnceAndNeverSeenThen) {
   EXPECT_TRUE(training.diameters);
 }
 
-TEST(Folds, thereIsNoneWhereATissueHasOnlyOne) {
+TEST(Folds, aTissueWithASingleNeedleHasNone) {
   const CurveSet set = threeSpecimens();
   const auto curves = binnedCurves(set);
   EXPECT_TRUE(foldsOf(HoldOut::kNeedle, curves).empty());

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "client/sim/benchmark/benchmark.h"
-#include "client/sim/benchmark/benchmark_report.h"
 #include "tests/unit/client/sim/benchmark/made_curves.h"
 
 namespace needlelab {

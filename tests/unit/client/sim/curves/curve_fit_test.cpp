@@ -56,7 +56,7 @@ TEST(CurveBins, doNotStraddleBlocksAndKeepEveryRow) {
   EXPECT_EQ(bins[4].block, 6);
 }
 
-TEST(CurveBins, errorIsThatOfMeansAndTheScatterIsTheFloorOfRows) {
+TEST(CurveBins, theErrorUsesBinMeansAndItsFloorTheScatter) {
   // one bin with 0 and 2, one with 5; the model says 1.5 and 5.5
   const auto bins = binned({0.1, 0.2, 1.1}, {0, 2, 5}, 0.5, 0.5);
   const auto error = curveError(bins, {0, 2, 5}, {1.5, 1.5, 5.5}, [](const CurveBin&) { return true; });
@@ -65,7 +65,7 @@ TEST(CurveBins, errorIsThatOfMeansAndTheScatterIsTheFloorOfRows) {
   EXPECT_DOUBLE_EQ(error.rows_rms, std::sqrt((2.25 + 0.25 + 0.25) / 3));
   EXPECT_DOUBLE_EQ(error.floor, std::sqrt(2.0 / 3));
   EXPECT_EQ(curveError(bins, {0, 2, 5}, {1, 1, 9}, [](const CurveBin& b) { return b.block == 0; }).max, 0)
-      << "what is not asked for does not count";
+      << "values not asked for do not count";
 }
 
 }  // namespace

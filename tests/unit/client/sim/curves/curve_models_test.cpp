@@ -49,7 +49,7 @@ TEST(FindRuptures, givesPlaceAndForceOfPeakAndValley) {
   EXPECT_TRUE(findRuptures(binsOf(oneRupture), 0.61).empty());
 }
 
-TEST(FindRuptures, aFallAtTheEndCountsAndAWobbleOnTheWayDownDoesNotCutItInTwo) {
+TEST(FindRuptures, aFinalDropCountsAndAWobbleDoesNotSplitIt) {
   const auto falls = [](double depth_m) { return depth_m < 10e-3 ? 1.0 : 0.4 - 20 * (depth_m - 10e-3); };
   const auto ruptures = findRuptures(binsOf(falls), 0.3);
   ASSERT_EQ(ruptures.size(), 1u);
@@ -79,7 +79,7 @@ TEST(LayeredModel, cutsAStaircaseAtItsStepsAndTakesEachStepsForce) {
   EXPECT_DOUBLE_EQ(scene.spec.layers[2].cutting_force_N, 1.25);
 }
 
-TEST(LayeredModel, hasNoMoreLayersThanAProfileMay) {
+TEST(LayeredModel, hasNoMoreLayersThanAProfileAllows) {
   const CurveModel model =
       layeredModel(AxialModel::kDirect, binsOf([](double depth_m) { return 500 * depth_m; }));
   EXPECT_LE(model.parameters.size(), kMaxLayers);

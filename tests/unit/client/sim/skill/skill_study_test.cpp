@@ -26,7 +26,7 @@ TEST(SkilledHand, skillGoesOneWayInEveryQuantity) {
   EXPECT_EQ(skillOf(2).tremor_m, skillOf(1).tremor_m);
 }
 
-TEST(SkilledHand, aPlanEndsWhereItBeganAndReachesTheDepthOfTheTarget) {
+TEST(SkilledHand, aPlanReturnsToItsStartAndReachesTheTarget) {
   HandRandom random(3);
   const Limb limb = PlaneLimb{{0, 0, 0}, {0, 0, 1}};
   for (const double level : {0.0, 0.5, 1.0}) {
@@ -65,7 +65,7 @@ TEST(SkillStudy, levelsPartInHalves) {
   EXPECT_NEAR(levelOf(11, 12), 1, 1e-12);
 }
 
-TEST(SkillStudy, refusesWhatItCannotPart) {
+TEST(SkillStudy, refusesIndivisibleOptions) {
   SkillStudyOptions options;
   for (const std::size_t trainees : {std::size_t{0}, std::size_t{2}, std::size_t{7}, std::size_t{202}}) {
     options.trainees = trainees;

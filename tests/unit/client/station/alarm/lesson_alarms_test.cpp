@@ -90,7 +90,7 @@ TEST(LessonAlarms, allMayHaveATone) {
   EXPECT_THAT(tone.sounds, ElementsAre("low"));
 }
 
-TEST(LessonAlarms, byFeelIsSilentAndWhatWasHiddenDoesNotSoundLater) {
+TEST(LessonAlarms, byFeelIsSilentAndHiddenAlarmsDoNotSoundLater) {
   KeptTone tone;
   LessonAlarms alarms(tone, ToneChoice::kAll);
   GestureAlarms gesture = vesselUnderSkin();

@@ -1,6 +1,4 @@
 // Which lessons begin without the server, and what a trainee reads about those that do not.
-#include "client/station/run/lesson_fetch.h"
-
 #include <gmock/gmock.h>
 
 #include <filesystem>
@@ -91,7 +89,7 @@ TEST_F(LessonFetchTest, offLineAnExamHasAsManyAttemptsAsWereLeft) {
   EXPECT_EQ(refusal(), "\"The ball\": no attempt is left; ask the instructor");
 }
 
-TEST_F(LessonFetchTest, offLineAnExamIsForThoseOfWhomTheStationKnowsThatTheyHaveIt) {
+TEST_F(LessonFetchTest, offlineAnExamNeedsAKnownAssignment) {
   keep("ball", true);
   EXPECT_THAT(refusal(), HasSubstr("this station does not know that it is assigned to you"));
   keepStandings(1);
@@ -112,7 +110,7 @@ TEST_F(LessonFetchTest, offLineAnExamGoesOnInItsOrder) {
   options_.exercise = "ball";
   ASSERT_TRUE(prepare().ok());
   options_.exercise = "box";
-  EXPECT_TRUE(prepare().ok()) << "the one before was taken here";
+  EXPECT_TRUE(prepare().ok()) << "the earlier one was taken here";
 }
 
 TEST_F(LessonFetchTest, offLineOtherLessonsAreForAllWithoutACount) {
@@ -120,22 +118,22 @@ TEST_F(LessonFetchTest, offLineOtherLessonsAreForAllWithoutACount) {
   for (int attempt = 0; attempt < 2; ++attempt) EXPECT_TRUE(prepare().ok());
 }
 
-TEST_F(LessonFetchTest, whatNeedsTheServerIsSaidInTheWordsOfALab) {
+TEST_F(LessonFetchTest, needsForTheServerAreExplainedInTheLabsWords) {
   options_.exercise = "never-fetched";
-  EXPECT_EQ(refusal(), "The server cannot be reached, and no lesson is kept here: ask the instructor.");
+  EXPECT_EQ(refusal(), "The server cannot be reached, and no lessons are stored here: ask the instructor.");
   keep("ball", false);
   keep("box", true);
   EXPECT_EQ(refusal(),
-            "The server cannot be reached. These lessons are kept here: \"The ball\". Others need the "
+            "The server cannot be reached. These lessons are stored here: \"The ball\". Others need the "
             "server: ask the instructor.");
   keepStandings(1);  // by the server's last answer, ball now belongs to the exam
   EXPECT_EQ(refusal(),
-            "The server cannot be reached. These lessons are kept here: \"The ball\", \"The box\". Others "
+            "The server cannot be reached. These lessons are stored here: \"The ball\", \"The box\". Others "
             "need the server: ask the instructor.");
   for (int i = 0; i < 9; ++i) keep("x" + std::to_string(i), false);
   EXPECT_THAT(refusal(), HasSubstr("\"The x5\" and 3 more. Others need"));
   options_.servers.clear();
-  EXPECT_THAT(refusal(), HasSubstr("This station has no server. These lessons are kept here: "));
+  EXPECT_THAT(refusal(), HasSubstr("This station has no server. These lessons are stored here: "));
 }
 
 }  // namespace

@@ -139,7 +139,7 @@ TEST_F(LoopWatchTest, looksTwentyTimesASecondAndOnceWhenTheLoopHasEnded) {
   EXPECT_DOUBLE_EQ(observer_.statuses.back().time_s, 0.999);
 }
 
-TEST_F(LoopWatchTest, aStopSignalEndsTheLoopAtTheNextLookAndTheProgram) {
+TEST_F(LoopWatchTest, aStopSignalEndsLoopAndProgramAtTheNextCheck) {
   FakeDevice device(goingDown(0.02, kWatchRate_hz));
   at(220, [] { ::raise(SIGTERM); });
   const ServoStats& stats = run(device, {kWatchRate_hz, {}, 0});
@@ -180,7 +180,7 @@ TEST_F(LoopWatchTest, chosenAidsReachTheWindowOnce) {
   EXPECT_THAT(observer_.chosen_by, ElementsAre("ines"));
 }
 
-TEST_F(LoopWatchTest, inAnExamNobodyChangesWhatIsShown) {
+TEST_F(LoopWatchTest, inAnExamTheAidsAreFixed) {
   FakeDevice device(goingDown(0.02, kWatchRate_hz));
   lesson_.exam = true;
   at(20, [this] { home_.requests().setAids({"ines", usualAids(), false}); });

@@ -29,7 +29,7 @@ StationSummary example() {
   return s;
 }
 
-TEST(StationSummary, theJsonHasTheContractsKeysAtTheTopAndInItsRow) {
+TEST(StationSummary, theJsonHasTheDocumentedKeys) {
   StationSummary s = example();
   s.samples_acked = 500;
   s.spool_left = 3;
@@ -56,7 +56,7 @@ TEST(StationSummary, theJsonHasTheContractsKeysAtTheTopAndInItsRow) {
   }
 }
 
-TEST(StationSummary, listsWhatWasDoneWithTheSyringe) {
+TEST(StationSummary, listsTheSyringeEvents) {
   StationSummary s = example();
   EXPECT_EQ(nlohmann::json::parse(summaryJson(s))["syringe"], nullptr);
   EXPECT_THAT(summaryText(s), testing::Not(HasSubstr("syringe")));
@@ -110,7 +110,7 @@ TEST(StationSummary, tellsWhatEachLiveEffectCosts) {
           "their cost   15.2 ns a tick; beside the others each adds: CUTTING 2.3 ns, CLAMPING 4.1 ns\n"));
 }
 
-TEST(StationSummary, tellsBesideTheScoreHowStiffItWas) {
+TEST(StationSummary, showsTheRenderedStiffnessNextToTheScore) {
   StationSummary s = example();
   EXPECT_EQ(nlohmann::json::parse(summaryJson(s))["stiffness_share"], 1);
   EXPECT_THAT(summaryText(s), testing::Not(HasSubstr("stiffness    ")));
@@ -118,7 +118,7 @@ TEST(StationSummary, tellsBesideTheScoreHowStiffItWas) {
   EXPECT_EQ(nlohmann::json::parse(summaryJson(s))["rows"][0]["stiffness_share"], 0.55);
   EXPECT_THAT(summaryText(s),
               HasSubstr("stiffness    Fixture, bone and orientation limit were rendered at 55 %"));
-  s.bone_left_out = true;
+  s.left_out = bitOf(Effect::kBone);
   EXPECT_THAT(summaryText(s), HasSubstr("stiffness    Bone was left out"));
 }
 
@@ -132,7 +132,7 @@ TEST(StationSummary, withoutSamplesNothingIsDividedByZero) {
   EXPECT_FALSE(summaryText(s).empty());
 }
 
-TEST(StationSummary, thePersonReadsWhatIsLeftAndWhatWentWrong) {
+TEST(StationSummary, thePersonReadsWhatRemainsAndWhatWentWrong) {
   StationSummary s = example();
   s.spool_left = 3;
   s.servo.fault = Fault::kDeviceSilent;
@@ -143,7 +143,7 @@ TEST(StationSummary, thePersonReadsWhatIsLeftAndWhatWentWrong) {
   EXPECT_THAT(text, HasSubstr("clamping force at its maximum: 7 ticks"));
 }
 
-TEST(StationSummary, tellsOfFaultsThatAreOverOfThePhasesAndOfRealTime) {
+TEST(StationSummary, reportsPastFaultsPhasesAndRealTime) {
   StationSummary s = example();
   s.servo.faults = 3;
   s.servo.fault_ticks = 120;
@@ -196,11 +196,11 @@ TEST(StationSummary, moreFaultsThanAreListedAreStillCounted) {
     stats.noteFault(Fault::kDeviceSilent, true, 10 * k);
     stats.noteFault(Fault::kNone, false, 10 * k + 5);
   }
-  EXPECT_EQ(stats.fault_note_count, ServoStats::kMostFaultNotes);
+  EXPECT_EQ(stats.fault_note_count, ServoStats::kMaxFaultNotes);
   for (const FaultNote& note : stats.fault_notes) EXPECT_EQ(note.over_tick, note.tick + 5);
 }
 
-TEST(StationSummary, everyFlagOfEngineAndGateHasWordsOfItsOwn) {
+TEST(StationSummary, everyEngineAndGateFlagHasItsOwnWords) {
   std::set<std::string_view> seen;
   for (unsigned bit = 0; bit <= 11; ++bit) {
     EXPECT_FALSE(flagText(bit).empty()) << bit;

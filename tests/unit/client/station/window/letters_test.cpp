@@ -74,7 +74,7 @@ TEST_P(LettersOnAMonitor, haveTheirAngles) {
   EXPECT_GE(arcminOf(Letters::kSmall), 10);
 }
 
-TEST_P(LettersOnAMonitor, aLessonsFiguresStateAndTimeAreTheLargeOnesAndAllHasRoom) {
+TEST_P(LettersOnAMonitor, aLessonsMainFiguresAreLargeAndEverythingFits) {
   showLesson(2.4, usualAids(), true);
   const DrawnLetters letters = drawn();
   EXPECT_THAT(letters.in(Letters::kFigure), MatchesRegex("[0-9]\\.[0-9][0-9]+\\.[0-9]"))
@@ -94,7 +94,7 @@ TEST_P(LettersOnAMonitor, aLessonsFiguresStateAndTimeAreTheLargeOnesAndAllHasRoo
   EXPECT_THAT(drawn().all(), Not(HasSubstr("1000Hz")));
 }
 
-TEST_P(LettersOnAMonitor, whatAnInstructorSaysIsLarge) {
+TEST_P(LettersOnAMonitor, anInstructorsMessageIsLarge) {
   showLesson(2.4);
   board_.change([](BoardState& state) {
     state.messages = {{"ines", "Good. A little slower near the bursa, and keep the needle upright.",
@@ -138,13 +138,13 @@ TEST_P(LettersOnAMonitor, theVerdictIsLargeAndByHowMuchItMissed) {
 TEST_P(LettersOnAMonitor, theStartHasRoomForItsHeadings) {
   showStart();
   EXPECT_THAT(drawn().in(Letters::kHeading),
-              AllOf(HasSubstr("Who"), HasSubstr("What"), HasSubstr("Thisstation")));
+              AllOf(HasSubstr("Trainee"), HasSubstr("Exercise"), HasSubstr("Thisstation")));
   expectRoom("start");
   board_.change([](BoardState& state) {
     state.server = "server away, 3 chunks wait";
     state.server_away = true;
   });
-  EXPECT_THAT(drawn().all(), AllOf(HasSubstr("Theserverisaway"), Not(HasSubstr("chunks"))));
+  EXPECT_THAT(drawn().all(), AllOf(HasSubstr("Theserverisunreachable"), Not(HasSubstr("chunks"))));
 }
 
 INSTANTIATE_TEST_SUITE_P(Resolutions, LettersOnAMonitor,

@@ -41,7 +41,7 @@ TEST_F(TraineeQuestions, whatIsPressedBeforeTheCloseButtonAsksDoesNotQuit) {
   EXPECT_EQ(board_.waitForRequest(0ms).kind, BoardRequest::Kind::kQuit);
 }
 
-TEST_F(TraineeQuestions, theFrameLogSaysThatAQuestionIsThereOnceAKeyAnswersIt) {
+TEST_F(TraineeQuestions, theFrameLogMarksAnAnswerableQuestion) {
   showLesson(1);
   picture();
   press(screen(), GLFW_KEY_ESCAPE);
@@ -52,7 +52,7 @@ TEST_F(TraineeQuestions, theFrameLogSaysThatAQuestionIsThereOnceAKeyAnswersIt) {
   EXPECT_TRUE(requests_.takeStop());
 }
 
-TEST_F(TraineeQuestions, enterOfBeforeAFaultWasSeenDoesNotAcknowledgeIt) {
+TEST_F(TraineeQuestions, enterPressedBeforeAFaultWasSeenDoesNotAcknowledgeIt) {
   showLesson(2.4);
   picture();
   for (const Fault fault : {Fault::kTipTooFast, Fault::kDeviceSilent}) {
@@ -67,7 +67,7 @@ TEST_F(TraineeQuestions, enterOfBeforeAFaultWasSeenDoesNotAcknowledgeIt) {
 }
 
 // keys count from 0.7 s after the outcome: 21 frames of 1/30 s; each tap takes a frame
-TEST_F(TraineeQuestions, enterOfBeforeTheOutcomeWasSeenBeginsNoNextTry) {
+TEST_F(TraineeQuestions, enterPressedBeforeTheResultWasSeenStartsNoTry) {
   showLesson(6);
   picture(2);
   auto outcome = std::make_shared<LessonOutcome>();

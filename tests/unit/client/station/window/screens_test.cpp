@@ -137,7 +137,7 @@ TEST_F(TraineeScreens, startAsksForTheCodeOfTheTraineeAndEnterBegins) {
   EXPECT_EQ(request.code, "badge-4711");
 }
 
-TEST_F(TraineeScreens, startTakesABadgeAtOnceOfWhomTheServerAskedBefore) {
+TEST_F(TraineeScreens, startAcceptsABadgeAtOnceForAKnownCode) {
   showStart();
   board_.change([](BoardState& state) { state.lists.asks_code = {"tom"}; });
   picture(4);
@@ -157,7 +157,7 @@ TEST_F(TraineeScreens, startTakesABadgeAtOnceOfWhomTheServerAskedBefore) {
   EXPECT_EQ(request.code, "badge-4711");
 }
 
-TEST_F(TraineeScreens, startSaysThatACodeWasWrongAndTheFieldIsEmptyAgain) {
+TEST_F(TraineeScreens, startReportsAWrongCodeAndClearsTheField) {
   showStart();
   askForCode(false);
   picture();
@@ -188,7 +188,7 @@ TEST_F(TraineeScreens, keysInTheFieldOfTheCodeDoNothingElse) {
   press(screen(), GLFW_KEY_ENTER);
   const BoardRequest request = board_.waitForRequest(0ms);
   ASSERT_EQ(request.kind, BoardRequest::Kind::kBegin);
-  EXPECT_EQ(request.code, "4711") << "the field goes on after the Enter that was too early";
+  EXPECT_EQ(request.code, "4711") << "the field continues after the Enter that was too early";
   EXPECT_EQ(request.choice, (LessonChoice{"tom", "shoulder-bursa", false})) << "neither of both was changed";
 }
 
@@ -206,7 +206,7 @@ TEST_F(TraineeScreens, theFieldOfTheCodeIsGoneWithTheTrainee) {
   press(screen(), GLFW_KEY_ENTER);
   const BoardRequest request = board_.waitForRequest(0ms);
   EXPECT_EQ(request.choice.trainee, "zoe");
-  EXPECT_EQ(request.code, "") << "what was typed was tom's";
+  EXPECT_EQ(request.code, "") << "the typed code was tom's";
 }
 
 TEST_F(TraineeScreens, preparingCanBeCalledOff) {
@@ -263,7 +263,7 @@ TEST_F(TraineeScreens, everyAidShowsSomethingAndCanBeTakenAway) {
   }
 }
 
-TEST_F(TraineeScreens, aFaultIsSaidOverThePictureAndEnterAcknowledges) {
+TEST_F(TraineeScreens, aFaultIsShownOverThePictureAndEnterAcknowledges) {
   showLesson(2.4);
   standing_.fault = Fault::kTipTooFast;
   board_.status(standing_);
@@ -290,7 +290,7 @@ TEST_F(TraineeScreens, whatInstructorsSayAndWant) {
                        noon_ns + 8'000'000'000, 2}};
     state.next = SuggestedExercise{"ines", "shoulder-bursa-frail"};
   });
-  standing_.hold = "nobody holds the handle";
+  standing_.hold = "no one holds the handle";
   standing_.condition = kDeviceReleased;
   board_.status(standing_);
   EXPECT_TRUE(looksLike(picture(), referenceOf("lesson_messages")));
@@ -370,7 +370,7 @@ TEST_F(TraineeScreens, endOfALessonThatWasNotPassed) {
   EXPECT_EQ(request.choice.exercise, "shoulder-bursa") << "the next try";
 }
 
-TEST_F(TraineeScreens, endSaysByHowMuchTheNeedleMissed) {
+TEST_F(TraineeScreens, endShowsHowFarTheNeedleMissed) {
   showEnd(false);
   picture(30);
   EXPECT_GT(changes([&] {
@@ -427,7 +427,7 @@ TEST_F(TraineeScreens, quittingAsksFirstAndEndsTheLesson) {
   EXPECT_EQ(board_.waitForRequest(0ms).kind, BoardRequest::Kind::kQuit);
 }
 
-TEST_F(TraineeScreens, theFrameLogSaysWhichSampleIsShownAndWhenALessonCanBegin) {
+TEST_F(TraineeScreens, theFrameLogGivesTheSampleAndStartReadiness) {
   showStart();
   picture(2);
   EXPECT_EQ(window_->shownFrame().stage, Stage::kStart);
@@ -483,7 +483,7 @@ TEST_F(TraineeScreens, aStudentsStationDoesNotAskBecauseItCannotBeQuit) {
   EXPECT_FALSE(board_.requestWaits());
 }
 
-TEST_F(TraineeScreens, aStationThatCannotWorkSaysWhy) {
+TEST_F(TraineeScreens, aStationThatCannotWorkGivesTheReason) {
   board_.change([](BoardState& state) {
     state.stage = Stage::kFailed;
     state.trouble =

@@ -41,7 +41,7 @@ TEST(PicturePlan, aLessonThatEndedBeforeLeavesItMissing) {
 }
 
 // a program without a display relies on this to end, however few frames a busy machine drew
-TEST(PicturePlan, isDoneWithAnEndedLessonOnceItsEndIsTaken) {
+TEST(PicturePlan, isDoneWithAnEndedLessonOnceItsEndIsShown) {
   PicturePlan plan({{"late", When::kLesson, 1}, {"end", When::kEnd, 0}});
   EXPECT_TRUE(plan.due(Stage::kLesson, 0.5).empty());
   EXPECT_FALSE(plan.done());

@@ -41,7 +41,7 @@ TEST(InsertionPlane, isUprightThroughTheFocusAndFacesTheEye) {
   const test::SampleLesson lesson = test::sampleLesson("shoulder-adult");
   const SceneView& scene = *lesson.scene;
   for (int i = 0; i < 50; ++i) {
-    OrbitCamera camera = firstLook(scene);
+    OrbitCamera camera = initialView(scene);
     camera.azimuth_rad = draw.in(-3, 3);
     camera.elevation_rad = draw.in(-1.4, 1.4);
     const PicturePlane plane = insertionPlaneOf(scene, camera);
@@ -67,7 +67,7 @@ TEST(OrbitCamera, projectsAsTheMatricesThatOpenGlGets) {
   }
 }
 
-TEST(OrbitCamera, theFocusIsInTheMiddleAndNothingBehindTheEyeIsSeen) {
+TEST(OrbitCamera, theFocusIsCentredAndPointsBehindTheEyeAreHidden) {
   test::Random draw(2);
   for (int i = 0; i < 50; ++i) {
     const OrbitCamera camera = someCamera(draw);
@@ -176,7 +176,7 @@ TEST(FirstLook, holdsTargetEntryAndNeedleOfEverySampleScene) {
   for (const char* name :
        {"shoulder-adult", "knee-adult", "lumbar-adult", "wrist-adult", "finger-adult", "paper-clamping"}) {
     const test::SampleLesson lesson = test::sampleLesson(name);
-    const OrbitCamera camera = firstLook(*lesson.scene);
+    const OrbitCamera camera = initialView(*lesson.scene);
     const Vec3 out = lesson.scene->focus_normal_W;
     for (const Vec3 p : {lesson.scene->targets.front().center_W_m, lesson.scene->focus_W_m,
                          lesson.scene->focus_W_m + out * (0.8 * lesson.scene->needle.length_m)}) {
@@ -189,7 +189,7 @@ TEST(FirstLook, holdsTargetEntryAndNeedleOfEverySampleScene) {
 
 TEST(Looks, fromAboveAndFromTheSideSeeTheSameFocus) {
   const test::SampleLesson lesson = test::sampleLesson("shoulder-adult");
-  const OrbitCamera above = lookFromAbove(*lesson.scene), side = lookFromTheSide(*lesson.scene);
+  const OrbitCamera above = viewFromAbove(*lesson.scene), side = viewFromSide(*lesson.scene);
   EXPECT_GT(dot(normalized(above.eye_W_m() - above.focus_W_m), lesson.scene->focus_normal_W), 0.98);
   EXPECT_NEAR(dot(side.eye_W_m() - side.focus_W_m, lesson.scene->focus_normal_W), 0, 1e-9);
 }

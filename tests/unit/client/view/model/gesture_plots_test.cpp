@@ -52,7 +52,7 @@ PixelColumn valueIn(const PlotSeries& series) {
   return columns[0];
 }
 
-TEST(GesturePlots, theForcesAreTheTotalAndThenTheEffectsAsTheirTableOrdersAndColoursThem) {
+TEST(GesturePlots, theForcesAreTheTotalThenTheEffectsInTableOrder) {
   std::vector<const EffectEntry*> expected;
   for (const EffectEntry* entry : effectEntries())
     if (entry->value != nullptr && entry->unit == "N") expected.push_back(entry);
@@ -80,7 +80,7 @@ TEST(GesturePlots, theForcesAreTheTotalAndThenTheEffectsAsTheirTableOrdersAndCol
   }
 }
 
-TEST(GesturePlots, theForcesAtTheCursorAreThoseOfThePictureAtThatMoment) {
+TEST(GesturePlots, theForcesAtTheCursorMatchThePicture) {
   const test::SampleLesson lesson = test::sampleLesson("shoulder-adult");
   GestureReplica replica(lesson.model);
   GestureTrace trace;
@@ -153,7 +153,7 @@ TEST(GesturePlots, whereThereIsNoWallAndNoTiltNoneIsDrawn) {
   EXPECT_TRUE(valueIn(angles.series.at(1)).empty());
 }
 
-TEST(GesturePlots, theDepthAxisHoldsTheTargetAndTheTipOfTheShownTime) {
+TEST(GesturePlots, theDepthAxisContainsTheTargetAndTheTip) {
   struct Row {
     const char* name;
     bool target;
@@ -180,7 +180,7 @@ TEST(GesturePlots, theDepthAxisHoldsTheTargetAndTheTipOfTheShownTime) {
   }
 }
 
-TEST(GesturePlots, layersAreBandsInMillimetresAndTheTargetIsALineOfItsOwn) {
+TEST(GesturePlots, layersAreBandsAndTheTargetIsItsOwnLine) {
   const SceneView scene = flatScene();
   const GestureTrace trace;
   const Plot plot = gesturePlot(GesturePlot::kDepth, trace, &scene, 0, 2);
@@ -291,7 +291,7 @@ TEST(GesturePlots, noiseFillsNoPlot) {
   }
 }
 
-TEST(GesturePlots, theLimitsOfTheExerciseAreLinesInThePlotOfWhatTheyJudge) {
+TEST(GesturePlots, exerciseLimitsAreLinesInTheirPlots) {
   pb::Exercise exercise;
   const auto require = [&](const char* measure, std::optional<double> min, std::optional<double> max) {
     auto& row = *exercise.add_requirements();
@@ -341,7 +341,7 @@ TEST(GesturePlots, aScoresRowsWithoutARequirementMakeNoLimit) {
   EXPECT_NEAR(plot.limits[0].at, 2, 1e-12);
 }
 
-TEST(GesturePlots, marksOutsideTheShownTimeAreLeftOut) {
+TEST(GesturePlots, marksOutsideTheShownTimeAreOmitted) {
   GestureTrace trace;
   for (int i = 0; i < 10; ++i) {
     TraceEvent event;

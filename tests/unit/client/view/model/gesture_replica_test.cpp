@@ -90,7 +90,7 @@ TEST(GestureReplica, findsEntryLineAndAlpha) {
   EXPECT_TRUE(seen_inside);
 }
 
-TEST(GestureReplica, theForcesOfTheEffectsAddUpToTheForceOnTheHand) {
+TEST(GestureReplica, theEffectForcesAddUpToTheHandForce) {
   const SampleLesson lesson = sampleLesson("shoulder-adult");
   GestureReplica replica(lesson.model);
   for (const GestureSample& sample : lesson.samples) {
@@ -235,7 +235,7 @@ TEST(GestureReplica, aThinnedStreamIsCalledApproximateInside) {
   EXPECT_LT(worst_m, 1e-4);
 }
 
-TEST(GestureReplica, anEarlierTickBeginsAnew) {
+TEST(GestureReplica, anEarlierTickRestartsTheReplay) {
   const SampleLesson lesson = sampleLesson("shoulder-adult");
   GestureReplica replica(lesson.model);
   replica.feed(lesson.samples[2500]);
@@ -306,7 +306,7 @@ TEST(ReplicaOfCuts, whoComesLateIsApproximateInEveryInsertion) {
   EXPECT_TRUE(differs) << "and rightly so: the first insertion's cut is not known";
 }
 
-TEST(ReplicaOfCuts, fromAnyChunkIsTheSameAsFromTheFirstOnceTheMemoryHasCome) {
+TEST(ReplicaOfCuts, fromAnyChunkItMatchesOnceTheMemoryHasArrived) {
   const RememberingLesson lesson = rememberingLesson();
   int entries = 0;
   for (std::size_t begin = 1000; begin < lesson.samples.size(); begin += 1000) {
@@ -331,7 +331,7 @@ TEST(ReplicaOfCuts, fromAnyChunkIsTheSameAsFromTheFirstOnceTheMemoryHasCome) {
   EXPECT_GT(entries, 10);
 }
 
-TEST(ReplicaOfCuts, aGapIsOverWithTheMemoryOfTheSameSampleFromOutside) {
+TEST(ReplicaOfCuts, aGapEndsWithTheMemoryOfTheCurrentSampleOutside) {
   const RememberingLesson lesson = rememberingLesson();
   const std::size_t once = lesson.samples.size() / 3;
   GestureReplica replica(lesson.model);

@@ -52,7 +52,7 @@ TEST(GestureTrace, columnsAreThoseOfAllPointsOneByOne) {
   }
 }
 
-TEST(GestureTrace, forgetsWhatIsOlderThanItsSpan) {
+TEST(GestureTrace, forgetsSamplesOlderThanItsSpan) {
   GestureTrace trace(2);
   for (int i = 0; i < 10000; ++i) trace.push(momentAt(i * 0.001, 1, i % 5000 < 2500 ? -1 : 0));
   EXPECT_GT(trace.firstTime_s(), 5.9);
@@ -114,7 +114,7 @@ std::vector<TraceEvent> gapsOf(const GestureTrace& trace) {
   return found;
 }
 
-TEST(GestureTrace, missingTicksAreAnEventThatSaysHowMany) {
+TEST(GestureTrace, missingTicksAreAnEventWithTheirNumber) {
   GestureTrace trace;
   for (int i = 0; i < 4000; ++i) {
     const bool lost = (i >= 100 && i < 120) || i == 500 || (i >= 1000 && i < 2234);
@@ -136,7 +136,7 @@ TEST(GestureTrace, missingTicksAreAnEventThatSaysHowMany) {
   EXPECT_TRUE(trace.gaps().empty());
 }
 
-TEST(GestureTrace, gapsCloseToEachOtherAreOneEventWithAllThatIsMissing) {
+TEST(GestureTrace, nearbyGapsMergeIntoOneEvent) {
   GestureTrace trace;
   // every 20th tick of half a second is missing: 25 of them
   for (int i = 0; i < 2000; ++i)
@@ -211,7 +211,7 @@ TEST(GestureTrace, findsContactsOfTheHubWithTheSkin) {
   EXPECT_EQ(found_s, (std::vector<double>{0.5, 1.5}));
 }
 
-TEST(GestureTrace, aRemarkStandsWhereItBelongsAndAnEarlierTimeBeginsAnew) {
+TEST(GestureTrace, aRemarkIsSortedByTimeAndAnEarlierTimeRestarts) {
   GestureTrace trace;
   trace.push(momentAt(1.999, 0));
   trace.push(momentAt(2, 0, 1));

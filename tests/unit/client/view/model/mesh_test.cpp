@@ -83,7 +83,7 @@ TEST(LayerSurface, liesAtItsDepthForEveryShapeOfLimb) {
   EXPECT_TRUE(layerSurface(*ball.scene, 0.03).triangles.empty());
 }
 
-TEST(NeedleMesh, isAsLongAsTheNeedleAndEndsInItsTip) {
+TEST(NeedleMesh, isAsLongAsTheNeedleAndEndsAtItsTip) {
   for (const NeedleTip tip :
        {NeedleTip::kUnknown, NeedleTip::kHypodermic, NeedleTip::kTuohy, NeedleTip::kPencilPoint}) {
     const NeedleSpec needle{0.05, 0.0008, tip, 0};
@@ -102,7 +102,7 @@ TEST(NeedleMesh, isAsLongAsTheNeedleAndEndsInItsTip) {
   }
 }
 
-TEST(SyringeMesh, standsBehindItsNeedleAndItsPlungerStaysInTheBarrel) {
+TEST(SyringeMesh, liesBehindItsNeedleWithThePlungerInTheBarrel) {
   for (const double length_m : {0.016, 0.05, 0.09}) {
     const SyringeMesh syringe = syringeMesh(length_m);
     expectSound(syringe.hub, "hub");

@@ -52,7 +52,7 @@ TEST(Palette, lettersStandOutFromTheirGround) {
   }
 }
 
-TEST(Palette, partsOfTheForceAreToldApartByDichromatsToo) {
+TEST(Palette, dichromatsCanTellForcePartsApart) {
   for (const bool protanope : {false, true})
     for (const EffectEntry* one : effectsAsShown())
       for (const EffectEntry* other : effectsAsShown()) {
@@ -62,7 +62,7 @@ TEST(Palette, partsOfTheForceAreToldApartByDichromatsToo) {
       }
 }
 
-TEST(Palette, thePlannedLineHasAColourOfItsOwn) {
+TEST(Palette, thePlannedLineHasItsOwnColour) {
   std::vector<Rgb> others = {kYellow,
                              kBluishGreen,
                              kReddishPurple,
@@ -87,7 +87,7 @@ TEST(Palette, thePlannedLineHasAColourOfItsOwn) {
   EXPECT_GT(contrast(kPlanColour, kPanelGrey), 3);
 }
 
-TEST(Palette, nothingIsSaidByColourAlone) {
+TEST(Palette, nothingIsConveyedByColourAlone) {
   std::set<std::string_view> signs, words;
   for (const Condition condition :
        {Condition::kUnknown, Condition::kGood, Condition::kAttention, Condition::kTrouble}) {

@@ -38,7 +38,7 @@ TEST(AxisTicks, widenedAxisHoldsTheRangeAndEndsOnTicks) {
   EXPECT_DOUBLE_EQ(ticks.at.back(), 5);
 }
 
-TEST(AxisTicks, aRangeWithoutWidthTurnedRoundOrNotFiniteStillMakesAnAxis) {
+TEST(AxisTicks, anEmptyReversedOrInfiniteRangeStillMakesAnAxis) {
   const double nan = std::numeric_limits<double>::quiet_NaN(),
                infinity = std::numeric_limits<double>::infinity();
   const double ranges[][2] = {{3, 3},        {0, 0}, {5, 1}, {nan, nan}, {0, infinity}, {-infinity, infinity},
@@ -65,7 +65,7 @@ TEST(TickText, hasAProperMinusAndNoNegativeZero) {
   EXPECT_EQ(tickText(3, 0), "3");
 }
 
-TEST(MomentText, hasTheSameDecimalsWhereverAForceIsShown) {
+TEST(MomentText, forcesHaveTheSameDecimalsEverywhere) {
   EXPECT_EQ(momentText(3.124, "N"), "3.12 N");
   EXPECT_EQ(momentText(0.0456, "N·m"), "0.046 N·m");
   EXPECT_EQ(momentText(-0.5, "N"), "\u22120.50 N");
@@ -91,7 +91,7 @@ TEST(AxisTicks, areNeverOneAloneThatTellsNoScale) {
     }
 }
 
-TEST(AxisTicks, ofWhatIsCountedAreWhole) {
+TEST(AxisTicks, countsHaveWholeNumberTicks) {
   EXPECT_EQ(axisTicks(1, 2, 5, false, 1).at, (std::vector<double>{1, 2}));
   EXPECT_EQ(axisTicks(1, 2, 5, false, 1).decimals, 0);
   EXPECT_EQ(axisTicks(1, 3.001, 9, false, 1).at, (std::vector<double>{1, 2, 3}));
@@ -110,7 +110,7 @@ TEST(PixelColumns, keepLeastGreatestAndLastOfTheirTime) {
   EXPECT_FLOAT_EQ(columns[2].last, 7);
 }
 
-TEST(PixelColumns, leaveOutWhatIsNotFiniteOrOutside) {
+TEST(PixelColumns, skipNonFiniteAndOutsideValues) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const std::vector<double> x = {-1, 0.5, 1.5, 3}, y = {100, nan, 2, 100};
   std::vector<PixelColumn> columns(2);
@@ -141,7 +141,7 @@ TEST(PixelColumns, aLoneSpikeIsNeverLost) {
   EXPECT_FLOAT_EQ(greatest, 42);
 }
 
-TEST(PixelColumns, aValueBeyondAFloatIsLeftOutAndTakesNothingFromTheOthers) {
+TEST(PixelColumns, aValueBeyondAFloatIsSkippedWithoutAffectingOthers) {
   const double infinity = std::numeric_limits<double>::infinity();
   const std::vector<double> x = {0.5, 1.5, 2.5, 3.5, 4.5}, y = {1, 1e300, -1e300, infinity, 3};
   std::vector<PixelColumn> columns(5);
@@ -151,7 +151,7 @@ TEST(PixelColumns, aValueBeyondAFloatIsLeftOutAndTakesNothingFromTheOthers) {
   EXPECT_FLOAT_EQ(columns[4].max, 3);
 }
 
-TEST(PixelColumns, onePointFallsIntoOneColumnAndTheEndIsNotInTheRange) {
+TEST(PixelColumns, aPointFallsIntoOneColumnAndTheEndIsExcluded) {
   struct Row {
     double x;
     int column;  ///< of 4 over [1, 2); −1: none
@@ -197,7 +197,7 @@ TEST(PixelColumns, holdTheExtremesOfEveryRangeThatIsZoomedInto) {
   }
 }
 
-TEST(AxisTicks, noTwoTicksHaveTheSameNumberWrittenBesideThem) {
+TEST(AxisTicks, noTwoTicksHaveTheSameLabel) {
   test::Random draw(22);
   for (int round = 0; round < 500; ++round) {
     const double span = std::pow(10, draw.in(-6, 9)), low = draw.in(-3, 3) * span;

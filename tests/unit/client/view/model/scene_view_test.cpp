@@ -167,7 +167,7 @@ TEST(PlanView, anObliqueLineGoesOnBeyondItsTarget) {
   EXPECT_NEAR(norm(planViewOf(scene, line).to_W_m - line.entry_m), 0.09, 1e-12);
 }
 
-TEST(PlanView, isThatOfTheExerciseWhereTheLimbStandsAndOfNoOtherPatient) {
+TEST(PlanView, isTheExercisesPlanOnTheLimbForThatPatientOnly) {
   const test::SampleLesson lesson = test::sampleLesson("shoulder-adult");
   // a quarter turn about y: the limb's z is W's x
   const auto scene = sceneViewOf(lesson.profile, {{0.1, 0.2, 0.3}, {0, std::sqrt(0.5), 0, std::sqrt(0.5)}});
@@ -205,7 +205,7 @@ TEST(PlanView, aRingLiesOnTheSkinAboutTheEntry) {
   }
 }
 
-TEST(SceneView, refusesWhatIsNoProfileAndNoPlacement) {
+TEST(SceneView, refusesAnInvalidProfileOrPlacement) {
   EXPECT_FALSE(sceneViewOf(pb::Profile{}));
   const test::SampleLesson lesson = test::sampleLesson("shoulder-adult");
   EXPECT_FALSE(sceneViewOf(lesson.profile, {{std::numeric_limits<double>::quiet_NaN(), 0, 0}, {}}));
@@ -220,7 +220,7 @@ TEST(SceneView, aNeedleOfUnknownThicknessIsDrawnAllTheSame) {
   EXPECT_DOUBLE_EQ(drawnDiameter_m(*shoulder.scene), 0.0007);  // 22 gauge
 }
 
-TEST(AidSet, keepsWhatItWasToldAndGivesItBackInOrder) {
+TEST(AidSet, keepsAidsAndReturnsThemInOrder) {
   AidSet aids;
   aids.set(pb::Exercise::ULTRASOUND, true);
   aids.set(pb::Exercise::PHASE, true);
@@ -252,7 +252,7 @@ TEST(AidSet, usualIsAllButTheUltrasoundPicture) {
   EXPECT_EQ(all, usualAidSet());
 }
 
-TEST(AidSet, everyAidHasWordsOfItsOwn) {
+TEST(AidSet, everyAidHasItsOwnWords) {
   std::set<std::string_view> words;
   for (const int aid : allAidSet().list()) words.insert(aidWord(static_cast<pb::Exercise::Aid>(aid)));
   EXPECT_EQ(words.size(), static_cast<std::size_t>(allAidSet().list().size()));
@@ -308,7 +308,7 @@ TEST(SceneView, aLayerBeginsAtItsTopAndTheLastHasNoEnd) {
   for (const auto& [depth_m, layer] : rows) EXPECT_EQ(layerAt(scene, depth_m), layer) << depth_m;
 }
 
-TEST(SceneView, theDistanceToAHazardIsTheLeastOverAllPointsOfBoth) {
+TEST(SceneView, theHazardDistanceIsTheMinimumOverBothShapes) {
   test::Random draw(32);
   const auto anywhere = [&] { return Vec3{draw.in(-1, 1), draw.in(-1, 1), draw.in(-1, 1)} * 0.03; };
   constexpr int kPoints = 150;
@@ -316,17 +316,17 @@ TEST(SceneView, theDistanceToAHazardIsTheLeastOverAllPointsOfBoth) {
     HazardView hazard{"nerve", pb::Hazard::NERVE, anywhere(), anywhere(), draw.in(0.001, 0.004)};
     if (round % 3 == 0) hazard.b_W_m = hazard.a_W_m;  // a ball
     const Vec3 tip = anywhere(), skin = anywhere();
-    double least_m = 1;
+    double min_m = 1;
     for (int i = 0; i <= kPoints; ++i)
       for (int j = 0; j <= kPoints; ++j) {
         const double s = static_cast<double>(i) / kPoints, t = static_cast<double>(j) / kPoints;
-        least_m = std::min(least_m,
-                           norm(tip + (skin - tip) * s - hazard.a_W_m - (hazard.b_W_m - hazard.a_W_m) * t));
+        min_m =
+            std::min(min_m, norm(tip + (skin - tip) * s - hazard.a_W_m - (hazard.b_W_m - hazard.a_W_m) * t));
       }
     const double found_m = distanceToHazard_m(hazard, tip, skin) + hazard.radius_m;
-    EXPECT_LE(found_m, least_m + 1e-12) << round;
+    EXPECT_LE(found_m, min_m + 1e-12) << round;
     // both segments are at most 0.104 m long: half a step each
-    EXPECT_GE(found_m, least_m - 0.104 / kPoints) << round;
+    EXPECT_GE(found_m, min_m - 0.104 / kPoints) << round;
   }
 }
 

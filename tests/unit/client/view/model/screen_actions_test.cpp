@@ -9,19 +9,19 @@ namespace {
 
 TEST(ScreenActions, aKeyMeansTheActionThatIsPossible) {
   const std::vector<ScreenAction> actions = {{1, "Begin", ActionKey::kEnter, "begin", true},
-                                             {2, "Look again", ActionKey::kNone, "", true},
+                                             {2, "Check again", ActionKey::kNone, "", true},
                                              {3, "Other", ActionKey::kO, "", false}};
   EXPECT_EQ(actionOf(actions, ActionKey::kEnter), 1);
   EXPECT_EQ(actionOf(actions, ActionKey::kEscape), std::nullopt);
-  EXPECT_EQ(actionOf(actions, ActionKey::kNone), std::nullopt) << "no key is no key of any action";
+  EXPECT_EQ(actionOf(actions, ActionKey::kNone), std::nullopt) << "no key is not a key of any action";
   EXPECT_EQ(actionOf(actions, ActionKey::kO), std::nullopt) << "not now";
   EXPECT_TRUE(actions[0].isDefault());
   EXPECT_FALSE(actions[1].isDefault());
 }
 
 TEST(ScreenActions, aQuestionsDefaultHasEnterAndEscape) {
-  const std::vector<ScreenAction> answers = {{1, "Go on", ActionKey::kEnterOrEscape, "", true},
-                                             {2, "End it", ActionKey::kDelete, "", true}};
+  const std::vector<ScreenAction> answers = {{1, "Continue", ActionKey::kEnterOrEscape, "", true},
+                                             {2, "End lesson", ActionKey::kDelete, "", true}};
   EXPECT_EQ(actionOf(answers, ActionKey::kEnter), 1);
   EXPECT_EQ(actionOf(answers, ActionKey::kEscape), 1);
   EXPECT_EQ(actionOf(answers, ActionKey::kDelete), 2);
@@ -30,9 +30,9 @@ TEST(ScreenActions, aQuestionsDefaultHasEnterAndEscape) {
 }
 
 TEST(ScreenActions, aQuestionNamesItsKeys) {
-  EXPECT_EQ(labelWithKey({1, "I have seen it", ActionKey::kEnter, "", true}), "I have seen it (Enter)");
-  EXPECT_EQ(labelWithKey({1, "Go on", ActionKey::kEnterOrEscape, "", true}), "Go on (Enter, Esc)");
-  EXPECT_EQ(labelWithKey({1, "End it", ActionKey::kDelete, "", true}), "End it (Del)");
+  EXPECT_EQ(labelWithKey({1, "Acknowledge", ActionKey::kEnter, "", true}), "Acknowledge (Enter)");
+  EXPECT_EQ(labelWithKey({1, "Continue", ActionKey::kEnterOrEscape, "", true}), "Continue (Enter, Esc)");
+  EXPECT_EQ(labelWithKey({1, "End lesson", ActionKey::kDelete, "", true}), "End lesson (Del)");
   EXPECT_EQ(labelWithKey({1, "Quit", ActionKey::kNone, "", true}), "Quit");
 }
 

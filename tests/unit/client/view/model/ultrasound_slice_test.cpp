@@ -228,14 +228,14 @@ TEST(UltrasoundSlice, reachesAThirdBeyondTheDeepestTargetWithinItsLimits) {
   }
 }
 
-TEST(UltrasoundSlice, beforeTheEntryTheProbeStandsOnTheSkinBelowTheTip) {
+TEST(UltrasoundSlice, beforeTheEntryTheProbeIsBelowTheTip) {
   const SlicePlane plane = slicePlaneOf(flatMuscle(), needleAway());
   EXPECT_NEAR(norm(plane.origin_W_m - Vec3{0.01, 0.02, 0}), 0, 1e-12);
   EXPECT_NEAR(norm(plane.down_W - Vec3{0, 0, -1}), 0, 1e-12);
   EXPECT_NEAR(norm(plane.right_W - Vec3{1, 0, 0}), 0, 1e-12) << "a needle along the normal has no side";
 }
 
-TEST(UltrasoundSlice, aProbeTurnsToTheNeedleAFifthOfARadianAtATime) {
+TEST(UltrasoundSlice, theProbeTurnsToTheNeedleInFifthRadianSteps) {
   const SceneView scene = flatMuscle();
   Moment moment;
   moment.inside = true;
@@ -252,7 +252,7 @@ TEST(UltrasoundSlice, aProbeTurnsToTheNeedleAFifthOfARadianAtATime) {
   }
 }
 
-TEST(UltrasoundSlice, aNeedleBesideThePlaneIsNotShown) {
+TEST(UltrasoundSlice, aNeedleOutsideThePlaneIsNotShown) {
   const test::SampleLesson lesson = test::sampleLesson("hip-adult");
   const Moment needle = needleAt(*lesson.scene, 0.035);
   Moment away;
@@ -321,7 +321,7 @@ TEST(UltrasoundSlice, labelsSayWhereAHazardIs) {
   EXPECT_NEAR(labels[3].right_m, 0, 1e-12) << "where the plane cuts it";
 }
 
-TEST(UltrasoundSlice, aHazardStandsWhereTheSectionOfItsBallIs) {
+TEST(UltrasoundSlice, aHazardAppearsAtItsCrossSection) {
   struct Row {
     double right_m, depth_m, aside_m;  ///< of the ball's centre, in the plane's frame
   };

@@ -1,4 +1,4 @@
-#include "client/view/model/viewing.h"
+#include "client/view/model/palette.h"
 
 #include <gtest/gtest.h>
 
@@ -40,7 +40,7 @@ TEST(Viewing, lettersHaveTheirAnglesAndArePixelsLargeAtMost) {
   EXPECT_GE(kSmallArcmin, 10);
 }
 
-TEST(Viewing, onADeskLettersKeepTheShareOfTheWindowThatTheyHad) {
+TEST(Viewing, onADeskLettersScaleWithTheWindow) {
   const LetterSizes near = letterSizes({24 * kInch_m, 0.6}, 1280, 720);
   EXPECT_EQ(near, LetterSizes());
   EXPECT_EQ(letterSizes({24 * kInch_m, 0.6}, 2560, 1440).heading_px, 2 * LetterSizes().heading_px);
@@ -53,11 +53,11 @@ TEST(Viewing, aPersonsScaleMultiplies) {
 }
 
 TEST(Viewing, headingsTakeTheSameShareOfAnyResolution) {
-  EXPECT_LE(headingShare({}), kMostHeadingShare) << "the usual station";
+  EXPECT_LE(headingShare({}), kMaxHeadingShare) << "the usual station";
   for (const auto& [width_px, height_px] : kScreens)
     EXPECT_NEAR(letterSizes({}, width_px, height_px).heading_px / height_px, headingShare({}),
                 1.0 / height_px);
-  EXPECT_GT(headingShare({24 * kInch_m, 2.5}), kMostHeadingShare);
+  EXPECT_GT(headingShare({24 * kInch_m, 2.5}), kMaxHeadingShare);
 }
 
 }  // namespace

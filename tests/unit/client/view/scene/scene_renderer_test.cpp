@@ -44,7 +44,7 @@ class SceneRendererTest : public test::ViewStage {
     }
     SceneFrame frame;
     frame.moment = replica.now();
-    frame.camera = firstLook(*lesson.scene);
+    frame.camera = initialView(*lesson.scene);
     frame.aids = allAidSet();
     return frame;
   }
@@ -69,7 +69,7 @@ double hueError(MeanColour seen, Rgb expected) {
   return norm(a) > 1 ? std::atan2(norm(cross(a, b)), dot(a, b)) : 9;
 }
 
-TEST_F(SceneRendererTest, theTargetStandsWhereTheCameraSaysInItsColour) {
+TEST_F(SceneRendererTest, theTargetIsDrawnWhereTheCameraProjectsIt) {
   for (const char* name : {"shoulder-adult", "knee-adult", "lumbar-adult", "wrist-adult"}) {
     const SampleLesson lesson = test::sampleLesson(name);
     // with no other structure in front of it
@@ -145,7 +145,7 @@ TEST_F(SceneRendererTest, theNeedleIsSeenAlongItsShaftAndNothingElseChanges) {
   EXPECT_LT(test::shareThatDiffers(with, without, 0), 0.12);
 }
 
-TEST_F(SceneRendererTest, whatMovesIsDrawnOverWhatIsKeptAsIfAllWereDrawn) {
+TEST_F(SceneRendererTest, drawingMovingPartsOverACacheEqualsAFullDrawing) {
   const SampleLesson lesson = test::sampleLesson("knee-adult");
   renderer_->setScene(lesson.scene);
   for (const double time_s : {0.2, 1.4, 2.2, 2.9, 4.1, 5.4}) {

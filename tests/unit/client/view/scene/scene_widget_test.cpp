@@ -26,7 +26,7 @@ class SceneWidgetTest : public test::ViewStage {
     ASSERT_TRUE(made) << made.error().message;
     renderer_ = std::move(made).value();
     renderer_->setScene(lesson_.scene);
-    frame_.camera = firstLook(*lesson_.scene);
+    frame_.camera = initialView(*lesson_.scene);
     frame_.aids = allAidSet();
     GestureReplica replica(lesson_.model);
     for (std::size_t i = 0; i < 2700; ++i) replica.feed(lesson_.samples[i]);
@@ -53,7 +53,7 @@ class SceneWidgetTest : public test::ViewStage {
   SceneWidgetResult result_;
 };
 
-TEST_F(SceneWidgetTest, showsTheRenderersPicturePixelByPixelWhereItStands) {
+TEST_F(SceneWidgetTest, showsTheRenderersPicturePixelByPixel) {
   widget_.labels = widget_.legend = false;
   frame_.aids.set(pb::Exercise::GUIDES, false);
   const RgbaImage surface = drawn();
@@ -131,7 +131,7 @@ TEST_F(SceneWidgetTest, looksAsItsReference) {
   EXPECT_TRUE(test::looksLike(drawn(3), std::string(NEEDLELAB_REFERENCE) + "/widget-shoulder.png"));
 }
 
-TEST_F(SceneWidgetTest, thePlannedLineIsDashedWithARingAtItsEntryAndOnlyWithItsAid) {
+TEST_F(SceneWidgetTest, thePlannedLineIsDashedWithAnEntryRing) {
   widget_.labels = widget_.legend = false;
   frame_.aids.set(pb::Exercise::GUIDES, false);
   frame_.show_needle = false;

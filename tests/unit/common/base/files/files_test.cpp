@@ -32,7 +32,7 @@ TEST(AtomicFile, writesReplacesAndReadsBackWithTheAskedPermission) {
   EXPECT_EQ(entriesIn(folder.path()), 1u) << "no temporary file is left";
 }
 
-TEST(AtomicFile, isItsOwnersOnlyWhateverTheUmaskUnlessOtherwiseAsked) {
+TEST(AtomicFile, isPrivateWhateverTheUmaskUnlessRequested) {
   const test::TempFolder folder;
   const auto modeOf = [&](const char* name) {
     struct stat info {};
@@ -52,7 +52,7 @@ TEST(AtomicFile, isItsOwnersOnlyWhateverTheUmaskUnlessOtherwiseAsked) {
   }
 }
 
-TEST(PrivateFolder, isMadeWithThoseAboveItForItsOwnerOnlyAndIsLeftAsItIsWhenItIsThere) {
+TEST(PrivateFolder, isMadePrivatelyWithItsParentsAndLeftAloneIfPresent) {
   const test::TempFolder folder;
   const mode_t before = ::umask(0);
   const auto made = makePrivateFolder(folder.path() / "a" / "b/");
@@ -140,7 +140,7 @@ TEST(AtomicFile, aLinkStaysALinkAndItsEndIsReplaced) {
   EXPECT_EQ(entriesIn(folder.path()), 2u);
 }
 
-TEST(AtomicFile, inAFolderOfOthersALinkIsReplacedAndItsEndStays) {
+TEST(AtomicFile, inASharedFolderALinkIsReplacedNotItsTarget) {
   const test::TempFolder folder;
   const auto end = folder.write("end", "of the program alone");
   const auto link = folder.path() / "link", pipe = folder.path() / "pipe";
@@ -166,7 +166,7 @@ TEST(ReadWholeFile, missingFolderAndTooLargeAreInvalidInput) {
   EXPECT_EQ(readWholeFile(folder.path() / "big", 6).value(), "123456");
 }
 
-TEST(ReadWholeFile, aPipeThatNobodyWritesIsRefusedAtOnce) {
+TEST(ReadWholeFile, aPipeWithoutAWriterIsRefusedAtOnce) {
   const test::TempFolder folder;
   const auto pipe = folder.path() / "pipe";
   ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
@@ -246,7 +246,7 @@ TEST_F(OutputCheck, newAndOldFilesThatAreNoInputMayBeWritten) {
   EXPECT_EQ(refusal({{"--profile", file("p.json")}}, {{"--json", ""}}), "");
 }
 
-TEST_F(OutputCheck, aPersonsFileIsReplacedOnlyWhenThatIsSaid) {
+TEST_F(OutputCheck, anExistingFileIsReplacedOnlyOnRequest) {
   EXPECT_TRUE(requireNewFile({"--out", in("new.csv")}, false).ok());
   EXPECT_TRUE(requireNewFile({"--out", ""}, false).ok());
   EXPECT_TRUE(requireNewFile({"--out", "/dev/null"}, false).ok());
@@ -258,7 +258,7 @@ TEST_F(OutputCheck, aPersonsFileIsReplacedOnlyWhenThatIsSaid) {
             "--out " + old.string() + ": is there already; take another name, or say --replace");
 }
 
-TEST_F(OutputCheck, anInputIsNeverOverwrittenByWhateverName) {
+TEST_F(OutputCheck, anInputIsNeverOverwrittenUnderAnyName) {
   const fs::path input = file("p.json");
   fs::create_symlink(input, in("link.json"));
   fs::create_hard_link(input, in("hard.json"));

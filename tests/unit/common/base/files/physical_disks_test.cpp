@@ -134,7 +134,7 @@ TEST_F(PhysicalDisks, whatIsNotKnownIsNeverAnotherDisk) {
   EXPECT_EQ(compareDisks("/a", "/no such file", where_), DiskRelation::kUnknown);
 }
 
-TEST_F(PhysicalDisks, ofThisMachineAFolderIsOnItsOwnDisk) {
+TEST_F(PhysicalDisks, findsTheDiskOfAFolderOnThisMachine) {
   const BlockDevices here;
   EXPECT_EQ(compareDisks(folder_.path(), folder_.path(), here), DiskRelation::kSame);
   EXPECT_EQ(compareDisks(folder_.path(), folder_.path() / "none", here), DiskRelation::kUnknown);

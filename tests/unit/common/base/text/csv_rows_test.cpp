@@ -39,7 +39,7 @@ std::string faultOf(std::string_view text) {
   }
 }
 
-TEST(CsvRows, theSeparatorIsTheMostFrequentOfTheFirstRowOutsideOfQuotes) {
+TEST(CsvRows, theSeparatorIsTheFirstRowsMostFrequentOutsideQuotes) {
   EXPECT_EQ(rowsOf("a,b\n1,2"), (std::vector<ReadRow>{{1, {"a", "b"}}, {2, {"1", "2"}}}));
   EXPECT_EQ(rowsOf("a;b,c;d\n1;2;3"), (std::vector<ReadRow>{{1, {"a", "b,c", "d"}}, {2, {"1", "2", "3"}}}));
   EXPECT_EQ(rowsOf("a\tb\n1\t2"), (std::vector<ReadRow>{{1, {"a", "b"}}, {2, {"1", "2"}}}));
@@ -101,10 +101,10 @@ TEST(CsvColumns, areFoundInAnyCaseAndWithTheirUnitInBrackets) {
   EXPECT_TRUE(isColumn("p_WH_z_m", "p_WH_z_m"));
   for (const char* const cell : {"", "force", "force [mN]", "force_n [mN]", "Depth [mm]", "force_n2"})
     EXPECT_FALSE(isColumn(cell, "force_n")) << cell;
-  EXPECT_FALSE(isColumn("depth_m (mm)", "depth_m")) << "millimetres are no metres";
+  EXPECT_FALSE(isColumn("depth_m (mm)", "depth_m")) << "millimetres are not metres";
 }
 
-TEST(CsvNumbers, haveADecimalCommaOnlyWhereTheSeparatorIsNone) {
+TEST(CsvNumbers, useADecimalCommaOnlyWithAnotherSeparator) {
   EXPECT_EQ(csvNumber("1,25", ';'), 1.25);
   EXPECT_EQ(csvNumber("-1,5e-3", '\t'), -1.5e-3);
   EXPECT_EQ(csvNumber("1.25", ';'), 1.25);
@@ -113,7 +113,7 @@ TEST(CsvNumbers, haveADecimalCommaOnlyWhereTheSeparatorIsNone) {
   EXPECT_FALSE(csvNumber("1,2,3", ';'));
 }
 
-TEST(TextEncodings, areUnicodeUnlessAPersonSaysOtherwise) {
+TEST(TextEncodings, defaultToUnicode) {
   EXPECT_EQ(*utf8TextOf("f", "\xef\xbb\xbfK\xc3\xb6hler"), "Köhler");
   EXPECT_EQ(*utf8TextOf("f", "\xff\xfeK\0\xf6\0"s), "Kö");
   EXPECT_EQ(*utf8TextOf("f", "\xfe\xff\0K\0\xf6"s), "Kö");

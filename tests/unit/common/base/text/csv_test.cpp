@@ -43,7 +43,7 @@ TEST_F(Csv, columnsAreFoundByNameInAnyOrderAndOthersAreSkipped) {
   EXPECT_EQ(table->find("remark"), -1);
 }
 
-TEST_F(Csv, windowsLineEndsByteOrderMarkBlankLinesAndNoLastLineEnd) {
+TEST_F(Csv, acceptsCrlfByteOrderMarkBlankLinesAndNoFinalNewline) {
   const auto table = read("\xEF\xBB\xBFt_s, px_m\r\n0, 1\r\n\r\n1,\t2");
   ASSERT_TRUE(table.ok()) << table.error().message;
   ASSERT_EQ(table->rows(), 2u);

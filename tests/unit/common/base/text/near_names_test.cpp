@@ -1,4 +1,4 @@
-#include "common/base/text/near_names.h"
+#include "common/base/text/text.h"
 
 #include <gtest/gtest.h>
 

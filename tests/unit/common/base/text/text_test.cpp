@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "common/base/text/columns.h"
 #include "common/base/text/text.h"
 
 namespace needlelab {
@@ -14,7 +13,7 @@ TEST(TextRules, charactersAreCountedNotBytes) {
   for (const auto& [text, characters] : counts) EXPECT_EQ(countCharacters(text), characters) << text;
 }
 
-TEST(TextRules, utf8IsToldFromOtherBytes) {
+TEST(TextRules, utf8IsDistinguishedFromOtherBytes) {
   for (const std::string_view good : {"", "abc", "é", "漢字", "🙂", "\x7f", "\xf4\x8f\xbf\xbf"})
     EXPECT_TRUE(isUtf8(good)) << good;
   const std::string bad[] = {"\x80",         "\xc3",         "\xc0\x80",          "\xc1\xbf",
@@ -84,7 +83,7 @@ TEST(TextRules, newNamesFitIntoAddressesOfTheWeb) {
     EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
     EXPECT_EQ(refused.error().message.rfind("the field: ", 0), 0u);
   }
-  EXPECT_FALSE(checkNewName("name", " a").ok()) << "what is no name is no new one";
+  EXPECT_FALSE(checkNewName("name", " a").ok()) << "an invalid name is not a new one";
 }
 
 TEST(TextRules, aControlCharacterIsNamed) {
@@ -93,7 +92,7 @@ TEST(TextRules, aControlCharacterIsNamed) {
   EXPECT_EQ(checkText("note", "\x7f", 0, 9).error().message, "note: holds a control character (U+007F)");
 }
 
-TEST(TextRules, newTextHoldsNothingThatNobodySees) {
+TEST(TextRules, newTextContainsNoInvisibleCharacters) {
   struct Row {
     const char *text, *character;
     int byte;  // position of the character, from 1
@@ -156,7 +155,7 @@ TEST(TextRules, notesMayHaveLines) {
   EXPECT_FALSE(checkNote("text", "\x1b[2J", 1, 100).ok());
 }
 
-TEST(TextRules, aCodeIsFourTo64PrintableAsciiCharactersAndInNoMessage) {
+TEST(TextRules, aCodeIs4To64PrintableAsciiCharactersNeverQuoted) {
   for (const std::string& code : {std::string("0815"), std::string("badge 7/b~"), std::string(64, '~')})
     EXPECT_TRUE(checkCode(code).ok()) << code;
   for (const std::string& code : {std::string(), std::string("123"), std::string(65, '7'),

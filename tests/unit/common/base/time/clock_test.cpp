@@ -32,7 +32,7 @@ TEST(Timing, ofRunsIsTheMedianOfEachQuantile) {
       timingOfRuns({3, 100, 1, 2, 14, 13, 12, 11, 22, 21, 24, 23, 31, 34, 33, 32, 44, 41, 42, 43}, 10, 5);
   EXPECT_EQ(timing.median_ns, 22);
   EXPECT_EQ(timing.p99_ns, 34);
-  EXPECT_EQ(timing.least_ns, 1);
+  EXPECT_EQ(timing.min_ns, 1);
   EXPECT_EQ(timing.batches, 20u);
   EXPECT_EQ(timing.per_batch, 10u);
 }

@@ -1,4 +1,4 @@
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
 
 #include <gtest/gtest.h>
 
@@ -35,7 +35,7 @@ TEST(LocalTime, isTheZonesInSummerAndInWinter) {
   EXPECT_EQ(isoTimeMs(0), "");
 }
 
-TEST(LocalTime, followsTzAndSaysUtcWhereItIsUtc) {
+TEST(LocalTime, followsTzAndSaysUtcWhereItApplies) {
   const test::WithZone zone("UTC");
   EXPECT_EQ(localTime(kSummer, TimeForm::kZoned), "2026-07-01 12:04:56 UTC");
   const test::WithZone other(test::kStJohns);

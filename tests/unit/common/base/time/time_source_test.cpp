@@ -119,7 +119,7 @@ TEST(FakeTime, aPendingSignalEndsAWaitBeforeItBegins) {
   EXPECT_EQ(time.sleeps(), 1u);
 }
 
-TEST(FakeTime, aSignalDuringAWaitIsTakenAtItsEnd) {
+TEST(FakeTime, aSignalDuringAWaitArrivesAtItsEnd) {
   class Interrupted final : public FakeTime {
    public:
     void sleepUntilNs(std::int64_t due_ns) noexcept override {

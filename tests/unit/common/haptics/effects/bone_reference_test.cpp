@@ -207,7 +207,7 @@ BoneAgreement compareBone(const BoneSession& one, BoneDefect planted = BoneDefec
 
 struct BonePerLimb : ::testing::TestWithParam<LimbKind> {};
 
-TEST_P(BonePerLimb, standsAsTheReferenceOverRandomGestures) {
+TEST_P(BonePerLimb, matchesTheReferenceOverRandomGestures) {
   const std::uint64_t sessions = longForm() ? 1000 : 60;
   int touching = 0, begins = 0, slips = 0, held = 0, failures = 0;
   int skin = 0, back = 0, cut = 0, stayed = 0, lowered = 0, lowered_friction = 0;

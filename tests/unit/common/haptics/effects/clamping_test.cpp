@@ -176,7 +176,7 @@ TEST(Clamping, conservativeGivesNoEnergyWhereProportionalPumps) {
   EXPECT_GT(cycle(ClampingMode::kProportional), 1e-3) << "the negative control: eq. 8 taken literally";
 }
 
-TEST(Clamping, forceIsCappedAndTheFlagSaysSo) {
+TEST(Clamping, forceIsCappedAndFlagged) {
   Probe probe(clampingScene(10'000, ClampingMode::kProportional, 0.5), 1000);
   probe.at(-1e-4);
   probe.go(300, 0.03);
@@ -186,7 +186,7 @@ TEST(Clamping, forceIsCappedAndTheFlagSaysSo) {
   EXPECT_TRUE(probe.last().flags & kFlagTurn);
 }
 
-TEST(Clamping, aSlowPushAsideTurnsTheTrajectoryUntilTheForceIsTheMaximum) {
+TEST(Clamping, aSlowSidewaysPushTurnsTheTrajectoryAtMaximumForce) {
   for (const auto mode : {ClampingMode::kProportional, ClampingMode::kConservative}) {
     Probe probe(clampingScene(10'000, mode, 0.5), 1000);
     probe.at(-1e-4);
@@ -280,7 +280,7 @@ TEST(Clamping, withoutTheEffectNothingTurnsAndNothingClamps) {
     ASSERT_FALSE(report.flags & (kFlagTurn | kFlagClampCapped));
   }
   EXPECT_EQ(probe.state().u_W, probe.state().u0_W);
-  EXPECT_NEAR(probe.last().lateral_error_m, 0.01, 1e-15) << "the deviation is told all the same";
+  EXPECT_NEAR(probe.last().lateral_error_m, 0.01, 1e-15) << "the deviation is still reported";
 }
 
 }  // namespace

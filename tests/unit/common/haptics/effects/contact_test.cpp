@@ -62,7 +62,7 @@ TEST(Contact, startingInsideGivesNoForceUntilTheTipHasBeenOutside) {
   EXPECT_GT(norm(probe.go(300, 0.02).back().wrench_W.force_N), 0.5);
 }
 
-TEST(Contact, theTrajectoryFollowsTheAxisUpToEightyDegreesAndIsMirroredAtTheSkin) {
+TEST(Contact, theTrajectoryFollowsTheAxisToEightyDegreesAndIsMirrored) {
   for (const double degrees_over_surface : {90.0, 45.0, 10.001, 9.999, 0.0, -9.999, -10.001, -30.0, -90.0}) {
     EngineRun run(withEffects(paperSixLayers(), kAxial), 1000);
     const double a = degrees_over_surface * kDegree;

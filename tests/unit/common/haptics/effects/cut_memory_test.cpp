@@ -38,12 +38,12 @@ std::vector<StepReport> insertAgain(Probe& probe, double to_m, double aside_m = 
 }
 
 double mostCutting(const std::vector<StepReport>& reports) {
-  double most_N = 0;
-  for (const StepReport& report : reports) most_N = std::max(most_N, -report.cutting_N);
-  return most_N;
+  double max_N = 0;
+  for (const StepReport& report : reports) max_N = std::max(max_N, -report.cutting_N);
+  return max_N;
 }
 
-TEST(CutMemory, cutsTheSameTrackForItsShareAndWholeTissueBehindItForTheWhole) {
+TEST(CutMemory, recuttingATrackCostsItsShareAndFreshTissueTheWhole) {
   Probe probe(cutScene(), 1000);
   probe.at(-0.001);
   for (const StepReport& report : probe.go(1050, 0.020))
@@ -79,7 +79,7 @@ TEST(CutMemory, tissueIsCutOnceWithinAnInsertionToo) {
   }
 }
 
-TEST(CutMemory, aTremblingHandDoesNotFallIntoItsOwnCut) {
+TEST(CutMemory, aTremorDoesNotFallIntoItsOwnCut) {
   const Motion still = insertHoldWithdraw(1000, defaultSite(), {0, 0, -1}, {0, 0, -1}, 0.020, 0.02, 1.0);
   const Motion motion = withTremor(still, 1000, 1e-4, 3);
   EngineRun with(cutScene(kAxial), 1000), without(withEffects(cutScene(), kAxial), 1000);
@@ -98,12 +98,12 @@ TEST(CutMemory, isOneOfWidthNotOfDepth) {
     Probe probe(cutScene(), 1000);
     probe.at(-0.001);
     probe.go(1050, 0.020);
-    const double most_N = mostCutting(insertAgain(probe, 0.010, aside_m));
-    EXPECT_NEAR(most_N, aside_m < kCutRadius_m ? kCutShare * 2.0 : 2.0, 1e-9) << aside_m;
+    const double max_N = mostCutting(insertAgain(probe, 0.010, aside_m));
+    EXPECT_NEAR(max_N, aside_m < kCutRadius_m ? kCutShare * 2.0 : 2.0, 1e-9) << aside_m;
   }
 }
 
-TEST(CutMemory, aNeedleThatComesIntoAnOldCutFromTheSideIsReleasedOnce) {
+TEST(CutMemory, enteringAnOldCutFromTheSideReleasesOnce) {
   // so steep that the old cut is narrower than the wall's move: the wall stops at its other side
   for (const double slope : {0.7, 1.5}) {
     Probe probe(cutScene(), 1000);
@@ -163,9 +163,9 @@ TEST(CutMemory, aMembraneThatWasPiercedStaysOpenNearItsHole) {
   const auto beside = [&](double aside_m) {
     Motion moved = once;
     for (TipSample& sample : moved) sample.p_WT_m.x += aside_m;
-    double most_N = 0;
-    for (const StepReport& report : run.run(moved)) most_N = std::max(most_N, -report.puncture_N);
-    return most_N;
+    double max_N = 0;
+    for (const StepReport& report : run.run(moved)) max_N = std::max(max_N, -report.puncture_N);
+    return max_N;
   };
   EXPECT_EQ(beside(0.9 * kCutRadius_m), 0.0);
   EXPECT_GT(beside(-1.1 * kCutRadius_m), 0.58);
@@ -179,14 +179,14 @@ TEST(CutMemory, aDeeperMembraneIsOpenOnlyWhereTheTrackWentThroughIt) {
   Probe probe(remembering(scene, kPierce), 1000);
   probe.at(-0.001);
   probe.go(300, 0.005);  // only through the first one
-  double most_N = 0;
+  double max_N = 0;
   for (const StepReport& report : insertAgain(probe, 0.015)) {
     if (report.depth_m < 0.010) {
       ASSERT_EQ(report.puncture_N, 0.0);
     }
-    most_N = std::max(most_N, -report.puncture_N);
+    max_N = std::max(max_N, -report.puncture_N);
   }
-  EXPECT_NEAR(most_N, 0.4, 0.01);
+  EXPECT_NEAR(max_N, 0.4, 0.01);
   for (const StepReport& report : insertAgain(probe, 0.015)) ASSERT_EQ(report.puncture_N, 0.0);
 }
 
@@ -218,17 +218,17 @@ TEST(CutMemory, aMembraneThatHoldsAndMeetsAHoleIsARelease) {
   EXPECT_NEAR(norm(after.wrench_W.force_N), 0, 1e-9) << "both walls have followed the tip";
 }
 
-TEST(CutMemory, aRuptureBesideAnOldHoleMakesAHoleOfItsOwn) {
+TEST(CutMemory, aRuptureNextToAnOldHoleMakesItsOwnHole) {
   SceneSpec scene = oneLayer(0, 0, 0);
   scene.layers[0].membrane = MembraneSpec{200, 0, 0.4};
   Probe probe(remembering(scene, kPierce), 1000);
   const auto mostAt = [&](double aside_m) {
     probe.go(300, -0.001, aside_m);
-    double most_N = 0;
+    double max_N = 0;
     for (const StepReport& report : probe.go(500, 0.006, aside_m))
-      most_N = std::max(most_N, -report.puncture_N);
+      max_N = std::max(max_N, -report.puncture_N);
     probe.go(300, -0.001, aside_m);
-    return most_N;
+    return max_N;
   };
   EXPECT_GT(mostAt(0), 0.38);
   EXPECT_EQ(mostAt(0), 0);
@@ -349,7 +349,7 @@ TEST(CutMemory, aTurnOfTheTrajectoryTakesTheTrackAlong) {
   EXPECT_GT(turned, 10);
 }
 
-TEST(CutMemory, aTurnWhileTheNeedleIsDrawnBackMovesTheEndOfTheCutAsAllLengths) {
+TEST(CutMemory, aTurnDuringWithdrawalShiftsTheCutsEnd) {
   SceneSpec scene = withClamping(allEffects(), ClampingMode::kConservative);
   scene.virtual_fixture.max_force_N = 0.5;
   Probe probe(remembering(scene, kPlacedEffects), 1000);

@@ -118,7 +118,7 @@ TEST(Effects, whatIsNotLiveGivesZero) {
     }
 }
 
-TEST(Effects, whereTheNeedleIsIsToldWhateverIsLive) {
+TEST(Effects, theNeedlesPlaceIsReportedForAllEffectSets) {
   const Motion motion = theMotion();
   const auto without = runWith(0, motion), with = runWith(kAllEffects, motion);
   for (std::size_t k = 0; k < motion.size(); ++k) {
@@ -180,7 +180,7 @@ TEST(Effects, theSumIsCappedKeepingItsDirection) {
     if (size <= 1.5) continue;
     ++caps;
     ASSERT_LE(norm(a.wrench_W.force_N - b.wrench_W.force_N * (1.5 / size)), 1e-12);
-    ASSERT_EQ(a.cutting_N, b.cutting_N) << "the parts are told before the cap";
+    ASSERT_EQ(a.cutting_N, b.cutting_N) << "the parts are reported before the cap";
   }
   EXPECT_GT(caps, 100);
 }
@@ -198,7 +198,7 @@ TEST(Effects, stiffnessesAlongTheTrajectoryAddUp) {
   EXPECT_NEAR(compiled(withEffects(allEffects(), kF), 1000).axialStiffness_N_per_m(), 140, 1e-12);
 }
 
-TEST(EffectEntries, eachIsARowOfItsOwn) {
+TEST(EffectEntries, haveDistinctNamesTermsAndPlaces) {
   std::set<std::string_view> names, terms;
   std::set<int> places;
   for (std::size_t i = 0; i < kEffectCount; ++i) {

@@ -26,7 +26,7 @@ double hubOf(const StepReport& report) {
   return effectEntry(Effect::kHub).value(report);
 }
 
-TEST(Hub, pushesOutWithWhatIsBeyondTheNeedle) {
+TEST(Hub, pushesOutByTheLengthBeyondTheNeedle) {
   EngineRun run(withHub(kAxial), 1000);
   const Site site = defaultSite();
   for (int i = 0; i <= 3000; ++i) {
@@ -39,7 +39,7 @@ TEST(Hub, pushesOutWithWhatIsBeyondTheNeedle) {
   }
 }
 
-TEST(Hub, isFeltAlongTheWayFromTheEntryPointOnASlantAndPastTheFarSide) {
+TEST(Hub, actsAlongASlantedPathAndPastTheFarSide) {
   for (const LimbKind limb : kLimbKinds) {
     const Site site = siteOf(limb);
     for (const double degrees : {0.0, 40.0}) {
@@ -49,13 +49,13 @@ TEST(Hub, isFeltAlongTheWayFromTheEntryPointOnASlantAndPastTheFarSide) {
       for (int i = 0; i <= 1030; ++i)  // 100 mm: through the capsule's 90 mm
         report = run.step({site.p_surface_m + axis * (-0.003 + i * 1e-4), pointing(axis)});
       EXPECT_NEAR(hubOf(report), 300 * (0.1 - kLength_m), 1e-6) << limbName(limb) << degrees;
-      const double most_N = std::min(300 * (0.1 - kLength_m), 10.0);  // the sum's limit
-      EXPECT_NEAR(norm(report.wrench_W.force_N + axis * most_N), 0, 1e-6) << limbName(limb) << degrees;
+      const double max_N = std::min(300 * (0.1 - kLength_m), 10.0);  // the sum's limit
+      EXPECT_NEAR(norm(report.wrench_W.force_N + axis * max_N), 0, 1e-6) << limbName(limb) << degrees;
     }
   }
 }
 
-TEST(Hub, givesBackWhatItTookOverAnyClosedWay) {
+TEST(Hub, returnsItsEnergyOverAnyClosedPath) {
   const Site site = defaultSite();
   for (std::uint64_t seed = 1; seed <= 40; ++seed) {
     Random random(seed);
@@ -99,7 +99,7 @@ TEST(Hub, withoutItANeedleBeyondItsLengthIsOnlyFlagged) {
   EXPECT_NEAR(norm(probe.last().wrench_W.force_N), 1, 1e-9);
 }
 
-TEST(Hub, addsToTheStiffnessAlongTheNeedleOnlyWhatItIsStifferThanTheMembranes) {
+TEST(Hub, addsOnlyItsExcessOverTheMembraneStiffness) {
   SceneSpec scene = withHub(kAxial | bitOf(Effect::kPuncture), 400);
   const double wall = scene.tracking_wall.stiffness_N_per_m;
   EXPECT_EQ(compiled(scene, 1000).axialStiffness_N_per_m(), wall + 400);

@@ -113,7 +113,7 @@ TEST(OrientationLimit, aFlippedNeedleHasNoTorqueDirection) {
   }
 }
 
-TEST(OrientationLimit, beyondTheNeedlesLengthItIsFiniteAndSaysSo) {
+TEST(OrientationLimit, beyondTheNeedlesLengthItIsFiniteAndFlagged) {
   Probe probe(tiltScene(), 1000);
   probe.at(-0.001);
   probe.go(700, 0.07);

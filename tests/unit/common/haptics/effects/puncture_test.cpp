@@ -84,7 +84,7 @@ TEST(Puncture, anEntryTickThatGoesDeepMeetsMembranesFromTheEntryPoint) {
 }
 
 // "Nothing is cut or rubbed beyond a membrane that holds"
-TEST(Puncture, wallsStandBeforeAHoldingMembraneAndFollowItsRuptureWithoutAJump) {
+TEST(Puncture, wallsStopAtAMembraneAndFollowItsRuptureSmoothly) {
   SceneSpec scene =
       membraneScene({}, MembraneSpec{200, 0, 0.6}, kPuncture | kAxial | bitOf(Effect::kShaftFriction));
   for (auto& layer : scene.layers) layer.friction_N_per_m = 20;

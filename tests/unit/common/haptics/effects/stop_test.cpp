@@ -76,7 +76,7 @@ TEST(Stop, aSlowAdvanceFromTheSkinOnIsNoStop) {
 }
 
 // 0.34 mm in 0.8 s: a drift below 0.43 mm/s is a rest
-TEST(Stop, aRestAfterASlowApproachBeginsWhenTheBandWasKeptForEightTenthsOfASecond) {
+TEST(Stop, aRestNeedsEightTenthsOfASecondInTheBand) {
   for (const double rate_hz : {250.0, 1000.0, 4000.0}) {
     Probe probe(stopScene(), rate_hz);
     probe.at(-1e-4);
@@ -101,7 +101,7 @@ TEST(Stop, aRestThatDriftsEndsAtTheRejectionForceWithOneStop) {
 }
 
 // a tremor on a drift: its extremes reach the wall
-TEST(Stop, tremorLeavesInTheMeanTheRejectionForceAndTheSpringTimesItsPeak) {
+TEST(Stop, tremorAddsTheSpringTimesItsPeakToTheRejectionForce) {
   for (const double peak_m : {5e-5, 1e-4})
     for (const double frequency_hz : {4.0, 6.0, 9.0, 12.0}) {
       Probe probe = inserted(stopScene());
@@ -147,7 +147,7 @@ class LooseHand {
   double x_m_ = -0.005, v_mps_ = 0, rendered_N_ = 0, computed_N_ = 0;
 };
 
-TEST(Stop, aHandThatYieldsToTheFallingForceStopsOnceAndKeepsTheRejectionForce) {
+TEST(Stop, aYieldingHandStopsOnceAtTheRejectionForce) {
   for (const double cutting_N : {1.0, 4.0})
     for (const double stiffness : {100.0, 300.0, 600.0, 2000.0}) {
       LooseHand hand(stopScene(cutting_N), stiffness);
@@ -179,7 +179,7 @@ TEST(Stop, aConstantPushOfHalfTheCuttingForceMovesTheNeedleLittle) {
 
 // K_t of a layer: if stiffer, the force continues without a step; if softer, it falls by the ratio of the
 // springs and is reported
-TEST(WallStiffnessOfALayer, aStifferLayerTakesTheForceOverAndASofterOneReleasesIt) {
+TEST(WallStiffnessOfALayer, aStifferLayerKeepsTheForceASofterReleasesIt) {
   for (const double ratio : {2.0, 0.5}) {
     SceneSpec scene = stopScene(2.0);
     scene.layers[0].thickness_m = 0.0105;

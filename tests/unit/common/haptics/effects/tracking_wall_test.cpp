@@ -23,7 +23,7 @@ TEST(TrackingWall, forceRisesThroughTheSpringThenStays) {
   }
 }
 
-TEST(TrackingWall, onTheWayBackItStandsStillThenIsPushedAheadOfTheNeedle) {
+TEST(TrackingWall, onWithdrawalItRestsThenIsPushedAhead) {
   Probe probe(wallScene(), 1000);
   probe.at(-1e-4);
   probe.go(400, 0.010);
@@ -61,7 +61,7 @@ TEST(TrackingWall, eachSideActsOnlyWhereItIsLive) {
   }
 }
 
-TEST(TrackingWall, withoutAWallEffectThePhaseIsThereAndTheWallIsNotANumber) {
+TEST(TrackingWall, withoutWallEffectsThePhaseIsKnownAndTheWallNan) {
   Probe probe(withEffects(oneLayer(1.0, 0.5, 0.1), 0), 1000);
   probe.at(-1e-4);
   EXPECT_EQ(probe.go(300, 0.010).back().phase, Phase::kInserting);
@@ -71,7 +71,7 @@ TEST(TrackingWall, withoutAWallEffectThePhaseIsThereAndTheWallIsNotANumber) {
   EXPECT_EQ(norm(probe.last().wrench_W.force_N), 0.0);
 }
 
-TEST(TrackingWall, speedIsTakenOverTheLastTenthOfASecond) {
+TEST(TrackingWall, speedIsAveragedOverATenthOfASecond) {
   Probe probe(wallScene(), 1000);
   probe.at(-1e-5);
   // before the window is full: from x = 0 at the tick before entry
@@ -120,12 +120,12 @@ TEST(TrackingWall, theStopNeverMovesFasterThanOneAndAHalfStopSpeeds) {
   probe.at(-1e-4);
   probe.go(1000, 0.060);
   const auto hold = probe.stay(1500);
-  const double most_N = 100 * 1.5 * 0.003 * 1e-3;
+  const double max_N = 100 * 1.5 * 0.003 * 1e-3;
   for (std::size_t k = 1; k < hold.size(); ++k) {
     const double change = hold[k].cutting_N - hold[k - 1].cutting_N;
-    ASSERT_LE(change, most_N + 1e-12);
+    ASSERT_LE(change, max_N + 1e-12);
     if (hold[k - 1].phase != Phase::kStopped) continue;
-    ASSERT_NEAR(change, most_N, 1e-12) << "still far away: at the cap";
+    ASSERT_NEAR(change, max_N, 1e-12) << "still far away: at the cap";
   }
 }
 

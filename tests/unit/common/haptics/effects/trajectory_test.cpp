@@ -109,7 +109,7 @@ TEST(Trajectory, atFiveMillimetresAChangeOfTwentyDegreesFollowsTheHand) {
   EXPECT_LE(degreesBetween(hand.state().u_W, aim), 0.5);
   EXPECT_LE(hand.greatest_N(), 0.3);
   hand.to(site.p_surface_m + aim * 0.035);
-  EXPECT_LE(hand.greatest_N(), 0.3) << "and it goes on along the new line";
+  EXPECT_LE(hand.greatest_N(), 0.3) << "and it continues along the new line";
 }
 
 TEST(Trajectory, fromHalfTheNeedlesLengthNothingTurnsBelowTheGreatestForce) {

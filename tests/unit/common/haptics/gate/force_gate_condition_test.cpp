@@ -54,7 +54,7 @@ const std::pair<std::uint32_t, Fault> kOwnFaults[] = {{kDeviceEmergencyStop, Fau
                                                       {kDeviceOverheated, Fault::kDeviceOverheated},
                                                       {kDeviceTrouble, Fault::kDeviceTrouble}};
 
-TEST(GateCondition, aFaultOfTheDevicesOwnCountsAtOnceAlsoWithoutASample) {
+TEST(GateCondition, aDeviceFaultCountsAtOnceEvenWithoutASample) {
   for (const auto& [flag, fault] : kOwnFaults)
     for (const bool fresh : {true, false}) {
       Bench b;
@@ -70,7 +70,7 @@ TEST(GateCondition, aFaultOfTheDevicesOwnCountsAtOnceAlsoWithoutASample) {
     }
 }
 
-TEST(GateCondition, whatTheLoopMissedBeforeAFaultFromOutsideIsNoTimeOfItsRamp) {
+TEST(GateCondition, ticksMissedBeforeAnOutsideFaultDoNotShortenItsRamp) {
   Bench b;
   b.running();
   b.gate.raiseFromOutside(Fault::kProgramTrouble);
@@ -80,7 +80,7 @@ TEST(GateCondition, whatTheLoopMissedBeforeAFaultFromOutsideIsNoTimeOfItsRamp) {
   EXPECT_NEAR(b.tick(), 3.0 * (1 - 5 * kFall), 1e-9) << "what it misses in the ramp is";
 }
 
-TEST(GateCondition, theContinuousLimitIsKeptInTimeNotInTicksWhenTheLoopMissesSome) {
+TEST(GateCondition, theContinuousLimitCountsTimeAcrossMissedTicks) {
   Bench b;
   b.wanted_N = 10;
   b.elapsed = 3;  // two of three ticks are missed; the device continues with its last force
@@ -99,7 +99,7 @@ TEST(GateCondition, theContinuousLimitIsKeptInTimeNotInTicksWhenTheLoopMissesSom
   EXPECT_GT(energy, 0.5 * 30 * 3.0 * 3.0) << "and it is used, though the share stays while the force does";
 }
 
-TEST(GateCondition, whatIsOnlySaidAndCountedTakesNoForce) {
+TEST(GateCondition, reportedOnlyConditionsRemoveNoForce) {
   Bench b;
   b.running();
   b.condition = kDeviceSaturated | kDeviceOverrun;
@@ -107,7 +107,7 @@ TEST(GateCondition, whatIsOnlySaidAndCountedTakesNoForce) {
   EXPECT_EQ(b.gate.flags(), 0u);
 }
 
-TEST(GateCondition, ofSeveralTheEmergencyStopIsNamedAndOneThatComesLaterDoesNotRename) {
+TEST(GateCondition, theEmergencyStopNamesTheFaultAndLaterOnesDoNot) {
   Bench b;
   b.running();
   b.condition = kDeviceFaultFlags;
@@ -167,7 +167,7 @@ TEST(GateCondition, acknowledgedInTheTissueItWaitsForTheNeedleToBeOutside) {
   EXPECT_TRUE(b.admitted) << "the first tick of the new start is the one that is outside";
 }
 
-TEST(GateCondition, aTipThatWasOutsideOnlyBeforeTheAcknowledgementHasToBeThereAgain) {
+TEST(GateCondition, theTipMustBeOutsideAgainAfterTheAcknowledgement) {
   Bench b;
   b.running();
   b.condition = kDeviceTrouble;
@@ -209,14 +209,14 @@ TEST(GateCondition, aFaultWithinTheStartRampGoesFromWhereItIs) {
   EXPECT_EQ(b.tick(), 0.0);
 }
 
-TEST(GateCondition, aHoldTakesTheForceWithin20MsAndGivesItBackOver200WithoutAnybody) {
+TEST(GateCondition, aHoldRemovesAndRestoresForceByItself) {
   for (const std::uint32_t flag : {kDeviceReleased, kDevicePowerOff, kDeviceNotReady}) {
     Bench b;
     b.running();
     b.condition = flag;
     for (int k = 1; k <= 20; ++k) {
       ASSERT_NEAR(b.tick(), 3 * (1 - k * kFall), 1e-9);
-      ASSERT_TRUE(b.admitted) << "the engine goes on: the needle is where it is";
+      ASSERT_TRUE(b.admitted) << "the engine continues: the needle is where it is";
       ASSERT_EQ(b.gate.fault(), Fault::kNone);
     }
     for (int k = 0; k < 3000; ++k) ASSERT_EQ(b.tick(), 0.0);
@@ -265,7 +265,7 @@ TEST(GateCondition, aHoldThatFlickersEachTickLeavesNextToNothing) {
   }
 }
 
-TEST(GateCondition, aHoldWithinAFaultDoesNotEndItAndAFaultThatEndsWithinAHoldGivesNoForce) {
+TEST(GateCondition, holdsAndFaultsOverlapWithoutEndingEachOther) {
   Bench b;
   b.running();
   b.condition = kDeviceTrouble | kDeviceReleased;
@@ -276,7 +276,7 @@ TEST(GateCondition, aHoldWithinAFaultDoesNotEndItAndAFaultThatEndsWithinAHoldGiv
   EXPECT_EQ(b.run(100), 0.0);
   EXPECT_EQ(b.gate.fault(), Fault::kDeviceTrouble) << "no hold ends a fault";
   b.gate.acknowledge();
-  EXPECT_EQ(b.run(100), 0.0) << "the fault is over, nobody holds the handle";
+  EXPECT_EQ(b.run(100), 0.0) << "the fault is over, no one holds the handle";
   EXPECT_EQ(b.gate.fault(), Fault::kNone);
   b.condition = 0;
   EXPECT_NEAR(b.tick(), 3 * kRise, 1e-9);
@@ -324,7 +324,7 @@ TEST(GateCondition, theThermalBudgetHoldsOverHolds) {
   EXPECT_GT(worst, 2.5) << "and time without force gives the budget back";
 }
 
-TEST(GateCondition, aFaultFromOutsideLastsAsLongAsItIsRaised) {
+TEST(GateCondition, anOutsideFaultLastsAsLongAsItIsRaised) {
   Bench b;
   b.running();
   b.outside = true;
@@ -361,7 +361,7 @@ TEST(GateCondition, aTipThatGoesOnJumpingIsACauseThatLasts) {
   EXPECT_EQ(b.gate.fault(), Fault::kNone);
 }
 
-TEST(GateCondition, stillTooFastAtTheAcknowledgementStaysAFaultAndIsOneFault) {
+TEST(GateCondition, excessSpeedAtTheAcknowledgementRemainsOneFault) {
   Bench b;
   b.running();
   b.outside = true;
@@ -373,7 +373,7 @@ TEST(GateCondition, stillTooFastAtTheAcknowledgementStaysAFaultAndIsOneFault) {
   EXPECT_EQ(b.gate.faultsRaised(), 1u);
 }
 
-TEST(GateCondition, afterAStallOfTheLoopItselfTheForceComesAnew) {
+TEST(GateCondition, afterAStallOfTheLoopTheForceFadesInAgain) {
   Bench b;
   b.running();
   b.elapsed = 21;  // 20 missed: the watchdog's limit, no fault yet
@@ -408,7 +408,7 @@ TEST(GateCondition, missedTicksDoNotMakeTheRampLater) {
   EXPECT_EQ(b.tick(), 0.0);
 }
 
-TEST(GateCondition, underFuzzForceIsAlwaysWithinLimitsAndNeverComesBackByItself) {
+TEST(GateCondition, underFuzzForceStaysLimitedAndNeverReturnsByItself) {
   Random random(77);
   Bench b;
   b.running();

@@ -149,7 +149,7 @@ TEST(ForceGate, tenSecondRmsNeverExceedsTheContinuousLimit) {
   }
 }
 
-TEST(ForceGate, thermalLimitComesSmoothlyIsSaidAndGoesAgain) {
+TEST(ForceGate, theThermalLimitAppliesSmoothlyIsFlaggedAndEnds) {
   Running r;
   double before = r.settle(6), least = 1;
   bool said = false;
@@ -193,7 +193,7 @@ TEST(ForceGate, aRejectedSampleHoldsTheForceAndAGoodOneResumes) {
     ASSERT_NEAR(r.settle(2), 2, 1e-12);
     for (int k = 0; k < 5; ++k) {
       ASSERT_FALSE(r.gate.admit(sample, true, 0)) << "the tick must not be stepped";
-      ASSERT_EQ(r.gate.guard(force(9)).wrench().force_N.x, 2.0) << "held; what is wanted is ignored";
+      ASSERT_EQ(r.gate.guard(force(9)).wrench().force_N.x, 2.0) << "held; the wanted force is ignored";
       ASSERT_TRUE(r.gate.flags() & kGateSampleRejected);
       ASSERT_EQ(r.gate.fault(), Fault::kNone);
     }
@@ -203,7 +203,7 @@ TEST(ForceGate, aRejectedSampleHoldsTheForceAndAGoodOneResumes) {
   }
 }
 
-TEST(ForceGate, theSixthRejectedSampleIsAFaultAndForceIsGoneWithinTwentyMilliseconds) {
+TEST(ForceGate, theSixthRejectedSampleIsAFaultAndRemovesTheForce) {
   for (const double rate_hz : {250.0, 1000.0, 3000.0}) {
     Running r(rate_hz);
     r.settle(4);
@@ -293,7 +293,7 @@ TEST(ForceGate, teleportFaults) {
   EXPECT_EQ(r.gate.fault(), Fault::kTipTooFast);
 }
 
-TEST(ForceGate, deviceAboveItsOwnThresholdFaultsAtOnce) {
+TEST(ForceGate, aDeviceAboveItsThresholdFaultsAtOnce) {
   for (const double speed : {1.61, 100.0, kInf, kNaN}) {
     Running r;
     r.settle(2);
@@ -315,7 +315,7 @@ TEST(ForceGate, theWatchdogSeesASilentDevice) {
   }
   EXPECT_EQ(r.gate.fault(), Fault::kDeviceSilent);
   EXPECT_LE(ticks, 50) << "at 1 kHz";
-  EXPECT_GE(ticks, 5) << "a few late updates are no fault";
+  EXPECT_GE(ticks, 5) << "a few late updates are not a fault";
 }
 
 TEST(ForceGate, lateUpdatesNowAndThenAreNoFault) {
@@ -350,7 +350,7 @@ TEST(ForceGate, aQuaternionThatIsNoRotationIsRejected) {
   }
 }
 
-TEST(ForceGate, missedTicksCountForAFaultsRampWhateverTheDeviceSays) {
+TEST(ForceGate, missedTicksCountTowardsAFaultsRamp) {
   // found by simulated runs: a hold that began, or a stall that ended, during the ramp delayed it
   for (const std::uint32_t condition : {0u, static_cast<std::uint32_t>(kDeviceNotReady)}) {
     Running r;
@@ -364,7 +364,7 @@ TEST(ForceGate, missedTicksCountForAFaultsRampWhateverTheDeviceSays) {
   }
 }
 
-TEST(ForceGate, missedTicksCountForAHoldsRampAlsoWhenAStallEndsInIt) {
+TEST(ForceGate, missedTicksCountTowardsAHoldsRampAfterAStall) {
   // found by simulated runs: the stall restarted the ramp and delayed it by 20 more ticks
   for (const std::uint32_t condition : {0u, static_cast<std::uint32_t>(kDeviceReleased)}) {
     Running r;
@@ -387,7 +387,7 @@ TEST(ForceGate, missedTicksCountForAHoldsRampAlsoWhenAStallEndsInIt) {
   EXPECT_EQ(again.gate.guard(force(2)).wrench().force_N.x, 0);
 }
 
-TEST(ForceGate, missedTicksCountForAFallFasterThanTheSlewLimitOfATick) {
+TEST(ForceGate, missedTicksMayFallFasterThanTheSlewLimit) {
   // found by simulated runs: 2 N per tick delayed a ramp with missed ticks beyond its 20 ms
   const std::uint32_t fault = kDeviceLost, hold = kDeviceReleased, stall = 0;
   for (const std::uint32_t condition : {fault, hold, stall}) {

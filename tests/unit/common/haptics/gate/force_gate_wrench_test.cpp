@@ -21,8 +21,8 @@ constexpr double kMostGain_J = 1e-4;
 Vec3 anyVector(Random& random, double most) {
   return {random.in(-most, most), random.in(-most, most), random.in(-most, most)};
 }
-Wrench anyWrench(Random& random, double most_N, double most_Nm) {
-  return {anyVector(random, most_N), anyVector(random, most_Nm)};
+Wrench anyWrench(Random& random, double max_N, double max_Nm) {
+  return {anyVector(random, max_N), anyVector(random, max_Nm)};
 }
 Wrench plus(const Wrench& a, const Wrench& b, double share_of_b) {
   return {a.force_N + b.force_N * share_of_b, a.torque_Nm + b.torque_Nm * share_of_b};
@@ -121,7 +121,7 @@ TEST(GateWrench, slewTakesForceAndTorqueTheSameFractionOfTheWay) {
   EXPECT_GT(limited, 300);
 }
 
-TEST(GateWrench, theShareFallsAtOnceAndRisesOnlyWhereTheWrenchIsNextToNothing) {
+TEST(GateWrench, theShareFallsAtOnceAndRisesOnlyNearZeroWrench) {
   DeviceLimits limits;
   limits.continuous_force_N = limits.continuous_torque_Nm = kHuge;
   StartedGate r(limits);
@@ -220,9 +220,9 @@ class LeaningHand {
   // any cycle that ends at rest; at most 8 N across, 5 N along
   void anyCycle(Random& random, int places) {
     for (int i = 0; i < places; ++i) {
-      const double most_m = std::min(0.03, 8 / across_N_per_m), turn = random.in(-0.5, 0.5);
+      const double max_m = std::min(0.03, 8 / across_N_per_m), turn = random.in(-0.5, 0.5);
       const double along_m = along_N_per_m > 0 ? std::min(0.02, 5 / along_N_per_m) : 0;
-      moveTo({random.in(-most_m, most_m) + lever_m * std::sin(turn), random.in(-1, 1) * along_m, turn},
+      moveTo({random.in(-max_m, max_m) + lever_m * std::sin(turn), random.in(-1, 1) * along_m, turn},
              random.in(0.3, 0.8));
       hold(random.chance(0.5) ? random.in(0.5, 6) : 0.1);
     }
@@ -252,7 +252,7 @@ class LeaningHand {
 
 // the largest gain of a cycle that was found, over levers, stiffnesses, forces and times
 double mostGainOfFoundCycle_J(const std::function<Limiter()>& limiter) {
-  double most_J = -1;
+  double max_J = -1;
   for (const double lever_m : {0.05, 0.13, 0.2})
     for (const double k_N_per_m : {216.0, 800.0})
       for (const double aside_N : {2.0, 3.0, 5.0})
@@ -262,15 +262,15 @@ double mostGainOfFoundCycle_J(const std::function<Limiter()>& limiter) {
           hand.across_N_per_m = k_N_per_m;
           for (int cycle = 0; cycle < 3; ++cycle) {
             hand.turnWaitCarry(aside_N, hold_s);
-            most_J = std::max(most_J, hand.gain_J());
+            max_J = std::max(max_J, hand.gain_J());
           }
         }
-  return most_J;
+  return max_J;
 }
 
 double mostGainOfAnyCycle_J(const std::function<Limiter()>& limiter, int hands) {
   Random random(28);
-  double most_J = -1;
+  double max_J = -1;
   for (int i = 0; i < hands; ++i) {
     LeaningHand hand(limiter());
     hand.lever_m = random.chance(0.2) ? 0 : random.in(0, 0.2);
@@ -278,10 +278,10 @@ double mostGainOfAnyCycle_J(const std::function<Limiter()>& limiter, int hands) 
     hand.along_N_per_m = random.chance(0.5) ? 0 : random.in(15, 1000);
     for (int cycle = 0; cycle < 3; ++cycle) {
       hand.anyCycle(random, 1 + static_cast<int>(random.below(3)));
-      most_J = std::max(most_J, hand.gain_J());
+      max_J = std::max(max_J, hand.gain_J());
     }
   }
-  return most_J;
+  return max_J;
 }
 
 TEST(GateWrench, noCycleOfALeaningHandGainsATenthOfAMillijoule) {
@@ -306,7 +306,7 @@ TEST(GateWrench, controlWithoutALimitTheHandsWorkIsThatOfSprings) {
   EXPECT_LE(mostGainOfAnyCycle_J(none, 40), 1e-5);
 }
 
-TEST(GateWrench, aShareThatRisesWhereASoftSpringIsNextToNothingGivesLittle) {
+TEST(GateWrench, aShareRisingAtASoftSpringGivesLittleEnergy) {
   LeaningHand hand(gateOf({}));
   hand.lever_m = 0;
   hand.across_N_per_m = 400;

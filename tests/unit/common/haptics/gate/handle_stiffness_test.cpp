@@ -45,7 +45,7 @@ double worstTurn_Nm_per_rad(double fixture_N_per_m, const Pose& X_HT) {
 
 TEST(HandleStiffness, aStraightLeverTurnsTheFixtureIntoItsSquare) {
   const HandleStiffness of = handleStiffness(sceneOf(400, 0), kAxial_N_per_m, straight(0.13));
-  EXPECT_DOUBLE_EQ(of.fixture_N_per_m, 400);
+  EXPECT_DOUBLE_EQ(of.across_N_per_m, 400);
   EXPECT_NEAR(of.handle_Nm_per_rad, 6.76, 1e-12);
 }
 
@@ -66,10 +66,10 @@ TEST(HandleStiffness, effectsThatAreNotLiveHaveNone) {
   EXPECT_EQ(heldStiffnessShare(scene, kAxial_N_per_m, {}, straight(0.5)), 1);
   scene = sceneOf(400, 0.5);
   scene.orientation_limit.max_torque_Nm = 0;
-  EXPECT_EQ(handleStiffness(scene, kAxial_N_per_m, {}).orientation_Nm_per_rad, 0);
+  EXPECT_EQ(handleStiffness(scene, kAxial_N_per_m, {}).turning_Nm_per_rad, 0);
 }
 
-TEST(HandleStiffness, boneHoldsANeedleAsideBesideTheFixture) {
+TEST(HandleStiffness, boneHoldsANeedleSidewaysNextToTheFixture) {
   SceneSpec scene = sceneOf(400, 0);
   scene.effects |= bitOf(Effect::kBone);
   double& bone = scene.stage_numbers[stageOf(Effect::kBone)][kBoneStiffness_N_per_m];
@@ -96,7 +96,7 @@ TEST(HandleStiffness, aShortNeedleReachesTheFixturesGreatest) {
     steepest = std::max(steepest, report.clamping_stiffness_N_per_m);
   }
   EXPECT_NEAR(steepest, 400, 1e-9);
-  EXPECT_NEAR(handleStiffness(scene, 0, {}).fixture_N_per_m, steepest, 1e-9);
+  EXPECT_NEAR(handleStiffness(scene, 0, {}).across_N_per_m, steepest, 1e-9);
 }
 
 TEST(HandleStiffness, withoutLateralStiffnessThereIsNoFixture) {
@@ -132,7 +132,7 @@ TEST(LowerStiffness, whatIsLoweredIsHeld) {
   }
 }
 
-TEST(LowerStiffness, theEngineRendersNoMore) {
+TEST(LowerStiffness, theEngineRendersNoMoreThanTheLoweredStiffness) {
   SceneSpec scene = sceneOf(400, 0.5);
   lowerStiffness(scene, 0.55);
   const auto model = compile(scene, 1000);
@@ -155,15 +155,15 @@ TEST(LowerStiffness, allOfItChangesNothing) {
   EXPECT_EQ(scene.orientation_limit.stiffness_Nm_per_rad, 0.5);
 }
 
-TEST(StiffnessShareText, saysWhatWasNotRenderedAsTheProfileSays) {
-  EXPECT_EQ(stiffnessShareText(1, false), "");
-  EXPECT_EQ(stiffnessShareText(0.551, false),
+TEST(StiffnessShareText, namesTheReductionInTheProfilesTerms) {
+  EXPECT_EQ(stiffnessShareText(1, 0), "");
+  EXPECT_EQ(stiffnessShareText(0.551, 0),
             "Fixture, bone and orientation limit were rendered at 55 % of the profile's stiffness. This "
             "device and tool cannot hold more.");
-  EXPECT_EQ(stiffnessShareText(0.551, true),
+  EXPECT_EQ(stiffnessShareText(0.551, bitOf(Effect::kBone)),
             "Bone was left out: the needle cut it as it cuts a layer of tissue. Fixture and orientation "
             "limit were rendered at 55 % of the profile's stiffness. This device and tool cannot hold more.");
-  EXPECT_EQ(stiffnessShareText(1, true),
+  EXPECT_EQ(stiffnessShareText(1, bitOf(Effect::kBone)),
             "Bone was left out: the needle cut it as it cuts a layer of tissue. This device and tool cannot "
             "hold more.");
 }

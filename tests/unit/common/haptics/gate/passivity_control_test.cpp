@@ -101,7 +101,7 @@ TEST(PassivityControl, countsTorqueTimesTurn) {
 }
 
 // 2 N along every motion: an engine that always gives energy
-TEST(PassivityControl, aForceThatAlwaysGivesGetsTheReserveAndNoMore) {
+TEST(PassivityControl, anActiveForceGetsOnlyTheReserve) {
   for (const std::uint32_t delay : {0u, 1u, 3u}) {
     PassivityControl control(withTank(20e-6, 0.1, delay), kControlRate_hz);
     const Course of = driven(control, 5000, swing, [](double, double v) { return v > 0 ? 2.0 : -2.0; });
@@ -123,7 +123,7 @@ TEST(PassivityControl, aForceThatTakesIsLeftAsItIs) {
   EXPECT_LT(of.given_J(1), -0.04);
 }
 
-TEST(PassivityControl, theTankHoldsNoMoreThanItsCapacityAndOutsideTheReserve) {
+TEST(PassivityControl, theTankHoldsAtMostItsCapacityOrReserve) {
   PassivityControl control(withTank(20e-6, 1e-3), kControlRate_hz);
   const Course of = driven(control, 1000, swing, [](double, double v) { return v > 0 ? -2.0 : 2.0; });
   EXPECT_LE(*std::max_element(of.level_J.begin(), of.level_J.end()), 1e-3);
@@ -131,7 +131,7 @@ TEST(PassivityControl, theTankHoldsNoMoreThanItsCapacityAndOutsideTheReserve) {
   EXPECT_LE(control.state().level_J, 20e-6) << "no force: nothing is stored";
 }
 
-TEST(PassivityControl, theDevicesDampingFillsItNoMoreThanItLoses) {
+TEST(PassivityControl, dampingFillsTheTankOnlyByItsDissipation) {
   PassivitySettings settings = withTank(0, 1);
   settings.damping_Ns_per_m = 1.7;
   PassivityControl control(settings, kControlRate_hz);

@@ -44,7 +44,7 @@ TEST(VoigtModel, addsTheDamperAndNeverPulls) {
   EXPECT_EQ(probe.last().attracted_N, 0.0);
 }
 
-TEST(VoigtModel, anAdaptiveWindowBridgesTheNoiseAndIsShortWhereTheNeedleStarts) {
+TEST(VoigtModel, anAdaptiveWindowBridgesNoiseAndShortensAtStarts) {
   SceneSpec scene = twoLayers(AxialModel::kVoigt);
   scene.voigt.velocity_noise_m = 1.1e-5;  // for positions off by 10 µm
   Probe probe(scene, 1000);
@@ -59,7 +59,7 @@ TEST(VoigtModel, anAdaptiveWindowBridgesTheNoiseAndIsShortWhereTheNeedleStarts) 
   EXPECT_NEAR(probe.last().cutting_N, -(500 * 0.002395 + 5 * 0.01), 1e-9);
 }
 
-TEST(VoigtModel, refusesANoiseThatIsNone) {
+TEST(VoigtModel, refusesAnInvalidNoise) {
   SceneSpec scene = twoLayers(AxialModel::kVoigt);
   scene.voigt.velocity_noise_m = -1e-6;
   EXPECT_FALSE(compile(scene, 1000).ok());
@@ -84,7 +84,7 @@ TEST(GodObjectModel, holdsOnEachTopLetsThroughAndIsForcelessBetween) {
   EXPECT_DOUBLE_EQ(probe.at(0.001).cutting_N, -0.5) << "a new insertion meets the skin again";
 }
 
-TEST(GodObjectModel, aTopThatWasPassedWhileAnotherHeldIsMetWhereItWas) {
+TEST(GodObjectModel, aLayerTopPassedEarlierIsMetAtItsPlace) {
   SceneSpec scene = twoLayers(AxialModel::kGodObject);
   scene.layers[0].thickness_m = 0.001;  // the second top lies within the first's reach of 2 mm
   Probe probe(scene, 1000);
@@ -203,7 +203,7 @@ TEST(LikeForLike, saysWhichOfOkamurasAndDahlsFrictionsAreAssumed) {
   EXPECT_EQ(frictionAssumption(scene, AxialModel::kOkamura), "") << "its own numbers";
 }
 
-TEST(LikeForLike, everyModelOfEverySceneCompilesAndASectionOfTheScenesOwnStays) {
+TEST(LikeForLike, everyModelCompilesForEverySceneAndKeepsItsSection) {
   for (const SceneSpec& scene : {paperOneDof(), paperSixLayers(), allEffects()})
     for (const AxialModel model : kAllModels) {
       const auto compiled_scene = compile(renderedBy(scene, model), 1000);

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include "common/haptics/effects/trajectory.h"
-#include "common/haptics/models/axial_entry.h"
 #include "tests/support/realtime/no_alloc.h"
 #include "tests/support/scenes/model_scenes.h"
 #include "tests/unit/common/haptics/probe.h"
@@ -95,7 +94,7 @@ TEST_P(EveryModel, anExitResetsAllButTheNumberOfInsertions) {
   EXPECT_EQ(difference_N > 0, GetParam() == AxialModel::kStatistical);
 }
 
-TEST_P(EveryModel, aCopyOfTheStateIsASnapshotAndItsHashSeesTheModelsOwn) {
+TEST_P(EveryModel, aStateCopyIsASnapshotAndItsHashComplete) {
   const Motion motion = randomGesture(31, 1000, defaultSite());
   EngineRun run(turning(), 1000);
   for (std::size_t k = 0; k < motion.size() / 2; ++k) run.step(motion[k]);
@@ -125,7 +124,7 @@ TEST_P(EveryModel, aTickUsesNoHeap) {
 }
 
 // a membrane that holds keeps the walls in place, under every model that allows PUNCTURE
-TEST_P(EveryModel, standsBesideMembranesThatHold) {
+TEST_P(EveryModel, worksWithHoldingMembranes) {
   SceneSpec scene = paperOneDof();
   scene.layers[0].membrane = MembraneSpec{1000, 0, 3};
   scene.effects |= bitOf(Effect::kPuncture);

@@ -103,7 +103,7 @@ TEST(ScoreProcess, theWayThereDoesNotMatterAndNothingJumps) {
 }
 
 // issue 3: the 95 % band covers 93–97 % of 10,000 draws
-TEST(StatisticalModel, theBandCoversAsItSays) {
+TEST(StatisticalModel, theBandHasItsStatedCoverage) {
   const StatisticalTarget target(porcine());
   constexpr int kDraws = 10'000;
   for (const double depth_m : {0.001, 0.004, 0.0123, 0.035, 0.06}) {

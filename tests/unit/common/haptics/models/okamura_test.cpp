@@ -140,14 +140,14 @@ TEST(DahlModel, theLoopsAreaIsItsClosedForm) {
   const ShaftFrictionSpec side{30, 30, 0};
   for (const double way_m : {0.0005, 0.002, 0.005, 0.02}) {
     const auto loop = lastCycle(rubbingSkin(AxialModel::kDahl, side, side), 1000, 0.02, way_m, 30);
-    double area_J = 0, most_N = 0;
+    double area_J = 0, max_N = 0;
     for (std::size_t i = 0; i < loop.size(); ++i) {
       const StepReport &from = loop[i == 0 ? loop.size() - 1 : i - 1], &to = loop[i];
       area_J -= 0.5 * (from.friction_N + to.friction_N) * (to.depth_m - from.depth_m);
-      most_N = std::max(most_N, std::abs(to.friction_N));
+      max_N = std::max(max_N, std::abs(to.friction_N));
     }
     const double tanh = std::tanh(way_m / (2 * kLambda_m));
-    EXPECT_NEAR(most_N, kLimit_N * tanh, 1e-6) << way_m;
+    EXPECT_NEAR(max_N, kLimit_N * tanh, 1e-6) << way_m;
     const double expected_J = 2 * kLimit_N * (way_m - 2 * kLambda_m * tanh);
     EXPECT_NEAR(area_J, expected_J, 1e-3 * expected_J) << way_m;
     EXPECT_GT(area_J, 0) << "the hand gives it";
@@ -201,8 +201,8 @@ TEST(OkamuraModel, itsFrictionNeverGivesMoreThanItsSpringHolds) {
         before = r;
       }
       const double held_J = before.friction_N * before.friction_N / (2 * kSpring_N_per_m);
-      const double most_J = 0.9 * 0.9 / (2 * kSpring_N_per_m);
-      EXPECT_LE(given_J + held_J, most_J) << axialModelName(model) << ", stroke " << k;
+      const double max_J = 0.9 * 0.9 / (2 * kSpring_N_per_m);
+      EXPECT_LE(given_J + held_J, max_J) << axialModelName(model) << ", stroke " << k;
     }
     EXPECT_LT(given_J, -0.01) << "it takes";
   }
@@ -221,7 +221,7 @@ TEST(OkamuraModel, theStatesHashSeesTheWaySinceItStuck) {
   EXPECT_NE(hashOf(other), hashOf(probe.state()));
 }
 
-TEST(OkamuraModel, aDeviceIsToldTheSteepestSlope) {
+TEST(OkamuraModel, aDeviceLearnsTheSteepestSlope) {
   const ShaftFrictionSpec side{20, 40, 0};
   EXPECT_NEAR(Probe(rubbingSkin(AxialModel::kOkamura, side, side), 1000).model().axialStiffness_N_per_m(),
               500 + kSpring_N_per_m, 1e-9);

@@ -51,7 +51,7 @@ TEST(AlarmKinds, standInTheOrderOfTheirNumbersWithNamesOfTheirOwn) {
   EXPECT_EQ(alarmKinds().size(), 7u);
 }
 
-TEST_F(Alarms, aHazardBeginsWhereTheTipTouchesItAndLastsASecondLonger) {
+TEST_F(Alarms, aHazardStartsAtContactAndLastsASecondLonger) {
   make(nerveAboveBone());
   EXPECT_THAT(at(0, 0.0139), IsEmpty());
   EXPECT_THAT(alarms_.now(), IsEmpty());
@@ -68,7 +68,7 @@ TEST_F(Alarms, aHazardBeginsWhereTheTipTouchesItAndLastsASecondLonger) {
   EXPECT_TRUE(alarms_.counts()[0].now);
 }
 
-TEST_F(Alarms, boneIsTheTipInALayerOfBoneOrInABoneThatIsAHazard) {
+TEST_F(Alarms, aBoneAlarmNeedsABoneLayerOrBoneHazard) {
   pb::Profile profile = nerveAboveBone();
   addBallHazard(profile, "humeral head", {0, 0, -0.009}, 0.001);
   profile.mutable_hazards(1)->set_kind(pb::Hazard::BONE);

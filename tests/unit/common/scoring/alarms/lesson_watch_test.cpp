@@ -20,7 +20,7 @@ std::vector<GestureSample> downAndUp(double depth_m) {
   });
 }
 
-TEST(LessonWatch, saysAtEachMomentWhatTheScoreSaysInTheEnd) {
+TEST(LessonWatch, matchesTheFinalScoreAtEachMoment) {
   pb::Profile profile = halfSpace();
   addBallHazard(profile, "nerve", {0, 0, -0.015}, 0.001);
   addBallHazard(profile, "vessel", {0, 0, -0.024}, 0.001);
@@ -69,7 +69,7 @@ TEST(LessonWatch, warnsOfBoneOnceWhereTheTipComesIntoIt) {
   EXPECT_NEAR(static_cast<double>(when[0]), 1000 * 19.0 / 32.0, 1);
   EXPECT_NEAR(static_cast<double>(when[1]), 1000 * 25.0 / 32.0, 1);
   EXPECT_NEAR(static_cast<double>(when[2]), 1000 * 29.0 / 32.0, 1);
-  EXPECT_EQ(watch.hazardsTouched(), (std::vector<std::string>{"nerve", "vessel"})) << "bone is told apart";
+  EXPECT_EQ(watch.hazardsTouched(), (std::vector<std::string>{"nerve", "vessel"})) << "bone is distinguished";
 }
 
 TEST(LessonWatch, warnsOnceWhereTheHubComesOntoTheSkin) {
@@ -87,7 +87,7 @@ TEST(LessonWatch, warnsOnceWhereTheHubComesOntoTheSkin) {
     if (!when && watch.warnings().size() == 2) when = i;
   }
   EXPECT_EQ(watch.warnings(), (std::vector<std::string>{"nerve", "hub on the skin"}));
-  EXPECT_EQ(watch.hazardsTouched(), std::vector<std::string>{"nerve"}) << "the hub is told apart";
+  EXPECT_EQ(watch.hazardsTouched(), std::vector<std::string>{"nerve"}) << "the hub is distinguished";
   ASSERT_TRUE(when);
   EXPECT_NEAR(static_cast<double>(*when), 1000 * 23.0 / 24.9, 1);
 }
@@ -104,7 +104,7 @@ TEST(LessonWatch, theShaftTouchesToo) {
   EXPECT_EQ(watch.hazardsTouched().size(), 1u);
 }
 
-TEST(LessonWatch, theLayerHasItsNameAndOutsideThereIsNone) {
+TEST(LessonWatch, theLayerHasItsNameAndOutsideHasNone) {
   pb::Profile profile = halfSpace();
   profile.mutable_layers(1)->set_name("Deltoid muscle");
   LessonWatch watch(profile, {});

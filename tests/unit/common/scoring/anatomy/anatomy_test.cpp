@@ -101,8 +101,8 @@ TEST(Target, isWhereTheBallAndItsTissueAre) {
     // no part of the target is nearer than reported
     for (int i = 0; i < 50; ++i) {
       const Vec3 p{uniform(random), uniform(random), uniform(random) - 0.004};
-      const double least_m = distanceTo(anatomy, anatomy.targets[0], p);
-      for (const Vec3 other : in) ASSERT_GE(norm(other - p), least_m - 1e-12);
+      const double min_m = distanceTo(anatomy, anatomy.targets[0], p);
+      for (const Vec3 other : in) ASSERT_GE(norm(other - p), min_m - 1e-12);
     }
   }
 }

@@ -60,7 +60,7 @@ TEST(BoneContacts, tremorAtTheSurfaceIsOneContactAndAnotherTouchIsAnother) {
 TEST(BoneContacts, nothingIsAssumedAboutTheTimeBetweenTwoMoments) {
   BoneContacts bones = bonesOf(halfSpace());
   EXPECT_TRUE(bones.add(1, 2, {0, 0, -0.021}));
-  EXPECT_FALSE(bones.add(50, 2, {0, 0, -0.021})) << "nobody saw it leave";
+  EXPECT_FALSE(bones.add(50, 2, {0, 0, -0.021})) << "no one saw it leave";
   bones.restart();
   EXPECT_TRUE(bones.add(0, 2, {0, 0, -0.021})) << "another gesture";
 }
@@ -73,7 +73,7 @@ TEST(BoneContacts, aHazardOfBoneIsEnteredByTheTip) {
   EXPECT_EQ(contactsOf(bonesOf(profile), 1800, [](int ms) { return 1e-5 * (ms + 0.5); }),
             std::vector<int>{1300});
   const BoneContacts bones = bonesOf(profile);
-  EXPECT_FALSE(bones.isIn(0, {0, 0, -0.005})) << "a nerve is no bone";
+  EXPECT_FALSE(bones.isIn(0, {0, 0, -0.005})) << "a nerve is not a bone";
   EXPECT_FALSE(bones.isIn(1, {0.0021, 0, -0.015})) << "beside it";
   EXPECT_FALSE(bones.isIn(-1, {0, 0, -0.015})) << "the engine has the tip outside";
   // moves with its limb

@@ -38,7 +38,7 @@ TEST(Trend, agreesWithAllOrdersCounted) {
   EXPECT_NEAR(trendOf(seen)->p, static_cast<double>(as_rare) / all, 1e-12);
 }
 
-TEST(Trend, chanceIsTakenForATrendInFiveOfAHundredAtMost) {
+TEST(Trend, chanceIsCalledATrendAtMostFiveInAHundred) {
   std::mt19937_64 random(17);
   std::normal_distribution<double> normal;
   for (const std::size_t n : {std::size_t{6}, std::size_t{12}, std::size_t{60}}) {
@@ -77,7 +77,7 @@ TEST(LearningCurve, findsTheCurveThatTheValuesWereMadeOf) {
 
 TEST(LearningCurve, isNotFittedWhereItWouldBeAGuess) {
   std::string why;
-  EXPECT_FALSE(learningCurveOf(curve(kLeastForCurve - 1, 20, 40, 2, 0), &why));
+  EXPECT_FALSE(learningCurveOf(curve(kMinForCurve - 1, 20, 40, 2, 0), &why));
   EXPECT_THAT(why, HasSubstr("needs 8 attempts"));
   std::vector<double> line;
   for (int k = 0; k < 12; ++k) line.push_back(30 - k);

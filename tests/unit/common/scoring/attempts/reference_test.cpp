@@ -64,8 +64,8 @@ TEST(Reference, measuresThatSomeDoNotHaveAreOfFewer) {
   EXPECT_EQ(bands[1].n, 1u);
 }
 
-TEST(Reference, ofFewerThanFiveNothingIsSaid) {
-  for (std::size_t n = 1; n < kLeastReferences; ++n) {
+TEST(Reference, fewerThanFiveExpertsGiveNoStatement) {
+  for (std::size_t n = 1; n < kMinReferences; ++n) {
     std::vector<double> experts;
     for (std::size_t i = 0; i < n; ++i) experts.push_back(3 + static_cast<double>(i));
     const Comparison row = compared("peak_force_n", 9, experts);
@@ -76,7 +76,7 @@ TEST(Reference, ofFewerThanFiveNothingIsSaid) {
   EXPECT_EQ(compared("peak_force_n", 9, {2, 3, 4, 5, 6}).place, ExpertPlace::kAbove);
 }
 
-TEST(Reference, thePlaceIsByTheLeastAndTheGreatestWhateverTheMeasureAndTheirSpread) {
+TEST(Reference, thePlaceUsesTheExpertsMinimumAndMaximum) {
   std::mt19937_64 random(7);
   for (const MeasureKind& kind : measureKinds()) {
     if (kind.name.find('K') != std::string_view::npos) continue;
@@ -113,7 +113,7 @@ TEST(Reference, theWordsNameTheRangeAndNeitherDistanceNorVerdict) {
       EXPECT_THAT(compared("peak_force_n", value, experts).words, Not(HasSubstr(word)));
 }
 
-TEST(Reference, aGestureInWhichAHazardOrBoneWasTouchedIsNone) {
+TEST(Reference, aGestureTouchingAHazardOrBoneIsExcluded) {
   EXPECT_EQ(whyNoReference(rowsOf({{"hazards_touched", 0}, {"bone_contacts", 0}, {"entries", 2}})), "");
   EXPECT_EQ(whyNoReference({}), "") << "an old score may not have them";
   EXPECT_EQ(whyNoReference(rowsOf({{"hazards_touched", 1}, {"bone_contacts", 0}})), "touched 1 hazard");
@@ -122,12 +122,12 @@ TEST(Reference, aGestureInWhichAHazardOrBoneWasTouchedIsNone) {
   EXPECT_EQ(whyNoReference(rowsOf({{"bone_contacts", 3}})), "3 contacts with bone");
 }
 
-TEST(Reference, layersAreCalledByTheirNumber) {
+TEST(Reference, layersAreNamedByTheirNumber) {
   EXPECT_THAT(compared("peak_force_layer_12_n", 6, {2, 4, 4, 4, 5, 5, 7, 9}).words,
               HasSubstr("Peak force in layer 12 6 N"));
 }
 
-TEST(Reference, layersAreCalledByTheirNamesWhereTheProfileIsKnown) {
+TEST(Reference, layersAreNamedByTheProfile) {
   Measure row;
   row.name = "peak_force_layer_2_n";
   row.value = 6;
@@ -145,7 +145,7 @@ TEST(Reference, layersAreCalledByTheirNamesWhereTheProfileIsKnown) {
   EXPECT_THAT(compared[0].words, HasSubstr("Peak force in dura 6 N"));
 }
 
-TEST(Reference, whereTheExpertsDoNotVaryNothingIsSaid) {
+TEST(Reference, identicalExpertsGiveNoStatement) {
   for (const double value : {0.0, 1.0, 2.0}) {
     EXPECT_FALSE(compared("bone_contacts", value, {0, 0, 0, 0, 0}).place);
     EXPECT_FALSE(compared("target_reached", value, {1, 1, 1, 1, 1}).place);
@@ -154,7 +154,7 @@ TEST(Reference, whereTheExpertsDoNotVaryNothingIsSaid) {
   EXPECT_FALSE(compared("peak_force_n", 5, {3, 3 + 1e-15, 3, 3 - 1e-15, 3}).place);
 }
 
-TEST(Reference, oneMoreExpertIsWithinAsOftenAsTheFormulaSays) {
+TEST(Reference, anotherExpertIsWithinAsOftenAsPredicted) {
   // (n − 1)/(n + 1) for any distribution: normal, and far from normal
   std::mt19937_64 random(5);
   std::normal_distribution<double> normal(10, 2);
@@ -185,7 +185,7 @@ TEST(Reference, distancesAmongAreToTheNearestOther) {
   EXPECT_EQ(distancesAmong(std::vector<TipPath>{at(0), {}, at(2)}), (std::vector<double>{2, 2}));
 }
 
-TEST(Reference, jsonSaysNullWhereThereIsNothingToSay) {
+TEST(Reference, jsonHasNullForMissingStatements) {
   const auto few = nlohmann::json::parse(bandsJson(referenceBands(forces({3}))));
   EXPECT_TRUE(few[0]["sd"].is_null());
   EXPECT_TRUE(few[0]["p10"].is_null());

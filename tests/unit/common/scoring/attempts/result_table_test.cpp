@@ -51,7 +51,7 @@ std::string tableOf(const pb::Results& page, const char* separator) {
   return text;
 }
 
-TEST(ResultTable, isARowForEachPersonAndExerciseWithAllMeasuresInTheirUnits) {
+TEST(ResultTable, hasARowForEachPersonAndExerciseWithUnits) {
   EXPECT_EQ(
       tableOf(results(), "comma"),
       "\xef\xbb\xbfPerson,Full name,Groups,Exercise,Verdict,Attempts,Attempts left,Best attempt,"
@@ -73,7 +73,7 @@ TEST(ResultTable, hasDecimalCommasBetweenSemicolons) {
             std::string::npos);
 }
 
-TEST(ResultTable, theVerdictSaysWhatIsKnown) {
+TEST(ResultTable, theVerdictStatesWhatIsKnown) {
   const auto verdict = [](const pb::ResultCell& cell) {
     ResultTable table(*csvStyleOf("comma"));
     std::string text;

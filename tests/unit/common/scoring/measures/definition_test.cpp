@@ -130,10 +130,11 @@ TEST(Definition, resultsOverCommittedGesturesAreThoseOfTheVersion) {
   ASSERT_EQ(newest.version, kScoreDefinitionVersion) << "a new version needs a line in kGolden";
   char text[32];
   std::snprintf(text, sizeof text, "0x%016" PRIx64, hash);
-  EXPECT_EQ(hash, newest.hash) << "the scores of the committed gestures changed, to " << text
-                               << ": if that was meant, raise kScoreDefinitionVersion (measures.h) and add a "
-                                  "line here, so that stored "
-                                  "sessions can be scored again; if not, it is a fault";
+  EXPECT_EQ(hash, newest.hash)
+      << "the scores of the committed gestures changed, to " << text
+      << ": if that was meant, raise kScoreDefinitionVersion (measure_rows.cpp) and add a "
+         "line here, so that stored "
+         "sessions can be scored again; if not, it is a fault";
 }
 
 TEST(Definition, errorsAgainstAPlanAreThoseOfTheVersion) {
@@ -162,7 +163,7 @@ TEST(Definition, errorsAgainstAPlanAreThoseOfTheVersion) {
   }
 }
 
-TEST(ScoreJson, isReadAsItWasWritten) {
+TEST(ScoreJson, survivesARoundTrip) {
   const ContinuousGesture gesture(5);
   pb::Exercise exercise;
   auto& requirement = *exercise.add_requirements();

@@ -28,7 +28,7 @@ TEST(Motion, aStraightLineAtConstantSpeed) {
   EXPECT_EQ(find(score, "target_reached"), nullptr) << "the profile has no target";
 }
 
-TEST(Motion, aCircleIsAsLongAsItsCircumference) {
+TEST(Motion, aCirclesLengthIsItsCircumference) {
   // 4 rounds of 50 mm radius, 2 s each: the filter removes 2^(−(0.5/6)²/2) = 0.24 %
   const auto samples = gesture(1000, 8, [](double t, GestureSample& s) {
     setTip(s, {0.05 * std::cos(std::numbers::pi * t), 0.05 * std::sin(std::numbers::pi * t), 0.1});
@@ -108,7 +108,7 @@ TEST(Tissue, depthsForcesAndLayers) {
   EXPECT_EQ(find(score, "peak_force_layer_2_n")->words, "Peak force in muscle 2 N");
 }
 
-TEST(Tissue, aLayersNameIsInItsWordsAndItsNumberInItsKey) {
+TEST(Tissue, aLayersNameIsInItsTextItsNumberInItsKey) {
   pb::Profile profile = halfSpace();
   profile.mutable_layers(1)->set_name("dura");
   const auto named = scoreGesture(inAndOut(1000), 1000, profile, {});
@@ -125,7 +125,7 @@ TEST(Tissue, aLayersNameIsInItsWordsAndItsNumberInItsKey) {
   }
 }
 
-TEST(Tissue, layersOfOneTissueAreToldApartInTheWords) {
+TEST(Tissue, layersOfOneTissueHaveDistinctTexts) {
   pb::Profile profile = halfSpace();
   profile.mutable_layers(1)->set_tissue(pb::Layer::FAT);
   profile.mutable_layers(2)->set_tissue(pb::Layer::FAT);
@@ -238,7 +238,7 @@ TEST(Aim, theTargetsDistanceAndTime) {
   EXPECT_NEAR(valueOf(score, "time_at_target_s"), 1 + 2 * (2 - 2 * low), 3e-3);
 }
 
-TEST(Aim, aMissedTargetIsToldByItsDistance) {
+TEST(Aim, aMissedTargetGivesItsDistance) {
   pb::Profile profile = halfSpace();
   addTarget(profile, {0, 0, -0.03}, 0.003);
   const auto score = scoreGesture(inAndOut(1000), 1000, profile, {});
@@ -295,7 +295,8 @@ TEST(Aim, eachEntryOfTheTipIntoBoneIsAContact) {
     twice.push_back(sample);
   }
   EXPECT_EQ(valueOf(scoreGesture(twice, 1000, profile, {}), "bone_contacts"), 2);
-  EXPECT_EQ(valueOf(scoreGesture(once, 1000, profile, {}), "hazards_touched"), 0) << "a layer is no hazard";
+  EXPECT_EQ(valueOf(scoreGesture(once, 1000, profile, {}), "hazards_touched"), 0)
+      << "a layer is not a hazard";
 
   profile.mutable_layers(2)->set_tissue(pb::Layer::MUSCLE);
   EXPECT_EQ(valueOf(scoreGesture(once, 1000, profile, {}), "bone_contacts"), 0);
@@ -307,7 +308,7 @@ TEST(Aim, eachEntryOfTheTipIntoBoneIsAContact) {
   EXPECT_EQ(valueOf(score, "bone_contacts"), 1) << "the tip's";
 }
 
-TEST(Aim, eachTimeThatTheNeedleIsInToItsHubIsAContact) {
+TEST(Aim, eachFullInsertionToTheHubIsAContact) {
   // a needle of 20 mm inserted 25 mm deep, 5 s after another such insertion
   const auto score = [](const std::vector<GestureSample>& samples) {
     return valueOf(scoreGesture(samples, 1000, halfSpace(), {}), "hub_contacts");
@@ -428,7 +429,7 @@ TEST(Score, anImpossibleRateGivesNone) {
   }
 }
 
-TEST(Score, randomBitsNeverGiveANumberThatIsNone) {
+TEST(Score, randomBitsGiveOnlyFiniteNumbers) {
   std::mt19937_64 random(9);
   pb::Profile profile = halfSpace();
   addTarget(profile, {0, 0, -0.02}, 0.001);

@@ -57,7 +57,7 @@ TEST(PlanMeasures, aWayOnThePlanHasNoError) {
   for (const char* const name : kPlanRows) EXPECT_NEAR(valueOf(score, name), 0, 1e-12) << name;
 }
 
-TEST(PlanMeasures, aWayBesideThePlanIsAsFarOffAllAlong) {
+TEST(PlanMeasures, aParallelPathHasAConstantLineError) {
   const auto score = scoredBy(planned(), straight(0.003, -0.004, 0));
   EXPECT_NEAR(valueOf(score, "planned_entry_error_m"), 0.005, 1e-12);
   EXPECT_NEAR(valueOf(score, "planned_angle_error_rad"), 0, 1e-12);
@@ -176,7 +176,7 @@ TEST(PlanMeasures, oneTickInTissueHasNoMean) {
   EXPECT_NEAR(valueOf(score, "largest_planned_line_error_m"), 0.005, 1e-12);
 }
 
-TEST(PlanMeasures, mayBeRequiredAndAreSaidInDegrees) {
+TEST(PlanMeasures, mayBeRequiredAndAreShownInDegrees) {
   pb::Exercise exercise = planned();
   const auto require = [&](const char* name, double max) {
     exercise.add_requirements()->set_measure(name);
@@ -193,7 +193,7 @@ TEST(PlanMeasures, mayBeRequiredAndAreSaidInDegrees) {
   EXPECT_EQ(find(score, "largest_planned_line_error_m")->words,
             "Largest distance from the planned line 5.47 mm: above the 4 mm allowed");
   EXPECT_EQ(find(score, "largest_lateral_error_m")->words, "Largest distance from the needle's own line 0 mm")
-      << "which of the two lines is meant is said";
+      << "the text names the line";
   // the plan was removed from the exercise, but not its requirements
   exercise.clear_plan();
   const Status refused = checkRequirements(exercise);
@@ -209,7 +209,7 @@ TEST(PlanMeasures, mayBeRequiredAndAreSaidInDegrees) {
   EXPECT_FALSE(*row->passed);
 }
 
-TEST(PlanMeasures, theTableSaysWhichNeedAPlan) {
+TEST(PlanMeasures, theTableMarksMeasuresThatNeedAPlan) {
   std::vector<std::string> names;
   for (const MeasureKind& kind : measureKinds())
     if (kind.need == MeasureNeed::kPlan) names.emplace_back(kind.name);

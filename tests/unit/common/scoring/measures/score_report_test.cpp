@@ -58,7 +58,7 @@ TEST(VerdictName, isOneWordForPeopleEverywhere) {
   EXPECT_STREQ(verdictName({}), "no verdict");
 }
 
-TEST(ScoreText, linesUpAndPutsWhatWasRequiredFirst) {
+TEST(ScoreText, alignsColumnsAndListsRequirementsFirst) {
   const auto score = sampleScore();
   std::istringstream text(scoreText(score));
   std::vector<std::string> lines;
@@ -122,7 +122,7 @@ Measure scored(const std::string& measure, std::optional<double> min, std::optio
   return row == nullptr ? Measure() : *row;
 }
 
-TEST(Requirements, contactsWithBoneCountWhereTheExerciseSaysSo) {
+TEST(Requirements, boneContactsCountWhereTheExerciseRequiresThem) {
   const Measure row = scored("bone_contacts", {}, 0);
   EXPECT_EQ(row.value, 1);
   EXPECT_FALSE(*row.passed);

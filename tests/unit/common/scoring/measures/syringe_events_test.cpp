@@ -78,7 +78,7 @@ TEST(SyringeEvents, tellKindTimesAndStroke) {
   EXPECT_EQ(events[0].in_tissue_share(), 1);
 }
 
-TEST(SyringeEvents, anInjectionBesideTheTissueInTheBallIsNotInTheTarget) {
+TEST(SyringeEvents, anInjectionBesideTheTissueIsNotInTheTarget) {
   // the shoulder: bursa from 25 to 27 mm, tendon under it; a ball of 3 mm about 26 mm
   const auto profile = loadProfile(NEEDLELAB_SAMPLES "/shoulder-adult.json");
   ASSERT_TRUE(profile.ok()) << profile.error().message;
@@ -208,7 +208,7 @@ TEST(SyringeEvents, missingTicksHideNothing) {
   EXPECT_NEAR(events[1].plunger_to() - events[1].plunger_from(), 0.8, 2e-3);
 }
 
-TEST(SyringeEvents, aWholeStrokeWithinMissingTicksLiesBetweenTheSamplesBesideThem) {
+TEST(SyringeEvents, aStrokeInsideAGapSpansTheNeighbouringSamples) {
   auto samples = held({{0, 0.2}, {1, 0.2}, {1.5, 0.9}, {3, 0.9}});
   std::erase_if(samples, [](const GestureSample& s) { return s.tick > 1900 && s.tick < 2700; });
   const auto events = eventsOf(samples);
@@ -255,7 +255,7 @@ TEST(SyringeEvents, anInjectionDuringWithdrawalHasTwoPlacesAndShares) {
   EXPECT_THAT(eventText(event), ::testing::HasSubstr("; to "));
 }
 
-TEST(SyringeEvents, outsideTheTissueIsSaid) {
+TEST(SyringeEvents, anEventOutsideTheTissueIsMarked) {
   const auto events = eventsOf(held({{0, 0.1}, {1, 0.1}, {2, 0.5}, {3, 0.5}}, 1000, -0.01));
   ASSERT_EQ(events.size(), 1u);
   EXPECT_FALSE(events[0].begin().in_tissue());
@@ -319,7 +319,7 @@ TEST(SyringeEvents, namesOfHazardsHaveABoundAndTheRestIsCounted) {
               ::testing::ElementsAreArray(names));
 }
 
-TEST(SyringeEvents, aPlungerThatJumpsInEachBinGivesTheFirstStrokesAndNoMore) {
+TEST(SyringeEvents, aJumpingPlungerGivesABoundedNumberOfStrokes) {
   const auto jumps = [](std::size_t samples) {
     auto all = held({{0, 0}, {0.01 * static_cast<double>(samples), 0}}, 100);
     all.resize(samples);

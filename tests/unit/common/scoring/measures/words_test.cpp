@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <utility>
 
 #include "common/base/files/files.h"
 #include "common/profile/profile.h"
@@ -32,16 +33,17 @@ std::optional<double> limitIn(const Json& row, const char* key) {
 
 TEST(MeasureTexts, areThoseOfTheTable) {
   const Json table = tableOf("measure_texts.json");
-  std::set<std::string_view> seen;
+  std::set<std::pair<MeasureForm, std::string_view>> seen, there;
   for (const Json& row : table["values"]) {
     const auto name = row["measure"].get<std::string>(), unit = row["unit"].get<std::string>();
     const MeasureKind* const kind = measureKind(name);
     ASSERT_NE(kind, nullptr) << name;
     EXPECT_EQ(unit, kind->unit) << name;
     EXPECT_EQ(measureText(name, row["value"], unit), row["text"]) << name;
-    seen.insert(kind->name);
+    seen.insert({kind->form, kind->unit});
   }
-  EXPECT_EQ(seen.size(), measureKinds().size()) << "each kind has a row";
+  for (const MeasureKind& kind : measureKinds()) there.insert({kind.form, kind.unit});
+  EXPECT_EQ(seen, there) << "each form and unit has a row";
   for (const Json& row : table["requirements"])
     EXPECT_EQ(requirementText(row["measure"].get<std::string>(), row["unit"], limitIn(row, "min"),
                               limitIn(row, "max")),
@@ -49,12 +51,12 @@ TEST(MeasureTexts, areThoseOfTheTable) {
         << row;
 }
 
-TEST(MeasureTexts, aShareIsInPercentAndYesOrNoIsSaid) {
+TEST(MeasureTexts, sharesAreInPercentAndFlagsAreYesOrNo) {
   for (const MeasureKind& kind : measureKinds()) {
     EXPECT_EQ(kind.form == MeasureForm::kShare, kind.name.ends_with("_share")) << kind.name;
     if (kind.form != MeasureForm::kQuantity) EXPECT_TRUE(kind.unit.empty()) << kind.name;
   }
-  EXPECT_EQ(meanText("target_reached", 0.82, ""), "82 %") << "half a yes is no value";
+  EXPECT_EQ(meanText("target_reached", 0.82, ""), "82 %") << "half a yes is not a value";
   EXPECT_EQ(meanText("peak_force_n", 2.5, "N"), "2.5 N");
   EXPECT_EQ(meanText("injected_share", 0.08, ""), "8 %");
 }
@@ -72,7 +74,7 @@ Measure scoredRow(const std::string& name, double value, std::optional<double> m
   if (min) requirement.set_min(*min);
   if (max) requirement.set_max(*max);
   std::vector<Measure> rows = {row};
-  applyRequirements(&exercise, {}, rows);
+  applyRequirements(&exercise, {}, {}, rows);
   return rows.at(0);
 }
 
@@ -139,7 +141,7 @@ TEST(MissingMeasures, areExplained) {
   }
 }
 
-TEST(MissingMeasures, haveAReasonWhateverTheirKindAndNoIdentifier) {
+TEST(MissingMeasures, haveAReasonForEveryKindWithoutIdentifiers) {
   for (const MeasureKind& kind : measureKinds()) {
     std::string name(kind.name);
     if (const std::size_t k = name.find('K'); k != std::string::npos) name.replace(k, 1, "2");
@@ -148,7 +150,7 @@ TEST(MissingMeasures, haveAReasonWhateverTheirKindAndNoIdentifier) {
     requirement.set_measure(name);
     requirement.set_min(1);
     std::vector<Measure> rows;
-    applyRequirements(&exercise, {}, rows);
+    applyRequirements(&exercise, {}, {}, rows);
     ASSERT_EQ(rows.size(), 1u);
     EXPECT_THAT(rows[0].words, ::testing::EndsWith(".")) << name;
     EXPECT_THAT(rows[0].words, Not(HasSubstr("_"))) << name;

@@ -60,7 +60,7 @@ TEST(Dtw, handMadeAlignments) {
   EXPECT_DOUBLE_EQ(*dtwDistance(along({0, 2}), along({0, 1, 2}), 5), 1 / 5.0);
 }
 
-TEST(Dtw, theBandForbidsWhatItIsFor) {
+TEST(Dtw, theBandForbidsLargeTimeShifts) {
   // a pause of 30 points early in one and late in the other: free without a band, expensive with a narrow one
   TipPath early, late;
   for (int i = 0; i < 90; ++i) {
@@ -86,14 +86,14 @@ TEST(Dtw, agreesWithEveryAlignmentCounted) {
     const auto distance = dtwDistance(a, b, band);
     ASSERT_TRUE(distance.has_value()) << n << " " << m << " " << band;
     EXPECT_NEAR(*distance, bruteForce(a, b, band), 1e-12) << n << " points and " << m << ", band " << band;
-    EXPECT_EQ(*distance, *dtwDistance(b, a, band)) << "whichever comes first";
+    EXPECT_EQ(*distance, *dtwDistance(b, a, band)) << "in either order";
   }
 }
 
-TEST(Dtw, refusesWhatItCannotCompare) {
+TEST(Dtw, refusesIncomparablePaths) {
   EXPECT_FALSE(dtwDistance({}, along({1})).has_value());
   EXPECT_FALSE(dtwDistance(along({1}), {}).has_value());
-  EXPECT_FALSE(dtwDistance(TipPath(kMostPathPoints + 1), along({1})).has_value());
+  EXPECT_FALSE(dtwDistance(TipPath(kMaxPathPoints + 1), along({1})).has_value());
   EXPECT_FALSE(dtwDistance(along({std::nan("")}), along({1})).has_value());
 }
 
@@ -102,7 +102,7 @@ TEST(Dtw, costsTheLongerPathTimesItsBand) {
   EXPECT_EQ(dtwCells(1200, 300), dtwCells(300, 1200));
   EXPECT_EQ(dtwCells(1200, 300), 1200u * 300u) << "the band is wider than the shorter path";
   EXPECT_EQ(dtwCells(100, 90), 100u * 41u) << "the least band";
-  EXPECT_EQ(dtwCells(kMostPathPoints + 1, 1), 0u);
+  EXPECT_EQ(dtwCells(kMaxPathPoints + 1, 1), 0u);
   EXPECT_EQ(dtwCells(0, 1), 0u);
 }
 
@@ -190,7 +190,7 @@ TEST(DtwAlignment, isAWalkFromStartToEndThatCostsTheDistance) {
 
 TEST(DtwAlignment, whatHasNoDistanceHasNone) {
   EXPECT_FALSE(dtwAlignment({}, along({1}), 3));
-  EXPECT_FALSE(dtwAlignment(TipPath(kMostPathPoints + 1), along({1}), 3));
+  EXPECT_FALSE(dtwAlignment(TipPath(kMaxPathPoints + 1), along({1}), 3));
 }
 
 }  // namespace

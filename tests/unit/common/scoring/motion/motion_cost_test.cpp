@@ -64,10 +64,10 @@ TEST(MotionCost, theLongestHonestSessionIsScoredTwiceOver) {
   const auto hour = inPieces(359'999, 1, 10);
   EXPECT_EQ(costOf(hour, 1000).points, 359'999u);
   EXPECT_TRUE(checkMotion(RecordedSamples(hour), 1000).ok());
-  EXPECT_EQ(kMostMotionPoints, 60u * 60 * 100);
+  EXPECT_EQ(kMaxMotionPoints, 60u * 60 * 100);
 }
 
-TEST(MotionCost, fewSamplesOfALowRateAreRefusedBeforeTheirPointsAreMade) {
+TEST(MotionCost, sparseSamplesAreRefusedBeforeAllocation) {
   // 50 Hz and one sample per 5 ticks, as close to the longest bridge as possible: 10 points per sample
   const std::size_t samples = 36'002;
   const auto spread = inPieces(samples, 1, 5);
@@ -85,7 +85,7 @@ TEST(MotionCost, manyShortPiecesOfAHighRateAreRefused) {
   // pairs one tick apart at 40 kHz, with 5,000 ticks between: each needs a kernel of 3,534 points on each
   // side
   const std::uint64_t reach = reachOf(1.0 / 40'000);
-  const std::uint64_t most = kMostSmoothingTerms / (2 * reach);
+  const std::uint64_t most = kMaxSmoothingTerms / (2 * reach);
   const auto allowed = inPieces(most, 2, 5000), refused = inPieces(most + 1, 2, 5000);
   EXPECT_EQ(costOf(allowed, 40'000).terms, most * 2 * reach);
   EXPECT_TRUE(checkMotion(RecordedSamples(allowed), 40'000).ok());

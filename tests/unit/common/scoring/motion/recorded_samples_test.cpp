@@ -30,8 +30,8 @@ struct InBlocks {
       return std::vector<GestureSample>(begin, begin + static_cast<std::ptrdiff_t>(count));
     };
   }
-  RecordedSamples open(std::size_t most_held = RecordedSamples::kMostHeld) {
-    return std::move(RecordedSamples::inBlocks(blocks(), read(), most_held)).value();
+  RecordedSamples open(std::size_t max_held = RecordedSamples::kMaxHeld) {
+    return std::move(RecordedSamples::inBlocks(blocks(), read(), max_held)).value();
   }
 
   std::vector<GestureSample> samples;
@@ -83,7 +83,7 @@ TEST(RecordedSamples, aScoreByBlocksHasTheBitsOfTheScoreInMemory) {
   }
 }
 
-TEST(GestureScore, inStepsItHasTheSameBitsAndEachStepReadsWhatItMay) {
+TEST(GestureScore, steppedScoringIsBitIdenticalAndReadsABoundedAmount) {
   const pb::Exercise exercise = plannedExercise();
   const auto samples = roughGesture(3);
   const pb::Profile profile = ContinuousGesture(3).profile();
@@ -194,7 +194,7 @@ TEST(RecordedSamples, aReferenceOutlivesThreeOtherBlocks) {
   EXPECT_EQ(blocks.mostHeld(), 400u);
 }
 
-TEST(RecordedSamples, aBlockThatCannotBeReadAgainIsAFaultAndTheScoreEnds) {
+TEST(RecordedSamples, anUnreadableBlockIsAFaultAndEndsTheScore) {
   InBlocks source(ContinuousGesture(3).samples(kRate_hz), 1000);
   source.fails_after = source.blocks() + 3;
   const RecordedSamples blocks = source.open(4'000);

@@ -29,7 +29,7 @@ TEST(Track, aStraightLineStaysAsItIs) {
   }
 }
 
-TEST(Track, aSineIsDampedAsTheFilterSays) {
+TEST(Track, aSineIsDampedByTheFiltersFormula) {
   for (const double f : {0.5, 2.0, 6.0, 10.0}) {
     const auto samples = gesture(1000, 10, [&](double t, GestureSample& s) {
       setTip(s, {std::sin(2 * std::numbers::pi * f * t), 0, 0});

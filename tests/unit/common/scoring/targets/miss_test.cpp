@@ -133,7 +133,7 @@ TEST(Miss, underARodOfSkinFollowsIt) {
   EXPECT_THAT(deep.towards, ElementsAre("up the arm"));
 }
 
-TEST(Miss, isTheSameWhereverTheLimbLies) {
+TEST(Miss, isIndependentOfTheLimbsPlace) {
   const Pose X_WL{{0.3, -0.2, 0.1}, normalized(Quat{0.2, -0.5, 0.4, 0.7})};
   std::mt19937_64 random(5);
   std::uniform_real_distribution<double> uniform(-0.015, 0.015);
@@ -196,7 +196,7 @@ TEST(Miss, ofAGestureIsAtTheFurthestPointOfItsLastInsertion) {
   EXPECT_NEAR(miss->aside_m, std::hypot(0.004, 0.0005) - 0.003, 1e-9);
   EXPECT_NEAR(miss->too_deep_m, 0, 1e-9);
   EXPECT_THAT(miss->towards, ElementsAre("towards the head"));
-  EXPECT_EQ(missPlaceText(*miss), "At the furthest point of the last insertion, at the needle's tip.");
+  EXPECT_EQ(missDirectionText(*miss), "At the furthest point of the last insertion, at the needle's tip.");
 }
 
 TEST(Miss, ofAGestureIsWhereItInjected) {
@@ -217,7 +217,7 @@ TEST(Miss, ofAGestureIsWhereItInjected) {
   EXPECT_EQ(miss->at, Miss::At::kInjection);
   EXPECT_NEAR(miss->too_deep_m, events[0].begin().depth_m() - 0.018, 1e-9);
   EXPECT_NEAR(events[0].begin().depth_m(), 0.020, 0.0005);
-  EXPECT_EQ(missPlaceText(*miss), "Where the last injection began, at the needle's opening.");
+  EXPECT_EQ(missDirectionText(*miss), "Where the last injection began, at the needle's opening.");
 }
 
 TEST(Miss, isNothingWithoutATargetOrAnInsertion) {

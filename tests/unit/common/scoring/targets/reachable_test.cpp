@@ -17,7 +17,7 @@ nlohmann::json shoulderJson() {
   return nlohmann::json::parse(*readWholeFile(NEEDLELAB_SAMPLES "/shoulder-adult.json", 1u << 20));
 }
 
-std::vector<std::string> saidOf(const nlohmann::json& profile, double needle_length_m = 0.06) {
+std::vector<std::string> predictionsOf(const nlohmann::json& profile, double needle_length_m = 0.06) {
   const auto read = parseProfile(profile.dump(), "shoulder.json");
   EXPECT_TRUE(read.ok()) << (read.ok() ? "" : read.error().message);
   return read.ok() ? unreachableTargets(*read, needle_length_m) : std::vector<std::string>{"not read"};
@@ -26,10 +26,10 @@ std::vector<std::string> saidOf(const nlohmann::json& profile, double needle_len
 TEST(UnreachableTargets, aTargetThatStaysWhileFatGrowsLiesInFat) {
   nlohmann::json profile = shoulderJson();
   profile["layers"][1]["thickness_m"] = 0.025;
-  EXPECT_THAT(saidOf(profile), IsEmpty()) << "anchored, it moves with the bursa";
+  EXPECT_THAT(predictionsOf(profile), IsEmpty()) << "anchored, it moves with the bursa";
   profile["targets"][0].erase("anchor");
   EXPECT_THAT(
-      saidOf(profile),
+      predictionsOf(profile),
       ElementsAre("targets[0]: 'subacromial bursa' lies in fat, 26 mm deep, and no part of it in bursa"));
 }
 
@@ -40,7 +40,7 @@ TEST(UnreachableTargets, areThoseOutsideInBoneAndBeyondTheNeedle) {
   target.erase("tissues");
   const auto at = [&](double depth_m) {
     target["center_m"]["z"] = -depth_m;
-    return saidOf(profile);
+    return predictionsOf(profile);
   };
   EXPECT_THAT(at(0.026), IsEmpty());
   EXPECT_THAT(at(-0.004), ElementsAre("targets[0]: 'subacromial bursa' lies outside the body"));
@@ -49,8 +49,8 @@ TEST(UnreachableTargets, areThoseOutsideInBoneAndBeyondTheNeedle) {
   EXPECT_THAT(at(0.0381),
               ElementsAre("targets[0]: 'subacromial bursa' lies in bone, which begins 35 mm deep"));
   target["center_m"]["z"] = -0.026;
-  EXPECT_THAT(saidOf(profile, 0.0231), IsEmpty());
-  EXPECT_THAT(saidOf(profile, 0.0229),
+  EXPECT_THAT(predictionsOf(profile, 0.0231), IsEmpty());
+  EXPECT_THAT(predictionsOf(profile, 0.0229),
               ElementsAre("targets[0]: 'subacromial bursa' begins 23 mm deep, the needle is 22.9 mm long"));
 }
 

@@ -36,7 +36,7 @@ TEST(CodeGuard, letsFiveTriesPassAndThenOneAfterEachWait) {
   }
 }
 
-TEST(CodeGuard, beginsAnewAfterARightCode) {
+TEST(CodeGuard, aCorrectCodeResetsTheCount) {
   test::FakeTime time;
   CodeGuard guard(time);
   for (int i = 0; i < 4; ++i) (void)guard.begin("tom");

@@ -57,7 +57,7 @@ TEST(CodesInStore, twoServersLetPassAsManyTriesAsOneInMemory) {
   }
 }
 
-TEST(CodesInStore, triesThatComeTogetherAreNoMoreThanThoseThatComeInTurn) {
+TEST(CodesInStore, simultaneousTriesShareTheSequentialLimit) {
   TwoServers servers;
   std::atomic<int> allowed{0};
   std::vector<std::thread> guessers;
@@ -72,7 +72,7 @@ TEST(CodesInStore, triesThatComeTogetherAreNoMoreThanThoseThatComeInTurn) {
   EXPECT_EQ(allowed.load(), 5);
 }
 
-TEST(CodesInStore, aClockThatIsHoursBehindMakesNobodyWaitForHours) {
+TEST(CodesInStore, aClockHoursBehindCausesNoWaitOfHours) {
   TwoServers servers;
   for (int n = 0; n < 5; ++n) ASSERT_OK(servers.a.begin("tom"));
   test::FakeTime behind{servers.time.peekNs() - 3 * 3600 * kSec_ns};
@@ -83,12 +83,12 @@ TEST(CodesInStore, aClockThatIsHoursBehindMakesNobodyWaitForHours) {
   EXPECT_LE(begun->must_wait, CodeGuard::Settings().longest_wait);
 }
 
-TEST(SharedLedgers, aReadIsNotedOnceAndAPageGoesOnAtTheOtherServer) {
+TEST(SharedLedgers, aReadIsAuditedOnceAcrossServersAndItsPages) {
   TwoServers servers;
   const ExportLedger a(servers.shared_a), b(servers.shared_b), alone;
   const Principal ina{"ina", pb::INSTRUCTOR, true, 5}, max{"max", pb::INSTRUCTOR, true, 5};
   const auto isNew = [&](const ExportLedger& ledger, const Principal& who) {
-    return test::TestDb::must(ledger.isNewElsewhere(servers.db.writer, who, "export"));
+    return test::TestDb::must(ledger.isNewOnAllServers(servers.db.writer, who, "export"));
   };
   EXPECT_TRUE(isNew(a, ina));
   EXPECT_FALSE(isNew(b, ina));

@@ -32,8 +32,8 @@ TEST(ExportLedger, whatWasTakenBackIsNewAgainForThatPersonAlone) {
   const Principal max{"max", pb::INSTRUCTOR};
   ASSERT_TRUE(ledger.isNew(kIna, "a", 0));
   ASSERT_TRUE(ledger.isNew(max, "a", 0));
-  ledger.takeBack(kIna, "a");
-  ledger.takeBack(kIna, "never noted");
+  ledger.revoke(kIna, "a");
+  ledger.revoke(kIna, "never noted");
   EXPECT_TRUE(ledger.isNew(kIna, "a", 1));
   EXPECT_FALSE(ledger.isNew(kIna, "a", 2));
   EXPECT_FALSE(ledger.isNew(max, "a", 2));

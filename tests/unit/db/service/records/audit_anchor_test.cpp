@@ -1,6 +1,4 @@
 // Which files an anchor's head is read from, and which not.
-#include "db/service/records/audit_anchor.h"
-
 #include <gmock/gmock.h>
 #include <sys/stat.h>
 
@@ -67,7 +65,7 @@ TEST_F(AuditAnchorTest, aPartOfAnExportIsNoExport) {
   EXPECT_THAT(fault(whole + second), HasSubstr("follows the last line"));
 }
 
-TEST_F(AuditAnchorTest, theHeadOfAnExportIsThatOfItsOwnLine) {
+TEST_F(AuditAnchorTest, anExportsHeadIsTakenFromItsOwnLine) {
   const std::string person = R"({"kind":"person","name":"anna"})"
                              "\n";
   const auto anchor = read(person + line("export-all", headText(2, 'a')) + line("user add", "trainee") +
@@ -147,7 +145,7 @@ TEST_F(AuditAnchorTest, whatSomebodyWroteIntoAnExportIsNoHead) {
   EXPECT_TRUE(refused(own + "\n" + forged + "\n")) << "no export has such a line";
 }
 
-TEST_F(AuditAnchorTest, ofAFolderEachPlainBackupIsAnAnchorAndOtherFilesAreNone) {
+TEST_F(AuditAnchorTest, onlyPlainBackupsInAFolderAreAnchors) {
   test::TestDb db;
   const auto backups = folder.path() / "backups";
   std::filesystem::create_directory(backups);
@@ -175,7 +173,7 @@ TEST_F(AuditAnchorTest, ofAFolderEachPlainBackupIsAnAnchorAndOtherFilesAreNone) 
   EXPECT_EQ(one->front().head.position, 1u);
 }
 
-TEST_F(AuditAnchorTest, aTextHasOneHeadOnALineOfItsOwn) {
+TEST_F(AuditAnchorTest, aTextContainsOneHeadOnItsOwnLine) {
   EXPECT_EQ(position(headText(5, 'a')), 5u);
   EXPECT_EQ(position("kept on Monday\n\n  " + headText(5, 'a') + " \r\n"), 5u);
   EXPECT_EQ(

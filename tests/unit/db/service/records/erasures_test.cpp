@@ -9,7 +9,7 @@
 
 #include "db/backup/backup.h"
 #include "db/erasure/erasure.h"
-#include "db/service/folder/restore.h"
+#include "db/service/folder/data_folder.h"
 #include "tests/unit/db/service/test_service.h"
 
 namespace needlelab {
@@ -59,7 +59,7 @@ class Erasures : public test::ServiceTest {
   }
 };
 
-TEST_F(Erasures, theReplySaysWhatWentAndTheLogAndListsSayErasedPerson) {
+TEST_F(Erasures, theReplyListsRemovalsAndLogsSayErasedPerson) {
   const Uuid id = closedSession("anna");
   const std::string gone = "erased person " + refOf("anna").substr(1);
   pb::Request remark;
@@ -99,7 +99,7 @@ TEST_F(Erasures, isRefusedForOneselfWithoutConfirmationAndWhileASessionIsOpen) {
   EXPECT_EQ(get(admin, other).erasure().sessions(), 1u);
 }
 
-TEST_F(Erasures, aTransactionThatFailsLeavesThePersonAndTheListAsTheyWere) {
+TEST_F(Erasures, aFailedTransactionKeepsThePersonAndTheList) {
   if (test::onPostgres()) return;  // the trigger is written in SQLite's dialect
   ASSERT_OK(change([](Connection& c) {
     return c.script("CREATE TRIGGER fails BEFORE DELETE ON consents BEGIN SELECT RAISE(ABORT, 'no'); END");
@@ -112,7 +112,7 @@ TEST_F(Erasures, aTransactionThatFailsLeavesThePersonAndTheListAsTheyWere) {
   get(admin, erase("anna"));
 }
 
-TEST_F(Erasures, aCrashBetweenTheListAndTheTransactionIsMadeGoodByTheNextStart) {
+TEST_F(Erasures, theNextStartCompletesAnInterruptedErasure) {
   closedSession("anna");
   const auto line = [&] {
     auto reader = store->readers().borrow();
@@ -137,7 +137,7 @@ TEST_F(Erasures, aListThatWasLostIsWrittenAgainByTheNextStart) {
   EXPECT_TRUE(get(admin, check).check_report().ok());
 }
 
-TEST_F(Erasures, aRestoredBackupOnAnotherMachineBringsNobodyBack) {
+TEST_F(Erasures, aBackupRestoredElsewhereBringsNoOneBack) {
   if (test::onPostgres()) return;  // its backups are made by its own tools
   pb::Request backup;
   backup.mutable_backup()->set_path((folder.path() / "backups" / "old.db").string());

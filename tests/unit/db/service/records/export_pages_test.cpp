@@ -87,7 +87,7 @@ TEST_F(ExportPages, beginWithTheFirstWhichIsWrittenDown) {
   EXPECT_EQ(refusal(admin, withPage(more, page)), ErrorCode::kInvalidInput);
 }
 
-TEST_F(ExportPages, aStudysRecordingIsWrittenDownWhereverItsReadingBegins) {
+TEST_F(ExportPages, readingAStudyRecordingIsAuditedFromAnyPosition) {
   addStation();
   addNamed("anna", "");
   closedSession("anna", 1, "");
@@ -111,7 +111,7 @@ TEST_F(ExportPages, aStudysRecordingIsWrittenDownWhereverItsReadingBegins) {
   EXPECT_EQ(lines.entries(0).detail(), read.read_study_recording().session());
 }
 
-TEST_F(ExportPages, ofAStudyPassOverNobodyWhenSomebodyWithdraws) {
+TEST_F(ExportPages, ofAStudySkipNoOneWhenSomeoneWithdraws) {
   threeWithFourEach();
   const auto first = studyPage("");
   ASSERT_FALSE(first.next_page().empty());
@@ -163,7 +163,7 @@ TEST_F(ExportPages, ofScoresStandWhenSomebodyIsErased) {
   }
 }
 
-TEST_F(ExportPages, ofScoresAreWrittenDownOnceAnHourWhereverTheyBegin) {
+TEST_F(ExportPages, ofScoresAreAuditedOnceAnHourFromAnyPosition) {
   threeWithFourEach();
   pb::Request list;
   list.mutable_list_scores();
@@ -183,7 +183,7 @@ TEST_F(ExportPages, ofScoresAreWrittenDownOnceAnHourWhereverTheyBegin) {
   EXPECT_EQ(lines.entries(1).who(), "mia");
 }
 
-TEST_F(ExportPages, ofEverythingFitTogetherWhateverEndsMeanwhile) {
+TEST_F(ExportPages, ofEverythingAreConsistentDespiteConcurrentEnds) {
   threeWithFourEach();
   pb::Request ask;
   ask.mutable_export_all();
@@ -276,12 +276,12 @@ TEST_F(ExportPages, aStudysNumbersAreNotChangedByNamesAndTellNoStation) {
   for (std::size_t i = 0; i < given.size(); ++i) {
     EXPECT_EQ(given[i].tick, original[i].tick - origin[0].tick);
     EXPECT_EQ(given[i].time_ns, original[i].time_ns - origin[0].time_ns);
-    EXPECT_EQ(given[i].p_WT_m[2], original[i].p_WT_m[2]) << "what was measured is as it was";
+    EXPECT_EQ(given[i].p_WT_m[2], original[i].p_WT_m[2]) << "measured values are unchanged";
     EXPECT_EQ(given[i].force_W_N[0], original[i].force_W_N[0]);
   }
 }
 
-TEST_F(ExportPages, aReplyOfAStudysRecordingShiftsFewSamplesHoweverManyFitIntoIt) {
+TEST_F(ExportPages, aStudyRecordingsReplyShiftsABoundedNumberOfSamples) {
   constexpr std::uint64_t kChunks = 5;
   addStation();
   addNamed("anna", "");

@@ -29,7 +29,7 @@ TEST(Phrases, areFoundAsWholeWordsInAnyCaseAndFormOfUnicode) {
   EXPECT_EQ(phrases.without("ask Anna Bell, or J\u00c4GER."), "ask [name removed], or [name removed].");
   EXPECT_TRUE(Phrases(std::vector<std::string>{"", " - "}).empty());
   EXPECT_THAT(phrases.placesIn("\xff Anna Bell \xc3"), ElementsAre(testing::Pair(2u, 11u)))
-      << "bytes that are no UTF-8";
+      << "bytes that are not UTF-8";
 }
 
 class Mentions : public test::ServiceTest {
@@ -110,7 +110,7 @@ TEST_F(Mentions, areListedWithTheirPlacesAndLeftAloneByAnErasure) {
   EXPECT_THAT(wheres("anna.bell", "Anna Bell"), ElementsAre("remark 1", "group g1")) << "by the words";
 }
 
-TEST_F(Mentions, areTakenOutOfOneTextAndTheAuditLogHasOnlyThatItWasDone) {
+TEST_F(Mentions, areRemovedFromOneTextAndTheAuditOmitsTheText) {
   get(admin, redact("anna.bell", "remark 1"));
   EXPECT_THAT(wheres("anna.bell"), ElementsAre("group g1"));
   pb::Request remarks;
@@ -131,7 +131,7 @@ TEST_F(Mentions, areTakenOutOfOneTextAndTheAuditLogHasOnlyThatItWasDone) {
   EXPECT_THAT(lines.audit().entries(0).DebugString(), Not(HasSubstr("Friends")));
 }
 
-TEST_F(Mentions, inTitlesAreTakenOutOfEachRevisionAndOfWhatStationsGet) {
+TEST_F(Mentions, inTitlesAreRemovedFromEachRevisionAndStationData) {
   importCourse("With Anna Bell");
   importCourse("With Anna Bell, again");
   EXPECT_THAT(wheres("anna.bell"), UnorderedElementsAre("remark 1", "group g1", "course course/1",
@@ -146,7 +146,7 @@ TEST_F(Mentions, inTitlesAreTakenOutOfEachRevisionAndOfWhatStationsGet) {
   lesson.mutable_get_lesson()->set_exercise_id("anna");
   const auto exercise = nlohmann::json::parse(get(station, lesson).lesson().exercise_json());
   EXPECT_EQ(exercise["name"], "As \"[name removed]\" does it");
-  EXPECT_EQ(exercise["id"], "anna") << "ids are no titles";
+  EXPECT_EQ(exercise["id"], "anna") << "ids are not titles";
 }
 
 TEST_F(Mentions, areForAdministratorsAndOfTextsThatAreThere) {

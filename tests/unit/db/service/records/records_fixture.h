@@ -13,7 +13,7 @@
 
 #include "db/erasure/erasure.h"
 #include "db/sessions/session_results.h"
-#include "db/store/lab_settings.h"
+#include "db/store/schema.h"
 #include "tests/support/run_form.h"
 #include "tests/unit/db/dump.h"
 #include "tests/unit/db/service/test_service.h"

@@ -4,10 +4,10 @@
 #include "common/base/files/files.h"
 #include "common/base/text/text.h"
 #include "db/audit/audit_chain.h"
-#include "db/service/folder/restore.h"
-#include "db/service/records/audit_anchor.h"
+#include "db/service/folder/data_folder.h"
+#include "db/service/records/record_end.h"
 #include "db/service/records/record_tables.h"
-#include "db/service/start/restored_access.h"
+#include "db/service/start/bootstrap.h"
 #include "tests/unit/db/service/records/records_fixture.h"
 
 namespace needlelab {
@@ -70,7 +70,7 @@ TEST_F(Records, everyRowIsExportedOnceWithItsValues) {
   }
 }
 
-TEST_F(Records, anOpenSessionIsExportedWithWhatItHoldsSoFar) {
+TEST_F(Records, anOpenSessionIsExportedAsFarAsItGoes) {
   addStation();
   addNamed("anna", "Anna A");
   addSession("anna", 3);
@@ -102,7 +102,7 @@ TEST_F(Records, aStudyHoldsThoseWhoConsentAndNoNameAnywhere) {
   closedSession("anna", 1'060'000'000'000, "");
   closedSession("ben", 5, "ben was here");
   closedSession("zoe", 5, "");
-  EXPECT_EQ(study("s1").size(), 1u) << "nobody was asked: the header alone";
+  EXPECT_EQ(study("s1").size(), 1u) << "no one was asked: the header alone";
   consent("anna", true);
   consent("ben", true);
   consent("zoe", true);
@@ -188,7 +188,7 @@ TEST_F(Records, aStudysProfilesAndScoresHaveNoNameAtAnyDepth) {
     all.erase(at, kept.size());
   for (const char* name : {"anna", "wqjvornov"})
     EXPECT_EQ(all.find(name), std::string::npos) << name << " in " << all;
-  EXPECT_EQ(exported["layers"][0]["tissue"], "MUSCLE") << "an enumerator is no text";
+  EXPECT_EQ(exported["layers"][0]["tissue"], "MUSCLE") << "an enumerator is not text";
   EXPECT_EQ(exported["layers"][0]["thickness_m"], 0.02);
   EXPECT_EQ(exported["hazards"][0]["name"], "nerve of [name]");
   EXPECT_EQ(exported["effects"][0], "PUNCTURE");
@@ -198,7 +198,7 @@ TEST_F(Records, aStudysProfilesAndScoresHaveNoNameAtAnyDepth) {
   EXPECT_EQ(measures[0]["value"], 1.5);
 }
 
-TEST_F(Records, aPersonGetsAllOfItsOwnDataAndNobodyElses) {
+TEST_F(Records, aPersonGetsAllAndOnlyItsOwnData) {
   addStation();
   addNamed("anna", "Anna A");
   addNamed("ben", "");
@@ -269,7 +269,7 @@ TEST_F(Records, anErasureTakesRecordingsAwayAtOnceAndIsAskedForTwice) {
   EXPECT_TRUE(report.ok()) << report.ShortDebugString();
 }
 
-TEST_F(Records, aRestoredBackupIsErasedAnewBeforeItServes) {
+TEST_F(Records, aRestoredBackupRepeatsErasuresBeforeServing) {
   addStation();
   addNamed("anna", "Anna A");
   addNamed("ben", "Ben B");
@@ -315,7 +315,7 @@ TEST_F(Records, aRestoredBackupIsErasedAnewBeforeItServes) {
   EXPECT_EQ(store->erasuresRepeated(), 0u);
 }
 
-TEST_F(Records, aRestoreDoesNotNameWhoIsErasedAnewAmongTheAccessesThatAreValidAgain) {
+TEST_F(Records, aRestoreOmitsErasedPeopleFromRestoredAccess) {
   constexpr std::int64_t kLater = 1'900'000'000'000'000'000;
   const auto data = folder.path() / "data";
   const auto add = [&](const std::string& name, std::int64_t created_unix_ns) {
@@ -362,7 +362,7 @@ TEST_F(Records, aRestoreDoesNotNameWhoIsErasedAnewAmongTheAccessesThatAreValidAg
   EXPECT_EQ(restored("after.db"), std::vector<std::string>{"erwin"});
 }
 
-TEST_F(Records, aBackupThatIsRestoredOnAnotherMachineIsErasedAnewByTheListBesideIt) {
+TEST_F(Records, aBackupRestoredElsewhereRepeatsErasuresFromItsList) {
   addNamed("anna", "Anna A");
   const auto kept = folder.path() / "kept", other = folder.path() / "other";
   for (const auto& made : {kept, other}) std::filesystem::create_directory(made);

@@ -43,7 +43,7 @@ TEST_F(RetentionTest, aMisspeltExerciseIsRefusedAndThoseThereAreNamed) {
   (void)get(manager, policy(30, 100, 365, "knee-1"));
 }
 
-TEST_F(RetentionTest, deletionsComeFirstAndWhatTheDiskHasNoRoomForIsLeftAlone) {
+TEST_F(RetentionTest, deletionsComeFirstAndThinningStopsWithoutRoom) {
   const Uuid thin = addClosed(), remove = addClosed();
   ASSERT_OK(change([&](Connection& c) {
     return c.run("UPDATE sessions SET exercise_id = 'wrist-joint' WHERE id = ?", ByteView(remove));

@@ -140,7 +140,7 @@ TEST_F(RetentionTest, openUnsafeAndDamagedSessionsAreLeftAlone) {
   }
   for (const Uuid& id : {open, unsafe, crc, hash}) EXPECT_FALSE(info(id).has_removed_original());
   auto reader = store->readers().borrow();
-  EXPECT_TRUE(RetentionStore(**reader).leftovers()->empty()) << "what was begun is taken away";
+  EXPECT_TRUE(RetentionStore(**reader).leftovers()->empty()) << "the unfinished part is removed";
   // Deletion also checks first.
   (void)get(manager, policy(-1, 0, 0));
   EXPECT_EQ(runNow().deleted(), 0u);
@@ -254,7 +254,7 @@ TEST_F(RetentionTest, waitsWhileStationsFillTheWritersQueue) {
   EXPECT_EQ(report->thinned(), 1u);
 }
 
-TEST_F(RetentionTest, whoAsksForARunDuringARunIsToldSoAtOnceAndADryRunIsMade) {
+TEST_F(RetentionTest, onlyADryRunWorksDuringARun) {
   // holds the daily run in its first pause
   class Gate : public test::FakeTime {
    public:
@@ -396,7 +396,7 @@ TEST_F(RetentionTest, aClockThatJumpedDeletesNothingByItself) {
 }
 
 // no run was ever recorded: the server or its first policy is new
-TEST_F(RetentionTest, aFirstRunByAClockThatIsAheadDeletesNothingUntilAPersonStartsOne) {
+TEST_F(RetentionTest, aFirstRunWithAFastClockDeletesNothingUntilConfirmed) {
   const Uuid id = addClosed();
   (void)get(manager, policy(-1, 0, 0));
   // as if the clock had jumped, while the server runs and across restarts
@@ -429,7 +429,7 @@ TEST_F(RetentionTest, aFirstRunByAClockThatIsAheadDeletesNothingUntilAPersonStar
   EXPECT_EQ(store->clockAhead(), "");
 }
 
-TEST_F(RetentionTest, theDailyRunNotesTheTimeOfALabWhereNothingIsClosed) {
+TEST_F(RetentionTest, theDailyRunRecordsTheTimeOfAnIdleLab) {
   const std::int64_t day_30 = wallNowNs() - 30 * test::kDay_ns;
   ASSERT_OK(change([&](Connection& c) { return SeenTimeStore(c).confirm(day_30); }));
   EXPECT_OK(store->service().retention().daily());
@@ -439,7 +439,7 @@ TEST_F(RetentionTest, theDailyRunNotesTheTimeOfALabWhereNothingIsClosed) {
 
 // the server's clock was 400 days behind when they arrived, and is right again; they arrived after the
 // database was created
-TEST_F(RetentionTest, whatCameWhileTheClockWasBehindIsLeftAloneAndTold) {
+TEST_F(RetentionTest, sessionsClosedByASlowClockAreKeptAndReported) {
   const Uuid id = addClosed();
   ASSERT_OK(change([&](Connection& c) {
     return c.run("UPDATE sessions SET closed_unix_ns = closed_unix_ns - ?", 400 * test::kDay_ns);
@@ -455,7 +455,7 @@ TEST_F(RetentionTest, whatCameWhileTheClockWasBehindIsLeftAloneAndTold) {
   EXPECT_FALSE(info(id).has_removed_original());
 }
 
-TEST_F(RetentionTest, aSessionClosedWhileTheClockIsBehindCountsFromTheLatestTimeThatTheClockHasShown) {
+TEST_F(RetentionTest, aSlowClocksSessionsAgeFromTheLatestSeenTime) {
   const std::int64_t latest = wallNowNs() + 400 * test::kDay_ns;
   ASSERT_OK(change([&](Connection& c) { return SeenTimeStore(c).confirm(latest); }));
   addClosed();
@@ -472,7 +472,7 @@ TEST_F(RetentionTest, aSessionClosedWhileTheClockIsBehindCountsFromTheLatestTime
   EXPECT_EQ(actionAfter(365), "deleted");
 }
 
-TEST_F(RetentionTest, aClockThatIsBehindIsToldAtEachStartUntilAPersonStartsARun) {
+TEST_F(RetentionTest, aSlowClockIsReportedAtEachStartUntilARun) {
   EXPECT_EQ(store->clockBehind(), "");
   const auto startAgain = [&] {
     store.reset();

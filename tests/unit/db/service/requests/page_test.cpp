@@ -111,7 +111,7 @@ TEST_F(Pages, sessionsInOrder) {
   EXPECT_EQ(refusal(instructor, bad), ErrorCode::kInvalidInput);
 }
 
-TEST_F(Pages, attemptsGoOnBehindTheLastOneThoughAnOlderOneComesIn) {
+TEST_F(Pages, attemptPagesContinueDespiteALateOlderAttempt) {
   addStation();
   const auto attempt = [this](std::int64_t started) {
     const Uuid id = addSession("anna", 1);

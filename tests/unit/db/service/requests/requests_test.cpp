@@ -48,7 +48,7 @@ TEST(Roles, everyCallIsInTheTableForEveryRole) {
   }
 }
 
-TEST(Requests, aLessonWithACodeGoesWherePasswordsAreHashedAndNoOtherLesson) {
+TEST(Requests, onlyALessonWithACodeUsesThePasswordThread) {
   pb::Request lesson, check, other;
   lesson.mutable_get_lesson()->set_trainee("tom");
   check.mutable_check_trainee()->set_trainee("tom");
@@ -59,7 +59,7 @@ TEST(Requests, aLessonWithACodeGoesWherePasswordsAreHashedAndNoOtherLesson) {
   check.mutable_check_trainee()->set_code("1234");
   for (const auto& request : {lesson, check}) {
     EXPECT_EQ(threadsOf(request, pb::STATION), RequestThreads::kPasswords);
-    EXPECT_EQ(threadsOf(request, pb::INSTRUCTOR), RequestThreads::kWorkers) << "nobody checks it";
+    EXPECT_EQ(threadsOf(request, pb::INSTRUCTOR), RequestThreads::kWorkers) << "no one checks it";
   }
   other.mutable_get_results();
   EXPECT_EQ(threadsOf(other, pb::STATION), RequestThreads::kViews);
@@ -92,7 +92,7 @@ TEST(Requests, eachCallHasOneRowWhoseHandlerTakesItsMessage) {
 }
 
 // listed by hand: calls that write an audit line each time
-TEST(Requests, whateverWritesTakesAShareAndWhatIsNeededOnAFullDiskGoesOn) {
+TEST(Requests, writesTakeAShareAndEssentialOnesIgnoreAFullDisk) {
   using Names = std::set<std::string>;
   std::map<Storing, Names> calls;
   for (const RequestRow& row : requestRows()) {

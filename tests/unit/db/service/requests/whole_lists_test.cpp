@@ -88,7 +88,7 @@ class WholeLists : public test::TeachingTest {
   }
 };
 
-TEST_F(WholeLists, peopleComeWithGroupsAndConsentInAsManyStatementsHoweverManyTheyAre) {
+TEST_F(WholeLists, peopleLoadGroupsAndConsentInAFixedNumberOfStatements) {
   addPeople(0, 3);
   get(manager, putGroup("b", {nameAt(0), nameAt(2)}, 0));
   get(manager, putGroup("a", {nameAt(2)}, 0));
@@ -173,7 +173,7 @@ TEST_F(WholeLists, resultsComeInAsManyStatementsHoweverManyTraineesThereAre) {
   }
 }
 
-TEST_F(WholeLists, groupsAreFoundByAPartOfIdOrNameAndBriefOnesHaveTheNumberOfMembers) {
+TEST_F(WholeLists, groupsAreFoundByPartOfIdOrName) {
   addPeople(0, 40);
   std::map<std::string, std::vector<std::string>> members;
   const auto add = [&](int i) {

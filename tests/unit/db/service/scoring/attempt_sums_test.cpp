@@ -287,7 +287,7 @@ TEST_F(AttemptSumsTest, areWhatAFullCountGivesAfterAnyChanges) {
   EXPECT_GT(done[14], 0);
 }
 
-TEST_F(AttemptSumsTest, thatDifferAreNamedByACheckAndCountedAnewByRescoring) {
+TEST_F(AttemptSumsTest, inconsistentSumsAreReportedByACheckAndFixedByRescoring) {
   addPerson("anna", pb::TRAINEE);
   attempt("anna", "first", true);
   attempt("ben", "second", false);
@@ -320,7 +320,7 @@ TEST_F(AttemptSumsTest, thatDifferAreNamedByACheckAndCountedAnewByRescoring) {
   EXPECT_EQ(count("SELECT count(*) FROM audit WHERE action = 'rescore all' AND detail LIKE '%3 sums%'"), 1);
 }
 
-TEST_F(AttemptSumsTest, aPageOfResultsIsOfTheGroupAndSaysHowManyThereAre) {
+TEST_F(AttemptSumsTest, aPageOfResultsFiltersByGroupAndGivesTheTotal) {
   for (const char* name : {"anna", "ben", "cid", "dora", "eve"}) addPerson(name, pb::TRAINEE);
   get(manager, putGroup("class", {"ben", "cid", "eve"}, 0));
   attempt("anna", "first", true);
@@ -355,7 +355,7 @@ TEST_F(AttemptSumsTest, aPageOfResultsIsOfTheGroupAndSaysHowManyThereAre) {
   EXPECT_EQ(get(station, of_names).results().rows(0).trainee(), "cid");
 }
 
-TEST_F(AttemptSumsTest, aPageOfResultsReadsNoMoreWhereMoreIsStored) {
+TEST_F(AttemptSumsTest, aPageOfResultsReadsABoundedAmount) {
   if (test::onPostgres()) return;  // counts SQLite's instructions
   for (const char* name : {"anna", "ben", "cid"}) addPerson(name, pb::TRAINEE);
   const auto stepsOfAPage = [&] {

@@ -61,7 +61,7 @@ class CloseBesideErasure : public test::ServiceTest {
   static constexpr std::size_t kSamplesOfEach = 60;
 };
 
-TEST_F(CloseBesideErasure, isTakenWhicheverStatementItComesBefore) {
+TEST_F(CloseBesideErasure, succeedsBeforeAnyStatementOfTheErasure) {
   constexpr std::uint64_t kChunks = 2;
   const std::string profile = kneeProfile();
   int statements = 0, closed_before = 0, closed_by_it = 0;

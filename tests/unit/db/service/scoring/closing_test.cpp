@@ -122,7 +122,7 @@ TEST_F(Closing, aScoreThatCannotBeMadeDoesNotKeepASessionOpen) {
   EXPECT_EQ(info(id).state(), pb::SESSION_COMPLETE);
 }
 
-TEST_F(Closing, aSessionThatLostSamplesIsNotCompleteAndARemarkSaysHowManyOnce) {
+TEST_F(Closing, aSessionThatLostSamplesIsIncompleteWithOneRemark) {
   const Uuid id = addSession("anna", 3);
   auto request = test::closeOf(id, 3);
   request.set_samples_lost(1234);
@@ -145,7 +145,7 @@ TEST_F(Closing, aSessionThatLostSamplesIsNotCompleteAndARemarkSaysHowManyOnce) {
   EXPECT_EQ(info(id).state(), pb::SESSION_INTERRUPTED);
 }
 
-TEST_F(Closing, aStationWhoseDiskLostChunksIsBelievedAndARemarkSaysWhatIsMissing) {
+TEST_F(Closing, lostChunksReportedByTheStationBecomeARemark) {
   const Uuid id = addSession("anna", 3);
   auto request = test::closeOf(id, 3);
   request.set_interrupted(true);
@@ -164,7 +164,7 @@ TEST_F(Closing, aStationWhoseDiskLostChunksIsBelievedAndARemarkSaysWhatIsMissing
   EXPECT_EQ(info(id).state(), pb::SESSION_INTERRUPTED);
 }
 
-TEST_F(Closing, withoutAHashASessionIsClosedAsInterruptedOnlyAndARemarkSaysSo) {
+TEST_F(Closing, aSessionWithoutHashClosesOnlyAsInterruptedWithARemark) {
   const Uuid id = addSession("anna", 3);
   auto request = test::closeOf(id, 3);
   const std::string hash = request.hash();
@@ -264,7 +264,7 @@ TEST_F(ClosedWithEvents, theSyringesEventsAreStoredAndListed) {
 }
 
 /// A stolen station key: one chunk whose plunger jumps in each sample, within all hazards.
-TEST_F(Closing, aPlungerThatNeverRestsCostsTheStoreSomeMegabytesAndARemarkSaysWhatIsMissing) {
+TEST_F(Closing, aRestlessPlungersEventsAreBoundedWithARemark) {
   constexpr std::size_t kSamples = 20'000;
   auto samples = test::someSamples(0, kSamples);
   for (auto& sample : samples) {
@@ -381,7 +381,7 @@ TEST_F(Closing, longEventsThatAreNotStoredAreWorkedOutInSteps) {
   }));
 }
 
-TEST_F(Closing, aSessionThatCannotBeScoredHasNoEventsButSaysWhy) {
+TEST_F(Closing, anUnscorableSessionHasAReasonInsteadOfEvents) {
   const Uuid id = addSession("anna", 1, 20, "{\"nonsense\":1}");
   ASSERT_OK(store->service().scoring().closeSession(test::closeOf(id, 1), "station-1"));
   pb::Request request;
@@ -441,7 +441,7 @@ class ClosedBeyondBounds : public Closing {
   Bytes chunk;
 };
 
-TEST_F(ClosedBeyondBounds, aMotionBeyondItsBoundsIsNotScoredAndARemarkSaysWhyOnce) {
+TEST_F(ClosedBeyondBounds, aMotionBeyondItsBoundsIsNotScoredAndRemarkedOnce) {
   for (int time = 0; time < 2; ++time) {
     const auto outcome = store->service().scoring().closeSession(closing(), "station-1");
     ASSERT_OK(outcome);
@@ -457,7 +457,7 @@ TEST_F(ClosedBeyondBounds, aMotionBeyondItsBoundsIsNotScoredAndARemarkSaysWhyOnc
   EXPECT_EQ(info(id).state(), pb::SESSION_COMPLETE);
 }
 
-TEST_F(ClosedBeyondBounds, whatTheRemarkSaysIsBelievedAfterARestartWithoutReadingARecording) {
+TEST_F(ClosedBeyondBounds, afterARestartTheStoredRemarkReplacesReading) {
   ASSERT_OK(store->service().scoring().closeSession(closing(), "station-1"));
   // unreadable now: decoding it would report another error
   ASSERT_OK(
@@ -475,7 +475,7 @@ TEST_F(ClosedBeyondBounds, whatTheRemarkSaysIsBelievedAfterARestartWithoutReadin
   EXPECT_NE(listed.error->message.find("at most 360000"), std::string::npos) << listed.error->message;
 }
 
-TEST_F(ClosedBeyondBounds, theRemarkOfAnOlderProgramIsNotRepeatedWhenTheSessionIsReadOnceMore) {
+TEST_F(ClosedBeyondBounds, anOlderProgramsRemarkIsNotRepeated) {
   ASSERT_OK(store->service().scoring().closeSession(closing(), "station-1"));
   ASSERT_OK(change([](Connection& c) { return c.script("DELETE FROM meta WHERE key LIKE 'unscored %'"); }));
   for (int time = 0; time < 2; ++time) {
@@ -491,7 +491,7 @@ TEST_F(ClosedBeyondBounds, theRemarkOfAnOlderProgramIsNotRepeatedWhenTheSessionI
   }
 }
 
-TEST_F(Closing, aRemarkInTheServersWordsDoesNotKeepASessionFromItsScore) {
+TEST_F(Closing, aForgedServerRemarkDoesNotPreventAScore) {
   const Uuid id = addSession("anna", 5, 100, kneeProfile());
   const Principal impostor{"server", pb::INSTRUCTOR};
   pb::Request remark;
@@ -550,7 +550,7 @@ Result<std::optional<CloseOutcome>> stepWhileAChunkComes(Store& store, CloseUnde
   return step.get();
 }
 
-TEST_F(Closing, theWriterReadsNoChunksForAHashAlsoWhenTheLastOneComesBetweenTheLooks) {
+TEST_F(Closing, theWriterHashesNoChunksEvenForALateOne) {
   const Uuid id = addSession("anna", 2);
   CloseUnderWay close{test::closeOf(id, 3), "station-1"};
   const auto first = stepWhileAChunkComes(*store, close, id, 2);
@@ -565,7 +565,7 @@ TEST_F(Closing, theWriterReadsNoChunksForAHashAlsoWhenTheLastOneComesBetweenTheL
   EXPECT_EQ(store->service().scoring().bytesHashed(), bytesOf(3));
 }
 
-TEST_F(Closing, aLongScoreIsMadeInStepsOfTheirOwnAndAShortOneIsNot) {
+TEST_F(Closing, onlyALongScoreRunsInSeveralSteps) {
   constexpr std::size_t kEach = 1000;
   const std::uint64_t longest_short = kShortScoreSamples / kEach;
   for (const std::uint64_t chunks : {longest_short, longest_short + 1}) {
@@ -607,7 +607,7 @@ TEST_F(Closing, aCloseThatLooksAgainAndAgainIsToBeTriedLater) {
             Closed::Kind::kClosed);
 }
 
-TEST_F(Closing, whoeverTriesAgainWithAWrongHashHasNoChunkReadAgain) {
+TEST_F(Closing, retryingAWrongHashReadsNoChunkAgain) {
   const Uuid id = addSession("anna", 4);
   auto& service = store->service();
   const auto tryWrong = [&](std::uint64_t chunks) {

@@ -21,7 +21,7 @@ class RunningHashesTest : public test::ServiceTest {
   RunningHashes hashes;
 };
 
-TEST_F(RunningHashesTest, eachChunkIsReadOnceAndALaterCallGoesOnBehindIt) {
+TEST_F(RunningHashesTest, eachChunkIsReadOnceAcrossCalls) {
   const Uuid id = addSession("anna", 5);
   std::uint64_t bytes = 0;
   for (const std::uint64_t chunks : {2u, 2u, 5u, 5u}) {
@@ -45,7 +45,7 @@ TEST_F(RunningHashesTest, aLongSessionTakesSeveralCallsOfBoundedReading) {
   const Uuid id = addSession("anna", kChunks, 1);
   std::uint64_t calls = 1, counted = 0;
   for (std::uint64_t seq = 0; seq < kChunks; ++seq) {
-    if (counted >= RunningHashes::kMostBytesAtOnce) {
+    if (counted >= RunningHashes::kMaxBytesAtOnce) {
       ++calls;
       counted = 0;
     }
@@ -64,7 +64,7 @@ TEST_F(RunningHashesTest, aLongSessionTakesSeveralCallsOfBoundedReading) {
 }
 
 TEST_F(RunningHashesTest, ofManySessionsThoseThatWereTriedLastAreKept) {
-  std::vector<Uuid> ids(RunningHashes::kMostSessions + 1);
+  std::vector<Uuid> ids(RunningHashes::kMaxSessions + 1);
   ASSERT_OK(change([&](Connection& c) -> Status {
     SessionStore sessions(c);
     for (Uuid& id : ids) {
@@ -76,7 +76,7 @@ TEST_F(RunningHashesTest, ofManySessionsThoseThatWereTriedLastAreKept) {
   }));
   const std::uint64_t each = test::chunkOf(0).size();
   for (const Uuid& id : ids) ASSERT_OK(goOn(id, 1));
-  EXPECT_EQ(hashes.sessions(), RunningHashes::kMostSessions);
+  EXPECT_EQ(hashes.sessions(), RunningHashes::kMaxSessions);
   EXPECT_EQ(hashes.bytesHashed(), each * ids.size());
   ASSERT_OK(goOn(ids[1], 1));
   EXPECT_EQ(hashes.bytesHashed(), each * ids.size());

@@ -7,7 +7,7 @@
 #include <optional>
 #include <thread>
 
-#include "common/base/crc32c.h"
+#include "common/base/bytes.h"
 #include "common/base/text/uuid.h"
 #include "common/gesture/chunk.h"
 #include "common/profile/profile.h"
@@ -152,7 +152,7 @@ TEST_F(Scoring, aStoredSessionHasTheMeasuresOfItsSamplesBitForBit) {
   EXPECT_EQ(compared, expected.size());
 }
 
-TEST_F(Scoring, whatIsOfOlderDefinitionsIsScoredAgainAndTheOldScoreStays) {
+TEST_F(Scoring, outdatedScoresAreRecomputedAndTheOldOnesStay) {
   std::vector<Uuid> ids;
   for (int i = 0; i < 4; ++i)
     ids.push_back(closed(gestureAside(0.001 * i), i == 3 ? "wrist-carpal" : "knee-recess"));
@@ -263,7 +263,7 @@ TEST_F(Scoring, aSessionIsComparedWithTheExpertsPathsToo) {
   }
 }
 
-TEST_F(Scoring, aDistanceBetweenTwoPathsIsComputedOnceWhoeverAsks) {
+TEST_F(Scoring, aDistanceBetweenTwoPathsIsComputedOnce) {
   std::vector<Uuid> experts;
   for (int i = 0; i < 7; ++i) experts.push_back(closed(gestureAside(0.001 * i)));
   const auto setReference = [&](std::size_t count, std::uint32_t base) {
@@ -309,7 +309,7 @@ TEST_F(Scoring, aDistanceBetweenTwoPathsIsComputedOnceWhoeverAsks) {
   EXPECT_EQ(computed(), 26u);
 }
 
-TEST_F(Scoring, longReferencesAreComparedInPartsAndTheReplySaysWhatIsPending) {
+TEST_F(Scoring, longReferencesAreComparedInPartsWithPendingOnesNamed) {
   std::vector<Uuid> experts;
   for (int i = 0; i < 5; ++i) experts.push_back(closed(gestureAside(0.001 * i)));
   const Uuid novice = closed(gestureAside(0.014));
@@ -356,7 +356,7 @@ TEST_F(Scoring, longReferencesAreComparedInPartsAndTheReplySaysWhatIsPending) {
   EXPECT_EQ(computed(), 15u);
 }
 
-TEST_F(Scoring, aCloseComputesItsDistancesInStepsAndReadsAnUndecodableReferenceOnce) {
+TEST_F(Scoring, aCloseComputesDistancesInStepsAndSkipsABadReference) {
   std::vector<Uuid> experts;
   for (int i = 0; i < 3; ++i) experts.push_back(closed(gestureAside(0.001 * i)));
   for (int i = 3; i < 5; ++i) {
@@ -390,7 +390,7 @@ TEST_F(Scoring, aCloseComputesItsDistancesInStepsAndReadsAnUndecodableReferenceO
   EXPECT_NEAR(nearest_m(second.outcome), 0.020, 1e-9);
 }
 
-TEST_F(Scoring, aCloseNeedsAsManyStepsWhateverOthersMakeTheServerForgetBetweenThem) {
+TEST_F(Scoring, forgottenDistancesDoNotAddStepsToAClose) {
   const std::vector<Uuid> experts = {closed(gestureAside(0)), closed(gestureAside(0.001)),
                                      closed(gestureAside(0.002))};
   std::uint32_t revision = 0;
@@ -425,7 +425,7 @@ TEST_F(Scoring, aCloseNeedsAsManyStepsWhateverOthersMakeTheServerForgetBetweenTh
   EXPECT_NEAR(row->value, 0.010, 1e-9);
 }
 
-TEST_F(Scoring, aCloseThatWasGivenUpBetweenItsStepsGoesOnWhenItIsAskedForAgain) {
+TEST_F(Scoring, anAbandonedCloseContinuesWhenRequestedAgain) {
   const std::vector<Uuid> experts = {closed(gestureAside(0)), closed(gestureAside(0.001))};
   ASSERT_OK(change([&](Connection& c) {
     const auto put = ReferenceStore(c).put("knee-recess", experts, 0, "ina", 1);
@@ -451,7 +451,7 @@ TEST_F(Scoring, aCloseThatWasGivenUpBetweenItsStepsGoesOnWhenItIsAskedForAgain) 
   EXPECT_EQ(stepsOf(10), 1u) << "the same score again";
 }
 
-TEST_F(Scoring, whoAsksMeanwhileWaitsForADistanceAndComputesItNotAgain) {
+TEST_F(Scoring, concurrentRequestsWaitForADistanceInsteadOfRecomputing) {
   std::vector<Uuid> experts;
   for (int i = 0; i < 8; ++i) experts.push_back(closed(gestureAside(0.001 * i)));
   ASSERT_OK(change([&](Connection& c) {
@@ -470,7 +470,7 @@ TEST_F(Scoring, whoAsksMeanwhileWaitsForADistanceAndComputesItNotAgain) {
     });
   }
   for (auto& one : people) one.join();
-  EXPECT_EQ(store->service().scoring().distancesComputed(), 28u) << "8·7/2 pairs, whoever asks";
+  EXPECT_EQ(store->service().scoring().distancesComputed(), 28u) << "8·7/2 pairs, for any caller";
   for (const auto& reference : seen)
     EXPECT_EQ(reference.SerializeAsString(), seen[0].SerializeAsString()) << "and all have them";
 }
@@ -491,12 +491,12 @@ TEST_F(Scoring, aDamagedReferenceIsReadOnceAndNotByEachComparison) {
   };
   EXPECT_NEAR(nearest_m(), 0.010, 1e-9) << "the fifth is the nearest that can be read";
   damage(5, -1);
-  EXPECT_NEAR(nearest_m(), 0.010, 1e-9) << "whoever read the sixth again would find it";
+  EXPECT_NEAR(nearest_m(), 0.010, 1e-9) << "reading the sixth again would find it";
   ASSERT_OK(store->service().retention().daily());
-  EXPECT_NEAR(nearest_m(), 0.009, 1e-9) << "recordings may have changed: what was known is forgotten";
+  EXPECT_NEAR(nearest_m(), 0.009, 1e-9) << "recordings may have changed: cached results are dropped";
 }
 
-TEST_F(Scoring, aSessionThatCannotBeScoredIsReadOnceHoweverOftenSomebodyAsks) {
+TEST_F(Scoring, anUnscorableSessionIsReadOnlyOnce) {
   const Uuid id = closed(gestureAside(0.001));
   makeOld();
   damage(0, 1);
@@ -504,7 +504,7 @@ TEST_F(Scoring, aSessionThatCannotBeScoredIsReadOnceHoweverOftenSomebodyAsks) {
   again.mutable_rescore_session()->set_session_id(test::bytesOfId(id));
   EXPECT_EQ(refusal(instructor, again), ErrorCode::kCorrupt);
   damage(0, -1);
-  EXPECT_EQ(refusal(instructor, again), ErrorCode::kCorrupt) << "whoever read it again would find it sound";
+  EXPECT_EQ(refusal(instructor, again), ErrorCode::kCorrupt) << "reading it again would find it sound";
   ASSERT_OK(store->service().retention().daily());
   EXPECT_GT(get(instructor, again).score().definition_version(), 1u);
 }
@@ -529,7 +529,7 @@ class LongScoring : public Scoring {
   RequestUnderWay under_way;
 };
 
-TEST_F(LongScoring, isMadeInStepsAndHasTheBitsOfAScoreInOne) {
+TEST_F(LongScoring, steppedScoringIsBitIdentical) {
   std::optional<Outcome> outcome;
   std::uint64_t steps = 0;
   for (; !outcome && steps < 1000; ++steps)

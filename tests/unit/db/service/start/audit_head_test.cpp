@@ -12,7 +12,7 @@
 #include "common/base/files/files.h"
 #include "db/audit/audit.h"
 #include "db/backup/backup.h"
-#include "db/service/folder/restore.h"
+#include "db/service/folder/data_folder.h"
 #include "tests/unit/db/service/test_service.h"
 #include "tests/unit/db/test_db.h"
 
@@ -51,8 +51,8 @@ class AuditHeadTest : public testing::Test {
   [[nodiscard]] std::vector<AuditKey> keys() const {
     return {TestDb::must(AuditKey::ofFile(data() / kAuditKeyFile))};
   }
-  [[nodiscard]] KeptAuditHead kept() const {
-    return TestDb::must(readKeptAuditHead(data() / kAuditHeadFile, keys()));
+  [[nodiscard]] StoredAuditHead kept() const {
+    return TestDb::must(readStoredAuditHead(data() / kAuditHeadFile, keys()));
   }
   /// As `audit verify` without anchors.
   [[nodiscard]] AuditVerdict verify() const {
@@ -64,14 +64,14 @@ class AuditHeadTest : public testing::Test {
   test::PostgresBelow dropped_at_end{folder.path()};
 };
 
-TEST_F(AuditHeadTest, theHeadIsKeptAtTheStartAtTheEndAndWhenAsked) {
+TEST_F(AuditHeadTest, theHeadIsStoredAtStartEndAndRequest) {
   {
     const auto store = test::openStore(data());
     EXPECT_EQ(kept().head.position, 0u);
     EXPECT_EQ(kept().made_position, 0u);
     ASSERT_OK(store->service().notes().note("x", "backup", "b", ""));
     EXPECT_EQ(kept().head.position, 0u);
-    ASSERT_OK(store->keepAuditHead());
+    ASSERT_OK(store->storeAuditHead());
     EXPECT_EQ(kept().head.position, 1u);
     ASSERT_OK(store->service().notes().note("x", "backup", "b", ""));
   }
@@ -97,7 +97,7 @@ TEST_F(AuditHeadTest, aLinePutAmongTheOthersIsFound) {
   }
 }
 
-TEST_F(AuditHeadTest, aChainThatWasTakenAwayIsFoundAlsoAfterTheNextStart) {
+TEST_F(AuditHeadTest, aRemovedChainIsStillDetectedAfterARestart) {
   serve(3);
   tamper("DELETE FROM audit_chain; UPDATE audit SET who = 'eve' WHERE id = 2");
   EXPECT_THAT(verify().texts, AllOf(Contains(HasSubstr("line 2: nothing proves it")),
@@ -117,10 +117,10 @@ TEST_F(AuditHeadTest, aChainTakenAwayUnderARunningServerIsFound) {
   {
     const auto store = test::openStore(data());
     for (int i = 0; i < 3; ++i) ASSERT_OK(store->service().notes().note("x", "backup", "b", ""));
-    ASSERT_OK(store->keepAuditHead());
+    ASSERT_OK(store->storeAuditHead());
     tamper("DELETE FROM audit_chain");
     ASSERT_OK(store->service().notes().note("x", "backup", "b", ""));  // begins another chain
-    ASSERT_OK(store->keepAuditHead());
+    ASSERT_OK(store->storeAuditHead());
     EXPECT_EQ(kept().head.position, 3u) << "the head from before stays";
     EXPECT_THAT(verify().texts, Contains(HasSubstr("audit.head: the log ends with entry 1, and had 3")));
   }
@@ -128,7 +128,7 @@ TEST_F(AuditHeadTest, aChainTakenAwayUnderARunningServerIsFound) {
   EXPECT_THAT(verify().texts, Contains(HasSubstr("the log had 3 entries")));
 }
 
-TEST_F(AuditHeadTest, anOlderCopyPutBackByHandIsFoundAndARestoreIsNone) {
+TEST_F(AuditHeadTest, aManuallyRestoredCopyIsDetectedButNotARestore) {
   serve(2);
   const auto backup = folder.path() / "backup.db";
   {
@@ -155,7 +155,7 @@ TEST_F(AuditHeadTest, anOlderCopyPutBackByHandIsFoundAndARestoreIsNone) {
 }
 
 // Both need only the file and no key, and the server itself would make proofs for what remains.
-TEST_F(AuditHeadTest, triggersThatForgeOrSwallowLinesAreFoundByVerifyAndRefusedAtTheStartAndInABackup) {
+TEST_F(AuditHeadTest, forgedTriggersAreDetectedByVerifyStartAndBackup) {
   serve(1);
   tamper(
       "CREATE TRIGGER forge AFTER INSERT ON audit BEGIN UPDATE audit SET who = 'mona' WHERE id = NEW.id; END;"
@@ -185,7 +185,7 @@ TEST_F(AuditHeadTest, triggersThatForgeOrSwallowLinesAreFoundByVerifyAndRefusedA
   EXPECT_THAT(verify().texts, IsEmpty());
 }
 
-TEST_F(AuditHeadTest, aFileThatIsThereButNotOursIsABreakAndNoneThatIsNotThere) {
+TEST_F(AuditHeadTest, aForeignHeadFileIsABreakUnlikeAMissingOne) {
   serve(2);
   const std::string right = TestDb::must(readWholeFile(data() / kAuditHeadFile, 1000));
   std::string flipped = right;
@@ -212,7 +212,7 @@ TEST_F(AuditHeadTest, aFileThatIsThereButNotOursIsABreakAndNoneThatIsNotThere) {
 }
 
 // The text and its MAC were made by another program (Python's hashlib), following db/README.md.
-TEST_F(AuditHeadTest, theFileIsTheOneThatItsPageDescribesAndNoByteOfItCanBeChanged) {
+TEST_F(AuditHeadTest, theFileMatchesItsSpecificationAndEveryByteIsProtected) {
   const std::string right =
       "needlelab audit head 1\nmade 1764000000000000000 0\n"
       "audit head 3:6c970a2ac34b855aefa0a321150f25a4754e8f875498e6a3c951758cfefce7c1\nreplaced nothing\n"
@@ -220,7 +220,7 @@ TEST_F(AuditHeadTest, theFileIsTheOneThatItsPageDescribesAndNoByteOfItCanBeChang
   AuditKey::Hash bytes{};
   bytes.fill(1);
   const std::vector ours{AuditKey(bytes)};
-  const auto read = readKeptAuditHead(folder.write("head", right), ours);
+  const auto read = readStoredAuditHead(folder.write("head", right), ours);
   ASSERT_OK(read);
   EXPECT_EQ(read->made_unix_ns, 1'764'000'000'000'000'000);
   EXPECT_EQ(read->made_position, 0u);
@@ -230,15 +230,15 @@ TEST_F(AuditHeadTest, theFileIsTheOneThatItsPageDescribesAndNoByteOfItCanBeChang
   for (std::size_t at = 0; at < right.size(); ++at) {
     std::string wrong = right;
     wrong[at] = static_cast<char>(wrong[at] ^ 1);
-    const auto refused = readKeptAuditHead(folder.write("head", wrong), ours);
+    const auto refused = readStoredAuditHead(folder.write("head", wrong), ours);
     ASSERT_FALSE(refused) << at;
     EXPECT_EQ(refused.error().code, ErrorCode::kCorrupt);
   }
-  EXPECT_FALSE(readKeptAuditHead(folder.write("head", right + "x"), ours));
-  EXPECT_FALSE(readKeptAuditHead(folder.write("head", ""), ours));
+  EXPECT_FALSE(readStoredAuditHead(folder.write("head", right + "x"), ours));
+  EXPECT_FALSE(readStoredAuditHead(folder.write("head", ""), ours));
   bytes.fill(2);
-  EXPECT_FALSE(readKeptAuditHead(folder.write("head", right), std::vector{AuditKey(bytes)}));
-  EXPECT_EQ(readKeptAuditHead(folder.path() / "none", ours).error().code, ErrorCode::kNotFound);
+  EXPECT_FALSE(readStoredAuditHead(folder.write("head", right), std::vector{AuditKey(bytes)}));
+  EXPECT_EQ(readStoredAuditHead(folder.path() / "none", ours).error().code, ErrorCode::kNotFound);
 }
 
 }  // namespace

@@ -46,7 +46,7 @@ TEST(Bootstrap, theFirstStartMakesAPrivateFolderWithTheSamples) {
   EXPECT_EQ(store->service().execute(kAdmin, curricula).reply.curricula().curricula_size(), 2);
 }
 
-TEST(Bootstrap, aSecondStartKeepsWhatIsThere) {
+TEST(Bootstrap, aSecondStartKeepsExistingData) {
   const test::TempFolder folder;
   {
     auto store = test::openStore(folder.path());
@@ -105,7 +105,7 @@ constexpr const char* kOpened[] = {"needlelab.db",  "needlelab.db-wal",     "nee
                                    "audit.key",     "audit.head",           "audit.head.replaced",
                                    "pseudonym.key", "restore.pending"};
 
-TEST(Bootstrap, whatIsNoFileInAFilesPlaceIsRefusedByNameAndNotWaitedFor) {
+TEST(Bootstrap, anythingButAFileIsRefusedByNameWithoutWaiting) {
   namespace fs = std::filesystem;
   const auto pipe = [](const fs::path& path) { return ::mkfifo(path.c_str(), 0600) == 0; };
   const auto socket = [](const fs::path& path) { return ::mknod(path.c_str(), S_IFSOCK | 0600, 0) == 0; };
@@ -137,7 +137,7 @@ TEST(Bootstrap, whatIsNoFileInAFilesPlaceIsRefusedByNameAndNotWaitedFor) {
   }
 }
 
-TEST(Bootstrap, whatAKilledProgramLeftIsRemovedAndToldAndNothingElse) {
+TEST(Bootstrap, onlyLeftoversOfAKilledProgramAreRemovedAndReported) {
   namespace fs = std::filesystem;
   const test::TempFolder folder;
   { EXPECT_TRUE(test::openStore(folder.path())->leftoversRemoved().empty()); }

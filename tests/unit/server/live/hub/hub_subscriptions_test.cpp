@@ -65,7 +65,7 @@ bool toldWatched(const Watcher& station) {
 
 // The finding: 24,000 invented names, then 3,800 sessions that each scanned all of them on the network's
 // thread.
-TEST(HubSubscriptions, inventedNamesAndSessionsCostNobodyAnything) {
+TEST(HubSubscriptions, inventedNamesAndSessionsCostOthersNothing) {
   Hub hub;
   std::deque<Watcher> stations(200);
   for (std::size_t i = 0; i < stations.size(); ++i)
@@ -76,7 +76,7 @@ TEST(HubSubscriptions, inventedNamesAndSessionsCostNobodyAnything) {
       crowd.emplace_back("person " + std::to_string(k));
       EXPECT_EQ(inventNames(hub, crowd.back(), "n" + std::to_string(k) + "-"), 2000u);
     }
-    EXPECT_EQ(hub.stationsKnown(), 200u) << "an invented name is no station";
+    EXPECT_EQ(hub.stationsKnown(), 200u) << "an invented name is not a station";
     EXPECT_EQ(hub.subscriptions(), 24'000u);
     Watcher first("ines"), second("mara");
     for (std::uint32_t n = 1; n < 1900; ++n) {
@@ -168,7 +168,7 @@ TEST(HubSubscriptions, anInstructorWatchesTwoHundredStationsBeforeTheyConnect) {
   EXPECT_EQ(hub.subscriptions(), 0u);
 }
 
-TEST(HubSubscriptions, whoNoLongerWaitsForAStationIsNotTold) {
+TEST(HubSubscriptions, anUnsubscribedWaiterIsNotNotified) {
   Hub hub;
   Watcher station, ines("ines");
   ASSERT_FALSE(hub.subscribe(ines, watchStation(1, "bench-1"), 0));

@@ -17,7 +17,7 @@ struct FakePeer : HubPeer {
   std::vector<pb::Envelope> control, live;
   std::vector<Frame> frames;
   bool elsewhere = false;
-  [[nodiscard]] bool isElsewhere() const override { return elsewhere; }
+  [[nodiscard]] bool isRemote() const override { return elsewhere; }
   void sendControl(const pb::Envelope& envelope) override { control.push_back(envelope); }
   void sendLive(Frame frame, bool) override {
     live.push_back(*decodeFrame(viewOf(*frame)));
@@ -67,7 +67,7 @@ TEST(Hub, aStationHearsWhetherSomebodyWatches) {
   Hub hub;
   FakePeer station, anna, bert;
   EXPECT_EQ(hub.attachStation("bench-1", station), nullptr);
-  EXPECT_TRUE(station.control.empty()) << "nobody watches: nothing to say";
+  EXPECT_TRUE(station.control.empty()) << "no one watches: nothing to say";
   ASSERT_FALSE(hub.subscribe(anna, toStation(1, "bench-1"), 0));
   EXPECT_TRUE(lastWatchState(station));
   ASSERT_FALSE(hub.subscribe(bert, toStation(1, "bench-1"), 0));
@@ -106,7 +106,7 @@ TEST(Hub, framesAreEncodedOnceAndSharedByAllViewers) {
     ASSERT_EQ(viewer.frames.size(), 1u);
     EXPECT_EQ(viewer.frames[0].get(), viewers[0].frames[0].get());
     EXPECT_EQ(viewer.live[0].live_frame().station(), "bench-1")
-        << "the server fills it, whatever the station wrote";
+        << "the server fills it, regardless of the station";
     EXPECT_EQ(viewer.live[0].live_frame().dropped_for_you(), 0u);
     EXPECT_EQ(viewer.live[0].live_frame().data(), frame.data());
   }
@@ -124,7 +124,7 @@ TEST(Hub, framesGoOnlyToThoseWhoAsked) {
   EXPECT_EQ(anna.liveFrames(), 1u);
 }
 
-TEST(Hub, aSessionCanBeWatchedWhereverItRuns) {
+TEST(Hub, aSessionCanBeWatchedAtAnyStation) {
   Hub hub;
   FakePeer station, anna;
   pb::Subscribe wanted;
@@ -144,7 +144,7 @@ TEST(Hub, aSessionCanBeWatchedWhereverItRuns) {
   ASSERT_FALSE(hub.unsubscribe(anna, 1));
 }
 
-TEST(Hub, aLowerRateGetsFewerSamplesAndKeepsItsOwnNumbers) {
+TEST(Hub, aLowerRateGetsFewerSamplesWithItsOwnNumbers) {
   Hub hub;
   FakePeer station, fast, slow;
   hub.attachStation("bench-1", station);
@@ -184,7 +184,7 @@ pb::LiveFrame longFrame(std::uint64_t n) {
   return frame;
 }
 
-TEST(Hub, aFrameIsDecodedOnceAndThinnedOnceForEachRateHoweverManyWatch) {
+TEST(Hub, aFrameIsDecodedOnceAndThinnedOncePerRate) {
   Hub hub;
   FakePeer station;
   std::vector<FakePeer> viewers(10);
@@ -229,7 +229,7 @@ TEST(Hub, aFrameIsThinnedForFewRatesHoweverManyAreAskedFor) {
   EXPECT_EQ(viewers[58].frames[0].get(), viewers[29].frames[0].get());
 }
 
-TEST(Hub, nobodyDecodesAFrameForViewersOfAllOfIt) {
+TEST(Hub, framesAreNotDecodedForFullRateViewers) {
   Hub hub;
   FakePeer station, anna;
   hub.attachStation("bench-1", station);
@@ -240,7 +240,7 @@ TEST(Hub, nobodyDecodesAFrameForViewersOfAllOfIt) {
   EXPECT_EQ(hub.framesThinned(), 0u);
 }
 
-TEST(Hub, aGarbageFrameReachesFullRateViewersAndIsNoneForOthers) {
+TEST(Hub, aGarbageFrameReachesFullRateViewersOnly) {
   Hub hub;
   FakePeer station, fast, slow, overview;
   hub.attachStation("bench-1", station);
@@ -358,7 +358,7 @@ TEST(Hub, aStatusThatIsTooLargeIsRefusedAndNotKept) {
   EXPECT_EQ(boss.live.back().station_status().trouble().size(), 2045u);
 }
 
-TEST(Hub, theLargestStatusesOfAllStationsFitAViewersQueueAndAList) {
+TEST(Hub, theLargestStatusesFitAViewersQueueAndAList) {
   Hub hub;
   std::vector<FakePeer> stations(4000);
   pb::StationStatus status;
@@ -423,7 +423,7 @@ TEST(Hub, overviewsOfAWatchedStationComeFromItsSamples) {
   EXPECT_EQ(boss.liveFrames(), 0u);
 }
 
-TEST(Hub, thePeakOfALessonRisesWithItsSamplesAndEndsWithIt) {
+TEST(Hub, aLessonsPeakRisesWithItsSamplesAndEndsWithIt) {
   Hub hub;
   FakePeer station, viewer;
   hub.attachStation("bench-1", station);
@@ -453,7 +453,7 @@ TEST(Hub, thePeakOfALessonRisesWithItsSamplesAndEndsWithIt) {
   EXPECT_EQ(known().tissue(), "");
 }
 
-TEST(Hub, noStatusNamesATraineeWhoWasErasedUntilSomebodyElseOfThatNameHasASession) {
+TEST(Hub, noStatusNamesAnErasedTraineeUntilANamesakesSession) {
   Hub hub;
   FakePeer one, two, anna;
   const auto statusOf = [](char session, const std::string& trainee) {
@@ -489,7 +489,7 @@ TEST(Hub, noStatusNamesATraineeWhoWasErasedUntilSomebodyElseOfThatNameHasASessio
   const std::size_t before = anna.control.size();
   hub.forgetTrainee("@7");
   EXPECT_TRUE(hub.isErased("@7"));
-  ASSERT_EQ(anna.control.size(), before + 2) << "whoever watches is told";
+  ASSERT_EQ(anna.control.size(), before + 2) << "viewers are told";
   for (std::size_t i = before; i < anna.control.size(); ++i)
     EXPECT_EQ(anna.control[i].station_status().trainee(), "");
   EXPECT_EQ(said("bench-1"), "");
@@ -514,7 +514,7 @@ TEST(Hub, noStatusNamesATraineeWhoWasErasedUntilSomebodyElseOfThatNameHasASessio
   EXPECT_EQ(shownIn(), "");
 }
 
-TEST(Hub, thePeakIsTheStationsOrWhatTheServerSawOfTheSession) {
+TEST(Hub, thePeakIsTheStationsOrTheLargestSeen) {
   Hub hub;
   FakePeer station;
   hub.attachStation("bench-1", station);
@@ -541,7 +541,7 @@ TEST(Hub, thePeakIsTheStationsOrWhatTheServerSawOfTheSession) {
   EXPECT_EQ(peak_N('v', std::nan(""), 0), 0);
 }
 
-TEST(Hub, thePeakDoesNotGoOverToTheNextLessonByAFrame) {
+TEST(Hub, aLateFrameDoesNotPassThePeakOn) {
   Hub hub;
   FakePeer station, overview;
   hub.attachStation("bench-1", station);
@@ -632,7 +632,7 @@ struct QueuedPeer : HubPeer {
   void sendLive(Frame frame, bool counted) override { queue.push(std::move(frame), counted, now_ns); }
 };
 
-TEST(Hub, aSlowViewerLosesItsOwnFramesAndNobodyElses) {
+TEST(Hub, aSlowViewerLosesOnlyItsOwnFrames) {
   Hub hub;
   FakePeer station;
   QueuedPeer slow(100 * kMs), fast(100 * kMs);

@@ -32,7 +32,7 @@ TEST(ThinnedRates, anAskedRateIsRoundedDownToOneOfSixteen) {
   EXPECT_EQ(thinnedRateOf(1e-9), 0.1) << "the least";
 }
 
-TEST(Decimator, theRateComesOutWhateverTheLoopsRate) {
+TEST(Decimator, thinningGivesTheRateForAnyLoopRate) {
   for (const double loop_hz : {250.0, 1000.0, 4000.0}) {
     for (const double wanted_hz : {1.0, 30.0, 60.0, 100.0}) {
       Decimator decimator(wanted_hz);
@@ -108,7 +108,7 @@ TEST(ThinnedFrames, areOfTheStationsNameAndNumberedWithItsGaps) {
   EXPECT_EQ(numbers, (std::vector<std::uint64_t>{0, 1, 4})) << "9 and 10 were lost";
 }
 
-TEST(ThinnedFrames, atARateAboveTheStationsItsOwnBytesGoOn) {
+TEST(ThinnedFrames, aboveTheStationsRateItsBytesPassUnchanged) {
   ThinnedFrames thinned(5000);
   const Given given(samplesAt(1000, 0.02), 3);
   LiveSamples read(given.frame.data);
@@ -134,7 +134,7 @@ TEST(ThinnedFrames, bytesThatAreNoChunkGiveNone) {
   LiveFrameView frame;
   frame.data = "no chunk at all";
   LiveSamples read(frame.data);
-  EXPECT_FALSE(read.decoded()) << "nobody has asked";
+  EXPECT_FALSE(read.decoded()) << "no one has asked";
   EXPECT_EQ(thinned.next(frame, read, "bench-1"), nullptr);
   EXPECT_TRUE(read.decoded());
 }

@@ -40,7 +40,7 @@ TEST(Admission, whoLogsInCostsItsAddressNothing) {
   EXPECT_EQ(admission.connections(), 15u);
 }
 
-TEST(Admission, whoNeverLogsInUsesUpTheRoomOfItsOwnAddress) {
+TEST(Admission, anUnauthenticatedPeerUsesItsAddressesShare) {
   Admission admission(admissionSettings());
   std::uint64_t id = 0;
   // Opened and closed again: six at once, then one per 100 ms.
@@ -56,21 +56,21 @@ TEST(Admission, whoNeverLogsInUsesUpTheRoomOfItsOwnAddress) {
       << "others are not concerned";
 }
 
-TEST(Admission, whenAllPlacesAreTakenTheGreediestAddressGivesWayWithItsOldest) {
+TEST(Admission, atFullCapacityTheGreediestAddressLosesItsOldest) {
   Admission admission(admissionSettings());
   for (std::uint64_t id = 1; id <= 6; ++id) (void)admission.arrive(id, "10.0.0.1", 0);
   for (std::uint64_t id = 7; id <= 10; ++id) (void)admission.arrive(id, "10.0.0.2", 0);
   EXPECT_EQ(admission.strangers(), 10u);
   const auto newcomer = admission.arrive(11, "10.0.0.3", 0);
   EXPECT_EQ(newcomer.answer, Answer::kWelcome);
-  EXPECT_EQ(newcomer.gives_way, std::optional<std::uint64_t>(1));
+  EXPECT_EQ(newcomer.displaced, std::optional<std::uint64_t>(1));
   EXPECT_EQ(admission.strangers(), 10u);
   // a newcomer gets in, however many addresses flood
   for (std::uint64_t id = 12; id < 1000; ++id) {
     const auto arrival =
         admission.arrive(id, "10.1." + std::to_string(id / 100) + "." + std::to_string(id), 0);
     ASSERT_EQ(arrival.answer, Answer::kWelcome);
-    ASSERT_TRUE(arrival.gives_way.has_value());
+    ASSERT_TRUE(arrival.displaced.has_value());
   }
   EXPECT_EQ(admission.strangers(), 10u);
 }
@@ -87,12 +87,12 @@ TEST(Admission, whoIsLoggedInNeverGivesWayToAStranger) {
   }
   EXPECT_EQ(admission.arrive(100, "10.0.0.2", 0).answer, Answer::kWelcome);
   for (std::uint64_t id = 101; id < 120; ++id)
-    EXPECT_EQ(admission.arrive(id, "10.0.0." + std::to_string(id), 0).gives_way,
+    EXPECT_EQ(admission.arrive(id, "10.0.0." + std::to_string(id), 0).displaced,
               std::optional<std::uint64_t>(id - 1))
         << "one place is kept for those who come";
   EXPECT_EQ(admission.connections(), 20u);
   admission.left(3);
-  EXPECT_FALSE(admission.arrive(120, "10.0.0.3", 0).gives_way.has_value());
+  EXPECT_FALSE(admission.arrive(120, "10.0.0.3", 0).displaced.has_value());
 }
 
 /// A port with 16 places, one for newcomers and four for stations; people connect and log in.
@@ -106,7 +106,7 @@ class Port {
     EXPECT_EQ(admission.arrive(id, "10.0.0.1", 0).answer, Answer::kWelcome);
     const auto arrival = admission.loggedIn(id, account, 0);
     refused = arrival.answer == Answer::kFull;
-    gave_way = arrival.gives_way;
+    gave_way = arrival.displaced;
     if (gave_way) account_of_.erase(*gave_way);
     if (refused)
       admission.left(id);
@@ -138,7 +138,7 @@ Account stationOf(int number) {
   return {.name = "bench-" + std::to_string(number), .station = true};
 }
 
-TEST(Admission, whenThePlacesAreTakenTheAccountWithTheMostGivesUpWhatItHasNotUsedForLongest) {
+TEST(Admission, atFullCapacityTheLargestAccountLosesItsLeastRecentlyUsed) {
   Port port;
   port.logIn(kInes, 7);  // 1 to 7
   port.logIn(kMara, 4);  // 8 to 11: all places for people
@@ -152,7 +152,7 @@ TEST(Admission, whenThePlacesAreTakenTheAccountWithTheMostGivesUpWhatItHasNotUse
   EXPECT_EQ(port.admission.connections(), 11u);
 }
 
-TEST(Admission, whoTakesAllPlacesIsLeftWithItsFairPartAndTakesNoneFromWhoHasFewer) {
+TEST(Admission, aGreedyAccountIsReducedToItsFairShare) {
   Port port;
   port.logIn(kInes, 40);
   EXPECT_EQ(port.connectionsOf(kInes), 11) << "its own gave way";
@@ -197,7 +197,7 @@ TEST(Admission, stationsHavePlacesThatPeopleCannotTake) {
   port.logIn(stationOf(5));
   ASSERT_TRUE(port.gave_way.has_value()) << "beyond its places a station is a newcomer as others";
   EXPECT_EQ(port.connectionsOf(kInes), 10);
-  // a station never gives way to a person, whoever has the most
+  // a station never gives way to a person, even if it has the most
   port.logIn(kMara);
   EXPECT_EQ(port.connectionsOf(kMara), 1);
   for (int n = 1; n <= 5; ++n) EXPECT_EQ(port.connectionsOf(stationOf(n)), 1) << n;
@@ -213,7 +213,7 @@ TEST(Admission, stationsMayTakeWhatPeopleDoNotUseAndKeepIt) {
   for (int n = 1; n <= 15; ++n) EXPECT_EQ(port.connectionsOf(stationOf(n)), 1) << n;
 }
 
-TEST(Admission, anAccountAboveItsNumberGivesWayToItselfThoughThereAreFreePlaces) {
+TEST(Admission, anAccountAboveItsLimitReplacesItsOwnConnection) {
   Port port({.max_connections = 16, .connections_of_account = 3});
   port.logIn(kMara);
   port.logIn(kInes, 3);  // 2 to 4
@@ -224,7 +224,7 @@ TEST(Admission, anAccountAboveItsNumberGivesWayToItselfThoughThereAreFreePlaces)
   EXPECT_EQ(port.admission.connections(), 4u);
 }
 
-TEST(Admission, aConnectionMayShowAnotherAccountAndAStationIsNoPersonOfItsName) {
+TEST(Admission, aConnectionMayChangeAccountsAndStationsAreNotPeople) {
   Port port({.max_connections = 16, .connections_of_account = 1});
   const std::uint64_t id = port.logIn(kInes);
   EXPECT_EQ(port.admission.loggedIn(id, kMara, 0).answer, Answer::kWelcome);
@@ -258,7 +258,7 @@ TEST(Admission, endsAreCountedOnceAndUnknownOnesNotAtAll) {
 }
 
 // Charges leak away: however many addresses come, memory holds only those of the last moments.
-TEST(Admission, memoryIsBoundedWhateverTheAddresses) {
+TEST(Admission, memoryIsBoundedForAnyNumberOfAddresses) {
   Admission admission;
   constexpr std::int64_t kEvery_ns = kMs / 10;  // 10,000 connections per second, each from another address
   for (std::uint64_t id = 0; id < 20'000; ++id) {
@@ -277,11 +277,11 @@ TEST(Admission, anAddressAboveItsNumberGivesWayToItself) {
   for (std::uint64_t id = 1; id <= 3; ++id) (void)admission.arrive(id, "10.0.0.1", 0);
   (void)admission.arrive(4, "10.0.0.2", 0);
   for (std::uint64_t id = 5; id <= 7; ++id)
-    EXPECT_EQ(admission.arrive(id, "10.0.0.1", 0).gives_way, std::optional<std::uint64_t>(id - 4));
+    EXPECT_EQ(admission.arrive(id, "10.0.0.1", 0).displaced, std::optional<std::uint64_t>(id - 4));
   EXPECT_EQ(admission.strangers(), 4u);
   // a log-in frees a place: only strangers count
   admission.loggedIn(7, kInes, 0);
-  EXPECT_FALSE(admission.arrive(8, "10.0.0.1", 0).gives_way.has_value());
+  EXPECT_FALSE(admission.arrive(8, "10.0.0.1", 0).displaced.has_value());
 }
 
 TEST(Admission, anAddressThatHasLoggedInBeforeHasAReserve) {
@@ -294,20 +294,20 @@ TEST(Admission, anAddressThatHasLoggedInBeforeHasAReserve) {
   admission.loggedIn(1, kInes, 0);
   EXPECT_TRUE(admission.knows("10.0.0.1", 0));
   for (std::uint64_t id = 2; id <= 7; ++id)
-    EXPECT_FALSE(admission.arrive(id, "10.0.1." + std::to_string(id), 0).gives_way.has_value());
-  EXPECT_TRUE(admission.arrive(8, "10.0.1.8", 0).gives_way.has_value()) << "six of unknown addresses";
+    EXPECT_FALSE(admission.arrive(id, "10.0.1." + std::to_string(id), 0).displaced.has_value());
+  EXPECT_TRUE(admission.arrive(8, "10.0.1.8", 0).displaced.has_value()) << "six of unknown addresses";
   for (std::uint64_t id = 9; id <= 12; ++id)
-    EXPECT_FALSE(admission.arrive(id, "10.0.0.1", 0).gives_way.has_value()) << "four places are kept for it";
+    EXPECT_FALSE(admission.arrive(id, "10.0.0.1", 0).displaced.has_value()) << "four places are kept for it";
   EXPECT_EQ(admission.strangers(), 10u);
   // the next connection, from anywhere, takes an unknown address's place, although the lab has the most
   for (std::uint64_t id = 13; id <= 40; ++id) {
     const auto arrival = admission.arrive(id, id % 2 == 0 ? "10.0.2.1" : "10.0.2." + std::to_string(id), 0);
-    ASSERT_TRUE(arrival.gives_way.has_value());
-    EXPECT_FALSE(*arrival.gives_way >= 9 && *arrival.gives_way <= 12) << *arrival.gives_way;
+    ASSERT_TRUE(arrival.displaced.has_value());
+    EXPECT_FALSE(*arrival.displaced >= 9 && *arrival.displaced <= 12) << *arrival.displaced;
   }
   const auto more = admission.arrive(41, "10.0.0.1", 0);
-  ASSERT_TRUE(more.gives_way.has_value());
-  EXPECT_GT(*more.gives_way, 12u);
+  ASSERT_TRUE(more.displaced.has_value());
+  EXPECT_GT(*more.displaced, 12u);
 }
 
 TEST(Admission, aKnownAddressHasMoreCharges) {
@@ -323,7 +323,7 @@ TEST(Admission, aKnownAddressHasMoreCharges) {
   }
 }
 
-TEST(Admission, aKnownAddressIsForgottenAfterItsTimeAndTheOldestWhenThereAreTooMany) {
+TEST(Admission, knownAddressesExpireAndTheOldestGoWhenFull) {
   auto s = admissionSettings();
   s.max_known = 3;
   s.known_for = std::chrono::hours(1);
@@ -346,17 +346,17 @@ TEST(Admission, aProxyIsNoStrangerAndCostsNothing) {
     EXPECT_EQ(admission.arriveFromProxy(id).answer, Answer::kWelcome);
   EXPECT_EQ(admission.strangers(), 0u);
   for (std::uint64_t id = 16; id <= 20; ++id) (void)admission.arrive(id, "10.0.0.1", 0);
-  EXPECT_EQ(admission.arriveFromProxy(21).gives_way, std::optional<std::uint64_t>(16));
+  EXPECT_EQ(admission.arriveFromProxy(21).displaced, std::optional<std::uint64_t>(16));
   for (std::uint64_t id = 22; id <= 25; ++id) (void)admission.arriveFromProxy(id);
   EXPECT_EQ(admission.arriveFromProxy(26).answer, Answer::kFull);
   admission.left(3);
   EXPECT_EQ(admission.arriveFromProxy(27).answer, Answer::kWelcome);
   // its connections carry many people's requests
-  for (int n = 0; n < 3; ++n) EXPECT_FALSE(admission.loggedIn(27, kInes, 0).gives_way.has_value());
+  for (int n = 0; n < 3; ++n) EXPECT_FALSE(admission.loggedIn(27, kInes, 0).displaced.has_value());
   EXPECT_EQ(admission.connections(), 20u);
 }
 
-TEST(Admission, anAddressIsAnIpv4AddressOrTheFirstHalfOfAnIpv6One) {
+TEST(Admission, anAddressIsAnIpv4AddressOrIpv6Prefix) {
   EXPECT_EQ(Admission::keyOf("10.0.0.1"), "10.0.0.1");
   EXPECT_EQ(Admission::keyOf("::ffff:10.0.0.1"), "10.0.0.1");
   EXPECT_EQ(Admission::keyOf("[2001:db8:1:2::1]"), Admission::keyOf("2001:db8:1:2:ffff::9"));

@@ -56,7 +56,7 @@ TEST(ByteBudget, whatPeopleMayNotTakeIsLeftToTheStations) {
   EXPECT_EQ(fill(stationNamed), 5u) << "stations may have all";
 }
 
-TEST(ByteBudget, nobodyHasMoreThanAQuarterOfWhatThereIsForItsKind) {
+TEST(ByteBudget, noPeerHasMoreThanAQuarterOfItsKind) {
   const ConnectionBounds bounds;
   for (const ByteBudget::Limits& limits : {bounds.decoded, bounds.replies}) {
     EXPECT_LE(4 * limits.person, limits.people);
@@ -76,7 +76,7 @@ TEST(ByteBudget, tellsWheneverSomethingIsGivenBackAndOnlyOnce) {
     auto other = budget.take(personNamed("bert"), 6);
     moved = std::move(*other);
     other.reset();
-    EXPECT_EQ(freed, 1) << "what was overwritten is given back";
+    EXPECT_EQ(freed, 1) << "overwritten bytes are given back";
     EXPECT_EQ(budget.taken(), 6u);
     kept.emplace(std::move(moved));
   }
@@ -84,7 +84,7 @@ TEST(ByteBudget, tellsWheneverSomethingIsGivenBackAndOnlyOnce) {
   EXPECT_EQ(freed, 2) << "a share may end after the budget";
 }
 
-TEST(ByteBudget, aShareThatCameToMoreThanItTookCountsAllAndOthersWait) {
+TEST(ByteBudget, aShareThatGrewCountsWhollyAndOthersWait) {
   int freed = 0;
   ByteBudget budget(kLimits, [&] { ++freed; });
   auto share = budget.take(personNamed("anna"), 5);
@@ -103,7 +103,7 @@ TEST(ByteBudget, aShareThatCameToMoreThanItTookCountsAllAndOthersWait) {
   EXPECT_TRUE(budget.take(personNamed("anna"), 10).has_value());
 }
 
-TEST(ByteBudget, aShareThatNeedsLessThanItTookGivesTheRestBackAtOnce) {
+TEST(ByteBudget, aShrunkShareReturnsTheRestAtOnce) {
   int freed = 0;
   ByteBudget budget(kLimits, [&] { ++freed; });
   auto share = budget.take(personNamed("anna"), 10);

@@ -114,7 +114,7 @@ TEST(DiskRoom, aLevelThatOnlyRefusedRequestsReachedIsLeftWithThem) {
   room.take(40 * kMiB);
   EXPECT_EQ(room.level(), kNoNew) << "it may be stored: 293 - 2 * 40 = 213";
   room.look({.disk_bytes = 293 * kMiB});
-  EXPECT_EQ(room.level(), kNoNew) << "nobody knows yet";
+  EXPECT_EQ(room.level(), kNoNew) << "no one knows yet";
   room.look({.disk_bytes = 293 * kMiB});
   EXPECT_EQ(room.leftBytes(), 213 * kMiB) << "however long it takes";
   room.settle(40 * kMiB, false);
@@ -128,7 +128,7 @@ TEST(DiskRoom, aLevelThatOnlyRefusedRequestsReachedIsLeftWithThem) {
   EXPECT_EQ(room.level(), kNoNew);
 }
 
-TEST(DiskRoom, aShareIsNotStoredUnlessItSaysSo) {
+TEST(DiskRoom, aShareIsTransientUnlessMarkedStored) {
   DiskRoom room(64 * kMiB);
   room.look({.disk_bytes = 300 * kMiB});
   const auto left_MiB = [&] { return room.leftBytes() / kMiB; };
@@ -152,7 +152,7 @@ TEST(DiskRoom, freePagesOfTheFileAreRoomWhileTheLogMayGrow) {
   EXPECT_EQ(room.level(), kNone) << "the log cannot grow";
 }
 
-TEST(DiskRoom, saysWhatIsLeftWhatIsWantedAndWhatToDo) {
+TEST(DiskRoom, reportsFreeAndRequestedSpaceWithAdvice) {
   DiskRoom room(64 * kMiB);
   room.look({.disk_bytes = 100 * kMiB});
   EXPECT_THAT(room.text(), testing::AllOf(HasSubstr("100 MiB"), HasSubstr("256 MiB"), HasSubstr("make room"),
@@ -162,7 +162,7 @@ TEST(DiskRoom, saysWhatIsLeftWhatIsWantedAndWhatToDo) {
                                           HasSubstr("retention"), HasSubstr("the station keeps its data")));
 }
 
-TEST(DiskRoom, theSystemTellsWhatIsFree) {
+TEST(DiskRoom, theSystemReportsFreeSpace) {
   const test::TempFolder folder;
   EXPECT_GT(freeBytesOf(folder.path()).value_or(0), 0u);
   EXPECT_FALSE(freeBytesOf(folder.path() / "none").has_value());

@@ -57,7 +57,7 @@ TEST(HandshakeTurns, theNewestOfAnAddressGoesFirst) {
   EXPECT_EQ(allAnswered(turns, 0), (Ids{3, 2, 1}));
 }
 
-TEST(HandshakeTurns, anAddressWaitsForItsOwnPlacesAndOthersDoNot) {
+TEST(HandshakeTurns, anAddressWaitsForItsOwnPlacesOnly) {
   HandshakeTurns turns(turnSettings());
   for (std::uint64_t id = 1; id <= 5; ++id) turns.came(id, "silent", false);
   EXPECT_EQ(allAnswered(turns, 0), (Ids{5, 4, 3}));
@@ -66,7 +66,7 @@ TEST(HandshakeTurns, anAddressWaitsForItsOwnPlacesAndOthersDoNot) {
   EXPECT_EQ(turns.nextAt(), std::optional<std::int64_t>(100 * kMs));
   EXPECT_EQ(allAnswered(turns, 99 * kMs), Ids{});
   EXPECT_EQ(allAnswered(turns, 100 * kMs), (Ids{2, 1})) << "their places ended with their patience";
-  EXPECT_FALSE(turns.nextAt().has_value()) << "nobody waits";
+  EXPECT_FALSE(turns.nextAt().has_value()) << "no one waits";
 }
 
 TEST(HandshakeTurns, aHandshakeThatEndsGivesItsPlaceToItsAddress) {
@@ -79,7 +79,7 @@ TEST(HandshakeTurns, aHandshakeThatEndsGivesItsPlaceToItsAddress) {
 
 // The attack: any number of addresses, all silent, all returning again and again. However many hold a place,
 // the next address without one begins at once.
-TEST(HandshakeTurns, silentAddressesKeepNobodyElseWaiting) {
+TEST(HandshakeTurns, silentAddressesDelayNoOneElse) {
   for (const int attackers : {2, 20, 200}) {
     SCOPED_TRACE(attackers);
     HandshakeTurns turns(turnSettings());

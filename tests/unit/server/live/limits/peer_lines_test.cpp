@@ -22,7 +22,7 @@ void write(PeerLines& lines, const std::string& owner, const PeerLineKind& kind,
 }
 
 // The finding: repeated log-ins with one station's key wrote 0.9 MB per second, using a long program name.
-TEST(PeerLines, anHourOfLogInsHasSoManyBytesHoweverManyThereAre) {
+TEST(PeerLines, anHoursLogInLinesAreBoundedInBytes) {
   constexpr std::uint64_t kASecond = 20, kSeconds = 3600;
   const std::string program(900, 'x'), owner = "station bench-1";
   PeerLines lines;
@@ -30,9 +30,9 @@ TEST(PeerLines, anHourOfLogInsHasSoManyBytesHoweverManyThereAre) {
     for (std::uint64_t i = 0; i < kSeconds * kASecond; ++i) {
       const auto now_ns = static_cast<std::int64_t>(i * 1'000'000'000 / kASecond);
       lines.write(owner, PeerLine::kLogin, now_ns, {{"who", "bench-1"}, {"program", program}});
-      if (i % (5 * kASecond) == 0) lines.sayLeftOut(now_ns);
+      if (i % (5 * kASecond) == 0) lines.reportOmitted(now_ns);
     }
-    lines.sayLeftOut(INT64_MAX);
+    lines.reportOmitted(INT64_MAX);
   });
   constexpr std::uint64_t kMinutes = kSeconds / 60;
   const std::uint64_t left_out = 60 * kASecond - kAMinute;
@@ -47,13 +47,13 @@ TEST(PeerLines, anHourOfLogInsHasSoManyBytesHoweverManyThereAre) {
 }
 
 // The finding: a trainee's cookie wrote 1 MB per second with requests to the web port.
-TEST(PeerLines, requestsThatSucceedHaveMoreLinesAndHideNoneThatWasRefusedOrFailed) {
+TEST(PeerLines, successfulRequestsHaveMoreLinesAndHideNoFailures) {
   PeerLines lines;
   const std::string log = logOf(LogLevel::kInfo, [&] {
     for (const PeerLineKind& kind : {PeerLine::kWebRequestDone, PeerLine::kWebRequestRefused,
                                      PeerLine::kWebRequestForbidden, PeerLine::kWebRequestFailed})
       write(lines, "person tina", kind, 0, 1000);
-    lines.sayLeftOut(kAMinute_ns);
+    lines.reportOmitted(kAMinute_ns);
   });
   const std::uint64_t answered = PeerLines::Settings{}.answered_a_minute;
   EXPECT_EQ(countOf(log, "web_request who=\"person tina\"\n"), answered + 3 * kAMinute);
@@ -78,10 +78,10 @@ TEST(PeerLines, noKindOfAnAccountHidesAnotherNorAnotherAccounts) {
 }
 
 // The finding: the number of omitted lines was logged only with the account's next refusal.
-TEST(PeerLines, whatWasLeftOutIsSaidOnceByTheClockAndTheRestAtTheEnd) {
+TEST(PeerLines, omittedLinesAreCountedPeriodicallyAndAtTheEnd) {
   PeerLines lines;
   const auto saidAt = [&](std::int64_t now_ns) {
-    return logOf(LogLevel::kWarning, [&] { lines.sayLeftOut(now_ns); });
+    return logOf(LogLevel::kWarning, [&] { lines.reportOmitted(now_ns); });
   };
   (void)logOf(LogLevel::kOff,
               [&] { write(lines, "person tina", PeerLine::kMessageRefusedForRole, 0, kAMinute + 10); });
@@ -105,7 +105,7 @@ TEST(PeerLines, whoHasGoneIsForgottenAndTheNumberIsNot) {
       write(lines, "station " + std::to_string(n), PeerLine::kChunkQuarantined, kAMinute_ns, 1);
   });
   EXPECT_EQ(lines.known(), kStations);
-  const std::string log = logOf(LogLevel::kWarning, [&] { lines.sayLeftOut(2 * kAMinute_ns); });
+  const std::string log = logOf(LogLevel::kWarning, [&] { lines.reportOmitted(2 * kAMinute_ns); });
   EXPECT_EQ(countOf(log, " of=chunk_quarantined count=1\n"), kStations);
   EXPECT_EQ(lines.known(), 0u);
 }
@@ -115,7 +115,7 @@ TEST(PeerLines, wantOfRoomHasALineAnHourOfEachAccount) {
   PeerLines lines;
   const auto writtenAt = [&](const std::string& owner, std::int64_t now_ns) {
     const std::string log = logOf(LogLevel::kWarning, [&] {
-      lines.sayLeftOut(now_ns);
+      lines.reportOmitted(now_ns);
       write(lines, owner, PeerLine::kNoRoom, now_ns, 1);
     });
     return countOf(log, "no_room who=");

@@ -77,7 +77,7 @@ TEST(StationQuotas, eachShareIsThereOnceAndComesBackWithinADay) {
     EXPECT_EQ(taken("s1", kHour_ns - 1'000'000'000), 0);
     EXPECT_EQ(taken("s1", kHour_ns), row.in_an_hour);
     EXPECT_EQ(taken("s1", 100 * kHour_ns), row.at_once);
-    EXPECT_TRUE(all.admit("s1", {}, 100 * kHour_ns).ok()) << "what takes nothing of it goes on";
+    EXPECT_TRUE(all.admit("s1", {}, 100 * kHour_ns).ok()) << "what takes nothing of it continues";
   }
 }
 
@@ -89,7 +89,7 @@ TEST(StationQuotas, whatIsRefusedCostsNothing) {
     EXPECT_TRUE(all.admit("s1", {.description_bytes = 10'000, .unknown_name = true}, 0).ok()) << i;
 }
 
-TEST(StationQuotas, chunksAreAShareThatComesBackWithinADayAndABacklogGetsThrough) {
+TEST(StationQuotas, theChunkQuotaRefillsInADayAndABacklogPasses) {
   StationQuotas all = quotas();
   EXPECT_EQ(chunksTaken(all, "s1", 0, false, {"'s1'", "240 MiB of recordings", "6 min", "keeps the session"}),
             240);
@@ -106,7 +106,7 @@ TEST(StationQuotas, chunksAreAShareThatComesBackWithinADayAndABacklogGetsThrough
   EXPECT_EQ(chunksTaken(all, "s1", 200 * kHour_ns), 240) << "never more than a share";
 }
 
-TEST(StationQuotas, aSessionIsOpenedOnlyWithRoomForMoreThanAFewChunks) {
+TEST(StationQuotas, openingASessionNeedsRoomForSeveralChunks) {
   StationQuotas all = quotas();
   EXPECT_TRUE(all.roomForChunks("s1", 0).ok());
   ASSERT_EQ(chunksTaken(all, "s1", 0), 240);
@@ -117,7 +117,7 @@ TEST(StationQuotas, aSessionIsOpenedOnlyWithRoomForMoreThanAFewChunks) {
   EXPECT_TRUE(all.roomForChunks("s2", 0).ok());
 }
 
-TEST(StationQuotas, chunksThatCannotBeDecodedAreASmallerShareAndSoundOnesGoOn) {
+TEST(StationQuotas, undecodableChunksHaveASmallerQuotaAndSoundOnesPass) {
   StationQuotas all = quotas();
   EXPECT_EQ(chunksTaken(all, "s1", 0, true, {"24 MiB", "cannot be decoded"}), 24);
   EXPECT_EQ(chunksTaken(all, "s1", 0), 216) << "they count among all, and those refused cost nothing";
@@ -128,7 +128,7 @@ TEST(StationQuotas, manySmallChunksCostTheirRows) {
   EXPECT_EQ(admitted([&] { return all.admitChunk("s1", {.bytes = 64}, 0); }, {}), 100);
 }
 
-TEST(StationQuotas, aStationWithAFullSpoolAndADayOfLessonsIsNotRefused) {
+TEST(StationQuotas, aFullSpoolAndADayOfLessonsFitTheQuota) {
   StationQuotas all;
   for (int i = 0; i < 4096; ++i) ASSERT_TRUE(all.admitChunk("s1", {.bytes = kMebi - 1024}, 0).ok()) << i;
   ASSERT_TRUE(all.roomForChunks("s1", 0).ok());
@@ -157,7 +157,7 @@ TEST(StationQuotas, aStolenKeyBringsAtMostTwoSharesInADay) {
 
 constexpr std::size_t kCost = PeopleShares::kRequestBytes;
 
-TEST(PeopleShares, eachRoleHasItsShareAndARequestCostsItsBytesAndItsRows) {
+TEST(PeopleShares, eachRoleHasItsShareAndRequestsCostBytesAndRows) {
   struct Row {
     const char* name;
     pb::Role role;
@@ -177,7 +177,7 @@ TEST(PeopleShares, eachRoleHasItsShareAndARequestCostsItsBytesAndItsRows) {
           << row.name;
 }
 
-TEST(PeopleShares, aRefusalSaysTheShareAndWhenThereIsRoomAndCostsNothing) {
+TEST(PeopleShares, aRefusalStatesTheShareAndRetryTimeAndCostsNothing) {
   PeopleShares all({.own_bytes = 24.0 * kMebi});
   const auto at = [&](std::int64_t now_ns) {
     return [&all, now_ns] { return all.admit("tina", pb::TRAINEE, kMebi - kCost, now_ns); };

@@ -17,7 +17,7 @@ int takenAt(TokenBuckets& buckets, const std::string& owner, const BucketRate& r
   return taken;
 }
 
-TEST(TokenBuckets, soManyAtOnceThenSoManyASecondAndWhatIsRefusedFillsNothing) {
+TEST(TokenBuckets, allowsABurstThenTheRateAndRefusalsCostNothing) {
   struct Row {
     BucketRate rate;
     double amount;
@@ -55,7 +55,7 @@ TEST(TokenBuckets, sayWhenThereIsRoomAndTakeBack) {
 }
 
 // The finding: each log-in got a new burst of 5,000 messages, at 2 ms.
-TEST(TokenBuckets, aLogInBeginsNoBucketAfreshAndAnotherOwnerHasItsOwn) {
+TEST(TokenBuckets, aNewLogInKeepsItsBucketAndOwnersAreSeparate) {
   TokenBuckets buckets;
   const BucketRate rate{50, 5};
   EXPECT_EQ(takenAt(buckets, "station bench", rate, 0), 50);

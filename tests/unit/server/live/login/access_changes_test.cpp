@@ -1,4 +1,4 @@
-#include "server/live/login/access_changes.h"
+#include "server/live/login/login_state.h"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +10,7 @@
 namespace needlelab {
 namespace {
 
-TEST(AccessChanges, aWatchHearsOfItsOwnAccountOnlyAndOnlyOfLaterChanges) {
+TEST(AccessChanges, aWatchSeesLaterChangesOfItsOwnAccountOnly) {
   AccessChanges changes;
   changes.changed("anna", false);
   const AccessWatch first = changes.watch("anna", false), second = changes.watch("anna", false);
@@ -23,7 +23,7 @@ TEST(AccessChanges, aWatchHearsOfItsOwnAccountOnlyAndOnlyOfLaterChanges) {
   EXPECT_FALSE(changes.watch("anna", false).changed());
 }
 
-TEST(AccessChanges, namesThatNobodyWatchesAnyMoreAreForgotten) {
+TEST(AccessChanges, unwatchedNamesAreForgotten) {
   AccessChanges changes;
   std::vector<AccessWatch> held;
   for (int i = 0; i < 100; ++i) held.push_back(changes.watch("held " + std::to_string(i), false));
@@ -73,7 +73,7 @@ TEST(CheckUnchanged, oneCheckIsEnoughWhileOnlyOthersChange) {
   EXPECT_EQ(checks.made, 1);
 }
 
-TEST(CheckUnchanged, anAccountThatChangesMeanwhileIsCheckedAsItIsThen) {
+TEST(CheckUnchanged, anAccountChangedDuringItsCheckIsCheckedAgain) {
   Checks checks;
   checks.changed_in = 1;
   const auto result = resultOf(checks);
@@ -82,7 +82,7 @@ TEST(CheckUnchanged, anAccountThatChangesMeanwhileIsCheckedAsItIsThen) {
   EXPECT_EQ(checks.made, 2);
 }
 
-TEST(CheckUnchanged, anAccountThatChangesInEachCheckIsCheckedTwiceAndDoesNotGetIn) {
+TEST(CheckUnchanged, anAccountChangedInEachCheckIsRefusedAfterTwo) {
   Checks checks;
   checks.changed_in = 1000;
   const auto result = resultOf(checks);

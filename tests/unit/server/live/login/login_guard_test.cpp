@@ -49,7 +49,7 @@ TEST(LoginGuard, eachFurtherFailureDoublesTheWaitUpToTheLongest) {
   }
 }
 
-TEST(LoginGuard, aSuccessOrAnHourOfQuietBeginsAnew) {
+TEST(LoginGuard, aSuccessOrAQuietHourResetsTheCount) {
   LoginGuard guard(guardSettings());
   for (int i = 0; i < 2; ++i) (void)guard.failed("anna", "a", 0);
   guard.succeeded("anna", "a", 0);
@@ -75,7 +75,7 @@ TEST(LoginGuard, guessingOneNameFromManyAddressesWaitsToo) {
   EXPECT_EQ(guard.mustWait("bert", "fresh", 0).count(), 0);
 }
 
-TEST(LoginGuard, nobodyElsewhereLocksATeacherOutOfTheLab) {
+TEST(LoginGuard, anOutsiderCannotLockATeacherOutOfTheLab) {
   LoginGuard guard(guardSettings());
   guard.succeeded("anna", "lab", 0);
   for (std::int64_t t = 0; t < 600 * kS; t += kS)
@@ -84,7 +84,7 @@ TEST(LoginGuard, nobodyElsewhereLocksATeacherOutOfTheLab) {
   EXPECT_EQ(guard.mustWait("anna", "lab", 600 * kS).count(), 0);
 }
 
-TEST(LoginGuard, oneWhoGuessesInTheLabDoesNotLockOutThoseWhoAreKnownThere) {
+TEST(LoginGuard, aGuesserInTheLabDoesNotLockOutKnownPeople) {
   LoginGuard guard(guardSettings());
   guard.succeeded("anna", "lab", 0);
   for (int i = 0; i < 1000; ++i) (void)guard.failed("name" + std::to_string(i % 7), "lab", 0);
@@ -125,7 +125,7 @@ TEST(LoginGuard, noNameLooksLikeAnotherOneElsewhere) {
 }
 
 // The finding: names of a megabyte were kept until the next start.
-TEST(LoginGuard, namesThatNobodyCanHaveCountAsOneAndAreNotKept) {
+TEST(LoginGuard, impossibleNamesCountAsOneAndAreNotKept) {
   LoginGuard guard(guardSettings());
   for (int i = 0; i < 3; ++i) (void)guard.failed(std::string(100'000, static_cast<char>('a' + i)), "lab", 0);
   EXPECT_EQ(guard.entries(), 3u) << "a name at an address, a name, an address";
@@ -143,7 +143,7 @@ TEST(LoginGuard, theLongestNamesCountEachForItself) {
   EXPECT_GT(guard.mustWait(person('a'), "lab", 0).count(), 0);
 }
 
-TEST(LoginGuard, memoryIsBoundedAndAFloodOfNamesDoesNotFreeTheOneThatWaits) {
+TEST(LoginGuard, memoryIsBoundedAndAFloodKeepsALockedName) {
   auto s = guardSettings();
   s.max_entries = 100;
   LoginGuard guard(s);

@@ -9,7 +9,7 @@ namespace {
 
 const Tokens::Holder kAnna{{"anna", pb::INSTRUCTOR}, 0};
 
-TEST(Tokens, aTokenLastsAsLongAsItSays) {
+TEST(Tokens, aTokenLastsForItsStatedTime) {
   Tokens tokens({.lifetime = std::chrono::milliseconds(1000)});
   const auto issued = tokens.issue(kAnna, 5 * kMs);
   EXPECT_EQ(issued.token.size(), 32u);
@@ -41,7 +41,7 @@ TEST(Tokens, twoAreNeverTheSameAndForgettingEndsThemAll) {
   EXPECT_TRUE(tokens.find(c.token, 0).has_value());
 }
 
-TEST(Tokens, exchangedAgainAndAgainTheyStillEndWithTheLongestTimeSinceThePassword) {
+TEST(Tokens, repeatedExchangesStillEndAtTheLongestLifetime) {
   // 1 s each, at most 5 s after the password
   Tokens tokens({.lifetime = std::chrono::milliseconds(1000), .longest = std::chrono::milliseconds(5000)});
   std::int64_t now = 0;

@@ -42,7 +42,7 @@ std::vector<pb::AuditEntry> auditOf(RunningServer& server, const std::string& ac
   return found;
 }
 
-TEST(Access, refusedLogInsHaveSoManyLinesOfTheLogAndTheNumberOfTheOthers) {
+TEST(Access, refusedLogInLinesAreBoundedAndCounted) {
   constexpr std::size_t kLines = 3;
   RunningServer server([](ServerOptions& options) {
     options.bounds.log_lines.a_minute = kLines;
@@ -76,7 +76,7 @@ TEST(Access, refusedLogInsHaveSoManyLinesOfTheLogAndTheNumberOfTheOthers) {
 
 // The finding: each log-in with a station's key wrote four lines, with a program name of 900 bytes 0.9 MB per
 // second.
-TEST(Access, aKeysLogInsHaveSoManyLinesOfTheLogAndTheNumberOfTheOthers) {
+TEST(Access, aKeysLogInLinesAreBoundedAndCounted) {
   constexpr std::size_t kLines = 3, kLogins = 10;
   RunningServer server([](ServerOptions& options) { options.bounds.log_lines.a_minute = kLines; });
   const std::string key = server.addStation("bench-1");
@@ -127,7 +127,7 @@ TEST(Access, messagesOfNoMeaningHideNoneThatTheRoleMayNot) {
   EXPECT_EQ(countOf(log, leftOut("\"person @1\"", "message_refused", kOthers - kLines)), 1u) << log;
 }
 
-TEST(Access, guessesThatComeTogetherAreNoMoreThanThoseThatComeInTurn) {
+TEST(Access, parallelGuessesShareTheSequentialLimit) {
   RunningServer server([](ServerOptions& options) {
     options.guard.first_wait = std::chrono::minutes(10);
     options.limits.handshake_timeout = std::chrono::minutes(10);
@@ -161,7 +161,7 @@ TEST(Access, guessesThatComeTogetherAreNoMoreThanThoseThatComeInTurn) {
   EXPECT_TRUE(server.connect(personLogin("bert", kPassword)).ok());
 }
 
-TEST(Access, theWelcomePromisesHowOftenTheServerSaysSomething) {
+TEST(Access, theWelcomeAnnouncesTheKeepalivePeriod) {
   RunningServer server([](ServerOptions& options) { options.limits.keepalive = milliseconds(1250); });
   const std::string key = server.addStation("bench-1");
   const auto client = server.connect(stationLogin("bench-1", key));
@@ -229,7 +229,7 @@ TEST(Access, refusalsOfAPeerDoNotFillTheLog) {
   EXPECT_THAT(of_station, HasSubstr("count=1000"));
 }
 
-TEST(Access, aDisabledAccountIsPutOutAtOnceWithItsTokensAndItIsNoted) {
+TEST(Access, disablingAnAccountDisconnectsItAtOnceAndIsAudited) {
   RunningServer server;
   server.addUser("anna", pb::INSTRUCTOR, kPassword);
   server.addUser("chief", pb::ADMINISTRATOR, kPassword);
@@ -251,7 +251,7 @@ TEST(Access, aDisabledAccountIsPutOutAtOnceWithItsTokensAndItIsNoted) {
   EXPECT_THAT(noted[0].detail(), HasSubstr("2 connections, 2 tokens"));
 }
 
-TEST(Access, anErasedPersonIsPutOutAndTheLogDoesNotNameIt) {
+TEST(Access, anErasedPersonIsDisconnectedAndNotNamedInTheLog) {
   RunningServer server;
   server.addUser("anna", pb::TRAINEE, kPassword);
   server.addUser("chief", pb::ADMINISTRATOR, kPassword);
@@ -274,7 +274,7 @@ TEST(Access, anErasedPersonIsPutOutAndTheLogDoesNotNameIt) {
     EXPECT_EQ(line.ShortDebugString().find("anna"), std::string::npos) << line.ShortDebugString();
 }
 
-TEST(Access, whoGetsAnotherRoleByATableIsPutOutAndNamedInTheLog) {
+TEST(Access, aRoleChangedByImportDisconnectsAndIsLogged) {
   RunningServer server;
   server.addUser("anna", pb::ADMINISTRATOR, kPassword);
   server.addUser("bert", pb::INSTRUCTOR, kPassword);
@@ -291,7 +291,7 @@ TEST(Access, whoGetsAnotherRoleByATableIsPutOutAndNamedInTheLog) {
   EXPECT_EQ(server.connect(byToken(anna->welcome().token())).error().code, ErrorCode::kDenied);
   pb::Request list;
   list.mutable_list_users();
-  EXPECT_TRUE(bert->call(list).ok()) << "whose role is the same goes on";
+  EXPECT_TRUE(bert->call(list).ok()) << "whose role is the same continues";
   const auto noted = auditOf(server, "user import");
   ASSERT_EQ(noted.size(), 2u);
   EXPECT_EQ(noted[1].subject(), "anna");
@@ -306,7 +306,7 @@ TEST(Access, whoGetsAnotherRoleByATableIsPutOutAndNamedInTheLog) {
   expectEnded(*chief);
 }
 
-TEST(Access, whoAsksForWhatIsSoAlreadyPutsNobodyOut) {
+TEST(Access, aRequestThatChangesNothingDisconnectsNoOne) {
   RunningServer server;
   server.addUser("anna", pb::INSTRUCTOR, kPassword);
   server.addUser("chief", pb::ADMINISTRATOR, kPassword);
@@ -319,7 +319,7 @@ TEST(Access, whoAsksForWhatIsSoAlreadyPutsNobodyOut) {
   same.mutable_change_user()->set_role(pb::INSTRUCTOR);
   ASSERT_TRUE(chief->call(same).ok());
   same.mutable_change_user()->set_full_name("Anna A");
-  ASSERT_TRUE(chief->call(same).ok()) << "another name is no other access";
+  ASSERT_TRUE(chief->call(same).ok()) << "another name is not another access";
   pb::Request list;
   list.mutable_list_users();
   EXPECT_TRUE(anna->call(list).ok());
@@ -384,7 +384,7 @@ TEST(Access, aRevokedStationIsPutOutAtOnceAndItIsNoted) {
   EXPECT_EQ(auditOf(server, "access ended").size(), 1u);
 }
 
-TEST(Access, nobodySlipsInWhileItsPasswordIsChecked) {
+TEST(Access, aChangeDuringThePasswordCheckIsDetected) {
   RunningServer server;
   server.addUser("chief", pb::ADMINISTRATOR, kPassword);
   server.addUser("anna", pb::INSTRUCTOR, kPassword);
@@ -428,7 +428,7 @@ TEST(Access, changesToOthersAccountsCostALogInNoSecondCheck) {
   EXPECT_EQ(checks.all().size(), 1u) << "with a check for each change a log-in might wait without end";
 }
 
-TEST(Access, aTokenEndsWithItsTimeButNotTheConnectionThatIsOpen) {
+TEST(Access, aTokenExpiresButItsOpenConnectionStays) {
   // expires at once: Tokens' own tests use the clock
   RunningServer server([](ServerOptions& options) { options.token_lifetime = milliseconds(0); });
   server.addUser("anna", pb::INSTRUCTOR, kPassword);
@@ -451,7 +451,7 @@ TEST(Access, aLogInOfStaffIsInTheAuditLog) {
   EXPECT_EQ(lines[0].detail(), "instructor from 127.0.0.1");
 }
 
-TEST(Access, guessingElsewhereLocksNobodyOutOfTheLab) {
+TEST(Access, guessingElsewhereLocksNoOneOutOfTheLab) {
   RunningServer server([](ServerOptions& options) {
     options.guard.allowed_per_name = 2;
     options.guard.allowed_everywhere = 3;
@@ -472,7 +472,7 @@ TEST(Access, guessingElsewhereLocksNobodyOutOfTheLab) {
   }
   EXPECT_TRUE(RawPeer(server, "127.0.0.5").logIn(personLogin("anna", kPassword)).has_refusal())
       << "a new address waits, too";
-  EXPECT_TRUE(server.connect(personLogin("anna", kPassword)).ok()) << "in the lab she goes on";
+  EXPECT_TRUE(server.connect(personLogin("anna", kPassword)).ok()) << "in the lab she continues";
   EXPECT_TRUE(RawPeer(server, "127.0.0.2").logIn(stationLogin("bench-1", key)).has_welcome())
       << "keys cannot be guessed: a right one is never kept out";
   EXPECT_FALSE(auditOf(server, "log-in locked").empty());
@@ -546,7 +546,7 @@ TEST(Access, aFloodOfPingsIsRefusedAndThenEndsTheConnection) {
 }
 
 // The finding: a log-in costs 2 ms, and each new connection got a burst of 5,000 messages.
-TEST(Access, whatAStationMaySendAtOnceItMaySendOnAllItsConnectionsTogether) {
+TEST(Access, aStationsBurstIsSharedByAllItsConnections) {
   RunningServer server([](ServerOptions& options) {
     options.bounds.small_messages_at_once = 50;
     options.bounds.small_messages_per_s = 1e-9;

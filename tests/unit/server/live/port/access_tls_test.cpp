@@ -69,7 +69,7 @@ std::string base64Of(const std::string& bytes) {
   return text.substr(0, text.find('='));
 }
 
-TEST(AccessFiles, noSecretLiesInTheFolderAndNobodyElseMayLook) {
+TEST(AccessFiles, secretFilesAreSeparateAndPrivate) {
   const test::ProductPasswordCost product;
   RunningServer server;
   const std::string key = server.addStation("bench-1"), password = "planted password 7431";

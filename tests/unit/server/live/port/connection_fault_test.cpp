@@ -1,4 +1,4 @@
-// An exception in a connection's work ends only that connection: PeerConnection::endsAlone.
+// An exception in a connection's work ends only that connection: PeerConnection::endOnException.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -52,11 +52,11 @@ class ConnectionFault : public testing::Test {
         context, id, Channel::make(TlsStream(std::move(far), *TestTls::get().server), {}));
   }
   void run(const std::shared_ptr<PeerConnection>& peer) {
-    asio::co_spawn(loop.io, PeerConnection::run(peer), PeerConnection::endsAlone(peer));
+    asio::co_spawn(loop.io, PeerConnection::run(peer), PeerConnection::endOnException(peer));
     ASSERT_TRUE(loop.runUntil([&] { return context.connections.contains(peer->id()); }));
   }
   void spawn(const std::shared_ptr<PeerConnection>& peer, std::function<void()> work) {
-    asio::co_spawn(loop.io, working(std::move(work)), PeerConnection::endsAlone(peer));
+    asio::co_spawn(loop.io, working(std::move(work)), PeerConnection::endOnException(peer));
   }
   /// The peer's side of the TLS handshake; true: the server has accepted the connection.
   bool shakesHands(const std::shared_ptr<PeerConnection>& peer, Tcp::socket& client) {
@@ -104,7 +104,7 @@ TEST_F(ConnectionFault, whatIsNoExceptionOfTheLibrariesEndsItsConnectionToo) {
 }
 
 // run() itself fails: nothing else removes the connection from the lists.
-TEST_F(ConnectionFault, aConnectionWhoseRunFailsGivesItsHandshakeTurnToTheNextAndLeavesTheList) {
+TEST_F(ConnectionFault, aFailedConnectionPassesOnItsHandshakeTurn) {
   for (const auto& peer : {failing, other}) context.connections.emplace(peer->id(), peer.get());
   context.limits.handshakes.came(failing->id(), "a", false);
   ASSERT_EQ(context.limits.handshakes.next(steadyNowNs()), failing->id());
@@ -122,15 +122,15 @@ TEST_F(ConnectionFault, aConnectionWhoseRunFailsGivesItsHandshakeTurnToTheNextAn
 
 TEST_F(ConnectionFault, whoHangsUpIsGoneThoughNothingIsReadFromIt) {
   // neither one runs: with the most requests in progress nothing is read
-  failing->lookForHangUp();
+  failing->checkHangUp();
   EXPECT_FALSE(failing->gone());
   clients[0].close();
   EXPECT_TRUE(loop.runUntil([&] {
-    failing->lookForHangUp();
+    failing->checkHangUp();
     return failing->gone();
   }));
-  EXPECT_FALSE(failing->over()) << "what it has sent is still read";
-  other->lookForHangUp();
+  EXPECT_FALSE(failing->over()) << "its sent data are still read";
+  other->checkHangUp();
   EXPECT_FALSE(other->gone());
   run(other);
   other->cut("it comes too often");
@@ -142,15 +142,15 @@ TEST_F(ConnectionFault, workThatEndsWellEndsNothing) {
   bool done = false;
   spawn(failing, [&] { done = true; });
   ASSERT_TRUE(loop.runUntil([&] { return done; }));
-  PeerConnection::endsAlone(failing)(nullptr);
+  PeerConnection::endOnException(failing)(nullptr);
   EXPECT_EQ(failing->state(), ConnectionState::kConnecting);
   EXPECT_TRUE(shakesHands(failing, clients[0]));
 }
 
-TEST_F(ConnectionFault, eachFaultHasALineOfTheLogAndTheSecondOneEndsNothingMore) {
+TEST_F(ConnectionFault, eachFaultIsLoggedAndASecondOneEndsNothing) {
   run(failing);
   run(other);
-  const auto ends = PeerConnection::endsAlone(failing);
+  const auto ends = PeerConnection::endOnException(failing);
   setLogLevel(LogLevel::kError);
   testing::internal::CaptureStderr();
   ends(std::make_exception_ptr(std::runtime_error("the first")));

@@ -27,7 +27,7 @@ TEST(LogIn, aStationWithItsKeyIsWelcome) {
   EXPECT_NEAR(static_cast<double>(client->welcome().server_unix_ns()), static_cast<double>(wallNowNs()), 5e9);
 }
 
-TEST(LogIn, unknownWrongAndRevokedAreNotToldApart) {
+TEST(LogIn, unknownWrongAndRevokedGiveTheSameReply) {
   RunningServer server;
   std::string key = server.addStation("bench-1");
   const std::string revoked_key = server.addStation("bench-2");
@@ -66,7 +66,7 @@ TEST(LogIn, anotherMinorVersionIsWelcome) {
   EXPECT_TRUE(BlockingClient::connect(config).ok());
 }
 
-TEST(LogIn, aTokenStandsForThePasswordUntilTheAccountIsDisabled) {
+TEST(LogIn, aTokenReplacesThePasswordUntilTheAccountIsDisabled) {
   RunningServer server;
   server.addUser("anna", pb::INSTRUCTOR, "correct horse battery");
   auto first = server.connect(personLogin("anna", "correct horse battery"));
@@ -137,7 +137,7 @@ TEST(LogIn, anUntrustedServerIsNotTalkedTo) {
   EXPECT_EQ(client.error().code, ErrorCode::kDenied);
 }
 
-TEST(LogIn, nobodyThereIsUnavailable) {
+TEST(LogIn, anAbsentServerIsUnavailable) {
   RunningServer server;
   auto config = server.config(stationLogin("bench-1", "x"));
   (void)server.stop();

@@ -49,7 +49,7 @@ TEST(Requests, stationsAreListedWithTheirStateNow) {
   EXPECT_FALSE(reply->stations().stations(1).online());
 }
 
-TEST(Requests, aStatusNamesTheTraineeOfASessionThatTheServerKeepsAlsoAfterARestart) {
+TEST(Requests, aStatusNamesTheStoredTraineeEvenAfterARestart) {
   RunningServer server;
   const std::string key = server.addStation("bench-1");
   server.addUser("anna", pb::INSTRUCTOR, "correct horse battery");
@@ -208,7 +208,7 @@ TEST(Requests, aMessageReachesTheTraineeAndNamesItsSender) {
   EXPECT_EQ(refused.error().code, ErrorCode::kNotFound);
 }
 
-TEST(Requests, aidsAndStopsReachTheStationAndNameWhoSaysSo) {
+TEST(Requests, aidsAndStopsReachTheStationWithTheSendersName) {
   Lab lab;
   pb::Request aids, stop;
   aids.mutable_set_aids()->set_station("bench-1");
@@ -240,7 +240,7 @@ std::vector<pb::AuditEntry> auditLines(RunningServer& server, const std::string&
   return {reply.audit().entries().begin(), reply.audit().entries().end()};
 }
 
-TEST(Requests, whatDidNotReachAStationIsSaidAndNoted) {
+TEST(Requests, anUndeliveredMessageIsReportedAndAudited) {
   Lab lab;
   lab.server.addStation("bench-2");
   pb::Request stop;
@@ -262,7 +262,7 @@ TEST(Requests, whatDidNotReachAStationIsSaidAndNoted) {
 }
 
 // The finding: six such lines had the name of a person erased five seconds earlier.
-TEST(Requests, whatDidNotReachAStationBecomesALineUnderThePseudonymOfWhoIsErasedMeanwhile) {
+TEST(Requests, anUndeliveredMessageIsAuditedUnderALaterPseudonym) {
   RunningServer server;
   server.addUser("anna", pb::INSTRUCTOR, "correct horse battery");
   auto station = std::make_unique<RawPeer>(server);
@@ -292,7 +292,7 @@ TEST(Requests, whatDidNotReachAStationBecomesALineUnderThePseudonymOfWhoIsErased
     EXPECT_THAT(line.ShortDebugString(), testing::Not(HasSubstr("anna")));
 }
 
-TEST(Requests, whatARoleMayNotDoIsRefusedAndTheConnectionGoesOn) {
+TEST(Requests, aForbiddenRequestIsRefusedAndTheConnectionContinues) {
   Lab lab;
   pb::Request add;
   add.mutable_add_user()->set_name("mallory");
@@ -307,7 +307,7 @@ TEST(Requests, whatARoleMayNotDoIsRefusedAndTheConnectionGoesOn) {
   }
 }
 
-TEST(Requests, whatOnePersonAsksOfTheSlowThreadIsNotInFrontOfAnothers) {
+TEST(Requests, onePersonsSlowRequestsDoNotDelayAnothers) {
   constexpr int kConnections = 3, kEach = 8;  // as many as a connection may have in progress
   RunningServer server([](ServerOptions& options) { options.writer.window = milliseconds(20); });
   auto station = server.connect(stationLogin("bench-1", server.addStation("bench-1")));

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/crc32c.h"
+#include "common/base/bytes.h"
 #include "tests/unit/server/live/log_lines.h"
 #include "tests/unit/server/live/running_server.h"
 
@@ -104,7 +104,7 @@ TEST(DurablePlane, aContradictionIsRefusedAndWrittenDown) {
   EXPECT_EQ(linesOf(s.server, "chunk contradicts"), 1);
 }
 
-TEST(DurablePlane, aFloodOfContradictionsIsOneLineAndEachConnectionEndsAtItsFirst) {
+TEST(DurablePlane, repeatedContradictionsAreOneLineAndEndTheConnection) {
   constexpr int kConnections = 3, kEach = 50;
   StationAndServer s;
   s.open();
@@ -152,7 +152,7 @@ pb::Envelope undecodable(const FakeSession& session, std::uint64_t seq) {
   return impossible;
 }
 
-TEST(DurablePlane, anUndecodableChunkIsKeptInQuarantineAndTheSessionGoesOnPastIt) {
+TEST(DurablePlane, anUndecodableChunkIsQuarantinedAndTheSessionContinues) {
   StationAndServer s;
   s.open();
   ASSERT_TRUE(s.client.send(s.session.chunk(0)).ok());
@@ -171,7 +171,7 @@ TEST(DurablePlane, anUndecodableChunkIsKeptInQuarantineAndTheSessionGoesOnPastIt
 }
 
 // The finding: each had its own line, 0.4 MB per second.
-TEST(DurablePlane, undecodableChunksHaveSoManyLinesOfTheLogAndTheNumberOfTheOthers) {
+TEST(DurablePlane, undecodableChunkLinesAreBoundedAndCounted) {
   constexpr std::uint64_t kLines = 2, kChunks = 7;
   RunningServer server([](ServerOptions& options) { options.bounds.log_lines.a_minute = kLines; });
   auto station = server.connect(stationLogin("bench-1", server.addStation("bench-1")));
@@ -283,7 +283,7 @@ class HeldWriter {
       return Status();
     };
     EXPECT_TRUE(server.store().writer().post(std::move(wait), {}).ok());
-    // what is posted from here on is in another group and waits
+    // later posts are in another group and wait
     began->get_future().wait();
   }
   ~HeldWriter() { release(); }
@@ -312,7 +312,7 @@ pb::Envelope ping(std::uint64_t id) {
   return envelope;
 }
 
-TEST(Closes, aStationsNinthAtOnceComesLaterAndItsRequestsAreAnsweredMeanwhile) {
+TEST(Closes, aStationsNinthCloseIsDeferredAndItsRequestsAnswered) {
   StationAndServer s;
   const auto sessions = openSessions(s, 9);
   HeldWriter held(s.server.server());
@@ -357,7 +357,7 @@ TEST(Chunks, ofAStationAreBoundedOverAllItsConnections) {
   s.session.waitForAck(s.client, kAtOnce);
 }
 
-TEST(Closes, ofAConnectionThatEndsThoseThatWaitAreDroppedAndItsStationAsksAgain) {
+TEST(Closes, anEndedConnectionsWaitingClosesAreDroppedAndRetried) {
   StationAndServer s;
   const auto sessions = openSessions(s, 8);
   HeldWriter held(s.server.server());
@@ -379,7 +379,7 @@ TEST(Closes, ofAConnectionThatEndsThoseThatWaitAreDroppedAndItsStationAsksAgain)
   (void)waitFor(s.client, [](const pb::Envelope& e) { return e.has_session_closed(); });
 }
 
-TEST(Closes, anIdOrAHashOfAnotherLengthIsRefusedBeforeItWaits) {
+TEST(Closes, anIdOrHashOfWrongLengthIsRefusedAtOnce) {
   StationAndServer s;
   s.open();
   HeldWriter held(s.server.server());
@@ -567,7 +567,7 @@ pb::Envelope clockOffset(const FakeSession& session, std::int64_t offset_ns, std
 
 // The finding: each ClockOffset was an item in the writer's queue; one station filled it, so other stations'
 // chunks and people's changes were refused.
-TEST(DurablePlane, clockOffsetsThatComeWhileTheWriterIsBusyAreOneItemOfItsQueue) {
+TEST(DurablePlane, clockOffsetsDuringABusyWriterFormOneItem) {
   StationAndServer s;
   const auto sessions = openSessions(s, 3);
   HeldWriter held(s.server.server());

@@ -48,7 +48,7 @@ std::int64_t completeOnes(RunningServer& server) {
   return row.integer(0);
 }
 
-TEST(ManySessions, anEndThatTheServerLostIsToldAgainAlsoWhenTheWelcomeHasNoRoomForIt) {
+TEST(ManySessions, aLostEndIsResentEvenIfTheWelcomeIsFull) {
   RunningServer server;
   const std::string key = server.addStation("station-1");
   const TempFolder folder;
@@ -81,7 +81,7 @@ TEST(ManySessions, anEndThatTheServerLostIsToldAgainAlsoWhenTheWelcomeHasNoRoomF
   EXPECT_TRUE(old->receipt().closed);
 }
 
-TEST(ManySessions, aStationThatHasToAskForMoreThanItMayAtOnceIsServedInTime) {
+TEST(ManySessions, aStationOverItsRequestLimitIsServedInTime) {
   RunningServer server([](ServerOptions& options) {
     // status lines also arrive ten times per second
     options.bounds.small_messages_at_once = 20;
@@ -102,7 +102,7 @@ TEST(ManySessions, aStationThatHasToAskForMoreThanItMayAtOnceIsServedInTime) {
   EXPECT_EQ(uplink->state().connections, 1u) << "it was not thrown out";
 }
 
-TEST(ManySessions, aQuestionThatComesTooOftenIsRefusedByName) {
+TEST(ManySessions, aTooFrequentRequestIsRefusedByName) {
   RunningServer server([](ServerOptions& options) {
     options.bounds.small_messages_at_once = 5;
     options.bounds.small_messages_per_s = 0.01;

@@ -83,7 +83,7 @@ TEST(MessageBounds, aRefusalRepeatsNoLongSessionId) {
   EXPECT_EQ(refused, 3u);
 }
 
-TEST(MessageBounds, whatComesTooOftenIsRefusedWithoutItsLongSessionIdWhateverTheRole) {
+TEST(MessageBounds, tooFrequentMessagesAreRefusedWithoutTheirSessionId) {
   RunningServer server([](ServerOptions& options) {
     options.bounds.small_messages_at_once = 2;  // Hello and Login
     options.bounds.small_messages_per_s = 1e-9;
@@ -116,11 +116,11 @@ TEST(MessageBounds, aCallThatIsNotForTheRoleIsRefusedUnparsed) {
   const ServerCounters& counters = server.counters();
   EXPECT_EQ(counters.messages_refused_unparsed, 2u);
   EXPECT_EQ(counters.messages_parsed, 3u) << "Hello, Login, Ping";
-  EXPECT_EQ(counters.messages_parsed_elsewhere, 0u);
+  EXPECT_EQ(counters.messages_parsed_off_thread, 0u);
   EXPECT_LT(counters.decoded_bytes, 16u << 10);
 }
 
-TEST(MessageBounds, moreItemsThanAListMayHaveAreRefusedUnparsedWithTheBound) {
+TEST(MessageBounds, tooManyListItemsAreRefusedUnparsedWithTheBound) {
   RunningServer server;
   LoggedIn ada(server, "ada", pb::ADMINISTRATOR);
   const auto answers = answersTo(ada, {referenceOfNothing(5, 10'001)});
@@ -134,7 +134,7 @@ TEST(MessageBounds, moreItemsThanAListMayHaveAreRefusedUnparsedWithTheBound) {
   EXPECT_EQ(server.counters().messages_parsed, 3u);
 }
 
-TEST(MessageBounds, aLargeMessageIsParsedOnAnotherThreadAndAChunkIsNot) {
+TEST(MessageBounds, onlyLargeMessagesAreParsedOnAnotherThread) {
   RunningServer server;
   auto station = server.connect(stationLogin("bench-1", server.addStation("bench-1")));
   ASSERT_TRUE(station.ok()) << station.error().message;
@@ -154,11 +154,11 @@ TEST(MessageBounds, aLargeMessageIsParsedOnAnotherThreadAndAChunkIsNot) {
   (void)waitFor(*station, [](const pb::Envelope& e) { return e.has_pong() && e.pong().id() == 9; });
   station->finish();
   EXPECT_EQ(server.stop(), 0);
-  EXPECT_EQ(server.counters().messages_parsed_elsewhere, 1u);
+  EXPECT_EQ(server.counters().messages_parsed_off_thread, 1u);
   EXPECT_GE(server.counters().decoded_bytes, 200'000u);
 }
 
-TEST(MessageBounds, messagesAreDoneInTheirOrderWhereverTheyAreParsed) {
+TEST(MessageBounds, messagesKeepTheirOrderOnEveryThread) {
   RunningServer server([](ServerOptions& options) { options.bounds.parsed_here_bytes = 20; });
   RawPeer station(server);
   ASSERT_TRUE(station.logIn(stationLogin("bench-1", server.addStation("bench-1"))).has_welcome());
@@ -184,7 +184,7 @@ TEST(MessageBounds, messagesAreDoneInTheirOrderWhereverTheyAreParsed) {
     ++seen;
   }
   EXPECT_EQ(server.stop(), 0);
-  EXPECT_GE(server.counters().messages_parsed_elsewhere, 25u);
+  EXPECT_GE(server.counters().messages_parsed_off_thread, 25u);
 }
 
 TEST(MessageBounds, whatWouldTakeMoreThanTheBudgetIsRefusedUnparsed) {
@@ -248,7 +248,7 @@ TEST(MessageBounds, smallMessagesThatAreLongAreRefusedUnparsed) {
 }
 
 // A chunk waits for the writer with its data bytes, which the bound on chunks counts.
-TEST(MessageBounds, whatStandsInAChunkBesideItsBytesCountsInTheBudget) {
+TEST(MessageBounds, aChunksOtherFieldsCountTowardsTheBudget) {
   RunningServer server([](ServerOptions& options) { options.bounds.decoded.station = 100'000; });
   RawPeer peer(server);
   ASSERT_TRUE(peer.logIn(stationLogin("bench-1", server.addStation("bench-1"))).has_welcome());
@@ -297,7 +297,7 @@ TEST(MessageBounds, whoFindsNoRoomWaitsForIt) {
 }
 
 // The finding: a trainee requested 8 × 0.8 MB on 40 connections and read nothing: 110 MB.
-TEST(MessageBounds, whoReadsNoRepliesWaitsWithTheNextRequestAndOthersDoNot) {
+TEST(MessageBounds, ignoringRepliesDelaysOnlyYourNextRequest) {
   constexpr int kConnections = 4, kPeople = 500;
   constexpr std::uint64_t kEach = 8, kOthers = 40;
   constexpr std::size_t kLongest = 1u << 20, kBound = 3 * kLongest;
@@ -336,7 +336,7 @@ TEST(MessageBounds, whoReadsNoRepliesWaitsWithTheNextRequestAndOthersDoNot) {
     auto got = bert.receive();
     while (got && got->has_ping()) got = bert.receive();
     ASSERT_TRUE(got.has_value());
-    EXPECT_EQ(got->reply().id(), id) << "others go on; " << got->ShortDebugString();
+    EXPECT_EQ(got->reply().id(), id) << "others continue; " << got->ShortDebugString();
   }
   // all of it arrives once it is read: four in parallel, because the three with a reply may be those read
   // last
@@ -354,7 +354,7 @@ TEST(MessageBounds, whoReadsNoRepliesWaitsWithTheNextRequestAndOthersDoNot) {
   }
   for (std::thread& reader : readers) reader.join();
   EXPECT_EQ(server.stop(), 0);
-  const std::uint64_t most = server.counters().most_reply_bytes;
+  const std::uint64_t most = server.counters().max_reply_bytes;
   EXPECT_GT(most, kBound / 2);
   EXPECT_LE(most, kBound + kLongest) << "and the room of the other person's reply";
 }
@@ -432,7 +432,7 @@ TEST(Access, aDisabledInstructorsLiveFramesEndAndATraineesLessonGoesOn) {
   EXPECT_TRUE(refusal.fatal());
   EXPECT_FALSE(
       waitFor(*station, [](const pb::Envelope& e) { return e.has_watch_state(); }).watch_state().watched())
-      << "the station sends its frames to nobody any more";
+      << "the station sends its frames to no one any more";
 
   disable.mutable_disable_user()->set_name("tina");
   ASSERT_TRUE(chief->call(disable).ok());

@@ -82,7 +82,7 @@ TEST(Permissions, everyMessageHasARowAndEveryRowIsAMessage) {
   for (const auto& [name, row] : table) EXPECT_TRUE(messages.contains(name)) << name;
 }
 
-TEST(Permissions, theRulesSayWhatTheTableSays) {
+TEST(Permissions, theRulesMatchTheTable) {
   const Table table = readTable("permissions.tsv");
   std::map<Verdict, int> seen;
   for (const auto& [name, envelope] : everyMessage()) {
@@ -254,7 +254,7 @@ std::map<std::string, pb::Request> everyCall() {
   return all;
 }
 
-TEST(PermissionsOfRequests, theRolesTableSaysWhatTheTableSays) {
+TEST(PermissionsOfRequests, theRolesTableMatchesTheRequests) {
   const Table table = readTable("permissions_requests.tsv");
   const auto calls = everyCall();
   for (const auto& [name, row] : table) EXPECT_TRUE(calls.contains(name)) << name;

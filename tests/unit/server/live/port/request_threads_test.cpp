@@ -18,7 +18,7 @@
 
 #include "client/net/link/connect.h"
 #include "db/service/requests/requests.h"
-#include "server/live/login/station_login.h"
+#include "server/live/login/account_login.h"
 #include "server/live/port/request_effects.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/common/wire/loopback.h"
@@ -139,7 +139,7 @@ struct RequestThreadsTest : testing::Test {
     };
     close_it.gone = [gone = stations_gone_] { return gone->load(); };
     close_it.is_long = [is_long] { return is_long; };
-    const auto outcome = co_await closeInTurn(context, station, std::move(close_it));
+    const auto outcome = co_await closeQueued(context, station, std::move(close_it));
     ++(outcome.ok() ? closes_done : closes_dropped);
   }
   /// From now on the connections that requested closes have ended.
@@ -198,7 +198,7 @@ TEST_F(RequestThreadsTest, aStationsResultsWaitForNoViewOfPeople) {
   EXPECT_TRUE(answered({"bench", pb::STATION}, results));
 }
 
-TEST_F(RequestThreadsTest, aPersonWhoHasWorkOnTheViewsDelaysNoOtherPersonsView) {
+TEST_F(RequestThreadsTest, aBusyPersonDelaysNoOtherPersonsView) {
   pb::Request results;
   results.mutable_get_results()->set_course_id("first");
   for (int n = 0; n < 8; ++n) occupy(*context.work.views_of_people, "ines");
@@ -227,7 +227,7 @@ TEST_F(RequestThreadsTest, whatWaitsForItsTurnIsNotDoneForWhoHasGone) {
   EXPECT_EQ(stations(), std::set<std::string>{"of who stays"});
 }
 
-TEST_F(RequestThreadsTest, whatHasBegunIsFinishedForWhoGoesMeanwhile) {
+TEST_F(RequestThreadsTest, startedWorkIsFinishedAfterItsAskerLeaves) {
   std::atomic<int> asked{0};
   std::shared_ptr<Outcome> outcome;
   // connected when the turn comes, and gone from then on
@@ -241,7 +241,7 @@ TEST_F(RequestThreadsTest, whatHasBegunIsFinishedForWhoGoesMeanwhile) {
   EXPECT_EQ(stations(), std::set<std::string>{"begun"});
 }
 
-TEST_F(RequestThreadsTest, aRequestHasRoomOnTheDiskUntilItIsRefusedAndKeepsItWhenItIsStored) {
+TEST_F(RequestThreadsTest, aRequestReservesDiskRoomUntilStoredOrRefused) {
   constexpr std::uint64_t kSeen = 1u << 30;
   context.limits.disk_room.look({.disk_bytes = kSeen});
   pb::Request add;
@@ -253,7 +253,7 @@ TEST_F(RequestThreadsTest, aRequestHasRoomOnTheDiskUntilItIsRefusedAndKeepsItWhe
   asio::co_spawn(loop.io, answer({"ada", pb::ADMINISTRATOR}, add, &second), rethrow);
   loop.io.restart();
   loop.io.poll();
-  EXPECT_EQ(context.limits.disk_room.leftBytes(), kSeen - 2 * cost) << "nobody knows yet";
+  EXPECT_EQ(context.limits.disk_room.leftBytes(), kSeen - 2 * cost) << "no one knows yet";
   release();
   ASSERT_TRUE(loop.runUntil([&] { return first && second; }));
   EXPECT_FALSE(first->error) << first->error->message;
@@ -266,7 +266,7 @@ TEST_F(RequestThreadsTest, aStationAndAPersonOfOneNameAreTwo) {
   EXPECT_EQ(turnNameOf({"ada", pb::TRAINEE}), turnNameOf({"ada", pb::ADMINISTRATOR}));
 }
 
-TEST_F(RequestThreadsTest, theClosesOfManyStationsHoldUpNobodysRequests) {
+TEST_F(RequestThreadsTest, manyStationsClosesDelayNoOnesRequests) {
   pb::Request list;
   list.mutable_list_sessions();
   ASSERT_EQ(threadsOf(list, pb::INSTRUCTOR), RequestThreads::kWorkers);
@@ -294,11 +294,11 @@ TEST_F(RequestThreadsTest, aStationsClosesDoNotHoldUpItsNextLesson) {
   EXPECT_TRUE(loop.runUntil([&] { return closes_done == 4; }));
 }
 
-TEST_F(RequestThreadsTest, theClosesOfStationsTakeTurnsAndALongOneGivesWayAfterEachStep) {
+TEST_F(RequestThreadsTest, stationsClosesTakeTurnsAndLongOnesYieldAfterEachStep) {
   // all threads but one are occupied to the end, so this one runs piece after piece
   std::promise<void> end;
   occupyClosers(end.get_future().share());
-  occupy(*context.work.closes_in_turn, "ada");
+  occupy(*context.work.closes_by_station, "ada");
   std::vector<std::string> done;
   const auto note = [&done](const char* text) { return [&done, text] { done.emplace_back(text); }; };
   close("bench", note("bench's close"), 3);
@@ -329,7 +329,7 @@ TEST_F(RequestThreadsTest, aShortCloseWaitsForNoLongScores) {
 TEST_F(RequestThreadsTest, theLongScoresOfThreeStationsTakeTurnsStepByStep) {
   std::promise<void> end;
   occupyClosers(end.get_future().share());
-  occupy(*context.work.long_scores_in_turn, "ada");
+  occupy(*context.work.long_scores_by_station, "ada");
   std::vector<std::string> done;
   const auto note = [&done](const char* text) { return [&done, text] { done.emplace_back(text); }; };
   for (const char* station : {"bench", "cabin", "den"}) close(station, note(station), 10, true);
@@ -341,7 +341,7 @@ TEST_F(RequestThreadsTest, theLongScoresOfThreeStationsTakeTurnsStepByStep) {
   EXPECT_THAT(std::vector(done.begin(), done.begin() + 3), testing::ElementsAre("bench", "cabin", "den"));
 }
 
-TEST_F(RequestThreadsTest, aStationHasOneLongScoreUnderWayAndWhoWaitsForAPlaceIsDroppedWhenItHasGone) {
+TEST_F(RequestThreadsTest, aStationHasOneLongScoreAndLeavingDropsWaitingOnes) {
   Places have;
   for (int n = 0; n < 3; ++n) takePlace(context.work.long_scores, "bench", have);
   EXPECT_EQ(have.size(), 1u);
@@ -411,7 +411,7 @@ TEST_F(RequestThreadsTest, aRescoringThatWaitsForItsPlaceHoldsNoThread) {
 }
 
 // there is only one place, and its holder must not keep it while the same person's other work runs
-TEST_F(RequestThreadsTest, aScoreThatHasItsPlaceWaitsForOnePieceOfTheSamePersonsOtherWork) {
+TEST_F(RequestThreadsTest, aPlacedScoreWaitsForOnePieceOfItsOwnersWork) {
   constexpr int kPieces = 20;
   const Principal ines{"ines", pb::INSTRUCTOR};
   pb::Request again;
@@ -449,7 +449,7 @@ TEST_F(RequestThreadsTest, aShortRescoringNeedsNoPlace) {
 TEST_F(RequestThreadsTest, theClosesOfAConnectionThatHasEndedAreDropped) {
   std::promise<void> end;
   occupyClosers(end.get_future().share());
-  occupy(*context.work.closes_in_turn, "ada");
+  occupy(*context.work.closes_by_station, "ada");
   int steps = 0;
   for (int n = 0; n < 8; ++n)
     close(
@@ -463,7 +463,7 @@ TEST_F(RequestThreadsTest, theClosesOfAConnectionThatHasEndedAreDropped) {
   EXPECT_EQ(closes_done, 0);
 }
 
-TEST_F(RequestThreadsTest, theVerificationOfALongSessionGivesWayToOthersBetweenItsSteps) {
+TEST_F(RequestThreadsTest, verifyingALongSessionYieldsBetweenSteps) {
   constexpr std::uint64_t kChunks = 20'000;  // more than kVerifiedBytesAtOnce, by its count
   const Uuid id = makeUuidV7();
   ASSERT_TRUE(store->writer()
@@ -507,7 +507,7 @@ struct DeafStation : HubPeer {
   void sendLive(Frame, bool) override {}
 };
 
-TEST_F(RequestThreadsTest, whoIsErasedHasNoAccessFromThenOnHoweverLongTheRestOfItTakes) {
+TEST_F(RequestThreadsTest, anErasedPersonLosesAccessBeforeTheErasureEnds) {
   for (const char* name : {"tom", "ina"})
     ASSERT_TRUE(store->writer()
                     .run([name](Connection& c) {
@@ -551,7 +551,7 @@ TEST_F(RequestThreadsTest, whoIsErasedHasNoAccessFromThenOnHoweverLongTheRestOfI
   EXPECT_FALSE(outcome->error);
 }
 
-TEST_F(RequestThreadsTest, theScoreOfALongSessionGivesWayToOthersBetweenItsSteps) {
+TEST_F(RequestThreadsTest, scoringALongSessionYieldsBetweenSteps) {
   constexpr std::uint64_t kChunks = kScoredAtOnce / kSamplesEach;  // each costs more than its samples
   const Uuid id = closedSession(kChunks);
   pb::Request again;
@@ -574,7 +574,7 @@ TEST_F(RequestThreadsTest, theScoreOfALongSessionGivesWayToOthersBetweenItsSteps
   EXPECT_EQ(outcome->error->code, ErrorCode::kCorrupt) << outcome->error->message;
 }
 
-TEST_F(RequestThreadsTest, noWorkerWaitsForTheWriterWithALineOfWhatWasNotDelivered) {
+TEST_F(RequestThreadsTest, workersDoNotWaitToAuditUndeliveredMessages) {
   ASSERT_TRUE(store->writer()
                   .post(
                       [wait = untilRelease()](Connection&) -> Status {
@@ -621,7 +621,7 @@ TEST_F(RequestThreadsTest, aStationThatLogsInAgainAndAgainWaitsBehindItself) {
   EXPECT_THAT(in, testing::ElementsAre("bench", "cabin", "bench", "bench"));
 }
 
-TEST_F(RequestThreadsTest, whoClaimsAStationsNameElsewhereTakesNoneOfItsTurns) {
+TEST_F(RequestThreadsTest, aStationsNameClaimedElsewhereCostsItNoTurns) {
   pb::Request add;
   add.mutable_add_station()->set_name("bench");
   const std::string key =

@@ -83,7 +83,7 @@ TEST(FairQueue, whoMayNotYetKeepsItsPlace) {
 
 // The finding: one trainee set 96 new codes, and no one could log in. A station or person has at most
 // ConnectionBounds::hashes_waiting waiting.
-TEST(FairQueue, aLogInWaitsForOneOtherPieceAtMostWhoeverAsks) {
+TEST(FairQueue, aLogInWaitsForAtMostOneOtherPiece) {
   for (const std::size_t people : {1u, 12u, 500u}) {
     Asked thread{FairQueue<std::string>(kPasswordLines)};
     for (std::size_t i = 0; i < people; ++i) {
@@ -97,7 +97,7 @@ TEST(FairQueue, aLogInWaitsForOneOtherPieceAtMostWhoeverAsks) {
   }
 }
 
-TEST(FairQueue, linesTakeTurnsAndOneWhereNobodyWaitsGivesItsTurnOn) {
+TEST(FairQueue, linesTakeTurnsAndAnEmptyOnePassesItsTurn) {
   struct Row {
     std::size_t logins, stations, people;
     Texts order;
@@ -116,7 +116,7 @@ TEST(FairQueue, linesTakeTurnsAndOneWhereNobodyWaitsGivesItsTurnOn) {
   }
 }
 
-TEST(FairQueue, inALineEachNameHasItsTurnAndItsOwnNumber) {
+TEST(FairQueue, namesInALineTakeTurnsAndHaveTheirOwnLimit) {
   Asked thread{FairQueue<std::string>(kPasswordLines)};
   for (int i = 0; i < 100; ++i) thread.ask("tom" + std::to_string(i), 8, kPersonLine);
   thread.ask("stolen", 8, kStationLine);

@@ -51,7 +51,7 @@ TEST(Offload, anExceptionComesOutWhereTheResultWould) {
   EXPECT_EQ(caught, "no memory");
 }
 
-TEST(Offload, whatIsThrownBecomesTheErrorOfAResultThatCanSayIt) {
+TEST(Offload, anExceptionBecomesAnErrorWherePossible) {
   setLogLevel(LogLevel::kOff);
   asio::io_context io{1};
   asio::thread_pool pool{1};
@@ -74,7 +74,7 @@ TEST(Offload, whatIsThrownBecomesTheErrorOfAResultThatCanSayIt) {
   EXPECT_NE(errors[1].message.find("vector::reserve"), std::string::npos) << errors[1].message;
 }
 
-TEST(Offload, workForWhichNobodyWaitsDoesNotEndTheProgramWhenItThrows) {
+TEST(Offload, detachedWorkThatThrowsDoesNotEndTheProgram) {
   setLogLevel(LogLevel::kOff);
   asio::thread_pool pool{1};
   bool next_done = false;
@@ -87,7 +87,7 @@ TEST(Offload, workForWhichNobodyWaitsDoesNotEndTheProgramWhenItThrows) {
   EXPECT_TRUE(next_done);
 }
 
-TEST(Inbox, whatComesTogetherIsTakenTogetherAndInOrder) {
+TEST(Inbox, simultaneousItemsAreTakenTogetherInOrder) {
   asio::io_context io{1};
   Inbox inbox(io.get_executor());
   std::vector<int> taken;
@@ -101,7 +101,7 @@ TEST(Inbox, whatComesTogetherIsTakenTogetherAndInOrder) {
   EXPECT_EQ(io.poll(), 0u);
 }
 
-TEST(Inbox, nothingIsLostBesideARunningLoop) {
+TEST(Inbox, nothingIsLostWithARunningLoop) {
   asio::io_context io{1};
   Inbox inbox(io.get_executor());
   auto alive = asio::make_work_guard(io);

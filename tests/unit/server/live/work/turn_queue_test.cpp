@@ -45,9 +45,9 @@ class Door {
       if (next() == text) return turns;
     return most + 1;
   }
-  std::size_t gaveWay() {
-    return static_cast<std::size_t>(std::count_if(entries_.begin(), entries_.end(),
-                                                  [](const Entry& entry) { return entry.place->gaveWay(); }));
+  std::size_t isDisplaced() {
+    return static_cast<std::size_t>(std::count_if(
+        entries_.begin(), entries_.end(), [](const Entry& entry) { return entry.place->isDisplaced(); }));
   }
   LoginQueue& queue() { return queue_; }
 
@@ -69,7 +69,7 @@ TEST(LoginQueue, oneAfterTheOtherInOrder) {
   EXPECT_EQ(door.queue().size(), 0u);
 }
 
-TEST(LoginQueue, anAddressThatAsksForManyWaitsBehindItsOwn) {
+TEST(LoginQueue, aFloodingAddressWaitsBehindItself) {
   Door door;
   for (int i = 0; i < 40; ++i) EXPECT_TRUE(door.join("flood", Line::kStranger, "10.0.0.1"));
   EXPECT_TRUE(door.join("neighbour", Line::kStranger, "10.0.0.2"));
@@ -89,7 +89,7 @@ TEST(LoginQueue, twentyAddressesKeepNoStrangerOut) {
     EXPECT_EQ(door.queue().size(), 48u) << "their places";
     EXPECT_TRUE(door.join("teacher", Line::kStranger, "192.168.7.7"));
     EXPECT_EQ(door.queue().size(), 48u);
-    EXPECT_EQ(door.gaveWay(), static_cast<std::size_t>(joined) + 1 - 48) << "one of the flood gave way";
+    EXPECT_EQ(door.isDisplaced(), static_cast<std::size_t>(joined) + 1 - 48) << "one of the flood gave way";
     // They return after each turn: each owner has at most one turn before the teacher's.
     int turns = 1;
     while (door.next() != "teacher" && turns < 100) {
@@ -141,7 +141,7 @@ TEST(LoginQueue, whoHasNoBetterClaimIsRefused) {
   for (int i = 0; i < 4; ++i)
     EXPECT_TRUE(door.join("a", Line::kStranger, "10." + std::to_string(i) + ".0.1"));
   EXPECT_FALSE(door.join("b", Line::kStranger, "10.9.0.1")) << "each has one";
-  EXPECT_EQ(door.gaveWay(), 0u);
+  EXPECT_EQ(door.isDisplaced(), 0u);
 }
 
 TEST(LoginQueue, anOwnerOfManyAddressesIsOne) {

@@ -38,7 +38,7 @@ class LabConnectionTest : public testing::Test {
   static LabConnectionSettings quick() {
     LabConnectionSettings settings;
     settings.first_retry = milliseconds(20);
-    settings.most_retry = milliseconds(200);
+    settings.max_retry = milliseconds(200);
     return settings;
   }
   /// Polls until the condition holds. Collects the events.
@@ -166,7 +166,7 @@ TEST_F(LabConnectionTest, anotherServerTakesOverTheWatchesAndIsNamed) {
   EXPECT_THAT(lab.state().trouble.detail, HasSubstr("; "));
 }
 
-TEST_F(LabConnectionTest, theWindowSaysThatAnotherServerIsThere) {
+TEST_F(LabConnectionTest, theWindowReportsAChangeOfServer) {
   const auto port = static_cast<std::uint16_t>(port_);
   FaultProxy first(port), second(port);
   LabState lab({}, quick());
@@ -211,7 +211,7 @@ TEST_F(LabConnectionTest, saysInPlainWordsWhatAPersonMustDo) {
          return one;
        },
        LinkPhase::kRefused, "CA file"},
-      {"nobody there",
+      {"no one there",
        [&] {
          auto one = login();
          one.servers[0].port = 1;
@@ -289,9 +289,9 @@ TEST_F(LabConnectionTest, workersCallAndWait) {
   EXPECT_FALSE(reply->ok());
 }
 
-TEST_F(LabConnectionTest, framesThatNobodyTakesAreDroppedAndCounted) {
+TEST_F(LabConnectionTest, unreadFramesAreDroppedAndCounted) {
   auto settings = quick();
-  settings.most_frames = 10;
+  settings.max_frames = 10;
   LabConnection lab(settings);
   lab.watch("bench-1");
   lab.logIn(login());

@@ -127,7 +127,7 @@ TEST(LabOverview, whatAStationNeeds) {
   }
 }
 
-TEST(LabOverview, aTileSaysWhoPractisesAndNeverThatNobodyDoes) {
+TEST(LabOverview, aTileNamesWhoPractisesOrOmitsIt) {
   const std::string exercise = "Knee: suprapatellar recess";
   LabOverview lab;
   const auto words = [&] { return lessonWords(*lab.find("one"), exercise); };
@@ -154,7 +154,7 @@ TEST(LabOverview, aTileSaysWhoPractisesAndNeverThatNobodyDoes) {
   EXPECT_EQ(words(), "zoe · " + exercise);
 }
 
-TEST(LabOverview, aTileLeavesOutWhatTheStationDoesNotSayAndGivesEachFigureItsUnit) {
+TEST(LabOverview, aTileOmitsUnknownFiguresAndGivesUnits) {
   StationTile tile;
   EXPECT_EQ(healthWords(tile), "offline");
   tile.online = true;
@@ -242,7 +242,7 @@ TEST(LabOverview, stationsThatTheServerNoLongerKnowsGoAndOthersComeOffline) {
   EXPECT_EQ(lab.find("new")->need, Need::kOffline);
 }
 
-TEST(LabOverview, whatIsHeardNoMoreIsStale) {
+TEST(LabOverview, aSilentStationIsStale) {
   LabOverview lab;
   lab.onStatus(practising("one"), 0);
   lab.tick(kStale_s - 0.1);
@@ -255,7 +255,7 @@ TEST(LabOverview, whatIsHeardNoMoreIsStale) {
   EXPECT_TRUE(lab.find("one")->stale);
 }
 
-TEST(LabOverview, whatTheNetworkSaysIsMadeSafeToShow) {
+TEST(LabOverview, networkTextIsSanitizedForDisplay) {
   LabOverview lab;
   auto status = practising("one");
   status.set_trainee("a\x1b[31mb");
@@ -269,13 +269,13 @@ TEST(LabOverview, whatTheNetworkSaysIsMadeSafeToShow) {
   EXPECT_EQ(lab.find("one")->need, Need::kFault);
 }
 
-TEST(LabOverview, eachNeedHasAWordOfItsOwn) {
+TEST(LabOverview, eachNeedHasItsOwnWord) {
   std::set<std::string_view> words;
   for (std::size_t i = 0; i < kNeedCount; ++i) words.insert(nameOf(static_cast<Need>(i)));
   EXPECT_EQ(words.size(), kNeedCount);
 }
 
-TEST(LabOverview, theReasonIsSaidWithItsNumbersAndNames) {
+TEST(LabOverview, theReasonGivesItsNumbersAndNames) {
   struct Row {
     const char* why;
     std::vector<std::function<void(pb::StationStatus&)>> lines;  ///< one per second
@@ -318,7 +318,7 @@ TEST(LabOverview, aTileNamesTheServerThatHasTheStation) {
   EXPECT_EQ(lab.find("one")->server, "b?");
 }
 
-TEST(LabOverview, fiftyStationsStandInTheOrderOfTheirNeedsAndEachIsCountedOnce) {
+TEST(LabOverview, fiftyStationsAreSortedByNeedAndCountedOnce) {
   LabOverview lab;
   std::array<std::size_t, kNeedCount> expected{};
   for (int i = 0; i < 50; ++i) {
@@ -361,7 +361,7 @@ TEST(LabOverview, fiftyStationsStandInTheOrderOfTheirNeedsAndEachIsCountedOnce) 
   EXPECT_EQ(lab.counts(), expected);
 }
 
-TEST(LabOverview, aStationThatComesBackIsNoLongerLostAndItsNextLessonBeginsAnew) {
+TEST(LabOverview, aReturningStationIsOnlineAndItsNextLessonFresh) {
   LabOverview lab;
   auto status = practising("one");
   status.set_force_n(9);

@@ -33,13 +33,13 @@ class LiveStationTest : public testing::Test {
 TEST_F(LiveStationTest, whatCameBeforeTheDescriptionIsNotLost) {
   feed(0, 400);
   EXPECT_TRUE(live_.trace().empty());
-  EXPECT_EQ(live_.sessionToAskFor(10), info_.description().session_id());
-  EXPECT_EQ(live_.sessionToAskFor(10.1), "") << "it was asked for a moment ago";
-  EXPECT_EQ(live_.sessionToAskFor(13), info_.description().session_id()) << "no answer came";
+  EXPECT_EQ(live_.sessionToRequest(10), info_.description().session_id());
+  EXPECT_EQ(live_.sessionToRequest(10.1), "") << "it was asked for a moment ago";
+  EXPECT_EQ(live_.sessionToRequest(13), info_.description().session_id()) << "no answer came";
   live_.setSession(info_);
   EXPECT_DOUBLE_EQ(live_.trace().firstTime_s(), 0);
   EXPECT_DOUBLE_EQ(live_.trace().lastTime_s(), 0.399);
-  EXPECT_EQ(live_.sessionToAskFor(20), "");
+  EXPECT_EQ(live_.sessionToRequest(20), "");
   feed(400, 1000);
   EXPECT_DOUBLE_EQ(live_.trace().lastTime_s(), 0.999);
   EXPECT_EQ(live_.stats().dropped(), 0u);
@@ -51,7 +51,7 @@ TEST_F(LiveStationTest, whatCameBeforeTheDescriptionIsNotLost) {
     EXPECT_EQ(live_.trace().value(channel, 0.9), stored->trace.value(channel, 0.9));
 }
 
-TEST_F(LiveStationTest, aPausedViewStandsWhileTheStreamGoesOn) {
+TEST_F(LiveStationTest, aPausedViewFreezesWhileTheStreamContinues) {
   live_.setSession(info_);
   feed(0, 600);
   live_.setSession(info_);
@@ -136,7 +136,7 @@ TEST_F(LiveStationTest, whoComesLateKnowsTheOldCutsFromTheStationsMemory) {
     }
 }
 
-TEST_F(LiveStationTest, anotherSessionBeginsAnew) {
+TEST_F(LiveStationTest, anotherSessionStartsFresh) {
   feed(0, 400);
   live_.setSession(info_);
   live_.pause();
@@ -144,7 +144,7 @@ TEST_F(LiveStationTest, anotherSessionBeginsAnew) {
   feed(0, 20);
   EXPECT_FALSE(live_.paused());
   EXPECT_TRUE(live_.trace().empty());
-  EXPECT_EQ(live_.sessionToAskFor(0), info_.description().session_id());
+  EXPECT_EQ(live_.sessionToRequest(0), info_.description().session_id());
   EXPECT_EQ(live_.stats().dropped(), 0u);
 }
 
@@ -169,7 +169,7 @@ TEST_F(LiveStationTest, bytesThatAreNoFrameAreCountedAndPassedOver) {
   EXPECT_EQ(live_.unreadable(), 1u);
 }
 
-TEST_F(LiveStationTest, aContactWithBoneStandsOnTheTimeLine) {
+TEST_F(LiveStationTest, aBoneContactIsMarkedOnTheTimeLine) {
   // the shoulder's bone is 35 mm deep below the target; the hand goes 40 mm deep from 10 mm above
   samples_ = test::lessonSamples(profile_, {.depth_m = 0.04, .seconds = 1});
   feed(0, 400);

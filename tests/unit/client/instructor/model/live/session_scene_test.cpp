@@ -17,7 +17,7 @@ TEST(SessionScene, aSampleProfileCanBeDrawnAndStepped) {
   EXPECT_TRUE(scene.why.empty());
 }
 
-TEST(SessionScene, whatCannotBeReadIsSaidInWords) {
+TEST(SessionScene, anUnreadableProfileIsExplained) {
   auto info = test::lessonInfo("{}");
   SessionScene scene = sceneOfSession(info.description());
   EXPECT_FALSE(scene.view);
@@ -65,8 +65,8 @@ TEST(SessionScene, hasBoneWhereItWasRendered) {
   EXPECT_TRUE(sceneOfSession(d).model->isLive(Effect::kBone)) << "a session without a list is as its profile";
   d.add_live_effects("CUTTING");
   EXPECT_FALSE(sceneOfSession(d).model->isLive(Effect::kBone));
-  EXPECT_TRUE(leftBoneOut(d, sceneOfSession(d).profile));
-  EXPECT_FALSE(leftBoneOut(d, pb::Profile())) << "which lists no bone";
+  EXPECT_EQ(leftOut(d, sceneOfSession(d).profile), bitOf(Effect::kBone));
+  EXPECT_EQ(leftOut(d, pb::Profile()), 0U) << "which lists no bone";
   d.add_live_effects("BONE");
   EXPECT_TRUE(sceneOfSession(d).model->isLive(Effect::kBone));
 }

@@ -18,7 +18,7 @@ namespace {
 using test::lesson;
 using test::LessonHand;
 
-TEST(Comparison, aGestureBesideItselfDiffersNowhere) {
+TEST(Comparison, aGestureComparedWithItselfHasNoDifference) {
   const auto gesture = lesson();
   for (const auto alignment : {Alignment::kDepth, Alignment::kDtw, Alignment::kTime}) {
     const auto both = compareGestures(*gesture, *gesture, alignment);
@@ -93,7 +93,7 @@ TEST(Comparison, theAxisAscendsAndTimesDoNotGoBack) {
   }
 }
 
-TEST(Comparison, aNeedleThatStayedOutsideIsSaid) {
+TEST(Comparison, aNeedleThatStayedOutsideIsReported) {
   const auto in = lesson(), out = lesson({.depth_m = -0.001});
   for (const auto alignment : {Alignment::kDepth, Alignment::kDtw, Alignment::kTime}) {
     const auto both = compareGestures(*in, *out, alignment);
@@ -198,7 +198,7 @@ pb::Exercise plannedAside(double aside_m) {
   return exercise;
 }
 
-TEST(Comparison, theDistanceFromThePlannedLineStandsBesideThatFromTheOwnLine) {
+TEST(Comparison, deviationsFromPlanAndOwnLineAreShownTogether) {
   const auto info = test::lessonInfo(test::sampleProfile("shoulder-adult"));
   auto samples = test::lessonSamples(test::sampleProfile("shoulder-adult"), {});
   // the first goes down the middle, the second the same way 3 mm to the side: each straight along its own
@@ -233,7 +233,7 @@ TEST(Comparison, theDistanceFromThePlannedLineStandsBesideThatFromTheOwnLine) {
   EXPECT_EQ(shownPerSi(ComparedSeries::kPlanned), 1000);
 }
 
-TEST(Comparison, aPictureOfBothShowsAPlanOnlyIfBothHaveTheSame) {
+TEST(Comparison, aPictureOfBothShowsAPlanOnlyIfShared) {
   const auto json = test::sampleProfile("shoulder-adult");
   auto here = test::lessonInfo(json), moved = test::lessonInfo(json);
   for (const double v : {0.05, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0}) moved.mutable_description()->add_placement(v);
@@ -243,9 +243,9 @@ TEST(Comparison, aPictureOfBothShowsAPlanOnlyIfBothHaveTheSame) {
   const SharedPlan same = sharedPlanOf(*a, *b);
   ASSERT_TRUE(same.plan_W);
   EXPECT_NEAR(norm(same.plan_W->entry_W_m), 0, 1e-12);
-  EXPECT_EQ(same.why_none, "");
+  EXPECT_EQ(same.omission_reason, "");
   EXPECT_FALSE(sharedPlanOf(*none, *none).plan_W);
-  EXPECT_EQ(sharedPlanOf(*none, *none).why_none, "") << "there is nothing to draw";
+  EXPECT_EQ(sharedPlanOf(*none, *none).omission_reason, "") << "there is nothing to draw";
   const std::string differ = "The two have different planned lines; neither is drawn here.";
   struct Row {
     const StoredGesture *first, *second;
@@ -257,11 +257,11 @@ TEST(Comparison, aPictureOfBothShowsAPlanOnlyIfBothHaveTheSame) {
         Row{a.get(), c.get(), differ}, Row{a.get(), d.get(), differ}}) {
     const SharedPlan shared = sharedPlanOf(*row.first, *row.second);
     EXPECT_FALSE(shared.plan_W) << row.why;
-    EXPECT_EQ(shared.why_none, row.why);
+    EXPECT_EQ(shared.omission_reason, row.why);
   }
 }
 
-TEST(Comparison, withoutAPlanNothingIsSaidOfOne) {
+TEST(Comparison, withoutAPlanNoneIsMentioned) {
   const auto plain = lesson();
   const auto without = compareGestures(*plain, *plain, Alignment::kDepth);
   ASSERT_TRUE(without.ok());

@@ -27,7 +27,7 @@ TEST(ReplayPlayer, playsAtItsSpeedAndStopsAtTheEnd) {
   EXPECT_EQ(player.at_s(), 12);
   EXPECT_FALSE(player.playing());
   player.play();
-  EXPECT_EQ(player.at_s(), 2) << "from the end it begins anew";
+  EXPECT_EQ(player.at_s(), 2) << "from the end it begins again";
 }
 
 TEST(ReplayPlayer, speedsAreHeldAndGoInSteps) {
@@ -81,7 +81,7 @@ TEST(ReplayPlayer, aLoopIsPlayedAgainAndAgain) {
   EXPECT_FALSE(player.loop().has_value()) << "turned round: none";
 }
 
-TEST(ReplayPlayer, nothingToPlayStands) {
+TEST(ReplayPlayer, anEmptyRecordingStaysStill) {
   ReplayPlayer player;
   player.load(std::numeric_limits<double>::quiet_NaN(), 1);
   EXPECT_EQ(player.at_s(), 0);

@@ -8,7 +8,7 @@
 #include <numbers>
 
 #include "common/base/files/files.h"
-#include "common/gesture/sample_csv.h"
+#include "common/gesture/sample.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/instructor/model/lesson_gestures.h"
 
@@ -71,7 +71,7 @@ TEST(Report, aLayersMeasureHasTheLayersName) {
   EXPECT_THAT(reportHtml(data), HasSubstr(">Peak force in layer 4</td>"));
 }
 
-TEST(Report, saysWhatTheScoreSays) {
+TEST(Report, showsTheScoresValues) {
   const std::string html = reportHtml(dataOf());
   for (const char* part :
        {"✔ passed", "3.25 N", "at most 5", "above the experts&#39; range, 1 N to 3 N (6 gestures)",
@@ -86,7 +86,7 @@ TEST(Report, saysWhatTheScoreSays) {
   EXPECT_LT(html.find("at most 5"), html.find(">1<"));
 }
 
-TEST(Report, hasNoIdentifierBesideANameAndNoShareWithoutItsUnit) {
+TEST(Report, usesNamesForIdentifiersAndUnitsForShares) {
   ReportData data = dataOf();
   pb::Exercise exercise;
   for (const MeasureKind& kind : measureKinds()) {
@@ -106,7 +106,7 @@ TEST(Report, hasNoIdentifierBesideANameAndNoShareWithoutItsUnit) {
   EXPECT_THAT(html, Not(HasSubstr("ENHANCED_TRACKING_WALL")));
 }
 
-TEST(Report, whereNothingIsSaidOfTheExpertsThereIsNoColumnForThem) {
+TEST(Report, withoutExpertDataThereIsNoExpertColumn) {
   ReportData data = dataOf();
   data.places.clear();
   EXPECT_THAT(reportHtml(data), Not(HasSubstr("beside the experts")));
@@ -143,7 +143,7 @@ TEST(Report, listsMissingSamples) {
   EXPECT_THAT(reportHtml(data), HasSubstr("</td><td>250 samples missing (250 ms)</td>"));
 }
 
-TEST(Report, whatWasRequiredIsALineInThePlotsOfTheGestureAndOfTheProgress) {
+TEST(Report, aRequirementIsALineInTheGestureAndProgressPlots) {
   const std::string html = reportHtml(dataOf());
   std::size_t lines = 0;
   for (std::size_t at = html.find(">at most 5 N</text>"); at != std::string::npos;
@@ -202,7 +202,7 @@ TEST(Report, saysByHowMuchTheNeedleMissed) {
               HasSubstr("<p>Missed by 2.1 mm towards the head. Where the last injection began"));
 }
 
-TEST(Report, aSofterRenderingIsSaidBesideTheVerdict) {
+TEST(Report, aSofterRenderingIsNotedWithTheVerdict) {
   ReportData data = dataOf();
   EXPECT_THAT(reportHtml(data), Not(HasSubstr("were rendered at")));
   auto gesture = std::make_shared<StoredGesture>();
@@ -282,7 +282,7 @@ TEST(ReportData, rowsOfJsonFromTheNetwork) {
       placeRowsOf(R"([{"measure":"a","value":3,"least":1,"greatest":2,"place":"above","words":"w"},)"
                   R"({"measure":"b","value":3,"least":1,"greatest":1,"place":null,"words":""},)"
                   R"({"measure":"c","value":3,"least":2,"greatest":2,"place":"above","words":"w"},7])");
-  ASSERT_EQ(places.size(), 1u) << "nothing is said of the others";
+  ASSERT_EQ(places.size(), 1u) << "the others are not mentioned";
   EXPECT_EQ(places[0].measure, "a");
   EXPECT_NEAR(places[0].marks.value, 0.9, 1e-12);
 }

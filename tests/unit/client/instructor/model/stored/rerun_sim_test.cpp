@@ -5,7 +5,7 @@
 #include "client/instructor/model/stored/rerun.h"
 #include "client/sim/tools/offline_scene.h"
 #include "client/sim/tools/run_table.h"
-#include "common/gesture/sample_csv.h"
+#include "common/gesture/sample.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/client/instructor/model/lesson_gestures.h"
 

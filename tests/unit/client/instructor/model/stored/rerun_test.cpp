@@ -12,7 +12,7 @@ namespace {
 using test::lesson;
 using test::sampleProfile;
 
-TEST(Rerun, withItsOwnProfileItFeelsAsRecorded) {
+TEST(Rerun, withItsOwnProfileTheForceIsAsRecorded) {
   const auto gesture = lesson();
   const auto run = rerunGesture(*gesture, {});
   ASSERT_TRUE(run.ok()) << run.error().message;
@@ -38,7 +38,7 @@ TEST(Rerun, anotherPatientFeelsOtherwise) {
 }
 
 // the effects held by device and tool were determined for the session's own profile
-TEST(Rerun, anotherPatientIsAsStiffAsItSaysItself) {
+TEST(Rerun, anotherPatientHasItsOwnStiffness) {
   const std::string json = sampleProfile("shoulder-adult");
   auto info = test::lessonInfo(json);
   info.mutable_description()->set_stiffness_share(0.5);
@@ -73,7 +73,7 @@ TEST(Rerun, isTheSameToTheBitEachTime) {
   EXPECT_EQ(std::memcmp(first.data(), again.data(), first.size() * sizeof(double)), 0);
 }
 
-TEST(Rerun, whatCannotRunIsSaid) {
+TEST(Rerun, impossibleRunsAreExplained) {
   const auto gesture = lesson();
   EXPECT_EQ(rerunGesture(*gesture, {.profile_json = "{", .axial_model = {}}).error().code,
             ErrorCode::kInvalidInput);

@@ -91,7 +91,7 @@ TEST(SessionSearch, anInvalidDayIsNoSearchWithoutAMatch) {
   EXPECT_EQ(asked.asked.size(), 1u) << "the server is not asked";
   EXPECT_NE(asked.search.trouble().find("yesterday"), std::string::npos);
   EXPECT_FALSE(asked.search.nothingMatches());
-  EXPECT_TRUE(asked.search.rows().empty()) << "the rows of another search are no answer";
+  EXPECT_TRUE(asked.search.rows().empty()) << "the rows of another search are not the answer";
   EXPECT_EQ(asked.search.countText(), "");
   asked.search.search({});
   asked.answer(0);

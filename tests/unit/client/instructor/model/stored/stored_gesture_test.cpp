@@ -16,7 +16,7 @@
 
 #include "client/instructor/model/live/lab_connection.h"
 #include "client/instructor/model/stored/report.h"
-#include "common/base/time/local_time.h"
+#include "common/base/time/clock.h"
 #include "common/gesture/chunk.h"
 #include "common/haptics/cut_snapshot.h"
 #include "common/profile/profile.h"
@@ -95,7 +95,7 @@ TEST(StoredGesture, isTitledByTheLocalTimeOfItsBeginning) {
   EXPECT_EQ(gesture.title(), "tina, Knee: suprapatellar recess, 2026-06-30 22:30");
 }
 
-TEST(StoredGesture, aThinnedRecordingIsWholeAtEachRateThatAPolicyMayHave) {
+TEST(StoredGesture, aThinnedRecordingIsCompleteAtEveryPolicyRate) {
   const std::string profile = sampleProfile("shoulder-adult");
   for (const double left_hz : {0.1, 10.0, 50.0, 800.0, 10'000.0}) {
     pb::SessionInfo info = lessonInfo(profile);
@@ -321,7 +321,7 @@ TEST_F(StoredGestureTest, hasNoPlanOfAnExerciseThatIsForAnotherPatientToday) {
   ASSERT_TRUE(gesture.ok()) << gesture.error().message;
   EXPECT_FALSE((*gesture)->plan_W);
   EXPECT_EQ((*gesture)->notes,
-            std::vector<std::string>{"the exercise is for another patient today: no planned line is shown"});
+            std::vector<std::string>{"the exercise now has another patient: no planned line is shown"});
 }
 
 /// `measures_json` without this measure's row.
@@ -334,7 +334,7 @@ std::string withoutMeasure(const std::string& measures_json, const std::string& 
   return rows.dump();
 }
 
-TEST_F(StoredGestureTest, hasNoPlanWhereItsScoreKnowsNoneAndSaysWhatNoScoreConfirms) {
+TEST_F(StoredGestureTest, takesItsPlanFromTheScoreAndMarksUnconfirmedParts) {
   enum class Score { kWithPlan, kWithoutPlan, kNone };
   Score score = Score::kWithPlan;
   const LabCall changed = [&](const pb::Request& request) -> Result<pb::Reply> {
@@ -354,8 +354,8 @@ TEST_F(StoredGestureTest, hasNoPlanWhereItsScoreKnowsNoneAndSaysWhatNoScoreConfi
   const Row rows[] = {{Score::kWithPlan, true, {}},
                       {Score::kWithoutPlan,
                        false,
-                       {"this session was scored without a plan: the exercise's of today is not shown"}},
-                      {Score::kNone, true, {"the planned line is the exercise's of today"}}};
+                       {"this session was scored without a plan: the exercise's current plan is not shown"}},
+                      {Score::kNone, true, {"the planned line is the exercise's current one"}}};
   for (const Row& row : rows) {
     score = row.score;
     const auto gesture = loadGesture(changed, info_.description().session_id());
@@ -373,8 +373,7 @@ TEST_F(StoredGestureTest, saysThatThePlanWasChangedBehindTheScore) {
     return reply;
   };
   const std::string words =
-      "the exercise's plan was changed after this session was scored: its score is against the plan of that "
-      "time";
+      "the exercise's plan was changed after this session was scored: its score uses the plan of that time";
   const auto isSaid = [&] {
     const auto gesture = loadGesture(changed, info_.description().session_id());
     EXPECT_TRUE(gesture.ok());
@@ -417,7 +416,7 @@ TEST_F(StoredGestureTest, isReadWithoutAPlanWhereItsProfileIsNotReadable) {
   }
 }
 
-TEST_F(StoredGestureTest, withoutAnAnswerAboutThePlanTheGestureIsReadAllTheSame) {
+TEST_F(StoredGestureTest, aMissingPlanReplyDoesNotPreventReading) {
   const LabCall deaf = [&](const pb::Request& request) -> Result<pb::Reply> {
     if (request.has_list_exercises()) return Error{ErrorCode::kDenied, "not for you"};
     return instructor_->call(request);
@@ -429,7 +428,7 @@ TEST_F(StoredGestureTest, withoutAnAnswerAboutThePlanTheGestureIsReadAllTheSame)
   EXPECT_EQ((*gesture)->notes[0], "the exercise's plan: not for you");
 }
 
-TEST_F(StoredGestureTest, whatIsNotThereIsSaid) {
+TEST_F(StoredGestureTest, missingPartsAreReported) {
   EXPECT_EQ(loadGesture(call(), std::string(16, 'x')).error().code, ErrorCode::kNotFound);
   LoadProgress progress;
   progress.stop = true;

@@ -1,4 +1,4 @@
-#include "client/instructor/model/stored/svg_plot.h"
+#include "client/instructor/model/stored/report.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -73,7 +73,7 @@ TEST(SvgPlot, aGapBeginsAnotherPieceOfTheCurve) {
     return std::count(d.begin(), d.end(), 'M');
   };
   Plot one = plot();
-  EXPECT_EQ(piecesOf(svgPlot(one)), 1) << "a value that is not finite is no gap";
+  EXPECT_EQ(piecesOf(svgPlot(one)), 1) << "a value that is not finite is not a gap";
   one.gaps = {{1, 2}};
   EXPECT_EQ(piecesOf(svgPlot(one)), 2);
 }
@@ -123,7 +123,7 @@ TEST(SvgPlot, onPaperWhiteIsBlackAndPaleColoursAreDarker) {
   EXPECT_THAT(svgPlot(one), Not(HasSubstr("stroke='" + hexText(kYellow))));
 }
 
-TEST(SvgPlace, theDiamondLiesOnTheSideOfTheBarThatTheWordsName) {
+TEST(SvgPlace, theDiamondLiesOnTheSideThatTheTextNames) {
   for (const double value : {-5.0, 1.5, 10.0}) {
     const std::string svg = svgPlace(placeMarks({1, 2}, value));
     const std::size_t path = svg.find("<path d='M"), bar = svg.find("<rect x='");

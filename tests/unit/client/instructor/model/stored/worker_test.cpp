@@ -35,12 +35,12 @@ TEST(Worker, jobsRunInOrderAndTheirResultsComeInThePoll) {
   }
   EXPECT_TRUE(worker.busy());
   waitForJobs(worker);
-  EXPECT_TRUE(done.empty()) << "nobody has polled";
+  EXPECT_TRUE(done.empty()) << "no one has polled";
   worker.poll();
   EXPECT_EQ(done, (std::vector<int>{0, 1, 2, 3, 4}));
 }
 
-TEST(Worker, saysWhatItDoesAndIsBusyUntilItsResultWasTaken) {
+TEST(Worker, showsItsTaskAndIsBusyUntilItsResultIsRead) {
   Worker worker;
   EXPECT_FALSE(worker.busy());
   std::latch runs(1), may_end(1);

@@ -21,7 +21,7 @@ std::string guide() {
   return text.ok() ? *text : std::string();
 }
 
-TEST(BringupGuide, everyFaultStandsInItsTableInTheProgramsWords) {
+TEST(BringupGuide, everyFaultIsInItsTableInTheProgramsWords) {
   const std::string text = guide();
   int faults = 0;
   for (int value = 1; value < 256; ++value) {
@@ -33,7 +33,7 @@ TEST(BringupGuide, everyFaultStandsInItsTableInTheProgramsWords) {
   EXPECT_GE(faults, 11);
 }
 
-TEST(BringupGuide, everyConditionOfADeviceStandsInItsTable) {
+TEST(BringupGuide, everyDeviceConditionIsInItsTable) {
   const std::string text = guide();
   std::uint32_t seen = 0;
   for (const ConditionText& words : conditionTexts()) {

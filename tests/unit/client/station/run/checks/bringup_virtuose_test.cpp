@@ -83,7 +83,7 @@ TEST(BringupVirtuose, selfTestFindsItWellAndGivesItNoForce) {
   EXPECT_EQ(standin.state().open_contexts, 0);
 }
 
-TEST(BringupVirtuose, selfTestTellsWhatIsWrong) {
+TEST(BringupVirtuose, selfTestReportsTheFault) {
   const struct {
     const char *command, *failed, *told, *words;
     std::size_t said;

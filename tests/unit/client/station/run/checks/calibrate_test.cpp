@@ -55,7 +55,7 @@ TEST(Calibrate, findsTheTipAndWritesNothingButZeroForce) {
   EXPECT_EQ(device->writes.size(), device->reads + 1);
   for (const Wrench& wrench : device->writes) EXPECT_EQ(wrench, Wrench{});
   EXPECT_EQ(progress.back().poses, found->fit.samples);
-  EXPECT_GT(progress.back().spread, kLeastSpread);
+  EXPECT_GT(progress.back().spread, kMinSpread);
 }
 
 // The first tick is due after 2 ms, the owner polls every 50 ms; if both fall on the same time, the tick
@@ -76,7 +76,7 @@ TEST(Calibrate, endsAtTheFirstLookThatIsLateAndWideEnough) {
     const auto ticks = 50 * (i + 1) - 1;
     EXPECT_NEAR(now.t_s, 1e-3 * static_cast<double>(ticks) - settings.settle_s, 1e-9);
     EXPECT_EQ(now.poses, ticks > 1000 ? ticks - 1000 : 0);
-    const bool enough = now.t_s >= settings.enough_s && now.spread >= 2 * kLeastSpread;
+    const bool enough = now.t_s >= settings.enough_s && now.spread >= 2 * kMinSpread;
     EXPECT_EQ(enough, i + 1 == looks) << now.t_s << " s, " << now.spread;
   }
   // one more tick, in which the loop notices
@@ -117,7 +117,7 @@ TEST(Calibrate, whatComesWhileTheTipGoesIntoTheDimpleIsNotUsed) {
   EXPECT_EQ(found->fit.used, 12'000u);
 }
 
-TEST(Calibrate, aSilentDeviceIsSaid) {
+TEST(Calibrate, aSilentDeviceIsReported) {
   FakeDevice device([](std::uint64_t, DeviceReading&) { return DeviceRead::kNoUpdate; });
   const auto found = calibrate(device, {1000, 1, 0, 1, false});
   ASSERT_FALSE(found.ok());
@@ -152,7 +152,7 @@ TEST(NeedleAxis, isReadFromItsWords) {
   }
 }
 
-TEST(NeedleAxis, pointsWhereItsSourceSays) {
+TEST(NeedleAxis, pointsAsDocumentedInItsSource) {
   const Vec3 tip{0.03, -0.02, 0.12}, hub{0.03, -0.02, 0.05};
   const auto from_tip = toolOf(tip, {}, {});
   ASSERT_TRUE(from_tip.ok());

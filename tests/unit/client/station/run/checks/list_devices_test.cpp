@@ -7,7 +7,7 @@
 #include <thread>
 
 #include "client/station/run/checks/list_devices.h"
-#include "client/station/run/io/report_output.h"
+#include "client/station/run/io/terminal.h"
 #include "tests/support/time/fake_time.h"
 
 namespace needlelab {
@@ -62,7 +62,7 @@ class TimeOfTheLast : public test::FakeTime {
   std::shared_ptr<int> searches = std::make_shared<int>();
 };
 
-TEST(ListDevices, aListerThatHangsOrThrowsIsSaidAndNotWaitedFor) {
+TEST(ListDevices, aHangingOrThrowingListerIsReportedWithoutWaiting) {
   TimeOfTheLast time;
   std::promise<void> end;
   const auto running = std::make_shared<int>();
@@ -91,7 +91,7 @@ TEST(ListDevices, aListerThatHangsOrThrowsIsSaidAndNotWaitedFor) {
 TEST(ListDevices, textAndRowsHoldEveryDevice) {
   const std::vector<FoundDevice> devices = {
       {"falcon", "Novint Falcon", std::string(150, 'x') + " end", false},
-      {"bad\xff", "bytes", "that are no text", true}};
+      {"bad\xff", "bytes", "that are not text", true}};
   const std::string text = deviceListText(devices);
   EXPECT_THAT(text, HasSubstr("falcon  NOT READY  Novint Falcon"));
   EXPECT_THAT(text, HasSubstr("ready"));

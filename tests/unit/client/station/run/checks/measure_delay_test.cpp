@@ -50,7 +50,7 @@ TEST(MeasureDelay, findsTheDelayAndLagOfASimulatedDevice) {
 }
 
 TEST(MeasureDelay, neverPushesHarderThanHalfANewtonNorTurns) {
-  double most_N = 0;
+  double max_N = 0;
   FakeDevice device([](std::uint64_t, DeviceReading& reading) {
     reading.X_WH.p = {0.4, 0, 0};
     return DeviceRead::kFresh;
@@ -59,11 +59,11 @@ TEST(MeasureDelay, neverPushesHarderThanHalfANewtonNorTurns) {
   ProbeLoop loop(device, clock, 1000, std::vector<double>(1000, 7.0), {1, 0, 0});
   loop.run();
   for (const Wrench& wrench : device.writes) {
-    most_N = std::max(most_N, norm(wrench.force_N));
+    max_N = std::max(max_N, norm(wrench.force_N));
     EXPECT_EQ(wrench.torque_Nm, Vec3{});
   }
-  EXPECT_NEAR(most_N, kProbe_N, 0.02);
-  EXPECT_LE(most_N, kProbe_N);
+  EXPECT_NEAR(max_N, kProbe_N, 0.02);
+  EXPECT_LE(max_N, kProbe_N);
   EXPECT_EQ(device.writes.back(), Wrench{}) << "it ends without force";
 }
 
@@ -136,7 +136,7 @@ TEST_F(KeptDelay, isThatOfTheDevicesOwnRow) {
   EXPECT_DOUBLE_EQ(b->ticks, 5);
 }
 
-TEST_F(KeptDelay, isTwoTicksWithoutAMeasurementAndADevicesOwnWhereItIsKnown) {
+TEST_F(KeptDelay, isTwoTicksUnlessMeasuredOrKnownForTheDevice) {
   const auto assumed = loopDelayOf(options("falcon:0"), unknown_);
   ASSERT_TRUE(assumed.ok());
   EXPECT_EQ(assumed->ticks, 2);

@@ -1,4 +1,4 @@
-#include "client/station/run/checks/monitor.h"
+#include "client/station/run/checks/self_test.h"
 
 #include <gtest/gtest.h>
 
@@ -32,7 +32,7 @@ TEST(Edid, saysTheDiagonal) {
       << "with an extension";
 }
 
-TEST(Edid, thatSaysNothingIsNothing) {
+TEST(Edid, withoutDataGivesNothing) {
   EXPECT_EQ(edidDiagonal_m(edidOf(0, 0, 0, 0)), std::nullopt) << "a projector";
   EXPECT_EQ(edidDiagonal_m(edidOf(531, 0, 0, 30)), std::nullopt);
   EXPECT_EQ(edidDiagonal_m(""), std::nullopt);

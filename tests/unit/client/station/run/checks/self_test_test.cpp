@@ -64,7 +64,7 @@ TEST(SelfTest, nothingWrongIsAllOk) {
 }
 
 // One fault at a time: its row reports it with advice, and no other row fails.
-TEST(SelfTest, eachFactAloneChangesItsOwnRow) {
+TEST(SelfTest, eachFactChangesOnlyItsOwnRow) {
   struct Row {
     const char* check;
     Verdict verdict;
@@ -143,7 +143,7 @@ TEST(SelfTest, eachFactAloneChangesItsOwnRow) {
   }
 }
 
-TEST(SelfTest, whatAMonitorSaysIsASuggestion) {
+TEST(SelfTest, theMonitorsSizeIsASuggestion) {
   SelfTestFacts facts = goodFacts();
   facts.monitor.found = {{"DP-1", 27 * kInch_m}, {"HDMI-A-1", 26.9 * kInch_m}};
   const auto checks = judge(facts);
@@ -164,7 +164,7 @@ TEST(SelfTest, everyConditionOfADeviceHasItsRow) {
     const char* words;
   } rows[] = {
       {kDeviceEmergencyStop, Verdict::kFailed, "emergency stop is pressed, in 2 %"},
-      {kDeviceReleased, Verdict::kOk, "nobody holds"},
+      {kDeviceReleased, Verdict::kOk, "no one holds"},
       {kDevicePowerOff, Verdict::kWarning, "no power"},
       {kDeviceOverheated, Verdict::kFailed, "too hot"},
       {kDeviceSaturated, Verdict::kWarning, "more than they can give"},
@@ -200,7 +200,7 @@ TEST(SelfTest, aServerThatWasNotGivenIsNoFailure) {
   EXPECT_EQ(find(judge(facts), "server")->verdict, Verdict::kNotChecked);
 }
 
-TEST(SelfTest, eachOfSeveralServersIsJudgedAndOneThatTakesUsIsEnough) {
+TEST(SelfTest, eachServerIsJudgedAndOneGoodServerSuffices) {
   SelfTestFacts facts = goodFacts();
   facts.servers.push_back(facts.servers[0]);
   facts.servers[1].address = "other:7750";
@@ -289,7 +289,7 @@ class SelfTestDeviceTest : public testing::Test {
   bool stopped_ = true;
 };
 
-TEST_F(SelfTestDeviceTest, getsNothingButZeroForceWhateverItReports) {
+TEST_F(SelfTestDeviceTest, getsOnlyZeroForceWhateverItReports) {
   // A device that becomes ready after 50 readings, then jumps around and reports a fault twice in 800.
   FakeDevice device([](std::uint64_t tick, DeviceReading& reading) {
     reading.condition = 0;
@@ -368,7 +368,7 @@ TEST(SelfTestMachine, theDiskIsMeasuredAndLeftClean) {
   EXPECT_THAT(measureDisk(folder.write("file", "") / "spool").trouble, HasSubstr("cannot be made"));
 }
 
-TEST(SelfTestMachine, aServerThatIsAwayIsSaid) {
+TEST(SelfTestMachine, anUnreachableServerIsReported) {
   test::TempFolder folder;
   StationOptions options;
   options.key_file = folder.path() / "none.key";

@@ -63,7 +63,7 @@ TEST(LiveLine, showsTheAidsThatTheExerciseAllows) {
   EXPECT_THAT(liveText(view), HasSubstr("FAULT")) << "never hidden";
 }
 
-TEST(LiveLine, aFaultStandsFirstAndAHoldInItsPlaceWhenThereIsNone) {
+TEST(LiveLine, aFaultComesFirstAndOtherwiseAHold) {
   LiveView view = example();
   view.hold = "the dead-man switch is released";
   EXPECT_THAT(liveText(view), HasSubstr("1:07  NO FORCE: the dead-man switch is released | INSERTING"));
@@ -97,7 +97,7 @@ TEST(LiveLine, elsewhereThanOnATerminalALineEveryTenSeconds) {
   ::close(ends[1]);
 }
 
-TEST(LiveLine, onATerminalItIsRewrittenInPlaceAndMessagesStandAboveIt) {
+TEST(LiveLine, onATerminalItIsRewrittenInPlaceBelowMessages) {
   int terminal = -1, screen = -1;
   winsize size{};
   size.ws_col = 31;
@@ -124,7 +124,7 @@ TEST(LiveLine, onATerminalItIsRewrittenInPlaceAndMessagesStandAboveIt) {
 TEST(LiveView, holdsSpoolAndServerInFewWords) {
   EXPECT_EQ(holdText(0), "");
   EXPECT_EQ(holdText(kDeviceSaturated | kDeviceEmergencyStop), "") << "said, or a fault: no hold";
-  EXPECT_EQ(holdText(kDeviceReleased | kDeviceSaturated), "nobody holds the handle");
+  EXPECT_EQ(holdText(kDeviceReleased | kDeviceSaturated), "no one holds the handle");
   EXPECT_EQ(holdText(kDevicePowerOff), "the motors have no power");
   EXPECT_EQ(holdText(kDeviceNotReady), "the device is not ready yet");
   EXPECT_EQ(holdText(kFlagStartedInside), "the needle began in the tissue, take it out once");

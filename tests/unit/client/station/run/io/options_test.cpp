@@ -122,7 +122,7 @@ TEST(StationOptions, practiceWithoutAServerNeedsOnlyAProfile) {
   EXPECT_FALSE(outcome.parsed.options.spool.empty());
 }
 
-TEST(StationOptions, wrongUsageIsExitCode2AndSaysWhatIsMissing) {
+TEST(StationOptions, wrongUsageExitsWithTwoAndNamesWhatIsMissing) {
   const std::vector<std::pair<std::vector<const char*>, std::string>> cases = {
       {{"--headless"}, "--exercise ID"},
       {{"--start"}, "the window asks"},
@@ -175,7 +175,7 @@ TEST(StationOptions, wrongUsageIsExitCode2AndSaysWhatIsMissing) {
   }
 }
 
-TEST(StationOptions, theFileOfACodeIsForALessonWithoutAWindowAndWithAServer) {
+TEST(StationOptions, aCodeFileNeedsAHeadlessLessonWithAServer) {
   const std::vector<const char*> lesson = {"--profile", "p", "--code-file", "code"};
   const auto with = [&](std::vector<const char*> more) {
     more.insert(more.end(), lesson.begin(), lesson.end());
@@ -196,7 +196,7 @@ TEST(StationOptions, theFileOfACodeIsForALessonWithoutAWindowAndWithAServer) {
   EXPECT_EQ(with(to_it).parsed.exit_code, kExitInvalid) << "the summary would take its place";
 }
 
-TEST(StationOptions, whatAFaultDoesIsChosenOrLeftToWhetherThereIsATerminal) {
+TEST(StationOptions, theFaultActionIsChosenOrFollowsTheTerminal) {
   EXPECT_EQ(parse({"--profile", "p"}).parsed.options.on_fault, std::nullopt);
   EXPECT_EQ(parse({"--profile", "p", "--on-fault", "wait"}).parsed.options.on_fault, FaultPolicy::kWait);
   EXPECT_EQ(parse({"--profile", "p", "--on-fault", "end"}).parsed.options.on_fault, FaultPolicy::kEnd);
@@ -240,7 +240,7 @@ TEST(StationOptions, theWindowTakesTheWholeScreenUnlessItIsForADesk) {
   EXPECT_TRUE(parse({"--profile", "p", "--window", "1280x720"}).parsed.options.window.windowed);
 }
 
-TEST(StationOptions, whereTheMonitorStands) {
+TEST(StationOptions, theMonitorsPlacementIsParsed) {
   const Viewing usual = parse({"--profile", "p"}).parsed.options.window.viewing;
   EXPECT_NEAR(usual.diagonal_m, 0.6096, 1e-12);
   EXPECT_EQ(usual.distance_m, 2);
@@ -259,7 +259,7 @@ TEST(StationOptions, aStudentsStationCannotBeQuit) {
   EXPECT_FALSE(outcome.parsed.options.window.may_quit);
 }
 
-TEST(StationOptions, aPlanThatWasSaidIsToldFromTheDefault) {
+TEST(StationOptions, anExplicitPlanDiffersFromTheDefault) {
   EXPECT_FALSE(parse({"--profile", "p"}).parsed.options.hand_plan_given);
   EXPECT_TRUE(parse({"--profile", "p", "--hand-plan", "pointer"}).parsed.options.hand_plan_given);
 }

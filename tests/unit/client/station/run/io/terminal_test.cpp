@@ -47,7 +47,7 @@ TEST_F(EnterKeyTest, onlyAWholeLineCountsAndOnlyOnce) {
   EXPECT_TRUE(key.pressed());
   EXPECT_FALSE(key.pressed());
   type("\n\n\n");
-  EXPECT_TRUE(key.pressed()) << "what was typed in haste is one";
+  EXPECT_TRUE(key.pressed()) << "input typed in haste is one";
   EXPECT_FALSE(key.pressed());
 }
 
@@ -111,7 +111,7 @@ int ended(pid_t child) {
   return -1;
 }
 
-TEST(PausedTerminal, whatIsSaidIsDroppedAndHoldsNobodyUp) {
+TEST(PausedTerminal, outputIsDroppedAndBlocksNothing) {
   const FullPipe full;
   const pid_t child = ::fork();
   if (child == 0) {

@@ -128,7 +128,7 @@ TEST_F(CurriculumTest, namesOfAllCoursesAndPagesAndTheStandingOfOne) {
   }
 }
 
-TEST_F(CurriculumTest, exercisesKnowWhetherTheyAreForThoseAloneToWhomTheyAreAssigned) {
+TEST_F(CurriculumTest, exercisesKnowWhetherTheyAreForAssigneesOnly) {
   for (const nlohmann::json& rules :
        {nlohmann::json::object(), nlohmann::json{{"assigned_only", true}}, nlohmann::json{{"exam", true}}}) {
     rules_ = rules;
@@ -142,13 +142,13 @@ TEST_F(CurriculumTest, exercisesKnowWhetherTheyAreForThoseAloneToWhomTheyAreAssi
     }
     // tom has the exercise b2, but not b1
     const TraineeStanding* const tom = &curriculum_.standings.at("tom");
-    EXPECT_EQ(mayTake(curriculum_.exercises[2], tom), rules.empty());
-    EXPECT_TRUE(mayTake(curriculum_.exercises[3], tom));
-    EXPECT_EQ(mayTake(curriculum_.exercises[3], nullptr), rules.empty());
+    EXPECT_EQ(canStart(curriculum_.exercises[2], tom), rules.empty());
+    EXPECT_TRUE(canStart(curriculum_.exercises[3], tom));
+    EXPECT_EQ(canStart(curriculum_.exercises[3], nullptr), rules.empty());
   }
 }
 
-TEST_F(CurriculumTest, aBegunAttemptIsUsedUntilTheServerSaysMore) {
+TEST_F(CurriculumTest, aStartedAttemptCountsUntilTheServerCountsMore) {
   rules_ = {{"exam", true}};
   ASSERT_TRUE(updateCurriculum(curriculum_, ask(), "tom", 42).ok());
   ASSERT_TRUE(cache_.keep(curriculum_).ok());
@@ -195,7 +195,7 @@ TEST_F(CurriculumTest, anErrorChangesNothing) {
   EXPECT_EQ(curriculum_.standings.count("left"), 1u);
 }
 
-TEST_F(CurriculumTest, theCacheGivesBackWhatWasKept) {
+TEST_F(CurriculumTest, theCacheReturnsWhatWasStored) {
   EXPECT_TRUE(cache_.find().exercises.empty()) << "nothing is kept yet";
   ASSERT_TRUE(updateCurriculum(curriculum_, ask(), "tom", 42).ok());
   ASSERT_TRUE(cache_.keep(curriculum_).ok());
@@ -209,7 +209,7 @@ TEST_F(CurriculumTest, theCacheGivesBackWhatWasKept) {
   }
   EXPECT_EQ(found.trainees, curriculum_.trainees);
   EXPECT_EQ(found.standings, curriculum_.standings);
-  EXPECT_TRUE(LessonCache(folder_.path()).list().empty()) << "it is no lesson";
+  EXPECT_TRUE(LessonCache(folder_.path()).list().empty()) << "it is not a lesson";
 }
 
 TEST_F(CurriculumTest, aDamagedCacheIsNoCache) {
@@ -241,7 +241,7 @@ TEST_F(CurriculumTest, theCacheNamesPeopleToTheKeyOfTheStationOnly) {
   EXPECT_EQ(cache_.find().trainees, curriculum_.trainees);
 }
 
-TEST_F(CurriculumTest, theCacheForgetsWhomTheServerDoesNotListAnyMore) {
+TEST_F(CurriculumTest, theCacheForgetsTraineesThatTheServerNoLongerLists) {
   ASSERT_TRUE(updateCurriculum(curriculum_, ask(), "tom", 42).ok());
   curriculum_.trainees.push_back({"eva", "Eva Erased", "@eva"});
   curriculum_.standings["eva"].as_of_unix_ns = 41;
@@ -285,7 +285,7 @@ TEST_F(CurriculumTest, theCacheKnowsWhoIsAskedForACode) {
   EXPECT_TRUE(cache_.asksCode("zoe"));
 }
 
-TEST_F(CurriculumTest, aServerThatListsNobodyForgetsNobodysCode) {
+TEST_F(CurriculumTest, anEmptyTraineeListKeepsCodesInTheCache) {
   ASSERT_TRUE(cache_.keepAsksCode("tom", true).ok());
   lists_people_ = false;
   ASSERT_TRUE(updateCurriculum(curriculum_, ask(), "tom", 42).ok());
@@ -307,7 +307,7 @@ TEST(ShownName, isTheFullNameAndTheAccountWhereTwoShareIt) {
   EXPECT_EQ(accountOf(trainees, "Ann Bell"), "Ann Bell") << "two people: neither is meant";
 }
 
-TEST(ListExercises, whatIsOfAnExamSaysSoWithAServerAndWithout) {
+TEST(ListExercises, examExercisesAreMarkedOnlineAndOffline) {
   CachedLesson kept{"k", "The kept", "p", 1, 0, ""};
   kept.exam = true;
   ServerExercise exam{"e", "The exam", "p", ""};

@@ -33,7 +33,7 @@ SceneSpec rememberingScene() {
   return scene;
 }
 
-TEST(CutFollower, tellsAtEachExitAndOnceASecondOutsideWhatTheEngineRemembers) {
+TEST(CutFollower, reportsCutsAtEachExitAndOnceASecondOutside) {
   const auto model = std::make_unique<SceneModel>(*compile(rememberingScene(), 1000));
   const auto engine = std::make_unique<SimState>();
   CutFollower follower(*model);
@@ -236,7 +236,7 @@ TEST_P(RecordedCuts, eachChunkWithTheTipOutsideHasTheMemoryAndNoOther) {
   EXPECT_GT(most_tracks, 1u);
 }
 
-TEST_P(RecordedCuts, aReplayFromAnyChunkIsThatFromTheFirstBitByBit) {
+TEST_P(RecordedCuts, aReplayFromAnyChunkMatchesTheFullOneExactly) {
   for (std::size_t begin = 1; begin < lesson_.chunks.size(); ++begin) {
     GestureReplica replica(lesson_.model);
     expectSameFrom(replica, begin);
@@ -245,7 +245,7 @@ TEST_P(RecordedCuts, aReplayFromAnyChunkIsThatFromTheFirstBitByBit) {
   EXPECT_GT(exact_, from_first_.size());
 }
 
-TEST_P(RecordedCuts, behindAMissingChunkAReplayIsThatOfAllChunksBitByBit) {
+TEST_P(RecordedCuts, aReplayAfterAMissingChunkMatchesTheFullOneExactly) {
   for (std::size_t missing = 0; missing + 1 < lesson_.chunks.size(); ++missing) {
     GestureReplica replica(lesson_.model);
     for (std::size_t c = 0; c < missing; ++c)

@@ -80,13 +80,13 @@ TEST_F(LadderTest, assignedCoursesThenSingleExercisesThenWhatMayBePractisedFreel
   EXPECT_EQ(made.sections[0].heading, "Course B");
   EXPECT_EQ(made.sections[1].heading, "Assigned to you");
   EXPECT_THAT(idsOf(made.sections[1]), ElementsAre("a2"));
-  EXPECT_EQ(made.sections[1].steps[0].number, 0) << "outside its course it is no step";
+  EXPECT_EQ(made.sections[1].steps[0].number, 0) << "outside its course it is not a step";
   EXPECT_EQ(made.sections[2].heading, "Practise freely: Course A");
   EXPECT_THAT(idsOf(made.sections[2]), ElementsAre("a1", "a3"));
   EXPECT_EQ(made.sections[2].steps[1].number, 3) << "the number is the course's";
 }
 
-TEST_F(LadderTest, anExerciseOfAnAssignedCourseStandsThereOnce) {
+TEST_F(LadderTest, anExerciseOfAnAssignedCourseIsListedOnce) {
   tom().courses = {"a"};
   tom().exercises = {"a2"};
   const Ladder made = ladder();
@@ -94,7 +94,7 @@ TEST_F(LadderTest, anExerciseOfAnAssignedCourseStandsThereOnce) {
   EXPECT_THAT(idsOf(made.sections[0]), ElementsAre("a1", "a2", "a3"));
 }
 
-TEST_F(LadderTest, aCourseThatIsAssignedOnlyIsShownToThoseAloneWhoHaveIt) {
+TEST_F(LadderTest, anAssignedOnlyCourseIsShownToItsAssigneesOnly) {
   for (ServerExercise& exercise : curriculum_.exercises) exercise.assigned_only = exercise.course_id == "a";
   const auto headings = [&](const std::string& who) {
     std::vector<std::string> all;
@@ -102,7 +102,7 @@ TEST_F(LadderTest, aCourseThatIsAssignedOnlyIsShownToThoseAloneWhoHaveIt) {
     return all;
   };
   EXPECT_THAT(headings("tom"), ElementsAre("Practise freely: Course B"));
-  EXPECT_THAT(headings("nobody is known so"), ElementsAre("Course B"));
+  EXPECT_THAT(headings("no one is known so"), ElementsAre("Course B"));
   tom().exercises = {"a2"};
   EXPECT_THAT(headings("tom"), ElementsAre("Assigned to you", "Practise freely: Course B"));
   EXPECT_THAT(idsOf(ladder().sections[0]), ElementsAre("a2"));
@@ -110,7 +110,7 @@ TEST_F(LadderTest, aCourseThatIsAssignedOnlyIsShownToThoseAloneWhoHaveIt) {
   EXPECT_THAT(idsOf(ladder().sections[0]), ElementsAre("a1", "a2", "a3"));
 }
 
-TEST_F(LadderTest, aStepOfAnExamSaysSo) {
+TEST_F(LadderTest, aStepOfAnExamIsMarked) {
   for (ServerExercise& exercise : curriculum_.exercises) exercise.exam = exercise.course_id == "a";
   tom().courses = {"b"};
   tom().exercises = {"a2"};
@@ -120,7 +120,7 @@ TEST_F(LadderTest, aStepOfAnExamSaysSo) {
   EXPECT_EQ(stepText(stepIn("b1")), "Next");
 }
 
-TEST_F(LadderTest, theFirstOpenStepOfWhatIsAssignedIsNextAndNoOther) {
+TEST_F(LadderTest, onlyTheFirstOpenAssignedStepIsNext) {
   tom().courses = {"b"};
   tom().exercises = {"a3"};
   EXPECT_EQ(ladder().next, "b1") << "not a1, which may only be practised freely";
@@ -149,7 +149,7 @@ TEST_F(LadderTest, aLockNamesTheStepOrTheExerciseElsewhere) {
   EXPECT_EQ(stepIn("a2").locked_by, "\"The b1\", \"gone\"");
 }
 
-TEST_F(LadderTest, attemptsLeftAreSaidAndUsedUpOnesCloseTheStep) {
+TEST_F(LadderTest, remainingAttemptsAreShownAndNoneLeftClosesTheStep) {
   tom().courses = {"a", "b"};
   standingIn("a1").attempts_left = 2;
   standingIn("a2").attempts_left = 1;
@@ -222,7 +222,7 @@ TEST_F(LadderTest, withoutAStandingTheCoursesAreShownWithoutStates) {
   EXPECT_THAT(ladderText(made, "somebody", false), HasSubstr("does not know"));
 }
 
-TEST_F(LadderTest, theTextHasALineAStepAndSaysOfWhichTimeItIs) {
+TEST_F(LadderTest, theTextHasALinePerStepAndItsTimestamp) {
   tom().courses = {"a"};
   tom().as_of_unix_ns = kNow_ns - kHour_ns;
   standingIn("a1").done = true;

@@ -172,7 +172,7 @@ TEST(DeviceFit, aLessonOfLessThanHalfItsStiffnessIsRefused) {
   EXPECT_EQ(lesson.scene.virtual_fixture.max_stiffness_N_per_m, 400);
 }
 
-TEST(DeviceFit, passivityControlCountsTheDevicesOwnDampingAndIsSaid) {
+TEST(DeviceFit, passivityControlCountsDeviceDampingAndIsReported) {
   const PassivitySettings settings = passivityOf(deviceWith(1000, 1.7), {3.2, 0.004, true});
   EXPECT_EQ(settings.delay_ticks, 4u) << "a part of a tick counts as one";
   EXPECT_EQ(settings.lag_s, 0.004);
@@ -227,7 +227,7 @@ TEST(DeviceFit, whoFeelsNoLeverLosesNothingToIt) {
   EXPECT_TRUE(notes.empty());
 }
 
-TEST(DeviceFit, boneAndTheFixtureAddAsideAndBoneAndTissueDoNotAlong) {
+TEST(DeviceFit, boneAddsToTheFixtureSidewaysButNotToTissueAlong) {
   std::vector<std::string> notes;
   StationLesson lesson = lessonOf(400, 0);
   lesson.scene.layers.back().is_bone = true;
@@ -245,7 +245,7 @@ TEST(DeviceFit, boneAndTheFixtureAddAsideAndBoneAndTissueDoNotAlong) {
   EXPECT_NEAR(lesson.scene.virtual_fixture.max_stiffness_N_per_m, 320, 1e-9);
 }
 
-TEST(DeviceFit, boneThatWouldBeLessThanHalfIsLeftOutAndSaid) {
+TEST(DeviceFit, boneBelowHalfStiffnessIsOmittedAndReported) {
   const auto onBone = [](double fixture_N_per_m) {
     StationLesson lesson = lessonOf(fixture_N_per_m, 0.5);
     lesson.scene.layers.back().is_bone = true;
@@ -269,7 +269,7 @@ TEST(DeviceFit, boneThatWouldBeLessThanHalfIsLeftOutAndSaid) {
   ASSERT_TRUE(fitLesson(lesson, deviceWith(1200), kOneTick, options, notes).ok());
   EXPECT_NEAR(lesson.stiffness_share, 4 / (300 * 0.1427 * 0.1427 + 0.5), 1e-12);
   EXPECT_FALSE(lesson.model.isLive(Effect::kBone));
-  EXPECT_TRUE(lesson.bone_left_out);
+  EXPECT_EQ(lesson.left_out, bitOf(Effect::kBone));
   EXPECT_THAT(liveEffects(lesson.model), testing::Not(testing::Contains("BONE")));
   EXPECT_THAT(notes, testing::ElementsAre(testing::AllOf(HasSubstr("900 N/m"), HasSubstr("143 mm"),
                                                          HasSubstr("BONE is not live")),
@@ -293,7 +293,7 @@ TEST(DeviceFit, theLimitOfCoupledStabilityIsWarnedOfWithItsNumbers) {
   EXPECT_TRUE(stabilityWarning(*compile(paperOneDof(), 250), deviceWith(1000, 1.7), kOneTick, 0.3));
 }
 
-TEST(DeviceFit, aModelsOwnDampingIsTakenFromWhatDeviceAndHandDamp) {
+TEST(DeviceFit, aModelsDampingIsSubtractedFromDeviceAndHandDamping) {
   SceneSpec scene = paperOneDof();
   scene.axial_model = AxialModel::kVoigt;  // 500 N/m
   scene.voigt.damping_Ns_per_m = 0.5;
@@ -327,7 +327,7 @@ TEST(ForDevice, whatADeviceCanDoIsLeftAsItIs) {
   }
 }
 
-TEST(ForDevice, withoutTorqueOrOrientationTheLimitIsNotLiveAndBothAreSaid) {
+TEST(ForDevice, withoutTorqueOrOrientationTheLimitIsOffAndReported) {
   std::vector<std::string> notes;
   const SceneSpec scene = forDevice(test::allEffects(), device(true, false, false), notes);
   EXPECT_EQ(scene.effects, test::allEffects().effects & ~bitOf(Effect::kOrientationLimit));
@@ -355,7 +355,7 @@ TEST(ForDevice, aSceneWithoutTheLimitLosesNothing) {
   EXPECT_THAT(notes, SizeIs(1)) << "only the axis is assumed";
 }
 
-TEST(ForDevice, whatBecomesOfTheToolIsSaid) {
+TEST(ForDevice, theToolsTreatmentIsReported) {
   const Pose tool{{0, 0, 0.15}, {0, 0, 0, 1}};
   std::vector<std::string> notes;
   noteTool({}, device(true, false, false), notes);

@@ -96,7 +96,7 @@ TEST(GestureCurve, keepsTheGreatestDistancesOfEachGroupInTissue) {
   }
 }
 
-TEST(GestureCurve, leavesOutWhatIsNoNumber) {
+TEST(GestureCurve, omitsNonFiniteNumbers) {
   auto samples = goingDown(3, 0);
   samples[1].p_WT_m[0] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(gestureCurve(samples, kFlat).size(), 2u);

@@ -50,7 +50,7 @@ class LessonWithCode : public testing::Test {
     lesson.set_profile_json(*readWholeFile(NEEDLELAB_SAMPLES "/phantom-ball.json"));
     lesson.set_profile_revision(1);
     server_.setLesson(lesson);
-    // no terminal, in whatever way the test is run
+    // no terminal, however the test is run
     stdin_ = ::dup(STDIN_FILENO);
     const int null = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
     ::dup2(null, STDIN_FILENO);
@@ -68,7 +68,7 @@ class LessonWithCode : public testing::Test {
   // Prepares a lesson as runStation does; announcements go to observer_.
   Status prepare() {
     observer_.beginning.reset();
-    auto ask = askForCodeWithoutWindow(options_);
+    auto ask = headlessCodePrompt(options_);
     if (!ask.ok()) return ask.error();
     run_.reset();
     home_.reset();
@@ -107,12 +107,12 @@ class LessonWithCode : public testing::Test {
 TEST_F(LessonWithCode, aTraineeWithoutACodeIsNotAsked) {
   giveFile("4711-tom\n");
   ASSERT_TRUE(prepare().ok());
-  EXPECT_THAT(server_.givenCodes(), ElementsAre("")) << "nobody asked for what is in the file";
+  EXPECT_THAT(server_.givenCodes(), ElementsAre("")) << "no one asked for what is in the file";
   EXPECT_FALSE(begun().code_checked());
   EXPECT_FALSE(observer_.beginning->code_unchecked);
 }
 
-TEST_F(LessonWithCode, theSessionHasThePersonsIdAlsoWithoutTheServerAndNothingOnDiskHasTheName) {
+TEST_F(LessonWithCode, offlineTheSessionHasTheIdAndTheDiskNoName) {
   const std::string name = "tamara", person = "@01890a5d-ac96-774b-bcce-b302099a8057";
   pb::Lesson lesson = server_.lesson();
   lesson.set_person_ref(person);
@@ -133,7 +133,7 @@ TEST_F(LessonWithCode, theSessionHasThePersonsIdAlsoWithoutTheServerAndNothingOn
   EXPECT_EQ(begun().trainee(), "somebody") << "as it was typed: the server maps it";
 }
 
-TEST_F(LessonWithCode, theFilesCodeIsSentWhenTheServerAsksAndTheSessionSaysThatItWasChecked) {
+TEST_F(LessonWithCode, theCodeFileIsSentOnRequestAndMarkedChecked) {
   server_.setCode("tom", "4711-tom");
   giveFile("4711-tom\r\nsecond line\n");
   const Status status = prepare();
@@ -180,7 +180,7 @@ TEST_F(LessonWithCode, aProfileFromAFileAsksTheSame) {
   EXPECT_THAT(server_.givenCodes(), ElementsAre("", "0000", "", "", "4711-tom"));
 }
 
-TEST_F(LessonWithCode, whoTypedTooManyWrongCodesDoesNotPractiseFromTheCacheEither) {
+TEST_F(LessonWithCode, tooManyWrongCodesBlockTheCacheToo) {
   giveFile("0000");
   ASSERT_TRUE(prepare().ok()) << "fills the cache";
   server_.setCode("tom", "4711-tom");
@@ -206,7 +206,7 @@ TEST_F(LessonWithCode, withoutTheServerTheTraineeLearnsThatAManagerConfirmsIt) {
   EXPECT_FALSE(observer_.beginning->code_unchecked) << "the server never asked for a code of zoe";
 }
 
-TEST_F(LessonWithCode, whoseCodeWasTakenAwayIsToldNothingAnyMore) {
+TEST_F(LessonWithCode, aRemovedCodeIsNoLongerMentioned) {
   server_.setCode("tom", "4711-tom");
   giveFile("4711-tom");
   ASSERT_TRUE(prepare().ok());
@@ -230,7 +230,7 @@ TEST_F(LessonWithCode, aCodeThatTheServerDidNotCompareIsNotChecked) {
   EXPECT_FALSE(begun().code_checked());
 }
 
-TEST_F(LessonWithCode, aServerThatIsThereButSaysNothingAboutTheCodeLetsNothingBegin) {
+TEST_F(LessonWithCode, aServerSilentAboutTheCodeLetsNothingBegin) {
   giveFile("4711-tom");
   ASSERT_TRUE(prepare().ok()) << "fills the cache";
   server_.setCode("tom", "4711-tom");
@@ -331,11 +331,11 @@ StationOptions atTheTerminal(const TempFolder& folder) {
   return options;
 }
 
-TEST(CodeAtTheTerminal, isTypedUnseenAndAgainWhileTheServerSaysThatItIsWrong) {
+TEST(CodeAtTheTerminal, isTypedHiddenAndRepeatedUntilTheServerAcceptsIt) {
   const TempFolder folder;
   const StationOptions options = atTheTerminal(folder);
   TerminalChild child([&] {
-    const auto ask = askForCodeWithoutWindow(options);
+    const auto ask = headlessCodePrompt(options);
     const auto first = (*ask)(refusal("tom has a code"), {});
     const auto second = (*ask)(refusal("this is not the code of tom; 4 tries left"), {});
     return first.ok() && *first == "4711-tom" && second.ok() && *second == "4712-tom" ? 7 : 1;
@@ -357,7 +357,7 @@ TEST(CodeAtTheTerminal, nothingTypedAndAStopEndIt) {
   const TempFolder folder;
   const StationOptions options = atTheTerminal(folder);
   TerminalChild child([&] {
-    const auto ask = askForCodeWithoutWindow(options);
+    const auto ask = headlessCodePrompt(options);
     const auto nothing = (*ask)(refusal("tom has a code"), {});
     const auto stopped = (*ask)(refusal("tom has a code"), [] { return true; });
     return !nothing.ok() && nothing.error().code == ErrorCode::kFailed && !stopped.ok() &&

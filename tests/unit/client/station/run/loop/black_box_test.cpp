@@ -56,7 +56,7 @@ TEST_F(BlackBoxTest, keepsTwoSecondsBeforeAnd50MsAfterATrigger) {
   EXPECT_FALSE(take());
 }
 
-TEST_F(BlackBoxTest, keepsWhatThereIsWhenTheTriggerComesEarlyOrTheLoopEnds) {
+TEST_F(BlackBoxTest, keepsTheAvailableTicksOnAnEarlyTriggerOrEnd) {
   ticks(10);
   tick(true);
   ticks(2);
@@ -65,7 +65,7 @@ TEST_F(BlackBoxTest, keepsWhatThereIsWhenTheTriggerComesEarlyOrTheLoopEnds) {
   expectTicks(0, 12);
 }
 
-TEST_F(BlackBoxTest, aSecondTriggerInTheSameStretchMakesItLongerUpToHalfASecond) {
+TEST_F(BlackBoxTest, aSecondTriggerExtendsTheStretchToHalfASecond) {
   ticks(300);
   tick(true);
   ticks(3);
@@ -106,10 +106,10 @@ TEST_F(BlackBoxTest, whatIsBeyondTheMostThatIsKeptIsCounted) {
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(take());
   EXPECT_FALSE(take());
   EXPECT_EQ(box_.triggers(), 7u);
-  EXPECT_EQ(box_.notKept(), 4u);
+  EXPECT_EQ(box_.droppedDumps(), 4u);
 }
 
-TEST_F(BlackBoxTest, aReaderThatIsAwayFindsItsStretchWholeAndTheRestIsCounted) {
+TEST_F(BlackBoxTest, aDelayedReaderFindsItsStretchAndTheRestIsCounted) {
   ticks(300);
   tick(true);
   ticks(1000);
@@ -169,11 +169,11 @@ TEST_F(BlackBoxTest, aReaderOnAnotherThreadSeesWholeTicksInOrder) {
   box.finish();
   done.store(true, std::memory_order_release);
   reader.join();
-  EXPECT_EQ(seen + box.notKept(), box.triggers());
+  EXPECT_EQ(seen + box.droppedDumps(), box.triggers());
   EXPECT_EQ(box.triggers(), 30u);
 }
 
-TEST(MissedTickStorm, twentyMsAtOnceOrBitByBitAndOnceUntilItIsOver) {
+TEST(MissedTickStorm, twentyMissedMillisecondsTriggerOnceUntilTheStormEnds) {
   MissedTickStorm storm(1000);
   for (int i = 0; i < 5000; ++i) ASSERT_FALSE(storm.note(i % 21 == 0 ? 1 : 0)) << "one in 21 is forgiven";
   EXPECT_FALSE(storm.note(9)) << "what a virtual machine does now and then";
@@ -221,7 +221,7 @@ TEST_F(BlackBoxWriterTest, looksEvery50ms) {
 }
 
 // a station runs for days: its memory must not grow with each incident
-TEST_F(BlackBoxWriterTest, aLongerRangeNeedsNoMoreHeapThanAShortOne) {
+TEST_F(BlackBoxWriterTest, aLongerRangeNeedsNoMoreHeap) {
   BlackBox box(kRate);
   auto files = writer(box);
   std::uint64_t number = 0;
@@ -246,7 +246,7 @@ TEST_F(BlackBoxWriterTest, aLongerRangeNeedsNoMoreHeapThanAShortOne) {
   EXPECT_EQ(longest, brief);
 }
 
-TEST_F(BlackBoxWriterTest, itsOwnThreadWritesTheRestWhenItIsToldToFinish) {
+TEST_F(BlackBoxWriterTest, itsThreadWritesTheRestWhenFinished) {
   BlackBox box(kRate);
   BlackBoxWriter files(box, folder_.path() / "black-box", "session",
                        [this](const std::string& text) { say(text); });
@@ -351,7 +351,7 @@ TEST_F(BlackBoxWriterTest, aStormOfMissedTicksIsKeptToo) {
   EXPECT_THAT(said_, HasSubstr("20 ms of ticks were missed"));
 }
 
-TEST_F(BlackBoxWriterTest, anUnwritableFolderIsSaidAndCountedAndTheLoopGoesOn) {
+TEST_F(BlackBoxWriterTest, anUnwritableFolderIsReportedAndTheLoopContinues) {
   folder_.write("black-box", "a file is in the way");
   BlackBox box(kRate);
   auto files = writer(box);

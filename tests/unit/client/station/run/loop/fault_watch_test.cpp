@@ -33,12 +33,12 @@ struct Watched {
   }
 };
 
-TEST(FaultWatch, whileAllIsWellNothingIsSaid) {
+TEST(FaultWatch, withoutTroubleItIsSilent) {
   Watched w;
   for (int k = 0; k < 100; ++k) EXPECT_THAT(w.look(), IsEmpty());
 }
 
-TEST(FaultWatch, whatWasPressedBeforeTheFaultWasSaidDoesNotCount) {
+TEST(FaultWatch, keysPressedBeforeTheFaultWasShownDoNotCount) {
   Watched w;
   w.state.acknowledge_pressed = true;
   EXPECT_FALSE(w.watch.isAcknowledgement(w.state)) << "there is none";
@@ -49,7 +49,7 @@ TEST(FaultWatch, whatWasPressedBeforeTheFaultWasSaidDoesNotCount) {
   w.state.faults = 1;
   w.state.acknowledge_pressed = true;
   EXPECT_FALSE(w.watch.isAcknowledgement(w.state));
-  EXPECT_EQ(w.look().size(), 1u) << "now it is said";
+  EXPECT_EQ(w.look().size(), 1u) << "now it is reported";
   EXPECT_FALSE(w.watch.isAcknowledgement(w.state)) << "nothing was pressed since";
   w.state.acknowledge_pressed = true;
   EXPECT_TRUE(w.watch.isAcknowledgement(w.state));
@@ -62,7 +62,7 @@ TEST(FaultWatch, whatWasPressedBeforeTheFaultWasSaidDoesNotCount) {
   EXPECT_FALSE(w.watch.isAcknowledgement(w.state));
 }
 
-TEST(FaultWatch, aFaultIsSaidOnceWithReasonTheDevicesWordsAndWhatToDo) {
+TEST(FaultWatch, aFaultIsReportedOnceWithReasonAndAdvice) {
   Watched w;
   const auto said =
       w.raise(Fault::kDeviceTrouble, kDeviceTrouble, "encoder 3 failed (0x12); switch it off and on");
@@ -72,7 +72,7 @@ TEST(FaultWatch, aFaultIsSaidOnceWithReasonTheDevicesWordsAndWhatToDo) {
   for (int k = 0; k < 100; ++k) EXPECT_THAT(w.look(), IsEmpty());
 }
 
-TEST(FaultWatch, theEmergencyStopSaysWhatIsToBeDoneFirst) {
+TEST(FaultWatch, theEmergencyStopNamesTheFirstStep) {
   Watched w;
   EXPECT_THAT(
       w.raise(Fault::kEmergencyStop, kDeviceEmergencyStop),
@@ -100,7 +100,7 @@ TEST(FaultWatch, wholeStoryOfAnEmergencyStop) {
   EXPECT_THAT(w.look(), IsEmpty());
 }
 
-TEST(FaultWatch, notYetNamesWhatStandsInTheWayNow) {
+TEST(FaultWatch, aRefusedAcknowledgementNamesTheObstacle) {
   Watched w;
   w.raise(Fault::kDeviceTooFast);
   w.state.condition = kDeviceLost;
@@ -110,7 +110,7 @@ TEST(FaultWatch, notYetNamesWhatStandsInTheWayNow) {
   EXPECT_THAT(w.look(), ElementsAre(AllOf(HasSubstr("unplugged"), HasSubstr("the cable is out"))));
 }
 
-TEST(FaultWatch, whereTheLessonEndsNobodyIsAskedForAnything) {
+TEST(FaultWatch, aFaultThatEndsTheLessonAsksForNothing) {
   FaultWatch watch(false, "press Enter");
   WatchedState state;
   state.fault = Fault::kDeviceSilent;
@@ -133,10 +133,10 @@ TEST(FaultWatch, aFaultBetweenTwoLooksIsNotLost) {
   EXPECT_THAT(w.raise(Fault::kDeviceSilent), ElementsAre(HasSubstr("FAULT")));
 }
 
-TEST(FaultWatch, holdsAreSaidWhenTheyBeginAndEndAndNotWithEachTouch) {
+TEST(FaultWatch, holdsAreReportedAtBeginAndEndWithoutFlicker) {
   Watched w;
   w.state.condition = kDeviceReleased;
-  EXPECT_THAT(w.look(), ElementsAre("nobody holds the handle: no force"));
+  EXPECT_THAT(w.look(), ElementsAre("no one holds the handle: no force"));
   for (int k = 0; k < 40; ++k) EXPECT_THAT(w.look(), IsEmpty());
   w.state.condition = 0;
   EXPECT_THAT(w.look(), ElementsAre("the handle is held again: the force comes back"));
@@ -147,10 +147,10 @@ TEST(FaultWatch, holdsAreSaidWhenTheyBeginAndEndAndNotWithEachTouch) {
   }
   w.state.now_s += 10;
   w.state.condition = kDeviceReleased;
-  EXPECT_THAT(w.look(), ElementsAre("nobody holds the handle: no force"));
+  EXPECT_THAT(w.look(), ElementsAre("no one holds the handle: no force"));
 }
 
-TEST(FaultWatch, eachKindOfHoldHasItsOwnWordsAndForceIsPromisedOnlyWhenAllAreOver) {
+TEST(FaultWatch, eachHoldHasItsWordsAndForceReturnsAfterTheLast) {
   Watched w;
   w.state.condition = kDevicePowerOff | kDeviceNotReady;
   EXPECT_EQ(w.look().size(), 2u);
@@ -168,7 +168,7 @@ TEST(FaultWatch, theDevicesOwnWordsReplaceOurs) {
   EXPECT_THAT(w.look(), IsEmpty()) << "and are not said twice";
 }
 
-TEST(FaultWatch, whileTheEmergencyStopIsInNobodyIsToldToSwitchTheMotorsOn) {
+TEST(FaultWatch, theEmergencyStopSuppressesTheAdviceOnMotors) {
   Watched w;
   w.raise(Fault::kEmergencyStop, kDeviceEmergencyStop);
   w.state.condition = kDeviceEmergencyStop | kDevicePowerOff;
@@ -177,11 +177,11 @@ TEST(FaultWatch, whileTheEmergencyStopIsInNobodyIsToldToSwitchTheMotorsOn) {
   EXPECT_THAT(w.look(), ElementsAre(HasSubstr("power")));
 }
 
-TEST(FaultWatch, twoHoldsThatTheDevicePutsInTheSameWordsAreSaidOnce) {
+TEST(FaultWatch, twoHoldsWithTheSameTextAreReportedOnce) {
   Watched w;
   w.state.condition = kDeviceReleased;
-  w.state.device_status = "nobody holds the handle (take it)";
-  EXPECT_THAT(w.look(), ElementsAre("nobody holds the handle (take it): no force"));
+  w.state.device_status = "no one holds the handle (take it)";
+  EXPECT_THAT(w.look(), ElementsAre("no one holds the handle (take it): no force"));
   w.state.condition = kDeviceReleased | kDevicePowerOff;
   EXPECT_THAT(w.look(), IsEmpty());
 }

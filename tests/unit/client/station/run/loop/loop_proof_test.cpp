@@ -150,7 +150,7 @@ TEST_F(LoopProof, noHeapAndNoLockInAWholeLife) {
   EXPECT_EQ(box_->triggers(), 3u);
 }
 
-TEST_F(LoopProof, besideOtherThreadsItKeepsItsPromisesAndLosesNothing) {
+TEST_F(LoopProof, underLoadItKeepsItsGuaranteesAndLosesNothing) {
   TroubledDevice device;
   LoopTime clock;
   prepare(device, clock, 0);

@@ -13,7 +13,7 @@ namespace needlelab::test {
 namespace {
 
 TEST(RtThread, eachStepTellsWhetherItWorkedAndWhatThatMeans) {
-  // Every step gives a message, whatever this machine allows.
+  // Every step gives a message, regardless of what this machine allows.
   std::vector<RtStep> steps;
   std::thread([&] { steps = makeThreadRealTime(10); }).join();
   ASSERT_EQ(steps.size(), 3u);
@@ -23,7 +23,7 @@ TEST(RtThread, eachStepTellsWhetherItWorkedAndWhatThatMeans) {
   }
 }
 
-TEST(RtThread, runsAtThePriorityThatItSays) {
+TEST(RtThread, runsAtItsReportedPriority) {
   std::vector<RtStep> steps;
   int policy = -1;
   sched_param now{};
@@ -44,7 +44,7 @@ TEST(RtThread, aPriorityThatDoesNotExistIsNotTakenSilently) {
   EXPECT_NE(steps[0].message.find("ordinary priority"), std::string::npos);
 }
 
-TEST(RtThread, aCoreOfItsOwnIsKeptAndOneThatIsNotThereIsNamed) {
+TEST(RtThread, aDedicatedCoreIsUsedAndAMissingOneIsNamed) {
   cpu_set_t allowed;
   ASSERT_EQ(::pthread_getaffinity_np(::pthread_self(), sizeof allowed, &allowed), 0);
   RtOptions options;
@@ -84,7 +84,7 @@ TEST(LoopCore, isTheOneAskedForOrTheLastOfSeveral) {
   for (int core = *chosen + 1; core < CPU_SETSIZE; ++core) EXPECT_FALSE(CPU_ISSET(core, &cores));
 }
 
-TEST(LoopCore, threadsMadeMeanwhileKeepOffItAndTheLoopsOwnDoesNot) {
+TEST(LoopCore, newThreadsAvoidTheLoopsCoreAndTheLoopKeepsIt) {
   const auto core = coreForLoop(std::nullopt);
   if (!core) GTEST_SKIP() << "this process may use one core only";
   const cpu_set_t before = coresOfThisThread();
@@ -125,7 +125,7 @@ TEST(RtThread, aCoreThatNeedsThePriorityIsNotTakenWithoutIt) {
   for (const RtStep& step : steps) EXPECT_NE(step.name, "core");
 }
 
-TEST(RtThread, theSpinSaysWhatItCosts) {
+TEST(RtThread, theSpinsCostIsReported) {
   RtOptions options;
   options.spin_ns = 80'000;
   std::vector<RtStep> steps;
@@ -177,7 +177,7 @@ TEST_F(RtMachine, whatCannotBeSeenIsNotSpokenOf) {
   EXPECT_TRUE(judgeMachine({}, folder_.path()).empty());
 }
 
-TEST_F(RtMachine, theSystemsLimitForFifoThreadsMattersOnlyToALoopThatSpinsALot) {
+TEST_F(RtMachine, theFifoThrottleMattersOnlyToALongSpin) {
   fifoShare("950000");
   RtOptions options;
   options.spin_ns = 200'000;

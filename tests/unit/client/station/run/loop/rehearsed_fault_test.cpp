@@ -1,4 +1,4 @@
-#include "client/device/rehearsed_fault.h"
+#include "client/device/device.h"
 
 #include <gtest/gtest.h>
 

@@ -13,7 +13,7 @@ namespace {
 
 class ServoLoopTest : public LoopFixture {};
 
-TEST_F(ServoLoopTest, everyTickGivesOneSampleWithItsDueTimeAndTheEnginesForce) {
+TEST_F(ServoLoopTest, everyTickGivesOneSampleWithDueTimeAndEngineForce) {
   FakeDevice device(goingDown(0.02, kRate));
   const ServoStats& stats = run(device, {kRate, {}, 400});
   EXPECT_EQ(stats.end, ServoEnd::kTicksDone);
@@ -120,7 +120,7 @@ TEST_F(ServoLoopTest, aStallOverTheEndCountsOnlyTicksOfTheLesson) {
   EXPECT_EQ(device.writes.back(), Wrench{});
 }
 
-TEST_F(ServoLoopTest, aStallOverTheEndOfARecordingCountsOnlyTicksOfTheRecording) {
+TEST_F(ServoLoopTest, aStallPastARecordingsEndCountsItsTicksOnly) {
   FakeDevice device(goingDown(0.001, kRate));
   device.ends_at = 60;
   clock_.late_ns[40] = 500 * kTick_ns;
@@ -133,7 +133,7 @@ TEST_F(ServoLoopTest, aStallOverTheEndOfARecordingCountsOnlyTicksOfTheRecording)
   EXPECT_EQ(stats.late_wakeups, 1u);
 }
 
-TEST_F(ServoLoopTest, aStallOverTheEndsOfLessonAndRecordingCountsUpToTheEarlier) {
+TEST_F(ServoLoopTest, aStallPastBothEndsCountsUpToTheEarlier) {
   for (const std::uint64_t recorded : {60u, 80u, 100u}) {
     FakeDevice device(goingDown(0.001, kRate));
     device.ends_at = recorded;
@@ -145,7 +145,7 @@ TEST_F(ServoLoopTest, aStallOverTheEndsOfLessonAndRecordingCountsUpToTheEarlier)
   }
 }
 
-TEST_F(ServoLoopTest, theToolMakesTheTipAndTheWrenchIsMovedToTheHandle) {
+TEST_F(ServoLoopTest, theToolGivesTheTipAndMovesTheWrench) {
   const Pose X_HT{{0.01, -0.02, 0.15}, normalized(Quat{0.02, 0.01, 0, 1})};
   // the tip pierces the surface although the handle stays 0.14 m above it
   FakeDevice device([](std::uint64_t tick, DeviceReading& reading) {
@@ -184,7 +184,7 @@ TEST_F(ServoLoopTest, notANumberIsHeldForFiveTicksThenFaults) {
   EXPECT_EQ(samples_.back().fault, static_cast<std::uint8_t>(Fault::kSampleNotFinite));
   EXPECT_TRUE(samples_.back().flags & kFlagNotStepped);
   for (const GestureSample& s : samples_) {
-    ASSERT_TRUE(std::isfinite(s.p_WT_m[0])) << "the last good pose stands for the one that is none";
+    ASSERT_TRUE(std::isfinite(s.p_WT_m[0])) << "the last good pose replaces an invalid one";
     ASSERT_TRUE(std::isfinite(s.force_W_N[2]));
   }
 }
@@ -221,7 +221,7 @@ TEST_F(ServoLoopTest, theEndOfARecordingEndsTheLoop) {
   const ServoStats& stats = run(device, {kRate, {}, 0});
   EXPECT_EQ(stats.end, ServoEnd::kDeviceFinished);
   EXPECT_EQ(stats.samples, 123u);
-  EXPECT_EQ(stats.ticks, 123u) << "the look that found the end is no tick";
+  EXPECT_EQ(stats.ticks, 123u) << "the look that found the end is not a tick";
   EXPECT_EQ(device.writes.back(), Wrench{});
 }
 
@@ -273,7 +273,7 @@ TEST_F(ServoLoopTest, theLoopNeverTouchesTheHeap) {
   EXPECT_EQ(loop_->stats().samples, 1996u);
 }
 
-TEST_F(ServoLoopTest, thePhasesOfATickAreTimedApartAndAddUpToIt) {
+TEST_F(ServoLoopTest, aTicksPhasesAreTimedSeparatelyAndAddUp) {
   FakeDevice device(goingDown(0.02, kRate));
   clock_.read_cost_ns = 1000;  // Each clock read costs 1 µs, and each phase ends with one.
   device.read_cost = [&] { clock_.advance(7'000); };
@@ -328,7 +328,7 @@ TEST_F(ServoFault, waitingLoopGoesOnWithoutForceReadingAndRecording) {
   EXPECT_EQ(device.reads, 1000u);
   EXPECT_EQ(stats.faults, 1u);
   EXPECT_EQ(stats.first_fault, Fault::kDeviceSilent);
-  EXPECT_EQ(stats.fault, Fault::kDeviceSilent) << "nobody acknowledged it: it stands to the end";
+  EXPECT_EQ(stats.fault, Fault::kDeviceSilent) << "no one acknowledged it: it stands to the end";
   EXPECT_EQ(loop_->fault(), Fault::kDeviceSilent);
   EXPECT_EQ(loop_->faults(), 1u);
   // the watchdog's 20 ms end in the 21st silent tick
@@ -379,7 +379,7 @@ TEST_F(ServoFault, eachFaultNeedsItsOwnAcknowledgementAndIsCounted) {
   EXPECT_EQ(stats.fault_ticks, ticksInFault());
 }
 
-TEST_F(ServoFault, missedTicksDuringAFaultAreCountedAsEver) {
+TEST_F(ServoFault, missedTicksDuringAFaultAreCountedAsUsual) {
   FakeDevice device(silentFor(300, 400));
   clock_.late_ns[350] = 12 * kTick_ns;
   device.on_write = [&](std::uint64_t tick) {
@@ -391,7 +391,7 @@ TEST_F(ServoFault, missedTicksDuringAFaultAreCountedAsEver) {
   EXPECT_EQ(stats.fault, Fault::kNone);
 }
 
-TEST_F(ServoFault, whatTheDeviceSaysOfItselfIsReadableFromOutside) {
+TEST_F(ServoFault, theDevicesConditionIsReadableFromOutside) {
   FakeDevice device([](std::uint64_t tick, DeviceReading& reading) {
     goingDown(0.001, kRate)(tick, reading);
     reading.condition = tick >= 50 && tick < 80 ? std::uint32_t{kDeviceSaturated} : 0;
@@ -405,7 +405,7 @@ TEST_F(ServoFault, whatTheDeviceSaysOfItselfIsReadableFromOutside) {
   EXPECT_EQ(stats.flag_ticks[26], 30u);
 }
 
-TEST_F(ServoFault, crashStopTakesTheForceAwayWithin20MsAndEndsTheLoop) {
+TEST_F(ServoFault, crashStopRemovesForceWithin20MsAndEndsTheLoop) {
   for (const FaultPolicy policy : {FaultPolicy::kEnd, FaultPolicy::kWait}) {
     samples_.clear();
     FakeDevice device(goingDown(0.02, kRate));
@@ -427,7 +427,7 @@ TEST_F(ServoFault, crashStopTakesTheForceAwayWithin20MsAndEndsTheLoop) {
   }
 }
 
-TEST_F(ServoFault, crashStopInAFaultEndsTheWaitingAndKeepsTheFirstCause) {
+TEST_F(ServoFault, crashStopEndsAFaultsWaitAndKeepsTheFirstCause) {
   FakeDevice device(silentFor(300, 100'000));
   device.on_write = [&](std::uint64_t tick) {
     if (tick == 600) loop_->acknowledge();

@@ -15,7 +15,7 @@
 #include <stdexcept>
 #include <thread>
 
-#include "client/device/crash_packet.h"
+#include "client/device/device.h"
 #include "client/station/run/loop/signals.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/scenes/scenes.h"
@@ -172,14 +172,14 @@ void expectRampToZero(const Seen& seen) {
   EXPECT_FALSE(seen.outlived.load());
 }
 
-TEST(CrashGuard, aViewThatDiesLeavesZeroForceAndTheProgramDiesByThatSignal) {
+TEST(CrashGuard, aCrashingViewLeavesZeroForceAndTheSignalAsExit) {
   const std::pair<int, std::function<void()>> deaths[] = {
       {SIGSEGV, segfault},
       {SIGBUS, [] { ::raise(SIGBUS); }},
       {SIGFPE, [] { ::raise(SIGFPE); }},
       {SIGILL, [] { ::raise(SIGILL); }},
       {SIGABRT, [] { std::abort(); }},
-      {SIGABRT, [] { throw std::runtime_error("nobody catches this"); }},
+      {SIGABRT, [] { throw std::runtime_error("no one catches this"); }},
   };
   for (const auto& [signal, die] : deaths) {
     const SharedSeen shared;
@@ -259,7 +259,7 @@ struct WordPipe {
   int ends[2] = {-1, -1};
 };
 
-TEST(CrashGuard, aDeviceWhoseOwnThreadCrashesIsToldByTheHandler) {
+TEST(CrashGuard, theHandlerReleasesADeviceWhoseOwnThreadCrashes) {
   const SharedSeen shared;
   const WordPipe words;
   const int status = runChild(*shared.seen, [&] {
@@ -271,7 +271,7 @@ TEST(CrashGuard, aDeviceWhoseOwnThreadCrashesIsToldByTheHandler) {
   EXPECT_EQ(words.said(), "0");
 }
 
-TEST(CrashGuard, aDeviceWhoseThreadLivesIsToldByTheLoopFirstAndThenOnceMore) {
+TEST(CrashGuard, aLiveThreadsDeviceIsReleasedByLoopThenHandler) {
   const SharedSeen shared;
   const WordPipe words;
   const int status = runChild(*shared.seen, [&] {
@@ -283,7 +283,7 @@ TEST(CrashGuard, aDeviceWhoseThreadLivesIsToldByTheLoopFirstAndThenOnceMore) {
   EXPECT_EQ(words.said(), "0");
 }
 
-TEST(CrashGuard, aDeviceThatWasLetGoIsToldNothing) {
+TEST(CrashGuard, aReleasedDeviceGetsNoCommand) {
   const SharedSeen shared;
   const WordPipe words;
   const int status = runChild(*shared.seen, [&] {
@@ -296,7 +296,7 @@ TEST(CrashGuard, aDeviceThatWasLetGoIsToldNothing) {
   EXPECT_EQ(words.said(), "");
 }
 
-TEST(CrashGuard, aLoopThatNeverAnswersHoldsNobodyUp) {
+TEST(CrashGuard, aHangingLoopBlocksNothing) {
   const pid_t child = ::fork();
   if (child == 0) {
     leaveNoTrace();
@@ -314,7 +314,7 @@ TEST(CrashGuard, aLoopThatNeverAnswersHoldsNobodyUp) {
   EXPECT_EQ(WTERMSIG(status), SIGABRT);
 }
 
-TEST(CrashGuard, afterwardsSignalsAreAsBefore) {
+TEST(CrashGuard, afterwardsSignalHandlersAreRestored) {
   struct sigaction before {
   }, during{}, after{};
   ::sigaction(SIGSEGV, nullptr, &before);
@@ -357,7 +357,7 @@ int told(int signal, void (*before)(int) = SIG_DFL) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
-TEST(Signals, whatEndsALessonIsToldAndKillsNothing) {
+TEST(Signals, lessonEndingSignalsAreReportedAndKillNothing) {
   EXPECT_EQ(told(SIGINT), SIGINT);
   EXPECT_EQ(told(SIGTERM), SIGTERM);
   EXPECT_EQ(told(SIGHUP), SIGHUP) << "its terminal was closed";

@@ -182,7 +182,7 @@ TEST_F(ZeroForceRunTest, looksTwentyTimesASecondUntilTheLoopHasEnded) {
   EXPECT_EQ(loop_->stats().missed, 0u);
 }
 
-TEST_F(ZeroForceRunTest, progressEndsTheLoopAtTheNextTickAndIsNotCalledAgain) {
+TEST_F(ZeroForceRunTest, progressEndsTheLoopOnceAtTheNextTick) {
   const ZeroForceRun run = runLoop(100'000, [](std::size_t call) { return call < 3; });
   EXPECT_FALSE(run.stopped);
   EXPECT_EQ(looks_, (std::vector<Look>{{50, 49}, {100, 99}, {150, 149}}));

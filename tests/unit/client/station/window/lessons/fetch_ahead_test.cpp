@@ -46,7 +46,7 @@ class FetchAheadTest : public testing::Test {
     if (is_away_) return Error{ErrorCode::kUnavailable, "away"};
     pb::Reply reply;
     if (request.has_get_lesson()) {
-      EXPECT_EQ(request.get_lesson().trainee(), "") << "of nobody in particular";
+      EXPECT_EQ(request.get_lesson().trainee(), "") << "of no one in particular";
       const std::string& id = request.get_lesson().exercise_id();
       asked_.push_back(id);
       if (refused_.contains(id)) return Error{ErrorCode::kNotFound, "no such profile"};
@@ -110,7 +110,7 @@ TEST_F(FetchAheadTest, allLessonsThatAreAssignedAndThenAllStandings) {
   EXPECT_THAT(all(), IsEmpty());
 }
 
-TEST_F(FetchAheadTest, whatIsAnHourOldComesAgainAndAChangedAssignmentBringsTheStandings) {
+TEST_F(FetchAheadTest, oldLessonsAreRefetchedHourlyAndStandingsOnNewAssignments) {
   all();
   revision_ = 2;
   now_ns_ += kHour_ns / 2;
@@ -124,7 +124,7 @@ TEST_F(FetchAheadTest, whatIsAnHourOldComesAgainAndAChangedAssignmentBringsTheSt
   EXPECT_THAT(all(), UnorderedElementsAre("tom", "zoe"));
 }
 
-TEST_F(FetchAheadTest, whatTheServerRefusesHoldsNothingUpAndIsAskedForAgainAnHourLater) {
+TEST_F(FetchAheadTest, aRefusedLessonBlocksNothingAndIsRetriedAnHourLater) {
   refused_ = {"a1"};
   EXPECT_THAT(all(), ElementsAre("a1", "a2", "b2", "tom", "zoe"));
   EXPECT_THAT(all(), IsEmpty());

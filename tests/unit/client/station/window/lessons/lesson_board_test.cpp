@@ -55,7 +55,7 @@ TEST(LessonBoard, samplesComeInOrderAndOnce) {
   EXPECT_EQ(samples.size(), 40u);
 }
 
-TEST(LessonBoard, aWindowThatStandsStillLosesTheOldestSamplesAndIsToldHowMany) {
+TEST(LessonBoard, aStalledWindowLosesTheOldestSamplesAndLearnsHowMany) {
   LessonBoard board(10);
   board.began(someLesson());
   for (std::uint64_t i = 0; i < 25; ++i) board.piece(pieceFrom(20 * i));
@@ -63,7 +63,7 @@ TEST(LessonBoard, aWindowThatStandsStillLosesTheOldestSamplesAndIsToldHowMany) {
   EXPECT_EQ(board.takeSamples(1, samples), 15u * 20u);
   ASSERT_EQ(samples.size(), 200u);
   EXPECT_EQ(samples.front().tick, 300u);
-  EXPECT_EQ(board.droppedPieces(), 15u);
+  EXPECT_EQ(board.droppedBatches(), 15u);
   samples.clear();
   EXPECT_EQ(board.takeSamples(1, samples), 0u) << "said once";
 }
@@ -96,7 +96,7 @@ TEST(LessonBoard, samplesOfTheLessonBeforeAreNotTakenForThisOne) {
   EXPECT_EQ(samples.front().tick, 500u);
 }
 
-TEST(LessonBoard, aWishIsTakenOnceAndTheNewestCounts) {
+TEST(LessonBoard, onlyTheNewestRequestIsTakenAndOnlyOnce) {
   LessonBoard board;
   EXPECT_EQ(board.waitForRequest(0ms).kind, BoardRequest::Kind::kNothing);
   board.ask({BoardRequest::Kind::kStart, {}});
@@ -108,7 +108,7 @@ TEST(LessonBoard, aWishIsTakenOnceAndTheNewestCounts) {
   EXPECT_EQ(board.waitForRequest(0ms).kind, BoardRequest::Kind::kNothing);
 }
 
-TEST(LessonBoard, aCodeIsTakenWithItsWishAndNotLeftBehind) {
+TEST(LessonBoard, aCodeIsConsumedWithItsRequest) {
   LessonBoard board;
   board.ask({BoardRequest::Kind::kBegin, {"tom", "ball", false}, "4711"});
   EXPECT_EQ(board.waitForRequest(0ms).code, "4711");
@@ -174,7 +174,7 @@ TEST(LessonBoard, instructorsWordsCarryWhoAndWhenAndNothingThatCommandsATerminal
   EXPECT_EQ(state.messages.back().text, "99");
 }
 
-TEST(LessonBoard, theNextExerciseIsChosenForWhoIsChoosingAndWaitsForWhoPractises) {
+TEST(LessonBoard, theNextExerciseIsPreselectedOrWaitsForTheLessonsEnd) {
   LessonBoard board;
   BoardState state;
   std::uint64_t seen = 0;
@@ -189,7 +189,7 @@ TEST(LessonBoard, theNextExerciseIsChosenForWhoIsChoosingAndWaitsForWhoPractises
   EXPECT_EQ(state.next->exercise, "hip");
 }
 
-TEST(LessonBoard, anInstructorsAidsHoldUntilTheyAreTakenBackOrTheLessonIsAnother) {
+TEST(LessonBoard, instructorAidsHoldUntilWithdrawnOrTheLessonChanges) {
   AidList own;
   own.Add(pb::Exercise::DEPTH);
   LessonBoard board;

@@ -98,11 +98,11 @@ class ConductorTest : public testing::Test {
 TEST_F(ConductorTest, showsWhatCanBePractisedAndHowTheDeviceIs) {
   start();
   ASSERT_TRUE(
-      until([](const BoardState& state) { return state.stage == Stage::kStart && state.device.known; }));
+      until([](const BoardState& state) { return state.stage == Stage::kStart && state.device.is_checked; }));
   EXPECT_EQ(state_.lists.profile_file, options_.profile_file);
   EXPECT_TRUE(state_.device.ready);
   EXPECT_TRUE(state_.choice.by_profile);
-  EXPECT_EQ(quit(), kExitDone) << "whoever looked and left did nothing wrong";
+  EXPECT_EQ(quit(), kExitDone) << "looking and leaving is no error";
 }
 
 TEST_F(ConductorTest, oneLessonAfterAnotherEachIsRecordedAndScored) {
@@ -155,13 +155,13 @@ TEST_F(ConductorTest, whoQuitsInALessonKeepsIt) {
   EXPECT_GT(summary()["samples"], 100);
 }
 
-TEST_F(ConductorTest, aLessonThatCannotBeginIsSaidAtTheStart) {
+TEST_F(ConductorTest, aLessonThatCannotBeginIsReportedAtTheStart) {
   start();
   ASSERT_TRUE(until(Stage::kStart));
   board_.ask({BoardRequest::Kind::kBegin, {"tom", "never-fetched", false}});
   ASSERT_TRUE(
       until([](const BoardState& state) { return state.stage == Stage::kStart && !state.trouble.empty(); }));
-  EXPECT_EQ(state_.trouble, "This station has no server, and no lesson is kept here: ask the instructor.");
+  EXPECT_EQ(state_.trouble, "This station has no server and no stored lessons: ask the instructor.");
   // A lesson that can start is not delayed by it.
   board_.ask({BoardRequest::Kind::kBegin, {"tom", "", true}});
   ASSERT_TRUE(until(Stage::kEnd));
@@ -169,7 +169,7 @@ TEST_F(ConductorTest, aLessonThatCannotBeginIsSaidAtTheStart) {
   EXPECT_EQ(quit(), kExitDone);
 }
 
-TEST_F(ConductorTest, whoCallsItOffWhileItIsPreparedIsBackAtTheStart) {
+TEST_F(ConductorTest, cancellingDuringPreparationReturnsToTheStart) {
   // The lesson's own thread requests the stop as soon as the first step is reported.
   struct CallsOff : LessonObserver {
     LessonRequests* requests = nullptr;
@@ -194,7 +194,7 @@ TEST_F(ConductorTest, aloneAWrongExerciseIsTheExitCode) {
   EXPECT_EQ(quit(), kExitInvalid);
 }
 
-TEST_F(ConductorTest, aSpoolThatCannotBeOpenedIsSaidAndIsTheExitCode) {
+TEST_F(ConductorTest, anUnopenableSpoolIsReportedAndSetsTheExitCode) {
   std::ofstream(folder_.path() / "file") << "x";
   options_.spool = folder_.path() / "file" / "spool";
   start();
@@ -203,7 +203,7 @@ TEST_F(ConductorTest, aSpoolThatCannotBeOpenedIsSaidAndIsTheExitCode) {
   EXPECT_NE(quit(), kExitDone);
 }
 
-TEST_F(ConductorTest, theNextExerciseIsPreselectedAndForgottenOnceItIsTaken) {
+TEST_F(ConductorTest, theNextExerciseIsPreselectedOnce) {
   start();
   ASSERT_TRUE(until(Stage::kStart));
   board_.nextExercise("ines", "knee-recess");
@@ -316,7 +316,7 @@ class CodeSequenceTest : public ConductorTest {
   std::unique_ptr<FakeServer> server_ = std::make_unique<FakeServer>();
 };
 
-TEST_F(CodeSequenceTest, anExamEndsWithTheDateOfItsResultAndNothingOfIt) {
+TEST_F(CodeSequenceTest, anExamEndsWithItsResultDateOnly) {
   pb::Lesson exam = server_->lesson();
   exam.set_assigned_only(true);
   exam.set_exam(true);
@@ -337,7 +337,7 @@ TEST_F(CodeSequenceTest, anExamEndsWithTheDateOfItsResultAndNothingOfIt) {
   EXPECT_TRUE(summary()["score"].is_null());
 }
 
-TEST_F(CodeSequenceTest, aCodeIsAskedForAtTheStartAndUsedAgainForTheNextTry) {
+TEST_F(CodeSequenceTest, aCodeIsAskedForOnceAndReused) {
   start();
   ASSERT_TRUE(until(Stage::kStart));
   begin("tom");
@@ -368,12 +368,12 @@ TEST_F(CodeSequenceTest, theStartScreenForgetsTheCode) {
   practiseAsTom();
   board_.ask({BoardRequest::Kind::kStart, {}});
   ASSERT_TRUE(until(Stage::kStart));
-  EXPECT_FALSE(state_.code_question) << "nobody has asked yet";
+  EXPECT_FALSE(state_.code_question) << "no one has asked yet";
   begin("tom");
   ASSERT_TRUE(untilAsked(2)) << state_.trouble;
   EXPECT_FALSE(state_.code_question->wrong);
   EXPECT_EQ(server_->givenCodes(), (std::vector<std::string>{"", "4711", ""}));
-  EXPECT_EQ(quit(), kExitDone) << "who is asked and leaves does nothing wrong";
+  EXPECT_EQ(quit(), kExitDone) << "leaving at the question is not an error";
 }
 
 TEST_F(CodeSequenceTest, twoMinutesAfterTheLessonTheCodeIsForgotten) {
@@ -392,7 +392,7 @@ TEST_F(CodeSequenceTest, twoMinutesAfterTheLessonTheCodeIsForgotten) {
   EXPECT_FALSE(state_.code_question->wrong);
 }
 
-TEST_F(CodeSequenceTest, aCodeThatWasChangedMeanwhileIsNotThePersonsWrongOne) {
+TEST_F(CodeSequenceTest, aChangedCodeIsNotThePersonsMistake) {
   start();
   ASSERT_TRUE(until(Stage::kStart));
   practiseAsTom();
@@ -400,7 +400,7 @@ TEST_F(CodeSequenceTest, aCodeThatWasChangedMeanwhileIsNotThePersonsWrongOne) {
   begin("tom");
   ASSERT_TRUE(untilAsked(2)) << state_.trouble;
   EXPECT_EQ(state_.code_question->text,
-            "tom's code of the last lesson is refused now; type the present one. "
+            "tom's code from the last lesson no longer works; type the current one. "
             "this is not the code of tom; 4 tries left");
   EXPECT_FALSE(state_.code_question->wrong);
   begin("tom", "1174");
@@ -420,7 +420,7 @@ TEST_F(CodeSequenceTest, somebodyElsesLessonForgetsTheCode) {
   EXPECT_EQ(quit(), kExitDone);
 }
 
-TEST_F(CodeSequenceTest, afterTooManyWrongCodesTheServersTextSaysWhenToTryAgain) {
+TEST_F(CodeSequenceTest, tooManyWrongCodesShowTheServersRetryTime) {
   start();
   ASSERT_TRUE(until(Stage::kStart));
   begin("tom");
@@ -449,7 +449,7 @@ TEST_F(CodeSequenceTest, withoutTheServerTheLessonBeginsUnchecked) {
   EXPECT_EQ(quit(), kExitDone);
 }
 
-TEST_F(CodeSequenceTest, aloneNobodyCanBeAsked) {
+TEST_F(CodeSequenceTest, withoutAServerNoCodeIsAskedFor) {
   options_.trainee = "tom";
   options_.exercise = "ball";
   start(true, true);

@@ -44,7 +44,7 @@ TEST(StartChoice, asksWhoAndWhat) {
   EXPECT_EQ(choice.exercises()[0].description, "Feel it.");
 }
 
-TEST(StartChoice, whatIsAssignedStandsFirst) {
+TEST(StartChoice, assignedExercisesComeFirst) {
   StartChoice choice;
   choice.update(withServer());
   choice.chooseTrainee("zoe");
@@ -106,7 +106,7 @@ TEST(StartChoice, aProfileAndAGuestWithoutAServer) {
   EXPECT_EQ(choice.exercises()[0].name, "mine.json");
 }
 
-TEST(StartChoice, aNameThatIsNoneIsSaid) {
+TEST(StartChoice, anInvalidNameIsReported) {
   StartChoice choice;
   choice.update(withServer());
   choice.chooseExercise(0);
@@ -177,7 +177,7 @@ TEST(CodeOfTheChoice, theLessonBeginsOnceACodeIsTyped) {
   EXPECT_FALSE(choice.choice()) << "and not sent twice";
 }
 
-TEST(CodeOfTheChoice, newListsKeepWhatIsTypedAndTheNextQuestionEmptiesIt) {
+TEST(CodeOfTheChoice, newListsKeepTheTypedCodeAndQuestionsClearIt) {
   StartChoice choice;
   choice.update(withQuestion());
   choice.typeCode("47");
@@ -229,7 +229,7 @@ TEST(CodeOfTheChoice, aLessonThatBeganEndsTheQuestion) {
   EXPECT_EQ(choice.typedCode(), "");
 }
 
-TEST(CodeOfTheChoice, ofWhomTheServerAskedBeforeIsAskedAtOnceAndMayLeaveItEmpty) {
+TEST(CodeOfTheChoice, aKnownCodeIsAskedForButMayStayEmpty) {
   StartChoice choice;
   BoardState state = withQuestion();
   state.code_question.reset();
@@ -259,7 +259,7 @@ TEST(CodeOfTheChoice, ofWhomTheServerAskedBeforeIsAskedAtOnceAndMayLeaveItEmpty)
   EXPECT_EQ(choice.codeQuestion()->text, "tom has a code") << "the server's question comes first";
 }
 
-TEST(CodeOfTheChoice, whatIsNoCodeIsSaidInItsOwnWords) {
+TEST(CodeOfTheChoice, anInvalidCodeIsReportedInItsOwnWords) {
   StartChoice choice;
   choice.update(withQuestion());
   choice.typeCode(
@@ -272,7 +272,7 @@ TEST(CodeOfTheChoice, whatIsNoCodeIsSaidInItsOwnWords) {
   EXPECT_THAT(choice.missing(), HasSubstr("badge"));
 }
 
-TEST(CodeOfTheChoice, withoutTheServerNobodyIsAsked) {
+TEST(CodeOfTheChoice, withoutTheServerNoCodeIsAskedFor) {
   StartChoice choice;
   BoardState state = withQuestion();
   state.server_away = true;
@@ -280,7 +280,7 @@ TEST(CodeOfTheChoice, withoutTheServerNobodyIsAsked) {
   choice.typeCode("4711");
   EXPECT_EQ(choice.codeQuestion(), nullptr);
   EXPECT_TRUE(choice.choice());
-  EXPECT_EQ(choice.takeCode(), "") << "nobody could check it";
+  EXPECT_EQ(choice.takeCode(), "") << "no one could check it";
 }
 
 // --- with the server's courses and standings
@@ -377,7 +377,7 @@ TEST(StartChoice, theCommandLinesExerciseIsNotReplacedByTheNextStep) {
   EXPECT_EQ(choice.choice()->exercise, "a");
 }
 
-TEST(StartChoice, aLockedStepCannotBeginAndSaysWhy) {
+TEST(StartChoice, aLockedStepCannotBeginAndGivesTheReason) {
   StartChoice choice;
   choice.update(withLadder(), kNow_ns);
   choice.chooseTrainee("tom");
@@ -386,7 +386,7 @@ TEST(StartChoice, aLockedStepCannotBeginAndSaysWhy) {
   EXPECT_EQ(choice.missing(), "Exercise b: locked by step 3");
 }
 
-TEST(StartChoice, offLineTheLadderIsOfItsTimeAndTheCacheMayBePractised) {
+TEST(StartChoice, offlineTheLadderShowsItsAgeAndTheCacheIsUsable) {
   ::setenv("TZ", "UTC", 1);
   ::tzset();
   StartChoice choice;
@@ -397,10 +397,10 @@ TEST(StartChoice, offLineTheLadderIsOfItsTimeAndTheCacheMayBePractised) {
   choice.update(state, kNow_ns + 30 * 24 * 60 * kMinute_ns);
   choice.chooseTrainee("tom");
   EXPECT_EQ(choice.asOf(), "as of 2026-11-18 11:06");
-  EXPECT_EQ(choice.standingWanted(), "") << "there is nobody to ask";
-  EXPECT_THAT(rowsOf(choice), ElementsAre("# Course A", "1 a: done · needs the server, which is away",
+  EXPECT_EQ(choice.standingWanted(), "") << "there is no one to ask";
+  EXPECT_THAT(rowsOf(choice), ElementsAre("# Course A", "1 a: done · needs the server, which is unreachable",
                                           "2 b: locked by step 3", "3 c: Next", "# Practise freely: Course B",
-                                          "1 d: not begun · needs the server, which is away"));
+                                          "1 d: not begun · needs the server, which is unreachable"));
   choice.chooseExercise(1);
   EXPECT_TRUE(choice.choice())
       << "who passed step 3 off line is not held back by what the server said before";
@@ -408,7 +408,7 @@ TEST(StartChoice, offLineTheLadderIsOfItsTimeAndTheCacheMayBePractised) {
   EXPECT_FALSE(choice.choice());
 }
 
-TEST(StartChoice, anExamIsForThoseWhoHaveItAndOffLineForNoMoreAttemptsThanAreLeft) {
+TEST(StartChoice, anExamNeedsAnAssignmentAndOfflineARemainingAttempt) {
   BoardState state = withLadder();
   auto curriculum = std::make_shared<Curriculum>(*state.lists.curriculum);
   for (ServerExercise& exercise : curriculum->exercises)
@@ -442,22 +442,22 @@ TEST(StartChoice, anExamIsForThoseWhoHaveItAndOffLineForNoMoreAttemptsThanAreLef
   EXPECT_EQ(shown(choice), "d");
 }
 
-TEST(StartChoice, whoCannotBeginIsToldWhatToDoInALab) {
+TEST(StartChoice, aBlockedStartGivesAdviceForALab) {
   StartChoice choice;
   BoardState state;
   state.choice.trainee = "tom";
   choice.update(state);
-  EXPECT_EQ(choice.missing(), "This station has no server, and no lesson is kept here: ask the instructor.");
+  EXPECT_EQ(choice.missing(), "This station has no server and no stored lessons: ask the instructor.");
   state.server = "server";
   choice.update(state);
-  EXPECT_EQ(choice.missing(), "There is no lesson here yet: wait for the server.");
+  EXPECT_EQ(choice.missing(), "No lessons here yet: wait for the server.");
   state.server_away = true;
   choice.update(state);
   EXPECT_EQ(choice.missing(),
-            "The server cannot be reached, and no lesson is kept here: ask the instructor.");
+            "The server cannot be reached, and no lessons are stored here: ask the instructor.");
 }
 
-TEST(StartChoice, aStandingOfNowHasNoTimeAndAnOldOneIsAskedForAgain) {
+TEST(StartChoice, aFreshStandingHasNoTimeAnOldOneIsRefetched) {
   StartChoice choice;
   const BoardState state = withLadder();
   choice.update(state, kNow_ns + 2 * kMinute_ns - 1);
@@ -482,7 +482,7 @@ TEST(StartChoice, peopleAreShownByFullNamesAndMeantByEitherName) {
   EXPECT_EQ(choice.trainee(), "tom");
 }
 
-TEST(StartChoice, whatTheServerDoesNotHaveStandsLast) {
+TEST(StartChoice, exercisesUnknownToTheServerComeLast) {
   StartChoice choice;
   BoardState state = withLadder();
   state.lists.exercises.push_back(listed("old"));
@@ -530,7 +530,7 @@ TEST(StartLists, theServersTraineesStandInTheOrderOfTheirShownNames) {
   EXPECT_EQ(lists.curriculum->standings.at("tom").as_of_unix_ns, kNow_ns);
 }
 
-TEST(StartLists, knowWhatIsAssignedToAnybodyAndWhetherThatHasChanged) {
+TEST(StartLists, knowAllAssignmentsAndDetectChanges) {
   std::vector<pb::Assignment> all(3);
   all[0].set_course_id("a");
   all[0].set_group_id("class");

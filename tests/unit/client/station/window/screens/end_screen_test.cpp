@@ -35,7 +35,7 @@ Measure plain(const std::string& name) {
   return measure;
 }
 
-TEST(Verdict, whatWasMissedStandsFirst) {
+TEST(Verdict, missedRequirementsComeFirst) {
   const LessonVerdict verdict =
       verdictOf(scored({required("a", true), plain("b"), required("c", false), required("d", true)}));
   EXPECT_EQ(verdict.kind, LessonVerdict::Kind::kNotPassed);
@@ -48,12 +48,12 @@ TEST(Verdict, whatWasMissedStandsFirst) {
   EXPECT_EQ(verdict.by, "scored by this station");
 }
 
-TEST(Verdict, aSofterRenderingIsSaidBesideIt) {
+TEST(Verdict, aSofterRenderingIsNotedNextToIt) {
   LessonOutcome outcome = scored({required("a", true)});
   EXPECT_TRUE(verdictOf(outcome).lowered.empty());
   outcome.summary.stiffness_share = 0.551;
   EXPECT_THAT(verdictOf(outcome).lowered, HasSubstr("55 % of the profile's stiffness"));
-  outcome.summary.bone_left_out = true;
+  outcome.summary.left_out = bitOf(Effect::kBone);
   EXPECT_THAT(verdictOf(outcome).lowered, HasSubstr("Bone was left out"));
 }
 
@@ -63,7 +63,7 @@ TEST(Verdict, allMetIsPassed) {
   EXPECT_THAT(verdict.title, HasSubstr("Passed"));
 }
 
-TEST(Verdict, withoutRequirementsNobodyFails) {
+TEST(Verdict, withoutRequirementsThereIsNoFail) {
   EXPECT_EQ(verdictOf(scored({plain("a")})).kind, LessonVerdict::Kind::kNoRequirements);
 }
 
@@ -120,12 +120,12 @@ TEST(Verdict, aCodeThatWasNotCheckedWaitsForAManager) {
             "The server is away: your code was not checked. A manager confirms this session later.");
 }
 
-TEST(Verdict, aServerThatRefusesIsSaid) {
+TEST(Verdict, aServersRefusalIsShown) {
   LessonOutcome outcome = scored({plain("a")});
   outcome.summary.has_server = true;
   outcome.summary.uplink.current_trouble = "no such trainee";
   const LessonVerdict verdict = verdictOf(outcome);
-  EXPECT_EQ(verdict.kept, "The server did not take the recording: no such trainee.");
+  EXPECT_EQ(verdict.kept, "The server did not accept the recording: no such trainee.");
   EXPECT_FALSE(verdict.kept_well);
 }
 

@@ -8,7 +8,7 @@
 #include "client/station/run/lesson/cut_follower.h"
 #include "client/station/window/screens/end_screen.h"
 #include "client/station/window/screens/lesson_follow.h"
-#include "client/station/window/screens/lesson_panel.h"
+#include "client/station/window/screens/lesson_screen.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/profile/profile.h"
 #include "tests/support/scenes/stored_sample.h"
@@ -43,7 +43,7 @@ Recorded goingIn(const SceneModel& model, std::uint64_t ticks) {
   return recorded;
 }
 
-TEST(LessonFollow, findsWhatTheEngineSaidAgain) {
+TEST(LessonFollow, reproducesTheEnginesForces) {
   const auto beginning = shoulder();
   auto follow = LessonFollow::make(beginning);
   ASSERT_TRUE(follow.ok());
@@ -80,7 +80,7 @@ TEST(LessonFollow, aContactWithBoneIsMarkedWhereTheTipComesIntoIt) {
   EXPECT_NEAR(contacts()[0], 2.0, 1.01e-3);
 }
 
-TEST(LessonFollow, aGapIsCountedAndSaidUntilTheNeedleIsOutside) {
+TEST(LessonFollow, aGapIsCountedAndShownUntilTheNeedleIsOutside) {
   const auto beginning = shoulder();
   auto follow = std::move(*LessonFollow::make(beginning));
   const Recorded recorded = goingIn(beginning->lesson.model, 800);
@@ -139,7 +139,7 @@ TEST(LessonFollow, behindAGapTheStationsMemoryTellsTheOldCuts) {
   }
 }
 
-TEST(LessonFollow, thePlannedLineStandsWhereTheLimbStands) {
+TEST(LessonFollow, thePlannedLineFollowsTheLimb) {
   const auto file = shoulder();
   EXPECT_FALSE((*LessonFollow::make(file))->plan_W()) << "a profile from a file has no exercise";
   auto beginning = std::make_shared<LessonBeginning>(*file);
@@ -166,7 +166,7 @@ TEST(LayerLadder, reachesAFifthBeyondTheTarget) {
   EXPECT_NEAR(ladderDepth_m(*(*scene)->scene()), 1.2 * 0.027, 1e-9);
 }
 
-TEST(CellColumns, giveEachCellItsWidthAndShareWhatIsLeft) {
+TEST(CellColumns, giveEachCellItsWidthAndShareTheRest) {
   using Widths = std::vector<float>;
   // 40 + 60 + 20 + 50 and three gaps of 10: 200 just suffice
   const Widths needed = {40, 60, 20, 50};
@@ -183,7 +183,7 @@ TEST(DepthPlot, holdsTheWholeGestureAndTheTarget) {
   const auto follow = LessonFollow::make(shoulder());
   const SceneView& scene = *(*follow)->scene();
   const DepthPlotRange shallow = depthPlotRange({{0, 0.004F, 0.004F, 2, 0, 0}}, scene);
-  EXPECT_GT(shallow.to_m, 0.029) << "the target, where nobody came near it";
+  EXPECT_GT(shallow.to_m, 0.029) << "the target, where no one came near it";
   EXPECT_NEAR(shallow.force_N, 2.2, 1e-6);
   const DepthPlotRange deep = depthPlotRange({{0, 0.05F, 0.05F, 2, 0, 0}}, scene);
   EXPECT_NEAR(deep.to_m, 0.054, 1e-6);
@@ -214,7 +214,7 @@ TEST(LateralPlot, hasTheExercisesLimit) {
   EXPECT_EQ(plot.title, "distance from own line");
 }
 
-TEST(LateralPlot, showsTheWayFromThePlanBesideTheOwnLine) {
+TEST(LateralPlot, showsThePathFromThePlanNextToItsOwnLine) {
   const std::vector<double> time_s = {0, 1}, lateral_mm = {0, 0.03}, planned_mm = {2, 3};
   std::vector<Measure> measures(2);
   measures[0].name = "largest_lateral_error_m";

@@ -33,7 +33,7 @@ TEST(OverlayWords, calmIsNothing) {
   EXPECT_EQ(overlayOf({}).kind, Overlay::Kind::kNone);
 }
 
-TEST(OverlayWords, aFaultSaysWhatHappenedAndWhatToDo) {
+TEST(OverlayWords, aFaultShowsItsCauseAndAdvice) {
   const Overlay overlay = overlayOf(faulted(Fault::kTipTooFast));
   EXPECT_EQ(overlay.kind, Overlay::Kind::kFault);
   EXPECT_THAT(overlay.what, HasSubstr(faultText(Fault::kTipTooFast) + 1));
@@ -54,11 +54,11 @@ TEST(OverlayWords, whoHasSeenItOnlyNeedsToTakeTheNeedleOut) {
   LessonStatus status = faulted(Fault::kDeviceTooFast);
   status.acknowledged = true;
   const Overlay overlay = overlayOf(status);
-  EXPECT_THAT(overlay.todo, HasSubstr("Seen"));
+  EXPECT_THAT(overlay.todo, HasSubstr("Acknowledged"));
   EXPECT_FALSE(overlay.can_acknowledge);
 }
 
-TEST(OverlayWords, aFaultThatEndsTheLessonSaysThatItIsStored) {
+TEST(OverlayWords, aLessonEndingFaultSaysThatTheLessonIsStored) {
   LessonStatus status = faulted(Fault::kTipTooFast);
   status.waits = false;
   EXPECT_THAT(overlayOf(status).todo, HasSubstr("stored"));
@@ -69,7 +69,7 @@ TEST(OverlayWords, eachHoldHasItsRemedy) {
   const std::pair<std::uint32_t, const char*> holds[] = {{kDeviceReleased, "Take the handle"},
                                                          {kDevicePowerOff, "motors on"},
                                                          {kDeviceNotReady, "Wait"},
-                                                         {0, "Draw the needle out"}};
+                                                         {0, "Take the needle out"}};
   for (const auto& [condition, todo] : holds) {
     LessonStatus status;
     status.hold = "the hold";

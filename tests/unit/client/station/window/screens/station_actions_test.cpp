@@ -28,7 +28,7 @@ TEST(StationActions, everyScreenHasOneDefaultAndThatIsEnter) {
   EXPECT_EQ(actionOf(startActions(false, true), ActionKey::kEnter), std::nullopt) << "something is missing";
 }
 
-TEST(StationActions, afterALessonEnterIsTheNextTryOrWhatTheInstructorWants) {
+TEST(StationActions, afterALessonEnterStartsTheNextTryOrTheSuggestion) {
   BoardState state;
   state.lists.exercises.emplace_back().exercise_id = "knee-recess";
   EXPECT_EQ(actionOf(endActions(state, true), ActionKey::kEnter), kActAgain);
@@ -57,7 +57,7 @@ TEST(StationActions, quittingSaysWhatHappensToTheLesson) {
     return quitText(state);
   };
   EXPECT_THAT(text(Stage::kLesson), HasSubstr("Everything up to here is kept and scored"));
-  EXPECT_THAT(text(Stage::kPreparing), HasSubstr("does not begin"));
+  EXPECT_THAT(text(Stage::kPreparing), HasSubstr("will not start"));
   EXPECT_THAT(text(Stage::kConcluding), HasSubstr("recording is kept"));
   EXPECT_THAT(text(Stage::kEnd), HasSubstr("recording is kept"));
   EXPECT_THAT(text(Stage::kStart), HasSubstr("No lesson"));

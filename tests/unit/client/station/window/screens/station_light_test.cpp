@@ -1,4 +1,4 @@
-#include "client/station/window/screens/station_light.h"
+#include "client/station/window/screens/station_actions.h"
 
 #include <gmock/gmock.h>
 
@@ -58,7 +58,7 @@ TEST(StationLight, isThatOfTheWorstFact) {
     row.break_it(state);
     const auto facts = lessonFacts(state, LessonBeginning(), 0, 0);
     EXPECT_EQ(lightOf(facts), row.light) << wordsOf(facts);
-    EXPECT_STREQ(lightText(lightOf(facts)), row.light == Condition::kGood ? "Station OK" : "Station: look");
+    EXPECT_STREQ(lightText(lightOf(facts)), row.light == Condition::kGood ? "Station OK" : "Check station");
   }
   EXPECT_EQ(lightOf(lessonFacts(calm(), LessonBeginning(), 7, 0)), Condition::kAttention)
       << "a gap in the picture";

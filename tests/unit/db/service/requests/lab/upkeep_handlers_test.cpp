@@ -11,7 +11,7 @@
 #include "common/base/files/files.h"
 #include "db/backup/backup.h"
 #include "db/backup/old_backups.h"
-#include "db/erasure/erasure_list.h"
+#include "db/erasure/erasure.h"
 #include "tests/support/store/backup_start.h"
 #include "tests/unit/db/service/test_service.h"
 
@@ -63,7 +63,7 @@ TEST_F(UpkeepHandlers, aBackupOnAnotherDiskMakesChunksSafe) {
   EXPECT_EQ(refusal(admin, backupTo("relative.db")), ErrorCode::kInvalidInput);
 }
 
-TEST_F(UpkeepHandlers, aBackupBesideTheDatabaseMakesNothingSafeUnlessItIsAskedFor) {
+TEST_F(UpkeepHandlers, aBackupOnTheDatabasesDiskIsUnsafeUnlessRequested) {
   layDisks({{"needlelab.db", 1}, {"beside.db", 1}, {"asked.db", 1}});
   const Uuid id = addSession("anna", 4);
   const auto beside = get(admin, backupTo(folder.path() / "beside.db")).backup_done();
@@ -82,7 +82,7 @@ TEST_F(UpkeepHandlers, aBackupBesideTheDatabaseMakesNothingSafeUnlessItIsAskedFo
   EXPECT_EQ(safeOf(id), 3u);
 }
 
-TEST_F(UpkeepHandlers, aBackupOnADiskThatNobodyKnowsMakesNothingSafe) {
+TEST_F(UpkeepHandlers, aBackupOnAnUnknownDiskMakesNothingSafe) {
   layDisks({{"needlelab.db", 1}});
   const Uuid id = addSession("anna", 4);
   const auto done = get(admin, backupTo(folder.path() / "somewhere.db")).backup_done();
@@ -142,7 +142,7 @@ class UpkeepBesideBackups : public UpkeepHandlers {
   const std::filesystem::path kept = folder.path() / "kept", list = kept / kErasuresCopy;
 };
 
-TEST_F(UpkeepBesideBackups, aListThatCannotBeWrittenIsSaidAfterOldBackupsAreRemoved) {
+TEST_F(UpkeepBesideBackups, anUnwritableErasureListIsReportedAfterRotation) {
   const auto old = kept / "needlelab-20200101T000000Z.db";
   ASSERT_OK(writeFileAtomically(old, viewOf(test::startOfBackup(".db"))));
   std::filesystem::create_directory(list);
@@ -162,7 +162,7 @@ TEST_F(UpkeepBesideBackups, aListThatCannotBeWrittenIsSaidAfterOldBackupsAreRemo
   EXPECT_THAT(faults(), testing::IsEmpty());
 }
 
-TEST_F(UpkeepBesideBackups, aFileThatOnlyBearsABackupsNameStaysAndIsInTheLog) {
+TEST_F(UpkeepBesideBackups, aFileWithOnlyABackupsNameStaysAndIsLogged) {
   const auto fake = kept / "needlelab-20200101T000000Z.db", old = kept / "needlelab-20200102T000000Z.db";
   ASSERT_OK(writeFileAtomically(fake, viewOf("x")));
   ASSERT_OK(writeFileAtomically(old, viewOf(test::startOfBackup(".db"))));
@@ -176,7 +176,7 @@ TEST_F(UpkeepBesideBackups, aFileThatOnlyBearsABackupsNameStaysAndIsInTheLog) {
               testing::HasSubstr("1 files are named as backups, but another user made them"));
 }
 
-TEST_F(UpkeepBesideBackups, checkSaysWhatTheListBesideThemLacksUntilTheNextBackupWritesIt) {
+TEST_F(UpkeepBesideBackups, checkReportsMissingErasuresUntilTheNextBackup) {
   EXPECT_THAT(faults(), testing::IsEmpty()) << "there are no backups";
   get(admin, backupTo(kept / "one.db"));
   EXPECT_THAT(faults(), testing::IsEmpty());

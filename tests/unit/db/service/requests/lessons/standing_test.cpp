@@ -41,7 +41,7 @@ TEST_F(Standing, aManagerTakesNoRoleFromAnother) {
   EXPECT_EQ(get(admin, lower).user().role(), pb::INSTRUCTOR) << "an administrator may";
 }
 
-TEST_F(Standing, whoIsPromotedWhileItsPasswordIsMadeKeepsItsOwn) {
+TEST_F(Standing, aPromotionDuringAPasswordChangeKeepsTheOldPassword) {
   // The manager's call checks, hashes for a tenth of a second, and checks again when it stores.
   const test::ProductPasswordCost product;
   for (int round = 0; round < 3; ++round) {
@@ -67,7 +67,7 @@ TEST_F(Standing, whoIsPromotedWhileItsPasswordIsMadeKeepsItsOwn) {
   }
 }
 
-TEST_F(Standing, aTableLeavesALineForEachPersonAndGroupThatItChanges) {
+TEST_F(Standing, anImportAuditsEachChangedPersonAndGroup) {
   addPerson("anna", pb::TRAINEE);
   EXPECT_TRUE(importPeople("name,full_name,group\nanna,Anna A,class\nben,Ben B,class\n").done());
   const auto lines = [&](const std::string& action, const std::string& subject, const std::string& like) {
@@ -138,7 +138,7 @@ TEST_F(Standing, anExerciseThatAsksForNothingIsDoneWhenItWasTried) {
   EXPECT_EQ(refusal(manager, far), ErrorCode::kInvalidInput);
 }
 
-TEST_F(Standing, aTraineeIsToldNobodyElsesStanding) {
+TEST_F(Standing, aTraineeSeesNoOtherStanding) {
   putCourse({{"first", {{"attempts", 2}}}});
   addPerson("ben", pb::TRAINEE);
   pb::Request request;
@@ -257,7 +257,7 @@ TEST_F(ManyAttempts, progressIsReadByPagesOfAttemptsAndAnExerciseOnce) {
   EXPECT_EQ(refusal(trainee, other), ErrorCode::kInvalidInput);
 }
 
-TEST_F(ManyAttempts, aPrerequisiteIsLookedAtOnceForATraineeHoweverManyExercisesNeedIt) {
+TEST_F(ManyAttempts, aPrerequisiteIsReadOnceForAllItsExercises) {
   constexpr int kExercises = 40;
   const auto statements = [&](bool with_prerequisites) {
     nlohmann::json course{{"id", "course"}, {"name", "A course"}, {"exercises", nlohmann::json::array()}};
@@ -344,7 +344,7 @@ TEST_F(ManyAttempts, aListOfScoresReadsManyAttemptsAtOnce) {
   }
 }
 
-TEST_F(ManyAttempts, aPageOfScoresLooksAtWhatItGivesHoweverManyOthersHave) {
+TEST_F(ManyAttempts, aPageOfScoresReadsOnlyItsOwnRows) {
   addStation();
   putCourse();
   addPerson("anna", pb::TRAINEE);
@@ -368,7 +368,7 @@ TEST_F(ManyAttempts, aPageOfScoresLooksAtWhatItGivesHoweverManyOthersHave) {
   attempts("ben", {"elsewhere"}, 300);
   (void)steps(of_course, 8), (void)steps(of_group, 6);
   EXPECT_EQ(steps(of_course, 8), few) << "of a course: nobody's attempts elsewhere";
-  EXPECT_EQ(steps(of_group, 6), of_few) << "of a group: nobody else's";
+  EXPECT_EQ(steps(of_group, 6), of_few) << "of a group: no one else's";
 }
 
 TEST_F(ManyAttempts, scoresAreTheSameInPiecesAsAFullReadGives) {

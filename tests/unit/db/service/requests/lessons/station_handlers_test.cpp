@@ -80,7 +80,7 @@ TEST_F(Talk, everyWordIsInTheAuditLogWithWhoAndWhat) {
   expectDelivered(instructor, stop(""));
 }
 
-TEST_F(Talk, whatIsNoAidAndWhatIsNoLessonIsRefusedAndLeavesNoLine) {
+TEST_F(Talk, invalidAidsAndLessonsAreRefusedWithoutAuditLine) {
   const auto before = newestAudit().id();
   pb::Request wrong = aids({pb::Exercise::DEPTH, pb::Exercise::DEPTH});
   EXPECT_EQ(refusal(instructor, wrong), ErrorCode::kInvalidInput) << "twice";
@@ -108,10 +108,10 @@ TEST_F(Talk, whatIsNoAidAndWhatIsNoLessonIsRefusedAndLeavesNoLine) {
   EXPECT_EQ(refusal(instructor, wrong), ErrorCode::kNotFound);
   EXPECT_EQ(refusal(trainee, stop("I give up")), ErrorCode::kDenied);
   EXPECT_EQ(refusal(station, aids({})), ErrorCode::kDenied);
-  EXPECT_EQ(newestAudit().id(), before) << "what is refused was never said";
+  EXPECT_EQ(newestAudit().id(), before) << "a refused message was never sent";
 }
 
-TEST_F(Talk, aRemarkOnALessonThatGoesOnIsKeptWhenItEnds) {
+TEST_F(Talk, aRemarkOnARunningLessonIsKept) {
   addPerson("anna", pb::TRAINEE);
   const Uuid id = addSession("anna", 3);
   pb::Request annotate;

@@ -121,9 +121,9 @@ class Codes : public test::TeachingTest {
   static constexpr std::int64_t kSecond_ns = 1'000'000'000;
 };
 
-TEST_F(Codes, areAskedOfStationsAndOfNobodyElse) {
+TEST_F(Codes, areRequiredOfStationsOnly) {
   EXPECT_EQ(said(begin("tom", "")), "") << "no code, and none is required";
-  EXPECT_EQ(said(begin("tom", "0000")), "") << "a code that nobody asked for";
+  EXPECT_EQ(said(begin("tom", "0000")), "") << "a code that no one asked for";
   get(manager, code("tom", "2468"));
   for (const auto& [without, wrong, right] :
        {std::array{begin("tom", ""), begin("tom", "2469"), begin("tom", "2468")},
@@ -351,7 +351,7 @@ TEST_F(Codes, ofATableAreGivenOnlyByThoseWhoManageThePerson) {
   EXPECT_TRUE(importPeople("name,code\nadam,1111\n", false, &admin).done());
 }
 
-TEST_F(Codes, thatNobodyCheckedMakeASessionWait) {
+TEST_F(Codes, thatAreUncheckedMakeASessionWait) {
   get(manager, code("tom", "2468"));
   const Uuid unchecked = record("tom", false), checked = record("tom", true), tims = record("tim", false),
              guests = record("guest", false), ghosts = record("ghost", false);
@@ -390,7 +390,7 @@ TEST_F(Codes, thatComeLaterChangeNothingAboutASessionThatIsThere) {
   EXPECT_FALSE(open(other).ok()) << "a session id is used once only";
 }
 
-TEST_F(Codes, thatNobodyCheckedCountForNobodyUntilAManagerConfirmsThem) {
+TEST_F(Codes, thatAreUncheckedCountOnceAManagerConfirms) {
   get(manager, code("tom", "2468"));
   const Uuid waits = attempt("tom", "first", true);
   const Principal tom{"tom", pb::TRAINEE};
@@ -439,7 +439,7 @@ TEST_F(Codes, thatNobodyCheckedCountForNobodyUntilAManagerConfirmsThem) {
 
 // The server trusts a station's claim about its answer (SECURITY.md): misuse of a stolen key is traced to its
 // station and undone.
-TEST_F(Codes, thatAStationOnlySaysWereCheckedAreTakenBackByExcusingItsSessions) {
+TEST_F(Codes, reportedFalselyAreUndoneByExcusingTheSessions) {
   get(manager, code("tom", "2468"));
   const Uuid forged = record("tom", true);
   ASSERT_OK(change([&](Connection& c) {
@@ -461,7 +461,7 @@ TEST_F(Codes, thatAStationOnlySaysWereCheckedAreTakenBackByExcusingItsSessions) 
   EXPECT_THAT(said(begin("tom", "2468", "second")), HasSubstr("ROLE: ")) << "it unlocks nothing any more";
 }
 
-TEST_F(Codes, thatNobodyCheckedMayBeOfSomebodyElse) {
+TEST_F(Codes, thatAreUncheckedMayBelongToSomeoneElse) {
   get(manager, code("tom", "2468"));
   const Uuid waits = attempt("tom", "first", true);
   pb::Request assign;
@@ -472,7 +472,7 @@ TEST_F(Codes, thatNobodyCheckedMayBeOfSomebodyElse) {
   EXPECT_EQ(attemptsOf("tim"), 1);
 }
 
-TEST_F(Codes, thatNobodyCheckedAreNoReasonToWaitOnceTheAccountIsErased) {
+TEST_F(Codes, thatAreUncheckedNoLongerWaitOnceTheAccountIsErased) {
   addPerson("ada", pb::ADMINISTRATOR);
   get(manager, code("tom", "2468"));
   const Uuid waits = record("tom", false);
@@ -481,7 +481,7 @@ TEST_F(Codes, thatNobodyCheckedAreNoReasonToWaitOnceTheAccountIsErased) {
   erase.mutable_erase_person()->set_name("tom");
   erase.mutable_erase_person()->set_confirm("tom");
   EXPECT_EQ(get(admin, erase).erasure().waiting_sessions(), 1u);
-  EXPECT_EQ(stateOf(waits), "waits: no such name") << "nobody could confirm it";
+  EXPECT_EQ(stateOf(waits), "waits: no such name") << "no one could confirm it";
 }
 
 TEST_F(Codes, goWithAnErasure) {

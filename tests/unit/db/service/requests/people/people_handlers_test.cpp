@@ -78,7 +78,7 @@ TEST_F(PeopleHandlers, aPersonThatIsRenamedStaysTheSame) {
   EXPECT_EQ(lines.entries(0).detail(), "name") << "and not as before";
 }
 
-TEST_F(PeopleHandlers, onlyWhatEndsAnAccessSaysSo) {
+TEST_F(PeopleHandlers, onlyAccessEndingRequestsAreMarked) {
   get(admin, addUser("ada", pb::ADMINISTRATOR, "correct horse"));
   get(admin, addUser("ina", pb::INSTRUCTOR, "correct horse"));
   const auto changes = [&](const pb::Request& request) {
@@ -94,7 +94,7 @@ TEST_F(PeopleHandlers, onlyWhatEndsAnAccessSaysSo) {
   };
   EXPECT_FALSE(disable(true));
   EXPECT_TRUE(disable(false));
-  EXPECT_TRUE(disable(false)) << "it was disabled already, perhaps by a request whose end nobody saw";
+  EXPECT_TRUE(disable(false)) << "it was disabled already, perhaps by a request whose end no one saw";
   EXPECT_FALSE(disable(true)) << "nothing was opened";
   const auto change = [&](auto set) {
     pb::Request show, request;
@@ -151,7 +151,7 @@ TEST_F(PeopleHandlers, anAccessEndsAlsoWhereTheTransactionFailsAfterItsChange) {
 }
 
 // requests wait for their account's other requests: for seconds after an import with many codes
-TEST_F(PeopleHandlers, whatAnAccountAskedForBeforeItWasDisabledIsNotDoneAfterwards) {
+TEST_F(PeopleHandlers, aDisabledAccountsPendingRequestsAreRefused) {
   get(admin, addUser("ada", pb::ADMINISTRATOR, "correct horse"));
   get(admin, addUser("mallory", pb::ADMINISTRATOR, "correct horse"));
   auto& service = store->service();
@@ -260,7 +260,7 @@ TEST_F(PeopleHandlers, sayingTheSameAgainOnStudiesStoresNothing) {
   EXPECT_EQ(all.consents(4).recorded_by(), "ina");
 }
 
-TEST_F(PeopleHandlers, ofMoreStatementsThanAReplyHoldsTheNewestAreListedOldestFirst) {
+TEST_F(PeopleHandlers, aLongConsentListGivesTheNewestOldestFirst) {
   addPerson("anna", pb::TRAINEE);
   ASSERT_OK(change([](Connection& c) -> Status {
     pb::Consent consent;
@@ -338,7 +338,7 @@ TEST_F(PeopleHandlers, managersEndTheAccessOfThoseBelowThemAndAdministratorsAnyb
   EXPECT_EQ(refusal(manager, change), ErrorCode::kDenied);
 }
 
-TEST_F(PeopleHandlers, namesWithASlashAreNotMadeAnyMoreAndThoseOfBeforeStayUsable) {
+TEST_F(PeopleHandlers, newNamesMayNotContainASlashButOldOnesWork) {
   ASSERT_OK(change([](Connection& c) -> Status {
     RETURN_IF_ERROR(PeopleStore(c).add({"ab", pb::TRAINEE, "", false, 1}));
     RETURN_IF_ERROR(c.run("UPDATE names SET name = 'a/b', folded = 'a/b' WHERE name = 'ab'"));
@@ -396,7 +396,7 @@ TEST_F(PeopleHandlers, everyoneSetsTheirOwnPasswordOnly) {
   EXPECT_EQ(refusal(admin, request), ErrorCode::kNotFound);
 }
 
-TEST_F(PeopleHandlers, whoeverSetsTheOwnPasswordGivesTheOneOfNow) {
+TEST_F(PeopleHandlers, settingYourPasswordNeedsTheCurrentOne) {
   get(admin, addUser("ina", pb::INSTRUCTOR, "correct horse"));
   pb::Request request;
   auto* call = request.mutable_set_password();
@@ -483,7 +483,7 @@ TEST_F(PeopleHandlers, everyChangeIsInTheAuditLogWithoutSecrets) {
   pb::Request list;
   list.mutable_list_audit();
   const auto audit = get(admin, list).audit();
-  ASSERT_EQ(audit.entries_size(), 3) << "a refused change is no change";
+  ASSERT_EQ(audit.entries_size(), 3) << "a refused change is not a change";
   EXPECT_EQ(audit.entries(0).action(), "chunk refused");
   EXPECT_EQ(audit.entries(1).action(), "station add");
   EXPECT_EQ(audit.entries(2).action(), "user add");
@@ -492,7 +492,7 @@ TEST_F(PeopleHandlers, everyChangeIsInTheAuditLogWithoutSecrets) {
   EXPECT_EQ(audit.SerializeAsString().find("horse"), std::string::npos);
 }
 
-TEST_F(PeopleHandlers, linesThatComeWhileTheWriterIsBusyAreOneItemAndNobodyWaits) {
+TEST_F(PeopleHandlers, linesDuringABusyWriterFormOneItemWithoutWaiting) {
   std::promise<void> begun, go;
   ASSERT_OK(store->writer().post(
       [&](Connection&) -> Status {
@@ -516,7 +516,7 @@ TEST_F(PeopleHandlers, linesThatComeWhileTheWriterIsBusyAreOneItemAndNobodyWaits
   for (int i = 0; i < kLines; ++i) EXPECT_EQ(audit.entries(i).detail(), std::to_string(kLines - 1 - i));
 }
 
-TEST_F(PeopleHandlers, linesThatNobodyWaitsForAreStoredAtTheEndAndLaterOnesAreSaidToFail) {
+TEST_F(PeopleHandlers, pendingLinesAreStoredAtTheEndAndLaterOnesFail) {
   std::vector<ErrorCode> failed;
   const auto hears = [&](const Error& error) { failed.push_back(error.code); };
   for (const char* detail : {"1", "2"})

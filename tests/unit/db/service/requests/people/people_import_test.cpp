@@ -27,7 +27,7 @@ class ClassLists : public test::TeachingTest {
   }
 };
 
-TEST_F(ClassLists, aPersonIsInAHundredGroupsAtMostAndTheFaultHasTheLine) {
+TEST_F(ClassLists, aHundredGroupsPerPersonAndFaultsNameTheLine) {
   const std::string full = groupCell("g", kMaxGroupsOfPerson);
   const auto refused = importPeople("name,group\nben,a\nanna," + full + ";one-more\n");
   EXPECT_FALSE(refused.done());
@@ -94,7 +94,7 @@ TEST_F(ClassLists, codesThatASpreadsheetRoundedAndCodesOfTwoPeopleAreFaults) {
   EXPECT_TRUE(importPeople("name,code\nanna,4E11\nben,1E5-X\ncarl,471221\n").done()) << "codes of badges";
 }
 
-TEST_F(ClassLists, aTableThatNamesTooManyGroupsInAllIsRefusedAtTheLineWhereItDoes) {
+TEST_F(ClassLists, tooManyGroupsInATableAreRefusedAtTheLine) {
   std::string csv = "name,group\n";
   for (int i = 0; i < 201; ++i) csv += "s" + std::to_string(i) + "," + groupCell("g", 100) + "\n";
   const Error refused = refusedTable(csv);
@@ -103,7 +103,7 @@ TEST_F(ClassLists, aTableThatNamesTooManyGroupsInAllIsRefusedAtTheLineWhereItDoe
   EXPECT_EQ(count("SELECT count(*) FROM people"), 0);
 }
 
-TEST_F(ClassLists, aTableThatAddsToGroupsWithTooManyMembersTogetherIsRefusedAtALineThatDoes) {
+TEST_F(ClassLists, overfullGroupsInATableAreRefusedAtALine) {
   ASSERT_OK(change([](Connection& c) -> Status {
     for (int i = 0; i < kMaxGroupMembers - 1; ++i)
       RETURN_IF_ERROR(PeopleStore(c).add({"p" + std::to_string(i), pb::TRAINEE, "", false, 1}));
@@ -138,7 +138,7 @@ TEST_F(ClassLists, theReportOfALongTableFitsIntoAMessage) {
   EXPECT_LE(report.ByteSizeLong(), handlers::kMaxReplyBytes - 5000 * (kMaxNameBytes + 3));
 }
 
-TEST_F(ClassLists, rowsThatGiveRightsAreToldFirstAndTheRestIsCounted) {
+TEST_F(ClassLists, rowsGrantingRightsComeFirstAndTheRestAreCounted) {
   std::string csv = "name,role,password,code\n";
   const auto addTrainees = [&](int from, int to) {
     for (int i = from; i < to; ++i) csv += "s" + std::to_string(i) + ",trainee,,\n";
@@ -165,7 +165,7 @@ TEST_F(ClassLists, rowsThatGiveRightsAreToldFirstAndTheRestIsCounted) {
   }
 }
 
-TEST_F(ClassLists, aTableThatGivesRightsToMoreThanTheReportNamesIsRefusedAtTheLine) {
+TEST_F(ClassLists, tooManyRightsForTheReportAreRefusedAtTheLine) {
   constexpr int kMost = 300;
   std::string csv = "name,full_name,role\n", one_more;
   ASSERT_OK(change([&](Connection& c) -> Status {
@@ -190,7 +190,7 @@ TEST_F(ClassLists, aTableThatGivesRightsToMoreThanTheReportNamesIsRefusedAtTheLi
   EXPECT_EQ(count("SELECT count(*) FROM people WHERE role = 2"), kMost + 1);
 }
 
-TEST_F(ClassLists, whoIsInVeryManyGroupsFromBeforeIsListedWithSomeOfThem) {
+TEST_F(ClassLists, aPersonInVeryManyGroupsIsListedWithSome) {
   constexpr int kGroups = 20'000;
   addPerson("anna", pb::TRAINEE);
   addPerson("ben", pb::TRAINEE);

@@ -115,7 +115,7 @@ TEST_F(UnknownTrainees, areRefusedWithNamesThatTheStationMayList) {
   get(instructor, look);
 }
 
-TEST_F(UnknownTrainees, areToldOfASimilarNameInALabWithoutAssignments) {
+TEST_F(UnknownTrainees, getASimilarNameSuggestedWithoutAssignments) {
   addNamed("tina");
   EXPECT_THAT(begin("tinna")->message, HasSubstr("Did you mean 'tina'?"));
 }
@@ -204,7 +204,7 @@ TEST_F(UnknownTrainees, areTypedNamesWhilePeopleAreTheirIdsToAStation) {
   EXPECT_TRUE(waiting(manager).empty());
 }
 
-TEST_F(UnknownTrainees, waitAlsoWhereTheStationsClockWasWrongUntilAManagerSaysWhenTheyBegan) {
+TEST_F(UnknownTrainees, waitAfterAWrongClockUntilAManagerSetsTheBegin) {
   addNamed("tom");
   constexpr std::int64_t kMin_ns = 60'000'000'000, kNow_ns = 1'000 * kMin_ns;
   using Clock = pb::SessionDescription;
@@ -268,7 +268,7 @@ TEST_F(UnknownTrainees, keepTheirRecordingsWhichAreFlaggedUntilTheyAreAssigned) 
   // an account created later with that name does not count: it may be another person
   addNamed("tmo");
   EXPECT_EQ(waiting(manager).size(), 1u);
-  EXPECT_EQ(attemptsOf("tmo"), 0u) << "of whoever had the name before";
+  EXPECT_EQ(attemptsOf("tmo"), 0u) << "of the name's former owner";
   EXPECT_TRUE(lesson("second", "tom").has_value()) << "not passed";
   EXPECT_EQ(attemptsOf("tom"), 1u);
 
@@ -316,7 +316,7 @@ TEST_F(UnknownTrainees, keepTheirRecordingsWhichAreFlaggedUntilTheyAreAssigned) 
   EXPECT_EQ(lines.entries(1).detail(), "from tom to tmo: a slip of the pen");
 }
 
-TEST_F(UnknownTrainees, areAssignedByTheFirstOfTwoManagersWhoSawTheSameName) {
+TEST_F(UnknownTrainees, areAssignedByTheFirstOfTwoManagers) {
   for (const char* name : {"tom", "tim"}) addNamed(name);
   const Uuid ghosts = attempt("tmo", "first", true);
   auto first = assignTo(ghosts, "tom"), second = assignTo(ghosts, "tim");
@@ -333,9 +333,9 @@ TEST_F(UnknownTrainees, areAssignedByTheFirstOfTwoManagersWhoSawTheSameName) {
   EXPECT_EQ(get(manager, second).session().description().trainee(), "tim");
 }
 
-TEST_F(UnknownTrainees, keepTheirSessionsFromWhoeverGetsTheirNameLater) {
+TEST_F(UnknownTrainees, keepTheirSessionsFromALaterNamesake) {
   const Uuid ghosts = attempt("tmo", "first", true);
-  EXPECT_EQ(attemptsOf("tmo"), 1u) << "staff sees what nobody's account claims";
+  EXPECT_EQ(attemptsOf("tmo"), 1u) << "staff sees what no one's account claims";
   addNamed("tmo");
   const Principal tmo{"tmo", pb::TRAINEE};
   pb::Request list, show, read, score, own;
@@ -393,7 +393,7 @@ TEST_F(UnknownTrainees, onlyTheirClosedSessionsAreAssignedAndOnlyToPeople) {
   EXPECT_EQ(get(admin, audit).audit().entries_size(), 0);
 }
 
-TEST_F(UnknownTrainees, stayWhenTheAccountThatGotTheirNameIsErasedUntilTheirNameIs) {
+TEST_F(UnknownTrainees, remainWhenANamesakesAccountIsErased) {
   addPerson("ada", pb::ADMINISTRATOR);
   const Uuid ghosts = attempt("tom", "first", true, 5), still_open = addSession("tom", 1);
   addNamed("tom");
@@ -432,7 +432,7 @@ TEST_F(UnknownTrainees, stayWhenTheAccountThatGotTheirNameIsErasedUntilTheirName
   EXPECT_FALSE(names("'tom'"));
 }
 
-TEST_F(UnknownTrainees, areErasedWithTheAccountWhereThatIsSaid) {
+TEST_F(UnknownTrainees, areErasedWithTheAccountOnRequest) {
   addPerson("ada", pb::ADMINISTRATOR);
   attempt("tom", "first", true, 5);
   addNamed("tom");

@@ -1,4 +1,4 @@
-// A course by assignment only, and an exam: who sees and begins it, which attempts count in whatever order
+// A course by assignment only, and an exam: who sees and begins it, which attempts count in any order
 // they arrive, fixed aids, and when trainees see their results.
 #include <gmock/gmock.h>
 
@@ -155,7 +155,7 @@ TEST_F(Exam, whoIsNotAssignedNeitherSeesNorBeginsIt) {
   EXPECT_TRUE(lesson("first", "ole").has_value());
 }
 
-TEST_F(Exam, anOutsidersSessionIsKeptAndCountsForNobodyUntilAManagerAcceptsIt) {
+TEST_F(Exam, anOutsidersSessionCountsOnceAManagerAcceptsIt) {
   putCourse({{"assigned_only", true}});
   attempt("anna", "first", true);
   const Uuid outside = attempt("ole", "first", true);
@@ -180,7 +180,7 @@ TEST_F(Exam, anOutsidersSessionIsKeptAndCountsForNobodyUntilAManagerAcceptsIt) {
   EXPECT_EQ(countedOf("ole"), "+");
 }
 
-TEST_F(Exam, theListOfCoursesSaysThatItIsOne) {
+TEST_F(Exam, theListOfCoursesMarksIt) {
   pb::Request list;
   list.mutable_list_curricula();
   for (const bool exam : {false, true}) {
@@ -195,7 +195,7 @@ TEST_F(Exam, theListOfCoursesSaysThatItIsOne) {
 
 // --- its attempts
 
-TEST_F(Exam, hasOneAttemptAndNoAidsWhereAnExerciseSaysNothing) {
+TEST_F(Exam, hasOneAttemptAndNoAidsByDefault) {
   putCourse({{"exam", true}}, {{"attempts", 3}, {"aids", {{"allowed", {"DEPTH"}}}}});
   pb::Request list, text;
   list.mutable_list_exercises()->set_course_id("course");
@@ -259,7 +259,7 @@ TEST_F(Exam, anAttemptWithoutASureBeginCountsOnceItIsAccepted) {
   EXPECT_EQ(attemptsOf(instructor, "anna").front().session_id(), test::bytesOfId(unsure));
 }
 
-TEST_F(Exam, aStationThatGoesOnAfterACrashGoesOnWithTheSameAttempt) {
+TEST_F(Exam, aStationResumesItsAttemptAfterACrash) {
   putCourse({{"exam", true}});
   const Uuid id = makeUuidV7();
   auto d = test::describe(id);
@@ -294,7 +294,7 @@ TEST_F(Exam, wantsWhatComesFirstTakenAndNotPassed) {
 
 // --- its aids
 
-TEST_F(Exam, nobodyChangesItsAids) {
+TEST_F(Exam, itsAidsAreFixed) {
   putCourse({{"exam", true}});
   const auto open = [&](const std::string& exercise, std::int64_t started) {
     const Uuid id = makeUuidV7();
@@ -327,7 +327,7 @@ TEST_F(Exam, nobodyChangesItsAids) {
 
 // --- its results
 
-TEST_F(Exam, itsResultsAreLeftOutOfAllThatATraineeReadsBeforeTheirDate) {
+TEST_F(Exam, itsResultsAreHiddenFromTraineesBeforeTheirDate) {
   putCourse({{"exam", true}, {"results_from_unix_ms", kLater_ms}});
   const Uuid id = attempt("anna", "first", true);
   pb::Request session, score, attempt_of, events, all, passed, person;

@@ -36,7 +36,7 @@ TEST_F(SessionHandlers, aTraineeSeesOwnSessionsOnly) {
   EXPECT_EQ(refusal(trainee, notes), ErrorCode::kNotFound);
 }
 
-TEST_F(SessionHandlers, wrongAndUnknownIdsAreToldApart) {
+TEST_F(SessionHandlers, wrongAndUnknownIdsHaveDifferentReasons) {
   pb::Request request;
   request.mutable_get_session()->set_session_id("short");
   EXPECT_EQ(refusal(instructor, request), ErrorCode::kInvalidInput);
@@ -78,7 +78,7 @@ TEST_F(SessionHandlers, chunksComeInPartsUnderOneMebibyte) {
   EXPECT_FALSE(get(instructor, request).chunks().end());
 }
 
-TEST_F(SessionHandlers, whoReadsTheSamplesOfAnotherIsWrittenDownOnceAnHourAndSession) {
+TEST_F(SessionHandlers, readingAnothersSamplesIsAuditedOncePerHourAndSession) {
   addPerson("anna", pb::TRAINEE);
   const Uuid first = addSession("anna", 2), second = addSession("anna", 1), own = addSession("ina", 1);
   const auto lines = [&] {
@@ -110,10 +110,10 @@ TEST_F(SessionHandlers, whoReadsTheSamplesOfAnotherIsWrittenDownOnceAnHourAndSes
   pb::Request unknown;
   unknown.mutable_read_chunks()->set_session_id(test::bytesOfId(makeUuidV7()));
   EXPECT_EQ(refusal(instructor, unknown), ErrorCode::kNotFound);
-  EXPECT_EQ(lines().size(), 3u) << "what is refused shows nothing";
+  EXPECT_EQ(lines().size(), 3u) << "a refusal shows nothing";
 }
 
-TEST_F(SessionHandlers, aLogInOfStaffIsWrittenDownOnceAnHourAndHost) {
+TEST_F(SessionHandlers, aStaffLogInIsAuditedOncePerHourAndHost) {
   for (const char* host : {"192.0.2.1", "192.0.2.1", "192.0.2.2"})
     for (const Principal* who : {&trainee, &instructor, &admin})
       ASSERT_OK(store->service().notes().noteLogin(*who, host));
@@ -197,7 +197,7 @@ TEST_F(SessionHandlers, aLongSessionIsVerifiedInStepsOfBoundedReading) {
   EXPECT_EQ(verified.hash(), test::closeOf(id, kChunks + 1, 1).hash());
 }
 
-TEST_F(SessionHandlers, aRecordingThatIsRemovedBetweenTwoStepsIsVerifiedAsWhatIsLeft) {
+TEST_F(SessionHandlers, aRecordingRemovedBetweenStepsIsVerifiedAsItRemains) {
   const Uuid id = addSession("anna", 20'000, 1);
   pb::Request verify;
   verify.mutable_verify_session()->set_session_id(test::bytesOfId(id));
@@ -216,7 +216,7 @@ TEST_F(SessionHandlers, aRecordingThatIsRemovedBetweenTwoStepsIsVerifiedAsWhatIs
   EXPECT_EQ(outcome->reply.verified().chunks(), 0u);
 }
 
-TEST_F(SessionHandlers, whoMayNoMoreGetsNoFurtherStep) {
+TEST_F(SessionHandlers, aRevokedPersonGetsNoFurtherStep) {
   addPerson("ina", pb::INSTRUCTOR);
   const Uuid id = addSession("anna", 20'000, 1);
   pb::Request verify;

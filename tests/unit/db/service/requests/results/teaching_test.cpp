@@ -20,7 +20,7 @@ namespace {
 
 using Teaching = test::TeachingTest;
 
-TEST_F(Teaching, aManagerManagesNobodyAboveItself) {
+TEST_F(Teaching, aManagerManagesOnlyRolesBelowItsOwn) {
   const auto add = [](const std::string& name, pb::Role role) {
     pb::Request request;
     request.mutable_add_user()->set_name(name);
@@ -49,7 +49,7 @@ TEST_F(Teaching, aManagerManagesNobodyAboveItself) {
   }
   change.mutable_change_user()->set_name("ira");
   change.mutable_change_user()->set_role(pb::ADMINISTRATOR);
-  EXPECT_EQ(refusal(manager, change), ErrorCode::kDenied) << "nobody is made more than its maker";
+  EXPECT_EQ(refusal(manager, change), ErrorCode::kDenied) << "no one is made more than its maker";
   change.mutable_change_user()->set_role(pb::CURRICULUM_MANAGER);
   EXPECT_EQ(get(manager, change).user().revision(), 2u);
   pb::Request password;
@@ -137,7 +137,7 @@ TEST_F(Teaching, ofManyWhoEditAtOnceExactlyOneWinsEachRound) {
   EXPECT_EQ(group.members_size(), kRounds % 2 == 1 ? kThreads : 0);
 }
 
-TEST_F(Teaching, aClassOfAThousandComesFromATableAllOfItOrNothing) {
+TEST_F(Teaching, aThousandPeopleAreImportedWhollyOrNotAtAll) {
   std::string csv = "name,full_name,role,group\n";
   for (int i = 0; i < 1000; ++i)
     csv += "s" + std::to_string(i) + ",\"Student, " + std::to_string(i) + "\",,class-a;all\r\n";
@@ -237,7 +237,7 @@ TEST_F(Teaching, anExerciseIsLockedUntilWhatComesBeforeItIsPassed) {
   attempt("anna", "first", true);
   EXPECT_FALSE(lesson("second").has_value());
   EXPECT_TRUE(lesson("second", "ben").has_value()) << "each for itself";
-  EXPECT_FALSE(lesson("third", "").has_value()) << "nobody in particular looks at anything";
+  EXPECT_FALSE(lesson("third", "").has_value()) << "no one in particular looks at anything";
   attempt("anna", "second", true);
   EXPECT_FALSE(lesson("third").has_value());
   // a later failure does not lock it again
@@ -312,7 +312,7 @@ TEST_F(Teaching, theMatrixOfACourse) {
   EXPECT_EQ(anna.cells(1).attempts_left(), 3u);
   EXPECT_EQ(anna.cells(1).locked_by_size(), 0);
   EXPECT_EQ(all.rows(1).trainee(), "ben");
-  EXPECT_EQ(all.rows(1).cells(0).due_unix_ns(), 0) << "nobody gave it to ben";
+  EXPECT_EQ(all.rows(1).cells(0).due_unix_ns(), 0) << "no one gave it to ben";
   ASSERT_EQ(all.rows(1).cells(1).locked_by_size(), 1);
   EXPECT_EQ(all.rows(1).cells(1).locked_by(0), "first");
   EXPECT_EQ(results(instructor, "class").rows_size(), 2);
@@ -334,7 +334,7 @@ TEST_F(Teaching, theMatrixOfACourse) {
   EXPECT_EQ(refusal(instructor, unknown), ErrorCode::kNotFound);
 }
 
-TEST_F(Teaching, aStationGetsNamesAndTheCellsOfTheTraineeThatItNames) {
+TEST_F(Teaching, aStationGetsNamesAndItsTraineesCells) {
   addStation();
   putCourse({{"second", {{"prerequisites", {"first"}}, {"attempts", 3}}},
              {"third", {{"requirements", nlohmann::json::array()}}}});
@@ -355,7 +355,7 @@ TEST_F(Teaching, aStationGetsNamesAndTheCellsOfTheTraineeThatItNames) {
   attempt("anna", "third", false);
 
   const auto names = results(station);
-  ASSERT_EQ(names.rows_size(), 2) << "nobody whose access has ended";
+  ASSERT_EQ(names.rows_size(), 2) << "no one whose access has ended";
   EXPECT_EQ(names.rows(0).trainee(), "anna");
   EXPECT_EQ(names.rows(0).full_name(), "Anna Adler");
   EXPECT_EQ(names.rows(1).trainee(), "ben");
@@ -385,7 +385,7 @@ TEST_F(Teaching, aStationGetsNamesAndTheCellsOfTheTraineeThatItNames) {
   EXPECT_EQ(get(station, one).results().rows(0).cells(1).locked_by_size(), 1);
 }
 
-TEST_F(Teaching, resultsForASpreadsheetHaveGroupsExcusedAttemptsAndWhatTheCourseAsksFor) {
+TEST_F(Teaching, exportedResultsHaveGroupsExcusedAttemptsAndRequirements) {
   addStation();
   putCourse({{"second", {{"time_limit_s", 60}}},
              {"third", {{"requirements", {{{"measure", "greatest_depth_m"}, {"max", 0.02}}}}}}});
@@ -524,7 +524,7 @@ TEST_F(Teaching, aLineThatCannotBeStoredTakesNoOthersWithIt) {
   store->service().notes().noteWatching(instructor, "station-1", "", hears);
   go.set_value();
   while (store->writer().counters().waiting > 0) std::this_thread::yield();
-  // the lines' item may end with the first; what is tried separately comes before the second
+  // the lines' item may end with the first; separate attempts come before the second
   ASSERT_OK(change([](Connection&) { return Status(); }));
   ASSERT_OK(change([](Connection&) { return Status(); }));
   pb::Request list;
@@ -564,7 +564,7 @@ class FullWriter {
 };
 
 // The finding: a friend's station filled the queue, and 13 of 40 sessions were watched without a line.
-TEST_F(Teaching, whoWatchesLiveHasALineAlsoWhileOthersFillTheWritersQueue) {
+TEST_F(Teaching, watchingIsAuditedDespiteAFullQueue) {
   addStation();
   std::vector<std::string> open;
   for (int i = 0; i < 40; ++i) open.push_back(test::bytesOfId(addSession("anna", 1)));
@@ -580,7 +580,7 @@ TEST_F(Teaching, whoWatchesLiveHasALineAlsoWhileOthersFillTheWritersQueue) {
   EXPECT_EQ(get(admin, list).audit().entries_size(), 40);
 }
 
-TEST_F(Teaching, aLineThatCouldNotBeStoredIsSaidAndComesWithTheNextWatching) {
+TEST_F(Teaching, anUnstoredLineIsReportedAndRetriedWithTheNextWatching) {
   addStation();
   std::vector<ErrorCode> failed;
   const auto hears = [&failed](const Error& error) { failed.push_back(error.code); };
@@ -628,7 +628,7 @@ TEST_F(Teaching, aTraineeIsShownExpertsOnlyFromFiveGesturesOn) {
   }
 }
 
-TEST_F(Teaching, aSessionInWhichAHazardOrBoneWasTouchedIsNoReference) {
+TEST_F(Teaching, aSessionTouchingAHazardOrBoneIsNoReference) {
   addStation();
   putCourse();
   const auto row = [](const char* measure, int value) {
@@ -664,7 +664,7 @@ TEST_F(Teaching, aSessionInWhichAHazardOrBoneWasTouchedIsNoReference) {
   EXPECT_FALSE(choose({clean}).error);
 }
 
-TEST_F(Teaching, aSessionIsScoredAnewBesideItsFirstScore) {
+TEST_F(Teaching, aRescoredSessionKeepsItsFirstScore) {
   addStation();
   pb::Request profile;
   profile.mutable_get_profile()->set_id("knee-adult");

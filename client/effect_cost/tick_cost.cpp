@@ -1,0 +1,266 @@
+#include "client/effect_cost/tick_cost.h"
+
+#include <fcntl.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstddef>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <numbers>
+#include <sstream>
+#include <system_error>
+#include <utility>
+
+#include "client/device/hand/hand_plan.h"
+#include "common/base/files/files.h"
+#include "common/base/histogram.h"
+#include "common/base/time/clock.h"
+
+extern char** environ;  // POSIX: the environment that the child gets
+
+/// callgrind writes its counts at each call of this function; not inlined, because callgrind finds it by name
+extern "C" [[gnu::noinline]] void needlelab_end_counted_part() {
+  asm volatile("" ::: "memory");
+}
+
+namespace needlelab {
+namespace {
+
+constexpr double kMove_s = 1.0, kHold_s = 0.4;
+constexpr double kAside_m = 2e-4, kTremor_m = 3e-5, kTremor_hz = 9.7;
+
+struct Site {
+  Vec3 p_surface_m, inward;
+  double room_m = 1;  ///< depth of the shape
+};
+
+Site siteOn(const Limb& limb) {
+  if (const auto* plane = std::get_if<PlaneLimb>(&limb))
+    return {plane->point_m, -outwardNormal(limb, plane->point_m)};
+  Vec3 middle;
+  double radius = 0;
+  if (const auto* sphere = std::get_if<SphereLimb>(&limb)) {
+    middle = sphere->center_m;
+    radius = sphere->radius_m;
+  } else {
+    const auto& capsule = std::get<CapsuleLimb>(limb);
+    middle = (capsule.a_m + capsule.b_m) * 0.5;
+    radius = capsule.radius_m;
+  }
+  const Vec3 out = outwardNormal(limb, middle);
+  return {middle + out * radius, -out, 0.8 * radius};
+}
+
+// depth through all layer tops, as far as needle and shape allow
+double depthOf(const SceneSpec& scene, double room_m) {
+  constexpr double kIntoLast_m = 0.01;
+  double depth_m = 0;
+  for (const LayerSpec& layer : scene.layers) depth_m += layer.thickness_m;
+  const LayerSpec& last = scene.layers.back();
+  depth_m += std::min(last.thickness_m, kIntoLast_m) - last.thickness_m;
+  return std::min({depth_m, 0.9 * scene.needle_length_m, room_m});
+}
+
+// share of the way at `t` seconds: in, hold, out
+double shareAt(double t) {
+  if (t < kMove_s) return shareOfWay(Motion::kMinJerk, t / kMove_s);
+  if (t < kMove_s + kHold_s) return 1;
+  return 1 - shareOfWay(Motion::kMinJerk, (t - kMove_s - kHold_s) / kMove_s);
+}
+
+}  // namespace
+
+std::vector<TipSample> measuringGesture(const SceneSpec& scene, double rate_hz) {
+  const Site site = siteOn(scene.limb);
+  const double depth_m = depthOf(scene, site.room_m);
+  const Quat q = orientationAlong(site.inward);
+  const Vec3 aside = rotate(q, Vec3{1, 0, 0});
+  const auto ticks = static_cast<std::size_t>((2 * kMove_s + kHold_s) * rate_hz);
+
+  std::vector<TipSample> gesture;
+  gesture.reserve(ticks + 1);
+  gesture.push_back({site.p_surface_m - site.inward * 1e-3, q});
+  for (std::size_t k = 0; k < ticks; ++k) {
+    const double t = static_cast<double>(k) / rate_hz, share = shareAt(t);
+    const double wave = std::sin(2 * std::numbers::pi * kTremor_hz * t);
+    // never closer to the surface than the tremor's width
+    const double in_m = 2 * kTremor_m + share * (depth_m - 3 * kTremor_m) + kTremor_m * wave;
+    gesture.push_back(
+        {site.p_surface_m + site.inward * in_m + aside * (share * (kAside_m + kTremor_m * wave)), q});
+  }
+  return gesture;
+}
+
+TickRun::TickRun(const SceneModel& model, const std::vector<TipSample>& gesture)
+    : model_(model), gesture_(gesture), state_(std::make_unique<SimState>()) {}
+
+namespace {
+
+constexpr std::size_t kBatchTicks = 64;
+constexpr std::size_t kMinBatches = 3;
+
+// the scene with one set of effects, and the durations of its batches
+struct Variant {
+  std::unique_ptr<SceneModel> model;
+  std::unique_ptr<TickRun> run;
+  std::vector<double> batch_ns = {};  ///< per tick
+};
+
+}  // namespace
+
+Result<EffectCosts> calibrateEffects(const SceneSpec& scene, double rate_hz, double budget_s) {
+  const std::int64_t until_ns = steadyNowNs() + static_cast<std::int64_t>(budget_s * 1e9);
+  const auto whole = compile(scene, rate_hz);
+  if (!whole.ok()) return whole.error();
+  const auto gesture = measuringGesture(scene, rate_hz);
+
+  // the first one has all effects
+  EffectCosts costs;
+  std::vector<Variant> variants;
+  const auto add = [&](EffectMask effects) -> Status {
+    SceneSpec some = scene;
+    some.effects = effects;
+    auto model = compile(some, rate_hz);
+    if (!model.ok()) return model.error();
+    Variant variant{std::make_unique<SceneModel>(*std::move(model)), nullptr};
+    variant.run = std::make_unique<TickRun>(*variant.model, gesture);
+    variants.push_back(std::move(variant));
+    return {};
+  };
+  if (auto status = add(whole->live); !status.ok()) return status.error();
+  for (std::size_t i = 0; i < kEffectCount; ++i) {
+    const auto effect = static_cast<Effect>(i);
+    if (!whole->isLive(effect)) continue;
+    if (auto status = add(whole->live & ~bitOf(effect)); !status.ok()) return status.error();
+    costs.effects.push_back({effect, 0});
+  }
+
+  // run one batch of each in turn; the first round only warms up
+  for (std::size_t round = 0; round <= kMinBatches || steadyNowNs() < until_ns; ++round)
+    for (Variant& variant : variants) {
+      const std::int64_t from_ns = steadyNowNs();
+      for (std::size_t i = 0; i < kBatchTicks; ++i) variant.run->tick();
+      const auto took_ns = static_cast<double>(steadyNowNs() - from_ns) - clockCost_ns();
+      if (round > 0) variant.batch_ns.push_back(std::max(0.0, took_ns) / kBatchTicks);
+    }
+
+  costs.tick_ns = medianOf(variants.front().batch_ns);
+  for (std::size_t i = 0; i < costs.effects.size(); ++i) {
+    std::vector<double> more_ns = variants.front().batch_ns;
+    for (std::size_t b = 0; b < more_ns.size(); ++b) more_ns[b] -= variants[i + 1].batch_ns[b];
+    costs.effects[i].ns = medianOf(std::move(more_ns));
+  }
+  return costs;
+}
+
+namespace {
+
+namespace fs = std::filesystem;
+
+// a temporary folder for callgrind's files; the destructor removes it
+class ScratchFolder {
+ public:
+  ScratchFolder() {
+    std::string name = (fs::temp_directory_path() / "needlelab-count-XXXXXX").string();
+    if (::mkdtemp(name.data()) != nullptr) path_ = name;
+  }
+  ~ScratchFolder() {
+    std::error_code ignored;
+    if (!path_.empty()) fs::remove_all(path_, ignored);
+  }
+  ScratchFolder(const ScratchFolder&) = delete;
+  ScratchFolder& operator=(const ScratchFolder&) = delete;
+  [[nodiscard]] const fs::path& path() const { return path_; }
+
+ private:
+  fs::path path_;
+};
+
+// runs the command to its end; returns the exit status, or −1
+int runQuietly(std::vector<std::string> command, const fs::path& messages) {
+  posix_spawn_file_actions_t actions;
+  ::posix_spawn_file_actions_init(&actions);
+  ::posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+  ::posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
+  ::posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, messages.c_str(), O_WRONLY | O_CREAT | O_TRUNC,
+                                     0600);
+  std::vector<char*> arguments;
+  for (std::string& argument : command) arguments.push_back(argument.data());
+  arguments.push_back(nullptr);
+  pid_t child = 0;
+  const int error = ::posix_spawnp(&child, arguments.front(), &actions, nullptr, arguments.data(), environ);
+  ::posix_spawn_file_actions_destroy(&actions);
+  if (error != 0) return -1;
+  int status = 0;
+  while (::waitpid(child, &status, 0) < 0)
+    if (errno != EINTR) return -1;
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+// the number after "totals:" in a file of callgrind
+Result<std::uint64_t> totalIn(const fs::path& file) {
+  auto text = readWholeFile(file, 64u << 20);
+  if (!text.ok()) return text.error();
+  for (const char* key : {"\ntotals: ", "\nsummary: "})
+    if (const auto at = text->find(key); at != std::string::npos)
+      return std::strtoull(text->c_str() + at + std::strlen(key), nullptr, 10);
+  return Error{ErrorCode::kFailed, file.string() + " has no total"};
+}
+
+}  // namespace
+
+bool hasValgrind() {
+  const char* path = std::getenv("PATH");
+  std::stringstream folders(path != nullptr ? path : "");
+  for (std::string folder; std::getline(folders, folder, ':');)
+    if (::access((fs::path(folder) / "valgrind").c_str(), X_OK) == 0) return true;
+  return false;
+}
+
+void endCountedPart() {
+  needlelab_end_counted_part();
+}
+
+std::string ownProgram() {
+  std::error_code ignored;
+  return fs::read_symlink("/proc/self/exe", ignored).string();
+}
+
+Result<std::vector<std::uint64_t>> countStepInstructions(const std::vector<std::string>& command,
+                                                         std::size_t parts) {
+  if (!hasValgrind()) return Error{ErrorCode::kUnavailable, "valgrind is not on the PATH (Debian: valgrind)"};
+  const ScratchFolder scratch;
+  if (scratch.path().empty())
+    return Error{ErrorCode::kFailed,
+                 std::string("cannot make a folder for callgrind: ") + std::strerror(errno)};
+  const fs::path out = scratch.path() / "count", messages = scratch.path() / "messages";
+  std::vector<std::string> whole = {"valgrind",
+                                    "--tool=callgrind",
+                                    "--collect-atstart=no",
+                                    "--toggle-collect=needlelab::step(*",
+                                    "--dump-before=needlelab_end_counted_part",
+                                    "--callgrind-out-file=" + out.string()};
+  whole.insert(whole.end(), command.begin(), command.end());
+  if (const int status = runQuietly(whole, messages); status != 0) {
+    const auto said = readWholeFile(messages, 1u << 20);
+    const std::string text = said.ok() ? *said : "";
+    return Error{ErrorCode::kFailed, "counting with valgrind failed (exit " + std::to_string(status) +
+                                         "): " + text.substr(text.size() > 600 ? text.size() - 600 : 0)};
+  }
+  // count.1, count.2, … ; the last file has the counts after the last mark
+  std::vector<std::uint64_t> counts;
+  for (std::size_t part = 1; part <= parts; ++part) {
+    const auto total = totalIn(out.string() + "." + std::to_string(part));
+    if (!total.ok()) return total.error();
+    counts.push_back(*total);
+  }
+  return counts;
+}
+
+}  // namespace needlelab

@@ -1,0 +1,252 @@
+#include "common/anatomy/field.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <utility>
+
+namespace needlelab {
+namespace {
+
+constexpr double kFar_m = 1e3;  // no part of the group is near
+/// A capsule whose radius changes by kMaxSlope per length has distances that are too great by this: √(1 +
+/// ½²). Ellipsoids' are too small, outside and inside, as k0 is convex; a smooth minimum is not steeper than
+/// its parts.
+constexpr double kSteepest = 1.118033988749895;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+double smoothMinimum(double a, double b, double blend_m) noexcept {
+  const double least = std::min(a, b);
+  const double overlap = blend_m - std::fabs(a - b);
+  return overlap > 0 ? least - overlap * overlap / (4 * blend_m) : least;
+}
+
+/// The signed distance of a point from an ellipsoid with the radii r, both along its axes: the nearest point
+/// of the surface is q = r² p/(t + r²), where t is the greatest root of Σ (r p/(t + r²))² = 1 (Eberly,
+/// "Distance from a Point to an Ellipse, an Ellipsoid, or a Hyperellipsoid"). The sum falls and is convex
+/// there, so Newton's steps from its left end up at the root without passing it.
+double distanceToEllipsoid(Vec3 p_m, Vec3 r_m) noexcept {
+  constexpr double kOnAxis_m = 1e-9;  // on a plane of symmetry the root would be at the pole
+  constexpr double kStep_m2 = 1e-13;
+  const Vec3 p{std::max(std::fabs(p_m.x), kOnAxis_m), std::max(std::fabs(p_m.y), kOnAxis_m),
+               std::max(std::fabs(p_m.z), kOnAxis_m)};
+  const Vec3 squares{r_m.x * r_m.x, r_m.y * r_m.y, r_m.z * r_m.z};
+  const Vec3 products{r_m.x * p.x, r_m.y * p.y, r_m.z * p.z};
+  double t = std::max({products.x - squares.x, products.y - squares.y, products.z - squares.z});
+  Vec3 inverse;
+  for (int i = 0; i < 30; ++i) {
+    inverse = {1 / (t + squares.x), 1 / (t + squares.y), 1 / (t + squares.z)};
+    const Vec3 u{products.x * inverse.x, products.y * inverse.y, products.z * inverse.z};
+    const Vec3 uu{u.x * u.x, u.y * u.y, u.z * u.z};
+    const double step = (uu.x + uu.y + uu.z - 1) / (2 * dot(uu, inverse));
+    if (step < kStep_m2) break;
+    t += step;
+  }
+  return t * norm({p.x * inverse.x, p.y * inverse.y, p.z * inverse.z});
+}
+
+std::size_t indexOf(const std::vector<FieldGroup>& groups, const std::string& id) {
+  const auto found =
+      std::find_if(groups.begin(), groups.end(), [&](const auto& one) { return one.id == id; });
+  assert(found != groups.end());
+  return static_cast<std::size_t>(found - groups.begin());
+}
+
+StructureIndex indexOf(const std::vector<FieldStructure>& structures, const std::string& id) {
+  const auto found =
+      std::find_if(structures.begin(), structures.end(), [&](const auto& one) { return one.id == id; });
+  assert(found != structures.end());
+  return static_cast<StructureIndex>(found - structures.begin());
+}
+
+}  // namespace
+
+// ---- made from a spec ----
+
+void Field::addSegment(std::uint8_t group, double blend_m, const CapsulePart& capsule) {
+  Part part{};
+  part.kind = Kind::kCapsule;
+  part.group = group;
+  part.blend_m = blend_m;
+  part.a = capsule.a_m;
+  part.b = capsule.b_m - capsule.a_m;
+  part.radius_m = capsule.radius_a_m;
+  part.growth_m = capsule.radius_b_m - capsule.radius_a_m;
+  const double length_squared = normSquared(part.b);
+  part.inverse = length_squared > 0 ? 1 / length_squared : 0;
+  part.center_m = capsule.a_m + part.b * 0.5;
+  part.bound_m = 0.5 * norm(part.b) + std::max(capsule.radius_a_m, capsule.radius_b_m);
+  parts_.push_back(part);
+}
+
+void Field::addPart(std::uint8_t group, const FieldPart& spec) {
+  if (const auto* const capsule = std::get_if<CapsulePart>(&spec.shape)) {
+    addSegment(group, spec.blend_m, *capsule);
+    numbers_ += 9;
+  } else if (const auto* const tube = std::get_if<TubePart>(&spec.shape)) {
+    for (std::size_t i = 1; i < tube->points.size(); ++i) {
+      const TubePart::Point &from = tube->points[i - 1], &to = tube->points[i];
+      // the first piece blends with the group; its followers share a ball with the piece before
+      addSegment(group, i == 1 ? spec.blend_m : 0, {from.at_m, to.at_m, from.radius_m, to.radius_m});
+    }
+    numbers_ += 4 * tube->points.size() + 1;
+  } else if (const auto* const ellipsoid = std::get_if<EllipsoidPart>(&spec.shape)) {
+    Part part{};
+    part.kind = Kind::kEllipsoid;
+    part.group = group;
+    part.blend_m = spec.blend_m;
+    part.a = part.center_m = ellipsoid->center_m;
+    part.b = ellipsoid->radii_m;
+    part.x = normalized(ellipsoid->x_axis);
+    part.z = normalized(cross(part.x, ellipsoid->y_axis));
+    part.y = cross(part.z, part.x);
+    part.bound_m = std::max({ellipsoid->radii_m.x, ellipsoid->radii_m.y, ellipsoid->radii_m.z});
+    parts_.push_back(part);
+    numbers_ += 13;
+  } else {
+    const auto& half_space = std::get<HalfSpacePart>(spec.shape);
+    Part part{};
+    part.kind = Kind::kHalfSpace;
+    part.group = group;
+    part.blend_m = spec.blend_m;
+    part.a = half_space.point_m;
+    part.b = normalized(half_space.normal);
+    part.bound_m = kInfinity;
+    parts_.push_back(part);
+    numbers_ += 7;
+  }
+}
+
+Result<Field> Field::make(const FieldSpec& spec) {
+  RETURN_IF_ERROR(checkField(spec));
+  Field field;
+  field.structures_ = spec.structures;
+  field.skin_ = indexOf(spec.groups, spec.skin);
+  field.rest_ = indexOf(spec.structures, spec.rest);
+  for (const FieldGroup& group : spec.groups) {
+    const auto index = static_cast<std::uint8_t>(field.groups_.size());
+    field.groups_.push_back(group.id);
+    for (const FieldPart& part : group.parts) field.addPart(index, part);
+  }
+  for (const FieldRule& rule : spec.rules) {
+    Rule compiled{};
+    compiled.structure = indexOf(spec.structures, rule.structure);
+    const auto add = [&](const FieldRange& range) {
+      compiled.ranges[compiled.count++] = {static_cast<std::uint8_t>(indexOf(spec.groups, range.group)),
+                                           range.from_m, range.to_m};
+      field.numbers_ += (range.from_m > -kInfinity) + (range.to_m < kInfinity);
+    };
+    add(rule.range);
+    for (const FieldRange& clip : rule.clips) add(clip);
+    field.rules_.push_back(compiled);
+  }
+
+  // how far from a group its distance still decides something
+  std::array<double, kMaxFieldGroups> reach_m{}, blend_m{};
+  for (const Rule& rule : field.rules_) {
+    for (std::size_t i = 0; i < rule.count; ++i) {
+      const Range& range = rule.ranges[i];
+      for (const double bound : {range.from_m, range.to_m})
+        if (std::isfinite(bound)) reach_m[range.group] = std::max(reach_m[range.group], std::fabs(bound));
+    }
+  }
+  for (const Part& part : field.parts_) blend_m[part.group] = std::max(blend_m[part.group], part.blend_m);
+  for (Part& part : field.parts_) part.reach_m = reach_m[part.group] + blend_m[part.group];
+  return field;
+}
+
+std::optional<std::size_t> Field::group(std::string_view id) const {
+  const auto found = std::find(groups_.begin(), groups_.end(), id);
+  if (found == groups_.end()) return std::nullopt;
+  return static_cast<std::size_t>(found - groups_.begin());
+}
+
+// ---- asked ----
+
+double Field::distanceTo(const Part& part, Vec3 p_m) noexcept {
+  switch (part.kind) {
+    case Kind::kCapsule: {
+      const Vec3 from_a = p_m - part.a;
+      const double along = std::min(std::max(dot(from_a, part.b) * part.inverse, 0.0), 1.0);
+      return norm(from_a - part.b * along) - (part.radius_m + part.growth_m * along);
+    }
+    case Kind::kEllipsoid: {
+      const Vec3 d = p_m - part.a;
+      const double from_ball_m = norm(d) - part.bound_m;
+      // farther than it matters: the ball around it is near enough
+      if (from_ball_m > part.reach_m) return from_ball_m;
+      return distanceToEllipsoid({dot(d, part.x), dot(d, part.y), dot(d, part.z)}, part.b);
+    }
+    case Kind::kHalfSpace:
+      return dot(p_m - part.a, part.b);
+  }
+  return kFar_m;
+}
+
+void Field::join(const Part& part, Vec3 p_m, Distances& distances) noexcept {
+  double& group = distances[part.group];
+  group = smoothMinimum(group, distanceTo(part, p_m), part.blend_m);
+}
+
+FieldPoint Field::judge(const Distances& distances) const noexcept {
+  const double skin_m = distances[skin_];
+  if (skin_m >= 0) return {kOutside, skin_m / kSteepest};
+  double clearance_m = -skin_m;
+  for (const Rule& rule : rules_) {
+    // A rule that fails is as far away as its farthest failing range; one that holds goes on to its nearest
+    // bound.
+    bool holds = true;
+    double outside_m = -kInfinity;
+    for (std::size_t i = 0; i < rule.count; ++i) {
+      const Range& range = rule.ranges[i];
+      const double value_m = distances[range.group];
+      holds = holds && value_m >= range.from_m && value_m < range.to_m;
+      outside_m = std::max({outside_m, range.from_m - value_m, value_m - range.to_m});
+    }
+    clearance_m = std::min(clearance_m, std::fabs(outside_m));
+    if (holds) return {rule.structure, clearance_m / kSteepest};
+  }
+  return {rest_, clearance_m / kSteepest};
+}
+
+FieldPoint Field::at(Vec3 p_m) const noexcept {
+  Distances distances;
+  distances.fill(kFar_m);
+  for (const Part& part : parts_) join(part, p_m, distances);
+  return judge(distances);
+}
+
+double Field::distance(std::size_t group, Vec3 p_m) const noexcept {
+  assert(group < groups_.size());
+  Distances distances;
+  distances.fill(kFar_m);
+  for (const Part& part : parts_)
+    if (part.group == group) join(part, p_m, distances);
+  return distances[group];
+}
+
+Field::OnLine Field::onLine(Vec3 origin_m, Vec3 axis) const noexcept {
+  assert(std::fabs(normSquared(axis) - 1) < 1e-9);
+  OnLine line;
+  line.field_ = this;
+  line.origin_m_ = origin_m;
+  line.axis_ = axis;
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    const Part& part = parts_[i];
+    const Vec3 off = part.center_m - origin_m;
+    const double beside_m = norm(off - axis * dot(off, axis));
+    if (part.kind == Kind::kHalfSpace || beside_m <= part.bound_m + part.reach_m)
+      line.parts_[line.count_++] = static_cast<std::uint16_t>(i);
+  }
+  return line;
+}
+
+FieldPoint Field::OnLine::at(double t_m) const noexcept {
+  const Vec3 p_m = point(t_m);
+  Distances distances;
+  std::fill_n(distances.begin(), field_->groups_.size(), kFar_m);
+  for (std::size_t i = 0; i < count_; ++i) join(field_->parts_[parts_[i]], p_m, distances);
+  return field_->judge(distances);
+}
+
+}  // namespace needlelab

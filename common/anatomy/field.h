@@ -1,0 +1,109 @@
+/// A patient's anatomy, compiled: which structure lies at a point, and how far the next one is at least.
+///
+/// Shapes of a group are joined by the quadratic smooth minimum: with a blend of k,
+/// min(a, b) − max(0, k − |a − b|)²/(4k) (Quilez, "smooth minimum"). Distances are Euclidean, but a capsule
+/// of two radii takes its radius at the nearest point of its segment. All of it is + − × ÷ √ and comparisons,
+/// so it has the same bits on every machine.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/anatomy/field_spec.h"
+
+namespace needlelab {
+
+/// The index of a structure in FieldSpec::structures.
+using StructureIndex = std::uint8_t;
+/// Outside of the skin.
+inline constexpr StructureIndex kOutside = 0xFF;
+
+/// What a field says of a point.
+struct FieldPoint {
+  StructureIndex structure = kOutside;
+  /// Every point nearer than this is of the same structure.
+  double clearance_m = 0;
+};
+
+/// Immutable after construction: any number of threads may ask at once. No function allocates but those that
+/// say so.
+class Field {
+ public:
+  /// The parts of the field that matter on a line. Valid as long as its field.
+  class OnLine {
+   public:
+    [[nodiscard]] FieldPoint at(double t_m) const noexcept;
+    /// The point at t_m of the line.
+    [[nodiscard]] Vec3 point(double t_m) const noexcept { return origin_m_ + axis_ * t_m; }
+    /// The signed distance from the skin.
+   private:
+    friend class Field;
+    const Field* field_ = nullptr;
+    Vec3 origin_m_, axis_;
+    std::array<std::uint16_t, kMaxFieldParts> parts_;
+    std::size_t count_ = 0;
+  };
+
+  /// Errors: those of checkField.
+  static Result<Field> make(const FieldSpec& spec);
+
+  [[nodiscard]] FieldPoint at(Vec3 p_m) const noexcept;
+  /// The signed distance from a group, by its index in FieldSpec::groups; beyond what matters to any rule, a
+  /// lower bound of it.
+  [[nodiscard]] double distance(std::size_t group, Vec3 p_m) const noexcept;
+  /// The field along a line; `axis` is a unit vector. The same bits as `at` at the same points.
+  [[nodiscard]] OnLine onLine(Vec3 origin_m, Vec3 axis) const noexcept;
+
+  [[nodiscard]] const std::vector<FieldStructure>& structures() const { return structures_; }
+  [[nodiscard]] std::size_t skin() const { return skin_; }
+  /// The index of a group; nothing for an unknown id.
+  [[nodiscard]] std::optional<std::size_t> group(std::string_view id) const;
+  /// The number of numbers that an author wrote for shapes and rules.
+  [[nodiscard]] std::size_t numbers() const { return numbers_; }
+
+ private:
+  enum class Kind : std::uint8_t { kCapsule, kEllipsoid, kHalfSpace };
+  struct Part {
+    Kind kind;
+    std::uint8_t group;
+    double blend_m;
+    Vec3 a;           // capsule: a; ellipsoid: centre; half-space: point
+    Vec3 b;           // capsule: b − a; ellipsoid: its radii; half-space: unit normal
+    double radius_m;  // capsule: at a
+    double growth_m;  // capsule: radius at b − radius at a
+    double inverse;   // capsule: 1/|b − a|², 0 for a ball
+    Vec3 x, y, z;     // ellipsoid: its axes
+    Vec3 center_m;    // ball around the part; unbounded for a half-space
+    double bound_m;
+    double reach_m;  // beyond its surface it matters to a rule or a blend up to here
+  };
+  struct Range {
+    std::uint8_t group;
+    double from_m, to_m;
+  };
+  struct Rule {
+    std::array<Range, 1 + kMaxRuleClips> ranges;
+    std::uint8_t count;
+    StructureIndex structure;
+  };
+  using Distances = std::array<double, kMaxFieldGroups>;
+
+  Field() = default;
+  void addPart(std::uint8_t group, const FieldPart& part);
+  void addSegment(std::uint8_t group, double blend_m, const CapsulePart& capsule);
+  [[nodiscard]] static double distanceTo(const Part& part, Vec3 p_m) noexcept;
+  static void join(const Part& part, Vec3 p_m, Distances& distances) noexcept;
+  [[nodiscard]] FieldPoint judge(const Distances& distances) const noexcept;
+
+  std::vector<std::string> groups_;
+  std::vector<FieldStructure> structures_;
+  std::vector<Part> parts_;
+  std::vector<Rule> rules_;
+  std::size_t skin_ = 0, numbers_ = 0;
+  StructureIndex rest_ = 0;
+};
+
+}  // namespace needlelab

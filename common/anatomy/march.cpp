@@ -1,0 +1,93 @@
+#include "common/anatomy/march.h"
+
+#include <algorithm>
+#include <cassert>
+
+namespace needlelab {
+namespace {
+
+/// Halves [from, to], where the structure is `before` at `from` and another at `to`; returns the first place
+/// known to be of another structure.
+double boundary(const Field::OnLine& line, double from_m, double to_m, StructureIndex before) noexcept {
+  while (to_m - from_m > kBoundary_m) {
+    const double middle_m = 0.5 * (from_m + to_m);
+    (line.at(middle_m).structure == before ? from_m : to_m) = middle_m;
+  }
+  return to_m;
+}
+
+/// Adds a layer. If the last one is a sliver, it goes to the layer before it; the first one to the layer
+/// behind it. Returns false if the stack is full.
+bool append(LayerStack& stack, StructureIndex structure, double top_m, double min_m) noexcept {
+  if (stack.count > 0 && top_m - stack.layers[stack.count - 1].top_m < min_m) {
+    if (stack.count == 1) {
+      stack.layers[0].structure = structure;
+      return true;
+    }
+    --stack.count;
+    if (stack.layers[stack.count - 1].structure == structure) return true;
+  }
+  if (stack.count == kMaxStackLayers) return false;
+  stack.layers[stack.count++] = {structure, top_m};
+  return true;
+}
+
+}  // namespace
+
+LayerStack march(const Field& field, Vec3 entry_m, Vec3 axis, const MarchOptions& options) noexcept {
+  assert(options.reach_m > 0 && options.min_step_m > kBoundary_m && options.min_layer_m >= 0);
+  const Field::OnLine line = field.onLine(entry_m, axis);
+  LayerStack stack;
+  stack.end_m = options.reach_m;
+  // the entry itself is on the skin, so the first layer is that of the first step
+  double before_m = options.min_step_m;
+  FieldPoint before = line.at(before_m);
+  if (before.structure == kOutside) {
+    stack.end = StackEnd::kExit;
+    stack.end_m = 0;
+    return stack;
+  }
+  if (field.structures()[before.structure].layer.is_bone) {
+    stack.end = StackEnd::kBone;
+    stack.end_m = 0;
+  }
+  (void)append(stack, before.structure, 0, options.min_layer_m);
+  while (before_m < options.reach_m && stack.end == StackEnd::kReach) {
+    const double next_m =
+        std::min(before_m + std::max(before.clearance_m, options.min_step_m), options.reach_m);
+    const FieldPoint next = line.at(next_m);
+    if (next.structure == before.structure) {
+      before_m = next_m;
+      before = next;
+      continue;
+    }
+    before_m = stack.end_m = boundary(line, before_m, next_m, before.structure);
+    before = line.at(before_m);
+    if (before.structure == kOutside) {
+      stack.end = StackEnd::kExit;
+    } else if (!append(stack, before.structure, before_m, options.min_layer_m)) {
+      stack.end = StackEnd::kFull;
+    } else if (field.structures()[before.structure].layer.is_bone) {
+      stack.end = StackEnd::kBone;
+    } else {
+      stack.end_m = options.reach_m;
+    }
+  }
+  return stack;
+}
+
+std::optional<double> findEntry(const Field& field, Vec3 from_m, Vec3 axis, double reach_m) noexcept {
+  const Field::OnLine line = field.onLine(from_m, axis);
+  double t_m = 0;
+  FieldPoint here = line.at(t_m);
+  if (here.structure != kOutside) return std::nullopt;
+  while (t_m < reach_m) {
+    const double next_m = t_m + std::max(here.clearance_m, 1e-4);
+    here = line.at(next_m);
+    if (here.structure != kOutside) return boundary(line, t_m, next_m, kOutside);
+    t_m = next_m;
+  }
+  return std::nullopt;
+}
+
+}  // namespace needlelab

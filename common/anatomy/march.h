@@ -1,0 +1,58 @@
+/// From a field to the layers that a straight needle meets.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "common/anatomy/field.h"
+
+namespace needlelab {
+
+/// The greatest number of layers of a stack: those of the engine.
+inline constexpr std::size_t kMaxStackLayers = kMaxLayers;
+
+/// Why a stack ends.
+enum class StackEnd : std::uint8_t {
+  kReach,  ///< the needle is no longer
+  kBone,   ///< the last layer is bone
+  kExit,   ///< the line leaves the patient
+  kFull,   ///< there are more layers than a stack holds
+};
+
+/// The layers along a line, from the skin inwards.
+struct LayerStack {
+  struct Layer {
+    StructureIndex structure = kOutside;
+    double top_m = 0;  ///< along the line, from the entry
+    friend bool operator==(const Layer&, const Layer&) = default;
+  };
+  std::array<Layer, kMaxStackLayers> layers{};
+  std::size_t count = 0;
+  double end_m = 0;  ///< along the line: where the last layer ends, or what is known of it
+  StackEnd end = StackEnd::kReach;
+};
+
+struct MarchOptions {
+  double reach_m = 0.1;  ///< how far to march, (0, 1]: the needle's length
+  /// The march advances by the field's clearance, but by this at least: a layer thinner than this can be
+  /// missed.
+  double min_step_m = 1e-4;
+  /// Layers thinner than this go to the layer before: a needle does not feel a sliver below half its
+  /// diameter.
+  double min_layer_m = 0.35e-3;
+};
+
+/// Boundaries are found to this.
+inline constexpr double kBoundary_m = 1e-7;
+
+/// Marches from a point on the skin along the unit vector `axis`, by sphere tracing (Hart 1996): no step is
+/// longer than the field's clearance, and a change of structure is halved down to kBoundary_m. Ends at the
+/// first bone. Two layers of one structure are one, if a sliver between them was dropped. Does not allocate;
+/// thread: any.
+LayerStack march(const Field& field, Vec3 entry_m, Vec3 axis, const MarchOptions& options) noexcept;
+
+/// The place along a line where it enters the skin, from a point outside; nothing within `reach_m`, or from a
+/// point inside.
+std::optional<double> findEntry(const Field& field, Vec3 from_m, Vec3 axis, double reach_m) noexcept;
+
+}  // namespace needlelab

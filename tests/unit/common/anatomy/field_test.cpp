@@ -1,0 +1,136 @@
+/// A field at a point: distances by formula, rules in order, clearance.
+#include "common/anatomy/field.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/support/anatomy/fields.h"
+
+namespace needlelab::test {
+namespace {
+
+std::string structureAt(const Field& field, Vec3 p_m) {
+  const StructureIndex index = field.at(p_m).structure;
+  return index == kOutside ? "outside" : field.structures()[index].id;
+}
+
+Field onePart(FieldPart part) {
+  FieldSpec spec;
+  spec.groups = {{"skin", {std::move(part)}}};
+  spec.structures = {structure("tissue")};
+  spec.rules = {rule("skin", -60, -50, "tissue")};  // distances matter up to 60 mm
+  spec.skin = "skin";
+  spec.rest = "tissue";
+  return fieldOf(spec);
+}
+
+TEST(FieldDistance, toAHalfSpaceIsAlongItsUnitNormal) {
+  const Field field = onePart(halfSpace(mm(1, 2, 3), {0, 3, 4}));
+  EXPECT_NEAR(field.distance(0, mm(7, 2 + 5 * 0.6, 3 + 5 * 0.8)), 5e-3, 1e-15);
+}
+
+TEST(FieldDistance, toACapsuleIsFromItsSegmentLessTheRadiusThere) {
+  const Field field = onePart(capsule(mm(0, 0, 0), mm(0, 0, 40), 2, 6));
+  EXPECT_NEAR(field.distance(0, mm(10, 0, 10)), (10 - 3) * 1e-3, 1e-15) << "a quarter of the way";
+  EXPECT_NEAR(field.distance(0, mm(0, 3, -4)), (5 - 2) * 1e-3, 1e-15) << "before a";
+  EXPECT_NEAR(field.distance(0, mm(0, 0, 50)), (10 - 6) * 1e-3, 1e-15) << "beyond b";
+}
+
+TEST(FieldDistance, toABallIsFromItsCentre) {
+  EXPECT_NEAR(onePart(ball(mm(1, 1, 1), 4)).distance(0, mm(1, 13, 6)), 9e-3, 1e-15);
+}
+
+TEST(FieldDistance, toAnEllipsoidIsThatOfTheNearestPointOfItsSurface) {
+  EllipsoidPart turned{mm(1, 0, 0), mm(10, 4, 2), {0, 1, 0}, {0, 0, 1}};  // x along Y, y along Z, z along X
+  const Field field = onePart({turned});
+  EXPECT_NEAR(field.distance(0, mm(1, 15, 0)), 5e-3, 1e-15);
+  EXPECT_NEAR(field.distance(0, mm(1, 0, -7)), 3e-3, 1e-15);
+  EXPECT_NEAR(field.distance(0, mm(4, 0, 0)), 1e-3, 1e-15);
+  EXPECT_NEAR(field.distance(0, mm(1, 0, 0)), -2e-3, 2e-9) << "at its centre: the least radius";
+  // a point off the surface along its normal there has that distance, as far as the centres of curvature
+  Random random(2);
+  for (int i = 0; i < 1'000; ++i) {
+    const Vec3 way = normalized(randomPoint(random, {-1, -1, -1}, {1, 1, 1}));
+    const Vec3 on{10 * way.y, 4 * way.z, 2 * way.x};  // along its axes
+    const Vec3 normal = normalized(Vec3{on.x / 100, on.y / 16, on.z / 4});
+    const double off_mm = random.in(-0.35, 30);  // least radius of curvature: 2²/10 mm
+    const Vec3 p = on + normal * off_mm;
+    ASSERT_NEAR(field.distance(0, mm(1 + p.z, p.x, p.y)), off_mm * 1e-3, 1e-10) << i;
+  }
+}
+
+TEST(FieldDistance, ofATubeIsThatOfItsPiecesAndBranches) {
+  const TubePart trunk{{{mm(0, 0, 0), 2e-3}, {mm(20, 0, 0), 2e-3}, {mm(20, 20, 0), 1e-3}}};
+  const Field field = onePart({trunk});
+  EXPECT_NEAR(field.distance(0, mm(10, 5, 0)), 3e-3, 1e-15);
+  EXPECT_NEAR(field.distance(0, mm(15, 20, 0)), 4e-3, 1e-15);
+  EXPECT_NEAR(field.distance(0, mm(24, 10, 0)), 2.5e-3, 1e-15) << "half way down the second piece: 1.5 mm";
+}
+
+TEST(FieldDistance, blendsByTheQuadraticSmoothMinimum) {
+  FieldSpec spec = slab();
+  spec.groups.push_back({"pair", {ball(mm(-10, 0, -50), 6), ball(mm(10, 0, -50), 6, 8)}});
+  const Field field = fieldOf(spec);
+  EXPECT_NEAR(field.distance(1, mm(0, 0, -50)), (4 - 8 / 4.0) * 1e-3, 1e-15)
+      << "equal distances of 4 mm: k/4 less";
+  EXPECT_NEAR(field.distance(1, mm(-1, 0, -50)), (3 - 6.0 * 6.0 / (4 * 8)) * 1e-3, 1e-15) << "3 and 5 mm";
+  EXPECT_NEAR(field.distance(1, mm(-10, 0, -50)), -6e-3, 1e-15) << "far from the other: not changed";
+}
+
+TEST(FieldRules, theFirstThatHoldsDecidesAndTheRestIsTheRest) {
+  FieldSpec spec = slab();
+  spec.structures.push_back(structure("bone", true));
+  spec.groups.push_back({"bone", {ball(mm(0, 0, -10), 4)}});
+  spec.rules.insert(spec.rules.begin(), rule("bone", -kNoBound, 0, "bone"));
+  const Field field = fieldOf(spec);
+  EXPECT_EQ(structureAt(field, mm(0, 0, 1)), "outside");
+  EXPECT_EQ(structureAt(field, mm(0, 0, 0)), "outside") << "the skin itself";
+  EXPECT_EQ(structureAt(field, mm(20, 0, -1)), "dermis");
+  EXPECT_EQ(structureAt(field, mm(20, 0, -2)), "dermis") << "[from, to): −2 mm is still the dermis";
+  EXPECT_EQ(structureAt(field, mm(20, 0, -2.001)), "fat");
+  EXPECT_EQ(structureAt(field, mm(0, 0, -7)), "bone") << "before the fat's rule";
+  EXPECT_EQ(structureAt(field, mm(20, 0, -30)), "muscle");
+}
+
+TEST(FieldRules, aClipConfinesARule) {
+  FieldSpec spec = slab();
+  spec.groups.push_back({"front", {halfSpace({}, {1, 0, 0})}});
+  spec.rules[1].clips = {{"front", -5e-3, 0}};
+  const Field field = fieldOf(spec);
+  EXPECT_EQ(structureAt(field, mm(-1, 0, -4)), "fat");
+  EXPECT_EQ(structureAt(field, mm(1, 0, -4)), "muscle");
+  EXPECT_EQ(structureAt(field, mm(-6, 0, -4)), "muscle");
+}
+
+// the promise that lets a march take long steps
+TEST(FieldClearance, everyPointNearerThanItIsOfTheSameStructure) {
+  const Field field = fieldOf(forearm());
+  Random random(4);
+  int long_ones = 0;
+  for (int i = 0; i < 20'000; ++i) {
+    const Vec3 p_m = randomPoint(random, {-40, -35, -40}, {50, 35, 5});
+    const FieldPoint point = field.at(p_m);
+    ASSERT_GE(point.clearance_m, 0);
+    if (point.clearance_m > 1e-3) ++long_ones;
+    const Vec3 way = normalized(randomPoint(random, {-1, -1, -1}, {1, 1, 1}));
+    const double share = random.in(0, 0.999999);
+    ASSERT_EQ(field.at(p_m + way * (share * point.clearance_m)).structure, point.structure)
+        << i << ": clearance " << point.clearance_m;
+  }
+  EXPECT_GT(long_ones, 4'000) << "a clearance of nothing would prove nothing";
+}
+
+TEST(FieldOnLine, hasTheBitsOfTheWholeField) {
+  const Field field = fieldOf(forearm());
+  Random random(9);
+  for (int i = 0; i < 300; ++i) {
+    const Line line = randomLine(random);
+    const Field::OnLine on_line = field.onLine(line.from_m, line.axis);
+    for (double t_m = 0; t_m < 0.05; t_m += 0.37e-3)
+      ASSERT_EQ(on_line.at(t_m).structure, field.at(on_line.point(t_m)).structure) << i << " at " << t_m;
+  }
+}
+
+}  // namespace
+}  // namespace needlelab::test
