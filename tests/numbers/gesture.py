@@ -392,7 +392,6 @@ def syringe(g, result):
         if before is None and way > 0 and way_in > 0:
             before = aspirated
     result["aspirations"], result["injections"], result["injected_share"] = aspirations, injections, injected
-    result["plunger_strokes"] = len(strokes(g))
     if injections and g.targets:
         result["injected_in_target_share"] = min(1.0, in_target / injected) if injected > 0 else 0
     if before is not None:

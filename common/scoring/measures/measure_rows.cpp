@@ -15,8 +15,7 @@ namespace needlelab {
 // 5: mean SPARC of the movements, weighted by distance; until then SPARC from first entry to last exit.
 // 6: contacts of the hub with the skin.
 // 7: being in a target requires being in its tissues; a profile whose targets name none scores as in 6.
-// 8: strokes of the plunger.
-const std::uint32_t kScoreDefinitionVersion = 8;
+const std::uint32_t kScoreDefinitionVersion = 7;
 
 namespace {
 
@@ -79,10 +78,6 @@ std::string hazardNames(const Facts& facts) {
 Value meanPlannedLine(const Facts& facts, std::size_t /*layer*/) {
   const bool has_mean = facts.planned_line_m && facts.weight_s > 0;
   return has_mean ? Value(facts.planned_line_ms / facts.weight_s) : std::nullopt;
-}
-
-Value plungerStrokes(const Facts& facts, std::size_t /*layer*/) {
-  return facts.aspirations + facts.injections;
 }
 
 Value injectedInTarget(const Facts& facts, std::size_t /*layer*/) {
@@ -350,11 +345,6 @@ constexpr MeasureKind kMeasureKinds[] = {
      .better = Better::kNeither,
      .definition = "strokes of the plunger inwards",
      .value = fact<&Facts::injections>},
-    {.name = "plunger_strokes",
-     .words = "Strokes of the plunger",
-     .better = Better::kNeither,
-     .definition = "aspirations and injections together",
-     .value = plungerStrokes},
     {.name = "injected_share",
      .words = "Share of the syringe injected",
      .better = Better::kNeither,

@@ -547,15 +547,6 @@ TEST(Actions, workAgainstASpringAcrossTheNeedle) {
   EXPECT_EQ(valueOf(scoreGesture(outside, 1000, halfSpace(), {}), "clamping_work_j"), 0);
 }
 
-TEST(Syringe, strokesInBothDirectionsCount) {
-  // drawn back by 10 %, pressed by 50 %
-  const auto samples = gesture(500, 6, [](double t, GestureSample& sample) {
-    setDepth(sample, 0.015);
-    sample.plunger = 0.2 - 0.1 * ease(t - 1, 1) + 0.5 * ease(t - 3, 1);
-  });
-  EXPECT_EQ(valueOf(scoreGesture(samples, 500, halfSpace(), {}), "plunger_strokes"), 2);
-}
-
 TEST(Tissue, meanForceOfEachLayer) {
   // 1, 2, 3 N by layer
   const auto score = scoreGesture(inAndOut(1000), 1000, halfSpace(), {});
