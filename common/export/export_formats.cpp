@@ -31,27 +31,6 @@ class SamplesAsCsv : public SampleWriter {
   }
 };
 
-/// The columns of CSV, with tabs between them.
-class SamplesAsTsv : public SampleWriter {
- public:
-  void begin(std::string& out, const std::function<std::string()>&) override {
-    std::string row;
-    appendSampleCsvHeader(row);
-    out += withTabs(std::move(row));
-  }
-  void add(std::string& out, const GestureSample& sample, std::int64_t first_time_ns) override {
-    std::string row;
-    appendSampleCsvRow(row, sample, first_time_ns);
-    out += withTabs(std::move(row));
-  }
-
- private:
-  static std::string withTabs(std::string row) {
-    std::replace(row.begin(), row.end(), ',', '\t');
-    return row;
-  }
-};
-
 /// {"version", "machine", "session", "rows"}.
 class SamplesAsJson : public SampleWriter {
  public:
@@ -187,13 +166,6 @@ std::vector<ExportFormat> allFormats() {
        .title = "recording",
        .words = "the chunks as they are stored (common/gesture/FORMAT.md)",
        .places = {kSessionExport, kStudyRecording}},
-      {.name = "tsv",
-       .suffix = ".tsv",
-       .media_type = "text/tab-separated-values; charset=utf-8",
-       .title = "TSV",
-       .words = "every tick, tabs between the columns",
-       .places = {kSessionExport, kStudyRecording, kWebSamples},
-       .samples = make<SampleWriter, SamplesAsTsv>},
       {.name = "csv",
        .suffix = ".csv",
        .media_type = "text/csv; charset=utf-8",

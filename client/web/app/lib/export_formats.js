@@ -4,7 +4,6 @@
 export const kExportFormats = {
   samples: [
     { name: 'csv', suffix: '.csv', type: 'text/csv; charset=utf-8', title: 'CSV', words: 'every tick, units in the header' },
-    { name: 'tsv', suffix: '.tsv', type: 'text/tab-separated-values; charset=utf-8', title: 'TSV', words: 'every tick, tabs between the columns' },
   ],
   scores: [
     { name: 'csv', suffix: '.csv', type: 'text/csv; charset=utf-8', title: 'CSV', words: 'one row per attempt and measure, units in the header' },

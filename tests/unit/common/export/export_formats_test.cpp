@@ -87,7 +87,7 @@ TEST(ExportFormats, areChosenByNameThenBySuffixThenTheFirst) {
 }
 
 TEST(ExportFormats, areListedInASentence) {
-  EXPECT_EQ(formatList(kSessionExport, &ExportFormat::name), "csv, json, recording or tsv");
+  EXPECT_EQ(formatList(kSessionExport, &ExportFormat::name), "csv, json or recording");
   EXPECT_EQ(formatList(kResults, &ExportFormat::title), "CSV");
 }
 
@@ -114,12 +114,6 @@ TEST(ExportFormats, samplesAsCsvAreRowsBelowAHeader) {
   EXPECT_TRUE(text.starts_with("t_s,tick,time_ns,px_m,"));
   EXPECT_THAT(text, HasSubstr("\n0.001,1,6000000,0,"));
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 3);
-}
-
-TEST(ExportFormats, samplesAsTsvAreTheRowsOfCsvWithTabs) {
-  std::string csv = written(*formatAt(kSessionExport, "csv").samples());
-  std::replace(csv.begin(), csv.end(), ',', '\t');
-  EXPECT_EQ(written(*formatAt(kWebSamples, "tsv").samples()), csv);
 }
 
 TEST(ExportFormats, samplesAsJsonHaveTheSessionAndTheRows) {
