@@ -22,6 +22,7 @@ using SimCommand = std::function<int()>;
 /// Each function adds its subcommand to `app`. Parsing sets `chosen` if the user picks that subcommand. Both
 /// must outlive the parsing.
 void addAccuracyCommand(CLI::App& app, SimCommand& chosen);
+void addAnatomyCommand(CLI::App& app, SimCommand& chosen);
 void addBenchmarkCommand(CLI::App& app, SimCommand& chosen);
 void addRunCommand(CLI::App& app, SimCommand& chosen);
 void addFiguresCommand(CLI::App& app, SimCommand& chosen);

@@ -27,6 +27,7 @@ int runSim(int argc, const char* const* argv) {
     addAccuracyCommand(app, chosen);
     addBenchmarkCommand(app, chosen);
     addSkillCommand(app, chosen);
+    addAnatomyCommand(app, chosen);
     addStabilityCommand(app, chosen);
     addEffectsCommand(app, chosen);
     const std::string version = std::string("needlelab-sim ") + NEEDLELAB_VERSION;

@@ -22,25 +22,28 @@ double smoothMinimum(double a, double b, double blend_m) noexcept {
 }
 
 /// The signed distance of a point from an ellipsoid with the radii r, both along its axes: the nearest point
-/// of the surface is q = r² p/(t + r²), where t is the greatest root of Σ (r p/(t + r²))² = 1 (Eberly,
-/// "Distance from a Point to an Ellipse, an Ellipsoid, or a Hyperellipsoid"). The sum falls and is convex
-/// there, so Newton's steps from its left end up at the root without passing it.
-double distanceToEllipsoid(Vec3 p_m, Vec3 r_m) noexcept {
+/// of the surface is q = r² p/(t + r²), where t is the greatest root of F(t) = Σ (r p/(t + r²))² − 1 (Eberly,
+/// "Distance from a Point to an Ellipse, an Ellipsoid, or a Hyperellipsoid"). F falls and is convex there:
+/// Newton's step from any place ends up left of the root, and further steps approach it without passing it.
+/// The first step starts at t = 0, the surface.
+double nearestOnEllipsoid(Vec3 p_m, Vec3 r_m) noexcept {
   constexpr double kOnAxis_m = 1e-9;  // on a plane of symmetry the root would be at the pole
-  constexpr double kStep_m2 = 1e-13;
+  const double last_step_m2 = 1e-9 * std::min({r_m.x, r_m.y, r_m.z});  // half a nanometre off
   const Vec3 p{std::max(std::fabs(p_m.x), kOnAxis_m), std::max(std::fabs(p_m.y), kOnAxis_m),
                std::max(std::fabs(p_m.z), kOnAxis_m)};
   const Vec3 squares{r_m.x * r_m.x, r_m.y * r_m.y, r_m.z * r_m.z};
   const Vec3 products{r_m.x * p.x, r_m.y * p.y, r_m.z * p.z};
-  double t = std::max({products.x - squares.x, products.y - squares.y, products.z - squares.z});
+  // F ≥ 0 here: left of the root
+  const double left = std::max({products.x - squares.x, products.y - squares.y, products.z - squares.z});
+  double t = 0;
   Vec3 inverse;
   for (int i = 0; i < 30; ++i) {
     inverse = {1 / (t + squares.x), 1 / (t + squares.y), 1 / (t + squares.z)};
     const Vec3 u{products.x * inverse.x, products.y * inverse.y, products.z * inverse.z};
     const Vec3 uu{u.x * u.x, u.y * u.y, u.z * u.z};
     const double step = (uu.x + uu.y + uu.z - 1) / (2 * dot(uu, inverse));
-    if (step < kStep_m2) break;
-    t += step;
+    if (std::fabs(step) < last_step_m2) break;
+    t = std::max(t + step, left);
   }
   return t * norm({p.x * inverse.x, p.y * inverse.y, p.z * inverse.z});
 }
@@ -97,6 +100,7 @@ void Field::addPart(std::uint8_t group, const FieldPart& spec) {
     part.blend_m = spec.blend_m;
     part.a = part.center_m = ellipsoid->center_m;
     part.b = ellipsoid->radii_m;
+    part.inverses = {1 / part.b.x, 1 / part.b.y, 1 / part.b.z};
     part.x = normalized(ellipsoid->x_axis);
     part.z = normalized(cross(part.x, ellipsoid->y_axis));
     part.y = cross(part.z, part.x);
@@ -151,7 +155,10 @@ Result<Field> Field::make(const FieldSpec& spec) {
     }
   }
   for (const Part& part : field.parts_) blend_m[part.group] = std::max(blend_m[part.group], part.blend_m);
-  for (Part& part : field.parts_) part.reach_m = reach_m[part.group] + blend_m[part.group];
+  for (Part& part : field.parts_) {
+    part.ruled_m = reach_m[part.group];
+    part.reach_m = part.ruled_m + blend_m[part.group];
+  }
   return field;
 }
 
@@ -163,6 +170,23 @@ std::optional<std::size_t> Field::group(std::string_view id) const {
 
 // ---- asked ----
 
+double Field::distanceToEllipsoid(const Part& part, Vec3 p_m) noexcept {
+  const Vec3 d = p_m - part.a;
+  const Vec3 own{dot(d, part.x), dot(d, part.y), dot(d, part.z)};
+  const Vec3 u{own.x * part.inverses.x, own.y * part.inverses.y, own.z * part.inverses.z};
+  const double k0 = norm(u);
+  // k0 is convex and at most 1/least steep, which gives bounds where nothing asks for more
+  if (k0 > 1) {
+    const double k1 = norm({u.x * part.inverses.x, u.y * part.inverses.y, u.z * part.inverses.z});
+    const double at_least_m = k0 * (k0 - 1) / k1;
+    if (at_least_m > part.reach_m) return at_least_m;
+  } else {
+    const double at_least_m = (1 - k0) * std::min({part.b.x, part.b.y, part.b.z});
+    if (at_least_m > part.ruled_m) return -at_least_m;
+  }
+  return nearestOnEllipsoid(own, part.b);
+}
+
 double Field::distanceTo(const Part& part, Vec3 p_m) noexcept {
   switch (part.kind) {
     case Kind::kCapsule: {
@@ -170,13 +194,8 @@ double Field::distanceTo(const Part& part, Vec3 p_m) noexcept {
       const double along = std::min(std::max(dot(from_a, part.b) * part.inverse, 0.0), 1.0);
       return norm(from_a - part.b * along) - (part.radius_m + part.growth_m * along);
     }
-    case Kind::kEllipsoid: {
-      const Vec3 d = p_m - part.a;
-      const double from_ball_m = norm(d) - part.bound_m;
-      // farther than it matters: the ball around it is near enough
-      if (from_ball_m > part.reach_m) return from_ball_m;
-      return distanceToEllipsoid({dot(d, part.x), dot(d, part.y), dot(d, part.z)}, part.b);
-    }
+    case Kind::kEllipsoid:
+      return distanceToEllipsoid(part, p_m);
     case Kind::kHalfSpace:
       return dot(p_m - part.a, part.b);
   }

@@ -76,9 +76,11 @@ class Field {
     double growth_m;  // capsule: radius at b − radius at a
     double inverse;   // capsule: 1/|b − a|², 0 for a ball
     Vec3 x, y, z;     // ellipsoid: its axes
+    Vec3 inverses;    // ellipsoid: 1/radius along each
     Vec3 center_m;    // ball around the part; unbounded for a half-space
     double bound_m;
-    double reach_m;  // beyond its surface it matters to a rule or a blend up to here
+    double ruled_m;  // the greatest distance from its group that any rule asks about
+    double reach_m;  // beyond its surface it matters up to here, to a rule or a blend
   };
   struct Range {
     std::uint8_t group;
@@ -95,6 +97,7 @@ class Field {
   void addPart(std::uint8_t group, const FieldPart& part);
   void addSegment(std::uint8_t group, double blend_m, const CapsulePart& capsule);
   [[nodiscard]] static double distanceTo(const Part& part, Vec3 p_m) noexcept;
+  [[nodiscard]] static double distanceToEllipsoid(const Part& part, Vec3 p_m) noexcept;
   static void join(const Part& part, Vec3 p_m, Distances& distances) noexcept;
   [[nodiscard]] FieldPoint judge(const Distances& distances) const noexcept;
 

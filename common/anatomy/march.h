@@ -46,7 +46,7 @@ struct MarchOptions {
 inline constexpr double kBoundary_m = 1e-7;
 
 /// Marches from a point on the skin along the unit vector `axis`, by sphere tracing (Hart 1996): no step is
-/// longer than the field's clearance, and a change of structure is halved down to kBoundary_m. Ends at the
+/// longer than the field's clearance, and a change of structure is narrowed down to kBoundary_m. Ends at the
 /// first bone. Two layers of one structure are one, if a sliver between them was dropped. Does not allocate;
 /// thread: any.
 LayerStack march(const Field& field, Vec3 entry_m, Vec3 axis, const MarchOptions& options) noexcept;

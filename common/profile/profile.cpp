@@ -1,5 +1,7 @@
 #include "common/profile/profile.h"
 
+#include <utility>
+
 #include "common/base/files/files.h"
 #include "common/profile/message_json.h"
 #include "common/profile/rules.h"
@@ -36,7 +38,10 @@ std::vector<Error> profileFaults(std::string_view json) {
   if (!tree) return {tree.error()};
   pb::Profile profile;
   std::vector<Error> faults = messageFaults(*tree, profile);
-  if (!faults.empty()) return faults;
+  if (!faults.empty()) {
+    for (Error& missing : missingInBody(profile)) faults.push_back(std::move(missing));
+    return faults;
+  }
   if (Status status = checkProfileRules(profile); !status) faults.push_back(status.error());
   return faults;
 }

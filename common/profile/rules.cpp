@@ -22,6 +22,7 @@
 #include "common/profile/planned_line.h"
 #include "common/profile/scene_of_profile.h"
 #include "common/profile/strict_json.h"
+#include "common/profile/volume.h"
 
 namespace needlelab {
 namespace {
@@ -165,10 +166,37 @@ Status checkTargets(const pb::Profile& profile) {
   return {};
 }
 
+/// A profile has either a volume, or a limb with layers.
+Status checkBody(const pb::Profile& profile) {
+  if (profile.has_volume()) {
+    if (profile.has_limb())
+      return fieldError("limb", "a profile with a volume has none: its skin is a group of the volume");
+    if (profile.layers_size() > 0)
+      return fieldError("layers", "a profile with a volume has none: they are the volume's structures");
+    return checkVolume(profile.volume());
+  }
+  const std::vector<Error> missing = missingInBody(profile);
+  if (!missing.empty()) return missing.front();
+  return {};
+}
+
 }  // namespace
+
+std::vector<Error> missingInBody(const pb::Profile& profile) {
+  std::vector<Error> faults;
+  if (profile.has_volume()) return faults;
+  if (!profile.has_limb()) faults.push_back(fieldError("limb", "is missing"));
+  if (profile.layers_size() == 0)
+    faults.push_back(fieldError("layers", "give 1 to 32, from the skin inwards"));
+  for (int i = 0; i < profile.layers_size(); ++i)
+    if (!profile.layers(i).has_thickness_m())
+      faults.push_back(fieldError(fmt::format("layers[{}].thickness_m", i), "is missing"));
+  return faults;
+}
 
 Status checkProfileRules(const pb::Profile& profile) {
   RETURN_IF_ERROR(checkId("id", profile.id()));
+  RETURN_IF_ERROR(checkBody(profile));
   RETURN_IF_ERROR(checkNeedle(profile.needle()));
   RETURN_IF_ERROR(checkEffects(profile));
   RETURN_IF_ERROR(checkModelSection(profile));
@@ -185,6 +213,7 @@ Status checkProfileRules(const pb::Profile& profile) {
       return fieldError(path + ".name", quotedText(profile.hazards(i).name()) + " is used twice");
     }
   }
+  if (profile.has_volume()) return {};
   // forces and shapes are checked in one place, the engine
   if (const auto spec = sceneSpecOf(profile); !spec) return spec.error();
   return {};

@@ -12,6 +12,8 @@ namespace needlelab {
 
 /// Errors: kInvalidInput, `PATH: words`, without a source; the first fault only.
 Status checkProfileRules(const pb::Profile& profile);
+/// What a profile without a volume lacks: a limb, layers, their thicknesses. Each fault begins with its path.
+std::vector<Error> missingInBody(const pb::Profile& profile);
 Status checkExerciseRules(const pb::Exercise& exercise, const std::string& path);
 Status checkCurriculumRules(const pb::Curriculum& curriculum);
 

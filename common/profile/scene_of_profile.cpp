@@ -21,10 +21,6 @@ namespace {
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
-Vec3 vectorOf(const pb::Vector3& v) {
-  return {v.x(), v.y(), v.z()};
-}
-
 static_assert(pb::Profile::Effect_MIN == 0 && pb::Profile::Effect_MAX == kEffectCount);
 
 Result<Limb> limbOf(const pb::Limb& limb) {
@@ -42,6 +38,8 @@ Result<Limb> limbOf(const pb::Limb& limb) {
   return Error{ErrorCode::kInvalidInput, "limb: give exactly one of plane, sphere, capsule; found none"};
 }
 
+}  // namespace
+
 LayerSpec layerOf(const pb::Layer& layer) {
   LayerSpec spec;
   spec.thickness_m = layer.thickness_m();
@@ -58,6 +56,8 @@ LayerSpec layerOf(const pb::Layer& layer) {
   }
   return spec;
 }
+
+namespace {
 
 TrackingWallSpec wallOf(const pb::TrackingWall& wall) {
   TrackingWallSpec spec;
@@ -271,6 +271,9 @@ pb::Profile::Effect numberOfEffect(Effect effect) {
 
 Result<SceneSpec> sceneSpecOf(const pb::Profile& profile, const Pose& X_WL) {
   ASSIGN_OR_RETURN(const Pose placement, checkedPlacement(X_WL));
+  if (profile.has_volume())
+    return Error{ErrorCode::kInvalidInput,
+                 "volume: forces in a volume are not computed; give limb and layers"};
   ASSIGN_OR_RETURN(const Limb limb, limbOf(profile.limb()));
 
   SceneSpec spec;

@@ -20,9 +20,16 @@ Result<Limb> unitLimbOf(const pb::Limb& limb);
 /// A profile's needle as numbers: `outer_diameter_m` as given, else from the gauge; 0 if neither is given.
 NeedleSpec needleOf(const pb::Needle& needle);
 
+inline Vec3 vectorOf(const pb::Vector3& v) {
+  return {v.x(), v.y(), v.z()};
+}
+
+/// A layer's numbers; without thickness_m (a volume's structure) its thickness is 0.
+LayerSpec layerOf(const pb::Layer& layer);
+
 /// The scene for the engine, with the limb placed in W by `X_WL` (L: the frame of the profile's coordinates).
 /// Errors: kInvalidInput, when the profile (one that did not come from `parseProfile`) or the placement is
-/// not valid.
+/// not valid, or has a volume.
 Result<SceneSpec> sceneSpecOf(const pb::Profile& profile, const Pose& X_WL = {});
 
 /// Replaces the profile's axial model by the named one, as given on the command line. If the profile has no

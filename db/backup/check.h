@@ -1,5 +1,5 @@
-/// Checks a whole database: SQLite's integrity check, foreign keys, the schema, every chunk and every
-/// session.
+/// Checks a whole database: SQLite's integrity check, foreign keys, the schema, and every session
+/// (sessions/session_check.cpp).
 #pragma once
 
 #include <cstdint>
@@ -29,7 +29,6 @@ struct DatabaseCheck {
   /// No damage: a copy is as good as its original. Undecodable chunks do not count as damage.
   [[nodiscard]] bool ok() const { return faults.empty(); }
 };
-inline constexpr std::size_t kMaxFaults = 100;
 
 /// Takes time proportional to the database's size and holds one read view throughout. A fault in the data is
 /// a finding; an error means that the database could not be read. Thread: as the connection.

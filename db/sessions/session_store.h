@@ -113,6 +113,9 @@ struct SoughtChunk {
   std::uint32_t chunks_read = 0;  ///< by the search; none is decoded
 };
 
+/// The greatest number of faults that a check lists.
+inline constexpr std::size_t kMaxFaults = 100;
+
 /// The outcome of a full check: every chunk's CRC, whether it can be decoded, gaps, count, samples, hash.
 /// Covers the stored recording: the original or the thinned one.
 struct SessionCheck {

@@ -14,10 +14,6 @@
 namespace needlelab {
 namespace {
 
-Vec3 vectorOf(const pb::Vector3& v) {
-  return {v.x(), v.y(), v.z()};
-}
-
 DepthSpan spanOfLayer(std::span<const double> layer_end_m, std::size_t layer) {
   return {layer == 0 ? 0 : layer_end_m[layer - 1],
           layer + 1 == layer_end_m.size() ? std::numeric_limits<double>::infinity() : layer_end_m[layer]};

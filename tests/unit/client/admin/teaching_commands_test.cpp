@@ -32,7 +32,7 @@ class TeachingCommands : public test::AdminServerTest {
     return test::TestDb::must(
         connectServer({{{"127.0.0.1", server_->port()}}, server_->caFile(), user, "correct horse"}));
   }
-  /// Checks that both ways give the same output.
+  /// Runs the command on the server as `user`, or on the folder.
   Run either(bool on_server, const std::string& user, const std::vector<std::string>& arguments) const {
     return on_server ? as(user, arguments) : onData(arguments);
   }

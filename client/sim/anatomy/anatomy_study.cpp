@@ -1,0 +1,356 @@
+#include "client/sim/anatomy/anatomy_study.h"
+
+#include <ctime>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "common/haptics/engine.h"
+#include "common/profile/scene_of_profile.h"
+#include "common/profile/volume.h"
+
+namespace needlelab {
+namespace {
+
+constexpr double kReference_m = 0.02e-3;
+constexpr double kAround_m = 0.02;    // places lie within this of a target
+constexpr double kStart_m = 0.3;      // a path comes from here
+constexpr double kShortest_m = 2e-3;  // within the patient
+constexpr double kMatched_m = 3e-3;   // two boundaries are the same if they are nearer than this
+constexpr double kSpeed_mps = 0.02;
+constexpr double kRate_Hz = 1000;
+
+/// splitmix64 (Steele, Lea, Flood 2014): a seed means the same on every machine.
+class Draw {
+ public:
+  explicit Draw(std::uint64_t seed) : state_(seed) {}
+  double in(double low, double high) {
+    std::uint64_t z = (state_ += 0x9E3779B97F4A7C15ull);
+    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ull;
+    z = (z ^ (z >> 27)) * 0x94D049BB133111EBull;
+    return low + (high - low) * static_cast<double>((z ^ (z >> 31)) >> 11) * 0x1.0p-53;
+  }
+  Vec3 inBox(Vec3 low, Vec3 high) {
+    const double x = in(low.x, high.x), y = in(low.y, high.y), z = in(low.z, high.z);
+    return {x, y, z};
+  }
+
+ private:
+  std::uint64_t state_;
+};
+
+/// Where needles aim at: boxes around the targets, or one around all bounded parts but the skin's.
+struct Box {
+  Vec3 low, high;
+};
+
+void widen(Box& box, Vec3 p) {
+  box.low = {std::min(box.low.x, p.x), std::min(box.low.y, p.y), std::min(box.low.z, p.z)};
+  box.high = {std::max(box.high.x, p.x), std::max(box.high.y, p.y), std::max(box.high.z, p.z)};
+}
+
+std::vector<Box> placesToAimAt(const pb::Profile& profile) {
+  std::vector<Box> boxes;
+  const Vec3 around{kAround_m, kAround_m, kAround_m};
+  for (const pb::Target& target : profile.targets()) {
+    const Vec3 center{target.center_m().x(), target.center_m().y(), target.center_m().z()};
+    boxes.push_back({center - around, center + around});
+  }
+  if (!boxes.empty()) return boxes;
+  Box all{{1e3, 1e3, 1e3}, {-1e3, -1e3, -1e3}};
+  for (const FieldGroup& group : fieldSpecOf(profile.volume()).groups) {
+    for (const FieldPart& part : group.parts) {
+      if (const auto* const capsule = std::get_if<CapsulePart>(&part.shape)) {
+        widen(all, capsule->a_m);
+        widen(all, capsule->b_m);
+      } else if (const auto* const ellipsoid = std::get_if<EllipsoidPart>(&part.shape)) {
+        widen(all, ellipsoid->center_m);
+      } else if (const auto* const tube = std::get_if<TubePart>(&part.shape)) {
+        for (const TubePart::Point& point : tube->points) widen(all, point.at_m);
+      }
+    }
+  }
+  if (all.low.x > all.high.x) all = {-around, around};
+  return {all};
+}
+
+/// Every `step_m`, the structure from the whole field; a change is halved.
+LayerStack fixedSteps(const Field& field, const AnatomyPath& path, double reach_m, double step_m,
+                      double min_layer_m) {
+  std::vector<LayerStack::Layer> raw;
+  const auto structureAt = [&](double t_m) { return field.at(path.entry_m + path.axis * t_m).structure; };
+  const auto isBone = [&](StructureIndex structure) { return field.structures()[structure].layer.is_bone; };
+  LayerStack stack;
+  stack.end_m = reach_m;
+  double before_m = std::min(step_m, 1e-4);
+  StructureIndex before = structureAt(before_m);
+  if (before != kOutside) raw.push_back({before, 0});
+  while (before != kOutside && before_m < reach_m && !isBone(before)) {
+    const double next_m = std::min(before_m + step_m, reach_m);
+    const StructureIndex next = structureAt(next_m);
+    if (next == before) {
+      before_m = next_m;
+      continue;
+    }
+    double low_m = before_m, high_m = next_m;
+    while (high_m - low_m > kBoundary_m) {
+      const double middle_m = 0.5 * (low_m + high_m);
+      (structureAt(middle_m) == before ? low_m : high_m) = middle_m;
+    }
+    before = structureAt(high_m);
+    before_m = high_m;
+    if (before == kOutside || isBone(before)) stack.end_m = high_m;
+    if (before != kOutside) raw.push_back({before, high_m});
+  }
+  // slivers, as a march drops them, but over the whole list
+  std::vector<LayerStack::Layer> kept;
+  for (const LayerStack::Layer& layer : raw) {
+    if (!kept.empty() && layer.top_m - kept.back().top_m < min_layer_m) {
+      if (kept.size() == 1) {
+        kept.back().structure = layer.structure;
+        continue;
+      }
+      kept.pop_back();
+      if (kept.back().structure == layer.structure) continue;
+    }
+    kept.push_back(layer);
+  }
+  stack.count = std::min(kept.size(), kMaxStackLayers);
+  std::copy_n(kept.begin(), stack.count, stack.layers.begin());
+  return stack;
+}
+
+/// The engine's force along the needle, a straight insertion at a constant speed, one number a tick.
+std::vector<double> forcesOf(const Field& field, const LayerStack& stack, const AnatomyPath& path,
+                             const pb::Profile& profile) {
+  SceneSpec scene;
+  scene.needle_length_m = profile.needle().length_m();
+  scene.limb = PlaneLimb{path.entry_m, -path.axis};
+  scene.tracking_wall.stiffness_N_per_m = profile.tracking_wall().stiffness_n_per_m();
+  scene.effects = bitOf(Effect::kCutting) | bitOf(Effect::kShaftFriction);
+  for (std::size_t i = 0; i < stack.count; ++i) {
+    const bool is_last = i + 1 == stack.count;
+    const FieldStructure& structure = field.structures()[stack.layers[i].structure];
+    if (structure.layer.is_bone) break;
+    LayerSpec layer = structure.layer;
+    layer.rejection_force_N = 0;
+    layer.attracted_force_N = 0;
+    layer.membrane.reset();
+    layer.thickness_m = is_last ? 1 : stack.layers[i + 1].top_m - stack.layers[i].top_m;
+    scene.layers.push_back(std::move(layer));
+  }
+  std::vector<double> forces;
+  if (scene.layers.empty()) return forces;
+  const Result<SceneModel> model = compile(scene, kRate_Hz);
+  if (!model.ok()) return forces;
+  SimState state;
+  StepReport report;
+  const double tick_m = kSpeed_mps / kRate_Hz;
+  const double end_m = std::min(stack.end_m, profile.needle().length_m());
+  // the needle's frame: +z along the axis
+  const Vec3 z = path.axis;
+  const double w = std::sqrt(std::max(0.0, 0.5 * (1 + z.z)));
+  const Quat q = w > 1e-6 ? Quat{-z.y / (2 * w), z.x / (2 * w), 0, w} : Quat{1, 0, 0, 0};
+  for (double t_m = -tick_m; t_m < end_m; t_m += tick_m) {
+    step(*model, TipSample{path.entry_m + path.axis * t_m, q}, state, report);
+    if (t_m >= 0) forces.push_back(dot(report.wrench_W.force_N, path.axis));
+  }
+  return forces;
+}
+
+double percentile(std::vector<double> values, double share) {
+  if (values.empty()) return 0;
+  const auto at =
+      std::min(values.size() - 1, static_cast<std::size_t>(share * static_cast<double>(values.size())));
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(at), values.end());
+  return values[at];
+}
+
+double threadSeconds() {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+/// Sums up a method's stacks against the reference's.
+class Comparison {
+ public:
+  void boundaries(const LayerStack& reference, const LayerStack& found) {
+    std::vector<bool> used(found.count);
+    for (std::size_t i = 1; i < reference.count; ++i) {
+      ++boundaries_;
+      std::optional<std::size_t> best;
+      double best_m = kMatched_m;
+      for (std::size_t k = 1; k < found.count; ++k) {
+        const double off_m = std::fabs(found.layers[k].top_m - reference.layers[i].top_m);
+        if (used[k] || off_m >= best_m || found.layers[k].structure != reference.layers[i].structure ||
+            found.layers[k - 1].structure != reference.layers[i - 1].structure)
+          continue;
+        best = k;
+        best_m = off_m;
+      }
+      if (!best) {
+        ++missed_;
+        continue;
+      }
+      used[*best] = true;
+      off_mm_.push_back(1e3 * best_m);
+    }
+    for (std::size_t k = 1; k < found.count; ++k) extra_ += used[k] ? 0 : 1;
+  }
+
+  void forces(const std::vector<double>& reference, const std::vector<double>& found) {
+    const std::size_t ticks = std::min(reference.size(), found.size());
+    double squares = 0;
+    for (std::size_t i = 0; i < ticks; ++i) {
+      const double off_N = found[i] - reference[i];
+      squares += off_N * off_N;
+      max_N_ = std::max(max_N_, std::fabs(off_N));
+    }
+    if (ticks == 0) return;
+    squares_ += squares;
+    ticks_ += ticks;
+    path_rms_N_.push_back(std::sqrt(squares / static_cast<double>(ticks)));
+  }
+
+  void time(double seconds) { us_.push_back(1e6 * seconds); }
+
+  [[nodiscard]] AnatomyRow row(const AnatomyMethod& method) const {
+    const auto percent = [&](std::size_t count) {
+      return 100.0 * static_cast<double>(count) / static_cast<double>(std::max<std::size_t>(1, boundaries_));
+    };
+    return {.method = method.name,
+            .step_mm = 1e3 * method.step_m,
+            .boundary_p50_mm = percentile(off_mm_, 0.5),
+            .boundary_p99_mm = percentile(off_mm_, 0.99),
+            .boundary_max_mm = percentile(off_mm_, 1),
+            .missed_percent = percent(missed_),
+            .extra_percent = percent(extra_),
+            .force_rms_N = ticks_ == 0 ? 0 : std::sqrt(squares_ / static_cast<double>(ticks_)),
+            .path_rms_p99_N = percentile(path_rms_N_, 0.99),
+            .force_max_N = max_N_,
+            .march_p50_us = percentile(us_, 0.5),
+            .march_p99_us = percentile(us_, 0.99)};
+  }
+
+ private:
+  std::size_t boundaries_ = 0, missed_ = 0, extra_ = 0, ticks_ = 0;
+  double squares_ = 0, max_N_ = 0;
+  std::vector<double> off_mm_, path_rms_N_, us_;
+};
+
+const AnatomyMethod kMethods[] = {
+    {"fixed steps", 2e-3},    {"fixed steps", 1e-3},    {"fixed steps", 0.5e-3},
+    {"fixed steps", 0.25e-3}, {"fixed steps", 0.1e-3},  {"sphere steps", 0.4e-3},
+    {"sphere steps", 0.2e-3}, {"sphere steps", 0.1e-3}, {"sphere steps", 0.05e-3}};
+constexpr double kProductStep_m = 0.1e-3;
+
+}  // namespace
+
+std::vector<AnatomyPath> randomPaths(const Field& field, const pb::Profile& profile, std::size_t count,
+                                     std::uint64_t seed) {
+  const std::vector<Box> boxes = placesToAimAt(profile);
+  Draw draw(seed);
+  std::vector<AnatomyPath> paths;
+  for (std::size_t i = 0; paths.size() < count && i < 50 * count; ++i) {
+    const Box& box = boxes[i % boxes.size()];
+    const Vec3 aim = draw.inBox(box.low, box.high);
+    const Vec3 way = draw.inBox({-1, -1, -1}, {1, 1, 1});
+    if (normSquared(way) > 1 || normSquared(way) < 1e-2) continue;  // uniform over directions
+    const Vec3 axis = normalized(way);
+    const std::optional<double> entry_m = findEntry(field, aim - axis * kStart_m, axis, kStart_m);
+    if (!entry_m || kStart_m - *entry_m > profile.needle().length_m()) continue;
+    const AnatomyPath path{aim - axis * (kStart_m - *entry_m), axis};
+    if (march(field, path.entry_m, axis, {.reach_m = kShortest_m}).end_m < kShortest_m) continue;
+    paths.push_back(path);
+  }
+  return paths;
+}
+
+LayerStack AnatomyMethod::stackOf(const Field& field, const AnatomyPath& path, double reach_m,
+                                  double min_layer_m) const {
+  if (name == "fixed steps") return fixedSteps(field, path, reach_m, step_m, min_layer_m);
+  return march(field, path.entry_m, path.axis,
+               {.reach_m = reach_m, .min_step_m = step_m, .min_layer_m = min_layer_m});
+}
+
+AnatomySection anatomySection(const Field& field, const pb::Profile& profile, char normal) {
+  Box all = placesToAimAt(profile).front();
+  for (const Box& box : placesToAimAt(profile)) {
+    widen(all, box.low);
+    widen(all, box.high);
+  }
+  const Vec3 middle = (all.low + all.high) * 0.5;
+  AnatomySection section;
+  section.across = normal == 'x' ? 'y' : 'x';
+  section.up = normal == 'z' ? 'y' : 'z';
+  section.columns = section.rows = 400;
+  section.pixel_m = 0.35e-3;
+  const auto of = [](Vec3 v, char axis) { return axis == 'x' ? v.x : axis == 'y' ? v.y : v.z; };
+  const double half_m = 0.5 * section.pixel_m * static_cast<double>(section.columns);
+  section.at_m = of(middle, normal);
+  section.left_m = of(middle, section.across) - half_m;
+  section.bottom_m = of(middle, section.up) - half_m;
+  section.pixels.reserve(section.columns * section.rows);
+  for (std::size_t row = 0; row < section.rows; ++row) {
+    for (std::size_t column = 0; column < section.columns; ++column) {
+      const double across_m = section.left_m + (static_cast<double>(column) + 0.5) * section.pixel_m;
+      const double up_m = section.bottom_m + (static_cast<double>(row) + 0.5) * section.pixel_m;
+      Vec3 p;
+      for (const auto& [axis, value_m] :
+           {std::pair{normal, section.at_m}, {section.across, across_m}, {section.up, up_m}})
+        (axis == 'x' ? p.x : axis == 'y' ? p.y : p.z) = value_m;
+      section.pixels.push_back(field.at(p).structure);
+    }
+  }
+  return section;
+}
+
+Result<AnatomyReport> anatomyStudy(const pb::Profile& profile, const AnatomyStudyOptions& options,
+                                   const std::function<void(double)>& progress) {
+  if (!profile.has_volume())
+    return Error{ErrorCode::kInvalidInput, "volume: is missing: the study needs a profile with a volume"};
+  ASSIGN_OR_RETURN(const Field field, fieldOf(profile.volume()));
+  const std::vector<AnatomyPath> paths = randomPaths(field, profile, options.paths, options.seed);
+  if (paths.size() < options.paths)
+    return Error{ErrorCode::kInvalidInput,
+                 "volume: only " + std::to_string(paths.size()) + " of " + std::to_string(options.paths) +
+                     " random needle paths enter the skin and reach a target or a part"};
+  const double reach_m = profile.needle().length_m();
+  const double diameter_m = needleOf(profile.needle()).outer_diameter_m;
+  const double min_layer_m = diameter_m > 0 ? diameter_m / 2 : MarchOptions{}.min_layer_m;
+
+  AnatomyReport report;
+  report.profile = profile.id();
+  report.paths = paths.size();
+  report.numbers = field.numbers();
+  std::vector<Comparison> comparisons(std::size(kMethods));
+  std::uint64_t hash = 0xCBF29CE484222325;
+  for (std::size_t i = 0; i < paths.size(); ++i) {
+    const LayerStack reference = fixedSteps(field, paths[i], reach_m, kReference_m, min_layer_m);
+    const std::vector<double> reference_N = forcesOf(field, reference, paths[i], profile);
+    report.layers_per_path += static_cast<double>(reference.count) / static_cast<double>(paths.size());
+    for (std::size_t k = 0; k < std::size(kMethods); ++k) {
+      const double before_s = threadSeconds();
+      const LayerStack stack = kMethods[k].stackOf(field, paths[i], reach_m, min_layer_m);
+      comparisons[k].time(threadSeconds() - before_s);
+      comparisons[k].boundaries(reference, stack);
+      comparisons[k].forces(reference_N, forcesOf(field, stack, paths[i], profile));
+      if (kMethods[k].name != "sphere steps" || kMethods[k].step_m != kProductStep_m) continue;
+      for (std::size_t layer = 0; layer < stack.count; ++layer)
+        for (const std::uint64_t word : {std::uint64_t{stack.layers[layer].structure},
+                                         std::bit_cast<std::uint64_t>(stack.layers[layer].top_m)})
+          hash = (hash ^ word) * 0x100000001B3;
+    }
+    progress(static_cast<double>(i + 1) / static_cast<double>(paths.size()));
+  }
+  report.hash = hash;
+  for (std::size_t k = 0; k < std::size(kMethods); ++k)
+    report.rows.push_back(comparisons[k].row(kMethods[k]));
+  return report;
+}
+
+}  // namespace needlelab
