@@ -1,5 +1,7 @@
 #include "common/profile/profile.h"
 
+#include <algorithm>
+#include <string>
 #include <utility>
 
 #include "common/base/files/files.h"
@@ -39,7 +41,13 @@ std::vector<Error> profileFaults(std::string_view json) {
   pb::Profile profile;
   std::vector<Error> faults = messageFaults(*tree, profile);
   if (!faults.empty()) {
-    for (Error& missing : missingInBody(profile)) faults.push_back(std::move(missing));
+    // a field with a wrong value is not missing
+    for (Error& missing : missingInBody(profile)) {
+      const std::string path = missing.message.substr(0, missing.message.find(':') + 1);
+      const bool is_named = std::any_of(faults.begin(), faults.end(),
+                                        [&](const Error& fault) { return fault.message.starts_with(path); });
+      if (!is_named) faults.push_back(std::move(missing));
+    }
     return faults;
   }
   if (Status status = checkProfileRules(profile); !status) faults.push_back(status.error());

@@ -187,7 +187,7 @@ std::vector<Error> missingInBody(const pb::Profile& profile) {
   if (profile.has_volume()) return faults;
   if (!profile.has_limb()) faults.push_back(fieldError("limb", "is missing"));
   if (profile.layers_size() == 0)
-    faults.push_back(fieldError("layers", "give 1 to 32, from the skin inwards"));
+    faults.push_back(fieldError("layers", "is missing: give 1 to 32, from the skin inwards"));
   for (int i = 0; i < profile.layers_size(); ++i)
     if (!profile.layers(i).has_thickness_m())
       faults.push_back(fieldError(fmt::format("layers[{}].thickness_m", i), "is missing"));

@@ -28,7 +28,7 @@ const WrongField kWrongProfiles[] = {
     {"/needle", "", "needle: is missing"},
     {"/needle/length_m", "", "needle.length_m: is missing"},
     {"/limb", "", "limb: is missing"},
-    {"/layers", "", "layers: give 1 to 32, from the skin inwards"},
+    {"/layers", "", "layers: is missing: give 1 to 32, from the skin inwards"},
     {"/tracking_wall", "", "tracking_wall: is missing"},
     {"/effects", "", "effects: is missing"},
     {"/layers/1/tissue", "", "layers[1].tissue: is missing"},
@@ -149,7 +149,7 @@ const WrongField kWrongProfiles[] = {
     {"/directions", R"({"minus_y": " down the arm"})", "directions.minus_y: begins or ends with a space"},
     {"/directions", R"({"up": "towards the head"})", "directions: unknown field \"up\"; known are plus_x, minus_x"},
     // how many
-    {"/layers", "[]", "layers: give 1 to 32, from the skin inwards"},
+    {"/layers", "[]", "layers: is missing: give 1 to 32, from the skin inwards"},
     {"/effects", "[\"CUTTING\", \"CUTTING\", \"CUTTING\", \"CUTTING\", \"CUTTING\", \"CUTTING\", \"CUTTING\", \"CUTTING\", \"CUTTING\", \"CUTTING\", \"CUTTING\", \"CUTTING\", \"CUTTING\", \"CUTTING\", \"CUTTING\", \"CUTTING\", \"CUTTING\", \"CUTTING\", \"CUTTING\", \"CUTTING\"]", "effects: has 20 items, allowed are 0 to "},
     // shapes
     {"/limb", "{}", "limb: give exactly one of plane, sphere, capsule; found none"},

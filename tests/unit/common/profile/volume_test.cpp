@@ -76,7 +76,7 @@ const VolumeFault kVolumeFaults[] = {
     {"neither", R"([{"op": "remove", "path": "/volume"}])", "limb: is missing"},
     {"aLimbWithoutLayers",
      R"([{"op": "remove", "path": "/volume"}, {"op": "add", "path": "/limb", "value": LIMB}])",
-     "layers: give 1 to 32, from the skin inwards"},
+     "layers: is missing: give 1 to 32, from the skin inwards"},
     {"aLayerWithoutThickness",
      R"([{"op": "remove", "path": "/volume"}, {"op": "add", "path": "/limb", "value": LIMB},
          {"op": "add", "path": "/layers", "value": [{"tissue": "SKIN"}]}])",

@@ -282,7 +282,7 @@ TEST(ProfileFaults, allOfThemWithTheirPaths) {
   for (const Error& fault : faults) paths.push_back(fieldOfMessage(fault.message));
   for (const char* path :
        {"layers[0].thickness_m", "layers[1].tissue", "layers[1]", "name", "needle", "limb", "tracking_wall"})
-    EXPECT_NE(std::find(paths.begin(), paths.end(), path), paths.end()) << path;
+    EXPECT_EQ(std::count(paths.begin(), paths.end(), path), 1) << path;
   EXPECT_EQ(profileFaults("{").size(), 1u);
 }
 
