@@ -30,8 +30,8 @@ struct AnatomyOptions {
 nlohmann::ordered_json rowsOf(const AnatomyReport& report) {
   auto rows = nlohmann::ordered_json::array();
   for (const AnatomyRow& row : report.rows)
-    rows.push_back({{"method", row.method},
-                    {"step_mm", row.step_mm},
+    rows.push_back({{"method", row.method.name()},
+                    {"step_mm", 1e3 * row.method.step_m},
                     {"boundary_p50_mm", row.boundary_p50_mm},
                     {"boundary_p99_mm", row.boundary_p99_mm},
                     {"boundary_max_mm", row.boundary_max_mm},
@@ -58,7 +58,7 @@ void printReport(const AnatomyReport& report) {
               "max", "missed", "extra", "rms", "path p99", "max", "p50", "p99");
   for (const AnatomyRow& row : report.rows)
     std::printf("%-13s %7.2f  %8.5f %8.5f %8.4f   %7.2f %7.2f  %8.5f %9.5f %8.3f  %7.1f %7.1f\n",
-                row.method.c_str(), row.step_mm, row.boundary_p50_mm, row.boundary_p99_mm,
+                row.method.name(), 1e3 * row.method.step_m, row.boundary_p50_mm, row.boundary_p99_mm,
                 row.boundary_max_mm, row.missed_percent, row.extra_percent, row.force_rms_N,
                 row.path_rms_p99_N, row.force_max_N, row.march_p50_us, row.march_p99_us);
   std::printf("\nhash of the stacks (sphere steps, 0.1 mm): %s\n", hashText(report).c_str());
@@ -69,9 +69,9 @@ Status writeFiles(const AnatomyReport& report, const pb::Profile& profile, char 
                   const std::filesystem::path& folder) {
   PlotTable rows("is_sphere,step_mm,boundary_p99_mm,force_rms_n,march_p50_us,method");
   for (const AnatomyRow& row : report.rows)
-    rows.row({row.method == "sphere steps" ? 1.0 : 0.0, row.step_mm, row.boundary_p99_mm, row.force_rms_N,
-              row.march_p50_us},
-             {row.method});
+    rows.row({row.method.steps == AnatomySteps::kSphere ? 1.0 : 0.0, 1e3 * row.method.step_m,
+              row.boundary_p99_mm, row.force_rms_N, row.march_p50_us},
+             {row.method.name()});
   RETURN_IF_ERROR(writeFileAtomically(folder / "anatomy.csv", viewOf(rows.take())));
 
   ASSIGN_OR_RETURN(const Field field, fieldOf(profile.volume()));

@@ -128,8 +128,7 @@ Result<Field> Field::make(const FieldSpec& spec) {
   field.skin_ = indexOf(spec.groups, spec.skin);
   field.rest_ = indexOf(spec.structures, spec.rest);
   for (const FieldGroup& group : spec.groups) {
-    const auto index = static_cast<std::uint8_t>(field.groups_.size());
-    field.groups_.push_back(group.id);
+    const auto index = static_cast<std::uint8_t>(field.groups_++);
     for (const FieldPart& part : group.parts) field.addPart(index, part);
   }
   for (const FieldRule& rule : spec.rules) {
@@ -160,12 +159,6 @@ Result<Field> Field::make(const FieldSpec& spec) {
     part.reach_m = part.ruled_m + blend_m[part.group];
   }
   return field;
-}
-
-std::optional<std::size_t> Field::group(std::string_view id) const {
-  const auto found = std::find(groups_.begin(), groups_.end(), id);
-  if (found == groups_.end()) return std::nullopt;
-  return static_cast<std::size_t>(found - groups_.begin());
 }
 
 // ---- asked ----
@@ -236,7 +229,7 @@ FieldPoint Field::at(Vec3 p_m) const noexcept {
 }
 
 double Field::distance(std::size_t group, Vec3 p_m) const noexcept {
-  assert(group < groups_.size());
+  assert(group < groups_);
   Distances distances;
   distances.fill(kFar_m);
   for (const Part& part : parts_)
@@ -263,7 +256,7 @@ Field::OnLine Field::onLine(Vec3 origin_m, Vec3 axis) const noexcept {
 FieldPoint Field::OnLine::at(double t_m) const noexcept {
   const Vec3 p_m = point(t_m);
   Distances distances;
-  std::fill_n(distances.begin(), field_->groups_.size(), kFar_m);
+  std::fill_n(distances.begin(), field_->groups_, kFar_m);
   for (std::size_t i = 0; i < count_; ++i) join(field_->parts_[parts_[i]], p_m, distances);
   return field_->judge(distances);
 }

@@ -8,8 +8,6 @@
 
 #include <array>
 #include <cstdint>
-#include <optional>
-#include <string>
 #include <vector>
 
 #include "common/anatomy/field_spec.h"
@@ -58,9 +56,6 @@ class Field {
   [[nodiscard]] OnLine onLine(Vec3 origin_m, Vec3 axis) const noexcept;
 
   [[nodiscard]] const std::vector<FieldStructure>& structures() const { return structures_; }
-  [[nodiscard]] std::size_t skin() const { return skin_; }
-  /// The index of a group; nothing for an unknown id.
-  [[nodiscard]] std::optional<std::size_t> group(std::string_view id) const;
   /// The number of numbers that an author wrote for shapes and rules.
   [[nodiscard]] std::size_t numbers() const { return numbers_; }
 
@@ -101,11 +96,10 @@ class Field {
   static void join(const Part& part, Vec3 p_m, Distances& distances) noexcept;
   [[nodiscard]] FieldPoint judge(const Distances& distances) const noexcept;
 
-  std::vector<std::string> groups_;
   std::vector<FieldStructure> structures_;
   std::vector<Part> parts_;
   std::vector<Rule> rules_;
-  std::size_t skin_ = 0, numbers_ = 0;
+  std::size_t groups_ = 0, skin_ = 0, numbers_ = 0;
   StructureIndex rest_ = 0;
 };
 

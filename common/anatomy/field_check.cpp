@@ -25,11 +25,11 @@ class FieldChecker {
   explicit FieldChecker(const FieldSpec& spec) : spec_(spec) {}
 
   Status check() {
-    counted("groups", spec_.groups.size(), 1, kMaxFieldGroups);
-    counted("structures", spec_.structures.size(), 1, kMaxFieldStructures);
-    counted("rules", spec_.rules.size(), 0, kMaxFieldRules);
-    unlike("groups", spec_.groups);
-    unlike("structures", spec_.structures);
+    checkCount("groups", spec_.groups.size(), 1, kMaxFieldGroups);
+    checkCount("structures", spec_.structures.size(), 1, kMaxFieldStructures);
+    checkCount("rules", spec_.rules.size(), 0, kMaxFieldRules);
+    checkIds("groups", spec_.groups);
+    checkIds("structures", spec_.structures);
     std::size_t parts = 0;
     for (std::size_t i = 0; i < spec_.groups.size(); ++i) {
       const FieldGroup& group = spec_.groups[i];
@@ -41,41 +41,40 @@ class FieldChecker {
         checker_.enter({});
       }
     }
-    counted("groups", parts, 1, kMaxFieldParts, "parts");
-    known("skin", spec_.skin, spec_.groups);
-    known("rest", spec_.rest, spec_.structures);
+    checkCount("groups", parts, 1, kMaxFieldParts, "parts");
+    checkReference("skin", spec_.skin, spec_.groups);
+    checkReference("rest", spec_.rest, spec_.structures);
     for (std::size_t i = 0; i < spec_.rules.size(); ++i) {
       const FieldRule& rule = spec_.rules[i];
       const std::string path = fmt::format("rules[{}]", i);
       checkRange(path + ".", rule.range);
-      counted(path + ".clips", rule.clips.size(), 0, kMaxRuleClips);
+      checkCount(path + ".clips", rule.clips.size(), 0, kMaxRuleClips);
       for (std::size_t k = 0; k < rule.clips.size(); ++k)
         checkRange(fmt::format("{}.clips[{}].", path, k), rule.clips[k]);
-      known(path + ".structure", rule.structure, spec_.structures);
+      checkReference(path + ".structure", rule.structure, spec_.structures);
     }
     return checker_.take();
   }
 
  private:
-  void counted(const std::string& path, std::size_t count, std::size_t least, std::size_t most,
-               const char* what = "entries") {
+  void checkCount(const std::string& path, std::size_t count, std::size_t least, std::size_t most,
+                  const char* what = "entries") {
     checker_.require(count >= least && count <= most, path,
                      fmt::format("has {} {}; {} to {} are allowed", count, what, least, most));
   }
 
   template <class Named>
-  void unlike(const char* list, const std::vector<Named>& named) {
+  void checkIds(const char* list, const std::vector<Named>& named) {
     std::set<std::string> seen;
     for (std::size_t i = 0; i < named.size(); ++i) {
       const std::string path = fmt::format("{}[{}].id", list, i);
       checker_.require(!named[i].id.empty(), path, "is empty");
-      checker_.require(seen.insert(named[i].id).second, path,
-                       fmt::format("'{}' is there twice", named[i].id));
+      checker_.require(seen.insert(named[i].id).second, path, fmt::format("'{}' is used twice", named[i].id));
     }
   }
 
   template <class Named>
-  void known(const std::string& path, const std::string& id, const std::vector<Named>& named) {
+  void checkReference(const std::string& path, const std::string& id, const std::vector<Named>& named) {
     const bool is_known =
         std::any_of(named.begin(), named.end(), [&](const Named& one) { return one.id == id; });
     if (is_known) return;
@@ -85,7 +84,7 @@ class FieldChecker {
   }
 
   void checkRange(const std::string& path, const FieldRange& range) {
-    known(path + "group", range.group, spec_.groups);
+    checkReference(path + "group", range.group, spec_.groups);
     if (!std::isinf(range.from_m)) checker_.number(path + "from_m", range.from_m, kBound);
     if (!std::isinf(range.to_m)) checker_.number(path + "to_m", range.to_m, kBound);
     checker_.require(
@@ -127,7 +126,7 @@ class FieldChecker {
       return 1;
     }
     const std::vector<TubePart::Point>& points = std::get<TubePart>(part.shape).points;
-    counted("tube.points", points.size(), 2, kMaxTubePoints);
+    checkCount("tube.points", points.size(), 2, kMaxTubePoints);
     for (std::size_t i = 0; i < points.size(); ++i) {
       const std::string path = fmt::format("tube.points[{}].", i);
       checker_.point(path + "at_m", points[i].at_m);

@@ -463,6 +463,7 @@ double fidelity(double force_before_N, double force_N, double wall_stiffness_N_p
 std::vector<std::string> profileWarnings(const pb::Profile& profile) {
   std::vector<std::string> warnings;
   warnAboutNeedle(profile, warnings);
+  if (profile.has_volume()) warnings.push_back(sceneSpecOf(profile).error().message);
   warnAboutLayers(profile, warnings);
   warnAboutModel(profile, warnings);
   return warnings;

@@ -273,7 +273,8 @@ Result<SceneSpec> sceneSpecOf(const pb::Profile& profile, const Pose& X_WL) {
   ASSIGN_OR_RETURN(const Pose placement, checkedPlacement(X_WL));
   if (profile.has_volume())
     return Error{ErrorCode::kInvalidInput,
-                 "volume: forces in a volume are not computed; give limb and layers"};
+                 fmt::format("volume: profile '{}' gives no forces yet: a lesson needs a limb and layers",
+                             profile.id())};
   ASSIGN_OR_RETURN(const Limb limb, limbOf(profile.limb()));
 
   SceneSpec spec;

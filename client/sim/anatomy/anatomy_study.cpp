@@ -8,6 +8,7 @@
 #include <optional>
 #include <utility>
 
+#include "client/device/hand/hand.h"
 #include "common/haptics/engine.h"
 #include "common/profile/scene_of_profile.h"
 #include "common/profile/volume.h"
@@ -23,26 +24,15 @@ constexpr double kMatched_m = 3e-3;   // two boundaries are the same if they are
 constexpr double kSpeed_mps = 0.02;
 constexpr double kRate_Hz = 1000;
 
-/// splitmix64 (Steele, Lea, Flood 2014): a seed means the same on every machine.
-class Draw {
- public:
-  explicit Draw(std::uint64_t seed) : state_(seed) {}
-  double in(double low, double high) {
-    std::uint64_t z = (state_ += 0x9E3779B97F4A7C15ull);
-    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ull;
-    z = (z ^ (z >> 27)) * 0x94D049BB133111EBull;
-    return low + (high - low) * static_cast<double>((z ^ (z >> 31)) >> 11) * 0x1.0p-53;
-  }
-  Vec3 inBox(Vec3 low, Vec3 high) {
-    const double x = in(low.x, high.x), y = in(low.y, high.y), z = in(low.z, high.z);
-    return {x, y, z};
-  }
+Vec3 drawnInBox(HandRandom& random, Vec3 low, Vec3 high) {
+  // one draw per statement: the order in which arguments are evaluated is unspecified
+  const double x = low.x + (high.x - low.x) * random.uniform();
+  const double y = low.y + (high.y - low.y) * random.uniform();
+  const double z = low.z + (high.z - low.z) * random.uniform();
+  return {x, y, z};
+}
 
- private:
-  std::uint64_t state_;
-};
-
-/// Where needles aim at: boxes around the targets, or one around all bounded parts but the skin's.
+/// Where needles aim at: a box around each target, or one around all bounded parts.
 struct Box {
   Vec3 low, high;
 };
@@ -56,7 +46,7 @@ std::vector<Box> placesToAimAt(const pb::Profile& profile) {
   std::vector<Box> boxes;
   const Vec3 around{kAround_m, kAround_m, kAround_m};
   for (const pb::Target& target : profile.targets()) {
-    const Vec3 center{target.center_m().x(), target.center_m().y(), target.center_m().z()};
+    const Vec3 center = vectorOf(target.center_m());
     boxes.push_back({center - around, center + around});
   }
   if (!boxes.empty()) return boxes;
@@ -123,9 +113,10 @@ LayerStack fixedSteps(const Field& field, const AnatomyPath& path, double reach_
   return stack;
 }
 
-/// The engine's force along the needle, a straight insertion at a constant speed, one number a tick.
-std::vector<double> forcesOf(const Field& field, const LayerStack& stack, const AnatomyPath& path,
-                             const pb::Profile& profile) {
+/// The engine's cutting and friction along the needle in a straight insertion at a constant speed, one number
+/// a tick; empty where bone begins at the skin. Errors: the engine's, of a structure's numbers.
+Result<std::vector<double>> forcesOf(const Field& field, const LayerStack& stack, const AnatomyPath& path,
+                                     const pb::Profile& profile) {
   SceneSpec scene;
   scene.needle_length_m = profile.needle().length_m();
   scene.limb = PlaneLimb{path.entry_m, -path.axis};
@@ -144,8 +135,7 @@ std::vector<double> forcesOf(const Field& field, const LayerStack& stack, const 
   }
   std::vector<double> forces;
   if (scene.layers.empty()) return forces;
-  const Result<SceneModel> model = compile(scene, kRate_Hz);
-  if (!model.ok()) return forces;
+  ASSIGN_OR_RETURN(const SceneModel model, compile(scene, kRate_Hz));
   SimState state;
   StepReport report;
   const double tick_m = kSpeed_mps / kRate_Hz;
@@ -155,7 +145,7 @@ std::vector<double> forcesOf(const Field& field, const LayerStack& stack, const 
   const double w = std::sqrt(std::max(0.0, 0.5 * (1 + z.z)));
   const Quat q = w > 1e-6 ? Quat{-z.y / (2 * w), z.x / (2 * w), 0, w} : Quat{1, 0, 0, 0};
   for (double t_m = -tick_m; t_m < end_m; t_m += tick_m) {
-    step(*model, TipSample{path.entry_m + path.axis * t_m, q}, state, report);
+    step(model, TipSample{path.entry_m + path.axis * t_m, q}, state, report);
     if (t_m >= 0) forces.push_back(dot(report.wrench_W.force_N, path.axis));
   }
   return forces;
@@ -222,8 +212,7 @@ class Comparison {
     const auto percent = [&](std::size_t count) {
       return 100.0 * static_cast<double>(count) / static_cast<double>(std::max<std::size_t>(1, boundaries_));
     };
-    return {.method = method.name,
-            .step_mm = 1e3 * method.step_m,
+    return {.method = method,
             .boundary_p50_mm = percentile(off_mm_, 0.5),
             .boundary_p99_mm = percentile(off_mm_, 0.99),
             .boundary_max_mm = percentile(off_mm_, 1),
@@ -242,23 +231,23 @@ class Comparison {
   std::vector<double> off_mm_, path_rms_N_, us_;
 };
 
-const AnatomyMethod kMethods[] = {
-    {"fixed steps", 2e-3},    {"fixed steps", 1e-3},    {"fixed steps", 0.5e-3},
-    {"fixed steps", 0.25e-3}, {"fixed steps", 0.1e-3},  {"sphere steps", 0.4e-3},
-    {"sphere steps", 0.2e-3}, {"sphere steps", 0.1e-3}, {"sphere steps", 0.05e-3}};
-constexpr double kProductStep_m = 0.1e-3;
+constexpr AnatomyMethod kMethods[] = {
+    {AnatomySteps::kFixed, 2e-3},    {AnatomySteps::kFixed, 1e-3},    {AnatomySteps::kFixed, 0.5e-3},
+    {AnatomySteps::kFixed, 0.25e-3}, {AnatomySteps::kFixed, 0.1e-3},  {AnatomySteps::kSphere, 0.4e-3},
+    {AnatomySteps::kSphere, 0.2e-3}, {AnatomySteps::kSphere, 0.1e-3}, {AnatomySteps::kSphere, 0.05e-3}};
+constexpr AnatomyMethod kProduct{AnatomySteps::kSphere, 0.1e-3};
 
 }  // namespace
 
 std::vector<AnatomyPath> randomPaths(const Field& field, const pb::Profile& profile, std::size_t count,
                                      std::uint64_t seed) {
   const std::vector<Box> boxes = placesToAimAt(profile);
-  Draw draw(seed);
+  HandRandom random(seed);
   std::vector<AnatomyPath> paths;
   for (std::size_t i = 0; paths.size() < count && i < 50 * count; ++i) {
     const Box& box = boxes[i % boxes.size()];
-    const Vec3 aim = draw.inBox(box.low, box.high);
-    const Vec3 way = draw.inBox({-1, -1, -1}, {1, 1, 1});
+    const Vec3 aim = drawnInBox(random, box.low, box.high);
+    const Vec3 way = drawnInBox(random, {-1, -1, -1}, {1, 1, 1});
     if (normSquared(way) > 1 || normSquared(way) < 1e-2) continue;  // uniform over directions
     const Vec3 axis = normalized(way);
     const std::optional<double> entry_m = findEntry(field, aim - axis * kStart_m, axis, kStart_m);
@@ -272,7 +261,7 @@ std::vector<AnatomyPath> randomPaths(const Field& field, const pb::Profile& prof
 
 LayerStack AnatomyMethod::stackOf(const Field& field, const AnatomyPath& path, double reach_m,
                                   double min_layer_m) const {
-  if (name == "fixed steps") return fixedSteps(field, path, reach_m, step_m, min_layer_m);
+  if (steps == AnatomySteps::kFixed) return fixedSteps(field, path, reach_m, step_m, min_layer_m);
   return march(field, path.entry_m, path.axis,
                {.reach_m = reach_m, .min_step_m = step_m, .min_layer_m = min_layer_m});
 }
@@ -331,15 +320,16 @@ Result<AnatomyReport> anatomyStudy(const pb::Profile& profile, const AnatomyStud
   std::uint64_t hash = 0xCBF29CE484222325;
   for (std::size_t i = 0; i < paths.size(); ++i) {
     const LayerStack reference = fixedSteps(field, paths[i], reach_m, kReference_m, min_layer_m);
-    const std::vector<double> reference_N = forcesOf(field, reference, paths[i], profile);
+    ASSIGN_OR_RETURN(const std::vector<double> reference_N, forcesOf(field, reference, paths[i], profile));
     report.layers_per_path += static_cast<double>(reference.count) / static_cast<double>(paths.size());
     for (std::size_t k = 0; k < std::size(kMethods); ++k) {
       const double before_s = threadSeconds();
       const LayerStack stack = kMethods[k].stackOf(field, paths[i], reach_m, min_layer_m);
       comparisons[k].time(threadSeconds() - before_s);
       comparisons[k].boundaries(reference, stack);
-      comparisons[k].forces(reference_N, forcesOf(field, stack, paths[i], profile));
-      if (kMethods[k].name != "sphere steps" || kMethods[k].step_m != kProductStep_m) continue;
+      ASSIGN_OR_RETURN(const std::vector<double> forces_N, forcesOf(field, stack, paths[i], profile));
+      comparisons[k].forces(reference_N, forces_N);
+      if (kMethods[k] != kProduct) continue;
       for (std::size_t layer = 0; layer < stack.count; ++layer)
         for (const std::uint64_t word : {std::uint64_t{stack.layers[layer].structure},
                                          std::bit_cast<std::uint64_t>(stack.layers[layer].top_m)})

@@ -26,18 +26,26 @@ struct AnatomyPath {
 std::vector<AnatomyPath> randomPaths(const Field& field, const pb::Profile& profile, std::size_t count,
                                      std::uint64_t seed);
 
+enum class AnatomySteps : std::uint8_t {
+  kFixed,   ///< the whole field, asked at each step
+  kSphere,  ///< `march`; the step is its least one
+};
+
 /// A way to get the stack of a path.
 struct AnatomyMethod {
-  std::string name;  ///< "sphere steps", "fixed steps"
+  AnatomySteps steps = AnatomySteps::kSphere;
   double step_m = 0;
+  friend bool operator==(const AnatomyMethod&, const AnatomyMethod&) = default;
+  [[nodiscard]] const char* name() const {
+    return steps == AnatomySteps::kSphere ? "sphere steps" : "fixed steps";
+  }
   [[nodiscard]] LayerStack stackOf(const Field& field, const AnatomyPath& path, double reach_m,
                                    double min_layer_m) const;
 };
 
 /// A row of the study: one method over all paths.
 struct AnatomyRow {
-  std::string method;
-  double step_mm = 0;
+  AnatomyMethod method;
   double boundary_p50_mm = 0, boundary_p99_mm = 0,
          boundary_max_mm = 0;                    ///< of the boundaries that both stacks have
   double missed_percent = 0, extra_percent = 0;  ///< of the reference's boundaries

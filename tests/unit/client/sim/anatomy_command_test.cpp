@@ -21,9 +21,9 @@ using testing::HasSubstr;
 const std::filesystem::path kForearm =
     std::filesystem::path(NEEDLELAB_SOURCE_DIR) / "client/sim/anatomy/forearm.json";
 
-const AnatomyRow& rowOf(const AnatomyReport& report, const std::string& method, double step_mm) {
+const AnatomyRow& rowOf(const AnatomyReport& report, const AnatomyMethod& method) {
   for (const AnatomyRow& row : report.rows)
-    if (row.method == method && row.step_mm == step_mm) return row;
+    if (row.method == method) return row;
   throw std::runtime_error("no such row");
 }
 
@@ -34,13 +34,13 @@ TEST(AnatomyStudy, aStepOfATenthOfAMillimetreIsWithinTheGoal) {
   ASSERT_TRUE(report.ok()) << report.error().message;
   EXPECT_EQ(report->paths, 60u);
   EXPECT_GT(report->layers_per_path, 4);
-  const AnatomyRow& product = rowOf(*report, "sphere steps", 0.1);
+  const AnatomyRow& product = rowOf(*report, {AnatomySteps::kSphere, 0.1e-3});
   EXPECT_LE(product.force_rms_N, 0.02);
   EXPECT_LE(product.boundary_p99_mm, 2 * 1e3 * kBoundary_m);
-  EXPECT_GT(product.force_rms_N + rowOf(*report, "fixed steps", 2).force_rms_N, 0)
+  EXPECT_GT(product.force_rms_N + rowOf(*report, {AnatomySteps::kFixed, 2e-3}).force_rms_N, 0)
       << "a study that sees no error sees nothing";
-  EXPECT_GT(rowOf(*report, "fixed steps", 2).missed_percent,
-            rowOf(*report, "fixed steps", 0.1).missed_percent);
+  EXPECT_GT(rowOf(*report, {AnatomySteps::kFixed, 2e-3}).missed_percent,
+            rowOf(*report, {AnatomySteps::kFixed, 0.1e-3}).missed_percent);
 }
 
 TEST(AnatomyStudy, theSameSeedGivesTheSamePathsAndStacks) {

@@ -35,7 +35,7 @@ const Fault kFaults[] = {
     {"noPart", [](FieldSpec& spec) { spec.groups[2].parts.clear(); },
      "groups[2].parts: a group needs at least one part"},
     {"twoGroupsOfOneId", [](FieldSpec& spec) { spec.groups[2].id = "bone"; },
-     "groups[2].id: 'bone' is there twice"},
+     "groups[2].id: 'bone' is used twice"},
     {"noId", [](FieldSpec& spec) { spec.structures[3].id.clear(); }, "structures[3].id: is empty"},
     {"tooManyParts", [](FieldSpec& spec) { spec.groups[1].parts.resize(257, spec.groups[1].parts[0]); },
      "groups: has 274 parts; 1 to 256 are allowed"},

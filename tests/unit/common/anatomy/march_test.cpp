@@ -27,7 +27,7 @@ void expectStack(const Field& field, const LayerStack& stack, const std::vector<
   }
 }
 
-TEST(March, throughASlabAtAnAngleMeetsEachTopAtItsDepthOverTheCosine) {
+TEST(March, meetsLayersOfASlabAtDepthOverCosine) {
   const Field field = fieldOf(slab());
   for (const double degrees : {0.0, 30.0, 60.0, 75.0}) {
     const double angle = degrees * 3.14159265358979 / 180, c = std::cos(angle);
@@ -40,7 +40,7 @@ TEST(March, throughASlabAtAnAngleMeetsEachTopAtItsDepthOverTheCosine) {
 }
 
 // a ball of 30 mm with shells of 5 mm, passed 10 mm beside its centre: chords by Pythagoras
-TEST(March, throughABallMeetsEachShellTwiceAndLeaves) {
+TEST(March, meetsEachShellOfABallTwiceAndLeaves) {
   FieldSpec spec;
   spec.groups = {{"skin", {ball({}, 30)}}};
   spec.structures = {structure("shell"), structure("core")};
@@ -60,7 +60,7 @@ TEST(March, throughABallMeetsEachShellTwiceAndLeaves) {
 }
 
 // a vessel of 3 mm across the path at 40 degrees: its chord is the diameter over the sine
-TEST(March, throughATubeObliquelyIsItsDiameterOverTheSine) {
+TEST(March, crossesATubeOnAChordByFormula) {
   FieldSpec spec = slab();
   const double angle = 40 * 3.14159265358979 / 180, s = std::sin(angle), c = std::cos(angle);
   spec.groups.push_back({"vessel",
@@ -93,7 +93,7 @@ TEST(March, endsAtTheFirstBone) {
   EXPECT_NEAR(stack.end_m, 22e-3, kNear_m);
 }
 
-TEST(March, givesASliverToTheLayerBeforeItAndJoinsWhatItParted) {
+TEST(March, givesASliverToTheLayerBeforeAndRejoinsIt) {
   FieldSpec spec = slab();
   spec.groups.push_back({"sheet", {halfSpace(mm(0, 0, -20), {0, 0, 1})}});
   spec.structures.push_back(structure("sheet"));
@@ -150,7 +150,7 @@ TEST(March, findsNoEntryFromInsideOrPastThePatient) {
 }
 
 // independent: asks the whole field every 0.02 mm, without lines, clearances or halving
-TEST(March, agreesWithTheFieldAtEveryPlaceButNearBoundariesAndInSlivers) {
+TEST(March, agreesWithTheFieldApartFromBoundariesAndSlivers) {
   const Field field = fieldOf(forearm());
   Random random(21);
   int places = 0, layers = 0;

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "common/profile/profile.h"
+#include "common/profile/rules.h"
 #include "common/profile/scene_of_profile.h"
 
 namespace needlelab {
@@ -53,7 +54,10 @@ TEST(ProfileVolume, givesNoSceneOfLayers) {
   ASSERT_TRUE(profile.ok());
   const auto scene = sceneSpecOf(*profile);
   ASSERT_FALSE(scene.ok());
-  EXPECT_EQ(scene.error().message, "volume: forces in a volume are not computed; give limb and layers");
+  EXPECT_EQ(profileWarnings(*profile), std::vector<std::string>{scene.error().message})
+      << "its author hears of it";
+  EXPECT_EQ(scene.error().message,
+            "volume: profile 'forearm-volume' gives no forces yet: a lesson needs a limb and layers");
 }
 
 struct VolumeFault {
