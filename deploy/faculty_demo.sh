@@ -332,7 +332,7 @@ faculty_demo() {
   [ "$(lost_at_b)" = 0 ] || in_vain "stations of server b lost their connection, too"
   echo "  the four stations of server b have noticed nothing"
 
-  say "the lessons go on at server b"
+  say "the lessons continue at server b"
   until_so 60 "50 more pictures" frames_since "$moved_at" 50
   picture look-after.png 1280x800 4 --station "$watched"
   picture lab-after.png 1280x400 3

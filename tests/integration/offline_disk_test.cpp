@@ -78,7 +78,7 @@ TEST_F(OfflineDiskTest, aDiskThatIsFullForAWhileLosesNothing) {
   const auto troubles = troublesUntil(*station, code, 90s);
   ASSERT_EQ(code, kExitDone) << station->said();
   EXPECT_THAT(station->said(), AllOf(HasSubstr("the spool's disk refuses"), HasSubstr("No space left"),
-                                     HasSubstr("the lesson goes on"), HasSubstr("takes samples again")));
+                                     HasSubstr("the lesson continues"), HasSubstr("takes samples again")));
   EXPECT_THAT(troubles,
               testing::Contains(AllOf(HasSubstr("the spool's disk refuses"), HasSubstr("wait in memory"))))
       << "the instructor sees it";

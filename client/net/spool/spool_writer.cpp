@@ -235,9 +235,10 @@ void SpoolWriter::noteDisk(const Status& status) {
       ++counts_.disk_errors;
       last_disk_error_ns_ = now_ns;
       if (counts_.disk_error.empty())
-        said = "the spool's disk refuses: " + status.error().message +
-               "; the lesson goes on, its samples wait in memory. Make room on that disk, or see whether it "
-               "fails";
+        said =
+            "the spool's disk refuses: " + status.error().message +
+            "; the lesson continues, its samples wait in memory. Make room on that disk, or see whether it "
+            "fails";
       counts_.disk_error = status.error().message;
     } else if (!counts_.disk_error.empty() && now_ns - last_disk_error_ns_ > kCalm_ns) {
       counts_.disk_error.clear();

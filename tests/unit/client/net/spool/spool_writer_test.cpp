@@ -266,7 +266,7 @@ TEST_F(SpoolWriterTest, aFullDiskIsRetriedEveryHalfSecondWithoutLoss) {
   ASSERT_EQ(samples.size(), 6567u);
   for (std::size_t i = 0; i < samples.size(); ++i) ASSERT_EQ(samples[i].tick, i);
   ASSERT_EQ(troubles_.size(), 2u) << "said, not repeated";
-  EXPECT_THAT(troubles_[0], HasSubstr("the lesson goes on"));
+  EXPECT_THAT(troubles_[0], HasSubstr("the lesson continues"));
   EXPECT_THAT(troubles_[1], HasSubstr("takes samples again"));
 }
 
